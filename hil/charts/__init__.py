@@ -1,4 +1,4 @@
-"""Worlds from charts and soundings: read, grid, find hazards, write files for other simulators.
+"""Worlds from charts and soundings: read them, grid depths, place hazards, write files for other simulators.
 
-Public: `hil.charts.build`. It must not be imported by the slave: a built world is a file.
+Public: `hil.charts.build`. The slave must not import this package: it loads a world from its file.
 """

@@ -12,20 +12,21 @@ from hil.charts.sources.survey import Sheet, Survey
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 
-LAND_RISE = 2.0  # m above the water at a shore; the chart's beach where that is higher
-LAND_SLOPE = 0.15  # the shape of land is not on a chart: it rises so, up to
+LAND_RISE = 2.0  # m above the water at a shore, or the height of the chart's beach where that is higher
+# A chart does not give the shape of land: it rises with this slope, up to LAND_TOP.
+LAND_SLOPE = 0.15
 LAND_TOP = 30.0  # m
-# In cells: a narrower slope at an edge askew has teeth, as a grid's bed is bilinear between its nodes.
-BANK = 1.5
-BORDER = 2.0  # how far, in what a chart resolves, a border of depth areas may be off
-SPREAD = 0.98
-PASSES = 24
+# Width of the slope at an edge, in cells. A narrower one is jagged where the edge is oblique to the grid.
+EDGE_SLOPE_CELLS = 1.5
+BORDER_ERROR = 2.0  # greatest error of the border of a depth area, as a multiple of the chart's detail
+SPREAD_PER_CELL = 0.98  # factor by which a correction fades from one cell to the next
+SPREAD_PASSES = 24
 
 
 class Bounds(NamedTuple):
     """Limits of the depth at each node, (rows, columns): shoal and deep limit in m, masks of land and known nodes.
 
-    `shore`: how far in cells it is to the edge of charted land, inf where that is far.
+    `shore`: distance in cells to the edge of charted land, inf where it is far away.
     """
 
     low: Array
@@ -35,8 +36,8 @@ class Bounds(NamedTuple):
     shore: Depths
 
 
-def paint(survey: Survey, north: Array, east: Array) -> Bounds:
-    """Return the bounds at the crossings of `north` and `east` (m), the finer chart over the coarser."""
+def rasterise_bounds(survey: Survey, north: Array, east: Array) -> Bounds:
+    """Return the bounds at the crossings of `north` and `east` (m); a finer chart replaces a coarser one."""
     shape = len(north), len(east)
     bounds = Bounds(
         np.full(shape, -np.inf), np.full(shape, np.inf), np.zeros(shape, bool), np.zeros(shape, bool),
@@ -46,11 +47,11 @@ def paint(survey: Survey, north: Array, east: Array) -> Bounds:
         bounds.known[:] = _near(survey.soundings, north, east, survey.reach)
         bounds.low[:], bounds.high[:] = survey.soundings[:, 2].min(), survey.soundings[:, 2].max()
     for sheet in survey.sheets:
-        _paint_sheet(sheet, north, east, bounds)
+        _rasterise_sheet(sheet, north, east, bounds)
     return bounds
 
 
-def _paint_sheet(sheet: Sheet, north: Array, east: Array, bounds: Bounds) -> None:
+def _rasterise_sheet(sheet: Sheet, north: Array, east: Array, bounds: Bounds) -> None:
     part, valid = fill(sheet.coverage, north, east)
     covered = np.zeros(bounds.known.shape, bool)
     covered[part] = valid
@@ -64,12 +65,12 @@ def _paint_sheet(sheet: Sheet, north: Array, east: Array, bounds: Bounds) -> Non
         for edges in many:
             part, inside = fill(edges, north, east)
             mask[part][inside & covered[part]] = value
-    part, away = edge_distance(*_outer(sheet.land), north, east)
+    part, away = edge_distance(*_outer_edges(sheet.land), north, east)
     np.copyto(bounds.shore[part], away, where=covered[part])
 
 
-def _outer(areas: tuple[Edges, ...]) -> tuple[Array, Array]:
-    """Return the starts and ends of the straight pieces, (n, 2) each, that no two areas share."""
+def _outer_edges(areas: tuple[Edges, ...]) -> tuple[Array, Array]:
+    """Return the starts and ends, (n, 2) each, of the edges that belong to one area only."""
     start, end = segments(edge for edges in areas for edge in edges)
     swap = (start[:, 0] > end[:, 0]) | ((start[:, 0] == end[:, 0]) & (start[:, 1] > end[:, 1]))
     pieces = np.where(swap[:, None], np.hstack([end, start]), np.hstack([start, end]))
@@ -78,7 +79,7 @@ def _outer(areas: tuple[Edges, ...]) -> tuple[Array, Array]:
 
 
 def _near(points: Array, north: Array, east: Array, reach: float) -> Mask:
-    """Return which nodes have one of `points` within `reach` m."""
+    """Return the mask of the nodes that have one of `points` within `reach` m."""
     from scipy.spatial import cKDTree
 
     tree = cKDTree(points[:, :2])
@@ -87,7 +88,7 @@ def _near(points: Array, north: Array, east: Array, reach: float) -> Mask:
 
 
 def limits_at(survey: Survey, points: Array) -> tuple[Array, Array]:
-    """Return shoal and deep limit in m at `points` (n, 2)."""
+    """Return shoal and deep limit (m) at `points` (n, 2)."""
     low, high = np.full(len(points), -np.inf), np.full(len(points), np.inf)
     for sheet in survey.sheets:
         covered = contains(sheet.coverage, points)
@@ -98,41 +99,42 @@ def limits_at(survey: Survey, points: Array) -> tuple[Array, Array]:
     return low, high
 
 
-def relaxed(low: Array, detail: float, resolution: float) -> Array:
-    """Return shoal limits that begin a little inside their areas: the least as near as a chart's lines are drawn.
+def relax_shoal_limits(low: Array, detail: float, resolution: float) -> Array:
+    """Return shoal limits, each the least within the error of the chart's borders, so that they start inside an area.
 
-    `low`: (rows, columns) m, inf where there is no water. Where a deep area borders on a shoal one, as a dredged
-    channel does, the bed may rise to the border: a limit that ended at a node would make a cliff as jagged as the grid.
-
+    `low`: (rows, columns) m, inf where there is no water. A deep area, such as a dredged channel, may border on a
+    shoal one. The bed may then rise towards the border: a limit that ended at a node would make a jagged cliff.
     """
     from scipy.ndimage import minimum_filter
 
-    reach = int(BORDER * detail / resolution + 0.5)
+    reach = int(BORDER_ERROR * detail / resolution + 0.5)
     soft = minimum_filter(low, 2 * reach + 1, mode="nearest") if reach else low
     return np.where(np.isinf(low), low, soft)
 
 
-def settle(grid: Grid, low: Array, high: Array, soundings: Array) -> Depths:
-    """Return the depths of `grid` within their limits (rows, columns), without a cliff where one begins.
+def move_within_limits(grid: Grid, low: Array, high: Array, soundings: Array) -> Depths:
+    """Return the depths of `grid` within their limits (rows, columns), without a cliff where a limit begins.
 
-    How far a node has to go is spread to its neighbours, fading by SPREAD per cell, as far as their limits let them.
-    Not so around a sounding, where the bed is known.
+    The correction of a node is spread to its neighbours. It fades by the factor SPREAD_PER_CELL per cell and stays
+    within their limits. Nodes around a sounding get none of it, because the bed is known there.
     """
     bed = grid.depths
     low, high = low.astype(np.float32), high.astype(np.float32)
     need = np.nan_to_num(np.clip(bed, low, high) - bed)
     if need.any():
-        known, here = around(soundings, grid), need.copy()
-        for _ in range(PASSES):
+        known, here = nodes_around(soundings, grid), need.copy()
+        for _ in range(SPREAD_PASSES):
             edge = np.pad(need, 1, mode="edge")
-            mean = np.float32(0.25 * SPREAD) * (edge[:-2, 1:-1] + edge[2:, 1:-1] + edge[1:-1, :-2] + edge[1:-1, 2:])
+            mean = np.float32(0.25 * SPREAD_PER_CELL) * (
+                edge[:-2, 1:-1] + edge[2:, 1:-1] + edge[1:-1, :-2] + edge[1:-1, 2:]
+            )
             need = np.nan_to_num(np.clip(bed + mean, low, high) - bed)
             need[known] = here[known]
     return np.asarray(np.clip(bed + need, low, high), np.float32)
 
 
-def around(points: Array, grid: Grid) -> Mask:
-    """Return which nodes are a corner of a cell with one of `points` (n, 2 or more) in it."""
+def nodes_around(points: Array, grid: Grid) -> Mask:
+    """Return the mask of the nodes that are a corner of a cell with one of `points` (n, 2 or more) in it."""
     corners = np.zeros(grid.depths.shape, bool)
     last: Indices = np.array(corners.shape, np.intp) - 1
     scaled = (points[:, :2] - (grid.north_min, grid.east_min)) / grid.resolution
@@ -143,11 +145,12 @@ def around(points: Array, grid: Grid) -> Mask:
     return corners
 
 
-def allowance(soundings: Array, limits: Array, north: Array, east: Array, reach: float) -> Array:
-    """Return how far (m) the bed may lie below its deep limit: as far as a sounding there does, fading over `reach` m.
+def deep_limit_allowance(soundings: Array, limits: Array, north: Array, east: Array, reach: float) -> Array:
+    """Return how far (m) the bed may lie below its deep limit at each node.
 
-    `limits`: the deep limit at each sounding. Generalised charts have soundings deeper than the area they are in;
-    a sounding is a measurement and the area's limit a drawing, so the sounding is kept.
+    That is as far as a nearby sounding lies below its own limit; it fades over `reach` m. `limits`: the deep limit at
+    each sounding. Generalised charts have soundings deeper than the area around them. The sounding counts: it was
+    measured, the area's limit was drawn.
     """
     extra = np.zeros((len(north), len(east)))
     for place_north, place_east, excess in np.column_stack([soundings[:, :2], soundings[:, 2] - limits]):
@@ -162,22 +165,22 @@ def allowance(soundings: Array, limits: Array, north: Array, east: Array, reach:
     return extra
 
 
-def keep_shoals(grid: Grid, soundings: Array, shoalest: Array, low: Array, passes: int = 20) -> Grid:
-    """Return the grid lifted where, between its nodes, it would be deeper than a sounding, but never above `low`.
+def raise_to_soundings(grid: Grid, soundings: Array, shoal_limits: Array, low: Array, passes: int = 20) -> Grid:
+    """Return the grid raised where it is deeper than a sounding between its nodes, but never above `low`.
 
-    `shoalest`: the shoal limit of the area that each sounding is in. A shoal smaller than a cell has no node of its
-    own: around its sounding that limit holds, not the one of the deeper area where the nodes are. Each pass
-    spreads a sounding's shortfall over the four nodes around it in proportion to their weight there.
+    `shoal_limits`: the shoal limit of the area that each sounding is in. A shoal smaller than a cell contains no node.
+    Around its sounding this limit replaces the limit of the deeper area that the nodes are in. Each pass distributes
+    the error at a sounding over the four nodes around it, in proportion to their bilinear weights.
     """
     depths, low = grid.depths.copy(), low.copy()
     scaled = (soundings[:, :2] - (grid.north_min, grid.east_min)) / grid.resolution
     corners = np.floor(scaled).astype(np.intp)
     inside = ((corners >= 0) & (corners < np.array(depths.shape) - 1)).all(axis=1)
-    for (i, j), limit in zip(corners[inside], shoalest[inside], strict=True):
+    for (i, j), limit in zip(corners[inside], shoal_limits[inside], strict=True):
         low[i : i + 2, j : j + 2] = np.minimum(low[i : i + 2, j : j + 2], limit)
     for _ in range(passes):
         excess = np.where(inside, grid._replace(depths=depths).at(soundings[:, :2]) - soundings[:, 2], 0.0)
-        for index in np.flatnonzero(excess > 1e-3):  # nan, beside what is unknown, is not
+        for index in np.flatnonzero(excess > 1e-3):  # excludes nan, which a sounding beside unknown nodes has
             (i, j), (u, v) = corners[index], scaled[index] - corners[index]
             weights = np.outer((1 - u, u), (1 - v, v))
             depths[i : i + 2, j : j + 2] -= (excess[index] * weights / (weights * weights).sum()).astype(np.float32)
@@ -185,20 +188,20 @@ def keep_shoals(grid: Grid, soundings: Array, shoalest: Array, low: Array, passe
     return grid._replace(depths=depths)
 
 
-def banked(depths: NDArray[np.floating[Any]], tops: Array, inside: Array) -> Array:
-    """Return `depths` (m) with what rises from them to `tops` (m) and has a slope as its edge; never deeper.
+def raise_with_slope(depths: NDArray[np.floating[Any]], tops: Array, inside: Array) -> Array:
+    """Return `depths` (m) raised to `tops` (m) inside an edge, with a slope across the edge; nothing gets deeper.
 
-    `inside`: how far in cells each place is within that edge, negative outside. What comes out of the water has its
-    water line there, what does not its full height.
+    `inside`: distance in cells of each place from the edge, negative outside. On the edge, a top above the water has
+    its waterline; a top below the water has its full height.
     """
     rise = np.maximum(depths - tops, 0.0)
-    with np.errstate(invalid="ignore", divide="ignore"):  # no rise
+    with np.errstate(invalid="ignore", divide="ignore"):  # the rise may be 0
         at_edge = np.clip((depths - np.maximum(tops, 0.0)) / rise, 0.0, 1.0)
-    return np.asarray(depths - np.nan_to_num(np.clip(at_edge + inside / BANK, 0.0, 1.0)) * rise)
+    return np.asarray(depths - np.nan_to_num(np.clip(at_edge + inside / EDGE_SLOPE_CELLS, 0.0, 1.0)) * rise)
 
 
 def raise_land(depths: Depths, bounds: Bounds, resolution: float) -> Depths:
-    """Return `depths` with a slope where there is land: up from its shore, or from the beach if that is higher."""
+    """Return `depths` with land as a slope, which starts LAND_RISE above the water, or at the beach if it is higher."""
     from scipy.ndimage import distance_transform_edt
 
     land, water = bounds.land, bounds.known & ~bounds.land
@@ -208,8 +211,8 @@ def raise_land(depths: Depths, bounds: Bounds, resolution: float) -> Depths:
     shore = np.minimum(depths[tuple(nearest)], -LAND_RISE)
     slope = np.maximum(shore - LAND_SLOPE * distance, np.minimum(shore, -LAND_TOP))
     raised = np.where(land, slope, depths).astype(np.float32)
-    # Not where land ends with its chart: there is no shore.
-    edge = (bounds.shore < BANK) & (land | water) & (distance < (BANK + 1.0) * resolution)
+    # Where land ends at the edge of its chart there is no shore, so no slope is made.
+    edge = (bounds.shore < EDGE_SLOPE_CELLS) & (land | water) & (distance < (EDGE_SLOPE_CELLS + 1.0) * resolution)
     before = depths[tuple(part[edge] for part in nearest)]
-    raised[edge] = banked(before, slope[edge], np.where(land[edge], 1.0, -1.0) * bounds.shore[edge])
+    raised[edge] = raise_with_slope(before, slope[edge], np.where(land[edge], 1.0, -1.0) * bounds.shore[edge])
     return raised

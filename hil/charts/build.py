@@ -1,4 +1,4 @@
-"""Make a grid from a survey, and estimate its error."""
+"""Interpolate a survey to a grid of depths, and estimate its error."""
 
 import time
 from collections.abc import Sequence
@@ -8,12 +8,21 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.charts.bounds import Bounds, allowance, keep_shoals, limits_at, paint, raise_land, relaxed, settle
-from hil.charts.charted import paint_natures, within
-from hil.charts.expected import Limits, from_borders, known_nodes, leave_limits
-from hil.charts.grid import Extent, Grid, rounded_up
+from hil.charts.bounds import (
+    Bounds,
+    deep_limit_allowance,
+    limits_at,
+    move_within_limits,
+    raise_land,
+    raise_to_soundings,
+    rasterise_bounds,
+    relax_shoal_limits,
+)
+from hil.charts.charted_objects import clip_charted, rasterise_natures
+from hil.charts.expected_depths import Limits, distance_to_borders, known_nodes, move_off_limits
+from hil.charts.grid import Extent, Grid, round_up
 from hil.charts.gridding import Progress, Surface
-from hil.charts.hazards import Placed, beds_under, place
+from hil.charts.hazards import SeabedModel, beds_under, place_hazards
 from hil.charts.held_out import HeldOut, hold_out
 from hil.charts.sources.survey import Bed, Survey, first_in_cell
 from hil.common.errors import ConfigError, MissingExtraError
@@ -21,19 +30,24 @@ from hil.common.errors import ConfigError, MissingExtraError
 Array = NDArray[np.float64]
 
 MOST_NODES = 40_000_000
-MOST_OWN_NODES = 4_000_000  # of a grid whose resolution nobody asked for
-SAME_PLACE = 0.05  # m
+MOST_OWN_NODES = 4_000_000  # of a grid whose resolution the user did not set
+DUPLICATE_DISTANCE = 0.05  # m: of points nearer than this to each other one is used
 
 
 class Report(NamedTuple):
-    """Quality of a grid. `rmse`, `linear_rmse` and `bias` (m): of soundings held out, over those the linear reaches.
+    """Quality of a grid, from soundings that were held out: not used in the fit, then compared with it.
 
-    Linear is through the same soundings and contours, held by the same limits; a `bias` above zero is too deep.
-    `held_out` is how many soundings those are, `rmse_all` the error over all that were held out. Shares of the nodes:
-    `water`, `land` (what dries is land here), `unknown`; `clamped` of the water was held by the areas' limits.
-    `off_limits` soundings are deeper than their area says, `beds_under` obstacles of known depth keep the bed below
-    them. `seconds`: what gridding and holding out took. `beds`: the name of each raster, and the share of the nodes
-    that are as it says. `notes`: what was assumed of the files.
+    - `soundings`, `guides`: numbers of soundings, and of points on contours and coasts.
+    - `rmse`, `linear_rmse`, `bias`: m, over the `held_out` soundings that linear interpolation reaches. Linear
+      interpolation uses the same soundings, contours and limits. `bias` is positive if the grid is too deep.
+    - `rmse_all`: m, over all soundings that were held out.
+    - `water`, `land`, `unknown`: shares of the nodes; land includes what dries at low water.
+    - `clamped`: share of the water nodes that the limits of depth areas changed.
+    - `off_limits`: number of soundings deeper than the limit of their area.
+    - `beds_under`: number of obstacles of known depth for which the bed was set below their top.
+    - `seconds`: duration of gridding and validation.
+    - `beds`: name of each raster, and the share of the nodes that has its depth.
+    - `notes`: assumptions made on the input files.
     """
 
     soundings: int
@@ -54,18 +68,18 @@ class Report(NamedTuple):
     notes: tuple[str, ...] = ()
 
 
-class Built(NamedTuple):
-    """A world's seabed, what stands on it, and the report."""
+class BuiltSeabed(NamedTuple):
+    """A world's seabed with its obstacles, and the report on its quality."""
 
-    placed: Placed
+    model: SeabedModel
     report: Report
 
 
-class _Data(NamedTuple):
-    """Data that a surface goes through: `points` (n, 3) are soundings first, then beds below hazards, then guides.
+class _SurfaceData(NamedTuple):
+    """A surface and the `points` (n, 3) it passes through: soundings, then points below hazards, then guides.
 
-    The first `soundings` of them are soundings, the first `measured` are those with the beds. `limits` are at what is
-    measured, and `borders` is how far, m, that is from the borders of areas.
+    The first `soundings` points are soundings. The first `measured` points are soundings and points below hazards.
+    `limits` are the depth limits at the measured points, `borders` their distances (m) from the borders of areas.
     """
 
     points: Array
@@ -78,46 +92,46 @@ class _Data(NamedTuple):
 
 def build(
     survey: Survey, extent: Extent, resolution: float | None = None, progress: Progress = lambda share: None
-) -> Built:
-    """Grid `survey` over `extent` (m) at `resolution` (m), at what the data resolve if None.
+) -> BuiltSeabed:
+    """Grid `survey` over `extent` (m) at `resolution` (m), by default the resolution of the data.
 
-    The bed goes through all that the survey holds, so that a part of it has the same bed as the whole. Raises
-    ConfigError, MissingExtraError.
+    The surface is fitted to all data of the survey, not only to those in `extent`, so that any part has the same bed
+    as the whole. Raises ConfigError, MissingExtraError.
     """
-    missing = [name for name in ("scipy", "pygeomag") if find_spec(name) is None]  # the latter to write the world
+    missing = [name for name in ("scipy", "pygeomag") if find_spec(name) is None]  # write_world needs pygeomag
     if missing:
         raise MissingExtraError(f"a world of charts needs {' and '.join(missing)}: pip install 'uuv-hil[chart]'")
     begin = time.perf_counter()
-    resolution = resolution or own_resolution(survey, extent)
-    north, east = _axes(extent, resolution)
-    bounds = paint(survey, north, east)
+    resolution = resolution or default_resolution(survey, extent)
+    north, east = _node_axes(extent, resolution)
+    bounds = rasterise_bounds(survey, north, east)
     water = bounds.known & ~bounds.land
-    known, shares = _with_beds(np.full((len(north), len(east)), np.nan), survey.beds, north, east)
+    known, shares = _fill_from_rasters(np.full((len(north), len(east)), np.nan), survey.beds, north, east)
     if not (water.any() or survey.fillers or np.nanmax(known, initial=0.0) > 0.0):
-        hint = "; if its values are depths, say --positive down" if (known <= 0.0).any() else ""
+        hint = "; if its values are depths, use --positive down" if (known <= 0.0).any() else ""
         raise ConfigError(f"{survey.source}: no water in the area: move or widen it (uuv-hil world build --area){hint}")
     grid, clamped = Grid(known.astype(np.float32), float(north[0]), float(east[0]), resolution), 0.0
-    data = _data(survey) if water.any() else None
+    data = _surface_data(survey) if water.any() else None
     if data is not None:
-        surface, clamped = _settled(survey, data, bounds, grid, progress)
+        surface, clamped = _fit_within_limits(survey, data, bounds, grid, progress)
         grid = grid._replace(depths=np.where(np.isfinite(known), grid.depths, surface.depths))
-    filled, more = _with_beds(grid.depths, survey.fillers, north, east)
+    filled, more = _fill_from_rasters(grid.depths, survey.fillers, north, east)
     grid = grid._replace(depths=filled.astype(np.float32))
-    placed = place(survey.hazards, grid, np.where(bounds.land, -np.inf, bounds.low))
-    placed = placed._replace(
-        charted=within(survey.charted, grid.extent)._replace(natures=()),
-        bottom=paint_natures(survey.charted.natures, grid, survey.detail),
+    model = place_hazards(survey.hazards, grid, np.where(bounds.land, -np.inf, bounds.low))
+    model = model._replace(
+        charted=clip_charted(survey.charted, grid.extent)._replace(natures=()),
+        bottom=rasterise_natures(survey.charted.natures, grid, survey.detail),
     )
     progress(0.85)
-    report = _report(placed.grid, data, clamped, begin)._replace(beds=(*shares, *more), notes=survey.notes)
+    report = _report(model.grid, data, clamped, begin)._replace(beds=(*shares, *more), notes=survey.notes)
     progress(1.0)
-    return Built(placed, report)
+    return BuiltSeabed(model, report)
 
 
-def _with_beds(
+def _fill_from_rasters(
     depths: NDArray[np.floating[Any]], beds: Sequence[tuple[str, Bed]], north: Array, east: Array
 ) -> tuple[NDArray[np.floating[Any]], tuple[tuple[str, float], ...]]:
-    """Return depths with what rasters have where these are nan, the first before the next, and the share of each."""
+    """Return `depths` with each nan replaced by the first raster that has a value, and each raster's share of nodes."""
     shares, before = [], float(np.isfinite(depths).mean())
     for name, bed in beds:
         if np.isnan(depths).any():
@@ -128,27 +142,31 @@ def _with_beds(
     return depths, tuple(shares)
 
 
-def _settled(survey: Survey, data: _Data, bounds: Bounds, empty: Grid, progress: Progress) -> tuple[Grid, float]:
-    """Return the grid of the surface within its limits, with land, and the share of the water that was held by them."""
+def _fit_within_limits(
+    survey: Survey, data: _SurfaceData, bounds: Bounds, empty: Grid, progress: Progress
+) -> tuple[Grid, float]:
+    """Return the surface's grid within its limits, with land, and the share of the water that the limits changed."""
     water, measured = bounds.known & ~bounds.land, data.points[: data.measured]
     north, east, resolution = empty.north, empty.east, empty.resolution
     smooth = data.surface.evaluate(north, east, water, lambda share: progress(0.8 * share))
-    low = relaxed(np.where(water, bounds.low, np.inf), survey.detail, resolution)
-    high = bounds.high + allowance(measured, data.limits.high, north, east, 2.0 * max(resolution, survey.detail))
+    low = relax_shoal_limits(np.where(water, bounds.low, np.inf), survey.detail, resolution)
+    high = bounds.high + deep_limit_allowance(
+        measured, data.limits.high, north, east, 2.0 * max(resolution, survey.detail)
+    )
     grid = empty._replace(depths=smooth.astype(np.float32))
-    grid = grid._replace(depths=settle(grid, low, high, measured))
+    grid = grid._replace(depths=move_within_limits(grid, low, high, measured))
     clamped = float((np.abs(grid.depths - smooth) > 0.01)[water].mean())
     if survey.sheets:
         known = known_nodes(bounds, grid, data.points)
-        grid = grid._replace(depths=leave_limits(grid, Limits(low, high), data.surface, known, survey.detail))
+        grid = grid._replace(depths=move_off_limits(grid, Limits(low, high), data.surface, known, survey.detail))
     grid = grid._replace(depths=raise_land(grid.depths, bounds, resolution))
-    np.minimum(low, grid.depths, out=low)  # shoaler at a shore
+    np.minimum(low, grid.depths, out=low)  # near a shore raise_land made the bed shoaler than its limit
     low[~water] = -np.inf
-    return keep_shoals(grid, measured, data.limits.low, low), clamped
+    return raise_to_soundings(grid, measured, data.limits.low, low), clamped
 
 
-def _report(grid: Grid, data: _Data | None, clamped: float, begin: float) -> Report:
-    """Return how good `grid` is; `begin`: when it was begun, s."""
+def _report(grid: Grid, data: _SurfaceData | None, clamped: float, begin: float) -> Report:
+    """Return the quality of `grid`; `begin`: start time of the build, s of time.perf_counter."""
     errors, counts, off_limits = HeldOut(np.nan, np.nan, np.nan, np.nan, 0), [0, 0, 0], 0
     if data is not None:
         count = data.soundings
@@ -166,48 +184,48 @@ def _report(grid: Grid, data: _Data | None, clamped: float, begin: float) -> Rep
     )
 
 
-def own_resolution(survey: Survey, extent: Extent) -> float:
-    """Return the distance of nodes, m, that the data resolve, coarser where those were too many; of two digits."""
-    return rounded_up(max(survey.detail, (_size(extent) / MOST_OWN_NODES) ** 0.5), 0.05)
+def default_resolution(survey: Survey, extent: Extent) -> float:
+    """Return the node spacing (m) that the data resolve, rounded to two digits; coarser if it needs too many nodes."""
+    return round_up(max(survey.detail, (_size(extent) / MOST_OWN_NODES) ** 0.5), 0.05)
 
 
 def _size(extent: Extent) -> float:
     return (extent[1] - extent[0]) * (extent[3] - extent[2])
 
 
-def _axes(extent: Extent, resolution: float) -> tuple[Array, Array]:
-    """Return the whole multiples of `resolution` in `extent`, to the north and to the east."""
+def _node_axes(extent: Extent, resolution: float) -> tuple[Array, Array]:
+    """Return the multiples of `resolution` in `extent`, north and east. Raises ConfigError for too few or too many."""
     first = [int(np.ceil(low / resolution - 1e-9)) for low in (extent[0], extent[2])]
     rows, columns = (int(np.floor(extent[k + 1] / resolution + 1e-9)) - first[k // 2] + 1 for k in (0, 2))
     if rows < 2 or columns < 2:
-        fits = rounded_up(min(extent[1] - extent[0], extent[3] - extent[2]) / 20.0)
-        raise ConfigError(
-            f"--resolution: {resolution:g} m is larger than the area: take a finer one, {fits:g} m, or a larger area"
-        )
+        fits = round_up(min(extent[1] - extent[0], extent[3] - extent[2]) / 20.0)
+        raise ConfigError(f"--resolution: {resolution:g} m is larger than the area: use {fits:g} m or a larger area")
     if rows * columns > MOST_NODES:
-        fits = rounded_up((_size(extent) / MOST_NODES) ** 0.5 * 1.001)
+        fits = round_up((_size(extent) / MOST_NODES) ** 0.5 * 1.001)
         raise ConfigError(
             f"--resolution: {resolution:g} m makes {rows} x {columns} nodes, more than {MOST_NODES}: "
-            f"take {fits:g} m or a coarser one, or a smaller area"
+            f"use {fits:g} m or coarser, or a smaller area"
         )
     north, east = (np.asarray(resolution * (k + np.arange(n))) for k, n in zip(first, (rows, columns), strict=True))
     return north, east
 
 
-def _data(survey: Survey) -> _Data:
-    soundings = survey.soundings[np.argsort(survey.soundings[:, 2], kind="stable")]  # of two in one place the shoaler
-    soundings = soundings[first_in_cell(soundings, SAME_PLACE)]
+def _surface_data(survey: Survey) -> _SurfaceData:
+    soundings = survey.soundings[np.argsort(survey.soundings[:, 2], kind="stable")]  # of duplicates, use the shoalest
+    soundings = soundings[first_in_cell(soundings, DUPLICATE_DISTANCE)]
     both = np.concatenate([soundings, survey.guides])
-    points = both[first_in_cell(both, SAME_PLACE)]
+    points = both[first_in_cell(both, DUPLICATE_DISTANCE)]
     surface = Surface(points[:, :2], points[:, 2], survey.strikes)
     beds = beds_under(survey, soundings, surface)
     measured = np.concatenate([soundings, beds])
     if len(beds):
         both = np.concatenate([measured, survey.guides])
-        points = both[first_in_cell(both, SAME_PLACE)]
+        points = both[first_in_cell(both, DUPLICATE_DISTANCE)]
         surface = Surface(points[:, :2], points[:, 2], survey.strikes)
     limits = Limits(*limits_at(survey, measured[:, :2]))
-    return _Data(points, len(soundings), len(measured), limits, from_borders(survey, measured[:, :2]), surface)
+    return _SurfaceData(
+        points, len(soundings), len(measured), limits, distance_to_borders(survey, measured[:, :2]), surface
+    )
 
 
 def _inside(points: Array, extent: Extent) -> NDArray[np.bool_]:

@@ -1,4 +1,4 @@
-"""Combine charts on one plane: where they overlap, the larger scale is used."""
+"""Combine charts on one plane: where they overlap, the chart of the largest scale is used."""
 
 from functools import cached_property
 from typing import NamedTuple
@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.autonomy.paths.polygons import Edges, contains
-from hil.charts.charted import DIAMETERS, ZONES, Charted, Nature, nature_of, pipelines_of, zones_of
+from hil.charts.charted_objects import DIAMETERS, ZONES, ChartedObjects, Nature, nature_of, pipelines_of, zones_of
 from hil.charts.hazards import hazards_of
 from hil.charts.projection import LocalPlane
 from hil.charts.sources.s57 import Cell, Feature
@@ -19,15 +19,17 @@ from sim.environment.things.zones import Zone
 Array = NDArray[np.float64]
 Codes = NDArray[np.int64]
 
-DRAWN = 0.0005  # m on paper: a line is drawn no finer (IHO S-4), and a grid of a chart's bed has no more detail
-# Places on contours and coasts are so far apart, in the distance from a sounding to the next: nearer ones outweigh it.
-GUIDES_APART = 0.35
-PAPER_APART = 0.002  # m on paper instead, of a chart that has fewer than two soundings
-MOST_BEACH = 1.0  # m that a coast counts as dry: how steep a beach is shows little of the bed before it
+LINE_ACCURACY = 0.0005  # m on paper: accuracy of a drawn line (IHO S-4), and so the detail of a chart's bed
+# Spacing of points on contours and coasts, as a share of the distance between soundings. Denser points would outweigh
+# the soundings.
+GUIDE_SPACING = 0.35
+GUIDE_SPACING_ON_PAPER = 0.002  # m on paper, used for a chart that has fewer than two soundings
+# Greatest height of a coast, m above the water: the slope of a beach says little about the bed in front of it.
+MOST_DRYING_HEIGHT = 1.0
 
 
-class Box(NamedTuple):
-    """A piece of the earth, degrees."""
+class GeoBox(NamedTuple):
+    """An area between two parallels and two meridians, degrees. `east` is above 180 if it crosses that meridian."""
 
     south: float
     west: float
@@ -36,48 +38,52 @@ class Box(NamedTuple):
 
     @property
     def centre(self) -> tuple[float, float]:
-        """Its middle: latitude, longitude."""
+        """Latitude and longitude of the centre."""
         return 0.5 * (self.south + self.north), 0.5 * (self.west + self.east)
 
 
-def covered(cells: list[Cell]) -> Box:
-    """Return the box around all that the charts cover."""
+def coverage_box(cells: list[Cell]) -> GeoBox:
+    """Return the box around the coverage of all charts. Raises ConfigError if they state none."""
     lines = [line for cell in cells for feature in _coverage(cell) for line in feature.lines]
     if not lines:
-        raise ConfigError(f"{cells[0].name}: the chart does not say what it covers (M_COVR): it is no usable ENC")
+        raise ConfigError(
+            f"{cells[0].name}: the chart does not state its coverage (M_COVR), so it cannot be used: get another ENC"
+        )
     corners = np.concatenate(lines)
     if np.ptp(corners[:, 0]) > 180.0:  # on both sides of the 180th meridian
         corners = np.column_stack([corners[:, 0] % 360.0, corners[:, 1]])
-    return Box(*corners.min(axis=0)[::-1].tolist(), *corners.max(axis=0)[::-1].tolist())
+    return GeoBox(*corners.min(axis=0)[::-1].tolist(), *corners.max(axis=0)[::-1].tolist())
 
 
 def survey_charts(cells: list[Cell], plane: LocalPlane) -> Survey:
-    """Return the contents of `cells`, on `plane`. Raises ConfigError."""
-    layers = [_Layer(cell, plane) for cell in sorted(cells, key=lambda cell: -cell.scale)]
+    """Return the contents of `cells` on `plane`. Raises ConfigError if they have no soundings."""
+    layers = [_ChartLayer(cell, plane) for cell in sorted(cells, key=lambda cell: -cell.scale)]
     finer: list[list[Edges]] = [[other.coverage for other in layers[i + 1 :]] for i in range(len(layers))]
     pairs = list(zip(layers, finer, strict=True))
     soundings = np.concatenate([_outside(layer.soundings(), covers) for layer, covers in pairs])
     if not len(soundings):
         names = ", ".join(cell.name for cell in cells)
-        raise ConfigError(f"{names}: no soundings: take a chart of a larger scale (third letter of its name: 4 or 5)")
+        raise ConfigError(f"{names}: no soundings: use a chart of a larger scale (third letter of its name: 4 or 5)")
     return Survey(
         source="; ".join(_label(cell) for cell in cells),
         origin=(plane.latitude, plane.longitude),
         soundings=soundings,
         guides=np.concatenate([_outside(layer.guides(), covers) for layer, covers in pairs]),
         strikes=np.concatenate([_outside(layer.strikes(), covers) for layer, covers in pairs]),
-        detail=DRAWN * min(cell.scale for cell in cells),
+        detail=LINE_ACCURACY * min(cell.scale for cell in cells),
         sheets=tuple(layer.sheet() for layer in layers),
-        hazards=tuple(hazard for layer, covers in pairs for hazard in layer.hazards() if _is_free(hazard, covers)),
+        hazards=tuple(
+            hazard for layer, covers in pairs for hazard in layer.hazards() if _is_outside_finer(hazard, covers)
+        ),
         contours=tuple(
             (piece, depth)
             for layer, covers in pairs
             for line, depth in layer.contours()
-            for piece in _cut(line, covers)
+            for piece in _cut_line(line, covers)
         ),
-        shore=_cut_all(pairs, "COALNE", "SLCONS"),
-        bridges=_cut_all(pairs, "BRIDGE"),
-        charted=Charted(
+        shore=_cut_lines(pairs, "COALNE", "SLCONS"),
+        bridges=_cut_lines(pairs, "BRIDGE"),
+        charted=ChartedObjects(
             tuple(pipeline for layer, covers in pairs for pipeline in layer.pipelines(covers)),
             tuple(zone for layer in layers for zone in layer.zones()),
             tuple(nature for layer, covers in pairs for nature in layer.natures(covers)),
@@ -86,7 +92,7 @@ def survey_charts(cells: list[Cell], plane: LocalPlane) -> Survey:
 
 
 def _codes(corners: Array) -> Codes:
-    """Return one number for each corner (n, 2), the same for those of one place: charts share them exactly."""
+    """Return one number for each corner (n, 2), equal for equal positions: objects of a chart share corners exactly."""
     centimetres = np.round(100.0 * corners).astype(np.int64)
     return np.asarray(centimetres[:, 0] * (1 << 32) + centimetres[:, 1])
 
@@ -106,8 +112,8 @@ def _outside(points: Array, covers: list[Edges]) -> Array:
     return points[keep]
 
 
-def _cut(line: Array, covers: list[Edges]) -> list[Array]:
-    """Return the pieces of `line` that no finer chart covers."""
+def _cut_line(line: Array, covers: list[Edges]) -> list[Array]:
+    """Return the pieces of `line` outside the coverage of finer charts."""
     if not covers:
         return [line]
     keep = np.ones(len(line), bool)
@@ -117,16 +123,16 @@ def _cut(line: Array, covers: list[Edges]) -> list[Array]:
     return [line[run] for run in runs if keep[run[0]] and len(run) > 1]
 
 
-def _cut_all(pairs: list[tuple["_Layer", list[Edges]]], *kinds: str) -> tuple[Array, ...]:
-    return tuple(piece for layer, covers in pairs for line in layer.lines(*kinds) for piece in _cut(line, covers))
+def _cut_lines(pairs: list[tuple["_ChartLayer", list[Edges]]], *kinds: str) -> tuple[Array, ...]:
+    return tuple(piece for layer, covers in pairs for line in layer.lines(*kinds) for piece in _cut_line(line, covers))
 
 
-def _is_free(hazard: Hazard, covers: list[Edges]) -> bool:
+def _is_outside_finer(hazard: Hazard, covers: list[Edges]) -> bool:
     return bool(len(_outside(hazard.line[:1], covers)))
 
 
-class _Layer:
-    """One chart on the plane."""
+class _ChartLayer:
+    """The contents of one chart, with positions on the plane."""
 
     def __init__(self, cell: Cell, plane: LocalPlane) -> None:
         self._cell, self._plane = cell, plane
@@ -142,48 +148,50 @@ class _Layer:
         return [(edge, depth) for feature, depth in known if depth is not None for edge in self._edges(feature)]
 
     def guides(self) -> Array:
-        """Return places on contours, and on coasts, which are 0 m deep or dry as the area before them does: (n, 3)."""
+        """Return points on contours and coasts, (n, 3). A coast is at 0 m, or above where the area before it dries."""
         points = [
-            np.column_stack([resample(line, self._apart), np.full(len(resample(line, self._apart)), depth)])
+            np.column_stack(
+                [resample(line, self._guide_spacing), np.full(len(resample(line, self._guide_spacing)), depth)]
+            )
             for line, depth in self.contours()
         ]
-        places = np.concatenate([np.empty((0, 3)), *points, *map(self._shallows, self.lines("COALNE"))])
-        return np.asarray(places[first_in_cell(places, 0.5 * self._apart)])
+        places = np.concatenate([np.empty((0, 3)), *points, *map(self._coast_guides, self.lines("COALNE"))])
+        return np.asarray(places[first_in_cell(places, 0.5 * self._guide_spacing)])
 
     def strikes(self) -> Array:
-        """Return the pieces of contours and coasts: their middles and vectors, (n, 4)."""
+        """Return the segments of contours and coasts, (n, 4): centres and vectors."""
         lines = [*(line for line, _ in self.contours()), *self.lines("COALNE")]
-        places = [resample(line, self._apart) for line in lines]
+        places = [resample(line, self._guide_spacing) for line in lines]
         pieces = [np.hstack([0.5 * (p[1:] + p[:-1]), np.diff(p, axis=0)]) for p in places]
         return np.concatenate([np.empty((0, 4)), *pieces])
 
     @cached_property
-    def _apart(self) -> float:
-        """Distance of guides from each other, m."""
+    def _guide_spacing(self) -> float:
+        """Spacing of the guides, m."""
         from scipy.spatial import cKDTree
 
         soundings = self.soundings()[:, :2]
         if len(soundings) < 2:
-            return PAPER_APART * self._cell.scale
+            return GUIDE_SPACING_ON_PAPER * self._cell.scale
         nearest = cKDTree(soundings).query(soundings, 2)[0][:, 1]
-        return max(GUIDES_APART * float(np.median(nearest)), DRAWN * self._cell.scale)
+        return max(GUIDE_SPACING * float(np.median(nearest)), LINE_ACCURACY * self._cell.scale)
 
-    def _shallows(self, coast: Array) -> Array:
-        """Return places along a coast where a depth area borders on it, at 0 m or as the area dries: (n, 3)."""
-        codes, depths = self._borders
+    def _coast_guides(self, coast: Array) -> Array:
+        """Return points along a coast next to depth areas, (n, 3): at 0 m, or above where the area dries."""
+        codes, depths = self._area_corners
         if not len(codes):
             return np.empty((0, 3))
         wanted = _codes(coast)
         at = np.minimum(np.searchsorted(codes, wanted), len(codes) - 1)
-        depth = np.where(codes[at] == wanted, np.clip(depths[at], -MOST_BEACH, 0.0), np.nan)
+        depth = np.where(codes[at] == wanted, np.clip(depths[at], -MOST_DRYING_HEIGHT, 0.0), np.nan)
         along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(coast, axis=0).T))])
-        places = resample(coast, self._apart)
+        places = resample(coast, self._guide_spacing)
         found = np.interp(np.linspace(0.0, along[-1], len(places)), along, depth)
         return np.asarray(np.column_stack([places, found])[np.isfinite(found)])
 
     @cached_property
-    def _borders(self) -> tuple[Codes, Array]:
-        """Return the corners of all depth areas, sorted by their codes, and the least limit at each."""
+    def _area_corners(self) -> tuple[Codes, Array]:
+        """Return the codes of the corners of all depth areas, sorted, and the least shoal limit (m) at each."""
         areas = [(np.concatenate(area.edges), area.low) for area in self._areas() if np.isfinite(area.low)]
         if not areas:
             return np.empty(0, np.int64), np.empty(0)
@@ -208,11 +216,11 @@ class _Layer:
     def pipelines(self, covers: list[Edges]) -> list[Pipeline]:
         return [
             pipeline for feature in self._cell.select(*DIAMETERS)
-            for pipeline in pipelines_of(feature, [p for edge in self._edges(feature) for p in _cut(edge, covers)])
+            for pipeline in pipelines_of(feature, [p for edge in self._edges(feature) for p in _cut_line(edge, covers)])
         ]  # fmt: skip
 
     def zones(self) -> list[Zone]:
-        detail = DRAWN * self._cell.scale
+        detail = LINE_ACCURACY * self._cell.scale
         return [
             zone for feature in self._cell.select(*ZONES) for zone in zones_of(feature, self._edges(feature), detail)
         ]  # fmt: skip

@@ -16,14 +16,14 @@ Array = NDArray[np.float64]
 Depths = NDArray[np.float32]
 Extent = tuple[float, float, float, float]  # north_min, north_max, east_min, east_max, m
 
-STRIP_ROWS = 64  # that are read between giving back the pages of a mapped file
-FLAT_CELLS = 100  # along the longer side of a world without relief
+STRIP_ROWS = 64  # rows read before the pages of a memory-mapped file are released
+FLAT_CELLS = 100  # along the longer side of the grid of a world without relief
 
 
 class Grid(NamedTuple):
-    """Depths of the seabed at the crossings of a square grid.
+    """Depths of the seabed at the nodes of a square grid.
 
-    `depths`: (rows, columns) float32, m, positive down; land is negative, nan where nothing is known. Row i lies at
+    `depths`: (rows, columns) float32, m, positive down; land is negative, unknown is nan. Row i lies at
     `north_min` + i `resolution`, column j at `east_min` + j `resolution` (m from the world's origin).
     """
 
@@ -34,17 +34,17 @@ class Grid(NamedTuple):
 
     @property
     def north(self) -> Array:
-        """The rows' places, m."""
+        """North of each row, m."""
         return np.asarray(self.north_min + self.resolution * np.arange(self.depths.shape[0]))
 
     @property
     def east(self) -> Array:
-        """The columns' places, m."""
+        """East of each column, m."""
         return np.asarray(self.east_min + self.resolution * np.arange(self.depths.shape[1]))
 
     @property
     def extent(self) -> Extent:
-        """From the first row and column to the last."""
+        """Least and greatest north and east of the nodes, m."""
         north, east = self.north, self.east
         return float(north[0]), float(north[-1]), float(east[0]), float(east[-1])
 
@@ -54,33 +54,33 @@ class Grid(NamedTuple):
         return float(np.nanmax(self.depths))
 
     def at(self, points: Array) -> Array:
-        """Return the depths at `points` (n, 2) north, east, bilinear in between; nan outside or beside a nan."""
+        """Return the depths at `points` (n, 2) north, east by bilinear interpolation; nan outside or next to a nan."""
         rows, columns = self.depths.shape
         scaled = (points - (self.north_min, self.east_min)) / self.resolution
         cell = np.clip(np.floor(scaled).astype(np.intp), 0, (rows - 2, columns - 2))
         (i, j), (u, v) = cell.T, (scaled - cell).T
         d = self.depths
-        with np.errstate(invalid="ignore"):  # nan
+        with np.errstate(invalid="ignore"):  # depths may be nan
             depth = (1 - u) * ((1 - v) * d[i, j] + v * d[i, j + 1]) + u * ((1 - v) * d[i + 1, j] + v * d[i + 1, j + 1])
         outside = ((scaled < 0.0) | (scaled > (rows - 1, columns - 1))).any(axis=1)
         return np.where(outside, np.nan, depth)
 
 
 def grid_of(world: World, resolution: float | None = None) -> Grid:
-    """Return the seabed of `world`: its terrain's grid, at another `resolution` (m), or a flat one over its extent."""
+    """Return the seabed of `world`: the grid of its terrain, or a flat one, at `resolution` (m) if given."""
     frame = frame_of(world, resolution)
     if world.terrain is not None and frame.resolution == world.terrain.grid.resolution:
         return frame
     depths = np.empty(frame.depths.shape, np.float32)
     for first in range(0, len(depths), STRIP_ROWS):
-        depths[first : first + STRIP_ROWS] = strip(world, frame, slice(first, first + STRIP_ROWS))
+        depths[first : first + STRIP_ROWS] = read_rows(world, frame, slice(first, first + STRIP_ROWS))
     return frame._replace(depths=depths)
 
 
 def frame_of(world: World, resolution: float | None = None) -> Grid:
-    """Return `grid_of` with depths that take no memory: the terrain's own, or else all alike; `strip` has them right.
+    """Return the grid that `grid_of` returns, but without memory for its depths, to be read by `read_rows`.
 
-    They cannot be written to.
+    The depths are read-only: those of the terrain (a mapped file), or one constant.
     """
     terrain = world.terrain
     if terrain is not None and resolution in (None, terrain.grid.resolution):
@@ -93,8 +93,8 @@ def frame_of(world: World, resolution: float | None = None) -> Grid:
     return Grid(np.broadcast_to(np.float32(world.depth), (rows, columns)), south, west, step)
 
 
-def strip(world: World, frame: Grid, rows: slice) -> Depths:
-    """Return the depths of some rows of `grid_of`, whose `frame_of` is given; no mapped file stays in memory."""
+def read_rows(world: World, frame: Grid, rows: slice) -> Depths:
+    """Return the depths of some rows of the grid of `world`; `frame`: its `frame_of`. Releases mapped pages."""
     if world.terrain is None:
         return frame.depths[rows]
     whole, columns = frame_of(world), frame.depths.shape[1]
@@ -107,22 +107,22 @@ def strip(world: World, frame: Grid, rows: slice) -> Depths:
     return depths
 
 
-def thinning(grid: Grid, most: int) -> int:
-    """Return the step between nodes of which at most `most` along the longer side of a grid are kept."""
+def thinning_step(grid: Grid, most: int) -> int:
+    """Return the least step by which a grid has at most `most` nodes along its longer side."""
     return -(-int(max(grid.depths.shape)) // most)
 
 
 def overview(world: World, most: int, resolution: float | None = None) -> Grid:
-    """Return `grid_of`, but of every second, third or later node where it has more than `most` along a side.
+    """Return the grid of `world`, thinned by an integer step if it has more than `most` nodes along a side.
 
-    Only rows that are shown are read, and no more of a mapped file stays in memory.
+    Only the rows that are needed are read, and the pages of a mapped file are released.
     """
     south, north, west, east = world.extent
     terrain = world.terrain
     if terrain is None or resolution not in (None, terrain.grid.resolution):
         return grid_of(world, resolution and max(resolution, max(north - south, east - west) / (most - 1)))
     whole = grid_of(world)
-    step = thinning(whole, most)
+    step = thinning_step(whole, most)
     if step == 1:
         return whole
     thin = np.empty(whole.depths[::step, ::step].shape, np.float32)
@@ -134,30 +134,30 @@ def overview(world: World, most: int, resolution: float | None = None) -> Grid:
     return whole._replace(depths=thin, resolution=whole.resolution * step)
 
 
-def rounded_up(value: float, slack: float = 1e-9) -> float:
-    """Return the next number of two digits that is not less, but for a share of `slack` of the last digit."""
+def round_up(value: float, slack: float = 1e-9) -> float:
+    """Return `value` rounded up to two significant digits; an excess below `slack` of the last digit is ignored."""
     digit = 10.0 ** (np.floor(np.log10(value)) - 1.0)
     return float(f"{np.ceil(value / digit - slack) * digit:.6g}")
 
 
 def write_file(path: str, data: bytes) -> None:
-    """Write a whole file or none: what was there stays until all is written. Raises ConfigError."""
+    """Write a file atomically: an old file is replaced when all of the new one is written. Raises ConfigError."""
     write_files({path: data})
 
 
 def write_files(contents: Mapping[str, bytes]) -> None:
-    """Write whole files, all of them or none, by their paths. Raises ConfigError."""
-    with replaced(*contents) as names:
+    """Write several files, given by path, which replace old ones when all are written. Raises ConfigError."""
+    with written_whole(*contents) as names:
         for name, data in zip(names, contents.values(), strict=True):
             with open(name, "wb") as file:
                 file.write(data)
 
 
 @contextmanager
-def replaced(*paths: str) -> Iterator[list[str]]:
-    """Provide temporary names for files, which are renamed to `paths` when all are written, or else removed.
+def written_whole(*paths: str) -> Iterator[list[str]]:
+    """Return a context with temporary names for files, which are renamed to `paths` at its end, or removed on an error.
 
-    Makes their folders. Raises ConfigError for an OSError.
+    Makes the folders of `paths`. Raises ConfigError for an OSError.
     """
     fresh = {f"{path}.{os.getpid()}": path for path in paths}
     path = paths[0]

@@ -1,15 +1,16 @@
 """Interpolate scattered depths by a smooth surface: radial basis functions on overlapping patches.
 
-On each patch a surface goes exactly through the points: a sum of r^1.75 (a conditionally positive kernel of order one;
-Wendland, Scattered Data Approximation, 2005, chapter 8), smoother than the linear kernel and stiffer than a thin plate.
-Distances are stretched along the contours: a bed changes less along its slopes' strike than across, and how much less
-shows in how well the contours of a patch agree in direction (geometric anisotropy, as geostatistics has it: Chiles and
-Delfiner, Geostatistics, 2012, 2.5.2). Blending with weights that have no jump in slope or curvature (partition of
-unity, Wendland 15.4) leaves no creases, which switching from one set of neighbours to the next would, and which a sonar
-would see.
+On each patch the surface passes exactly through the points. The kernel is r^1.75 (conditionally positive definite of
+order one; Wendland, Scattered Data Approximation, 2005, chapter 8), which is smoother than the linear kernel and
+stiffer than a thin plate. Distances along the contours count less than distances across, because a bed changes less
+along the strike of its slopes. How much less follows from how well the contours of a patch agree in direction
+(geometric anisotropy; Chiles and Delfiner, Geostatistics, 2012, 2.5.2).
 
-How far the bed may be off between its points follows from kriging with that kernel as variogram (Chiles and Delfiner,
-chapter 3); the variogram's size is estimated from the depths of each patch.
+The patches are blended with weights that are continuous in slope and curvature (partition of unity, Wendland 15.4).
+This leaves no creases, which a sonar would show.
+
+The expected error between the points follows from kriging with this kernel as variogram (Chiles and Delfiner,
+chapter 3); the scale of the variogram is estimated from the depths of each patch.
 """
 
 from collections.abc import Callable, Iterator
@@ -23,19 +24,19 @@ from hil.common.errors import ConfigError
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
-Progress = Callable[[float], None]  # takes the share that is done, 0 to 1
+Progress = Callable[[float], None]  # called with the share that is done, 0 to 1
 
-LEAF = 20  # points in a patch before it is widened
-OVERLAP = 1.0  # how far a patch is widened to each side, in its own size
-LEAST_OVERLAP = 0.5  # down to which that is reduced where it makes too large a patch
-MOST = 300  # points in such a patch
-LEAST = 12  # points that a widened patch must have: it grows until then
-MOST_STRETCH = 3.0  # along contours, of a patch
-FEWEST_PIECES = 4  # of contours, below which a patch has no direction
-LEAST_WEIGHT = 1e-4  # of a patch, below which it does not count
+BOX_POINTS = 20  # greatest number of points in a box, from which a patch is made by widening it
+OVERLAP = 1.0  # by which a box is widened on each side, as a multiple of its size
+LEAST_OVERLAP = 0.5  # to which the overlap is reduced if the patch has too many points
+MOST_PATCH_POINTS = 300  # above which the overlap is reduced
+LEAST_PATCH_POINTS = 12  # below which a patch is widened further
+MOST_STRETCH = 3.0  # greatest ratio of distances across and along contours
+LEAST_SEGMENTS = 4  # of contours, below which distances of a patch are not stretched
+LEAST_WEIGHT = 1e-4  # subtracted from weights, so that a patch ends where its weight is small
 POWER = 1.75  # of the distance, in the kernel
-MAIN_WEIGHT = 0.02  # the same for how far it may be off, which need not be as smooth
-CHUNK = 500  # nodes evaluated at once: the matrices in between stay in the processor's cache
+LEAST_ERROR_WEIGHT = 0.02  # as LEAST_WEIGHT, for the expected error, which need not be as smooth
+CHUNK = 500  # nodes evaluated at once: the intermediate matrices fit into the processor's cache
 
 
 class Patch(NamedTuple):
@@ -46,60 +47,65 @@ class Patch(NamedTuple):
     inside: Indices
 
 
-class Doubt(NamedTuple):
-    """Expected error of a bed: `variance` in m^2, and `roughness`, the part of it a unit of distance, m^2 / m^1.75."""
+class Uncertainty(NamedTuple):
+    """Expected error of a bed: `variance` (m^2), and `roughness`, its increase with distance (m^2 / m^1.75)."""
 
     variance: Array
     roughness: Array
 
     def deviation(self, away: Array) -> Array:
-        """Return the standard deviation in m, where the bed is known in `away` m: less than it changes till there."""
+        """Return the standard deviation (m) at `away` m from where the bed is known.
+
+        It is the lesser of the deviation by `variance` and the expected change of the bed over that distance.
+        """
         nearby = np.isfinite(away)
         change = np.where(nearby, self.roughness * np.where(nearby, away, 0.0) ** POWER, np.inf)
         return np.asarray(np.sqrt(np.minimum(self.variance, change)))
 
 
 class Surface:
-    """Depth as a function of place, exact in every data point.
+    """Depth as a function of position, exact at every data point.
 
-    `points`: (n, 2) north, east in m, no two of them alike; `depths`: (n,) in m; `strikes`: (k, 4) pieces of contours,
-    their middles and their vectors, north and east in m. Raises ConfigError for fewer than three points.
+    `points`: (n, 2) north, east in m, without duplicates; `depths`: (n,) in m; `strikes`: (k, 4) segments of contours:
+    centres and vectors, north and east in m. Raises ConfigError for fewer than three points.
     """
 
     def __init__(self, points: Array, depths: Array, strikes: Array | None = None) -> None:
         if len(points) < 3:
-            raise ConfigError(f"gridding: a surface needs three depths or more, and there are {len(points)}")
+            raise ConfigError(
+                f"gridding: a surface needs at least three depths, found {len(points)}: use a file with more soundings"
+            )
         self._points, self._depths = points, depths
         self._strikes = np.empty((0, 4)) if strikes is None else strikes[np.argsort(strikes[:, 0])]
         self._low, self._high = points.min(axis=0), points.max(axis=0)
         order = np.argsort(points[:, 0])
-        boxes = _split(points, np.arange(len(points)), self._low, self._high)
-        self._patches = [_widen(points, order, *box) for box in boxes]
+        boxes = _split_box(points, np.arange(len(points)), self._low, self._high)
+        self._patches = [_widen_box(points, order, *box) for box in boxes]
 
     def evaluate(self, north: Array, east: Array, wanted: Mask, report: Progress = lambda share: None) -> Array:
-        """Return the depths at the crossings of the growing arrays `north` and `east` in m: (len(north), len(east)).
+        """Return the depths at the crossings of the increasing arrays `north` and `east` (m): (len(north), len(east)).
 
-        Only where `wanted` (of that shape) is true; nan elsewhere.
+        Only where `wanted` (same shape) is true; nan elsewhere.
         """
         return self._blend(north, east, wanted, lambda fit, nodes: fit.at(nodes)[:, None], 1, report=report)[..., 0]
 
-    def doubt(self, north: Array, east: Array, wanted: Mask) -> Doubt:
-        """Return how far `evaluate` may be off there, nan where it is not wanted."""
-        found = self._blend(north, east, wanted, _Fit.doubts, 2, least=MAIN_WEIGHT)
-        return Doubt(found[..., 0], found[..., 1])
+    def uncertainty(self, north: Array, east: Array, wanted: Mask) -> Uncertainty:
+        """Return the expected error of `evaluate` with the same arguments, nan where `wanted` is false."""
+        found = self._blend(north, east, wanted, _PatchFit.uncertainties, 2, least=LEAST_ERROR_WEIGHT)
+        return Uncertainty(found[..., 0], found[..., 1])
 
     def _blend(
-        self, north: Array, east: Array, wanted: Mask, find: Callable[["_Fit", Array], Array], count: int,
+        self, north: Array, east: Array, wanted: Mask, find: Callable[["_PatchFit", Array], Array], count: int,
         least: float = LEAST_WEIGHT, report: Progress = lambda share: None,
     ) -> Array:  # fmt: skip
-        """Return what `find` computes of nodes (n, 2), blended over the patches: `count` values of each.
+        """Return the values that `find` computes at the nodes, blended over the patches: (rows, columns, `count`).
 
-        `find` gives (n, count) values, this (len(north), len(east), count).
+        `find` is called with the fit of a patch and nodes (n, 2), and returns (n, `count`) values.
         """
         total, weights = np.zeros((*wanted.shape, count)), np.zeros(wanted.shape)
         for done, patch in enumerate(self._patches):
             report(done / len(self._patches))
-            part = self._reached(north, 0, patch), self._reached(east, 1, patch)
+            part = self._nodes_of_patch(north, 0, patch), self._nodes_of_patch(east, 1, patch)
             rows, columns = np.nonzero(wanted[part])
             if not len(rows):
                 continue
@@ -115,7 +121,7 @@ class Surface:
         return np.asarray(total / weights[..., None])
 
     def at(self, places: Array) -> Array:
-        """Return the depths at `places` (n, 2)."""
+        """Return the depths (m) at `places` (n, 2)."""
         total, weights = np.zeros(len(places)), np.zeros(len(places))
         for patch in self._patches:
             weight = self._weight(places, patch)
@@ -125,12 +131,12 @@ class Surface:
                 weights[near] += weight[near]
         return np.asarray(total / weights)
 
-    def held_out(self, folds: Indices) -> tuple[Array, Doubt]:
-        """Return the surface at each data point fitted without the points of its fold; nan where the fold is < 0.
+    def cross_validate(self, folds: Indices) -> tuple[Array, Uncertainty]:
+        """Return, at each data point, the depth and its expected error from a fit without the points of its fold.
 
-        And how far it may be off there, which is estimated without them too.
-        Exact and as cheap as one fit: blocks of a system's inverse give the errors that leaving out its unknowns
-        would make (Rippa, Adv. Comput. Math. 11, 1999, for one point; the same elimination for several).
+        `folds`: (n,), the fold of each point; nan is returned where it is negative. Exact and as cheap as one fit:
+        blocks of the inverse of a system give the errors of leaving out its unknowns (Rippa, Adv. Comput. Math. 11,
+        1999, for one point; the same elimination for several).
         """
         total, weights = np.zeros((len(self._points), 3)), np.zeros(len(self._points))
         for patch in self._patches:
@@ -141,19 +147,22 @@ class Surface:
             weights[patch.inside] += weight
         weights[folds < 0] = np.nan
         depths, variance, roughness = total.T / weights
-        return depths, Doubt(variance, roughness)
+        return depths, Uncertainty(variance, roughness)
 
-    def _fit(self, patch: Patch) -> "_Fit":
-        return _Fit(self._points[patch.inside], self._depths[patch.inside], patch, _stretch(self._strikes, patch))
+    def _fit(self, patch: Patch) -> "_PatchFit":
+        return _PatchFit(self._points[patch.inside], self._depths[patch.inside], patch, _stretch(self._strikes, patch))
 
-    def _reached(self, axis: Array, k: int, patch: Patch) -> slice:
-        """Return which of the nodes along one axis `patch` has a weight at; beyond the data its border stretches on."""
+    def _nodes_of_patch(self, axis: Array, k: int, patch: Patch) -> slice:
+        """Return the range of nodes along one axis that `patch` covers; at the edge of the data it extends beyond."""
         clipped = np.clip(axis, self._low[k], self._high[k])
         ends = patch.centre[k] - patch.half[k], patch.centre[k] + patch.half[k]
         return slice(int(np.searchsorted(clipped, ends[0], "right")), int(np.searchsorted(clipped, ends[1], "left")))
 
     def _weight(self, nodes: Array, patch: Patch, least: float = LEAST_WEIGHT) -> Array:
-        """Return Wendland's C2 function along both axes: 1 in the patch's middle, 0 on its rim, and below `least`."""
+        """Return the weight of `patch` at `nodes` (n, 2): the product of Wendland's C2 functions along both axes.
+
+        It is 1 - `least` in the centre of the patch, and 0 at its edge and where the product is below `least`.
+        """
         clipped = np.clip(nodes, self._low, self._high)
         t = np.minimum(np.abs(clipped - patch.centre) / patch.half, 1.0)
         rest = (1.0 - t) * (1.0 - t)
@@ -161,9 +170,9 @@ class Surface:
         return np.maximum(weights[:, 0] * weights[:, 1] - least, 0.0)
 
 
-def _split(points: Array, inside: Indices, low: Array, high: Array) -> Iterator[tuple[Array, Array]]:
-    """Cut the box from `low` to `high` near the median of its longer side until its parts hold few points."""
-    if len(inside) <= LEAF:
+def _split_box(points: Array, inside: Indices, low: Array, high: Array) -> Iterator[tuple[Array, Array]]:
+    """Yield the boxes (low, high) made by cutting a box at the median of its longer side down to BOX_POINTS points."""
+    if len(inside) <= BOX_POINTS:
         yield low, high
         return
     axis = int(np.argmax(high - low))
@@ -172,12 +181,12 @@ def _split(points: Array, inside: Indices, low: Array, high: Array) -> Iterator[
     cut = float(np.clip(np.median(values), low[axis] + margin, high[axis] - margin))
     below, above = high.copy(), low.copy()
     below[axis] = above[axis] = cut
-    yield from _split(points, inside[values <= cut], low, below)
-    yield from _split(points, inside[values > cut], above, high)
+    yield from _split_box(points, inside[values <= cut], low, below)
+    yield from _split_box(points, inside[values > cut], above, high)
 
 
-def _widen(points: Array, order: Indices, low: Array, high: Array) -> Patch:
-    """Return the patch around a box; `order`: the points' from south to north."""
+def _widen_box(points: Array, order: Indices, low: Array, high: Array) -> Patch:
+    """Return the patch made by widening a box; `order`: indices of the points from south to north."""
     centre, size = 0.5 * (low + high), np.maximum(high - low, 1e-3)
     norths = points[order, 0]
 
@@ -186,24 +195,24 @@ def _widen(points: Array, order: Indices, low: Array, high: Array) -> Patch:
         return np.sort(near[(np.abs(points[near] - centre) < half).all(axis=1)])
 
     half = (0.5 + OVERLAP) * size
-    while len(inside(half)) > MOST and half[0] > (0.5 + LEAST_OVERLAP) * size[0]:
+    while len(inside(half)) > MOST_PATCH_POINTS and half[0] > (0.5 + LEAST_OVERLAP) * size[0]:
         half = np.maximum(0.9 * half, (0.5 + LEAST_OVERLAP) * size)
-    while len(inside(half)) < min(LEAST, len(points)):
+    while len(inside(half)) < min(LEAST_PATCH_POINTS, len(points)):
         half = 1.3 * half
     return Patch(centre, half, inside(half))
 
 
 def _stretch(strikes: Array, patch: Patch) -> Array:
-    """Return the matrix (2, 2) to multiply offsets from the patch's centre with: no unit, nearer along the contours.
+    """Return the matrix (2, 2) that scales offsets from the patch's centre, to shorter distances along the contours.
 
-    The contours' length is what a gradient's size is (the coarea formula), so the sum of the squares of their normals
-    is the structure tensor of the bed. No depth is in it: to hold out a sounding leaves it as it is.
+    The length of contours is proportional to the gradient (coarea formula), so the sum of the outer products of their
+    normals is the structure tensor of the bed. It contains no depth, so holding out a sounding does not change it.
     """
     scale: Array = np.eye(2) / patch.half.max()
     ends = patch.centre[0] - patch.half[0], patch.centre[0] + patch.half[0]
-    pieces = strikes[slice(*np.searchsorted(strikes[:, 0], ends))]  # which grow to the north
+    pieces = strikes[slice(*np.searchsorted(strikes[:, 0], ends))]  # they are sorted from south to north
     pieces = pieces[np.abs(pieces[:, 1] - patch.centre[1]) < patch.half[1]]
-    if len(pieces) < FEWEST_PIECES:
+    if len(pieces) < LEAST_SEGMENTS:
         return scale
     normals = np.column_stack([-pieces[:, 3], pieces[:, 2]])
     lengths = np.maximum(np.hypot(*normals.T), 1e-9)
@@ -213,12 +222,12 @@ def _stretch(strikes: Array, patch: Patch) -> Array:
     return stretched
 
 
-class _Fit:
-    """The surface through the points of one patch."""
+class _PatchFit:
+    """Interpolant of the points of one patch."""
 
     def __init__(self, points: Array, depths: Array, patch: Patch, stretch: Array) -> None:
         self._centre, self._stretch = patch.centre, stretch
-        self._unit = 1.0 / patch.half.max()  # of scaled distances, as the stretch keeps areas
+        self._unit = 1.0 / patch.half.max()  # scaled distance per m, on average: the stretch preserves areas
         self._points, self._depths = self._scaled(points), depths
         size = len(points) + 1
         self._system = np.ones((size, size))
@@ -227,15 +236,15 @@ class _Fit:
         self._right = np.append(depths, 0.0)
 
     def at(self, nodes: Array) -> Array:
-        """Return the surface at `nodes` (n, 2)."""
+        """Return the depths at `nodes` (n, 2)."""
         solution = np.linalg.solve(self._system, self._right)
         return np.concatenate([
             _kernel(self._scaled(nodes[start : start + CHUNK]), self._points) @ solution[:-1] + solution[-1]
             for start in range(0, max(1, len(nodes)), CHUNK)
         ])  # fmt: skip
 
-    def doubts(self, nodes: Array) -> Array:
-        """Return the variance and the roughness at `nodes` (n, 2) as columns."""
+    def uncertainties(self, nodes: Array) -> Array:
+        """Return variance and roughness at `nodes` (n, 2): (n, 2)."""
         inverse = np.linalg.inv(self._system)
         sill = self._sill(float(self._right @ inverse @ self._right), len(self._points))
         found = np.full((len(nodes), 2), sill * self._unit**POWER)
@@ -246,7 +255,7 @@ class _Fit:
         return found
 
     def without(self, folds: Indices) -> Array:
-        """Return the surface at each point, had the points of its fold not been there, its variance and roughness."""
+        """Return depth, variance and roughness at each point, fitted without the points of its fold: (n, 3)."""
         inverse = np.linalg.inv(self._system)
         solution = inverse @ self._right
         whole = float(self._right @ solution)
@@ -263,7 +272,7 @@ class _Fit:
 
     @staticmethod
     def _sill(energy: float, count: int) -> float:
-        """Return the size of the variogram in m^2 by `count` depths, whose quadratic form `energy` is (REML)."""
+        """Return the scale of the variogram (m^2): REML estimate from `count` depths with quadratic form `energy`."""
         return max(0.0, energy) / max(1, count - 1)
 
     def _scaled(self, points: Array) -> Array:
@@ -271,7 +280,7 @@ class _Fit:
 
 
 def _kernel(a: Array, b: Array) -> Array:
-    """Return minus the distances to the power 1.75, (len(a), len(b)): by roots, which are faster than powers."""
+    """Return minus the distances to the power 1.75, (len(a), len(b)), by square roots, which are faster than powers."""
     from scipy.spatial.distance import cdist
 
     distances = cdist(a, b)

@@ -1,9 +1,10 @@
-"""Obstructions, wrecks, rocks, piles, islets, structures, buildings, marks and what floats, of a chart.
+"""Obstacles of a chart: obstructions, wrecks, rocks, piles, islets, structures, buildings, marks and floating objects.
 
-A chart gives most of them as points, without a size. The radii and draughts here are ours, on the large side of what
-such things measure. Where no depth is given, WATLEV gives the water's level relative to them. Of shore constructions,
-causeways and dams the parts with water on both sides stand in it: piers and moles; the others are the land's edge.
-Structures and what floats keep their outline, an area as a rectangle where that has about the same size.
+A chart gives most of them as points without a size. The radii and draughts here are assumed, and rather large. Where a
+chart gives no depth, WATLEV (water level effect) says whether the object is above the water. Of shore constructions,
+causeways and dams only the parts with water on both sides become obstacles (piers and moles); the rest is the edge of
+land. Structures and floating objects have their charted outline; an area becomes a rectangle of about the same size
+where possible.
 """
 
 from typing import NamedTuple
@@ -12,8 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.autonomy.paths.polygons import Edges, edge_distance, fill, segments
-from hil.charts.bounds import banked, limits_at
-from hil.charts.charted import BottomGrid, Charted
+from hil.charts.bounds import limits_at, raise_with_slope
+from hil.charts.charted_objects import BottomGrid, ChartedObjects
 from hil.charts.grid import Grid
 from hil.charts.gridding import Surface
 from hil.charts.sources.s57 import Feature
@@ -34,10 +35,10 @@ DRAUGHTS = {
     "PONTON": 1.0, "HULKES": 4.0, "FLODOC": 5.0, "LOGPON": 1.0, "OILBAR": 1.0, "LITVES": 3.0, "LITFLT": 2.0,
     **{kind: 1.0 for kind in RADII if kind.startswith("BOY")},
 }  # m  # fmt: skip
-DRAUGHT = 1.0  # m, of others that float
+DRAUGHT = 1.0  # m, of other floating objects
 STRUCTURES = {"SLCONS", "CAUSWY", "DAMCON", "DYKCON", "GATCON"}
 MOORING_BUOY = 7.0  # S-57 appendix A, attribute 40 (CATMOR)
-OUT_OF_WATER = -100.0  # as sim.environment.obstacles has it
+OUT_OF_WATER = -100.0  # m: depth of a top above the water, as in sim.environment.obstacles
 STANDS_UP = {
     "PILPNT",
     "PYLONS",
@@ -49,29 +50,29 @@ STANDS_UP = {
     "BUISGL",
     *(kind for kind in RADII if kind.startswith("BCN")),
     *STRUCTURES,
-}  # they come out of the water unless WATLEV states otherwise
-# Always under water (WATLEV 3) does not state how deep. The others (S-57 appendix A, attribute 187):
-# partly submerged at high water, always dry, covers and uncovers, awash.
+}  # their tops are above the water unless WATLEV states otherwise
+# Depths of tops by WATLEV (S-57 appendix A, attribute 187): 1 partly submerged at high water, 2 always dry, 4 covers
+# and uncovers, 5 awash. 3, always under water, gives no depth.
 TOPS = {1.0: OUT_OF_WATER, 2.0: OUT_OF_WATER, 4.0: 0.0, 5.0: 0.0}
 FLOATING = 7.0
-BURIED = 0.01  # m: what rises less is not there
-RECTANGULAR = 0.6  # share of its rectangle that an area must have to be one
-SIMPLER = 0.5  # m that the line of a structure may be off what the chart draws
-LEAST_HEIGHT = 1.0  # m above the bed of what is only known to be there
+BURIED = 0.01  # m: an object that rises less above the bed is left out
+RECTANGULAR = 0.6  # least share of its bounding rectangle that an area fills to become a rectangle
+SIMPLIFIED = 0.5  # m: greatest deviation of a simplified line from the charted one
+LEAST_HEIGHT = 1.0  # m above the bed, of objects without a known height
 
 
-class Placed(NamedTuple):
-    """Result of placing hazards: obstacles for a world, and the grid with risen areas; and what else was charted."""
+class SeabedModel(NamedTuple):
+    """The seabed of a world: grid of depths, obstacles, other charted objects, and the nature of the bed."""
 
     grid: Grid
     cylinders: tuple[Cylinder, ...]
     boxes: tuple[Box, ...]
-    charted: Charted = Charted()
+    charted: ChartedObjects = ChartedObjects()
     bottom: BottomGrid | None = None
 
 
 def hazards_of(feature: Feature, points: Array, edges: Edges) -> list[Hazard]:
-    """Return the hazards that one object is, its `points` and `edges` on the plane; none for land and fisheries."""
+    """Return the hazards of one chart object, with `points` and `edges` on the plane; none for land and fisheries."""
     if feature.kind not in RADII or (feature.kind in {"LNDARE", "FSHFAC"} and feature.is_area):
         return []
     top, radius, bottom, is_structure = _top(feature), RADII[feature.kind], STANDING, feature.kind in STRUCTURES
@@ -89,7 +90,7 @@ def hazards_of(feature: Feature, points: Array, edges: Edges) -> list[Hazard]:
 def _simplified(line: Array) -> Array:
     from shapely import LineString
 
-    return np.asarray(LineString(line).simplify(SIMPLER).coords) if len(line) > 2 else line
+    return np.asarray(LineString(line).simplify(SIMPLIFIED).coords) if len(line) > 2 else line
 
 
 def _top(feature: Feature) -> float | None:
@@ -101,11 +102,11 @@ def _top(feature: Feature) -> float | None:
     return OUT_OF_WATER if feature.kind in STANDS_UP and level is None else None
 
 
-def place(hazards: tuple[Hazard, ...], grid: Grid, shoal_limit: Array) -> Placed:
-    """Stand `hazards` on the bed of `grid`; one without a known top reaches up to `shoal_limit`, (rows, columns).
+def place_hazards(hazards: tuple[Hazard, ...], grid: Grid, shoal_limit: Array) -> SeabedModel:
+    """Return the seabed with `hazards` on the bed of `grid`; areas raise the bed, other hazards become obstacles.
 
-    That is what a chart system assumes (IHO S-52, procedure DEPVAL). Left out: what is on land, off the grid or
-    below the bed.
+    A hazard without a known top reaches up to `shoal_limit` (rows, columns), as a chart display assumes (IHO S-52,
+    procedure DEPVAL). Hazards on land, outside the grid or below the bed are left out.
     """
     grid = grid._replace(depths=grid.depths.copy())
     limit = Grid(shoal_limit.astype(np.float32), *grid[1:])
@@ -113,19 +114,20 @@ def place(hazards: tuple[Hazard, ...], grid: Grid, shoal_limit: Array) -> Placed
     cylinders: list[Cylinder] = []
     boxes: list[Box] = []
     for hazard in standing:
-        if hazard.edges and (hazard.banks or hazard.bottom < STANDING):
+        if hazard.edges and (hazard.needs_water_both_sides or hazard.bottom < STANDING):
             boxes += _outlined(hazard, grid, limit)
         elif len(hazard.line) == 1 or hazard.edges:
             cylinders += _cylinder(hazard, grid, limit)
         else:
             boxes += _boxes(hazard, grid, limit)
-    return Placed(grid, tuple(cylinders), tuple(boxes))
+    return SeabedModel(grid, tuple(cylinders), tuple(boxes))
 
 
 def beds_under(survey: Survey, soundings: Array, surface: Surface) -> Array:
-    """Return a bed, (n, 3) north, east, depth, for each hazard of known depth that `surface` would bury.
+    """Return a point of the bed, (n, 3) north, east, depth, for each hazard of known depth that `surface` would bury.
 
-    Whatever stands there has its foot below its top. A sounding as near as the chart is drawn is the bed instead.
+    The point is LEAST_HEIGHT below the top of the hazard. None is returned where a sounding within the chart's detail
+    gives the bed.
     """
     from scipy.spatial.distance import cdist
 
@@ -140,7 +142,7 @@ def beds_under(survey: Survey, soundings: Array, surface: Surface) -> Array:
     if not known:
         return np.empty((0, 3))
     tops = np.array(known)
-    tops = tops[np.argsort(-tops[:, 2], kind="stable")]  # of two in one place the deeper
+    tops = tops[np.argsort(-tops[:, 2], kind="stable")]  # of several at one position, use the deepest
     tops = tops[first_in_cell(tops, max(survey.detail, BURIED))]
     sounded = cdist(tops[:, :2], soundings[:, :2]).min(axis=1) < survey.detail
     low, _ = limits_at(survey, tops[:, :2])
@@ -150,7 +152,7 @@ def beds_under(survey: Survey, soundings: Array, surface: Surface) -> Array:
 
 
 def _raise_bed(hazard: Hazard, grid: Grid, shoal_limit: Array) -> bool:
-    """Raise the bed of `grid` to the top of an area; False for what floats, has no area, or none that holds a node."""
+    """Raise the bed of `grid` to the top of an area; False for a floating object, or if no node is inside an area."""
     if hazard.bottom < STANDING:
         return False
     (rows, columns), away = edge_distance(*segments(hazard.edges), grid.north, grid.east)
@@ -160,14 +162,14 @@ def _raise_bed(hazard: Hazard, grid: Grid, shoal_limit: Array) -> bool:
     inside[part][held] = 1.0
     bed = grid.depths[rows, columns]
     top = np.maximum(shoal_limit[rows, columns] if hazard.top is None else hazard.top, -LEAST_HEIGHT)
-    bed[:] = banked(bed, top, inside * away)
+    bed[:] = raise_with_slope(bed, top, inside * away)
     return True
 
 
-def _height(hazard: Hazard, place: Array, grid: Grid, limit: Grid) -> float | None:
-    """Return the depth of its top at `place` (2,), None where it does not stand in water."""
+def _top_at(hazard: Hazard, place: Array, grid: Grid, limit: Grid) -> float | None:
+    """Return the depth of the hazard's top at `place` (2,), None where there is no water or the bed is above it."""
     bed, shoal = (float(g.at(place[None])[0]) for g in (grid, limit))
-    if not bed > 0.0:  # nan, too
+    if not bed > 0.0:  # also true for nan
         return None
     if hazard.top is not None:
         return hazard.top if hazard.top < bed - BURIED else None
@@ -176,9 +178,9 @@ def _height(hazard: Hazard, place: Array, grid: Grid, limit: Grid) -> float | No
 
 
 def _cylinder(hazard: Hazard, grid: Grid, limit: Grid) -> list[Cylinder]:
-    """Return a point, or an area smaller than a cell of the grid."""
+    """Return the obstacle of a point, or of an area smaller than a cell of the grid; none if it is not in water."""
     middle = hazard.line.mean(axis=0)
-    top = _height(hazard, middle, grid, limit)
+    top = _top_at(hazard, middle, grid, limit)
     radius = max(hazard.radius, float(np.hypot(*(hazard.line - middle).T).max()))
     if top is None:
         return []
@@ -187,13 +189,17 @@ def _cylinder(hazard: Hazard, grid: Grid, limit: Grid) -> list[Cylinder]:
 
 
 def _boxes(hazard: Hazard, grid: Grid, limit: Grid) -> list[Box]:
-    """Return a line, piece by piece."""
+    """Return the obstacles of a line, one for each segment that is in water."""
     boxes = []
     for start, end in zip(hazard.line[:-1], hazard.line[1:], strict=True):
         middle, along = 0.5 * (start + end), end - start
-        top = _height(hazard, middle, grid, limit)
+        top = _top_at(hazard, middle, grid, limit)
         length, heading = float(np.hypot(*along)), float(np.arctan2(along[1], along[0]))
-        if top is not None and length > 0.0 and (not hazard.banks or _is_between_waters(middle, along, hazard, grid)):
+        if (
+            top is not None
+            and length > 0.0
+            and (not hazard.needs_water_both_sides or _is_between_waters(middle, along, hazard, grid))
+        ):
             size = length + 2.0 * hazard.radius
             north, east, size, width, heading, top = _rounded(*middle, size, 2.0 * hazard.radius, heading, top)
             boxes.append(Box(north, east, size, width, heading, top, bottom=hazard.bottom))
@@ -201,26 +207,26 @@ def _boxes(hazard: Hazard, grid: Grid, limit: Grid) -> list[Box]:
 
 
 def _is_between_waters(middle: Array, along: Array, hazard: Hazard, grid: Grid) -> bool:
-    """True if a cell away from a piece of a line there is water on either side."""
+    """True if there is water on both sides of a segment, at a distance of one cell."""
     across = np.array([-along[1], along[0]]) / np.hypot(*along) * (hazard.radius + grid.resolution)
     return bool((grid.at(np.stack([middle - across, middle + across])) > 0.0).all())
 
 
 def _outlined(hazard: Hazard, grid: Grid, limit: Grid) -> list[Box]:
-    """Return an area as a rectangle where it is about one, else its outline, piece by piece."""
+    """Return the obstacles of an area: a rectangle where it nearly is one, else one for each segment of its outline."""
     from shapely import LineString, polygonize
 
     boxes: list[Box] = []
     for polygon in polygonize([LineString(edge) for edge in hazard.edges]).geoms:
         rectangle = polygon.minimum_rotated_rectangle
         if polygon.area < RECTANGULAR * rectangle.area:
-            ring = hazard._replace(line=_simplified(np.asarray(polygon.exterior.coords)), banks=False)
+            ring = hazard._replace(line=_simplified(np.asarray(polygon.exterior.coords)), needs_water_both_sides=False)
             boxes += _boxes(ring, grid, limit)
             continue
         corners = np.asarray(rectangle.exterior.coords)
         sides = np.diff(corners[:3], axis=0)
         size, width = np.hypot(*sides.T)
-        top = _height(hazard, corners[:4].mean(axis=0), grid, limit)
+        top = _top_at(hazard, corners[:4].mean(axis=0), grid, limit)
         if top is not None:
             heading = float(np.arctan2(sides[0, 1], sides[0, 0]))
             north, east, size, width, heading, top = _rounded(*corners[:4].mean(axis=0), size, width, heading, top)

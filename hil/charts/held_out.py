@@ -1,4 +1,4 @@
-"""Estimate the error of a bed by soundings that are held out, ours beside linear interpolation of the same data."""
+"""Estimate the error of a bed by cross-validation, and compare it with linear interpolation of the same data."""
 
 from typing import NamedTuple
 
@@ -6,19 +6,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.autonomy.paths.polygons import Mask
-from hil.charts.expected import Limits, expected
+from hil.charts.expected_depths import Limits, expected_depths
 from hil.charts.gridding import Indices, Surface
 
 Array = NDArray[np.float64]
 
 FOLDS = 10
-MANY = 20_000  # soundings, from which on one fold is held out instead of ten
+MANY = 20_000  # soundings, above which only one fold is held out instead of ten
 
 
 class HeldOut(NamedTuple):
-    """RMSE in m of ours and of the linear where the latter reaches, and our mean error there, positive too deep.
+    """Errors at soundings that were held out, m.
 
-    `rmse_all`: of ours everywhere; `held`: how many soundings the linear reaches.
+    `rmse` of the surface, `linear_rmse` of linear interpolation, and `bias`, the mean error of the surface (positive if
+    too deep), over the `held` soundings that linear interpolation reaches. `rmse_all`: of the surface, over all.
     """
 
     rmse: float
@@ -29,21 +30,23 @@ class HeldOut(NamedTuple):
 
 
 def hold_out(surface: Surface, points: Array, wanted: Mask, limits: Limits, borders: Array) -> HeldOut:
-    """Hold out the `wanted` (n,) of the soundings, which are the first n of `points` (m, 3), a tenth at a time.
+    """Return the errors at soundings. Each is compared with a fit that leaves out its fold, a tenth of the soundings.
 
-    Contours are kept. Ours and the linear, which is the triangulation of soundings and contours, are both held between
-    the areas' `limits` (n,) each, and ours is what is expected between them, as in the grid. `borders` (n,): how far in
-    m the areas' borders are.
+    The first n of `points` (m, 3) are soundings; `wanted` (n,) selects those to hold out. Contours are never held out.
+    Linear interpolation is over the triangulation of soundings and contours. Both are clipped to the `limits`, (n,)
+    each, and the surface is moved off them as in the grid. `borders` (n,): distance (m) from the borders of areas.
     """
     count = len(wanted)
     folds = np.random.default_rng(0).permutation(count) % FOLDS
     if wanted.sum() > MANY:
         folds = np.where(folds == 0, 0, -1)
     folds = np.where(wanted, folds, -1)
-    found, doubt = surface.held_out(np.concatenate([folds, np.full(len(points) - count, -1)]))
-    deviation = doubt._replace(variance=doubt.variance[:count], roughness=doubt.roughness[:count]).deviation(borders)
-    linear = limits.hold(_linear(points, folds))
-    errors = expected(found[:count], deviation, limits) - points[:count, 2]
+    found, uncertainty = surface.cross_validate(np.concatenate([folds, np.full(len(points) - count, -1)]))
+    deviation = uncertainty._replace(
+        variance=uncertainty.variance[:count], roughness=uncertainty.roughness[:count]
+    ).deviation(borders)
+    linear = limits.clip(_linear(points, folds))
+    errors = expected_depths(found[:count], deviation, limits) - points[:count, 2]
     linear_errors = linear - points[:count, 2]
     reached = np.isfinite(linear_errors)
     return HeldOut(
@@ -60,7 +63,7 @@ def _rms(errors: Array) -> float:
 
 
 def _linear(points: Array, folds: Indices) -> Array:
-    """Return soundings as triangles of the other points have them; nan outside, and where none is held out."""
+    """Return the depths at soundings by triangulating the points of other folds; nan outside, or if not held out."""
     from scipy.interpolate import LinearNDInterpolator
     from scipy.spatial import QhullError
 
@@ -70,6 +73,6 @@ def _linear(points: Array, folds: Indices) -> Array:
         rest = np.delete(points, out, axis=0)
         try:
             estimates[out] = LinearNDInterpolator(rest[:, :2], rest[:, 2])(points[out, :2])
-        except QhullError:  # all in one line
+        except QhullError:  # all points are on one line
             continue
     return estimates

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.charts.grid import Depths, Grid, thinning
+from hil.charts.grid import Depths, Grid, thinning_step
 from hil.common.errors import ConfigError
 from hil.plots.plotting import pyplot
 from sim.environment.obstacles import Box, Cylinder
@@ -22,18 +22,19 @@ DASHES = {
     "pipeline": (8, 2, 2, 2), "farm": (2, 2, 1, 2),
 }  # fmt: skip
 SUN_AZIMUTH, SUN_ALTITUDE = np.radians(315.0), np.radians(45.0)
-MEAN_SHADE_SLOPE = 0.35  # heights are stretched until the steeper slopes are about this steep: then relief is seen
-MOST_NUMBERS = 350  # soundings beyond that are dots,
-MOST_DOTS = 10_000  # and beyond that they would hide the bed
-MOST_PIXELS = 1320  # along a side: as many as the figure has
-MOST_TRACED = 330  # nodes along a side that our own contours are drawn through
-STRIP_ROWS = 64  # of pixels that are coloured at once
+MEAN_SHADE_SLOPE = 0.35  # heights are scaled until the steeper slopes have about this slope, to show the relief
+MOST_NUMBERS = 350  # soundings shown as numbers; more are shown as dots
+MOST_DOTS = 10_000  # soundings shown as dots; more would hide the bed and are not drawn
+MOST_PIXELS = 1320  # along a side, as many as the figure has
+MOST_TRACED = 330  # nodes along a side of the grid for contours of worlds that have no charted ones
+STRIP_ROWS = 64  # rows of pixels coloured at once
 
 
-class Marks(NamedTuple):
-    """Overlay of the map: soundings (n, 3), charted contours, shore lines and bridges, all north, east in m.
+class MapMarks(NamedTuple):
+    """Overlay of the map; all positions are north, east in m.
 
-    Also pipelines, zones and outlines of meshes (each (n, 2)).
+    Soundings (n, 3), charted contours with their depths, shore lines, bridges, pipelines, zones, and outlines of meshes
+    (each (n, 2)).
     """
 
     soundings: Array = np.empty((0, 3))
@@ -46,11 +47,11 @@ class Marks(NamedTuple):
 
 
 def draw(
-    grid: Grid, cylinders: tuple[Cylinder, ...], boxes: tuple[Box, ...], marks: Marks, title: str, path: str
+    grid: Grid, cylinders: tuple[Cylinder, ...], boxes: tuple[Box, ...], marks: MapMarks, title: str, path: str
 ) -> None:
-    """Draw it into the image file `path`. Raises ConfigError, MissingExtraError."""
+    """Draw a map of the seabed and its obstacles into the image file `path`. Raises ConfigError, MissingExtraError."""
     plt = pyplot()
-    grid = _thinned(grid, MOST_PIXELS)
+    grid = _thin(grid, MOST_PIXELS)
     south, north, west, east = grid.extent
     figure, axes = plt.subplots(figsize=_size(east - west, north - south), layout="constrained")
     try:
@@ -64,7 +65,7 @@ def draw(
         axes.set(
             xlim=(west, east), ylim=(south, north), xlabel="east (m)", ylabel="north (m)", title=title, aspect="equal"
         )
-        figure.savefig(path, dpi=120, **_quick(path))
+        figure.savefig(path, dpi=120, **_png_options(path))
     except (OSError, ValueError) as error:
         text = error.strerror if isinstance(error, OSError) else str(error).splitlines()[0]
         raise ConfigError(f"{os.path.abspath(path)}: cannot be drawn: {text}") from None
@@ -73,7 +74,7 @@ def draw(
 
 
 def _draw_pixels(axes: Any, grid: Grid, colours: NDArray[np.uint8]) -> None:
-    """Draw a pixel of the bed about each node: by its place, as imshow takes ten times the memory of the picture."""
+    """Draw one pixel of the bed around each node. (imshow would take ten times the memory of the picture.)"""
     from matplotlib.image import PcolorImage
 
     south, _, west, _ = grid.extent
@@ -83,24 +84,24 @@ def _draw_pixels(axes: Any, grid: Grid, colours: NDArray[np.uint8]) -> None:
     axes.add_image(picture)
 
 
-def _quick(path: str) -> dict[str, Any]:
-    """Return the option by which a PNG of a shaded bed is written in a fourth of the time, little larger."""
+def _png_options(path: str) -> dict[str, Any]:
+    """Return the options to write a PNG in a fourth of the time, at the cost of a slightly larger file."""
     return {"pil_kwargs": {"compress_level": 2}} if path.lower().endswith(".png") else {}
 
 
 def _size(wide: float, high: float) -> tuple[float, float]:
-    """Return the size of the figure in inches: the map's longer side is 11, plus room for its scales."""
+    """Return the size of the figure in inches: 11 for the longer side of the map, plus room for its scales."""
     inch = 11.0 / max(wide, high)
     return max(5.0, wide * inch + 2.2), max(4.0, high * inch + 1.2)
 
 
-def _thinned(grid: Grid, most: int) -> Grid:
-    step = thinning(grid, most)
+def _thin(grid: Grid, most: int) -> Grid:
+    step = thinning_step(grid, most)
     return grid._replace(depths=grid.depths[::step, ::step], resolution=grid.resolution * step)
 
 
 def hillshade(depths: Depths, resolution: float) -> Depths:
-    """Return how bright each node is, 0 to 1: Lambert's law, heights stretched so that the relief shows."""
+    """Return the brightness of each node, 0 to 1, by Lambert's law; heights are scaled to show the relief."""
     strips = _strips(len(depths))
     thin = (np.array([slope[::3, ::3].ravel() for slope in _slopes(depths, resolution, part)]) for part in strips)
     sample = [np.sqrt((slopes * slopes).sum(axis=0)) for slopes in thin]
@@ -120,14 +121,14 @@ def _strips(rows: int) -> list[slice]:
 
 
 def _slopes(depths: Depths, resolution: float, part: slice) -> list[Depths]:
-    """Return how steeply the bed rises to the north and to the east in some rows; 0 where nothing is known."""
+    """Return the slope of the bed to the north and to the east in the rows `part`; 0 where it is unknown."""
     first, last = max(0, min(part.start - 1, len(depths) - 2)), part.stop + 1
     slopes: Any = np.gradient(-depths[first:last], resolution)
     return [np.nan_to_num(slope[part.start - first : part.stop - first]) for slope in slopes]
 
 
 def _shaded(grid: Grid, plt: Any) -> tuple[NDArray[np.uint8], Any]:
-    """Return RGB of every node, and the scale of depths for the colour bar."""
+    """Return the RGB colour of every node, and the scale of depths for the colour bar."""
     from matplotlib import cm, colors
 
     scale = cm.ScalarMappable(colors.PowerNorm(0.6, *_range(grid.depths)), plt.get_cmap("GnBu"))
@@ -144,7 +145,7 @@ def _shaded(grid: Grid, plt: Any) -> tuple[NDArray[np.uint8], Any]:
 
 
 def _range(depths: Depths) -> tuple[float, float]:
-    """Return the depths that the colours go from and to: from the surface, unless all is far below it."""
+    """Return the least and greatest depth of the colour scale; it begins at 0 unless all of the bed is deep."""
     water = depths[depths > 0.0]
     if not len(water):
         return 0.0, 1.0
@@ -154,7 +155,7 @@ def _range(depths: Depths) -> tuple[float, float]:
     return (low if low > 0.3 * high else 0.0), high
 
 
-def _draw_marks(axes: Any, grid: Grid, marks: Marks) -> None:
+def _draw_marks(axes: Any, grid: Grid, marks: MapMarks) -> None:
     from matplotlib.collections import LineCollection
 
     if marks.contours:
@@ -162,12 +163,12 @@ def _draw_marks(axes: Any, grid: Grid, marks: Marks) -> None:
             [line[:, ::-1] for line, _ in marks.contours], colors=INK, linewidths=0.45, alpha=0.6, zorder=2
         ))  # fmt: skip
     elif np.nanmax(grid.depths) > np.nanmin(grid.depths):
-        coarse = _thinned(grid, MOST_TRACED)
+        coarse = _thin(grid, MOST_TRACED)
         lines = axes.contour(
             coarse.east, coarse.north, coarse.depths, 8, colors=INK, linewidths=0.45, alpha=0.6, zorder=2
         )
         for label in axes.clabel(lines, fontsize=7, fmt="%g"):
-            label.set_in_layout(False)  # it is within the map
+            label.set_in_layout(False)  # labels are inside the map and need no room in the layout
     for lines, colour, width in ((marks.shore, SHORE, 0.9), (marks.bridges, "black", 2.0)):
         axes.add_collection(
             LineCollection([line[:, ::-1] for line in lines], colors=colour, linewidths=width, zorder=3)
@@ -176,8 +177,8 @@ def _draw_marks(axes: Any, grid: Grid, marks: Marks) -> None:
     _draw_charted(axes, marks)
 
 
-def _draw_charted(axes: Any, marks: Marks) -> None:
-    """Draw zones, pipelines and cables as charts do, in magenta; return a legend where there are any."""
+def _draw_charted(axes: Any, marks: MapMarks) -> None:
+    """Draw zones, pipelines and cables in magenta, as charts do, with a legend if there are any."""
     from matplotlib.collections import PolyCollection
 
     axes.add_collection(PolyCollection([m[:, ::-1] for m in marks.meshes], facecolors=OBSTACLE, zorder=5))
@@ -210,7 +211,7 @@ def _draw_soundings(axes: Any, soundings: Array) -> None:
 
 
 def draw_obstacles(axes: Any, cylinders: tuple[Cylinder, ...], boxes: tuple[Box, ...]) -> None:
-    """Draw obstacles in true size, each with a cross that stays visible."""
+    """Draw obstacles in true size; cylinders also have a cross, which is visible at any scale."""
     from matplotlib.collections import PatchCollection
     from matplotlib.patches import Circle, Rectangle
 
@@ -229,7 +230,7 @@ def draw_obstacles(axes: Any, cylinders: tuple[Cylinder, ...], boxes: tuple[Box,
 
 
 def _draw_scale_bar(axes: Any, grid: Grid) -> None:
-    """Draw a bar of a round length, about a fifth of the width, and an arrow to the north."""
+    """Draw a scale bar of a round length, at most a fifth of the width, and a north arrow."""
     south, north, west, east = grid.extent
     wanted = 0.2 * (east - west)
     decade = 10.0 ** np.floor(np.log10(wanted))

@@ -1,4 +1,4 @@
-"""Convert geographic positions to a local plane and back: the tangent plane of WGS 84 at a world's origin."""
+"""Convert geographic positions to a local plane: the tangent plane of WGS 84 at a world's origin."""
 
 from math import cos, radians, sin
 
@@ -14,11 +14,11 @@ Array = NDArray[np.float64]
 
 
 class LocalPlane:
-    """North and east in m on the plane that touches the ellipsoid at (latitude, longitude), in degrees.
+    """Plane that touches the ellipsoid at (latitude, longitude), in degrees; positions are north and east in m.
 
-    A point of the ellipsoid is dropped onto the plane (ECEF, then the topocentric turn), so the distance from the
-    origin comes out short, an arc shown as its sine: 0.5 mm at 5 km, 0.1 m at 30 km. Good for worlds of some tens
-    of kilometres. That the earth falls away below the plane is not modelled: depths count from the water's surface.
+    A point of the ellipsoid is projected onto the plane (ECEF, then rotation to the local axes). Distances from the
+    origin are therefore too short, by 0.5 mm at 5 km and 0.1 m at 30 km: suitable for worlds of some tens of km. The
+    curvature of the earth is not modelled: depths are relative to the water's surface.
     """
 
     def __init__(self, latitude: float, longitude: float) -> None:
@@ -30,13 +30,13 @@ class LocalPlane:
         self._origin = _ecef(np.array(phi), np.array(lam))
 
     def to_local(self, latitude: Array, longitude: Array) -> tuple[Array, Array]:
-        """Return north and east in m of points in degrees, arrays of one shape."""
+        """Return north and east (m) of positions in degrees; all arrays have the same shape."""
         offset = _ecef(np.radians(latitude), np.radians(longitude)) - self._origin
         return offset @ self._north, offset @ self._east
 
 
 def _ecef(phi: Array, lam: Array) -> Array:
-    """Return points of the ellipsoid, (..., 3) in m."""
+    """Return the Earth-centred, Earth-fixed positions of points of the ellipsoid, (..., 3) in m; angles in radians."""
     radius = SEMI_MAJOR_AXIS / np.sqrt(1.0 - _E2 * np.sin(phi) ** 2)
     parts = radius * np.cos(phi) * np.cos(lam), radius * np.cos(phi) * np.sin(lam), radius * (1.0 - _E2) * np.sin(phi)
     return np.stack(parts, axis=-1)

@@ -1,4 +1,4 @@
-"""Find the place on a chart for a short dive: with relief, and near enough to the bed for a camera."""
+"""Find sites for a short dive on a seabed: straight paths over relief, near enough to the bed for a camera."""
 
 from collections.abc import Iterator
 from math import cos, hypot, pi, sin
@@ -14,80 +14,82 @@ Array = NDArray[np.float64]
 Indices = NDArray[np.intp]
 Point = tuple[float, float]  # north, east in m
 
-COURSES = 8  # half a turn of them; a way is as good in either direction
-PLACES = 25  # along a way
-ABEAM = (-24.0, -12.0, 12.0, 24.0)  # m: as far as a laser sees
-LEAST_DEPTH = 2.0  # m of water above
-LEAST_ALTITUDE = 2.5  # m under the keel at the highest place of the way
-MOST_ALTITUDE = 8.0  # m, unless another depth is asked for: the bed is still seen
-MOST_DEPTH = 12.0  # m, unless another is asked for: daylight comes so far
-MOST_RELIEF = 3.0  # m of standard deviation, beyond which more is no better
-TRIES = 20
-MOST_MIDDLES = 20_000  # looked at: of a large chart the steeper half of them, and others spread over all of it
-APART = 100.0  # m between two sites
+COURSES = 8  # over half a turn: a path is equally good in both directions
+PATH_SAMPLES = 25  # points along a path
+SIDE_DISTANCES = (-24.0, -12.0, 12.0, 24.0)  # m abeam of a path: within the range of a laser
+LEAST_DEPTH = 2.0  # m of water above the vehicle
+LEAST_ALTITUDE = 2.5  # m above the highest point of the bed below the path
+MOST_ALTITUDE = 8.0  # m, unless the user sets a depth: the camera still shows the bed
+MOST_DEPTH = 12.0  # m, unless the user sets a depth: there is still daylight
+MOST_RELIEF = 3.0  # m of standard deviation; more does not improve the score
+MOST_SITES = 20
+MOST_MIDDLES = 20_000  # of paths that are scored; on a larger chart half of them are steep places, half spread evenly
+SITE_SPACING = 100.0  # m, least distance between two sites
 
 
 class Site(NamedTuple):
-    """A straight way from `start` to `goal` (m north, m east), `depth` m down."""
+    """A straight path from `start` to `goal` (m north, m east) at `depth` m."""
 
     start: Point
     goal: Point
     depth: float
 
 
-def sites(grid: Grid, length: float, depth: float | None = None) -> Iterator[Site]:
-    """Return ways of `length` m, the best first, at `depth` m if that is given. Raises ConfigError when there is none.
+def find_sites(grid: Grid, length: float, depth: float | None = None) -> Iterator[Site]:
+    """Yield paths of `length` m, the best first, at `depth` m if given. Raises ConfigError if there is none.
 
-    A way is good where the bed under it goes up and down, and the ground beside it comes up to the vehicle, for the
-    laser and the sonar to see; all of it lies in known water. Where all of that is too deep for daylight, deeper.
+    A path is good where the bed below has relief, and where ground beside it rises to the vehicle's depth, so that
+    laser and sonar detect it. All of it is in known water. Paths below MOST_DEPTH are used only if there are no others.
     """
     found = False
     for deepest in (MOST_DEPTH, np.inf) if depth is None else (np.inf,):
-        for site in _sites(grid, length, depth, deepest):
+        for site in _sites_above(grid, length, depth, deepest):
             found = True
             yield site
         if found:
             return
     deep = f" at {depth:g} m" if depth is not None else ""
     raise ConfigError(
-        f"no straight way of {length:g} m{deep} in known water here, which must reach {ABEAM[-1]:g} m to both sides; "
-        "try --depth or --length"
+        f"no straight path of {length:g} m{deep} here with known water {SIDE_DISTANCES[-1]:g} m to both sides; "
+        "try another --depth or --length"
     )
 
 
-def _sites(grid: Grid, length: float, depth: float | None, deepest: float) -> Iterator[Site]:
-    """Return ways at most `deepest` m down, none or more."""
+def _sites_above(grid: Grid, length: float, depth: float | None, deepest: float) -> Iterator[Site]:
+    """Yield paths at depths of at most `deepest` m, the best first; may be none."""
     known = (grid.depths > LEAST_DEPTH + LEAST_ALTITUDE) & (grid.depths < deepest + MOST_ALTITUDE)
     rows, columns = np.nonzero(known)
-    chosen_nodes = _promising(grid, rows, columns)
+    chosen_nodes = _select_middles(grid, rows, columns)
     rows, columns = rows[chosen_nodes], columns[chosen_nodes]
     middles = np.column_stack([grid.north[rows], grid.east[columns]])
-    judged = [_judge(grid, middles, pi * i / COURSES, length, depth, deepest) for i in range(COURSES)]
+    judged = [_score_paths(grid, middles, pi * i / COURSES, length, depth, deepest) for i in range(COURSES)]
     scores, depths = (np.concatenate(each) for each in zip(*judged, strict=True))
     chosen: list[Point] = []
     for index in np.argsort(-scores):
-        if not np.isfinite(scores[index]) or len(chosen) == TRIES:
+        if not np.isfinite(scores[index]) or len(chosen) == MOST_SITES:
             break
         north, east = middles[index % len(middles)]
-        if all(hypot(north - n, east - e) > APART for n, e in chosen):
+        if all(hypot(north - n, east - e) > SITE_SPACING for n, e in chosen):
             chosen.append((float(north), float(east)))
             yield _site(chosen[-1], pi * int(index // len(middles)) / COURSES, length, float(depths[index]))
 
 
 def depth_between(grid: Grid, start: Point, goal: Point) -> float:
-    """Return how deep to dive on the straight way between two places.
+    """Return the depth (m) of a dive on the straight path between two positions.
 
-    Raises ConfigError where there is too little water.
+    Raises ConfigError where the water is too shallow or unknown.
     """
-    shares = np.linspace(0.0, 1.0, PLACES)[:, None]
+    shares = np.linspace(0.0, 1.0, PATH_SAMPLES)[:, None]
     least = float(np.min(grid.at(np.array(start) + shares * (np.array(goal) - np.array(start)))))
     if not least > LEAST_DEPTH + LEAST_ALTITUDE:
-        raise ConfigError("too little water, or none that is known, on the straight way from --start to --goal")
+        raise ConfigError(
+            "the straight path from --start to --goal leads through shallow or unknown water: choose other places"
+        )
     return _rounded(least - LEAST_ALTITUDE)
 
 
-def _promising(grid: Grid, rows: Indices, columns: Indices) -> Indices:
-    """Return which of the nodes to look at, no more than MOST_MIDDLES."""
+def _select_middles(grid: Grid, rows: Indices, columns: Indices) -> Indices:
+    """Return the indices of the nodes to score as middles of paths, about MOST_MIDDLES at most."""
     if len(rows) <= MOST_MIDDLES:
         return np.arange(len(rows))
     slopes = np.zeros(len(rows))
@@ -99,14 +101,14 @@ def _promising(grid: Grid, rows: Indices, columns: Indices) -> Indices:
     return np.union1d(np.argpartition(-slopes, half)[:half], spread)
 
 
-def _judge(
+def _score_paths(
     grid: Grid, middles: Array, course: float, length: float, depth: float | None, deepest: float
 ) -> tuple[Array, Array]:
-    """Return how good a way through each of `middles` is (-inf: none), and how deep it is: at most `deepest` m."""
+    """Return the score (-inf: not possible) and the depth (m) of a path through each of `middles` (n, 2)."""
     ahead, abeam = np.array([cos(course), sin(course)]), np.array([-sin(course), cos(course)])
-    along = np.linspace(-0.5 * length, 0.5 * length, PLACES)
+    along = np.linspace(-0.5 * length, 0.5 * length, PATH_SAMPLES)
     under = np.stack([grid.at(middles + x * ahead) for x in along])
-    swath = np.stack([grid.at(middles + x * ahead + y * abeam) for x in along[::3] for y in ABEAM])
+    swath = np.stack([grid.at(middles + x * ahead + y * abeam) for x in along[::3] for y in SIDE_DISTANCES])
     least = under.min(axis=0)
     deep = np.full(len(middles), depth) if depth is not None else np.floor(2.0 * (least - LEAST_ALTITUDE)) / 2.0
     relief = np.minimum(under.std(axis=0), MOST_RELIEF)
@@ -124,5 +126,5 @@ def _site(middle: Point, course: float, length: float, depth: float) -> Site:
 
 
 def _rounded(depth: float) -> float:
-    """Return a depth rounded to half a metre, to the shallower one."""
+    """Return a depth rounded up to a shallower multiple of half a metre."""
     return float(np.floor(2.0 * depth) / 2.0)

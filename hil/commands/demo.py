@@ -92,7 +92,7 @@ def _dive(options: argparse.Namespace) -> int:
     """Build a world and a path, fly the path, and report what the sensors saw."""
     _require_extras()
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the linear systems are small: more threads only wait
-    from hil.charts.dive.dive import DiveOptions, prepare_dive
+    from hil.charts.dive.prepare import DiveOptions, prepare_dive
     from hil.charts.dive.watch import DiveWatch
 
     endpoint = options.listen or DiveOptions().listen
@@ -121,7 +121,7 @@ def _dive(options: argparse.Namespace) -> int:
         code = _run([path], endpoint, folder, watch.observe)
     from hil.charts.dive.report import write_report
 
-    files = write_report(folder, scenario, watch.observations, watch.figures(), bed)
+    files = write_report(folder, scenario, watch.observations, watch.diagnostics(), bed)
     print(f"report of the sensors: {files[-1]}")
     return code
 

@@ -101,9 +101,9 @@ def _add_world(parser: argparse.ArgumentParser) -> None:
 
 def _build(options: argparse.Namespace) -> int:
     from hil.charts.build import build
-    from hil.charts.chart_survey import Box
+    from hil.charts.chart_survey import GeoBox
     from hil.charts.describe import describe
-    from hil.charts.sources.choose import read_sources
+    from hil.charts.sources.combine import read_sources
     from hil.charts.world_file import write_world
 
     path = (
@@ -111,7 +111,7 @@ def _build(options: argparse.Namespace) -> int:
     )
     survey, extent = read_sources(
         options.files,
-        Box(*options.area) if options.area else None,
+        GeoBox(*options.area) if options.area else None,
         options.resolution,
         options.updates,
         options.positive,
@@ -126,17 +126,17 @@ def _build(options: argparse.Namespace) -> int:
         show_progress(1.0)  # remove the progress line, also on Ctrl-C
     lines = aligned([(f"  {name}", text) for name, text in describe(survey, built)])
     header = (NOTE, *(line.strip() for line in lines))
-    write_world(path, built.placed, survey.source, survey.origin, header)
+    write_world(path, built.model, survey.source, survey.origin, header)
     if options.plot:
-        from hil.charts.picture import Marks, draw
+        from hil.charts.picture import MapMarks, draw
 
         name = os.path.splitext(os.path.basename(path))[0]
-        charted = built.placed.charted
-        marks = Marks(
+        charted = built.model.charted
+        marks = MapMarks(
             survey.soundings, survey.contours, survey.shore, survey.bridges, charted.pipelines, charted.zones
         )  # fmt: skip
         title = f"{name}: {survey.source}"
-        draw(built.placed.grid, built.placed.cylinders, built.placed.boxes, marks, title, options.plot)
+        draw(built.model.grid, built.model.cylinders, built.model.boxes, marks, title, options.plot)
     if options.json:
         print(json_text({"world": path, **built.report._asdict()}))
     else:
@@ -148,13 +148,13 @@ def _show(options: argparse.Namespace) -> int:
     import numpy as np
 
     from hil.charts.grid import overview
-    from hil.charts.picture import MOST_PIXELS, Marks, draw
+    from hil.charts.picture import MOST_PIXELS, MapMarks, draw
 
     world = load_world(options.world)
     path = options.output or f"{world.name}.png"
     grid = overview(world, MOST_PIXELS, options.resolution)
     meshes = tuple(np.array(triangle)[:, :2] for mesh in world.mesh for triangle in mesh.placed)
-    marks = Marks(pipelines=world.pipeline, zones=world.all_zones(), meshes=meshes)
+    marks = MapMarks(pipelines=world.pipeline, zones=world.all_zones(), meshes=meshes)
     draw(grid, world.cylinder, world.box, marks, f"{world.name}: {world.source}", path)
     print(path)
     return 0
@@ -174,14 +174,14 @@ def _export(options: argparse.Namespace) -> int:
 
 def _write(world: World, path: str, ending: str, resolution: float | None, depth: float | None) -> str:
     """Write `world` in the format of `ending`; return a line that describes the file."""
-    from hil.charts.grid import frame_of, grid_of, strip
+    from hil.charts.grid import frame_of, grid_of, read_rows
 
     frame = frame_of(world, resolution)
     if depth is not None:
         from hil.charts.describe import percent
-        from hil.charts.exports.free_water import free_water
+        from hil.charts.exports.occupancy import build_occupancy
 
-        cells = free_water(world, grid_of(world), depth, frame.resolution)
+        cells = build_occupancy(world, grid_of(world), depth, frame.resolution)
         cells.write_pgm(path)
         return (
             f"{percent(1.0 - float(cells.cells.mean()))} of it free {depth:g} m down; {os.path.splitext(path)[0]}.yaml"
@@ -189,13 +189,13 @@ def _write(world: World, path: str, ending: str, resolution: float | None, depth
     if ending in (".tif", ".tiff"):
         from hil.charts.exports.geotiff import write_geotiff
 
-        write_geotiff(frame, world.origin, path, partial(strip, world, frame))
+        write_geotiff(frame, world.origin, path, partial(read_rows, world, frame))
         return "heights in m" + ("" if world.origin else ", without a place on the earth: the world has no origin")
     if ending == ".sdf":
-        from hil.charts.exports.gazebo import MOST_NODES, spacing, write_gazebo
+        from hil.charts.exports.gazebo import MOST_NODES, height_map_spacing, write_gazebo
 
         grid = grid_of(world, resolution)
-        note, step = f"heights rounded by {write_gazebo(world, grid, path) * 1e3:.2g} mm", spacing(grid)
+        note, step = f"heights rounded by {write_gazebo(world, grid, path) * 1e3:.2g} mm", height_map_spacing(grid)
         is_coarser = step > 1.001 * grid.resolution
         note += f"; one every {step:.3g} m, because a side has at most {MOST_NODES}" if is_coarser else ""
         return note + (f"; its {len(world.mesh)} meshes are left out" if world.mesh else "")

@@ -118,10 +118,17 @@ def _view(world: str) -> Any:
 
 def _picture(world: str) -> None:
     from hil.charts.grid import grid_of
-    from hil.charts.picture import Marks, draw
+    from hil.charts.picture import MapMarks, draw
 
     place: World = load_world(world)
-    draw(grid_of(place), place.cylinder, place.box, Marks(), "large", os.path.join(os.path.dirname(world), "large.png"))
+    draw(
+        grid_of(place),
+        place.cylinder,
+        place.box,
+        MapMarks(),
+        "large",
+        os.path.join(os.path.dirname(world), "large.png"),
+    )
 
 
 RUNS: dict[str, Callable[[str], Any]] = {

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from hil.charts.dive.dive import DiveOptions, prepare_dive
+from hil.charts.dive.prepare import DiveOptions, prepare_dive
 from hil.charts.dive.report import MARK, draw_camera, draw_seabed, draw_sonar
 from hil.charts.dive.watch import DiveWatch, Observation
 from hil.common.children import module_command, package_environment, start_child

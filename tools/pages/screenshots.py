@@ -20,7 +20,7 @@ import tempfile
 from pathlib import Path
 from typing import Literal
 
-from hil.charts.dive.dive import DiveOptions, prepare_dive
+from hil.charts.dive.prepare import DiveOptions, prepare_dive
 from hil.common.ports import free_ports
 
 ROOT = Path(__file__).parents[2]

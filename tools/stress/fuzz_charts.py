@@ -31,7 +31,7 @@ ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT))
 
 from hil.charts.sources import s57_process  # noqa: E402
-from hil.charts.sources.choose import read_sources  # noqa: E402
+from hil.charts.sources.combine import read_sources  # noqa: E402
 from hil.common import children  # noqa: E402
 from hil.common.errors import HilError  # noqa: E402
 

@@ -22,9 +22,9 @@ from sim.environment.world import World, load_world
 from sim.rotations import to_euler
 from sim.sensors.imaging.samples import SonarImageSample
 
-FRAMES = 6  # of the camera
+FRAMES = 6  # camera pictures in the report
 MARK, MEASURED = "#facc15", "#1d4ed8"
-AROUND = 40.0  # m of the map around the track
+MAP_MARGIN = 40.0  # m of the map around the track
 
 
 def write_report(
@@ -32,10 +32,10 @@ def write_report(
 ) -> list[str]:
     """Draw the pictures and write report.md and report.html into `folder`, with facts on the `bed`; return the files.
 
-    Raises MissionError when nothing was seen, ConfigError, MissingExtraError.
+    Raises MissionError if there are no observations, ConfigError, MissingExtraError.
     """
     if not observations:
-        raise MissionError("the vehicle has sent no pictures, so there is nothing to report; see slave.log")
+        raise MissionError("the vehicle sent no pictures, so there is nothing to report; read slave.log")
     plt = pyplot()
     world = load_world(scenario.world)
     chosen = [
@@ -50,9 +50,9 @@ def write_report(
             _altitude(plt, world, observations),
             "Seabed and vehicle from the side, and what the altimeter measured.",
         ),
-        "camera": (_camera(plt, world, chosen), "The camera, at the places marked on the map."),
+        "camera": (_camera(plt, world, chosen), "Camera pictures, taken at the numbers on the map."),
         "sonar": (_sonar(plt, observations), "The forward-looking sonar, seen from above; ahead is up."),
-        "laser": (_laser(plt, observations), "What the laser met, all scans together, and the one that met most."),
+        "laser": (_laser(plt, observations), "Echoes of the laser: all scans, and the scan with the most echoes."),
     }
     files = []
     for name, (figure, _) in figures.items():
@@ -72,7 +72,7 @@ def _figures(
     rows = [
         ("chart", world.source),
         (
-            "seen for",
+            "observed for",
             f"{observations[-1].time:.0f} s over {_travelled(observations):.0f} m at {scenario.master.depth:g} m",
         ),
         ("altitude", f"{min(beds):.1f} to {max(beds):.1f} m"),
@@ -113,13 +113,13 @@ def _map(
 
 
 def draw_seabed(axes: Any, world: World, track: Any) -> tuple[Any, Any]:
-    """Draw the seabed around a track (rows of m north, m east), lit and with contours, and what stands in it.
+    """Draw the seabed around a track (rows of m north, m east) with shading, contours and obstacles.
 
     Return image and contours.
     """
     grid = grid_of(world)
     south, north, west, east = grid.extent
-    low, high = track.min(axis=0) - AROUND, track.max(axis=0) + AROUND
+    low, high = track.min(axis=0) - MAP_MARGIN, track.max(axis=0) + MAP_MARGIN
     shown = grid.depths[_near(grid.north, low[0], high[0]), :][:, _near(grid.east, low[1], high[1])]
     image = axes.imshow(
         np.ma.masked_less_equal(grid.depths, 0.0), origin="lower", extent=(west, east, south, north), cmap="GnBu",
@@ -187,7 +187,7 @@ def _camera(plt: Any, world: World, chosen: Sequence[Observation]) -> Any:
 
 
 def _sonar(plt: Any, observations: Sequence[Observation]) -> Any:
-    """Draw the sonar picture with the strongest contrast of each half of the dive, on its fan."""
+    """Draw, for each half of the dive, the sonar picture with the strongest contrast, as a fan."""
     figure, panels = plt.subplots(1, 2, figsize=(12, 4.3), layout="constrained")
     middle = (len(observations) + 1) // 2
     for axes, half in zip(panels, (observations[:middle], observations[middle:] or observations), strict=True):
@@ -198,7 +198,7 @@ def _sonar(plt: Any, observations: Sequence[Observation]) -> Any:
 
 
 def draw_sonar(axes: Any, sonar: SonarImageSample) -> None:
-    """Draw one picture of the forward-looking sonar as its fan, m to starboard and ahead."""
+    """Draw one picture of the forward-looking sonar as a fan, m to starboard and ahead."""
     angles = _edges(np.array(sonar.beams))
     ranges = sonar.first_range + sonar.range_step * np.arange(sonar.bins + 1)
     axes.pcolormesh(
@@ -209,7 +209,7 @@ def draw_sonar(axes: Any, sonar: SonarImageSample) -> None:
 
 
 def _echoes(sonar: SonarImageSample) -> Any:
-    """Return a row a range, a column a beam."""
+    """Return the echoes: one row per range, one column per beam."""
     kind = np.uint8 if sonar.encoding == "uint8" else np.float32
     return np.frombuffer(sonar.intensities, kind).reshape(sonar.bins, len(sonar.beams))
 
@@ -223,7 +223,7 @@ def _laser(plt: Any, observations: Sequence[Observation]) -> Any:
     figure, (world, body) = plt.subplots(1, 2, figsize=(12, 5.6), layout="constrained")
     track = np.array([observation.truth.position[:2] for observation in observations])
     for observation in observations:
-        north, east = _met(observation)
+        north, east = _echo_positions(observation)
         world.plot(east, north, ".", color=MEASURED, markersize=2)
     world.plot(track[:, 1], track[:, 0], color=TRACK, linewidth=1.5)
     world.set(aspect="equal", xlabel="east (m)", ylabel="north (m)", title="all scans")
@@ -237,15 +237,15 @@ def _laser(plt: Any, observations: Sequence[Observation]) -> Any:
     body.add_patch(plt.Circle((0.0, 0.0), reach, fill=False, color="0.7", linestyle="--"))
     body.set(
         aspect="equal", xlim=(-1.05 * reach, 1.05 * reach), ylim=(-1.05 * reach, 1.05 * reach),
-        xlabel="to starboard (m)", ylabel="ahead (m)", title=f"at {best.time:.0f} s; dashed: its reach",
+        xlabel="to starboard (m)", ylabel="ahead (m)", title=f"at {best.time:.0f} s; dashed: greatest range",
     )  # fmt: skip
     for axes in (world, body):
         axes.grid(color=GRID, linewidth=0.6)
     return figure
 
 
-def _met(observation: Observation) -> tuple[list[float], list[float]]:
-    """Return north and east of what one scan met, the vehicle being about level."""
+def _echo_positions(observation: Observation) -> tuple[list[float], list[float]]:
+    """Return north and east (m) of the echoes of one scan; roll and pitch are neglected."""
     yaw, (north, east, _) = to_euler(observation.truth.orientation)[2], observation.truth.position
     laser = observation.laser
     echoes = [(r, yaw + laser.angle_min + i * laser.angle_increment) for i, r in enumerate(laser.ranges) if isfinite(r)]

@@ -1,4 +1,4 @@
-"""Store what a diving vehicle's sensors show every other second, for the report."""
+"""Store the samples of a vehicle's sensors once a second during a dive, for the report."""
 
 from typing import Any, NamedTuple
 
@@ -10,11 +10,11 @@ from sim.sensors.samples import OdometrySample
 
 PERIOD_NS = NS_PER_S
 CAMERA, SONAR = "camera/image_raw", "forward_sonar/image"
-SEEN = ("ground_truth", "altimeter", "laser", CAMERA, SONAR)
+TOPICS = ("ground_truth", "altimeter", "laser", CAMERA, SONAR)
 
 
 class Observation(NamedTuple):
-    """One instant: s since the first, where the vehicle truly was, its altimeter (m), and its newest pictures."""
+    """The newest samples at one time: `time` s after the first observation, true state, `altitude` m, and pictures."""
 
     time: float
     truth: OdometrySample
@@ -25,7 +25,7 @@ class Observation(NamedTuple):
 
 
 class DiveWatch:
-    """An observer of the vehicle of `scenario`, with its `observations`. Use as a context. Raises NetworkError."""
+    """Observer of the vehicle of `scenario`, which stores `observations`. A context manager. Raises NetworkError."""
 
     def __init__(self, scenario: Scenario) -> None:
         slave = scenario.slave
@@ -35,7 +35,7 @@ class DiveWatch:
             part="observer",
             network=scenario.network,
             security=scenario.security,
-            topics=SEEN,
+            topics=TOPICS,
         )
         self._due_ns = self._began_ns = 0
         self.observations: list[Observation] = []
@@ -47,18 +47,18 @@ class DiveWatch:
         self._client.close()
 
     def observe(self) -> bool:
-        """Store the newest samples if the period has passed; return whether there are any."""
+        """Store the newest samples if the period has passed; return whether any have been stored."""
         latest, now = self._client.latest, now_ns()
-        if now < self._due_ns or not all(topic in latest for topic in SEEN):
+        if now < self._due_ns or not all(topic in latest for topic in TOPICS):
             return bool(self.observations)
         self._began_ns = self._began_ns or now
         self._due_ns = now + PERIOD_NS
-        truth, altimeter, laser, camera, sonar = (latest[topic].value for topic in SEEN)
+        truth, altimeter, laser, camera, sonar = (latest[topic].value for topic in TOPICS)
         self.observations.append(
             Observation((now - self._began_ns) / NS_PER_S, truth, altimeter.distance, laser, camera, sonar)
         )  # fmt: skip
         return True
 
-    def figures(self) -> Diagnostics:
-        """Return the slave's last figures of health."""
+    def diagnostics(self) -> Diagnostics:
+        """Return the newest diagnostics of the slave."""
         return self._client.diagnostics()

@@ -1,1 +1,1 @@
-"""Worlds as files of other programs: meshes, Gazebo, GeoTIFF, and maps for planners."""
+"""Export of worlds to files of other programs: meshes, Gazebo, GeoTIFF, and occupancy maps."""

@@ -12,7 +12,7 @@ from hil.charts.grid import Grid, write_file
 from sim.environment.obstacles import Box, Cylinder
 from sim.environment.world import World
 
-MOST_NODES = 2049  # a side; Gazebo wants 2^n + 1
+MOST_NODES = 2049  # along a side; Gazebo requires 2^n + 1
 LEVELS = 65535
 WALL = 0.2  # m thick
 _PLUGINS = {
@@ -22,11 +22,10 @@ _PLUGINS = {
 
 
 def write_gazebo(world: World, grid: Grid, path: str) -> float:
-    """Write the SDF `path` (`.sdf`) and its pictures beside it; return how far (m) a height is rounded.
+    """Write the SDF `path` (`.sdf`) and its images beside it; return the greatest rounding error of a height (m).
 
-    x is east, y north, z up, the water's surface at 0. What is unknown becomes as high as the highest land or
-    shoal there is, a wall. Water has weight (buoyancy) but no current: that is a vehicle's plugin in Gazebo. Raises
-    ConfigError.
+    x is east, y north, z up, and the water's surface is at 0. Unknown depths become a wall, as high as the highest land
+    or shoal. The world has buoyancy but no current, which is part of a vehicle's plugin in Gazebo. Raises ConfigError.
     """
     image, low, high = height_map(grid)
     stem = os.path.splitext(path)[0]
@@ -38,29 +37,26 @@ def write_gazebo(world: World, grid: Grid, path: str) -> float:
 
 
 def height_map(grid: Grid) -> tuple[NDArray[np.uint16], float, float]:
-    """Return a square picture with 2^n + 1 nodes a side, its first row the north.
-
-    Heights in m of 0 and of its brightest.
-    """
+    """Return a square image with 2^n + 1 nodes along a side, north first, and the heights (m) of its 0 and 65535."""
     side = _side(grid)
     south, north, west, east = grid.extent
     columns = np.clip(np.linspace(west, east, side), west, east)
     rows = np.clip(np.linspace(south, north, side), south, north)
     heights = np.array([-grid.at(np.column_stack([np.full(side, row), columns])) for row in rows])
     low, high = float(np.nanmin(heights)), float(np.nanmax(heights))
-    high = max(high, low + 0.01)  # a flat bed, too, has a range
+    high = max(high, low + 0.01)  # a flat bed needs a range other than 0
     levels = np.rint((np.nan_to_num(heights, nan=high) - low) / (high - low) * LEVELS)
     return levels[::-1].astype(np.uint16), low, high
 
 
-def spacing(grid: Grid) -> float:
-    """Return how far the nodes of the height map are apart at most (m)."""
+def height_map_spacing(grid: Grid) -> float:
+    """Return the greater spacing of the nodes of the height map (m)."""
     south, north, west, east = grid.extent
     return max(north - south, east - west) / (_side(grid) - 1)
 
 
 def _side(grid: Grid) -> int:
-    """Return the nodes along a side of the height map."""
+    """Return the number of nodes along a side of the height map."""
     side = 3
     while side < min(max(grid.depths.shape), MOST_NODES):
         side = 2 * side - 1
@@ -133,7 +129,7 @@ def _origin(world: World) -> str:
 
 
 def _obstacles(world: World, grid: Grid) -> Iterator[str]:
-    """Return static models from the bed to their tops; what stands out of the water ends 5 m above it."""
+    """Yield static models, from the bed to their tops; those that rise above the water end 5 m above it."""
     standing: tuple[Cylinder | Box, ...] = (*world.cylinder, *world.box, *_walls(world))
     for number, obstacle in enumerate(standing):
         bed = float(grid.at(np.array([[obstacle.north, obstacle.east]]))[0])
@@ -147,7 +143,7 @@ def _obstacles(world: World, grid: Grid) -> Iterator[str]:
 
 
 def _walls(world: World) -> list[Box]:
-    """Return a pool's walls, as boxes around its extent whose middles stay over its bed."""
+    """Return the walls of a pool as boxes on the edges of its extent, where the depth of the bed is defined."""
     if not world.walls:
         return []
     south, north, west, east = world.extent
@@ -159,7 +155,7 @@ def _walls(world: World) -> list[Box]:
 def _model(name: str, obstacle: Cylinder | Box, z: float, height: float) -> str:
     if isinstance(obstacle, Cylinder):
         yaw, shape = 0.0, f"<cylinder><radius>{obstacle.radius:g}</radius><length>{height:.3f}</length></cylinder>"
-    else:  # its first side points at `heading` from north; x of ENU is east, angles go the other way round
+    else:  # its first side points `heading` clockwise from north; angles of ENU are counter-clockwise from east
         yaw = 0.5 * np.pi - obstacle.heading
         shape = f"<box><size>{obstacle.size_north:g} {obstacle.size_east:g} {height:.3f}</size></box>"
     return f"""    <model name="{name}">

@@ -6,32 +6,32 @@ import struct
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.charts.grid import Grid, rounded_up, write_file
+from hil.charts.grid import Grid, round_up, write_file
 from hil.common.errors import ConfigError
 
 Corners = NDArray[np.float32]
 Triangles = NDArray[np.uint32]
 
-MOST_NODES = 4_000_000  # of a mesh: 8 million triangles, 0.4 GB as STL; making one takes a few times that
+MOST_NODES = 4_000_000  # of a mesh: 8 million triangles, 0.4 GB as STL; making it takes a few times that memory
 _SAND = {"baseColorFactor": [0.76, 0.7, 0.5, 1.0], "metallicFactor": 0.0}
 
 
 def check_size(grid: Grid) -> None:
-    """Raise ConfigError if a mesh of `grid` had more nodes than MOST_NODES, which memory may not hold."""
+    """Raise ConfigError if a mesh of `grid` would have more than MOST_NODES nodes, too many for memory."""
     rows, columns = grid.depths.shape
     if rows * columns > MOST_NODES:
-        fits = rounded_up(grid.resolution * (rows * columns / MOST_NODES) ** 0.5 * 1.001)
+        fits = round_up(grid.resolution * (rows * columns / MOST_NODES) ** 0.5 * 1.001)
         raise ConfigError(
             f"--resolution: {grid.resolution:g} m makes a mesh of {rows} x {columns} nodes, more than {MOST_NODES}: "
-            f"take {fits:g} m or a coarser one"
+            f"use {fits:g} m or coarser"
         )
 
 
 def triangulate(grid: Grid) -> tuple[Corners, Triangles]:
-    """Return corners (n, 3) as east, north, up in m, and triangles (m, 3) of them, seen from above counter-clockwise.
+    """Return corners (n, 3) east, north, up in m, and triangles (m, 3) of their indices, counter-clockwise from above.
 
-    Two triangles a cell; none where one of its nodes is unknown. Raises ConfigError if none is left, or for more nodes
-    than MOST_NODES.
+    A cell has two triangles, or none if one of its nodes is unknown. Raises ConfigError if there are no triangles, or
+    more nodes than MOST_NODES.
     """
     check_size(grid)
     rows, columns = grid.depths.shape
@@ -42,7 +42,7 @@ def triangulate(grid: Grid) -> tuple[Corners, Triangles]:
     triangles = np.concatenate([np.column_stack([here, right, across]), np.column_stack([here, across, above])])
     triangles = triangles[np.isfinite(corners[triangles, 2]).all(axis=1)]
     if not len(triangles):
-        raise ConfigError("the world has no cell with four known depths: there is no mesh of it")
+        raise ConfigError("the world has no cell with four known depths, so it has no mesh: choose another world")
     used, renumbered = np.unique(triangles, return_inverse=True)
     return corners[used], renumbered.reshape(-1, 3).astype(np.uint32)
 

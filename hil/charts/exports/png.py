@@ -1,4 +1,4 @@
-"""Write PNG pictures: height maps of 16 bits, and colours."""
+"""Write PNG images: 16-bit height maps and RGB colours."""
 
 import io
 
@@ -10,9 +10,9 @@ from hil.common.errors import MissingExtraError
 
 
 def write_png(image: NDArray[np.uint16] | NDArray[np.uint8], path: str) -> None:
-    """Write (rows, columns) of 8 or 16 bits as grey, (rows, columns, 3) of 8 bits as colours.
+    """Write an image: grey as (rows, columns) of 8 or 16 bits, or RGB as (rows, columns, 3) of 8 bits.
 
-    Raises ConfigError where `path` cannot be written, MissingExtraError without Pillow.
+    Raises ConfigError if `path` cannot be written, MissingExtraError without Pillow.
     """
     try:
         from PIL import Image

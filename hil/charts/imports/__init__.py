@@ -1,5 +1,5 @@
-"""Worlds and meshes out of other simulators' files: SDF worlds of Gazebo, meshes of many formats.
+"""Import of worlds and meshes from files of other simulators: Gazebo's SDF worlds, meshes of many formats.
 
-Public: `meshes.read_meshes`, which measures and converts meshes in a process with limits; `gazebo_world.read_world` and
-`gazebo_world.write_world`. It must not fetch anything from a network.
+Public: `meshes.read_meshes`, which measures and converts meshes in a process with limits, and
+`gazebo_world.import_world`. This package must not fetch anything from a network.
 """

@@ -1,4 +1,4 @@
-"""The shapes of a Gazebo world that stand still, each with its place in the world (east, north, up)."""
+"""Read the static shapes of a Gazebo world, each with its pose in the world (east, north, up)."""
 
 import os
 from collections.abc import Iterator
@@ -12,15 +12,14 @@ from sim.vehicle.urdf.pose import Pose
 from sim.vehicle.urdf.text import Element, number_of, numbers_of, plain
 
 _SIZES = {"box": 3, "sphere": 1, "cylinder": 2, "capsule": 2, "cone": 2, "ellipsoid": 3}
-_WATER = ("water", "ocean", "wave", "sea_surface", "/surface")  # in the names of what is drawn for the water
-_CLEAR = 0.9
+_WATER = ("water", "ocean", "wave", "sea_surface", "/surface")  # parts of the names of shapes that show the water
+_CLEAR = 0.9  # opacity below which a shape is transparent
 
 
 class Shape(NamedTuple):
-    """One shape: its kind ("box", "mesh", "plane", "heightmap" ...), sizes in m (of a mesh: its factors), file, pose.
+    """One shape: kind ("box", "mesh", "plane", "heightmap" ...), sizes in m (of a mesh: scale factors), pose, file.
 
-    `is_solid` is False for what is only drawn, `is_clear` True for what one sees through; `colour` is red, green and
-    blue, 0 to 1.
+    `is_solid`: its link has collisions. `is_clear`: it is transparent. `colour`: red, green and blue, 0 to 1.
     """
 
     name: str
@@ -35,21 +34,21 @@ class Shape(NamedTuple):
 
     @property
     def is_water(self) -> bool:
-        """True if its name is that of the sea, and nothing collides with it or it is clear."""
+        """True if its name is one of water, and it is transparent or not solid."""
         return (self.is_clear or not self.is_solid) and any(word in self.name.lower() for word in _WATER)
 
 
 def read_shapes(world: Element, folder: str, files: SdfFiles, notes: list[str], version: str) -> list[Shape]:
-    """Return the shapes of all models of a world that stand still; `notes` takes what is left out."""
+    """Return the shapes of all static models of a world; what is left out is appended to `notes`."""
     shapes: list[Shape] = []
     moving: list[str] = []
     for model in models_of(world, folder, files, notes, version):
         if model.is_static or _is_welded(model):
-            shapes += [shape for link in model.links.values() for shape in _of_link(model, link, files, notes)]
+            shapes += [shape for link in model.links.values() for shape in _shapes_of_link(model, link, files, notes)]
         else:
             moving.append(model.name)
     if moving:
-        notes.append(f"Left out: what moves: {', '.join(map(plain, moving))}.")
+        notes.append(f"Left out: models that can move: {', '.join(map(plain, moving))}.")
     return shapes
 
 
@@ -58,8 +57,8 @@ def _is_welded(model: Model) -> bool:
     return any(joint.parent == "world" and joint.kind == "fixed" for joint in model.joints.values())
 
 
-def _of_link(model: Model, link: Link, files: SdfFiles, notes: list[str]) -> Iterator[Shape]:
-    """Yield what of a link is visible; its collisions where nothing is."""
+def _shapes_of_link(model: Model, link: Link, files: SdfFiles, notes: list[str]) -> Iterator[Shape]:
+    """Yield the shapes of a link's visuals, or of its collisions if it has no visuals."""
     base = model.pose.then(link.pose)
     solid = link.element.find("collision") is not None
     kind = "visual" if link.element.find("visual") is not None else "collision"
@@ -81,30 +80,30 @@ def _of_link(model: Model, link: Link, files: SdfFiles, notes: list[str]) -> Ite
 
 
 def _shape(name: str, element: Element, pose: Pose, folder: str, files: SdfFiles) -> Shape | str | None:
-    """Return the shape of a geometry, or why it is left out; None for an empty one."""
+    """Return the shape of a geometry, or the reason why it is left out; None for an empty geometry."""
     kind, path = element.tag, files.path
     if kind in ("mesh", "heightmap"):
         uri = (element.findtext("uri") or "").strip()
         file = files.find(uri, folder)
         if file is None:
-            return f"the {kind} {plain(uri)[:100]!r} is not near the file"
+            return f"the file of the {kind}, {plain(uri)[:100]!r}, was not found"
         scale = numbers_of(element.findtext("scale") or "1 1 1", path, 3) if kind == "mesh" else []
         if kind == "mesh" and element.find("submesh") is not None:
-            return "a part of a mesh; give it a file of its own"
+            return "a part of a mesh (<submesh>); save it as a separate file"
         return Shape(name, kind, tuple(scale), pose, os.path.abspath(file), element=element)
     if kind == "plane":
         normal = numbers_of(element.findtext("normal") or "0 0 1", path, 3)
         size = numbers_of(element.findtext("size") or "1 1", path, 2)
         level = abs(pose.turn(normal)[2]) > 0.999
-        return Shape(name, kind, tuple(size), pose) if level else "a plane that is not level"
+        return Shape(name, kind, tuple(size), pose) if level else "a plane that is not horizontal"
     if kind == "empty":
         return None
     if kind not in _SIZES:
-        return f"the shape <{plain(kind)}>"
+        return f"the shape <{plain(kind)}> is not supported"
     tags = {"box": ("size",), "ellipsoid": ("radii",), "sphere": ("radius",)}.get(kind, ("radius", "length"))
     sizes = [abs(x) for tag in tags for x in _numbers(element, tag, path)]
     if len(sizes) != _SIZES[kind] or min(sizes) <= 0.0:
-        return f"a {kind} without its sizes"
+        return f"a {kind} without valid sizes"
     return Shape(name, kind, tuple(sizes * 3 if kind == "sphere" else sizes), pose)
 
 
@@ -113,14 +112,14 @@ def _numbers(element: Element, tag: str, path: str) -> list[float]:
 
 
 def _opacity(part: Element, path: str) -> float:
-    """Return how opaque a shape is drawn, 1 where it is not stated."""
+    """Return the opacity of a visual, 0 to 1; 1 by default."""
     words = (part.findtext("material/diffuse") or "").split()
     alpha = number_of(words[3], path) if len(words) == 4 else 1.0
     return min(alpha, 1.0 - number_of(part.findtext("transparency") or "0", path))
 
 
 def _colour(part: Element, path: str) -> tuple[float, ...] | None:
-    """Return the diffuse colour of a shape's material, None if it has none or is white."""
+    """Return the diffuse (else ambient) colour of a visual's material, None if it has none or is white."""
     text = part.findtext("material/diffuse") or part.findtext("material/ambient")
     words = (text or "").split()
     if len(words) not in (3, 4):
@@ -130,5 +129,5 @@ def _colour(part: Element, path: str) -> tuple[float, ...] | None:
 
 
 def text_of(element: Element, *tags: str) -> Any:
-    """Return the text of the first element of these paths, None if there is none."""
+    """Return the text of the first element that one of the paths `tags` finds, None if there is none."""
     return next((text.strip() for tag in tags if (text := element.findtext(tag))), None)

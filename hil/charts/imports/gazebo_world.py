@@ -1,4 +1,4 @@
-"""Read a world of Gazebo (SDF) and write it as a world file of ours: what stands still in it, its water, its place."""
+"""Convert a Gazebo world (SDF) to a world file: its static shapes, its water, and its position on the earth."""
 
 import os
 from collections.abc import Sequence
@@ -16,19 +16,20 @@ from sim.sdf.files import SdfFiles
 from sim.vehicle.urdf.pose import Pose
 from sim.vehicle.urdf.text import Element, number_of, numbers_of, plain, read_xml
 
-MARGIN = 5.0  # m around all that stands in the world
-_UPRIGHT = 0.9999  # cosine
-_NO_FLOOR = 50.0  # m: the depth of a world that states none
-_THIN, _WIDE = 1.5, 20.0  # m: the water's surface as it is drawn
-_NEAR, _NOTHING = 500.0, 50.0  # m: of the file's origin; and around it, where there is nothing
-_FARTHEST = 9e4  # m
-_COVERS = 0.9  # share of the world's area that a floor covers at least
-_HIGHEST, _LEAST_SIDE = -100.0, 0.01  # m
+MARGIN = 5.0  # m of the world around all of its shapes
+_UPRIGHT = 0.9999  # cosine of the greatest tilt at which a shape counts as upright
+_DEFAULT_DEPTH = 50.0  # m, of a world that gives none
+_THIN, _WIDE = 1.5, 20.0  # m: a shape that shows the water's surface is within _THIN of it and wider than _WIDE
+_NEAR = 500.0  # m: a world of this size around the file's origin is extended to contain the origin
+_EMPTY_HALF_SIZE = 50.0  # m, of a world without shapes
+_FARTHEST = 9e4  # m from the file's origin: greatest coordinate of a world
+_COVERS = 0.9  # least share of the world's area that a floor covers
+_HIGHEST, _LEAST_SIDE = -100.0, 0.01  # m: limits of an obstacle's top and of its sides
 _NED = [[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]
 
 
-class _Placed(NamedTuple):
-    """A shape that was read: the box around it in the world's axes (m, up counts from the water), and its mesh."""
+class _PlacedShape(NamedTuple):
+    """A shape, the corners of its bounding box (east, north, up from the water; m), and its STL file."""
 
     shape: Shape
     low: tuple[float, ...]
@@ -37,22 +38,22 @@ class _Placed(NamedTuple):
 
 
 class ImportedWorld(NamedTuple):
-    """The result: the world as it loads, and what was assumed or left out."""
+    """Result of an import: the loaded world, and notes on what was assumed or left out."""
 
     world: World
     notes: list[str]
 
 
 def import_world(path: str, output: str, surface: float | None = None, text: bytes | None = None) -> ImportedWorld:
-    """Write the world of the SDF at `path` to `output` (.toml), meshes and depths beside it, and load it again.
+    """Write the world of the SDF at `path` to `output` (.toml), with meshes and depths beside it, and load the result.
 
-    `surface` is the height of the water's surface in the file (m, z); by default that of its graded buoyancy, or 0.
-    `text` is read in place of the file. Raises ConfigError, MissingExtraError.
+    `surface`: height (m, z) of the water's surface in the file; by default that of its graded buoyancy, or 0. `text`
+    is parsed instead of the file. Raises ConfigError, MissingExtraError.
     """
     root = read_xml(path, text, "sdf")
     world = root.find("world")
     if world is None:
-        raise ConfigError(f"{path}: no <world> in it: a model alone is imported by `uuv-hil vehicle --import`")
+        raise ConfigError(f"{path}: has no <world>: use `uuv-hil vehicle --import` to import a model")
     notes: list[str] = []
     files = SdfFiles(path)
     level = _surface(world, path) if surface is None else surface
@@ -63,7 +64,8 @@ def import_world(path: str, output: str, surface: float | None = None, text: byt
     stem = os.path.splitext(os.path.basename(output))[0]
     table: dict[str, Any] = {
         "name": plain(world.get("name") or stem), "source": f"imported from {plain(os.path.basename(path))}",
-        "extent": extent, "depth": _depth(placed, terrain, floor, path, level, notes), **_place(world, path, notes),
+        "extent": extent, "depth": _depth(placed, terrain, floor, path, level, notes),
+        **_environment_keys(world, path, notes),
     }  # fmt: skip
     placed = _in_water(placed, table["depth"], notes)
     lines = [*(f"# {clean(note)}" for note in notes), *keys_of(table)]
@@ -77,7 +79,7 @@ def import_world(path: str, output: str, surface: float | None = None, text: byt
 
 
 def _surface(world: Element, path: str) -> float:
-    """Return the height of the lowest change of density that the buoyancy of a world has, 0 if it has none."""
+    """Return the height (m) of the lowest change of density in the world's graded buoyancy, 0 if there is none."""
     for plugin in world.iter("plugin"):
         changes = [text_of(change, "above_depth") for change in plugin.findall("graded_buoyancy/density_change")]
         heights = [number_of(text, path) for text in changes if text is not None]
@@ -86,19 +88,21 @@ def _surface(world: Element, path: str) -> float:
     return 0.0
 
 
-def _placed(shapes: Sequence[Shape], output: str, level: float, notes: list[str]) -> list[_Placed]:
-    """Return the shapes with the boxes around them; what is no upright block or pile becomes a mesh in a file."""
+def _placed(shapes: Sequence[Shape], output: str, level: float, notes: list[str]) -> list[_PlacedShape]:
+    """Return the shapes with their bounding boxes; all but upright boxes and cylinders are written as meshes."""
     meshes = [shape for shape in shapes if shape.kind not in ("plane", "heightmap") and not _is_simple(shape)]
     keys = list(dict.fromkeys((shape.kind, shape.file, shape.sizes) for shape in meshes))
     folder = os.path.splitext(output)[0] + "_meshes"
     if keys:
         os.makedirs(folder, exist_ok=True)
-    names = [os.path.join(folder, f"{number}_{_word(file or kind)}.stl") for number, (kind, file, _) in enumerate(keys)]
+    names = [
+        os.path.join(folder, f"{number}_{_file_stem(file or kind)}.stl") for number, (kind, file, _) in enumerate(keys)
+    ]
     jobs = [
         MeshJob(file, sizes if file else (1.0, 1.0, 1.0), None, name, None if file else {"kind": kind, "sizes": sizes})
         for (kind, file, sizes), name in zip(keys, names, strict=True)
     ]
-    answers = dict(zip(keys, zip(read_meshes(jobs), names, strict=True), strict=True)) if jobs else {}
+    results = dict(zip(keys, zip(read_meshes(jobs), names, strict=True), strict=True)) if jobs else {}
     placed = []
     for shape in shapes:
         if shape.kind in ("plane", "heightmap"):
@@ -108,31 +112,32 @@ def _placed(shapes: Sequence[Shape], output: str, level: float, notes: list[str]
             side = [0.5 * x for x in shape.sizes] if shape.kind == "box" else [radius, radius, half]
             placed.append(_boxed(shape, [-x for x in side], side, level))
             continue
-        answer, name = answers[shape.kind, shape.file, shape.sizes]
-        if "error" in answer:
+        result, name = results[shape.kind, shape.file, shape.sizes]
+        if "error" in result:
             notes.append(
-                f"Left out: {shape.name}: {clean(os.path.basename(shape.file) or shape.kind)}: {answer['error']}."
+                f"Left out: {shape.name}: {clean(os.path.basename(shape.file) or shape.kind)}: {result['error']}."
             )
         else:
-            placed.append(_boxed(shape, answer["low"], answer["high"], level)._replace(mesh=name))
+            placed.append(_boxed(shape, result["low"], result["high"], level)._replace(mesh=name))
     return placed
 
 
 def _is_simple(shape: Shape) -> bool:
-    """True for an upright block or pile, which a world has as such."""
+    """True for an upright box or cylinder, which is an obstacle of its own kind in a world."""
     return shape.kind in ("box", "cylinder") and abs(shape.pose.rotation[2][2]) > _UPRIGHT
 
 
-def _boxed(shape: Shape, low: Sequence[float], high: Sequence[float], level: float) -> _Placed:
+def _boxed(shape: Shape, low: Sequence[float], high: Sequence[float], level: float) -> _PlacedShape:
+    """Return a shape with its bounding box; `low` and `high` (m) are corners in its own axes."""
     corners = [shape.pose.place([(high if n >> axis & 1 else low)[axis] for axis in range(3)]) for n in range(8)]
     columns = list(zip(*corners, strict=True))
     least, most = [min(column) for column in columns], [max(column) for column in columns]
     least[2], most[2] = least[2] - level, most[2] - level
-    return _Placed(shape, tuple(least), tuple(most))
+    return _PlacedShape(shape, tuple(least), tuple(most))
 
 
-def _near(placed: Sequence[_Placed], notes: list[str]) -> list[_Placed]:
-    """Return the shapes that are not beyond what a world can be."""
+def _near(placed: Sequence[_PlacedShape], notes: list[str]) -> list[_PlacedShape]:
+    """Return the shapes within the greatest size of a world."""
     near = [each for each in placed if max(map(abs, (*each.low, *each.high))) < _FARTHEST]
     if far := [each.shape.name for each in placed if each not in near]:
         notes.append(f"Left out: more than {_FARTHEST:g} m from the file's origin: {', '.join(far)}.")
@@ -140,15 +145,15 @@ def _near(placed: Sequence[_Placed], notes: list[str]) -> list[_Placed]:
 
 
 def _floors(
-    placed: list[_Placed], shapes: Sequence[Shape], output: str, level: float, path: str, notes: list[str]
-) -> tuple[list[_Placed], dict[str, Any] | None, float | None]:
-    """Return what is neither floor nor water's surface, the `[terrain]` of a heightmap, and the height of the floor."""
+    placed: list[_PlacedShape], shapes: Sequence[Shape], output: str, level: float, path: str, notes: list[str]
+) -> tuple[list[_PlacedShape], dict[str, Any] | None, float | None]:
+    """Return the shapes that are neither floor nor water, the `[terrain]` of a heightmap, and the floor's z (m)."""
     terrain, floors, rest = None, [], []
     for shape in shapes:
         if shape.kind == "plane":
             height = shape.pose.position[2] - level
             if shape.is_water or (not shape.is_solid and abs(height) < _THIN):
-                notes.append(f"Left out: {shape.name}, the water as it is drawn.")
+                notes.append(f"Left out: {shape.name}, which shows the water.")
             else:
                 floors.append(height)
         elif shape.kind == "heightmap":
@@ -162,16 +167,16 @@ def _floors(
         is_wide = min(sides[0], sides[1]) > _WIDE
         is_surface = is_wide and not each.shape.is_solid and max(abs(each.low[2]), abs(each.high[2])) < _THIN
         if is_surface or (each.shape.is_water and each.shape.is_clear):
-            notes.append(f"Left out: {each.shape.name}, the water as it is drawn.")
+            notes.append(f"Left out: {each.shape.name}, which shows the water.")
         elif is_wide and _is_simple(each.shape) and each.high[2] < 0.0 and sides[0] * sides[1] > _COVERS * area:
             floors.append(each.high[2])
-            notes.append(f"{each.shape.name} is taken for the floor.")
+            notes.append(f"{each.shape.name} is used as the floor.")
         else:
             rest.append(each)
     return rest, terrain, min(floors, default=None) if terrain is None else None
 
 
-def _area(placed: Sequence[_Placed]) -> float:
+def _area(placed: Sequence[_PlacedShape]) -> float:
     if not placed:
         return 0.0
     east, north = ([(p.low[axis], p.high[axis]) for p in placed] for axis in (0, 1))
@@ -179,8 +184,8 @@ def _area(placed: Sequence[_Placed]) -> float:
     return sides[0] * sides[1]
 
 
-def _extent(placed: Sequence[_Placed], terrain: dict[str, Any] | None) -> tuple[float, float, float, float]:
-    """Return south, north, west and east around everything, rounded to metres."""
+def _extent(placed: Sequence[_PlacedShape], terrain: dict[str, Any] | None) -> tuple[float, float, float, float]:
+    """Return south, north, west and east (m) of the world: around all shapes, rounded to 0.1 m."""
     norths = [x for p in placed for x in (p.low[1] - MARGIN, p.high[1] + MARGIN)]
     easts = [x for p in placed for x in (p.low[0] - MARGIN, p.high[0] + MARGIN)]
     if terrain is not None:
@@ -188,18 +193,21 @@ def _extent(placed: Sequence[_Placed], terrain: dict[str, Any] | None) -> tuple[
         norths += [south, south + step * (terrain["rows"] - 1)]
         easts += [west, west + step * (terrain["columns"] - 1)]
     if not norths:
-        norths, easts = [-_NOTHING, _NOTHING], [-_NOTHING, _NOTHING]
-    if max(map(abs, (*norths, *easts))) < _NEAR:  # the file's origin is where its vehicles are, and belongs to it
+        norths, easts = [-_EMPTY_HALF_SIZE, _EMPTY_HALF_SIZE], [-_EMPTY_HALF_SIZE, _EMPTY_HALF_SIZE]
+    if max(map(abs, (*norths, *easts))) < _NEAR:  # the vehicles of the file start near its origin
         norths, easts = [*norths, -MARGIN, MARGIN], [*easts, -MARGIN, MARGIN]
     south, north, west, east = (round(end, 1) for end in (min(norths), max(norths), min(easts), max(easts)))
     return south, north, west, east
 
 
 def _depth(
-    placed: Sequence[_Placed], terrain: dict[str, Any] | None, floor: float | None, path: str, level: float,
+    placed: Sequence[_PlacedShape], terrain: dict[str, Any] | None, floor: float | None, path: str, level: float,
     notes: list[str],
 ) -> float:  # fmt: skip
-    """Return the depth of the flat seabed: of the floor, or just below all that there is."""
+    """Return the depth (m) of the flat seabed: that of the floor, or just below all shapes.
+
+    Raises ConfigError for a floor above the water's surface.
+    """
     lowest = min((p.low[2] for p in placed), default=0.0)
     if terrain is not None:
         return round(max(float(terrain.pop("deepest")), 0.1), 3)
@@ -211,24 +219,24 @@ def _depth(
             )
         return round(-floor, 3)
     if lowest < -0.1:
-        notes.append("Nothing says how deep the world is: a flat seabed is just below all that is in it.")
+        notes.append("The file gives no depth: the world has a flat seabed just below its lowest shape.")
         return round(-lowest + 0.1, 3)
-    notes.append(f"Nothing says how deep the world is: {_NO_FLOOR:g} m are taken.")
-    return _NO_FLOOR
+    notes.append(f"The file gives no depth: the world is {_DEFAULT_DEPTH:g} m deep.")
+    return _DEFAULT_DEPTH
 
 
-def _in_water(placed: Sequence[_Placed], depth: float, notes: list[str]) -> list[_Placed]:
-    """Return what is in the water, neither all above it nor all in the seabed."""
+def _in_water(placed: Sequence[_PlacedShape], depth: float, notes: list[str]) -> list[_PlacedShape]:
+    """Return the shapes that are at least partly in the water, between its surface and the seabed."""
     wet = [each for each in placed if each.low[2] < 0.0 and -each.high[2] < depth]
     names = [each.shape.name for each in placed if each not in wet]
     if names:
         shown = ", ".join(names[:8]) + (f" and {len(names) - 8} more" if len(names) > 8 else "")
-        notes.append(f"Left out: what is above the water or in the seabed: {shown}.")
+        notes.append(f"Left out: shapes above the water or in the seabed: {shown}.")
     return wet
 
 
-def _obstacle(each: _Placed, level: float, folder: str) -> tuple[str, dict[str, Any]]:
-    """Return the kind of obstacle that a shape becomes, and its keys."""
+def _obstacle(each: _PlacedShape, level: float, folder: str) -> tuple[str, dict[str, Any]]:
+    """Return the kind of the obstacle made of a shape, and its keys in the world file."""
     shape = each.shape
     east, north, up = shape.pose.position
     ends = {"top": max(-each.high[2], _HIGHEST), "bottom": -each.low[2]}
@@ -261,25 +269,25 @@ def _obstacle(each: _Placed, level: float, folder: str) -> tuple[str, dict[str, 
 
 
 def _heightmap(shape: Shape, output: str, level: float, path: str, notes: list[str]) -> dict[str, Any] | None:
-    """Write the depths of a heightmap beside the world; return its `[terrain]`, with `deepest` (m), or None."""
+    """Write the depths of a heightmap beside the world; return its `[terrain]` and `deepest` (m), None on an error."""
     element = shape.element
     assert element is not None
     size = numbers_of(text_of(element, "size") or "1 1 1", path, 3)
     place = shape.pose.place(numbers_of(text_of(element, "pos") or "0 0 0", path, 3))
     depths = os.path.splitext(output)[0] + ".f32"
     if abs(shape.pose.angles()[2]) > 1e-6 or abs(shape.pose.rotation[2][2]) < _UPRIGHT:
-        notes.append(f"Left out: {shape.name}, a heightmap that is turned.")
+        notes.append(f"Left out: {shape.name}, a heightmap that is rotated.")
         return None
     job = {"kind": "heightmap", "sizes": [*size, *place[:2], place[2] - level]}
-    (answer,) = read_meshes([MeshJob(shape.file, output=depths, shape=job)])
-    if "error" in answer:
-        notes.append(f"Left out: {shape.name}: {clean(os.path.basename(shape.file))}: {answer['error']}.")
+    (result,) = read_meshes([MeshJob(shape.file, output=depths, shape=job)])
+    if "error" in result:
+        notes.append(f"Left out: {shape.name}: {clean(os.path.basename(shape.file))}: {result['error']}.")
         return None
-    return {"file": os.path.basename(depths), **answer}
+    return {"file": os.path.basename(depths), **result}
 
 
-def _place(world: Element, path: str, notes: list[str]) -> dict[str, Any]:
-    """Return what a world states of its place, its water, gravity and magnetic field."""
+def _environment_keys(world: Element, path: str, notes: list[str]) -> dict[str, Any]:
+    """Return the keys for a world's origin, density, gravity, magnetic field and current."""
     keys: dict[str, Any] = {}
     if (sphere := world.find("spherical_coordinates")) is not None:
         numbers = [
@@ -288,7 +296,7 @@ def _place(world: Element, path: str, notes: list[str]) -> dict[str, Any]:
         if abs(numbers[0]) <= 90.0 and abs(numbers[1]) <= 180.0:
             keys |= {"origin": (numbers[0], numbers[1])} | ({"origin_altitude": numbers[2]} if numbers[2] else {})
         if number_of(text_of(sphere, "heading_deg") or "0", path):
-            notes.append("Left out: heading_deg: x is taken for east.")
+            notes.append("Left out: heading_deg: x is used as east.")
     density = next((text for tag in ("uniform_fluid_density", "graded_buoyancy/default_density")
                     for plugin in world.iter("plugin") if (text := text_of(plugin, tag))), None)  # fmt: skip
     if density is not None and 900.0 <= number_of(density, path) <= 1200.0:
@@ -303,7 +311,7 @@ def _place(world: Element, path: str, notes: list[str]) -> dict[str, Any]:
 
 
 def _field(field: Sequence[float]) -> dict[str, Any]:
-    """Return the magnetic field (T) of a world, east, north, up, as intensity, inclination and declination."""
+    """Return the key of a magnetic field (T; east, north, up): intensity (T), inclination, declination (rad)."""
     from math import atan2
 
     east, north, up = field
@@ -313,7 +321,7 @@ def _field(field: Sequence[float]) -> dict[str, Any]:
 
 
 def _current(plugin: Element, path: str) -> dict[str, Any]:
-    """Return the mean of uuv_simulator's constant current; its angles are from east to north, and upwards."""
+    """Return the key of uuv_simulator's mean constant current, whose angles are from east to north, and upwards."""
     means = [
         text_of(plugin, f"constant_current/{tag}/mean") for tag in ("velocity", "horizontal_angle", "vertical_angle")
     ]
@@ -324,7 +332,8 @@ def _current(plugin: Element, path: str) -> dict[str, Any]:
     return {"current": tuple(_round(x) for x in flow)} if speed and abs(speed) <= 5.0 else {}
 
 
-def _word(text: str) -> str:
+def _file_stem(text: str) -> str:
+    """Return the stem of a file's name with only letters, digits and underscores."""
     name = os.path.splitext(os.path.basename(text))[0]
     return "".join(letter if letter.isalnum() else "_" for letter in name)[:40]
 

@@ -1,9 +1,10 @@
-"""Measure and convert meshes, within limits on memory and time: the files are somebody else's.
+"""Measure and convert meshes, within limits on memory and time, because the files may be damaged or hostile.
 
     python -P -m hil.charts.imports.mesh_process < JOBS
 
-JOBS is a JSON array of objects with `file`, `scale` (three factors), `matrix` (3 x 4, row after row, or null) and
-`output` (an STL file to write, or null). Each gives a line of JSON: volume, centre, low, high, triangles, or error.
+JOBS is a JSON array of objects with `file`, `scale` (three factors), `matrix` (3 x 4, row by row, or null) and
+`output` (an STL file to write, or null). The result of each is a line of JSON: volume, centre, low, high, triangles,
+or error.
 """
 
 import json
@@ -22,7 +23,7 @@ NO_LIBRARY = 5
 
 
 def main() -> int:
-    """Answer each job by a line; return the exit code."""
+    """Print the result of each job as a line; return the exit code."""
     die_with_parent()
     limit_self(MEMORY_BYTES, CPU_SECONDS)
     try:
@@ -31,15 +32,15 @@ def main() -> int:
         return NO_LIBRARY
     for job in json.load(sys.stdin):
         try:
-            answer = _answer(job)
-        except Exception as error:  # noqa: BLE001 - what damaged files make of the readers
+            result = _process_job(job)
+        except Exception as error:  # noqa: BLE001 - readers raise any error on damaged files
             text = str(error) if type(error).__module__.startswith("hil.") else type(error).__name__
-            answer = {"error": " ".join(text.split())[:200] or "no mesh that can be read"}
-        print(json.dumps(answer), flush=True)
+            result = {"error": " ".join(text.split())[:200] or "no mesh that can be read"}
+        print(json.dumps(result), flush=True)
     return 0
 
 
-def _answer(job: dict[str, Any]) -> dict[str, Any]:
+def _process_job(job: dict[str, Any]) -> dict[str, Any]:
     import numpy as np
     import trimesh
 
@@ -52,10 +53,10 @@ def _answer(job: dict[str, Any]) -> dict[str, Any]:
     if matrix is not None:
         mesh.vertices = mesh.vertices @ np.asarray(matrix, float)[:, :3].T + np.asarray(matrix, float)[:, 3]
     if not len(mesh.faces) or not np.isfinite(mesh.vertices).all():
-        return {"error": "no triangles, or some without a place"}
+        return {"error": "no triangles, or corners that are not finite numbers"}
     if job["output"]:
         if len(mesh.faces) > MOST_TRIANGLES:
-            return {"error": f"{len(mesh.faces)} triangles are more than {MOST_TRIANGLES}: simplify it"}
+            return {"error": f"{len(mesh.faces)} triangles, at most {MOST_TRIANGLES} are allowed: simplify it"}
         plain = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
         plain.export(job["output"], file_type="stl")
     closed = bool(mesh.is_watertight)
@@ -67,9 +68,10 @@ def _answer(job: dict[str, Any]) -> dict[str, Any]:
 
 
 def _heightmap(file: str, sizes: list[float], output: str) -> dict[str, Any]:
-    """Write the depths of a picture of heights as little-endian floats; return its grid, as a `[terrain]` has it.
+    """Write the depths of a height image as little-endian floats; return the keys of its `[terrain]`, and `deepest`.
 
-    sizes: those of the field along east, north and up, then where its middle and its darkest are (m, up of the water).
+    `sizes` (m): those of the field along east, north and up, then east and north of its centre and the height of its
+    darkest pixels above the water.
     """
     import numpy as np
     from PIL import Image
@@ -77,14 +79,14 @@ def _heightmap(file: str, sizes: list[float], output: str) -> dict[str, Any]:
     check_file(file, MAX_BYTES)
     with Image.open(file) as picture:
         if picture.format not in ("PNG", "JPEG"):
-            return {"error": f"a heightmap of format {picture.format}: build a world of it by `uuv-hil world build`"}
+            return {"error": f"a heightmap in {picture.format}: use `uuv-hil world build` to build a world of it"}
         deep = picture.mode.startswith("I")
         values = np.asarray(picture if deep else picture.convert("L"), float) / (65535.0 if deep else 255.0)
     wide, long, high, east, north, low = sizes
     rows, columns = values.shape
     step = min(wide / (columns - 1), long / (rows - 1))
     norths, easts = np.arange(0.0, long + 0.5 * step, step), np.arange(0.0, wide + 0.5 * step, step)
-    depths = -(low + high * values[::-1])  # the first row of a picture is the north
+    depths = -(low + high * values[::-1])  # the first row of an image is the north
     depths = np.array([np.interp(easts, np.linspace(0.0, wide, columns), row) for row in depths])
     depths = np.array([np.interp(norths, np.linspace(0.0, long, rows), column) for column in depths.T]).T
     with open(output, "wb") as stream:
@@ -96,7 +98,7 @@ def _heightmap(file: str, sizes: list[float], output: str) -> dict[str, Any]:
 
 
 def _primitive(shape: dict[str, Any]) -> Any:
-    """Return one of SDF's own shapes, its middle at 0."""
+    """Return the mesh of one of SDF's basic shapes, centred at the origin."""
     from trimesh import creation
 
     kind, sizes = shape["kind"], [float(x) for x in shape["sizes"]]

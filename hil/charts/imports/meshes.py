@@ -1,4 +1,4 @@
-"""Measure and convert the meshes of imported models, in a process of its own with limits."""
+"""Measure and convert the meshes of imported models, in a separate process with limits."""
 
 import json
 import subprocess
@@ -15,9 +15,10 @@ MAX_SECONDS = 10.0 * CPU_SECONDS
 
 
 class MeshJob(NamedTuple):
-    """A mesh to read: its file or one of SDF's shapes, what its numbers are multiplied with, then turned and moved by.
+    """A mesh to read, from a file or as one of SDF's basic shapes (`shape`).
 
-    `matrix` is 3 x 4 (m); `output` the STL file to write, "" for none.
+    Its corners are multiplied by `scale`, then transformed by `matrix` (3 x 4: rotation and translation in m).
+    `output`: the STL file to write, "" for none.
     """
 
     file: str
@@ -28,32 +29,33 @@ class MeshJob(NamedTuple):
 
 
 def read_meshes(jobs: Sequence[MeshJob]) -> list[dict[str, Any]]:
-    """Return an answer to each job: `volume`, `centre`, `low`, `high` (m), `triangles` and `is_closed`, or `error`.
+    """Return the result of each job: `volume`, `centre`, `low`, `high` (m), `triangles` and `is_closed`, or `error`.
 
-    A file that ends the process at its limits has an error of its own. Raises MissingExtraError.
+    A file that exceeds the limits of the process gets an `error`; the other jobs are continued in a new process.
+    Raises MissingExtraError.
     """
-    answers: list[dict[str, Any]] = []
-    while len(answers) < len(jobs):
-        lines, code = _run(jobs[len(answers) :])
-        answers += [json.loads(line) for line in lines]
+    results: list[dict[str, Any]] = []
+    while len(results) < len(jobs):
+        lines, code = _run(jobs[len(results) :])
+        results += [json.loads(line) for line in lines]
         if code == NO_LIBRARY:
             raise MissingExtraError("reading meshes needs trimesh and pycollada: pip install 'uuv-hil[mesh]'")
-        if len(answers) < len(jobs):
-            answers.append({"error": "takes too much time or memory"})
-    return answers
+        if len(results) < len(jobs):
+            results.append({"error": "takes too much time or memory"})
+    return results
 
 
 def measure(meshes: Sequence[MeshKey], notes: list[str]) -> dict[MeshKey, Solid]:
-    """Return volume and box of each mesh (file, scale); `notes` takes those that cannot be read."""
+    """Return volume and bounding box of each mesh (file, scale); errors are appended to `notes`."""
     if not meshes:
         return {}
     found = {}
-    for key, answer in zip(meshes, read_meshes([MeshJob(file, scale) for file, scale in meshes]), strict=True):
-        if "error" in answer:
-            notes.append(f"The mesh {clean(key[0])} cannot be measured: {clean(answer['error'])}.")
+    for key, result in zip(meshes, read_meshes([MeshJob(file, scale) for file, scale in meshes]), strict=True):
+        if "error" in result:
+            notes.append(f"The mesh {clean(key[0])} cannot be measured: {clean(result['error'])}.")
         else:
-            centre, low, high = (tuple(answer[corner]) for corner in ("centre", "low", "high"))
-            found[key] = Solid(answer["volume"], centre, low, high, answer["is_closed"])
+            centre, low, high = (tuple(result[corner]) for corner in ("centre", "low", "high"))
+            found[key] = Solid(result["volume"], centre, low, high, result["is_closed"])
     return found
 
 
@@ -71,5 +73,5 @@ def _run(jobs: Sequence[MeshJob]) -> tuple[list[str], int]:
             process.kill()
             output, _ = process.communicate()
         finally:
-            process.kill()  # does nothing to one that has ended
+            process.kill()  # has no effect if the process has ended
     return [line for line in output.decode().splitlines() if line.endswith("}")], process.returncode

@@ -1,1 +1,1 @@
-"""Sources of a seabed: S-57 charts, soundings, rasters."""
+"""Readers of seabed data: S-57 charts, soundings, rasters."""

@@ -1,4 +1,4 @@
-"""Read soundings from XYZ and CSV, also compressed."""
+"""Read soundings from XYZ and CSV files, also compressed ones."""
 
 import bz2
 import csv
@@ -14,30 +14,30 @@ from typing import IO, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.charts.sources.sign import Positive, direction, is_of_depths, metres_in, require_possible
+from hil.charts.sources.sign import Positive, detect_direction, is_depth_name, metres_in_name, require_possible
 from hil.common.errors import ConfigError, MissingExtraError
 from hil.common.tables import check_file
 from hil.common.text import clean
 
 Array = NDArray[np.float64]
 
-# What a column may be called (lower case, up to the first bracket or underscore)
+# Names of columns (lower case, up to the first bracket or underscore)
 _LONGITUDE, _LATITUDE = {"lon", "long", "longitude", "lng"}, {"lat", "latitude"}
 _EAST, _NORTH = {"e", "east", "easting", "x"}, {"n", "north", "northing", "y"}
 _DEPTH = {"z", "depth", "bathymetry", "elevation", "height", "altitude", "sounding", "bottom", "topo"}
-LARGEST = 1 << 30  # bytes of a file, and characters of its text when unpacked
+LARGEST = 1 << 30  # bytes of a file, and characters of its uncompressed text
 MOST_LINES = 20_000_000  # of one file; a sounding takes 24 bytes
 LONGEST_LINE = 10_000  # characters
 FARTHEST = 1e5  # m from the origin of a world
 COMMENTS = ("#", "%", ">", "!", "//")  # of GMT, MATLAB, Surfer and others
-PACKED = (".gz", ".xz", ".bz2")
+COMPRESSED = (".gz", ".xz", ".bz2")
 ENDINGS = (".xyz", ".csv", ".txt", ".tsv", ".dat")
 
 
 class Points(NamedTuple):
-    """Loose depths. `places`: (n, 2) latitude, longitude in degrees if `geographic`, else north, east in m.
+    """Soundings. `places`: (n, 2) latitude, longitude in degrees if `geographic`, else north, east in m.
 
-    `depths`: (n,) m, positive down. `note`: what was assumed of them, "" for nothing.
+    `depths`: (n,) m, positive down. `note`: what was assumed when reading, "" for nothing.
     """
 
     name: str
@@ -48,23 +48,23 @@ class Points(NamedTuple):
 
 
 def is_points(path: str) -> bool:
-    """Return whether the name of a file says that it holds soundings as text."""
+    """Return whether the ending of a file's name is that of soundings as text."""
     stem, ending = os.path.splitext(path.lower())
-    return (os.path.splitext(stem)[1] if ending in PACKED else ending) in ENDINGS
+    return (os.path.splitext(stem)[1] if ending in COMPRESSED else ending) in ENDINGS
 
 
 def read_points(path: str, positive: Positive = "auto", crs: str | None = None) -> Points:
     """Return the soundings in the text file at `path`. Raises ConfigError; MissingExtraError with `crs`.
 
-    Columns are parted by semicolons, tabs, commas or blanks; where not by commas, these may part decimals. A first
-    line names them: longitude and latitude, or east and north (x and y) in m, and depth, elevation or z; without one
-    they are longitude, latitude, depth. Lines that begin as COMMENTS do are left out. `crs`: the coordinate system of
-    east and north, as EPSG:32605; without it they are metres from somewhere.
+    Columns are separated by semicolons, tabs, commas or blanks. Unless they are separated by commas, a comma is a
+    decimal point. The first line may name them: longitude and latitude, or east and north (x and y) in m, and depth,
+    elevation or z. By default they are longitude, latitude, depth. Lines that begin with one of COMMENTS are skipped.
+    `crs`: the coordinate system of east and north, for example EPSG:32605; without it their origin is unknown.
     """
     lines = _lines(path)
     head = next(lines, None)
     if head is None:
-        raise ConfigError(f"{path}: no soundings in it: a line has longitude, latitude and depth")
+        raise ConfigError(f"{path}: has no soundings: a line must have longitude, latitude and depth")
     separator = next((mark for mark in ";\t," if mark in head), None)
     names = _cells(head, separator)
     has_names = not all(map(_is_number, names[:3]))
@@ -72,34 +72,34 @@ def read_points(path: str, positive: Positive = "auto", crs: str | None = None) 
     rows = _numbers(lines if has_names else chain([head], lines), separator, (first, second, third), path, has_names)
     rows = rows[np.isfinite(rows).all(axis=1)]
     if not len(rows):
-        raise ConfigError(f"{path}: no soundings in it: a line has longitude, latitude and depth")
+        raise ConfigError(f"{path}: has no soundings: a line must have longitude, latitude and depth")
     if crs is not None:
         rows[:, :2], geographic = _degrees(rows, crs), True
     _check_degrees(rows, geographic, path)
     if geographic and np.ptp(rows[:, 0]) > 180.0:  # on both sides of the 180th meridian
         rows[:, 0] %= 360.0
     name = [names[third]] if has_names else []
-    rows[:, 2] *= metres_in(name[0]) if name else 1.0
+    rows[:, 2] *= metres_in_name(name[0]) if name else 1.0
     require_possible(path, rows[:, 2])
-    up, note = direction(path, positive, name, float(rows[:, 2].min()), float(rows[:, 2].max()))
+    up, note = detect_direction(path, positive, name, float(rows[:, 2].min()), float(rows[:, 2].max()))
     if not has_names:
-        note = f"{path}: names no columns: taken as longitude, latitude and depth" + (f"; {note}" if note else "")
+        note = f"{path}: names no columns: read as longitude, latitude and depth" + (f"; {note}" if note else "")
     return Points(os.path.basename(path), rows[:, 1::-1], -rows[:, 2] if up else rows[:, 2], geographic, note)
 
 
 def _degrees(rows: Array, crs: str) -> Array:
-    """Return longitude and latitude, (n, 2), of what is east and north in a coordinate system."""
+    """Return longitude and latitude (degrees), (n, 2), of rows that begin with east and north in `crs`."""
     try:
         from rasterio.warp import transform
     except ImportError:
         raise MissingExtraError("--crs needs rasterio: pip install 'uuv-hil[raster]'") from None
-    from hil.charts.sources.rasters import WGS84, known_crs
+    from hil.charts.sources.rasters import WGS84, parse_crs
 
-    return np.column_stack(transform(known_crs(crs), WGS84, rows[:, 0], rows[:, 1]))
+    return np.column_stack(transform(parse_crs(crs), WGS84, rows[:, 0], rows[:, 1]))
 
 
 def _lines(path: str) -> Iterator[str]:
-    """Return the lines that are not empty, without blanks around them. Raises ConfigError."""
+    """Yield the lines that are neither empty nor comments, without surrounding blanks. Raises ConfigError."""
     check_file(path, LARGEST)
     count = size = 0
     try:
@@ -110,11 +110,11 @@ def _lines(path: str) -> Iterator[str]:
                     raise ConfigError(f"{path}: a line of more than {LONGEST_LINE} characters: this is no XYZ or CSV")
                 if size > LARGEST or count > MOST_LINES:
                     raise ConfigError(
-                        f"{path}: more than {LARGEST >> 20} MiB of text or {MOST_LINES} lines: thin it out, or make a "
-                        "GeoTIFF of it"
+                        f"{path}: more than {LARGEST >> 20} MiB of text or {MOST_LINES} lines: thin it out, or convert "
+                        "it to a GeoTIFF"
                     )
                 if "\0" in line:
-                    raise ConfigError(f"{path}: is no text, or none in UTF-8: save it as such")
+                    raise ConfigError(f"{path}: is not text in UTF-8: save it as such")
                 if (line := line.strip()) and not line.startswith(COMMENTS):
                     yield line
     except (OSError, EOFError, zlib.error, lzma.LZMAError) as error:
@@ -134,7 +134,7 @@ def _open(path: str) -> IO[str]:
 
 def _cells(line: str, separator: str | None) -> list[str]:
     if separator != ",":
-        line = line.replace(",", ".")  # which parts decimals
+        line = line.replace(",", ".")  # a decimal comma
     if separator is None or '"' not in line:
         return line.split(separator)
     return next(csv.reader([line], delimiter=separator))
@@ -149,22 +149,22 @@ def _is_number(text: str) -> bool:
 
 
 def _columns(names: Sequence[str], path: str) -> tuple[int, int, int, bool]:
-    """Return where longitude (east), latitude (north) and depth are, and whether the first two are degrees."""
+    """Return the columns of longitude (east), latitude (north) and depth, and whether the first two are degrees."""
     short = [name.strip().lower().partition("(")[0].partition("_")[0].strip() for name in names]
 
     def find(wanted: set[str]) -> int | None:
         return next((index for index, name in enumerate(short) if name in wanted), None)
 
     depth = find(_DEPTH)
-    if depth is None:  # as water_depth
-        depth = next((index for index, name in enumerate(names) if is_of_depths(name)), None)
+    if depth is None:  # for example water_depth
+        depth = next((index for index, name in enumerate(names) if is_depth_name(name)), None)
     for across, along, geographic in ((_LONGITUDE, _LATITUDE, True), (_EAST, _NORTH, False)):
         first, second = find(across), find(along)
         if None not in (first, second, depth):
-            return first, second, depth, geographic  # type: ignore[return-value] # not None, as just seen
+            return first, second, depth, geographic  # type: ignore[return-value] # none of them is None
     raise ConfigError(
         f"{path}: its first line names the columns {', '.join(names)}: longitude, latitude (or east, north) and "
-        "depth are wanted"
+        "depth are required"
     )
 
 
@@ -182,8 +182,8 @@ def _numbers(lines: Iterable[str], separator: str | None, columns: tuple[int, ..
 def _check_degrees(rows: Array, geographic: bool, path: str) -> None:
     if geographic and (np.abs(rows[:, 1]).max() > 90.0 or np.abs(rows[:, 0]).max() > 360.0):
         raise ConfigError(
-            f"{path}: longitude and latitude are expected first, and these are no degrees; if they are metres, give "
-            'the file a first line "east,north,depth", and name their coordinate system, as --crs EPSG:32605'
+            f"{path}: the columns of longitude and latitude are not degrees; if they are metres, add a first line "
+            '"east,north,depth" to the file, and name their coordinate system, for example --crs EPSG:32605'
         )
     if not geographic and np.abs(rows[:, :2]).max() > FARTHEST:
-        raise ConfigError(f"{path}: metres of a coordinate system that it does not name: name it, as --crs EPSG:32605")
+        raise ConfigError(f"{path}: has metres of an unknown coordinate system: name it, for example --crs EPSG:32605")

@@ -1,9 +1,11 @@
 """Order sources by their priorities where they overlap.
 
-A raster has the priority 1 and all others 0, unless a person sets another for a file. Of rasters the one with the
-greater priority is believed, of the same the first. Charts and soundings make one surface: a raster of less than the
-greatest priority of these only fills in where they know nothing. Of charts and soundings those of less priority are
-left out where others know the bed: in what a chart covers, and as far around single soundings as these reach.
+- By default a raster has priority 1 and other sources 0; the user can set another priority for a file.
+- Of overlapping rasters the one of the highest priority is used, of equal ones the first.
+- Charts and soundings are combined into one surface. A raster below their highest priority is used only where they
+  have no data.
+- Of charts and soundings those of lower priority are left out where others have data: inside the coverage of a chart,
+  and within the reach of single soundings.
 """
 
 from collections.abc import Mapping, Sequence
@@ -22,27 +24,27 @@ def require_named(priorities: Mapping[str, int], paths: Sequence[str]) -> None:
     """Raise ConfigError for a priority of a file that is not among `paths`."""
     for path in priorities:
         if path not in paths:
-            raise ConfigError(f"--priority: {path} is not among the files; there are: {', '.join(paths)}")
+            raise ConfigError(f"--priority: {path} is not one of the files: {', '.join(paths)}")
 
 
-def without_outranked(parts: Sequence[Survey], ranks: Sequence[int]) -> list[Survey]:
-    """Return the charts and soundings without what is known by those of a greater rank."""
-    made = []
+def remove_outranked(parts: Sequence[Survey], ranks: Sequence[int]) -> list[Survey]:
+    """Return the charts and soundings without their data where a survey of a higher rank has data."""
+    remaining = []
     for part, rank in zip(parts, ranks, strict=True):
         above = [other for other, its in zip(parts, ranks, strict=True) if its > rank]
         if above:
-            kept = {
+            filtered = {
                 key: rows[~_known(above, rows[:, :2])]
                 for key in ("soundings", "guides", "strikes")
                 if len(rows := getattr(part, key))
             }
-            part = part._replace(**kept)
-        made.append(part)
-    return made
+            part = part._replace(**filtered)
+        remaining.append(part)
+    return remaining
 
 
 def _known(surveys: Sequence[Survey], places: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """Return at which places (n, 2) one of the surveys has the bed."""
+    """Return the mask of the places (n, 2) where one of the surveys has data."""
     from scipy.spatial import KDTree
 
     known = np.zeros(len(places), bool)

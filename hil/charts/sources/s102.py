@@ -1,19 +1,16 @@
-"""Add the uncertainty that S-102 files of edition 3.0 may leave out, and without which GDAL before 3.11 fails."""
+"""Add the uncertainty to S-102 files that have none: edition 3.0 allows this, but GDAL before 3.11 then fails."""
 
 from contextlib import suppress
 from typing import Any
 
 import numpy as np
 
-NONE = 1e6  # S-102's mark for no value
+NO_VALUE = 1e6  # S-102's fill value
 COVERAGE = "BathymetryCoverage"
 
 
 def with_uncertainty(path: str) -> bytes | None:
-    """Return the S-102 file at `path` with an uncertainty of which nothing is known; None for any other file.
-
-    None as well without h5py.
-    """
+    """Return the S-102 file at `path` with an uncertainty of no value added; None for other files or without h5py."""
     with suppress(ImportError, OSError):
         import h5py
 
@@ -21,7 +18,7 @@ def with_uncertainty(path: str) -> bytes | None:
             if COVERAGE not in source:
                 return None
             target.attrs.update(source.attrs)
-            target.create_group("Group_F")  # by which GDAL recognises S-100
+            target.create_group("Group_F")  # GDAL recognises S-100 files by it
             _copy(source[COVERAGE], target.create_group(COVERAGE))
             target.flush()
             return bytes(target.id.get_file_image())
@@ -29,12 +26,12 @@ def with_uncertainty(path: str) -> bytes | None:
 
 
 def _copy(source: Any, target: Any) -> None:
-    """Copy a group's attributes, its groups and its values into the group `target`."""
+    """Copy the attributes, groups and values of group `source` to group `target`, with an uncertainty of no value."""
     target.attrs.update(source.attrs)
     for name, part in source.items():
         if hasattr(part, "items"):
             _copy(part, target.create_group(name))
         elif name == "values" and part.dtype.names and "depth" in part.dtype.names:
             values = np.empty(part.shape, [("depth", "<f4"), ("uncertainty", "<f4")])
-            values["depth"], values["uncertainty"] = part["depth"], NONE
+            values["depth"], values["uncertainty"] = part["depth"], NO_VALUE
             target.create_dataset(name, data=values)

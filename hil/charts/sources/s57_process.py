@@ -1,8 +1,9 @@
-"""Read one S-57 chart with GDAL in a process of its own, within limits on memory and time.
+"""Read one S-57 chart with GDAL in a separate process, within limits on memory and time.
 
     python -P -m hil.charts.sources.s57_process CELL.000 APPLY|IGNORE
 
-A line of JSON lists what there is; the coordinates follow as float64, in the same order. See `hil.charts.sources.s57`.
+Writes a line of JSON with the objects, then their coordinates as float64 in the same order, to standard output.
+`hil.charts.sources.s57` runs it.
 """
 
 import json
@@ -17,7 +18,7 @@ from hil.common.lifeline import die_with_parent
 
 MEMORY_BYTES = 2 << 30  # of address space: a chart of 5 MB takes a tenth
 CPU_SECONDS = 30
-# Object classes that shape a seabed, stand or lie on it or have rules, and their attributes (S-57 appendix A).
+# Object classes with depths, coasts, obstacles, pipelines or regulated areas, and their attributes (S-57 appendix A)
 OBJECTS = (
     "BRIDGE", "CAUSWY", "COALNE", "DAMCON", "DEPARE", "DEPCNT", "DRGARE", "FLODOC", "HULKES", "LNDARE", "MORFAC",
     "OBSTRN", "PILPNT", "PONTON", "PYLONS", "SLCONS", "SOUNDG", "UWTROC", "UNSARE", "WRECKS", "M_COVR",
@@ -26,20 +27,20 @@ OBJECTS = (
     "DYKCON", "FSHFAC", "GATCON", "LITFLT", "LITVES", "LOGPON", "OFSPLF", "OILBAR", "LNDMRK", "BUISGL",
 )  # fmt: skip
 NAME = "OBJNAM"
-LISTS = ("NATSUR", "RESTRN")  # attributes of several numbers
+LISTS = ("NATSUR", "RESTRN")  # attributes that are lists of numbers
 ATTRIBUTES = ("BURDEP", "CATCOV", "CATMOR", "DRVAL1", "DRVAL2", "VALDCO", "VALSOU", "VERCLR", "WATLEV")
-POINT, MULTI_POINT, AREA = 0, 4, 3  # shapely's type numbers, and S-57's primitive
-DAMAGED, NO_LIBRARY, UNFIT_UPDATE = 1, 5, 7
-UNFIT = ("Mismatched RVER", "Can't find RCNM")  # GDAL's warnings where an update names a record that is not there
+POINT, MULTI_POINT, AREA = 0, 4, 3  # shapely's type numbers, and S-57's code of an area (PRIM)
+DAMAGED, NO_LIBRARY, UNFIT_UPDATE = 1, 5, 7  # exit codes
+UNFIT = ("Mismatched RVER", "Can't find RCNM")  # GDAL's warnings if an update refers to a record that does not exist
 
 
 def main(path: str, updates: str) -> int:
-    """Write the chart; return the exit code."""
+    """Write the chart to standard output; return the exit code."""
     die_with_parent()
     limit_self(MEMORY_BYTES, CPU_SECONDS)
-    warnings.simplefilter("ignore")  # what GDAL overlooks in a chart is no error
+    warnings.simplefilter("ignore")  # GDAL tolerates small defects of a chart and warns of them
     try:
-        import pyogrio  # noqa: F401 - whether they are there
+        import pyogrio  # noqa: F401 - to check that it is installed
         import shapely  # noqa: F401
     except ImportError as error:
         print(error, file=sys.stderr)
@@ -47,7 +48,7 @@ def main(path: str, updates: str) -> int:
     _set_options("IGNORE")
     try:
         head, data = _read_updated(path) if updates == "APPLY" else _read(path)
-    except Exception as error:  # noqa: BLE001 - what a damaged chart makes of GDAL, of GEOS and of memory
+    except Exception as error:  # noqa: BLE001 - GDAL and GEOS raise any error on a damaged chart
         print(f"{error}" or type(error).__name__, file=sys.stderr)
         return UNFIT_UPDATE if isinstance(error, _UpdateError) else DAMAGED
     sys.stdout.buffer.write(json.dumps(head).encode() + b"\n" + data)
@@ -55,15 +56,15 @@ def main(path: str, updates: str) -> int:
 
 
 class _UpdateError(RuntimeError):
-    """The cell can be read, and an update beside it cannot be applied."""
+    """Error of an update that cannot be applied to its cell."""
 
 
 def _read_updated(path: str) -> tuple[dict[str, Any], bytes]:
-    """Return the cell with its updates. Raises _UpdateError, and what GDAL raises."""
+    """Return the cell with its updates. Raises _UpdateError, and GDAL's errors."""
     dataset = _dataset(path)
     with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        cell = _numbered(path, str(dataset["DSID_EDTN"]), _update_of(dataset), folder)
+        cell = _link_updates(path, str(dataset["DSID_EDTN"]), _update_of(dataset), folder)
         _set_options("APPLY")
         try:
             contents = _read(cell)
@@ -82,10 +83,11 @@ def _set_options(updates: str) -> None:
     pyogrio.set_gdal_config_options({"OGR_S57_OPTIONS": options})
 
 
-def _numbered(path: str, edition: str, update: int, folder: str) -> str:
-    """Make links in `folder` to the cell and to its updates after number `update`, which GDAL looks for from 001 on.
+def _link_updates(path: str, edition: str, update: int, folder: str) -> str:
+    """Create links in `folder` to the cell and to its updates after number `update`; return the link to the cell.
 
-    Raises _UpdateError for one of another edition, which GDAL would apply.
+    GDAL applies updates from 001 on, so the links are numbered from there. Raises _UpdateError for an update of another
+    edition, which GDAL would apply.
     """
     stem = os.path.abspath(path)[:-4]
     os.symlink(stem + path[-4:], cell := os.path.join(folder, "CELL.000"))
@@ -98,14 +100,14 @@ def _numbered(path: str, edition: str, update: int, folder: str) -> str:
         except Exception as error:  # noqa: BLE001 - as in main
             raise _UpdateError(str(error)) from None
         if (str(dataset["DSID_EDTN"]), _update_of(dataset)) != (edition, update + number):
-            wrong = f"{source} is update {dataset['DSID_UPDN']} of edition {dataset['DSID_EDTN']}"
-            raise _UpdateError(f"{wrong}, not {update + number} of {edition}")
+            found = f"{source} is update {dataset['DSID_UPDN']} of edition {dataset['DSID_EDTN']}"
+            raise _UpdateError(f"{found}, not {update + number} of {edition}")
         os.symlink(source, os.path.join(folder, f"CELL.{number:03d}"))
     return cell
 
 
 def _dataset(path: str) -> dict[str, Any]:
-    """Return the fields of the layer that describes the whole file."""
+    """Return the fields of layer DSID, which describes the file."""
     from pyogrio import raw
 
     meta, _, _, columns = raw.read(path, layer="DSID")
@@ -167,7 +169,7 @@ def _read_layer(path: str, kind: str, rows: list[dict[str, Any]], data: list[byt
 
 
 def _numbers(value: Any) -> list[int]:
-    """Return the numbers of a list attribute, which GDAL gives as texts; none where it is left out."""
+    """Return the numbers of a list attribute, which GDAL returns as text; an empty list if it is missing."""
     items = [] if value is None else [value] if isinstance(value, str) else list(value)
     return [int(item) for item in items if str(item).strip().isdigit()]
 

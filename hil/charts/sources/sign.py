@@ -1,6 +1,6 @@
-"""Decide whether values are heights or depths: by what is stated, by their signs where all agree, never by guess.
+"""Decide whether values are heights or depths, find their unit, and check that they are possible on the earth.
 
-And of which unit they are, and that they can be depths or heights of the earth at all.
+Heights and depths are told apart by options, names, or signs if all values have the same; there is no guess.
 """
 
 import re
@@ -26,67 +26,67 @@ _OTHERS = {
     **dict.fromkeys(("dm", "decimeters", "decimetres"), 0.1),
 }  # fmt: skip
 _UNITS = {**_METRES, **_OTHERS}
-FARTHEST = 12_000.0  # m from the sea's level: no place of the earth is
-MARK = 9999.0  # m that stand for none in many a file that does not say so
+FARTHEST = 12_000.0  # m above or below sea level: more than any place on the earth
+NO_DATA_MARK = 9999.0  # m: in many files this means "no value" although they do not state it
 
 
-def direction(path: str, positive: Positive, names: Iterable[str], low: float, high: float) -> tuple[bool, str]:
-    """Return whether values between `low` and `high` m count upwards, as `positive` or their `names` say.
+def detect_direction(path: str, positive: Positive, names: Iterable[str], low: float, high: float) -> tuple[bool, str]:
+    """Return whether values between `low` and `high` m count upwards (heights), and a note on what was assumed.
 
-    Without such a name all of one sign are a seabed: below zero they are heights, above it depths; so they are where
-    the name says depth and all are below zero. The second is a note on what was assumed so, "" where a name says it.
-    Raises ConfigError where none of these decides.
+    `positive` decides, else `names` (of a band or column), else the signs: values that are all below zero are heights,
+    even if named as depths, and values that are all above zero are depths. The note is "" if nothing was assumed.
+    Raises ConfigError if none of these decides.
     """
     if positive != "auto":
         return positive == "up", ""
     words = {word for name in names for word in _words(name)}
     if high <= 0.0 and low < 0.0:
-        note = f"{path}: named as depths, taken as heights, as none is above zero (else --positive down)"
+        note = f"{path}: named as depths, read as heights, because none is above zero (else use --positive down)"
         return True, note if words & _DOWN and not words & _UP else ""
     if words & _UP:
         return True, ""
     if words & _DOWN:
         return False, ""
     if low >= 0.0:
-        note = f"{path}: taken as depths, as none is below zero and no name says what they are (else --positive up)"
+        note = f"{path}: read as depths, because none is below zero and no name states it (else use --positive up)"
         return False, note
     raise ConfigError(
-        f"{path}: values from {low:g} to {high:g} m, and nothing says whether they are heights or depths: say "
+        f"{path}: values from {low:g} to {high:g} m, and nothing states whether they are heights or depths: use "
         "--positive up or --positive down"
     )
 
 
-def is_of_depths(name: str) -> bool:
-    """Return whether the name of a band says that depths or heights are in it, and not how sure they are."""
+def is_depth_name(name: str) -> bool:
+    """Return whether a band with this name contains depths or heights, and not their uncertainty."""
     words = _words(name)
     return bool(words & (_UP | _DOWN | _NEUTRAL)) and not words & {"uncertainty", "std", "stddev", "error", "sd"}
 
 
-def metres_of(path: str, unit: str) -> float:
-    """Return how long a unit of depth is, m. Raises ConfigError for one that is not known."""
+def metres_per_unit(path: str, unit: str) -> float:
+    """Return the length of a unit of depth in m. Raises ConfigError for an unknown unit."""
     name = unit.strip().lower()
-    found = _UNITS.get(name) or _UNITS.get(re.split(r"[^a-z]", name)[0])  # the latter of m above MSL
+    found = _UNITS.get(name) or _UNITS.get(re.split(r"[^a-z]", name)[0])  # the second for "m above MSL"
     if found is None:
-        raise ConfigError(f"{path}: its depths are in {clean(unit, 30)!r}, which is none of {', '.join(_UNITS)}")
+        raise ConfigError(f"{path}: its depths are in {clean(unit, 30)!r}; known units: {', '.join(_UNITS)}")
     return found
 
 
-def metres_in(name: str) -> float:
-    """Return how long the unit in the name of a column or band is, m, as feet of depth_ft; 1 if it names none."""
+def metres_in_name(name: str) -> float:
+    """Return the length in m of the unit in the name of a column or band (depth_ft: feet); 1 if it has none."""
     return next((_OTHERS[word] for word in re.split(r"[^a-z]+", name.lower()) if word in _OTHERS), 1.0)
 
 
 def require_possible(path: str, values: NDArray[np.float64]) -> None:
-    """Raise ConfigError for depths or heights (m) that are nowhere on the earth, or are twice a mark for no depth."""
+    """Raise ConfigError for depths or heights (m) that no place on the earth has, or if NO_DATA_MARK occurs twice."""
     sizes = np.abs(values)
     worst = float(sizes.max()) if len(values) else 0.0
-    if worst > FARTHEST or (worst >= MARK and np.count_nonzero(sizes == (worst := MARK)) > 1):
+    if worst > FARTHEST or (worst >= NO_DATA_MARK and np.count_nonzero(sizes == (worst := NO_DATA_MARK)) > 1):
         raise ConfigError(
-            f"{path}: has {worst:g} m, which is no depth: if that stands for none, say so in the file, "
-            "as gdal_translate -a_nodata does"
+            f"{path}: has values of {worst:g} m, which cannot be depths: if they mean no data, mark them in the file, "
+            "for example with gdal_translate -a_nodata"
         )
 
 
 def _words(name: str) -> set[str]:
-    """Return the words of a name, as bed and elevation of bedElevation."""
+    """Return the words of a name in lower case: bed and elevation of bedElevation."""
     return set(re.split(r"[^a-z]+", re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name).lower()))

@@ -1,4 +1,4 @@
-"""The survey of a seabed before gridding, on the world's local plane, for every kind of source."""
+"""The data of a seabed before gridding, on the world's local plane, from all kinds of sources."""
 
 from collections.abc import Callable
 from typing import NamedTuple
@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.autonomy.paths.polygons import Edges
-from hil.charts.charted import Charted
+from hil.charts.charted_objects import ChartedObjects
 from hil.charts.gridding import Indices
 from sim.environment.obstacles import STANDING
 
@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 
 
 class DepthArea(NamedTuple):
-    """An area whose bed lies between `low` and `high` m of depth; negative dries, inf means unknown."""
+    """An area whose bed lies between the depths `low` and `high` (m). Negative: it dries; infinite: unknown."""
 
     edges: Edges
     low: float
@@ -23,7 +23,7 @@ class DepthArea(NamedTuple):
 
 
 class Sheet(NamedTuple):
-    """The areas of one chart. `coverage` bounds where it is valid; nothing is known in `unsurveyed`."""
+    """The areas of one chart, which is valid inside `coverage`. The bed is unknown in `unsurveyed`."""
 
     name: str
     coverage: Edges
@@ -33,12 +33,11 @@ class Sheet(NamedTuple):
 
 
 class Hazard(NamedTuple):
-    """Object on the seabed. `top` is the depth of its upper end in m, None if only known to be there.
+    """Possible obstacle: a point (a `line` of one position), a line, or an area (with `edges`).
 
-    What floats reaches down to `bottom` m. With `banks` it counts only where water is on both sides of it.
-
-    A point (`line` with one place) stands with `radius` m around it, a line is as wide; an area rises from the
-    bed inside its edges.
+    `radius`: m, of a point, and half the width of a line. `top`: depth (m) of its upper end, None if not known.
+    `bottom`: depth (m) of the lower end of a floating object. With `needs_water_both_sides` only the segments of a line
+    that have water on both sides become obstacles. An area on the bed raises the bed inside its edges.
     """
 
     kind: str
@@ -47,25 +46,30 @@ class Hazard(NamedTuple):
     top: float | None
     edges: Edges = ()
     bottom: float = STANDING
-    banks: bool = False
+    needs_water_both_sides: bool = False
 
 
-# Depths (m, nan where none is known) at the crossings of growing norths and easts (m)
+# A function that returns depths (m, nan if unknown) at the crossings of increasing arrays of norths and easts (m)
 Bed = Callable[[Array, Array], Array]
 
 
 class Survey(NamedTuple):
-    """Soundings, contours, shore lines, areas and hazards of a survey.
+    """All data of a seabed.
 
-    `soundings`: (n, 3) north, east, depth in m. `guides`: the same for places on contours and coasts, `shore` lines to
-    draw. `strikes`: (k, 4) pieces of contours and coasts, their middles and vectors. `detail` (m): what the data
-    resolve, and so a grid of them.
-    `sheets` go from the coarsest to the finest. `reach`: how far in m the bed is known around soundings where no
-    sheet says so; 0 nowhere. `origin`: latitude and longitude in degrees of (0, 0), None where there is none.
-    `beds`: depths that are known everywhere, as rasters have them, the first before the next and before all else, each
-    with its name; `fillers` are the same where nothing else is known.
-    `charted`: what charts have beside that.
-    `notes`: what a person should know of how the files were read.
+    - `source`: description of the files.
+    - `origin`: latitude and longitude (degrees) of (0, 0), None if it is not known.
+    - `soundings`: (n, 3) north, east, depth in m.
+    - `detail`: m, the resolution of the data, and so of a grid of them.
+    - `guides`: (n, 3), as `soundings`, for points on contours and coasts.
+    - `strikes`: (k, 4) segments of contours and coasts: centres and vectors, m.
+    - `sheets`: the areas of each chart, from the coarsest to the finest.
+    - `hazards`: possible obstacles.
+    - `contours` (with their depths), `shore`, `bridges`: lines to draw.
+    - `reach`: m around soundings in which the bed counts as known outside all sheets; 0 for none.
+    - `notes`: assumptions made when reading, for the user.
+    - `beds`: names and depths of rasters that come before all other data, in order of precedence.
+    - `fillers`: names and depths of rasters that are used only where no other data are, in order of precedence.
+    - `charted`: other charted objects.
     """
 
     source: str
@@ -83,18 +87,18 @@ class Survey(NamedTuple):
     notes: tuple[str, ...] = ()
     beds: tuple[tuple[str, Bed], ...] = ()
     fillers: tuple[tuple[str, Bed], ...] = ()
-    charted: Charted = Charted()
+    charted: ChartedObjects = ChartedObjects()
 
 
 def resample(line: Array, step: float) -> Array:
-    """Return places along `line` (n, 2), both ends among them, at most `step` m apart."""
+    """Return evenly spaced points along `line` (n, 2), including both ends, at most `step` m apart."""
     along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
     wanted = np.linspace(0.0, along[-1], int(np.ceil(along[-1] / step)) + 1)
     return np.column_stack([np.interp(wanted, along, line[:, k]) for k in (0, 1)])
 
 
 def first_in_cell(points: Array, size: float) -> Indices:
-    """Return the indices, growing, of the first point in each square cell of `size` m."""
+    """Return the indices, in increasing order, of the first point in each square cell of `size` m."""
     cells = np.floor(points[:, :2] / size).astype(np.int64)
     _, first = np.unique(cells, axis=0, return_index=True)
     return np.sort(first)

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hil.charts.dive.dive import DiveOptions, prepare_dive
+from hil.charts.dive.prepare import DiveOptions, prepare_dive
 from hil.charts.grid import Grid, grid_of
-from hil.charts.site import LEAST_ALTITUDE, MOST_ALTITUDE, MOST_DEPTH, depth_between, sites
+from hil.charts.site import LEAST_ALTITUDE, MOST_ALTITUDE, MOST_DEPTH, depth_between, find_sites
 from hil.commands import demo
 from hil.common.errors import ConfigError, MissingExtraError
 from hil.scenario.config import load_scenario
@@ -33,7 +33,7 @@ def slope_with_a_wall() -> Grid:
 
 def test_the_best_path_is_beside_the_wall_and_in_known_water() -> None:
     grid = slope_with_a_wall()
-    found = list(sites(grid, 60.0))
+    found = list(find_sites(grid, 60.0))
     assert len(found) > 2
     best = found[0]
     assert all(60.0 < place[0] < 140.0 for place in (best.start, best.goal)), "the wall is seen from there"
@@ -47,11 +47,11 @@ def test_the_best_path_is_beside_the_wall_and_in_known_water() -> None:
 
 def test_a_requested_depth_is_used_where_the_water_allows_it() -> None:
     grid = slope_with_a_wall()
-    assert {site.depth for site in sites(grid, 40.0, 7.0)} == {7.0}
-    with pytest.raises(ConfigError, match="no straight way of 40 m at 30 m in known water"):
-        next(sites(grid, 40.0, 30.0))
+    assert {site.depth for site in find_sites(grid, 40.0, 7.0)} == {7.0}
+    with pytest.raises(ConfigError, match="no straight path of 40 m at 30 m here with known water"):
+        next(find_sites(grid, 40.0, 30.0))
     assert depth_between(grid, (0.0, -50.0), (0.0, 50.0)) == 8.5
-    with pytest.raises(ConfigError, match="too little water"):
+    with pytest.raises(ConfigError, match="shallow or unknown water"):
         depth_between(grid, (60.0, 0.0), (140.0, 0.0))
 
 
@@ -59,11 +59,11 @@ def test_the_path_is_near_the_bed_where_all_water_is_deeper_than_daylight() -> N
     """The water is 50 m deep, as in most surveys of hydrographic offices: the bed is not visible from 12 m."""
     grid = slope_with_a_wall()
     deep = grid._replace(depths=grid.depths + 40.0)
-    site = next(sites(deep, 60.0))
+    site = next(find_sites(deep, 60.0))
     way = deep.at(np.linspace(site.start, site.goal, 50)) - site.depth
     assert way.min() > LEAST_ALTITUDE - 0.3
     assert way.max() < MOST_ALTITUDE + 0.3
-    assert all(each.depth <= MOST_DEPTH for each in sites(grid, 60.0))
+    assert all(each.depth <= MOST_DEPTH for each in find_sites(grid, 60.0))
 
 
 def test_a_dive_scenario_over_a_chart_has_sensors_and_clearance(tmp_path: Path) -> None:
@@ -84,7 +84,7 @@ def test_a_dive_scenario_over_a_chart_has_sensors_and_clearance(tmp_path: Path) 
 def test_a_dive_over_a_world_without_origin_takes_no_positions(tmp_path: Path) -> None:
     path = prepare_dive("ridge", DiveOptions(depth=6.0, length=20.0), str(tmp_path)).path
     assert load_scenario(path).master.depth == 6.0
-    with pytest.raises(ConfigError, match="it has no origin"):
+    with pytest.raises(ConfigError, match="this world has no `origin`"):
         prepare_dive("ridge", DiveOptions((1.0, 2.0), (1.0, 2.001)), str(tmp_path))
 
 

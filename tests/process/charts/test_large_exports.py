@@ -17,7 +17,7 @@ MOST_MB = 50  # the grid alone has 64
 RUN = """
 import re, sys
 import rasterio, scipy.ndimage
-import hil.charts.exports.free_water, hil.charts.exports.geotiff, hil.commands.world as world
+import hil.charts.exports.occupancy, hil.charts.exports.geotiff, hil.commands.world as world
 most = lambda: int(re.search(r"VmHWM:\\s+(\\d+)", open("/proc/self/status").read())[1])
 before = most()
 world.main(sys.argv[1:])

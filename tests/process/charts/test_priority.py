@@ -10,7 +10,7 @@ import pytest
 from hil.charts.build import build
 from hil.charts.grid import Grid
 from hil.charts.projection import LocalPlane
-from hil.charts.sources.choose import read_sources
+from hil.charts.sources.combine import read_sources
 from hil.commands import world as command
 from hil.common.errors import ConfigError
 
@@ -40,7 +40,7 @@ def bed(files: list[str], priorities: dict[str, int] | None = None) -> tuple[Gri
     survey, extent = read_sources(files, None, 50.0, positive="down", priorities=priorities)
     built = build(survey, extent, 50.0)
     assert survey.origin
-    return built.placed.grid, LocalPlane(*survey.origin), built.report
+    return built.model.grid, LocalPlane(*survey.origin), built.report
 
 
 def depth_at(grid: Grid, plane: LocalPlane, longitude: float) -> float:
@@ -80,7 +80,7 @@ def test_an_invalid_priority_is_refused(tmp_path: Path) -> None:
     for wrong in ("a.tif", "a.tif=high"):
         with pytest.raises(argparse.ArgumentTypeError, match="expected FILE=N"):
             command.priority(wrong)
-    with pytest.raises(ConfigError, match=r"--priority: c.tif is not among the files"):
+    with pytest.raises(ConfigError, match=r"--priority: c.tif is not one of the files"):
         bed([raster(tmp_path / "a.tif", 20.0, 10.0, 10.02)], {"c.tif": 1})
 
 

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from hil.charts.build import build
-from hil.charts.chart_survey import Box
+from hil.charts.chart_survey import GeoBox
 from hil.charts.projection import LocalPlane
-from hil.charts.sources.choose import read_sources
+from hil.charts.sources.combine import read_sources
 from hil.charts.sources.points import read_points
 from hil.charts.sources.rasters import Raster, open_raster
 from hil.common.errors import ConfigError
@@ -61,7 +61,7 @@ def test_depths_in_other_units_become_metres(name: str, unit: str, length: float
 
 
 def test_an_unknown_unit_is_named_in_the_error(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match=r"units\.tif: its depths are in 'furlong', which is none of m, metre"):
+    with pytest.raises(ConfigError, match=r"units\.tif: its depths are in 'furlong'; known units: m, metre"):
         open_raster(write(tmp_path / "units.tif", DEPTHS, names=("depth",), unit="furlong"))
 
 
@@ -74,13 +74,13 @@ def test_a_text_column_in_feet_becomes_metres(tmp_path: Path) -> None:
 @pytest.mark.parametrize("mark", [-99999.0, 1e20, np.inf])
 def test_an_undeclared_no_data_value_out_of_range_is_refused(mark: float, tmp_path: Path) -> None:
     marked = np.where(COLUMNS < 10, mark, -DEPTHS)
-    with pytest.raises(ConfigError, match=r"marks\.tif: has .* m, which is no depth: if that stands for none"):
+    with pytest.raises(ConfigError, match=r"marks\.tif: has values of .* m, which cannot be depths: if they mean"):
         open_raster(write(tmp_path / "marks.tif", marked, names=("elevation",)))
     named = write(tmp_path / "named.tif", marked, names=("elevation",), nodata=mark)
     assert depth_of(open_raster(named)) == MIDDLE
     path = tmp_path / "marks.csv"
     path.write_text("lon,lat,depth\n10,54,10\n10.001,54,-99999\n10,54.001,30\n")
-    with pytest.raises(ConfigError, match="which is no depth"):
+    with pytest.raises(ConfigError, match="which cannot be depths"):
         read_points(str(path), "down")
 
 
@@ -94,7 +94,7 @@ def test_an_undeclared_no_data_value_of_9999_is_refused(tmp_path: Path) -> None:
     """The value -9999 is a possible depth on the earth, but two exactly equal ones are not a measured bed."""
     holes = -DEPTHS
     holes[:10, :10] = -9999.0
-    with pytest.raises(ConfigError, match=r"9999 m, which is no depth.*gdal_translate -a_nodata"):
+    with pytest.raises(ConfigError, match=r"9999 m, which cannot be depths.*gdal_translate -a_nodata"):
         open_raster(write(tmp_path / "holes.tif", holes))
     holes[:10, :10] = -9998.7  # of a trench
     open_raster(write(tmp_path / "trench.tif", holes))
@@ -105,8 +105,8 @@ def test_an_assumption_about_the_sign_of_values_is_reported(tmp_path: Path) -> N
     bare = open_raster(write(tmp_path / "bare.tif", DEPTHS))
     odd = open_raster(write(tmp_path / "odd.tif", -DEPTHS, names=("depth",)))
     assert named.note == ""
-    assert "bare.tif: taken as depths, as none is below zero" in bare.note
-    assert "odd.tif: named as depths, taken as heights" in odd.note
+    assert "bare.tif: read as depths, because none is below zero" in bare.note
+    assert "odd.tif: named as depths, read as heights" in odd.note
     assert [depth_of(raster) for raster in (named, bare, odd)] == [MIDDLE] * 3
     assert open_raster(write(tmp_path / "bare.tif", DEPTHS), "down").note == ""
 
@@ -115,7 +115,7 @@ def test_a_raster_of_the_whole_earth_needs_an_area(tmp_path: Path) -> None:
     rasterio = pytest.importorskip("rasterio", reason="rasters need rasterio: pip install 'uuv-hil[raster]'")
     where = rasterio.Affine(9.0, 0.0, -180.0, 0.0, -6.0, 90.0)
     path = write(tmp_path / "earth.tif", -DEPTHS, crs="EPSG:4326", transform=where)
-    with pytest.raises(ConfigError, match=r"180 x 360 degrees large.*--area=0\.0,0\.0,0\.1,0\.1"):
+    with pytest.raises(ConfigError, match=r"180 x 360 degrees, too large.*--area=0\.0,0\.0,0\.1,0\.1"):
         read_sources([path], None)
-    survey, extent = read_sources([path], Box(10.0, 20.0, 10.1, 20.1), 1000.0)
+    survey, extent = read_sources([path], GeoBox(10.0, 20.0, 10.1, 20.1), 1000.0)
     assert build(survey, extent, 1000.0).report.water == 1.0

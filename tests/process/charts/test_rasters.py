@@ -8,11 +8,11 @@ import pytest
 from numpy.typing import NDArray
 
 from hil.charts.build import build
-from hil.charts.chart_survey import Box
+from hil.charts.chart_survey import GeoBox
 from hil.charts.exports.geotiff import write_geotiff
 from hil.charts.grid import Grid
 from hil.charts.projection import LocalPlane
-from hil.charts.sources.choose import read_sources
+from hil.charts.sources.combine import read_sources
 from hil.charts.sources.points import read_points
 from hil.charts.sources.rasters import open_raster
 from hil.commands import world as command
@@ -50,12 +50,10 @@ def test_a_written_geotiff_is_read_back(tmp_path: Path) -> None:
     centre = LocalPlane(*survey.origin or (0.0, 0.0))
     north, east = np.array([0.0, 50.0, 120.0]), np.array([-100.0, 120.0, -150.0])
     places = np.column_stack(centre.to_local(*geographic(north, east)))
-    assert built.placed.grid.at(places) == pytest.approx(
-        10.0 + 0.01 * (north + 100.0) - 0.02 * (east + 200.0), abs=0.05
-    )
+    assert built.model.grid.at(places) == pytest.approx(10.0 + 0.01 * (north + 100.0) - 0.02 * (east + 200.0), abs=0.05)
     hole = np.column_stack(centre.to_local(*geographic(np.array([160.0]), np.array([160.0]))))
-    assert np.isnan(built.placed.grid.at(hole)).all()
-    survey, extent = read_sources([str(path)], Box(60.0, 10.0, 60.1, 10.1), 10.0)
+    assert np.isnan(built.model.grid.at(hole)).all()
+    survey, extent = read_sources([str(path)], GeoBox(60.0, 10.0, 60.1, 10.1), 10.0)
     with pytest.raises(ConfigError, match="no water in the area: move or widen"):
         build(survey, extent, 10.0)
 
@@ -72,7 +70,7 @@ def test_rasters_are_used_in_order_and_before_soundings(tmp_path: Path) -> None:
     rows = "\n".join(f"{lon:.7f},{lat:.7f},30" for lat, lon in zip(latitude, longitude, strict=True))
     (tmp_path / "c.csv").write_text(f"lon,lat,depth\n{rows}\n")
     survey, extent = read_sources([f"{tmp_path}/{name}" for name in ("a.tif", "b.tif", "c.csv")], None, 10.0)
-    grid = build(survey, extent, 10.0).placed.grid
+    grid = build(survey, extent, 10.0).model.grid
     plane = LocalPlane(*survey.origin or (0.0, 0.0))
     wanted = np.column_stack(plane.to_local(*geographic(np.zeros(4), np.array([-50.0, 50.0, 150.0, 250.0]))))
     assert grid.at(wanted) == pytest.approx([10.0, 10.0, 20.0, 30.0], abs=0.01)
@@ -91,7 +89,7 @@ def test_a_large_raster_takes_no_longer_than_gdal_needs(tmp_path: Path) -> None:
         file.write(heights, 1)
     survey, extent = read_sources([str(path)], None)
     built = build(survey, extent)
-    grid = built.placed.grid
+    grid = built.model.grid
     assert grid.resolution == pytest.approx(2.0, abs=0.11)
     assert len(survey.soundings) == 0
     x, y = 565_000.0 + 2.0 * (np.array([100, 500, 900]) + 0.5), 6_000_000.0 - 2.0 * (np.array([50, 400, 800]) + 0.5)
@@ -117,7 +115,7 @@ def test_values_of_both_signs_need_a_name_or_an_option(tmp_path: Path) -> None:
 
     mixed = np.linspace(-5.0, 20.0, 900).reshape(30, 30)
     write(mixed)
-    with pytest.raises(ConfigError, match=r"from -5 to 20 m, and nothing says .*--positive up or"):
+    with pytest.raises(ConfigError, match=r"from -5 to 20 m, and nothing states .*--positive up or"):
         open_raster(path)
     assert (open_raster(path, "up").scale, open_raster(path, "down").scale) == (-1.0, 1.0)
     write(mixed, "Elevation (MLLW)")
@@ -137,14 +135,14 @@ def test_soundings_in_metres_need_a_named_coordinate_system(tmp_path: Path) -> N
     pytest.importorskip("rasterio", reason="rasters need rasterio: pip install 'uuv-hil[raster]'")
     path = tmp_path / "utm.csv"
     path.write_text("easting,northing,depth\n565000,5984000,5\n565100,5984000,6\n565000,5984100,7\n")
-    with pytest.raises(ConfigError, match="a coordinate system that it does not name: name it, as --crs EPSG:32605"):
+    with pytest.raises(ConfigError, match="an unknown coordinate system: name it, for example --crs EPSG:32605"):
         read_points(str(path))
     points = read_points(str(path), crs="EPSG:32632")
     assert points.geographic
     assert points.places[0] == pytest.approx([54.0, 10.0], abs=0.01)
     north, east = LocalPlane(*points.places[0]).to_local(*points.places[1:].T)
     assert np.hypot(north, east) == pytest.approx([100.0, 100.0], abs=0.1)
-    with pytest.raises(ConfigError, match="--crs: EPSG:1: no such coordinate system"):
+    with pytest.raises(ConfigError, match="--crs: EPSG:1: unknown coordinate system"):
         read_points(str(path), crs="EPSG:1")
 
 
@@ -155,10 +153,10 @@ def test_soundings_across_the_180th_meridian_make_one_world(tmp_path: Path) -> N
     survey, extent = read_sources([str(path)], None)
     assert extent[3] - extent[2] < 1000.0
     assert survey.origin == pytest.approx((-16.9965, 180.0)) or survey.origin == pytest.approx((-16.9965, -180.0))
-    grid = build(survey, extent, 20.0).placed.grid
+    grid = build(survey, extent, 20.0).model.grid
     assert grid.at(np.array([[0.0, -300.0], [0.0, 300.0]])) == pytest.approx([12.0, 14.0], abs=0.5)
     assert command.area("-17,179.9,-16,-179.9") == (-17.0, 179.9, -16.0, 180.1)
-    extent = read_sources([str(path)], Box(-17.0, 179.997, -16.993, 180.003), None)[1]
+    extent = read_sources([str(path)], GeoBox(-17.0, 179.997, -16.993, 180.003), None)[1]
     assert extent[3] - extent[2] < 700.0
 
 
@@ -196,7 +194,7 @@ def test_the_newer_s102_survey_is_used_on_request(tmp_path: Path) -> None:
         built = build(survey, extent)
         plane = LocalPlane(*survey.origin or (0.0, 0.0))
         places = np.column_stack(plane.to_local(np.full(2, 54.006), np.array([10.005, 10.0175])))
-        assert built.placed.grid.at(places) == pytest.approx([22.0 + first, 22.0], abs=0.1)
+        assert built.model.grid.at(places) == pytest.approx([22.0 + first, 22.0], abs=0.1)
         shares = dict(built.report.beds)
         assert list(shares) == (
             ["new.h5 of 2024-03-01", "old.h5 of 2019-04-05"]
@@ -226,7 +224,7 @@ def test_a_netcdf_like_that_of_gebco_is_read_and_a_file_that_is_no_raster_is_ref
             for axis, scale in enumerate(("lat", "lon")):
                 file[name].dims[axis].attach_scale(file[scale])
     survey, extent = read_sources([str(path)], None)
-    grid = build(survey, extent).placed.grid
+    grid = build(survey, extent).model.grid
     assert grid.resolution == pytest.approx(460.0, abs=20.0)
     plane = LocalPlane(*survey.origin or (0.0, 0.0))
     places = np.column_stack(plane.to_local(np.array([54.025, 54.05]), np.array([10.05, 10.1])))

@@ -120,7 +120,7 @@ def test_updates_are_applied_in_order_after_those_in_a_reissued_cell(tmp_path: P
     assert cell.update == 4
     assert cell.select("SOUNDG")[0].points[0, 2] == 4.0
     os.remove(tmp_path / "C.003")
-    with pytest.raises(ConfigError, match=r"C\.003: no such update.*--no-updates"):
+    with pytest.raises(ConfigError, match=r"C\.003: this update is missing.*--no-updates"):
         read_cell(path)
     assert read_cell(path, updates=False).select("SOUNDG")[0].points[0, 2] == 1.0
 
@@ -148,7 +148,7 @@ def test_a_missing_file_and_a_file_that_is_no_chart_are_refused(tmp_path: Path) 
     path = tmp_path / "C.000"
     with pytest.raises(
         ConfigError,
-        match=r"cannot be read: No such file; NOAA's are free at https://charts\.noaa\.gov/ENCs/ENCs\.shtml",
+        match=r"cannot be read: No such file; NOAA's charts are free at https://charts\.noaa\.gov/ENCs/ENCs\.shtml",
     ):
         read_cell(str(path))
     for content in (b"", b"<html>not found</html>" * 9, os.urandom(400)):
@@ -188,7 +188,7 @@ def test_hostile_charts_are_refused_within_limits(tmp_path: Path, damage: str) -
 def test_other_chart_products_are_refused_by_name(tmp_path: Path) -> None:
     path = tmp_path / "101AA00.000"
     path.write_bytes(bay().data().replace(b"TEST", b"INT.IHO.S-101.1.0", 1))
-    with pytest.raises(ConfigError, match=r"S-101; take the S-57 edition"):
+    with pytest.raises(ConfigError, match=r"S-101; use the S-57 edition"):
         read_cell(str(path))
     path.write_bytes(np.random.default_rng(3).bytes(5000))
     with pytest.raises(ConfigError, match=r"encrypted \(S-63\)"):
@@ -223,7 +223,7 @@ def test_depths_that_are_not_in_metres_are_refused(tmp_path: Path) -> None:
     cell = bay()
     row = cell.records[1]["DSPM"][0]
     cell.records[1]["DSPM"] = [(*row[:6], 3, *row[7:])]  # feet
-    with pytest.raises(ConfigError, match="depths not in metres"):
+    with pytest.raises(ConfigError, match="depths are not in metres"):
         read_cell(cell.write(tmp_path / "C.000"))
 
 

@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 from hil.charts.build import build
-from hil.charts.chart_survey import Box
+from hil.charts.chart_survey import GeoBox
 from hil.charts.projection import LocalPlane
 from hil.charts.sources import points
-from hil.charts.sources.choose import read_sources
+from hil.charts.sources.combine import read_sources
 from hil.charts.sources.points import read_points
 from hil.common.errors import ConfigError
 from sim.environment.obstacles import STANDING
@@ -49,7 +49,7 @@ def test_text_formats_of_soundings_are_read(tmp_path: Path, name: str, text: str
 def test_compressed_soundings_in_metres_are_read_with_a_given_sign(tmp_path: Path) -> None:
     path = tmp_path / "s.xyz.gz"
     path.write_bytes(gzip.compress(b"x,y,z\n100,200,-5\n110,210,2\n120,220,-6\n"))
-    with pytest.raises(ConfigError, match=r"from -6 to 2 m, and nothing says .*--positive up or --positive down"):
+    with pytest.raises(ConfigError, match=r"from -6 to 2 m, and nothing states .*--positive up or --positive down"):
         read_points(str(path))
     points = read_points(str(path), "up")
     assert not points.geographic
@@ -59,12 +59,12 @@ def test_compressed_soundings_in_metres_are_read_with_a_given_sign(tmp_path: Pat
 
 
 @pytest.mark.parametrize(("text", "output"), [
-    ("", "no soundings in it: a line has longitude, latitude and depth"),
-    ("lon,lat,depth\n", "no soundings in it"),
+    ("", "has no soundings: a line must have longitude, latitude and depth"),
+    ("lon,lat,depth\n", "has no soundings"),
     ("lon,lat,colour\n1,2,3\n", "names the columns lon, lat, colour: longitude, latitude"),
     ("1,2,3\n1,2\n", "no sounding in row 2: '1,2'"),
     ("1,2,3\n1,x,2\n", "no sounding in row 2"),
-    ("400000,5900000,12\n", "these are no degrees.*east,north,depth"),
+    ("400000,5900000,12\n", "are not degrees.*east,north,depth"),
 ])  # fmt: skip
 def test_text_without_soundings_is_refused(tmp_path: Path, text: str, output: str) -> None:
     path = tmp_path / "bad.csv"
@@ -99,7 +99,7 @@ def test_a_decompression_bomb_is_refused(
 def test_a_decompression_bomb_takes_little_memory(tmp_path: Path) -> None:
     """The 4 MB hold 4 GB without the end of a line, which took all memory; of 20 MB of comments nothing is stored."""
     path = tmp_path / "s.xyz.gz"
-    for text, words in ((b"0" * (1 << 22), "a line of more than 10000"), (b"#" * 9_999 + b"\n", "no soundings in it")):
+    for text, words in ((b"0" * (1 << 22), "a line of more than 10000"), (b"#" * 9_999 + b"\n", "has no soundings")):
         path.write_bytes(gzip.compress(text) * 1000 if len(text) > 10_000 else gzip.compress(text * 2_000))
         tracemalloc.start()
         try:
@@ -130,11 +130,11 @@ def test_a_chart_becomes_a_survey_and_a_bed(tmp_path: Path) -> None:
     built = build(survey, extent, 20.0)
     plane = LocalPlane(*survey.origin or (0.0, 0.0))
     latitude, longitude = np.array([54.0015, 54.0045, 54.0072]), np.array([10.004, 10.013, 10.008])
-    found = built.placed.grid.at(np.column_stack(plane.to_local(latitude, longitude)))
+    found = built.model.grid.at(np.column_stack(plane.to_local(latitude, longitude)))
     truth = [bed(*place) for place in zip(latitude, longitude, strict=True)]
     assert found == pytest.approx(truth, abs=0.3)
     ashore = np.column_stack(plane.to_local(np.array([54.009, 54.0033]), np.array([10.008, 10.0065])))
-    assert (built.placed.grid.at(ashore) < -2.0).all()
+    assert (built.model.grid.at(ashore) < -2.0).all()
     assert built.report.rmse < 0.3
 
 
@@ -159,7 +159,7 @@ def test_the_chart_of_larger_scale_is_used_where_charts_overlap(tmp_path: Path) 
     assert len(pieces[0]) == 3
     assert (pieces[0][:, 1] < west_of).all()
     assert (both.guides[both.guides[:, 2] == 42.0][:, 1] <= west_of + 1.0).all()
-    grid = build(both, extent, 20.0).placed.grid
+    grid = build(both, extent, 20.0).model.grid
     plane = LocalPlane(*both.origin or (0.0, 0.0))
     at = np.column_stack(plane.to_local(np.array([54.0035, 54.0035]), np.array([10.008, 9.992])))
     assert grid.at(at) == pytest.approx([bed(54.0035, 10.008), bed(54.0035, WEST) + 25.0], abs=3.0)
@@ -168,22 +168,22 @@ def test_the_chart_of_larger_scale_is_used_where_charts_overlap(tmp_path: Path) 
 def test_a_chart_without_soundings_or_coverage_is_refused(tmp_path: Path) -> None:
     empty = Encoder()
     empty.area(302, square(SOUTH, WEST, NORTH, EAST), CATCOV=1)
-    with pytest.raises(ConfigError, match="E: no soundings: take a chart of a larger scale"):
+    with pytest.raises(ConfigError, match="E: no soundings: use a chart of a larger scale"):
         read_sources([empty.write(tmp_path / "E.000")], None, 20.0)
     bare = Encoder()
     bare.soundings([(54.0, 10.0, 1.0)])
-    with pytest.raises(ConfigError, match="does not say what it covers"):
+    with pytest.raises(ConfigError, match="does not state its coverage"):
         read_sources([bare.write(tmp_path / "B.000")], None, 20.0)
 
 
 def test_an_area_of_a_chart_is_built_and_must_have_water(tmp_path: Path) -> None:
     path = bay().write(tmp_path / "BAY.000")
-    survey, extent = read_sources([path], Box(54.001, 10.002, 54.004, 10.008), 10.0)
+    survey, extent = read_sources([path], GeoBox(54.001, 10.002, 54.004, 10.008), 10.0)
     built = build(survey, extent, 10.0)
-    assert built.placed.grid.extent[1] - built.placed.grid.extent[0] == pytest.approx(334.0, abs=20.0)
+    assert built.model.grid.extent[1] - built.model.grid.extent[0] == pytest.approx(334.0, abs=20.0)
     for area, output in (
-        (Box(SHORE + 0.0005, 10.002, 54.0095, 10.008), "no water"),
-        (Box(60.0, 10.0, 60.01, 10.02), "no water"),
+        (GeoBox(SHORE + 0.0005, 10.002, 54.0095, 10.008), "no water"),
+        (GeoBox(60.0, 10.0, 60.01, 10.02), "no water"),
     ):
         survey, extent = read_sources([path], area, 10.0)
         with pytest.raises(ConfigError, match=f"{output} in the area.*--area"):
@@ -195,8 +195,8 @@ def test_unusable_files_are_refused(tmp_path: Path) -> None:
     metres = tmp_path / "m.csv"
     metres.write_text("east,north,depth\n0,0,5\n10,0,6\n0,10,7\n")
     for paths, output in (
-        ([str(tmp_path / "BAY.001")], r"BAY.001: is an update; name the cell itself"),
-        ([str(tmp_path / "chart.pdf")], r"what is .pdf\? There are .000"),
+        ([str(tmp_path / "BAY.001")], r"BAY.001: is an update; give the cell"),
+        ([str(tmp_path / "chart.pdf")], r"unknown format .pdf: use .000"),
         ([path, str(metres)], "has metres"),
         ([str(tmp_path / "none.csv")], "none.csv: no such file"),
     ):
@@ -211,7 +211,7 @@ def test_soundings_in_local_metres_make_a_world_without_origin(tmp_path: Path) -
     path.write_text("east,north,depth\n" + "\n".join(f"{e:.3f},{n:.3f},{d:.3f}" for e, n, d in rows))
     survey, extent = read_sources([str(path)], None, 5.0)
     assert survey.origin is None
-    grid = build(survey, extent, 5.0).placed.grid
+    grid = build(survey, extent, 5.0).model.grid
     inside = grid.depths[2:-2, 2:-2]
     assert np.abs(inside - (10.0 + 0.05 * grid.north[2:-2, None])).max() < 0.15
     near, extent = read_sources([str(path)], None, 5.0, reach=2.0)

@@ -11,7 +11,7 @@ import pytest
 
 from hil.charts.build import build
 from hil.charts.projection import LocalPlane
-from hil.charts.sources.choose import read_sources
+from hil.charts.sources.combine import read_sources
 from hil.charts.sources.rasters import open_raster
 from hil.common.errors import ConfigError
 
@@ -60,7 +60,7 @@ def s102(path: Path, with_uncertainty: bool) -> str:
 def test_s102_of_edition_3_is_read(with_uncertainty: bool, tmp_path: Path) -> None:
     path = s102(tmp_path / "102AA00BAY.H5", with_uncertainty)
     survey, extent = read_sources([path], None)
-    grid = build(survey, extent).placed.grid
+    grid = build(survey, extent).model.grid
     assert survey.beds[0][0] == "102AA00BAY.H5 of 2024-12-11"
     assert not survey.notes
     found = grid.at(np.column_stack(_local(survey.origin, [500200.0, 500200.0, 500010.0], [6000100.0, 6000200.0, 6e6])))
@@ -111,10 +111,10 @@ def varying_bag(path: Path) -> str:
 def test_a_bag_of_variable_resolution_is_read_at_its_finest_resolution(tmp_path: Path) -> None:
     """The overview, which has one node in 30 m and here another depth, is not read."""
     path = varying_bag(tmp_path / "vr.bag")
-    with pytest.raises(ConfigError, match="name it, as --crs"):
+    with pytest.raises(ConfigError, match="name it, for example --crs"):
         open_raster(path)
     survey, extent = read_sources([path], None, crs="EPSG:32632")
-    grid = build(survey, extent).placed.grid
+    grid = build(survey, extent).model.grid
     assert grid.resolution == pytest.approx(3.0, abs=0.2)
     east = np.array([500030.0, 500085.0, 500120.0])
     places = np.column_stack(_local(survey.origin, east, np.full(3, 6000075.0)))

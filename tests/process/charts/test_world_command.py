@@ -29,7 +29,7 @@ def test_a_chart_becomes_a_world_that_the_simulator_loads(tmp_path: Path, capsys
     )
     output = " ".join(capsys.readouterr().out.split())
     assert f"{out}.toml: gridded in" in output
-    assert "by linear interpolation between the same soundings and contours" in output
+    assert "by linear interpolation of the same soundings and contours" in output
     assert (tmp_path / "b.png").stat().st_size > 20_000
     world = load_world(f"{out}.toml")
     assert world.name == "bay"
@@ -107,7 +107,7 @@ def test_wrong_arguments_are_refused(arguments: list[str], output: str) -> None:
 def test_a_resolution_that_is_too_fine_or_too_coarse_is_refused(tmp_path: Path) -> None:
     with pytest.raises(ConfigError, match=r"--resolution: 0.1 m makes .* nodes, more than"):
         command.main(["build", chart(tmp_path), "-o", str(tmp_path / "w"), "--resolution", "0.1"])
-    with pytest.raises(ConfigError, match="--resolution: 5000 m is larger than the area: take a finer one"):
+    with pytest.raises(ConfigError, match="--resolution: 5000 m is larger than the area: use "):
         command.main(["build", chart(tmp_path), "-o", str(tmp_path / "w"), "--resolution", "5000"])
 
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hil.charts.build import Built, build
-from hil.charts.sources.choose import read_sources
+from hil.charts.build import BuiltSeabed, build
+from hil.charts.sources.combine import read_sources
 from hil.charts.sources.s57 import read_cell
 from hil.charts.sources.survey import Survey
 from hil.common.errors import ConfigError
@@ -22,7 +22,7 @@ def cell_path(name: str) -> str:
     return os.path.join(CHARTS, name, f"{name}.000")
 
 
-def built(*names: str, resolution: float | None = None) -> tuple[Survey, Built]:
+def built(*names: str, resolution: float | None = None) -> tuple[Survey, BuiltSeabed]:
     survey, extent = read_sources([cell_path(name) for name in names], None, resolution)
     return survey, build(survey, extent, resolution)
 
@@ -85,7 +85,7 @@ def test_soundings_that_were_held_out_are_predicted(name: str, ours: float, line
     assert report.rmse < 0.95 * min(report.linear_rmse, radial)
     assert report.rmse_all < 1.02 * report.rmse
     assert report.bias < 0.0
-    grid = found.placed.grid
+    grid = found.model.grid
     depths = grid.at(survey.soundings[:, :2]) - survey.soundings[:, 2]
     assert np.nanmax(depths) < 0.2
 

@@ -8,7 +8,7 @@ from hil.autonomy.paths.polygons import edge_distance, fill, segments
 from hil.charts.bounds import LAND_RISE
 from hil.charts.build import build
 from hil.charts.grid import Grid
-from hil.charts.hazards import OUT_OF_WATER, place
+from hil.charts.hazards import OUT_OF_WATER, place_hazards
 from hil.charts.sources.survey import DepthArea, Hazard, Sheet, Survey
 
 Array = NDArray[np.float64]
@@ -29,7 +29,7 @@ def built(*land: Array) -> Grid:
     everywhere = (np.array([(-9.0, -9.0), (-9.0, 209.0), (209.0, 209.0), (209.0, -9.0), (-9.0, -9.0)]),)
     soundings = np.array([(n, e, DEPTH) for n in range(0, 201, 40) for e in range(0, 201, 40)], float)
     sheet = Sheet("", everywhere, (DepthArea(everywhere, 5.0, 10.0),), tuple((ring,) for ring in land))
-    return build(Survey("", None, soundings, sheets=(sheet,)), (0.0, 200.0, 0.0, 200.0), CELL).placed.grid
+    return build(Survey("", None, soundings, sheets=(sheet,)), (0.0, 200.0, 0.0, 200.0), CELL).model.grid
 
 
 def offsets(grid: Grid, level: float, half: float = HALF) -> Array:
@@ -50,7 +50,7 @@ def masked(top: float) -> Grid:
 def raised(top: float) -> Grid:
     grid = Grid(np.full((41, 41), DEPTH, np.float32), 0.0, 0.0, CELL)
     hazard = Hazard("SLCONS", mole(), 1.0, top, (mole(),))
-    return place((hazard,), grid, np.full((41, 41), 5.0)).grid
+    return place_hazards((hazard,), grid, np.full((41, 41), 5.0)).grid
 
 
 def test_the_distance_to_an_edge_is_that_to_the_nearest_of_its_pieces() -> None:

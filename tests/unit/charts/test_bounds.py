@@ -5,10 +5,19 @@ import pytest
 from numpy.typing import NDArray
 
 from hil.autonomy.paths.polygons import contains, fill
-from hil.charts.bounds import LAND_RISE, allowance, keep_shoals, limits_at, paint, raise_land, relaxed, settle
+from hil.charts.bounds import (
+    LAND_RISE,
+    deep_limit_allowance,
+    limits_at,
+    move_within_limits,
+    raise_land,
+    raise_to_soundings,
+    rasterise_bounds,
+    relax_shoal_limits,
+)
 from hil.charts.build import build
 from hil.charts.grid import Grid
-from hil.charts.hazards import LEAST_HEIGHT, OUT_OF_WATER, place
+from hil.charts.hazards import LEAST_HEIGHT, OUT_OF_WATER, place_hazards
 from hil.charts.sources.survey import DepthArea, Hazard, Sheet, Survey, block_means, first_in_cell, resample
 
 Array = NDArray[np.float64]
@@ -59,7 +68,7 @@ def test_a_finer_sheet_overrides_a_coarser_one() -> None:
     coarse = Sheet("coarse", everywhere, (DepthArea(everywhere, 5.0, 10.0),), (middle,))
     fine = Sheet("fine", middle, (DepthArea(everywhere, 20.0, 30.0),), (), ((box(30.0, 30.0, 40.0, 40.0),),))
     axis = np.arange(0.0, 101.0, 5.0)
-    bounds = paint(Survey("", None, np.zeros((3, 3)), sheets=(coarse, fine)), axis, axis)
+    bounds = rasterise_bounds(Survey("", None, np.zeros((3, 3)), sheets=(coarse, fine)), axis, axis)
     inside = filled(middle, axis, axis)
     assert (bounds.low[inside] == 20.0).all()
     assert (bounds.high[~inside] == 10.0).all()
@@ -76,10 +85,12 @@ def test_the_shoal_limit_is_strict_and_the_deep_limit_allows_soundings() -> None
     axis = np.arange(0.0, 100.0, 5.0)
     low, high = np.full((20, 20), 5.0), np.full((20, 20), 10.0)
     deep = np.array([[50.0, 50.0, 13.0]])
-    extra = allowance(deep, np.array([10.0]), axis, axis, 10.0)
+    extra = deep_limit_allowance(deep, np.array([10.0]), axis, axis, 10.0)
 
     def settled(depth: float) -> Array:
-        return settle(Grid(np.full((20, 20), depth, np.float32), 0.0, 0.0, 5.0), low, high + extra, deep).astype(float)
+        return move_within_limits(
+            Grid(np.full((20, 20), depth, np.float32), 0.0, 0.0, 5.0), low, high + extra, deep
+        ).astype(float)
 
     held = settled(20.0)
     assert held[10, 10] == 13.0
@@ -99,7 +110,7 @@ def test_depth_limits_make_no_cliff_along_their_border() -> None:
     low = np.where(beyond, 10.0, 0.0)
     bed = Grid(np.full((60, 60), 6.0, np.float32), 0.0, 0.0, 1.0)
     sounding = np.array([[5.5, 5.5, 6.0]])
-    settled = settle(bed, low, np.full((60, 60), 50.0), sounding).astype(float)
+    settled = move_within_limits(bed, low, np.full((60, 60), 50.0), sounding).astype(float)
     assert (settled[beyond] >= 10.0).all()
     assert settled[5:7, 5:7] == pytest.approx(np.full((2, 2), 6.0))
     assert jagged(np.clip(bed.depths.astype(float), low, 50.0)) == 4.0
@@ -112,14 +123,14 @@ def test_a_dredged_channel_has_sloping_sides() -> None:
     low[:, 15:25] = 9.0
     low[:, 0] = np.inf  # land
     high = np.where(low == 9.0, 12.0, 2.0)
-    soft = relaxed(low, 1.0, 1.0)
+    soft = relax_shoal_limits(low, 1.0, 1.0)
     assert (soft[:, 17:23] == 9.0).all()
     assert (soft[:, 15:17] == 0.0).all()
     assert np.isinf(soft[:, 0]).all()
-    assert (relaxed(low, 0.1, 1.0) == low).all()
+    assert (relax_shoal_limits(low, 0.1, 1.0) == low).all()
     east = np.abs(np.arange(40) - 19.5)
     bed = Grid(np.tile(np.clip(11.0 - 0.9 * east, 1.0, 11.0), (40, 1)).astype(np.float32), 0.0, 0.0, 1.0)
-    found = settle(bed, soft, high, np.empty((0, 3))).astype(float)[:, 1:]
+    found = move_within_limits(bed, soft, high, np.empty((0, 3))).astype(float)[:, 1:]
     assert jagged(found) < 0.75 * jagged(np.clip(bed.depths.astype(float), low, high)[:, 1:])
 
 
@@ -130,11 +141,11 @@ def test_between_the_nodes_no_sounding_is_shoaler_than_the_grid() -> None:
         [random.uniform(-9.0, 27.0, 60), random.uniform(6.0, 62.0, 60), random.uniform(12.0, 25.0, 60)]
     )
     limits = np.full(60, 8.0)
-    kept = keep_shoals(grid, soundings, limits, np.full((20, 30), 8.0), passes=200)
+    kept = raise_to_soundings(grid, soundings, limits, np.full((20, 30), 8.0), passes=200)
     assert (kept.at(soundings[:, :2]) <= soundings[:, 2] + 0.01).all()
     assert kept.depths.max() == 20.0
     assert kept.depths.min() >= 8.0
-    hard = keep_shoals(grid, soundings, np.full(60, 19.0), np.full((20, 30), 19.0))
+    hard = raise_to_soundings(grid, soundings, np.full(60, 19.0), np.full((20, 30), 19.0))
     assert hard.depths.min() == 19.0
 
 
@@ -144,7 +155,7 @@ def test_a_shoal_smaller_than_a_cell_stays_on_the_grid() -> None:
     sheet = Sheet("", everywhere, (DepthArea(everywhere, 10.0, 20.0), DepthArea(knoll, 2.0, 10.0)), ())
     soundings = np.array([[50.0, 50.0, 3.0], *((n, e, 15.0) for n in axis for e in axis)])
     built = build(Survey("", None, soundings, sheets=(sheet,)), (0.0, 100.0, 0.0, 100.0), 20.0)
-    grid = built.placed.grid
+    grid = built.model.grid
     assert grid.at(soundings[:1, :2]) == pytest.approx([3.0], abs=0.01)
     away = np.ones((6, 6), bool)
     away[2:4, 2:4] = False
@@ -158,7 +169,7 @@ def test_land_rises_from_its_shore() -> None:
     depths[5] = -4.0  # a beach
     axis = np.arange(0.0, 110.0, 10.0)
     land_to_the_north = Sheet("", (box(-9.0, -9.0, 109.0, 109.0),), (), ((box(55.0, -50.0, 200.0, 150.0),),))
-    bounds = paint(Survey("", None, np.zeros((3, 3)), sheets=(land_to_the_north,)), axis, axis)
+    bounds = rasterise_bounds(Survey("", None, np.zeros((3, 3)), sheets=(land_to_the_north,)), axis, axis)
     assert (bounds.land == land).all()
     raised = raise_land(depths, bounds, 10.0)
     assert (raised[:6] == depths[:6]).all()
@@ -179,7 +190,7 @@ def test_hazards_become_piles_boxes_or_raised_areas() -> None:
     grid = Grid(np.full((21, 21), 12.0, np.float32), 0.0, 0.0, 5.0)
     grid.depths[:, 15:] = -3.0  # land
     area = box(8.0, 8.0, 32.0, 32.0)
-    placed = place((
+    placed = place_hazards((
         hazard("UWTROC", [(50.0, 20.0)], 4.0),
         hazard("UWTROC", [(50.0, 90.0)], 4.0),  # on land
         hazard("UWTROC", [(50.0, 30.0)], 12.5),  # below the bed
@@ -204,7 +215,7 @@ def test_hazards_become_piles_boxes_or_raised_areas() -> None:
 
 def test_a_hazard_of_unknown_depth_has_the_least_height() -> None:
     grid = Grid(np.full((5, 5), 9.0, np.float32), 0.0, 0.0, 5.0)
-    placed = place((hazard("WRECKS", [(10.0, 10.0)], None),), grid, np.full((5, 5), 9.0))
+    placed = place_hazards((hazard("WRECKS", [(10.0, 10.0)], None),), grid, np.full((5, 5), 9.0))
     assert placed.cylinders[0].top == 9.0 - LEAST_HEIGHT
 
 
@@ -225,7 +236,7 @@ def test_the_grid_stays_within_its_areas_and_uses_the_shoaler_sounding() -> None
     twice = np.array([[100.0, 100.0, 9.0]])
     sheet = Sheet("x", edges, (DepthArea(edges, 7.0, 20.0),), ())
     built = build(Survey("x", None, np.vstack([slope, twice]), sheets=(sheet,)), (0.0, 200.0, 0.0, 200.0), 10.0)
-    depths = built.placed.grid.depths
+    depths = built.model.grid.depths
     assert depths.min() == 7.0
     assert depths[10, 10] == pytest.approx(9.0, abs=1e-3)
     assert built.report.off_limits == 33

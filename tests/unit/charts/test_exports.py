@@ -14,10 +14,10 @@ from PIL import Image
 
 from hil.autonomy.paths.occupancy import OccupancyGrid
 from hil.charts.exports import mesh
-from hil.charts.exports.free_water import free_water
-from hil.charts.exports.gazebo import height_map, spacing, write_gazebo
+from hil.charts.exports.gazebo import height_map, height_map_spacing, write_gazebo
 from hil.charts.exports.geotiff import write_geotiff
 from hil.charts.exports.mesh import triangulate, write_glb, write_stl
+from hil.charts.exports.occupancy import build_occupancy
 from hil.charts.exports.png import write_png
 from hil.charts.grid import Grid, grid_of
 from hil.common.errors import ConfigError, MissingExtraError
@@ -59,7 +59,7 @@ def test_the_grid_of_a_world_is_extracted() -> None:
 def test_a_mesh_with_too_many_triangles_is_refused_with_a_size_that_fits(monkeypatch: pytest.MonkeyPatch) -> None:
     """A world of 10,001 x 10,001 nodes, 200 million triangles, is refused before memory runs out."""
     large = Grid(np.broadcast_to(np.float32(5.0), (10_001, 10_001)), 0.0, 0.0, 5.0)
-    with pytest.raises(ConfigError, match=r"--resolution: 5 m makes a mesh of 10001 x 10001 nodes.*take 26 m"):
+    with pytest.raises(ConfigError, match=r"--resolution: 5 m makes a mesh of 10001 x 10001 nodes.*use 26 m"):
         triangulate(large)
     monkeypatch.setattr(mesh, "MOST_NODES", 12 * 17)
     assert len(triangulate(sloping(hole=False))[1]) == 2 * 11 * 16
@@ -207,7 +207,7 @@ def test_free_water_is_deep_enough_and_clear_of_obstacles(tmp_path: Path) -> Non
     pile, sunk = Cylinder(20.0, 60.0, 2.0), Cylinder(30.0, 45.0, 3.0, 15.0)
     mole = Box(0.0, 50.0, 20.0, 0.5, 0.4, 1.0)
     world = World("bay", "x", (-20.0, 35.0, 40.0, 120.0), 30.0, cylinder=(pile, sunk), box=(mole,))
-    found = free_water(world, grid, 8.0, 1.0)
+    found = build_occupancy(world, grid, 8.0, 1.0)
     rows, columns = found.cells.shape
     assert (rows, columns) == (55, 80)
     for row in range(0, rows, 2):
@@ -220,7 +220,7 @@ def test_free_water_is_deep_enough_and_clear_of_obstacles(tmp_path: Path) -> Non
             elif away > 0.72:
                 assert not found.cells[row, column], place
     assert found.is_free((30.5, 45.5)), "the sunk one ends 7 m below"
-    assert not free_water(world, grid, 15.5, 1.0).is_free((30.5, 45.5))
+    assert not build_occupancy(world, grid, 15.5, 1.0).is_free((30.5, 45.5))
     found.write_pgm(str(tmp_path / "map.pgm"))
     assert (OccupancyGrid.read(str(tmp_path / "map.yaml")).cells == found.cells).all()
 
@@ -228,4 +228,6 @@ def test_free_water_is_deep_enough_and_clear_of_obstacles(tmp_path: Path) -> Non
 def test_a_height_map_has_at_most_2049_nodes_a_side() -> None:
     """Gazebo takes 2^n + 1 nodes a side, and we give it 2,049 at most."""
     for side, apart in ((100, 99.0 / 128.0), (2049, 1.0), (9999, 9998.0 / 2048.0)):
-        assert spacing(Grid(np.broadcast_to(np.float32(9.0), (side, 2)), 0.0, 0.0, 1.0)) == pytest.approx(apart)
+        assert height_map_spacing(Grid(np.broadcast_to(np.float32(9.0), (side, 2)), 0.0, 0.0, 1.0)) == pytest.approx(
+            apart
+        )

@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import NDArray
 
 from hil.charts.build import build
-from hil.charts.gridding import LEAF, Surface
+from hil.charts.gridding import BOX_POINTS, Surface
 from hil.charts.sources.survey import Survey
 from hil.common.errors import ConfigError
 from tests.support.charts.known_bed import SIDE, STEP, contoured, known_bed, sounded
@@ -48,7 +48,7 @@ def test_planes_and_level_beds_are_reproduced() -> None:
 
 def test_there_are_no_creases_between_patches() -> None:
     """A fine section through many patches has no step, and slopes that change little from one mm to the next."""
-    points, depths = scattered(6 * LEAF)
+    points, depths = scattered(6 * BOX_POINTS)
     surface = Surface(points, depths)
     centres = 0.5 * np.linspace(20.0, 80.0, 9)
     for east in centres:
@@ -64,20 +64,20 @@ def test_there_are_no_creases_between_patches() -> None:
 
 def test_held_out_errors_equal_those_of_fits_without_the_points() -> None:
     """Held-out errors equal those of fits really made without the points, in one patch whose corners hold its frame."""
-    points, depths = scattered(LEAF - 4)
+    points, depths = scattered(BOX_POINTS - 4)
     corners = np.array([[0.0, 0.0], [0.0, 100.0], [100.0, 0.0], [100.0, 100.0]])
     points, depths = np.vstack([points, corners]), np.append(depths, [1.0, 2.0, 3.0, 4.0])
-    folds = np.append(np.arange(LEAF - 4) % 5, [-1] * 4)
-    found, doubt = Surface(points, depths).held_out(folds)
+    folds = np.append(np.arange(BOX_POINTS - 4) % 5, [-1] * 4)
+    found, uncertainty = Surface(points, depths).cross_validate(folds)
     assert np.isnan(found[-4:]).all()
     for fold in range(5):
         rest = Surface(points[folds != fold], depths[folds != fold])
         for index in np.flatnonzero(folds == fold):
             truth = rest.evaluate(points[index : index + 1, 0], points[index : index + 1, 1], np.ones((1, 1), bool))
             assert found[index] == pytest.approx(truth[0, 0], abs=1e-7)
-            there = rest.doubt(points[index : index + 1, 0], points[index : index + 1, 1], np.ones((1, 1), bool))
-            assert doubt.variance[index] == pytest.approx(there.variance[0, 0], rel=1e-5)
-            assert doubt.roughness[index] == pytest.approx(there.roughness[0, 0], rel=1e-5)
+            there = rest.uncertainty(points[index : index + 1, 0], points[index : index + 1, 1], np.ones((1, 1), bool))
+            assert uncertainty.variance[index] == pytest.approx(there.variance[0, 0], rel=1e-5)
+            assert uncertainty.roughness[index] == pytest.approx(there.roughness[0, 0], rel=1e-5)
 
 
 def test_the_estimated_deviation_agrees_with_the_actual_error() -> None:
@@ -85,12 +85,12 @@ def test_the_estimated_deviation_agrees_with_the_actual_error() -> None:
     bed = known_bed()
     soundings = sounded(bed, 300)
     surface = Surface(soundings[:, :2], soundings[:, 2])
-    found, doubt = surface.held_out(np.arange(300) % 10)
-    off = (found - soundings[:, 2]) / doubt.deviation(np.full(300, np.inf))
+    found, uncertainty = surface.cross_validate(np.arange(300) % 10)
+    off = (found - soundings[:, 2]) / uncertainty.deviation(np.full(300, np.inf))
     assert 0.6 < rms(off) < 1.5
     north, east = soundings[:1, 0], soundings[:1, 1]
-    assert surface.doubt(north, east, np.ones((1, 1), bool)).variance[0, 0] == pytest.approx(0.0, abs=1e-6)
-    assert (doubt.deviation(np.zeros(300)) == 0.0).all()
+    assert surface.uncertainty(north, east, np.ones((1, 1), bool)).variance[0, 0] == pytest.approx(0.0, abs=1e-6)
+    assert (uncertainty.deviation(np.zeros(300)) == 0.0).all()
 
 
 def test_patches_are_smaller_where_points_are_dense(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -100,8 +100,8 @@ def test_patches_are_smaller_where_points_are_dense(monkeypatch: pytest.MonkeyPa
     surface = Surface(points, np.full(1060, 4.0))
     axis = np.linspace(0.0, 100.0, 50)
     assert surface.evaluate(axis, axis, np.ones((50, 50), bool)) == pytest.approx(np.full((50, 50), 4.0), abs=1e-4)
-    assert np.isfinite(surface.doubt(axis, axis, np.ones((50, 50), bool)).variance).all()
-    monkeypatch.setattr("hil.charts.gridding.MOST", 10_000)
+    assert np.isfinite(surface.uncertainty(axis, axis, np.ones((50, 50), bool)).variance).all()
+    monkeypatch.setattr("hil.charts.gridding.MOST_PATCH_POINTS", 10_000)
     free = Surface(points, np.full(1060, 4.0))
     held, unheld = (sum(len(patch.inside) for patch in found._patches) for found in (surface, free))
     assert held < 0.9 * unheld
@@ -111,7 +111,7 @@ def test_collinear_points_are_gridded_and_two_points_refused() -> None:
     line = np.column_stack([np.linspace(0.0, 50.0, 30), np.zeros(30)])
     found = Surface(line, line[:, 0] / 10.0).evaluate(np.array([12.0]), np.array([0.0, 3.0]), np.ones((1, 2), bool))
     assert found[0] == pytest.approx([1.2, 1.2], abs=0.1)
-    with pytest.raises(ConfigError, match="three depths or more, and there are 2"):
+    with pytest.raises(ConfigError, match="at least three depths, found 2"):
         Surface(line[:2], np.zeros(2))
 
 
@@ -136,7 +136,7 @@ def test_a_known_bed_is_reproduced_better_than_by_triangles() -> None:
     plain = Surface(soundings[:, :2], soundings[:, 2]).evaluate(AXIS, AXIS, ALL)
     survey = Survey("known", None, soundings, guides=contoured(bed, [10.0, 20.0, 30.0, 40.0, 50.0, 60.0]), reach=1e4)
     built = build(survey, (0.0, AXIS[-1], 0.0, AXIS[-1]), STEP)
-    errors = [rms((found - bed)[inside]) for found in (linear, plain, built.placed.grid.depths.astype(float))]
+    errors = [rms((found - bed)[inside]) for found in (linear, plain, built.model.grid.depths.astype(float))]
     assert errors[1] < 0.97 * errors[0]
     assert errors[2] < 0.7 * errors[0]
     assert built.report.rmse < 0.97 * built.report.linear_rmse, "which has the contours too"

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hil.charts.grid import Grid
-from hil.charts.hazards import OUT_OF_WATER, Placed, hazards_of, place
+from hil.charts.hazards import OUT_OF_WATER, SeabedModel, hazards_of, place_hazards
 from hil.charts.sources.s57 import Feature
 from sim.environment.obstacles import STANDING, Box
 
@@ -12,7 +12,7 @@ Lines = tuple[tuple[tuple[float, float], ...], ...]
 SHORE = 60.0  # m north; beyond is land
 
 
-def placed(kind: str, lines: Lines = (), is_area: bool = False, **attributes: float) -> Placed:
+def placed(kind: str, lines: Lines = (), is_area: bool = False, **attributes: float) -> SeabedModel:
     """Return a chart's structures in water 8 m deep up to the shore, on a grid of 5 m."""
     depths = np.full((21, 21), 8.0, np.float32)
     depths[13:] = -1.0
@@ -22,7 +22,7 @@ def placed(kind: str, lines: Lines = (), is_area: bool = False, **attributes: fl
     if not lines:
         points = np.array([[20.0, 30.0]])
     hazards = hazards_of(Feature(kind, attributes, points, edges, is_area), points, edges)
-    return place(tuple(hazards), grid, np.full((21, 21), 3.0))
+    return place_hazards(tuple(hazards), grid, np.full((21, 21), 3.0))
 
 
 def ring(*corners: tuple[float, float]) -> Lines:

@@ -1,4 +1,4 @@
-"""Make the scenario of a dive over the seabed of a chart: the world, a path, and a vehicle with sensors."""
+"""Write the scenario of a dive over the seabed of a chart: the world, a path, and a vehicle with sensors."""
 
 import os
 from collections.abc import Iterator
@@ -11,17 +11,17 @@ from hil.charts.describe import Facts, facts
 from hil.charts.grid import Extent, Grid, grid_of, write_file
 from hil.charts.gridding import Progress
 from hil.charts.projection import LocalPlane
-from hil.charts.site import Point, Site, depth_between, sites
+from hil.charts.seabed_cache import WholeSeabed, cut_seabed, load_or_build_seabed
+from hil.charts.site import Point, Site, depth_between, find_sites
 from hil.charts.sources.sign import Positive
-from hil.charts.whole import Whole, cut, whole_bed
 from hil.charts.world_file import write_world
 from hil.common.errors import ConfigError, MissionError
 from hil.master.flight import prepare
 from hil.scenario.config import Scenario, load_scenario
 from sim.environment.world import load_world
 
-AROUND = 150.0  # m beyond the way that the world has
-SPEED = 0.7  # m/s, of 0.85 m/s that this vehicle can
+WORLD_MARGIN = 150.0  # m of the world around the path
+SPEED = 0.7  # m/s; this vehicle's maximum is 0.85 m/s
 
 SCENARIO = """\
 # Made by `uuv-hil demo --world`; fly it again with `uuv-hil demo {name}.toml`.
@@ -72,9 +72,10 @@ time_limit = {limit:.0f}
 
 
 class DiveOptions(NamedTuple):
-    """Request of a dive: places (latitude and longitude in degrees), depth, length and a chart's `resolution` in m.
+    """Options of a dive.
 
-    `positive` and `crs` of soundings and rasters, as their readers take them.
+    `start` and `goal`: latitude and longitude, degrees. `depth`, `length`, and `resolution` of a chart's grid: m.
+    `positive` and `crs` of soundings and rasters: see hil.charts.sources.combine.
     """
 
     start: Point | None = None
@@ -87,55 +88,63 @@ class DiveOptions(NamedTuple):
     crs: str | None = None
 
     def validate(self) -> str | None:
-        """Return which options contradict each other, or None."""
+        """Return the error in the options, None if there is none."""
         return "--start and --goal go together" if (self.start is None) != (self.goal is None) else None
 
 
-class Prepared(NamedTuple):
-    """The path of a dive's scenario, and what is known of a chart's bed, for a report."""
+class PreparedDive(NamedTuple):
+    """The path of a dive's scenario file, and facts on the chart's bed for the report."""
 
     path: str
     facts: Facts = ()
 
 
-def prepare_dive(world: str, options: DiveOptions, folder: str, progress: Progress = lambda share: None) -> Prepared:
-    """Write a scenario into `folder`.
+def prepare_dive(
+    world: str, options: DiveOptions, folder: str, progress: Progress = lambda share: None
+) -> PreparedDive:
+    """Write the scenario of a dive into `folder`.
 
-    `world` is a chart (.000), any other file that `uuv-hil world build` takes, a world's .toml, or a world's name.
-    Raises ConfigError, MissingExtraError, and MissionError when no way is found.
+    `world` is a chart (.000), another file that `uuv-hil world build` accepts, a world's .toml, or a world's name.
+    Raises ConfigError, MissingExtraError, and MissionError if there is no free path.
     """
     if problem := options.validate():
         raise ConfigError(problem)
     if world.endswith(".toml") or not os.path.splitext(world)[1]:
         if options.resolution:
-            raise ConfigError("--resolution is for charts and soundings: a world has its grid already")
-        return Prepared(_over_world(world, options, folder))
-    whole = whole_bed(world, options.resolution, progress, options.positive, options.crs)
+            raise ConfigError("--resolution is for charts and soundings: a world already has a grid; leave it out")
+        return PreparedDive(_prepare_over_world(world, options, folder))
+    whole = load_or_build_seabed(world, options.resolution, progress, options.positive, options.crs)
     name = os.path.splitext(os.path.basename(world))[0]
-    return Prepared(_over_chart(whole, name, options, folder), facts(whole.placed.grid, whole.report))
+    return PreparedDive(_prepare_over_chart(whole, name, options, folder), facts(whole.model.grid, whole.report))
 
 
-def _over_chart(whole: Whole, name: str, options: DiveOptions, folder: str) -> str:
+def _prepare_over_chart(whole: WholeSeabed, name: str, options: DiveOptions, folder: str) -> str:
     failure: MissionError | None = None
-    for site in _requested_sites(whole.placed.grid, whole.origin, options):
+    for site in _requested_sites(whole.model.grid, whole.origin, options):
         path = os.path.join(folder, f"{name}_world.toml")
-        write_world(path, cut(whole.placed, _around(site)), whole.source, whole.origin, ("A part, around a dive.",))
+        write_world(
+            path,
+            cut_seabed(whole.model, _around(site)),
+            whole.source,
+            whole.origin,
+            ("The part of a seabed around a dive.",),
+        )
         try:
-            return _checked(_write_scenario(site, f"{name}_world.toml", name, options, folder))
+            return _require_free_path(_write_scenario(site, f"{name}_world.toml", name, options, folder))
         except MissionError as error:
             failure = error
     assert failure is not None  # there is at least one site
     raise failure
 
 
-def _over_world(world: str, options: DiveOptions, folder: str) -> str:
+def _prepare_over_world(world: str, options: DiveOptions, folder: str) -> str:
     known = load_world(world)
     name = known.name
     where = os.path.abspath(world) if world.endswith(".toml") else world
     failure: MissionError | None = None
     for site in _requested_sites(grid_of(known), known.origin, options):
         try:
-            return _checked(_write_scenario(site, where, name, options, folder))
+            return _require_free_path(_write_scenario(site, where, name, options, folder))
         except MissionError as error:
             failure = error
     assert failure is not None
@@ -143,12 +152,15 @@ def _over_world(world: str, options: DiveOptions, folder: str) -> str:
 
 
 def _requested_sites(grid: Grid, origin: tuple[float, float] | None, options: DiveOptions) -> Iterator[Site]:
-    """Return the requested way, or the best ones found."""
+    """Yield the requested path, or else the best ones found. Raises ConfigError."""
     if options.start is None or options.goal is None:
-        yield from sites(grid, options.length, options.depth)
+        yield from find_sites(grid, options.length, options.depth)
         return
     if origin is None:
-        raise ConfigError("--start and --goal are places on the earth, which this world is not: it has no origin")
+        raise ConfigError(
+            "--start and --goal are latitude and longitude, but this world has no `origin`: leave them out, or add "
+            "an origin to the world"
+        )
     plane = LocalPlane(*origin)
     start, goal = (_local(plane, place) for place in (options.start, options.goal))
     yield Site(start, goal, depth_between(grid, start, goal) if options.depth is None else options.depth)
@@ -161,7 +173,7 @@ def _local(plane: LocalPlane, place: Point) -> Point:
 
 def _around(site: Site) -> Extent:
     (south, north), (west, east) = (sorted(pair) for pair in zip(site.start, site.goal, strict=True))
-    return south - AROUND, north + AROUND, west - AROUND, east + AROUND
+    return south - WORLD_MARGIN, north + WORLD_MARGIN, west - WORLD_MARGIN, east + WORLD_MARGIN
 
 
 def _write_scenario(site: Site, world: str, name: str, options: DiveOptions, folder: str) -> str:
@@ -177,8 +189,8 @@ def _write_scenario(site: Site, world: str, name: str, options: DiveOptions, fol
     return path
 
 
-def _checked(path: str) -> str:
-    """Return the path of a scenario for which there is a way. Raises MissionError otherwise."""
+def _require_free_path(path: str) -> str:
+    """Return `path` if the planner finds a path in this scenario. Raises MissionError otherwise."""
     scenario: Scenario = load_scenario(path)
     prepare(scenario)
     return path

@@ -7,15 +7,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hil.charts import whole as module
-from hil.charts.build import MOST_OWN_NODES, build, own_resolution
-from hil.charts.chart_survey import DRAWN, Box
-from hil.charts.dive.dive import DiveOptions, prepare_dive
+from hil.charts import seabed_cache as module
+from hil.charts.build import MOST_OWN_NODES, build, default_resolution
+from hil.charts.chart_survey import LINE_ACCURACY, GeoBox
+from hil.charts.dive.prepare import DiveOptions, prepare_dive
 from hil.charts.grid import Grid, grid_of
-from hil.charts.hazards import LEAST_HEIGHT, Placed
-from hil.charts.site import MOST_MIDDLES, sites
-from hil.charts.sources.choose import read_sources
-from hil.charts.whole import cut, whole_bed
+from hil.charts.hazards import LEAST_HEIGHT, SeabedModel
+from hil.charts.seabed_cache import cut_seabed, load_or_build_seabed
+from hil.charts.site import MOST_MIDDLES, find_sites
+from hil.charts.sources.combine import read_sources
 from hil.common.errors import ConfigError
 from hil.scenario.config import load_scenario
 from sim.environment.obstacles import Cylinder
@@ -32,60 +32,60 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def test_a_chart_is_gridded_once_and_then_cached(tmp_path: Path, cache: Path) -> None:
     path = bay().write(tmp_path / "BAY.000")
-    first, second = whole_bed(path), whole_bed(path)
+    first, second = load_or_build_seabed(path), load_or_build_seabed(path)
     assert (first.is_cached, second.is_cached) == (False, True)
-    assert first.placed.grid.resolution == pytest.approx(DRAWN * 10_000)
+    assert first.model.grid.resolution == pytest.approx(LINE_ACCURACY * 10_000)
     assert second.report == first.report
-    assert second.placed.cylinders == first.placed.cylinders
-    np.testing.assert_array_equal(second.placed.grid.depths, first.placed.grid.depths)
-    assert not second.placed.grid.depths.flags.owndata, "mapped, not read"
-    assert whole_bed(path, 20.0).placed.grid.resolution == 20.0
+    assert second.model.cylinders == first.model.cylinders
+    np.testing.assert_array_equal(second.model.grid.depths, first.model.grid.depths)
+    assert not second.model.grid.depths.flags.owndata, "mapped, not read"
+    assert load_or_build_seabed(path, 20.0).model.grid.resolution == 20.0
     assert len(os.listdir(cache)) == 2
     os.utime(path, (1.0, 1.0))
-    assert not whole_bed(path).is_cached, "the file has changed"
+    assert not load_or_build_seabed(path).is_cached, "the file has changed"
 
 
 def test_the_cache_is_pruned_and_may_be_missing_or_damaged(
     tmp_path: Path, cache: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = bay().write(tmp_path / "BAY.000")
-    whole_bed(path, 20.0)
+    load_or_build_seabed(path, 20.0)
     (folder,) = cache.iterdir()
     (folder / "report.json").write_text("{")
-    assert not whole_bed(path, 20.0).is_cached
-    assert whole_bed(path, 20.0).is_cached
+    assert not load_or_build_seabed(path, 20.0).is_cached
+    assert load_or_build_seabed(path, 20.0).is_cached
     monkeypatch.setattr(module, "MOST_CACHED_BYTES", 1)
-    whole_bed(path, 25.0)
+    load_or_build_seabed(path, 25.0)
     assert len(os.listdir(cache)) == 1
-    assert whole_bed(path, 25.0).is_cached
+    assert load_or_build_seabed(path, 25.0).is_cached
     shutil.rmtree(cache)
     cache.write_text("in the way")
-    assert whole_bed(path, 25.0).report.soundings > 40
+    assert load_or_build_seabed(path, 25.0).report.soundings > 40
 
 
 def test_a_part_of_a_chart_has_the_same_nodes_as_the_whole(tmp_path: Path) -> None:
     """All the chart's data shape a part, also when only that part is built."""
     path = bay().write(tmp_path / "BAY.000")
-    placed = whole_bed(path, 10.0).placed
-    part = cut(placed, (-123.0, 88.0, -201.0, 64.0))
+    placed = load_or_build_seabed(path, 10.0).model
+    part = cut_seabed(placed, (-123.0, 88.0, -201.0, 64.0))
     assert part.grid.extent == pytest.approx((-130.0, 90.0, -210.0, 70.0))
     nodes = np.column_stack([axis.ravel() for axis in np.meshgrid(part.grid.north, part.grid.east, indexing="ij")])
     np.testing.assert_allclose(placed.grid.at(nodes), part.grid.depths.ravel(), atol=1e-5)
     survey, _ = read_sources([path], None)
-    alone = build(survey, part.grid.extent, 10.0).placed.grid
+    alone = build(survey, part.grid.extent, 10.0).model.grid
     np.testing.assert_allclose(alone.depths, part.grid.depths, atol=0.02)
     things = (Cylinder(0.0, 0.0, 1.0, 2.0), Cylinder(0.0, 300.0, 1.0, 2.0))
-    assert cut(Placed(placed.grid, things, ()), part.grid.extent).cylinders == things[:1]
+    assert cut_seabed(SeabedModel(placed.grid, things, ()), part.grid.extent).cylinders == things[:1]
 
 
 def test_a_dive_has_the_bed_of_the_whole_chart(tmp_path: Path) -> None:
     path = bay().write(tmp_path / "BAY.000")
     path, facts = prepare_dive(path, DiveOptions(length=10.0, resolution=10.0), str(tmp_path))
     flown = grid_of(load_world(load_scenario(path).world))
-    known = whole_bed(str(tmp_path / "BAY.000"), 10.0).placed.grid
+    known = load_or_build_seabed(str(tmp_path / "BAY.000"), 10.0).model.grid
     nodes = np.column_stack([axis.ravel() for axis in np.meshgrid(flown.north, flown.east, indexing="ij")])
     np.testing.assert_allclose(known.at(nodes), flown.depths.ravel(), atol=1e-5)
-    assert "linear interpolation between the same soundings and contours" in dict(facts)["held out"]
+    assert "linear interpolation of the same soundings and contours" in dict(facts)["held out"]
     with pytest.raises(ConfigError, match="--resolution is for charts"):
         prepare_dive("ridge", DiveOptions(length=10.0, resolution=10.0), str(tmp_path))
 
@@ -97,20 +97,20 @@ def test_a_small_scale_chart_with_soundings_in_one_corner_has_a_path(tmp_path: P
     cell.area(42, square(54.0, 10.0, 54.2, 10.3), DRVAL1=5, DRVAL2=20)
     cell.soundings([(54.01 + 0.003 * i, 10.01 + 0.004 * j, 6.0 + i + 0.5 * j) for i in range(5) for j in range(5)])
     path = cell.write(tmp_path / "COARSE.000")
-    assert whole_bed(path).placed.grid.resolution == 40.0
+    assert load_or_build_seabed(path).model.grid.resolution == 40.0
     assert load_scenario(prepare_dive(path, DiveOptions(length=10.0), str(tmp_path)).path).master.depth >= 2.0
-    with pytest.raises(ConfigError, match=r"take ([\d.]+) m or a coarser one") as caught:
-        whole_bed(path, 1.0)
-    fits = float(str(caught.value).partition("take ")[2].split()[0])
+    with pytest.raises(ConfigError, match=r"use ([\d.]+) m or coarser") as caught:
+        load_or_build_seabed(path, 1.0)
+    fits = float(str(caught.value).partition("use ")[2].split()[0])
     assert 2.0 < fits < 4.0
-    with pytest.raises(ConfigError, match=r"take a finer one, [\d.]+ m"):
-        whole_bed(path, 25_000.0)
+    with pytest.raises(ConfigError, match=r"use [\d.]+ m or a larger area"):
+        load_or_build_seabed(path, 25_000.0)
 
 
 def test_the_resolution_follows_from_the_data_until_there_are_too_many_nodes(tmp_path: Path) -> None:
     survey, extent = read_sources([bay(12_345).write(tmp_path / "BAY.000")], None)
-    assert own_resolution(survey, extent) == 6.2, "half a millimetre on paper, and two digits"
-    wide = own_resolution(survey, (0.0, 60_000.0, 0.0, 60_000.0))
+    assert default_resolution(survey, extent) == 6.2, "half a millimetre on paper, and two digits"
+    wide = default_resolution(survey, (0.0, 60_000.0, 0.0, 60_000.0))
     assert 60_000.0**2 / wide**2 <= MOST_OWN_NODES
     assert wide == 30.0
 
@@ -123,9 +123,9 @@ def test_the_coast_line_guides_the_bed(tmp_path: Path) -> None:
     cell.area(71, square(54.008, 10.0, 54.01, 10.016))
     shore = [(54.008, 10.0), (54.008, 10.016)]
     cell.soundings([(54.0005 + 0.0008 * i, 10.001 + 0.0015 * j, 20.0 - 3.2 * i) for i in range(6) for j in range(10)])
-    bare = whole_bed(cell.write(tmp_path / "BARE.000"), 10.0).placed.grid
+    bare = load_or_build_seabed(cell.write(tmp_path / "BARE.000"), 10.0).model.grid
     cell.line(30, shore)
-    guided = whole_bed(cell.write(tmp_path / "COAST.000"), 10.0).placed.grid
+    guided = load_or_build_seabed(cell.write(tmp_path / "COAST.000"), 10.0).model.grid
     before = guided.north < (54.0079 - 54.005) * 111_260.0
     for found in (bare, guided):
         assert (found.depths[before] == 0.0).mean() < 0.01
@@ -141,10 +141,10 @@ def test_a_wreck_bounds_the_bed(tmp_path: Path) -> None:
     cell.area(42, square(54.0, 10.0, 54.01, 10.016), DRVAL1=5, DRVAL2=30)
     cell.soundings([(54.0005 + 0.001 * i, 10.001 + 0.0015 * j, 10.0) for i in range(10) for j in range(10)])
     cell.point(159, (54.00495, 10.00775), VALSOU=13, WATLEV=3)
-    whole = whole_bed(cell.write(tmp_path / "WRECK.000"), 5.0)
-    (wreck,) = whole.placed.cylinders
+    whole = load_or_build_seabed(cell.write(tmp_path / "WRECK.000"), 5.0)
+    (wreck,) = whole.model.cylinders
     assert wreck.top == 13.0
-    bed = whole.placed.grid.at(np.array([[wreck.north, wreck.east]]))[0]
+    bed = whole.model.grid.at(np.array([[wreck.north, wreck.east]]))[0]
     assert bed == pytest.approx(13.0 + LEAST_HEIGHT, abs=0.3)
     assert whole.report.beds_under == 1
     assert whole.report.held_out > 50, "the bed under a wreck is no sounding"
@@ -155,14 +155,14 @@ def test_sites_of_a_large_grid_are_searched_where_the_bed_is_steep() -> None:
     assert side * side > 3 * MOST_MIDDLES
     depths = np.full((side, side), 10.0, np.float32)
     depths[40:60, 40:60] += np.random.default_rng(1).uniform(-2.0, 2.0, (20, 20)).astype(np.float32)
-    best = next(sites(Grid(depths, 0.0, 0.0, 10.0), 50.0))
+    best = next(find_sites(Grid(depths, 0.0, 0.0, 10.0), 50.0))
     assert all(380.0 <= axis <= 610.0 for axis in best.start)
 
 
 def test_an_area_uses_the_soundings_beside_it(tmp_path: Path) -> None:
     """An area without a sounding of its own has the bed that the soundings beside it make."""
     path = bay().write(tmp_path / "BAY.000")
-    survey, extent = read_sources([path], Box(54.0041, 10.0081, 54.0046, 10.0089), 5.0)
+    survey, extent = read_sources([path], GeoBox(54.0041, 10.0081, 54.0046, 10.0089), 5.0)
     built = build(survey, extent, 5.0)
     assert built.report.soundings < 3
-    assert np.isfinite(built.placed.grid.depths).all()
+    assert np.isfinite(built.model.grid.depths).all()

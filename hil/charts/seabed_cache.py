@@ -1,8 +1,8 @@
-"""Grid a whole seabed once, store it in the user's cache folder, and cut from it the part that is flown over.
+"""Grid a whole seabed once, store it in the user's cache folder, and cut the part for a dive from it.
 
-So every part has the bed that the whole has, and the second dive over a chart waits for nothing. The cache holds a
-world's file, its depths and the report, in a folder named by a hash of the input files, their times and sizes. The
-depths are mapped, not read.
+Every part then has the same bed as the whole, and a second dive over a chart starts at once. The cache holds the world
+file, its depths and the report, in a folder named by a hash of the input files, their times and sizes. The depths are
+memory-mapped.
 """
 
 import hashlib
@@ -14,12 +14,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hil.charts import charted
+from hil.charts import charted_objects
 from hil.charts.build import Report, build
 from hil.charts.grid import Extent, grid_of, write_file
 from hil.charts.gridding import Progress
-from hil.charts.hazards import Placed
-from hil.charts.sources.choose import read_sources
+from hil.charts.hazards import SeabedModel
+from hil.charts.sources.combine import read_sources
 from hil.charts.sources.sign import Positive
 from hil.charts.world_file import write_world
 from hil.common.errors import ConfigError
@@ -28,28 +28,31 @@ from hil.common.tables import cache_path
 from sim.environment.obstacles import Box, Cylinder
 from sim.environment.world import World, load_world
 
-MOST_CACHED_BYTES = 1 << 30  # beyond it those are removed that were not used for longest
-METHOD = 8  # to be counted up when the same files are gridded in another way
+MOST_CACHED_BYTES = 1 << 30  # above this the least recently used seabeds are removed
+METHOD = 8  # version of the gridding; increase it when the same files give another result
 
 
-class Whole(NamedTuple):
-    """All of a seabed: grid and obstacles, where on the earth (0, 0) is, what it was made of and how good it is."""
+class WholeSeabed(NamedTuple):
+    """The seabed of a whole file.
 
-    placed: Placed
+    `origin`: latitude and longitude (degrees) of (0, 0), None if not known. `is_cached`: it was read from the cache.
+    """
+
+    model: SeabedModel
     source: str
     origin: tuple[float, float] | None
     report: Report
     is_cached: bool
 
 
-def whole_bed(
+def load_or_build_seabed(
     path: str, resolution: float | None = None, progress: Progress = lambda share: None, positive: Positive = "auto",
     crs: str | None = None,
-) -> Whole:  # fmt: skip
-    """Return the seabed in the file at `path`, gridded at `resolution` (m), at what its data resolve if None.
+) -> WholeSeabed:  # fmt: skip
+    """Return the seabed in the file at `path`, from the cache if it was gridded before.
 
-    `positive` and `crs` as in the readers. From the cache if it was gridded before. Raises ConfigError,
-    MissingExtraError.
+    `resolution`: m, by default that of the data; `positive` and `crs`: see hil.charts.sources.combine. Raises
+    ConfigError, MissingExtraError.
     """
     folder = os.path.join(os.path.dirname(cache_path(path)), "charts", _key(path, resolution, positive, crs))
     cached = _load(folder)
@@ -57,16 +60,16 @@ def whole_bed(
         return cached
     survey, extent = read_sources([path], None, resolution, positive=positive, crs=crs)
     built = build(survey, extent, resolution, progress)
-    whole = Whole(built.placed, survey.source, survey.origin, built.report, False)
-    with suppress(OSError, ConfigError):  # a full disk, or a folder we may not write: it is made again next time
+    whole = WholeSeabed(built.model, survey.source, survey.origin, built.report, False)
+    with suppress(OSError, ConfigError):  # the disk is full or the folder not writable: it is not cached
         _store(whole, folder)
         return (_load(folder) or whole)._replace(is_cached=False)
     return whole
 
 
-def cut(placed: Placed, extent: Extent) -> Placed:
-    """Return the nodes of `placed` around `extent` (m), the same ones, and what stands between them."""
-    grid, parts = placed.grid, []
+def cut_seabed(model: SeabedModel, extent: Extent) -> SeabedModel:
+    """Return the part of `model` that covers `extent` (m), with unchanged nodes, and the obstacles inside it."""
+    grid, parts = model.grid, []
     for axis, (low, high) in ((grid.north, extent[:2]), (grid.east, extent[2:])):
         first = max(0, min(int(np.searchsorted(axis, low, "right")) - 1, len(axis) - 2))
         last = max(first + 1, min(int(np.searchsorted(axis, high)), len(axis) - 1))
@@ -81,14 +84,15 @@ def cut(placed: Placed, extent: Extent) -> Placed:
     def within(thing: Cylinder | Box) -> bool:
         return south <= thing.north <= north and west <= thing.east <= east
 
-    return Placed(
-        part, tuple(filter(within, placed.cylinders)), tuple(filter(within, placed.boxes)),
-        charted.within(placed.charted, part.extent), charted.cut_bottom(placed.bottom, part.extent),
+    return SeabedModel(
+        part, tuple(filter(within, model.cylinders)), tuple(filter(within, model.boxes)),
+        charted_objects.clip_charted(model.charted, part.extent),
+        charted_objects.cut_bottom_grid(model.bottom, part.extent),
     )  # fmt: skip
 
 
 def _key(path: str, *how: float | str | None) -> str:
-    """Return a name for the file with what may lie beside it, as updates do, read in this way."""
+    """Return the cache key of a file, of files with the same stem beside it (updates), and of the options `how`."""
     folder, stem = os.path.split(os.path.splitext(os.path.abspath(path))[0])
     stamps: list[tuple[str, int, int]] = []
     with suppress(OSError), os.scandir(folder) as entries:  # the reader reports what is missing
@@ -98,47 +102,47 @@ def _key(path: str, *how: float | str | None) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:32]
 
 
-def _load(folder: str) -> Whole | None:
-    """Return what is cached in `folder`; None if there is nothing that can be used."""
+def _load(folder: str) -> WholeSeabed | None:
+    """Return the seabed cached in `folder`; None if there is none that can be used."""
     try:
-        # Never trust what another user left there. On Windows it lies among the user's own files.
+        # Do not use files that another user may have put there. On Windows the folder is in the user's profile.
         if hasattr(os, "getuid") and os.stat(folder).st_uid != os.getuid():
             return None
         with open(os.path.join(folder, "report.json"), encoding="utf-8") as file:
             report = Report(**json.load(file))
         world = load_world(os.path.join(folder, "chart.toml"))
-        placed = _placed(world)
+        model = _model_of(world)
         os.utime(folder)
-    except (OSError, ValueError, TypeError, ConfigError):  # none, or damaged
+    except (OSError, ValueError, TypeError, ConfigError):  # not cached, or damaged
         return None
-    return Whole(placed, world.source, world.origin, report, True)
+    return WholeSeabed(model, world.source, world.origin, report, True)
 
 
-def _placed(world: World) -> Placed:
-    """Return the parts of a cached world. Raises ConfigError."""
+def _model_of(world: World) -> SeabedModel:
+    """Return the seabed of a cached world. Raises ConfigError."""
     bottom = None
     if world.bottom_map is not None:
         keys = world.bottom_map.keys
-        bottom = charted.BottomGrid(world.bottom_map.grid(), keys.north_min, keys.east_min, keys.resolution)
-    others = charted.Charted(world.pipeline, world.all_zones())
-    return Placed(grid_of(world), world.cylinder, world.box, others, bottom)
+        bottom = charted_objects.BottomGrid(world.bottom_map.grid(), keys.north_min, keys.east_min, keys.resolution)
+    others = charted_objects.ChartedObjects(world.pipeline, world.all_zones())
+    return SeabedModel(grid_of(world), world.cylinder, world.box, others, bottom)
 
 
-def _store(whole: Whole, folder: str) -> None:
-    """Write `whole` into a new folder, which is renamed to `folder` when all is in it. Raises OSError, ConfigError."""
+def _store(whole: WholeSeabed, folder: str) -> None:
+    """Write `whole` to a temporary folder, then rename that to `folder`. Raises OSError, ConfigError."""
     charts = os.path.dirname(folder)
     os.makedirs(charts, mode=0o700, exist_ok=True)
     with ScratchFolder("chart", charts) as scratch:
-        write_world(scratch.file("chart.toml"), whole.placed, whole.source, whole.origin, ("Written by uuv-hil.",))
+        write_world(scratch.file("chart.toml"), whole.model, whole.source, whole.origin, ("Written by uuv-hil.",))
         write_file(scratch.file("report.json"), json.dumps(whole.report._asdict()).encode())
         with suppress(OSError):
-            shutil.rmtree(folder)  # a damaged one
+            shutil.rmtree(folder)  # it may exist and be damaged
         os.rename(scratch.path, folder)
     _prune(charts, folder)
 
 
 def _prune(charts: str, fresh: str) -> None:
-    """Remove the cached seabeds that were not used for longest, never `fresh`, until the rest fits. Raises OSError."""
+    """Remove the least recently used seabeds until the others fit, but never `fresh`. Raises OSError."""
     with os.scandir(charts) as entries:
         folders = sorted((e for e in entries if e.is_dir()), key=lambda entry: -entry.stat().st_mtime_ns)
     size = 0

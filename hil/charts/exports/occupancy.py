@@ -1,4 +1,4 @@
-"""Make the occupancy map of seabed and obstacles for a vehicle's size."""
+"""Build the occupancy map of a world's seabed and obstacles at a depth."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,11 +12,11 @@ from sim.environment.world import World
 Array = NDArray[np.float64]
 
 
-def free_water(world: World, grid: Grid, depth: float, resolution: float) -> OccupancyGrid:
-    """Return the map for a vehicle whose lowest point is `depth` m down; cells of `resolution` m.
+def build_occupancy(world: World, grid: Grid, depth: float, resolution: float) -> OccupancyGrid:
+    """Return the map for a vehicle whose lowest point is at `depth` m, with cells of `resolution` m.
 
-    A cell is occupied where the seabed at its centre is no deeper, where that is unknown, or where an obstacle that
-    reaches so far up may touch any part of it; with `walls` those are the map's edge. Raises ConfigError.
+    A cell is occupied if the seabed at its centre is not below `depth` or is unknown, or if an obstacle that reaches up
+    to `depth` may touch any part of it. The map ends at the extent of `grid`. Raises ConfigError.
     """
     south, north, west, east = grid.extent
     standing: tuple[Cylinder | Box, ...] = (*world.cylinder, *world.box)
@@ -24,7 +24,7 @@ def free_water(world: World, grid: Grid, depth: float, resolution: float) -> Occ
     def clearance(norths: Array, easts: Array) -> Array:
         places = np.column_stack([norths.ravel(), easts.ravel()])
         below = grid.at(places).reshape(norths.shape) - depth
-        free = np.where(below > 0.0, np.inf, -1.0)  # nan is no water
+        free = np.where(below > 0.0, np.inf, -1.0)  # nan, an unknown depth, counts as occupied
         if world.terrain is not None:
             world.terrain.unmap()
         for obstacle in standing:

@@ -5,9 +5,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hil.charts.charted import Charted, Nature, cut_bottom, nature_of, paint_natures, pipelines_of, within, zones_of
+from hil.charts.charted_objects import (
+    ChartedObjects,
+    Nature,
+    clip_charted,
+    cut_bottom_grid,
+    nature_of,
+    pipelines_of,
+    rasterise_natures,
+    zones_of,
+)
 from hil.charts.grid import Grid
-from hil.charts.hazards import Placed
+from hil.charts.hazards import SeabedModel
 from hil.charts.sources.s57 import Feature
 from hil.charts.world_file import write_world
 from hil.common.errors import ConfigError
@@ -44,9 +53,9 @@ def test_an_area_becomes_a_zone_with_its_rules_and_without_holes() -> None:
     assert kinds == ["anchorage", "dumping", "military", "cable"]
     assert zones_of(feature("MARCUL", True), SQUARE, 1.0)[0].kind == "farm"
     assert zones_of(feature("DEPARE", True), SQUARE, 1.0) == []
-    cut = within(Charted((), (zone,)), (-50.0, 50.0, -50.0, 50.0)).zones
+    cut = clip_charted(ChartedObjects((), (zone,)), (-50.0, 50.0, -50.0, 50.0)).zones
     assert sorted(cut[0].outline) == [(0.0, 0.0), (0.0, 50.0), (50.0, 0.0), (50.0, 50.0)]
-    assert within(Charted((), (zone,)), (200.0, 300.0, 0.0, 50.0)).zones == ()
+    assert clip_charted(ChartedObjects((), (zone,)), (200.0, 300.0, 0.0, 50.0)).zones == ()
 
 
 def test_natures_apply_to_the_nearest_point_and_areas_take_precedence() -> None:
@@ -57,26 +66,26 @@ def test_natures_apply_to_the_nearest_point_and_areas_take_precedence() -> None:
     assert sand is not None
     assert rock is not None
     assert nature_of(feature("SBDARE", codes={"NATSUR": []}), np.array([(0.0, 0.0)]), ()) is None
-    painted = paint_natures((mud, sand), GRID, 1.0)
+    painted = rasterise_natures((mud, sand), GRID, 1.0)
     assert painted is not None
     assert painted.resolution == 20.0
     assert painted.codes.shape == (11, 11)
     assert (painted.codes[1, 1], painted.codes[9, 1], painted.codes[1, 10]) == (1, 4, 0), "100 m on paper are too far"
-    both = paint_natures((mud, sand, rock), GRID, 1.0)
+    both = rasterise_natures((mud, sand, rock), GRID, 1.0)
     assert both is not None
     assert (both.codes[1, 1], both.codes[9, 1]) == (9, 4)
-    part = cut_bottom(painted, (150.0, 200.0, 0.0, 50.0))
+    part = cut_bottom_grid(painted, (150.0, 200.0, 0.0, 50.0))
     assert part is not None
     assert (part.north_min, part.codes[-2, 1]) == (140.0, 4)
-    assert paint_natures((Nature(4, np.array([(9e5, 9e5)])),), GRID, 1.0) is None
+    assert rasterise_natures((Nature(4, np.array([(9e5, 9e5)])),), GRID, 1.0) is None
 
 
 def test_a_worlds_files_are_read_back_equal(tmp_path: Path) -> None:
     zones = (Zone("restricted", ((0.0, 0.0), (0.0, 10.0), (10.0, 10.0)), 'the "old" reserve'),)
     pipes = tuple(pipelines_of(feature("PIPSOL"), [LINE]))
-    painted = paint_natures((Nature(9, np.array([(20.0, 20.0)])),), GRID, 1.0)
+    painted = rasterise_natures((Nature(9, np.array([(20.0, 20.0)])),), GRID, 1.0)
     path = str(tmp_path / "bay.toml")
-    write_world(path, Placed(GRID, (), (), Charted(pipes, zones), painted), "test", None, ())
+    write_world(path, SeabedModel(GRID, (), (), ChartedObjects(pipes, zones), painted), "test", None, ())
     world = load_world(path)
     assert world.pipeline == pipes
     assert (world.zone, world.all_zones()) == ((), zones)

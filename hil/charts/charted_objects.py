@@ -1,8 +1,8 @@
-"""Charted things beside depths and obstacles: cables and pipelines, areas with rules, and the bed's material.
+"""Charted objects other than depths and obstacles: cables, pipelines, regulated areas, and the nature of the bed.
 
-A chart seldom says how thick a pipeline or cable is: the diameters here are ours, and it lies on the bed unless it is
-charted as buried. The nature of the bed is given at places, and counts as far as the next one, but no farther than
-`NATURE_REACH` on paper.
+A chart seldom gives the diameter of a pipeline or cable: the diameters here are assumed. It lies on the bed unless it
+is charted as buried. A chart gives the nature of the bed at points: each node of the bed takes that of the nearest
+point within `NATURE_REACH`.
 """
 
 from typing import NamedTuple
@@ -27,7 +27,7 @@ ZONES: dict[str, ZoneKind] = {
     "RESARE": "restricted", "ACHARE": "anchorage", "DMPGRD": "dumping", "MIPARE": "military", "CBLARE": "cable",
     "PIPARE": "pipeline", "MARCUL": "farm", "FSHFAC": "farm",
 }  # fmt: skip
-# S-57, attribute 131 (RESTRN).
+# S-57 attribute 131 (RESTRN)
 RULES = {
     1: "anchoring prohibited", 2: "anchoring restricted", 3: "fishing prohibited", 4: "fishing restricted",
     5: "trawling prohibited", 6: "trawling restricted", 7: "entry prohibited", 8: "entry restricted",
@@ -36,21 +36,21 @@ RULES = {
     17: "discharging restricted", 20: "drilling prohibited", 24: "dragging prohibited",
     25: "stopping prohibited", 27: "speed restricted",
 }  # fmt: skip
-NATURE_REACH = 100.0  # times what is drawn: 5 cm on paper
-COARSER = 4  # nodes of the bed to one of what it is made of
+NATURE_REACH = 100.0  # times the accuracy of a drawn line: 5 cm on paper
+BOTTOM_STEP = 4  # nodes of the depth grid per node of the bottom grid, along a side
 _KNOWN = {nature.code for nature in NATURES.values()}
 
 
 class Nature(NamedTuple):
-    """One statement on what the bed is made of: S-57's number, at places (n, 2) or within edges."""
+    """One charted nature of the bed: S-57 code (NATSUR), at points (n, 2) or within edges."""
 
     code: int
     places: Array
     edges: Edges = ()
 
 
-class Charted(NamedTuple):
-    """The parts of charts beside depths and obstacles, on the plane, from the coarsest chart to the finest."""
+class ChartedObjects(NamedTuple):
+    """Objects of charts other than depths and obstacles, on the plane, from the coarsest chart to the finest."""
 
     pipelines: tuple[Pipeline, ...] = ()
     zones: tuple[Zone, ...] = ()
@@ -58,7 +58,7 @@ class Charted(NamedTuple):
 
 
 class BottomGrid(NamedTuple):
-    """S-57's numbers of what the bed is made of, rows x columns, 0 for unknown; the first node and their distance."""
+    """S-57 codes of the bed's nature, (rows, columns), 0 for unknown; position of the first node and spacing, m."""
 
     codes: Codes
     north_min: float
@@ -67,7 +67,7 @@ class BottomGrid(NamedTuple):
 
 
 def pipelines_of(feature: Feature, lines: list[Array]) -> list[Pipeline]:
-    """Return the pipelines or cables that an object is, along `lines` (n, 2); none for others."""
+    """Return the pipelines or cables of a chart object, along `lines` (n, 2); none for other objects."""
     if feature.kind not in DIAMETERS:
         return []
     diameter, buried = DIAMETERS[feature.kind], feature.number("BURDEP") or 0.0
@@ -81,7 +81,7 @@ def pipelines_of(feature: Feature, lines: list[Array]) -> list[Pipeline]:
 
 
 def zones_of(feature: Feature, edges: Edges, detail: float) -> list[Zone]:
-    """Return the zones that an object is: its outlines, drawn as finely as `detail` m; none for others."""
+    """Return the zones of a chart object, their outlines simplified to `detail` m; none for other objects."""
     if feature.kind not in ZONES or not feature.is_area or not edges:
         return []
     import shapely
@@ -97,15 +97,15 @@ def zones_of(feature: Feature, edges: Edges, detail: float) -> list[Zone]:
 
 
 def nature_of(feature: Feature, points: Array, edges: Edges) -> Nature | None:
-    """Return what an object has of the bed: of several materials the first, which there is most of."""
+    """Return the nature of the bed in a chart object; of several materials the first, which is the predominant one."""
     codes = [code for code in feature.codes.get("NATSUR", ()) if code in _KNOWN]
     if feature.kind != "SBDARE" or not codes:
         return None
     return Nature(codes[0], points, edges if feature.is_area else ())
 
 
-def within(charted: Charted, extent: Extent) -> Charted:
-    """Return what of it comes into `extent` (m), zones cut at its border."""
+def clip_charted(charted: ChartedObjects, extent: Extent) -> ChartedObjects:
+    """Return the objects that touch `extent` (m), with zones cut at its border."""
     import shapely
 
     south, north, west, east = extent
@@ -120,13 +120,13 @@ def within(charted: Charted, extent: Extent) -> Charted:
     return charted._replace(pipelines=lines, zones=tuple(zones))
 
 
-def paint_natures(natures: tuple[Nature, ...], grid: Grid, detail: float) -> BottomGrid | None:
-    """Return what the bed of `grid` is made of, None where nothing is known of any of it."""
+def rasterise_natures(natures: tuple[Nature, ...], grid: Grid, detail: float) -> BottomGrid | None:
+    """Return the nature of the bed of `grid`, None if it is unknown everywhere."""
     if not natures:
         return None
     from scipy.spatial import cKDTree
 
-    north, east = grid.north[::COARSER], grid.east[::COARSER]
+    north, east = grid.north[::BOTTOM_STEP], grid.east[::BOTTOM_STEP]
     codes = np.full((len(north), len(east)), UNKNOWN, np.uint8)
     places = np.concatenate([np.empty((0, 2)), *(nature.places for nature in natures)])
     numbers = np.concatenate([[], *(np.full(len(nature.places), nature.code) for nature in natures)])
@@ -140,11 +140,11 @@ def paint_natures(natures: tuple[Nature, ...], grid: Grid, detail: float) -> Bot
         codes[window][inside] = nature.code
     if not codes.any():
         return None
-    return BottomGrid(codes, float(north[0]), float(east[0]), COARSER * grid.resolution)
+    return BottomGrid(codes, float(north[0]), float(east[0]), BOTTOM_STEP * grid.resolution)
 
 
-def cut_bottom(bottom: BottomGrid | None, extent: Extent) -> BottomGrid | None:
-    """Return the nodes of `bottom` in and around `extent` (m)."""
+def cut_bottom_grid(bottom: BottomGrid | None, extent: Extent) -> BottomGrid | None:
+    """Return the part of `bottom` that covers `extent` (m)."""
     if bottom is None:
         return None
     parts: list[slice] = []

@@ -1,4 +1,4 @@
-"""Read any supported file of a seabed, and combine all that are given into one survey."""
+"""Read seabed files of all supported formats, and combine them into one survey."""
 
 import os
 from collections.abc import Mapping
@@ -7,11 +7,11 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.charts.chart_survey import Box, covered, survey_charts
+from hil.charts.chart_survey import GeoBox, coverage_box, survey_charts
 from hil.charts.grid import Extent
 from hil.charts.projection import LocalPlane
 from hil.charts.sources.points import Points, is_points, read_points
-from hil.charts.sources.priority import OTHER, RASTER, require_named, without_outranked
+from hil.charts.sources.priority import OTHER, RASTER, remove_outranked, require_named
 from hil.charts.sources.rasters import DRIVERS, Raster, open_raster
 from hil.charts.sources.s57 import Cell, read_cell
 from hil.charts.sources.sign import Positive
@@ -20,22 +20,29 @@ from hil.common.errors import ConfigError
 
 Array = NDArray[np.float64]
 
-POINTS_DETAIL = 0.5  # of what soundings are apart in the mean: a grid of them
-WIDEST = 20.0  # degrees of the earth that a world may be wide: a plane of more is no map of it
-POINTS_REACH = 4.0  # the seabed is known around soundings, in what they are apart in the mean
+POINTS_DETAIL = 0.5  # detail of soundings, as a multiple of their mean spacing
+WIDEST = 20.0  # degrees: greatest width of a world, beyond which a plane is no useful map
+POINTS_REACH = 4.0  # distance around soundings in which the bed counts as known, as a multiple of their mean spacing
 
 
 def read_sources(
-    paths: list[str], area: Box | None, resolution: float | None = None, updates: bool = True,
+    paths: list[str], area: GeoBox | None, resolution: float | None = None, updates: bool = True,
     positive: Positive = "auto", reach: float | None = None, crs: str | None = None, newest: bool = False,
     priorities: Mapping[str, int] | None = None,
 ) -> tuple[Survey, Extent]:  # fmt: skip
-    """Return the contents of the files in `area` (all they cover if None), and where that is on the plane, m.
+    """Return the combined data of the files, and the extent of `area` on their plane (m).
 
-    `resolution` (m) of the grid that is wanted, what the data resolve if None; `updates` and `positive` as in the
-    readers, as `crs`; `reach` (m): how far from loose soundings the seabed is known. Where sources overlap,
-    `priorities` of files decide which count (hil.charts.sources.priority), and of rasters with the same one the
-    first, or the `newest` if that is asked for, those without a date last. Raises ConfigError, MissingExtraError.
+    - `area`: by default the coverage of all files.
+    - `resolution`: m, of the grid that will be made, by default that of the data.
+    - `updates`: apply the updates of S-57 charts.
+    - `positive`: whether values count "up" or "down", "auto" to detect it; `crs`: coordinate system of files that
+      state none.
+    - `reach`: m around single soundings in which the bed counts as known.
+    - `newest`: of overlapping rasters of the same priority use the newest instead of the first; rasters without a date
+      come last.
+    - `priorities`: of files, where sources overlap (hil.charts.sources.priority).
+
+    Raises ConfigError, MissingExtraError.
     """
     cells: list[Cell] = []
     loose: list[Points] = []
@@ -58,18 +65,18 @@ def read_sources(
     order = sorted(order, key=lambda k: -ranks["rasters"][k])
     if any(not points.geographic for points in loose):
         return _on_a_plane(loose, bool(cells or rasters or area), resolution, reach)
-    boxes = [*([covered(cells)] if cells else []), *map(_box, loose), *(raster.box for raster in rasters)]
+    boxes = [*([coverage_box(cells)] if cells else []), *map(_box, loose), *(raster.box for raster in rasters)]
     area = area or _around(boxes)
     _require_local(area)
     plane = LocalPlane(*_origin(area.centre))
     parts = [survey_charts(cells, plane)] if cells else []
     parts += [_survey(points, _local(points, plane), resolution, reach) for points in loose]
     surface = [*([max(ranks["cells"])] if cells else []), *ranks["loose"]]
-    parts = without_outranked(parts, surface)
+    parts = remove_outranked(parts, surface)
     parts += [Survey(r.name, None, np.empty((0, 3)), detail=r.spacing, notes=_notes(r)) for r in rasters]
     beds = [(rasters[k].label, partial(rasters[k].depths, plane)) for k in order]
     first = sum(ranks["rasters"][k] >= max(surface, default=OTHER) for k in order)
-    together = _together(parts, _origin(area.centre))
+    together = _combine(parts, _origin(area.centre))
     return together._replace(beds=tuple(beds[:first]), fillers=tuple(beds[first:])), _extent(area, plane)
 
 
@@ -78,54 +85,57 @@ def _open(path: str, positive: Positive, crs: str | None) -> Raster:
     if ending in DRIVERS:
         return open_raster(path, positive, crs)
     if ending[1:].isdigit():
-        raise ConfigError(f"{path}: is an update; name the cell itself (.000), updates beside it are found")
+        raise ConfigError(f"{path}: is an update; give the cell (.000), whose updates are found beside it")
     raise ConfigError(
-        f"{path}: what is {ending or 'a file without an ending'}? There are .000 (S-57), .tif, .bag, .nc, "
-        ".h5 (S-102), .xyz and .csv"
+        f"{path}: unknown format {ending or 'without an ending'}: use .000 (S-57), .tif, .bag, .nc, .h5 (S-102), "
+        ".xyz or .csv"
     )
 
 
 def _on_a_plane(
     loose: list[Points], has_others: bool, resolution: float | None, reach: float | None
 ) -> tuple[Survey, Extent]:
-    """Return soundings in metres from an origin whose place on the earth is unknown."""
+    """Return the survey of soundings in metres from an origin with unknown position on the earth. Raises ConfigError.
+
+    It cannot be combined with an area or with files that have positions on the earth.
+    """
     if has_others or any(points.geographic for points in loose):
         raise ConfigError(
-            f"{loose[0].name}: has metres, which neither --area nor files in degrees can be put to: "
-            "name their coordinate system, as --crs EPSG:32605"
+            f"{loose[0].name}: has positions in metres without a coordinate system, so it cannot be combined with "
+            "--area or with files in degrees: name the coordinate system, for example --crs EPSG:32605"
         )
-    survey = _together([_survey(points, points.places, resolution, reach) for points in loose], None)
+    survey = _combine([_survey(points, points.places, resolution, reach) for points in loose], None)
     north, east = survey.soundings[:, 0], survey.soundings[:, 1]
     return survey, (float(north.min()), float(north.max()), float(east.min()), float(east.max()))
 
 
-def _box(points: Points) -> Box:
+def _box(points: Points) -> GeoBox:
     latitudes, longitudes = points.places.T
     if np.ptp(longitudes) > 180.0:  # on both sides of the 180th meridian
         longitudes = longitudes % 360.0
-    return Box(*map(float, (latitudes.min(), longitudes.min(), latitudes.max(), longitudes.max())))
+    return GeoBox(*map(float, (latitudes.min(), longitudes.min(), latitudes.max(), longitudes.max())))
 
 
 def _origin(place: tuple[float, float]) -> tuple[float, float]:
-    """Return a place with its longitude from -180 to 180."""
+    """Return a position (latitude, longitude) with its longitude from -180 to 180."""
     return place[0], (place[1] + 180.0) % 360.0 - 180.0
 
 
-def _around(boxes: list[Box]) -> Box:
+def _around(boxes: list[GeoBox]) -> GeoBox:
     corners = np.array(boxes)
     if np.ptp(corners[:, [1, 3]]) > 180.0:  # on both sides of the 180th meridian
         turns = 360.0 * np.floor(corners[:, 1] / 360.0)
         corners[:, [1, 3]] -= turns[:, None]
-    return Box(*corners[:, :2].min(axis=0).tolist(), *corners[:, 2:].max(axis=0).tolist())
+    return GeoBox(*corners[:, :2].min(axis=0).tolist(), *corners[:, 2:].max(axis=0).tolist())
 
 
-def _require_local(area: Box) -> None:
+def _require_local(area: GeoBox) -> None:
     size = area.north - area.south, (area.east - area.west) * np.cos(np.radians(area.centre[0]))
     if max(size) > WIDEST:
         south, west = (np.floor(10.0 * value) / 10.0 for value in _origin(area.centre))
         raise ConfigError(
-            f"the area is {area.north - area.south:.0f} x {area.east - area.west:.0f} degrees large, too large for a "
-            f"world: name a part of at most {WIDEST:g}, as "
+            f"the area is {area.north - area.south:.0f} x {area.east - area.west:.0f} degrees, too large for a "
+            f"world: give a part of at most {WIDEST:g} degrees, for example "
             f"--area={south:.1f},{west:.1f},{south + 0.1:.1f},{west + 0.1:.1f}"
         )
 
@@ -135,10 +145,10 @@ def _local(points: Points, plane: LocalPlane) -> Array:
 
 
 def _survey(points: Points, places: Array, resolution: float | None, reach: float | None) -> Survey:
-    """Return single soundings, or their mean where several are nearer to each other than the grid's nodes."""
-    detail = max(0.01, POINTS_DETAIL * _apart(places))
+    """Return the survey of soundings; several in one cell of the grid are replaced by their mean."""
+    detail = max(0.01, POINTS_DETAIL * _mean_spacing(places))
     soundings = block_means(np.column_stack([places, points.depths]), resolution or detail)
-    reach = POINTS_REACH * _apart(soundings) if reach is None else reach
+    reach = POINTS_REACH * _mean_spacing(soundings) if reach is None else reach
     return Survey(points.name, None, soundings, detail=detail, reach=reach, notes=_notes(points))
 
 
@@ -146,13 +156,13 @@ def _notes(source: Points | Raster) -> tuple[str, ...]:
     return (source.note,) if source.note else ()
 
 
-def _apart(places: Array) -> float:
-    """Return the side of the square, m, that each of `places` (n, 2 or more) has for itself in the mean."""
+def _mean_spacing(places: Array) -> float:
+    """Return the mean spacing (m) of `places` (n, 2 or more): the root of the area per place."""
     return float(np.sqrt(np.ptp(places[:, :2], axis=0).prod() / len(places)))
 
 
-def _together(parts: list[Survey], origin: tuple[float, float] | None) -> Survey:
-    """Return one survey of all: areas and hazards are the charts', of which there is one part at most."""
+def _combine(parts: list[Survey], origin: tuple[float, float] | None) -> Survey:
+    """Return one survey of all parts; areas and hazards are those of the charts, which are the first part if any."""
     return parts[0]._replace(
         source="; ".join(part.source for part in parts),
         origin=origin,
@@ -163,8 +173,8 @@ def _together(parts: list[Survey], origin: tuple[float, float] | None) -> Survey
     )
 
 
-def _extent(area: Box, plane: LocalPlane) -> Extent:
-    """Return the rectangle on the plane around an area's corners and the middles of its sides."""
+def _extent(area: GeoBox, plane: LocalPlane) -> Extent:
+    """Return the rectangle on the plane around an area's corners and the midpoints of its sides, m."""
     south, west, north, east = area
     latitude, longitude = area.centre
     corners = np.array([
