@@ -1,8 +1,8 @@
-"""ArduPilot in the loop by its JSON interface: it sends servo packets, each is answered by the vehicle's state.
+"""ArduPilot in the loop over its JSON interface: it sends servo packets and receives a vehicle state for each.
 
-ArduPilot waits for every answer, so that its time is that of the answers. In lockstep the simulation in turn takes
-one step a packet. In real time the simulation goes on by itself: a packet is answered at once with the newest state if
-that is newer than the last answer, else by the next step.
+ArduPilot waits for each state and takes its time from it. In lockstep the simulation makes one step per packet. In real
+time the simulation runs by the clock: the reply to a packet is the newest state if it has not been sent yet, else the
+state of the next step.
 """
 
 import socket
@@ -10,7 +10,7 @@ import struct
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from hil.autopilots.contract import ABSENT_NS, STALL_NS, Autopilot, Figures, Outputs, Report
+from hil.autopilots.contract import ABSENT_NS, STALL_NS, Autopilot, AutopilotCounters, Outputs, Report
 from hil.autopilots.inputs import SensorInputs
 from hil.autopilots.json_packets import JsonState, decode_servos, encode_state
 from hil.common.clock import NS_PER_S, from_wall_ns, now_ns
@@ -24,19 +24,19 @@ if TYPE_CHECKING:
 
 LARGEST = 2048  # bytes of a datagram; a servo packet has 40 or 72
 WRAP = 1 << 32
-SO_TIMESTAMPNS = 35  # asm-generic/socket.h: the kernel's time of arrival comes with a datagram
+SO_TIMESTAMPNS = 35  # asm-generic/socket.h: the kernel adds its time of arrival to each datagram
 TIMESPEC = struct.Struct("@qq")
 ANCILLARY_SPACE = socket.CMSG_SPACE(TIMESPEC.size)
-RESTART_BELOW = 2000  # frame numbers with which an autopilot that has just started may first be seen
+RESTART_BELOW = 2000  # a lower frame number than before, and below this one, is a restart
 
 Sender = tuple[str, int]
 
 
 class ArduPilot(Autopilot):
-    """One ArduPilot that sends to `address` (udp://host:port), where this listens.
+    """Connection to one ArduPilot, which sends to `address` (udp://host:port), where this object listens.
 
-    `inputs` are the sensors of its vehicle, `rc` constant pulse widths of a receiver. `companion` sends it positions,
-    if any. Raises ConfigError, DeviceError.
+    `inputs`: sensors of its vehicle. `rc`: constant pulse widths (us) of an RC receiver. `companion` sends positions to
+    it, if given. Raises ConfigError, DeviceError.
     """
 
     def __init__(
@@ -45,39 +45,39 @@ class ArduPilot(Autopilot):
     ) -> None:  # fmt: skip
         self.name = f"ArduPilot on {address}"
         self.lockstep = lockstep
-        self.figures = Figures()
+        self.figures = AutopilotCounters()
         self.frame_rate = 0
         self._inputs, self._rc, self._report, self._companion = inputs, tuple(rc), report, companion
         self._socket = _listen(address)
         self._peer: Sender | None = None
         self._count = -1  # frame number of the last packet
-        self._waiting = False  # it has sent a packet that is not answered
+        self._waiting = False  # it has sent a packet and waits for the state
         self._restarting = False
-        self._epoch_ns = 0  # simulation time that is 0 for this autopilot
-        self._state = b""  # the newest, unless it has been sent
-        self._received_ns = self._complained_ns = now_ns()
+        self._epoch_ns = 0  # simulation time at which the autopilot's time is 0
+        self._state = b""  # the newest state, empty once it has been sent
+        self._received_ns = self._reported_ns = now_ns()
         self._other_senders: set[Sender] = set()
 
     def fileno(self) -> int:
-        """Return the socket's descriptor; -1 once closed."""
+        """Return the socket's descriptor; -1 after closing."""
         return self._socket.fileno()
 
     @property
     def connected(self) -> bool:
-        """Return whether packets come."""
+        """Return whether servo packets are received."""
         return self._peer is not None
 
     def update_sensor(self, topic: str, sample: Any) -> None:
-        """Take one sensor sample."""
+        """Store one sensor sample."""
         self._inputs.update(topic, sample)
 
     def advance(self, time_ns: int, truth: OdometrySample) -> None:
-        """Answer the packet that waits; without one the state is stored for it. Raises DeviceError."""
+        """Send the state if a packet is waiting for it, else store it for the next packet. Raises DeviceError."""
         if self._restarting:
             self._restarting, self._epoch_ns = False, time_ns
         self._state = encode_state(self._state_of(time_ns, truth))
         if self._waiting:
-            self._answer()
+            self._send_state()
         if self._companion and self._peer:
             self._companion.advance(time_ns - self._epoch_ns, truth, self._peer[0])
 
@@ -87,7 +87,7 @@ class ArduPilot(Autopilot):
         while True:
             try:
                 packet, ancillary, _, sender = self._socket.recvmsg(LARGEST, ANCILLARY_SPACE)
-            except (BlockingIOError, ConnectionRefusedError):  # refused: it had ended when it was answered
+            except (BlockingIOError, ConnectionRefusedError):  # refused: it had ended before the last state was sent
                 break
             except OSError as error:
                 raise DeviceError(f"{self.name}: {error.strerror or error}; start again") from None
@@ -100,28 +100,28 @@ class ArduPilot(Autopilot):
         if newest is None:
             return None
         if not self.lockstep and self._state:
-            self._answer()
+            self._send_state()
         return Outputs(newest.pwm_us, None, arrived_ns)
 
     def may_step(self) -> bool:
-        """Return whether it waits for the next state, or is not there."""
+        """Return whether it waits for the next state, is not connected, or does not run in lockstep."""
         return self._waiting or self._peer is None or not self.lockstep
 
     def check(self, now: int) -> None:
-        """Report that nobody is there, or that it has stopped."""
+        """Report if no autopilot has connected, or if it has stopped sending."""
         silent = now - self._received_ns
         if self._peer is not None and not self._waiting and silent > STALL_NS:
-            self._peer, self._complained_ns = None, now
+            self._peer, self._reported_ns = None, now
             self.figures.stalls += 1
             self._report(
                 f"{self.name}: no servo packet for {silent / NS_PER_S:.1f} s after frame {self._count}: "
-                "it has ended, or is stopped in a debugger"
+                "it has ended, or is stopped in a debugger; start it again"
             )
-        elif self._peer is None and now - self._complained_ns > ABSENT_NS:
-            self._complained_ns = now
+        elif self._peer is None and now - self._reported_ns > ABSENT_NS:
+            self._reported_ns = now
             self._report(
                 f"{self.name}: no servo packet yet: start ArduSub with --model JSON:127.0.0.1, and -I N for "
-                "[autopilot] instance = N; it may wait for a ground station on TCP 5760 + 10 N first"
+                "[autopilot] instance = N; it may first wait for a ground station on TCP 5760 + 10 N"
             )
 
     def close(self) -> None:
@@ -133,14 +133,14 @@ class ArduPilot(Autopilot):
     def _is_peer(self, sender: Sender, now: int) -> bool:
         if self._peer is None:
             self._peer = sender
-            self._report(f"{self.name}: servo packets come from port {sender[1]}")
+            self._report(f"{self.name}: receiving servo packets from port {sender[1]}")
         if sender == self._peer:
             return True
         if sender not in self._other_senders:
             self._other_senders.add(sender)
             self._report(
-                f"{self.name}: a second autopilot sends from port {sender[1]} and is ignored: give each vehicle an "
-                "[autopilot] instance of its own, and its autopilot the same -I"
+                f"{self.name}: a second autopilot sends from port {sender[1]} and is ignored: give each vehicle its "
+                "own [autopilot] instance, and its autopilot the same -I"
             )
         return False
 
@@ -159,30 +159,30 @@ class ArduPilot(Autopilot):
             self.figures.resets += 1
             self._report(f"{self.name}: the autopilot has restarted (frame {count} after {self._count})")
         elif step > WRAP // 2:
-            self._report(f"{self.name}: frame numbers go back, from {self._count} to {count}")
+            self._report(f"{self.name}: the frame number went back from {self._count} to {count}")
         else:
             self.figures.lost += step - 1
         self._count = count
         self.figures.outputs += 1
         return True
 
-    def _answer(self) -> None:
+    def _send_state(self) -> None:
         state, self._state, self._waiting = self._state, b"", False
         if self._peer is None:
             return
         try:
             self._socket.sendto(state, self._peer)
             self.figures.states += 1
-        except (BlockingIOError, ConnectionRefusedError):  # it asks again
+        except (BlockingIOError, ConnectionRefusedError):  # ArduPilot sends its packet again
             self.figures.lost += 1
         except OSError as error:
-            raise DeviceError(f"{self.name}: cannot answer: {error.strerror or error}") from None
+            raise DeviceError(f"{self.name}: cannot send the state: {error.strerror or error}; start again") from None
 
     def _state_of(self, time_ns: int, truth: OdometrySample) -> JsonState:
-        """Return the state for ArduPilot, which makes its own GPS and compass of it.
+        """Return the state for ArduPilot, which simulates its own GPS, compass and pressure sensor from it.
 
-        So position on the level, velocity and attitude are the truth. Depth is that of the pressure sensor, if there is
-        one: ArduPilot makes its water pressure of it.
+        Horizontal position, velocity and attitude are therefore true values. Depth is that of the pressure sensor if
+        the vehicle has one.
         """
         inputs = self._inputs
         north, east, down = truth.position
@@ -212,8 +212,8 @@ def _listen(address: str) -> socket.socket:
     except OSError as error:
         opened.close()
         raise DeviceError(
-            f"{address}: cannot listen for ArduPilot: {error.strerror}; another simulator of this instance runs, "
-            "or give [autopilot] instance another number"
+            f"{address}: cannot listen for ArduPilot: {error.strerror}; stop the other simulator of this instance, "
+            "or change [autopilot] instance"
         ) from None
     opened.setblocking(False)
     opened.setsockopt(socket.SOL_SOCKET, SO_TIMESTAMPNS, 1)
@@ -221,10 +221,10 @@ def _listen(address: str) -> socket.socket:
 
 
 def _arrival(ancillary: Sequence[tuple[int, int, bytes]], now: int) -> int:
-    """Return when (monotonic ns) a datagram arrived, as the kernel recorded it; `now` where it did not."""
+    """Return the kernel's time of arrival of a datagram (monotonic ns); `now` if there is none."""
     for _, kind, data in ancillary:
         if kind == SO_TIMESTAMPNS and len(data) == TIMESPEC.size:
             seconds, nanoseconds = TIMESPEC.unpack(data)
             arrived = from_wall_ns(seconds * NS_PER_S + nanoseconds)
-            return arrived if now - NS_PER_S < arrived <= now else now  # the wall clock may have been set
+            return arrived if now - NS_PER_S < arrived <= now else now  # the wall clock may have been changed
     return now

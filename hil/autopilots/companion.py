@@ -1,11 +1,11 @@
-"""Positions for ArduSub as a companion computer on the vehicle gives them: MAVLink messages on a port of its own.
+"""Send positions to ArduSub as a companion computer does: MAVLink messages on a separate port.
 
     odometry   ODOMETRY of the navigation solution: position, attitude, velocity
-    dvl        VISION_POSITION_DELTA of the DVL's velocities, by which ArduSub continues its position; none without
+    dvl        VISION_POSITION_DELTA from the DVL's velocities, by which ArduSub updates its position; none without
                bottom lock
     gps        GPS_INPUT of the GPS receiver; no fix under water
 
-Time in the messages is simulation time. Layouts: MAVLink common.xml; what ArduPilot reads of them:
+Time in the messages is simulation time. Layouts: MAVLink common.xml. ArduPilot reads them in
 libraries/GCS_MAVLink/GCS_Common.cpp, libraries/AP_VisualOdom, libraries/AP_GPS/AP_GPS_MAV.cpp.
 """
 
@@ -30,17 +30,17 @@ from sim.sensors.samples import DvlSample, OdometrySample
 
 SYSTEM: int = 1
 COMPONENT: int = dialect.MAV_COMP_ID_VISUAL_INERTIAL_ODOMETRY
-BEAT_NS = NS_PER_S  # of simulated time: heartbeats, the origin until it is known, calls without an answer
-MOST_DELTA_NS = NS_PER_S // 2  # between two DVL samples that count as neighbours
+HEARTBEAT_NS = NS_PER_S  # simulation time between heartbeats, attempts to connect, and messages with the origin
+MOST_DELTA_NS = NS_PER_S // 2  # greatest time between two DVL samples for a position delta
 FULL_CONFIDENCE = 100.0  # %
 TOPICS = {"odometry": "odom", "dvl": "dvl", "gps": "gps"}
 GPS_UNKNOWN = dialect.GPS_INPUT_IGNORE_FLAG_HDOP | dialect.GPS_INPUT_IGNORE_FLAG_VDOP
 
 
 class Companion:
-    """Sends one kind of positions to an ArduPilot's `port`. `origin` (degrees) is where NED positions begin.
+    """Connection that sends one kind of positions to ArduPilot's `port`; `origin`: of NED positions, degrees.
 
-    `lost` counts messages for which the connection had no room.
+    `lost` counts messages that did not fit into the connection's buffer.
     """
 
     def __init__(
@@ -51,18 +51,18 @@ class Companion:
         self._inputs, self._origin, self._port, self._report = inputs, origin, port, report
         self._socket: socket.socket | None = None
         self._stream = MavlinkStream(SYSTEM, COMPONENT, Counters())
-        self._has_origin = self._has_answered = False  # by the autopilot at the other end
-        self._beat_ns = 0
+        self._has_origin = self._has_answered = False  # the autopilot has confirmed the origin, has sent anything
+        self._heartbeat_due_ns = 0
         self._dvl_ns: int | None = None  # of the last sample with bottom lock
 
     def advance(self, time_ns: int, truth: OdometrySample, host: str) -> None:
-        """Send what is new at `time_ns` since the autopilot's start; `host` is where the autopilot runs."""
+        """Send the messages due at `time_ns` after the autopilot's start; `host`: where the autopilot runs."""
         is_new = self._topic in self._inputs.fresh
         self._inputs.fresh.clear()
-        if time_ns < self._beat_ns - BEAT_NS:  # the autopilot has started again
-            self._beat_ns = 0
-        if time_ns >= self._beat_ns:
-            self._beat_ns = time_ns + BEAT_NS
+        if time_ns < self._heartbeat_due_ns - HEARTBEAT_NS:  # the autopilot has restarted
+            self._heartbeat_due_ns = 0
+        if time_ns >= self._heartbeat_due_ns:
+            self._heartbeat_due_ns = time_ns + HEARTBEAT_NS
             if self._socket is None:
                 self._connect(host)
             self._send([_heartbeat(), *([] if self._has_origin else [_set_origin(self._origin)])])
@@ -89,7 +89,7 @@ class Companion:
         return [position_delta(time_us, dvl, inputs.gyro, dvl.time_ns - before_ns)]
 
     def _connect(self, host: str) -> None:
-        """Begin to connect; the loop that calls this never waits."""
+        """Begin to connect, without waiting for the connection."""
         opened = socket.socket(socket.AF_INET6 if ":" in host else socket.AF_INET, socket.SOCK_STREAM)
         opened.setblocking(False)
         opened.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
@@ -108,11 +108,11 @@ class Companion:
                 self.lost += 1
         except BlockingIOError:
             self.lost += len(messages)
-        except OSError:  # it has ended, or does not listen yet
+        except OSError:  # the autopilot has ended, or does not listen yet
             self.close()
 
     def _receive(self) -> None:
-        """Read what has come; ArduPilot confirms the origin, all else is of no interest."""
+        """Read the received messages; only ArduPilot's confirmation of the origin is used."""
         with contextlib.suppress(OSError):
             while self._socket:
                 data = self._socket.recv(65_536)
@@ -120,7 +120,7 @@ class Companion:
                     self.close()
                 elif not self._has_answered:
                     self._has_answered = True
-                    self._report(f"positions ({self._positions}) go to ArduPilot's port {self._port}")
+                    self._report(f"sending positions ({self._positions}) to ArduPilot's port {self._port}")
                 if self._has_origin:
                     continue
                 kinds = [message.get_msgId() for message in self._stream.unpack(data) if hasattr(message, "get_msgId")]
@@ -128,7 +128,7 @@ class Companion:
 
 
 def position_delta(time_us: int, sample: DvlSample, gyro: Vector3, delta_ns: int) -> Any:
-    """Return the VISION_POSITION_DELTA of a DVL's velocity (m/s, FRD) over `delta_ns`; `gyro` in rad/s."""
+    """Return the VISION_POSITION_DELTA message of a DVL's velocity (m/s, FRD) over `delta_ns`; `gyro` in rad/s."""
     seconds = delta_ns / NS_PER_S
     return dialect.MAVLink_vision_position_delta_message(
         time_us, delta_ns // NS_PER_US, [seconds * x for x in gyro], [seconds * x for x in sample.velocity],
@@ -137,7 +137,7 @@ def position_delta(time_us: int, sample: DvlSample, gyro: Vector3, delta_ns: int
 
 
 def gps_input(time_us: int, fix: FixSample, velocity: Vector3) -> Any:
-    """Return the GPS_INPUT of a fix, or of its absence; `velocity` NED in m/s."""
+    """Return the GPS_INPUT message of a sample with or without a fix; `velocity` NED in m/s."""
     if not fix.fix:
         return dialect.MAVLink_gps_input_message(
             time_us, 0, GPS_UNKNOWN, 0, 0, dialect.GPS_FIX_TYPE_NO_FIX, 0, 0, *[0.0] * 9, 0

@@ -1,11 +1,11 @@
-"""The interface of every autopilot: sensor samples in, pulse widths out, and lines for a person.
+"""The interface of an autopilot: sensor samples in, pulse widths out, and reports to the user.
 
-    autopilot.update_sensor(topic, sample)     every sample, as it comes from the simulation
-    autopilot.advance(time_ns, truth)          after each step of the simulation: sends what the autopilot waits for
-    autopilot.receive(now)                     after its descriptor became readable: the newest outputs
-    autopilot.may_step()                       in lockstep: whether the autopilot has answered the last step
+    autopilot.update_sensor(topic, sample)     store a sample of the simulation; called for each
+    autopilot.advance(time_ns, truth)          send the state or sensor messages; called after each simulation step
+    autopilot.receive(now)                     return the newest outputs; called when its descriptor is readable
+    autopilot.may_step()                       in lockstep: return whether the autopilot has replied to the last step
 
-Time in `advance` is simulation time; `now` is always the monotonic clock.
+Time in `advance` is simulation time; `now` is always the monotonic clock (ns).
 """
 
 from abc import ABC, abstractmethod
@@ -15,19 +15,19 @@ from typing import Any, NamedTuple
 from hil.common.clock import NS_PER_S
 from sim.sensors.samples import OdometrySample
 
-CHECK_NS = NS_PER_S // 10  # between two checks
-STALL_NS = NS_PER_S  # without an answer in lockstep: said once
-SILENT_NS = NS_PER_S // 5  # without outputs: thrusters neutral, as PX4's own simulators do
-ABSENT_NS = 10 * NS_PER_S  # without any sign of an autopilot: reported once, and again after that time
+CHECK_NS = NS_PER_S // 10  # between two calls of `check`
+STALL_NS = NS_PER_S  # without a reply in lockstep, after which a stall is reported
+SILENT_NS = NS_PER_S // 5  # without outputs, after which thrusters are neutral, as in PX4's own simulators
+ABSENT_NS = 10 * NS_PER_S  # without a connected autopilot, after which that is reported, again and again
 
 Report = Callable[[str], None]
 
 
 class Outputs(NamedTuple):
-    """The outputs that an autopilot requests.
+    """Outputs of an autopilot.
 
-    `pwm_us` are pulse widths in microseconds, one an output channel of the autopilot; 0 is no output. `armed` is None
-    where the interface has none. `received_ns` (monotonic) is when they came in.
+    `pwm_us`: pulse widths (us), one per output channel of the autopilot; 0 is no output. `armed`: None if the interface
+    does not transmit it. `received_ns`: time of arrival (monotonic).
     """
 
     pwm_us: tuple[int, ...]
@@ -35,30 +35,30 @@ class Outputs(NamedTuple):
     received_ns: int
 
 
-class Figures:
+class AutopilotCounters:
     """Counters of one autopilot since it was opened."""
 
     __slots__ = ("duplicates", "lost", "malformed", "outputs", "resets", "stalls", "states")
 
     def __init__(self) -> None:
-        self.outputs = 0  # packets with outputs that were taken
-        self.states = 0  # sets of sensor values that were sent
-        self.duplicates = 0  # outputs that came once more, as after a stall
-        self.lost = 0  # outputs that are missing between two that came
-        self.malformed = 0  # packets that are none of the interface, and were dropped
-        self.resets = 0  # starts of the autopilot after the first
-        self.stalls = 0  # times that lockstep waited longer than STALL_NS
+        self.outputs = 0  # packets with outputs, accepted
+        self.states = 0  # sets of sensor values sent
+        self.duplicates = 0  # packets with outputs received again, for example after a stall
+        self.lost = 0  # packets with outputs that did not arrive, and messages that could not be sent
+        self.malformed = 0  # packets not of this interface, dropped
+        self.resets = 0  # restarts of the autopilot
+        self.stalls = 0  # times that the autopilot stopped replying for longer than STALL_NS
 
 
 class Autopilot(ABC):
-    """One flight controller. `name` is its kind and address for messages, `figures` its counters.
+    """Connection to one flight controller. `name`: kind and address, for reports. `figures`: its counters.
 
-    `lockstep` is true where simulated time waits for its answers.
+    `lockstep`: simulation time waits for its replies.
     """
 
     name: str
     lockstep: bool
-    figures: Figures
+    figures: AutopilotCounters
 
     @abstractmethod
     def fileno(self) -> int:
@@ -67,31 +67,31 @@ class Autopilot(ABC):
     @property
     @abstractmethod
     def connected(self) -> bool:
-        """Return whether it has sent outputs, and has not been lost since."""
+        """Return whether the autopilot is connected, and has not stopped sending."""
 
     @abstractmethod
     def update_sensor(self, topic: str, sample: Any) -> None:
-        """Take one sensor sample (NED, FRD)."""
+        """Store one sensor sample (NED, FRD)."""
 
     @abstractmethod
     def advance(self, time_ns: int, truth: OdometrySample) -> None:
-        """Send what is due now that a step has ended at simulation time `time_ns`. Raises DeviceError."""
+        """Send the messages due at simulation time `time_ns`, the end of a step. Raises DeviceError."""
 
     @abstractmethod
     def receive(self, now: int) -> Outputs | None:
-        """Return the newest outputs that came since the last call; None without new ones. Raises DeviceError."""
+        """Return the newest outputs received since the last call, None if there are none. Raises DeviceError."""
 
     @abstractmethod
     def may_step(self) -> bool:
-        """Return whether the next step may go: always, unless lockstep waits for an answer."""
+        """Return whether the next step may be made: False only while lockstep waits for a reply."""
 
-    def patience_ns(self) -> int:
-        """Return how long to wait at most for its descriptor before `may_step` is asked again."""
+    def wait_limit_ns(self) -> int:
+        """Return how long to wait at most for its descriptor before calling `may_step` again."""
         return CHECK_NS
 
     @abstractmethod
     def check(self, now: int) -> None:
-        """Report what is wrong at `now`: nobody there, a stall, an answer that does not come."""
+        """Report faults at `now`: no autopilot connected, a stall, or data that cannot be read."""
 
     @abstractmethod
     def close(self) -> None:
@@ -99,5 +99,5 @@ class Autopilot(ABC):
 
 
 def is_output(pwm_us: int) -> bool:
-    """Return whether this is a pulse width for a motor controller; 0 and all others are no output."""
+    """Return whether this is a pulse width (us) for a motor controller; 0 and other values mean no output."""
     return 800 <= pwm_us <= 2200

@@ -1,9 +1,9 @@
-"""Frames of autopilots: which thruster of a vehicle each motor is, and in which direction it turns.
+"""Frames of autopilots: they map each motor to a thruster of the vehicle and to its direction of rotation.
 
-A frame is a file in hil/autopilots/frames: one row a motor, its share of roll, pitch, yaw, throttle, forward and
-lateral. A motor is the thruster whose force and torque about the body origin have the same direction as its row, or
-exactly the opposite one: then its pulse widths are mirrored at neutral, as MOT_n_DIRECTION = -1 or two swapped wires
-do on a real vehicle. "custom" has no rows: motor i is the vehicle's channel i.
+A frame is a file in hil/autopilots/frames, with one row per motor: its share of roll, pitch, yaw, throttle, forward and
+lateral. A motor is mapped to the thruster whose force and torque about the body origin have the direction of its row,
+or the opposite direction. In the latter case its pulse widths are mirrored about neutral, as MOT_n_DIRECTION = -1 or
+swapped wires do on a real vehicle. "custom" has no rows: motor i is the vehicle's channel i.
 """
 
 from collections.abc import Sequence
@@ -19,7 +19,7 @@ from sim.vehicle.vehicle import Vehicle
 
 FRAMES = "hil/autopilots/frames"
 AUTO, CUSTOM = "auto", "custom"
-ALIKE = 0.75  # least cosine between a row and a wrench, force and torque each; 45 degrees are 0.71
+LEAST_COSINE = 0.75  # between a row and a wrench, for force and torque each; 45 degrees are 0.71
 
 Share = Annotated[float, Range(-1.0, 1.0)]
 Row = tuple[Share, Share, Share, Share, Share, Share]
@@ -28,14 +28,14 @@ OPPOSITES = ("astern", "to the left", "up", "roll left", "bow down", "turn left"
 
 
 class Frame(NamedTuple):
-    """One frame: `frame_config` is ArduSub's parameter FRAME_CONFIG, `motors` the rows."""
+    """A frame: `frame_config` is ArduSub's parameter FRAME_CONFIG, `motors` the rows."""
 
     source: str
     frame_config: Annotated[int, Range(0, 100)]
     motors: tuple[Row, ...]
 
     def wrenches(self) -> list[tuple[float, ...]]:
-        """Return the wrench of each motor, X Y Z K M N along FRD, of no particular size."""
+        """Return the wrench of each motor, X Y Z K M N along FRD; only its direction has a meaning."""
         return [
             (forward, lateral, -throttle, roll, pitch, yaw)
             for roll, pitch, yaw, throttle, forward, lateral in self.motors
@@ -43,7 +43,7 @@ class Frame(NamedTuple):
 
 
 class Motor(NamedTuple):
-    """Vehicle channel `channel` is driven by output `output` of the autopilot, mirrored if `sign` is -1."""
+    """Mapping of the autopilot's output `output` to the vehicle's channel `channel`, mirrored if `sign` is -1."""
 
     output: int
     channel: int
@@ -51,9 +51,9 @@ class Motor(NamedTuple):
 
 
 class MotorMap:
-    """Convert the outputs of an autopilot to the pulse widths of a vehicle with so many channels.
+    """Converter from the outputs of an autopilot to the pulse widths of a vehicle with `channels` channels.
 
-    `frame` is the name of the frame. Channels that no motor drives are neutral.
+    `frame`: name of the frame. Channels without a motor are neutral.
     """
 
     def __init__(self, frame: str, motors: Sequence[Motor], channels: int) -> None:
@@ -62,7 +62,7 @@ class MotorMap:
         self.neutral = (PWM_NEUTRAL_US,) * channels
 
     def pulses(self, outputs: Sequence[int]) -> tuple[int, ...]:
-        """Return the pulse widths (us) of the vehicle's channels; no output (0, or out of range) is neutral."""
+        """Return the pulse widths (us) of the vehicle's channels; without output (0 or out of range) neutral."""
         pulses = list(self.neutral)
         for output, channel, sign in self.motors:
             width = outputs[output] if output < len(outputs) else 0
@@ -71,19 +71,19 @@ class MotorMap:
         return tuple(pulses)
 
     def missing(self, outputs: Sequence[int]) -> list[int]:
-        """Return the numbers (from 1) of the motors that have no output."""
+        """Return the numbers (from 1) of the motors without output."""
         return [m.output + 1 for m in self.motors if m.output >= len(outputs) or not is_output(outputs[m.output])]
 
 
 def load_frame(name: str) -> Frame:
-    """Return an installed frame by its name, or that of a file. Raises ConfigError."""
+    """Return the installed frame of this name, or the frame in this file. Raises ConfigError."""
     return load(find_preset(FRAMES, name), Frame)
 
 
 def map_motors(name: str, vehicle: Vehicle) -> MotorMap:
-    """Return the motors of `vehicle` in the frame of that name; "auto" finds the one that fits.
+    """Return the motor map of `vehicle` for the frame `name`; "auto" selects the first frame that matches.
 
-    Raises ConfigError, which names the motor that no thruster is like.
+    Raises ConfigError, which names the motor without a matching thruster.
     """
     channels = len(vehicle.channels)
     if name == CUSTOM:
@@ -97,7 +97,7 @@ def map_motors(name: str, vehicle: Vehicle) -> MotorMap:
         except ConfigError as error:
             reasons.append(str(error))
     raise ConfigError(
-        f"autopilot: frame: no frame fits {vehicle.name}: {'; '.join(reasons)}; give a file, or {CUSTOM!r}"
+        f"autopilot: frame: no frame matches {vehicle.name}: {'; '.join(reasons)}; give a frame file, or {CUSTOM!r}"
     )
 
 
@@ -110,9 +110,9 @@ def _match(name: str, frame: Frame, vehicle: Vehicle) -> list[Motor]:
     for number, row in enumerate(frame.wrenches()):
         best, sign, score = -1, 1, 0.0
         for index in sorted(free):
-            likeness = _likeness(row, columns[index])
-            if abs(likeness) > score + 1e-9:
-                best, sign, score = index, 1 if likeness > 0 else -1, abs(likeness)
+            similarity = _similarity(row, columns[index])
+            if abs(similarity) > score + 1e-9:
+                best, sign, score = index, 1 if similarity > 0 else -1, abs(similarity)
         if best < 0:
             raise ConfigError(
                 f"frame {name!r}: no thruster of {vehicle.name} pushes like motor {number + 1} ({push_text(row)})"
@@ -122,13 +122,13 @@ def _match(name: str, frame: Frame, vehicle: Vehicle) -> list[Motor]:
     return motors
 
 
-def _likeness(row: Sequence[float], column: Sequence[float]) -> float:
-    """Return how alike two wrenches are, 1 the same, -1 opposite, 0 if forces and torques do not agree."""
+def _similarity(row: Sequence[float], column: Sequence[float]) -> float:
+    """Return the similarity of two wrenches: 1 same direction, -1 opposite, 0 if forces and torques do not agree."""
     force, torque = _cosine(row[:3], column[:3]), _cosine(row[3:], column[3:])
-    if torque is None or force is None:  # one of them has none, which decides nothing
+    if torque is None or force is None:  # one of the wrenches has no torque or no force, so only the other counts
         only = force if torque is None else torque
-        return only if only is not None and abs(only) >= ALIKE else 0.0
-    if force * torque <= 0.0 or min(abs(force), abs(torque)) < ALIKE:
+        return only if only is not None and abs(only) >= LEAST_COSINE else 0.0
+    if force * torque <= 0.0 or min(abs(force), abs(torque)) < LEAST_COSINE:
         return 0.0
     return 0.5 * (force + torque)
 
@@ -141,7 +141,7 @@ def _cosine(one: Sequence[float], other: Sequence[float]) -> float | None:
 
 
 def push_text(wrench: Sequence[float]) -> str:
-    """Return which way a wrench pushes, in words: all above a fifth of the largest force, or torque."""
+    """Return the directions of a wrench as text: components above a fifth of the largest force, or torque."""
     words = []
     for part in (slice(0, 3), slice(3, 6)):
         most = max(abs(x) for x in wrench[part])

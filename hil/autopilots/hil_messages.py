@@ -1,7 +1,7 @@
-"""MAVLink's messages of a simulator for PX4, in its units: gauss, hectopascal, degrees * 1e7, millimetres, cm/s.
+"""Encode the MAVLink messages of a simulator for PX4, in their units: gauss, hPa, degrees * 1e7, mm, cm/s.
 
-Positions and velocities are NED, vectors of the body FRD, as everywhere here. Source: MAVLink common.xml, and what PX4
-reads of it (src/modules/simulation/simulator_mavlink).
+Positions and velocities are NED, body vectors FRD. Source: MAVLink common.xml, and how PX4 reads it
+(src/modules/simulation/simulator_mavlink).
 """
 
 from collections.abc import Sequence
@@ -13,7 +13,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from hil.links.contract import PWM_NEUTRAL_US
 from sim.sensors.samples import OdometrySample
 
-SPAN_US = 400  # from neutral to a control of 1 or -1
+SPAN_US = 400  # pulse width from neutral to a control of 1 or -1
 ACCELEROMETER, GYROSCOPE, MAGNETOMETER, BAROMETER = 0x007, 0x038, 0x1C0, 0x1A00
 ARMED, LOCKSTEP = 0x80, 0x01
 UNKNOWN_16 = 0xFFFF
@@ -21,11 +21,11 @@ RC_CHANNELS, FULL_STRENGTH = 18, 254
 STANDARD_HPA = 1013.25
 BOX_TEMPERATURE = 20.0  # degC; of sensors in the vehicle's hull
 LOCAL_NED, BODY_FRD, LOCAL_FRD = 1, 12, 20  # MAV_FRAME
-VISION = 2  # MAV_ESTIMATOR_TYPE: one that PX4 fuses as external navigation
+VISION = 2  # MAV_ESTIMATOR_TYPE: PX4 fuses it as external navigation
 
 
 class Inertial(NamedTuple):
-    """Readings of one HIL_SENSOR message: m/s², rad/s, T, Pa; None where nothing new was measured."""
+    """Values of one HIL_SENSOR message: m/s², rad/s, T, Pa; None without a new sample."""
 
     acceleration: Sequence[float] | None
     gyro: Sequence[float] | None
@@ -34,7 +34,7 @@ class Inertial(NamedTuple):
 
 
 def sensor(time_us: int, inertial: Inertial) -> Any:
-    """Return a HIL_SENSOR; the groups of values that are None are not marked as updated."""
+    """Return a HIL_SENSOR message; values that are None are not marked as updated."""
     acceleration, gyro, field, pascal = inertial
     updated = 0
     for group, value in ((ACCELEROMETER, acceleration), (GYROSCOPE, gyro), (MAGNETOMETER, field), (BAROMETER, pascal)):
@@ -48,13 +48,13 @@ def sensor(time_us: int, inertial: Inertial) -> Any:
 
 
 def pressure_altitude(hectopascal: float) -> float:
-    """Return the altitude (m) at which the air of the standard atmosphere has this pressure."""
+    """Return the altitude (m) of this pressure in the standard atmosphere."""
     ratio: float = (hectopascal / STANDARD_HPA) ** 0.190263
     return 44_330.77 * (1.0 - ratio)
 
 
 def gps(time_us: int, fix: Any, velocity: Sequence[float]) -> Any:
-    """Return a HIL_GPS of a FixSample, without a position where it has no fix; `velocity` NED in m/s."""
+    """Return the HIL_GPS message of a FixSample, without a position if it has no fix; `velocity` NED in m/s."""
     if not fix.fix:
         return dialect.MAVLink_hil_gps_message(
             time_us, 0, 0, 0, 0, UNKNOWN_16, UNKNOWN_16, UNKNOWN_16, 0, 0, 0, UNKNOWN_16, 0
@@ -69,7 +69,7 @@ def gps(time_us: int, fix: Any, velocity: Sequence[float]) -> Any:
 
 
 def odometry(time_us: int, sample: OdometrySample, frame: int = LOCAL_NED) -> Any:
-    """Return an ODOMETRY of a navigation solution, as of a vision system: the kind that PX4 takes for a position."""
+    """Return the ODOMETRY message of a navigation solution, marked as a vision system, which PX4 uses for position."""
     pose = [0.0] * 21
     twist = [0.0] * 21
     for place, variance in ((0, 0.01), (6, 0.01), (11, 0.01), (15, 1e-6), (18, 1e-6), (20, 1e-6)):
@@ -91,7 +91,10 @@ def odometry(time_us: int, sample: OdometrySample, frame: int = LOCAL_NED) -> An
 
 def truth_state(time_us: int, truth: OdometrySample, velocity: Sequence[float], acceleration: Sequence[float],
                 place: Sequence[float]) -> Any:  # fmt: skip
-    """Return a HIL_STATE_QUATERNION: the truth, for PX4's log. `place`: latitude, longitude (degrees), altitude (m)."""
+    """Return the HIL_STATE_QUATERNION message of the true state, for PX4's log.
+
+    `velocity`: NED, m/s. `acceleration`: m/s². `place`: latitude, longitude (degrees), altitude (m).
+    """
     latitude, longitude, altitude = place
     north, east, down = (_limited(100.0 * x, 32_767) for x in velocity)
     milli_g = [_limited(1000.0 * x / 9.80665, 32_767) for x in acceleration]
@@ -102,13 +105,13 @@ def truth_state(time_us: int, truth: OdometrySample, velocity: Sequence[float], 
 
 
 def receiver(time_us: int, pulses_us: Sequence[int]) -> Any:
-    """Return a RC_CHANNELS with these pulse widths (us): the message of a receiver that PX4's simulator link reads."""
+    """Return the RC_CHANNELS message of an RC receiver with these pulse widths (us), which PX4's simulator reads."""
     channels = [*pulses_us, *[UNKNOWN_16] * (RC_CHANNELS - len(pulses_us))]
     return dialect.MAVLink_rc_channels_message(time_us // 1000 & 0xFFFF_FFFF, len(pulses_us), *channels, FULL_STRENGTH)
 
 
 def pulses_of(controls: Sequence[float]) -> tuple[int, ...]:
-    """Return pulse widths (us) of HIL_ACTUATOR_CONTROLS; what is not finite is no output."""
+    """Return the pulse widths (us) of HIL_ACTUATOR_CONTROLS; 0, no output, for values that are not finite."""
     return tuple([PWM_NEUTRAL_US + round(SPAN_US * max(-1.0, min(1.0, x))) if isfinite(x) else 0 for x in controls])
 
 

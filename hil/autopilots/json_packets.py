@@ -1,8 +1,8 @@
 """Packets of ArduPilot's JSON interface: servo packets in, lines of JSON out.
 
-A servo packet is little-endian: magic, frame rate in Hz, frame count, then 16 or 32 pulse widths in microseconds. The
-answer is one JSON object between two line ends. ArduPilot looks for names with strstr and then skips a fixed number of
-characters, so that the text has no blanks, and no name contains another one that comes later.
+A servo packet is little-endian: magic, frame rate (Hz), frame count, then 16 or 32 pulse widths (us). The reply is one
+JSON object between two line ends. ArduPilot searches for names with strstr and then skips a fixed number of characters.
+Therefore the text has no blanks, and no name contains another name that comes later.
 Source: ArduPilot, libraries/SITL/SIM_JSON.h and examples/JSON/readme.md.
 """
 
@@ -19,7 +19,7 @@ MOST_RANGES, MOST_RC = 6, 12
 
 
 class ServoPacket(NamedTuple):
-    """Packet that ArduPilot sends once a frame: the rate it asks for (Hz), the frame's number, its outputs (us)."""
+    """Packet that ArduPilot sends once per frame: requested rate (Hz), frame number, outputs (us)."""
 
     frame_rate: int
     frame_count: int
@@ -27,10 +27,11 @@ class ServoPacket(NamedTuple):
 
 
 class JsonState(NamedTuple):
-    """State for ArduPilot: time in s; gyro rad/s, acceleration m/s² (specific force), both FRD; NED in m and m/s.
+    """State for ArduPilot.
 
-    `quaternion` is w x y z, body to NED. `ranges` (m), `rc` (us) and `battery` (V, A) are left out where empty,
-    `geodetic` (degrees, degrees, m above mean sea level) too; then ArduPilot takes `position`.
+    `time`: s. `gyro`: rad/s, and `acceleration`: m/s² (specific force), both FRD. `position` and `velocity`: NED, m and
+    m/s. `quaternion`: w x y z, body to NED. Left out if empty: `ranges` (m), `rc` (us), `battery` (V, A), and
+    `geodetic` (latitude and longitude in degrees, m above mean sea level), without which ArduPilot uses `position`.
     """
 
     time: float
@@ -46,7 +47,7 @@ class JsonState(NamedTuple):
 
 
 def decode_servos(packet: bytes) -> ServoPacket | None:
-    """Return the contents of a servo packet; None for anything else."""
+    """Return the contents of a servo packet; None for another packet."""
     layout = _LAYOUTS.get(len(packet))
     if layout is None:
         return None
@@ -56,7 +57,7 @@ def decode_servos(packet: bytes) -> ServoPacket | None:
 
 
 def encode_state(state: JsonState) -> bytes:
-    """Return the line for ArduPilot, begun and ended by a line end."""
+    """Return the line for ArduPilot, which begins and ends with a line end."""
     parts = [
         f'"timestamp":{state.time:.6f}',
         f'"imu":{{"gyro":{_vector(state.gyro)},"accel_body":{_vector(state.acceleration)}}}',

@@ -1,4 +1,4 @@
-"""Measure the connection to an autopilot before a run: loss, round trip, jitter, and the rate that it carries."""
+"""Measure the connection to an autopilot before a run: loss, round trip, jitter, and the rate that it can carry."""
 
 import time
 from typing import NamedTuple
@@ -10,13 +10,16 @@ from hil.common.clock import NS_PER_MS, NS_PER_S, seconds_ns
 from hil.links.address import parse_address
 from hil.scenario.config import Scenario
 
-BITS_A_BYTE = 10  # of a serial line: start bit, eight of data, stop bit
-HIL_SET_BYTES = 90  # HIL_SENSOR in full (77), and its share of HIL_GPS, ODOMETRY and HIL_STATE_QUATERNION
+BITS_A_BYTE = 10  # of a serial line: start bit, eight data bits, stop bit
+HIL_SET_BYTES = 90  # per HIL_SENSOR message: its 77 bytes, and a share of HIL_GPS, ODOMETRY and HIL_STATE_QUATERNION
 WARM_UP_NS = NS_PER_S // 2
 
 
 class LinkResult(NamedTuple):
-    """Result of a link test. Rates in Hz, times in ms; `line_rate` is what the line's speed allows, 0 without one."""
+    """Result of a link test. Times in ms, rates in Hz; `speed`: simulation time per wall time.
+
+    `line_rate`: greatest rate at the baud rate of a serial line, 0 for other connections.
+    """
 
     states: int
     outputs: int
@@ -31,19 +34,20 @@ class LinkResult(NamedTuple):
 
     @property
     def jitter_ms(self) -> float:
-        """Return how much later the slowest of a hundred answers comes than the middle one."""
+        """Return the difference between the 99th percentile and the median of the round trip, ms."""
         return self.round_trip_p99_ms - self.round_trip_p50_ms
 
 
 def measure_link(scenario: Scenario, seconds: float, report: Report) -> LinkResult:
-    """Exchange states and outputs for so many simulated seconds, thrusters neutral. Raises DeviceError, ConfigError.
+    """Exchange states and outputs for `seconds` of simulation time with neutral thrusters; return the result.
 
-    In lockstep it goes as fast as the autopilot answers, which is the rate that can be reached.
+    In lockstep it runs as fast as the autopilot replies, so it measures the greatest rate. Raises DeviceError,
+    ConfigError.
     """
     with AutopilotRun(scenario, report) as run:
-        run.is_dry = True
+        run.ignores_outputs = True
         figures = run.autopilot.figures
-        while figures.outputs < 2 or run.simulation.time_ns < WARM_UP_NS:  # it boots
+        while figures.outputs < 2 or run.simulation.time_ns < WARM_UP_NS:  # the autopilot boots
             run.step()
         trips, outputs, states = list(run.round_trip.bins), figures.outputs, figures.states
         lost, malformed = figures.lost, figures.malformed
@@ -67,7 +71,7 @@ def measure_link(scenario: Scenario, seconds: float, report: Report) -> LinkResu
 
 
 def line_rate(scenario: Scenario) -> float:
-    """Return how many HIL_SENSOR a second a serial line of the scenario's speed carries; 0 where there is none."""
+    """Return the rate of HIL_SENSOR (Hz) that the scenario's serial line can carry; 0 without a serial line."""
     settings = settings_of(scenario)
     if parse_address(settings.own_address(scenario.controller)).kind not in ("uart", "rs485"):
         return 0.0

@@ -1,4 +1,4 @@
-"""Turn each motor of a frame alone in the simulation, and report which way the vehicle goes."""
+"""Run each motor of a frame alone in the simulation, and report the direction in which the vehicle moves."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -16,10 +16,10 @@ OUTPUTS = 16
 
 
 class MotorResult(NamedTuple):
-    """Result of a motor test: motor `number` (from 1) turned `thruster`, and the vehicle went `push`.
+    """Result of a motor test with a pulse width above neutral.
 
-    The pulse width of the test is above neutral. `expected` is where it goes by the frame, "" for a custom one;
-    `agrees` is whether it did.
+    `number`: of the motor, from 1. `thruster`: name of the thruster that ran. `push`: directions in which the vehicle
+    moved. `expected`: directions by the frame, "" for a custom one. `agrees`: both are the same.
     """
 
     number: int
@@ -31,16 +31,16 @@ class MotorResult(NamedTuple):
 
 
 def test_motors(scenario: Scenario, vehicle: Vehicle, motors: MotorMap) -> list[MotorResult]:
-    """Return what each motor does. Raises ConfigError."""
-    rest = _moved(scenario, vehicle, motors.neutral)
+    """Return the result of each motor. Raises ConfigError."""
+    rest = _velocity_after(scenario, vehicle, motors.neutral)
     rows = None if motors.frame == CUSTOM else load_frame(motors.frame).wrenches()
     results = []
     for output, channel, sign in motors.motors:
         if channel >= len(vehicle.thrusters):
-            continue  # a fin or a weight is no motor
+            continue  # a fin or a drop weight
         widths = [PWM_NEUTRAL_US] * OUTPUTS
         widths[output] = WIDTH_US
-        moved = _moved(scenario, vehicle, motors.pulses(widths))
+        moved = _velocity_after(scenario, vehicle, motors.pulses(widths))
         push = [a - b for a, b in zip(moved, rest, strict=True)]
         row = rows[output] if rows else None
         results.append(
@@ -56,8 +56,8 @@ def test_motors(scenario: Scenario, vehicle: Vehicle, motors: MotorMap) -> list[
     return results
 
 
-def _moved(scenario: Scenario, vehicle: Vehicle, pulses: Sequence[int]) -> list[float]:
-    """Return the velocities (m/s, rad/s, FRD) after a quarter of a second from rest under these pulse widths."""
+def _velocity_after(scenario: Scenario, vehicle: Vehicle, pulses: Sequence[int]) -> list[float]:
+    """Return the velocities (m/s, rad/s, FRD) after TEST_NS from rest with these pulse widths."""
     simulation = build_simulation(scenario, vehicle, load_world(scenario.world))
     while simulation.time_ns < TEST_NS:
         simulation.step(tuple(pulses))
@@ -65,6 +65,6 @@ def _moved(scenario: Scenario, vehicle: Vehicle, pulses: Sequence[int]) -> list[
 
 
 def _agrees(row: Sequence[float], push: Sequence[float]) -> bool:
-    """Return whether forces and torques go the same way; a row without one of them shows nothing of it."""
+    """Return whether forces and torques have the same direction; one that a row does not have is not compared."""
     products = [sum(a * b for a, b in zip(row[part], push[part], strict=True)) for part in (slice(0, 3), slice(3, 6))]
     return all(product > 0.0 for product, part in zip(products, (row[:3], row[3:]), strict=True) if any(part))

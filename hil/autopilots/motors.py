@@ -1,4 +1,4 @@
-"""From an autopilot's outputs to the pulse widths of the thrusters, with what must not reach them held back."""
+"""Convert an autopilot's outputs to pulse widths of the thrusters; neutral if disarmed or without new outputs."""
 
 from typing import NamedTuple
 
@@ -7,27 +7,27 @@ from hil.autopilots.frames import MotorMap
 from hil.common.clock import NS_PER_S
 from hil.links.contract import PWM_NEUTRAL_US
 
-WRONG_FRAME_NS = 2 * NS_PER_S  # that outputs have to contradict the frame before it is reported
+WRONG_FRAME_NS = 2 * NS_PER_S  # for which outputs must contradict the frame before it is reported
 
 
 class Pulses(NamedTuple):
-    """Pulse widths (us), one a channel of the vehicle, and whether the thrusters may turn."""
+    """Pulse widths (us), one per channel of the vehicle, and whether the autopilot is armed."""
 
     pwm_us: tuple[int, ...]
     armed: bool
 
 
 class MotorOutputs:
-    """The newest outputs of one autopilot as pulse widths of its vehicle.
+    """The newest outputs of one autopilot, as pulse widths of its vehicle.
 
-    Without outputs for `silence_ns` all are neutral until the next ones come, which is reported once. What contradicts
-    the frame is reported once: motors without output while others turn, or outputs that no thruster has.
+    Without outputs for `silence_ns` all channels are neutral until the next outputs; each such timeout is reported.
+    Outputs that contradict the frame, motors without output while others turn, are reported once.
     """
 
     def __init__(self, motor_map: MotorMap, silence_ns: int, name: str, report: Report) -> None:
         self.map = motor_map
         self.silences = 0
-        self.outputs: tuple[int, ...] = ()  # as received, to display lights, gripper and camera mount
+        self.outputs: tuple[int, ...] = ()  # all outputs as received, including lights, gripper and camera mount
         self._silence_ns, self._name, self._report = silence_ns, name, report
         self._pulses = Pulses(motor_map.neutral, False)
         self._received_ns = 0
@@ -36,7 +36,7 @@ class MotorOutputs:
         self._frame_reported = False
 
     def update(self, outputs: Outputs) -> Pulses:
-        """Take new outputs; return their pulses."""
+        """Store new outputs; return their pulse widths."""
         if outputs.pwm_us != self.outputs or outputs.armed != self._pulses.armed:
             self.outputs = outputs.pwm_us
             pulses = self.map.pulses(outputs.pwm_us)
@@ -48,7 +48,7 @@ class MotorOutputs:
         return self._pulses
 
     def at(self, now: int) -> Pulses:
-        """Return the pulses at `now` (monotonic ns): neutral once the autopilot is silent."""
+        """Return the pulse widths at `now` (monotonic ns): neutral after `silence_ns` without outputs."""
         if not self._silent and now - self._received_ns > self._silence_ns:
             self._silent = True
             self.silences += 1
@@ -59,7 +59,7 @@ class MotorOutputs:
 
     @property
     def latest(self) -> Pulses:
-        """Return the pulses of the last outputs, however old they are."""
+        """The pulse widths of the last outputs, of any age."""
         return self._pulses
 
     def _check_frame(self, outputs: Outputs) -> None:

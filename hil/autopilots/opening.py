@@ -1,4 +1,4 @@
-"""Open the autopilot that a scenario asks for."""
+"""Open the autopilot of a scenario."""
 
 from typing import TYPE_CHECKING
 
@@ -18,14 +18,14 @@ if TYPE_CHECKING:
 
 
 def settings_of(scenario: Scenario) -> AutopilotSettings:
-    """Return the section [autopilot] of a scenario, or its defaults."""
+    """Return the section [autopilot] of a scenario, or the defaults."""
     return scenario.autopilot or AutopilotSettings()
 
 
 def open_autopilot(
     scenario: Scenario, vehicle: Vehicle, world: World, report: Report
 ) -> tuple[Autopilot, MotorOutputs]:
-    """Return the scenario's autopilot, listening, and what turns its outputs into pulse widths.
+    """Return the scenario's autopilot, opened, and the converter of its outputs to pulse widths.
 
     Raises ConfigError, DeviceError, MissingExtraError.
     """
@@ -60,7 +60,7 @@ def _companion(settings: AutopilotSettings, inputs: SensorInputs, world: World, 
 
 
 def start_program(scenario: Scenario, vehicle: Vehicle, world: World, report: Report) -> "Program | None":
-    """Start the autopilot's program where the scenario names it; it ends with this process. Raises ConfigError."""
+    """Start the autopilot's program if the scenario names one; it ends with this process. Raises ConfigError."""
     settings = settings_of(scenario)
     if not settings.program:
         return None

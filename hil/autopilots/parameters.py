@@ -1,4 +1,4 @@
-"""Parameter files of autopilots, and the values that follow from a vehicle and its frame."""
+"""Read parameter files of autopilots, and derive parameters from a vehicle and its frame."""
 
 import os
 from collections.abc import Mapping
@@ -13,14 +13,14 @@ from sim.vehicle.vehicle import Vehicle
 
 FOLDER = "hil/autopilots/parameters"
 ENDING = ".parm"
-UNDERWATER_VEHICLE = 7  # PX4's CA_AIRFRAME of a vehicle with motors in any pose
+UNDERWATER_VEHICLE = 7  # PX4's CA_AIRFRAME for a vehicle with motors in any pose
 MOTOR_1 = 101  # PX4's output function of its first motor
 MOST_ROTORS = 12
 
 Parameters = Mapping[str, float]
 NO_SENSORS: SensorSet = MappingProxyType({})
 
-# What makes ArduSub take its position of a companion's messages. Sources: 0 none, 1 barometer, 6 external navigation.
+# Parameters for ArduSub to use positions from a companion. Sources: 0 none, 1 barometer, 6 external navigation.
 _EXTERNAL = {
     "SIM_GPS1_ENABLE": 0.0, "VISO_TYPE": 1.0, "EK3_SRC1_POSXY": 6.0, "EK3_SRC1_VELXY": 6.0, "EK3_SRC1_POSZ": 1.0,
     "EK3_SRC1_VELZ": 0.0,
@@ -29,24 +29,24 @@ _POSITIONS: dict[str, Parameters] = {
     "simulated": {},
     "odometry": _EXTERNAL,
     "dvl": _EXTERNAL,
-    "gps": {"SIM_GPS1_ENABLE": 0.0, "GPS1_TYPE": 14.0},  # 14: by MAVLink
+    "gps": {"SIM_GPS1_ENABLE": 0.0, "GPS1_TYPE": 14.0},  # 14: MAVLink
 }
-# Parameters of an autopilot for the place of a sensor, each followed by X, Y or Z in m. Its own simulated GPS is at the
-# body origin, and so is a navigation solution. PX4's antenna: before and since 1.18.
-_PLACES: dict[str, dict[str, tuple[str, ...]]] = {
+# Prefixes of the parameters for the position of a sensor, to which X, Y or Z is appended; values in m. ArduPilot's own
+# simulated GPS and a navigation solution are at the body origin. PX4's antenna: before version 1.18, and since.
+_POSITION_PREFIXES: dict[str, dict[str, tuple[str, ...]]] = {
     "ardupilot": {
         "imu": ("INS_POS1_", "INS_POS2_", "INS_POS3_"), "altimeter": ("RNGFND1_POS_",), "dvl": ("VISO_POS_",),
         "gps": ("GPS1_POS_",),
     },
     "px4": {"imu": ("EKF2_IMU_POS_",), "gps": ("EKF2_GPS_POS_", "SENS_GPS0_OFF")},
 }  # fmt: skip
-_BY_POSITIONS = ("dvl", "gps")  # sensors that ArduPilot gets only where [autopilot] positions says so
+_BY_POSITIONS = ("dvl", "gps")  # sensors sent to ArduPilot only if selected by [autopilot] positions
 
 
 def read_parameters(path: str) -> dict[str, float]:
-    """Return the parameters of a file: a name and a value a line, apart by blanks or a comma; # begins a comment.
+    """Return the parameters of a file. A line has a name and a value, separated by blanks or a comma; # is a comment.
 
-    Raises ConfigError that names the line.
+    Raises ConfigError, which names the line.
     """
     try:
         with open(path, encoding="utf-8") as file:
@@ -64,12 +64,14 @@ def read_parameters(path: str) -> dict[str, float]:
         except ValueError:
             raise ConfigError(f"{path}: line {number}: expected NAME VALUE, found {line.strip()!r}") from None
         if not name.replace("_", "").isalnum() or len(name) > 16:
-            raise ConfigError(f"{path}: line {number}: {name!r} is no name of a parameter")
+            raise ConfigError(
+                f"{path}: line {number}: {name!r} is not a parameter name: at most 16 letters, digits and underscores"
+            )
     return parameters
 
 
 def parameter_file(settings: AutopilotSettings, controller: str, vehicle: Vehicle) -> str:
-    """Return the path of the vehicle's parameters; "" if none are given and none are installed. Raises ConfigError."""
+    """Return the path of the vehicle's parameter file, "" if none is given or installed. Raises ConfigError."""
     if settings.parameters.endswith(ENDING):
         return settings.parameters
     name = settings.parameters or f"{controller}_{vehicle.name}"
@@ -79,25 +81,28 @@ def parameter_file(settings: AutopilotSettings, controller: str, vehicle: Vehicl
     if not settings.parameters:
         return ""
     known = ", ".join(sorted(entry[: -len(ENDING)] for entry in os.listdir(preset_folder(FOLDER))))
-    raise ConfigError(f"[autopilot] parameters: no file {settings.parameters!r}; there are: {known}, or a path")
+    raise ConfigError(f"[autopilot] parameters: no file {settings.parameters!r}; use one of {known}, or a path")
 
 
 def all_parameters(
     settings: AutopilotSettings, controller: str, vehicle: Vehicle, motors: MotorMap, sensors: SensorSet = NO_SENSORS
 ) -> Parameters:
-    """Return what the autopilot is started with: its file over what follows from frame, positions and mountings."""
+    """Return the parameters to start the autopilot with.
+
+    Those of its file override those derived from the frame, the source of positions and the mountings of sensors.
+    """
     if controller == "ardupilot":
         own = {**ardusub_frame(motors), **_POSITIONS[settings.positions]}
     else:
         own = dict(px4_geometry(vehicle, motors))
     path = parameter_file(settings, controller, vehicle)
-    return {**own, **sensor_places(settings, controller, sensors), **(read_parameters(path) if path else {})}
+    return {**own, **sensor_positions(settings, controller, sensors), **(read_parameters(path) if path else {})}
 
 
-def sensor_places(settings: AutopilotSettings, controller: str, sensors: SensorSet) -> Parameters:
-    """Return where the sensors are that the autopilot reads: m from the body origin; none for those that are there."""
+def sensor_positions(settings: AutopilotSettings, controller: str, sensors: SensorSet) -> Parameters:
+    """Return the parameters for positions of sensors, m from the body origin; none for sensors at the origin."""
     parameters: dict[str, float] = {}
-    for name, prefixes in _PLACES[controller].items():
+    for name, prefixes in _POSITION_PREFIXES[controller].items():
         unused = controller == "ardupilot" and name in _BY_POSITIONS and name != settings.positions
         if name not in sensors or unused or not any(sensors[name].mounting.position):
             continue
@@ -108,19 +113,22 @@ def sensor_places(settings: AutopilotSettings, controller: str, sensors: SensorS
 
 
 def ardusub_frame(motors: MotorMap) -> Parameters:
-    """Return the parameters of ArduSub's frame; none for a custom one, which ArduSub has compiled in."""
+    """Return the parameters of ArduSub's frame; none for a custom one, which is compiled into ArduSub."""
     return {} if motors.frame == CUSTOM else {"FRAME_CONFIG": load_frame(motors.frame).frame_config}
 
 
 def px4_geometry(vehicle: Vehicle, motors: MotorMap) -> Parameters:
-    """Return PX4's control allocation for the motors: places in m from the body origin, and directions (FRD)."""
+    """Return PX4's control allocation of the motors: positions (m from the body origin) and directions (FRD).
+
+    Raises ConfigError for more than MOST_ROTORS thrusters.
+    """
     if len(vehicle.thrusters) > MOST_ROTORS:
         raise ConfigError(
-            f"{vehicle.name}: {len(vehicle.thrusters)} thrusters, and PX4 allocates to {MOST_ROTORS}; "
-            "give the vehicle file fewer"
+            f"{vehicle.name}: has {len(vehicle.thrusters)} thrusters, but PX4 allocates at most {MOST_ROTORS}; "
+            "use a vehicle with fewer"
         )
     parameters: dict[str, float] = {"CA_AIRFRAME": UNDERWATER_VEHICLE, "CA_ROTOR_COUNT": len(vehicle.thrusters)}
-    parameters["CA_R_REV"] = (1 << len(vehicle.thrusters)) - 1  # all turn both ways
+    parameters["CA_R_REV"] = (1 << len(vehicle.thrusters)) - 1  # all are reversible
     for output, channel, sign in motors.motors:
         if channel >= len(vehicle.thrusters):
             continue
@@ -134,5 +142,5 @@ def px4_geometry(vehicle: Vehicle, motors: MotorMap) -> Parameters:
 
 
 def format_parameters(parameters: Parameters) -> str:
-    """Return parameters as the text of a file."""
+    """Return the text of a parameter file."""
     return "".join(f"{name} {value:g}\n" for name, value in parameters.items())

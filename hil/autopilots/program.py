@@ -1,7 +1,7 @@
-"""Start an autopilot's own program, ArduSub's SITL or PX4's, for one vehicle of ours.
+"""Start the program of an autopilot, SITL of ArduSub or PX4, for one simulated vehicle.
 
-It runs in a folder of its own, so that every start is the same, and ends with this process. Its output is in a file
-there, of which the last lines are reported when it ends by itself.
+It runs in a new, temporary folder, so that every start is the same, and ends with this process. Its output goes to a
+file there; the last lines are reported if it ends by itself.
 """
 
 import os
@@ -21,16 +21,16 @@ from hil.scenario.config import Scenario
 from sim.environment.world import World
 from sim.vehicle.vehicle import Vehicle
 
-SPEEDUP = 100  # more than any run reaches: simulated time is kept by us
-AIRFRAME = "1022"  # PX4's underwater vehicle, whose geometry is then set by parameters
+SPEEDUP = 100  # faster than any run: this process sets the simulation time, the program waits for it
+AIRFRAME = "1022"  # PX4's underwater vehicle; parameters then set its geometry
 LAST_LINES = 5
-NUDGE = 1e-5
+OFFSET = 1e-5
 
 
 class Program:
-    """One running autopilot program. Raises ConfigError if there is none at that path, DeviceError if it cannot start.
+    """A running autopilot program. Raises ConfigError if there is none at its path, DeviceError if it cannot start.
 
-    `log` is the path of its output while it runs.
+    `log`: path of the file with its output, which exists while it runs.
     """
 
     def __init__(
@@ -66,11 +66,11 @@ class Program:
 
     @property
     def pid(self) -> int:
-        """Return its process id."""
+        """Its process id."""
         return self._process.pid
 
     def ended(self) -> str | None:
-        """Return how it ended, with its last words; None while it runs."""
+        """Return its exit status and last lines of output as text; None while it runs."""
         status = self._process.poll()
         if status is None:
             return None
@@ -79,7 +79,7 @@ class Program:
         return f"the autopilot's program has ended with status {status}: {' | '.join(last)}"
 
     def close(self) -> None:
-        """End it: by SIGKILL, as ArduSub ignores all else while it waits for us."""
+        """End it by SIGKILL: ArduSub ignores other signals while it waits for a state."""
         self._process.kill()
         self._process.wait()
         self._folder.close()
@@ -95,31 +95,33 @@ class Program:
         latitude, longitude = world.origin or HOME
         home = f"{latitude:.7f},{longitude:.7f},0,{degrees(scenario.start.heading):.1f}"
         own = ["--model", f"JSON:{address.place}", "--speedup", str(SPEEDUP), "-I", str(settings.instance), "--wipe"]
-        own += ["--serial0", "tcp:0"]  # the same port, without waiting for somebody to connect first
+        own += ["--serial0", "tcp:0"]  # the default port, but without waiting for a connection
         ports = ["--sim-port-out", str(address.port), "--home", home, "--defaults", defaults]
         return [program, *own, *ports, *settings.arguments], {}
 
     def _px4(self, settings: AutopilotSettings, parameters: Parameters) -> tuple[list[str], dict[str, str]]:
         build = os.path.abspath(settings.program)
         program = _executable(os.path.join(build, "bin", "px4"))
-        variables = {f"PX4_PARAM_{name}": f"{_stored(name, value):g}" for name, value in parameters.items()}
+        variables = {
+            f"PX4_PARAM_{name}": f"{_distinct_from_default(name, value):g}" for name, value in parameters.items()
+        }
         variables |= {"PX4_SYS_AUTOSTART": AIRFRAME, "PX4_SIM_HOST_ADDR": "127.0.0.1"}
         command = [program, "-d", "-i", str(settings.instance), "-w", self._folder.path, os.path.join(build, "etc")]
         return [*command, *settings.arguments], variables
 
 
-def _stored(name: str, value: float) -> float:
-    """Return a value that PX4 stores: one that equals the firmware's default it forgets, and the airframe's would hold.
+def _distinct_from_default(name: str, value: float) -> float:
+    """Return `value` with an offset of 1e-5 for the direction and position of a motor, where it has no effect.
 
-    For the direction and the place of a motor a hundred-thousandth makes no difference.
+    PX4 does not store a value equal to the firmware's default; the airframe's value would then be used instead.
     """
-    return value + NUDGE if name.startswith("CA_ROTOR") and name[-2:-1] in ("A", "P") else value
+    return value + OFFSET if name.startswith("CA_ROTOR") and name[-2:-1] in ("A", "P") else value
 
 
 def _executable(path: str) -> str:
     if not os.access(path, os.X_OK) or os.path.isdir(path):
         raise ConfigError(
-            f"[autopilot] program: {path}: no program there; give ArduSub's SITL program (ardusub), or PX4's build "
-            "folder (build/px4_sitl_default)"
+            f"[autopilot] program: {path}: not a program; give the path of ArduSub's SITL program (ardusub), or of "
+            "PX4's build folder (build/px4_sitl_default)"
         )
     return os.path.abspath(path)

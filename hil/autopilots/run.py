@@ -1,7 +1,7 @@
-"""Run one vehicle with its autopilot in one process: step by step with it in lockstep, or by the clock without.
+"""Run one vehicle with its autopilot in one process, in lockstep or in real time.
 
-Nothing happens before the autopilot is there; the run then lasts for the scenario's [master] time_limit of simulated
-time. Who flies the vehicle is a ground station, or a program of the user, connected to the autopilot.
+The run begins when the autopilot has connected, and lasts for the scenario's [master] time_limit of simulation time. A
+ground station, or a program of the user, commands the vehicle through the autopilot.
 """
 
 import select
@@ -19,16 +19,17 @@ from sim.run_events import PERIOD_NS, EventLog, RunMonitor
 from sim.simulation import Simulation
 from sim.vehicle.vehicle import load_vehicle
 
-PATIENCE_NS = 60 * NS_PER_S  # without a word of the autopilot, before a run is given up
+TIMEOUT_NS = 60 * NS_PER_S  # without outputs of the autopilot, after which a run ends with an error
 
 Watch = Callable[["AutopilotRun"], None]
 
 
 class AutopilotRun:
-    """The vehicle of a scenario and its autopilot, at time 0. Use as a context. Raises ConfigError, DeviceError.
+    """The vehicle of a scenario and its autopilot. A context manager. Raises ConfigError, DeviceError.
 
-    `pwm_us` are the pulse widths of the last step, `samples` the newest of each sensor by topic, `log` what went wrong
-    beside the simulation's own events.
+    `pwm_us`: pulse widths of the last step. `samples`: the newest sample of each topic. `log`: events of the run other
+    than those of the simulation. `ignores_outputs`: thrusters stay neutral. `round_trip`: ns from sending a state to
+    receiving the outputs for it.
     """
 
     def __init__(self, scenario: Scenario, report: Report) -> None:
@@ -51,9 +52,9 @@ class AutopilotRun:
             self._stack.close()
             raise
         self.pwm_us = self.motors.map.neutral
-        self.is_dry = False  # outputs are taken, and the thrusters stay neutral
-        self.round_trip = Histogram()  # ns, from a state that was sent to the outputs that answer it
-        self._sent_ns = 0  # of the state that is not answered; 0 if there is none
+        self.ignores_outputs = False
+        self.round_trip = Histogram()
+        self._sent_ns = 0  # when the state was sent for which outputs are awaited; 0 if none are
         self._due_ns = self._checked_ns = now_ns()
 
     def __enter__(self) -> "AutopilotRun":
@@ -63,7 +64,7 @@ class AutopilotRun:
         self._stack.close()
 
     def step(self) -> None:
-        """Wait for the autopilot, then advance by one step. Raises DeviceError if it stays away or has ended."""
+        """Wait for the autopilot, then make one step. Raises DeviceError if it does not reply or has ended."""
         if self.autopilot.lockstep:
             self._await(self._is_answered)
         else:
@@ -83,7 +84,7 @@ class AutopilotRun:
             self._monitor.observe(simulation.time_ns, state.position, state.quaternion, None)
 
     def run(self, seconds: float, watches: Sequence[Watch] = ()) -> None:
-        """Advance until simulated time is `seconds`."""
+        """Make steps until simulation time is `seconds`; call `watches` after each. Raises DeviceError."""
         end_ns = seconds_ns(seconds)
         while self.simulation.time_ns < end_ns:
             self.step()
@@ -94,16 +95,16 @@ class AutopilotRun:
         return self.autopilot.connected and self.autopilot.may_step()
 
     def _is_due(self) -> bool:
-        """Return whether the clock wants the next step; the first one waits for the autopilot."""
+        """Return whether the next step is due by the clock; the first one also needs a connected autopilot."""
         return (self.autopilot.connected or self.simulation.time_ns > 0) and now_ns() >= self._due_ns
 
     def _await(self, is_ready: Callable[[], bool]) -> None:
-        """Take outputs until `is_ready`."""
+        """Receive outputs until `is_ready` returns true."""
         began = now_ns()
         while True:
-            # A look before anything can have come costs as much as the step: in lockstep the answer is waited for.
-            patience = self.autopilot.patience_ns() if self.autopilot.lockstep else self._due_ns - now_ns()
-            seconds = 0.0 if is_ready() else max(0, min(patience, CHECK_NS)) / NS_PER_S
+            # Polling costs as much as a step, so in lockstep this waits for the reply.
+            wait_ns = self.autopilot.wait_limit_ns() if self.autopilot.lockstep else self._due_ns - now_ns()
+            seconds = 0.0 if is_ready() else max(0, min(wait_ns, CHECK_NS)) / NS_PER_S
             readable = select.select([self.autopilot.fileno()], [], [], seconds)[0]
             outputs = self.autopilot.receive(now_ns()) if readable else None
             if outputs:
@@ -112,23 +113,23 @@ class AutopilotRun:
                     self.round_trip.add(outputs.received_ns - self._sent_ns)
                     self._sent_ns = 0
             now = now_ns()
-            if now - self._checked_ns > CHECK_NS:  # also where no step waits for so long
+            if now - self._checked_ns > CHECK_NS:  # also if no single wait is this long
                 self._checked_ns = now
                 self.autopilot.check(now)
                 self._check_program(now - began)
             if is_ready():
                 break
-        # In lockstep no simulated time passes while the autopilot is silent, so that its last outputs hold.
+        # In lockstep no simulation time passes without new outputs, so the last outputs are used at any age.
         motors = self.motors
         pulses = (motors.latest if self.autopilot.lockstep else motors.at(now_ns())).pwm_us
-        self.pwm_us = self.motors.map.neutral if self.is_dry else pulses
+        self.pwm_us = self.motors.map.neutral if self.ignores_outputs else pulses
 
     def _check_program(self, waited_ns: int) -> None:
         ended = self.program.ended() if self.program else None
         if ended:
             raise DeviceError(ended)
-        if waited_ns > PATIENCE_NS:
+        if waited_ns > TIMEOUT_NS:
             raise DeviceError(
-                f"{self.autopilot.name}: nothing came for {waited_ns / NS_PER_S:.0f} s: "
-                "start the autopilot, or name its program in [autopilot] program"
+                f"{self.autopilot.name}: no outputs for {waited_ns / NS_PER_S:.0f} s: "
+                "start the autopilot, or set its program in [autopilot] program"
             )

@@ -173,7 +173,7 @@ def test_a_port_in_use_is_named_in_the_error(tmp_path: Path) -> None:
     with bench(tmp_path) as b:
         path = tmp_path / "second.toml"
         path.write_text(SCENARIO.format(port=b.port, autopilot="", sensors=""))
-        with pytest.raises(DeviceError, match=f"{b.port}: cannot listen for ArduPilot: .*another simulator"):
+        with pytest.raises(DeviceError, match=f"{b.port}: cannot listen for ArduPilot: .*the other simulator"):
             AutopilotRun(load_scenario(str(path)), print)
 
 
@@ -196,7 +196,7 @@ def test_without_lockstep_packets_are_answered_at_once_with_the_newest_state(tmp
 def test_a_missing_autopilot_program_is_refused(tmp_path: Path) -> None:
     from hil.common.errors import ConfigError
 
-    with pytest.raises(ConfigError, match="program: /nowhere/ardusub: no program there"):
+    with pytest.raises(ConfigError, match="program: /nowhere/ardusub: not a program"):
         Bench(tmp_path, autopilot='program = "/nowhere/ardusub"')
 
 

@@ -107,7 +107,7 @@ def test_the_origin_is_sent_until_the_autopilot_confirms_it(bench: Callable[[str
     b.peer.sendall(b.stream.pack(dialect.MAVLink_gps_global_origin_message(500_000_000, 80_000_000, 0)))
     b.messages(2 * SECOND)
     assert names(b.messages(3 * SECOND)) == ["HEARTBEAT"]
-    assert b.reports == [f"positions (odometry) go to ArduPilot's port {b.listener.getsockname()[1]}"]
+    assert b.reports == [f"sending positions (odometry) to ArduPilot's port {b.listener.getsockname()[1]}"]
 
 
 def test_odometry_is_sent_once_a_sample(bench: Callable[[str], Bench]) -> None:

@@ -77,7 +77,7 @@ def test_a_frame_that_does_not_fit_is_refused_with_the_motor() -> None:
     with pytest.raises(ConfigError, match="8 motors, bluerov2 6 thrusters"):
         map_motors("vectored_6dof", vehicle)
     torpedo, _ = load_vehicle("remus100")
-    with pytest.raises(ConfigError, match="no frame fits remus100"):
+    with pytest.raises(ConfigError, match="no frame matches remus100"):
         map_motors("auto", torpedo)
     with pytest.raises(ConfigError, match=r"no autopilot frame 'vectord'; did you mean 'vectored'"):
         map_motors("vectord", vehicle)

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from hil.autopilots.frames import map_motors
-from hil.autopilots.parameters import all_parameters, format_parameters, px4_geometry, read_parameters, sensor_places
+from hil.autopilots.parameters import all_parameters, format_parameters, px4_geometry, read_parameters, sensor_positions
 from hil.common.errors import ConfigError
 from hil.scenario.autopilot_records import AutopilotSettings
 from sim.sensors.sensor_set import read_sensors
@@ -20,7 +20,7 @@ def test_parameter_files_are_read_and_wrong_lines_reported(tmp_path: Path) -> No
     with pytest.raises(ConfigError, match="line 2: expected NAME VALUE, found 'PSC_POSZ_P'"):
         read_parameters(str(path))
     path.write_text("A_NAME_THAT_IS_FAR_TOO_LONG 1\n")
-    with pytest.raises(ConfigError, match="is no name of a parameter"):
+    with pytest.raises(ConfigError, match="is not a parameter name"):
         read_parameters(str(path))
     with pytest.raises(ConfigError, match=r"none\.parm: cannot be read"):
         read_parameters(str(tmp_path / "none.parm"))
@@ -67,7 +67,7 @@ def test_px4_gets_the_vehicles_geometry() -> None:
 
 def test_a_missing_parameter_file_is_reported() -> None:
     vehicle, _ = load_vehicle("bluerov2")
-    with pytest.raises(ConfigError, match="no file 'bluerov3'; there are: ardupilot_bluerov2, "):
+    with pytest.raises(ConfigError, match="no file 'bluerov3'; use one of ardupilot_bluerov2, "):
         all_parameters(AutopilotSettings(parameters="bluerov3"), "ardupilot", vehicle, map_motors("auto", vehicle))
 
 
@@ -91,8 +91,8 @@ def test_parameters_give_the_positions_of_the_sensors(
         "altimeter": {"position": [0, 0, 0.2]},
     }
     settings = AutopilotSettings(positions=positions)  # type: ignore[arg-type]
-    found = sensor_places(settings, controller, read_sensors(mounted, "test"))
+    found = sensor_positions(settings, controller, read_sensors(mounted, "test"))
     for prefix, place in expected.items():
         assert tuple(found[f"{prefix}{axis}"] for axis in "XYZ") == place
     assert any(name.startswith("VISO") for name in found) == (positions == "dvl")
-    assert not sensor_places(settings, controller, read_sensors({name: {} for name in mounted}, "test"))
+    assert not sensor_positions(settings, controller, read_sensors({name: {} for name in mounted}, "test"))

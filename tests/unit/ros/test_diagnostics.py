@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from hil.autopilots.contract import Figures
+from hil.autopilots.contract import AutopilotCounters
 from hil.links.address import wire_kind
 from hil.links.contract import Counters
 from hil.ros import encoders as ros
@@ -65,7 +65,7 @@ def test_each_link_counter_has_its_diagnostic() -> None:
 
 def test_each_autopilot_counter_has_its_diagnostic() -> None:
     names = {"outputs": "packets"}  # and `states`, which the slave counts as its steps
-    for name in set(Figures.__slots__) - {"states"}:
+    for name in set(AutopilotCounters.__slots__) - {"states"}:
         assert Diagnostics.FIGURES[f"autopilot_{names.get(name, name)}"].is_counter
 
 
