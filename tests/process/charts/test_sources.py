@@ -197,7 +197,7 @@ def test_unusable_files_are_refused(tmp_path: Path) -> None:
     for paths, output in (
         ([str(tmp_path / "BAY.001")], r"BAY.001: is an update; give the cell"),
         ([str(tmp_path / "chart.pdf")], r"unknown format .pdf: use .000"),
-        ([path, str(metres)], "has metres"),
+        ([path, str(metres)], "has positions in metres"),
         ([str(tmp_path / "none.csv")], "none.csv: no such file"),
     ):
         with pytest.raises(ConfigError, match=output):
