@@ -52,8 +52,7 @@ def test_the_closed_form_is_wrong_where_the_levers_differ() -> None:
 
 
 def test_the_closed_form_ignores_limits_that_the_allocator_keeps() -> None:
-    """The closed form gives 85 N for thrusters of 73.5 N and 49 N when full yaw and full surge are commanded together.
-    """
+    """The closed form gives 85 N for thrusters of 73.5 N and 49 N at full yaw and full surge together."""
     vehicle, _ = load_vehicle("paper_six")
     wrench = (150.0, 0.0, 0.0, 0.0, 0.0, 23.0)
     closed = four_vectored(150.0, 0.0, 23.0, (0.14 + 0.11) / sqrt(2.0))

@@ -143,8 +143,7 @@ def test_heading_turns_the_short_way_within_its_rate_limit(heading: float, wante
 
 @pytest.mark.parametrize(("roll", "pitch"), [(0.0, 0.0), (0.5, 0.0), (0.0, 0.6), (-0.4, 0.5)])
 def test_yaw_rate_acts_about_the_vertical_while_roll_and_pitch_level(roll: float, pitch: float) -> None:
-    """The commanded rates, over a short time, change heading as commanded, and roll and pitch as their loops require.
-    """
+    """The output rates change the heading as commanded, and roll and pitch as their loops require."""
     orientation = from_euler(roll, pitch, 1.0)
     navigation = AT_REST._replace(orientation=orientation)
     moments = first_wrench(P_ONLY, VelocityCommand(yaw_rate=0.3), navigation)[3:]

@@ -188,8 +188,7 @@ def test_a_neighbour_that_need_not_stay_in_range_exerts_no_attraction(
 
 @pytest.mark.parametrize("seed", range(20))
 def test_four_vehicles_that_swap_corners_do_not_collide(seed: int) -> None:
-    """Each of four goes to the far corner of a square at once, with positions unsure by 0.05 m: the fields' worst case.
-    """
+    """Each goes to the far corner of a square at once, with positions unsure by 0.05 m: the fields' worst case."""
     settings, noise, step, min_separation = FieldSettings(), LocalisationNoise(0.05, seed), 0.1, 0.5
     positions: list[Vector] = [(0.0, 0.2), (3.1, 0.0), (3.0, 3.0), (-0.2, 3.0)]
     places = [(3.0, 3.0), (0.0, 3.0), (0.0, 0.0), (3.0, 0.0)]

@@ -158,8 +158,7 @@ def test_an_enclosed_guide_stops_and_reports_that_there_is_no_path() -> None:
 
 
 def test_a_map_from_scans_has_the_obstacles_at_their_positions() -> None:
-    """The map shows two discs, arranged without symmetry, seen from several places; cells that a beam passed are free.
-    """
+    """The map shows two discs, arranged without symmetry, from several places; cells that a beam passed are free."""
     discs: list[Disc] = [(6.0, 2.0, 1.0), (2.0, 7.0, 0.5)]
     drawn = LaserMap(OccupancyGrid.empty(Extent(-2.0, -2.0, 10.0, 12.0), 0.1), 7.0)
     places: list[Any] = [

@@ -65,8 +65,7 @@ def test_steps_of_speed_depth_and_heading_are_reached(family: str, name: str) ->
 @pytest.mark.parametrize("name", VEHICLES)
 @pytest.mark.parametrize(("family", "left"), [("cascade", 0.01), ("sliding_mode", 0.01), ("restoring_pd", 0.15)])
 def test_an_unmeasured_current_is_rejected(family: str, left: float, name: str) -> None:
-    """Controllers that integrate leave no error; the PD law leaves the error that its page states: the current's drag.
-    """
+    """Controllers that integrate leave no error; the PD law leaves what its page states: the current's drag."""
     vehicle = rig(family, name, current=CURRENT)
     vehicle.fly(6.0, lambda time: STILL)
     ahead = vehicle.fly(10.0, lambda time: STILL._replace(surge=0.3))

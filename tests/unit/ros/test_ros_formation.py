@@ -18,8 +18,7 @@ SAMPLE = FormationSample((3.0, 4.0, 2.0), (1.0, 0.0, 0.0, 0.0), 12_345_678_901)
 
 
 def test_a_report_is_encoded_in_enu_as_the_definition_states() -> None:
-    """A position 3 north, 4 east and 2 deep is ENU (4, 3, -2); a bow to the north is a yaw of 90 degrees from the east.
-    """
+    """A position 3 north, 4 east and 2 deep is ENU (4, 3, -2); a bow to the north is a yaw of 90 degrees."""
     message = ros_message.decode(TYPE, encode_formation(SAMPLE))
     assert message is not None
     (transform,) = message["transforms"]

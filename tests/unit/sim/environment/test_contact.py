@@ -70,8 +70,7 @@ def test_after_a_collision_no_contact_point_closes() -> None:
 
 @pytest.mark.parametrize("heading", [0.0, 1.5, 2.6, 4.0])
 def test_a_vehicle_does_not_pass_through_walls_and_obstacles(heading: float) -> None:
-    """A vehicle that moves ahead at 1 m/s on one heading for 20 s within walls slides along obstacles, never into them.
-    """
+    """A vehicle that moves ahead at 1 m/s for 20 s within walls slides along obstacles, never into them."""
     world = SEA._replace(walls=True)
     simulation = Simulation(VEHICLE, world, QUIET, dt_ns=STEP_NS, position=(0.0, 0.0, 5.0), heading=heading)
     for step in range(4000):

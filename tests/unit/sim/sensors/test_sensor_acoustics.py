@@ -134,8 +134,7 @@ SLOWER_BELOW = Ocean(profile=Profile((0.0, 200.0), (1025.0, 1027.0), (1520.0, 14
 
 
 def test_a_usbl_measures_range_and_direction_along_the_refracted_ray() -> None:
-    """The range is the station's speed of sound times its travel time; the position is off by the curvature of the ray.
-    """
+    """The range is the station's speed of sound times the travel time; the position is off by the ray's curvature."""
     place, station = (600.0, 80.0, 90.0), (0.0, 0.0, 40.0)
     world = DEEP._replace(ocean=SLOWER_BELOW)
     sample = Usbl(USBL._replace(station=station), Mounting(), 1, scene(world)).sample(0, State(place))

@@ -43,8 +43,7 @@ def test_an_imu_off_the_axis_measures_the_turn() -> None:
 
 
 def test_specific_force_is_the_acceleration_of_the_sensors_position() -> None:
-    """The specific force is the second difference of the sensor's position in the world, in fast motion in a current.
-    """
+    """The specific force is the second difference of the sensor's position, in fast motion in a current."""
     vehicle, _ = load_vehicle("bluerov2_heavy")
     dynamics = Dynamics(vehicle, 1025.0, 9.8, "rk4")
     state, place, dt = State((0, 0, 50.0), from_euler(0.3, -0.2, 0.7), NU), (0.2, -0.1, 0.3), 0.001

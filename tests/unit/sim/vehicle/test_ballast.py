@@ -226,8 +226,7 @@ def test_a_vehicle_rests_at_the_density_that_it_is_trimmed_for() -> None:
 
 
 def test_a_floating_vehicle_follows_a_long_swell() -> None:
-    """A swell of 16 s, 400 m long, lifts a floating vehicle by its own height; under water there is no surface effect.
-    """
+    """A swell of 16 s, 400 m long, lifts a floating vehicle by its own height, and a vehicle under water not."""
     swell = Waves(significant_height=2.0 * sqrt(2.0), peak_period=16.0, components=1, hold=0.0)
     world = SEA._replace(ocean=Ocean(waves=swell))
     vehicle = BARE._replace(

@@ -35,8 +35,7 @@ def curved(**curve: Any) -> Thruster:
 
 @pytest.mark.parametrize("curve", CURVES)
 def test_every_curve_follows_the_contract(curve: dict[str, Any]) -> None:
-    """No thrust comes outside the pulses; it never falls, stays within limits, both ways, and inverts to half a pulse.
-    """
+    """No thrust comes outside the pulses; it never falls, stays within limits, and inverts to half a pulse."""
     thruster = curved(**curve)
     assert [steady_thrust(thruster, pulse) for pulse in (0, -1, 799, 2201, 65535)] == [0.0] * 5
     thrusts = [steady_thrust(thruster, pulse) for pulse in range(800, 2201)]
