@@ -139,7 +139,7 @@ def test_a_jumper_from_tx_to_rx_returns_every_frame(
     assert found["counters"]["bytes_in"] == found["counters"]["bytes_out"] > 0
 
 
-def test_a_device_is_not_armed_unless_asked(tmp_path: Any, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_device_is_armed_only_on_request(tmp_path: Any, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "ttySTM32"
     with Program(tmp_path, "stm32", "--port", f"pty:{path}") as stm32:
         stm32.expect("Ctrl-C")

@@ -31,7 +31,7 @@ def scenario(tmp_path: Path) -> Path:
     return path
 
 
-def test_the_planner_has_ten_lines_as_the_tutorial_says() -> None:
+def test_the_planner_has_ten_lines_as_the_tutorial_states() -> None:
     lines = [line for line in from_tutorial("python").split("class ")[1].splitlines() if line.strip()]
     assert len(lines) == 10
     assert parse_toml(from_tutorial("toml"))["planner"]["class"] == "straight:Straight"

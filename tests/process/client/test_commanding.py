@@ -76,7 +76,7 @@ def test_a_second_master_is_refused_unless_it_takes_over(own_slave: tuple[Progra
             watching["uuv1"].stop()
 
 
-def test_a_master_is_told_that_another_took_over(own_slave: tuple[Program, str]) -> None:
+def test_a_master_is_informed_when_another_takes_over(own_slave: tuple[Program, str]) -> None:
     """A completed action reports it too, because its goal is no longer held."""
     program, endpoint = own_slave
     with hil.connect(endpoint, wait=60.0) as first, hil.connect(endpoint, take_over=True, wait=60.0) as other:

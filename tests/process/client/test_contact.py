@@ -25,7 +25,7 @@ ASK, ANSWER, MASTERS = clock_keys("uuv1")
 
 
 class Vehicle:
-    """A vehicle that answers pings by a clock of its own, `ahead_ns` ns ahead, and records the delay reports of masters.
+    """A vehicle that answers pings by its own clock, `ahead_ns` ns ahead, and records the delay reports of masters.
 
     `deaf`: pings of masters do not reach it, as if they had no right to command.
     """

@@ -39,7 +39,7 @@ def test_the_login_prompt_of_jetsons_is_a_problem(tmp_path: Path, capsys: pytest
         (("dev/ttyS0",), "see: sudo dmesg | grep tty (pins 8 and 10"),
     ],
 )
-def test_a_jetson_without_the_port_is_told_the_name_of_another(
+def test_a_jetson_without_the_port_is_reported_with_the_name_of_another(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], ports: tuple[str, ...], remedy: str
 ) -> None:
     """The port has another name with JetPack 5; ending the login prompt would not make one."""
@@ -111,7 +111,7 @@ def test_listening_ports_of_this_machine_are_found() -> None:
     assert port not in (find_listeners(Tree("/")) or {port})
 
 
-def test_a_machine_whose_proc_is_missing(board: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_missing_proc_files_are_no_problem(board: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Files that psutil cannot parse are no problem, and psutil reads this machine again afterwards."""
     for path in ("proc/meminfo", "proc/net/tcp"):
         (board / path).unlink()

@@ -72,7 +72,7 @@ class Stm32Contract:
             self.stall_ns = max(self.stall_ns, now_ns() - now - slept_ns - worked_ns)
             yield from received
 
-    def test_it_follows_commands(self, driver: ThrusterDriver) -> None:
+    def test_outputs_follow_commands(self, driver: ThrusterDriver) -> None:
         for pulses in ((1600, 1400, 1500, 1555, 1445, 1501), (1100, 1900, 1500, 1500, 1500, 1500)):
             telemetry = self.command(driver, True, pulses)
             assert telemetry.pwm_us == pulses

@@ -85,7 +85,7 @@ class ControllerContract(ABC):
         for call in calls:
             assert used.update(*call) == new.update(*call)
 
-    def test_it_pushes_towards_its_setpoint(self) -> None:
+    def test_the_wrench_points_towards_the_setpoint(self) -> None:
         rest = self.make().update(VelocityCommand(), AT_REST, DT)
         for axis, sign in self.pushes:
             command = VelocityCommand(*(sign * 0.3 if number == axis else 0.0 for number in range(3)))
@@ -100,7 +100,7 @@ class ControllerContract(ABC):
         assert sign * (diving[2] - self.make().update(VelocityCommand(), AT_REST, DT)[2]) > 0.0
 
     @pytest.mark.parametrize(("roll", "pitch"), [(0.3, 0.0), (-0.3, 0.0), (0.0, 0.3), (0.0, -0.3)])
-    def test_it_levels_the_vehicle(self, roll: float, pitch: float) -> None:
+    def test_the_wrench_levels_the_vehicle(self, roll: float, pitch: float) -> None:
         tilted = AT_REST._replace(orientation=from_euler(roll, pitch, 1.0))
         held, level = self.unlevelled(tilted), self.make().update(VelocityCommand(), tilted, DT)
         assert (level[3] - held[3]) * roll <= 0.0

@@ -10,7 +10,7 @@ from hil.slave.drivers.ends import Ends
 
 
 class BenchLink:
-    """A link that receives what is put into `reports`; `broken` is a pulled cable; `closed` is true once it is closed."""
+    """A link that receives the content of `reports`; `broken` is a pulled cable; `closed` is true once it is closed."""
 
     deadline_ns = NEVER_NS
 

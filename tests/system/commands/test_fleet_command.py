@@ -112,7 +112,7 @@ def test_a_start_that_is_interrupted_leaves_nothing(command: Command, number: in
     assert "nothing of" in command.run("down").stderr
 
 
-def test_down_keeps_the_members_of_an_unreachable_host(command: Command, tmp_path: Path) -> None:
+def test_down_retains_the_members_of_an_unreachable_host(command: Command, tmp_path: Path) -> None:
     """Its member stays recorded, and the others end."""
     gone, ssh, program = tmp_path / "gone", tmp_path / "ssh", tmp_path / "program"
     ssh.write_text(  # a real ssh starts in the home folder too
