@@ -44,11 +44,11 @@ def name_of(block: Block) -> str:
     return f"{block.page}:{block.line}"
 
 
-def flat(table: dict[str, Any], prefix: str = "") -> dict[str, Any]:
+def flatten(table: dict[str, Any], prefix: str = "") -> dict[str, Any]:
     """Return the tables of a TOML file as {"sensors.laser.rate": 5}."""
     changes: dict[str, Any] = {}
     for key, value in table.items():
-        changes |= flat(value, f"{prefix}{key}.") if isinstance(value, dict) else {prefix + key: value}
+        changes |= flatten(value, f"{prefix}{key}.") if isinstance(value, dict) else {prefix + key: value}
     return changes
 
 
@@ -111,7 +111,7 @@ def test_toml_blocks_are_valid_parts_of_a_scenario(block: Block, modules: Path) 
     """Every key of it is read, with the classes that it names; in a fleet if it is about one."""
     table = parse_toml(block.text)
     base = "target_hunting" if "modem" in table else "paper_field"
-    scenario = load_scenario(base, flat(table))
+    scenario = load_scenario(base, flatten(table))
     for section in table:
         assert getattr(scenario, section), f"{name_of(block)}: [{section}]"
 

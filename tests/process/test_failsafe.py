@@ -96,14 +96,14 @@ class Master:
 
     def __init__(self, client: VehicleClient) -> None:
         self.client = client
-        self.speaking = True
+        self.is_commanding = True
         self._running = True
-        self._thread = threading.Thread(target=self._speak)
+        self._thread = threading.Thread(target=self._send_commands)
         self._thread.start()
 
-    def _speak(self) -> None:
+    def _send_commands(self) -> None:
         while self._running:
-            if self.speaking:
+            if self.is_commanding:
                 self.client.command(VelocityCommand(surge=0.4))
             time.sleep(0.05)
 
@@ -132,10 +132,10 @@ def rig(tmp_path: Path) -> Iterator[tuple[Program, Bench, Master]]:
         bench.close()
 
 
-Judged = Callable[[Program, Bench, Master], None]
+RigCheck = Callable[[Program, Bench, Master], None]
 
 
-def retry_when_late(judge: Judged) -> Callable[[Path], None]:
+def retry_when_late(judge: RigCheck) -> Callable[[Path], None]:
     """Return a test that starts a rig and checks it, and repeats this with a new rig when the machine was late."""
 
     def test(tmp_path: Path) -> None:
@@ -153,7 +153,7 @@ def retry_when_late(judge: Judged) -> Callable[[Path], None]:
     return test
 
 
-def again(bench: Bench, slave: Program, within: float) -> None:
+def assert_running_again(bench: Bench, slave: Program, within: float) -> None:
     """Assert that the thrusters start again by themselves, in the same slave process."""
     began = time.monotonic()
     assert wait_for(lambda: bench.spinning), slave.output
@@ -165,12 +165,12 @@ def again(bench: Bench, slave: Program, within: float) -> None:
 @retry_when_late
 def test_the_thrusters_stop_when_the_master_is_silent(slave: Program, bench: Bench, master: Master) -> None:
     for turn in (1, 2):
-        master.speaking = False
+        master.is_commanding = False
         silent = time.monotonic()
         assert bench.neutral_after(silent) < DEADMAN_S + SLACK_S
         assert slave.output.count("deadman: no command in time, stopping the thrusters") == turn
-        master.speaking = True
-        again(bench, slave, 0.5)
+        master.is_commanding = True
+        assert_running_again(bench, slave, 0.5)
 
 
 @retry_when_late
@@ -188,7 +188,7 @@ def test_the_thrusters_stop_while_the_slave_is_paused(slave: Program, bench: Ben
     assert bench.neutral_after(stopped) < WATCHDOG_S + SLACK_S
     time.sleep(1.0)
     slave.process.send_signal(signal.SIGCONT)
-    again(bench, slave, 1.0)
+    assert_running_again(bench, slave, 1.0)
     slave.expect("the STM32's watchdog tripped")
     assert slave.output.count("the STM32's watchdog tripped") == 1
 
@@ -201,7 +201,7 @@ def test_the_simulated_thrusters_stop_while_the_stm32_is_silent(slave: Program, 
     slave.expect(f"{bench.path}: the STM32 has not answered for 0.5 s; check wiring, baud, protocol")
     assert wait_for(lambda: (master.client.diagnostics().commands_unanswered or 0) > 10)
     bench.silent = False
-    again(bench, slave, 1.0)
+    assert_running_again(bench, slave, 1.0)
     slave.expect(f"{bench.path}: the STM32 answers, after")
     assert slave.output.count("has not answered") == 1
 
@@ -209,7 +209,7 @@ def test_the_simulated_thrusters_stop_while_the_stm32_is_silent(slave: Program, 
 @retry_when_late
 def test_the_thrusters_start_again_after_a_reset_of_the_stm32(slave: Program, bench: Bench, master: Master) -> None:
     bench.reset()
-    again(bench, slave, 0.5)
+    assert_running_again(bench, slave, 0.5)
     slave.expect("the STM32 has restarted")
     time.sleep(0.5)
     assert slave.output.count("the STM32 has restarted") == 1
@@ -224,14 +224,14 @@ def test_noise_from_the_stm32_is_counted_and_commands_still_work(slave: Program,
         written += bench.end.link.wire.write(noise.randbytes(900))
         time.sleep(0.01)
     assert written > 40_000
-    again(bench, slave, 0.5)
+    assert_running_again(bench, slave, 0.5)
 
     def dropped() -> bool:
         figures = master.client.diagnostics()
         return (figures.link_dropped_bytes or 0) > 20_000 and figures.link_checksum_errors is not None
 
     assert wait_for(dropped), master.client.diagnostics()
-    master.speaking = False
+    master.is_commanding = False
     assert bench.neutral_after(time.monotonic()) < DEADMAN_S + SLACK_S
 
 
@@ -244,7 +244,7 @@ def test_a_flood_towards_the_stm32_stops_the_thrusters_only_while_it_lasts(
         stopped = wait_for(lambda: not bench.spinning)
         cat.terminate()
     assert stopped
-    again(bench, slave, 1.0)
+    assert_running_again(bench, slave, 1.0)
 
 
 @retry_when_late
@@ -259,7 +259,7 @@ def test_the_thrusters_start_again_after_the_port_was_unplugged(slave: Program, 
         assert reported("thruster link lost, the STM32's watchdog stops the thrusters", turn), slave.output
         time.sleep(0.7)
         bench.replug()
-        again(bench, slave, 1.0)
+        assert_running_again(bench, slave, 1.0)
         assert reported("thruster link back after", turn), slave.output
     assert f"{bench.path}: went away" in slave.output
     assert wait_for(lambda: master.client.diagnostics().link_losses == 2)

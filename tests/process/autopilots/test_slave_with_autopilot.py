@@ -17,7 +17,7 @@ from tests.support.processes import Program, children_of, free_port, wait_for
 
 
 @contextmanager
-def flown(folder: Path, stm32: str, more: str = "") -> Iterator[tuple[Program, Flyer, VehicleClient]]:
+def flying_slave(folder: Path, stm32: str, more: str = "") -> Iterator[tuple[Program, Flyer, VehicleClient]]:
     port, udp = free_port(), free_ports(1)[0]
     path = folder / "flown.toml"
     path.write_text(SCENARIO.format(stm32=stm32, port=port, udp=udp) + more)
@@ -42,7 +42,7 @@ def reported(client: VehicleClient, holds: Callable[[Any], bool]) -> Any:
 @pytest.mark.parametrize("stm32", ["python", "process"])
 def test_outputs_of_the_autopilot_reach_the_stm32(tmp_path: Path, stm32: str) -> None:
     """An STM32 in another process gets them too; a silent autopilot stops the thrusters until it sends again."""
-    with flown(tmp_path, stm32) as (slave, flyer, client):
+    with flying_slave(tmp_path, stm32) as (slave, flyer, client):
         figures = reported(client, lambda found: found.pwm_us == FORWARD_PWM_US)
         assert figures.controller == "autopilot"
         assert figures.autopilot_frame == "vectored"
@@ -57,7 +57,7 @@ def test_outputs_of_the_autopilot_reach_the_stm32(tmp_path: Path, stm32: str) ->
 
 
 def test_a_flight_with_an_autopilot_is_recorded(tmp_path: Path) -> None:
-    with flown(tmp_path, "python", '[recording]\nslave = true\nfolder = "{}"\n'.format(tmp_path / "runs")) as (
+    with flying_slave(tmp_path, "python", '[recording]\nslave = true\nfolder = "{}"\n'.format(tmp_path / "runs")) as (
         _,
         _,
         client,
@@ -72,7 +72,7 @@ def test_a_flight_with_an_autopilot_is_recorded(tmp_path: Path) -> None:
 
 
 def test_a_killed_stm32_is_restarted_and_gets_the_outputs_of_the_autopilot_again(tmp_path: Path) -> None:
-    with flown(tmp_path, "process") as (slave, _, client):
+    with flying_slave(tmp_path, "process") as (slave, _, client):
         reported(client, lambda found: found.pwm_us == FORWARD_PWM_US)
         stm32 = children_of(slave.process.pid)
         assert stm32

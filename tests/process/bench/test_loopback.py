@@ -111,7 +111,7 @@ def test_the_wire_time_follows_from_the_number_of_bits(capsys: pytest.CaptureFix
 
 
 @pytest.fixture
-def jumper() -> Iterator[str]:
+def jumper_port() -> Iterator[str]:
     """Provide a serial port whose TX is wired to its RX."""
     far, stop = PtyWire(), threading.Event()
 
@@ -131,9 +131,9 @@ def jumper() -> Iterator[str]:
 @pytest.mark.parametrize("protocol", ["frame", "mavlink"])
 @pytest.mark.usefixtures("long_reply_timeout")
 def test_a_jumper_from_tx_to_rx_returns_every_frame(
-    protocol: str, jumper: str, capsys: pytest.CaptureFixture[str]
+    protocol: str, jumper_port: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    code, found = loopback(capsys, "--stm32", "jumper", "--port", jumper, "--protocol", protocol)
+    code, found = loopback(capsys, "--stm32", "jumper", "--port", jumper_port, "--protocol", protocol)
     assert code == 0, found
     assert found["answered"] == found["sent"] >= 1
     assert found["counters"]["bytes_in"] == found["counters"]["bytes_out"] > 0

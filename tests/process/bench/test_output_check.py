@@ -34,7 +34,7 @@ def _short_waiting_times(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.fixture
-def served(tmp_path: Path) -> Iterator[tuple[str, "subprocess.Popen[str]"]]:
+def emulated_stm32(tmp_path: Path) -> Iterator[tuple[str, "subprocess.Popen[str]"]]:
     """Provide the pty of `uuv-hil stm32`, which runs as a process of its own, and that process."""
     path = str(tmp_path / "stm32")
     command = [*module_command("hil.cli", "stm32", "--port", f"pty:{path}", "--channels", "4")]
@@ -53,9 +53,9 @@ def findings(capsys: pytest.CaptureFixture[str], *words: str) -> list[dict[str, 
 
 
 def test_outputs_are_checked_over_a_real_pty(
-    served: tuple[str, "subprocess.Popen[str]"], capsys: pytest.CaptureFixture[str]
+    emulated_stm32: tuple[str, "subprocess.Popen[str]"], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    path, process = served
+    path, process = emulated_stm32
     assert main(["stm32", "check", *QUICK, "--port", path, "--channels", "4", "--chip", "f411", "--offset", "-80"]) == 0
     output = capsys.readouterr()
     lines = output.out.splitlines()
@@ -153,9 +153,9 @@ def test_an_output_that_stays_neutral_is_not_confirmed(
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_ctrl_c_ends_the_check_with_neutral_outputs(
-    served: tuple[str, "subprocess.Popen[str]"], number: signal.Signals
+    emulated_stm32: tuple[str, "subprocess.Popen[str]"], number: signal.Signals
 ) -> None:
-    path, stm32 = served
+    path, stm32 = emulated_stm32
     command = module_command("hil.cli", "stm32", "check", "--port", path, "--channels", "4", "--yes", "--settle", "0 s")
     check = subprocess.Popen(
         [*command, "--seconds", "5"],
@@ -176,8 +176,8 @@ def test_ctrl_c_ends_the_check_with_neutral_outputs(
     assert "pwm 1500 1500 1500 1500" in stm32.communicate(timeout=PATIENCE_S)[0].splitlines()[-1]
 
 
-def test_a_lost_link_ends_the_check(served: tuple[str, "subprocess.Popen[str]"]) -> None:
-    path, stm32 = served
+def test_a_lost_link_ends_the_check(emulated_stm32: tuple[str, "subprocess.Popen[str]"]) -> None:
+    path, stm32 = emulated_stm32
     command = module_command("hil.cli", "stm32", "check", "--port", path, "--channels", "4", "--yes", "--seconds", "5")
     check = subprocess.Popen(command, stderr=subprocess.PIPE, text=True, env=package_environment())
     assert check.stderr
@@ -209,9 +209,9 @@ def test_wrong_arguments_are_refused_before_any_output_turns(
 
 
 def test_a_wrong_number_of_outputs_is_reported_and_nothing_turns(
-    served: tuple[str, "subprocess.Popen[str]"], capsys: pytest.CaptureFixture[str]
+    emulated_stm32: tuple[str, "subprocess.Popen[str]"], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["stm32", "check", *QUICK, "--port", served[0]]) == 3
+    assert main(["stm32", "check", *QUICK, "--port", emulated_stm32[0]]) == 3
     assert "check --channels, --baud, --protocol and --frame; nothing was turned" in capsys.readouterr().err
 
 

@@ -21,31 +21,31 @@ from hil.ros.encoders import encode_diagnostics, pack_attachment
 from tests.support.processes import free_port, wait_for
 
 GID = b"m" * 16
-ASK, ANSWER, MASTERS = clock_keys("uuv1")
+PING_KEY, PONG_KEY, MASTERS_PING_KEY = clock_keys("uuv1")
 
 
 class Vehicle:
     """A vehicle that answers pings by its own clock, `ahead_ns` ns ahead, and records the delay reports of masters.
 
-    `deaf`: pings of masters do not reach it, as if they had no right to command.
+    `ignores_masters`: pings of masters do not reach it, as if they had no right to command.
     """
 
     ahead_ns = 5 * NS_PER_S
-    deaf = False
+    ignores_masters = False
 
     def __init__(self, session: Session) -> None:
         self.pings: list[tuple[int, ...]] = []
         self.ping_parts: list[Part] = []
         self.reported: list[tuple[int, ...]] = []
-        self.answer = session.sender(ANSWER)
-        session.receive(ASK, lambda payload: self._take(payload, "observer"), 16)
-        session.receive(MASTERS, self._take_masters, 16)
+        self.answer = session.sender(PONG_KEY)
+        session.receive(PING_KEY, lambda payload: self._take(payload, "observer"), 16)
+        session.receive(MASTERS_PING_KEY, self._take_masters, 16)
 
     def pong(self, sent: int, there: int) -> bytes:
         return PONG.pack(GID, sent, there, there, 0, 0 if self.reported else -1, 0.0)
 
     def _take_masters(self, payload: bytes) -> None:
-        if self.deaf:
+        if self.ignores_masters:
             return
         if PING.unpack(payload)[2]:
             self.reported.append(PING.unpack(payload)[1:])
@@ -93,7 +93,7 @@ def test_a_master_pings_on_its_own_key_and_as_observer_without_reply(ends: tuple
     before = len(vehicle.ping_parts)
     assert wait_for(lambda: len(vehicle.ping_parts) > before + 3)
     assert set(vehicle.ping_parts[before:]) == {"master"}
-    vehicle.deaf = True  # as after a restart with other rights
+    vehicle.ignores_masters = True  # as after a restart with other rights
     vehicle.reported.clear()
     assert wait_for(lambda: contact.losses)
     before = len(vehicle.ping_parts)

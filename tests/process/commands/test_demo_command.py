@@ -15,7 +15,7 @@ from tests.support.processes import Program, children_of, command_line, free_por
 
 
 @contextmanager
-def taken(address: str, port: int, family: socket.AddressFamily = socket.AF_INET) -> Iterator[None]:
+def occupied_port(address: str, port: int, family: socket.AddressFamily = socket.AF_INET) -> Iterator[None]:
     with socket.create_server((address, port), family=family):
         yield
 
@@ -28,14 +28,14 @@ def test_a_port_in_use_is_refused(address: str, next_one: int, host: str) -> Non
     endpoint = f"tcp/{host}:{port}"
     require_free(endpoint)
     words = rf"{endpoint} is not free .*\(port {port + next_one}: Address already in use\).*--listen tcp/127.0.0.1:\d+"
-    with taken(address, port + next_one), pytest.raises(NetworkError, match=words):
+    with occupied_port(address, port + next_one), pytest.raises(NetworkError, match=words):
         require_free(endpoint)
     require_free(endpoint)
 
 
 def test_with_a_router_only_one_port_must_be_free() -> None:
     port = free_port()
-    with taken("127.0.0.1", port + 1):
+    with occupied_port("127.0.0.1", port + 1):
         require_free(f"tcp/127.0.0.1:{port}", routed=True)
         with pytest.raises(NetworkError, match=f"port {port + 1}: Address already in use"):
             require_free(f"tcp/127.0.0.1:{port}")
@@ -44,7 +44,7 @@ def test_with_a_router_only_one_port_must_be_free() -> None:
 def test_an_ipv6_port_in_use_is_refused() -> None:
     port = free_port()
     require_free(f"tcp/[::1]:{port}")
-    with taken("::1", port, socket.AF_INET6), pytest.raises(NetworkError, match="in use"):
+    with occupied_port("::1", port, socket.AF_INET6), pytest.raises(NetworkError, match="in use"):
         require_free(f"tcp/[::1]:{port}")
 
 

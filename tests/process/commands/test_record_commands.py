@@ -236,12 +236,12 @@ def test_a_slow_receiver_gets_the_whole_replay(tmp_path: Path) -> None:
                 player.send(Message("/uuv1/trace", TOPICS["trace"].type, number, 0, 0, bytes(20_000)))
             wakes.join()
 
-            def are_all_there() -> bool:
+            def all_received() -> bool:
                 with suppress(HilError, OSError):  # of a recording that is under way
                     return sum(1 for _ in read_messages(str(tmp_path / "received"))) == 1000
                 return False
 
-            assert wait_for(are_all_there)
+            assert wait_for(all_received)
         assert record.stop(signal.SIGINT) == 0
     assert "1000 messages recorded, none lost" in record.output
 

@@ -29,7 +29,7 @@ ENDLESS = "import time; from hil.common.lifeline import die_with_parent; die_wit
 
 
 @pytest.fixture
-def ended() -> Iterator[list[int]]:
+def process_ids() -> Iterator[list[int]]:
     """Provide a list of process numbers, and end those processes in any case."""
     pids: list[int] = []
     yield pids
@@ -62,15 +62,15 @@ child = started[0]""",
 
 
 @pytest.mark.parametrize("way", START_METHODS)
-def test_a_child_ends_with_its_parent_and_not_before(way: str, ended: list[int]) -> None:
+def test_a_child_ends_with_its_parent_and_not_before(way: str, process_ids: list[int]) -> None:
     with parent_of(START_METHODS[way]) as parent:
         assert parent.stdout is not None
         child = int(parent.stdout.readline())
-        ended += [parent.pid, child]
+        process_ids += [parent.pid, child]
         group = wait_for(lambda: [pid for pid in group_of(child) if command_of(pid) == "sleep"] or is_ours(child))
         assert group, "it has not come up"
         assert is_running(child)
-        ended += group_of(child)
+        process_ids += group_of(child)
         parent.kill()
         assert wait_for(lambda: not group_of(child), PATIENCE_S)
 
@@ -99,14 +99,14 @@ def command_of(pid: int) -> str:
     return psutil.Process(pid).name() if psutil.pid_exists(pid) else ""
 
 
-def test_a_child_whose_parent_ended_during_its_start_ends(tmp_path: Path, ended: list[int]) -> None:
+def test_a_child_whose_parent_ended_during_its_start_ends(tmp_path: Path, process_ids: list[int]) -> None:
     gate = tmp_path / "gate"
     os.mkfifo(gate)
     slow = f"open({str(gate)!r}).read(); import os; open({str(tmp_path / 'late')!r}, 'w').write(str(os.getppid())); "
     with parent_of(f"child = start_child([sys.executable, '-c', {slow + ENDLESS!r}])") as parent:
         assert parent.stdout is not None
         child = int(parent.stdout.readline())
-        ended += [parent.pid, child]
+        process_ids += [parent.pid, child]
         parent.kill()
         parent.wait()
         assert is_running(child), "it does not know yet"
@@ -189,7 +189,7 @@ def test_modules_of_the_current_folder_are_not_imported(tmp_path: Path) -> None:
     assert not (tmp_path / "executed").exists()
 
 
-def test_children_started_by_several_threads_at_once_end_with_the_parent(ended: list[int]) -> None:
+def test_children_started_by_several_threads_at_once_end_with_the_parent(process_ids: list[int]) -> None:
     code = """
 import threading
 start, started = threading.Barrier(4), []
@@ -204,7 +204,7 @@ for child in started: print(child.pid)
     with parent_of(code) as parent:
         assert parent.stdout is not None
         children = [int(parent.stdout.readline()) for _ in range(5)][:4]  # the last is printed twice
-        ended += [parent.pid, *children]
+        process_ids += [parent.pid, *children]
         assert wait_for(lambda: all(command_of(child) == "sleep" for child in children), PATIENCE_S)
         parent.kill()
         assert wait_for(lambda: not any(map(is_running, children)), PATIENCE_S)

@@ -9,12 +9,14 @@ import pytest
 
 from hil.common import ports
 
-ASK = "from hil.common.ports import free_ports; print(*free_ports(3), flush=True); input()"
+REQUEST_PORTS = "from hil.common.ports import free_ports; print(*free_ports(3), flush=True); input()"
 
 
 def test_simultaneous_processes_get_different_ports() -> None:
     children = [
-        subprocess.Popen([sys.executable, "-c", ASK], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+        subprocess.Popen(
+            [sys.executable, "-c", REQUEST_PORTS], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
+        )
         for _ in range(3)
     ]
     given = ports.free_ports(3)

@@ -181,7 +181,7 @@ def test_a_chip_that_does_not_answer_is_reported(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     probe = FakeProbe(FakeChip("f103"))
-    probe.answers = False
+    probe.is_responding = False
     connect(monkeypatch, probe)
     assert main(["stm32", "flash", "--yes"]) == 3
     assert "check SWDIO, SWCLK, GND and the chip's supply, or try --under-reset" in capsys.readouterr().err
@@ -200,7 +200,7 @@ def test_a_failed_write_of_the_flash_is_detected(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     board = FakeChip("f405")
-    board.worn = True
+    board.is_worn_out = True
     connect(monkeypatch, FakeProbe(board))
     assert main(["stm32", "flash", "--yes"]) == 3
     assert "has other bytes than were written" in capsys.readouterr().err

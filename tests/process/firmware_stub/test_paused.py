@@ -16,7 +16,7 @@ from hil.slave.drivers.driver import ThrusterDriver, open_driver
 from tests.support.processes import free_port, wait_for
 
 WATCHDOG_S = 0.2
-BEFORE, MEANWHILE = (1600,) * 6, (1700,) * 6
+BEFORE, WHILE_STOPPED = (1600,) * 6, (1700,) * 6
 
 
 def reports(driver: ThrusterDriver) -> set[tuple[int, ...]]:
@@ -46,7 +46,7 @@ def test_commands_that_arrived_while_it_was_stopped_are_discarded(kind: str, wir
             assert wait_for(lambda: stm32.status() == psutil.STATUS_STOPPED)
             reports(driver)
             for _ in range(20):
-                command(MEANWHILE)
+                command(WHILE_STOPPED)
             time.sleep(1.5 * WATCHDOG_S)
         finally:
             os.kill(driver.children[0], signal.SIGCONT)

@@ -40,7 +40,7 @@ from tests.support.boards.recorded import build, link, plant
 __all__ = ["ran", "root", "scenario"]  # the fixtures
 
 
-def linked(port: str, more: str = "") -> str:
+def scenario_with_link(port: str, more: str = "") -> str:
     return SERIAL + f'[link]\nport = "{port}"\n{more}'
 
 
@@ -91,7 +91,7 @@ def test_the_unit_allows_the_devices_of_the_link(
     plant(root, "dev/ttyACM0", "")
     link(root, "dev/serial/by-id/usb-there-if00", "../../ttyACM0")
     link(root, "dev/ttySTM32", "ttyACM0")
-    Path(scenario).write_text(linked(port))
+    Path(scenario).write_text(scenario_with_link(port))
     assert install(root, scenario, "--yes") == 0
     allowed = [f"char-{kind} rw" for kind in kinds.split()] + ["/dev/cpu_dma_latency w"]
     assert values(root, UNIT, "DeviceAllow") == allowed
@@ -104,12 +104,12 @@ def test_the_unit_allows_the_devices_of_the_link(
 def test_a_usb_can_adapter_without_a_kernel_driver_gets_its_rights(
     root: Path, scenario: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    Path(scenario).write_text(linked("can:gs_usb:0", 'protocol = "vesc"'))
+    Path(scenario).write_text(scenario_with_link("can:gs_usb:0", 'protocol = "vesc"'))
     assert install(root, scenario, "--yes") == 0
     assert "DeviceAllow=" not in capsys.readouterr().out.replace("+DeviceAllow=", "")
     assert "char-usb_device rw" in values(root, UNIT, "DeviceAllow")
     assert 'ATTR{idVendor}=="1d50", ATTR{idProduct}=="606f", GROUP="dialout"' in (root / RULES[1:]).read_text()
-    Path(scenario).write_text(linked("can:pcan:PCAN_USBBUS1", 'protocol = "vesc"'))
+    Path(scenario).write_text(scenario_with_link("can:pcan:PCAN_USBBUS1", 'protocol = "vesc"'))
     assert install(root, scenario, "--yes") == 0
     assert "note: which device can:pcan:PCAN_USBBUS1 opens only python-can knows" in capsys.readouterr().out
 
@@ -118,11 +118,11 @@ def test_a_can_adapter_at_a_serial_port_gets_its_rights(
     root: Path, scenario: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """python-can accepts a speed after the device name; slcan here is not that of python-can."""
-    Path(scenario).write_text(linked("can:robotell:/dev/ttyUSB0@115200", 'protocol = "vesc"'))
+    Path(scenario).write_text(scenario_with_link("can:robotell:/dev/ttyUSB0@115200", 'protocol = "vesc"'))
     assert install(root, scenario, "--yes") == 0
     assert 'SUBSYSTEM=="tty", KERNEL=="ttyUSB0", GROUP' in (root / RULES[1:]).read_text()
     assert values(root, UNIT, "DeviceAllow")[0] == "char-ttyUSB rw"
-    Path(scenario).write_text(linked("can:slcan:/dev/ttyACM0@115200", 'protocol = "vesc"'))
+    Path(scenario).write_text(scenario_with_link("can:slcan:/dev/ttyACM0@115200", 'protocol = "vesc"'))
     assert install(root, scenario, "--yes") == 2
     assert "set baud = 115200 in [link]" in capsys.readouterr().err
 
@@ -130,13 +130,13 @@ def test_a_can_adapter_at_a_serial_port_gets_its_rights(
 def test_a_port_name_that_is_a_pattern_is_refused(
     root: Path, scenario: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    Path(scenario).write_text(linked("/dev/tty*"))
+    Path(scenario).write_text(scenario_with_link("/dev/tty*"))
     assert install(root, scenario, "--yes") == 2
     assert "'/dev/tty*' cannot stand in a rule" in capsys.readouterr().err
 
 
 def test_a_pty_of_another_program_gets_no_rule(root: Path, scenario: str) -> None:
-    Path(scenario).write_text(linked("/tmp/stm32"))
+    Path(scenario).write_text(scenario_with_link("/tmp/stm32"))
     assert install(root, scenario, "--yes") == 0
     assert "# None: it is no device of a serial port." in (root / RULES[1:]).read_text()
     assert values(root, UNIT, "PrivateTmp") == ["no"]
@@ -144,7 +144,7 @@ def test_a_pty_of_another_program_gets_no_rule(root: Path, scenario: str) -> Non
 
 def test_rules_are_applied_at_once(root: Path, scenario: str, ran: list[str]) -> None:
     """The rules are triggered by change events for all devices that they name."""
-    Path(scenario).write_text(linked("can:gs_usb:0", 'protocol = "vesc"'))
+    Path(scenario).write_text(scenario_with_link("can:gs_usb:0", 'protocol = "vesc"'))
     assert install(root, scenario, "--yes") == 0
     rules = (root / RULES[1:]).read_text()
     (trigger,) = [command for command in ran if command.startswith("udevadm trigger")]

@@ -131,14 +131,14 @@ class TestSlcan:
         noise=st.lists(st.one_of(st.binary(max_size=40), st.sampled_from([b"t123", b"T00000FFF8", b"t12381", b"tz"])))
     )
     def test_noise_raises_no_error_and_loses_no_later_frame(self, noise: list[bytes]) -> None:
-        line = Canned([*noise, b"\rtF23", b"\x07T1FFFFFFF8000102030405", b"0607\r"])
+        line = CannedLine([*noise, b"\rtF23", b"\x07T1FFFFFFF8000102030405", b"0607\r"])
         wire = SlcanWire(line)
         received = b"".join(wire.read() for _ in line.parts)
         assert list(unpack_frames(received))[-1] == EXTENDED
         assert len(received) % 16 == 0
 
     def test_a_timestamp_is_ignored(self) -> None:
-        line = Canned([b"t7FF3010203A1B2\r"])
+        line = CannedLine([b"t7FF3010203A1B2\r"])
         assert list(unpack_frames(SlcanWire(line).read())) == [STANDARD]
 
     def test_an_unsupported_bit_rate_is_refused(self) -> None:
@@ -272,13 +272,13 @@ class TestPythonCan:
         assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout == "False\n"
 
 
-class Canned(Wire):
+class CannedLine(Wire):
     """A line that reads as it was given, a part at a time, and takes all that is written."""
 
     def __init__(self, parts: list[bytes]) -> None:
         self.name = "canned"
         self.parts = parts
-        self._left = iter(parts)
+        self._unread_parts = iter(parts)
 
     def fileno(self) -> int:
         return -1
@@ -287,7 +287,7 @@ class Canned(Wire):
         pass
 
     def read(self) -> bytes:
-        return next(self._left, b"")
+        return next(self._unread_parts, b"")
 
     def write(self, data: bytes) -> int:
         return len(data)

@@ -31,7 +31,7 @@ def datagram(frame: CanFrame, flags: int = 0, magic: int = 0x2934) -> bytes:
     return pack("<HH", magic, common.crc16_from_bytes(body)) + body
 
 
-class Other:
+class OtherProgram:
     """Another program on the bus, by its socket."""
 
     def __init__(self) -> None:
@@ -46,7 +46,7 @@ class Other:
 
 def test_frames_have_the_bytes_of_the_public_library() -> None:
     with nothing_leaks():
-        wire, other = open_address(f"can:mcast:{MCAST}", "host"), Other()
+        wire, other = open_address(f"can:mcast:{MCAST}", "host"), OtherProgram()
         for frame in FRAMES:
             other.send(datagram(frame))
             assert list(unpack_frames(read_bytes(wire, 16))) == [frame]
@@ -68,7 +68,7 @@ def test_two_ends_receive_each_other_and_not_themselves() -> None:
 
 
 def test_noise_loses_no_frame() -> None:
-    wire, other = MulticastCanWire(str(MCAST)), Other()
+    wire, other = MulticastCanWire(str(MCAST)), OtherProgram()
     source = random.Random(1)
     good = FRAMES[0]
     damaged = bytearray(datagram(good))

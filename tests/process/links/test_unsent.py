@@ -46,7 +46,7 @@ class SlowWire(Wire):
     name = "slow"
 
     def __init__(self) -> None:
-        self.queue, self.carried = b"", b""
+        self.queue, self.transmitted = b"", b""
 
     def fileno(self) -> int:
         return -1
@@ -65,7 +65,7 @@ class SlowWire(Wire):
         self.queue = b""
 
     def drain(self) -> None:
-        self.carried, self.queue = self.carried + self.queue, b""
+        self.transmitted, self.queue = self.transmitted + self.queue, b""
 
     def close(self) -> None:
         pass
@@ -113,7 +113,7 @@ def test_a_free_wire_is_written_at_once(link: ThrusterLink) -> None:
     for sequence in range(1, 4):
         link.send(armed(sequence))
         wire_of(link).drain()
-    assert wire_of(link).carried == b"\x01\x02\x03"
+    assert wire_of(link).transmitted == b"\x01\x02\x03"
     assert link.counters.replaced == 0
     assert link.deadline_ns == link.protocol.deadline_ns
 
@@ -128,7 +128,7 @@ def test_a_disarming_command_discards_the_queue_once(link: ThrusterLink) -> None
     link.send(armed(5))
     wire_of(link).drain()
     link.tick(now_ns() + NS_PER_S)
-    assert (wire_of(link).carried, wire_of(link).queue) == (b"\x03", b"\x05")
+    assert (wire_of(link).transmitted, wire_of(link).queue) == (b"\x03", b"\x05")
 
 
 def test_a_held_command_is_sent_once(link: ThrusterLink) -> None:
@@ -138,7 +138,7 @@ def test_a_held_command_is_sent_once(link: ThrusterLink) -> None:
     link.send(armed(3))
     wire_of(link).drain()
     link.tick(now_ns() + NS_PER_S)
-    assert wire_of(link).carried == b"\x01\x03"
+    assert wire_of(link).transmitted == b"\x01\x03"
 
 
 def test_a_slow_line_counts_its_unsent_bytes(monkeypatch: pytest.MonkeyPatch) -> None:

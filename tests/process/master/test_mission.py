@@ -149,11 +149,11 @@ def test_a_vehicle_that_refuses_commands_ends_the_mission_with_the_reason(
 def test_missing_odometry_is_an_event_with_start_and_duration(
     fly: Callable[[], Outcome], vehicle: Vehicle, clock: Clock
 ) -> None:
-    def fall_silent() -> None:
+    def stop_odometry() -> None:
         if not 105 * NS_PER_S < clock.now < 108 * NS_PER_S:
             vehicle.sense()
 
-    clock.at_each = fall_silent
+    clock.at_each = stop_odometry
     outcome = fly()
     (event,) = outcome.events
     assert (event.kind, event.what) == ("link_lost", "no odometry from uuv1")
@@ -164,11 +164,11 @@ def test_missing_odometry_is_an_event_with_start_and_duration(
 
 
 def test_a_short_loss_of_the_vehicle_is_an_event(fly: Callable[[], Outcome], vehicle: Vehicle, clock: Clock) -> None:
-    def come_back() -> None:
+    def interrupt_vehicle() -> None:
         vehicle.sense()
         vehicle.contact.losses = int(clock.now > 110 * NS_PER_S)
 
-    clock.at_each = come_back
+    clock.at_each = interrupt_vehicle
     assert [event.kind for event in fly().events] == ["link_lost"]
 
 

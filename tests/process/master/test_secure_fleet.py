@@ -51,16 +51,16 @@ def test_planners_exchange_reports_only_and_others_cannot_report(first: tuple[Se
         other.subscribe("uuv1", "*", lambda topic, _, __, name=name: got[name].add(topic), 64)  # type: ignore[misc]
         publishers += [(name, other.publisher("uuv1", TOPICS[topic])) for topic in ("formation", "cmd_vel", "odom")]
 
-    def all_speak() -> bool:
+    def all_publish() -> bool:
         for publisher in sent:
             publisher.put(b"first", 0)
         for name, publisher in publishers:
             publisher.put(name.encode(), 0)
         return len(received) > 20 and bool(got[PLANNERS[1]] and got["viewer"])
 
-    assert wait_for(all_speak), (received, got)
+    assert wait_for(all_publish), (received, got)
     for _ in range(20):
-        all_speak()
+        all_publish()
     assert set(received) == {(PLANNERS[1], "formation")}
     assert got == {PLANNERS[1]: {"formation"}, "viewer": {"formation"}, "outsider": set(), "other/planner2": set()}
     for other in others.values():

@@ -67,13 +67,13 @@ def test_rights_follow_from_the_certificate(slave: tuple[Session, str, list[str]
         other.subscribe("uuv1", "*", lambda topic, _, __, name=name: got[name].append(topic), 8)  # type: ignore[misc]
         commands[name] = other.publisher("uuv1", TOPICS["cmd_vel"])
 
-    def everyone_speaks() -> bool:
+    def all_have_pinged() -> bool:
         samples.put(b"sample", 0)
         for name, publisher in commands.items():
             publisher.put(name.encode(), 0)
         return len(received) > 20 and len(got["laptop"]) > 20 and len(got["viewer"]) > 20
 
-    assert wait_for(everyone_speaks), (received, got)
+    assert wait_for(all_have_pinged), (received, got)
     assert set(received) == {"laptop"}
     assert set(got["laptop"]) == set(got["viewer"]) == {"pressure"}
     assert got["outsider"] == []
@@ -128,13 +128,13 @@ def test_a_listener_may_ping_but_not_report_as_a_master(slave: tuple[Session, st
         viewers = cycle([viewer.sender(key) for key in (masters, *forged, ask)])
         laptops = [laptop.sender(key) for key in (masters, ask)]
 
-        def everyone_speaks() -> bool:
+        def all_have_pinged() -> bool:
             next(viewers)(b"viewer")  # one at a time: many at once would be dropped as a flood, whatever they may do
             for send in laptops:
                 send(b"laptop")
             return len(reported) > 20 and {b"viewer", b"laptop"} <= set(requested)
 
-        assert wait_for(everyone_speaks), (requested, reported)
+        assert wait_for(all_have_pinged), (requested, reported)
     assert set(reported) == {b"laptop"}
 
 

@@ -190,7 +190,7 @@ def test_a_session_closes_at_once_during_a_callback_of_the_library(monkeypatch: 
     monkeypatch.setattr(BoundedQueue, "put", put)
     gc.collect()  # sessions of other tests, which would wait for the same callback
 
-    def closes_at_once() -> None:
+    def check_closing_time() -> None:
         port = free_port()
         with open_master_session(f"tcp/127.0.0.1:{port}") as other:
             slave = listen(f"tcp/127.0.0.1:{port}")
@@ -204,4 +204,4 @@ def test_a_session_closes_at_once_during_a_callback_of_the_library(monkeypatch: 
             slave.close()
         assert time.monotonic() - began < 5.0
 
-    retry_when_busy(closes_at_once, "the call must end within 50 ms", attempts=2)
+    retry_when_busy(check_closing_time, "the call must end within 50 ms", attempts=2)

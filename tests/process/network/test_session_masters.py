@@ -169,7 +169,7 @@ def test_clocks_are_compared_continuously_by_both_ends(slave: tuple[Program, str
 def test_a_late_client_gets_slow_topics_at_once(slave: tuple[Program, str]) -> None:
     _, endpoint = slave
 
-    def comes_at_once() -> None:
+    def check_late_client() -> None:
         with VehicleClient(endpoint, "uuv1") as late:
             assert late.wait_for_vehicle(60)
             before = late.received["odom"]
@@ -178,7 +178,7 @@ def test_a_late_client_gets_slow_topics_at_once(slave: tuple[Program, str]) -> N
 
     with VehicleClient(endpoint, "uuv1") as early:
         assert wait_for(early.diagnostics), "there is one already"
-    retry_when_busy(comes_at_once, "they may meet just as the next is published, or be held up")
+    retry_when_busy(check_late_client, "they may meet just as the next is published, or be held up")
 
 
 def test_one_session_commands_several_vehicles(tmp_path: Path) -> None:

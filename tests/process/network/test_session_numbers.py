@@ -14,42 +14,42 @@ from tools.faults.relay import Relay
 
 NUMBER = 50
 PAYLOAD = bytes(48)
-BESIDE = 33 + 25  # bytes: the attachment, and what the library says of a message
-TEXT = 90  # bytes of each of these keys, or more
+OVERHEAD_BYTES = 33 + 25  # bytes: the attachment, and the library's header of a message
+KEY_TEXT_BYTES = 90  # bytes of each of these keys, or more
 
 
 @pytest.mark.parametrize(
     ("pattern", "name"),
     [("cmd_$*", "cmd_vel"), ("cmd_$*", "cmd_thrusters"), ("odom", "odom"), ("*", "imu"), ("*", "ground_truth")],
 )
-@pytest.mark.parametrize("hearing", ["slave", "master"])
-def test_the_key_of_frequent_messages_is_sent_as_a_number(pattern: str, name: str, hearing: str) -> None:
+@pytest.mark.parametrize("receiving", ["slave", "master"])
+def test_the_key_of_frequent_messages_is_sent_as_a_number(pattern: str, name: str, receiving: str) -> None:
     port, received, payloads = free_port(), list[str](), list[bytes]()
-    came = threading.Event()
+    arrived = threading.Event()
     with listen(f"tcp/127.0.0.1:{port}") as slave, Relay(port) as relay, open_master_session(relay.endpoint) as master:
-        hears, says = (slave, master) if hearing == "slave" else (master, slave)
-        publisher = says.publisher("uuv1", TOPICS[name])  # before anybody wants it
+        receiver, sender = (slave, master) if receiving == "slave" else (master, slave)
+        publisher = sender.publisher("uuv1", TOPICS[name])  # before there is a subscriber
 
         def receive(topic: str, payload: bytes, _: bytes) -> None:
             received.append(topic)
             payloads.append(payload)
-            came.set()
+            arrived.set()
 
-        hears.subscribe("uuv1", pattern, receive, NUMBER)
+        receiver.subscribe("uuv1", pattern, receive, NUMBER)
 
         def arrives() -> bool:
-            """Publish until a message arrives: one that finds others still to be sent is dropped, and sent again."""
+            """Publish a message and return whether it arrives; it is dropped while others wait to be sent."""
             payload = publisher.sequence.to_bytes(len(PAYLOAD), "big")
-            came.clear()
+            arrived.clear()
             publisher.put(payload, 0)
-            return came.wait(0.5) and payloads[-1] == payload
+            return arrived.wait(0.5) and payloads[-1] == payload
 
-        assert wait_for(arrives), "those before it have come too, or never will"
+        assert wait_for(arrives), "earlier messages have arrived too, or are lost"
         passed = [relay.passed]
         for _ in range(NUMBER):
             assert wait_for(arrives)
             passed.append(relay.passed)
         each = statistics.median([after - before for before, after in pairwise(passed)])
-        assert len(PAYLOAD) < each < len(PAYLOAD) + BESIDE + TEXT / 2, passed
+        assert len(PAYLOAD) < each < len(PAYLOAD) + OVERHEAD_BYTES + KEY_TEXT_BYTES / 2, passed
         assert set(received) == {name}
-        assert len(payloads) == len(set(payloads)), "once"
+        assert len(payloads) == len(set(payloads)), "each arrives once"

@@ -27,7 +27,7 @@ from tools.faults.relay import Relay
 AGE_LIMIT_S = 0.3
 
 
-class End:
+class PresenceRecorder:
     """A session that records the appearance and loss of parts with their times."""
 
     def __init__(self, session: Session, part: str, ident: str = "") -> None:
@@ -39,7 +39,7 @@ class End:
     def _on_presence(self, presence: Presence, alive: bool) -> None:
         self.seen.append((time.monotonic(), presence.part, alive))
 
-    def sees(self, part: str, alive: bool, after: float) -> float:
+    def wait_for_part(self, part: str, alive: bool, after: float) -> float:
         """Return the seconds from `after` until a part appeared or was lost."""
         found = wait_for(lambda: [at for at, *wakeup in self.seen if wakeup == [part, alive] and at >= after])
         assert found, f"no {part} {'came' if alive else 'went'} in {self.seen}"
@@ -47,16 +47,16 @@ class End:
 
 
 @pytest.fixture
-def ends() -> Iterator[tuple[End, End, Relay]]:
+def ends() -> Iterator[tuple[PresenceRecorder, PresenceRecorder, Relay]]:
     port, began = free_port(), time.monotonic()
     with listen(f"tcp/127.0.0.1:{port}") as slave, Relay(port) as relay, open_master_session(relay.endpoint) as master:
-        pair = End(slave, "slave"), End(master, "master")
-        pair[0].sees("master", True, began)
-        pair[1].sees("slave", True, began)
+        pair = PresenceRecorder(slave, "slave"), PresenceRecorder(master, "master")
+        pair[0].wait_for_part("master", True, began)
+        pair[1].wait_for_part("slave", True, began)
         yield *pair, relay
 
 
-def test_both_ends_detect_a_silent_link_and_recover(ends: tuple[End, End, Relay]) -> None:
+def test_both_ends_detect_a_silent_link_and_recover(ends: tuple[PresenceRecorder, PresenceRecorder, Relay]) -> None:
     slave, master, relay = ends
     command_receiver = CommandReceiver(round(AGE_LIMIT_S * 1e9))
     commanded: list[tuple[float, float]] = []  # sent and received, both s
@@ -74,22 +74,22 @@ def test_both_ends_detect_a_silent_link_and_recover(ends: tuple[End, End, Relay]
                 commanded.append((taken.published_ns / 1e9, taken.received_ns / 1e9))
         return len(commanded) - before
 
-    def falls_and_returns() -> None:
+    def check_loss_and_recovery() -> None:
         assert wait_for(lambda: command(0.3) > 2)
         began = time.monotonic()
         relay.hold()
         command(3.0)
-        missed = slave.sees("master", False, began), master.sees("slave", False, began)
+        missed = slave.wait_for_part("master", False, began), master.wait_for_part("slave", False, began)
         returned, during = time.monotonic(), len(commanded)
         relay.release()
         assert wait_for(lambda: command(0.3) > 2)
-        found = master.sees("slave", True, returned), slave.sees("master", True, returned)
+        found = master.wait_for_part("slave", True, returned), slave.wait_for_part("master", True, returned)
         assert all(taken - to_monotonic(sent) < AGE_LIMIT_S for sent, taken in commanded), "none from before it"
         assert max(missed) < 1.3
         assert commanded[during][1] - returned < 0.8
         assert max(found) < 0.8
 
-    retry_when_busy(falls_and_returns, "seconds of two sessions and a relay, in threads of one process")
+    retry_when_busy(check_loss_and_recovery, "seconds of two sessions and a relay, in threads of one process")
     command_receiver.close()
 
 
@@ -97,21 +97,21 @@ def to_monotonic(wall_s: float) -> float:
     return from_wall_ns(round(wall_s * 1e9)) / 1e9
 
 
-def test_cut_links_are_opened_again(ends: tuple[End, End, Relay]) -> None:
+def test_cut_links_are_opened_again(ends: tuple[PresenceRecorder, PresenceRecorder, Relay]) -> None:
     slave, master, relay = ends
 
-    def are_cut_and_mended() -> None:
+    def check_cut_and_recovery() -> None:
         began = time.monotonic()
         relay.cut()
-        missed = slave.sees("master", False, began), master.sees("slave", False, began)
+        missed = slave.wait_for_part("master", False, began), master.wait_for_part("slave", False, began)
         time.sleep(0.5)
         returned = time.monotonic()
         relay.mend()
-        found = master.sees("slave", True, returned), slave.sees("master", True, returned)
+        found = master.wait_for_part("slave", True, returned), slave.wait_for_part("master", True, returned)
         assert max(missed) < 0.5
         assert max(found) < 0.6
 
-    retry_when_busy(are_cut_and_mended, "seconds of two sessions and a relay, in threads of one process")
+    retry_when_busy(check_cut_and_recovery, "seconds of two sessions and a relay, in threads of one process")
 
 
 def test_a_late_client_gets_the_last_state() -> None:

@@ -158,14 +158,14 @@ def test_a_delayed_recorder_writes_messages_in_order(tmp_path: Path, monkeypatch
     passed_ns: list[int] = []
     monkeypatch.setattr(recording_module, "now_ns", lambda: now_ns() + sum(passed_ns))
 
-    def come_late() -> list[Message]:
+    def delayed_source() -> list[Message]:
         if passed_ns:
             return []
         began = to_wall_ns(now_ns())
         passed_ns.append(3 * NS_PER_S)
         return [imu(number)._replace(logged_ns=began + (2 * number - 1) * NS_PER_S // 2) for number in (1, 2, 3)]
 
-    with Recorder(str(tmp_path / "bag"), SMALL, {}, source=come_late):
+    with Recorder(str(tmp_path / "bag"), SMALL, {}, source=delayed_source):
         assert wait_for(lambda: passed_ns)
     assert [message.sequence for message in read_messages(str(tmp_path / "bag"))] == [1, 2, 3]
 

@@ -188,12 +188,12 @@ def test_a_vehicle_that_starts_late_and_restarts_is_received() -> None:
             with listen(endpoint) as slave:
                 imu = slave.publisher("uuv1", TOPICS["imu"])
 
-                def say(messages: list[Message], imu: object = imu, life: int = life) -> object:
+                def publish_imu(messages: list[Message], imu: object = imu, life: int = life) -> object:
                     imu.put(b"%d" % life, 7)  # type: ignore[attr-defined]
                     time.sleep(0.01)
                     return [message for message in messages if message.data == b"%d" % life]
 
-                arrived += collect(tap, say)
+                arrived += collect(tap, publish_imu)
     assert {message.data for message in arrived} == {b"0", b"1"}
 
 
@@ -238,13 +238,13 @@ def test_the_threads_of_a_tap_end_with_it() -> None:
 
 def test_closing_does_not_wait_for_a_missing_endpoint() -> None:
 
-    def comes_and_goes() -> None:
+    def check_closing_time() -> None:
         began = time.monotonic()
         with Tap([f"tcp/127.0.0.1:{free_port()}"]) as tap:
             assert tap.receive() == []
         assert time.monotonic() - began < 1.0
 
-    retry_when_busy(comes_and_goes, "a session is opened and closed")
+    retry_when_busy(check_closing_time, "a session is opened and closed")
 
 
 class RecordedUndeclare:

@@ -59,7 +59,7 @@ def topics_as_before() -> Iterator[None]:
 
 
 @pytest.fixture
-def where(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def sensor_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     (tmp_path / "my_sensors.py").write_text(from_tutorial("python") + OTHER_SENSORS)
     monkeypatch.syspath_prepend(str(tmp_path))
     monkeypatch.delitem(sys.modules, "my_sensors", raising=False)
@@ -82,10 +82,10 @@ def samples(path: Path, seconds: float, topic: str) -> list[OwnSample]:
     return found  # type: ignore[return-value]
 
 
-def test_the_sensor_of_the_tutorial_measures_and_has_nine_lines(where: Path) -> None:
+def test_the_sensor_of_the_tutorial_measures_and_has_nine_lines(sensor_folder: Path) -> None:
     assert len([line for line in from_tutorial("python").splitlines() if line.strip()]) == 9
     assert parse_toml(from_tutorial("toml"))["sensors"]["thermometer"]["rate"] == "5 Hz"
-    path, _ = scenario_with(where, from_tutorial("toml"))
+    path, _ = scenario_with(sensor_folder, from_tutorial("toml"))
     found = samples(path, 2.0, "thermometer")
     assert [sample.time_ns for sample in found] == [200_000_000 * (k + 1) for k in range(10)]
     warm = [sample.values["temperature"] for sample in found]
@@ -101,23 +101,23 @@ def test_the_sensor_of_the_tutorial_measures_and_has_nine_lines(where: Path) -> 
     assert decode(payload[:-9]) is None
 
 
-def test_a_sensor_may_have_a_short_type_no_header_and_missing_measurements(where: Path) -> None:
+def test_a_sensor_may_have_a_short_type_no_header_and_missing_measurements(sensor_folder: Path) -> None:
     section = '[sensors.mine]\nclass = "my_sensors:Bare"\nrate = "10 Hz"\n'
-    path, _ = scenario_with(where, section)
+    path, _ = scenario_with(sensor_folder, section)
     found = samples(path, 1.0, "mine")
     assert [sample.time_ns for sample in found] == [100_000_000 * k for k in (1, 3, 5, 7, 9)]
     ((_, payload),) = ros.encoder("mine")(found[0], "")
     assert payload == bytes.fromhex("00010000") + struct.pack("<d", found[0].values["data"])
 
 
-def test_a_slave_publishes_records_and_repeats_an_own_sensor(where: Path) -> None:
-    top = f'[recording]\nslave = true\nfolder = "{where / "recording"}"'
-    path, port = scenario_with(where, from_tutorial("toml"), top)
-    environment = {"PYTHONPATH": str(where)}
-    with Program(where, "slave", path, environment=environment) as slave:
+def test_a_slave_publishes_records_and_repeats_an_own_sensor(sensor_folder: Path) -> None:
+    top = f'[recording]\nslave = true\nfolder = "{sensor_folder / "recording"}"'
+    path, port = scenario_with(sensor_folder, from_tutorial("toml"), top)
+    environment = {"PYTHONPATH": str(sensor_folder)}
+    with Program(sensor_folder, "slave", path, environment=environment) as slave:
         slave.expect("ready")
         with Program(
-            where, "topic", "echo", "/uuv1/thermometer", "-n", "3", "--connect", f"tcp/127.0.0.1:{port}"
+            sensor_folder, "topic", "echo", "/uuv1/thermometer", "-n", "3", "--connect", f"tcp/127.0.0.1:{port}"
         ) as echo:
             assert echo.wait() == 0, echo.output
         load_scenario(str(path))  # from now on Python knows it too
@@ -130,17 +130,17 @@ def test_a_slave_publishes_records_and_repeats_an_own_sensor(where: Path) -> Non
     assert len(values) == 3
     assert values == pytest.approx([16.95] * 3, abs=0.1)
     assert echo.output.count("frame_id: thermometer_link") == 3
-    (recorder,) = (where / "recording").iterdir()
+    (recorder,) = (sensor_folder / "recording").iterdir()
     file = next(recorder.glob("*.mcap"))
     reported = [message for message in read_messages(str(file)) if message.topic == "/uuv1/thermometer"]
     assert len(reported) >= 3
     assert {message.type for message in reported} == {"sensor_msgs/msg/Temperature"}
-    with Program(where, "replay", recorder, "--check", "--own-classes", environment=environment) as check:
+    with Program(sensor_folder, "replay", recorder, "--check", "--own-classes", environment=environment) as check:
         assert check.wait() == 0, check.output
 
 
-def test_a_planner_receives_an_own_sensor_in_simulation_and_over_the_network(where: Path) -> None:
-    (where / "warm.py").write_text(
+def test_a_planner_receives_an_own_sensor_in_simulation_and_over_the_network(sensor_folder: Path) -> None:
+    (sensor_folder / "warm.py").write_text(
         "from hil.autonomy.control.controller import VelocityCommand\n"
         "from hil.master.planner import Done, Planner\n"
         "class Warm(Planner):\n"
@@ -148,10 +148,10 @@ def test_a_planner_receives_an_own_sensor_in_simulation_and_over_the_network(whe
         "        found = samples.get('thermometer')\n"
         "        return Done(f\"{found.values['temperature']:.1f} degrees\") if found else VelocityCommand()\n"
     )
-    path, _ = scenario_with(where, from_tutorial("toml") + '[planner]\nclass = "warm:Warm"\n')
-    environment = {"PYTHONPATH": str(where)}
-    for command in (("sim", path, "--fast"), ("demo", path, "--output", where / "run")):
-        with Program(where, *command, environment=environment) as program:
+    path, _ = scenario_with(sensor_folder, from_tutorial("toml") + '[planner]\nclass = "warm:Warm"\n')
+    environment = {"PYTHONPATH": str(sensor_folder)}
+    for command in (("sim", path, "--fast"), ("demo", path, "--output", sensor_folder / "run")):
+        with Program(sensor_folder, *command, environment=environment) as program:
             assert program.wait() == 0, program.output
         reported = re.search(r"([\d.]+) degrees", program.output)
         assert reported, program.output
@@ -173,15 +173,15 @@ def test_a_planner_receives_an_own_sensor_in_simulation_and_over_the_network(whe
         ("[sensors.mine]\nrate = 1", 'one of your own class = "module:Class"'),
     ],
 )
-def test_wrong_sensor_sections_are_reported(where: Path, section: str, words: str) -> None:
-    path, _ = scenario_with(where, section)
+def test_wrong_sensor_sections_are_reported(sensor_folder: Path, section: str, words: str) -> None:
+    path, _ = scenario_with(sensor_folder, section)
     with pytest.raises(ConfigError, match=re.escape(words)):
         load_scenario(str(path))
 
 
-def test_a_slave_with_a_wrong_sensor_message_ends_with_its_name(where: Path) -> None:
-    path, _ = scenario_with(where, '[sensors.mine]\nclass = "my_sensors:Wrong"\nrate = 10\n')
-    with Program(where, "slave", path, environment={"PYTHONPATH": str(where)}) as slave:
+def test_a_slave_with_a_wrong_sensor_message_ends_with_its_name(sensor_folder: Path) -> None:
+    path, _ = scenario_with(sensor_folder, '[sensors.mine]\nclass = "my_sensors:Wrong"\nrate = 10\n')
+    with Program(sensor_folder, "slave", path, environment={"PYTHONPATH": str(sensor_folder)}) as slave:
         assert slave.wait() == 2, slave.output
     assert "sensors: mine: what it measures is no std_msgs/msg/Float64: no field 'date'" in slave.output
 

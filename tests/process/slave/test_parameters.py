@@ -64,7 +64,7 @@ class ParameterClient:
         return self.call("set_parameters", "SetParameters", parameters=parameters)["results"]
 
 
-class Flown:
+class CommandedSlave:
     """A slave that is commanded and recorded, with its clients."""
 
     def __init__(self, slave: Program, client: VehicleClient, asker: ParameterClient, folder: Path) -> None:
@@ -77,7 +77,7 @@ class Flown:
 
 
 @pytest.fixture(scope="module")
-def flown(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Flown]:
+def flown(tmp_path_factory: pytest.TempPathFactory) -> Iterator[CommandedSlave]:
     folder = tmp_path_factory.mktemp("parameters")
     scenario, port = write_scenario(folder)
     with scenario.open("a") as file:
@@ -86,18 +86,18 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Flown]:
         slave.expect("recording into")
         with open_master_session(f"tcp/127.0.0.1:{port}") as session, VehicleClient(session, "uuv1") as client:
             assert client.wait_for_vehicle(60)
-            yield Flown(slave, client, ParameterClient(session), folder)
+            yield CommandedSlave(slave, client, ParameterClient(session), folder)
 
 
 @pytest.fixture
-def asker(flown: Flown) -> ParameterClient:
+def asker(flown: CommandedSlave) -> ParameterClient:
     """Provide a client, with a vehicle in which all is well."""
     results = flown.asker.set(*[(name, "") for name in PARAMETERS])
     assert results == [{"successful": True, "reason": ""}] * len(PARAMETERS)
     return flown.asker
 
 
-def test_failures_of_the_scenario_are_parameters_from_the_start(flown: Flown) -> None:
+def test_failures_of_the_scenario_are_parameters_from_the_start(flown: CommandedSlave) -> None:
     assert flown.asker.get("failures.vertical_left") == 'kind = "noisy", noise = 0.25'
     assert flown.asker.get("failures.front_left") == ""
 
@@ -234,7 +234,7 @@ def test_a_failure_set_by_the_service_is_read_as_a_parameter(asker: ParameterCli
     assert asker.get("failures.front_right") == ""
 
 
-def test_parameter_changes_are_recorded_and_repeated_bit_for_bit(flown: Flown, asker: ParameterClient) -> None:
+def test_parameter_changes_are_recorded_and_repeated_bit_for_bit(flown: CommandedSlave, asker: ParameterClient) -> None:
     """All kinds are set while the slave is commanded, then its recording is replayed; this ends the slave."""
     kinds = (
         "kind = efficiency, efficiency = 0.3", "kind = stuck, pwm_us = 1700", "kind = delayed, delay = 50 ms",

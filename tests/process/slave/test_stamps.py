@@ -23,7 +23,7 @@ START_NS = 1_000 * NS_PER_S  # by the monotonic clock
 WALL_OFFSET_NS = 1_700_000_000 * NS_PER_S
 
 
-class Bed:
+class LoopBench:
     """A loop whose simulation only counts time, on a schedule with the clock of the test."""
 
     def __init__(self, step_ns: int) -> None:
@@ -49,7 +49,7 @@ class Bed:
 
 
 def test_stamps_stay_right_for_hours_with_skipped_steps_and_a_set_clock() -> None:
-    random, bed = Random(7), Bed(500 * NS_PER_MS)
+    random, bed = Random(7), LoopBench(500 * NS_PER_MS)
     offset_ns, most_ns, skips, sets = WALL_OFFSET_NS, 0, 0, 0
     while bed.loop.schedule.deadline_ns < START_NS + 5 * 3600 * NS_PER_S:
         late_ns = random.randrange(0, 300_000)
@@ -90,7 +90,7 @@ def test_late_samples_from_before_a_skip_have_their_own_stamp() -> None:
 
 def test_the_clock_topic_has_the_same_time(monkeypatch: pytest.MonkeyPatch) -> None:
     output: dict[str, bytes] = {}
-    bed = Bed(2_500_000)
+    bed = LoopBench(2_500_000)
     bed.stamps.begin(0, 7 * NS_PER_S)
     sample_publisher = SimpleNamespace(stamps=bed.stamps, put=output.__setitem__)
     node: Any = SimpleNamespace(
@@ -116,7 +116,7 @@ def test_stamps_are_right_again_after_the_slave_was_stopped(tmp_path: Path) -> N
         with open_master_session(f"tcp/127.0.0.1:{port}") as session:
             lags: list[float] = []
 
-            def least_lag_s() -> float:
+            def smallest_lag_s() -> float:
                 return min(lags, default=1e9)
 
             def take(topic: str, payload: bytes, _: bytes) -> None:
@@ -125,10 +125,10 @@ def test_stamps_are_right_again_after_the_slave_was_stopped(tmp_path: Path) -> N
                     lags.append((time.time_ns() - found.time_ns) / NS_PER_S)
 
             session.subscribe("uuv1", "imu", take, 64)
-            assert wait_for(lambda: least_lag_s() < 0.2)
+            assert wait_for(lambda: smallest_lag_s() < 0.2)
             slave.process.send_signal(signal.SIGSTOP)
             time.sleep(1.5)
             slave.process.send_signal(signal.SIGCONT)
             lags.clear()
-            assert wait_for(lambda: len(lags) > 20 and least_lag_s() < 0.2), min(lags, default=None)
+            assert wait_for(lambda: len(lags) > 20 and smallest_lag_s() < 0.2), min(lags, default=None)
             assert min(lags) > -0.01, "no message comes before it was measured"

@@ -46,7 +46,7 @@ class FakeChip:
         self.device_id = self.model.device_id if device_id is None else device_id
         self.flash = bytearray(b"\x55" * self.model.flash_size)  # an old program
         self.erased: list[int] = []
-        self.worn = False  # programming then changes nothing
+        self.is_worn_out = False  # programming then changes nothing
         self.resets = 0
         self._halted = False
         self._sleeps = False
@@ -145,7 +145,7 @@ class FakeChip:
         control = self._fpec.get(0x10, 0)
         if self._locked or not control & 1:
             raise AssertionError(f"flash written at {offset:#x} without permission")
-        if self.worn:
+        if self.is_worn_out:
             return
         old = int.from_bytes(self.flash[offset : offset + size], "little")
         self.flash[offset : offset + size] = (old & value).to_bytes(size, "little")
@@ -221,7 +221,7 @@ class FakeProbe(DebugProbe):  # type: ignore[misc]
         self.chip = chip
         self._id, self._name = unique_id, name
         self.held_in_reset = False  # ever
-        self.answers = True
+        self.is_responding = True
         self._open = self._in_reset = False
         self._dp: dict[int, int] = {}
 
@@ -269,7 +269,7 @@ class FakeProbe(DebugProbe):  # type: ignore[misc]
         pass
 
     def read_dp(self, addr: int, now: bool = True) -> Any:
-        if not self.answers:
+        if not self.is_responding:
             raise TransferError
         if addr == 0:
             value = 0x2BA0_1477

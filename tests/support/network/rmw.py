@@ -75,7 +75,7 @@ class Context:
         self._session = zenoh.open(zenoh.Config.from_json5(session_settings(endpoint, release)))
         zid = str(self._session.info.zid())
         node = graph.Entity("NN", f"/{name}", zid, 0, 0)
-        self._kept: list[Any] = [
+        self._references: list[Any] = [
             self._session.liveliness().declare_token(graph.token(node)),
             self._session.declare_subscriber("0/**", zenoh.handlers.Callback(self._receive, indirect=False)),
             self._session.liveliness().declare_subscriber(

@@ -91,7 +91,7 @@ class Vehicle:
 
 
 @contextmanager
-def flown(folder: Path, stm32: str) -> Iterator[Vehicle]:
+def flying_vehicle(folder: Path, stm32: str) -> Iterator[Vehicle]:
     world, path, port = folder / "stream.toml", folder / "dive.toml", free_ports(1)[0]
     world.write_text(WORLD)
     path.write_text(SCENARIO.format(world=world, stm32=stm32, port=port, program=PROGRAM))
@@ -110,7 +110,7 @@ def flown(folder: Path, stm32: str) -> Iterator[Vehicle]:
 def test_ardusub_holds_depth_again_after_the_stm32_was_reset(tmp_path: Path, stm32: str) -> None:
     before: list[float] = []
     after: list[float] = []
-    with flown(tmp_path, stm32) as vehicle:
+    with flying_vehicle(tmp_path, stm32) as vehicle:
 
         def mission() -> Mission:
             yield from vehicle.dive(2.0)

@@ -71,16 +71,16 @@ CASES = [
     ),
 ]  # fmt: skip
 TOO_LATE = "Ctrl-C is to come while a benchmark of a second runs"
-of_each = pytest.mark.parametrize("case", CASES, ids=[case.words[0] for case in CASES])
+for_each_case = pytest.mark.parametrize("case", CASES, ids=[case.words[0] for case in CASES])
 
 
-def of_folder(folder: Path) -> list[int]:
+def processes_of_folder(folder: Path) -> list[int]:
     """Return the processes that use the folder for temporary files, as those of a benchmark do."""
     own = ((process.pid, process.info["environ"] or {}) for process in psutil.process_iter(["environ"]))
     return [pid for pid, variables in own if variables.get("TMPDIR", "").startswith(str(folder))]
 
 
-def shown(terminal: int, words: str) -> bool:
+def is_shown(terminal: int, words: str) -> bool:
     """Return True if the terminal shows these words in time."""
     output, deadline = "", time.monotonic() + PATIENCE_S
     while words not in output and select.select((terminal,), (), (), deadline - time.monotonic())[0]:
@@ -107,7 +107,7 @@ def interrupt(folder: Path, words: list[str], when: str) -> tuple[int, str]:
         )
     os.close(theirs)
     try:
-        assert shown(terminal, when)
+        assert is_shown(terminal, when)
         assert wait_for(lambda: is_ready(folder), PATIENCE_S)
         process.send_signal(signal.SIGINT)
         return process.wait(PATIENCE_S), (folder / "printed").read_text()
@@ -120,18 +120,18 @@ def interrupt(folder: Path, words: list[str], when: str) -> tuple[int, str]:
 @pytest.fixture(autouse=True)
 def _nothing_left(tmp_path: Path) -> Iterator[None]:
     yield
-    left = of_folder(tmp_path)
+    left = processes_of_folder(tmp_path)
     for pid in left:
         os.kill(pid, signal.SIGKILL)
     assert left == []
     assert not list(tmp_path.glob("uuv-hil-scratch-bench-*"))
 
 
-@of_each
+@for_each_case
 def test_results_before_ctrl_c_are_saved(case: Case, tmp_path: Path) -> None:
     attempts = count()
 
-    def is_stored() -> None:
+    def check_results_are_saved() -> None:
         number = next(attempts)
         file, png = tmp_path / f"found-{number}.json", tmp_path / f"found-{number}.png"
         picture = ["--plot", str(png)] if case.pictured else []
@@ -146,19 +146,19 @@ def test_results_before_ctrl_c_are_saved(case: Case, tmp_path: Path) -> None:
             assert not any(name.startswith(case.missing) for name in names)
         assert png.exists() == case.pictured
 
-    retry_when_busy(is_stored, TOO_LATE)
+    retry_when_busy(check_results_are_saved, TOO_LATE)
 
 
-@of_each
+@for_each_case
 def test_ctrl_c_before_any_result_leaves_no_file(case: Case, tmp_path: Path) -> None:
     attempts = count()
 
-    def leaves_nothing() -> None:
+    def check_no_file_is_left() -> None:
         file = tmp_path / f"found-{next(attempts)}.json"
         assert interrupt(tmp_path, [*case.words, "--output", str(file)], case.first) == (STOPPED, "")
         assert not file.exists()
 
-    retry_when_busy(leaves_nothing, TOO_LATE)
+    retry_when_busy(check_no_file_is_left, TOO_LATE)
 
 
 def test_runs_before_a_failed_one_are_saved(

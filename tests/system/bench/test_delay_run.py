@@ -117,13 +117,13 @@ class CommandedVehicle:
     """A vehicle that records the times of its commands (ns), by `clock`."""
 
     def __init__(self, clock: Callable[[], int] = now_ns) -> None:
-        self.at: list[int] = []
+        self.times_ns: list[int] = []
         self.surge: list[tuple[int, float]] = []
         self.delays = DelayMeter()
         self._clock = clock
 
     def command(self, _: Any) -> None:
-        self.at.append(self._clock())
+        self.times_ns.append(self._clock())
 
 
 def test_the_last_command_gets_its_full_period(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -131,7 +131,7 @@ def test_the_last_command_gets_its_full_period(monkeypatch: pytest.MonkeyPatch) 
     monkeypatch.setattr(delay_run, "check_present", lambda *_: None)
     vehicle: Any = CommandedVehicle()
     delay_run._command(vehicle, None, Plan(rate=200.0, seconds=0.1), None, None)
-    assert now_ns() - vehicle.at[-1] > 0.9 * NS_PER_S / 200.0
+    assert now_ns() - vehicle.times_ns[-1] > 0.9 * NS_PER_S / 200.0
 
 
 def test_motion_before_the_pulses_is_not_counted() -> None:
@@ -142,7 +142,10 @@ def test_motion_before_the_pulses_is_not_counted() -> None:
     assert applied - sent == received.totals_ns()[-1] == 660_000
     assert delay_run._applied_ns(received, sent + 1) == sent + 1
     assert delay_run._applied_ns(DelayMeter(), sent) == sent
-    bent = [(sent + at, value) for at, value in ((-20 * MS, 0.0), (-10 * MS, 0.0), (300_000, 0.06), (10 * MS, 0.3))]
+    bent = [
+        (sent + times_ns, value)
+        for times_ns, value in ((-20 * MS, 0.0), (-10 * MS, 0.0), (300_000, 0.06), (10 * MS, 0.3))
+    ]
     assert first_motion(bent, sent, 1.0) == sent + 300_000
     assert first_motion(bent, applied, 1.0) == sent + 10 * MS
 
@@ -160,7 +163,7 @@ def test_steps_begin_at_all_phases_between_two_samples(monkeypatch: pytest.Monke
     monkeypatch.setattr(delay_run, "wait_ns", wait_ns)
     vehicle: Any = CommandedVehicle(lambda: clock[0])
     delay_run._motion(vehicle, None, 11)
-    phases = sorted(at % (10 * MS) / MS for at in vehicle.at)
+    phases = sorted(times_ns % (10 * MS) / MS for times_ns in vehicle.times_ns)
     assert len(phases) == 11
     assert max(after - before for before, after in itertools.pairwise([*phases, phases[0] + 10.0])) < 2.0
 

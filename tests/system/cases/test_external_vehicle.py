@@ -17,7 +17,7 @@ from sim.environment.world import load_world
 from sim.vehicle.vehicle import load_vehicle
 from tests.support.processes import Program, free_port, write_scenario
 
-SENSED = ("imu", "odom", "pressure")
+SENSOR_TOPICS = ("imu", "odom", "pressure")
 
 
 def run_external_vehicle(client: VehicleClient, scenario_path: Path, device: Path, master: Program) -> int:
@@ -29,7 +29,7 @@ def run_external_vehicle(client: VehicleClient, scenario_path: Path, device: Pat
     taken, last = 0, 0
     with serial.Serial(str(device), 115_200, timeout=0.0, exclusive=True) as port:
         while master.process.poll() is None:
-            for topic in SENSED:
+            for topic in SENSOR_TOPICS:
                 if topic in client.latest:
                     pilot.update_sensor(topic, client.latest[topic].value)
             command = client.latest.get("cmd_vel")

@@ -144,13 +144,13 @@ class TestQemu:
         link.send(ThrusterCommand(1, True, FULL))
         first = wait(link, lambda report: report.sequence == 1)
 
-        def goes_as_ours() -> None:
+        def check_clock_rate() -> None:
             before, began = wait(link, lambda report: report.age_us > first.age_us), time.monotonic()
             later = wait(link, lambda report: report.age_us > before.age_us + 500_000)
             ratio = (later.age_us - before.age_us) / 1e6 / (time.monotonic() - began) / stm32.machine.speed
             assert 0.3 < ratio < 1.1
 
-        retry_when_busy(goes_as_ours, "an emulator in a process of its own", attempts=10)
+        retry_when_busy(check_clock_rate, "an emulator in a process of its own", attempts=10)
 
 
 @pytest.mark.qemu

@@ -12,17 +12,17 @@ from hil.scenario.config import load_scenario
 class Commander(VehicleClient):
     """A client that records the arrival times of samples."""
 
-    came: list[float]
+    arrival_times: list[float]
 
     def _deliver(self, topic: str, payload: bytes, attachment: bytes) -> None:
         super()._deliver(topic, payload, attachment)
         if topic == "ground_truth":
-            self.came.append(time.monotonic())
+            self.arrival_times.append(time.monotonic())
 
 
 def main(scenario: str, endpoint: str) -> None:
     loaded = load_scenario(scenario)
-    Commander.came = []
+    Commander.arrival_times = []
     client = Commander(
         endpoint,
         loaded.slave.node,
@@ -39,7 +39,7 @@ def main(scenario: str, endpoint: str) -> None:
         time.sleep(0.2)
         delays = client.delays.totals_ns()
         values = client.diagnostics()
-    figures = {"came": client.came, "delays_ms": [delay / 1e6 for delay in delays], "diagnostics": values.raw}
+    figures = {"came": client.arrival_times, "delays_ms": [delay / 1e6 for delay in delays], "diagnostics": values.raw}
     print(json.dumps(figures), flush=True)
 
 

@@ -69,21 +69,21 @@ class Peer:
         self._sdk.ZenohSession.get_instance("127.0.0.1", port)
         self.newest: dict[str, Any] = {}
         self.counts: dict[str, int] = {}
-        self._came = threading.Condition()
-        self._kept = [self._subscribe(topic, name) for topic, name in RECEIVED.items()]
+        self._arrival = threading.Condition()
+        self._references = [self._subscribe(topic, name) for topic, name in RECEIVED.items()]
 
     def _subscribe(self, topic: str, name: str, **options: Any) -> Any:
         return self._sdk.ROS2Subscriber(topic, name, lambda m: self._take(topic, m), router_port=self._port, **options)
 
     def _take(self, topic: str, message: Any) -> None:
-        with self._came:
+        with self._arrival:
             self.newest[topic] = message
             self.counts[topic] = self.counts.get(topic, 0) + 1
-            self._came.notify_all()
+            self._arrival.notify_all()
 
     def wait(self, topics: set[str], seconds: float) -> None:
-        with self._came:
-            self._came.wait_for(lambda: topics <= set(self.newest), seconds)
+        with self._arrival:
+            self._arrival.wait_for(lambda: topics <= set(self.newest), seconds)
 
     def graph(self) -> dict[str, Any]:
         # Asked until there is something: what others have declared arrives a moment after the connection.
@@ -102,7 +102,7 @@ class Peer:
 
     def late(self) -> int:
         """Return how many transforms a late subscriber to /tf_static gets."""
-        self._kept.append(self._subscribe("/tf_static", "tf2_msgs/msg/TFMessage", qos=LATCHED))
+        self._references.append(self._subscribe("/tf_static", "tf2_msgs/msg/TFMessage", qos=LATCHED))
         self.wait({"/tf_static"}, 60.0)
         found = self.newest.get("/tf_static")
         return len(found.transforms) if found else 0

@@ -47,9 +47,9 @@ def test_commands_do_not_wait_behind_pictures(client: VehicleClient) -> None:
     client.watch("camera/image_raw")
     assert wait_for(lambda: client.received["camera/image_raw"]), "the first one takes its time to begin"
 
-    def are_as_fast() -> None:
+    def check_command_delays() -> None:
         before = client.received["camera/image_raw"]
         assert p90_s(client) < alone + 0.1 * BEHIND_ONE_S
         assert client.received["camera/image_raw"] > before + 5, "as many as it carries"
 
-    retry_when_busy(are_as_fast, "delays between two processes, alone and beside pictures")
+    retry_when_busy(check_command_delays, "delays between two processes, alone and beside pictures")

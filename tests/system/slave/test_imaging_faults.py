@@ -56,10 +56,10 @@ def test_the_loop_continues_while_a_killed_imaging_process_is_restarted(slave: t
     assert wait_for(lambda: has_all(client)), client.received
     kills = itertools.count(1)
 
-    def goes_on() -> None:
+    def check_skipped_steps() -> None:
         before, began = newest(client), time.monotonic()
         calm, passed = newest(client), time.monotonic() - began
         skipped = steps_skipped_by_a_kill(program, client, next(kills))
         assert skipped <= 2 * (or_nan(calm.steps_skipped) - or_nan(before.steps_skipped)) / passed + 20
 
-    retry_when_busy(goes_on, "steps left out in a second, before and while its child is started again")
+    retry_when_busy(check_skipped_steps, "steps left out in a second, before and while its child is started again")

@@ -62,11 +62,11 @@ def seconds_of(task: Callable[[], object]) -> float:
 
 
 class SlowReopening:
-    """A driver that opens its first link at once and later ones only after `may` is set; `opened` are all links."""
+    """A driver that opens its first link at once, and later ones after `may_open` is set; `opened` are all links."""
 
     def __init__(self) -> None:
         self.opened: list[BenchLink] = []
-        self.requested, self.may = threading.Event(), threading.Event()
+        self.requested, self.may_open = threading.Event(), threading.Event()
         self.driver = ExternalDriver(self._open, 6, NS_PER_S, lambda _: None, end_s=5.0)
 
     def lose(self) -> None:
@@ -81,7 +81,7 @@ class SlowReopening:
     def _open(self) -> Ends:
         if self.opened:
             self.requested.set()
-            self.may.wait()
+            self.may_open.wait()
         self.opened.append(BenchLink())
         return self.opened[-1].ends()
 
@@ -94,7 +94,7 @@ def test_a_slow_reopening_does_not_delay_the_loop() -> None:
     assert seconds_of(lambda: [slow.driver.service(now_ns()) for _ in range(100)]) < AT_ONCE_S
     assert slow.driver.descriptors == []
     assert now_ns() < slow.driver.deadline_ns, "or the loop would spin"
-    slow.may.set()
+    slow.may_open.set()
     assert wait_for(lambda: slow.driver.service(now_ns()) or not slow.driver.lost)
     assert slow.driver._ends == slow.opened[-1].ends() != first.ends()
     slow.driver.close()
@@ -104,7 +104,7 @@ def test_a_slow_reopening_does_not_delay_the_loop() -> None:
 def test_a_link_that_opens_after_closing_is_closed() -> None:
     slow = SlowReopening()
     slow.lose()
-    timer = threading.Timer(0.05, slow.may.set)
+    timer = threading.Timer(0.05, slow.may_open.set)
     timer.start()
     slow.driver.close()
     timer.join()
@@ -115,7 +115,7 @@ def test_a_link_that_opens_after_closing_is_closed() -> None:
 def test_a_reopened_link_that_was_not_used_yet_is_closed() -> None:
     slow = SlowReopening()
     slow.lose()
-    slow.may.set()
+    slow.may_open.set()
     assert wait_for(lambda: len(slow.opened) == 2)
     slow.driver.close()
     assert slow.closed == slow.opened
@@ -195,11 +195,11 @@ def test_a_killed_process_is_restarted(kind: str) -> None:
     driver = open_driver(kind, Link(), 6, True, 1, output.append)
     os.kill(driver.children[0], signal.SIGKILL)
 
-    def goes_on() -> bool:
+    def is_commanded_again() -> bool:
         driver.send(COMMAND)
         return bool(driver.service(now_ns())) and len(output) == 2
 
-    assert wait_for(goes_on), output
+    assert wait_for(is_commanded_again), output
     assert [line[:19] for line in output] == ["thruster link lost,", "thruster link back "]
     driver.close()
 

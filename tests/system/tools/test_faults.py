@@ -17,7 +17,7 @@ from tools.faults.pins import Pins, state_of
 from tools.faults.rows import RECOVERY_S, Row, judge
 
 ROOT = Path(__file__).parents[3]
-GOOD = Row("link", "unplugged", USUAL.name, 0.2, USUAL.limit_s, 0.1, 0, "told", "", ())
+GOOD_ROW = Row("link", "unplugged", USUAL.name, 0.2, USUAL.limit_s, 0.1, 0, "told", "", ())
 
 
 def run(*arguments: str) -> subprocess.CompletedProcess[str]:
@@ -41,8 +41,8 @@ def test_the_quick_selection_passes_and_is_written(tmp_path: Path) -> None:
 
 
 def test_good_rows_pass() -> None:
-    assert judge(GOOD).passed
-    assert judge(GOOD._replace(room="file", neutral_s=nan, limit_s=nan)).passed, "nothing turns"
+    assert judge(GOOD_ROW).passed
+    assert judge(GOOD_ROW._replace(room="file", neutral_s=nan, limit_s=nan)).passed, "nothing turns"
 
 
 @pytest.mark.parametrize(
@@ -57,7 +57,7 @@ def test_good_rows_pass() -> None:
     ],
 )
 def test_a_faulty_row_fails_with_the_reason(change: dict[str, object], words: str) -> None:
-    row = judge(GOOD._replace(**change))  # type: ignore[arg-type]
+    row = judge(GOOD_ROW._replace(**change))  # type: ignore[arg-type]
     assert not row.passed
     assert words in row.problems[0]
     assert row.problems[0] in report.line_of(row)

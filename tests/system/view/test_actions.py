@@ -33,9 +33,9 @@ def test_a_waypoint_is_set_dragged_and_reached(tmp_path: Path) -> None:
         page.page.mouse.click(x, y - CLICK_UP)
         drag(page, (x + 40, y - CLICK_UP), DRAG_RIGHT)
         page.click("fly the waypoints")
-        assert page.wait_until(lambda: hypot(*moved(vehicle, start)) > 0.5), "it does not fly"
+        assert page.wait_until(lambda: hypot(*displacement(vehicle, start)) > 0.5), "it does not fly"
         assert page.wait_until(lambda: vehicle.ground_truth.speed < 0.03), "it does not end there"
-        north, east = moved(vehicle, start)
+        north, east = displacement(vehicle, start)
         bearing = degrees(atan2(east, north))
         expected = degrees(atan2(DRAG_RIGHT, CLICK_UP))
         assert abs(bearing - expected) < 12.0, f"flown to {bearing:.0f} degrees, dragged to {expected:.0f}"
@@ -54,7 +54,7 @@ def drag(page: ViewPage, begin: tuple[float, float], right: float) -> None:
     page.page.wait_for_timeout(1500)
 
 
-def moved(vehicle: LastSamples, start: tuple[float, ...]) -> tuple[float, float]:
+def displacement(vehicle: LastSamples, start: tuple[float, ...]) -> tuple[float, float]:
     """Return how far north and east of `start` the vehicle is (m)."""
     position = vehicle.ground_truth.position
     return position[0] - start[0], position[1] - start[1]
@@ -86,7 +86,7 @@ def test_buttons_for_failures_depth_and_pose_work(tmp_path: Path) -> None:
         page.click("put it there")  # the box says (0, 0, 1) m, the start is (4, 4, 2) m
         assert page.wait_until(lambda: hypot(*vehicle.ground_truth.position[:2]) < 0.3), "put it there"
         page.click("back to the start")
-        assert page.wait_until(lambda: hypot(*moved(vehicle, (4.0, 4.0))) < 0.3), "back to the start"
+        assert page.wait_until(lambda: hypot(*displacement(vehicle, (4.0, 4.0))) < 0.3), "back to the start"
 
 
 def test_an_observer_has_disabled_buttons(tmp_path: Path) -> None:

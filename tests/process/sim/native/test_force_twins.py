@@ -78,7 +78,9 @@ def bits(simulation: Simulation) -> bytes:
     return pack(f"{len(numbers)}d", *numbers)
 
 
-def ride(both: tuple[Simulation, Simulation], steps: int, seed: int = 1, pulses: Sequence[int] = PULSES) -> None:
+def run_and_compare(
+    both: tuple[Simulation, Simulation], steps: int, seed: int = 1, pulses: Sequence[int] = PULSES
+) -> None:
     """Change the pulses now and then, and compare all numbers after each step."""
     chance = random.Random(seed)
     for step in range(steps):
@@ -113,29 +115,29 @@ def test_whole_steps_in_c_and_python_are_equal(
     for depth in (4.0, 0.05, -0.2, 1.5):
         for simulation in both:
             simulation.state.position = [0.0, 0.0, depth]
-        ride(both, 80, seed=round(10 * depth))
+        run_and_compare(both, 80, seed=round(10 * depth))
 
 
 def test_steps_after_a_failure_among_waves_are_equal(monkeypatch: pytest.MonkeyPatch) -> None:
     """Python continues from the states of fins, waves and propeller that C had computed."""
     both = twins(monkeypatch, MIXED, REMUS, depth=1.0)
-    ride(both, 133)
+    run_and_compare(both, 133)
     for simulation in both:
         simulation.fail(Failure("propeller", "efficiency", 0.0, efficiency=0.5))
     assert both[1]._fused is None
     assert bits(both[0]) == bits(both[1])
-    ride(both, 200, seed=2)
+    run_and_compare(both, 200, seed=2)
 
 
 def test_steps_after_a_dropped_weight_are_equal(monkeypatch: pytest.MonkeyPatch) -> None:
     both = twins(monkeypatch, ROUGH, TETHYS)
-    ride(both, 100, pulses=(1500, 1600))
+    run_and_compare(both, 100, pulses=(1500, 1600))
     assert both[1].equipment
     assert both[1].equipment.weights_aboard
-    ride(both, 100, seed=2, pulses=(1900,))
+    run_and_compare(both, 100, seed=2, pulses=(1900,))
     assert not both[1].equipment.weights_aboard
     assert both[1]._fused
-    ride(both, 100, seed=3)
+    run_and_compare(both, 100, seed=3)
 
 
 class Tether:
@@ -157,7 +159,7 @@ def test_a_user_defined_force_is_computed_in_python(integrator: Integrator, monk
         place = (0.0, 0.0, 2.0)
         both.append(Simulation(REMUS, ROUGH, {}, 3, position=place, integrator=integrator, forces=[Tether()]))
     assert both[1]._fused is None
-    ride((both[0], both[1]), 200)
+    run_and_compare((both[0], both[1]), 200)
 
 
 def some_forces(chance: random.Random) -> list[Force]:

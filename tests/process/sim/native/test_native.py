@@ -104,18 +104,18 @@ def packed(numbers: Sequence[float]) -> bytes:
     return pack(f"{len(numbers)}d", *numbers)
 
 
-def surface(state: State) -> None:
+def move_to_surface(state: State) -> None:
     """Move the vehicle to the surface, so that the hull crosses it often."""
     north, east, down = state.position
     if abs(down) > 0.3:
         state.position = [north, east, 0.1 * down]
 
 
-def nowhere(state: State) -> None:
+def leave_unchanged(state: State) -> None:
     """Do not change the state."""
 
 
-def fly(dynamics: Dynamics, path: Flight, keep: Callable[[State], None] = nowhere) -> tuple[bytes, int]:
+def fly(dynamics: Dynamics, path: Flight, keep: Callable[[State], None] = leave_unchanged) -> tuple[bytes, int]:
     """Return all 19 numbers of each step as bytes, and in how many steps the hull stood partly out of the water."""
     state, chunks, crossing = path.state(), [], 0
     for wrench, current in path.inputs:
@@ -136,9 +136,9 @@ def test_steps_in_c_and_python_are_equal_bit_for_bit(vehicle: Vehicle, integrato
     expected, crossing = fly(python, deep)
     assert crossing == 0
     assert fly(native, deep) == (expected, 0)
-    expected, crossing = fly(python, shallow, surface)
+    expected, crossing = fly(python, shallow, move_to_surface)
     assert crossing > STEPS / 4
-    assert fly(native, shallow, surface) == (expected, crossing)
+    assert fly(native, shallow, move_to_surface) == (expected, crossing)
 
 
 AARCH64 = ("aarch64-linux-gnu-gcc", "qemu-aarch64")

@@ -92,7 +92,7 @@ class Ride:
         self.samples = self.touches = 0
         self._pulses = [1500] * len(both[0].thrusts)
 
-    def go(self, steps: int) -> None:
+    def run_and_compare(self, steps: int) -> None:
         for step in range(steps):
             if step % 60 == 0:  # in place: the same list, with other numbers
                 self._pulses[:] = [self.chance.choice(PULSES) for _ in self._pulses]
@@ -120,7 +120,7 @@ def test_steps_are_equal_among_obstacles(integrator: Integrator, monkeypatch: py
     ride = Ride(twins(monkeypatch, FIELD, integrator=integrator))
     assert ride.both[1]._fused
     for _ in range(40):
-        ride.go(80)
+        ride.run_and_compare(80)
         ride.place([ride.chance.uniform(-6.5, 6.5), ride.chance.uniform(-6.5, 6.5), ride.chance.uniform(-0.2, 6.2)])
     assert 50 < ride.touches < 2400
     assert ride.both[0].contacts > 10
@@ -129,11 +129,11 @@ def test_steps_are_equal_among_obstacles(integrator: Integrator, monkeypatch: py
 
 def test_steps_are_equal_above_a_bare_seabed(monkeypatch: pytest.MonkeyPatch) -> None:
     ride = Ride(twins(monkeypatch, FLAT))
-    ride.go(500)
+    ride.run_and_compare(500)
     assert not ride.touches
     for depth in (5.9, 0.0, 5.0, 6.5):
         ride.place((1.0, 2.0, depth))
-        ride.go(500)
+        ride.run_and_compare(500)
     assert 5 < ride.touches < 1500
 
 
@@ -155,14 +155,14 @@ def test_steps_are_equal_over_relief(monkeypatch: pytest.MonkeyPatch) -> None:
     ride = Ride(twins(monkeypatch, FLAT._replace(terrain=relief)))
     for depth in (3.0, 4.0, 4.5, 4.7, 4.8, 5.0, 5.5):
         ride.place((0.0, 0.0, depth))
-        ride.go(300)
+        ride.run_and_compare(300)
     assert 20 < ride.touches < 2000
 
 
 def test_a_failure_during_the_run_takes_effect_alike(monkeypatch: pytest.MonkeyPatch) -> None:
     """The failure is immediate or planned, with earlier pulses still held and other failures before it."""
     ride = Ride(twins(monkeypatch, FIELD))
-    ride.go(333)
+    ride.run_and_compare(333)
     wrench = ride.both[1].forces().thrusters
     failures = [Failure("front_left", "efficiency", 0.0, efficiency=0.5), Failure("front_right", "stuck", 1.5)]
     failures.append(Failure("rear_left", "noisy", 1.2, noise=0.3))
@@ -172,16 +172,16 @@ def test_a_failure_during_the_run_takes_effect_alike(monkeypatch: pytest.MonkeyP
         assert simulation.failures("front_left") == (failures[0],)
     assert all_of(ride.both[0]) == all_of(ride.both[1])
     assert ride.both[1]._fused is None
-    ride.go(600)
+    ride.run_and_compare(600)
     for simulation in ride.both:
         simulation.fail(*[Failure(failure.thruster, "repaired") for failure in failures])
-    ride.go(300)
+    ride.run_and_compare(300)
 
 
 def test_failures_from_the_start_are_equal(monkeypatch: pytest.MonkeyPatch) -> None:
     ride = Ride(twins(monkeypatch, FIELD, failures=[Failure("front_left", "delayed", 0.2, delay=0.1)]))
     assert ride.both[1]._fused is None
-    ride.go(500)
+    ride.run_and_compare(500)
 
 
 def test_wrong_pulses_and_failures_are_refused_in_both(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -194,7 +194,7 @@ def test_wrong_pulses_and_failures_are_refused_in_both(monkeypatch: pytest.Monke
         with pytest.raises(ConfigError, match="no thruster 'nose'"):
             simulation.fail(Failure("nose", "off"))
         assert simulation.time_ns == 0
-    ride.go(100)
+    ride.run_and_compare(100)
 
 
 def test_the_fields_of_a_state_in_c_are_assigned_as_a_whole() -> None:

@@ -27,7 +27,7 @@ def failing(*failures: dict[str, Any], seed: int = 0, dt: float = DT) -> Thruste
     return make_thrusters(VEHICLE, dt, parsed, seed)
 
 
-def ride(thrusters: ThrusterSet, pulses: list[int], thruster: int = 1) -> list[float]:
+def thrusts_of(thrusters: ThrusterSet, pulses: list[int], thruster: int = 1) -> list[float]:
     """Return the thrust of one thruster in each step; the others must not change."""
     thrusts = []
     for pulse in pulses:
@@ -40,9 +40,9 @@ def ride(thrusters: ThrusterSet, pulses: list[int], thruster: int = 1) -> list[f
 
 def test_a_thruster_is_off_from_the_time_of_its_failure() -> None:
     """The failure at 0.1 s is after 40 steps of 2.5 ms: the 41st is the first without thrust."""
-    assert ride(failing({"thruster": "front_left", "kind": "off", "time": "100 ms"}), [1900] * 60) == pytest.approx(
-        [FULL] * 40 + [0.0] * 20
-    )
+    assert thrusts_of(
+        failing({"thruster": "front_left", "kind": "off", "time": "100 ms"}), [1900] * 60
+    ) == pytest.approx([FULL] * 40 + [0.0] * 20)
 
 
 def test_efficiency_is_reduced_until_the_repair() -> None:
@@ -50,31 +50,33 @@ def test_efficiency_is_reduced_until_the_repair() -> None:
         {"thruster": "front_left", "kind": "efficiency", "efficiency": 0.4},
         {"thruster": "front_left", "kind": "repaired", "time": 0.05},
     )
-    assert ride(thrusters, [1900] * 30) == pytest.approx([0.4 * FULL] * 20 + [FULL] * 10)
+    assert thrusts_of(thrusters, [1900] * 30) == pytest.approx([0.4 * FULL] * 20 + [FULL] * 10)
 
 
 def test_a_thruster_is_stuck_at_a_given_pulse_or_at_the_last_one() -> None:
     here = steady_thrust(VEHICLE.thrusters[0], 1700)
     thrusters = failing({"thruster": "front_left", "kind": "stuck", "pwm_us": 1700})
-    assert ride(thrusters, [1900, 0, 1100]) == pytest.approx([here] * 3)
+    assert thrusts_of(thrusters, [1900, 0, 1100]) == pytest.approx([here] * 3)
     thrusters = failing({"thruster": "front_left", "kind": "stuck", "time": 2 * DT})
-    assert ride(thrusters, [1500, 1700, 1900, 0]) == pytest.approx([0.0, here, here, here])
+    assert thrusts_of(thrusters, [1500, 1700, 1900, 0]) == pytest.approx([0.0, here, here, here])
 
 
 def test_pulses_are_delayed_by_whole_steps() -> None:
     thrusters = failing({"thruster": "front_left", "kind": "delayed", "delay": "10 ms", "time": 2 * DT})
     pulses = [1600, 1700, 1500, 1900, 1100, 1600, 1500, 1500, 1500]
     acting = [1600, 1700, 1700, 1700, 1700, 1700, 1500, 1900, 1100]
-    assert ride(thrusters, pulses) == pytest.approx([steady_thrust(VEHICLE.thrusters[0], pulse) for pulse in acting])
+    assert thrusts_of(thrusters, pulses) == pytest.approx(
+        [steady_thrust(VEHICLE.thrusters[0], pulse) for pulse in acting]
+    )
 
 
 def test_noise_is_seeded_and_independent_of_the_step() -> None:
     table = {"thruster": "front_left", "kind": "noisy", "noise": 0.1}
-    first, again, other = (ride(failing(table, seed=seed), [1900] * 200) for seed in (1, 1, 2))
+    first, again, other = (thrusts_of(failing(table, seed=seed), [1900] * 200) for seed in (1, 1, 2))
     assert first == again
     assert first != other
     for dt in (0.005, 0.02):
-        thrusts = ride(failing(table, seed=3, dt=dt), [1900] * round(200.0 / dt))
+        thrusts = thrusts_of(failing(table, seed=3, dt=dt), [1900] * round(200.0 / dt))
         assert pstdev(thrusts) == pytest.approx(0.1 * FULL, rel=0.06)  # 2000 correlation times: 2 sigma is 3 %
         steps = [b - a for a, b in pairwise(thrusts)]
         expected = 0.1 * FULL * (2.0 * (1.0 - 2.718281828 ** (-dt / 0.05))) ** 0.5
@@ -157,9 +159,9 @@ def test_failures_are_listed_from_their_time_on() -> None:
     )
     thrusters = make_thrusters(VEHICLE, DT, [off, weak])
     assert thrusters.failures("front_left") == (weak,)
-    ride(thrusters, [1900] * 20)
+    thrusts_of(thrusters, [1900] * 20)
     assert thrusters.failures("front_left") == (weak,)
-    ride(thrusters, [1900])
+    thrusts_of(thrusters, [1900])
     assert thrusters.failures("front_left") == (weak, off)
     weaker = weak._replace(efficiency=0.2)
     thrusters.fail([weaker])

@@ -104,5 +104,5 @@ def test_c_and_python_agree_at_the_surface(monkeypatch: pytest.MonkeyPatch) -> N
     ride = Ride(twins(monkeypatch, FLAT))
     for depth in (0.05, -0.3, 0.2, 3.0, 0.0):
         ride.place((0.0, 0.0, depth))
-        ride.go(400)
+        ride.run_and_compare(400)
     assert all_of(ride.both[0]) == all_of(ride.both[1])
