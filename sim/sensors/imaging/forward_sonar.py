@@ -46,7 +46,7 @@ class ForwardSonarModel(NamedTuple):
     sources in sim/sensors/devices/oculus_m750d.toml), set to 50 m and bins of 10 cm; levels, looks, losses and the
     picture are our choice. Side lobes: those of a Reson SeaBat 7125 were measured to be below -17 dB (Lanzoni & Weber
     2010, OCEANS). Their floor: errors of 1 dB and 10 deg, our choice, in a line of 102 elements, which has beams of 1
-    deg. Both leave as much in a shadow as pictures of an Oculus have. Seabed: Mackenzie 1961; objects 7 dB more and the
+    deg. Pictures of real devices beside: docs/how-to/imaging.md. Seabed: Mackenzie 1961; objects 7 dB more and the
     surface 3 dB less, our choice. Scale: a speed of sound 7 m/s off.
     """
 
