@@ -17,9 +17,9 @@ from boards.tree import Tree
 from hil.common.errors import ConfigError, DeviceError
 from hil.common.schema import Range, parse
 
-MANIFEST = "/etc/uuv-hil/installed.json"  # not in /var/lib: the service's user could write there what root deletes
+MANIFEST = "/etc/uuv-hil/installed.json"  # not in /var/lib: its user could make root delete files
 MODE = 0o644
-SAME = (-1, -1)  # for chown(2): the owner does not change
+SAME_OWNER = (-1, -1)  # for chown(2): the owner does not change
 TEMPORARY_SUFFIX = ".new"  # programs that read these folders ignore files with this suffix
 
 
@@ -33,7 +33,7 @@ class Change(NamedTuple):
     after: str | None
     before: str | None
     mode: int = MODE
-    owner: tuple[int, int] = SAME
+    owner: tuple[int, int] = SAME_OWNER
 
 
 class ManifestEntry(NamedTuple):
@@ -43,13 +43,13 @@ class ManifestEntry(NamedTuple):
     before: str | None = None
     folders: tuple[str, ...] = ()
     mode: Annotated[int, Range(0, 0o7777)] = MODE
-    owner: tuple[int, int] = SAME
+    owner: tuple[int, int] = SAME_OWNER
 
 
 class Plan(NamedTuple):
     """Changes to make: files to be `written`, and files to be restored or `removed`.
 
-    `changed` are the paths of files that somebody has changed since the installation; they are left alone.
+    `changed` are the paths of files that were edited after the installation; they are not touched.
     """
 
     written: tuple[Change, ...] = ()
@@ -70,7 +70,7 @@ def plan_install(tree: Tree, texts: dict[str, str]) -> Plan:
     """
     for path in (*texts, MANIFEST):
         if os.path.islink(tree.entry(path)):
-            raise ConfigError(f"{path}: is a link to {tree.link(path)}; take that away first")
+            raise ConfigError(f"{path}: is a link to {tree.link(path)}; remove it first")
         _check_folder(tree, path)
     written = [Change(path, text, _read(tree, path)) for path, text in sorted(texts.items())]
     earlier = _plan_removal(tree, _manifest(tree) or {})
@@ -85,11 +85,11 @@ def plan_uninstall(tree: Tree) -> Plan:
     """Return the changes that remove all files of the manifest. Raises ConfigError if nothing is installed."""
     entries = _manifest(tree)
     if entries is None:
-        raise ConfigError(f"nothing is installed here: there is no {MANIFEST}")
+        raise ConfigError(f"nothing is installed on this machine: there is no {MANIFEST}")
     return _plan_removal(tree, entries)
 
 
-def show(change: Change) -> str:
+def to_diff(change: Change) -> str:
     """Return a change as a unified diff."""
     (old_name, old), (new_name, new) = (
         (change.path, text.splitlines()) if text is not None else ("/dev/null", [])
@@ -99,22 +99,22 @@ def show(change: Change) -> str:
     return text.encode(errors="surrogateescape").decode(errors="replace")  # bytes that are not UTF-8 cannot be printed
 
 
-def carry_out(tree: Tree, plan: Plan) -> None:
+def apply_plan(tree: Tree, plan: Plan) -> None:
     """Write and remove the files. Call `check_permission` before. Raises DeviceError when a file cannot be written."""
     entries = _manifest(tree) or {}
-    done = dict(entries)
+    merged = dict(entries)
     for change in plan.written:
-        # the former content is the one before the first installation
+        # The former content is that before the first installation.
         first = entries.get(change.path) or _manifest_entry(tree, change)
-        done[change.path] = first._replace(sha256=_digest(change.after or ""))
-    folders = {os.path.dirname(MANIFEST), *(folder for entry in done.values() for folder in entry.folders)}
+        merged[change.path] = first._replace(sha256=_digest(change.after or ""))
+    folders = {os.path.dirname(MANIFEST), *(folder for entry in merged.values() for folder in entry.folders)}
     try:
-        record = [_record(done)] if plan.written else []
-        _put(tree, [*record, *plan.changes])  # the manifest first, so that the other changes can be undone
-        left = {path: entry for path, entry in done.items() if _read(tree, path) != entry.before}
-        if left != done or not left:
+        manifest = [_manifest_change(merged)] if plan.written else []
+        _write_files(tree, [*manifest, *plan.changes])  # the manifest first: it is needed to undo the rest
+        remaining = {path: entry for path, entry in merged.items() if _read(tree, path) != entry.before}
+        if remaining != merged or not remaining:
             with suppress(DeviceError):  # a manifest with too many entries does no harm
-                _put(tree, [_record(left)])
+                _write_files(tree, [_manifest_change(remaining)])
     finally:
         for folder in sorted(folders, key=len, reverse=True):
             with suppress(OSError):  # the folder is not empty
@@ -124,10 +124,10 @@ def carry_out(tree: Tree, plan: Plan) -> None:
 def check_permission(tree: Tree, plan: Plan) -> None:
     """Check that all files can be written and missing folders made. Raises DeviceError."""
     for path in (*(change.path for change in plan.changes), MANIFEST):
-        place = tree.path(path)
-        while not os.path.exists(place):
-            place = os.path.dirname(place) or "."
-        if not os.access(place, os.W_OK):
+        existing = tree.path(path)
+        while not os.path.exists(existing):
+            existing = os.path.dirname(existing) or "."
+        if not os.access(existing, os.W_OK):
             raise DeviceError(
                 f"{path}: no permission to write it; run the same command with sudo (nothing was changed)"
             )
@@ -136,11 +136,11 @@ def check_permission(tree: Tree, plan: Plan) -> None:
 def _plan_removal(tree: Tree, entries: dict[str, ManifestEntry]) -> Plan:
     removed, changed = [], []
     for path, entry in entries.items():
-        now = _read(tree, path)
-        if now == entry.before:
+        content = _read(tree, path)
+        if content == entry.before:
             continue  # never written, because the installation was interrupted, or restored by hand
-        if now is None or _digest(now) == entry.sha256:
-            removed.append(Change(path, entry.before, now, entry.mode, entry.owner))
+        if content is None or _digest(content) == entry.sha256:
+            removed.append(Change(path, entry.before, content, entry.mode, entry.owner))
         else:
             changed.append(path)
     return Plan(removed=tuple(removed), changed=tuple(changed))
@@ -152,7 +152,7 @@ def _check_folder(tree: Tree, path: str) -> None:
     while not os.path.lexists(tree.entry(folder)):
         folder = os.path.dirname(folder)
     if not os.path.isdir(tree.path(folder)):
-        raise ConfigError(f"{folder}: is no folder, where {path} belongs; take it away first")
+        raise ConfigError(f"{folder}: is not a folder, but {path} belongs into it; remove it first")
 
 
 def _manifest_entry(tree: Tree, change: Change) -> ManifestEntry:
@@ -188,11 +188,11 @@ def _manifest(tree: Tree) -> dict[str, ManifestEntry] | None:
         return {path: parse(entry, ManifestEntry, MANIFEST) for path, entry in values.items()}
     except (ValueError, AttributeError, ConfigError):
         remedy = "remove it, and the files that this finds: grep -rl 'uuv-hil board install' /etc"
-        raise ConfigError(f"{MANIFEST}: is not what was written there; {remedy}") from None
+        raise ConfigError(f"{MANIFEST}: is damaged; {remedy}") from None
 
 
-def _record(entries: dict[str, ManifestEntry]) -> Change:
-    """Return the manifest as a change. Only users who could read all former files may read it."""
+def _manifest_change(entries: dict[str, ManifestEntry]) -> Change:
+    """Return the manifest as a change. It may be read only by users who could read all former files."""
     text = json.dumps({path: entry._asdict() for path, entry in entries.items()}, indent=1, sort_keys=True) + "\n"
     mode = MODE
     for entry in entries.values():
@@ -201,24 +201,24 @@ def _record(entries: dict[str, ManifestEntry]) -> Change:
 
 
 def _read(tree: Tree, path: str) -> str | None:
-    """Return the content of a file, in any encoding without loss; None if there is no file.
+    """Return the content of a file; None if there is no file. Bytes that are not UTF-8 are preserved.
 
-    Raises ConfigError if it is no regular file, DeviceError if it cannot be read.
+    Raises ConfigError if it is not a regular file, DeviceError if it cannot be read.
     """
-    place = tree.path(path)
-    if not os.path.exists(place):
+    real_path = tree.path(path)
+    if not os.path.exists(real_path):
         return None
-    if not os.path.isfile(place):
-        raise ConfigError(f"{path}: is no file, and one belongs there; take it away first")
+    if not os.path.isfile(real_path):
+        raise ConfigError(f"{path}: is not a regular file; remove it first")
     try:
-        with open(place, newline="", errors="surrogateescape", encoding="utf-8") as file:
+        with open(real_path, newline="", errors="surrogateescape", encoding="utf-8") as file:
             return file.read()
     except OSError as error:
         raise DeviceError(f"{path}: {error.strerror}; run the same command with sudo") from None
 
 
-def _put(tree: Tree, changes: Sequence[Change]) -> None:
-    """Write all files under temporary names, then rename them. So a full disk changes nothing.
+def _write_files(tree: Tree, changes: Sequence[Change]) -> None:
+    """Write all files under temporary names, then rename them, so that a full disk changes nothing.
 
     Raises DeviceError.
     """
@@ -226,14 +226,14 @@ def _put(tree: Tree, changes: Sequence[Change]) -> None:
         for change in changes:
             _write_temporary(tree, change)
         for change in changes:
-            place = tree.entry(change.path)
+            real_path = tree.entry(change.path)
             if change.after is not None:
-                os.replace(place + TEMPORARY_SUFFIX, place)
-            elif os.path.lexists(place):
-                os.remove(place)
+                os.replace(real_path + TEMPORARY_SUFFIX, real_path)
+            elif os.path.lexists(real_path):
+                os.remove(real_path)
     except OSError as error:
         text = f"{change.path}: cannot be written: {error.strerror}"
-        raise DeviceError(f"{text}; mend that and run the same command again") from None
+        raise DeviceError(f"{text}; correct this and run the same command again") from None
     finally:
         for change in changes:
             with suppress(OSError):  # it was renamed

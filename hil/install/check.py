@@ -19,11 +19,13 @@ from hil.slave.pilot import build_pilot
 from sim.environment.world import load_world
 from sim.vehicle.vehicle import load_vehicle
 
-VOLATILE = ("/tmp/", "/var/tmp/")  # a service has private ones
+PRIVATE_FOLDERS = ("/tmp/", "/var/tmp/")  # the service has its own ones
 CODE = "import sys; from hil.install.check import main; main(*sys.argv[1:])"
 
 
-def read(name: str, listen: str | None = None, member: str | None = None, changes: Sequence[str] = ()) -> Scenario:
+def load_slave_scenario(
+    name: str, listen: str | None = None, member: str | None = None, changes: Sequence[str] = ()
+) -> Scenario:
     """Return the scenario that the slave loads with these options. Raises HilError."""
     scenario = load_scenario(name, settings_of(changes, "--set"))
     if member or scenario.member:
@@ -35,7 +37,7 @@ def assemble(scenario: Scenario) -> None:
     """Assemble a slave, without opening a device. Raises HilError."""
     router = scenario.network.router
     settings("slave", (scenario.slave.listen,), (router,) if router else (), scenario.network, scenario.security)
-    if any(fitted.offloaded for fitted in scenario.sensors.values()):
+    if any(sensor.offloaded for sensor in scenario.sensors.values()):
         scenario = Imaging(scenario, print).scenario
     vehicle, control = load_vehicle(scenario.vehicle)
     world = load_world(scenario.world)
@@ -47,14 +49,14 @@ def assemble(scenario: Scenario) -> None:
 def check(tree: Tree, service: Service) -> None:
     """Check that the service's slave would start here, apart from devices and network. Raises HilError.
 
-    Of another machine's files only the scenario can be checked.
+    On another machine's files, only the scenario is checked.
     """
     if not tree.live:
         assemble(service.scenario)
         return
     for path in (service.scenario.path, service.scenario.vehicle, service.scenario.world):
-        if path.endswith(".toml") and os.path.realpath(path).startswith(VOLATILE):
-            raise ConfigError(f"{path}: the service has a /tmp of its own; put it elsewhere, such as /opt")
+        if path.endswith(".toml") and os.path.realpath(path).startswith(PRIVATE_FOLDERS):
+            raise ConfigError(f"{path}: the service has a private /tmp and cannot read it; move it, such as to /opt")
     if os.geteuid() == 0:
         _check_as_user(service)
     else:
@@ -84,6 +86,6 @@ def _check_as_user(service: Service) -> None:
 def main(name: str, listen: str, member: str, *changes: str) -> None:
     """Run the check in a process of the service's user; exit with the reason on standard error."""
     try:
-        assemble(read(name, listen, member, changes))
+        assemble(load_slave_scenario(name, listen, member, changes))
     except HilError as error:
         sys.exit(str(error))

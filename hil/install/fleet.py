@@ -3,7 +3,7 @@
 A member is a process in a separate session, which first writes its process id into a file on its machine. A state file
 on this machine lists the started members and their hosts. It is written before each start, so that `stop` also ends a
 member whose start was interrupted. After the start it gets the kernel's start time of the process, so that another
-process that has the same id later is never signalled.
+process that gets the same id later is never signalled.
 """
 
 import json
@@ -16,7 +16,7 @@ from typing import NamedTuple
 from hil.common.errors import ConfigError, DeviceError
 
 SSH = "ssh -o BatchMode=yes -o ConnectTimeout=10"
-PATIENCE_S = 60.0  # longest wait for one host, more than GRACE_S
+HOST_TIMEOUT_S = 60.0  # longest wait for a command on a host, more than GRACE_S
 GRACE_S = 10  # from SIGTERM to SIGKILL
 INTERRUPTED_S = 2  # wait for the process id of an interrupted start
 
@@ -94,39 +94,39 @@ def start(
     hosts: Mapping[str, str],
     programs: Mapping[str, Sequence[str]],
     ssh: str = SSH,
-    words: Sequence[str] = (),
+    options: Sequence[str] = (),
 ) -> list[Started]:
-    """Start a slave for each member in `hosts` (member -> host). If one does not start, all are stopped again.
+    """Start a slave for each member in `hosts` (member -> host). If one does not start, all are stopped.
 
     `scenario` is the path of its file, and `text` its content, which is copied to each host. `programs`: host -> the
-    command for `uuv-hil` there. `words`: further options of each slave.
+    command for `uuv-hil` there. `options`: further options of each slave.
 
     Raises ConfigError if the fleet was started already, DeviceError if a host or a member fails.
     """
     path = state_file(scenario)
     if os.path.exists(path):
-        raise ConfigError(f"{path}: this fleet was started already; end it first: uuv-hil fleet down {scenario}")
+        raise ConfigError(f"{path}: this fleet is already started; stop it first: uuv-hil fleet down {scenario}")
     folder = f".cache/uuv-hil/fleet-{os.path.splitext(os.path.basename(path))[0]}"
-    done: list[Started] = []
+    started: list[Started] = []
     try:
         for member, host in hosts.items():
-            there = os.path.expanduser(f"~/{folder}") if not host else folder
+            member_folder = os.path.expanduser(f"~/{folder}") if not host else folder
             file = f"{member}.toml" if host else scenario
-            command = shlex.join([*programs[host], "slave", file, "--member", member, *words])
-            done.append(Started(member, host, 0, 0, there))
-            script = _filled(START, done[-1], GRACE_S, command)
-            _save_started(path, done, ssh)
-            pid, began = map(int, _run(host, script, ssh, text).split())
-            done[-1] = Started(member, host, pid, began, there)
-            _save_started(path, done, ssh)
-        for shown in query_states(done, ssh):
-            if shown.state != "running":
-                place = f" on {shown.host}" if shown.host else ""
-                raise DeviceError(f"{shown.member}{place} {shown.state}: {shown.last or 'no output'}")
+            command = shlex.join([*programs[host], "slave", file, "--member", member, *options])
+            started.append(Started(member, host, 0, 0, member_folder))
+            script = _fill_script(START, started[-1], GRACE_S, command)
+            _save_started(path, started, ssh)
+            pid, start_ticks = map(int, _run(host, script, ssh, text).split())
+            started[-1] = Started(member, host, pid, start_ticks, member_folder)
+            _save_started(path, started, ssh)
+        for state in query_states(started, ssh):
+            if state.state != "running":
+                where = f" on {state.host}" if state.host else ""
+                raise DeviceError(f"{state.member}{where} {state.state}: {state.last or 'no output'}")
     except BaseException as error:
-        stop(scenario, done, ssh, forget_begun=isinstance(error, DeviceError))
+        stop(scenario, started, ssh, forget_incomplete=isinstance(error, DeviceError))
         raise
-    return done
+    return started
 
 
 def load_started(scenario: str) -> tuple[list[Started], str]:
@@ -137,44 +137,46 @@ def load_started(scenario: str) -> tuple[list[Started], str]:
             table = json.load(file)
         return [Started(**entry) for entry in table["members"]], table["ssh"]
     except FileNotFoundError:
-        raise ConfigError(f"nothing of {scenario} was started here: uuv-hil fleet up {scenario}") from None
+        raise ConfigError(
+            f"no member of {scenario} was started from this machine; start them: uuv-hil fleet up {scenario}"
+        ) from None
     except (ValueError, TypeError, KeyError):
-        raise ConfigError(f"{path}: is not what was written there; end the slaves by hand and remove it") from None
+        raise ConfigError(f"{path}: is damaged; stop the slaves by hand and remove it") from None
 
 
 def query_states(members: Sequence[Started], ssh: str) -> list[MemberState]:
     """Return the state of each member."""
-    shown = []
+    states = []
     for one in members:
         try:
-            state, _, last = _run(one.host, _filled(STATUS, one), ssh).partition("\n")
-            shown.append(MemberState(one.member, one.host, state, last.strip()))
+            state, _, last = _run(one.host, _fill_script(STATUS, one), ssh).partition("\n")
+            states.append(MemberState(one.member, one.host, state, last.strip()))
         except DeviceError as error:
-            shown.append(MemberState(one.member, one.host, "unreachable", str(error)))
-    return shown
+            states.append(MemberState(one.member, one.host, "unreachable", str(error)))
+    return states
 
 
-def stop(scenario: str, members: Sequence[Started], ssh: str, forget_begun: bool = False) -> list[MemberState]:
+def stop(scenario: str, members: Sequence[Started], ssh: str, forget_incomplete: bool = False) -> list[MemberState]:
     """Stop the slaves by SIGTERM, and after GRACE_S by SIGKILL. Unreachable ones stay in the state file.
 
-    With `forget_begun` an unreachable member whose start was not complete is removed from the file.
+    With `forget_incomplete`, an unreachable member whose start was not complete is removed from the file.
     """
-    shown, left = [], []
+    states, unreachable = [], []
     for one in members:
         try:
-            shown.append(MemberState(one.member, one.host, _run(one.host, _filled(STOP, one), ssh).strip(), ""))
+            states.append(MemberState(one.member, one.host, _run(one.host, _fill_script(STOP, one), ssh).strip(), ""))
         except DeviceError as error:
-            shown.append(MemberState(one.member, one.host, "unreachable", str(error)))
-            left += [one] if one.pid or not forget_begun else []
-    if left:
-        _save_started(state_file(scenario), left, ssh)
+            states.append(MemberState(one.member, one.host, "unreachable", str(error)))
+            unreachable += [one] if one.pid or not forget_incomplete else []
+    if unreachable:
+        _save_started(state_file(scenario), unreachable, ssh)
     elif os.path.exists(state_file(scenario)):
         os.unlink(state_file(scenario))
-    return shown
+    return states
 
 
-def _filled(script: str, one: Started, wait: int = INTERRUPTED_S, command: str = "") -> str:
-    """Return a script with the fields of a member, which waits up to `wait` s for its process id."""
+def _fill_script(script: str, one: Started, wait: int = INTERRUPTED_S, command: str = "") -> str:
+    """Return a script filled with the fields of a member. It waits up to `wait` s for the member's process id."""
     fields = {"began": BEGAN, "alive": ALIVE, "tenths": GRACE_S * 10, "command": command}
     return script.format(wait=WAIT.format(member=one.member, tenths=wait * 10), **fields, **one._asdict())
 
@@ -183,15 +185,17 @@ def _run(host: str, script: str, ssh: str, text: str = "") -> str:
     """Run a script on a host with `text` as standard input; return its standard output. Raises DeviceError."""
     command = [*shlex.split(ssh), host, f"sh -c {shlex.quote(script)}"] if host else ["sh", "-c", script]
     try:
-        done = subprocess.run(command, input=text, capture_output=True, text=True, check=False, timeout=PATIENCE_S)
+        result = subprocess.run(
+            command, input=text, capture_output=True, text=True, check=False, timeout=HOST_TIMEOUT_S
+        )
     except FileNotFoundError:
         raise DeviceError(f"{command[0]}: no such program (sudo apt install openssh-client)") from None
     except subprocess.TimeoutExpired:
-        raise DeviceError(f"{host or 'this machine'}: no answer within {PATIENCE_S:g} s") from None
-    if done.returncode:
-        last = (done.stderr.strip() or f"exit code {done.returncode}").splitlines()[-1]
+        raise DeviceError(f"{host or 'this machine'}: no answer within {HOST_TIMEOUT_S:g} s") from None
+    if result.returncode:
+        last = (result.stderr.strip() or f"exit code {result.returncode}").splitlines()[-1]
         raise DeviceError(f"{host or 'this machine'}: {last}; try: {shlex.join(command[:-1])} true")
-    return done.stdout
+    return result.stdout
 
 
 def _save_started(path: str, members: Sequence[Started], ssh: str) -> None:

@@ -34,8 +34,8 @@ WITHOUT_DEVICE = ("socketcan", "virtual", "udp_multicast", "mcast")
 GS_USB = ("1d50:606f", "1209:2323", "1cd2:606f", "16d0:10b8")
 # Interfaces that python-can opens at /dev/ttyUSB0@115200. slcan is our own, and has its rate from [link].
 WITH_BAUD = ("robotell",)
-ANYWHERE = ("0.0.0.0", "::", "::1", "localhost")
-LEAK = 4  # MemoryMax over the recommended memory
+LOCAL_OR_ANY = ("0.0.0.0", "::", "::1", "localhost")
+MEMORY_MARGIN = 4  # MemoryMax as a multiple of the recommended memory
 SYSTEM_SERVICE = 239  # first version of systemd with @system-service; older ones would forbid all system calls
 NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*")  # valid names of users and interfaces in units
 DEVICE = re.compile(r"/dev/[A-Za-z0-9_#+:=@./-]+")  # names made by udev, without the pattern characters of its rules
@@ -53,10 +53,10 @@ class Service(NamedTuple):
     changes: tuple[str, ...] = ()  # changed keys of the scenario, such as "master.speed=0.5"
 
 
-def texts(tree: Tree, service: Service, board: Board | None) -> dict[str, str]:
+def file_contents(tree: Tree, service: Service, board: Board | None) -> dict[str, str]:
     """Return the content of each file by path. Raises ConfigError if a name is not valid in a unit or a rule."""
     files = {UNIT: unit(tree, service, board), RULES: rules(tree, service, board), LIMITS: limits(service)}
-    if _can(service.scenario):
+    if _can_interface(service.scenario):
         module = can_module(service.scenario, board)
         files[CAN_UNIT] = can_unit(service.scenario, module)
         if module:
@@ -72,24 +72,24 @@ def texts(tree: Tree, service: Service, board: Board | None) -> dict[str, str]:
 def reachable_ports(service: Service) -> tuple[int, ...]:
     """Return the slave's ports that other machines can reach; none behind a router or at a loopback address."""
     _, host, port = split_endpoint(service.listen or service.scenario.slave.listen)
-    is_here = host.strip("[]") in ("localhost", "::1") or host.startswith("127.")
-    return () if is_here or service.scenario.network.router else (port, port + 1)
+    is_local = host.strip("[]") in ("localhost", "::1") or host.startswith("127.")
+    return () if is_local or service.scenario.network.router else (port, port + 1)
 
 
 def firewall_missing(tree: Tree, service: Service) -> str:
-    """Return the manual step that is needed for limits on connections; empty if there is none."""
+    """Return the manual step that is needed to limit the rate of connections; empty if there is none."""
     if tree.exists(NFT) or not reachable_ports(service):
         return ""
-    return f"without {NFT} nothing limits how often others connect; add it: sudo apt install nftables"
+    return f"without {NFT} the rate of new connections is not limited; install it: sudo apt install nftables"
 
 
-def device_left_out(scenario: Scenario) -> str:
+def unknown_device(scenario: Scenario) -> str:
     """Return the manual step that permits the service to open its device; empty if there is none."""
     address = parse_address(scenario.link.port)
     if address.kind != "can" or address.interface in (*WITHOUT_DEVICE, "gs_usb") or address.place.startswith("/dev/"):
         return ""
-    edit = "allow it with: sudo systemctl edit uuv-hil, [Service] DeviceAllow=/dev/... rw"
-    return f"which device {scenario.link.port} opens only python-can knows; {edit}"
+    remedy = "permit it with: sudo systemctl edit uuv-hil, [Service] DeviceAllow=/dev/... rw"
+    return f"the device that {scenario.link.port} opens is known only to python-can; {remedy}"
 
 
 def unit(tree: Tree, service: Service, board: Board | None) -> str:
@@ -99,7 +99,7 @@ def unit(tree: Tree, service: Service, board: Board | None) -> str:
     kinds = drivers(tree, serial_device(scenario, board))
     needs = [f"modprobe@{USB_DRIVERS[kind]}.service" for kind in kinds if kind in USB_DRIVERS]
     needs += ["network-online.target"] if waits_for_network(service) else []
-    needs += [os.path.basename(CAN_UNIT)] if _can(scenario) else []
+    needs += [os.path.basename(CAN_UNIT)] if _can_interface(scenario) else []
     version = systemd_version(tree)
     values = {
         "description": prose(scenario.description) or prose(service.name),
@@ -109,7 +109,7 @@ def unit(tree: Tree, service: Service, board: Board | None) -> str:
         "pythonpath": escape_word(python_path()),
         "user": service.user,
         "rtprio": str(LOOP_PRIORITY if scenario.slave.realtime else 0),
-        "memory_max": f"{LEAK * (board.recommended.memory if board else 64):.0f}M",
+        "memory_max": f"{MEMORY_MARGIN * (board.recommended.memory if board else 64):.0f}M",
         # With a private /tmp, other programs would not find a pty in /tmp.
         "private_tmp": "no" if parse_address(scenario.link.port).place.startswith("/tmp/") else "yes",
         "system_calls": "SystemCallFilter=@system-service" if version is None or version >= SYSTEM_SERVICE else "",
@@ -121,7 +121,7 @@ def unit(tree: Tree, service: Service, board: Board | None) -> str:
 
 def can_unit(scenario: Scenario, module: str = "") -> str:
     """Return the unit that sets the bit rate of the link's CAN interface, after loading its kernel `module`, if any."""
-    name = _can(scenario)
+    name = _can_interface(scenario)
     values = {
         "interface": name,
         "device": f"sys-subsystem-net-devices-{escaped(name)}.device",
@@ -134,20 +134,20 @@ def can_unit(scenario: Scenario, module: str = "") -> str:
 
 def can_module(scenario: Scenario, board: Board | None) -> str:
     """Return the kernel module that must be loaded for the board's CAN interface; empty if there is none."""
-    return next((bus.module for bus in board.can if bus.interface == _can(scenario)), "") if board else ""
+    return next((bus.module for bus in board.can if bus.interface == _can_interface(scenario)), "") if board else ""
 
 
 def rules(tree: Tree, service: Service, board: Board | None) -> str:
     """Return the rules for udev."""
     device = serial_device(service.scenario, board)
-    lines = ["# None: it is no device of a serial port."]
+    lines = ["# No rule: the link uses no serial device."]
     if device.startswith("/dev/"):
         if not DEVICE.fullmatch(device):
-            raise ConfigError(f"{device!r} cannot stand in a rule: letters, digits, _ # + : = @ . / - only")
+            raise ConfigError(f"{device!r} is not valid in a rule: use only letters, digits, _ # + : = @ . / -")
         name = device.removeprefix("/dev/")
         # The kernel's names begin with tty. Others are links, and matched as links, because their targets may change.
-        own = re.fullmatch(r"tty[A-Za-z]+[0-9]+", name) and not tree.link(device)
-        match = "KERNEL" if own else "SYMLINK"
+        is_kernel_name = re.fullmatch(r"tty[A-Za-z]+[0-9]+", name) and not tree.link(device)
+        match = "KERNEL" if is_kernel_name else "SYMLINK"
         lines = [f'SUBSYSTEM=="tty", {match}=="{name}", GROUP="dialout", MODE="0660", ENV{{ID_MM_DEVICE_IGNORE}}="1"']
     elif parse_address(service.scenario.link.port).interface == "gs_usb":
         form = 'SUBSYSTEM=="usb", ATTR{{idVendor}}=="{}", ATTR{{idProduct}}=="{}", GROUP="dialout", MODE="0660"'
@@ -187,7 +187,7 @@ def waits_for_network(service: Service) -> bool:
     if service.scenario.network.router:
         return False
     host = split_endpoint(service.listen or service.scenario.slave.listen)[1].strip("[]")
-    return host not in ANYWHERE and not host.startswith("127.")
+    return host not in LOCAL_OR_ANY and not host.startswith("127.")
 
 
 def systemd_version(tree: Tree) -> int | None:
@@ -202,7 +202,7 @@ def command(service: Service) -> list[str]:
     words = module_command("hil.cli", "slave", name)
     for option, value in (("--listen", service.listen), ("--board", service.board), ("--member", service.member)):
         words += [option, value] if value else []
-    return words + [escape_word for change in service.changes for escape_word in ("--set", change)]
+    return words + [word for change in service.changes for word in ("--set", change)]
 
 
 def python_path() -> str:
@@ -216,7 +216,7 @@ def escape_word(text: str) -> str:
     Raises ConfigError for characters that are not valid in a unit.
     """
     if not text.isprintable():
-        raise ConfigError(f"{text!r} has characters that cannot stand in a unit: rename it")
+        raise ConfigError(f"{text!r} has characters that are not valid in a unit: rename it")
     for character, written in (("\\", "\\\\"), ('"', '\\"'), ("%", "%%")):
         text = text.replace(character, written)
     return f'"{text}"' if re.search(r"[\s'\\;]", text) else text
@@ -237,17 +237,17 @@ def _devices(scenario: Scenario, kinds: tuple[str, ...]) -> list[str]:
     lines = [f"DeviceAllow=char-{kind} rw" for kind in kinds]
     if parse_address(scenario.link.port).interface == "gs_usb":
         lines.append("DeviceAllow=char-usb_device rw")
-    awake = scenario.slave.realtime and scenario.slave.stay_awake
-    return lines + (["DeviceAllow=/dev/cpu_dma_latency w"] if awake else [])
+    keeps_awake = scenario.slave.realtime and scenario.slave.stay_awake
+    return lines + (["DeviceAllow=/dev/cpu_dma_latency w"] if keeps_awake else [])
 
 
-def _can(scenario: Scenario) -> str:
+def _can_interface(scenario: Scenario) -> str:
     address = parse_address(scenario.link.port)
     if address.interface != "socketcan" or address.place.startswith("vcan"):
         return ""
     if not NAME.fullmatch(address.place):
         raise ConfigError(
-            f"{scenario.link.port}: {address.place!r} cannot stand in a unit: letters, digits, _ . - only"
+            f"{scenario.link.port}: {address.place!r} is not valid in a unit: use only letters, digits, _ . -"
         )
     return address.place
 

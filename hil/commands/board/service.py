@@ -37,15 +37,15 @@ def install(tree: Tree, options: argparse.Namespace) -> int:
     user = options.user or os.environ.get("SUDO_USER") or getpass.getuser()
     check_user(tree, user)
     here = load_board(options.board) if options.board else recognise(tree)
-    scenario = board_check.read(options.scenario, options.listen, options.member, options.set)
+    scenario = board_check.load_slave_scenario(options.scenario, options.listen, options.member, options.set)
     service = Service(scenario, options.scenario, user, options.listen, options.board, options.member, (*options.set,))
-    plan = board_changes.plan_install(tree, board_install.texts(tree, service, here))
+    plan = board_changes.plan_install(tree, board_install.file_contents(tree, service, here))
     board_check.check(tree, service)
     for finding in check_memory_limit(Case(tree, here, scenario, User(user, 0, ()))):
         print(f"note: {finding.text} -> {finding.remedy}")
-    for left_out in (board_install.device_left_out(scenario), board_install.firewall_missing(tree, service)):
-        if left_out:
-            print(f"note: {left_out}")
+    for manual_step in (board_install.unknown_device(scenario), board_install.firewall_missing(tree, service)):
+        if manual_step:
+            print(f"note: {manual_step}")
     _print_changed(plan)
     if not plan.changes:
         print("everything is installed already")
@@ -56,7 +56,7 @@ def install(tree: Tree, options: argparse.Namespace) -> int:
     if _confirm(tree, plan, [*before, *after], options):
         board_changes.check_permission(tree, plan)
         _run(tree, before)
-        board_changes.carry_out(tree, plan)
+        board_changes.apply_plan(tree, plan)
         _run(tree, after)
         print("installed; start it with: sudo systemctl restart uuv-hil, follow it with: journalctl -fu uuv-hil")
     return 0
@@ -71,7 +71,7 @@ def uninstall(tree: Tree, options: argparse.Namespace) -> int:
     if _confirm(tree, plan, [*before, *after], options):
         board_changes.check_permission(tree, plan)
         _run(tree, before)
-        board_changes.carry_out(tree, plan)
+        board_changes.apply_plan(tree, plan)
         _run(tree, after)
         again = f"after that file is removed, uninstall again, which removes its record, {board_changes.MANIFEST}"
         print(f"uninstalled, except for changed files; {again}" if plan.changed else "uninstalled")
@@ -117,7 +117,7 @@ def _reload_manager(plan: Plan) -> list[Command]:
 def _confirm(tree: Tree, plan: Plan, commands: list[Command], options: argparse.Namespace) -> bool:
     """Show all changes and commands, and ask; return whether the user agrees."""
     for change in plan.changes:
-        print(board_changes.show(change), end="\n\n")
+        print(board_changes.to_diff(change), end="\n\n")
     for command in commands if tree.live else ():
         print("run", *command)
     if options.dry_run or options.yes:

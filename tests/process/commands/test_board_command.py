@@ -230,7 +230,7 @@ def test_install_without_a_terminal_and_uninstall_of_nothing_are_refused(
     assert install(root, scenario) == 2
     assert "--yes" in capsys.readouterr().err
     assert cli.main(["board", "uninstall", "--root", str(root)]) == 2
-    assert "nothing is installed here" in capsys.readouterr().err
+    assert "nothing is installed on this machine" in capsys.readouterr().err
     assert cli.main(["board", "install", "--root", str(root), "--user", "uuv"]) == 2
 
 
@@ -301,7 +301,7 @@ def test_words_are_escaped_for_a_unit(text: str, written: str) -> None:
 def test_names_cannot_inject_lines_into_a_unit(root: Path, scenario: str, capsys: pytest.CaptureFixture[str]) -> None:
     Path(scenario).write_text(CAN.replace("can0", "can0 up; rm -r /"))
     assert install(root, scenario, "--yes") == 2
-    assert "cannot stand in a unit" in capsys.readouterr().err
+    assert "not valid in a unit" in capsys.readouterr().err
     Path(scenario).write_text('description = "one\\nExecStartPre=/bin/evil"\n' + SERIAL)
     assert install(root, scenario, "--yes") == 0
     assert "\nExecStartPre" not in (root / UNIT[1:]).read_text()

@@ -111,7 +111,7 @@ def test_a_usb_can_adapter_without_a_kernel_driver_gets_its_rights(
     assert 'ATTR{idVendor}=="1d50", ATTR{idProduct}=="606f", GROUP="dialout"' in (root / RULES[1:]).read_text()
     Path(scenario).write_text(scenario_with_link("can:pcan:PCAN_USBBUS1", 'protocol = "vesc"'))
     assert install(root, scenario, "--yes") == 0
-    assert "note: which device can:pcan:PCAN_USBBUS1 opens only python-can knows" in capsys.readouterr().out
+    assert "note: the device that can:pcan:PCAN_USBBUS1 opens is known only to python-can" in capsys.readouterr().out
 
 
 def test_a_can_adapter_at_a_serial_port_gets_its_rights(
@@ -132,13 +132,13 @@ def test_a_port_name_that_is_a_pattern_is_refused(
 ) -> None:
     Path(scenario).write_text(scenario_with_link("/dev/tty*"))
     assert install(root, scenario, "--yes") == 2
-    assert "'/dev/tty*' cannot stand in a rule" in capsys.readouterr().err
+    assert "'/dev/tty*' is not valid in a rule" in capsys.readouterr().err
 
 
 def test_a_pty_of_another_program_gets_no_rule(root: Path, scenario: str) -> None:
     Path(scenario).write_text(scenario_with_link("/tmp/stm32"))
     assert install(root, scenario, "--yes") == 0
-    assert "# None: it is no device of a serial port." in (root / RULES[1:]).read_text()
+    assert "# No rule: the link uses no serial device." in (root / RULES[1:]).read_text()
     assert values(root, UNIT, "PrivateTmp") == ["no"]
 
 
@@ -271,7 +271,7 @@ def test_a_scenario_in_a_private_folder_of_the_service_is_refused(scenario: str)
     path = Path("/var/tmp") / f"uuv-hil-{os.getpid()}.toml"
     path.write_text(SERIAL)
     try:
-        with pytest.raises(ConfigError, match="has a /tmp of its own"):
+        with pytest.raises(ConfigError, match="has a private /tmp"):
             board_check.check(Tree("/"), service(path))
     finally:
         path.unlink()
@@ -281,7 +281,7 @@ def test_the_scenario_is_loaded_as_the_user_of_the_service(
     scenario: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
 ) -> None:
     """The user must be able to read Python, the packages, and all files that the scenario names."""
-    monkeypatch.setattr(board_check, "VOLATILE", ("/nowhere/",))
+    monkeypatch.setattr(board_check, "PRIVATE_FOLDERS", ("/nowhere/",))
     monkeypatch.setattr("os.geteuid", lambda: 0)
     requested: dict[str, object] = {}
 
@@ -304,7 +304,7 @@ def test_the_scenario_is_loaded_as_the_user_of_the_service(
 def test_a_python_that_the_user_cannot_execute_is_refused(
     scenario: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(board_check, "VOLATILE", ("/nowhere/",))
+    monkeypatch.setattr(board_check, "PRIVATE_FOLDERS", ("/nowhere/",))
     closed = tmp_path / "closed"
     closed.mkdir(mode=0o700)
     (closed / "python3").symlink_to(sys.executable)

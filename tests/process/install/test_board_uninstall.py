@@ -48,7 +48,7 @@ def test_a_changed_unit_is_stopped_but_its_file_is_left(
     assert uninstall(root) == 0
     assert not (root / MANIFEST[1:]).exists()
     assert uninstall(root) == 2
-    assert "nothing is installed here" in capsys.readouterr().err
+    assert "nothing is installed on this machine" in capsys.readouterr().err
 
 
 def test_files_that_the_service_stored_are_named(root: Path, scenario: str, capsys: pytest.CaptureFixture[str]) -> None:
@@ -84,17 +84,17 @@ def test_a_file_in_another_encoding_is_restored(root: Path, scenario: str, capsy
 def test_a_unit_that_is_masked_is_left_alone(root: Path, scenario: str, capsys: pytest.CaptureFixture[str]) -> None:
     link(root, UNIT[1:], "/dev/null")
     assert install(root, scenario, "--yes") == 2
-    assert f"{UNIT}: is a link to /dev/null; take that away first" in capsys.readouterr().err
+    assert f"{UNIT}: is a link to /dev/null; remove it first" in capsys.readouterr().err
     assert (root / UNIT[1:]).is_symlink()
 
 
 @pytest.mark.parametrize(
     ("made", "reported"),
     [
-        (f"{RULES}/", f"{RULES}: is no file"),
-        (f"{MANIFEST}/", f"{MANIFEST}: is no file"),
-        ("/etc/udev", f"/etc/udev: is no folder, where {RULES} belongs"),
-        ("/etc/uuv-hil", f"/etc/uuv-hil: is no folder, where {MANIFEST} belongs"),
+        (f"{RULES}/", f"{RULES}: is not a regular file"),
+        (f"{MANIFEST}/", f"{MANIFEST}: is not a regular file"),
+        ("/etc/udev", f"/etc/udev: is not a folder, but {RULES} belongs into it"),
+        ("/etc/uuv-hil", f"/etc/uuv-hil: is not a folder, but {MANIFEST} belongs into it"),
     ],
 )
 def test_a_file_in_place_of_a_folder_is_refused(
@@ -103,7 +103,7 @@ def test_a_file_in_place_of_a_folder_is_refused(
     plant(root, f"{made[1:]}mine" if made.endswith("/") else made[1:], "")
     before = sorted(root.rglob("*"))
     assert install(root, scenario, "--yes") == 2
-    assert re.fullmatch(rf"uuv-hil board: {reported}.*; take it away first\n", capsys.readouterr().err)
+    assert re.fullmatch(rf"uuv-hil board: {reported}.*; remove it first\n", capsys.readouterr().err)
     assert sorted(root.rglob("*")) == before
 
 
@@ -123,7 +123,7 @@ def test_a_full_disk_leaves_every_file_unchanged(
     assert capsys.readouterr().err.startswith(f"uuv-hil board: {path}: cannot be written: File too large; ")
     assert [(found, found.read_bytes() if found.is_file() else None) for found in sorted(root.rglob("*"))] == before
     assert uninstall(root) == 2
-    assert "nothing is installed here" in capsys.readouterr().err
+    assert "nothing is installed on this machine" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("text", ["", "{", "null", "[]", '""', '{"a": 3}', '{"a": {}}', '{"a": {"sha256": 1}}'])
@@ -133,7 +133,7 @@ def test_a_damaged_manifest_is_reported(
     plant(root, MANIFEST[1:], text)
     for code in (install(root, scenario, "--yes"), uninstall(root)):
         assert code == 2
-    assert capsys.readouterr().err.count(f"{MANIFEST}: is not what was written there; remove it, and the files") == 2
+    assert capsys.readouterr().err.count(f"{MANIFEST}: is damaged; remove it, and the files") == 2
 
 
 def test_a_manifest_of_an_earlier_release_is_accepted(root: Path, scenario: str) -> None:
