@@ -27,12 +27,12 @@ def test_imports_go_from_higher_to_lower_floors() -> None:
     assert not rooms.arrows() & APART
 
 
-def test_rooms_of_one_floor_do_not_import_each_other_both_ways() -> None:
+def test_rooms_of_one_floor_do_not_import_each_other_mutually() -> None:
     arrows = rooms.arrows()
     assert not [pair for pair in arrows if pair[::-1] in arrows]
 
 
-def test_no_modules_import_each_other_in_a_circle() -> None:
+def test_there_are_no_circular_imports() -> None:
     assert rooms.circles() == []
 
 
@@ -55,7 +55,7 @@ def test_a_folder_holds_at_most_20_modules() -> None:
     assert {str(folder): number for folder, number in count.items() if number > 20} == {}
 
 
-def test_no_relative_import_and_no_import_of_tools_or_tests() -> None:
+def test_packages_import_neither_relatively_nor_from_tools_and_tests() -> None:
     for module, path in rooms.modules():
         assert not re.search(r"^\s*from\s*\.", path.read_text(encoding="utf-8"), re.MULTILINE), module
         assert not [name for name in rooms.imports(path) if name.split(".")[0] in ("tools", "tests")], module

@@ -61,7 +61,7 @@ def remus_derivatives(panels: Sequence[Axes]) -> list[Finding]:
     each by itself."""
     slopes = _with_ours()
     test = f"{FILE}::test_our_derivatives_differ_from_mss_by_the_stated_amount"
-    agree = f"{FILE}::test_all_but_the_five_terms_agree_with_the_derivatives"
+    agree = f"{FILE}::test_derivatives_equal_mss_except_for_five_terms"
     findings = [below("with their five terms in place of ours", _with_their_terms(), 1e-8, agree)]
     for axis, (axes, name, share) in enumerate(zip(panels, AXES, SHARES, strict=True)):
         x, y = [sample.slope[axis] for sample in SAMPLES[:100]], [row[axis] for row in slopes]

@@ -151,7 +151,7 @@ def dvl(panels: Sequence[Axes]) -> list[Finding]:
     axes.set_ylim(18.0, 34.0)
     label(axes, "roll (deg)", "distance (m)", legend="upper left")
     askew = _tilted(radians(8.0), radians(-6.0))
-    test = "unit/sim/test_known_defects.py::test_dvl_altitude_is_not_the_mean_of_the_slants"
+    test = "unit/sim/test_known_defects.py::test_dvl_altitude_is_not_the_mean_slant_range"
     return [
         near("altitude at 8 deg of roll, -6 deg of pitch", log.sample(0, askew).altitude, 20.0, test, "m", rel=1e-6),
         above("mean slant range there", _mean_slant(log, askew), 1.09 * 20.0, test, "m"),

@@ -76,7 +76,7 @@ def test_six_thrusters_leave_a_residual_in_pitch_only(wrench: tuple[float, ...])
 
 
 @pytest.mark.parametrize(("matrix", "rank"), [(HEAVY, 6), (SIX, 5), (matrix_of(VECTORED), 3)])
-def test_rank(matrix: list[list[float]], rank: int) -> None:
+def test_the_allocator_reports_the_rank_of_its_matrix(matrix: list[list[float]], rank: int) -> None:
     assert make_allocator(matrix).rank == rank
 
 

@@ -124,7 +124,7 @@ def test_idle_channels_are_neutral_and_drop_weights_are_not_released() -> None:
     assert simulation.vehicle.mass == load_vehicle("tethys")[0].mass
 
 
-def test_a_wrong_gain_is_named() -> None:
+def test_a_wrong_gain_is_reported() -> None:
     scenario = load_scenario("open_water")
     vehicle, control = load_vehicle("remus100")
     with pytest.raises(ConfigError, match=r"remus100: control.fins: no key 'pich_limit'; did you mean 'pitch_limit'"):

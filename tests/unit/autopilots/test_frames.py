@@ -63,7 +63,7 @@ def test_a_reversed_thruster_gets_reversed_pulses() -> None:
 
 
 @pytest.mark.parametrize("width", [0, 1, 799, 2201, 65_535])
-def test_no_output_is_neutral_and_never_full_reverse(width: int) -> None:
+def test_a_missing_output_is_neutral_and_never_full_reverse(width: int) -> None:
     for name in ("bluerov2", "bluerov2_heavy"):
         vehicle, _ = load_vehicle(name)
         assert set(map_motors("auto", vehicle).pulses((width,) * 16)) == {1500}

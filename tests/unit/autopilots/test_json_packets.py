@@ -32,7 +32,7 @@ def scan(text: str, section: str, key: str) -> str:
     return text[start + len(key) + 2 :]
 
 
-def test_a_state_is_what_ardupilots_parser_reads() -> None:
+def test_a_state_is_read_by_a_parser_like_ardupilots() -> None:
     full = REST._replace(ranges=(4.25,), rc=(1500, 1600), battery=(16.1, 2.5), geodetic=(50.0, 8.0, -3.0))
     text = encode_state(full).decode()
     assert text[0] == text[-1] == "\n"

@@ -47,7 +47,7 @@ def test_quantiles_of_100_values_are_exact() -> None:
     assert [quantile(values, share) for share in (0.5, 0.9, 0.99, 0.999, 1.0)] == [50.0, 90.0, 99.0, 100.0, 100.0]
 
 
-def test_median_is_the_standard_librarys() -> None:
+def test_the_median_equals_that_of_the_standard_library() -> None:
     generator = random.Random(4)
     for size in (1, 2, 3, 10, 101):
         values = [generator.gauss(0.0, 1.0) for _ in range(size)]

@@ -53,8 +53,8 @@ def raised(top: float) -> Grid:
     return place_hazards((hazard,), grid, np.full((41, 41), 5.0)).grid
 
 
-def test_the_distance_to_an_edge_is_that_to_the_nearest_of_its_pieces() -> None:
-    """The area is a star, part of it off the grid, one of its pieces of no length."""
+def test_the_distance_to_an_edge_is_that_to_its_nearest_segment() -> None:
+    """The area is a star, part of it off the grid, one of its segments of zero length."""
     angles = np.linspace(0.0, 2.0 * np.pi, 11)
     radius = np.where(np.arange(11) % 2, 40.0, 17.0)
     star = np.column_stack([30.0 + radius * np.cos(angles), 20.0 + radius * np.sin(angles)])

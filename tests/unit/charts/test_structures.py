@@ -75,7 +75,7 @@ def test_beacons_and_platforms_stand_and_buoys_float() -> None:
     assert fishery.grid.depths.max() == 8.0, "an area with stakes in it is a zone, not land"
 
 
-def test_an_area_that_is_no_rectangle_keeps_its_outline() -> None:
+def test_an_area_that_is_not_a_rectangle_retains_its_outline() -> None:
     """Two fingers of 2 m on a stem have water between them."""
     comb = ring(
         (10.0, 10.0), (40.0, 10.0), (40.0, 12.0), (12.0, 12.0), (12.0, 40.0), (40.0, 40.0), (40.0, 42.0), (10.0, 42.0)

@@ -90,7 +90,7 @@ def test_a_trajectory_is_followed_within_0_35_m(client: DirectClient, smooth: bo
     assert all(min(dist(state.position, point) for state in track) < 0.35 for point in points)
 
 
-def test_a_trajectory_takes_its_time(client: DirectClient) -> None:
+def test_a_trajectory_action_lasts_as_long_as_its_trajectory(client: DirectClient) -> None:
     trajectory = Trajectory(circle((6.0, 4.0, 2.0), 2.0, turns=0.5, bearing=pi), 0.4, LIMITS)
     reported = actions.run_trajectory(trajectory, LIMITS, 0.3)
     track = fly_until_done(client, reported, 80.0)

@@ -132,7 +132,7 @@ def test_help_has_examples(capsys: pytest.CaptureFixture[str]) -> None:
     assert "uuv-hil vehicle bluerov2 --plot bluerov2.png" in capsys.readouterr().out
 
 
-def test_a_vehicle_that_is_written_as_urdf_can_be_imported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_vehicle_written_as_urdf_can_be_imported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["vehicle", "paper_six", "--urdf", "--prefix", "uuv1/"]) == 0
     urdf = tmp_path / "written.urdf"
     urdf.write_text(capsys.readouterr().out)

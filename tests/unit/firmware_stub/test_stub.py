@@ -19,7 +19,7 @@ def stm32() -> Stm32:
     return Stm32(2, watchdog_ns=200 * MS, telemetry_period_ns=20 * MS)
 
 
-def test_power_up_is_neutral_and_disarmed(stm32: Stm32) -> None:
+def test_the_stm32_starts_neutral_and_disarmed(stm32: Stm32) -> None:
     assert stm32.pwm_us == NEUTRAL
     report = stm32.telemetry(0)
     assert (report.armed, report.timed_out, report.frames, report.age_us) == (False, False, 0, NEVER_US)
@@ -53,7 +53,7 @@ def test_a_wrong_number_of_channels_is_refused(stm32: Stm32, pwm_us: tuple[int, 
     assert stm32.timed_out, "what is refused does not feed the watchdog"
 
 
-def test_the_watchdog_trips_at_its_instant_and_once(stm32: Stm32) -> None:
+def test_the_watchdog_trips_exactly_at_its_timeout_and_once(stm32: Stm32) -> None:
     stm32.command(armed(1), 1000)
     stm32.tick(1000 + 200 * MS - 1)
     stm32.telemetry(1000 + 200 * MS - 1)
@@ -130,7 +130,7 @@ def test_commands_with_a_constant_sequence_number_are_executed(stm32: Stm32) -> 
     assert stm32.watchdog_trips == 0
 
 
-def test_the_age_counts_from_the_command(stm32: Stm32) -> None:
+def test_the_reported_age_counts_from_the_command(stm32: Stm32) -> None:
     stm32.command(armed(1), 5 * MS)
     assert stm32.telemetry(5 * MS).age_us == 0
     assert stm32.telemetry(5 * MS + 1_234_567).age_us == 1234

@@ -98,7 +98,7 @@ def test_a_timeout_stops_the_thrusters_in_the_timer_registers(chip: str, watchdo
     assert board.resets == 0, "the watchdog of the link is not that of the chip"
 
 
-def test_a_hung_program_is_reset_by_the_watchdog_and_comes_back_neutral(board: UnicornBoard) -> None:
+def test_a_hung_program_is_reset_by_the_watchdog_and_starts_neutral(board: UnicornBoard) -> None:
     board.run_until(30 * MS)
     board.receive(encode(1))
     hangs_at, whole = board.pc, board.read_memory(board.pc, 2)

@@ -171,7 +171,7 @@ def test_a_program_can_reset_itself() -> None:
     assert words(restarted, RAM + 4, 1) == (4,), "RAM keeps its content"
 
 
-def test_a_program_that_never_sleeps_does_not_stop_time() -> None:
+def test_time_advances_in_a_program_that_never_sleeps() -> None:
     busy = board(SETUP + START_IWDG)
     busy.run_until(511 * MS)
     assert busy.resets == 0

@@ -137,7 +137,7 @@ def test_a_mission_pauses_continues_and_jumps() -> None:
     assert bench.partner.command(dialect.MAV_CMD_DO_SET_MISSION_CURRENT, 77) == DENIED
 
 
-def test_auto_needs_a_mission() -> None:
+def test_auto_mode_needs_a_mission() -> None:
     bench = Bench()
     assert bench.partner.command(dialect.MAV_CMD_DO_SET_MODE, 1, Mode.AUTO) != ACCEPTED
     bench.run(0.1)

@@ -113,7 +113,7 @@ def test_delay_and_jitter_have_their_stated_size(opened: ExitStack, clock: Clock
     assert 17.0 < statistics.quantiles(took_ms, n=20)[-2] < 20.2
 
 
-def test_a_wire_with_jitter_does_not_overtake_itself(opened: ExitStack, clock: Clock) -> None:
+def test_jitter_does_not_reorder_bytes(opened: ExitStack, clock: Clock) -> None:
     far, near = instant_pair(opened, Faults(jitter=0.02))
     received = b""
     for byte in EVERY_BYTE:

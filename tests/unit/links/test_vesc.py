@@ -197,7 +197,7 @@ def test_controllers_commanded_by_rpm_are_read_by_rpm() -> None:
     assert cast("ThrusterTelemetry", received).pwm_us == (1747,)
 
 
-def test_a_lost_status_never_mixes_two_reports() -> None:
+def test_a_lost_status_never_combines_two_reports() -> None:
     for lost in range(6):
         end, master = device(), host()
         reported: list[tuple[int, ...]] = []

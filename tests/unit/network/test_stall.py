@@ -72,7 +72,7 @@ def test_one_sample_a_second_prevents_a_stall() -> None:
     assert bed.run(3.0)
 
 
-def test_a_pause_of_this_process_is_no_stall() -> None:
+def test_a_pause_of_this_process_is_not_reported_as_a_stall() -> None:
     bed = Bed()
     bed.run(10.0, samples=4)
     bed.now_ms += 3_600_000

@@ -98,7 +98,7 @@ def test_the_cache_does_not_grow_with_received_messages() -> None:
     assert len(layout._structs) <= 64
 
 
-def test_strings_without_a_closing_zero_or_not_utf8_still_read() -> None:
+def test_strings_that_are_unterminated_or_not_utf8_are_decoded() -> None:
     assert Reader(HEADER + b"\x02\0\0\0ab").string() == "ab"
     assert Reader(HEADER + b"\0\0\0\0").string() == ""
     assert Reader(HEADER + b"\x03\0\0\0a\xff\0").string() == "a�"

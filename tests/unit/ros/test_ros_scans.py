@@ -38,7 +38,7 @@ def test_scans_have_the_golden_bytes() -> None:
 
 
 @pytest.mark.parametrize("name", ["laser", "scanning_sonar"])
-def test_angles_grow_to_port(name: str) -> None:
+def test_laser_scan_angles_increase_to_port(name: str) -> None:
     """A return at 30 deg to starboard is the first of the message, at -30 deg in FLU."""
     message = read(name, SCAN)
     assert message.header.frame_id == f"uuv1/{name}_link"

@@ -72,7 +72,7 @@ def test_a_failure_of_another_type_is_refused_during_a_run() -> None:
 
 @pytest.mark.parametrize("may_fail", [False, True], ids=["sound", "failing"])
 @pytest.mark.parametrize("pulses", [5, None, 1500.0])
-def test_pulses_that_are_no_list_are_refused(pulses: Any, may_fail: bool) -> None:
+def test_pulses_that_are_not_a_list_are_refused(pulses: Any, may_fail: bool) -> None:
     simulation = Simulation(SIX, POOL, {}, position=PLACE)
     if may_fail:
         simulation.fail()
@@ -82,7 +82,7 @@ def test_pulses_that_are_no_list_are_refused(pulses: Any, may_fail: bool) -> Non
 
 @pytest.mark.parametrize("integrator", ["verlet", "rk4"])
 @pytest.mark.parametrize("returned", [None, (1.0, 2.0), ("x",) * 6, (0.0,) * 7])
-def test_a_force_that_returns_no_wrench_is_named(returned: Any, integrator: Integrator) -> None:
+def test_a_force_that_returns_an_invalid_wrench_is_reported(returned: Any, integrator: Integrator) -> None:
     simulation = Simulation(SIX, POOL, {}, position=PLACE, forces=[NoWrench(returned)], integrator=integrator)
     with pytest.raises(ConfigError, match=r"^the force .*:NoWrench returned .*: a wrench is six numbers"):
         simulation.step(NEUTRAL)

@@ -120,7 +120,7 @@ def test_a_drifting_vehicle_reaches_the_speed_of_the_current() -> None:
     assert rotate(state.quaternion, state.nu[:3]) == pytest.approx((0.3, 0.2, 0.0), abs=0.02)
 
 
-def test_full_matrices_equal_diagonal_ones() -> None:
+def test_full_matrices_with_only_a_diagonal_equal_diagonal_ones() -> None:
     def full(diagonal: tuple[float, ...]) -> tuple[float, ...]:
         return tuple(x for row in square(diagonal, 6) for x in row)
 

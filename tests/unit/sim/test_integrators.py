@@ -123,7 +123,7 @@ def test_a_tumbling_body_conserves_its_energy() -> None:
 
 
 @pytest.mark.parametrize("rate", [50.0, 150.0, 190.0])
-def test_damping_quicker_than_a_step_stays_stable(rate: float) -> None:
+def test_damping_faster_than_a_step_stays_stable(rate: float) -> None:
     """A terminal speed is held, not oscillated about, to a rate of 2 / dt, where Euler's step begins to diverge too."""
     inertia, dt = 1.0, 0.01
     dynamics = Dynamics(bare([inertia] * 6, linear_damping=(rate,) * 6), 1000.0, 9.8)

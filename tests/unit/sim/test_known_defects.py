@@ -73,7 +73,7 @@ def test_coriolis_is_skew_symmetric() -> None:
     assert slow.quadratic_damping[0] == pytest.approx(-141.0 * 0.25)
 
 
-def test_dvl_altitude_is_not_the_mean_of_the_slants() -> None:
+def test_dvl_altitude_is_not_the_mean_slant_range() -> None:
     """The altitude of uuv_simulator is the mean slant range: 10 % too much when level, at 25 degrees."""
     world = World("sea", "test", (-9.0, 9.0, -9.0, 9.0), 25.0)
     scene = Simulation(HEAVY, world, {}, position=(0.0, 0.0, 5.0))

@@ -141,7 +141,7 @@ def test_the_mass_matrix_equals_mss() -> None:
         assert row == pytest.approx(expected, rel=1e-9, abs=1e-12)
 
 
-def test_the_numbers_of_the_file_follow_from_the_spheroid() -> None:
+def test_the_numbers_of_the_vehicle_file_follow_from_the_spheroid() -> None:
     a, b = 1.0096 * 0.8, 1.0096 * 0.095
     mass, displaced = (4 / 3 * pi * density * a * b * b for density in (1025, 1026))
     e = sqrt(1 - (b / a) ** 2)
@@ -171,7 +171,7 @@ def test_the_numbers_of_the_file_follow_from_the_spheroid() -> None:
     assert REMUS.lift.parasitic_drag * REMUS.lift.area == pytest.approx(0.42 * pi * b * b, rel=1e-12)
 
 
-def test_all_but_the_five_terms_agree_with_the_derivatives() -> None:
+def test_derivatives_equal_mss_except_for_five_terms() -> None:
     dynamics = Dynamics(REMUS, 1026.0, GRAVITY, forces=[hull_of(REMUS)])
     checked = 0
     for sample in SAMPLES:
@@ -321,7 +321,7 @@ def test_coasting_follows_mss(start: float) -> None:
     assert run.nu[0] == pytest.approx(speed, rel=5e-3)
 
 
-def test_slow_damping_is_by_the_speed_through_the_water() -> None:
+def test_damping_of_slow_motion_depends_on_the_speed_through_water() -> None:
     """Six numbers of its own damp a vehicle less the faster it is, astern as ahead, and never give energy."""
     fading = FadingDamping((2.0, 4.0, 6.0, 1.0, 2.0, 3.0), rate=3.0)
     still = SlowDamping(fading).wrench((0.0, 0.0, 9.0), SAMPLES[0].rotation, [0.0, 0.0, 0.0, 0.5, -0.5, 1.0])

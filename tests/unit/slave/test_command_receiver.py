@@ -143,7 +143,7 @@ def test_a_stale_command_does_not_make_its_sender_the_master(command_receiver: C
     assert command_receiver.master == b""
 
 
-def test_an_exact_clock_judges_even_the_first_command(command_receiver: CommandReceiver) -> None:
+def test_with_an_exact_clock_even_the_first_command_has_an_age(command_receiver: CommandReceiver) -> None:
     """The fastest message so far defines age zero without an exact clock, so the first one has no reference."""
     clock = ClockOffset()
     now = to_wall_ns(Clock.current.now_ns)

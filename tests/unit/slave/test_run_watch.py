@@ -98,7 +98,7 @@ def test_depth_is_judged_only_where_one_is_commanded(watched: Watched) -> None:
 
 
 @pytest.mark.parametrize("command", [VelocityCommand(depth=2.0), PoseSetpoint(PoseCommand((4.0, 4.0, 2.0), pi))])
-def test_a_vehicle_that_was_to_stay_below_has_surfaced(
+def test_a_vehicle_commanded_to_depth_that_rises_has_surfaced(
     watched: Watched, command: VelocityCommand | PoseSetpoint
 ) -> None:
     watched.pilot.command(command, watched.simulation.time_ns)

@@ -243,7 +243,7 @@ def test_set_pose_accepts_enu_and_a_velocity_in_world_axes(vehicle: Vehicle) -> 
     assert vehicle.simulation.state.position[0] > 1.02
 
 
-def test_set_pose_at_any_heading(vehicle: Vehicle) -> None:
+def test_set_pose_accepts_any_heading(vehicle: Vehicle) -> None:
     vehicle.server.call("/uuv1/set_pose", pose(2.0, 2.0, -4.0, yaw=0.3, twist={"linear": {"x": 1.0}}))
     state = vehicle.simulation.state
     assert state.quaternion == pytest.approx(from_euler(0.0, 0.0, math.pi / 2 - 0.3))

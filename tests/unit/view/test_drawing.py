@@ -78,7 +78,7 @@ def test_obstacles_current_path_and_goal_are_drawn() -> None:
     assert not any(name.startswith("/contours") for name in recorder.added), "of a flat bed"
 
 
-def test_arrows_of_any_direction_and_length() -> None:
+def test_arrows_are_drawn_for_any_direction_and_length() -> None:
     along = np.array([(1.0, 0.0, 0.0), (0.0, 0.0, -2.0), (0.0, 0.0, 0.0)])
     drawn = world_scene.arrows(np.zeros((3, 3)), along)
     assert drawn.shape == (9, 2, 3)

@@ -144,7 +144,7 @@ def test_esc_status_has_its_fields() -> None:
 
 
 @pytest.mark.parametrize("lost", range(18))
-def test_a_lost_frame_never_mixes_two_reports(lost: int) -> None:
+def test_a_lost_frame_never_combines_two_reports(lost: int) -> None:
     end, master = device(), host()
     end.encode(report())
     reported: list[tuple[int, ...]] = []

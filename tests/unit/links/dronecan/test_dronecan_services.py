@@ -126,7 +126,7 @@ def test_saved_values_survive_a_restart_and_others_do_not(bench: Bench, tmp_path
     assert nodes[-1].transfer.source_node_id == 20
 
 
-def test_a_device_that_was_given_no_number_requests_one_again_after_a_restart(bench: Bench) -> None:
+def test_a_device_without_a_set_number_requests_one_after_a_restart(bench: Bench) -> None:
     end = bench.device(node_id=0)
     protocol_end: Any = end.link.protocol
     assert protocol_end.node_id == 0

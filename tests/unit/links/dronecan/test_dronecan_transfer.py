@@ -94,7 +94,7 @@ def test_transfers_of_two_nodes_and_priorities_may_interleave(receiver: Receiver
 
 
 @pytest.mark.parametrize("lost", range(3))
-def test_a_lost_frame_costs_its_transfer_only(receiver: Receiver, lost: int) -> None:
+def test_a_lost_frame_loses_only_its_transfer(receiver: Receiver, lost: int) -> None:
     cut = transfer(1)
     assert len(cut) == 3
     del cut[lost]
@@ -151,7 +151,7 @@ def test_an_unfinished_transfer_expires(receiver: Receiver) -> None:
     assert counted(receiver) == (2, 0)
 
 
-def test_a_transfer_without_end_is_bounded(receiver: Receiver) -> None:
+def test_an_endless_transfer_is_bounded(receiver: Receiver) -> None:
     endless = [CanFrame(CAN_ID, bytes(7) + bytes([START]))]
     endless += [CanFrame(CAN_ID, bytes(7) + bytes([TOGGLE * (place % 2)])) for place in range(1, 1000)]
     assert received(receiver, endless) == []

@@ -136,7 +136,7 @@ def test_a_report_names_the_command_that_it_acknowledges(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_disarmed_means_neutral(name: str) -> None:
+def test_a_disarmed_command_gives_neutral_pulses(name: str) -> None:
     """Disarmed is neutral, whether the frame has a bit for it or not."""
     device, stm32 = open_frame("device", 2, name), Stm32(2)
     (command,) = device.feed(open_frame("host", 2, name).encode(ThrusterCommand(9, False, (1900, 1100))))

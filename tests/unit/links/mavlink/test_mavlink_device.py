@@ -185,7 +185,7 @@ def test_rc_overrides_set_and_release_their_channels() -> None:
         ((0, 0, -1000, 0), [1500, 1500, 1900, 1100]),
     ],
 )
-def test_manual_control_is_mixed(axes: tuple[int, int, int, int], pulses: list[int]) -> None:
+def test_manual_control_is_mixed_to_the_outputs(axes: tuple[int, int, int, int], pulses: list[int]) -> None:
     ground = Ground(mix=MIX)
     ground.say(ground.arm())
     ground.manual(*axes)
@@ -213,7 +213,7 @@ def test_non_finite_actuator_controls_give_no_pulse() -> None:
 @pytest.mark.parametrize(
     ("kind", "throttle", "pulse"), [(0, 0, 1100), (0, 50, 1500), (0, 75, 1700), (0, 100, 1900), (1, 1623, 1623)]
 )
-def test_a_motor_test_ends_by_itself(ground: Ground, kind: int, throttle: float, pulse: int) -> None:
+def test_a_motor_test_ends_after_its_duration(ground: Ground, kind: int, throttle: float, pulse: int) -> None:
     assert ground.motor_test(3, kind, throttle, 2.0) == ACCEPTED
     assert ground.board.pwm_us == [1500, 1500, pulse, 1500]
     assert ground.board.end.deadline_ns == ground.board.clock.now + 50 * MS

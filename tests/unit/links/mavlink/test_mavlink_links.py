@@ -54,7 +54,7 @@ class TestServoOutputsOnPty(LinkContract):
         end.replies()
         return end
 
-    def test_stm32_on_the_link(self, ends: Ends) -> None:
+    def test_an_stm32_is_commanded_over_the_link(self, ends: Ends) -> None:
         stm32 = Stm32(16, telemetry_period_ns=10**9)
         end = Stm32End(stm32, ends.device)
         end.service(1)
@@ -137,7 +137,7 @@ def await_message(ground: Any, condition: str) -> Any:
     return ground.recv_match(type="SERVO_OUTPUT_RAW", blocking=True, timeout=PATIENCE_S, condition=condition)
 
 
-def test_a_ground_station_arms_and_drives(served: Served, connect: Callable[[Stm32End], Any]) -> None:
+def test_a_ground_station_arms_and_commands_the_outputs(served: Served, connect: Callable[[Stm32End], Any]) -> None:
     end = served()
     ground = connect(end)
     beat = ground.wait_heartbeat(timeout=PATIENCE_S)

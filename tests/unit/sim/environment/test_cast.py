@@ -46,7 +46,7 @@ def mackenzie(temperature: float, salinity: float, depth: float) -> float:
 
 
 @pytest.mark.parametrize("origin", ["", "origin = [47.3, -122.5]"])
-def test_temperature_and_salinity_make_density_and_speed_of_sound(tmp_path: Path, origin: str) -> None:
+def test_temperature_and_salinity_give_density_and_speed_of_sound(tmp_path: Path, origin: str) -> None:
     rows = [(0.0, 14.0, 30.0), (20.0, 11.0, 31.5), (100.0, 9.0, 33.0), (800.0, 4.0, 34.5)]
     lines = ["# cast 7", "Salinity (PSU);Depth (m);Temperature (deg C);Oxygen", *(f"{s};{d};{t};x" for d, t, s in rows)]
     found = profile(tmp_path, "\n".join(lines), origin)

@@ -157,7 +157,7 @@ def test_tidal_constituents_have_their_periods(name: Constituent, speed: float, 
     assert current(round(0.25 * period), 0.0)[0] == pytest.approx(0.0, abs=1e-6)
 
 
-def test_phase_is_the_lag_of_the_flood() -> None:
+def test_the_phase_of_a_tide_is_the_lag_of_its_flood() -> None:
     current = tidal([Tide("S2", 0.5, 0.0, phase=pi / 2)])
     assert current(0, 0.0)[0] == pytest.approx(0.0, abs=1e-12)
     assert current(3 * HOUR, 0.0)[0] == pytest.approx(0.5)

@@ -72,7 +72,7 @@ def test_invalid_collision_keys_are_refused(keys: dict[str, object]) -> None:
         parse(keys, Collision, "collision")
 
 
-def test_a_nose_that_is_pitched_into_the_seabed_touches_it() -> None:
+def test_a_nose_pitched_into_the_seabed_touches_it() -> None:
     """The nose of a vehicle 69 degrees down, with its origin half a metre above the seabed, is 0.25 m in it."""
     down = from_euler(0.0, radians(-69.0), 0.0)
     assert starts_inside(TORPEDO, SEA, (0.0, 0.0, 19.5), down)

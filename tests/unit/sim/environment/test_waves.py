@@ -42,7 +42,7 @@ def test_the_spectrum_has_its_energy_and_peak(waves: Waves, tolerance: float) ->
     assert omegas[values.index(max(values))] == pytest.approx(2.0 * pi / 8.0, abs=0.003)
 
 
-def test_jonswap_with_gamma_one_is_pierson_moskowitz() -> None:
+def test_jonswap_with_gamma_1_equals_pierson_moskowitz() -> None:
     for omega in (0.3, 0.785, 1.0, 3.0):
         one, other = Waves(2.0, 8.0, gamma=1.0), Waves(2.0, 8.0, "pierson_moskowitz")
         assert spectral_density(one, omega) == pytest.approx(spectral_density(other, omega), rel=1e-14)

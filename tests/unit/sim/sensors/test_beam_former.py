@@ -1,4 +1,4 @@
-"""A forward sonar's beam former against the patterns and the statistics that it stands for."""
+"""The beam former of a forward sonar against the patterns and statistics that it models."""
 
 from math import asin, log, pi, radians, sin, sqrt
 from typing import Any
@@ -38,7 +38,7 @@ def test_a_beam_receives_by_its_pattern(side_lobes: float) -> None:
     assert 10.0 * np.log10(first) == pytest.approx(-side_lobes, abs=0.6)  # beams stand beside its peak
 
 
-def test_errors_of_elements_make_a_floor_that_falls_with_no_angle() -> None:
+def test_element_errors_give_a_constant_side_lobe_floor() -> None:
     """A line of 102 elements at half a wavelength, off by 1 dB and 10 deg, is (p² + a²) / N: 33 dB down."""
     elements, phase, strength = 102, radians(10.0), 10.0 ** (1.0 / 20.0) - 1.0
     assert -10.0 * np.log10((phase**2 + strength**2) / elements) == pytest.approx(33.5, abs=0.1)
@@ -55,8 +55,8 @@ def test_errors_of_elements_make_a_floor_that_falls_with_no_angle() -> None:
     assert former(0.0, 33.0).receive(lone(MIDDLE, 1))[0, 0] == 0.0, "none without side lobes"
 
 
-def test_an_arc_flickers_as_the_thing_that_it_belongs_to() -> None:
-    """All beams at its range have one amplitude of it, so arcs are unbroken lines; other ranges have others."""
+def test_a_side_lobe_arc_fluctuates_with_its_target() -> None:
+    """All beams at its range share one amplitude, so arcs are unbroken lines; other ranges have others."""
     found = former(20.0, 33.0).receive_speckled(lone(MIDDLE, 4000), 0.0, 1.0, generator())
     bright = found.mean(axis=1) > 1e-6
     assert bright.sum() > 180
@@ -68,7 +68,7 @@ def test_an_arc_flickers_as_the_thing_that_it_belongs_to() -> None:
 
 
 @pytest.mark.parametrize("looks", [1.0, 3.0])
-def test_beams_that_overlap_have_their_speckle_in_common(looks: float) -> None:
+def test_overlapping_beams_have_correlated_speckle(looks: float) -> None:
     """Intensities are gamma distributed; they are as alike as sinc² of their distance in nulls, the patterns' overlap.
 
     The pattern is that of a line of even strength, over a seabed that is the same in all directions.
@@ -90,7 +90,7 @@ def test_beams_that_overlap_have_their_speckle_in_common(looks: float) -> None:
 
 
 @pytest.mark.parametrize("beams", [1, 2, 201])
-def test_every_beam_has_the_noise_that_it_should(beams: int) -> None:
+def test_every_beam_has_the_same_noise(beams: int) -> None:
     """Beams at the edge of the fan have as much as those in the middle."""
     found = former(20.0, 33.0, beams=beams).receive_speckled(
         np.zeros((beams, 20_000), np.float32), 3.0, 1.0, generator()

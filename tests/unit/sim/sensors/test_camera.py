@@ -69,7 +69,7 @@ def test_a_plane_across_the_axis_has_constant_depth() -> None:
     assert (labels(sample) == SEABED).all()
 
 
-def test_a_plane_below_gives_exact_depths() -> None:
+def test_a_plane_below_has_exact_depths() -> None:
     """A level camera has at row t the seabed 4 m below at depth 4 / t, and above the horizon the surface at 8 / -t."""
     sample = camera(FLAT, TRUE._replace(max_range=1000.0)).sample(0, HERE)
     _, down = tangents(sample)
@@ -79,7 +79,7 @@ def test_a_plane_below_gives_exact_depths() -> None:
     assert depths(sample)[-1, 40] == pytest.approx(4.0 / down[-1, 0], abs=1e-6)
 
 
-def test_a_step_gives_exact_depths() -> None:
+def test_a_step_has_exact_depths() -> None:
     """A camera that looks down on a cliff 2 m high from north 0.5 to 1 has the plateau up in the picture."""
     grid = covering(EXTENT, 0.5)
     world = FLAT._replace(terrain=Terrain(grid, Step(12.0, 2.0, north=1.0, resolution=0.5).depths(grid), 12.0))
@@ -91,7 +91,7 @@ def test_a_step_gives_exact_depths() -> None:
     assert depths(sample)[0, 40] == pytest.approx(2.0, abs=1e-6)
 
 
-def test_a_sphere_and_a_cylinder_give_exact_depths() -> None:
+def test_a_sphere_and_a_cylinder_have_exact_depths() -> None:
     world = DEEP._replace(cylinder=(Cylinder(9.0, 3.0, 1.0),))
     eye = camera(world)
     eye.add(solids.sphere((0.0, 0.0, 0.0), 1.2), State((6.0, -2.0, 8.5)))
@@ -113,7 +113,7 @@ def test_a_sphere_and_a_cylinder_give_exact_depths() -> None:
     assert (labels(sample)[np.isinf(depths(sample))] == NOTHING).all()
 
 
-def test_right_is_starboard_and_below_is_down() -> None:
+def test_right_in_the_picture_is_starboard_and_below_is_down() -> None:
     world = FLAT._replace(cylinder=(Cylinder(8.0, 3.0, 0.5, top=6.0),))
     sample = camera(world).sample(0, HERE)
     rows, columns = np.nonzero(labels(sample) == 1)
@@ -177,7 +177,7 @@ def test_depths_are_infinite_beyond_reach_and_in_air() -> None:
 RAW = TRUE._replace(ground_truth=False, vignetting=0.0, read_noise=0.0, full_well=1e7, exposure=1.0, depth_noise=0.0)
 
 
-def test_the_picture_is_the_scene_through_the_water() -> None:
+def test_the_picture_follows_the_underwater_image_model() -> None:
     """The picture is that of radiances without water, in the light that is left, through
     sim.environment.optics.underwater, but for the surface, which mirrors the water.
     """

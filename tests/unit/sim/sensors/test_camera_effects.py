@@ -94,7 +94,7 @@ def test_backscatter_is_the_integral_of_single_scattering(water: str, distance: 
         assert found[channel] == pytest.approx(expected, rel=0.03)
 
 
-def test_backscatter_brightens_and_grows_with_its_key() -> None:
+def test_backscatter_brightens_the_picture_in_proportion_to_its_key() -> None:
     means = [colours(shot(backscatter=share, exposure=3.0, **LAMPS)).mean() for share in (0.0, 0.3, 1.0)]
     assert means[0] < means[1] < means[2]
 

@@ -58,7 +58,7 @@ def facing_wall(distance: float) -> World:
 # --- ranges
 
 
-def test_a_wall_gives_exact_ranges() -> None:
+def test_a_wall_has_exact_ranges() -> None:
     """Each ray's range is that of the wall along it; the patches' edges touch and lie on it too."""
     sonar = forward(facing_wall(17.0))
     echoes = sonar._pinger.ping(0, AHEAD)
@@ -71,7 +71,7 @@ def test_a_wall_gives_exact_ranges() -> None:
     )
 
 
-def test_a_slope_gives_exact_ranges() -> None:
+def test_a_slope_has_exact_ranges() -> None:
     rule = Slope(20.0, 0.25)
     grid = covering(EXTENT, 1.0)
     world = FLAT._replace(terrain=Terrain(grid, rule.depths(grid), 20.0))
@@ -88,7 +88,7 @@ def test_a_slope_gives_exact_ranges() -> None:
     assert ranges[hit] == pytest.approx(expected, abs=1e-6)
 
 
-def test_a_sphere_and_a_cylinder_give_exact_ranges() -> None:
+def test_a_sphere_and_a_cylinder_have_exact_ranges() -> None:
     sonar = forward(DEEP._replace(cylinder=(Cylinder(20.0, 8.0, 2.0),)))
     sonar.add(solids.sphere((0.0, 0.0, 0.0), 1.5), State((15.0, -5.0, 10.0)))
     echoes = sonar._pinger.ping(0, AHEAD)

@@ -38,7 +38,7 @@ def scene(world: World = SEA) -> Simulation:
 ALTIMETER = AltimeterModel(error=EXACT)
 
 
-def test_altimeter_measures_along_its_beam() -> None:
+def test_an_altimeter_measures_along_its_beam() -> None:
     state = State((1.0, 2.0, 3.0), from_euler(0.15, -0.2, 2.0), NU)
     straight = Altimeter(ALTIMETER, Mounting((0.4, 0.1, 0.3)), 1, scene()).sample(9, state)
     depth = 3.0 + rotate(state.quaternion, (0.4, 0.1, 0.3))[2]

@@ -103,7 +103,7 @@ def test_bobbing_at_the_surface_has_the_period_of_the_water_plane() -> None:
 # -- weights ------------------------------------------------------------------------------------------------------
 
 
-def test_only_a_pulse_above_1700_releases() -> None:
+def test_only_a_pulse_above_1700_us_releases_a_weight() -> None:
     assert [is_release(pulse) for pulse in (0, 1500, 1700, 1701, 1900, 2200, 2201)] == [0, 0, 0, 1, 1, 1, 0]
 
 

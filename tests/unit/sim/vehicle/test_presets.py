@@ -68,7 +68,7 @@ def test_every_preset_stays_still_and_stable_under_thrust(name: str) -> None:
         assert all(abs(x) < 20.0 for x in busy.state.nu)
 
 
-def test_von_benzon_published_matrix_is_that_of_the_poses() -> None:
+def test_von_benzons_published_matrix_agrees_with_the_thruster_poses() -> None:
     """The same eight columns stand in another order, some with the other sign of thrust."""
     ours = columns(matrix_of("bluerov2_heavy"))
     for published in columns(TAM_VON_BENZON):
@@ -76,14 +76,14 @@ def test_von_benzon_published_matrix_is_that_of_the_poses() -> None:
         assert any(column == pytest.approx(same, abs=1e-6) for column in ours for same in (published, flipped))
 
 
-def test_rexrov_published_matrix_is_that_of_the_poses() -> None:
+def test_rexrovs_published_matrix_agrees_with_the_thruster_poses() -> None:
     """The rows Y, Z, M and N change sign from FLU to FRD; so this tests the preset's turn as well."""
     signs = (1.0, -1.0, -1.0, 1.0, -1.0, -1.0)
     for sign, row, published in zip(signs, matrix_of("rexrov"), TAM_REXROV, strict=True):
         assert row == pytest.approx([sign * x for x in published], abs=2e-6)
 
 
-def test_blue_published_matrix_is_not_that_of_its_poses() -> None:
+def test_blues_published_matrix_disagrees_with_its_thruster_poses() -> None:
     """Forces agree; the levers are another vehicle's. What blue gives as roll is twice what the thrusters have."""
     ours = matrix_of("bluerov2_blue")
     for row, published in zip(ours[:3], TAM_BLUE_CLASSIC[:3], strict=True):

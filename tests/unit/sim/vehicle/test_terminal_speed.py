@@ -41,7 +41,7 @@ def test_top_speeds_agree_with_von_benzons_runs(force: float, axis: int, speed: 
         ("bluerov2_heavy_px4", 2.58),
     ],
 )
-def test_the_published_sets_disagree(name: str, speed: float) -> None:
+def test_the_published_parameter_sets_disagree(name: str, speed: float) -> None:
     """The same 129.2 N, four T200 at 45 degrees in full thrust, two ahead and two astern, differ by 2.8 times."""
     vehicle, _ = load_vehicle(name)
     full = 2.0 * 0.5**0.5 * (51.44 + 39.91)
@@ -129,7 +129,7 @@ def test_undriven_axes_are_reported() -> None:
     }  # fmt: skip
 
 
-def test_a_propeller_loses_thrust_and_a_hull_drags() -> None:
+def test_torpedoes_reach_the_speeds_of_their_sources() -> None:
     """REMUS at 1525 rpm does what its source says, 2.540 m/s; the others what their sources' drag allows."""
     speeds = {name: top(load_vehicle(name)[0], 1026.0)[0].speed[0] for name in ("remus100", "eca_a9", "lauv")}
     assert speeds == pytest.approx({"remus100": 2.540, "eca_a9": (53.0 / 8.0) ** 0.5, "lauv": 2.0495}, abs=5e-4)

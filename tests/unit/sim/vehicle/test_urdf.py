@@ -64,7 +64,7 @@ def test_thrusters_are_turned_to_frd() -> None:
     assert (first.max_forward, first.max_reverse, first.time_constant) == (60.0, 45.0, 0.1)
 
 
-def test_the_turned_model_has_the_same_physics() -> None:
+def test_the_model_in_turned_axes_has_the_same_physics() -> None:
     """Wrenches and momenta of the FLU model, computed in FLU and turned as vectors, are those of the FRD one."""
     vehicle = hydra()
     six = np.diag([1.0, -1.0, -1.0, 1.0, -1.0, -1.0])

@@ -60,7 +60,7 @@ def test_independent_parsers_read_it(name: str) -> None:
     assert {link.name for link in URDF.from_xml_string(text).links} == links
 
 
-def test_a_thruster_pushes_along_its_x_axis_and_a_fin_turns_as_its_deflection_says() -> None:
+def test_thrusters_push_along_x_and_fins_turn_with_their_deflection() -> None:
     vehicle, _ = load_vehicle("remus100")
     theirs = yourdfpy.URDF.load(io.BytesIO(urdf_of(vehicle).encode()), load_meshes=False)
     propeller = theirs.get_transform("propeller_link", "base_link")
@@ -79,7 +79,7 @@ def test_a_full_inertia_matrix_is_written_in_turned_axes() -> None:
     assert (tensor.ixy, tensor.ixz, tensor.iyz) == (-0.01, 0.02, 0.03)  # products with x change their sign
 
 
-def test_a_mesh_keeps_its_place_and_orientation(tmp_path: Path) -> None:
+def test_a_mesh_retains_its_position_and_orientation(tmp_path: Path) -> None:
     mesh = Mesh(str(tmp_path / "hull.stl"), (0.1, 0.2, 0.3), (0.4, -0.5, 2.6), (0.001, 0.001, 0.002))
     (back,) = imported(load_vehicle("paper_six")[0]._replace(meshes=(mesh,))).meshes
     assert (back.file, back.position, back.scale) == (mesh.file, mesh.position, mesh.scale)
