@@ -106,7 +106,7 @@ def check_realtime_limits(case: Case) -> Iterator[Finding]:
     if tree.text("/proc/sys/kernel/sched_rt_runtime_us") == "0":
         text = "the kernel grants no time to SCHED_FIFO: sched_rt_runtime_us is 0"
         yield Finding(case.severity, "real time", text, "sudo sysctl kernel.sched_rt_runtime_us=950000")
-    process = _process(case)
+    process = _read_limits(case)
     if process is None:
         text = f"the limits of {case.user.name} cannot be determined"
         prefix = user_prefix(case.user)
@@ -154,7 +154,7 @@ def process_limits(text: str) -> dict[str, float]:
     return limits
 
 
-def _process(case: Case) -> str | None:
+def _read_limits(case: Case) -> str | None:
     """Return limits and status of a process of the user; None if this process cannot start one."""
     prefix = user_prefix(case.user) if case.tree.live else []
     if prefix:

@@ -47,7 +47,7 @@ def check_console(case: Case) -> Iterator[Finding]:
         where = "/boot/firmware/cmdline.txt" if tree.exists("/boot/firmware") else "set by the boot loader"
         remedy = f"remove console={real} (or serial0) from the kernel's command line ({where}) and restart"
         yield Finding(case.severity, "console", f"the kernel's console is on {real}", remedy)
-    for service in _logins(tree, real):
+    for service in _login_services(tree, real):
         text = f"a login prompt is on {real}: {service}"
         yield Finding(case.severity, "console", text, f"sudo systemctl disable --now {service}")
 
@@ -86,7 +86,7 @@ def check_speed(case: Case) -> Iterator[Finding]:
     except ConfigError as error:
         yield Finding("problem", "line rate", str(error))  # it names the remedy
     except MissingExtraError:
-        return  # `software` reports the missing package
+        return  # `check_packages` reports the missing package
 
 
 def check_can_bus(case: Case) -> Iterator[Finding]:
@@ -174,7 +174,7 @@ def _kind(name: str) -> str:
     return name.rstrip("0123456789")
 
 
-def _logins(tree: Tree, tty: str) -> list[str]:
+def _login_services(tree: Tree, tty: str) -> list[str]:
     """Return the services that are enabled and open a login prompt on a serial port."""
     wanted = [
         name

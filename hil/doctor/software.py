@@ -61,8 +61,8 @@ def check_start(scenario: Scenario, user: User) -> Iterator[Finding]:
     checks: tuple[tuple[str, Callable[[], object]], ...] = (
         ("slave", lambda: _assemble(scenario)),
         ("link", lambda: _open_protocols(scenario)),
-        ("recording", lambda: _require_room(scenario.recording, user)),
-        ("planner", lambda: _plan(scenario)),
+        ("recording", lambda: _require_disk_space(scenario.recording, user)),
+        ("planner", lambda: _plan_path(scenario)),
     )
     reported = set()
     for topic, check in checks:
@@ -113,8 +113,8 @@ def _open_protocols(scenario: Scenario) -> None:
         end_protocol(scenario.link, role, len(vehicle.channels))
 
 
-def _require_room(recording: Recording, user: User) -> None:
-    """Check that a slave that records can do so. Raises ConfigError or MissingExtraError."""
+def _require_disk_space(recording: Recording, user: User) -> None:
+    """Check that the slave can write its recording, if it makes one. Raises ConfigError or MissingExtraError."""
     if not recording.slave:
         return
     from hil.recording.mcap_writer import require_library
@@ -143,7 +143,7 @@ def may_write(folder: str, user: User) -> bool:
     return status.st_mode >> shift & 3 == 3
 
 
-def _plan(scenario: Scenario) -> None:
+def _plan_path(scenario: Scenario) -> None:
     """Plan the mission's path, if numpy is installed for a master. Raises HilError if there is no path."""
     has_mission = scenario.planner or scenario.master.goal  # otherwise a Python program or ROS commands the vehicle
     if not has_mission or scenario.member or scenario.controller == "external" or find_spec("numpy") is None:

@@ -17,7 +17,8 @@ from boards.tree import Tree
 from hil.common.errors import ConfigError, DeviceError
 from hil.common.schema import Range, parse
 
-MANIFEST = "/etc/uuv-hil/installed.json"  # not in /var/lib: its user could make root delete files
+# Root deletes what the manifest names, so it is not in a folder of the service's user, such as /var/lib/uuv-hil.
+MANIFEST = "/etc/uuv-hil/installed.json"
 MODE = 0o644
 SAME_OWNER = (-1, -1)  # for chown(2): the owner does not change
 TEMPORARY_SUFFIX = ".new"  # programs that read these folders ignore files with this suffix
