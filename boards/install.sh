@@ -3,9 +3,9 @@
 #
 #     sudo sh install.sh uuv_hil-VERSION-...whl SCENARIO --user NAME [other options of `uuv-hil board install`]
 #
-# The first word is whatever pip takes: a wheel, a folder, a name with a version. It goes into an environment of its own,
-# and can be repeated for a newer one. Remove all: sudo uuv-hil board uninstall && sudo rm -r /opt/uuv-hil-venv \
-# /usr/local/bin/uuv-hil
+# The first argument is what pip installs: a wheel, a folder, or a name with a version. It is installed into a virtual
+# environment of its own. To update, run the command again with a newer version.
+# To remove everything: sudo uuv-hil board uninstall && sudo rm -r /opt/uuv-hil-venv /usr/local/bin/uuv-hil
 set -eu
 
 folder=${UUV_HIL_FOLDER:-/opt/uuv-hil-venv}
@@ -21,7 +21,7 @@ python3 -c 'import ensurepip, venv' 2>/dev/null ||
   { echo "install.sh: no virtual environments: apt install python3-venv" >&2; exit 5; }
 test -x "$folder/bin/pip" || python3 -m venv "$folder"
 "$folder/bin/pip" install --quiet --disable-pip-version-check --upgrade "$package"
-"$folder/bin/python" -m compileall -q "$folder/lib" || true # others' files may not compile; ours do
+"$folder/bin/python" -m compileall -q "$folder/lib" || true # some files of other packages may not compile
 mkdir -p /usr/local/bin
 ln -sf "$folder/bin/uuv-hil" /usr/local/bin/uuv-hil
 "$folder/bin/uuv-hil" board install "$scenario" --yes "$@"

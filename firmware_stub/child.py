@@ -27,7 +27,7 @@ class Child:
         output = _stream(self._process.stdout)
         if not (select.select([output], (), (), START_S)[0] and output.readline()):
             reason = self._end()[1].strip()
-            raise DeviceError(reason or f"{command[0]}: did not come up")
+            raise DeviceError(reason or f"{command[0]}: did not start")
 
     def close(self) -> str:
         """Stop the process, with its outputs neutral; return its final report. Closing twice is harmless."""

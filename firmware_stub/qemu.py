@@ -28,8 +28,8 @@ from hil.links.wires.terminal import READ_SIZE, DescriptorWire
 
 PROGRAM = "qemu-system-arm"
 PATIENCE_S = 10.0
-HERE, THERE = "127.0.0.1", "127.0.0.2"  # the host's end and QEMU's, with one port number
-ROOM = 1 << 20  # size of the receive buffer; the kernel counts 768 for each byte, and may grant less
+HOST_ADDRESS, QEMU_ADDRESS = "127.0.0.1", "127.0.0.2"  # the host's end and QEMU's, with one port number
+RECEIVE_BUFFER = 1 << 20  # size of the receive buffer; the kernel counts 768 for each byte, and may grant less
 NO_ESCAPE = "0x100"  # escape character of the multiplexer; no byte has this value
 PULSE_REGISTERS = (0x4000_0434, 0x4000_0834)  # CCR1 to CCR4 of TIM3, then of TIM4
 
@@ -87,7 +87,7 @@ class QemuStm32:
             self.pid = self._process.pid
             if cpu is not None:
                 os.sched_setaffinity(self.pid, {cpu})
-            self._wait_for_its_first_byte()
+            self._wait_for_first_byte()
             self._held = held.pop_all()
 
     def pwm_us(self) -> tuple[int, ...]:
@@ -119,7 +119,7 @@ class QemuStm32:
         # Multiplexed, because QEMU then reads ahead, and delivers the next byte when the firmware has read one;
         # otherwise each byte waits for a cycle of QEMU's loop. Datagrams, because QEMU reads a stream byte by byte.
         # With both, a command and its answer take 0.3 ms instead of 0.8 ms.
-        usart = f"host={HERE},port={self.wire.port},localaddr={THERE},localport={self.wire.port},mux=on"
+        usart = f"host={HOST_ADDRESS},port={self.wire.port},localaddr={QEMU_ADDRESS},localport={self.wire.port},mux=on"
         return [
             PROGRAM, "-M", self.machine.name, "-display", "none", "-monitor", "none", "-kernel", self._image,
             "-device", f"loader,file={parameters_path},addr={PARAMETERS_ADDRESS:#x},force-raw=on",
@@ -137,21 +137,21 @@ class QemuStm32:
             raise DeviceError(f"{PROGRAM}: its monitor does not answer: {error.strerror}") from None
         return connection
 
-    def _wait_for_its_first_byte(self) -> None:
+    def _wait_for_first_byte(self) -> None:
         deadline = time.monotonic() + PATIENCE_S
         while not select.select([self.wire], (), (), 0.01)[0]:
             if self._process.poll() == NO_PROGRAM:
                 raise DeviceError(self._error_text())
             if self._process.poll() is not None:
-                raise DeviceError(f"{PROGRAM}: did not come up: {self._error_text()}")
+                raise DeviceError(f"{PROGRAM}: did not start: {self._error_text()}")
             if time.monotonic() > deadline:
-                raise DeviceError(f"{PROGRAM}: the firmware says nothing; is {self._image} whole?")
+                raise DeviceError(f"{PROGRAM}: the firmware sends nothing; is {self._image} complete?")
 
     def _error_text(self) -> str:
         """Return the error messages of the process, which has ended."""
         assert self._process.stderr
         lines = self._process.stderr.read().decode(errors="replace").splitlines()
-        return "; ".join(lines) or "it says nothing"
+        return "; ".join(lines) or "no error message"
 
 
 class _Usart(DescriptorWire):
@@ -160,11 +160,11 @@ class _Usart(DescriptorWire):
     def __init__(self) -> None:
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as usart:
             usart.setblocking(False)
-            usart.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, ROOM)
-            usart.bind((HERE, 0))
+            usart.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, RECEIVE_BUFFER)
+            usart.bind((HOST_ADDRESS, 0))
             self.port: int = usart.getsockname()[1]
-            usart.connect((THERE, self.port))  # datagrams from other addresses are ignored
-            super().__init__(usart.detach(), f"udp://{THERE}:{self.port}")
+            usart.connect((QEMU_ADDRESS, self.port))  # datagrams from other addresses are ignored
+            super().__init__(usart.detach(), f"udp://{QEMU_ADDRESS}:{self.port}")
 
     def read(self) -> bytes:
         """Return the received bytes, or b"". Raises DeviceError if QEMU has ended, as detected by a write."""

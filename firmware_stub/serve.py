@@ -25,7 +25,7 @@ REPORT_PERIOD_NS = 5 * NS_PER_S
 EXAMPLES = """\
 examples:
   uuv-hil stm32                                     a pty; open /tmp/uuv-hil-stm32 as your serial port
-  uuv-hil stm32 --channels 8 --watchdog "500 ms"    eight thrusters, a patient watchdog
+  uuv-hil stm32 --channels 8 --watchdog "500 ms"    eight thrusters, a longer watchdog
   uuv-hil stm32 --port /dev/ttyUSB0 --baud 921600   at the far end of a real cable
   uuv-hil stm32 --frame my_lab.toml                 another lab's frame (see firmware_stub/frames/uuv_hil.toml)
   uuv-hil stm32 --protocol mavlink --port udp://127.0.0.1:14550
@@ -104,9 +104,9 @@ def _run(options: Options, stop_fd: int) -> None:
     protocol = open_protocol(options.protocol, "device", options.channels, **chosen)
     wire = open_address(options.port, "device", options.baud, options.bitrate)
     stm32 = Stm32(options.channels, round(options.watchdog * NS_PER_S))
-    spoken = f"frame {options.frame}" if options.protocol == "frame" else options.protocol
+    protocol_text = f"frame {options.frame}" if options.protocol == "frame" else options.protocol
     _print_line(
-        f"STM32 with {options.channels} thrusters on {wire.name}: {spoken}, "
+        f"STM32 with {options.channels} thrusters on {wire.name}: {protocol_text}, "
         f"watchdog {options.watchdog * 1e3:g} ms; Ctrl-C ends it"
     )
     end = Stm32End(stm32, ThrusterLink(wire, protocol))
@@ -119,7 +119,7 @@ def _status(end: Stm32End) -> str:
     state = "armed" if stm32.armed else "timed out" if stm32.timed_out else "disarmed"
     return (
         f"{stm32.frames} commands, {stm32.refused} refused, {counters.checksum_errors} checksum errors, "
-        f"{counters.malformed} malformed, {counters.dropped_bytes} bytes dropped (noise, or nobody reads), "
+        f"{counters.malformed} malformed, {counters.dropped_bytes} bytes dropped (noise, or no reader), "
         f"{stm32.watchdog_trips} watchdog trips; {state}, pwm {' '.join(map(str, stm32.pwm_us))}"
     )
 
@@ -137,9 +137,9 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         metavar="S",
         type=WATCHDOG,
         default="200 ms",
-        help="longest silence before all thrusters stop [%(default)s]",
+        help="longest time without a command before all thrusters stop [%(default)s]",
     )
-    add("--quiet", action="store_true", help="say nothing between start and end")
+    add("--quiet", action="store_true", help="print nothing between start and end")
 
 
 if __name__ == "__main__":

@@ -205,7 +205,7 @@ class UnicornEnd:
         self._serviced_ns = now_ns
         data = self._next_input()
         if data:
-            self._hand_over(data)
+            self._deliver(data)
         self.board.run_until(self.board.now_ns + min(max(passed_ns, 0), self.PATIENCE_NS))
         output = self._take_output()
         if output:
@@ -225,7 +225,7 @@ class UnicornEnd:
         data, self._held = self._held[:size], self._held[size:]
         return data
 
-    def _hand_over(self, data: bytes) -> None:
+    def _deliver(self, data: bytes) -> None:
         if self._unit == 1:
             self.board.receive(data)
         else:

@@ -64,7 +64,7 @@ class BxCan(Peripheral):
         """Move waiting frames from the bus into the FIFOs, as far as these have room; return whether any was moved."""
         if not self._on_bus:
             return False
-        took = False
+        has_moved = False
         while self._on_bus and self._is_on():
             frame = self._on_bus[0]
             match = self._match(frame)
@@ -73,9 +73,9 @@ class BxCan(Peripheral):
             self._on_bus.popleft()
             if match is not None:
                 self._fifos[match[0]].append((frame, match[1]))
-            took = True
+            has_moved = True
         self._update()
-        return took
+        return has_moved
 
     def read(self, offset: int) -> int:
         """Return a register, or the frame at the head of a FIFO."""
@@ -170,7 +170,7 @@ class BxCan(Peripheral):
             rules = self._rules(bank)
             if active >> bank & 1:
                 for place, (wanted, mask) in enumerate(rules):
-                    if not (_shown(frame, self._is_narrow(bank)) ^ wanted) & mask:
+                    if not (_filter_identifier(frame, self._is_narrow(bank)) ^ wanted) & mask:
                         return fifo, indices[fifo] + place
             indices[fifo] += len(rules)
         return None
@@ -206,7 +206,7 @@ def _identifier(frame: CanFrame) -> int:
     return frame.id << 3 | EXTENDED if frame.extended else frame.id << 21
 
 
-def _shown(frame: CanFrame, narrow: bool) -> int:
+def _filter_identifier(frame: CanFrame, narrow: bool) -> int:
     """Return the identifier in the layout of a filter: 32 bits or, if `narrow`, STID[10:0] RTR IDE EXID[17:15]."""
     if not narrow:
         return _identifier(frame)

@@ -76,7 +76,7 @@ class Chip:
         """Load 1, 2 or 4 bytes; 0 if the peripheral's clock is off. Raises DeviceError if there is no register."""
         block = self._blocks.get(address // BLOCK)
         if block is None:
-            raise _nothing_at(address)
+            raise _no_register_error(address)
         peripheral, start, register, mask = block
         if register and not self.rcc.words.get(register, 0) & mask:
             return 0
@@ -88,7 +88,7 @@ class Chip:
         """Store 1, 2 or 4 bytes; no effect if the peripheral's clock is off. Raises DeviceError without a register."""
         block = self._blocks.get(address // BLOCK)
         if block is None:
-            raise _nothing_at(address)
+            raise _no_register_error(address)
         peripheral, start, register, mask = block
         if register and not self.rcc.words.get(register, 0) & mask:
             return
@@ -151,5 +151,5 @@ def _numbers(start: int, size: int) -> range:
     return range(start // BLOCK, (start + size) // BLOCK)
 
 
-def _nothing_at(address: int) -> DeviceError:
+def _no_register_error(address: int) -> DeviceError:
     return DeviceError(f"no register is at 0x{address:08x}")

@@ -253,7 +253,7 @@ class Engine:
             uc.mem_map_ptr(start, size, rights, place)
         # Not by `Uc.mmio_map`: its two layers around each access would take a quarter of the time of a command.
         binding = importlib.import_module("unicorn.unicorn_py3.unicorn")
-        self._accesses = binding.MMIO_READ_CFUNC(self._load), binding.MMIO_WRITE_CFUNC(self._store)  # kept alive
+        self._accesses = binding.MMIO_READ_CFUNC(self._load), binding.MMIO_WRITE_CFUNC(self._store)  # stored: not freed
         load, store = self._accesses
         for start, size in ((PERIPHERALS, PERIPHERALS_SIZE), (CORE_REGISTERS, CORE_REGISTERS_SIZE)):
             error = binding.uclib.uc_mmio_map(uc._uch, start, size, load, start, store, start)

@@ -21,7 +21,7 @@ RE, TE, IDLEIE, RXNEIE, TCIE, TXEIE, M, UE, OVER8 = (
     1 << 15,
 )
 TWO_STOP_BITS = 1 << 13  # of CR2
-LINE_HOLDS = 4096  # bytes on the line, as in a terminal's buffer; more are lost
+LINE_CAPACITY = 4096  # bytes on the line, as in a terminal's buffer; more are lost
 AT_ONCE = 16  # unpaced bytes that a program may read before it has to sleep; no program has a smaller buffer
 
 
@@ -62,7 +62,7 @@ class Usart(Peripheral):
 
     def receive(self, data: bytes) -> None:
         """Put bytes on the line, after those that are still arriving."""
-        taken = data[: LINE_HOLDS - len(self._on_line)]
+        taken = data[: LINE_CAPACITY - len(self._on_line)]
         self.lost += len(data) - len(taken)
         self._on_line.extend(taken)
         if self._paced:
@@ -129,7 +129,7 @@ class Usart(Peripheral):
         self.words[SR] &= ~(RXNE | ORE | IDLE if self._clears else RXNE)
         self._clears = False
         if fresh and not self._paced:
-            self._go_on()
+            self._deliver_next()
         self._update()
         return data
 
@@ -138,7 +138,7 @@ class Usart(Peripheral):
         status, enabled = self.words[SR], self.words.get(CR1, 0)
         return status & (RXNE | ORE | IDLE) == RXNE and enabled & (UE | RE) == UE | RE
 
-    def _go_on(self) -> None:
+    def _deliver_next(self) -> None:
         """Deliver the next byte after the program has read one (unpaced), or report an idle line."""
         if not self._on_line:
             self.words[SR] |= IDLE

@@ -97,28 +97,28 @@ void uuv_hil_board_disarm(UuvHilBoard *board);
 /* Return when uuv_hil_board_tick has to be called next, unless a command is received before. */
 uint64_t uuv_hil_board_deadline_us(const UuvHilBoard *board);
 
-/* ---- stream.c: find valid packets in a stream of bytes. One is delivered with its last byte, whatever precedes it:
- * neither a cut packet nor a damaged length delays the one behind it. ---- */
+/* ---- stream.c: find valid packets in a stream of bytes. A packet is delivered with its last byte:
+ * neither a cut packet nor a damaged length before it delays it. ---- */
 
 #define UUV_HIL_PACKET_LONGEST 280u /* a signed MAVLink 2 packet; the frame has 261 at most */
 
 typedef struct {
-    /* The size of the packet that begins with these bytes; while they are too few to see it, how many it takes to
-     * see more, before which the answer is the same; 0 if none begins so. */
+    /* Return the size of the packet that begins with these `seen` bytes. If these are too few, return the number of
+     * bytes at which to ask again. Return 0 if no packet begins like this. */
     size_t (*size)(const uint8_t *bytes, size_t seen);
-    bool (*is_sound)(const uint8_t *packet, size_t size);
-    uint8_t first; /* byte of every packet; any other need not be asked for its size */
+    bool (*is_valid)(const uint8_t *packet, size_t size);
+    uint8_t first; /* first byte of every packet; `size` is not called for others */
 } UuvHilFormat;
 
 typedef struct {
     uint8_t bytes[UUV_HIL_PACKET_LONGEST]; /* the beginning of an unfinished packet */
     uint16_t length;
-    uint16_t look_at;         /* the length at which the stored bytes have to be checked again */
+    uint16_t next_check;         /* the length at which the stored bytes have to be checked again */
     uint16_t checksum_errors; /* both counters wrap */
     uint16_t dropped_bytes;
 } UuvHilStream;
 
-/* Add one byte off the line. Returns the valid packet that it completes, which stays until the next call, or NULL.
+/* Add one received byte. Returns the valid packet that it completes, unchanged until the next call, or NULL.
  * A stream starts as all zeros. */
 const uint8_t *uuv_hil_stream_feed(UuvHilStream *stream, const UuvHilFormat *format, uint8_t byte);
 
@@ -155,7 +155,7 @@ typedef struct {
 
 typedef enum {
     UUV_HIL_NOTHING,
-    UUV_HIL_SOUND,   /* a valid packet, answered or ignored */
+    UUV_HIL_VALID,   /* a valid packet, answered or ignored */
     UUV_HIL_COMMAND, /* a valid packet, and *command is the command for the board */
 } UuvHilReceived;
 
@@ -193,7 +193,7 @@ void uuv_hil_mavlink_tick(UuvHilMavlink *mavlink, const UuvHilPlatform *platform
  * again before that, make one command of the board. It sends STATUS. ---- */
 
 typedef struct {
-    uint16_t held_us;    /* present output; UUV_HIL_NO_PULSE_US: none */
+    uint16_t output_us;    /* present output; UUV_HIL_NO_PULSE_US: none */
     uint16_t waiting_us; /* output of the command that is being collected */
     bool waits;
     uint64_t received_us;

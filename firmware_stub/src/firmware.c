@@ -64,7 +64,7 @@ static UuvHilReceived feed_frame(UuvHilFirmware *firmware, uint8_t byte, UuvHilC
     if (uuv_hil_frame_decode(frame, command))
         return UUV_HIL_COMMAND;
     firmware->malformed++;
-    return UUV_HIL_SOUND;
+    return UUV_HIL_VALID;
 }
 
 static void set_protocol(UuvHilFirmware *firmware, UuvHilProtocol protocol)

@@ -50,12 +50,12 @@ static size_t frame_size(const uint8_t *bytes, size_t seen)
     return FRAME_PREFIX + (size_t)bytes[UUV_HIL_FRAME_LENGTH] + UUV_HIL_FRAME_CRC_SIZE;
 }
 
-static bool is_sound(const uint8_t *frame, size_t size)
+static bool is_valid(const uint8_t *frame, size_t size)
 {
     return checksum(frame, size) == get_u16(frame + size - UUV_HIL_FRAME_CRC_SIZE);
 }
 
-const UuvHilFormat uuv_hil_frame_format = {frame_size, is_sound, UUV_HIL_FRAME_SYNC_0};
+const UuvHilFormat uuv_hil_frame_format = {frame_size, is_valid, UUV_HIL_FRAME_SYNC_0};
 
 bool uuv_hil_frame_decode(const uint8_t *frame, UuvHilCommand *command)
 {

@@ -35,7 +35,7 @@ static size_t packet_size(const uint8_t *bytes, size_t seen)
     return HEADER_SIZE + bytes[1] + CRC_SIZE + ((bytes[2] & SIGNED) ? SIGNATURE_SIZE : 0u);
 }
 
-static bool is_sound(const uint8_t *packet, size_t size)
+static bool is_valid(const uint8_t *packet, size_t size)
 {
     (void)size; /* a signature lies behind the checksum */
     size_t end = HEADER_SIZE + packet[1];
@@ -44,9 +44,9 @@ static bool is_sound(const uint8_t *packet, size_t size)
     return crc == (packet[end] | packet[end + 1] << 8);
 }
 
-static const UuvHilFormat mavlink_format = {packet_size, is_sound, MAVLINK_STX};
+static const UuvHilFormat mavlink_format = {packet_size, is_valid, MAVLINK_STX};
 
-/* ---- messages that are sent ---- */
+/* ---- sent messages ---- */
 
 static void send_message(UuvHilMavlink *mavlink, const UuvHilPlatform *platform, const mavlink_message_t *message)
 {
@@ -148,7 +148,7 @@ static void answer_timesync(UuvHilMavlink *mavlink, const UuvHilPlatform *platfo
     send_message(mavlink, platform, &message);
 }
 
-/* Answer what a ground station asks of every vehicle. */
+/* Answer the requests that a ground station sends to every vehicle. */
 static void answer_question(UuvHilMavlink *mavlink, const UuvHilPlatform *platform, const mavlink_message_t *packet)
 {
     mavlink_status_t numbered = status(mavlink);
@@ -220,7 +220,7 @@ static bool handle_rc_channels_override(UuvHilMavlink *mavlink, const mavlink_me
     return set_command(mavlink, pwm_us, packet);
 }
 
-/* Arming keeps the present pulses; no change of the armed state changes nothing. */
+/* Arming does not change the pulses. A command without a change of the armed state has no effect. */
 static bool handle_arm_disarm(UuvHilMavlink *mavlink, const mavlink_message_t *packet, float arm, uint8_t *result)
 {
     if (arm != 0.0f && arm != 1.0f) {
@@ -306,7 +306,7 @@ static bool handle_packet(UuvHilMavlink *mavlink, const UuvHilPlatform *platform
     }
 }
 
-/* Clear what the decoders read of it; to clear all would take longer than to decode it. */
+/* Copy the fields that the decoders read; to clear the whole record would take longer than to decode it. */
 static void unpack(const uint8_t *packet, mavlink_message_t *message)
 {
     message->len = packet[1];
@@ -335,9 +335,9 @@ UuvHilReceived uuv_hil_mavlink_feed(UuvHilMavlink *mavlink, const UuvHilPlatform
     mavlink_message_t message;
     unpack(packet, &message);
     if (message.sysid == SYSTEM && message.compid == COMPONENT)
-        return UUV_HIL_SOUND; /* our own echo */
+        return UUV_HIL_VALID; /* our own echo */
     if (!handle_packet(mavlink, platform, &message, now_us))
-        return UUV_HIL_SOUND;
+        return UUV_HIL_VALID;
     *command = mavlink->command;
     return UUV_HIL_COMMAND;
 }

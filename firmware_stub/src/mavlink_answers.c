@@ -1,4 +1,4 @@
-/* What a ground station asks of every vehicle: a part of hil/links/mavlink/ground_station.py. */
+/* Answer the requests that a ground station sends to every vehicle: a part of hil/links/mavlink/ground_station.py. */
 
 #include "mavlink_messages.h"
 
@@ -10,7 +10,7 @@
 #define FTP_NAK 129
 #define FTP_UNKNOWN_COMMAND 7
 
-/* What was received is decoded as a whole: bytes that a packet leaves out at its end are zeros only there. */
+/* A received request. Decode the whole packet: only then are the bytes that it leaves out at its end zeros. */
 typedef struct {
     const mavlink_message_t *packet;
     mavlink_status_t *numbered;
@@ -30,7 +30,7 @@ static bool send_parameter(const Question *question)
     return true;
 }
 
-/* The rest of the field behind a name is zeros. */
+/* The field is filled up with zeros behind the name. */
 static bool is_parameter(const char *name)
 {
     for (size_t i = 0; i < sizeof PARAMETER; i++)
@@ -54,7 +54,7 @@ static bool read_parameter(const Question *question)
            && (request.param_index == 0 || is_parameter(request.param_id)) && send_parameter(question);
 }
 
-/* It cannot be changed: the answer says what it is. */
+/* The parameter cannot be changed: the answer has its value. */
 static bool set_parameter(const Question *question)
 {
     mavlink_param_set_t request;

@@ -18,8 +18,8 @@ static inline bool uuv_hil_mavlink_is_for_us(uint8_t system, uint8_t component)
     return (system == 0 || system == UUV_HIL_MAVLINK_SYSTEM) && (component == 0 || component == UUV_HIL_MAVLINK_COMPONENT);
 }
 
-/* mavlink_answers.c: write what a ground station asks of every vehicle, and gets at once: one parameter, no mission,
- * no files. Twin of hil/links/mavlink/ground_station.py. Returns whether `packet` has an answer. */
+/* mavlink_answers.c: write the answer to a request that a ground station sends to every vehicle: one parameter, no
+ * mission, no files. Twin of hil/links/mavlink/ground_station.py. Returns whether `packet` has an answer. */
 bool uuv_hil_mavlink_answer(const mavlink_message_t *packet, mavlink_status_t *numbered, mavlink_message_t *answer);
 
 #endif

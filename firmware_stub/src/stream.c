@@ -1,7 +1,7 @@
 /* Find packets in a stream of bytes, like hil/links/frame/readers.py but one byte at a time.
  *
- * The packets that may have begun are checked only when the bytes suffice to decide more, and not with every byte:
- * that would take most of the time between a command and its answer.
+ * The beginnings of packets are not checked with every byte, but only when there are enough bytes for a new result:
+ * checks with every byte would take most of the time between a command and its answer.
  */
 
 #include "uuv_hil_stm32.h"
@@ -14,18 +14,18 @@ static void drop(UuvHilStream *stream, size_t count)
         stream->bytes[i] = stream->bytes[i + count];
 }
 
-static const uint8_t *take(UuvHilStream *stream, size_t start)
+static const uint8_t *take_packet(UuvHilStream *stream, size_t start)
 {
     stream->dropped_bytes = (uint16_t)(stream->dropped_bytes + start);
     stream->length = 0;
     return stream->bytes + start;
 }
 
-static const uint8_t *look(UuvHilStream *stream, const UuvHilFormat *format)
+static const uint8_t *find_packet(UuvHilStream *stream, const UuvHilFormat *format)
 {
     size_t length = stream->length;
-    size_t kept_from = length; /* where the first unfinished packet begins */
-    size_t look_at = SIZE_MAX;
+    size_t unfinished_from = length; /* start of the first unfinished packet */
+    size_t next_check = SIZE_MAX;
     for (size_t start = 0; start < length; start++) {
         const uint8_t *packet = stream->bytes + start;
         if (*packet != format->first)
@@ -34,19 +34,19 @@ static const uint8_t *look(UuvHilStream *stream, const UuvHilFormat *format)
         if (size == 0)
             continue;
         size_t end = start + size;
-        if (end == length && format->is_sound(packet, size))
-            return take(stream, start);
-        if (end > length && end < look_at)
-            look_at = end;
-        if (kept_from < length)
-            continue; /* it is checked when what precedes it is finished */
+        if (end == length && format->is_valid(packet, size))
+            return take_packet(stream, start);
+        if (end > length && end < next_check)
+            next_check = end;
+        if (unfinished_from < length)
+            continue; /* it is checked when the packet before it is complete */
         if (end > length)
-            kept_from = start;
+            unfinished_from = start;
         else
             stream->checksum_errors++;
     }
-    drop(stream, kept_from);
-    stream->look_at = (uint16_t)(look_at - kept_from);
+    drop(stream, unfinished_from);
+    stream->next_check = (uint16_t)(next_check - unfinished_from);
     return NULL;
 }
 
@@ -58,5 +58,5 @@ const uint8_t *uuv_hil_stream_feed(UuvHilStream *stream, const UuvHilFormat *for
         return NULL;
     }
     stream->bytes[stream->length++] = byte;
-    return stream->length < stream->look_at && !may_begin ? NULL : look(stream, format);
+    return stream->length < stream->next_check && !may_begin ? NULL : find_packet(stream, format);
 }

@@ -64,12 +64,12 @@ static void gather(UuvHilVesc *vesc, uint64_t now_us, UuvHilCommand *command)
     for (uint8_t i = 0; i < vesc->channels; i++) {
         UuvHilVescMotor *motor = &vesc->motors[i];
         if (motor->waits)
-            motor->held_us = motor->waiting_us;
+            motor->output_us = motor->waiting_us;
         else if (now_us - motor->received_us > TIMEOUT_US)
-            motor->held_us = UUV_HIL_NO_PULSE_US;
+            motor->output_us = UUV_HIL_NO_PULSE_US;
         motor->waits = false;
-        command->pwm_us[i] = motor->held_us;
-        if (motor->held_us != UUV_HIL_NO_PULSE_US)
+        command->pwm_us[i] = motor->output_us;
+        if (motor->output_us != UUV_HIL_NO_PULSE_US)
             command->armed = true;
     }
     vesc->waiting = 0;
@@ -95,12 +95,12 @@ UuvHilReceived uuv_hil_vesc_receive(UuvHilVesc *vesc, const UuvHilCanFrame *fram
     bool comes_again = motor->waits;
     if (comes_again)
         gather(vesc, now_us, command);
-    *motor = (UuvHilVescMotor){.held_us = motor->held_us, .waiting_us = pulse_us, .waits = true, .received_us = now_us};
+    *motor = (UuvHilVescMotor){.output_us = motor->output_us, .waiting_us = pulse_us, .waits = true, .received_us = now_us};
     vesc->waiting++;
     if (vesc->waiting == vesc->channels)
         gather(vesc, now_us, command);
     else if (!comes_again)
-        return UUV_HIL_SOUND;
+        return UUV_HIL_VALID;
     return UUV_HIL_COMMAND;
 }
 

@@ -125,7 +125,7 @@ static void can_write(void *context, const UuvHilCanFrame *frame)
 
 static void pwm_set(void *context, const uint16_t *pulse_us, uint8_t channels)
 {
-    (void)context; /* no pins here: the pulses are seen in the telemetry */
+    (void)context; /* a process has no pins: the telemetry reports the pulses */
     (void)pulse_us;
     (void)channels;
 }
@@ -135,7 +135,7 @@ static void watchdog_kick(void *context)
     (void)context;
 }
 
-/* Signals come only inside the wait, so that none is missed. */
+/* Signals are delivered only inside the wait, so that none is missed. */
 static sigset_t catch_signals(void)
 {
     sigset_t blocked, before;

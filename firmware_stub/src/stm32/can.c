@@ -3,14 +3,14 @@
 #include "stm32.h"
 
 #define RING_SIZE 32u /* a power of two; a report is 8 */
-#define PATIENCE 10000u /* polls; it takes one frame's time, and for ever without a controller */
+#define PATIENCE 10000u /* polls; it takes the time of one frame, and never ends without a controller */
 #define EXTENDED BIT(2)
 #define REMOTE BIT(1)
 #define TRANSMIT_REQUEST BIT(0)
 
 typedef struct {
     UuvHilCanFrame frames[RING_SIZE];
-    volatile uint32_t head; /* the indices run on for ever; one side writes `head`, the other `tail` */
+    volatile uint32_t head; /* the indices only count up; one side writes `head`, the other `tail` */
     volatile uint32_t tail;
 } Ring;
 

@@ -55,7 +55,7 @@ static const UuvHilPlatform platform = {
     .watchdog_kick = platform_watchdog_kick,
 };
 
-/* Asleep until a byte, a frame or the next millisecond comes; what comes just before falling asleep wakes it too. */
+/* Sleep until a byte, a frame or the next millisecond; an interrupt just before the sleep ends it too. */
 static void sleep(void)
 {
     interrupts_off();
@@ -84,7 +84,7 @@ int main(void)
     }
 }
 
-/* Anything that must not happen: thrusters to neutral, and the watchdog starts the program again. */
+/* After any fault: set the thrusters to neutral, and wait until the watchdog restarts the program. */
 void Fault_Handler(void)
 {
     const uint16_t neutral_us[OUTPUTS] = {1500, 1500, 1500, 1500, 1500, 1500, 1500, 1500};

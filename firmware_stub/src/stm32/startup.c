@@ -1,4 +1,4 @@
-/* What runs before main: the vector table, memory, and the two functions a compiler may call unasked. */
+/* Start before main: vector table, memory, and the two functions that a compiler may call by itself. */
 
 #include <stddef.h>
 #include <stdint.h>

@@ -4,7 +4,7 @@
 
 #define RING_SIZE 512u /* a power of two; at 115200 bit/s 44 ms */
 
-/* The indices run on for ever; one side writes `head`, the other `tail`. */
+/* The indices only count up; one side writes `head`, the other `tail`. */
 typedef struct {
     uint8_t bytes[RING_SIZE];
     volatile uint32_t head;
@@ -33,7 +33,7 @@ static uint8_t get(Ring *ring)
     return byte;
 }
 
-/* Send what the line takes now; its interrupt sends the rest. Emulators raise none, but take all at once. */
+/* Send what the port accepts now; its interrupt sends the rest. Emulators accept all at once, without interrupts. */
 static void send_on(void)
 {
     while (held(&to_send) > 0 && (USART_SR(UART) & USART_SR_TXE))
@@ -44,7 +44,7 @@ static void send_on(void)
         USART_CR1(UART) &= ~USART_CR1_TXEIE;
 }
 
-/* Read all that is there. An overrun requests the interrupt too, until the data register is read. */
+/* Read all received bytes. An overrun requests the interrupt too, until the data register is read. */
 void UART_Handler(void)
 {
     uint32_t status;

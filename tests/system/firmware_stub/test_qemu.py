@@ -168,7 +168,7 @@ def test_each_output_is_turned_and_confirmed(protocol: str, capsys: pytest.Captu
 @pytest.mark.skipif(not shutil.which(PROGRAM), reason=f"needs {PROGRAM}")
 def test_an_image_that_qemu_refuses_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(qemu, "image_path", lambda _: "/no/such/image.bin")
-    with nothing_leaks(), pytest.raises(DeviceError, match=r"did not come up: .*/no/such/image\.bin"):
+    with nothing_leaks(), pytest.raises(DeviceError, match=r"did not start: .*/no/such/image\.bin"):
         QemuStm32()
 
 
