@@ -37,7 +37,7 @@ RULES = {
     25: "stopping prohibited", 27: "speed restricted",
 }  # fmt: skip
 NATURE_REACH = 100.0  # times the accuracy of a drawn line: 5 cm on paper
-BOTTOM_STEP = 4  # nodes of the depth grid per node of the bottom grid, along a side
+BOTTOM_STEP = 2  # nodes of the depth grid per node of the bottom grid, along a side
 _KNOWN = {nature.code for nature in NATURES.values()}
 
 

@@ -9,13 +9,14 @@ rows = 21
 columns = 16
 
 A byte is the number that S-57 gives the nature of a surface (attribute 113, NATSUR), 0 where nothing is known: there
-the seabed is that of `[bottom]`. The file is mapped when a sonar or a camera looks; sim.environment.things.natures
-has what they see.
+the seabed is that of `[bottom]`. Between four nodes the kind counts that has most of a bilinear weight, more or less
+by place (`_RAGGED`), so that a border is neither a step of a node nor a straight line. The file is mapped when a sonar
+or a camera looks; sim.environment.things.natures has what they see.
 """
 
 import os
 import sys
-from math import floor
+from math import pi, sin
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 from hil.common.errors import ConfigError
@@ -35,6 +36,8 @@ if TYPE_CHECKING:
 
 
 UNKNOWN = 0
+# Waves: share of a weight, cycles a node to the north and to the east. All of them together are below a half.
+_RAGGED = ((0.11, 0.61, 0.37), (0.09, -0.83, 1.49), (0.06, 2.27, -1.91), (0.04, 3.1, 4.7))
 _CODES = 256
 
 
@@ -57,23 +60,48 @@ class BottomMap:
         self._mapped: mmap | None = None
 
     def code(self, north: float, east: float) -> int:
-        """Return S-57's number of the kind at a place (m): that of the nearest node, 0: unknown."""
+        """Return S-57's number of the kind at a place (m), 0: unknown."""
         keys = self.keys
-        row = floor((north - keys.north_min) / keys.resolution + 0.5)
-        column = floor((east - keys.east_min) / keys.resolution + 0.5)
-        inside = 0 <= row < keys.rows and 0 <= column < keys.columns
-        return self._bytes()[row * keys.columns + column] if inside else UNKNOWN
+        x, y = (north - keys.north_min) / keys.resolution, (east - keys.east_min) / keys.resolution
+        if not (-0.5 <= x < keys.rows - 0.5 and -0.5 <= y < keys.columns - 0.5):
+            return UNKNOWN
+        x, y = min(max(x, 0.0), keys.rows - 1.0), min(max(y, 0.0), keys.columns - 1.0)
+        row, column = min(int(x), max(keys.rows - 2, 0)), min(int(y), max(keys.columns - 2, 0))
+        u, v = x - row, y - column
+        weights = (1.0 - u) * (1.0 - v), (1.0 - u) * v, u * (1.0 - v), u * v
+        scores: dict[int, float] = {}
+        for corner, weight in enumerate(weights):
+            node = min(row + corner // 2, keys.rows - 1) * keys.columns + min(column + corner % 2, keys.columns - 1)
+            code = self._bytes()[node]
+            scores[code] = scores.get(code, 0.0) + weight
+        if len(scores) == 1:
+            return next(iter(scores))
+        ragged = _raggedness(sin, x, y)
+        return max(scores, key=lambda code: scores[code] + _lean(code) * ragged)
 
     def codes(self, north: Any, east: Any) -> "Codes":
-        """Return S-57's number of the kind at places (m, arrays of one shape): that of the nearest node, 0: unknown."""
+        """Return S-57's number of the kind at places (m, arrays of one shape), 0: unknown."""
         import numpy as np
 
         keys, grid = self.keys, self.grid()
-        row = np.floor((np.asarray(north) - keys.north_min) / keys.resolution + 0.5)
-        column = np.floor((np.asarray(east) - keys.east_min) / keys.resolution + 0.5)
-        inside = (row >= 0) & (row < keys.rows) & (column >= 0) & (column < keys.columns)
-        found = grid[np.where(inside, row, 0).astype(np.intp), np.where(inside, column, 0).astype(np.intp)]
-        return np.where(inside, found, np.uint8(UNKNOWN))
+        x = (np.asarray(north) - keys.north_min) / keys.resolution
+        y = (np.asarray(east) - keys.east_min) / keys.resolution
+        if not x.size:
+            return np.zeros(x.shape, np.uint8)
+        extremes = x.min(), x.max() - keys.rows + 1, y.min(), y.max() - keys.columns + 1
+        outside = None
+        if min(extremes[::2]) < -0.5 or max(extremes[1::2]) >= 0.5:
+            outside = (x < -0.5) | (x >= keys.rows - 0.5) | (y < -0.5) | (y >= keys.columns - 0.5)
+            x, y = np.clip(x, 0, keys.rows - 1), np.clip(y, 0, keys.columns - 1)
+        window = grid[_span(x, keys.rows), _span(y, keys.columns)]
+        if window.size < x.size and (window == window[0, 0]).all():  # most often
+            found = np.full(x.shape, window[0, 0])
+        else:
+            x, y = np.clip(x, 0, keys.rows - 1), np.clip(y, 0, keys.columns - 1)
+            found = _heaviest(grid, x.astype(np.float32), y.astype(np.float32))
+        if outside is not None:
+            found[outside] = UNKNOWN
+        return found
 
     def echoes(self, north: Any, east: Any, bottom: Bottom | None) -> "Floats":
         """Return `echo_ratios` at places (m, arrays of one shape)."""
@@ -107,6 +135,47 @@ class BottomMap:
             with open(self.path, "rb") as file:
                 self._mapped = mmap(file.fileno(), 0, access=ACCESS_READ)
         return self._mapped
+
+
+def _span(places: Any, count: int) -> slice:
+    """Return the nodes around places, of `count`."""
+    return slice(max(int(places.min()), 0), min(int(places.max()), count - 1) + 2)
+
+
+def _heaviest(grid: "Codes", x: "Floats", y: "Floats") -> "Codes":
+    """Return the codes that count at places (nodes) within the grid."""
+    import numpy as np
+
+    rows, columns = grid.shape
+    row = np.minimum(x.astype(np.int32), max(rows - 2, 0))
+    column = np.minimum(y.astype(np.int32), max(columns - 2, 0))
+    first = row.astype(np.intp) * columns + column
+    beside, below = int(columns > 1), columns * int(rows > 1)
+    corners = np.stack([grid.ravel().take(first + more) for more in (0, beside, below, below + beside)])
+    found: Codes = corners[0].copy()
+    mixed = (corners[1:] != found).any(axis=0)
+    if mixed.any():
+        here, x, y = corners[:, mixed], x[mixed], y[mixed]
+        u, v = x - row[mixed], y - column[mixed]
+        weights = (1.0 - u) * (1.0 - v), (1.0 - u) * v, u * (1.0 - v), u * v
+        ragged, best, heaviest = _raggedness(np.sin, x, y), np.zeros(len(x), np.float32), here[0].copy()
+        for code in np.flatnonzero(np.bincount(here.ravel(), minlength=_CODES)):
+            weight = sum(part * (corner == code) for part, corner in zip(weights, here, strict=True))
+            score = np.where(weight > 0.0, weight + np.float32(_lean(int(code))) * ragged, 0.0)
+            better = score > best
+            best[better], heaviest[better] = score[better], code
+        found[mixed] = heaviest
+    return found
+
+
+def _raggedness(sine: Any, x: Any, y: Any) -> Any:
+    """Return what goes to the weight of a kind at places (nodes), or comes from it: the sum of waves."""
+    return sum(size * sine(2.0 * pi * (along * x + across * y)) for size, along, across in _RAGGED)
+
+
+def _lean(code: int) -> float:
+    """Return how much of the waves a kind takes, -1 to 1: others than its neighbours do."""
+    return sin(2.4 * code)
 
 
 def echo_ratios(bottom: Bottom | None) -> list[float]:

@@ -68,15 +68,15 @@ def test_natures_apply_to_the_nearest_point_and_areas_take_precedence() -> None:
     assert nature_of(feature("SBDARE", codes={"NATSUR": []}), np.array([(0.0, 0.0)]), ()) is None
     painted = rasterise_natures((mud, sand), GRID, 1.0)
     assert painted is not None
-    assert painted.resolution == 20.0
-    assert painted.codes.shape == (11, 11)
-    assert (painted.codes[1, 1], painted.codes[9, 1], painted.codes[1, 10]) == (1, 4, 0), "100 m on paper are too far"
+    assert painted.resolution == 10.0
+    assert painted.codes.shape == (21, 21)
+    assert (painted.codes[2, 2], painted.codes[18, 2], painted.codes[2, 20]) == (1, 4, 0), "100 m on paper are too far"
     both = rasterise_natures((mud, sand, rock), GRID, 1.0)
     assert both is not None
-    assert (both.codes[1, 1], both.codes[9, 1]) == (9, 4)
+    assert (both.codes[2, 2], both.codes[18, 2]) == (9, 4)
     part = cut_bottom_grid(painted, (150.0, 200.0, 0.0, 50.0))
     assert part is not None
-    assert (part.north_min, part.codes[-2, 1]) == (140.0, 4)
+    assert (part.north_min, part.codes[-2, 1]) == (150.0, 4)
     assert rasterise_natures((Nature(4, np.array([(9e5, 9e5)])),), GRID, 1.0) is None
 
 

@@ -21,18 +21,20 @@ from sim.vehicle.vehicle import load_vehicle
 VEHICLE, _ = load_vehicle("bluerov2_heavy")
 HEAD = 'name = "w"\nsource = ""\nextent = [-60, 60, -60, 60]\ndepth = 12\n'
 KEYS = 'file = "w.bottom"\nnorth_min = -50\neast_min = -50\nresolution = 50\nrows = 3\ncolumns = 3\n'
+FINE_KEYS = 'file = "w.bottom"\nnorth_min = -60\neast_min = -60\nresolution = 2\nrows = 61\ncolumns = 86\n'
+MUD_THEN_ROCK = 61 * (43 * [1] + 43 * [9])  # from 25 m east on
 
 
-def world_of(folder: Path, codes: list[int], text: str = "") -> World:
+def world_of(folder: Path, codes: list[int], text: str = "", keys: str = KEYS) -> World:
     (folder / "w.bottom").write_bytes(bytes(codes))
-    (folder / "w.toml").write_text(f"{HEAD}{text}[bottom_map]\n{KEYS}")
+    (folder / "w.toml").write_text(f"{HEAD}{text}[bottom_map]\n{keys}")
     return load_world(str(folder / "w.toml"))
 
 
-def test_the_nearest_node_gives_the_kind_and_none_is_known_off_the_map(tmp_path: Path) -> None:
+def test_near_a_node_its_kind_applies_and_none_is_known_off_the_map(tmp_path: Path) -> None:
     kinds = world_of(tmp_path, [1, 2, 3, 4, 0, 6, 7, 8, 9]).bottom_map
     assert kinds is not None
-    north, east = np.array([-50.0, -26.0, -24.0, 0.0, 74.0, 76.0]), np.array([-50.0, -26.0, 26.0, 0.0, 74.0, 0.0])
+    north, east = np.array([-50.0, -50.0, 5.0, 0.0, 74.0, 76.0]), np.array([-50.0, -43.0, 46.0, 0.0, 74.0, 0.0])
     assert kinds.codes(north, east).tolist() == [1, 1, 6, 0, 9, 0]
     times = kinds.echoes(north, east, None)
     mud, gravel, rock = (PROPERTIES[kind].echo for kind in ("mud", "gravel", "rock"))
@@ -42,9 +44,26 @@ def test_the_nearest_node_gives_the_kind_and_none_is_known_off_the_map(tmp_path:
     assert {name: NATURES[name].echo for name in PROPERTIES} == {n: p.echo for n, p in PROPERTIES.items()}
 
 
+def test_a_border_is_the_line_of_equal_weight_and_ragged(tmp_path: Path) -> None:
+    """A straight border between two columns of nodes; it stays between them, and has no step of a node."""
+    kinds = world_of(tmp_path, [1, 1, 4, 1, 1, 4, 1, 1, 4]).bottom_map
+    assert kinds is not None
+    north, east = np.meshgrid(np.arange(-50.0, 50.0, 0.25), np.arange(0.0, 50.0, 0.25), indexing="ij")
+    sand = kinds.codes(north, east) == 4
+    border = 50.0 - 0.25 * sand.sum(axis=1)
+    assert border.mean() == pytest.approx(25.0, abs=3.0)
+    assert 2.0 < border.std() < 10.0, "of nodes 50 m apart"
+    assert not sand[:, :10].any()
+    assert sand[:, -10:].all()
+    assert np.abs(np.diff(border)).max() < 5.0
+    places = [(n, e) for n in np.arange(-80.0, 80.0, 3.7) for e in np.arange(-80.0, 80.0, 3.3)]
+    one_by_one = [kinds.code(float(n), float(e)) for n, e in places]
+    assert kinds.codes(*np.array(places).T).tolist() == one_by_one
+
+
 def test_a_sonar_receives_more_from_rock_than_from_mud(tmp_path: Path) -> None:
     """The bed ahead to port is mud, to starboard rock; the true picture has means alone."""
-    world = world_of(tmp_path, [1, 1, 9, 1, 1, 9, 1, 1, 9])
+    world = world_of(tmp_path, MUD_THEN_ROCK, keys=FINE_KEYS)
     sonar = ForwardSonar(
         ForwardSonarModel(ground_truth=True, beams=64, max_range=40.0, surface_strength=-200.0), Mounting(), 1,
         Simulation(VEHICLE, world, {}, position=(0.0, 25.0, 8.0)),
@@ -59,7 +78,7 @@ def test_a_sonar_receives_more_from_rock_than_from_mud(tmp_path: Path) -> None:
 @pytest.mark.parametrize("width", [0.0, 0.02])
 def test_a_profiler_measures_the_seabed_kind_below_each_beam(tmp_path: Path, width: float) -> None:
     """The bed to port is mud, to starboard rock; its strengths are without the cosine of the other side."""
-    world = world_of(tmp_path, [1, 1, 9, 1, 1, 9, 1, 1, 9])
+    world = world_of(tmp_path, MUD_THEN_ROCK, keys=FINE_KEYS)
     scene = Simulation(VEHICLE, world, {}, position=(0.0, 25.0, 2.0))
     profiler = Profiler(ProfilerModel(ground_truth=True, beams=41, beam_width=width), Mounting(), 1, scene)
     strengths = profiler.sample(0, State((0.0, 25.0, 2.0))).intensities
