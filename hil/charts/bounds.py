@@ -18,6 +18,8 @@ LAND_SLOPE = 0.15
 LAND_TOP = 30.0  # m
 # Width of the slope at an edge, in cells. A narrower one is jagged where the edge is oblique to the grid.
 EDGE_SLOPE_CELLS = 1.5
+# Outside of the edge the slope runs out over at most so many cells: a bend would be a facet in a side scan.
+FOOT_CELLS = 2.5
 BORDER_ERROR = 2.0  # greatest error of the border of a depth area, as a multiple of the chart's detail
 SPREAD_PER_CELL = 0.98  # factor by which a correction fades from one cell to the next
 SPREAD_PASSES = 24
@@ -196,8 +198,11 @@ def raise_with_slope(depths: NDArray[np.floating[Any]], tops: Array, inside: Arr
     """
     rise = np.maximum(depths - tops, 0.0)
     with np.errstate(invalid="ignore", divide="ignore"):  # the rise may be 0
-        at_edge = np.clip((depths - np.maximum(tops, 0.0)) / rise, 0.0, 1.0)
-    return np.asarray(depths - np.nan_to_num(np.clip(at_edge + inside / EDGE_SLOPE_CELLS, 0.0, 1.0)) * rise)
+        at_edge = np.nan_to_num(np.clip((depths - np.maximum(tops, 0.0)) / rise, 0.0, 1.0))
+    reach = np.clip(2.0 * EDGE_SLOPE_CELLS * at_edge, 1e-3, FOOT_CELLS)  # as steep at the edge, if it goes so far
+    outside = at_edge * np.clip(1.0 + inside / reach, 0.0, 1.0) ** 2
+    share = np.where(inside < 0.0, outside, np.minimum(at_edge + inside / EDGE_SLOPE_CELLS, 1.0))
+    return np.asarray(depths - share * rise)
 
 
 def raise_land(depths: Depths, bounds: Bounds, resolution: float) -> Depths:
@@ -212,7 +217,7 @@ def raise_land(depths: Depths, bounds: Bounds, resolution: float) -> Depths:
     slope = np.maximum(shore - LAND_SLOPE * distance, np.minimum(shore, -LAND_TOP))
     raised = np.where(land, slope, depths).astype(np.float32)
     # Where land ends at the edge of its chart there is no shore, so no slope is made.
-    edge = (bounds.shore < EDGE_SLOPE_CELLS) & (land | water) & (distance < (EDGE_SLOPE_CELLS + 1.0) * resolution)
+    edge = (bounds.shore < FOOT_CELLS) & (land | water) & (distance < (FOOT_CELLS + 1.0) * resolution)
     before = depths[tuple(part[edge] for part in nearest)]
     raised[edge] = raise_with_slope(before, slope[edge], np.where(land[edge], 1.0, -1.0) * bounds.shore[edge])
     return raised

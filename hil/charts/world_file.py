@@ -13,6 +13,8 @@ from hil.common.text import toml_text
 from sim.environment.geomagnetism import field_at
 from sim.environment.things.bottom_map import BottomMapKeys
 
+_USUAL = "where nothing else is known; its relief below the grid: APL-UW 1994, TR 9407"
+
 
 def write_world(
     path: str, model: SeabedModel, source: str, origin: tuple[float, float] | None, notes: Sequence[str]
@@ -39,6 +41,8 @@ def write_world(
         lines.append(f'zones = "{stem}.zones.toml"')
         write_file(os.path.splitext(path)[0] + ".zones.toml", ("\n".join(zones) + "\n").encode())
     lines += ["", "[terrain]", *keys_of(terrain)]
+    # A grid has no relief between its nodes: sonars and cameras would see smooth facets.
+    lines += ["", f"[bottom] # {_USUAL}", *keys_of({"kind": "sand"})]
     if model.bottom is not None:
         codes, north_min, east_min, resolution = model.bottom
         rows, columns = codes.shape

@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import NDArray
 
 from hil.autonomy.paths.polygons import edge_distance, fill, segments
-from hil.charts.bounds import LAND_RISE
+from hil.charts.bounds import EDGE_SLOPE_CELLS, LAND_RISE, raise_with_slope
 from hil.charts.build import build
 from hil.charts.grid import Grid
 from hil.charts.hazards import OUT_OF_WATER, place_hazards
@@ -68,10 +68,10 @@ def test_the_distance_to_an_edge_is_that_to_its_nearest_segment() -> None:
     for one, other in zip(start, end, strict=True):
         places = one + np.linspace(0.0, 1.0, 1001)[:, None, None, None] * (other - one)
         true = np.minimum(true, np.hypot(*np.moveaxis(nodes - places, -1, 0)).min(axis=0) / 3.0)
-    near = true < 1.49
+    near = true < 2.49
     assert 100 < near.sum() < near.size - 50
     assert away[near] == pytest.approx(true[near], abs=0.01)
-    assert (away[~near] > 1.48).all()
+    assert (away[~near] > 2.48).all()
     (rows, columns), nothing = edge_distance(start + 1e3, end + 1e3, north, east)
     assert (rows, columns, nothing.size) == (slice(0, 0), slice(0, 0), 0)
 
@@ -84,8 +84,24 @@ def test_the_water_line_of_a_mole_is_straight_as_charted(grid: Grid, most: float
     teeth = masked(-LAND_RISE)
     assert abs(offsets(teeth, 0.0)).max() > 0.5, "where nodes are either in or out"
     assert np.ptp(offsets(teeth, 0.5 * DEPTH)) > 0.8
-    away = grid.at(MIDDLE + np.linspace(-50.0, 50.0, 101)[:, None] * ALONG + (HALF + 2.6 * CELL) * ACROSS)
-    assert away == pytest.approx(np.full(101, DEPTH)), "two cells and a half away the bed is as it was"
+    along = MIDDLE + np.linspace(-50.0, 50.0, 101)[:, None] * ALONG
+    beds = [grid.at(along + (HALF + cells * CELL) * ACROSS) for cells in (1.5, 2.6, 3.6)]
+    assert beds[0].min() > 0.75 * DEPTH
+    assert beds[1].min() > 0.98 * DEPTH
+    assert beds[2] == pytest.approx(np.full(101, DEPTH), abs=1e-3), "beyond the foot of its bank the bed is as it was"
+
+
+def test_a_bank_runs_out_without_a_bend() -> None:
+    """The slopes of neighbouring cells across a bank differ by half as much as those of a straight one would."""
+    out = np.arange(-4.0, 0.01, 0.01)  # cells
+    bed = raise_with_slope(np.full(len(out), 10.0), np.full(len(out), -2.0), out)
+    slopes = np.gradient(bed, out)
+    assert bed[-1] == pytest.approx(0.0)
+    assert bed[out < -2.5] == pytest.approx(10.0)
+    assert (slopes <= 1e-6).all(), "nowhere deeper towards the edge"
+    assert np.abs(np.diff(slopes)[:-1]).max() < 0.05
+    nodes = raise_with_slope(np.full(8, 10.0), np.full(8, -2.0), np.arange(-7.0, 1.0))
+    assert np.abs(np.diff(nodes, 2)[:6]).max() < 0.5 * 12.0 / EDGE_SLOPE_CELLS
 
 
 def test_a_submerged_area_has_its_full_height_up_to_its_edge() -> None:

@@ -172,11 +172,14 @@ def test_land_rises_from_its_shore() -> None:
     bounds = rasterise_bounds(Survey("", None, np.zeros((3, 3)), sheets=(land_to_the_north,)), axis, axis)
     assert (bounds.land == land).all()
     raised = raise_land(depths, bounds, 10.0)
-    assert (raised[:6] == depths[:6]).all()
+    assert (raised[:3] == depths[:3]).all()
+    assert (raised[3:5] > 0.75 * depths[3:5]).all(), "the foot of the bank"
+    assert (raised[5] == depths[5]).all()
     assert (raised[6:] <= -4.0).all()
     assert (np.diff(raised[5:, 3]) < 0.0).all()
     quay = raise_land(np.full((11, 11), 6.0, np.float32), bounds, 10.0)
-    assert (quay[:5] == 6.0).all()
+    assert (quay[:3] == 6.0).all()
+    assert (quay[3:5] > 0.75 * 6.0).all(), "the foot of its bank"
     assert (quay[7:] <= -LAND_RISE).all()
     assert (quay[5] > 0.0).all(), "on either side of the water line"
     assert (quay[6] < 0.0).all()
@@ -208,7 +211,7 @@ def test_hazards_become_piles_boxes_or_raised_areas() -> None:
     ]  # fmt: skip
     inside = filled((area,), grid.north, grid.east)
     assert (placed.grid.depths[inside] == 7.0).all()
-    away = ~filled((box(0.5, 0.5, 39.5, 39.5),), grid.north, grid.east)
+    away = ~filled((box(-4.5, -4.5, 44.5, 44.5),), grid.north, grid.east)
     assert (placed.grid.depths[away] == grid.depths[away]).all()
     assert (grid.depths[:, :15] == 12.0).all()
 
