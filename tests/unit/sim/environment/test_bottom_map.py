@@ -64,10 +64,8 @@ def test_a_border_is_the_line_of_equal_weight_and_ragged(tmp_path: Path) -> None
 def test_a_sonar_receives_more_from_rock_than_from_mud(tmp_path: Path) -> None:
     """The bed ahead to port is mud, to starboard rock; the true picture has means alone."""
     world = world_of(tmp_path, MUD_THEN_ROCK, keys=FINE_KEYS)
-    sonar = ForwardSonar(
-        ForwardSonarModel(ground_truth=True, beams=64, max_range=40.0, surface_strength=-200.0), Mounting(), 1,
-        Simulation(VEHICLE, world, {}, position=(0.0, 25.0, 8.0)),
-    )  # fmt: skip
+    model = ForwardSonarModel(ground_truth=True, beams=64, max_range=40.0, surface_strength=-200.0, side_lobes=0.0)
+    sonar = ForwardSonar(model, Mounting(), 1, Simulation(VEHICLE, world, {}, position=(0.0, 25.0, 8.0)))
     sample = sonar.sample(0, State((0.0, 25.0, 8.0)))
     echoes = np.frombuffer(sample.intensities, np.float32).reshape(sample.bins, 64)
     port, starboard = (echoes[250:300, part].sum() for part in (slice(4, 24), slice(40, 60)))
