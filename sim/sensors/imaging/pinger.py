@@ -124,7 +124,8 @@ class Pinger:
         ranges, near, far, energy, beam, objects = (
             np.concatenate(part) for part in zip(*[part[:-1] for part in several], strict=True)
         )
-        return Echoes(ranges, _not_before(near, ranges, energy, objects), far, energy, beam, objects, ground)
+        near, far = _within(near, far, ranges, energy, objects)
+        return Echoes(ranges, near, far, energy, beam, objects, ground)
 
     def with_water(self, shares: Floats, echoes: Echoes, bins: Bins, strength: float) -> Floats:
         """Return `shares` of `echoes` (beams x bins) and what the water adds, whose 10 lg s_v is `strength`."""
@@ -236,16 +237,21 @@ def _between(
     return first.ravel(), second.ravel()
 
 
-def _not_before(near: Floats, ranges: Floats, energy: Floats, objects: Any) -> Floats:
-    """Return the near edges, none before the first place that any ray has met of the same object.
+def _within(near: Floats, far: Floats, ranges: Floats, energy: Floats, objects: Any) -> tuple[Floats, Floats]:
+    """Return the edges, none before the first place that any ray has met of the same object, none far behind the last.
 
-    The tangent at the side of a ball comes far nearer than the ball does.
+    The tangent at the side of a ball comes far nearer than the ball does, and goes far behind it. An edge is at most as
+    far behind its ray's hit as all hits of the object are apart, which leaves those of a plane as they are.
     """
     on = (objects > SEABED) & (energy > 0.0)
     if not on.any():
-        return near
-    first = np.full(int(objects.max()) + 1, np.inf)
-    np.minimum.at(first, objects[on], ranges[on])
-    near = near.copy()
-    near[on] = np.maximum(near[on], first[objects[on]])
-    return near
+        return near, far
+    number = int(objects.max()) + 1
+    first, last = np.full(number, np.inf), np.zeros(number)
+    met = objects[on]
+    np.minimum.at(first, met, ranges[on])
+    np.maximum.at(last, met, ranges[on])
+    near, far = near.copy(), far.copy()
+    near[on] = np.maximum(near[on], first[met])
+    far[on] = np.minimum(far[on], ranges[on] + (last - first)[met])
+    return near, far

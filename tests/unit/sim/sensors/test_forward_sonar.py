@@ -1,6 +1,6 @@
 """Forward-looking sonar against planes, steps, spheres and cylinders worked out by hand."""
 
-from math import asin, atan2, cos, inf, log10, radians, sin
+from math import asin, atan2, cos, inf, log10, radians, sin, sqrt
 from random import Random
 from typing import Any
 
@@ -264,6 +264,18 @@ def test_a_ball_between_rays_is_always_detected(radius: float) -> None:
     echoes = np.array(found)[:, 0]
     assert echoes.min() > 0.25 * np.median(echoes)
     assert max(before for _, before in found) < 1e-6 * np.median(echoes)
+
+
+@pytest.mark.parametrize("radius", [0.12, 0.5])
+def test_nothing_comes_from_behind_a_ball(radius: float) -> None:
+    """Rays that touch a ball go sqrt(d² - r²); no echo is farther than that by more than the ball is deep."""
+    sonar = forward(DEEP, TRUE._replace(range_step=0.01, max_range=4.0))
+    sonar.add(solids.sphere((0.0, 0.0, 0.0), radius), State((0.9, 0.0, 10.0)))
+    sums = image(sonar.sample(0, AHEAD)).sum(axis=1)
+    touching = sqrt(0.9**2 - radius**2)
+    behind = touching + touching - (0.9 - radius)
+    assert sums[int(behind / 0.01) + 1 :].max() < 1e-9 * sums.max()
+    assert sums[int((0.9 - radius) / 0.01) : int(touching / 0.01)].sum() > 0.99 * sums.sum()
 
 
 def test_a_split_cell_is_counted_once() -> None:
