@@ -1,12 +1,12 @@
-"""Runs parts of the check one after the other, all of them whatever fails, and says at the end what did.
+"""Run parts of the check one after the other, also after a failure, and list all failures at the end.
 
     python -m tools.check                          everything, as `make check` does
     python -m tools.check test                     one part, as `make test` does
     python -m tools.check --jobs 4 test system
 
-A test that fails beside others may have been late on a busy machine: after its part, it runs once more alone. If it
-passes then, the part passes, and the test is listed: it depends on the machine, which is a defect to mend. A test that
-fails twice fails the part. More than `MOST_BY_CHANCE` failures are no chance and are not tried again.
+A test that fails in parallel with others may have been late on a busy machine: it runs once more, alone, after its
+part. If it then passes, the part passes, and the test is listed as a defect, because it depends on the machine. A test
+that fails twice fails the part. More than `MOST_BY_CHANCE` failures are not tried again.
 """
 
 import argparse
@@ -34,7 +34,7 @@ class Part(NamedTuple):
     tests: tuple[str, ...] = ()
     at_once: int = 0  # tests that run at a time on each processor; 0: one after the other
     modules: tuple[tuple[str, ...], ...] = ()
-    again: bool = True  # what fails runs once more
+    again: bool = True  # failed tests run once more
 
 
 PARTS: dict[str, Part] = {
@@ -76,10 +76,10 @@ def last_failed(cache: Path) -> list[str]:
 def run_tests(
     arguments: Sequence[str], apart: Sequence[str] = (), folder: Path = ROOT, again: bool = True
 ) -> tuple[list[str], list[str]]:
-    """Run pytest, and what failed once more alone; return those that failed twice, and those that passed then.
+    """Run pytest, then the failed tests alone; return the tests that failed twice, and those that then passed.
 
     `apart` are arguments of the first run only. `folder` is where pytest starts. Without `again` nothing runs twice.
-    What is no test's failure (an error while tests are collected, no test at all) is named by its exit status.
+    Another failure (an error while tests are collected, no test at all) is reported by pytest's exit status.
     """
     with tempfile.TemporaryDirectory(prefix="uuv-hil-check-") as cache:  # of its own: parts do not mix
         pytest = ["pytest", "-o", f"cache_dir={cache}", *arguments]
@@ -96,7 +96,7 @@ def run_tests(
 
 
 def run_part(name: str, jobs: int | None, seed: int) -> Outcome:
-    """Run the part of that name; `jobs` are the tests that run at a time where not one after the other."""
+    """Run a part by its name; `jobs`: number of tests at a time, if they do not run one after the other."""
     part, began = PARTS[name], time.monotonic()
     failed = [" ".join(command) for command in part.modules if run(command)]
     passed_alone: list[str] = []
@@ -108,7 +108,7 @@ def run_part(name: str, jobs: int | None, seed: int) -> Outcome:
 
 
 def summary(outcomes: Mapping[str, Outcome]) -> str:
-    """Return what each part took, and each test or command that failed, once or for good."""
+    """Return the duration of each part, and each test or command that failed, once or twice."""
     lines = []
     for name, outcome in outcomes.items():
         lines.append(f"{name:8} {'FAILED' if outcome.failed else 'passed'} in {outcome.seconds:.0f} s")

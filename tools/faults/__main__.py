@@ -3,10 +3,10 @@
     python -m tools.faults --quick                      a selection, 20 s
     python -m tools.faults --output build/faults        faults.json, faults.md, faults.png
     python -m tools.faults --all                        on the emulated STM32s too
-    python -m tools.faults --select "unplugged|noise"   what these words are found in: "ROOM FAULT LINK"
+    python -m tools.faults --select "unplugged|noise"   rows whose name "ROOM FAULT LINK" matches
     python -m tools.faults decoders --count 1000000     random and damaged bytes to every decoder
 
-The exit code is 1 when a row fails: outputs neutral too late, an old command executed, something left behind.
+The exit code is 1 when a row fails: outputs neutral too late, an old command executed, leaked resources.
 """
 
 import argparse
@@ -42,7 +42,7 @@ def main(arguments: list[str]) -> int:
         print("\n".join(f"file {bad.name}" for bad in files))
         return 0
     if not plans and not files:
-        print(f"--select {options.select!r}: no row has that; see --list", file=sys.stderr)
+        print(f"--select {options.select!r}: no row matches; see --list", file=sys.stderr)
         return 2
     began = time.monotonic()
     rows: list[Row] = []
@@ -65,7 +65,7 @@ def _parser() -> argparse.ArgumentParser:
     which = parser.add_mutually_exclusive_group()
     which.add_argument("--quick", action="store_true", help="a selection, on one link")
     which.add_argument("--all", action="store_true", help="on the emulated STM32s too")
-    parser.add_argument("--select", default="", metavar="REGEX", help="rows whose name has it")
+    parser.add_argument("--select", default="", metavar="REGEX", help="rows whose name matches")
     parser.add_argument("--attempts", type=int, default=1, help="how often a row that fails is measured [%(default)s]")
     parser.add_argument("--list", action="store_true", help="name the rows and run none")
     parser.add_argument("--output", type=Path, metavar="FOLDER", help="write the result there")

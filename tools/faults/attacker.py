@@ -1,11 +1,11 @@
-"""A peer that means harm, a process: `python -m tools.faults.attacker KIND ENDPOINT`. Goes on until it is ended.
+"""Run a hostile peer until it is ended: `python -m tools.faults.attacker KIND ENDPOINT`.
 
 subscriptions   declares 5,000 subscriptions and leaves, again and again
 tokens          declares 5,000 liveliness tokens whose names have escape sequences in them, and leaves
 not_a_number    commands of all kinds whose numbers are not finite, 500 a second
-replay          what the planner commanded before, with the planner's own name, numbers and times
+replay          earlier commands of the planner, with the planner's identity, sequence numbers and times
 connections     connects to both ports and closes, 100 times a second
-bytes           connects and sends what is no zenoh
+bytes           connects and sends bytes that are not zenoh
 """
 
 import math
@@ -97,7 +97,7 @@ def _not_a_number(endpoint: str) -> None:
 
 
 def _replay(endpoint: str) -> None:
-    """Repeat for ever the messages that come in the first 0.4 s."""
+    """Repeat the messages of the first 0.4 s endlessly."""
     with _open(endpoint) as session:
         key = key_of(TOPICS["cmd_thrusters"], NODE)
         channel = session.declare_subscriber(key, zenoh.handlers.RingChannel(64))
@@ -122,8 +122,8 @@ def _ports(endpoint: str) -> tuple[tuple[str, int], tuple[str, int]]:
 def _connections(endpoint: str) -> None:
     _report_ready()
     while True:
-        for place in _ports(endpoint):
-            with suppress(OSError), socket.create_connection(place, 1.0):
+        for address in _ports(endpoint):
+            with suppress(OSError), socket.create_connection(address, 1.0):
                 pass
         time.sleep(0.02)
 
@@ -132,8 +132,8 @@ def _bytes(endpoint: str) -> None:
     noise = random.Random(1)
     _report_ready()
     while True:
-        for place in _ports(endpoint):
-            with suppress(OSError), socket.create_connection(place, 1.0) as end:
+        for address in _ports(endpoint):
+            with suppress(OSError), socket.create_connection(address, 1.0) as end:
                 end.sendall(noise.randbytes(noise.randrange(1, 2000)))
         time.sleep(0.02)
 

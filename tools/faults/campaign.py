@@ -19,7 +19,7 @@ QUICK_LINKS = LINKS[:1]
 
 
 class Group(NamedTuple):
-    """Faults that strike one rig, one after another: `network` and `disk` say what that rig has besides."""
+    """Faults for one rig, one after another. The rig has a relay if `network`, and a small disk if `disk`."""
 
     faults: tuple[Fault, ...]
     network: bool = False
@@ -44,7 +44,7 @@ class Plan(NamedTuple):
 
 
 def plans(choose: Choose, thorough: bool, quick: bool) -> list[Plan]:
-    """Return all that `choose` takes by its name, "room fault link"."""
+    """Return the plans with the rows that `choose` accepts by name, "room fault link"."""
     plans = []
     for group in GROUPS:
         for link in LINKS:
@@ -58,14 +58,14 @@ def plans(choose: Choose, thorough: bool, quick: bool) -> list[Plan]:
 
 
 def bad_files(choose: Choose, quick: bool) -> tuple[BadFile, ...]:
-    """Return the files that `choose` takes."""
+    """Return the files that `choose` accepts by name."""
     return tuple(bad for bad in BAD_FILES[: QUICK_FILES if quick else None] if choose(f"file {bad.name}"))
 
 
 def run_plan(plan: Plan, attempts: int = 1) -> Iterator[Row]:
-    """Yield the rows of a plan; one that fails is measured so often, in a new rig each time."""
-    left, attempt = list(plan.faults), 1
-    while left:
+    """Yield the rows of a plan; a row that fails is measured up to `attempts` times, in a new rig each time."""
+    remaining, attempt = list(plan.faults), 1
+    while remaining:
         with tempfile.TemporaryDirectory(prefix="uuv-hil-faults-") as name:
             folder = Path(name)
             sections = machine_faults.RECORDING.format(disk=folder / "disk") if plan.group.disk else ""
@@ -75,14 +75,14 @@ def run_plan(plan: Plan, attempts: int = 1) -> Iterator[Row]:
                 try:
                     rig.start()
                 except (HilError, OSError) as error:
-                    fault = left.pop(0)
+                    fault = remaining.pop(0)
                     yield _not_measured(fault, plan.link, f"the processes did not start: {error}")
                     continue
-                while left:
-                    row = _measure(rig, left[0])._replace(attempts=attempt)
+                while remaining:
+                    row = _measure(rig, remaining[0])._replace(attempts=attempt)
                     if row.passed or attempt >= attempts:
                         yield row
-                        left.pop(0)
+                        remaining.pop(0)
                         attempt = 1
                     else:
                         attempt += 1

@@ -1,4 +1,4 @@
-"""Random and damaged bytes to every decoder of what comes off a wire.
+"""Feed random and damaged bytes to every decoder of received data.
 
     python -m tools.faults decoders --count 1000000     a million to each; some 10 minutes
 
@@ -53,7 +53,7 @@ class Outcome(NamedTuple):
 
 
 def main(arguments: list[str]) -> int:
-    """Try all of them; the exit code."""
+    """Run all decoders; return the exit code."""
     parser = argparse.ArgumentParser(
         prog="python -m tools.faults decoders",
         description=__doc__,
@@ -82,7 +82,7 @@ def outcomes(count: int, seed: int) -> Iterator[Outcome]:
 
 
 def firmware(count: int, seed: int, compiler: list[str] | None = None) -> Outcome:
-    """Return the firmware's core with all it speaks, under sanitizers; `compiler`: that and its options instead."""
+    """Feed all protocols of the firmware's core, compiled with sanitizers or by `compiler` (command and options)."""
     began = time.monotonic()
     with ScratchFolder("decoders") as folder:
         corpus = folder.file("corpus")
@@ -113,7 +113,7 @@ def sound_packets() -> Iterator[bytes]:
 
 
 def slave_decoders() -> Mapping[str, tuple[Callable[[bytes], object], bytes]]:
-    """Yield results of both ends of the frame as the slave has them: in C, where that was compiled."""
+    """Return name -> (decoder, valid payload) of both ends of the frame, as the slave decodes it."""
     peers: dict[Role, bytes] = {
         "device": open_protocol("frame", "host", len(PULSES)).encode(ThrusterCommand(1, True, PULSES)),
         "host": open_protocol("frame", "device", len(PULSES)).encode(
@@ -131,7 +131,7 @@ def _messages_of(protocol: Protocol) -> Callable[[bytes], object]:
 
 
 def network_decoders() -> Mapping[str, tuple[Callable[[bytes], object], bytes]]:
-    """Name -> what decodes a payload of the network, never raising, and a sound payload."""
+    """Return name -> (decoder, valid payload) of the network's payloads; the decoders must not raise."""
     from hil.gateways.json_lines.requests import read_request
     from hil.network.tokens import PING, PONG, read_clock, read_presence
     from hil.ros import encoders as ros
@@ -168,7 +168,7 @@ def _decoder_of(name: str, decode: Callable[[str, bytes], object]) -> Callable[[
 
 
 def _refusing(read: Callable[[bytes], Any]) -> Callable[[bytes], object]:
-    """Return what refuses a request by one of our errors, which its caller answers with."""
+    """Return a decoder without its HilError, which the caller of `read` sends as the reply."""
 
     def decode(data: bytes) -> object:
         try:
@@ -180,7 +180,7 @@ def _refusing(read: Callable[[bytes], Any]) -> Callable[[bytes], object]:
 
 
 def feed(name: str, decode: Callable[[bytes], object], sound: bytes, count: int, seed: int) -> Outcome:
-    """Give `count` inputs to a decoder; the same seed, the same inputs."""
+    """Feed `count` inputs to a decoder; the same seed gives the same inputs."""
     rng = random.Random(f"{seed} {name}")
     began, slowest, held, decoded = time.monotonic(), 0.0, 0, 0
     for number in range(count):
@@ -200,7 +200,7 @@ def feed(name: str, decode: Callable[[bytes], object], sound: bytes, count: int,
 
 
 def _input(rng: random.Random, sound: bytes) -> bytes:
-    """Return noise, or the sound payload with bits flipped, cut, doubled, or numbers in it made huge."""
+    """Return noise, or the valid payload with bits flipped, cut, doubled, or with numbers replaced by huge ones."""
     if rng.random() < 0.3:
         return rng.randbytes(rng.randrange(LONGEST))
     data = bytearray(sound)

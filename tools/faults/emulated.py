@@ -1,4 +1,4 @@
-"""The firmware's image on an emulated STM32F405, a process on a pty: `python -m tools.faults.emulated PTY`."""
+"""Run the firmware's image on an emulated STM32F405, on a pty: `python -m tools.faults.emulated PTY`."""
 
 import select
 import sys
@@ -22,7 +22,7 @@ def main(path: str) -> None:
         print(f"emulated STM32 on {path}; Ctrl-C ends it", flush=True)
         while True:
             now = now_ns()
-            if now - serviced_ns > seconds_ns(WATCHDOG_S):  # it was stopped: a UART would not have held what came
+            if now - serviced_ns > seconds_ns(WATCHDOG_S):  # it was suspended: a UART would have lost the bytes
                 wire.read()
             end.service(now)
             serviced_ns = now

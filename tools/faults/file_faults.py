@@ -1,4 +1,4 @@
-"""Files that are broken or hostile: the program ends by itself, soon, with one clear line and exit code 2."""
+"""Broken and hostile files: the program has to end soon, with one clear line and exit code 2."""
 
 import os
 import random
@@ -14,14 +14,14 @@ from hil.common.children import module_command, package_environment
 from tools.faults.rows import Row, judge
 
 PATIENCE_S = 60.0
-MEMORY_MIB = 2048  # that a program may take of a file of some kilobytes
+MEMORY_MIB = 2048  # limit for a program that reads a file of some kilobytes
 HEAD = 'vehicle = "paper_six"\nworld = "open_water"\n[start]\ndepth = 5\n[master]\ngoal = [1, 1]\n'
 
 
 class BadFile(NamedTuple):
-    """A file of that `suffix`, what is in it, and the command to which it is given for {file}.
+    """A file: its `suffix`, the function that makes its content, and the command that reads it as {file}.
 
-    words: what must stand in the line that refuses it, so that it is not refused for something else.
+    words: text that must be in the error, so that the file is not refused for another reason.
     """
 
     name: str
@@ -84,7 +84,7 @@ BAD_FILES = (
 
 
 def measure_file(bad: BadFile, folder: Path) -> Row:
-    """Give the file to its program; a row without outputs, whose recovery is the time until the program ended."""
+    """Run the program with the file; return a row without outputs, whose recovery is the time until it ended."""
     path = folder / f"bad{bad.suffix}"
     path.write_bytes(bad.make(random.Random(1)))
     words = [word.format(file=path, folder=folder) for word in bad.command]

@@ -1,9 +1,9 @@
-"""The thruster link with us in the middle: passes on what slave and STM32 say, reads the reports, and fails on request.
+"""A relay in the thruster link: it forwards bytes between slave and STM32, decodes the reports, and fails on request.
 
     slave -- near wire -- Line -- far wire -- STM32
 
-The far wire never fails, so that the STM32's reports arrive whatever the slave's end suffers. On a CAN bus there is no
-near wire: slave, STM32 and we are on one bus, and only noise can be made.
+The far wire never fails, so that the STM32's reports arrive whatever happens at the slave's end. On a CAN bus there is
+no near wire: slave, STM32 and relay are on one bus, and noise is the only possible fault.
 """
 
 import os
@@ -21,16 +21,16 @@ from hil.links.wires.can_frame import RECORD_SIZE
 from hil.links.wires.terminal import TerminalWire
 from tools.faults.pins import Pins
 
-TURN_S = 0.005
-NOISE = 45  # bytes in each direction every TURN_S: 9 kB/s, which with commands is what 115,200 Bd carry
+PERIOD_S = 0.005
+NOISE = 45  # bytes in each direction every PERIOD_S: 9 kB/s, which with commands is what 115,200 Bd carry
 
 
 class Line:
     """Joins the wires that `open_near` and `open_far` open. Use as a context.
 
-    `down` and `up`: whether commands and reports pass. `noise`: random bytes come in between, both ways. `halves`: of
-    each piece only the first half passes. `bytes_a_s`: how fast commands pass, 0 as they come. `pins` is filled from
-    the reports that `protocol`, a host's end, decodes.
+    `down` and `up`: whether commands and reports pass. `noise`: random bytes are inserted in both directions. `halves`:
+    only the first half of each piece passes. `bytes_a_s`: rate limit of commands, 0: none. `pins` gets the reports
+    that `protocol`, a host's end, decodes.
     """
 
     def __init__(
@@ -43,7 +43,7 @@ class Line:
         self._protocol, self._pins = protocol, pins
         self._random = random.Random(1)
         self._due_s = self._noise_due_s = 0.0
-        self._lock = threading.Lock()  # the wires are changed from outside
+        self._lock = threading.Lock()  # other threads replace the wires
         self._far: Wire | None = open_far()
         self._near = open_near()
         self._ending = threading.Event()
@@ -61,19 +61,19 @@ class Line:
                 wire.close()
 
     def unplug(self) -> None:
-        """Take the slave's end away, as a cable that is pulled."""
+        """Close the slave's end, like a cable that is unplugged."""
         with self._lock:
             if self._near:
                 self._near.close()
                 self._near = None
 
     def plug(self) -> None:
-        """Give the slave its end again."""
+        """Open the slave's end again."""
         with self._lock:
             self._near = self._open_near()
 
     def lose_far(self) -> None:
-        """Close the far wire, as the STM32 has ended."""
+        """Close the far wire, because the STM32 has ended."""
         with self._lock:
             if self._far:
                 self._far.close()
@@ -81,7 +81,7 @@ class Line:
             self._pins.power_lost()
 
     def find_far(self) -> None:
-        """Open the far wire again, as the STM32 is back."""
+        """Open the far wire again, because the STM32 runs again."""
         with self._lock:
             self._far = self._open_far()
 
@@ -96,11 +96,11 @@ class Line:
             near, far = self._near, self._far
             waited = [wire for wire in (near if self._may_read() else None, far) if wire and wire.fileno() >= 0]
             with suppress(OSError, ValueError):  # one was closed meanwhile
-                select.select(waited, (), (), TURN_S)
+                select.select(waited, (), (), PERIOD_S)
             with self._lock:
-                self._turn()
+                self._forward()
 
-    def _turn(self) -> None:
+    def _forward(self) -> None:
         if self._far:
             with suppress(DeviceError):
                 self._carry_up(self._far.read())
@@ -108,7 +108,7 @@ class Line:
             with suppress(DeviceError):
                 self._carry_down(self._read_near(self._near))
         if self.noise and time.monotonic() >= self._noise_due_s:
-            self._noise_due_s = time.monotonic() + TURN_S
+            self._noise_due_s = time.monotonic() + PERIOD_S
             for wire in (self._near, self._far):
                 if wire:
                     with suppress(DeviceError):
@@ -118,14 +118,14 @@ class Line:
         return not self.bytes_a_s or time.monotonic() >= self._due_s
 
     def _read_near(self, near: Wire) -> bytes:
-        """Return the bytes of the near end; on a slow line, as many as it carries in a turn."""
+        """Return the bytes of the near end; on a slow line, as many as it carries in a period."""
         if not self.bytes_a_s:
             return near.read()
-        self._due_s = max(self._due_s, time.monotonic() - 4 * TURN_S) + TURN_S
+        self._due_s = max(self._due_s, time.monotonic() - 4 * PERIOD_S) + PERIOD_S
         with suppress(BlockingIOError, OSError):
             return os.read(
                 near.terminal if isinstance(near, TerminalWire) else near.fileno(),
-                max(1, round(self.bytes_a_s * TURN_S)),
+                max(1, round(self.bytes_a_s * PERIOD_S)),
             )
         return b""
 

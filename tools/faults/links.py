@@ -1,13 +1,13 @@
-"""Thruster links of the campaign: who plays the STM32, protocol and wire, and the time limits that follow from them."""
+"""Thruster links of the campaign: kind of STM32, protocol and wire, and the time limits that follow from them."""
 
 from typing import NamedTuple
 
 DEADMAN_S, WATCHDOG_S = 0.5, 0.2
-REPORT_S = 0.02  # the longest between two reports of the STM32, which is how finely its outputs are seen
+REPORT_S = 0.02  # longest time between two reports of the STM32: the resolution of its measured outputs
 
 
 class Link(NamedTuple):
-    """One kind of thruster link: who plays the STM32, what is spoken, over which wire; `thorough`: only with --all."""
+    """One kind of thruster link: kind of STM32, protocol, wire; `thorough`: only with --all."""
 
     stm32: str
     protocol: str
@@ -21,7 +21,7 @@ class Link(NamedTuple):
 
     @property
     def frame_s(self) -> float:
-        """Return the longest that a command takes on the line, s: 200 bytes at 115,200 Bd, nothing on a network."""
+        """Return the longest time of a command on the line, s: 200 bytes at 115,200 Bd, 0 on a network."""
         return 200 * 10 / 115_200 if self.wire == "pty" else 0.002
 
     @property

@@ -20,18 +20,18 @@ from tools.faults.rows import Fault
 HOUR_S = 3600
 WRONG_CLOCK = "clock_step.so"
 DISK_KIB = 2048
-ROOM_KIB = 512  # of memory that the slave may still take
-ENDLESS = (resource.RLIM_INFINITY, resource.RLIM_INFINITY)
+ROOM_KIB = 512  # memory that the slave may still allocate
+UNLIMITED = (resource.RLIM_INFINITY, resource.RLIM_INFINITY)
 RECORDING = '[recording]\nslave = true\nfolder = "{disk}"\nkeep_free = 0\n'
 
 
 def disk(rig: Rig) -> Path:
-    """Return where the slave records; a small disk of its own once `mount_disk` was called."""
+    """Return the folder in which the slave records; a small disk of its own after `prepare`."""
     return rig.folder / "disk"
 
 
 def prepare(rig: Rig) -> None:
-    """Make the recording's folder a disk of 2 MiB, where we may, and a clock that is wrong, where a compiler is."""
+    """Mount a disk of 2 MiB for recordings if permitted, and compile the wrong clock if there is a compiler."""
     if not _needs_compiler(rig):
         source = str(Path(__file__).with_name("clock_step.c"))
         _run(*native_compiler(), "-O2", "-shared", "-fPIC", source, "-o", str(rig.folder / WRONG_CLOCK), "-ldl")
@@ -81,9 +81,9 @@ def _limit(rig: Rig, which: int, most: int) -> None:
 
 
 def _unlimit(rig: Rig, which: int) -> None:
-    """Remove the limit; restart a slave that ended for it, as its service manager would."""
+    """Remove the limit; restart a slave that ended because of it, as its service manager would."""
     if rig.processes["slave"].running:
-        resource.prlimit(rig.processes["slave"].pid, which, ENDLESS)
+        resource.prlimit(rig.processes["slave"].pid, which, UNLIMITED)
     else:
         rig.processes.pop("slave").wait(10.0)
         rig.start_slave()
@@ -99,7 +99,7 @@ def _no_more_memory(rig: Rig) -> None:
 
 
 def _with_clock(process: str, step_s: int) -> Callable[[Rig], None]:
-    """Restart that process with its wall clock wrong by so much."""
+    """Restart a process with a wall clock that is wrong by `step_s`."""
 
     def start(rig: Rig) -> None:
         preload = {"LD_PRELOAD": str(rig.folder / WRONG_CLOCK), "CLOCK_STEP_S": str(step_s)}

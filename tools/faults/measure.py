@@ -1,4 +1,4 @@
-"""One row: let a fault strike, and measure at the STM32's end what comes of it."""
+"""Measure one row: apply a fault, and measure its effects at the STM32's end."""
 
 import os
 import re
@@ -11,20 +11,20 @@ from hil.common.errors import HilError
 from tools.faults.rig import Rig
 from tools.faults.rows import RECOVERY_S, Fault, Row, judge
 
-BEGIN_S = 20.0  # that the outputs may take to follow the planner to begin with
-SETTLE_S = 0.3  # between the strike of a fault under which control goes on, and the planner's silence
-LONG_S = 10.0  # that is waited for neutral outputs at most
+BEGIN_S = 20.0  # limit until the outputs follow the planner at the start
+SETTLE_S = 0.3  # from the start of a fault that does not cut control to the planner's silence
+LONG_S = 10.0  # longest wait for neutral outputs
 AFTER_S = 0.4  # time in which old commands may still show after the vehicle executes commands again
-LEAK_S = 5.0  # that sockets of lost connections may take to go
-SPARE = 2  # descriptors more than before that are none of a fault: a thread's event, a log
-# What a slave says whatever happens.
+LEAK_S = 5.0  # limit until sockets of lost connections are closed
+SPARE = 2  # permitted further descriptors, such as a thread's event or a log
+# Lines that a slave logs without any fault.
 USUAL = re.compile(
     r"ready |scheduling:|memory:|garbage|idle processors|master \S+ is connected|commands arrive|real-time"
 )
 
 
 def measure(rig: Rig, fault: Fault) -> Row:
-    """Apply the fault to `rig`, which works, then remove it; return the measured row with its judgement."""
+    """Apply the fault to a running `rig`, then remove it; return the measured and judged row."""
     problems: list[str] = []
     logs = _Logs(rig)
     rig.instruct("ahead")
@@ -68,7 +68,7 @@ def measure(rig: Rig, fault: Fault) -> Row:
 
 
 class _Logs:
-    """Text that slaves log from now on."""
+    """Text that slaves log after this object was made."""
 
     def __init__(self, rig: Rig) -> None:
         self._folder = rig.folder
@@ -88,7 +88,7 @@ class _Logs:
         return (self.text.strip().splitlines() or [""])[-1]
 
     def new(self) -> str:
-        """Return the first line that tells of something, without its time."""
+        """Return the first line that is not `USUAL`, without its time."""
         for line in self.text.splitlines():
             text = re.sub(r"^\[ *[\d.]+\] slave: ", "", line)
             if text and not USUAL.match(text):
@@ -97,12 +97,12 @@ class _Logs:
 
 
 def _files(rig: Rig) -> set[str]:
-    """Return temporary files of the rig, but for logs."""
+    """Return the temporary files of the rig, except logs."""
     return {path.name for path in rig.folder.iterdir() if path.suffix != ".log"}
 
 
 def _leaked(rig: Rig, descriptors: int, files: set[str]) -> str:
-    """Return what there is now and was not before: descriptors of the slave, processes of those that ended, files."""
+    """Return leaked resources: further descriptors of the slave, processes that outlive their parents, files."""
     deadline = time.monotonic() + LEAK_S
     while True:
         leftovers = []
@@ -119,7 +119,7 @@ def _leaked(rig: Rig, descriptors: int, files: set[str]) -> str:
 
 
 def _strays(rig: Rig) -> list[int]:
-    """Return processes that have a file of the rig in their command line and are none of it."""
+    """Return processes that name a file of the rig in their command line but do not belong to it."""
     ours = {process.pid for process in rig.processes.values()} | {rig.stm32.pid if rig.stm32 else 0, os.getpid()}
     pids = []
     for process in psutil.process_iter(["cmdline", "ppid"]):

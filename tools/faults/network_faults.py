@@ -31,12 +31,12 @@ def _delay(seconds: float) -> Callable[[Rig], None]:
 
 
 def _unblock_and_cut(rig: Rig) -> None:
-    """Unblock and cut the connections: a stream that lost a part cannot go on, as behind a middlebox that forgot it."""
+    """Unblock and cut the connections: a stream that lost a part cannot continue, as behind a restarted middlebox."""
     relay = _relay(rig)
     relay.cut()
     relay.blocked = ""
     rig.pause(0.05)
-    relay.mend()
+    relay.accept_again()
 
 
 def _restart_planner(rig: Rig) -> None:
@@ -46,7 +46,8 @@ def _restart_planner(rig: Rig) -> None:
 
 
 FAULTS = (
-    Fault("network", "connections cut and refused", lambda rig: _relay(rig).cut(), lambda rig: _relay(rig).mend()),
+    Fault("network", "connections cut and refused", lambda rig: _relay(rig).cut(),
+          lambda rig: _relay(rig).accept_again()),
     Fault("network", "black hole, then all at once", lambda rig: _relay(rig).hold(), lambda rig: _relay(rig).release(),
           hold_s=PAUSE_S, quick=True),
     Fault("network", "nothing reaches the slave", _block("to target"), _unblock_and_cut, hold_s=PAUSE_S),

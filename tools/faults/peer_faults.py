@@ -1,4 +1,4 @@
-"""Faults of others on the network: a second planner, floods, commands that nobody may have meant."""
+"""Faults by other peers on the network: a second planner, floods, invalid and replayed commands."""
 
 from collections.abc import Callable
 
@@ -6,8 +6,8 @@ from hil.common.children import module_command
 from tools.faults.rig import OURS, START_S, Rig
 from tools.faults.rows import Fault
 
-FLOOD_S = 5.0  # that 5,000 declarations may take, and a part of them
-LATE_S = 0.2  # by how much a flood that takes all of a processor may delay a command, on a machine with two
+FLOOD_S = 5.0  # permitted time for 5,000 declarations
+LATE_S = 0.2  # permitted delay of a command by a flood that uses one of two processors
 
 
 def _attack(kind: str, seconds: float = 0.0) -> Callable[[Rig], None]:

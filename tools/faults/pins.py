@@ -1,4 +1,4 @@
-"""Record of the STM32's outputs over time, from its own report: all findings of the campaign rest on it."""
+"""Record of the STM32's outputs over time, from its own report: all results of the campaign are based on it."""
 
 import threading
 import time
@@ -10,7 +10,7 @@ from hil.links.contract import PWM_NEUTRAL_US
 State = Literal["ahead", "astern", "neutral", "other"]
 
 
-class Seen(NamedTuple):
+class OutputState(NamedTuple):
     """State of the outputs from `at_s` (monotonic) on, and the `sequence` of the command that caused it."""
 
     at_s: float
@@ -19,7 +19,7 @@ class Seen(NamedTuple):
 
 
 def state_of(pulses: Sequence[int]) -> State:
-    """Return all thrusters ahead, all astern, all neutral, or none of these. No pulse at all pushes nothing."""
+    """Return "ahead", "astern" or "neutral" if all thrusters agree, else "other". No pulse counts as neutral."""
     off = {0 if pulse == 0 else (pulse > PWM_NEUTRAL_US) - (pulse < PWM_NEUTRAL_US) for pulse in pulses}
     named: dict[int, State] = {1: "ahead", -1: "astern", 0: "neutral"}
     return named[off.pop()] if len(off) == 1 else "other"
@@ -30,10 +30,10 @@ class Pins:
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._seen: list[Seen] = [Seen(time.monotonic(), "neutral", 0)]
+        self._seen: list[OutputState] = [OutputState(time.monotonic(), "neutral", 0)]
 
     def report(self, pulses: Sequence[int], sequence: int) -> None:
-        """Take up a report of the STM32."""
+        """Record a report of the STM32."""
         self._add(state_of(pulses), sequence)
 
     def power_lost(self) -> None:
@@ -46,7 +46,7 @@ class Pins:
         return self._seen[-1].state
 
     def await_state(self, state: State, seconds: float, poll: Callable[[], object] = lambda: None) -> float:
-        """Return when the outputs came to be so, or had been before; nan if not within the time."""
+        """Return when (monotonic s) the outputs reached `state`, also before the call; nan if not within `seconds`."""
         deadline = time.monotonic() + seconds
         while True:
             with self._lock:
@@ -59,7 +59,7 @@ class Pins:
             time.sleep(0.002)
 
     def executed(self, state: State, begin_s: float) -> int:
-        """Return how many commands that make the outputs so were executed after `begin_s`."""
+        """Return the number of commands with this state of the outputs that were executed after `begin_s`."""
         with self._lock:
             return sum(seen.state == state and seen.at_s > begin_s for seen in self._seen)
 
@@ -67,4 +67,4 @@ class Pins:
         with self._lock:
             newest = self._seen[-1]
             if newest.state != state or (state != "neutral" and newest.sequence != sequence):
-                self._seen.append(Seen(time.monotonic(), state, sequence))
+                self._seen.append(OutputState(time.monotonic(), state, sequence))

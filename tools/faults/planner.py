@@ -1,9 +1,9 @@
-"""The master of the campaign, a process: commands all thrusters ahead or astern 20 times a second, or is silent.
+"""The master of the campaign: it commands all thrusters ahead or astern 20 times a second, or is silent.
 
     python -m tools.faults.planner ENDPOINT DESCRIPTOR [NODE] [SECURITY-SCENARIO]
 
 Reads words from the descriptor, one a line: ahead, astern, silent, ask (prints a line of figures of the vehicle).
-Thrusts are given one by one, so that what the STM32's outputs show tells whose command it was.
+It commands the thrust of each thruster, so that the STM32's outputs show which planner's command was executed.
 """
 
 import json
@@ -31,7 +31,7 @@ def main(endpoint: str, descriptor: int, node: str = "uuv1", scenario: str = "")
     with VehicleClient(endpoint, node, security=security, topics=("ground_truth",)) as client:
         client.wait_for_vehicle(60.0)
         print("there", flush=True)
-        wish, text = "silent", ""
+        direction, text = "silent", ""
         while True:
             if select.select([descriptor], (), (), PERIOD_S)[0]:
                 data = os.read(descriptor, 4096).decode()
@@ -40,14 +40,14 @@ def main(endpoint: str, descriptor: int, node: str = "uuv1", scenario: str = "")
                 *words, text = (text + data).split("\n")
                 if "ask" in words:
                     _report_state(client)
-                wish = next((word for word in reversed(words) if word != "ask"), wish)
-            if wish != "silent":
-                with suppress(NetworkError):  # two of its name
-                    _command(client, wish)
+                direction = next((word for word in reversed(words) if word != "ask"), direction)
+            if direction != "silent":
+                with suppress(NetworkError):  # two slaves of one name
+                    _command(client, direction)
 
 
-def _command(client: VehicleClient, wish: str) -> None:
-    thrust = THRUST_N if wish == "ahead" else -THRUST_N
+def _command(client: VehicleClient, direction: str) -> None:
+    thrust = THRUST_N if direction == "ahead" else -THRUST_N
     client.send("cmd_thrusters", encode_thrusts([thrust] * THRUSTERS))
 
 

@@ -15,18 +15,18 @@ from hil.common.ports import free_ports
 if TYPE_CHECKING:
     from typing_extensions import Self
 
-PIECE = 4096  # bytes that pass at a time where there is a rate
-LAG_S = 0.02  # that is made up for, as we do not wake exactly
+PIECE = 4096  # bytes that pass at a time if the rate is limited
+LAG_S = 0.02  # lateness of a wake-up that is made up for
 
 
 class Relay:
     """Listens on `port` and the next, relays to `target` and the next. Use as a context.
 
-    `hold` lets nothing pass and loses nothing: what the sender's kernel took is delivered on `release`, as TCP does
-    after a black-out. `cut` ends all connections and refuses new ones until `mend`. `rate` is how many bytes a second
-    pass from the target over the links `slow`: the second one, which is not that of commands, unless given otherwise.
-    It holds back little, as a bottleneck that is near. `passed` counts the bytes, of both directions. `blocked`: what
-    comes from the target, or goes to it, is thrown away. `delay_s`: what comes waits so long.
+    `hold` stops all data without loss: `release` delivers what the sender's kernel accepted, like TCP after an outage.
+    `cut` ends all connections and refuses new ones until `accept_again`. `rate` limits the bytes a second from the
+    target over the links `slow`, by default the second one, which has no commands; little is buffered, like at a near
+    bottleneck. `passed` counts the bytes of both directions. `blocked`: data from the target, or to it, are discarded.
+    `delay_s`: all data are delayed by this time.
     """
 
     passed = 0
@@ -37,12 +37,12 @@ class Relay:
         self.port = free_ports(1)[0]
         self._target = target
         self._rate, self._slow_links = rate, slow
-        self._slow: set[socket.socket] = set()  # the ends that have this rate
-        self._due = 0.0  # when more may pass from them
+        self._slow: set[socket.socket] = set()  # the ends with this rate
+        self._due = 0.0  # when they may send more
         self._listeners = [socket.create_server(("127.0.0.1", self.port + link), backlog=64) for link in (0, 1)]
         self._pairs: dict[socket.socket, socket.socket] = {}
         self._far: set[socket.socket] = set()  # the ends at the target
-        self._waiting: deque[tuple[float, socket.socket, bytes]] = deque()  # due when, for whom, what
+        self._waiting: deque[tuple[float, socket.socket, bytes]] = deque()  # time, receiver, data
         self._held = False
         self._cut = False
         self._ending = False
@@ -75,7 +75,7 @@ class Relay:
         """Close all connections."""
         self._cut = True
 
-    def mend(self) -> None:
+    def accept_again(self) -> None:
         """Accept new connections again."""
         self._cut = False
 

@@ -11,7 +11,7 @@ from hil.bench.machine import describe
 from tools.faults.rows import Row
 
 COLUMNS = ("fault", "link", "neutral, s", "limit, s", "executes again, s", "old commands", "reported", "left behind")
-PRIVATE = ("name", "interpreter")  # of the machine: what a published file need not say
+PRIVATE = ("name", "interpreter")  # values of the machine that are not published
 LONGEST_REPORT = 90  # characters of a line in the table
 
 
@@ -37,7 +37,7 @@ def line_of(row: Row) -> str:
 
 
 def markdown(rows: Sequence[Row]) -> str:
-    """Return the table, a part for each kind of fault."""
+    """Return the tables, one for each kind of fault."""
     lines: list[str] = []
     for room in dict.fromkeys(row.room for row in rows):
         lines += [f"### {room.capitalize()}", "", f"| {' | '.join(COLUMNS)} |", "|---|---|--:|--:|--:|--:|---|---|"]
@@ -47,7 +47,7 @@ def markdown(rows: Sequence[Row]) -> str:
 
 
 def summary(rows: Sequence[Row]) -> str:
-    """Return one sentence."""
+    """Return the result in one sentence."""
     failed = sum(not row.passed for row in rows)
     neutral = [row.neutral_s for row in rows if not isnan(row.neutral_s)]
     worst = f"; outputs neutral after {median(neutral):.2f} s (median), {max(neutral):.2f} s at most" if neutral else ""

@@ -51,8 +51,8 @@ depth = 5
 class Rig:
     """Slave, STM32, line and planners under test, in `folder`. Use as a context; `start` begins.
 
-    `network`: whether the planner reaches the slave through `relay`. `environments`: more variables for the process
-    "slave" or "planner".
+    `network`: whether the planner reaches the slave through `relay`. `environments`: further environment variables of
+    the process "slave" or "planner".
     """
 
     def __init__(self, link: Link, folder: Path, network: bool = False, sections: str = "", top: str = "") -> None:
@@ -62,12 +62,12 @@ class Rig:
         self.ahead_until_s = 0.0  # when the planner stopped commanding ahead
         self.foreign = 0  # executed commands of planners that must not command
         self.environments: dict[str, dict[str, str]] = {}
-        self.has_disk = False  # a small one, where the slave records
+        self.has_disk = False  # a small disk, on which the slave records
         self._network = network
         self._stack = ExitStack()
-        self._words: dict[str, int] = {}  # the descriptors over which planners get their commands
+        self._words: dict[str, int] = {}  # the descriptors through which planners get their instructions
         self._starts = 0
-        self._wish = "silent"  # of the planner
+        self._direction = "silent"  # of the planner
         self.port = free_ports(1)[0]
         self.relay: Relay | None = None
         self.near, self.far = self._addresses()
@@ -81,7 +81,7 @@ class Rig:
             encoding="utf-8",
         )  # fmt: skip
         self.processes: dict[str, Process] = {}
-        self.stm32: Any = None  # a Process, or what plays QEMU's
+        self.stm32: Any = None  # a Process, or an emulator with its methods
 
     def __enter__(self) -> "Rig":
         return self
@@ -93,7 +93,7 @@ class Rig:
         self._end_stm32()
 
     def start(self) -> None:
-        """Start all; commands are taken when this returns. Raises NetworkError, DeviceError."""
+        """Start all; commands are executed when this returns. Raises NetworkError, DeviceError."""
         self.start_stm32()
         protocol = open_protocol(self.link.protocol, "host", THRUSTERS)
         self.line = self._stack.enter_context(Line(self._open_near, self._open_far, protocol, self.pins))
@@ -108,7 +108,7 @@ class Rig:
         self.start_process("slave", command).expect("ready", START_S)
 
     def start_planner(self, name: str, patience_s: float = START_S) -> None:
-        """Start a planner; it is there when this returns. Raises NetworkError if not in time."""
+        """Start a planner; it is connected when this returns. Raises NetworkError if not in time."""
         reads, writes = os.pipe()
         endpoint = self.relay.endpoint if self.relay else f"tcp/127.0.0.1:{self.port}"
         command = [*module_command("tools.faults.planner"), endpoint, str(reads)]
@@ -121,7 +121,7 @@ class Rig:
         self.processes[name].expect("there", patience_s)
 
     def at_end(self, task: Callable[[], object]) -> None:
-        """Do that when all processes have ended."""
+        """Run `task` when all processes have ended."""
         self._stack.callback(task)
 
     def start_process(
@@ -135,7 +135,7 @@ class Rig:
         return process
 
     def start_stm32(self) -> None:
-        """Start what plays the STM32, neutral."""
+        """Start the STM32, with neutral outputs."""
         kind, channels = self.link.stm32, str(THRUSTERS)
         if kind == "qemu":
             from firmware_stub.qemu import QemuStm32
@@ -157,7 +157,7 @@ class Rig:
         del self.processes["stm32"]
 
     def signal_stm32(self, number: int) -> None:
-        """Send a signal to what plays the STM32."""
+        """Send a signal to the STM32's process."""
         os.kill(self.stm32.pid, number)
 
     def kill_stm32(self) -> None:
@@ -174,9 +174,9 @@ class Rig:
     def instruct(self, word: str, name: str = "planner") -> None:
         """Send a planner a word: ahead, astern, silent, ask."""
         if name == "planner" and word != "ask":
-            if word != "ahead" and self._wish == "ahead":
+            if word != "ahead" and self._direction == "ahead":
                 self.ahead_until_s = time.monotonic()
-            self._wish = word
+            self._direction = word
         with suppress(BrokenPipeError):
             os.write(self._words[name], f"{word}\n".encode())
 
@@ -185,7 +185,7 @@ class Rig:
         os.kill(self.processes[name].pid, number)
 
     def end(self, name: str) -> None:
-        """End the process of that name, and close what is for it."""
+        """End the process of that name, and close its descriptor."""
         process = self.processes.pop(name, None)
         if process:
             process.stop()
@@ -194,7 +194,7 @@ class Rig:
             os.close(writes)
 
     def await_pins(self, state: State, seconds: float) -> float:
-        """Return when (monotonic s) the outputs came to be so; nan if not within the time."""
+        """Return when (monotonic s) the outputs reached `state`; nan if not within `seconds`."""
         return self.pins.await_state(state, seconds)
 
     def pause(self, seconds: float) -> float:

@@ -36,11 +36,11 @@ class Fault(NamedTuple):
 
 
 class Row(NamedTuple):
-    """Result of one fault on one link. Times in s; nan where it never came, or where nothing moves (a file).
+    """Result of one fault on one link. Times in s; nan if it never happened, or if nothing moves (a file).
 
     stale: commands executed later than the limit after they were sent; of a planner that must not command: any.
-    reported: the line for a person. leaked: what was there afterwards and not before, "" nothing. attempts: how often
-    it was measured, as a machine that others use too may be late.
+    reported: the line that the slave logged. leaked: resources left behind, "" none. attempts: number of measurements,
+    because a busy machine may be late.
     """
 
     room: str

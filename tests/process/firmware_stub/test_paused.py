@@ -57,5 +57,5 @@ def test_commands_that_arrived_while_it_was_stopped_are_discarded(kind: str, wir
             return (1500,) * 6 in seen
 
         assert wait_for(stops)
-        assert MEANWHILE not in seen
+        assert WHILE_STOPPED not in seen
         assert wait_for(executes), "and new commands count"

@@ -106,7 +106,7 @@ def test_cut_links_are_opened_again(ends: tuple[PresenceRecorder, PresenceRecord
         missed = slave.wait_for_part("master", False, began), master.wait_for_part("slave", False, began)
         time.sleep(0.5)
         returned = time.monotonic()
-        relay.mend()
+        relay.accept_again()
         found = master.wait_for_part("slave", True, returned), slave.wait_for_part("master", True, returned)
         assert max(missed) < 0.5
         assert max(found) < 0.6

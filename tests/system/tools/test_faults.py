@@ -89,7 +89,7 @@ def test_every_link_and_kind_of_fault_is_in_the_full_campaign() -> None:
 def test_a_selection_of_nothing_is_refused() -> None:
     done = run("--select", "no such row")
     assert done.returncode == 2
-    assert done.stderr == "--select 'no such row': no row has that; see --list\n"
+    assert done.stderr == "--select 'no such row': no row matches; see --list\n"
 
 
 def test_the_firmware_in_c_survives_noise_under_sanitizers() -> None:
