@@ -14,7 +14,7 @@ NAMED = re.compile(r"`(tests/[\w/]+\.py)::(\w+)`")
 
 @cache
 def functions_of(path: str) -> frozenset[str]:
-    """Return the test functions of a file, and what a function decorated as a test is assigned to."""
+    """Return the names of the test functions of a file."""
     tree = ast.parse((ROOT / path).read_text())
     return frozenset(node.name for node in ast.walk(tree) if isinstance(node, ast.FunctionDef))
 

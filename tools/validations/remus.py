@@ -10,7 +10,7 @@ from sim.forces import Force
 from sim.vehicle.body_lift import CrossFlowDrag, SlowDamping
 from sim.vehicle.fins import FinSet
 from tests.unit.sim import test_remus as held
-from tests.unit.sim.test_remus import GRAVITY, REMUS, SAMPLES, Run, Six, plus, rows_of
+from tests.unit.sim.test_remus import GRAVITY, REMUS, SAMPLES, Run, Six, add, rows_of
 from tools.validations.sheet import OURS, Finding, Sheet, below, label, near, ours, theirs
 
 AXES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
@@ -27,7 +27,7 @@ def _with_their_terms() -> float:
     dynamics, worst = Dynamics(REMUS, 1026.0, GRAVITY, forces=[held.hull_of(REMUS)]), 0.0
     for sample in SAMPLES:
         if sample.nu_r[0] > 0.0:
-            wrench = plus(
+            wrench = add(
                 held.their_propeller(sample.n, sample.nu),
                 held.their_fins(sample.rudder, sample.planes, sample.nu_r),
                 held.their_cross_flow(sample.nu_r),

@@ -23,7 +23,7 @@ def t200(panels: Sequence[Axes]) -> list[Finding]:
     """The T200 by its maker's table of 10 to 20 V. The simulator contains every fifth pulse of the table. The dots
     are points that it does not contain."""
     thrust, current = panels
-    held_out = curves.official()
+    held_out = curves.held_out_points()
     for volts, color in zip((10, 14, 16, 20), reversed(SHADES), strict=True):
         pulses = list(range(1100, 1901, 2))
         performances = [performance(pulse, volts) for pulse in pulses]

@@ -153,14 +153,14 @@ def test_the_model_load_equals_the_simulators_forces(name: str) -> None:
 # -- sliding mode -------------------------------------------------------------------------------------------------
 
 
-def sliding(surface: Surface, plant: Plant = BARE) -> SlidingMode:
+def make_sliding_mode(surface: Surface, plant: Plant = BARE) -> SlidingMode:
     return SlidingMode(plant, Gains(), SlidingSettings(surge=surface))
 
 
 @pytest.mark.parametrize(("speed", "push"), [(0.0, 2.0), (0.45, 0.5), (0.5, 0.0), (0.55, -0.5), (2.0, -2.0)])
 def test_sliding_mode_saturates_outside_the_layer_and_is_linear_within(speed: float, push: float) -> None:
     """The output is 2 m/s² beyond a layer of 0.2 m/s, without a slide."""
-    controller = sliding(Surface(strength=2.0, layer=0.2, slide=0.0))
+    controller = make_sliding_mode(Surface(strength=2.0, layer=0.2, slide=0.0))
     force = controller.update(VelocityCommand(surge=0.5), AT_REST._replace(velocity=(speed, 0.0, 0.0)), DT)[0]
     assert force == pytest.approx(push * INERTIA[0])
 
@@ -172,14 +172,14 @@ def test_sliding_mode_does_not_wind_up_outside_the_layer_or_in_saturation() -> N
     for navigation, residual, grows in (
         (AT_REST, NO_RESIDUAL, False), (near, lack, False), (near, NO_RESIDUAL, True), (near, (-5.0, *lack[1:]), True)
     ):  # fmt: skip
-        controller = sliding(surface)
+        controller = make_sliding_mode(surface)
         forces = [controller.update(command, navigation, DT, residual)[0] for _ in range(20)]
         assert (forces[-1] > forces[0]) == grows
 
 
 def test_sliding_mode_rejects_disturbances_weaker_than_its_strength() -> None:
     """A mass half as heavy again, pushed back by 1.2 m/s², is left with no error and no oscillation."""
-    controller, speed, speeds = sliding(Surface(strength=2.0, layer=0.4, slide=1.5)), 0.0, []
+    controller, speed, speeds = make_sliding_mode(Surface(strength=2.0, layer=0.4, slide=1.5)), 0.0, []
     for _ in range(1000):
         force = controller.update(VelocityCommand(surge=0.5), AT_REST._replace(velocity=(speed, 0.0, 0.0)), DT)[0]
         speed += (force / (1.5 * INERTIA[0]) - 1.2) * DT

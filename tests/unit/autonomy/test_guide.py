@@ -95,7 +95,7 @@ def test_vfh_alone_avoids_obstacles_that_are_not_on_the_map(seed: int) -> None:
     assert math.dist(boat.position, goal) < 0.6
 
 
-def travel(guide: Guide, discs: list[Disc], start: Point, seconds: float = 250.0) -> tuple[PointMass, float]:
+def run_guide(guide: Guide, discs: list[Disc], start: Point, seconds: float = 250.0) -> tuple[PointMass, float]:
     boat, least = PointMass(start, 0.7), math.inf
     for _ in range(int(seconds / STEP)):
         command = guide.update(boat.position, boat.heading, scan(discs, boat.position, boat.heading))
@@ -108,7 +108,7 @@ def travel(guide: Guide, discs: list[Disc], start: Point, seconds: float = 250.0
     return boat, least
 
 
-def on_map(discs: list[Disc]) -> OccupancyGrid:
+def map_of(discs: list[Disc]) -> OccupancyGrid:
     return OccupancyGrid.rasterise(lambda north, east: clearance(discs, (north, east)), FIELD, 0.25)
 
 
@@ -119,8 +119,8 @@ def test_the_guide_reaches_its_goal_with_all_half_or_no_obstacles_on_the_map(
 ) -> None:
     start, goal = (0.0, 0.0), (25.0, 24.0)
     discs = obstacles(100 + seed, 14, (start, goal))
-    guide = Guide(on_map(discs[: int(share * len(discs))]), start, goal, SETTINGS, search)
-    boat, least = travel(guide, discs, start)
+    guide = Guide(map_of(discs[: int(share * len(discs))]), start, goal, SETTINGS, search)
+    boat, least = run_guide(guide, discs, start)
     assert guide.done
     assert not guide.stuck
     assert least > RADIUS
@@ -134,7 +134,7 @@ def test_the_guide_leaves_a_dead_end_that_traps_vfh_alone() -> None:
     discs = [(n, e, r) for n, e, r in wall]
     start, goal = (10.0, 10.0), (25.0, 25.0)
     guide = Guide(OccupancyGrid.empty(FIELD, 0.25), start, goal, SETTINGS)
-    _, least = travel(guide, discs, start, 400.0)
+    _, least = run_guide(guide, discs, start, 400.0)
     assert guide.done
     assert guide.plans > 1
     assert least > RADIUS
@@ -148,13 +148,13 @@ def test_the_guide_leaves_a_dead_end_that_traps_vfh_alone() -> None:
 def test_an_enclosed_guide_stops_and_reports_that_there_is_no_path() -> None:
     ring = [(10.0 + 4.0 * math.cos(a), 10.0 + 4.0 * math.sin(a), 0.5) for a in np.linspace(0.0, 2.0 * math.pi, 40)]
     guide = Guide(OccupancyGrid.empty(FIELD, 0.25), (10.0, 10.0), (25.0, 25.0), SETTINGS)
-    boat, least = travel(guide, ring, (10.0, 10.0), 120.0)
+    boat, least = run_guide(guide, ring, (10.0, 10.0), 120.0)
     assert "no path" in guide.stuck
     assert not guide.done
     assert least > RADIUS
     assert guide.update(boat.position, boat.heading, scan(ring, boat.position, boat.heading)) == VelocityCommand()
     with pytest.raises(MissionError, match="inside an obstacle"):
-        Guide(on_map([(10.0, 10.0, 2.0)]), (10.0, 10.0), (25.0, 25.0), SETTINGS)
+        Guide(map_of([(10.0, 10.0, 2.0)]), (10.0, 10.0), (25.0, 25.0), SETTINGS)
 
 
 def test_a_map_from_scans_has_the_obstacles_at_their_positions() -> None:

@@ -24,7 +24,7 @@ def heavier(vehicle: Vehicle, share: float) -> Vehicle:
     return vehicle._replace(mass=vehicle.mass + added, volume=vehicle.volume + added / 1025.0)
 
 
-def rig(family: str, name: str, **changes: Any) -> Rig:
+def make_rig(family: str, name: str, **changes: Any) -> Rig:
     vehicle, control = load_vehicle(name)
     return Rig(name, vehicle, {**control, "family": family}, **changes)
 
@@ -38,8 +38,8 @@ def surge_error(moments: list[Moment], wanted: float) -> float:
     return fmean(moment.nu[0] for moment in last_third(moments)) - wanted
 
 
-def restlessness(moments: list[Moment]) -> float:
-    """Return how much the surge force changes in a second, N/s, over the last third: sample noise, or chatter."""
+def force_variation(moments: list[Moment]) -> float:
+    """Return the mean change of the surge force in a second, N/s, over the last third: sample noise, or chatter."""
     last = last_third(moments)
     travelled = sum(abs(b.wrench[0] - a.wrench[0]) for a, b in pairwise(last))
     return travelled / (last[-1].time - last[0].time)
@@ -48,7 +48,7 @@ def restlessness(moments: list[Moment]) -> float:
 @pytest.mark.parametrize("name", VEHICLES)
 @pytest.mark.parametrize("family", FAMILIES)
 def test_steps_of_speed_depth_and_heading_are_reached(family: str, name: str) -> None:
-    vehicle = rig(family, name)
+    vehicle = make_rig(family, name)
     vehicle.fly(4.0, lambda time: STILL)
     ahead = vehicle.fly(8.0, lambda time: STILL._replace(surge=0.3))
     assert abs(surge_error(ahead, 0.3)) < 0.01
@@ -66,7 +66,7 @@ def test_steps_of_speed_depth_and_heading_are_reached(family: str, name: str) ->
 @pytest.mark.parametrize(("family", "left"), [("cascade", 0.01), ("sliding_mode", 0.01), ("restoring_pd", 0.15)])
 def test_an_unmeasured_current_is_rejected(family: str, left: float, name: str) -> None:
     """Controllers that integrate leave no error; the PD law leaves what its page states: the current's drag."""
-    vehicle = rig(family, name, current=CURRENT)
+    vehicle = make_rig(family, name, current=CURRENT)
     vehicle.fly(6.0, lambda time: STILL)
     ahead = vehicle.fly(10.0, lambda time: STILL._replace(surge=0.3))
     assert abs(surge_error(ahead, 0.3)) < left
@@ -82,7 +82,7 @@ def test_an_unmeasured_current_is_rejected(family: str, left: float, name: str) 
 def test_a_wrong_mass_leaves_small_errors(family: str, name: str, share: float) -> None:
     vehicle, _ = load_vehicle(name)
     flown = heavier(vehicle._replace(neutrally_buoyant=False, volume=vehicle.mass / 1025.0), share)
-    flight = rig(family, name, flown=flown)
+    flight = make_rig(family, name, flown=flown)
     flight.fly(4.0, lambda time: STILL)
     ahead = flight.fly(8.0, lambda time: STILL._replace(surge=0.3))
     assert abs(surge_error(ahead, 0.3)) < 0.01
@@ -98,9 +98,9 @@ def test_sliding_mode_does_not_chatter(name: str) -> None:
     """The force varies about as much as the cascade's, which is due to the noise of the measured velocity."""
     restless = {}
     for family in ("cascade", "sliding_mode"):
-        vehicle = rig(family, name)
+        vehicle = make_rig(family, name)
         vehicle.fly(4.0, lambda time: STILL)
-        restless[family] = restlessness(vehicle.fly(8.0, lambda time: STILL._replace(surge=0.3)))
+        restless[family] = force_variation(vehicle.fly(8.0, lambda time: STILL._replace(surge=0.3)))
     assert restless["sliding_mode"] < 1.6 * restless["cascade"]
     assert restless["sliding_mode"] < 30.0
 
@@ -111,7 +111,7 @@ def test_a_saturated_vehicle_recovers_within_seconds(family: str, name: str) -> 
     """It is at a slow speed within seconds after 10 s beyond its thrusters, not only when an integral has run down.
     Depth is held meanwhile.
     """
-    vehicle = rig(family, name)
+    vehicle = make_rig(family, name)
     vehicle.fly(3.0, lambda time: STILL)
     beyond = vehicle.fly(10.0, lambda time: STILL._replace(sway=4.0))
     assert max(moment.nu[1] for moment in beyond) < 2.0
@@ -128,7 +128,7 @@ THRUSTER_DRIVEN = [name for name in preset_names("sim/vehicles") if not load_veh
 @pytest.mark.parametrize("name", THRUSTER_DRIVEN)
 def test_every_preset_holds_and_follows_depth_heading_and_speed(name: str) -> None:
     """The vehicle reaches 0.3 m/s ahead, 2 m deeper and a turn of 1 rad at once by its file's gains, and holds them."""
-    vehicle = rig("cascade", name)
+    vehicle = make_rig("cascade", name)
     hold = vehicle.fly(4.0, lambda time: STILL)
     assert last_third(hold)[-1].position[2] == pytest.approx(START_DEPTH, abs=0.05)
     moments = vehicle.fly(16.0, lambda time: STILL._replace(surge=0.3, depth=START_DEPTH + 2.0, heading=1.0))

@@ -33,7 +33,7 @@ CURVES: dict[str, Curve] = {
 }
 
 
-def wrapped(angle: float) -> float:
+def wrap_angle(angle: float) -> float:
     return math.remainder(angle, 2.0 * math.pi)
 
 
@@ -50,8 +50,8 @@ def test_direction_turn_and_length_agree_with_the_position(name: str) -> None:
         north, east, down = ((b - a) / (2.0 * step) for a, b in zip(before.position, after.position, strict=True))
         assert math.hypot(north, east, down) == pytest.approx(1.0, abs=1e-6)  # measured by the way along it
         assert math.atan2(down, math.hypot(north, east)) == pytest.approx(here.slope, abs=1e-6)
-        assert wrapped(math.atan2(east, north) - here.heading) == pytest.approx(0.0, abs=1e-6)
-        assert wrapped(after.heading - before.heading) / (2.0 * step) == pytest.approx(here.turn, abs=1e-5)
+        assert wrap_angle(math.atan2(east, north) - here.heading) == pytest.approx(0.0, abs=1e-6)
+        assert wrap_angle(after.heading - before.heading) / (2.0 * step) == pytest.approx(here.turn, abs=1e-5)
 
 
 @pytest.mark.parametrize("name", CURVES)
@@ -69,7 +69,7 @@ def test_a_trajectory_starts_and_ends_at_rest(name: str) -> None:
         assert moved == pytest.approx(mean, abs=0.01)  # the velocity is that of the position
         assert math.hypot(*after.velocity) <= 0.8 + 1e-9
         assert abs(math.hypot(*after.velocity) - math.hypot(*before.velocity)) <= WIDE.acceleration * step + 1e-9
-        assert abs(wrapped(after.heading - before.heading)) <= WIDE.yaw_rate * step + 1e-9
+        assert abs(wrap_angle(after.heading - before.heading)) <= WIDE.yaw_rate * step + 1e-9
         assert abs(after.yaw_rate) <= WIDE.yaw_rate
 
 
@@ -111,14 +111,14 @@ def test_a_helix_has_its_radius_and_pitch(
         assert math.dist((north, east), (7.0, -3.0)) == pytest.approx(radius)
         assert down == pytest.approx(10.0 + share * dive)
         angle = bearing + side * share * turns * 2.0 * math.pi
-        assert wrapped(math.atan2(east + 3.0, north - 7.0) - angle) == pytest.approx(0.0, abs=1e-6)
+        assert wrap_angle(math.atan2(east + 3.0, north - 7.0) - angle) == pytest.approx(0.0, abs=1e-6)
 
 
-TO_AND_FRO = [(0, 3.75, 1.9375), (0, 1.25, 1.5), (0, 3.75, 1.9375), (0, 1.25, 1.5), (0, 3.71875, 1.9375), (0, 0, 1.5)]
+OUT_AND_BACK = [(0, 3.75, 1.9375), (0, 1.25, 1.5), (0, 3.75, 1.9375), (0, 1.25, 1.5), (0, 3.71875, 1.9375), (0, 0, 1.5)]
 STRAIGHT_BACK = [(0.0, 0.0, 5.0), (4.0, 0.0, 5.0), (0.0, 0.0, 5.0), (1.0, 0.0, 5.0)]
 
 
-@example(TO_AND_FRO)  # it all but stops where it turns back
+@example(OUT_AND_BACK)  # it all but stops where it turns back
 @example(STRAIGHT_BACK)  # it stops
 @examples(40)
 @given(st.lists(POINTS, min_size=2, max_size=6))
@@ -133,7 +133,7 @@ def test_a_spline_passes_through_its_points_without_jumps(points: list[tuple[flo
     assert all(math.dist(a.position, b.position) <= step * (1.0 + 1e-6) for a, b in pairwise(samples))
 
 
-@pytest.mark.parametrize("points", [WAY, TO_AND_FRO, STRAIGHT_BACK], ids=["open", "narrow bends", "cusps"])
+@pytest.mark.parametrize("points", [WAY, OUT_AND_BACK, STRAIGHT_BACK], ids=["open", "narrow bends", "cusps"])
 def test_a_splines_length_is_that_of_its_chords(points: list[tuple[float, float, float]]) -> None:
     """The length is that of the chords between 200,000 points, which quadrature with a few nodes misses near a cusp."""
     numpy = pytest.importorskip("numpy")
@@ -171,14 +171,14 @@ def test_a_dubins_path_arrives_within_turn_radius_and_slope(
     curve = dubins(Pose(start, heading), Pose(end, toward), radius, 0.4)
     place = curve.at(curve.length)
     assert place.position == pytest.approx(end, abs=1e-6)
-    assert wrapped(place.heading - toward) == pytest.approx(0.0, abs=1e-6)
+    assert wrap_angle(place.heading - toward) == pytest.approx(0.0, abs=1e-6)
     assert curve.corners() == []
     for piece in curve.pieces:
         assert abs(piece.slope) <= 0.4 + 1e-9
         assert abs(piece.turn) <= math.cos(piece.slope) / radius + 1e-9
     again = curve.at(0.0)
     assert again.position == start
-    assert wrapped(again.heading - heading) == pytest.approx(0.0, abs=1e-9)
+    assert wrap_angle(again.heading - heading) == pytest.approx(0.0, abs=1e-9)
 
 
 @given(st.floats(-8.0, 8.0), st.floats(-8.0, 8.0), HEADINGS, HEADINGS)

@@ -16,19 +16,19 @@ SETTINGS = VfhSettings(
 DEGREE = math.pi / 180.0
 
 
-def echo(bearing: float, distance: float) -> Scan:
-    """Return one echo in a scan all round, a beam each degree, `bearing` in degrees from the bow."""
-    return echoes({bearing: distance})
+def scan_with_echo(bearing: float, distance: float) -> Scan:
+    """Return a scan all round, a beam each degree, with one echo at `bearing` in degrees from the bow."""
+    return scan_with_echoes({bearing: distance})
 
 
-def echoes(where: dict[float, float]) -> Scan:
+def scan_with_echoes(where: dict[float, float]) -> Scan:
     ranges = [math.inf] * 360
     for bearing, distance in where.items():
         ranges[int(bearing + 180) % 360] = distance
     return Scan(-math.pi, DEGREE, ranges)
 
 
-def blocked(vfh: Vfh) -> list[int]:
+def blocked_sectors(vfh: Vfh) -> list[int]:
     """Return the blocked sectors in degrees from north."""
     return [10 * sector for sector, state in enumerate(vfh.blocked) if state]
 
@@ -40,8 +40,8 @@ def degrees(angle: float | None) -> float:
 
 def test_open_water_leads_straight_to_the_target() -> None:
     vfh = Vfh(SETTINGS)
-    assert vfh.steer(echoes({}), 0.3, -1.2) == -1.2
-    command = vfh.command(echoes({}), 0.0, 0.3, 0.8)
+    assert vfh.steer(scan_with_echoes({}), 0.3, -1.2) == -1.2
+    command = vfh.command(scan_with_echoes({}), 0.0, 0.3, 0.8)
     assert command.surge == pytest.approx(0.8 * math.cos(0.3))
     assert command.yaw_rate == pytest.approx(0.3)
 
@@ -49,8 +49,8 @@ def test_open_water_leads_straight_to_the_target() -> None:
 def test_an_obstacle_is_enlarged_by_the_safety_distance() -> None:
     """An obstacle at 1 m blocks 30 degrees to both sides: sectors from 330 to 30; its magnitude is 1 - 1/16."""
     vfh = Vfh(SETTINGS)
-    vfh.steer(echo(0, 1.0 - 1e-9), 0.0, 0.0)
-    assert blocked(vfh) == [0, 10, 20, 30, 330, 340, 350]
+    vfh.steer(scan_with_echo(0, 1.0 - 1e-9), 0.0, 0.0)
+    assert blocked_sectors(vfh) == [0, 10, 20, 30, 330, 340, 350]
     assert vfh.density[0] == pytest.approx(15.0 / 16.0)
     assert vfh.density[4] == 0.0
 
@@ -59,38 +59,38 @@ def test_the_heading_lies_half_a_wide_opening_into_the_side_nearer_the_target() 
     """The heading past 35 blocked degrees on either side is at 35 + 20 degrees, on the target's side."""
     for target, expected in ((10.0, 55.0), (-10.0, -55.0), (90.0, 90.0), (-170.0, -170.0)):
         vfh = Vfh(SETTINGS)
-        assert degrees(vfh.steer(echo(0, 1.0 - 1e-9), 0.0, target * DEGREE)) == pytest.approx(expected)
+        assert degrees(vfh.steer(scan_with_echo(0, 1.0 - 1e-9), 0.0, target * DEGREE)) == pytest.approx(expected)
 
 
 def test_a_narrow_opening_is_passed_in_the_middle() -> None:
     """The heading is midway between two posts at 1 m, 50 degrees to port and to starboard: three sectors are free."""
     vfh = Vfh(SETTINGS)
-    heading = vfh.steer(echoes({-50: 1.0 - 1e-9, 50: 1.0 - 1e-9}), 0.0, 8.0 * DEGREE)
-    assert blocked(vfh) == [20, 30, 40, 50, 60, 70, 80, 280, 290, 300, 310, 320, 330, 340]
+    heading = vfh.steer(scan_with_echoes({-50: 1.0 - 1e-9, 50: 1.0 - 1e-9}), 0.0, 8.0 * DEGREE)
+    assert blocked_sectors(vfh) == [20, 30, 40, 50, 60, 70, 80, 280, 290, 300, 310, 320, 330, 340]
     assert degrees(heading) == pytest.approx(0.0)
 
 
 def test_sectors_are_fixed_to_the_world() -> None:
     """A post that is seen after a turn of 70 degrees to starboard is 70 degrees to port, in the same sectors."""
     vfh = Vfh(SETTINGS)
-    vfh.steer(echo(0, 1.0 - 1e-9), 0.0, 0.0)
-    before = blocked(vfh)
-    vfh.steer(echo(-70, 1.0 - 1e-9), 70.0 * DEGREE, 0.0)
-    assert blocked(vfh) == before
+    vfh.steer(scan_with_echo(0, 1.0 - 1e-9), 0.0, 0.0)
+    before = blocked_sectors(vfh)
+    vfh.steer(scan_with_echo(-70, 1.0 - 1e-9), 70.0 * DEGREE, 0.0)
+    assert blocked_sectors(vfh) == before
 
 
 def test_a_sector_changes_state_with_hysteresis() -> None:
     """A sector is free at 2.5 m coming near, blocked at 1.9 m and still at 2.5 m going away, and free at 3.1 m."""
     vfh, states = Vfh(SETTINGS), []
     for distance in (3.1, 2.5, 1.9, 2.5, 2.9, 3.1, 2.5):
-        vfh.steer(echo(0, distance), 0.0, 0.0)
+        vfh.steer(scan_with_echo(0, distance), 0.0, 0.0)
         states.append(vfh.blocked[0])
     assert states == [False, False, True, True, True, False, False]
 
 
 def test_sectors_out_of_view_keep_their_state() -> None:
     vfh = Vfh(SETTINGS)
-    vfh.steer(echo(0, 1.0), 0.0, 0.0)
+    vfh.steer(scan_with_echo(0, 1.0), 0.0, 0.0)
     ahead = Scan(-30.0 * DEGREE, DEGREE, [math.inf] * 61)
     vfh.steer(ahead, math.pi, 0.0)
     assert vfh.blocked[0]
@@ -103,16 +103,16 @@ def test_an_obstacle_in_the_turning_circle_blocks_that_side() -> None:
     abeam; the post is 1.15 m from it, within 1 m + 0.5 m: no way round that side. To port all is free.
     """
     vfh = Vfh(SETTINGS._replace(turning_radius=1.0))
-    heading = degrees(vfh.steer(echo(40, 1.5), 0.0, 120.0 * DEGREE))
+    heading = degrees(vfh.steer(scan_with_echo(40, 1.5), 0.0, 120.0 * DEGREE))
     assert [10 * k for k, masked in enumerate(vfh.masked) if masked] == [50, 60, 70, 80, 90, *range(100, 180, 10)]
     assert heading == pytest.approx(5.0)  # blocked from 25 degrees on, and half of the wide opening off that
     spot = Vfh(SETTINGS)
-    assert degrees(spot.steer(echo(40, 1.5), 0.0, 120.0 * DEGREE)) == pytest.approx(120.0)
+    assert degrees(spot.steer(scan_with_echo(40, 1.5), 0.0, 120.0 * DEGREE)) == pytest.approx(120.0)
 
 
 def test_the_previous_heading_is_preferred_between_equal_ones() -> None:
     """A vehicle blocked ahead that once went to starboard stays there, though the target is a bit to port now."""
-    scan = echo(0, 1.0 - 1e-9)
+    scan = scan_with_echo(0, 1.0 - 1e-9)
     vfh = Vfh(SETTINGS)
     assert degrees(vfh.steer(scan, 0.0, 2.0 * DEGREE)) == pytest.approx(55.0)
     assert degrees(vfh.steer(scan, 0.0, -2.0 * DEGREE)) == pytest.approx(55.0)
@@ -124,15 +124,15 @@ def test_the_speed_falls_with_the_free_distance_ahead() -> None:
     far = SETTINGS._replace(safety=0.2)
     for distance, share in ((3.5, 1.0), (2.0, 1.0), (1.25, 0.5), (0.5, 0.0), (0.4, 0.0)):
         vfh = Vfh(far)
-        free = vfh.steer(echo(0, distance), 0.0, 0.0)
-        command = Vfh(far).command(echo(0, distance), 0.0, 0.0, 0.6)
+        free = vfh.steer(scan_with_echo(0, distance), 0.0, 0.0)
+        command = Vfh(far).command(scan_with_echo(0, distance), 0.0, 0.0, 0.6)
         assert free is not None
         assert command.surge == pytest.approx(0.6 * share * max(0.0, math.cos(free)), abs=1e-9)
-    assert Vfh(SETTINGS).command(echo(90, 0.6), 0.0, 0.0, 0.6).surge > 0.0
+    assert Vfh(SETTINGS).command(scan_with_echo(90, 0.6), 0.0, 0.0, 0.6).surge > 0.0
 
 
 def test_obstacles_beyond_the_goal_are_ignored() -> None:
-    scan = echo(0, 1.5)
+    scan = scan_with_echo(0, 1.5)
     assert Vfh(SETTINGS).steer(scan, 0.0, 0.0, reach=1.4) == 0.0
     assert Vfh(SETTINGS).steer(scan, 0.0, 0.0, reach=1.6) != 0.0
 

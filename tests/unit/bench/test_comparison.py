@@ -19,13 +19,13 @@ def values(middle: float, seed: int, count: int = 30, scatter: float = 0.1) -> l
     return [middle * (1.0 + generator.gauss(0.0, scatter)) for _ in range(count)]
 
 
-def starts(values: list[float], unit: str = "ms", better: Better = "lower") -> Figure:
-    """Return a value a start."""
+def figure_of_starts(values: list[float], unit: str = "ms", better: Better = "lower") -> Figure:
+    """Return a figure with one value for each start."""
     return Figure(values, unit, better, (1,) * len(values))
 
 
-def runs(seed: str, count: int, size: int, middle: float = 20.0) -> Figure:
-    """Return starts that lie apart, each with commands of which neighbours are alike: AR(1), 0.5."""
+def figure_of_runs(seed: str, count: int, size: int, middle: float = 20.0) -> Figure:
+    """Return a figure of starts that differ, each with correlated values of commands: AR(1), 0.5."""
     generator, found = random.Random(seed), []
     for _ in range(count):
         at, offset = 0.0, generator.gauss(0.0, 1.0)
@@ -52,7 +52,7 @@ def write(path: Path, kind: str = "table", **figures: Figure) -> str:
     ],
 )
 def test_a_difference_has_the_expected_verdict(after: float, better: Better, verdict: str) -> None:
-    before = starts(values(1.0, 1), "ms", better)
+    before = figure_of_starts(values(1.0, 1), "ms", better)
     found = difference("x", before, before._replace(values=values(after, 2)), 0.05, 0.95)
     assert found.verdict == verdict
     assert found.interval.holds(found.ratio)
@@ -60,35 +60,40 @@ def test_a_difference_has_the_expected_verdict(after: float, better: Better, ver
 
 
 def test_a_real_difference_below_the_threshold_is_reported_as_same() -> None:
-    before, after = starts(values(1.0, 1, 400, 0.001)), starts(values(1.02, 2, 400, 0.001))
+    before, after = figure_of_starts(values(1.0, 1, 400, 0.001)), figure_of_starts(values(1.02, 2, 400, 0.001))
     assert difference("x", before, after, 0.05, 0.95).verdict == "same"
     assert difference("x", before, after, 0.01, 0.95).verdict == "worse"
 
 
 def test_random_differences_are_seldom_reported_as_real() -> None:
-    pairs = [(starts(values(1.0, seed)), starts(values(1.0, seed + 1000))) for seed in range(40)]
+    pairs = [(figure_of_starts(values(1.0, seed)), figure_of_starts(values(1.0, seed + 1000))) for seed in range(40)]
     wrong = [pair for pair in pairs if difference("x", *pair, 0.0, 0.95).verdict != "same"]
     assert len(wrong) <= 6
 
 
 def test_starts_count_as_independent_samples_and_commands_do_not() -> None:
     """Five starts of one program against five more are nearly never a real difference, though their commands differ."""
-    pairs = [(runs(f"a{seed}", 5, 40), runs(f"b{seed}", 5, 40)) for seed in range(60)]
+    pairs = [(figure_of_runs(f"a{seed}", 5, 40), figure_of_runs(f"b{seed}", 5, 40)) for seed in range(60)]
     wrong = [pair for pair in pairs if difference("x", *pair, 0.0, 0.95).verdict != "same"]
     assert len(wrong) <= 6, "some 3 of 60 are nominal"
-    slower = [difference("x", runs(f"a{seed}", 5, 40), runs(f"b{seed}", 5, 40, 26.0), 0.0, 0.95) for seed in range(9)]
+    slower = [
+        difference("x", figure_of_runs(f"a{seed}", 5, 40), figure_of_runs(f"b{seed}", 5, 40, 26.0), 0.0, 0.95)
+        for seed in range(9)
+    ]
     assert {found.verdict for found in slower} == {"worse"}
 
 
 def test_two_single_starts_are_never_reported_as_better_or_worse(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("hil.bench.statistics.RESAMPLES", 400)  # sooner done
-    pairs = [(runs(f"a{seed}", 1, 200), runs(f"b{seed}", 1, 200)) for seed in range(30)]
+    pairs = [(figure_of_runs(f"a{seed}", 1, 200), figure_of_runs(f"b{seed}", 1, 200)) for seed in range(30)]
     verdicts = [difference("x", *pair, 0.0, 0.95).verdict for pair in pairs]
     assert set(verdicts) == {"same", "few starts"}
     assert verdicts.count("few starts") > 10, "starts do differ"
-    untold = [figure._replace(runs=()) for figure in pairs[0]]
-    assert difference("x", untold[0], untold[1], 0.0, 0.95).verdict == verdicts[0], "an old file"
-    assert difference("x", runs("a", 4, 9), runs("b", 9, 9, 40.0), 0.0, 0.95).verdict == "few starts"
+    without_runs = [figure._replace(runs=()) for figure in pairs[0]]
+    assert difference("x", without_runs[0], without_runs[1], 0.0, 0.95).verdict == verdicts[0], "an old file"
+    assert (
+        difference("x", figure_of_runs("a", 4, 9), figure_of_runs("b", 9, 9, 40.0), 0.0, 0.95).verdict == "few starts"
+    )
 
 
 def test_a_table_counts_one_value_a_start() -> None:
@@ -103,11 +108,11 @@ def test_a_table_counts_one_value_a_start() -> None:
 
 def test_few_values_give_no_verdict() -> None:
     assert difference("x", Figure([1.0] * 4, "ms"), Figure([9.0] * 40, "ms"), 0.05, 0.95).verdict == "too few"
-    assert difference("x", starts([1.0] * 4), starts([9.0] * 40), 0.05, 0.95).verdict == "too few"
+    assert difference("x", figure_of_starts([1.0] * 4), figure_of_starts([9.0] * 40), 0.05, 0.95).verdict == "too few"
 
 
 def test_differences_from_a_median_of_zero_have_a_direction() -> None:
-    nothing, something = starts([0.0] * 9), starts([2.0] * 9)
+    nothing, something = figure_of_starts([0.0] * 9), figure_of_starts([2.0] * 9)
     assert difference("losses", nothing, something, 0.05, 0.95).verdict == "worse"
     assert difference("losses", something, nothing, 0.05, 0.95).verdict == "better"
     assert difference("losses", nothing, nothing, 0.05, 0.95).verdict == "same"
@@ -115,10 +120,10 @@ def test_differences_from_a_median_of_zero_have_a_direction() -> None:
 
 @pytest.mark.parametrize(("before", "after"), [(-2.0, -1.0), (-1.0, 1.0), (-1.0, -0.5)])
 def test_negative_medians_have_a_direction_too(before: float, after: float) -> None:
-    one, other = starts([before] * 9), starts([after] * 9)
+    one, other = figure_of_starts([before] * 9), figure_of_starts([after] * 9)
     assert difference("x", one, other, 0.05, 0.95).verdict == "worse"
     assert difference("x", other, one, 0.05, 0.95).verdict == "better"
-    assert difference("x", one, starts([before * 1.01] * 9), 0.05, 0.95).verdict == "same"
+    assert difference("x", one, figure_of_starts([before * 1.01] * 9), 0.05, 0.95).verdict == "same"
 
 
 def test_only_common_figures_are_compared() -> None:

@@ -29,13 +29,14 @@ SIX, _ = load_vehicle("paper_six")
 ROWS, COLUMNS, STEP = 61, 51, 1.0
 
 
-def mound(north: float, east: float) -> float:
-    """Return a hill of 10 m at (20, 32) in water 15 m deep, long to the east: no mirror image of it is the same."""
+def hill(north: float, east: float) -> float:
+    """Return a hill of 10 m at (20, 32) in water 15 m deep, long to the east, so that no mirror image of it is equal.
+    """
     return 15.0 - 10.0 * float(np.exp(-(((north - 20.0) / 5.0) ** 2) - ((east - 32.0) / 9.0) ** 2))
 
 
 def hilly(folder: Path) -> Path:
-    depths = array("f", [mound(i * STEP, j * STEP) for i in range(ROWS) for j in range(COLUMNS)])
+    depths = array("f", [hill(i * STEP, j * STEP) for i in range(ROWS) for j in range(COLUMNS)])
     (folder / "mound.f32").write_bytes(depths.tobytes())
     terrain = {
         "file": "mound.f32",

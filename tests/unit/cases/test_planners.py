@@ -149,9 +149,7 @@ def gap(a: Cylinder, b: Cylinder) -> float:
 
 
 class SentPlanner(Planner):
-    """A planner that passes samples on after they have been bytes on the network, and compares what comes of it.
-
-    Only what the planner subscribes to is sent there.
+    """A planner that encodes and decodes each sample as on the network, and compares its commands with the original's.
     """
 
     def __init__(self, here: Planner, there: Planner) -> None:

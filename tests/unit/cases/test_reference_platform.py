@@ -73,7 +73,7 @@ def test_the_vehicle_has_seven_thrusters_four_of_them_at_right_angles() -> None:
         assert one[0] * other[0] + one[1] * other[1] == pytest.approx(0.0)
 
 
-def printed_13(angle: float, radius: float, surge: float, sway: float, yaw: float) -> list[float]:
+def equation_13_as_printed(angle: float, radius: float, surge: float, sway: float, yaw: float) -> list[float]:
     """Return the thrusts of thrusters 1 to 4 by equation (13)."""
     cot, lever = 1.0 / tan(angle), radius * (tan(angle) + 1.0) / tan(angle)
     rows = ((1, cot, -lever), (1, -cot, lever), (1, -cot, -lever), (1, cot, lever))
@@ -85,7 +85,7 @@ def test_equation_13_at_45_degrees_has_our_patterns(axis: int) -> None:
     motion = [float(axis == number) for number in range(3)]
     front_right, front_left, rear_right, rear_left = four_vectored(motion[0], motion[1], motion[2], 0.2)
     ours = (rear_right, rear_left, front_right, front_left)
-    theirs = printed_13(pi / 4.0, 0.2, *motion)
+    theirs = equation_13_as_printed(pi / 4.0, 0.2, *motion)
     scale = ours[0] / theirs[0]
     assert scale > 0.0
     assert [scale * value for value in theirs] == pytest.approx(ours)
@@ -96,7 +96,7 @@ def test_equation_12_contradicts_equation_13() -> None:
     angle, radius = pi / 3.0, 0.2
     lever = radius * (tan(angle) + 1.0) / tan(angle)
     for motion, twelve in (((0.0, 1.0, 0.0), 1.0 / tan(angle)), ((0.0, 0.0, 1.0), lever)):
-        assert printed_13(angle, radius, *motion)[2] == pytest.approx(-twelve)
+        assert equation_13_as_printed(angle, radius, *motion)[2] == pytest.approx(-twelve)
 
 
 def test_equation_5_is_ours_near_the_target() -> None:

@@ -24,7 +24,7 @@ def mole(half: float = HALF, start: float = -70.0, end: float = 70.0) -> Array:
     return np.array([MIDDLE + a * ALONG + b * ACROSS for a, b in sides])
 
 
-def built(*land: Array) -> Grid:
+def build_grid(*land: Array) -> Grid:
     """Return the grid of a survey of 200 m x 200 m, level except for this land."""
     everywhere = (np.array([(-9.0, -9.0), (-9.0, 209.0), (209.0, 209.0), (209.0, -9.0), (-9.0, -9.0)]),)
     soundings = np.array([(n, e, DEPTH) for n in range(0, 201, 40) for e in range(0, 201, 40)], float)
@@ -39,7 +39,7 @@ def offsets(grid: Grid, level: float, half: float = HALF) -> Array:
     return np.array([out[np.argmax(grid.at(line) > level)] for line in places])
 
 
-def masked(top: float) -> Grid:
+def bed_of_mask(top: float) -> Grid:
     """Return the bed for nodes that are either inside the mole or not."""
     grid = Grid(np.full((41, 41), DEPTH, np.float32), 0.0, 0.0, CELL)
     part, inside = fill((mole(),), grid.north, grid.east)
@@ -76,12 +76,14 @@ def test_the_distance_to_an_edge_is_that_to_its_nearest_segment() -> None:
     assert (rows, columns, nothing.size) == (slice(0, 0), slice(0, 0), 0)
 
 
-@pytest.mark.parametrize(("grid", "most"), [(built(mole()), 0.1), (raised(OUT_OF_WATER), 0.25)], ids=["land", "hazard"])
+@pytest.mark.parametrize(
+    ("grid", "most"), [(build_grid(mole()), 0.1), (raised(OUT_OF_WATER), 0.25)], ids=["land", "hazard"]
+)
 def test_the_water_line_of_a_mole_is_straight_as_charted(grid: Grid, most: float) -> None:
     """The bed leaves the edge by so many cells at most; its line of half the depth runs along it to 0.1 of a cell."""
     assert abs(offsets(grid, 0.0)).max() < most
     assert np.ptp(offsets(grid, 0.5 * DEPTH)) < 0.1
-    teeth = masked(-LAND_RISE)
+    teeth = bed_of_mask(-LAND_RISE)
     assert abs(offsets(teeth, 0.0)).max() > 0.5, "where nodes are either in or out"
     assert np.ptp(offsets(teeth, 0.5 * DEPTH)) > 0.8
     along = MIDDLE + np.linspace(-50.0, 50.0, 101)[:, None] * ALONG
@@ -114,15 +116,15 @@ def test_a_submerged_area_has_its_full_height_up_to_its_edge() -> None:
 
 def test_a_mole_narrower_than_a_cell_has_no_gaps() -> None:
     """The mole is 0.8 of a cell wide: many nodes along it are beside it, and the water over them was 6 m deep."""
-    crest = built(mole(2.0)).at(MIDDLE + np.linspace(-60.0, 60.0, 400)[:, None] * ALONG)
+    crest = build_grid(mole(2.0)).at(MIDDLE + np.linspace(-60.0, 60.0, 400)[:, None] * ALONG)
     assert crest.max() < 0.5
 
 
 def test_there_is_no_shore_where_two_land_areas_meet() -> None:
     """No bank is made where land ends with its chart, either."""
-    whole, halves = built(mole()), built(mole(end=10.0), mole(start=10.0))
+    whole, halves = build_grid(mole()), build_grid(mole(end=10.0), mole(start=10.0))
     assert halves.depths == pytest.approx(whole.depths, abs=1e-6)
-    beyond = built(np.array([(-50.0, -50.0), (-50.0, 300.0), (48.0, 300.0), (48.0, -50.0), (-50.0, -50.0)]))
+    beyond = build_grid(np.array([(-50.0, -50.0), (-50.0, 300.0), (48.0, 300.0), (48.0, -50.0), (-50.0, -50.0)]))
     assert (beyond.depths[:8] <= -LAND_RISE).all()
-    at_limit = built(np.array([(-4.0, -4.0), (-4.0, 204.0), (48.0, 204.0), (48.0, -4.0), (-4.0, -4.0)]))
+    at_limit = build_grid(np.array([(-4.0, -4.0), (-4.0, 204.0), (48.0, 204.0), (48.0, -4.0), (-4.0, -4.0)]))
     assert (at_limit.depths[:8] == beyond.depths[:8]).all()

@@ -87,19 +87,19 @@ def test_the_shoal_limit_is_strict_and_the_deep_limit_allows_soundings() -> None
     deep = np.array([[50.0, 50.0, 13.0]])
     extra = deep_limit_allowance(deep, np.array([10.0]), axis, axis, 10.0)
 
-    def settled(depth: float) -> Array:
+    def settle_at(depth: float) -> Array:
         return move_within_limits(
             Grid(np.full((20, 20), depth, np.float32), 0.0, 0.0, 5.0), low, high + extra, deep
         ).astype(float)
 
-    held = settled(20.0)
+    held = settle_at(20.0)
     assert held[10, 10] == 13.0
     assert held[0, 0] == 10.0
-    assert (settled(2.0) == 5.0).all()
+    assert (settle_at(2.0) == 5.0).all()
 
 
-def jagged(depths: Array) -> float:
-    """Return the greatest step between two nodes beside each other, m."""
+def largest_step(depths: Array) -> float:
+    """Return the greatest step between two neighbouring nodes, m."""
     return float(max(np.abs(np.diff(depths, axis=axis)).max() for axis in (0, 1)))
 
 
@@ -110,11 +110,11 @@ def test_depth_limits_make_no_cliff_along_their_border() -> None:
     low = np.where(beyond, 10.0, 0.0)
     bed = Grid(np.full((60, 60), 6.0, np.float32), 0.0, 0.0, 1.0)
     sounding = np.array([[5.5, 5.5, 6.0]])
-    settled = move_within_limits(bed, low, np.full((60, 60), 50.0), sounding).astype(float)
-    assert (settled[beyond] >= 10.0).all()
-    assert settled[5:7, 5:7] == pytest.approx(np.full((2, 2), 6.0))
-    assert jagged(np.clip(bed.depths.astype(float), low, 50.0)) == 4.0
-    assert jagged(settled) < 2.0
+    settle_at = move_within_limits(bed, low, np.full((60, 60), 50.0), sounding).astype(float)
+    assert (settle_at[beyond] >= 10.0).all()
+    assert settle_at[5:7, 5:7] == pytest.approx(np.full((2, 2), 6.0))
+    assert largest_step(np.clip(bed.depths.astype(float), low, 50.0)) == 4.0
+    assert largest_step(settle_at) < 2.0
 
 
 def test_a_dredged_channel_has_sloping_sides() -> None:
@@ -131,7 +131,7 @@ def test_a_dredged_channel_has_sloping_sides() -> None:
     east = np.abs(np.arange(40) - 19.5)
     bed = Grid(np.tile(np.clip(11.0 - 0.9 * east, 1.0, 11.0), (40, 1)).astype(np.float32), 0.0, 0.0, 1.0)
     found = move_within_limits(bed, soft, high, np.empty((0, 3))).astype(float)[:, 1:]
-    assert jagged(found) < 0.75 * jagged(np.clip(bed.depths.astype(float), low, high)[:, 1:])
+    assert largest_step(found) < 0.75 * largest_step(np.clip(bed.depths.astype(float), low, high)[:, 1:])
 
 
 def test_between_the_nodes_no_sounding_is_shoaler_than_the_grid() -> None:

@@ -12,7 +12,7 @@ Lines = tuple[tuple[tuple[float, float], ...], ...]
 SHORE = 60.0  # m north; beyond is land
 
 
-def placed(kind: str, lines: Lines = (), is_area: bool = False, **attributes: float) -> SeabedModel:
+def place_structures(kind: str, lines: Lines = (), is_area: bool = False, **attributes: float) -> SeabedModel:
     """Return a chart's structures in water 8 m deep up to the shore, on a grid of 5 m."""
     depths = np.full((21, 21), 8.0, np.float32)
     depths[13:] = -1.0
@@ -33,7 +33,7 @@ def test_a_pier_stands_in_the_water_and_a_quay_is_the_edge_of_the_land() -> None
     """The pier reaches from the shore 40 m to the south; the wall along the shore has water on one side alone."""
     pier, quay = ((58.0, 50.0), (20.0, 50.0)), ((59.0, 10.0), (59.0, 90.0))
     for kind in ("SLCONS", "CAUSWY", "DAMCON"):
-        (box,) = placed(kind, (pier, quay), WATLEV=2.0).boxes
+        (box,) = place_structures(kind, (pier, quay), WATLEV=2.0).boxes
         assert (box.north, box.east) == (39.0, 50.0)
         assert box.size_north == pytest.approx(38.0 + box.size_east)
         assert (box.top, box.bottom) == (OUT_OF_WATER, STANDING)
@@ -42,35 +42,35 @@ def test_a_pier_stands_in_the_water_and_a_quay_is_the_edge_of_the_land() -> None
 
 def test_structures_that_cover_or_stay_submerged_have_their_tops() -> None:
     pier: Lines = (((50.0, 50.0), (20.0, 50.0)),)
-    assert placed("SLCONS", pier, WATLEV=4.0).boxes[0].top == 0.0
-    assert placed("SLCONS", pier, WATLEV=3.0).boxes[0].top == 3.0, "up to the shoal limit, as of a wreck"
-    assert placed("SLCONS", pier).boxes[0].top == OUT_OF_WATER
+    assert place_structures("SLCONS", pier, WATLEV=4.0).boxes[0].top == 0.0
+    assert place_structures("SLCONS", pier, WATLEV=3.0).boxes[0].top == 3.0, "up to the shoal limit, as of a wreck"
+    assert place_structures("SLCONS", pier).boxes[0].top == OUT_OF_WATER
 
 
 def test_a_pontoon_floats_above_the_bed() -> None:
     for kind, draught in (("PONTON", 1.0), ("HULKES", 4.0), ("FLODOC", 5.0)):
-        result = placed(kind, ring((20.0, 20.0), (20.0, 50.0), (28.0, 50.0), (28.0, 20.0)), True)
+        result = place_structures(kind, ring((20.0, 20.0), (20.0, 50.0), (28.0, 50.0), (28.0, 20.0)), True)
         (box,) = result.boxes
         assert sorted((box.size_north, box.size_east)) == [8.0, 30.0]
         assert (box.north, box.east, box.bottom) == (24.0, 35.0, draught)
         assert result.grid.depths.max() == result.grid.at(np.array([[24.0, 35.0]]))[0] == 8.0, "the bed is as it was"
-    (point,) = placed("OBSTRN", WATLEV=7.0).cylinders
+    (point,) = place_structures("OBSTRN", WATLEV=7.0).cylinders
     assert (point.top, point.bottom) == (OUT_OF_WATER, 1.0)
 
 
 def test_beacons_and_platforms_stand_and_buoys_float() -> None:
     """A beacon and a platform reach from the bed into the air, a buoy, and a mooring that is one, a metre down."""
     for kind in ("BCNLAT", "BCNSPP", "OFSPLF", "FSHFAC", "LNDMRK", "BUISGL"):
-        (mark,) = placed(kind).cylinders
+        (mark,) = place_structures(kind).cylinders
         assert (mark.top, mark.bottom) == (OUT_OF_WATER, STANDING)
     for kind in ("BOYLAT", "BOYSPP", "BOYINB"):
-        (buoy,) = placed(kind).cylinders
+        (buoy,) = place_structures(kind).cylinders
         assert (buoy.radius, buoy.top, buoy.bottom) == (1.0, OUT_OF_WATER, 1.0)
-    assert placed("MORFAC", CATMOR=7.0).cylinders[0].bottom == 1.0
-    assert placed("MORFAC", CATMOR=1.0, WATLEV=2.0).cylinders[0].bottom == STANDING
-    booms = placed("LOGPON", ring((20.0, 20.0), (20.0, 50.0), (28.0, 50.0), (28.0, 20.0)), True)
+    assert place_structures("MORFAC", CATMOR=7.0).cylinders[0].bottom == 1.0
+    assert place_structures("MORFAC", CATMOR=1.0, WATLEV=2.0).cylinders[0].bottom == STANDING
+    booms = place_structures("LOGPON", ring((20.0, 20.0), (20.0, 50.0), (28.0, 50.0), (28.0, 20.0)), True)
     assert booms.boxes[0].bottom == 1.0
-    fishery = placed("FSHFAC", ring((20.0, 20.0), (20.0, 50.0), (28.0, 50.0), (28.0, 20.0)), True)
+    fishery = place_structures("FSHFAC", ring((20.0, 20.0), (20.0, 50.0), (28.0, 50.0), (28.0, 20.0)), True)
     assert not fishery.boxes
     assert fishery.grid.depths.max() == 8.0, "an area with stakes in it is a zone, not land"
 
@@ -80,7 +80,7 @@ def test_an_area_that_is_not_a_rectangle_retains_its_outline() -> None:
     comb = ring(
         (10.0, 10.0), (40.0, 10.0), (40.0, 12.0), (12.0, 12.0), (12.0, 40.0), (40.0, 40.0), (40.0, 42.0), (10.0, 42.0)
     )  # fmt: skip
-    boxes = placed("PONTON", comb, True).boxes
+    boxes = place_structures("PONTON", comb, True).boxes
     assert len(boxes) == 8
 
     def apart(north: float, east: float) -> float:
@@ -97,6 +97,6 @@ def test_a_line_with_many_corners_is_simplified() -> None:
     arc = tuple(
         zip((10.0 + 100.0 * np.sin(angles)).tolist(), (30.0 + 100.0 * (1.0 - np.cos(angles))).tolist(), strict=True)
     )
-    boxes: tuple[Box, ...] = placed("PONTON", (arc,)).boxes
+    boxes: tuple[Box, ...] = place_structures("PONTON", (arc,)).boxes
     assert len(boxes) <= 3
     assert max(min(box.separation(*point)[0] for box in boxes) for point in arc) <= 0.0

@@ -115,18 +115,18 @@ def test_a_thrust_action_is_done_at_once(client: DirectClient) -> None:
     assert len(fly_until_done(client, reported, 5.0)) == 1
 
 
-def endless() -> Action:
+def endless_action() -> Action:
     return actions.drive(VelocityCommand(depth=500.0), 0.1)
 
 
 def test_wait_raises_why_the_action_ended() -> None:
-    reported = endless()
+    reported = endless_action()
     with pytest.raises(MissionError, match=r"within 0\.01 s; give it more time"):
         reported.wait(0.01)
     reported.end()
     with pytest.raises(MissionError, match="another command"):
         reported.wait()
-    reported = endless()
+    reported = endless_action()
     reported.end(NetworkError("gone"))
     reported.end(NetworkError("gone again"))
     with pytest.raises(NetworkError, match=r"gone$"):
@@ -154,7 +154,7 @@ def test_an_action_can_be_awaited(client: DirectClient) -> None:
     assert asyncio.run(both()).done
 
     async def fail() -> None:
-        reported = endless()
+        reported = endless_action()
         reported.end(NetworkError("gone"))
         await reported
 

@@ -104,8 +104,8 @@ def run(
     sent: list[bytes] = []
     monitor._send = sent.append
 
-    def answer() -> None:
-        """Answer the pings that were sent, while this process waits for the next."""
+    def reply_to_pings() -> None:
+        """Reply to the pings that were sent, while this process waits for the next."""
         if sent and answers():
             sent.clear()
             monitor._received_ns = clock.now_ns()
@@ -116,7 +116,7 @@ def run(
     monitor._received_ns = clock.now_ns()
     monitor._set_present(is_there)
     monitor.known.set()
-    clock.every, clock.ends_s = answer, clock.now_s + seconds
+    clock.every, clock.ends_s = reply_to_pings, clock.now_s + seconds
     monitor._ping()
     return reported
 

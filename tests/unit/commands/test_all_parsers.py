@@ -37,9 +37,9 @@ OTHER_MEANINGS = {
     ("uuv-hil keys add", "--host"): "a machine",
 }
 # Options whose values differ from command to command.
-OF_THE_COMMAND = {"--output", "--plot", "--rate", "--seconds", "--repeat", "--wait", "--seed", "--option"}
+COMMAND_SPECIFIC = {"--output", "--plot", "--rate", "--seconds", "--repeat", "--wait", "--seed", "--option"}
 # Commands that take a scenario without --set, with the reason.
-UNCHANGED = {
+WITHOUT_SET = {
     "uuv-hil scenario show": "prints the file as it is",
 }
 
@@ -53,8 +53,8 @@ def parsers(parser: argparse.ArgumentParser) -> Iterator[argparse.ArgumentParser
         yield from parsers(inner)
 
 
-ALL = [parser for module in MODULES for parser in parsers(find_parser(module))]
-LEAVES = [parser for parser in ALL if not subparsers(parser)]
+ALL_PARSERS = [parser for module in MODULES for parser in parsers(find_parser(module))]
+LEAVES = [parser for parser in ALL_PARSERS if not subparsers(parser)]
 
 
 def options(parser: argparse.ArgumentParser) -> dict[str, argparse.Action]:
@@ -63,7 +63,7 @@ def options(parser: argparse.ArgumentParser) -> dict[str, argparse.Action]:
 
 
 def test_all_commands_are_checked() -> None:
-    names = {parser.prog.split()[1] for parser in ALL}
+    names = {parser.prog.split()[1] for parser in ALL_PARSERS}
     assert names == set(COMMANDS)
     assert len(LEAVES) > 45
 
@@ -72,7 +72,7 @@ def test_all_commands_are_checked() -> None:
 def test_help_fits_a_terminal(width: int, monkeypatch: pytest.MonkeyPatch) -> None:
     """Only one word of an example, which a shell reads as one, may be longer than a line."""
     monkeypatch.setenv("COLUMNS", str(width))
-    for parser in ALL:
+    for parser in ALL_PARSERS:
         text = parser.format_help()
         long = [line for line in text.splitlines() if len(line) > width]
         assert [line for line in long if width > 40 or not ONE_WORD.fullmatch(line)] == [], parser.prog
@@ -118,7 +118,7 @@ def test_help_of_a_command_is_printed(words: str, capsys: pytest.CaptureFixture[
 
 
 def test_every_help_has_a_purpose_and_its_examples() -> None:
-    for parser in ALL:
+    for parser in ALL_PARSERS:
         text = parser.format_help()
         assert parser.description, parser.prog
         example = rf"^examples:\n(.*\n)*? +.*{re.escape(parser.prog)}\b"
@@ -129,7 +129,7 @@ def test_every_example_is_accepted(monkeypatch: pytest.MonkeyPatch) -> None:
     """Each example is parsed by its command as typed; a comment stands behind two spaces or behind #."""
     monkeypatch.setenv("COLUMNS", "500")
     roots = {" ".join(root.prog.split()[1:]): root for root in map(find_parser, MODULES)}
-    lines = {line for parser in ALL for line in parser.format_help().partition("\nexamples:\n")[2].splitlines()}
+    lines = {line for parser in ALL_PARSERS for line in parser.format_help().partition("\nexamples:\n")[2].splitlines()}
     commands = {shell.partition("uuv-hil ")[2] for line in lines for shell in re.findall(r"^  \S.*?(?=\s{2}|$)", line)}
     understood = 0
     for command in filter(None, commands):
@@ -175,7 +175,7 @@ def test_the_same_name_has_the_same_meaning_everywhere() -> None:
     found: dict[str, dict[object, list[str]]] = defaultdict(lambda: defaultdict(list))
     for parser in LEAVES:
         for name, action in options(parser).items():
-            if (parser.prog, name) not in OTHER_MEANINGS and name not in ("--help", *OF_THE_COMMAND):
+            if (parser.prog, name) not in OTHER_MEANINGS and name not in ("--help", *COMMAND_SPECIFIC):
                 found[name][(type(action).__name__.lstrip("_"), action.metavar, action.nargs)].append(parser.prog)
     several = {name: dict(kinds) for name, kinds in found.items() if len(kinds) > 1}
     for name in ALLOWED:
@@ -230,7 +230,7 @@ def test_common_options_have_their_usual_form() -> None:
 def test_every_command_that_reads_a_scenario_offers_set() -> None:
     for parser in LEAVES:
         reads = "--scenario" in options(parser) or any(action.metavar == "SCENARIO" for action in parser._actions)
-        if reads and parser.prog not in UNCHANGED:
+        if reads and parser.prog not in WITHOUT_SET:
             assert options(parser)["--set"].metavar == "KEY=VALUE"
         positional = [
             action for action in parser._actions if action.metavar == "SCENARIO" and not action.option_strings

@@ -13,14 +13,14 @@ from hil.links.frame.check import split_bytes
 from hil.links.frame.protocol import FrameProtocol
 
 NAMES = preset_names("firmware_stub/frames")
-SOUND = "AA 55 05 10 07 01 f4 01 12"
+VALID = "AA 55 05 10 07 01 f4 01 12"
 
 
-def opened(name: str) -> FrameProtocol:
+def open_frame_protocol(name: str) -> FrameProtocol:
     return FrameProtocol(find_preset("firmware_stub/frames", name))
 
 
-def output(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, str]:
+def run_frame(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, str]:
     code = frame.main(list(arguments))
     return code, capsys.readouterr().out
 
@@ -33,7 +33,7 @@ def test_help_has_examples(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 def test_frames_are_listed_with_their_sizes(capsys: pytest.CaptureFixture[str]) -> None:
-    code, text = output(capsys, "list")
+    code, text = run_frame(capsys, "list")
     assert code == 0
     rows = {line.split()[0]: line.split() for line in text.splitlines()[1:]}
     assert list(rows) == NAMES
@@ -42,7 +42,7 @@ def test_frames_are_listed_with_their_sizes(capsys: pytest.CaptureFixture[str]) 
 
 
 def test_tables_show_bytes_and_transmission_times(capsys: pytest.CaptureFixture[str]) -> None:
-    code, text = output(capsys, "check", "aa55", "--thrusters", "2", "--rate", "100")
+    code, text = run_frame(capsys, "check", "aa55", "--thrusters", "2", "--rate", "100")
     assert code == 0
     assert "sum8 from byte 2 up to itself" in text
     for words in (
@@ -57,16 +57,16 @@ def test_tables_show_bytes_and_transmission_times(capsys: pytest.CaptureFixture[
 
 @pytest.mark.parametrize("name", NAMES)
 def test_every_byte_table_is_as_long_as_its_frame(name: str, capsys: pytest.CaptureFixture[str]) -> None:
-    protocol = opened(name)
+    protocol = open_frame_protocol(name)
     stuffing = 2 if name == "cobs_thrust" else 0  # the code byte and the delimiter
     for thrusters in (1, 7, 16):
         size = len(protocol.encode(ThrusterCommand(1, True, (1600,) * thrusters))) - stuffing
-        assert f"command, {size} bytes" in output(capsys, "check", name, "--thrusters", str(thrusters))[1]
+        assert f"command, {size} bytes" in run_frame(capsys, "check", name, "--thrusters", str(thrusters))[1]
 
 
 def test_a_valid_message_is_decoded(capsys: pytest.CaptureFixture[str]) -> None:
-    for words in ([SOUND], SOUND.split(), ["0xAA,0x55 0x5", "0x1007", "01:f4:01", r"\x12"]):
-        code, text = output(capsys, "check", "aa55", *words)
+    for words in ([VALID], VALID.split(), ["0xAA,0x55 0x5", "0x1007", "01:f4:01", r"\x12"]):
+        code, text = run_frame(capsys, "check", "aa55", *words)
         assert code == 0
         assert " ".join(text.split()).startswith("0 command sequence 7 armed True pwm_us 1700")
         assert text.endswith("9 bytes, 1 messages, 0 bytes wrong\n")
@@ -76,23 +76,25 @@ def test_bytes_are_read_from_standard_input(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("sys.stdin", io.StringIO("aa5505100701\nf40112\n"))
-    assert output(capsys, "check", "aa55", "-")[0] == 0
+    assert run_frame(capsys, "check", "aa55", "-")[0] == 0
 
 
 def test_a_single_wrong_byte_is_located(capsys: pytest.CaptureFixture[str]) -> None:
-    data = bytearray(opened("uuv_hil").encode(ThrusterCommand(9, True, (1500, 1600))))
+    data = bytearray(open_frame_protocol("uuv_hil").encode(ThrusterCommand(9, True, (1500, 1600))))
     data[6] = 0x03
-    code, text = output(capsys, "check", "uuv_hil", data.hex())
+    code, text = run_frame(capsys, "check", "uuv_hil", data.hex())
     assert code == 1
     assert "damaged: command: checksum 0x" in text
     assert "right if byte 6 (flags) were 0x01, not 0x03" in text
 
 
 def test_noise_cut_frames_and_unknown_messages_are_distinguished(capsys: pytest.CaptureFixture[str]) -> None:
-    protocol = opened("uuv_hil")
+    protocol = open_frame_protocol("uuv_hil")
     good = protocol.encode(ThrusterCommand(9, True, (1500,)))
     unknown = bytes.fromhex("a5 5a 03 7f 01 02 03 74 08")
-    code, text = output(capsys, "check", "uuv_hil", (b"\x00\x01" + good + good[:5] + unknown + good + good[:3]).hex())
+    code, text = run_frame(
+        capsys, "check", "uuv_hil", (b"\x00\x01" + good + good[:5] + unknown + good + good[:3]).hex()
+    )
     assert code == 1
     kinds = [line.strip() for line in text.splitlines() if line[:6].strip()]
     assert kinds == [
@@ -108,14 +110,14 @@ def test_noise_cut_frames_and_unknown_messages_are_distinguished(capsys: pytest.
 
 @pytest.mark.parametrize("name", NAMES)
 def test_every_byte_belongs_to_exactly_one_part(name: str) -> None:
-    good = opened(name).encode(ThrusterCommand(9, True, (1500, 1600)))
+    good = open_frame_protocol(name).encode(ThrusterCommand(9, True, (1500, 1600)))
     damaged = bytes([*good[:-3], good[-3] ^ 0x10, *good[-2:]])
     data = b"\xff\xaa" + good + damaged + good[:4] + good + b"\x00\x00" + good + good[:5]
-    parts = split_bytes(opened(name), data)
+    parts = split_bytes(open_frame_protocol(name), data)
     assert b"".join(part.data for part in parts) == data
     assert [part.start for part in parts] == [sum(len(p.data) for p in parts[:i]) for i in range(len(parts))]
     received = [part.message for part in parts if part.message]
-    assert received == opened(name).feed(data)
+    assert received == open_frame_protocol(name).feed(data)
     assert len(received) == 3
     assert "damaged" in {part.kind for part in parts}
 

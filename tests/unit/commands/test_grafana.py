@@ -51,7 +51,7 @@ def test_grafanas_types_accept_every_key_and_unit() -> None:
 
 
 def lost_values(written: Any, read: Any, where: str = "") -> list[str]:
-    """Return the places whose values the reader does not have."""
+    """Return the keys whose values are missing after the round trip."""
     if isinstance(written, dict):
         return [
             place for key, value in written.items()

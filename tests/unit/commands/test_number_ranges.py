@@ -13,7 +13,7 @@ from hil.common.errors import ConfigError
 from hil.common.schema import Range, parse
 
 PACKAGES = ("hil", "sim", "boards", "firmware_stub")
-PASSED_OVER = {"hil.__main__", "hil.slave.imaging.process", "hil.install.changes"}  # processes; a file it makes
+EXCLUDED = {"hil.__main__", "hil.slave.imaging.process", "hil.install.changes"}  # processes; a file it makes
 WITHOUT_LIMIT = {("AxisGains", "slew"), ("Surface", "slew")}  # inf there: as fast as it comes
 HUGEST = 1e15  # with which a simulation still computes: its fourth power is a number
 HOSTILE = (math.inf, -math.inf, math.nan, 1e300, -1e300, 10**400, -(10**400))
@@ -23,7 +23,7 @@ def records() -> Iterator[type[Any]]:
     """Yield the records with at least one range, which are read from files or messages."""
     for package in PACKAGES:
         for found in pkgutil.walk_packages(importlib.import_module(package).__path__, f"{package}."):
-            if found.name in PASSED_OVER or ".native._" in found.name or ".images" in found.name:
+            if found.name in EXCLUDED or ".native._" in found.name or ".images" in found.name:
                 continue
             for record in vars(importlib.import_module(found.name)).values():
                 is_record = isinstance(record, type) and issubclass(record, tuple) and hasattr(record, "_fields")
@@ -53,7 +53,8 @@ def numbers(annotation: Any) -> Iterator[Range | None]:
 
 @pytest.fixture(scope="module")
 def keys() -> list[tuple[type[Any], str]]:
-    """Return the keys with numbers. Found here and not above: an import of all modules slows every collection."""
+    """Return the keys with numbers. They are collected here, because an import of all modules slows every collection.
+    """
     return [
         (record, key)
         for record in sorted(set(records()), key=lambda record: (record.__module__, record.__name__))
@@ -78,15 +79,19 @@ def test_every_number_of_a_file_has_a_range(keys: list[tuple[type[Any], str]]) -
     assert not bare, f"give it an Annotated[float, Range(low, high)]: {', '.join(sorted(bare))}"
 
 
-def filled(annotation: Any, value: Any) -> Any:
+def value_of_type(annotation: Any, value: Any) -> Any:
     """Return a value of that kind whose every number is `value`."""
     origin, parts = get_origin(annotation), get_args(annotation)
     if origin is tuple:
-        return [filled(parts[0], value)] * 3 if parts[-1] is Ellipsis else [filled(part, value) for part in parts]
+        return (
+            [value_of_type(parts[0], value)] * 3
+            if parts[-1] is Ellipsis
+            else [value_of_type(part, value) for part in parts]
+        )
     if origin is dict:
-        return {"x": filled(parts[1], value)}
+        return {"x": value_of_type(parts[1], value)}
     if origin in (Union, types.UnionType):
-        return filled(next(part for part in parts if part is not type(None)), value)
+        return value_of_type(next(part for part in parts if part is not type(None)), value)
     return value
 
 
@@ -96,6 +101,6 @@ def test_values_out_of_range_are_refused_by_their_key(keys: list[tuple[type[Any]
         alone: Any = NamedTuple("alone", [(key, annotation)])  # type: ignore[misc]
         for value in HOSTILE:
             with pytest.raises(ConfigError, match=rf"^file\.toml: {key}(\[0\]|\.x)*: ") as error:
-                parse({key: filled(annotation, value)}, alone, "file.toml")
+                parse({key: value_of_type(annotation, value)}, alone, "file.toml")
             assert "\n" not in str(error.value)
             assert len(str(error.value)) < 150

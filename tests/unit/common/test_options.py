@@ -34,7 +34,7 @@ class AcceptedError(Exception):
 
 
 class Option(NamedTuple):
-    """An option and where it is."""
+    """An option and the command that has it."""
 
     words: tuple[str, ...]
     parser: argparse.ArgumentParser

@@ -124,7 +124,7 @@ garbage = st.lists(st.sampled_from(PIECES), max_size=12).map("".join)
 
 
 class Garbled(Tree):
-    """A recorded machine whose every file and command may say something else."""
+    """A recorded machine whose every file and command may have other content."""
 
     def __init__(self, root: str, draw: Callable[[], str | None]) -> None:
         super().__init__(root)

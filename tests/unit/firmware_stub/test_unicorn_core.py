@@ -74,7 +74,7 @@ def words(board: UnicornBoard, address: int, count: int) -> tuple[int, ...]:
 
 
 def trace(board: UnicornBoard) -> int:
-    """Return the noted marks as a number, a hexadecimal digit each."""
+    """Return the recorded marks as a number, a hexadecimal digit each."""
     return words(board, RAM, 1)[0]
 
 

@@ -16,11 +16,11 @@ WALL_NS = 1_800_000_000 * 10**9
 BEAT = dialect.MAVLink_heartbeat_message(dialect.MAV_TYPE_GCS, 8, 0, 0, 0, 3)
 
 
-def setup(key: bytes) -> dialect.MAVLink_message:
+def setup_message(key: bytes) -> dialect.MAVLink_message:
     return dialect.MAVLink_setup_signing_message(1, 1, list(key), 0)
 
 
-def signed(key: bytes = KEY) -> MavlinkStream:
+def signed_stream(key: bytes = KEY) -> MavlinkStream:
     stream = MavlinkStream(255, 190, Counters())
     stream.sign(key, lambda: WALL_NS)
     return stream
@@ -40,15 +40,15 @@ def test_a_key_applies_to_all_and_is_saved_until_zeroed(tmp_path: Path) -> None:
     path = tmp_path / "state" / "mavlink-uuv1.toml.key"
     bench = bench_with(SigningKey(str(path)))
     other = bench.add_partner(254)
-    bench.partner.send(setup(KEY))
-    plain, right = MavlinkStream(255, 190, Counters()), signed()
+    bench.partner.send(setup_message(KEY))
+    plain, right = MavlinkStream(255, 190, Counters()), signed_stream()
     for partner in (bench.partner, other):
         assert not is_received(partner, plain.pack(BEAT)), "an unsigned packet counts"
         assert is_received(partner, right.pack(BEAT))
-        assert not is_received(partner, signed(bytes(32 * [7])).pack(BEAT)), "another key counts"
+        assert not is_received(partner, signed_stream(bytes(32 * [7])).pack(BEAT)), "another key counts"
     assert stat.S_IMODE(path.stat().st_mode) == 0o600
     assert SigningKey(str(path)).secret == KEY
-    for packet in bench.partner.peer.unpack(right.pack(setup(bytes(32)))):
+    for packet in bench.partner.peer.unpack(right.pack(setup_message(bytes(32)))):
         bench.dispatcher.handle(bench.partner.peer, packet, bench.now)
     assert is_received(other, plain.pack(BEAT)), "a key of zeros ends signing"
     assert not path.exists()
@@ -59,19 +59,19 @@ def test_setting_a_key_without_permission_is_refused_with_a_reason(tmp_path: Pat
     path = tmp_path / "key"
     bench = bench_with(SigningKey(str(path)))
     bench.arm()
-    bench.partner.send(setup(KEY))
+    bench.partner.send(setup_message(KEY))
     bench.run(0.1)
     assert "armed" in bench.partner.texts()
     bench.core.disarm()
     bench.partner.peer.is_local = False
-    bench.partner.send(setup(KEY))
+    bench.partner.send(setup_message(KEY))
     bench.run(0.1)
     assert "this machine" in bench.partner.texts()
     looker = bench.add_partner(may_command=False)
-    looker.send(setup(KEY))
+    looker.send(setup_message(KEY))
     bench.dispatcher.signing = SigningKey(str(path), given="passphrase")
     bench.partner.peer.is_local = True
-    bench.partner.send(setup(KEY))
+    bench.partner.send(setup_message(KEY))
     bench.run(0.1)
     assert "scenario" in bench.partner.texts()
     assert is_received(bench.partner, MavlinkStream(255, 190, Counters()).pack(BEAT))

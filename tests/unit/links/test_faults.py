@@ -19,8 +19,8 @@ CHUNKS = [number.to_bytes(2, "big") * 8 for number in range(2000)]
 Open = Callable[..., tuple[Wire, FaultyWire]]
 
 
-def sent_through(opened: ExitStack, faults: Faults, seed: int = 1) -> tuple[list[bytes], Tally]:
-    """Return what comes out of CHUNKS, sent one by one."""
+def send_chunks(opened: ExitStack, faults: Faults, seed: int = 1) -> tuple[list[bytes], Tally]:
+    """Return the output of CHUNKS, sent one by one."""
     far, near = instant_pair(opened, faults, seed)
     received = []
     for chunk in CHUNKS:
@@ -30,19 +30,19 @@ def sent_through(opened: ExitStack, faults: Faults, seed: int = 1) -> tuple[list
 
 
 def near_share(count: int, share: float, of: int) -> bool:
-    """True if so many of so many is that share, within five standard deviations."""
+    """Return True if `count` of `total` is that share, within five standard deviations."""
     return bool(abs(count - share * of) < 5 * (of * share * (1 - share)) ** 0.5)
 
 
-class TestDamage:
+class TestDamagedBytes:
     def test_chunks_are_dropped_at_the_stated_rate(self, opened: ExitStack) -> None:
-        received, tally = sent_through(opened, Faults(drop=0.2))
+        received, tally = send_chunks(opened, Faults(drop=0.2))
         assert [chunk for chunk in received if chunk] == [CHUNKS[i] for i, chunk in enumerate(received) if chunk]
         assert tally.dropped == received.count(b"")
         assert near_share(tally.dropped, 0.2, len(CHUNKS))
 
     def test_corruption_flips_one_bit_at_the_stated_rate(self, opened: ExitStack) -> None:
-        received, tally = sent_through(opened, Faults(corrupt=0.01))
+        received, tally = send_chunks(opened, Faults(corrupt=0.01))
         flips = [a ^ b for a, b in zip(b"".join(received), b"".join(CHUNKS), strict=True)]
         assert all(flip.bit_count() <= 1 for flip in flips)
         assert sum(map(bool, flips)) == tally.corrupted_bytes
@@ -50,13 +50,13 @@ class TestDamage:
         assert len(set(flips)) == 9, "each of the eight bits, and none"
 
     def test_chunks_are_duplicated_at_the_stated_rate(self, opened: ExitStack) -> None:
-        received, tally = sent_through(opened, Faults(duplicate=0.1))
+        received, tally = send_chunks(opened, Faults(duplicate=0.1))
         assert set(received) <= {*CHUNKS, *[chunk + chunk for chunk in CHUNKS]}
         assert sum(len(chunk) == 32 for chunk in received) == tally.duplicated
         assert near_share(tally.duplicated, 0.1, len(CHUNKS))
 
     def test_reordering_swaps_a_chunk_with_the_next(self, opened: ExitStack) -> None:
-        received, tally = sent_through(opened, Faults(reorder=0.1))
+        received, tally = send_chunks(opened, Faults(reorder=0.1))
         order = [int.from_bytes(received_at[:2], "big") for received_at in split(b"".join(received), 16)]
         swaps = [i for i in range(len(order) - 1) if order[i] == order[i + 1] + 1]
         assert tally.reordered - len(swaps) in (0, 1), "the very last one has no next"
@@ -95,12 +95,12 @@ class TestDamage:
 
     def test_the_seed_determines_the_faults(self, opened: ExitStack) -> None:
         faults = Faults(drop=0.1, corrupt=0.02, duplicate=0.1, reorder=0.1)
-        first, again, other = (sent_through(opened, faults, seed)[0] for seed in (5, 5, 6))
+        first, again, other = (send_chunks(opened, faults, seed)[0] for seed in (5, 5, 6))
         assert first == again
         assert first != other
 
     def test_faults_of_one_direction_do_not_depend_on_the_other(self, opened: ExitStack) -> None:
-        alone = sent_through(opened, Faults(drop=0.5))[0]
+        alone = send_chunks(opened, Faults(drop=0.5))[0]
         far, near = instant_pair(opened, Faults(drop=0.5))
         received = []
         for chunk in CHUNKS:
@@ -111,7 +111,7 @@ class TestDamage:
         assert received == alone
 
 
-class TestGone:
+class TestLostWire:
     def test_a_link_disconnects_and_returns(self, opened: ExitStack, clock: Clock) -> None:
         far, near = instant_pair(opened, Faults(disconnect=1.0, disconnect_time=0.1))
         near.write(b"cut")

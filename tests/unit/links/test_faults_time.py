@@ -16,8 +16,8 @@ from tests.support.links.link_contract import EVERY_BYTE, wait_readable
 
 
 @contextmanager
-def one_cpu() -> Iterator[None]:
-    """Keep both ends on one CPU: a wake-up on another one can cost as much as a frame."""
+def use_one_cpu() -> Iterator[None]:
+    """Run both ends on one CPU: a wake-up on another one can take as long as a frame."""
     before = os.sched_getaffinity(0)
     os.sched_setaffinity(0, {max(before)})
     try:
@@ -35,10 +35,10 @@ def test_a_frame_takes_its_transmission_time(opened: ExitStack, downward: bool) 
 
 
 def least_ns(opened: ExitStack, baud: int, downward: bool) -> int:
-    """Return the least time of many frames: a busy machine wakes those who wait late, never early."""
+    """Return the least time of many frames: a busy machine wakes a waiting process late, never early."""
     far, near = pty_pair(opened, Faults(baud=baud))
     sender, receiver = (near, far) if downward else (far, near)
-    with one_cpu():
+    with use_one_cpu():
         return min([cross(sender, receiver, bytes(32))[1] for _ in range(101)])
 
 

@@ -38,7 +38,7 @@ def report(pulses: tuple[int, ...] = PULSES, **changes: Any) -> ThrusterTelemetr
     return ThrusterTelemetry(0, True, False, pulses, 0, 0, 0, 0)._replace(**changes)
 
 
-def hexed(output: bytes) -> list[list[str]]:
+def hex_frames(output: bytes) -> list[list[str]]:
     return [[f"{frame.id:08x}", frame.data.hex()] for frame in frames(output)]
 
 
@@ -46,7 +46,7 @@ def golden_records(vector: dict[str, Any]) -> bytes:
     return records(CanFrame(int(can_id, 16), bytes.fromhex(data)) for can_id, data in vector["frames"])
 
 
-def one(command: int, controller: int, argument: int | bytes) -> bytes:
+def frame_record(command: int, controller: int, argument: int | bytes) -> bytes:
     data = argument if isinstance(argument, bytes) else pack(">i", argument)
     return records([CanFrame(command << 8 | controller, data)])
 
@@ -54,7 +54,7 @@ def one(command: int, controller: int, argument: int | bytes) -> bytes:
 @pytest.mark.parametrize("vector", GOLDEN["commands"], ids=lambda vector: vector["name"])
 def test_commands_have_the_golden_bytes(vector: dict[str, Any]) -> None:
     command = ThrusterCommand(5, vector["armed"], tuple(vector["pwm_us"]))
-    assert hexed(host(3, command=vector["command"]).encode(command)) == vector["frames"]
+    assert hex_frames(host(3, command=vector["command"]).encode(command)) == vector["frames"]
     shown = tuple(pulse if pulse in range(800, 2201) else 0 for pulse in command.pwm_us)
     expected = command._replace(sequence=0, pwm_us=shown if command.armed else (1500,) * 3)
     assert device(3).feed(golden_records(vector)) == [expected]
@@ -63,7 +63,7 @@ def test_commands_have_the_golden_bytes(vector: dict[str, Any]) -> None:
 @pytest.mark.parametrize("vector", GOLDEN["reports"], ids=lambda vector: vector["name"])
 def test_reports_have_the_golden_bytes(vector: dict[str, Any]) -> None:
     pulses = tuple(vector["pwm_us"])
-    assert hexed(device(3).encode(report(pulses))) == vector["frames"]
+    assert hex_frames(device(3).encode(report(pulses))) == vector["frames"]
     (received,) = host(3).feed(golden_records(vector))
     assert isinstance(received, ThrusterTelemetry)
     assert received.pwm_us == pulses
@@ -107,38 +107,46 @@ def test_unrepresentable_pulses_become_the_nearest_value() -> None:
 
 def test_a_command_is_complete_with_one_frame_a_controller() -> None:
     end = device(3)
-    assert end.feed(one(0, 1, 100_000)) == []
-    assert end.feed(one(0, 3, -100_000)) == []
-    assert end.feed(one(0, 2, 50_000)) == [ThrusterCommand(0, True, (1900, 1700, 1100))]
-    assert end.feed(one(0, 2, 0)) == []
-    assert end.feed(one(0, 2, 25_000)) == [ThrusterCommand(0, True, (1900, 1500, 1100))], "the others go on"
-    assert end.feed(one(0, 2, 75_000)) == [ThrusterCommand(0, True, (1900, 1600, 1100))]
+    assert end.feed(frame_record(0, 1, 100_000)) == []
+    assert end.feed(frame_record(0, 3, -100_000)) == []
+    assert end.feed(frame_record(0, 2, 50_000)) == [ThrusterCommand(0, True, (1900, 1700, 1100))]
+    assert end.feed(frame_record(0, 2, 0)) == []
+    assert end.feed(frame_record(0, 2, 25_000)) == [ThrusterCommand(0, True, (1900, 1500, 1100))], "the others go on"
+    assert end.feed(frame_record(0, 2, 75_000)) == [ThrusterCommand(0, True, (1900, 1600, 1100))]
 
 
 @pytest.mark.parametrize("status_period", [0.01, 0.1, 1.0, 10.0])
 def test_a_controller_without_commands_releases_its_motor(status_period: float) -> None:
     now_ns = 0
     end = device(3, status_period=status_period, clock=lambda: now_ns)
-    end.feed(one(0, 1, 100_000) + one(0, 2, 100_000) + one(0, 3, 100_000))
+    end.feed(frame_record(0, 1, 100_000) + frame_record(0, 2, 100_000) + frame_record(0, 3, 100_000))
     for now_ns in range(0, 700 * MS, 20 * MS):
         if now_ns >= end.deadline_ns:
             end.tick(now_ns)
-        received = end.feed(one(0, 2, 50_000))
+        received = end.feed(frame_record(0, 2, 50_000))
         held = 1900 if now_ns <= 500 * MS else 0
         if now_ns:
             assert received == [ThrusterCommand(0, True, (held, 1700, held))]
 
 
 def test_the_broadcast_address_commands_all_controllers() -> None:
-    assert device(3).feed(one(0, 255, 50_000)) == [ThrusterCommand(0, True, (1700,) * 3)]
-    assert device(3).feed(one(1, 255, 0)) == [ThrusterCommand(0, False, (1500,) * 3)]
-    assert device(1).feed(one(0, 255, 10**9)) == [ThrusterCommand(0, True, (1900,))], "beyond full is full"
+    assert device(3).feed(frame_record(0, 255, 50_000)) == [ThrusterCommand(0, True, (1700,) * 3)]
+    assert device(3).feed(frame_record(1, 255, 0)) == [ThrusterCommand(0, False, (1500,) * 3)]
+    assert device(1).feed(frame_record(0, 255, 10**9)) == [ThrusterCommand(0, True, (1900,))], "beyond full is full"
 
 
 def test_frames_of_others_are_ignored() -> None:
     end, master = device(3), host(3)
-    assert end.feed(one(0, 4, 5) + one(0, 0, 5) + one(9, 77, bytes(8))) == []
-    assert master.feed(one(9, 4, bytes(8)) + one(0, 1, 0) + one(14, 1, bytes(8)) + one(15, 2, bytes(8))) == []
+    assert end.feed(frame_record(0, 4, 5) + frame_record(0, 0, 5) + frame_record(9, 77, bytes(8))) == []
+    assert (
+        master.feed(
+            frame_record(9, 4, bytes(8))
+            + frame_record(0, 1, 0)
+            + frame_record(14, 1, bytes(8))
+            + frame_record(15, 2, bytes(8))
+        )
+        == []
+    )
     short = records([CanFrame(1, pack(">i", 5), extended=False)])
     assert end.feed(short) == []
     assert (end.counters.malformed, master.counters.malformed) == (0, 0)
@@ -147,20 +155,22 @@ def test_frames_of_others_are_ignored() -> None:
 def test_unsupported_and_malformed_commands_are_counted() -> None:
     end, master = device(3), host(3)
     for number in (2, 4, 11, 12, 13, 99):
-        assert end.feed(one(number, 1, 5)) == []
-    assert end.feed(one(0, 1, b"abc") + one(17, 1, b"")) == []
+        assert end.feed(frame_record(number, 1, 5)) == []
+    assert end.feed(frame_record(0, 1, b"abc") + frame_record(17, 1, b"")) == []
     assert end.counters.malformed == 8
-    assert master.feed(one(9, 1, bytes(7)) + one(16, 1, bytes(6)) + one(27, 1, bytes(5))) == []
+    assert (
+        master.feed(frame_record(9, 1, bytes(7)) + frame_record(16, 1, bytes(6)) + frame_record(27, 1, bytes(5))) == []
+    )
     assert master.counters.malformed == 3
 
 
 def test_a_ping_is_answered() -> None:
     end = device(2, first_id=10)
-    assert end.feed(one(17, 11, b"\xfe")) == []
-    assert hexed(end.replies()) == [["000012fe", "0b00"]]
+    assert end.feed(frame_record(17, 11, b"\xfe")) == []
+    assert hex_frames(end.replies()) == [["000012fe", "0b00"]]
     assert end.replies() == b""
-    end.feed(one(17, 255, b"\xfe"))
-    assert [data for _, data in hexed(end.replies())] == ["0a00", "0b00"]
+    end.feed(frame_record(17, 255, b"\xfe"))
+    assert [data for _, data in hex_frames(end.replies())] == ["0a00", "0b00"]
 
 
 def test_slow_status_frames_carry_voltage_temperature_and_tachometer() -> None:
@@ -182,18 +192,18 @@ def test_slow_status_frames_carry_voltage_temperature_and_tachometer() -> None:
 
 def test_status_5_has_the_firmwares_layout() -> None:
     end = device(1)
-    *_, (can_id, data) = hexed(end.tick(0))
+    *_, (can_id, data) = hex_frames(end.tick(0))
     assert (can_id, data) == ("00001b01", "00000000" + "00a0" + "0000")
     master = host(1)
-    master.feed(one(27, 1, bytes.fromhex("fffffff4" + "00a0")))
+    master.feed(frame_record(27, 1, bytes.fromhex("fffffff4" + "00a0")))
     assert (master.motors[0].tachometer, master.motors[0].voltage_v) == (-12, 16.0)
 
 
 def test_controllers_commanded_by_rpm_are_read_by_rpm() -> None:
     master = host(1, command="rpm")
-    (received,) = master.feed(one(9, 1, pack(">ihh", 12_250, 30, 617)))
+    (received,) = master.feed(frame_record(9, 1, pack(">ihh", 12_250, 30, 617)))
     assert cast("ThrusterTelemetry", received).pwm_us == (1700,)
-    (received,) = host(1).feed(one(9, 1, pack(">ihh", 12_250, 30, 617)))
+    (received,) = host(1).feed(frame_record(9, 1, pack(">ihh", 12_250, 30, 617)))
     assert cast("ThrusterTelemetry", received).pwm_us == (1747,)
 
 
@@ -267,7 +277,7 @@ def test_wrong_settings_are_refused_with_a_reason(
 def test_noise_neither_stops_the_ends_nor_fills_memory() -> None:
     end, master = device(), host()
     sound = frames(host().encode(ThrusterCommand(1, True, PULSES)) + device().encode(report()) + device().tick(0))
-    sound += frames(one(17, 1, b"\xfe") + one(0, 255, 7))
+    sound += frames(frame_record(17, 1, b"\xfe") + frame_record(0, 255, 7))
     received, answered = 0, 0
     for count, record in enumerate(noise(25_000, sound)):
         received += len(end.feed(record)) + len(master.feed(record))

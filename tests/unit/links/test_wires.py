@@ -60,7 +60,7 @@ def test_a_link_name_is_never_held_twice(link_path: Path) -> None:
     holders, most, opened = 0, 0, 0
     guard = threading.Lock()
 
-    def come_and_go() -> None:
+    def open_and_close() -> None:
         nonlocal holders, most, opened
         for _ in range(60):
             try:
@@ -74,7 +74,7 @@ def test_a_link_name_is_never_held_twice(link_path: Path) -> None:
                 holders -= 1
             wire.close()
 
-    threads = [threading.Thread(target=come_and_go) for _ in range(4)]
+    threads = [threading.Thread(target=open_and_close) for _ in range(4)]
     for thread in threads:
         thread.start()
     for thread in threads:
@@ -287,15 +287,15 @@ def test_a_device_unplugged_while_it_is_opened_is_reported(when: str, monkeypatc
     device = PtyWire()
     step = getattr(serial.Serial, when)
 
-    def and_out(port: serial.Serial, *arguments: Any, **options: Any) -> None:
+    def write_and_unplug(port: serial.Serial, *arguments: Any, **options: Any) -> None:
         device.close()
         step(port, *arguments, **options)
 
-    def opened_and_out(port: serial.Serial, *arguments: Any, **options: Any) -> None:
+    def open_and_unplug(port: serial.Serial, *arguments: Any, **options: Any) -> None:
         step(port, *arguments, **options)
         device.close()
 
-    monkeypatch.setattr(serial.Serial, when, opened_and_out if when == "__init__" else and_out)
+    monkeypatch.setattr(serial.Serial, when, open_and_unplug if when == "__init__" else write_and_unplug)
     with pytest.raises(DeviceError, match=rf"^{device.path}: no device answers; is it plugged in"):
         UartWire(device.path)
 

@@ -24,13 +24,13 @@ class OtherClock:
 
 
 def exchange(clock: ClockOffset, other: OtherClock, sent: int, there: int, back: int, thinking: int = 100_000) -> None:
-    """Do one exchange that takes `there` and `back` ns on its way."""
+    """Do one exchange that takes `there` ns to the peer and `back` ns back."""
     received = sent + there + thinking + back
     clock.add(sent, other.read(sent + there), other.read(sent + there + thinking), received)
 
 
 def compare(other: OtherClock, seconds: int, seed: int, least: int = 300_000, jitter_ms: float = 5.0) -> ClockOffset:
-    """Return the offsets of four exchanges a second whose way back takes three times as long as the way there."""
+    """Return the offsets of four exchanges a second that take three times as long back as to the peer."""
     clock, generator = ClockOffset(), random.Random(seed)
     for tick in range(4 * seconds):
         there = least + round(generator.expovariate(1 / (jitter_ms * MS)))

@@ -4,7 +4,7 @@ from hil.common.clock import NS_PER_MS, NS_PER_S
 from hil.network.stall import FIRST_GAP_NS, GAPS, StallDetector
 
 LEASE_S = 0.8
-LOOK_MS = 200
+CHECK_MS = 200
 
 
 class Bed:
@@ -19,7 +19,7 @@ class Bed:
         """Add so many of each before each check; return when (s from now on) the detector reports a stall."""
         began, reported = self.now_ms, []
         while self.now_ms < began + 1000 * seconds:
-            self.now_ms += LOOK_MS
+            self.now_ms += CHECK_MS
             self.answers += answers
             self.samples += samples
             if self.detector.is_stalled(self.now_ms * NS_PER_MS, self.answers, self.samples, is_deaf):

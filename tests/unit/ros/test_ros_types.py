@@ -50,7 +50,7 @@ PRINTED = {
     ),
     "std_srvs/srv/Empty": "RIHS01_5888399dedec5ccc85ea6451949fd2c9f97bfdf963f9a588821639fcd31b5d19",
 }
-ASKED_FOR = """
+REQUIRED_TYPES = """
 sensor_msgs: Imu FluidPressure MagneticField NavSatFix LaserScan Range Image CompressedImage CameraInfo BatteryState
 sensor_msgs: JointState PointCloud2
 nav_msgs: Odometry OccupancyGrid Path
@@ -64,7 +64,7 @@ marine_acoustic_msgs: Dvl SonarImageData ProjectedSonarImage SonarRanges
 
 
 def _register() -> None:
-    """Give rosbags the definitions it has not, from our files; the halves of services as messages."""
+    """Register in rosbags the definitions it lacks, from our files; the halves of services as messages."""
     found: dict[str, Any] = {}
     for name in [*MESSAGES, *HALVES]:
         if name not in STORE.types:
@@ -142,7 +142,7 @@ def test_random_messages_equal_those_of_rosbags_both_ways() -> None:
 
 
 def test_all_required_message_types_are_defined() -> None:
-    wanted = [line.split(": ") for line in ASKED_FOR.strip().splitlines()]
+    wanted = [line.split(": ") for line in REQUIRED_TYPES.strip().splitlines()]
     names = [f"{package}/msg/{word}" for package, words in wanted for word in words.split()]
     assert [name for name in names if name not in NAMES] == []
 

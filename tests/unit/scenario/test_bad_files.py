@@ -23,7 +23,7 @@ from hil.scenario.config import load_scenario
 from sim.environment.world import load_world
 from sim.vehicle.vehicle import load_vehicle
 
-BAD: list[Any] = [
+BAD_VALUES: list[Any] = [
     [], {}, [[]], [{}], [1], True, "", "x", "-1 s", "nan m", "1e400 s", math.nan, math.inf, -math.inf, -1, 0, 1e308,
     -1e308, 10**400, -(10**400), 2**63, [math.nan] * 3, [1e308] * 6, {"x": {}},
 ]  # fmt: skip
@@ -37,16 +37,16 @@ READERS: dict[str, Callable[[str], Any]] = {
 
 
 @pytest.fixture(autouse=True)
-def own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def use_own_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
 
 
-def places(table: Any, so_far: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
-    """Yield the way to every value in a table."""
+def key_paths(table: Any, so_far: tuple[Any, ...] = ()) -> Iterator[tuple[Any, ...]]:
+    """Yield the path of keys to every value in a table."""
     items = table.items() if isinstance(table, dict) else enumerate(table) if isinstance(table, list) else ()
     for key, value in items:
         yield (*so_far, key)
-        yield from places(value, (*so_far, key))
+        yield from key_paths(value, (*so_far, key))
 
 
 def copy(value: Any) -> Any:
@@ -91,8 +91,8 @@ def test_a_wrong_value_of_any_key_is_refused_by_its_key(
     ):
         monkeypatch.setattr(f"{module}.read_table", read_changed)
     first = PRESETS.index((folder, name))
-    for number, place in enumerate(places(whole), first):  # each with one of them, every time another
-        value = BAD[number % len(BAD)]
+    for number, place in enumerate(key_paths(whole), first):  # each with one of them, every time another
+        value = BAD_VALUES[number % len(BAD_VALUES)]
         bad[:] = [changed(whole, place, value)]
         compiled.clear()
         output = path
@@ -106,7 +106,7 @@ def test_a_wrong_value_of_any_key_is_refused_by_its_key(
         assert "\n" not in output
 
 
-def written(folder: Path, data: bytes) -> str:
+def write_scenario(folder: Path, data: bytes) -> str:
     path = folder / "odd.toml"
     path.write_bytes(data)
     return str(path)
@@ -129,7 +129,7 @@ def written(folder: Path, data: bytes) -> str:
     ],
 )
 def test_invalid_toml_is_refused_with_the_file(tmp_path: Path, data: bytes, words: str) -> None:
-    path = written(tmp_path, data)
+    path = write_scenario(tmp_path, data)
     with pytest.raises(ConfigError, match=words) as error:
         read_table(path)
     assert str(error.value).startswith(path)
@@ -172,7 +172,7 @@ def test_an_unknown_kind_of_seabed_is_refused(tmp_path: Path) -> None:
 
 
 def test_a_byte_order_mark_is_ignored(tmp_path: Path) -> None:
-    assert read_table(written(tmp_path, b"\xef\xbb\xbfa = 1\n")) == {"a": 1}
+    assert read_table(write_scenario(tmp_path, b"\xef\xbb\xbfa = 1\n")) == {"a": 1}
 
 
 def test_pipes_devices_folders_and_oversized_files_are_refused(tmp_path: Path) -> None:
@@ -229,7 +229,7 @@ def test_no_reader_of_large_files_blocks_on_a_pipe(ending: str, reader: str, tmp
 def test_file_errors_have_no_text_of_the_interpreter(tmp_path: Path) -> None:
     for content, words in ((b"a = " + b"9" * 5000, "more than 4300 digits"), (b"# b\xfcoot", "is not UTF-8 text")):
         with pytest.raises(ConfigError, match=words) as error:
-            read_table(written(tmp_path, content))
+            read_table(write_scenario(tmp_path, content))
         assert not re.search("sys|codec|Errno", str(error.value))
 
 

@@ -62,7 +62,7 @@ def test_a_fleet_needs_members() -> None:
 
 
 def whole_blocks() -> Iterator[tuple[str, str, dict[str, Any]]]:
-    """Yield the whole files that pages show: where, of which kind, and what stands in them."""
+    """Yield the complete files that pages show: location, kind and content."""
     marks = {"mass": "vehicle", "extent": "world", "architecture": "board", "byte_order": "frame", "world": "scenario"}
     for block in blocks("toml"):
         table = parse_toml(block.text)
@@ -134,7 +134,7 @@ def test_missing_keys_are_refused(kind: str, tmp_path: Path) -> None:
 
 
 def _toml(table: dict[str, Any]) -> Iterator[str]:
-    """Yield a table as TOML: everything inline, which is as good to a reader."""
+    """Yield the lines of a table as TOML with all sub-tables inline."""
     for key, value in table.items():
         yield f"{key} = {_inline(value)}\n"
 

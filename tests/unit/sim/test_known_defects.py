@@ -44,9 +44,9 @@ def coriolis(vehicle: Vehicle, nu: Sequence[float]) -> list[float]:
 def test_position_noise_has_zero_mean() -> None:
     """The source paper's eq. 10, a exp(+mu²/(2 c²)), is never below a and unbounded; ours has mean 0 and its size."""
     a, c, random = 0.1, 1.0, Random(1)
-    red = [a * exp(random.gauss(0.0, 1.0) ** 2 / (2.0 * c**2)) for _ in range(20_000)]
-    assert min(red) >= a
-    assert max(red) > 50.0 * a
+    their_speed = [a * exp(random.gauss(0.0, 1.0) ** 2 / (2.0 * c**2)) for _ in range(20_000)]
+    assert min(their_speed) >= a
+    assert max(their_speed) > 50.0 * a
     noise = ErrorProcess(ErrorModel(noise=a), 0.1, Random(1))
     green = [noise.measure(0.0) for _ in range(20_000)]
     assert fmean(green) == pytest.approx(0.0, abs=4.0 * a / sqrt(20_000))
@@ -142,12 +142,12 @@ def test_the_dynamics_are_independent_of_units(integrator: Integrator) -> None:
     and has 10.5 kg in one place and 16.75 kg in another. Whoever computes in feet gets another spin from it;
     ours is the same ride in any units."""
 
-    def red(length: float, mass: float, time: float) -> float:
+    def their_speed(length: float, mass: float, time: float) -> float:
         area, radius, density = 0.06 * length**2, 0.14 * length, 1000.0 * mass / length**3
         torque = 3.0 * mass * length**2 / time**2
         return sqrt(torque / (0.5 * 1.1 * density * area * radius)) * time  # in rad per second again
 
-    assert red(METRE, KILOGRAM, SECOND) != pytest.approx(red(1.0, 1.0, 1.0), rel=0.1)
+    assert their_speed(METRE, KILOGRAM, SECOND) != pytest.approx(their_speed(1.0, 1.0, 1.0), rel=0.1)
 
     vehicle = HEAVY._replace(center_of_gravity=(0.01, -0.02, 0.03))
     force, moment = KILOGRAM * METRE / SECOND**2, KILOGRAM * METRE**2 / SECOND**2
@@ -218,8 +218,8 @@ def test_forces_are_finite_astern() -> None:
     """The speed of MSS's remus100.m is sqrt(u^1 + v^2), which going astern is no real number. Ours is the magnitude of
     the velocity: all forces are finite, and turn about with it.
     """
-    red = complex(-1.5 + 0.2**2) ** 0.5
-    assert abs(red.imag) > 1.0
+    their_speed = complex(-1.5 + 0.2**2) ** 0.5
+    assert abs(their_speed.imag) > 1.0
     vehicle, _ = load_vehicle("remus100")
     world = World("sea", "test", (-500.0, 500.0, -500.0, 500.0), 100.0)
     simulation = Simulation(vehicle, world, {}, position=(0.0, 0.0, 50.0))

@@ -41,7 +41,7 @@ def rows_of(name: str) -> list[dict[str, float]]:
     return [{key: float(value) for key, value in row.items()} for row in csv.DictReader(lines)]
 
 
-def plus(*wrenches: Six) -> Six:
+def add(*wrenches: Six) -> Six:
     return [sum(column) for column in zip(*wrenches, strict=True)]
 
 
@@ -49,7 +49,8 @@ def plus(*wrenches: Six) -> Six:
 
 
 def their_propeller(n: float, nu: Six) -> Six:
-    """Return their propeller's force, by the speed over ground, sideways too; its torque is a tenth of what KQ says."""
+    """Return their propeller's force, by the speed over ground, also in sideways motion; its torque is a tenth of KQ's.
+    """
     advance = 0.944 * sqrt(nu[0] ** 2 + nu[1] ** 2 + nu[2] ** 2)
     thrust = 1026 * 0.14**4 * (0.4566 * n * n + (0.1798 - 0.4566) / 0.6632 * advance / 0.14 * n)
     torque = 1026 * 0.14**5 * (0.07 * n * n + (0.0312 - 0.07) / 0.6632 * advance / 0.14 * n)
@@ -89,7 +90,7 @@ def their_cross_flow(nu_r: Six) -> Six:
         x = -0.8 + i * 0.08
         size = 0.5 * 1025 * 0.19 * drag * 0.08
         aside, down = abs(v + x * r) * (v + x * r), abs(w + x * q) * (w + x * q)
-        total = plus(total, [0.0, -size * aside, -size * down, 0.0, -size * x * down, -size * x * aside])
+        total = add(total, [0.0, -size * aside, -size * down, 0.0, -size * x * down, -size * x * aside])
     return total
 
 
@@ -117,13 +118,13 @@ class Sample:
         self.nu_r = [a - b for a, b in zip(self.nu, [*self.flow, 0.0, 0.0, 0.0], strict=True)]
 
     def slope_of(self, dynamics: Dynamics, wrench: Six) -> Six:
-        """Return our derivative with their rate of the current: they leave out what roll and pitch do to it."""
+        """Return our derivative with their rate of the current, which omits the effect of roll and pitch on it."""
         place = (0.0, 0.0, 100.0)
         pushed = dynamics.add_forces(place, self.rotation, self.nu, wrench, self.current)
         found = dynamics.acceleration(100.0, self.rotation, self.nu, pushed, self.current)
         p, q, _ = self.nu[3:]
         x, y, z = self.flow
-        return plus(found, [q * z, -p * z, p * y - q * x, 0.0, 0.0, 0.0])
+        return add(found, [q * z, -p * z, p * y - q * x, 0.0, 0.0, 0.0])
 
 
 SAMPLES = [Sample(row) for row in rows_of("xdot_samples")]
@@ -175,7 +176,7 @@ def test_derivatives_equal_mss_except_for_five_terms() -> None:
     dynamics = Dynamics(REMUS, 1026.0, GRAVITY, forces=[hull_of(REMUS)])
     checked = 0
     for sample in SAMPLES:
-        wrench = plus(
+        wrench = add(
             their_propeller(sample.n, sample.nu),
             their_fins(sample.rudder, sample.planes, sample.nu_r),
             their_cross_flow(sample.nu_r),
@@ -293,7 +294,7 @@ def test_a_surge_step_follows_mss() -> None:
 
 
 def their_coast(speed: float, seconds: float) -> tuple[float, float]:
-    """Return how far (m) theirs goes by itself from `speed` m/s, straight ahead, and its last speed (m/s)."""
+    """Return the distance (m) theirs coasts from `speed` m/s, straight ahead, and its last speed (m/s)."""
     dynamics = Dynamics(REMUS, 1026.0, GRAVITY, forces=[hull_of(REMUS)])
     way, dt = 0.0, 0.01
 

@@ -43,7 +43,7 @@ def at_rest(keys: TetherKeys, world: World = WORLD, steps: int = 2500) -> tuple[
 def test_a_tether_hangs_as_the_elastic_catenary() -> None:
     """The pull at both ends follows from their distance (Irvine 1981, Cable Structures, eqs 1.26 and 1.27)."""
 
-    def misses(pull: Any) -> tuple[float, float]:
+    def end_errors(pull: Any) -> tuple[float, float]:
         h, v = pull  # horizontal, and vertical at the anchor
         left = v - WEIGHT * KEYS.length
         x = h * KEYS.length / KEYS.stiffness + h / WEIGHT * (asinh(v / h) - asinh(left / h))
@@ -51,7 +51,7 @@ def test_a_tether_hangs_as_the_elastic_catenary() -> None:
         z += h / WEIGHT * (sqrt(1.0 + (v / h) ** 2) - sqrt(1.0 + (left / h) ** 2))
         return x - END[0], z - END[2]
 
-    h, v = optimize.fsolve(misses, (30.0, 90.0))
+    h, v = optimize.fsolve(end_errors, (30.0, 90.0))
     tether, wrench = at_rest(KEYS)
     assert wrench[0] == pytest.approx(-h, rel=0.03)
     assert wrench[2] == pytest.approx(WEIGHT * KEYS.length - v, rel=0.03)
@@ -75,13 +75,13 @@ def test_a_tether_in_a_current_equals_an_integration() -> None:
         stretched = 1.0 + size / KEYS.stiffness
         return np.concatenate([tangent * stretched, -stretched * drag - np.array([0.0, 0.0, WEIGHT])])
 
-    def shot(pull: Any) -> Any:
+    def shoot(pull: Any) -> Any:
         start = np.concatenate([np.zeros(3), pull])
         return integrate.solve_ivp(slope, (0.0, KEYS.length), start, rtol=1e-8, atol=1e-8).y[:, -1]
 
-    pull = optimize.fsolve(lambda pull: shot(pull)[:3] - np.array(END), (50.0, -50.0, 90.0))
+    pull = optimize.fsolve(lambda pull: shoot(pull)[:3] - np.array(END), (50.0, -50.0, 90.0))
     _, wrench = at_rest(KEYS, world, 4000)
-    assert np.array(wrench[:3]) == pytest.approx(-shot(pull)[3:], abs=0.05 * float(np.linalg.norm(pull)))
+    assert np.array(wrench[:3]) == pytest.approx(-shoot(pull)[3:], abs=0.05 * float(np.linalg.norm(pull)))
 
 
 @pytest.mark.parametrize("step", [0.0025, 0.01])

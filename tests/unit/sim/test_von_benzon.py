@@ -98,7 +98,7 @@ CASES: dict[str, Callable[[float], Wrench]] = {
 
 
 def fly(name: str, integrator: Integrator, splits: int) -> Iterator[tuple[State, Row]]:
-    """Yield the state after each second beside theirs; their steps of 0.02 s, over which inputs hold, split up."""
+    """Yield the state after each second and theirs; their steps of 0.02 s with constant inputs are divided."""
     current = CURRENT if name.startswith("current") else (0.0, 0.0, 0.0)
     dynamics = Dynamics(HEAVY, DENSITY, GRAVITY, integrator, [LeftOut(current)] if any(current) else [])
     rows = [row for row in rows_of("vonbenzon_fossen_trajectories.csv") if row["case"] == name]

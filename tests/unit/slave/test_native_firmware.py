@@ -30,7 +30,7 @@ def native(binaries: Path) -> Iterator[None]:
         yield
 
 
-class Line(Wire):
+class MemoryLine(Wire):
     """A wire in memory: bytes put into `coming` are read; written bytes are listed write by write."""
 
     def __init__(self) -> None:
@@ -54,8 +54,8 @@ class Line(Wire):
         self.closed = True
 
 
-def ends() -> tuple[Line, FirmwareEnd, Line, Stm32End]:
-    quick, plain = Line(), Line()
+def ends() -> tuple[MemoryLine, FirmwareEnd, MemoryLine, Stm32End]:
+    quick, plain = MemoryLine(), MemoryLine()
     stub = Stm32End(Stm32(CHANNELS, WATCHDOG_NS), ThrusterLink(plain, open_frame("device", CHANNELS)))
     return quick, FirmwareEnd(quick, CHANNELS, WATCHDOG_NS), plain, stub
 

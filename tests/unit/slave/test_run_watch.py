@@ -16,7 +16,7 @@ STILL = (1500,) * 6
 
 
 class Driver:
-    """A link that can be lost, and an STM32 that can fall silent."""
+    """A link that can be lost, and an STM32 that can stop answering."""
 
     losses = 0
     lost = is_silent = False

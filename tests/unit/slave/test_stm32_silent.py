@@ -33,7 +33,7 @@ SILENT = "/dev/bench: the STM32 has not answered for 0.5 s; check wiring, baud, 
 
 
 @pytest.fixture
-def still(monkeypatch: pytest.MonkeyPatch) -> None:
+def stop_clock(monkeypatch: pytest.MonkeyPatch) -> None:
     """Stop the clock of the drivers and of the loop, so that only the time that a test adds passes."""
     for module in (stm32, slave_loop):
         monkeypatch.setattr(module, "now_ns", lambda: 10**12)
@@ -51,34 +51,34 @@ class Bed:
         self.bench, self.output = BenchLink(), list[str]()
         self.driver = ExternalDriver(self.bench.ends, 6, WATCHDOG_NS, self.output.append)
 
-    def look(self, seconds: float) -> None:
+    def check_after(self, seconds: float) -> None:
         self.driver.service(now_ns() + round(seconds * NS_PER_S))
 
-    def look_until(self, seconds: float, lines: int) -> None:
-        """Check again and again until so many lines have been reported."""
+    def check_until(self, seconds: float, lines: int) -> None:
+        """Check repeatedly until so many lines have been reported."""
 
         def output() -> bool:
-            self.look(seconds)
+            self.check_after(seconds)
             return len(self.output) == lines
 
         assert wait_for(output), self.output
 
     def receive(self, seconds: float) -> None:
         self.bench.reports = [ANSWER]
-        self.look(seconds)
+        self.check_after(seconds)
 
 
-@pytest.mark.usefixtures("still")
+@pytest.mark.usefixtures("stop_clock")
 def test_a_silent_stm32_is_reported_once_and_so_is_its_return() -> None:
     bed = Bed()
     for began in (0.0, 10.0):
         bed.driver.send(COMMAND)
-        bed.look(0.4)
+        bed.check_after(0.4)
         assert not bed.driver.is_silent
         bed.output.clear()
         for later in (0.6, 0.8, 5.0):
             bed.driver.send(COMMAND)
-            bed.look(later)
+            bed.check_after(later)
         assert bed.output == [SILENT], began
         assert bed.driver.is_silent
         bed.receive(6.0)
@@ -87,35 +87,35 @@ def test_a_silent_stm32_is_reported_once_and_so_is_its_return() -> None:
         assert not bed.driver.is_silent
 
 
-@pytest.mark.usefixtures("still")
+@pytest.mark.usefixtures("stop_clock")
 def test_no_reply_is_expected_without_a_command() -> None:
     """No answer is missing before the first command, between two, and where another program has the host's end."""
     bed = Bed()
-    bed.look(5.0)
+    bed.check_after(5.0)
     bed.driver.send(COMMAND)
     bed.receive(0.1)
-    bed.look(5.0)
+    bed.check_after(5.0)
     assert bed.output == []
 
 
-@pytest.mark.usefixtures("still")
+@pytest.mark.usefixtures("stop_clock")
 def test_a_lost_link_is_not_also_reported_as_silent() -> None:
     bed = Bed()
     bed.driver.send(COMMAND)
-    bed.look(1.0)
+    bed.check_after(1.0)
     bed.bench.broken = True
-    bed.look(2.0)
+    bed.check_after(2.0)
     assert bed.driver.lost
     assert not bed.driver.is_silent
     bed.bench.broken = False
     bed.driver.send(COMMAND)
-    bed.look_until(4.0, lines=3)
+    bed.check_until(4.0, lines=3)
     assert not bed.driver.lost
     assert [line.partition(":")[0][:24] for line in bed.output] == [
         "/dev/bench", "thruster link lost, the ", "thruster link back after"
     ]  # fmt: skip
     bed.driver.send(COMMAND)
-    bed.look(6.0)
+    bed.check_after(6.0)
     assert bed.output[3:] == [SILENT]
 
 
@@ -130,7 +130,7 @@ def test_a_silent_or_lost_stm32_confirms_no_stop(monkeypatch: pytest.MonkeyPatch
     bed.bench.reports = [ANSWER._replace(pwm_us=(1500, 1600, 1500, 1500, 1500, 1500))]
     assert not stop_thrusters(bed.driver, 2)
     bed.bench.broken = True
-    bed.look(2.0)
+    bed.check_after(2.0)
     assert tuple(bed.driver.pwm_us) == NEUTRAL
     assert not stop_thrusters(bed.driver, 2), "a lost link is taken for neutral, which is no answer"
     bed.driver.close()
@@ -142,11 +142,11 @@ def test_neutral_is_repeated_until_it_is_confirmed(monkeypatch: pytest.MonkeyPat
     bed, sent = Bed(), list[ThrusterCommand]()
     bed.driver.descriptors = []
 
-    def lose_two(command: ThrusterCommand) -> None:
+    def lose_two_replies(command: ThrusterCommand) -> None:
         sent.append(command)
         bed.bench.reports = [ANSWER] * (len(sent) > 2)
 
-    monkeypatch.setattr(bed.bench, "send", lose_two)
+    monkeypatch.setattr(bed.bench, "send", lose_two_replies)
     assert stop_thrusters(bed.driver, 0xFFFF)
     assert [(command.sequence, command.armed) for command in sent] == [(0xFFFF, False), (0, False), (1, False)]
 
@@ -176,7 +176,7 @@ def loop(tmp_path: Path) -> Iterator[Loop]:
     os.close(theirs)
 
 
-@pytest.mark.usefixtures("still")
+@pytest.mark.usefixtures("stop_clock")
 def test_commands_without_a_reply_are_counted_and_dropped(loop: Loop, capsys: pytest.CaptureFixture[str]) -> None:
     for _ in range(100):
         loop._apply_command(now_ns())
@@ -190,7 +190,7 @@ def test_commands_without_a_reply_are_counted_and_dropped(loop: Loop, capsys: py
     assert "the STM32 has not answered for 0.5 s" in capsys.readouterr().out
 
 
-@pytest.mark.usefixtures("still")
+@pytest.mark.usefixtures("stop_clock")
 def test_a_link_lost_while_sending_is_no_longer_waited_on(loop: Loop) -> None:
     """The link's descriptors may be those of something else by the next wait."""
     assert loop.driver.host

@@ -74,7 +74,7 @@ class Bed:
             self.loop.advance(1)
 
     def execute(self, sequence: int) -> None:
-        """Deliver a command and the STM32's answer to it."""
+        """Deliver a command and the STM32's reply to it."""
         self.command_receiver.waiting.append(Received(VelocityCommand(surge=0.3), sequence, 7, now_ns()))
         self.loop._apply_command(now_ns())
         while self.loop._awaited:

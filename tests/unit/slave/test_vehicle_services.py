@@ -53,7 +53,7 @@ class SilentSamplePublisher:
 
 
 class RecordedServer:
-    """A server that stores what is offered."""
+    """A server that stores the offered services."""
 
     def __init__(self) -> None:
         self.offered: dict[str, tuple[str, Answer]] = {}
@@ -62,7 +62,7 @@ class RecordedServer:
         self.offered[name] = type_name, answer
 
     def call(self, name: str, request: Any = None) -> Any:
-        """Return the response, with request and response on the wire in between."""
+        """Return the response; request and response are encoded and decoded in between."""
         type_name, answer = self.offered[name]
         request_type, response_type = f"{type_name}_Request", f"{type_name}_Response"
         requested = ros_message.decode(request_type, ros_message.encode(request_type, request or {}))

@@ -23,7 +23,7 @@ from tests.support.examples import examples
 PERIOD = CONTROL_PERIOD_S
 
 
-def respond(share: Any, seconds: float = 20.0, size: float = 2.0) -> Response:
+def make_response(share: Any, seconds: float = 20.0, size: float = 2.0) -> Response:
     times = [number * PERIOD for number in range(round(seconds / PERIOD))]
     return Response("surge", size, times, [size * share(time) for time in times])
 
@@ -33,7 +33,7 @@ def respond(share: Any, seconds: float = 20.0, size: float = 2.0) -> Response:
 
 def test_a_first_order_lag_has_its_known_figures() -> None:
     """A lag 1 - exp(-t/T) has a rise of T ln 9, settles to 5 % at T ln 20, and costs T."""
-    figures = respond(lambda t: 1.0 - math.exp(-t / 1.5)).figures()
+    figures = make_response(lambda t: 1.0 - math.exp(-t / 1.5)).figures()
     assert figures.rise == pytest.approx(1.5 * math.log(9.0), abs=0.03)
     assert figures.settling == pytest.approx(1.5 * math.log(20.0), abs=0.03)
     assert figures.cost == pytest.approx(1.5, rel=0.01)
@@ -50,15 +50,15 @@ def test_a_second_order_system_has_its_known_overshoot(damping: float) -> None:
         swing = math.cos(2.0 * root * t) + damping / root * math.sin(2.0 * root * t)
         return 1.0 - math.exp(-2.0 * damping * t) * swing
 
-    assert respond(share).figures().overshoot == pytest.approx(math.exp(-math.pi * damping / root), abs=2e-3)
+    assert make_response(share).figures().overshoot == pytest.approx(math.exp(-math.pi * damping / root), abs=2e-3)
 
 
 def test_a_response_that_never_settles_has_no_settling_time() -> None:
-    figures = respond(lambda t: 0.8).figures()
+    figures = make_response(lambda t: 0.8).figures()
     assert math.isnan(figures.settling)
     assert math.isnan(figures.rise)
     assert figures.steady == pytest.approx(-0.4)
-    assert respond(lambda t: 1.0 + 0.04 * math.sin(t), size=-1.0).figures().settling == 0.0
+    assert make_response(lambda t: 1.0 + 0.04 * math.sin(t), size=-1.0).figures().settling == 0.0
 
 
 # -- identification -----------------------------------------------------------------------------------------------

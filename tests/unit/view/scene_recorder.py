@@ -4,18 +4,18 @@ from typing import Any
 
 
 class Handle:
-    """An added item; `removed` is set once it has been taken away."""
+    """An added item; `removed` is set once it has been removed."""
 
     def __init__(self) -> None:
         self.removed = False
 
     def remove(self) -> None:
-        """Take it out of the scene."""
+        """Remove it from the scene."""
         self.removed = True
 
 
 class Recorder:
-    """A scene that stores what it was made to add, by name: kind, arguments, options."""
+    """A scene that stores the items added to it, by name: kind, arguments, options."""
 
     def __init__(self) -> None:
         self.added: dict[str, tuple[str, tuple[Any, ...], dict[str, Any]]] = {}

@@ -33,7 +33,7 @@ def fleet(recorder: Recorder, world: WorldScene) -> FleetScene:
     return FleetScene(recorder, Hunt(NODES, PLAN, 5.0, 2.0), world)
 
 
-def places(*easts: float) -> dict[str, Any]:
+def positions(*easts: float) -> dict[str, Any]:
     return {node: np.array((east, 0.0, -2.0)) for node, east in zip(NODES, easts, strict=False)}
 
 
@@ -42,21 +42,21 @@ def reports(clock_s: float) -> dict[str, dict[str, Any]]:
 
 
 def test_vehicles_within_range_are_joined_by_links(recorder: Recorder, fleet: FleetScene) -> None:
-    fleet.draw({}, places(0.0, 3.0, 6.0, 20.0))
+    fleet.draw({}, positions(0.0, 3.0, 6.0, 20.0))
     segments = recorder.added["/fleet/links"][1][0]
     assert sorted(tuple(pair[:, 0].tolist()) for pair in segments) == [(0.0, 3.0), (3.0, 6.0)]
     links = recorder.handles["/fleet/links"]
-    fleet.draw({}, places(0.0, 10.0, 20.0))
+    fleet.draw({}, positions(0.0, 10.0, 20.0))
     assert links.removed, "nobody is in range of anybody"
-    fleet.draw({}, places(0.0))
+    fleet.draw({}, positions(0.0))
     assert "/fleet/places" not in recorder.added, "no report yet"
 
 
 def test_formation_targets_follow_each_vehicles_reported_clock(recorder: Recorder, fleet: FleetScene) -> None:
-    fleet.draw(reports(0.0), places(0.0, 3.0, 6.0, 9.0))
+    fleet.draw(reports(0.0), positions(0.0, 3.0, 6.0, 9.0))
     first = recorder.added["/fleet/places"][1][0]
     assert first.tolist() == [[east, north, -2.0] for north, east in FORMATIONS["line"]]
-    fleet.draw(reports(PLAN.duration), places(0.0, 3.0, 6.0, 9.0))
+    fleet.draw(reports(PLAN.duration), positions(0.0, 3.0, 6.0, 9.0))
     last = recorder.added["/fleet/places"][1][0]
     assert np.hypot(*(last[:, :2] - (TARGET[1], TARGET[0])).T) == pytest.approx(1.5), "on the ring"
     assert recorder.added["/target"][2]["position"].tolist() == [TARGET[1], TARGET[0], -2.0]

@@ -10,7 +10,7 @@ from hil.view.pace import GATHER_NS, LEAST_NS, MOST_NS, Pace
 PERIOD = 50 * NS_PER_MS
 
 
-def drawings(samples: list[int], end: int) -> list[int]:
+def drawing_times(samples: list[int], end: int) -> list[int]:
     """Return the times (ns) of drawing when samples come at these times."""
     pace, now, drawn, waiting = Pace(0), 0, list[int](), sorted(samples)
     while now < end:
@@ -25,7 +25,7 @@ def drawings(samples: list[int], end: int) -> list[int]:
 @pytest.mark.parametrize("phase_ms", range(0, 50, 7))
 def test_a_sample_is_drawn_soon_at_any_phase(phase_ms: int) -> None:
     samples = [phase_ms * NS_PER_MS + number * PERIOD for number in range(40)]
-    drawn = drawings(samples, samples[-1] + PERIOD)
+    drawn = drawing_times(samples, samples[-1] + PERIOD)
     for sample in samples[8:]:  # once the beat is found
         assert min(time - sample for time in drawn if time >= sample) == GATHER_NS
     assert len(drawn) <= len(samples) + 3
@@ -33,14 +33,14 @@ def test_a_sample_is_drawn_soon_at_any_phase(phase_ms: int) -> None:
 
 def test_simultaneous_samples_are_drawn_together() -> None:
     samples = [number * PERIOD + part * NS_PER_MS for number in range(1, 20) for part in (0, 1, 2)]
-    assert len(drawings(samples, 20 * PERIOD)) <= 21
+    assert len(drawing_times(samples, 20 * PERIOD)) <= 21
 
 
 def test_the_drawing_rate_is_limited_with_many_vehicles() -> None:
-    drawn = drawings([number * NS_PER_MS for number in range(2000)], 2000 * NS_PER_MS)
+    drawn = drawing_times([number * NS_PER_MS for number in range(2000)], 2000 * NS_PER_MS)
     assert min(after - before for before, after in pairwise(drawn)) >= LEAST_NS
 
 
 def test_drawing_continues_without_samples() -> None:
-    drawn = drawings([], 10 * MOST_NS)
+    drawn = drawing_times([], 10 * MOST_NS)
     assert drawn == [number * MOST_NS for number in range(10)]

@@ -60,8 +60,8 @@ class Recording:
 
 
 @pytest.fixture(autouse=True)
-def at_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let threads run when they start."""
+def run_threads_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Run each thread's function when the thread starts."""
 
     class Thread:
         def __init__(self, target: Any, **_: Any) -> None:

@@ -35,7 +35,7 @@ def _bench() -> Any:
         yield made
 
 
-def ask(bench: Bench, node: Any, request: Any, number: int = 20) -> Any:
+def send_request(bench: Bench, node: Any, request: Any, number: int = 20) -> Any:
     answers: list[Any] = []
     node.request(request, number, answers.append)
     bench.run()
@@ -47,7 +47,7 @@ def get(bench: Bench, node: Any, name: str = "", index: int = 0, **value: Any) -
     request = protocol.param.GetSet.Request(index=index, name=name)
     for field, given in value.items():
         setattr(request.value, field, given)
-    return ask(bench, node, request)
+    return send_request(bench, node, request)
 
 
 def test_a_reference_node_lists_our_parameters(bench: Bench) -> None:
@@ -96,18 +96,18 @@ def test_saved_values_survive_a_restart_and_others_do_not(bench: Bench, tmp_path
     bench.run(3.0)
     get(bench, node, "ESC_INDEX", integer_value=2)
     get(bench, node, "CAN_NODE", integer_value=21)
-    stored = ask(bench, node, protocol.param.ExecuteOpcode.Request(opcode=SAVE))
+    stored = send_request(bench, node, protocol.param.ExecuteOpcode.Request(opcode=SAVE))
     assert (stored.ok, stored.argument) == (True, 0)
-    assert not ask(bench, node, protocol.param.ExecuteOpcode.Request(opcode=7)).ok
+    assert not send_request(bench, node, protocol.param.ExecuteOpcode.Request(opcode=7)).ok
     get(bench, node, "FULL_RPM", real_value=5000.0)  # and not stored
     arm(node)
     node.broadcast(esc.RawCommand(cmd=[0, 0, 8191]))
     bench.run()
     assert end.stm32.pwm_us[0] == 1900
-    assert not ask(bench, node, protocol.RestartNode.Request(magic_number=1)).ok
+    assert not send_request(bench, node, protocol.RestartNode.Request(magic_number=1)).ok
     assert end.stm32.pwm_us[0] == 1900
     nodes.clear()
-    assert ask(bench, node, protocol.RestartNode.Request(magic_number=0xACCE551B1E)).ok
+    assert send_request(bench, node, protocol.RestartNode.Request(magic_number=0xACCE551B1E)).ok
     assert end.stm32.pwm_us == [1500] * 6, "it stops before it restarts"
     bench.run(0.1)
     assert nodes[-1].transfer.source_node_id == 21
@@ -116,12 +116,12 @@ def test_saved_values_survive_a_restart_and_others_do_not(bench: Bench, tmp_path
     bench.run()
     assert end.stm32.pwm_us == [1500] * 6, "nothing has armed it again"
     request = protocol.param.GetSet.Request(name="FULL_RPM")
-    assert ask(bench, node, request, 21).value.real_value == 3500.0
+    assert send_request(bench, node, request, 21).value.real_value == 3500.0
     assert ParameterStore((Parameter("ESC_INDEX", 0, (0, 14)), Parameter("CAN_NODE", 20, (0, 127)),
                            Parameter("FULL_RPM", 3500.0, (800.0, 74e3)), Parameter("REQUIRE_ARMING", True)),
                           str(path))["ESC_INDEX"] == 2  # fmt: skip
-    assert ask(bench, node, protocol.param.ExecuteOpcode.Request(opcode=ERASE), 21).ok
-    assert ask(bench, node, protocol.RestartNode.Request(magic_number=0xACCE551B1E), 21).ok
+    assert send_request(bench, node, protocol.param.ExecuteOpcode.Request(opcode=ERASE), 21).ok
+    assert send_request(bench, node, protocol.RestartNode.Request(magic_number=0xACCE551B1E), 21).ok
     bench.run(0.1)
     assert nodes[-1].transfer.source_node_id == 20
 
@@ -132,7 +132,7 @@ def test_a_device_without_a_set_number_requests_one_after_a_restart(bench: Bench
     assert protocol_end.node_id == 0
     protocol_end._enter(33)
     node = bench.node(99)
-    assert ask(bench, node, protocol.RestartNode.Request(magic_number=0xACCE551B1E), 33).ok
+    assert send_request(bench, node, protocol.RestartNode.Request(magic_number=0xACCE551B1E), 33).ok
     bench.run(0.1)
     assert protocol_end.node_id == 0
     answers: list[Any] = []
@@ -145,9 +145,9 @@ def test_transport_statistics_are_counted(bench: Bench) -> None:
     bench.device()
     node = bench.node(99)
     bench.run(0.1)
-    first = ask(bench, node, protocol.GetTransportStats.Request())
+    first = send_request(bench, node, protocol.GetTransportStats.Request())
     bench.run(0.1)
-    second = ask(bench, node, protocol.GetTransportStats.Request())
+    second = send_request(bench, node, protocol.GetTransportStats.Request())
     assert second.transfers_tx > first.transfers_tx > 0
     assert second.transfers_rx == first.transfers_rx + 1
     assert second.transfer_errors == 0

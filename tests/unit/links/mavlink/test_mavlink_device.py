@@ -23,25 +23,25 @@ class Ground(Peer):
         super().__init__()
         self.board = Board(**settings)
 
-    def say(self, data: bytes) -> list[Any]:
+    def exchange(self, data: bytes) -> list[Any]:
         return self.parse(self.board.take(data))
 
-    def ask(self, command: int, *params: float) -> int:
-        """Send COMMAND_LONG; the result of the one acknowledgement, which must be addressed to us."""
-        answers = self.say(self.long(command, *params))
+    def send_command(self, command: int, *params: float) -> int:
+        """Send COMMAND_LONG; return the result of its one acknowledgement, which must be addressed to us."""
+        answers = self.exchange(self.long(command, *params))
         acks = [m for m in answers if m.get_type() == "COMMAND_ACK"]
         assert [(m.command, m.target_system, m.target_component) for m in acks] == [(command, 255, 190)]
         assert all(m.get_type() != "BAD_DATA" for m in answers)
         return int(acks[0].result)
 
     def set_servo(self, channel: float, width: float) -> int:
-        return self.ask(dialect.MAV_CMD_DO_SET_SERVO, channel, width)
+        return self.send_command(dialect.MAV_CMD_DO_SET_SERVO, channel, width)
 
     def motor_test(self, *params: float) -> int:
-        return self.ask(dialect.MAV_CMD_DO_MOTOR_TEST, *params)
+        return self.send_command(dialect.MAV_CMD_DO_MOTOR_TEST, *params)
 
     def manual(self, x: int, y: int, z: int, r: int) -> None:
-        self.say(self.pack(dialect.MAVLink_manual_control_message(1, x, y, z, r, 0)))
+        self.exchange(self.pack(dialect.MAVLink_manual_control_message(1, x, y, z, r, 0)))
 
 
 @pytest.fixture
@@ -51,35 +51,35 @@ def ground() -> Ground:
 
 @pytest.fixture
 def armed(ground: Ground) -> Ground:
-    assert ground.ask(dialect.MAV_CMD_COMPONENT_ARM_DISARM, 1.0) == ACCEPTED
+    assert ground.send_command(dialect.MAV_CMD_COMPONENT_ARM_DISARM, 1.0) == ACCEPTED
     return ground
 
 
 def test_arming_is_reported_at_once_and_moves_nothing(ground: Ground) -> None:
-    answers = ground.say(ground.arm())
+    answers = ground.exchange(ground.arm())
     assert [m.get_type() for m in answers] == ["COMMAND_ACK", "HEARTBEAT", "SYS_STATUS", "SERVO_OUTPUT_RAW"]
     assert answers[1].base_mode == dialect.MAV_MODE_FLAG_SAFETY_ARMED
     assert (ground.board.stm32.armed, ground.board.pwm_us) == (True, NEUTRAL)
 
 
 def test_arming_again_changes_nothing_and_disarming_clears_the_pulses(armed: Ground) -> None:
-    armed.say(Peer(1, 191).servos([1700] * 4))
-    assert [m.get_type() for m in armed.say(armed.arm())] == ["COMMAND_ACK"]
+    armed.exchange(Peer(1, 191).servos([1700] * 4))
+    assert [m.get_type() for m in armed.exchange(armed.arm())] == ["COMMAND_ACK"]
     assert armed.board.pwm_us == [1700] * 4
-    armed.say(armed.arm(False))
+    armed.exchange(armed.arm(False))
     assert (armed.board.stm32.armed, armed.board.pwm_us) == (False, NEUTRAL)
-    armed.say(armed.arm())
+    armed.exchange(armed.arm())
     assert (armed.board.stm32.armed, armed.board.pwm_us) == (True, NEUTRAL)
 
 
 def test_pulses_sent_while_disarmed_are_not_applied_after_arming(ground: Ground) -> None:
-    ground.say(Peer(1, 191).servos([1700] * 4) + ground.arm())
+    ground.exchange(Peer(1, 191).servos([1700] * 4) + ground.arm())
     assert (ground.board.stm32.armed, ground.board.pwm_us) == (True, NEUTRAL)
 
 
 @pytest.mark.parametrize("value", [2.0, -1.0, 0.5, math.nan, math.inf, 1e30])
 def test_an_invalid_arming_value_is_denied(ground: Ground, value: float) -> None:
-    assert ground.ask(dialect.MAV_CMD_COMPONENT_ARM_DISARM, value) == DENIED
+    assert ground.send_command(dialect.MAV_CMD_COMPONENT_ARM_DISARM, value) == DENIED
     assert not ground.board.stm32.armed
 
 
@@ -112,13 +112,13 @@ def test_an_unknown_servo_or_an_invalid_pulse_is_denied(armed: Ground, channel: 
 
 def test_a_servo_is_not_set_while_disarmed(ground: Ground) -> None:
     assert ground.set_servo(1, 1600) == REJECTED
-    assert ground.ask(dialect.MAV_CMD_COMPONENT_ARM_DISARM, 1.0) == ACCEPTED
+    assert ground.send_command(dialect.MAV_CMD_COMPONENT_ARM_DISARM, 1.0) == ACCEPTED
     assert ground.board.pwm_us == NEUTRAL, "and not kept for later either"
 
 
 def test_two_commands_in_one_read_are_both_executed(armed: Ground) -> None:
     set_servo = dialect.MAV_CMD_DO_SET_SERVO
-    armed.say(armed.long(set_servo, 1, 1600) + armed.long(set_servo, 2, 1700))
+    armed.exchange(armed.long(set_servo, 1, 1600) + armed.long(set_servo, 2, 1700))
     assert armed.board.pwm_us == [1600, 1700, 1500, 1500]
 
 
@@ -133,41 +133,41 @@ def test_the_watchdog_disarms_after_a_ground_station_times_out(armed: Ground) ->
 def test_every_command_is_acknowledged(ground: Ground) -> None:
     supported = {400, 183, 209, 512, 520}
     for command in (*range(700), 31_010, 42_700, 65_535):
-        result = ground.ask(command, math.nan, math.nan, math.nan)
+        result = ground.send_command(command, math.nan, math.nan, math.nan)
         assert (result == UNSUPPORTED) == (command not in supported)
 
 
 def test_command_int_is_acknowledged_too(ground: Ground) -> None:
     message = dialect.MAVLink_command_int_message(1, 1, 0, 400, 0, 0, 1.0, 0.0, 0.0, 0.0, 0, 0, 0.0)
-    (ack,) = ground.say(ground.pack(message))
+    (ack,) = ground.exchange(ground.pack(message))
     assert (ack.get_type(), ack.command, ack.result) == ("COMMAND_ACK", 400, LONG_ONLY)
 
 
 def test_broadcast_commands_are_executed(ground: Ground) -> None:
-    answers = ground.say(ground.long(dialect.MAV_CMD_COMPONENT_ARM_DISARM, 1.0, system=0, component=0))
+    answers = ground.exchange(ground.long(dialect.MAV_CMD_COMPONENT_ARM_DISARM, 1.0, system=0, component=0))
     assert answers[0].result == ACCEPTED
     assert ground.board.stm32.armed
 
 
 @pytest.mark.parametrize("request_version", [(512, 148.0), (520, 1.0)])
 def test_the_version_is_reported(ground: Ground, request_version: tuple[int, float]) -> None:
-    answers = ground.say(ground.long(*request_version))
+    answers = ground.exchange(ground.long(*request_version))
     (version,) = [m for m in answers if m.get_type() == "AUTOPILOT_VERSION"]
     assert version.capabilities & dialect.MAV_PROTOCOL_CAPABILITY_MAVLINK2
     reported = version.flight_sw_version.to_bytes(4, "big")[:3]
     assert ".".join(map(str, reported)) == ".".join(__version__.split(".")[:3])
-    assert ground.ask(dialect.MAV_CMD_REQUEST_MESSAGE, 30.0) == DENIED
+    assert ground.send_command(dialect.MAV_CMD_REQUEST_MESSAGE, 30.0) == DENIED
 
 
 def test_rc_overrides_set_and_release_their_channels() -> None:
     ground = Ground(channels=10)
-    ground.say(ground.arm())
+    ground.exchange(ground.arm())
     override = dialect.MAVLink_rc_channels_override_message
-    ground.say(ground.pack(override(1, 1, *range(1601, 1609), 1609, 1610)))
+    ground.exchange(ground.pack(override(1, 1, *range(1601, 1609), 1609, 1610)))
     assert ground.board.pwm_us == list(range(1601, 1611))
-    ground.say(ground.pack(override(1, 1, 65535, 0, *[65535] * 6, 0, 65534)))
+    ground.exchange(ground.pack(override(1, 1, 65535, 0, *[65535] * 6, 0, 65534)))
     assert ground.board.pwm_us == [1601, 1500, *range(1603, 1609), 1609, 1500]
-    ground.say(ground.pack(override(1, 0, 1700, *[65535] * 7)))
+    ground.exchange(ground.pack(override(1, 0, 1700, *[65535] * 7)))
     assert ground.board.pwm_us[0] == 1700
 
 
@@ -187,10 +187,10 @@ def test_rc_overrides_set_and_release_their_channels() -> None:
 )
 def test_manual_control_is_mixed_to_the_outputs(axes: tuple[int, int, int, int], pulses: list[int]) -> None:
     ground = Ground(mix=MIX)
-    ground.say(ground.arm())
+    ground.exchange(ground.arm())
     ground.manual(*axes)
     assert ground.board.pwm_us == pulses
-    ground.say(ground.arm(False))
+    ground.exchange(ground.arm(False))
     ground.manual(*axes)
     assert ground.board.pwm_us == NEUTRAL
 
@@ -226,7 +226,7 @@ def test_a_motor_test_ends_after_its_duration(ground: Ground, kind: int, throttl
 
 
 def test_a_motor_test_does_not_prolong_the_commands_of_a_silent_host(armed: Ground) -> None:
-    armed.say(Peer(1, 191).servos([1700, 1750, 1800, 1650]))
+    armed.exchange(Peer(1, 191).servos([1700, 1750, 1800, 1650]))
     armed.board.wait(100)
     assert armed.motor_test(2, 1, 1600, 2.0) == ACCEPTED
     assert armed.board.pwm_us == [1500, 1600, 1500, 1500]
@@ -262,10 +262,10 @@ def test_any_other_command_ends_a_motor_test(ground: Ground) -> None:
     ground.motor_test(1, 1, 1600, 5.0)
     assert ground.set_servo(2, 1700) == REJECTED, "a test does not arm"
     assert ground.board.pwm_us[0] == 1600, "and what is rejected is no command"
-    ground.say(Peer(1, 191).servos([1700] * 4))
+    ground.exchange(Peer(1, 191).servos([1700] * 4))
     assert (ground.board.pwm_us, ground.board.stm32.armed) == (NEUTRAL, False)
     ground.motor_test(1, 1, 1600, 5.0)
-    ground.say(ground.arm(False))
+    ground.exchange(ground.arm(False))
     assert ground.board.pwm_us == NEUTRAL
     ground.board.wait(5000)
     assert ground.board.pwm_us == NEUTRAL
@@ -309,36 +309,36 @@ def test_an_invalid_motor_test_is_denied(ground: Ground, params: tuple[float, ..
 def test_the_latest_of_several_commanders_takes_effect(armed: Ground) -> None:
     host = Peer(1, 191)
     for i in range(40):
-        armed.say(host.servos([1550 + i] * 4))
+        armed.exchange(host.servos([1550 + i] * 4))
         assert armed.set_servo(1, 1700 + i) == ACCEPTED
         assert armed.board.pwm_us == [1700 + i] + [1550 + i] * 3
     assert armed.board.stm32.refused == 0
 
 
 def test_requests_for_parameters_missions_and_files_are_answered(ground: Ground) -> None:
-    def ask(message: Any) -> Any:
-        (answer,) = ground.say(ground.pack(message))
+    def send_command(message: Any) -> Any:
+        (answer,) = ground.exchange(ground.pack(message))
         return answer
 
-    value = ask(dialect.MAVLink_param_request_list_message(1, 1))
+    value = send_command(dialect.MAVLink_param_request_list_message(1, 1))
     assert (value.param_id, value.param_value, value.param_count, value.param_index) == ("SYSID_THISMAV", 1.0, 1, 0)
-    assert ask(dialect.MAVLink_param_request_read_message(1, 1, b"", 0)).param_id == "SYSID_THISMAV"
-    assert ask(dialect.MAVLink_param_set_message(1, 1, b"SYSID_THISMAV", 9.0, 9)).param_value == 1.0
-    assert ground.say(ground.pack(dialect.MAVLink_param_request_read_message(1, 1, b"OTHER", -1))) == []
+    assert send_command(dialect.MAVLink_param_request_read_message(1, 1, b"", 0)).param_id == "SYSID_THISMAV"
+    assert send_command(dialect.MAVLink_param_set_message(1, 1, b"SYSID_THISMAV", 9.0, 9)).param_value == 1.0
+    assert ground.exchange(ground.pack(dialect.MAVLink_param_request_read_message(1, 1, b"OTHER", -1))) == []
     for kind in range(3):
-        count = ask(dialect.MAVLink_mission_request_list_message(1, 1, kind))
+        count = send_command(dialect.MAVLink_mission_request_list_message(1, 1, kind))
         assert (count.get_type(), count.count, count.mission_type) == ("MISSION_COUNT", 0, kind)
     wrong = dialect.MAV_MISSION_INVALID_SEQUENCE
-    assert ask(dialect.MAVLink_mission_request_int_message(1, 1, 0, 0)).type == wrong
-    assert ask(dialect.MAVLink_mission_request_message(1, 1, 0, 0)).type == wrong
-    assert ask(dialect.MAVLink_mission_count_message(1, 1, 3, 0)).type == dialect.MAV_MISSION_NO_SPACE
-    assert ask(dialect.MAVLink_mission_count_message(1, 1, 0, 0)).type == dialect.MAV_MISSION_ACCEPTED
-    assert ask(dialect.MAVLink_mission_clear_all_message(1, 1, 0)).type == dialect.MAV_MISSION_ACCEPTED
+    assert send_command(dialect.MAVLink_mission_request_int_message(1, 1, 0, 0)).type == wrong
+    assert send_command(dialect.MAVLink_mission_request_message(1, 1, 0, 0)).type == wrong
+    assert send_command(dialect.MAVLink_mission_count_message(1, 1, 3, 0)).type == dialect.MAV_MISSION_NO_SPACE
+    assert send_command(dialect.MAVLink_mission_count_message(1, 1, 0, 0)).type == dialect.MAV_MISSION_ACCEPTED
+    assert send_command(dialect.MAVLink_mission_clear_all_message(1, 1, 0)).type == dialect.MAV_MISSION_ACCEPTED
     for opcode in range(1, 16):
         request = bytes((5, 0, 2, opcode, 0, 0, 0, 0, 0, 0, 0, 0)).ljust(251, b"\0")
-        data = bytes(ask(dialect.MAVLink_file_transfer_protocol_message(0, 1, 1, list(request))).payload)
+        data = bytes(send_command(dialect.MAVLink_file_transfer_protocol_message(0, 1, 1, list(request))).payload)
         assert data[:6] == bytes((6, 0, 2, 129, 1, opcode)), opcode
         assert data[12] == 7
     reply = bytes((5, 0, 2, 128)).ljust(251, b"\0")
-    assert ground.say(ground.pack(dialect.MAVLink_file_transfer_protocol_message(0, 1, 1, list(reply)))) == []
-    assert ground.say(ground.pack(dialect.MAVLink_param_request_list_message(9, 1))) == []
+    assert ground.exchange(ground.pack(dialect.MAVLink_file_transfer_protocol_message(0, 1, 1, list(reply)))) == []
+    assert ground.exchange(ground.pack(dialect.MAVLink_param_request_list_message(9, 1))) == []

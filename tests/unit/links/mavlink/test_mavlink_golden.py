@@ -16,7 +16,7 @@ from hil.links.mavlink.stream import TIMESTAMP_NS, TIMESTAMP_START_NS
 from tests.support.links.mavlink_peer import Board, Clock, Peer, device_end, host_end
 
 VECTORS = os.path.join(os.path.dirname(__file__), "..", "..", "..", "vectors")
-HELD = (1100, 1300, 1499, 1501, 1700, 1900)
+HELD_PULSES = (1100, 1300, 1499, 1501, 1700, 1900)
 NEUTRAL = (1500,) * 6
 US = 1000
 
@@ -50,8 +50,8 @@ def test_the_device_acts_on_the_vectors_as_stated() -> None:
 @pytest.mark.parametrize(
     ("name", "settings", "stamp_us", "order"),
     [
-        ("pulses", {}, 1_000_000, ThrusterCommand(1, True, HELD)),
-        ("one pulse off", {}, 2_000_000, ThrusterCommand(1, True, (0, *HELD[1:]))),
+        ("pulses", {}, 1_000_000, ThrusterCommand(1, True, HELD_PULSES)),
+        ("one pulse off", {}, 2_000_000, ThrusterCommand(1, True, (0, *HELD_PULSES[1:]))),
         (
             "controls, one of them off",
             {"command": "hil_actuator_controls"},
@@ -74,7 +74,7 @@ def test_the_host_arms_and_disarms_with_the_golden_bytes(name: str, armed: bool,
     host = host_end(6)
     host.feed(bytes.fromhex(FROM_DEVICE[f"heartbeat {says}"]["bytes"]))
     at_number(host, row)
-    assert host.encode(ThrusterCommand(1, armed, HELD)).hex().startswith(row["bytes"])
+    assert host.encode(ThrusterCommand(1, armed, HELD_PULSES)).hex().startswith(row["bytes"])
 
 
 def test_the_hosts_heartbeat_has_the_golden_bytes() -> None:
@@ -87,7 +87,7 @@ def bytes_of(*names: str) -> str:
 
 def test_the_device_sends_the_golden_bytes() -> None:
     device = device_end(6, clock=Clock(1_234_567 * US))
-    armed = ThrusterTelemetry(0, True, False, HELD, 0, 65_535, 258, 3)
+    armed = ThrusterTelemetry(0, True, False, HELD_PULSES, 0, 65_535, 258, 3)
     at_number(device, FROM_DEVICE["heartbeat armed"])
     assert device.encode(armed).hex() == bytes_of("heartbeat armed", "status armed", "report")
     timed_out = armed._replace(armed=False, timed_out=True, pwm_us=NEUTRAL)
@@ -120,7 +120,7 @@ def test_the_host_decodes_the_golden_bytes() -> None:
     for state, status in (("armed", "armed"), ("timed out", "timed out"), ("disarmed", "armed")):
         for name in (f"heartbeat {state}", f"status {status}", "report"):
             received += host.feed(bytes.fromhex(FROM_DEVICE[name]["bytes"]))
-    reported = ThrusterTelemetry(0, True, False, HELD, 0, 65_535, 258, 3)
+    reported = ThrusterTelemetry(0, True, False, HELD_PULSES, 0, 65_535, 258, 3)
     disarmed = reported._replace(armed=False)
     assert received == [reported, disarmed._replace(timed_out=True), disarmed]
 
@@ -133,7 +133,7 @@ def test_a_signature_has_the_golden_bytes() -> None:
     assert board.stm32.armed
     host = host_end(6, signing_key=row["key"], wall_clock=wall)
     host._device_armed = False
-    assert host.encode(ThrusterCommand(1, True, HELD)).hex().startswith(row["bytes"])
+    assert host.encode(ThrusterCommand(1, True, HELD_PULSES)).hex().startswith(row["bytes"])
 
 
 def test_the_rows_agree_with_their_bytes() -> None:

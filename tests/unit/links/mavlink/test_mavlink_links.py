@@ -40,7 +40,7 @@ class TestSignedActuatorControlsOnPty(TestActuatorControlsOnPty):
 
 
 class TestServoOutputsOnPty(LinkContract):
-    """Servo outputs on a pty: both ends know already that the device is armed; else the first command is two."""
+    """Servo outputs on a pty: both ends have received that the device is armed; otherwise the first command is two."""
 
     open_wires = staticmethod(pty_pair)
     protocol = "mavlink"
@@ -83,8 +83,8 @@ Served = Callable[..., Stm32End]
 
 
 @pytest.fixture
-def served() -> Iterator[Served]:
-    """Start STM32s that serve themselves on a pty, each in a thread; they end with the test."""
+def serve_boards() -> Iterator[Served]:
+    """Start STM32s that each serve a pty in a thread of their own; they end with the test."""
     stop_read, stop_write = os.pipe()
     threads: list[threading.Thread] = []
 
@@ -106,7 +106,7 @@ def served() -> Iterator[Served]:
 
 @pytest.fixture
 def connect(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[Stm32End], Any]]:
-    """Open pymavlink's mavutil, of which ground stations in Python are made, on an STM32's port."""
+    """Open pymavlink's mavutil, which ground stations in Python use, on an STM32's port."""
     monkeypatch.setenv("MAVLINK20", "1")
     from pymavlink import mavutil  # reads the environment as it is imported
 
@@ -124,7 +124,7 @@ def connect(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[Stm32End], An
         connection.close()
 
 
-def ask(ground: Any, number: int, *params: float) -> Any:
+def send_command(ground: Any, number: int, *params: float) -> Any:
     """Send COMMAND_LONG as a ground station does; return its acknowledgement."""
     seven = [*params, *[0] * (7 - len(params))]
     ground.mav.command_long_send(ground.target_system, ground.target_component, number, 0, *seven)
@@ -137,24 +137,26 @@ def await_message(ground: Any, condition: str) -> Any:
     return ground.recv_match(type="SERVO_OUTPUT_RAW", blocking=True, timeout=PATIENCE_S, condition=condition)
 
 
-def test_a_ground_station_arms_and_commands_the_outputs(served: Served, connect: Callable[[Stm32End], Any]) -> None:
-    end = served()
+def test_a_ground_station_arms_and_commands_the_outputs(
+    serve_boards: Served, connect: Callable[[Stm32End], Any]
+) -> None:
+    end = serve_boards()
     ground = connect(end)
     beat = ground.wait_heartbeat(timeout=PATIENCE_S)
     assert beat is not None
     assert (beat.type, beat.get_srcComponent(), ground.target_system, ground.mavlink20()) == (12, 1, 1, True)
     assert not ground.motors_armed()
     assert await_message(ground, "SERVO_OUTPUT_RAW.servo1_raw==1500")
-    assert ask(ground, dialect.MAV_CMD_DO_SET_SERVO, 3, 1700).result == dialect.MAV_RESULT_TEMPORARILY_REJECTED
+    assert send_command(ground, dialect.MAV_CMD_DO_SET_SERVO, 3, 1700).result == dialect.MAV_RESULT_TEMPORARILY_REJECTED
     ground.arducopter_arm()
     assert ground.recv_match(type="HEARTBEAT", blocking=True, timeout=PATIENCE_S)
     assert ground.motors_armed()
-    assert ask(ground, dialect.MAV_CMD_DO_SET_SERVO, 3, 1700).result == dialect.MAV_RESULT_ACCEPTED
+    assert send_command(ground, dialect.MAV_CMD_DO_SET_SERVO, 3, 1700).result == dialect.MAV_RESULT_ACCEPTED
     shown = await_message(ground, "SERVO_OUTPUT_RAW.servo3_raw==1700")
     assert [shown.servo1_raw, shown.servo3_raw, shown.servo6_raw, shown.servo7_raw] == [1500, 1700, 1500, 0]
     ground.mav.rc_channels_override_send(1, 1, *range(1601, 1607), 0, 0)
     assert await_message(ground, "SERVO_OUTPUT_RAW.servo6_raw==1606")
-    assert ask(ground, dialect.MAV_CMD_REQUEST_MESSAGE, 148).result == dialect.MAV_RESULT_ACCEPTED
+    assert send_command(ground, dialect.MAV_CMD_REQUEST_MESSAGE, 148).result == dialect.MAV_RESULT_ACCEPTED
     assert "AUTOPILOT_VERSION" in ground.messages
     ground.arducopter_disarm()
     assert await_message(ground, "SERVO_OUTPUT_RAW.servo6_raw==1500")
@@ -162,21 +164,21 @@ def test_a_ground_station_arms_and_commands_the_outputs(served: Served, connect:
     assert (counters.malformed, counters.checksum_errors, counters.dropped_bytes) == (0, 0, 0)
 
 
-def test_only_a_ground_station_with_the_key_commands(served: Served, connect: Callable[[Stm32End], Any]) -> None:
-    end = served(signing_key=KEY.hex())
+def test_only_a_ground_station_with_the_key_commands(serve_boards: Served, connect: Callable[[Stm32End], Any]) -> None:
+    end = serve_boards(signing_key=KEY.hex())
     ground = connect(end)
     assert ground.wait_heartbeat(timeout=PATIENCE_S)
     ground.mav.command_long_send(1, 1, dialect.MAV_CMD_COMPONENT_ARM_DISARM, 0, 1, 0, 0, 0, 0, 0, 0)
     ground.setup_signing(KEY)
-    ack = ask(ground, dialect.MAV_CMD_COMPONENT_ARM_DISARM, 1)
+    ack = send_command(ground, dialect.MAV_CMD_COMPONENT_ARM_DISARM, 1)
     assert ack.result == dialect.MAV_RESULT_ACCEPTED
     assert ack.get_signed()
     assert end.link.counters.malformed == 1
 
 
-def test_a_ground_station_may_watch_on_the_hosts_port(served: Served, connect: Callable[[Stm32End], Any]) -> None:
+def test_a_ground_station_may_watch_on_the_hosts_port(serve_boards: Served, connect: Callable[[Stm32End], Any]) -> None:
     """The vehicle's computer commands; a ground station on the same wire watches and disturbs nothing."""
-    end = served(channels=4)
+    end = serve_boards(channels=4)
     ground = connect(end)
     assert ground.wait_heartbeat(timeout=PATIENCE_S)
     host = open_protocol("mavlink", "host", 4)

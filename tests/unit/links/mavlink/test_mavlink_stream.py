@@ -29,7 +29,7 @@ def stream() -> tuple[MavlinkStream, Counters]:
 
 
 def packets(count: int = 8) -> list[bytes]:
-    """Different messages of one sender."""
+    """Return different messages of one sender."""
     peer = Peer(1, 191)
     return [peer.servos([1500 + i] * 16) if i % 2 else peer.long(400, float(i)) for i in range(count)]
 

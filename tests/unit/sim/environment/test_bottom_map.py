@@ -89,11 +89,11 @@ def test_a_camera_shows_the_colours_of_the_kinds(tmp_path: Path) -> None:
     model = CameraModel(ground_truth=True, width=41, height=31, exposure=1.0)
     down = Mounting(orientation=(0.0, -0.5 * np.pi, 0.0))
 
-    def seen(world: World) -> float:
+    def camera_colours(world: World) -> float:
         camera = Camera(model, down, 1, Simulation(VEHICLE, world, {}, position=(0.0, 0.0, 8.0)))
         return float(np.frombuffer(camera.sample(0, State((0.0, 0.0, 8.0))).rgb, np.uint8).mean())
 
-    unknown, sand, mud, shells = (seen(world_of(tmp_path, [code] * 9)) for code in (0, 4, 1, 17))
+    unknown, sand, mud, shells = (camera_colours(world_of(tmp_path, [code] * 9)) for code in (0, 4, 1, 17))
     assert unknown == sand
     assert mud < 0.8 * sand < sand < shells
 

@@ -45,10 +45,7 @@ RATE_STEPS = {1000: 1_000_000, 100: 10_000_000, 10: 100_000_000}
 
 
 def gazebo_spread(mu: float, noise: float, dt: float) -> float:
-    """Return the sd that GaussMarkovProcess.cc of uuv_simulator and dave settles at, by its own recursion:
-
-    var = (1 - step mu) var + noise (uniform(0, 1) - 0.5).
-    """
+    """Return the sd that GaussMarkovProcess.cc of uuv_simulator and dave settles at, by its own recursion:"""
     keep, kick, variance = 1.0 - dt * mu, noise * noise / 12.0, 0.0
     for _ in range(round(10.0 / (mu * dt))):
         variance = keep * keep * variance + kick
@@ -116,7 +113,7 @@ def test_the_seed_determines_a_wandering_current() -> None:
 
 
 def dave_tide(level: float, flood: float, ebb: float) -> tuple[float, float]:
-    """Return the velocity by tidal_oscillation.cc of dave: it keeps its sign, and the heading changes besides."""
+    """Return the velocity by tidal_oscillation.cc of dave, which has a constant sign and turns the heading besides."""
     heading = flood if level > 0.0 else ebb
     return -cos(radians(heading)) * level, -sin(radians(heading)) * level
 

@@ -27,7 +27,7 @@ DT = 0.0025
 
 
 def ball(collision: Collision, **changes: object) -> Vehicle:
-    """Return a ball of 10 kg and 0.2 m radius in water that neither drags nor lifts by more than 4.7 kg."""
+    """Return a ball of 10 kg and 0.2 m radius in water of negligible drag, with a buoyancy of at most 4.7 kg."""
     keys = collision._replace(shape="spheres", spheres=((0.0, 0.0, 0.0, 0.2),))
     plain: dict[str, object] = {
         "neutrally_buoyant": False, "mass": 10.0, "volume": 4.7 / 1025.0, "collision": keys,

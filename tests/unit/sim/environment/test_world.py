@@ -86,7 +86,7 @@ def test_wrong_worlds_are_reported(text: str, words: str, tmp_path: Path) -> Non
 
 
 def is_reachable(world: World, margin: float, step: float = 0.5) -> bool:
-    """Return whether there is a way from (0, 0) to (50, 50) that keeps `margin` m of clearance."""
+    """Return whether there is a path from (0, 0) to (50, 50) with `margin` m of clearance."""
     count = round(50 / step)
     free = {
         (i, j) for i in range(count + 1) for j in range(count + 1) if world.clearance(i * step, j * step) >= margin
@@ -140,7 +140,7 @@ def test_an_obstacle_with_its_bottom_above_its_top_is_refused(tmp_path: Path) ->
 
 
 @pytest.fixture
-def crowded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+def crowded_world(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Write the file of a world with many obstacles on a bed in a file; return its path."""
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     path = tmp_path / "crowded.toml"
@@ -156,10 +156,10 @@ def crowded(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return path
 
 
-def test_many_obstacles_are_validated_once(crowded: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    first = load_world(str(crowded))
+def test_many_obstacles_are_validated_once(crowded_world: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    first = load_world(str(crowded_world))
     monkeypatch.setattr(World, "buried", lambda self: pytest.fail("checked again"))
-    second = load_world(str(crowded))
+    second = load_world(str(crowded_world))
     assert (second.cylinder, second.box, second.extent) == (first.cylinder, first.box, first.extent)
     assert len(second.cylinder) == 150
     assert isinstance(second.cylinder[0], Cylinder)
@@ -168,21 +168,21 @@ def test_many_obstacles_are_validated_once(crowded: Path, monkeypatch: pytest.Mo
     assert bytes(second.terrain.depths) == bytes(first.terrain.depths)
 
 
-def test_many_obstacles_are_validated_again_when_a_file_changes(crowded: Path) -> None:
-    load_world(str(crowded))
-    bed = crowded.with_name("bed.f32")
+def test_many_obstacles_are_validated_again_when_a_file_changes(crowded_world: Path) -> None:
+    load_world(str(crowded_world))
+    bed = crowded_world.with_name("bed.f32")
     bed.write_bytes(array("f", [6.0] * 4).tobytes())
     os.utime(bed, ns=(1, 1))
     with pytest.raises(ConfigError, match="has its top in the seabed"):
-        load_world(str(crowded))
+        load_world(str(crowded_world))
     bed.write_bytes(array("f", [10.0] * 4).tobytes())
-    crowded.write_text(crowded.read_text() + "[[cylinder]]\nnorth = 80.0\neast = 0.0\nradius = 1.0\n")
+    crowded_world.write_text(crowded_world.read_text() + "[[cylinder]]\nnorth = 80.0\neast = 0.0\nradius = 1.0\n")
     with pytest.raises(ConfigError, match="is outside the extent"):
-        load_world(str(crowded))
+        load_world(str(crowded_world))
 
 
-def test_objects_added_to_one_scene_are_not_in_another(crowded: Path) -> None:
-    world = load_world(str(crowded))
+def test_objects_added_to_one_scene_are_not_in_another(crowded_world: Path) -> None:
+    world = load_world(str(crowded_world))
     scene, other = RayScene(world), RayScene(world)
     ball = other.add(sphere((0.0, 40.0, 5.0), 1.0))
     assert ball == len(world.obstacles()) + 1

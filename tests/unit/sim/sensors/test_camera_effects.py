@@ -42,8 +42,10 @@ KEYS = CameraModel(width=80, height=60, read_noise=0.0, full_well=1e7, depth_noi
 DOWN = Mounting(orientation=(0.0, radians(-90.0), 0.0))
 
 
-def shot(world: World = PILED, state: State = HERE, mounting: Mounting = Mounting(), seed: int = 1, time_ns: int = 0,
-         **keys: Any) -> CameraSample:  # fmt: skip
+def take_picture(
+    world: World = PILED, state: State = HERE, mounting: Mounting = Mounting(), seed: int = 1, time_ns: int = 0,
+    **keys: Any,
+) -> CameraSample:  # fmt: skip
     scene = Simulation(VEHICLE, world, {}, position=(0.0, 0.0, 2.0))
     return Camera(KEYS._replace(**keys), mounting, seed, scene).sample(time_ns, state)
 
@@ -58,7 +60,7 @@ LAMPS: dict[str, Any] = {"lamps": 1.0, "lamp_offset": 0.4}
 def test_lamps_beside_the_camera_cast_shadows() -> None:
     """Each lamp has a shadow of a pile on the wall 3 m behind it, and none is straight behind."""
     keys = LAMPS | {"lamps": 300.0, "water": "clear", "exposure": 0.1}
-    free, shaded = (colours(shot(lamp_shadows=on, **keys)).sum(axis=2) for on in (False, True))
+    free, shaded = (colours(take_picture(lamp_shadows=on, **keys)).sum(axis=2) for on in (False, True))
     row = 30
     darker = np.flatnonzero(shaded[row] < 0.8 * free[row])
     assert (shaded <= free + 1).all()
@@ -86,16 +88,16 @@ def test_backscatter_is_the_integral_of_single_scattering(water: str, distance: 
     for channel in range(3):
         c, b = kind.attenuation[channel], kind.scattering[channel]
 
-        def sent(way: float, c: float = c, b: float = b) -> float:
+        def recorded_picture(way: float, c: float = c, b: float = b) -> float:
             squared = way * way + 0.16
             return pi * 2.0 * exp(-c * (way + squared**0.5)) / squared * b * _BACK
 
-        expected = integrate.quad(sent, 0.4, distance)[0]
+        expected = integrate.quad(recorded_picture, 0.4, distance)[0]
         assert found[channel] == pytest.approx(expected, rel=0.03)
 
 
 def test_backscatter_brightens_the_picture_in_proportion_to_its_key() -> None:
-    means = [colours(shot(backscatter=share, exposure=3.0, **LAMPS)).mean() for share in (0.0, 0.3, 1.0)]
+    means = [colours(take_picture(backscatter=share, exposure=3.0, **LAMPS)).mean() for share in (0.0, 0.3, 1.0)]
     assert means[0] < means[1] < means[2]
 
 
@@ -108,9 +110,9 @@ def test_marine_snow_is_fixed_in_the_water_and_seeded() -> None:
     volume = 4.0 / 3.0 * pi * 2.5**3
     within = (np.linalg.norm(here - (0.0, 0.0, 10.0), axis=1) < 2.5).sum()
     assert within == pytest.approx(400.0 * volume, rel=0.1)
-    pictures = [shot(snow=400.0, lamps=1.0, seed=seed).rgb for seed in (1, 1, 2)]
+    pictures = [take_picture(snow=400.0, lamps=1.0, seed=seed).rgb for seed in (1, 1, 2)]
     assert pictures[0] == pictures[1] != pictures[2]
-    assert pictures[0] != shot(lamps=1.0).rgb
+    assert pictures[0] != take_picture(lamps=1.0).rgb
 
 
 def test_marine_snow_behind_objects_is_hidden() -> None:
@@ -148,10 +150,12 @@ def test_caustics_preserve_the_mean_light_and_fade_with_depth() -> None:
 
 def test_caustics_appear_on_a_shallow_seabed() -> None:
     above = State((0.0, 0.0, 1.5))
-    plain, bright = (colours(shot(SHALLOW, above, DOWN, water="IB", caustics=c)) for c in (0.0, 1.0))
+    plain, bright = (colours(take_picture(SHALLOW, above, DOWN, water="IB", caustics=c)) for c in (0.0, 1.0))
     assert np.abs(bright - plain).mean() > 8.0
     assert bright.mean() == pytest.approx(plain.mean(), rel=0.1)
-    assert colours(shot(SHALLOW, above, DOWN, water="IB", caustics=1.0, time_ns=10**8)).tolist() != bright.tolist()
+    assert (
+        colours(take_picture(SHALLOW, above, DOWN, water="IB", caustics=1.0, time_ns=10**8)).tolist() != bright.tolist()
+    )
 
 
 def moving(nu: tuple[float, ...]) -> State:
@@ -161,14 +165,14 @@ def moving(nu: tuple[float, ...]) -> State:
 
 
 def test_a_camera_at_rest_has_no_blur() -> None:
-    still = shot(SHALLOW, moving((0.0,) * 6), DOWN, exposure_time=0.1, readout_time=0.1)
-    assert still.rgb == shot(SHALLOW, moving((0.0,) * 6), DOWN).rgb
+    still = take_picture(SHALLOW, moving((0.0,) * 6), DOWN, exposure_time=0.1, readout_time=0.1)
+    assert still.rgb == take_picture(SHALLOW, moving((0.0,) * 6), DOWN).rgb
 
 
 def test_blur_is_along_the_motion() -> None:
     """The blur over a level seabed, seen straight down, is along the rows' direction: up in the picture for surge."""
     sharp, blurred = (
-        colours(shot(SHALLOW, moving((1.0, 0, 0, 0, 0, 0)), DOWN, exposure_time=t, water="clear")).mean(axis=2)
+        colours(take_picture(SHALLOW, moving((1.0, 0, 0, 0, 0, 0)), DOWN, exposure_time=t, water="clear")).mean(axis=2)
         for t in (0.0, 0.2)
     )
     along, across = (
@@ -183,13 +187,13 @@ def test_a_rolling_shutter_captures_each_row_at_its_own_time() -> None:
     rate, readout = 0.8, 0.1
     state = State(HERE.position, from_euler(0.0, 0.0, 0.0))
     state.nu = [0.0, 0.0, 0.0, 0.0, 0.0, rate]
-    rolled = colours(shot(state=state, readout_time=readout, water="clear")).sum(axis=2)
-    still = colours(shot(water="clear")).sum(axis=2)
+    rolled = colours(take_picture(state=state, readout_time=readout, water="clear")).sum(axis=2)
+    still = colours(take_picture(water="clear")).sum(axis=2)
     for row in (2, 57):
         late = ((row + 0.5) / 60 - 0.5) * readout
         then = State(HERE.position, turn((1.0, 0.0, 0.0, 0.0), (0.0, 0.0, rate), late))
         then.nu = [0.0] * 6
-        true = colours(shot(state=then, water="clear")).sum(axis=2)
+        true = colours(take_picture(state=then, water="clear")).sum(axis=2)
         inner = slice(5, 75)
         error = np.abs(rolled[row, inner] - true[row, inner]).mean()
         assert error < 0.7 * np.abs(still[row, inner] - true[row, inner]).mean()
@@ -199,9 +203,9 @@ def test_bottom_ripples_are_visible_across_their_heading(monkeypatch: pytest.Mon
     """Ripples of the world's [bottom] are stripes across their heading."""
     rippled = SHALLOW._replace(bottom=Bottom("sand", roughness=0.0, patches=0.0, ripple_height=0.06, ripple_length=0.5))
     monkeypatch.setattr("sim.sensors.imaging.scenery.SCALES", ((0.01, 0.0), (0.089, 0.0)))
-    picture = colours(shot(rippled, State((0.0, 0.0, 0.5)), DOWN, water="clear")).mean(axis=2)
+    picture = colours(take_picture(rippled, State((0.0, 0.0, 0.5)), DOWN, water="clear")).mean(axis=2)
     assert picture.std(axis=0).mean() > 5.0 * picture.std(axis=1).mean()
-    flat = colours(shot(SHALLOW, State((0.0, 0.0, 0.5)), DOWN, water="clear")).mean(axis=2)
+    flat = colours(take_picture(SHALLOW, State((0.0, 0.0, 0.5)), DOWN, water="clear")).mean(axis=2)
     assert flat.std() < 0.2 * picture.std()
 
 
@@ -213,8 +217,8 @@ def test_ground_truth_pictures_have_no_effects() -> None:
         "readout_time": 0.1,
         "backscatter": 1.0,
     }
-    truth = shot(ground_truth=True, **LAMPS)
-    assert shot(ground_truth=True, **everything, **LAMPS).rgb == truth.rgb
+    truth = take_picture(ground_truth=True, **LAMPS)
+    assert take_picture(ground_truth=True, **everything, **LAMPS).rgb == truth.rgb
 
 
 @pytest.mark.parametrize("kind", ["mud", "rock"])

@@ -243,8 +243,8 @@ def test_side_lobes_show_a_pile_in_all_beams() -> None:
 # --- small things
 
 
-def seen_ball(radius: float, seed: int, model: ForwardSonarModel, floor: World = DEEP) -> tuple[float, float]:
-    """Return what comes back from a ball about 20 m away, somewhere in the fan, and what comes before it."""
+def echoes_of_ball(radius: float, seed: int, model: ForwardSonarModel, floor: World = DEEP) -> tuple[float, float]:
+    """Return the echoes of a ball about 20 m away, somewhere in the fan, and those before it."""
     chance = Random(seed)
     across, down, distance = radians(chance.uniform(-28, 28)), radians(chance.uniform(-8, 8)), chance.uniform(19, 21)
     sonar = forward(floor, model)
@@ -260,7 +260,7 @@ def seen_ball(radius: float, seed: int, model: ForwardSonarModel, floor: World =
 def test_a_ball_between_rays_is_always_detected(radius: float) -> None:
     """Every ping of the usual fan of 32 rays a beam shows it, about as bright, and nothing comes before it."""
     model = TRUE._replace(rays=32, beams=256)
-    found = [seen_ball(radius, seed, model) for seed in range(25)]
+    found = [echoes_of_ball(radius, seed, model) for seed in range(25)]
     echoes = np.array(found)[:, 0]
     assert echoes.min() > 0.25 * np.median(echoes)
     assert max(before for _, before in found) < 1e-6 * np.median(echoes)

@@ -42,8 +42,8 @@ def resident_mb() -> float:
     return float(psutil.Process().memory_info().rss) / 1e6
 
 
-def large(tmp_path: Path) -> World:
-    """Return a world of 100 million nodes, all 0 m deep, that takes no room on the disk."""
+def large_world(tmp_path: Path) -> World:
+    """Return a world of 100 million nodes, all 0 m deep, that uses no space on the disk."""
     (tmp_path / "large.toml").write_text(
         'name = "large"\nsource = ""\nextent = [-25000.0, 25000.0, -25000.0, 25000.0]\ndepth = 30.0\n'
         '[terrain]\nfile = "large.f32"\nnorth_min = -25000.0\neast_min = -25000.0\nresolution = 5.0\n'
@@ -56,7 +56,7 @@ def large(tmp_path: Path) -> World:
 
 def test_rays_use_memory_only_for_the_area_they_cross(tmp_path: Path) -> None:
     """A table with one number for each block of 4 x 4 cells would take 25 MB."""
-    world = large(tmp_path)
+    world = large_world(tmp_path)
     directions = array("d", [0.6, 0.0, 0.8, 0.0, -1.0, 0.0, 0.0, 0.999, 0.0447])
     RayScene(World("flat", "", world.extent, 30.0)).ranges((0.0, 0.0, -1.0), directions, 50.0)
     scenes, growths = [], []
@@ -70,7 +70,7 @@ def test_rays_use_memory_only_for_the_area_they_cross(tmp_path: Path) -> None:
 
 
 def test_a_world_of_100_million_nodes_is_not_loaded_completely(tmp_path: Path) -> None:
-    world = large(tmp_path)
+    world = large_world(tmp_path)
     tracemalloc.start()
     scenery = Scenery(world, 2)
     points = np.random.default_rng(1).uniform(-30.0, 30.0, (3, 10_000)).astype(np.float32)

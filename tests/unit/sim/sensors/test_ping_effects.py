@@ -35,7 +35,7 @@ HEAD = ScanningSonarModel(
 BALL = solids.sphere((0.0, 0.0, 0.0), 0.5)
 
 
-def fitted(kind: Any, model: Any, world: World = DEEP) -> Any:
+def make_sensor(kind: Any, model: Any, world: World = DEEP) -> Any:
     return kind(model, Mounting(), 1, Simulation(VEHICLE, world, {}, position=(0.0, 0.0, 5.0)))
 
 
@@ -50,7 +50,7 @@ def picture(sample: Any) -> Any:
 
 def sweep(model: ScanningSonarModel) -> tuple[Any, Any]:
     """Return the angles of a sweep from port to starboard past a ball 10 m ahead, and its echoes, pings x bins."""
-    sonar = fitted(ScanningSonar, model._replace(angle_min=radians(-36.0), angle_max=radians(36.0)))
+    sonar = make_sensor(ScanningSonar, model._replace(angle_min=radians(-36.0), angle_max=radians(36.0)))
     sonar.add(BALL, State((10.0, 0.0, 10.0)))
     samples = [sonar.sample(ping, at_depth(10.0)).echoes for ping in range(81)]
     return np.array([s.beams[0] for s in samples]), np.array([picture(s)[:, 0] for s in samples])
@@ -61,7 +61,7 @@ def sweep(model: ScanningSonarModel) -> tuple[Any, Any]:
 
 def test_ringing_hides_near_echoes_only() -> None:
     quiet, ringing = (
-        picture(fitted(ForwardSonar, ForwardSonarModel(min_range=0.0, ringing=r)).sample(0, at_depth(10.0)))
+        picture(make_sensor(ForwardSonar, ForwardSonarModel(min_range=0.0, ringing=r)).sample(0, at_depth(10.0)))
         for r in (0.0, 2.0)
     )
     assert ringing[:5].min() == 255
@@ -69,7 +69,7 @@ def test_ringing_hides_near_echoes_only() -> None:
     falling = ringing[5:20].mean(axis=1)
     assert (np.diff(falling[falling < 255.0]) < 5.0).all()
     assert np.abs(ringing[30:].astype(int) - quiet[30:]).max() <= 1
-    truth = fitted(ForwardSonar, FORWARD._replace(ringing=2.0)).sample(0, at_depth(10.0))
+    truth = make_sensor(ForwardSonar, FORWARD._replace(ringing=2.0)).sample(0, at_depth(10.0))
     assert not picture(truth)[:20].any(), "the ground truth has none"
 
 
@@ -77,7 +77,7 @@ def test_a_ping360_samples_from_zero_and_measures_no_distance_in_its_ringing() -
     model = read_sensors({"scanning_sonar": {"device": "ping360"}}, "test")["scanning_sonar"].model
     assert (model.min_range, model.ringing) == (0.0, 0.75)
     near = FLAT._replace(box=(Box(1.5, 0.0, 2.0, 20.0),))  # 0.5 m ahead
-    sonar = fitted(ScanningSonar, model._replace(angle_min=-0.01, angle_max=0.01, step=0.01), near)
+    sonar = make_sensor(ScanningSonar, model._replace(angle_min=-0.01, angle_max=0.01, step=0.01), near)
     _, scan, echoes = sonar.sample(0, at_depth(10.0))
     grey = np.frombuffer(echoes.intensities, np.uint8)
     assert grey[0] == 255
@@ -89,7 +89,7 @@ def test_a_ping360_samples_from_zero_and_measures_no_distance_in_its_ringing() -
 
 
 def test_side_scan_lines_begin_with_bright_ringing() -> None:
-    sample = fitted(SideScan, SideScanModel(), FLAT).sample(0, at_depth(8.0))
+    sample = make_sensor(SideScan, SideScanModel(), FLAT).sample(0, at_depth(8.0))
     for side in (sample.port, sample.starboard):
         grey = np.frombuffer(side, np.uint8)
         assert grey[:2].min() == 255
@@ -126,7 +126,7 @@ def test_the_surface_reflects_echoes_of_a_scanning_sonar() -> None:
     model = HEAD._replace(
         angle_min=-0.01, angle_max=0.01, step=0.01, multipath=True, beam_height=radians(50.0), rays=400
     )
-    sonar, plain = (fitted(ScanningSonar, m) for m in (model, model._replace(multipath=False)))
+    sonar, plain = (make_sensor(ScanningSonar, m) for m in (model, model._replace(multipath=False)))
     for each in (sonar, plain):
         each.add(solids.sphere((0.0, 0.0, 0.0), 0.3), State((10.0, 0.0, 1.5)))
     more = picture(sonar.sample(0, at_depth(1.5)).echoes) - picture(plain.sample(0, at_depth(1.5)).echoes)
@@ -151,13 +151,13 @@ def test_a_smooth_wall_has_a_glint_at_a_right_angle(glint: float) -> None:
 
     def echo(degrees: float, model: ForwardSonarModel, world: World = DEEP) -> float:
         turned = world._replace(box=(Box(20.0, 0.0, 0.02, 40.0, radians(degrees)),))
-        return float(picture(fitted(ForwardSonar, model, turned).sample(0, at_depth(10.0))).sum())
+        return float(picture(make_sensor(ForwardSonar, model, turned).sample(0, at_depth(10.0))).sum())
 
     for degrees, lobe in ((0.0, 1.0), (6.0, exp(-(tan(radians(6.0)) ** 2) / 0.02)), (40.0, 0.0)):
         ratio = echo(degrees, model._replace(glint=glint)) / echo(degrees, model)
         assert ratio == pytest.approx(1.0 + (10.0 ** (0.1 * glint) - 1.0) * lobe, rel=0.01)
     down = [
-        np.frombuffer(fitted(SideScan, SCAN._replace(glint=g), FLAT).sample(0, at_depth(10.0)).port, np.float32)
+        np.frombuffer(make_sensor(SideScan, SCAN._replace(glint=g), FLAT).sample(0, at_depth(10.0)).port, np.float32)
         for g in (0.0, glint)
     ]
     assert (down[0] == down[1]).all()
@@ -168,7 +168,7 @@ def test_a_smooth_wall_has_a_glint_at_a_right_angle(glint: float) -> None:
 
 def test_an_approaching_sonar_measures_shorter_ranges() -> None:
     """The sound arrives where the sonar is by then: 1 - v / c of the range, ahead; unchanged across."""
-    sonar = fitted(ForwardSonar, FORWARD._replace(max_range=60.0))
+    sonar = make_sensor(ForwardSonar, FORWARD._replace(max_range=60.0))
     sonar._pinger.add(solids.half_space((-1.0, 0.0, 0.0), -50.0), State())
     still, moving = (sonar._pinger.ping(0, at_depth(10.0, v, 0.0, 0.0, 0.0, 0.0, 0.0)) for v in (0.0, 15.0))
     hit = np.isfinite(still.ranges)
@@ -181,7 +181,7 @@ def test_an_approaching_sonar_measures_shorter_ranges() -> None:
 def test_a_turning_forward_sonar_measures_bearings_at_reception(rate: float) -> None:
     """A sonar that turns to starboard detects a ball at 45 m, 60 ms away, farther to port."""
     model = FORWARD._replace(beam_width=radians(0.6))
-    sonar = fitted(ForwardSonar, model)
+    sonar = make_sensor(ForwardSonar, model)
     angle, distance = radians(5.0), 45.0
     sonar.add(BALL, State((distance * cos(angle), distance * sin(angle), 10.0)))
     sample = sonar.sample(0, at_depth(10.0, 0.0, 0.0, 0.0, 0.0, 0.0, rate))
@@ -195,7 +195,7 @@ def test_a_turning_forward_sonar_measures_bearings_at_reception(rate: float) -> 
 def test_a_turning_side_scan_receives_less_from_far_ranges() -> None:
     """A turn of 8 deg/s moves the beam of 0.8 deg by 0.64 deg until 60 m, 80 ms away: it receives less of it."""
     rate, width = radians(8.0), SCAN.beam_width
-    scan = fitted(SideScan, SCAN, FLAT)
+    scan = make_sensor(SideScan, SCAN, FLAT)
     still, turning = (
         np.frombuffer(scan.sample(0, at_depth(10.0, 0.0, 0.0, 0.0, 0.0, 0.0, r)).starboard, np.float32)
         for r in (0.0, rate)
@@ -215,7 +215,7 @@ def test_a_turning_side_scan_receives_less_from_far_ranges() -> None:
 def test_a_scanning_head_applies_motion_along_its_own_axes() -> None:
     """A wall to starboard is nearer to a sonar that points and moves there."""
     model = HEAD._replace(angle_min=radians(89.0), angle_max=radians(91.0), step=radians(1.0))
-    sonar = fitted(ScanningSonar, model)
+    sonar = make_sensor(ScanningSonar, model)
     pinger = sonar._echoes._pingers[0]
     pinger.add(solids.half_space((0.0, -1.0, 0.0), -20.0), State())
     head = from_euler(0.0, 0.0, radians(90.0))

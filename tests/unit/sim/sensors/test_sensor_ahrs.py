@@ -33,7 +33,7 @@ def angle(a: Quaternion, b: tuple[float, ...] | list[float]) -> float:
     return 2.0 * asin(min(1.0, hypot(x, y, z)))
 
 
-def hold(ahrs: Ahrs, state: State, seconds: float, rate: float = 50.0) -> ImuSample:
+def run_filter(ahrs: Ahrs, state: State, seconds: float, rate: float = 50.0) -> ImuSample:
     for i in range(round(seconds * rate)):
         sample = ahrs.sample(i, state)
     return sample
@@ -42,7 +42,7 @@ def hold(ahrs: Ahrs, state: State, seconds: float, rate: float = 50.0) -> ImuSam
 @pytest.mark.parametrize("mounting", [Mounting(), Mounting((0.2, -0.1, 0.3), (0.4, -1.0, 2.5))])
 def test_an_ahrs_is_exact_at_rest(mounting: Mounting) -> None:
     state = State((0.0, 0.0, 5.0), from_euler(0.4, -0.6, 2.8))
-    sample = hold(Ahrs(MODEL, mounting, 1, SCENE), state, 20.0)
+    sample = run_filter(Ahrs(MODEL, mounting, 1, SCENE), state, 20.0)
     assert angle(sample.orientation, mounting.attitude(state)) < 1e-7
     assert rotate(sample.orientation, sample.acceleration) == pytest.approx((0.0, 0.0, -9.80665))
     assert sample.angular_velocity == (0.0, 0.0, 0.0)
@@ -75,7 +75,7 @@ def test_a_wrong_attitude_converges_with_its_time_constants() -> None:
         ahrs = Ahrs(model, Mounting(), 1, SCENE)
         ahrs.sample(0, state)
         ahrs._attitude = from_euler(*wrong)
-        return to_euler(hold(ahrs, state, seconds).orientation)
+        return to_euler(run_filter(ahrs, state, seconds).orientation)
 
     roll, pitch, _ = after(10.0, 0.1, -0.05, 0.0)
     assert roll == pytest.approx(0.1 * exp(-2.0), rel=0.03)
@@ -87,14 +87,14 @@ def test_an_acceleration_tilts_the_attitude() -> None:
     """A long push ahead looks like a lean backwards: bow up, as the plumb line says."""
     state = State((0.0, 0.0, 5.0))
     state.nu_dot = [0.5, 0.0, 0.0, 0.0, 0.0, 0.0]
-    _, pitch, _ = to_euler(hold(Ahrs(MODEL, Mounting(), 1, SCENE), state, 100.0).orientation)
+    _, pitch, _ = to_euler(run_filter(Ahrs(MODEL, Mounting(), 1, SCENE), state, 100.0).orientation)
     assert pitch == pytest.approx(atan2(0.5, 9.80665), rel=1e-3)
 
 
 def test_magnetic_iron_turns_the_heading() -> None:
     """An iron of 1 µT ahead and to starboard, bow along a field of 50 µT cos(1.1), turns north to starboard."""
     iron = Ahrs(MODEL._replace(magnetic_field=ErrorModel(offset=1e-6)), Mounting(), 1, SCENE)
-    found = to_euler(hold(iron, State((0.0, 0.0, 5.0), from_euler(0.0, 0.0, 0.3)), 150.0).orientation)
+    found = to_euler(run_filter(iron, State((0.0, 0.0, 5.0), from_euler(0.0, 0.0, 0.3)), 150.0).orientation)
     assert found[2] - 0.3 == pytest.approx(-atan2(1e-6, 50e-6 * cos(1.1) + 1e-6), rel=1e-3)
 
 
@@ -105,7 +105,9 @@ def test_default_errors_equal_those_of_the_data_sheet() -> None:
     field = AhrsModel().magnetic_field._replace(noise=0.0)  # which at 100 Hz and over 10 s is nearly averaged out
     model = AhrsModel(rate=5.0, level_time=2.0, heading_time=2.0, magnetic_field=field)
     state = State((0.0, 0.0, 5.0), from_euler(0.0, 0.0, 1.0))
-    found = [to_euler(hold(Ahrs(model, Mounting(), seed, scene), state, 15.0, 5.0).orientation) for seed in range(250)]
+    found = [
+        to_euler(run_filter(Ahrs(model, Mounting(), seed, scene), state, 15.0, 5.0).orientation) for seed in range(250)
+    ]
     rolls, pitches, yaws = zip(*found, strict=True)
     assert degrees(pstdev(rolls)) == pytest.approx(0.4, rel=0.15)
     assert degrees(pstdev(pitches)) == pytest.approx(0.4, rel=0.15)

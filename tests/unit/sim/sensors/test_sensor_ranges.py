@@ -35,7 +35,7 @@ ASKEW = Mounting((0.3, -0.1, 0.2), (0.1, -0.2, 2.5))
 NU = (0.8, -0.3, 0.2, 0.4, -0.5, 0.6)
 
 
-def sloping() -> World:
+def sloping_world() -> World:
     grid = covering(EXTENT, 1.0)
     return FLAT._replace(terrain=Terrain(grid, SLOPE.depths(grid), 20.0))
 
@@ -44,7 +44,7 @@ def scene(world: World = FLAT) -> Simulation:
     return Simulation(VEHICLE, world, {}, position=(0.0, 0.0, 5.0))
 
 
-def to_slope(place: tuple[float, ...], direction: tuple[float, ...]) -> float:
+def distance_to_slope(place: tuple[float, ...], direction: tuple[float, ...]) -> float:
     """Return the distance from a place to the plane depth = 20 + north / 4, by hand."""
     return (20.0 + 0.25 * place[0] - place[2]) / (direction[2] - 0.25 * direction[0])
 
@@ -126,12 +126,12 @@ def test_a_laser_in_flight_has_its_rate_latency_and_pose() -> None:
 def test_a_profiler_measures_a_slope(mounting: Mounting) -> None:
     model = ProfilerModel(beams=61, ground_truth=True)
     state = State((1.0, 2.0, 5.0), from_euler(0.1, -0.15, 0.9), NU)
-    sample = Profiler(model, mounting, 1, scene(sloping())).sample(3, state)
+    sample = Profiler(model, mounting, 1, scene(sloping_world())).sample(3, state)
     attitude, place = mounting.attitude(state), mounting.place(state)
     assert sample.angle_min == pytest.approx(radians(-60))
     for i, distance in enumerate(sample.ranges):
         angle = sample.angle_min + i * sample.angle_increment
-        expected = to_slope(place, rotate(attitude, (0.0, sin(angle), cos(angle))))
+        expected = distance_to_slope(place, rotate(attitude, (0.0, sin(angle), cos(angle))))
         assert distance == pytest.approx(expected, abs=1e-6)
 
 
@@ -193,7 +193,7 @@ def test_fading_of_a_profile_preserves_its_mean() -> None:
 def test_an_echosounder_measures_the_nearest_echo_in_its_cone(width: float) -> None:
     """The range over a slope of 14 deg is the perpendicular if the cone is wide enough, else the edge of the cone."""
     model = EchosounderModel(beam_width=radians(width), rings=12, ground_truth=True)
-    echosounder = Echosounder(model, Mounting(), 1, scene(sloping()))
+    echosounder = Echosounder(model, Mounting(), 1, scene(sloping_world()))
     distance = echosounder.sample(0, State((0.0, 0.0, 5.0))).distance
     slope, half = atan(0.25), radians(0.5 * width)
     aside = min(half, slope)
@@ -288,12 +288,12 @@ ALTIMETER = AltimeterModel(error=EXACT)
 def test_a_dvl_over_a_slope_has_exact_velocity_and_altitude(mounting: Mounting) -> None:
     """The beams' ranges are those to the slope; velocity is exact; altitude is at right angles to the slope."""
     state = State((1.0, 2.0, 5.0), from_euler(0.1, -0.15, 0.9), NU)
-    dvl = Dvl(DVL, mounting, 1, scene(sloping()))
+    dvl = Dvl(DVL, mounting, 1, scene(sloping_world()))
     place, attitude = mounting.place(state), mounting.attitude(state)
     for i, found in enumerate(dvl._ranges(state)):
         angle, tilt = pi / 4.0 + i * pi / 2.0, DVL.tilt
         beam = rotate(attitude, (sin(tilt) * cos(angle), sin(tilt) * sin(angle), cos(tilt)))
-        assert found == pytest.approx(to_slope(place, beam), abs=1e-6)
+        assert found == pytest.approx(distance_to_slope(place, beam), abs=1e-6)
     sample = dvl.sample(0, state)
     height = (20.0 + 0.25 * place[0] - place[2]) / sqrt(1.0 + 0.25**2)
     assert sample.locked
@@ -309,7 +309,7 @@ def test_a_dvl_beam_ends_on_a_block_and_lock_is_lost_out_of_reach() -> None:
     ranges = Dvl(DVL, Mounting(), 1, scene(world))._ranges(State((0.0, 0.0, 5.0)))
     assert ranges == pytest.approx([11.0 / cos(DVL.tilt), *[15.0 / cos(DVL.tilt)] * 3])
     short = DVL._replace(max_range=16.5)
-    dvl = Dvl(short, Mounting(), 1, scene(sloping()))
+    dvl = Dvl(short, Mounting(), 1, scene(sloping_world()))
     assert [x is None for x in dvl._ranges(State((0.0, 0.0, 5.0)))] == [True, False, False, True]
     assert not dvl.sample(0, State((0.0, 0.0, 5.0))).locked
 
@@ -333,7 +333,7 @@ def test_the_ground_is_flat_only_without_obstacles_in_reach() -> None:
     for north in [0.5 * i for i in range(30)]:
         state = State((north, 1.0, 5.0))
         assert ground.is_flat(state, 3.0) == (world.clearance(north, 1.0) > 3.0)
-    assert not Dvl(DVL, Mounting(), 1, scene(sloping()))._ground.is_flat(State((0.0, 0.0, 5.0)), 0.0)
+    assert not Dvl(DVL, Mounting(), 1, scene(sloping_world()))._ground.is_flat(State((0.0, 0.0, 5.0)), 0.0)
 
 
 def test_clearance_is_seldom_computed_without_changing_the_result(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -360,9 +360,9 @@ def test_clearance_is_seldom_computed_without_changing_the_result(monkeypatch: p
 
 def test_an_altimeter_measures_relief_and_obstacles() -> None:
     state = State((1.0, 2.0, 5.0), from_euler(0.15, -0.2, 2.0), NU)
-    sample = Altimeter(ALTIMETER, ASKEW, 1, scene(sloping())).sample(0, state)
+    sample = Altimeter(ALTIMETER, ASKEW, 1, scene(sloping_world())).sample(0, state)
     beam = rotate(ASKEW.attitude(state), (0.0, 0.0, 1.0))
-    assert sample.distance == pytest.approx(to_slope(ASKEW.place(state), beam), abs=1e-6)
+    assert sample.distance == pytest.approx(distance_to_slope(ASKEW.place(state), beam), abs=1e-6)
     stump = FLAT._replace(cylinder=(Cylinder(0.0, 0.0, 2.0, top=12.0),))
     altimeter = Altimeter(ALTIMETER, Mounting(), 1, scene(stump))
     assert altimeter.sample(0, State((0.0, 1.0, 5.0))).distance == pytest.approx(7.0)
@@ -373,16 +373,16 @@ def test_an_altimeter_measures_relief_and_obstacles() -> None:
 
 
 def test_samples_are_equal_in_every_run() -> None:
-    def ride() -> list[str]:
+    def samples_of_run() -> list[str]:
         sensors = {
             "laser": SensorSpec(Laser, LaserModel(rate=20.0)),
             "profiler": SensorSpec(Profiler, ProfilerModel()),
             "echosounder": SensorSpec(Echosounder, EchosounderModel()),
             "scanning_sonar": SensorSpec(ScanningSonar, ScanningSonarModel()),
         }
-        simulation = Simulation(VEHICLE, sloping(), sensors, seed=3, position=(0.0, 0.0, 12.0))
+        simulation = Simulation(VEHICLE, sloping_world(), sensors, seed=3, position=(0.0, 0.0, 12.0))
         return [repr(pair) for _ in range(200) for pair in simulation.step((1600,) * 8)]
 
-    first = ride()
-    assert first == ride()
+    first = samples_of_run()
+    assert first == samples_of_run()
     assert len(first) == 10 + 2 + 5 + 5

@@ -16,7 +16,7 @@ HEAVY, _ = load_vehicle("bluerov2_heavy")
 NET_WEIGHT = (13.5 - 13.4) * 9.82  # N in fresh water, von Benzon's gravity
 
 
-def top(vehicle: Vehicle, density: float = 1000.0) -> tuple[AxisCapability, ...]:
+def top_speeds(vehicle: Vehicle, density: float = 1000.0) -> tuple[AxisCapability, ...]:
     return axis_capabilities(vehicle, pseudo_inverse(wrench_matrix(vehicle))[0], density)
 
 
@@ -65,7 +65,7 @@ def test_the_terminal_speed_solves_its_equation() -> None:
     assert terminal_speed(-1.0, 0.0, 0.0) == -inf
 
 
-def settled(vehicle: Vehicle, axis: int, wrench: Callable[[], Sequence[float]]) -> float:
+def settled_speed(vehicle: Vehicle, axis: int, wrench: Callable[[], Sequence[float]]) -> float:
     """Return the speed after 6 s under this wrench; the vehicle must not have left the axis."""
     dynamics, state = Dynamics(vehicle, 1000.0, 9.80665, "rk4"), State((0.0, 0.0, 1e4))
     for _ in range(300):
@@ -74,7 +74,7 @@ def settled(vehicle: Vehicle, axis: int, wrench: Callable[[], Sequence[float]]) 
     return float(state.nu[axis])
 
 
-def shares(vehicle: Vehicle, axis: int, force: float) -> list[float]:
+def allocated_thrusts(vehicle: Vehicle, axis: int, force: float) -> list[float]:
     """Return the thrusts that the vehicle's own computer would allocate."""
     forward, reverse = zip(*((t.max_forward, t.max_reverse) for t in vehicle.thrusters), strict=True)
     wrench = [0.0] * 6
@@ -92,19 +92,22 @@ def test_a_run_settles_at_the_terminal_speed(name: str, axis: int, way: int) -> 
     vehicle, _ = load_vehicle(name)
     if axis != 2:  # weight would sink it meanwhile
         vehicle = vehicle._replace(neutrally_buoyant=True)
-    reach = top(vehicle)[axis]
-    thrusts = shares(vehicle, axis, reach.force[way])
+    reach = top_speeds(vehicle)[axis]
+    thrusts = allocated_thrusts(vehicle, axis, reach.force[way])
     wrench = [sum(a * f for a, f in zip(row, thrusts, strict=True)) for row in wrench_matrix(vehicle)]
-    assert settled(vehicle, axis, lambda: wrench) == pytest.approx(reach.speed[way], rel=0.001)
+    assert settled_speed(vehicle, axis, lambda: wrench) == pytest.approx(reach.speed[way], rel=0.001)
 
 
 @pytest.mark.parametrize("axis", [0, 2])
 def test_a_run_by_pulses_settles_at_the_terminal_speed(axis: int) -> None:
     """The chain is complete: whole microseconds, the thrusters' curve and their lag."""
     vehicle, _ = load_vehicle("paper_seven")
-    reach, thrusters = top(vehicle)[axis], ThrusterSet(vehicle, 0.02)
-    pulses = [pulse_finder(t)(f) for t, f in zip(vehicle.thrusters, shares(vehicle, axis, reach.force[0]), strict=True)]
-    assert settled(vehicle, axis, lambda: thrusters.step(pulses)) == pytest.approx(reach.speed[0], rel=0.001)
+    reach, thrusters = top_speeds(vehicle)[axis], ThrusterSet(vehicle, 0.02)
+    pulses = [
+        pulse_finder(t)(f)
+        for t, f in zip(vehicle.thrusters, allocated_thrusts(vehicle, axis, reach.force[0]), strict=True)
+    ]
+    assert settled_speed(vehicle, axis, lambda: thrusters.step(pulses)) == pytest.approx(reach.speed[0], rel=0.001)
 
 
 def test_a_force_above_the_stated_limit_leaves_a_residual() -> None:
@@ -113,7 +116,7 @@ def test_a_force_above_the_stated_limit_leaves_a_residual() -> None:
         vehicle, _ = load_vehicle(name)
         forward, reverse = zip(*((t.max_forward, t.max_reverse) for t in vehicle.thrusters), strict=True)
         allocator = Allocator(wrench_matrix(vehicle), forward, reverse)
-        for axis, reach in enumerate(top(vehicle)):
+        for axis, reach in enumerate(top_speeds(vehicle)):
             for force in reach.force if reach.driven else ():
                 wrench = [0.0] * 6
                 wrench[axis] = 1.01 * force
@@ -122,7 +125,10 @@ def test_a_force_above_the_stated_limit_leaves_a_residual() -> None:
 
 
 def test_undriven_axes_are_reported() -> None:
-    idle = {name: [r.axis for r in top(load_vehicle(name)[0]) if not r.driven] for name in preset_names("sim/vehicles")}
+    idle = {
+        name: [r.axis for r in top_speeds(load_vehicle(name)[0]) if not r.driven]
+        for name in preset_names("sim/vehicles")
+    }
     assert {name: axes for name, axes in idle.items() if axes} == {
         "bluerov2": ["pitch"], "bluerov2_blue": ["pitch"], "bluerov2_li2020": ["pitch"], "paper_six": ["pitch"],
         **{name: list(AXES[1:]) for name in ("eca_a9", "lauv", "remus100", "tethys")},  # which have fins
@@ -131,13 +137,13 @@ def test_undriven_axes_are_reported() -> None:
 
 def test_torpedoes_reach_the_speeds_of_their_sources() -> None:
     """REMUS at 1525 rpm does what its source says, 2.540 m/s; the others what their sources' drag allows."""
-    speeds = {name: top(load_vehicle(name)[0], 1026.0)[0].speed[0] for name in ("remus100", "eca_a9", "lauv")}
+    speeds = {name: top_speeds(load_vehicle(name)[0], 1026.0)[0].speed[0] for name in ("remus100", "eca_a9", "lauv")}
     assert speeds == pytest.approx({"remus100": 2.540, "eca_a9": (53.0 / 8.0) ** 0.5, "lauv": 2.0495}, abs=5e-4)
 
 
 def test_a_single_thruster_off_the_middle_drives_no_axis_alone() -> None:
     thruster = HEAVY.thrusters[0]._replace(position=(0.0, 0.3, 0.0), direction=(1.0, 0.0, 0.0))
-    found = top(HEAVY._replace(thrusters=(thruster,)))
+    found = top_speeds(HEAVY._replace(thrusters=(thruster,)))
     assert [reach.axis for reach in found if reach.driven] == []
     assert all(reach.speed == (0.0, 0.0) for reach in found)
     assert tuple(reach.axis for reach in found) == AXES
@@ -145,6 +151,6 @@ def test_a_single_thruster_off_the_middle_drives_no_axis_alone() -> None:
 
 def test_weight_raises_the_speed_down_and_lowers_it_up() -> None:
     vehicle = HEAVY._replace(volume=0.0134 - 0.001)  # 1 kg heavier than the water it displaces, and 0.1 kg
-    heave = top(vehicle)[2]
+    heave = top_speeds(vehicle)[2]
     down, up = heave.force[0] + 1.1 * 9.80665, heave.force[1] + 1.1 * 9.80665
     assert heave.speed == pytest.approx((terminal_speed(down, 33.0, 190.0), terminal_speed(up, 33.0, 190.0)))

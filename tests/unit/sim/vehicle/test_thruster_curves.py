@@ -71,8 +71,8 @@ def test_the_dead_zone_is_that_of_bessa() -> None:
     assert steady_thrust(curved(**scaled), 1777) == pytest.approx(steady_thrust(curved(**CURVES[0]), 1777))
 
 
-def official() -> dict[tuple[int, int], tuple[float, float, float, float]]:
-    """Return points of the official table that are not among those we have: thrust (N), current, power, rpm."""
+def held_out_points() -> dict[tuple[int, int], tuple[float, float, float, float]]:
+    """Return points of the official table that our table lacks: thrust (N), current, power, rpm."""
     path = Path(__file__).parents[3] / "vectors/t200_held_out.csv"
     lines = [line for line in path.read_text().splitlines() if not line.startswith("#")]
     return {
@@ -84,7 +84,7 @@ def official() -> dict[tuple[int, int], tuple[float, float, float, float]]:
 
 
 def test_the_t200_curve_fits_held_out_points() -> None:
-    held_out = official()
+    held_out = held_out_points()
     assert len(held_out) > 300
     worst = [0.0] * 4
     square = 0.0

@@ -18,8 +18,8 @@ class FakeTether:
         self.length = length
 
 
-def answers(tether: FakeTether | None) -> Any:
-    """Return a function that calls a service of parameters, and what was reported and published."""
+def call_services(tether: FakeTether | None) -> Any:
+    """Return a function that calls a parameter service, and the lists of what was reported and published."""
     simulation = SimpleNamespace(tether=tether, failures=lambda _: ())
     publisher = SimpleNamespace(stamps=SimpleNamespace(wall_ns=lambda now: now), put=lambda *_: None)
     loop: Any = SimpleNamespace(simulation=simulation, pilot=None, sample_publisher=publisher)
@@ -35,7 +35,7 @@ def parameter(name: str, value: float | str) -> dict[str, Any]:
 
 def test_a_tethers_length_can_be_set_and_its_pull_read() -> None:
     tether = FakeTether()
-    call, reports = answers(tether)
+    call, reports = call_services(tether)
     names = ["tether.length", "tether.tension"]
     assert call("list_parameters", prefixes=["tether"], depth=0)["result"]["names"] == names
     assert [v["double_value"] for v in call("get_parameters", names=names)["values"]] == [20.0, 3.5]
@@ -46,7 +46,7 @@ def test_a_tethers_length_can_be_set_and_its_pull_read() -> None:
 
 
 def test_invalid_values_are_refused_with_a_reason() -> None:
-    call, reports = answers(FakeTether())
+    call, reports = call_services(FakeTether())
     for wrong, words in (
         (parameter("tether.tension", 1.0), "tether.tension: it is measured"),
         (parameter("tether.length", "long"), "tether.length: expected a number like 20.0"),
@@ -59,6 +59,6 @@ def test_invalid_values_are_refused_with_a_reason() -> None:
 
 
 def test_without_a_tether_there_are_no_parameters() -> None:
-    call, _ = answers(None)
+    call, _ = call_services(None)
     assert call("list_parameters", prefixes=[], depth=0)["result"]["names"] == ["failures.bow"]
     assert call("get_parameters", names=["tether.length"])["values"] == [{}]
