@@ -1,9 +1,9 @@
-"""The C header of our frame, made of its TOML file, so that no offset is typed twice.
+"""Generate the C header of this project's frame from its TOML file, so that no offset is written twice.
 
     python tools/frame_header.py            writes firmware_stub/include/uuv_hil_frame.h
     python tools/frame_header.py --check    1 if it is not what the TOML file says
 
-Where a number depends on how many thrusters there are, it is a macro of that.
+A number that depends on the number of thrusters is a macro with that argument.
 """
 
 import argparse
@@ -25,7 +25,7 @@ PREFIX = "UUV_HIL_FRAME_"
 
 
 def main() -> int:
-    """Write the header, or with --check tell whether it is up to date; the exit code."""
+    """Write the header, or with --check report whether it is up to date; return the exit code."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--check", action="store_true", help="write nothing; 1 if the header is not up to date")
     path, text = ROOT / HEADER, header(load_layout(str(ROOT / SOURCE)))
@@ -38,7 +38,7 @@ def main() -> int:
 
 
 def header(layout: FrameLayout) -> str:
-    """Return the text of the header of a plain frame whose messages have one number of `pwm_us` a thruster."""
+    """Return the text of the header of a plain frame whose messages have one `pwm_us` for each thruster."""
     groups = [
         _frame(layout),
         _checksum(layout),

@@ -1,10 +1,10 @@
-"""Writes the message definitions in hil/ros/types, with their hashes.
+"""Write the message definitions in hil/ros/types, with their hashes.
 
     python tools/ros_types.py
 
 Run by hand when a package is added or ROS changes one. Messages of ROS's own packages are taken from rosbags
-(Ternaris, typestore of ROS 2 Jazzy); all services and the other packages are what the files say already, and only
-their hashes are made again. Hashes follow REP 2016 and rosidl_generator_type_description: SHA-256 of the
+(Ternaris, typestore of ROS 2 Jazzy). Services and the other packages stay as they are in the files, and only their
+hashes are computed again. Hashes follow REP 2016 and rosidl_generator_type_description: SHA-256 of the
 type's description as JSON, with the descriptions of all messages in it.
 """
 

@@ -1,11 +1,11 @@
-"""Run a command under a Linux kernel of its own, which is a process: User Mode Linux.
+"""Run a command under User Mode Linux: a separate Linux kernel that runs as a process.
 
     python tools/uml.py --module vcan --module can-raw -- sh -c 'ip link add vcan0 type vcan; ip link'
 
-For what this machine's kernel lacks or must not be touched for: CAN interfaces, network faults, namespaces.
-The command is root in there. It sees this machine's files, programs and devices' names at this machine's
-speed, on one CPU; what it writes is lost afterwards, except in the folder shared with --share. There is no
-network but its own. Takes a second to start and to end. Nobody needs to be root out here.
+It is for tests that this machine's kernel does not support or must not run: CAN interfaces, network faults, namespaces.
+The command runs as root inside, and sees this machine's files, programs and names of devices, at this machine's speed,
+on one CPU. Files that it writes are lost afterwards, except in the folder of --share. It has only its own network.
+Start and end take a second. The user need not be root on this machine.
 
 Needs: apt install user-mode-linux busybox-static gcc libc6-dev (x86 only). Exit code: the command's.
 """
@@ -40,7 +40,7 @@ MODULES = Path("/usr/lib/uml/modules")
 MEMORY_MIB = 512
 SHARED_MEMORY = "/dev/shm"
 
-# Process 1. The whole of this machine's files is the lower, unwritable half of what is seen.
+# Process 1. This machine's files are the read-only lower layer of an overlay.
 INIT = """#!{busybox} sh
 b={busybox}
 begin() {{
@@ -80,7 +80,7 @@ class Outcome(NamedTuple):
 
 
 def unavailable_reason() -> str:
-    """Return why User Mode Linux does not run here, and the remedy; "" if nothing speaks against it."""
+    """Return why User Mode Linux cannot run here, with the remedy; "" if it can."""
     for program, package in (("linux.uml", "user-mode-linux"), ("busybox", "busybox-static"), ("cc", "gcc libc6-dev")):
         if not shutil.which(program):
             return f"there is no {program}: sudo apt install {package} (packages of Debian, for x86 only)"
@@ -102,13 +102,13 @@ def run(
     report: Callable[[str], None] = lambda line: None,
     options: Sequence[str] = (),
 ) -> Outcome:
-    """Run `command` in there.
+    """Run `command` under User Mode Linux.
 
-    modules: of its kernel, loaded first with those they need. share: a folder that it writes through to.
-    environment: variables, besides PATH, HOME and LANG. seconds: after which all of it is killed. cpu: the one
-    it runs on [the last of this process]. cwd: the folder it starts in [the present one]. tell: called with
-    each line as it is printed. options: of the kernel, such as "cgroup_disable=memory".
-    Raises DeviceError if it does not start, with the kernel's last words, or does not end in time.
+    modules: kernel modules, loaded first with those they need. share: a folder of this machine that it may write to.
+    environment: variables, besides PATH, HOME and LANG. seconds: limit, after which it is killed. cpu: the processor
+    it runs on [the last of this process]. cwd: its working folder [the present one]. report: called with each line as
+    it is printed. options: of the kernel, such as "cgroup_disable=memory".
+    Raises DeviceError if it does not start, with the kernel's last lines, or does not end in time.
     """
     reason = unavailable_reason()
     if reason:
@@ -125,7 +125,7 @@ def run(
 
 
 def module_files(names: Sequence[str]) -> list[str]:
-    """Return the files of the kernel's modules of these names and of all they need, in the order to load them.
+    """Return the files of these kernel modules and of those they need, in the order to load them.
 
     Raises DeviceError if there is no such module.
     """
@@ -142,7 +142,7 @@ def module_files(names: Sequence[str]) -> list[str]:
 
 
 def _steps(command: Sequence[str], environment: Mapping[str, str], cwd: str) -> str:
-    """Return what a shell has to do to run the command as it would out here."""
+    """Return the shell commands that run the command as on this machine."""
     path = os.environ.get("PATH", os.defpath) + ":/usr/sbin:/sbin"  # it is root
     variables = {"PATH": path, "HOME": os.environ.get("HOME", "/"), "LANG": "C.UTF-8", **environment}
     exports = [f"export {name}={shlex.quote(value)}" for name, value in variables.items()]
@@ -174,7 +174,7 @@ def _kernel(init: str, memory_mib: int) -> list[str]:
 
 
 def _memory_folder(memory_mib: int) -> str:
-    """Return where the file is that serves as its memory: in memory, if so much is left there."""
+    """Return the folder of the file that is its memory: in RAM if there is enough."""
     if os.path.isdir(SHARED_MEMORY):
         free = os.statvfs(SHARED_MEMORY)
         if free.f_bavail * free.f_frsize > memory_mib << 20:
@@ -189,7 +189,7 @@ def _shim() -> str:
     if os.path.exists(library):
         return library
     os.makedirs(cache_folder(), exist_ok=True)
-    new = f"{library}.{os.getpid()}"  # renamed when complete: two that compile at once do not disturb each other
+    new = f"{library}.{os.getpid()}"  # renamed when complete: two processes may compile at once
     compiler = ["cc", "-O2", "-shared", "-fPIC", "-o", new, str(SHIM), "-ldl"]
     done = subprocess.run(compiler, capture_output=True, text=True, check=False)
     if done.returncode:
@@ -271,8 +271,10 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("command", nargs="+")
     parser.add_argument("--module", action="append", default=[], metavar="NAME", help="of the kernel, to be loaded")
-    parser.add_argument("--share", default="", metavar="FOLDER", help="what is written there stays")
-    parser.add_argument("--seconds", type=float, default=60.0, help="then all of it is killed [%(default)s]")
+    parser.add_argument(
+        "--share", default="", metavar="FOLDER", help="folder of this machine that the command may write to"
+    )
+    parser.add_argument("--seconds", type=float, default=60.0, help="limit, after which it is killed [%(default)s]")
     parser.add_argument("--memory", type=int, default=MEMORY_MIB, metavar="MIB", help="[%(default)s]")
     parser.add_argument("--cpu", type=int, help="[the last]")
     chosen = parser.parse_args()

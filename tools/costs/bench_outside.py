@@ -1,13 +1,13 @@
-"""Compare the figures of `uuv-hil bench table` with what others measure at the same time, as root.
+"""Compare the figures of `uuv-hil bench table` with independent measurements at the same time, as root.
 
     python tools/costs/bench_outside.py [--seconds 10]
 
-Others are: the kernel's process connector (when the slave's process was made), a packet socket on the loopback (when
-the first sample that the master listens to, a command, a thruster frame and its answer passed), a socket in systemd's
-place (when the slave reported that it is ready), the scheduler's account of each thread, `ps`,
-/proc/PID/smaps_rollup and /usr/bin/time. Two runs: a mission with a master process, as `bench table` makes it;
-then commands of this process to a slave whose STM32 is on UDP, so that its frames pass the loopback too. Exit code 1
-when a figure is off by more than 5 %.
+These are: the kernel's process connector (start of the slave's process), a packet socket on the loopback (times of the
+master's first sample, of a command, of a thruster frame and of its answer), a socket in place of systemd's (time at
+which the slave reports that it is ready), the scheduler's account of each thread, `ps`, /proc/PID/smaps_rollup and
+/usr/bin/time. There are two runs: a mission with a master process, as in `bench table`, then commands of this process
+to a slave whose STM32 is on UDP, so that its frames pass the loopback too. Exit code 1 if a figure differs by more
+than 5 %.
 """
 
 import argparse
@@ -42,13 +42,13 @@ SAMPLE = re.compile(rb"(?:odom|map)\0+\n\0{3}base_link\0")
 NOTIFY = f"uuv-hil-outside-{os.getpid()}"
 MARKER = b"a command goes out now"
 TICK_S = 0.02
-SHORT = 80  # bytes; pings are shorter, commands with what goes with them longer
+SHORT = 80  # bytes; pings are shorter, commands with their attachments longer
 PACKET_OUTGOING, ETH_P_IP, SO_TIMESTAMPNS = 4, 0x0800, 35
 NETLINK_CONNECTOR, CN_IDX_PROC, PROC_EVENT_FORK = 11, 1, 1
 
 
 class Packet(NamedTuple):
-    """One that passed the loopback: when (ns since 1970), by which protocol between which ports, and what it held."""
+    """A packet on the loopback: its time (ns since 1970), protocol, ports and content."""
 
     time_ns: int
     protocol: int
@@ -69,7 +69,7 @@ class Memory(NamedTuple):
 
 
 class Row(NamedTuple):
-    """One figure, as we have it and as the other does."""
+    """One figure: this project's value, and the independent one."""
 
     name: str
     ours: float
@@ -251,7 +251,7 @@ def mission(seconds: float) -> list[Row]:
 
 
 def commands_to(packets: list[Packet], port: int) -> list[Packet]:
-    """Return the commands among what goes to a slave's two ports: of all that is not quite short, the most frequent."""
+    """Return the commands among the packets to a slave's two ports: the most frequent ones that are not `SHORT`."""
     long = [packet for packet in packets if packet.target in (port, port + 1) and packet.size > SHORT]
     usual = Counter(packet.size for packet in long).most_common(1)[0][0]
     return [packet for packet in long if packet.size == usual]
@@ -264,17 +264,17 @@ def _follow(bench: Bench, witness: Witness) -> None:
 
 
 def _of_the_flight(bench: Bench) -> list[int]:
-    """Return the process ids of master and slave; the floor's come after them."""
+    """Return the process ids of master and slave; those of the floor are started later."""
     return [process.pid for process in bench.processes[:2]]
 
 
 def commands(seconds: float) -> list[Row]:
-    """Command a slave whose STM32 is on UDP, each command announced by a packet; return what it used in all."""
+    """Command a slave whose STM32 is on UDP, with a marker packet before each command; return the figures."""
     with socket.socket(type=socket.SOCK_DGRAM) as probe, socket.socket(type=socket.SOCK_DGRAM) as marker:
         probe.bind(("127.0.0.1", 0))
         port = probe.getsockname()[1]
         probe.close()
-        marker.bind(("127.0.0.1", 0))  # to itself, which never reads: a lost packet would cost an ICMP answer
+        marker.bind(("127.0.0.1", 0))  # to its own port, never read: a closed port would answer by ICMP
         marker.connect(marker.getsockname())
         marker.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 1)  # it is soon full, and drops
         changes = {"stm32": "device", "link.port": f"udp://127.0.0.1:{port}"}
@@ -323,7 +323,7 @@ def _delays(packets: list[Packet], sent: set[Packet], port: int) -> list[int]:
 
 
 def main() -> int:
-    """Measure and print; 1 when a figure is off."""
+    """Measure and print; return 1 if a figure differs too much."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seconds", type=float, default=10.0, help="of each run [%(default)s]")
     parser.add_argument("--capture", action="store_true", help=argparse.SUPPRESS)

@@ -3,16 +3,17 @@
     python tools/costs/imaging_cost.py [--seconds 60] [--rounds 3]
     python tools/costs/imaging_cost.py --large [--seconds 60] [--rounds 3] [--renderer opengl] [--world ridge]
 
-The first: the same slave in turn without and with a camera (320 x 240 with depth) and a forward-looking sonar (512
-beams), each ten times a second, while a master of the same machine commands it and takes every picture. The loop's
-lateness at 99.9 % may be at most 1.5 times that without, by the medians of the rounds; exit code 1 when it is more.
+The first form runs the same slave in turn without and with a camera (320 x 240 with depth) and a forward-looking sonar
+(512 beams), each ten times a second, while a master on the same machine commands it and receives every picture. The
+loop's lateness at 99.9 % with them may be at most 1.5 times that without, by the medians of the rounds; otherwise the
+exit code is 1.
 
 With `--large` a camera of 640 x 480 (JPEG) has to make 15 pictures a second, beside a forward-looking and a side-scan
-sonar as they are by default, and one master takes all of them. The loop's lateness without stands beside it. Exit code
-1 when fewer than 14.5 pictures a second arrive, by the median of the rounds.
+sonar with default settings, and one master receives all of them. The loop's lateness without them is printed too. Exit
+code 1 if fewer than 14.5 pictures a second arrive, by the median of the rounds.
 
-The first seconds of a slave count too. Leave the machine alone meanwhile, and compile bytecode first. `taskset -c 0,1`
-before it leaves it two cores.
+The first seconds of a slave count too. Run nothing else meanwhile, and compile bytecode first. `taskset -c 0,1` before
+the command limits it to two cores.
 """
 
 import argparse
@@ -38,7 +39,7 @@ from hil.ros.diagnostics import or_nan  # noqa: E402
 MOST = 1.5
 LEAST_HZ = 14.5
 PORT = 20_000 + 2 * (os.getpid() % 5000)
-FIRST_S = 30.0  # at most until all pictures come
+FIRST_S = 30.0  # limit until all pictures arrive
 PICTURES = ("camera/image_raw", "camera/depth/image_raw", "forward_sonar/image")
 SONARS = ("forward_sonar/image", "side_scan/image")
 SLAVE = f"""
@@ -125,7 +126,7 @@ HEAD = (
 
 
 def run(setting: Setting, seconds: float) -> Cost:
-    """Measure one slave for so long."""
+    """Measure one slave for `seconds`."""
     with tempfile.TemporaryDirectory() as folder:
         path = os.path.join(folder, "cost.toml")
         Path(path).write_text(setting.scenario, encoding="utf-8")
@@ -174,7 +175,7 @@ def _count(client: VehicleClient, topics: Sequence[str]) -> Counted:
 
 
 def main() -> int:
-    """Measure and print; 1 when the loop is later than it may be, or too few pictures come."""
+    """Measure and print; return 1 if the loop is too late, or too few pictures arrive."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seconds", type=float, default=60.0, help="of each run [%(default)g]")
     parser.add_argument("--rounds", type=int, default=3, help="[%(default)s]")

@@ -2,13 +2,13 @@
 
     python tools/costs/link_cost.py [--frames 2000] [--channels 6] [--cpu 1] [--baud 115200]
 
-- bare pty: as many bytes there and back, by os.read and os.write alone; a thread echoes them.
+- bare pty: the same number of bytes in both directions, by os.read and os.write alone; a thread echoes them.
 - link: a command from the host's end to the STM32's Python twin in that same thread, and its telemetry back.
 - paced: the same link with the host's wire as slow as a UART, beside the time that the bits take.
 - load: the processor time of both ends, and of the host's alone, with 400 commands a second.
 
 All on one CPU: a wake-up on another one costs more than the link. The kinds run in turn, some frames each, so
-that a busy moment meets all of them. Exit code 1 when a target is missed: a round trip in 0.3 ms, at most
+that a busy moment affects all of them. Exit code 1 when a target is missed: a round trip in 0.3 ms, at most
 0.15 ms over the bare pty, at most 3 % of a core for the host's end at 400 Hz.
 """
 
@@ -33,14 +33,14 @@ from hil.links.protocols import open_protocol
 from hil.links.wires.faults import Faults, FaultyWire
 from hil.links.wires.terminal import PtyHostWire, PtyWire
 
-ROUND = 50  # frames of one kind before the next kind's turn
+ROUND = 50  # frames of one kind before the next kind
 MOST_MS, MOST_ADDED_MS, MOST_SHARE = 0.3, 0.15, 0.03
 RATE_HZ = 400
 LOAD_S = 3.0
 
 
 class Serving(threading.Thread):
-    """Answers on the device's end until it is stopped; `cpu_s` is then the processor time it took."""
+    """Thread that answers at the device's end until it is stopped; `cpu_s` is then its processor time."""
 
     def __init__(self, wire: PtyWire, fd: int, answer: Callable[[], object]) -> None:
         super().__init__(daemon=True)
@@ -50,7 +50,7 @@ class Serving(threading.Thread):
         self.start()
 
     def run(self) -> None:
-        """Wait, answer, wait."""
+        """Wait for commands and answer them."""
         fds = [self._fd, self._stop_fd]
         began = time.thread_time()
         while self._stop_fd not in select.select(fds, [], [])[0]:
@@ -66,7 +66,7 @@ class Serving(threading.Thread):
 
 
 class Bare:
-    """Bytes there and back on a pty."""
+    """Bytes in both directions on a pty."""
 
     def __init__(self, stack: ExitStack, down: int, up: int) -> None:
         wire = PtyWire()
@@ -167,7 +167,7 @@ def load(channels: int) -> tuple[float, float]:
 
 
 def main() -> int:
-    """Measure, print the table; the exit code."""
+    """Measure and print the table; return the exit code."""
     options = _options()
     os.sched_setaffinity(0, {options.cpu})
     down, up = frame_sizes(options.channels)

@@ -2,11 +2,11 @@
 
     python tools/costs/network_cost.py [--seconds 8]
 
-First what one Imu costs a slave, encoded and published to one who listens: under 15 us one after the other, and more
-at its own 100 Hz, as the caches hold other things by then.
+First the cost of one Imu for a slave, encoded and published to one subscriber: under 15 us in a burst, and more at its
+own 100 Hz, because the caches then hold other data.
 
-Then two processes, the answering one as a slave, the asking one as a master: commands of 64 B fifty times a second,
-each answered at once. Over loopback our one-way time may be at most 1.5 times bare zenoh's. As root, between two
+Then two processes, one that answers like a slave and one that asks like a master: commands of 64 B, 50 a second, each
+answered at once. Over loopback our one-way time may be at most 1.5 times bare zenoh's. As root, between two
 network namespaces with 20 Mbit/s between them and 26 Mbit/s of pictures offered, ours answers within 15 ms in the
 median and 30 ms in 95 of 100 cases, and pictures are younger than 60 ms; and over a cable that loses 5 % of all packets
 and delays each by 5 ms and 0 to 50 ms more, each way, within 300 ms in 95 of 100 cases.
@@ -54,7 +54,7 @@ Put = Callable[[bytes], Any]
 
 
 def open_ours(endpoint: str, answers: bool) -> tuple[Callable[[str, Callable[[bytes], None]], None], dict[str, Put]]:
-    """Return how to subscribe to a topic and how to publish each, with sessions of this project."""
+    """Return a function that subscribes to a topic, and the functions that publish, with sessions of this project."""
     session = listen(endpoint) if answers else open_master_session(endpoint)
 
     def subscribe(topic: str, on_payload: Callable[[bytes], None]) -> None:
@@ -69,7 +69,7 @@ def open_ours(endpoint: str, answers: bool) -> tuple[Callable[[str, Callable[[by
 
 
 def open_bare(endpoint: str, answers: bool) -> tuple[Callable[[str, Callable[[bytes], None]], None], dict[str, Put]]:
-    """Return the same from zenoh sessions with default settings, without shared memory, as between machines."""
+    """Return the same functions for zenoh sessions with default settings, without shared memory."""
     import zenoh
 
     config = zenoh.Config()
@@ -89,7 +89,7 @@ def open_bare(endpoint: str, answers: bool) -> tuple[Callable[[str, Callable[[by
 
 
 def answer(endpoint: str, bare: bool, camera: bool, seconds: float) -> None:
-    """Answer each command with its own bytes and when it came; offer pictures meanwhile."""
+    """Answer each command with its bytes and its time of arrival; publish pictures meanwhile."""
     subscribe, put = (open_bare if bare else open_ours)(endpoint, answers=True)
     subscribe("cmd_vel", lambda payload: put["trace"](now_ns().to_bytes(8, "little") + payload))
     end = now_ns() + round(seconds * 1e9)
@@ -103,7 +103,7 @@ def answer(endpoint: str, bare: bool, camera: bool, seconds: float) -> None:
 
 
 def ask(endpoint: str, bare: bool, seconds: float) -> dict[str, float]:
-    """Command for so long; what it took in milliseconds, quantiles. The two must have one clock."""
+    """Command for `seconds`; return quantiles of the delay in ms. Both processes must have one clock."""
     subscribe, put = (open_bare if bare else open_ours)(endpoint, answers=False)
     one_way: list[float] = []
     round_trip: list[float] = []
@@ -114,7 +114,7 @@ def ask(endpoint: str, bare: bool, seconds: float) -> dict[str, float]:
     def on_answer(payload: bytes) -> None:
         now = now_ns()
         there, sent = (int.from_bytes(payload[at : at + 8], "little") for at in (0, 8))
-        if sent >= began_ns:  # not one of those that waited for the sessions to meet
+        if sent >= began_ns:  # not one that waited for the sessions to connect
             one_way.append((there - sent) / 1e6)
             round_trip.append((now - sent) / 1e6)
         here.set()
@@ -168,7 +168,7 @@ def measure(
 
 
 def imu_cost(count: int = 500) -> tuple[float, float]:
-    """Return medians (us) of one Imu after the other, in bursts that the network's queue takes, and at 100 Hz."""
+    """Return medians (us) of one Imu, in bursts that fit the network's queue, and at 100 Hz."""
     from hil.slave.sample_publisher import SamplePublisher
     from sim.sensors.samples import ImuSample
 
@@ -200,7 +200,7 @@ def imu_cost(count: int = 500) -> tuple[float, float]:
 
 @contextmanager
 def full_link(megabits: float) -> Iterator[str]:
-    """Provide the namespaces with a cable that carries so many Mbit/s each way; the address of the first."""
+    """Provide the namespaces with a cable of `megabits` Mbit/s in each direction; yield the address of the first."""
     left, right = SPACES
     commands = [f"ip -n {left} link add eth0 type veth peer name eth0 netns {right}"]
     for number, space in enumerate(SPACES, 1):
@@ -214,11 +214,11 @@ def full_link(megabits: float) -> Iterator[str]:
 
 @contextmanager
 def lossy_link() -> Iterator[str]:
-    """Provide the namespaces with a cable that loses and delays; the address of the first."""
+    """Provide the namespaces with a cable that loses and delays packets; yield the address of the first."""
     command = foreign_command(sys.executable, str(BAD_WIRE), *SPACES, str(LOSS), str(JITTER_S))
     with spaces(), start_child(command, stdout=subprocess.PIPE, text=True) as wire:
         assert wire.stdout
-        wire.stdout.readline()  # it carries
+        wire.stdout.readline()  # the link is up
         try:
             yield "10.79.0.1"
         finally:
@@ -227,7 +227,7 @@ def lossy_link() -> Iterator[str]:
 
 @contextmanager
 def spaces() -> Iterator[None]:
-    """Provide two network namespaces, for a while."""
+    """Provide two network namespaces in a context."""
     try:
         for space in SPACES:
             subprocess.run(["ip", "netns", "add", space], check=True)
@@ -238,7 +238,7 @@ def spaces() -> Iterator[None]:
 
 
 def compare(seconds: float) -> int:
-    """Measure all and print it; 1 when a budget is missed."""
+    """Measure and print all; return 1 if a budget is missed."""
     tight_us, paced_us = imu_cost()
     print(f"one Imu, encoded and published: {tight_us:.1f} us, budget {MOST_IMU_US:g}; at 100 Hz {paced_us:.1f} us")
     rows = [("loopback", bare, measure(bare, False, seconds)) for bare in (True, False) * 2]
@@ -267,7 +267,7 @@ def show(rows: list[tuple[str, bool, dict[str, float]]]) -> None:
 
 
 def main() -> int:
-    """Measure all, or be one side."""
+    """Measure all, or run one side."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seconds", type=float, default=8.0, help="of each measurement [%(default)s]")
     parser.add_argument("--answer", metavar="ENDPOINT", help="be the slave's side only")

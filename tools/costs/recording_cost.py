@@ -2,8 +2,9 @@
 
     python tools/costs/recording_cost.py [--vehicles 10] [--seconds 60]
 
-Every message must be there, by the numbers of its publisher, and the recorder must take at most a tenth of a core.
-The slaves run in real time: a machine that cannot carry them shows in `real time`, and its figures are worth nothing.
+Every message must be recorded, by the sequence numbers of its publisher, and the recorder must take at most a tenth of
+a core. The slaves run in real time: if the machine is too slow for them, `real time` shows it, and the figures do not
+count.
 Exit code 1 when a budget is missed.
 """
 

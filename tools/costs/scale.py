@@ -7,8 +7,8 @@ not.
 "lost" is the share of the samples, from a vehicle's first to its last by their stamps, that did not arrive: those that
 the network dropped, and those that a late slave skipped. "age" is the time from publish to receipt.
 
-A run in which not all are found, or that does not end, is a row of a second table. Each run is a process of its own,
-which is killed at the limit, and all that it started with it. All of them give way to the programs of your shell.
+A run in which not all slaves are found, or that does not end, is a row of a second table. Each run is a separate
+process, which is killed at the limit with all that it started. All of them have a lower priority than your shell.
 """
 
 import argparse
@@ -59,7 +59,7 @@ depth = "1 m"
 TOPICS = ("odom",)
 PERIOD_NS = NS_PER_S // 20  # of odometry
 TOGETHER = 4  # slaves that start at once: all at once would take the processor from each other
-LESS_URGENT = 5  # by which a slave is nicer than a router: on boards of their own they do not share a processor
+LESS_URGENT = 5  # nice value of slaves above a router's: on boards of their own they do not share a processor
 START_WITHIN_S = 60.0  # for a group; when it takes longer, no more are started
 
 
@@ -79,11 +79,11 @@ class Received:
             self.ages.append((sample.received_ns - sample.sent_ns) / NS_PER_MS)
 
     def clear(self) -> None:
-        """Count from here on. A message that comes meanwhile is counted or not."""
+        """Reset the count. A message that arrives meanwhile is counted or not."""
         self.stamps, self.ages = [], []
 
     def sent(self) -> int:
-        """Return how many there were from the first to the last that came."""
+        """Return the number of messages sent from the first to the last received."""
         return round((self.stamps[-1] - self.stamps[0]) / PERIOD_NS) + 1 if self.stamps else 0
 
 
@@ -114,7 +114,7 @@ def measure(
     except (HilError, psutil.Error) as error:
         return _broken(received, routers, step, f"then {str(error).splitlines()[0]}")
     finally:
-        for process in processes:  # clients close at once when nobody is there: else it takes minutes
+        for process in processes:  # without peers clients close at once, otherwise it takes minutes
             process.kill()
     found = [own for own in received if own.stamps]
     ages = sorted(age for own in found for age in own.ages)
@@ -134,7 +134,7 @@ def measure(
 
 
 def _broken(received: Sequence[Received], routers: int, step: float, result: str) -> str:
-    """Return the row of a run that broke: how many slaves began, and what came then."""
+    """Return the row of a failed run: the number of slaves that started, and the result."""
     begun = sum(own.has_begun for own in received)
     began = "all" if begun == len(received) else str(begun)
     return f"| {len(received)} | {routers} | {step:g} ms | {began} began, {result} |"
@@ -177,7 +177,7 @@ def _all_found(received: Sequence[Received]) -> bool:
 
 
 def _wait_for(condition: Callable[[], bool]) -> bool:
-    """Wait for it, at most `START_WITHIN_S`; return whether it holds."""
+    """Wait for the condition, at most `START_WITHIN_S`; return whether it holds."""
     end = time.monotonic() + START_WITHIN_S
     while time.monotonic() < end and not condition():
         time.sleep(0.2)
@@ -194,12 +194,12 @@ def start(stack: ExitStack, words: list[str]) -> psutil.Process:
     quiet = subprocess.DEVNULL
     child = start_child(module_command("hil", *words), environment=package_environment(), stdout=quiet, stderr=quiet)
     stack.callback(child.wait)
-    stack.callback(child.kill)  # many that end in good order at once take minutes
+    stack.callback(child.kill)  # many processes that end in order at once take minutes
     return psutil.Process(child.pid)
 
 
 def use(processes: list[psutil.Process]) -> Use:
-    """Return what has been used so far."""
+    """Return the processor time and memory used so far."""
     times = [process.cpu_times() for process in processes]
     return Use([each.user + each.system for each in times], [process.memory_info().rss for process in processes])
 

@@ -4,9 +4,9 @@
     python tools/costs/sim_cost.py --table
 
 With IMU, DVL and pressure sensor at their usual rates, every thruster running and every fin turned: at 100 Hz as fast
-as it goes, with the C and without; at 400 Hz in real time. No network, no link. `--table` holds the step of vehicles
-with fins, and of one in waves, against that of a BlueROV2, without sensors, by processor time: each integrator against
-the same one, and Runge-Kutta against Verlet too. Run it while the machine is quiet.
+as it goes, with the C and without; at 400 Hz in real time. No network, no link. `--table` compares the step of vehicles
+with fins, and of one in waves, with that of a BlueROV2, without sensors, by processor time: each integrator with the
+same one, and Runge-Kutta with Verlet too. Run it while the machine is quiet.
 """
 
 import argparse
@@ -32,7 +32,7 @@ REAL_TIME_S = 10.0
 CALM = World("calm", "made up", (-1000.0, 1000.0, -1000.0, 1000.0), 50.0)
 ROUGH = CALM._replace(ocean=Ocean(waves=Waves(significant_height=1.0, peak_period=6.0)))
 BARE = fit(imu=None, dvl=None, pressure=None, odometry=None, ground_truth=None)
-# vehicle, world, depth in m, step; the first is what the others are held against
+# vehicle, world, depth in m, step; the others are compared with the first
 CASES = [
     ("bluerov2", CALM, 5.0, QUICK_NS),
     *((name, CALM, 5.0, QUICK_NS) for name in ("remus100", "lauv", "eca_a9", "tethys")),

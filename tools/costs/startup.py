@@ -1,11 +1,11 @@
-"""Start-up and memory of the slave beside a floor: `python -c "import numpy, zenoh"`, in one run.
+"""Measure start-up and memory of the slave beside a floor: `python -c "import numpy, zenoh"`, in one run.
 
     python tools/costs/startup.py [--runs 15]
 
 The two run in turn. The slave is timed from its exec until its first line arrives, which says that the
 session is open and the first step is made; the floor, as a command, until it has ended. The budgets: ready
 in at most 0.6 times the floor, at most 40 MiB. Exit code 1 when one is missed. Compile bytecode first
-(`make` has), and leave the machine alone.
+(`make` does), and run nothing else meanwhile.
 """
 
 import argparse
@@ -31,14 +31,14 @@ FLOOR = [sys.executable, "-c", "import numpy, zenoh"]
 
 
 def time_floor() -> float:
-    """Return seconds that the floor takes."""
+    """Return the duration of the floor in s."""
     began = time.perf_counter()
     subprocess.run(FLOOR, check=True, cwd=ROOT)
     return time.perf_counter() - began
 
 
 def time_slave(command: list[str]) -> tuple[float, float]:
-    """Start the slave, wait for its first line, end it: seconds until the line, MiB then."""
+    """Start the slave, wait for its first line, and end it; return the time (s) and the memory (MiB) at that line."""
     began = time.perf_counter()
     with start_child(
         command, environment=package_environment(), stdout=subprocess.PIPE, stderr=subprocess.STDOUT

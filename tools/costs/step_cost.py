@@ -107,7 +107,7 @@ class PlainNumpy:
         return self.np.block([[self.np.zeros((3, 3)), -S_linear], [-S_linear, -S_angular]])
 
     def relief(self, nu: Any) -> Any:
-        """Return what is lost of the Munk moment, and the forces that take up its work."""
+        """Return the part of the Munk moment that is lost, and the forces that do its work."""
         np = self.np
         momentum = self.A11 @ nu[:3]
         return np.concatenate([np.cross(self.lost * nu[3:], momentum), self.lost * np.cross(nu[:3], momentum)])
@@ -172,7 +172,7 @@ def mujoco_runner(vehicle: Vehicle, integrator: Integrator) -> Callable[[], obje
 
 
 def candidates(vehicle: Vehicle, integrator: Integrator) -> dict[str, Callable[[], object]]:
-    """Return what can be measured here, by name."""
+    """Return the implementations that can be measured on this machine, by name."""
     python = Dynamics(vehicle, DENSITY, GRAVITY, integrator)
     runs: dict[str, Callable[[], object]] = {}
     try:

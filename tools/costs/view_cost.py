@@ -3,11 +3,11 @@
     python tools/costs/view_cost.py [--seconds 20] [--browser] [--rate 20]
 
 One slave over a seabed of 1,000 x 1,000 nodes, commanded 20 times a second, and a view with no, one and ten viewers:
-clients that receive the scene as a browser does. A sample's latency is from its measuring until the vehicle's new place
-has come to a viewer; the browser's drawing, a picture more, is not in it. `--browser` also opens the page in Debian's
-Chromium and counts how many pictures a second it draws: without a graphics card, on the processor that the slave needs.
-`--rate` lets so many Mbit/s pass between the view and its viewers. Exit code 1 when the latency is above 60 ms in the
-median. Needs the extra dev.
+clients that receive the scene as a browser does. A sample's latency is from its measurement until a viewer has
+received the vehicle's new place; the drawing of the browser, one more picture, is not included. `--browser` also opens
+the page in Debian's Chromium and counts the pictures that it draws a second: without a graphics card, on the processor
+that the slave needs. `--rate` limits the network between the view and its viewers (Mbit/s). Exit code 1 if the median
+latency is above 60 ms. Needs the extra dev.
 """
 
 import argparse
@@ -39,7 +39,7 @@ from tools.faults.relay import Relay  # noqa: E402
 
 MOST_LATENCY_MS = 60.0
 SETTLE_S = 5.0
-SLOW_SETTLE_S = 20.0  # behind a slow network, until ten viewers have the seabed
+SLOW_SETTLE_S = 20.0  # time until ten viewers have received the seabed over a slow network
 COMMAND_S = 0.05
 WORLD = """
 name = "wide"
@@ -96,7 +96,7 @@ class Clock:
         self.measured_ns: dict[Place, int] = {}
 
     def on_truth(self, topic: str, payload: bytes, attachment: bytes) -> None:
-        """Take a message of `ground_truth`."""
+        """Record the time of a message of `ground_truth`."""
         decode, stamp = ros.decoder(topic), ros.unpack_attachment(attachment)
         state = decode(payload) if decode else None
         if state is not None and stamp is not None:
@@ -157,7 +157,7 @@ class Viewers:
 
 @contextmanager
 def viewed(scenario: str) -> Iterator[tuple[int, str, str]]:
-    """Run a view; its process id, address and token."""
+    """Run a view; yield its process id, address and token."""
     command = module_command("hil.cli", "view", "--scenario", scenario, "--listen", "127.0.0.1:0", "--no-browser")
     process = start_child(command, environment=package_environment(), stdout=subprocess.PIPE, text=True)
     assert process.stdout
@@ -188,7 +188,7 @@ def fly(client: VehicleClient, seconds: float) -> tuple[list[float], list[float]
 
 @contextmanager
 def slowed(address: str, rate: float) -> Iterator[tuple[str, Relay | None]]:
-    """Provide the address at which a view is behind a network of that rate (Mbit/s), and that network; 0: no limit."""
+    """Provide the address of a view behind a network of that rate (Mbit/s, 0: no limit), and that network."""
     if not rate:
         yield address, None
         return
@@ -198,7 +198,7 @@ def slowed(address: str, rate: float) -> Iterator[tuple[str, Relay | None]]:
 
 
 def measure(folder: Path, viewers: int | None, seconds: float, browser: bool, rate: float = 0.0) -> Measured:
-    """Measure one round with so many viewers, behind a network of `rate` Mbit/s if not 0; None: no view."""
+    """Measure one round with that number of viewers (None: no view), behind a network of `rate` Mbit/s if not 0."""
     (folder / "wide.toml").write_text(WORLD, encoding="utf-8")
     scenario = folder / "scenario.toml"
     scenario.write_text(SCENARIO.format(world=folder / "wide.toml"), encoding="utf-8")
@@ -256,7 +256,7 @@ def _rounded(place: Any) -> Place:
 
 
 def main() -> int:
-    """Measure all rounds; the exit code."""
+    """Measure all rounds; return the exit code."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seconds", type=float, default=20.0, help="of each round [%(default)s]")
     parser.add_argument("--browser", action="store_true", help="and a real browser")

@@ -1,13 +1,12 @@
-"""Measure what a large world costs each part that opens it: time and private memory, each in a process of its own.
+"""Measure the cost of a large world for each part that opens it: time and private memory, each in a separate process.
 
     python tools/costs/world_cost.py [--side 10001] [--resolution 5] [--obstacles 500] [PART ...]
 
 The world is made in a temporary folder: hills and ripples on `side` x `side` nodes with piles at random places; the
 defaults are 50 km x 50 km at 5 m, `--resolution 1` makes it 10 km x 10 km at 1 m. The vehicle starts in the middle.
 Its depths are in the page cache, as they were just written. A part's time begins when its modules are loaded and ends
-with its first result. Memory is what the process has more than before, when it had done the same in a small world: its
-own, the peak of that meanwhile, and the pages of the depths' file that it maps, which the kernel may drop: it maps
-64 kB around each place that is looked at.
+with its first result. Memory is the increase from the same work in a small world: private memory, its peak, and the
+mapped pages of the file of depths, which the kernel may drop. It maps 64 kB around each place that is read.
 """
 
 import argparse
@@ -61,14 +60,14 @@ def make_world(folder: str, side: int, resolution: float, obstacles: int) -> str
 
 
 def scenario_of(world: str, sensor: str = "", **keys: Any) -> Scenario:
-    """Return a scenario in that world, with one sensor more."""
+    """Return a scenario in that world, with one more sensor."""
     changes = {"vehicle": "bluerov2_heavy", "world": world, "master.goal": [GOAL_M, GOAL_M], "master.depth": 5.0}
     extra = {f"sensors.{sensor}.{key}": value for key, value in {"rate": 1.0, **keys}.items()} if sensor else {}
     return load_scenario("open_water", {**changes, **extra})
 
 
 def _sample(sensor: str, **keys: Any) -> Callable[[str], Any]:
-    """Return what makes a sensor's first sample."""
+    """Return a function that makes a sensor's first sample."""
 
     def run(world: str) -> Any:
         scenario = scenario_of(world, sensor, **keys)
@@ -154,7 +153,7 @@ def measure(part: str, small: str, world: str) -> str:
 
 
 class Peak:
-    """The most memory that the process has of its own, looked at every millisecond by a thread."""
+    """Peak of the process's private memory, read every millisecond by a thread."""
 
     def __enter__(self) -> "Peak":
         self.most_mb = 0.0
@@ -173,7 +172,7 @@ class Peak:
 
 
 def _memory_mb() -> tuple[float, float]:
-    """Return the resident memory of this process: its own, and that of files."""
+    """Return the resident memory of this process: private, and of files."""
     memory = psutil.Process().memory_info()
     return (memory.rss - memory.shared) / 1e6, memory.shared / 1e6
 

@@ -1,4 +1,4 @@
-"""Sensors whose samples are a few numbers: what they say during a flight, beside the truth."""
+"""Sensors whose samples are a few numbers: their samples during a flight, beside the truth."""
 
 from collections import defaultdict
 from functools import lru_cache

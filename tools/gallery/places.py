@@ -20,7 +20,7 @@ SEED = 1
 
 
 class Entry(NamedTuple):
-    """A sensor of the gallery: its name in a scenario, and the pictures; each one's docstring is what is under it."""
+    """A sensor of the gallery: its name in a scenario, and its pictures; the docstring of a picture is its caption."""
 
     sensor: str
     title: str

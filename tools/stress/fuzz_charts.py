@@ -1,12 +1,12 @@
-"""Reads mutated S-57 cells as `uuv-hil world build` does, and reports what came of them.
+"""Read mutated S-57 cells as `uuv-hil world build` does, and report the results.
 
     python tools/stress/fuzz_charts.py                                 10,000 mutations of a small cell of the tests
     python tools/stress/fuzz_charts.py --charts DIR --count 1000       of the cells below a folder, such as NOAA's
 
 Bytes are changed, inserted, cut out, doubled or swapped, digits of lengths and positions replaced, in the cell or in an
-update beside it. What is looked for: an exception that is none of ours, in the process that reads or in the one that
-asks; an end by a signal of the one that asks; more than `SLOWEST_S`; an error of several lines. The exit code is 1 if
-any of that was found, and the mutated cell is then kept.
+update beside it. These are faults: an exception that is not a HilError, in the reading process or in its parent; an
+end of the parent by a signal; a duration above `SLOWEST_S`; an error of several lines. The exit code is 1 if there was
+a fault, and the mutated cell is then stored.
 
 The modules are loaded once, and each cell is read by a copy of this process (fork) that has the limits of the real one:
 a process that is started again takes 0.3 s.
@@ -80,7 +80,7 @@ class ForkedReader:
 
 
 def _end(work: Any) -> None:
-    """Do it and end this copy with what it returns, or with a traceback."""
+    """Run `work` and end this copy with its exit code, or with a traceback."""
     code = RAISED
     try:
         sys.stdout = open(1, "w", encoding="utf-8", closefd=False)  # noqa: SIM115 - as long as the process
@@ -131,7 +131,7 @@ def mutated(data: bytes, chance: random.Random) -> bytes:
 
 
 def read(path: str) -> int:
-    """Read the cell as a world is built of it, in this copy; its exit code."""
+    """Read the cell as for a world, in this copy of the process; return its exit code."""
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY_BYTES, MEMORY_BYTES))
     try:
         read_sources([path], None, RESOLUTION_M)
@@ -145,7 +145,7 @@ def read(path: str) -> int:
 
 
 def examine(path: str) -> tuple[str, float]:
-    """Return what came of a cell: "read", "refused", or what is wrong; and the seconds it took."""
+    """Return the verdict of a cell ("read", "refused", or a fault), and its duration in s."""
     began = time.monotonic()
     pid = os.fork()
     if not pid:
@@ -178,12 +178,12 @@ def cells_of(folder: str) -> list[tuple[bytes, bytes]]:
 
 
 def main() -> int:
-    """Mutate, read, count; return 1 if something is wrong."""
+    """Mutate, read and count; return 1 if there was a fault."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--count", type=int, default=10_000, metavar="N")
     parser.add_argument("--seed", type=int, default=1, metavar="N")
     parser.add_argument("--charts", default="", metavar="DIR")
-    parser.add_argument("--keep", default="mutated_cells", metavar="DIR", help="where to keep what is wrong")
+    parser.add_argument("--keep", default="mutated_cells", metavar="DIR", help="folder of the cells with a fault")
     options = parser.parse_args()
     cells = cells_of(options.charts)
     children.start_child = ForkedReader  # type: ignore[assignment]
@@ -207,8 +207,8 @@ def main() -> int:
             slowest = max(slowest, seconds)
             if verdict not in ("read", "refused"):
                 shutil.copytree(folder, Path(options.keep) / str(number), dirs_exist_ok=True)
-                print(f"{number}: {verdict}, kept in {options.keep}/{number}", flush=True)
-    # psutil has no peak, nor anything of a process that has ended.
+                print(f"{number}: {verdict}, stored in {options.keep}/{number}", flush=True)
+    # psutil has no peak memory, and no figures of ended processes.
     most = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
     print(", ".join([f"{count} {verdict}" for verdict, count in sorted(verdicts.items())]), end="")
     print(f" of {options.count}; slowest {slowest:.2f} s, most memory {most:.0f} MiB")

@@ -1,11 +1,11 @@
-"""Feeds the decoders of a protocol with random and mutated bytes, in pieces, and reports what they did with them.
+"""Feed random and mutated bytes to the decoders of a protocol, in pieces, and report the results.
 
     python tools/stress/fuzz_links.py frame --set frame=aa55                    a million strings to both ends
     python tools/stress/fuzz_links.py mavlink vesc --strings 100000 --seed 7
 
-A string is noise, or sound messages of the other end with bytes flipped, cut, doubled or swapped. What is
-looked for: an exception, a string that takes the processor longer than `SLOWEST_S`, memory that grows, and
-sound messages that do not come through once the line is quiet again. The exit code is 1 if any of that was found.
+A string is noise, or valid messages of the other end with bytes flipped, cut, doubled or swapped. These are faults: an
+exception, a string that takes more processor time than `SLOWEST_S`, memory that grows, and valid messages that are not
+decoded afterwards. The exit code is 1 if there was a fault.
 """
 
 import argparse
@@ -58,7 +58,7 @@ def main() -> int:
 
 
 def fuzz(kind: str, role: Role, strings: int, seed: int = 1, settings: dict[str, str] | None = None) -> Result:
-    """Feed `strings` strings to one end of a protocol with those `settings`; the same seed, the same strings."""
+    """Feed `strings` strings to one end of a protocol with those `settings`; the same seed gives the same strings."""
     peer: Role = "device" if role == "host" else "host"
     own, other = (open_protocol(kind, end, CHANNELS, **(settings or {})) for end in (role, peer))
     rng = random.Random(seed)
@@ -90,7 +90,7 @@ def fuzz(kind: str, role: Role, strings: int, seed: int = 1, settings: dict[str,
     if growth > GROWTH_BYTES:
         faults.append(f"memory grew by {growth} bytes")
     if not faults and not _recovers(own, other, role):
-        faults.append("a sound message does not come through any more")
+        faults.append("a valid message is not decoded any more")
     return Result(
         f"{kind} {' '.join((settings or {}).values())} {role}",
         strings,
@@ -151,7 +151,7 @@ def _pieces(rng: random.Random, data: bytes, unit: int) -> Iterator[bytes]:
 
 
 def _message(rng: random.Random, role: Role, number: int) -> Message:
-    """Return what the other end says to `role`."""
+    """Return a message that the other end sends to `role`."""
     pulses = tuple(rng.randrange(1100, 1901) for _ in range(CHANNELS))
     if role == "device":
         return ThrusterCommand(number & 0xFFFF, rng.random() < 0.9, pulses)
@@ -159,7 +159,7 @@ def _message(rng: random.Random, role: Role, number: int) -> Message:
 
 
 def _recovers(own: Protocol, other: Protocol, role: Role) -> bool:
-    """Return whether one of the next messages comes through: what hung in the air may cost the first."""
+    """Return whether one of the next messages is decoded; an unfinished one before it may cost the first."""
     rng = random.Random(0)
     return any(own.feed(other.encode(_message(rng, role, number))) for number in range(20))
 

@@ -1,10 +1,10 @@
-"""Does every client get samples again after a slave process was paused?
+"""Test whether every client gets samples again after its slave process was paused.
 
     python tools/stress/pause_stress.py [--pauses 50] [--clients 10] [--seed 1] [--unmended]
 
-Pauses a slave (SIGSTOP) for 0.9 to 4 s, lets it go on, and waits until each client has got a sample that is younger
-than that; each counts as one. A client that gets none within 10 s is stuck. `--unmended` is the library alone: nothing
-looks for links that are open and not read. Exit code 1 when a client was stuck.
+It pauses a slave (SIGSTOP) for 0.9 to 4 s, resumes it, and waits until each client has received a newer sample. A
+client that gets none within 10 s is stuck. `--unmended` tests the library alone: nothing closes links that are open
+and not read. Exit code 1 when a client was stuck.
 """
 
 import argparse
@@ -59,7 +59,7 @@ def come_back(clients: list[VehicleClient], seconds: float) -> list[VehicleClien
 
 
 def run(pauses: int, count: int, seed: int, repaired: bool) -> int:
-    """Pause so often; return the number of clients that were stuck."""
+    """Pause the slave `pauses` times; return the number of stuck clients."""
     chance, stuck, port = random.Random(seed), 0, free_ports(1)[0]
     with ExitStack() as stack:
         scenario = Path(stack.enter_context(tempfile.TemporaryDirectory())) / "pause.toml"
@@ -87,7 +87,7 @@ def run(pauses: int, count: int, seed: int, repaired: bool) -> int:
             os.kill(slave.pid, signal.SIGSTOP)
             time.sleep(seconds)
             os.kill(slave.pid, signal.SIGCONT)
-            time.sleep(0.2)  # in which what had been sent before the pause arrives
+            time.sleep(0.2)  # time for messages from before the pause to arrive
             lost = come_back(clients, STUCK_S)
             for client in lost:
                 stuck += 1
@@ -104,12 +104,12 @@ def run(pauses: int, count: int, seed: int, repaired: bool) -> int:
 
 
 def main() -> int:
-    """Run what the options say; the exit code."""
+    """Run the test with the options; return the exit code."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--pauses", type=int, default=50, help="[%(default)s]")
     parser.add_argument("--clients", type=int, default=10, help="at once [%(default)s]")
     parser.add_argument("--seed", type=int, default=1, help="of the lengths [%(default)s]")
-    parser.add_argument("--unmended", action="store_true", help="look for no links that are not read")
+    parser.add_argument("--unmended", action="store_true", help="do not close links that are not read")
     options = parser.parse_args()
     return int(run(options.pauses, options.clients, options.seed, not options.unmended) > 0)
 

@@ -1,1 +1,1 @@
-"""A single-board computer that is not there: see `python -m tools.virtual_board --help`."""
+"""A virtual single-board computer: see `python -m tools.virtual_board --help`."""

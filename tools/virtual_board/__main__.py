@@ -1,4 +1,4 @@
-"""A single-board computer that is not there: this project's wheel on 64-bit Arm, emulated; this machine is its network.
+"""Run this project's wheel on a virtual single-board computer: emulated 64-bit Arm, with this machine as its network.
 
     python -m tools.virtual_board build --package numpy
     python -m tools.virtual_board run -- slave paper_field
@@ -7,14 +7,14 @@
     python -m tools.virtual_board boot --port 7447:7447 -- 'ip link; uuv-hil doctor'
 
 `build` makes a Debian root for arm64 (debootstrap fetches and checks the packages; they are unpacked, never run as
-root), builds the wheel with a cross compiler and installs it with its dependencies' arm64 wheels. `bench startup` wants
-numpy on top, a slave does not.
+root), builds the wheel with a cross compiler and installs it with its dependencies' arm64 wheels. `bench startup` also
+needs numpy, a slave does not.
 
 `run` and `python` execute another processor's instructions on this kernel: a program's arithmetic and packaging. From
 within they can start the board's Python again, but no other arm64 program. `boot` emulates a whole machine: kernel,
 systemd, two CAN controllers on one bus and vcan, a network that reaches this machine. It shows that the project works
-there; it tells nothing about a board's speed, and what is measured in there is labelled as emulated: pure Python takes
-about 9 times as long as on this machine with `run`, 25 times with `boot`.
+there. It does not show a board's speed, and its measurements are labelled as emulated: pure Python takes about 9 times
+as long as on this machine with `run`, 25 times with `boot`.
 
 Needs: apt install debootstrap qemu-user qemu-system-arm gcc-aarch64-linux-gnu libc6-dev-arm64-cross, and to be root.
 """
@@ -35,7 +35,7 @@ from tools.virtual_board.system import Booted
 
 
 def main() -> int:
-    """Build the board, or run something on it; its exit code."""
+    """Build the board, or run a job on it; return the exit code."""
     options = parse(sys.argv[1:])
     try:
         with every_end_like_ctrl_c():
@@ -61,11 +61,11 @@ def _do(options: argparse.Namespace) -> int:
 
 
 def parse(words: list[str]) -> argparse.Namespace:
-    """Return the options; what is behind -- is taken away first, as argparse mixes it up with options before it."""
+    """Return the options. Words after -- are removed first, because argparse mixes them up with options before it."""
     end = words.index("--") if "--" in words else len(words)
     parser = argparse.ArgumentParser(
         prog="python -m tools.virtual_board", usage="%(prog)s VERB [options] [-- WORD ...]", description=__doc__,
-        epilog="Behind -- stand words of uuv-hil (run), of Python (python), of the shell (boot).",
+        epilog="After -- come the arguments of uuv-hil (run), of Python (python), or a shell command (boot).",
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )  # fmt: skip
     parser.add_argument("verb", metavar="VERB", choices=("build", "run", "python", "boot"), help="%(choices)s")
@@ -74,7 +74,7 @@ def parse(words: list[str]) -> argparse.Namespace:
     parser.add_argument("--port", action="append", default=[], metavar="HERE:THERE", help="boot: forward a TCP port")
     options = parser.parse_args(words[:end], argparse.Namespace(arguments=words[end + 1 :]))
     if options.verb == "boot" and not options.arguments:
-        parser.error("boot needs a job behind --, such as -- 'ip link'")
+        parser.error("boot needs a job after --, such as -- 'ip link'")
     return options
 
 

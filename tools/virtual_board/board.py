@@ -15,12 +15,12 @@ from hil.common.errors import DeviceError
 from tools.virtual_board.commands import TO_BUILD, do, missing
 
 PROJECT = Path(__file__).parent.parent.parent
-SUITE = "bookworm"  # from the mirror that debootstrap takes by itself
-# The board's Python on this machine. A script, so that a program in there can start another one by sys.executable.
+SUITE = "bookworm"  # from debootstrap's default mirror
+# The board's Python on this machine. A script, so that its programs can start further ones by sys.executable.
 WRAPPER = """\
 #!/bin/sh
 export PYTHONHOME='{root}/usr' PYTHONPATH='{site}'
-export PYTHONSAFEPATH=1  # what is installed, not what lies in the present folder
+export PYTHONSAFEPATH=1  # import installed packages only, not the present folder
 export {mark}=qemu-aarch64
 exec qemu-aarch64 -cpu {processor} -L '{root}' -0 "$0" '{root}/{python}' "$@"
 """
@@ -28,7 +28,7 @@ PACKAGES = "python3,python3-venv,systemd-sysv,udev,kmod,iproute2,linux-image-arm
 MERGED = ("bin", "sbin", "lib")  # of /, which are links into /usr
 PYTHON = "usr/bin/python3.11"
 VENV = "usr/lib/python3.11/ensurepip"  # boards that were made before have none
-PROCESSOR = "cortex-a72"  # of a Raspberry Pi 4B; qemu's own default sends numpy the slowest way there is
+PROCESSOR = "cortex-a72"  # of a Raspberry Pi 4B; with qemu's default numpy uses its slowest code
 PYTHON_THERE = "/usr/bin/python3"
 WHEELS = ("manylinux_2_28_aarch64", "manylinux2014_aarch64", "linux_aarch64")
 
@@ -42,9 +42,9 @@ class VirtualBoard:
         self.python = os.path.join(self.folder, "python")
 
     def build(self, packages: Sequence[str] = ()) -> None:
-        """Make what is not there yet, and install the project as it is now.
+        """Make the parts that are missing, and install the present project.
 
-        `packages`: what else from PyPI, in arm64 wheels. Raises DeviceError.
+        `packages`: further packages from PyPI, as arm64 wheels. Raises DeviceError.
         """
         missing_tools = missing(TO_BUILD)
         if missing_tools:
@@ -71,7 +71,7 @@ class VirtualBoard:
     def _make_root(self) -> None:
         with tempfile.TemporaryDirectory(dir=self.folder) as scratch:
             fetched, unpacked = os.path.join(scratch, "fetched"), os.path.join(scratch, "root")
-            # Its second stage, under emulation, takes longer than all the rest; nothing of it is needed here.
+            # Its second stage, under emulation, takes longer than all other steps, and is not needed.
             do("debootstrap", "--download-only", "--arch=arm64", "--variant=minbase", f"--include={PACKAGES}", SUITE,
                fetched)  # fmt: skip
             for name in MERGED:
@@ -107,7 +107,7 @@ def write_wrapper(board: VirtualBoard) -> None:
 
 
 def mend_scripts(folder: str) -> None:
-    """Name the board's Python in the first line of commands that pip wrote: it names this machine's."""
+    """Replace this machine's Python by the board's in the first line of scripts that pip wrote."""
     for path in glob.glob(os.path.join(folder, "*")):
         with open(path, "rb") as file:
             first, _, rest = file.read().partition(b"\n")

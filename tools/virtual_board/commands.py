@@ -1,4 +1,4 @@
-"""Programs of this machine that the virtual board is made with."""
+"""Programs of this machine that build the virtual board."""
 
 import os
 import shutil
@@ -18,11 +18,11 @@ TO_BOOT = TO_BUILD | {"qemu-system-aarch64": "qemu-system-arm"}
 
 
 def missing(programs: Mapping[str, str]) -> str:
-    """Return what this machine lacks, as a command that mends it; "" if nothing."""
+    """Return a command that installs missing programs; "" if none is missing."""
     packages = [package for program, package in programs.items() if not shutil.which(program)]
     if packages:
         return f"apt install {' '.join(packages)}"
-    return "" if os.geteuid() == 0 else "be root: debootstrap asks for it"
+    return "" if os.geteuid() == 0 else "be root: debootstrap needs it"
 
 
 def do(*command: str, environment: Mapping[str, str] | None = None) -> None:

@@ -1,4 +1,4 @@
-"""The board's files as one archive that a kernel boots from: cpio in the form "newc", that of an initramfs."""
+"""Write the board's files as one archive that a kernel boots from: cpio in the format "newc", as for an initramfs."""
 
 import os
 import shutil
@@ -9,7 +9,7 @@ from typing import BinaryIO
 
 from tools.virtual_board.board import VirtualBoard
 
-# Parts of the kernel that a job may want; the other 280 MB stay out.
+# Kernel modules that a job may need; the other 280 MB are left out.
 MODULES = ("net/can/", "drivers/net/can/", "virtio", "failover", "sch_netem", "autofs", "vxcan")
 LEFT_OUT = (
     "boot",
@@ -48,7 +48,7 @@ Environment=TERM=dumb SYSTEMD_COLORS=0 PATH=/opt/uuv-hil/bin:/usr/sbin:/usr/bin 
 [Install]
 WantedBy=multi-user.target
 """
-# What packages would write when they are configured, which they are not.
+# Files that the packages would write when configured; they are only unpacked.
 FILES = {
     "etc/shadow": "root::0:0:99999:7:::\n",
     "etc/nsswitch.conf": "passwd: files\ngroup: files\nhosts: files\n",
@@ -72,7 +72,7 @@ def kernel(board: VirtualBoard) -> str:
 
 
 def write_image(board: VirtualBoard, path: str) -> None:
-    """Write the archive of root, project, and the kernel's modules that may be wanted."""
+    """Write the archive of root, project, and the kernel modules that a job may need."""
     with open(path, "wb") as file:
         for number, (name, place) in enumerate(_entries(board), 1):
             _write(file, number, name, place)
@@ -89,14 +89,14 @@ def write_image(board: VirtualBoard, path: str) -> None:
 
 
 def write_job(script: str, path: str) -> None:
-    """Write the small archive with what the board is to do, to be put behind the large one."""
+    """Write the small archive with the board's job, which is appended to the large one."""
     with open(path, "wb") as file:
         _add(file, "opt/job", script.encode(), 0o755)
         _end(file)
 
 
 def _entries(board: VirtualBoard) -> Iterator[tuple[str, str]]:
-    """Yield names in the archive, and where they are here; folders before what is in them."""
+    """Yield names in the archive and their paths here; a folder comes before its content."""
     for name, place in _below(board.root, ""):
         if not any(name == left or name.startswith(f"{left}/") for left in LEFT_OUT):
             yield name, place
@@ -105,7 +105,7 @@ def _entries(board: VirtualBoard) -> Iterator[tuple[str, str]]:
 
 
 def _modules(board: VirtualBoard) -> Iterator[tuple[str, str]]:
-    """Return the modules that may be wanted, with the tables of what needs what."""
+    """Return the modules that a job may need, with the tables of their dependencies."""
     staged = os.path.join(board.folder, "modules")
     if not os.path.isdir(staged):
         _stage(board, staged)
@@ -131,7 +131,7 @@ def _stage(board: VirtualBoard, staged: str) -> None:
 
 
 def _below(folder: str, prefix: str) -> Iterator[tuple[str, str]]:
-    """Yield what is in a folder, as names below `prefix`, the folders of that first."""
+    """Yield the content of a folder, as names below `prefix`, after the folders of `prefix`."""
     parts = prefix.split("/") if prefix else []
     for count in range(1, len(parts) + 1):
         yield "/".join(parts[:count]), folder
@@ -155,7 +155,7 @@ def _write(file: BinaryIO, number: int, name: str, place: str) -> None:
 
 
 def _add(file: BinaryIO, name: str, data: bytes, mode: int = 0o644, link: bool = False) -> None:
-    """Add an entry that is no file here, and the folders above it."""
+    """Add an entry that is not a file on this machine, and the folders above it."""
     parts = name.split("/")
     for count in range(1, len(parts)):
         _record(file, 0, stat.S_IFDIR | 0o755, "/".join(parts[:count]), b"")

@@ -23,7 +23,7 @@ PATIENCE_S = 300.0
 class Booted:
     """The board, booted, with a job: a script of its shell. Use as a context, which ends it.
 
-    `ports`: of this machine (localhost) -> of the board. What the job prints is in `output`; `tell` gets each line.
+    `ports`: of this machine (localhost) -> of the board. The job's output is in `output`; `report` gets each line.
     Raises DeviceError when this machine cannot emulate it, or there is no board.
     """
 

@@ -48,7 +48,7 @@ def test_the_documented_examples_are_parsed() -> None:
         ([], "VERB"),
         (["fly"], "invalid choice"),
         (["run", "slave"], "unrecognized arguments: slave"),
-        (["boot"], "boot needs a job behind --"),
+        (["boot"], "boot needs a job after --"),
         (["boot", "--port"], "expected one argument"),
     ],
 )
