@@ -1,4 +1,4 @@
-"""The experiments of the reference platform (Zhang et al. 2022), in the simulation and with slaves, measured.
+"""The experiments of the reference platform (Zhang et al. 2022), run in simulation and with slaves, and measured.
 
-Public: `hil.cases.case`. It must not hold code that a planner or a slave needs.
+Public: `hil.cases.case`. This package must not contain code that a planner or a slave needs.
 """

@@ -23,8 +23,8 @@ CASES = {
 class Case(ABC):
     """One experiment.
 
-    `scenario` is a preset; `title` a headline, `paper` what the paper shows, `method` how it is done here where that
-    needs explanation, `criterion` what success is.
+    `scenario`: a preset. `title`: a headline. `paper`: what the paper shows. `method`: how this project does it, if
+    that needs explanation. `criterion`: of success. `show` is called with the progress as text. `viewer`: live view.
     """
 
     name: str
@@ -33,16 +33,16 @@ class Case(ABC):
     paper: str
     criterion: str
     method: str = ""
-    show: Callable[[str], None] = staticmethod(lambda text: None)  # what gets a text again and again, how far it is
+    show: Callable[[str], None] = staticmethod(lambda text: None)
     viewer: Viewer = Viewer()
 
     @abstractmethod
     def fly(self, mode: Mode, seed: int, folder: str) -> Run:
-        """Fly once and leave the files of the flight in `folder`, which is there.
+        """Fly once, write the files of the flight into the existing `folder`, and return the flight.
 
-        "sil" is in this process and in simulated time, "hil" with slaves as processes of their own and this process as
-        their master. Seed 1 is the case as it stands, others vary noise and whatever the case lets vary. A mission that
-        fails is a result; raises the errors of hil/common/errors.py for what could not be flown at all.
+        "sil" runs in this process and in simulated time; "hil" uses slave processes, with this process as their master.
+        Seed 1 is the scenario unchanged; other seeds change the noise and other values, depending on the case. A failed
+        mission is a result. Raises the errors of hil/common/errors.py if the flight is not possible.
         """
 
     @abstractmethod
@@ -51,7 +51,7 @@ class Case(ABC):
 
 
 def find_case(name: str) -> Case:
-    """Return the case of that name. Raises ConfigError that lists the cases there are."""
+    """Return the case of that name. Raises ConfigError, which lists all cases."""
     if name not in CASES:
         raise ConfigError(f"no case {name!r}{nearest(name, list(CASES))}; there are: {', '.join(CASES)}")
     module, _, attribute = CASES[name].partition(":")

@@ -1,9 +1,11 @@
 """Compute the energy that a run takes from the battery.
 
-From the battery's own voltage and current where the vehicle has a battery and a monitor of it. Else from the pulses at
-the thrusters: a thruster whose current is known (the T200's table) takes that times its supply; any other one is
-assumed to take what a T200 at 16 V takes for the same thrust, and beyond the T200's reach in proportion to the
-thrust to the power 3/2, as an ideal propeller does (momentum theory). Electronics are not counted in that case.
+With a battery and a battery monitor the energy follows from measured voltage and current. Otherwise it is computed from
+the pulse widths of the thrusters, without electronics:
+
+- A thruster with known current (the T200's table) takes that current times its supply voltage.
+- Other thrusters are assumed to take the power of a T200 at 16 V at the same thrust. Above the T200's greatest thrust,
+  power is proportional to thrust to the power 3/2, as for an ideal propeller (momentum theory).
 """
 
 from collections.abc import Sequence
@@ -18,11 +20,11 @@ from sim.vehicle.thrusters.t200 import performance
 from sim.vehicle.vehicle import Vehicle
 
 REFERENCE_V = 16.0
-_LONGEST_STEP_S = 2.0  # a longer gap is a pause in the report, not in the flight
+_LONGEST_STEP_S = 2.0  # a longer gap between two calls of `add` counts as this long: reports were missing
 
 
 class EnergyMeter:
-    """Adds up the energy of one vehicle. `joules` so far."""
+    """Integrator of the energy of one vehicle; `joules`: the sum so far."""
 
     def __init__(self, vehicle: Vehicle) -> None:
         self._thrusters = vehicle.thrusters
@@ -38,7 +40,7 @@ class EnergyMeter:
 
 
 def power(thrusters: Sequence[Thruster], pwm_us: Sequence[int]) -> float:
-    """Return what these thrusters take in W at these pulses; channels behind them are none of theirs."""
+    """Return the power (W) of these thrusters at these pulse widths (us); further channels are not counted."""
     return sum(_power(thruster, pulse) for thruster, pulse in zip(thrusters, pwm_us, strict=False))
 
 
@@ -50,7 +52,7 @@ def _power(thruster: Thruster, pulse: int) -> float:
 
 
 def power_of_thrust(thrust: float) -> float:
-    """Return what a T200 at 16 V takes in W for a thrust in N, negative in reverse."""
+    """Return the power (W) of a T200 at 16 V for a thrust (N; negative in reverse)."""
     thrusts, watts = _table(thrust < 0.0)
     size = abs(thrust)
     if size > thrusts[-1]:
@@ -60,7 +62,7 @@ def power_of_thrust(thrust: float) -> float:
 
 @lru_cache(maxsize=2)
 def _table(reverse: bool) -> tuple[list[float], list[float]]:
-    """Return growing thrusts (N) and what they take (W)."""
+    """Return increasing thrusts (N) and their powers (W)."""
     thrusts, watts = [0.0], [0.0]
     for offset in range(5, 405, 5):
         point = performance(1500 - offset if reverse else 1500 + offset, REFERENCE_V)

@@ -1,7 +1,7 @@
-"""Compare runs of one seed in SIL and in HIL: how far they differ.
+"""Compare a run in SIL with the run of the same seed in HIL.
 
-Both fly the same planner and the same files. What differs: in HIL the commands come late and at times of the machine's
-own choosing, so that noise and motion do not meet in the same steps.
+Both use the same planner and the same files. In HIL the commands arrive with a delay that varies with the load of the
+machine, so the same noise acts at other points of the motion.
 """
 
 from collections.abc import Sequence
@@ -15,10 +15,10 @@ from hil.cases.record import Run, Track
 
 
 class Fidelity(NamedTuple):
-    """HIL against SIL. Lengths in m, time in s; `length`, `time` and `energy` as shares of SIL's.
+    """Differences of HIL from SIL.
 
-    `path_*` are how far the places of the HIL track are from the SIL track, wherever on it, of the vehicle for which
-    that is worst; `clearance` is HIL's least minus SIL's.
+    `path_rms`, `path_max`: distances (m) of the HIL track's points from the SIL track, of the vehicle with the largest.
+    `length`, `time`, `energy`: relative differences. `clearance`: least clearance in HIL minus that in SIL, m.
     """
 
     path_rms: float
@@ -44,10 +44,10 @@ def compare(sil: Run, hil: Run) -> Fidelity:
 
 
 def distances(points: Sequence[Point], track: Track) -> NDArray[np.float64]:
-    """Return the distance (m) of each of `points` from the polyline of a track of two places or more."""
+    """Return the distance (m) of each of `points` from the polyline of a track with at least two points."""
     places = np.array(track.points)
     starts, legs = places[:-1], np.diff(places, axis=0)
-    squares = np.maximum(np.sum(legs * legs, axis=1), 1e-12)  # where it stood still
+    squares = np.maximum(np.sum(legs * legs, axis=1), 1e-12)  # 0 where the vehicle stood still
     nearest = np.empty(len(points))
     for number, point in enumerate(points):
         shares = np.clip(np.sum((point - starts) * legs, axis=1) / squares, 0.0, 1.0)
@@ -66,7 +66,7 @@ ROWS = (
 
 
 def rows(sil: Run, hil: Run) -> list[list[str]]:
-    """Return rows for a report: SIL, HIL and the difference, the heads of the columns first."""
+    """Return the rows of a table with SIL, HIL and their difference, column headings first."""
     differences = compare(sil, hil)
     a, b = sil.result, hil.result
     both = {

@@ -1,4 +1,4 @@
-"""Run a case many times: simulated runs on all cores, those with slaves one after the other."""
+"""Run a case several times: simulated flights in parallel on all cores, flights with slaves one after the other."""
 
 import os
 import time
@@ -24,9 +24,9 @@ def fly_all(
     jobs: int = -1,
     viewer: Viewer | None = None,
 ) -> list[Run]:
-    """Return the flights of a case, SIL first; each leaves its files in a folder of its own below `folder`.
+    """Fly a case with all seeds; return its flights, SIL first. Each flight has its own folder below `folder`.
 
-    With a `viewer` they are flown one after the other.
+    With a `viewer` the simulated flights also run one after the other.
 
     Raises MissingExtraError, and what `Case.fly` raises.
     """
@@ -42,7 +42,7 @@ def fly_all(
 def fly_one(
     name: str, mode: Mode, seed: int, folder: str, show: Show | None = None, viewer: Viewer | None = None
 ) -> Run:
-    """Fly the case called `name` once; `show` gets the progress as text at intervals."""
+    """Fly the case called `name` once; `show` is called with the progress as text at intervals."""
     case = find_case(name)
     if show:
         case.show = show

@@ -1,4 +1,4 @@
-"""Path planning case: across 50 m x 50 m with A* on the map and VFH+ around scanned obstacles."""
+"""Path planning case: cross a field of 50 m x 50 m, with A* on the map and VFH+ around scanned obstacles."""
 
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
@@ -16,10 +16,10 @@ from hil.master.planner import Planner
 from hil.scenario.config import Scenario, load_scenario
 from sim.environment.world import World
 
-PILES = 5  # that no map shows
+PILES = 5  # not on the map
 PILE_RADIUS_M = (0.3, 0.9)
-GAP_M = 2.2  # left between a pile and whatever else stands there
-CLEAR_M = 3.0  # of every pile, round start and goal
+GAP_M = 2.2  # least distance between a pile and other obstacles
+CLEAR_M = 3.0  # least distance between a pile and start or goal
 
 
 class PathPlanning(SingleCase):
@@ -38,13 +38,13 @@ class PathPlanning(SingleCase):
     )
 
     def vary(self, seed: int) -> tuple[Mapping[str, Any], Mapping[str, Sequence[Table]]]:
-        """Return the start, by up to a metre, and the heading, by up to 60 degrees."""
+        """Return a random start up to 1 m from the origin, and a heading up to 60 degrees off; nothing for seed 1."""
         if seed == 1:
             return {}, {}
         return random_start(f"path_planning/{seed}", pi / 4.0, pi / 3.0), {}
 
     def optimum(self, scenario: Scenario, plan: Plan) -> float:
-        """Return the shortest path from start to goal past all obstacles, on the map or not."""
+        """Return the length (m) of the shortest path from start to goal around all obstacles, on the map or not."""
         start, goal = (scenario.start.north, scenario.start.east), scenario.master.goal or (0.0, 0.0)
         return shortest(plan.world, plan.request.vehicle, scenario.master.depth, (start, goal))
 
@@ -56,7 +56,7 @@ class PathPlanning(SingleCase):
 
 
 class PathPlanningUnknown(PathPlanning):
-    """Path planning with piles on the path that no map shows."""
+    """Path planning with piles on the path that are not on the map."""
 
     name = "path_planning_unknown"
     title = "Path planning past obstacles that the map lacks"
@@ -80,12 +80,15 @@ class PathPlanningUnknown(PathPlanning):
         return changes, {"cylinder": hidden_piles(plan.world, plan.planner.path, ends, Random(f"piles/{seed}"))}
 
     def extra(self, planner: Planner) -> Mapping[str, float]:
-        """Return how many paths were planned."""
+        """Return the number of planned paths."""
         return {"plans": float(planner.status.split()[1].rstrip(","))}
 
 
 def hidden_piles(world: World, path: Sequence[Point], ends: Sequence[Point], random: Random) -> list[Table]:
-    """Return piles that no map shows, three of five on `path` and the others within 4 m of it, all passable."""
+    """Return PILES piles that are not on the map: three within 0.4 m of `path`, the others within 4 m.
+
+    The vehicle can pass each of them. Raises ConfigError if there is no room.
+    """
     piles: list[Table] = []
     for _ in range(10_000):
         if len(piles) == PILES:
@@ -94,11 +97,11 @@ def hidden_piles(world: World, path: Sequence[Point], ends: Sequence[Point], ran
         gap = min([world.clearance(*place), *(dist(place, (p["north"], p["east"])) - p["radius"] for p in piles)])
         if gap - radius >= GAP_M and all(dist(place, end) > radius + CLEAR_M for end in ends):
             piles.append({"north": place[0], "east": place[1], "radius": radius, "hidden": True})
-    raise ConfigError(f"{world.name} has no room for {PILES} piles beside the path")
+    raise ConfigError(f"{world.name} has no room for {PILES} piles beside the path: use a world with fewer obstacles")
 
 
 def _random_point_near(path: Sequence[Point], most: float, random: Random) -> Point:
-    """Return a place up to `most` m aside of one on the path, the legs as likely as they are long."""
+    """Return a random point up to `most` m from the path; a leg's probability is proportional to its length."""
     legs = list(pairwise(path))
     (a, b), *_ = random.choices(legs, [dist(*leg) for leg in legs])
     share, away, bearing = random.random(), random.uniform(0.0, most), random.uniform(-pi, pi)

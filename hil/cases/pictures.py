@@ -44,17 +44,17 @@ def draw_field(title: str, runs: Sequence[Run], path: str) -> None:
 
 
 def draw_world(axes: Any, scenario_path: str) -> None:
-    """Draw the obstacles at the vehicle's depth: grey those on the map, brown those that no map shows."""
+    """Draw the obstacles at the vehicle's depth: grey if on the map, brown if not."""
     scenario = load_scenario(scenario_path)
     world = load_world(scenario.world)
-    seen = world._replace(
+    mapped = world._replace(
         cylinder=tuple(o for o in world.cylinder if not o.hidden), box=tuple(o for o in world.box if not o.hidden)
     )
     hidden = world._replace(
         cylinder=tuple(o for o in world.cylinder if o.hidden), box=tuple(o for o in world.box if o.hidden), terrain=None
     )
-    _fill(axes, seen, scenario.master.depth, OBSTACLE, "obstacle")
-    _fill(axes, hidden, scenario.master.depth, HIDDEN_OBSTACLE, "obstacle that no map shows")
+    _fill(axes, mapped, scenario.master.depth, OBSTACLE, "obstacle")
+    _fill(axes, hidden, scenario.master.depth, HIDDEN_OBSTACLE, "obstacle not on the map")
     south, north, west, east = world.extent
     axes.set(xlabel="east (m)", ylabel="north (m)", aspect="equal", xlim=(west, east), ylim=(south, north))
 
@@ -79,7 +79,7 @@ def _mark(axes: Any, scenario_path: str) -> None:
 
 
 def draw_speeds(axes: Any, runs: Sequence[Run]) -> None:
-    """Draw surge over time, as commanded and as it was."""
+    """Draw the commanded and the true surge velocity over time."""
     for run in runs:
         for number, track in enumerate(run.tracks):
             colour, name = COLOURS[run.result.mode], run.result.mode.upper()
@@ -98,7 +98,7 @@ def draw_speeds(axes: Any, runs: Sequence[Run]) -> None:
 
 
 def draw_seeds(title: str, results: Sequence[Result], path: str) -> None:
-    """Draw every flight as a dot, in four of its figures: SIL and HIL beside each other. Raises MissingExtraError."""
+    """Draw four results of every flight, as a dot each, with SIL and HIL in one panel. Raises MissingExtraError."""
     plt = pyplot()
     figure, panels = plt.subplots(1, len(SPREAD), figsize=(13, 3.2), layout="constrained")
     good = sum(result.success for result in results)

@@ -1,4 +1,4 @@
-"""The record of one run of a case: a row of the table, and the tracks."""
+"""The record of one run of a case: its results, a row of the table, and its tracks."""
 
 import csv
 import os
@@ -13,16 +13,19 @@ Mode = Literal["sil", "hil"]
 
 
 class Result(NamedTuple):
-    """One flight in numbers: s, m, J, shares of one core, ms. What was not measured or does not apply is nan.
+    """Results of one flight in s, m, J, shares of one core, ms. nan: not measured or not applicable.
 
-    `success` is the case's own criterion, and that no vehicle had an event of sim/run_events.py but what its scenario
-    allows; `events` are what did, in words. `path_length` is what was travelled, of all vehicles together, `optimum`
-    the shortest way that the vehicle's size allows (no margin), `ratio` the first over the second. `least_clearance` is
-    from the middle of the vehicle to the nearest obstacle; a vehicle that touched one, or came nearer than its radius,
-    has `collided`. `energy` is what the thrusters took (hil/cases/energy.py). `cross_track_*` is from the path that was
-    being followed. `master_cpu` is the processor time of the planner's whole process while it flew, all its vehicles,
-    and `planner_cpu` that of the planner alone. Delays are those of commands, from publishing to applied pulses.
-    `extra` are figures of that case alone.
+    - `success`: the case's criterion is met, and there were no `events` that the scenario does not allow.
+    - `path_length`: travelled, by all vehicles together.
+    - `optimum`: length of the shortest path that the vehicle's size allows (no margin); `ratio`: path length over it.
+    - `least_clearance`: from the centre of the vehicle to the nearest obstacle.
+    - `collided`: a vehicle touched an obstacle, or came nearer than its radius.
+    - `energy`: see hil/cases/energy.py.
+    - `cross_track_rms`, `cross_track_max`: distances from the path that was followed.
+    - `master_cpu`: of the planner's whole process during the flight, with all vehicles; `planner_cpu`: of the planner.
+    - `delay_p50`, `delay_p99`: of commands, from publishing to applied pulses.
+    - `events`: those of sim/run_events.py, as text.
+    - `extra`: results that only this case has.
     """
 
     case: str
@@ -49,7 +52,10 @@ class Result(NamedTuple):
 
 
 class Track(NamedTuple):
-    """True track of one vehicle, and the path that its planner first followed (m north, m east)."""
+    """True track of one vehicle, and the first path of its planner, `plan` (m north, m east).
+
+    `time`: s. `north`, `east`: m. `surge`, `commanded_surge`: m/s.
+    """
 
     name: str
     time: Sequence[float]
@@ -61,12 +67,12 @@ class Track(NamedTuple):
 
     @property
     def points(self) -> list[Point]:
-        """Its places, one after the other."""
+        """North and east (m) of its points, in order of time."""
         return list(zip(self.north, self.east, strict=True))
 
 
 class Run(NamedTuple):
-    """A flight: its figures, a track for each vehicle, the scenario it was flown from."""
+    """A flight: its result, a track for each vehicle, and the path of its scenario."""
 
     result: Result
     tracks: tuple[Track, ...]
@@ -74,7 +80,7 @@ class Run(NamedTuple):
 
 
 def read_track(folder: str, name: str, plan: Sequence[Point] = ()) -> Track:
-    """Return the track that `hil.master.recorder.TrackWriter` wrote into `folder`."""
+    """Return the track that `hil.master.recorder.TrackWriter` wrote to `folder`."""
     with open(os.path.join(folder, "track.csv"), newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     columns = ("time_s", "true_north_m", "true_east_m", "surge_m_s", "commanded_surge_m_s")

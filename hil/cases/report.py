@@ -1,4 +1,4 @@
-"""Write the report of cases: published and measured values side by side."""
+"""Write the report of cases: what the paper shows, and the results measured here."""
 
 import os
 from collections.abc import Sequence
@@ -14,13 +14,13 @@ Flights = dict[str, list[Run]]  # by case
 
 
 def write_report(path: str, flights: Flights, pictures: str, head: str = "# Cases\n") -> list[str]:
-    """Write the report at `path` and its pictures into the folder `pictures`; return the files written.
+    """Write the report to `path` and its pictures to the folder `pictures`; return the files written.
 
     Raises ConfigError, MissingExtraError.
     """
     make_folder(pictures)
     results = [run.result for runs in flights.values() for run in runs]
-    parts = [head, table.markdown(_turned(table.summary(results))), *_failures(results)]
+    parts = [head, table.markdown(_transposed(table.summary(results))), *_failures(results)]
     files = [path]
     picture_folder = os.path.relpath(pictures, os.path.dirname(path) or ".")
     for name, runs in flights.items():
@@ -56,14 +56,14 @@ def _about(case: Case, runs: Sequence[Run]) -> list[str]:
 
 
 def _pair(runs: Sequence[Run]) -> tuple[Run, Run] | None:
-    """Return a SIL and a HIL flight of one seed, if there are."""
+    """Return a SIL and a HIL flight of the same seed, None if there are none."""
     sil = {run.result.seed: run for run in runs if run.result.mode == "sil"}
     pairs = [(sil[run.result.seed], run) for run in runs if run.result.mode == "hil" and run.result.seed in sil]
     return pairs[0] if pairs else None
 
 
 def _extra(results: Sequence[Result]) -> list[list[str]]:
-    """Return the rows of the figures that only this case has, the head first; none where it has none."""
+    """Return the rows of the results that only this case has, headings first; empty if it has none."""
     names = list(dict.fromkeys(name for result in results for name in result.extra))
     rows = [["Figure", "Least", "Greatest"]]
     for name in names:
@@ -77,5 +77,5 @@ def _failures(results: Sequence[Result]) -> list[str]:
     return ["What failed:\n\n" + "\n".join(failed)] if failed else []
 
 
-def _turned(rows: Sequence[Sequence[str]]) -> list[list[str]]:
+def _transposed(rows: Sequence[Sequence[str]]) -> list[list[str]]:
     return [list(column) for column in zip(*rows, strict=True)]

@@ -1,4 +1,4 @@
-"""Vehicles in simulated time: simulation and controller in one process, without network, link or clock."""
+"""Simulate vehicles with their controllers in one process and in simulated time, without network and link."""
 
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
@@ -17,16 +17,16 @@ from sim.vehicle.vehicle import load_vehicle
 if TYPE_CHECKING:
     from hil.master.recorder import TrackWriter
 
-SHOWN_STEPS = 40  # between two reports of a flight's progress
-# Called after each step with the vehicle.
+PROGRESS_STEPS = 40  # between two reports of a flight's progress
+# A function that is called with the vehicle after each step
 Watch = Callable[["SimulatedVehicle"], None]
 
 
 class SimulatedVehicle:
-    """The vehicle of a scenario at time 0, to be stepped and commanded.
+    """A simulated vehicle of a scenario with its controller, initially at time 0.
 
-    `samples` holds the newest sample of each topic, but not the truth; `pwm_us` the pulses of the last step.
-    `simulation` is the scenario's at time 0, made here if left out. Raises ConfigError.
+    `samples`: the newest sample of each topic other than the true state. `pwm_us`: pulse widths of the last step.
+    `simulation`: built from the scenario by default. Raises ConfigError.
     """
 
     def __init__(self, scenario: Scenario, world: World | None = None, simulation: Simulation | None = None) -> None:
@@ -42,15 +42,15 @@ class SimulatedVehicle:
 
     @property
     def time_ns(self) -> int:
-        """Simulated time since the start."""
+        """Simulation time since the start."""
         return self.simulation.time_ns
 
     def command(self, command: VelocityCommand) -> None:
-        """Take up a new command."""
+        """Set a new command."""
         self._pilot.command(command, self.time_ns)
 
     def step(self) -> None:
-        """Advance by one step of the scenario: control if it is due, then thrusters, dynamics and sensors."""
+        """Make one step of the scenario: the controller if it is due, then thrusters, dynamics and sensors."""
         if self.time_ns >= self._due_ns:
             self._due_ns += self._period_ns
             pulses, _ = self._pilot.update(self.time_ns, self._period)
@@ -70,7 +70,8 @@ def fly(
 ) -> tuple[Outcome, str]:
     """Fly the scenario's mission in simulated time; return its outcome, and the exact final state as text.
 
-    `vehicle` is the scenario's at time 0, made here if left out; `track` gets a row a command. Raises ConfigError.
+    `vehicle`: at time 0, by default built from the scenario. `watches` are called after each step. `track` gets a row
+    per command. Raises ConfigError.
     """
     vehicle = vehicle or SimulatedVehicle(scenario, plan.world)
     flight = Flight(scenario, plan)
@@ -91,20 +92,20 @@ def fly(
     return flight.outcome(vehicle.time_ns / NS_PER_S, 0.0, events=events), digest(vehicle.simulation)
 
 
-def showing(planner: Planner, show: Callable[[str], None]) -> Watch:
-    """Report the progress of the flight to `show` at intervals."""
+def progress_watch(planner: Planner, show: Callable[[str], None]) -> Watch:
+    """Return a watch that calls `show` with the progress of the flight at intervals."""
     steps = 0
 
     def watch(vehicle: SimulatedVehicle) -> None:
         nonlocal steps
         steps += 1
-        if steps % SHOWN_STEPS == 0:
+        if steps % PROGRESS_STEPS == 0:
             show(f"{vehicle.time_ns / NS_PER_S:.1f} s, {planner.progress:.0%}")
 
     return watch
 
 
 def digest(simulation: Simulation) -> str:
-    """Return the exact state of a simulation as text."""
+    """Return the exact true state of a simulation as text."""
     truth = simulation.truth()
     return " ".join(value.hex() for value in (*truth.position, *truth.orientation, *truth.nu))

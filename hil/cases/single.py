@@ -1,4 +1,4 @@
-"""Run a case of one vehicle, simulated or over the network."""
+"""Run a case of one vehicle, in simulation or with a slave over the network."""
 
 import os
 from abc import abstractmethod
@@ -15,7 +15,7 @@ from hil.autonomy.paths.occupancy import Point
 from hil.cases.case import Case
 from hil.cases.energy import EnergyMeter
 from hil.cases.record import Mode, Result, Run, read_track
-from hil.cases.simulated import SimulatedVehicle, fly, showing
+from hil.cases.simulated import SimulatedVehicle, fly, progress_watch
 from hil.cases.slaves import Slaves
 from hil.cases.variant import Table, write_variant
 from hil.cases.viewer import Viewer
@@ -35,7 +35,7 @@ from sim.sensors.samples import OdometrySample
 from sim.vehicle.vehicle import Vehicle
 
 START_SPREAD_M = 1.0
-FINE_M = 0.1  # cells of the map that the shortest way is sought on
+FINE_M = 0.1  # cells of the map for the shortest path
 
 
 def random_start(seed: str, heading: float, spread: float) -> dict[str, float]:
@@ -49,7 +49,7 @@ def random_start(seed: str, heading: float, spread: float) -> dict[str, float]:
 
 
 class Measured(NamedTuple):
-    """The result of a flight, simulated or flown by a slave."""
+    """Measured values of a flight: outcome, energy (J), CPU (share of a core), delays (ms)."""
 
     outcome: Outcome
     energy: float
@@ -59,18 +59,21 @@ class Measured(NamedTuple):
 
 
 class SingleCase(Case):
-    """A case of one vehicle: what varies with the seed, and what the shortest way is, is left to write."""
+    """Base of cases of one vehicle. Derived classes define what varies with the seed, and the shortest path."""
 
     @abstractmethod
     def vary(self, seed: int) -> tuple[Mapping[str, Any], Mapping[str, Sequence[Table]]]:
-        """Return what a seed changes in the scenario, by key, and adds to its world, by kind; nothing for seed 1."""
+        """Return the changes of a seed: values by key of the scenario, and obstacles by kind to add to its world.
+
+        Both are empty for seed 1.
+        """
 
     @abstractmethod
     def optimum(self, scenario: Scenario, plan: Plan) -> float:
-        """Return the length (m) of the shortest way that does what the case asks."""
+        """Return the length (m) of the shortest path that fulfils the case."""
 
     def extra(self, planner: Planner) -> Mapping[str, float]:
-        """Return the figures of this case alone."""
+        """Return the results that only this case has."""
         return {}
 
     def fly(self, mode: Mode, seed: int, folder: str) -> Run:
@@ -116,14 +119,14 @@ class SingleCase(Case):
 
 
 def radius_of(vehicle: Vehicle) -> float:
-    """Return the radius (m) of the upright cylinder that collides for a vehicle (sim/environment/collision.py)."""
+    """Return the radius (m) of a vehicle's upright cylinder for collisions (sim/environment/collision.py)."""
     return hypot(*vehicle.dimensions[:2]) / 2
 
 
 def shortest(world: World, vehicle: Vehicle, depth: float, places: Sequence[Point]) -> float:
-    """Return the length (m) of the any-angle way from place to place that the vehicle's size just allows.
+    """Return the length (m) of the shortest any-angle path through `places` that the vehicle's size allows.
 
-    Sought on cells of 0.1 m, so long by some parts in a thousand (hil/autonomy/paths/any_angle.py).
+    It is computed on cells of 0.1 m, so it is too long by some parts in a thousand (hil/autonomy/paths/any_angle.py).
     """
     inflated = map_at(world, depth, 0.5 * vehicle.dimensions[2], FINE_M).inflate(radius_of(vehicle))
     return sum(path_length(plan_any_angle(inflated, a, b)) for a, b in pairwise(places))
@@ -135,9 +138,9 @@ def _simulate(scenario: Scenario, plan: Plan, folder: str, show: Callable[[str],
     meter = EnergyMeter(plan.request.vehicle)
     with (
         viewer.show_simulated(scenario, {scenario.slave.node: vehicle}) as shown,
-        _Notes(folder, meter, lambda: (vehicle.pwm_us, vehicle.samples.get("battery"))) as track,
+        _MeteredTrackWriter(folder, meter, lambda: (vehicle.pwm_us, vehicle.samples.get("battery"))) as track,
     ):
-        outcome, _ = fly(scenario, plan, vehicle, [showing(plan.planner, show), shown], track)
+        outcome, _ = fly(scenario, plan, vehicle, [progress_watch(plan.planner, show), shown], track)
     return Measured(outcome, meter.joules)
 
 
@@ -152,7 +155,7 @@ def _fly_slave(scenario: Scenario, plan: Plan, folder: str, show: Callable[[str]
         StopSignals() as stop_fd,
         Slaves([scenario.path], folder) as slaves,
         VehicleClient(scenario.slave.listen, node, network=network, topics=topics) as client,
-        _Notes(folder, meter, lambda: _telemetry(client)) as track,
+        _MeteredTrackWriter(folder, meter, lambda: _telemetry(client)) as track,
     ):
         slaves.wait([client])
         mission = Mission(Flight(scenario, plan), scenario.master.command_period, client, track, progress)
@@ -165,13 +168,13 @@ def _fly_slave(scenario: Scenario, plan: Plan, folder: str, show: Callable[[str]
 
 
 def _telemetry(client: VehicleClient) -> tuple[Sequence[int], Any]:
-    """Return the pulses as the slave last reported them, once a second, and the newest sample of the battery."""
+    """Return the pulse widths that the slave last reported (once a second), and the newest battery sample."""
     battery = client.latest.get("battery")
     return client.diagnostics().pwm_us or (), battery and battery.value
 
 
-class _Notes(TrackWriter):
-    """Writes the track, and feeds the meter with what the thrusters do."""
+class _MeteredTrackWriter(TrackWriter):
+    """Writer of the track that also adds pulse widths and battery samples to the energy meter."""
 
     def __init__(self, folder: str, meter: EnergyMeter, telemetry: Callable[[], tuple[Sequence[int], Any]]) -> None:
         super().__init__(folder)
@@ -179,6 +182,6 @@ class _Notes(TrackWriter):
         self._telemetry = telemetry
 
     def row(self, elapsed: float, truth: OdometrySample, odometry: OdometrySample, command: VelocityCommand) -> None:
-        """Record one instant, as `TrackWriter` describes."""
+        """Write one row, see `TrackWriter`, and add to the energy."""
         super().row(elapsed, truth, odometry, command)
         self._meter.add(elapsed, *self._telemetry())

@@ -3,7 +3,7 @@
 import time
 from collections.abc import Sequence
 
-from hil.cases.crew import Crew
+from hil.cases.process_group import ProcessGroup
 from hil.client.client import VehicleClient
 from hil.common.errors import NetworkError
 
@@ -11,8 +11,8 @@ READY_S = 20.0
 WAIT_STEP_S = 0.02
 
 
-class Slaves(Crew):
-    """`uuv-hil slave` for each scenario file, in processes that end with the `with`; their logs go into `folder`."""
+class Slaves(ProcessGroup):
+    """Processes of `uuv-hil slave`, one for each scenario file. A context manager; their logs go to `folder`."""
 
     def __init__(self, scenarios: list[str], folder: str) -> None:
         super().__init__({f"slave{n}": ["slave", scenario] for n, scenario in enumerate(scenarios, 1)}, folder)
@@ -23,5 +23,5 @@ class Slaves(Crew):
         while not all(client.has_samples and client.diagnostics() for client in clients):
             self.check()
             if time.monotonic() > deadline:
-                raise NetworkError(f"a slave has sent nothing for {seconds:.0f} s; its log is in {self._folder}")
+                raise NetworkError(f"a slave sent nothing for {seconds:.0f} s; read its log in {self._folder}")
             time.sleep(WAIT_STEP_S)

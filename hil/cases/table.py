@@ -11,7 +11,7 @@ from hil.cases.record import Result
 from hil.common.columns import aligned
 from hil.common.errors import ConfigError
 
-# heading, what of a flight, and with how many decimals its mean, or which of all its values, is reported
+# Columns of means: heading, value of a flight, decimals. Columns of worst values: heading, value, min or max, format
 _MEAN: tuple[tuple[str, Callable[[Result], float], int], ...] = (
     ("travelled m", lambda r: r.path_length, 1),
     ("over optimum", lambda r: r.ratio, 3),
@@ -31,7 +31,7 @@ HEADINGS = ["case", "mode", "success", "collisions", "events", *(row[0] for row 
 
 
 def summary(results: Sequence[Result]) -> list[list[str]]:
-    """Return a row for each case and mode below the headings: means with their standard deviation, and the worst."""
+    """Return the headings and a row for each case and mode: means with standard deviations, and worst values."""
     groups = list(dict.fromkeys((result.case, result.mode) for result in results))
     return [HEADINGS, *(_row([r for r in results if (r.case, r.mode) == group]) for group in groups)]
 
@@ -63,16 +63,13 @@ def _worst(values: Sequence[float], choose: Callable[[Iterable[float]], float], 
 
 
 def render(results: Sequence[Result]) -> str:
-    """Return the table for a terminal, turned by 90 degrees: a line a figure, a column a case and mode.
-
-    Failures below.
-    """
+    """Return the table for a terminal, transposed: a line per value, a column per case and mode; then the failures."""
     lines = aligned(list(zip(*summary(results), strict=True)))
     return "\n".join([*lines, *failures(results)])
 
 
 def failures(results: Sequence[Result]) -> list[str]:
-    """Return a line for each flight that failed, with its reason, and one for each thing that went wrong in any."""
+    """Return a line for each failed flight, with its reason, and one for each event of any flight."""
     lines = []
     for result in results:
         flight = f"{result.case} {result.mode.upper()}, seed {result.seed}"
@@ -82,18 +79,18 @@ def failures(results: Sequence[Result]) -> list[str]:
 
 
 def markdown(rows: Sequence[Sequence[str]]) -> str:
-    """Return a table of Markdown, the first row its head."""
+    """Return a Markdown table; the first row has the headings."""
     head, *body = ["| " + " | ".join(row) + " |" for row in rows]
     return "\n".join([head, "|" + " --- |" * len(rows[0]), *body])
 
 
 def write_csv(path: str, results: Sequence[Result]) -> None:
-    """Write a line a flight, extra figures as columns of their own. Raises ConfigError if it cannot be written."""
+    """Write one line per flight, with a column for each extra result. Raises ConfigError if it cannot be written."""
     write_rows(path, [_flat(result) for result in results])
 
 
 def write_rows(path: str, rows: Sequence[Mapping[str, Any]]) -> None:
-    """Write rows by column as CSV; what a row lacks is left empty. Raises ConfigError if it cannot be written."""
+    """Write rows as CSV; missing values are left empty. Raises ConfigError if the file cannot be written."""
     columns = list(dict.fromkeys(key for row in rows for key in row))
     try:
         with open(path, "w", newline="", encoding="utf-8") as file:
@@ -105,9 +102,9 @@ def write_rows(path: str, rows: Sequence[Mapping[str, Any]]) -> None:
 
 
 def write_json(path: str, results: Sequence[Result]) -> None:
-    """Write all flights as a JSON list of objects; what was not measured is null.
+    """Write all flights as a JSON list of objects; values that are not finite are null.
 
-    Raises ConfigError if it cannot be written.
+    Raises ConfigError if the file cannot be written.
     """
     plain = [{**result._asdict(), "extra": dict(result.extra)} for result in results]
     try:

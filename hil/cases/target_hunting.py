@@ -1,6 +1,6 @@
-"""Target hunting case: four vehicles surround a target from two formations, by their neighbours' reports.
+"""Target hunting case: four vehicles start in formation and surround a target, using reports of their neighbours.
 
-In SIL all share one process and simulated time; in HIL there are four slaves, four agents and an observer.
+In SIL all vehicles run in one process and in simulated time; in HIL there are four slaves, four agents and an observer.
 """
 
 import csv
@@ -24,7 +24,7 @@ from sim.vehicle.vehicle import load_vehicle
 
 
 class TargetHunting(Case):
-    """Hunt of a target from a line abreast."""
+    """Target hunting that starts from a line abreast."""
 
     name = "target_hunting"
     scenario = "target_hunting"
@@ -62,7 +62,7 @@ class TargetHunting(Case):
     )
 
     def fly(self, mode: Mode, seed: int, folder: str) -> Run:
-        """Hunt once, as `Case.fly` documents. The seed varies all noise, of sensors and of localisation."""
+        """Fly once, as `Case.fly` documents. The seed varies the noise of sensors and of localisation."""
         members = {"member": members_on_free_ports(self.scenario)} if mode == "hil" else {}
         file = write_variant(self.scenario, folder, {"seed": seed, **members})
         scenario = load_scenario(file)
@@ -97,8 +97,8 @@ class TargetHunting(Case):
             least_clearance=clearance,
             collided=collided,
             energy=figures["energy"],
-            cross_track_rms=outcome.off_place_rms,
-            cross_track_max=outcome.off_place_max,
+            cross_track_rms=outcome.place_error_rms,
+            cross_track_max=outcome.place_error_max,
             goal_error=outcome.end_error,
             master_cpu=figures.get("master_cpu", nan),
             planner_cpu=figures.get("planner_cpu", nan),
@@ -110,7 +110,7 @@ class TargetHunting(Case):
 
 
 class TargetHuntingDiamond(TargetHunting):
-    """Hunt of a target from a diamond."""
+    """Target hunting that starts from a diamond formation."""
 
     name = "target_hunting_diamond"
     scenario = "target_hunting_diamond"
@@ -121,7 +121,7 @@ class TargetHuntingDiamond(TargetHunting):
 
 
 class TargetHuntingAcoustic(TargetHunting):
-    """Hunt of a target from a line abreast, with acoustic modems."""
+    """Target hunting that starts from a line abreast, with acoustic modems."""
 
     name = "target_hunting_acoustic"
     scenario = "target_hunting_acoustic"
@@ -138,7 +138,7 @@ class TargetHuntingAcoustic(TargetHunting):
 
 
 def members_on_free_ports(scenario: str) -> list[Table]:
-    """Return the [[member]] tables of a scenario, all their endpoints on free ports of this machine.
+    """Return the [[member]] tables of a scenario, with all endpoints on free ports of this machine.
 
     Raises ConfigError.
     """
@@ -175,13 +175,13 @@ def _fly_processes(scenario: Scenario, folder: str, watch: HuntWatch, viewer: Vi
 
 
 def _messages(counts: Mapping[str, int]) -> dict[str, float]:
-    """Return what became of the messages between modems, by a name that a reader understands."""
-    shown = ("sent", "delivered", "collided", "deaf", "damaged", "too_weak") if counts else ()
-    return {f"modem: {fate.replace('_', ' ')}": counts.get(fate, 0) for fate in shown}
+    """Return the numbers of modem messages by outcome (sent, delivered, lost for a reason), by heading."""
+    outcomes = ("sent", "delivered", "collided", "deaf", "damaged", "too_weak") if counts else ()
+    return {f"modem: {outcome.replace('_', ' ')}": counts.get(outcome, 0) for outcome in outcomes}
 
 
 def _extra(outcome: HuntOutcome, figures: Mapping[str, float]) -> dict[str, float]:
-    """Return the figures of this case alone, by a name that a reader understands."""
+    """Return the results that only this case has, by heading."""
     judgement = outcome.judgement
     return {
         "least distance between two vehicles (m)": judgement.separation,
@@ -196,10 +196,7 @@ def _extra(outcome: HuntOutcome, figures: Mapping[str, float]) -> dict[str, floa
 
 
 def tracks_of(scenario: Scenario, watch: HuntWatch) -> tuple[Track, ...]:
-    """Return where each vehicle truly was, and where its places were.
-
-    Speeds are left out: these vehicles move sideways.
-    """
+    """Return the true track and the planned path of each vehicle; without speeds, as the vehicles move sideways."""
     time = [row.time for row in watch.rows]
     tracks = []
     for number, member in enumerate(scenario.member):
@@ -209,7 +206,7 @@ def tracks_of(scenario: Scenario, watch: HuntWatch) -> tuple[Track, ...]:
 
 
 def write_rows(path: str, scenario: Scenario, watch: HuntWatch) -> None:
-    """Write all rows as CSV: time, and for each vehicle its true place and its reading of the plan's clock."""
+    """Write all rows as CSV: time, and for each vehicle its true position and its clock of the plan (s)."""
     nodes = [member.node for member in scenario.member]
     with open(path, "w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file)

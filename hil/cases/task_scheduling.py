@@ -1,4 +1,4 @@
-"""Task scheduling case: charging, acquisition and transmission in the scheduler's order, and return."""
+"""Task scheduling case: charge, acquire and transmit in the order of the scheduler, then return to the start."""
 
 from collections.abc import Mapping, Sequence
 from itertools import pairwise, permutations
@@ -17,7 +17,7 @@ from hil.scenario.config import Scenario
 
 
 class TaskScheduling(SingleCase):
-    """Three tasks, each of which needs the one before."""
+    """Three tasks; each but the first needs the one before it."""
 
     name = "task_scheduling"
     scenario = "task_scheduling"
@@ -32,16 +32,13 @@ class TaskScheduling(SingleCase):
     )
 
     def vary(self, seed: int) -> tuple[Mapping[str, Any], Mapping[str, Sequence[Table]]]:
-        """Return the start, by up to a metre, and the heading, any."""
+        """Return a random start up to 1 m from the origin, and any heading; nothing for seed 1."""
         if seed == 1:
             return {}, {}
         return random_start(f"task_scheduling/{seed}", 0.0, pi), {}
 
     def optimum(self, scenario: Scenario, plan: Plan) -> float:
-        """Return the length (m) of the shortest order of the tasks in which each has what it needs.
-
-        The way leads from the start through all tasks and home.
-        """
+        """Return the length (m) of the shortest path from start to home through all tasks in a permitted order."""
         mission = tasks_of(plan.planner).mission
         start = scenario.start.north, scenario.start.east
         return min(
@@ -50,7 +47,7 @@ class TaskScheduling(SingleCase):
         )
 
     def extra(self, planner: Planner) -> Mapping[str, float]:
-        """Return when (s) each task was done."""
+        """Return the time (s) at which each task was done."""
         log = tasks_of(planner).log
         ends = {state: end for (_, state), (end, _) in pairwise(log)}
         return {f"{state[:-5]} done": end for state, end in ends.items() if state.endswith(" work")}
@@ -64,12 +61,12 @@ class TaskScheduling(SingleCase):
 
 def tasks_of(planner: Planner) -> Tasks:
     """Return the planner of this case as `Tasks`."""
-    assert isinstance(planner, Tasks), "the scenario of this case names it"
+    assert isinstance(planner, Tasks), "the scenario of this case uses this planner"
     return planner
 
 
 def visit_orders(mission: Mission) -> list[list[Point]]:
-    """Return the places of the tasks in every order in which each comes after all that it needs."""
+    """Return the positions of the tasks in every order in which each task comes after the tasks it needs."""
     orders = []
     for order in permutations(mission.task):
         names = [task.name for task in order]

@@ -1,4 +1,4 @@
-"""Write a scenario with some values changed to files that slave and master read."""
+"""Write a scenario with changed values, and its world, to files for slave and master."""
 
 import os
 from collections.abc import Iterator, Mapping, Sequence
@@ -15,9 +15,10 @@ Table = dict[str, Any]
 def write_variant(
     scenario: str, folder: str, changes: Mapping[str, Any], world: Mapping[str, Sequence[Table]] | None = None
 ) -> str:
-    """Return the scenario (a preset or a file) with `changes` ({"slave.listen": ...}), in `folder`; its path.
+    """Write the scenario (a preset or a file) with `changes` ({"slave.listen": ...}) to `folder`; return its path.
 
-    `world` adds to its world, by kind: {"cylinder": [...]}; the world is then written beside it. Raises ConfigError.
+    `world`: obstacles to add to its world, by kind: {"cylinder": [...]}; the world is then written beside it. Raises
+    ConfigError.
     """
     source = find_preset(SCENARIOS, scenario)
     table = _copy(read_table(source))
@@ -48,7 +49,7 @@ def _write_world(name: str, folder: str, more: Mapping[str, Sequence[Table]]) ->
 
 
 def write_toml(path: str, table: Table) -> None:
-    """Write a table of plain values as TOML. Raises ConfigError if the file cannot be written."""
+    """Write a table as TOML. Raises ConfigError if the file cannot be written, or a value has no form in TOML."""
     try:
         with open(path, "w", encoding="utf-8") as file:
             file.writelines(f"{line}\n" for line in _lines(table, ""))
@@ -57,7 +58,7 @@ def write_toml(path: str, table: Table) -> None:
 
 
 def _lines(table: Table, name: str) -> Iterator[str]:
-    """Yield the lines of a table, plain values first: what follows the header of a section belongs to it."""
+    """Yield the lines of a table, plain values first, because lines after the header of a section belong to it."""
     tables = {key: value for key, value in table.items() if isinstance(value, dict)}
     arrays = {key: value for key, value in table.items() if _is_array_of_tables(value)}
     for key, value in table.items():

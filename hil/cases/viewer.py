@@ -1,4 +1,4 @@
-"""Live view of the flights of a case."""
+"""Interface for a live view of the flights of a case."""
 
 from collections.abc import Callable, Mapping
 from contextlib import AbstractContextManager, nullcontext
@@ -11,14 +11,17 @@ if TYPE_CHECKING:
 
 
 class Viewer:
-    """Base that shows nothing; a command that shows flights gives a case a viewer derived from it."""
+    """Base that shows nothing. A command that shows flights sets a derived viewer in the case."""
 
     def show_simulated(
         self, _scenario: Scenario, _vehicles: "Mapping[str, SimulatedVehicle]"
     ) -> AbstractContextManager[Callable[[Any], None]]:
-        """Show `_vehicles`, by name, of a simulated flight; return the function to call after each of its steps."""
+        """Return a context that shows the vehicles (by name) of a simulated flight.
+
+        It yields the function to call after each step.
+        """
         return nullcontext(lambda _: None)
 
     def show_slaves(self, _scenario: Scenario) -> AbstractContextManager[None]:
-        """Show the slaves of a flight over the network: where they listen by its scenario."""
+        """Return a context that shows the slaves of a flight, which listen at the endpoints of the scenario."""
         return nullcontext()

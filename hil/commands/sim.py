@@ -6,7 +6,7 @@ import time
 from contextlib import ExitStack
 from typing import Any
 
-from hil.cases.simulated import SimulatedVehicle, Watch, fly, showing
+from hil.cases.simulated import SimulatedVehicle, Watch, fly, progress_watch
 from hil.common.clock import NS_PER_S, RateKeeper, now_ns, seconds_ns
 from hil.common.errors import STOPPED
 from hil.common.options import SEED, add_json, add_output, add_plot, add_scenario, add_view, changes_of, new_parser
@@ -69,7 +69,7 @@ def _fly(
 ) -> int:
     simulation = vehicle.simulation
     line = ProgressLine()
-    watches.append(showing(plan.planner, line.show))
+    watches.append(progress_watch(plan.planner, line.show))
     flight = None
     if options.output or options.plot:
         from hil.plots.force_log import Flight

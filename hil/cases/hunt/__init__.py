@@ -1,4 +1,4 @@
-"""Hunts of the target hunting case: simulated in one process, or flown by processes of their own, and observed.
+"""Flights of the target hunting case ("hunts"): simulated in one process, or with separate processes and an observer.
 
-Public: `simulated.SimulatedHunt` and `processes.fly`, which report to a `watch.HuntWatch`; `picture.draw_hunt`.
+Public: `simulated.SimulatedHunt` and `processes.fly`, which pass rows to a `watch.HuntWatch`; `picture.draw_hunt`.
 """

@@ -1,6 +1,6 @@
-"""Draw the figures of a hunt: paths with the formation, and its errors over time.
+"""Draw the figures of a hunt: paths with the formation, and distances and errors over time.
 
-The paths are drawn as the paper has them, its x (our north) to the right and its y (our east) upwards.
+The paths are drawn as in the paper, with its x (north here) to the right and its y (east here) upwards.
 """
 
 from collections.abc import Sequence
@@ -16,7 +16,7 @@ from hil.plots.plotting import add_legend, pyplot, save_figure
 from hil.scenario.config import load_scenario
 from hil.scenario.fleet import hunt_plan, hunting_of
 
-SNAPSHOTS = 4  # from the start to the end
+SNAPSHOTS = 4  # of the formation, from the start to the end
 LINES = {"sil": "-", "hil": "--"}
 
 
@@ -52,7 +52,7 @@ def draw_hunt(title: str, runs: Sequence[Run], path: str) -> None:
 
 
 def _draw_paths(axes: Any, run: Run, plan: HuntPlan) -> None:
-    """Draw the paths, the formation at some instants, target and ring."""
+    """Draw the paths, the formation at SNAPSHOTS times, the target and the ring."""
     _draw_ring(axes, plan)
     colours = [f"C{number}" for number in (0, 1, 2, 4, 5, 6, 8, 9)]
     for number, track in enumerate(run.tracks):
@@ -74,25 +74,25 @@ def _draw_ring(axes: Any, plan: HuntPlan) -> None:
 
 
 def _draw_snapshot(axes: Any, tracks: Sequence[Track], plan: HuntPlan, at: int, age: float) -> None:
-    """Draw the vehicles' places at one instant, joined in their order on the ring; the later the darker."""
+    """Draw the positions at one time, joined in their order on the ring; `age`, 0 to 1, makes them darker."""
     shade = str(0.75 - 0.6 * age)
     places = [(track.north[at], track.east[at]) for track in tracks]
-    order = _round_trip(plan)
+    order = _order_on_ring(plan)
     outline = [places[number] for number in (*order, order[0])]
     axes.plot(*zip(*outline, strict=True), color=shade, linewidth=0.8, linestyle=":")
     axes.plot(*zip(*places, strict=True), "s", color=shade, markersize=6, zorder=3)
     axes.annotate(f"{tracks[0].time[at]:.0f} s", max(places), xytext=(7, 3), textcoords="offset points", fontsize=8)
 
 
-def _round_trip(plan: HuntPlan) -> list[int]:
-    """Return the vehicles in their order on the ring."""
+def _order_on_ring(plan: HuntPlan) -> list[int]:
+    """Return the numbers of the vehicles in their order on the ring."""
     ends = [plan.place(number, plan.duration) for number in range(len(plan.starts))]
     bearing = [atan2(end[1] - plan.target[1], end[0] - plan.target[0]) for end in ends]
     return sorted(range(len(ends)), key=lambda number: bearing[number])
 
 
 def _draw_times(panels: Sequence[Any], run: Run, plan: HuntPlan) -> None:
-    """Draw over time the least distance between two, error of the formation, distances from the target."""
+    """Draw over time the least distance between vehicles, the formation error and the distances from the target."""
     mode = run.result.mode
     style = {"linestyle": LINES[mode], "linewidth": 1.1}
     time = run.tracks[0].time

@@ -1,7 +1,7 @@
-"""Observe a hunt whose vehicles and planners are processes of their own.
+"""Fly a hunt with separate processes, and observe it.
 
-Slaves with emulated STM32s, an agent for each, and here an observer of the truth, which none of them has; where
-the vehicles have modems, it is also the water between these.
+There is a slave with an emulated STM32 and an agent for each vehicle. This process observes the true states, which the
+agents do not receive. If the vehicles have modems, it also simulates the acoustic channel between them.
 """
 
 import select
@@ -9,9 +9,9 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from hil.bench.processes import cpu_s
-from hil.cases.crew import Crew
 from hil.cases.energy import EnergyMeter
 from hil.cases.hunt.watch import HuntRow, HuntWatch
+from hil.cases.process_group import ProcessGroup
 from hil.client.delay import DelayMeter
 from hil.common.clock import NS_PER_S, RateKeeper, from_wall_ns, now_ns, seconds_ns, to_wall_ns
 from hil.common.errors import NetworkError
@@ -29,18 +29,19 @@ from sim.vehicle.vehicle import load_vehicle
 if TYPE_CHECKING:
     from hil.master.acoustic_channel import ModemNetwork
 
-READY_S = 30.0  # until every vehicle has been seen and every agent reported
-LOST_AFTER_S = 5.0  # without a word from one of them
-FINAL_FIGURES_S = 3.0  # that the vehicles' figures of the time after the hunt are waited for
+READY_S = 30.0  # until every vehicle and every agent has sent its first messages
+LOST_AFTER_S = 5.0  # without messages of a vehicle or an agent
+FINAL_DIAGNOSTICS_S = 3.0  # greatest wait for diagnostics from after the end of the hunt
 QUEUE = 64
 _WATCHED = ("ground_truth", "formation", "diagnostics", "trace")
 
 
 class Costs(NamedTuple):
-    """Costs of a hunt: energy of all thrusters (J), shares of a core of all agents and of all slaves.
+    """Costs of a hunt.
 
-    `delays_ns` of commands, from an agent's publishing to applied pulses; `real_time` the slowest slave's factor;
-    `messages` how many were sent by modem, delivered, and lost for which reason.
+    `energy`: of all thrusters, J. `agents_cpu`, `slaves_cpu`: of all agents and all slaves, shares of a core.
+    `delays_ns`: of commands, from an agent's publishing to applied pulses. `real_time`: least real time factor of a
+    slave. `messages`: numbers of modem messages that were sent, delivered, and lost for each reason.
     """
 
     energy: float
@@ -52,23 +53,23 @@ class Costs(NamedTuple):
 
 
 def fly(scenario: Scenario, folder: str, watch: HuntWatch) -> Costs:
-    """Hunt once, in real time, until `watch` ends it. The processes' logs go into `folder`.
+    """Fly once, in real time, until `watch` ends the hunt. The logs of the processes go to `folder`.
 
-    Raises KeyboardInterrupt when stopped, NetworkError when a process ends or falls silent.
+    Raises KeyboardInterrupt on a stop signal, NetworkError if a process ends or stops sending.
     """
     slaves = {f"slave_{m.node}": ["slave", scenario.path, "--member", m.node] for m in scenario.member}
     agents = {f"agent_{m.node}": ["agent", scenario.path, "--member", m.node] for m in scenario.member}
     with (
         StopSignals() as stop_fd,
-        Crew(slaves, folder) as vehicles,
-        Crew(agents, folder) as planners,
+        ProcessGroup(slaves, folder) as vehicles,
+        ProcessGroup(agents, folder) as planners,
         open_master_session(*endpoints_of(scenario), network=scenario.network) as session,
     ):
         return _Observer(scenario, session, vehicles, planners, watch).follow(stop_fd)
 
 
-class _Seen:
-    """The newest of each watched topic of one vehicle, and all its traces."""
+class _VehicleReceiver:
+    """Receiver of the newest message of each watched topic of one vehicle, and of all its command delays."""
 
     def __init__(self, session: Session, node: str) -> None:
         self.node = node
@@ -92,26 +93,28 @@ class _Seen:
 
     @property
     def complete(self) -> bool:
-        """True once a message of every topic that a row needs has come."""
+        """True if a message of every topic for a row has been received."""
         return all(topic in self.latest for topic in ("ground_truth", "formation", "diagnostics"))
 
     @property
-    def health(self) -> Diagnostics:
-        """The slave's figures."""
+    def diagnostics(self) -> Diagnostics:
+        """The newest diagnostics of the slave."""
         statuses = self.latest["diagnostics"]
         return Diagnostics(statuses[0][3] if statuses else {})
 
     def age_s(self, topic: str) -> float:
-        """Return time (s) since the last message."""
+        """Return the time (s) since the last message of a topic."""
         return (now_ns() - self.received_ns[topic]) / NS_PER_S
 
 
 class _Observer:
-    """Recorder of one row of each vehicle's newest samples, as often as commands are sent."""
+    """Recorder of rows with each vehicle's newest samples, at the rate of commands."""
 
-    def __init__(self, scenario: Scenario, session: Session, slaves: Crew, agents: Crew, watch: HuntWatch) -> None:
+    def __init__(
+        self, scenario: Scenario, session: Session, slaves: ProcessGroup, agents: ProcessGroup, watch: HuntWatch
+    ) -> None:
         self._slaves, self._agents, self._watch = slaves, agents, watch
-        self._seen = [_Seen(session, member.node) for member in scenario.member]
+        self._receivers = [_VehicleReceiver(session, member.node) for member in scenario.member]
         self._period_ns = seconds_ns(scenario.master.command_period)
         vehicle, _ = load_vehicle(scenario.vehicle)
         self._meters = [EnergyMeter(vehicle) for _ in scenario.member]
@@ -120,8 +123,8 @@ class _Observer:
         self._started_ns = now_ns()
 
     def follow(self, stop_fd: int) -> Costs:
-        """Follow the hunt to its end."""
-        self._until_complete(stop_fd)
+        """Record the hunt until its end; return its costs."""
+        self._wait_until_complete(stop_fd)
         before = self._cpu()
         began = now_ns()
         schedule = RateKeeper(self._period_ns, began)
@@ -136,47 +139,49 @@ class _Observer:
             sum(meter.joules for meter in self._meters),
             agents,
             slaves,
-            [delay for seen in self._seen for delay in seen.delays.totals_ns()],
-            min(or_nan(seen.health.real_time_factor) for seen in self._seen),
+            [delay for receiver in self._receivers for delay in receiver.delays.totals_ns()],
+            min(or_nan(receiver.diagnostics.real_time_factor) for receiver in self._receivers),
             self._modems.counts if self._modems else {},
         )
 
     def _add_events(self, began: int, stop_fd: int) -> None:
-        """Add the events that the vehicles report, once the report of each reaches until now."""
-        ended, deadline = now_ns(), now_ns() + seconds_ns(FINAL_FIGURES_S)
-        while now_ns() < deadline and any(seen.received_ns["diagnostics"] < ended for seen in self._seen):
+        """Add the events that the vehicles report; first wait for diagnostics from after the end of the hunt."""
+        ended, deadline = now_ns(), now_ns() + seconds_ns(FINAL_DIAGNOSTICS_S)
+        while now_ns() < deadline and any(receiver.received_ns["diagnostics"] < ended for receiver in self._receivers):
             _pause(stop_fd, now_ns() + self._period_ns)
-        for number, seen in enumerate(self._seen):
-            events = seen.health.run_event_list or ()
-            mine = [event._replace(start_ns=from_wall_ns(event.start_ns)) for event in events]
-            here = [event for event in mine if event.end_ns >= self._started_ns and event.start_ns <= ended]
-            self._watch.add_events(number, [_from(event, began) for event in here])
+        for number, receiver in enumerate(self._receivers):
+            events = receiver.diagnostics.run_event_list or ()
+            monotonic = [event._replace(start_ns=from_wall_ns(event.start_ns)) for event in events]
+            own = [event for event in monotonic if event.end_ns >= self._started_ns and event.start_ns <= ended]
+            self._watch.add_events(number, [_relative_to(event, began) for event in own])
 
-    def _until_complete(self, stop_fd: int) -> None:
+    def _wait_until_complete(self, stop_fd: int) -> None:
         deadline = now_ns() + seconds_ns(READY_S)
         while not self._is_complete():
             _pause(stop_fd, now_ns() + self._period_ns)
             self._check()
             if now_ns() > deadline:
-                missing = ", ".join(seen.node for seen in self._seen if not seen.complete)
-                raise NetworkError(f"nothing of {missing} within {READY_S:.0f} s; see the logs of slaves and agents")
+                missing = ", ".join(receiver.node for receiver in self._receivers if not receiver.complete)
+                raise NetworkError(
+                    f"no messages of {missing} within {READY_S:.0f} s; read the logs of slaves and agents"
+                )
 
     def _is_complete(self) -> bool:
-        return all(seen.complete for seen in self._seen)
+        return all(receiver.complete for receiver in self._receivers)
 
     def _add_row(self, time: float) -> None:
         self._check()
-        for seen in self._seen:
+        for receiver in self._receivers:
             for topic in ("ground_truth", "formation"):
-                if seen.age_s(topic) > LOST_AFTER_S:
-                    raise NetworkError(f"{seen.node} says no {topic} any more; see the logs of its slave and agent")
-        for number, seen in enumerate(self._seen):
-            self._watch.observe(number, time, seen.latest["ground_truth"])
-        positions = tuple([seen.latest["ground_truth"].position[:2] for seen in self._seen])
-        clocks = tuple([seen.latest["formation"].clock_ns / NS_PER_S for seen in self._seen])
+                if receiver.age_s(topic) > LOST_AFTER_S:
+                    raise NetworkError(f"{receiver.node} stopped sending {topic}; read the logs of its slave and agent")
+        for number, receiver in enumerate(self._receivers):
+            self._watch.observe(number, time, receiver.latest["ground_truth"])
+        positions = tuple([receiver.latest["ground_truth"].position[:2] for receiver in self._receivers])
+        clocks = tuple([receiver.latest["formation"].clock_ns / NS_PER_S for receiver in self._receivers])
         self._watch.add_row(HuntRow(time, positions, clocks))
-        for seen, meter in zip(self._seen, self._meters, strict=True):
-            meter.add(time, seen.health.pwm_us or ())
+        for receiver, meter in zip(self._receivers, self._meters, strict=True):
+            meter.add(time, receiver.diagnostics.pwm_us or ())
 
     def _check(self) -> None:
         self._slaves.check()
@@ -187,22 +192,22 @@ class _Observer:
         return cpu_s(self._agents.pids), cpu_s(self._slaves.pids)
 
 
-def _from(event: RunEvent, began_ns: int) -> RunEvent:
-    """Return `event` with times from `began_ns` on; earlier ones begin at 0."""
+def _relative_to(event: RunEvent, began_ns: int) -> RunEvent:
+    """Return `event` with times since `began_ns`; the part before is cut off."""
     start, end = (max(instant - began_ns, 0) for instant in (event.start_ns, event.end_ns))
     return event._replace(start_ns=start, duration_ns=end - start)
 
 
 def _open_modems(session: Session, scenario: Scenario) -> "ModemNetwork | None":
-    """Return what is between modems; None where there are none."""
+    """Return the simulated channel between the modems, None without modems."""
     if not scenario.modem:
         return None
-    from hil.master.acoustic_channel import ModemNetwork  # most fleets talk over the network
+    from hil.master.acoustic_channel import ModemNetwork  # only needed for fleets with modems
 
     return ModemNetwork(session, scenario)
 
 
 def _pause(stop_fd: int, until_ns: int) -> None:
-    """Wait until then. Raises KeyboardInterrupt when a stop is requested."""
+    """Wait until `until_ns` (monotonic). Raises KeyboardInterrupt when a stop is requested."""
     if select.select((stop_fd,), (), (), max(until_ns - now_ns(), 0) / NS_PER_S)[0]:
         raise KeyboardInterrupt

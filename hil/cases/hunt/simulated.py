@@ -1,7 +1,7 @@
-"""Simulate a hunt in one process: all vehicles and planners, step by step together.
+"""Simulate a hunt in one process: all vehicles and planners make their steps together.
 
-Planner, messages and vehicles are those of the real run; what is missing is the network: reports are there at once,
-or come as the modems of the scenario let them.
+Planners, messages and vehicles are those of HIL, but there is no network: reports arrive at once, or through the
+simulated modems of the scenario.
 """
 
 import time
@@ -25,9 +25,9 @@ from sim.sensors.samples import ODOMETRY
 
 
 class SimulatedHunt:
-    """The members of a scenario at time 0, watched by `watch`. Raises ConfigError, MissionError.
+    """Simulation of the members of a scenario, which passes rows to `watch`. Raises ConfigError, MissionError.
 
-    `time` is simulated time in s, `planner_cpu_s` processor time of all planners.
+    `time`: simulation time, s. `planner_cpu_s`: processor time of all planners.
     """
 
     def __init__(self, scenario: Scenario, watch: HuntWatch) -> None:
@@ -44,8 +44,9 @@ class SimulatedHunt:
         self._command_due_ns, self._report_due_ns = self._command_ns, self._report_ns
         self.channel = open_channel(scenario) if scenario.modem else None
         self._modem = scenario.modem
-        self._turns = [TdmaSchedule(scenario, number) for number in range(len(self.nodes))] if scenario.modem else []
-        self._turns_due_ns = [turns.after(0) for turns in self._turns]
+        members = range(len(self.nodes)) if scenario.modem else ()
+        self._schedules = [TdmaSchedule(scenario, number) for number in members]
+        self._slots_ns = [schedule.after(0) for schedule in self._schedules]  # next slot of each member
 
     @property
     def energy(self) -> float:
@@ -59,7 +60,7 @@ class SimulatedHunt:
             after_step(self.vehicles[0])
 
     def step(self) -> None:
-        """Advance all vehicles by one step, and do what is due after it."""
+        """Make one step of all vehicles, then send the commands and reports that are due."""
         for vehicle in self.vehicles:
             vehicle.step()
         now = self.vehicles[0].time_ns
@@ -79,9 +80,11 @@ class SimulatedHunt:
             command = planner.command(self.time, vehicle.samples)
             self.planner_cpu_s += time.thread_time() - began
             assert isinstance(command, VelocityCommand)
-            seen = vehicle.samples[ODOMETRY]
-            vehicle.command(held(command, seen))
-            vehicle.samples["formation"] = FormationSample(seen.position, seen.orientation, seconds_ns(planner.clock))
+            odometry = vehicle.samples[ODOMETRY]
+            vehicle.command(held(command, odometry))
+            vehicle.samples["formation"] = FormationSample(
+                odometry.position, odometry.orientation, seconds_ns(planner.clock)
+            )
             meter.add(self.time, vehicle.pwm_us)
         truths = [vehicle.simulation.truth() for vehicle in self.vehicles]
         for number, (vehicle, truth) in enumerate(zip(self.vehicles, truths, strict=True)):
@@ -92,17 +95,17 @@ class SimulatedHunt:
 
     def _exchange(self) -> None:
         """Deliver the report of each vehicle to all others."""
-        for sender, speaker in zip(self.nodes, self.planners, strict=True):
-            report = speaker.report()
+        for sender, sending_planner in zip(self.nodes, self.planners, strict=True):
+            report = sending_planner.report()
             for node, planner in zip(self.nodes, self.planners, strict=True):
                 if report and node != sender:
                     planner.on_report(sender, report, self.time)
 
     def _exchange_by_modem(self, modem: Modem, channel: Channel, now: int) -> None:
-        """Send by modem from the vehicle whose turn it is; deliver the messages that have arrived completely."""
-        for number, due_ns in enumerate(self._turns_due_ns):
+        """Send the report of the vehicle whose slot has begun; deliver the messages that have arrived completely."""
+        for number, due_ns in enumerate(self._slots_ns):
             if now >= due_ns:
-                self._turns_due_ns[number] = self._turns[number].after(now)
+                self._slots_ns[number] = self._schedules[number].after(now)
                 if report := self.planners[number].modem_report():
                     channel.send(now, self.nodes[number], report, self._poses())
         for packet in channel.receive(now):
@@ -111,6 +114,6 @@ class SimulatedHunt:
             planner.on_modem_report(packet.sender, packet.payload, sent_ns / NS_PER_S)
 
     def _poses(self) -> dict[str, Pose]:
-        """Return where all truly are."""
+        """Return the true pose of each vehicle by node."""
         truths = [vehicle.simulation.truth() for vehicle in self.vehicles]
         return {node: Pose(t.position, t.orientation) for node, t in zip(self.nodes, truths, strict=True)}

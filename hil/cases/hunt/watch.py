@@ -1,4 +1,4 @@
-"""Observe a hunt: true positions, its end, and its result."""
+"""Record the true positions of a hunt, decide when it ends, and compute its result."""
 
 from collections.abc import Callable, Sequence
 from itertools import permutations
@@ -14,13 +14,13 @@ from sim.run_events import EventLog, RunEvent, RunMonitor, merge_events
 from sim.sensors.samples import OdometrySample
 from sim.vehicle.vehicle import load_vehicle
 
-SETTLE_S = 5.0  # from the end of the last vehicle's plan to the judgement
-TURNS = 180  # of the ring that the shortest way is sought with
-_ROUNDING_S = 1e-6  # of clocks in messages
+SETTLE_S = 5.0  # from the end of the last vehicle's plan to the end of the hunt
+RING_ANGLES = 180  # rotations of the ring that are tried for the shortest paths
+_ROUNDING_S = 1e-6  # rounding error of clocks in messages
 
 
 class HuntRow(NamedTuple):
-    """One instant: time (s), true positions (m north, m east), and how far each vehicle is in the plan (s)."""
+    """State at one time (s): true positions (m north, m east), and the time of each vehicle in the plan (s)."""
 
     time: float
     positions: tuple[Vector, ...]
@@ -30,11 +30,13 @@ class HuntRow(NamedTuple):
 class HuntOutcome(NamedTuple):
     """Result of a hunt; times in s, lengths in m.
 
-    `judgement` is the referee's. `closed` is when the last vehicle's plan had ended, inf if it did not. `travelled`
-    is the way of all vehicles, `optimum` the shortest, see `shortest_ways`. `target_distance` is how near a vehicle's
-    middle came to the target. `off_place_*` is how far vehicles were from where their own clocks wanted them, and
-    `end_error` the largest of these distances at the end. `events` are those of the vehicles (sim/run_events.py,
-    times from the start), each with whom.
+    - `closed`: when the last vehicle's plan ended, inf if it did not.
+    - `judgement`: result of the referee.
+    - `travelled`: by all vehicles together; `optimum`: the shortest possible, see `shortest_paths`.
+    - `target_distance`: least distance of a vehicle's centre from the target.
+    - `place_error_rms`, `place_error_max`: distances of vehicles from their places in the plan by their own clocks;
+      `end_error`: the greatest at the end.
+    - `events`: node and event (sim/run_events.py), with times from the start.
     """
 
     success: bool
@@ -45,14 +47,14 @@ class HuntOutcome(NamedTuple):
     travelled: float
     optimum: float
     target_distance: float
-    off_place_rms: float
-    off_place_max: float
+    place_error_rms: float
+    place_error_max: float
     end_error: float
     events: tuple[tuple[str, RunEvent], ...] = ()
 
 
 class HuntWatch:
-    """Store the rows of a hunt and decide when it is over; `show` gets a short text with each.
+    """Recorder of the rows of a hunt, which decides when it is over; `show` is called with the progress as text.
 
     Raises ConfigError, MissionError.
     """
@@ -73,19 +75,19 @@ class HuntWatch:
         self._closed = inf
         self._travelled = 0.0
         self._nearest = inf
-        self._off_place_max = self._off_place_squares = 0.0
+        self._place_error_max = self._place_error_squares = 0.0
 
     def add_row(self, row: HuntRow) -> str:
-        """Add the next instant; return why the hunt is over, or "" while it goes on."""
+        """Add the next row; return the reason why the hunt is over, "" if it is not."""
         if self.rows:
             self._travelled += sum(map(dist, row.positions, self.rows[-1].positions))
         self.rows.append(row)
         self._show(f"{row.time:.1f} s, {min(row.clocks) / self.plan.duration:.0%}")
         self._referee.watch(row.positions, max(row.clocks))
         self._nearest = min(self._nearest, *(dist(position, self.plan.target) for position in row.positions))
-        off = self._off_place(row)
-        self._off_place_max = max(self._off_place_max, *off)
-        self._off_place_squares += sum(each * each for each in off) / len(off)
+        off = self._place_errors(row)
+        self._place_error_max = max(self._place_error_max, *off)
+        self._place_error_squares += sum(each * each for each in off) / len(off)
         if min(row.clocks) > self.plan.duration - _ROUNDING_S:
             self._closed = min(self._closed, row.time)
         if row.time >= self._closed + SETTLE_S:
@@ -95,11 +97,11 @@ class HuntWatch:
         return self.reason
 
     def observe(self, number: int, time: float, truth: OdometrySample) -> None:
-        """Judge attitude and depth of vehicle `number` (from 0) at `time` s."""
+        """Check attitude and depth of vehicle `number` (from 0) at `time` (s) for events."""
         self._monitors[number].observe(seconds_ns(time), truth.position, truth.orientation, self._depth)
 
     def add_events(self, number: int, events: Sequence[RunEvent]) -> None:
-        """Add the events that vehicle `number` itself, or its simulation, has reported so far."""
+        """Set the events that vehicle `number`, or its simulation, has reported so far."""
         self._known[number] = events
 
     def _events(self) -> tuple[tuple[str, RunEvent], ...]:
@@ -123,31 +125,31 @@ class HuntWatch:
             travelled=self._travelled,
             optimum=shortest_paths(plan),
             target_distance=self._nearest,
-            off_place_rms=sqrt(self._off_place_squares / len(self.rows)),
-            off_place_max=self._off_place_max,
-            end_error=max(self._off_place(last)),
+            place_error_rms=sqrt(self._place_error_squares / len(self.rows)),
+            place_error_max=self._place_error_max,
+            end_error=max(self._place_errors(last)),
             events=events,
         )
 
-    def _off_place(self, row: HuntRow) -> list[float]:
+    def _place_errors(self, row: HuntRow) -> list[float]:
         places = [self.plan.place(number, clock) for number, clock in enumerate(row.clocks)]
         return list(map(dist, row.positions, places))
 
 
 def shortest_paths(plan: HuntPlan) -> float:
-    """Return the least length (m) of all ways together that ends in an even ring round the target, wherever each ends.
+    """Return the least total length (m) of straight lines from the starts to evenly spaced places on the ring.
 
-    Straight lines: no formation is kept and nobody makes way, so no hunt is that short.
+    Formation and mutual avoidance are ignored, so every hunt is longer.
     """
     count = len(plan.starts)
     return min(
         sum(map(dist, plan.starts, ends))
-        for turn in range(TURNS)
-        for ends in permutations(_ring(plan, 2.0 * pi * turn / (TURNS * count)))
+        for angle in range(RING_ANGLES)
+        for ends in permutations(_ring(plan, 2.0 * pi * angle / (RING_ANGLES * count)))
     )
 
 
 def _ring(plan: HuntPlan, first: float) -> Sequence[Vector]:
-    """Return places evenly round the target, one of them at the bearing `first`."""
+    """Return evenly spaced places around the target, one of them at the bearing `first` (rad)."""
     bearings = [first + 2.0 * pi * number / len(plan.starts) for number in range(len(plan.starts))]
     return [(plan.target[0] + plan.ring * cos(b), plan.target[1] + plan.ring * sin(b)) for b in bearings]

@@ -9,10 +9,10 @@ from pathlib import Path
 import psutil
 import pytest
 
-from hil.cases.crew import Crew
 from hil.cases.hunt import processes
 from hil.cases.hunt import watch as hunt_watch
 from hil.cases.hunt.watch import HuntRow, HuntWatch
+from hil.cases.process_group import ProcessGroup
 from hil.cases.target_hunting import members_on_free_ports
 from hil.cases.variant import write_variant
 from hil.common.errors import NetworkError
@@ -32,24 +32,24 @@ def scenario(tmp_path: Path) -> Scenario:
 
 
 @pytest.fixture
-def crews(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[Crew]]:
+def groups(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[ProcessGroup]]:
     """Provide the slaves and the agents that a flight starts; afterwards none of them is left."""
-    found: list[Crew] = []
+    found: list[ProcessGroup] = []
 
-    class Noted(Crew):
+    class Noted(ProcessGroup):
         def __enter__(self) -> "Noted":
             found.append(self)
             super().__enter__()
             return self
 
-    monkeypatch.setattr(processes, "Crew", Noted)
+    monkeypatch.setattr(processes, "ProcessGroup", Noted)
     yield found
     assert [len(crew.pids) for crew in found] == [4, 4]
     assert not [pid for crew in found for pid in crew.pids if psutil.pid_exists(pid)]
 
 
 def test_four_slaves_and_four_planners_surround_the_target(
-    scenario: Scenario, crews: list[Crew], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    scenario: Scenario, groups: list[ProcessGroup], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(hunt_watch, "SETTLE_S", 1.0)
     watch = HuntWatch(scenario)
@@ -70,12 +70,12 @@ def test_four_slaves_and_four_planners_surround_the_target(
 
 
 def test_a_planner_that_ends_is_named_and_all_others_are_ended(
-    scenario: Scenario, crews: list[Crew], tmp_path: Path
+    scenario: Scenario, groups: list[ProcessGroup], tmp_path: Path
 ) -> None:
     class KillsThird(HuntWatch):
         def add_row(self, row: HuntRow) -> str:
             if len(self.rows) == 3:
-                os.kill(crews[1].pids[2], signal.SIGKILL)
+                os.kill(groups[1].pids[2], signal.SIGKILL)
             return super().add_row(row)
 
     with pytest.raises(NetworkError, match=r"agent_uuv3 ended with exit code -9: uuv3: planning, reports at tcp/"):
@@ -83,7 +83,7 @@ def test_a_planner_that_ends_is_named_and_all_others_are_ended(
 
 
 def test_a_slave_that_cannot_start_is_reported_with_the_reason(
-    scenario: Scenario, crews: list[Crew], tmp_path: Path
+    scenario: Scenario, groups: list[ProcessGroup], tmp_path: Path
 ) -> None:
     file = Path(scenario.path)
     file.write_text(file.read_text().replace('vehicle = "paper_seven"', 'vehicle = "paper_sevven"'))

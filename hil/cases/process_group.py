@@ -1,4 +1,4 @@
-"""Start and stop the programs of a case, each a process with a log of its own."""
+"""Start and stop the programs of a case, each in a separate process with its own log."""
 
 import os
 import signal
@@ -13,10 +13,10 @@ if TYPE_CHECKING:
     from typing_extensions import Self
 
 
-class Crew:
-    """Processes of `uuv-hil`, one for each of `programs` (name and arguments), which end with the `with`.
+class ProcessGroup:
+    """Processes of `uuv-hil`, one for each of `programs` (name and arguments). A context manager, which stops them.
 
-    The output of one goes into NAME.log in `folder`. Ctrl-C in the terminal reaches only the process that started them.
+    Their output goes to NAME.log in `folder`. Ctrl-C in the terminal reaches only the process that started them.
     """
 
     def __init__(self, programs: Mapping[str, Sequence[str]], folder: str) -> None:
@@ -31,7 +31,7 @@ class Crew:
         return self
 
     def __exit__(self, *_: object) -> None:
-        for process in self._running.values():  # all at once, then one after the other
+        for process in self._running.values():  # signal all first, then wait for each
             if process.running:
                 os.kill(process.pid, signal.SIGTERM)
         for process in self._running.values():
@@ -45,7 +45,7 @@ class Crew:
         return [process.pid for process in self._running.values()]
 
     def check(self) -> None:
-        """Raise NetworkError, with its last output, if one has ended."""
+        """Raise NetworkError, with its last output, if a process has ended."""
         for name, process in self._running.items():
             if not process.running:
                 raise NetworkError(f"{name} ended with exit code {process.wait(0.0)}: {process.last_words}")
