@@ -19,10 +19,7 @@ AXES = ("x_n", "y_n", "z_n", "k_nm", "m_nm", "n_nm")
 
 
 class Flight:
-    """Record of a simulation: 20 rows per simulated second, and one at the first step of each contact.
-
-    So even a very short contact is recorded.
-    """
+    """Record of a simulation: 20 rows per second of simulation time, and one at the first step of each contact."""
 
     def __init__(self, simulation: Simulation) -> None:
         self.columns = [
@@ -102,7 +99,7 @@ class Flight:
         axes.set(xlabel="east (m)", ylabel="north (m)", aspect="equal", title="track from above")
 
     def _leave_out_contacts(self, axes: Any, contact: str) -> None:
-        """Scale the axis to the other forces; those of contacts are a hundred times larger, and shown as numbers."""
+        """Scale the axis without the contact forces, which are about a hundred times larger and shown as numbers."""
         if not self._contacts or not axes.lines:
             return
         calm = [y for line in axes.lines for row, y in enumerate(line.get_ydata()) if row not in self._contacts]

@@ -1,4 +1,4 @@
-"""Functions that all figures share: import matplotlib on first use, check and save files, add legends."""
+"""Common functions of all figures: import matplotlib on first use, check and save files, add legends."""
 
 import os
 from typing import Any
@@ -24,7 +24,7 @@ def check_picture(path: str) -> None:
     """Check that a picture of this file type can be drawn. Raises MissingExtraError, ConfigError."""
     kinds = sorted(pyplot().FigureCanvasBase.get_supported_filetypes())
     if os.path.splitext(path)[1].removeprefix(".") not in kinds:
-        raise ConfigError(f"{path}: pictures end in .{', .'.join(kinds)}")
+        raise ConfigError(f"{path}: unknown picture format: use .{', .'.join(kinds)}")
 
 
 def save_figure(figure: Any, path: str) -> str:

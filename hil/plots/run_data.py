@@ -16,12 +16,12 @@ from sim.sensors.samples import OdometrySample
 NS_PER_S = 1e9
 MOST_ROWS = 200_000  # in a column; far more than a figure has pixels
 MOST_VEHICLES = 64
-LONGEST = 1 << 20  # bytes of a message with a state, a command or diagnostics; ours have some thousand
+LONGEST = 1 << 20  # bytes of a message with a state, a command or diagnostics; usual ones have some thousand
 Row = tuple[float, ...]
 
 
 class Rows(list[Row]):
-    """Rows in the order of their times. At MOST_ROWS every second row is removed, and further ones are thinned out."""
+    """Rows in order of time. At MOST_ROWS every second row is removed, and later rows are thinned out likewise."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -41,8 +41,8 @@ class VehicleData:
     """Data of one vehicle. Every row begins with the time: seconds since the recording began.
 
     `true` and `measured`: north, east, depth (m), yaw (rad), surge, sway, heave (m/s), yaw rate (rad/s). `commands`:
-    surge, sway, heave (m/s), yaw rate (rad/s). `pulses`: one per channel (us). `traced` are the times of the samples of
-    `delays`, `events` the faults that it reported, `tether` the last shape of its tether (NED, m).
+    surge, sway, heave (m/s), yaw rate (rad/s). `pulses`: one per channel (us). `traced`: times of the samples of
+    `delays`. `events`: the events that the vehicle reported. `tether`: last shape of its tether (NED, m).
     """
 
     def __init__(self) -> None:
@@ -58,7 +58,7 @@ class VehicleData:
 
 
 def collect(messages: Iterable[Message], path: str) -> dict[str, VehicleData]:
-    """Return the data of each node in a recording; nodes without data are left out. `path` is for messages.
+    """Return the data of each node in a recording; nodes without data are left out. `path`: for errors.
 
     Raises ConfigError if there are more than MOST_VEHICLES.
     """
@@ -70,7 +70,7 @@ def collect(messages: Iterable[Message], path: str) -> dict[str, VehicleData]:
         handle = _HANDLERS.get(name)
         if node and handle and len(message.data) <= LONGEST:
             if node not in vehicles and len(vehicles) >= MOST_VEHICLES:
-                raise ConfigError(f"{path}: more than {MOST_VEHICLES} vehicles are in it, which no figure can show")
+                raise ConfigError(f"{path}: has more than {MOST_VEHICLES} vehicles, too many for a figure")
             handle(vehicles.setdefault(node, VehicleData()), message, (message.logged_ns - first_ns) / NS_PER_S)
     for data in vehicles.values():
         data.pulses = _steps(
@@ -104,7 +104,7 @@ def _add_pulses(data: VehicleData, message: Message, time: float) -> None:
 
 
 def _add_diagnostics(data: VehicleData, message: Message, time: float) -> None:
-    """Add the pulses of the diagnostics, one row per second, for a recording that was not made by the slave."""
+    """Add the pulse widths of the diagnostics, one row per second, for a recording that the slave did not make."""
     statuses = ros.decode_diagnostics(message.data)
     figures = Diagnostics(statuses[0][3] if statuses else {})
     data.boot_id = figures.boot_id or data.boot_id
@@ -136,8 +136,8 @@ def _steps(rows: list[Row], end: float) -> list[Row]:
     if not rows:
         return rows
     most = max(len(row) for row in rows)
-    kept = [row for row in rows if len(row) == most]
-    return [*kept, (max(end, kept[-1][0]), *kept[-1][1:])]
+    complete = [row for row in rows if len(row) == most]
+    return [*complete, (max(end, complete[-1][0]), *complete[-1][1:])]
 
 
 _HANDLERS = {

@@ -1,4 +1,4 @@
-"""The picture of a run: the track on the map, depth and speed over time."""
+"""Draw the picture of a run: the track on the map, depth and speed over time."""
 
 import csv
 import os
@@ -15,7 +15,7 @@ from sim.environment.obstacles import Box
 from sim.environment.world import World
 from sim.run_events import RunEvent
 
-MARGIN = "#dbe0e6"  # around obstacles, where the planner does not go
+MARGIN = "#dbe0e6"  # colour around obstacles, where the planner plans no path
 
 
 def draw(folder: str, scenario: Scenario, plan: Plan, events: Sequence[RunEvent] = ()) -> str:
@@ -70,7 +70,7 @@ def draw_path(axes: Any, path: Sequence[Point]) -> None:
 
 
 def draw_start(axes: Any, scenario: Scenario) -> None:
-    """Mark where the vehicle starts."""
+    """Draw the start of the vehicle."""
     axes.plot(scenario.start.east, scenario.start.north, "o", color=START, label="start", linestyle="none")
 
 
@@ -90,8 +90,8 @@ def draw_world(axes: Any, world: World) -> None:
     edge = "black" if world.walls else "0.75"
     axes.add_patch(Rectangle((west, south), east - west, north - south, facecolor=WATER, edgecolor=edge, zorder=0))
     piles = [Circle((pile.east, pile.north), pile.radius) for pile in world.cylinder]
-    seen_from_above = [[(e, n) for n, e, _ in triangle] for mesh in world.mesh for triangle in mesh.placed]
-    axes.add_collection(PolyCollection(seen_from_above, color=OBSTACLE, zorder=1))
+    triangles = [[(e, n) for n, e, _ in triangle] for mesh in world.mesh for triangle in mesh.placed]
+    axes.add_collection(PolyCollection(triangles, color=OBSTACLE, zorder=1))
     for pipeline in world.pipeline:
         norths, easts = zip(*pipeline.points, strict=True)
         axes.plot(easts, norths, color=OBSTACLE, linewidth=1.0, zorder=1)

@@ -1,4 +1,4 @@
-"""The figures of a recorded run: trajectory, depth, commands against response, thrusters, delays."""
+"""Draw the figures of a recorded run: trajectory, depth, commands and response, thrusters, delays."""
 
 import os
 from collections.abc import Sequence
@@ -14,12 +14,12 @@ from hil.plots.run_picture import draw_events, draw_goal, draw_world
 from hil.recording.reader import read_about, read_messages
 from hil.recording.run import Run, read_run
 
-GAP_S = 1.0  # a longer silence is a gap in a line
+GAP_S = 1.0  # a longer time without samples interrupts a line
 RESPONSE = (("surge (m/s)", 1, 5), ("sway (m/s)", 2, 6), ("heave (m/s)", 3, 7), ("yaw rate (rad/s)", 4, 8))
 
 
 def plot_recording(path: str, folder: str, own_classes: bool = False) -> list[str]:
-    """Draw the recording at `path` into `folder`; return the files made.
+    """Draw the figures of the recording at `path` into `folder`; return their files.
 
     `own_classes`: see `read_run`. Raises ConfigError, MissingExtraError.
     """
@@ -28,7 +28,7 @@ def plot_recording(path: str, folder: str, own_classes: bool = False) -> list[st
     run = read_run(about, path, own_classes)
     vehicles = collect(read_messages(path), path)
     if not vehicles:
-        raise ConfigError(f"{path}: no vehicle in it that says where it is, is commanded or tells delays")
+        raise ConfigError(f"{path}: has no vehicle with positions, commands or delays: there is nothing to draw")
     for data in vehicles.values():
         recorder = about.facts.get("boot_id", "")
         data.delays.same_clock = not (recorder and data.boot_id and recorder != data.boot_id)
@@ -171,12 +171,12 @@ def _delays(plt: Any, node: str, data: VehicleData) -> Any:
 
 def with_gaps(times: Sequence[float], rows: Sequence[Sequence[float]]) -> tuple[list[float], list[list[float]]]:
     """Return times and rows of values, with a NaN in each gap, so that no line is drawn across it."""
-    silences = [place for place in range(1, len(times)) if times[place] - times[place - 1] > GAP_S]
-    broken = [list(times), *map(list, rows)]
-    for place in reversed(silences):
-        for row, value in zip(broken, (times[place - 1], *[nan] * len(rows)), strict=True):
-            row.insert(place, value)
-    return broken[0], broken[1:]
+    gaps = [index for index in range(1, len(times)) if times[index] - times[index - 1] > GAP_S]
+    columns = [list(times), *map(list, rows)]
+    for index in reversed(gaps):
+        for column, value in zip(columns, (times[index - 1], *[nan] * len(rows)), strict=True):
+            column.insert(index, value)
+    return columns[0], columns[1:]
 
 
 def _line(axes: Any, rows: Sequence[Row], column: int, **style: Any) -> None:

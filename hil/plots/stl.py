@@ -29,4 +29,4 @@ def read_stl(path: str) -> Any:
         corners = np.array([line[1:] for line in words if line[:1] == ["vertex"]], float)
         return corners.reshape(-1, 3, 3)
     except ValueError:
-        raise ConfigError(f"{path}: is no STL file: its triangles are not whole") from None
+        raise ConfigError(f"{path}: is not an STL file: its triangles are incomplete") from None

@@ -1,4 +1,4 @@
-"""Picture of a vehicle: its box and thrusters from above, from starboard and from ahead, and its top speeds."""
+"""Draw a vehicle: its box and thrusters from above, from starboard and from ahead, and its top speeds."""
 
 import os
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from sim.vehicle.meshes import Mesh
 
 BODY, ARROW, GRAVITY, BUOYANCY, FIN, BALLAST = "#e3e8ed", "#c2410c", "#1f2937", "#2563eb", "#0f766e", "#7c3aed"
-# A thruster that points out of the picture, or into it, is a circle with a dot or a cross.
+# Cosine above which a thruster counts as pointing towards the viewer or away (circle with a dot or a cross)
 _FACING = 0.9
 
 
@@ -91,7 +91,7 @@ def _draw_view(axes: Any, vehicle: Vehicle, view: View) -> None:
 
 
 def _draw_mesh(axes: Any, mesh: "Mesh", view: View) -> None:
-    """Draw the silhouette of a mesh, or of the STL beside it; nothing if there is no file, or no library to read it."""
+    """Draw the silhouette of a mesh, or of the STL beside it; nothing if the file or the library is missing."""
     from matplotlib.collections import PolyCollection
 
     corners = _triangles(mesh.file)
@@ -139,7 +139,7 @@ def _draw_ballast(axes: Any, vehicle: Vehicle, view: View) -> None:
 
 
 def _stacks(vehicle: Vehicle, view: View) -> dict[tuple[float, float], list[int]]:
-    """Return the numbers of the thrusters by the point where they are drawn; some hide others."""
+    """Return the numbers of the thrusters at each point of the drawing, where several may coincide."""
     stacks: dict[tuple[float, float], list[int]] = {}
     for number, thruster in enumerate(vehicle.thrusters):
         across, up = view.flat(thruster.position)

@@ -103,10 +103,10 @@ def test_a_campaign_counts_collisions(
     [
         (["sim", "paper_field", "--fast", "--plot", "FOLDER/x.png/y.png"], "cannot be written"),
         (["sim", "paper_field", "--fast", "--output", "FOLDER"], "cannot be written"),
-        (["sim", "paper_field", "--fast", "--plot", "FOLDER/x.jjj"], "pictures end in"),
+        (["sim", "paper_field", "--fast", "--plot", "FOLDER/x.jjj"], "unknown picture format"),
         (["campaign", "paper_field", "-o", "FOLDER"], "cannot be written"),
         (["tune", "paper_six", "-o", "FOLDER/x.png/y.toml"], "cannot be written"),
-        (["tune", "paper_six", "--plot", "FOLDER/x.jjj"], "pictures end in"),
+        (["tune", "paper_six", "--plot", "FOLDER/x.jjj"], "unknown picture format"),
         (["sim", "paper_field", "--fast", "--output", "FOLDER/nope/x.csv"], "there is no folder"),
         (["sim", "paper_field", "--fast", "--output", "FOLDER/pipe.csv"], "it is a pipe"),
         (["sim", "paper_field", "--fast", "--plot", "FOLDER/pipe.png"], "it is a pipe"),

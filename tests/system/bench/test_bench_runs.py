@@ -213,7 +213,7 @@ def test_a_master_after_another_is_not_refused() -> None:
         (["load", "--vehicles", "nan"], "--vehicles: expected"),
         (["load", "--vehicles", "inf"], "--vehicles: expected"),
         (["stream", "target_hunting"], "this is a fleet (uuv1, uuv2, uuv3, uuv4), and a benchmark is of one vehicle"),
-        (["table", "--plot", "table.xyz"], "pictures end in"),
+        (["table", "--plot", "table.xyz"], "unknown picture format"),
         (
             ["table", "--connect", "tcp/127.0.0.1:1", "--set", "slave.step=0.001"],
             "slave.step: a slave that runs elsewhere",

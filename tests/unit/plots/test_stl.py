@@ -38,7 +38,7 @@ def test_binary_and_text_files_have_the_same_triangles(data: bytes, tmp_path: Pa
 def test_invalid_and_missing_files_are_reported(tmp_path: Path) -> None:
     path = tmp_path / "a.stl"
     path.write_bytes(text().replace(b"vertex 1.0 0.0 0.0", b"vertex 1.0 0.0", 1))
-    with pytest.raises(ConfigError, match=r"a\.stl: is no STL file"):
+    with pytest.raises(ConfigError, match=r"a\.stl: is not an STL file"):
         read_stl(str(path))
     with pytest.raises(ConfigError, match="no such file"):
         read_stl(str(tmp_path / "b.stl"))
