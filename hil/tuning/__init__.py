@@ -1,4 +1,4 @@
-"""Gains for a vehicle's controller, from step responses in the simulator.
+"""Tuning of a vehicle's controller gains from step responses in the simulator.
 
-Public: `hil.tuning.search`. It must not know the network.
+Public: `hil.tuning.search`. This package must not import the network.
 """

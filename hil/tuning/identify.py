@@ -8,16 +8,16 @@ from typing import Any, NamedTuple
 from hil.common.errors import ConfigError
 from hil.common.vectors import dot
 from hil.tuning.rig import CONTROL_PERIOD_S, Rig
-from hil.tuning.step_response import AXES, HOLD_S, order
+from hil.tuning.step_response import AXES, HOLD_S, step_command
 from sim.vehicle.vehicle import Vehicle
 
-_PUSH_S, _TILT_S = 3.0, 0.5  # soon after, a tilted vehicle's weight rights it
+_PUSH_S, _TILT_S = 3.0, 0.5  # of the evaluated response; later the righting moment of a tilted vehicle dominates
 _LEAST_POINTS = 8
 _DELAY_STEP_S, _DELAY_MOST_S = 0.005, 0.5
 
 
 class Process(NamedTuple):
-    """v' = `slope` a(t - `delay`) - `damping` v, with a the acceleration asked for (force over inertia).
+    """Model of an axis: v' = `slope` a(t - `delay`) - `damping` v, a the commanded acceleration (force / inertia).
 
     `slope` is 1 if the vehicle's inertia is known exactly. `damping` in 1/s. `delay` in s includes thruster lag.
     """
@@ -27,7 +27,7 @@ class Process(NamedTuple):
     delay: float
 
 
-def push(
+def identify_axis(
     name: str, vehicle: Vehicle, control: dict[str, Any], axis: str, force: float, inertia: float, speed: float
 ) -> Process:
     """Return the process of an axis, identified from its response to a step of `force` (N, N m) added to the wrench.
@@ -37,9 +37,9 @@ def push(
     Raises ConfigError if it does not move.
     """
     rig, loop = Rig(name, vehicle, control), AXES[axis].loop
-    still = order(axis if axis in ("heave", "yaw") else "surge", 0.0)
+    still = step_command(axis if axis in ("heave", "yaw") else "surge", 0.0)
     rig.fly(HOLD_S, lambda time: still)
-    rig.recorder.nudge(loop, force)
+    rig.recorder.add_step(loop, force)
     moments = rig.fly(_TILT_S if axis in ("roll", "pitch") else _PUSH_S, lambda time: still)
     values = [moment.nu[loop] - moments[0].nu[loop] for moment in moments]
     end = next((number for number, value in enumerate(values) if abs(value) > speed), len(values))
@@ -69,13 +69,13 @@ def fit_lag(values: Sequence[float], acceleration: float, period: float, where: 
             best, least = Process(slope, damping, delay), off
     if best is None or not best.slope > 0.05:
         raise ConfigError(
-            f"{where}: does not move as it is pushed: look at its thrusters' directions (uuv-hil vehicle)"
+            f"{where}: does not move in the direction of the force: check its thrusters' directions (uuv-hil vehicle)"
         )
     return best
 
 
 def _two_unknowns(a: Sequence[float], b: Sequence[float], y: Sequence[float]) -> tuple[float, float]:
-    """Return the x1, x2 of the least squares of x1 a + x2 b = y; what cannot be distinguished is put on x1."""
+    """Return the least-squares solution x1, x2 of x1 a + x2 b = y; x2 is 0 if a and b are nearly parallel."""
     aa, ab, bb, ay, by = dot(a, a), dot(a, b), dot(b, b), dot(a, y), dot(b, y)
     determinant = aa * bb - ab * ab
     if determinant <= 1e-9 * aa * bb:

@@ -1,4 +1,4 @@
-"""Picture of a tuning: the step responses of each axis before and after."""
+"""Draw the result of a tuning: the step responses of each axis before and after."""
 
 from collections.abc import Sequence
 

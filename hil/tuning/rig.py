@@ -20,7 +20,7 @@ START_DEPTH = 50.0
 CONTROL_PERIOD_S = 0.02
 _STEPS = round(CONTROL_PERIOD_S * NS_PER_S) // DT_NS
 
-CommandMux = Callable[[float], VelocityCommand]
+CommandFunction = Callable[[float], VelocityCommand]
 
 
 class Moment(NamedTuple):
@@ -34,17 +34,17 @@ class Moment(NamedTuple):
 
 
 class Recorder:
-    """A controller that returns the wrench of another one, stores it, and may replace one axis of it."""
+    """Controller that passes on the wrench of another controller, stores it in `last`, and may replace one axis."""
 
     def __init__(self, controller: Controller) -> None:
         self._controller = controller
         self.last = self._held = self._added = NO_RESIDUAL
         self._axis = -1
 
-    def nudge(self, axis: int, push: float) -> None:
-        """From now on hold `axis` (0 to 5) at its last output plus `push` (N or N m), without the controller."""
+    def add_step(self, axis: int, size: float) -> None:
+        """Hold `axis` (0 to 5) at its last output plus `size` (N or N m) from now on, without the controller."""
         self._axis = axis
-        self._added = tuple([push if number == axis else 0.0 for number in range(6)])  # type: ignore[assignment]
+        self._added = tuple([size if number == axis else 0.0 for number in range(6)])  # type: ignore[assignment]
         self._held = self.last
 
     def reset(self) -> None:
@@ -66,10 +66,11 @@ class Recorder:
 
 
 class Rig:
-    """Simulation of `vehicle` with its `control` table, at rest 50 m deep, heading north; messages begin with `name`.
+    """Simulation of `vehicle` with its `control` table, at rest 50 m deep, heading north.
 
-    `flown` is a different vehicle that is simulated with the controller of `vehicle`. `current` in m/s, NED. `tilt` is
-    the initial roll and pitch in rad. Sensors are the default ones with their errors. Raises ConfigError.
+    `name`: of the vehicle, for errors. `flown`: a different vehicle to simulate with the controller of `vehicle`.
+    `current`: m/s, NED. `tilt`: initial roll and pitch, rad. Sensors are the default ones with their errors. Raises
+    ConfigError.
     """
 
     def __init__(
@@ -91,8 +92,11 @@ class Rig:
         self.recorder = Recorder(self._pilot.controller)
         self._pilot.controller = self.recorder
 
-    def fly(self, seconds: float, commands: CommandMux) -> list[Moment]:
-        """Go on for so long, under `commands` of each time since this call (s); return all instants of control."""
+    def fly(self, seconds: float, commands: CommandFunction) -> list[Moment]:
+        """Continue for `seconds`; return the state at each control period.
+
+        `commands` returns the command for the time (s) since this call.
+        """
         simulation, pilot = self.simulation, self._pilot
         moments = []
         for number in range(round(seconds / CONTROL_PERIOD_S)):

@@ -1,9 +1,9 @@
-"""Find gains from step responses: identify each axis, compute gains, test them, store better ones.
+"""Find gains from step responses: identify each axis, compute gains, test them, and select the best.
 
-The velocity and rate loops are PI, by Skogestad's SIMC rule for a lag with a delay (Journal of Process Control 13,
+The velocity and rate loops are PI, tuned by Skogestad's SIMC rule for a lag with delay (Journal of Process Control 13,
 2003). The age of the samples counts as delay. Closed loops with a time constant of one delay, the fastest robust one by
-that rule, and slower ones are simulated, and the best is chosen. The outer hold loops are P, four times slower than the
-inner loop; both together are then critically damped.
+that rule, and slower ones are simulated; the best one is selected. The outer hold loops are P, four times slower than
+the inner loop, so that both together are critically damped.
 """
 
 from collections.abc import Callable, Sequence
@@ -14,9 +14,9 @@ from hil.autonomy.control.controller import AxisGains, Gains, HoldGains
 from hil.common.errors import ConfigError
 from hil.common.schema import parse
 from hil.slave.pilot import OTHERS
-from hil.tuning.identify import Process, push
+from hil.tuning.identify import Process, identify_axis
 from hil.tuning.rig import CONTROL_PERIOD_S
-from hil.tuning.step_response import AXES, Figures, Response, fly_step, step_size
+from hil.tuning.step_response import AXES, Response, StepFigures, fly_step, step_size
 from sim.sensors.sensor_set import fit
 from sim.vehicle.terminal_speed import axis_capabilities
 from sim.vehicle.thrusters.bank import wrench_matrix
@@ -24,20 +24,21 @@ from sim.vehicle.vehicle import Vehicle, mass_matrix
 
 LOOPS = ("surge", "sway", "heave", "roll_rate", "pitch_rate", "yaw_rate")
 _OVERSHOOT = 0.10
-_CLOSED = (1.0, 1.5, 2.2, 3.3)  # the closed loop's time constants that are tried, in delays
-_GAIN = 0.97  # what is not better by 3 % is no reason to change
-# At most this share of an axis' force, else what takes so many s to the step's speed; less s against a righting moment.
+_CLOSED = (1.0, 1.5, 2.2, 3.3)  # time constants of the closed loop to try, in delays
+_GAIN = 0.97  # gains are changed only if the cost is at least 3 % lower
+# Force of an identification: at most _PUSH of the axis' force, and such that the speed is reached in _PUSH_TIME s, or
+# in _TILT_TIME s against a righting moment.
 _PUSH, _PUSH_TIME, _TILT_TIME = 0.3, 0.8, 0.3
-_RATES = (0.3, 0.3)  # rad/s of yaw or tilt, m/s of depth: where a push ends
-_HOLD_TOP = 0.5  # of the top speed: more than that no hold asks for
+_RATES = (0.3, 0.3)  # speed at which an identification ends: rad/s of yaw or tilt, m/s of depth
+_HOLD_TOP = 0.5  # greatest output of a hold loop, as a share of the top speed
 
 ReportText = Callable[[str], None]
 
 
 class Tuned(NamedTuple):
-    """Tuning of one axis: its model, its response with the old gains and with `gains`, by their keys in [control].
+    """Tuning of one axis: its model, the responses with the old and the new gains, and `gains` by key in [control].
 
-    `better` is False if the proposed gains were no better; `gains` are then the old ones.
+    `better` is False if no proposed gains were better; `gains` are then the old ones.
     """
 
     axis: str
@@ -49,14 +50,16 @@ class Tuned(NamedTuple):
 
 
 class Tuner:
-    """Finds gains for `vehicle`, whose file is called `name` and has the `[control]` table `control`.
+    """Tuner of the gains of `vehicle`, whose file is called `name` and has the `[control]` table `control`.
 
     Raises ConfigError for a vehicle with fins, or with another controller than the cascade.
     """
 
     def __init__(self, name: str, vehicle: Vehicle, control: dict[str, Any], seed: int = 1) -> None:
         if vehicle.fins:
-            raise ConfigError(f"{name}: steers by fins, which its speed makes strong or weak; tune is for thrusters")
+            raise ConfigError(
+                f"{name}: steers by fins, whose effect depends on speed; only vehicles with thrusters can be tuned"
+            )
         family = control.get("family", "cascade")
         if family != "cascade":
             raise ConfigError(f"{name}: control: family is {family!r}; only the cascade's gains can be tuned")
@@ -74,9 +77,9 @@ class Tuner:
         return [axis for axis in AXES if self._reach[AXES[axis].loop].driven]
 
     def tune(self, axes: Sequence[str], report: ReportText = lambda text: None) -> list[Tuned]:
-        """Return each of `axes` in turn, inner loops first; `control` and `gains` then hold what was found.
+        """Tune `axes`, inner loops first; return the result of each, and set `control` and `gains` to the new gains.
 
-        `report` is called with what is being done. Raises ConfigError for an axis that the thrusters do not drive.
+        `report` is called with the name of each axis. Raises ConfigError for an axis that the thrusters do not drive.
         """
         for axis in axes:
             if axis not in self.axes():
@@ -94,15 +97,15 @@ class Tuner:
         size = step_size(axis, self._reach[AXES[axis].loop])
         process = self._identify(axis, size)
         before = self._fly(axis, size, old)
-        present = self._fly(axis, size, self.control)  # inner loops may be others by now
-        kept = {key: getattr(self.gains, key) for key in self._keys(axis)}
-        best = Tuned(axis, process, before, present, kept, False)
-        least = _GAIN * _worth(present.figures())
+        present = self._fly(axis, size, self.control)  # the gains of inner loops may have changed
+        old_gains = {key: getattr(self.gains, key) for key in self._keys(axis)}
+        best = Tuned(axis, process, before, present, old_gains, False)
+        least = _GAIN * _cost(present.figures())
         for closed in _CLOSED:
             gains = self._propose(axis, process, closed)
             response = self._fly(axis, size, self.control | {key: row._asdict() for key, row in gains.items()})
-            if _worth(response.figures()) < least:
-                best, least = Tuned(axis, process, before, response, gains, True), _worth(response.figures())
+            if _cost(response.figures()) < least:
+                best, least = Tuned(axis, process, before, response, gains, True), _cost(response.figures())
         self._apply_gains(best.gains)
         return best
 
@@ -112,13 +115,13 @@ class Tuner:
         inertia = self._inertia[loop]
         time = _TILT_TIME if axis in ("roll", "pitch") else _PUSH_TIME
         force = min(_PUSH * self._force(loop), inertia * speed / time)
-        process = push(self._name, self._vehicle, self.control, axis, force, inertia, speed)
+        process = identify_axis(self._name, self._vehicle, self.control, axis, force, inertia, speed)
         if axis in ("roll", "pitch"):
-            process = process._replace(damping=0.0)  # what stops it is weight rather than drag
-        return process._replace(delay=process.delay + _waiting(loop))
+            process = process._replace(damping=0.0)  # the righting moment slows it, rather than drag
+        return process._replace(delay=process.delay + _sample_age(loop))
 
     def _propose(self, axis: str, process: Process, closed: float) -> dict[str, AxisGains | HoldGains]:
-        """Return gains by their keys, for a closed loop with a time constant of `closed` delays."""
+        """Return gains by key for a closed loop with a time constant of `closed` delays."""
         loop = AXES[axis].loop
         time = (closed + 1.0) * process.delay
         proposed: dict[str, AxisGains | HoldGains] = {}
@@ -137,7 +140,7 @@ class Tuner:
         return {"p": _short(p), "i": _short(i), "limit": _short(min(1e3, most))}
 
     def _keys(self, axis: str) -> list[str]:
-        """Return the keys of the gains that a step along `axis` tests; roll and pitch have no step of the rate."""
+        """Return the keys of the gains that a step along `axis` tests; roll and pitch have no separate rate step."""
         if axis in ("roll", "pitch"):
             return [f"{axis}_rate", axis]
         return [axis if axis in Gains._fields else "yaw_rate"]
@@ -154,13 +157,13 @@ class Tuner:
         return min(ahead, -astern)
 
 
-def _waiting(loop: int) -> float:
+def _sample_age(loop: int) -> float:
     """Return the mean age (s) of the controller's measurements: half a sample and half a control period."""
     rate = fit()["odometry" if loop < 3 else "imu"].model.rate
     return 0.5 / float(rate) + 0.5 * CONTROL_PERIOD_S
 
 
-def _worth(figures: Figures) -> float:
+def _cost(figures: StepFigures) -> float:
     """Return the cost to minimise. It doubles with each 10 % of overshoot beyond the first 10 %."""
     return figures.cost * float(2.0 ** (max(0.0, figures.overshoot - _OVERSHOOT) / 0.1))
 

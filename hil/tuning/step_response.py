@@ -1,4 +1,4 @@
-"""Measure step responses: step one axis, hold the others, and rate the response."""
+"""Measure step responses: step one axis, hold the others, and compute the figures of the response."""
 
 from math import nan
 from statistics import fmean
@@ -9,7 +9,7 @@ from hil.tuning.rig import CONTROL_PERIOD_S, START_DEPTH, Moment, Rig
 from sim.vehicle.terminal_speed import AxisCapability
 from sim.vehicle.vehicle import Vehicle
 
-HOLD_S = 4.0  # at rest before the step, until the integrators have settled
+HOLD_S = 4.0  # at rest before the step, for the integrators to settle
 # Default step sizes (m/s, rad/s, m, rad), and the share of the top speed for a vehicle that is too slow for them.
 _SPEED, _HEAVE, _TURN, _DIVE, _ROUND, _TILT, _SHARE = 0.5, 0.3, 0.4, 1.0, 0.8, 0.15, 0.4
 
@@ -34,7 +34,7 @@ AXES = {
 }
 
 
-class Figures(NamedTuple):
+class StepFigures(NamedTuple):
     """Figures of a step response.
 
     `rise`: time (s) from 10 to 90 %. `overshoot`: share of the step beyond the target. `settling`: time (s) until it
@@ -57,13 +57,13 @@ class Response(NamedTuple):
     times: list[float]
     values: list[float]
 
-    def figures(self) -> Figures:
+    def figures(self) -> StepFigures:
         """Return the figures of this response."""
         shares = [value / self.size for value in self.values]
         errors = [abs(share - 1.0) for share in shares]
         last_out = max((number for number, error in enumerate(errors) if error > 0.05), default=-1)
         settled = last_out + 1 < len(errors)
-        return Figures(
+        return StepFigures(
             rise=self._first(shares, 0.9) - self._first(shares, 0.1),
             overshoot=max(0.0, max(shares) - 1.0),
             settling=self.times[last_out + 1] if settled else nan,
@@ -76,7 +76,7 @@ class Response(NamedTuple):
 
 
 def step_size(axis: str, capability: AxisCapability) -> float:
-    """Return the size of a step along `axis`, in its unit, for a vehicle with the `capability`."""
+    """Return the size of a step along `axis`, in its unit, for a vehicle with this `capability`."""
     fixed = {"depth": _DIVE, "heading": _ROUND, "roll": _TILT, "pitch": _TILT}
     if axis in fixed:
         return fixed[axis]
@@ -94,15 +94,15 @@ def fly_step(
     """
     tilt = (size if axis == "roll" else 0.0, size if axis == "pitch" else 0.0)
     flight = Rig(name, vehicle, control, tilt=tilt, seed=seed, **rig)
-    still = order(axis, 0.0)
+    still = step_command(axis, 0.0)
     if axis not in ("roll", "pitch"):
         flight.fly(HOLD_S, lambda time: still)
-    command = order(axis, size)
+    command = step_command(axis, size)
     moments = flight.fly(AXES[axis].seconds, lambda time: command)
     return Response(axis, size, [m.time for m in moments], [_value(axis, size, m) for m in moments])
 
 
-def order(axis: str, size: float) -> VelocityCommand:
+def step_command(axis: str, size: float) -> VelocityCommand:
     """Return the command for a step along `axis`; the other axes are held."""
     still = VelocityCommand(depth=START_DEPTH, heading=0.0)
     return {

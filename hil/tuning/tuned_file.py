@@ -1,4 +1,4 @@
-"""Write a vehicle's file with new gains. Only its [control] table is changed."""
+"""Write a vehicle's file with new gains; only its [control] table is changed."""
 
 import os
 from math import inf
@@ -11,30 +11,30 @@ from sim.vehicle.vehicle import Vehicle
 
 
 def control_text(gains: Gains) -> str:
-    """Return `gains` as a [control] table. For each loop it has p, and the keys that differ from their defaults."""
+    """Return `gains` as a [control] table; each loop has p and the keys that differ from their defaults."""
     rows = [f"{key} = {{ {_inline(row)} }}" for key, row in gains._asdict().items()]
     return "\n".join(["[control]", *rows, ""])
 
 
 def with_gains(text: str, gains: Gains, note: str, where: str) -> str:
-    """Return the vehicle file `text` with `gains` at its end, after the comment `note`. They replace the old gains.
+    """Return the vehicle file `text` with its gains replaced by `gains`, at its end after the comment `note`.
 
-    Tables of other controllers stay. Raises ConfigError if the old gains cannot be identified in the text.
+    Tables of other controllers are unchanged. Raises ConfigError if the old gains cannot be found in the text.
     """
     made = f"{_without_gains(text)}\n# {note}\n{control_text(gains)}"
     try:
         control = parse_toml(made)["control"]
     except ValueError as error:
-        raise ConfigError(f"{where}: its gains stand outside of a [control] table: {error}; write them there") from None
+        raise ConfigError(f"{where}: its gains are outside the [control] table: {error}; move them there") from None
     if {key for key in control if key in Gains._fields} != set(Gains._fields):
-        raise ConfigError(f"{where}: its gains could not be replaced; write them under [control]")
+        raise ConfigError(f"{where}: its gains could not be replaced; move them under [control]")
     return made
 
 
 def write_tuned(source: str, vehicle: Vehicle, gains: Gains, note: str, output: str) -> None:
-    """Write the vehicle file `source` with `gains` as `output`. Raises ConfigError."""
+    """Write the vehicle file `source` with `gains` to `output`. Raises ConfigError."""
     if vehicle.meshes and os.path.dirname(os.path.abspath(output)) != os.path.dirname(os.path.abspath(source)):
-        raise ConfigError(f"{output}: the vehicle's meshes lie beside {source}: write the new file there too")
+        raise ConfigError(f"{output}: the vehicle's meshes are beside {source}: write the new file to that folder")
     try:
         with open(source, encoding="utf-8") as file:
             made = with_gains(file.read(), gains, note, source)

@@ -14,7 +14,7 @@ from hil.common.tables import read_table
 from hil.tuning.identify import Process, fit_lag
 from hil.tuning.rig import CONTROL_PERIOD_S, START_DEPTH, Rig
 from hil.tuning.search import Tuner
-from hil.tuning.step_response import AXES, Response, fly_step, order, step_size
+from hil.tuning.step_response import AXES, Response, fly_step, step_command, step_size
 from hil.tuning.tuned_file import control_text, with_gains
 from sim.vehicle.terminal_speed import AxisCapability
 from sim.vehicle.vehicle import load_vehicle
@@ -82,7 +82,7 @@ def test_an_integrator_is_identified_without_damping() -> None:
 
 @pytest.mark.parametrize("sign", [0.0, -1.0])
 def test_a_response_against_the_force_is_refused(sign: float) -> None:
-    with pytest.raises(ConfigError, match=r"mine\.toml: surge: does not move as it is pushed"):
+    with pytest.raises(ConfigError, match=r"mine\.toml: surge: does not move in the direction of the force"):
         fit_lag([sign * 0.01 * number for number in range(100)], 0.5, PERIOD, "mine.toml: surge")
 
 
@@ -95,7 +95,7 @@ def test_a_rig_is_deterministic_and_adds_its_nudge_exactly() -> None:
     command = VelocityCommand(surge=0.3, depth=START_DEPTH)
     assert first.fly(2.0, lambda time: command) == second.fly(2.0, lambda time: command)
     before = first.recorder.last
-    first.recorder.nudge(0, 5.0)
+    first.recorder.add_step(0, 5.0)
     after = first.fly(0.1, lambda time: command)
     assert all(moment.wrench[0] == before[0] + 5.0 for moment in after)
     assert any(moment.wrench[5] != before[5] for moment in after)
@@ -109,8 +109,8 @@ def test_the_step_size_follows_the_vehicles_limits() -> None:
     assert step_size("surge", strong) == 0.5
     assert step_size("surge", weak) == pytest.approx(0.04)
     assert step_size("depth", weak) == 1.0
-    assert order("heave", 0.2) == VelocityCommand(heave=0.2, heading=0.0)
-    assert order("roll", 0.2) == order("pitch", 0.2) == VelocityCommand(depth=START_DEPTH, heading=0.0)
+    assert step_command("heave", 0.2) == VelocityCommand(heave=0.2, heading=0.0)
+    assert step_command("roll", 0.2) == step_command("pitch", 0.2) == VelocityCommand(depth=START_DEPTH, heading=0.0)
 
 
 SLUGGISH: dict[str, Any] = {"surge": {"p": 0.5, "i": 0.1}, "heading": {"p": 0.2, "limit": 0.6}}
@@ -200,5 +200,5 @@ def test_only_the_old_gains_are_replaced_in_a_file(old: str, tmp_path: Any) -> N
 
 
 def test_gains_in_another_form_are_refused() -> None:
-    with pytest.raises(ConfigError, match=r"mine\.toml: its gains stand outside of a \[control\] table"):
+    with pytest.raises(ConfigError, match=r"mine\.toml: its gains are outside the \[control\] table"):
         with_gains("control = { surge = { p = 1.0 } }\n", GAINS, "new", "mine.toml")
