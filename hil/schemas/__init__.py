@@ -1,5 +1,5 @@
-"""JSON Schemas of all files, made from the records that read them, for editors of TOML.
+"""JSON Schemas of all files, generated from the records that parse them, for TOML editors.
 
 Public: `schema(kind)` and `KINDS` of `hil.schemas.files`, and `hil.schemas.meanings`, the meaning of each key, for
-schemas and for the reference pages. It uses every record and must not know commands.
+schemas and reference pages. This package imports the records and must not import commands.
 """

@@ -1,4 +1,4 @@
-"""Turn a record of hil.common.schema into JSON Schema, draft 7, which editors of TOML understand."""
+"""Convert records of hil.common.schema to JSON Schema, draft 7, which TOML editors support."""
 
 import re
 import types
@@ -16,13 +16,13 @@ NUMBER = r"[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?"
 
 
 class Converter:
-    """Converts records, and keeps each under `definitions` once, however often it occurs."""
+    """Converter of records; each record is stored once in `definitions` and referred to from there."""
 
     def __init__(self) -> None:
         self.definitions: dict[str, Schema] = {}
 
     def of(self, annotation: Any) -> Schema:
-        """Return the schema of an annotation that `hil.common.schema.parse` understands."""
+        """Return the schema of an annotation that `hil.common.schema.parse` supports."""
         origin, arguments = get_origin(annotation), get_args(annotation)
         if origin is Annotated:
             limit = next((extra for extra in arguments[1:] if isinstance(extra, Range)), FINITE)
@@ -44,19 +44,19 @@ class Converter:
         return many if items[-1] is Ellipsis else many | {"minItems": len(items), "maxItems": len(items)}
 
     def reference(self, record: Any) -> Schema:
-        """Return a reference to a record, which is converted when it is met first."""
+        """Return a reference to a record, which is converted on the first call."""
         name = f"{record.__module__}.{record.__qualname__}"
         if name not in self.definitions:
-            self.definitions[name] = {}  # a record inside itself ends here
+            self.definitions[name] = {}  # ends the recursion of a record that contains itself
             self.definitions[name] = table(self.keys(record), required(record))
         return {"$ref": f"#/definitions/{name}"}
 
-    def keys(self, record: Any, shown: Mapping[str, Schema | None] | None = None) -> dict[str, Schema]:
-        """Return the schemas of a record's keys: those of `shown` as they stand there, without those that are None."""
-        shown = shown or {}
+    def keys(self, record: Any, given: Mapping[str, Schema | None] | None = None) -> dict[str, Schema]:
+        """Return the schemas of a record's keys; those of `given` are used unchanged, and left out if None."""
+        given = given or {}
         schemas: dict[str, Schema] = {}
         for key, annotation in record.__annotations__.items():
-            schema = shown[key] if key in shown else self.of(annotation)
+            schema = given[key] if key in given else self.of(annotation)
             if schema is not None:
                 unit = unit_of(record, key) or _unit(annotation)
                 meaning = meaning_of(record, key) + (f" Unit: {unit}." if unit not in ("", "-") else "")
@@ -65,21 +65,21 @@ class Converter:
 
 
 def _unit(annotation: Any) -> str:
-    """Return the unit of the range of an annotation, or of the numbers of an array; "" of any other."""
+    """Return the unit of the range of an annotation, or of the items of an array; "" if there is none."""
     own = [extra.unit for extra in getattr(annotation, "__metadata__", ()) if isinstance(extra, Range)]
     return next(filter(None, [*own, *map(_unit, get_args(annotation))]), "")
 
 
 def _described(schema: Schema, meaning: str, default: Any) -> Schema:
-    """Return the schema of a key with its meaning and its default; a reference allows nothing beside it."""
+    """Return the schema of a key with its meaning and default; `$ref` is wrapped, as it permits no other keywords."""
     schema = {"allOf": [schema]} if "$ref" in schema else schema
     plain = isinstance(default, (bool, int, float, str)) or (isinstance(default, tuple) and type(default) is tuple)
-    worth = plain and default not in ("", ()) and "$ref" not in str(schema)
-    return {"description": meaning} | schema | ({"default": json_value(default)} if worth else {})
+    has_default = plain and default not in ("", ()) and "$ref" not in str(schema)
+    return {"description": meaning} | schema | ({"default": json_value(default)} if has_default else {})
 
 
 def number(kind: type, limit: Range) -> Schema:
-    """Return the schema of a number in its range; one with a unit may also be a text with its unit."""
+    """Return the schema of a number in its range; a number with a unit may also be a text such as "3 m"."""
     plain: Schema = {"type": "integer" if kind is int else "number"}
     ends = {"minimum": limit.low, "maximum": limit.high} if limit is not FINITE else {}
     plain |= {name: end for name, end in ends.items() if isfinite(end)}  # JSON has no infinity
@@ -93,7 +93,7 @@ def number(kind: type, limit: Range) -> Schema:
 
 
 def table(keys: dict[str, Schema], needed: list[str] | None = None, others: Any = False) -> Schema:
-    """Return the schema of a table with these keys; `others` is that of all further keys, False: there are none."""
+    """Return the schema of a table with these keys; `others`: the schema of other keys, False to permit none."""
     schema: Schema = {"type": "object", "properties": keys, "additionalProperties": others}
     return schema | ({"required": needed} if needed else {})
 
@@ -103,13 +103,13 @@ def tables(row: Schema) -> Schema:
     return {"type": "array", "items": row}
 
 
-def required(record: Any, but: tuple[str, ...] = ()) -> list[str]:
+def required(record: Any) -> list[str]:
     """Return the keys of a record that have no default."""
-    return [key for key in record.__annotations__ if key not in record._field_defaults and key not in but]
+    return [key for key in record.__annotations__ if key not in record._field_defaults]
 
 
 def chosen(kinds: Mapping[str, Schema]) -> Schema:
-    """Return the schema of a table whose key `kind` decides which keys the others are."""
+    """Return the schema of a table whose key `kind` determines its other keys."""
     rows = []
     for kind, schema in kinds.items():
         keys = {"kind": {"const": kind, "description": f"One of {', '.join(kinds)}."}, **schema["properties"]}

@@ -32,14 +32,14 @@ OPEN: Schema = {"type": "object"}
 OWN_CLASS: Schema = {
     "type": "string",
     "pattern": r"^[\w.]+:\w+$",
-    "description": 'Class of your own, "module:Class"; the other keys are passed to its __init__.',
+    "description": 'User-defined class, "module:Class"; the other keys are passed to its __init__.',
 }
 
 
 def schema(kind: str) -> Schema:
-    """Return the schema of a kind of file in KINDS, as values that JSON can have. Raises ConfigError for another."""
+    """Return the JSON Schema of a kind of file in KINDS. Raises ConfigError for another kind."""
     if kind not in KINDS:
-        raise ConfigError(f"no file {shortened(kind)}{nearest(kind, list(KINDS))}; there are: {', '.join(KINDS)}")
+        raise ConfigError(f"unknown kind {shortened(kind)}{nearest(kind, list(KINDS))}; use one of {', '.join(KINDS)}")
     converter = Converter()
     body = KINDS[kind](converter)
     title = f"uuv-hil: {kind} file"
@@ -47,7 +47,7 @@ def schema(kind: str) -> Schema:
 
 
 def dotted_keys(kind: str) -> list[str]:
-    """Return all keys of a kind of file in KINDS, those in tables with dots, such as "master.speed". In file order.
+    """Return all keys of a kind of file in KINDS in file order; keys in tables have dots, such as "master.speed".
 
     An array of tables is one key. Raises ConfigError for another kind.
     """
@@ -68,7 +68,7 @@ def _scenario(converter: Converter) -> Schema:
 
 
 def _fleet(converter: Converter) -> Schema:
-    """Return the schema of a fleet: a scenario that has members."""
+    """Return the schema of a fleet: a scenario with members."""
     return table(_scenario_keys(converter), [*required(config.Scenario), "member"])
 
 
@@ -88,7 +88,7 @@ def _scenario_keys(converter: Converter) -> dict[str, Schema]:
 
 
 def _sections(converter: Converter) -> dict[str, Schema | None]:
-    """Return the schemas of the sections that a scenario reads by a record of theirs when it has them."""
+    """Return the schemas of the sections whose records are imported only if a scenario has them."""
     sections: dict[str, Schema | None] = {}
     for name, place in config.LAZY.items():
         module, _, attribute = place.partition(":")
@@ -108,11 +108,11 @@ def _sensors(converter: Converter, own: Schema) -> Schema:
     sections: dict[str, Schema] = {}
     further: list[Schema] = []
     for name in SENSORS:
-        device = {"type": "string", "description": f"One that can be bought: {', '.join(preset_names(DEVICES))}."}
+        device = {"type": "string", "description": f"Commercial device: {', '.join(preset_names(DEVICES))}."}
         keys = converter.keys(load_sensor(name).Model) | converter.keys(Mounting)
         sections[name] = table(keys | {"device": device})
         if name not in ONLY_ONE:
-            kind = {"enum": [name], "description": "Kind of this further one."}
+            kind = {"enum": [name], "description": "Kind of this additional sensor."}
             further.append(table(keys | {"device": device, "sensor": kind}, ["sensor"]))
     return table(sections, others={"anyOf": [own, *further]})
 
@@ -122,7 +122,7 @@ def _vehicle(converter: Converter) -> Schema:
     curves["table"]["properties"]["table"] = OPEN
     dynamics = {kind: _record(converter, record) for kind, record in thruster_lags.DYNAMICS.items()}
     models = {"curve": chosen(curves), "dynamics": chosen(dynamics)}
-    # What all have in common may stand once, so none of a thruster's keys is required in its own table.
+    # Keys may be given once for all thrusters, so none is required in the table of a thruster.
     thruster, fin = table(converter.keys(Thruster, models)), table(converter.keys(Fin))
     equipment = {key: converter.of(annotation) for key, annotation in EquipmentKeys.__annotations__.items()}
     shown: dict[str, Schema | None] = {
@@ -139,8 +139,8 @@ def _vehicle(converter: Converter) -> Schema:
 
 
 def _control(converter: Converter) -> Schema:
-    words = ["cascade", "sliding_mode", "restoring_pd"]
-    family = {"anyOf": [{"enum": words}, OWN_CLASS], "default": "cascade", "description": "Law of the controller."}
+    families = ["cascade", "sliding_mode", "restoring_pd"]
+    family = {"anyOf": [{"enum": families}, OWN_CLASS], "default": "cascade", "description": "Control law."}
     return table({
         "family": family,
         **converter.keys(controller.Gains),
@@ -164,7 +164,7 @@ def _world(converter: Converter) -> Schema:
         kind: table(common | converter.keys(record), [key for key in required(shapes.Placing) if key != "kind"])
         for kind, record in shapes.KINDS.items()
     }
-    keys["shape"] = {**tables(chosen(each)), "description": "Shapes of a small library, made by rule."}
+    keys["shape"] = {**tables(chosen(each)), "description": "Obstacles of a library of shapes."}
     return table(keys, required(world.World))
 
 
