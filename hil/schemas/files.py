@@ -159,9 +159,9 @@ def _world(converter: Converter) -> Schema:
         "pipeline": tables(converter.reference(pipelines.Pipeline)), "zone": tables(converter.reference(zones.Zone)),
         "bottom_map": converter.reference(bottom_map.BottomMapKeys),
     })  # fmt: skip
-    common = converter.keys(shapes.Placing, {"kind": None})
+    common = converter.keys(shapes.ShapeKeys, {"kind": None})
     each = {
-        kind: table(common | converter.keys(record), [key for key in required(shapes.Placing) if key != "kind"])
+        kind: table(common | converter.keys(record), [key for key in required(shapes.ShapeKeys) if key != "kind"])
         for kind, record in shapes.KINDS.items()
     }
     keys["shape"] = {**tables(chosen(each)), "description": "Obstacles of a library of shapes."}

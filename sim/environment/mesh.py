@@ -6,11 +6,11 @@ north = 20.0
 east = 5.0
 depth = 17.5                   # of the mesh's origin
 orientation = ["0 deg", "5 deg", "120 deg"]   # roll, pitch and yaw
-scale = 0.001                  # its numbers are millimetres
+scale = 0.001                  # its coordinates are in millimetres
 
-A file's axes are x forward, y left and z up, as in ROS; with `up = "y"` z is forward, x left and y up, which is what
-glTF has and the default for .glb and .gltf. Without roll, pitch and yaw forward is north. A mesh is a surface: it has
-no inside, and what begins there is in free water.
+A file's axes are x forward, y left and z up, as in ROS; with `up = "y"` z is forward, x left and y up, as in glTF; this
+is the default for .glb and .gltf. Without roll, pitch and yaw, forward is north. A mesh is only a surface: a vehicle
+that starts inside of it is in free water.
 """
 
 import os
@@ -35,9 +35,9 @@ Triangle = tuple[Vector3, Vector3, Vector3]
 class MeshKeys(NamedTuple):
     """The keys of a `[[mesh]]`: see the top of this module.
 
-    `colour` (red, green and blue, shares of what a white surface sends back) is what a camera sees, one of the usual
-    paints if left out; `echo` in dB is how much stronger than other objects it sends back a sonar's sound. What is
-    `hidden` is on no planner's map; `name` is for reports.
+    `colour` is its reflectance for red, green and blue (white: 1), a common paint if left out. `echo` (dB) is how much
+    stronger than other objects it reflects a sonar's sound. If `hidden` it is not on any planner's map; `name` is for
+    reports.
     """
 
     file: str
@@ -54,12 +54,11 @@ class MeshKeys(NamedTuple):
 
 
 class MeshObstacle(NamedTuple):
-    """A mesh in its place.
+    """A mesh at its position in a world.
 
-    `triangles` are in its own axes (m; forward, right, down), `rotation` (3 x 3, row after row) turns these into NED,
-    `placed` are they in NED. `radius` (m) is how far it extends from `north`, `east`, seen from above.
-    `net` is None, or, for a net of twines, of which alone it consists: their distance along the sides of a triangle at
-    its first corner, and their thickness (m).
+    `triangles` are in its own axes (m; forward, right, down), `rotation` (3 x 3, row after row) converts these to NED,
+    `placed` are the triangles in NED. `radius` (m) is its greatest horizontal distance from `north`, `east`. `net` is
+    None, or, for a net, the distance of twines along the sides at a triangle's first corner, and their thickness (m).
     """
 
     keys: MeshKeys
@@ -83,7 +82,7 @@ class MeshObstacle(NamedTuple):
 
     @property
     def hidden(self) -> bool:
-        """True if it is on no planner's map."""
+        """True if it is not on any planner's map."""
         return self.keys.hidden
 
     @property
@@ -92,21 +91,21 @@ class MeshObstacle(NamedTuple):
         return self.keys.name or f"the mesh at ({self.north:g}, {self.east:g})"
 
     def separation(self, north: float, east: float) -> Separation:
-        """Return distance (m) from the upright cylinder around it, negative inside, and direction off its axis."""
+        """Return the distance (m) from its bounding cylinder, negative inside, and the direction away from its axis."""
         x, y = north - self.north, east - self.east
         distance = sqrt(x * x + y * y)
         out = (x / distance, y / distance) if distance else (1.0, 0.0)
         return distance - self.radius, *out
 
     def between(self, highest: float, lowest: float) -> Iterator[Triangle]:
-        """Yield the triangles (NED) of which a part lies between two depths (m)."""
+        """Yield the triangles (NED) that are at least partly between two depths (m)."""
         for triangle in self.placed:
             a, b, c = triangle[0][2], triangle[1][2], triangle[2][2]
             if (a < lowest or b < lowest or c < lowest) and (a > highest or b > highest or c > highest):
                 yield triangle
 
     def distance(self, north: float, east: float, highest: float, lowest: float) -> float:
-        """Return how far (m, on the level) a place is from the nearest triangle between two depths; 0 over or below."""
+        """Return the horizontal distance (m) to the nearest triangle between two depths; 0 above or below one."""
         return min((_to_triangle(north, east, triangle) for triangle in self.between(highest, lowest)), default=inf)
 
 
@@ -121,7 +120,7 @@ def read_meshes(section: Any, path: str) -> tuple[MeshObstacle, ...]:
 
 
 def place(keys: MeshKeys, folder: str, where: str = "mesh") -> MeshObstacle:
-    """Return the mesh of a file in `folder` in its place. Raises ConfigError that begins with `where`."""
+    """Return the mesh of a file in `folder` at its position. Raises ConfigError that begins with `where`."""
     file = os.path.join(folder, keys.file)
     check_file(file, MAX_BYTES)
     up = keys.up or ("y" if file.lower().endswith((".glb", ".gltf")) else "z")
@@ -129,7 +128,7 @@ def place(keys: MeshKeys, folder: str, where: str = "mesh") -> MeshObstacle:
 
 
 def put(keys: MeshKeys, triangles: tuple[Triangle, ...], net: tuple[float, float] | None = None) -> MeshObstacle:
-    """Return triangles in their own axes at the place of `keys`; `net` as of a MeshObstacle."""
+    """Return the obstacle of `triangles` (in their own axes) at the position of `keys`; `net` as in MeshObstacle."""
     rotation = matrix(from_euler(*keys.orientation))
     a, b, c, d, e, f, g, h, i = rotation
     placed = tuple(
@@ -155,16 +154,16 @@ def _read(file: str, _mtime_ns: int, scale: float, up: str, where: str) -> tuple
     """Return the triangles of a file in m, forward, right and down."""
     try:
         import numpy as np
-        import trimesh  # noqa: F401 - asked for here, to name the extra that has it
+        import trimesh  # noqa: F401 - imported here to name the missing extra
     except ImportError:
         raise MissingExtraError(f"{where}: file: meshes need trimesh: pip install 'uuv-hil[mesh]'") from None
     ending = os.path.splitext(file)[1]
-    _check_count(_declared(file), file, where)  # before it takes seconds and a gigabyte
+    _check_count(_declared_count(file), file, where)  # before reading takes seconds and a gigabyte
     try:
         triangles = np.asarray(load_mesh(file).triangles, float) * scale
     except ConfigError:
         raise
-    except Exception as error:  # noqa: BLE001 - what damaged files make of the readers
+    except Exception as error:  # noqa: BLE001 - readers raise any exception for damaged files
         raise ConfigError(
             f"{where}: file: {file}: no mesh that can be read ({type(error).__name__}): damaged, or no {ending}"
         ) from None
@@ -183,8 +182,8 @@ def _check_count(count: int, file: str, where: str) -> None:
         raise ConfigError(f"{where}: file: {file}: {count} triangles are more than {MOST_TRIANGLES}: simplify the mesh")
 
 
-def _declared(file: str) -> int:
-    """Return how many triangles a binary STL says that it has; 0 for other files."""
+def _declared_count(file: str) -> int:
+    """Return the number of triangles in the header of a binary STL; 0 for other files."""
     if not file.lower().endswith(".stl"):
         return 0
     with open(file, "rb") as stream:
@@ -193,7 +192,7 @@ def _declared(file: str) -> int:
 
 
 def _to_triangle(north: float, east: float, triangle: Triangle) -> float:
-    """Return how far a place is from a triangle, seen from above."""
+    """Return the horizontal distance (m) of a position from a triangle; 0 above or below it."""
     least, turns = inf, []
     for (x, y, _), (to_x, to_y, _) in zip(triangle, (*triangle[1:], triangle[0]), strict=True):
         off_x, off_y = off_line(north, east, x, y, to_x, to_y)

@@ -1,7 +1,7 @@
 """Generated seabeds, for a world without a chart: each kind is a record of its keys.
 
-Every rule gives a depth in m at each node of a grid. `north` and `east` (m) are where its `depth` is meant,
-`heading` (rad from north, clockwise) is the way it goes, and x below is how far a place is from there along it.
+Each kind computes the depth (m) at each node of a grid. `north` and `east` (m) are the position at which its `depth`
+is given, `heading` (rad from north, clockwise) its direction, and x the distance from that position along `heading`.
 """
 
 from array import array
@@ -36,7 +36,7 @@ class Slope(NamedTuple):
 
 
 class Step(NamedTuple):
-    """A cliff across `heading`: from x = 0 on it is `height` m shallower; between two nodes, so one cell wide."""
+    """A cliff across `heading`: from x = 0 on it is `height` m shallower. The cliff is one cell wide."""
 
     depth: Depth
     height: Height
@@ -51,7 +51,10 @@ class Step(NamedTuple):
 
 
 class Ridge(NamedTuple):
-    """A long hill across `heading`, a bell of `height` m and standard deviation `width` m; negative: a trench."""
+    """A ridge across `heading` with a Gaussian profile of `height` m and standard deviation `width` m.
+
+    A negative height makes a trench.
+    """
 
     depth: Depth
     height: Height
@@ -83,10 +86,10 @@ class Sinusoid(NamedTuple):
 
 
 class Fractal(NamedTuple):
-    """Rough ground: depths of mean `depth` and standard deviation `deviation` m, from `seed` alone.
+    """Rough ground: random depths with mean `depth` and standard deviation `deviation` m, determined by `seed`.
 
-    Made by displacing midpoints at random, each level by 2^-hurst of the one before (Fournier, Fussell & Carpenter
-    1982, Communications of the ACM 25(6)); `hurst` 1 is smooth, 0 rugged. Another resolution is another seabed.
+    Made by random midpoint displacement, each level 2^-hurst times the one before (Fournier, Fussell & Carpenter 1982,
+    Communications of the ACM 25(6)); `hurst` 1 is smooth, 0 rugged. Another resolution gives another seabed.
     """
 
     depth: Depth
@@ -110,7 +113,7 @@ KINDS: dict[str, Any] = {"slope": Slope, "step": Step, "ridge": Ridge, "sinusoid
 
 
 def _along(relief: "Slope | Step | Ridge | Sinusoid", grid: Grid, depth: Callable[[float], float]) -> "array[float]":
-    """Return the depth at every node as a function of how far it is along the relief's heading."""
+    """Return the depth at every node, computed from its distance x along the relief's heading."""
     c, s = cos(relief.heading), sin(relief.heading)
     norths = [c * (grid.north_min + i * grid.resolution - relief.north) for i in range(grid.rows)]
     easts = [s * (grid.east_min + j * grid.resolution - relief.east) for j in range(grid.columns)]
@@ -118,7 +121,7 @@ def _along(relief: "Slope | Step | Ridge | Sinusoid", grid: Grid, depth: Callabl
 
 
 def _displaced(side: int, hurst: float, random: Random) -> list[list[float]]:
-    """Return heights of (side + 1)² nodes, `side` a power of 2: squares' middles first, then those of edges."""
+    """Return the heights of (side + 1)² nodes by midpoint displacement (diamond-square); `side` is a power of 2."""
     nodes = [[0.0] * (side + 1) for _ in range(side + 1)]
     for i, j in ((0, 0), (0, side), (side, 0), (side, side)):
         nodes[i][j] = random.gauss(0.0, 1.0)

@@ -1,6 +1,6 @@
 """A seabed with relief: depths at the nodes of a regular grid, and a bilinear surface in each cell.
 
-[terrain]                      # depths that a file holds
+[terrain]                      # depths in a file
 file = "bay.f32"               # beside the world's file
 north_min = -200.0
 east_min = -150.0
@@ -8,7 +8,7 @@ resolution = 2.0
 rows = 201
 columns = 151
 
-[terrain]                      # depths by a rule (sim/environment/relief.py), all over the world's extent
+[terrain]                      # generated depths (sim/environment/relief.py), over the whole extent of the world
 kind = "slope"
 depth = 12.0
 slope = 0.1
@@ -18,7 +18,7 @@ east = east_min + j resolution, each value is the depth of the seabed in m, land
 that a chart of any size takes only the memory of the pages in use.
 
 Beyond the grid the seabed is flat, at the world's `depth`. A node without data is NaN; the cells around it are a wall
-from the seabed to `NO_DATA` m, because it is unknown whether there is a way.
+from the seabed to `NO_DATA` m, because it is unknown whether a vehicle can pass there.
 """
 
 import os
@@ -41,8 +41,8 @@ if TYPE_CHECKING:
 
 Extent = tuple[float, float, float, float]
 
-NO_DATA = -100.0  # m: a wall 100 m out of the water, as high as an obstacle's default
-_MOST_NODES = 1 << 22  # of a relief made by a rule: some seconds, 16 MiB
+NO_DATA = -100.0  # m: the upper end of a wall, 100 m above the water as that of an obstacle by default
+_MAX_NODES = 1 << 22  # of a generated relief: some seconds, 16 MiB
 
 
 class Terrain:
@@ -57,7 +57,7 @@ class Terrain:
         self.scale = 1.0 / grid.resolution
 
     def depth(self, north: float, east: float) -> float:
-        """Return the depth (m) of the seabed at a place."""
+        """Return the depth (m) of the seabed at a position."""
         corners = self._corners(north, east)
         if corners is None:
             return self.outside
@@ -66,7 +66,7 @@ class Terrain:
         return NO_DATA if isnan(depth) else depth
 
     def gradient(self, north: float, east: float) -> tuple[float, float]:
-        """Return how much deeper it gets per m to the north and to the east; 0 beyond the grid and in a wall."""
+        """Return the increase of depth per m to the north and to the east; 0 beyond the grid and in a wall."""
         corners = self._corners(north, east)
         if corners is None:
             return 0.0, 0.0
@@ -76,13 +76,13 @@ class Terrain:
         return (0.0, 0.0) if isnan(to_north + to_east) else (to_north, to_east)
 
     def normal(self, north: float, east: float) -> Vector3:
-        """Return the unit vector at right angles to the seabed, into the water (NED)."""
+        """Return the unit normal of the seabed, into the water (NED)."""
         to_north, to_east = self.gradient(north, east)
         scale = 1.0 / sqrt(to_north * to_north + to_east * to_east + 1.0)
         return to_north * scale, to_east * scale, -scale
 
     def shallowest(self, north: float, east: float, around: float) -> float:
-        """Return the least depth within a square of half side `around` m, or a little less deep than that."""
+        """Return a lower bound of the depth in a square of half side `around` m: the least depth of its nodes."""
         rows, columns = self.grid.rows, self.grid.columns
         (x, y), size = self.coordinates(north, east), around * self.scale
         top, bottom, left, right = int(x - size), ceil(x + size), int(y - size), ceil(y + size)
@@ -94,24 +94,27 @@ class Terrain:
         return least
 
     def unmap(self) -> None:
-        """Release the pages of a mapped file; the kernel reads them again where they are needed.
+        """Release the memory pages of a mapped file; the operating system reads them again when they are needed.
 
-        It maps 64 KiB around each place, so places all over a large world take much memory together.
+        It maps 64 KiB around each access, so accesses all over a large world need much memory together.
         """
         if isinstance(self.depths, memoryview):
             import mmap
 
             file: object = self.depths.obj
             if isinstance(file, mmap.mmap) and hasattr(file, "madvise"):  # not on Windows
-                with suppress(OSError):  # locked in memory
+                with suppress(OSError):  # fails if the pages are locked in memory
                     file.madvise(mmap.MADV_DONTNEED)
 
     def coordinates(self, north: float, east: float) -> tuple[float, float]:
-        """Return a place as row and column, not rounded."""
+        """Return row and column of a position, not rounded."""
         return (north - self.grid.north_min) * self.scale, (east - self.grid.east_min) * self.scale
 
     def _corners(self, north: float, east: float) -> tuple[float, float, float, float, float, float] | None:
-        """Return where in its cell a place is (0 to 1 north, east), and the cell's depths: here, east, north, both."""
+        """Return the position in its cell (0 to 1 north, east), and the depths of the cell's four nodes.
+
+        The nodes are the south-west, south-east, north-west and north-east one. None beyond the grid.
+        """
         _, _, _, rows, columns = self.grid
         x, y = self.coordinates(north, east)
         if not (0.0 <= x <= rows - 1 and 0.0 <= y <= columns - 1):
@@ -136,7 +139,7 @@ class StoredKeys(NamedTuple):
 def read_terrain(section: Any, path: str, extent: Extent, depth: float) -> Terrain:
     """Return the `[terrain]` table of the world in the file `path`; beyond it the seabed is at `depth` m.
 
-    Raises ConfigError for wrong keys, and for a file that is missing or has not the size that rows and columns ask for.
+    Raises ConfigError for wrong keys, and for a file that is missing or whose size does not match rows and columns.
     """
     where = f"{path}: terrain"
     if not isinstance(section, dict) or ("file" in section) == ("kind" in section):
@@ -145,10 +148,10 @@ def read_terrain(section: Any, path: str, extent: Extent, depth: float) -> Terra
         stored = parse(section, StoredKeys, where)
         grid = Grid(*stored[1:])
         return Terrain(grid, _mapped(os.path.join(os.path.dirname(path), stored.file), grid), depth)
-    return _by_rule(section, where, extent, depth)
+    return _generate(section, where, extent, depth)
 
 
-def _by_rule(section: Mapping[str, Any], where: str, extent: Extent, depth: float) -> Terrain:
+def _generate(section: Mapping[str, Any], where: str, extent: Extent, depth: float) -> Terrain:
     from sim.environment.relief import KINDS
 
     kind = section["kind"]
@@ -157,13 +160,13 @@ def _by_rule(section: Mapping[str, Any], where: str, extent: Extent, depth: floa
         raise ConfigError(f"{where}: kind: no relief {shown}{near}; there are: {', '.join(KINDS)}")
     relief = parse({key: value for key, value in section.items() if key != "kind"}, KINDS[kind], where)
     grid = covering(extent, relief.resolution)
-    if grid.rows * grid.columns > _MOST_NODES:
+    if grid.rows * grid.columns > _MAX_NODES:
         raise ConfigError(f"{where}: resolution: {grid.rows} x {grid.columns} nodes are too many: make it coarser")
     return Terrain(grid, relief.depths(grid), depth)
 
 
 def covering(extent: Extent, resolution: float) -> Grid:
-    """Return the grid from the south-west corner of `extent` that reaches to its north-east corner or just beyond."""
+    """Return the grid from the south-west corner of `extent` to its north-east corner, or at most a cell beyond."""
     north_min, north_max, east_min, east_max = extent
     rows, columns = (
         ceil((high - low) / resolution) + 1 for low, high in ((north_min, north_max), (east_min, east_max))
@@ -174,13 +177,13 @@ def covering(extent: Extent, resolution: float) -> Grid:
 def _mapped(path: str, grid: Grid) -> "memoryview[float]":
     from mmap import ACCESS_READ, mmap
 
-    wanted = 4 * grid.rows * grid.columns
+    expected = 4 * grid.rows * grid.columns
     check_file(path, sys.maxsize)
     try:
         with open(path, "rb") as file:
             size = os.fstat(file.fileno()).st_size
-            if size != wanted:
-                raise ConfigError(f"{path}: {size} bytes, but {grid.rows} x {grid.columns} depths are {wanted}")
+            if size != expected:
+                raise ConfigError(f"{path}: {size} bytes, but {grid.rows} x {grid.columns} depths are {expected}")
             return memoryview(mmap(file.fileno(), 0, access=ACCESS_READ)).cast("f")
     except OSError as error:
         raise ConfigError(f"{path}: cannot be read: {error.strerror}") from None

@@ -1,9 +1,9 @@
-"""Relief and composition of a seabed below the resolution of its grid, by place: one source for sonar and camera.
+"""Relief and echo strength of a seabed below the resolution of its grid, used by sonars and cameras alike.
 
 The relief is noise with the power spectrum k^-exponent of a natural bed (APL-UW 1994, TR 9407: 3 to 3.5), cut off at
-`OUTER` m, and ripples; the composition is a slower noise. They repeat after 20 m and 41 m.
-`footprint` (m) is the size over which a sensor takes the mean: what is smaller is not seen. Slopes are how much deeper
-it gets per m, as in sim.environment.terrain.Terrain.gradient.
+`OUTER` m, plus ripples. The strength is noise of longer wavelengths. They repeat after 20 m and 41 m. `footprint` (m)
+is the size over which a sensor averages: smaller detail is not visible. Slopes are the increase of depth per m, as in
+sim.environment.terrain.Terrain.gradient.
 """
 
 from functools import lru_cache
@@ -46,22 +46,22 @@ class Texture:
         self._ripple, self._length = 0.5 * bottom.ripple_height, bottom.ripple_length
 
     def sample(self, north: Any, east: Any, footprint: float) -> tuple[Floats, Floats, Floats]:
-        """Return what `slopes` and `strength` do, in half the time."""
+        """Return slopes and strength together, as `slopes` and `strength` do, in half the time."""
         level, row, column = _nodes(north, east, footprint)
         side = _SIDE >> level
         slopes = self._tiles.slopes[level].take((row & (side - 1)) * side + (column & (side - 1)), axis=0)
         to_north, to_east = self._height * slopes[..., 0], self._height * slopes[..., 1]
-        left = self._ripple * float(np.sinc(footprint / self._length)) if footprint < self._length else 0.0
-        if left:
+        ripple = self._ripple * float(np.sinc(footprint / self._length)) if footprint < self._length else 0.0
+        if ripple:
             along, across = self._wave
-            rise = np.float32(left) * np.cos(along * np.float32(north) + across * np.float32(east))
+            rise = np.float32(ripple) * np.cos(along * np.float32(north) + across * np.float32(east))
             to_north, to_east = to_north + along * rise, to_east + across * rise
-        # Patches are twice as large as the relief's nodes: they repeat later.
+        # Patches are twice as large as the relief's nodes, so they repeat after twice the distance.
         strength = self._tiles.strength[level].take(((row >> 1) & (side - 1)) * side + ((column >> 1) & (side - 1)))
         return to_north, to_east, self._patches * strength
 
     def slopes(self, north: Any, east: Any, footprint: float) -> tuple[Floats, Floats]:
-        """Return the slopes to the north and the east that come on top of those of the grid, at places (m, NED)."""
+        """Return the slopes to the north and the east, in addition to those of the grid, at positions (m, NED)."""
         return self.sample(north, east, footprint)[:2]
 
     @property
@@ -70,24 +70,24 @@ class Texture:
         return float(self._wave[0]), float(self._wave[1]), self._ripple, self._length
 
     def tiles(self) -> Floats:
-        """Return slopes to the north and to the east for a relief of 1 m, and brightness as a factor, all their levels.
+        """Return slopes to the north and east for a relief of 1 m, and brightness as a factor, each with all levels.
 
-        For sim/native/_picture.c: the nodes of each are `NODE` m apart at the finest level, twice that at the next.
+        For sim/native/_picture.c. Nodes are `NODE` m apart at the finest level, twice that at the next, and so on.
         """
         factors = [np.float32(10.0) ** (self._patches * level * np.float32(0.05)) for level in self._tiles.strength]
         slopes = [level[:, axis] for axis in (0, 1) for level in self._tiles.slopes]
         return np.concatenate([*slopes, *factors]).astype(np.float32)
 
     def strength(self, north: Any, east: Any, footprint: float) -> Floats:
-        """Return how much stronger than in the mean the echo is (dB); of a camera's brightness about as much."""
+        """Return the echo strength relative to its mean (dB). A camera's brightness varies by about as much."""
         return self.sample(north, east, footprint)[2]
 
 
 def smooth_slopes(terrain: Terrain, north: Any, east: Any) -> tuple[Floats, Floats]:
-    """Return the slopes of a terrain at places (m, NED) without the edges of its cells: bilinear between nodes.
+    """Return the slopes of a terrain at positions (m, NED), bilinear between those of its nodes.
 
-    Those of the surface itself change from cell to cell, which a picture shows as facets. 0 beyond the grid and where
-    there is no data near.
+    The slopes of the surface itself jump from cell to cell, which would be visible as facets in a picture. The result
+    is 0 beyond the grid and near nodes without data.
     """
     _, _, _, rows, columns = terrain.grid
     x, y = terrain.coordinates(np.asarray(north), np.asarray(east))  # type: ignore[arg-type]
@@ -112,7 +112,7 @@ def smooth_slopes(terrain: Terrain, north: Any, east: Any) -> tuple[Floats, Floa
 
 
 def _nodes(north: Any, east: Any, footprint: float) -> tuple[int, NDArray[np.int32], NDArray[np.int32]]:
-    """Return the finest level that is not finer than the footprint, and the rows and columns of its nodes."""
+    """Return the level whose nodes are about as far apart as the footprint, and the rows and columns of its nodes."""
     level = min(max(round(float(np.log2(max(footprint / NODE, 1.0)))), 0), _LEVELS - 1)
     scale = np.float32(1.0 / (NODE * 2**level))
     row = np.floor(np.asarray(north, np.float32) * scale).astype(np.int32)

@@ -12,42 +12,42 @@ from sim.rotations import rotate_inverse
 from sim.vehicle.vehicle import Vehicle, displaced_volume
 
 _AT_REST = WaterMotion((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
-_FAR_M2 = 0.0625  # m², from where the motion was computed last
+_FAR_M2 = 0.0625  # m²: squared distance from the last sample at which the motion is computed again
 
 
 class FluidMotion:
     """Currents and waves at the origin of one vehicle.
 
-    The velocity of the water goes into the equations of motion as that of the current does. Water that
-    accelerates pushes besides, on what it would itself fill of the hull and on the added mass:
-    (M_A + rho V) a, in which rho V acts at the centre of buoyancy (Newman 1977, Marine Hydrodynamics, 4.17);
-    a vehicle that weighs nothing and does not drag goes with the water. Waves push so; currents change too
-    slowly for it. A hull that pierces the surface feels the height of the waves by sim/environment/stratification.py.
-    Not modelled: differences of the water's velocity along the hull, so a wave should be several vehicles long.
+    The velocity of the water is used in the equations of motion as that of the current. Water that accelerates with a
+    also exerts the force (M_A + rho V) a on the hull: on the added mass, and on the displaced water, whose part rho V a
+    acts at the centre of buoyancy (Newman 1977, Marine Hydrodynamics, 4.17). So a neutrally buoyant vehicle without
+    damping moves with the water. Only waves exert this force; currents change too slowly. The height of the waves at a
+    hull that pierces the surface is handled by sim/environment/stratification.py. Not modelled: differences of the
+    water's velocity along the hull, so a wave should be several vehicle lengths long.
     """
 
     def __init__(self, vehicle: Vehicle, world: World, seed: int, sampled: "type[SampledWaves] | None" = None) -> None:
         assert world.ocean is not None
         self.current = ocean_current(world.ocean, world.current, seed)
-        self.is_steady = not world.ocean._replace(waves=None).moves  # but for waves
+        self.is_steady = not world.ocean._replace(waves=None).moves  # except for waves
         waves = world.ocean.waves
-        self._wave_field = (sampled or SampledWaves)(waves, world, seed) if waves else None
+        self._sampled_waves = (sampled or SampledWaves)(waves, world, seed) if waves else None
         self._mass = wave_inertia(vehicle, world.density)
 
     def set_vehicle(self, vehicle: Vehicle, density: float) -> None:
-        """Use the mass and shape of `vehicle` from now on, after it has dropped a weight."""
+        """Use the mass and shape of `vehicle` from now on, for example after it has dropped a weight."""
         self._mass = wave_inertia(vehicle, density)
 
     def act(self, time_ns: int, state: State, wrench: Sequence[float]) -> tuple[Velocity, Sequence[float]]:
-        """Return the water's velocity (m/s, NED), and `wrench` (N, N m, body axes) with the push of the waves added."""
+        """Return the water's velocity (m/s, NED), and `wrench` (N, N m, body axes) plus the force of the waves."""
         velocity = self.current(time_ns, state.position[2])
-        if self._wave_field is None:
+        if self._sampled_waves is None:
             return velocity, wrench
-        orbital, acceleration, _ = self._wave_field.motion(time_ns, state.position)
+        orbital, acceleration, _ = self._sampled_waves.motion(time_ns, state.position)
         north, east, down = velocity
         a, b, c = rotate_inverse(state.quaternion, acceleration)
-        pushed = [force + x * a + y * b + z * c for force, (x, y, z) in zip(wrench, self._mass, strict=True)]
-        return (north + orbital[0], east + orbital[1], down + orbital[2]), pushed
+        total = [force + x * a + y * b + z * c for force, (x, y, z) in zip(wrench, self._mass, strict=True)]
+        return (north + orbital[0], east + orbital[1], down + orbital[2]), total
 
     @property
     def wave_inertia(self) -> list[float]:
@@ -57,50 +57,51 @@ class FluidMotion:
     @property
     def wave_field(self) -> WaveField | None:
         """The waves; None if there are none."""
-        return self._wave_field.wave_field if self._wave_field else None
+        return self._sampled_waves.wave_field if self._sampled_waves else None
 
-    def velocity(self, time_ns: int, place: Sequence[float]) -> Velocity:
+    def velocity(self, time_ns: int, position: Sequence[float]) -> Velocity:
         """Return the water's velocity (m/s, NED) at any position (m, NED)."""
-        north, east, down = self.current(time_ns, place[2])
-        if self._wave_field is None:
+        north, east, down = self.current(time_ns, position[2])
+        if self._sampled_waves is None:
             return north, east, down
-        x, y, z = self._wave_field.wave_field.motion(time_ns * 1e-9, *place).velocity
+        x, y, z = self._sampled_waves.wave_field.motion(time_ns * 1e-9, *position).velocity
         return north + x, east + y, down + z
 
 
 class SampledWaves:
-    """Waves whose motion is computed every `hold` s at the place of the vehicle; the velocity is linear in between.
+    """Waves whose motion is computed every `hold` s at the vehicle's position and extrapolated in between.
 
-    Its error is at most about (omega hold)² / 2 of each wave's velocity; that of a constant one would be omega hold.
-    The motion is also computed again when the vehicle has moved more than 0.25 m, as when it is placed elsewhere.
+    The velocity is extrapolated linearly: its error is at most about (omega hold)² / 2 of each wave's velocity, while
+    that of a constant velocity would be omega hold. The motion is also computed again when the vehicle has moved by
+    more than 0.25 m, for example because it was set to another position.
     """
 
     def __init__(self, waves: Waves, world: World, seed: int) -> None:
         self._hold_ns = round(waves.hold * 1e9)
         self.wave_field = self._make_wave_field(waves, world, seed)
         self._due_ns = self._time_ns = 0
-        self._place: Sequence[float] = (0.0, 0.0, 0.0)
+        self._position: Sequence[float] = (0.0, 0.0, 0.0)  # of the last sample
         self._motion = _AT_REST
 
     def motion(self, time_ns: int, position: Sequence[float]) -> WaterMotion:
-        """Return the motion of the water at `position` (m, NED). The sea's surface is held with it."""
-        north, east, down = (a - b for a, b in zip(position, self._place, strict=True))
+        """Return the motion of the water at `position` (m, NED). A new sample also updates `WaveField.surface`."""
+        north, east, down = (a - b for a, b in zip(position, self._position, strict=True))
         if time_ns >= self._due_ns or north * north + east * east + down * down > _FAR_M2:
-            self._due_ns, self._time_ns, self._place = time_ns + self._hold_ns, time_ns, tuple(position)
+            self._due_ns, self._time_ns, self._position = time_ns + self._hold_ns, time_ns, tuple(position)
             time = time_ns * 1e-9
             self._motion = self.wave_field.motion(time, *position)
-            self.wave_field.hold(time, position[0], position[1], self._motion)
-        later = (time_ns - self._time_ns) * 1e-9
+            self.wave_field.set_tangent(time, position[0], position[1], self._motion)
+        elapsed = (time_ns - self._time_ns) * 1e-9
         velocity, (north, east, down), _ = self._motion
-        grown = velocity[0] + north * later, velocity[1] + east * later, velocity[2] + down * later
-        return self._motion._replace(velocity=grown)
+        extrapolated = velocity[0] + north * elapsed, velocity[1] + east * elapsed, velocity[2] + down * elapsed
+        return self._motion._replace(velocity=extrapolated)
 
     def _make_wave_field(self, waves: Waves, world: World, seed: int) -> WaveField:
         return WaveField(waves, world.depth, world.gravity, seed)
 
 
 def wave_inertia(vehicle: Vehicle, density: float) -> list[list[float]]:
-    """Return M_A + rho V, 6 rows of 3: from the water's acceleration (body axes) to wrench about the origin."""
+    """Return M_A + rho V (6 rows of 3), which converts the water's acceleration (body axes) to a wrench."""
     displaced = density * displaced_volume(vehicle, density)
     added = square(vehicle.added_mass, 6)
     upright = square([1.0, 1.0, 1.0], 3) + cross_matrix(vehicle.center_of_buoyancy)

@@ -9,10 +9,10 @@ With z the depth, h that of the seabed, and theta = k . (north, east) - omega t 
     pressure             rho g a cosh(k (h - z)) / cosh(k h) cos(theta), on top of that of calm water
     omega² = g k tanh(k h)
 
-In deep water this is a circular motion that decreases as exp(-k z). The Stokes drift of a body that moves with the
-water results from it. Not modelled: terms of second order in the height of the single waves (sharper crests, bound
-waves), breaking, the interaction of waves and current, the shelter behind obstacles, motion above the mean surface,
-where that at the surface is used. Pressure alone follows the surface up and down.
+In deep water this is a circular motion that decreases as exp(-k z); it includes the Stokes drift of a body that moves
+with the water. Not modelled: terms of second order in the height of the components (sharper crests, bound waves),
+breaking, the interaction of waves and current, shelter behind obstacles. Above the mean surface the motion of the
+surface is used; only the pressure follows the elevation.
 """
 
 from itertools import pairwise
@@ -23,15 +23,15 @@ from typing import NamedTuple
 from sim.environment.ocean import Waves
 from sim.interpolation import PiecewiseLinear
 
-# Frequencies from and to, as multiples of the peak's: a thousandth of the energy is above. Cells of the integral
-# for each component: so many that even at the sharpest peak no two components fall into one and beat no more.
+# The range of frequencies in multiples of the peak's (a thousandth of the energy is above), and the cells of the
+# integral for each component: so many that even at the sharpest peak no two components get the same frequency.
 _LOWEST, _HIGHEST, _CELLS = 0.3, 6.0, 40
-# Within this time (s) and this square of the distance (m²) of the last sample, the surface is taken as a moving plane.
+# Within this time (s) and squared distance (m²) of the last sample, the surface is approximated by a moving plane.
 _NEAR_S, _NEAR_M2 = 0.2, 1.0
 
 
 class Component(NamedTuple):
-    """One wave: amplitude (m), angular frequency (rad/s), wave number (rad/m), heading it goes to, phase (rad)."""
+    """One wave: amplitude (m), angular frequency (rad/s), wave number (rad/m), heading of travel and phase (rad)."""
 
     amplitude: float
     omega: float
@@ -43,8 +43,8 @@ class Component(NamedTuple):
 class WaterMotion(NamedTuple):
     """Velocity (m/s) and acceleration (m/s²) of the water, each north, east, down, and the surface above it.
 
-    The acceleration is that of the bit of water which is there now, dv/dt + (v . grad) v: that it goes in
-    circles is a part of it. `surface` is its elevation (m), the rate of that (m/s), and its slopes north and east.
+    The acceleration is the material derivative, dv/dt + (v . grad) v. `surface` is the elevation (m), its rate of
+    change (m/s), and its slopes to the north and east.
     """
 
     velocity: tuple[float, float, float]
@@ -55,8 +55,8 @@ class WaterMotion(NamedTuple):
 def spectral_density(waves: Waves, omega: float) -> float:
     """Return the one-sided spectrum of the elevation, m² s/rad, at `omega` > 0 rad/s.
 
-    Pierson-Moskowitz by significant height and peak period, and JONSWAP (Hasselmann et al. 1973) with the
-    factor 1 - 0.287 ln gamma that about keeps the energy (DNV-RP-C205, 3.5.5).
+    Either Pierson-Moskowitz, by significant height and peak period, or JONSWAP (Hasselmann et al. 1973) with the factor
+    1 - 0.287 ln gamma, which approximately conserves the energy (DNV-RP-C205, 3.5.5).
     """
     ratio = 2.0 * pi / waves.peak_period / omega
     density = 0.3125 * waves.significant_height**2 * ratio**4 / omega * exp(-1.25 * ratio**4)
@@ -68,7 +68,7 @@ def spectral_density(waves: Waves, omega: float) -> float:
 
 
 def wave_number(omega: float, depth: float, gravity: float) -> float:
-    """Return the k (rad/m) with omega² = g k tanh(k h), to the last bits, by Newton's method from Eckart's guess."""
+    """Return the k (rad/m) with omega² = g k tanh(k h), to rounding, by Newton's method from Eckart's estimate."""
     deep = omega * omega / gravity
     k = deep / sqrt(tanh(deep * depth))
     for _ in range(20):
@@ -81,10 +81,10 @@ def wave_number(omega: float, depth: float, gravity: float) -> float:
 
 
 def components(waves: Waves, depth: float, gravity: float, seed: int) -> list[Component]:
-    """Return the single waves of a sea over a seabed at `depth` m, of equal height, phases drawn by `seed`.
+    """Return the components of a sea over a seabed at `depth` m, with equal heights and random phases by `seed`.
 
-    Each stands for an equal part of the spectrum's energy, at the root mean square frequency of that part:
-    the variance of the elevation is Hs²/16, and that of the surface's velocity the spectrum's, exactly.
+    Each component represents an equal part of the spectrum's energy, at the root mean square frequency of that part. So
+    the variance of the elevation is exactly Hs²/16, and that of the surface's velocity exactly the spectrum's.
     """
     random = Random(f"{seed}/ocean.waves")
     amplitude = 0.25 * waves.significant_height * sqrt(2.0 / waves.components)
@@ -100,7 +100,7 @@ def _frequencies(waves: Waves) -> list[float]:
     peak = 2.0 * pi / waves.peak_period
     cells = _CELLS * max(waves.components, 25)
     width = peak * (_HIGHEST - _LOWEST) / cells
-    shape = waves._replace(significant_height=1.0)  # a flat sea has frequencies too
+    shape = waves._replace(significant_height=1.0)  # so that it also works for a height of 0
     energy, squares = [0.0], [0.0]
     for cell in range(cells):
         omega = peak * _LOWEST + (cell + 0.5) * width
@@ -123,57 +123,56 @@ class WaveField:
         self._rows = [_row(component, depth) for component in self.components]
         self._tangent = (-inf, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # time, north, east, and WaterMotion.surface there
 
-    def hold(self, time: float, north: float, east: float, motion: WaterMotion) -> None:
-        """Set `surface` to continue from `motion`, which is that of this time (s) and place (m)."""
+    def set_tangent(self, time: float, north: float, east: float, motion: WaterMotion) -> None:
+        """Let `surface` extrapolate from `motion`, which is that of this time (s) and position (m)."""
         self._tangent = (time, north, east, *motion.surface)
 
     def surface(self, time: float, north: float, east: float) -> float:
-        """Return `elevation`, near what `hold` was given last by its rate and slopes.
+        """Return the elevation (m), extrapolated from the last `set_tangent` if that is near, else computed.
 
-        Off by less than (omega t + k d)² / 2 of the amplitude, t s and d m away, for each wave.
+        For each wave the error is less than (omega t + k d)² / 2 of its amplitude, t s and d m away from it.
         """
         then, at_north, at_east, height, rate, slope_north, slope_east = self._tangent
-        later, away_north, away_east = time - then, north - at_north, east - at_east
-        if not (abs(later) <= _NEAR_S and away_north * away_north + away_east * away_east <= _NEAR_M2):
+        elapsed, away_north, away_east = time - then, north - at_north, east - at_east
+        if not (abs(elapsed) <= _NEAR_S and away_north * away_north + away_east * away_east <= _NEAR_M2):
             return self.elevation(time, north, east)
-        return height + rate * later + slope_north * away_north + slope_east * away_east
+        return height + rate * elapsed + slope_north * away_north + slope_east * away_east
 
     def elevation(self, time: float, north: float, east: float) -> float:
-        """Return how far in m the surface is above its mean at `time` s."""
+        """Return the height (m) of the surface above its mean at `time` s."""
         elevation = 0.0  # not sum(), whose rounding depends on the version of Python
         for kn, ke, _, omega, phase, _, _, _, _, amplitude in self._rows:
             elevation += amplitude * cos(kn * north + ke * east - omega * time + phase)
         return elevation
 
     def numbers(self) -> list[float]:
-        """Return all that the methods use of the single waves, wave after wave: what the C twin is made of."""
+        """Return the numbers of all components, one after the other, as one flat list, for the C twin."""
         return [x for row in self._rows for x in row]
 
     def pressure_depth(self, time: float, north: float, east: float, depth: float) -> float:
-        """Return the depth (m) in calm water at which the pressure is what it is at this place (m, NED) at `time` s.
+        """Return the depth (m) in calm water with the same pressure as this position (m, NED) at `time` s.
 
-        The theory is for places below the mean surface. By Wheeler's stretching (1970, J. Petroleum Technology
-        22:359) it is read at z' = h (z + eta) / (h + eta) instead of z, eta being the elevation: so the result is
-        0 just where the wave's surface is, in crests and troughs, and goes over from air to water without a
-        jump. Negative in the air.
+        The theory is valid below the mean surface. With Wheeler's stretching (1970, J. Petroleum Technology 22:359) it
+        is evaluated at z' = h (z + eta) / (h + eta) instead of z, where eta is the elevation. So the result is exactly
+        0 at the surface of the wave, in crests and troughs, and continuous there. It is negative in the air.
         """
         elevation = self.elevation(time, north, east)
-        under = max(0.0, depth + elevation) * self.depth / (self.depth + elevation)
+        stretched = max(0.0, depth + elevation) * self.depth / (self.depth + elevation)
         head = 0.0
         for kn, ke, k, omega, phase, _, echo, _, _, amplitude in self._rows:
-            decay = exp(-k * under)
+            decay = exp(-k * stretched)
             share = (decay + echo / decay) / (1.0 + echo) if echo else decay
             head += amplitude * share * cos(kn * north + ke * east - omega * time + phase)
         return depth + head
 
     def motion(self, time: float, north: float, east: float, depth: float) -> WaterMotion:
-        """Return how the water moves at a place (m, NED) at `time` s.
+        """Return the motion of the water at a position (m, NED) at `time` s.
 
-        It takes about half a microsecond for each component: callers reuse a result for some milliseconds.
+        It takes about half a microsecond for each component, so callers use a result for some milliseconds.
         """
         depth = min(max(depth, 0.0), self.depth)
         v_north = v_east = v_down = a_north = a_east = a_down = 0.0
-        nn = ne = ee = nd = ed = 0.0  # the gradient of the velocity: symmetric, without a trace
+        nn = ne = ee = nd = ed = 0.0  # the gradient of the velocity: symmetric, with trace 0
         height = rate = slope_north = slope_east = 0.0
         for kn, ke, k, omega, phase, speed, echo, to_north, to_east, amplitude in self._rows:
             theta = kn * north + ke * east - omega * time + phase
@@ -207,10 +206,10 @@ class WaveField:
 
 
 def _row(wave: Component, depth: float) -> tuple[float, ...]:
-    """Return what the methods of `WaveField` need of one wave.
+    """Return the numbers of one component that the methods of `WaveField` use.
 
-    With d = exp(-k z) and the echo e = exp(-2 k h), cosh(k (h - z)) / sinh(k h) is (d + e/d) / (1 - e), and for
-    sinh above the line (d - e/d) / (1 - e).
+    With d = exp(-k z) and the reflection by the seabed e = exp(-2 k h), cosh(k (h - z)) / sinh(k h) is
+    (d + e/d) / (1 - e), and sinh(k (h - z)) / sinh(k h) is (d - e/d) / (1 - e).
     """
     k, to_north, to_east = wave.wave_number, cos(wave.heading), sin(wave.heading)
     echo = exp(-2.0 * k * depth)

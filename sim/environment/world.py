@@ -28,29 +28,30 @@ Angle = Annotated[float, Range(-pi, pi, "rad")]
 
 
 _RELIEF_WITHIN = 50.0  # m
-# From so many obstacles on they are cached as they were read, and not checked again until a file changes: a
-# chart's two thousand take a slave of a tenth of a second a third more.
-_MANY = 100
-_CHECKED = ".obstacles"  # the name they are cached under, after the world's file
-_FARTHEST_MESH = 5.0  # how far a mesh may reach, in the longer side of its world
+# From this number on, obstacles are cached as they were read, and are not checked again until a file changes. The two
+# thousand obstacles of a chart would lengthen a slave's start of 0.1 s by a third.
+_CACHE_FROM = 100
+_CACHE_SUFFIX = ".obstacles"  # of the cache's name, after the world's file
+_MAX_MESH_RADIUS = 5.0  # of a mesh, in lengths of the longer side of its world
 _SECTIONS = ("mesh", "shape", "pipeline", "bottom_map", "zone", "terrain", "ocean")
 
 
 class World(NamedTuple):
-    """One place. `source` names where it comes from.
+    """The surroundings of a vehicle: water, seabed and obstacles. `source` names where the data come from.
 
-    `extent` is north_min, north_max, east_min, east_max in m: what a map shows, and where with `walls`
-    four walls stand. `depth` is that of the flat seabed, `terrain` the relief there may be instead (the seabed is
-    flat beyond it). `density` is that of the water in kg/m³, `gravity` in m/s², `current` the velocity of the water
-    north, east, down: steady, the same everywhere. `ocean` is what comes on top of that: currents that change,
-    waves, layers of density. `origin` is where on the earth north and east are 0, latitude and longitude in degrees
-    (WGS 84), and `origin_altitude` in m how far above the ellipsoid the water's mean surface is there.
-    `magnetic_field` is the earth's: intensity in tesla, inclination (down is positive) and declination (east is
-    positive), each angle in rad. Left out it is that of the World Magnetic Model at the origin, and without an origin
-    about that of central Europe (sim/environment/geomagnetism.py).
-    `bottom` is what the seabed is made of, for sonars and cameras; left out it is even and smooth below the grid.
+    `extent` is north_min, north_max, east_min, east_max in m: the area of a map, and with `walls` the position of four
+    walls. `depth` is that of the flat seabed; with `terrain` the seabed has a relief, and is flat only beyond it.
+    `density` is that of the water in kg/m³, `gravity` in m/s², `current` the steady, uniform velocity of the water
+    (north, east, down). `ocean` adds currents that change, waves and density layers. `origin` is the latitude and
+    longitude in degrees (WGS 84) at which north and east are 0, and `origin_altitude` (m) the height of the water's
+    mean surface above the ellipsoid there.
+    `magnetic_field` is the earth's: intensity in tesla, inclination (down positive) and declination (east positive) in
+    rad. If left out it is that of the World Magnetic Model at the origin, and without an origin about that of central
+    Europe (sim/environment/geomagnetism.py).
+    `bottom` is the material of the seabed, for sonars and cameras; if left out the seabed is uniform, and smooth below
+    the resolution of the grid.
     `zones` names a file with `[[zone]]` tables beside this one: see sim.environment.things.zones.
-    Not modelled: eddies, the water's calm in the lee of an obstacle.
+    Not modelled: eddies, the lee of an obstacle.
     """
 
     name: str
@@ -68,7 +69,7 @@ class World(NamedTuple):
     box: tuple[Box, ...] = ()
     bottom: Bottom | None = None
     zones: str = ""
-    ocean: "Ocean | None" = None  # load_world reads this and the following, each with a schema of its own
+    ocean: "Ocean | None" = None  # load_world reads this and the following sections, each by its own schema
     terrain: "Terrain | None" = None
     mesh: "tuple[MeshObstacle, ...]" = ()
     pipeline: "tuple[Pipeline, ...]" = ()
@@ -90,7 +91,7 @@ class World(NamedTuple):
         return None
 
     def seabed(self, north: float, east: float) -> float:
-        """Return the depth of the seabed at a place, in m."""
+        """Return the depth of the seabed at a position, in m."""
         return self.terrain.depth(north, east) if self.terrain else self.depth
 
     def obstacles(self) -> tuple[Obstacle, ...]:
@@ -98,11 +99,11 @@ class World(NamedTuple):
         return (*self.upright(), *self.mesh, *self.pipeline)
 
     def upright(self) -> tuple[Obstacle, ...]:
-        """Return the obstacles with a horizontal outline, walls included: all but meshes and pipelines."""
+        """Return the obstacles with a horizontal outline, walls included: all except meshes and pipelines."""
         return (*self.cylinder, *self.box, *self._walls())
 
     def within(self, north: float, east: float, distance: float) -> list[Obstacle]:
-        """Return the upright obstacles within `distance` m of a place, and a few more: a quick selection."""
+        """Return the upright obstacles within `distance` m of a position: a quick selection that may contain more."""
         piles = [o for o in self.cylinder if abs(o[0] - north) < distance + o[2] and abs(o[1] - east) < distance + o[2]]
         blocks = [
             o for o in self.box
@@ -110,8 +111,8 @@ class World(NamedTuple):
         ]  # fmt: skip
         return [*piles, *blocks, *self._walls()]
 
-    def looks(self) -> "Iterator[tuple[int, tuple[float, float, float] | None, float]]":
-        """Yield number among the `obstacles`, from 1 on, colour (None: any) and echo (dB) of meshes and pipelines."""
+    def appearances(self) -> "Iterator[tuple[int, tuple[float, float, float] | None, float]]":
+        """Yield of each mesh and pipeline its number in `obstacles` (from 1), colour (None: default) and echo (dB)."""
         number = len(self.upright())
         for mesh in self.mesh:
             number += 1
@@ -120,20 +121,20 @@ class World(NamedTuple):
             number += 1
             yield number, pipeline.colour, pipeline.echo
 
-    def buried(self) -> str | None:
-        """Return which obstacle could not be seen, if any."""
+    def validate_obstacles(self) -> str | None:
+        """Return an error for an obstacle that is completely below the seabed, or None."""
         placed: tuple[Cylinder | Box, ...] = (*self.cylinder, *self.box)
         for obstacle in placed:
             if obstacle.top >= self.seabed(obstacle.north, obstacle.east):
                 return f"the obstacle at ({obstacle.north:g}, {obstacle.east:g}) has its top in the seabed"
         return None
 
-    def misplaced_mesh(self) -> str | None:
-        """Return which mesh could not be seen or is not in the world at all, if any."""
+    def validate_meshes(self) -> str | None:
+        """Return an error for a mesh that is completely below the seabed or outside the world, or None."""
         north_min, north_max, east_min, east_max = self.extent
-        most = _FARTHEST_MESH * max(north_max - north_min, east_max - east_min)
+        max_radius = _MAX_MESH_RADIUS * max(north_max - north_min, east_max - east_min)
         for mesh in self.mesh:
-            if mesh.radius > most:
+            if mesh.radius > max_radius:
                 return (
                     f"{mesh.label} reaches {mesh.radius:.3g} m from its place, far out of the world: if its file is in "
                     "millimetres, scale = 0.001; if it is in coordinates of a map, move it to its own origin"
@@ -145,11 +146,11 @@ class World(NamedTuple):
         return None
 
     def spacing(self) -> float:
-        """Return how long (m) the pieces of pipelines are that follow the seabed."""
+        """Return the length (m) of the straight pieces of a pipeline that follows the seabed."""
         return max(0.5, self.terrain.grid.resolution) if self.terrain else inf
 
     def all_zones(self) -> "tuple[Zone, ...]":
-        """Return its zones, also those in its file of zones, which is read for this. Raises ConfigError."""
+        """Return its zones, with those of its file of zones, which is read now. Raises ConfigError."""
         if not self.zones:
             return self.zone
         from sim.environment.things.zones import read_file
@@ -157,7 +158,7 @@ class World(NamedTuple):
         return (*self.zone, *read_file(self.zones))
 
     def foot(self, obstacle: Obstacle, north: float, east: float) -> float:
-        """Return the depth (m) at which an obstacle at a place ends: that of the seabed, unless it hangs above."""
+        """Return the depth (m) of the lower end of an obstacle at a position: the seabed, unless it ends above."""
         return min(obstacle.bottom, self.seabed(north, east))
 
     def clearance(
@@ -165,12 +166,12 @@ class World(NamedTuple):
     ) -> float:
         """Return the distance (m) from a point to the nearest obstacle's side: negative inside, inf if there is none.
 
-        Only obstacles count that are between `depth` m and `height` m above it, and with them a relief that reaches up
-        to `depth`, no farther than `within` m away. If `depth` is left out, all obstacles count and no relief.
+        Only obstacles between `depth` m and `height` m above it count, and a relief that is as shallow as `depth`
+        within `within` m. If `depth` is left out, all obstacles count and the relief does not.
         """
         highest = depth - height if height < inf else -inf
-        near = (o.separation(north, east)[0] for o in self.upright() if o.top < depth and o.bottom > highest)
-        least = min(near, default=inf)
+        distances = (o.separation(north, east)[0] for o in self.upright() if o.top < depth and o.bottom > highest)
+        least = min(distances, default=inf)
         for mesh in self.mesh:
             if mesh.top < depth and mesh.bottom > highest and mesh.separation(north, east)[0] < least:
                 least = min(least, mesh.distance(north, east, highest, depth))
@@ -198,37 +199,37 @@ class World(NamedTuple):
 
 
 def load_world(name_or_path: str) -> World:
-    """Return a preset of `sim/worlds`, or a file ending in `.toml`. Raises ConfigError."""
+    """Return the world of a preset of `sim/worlds` or of a `.toml` file. Raises ConfigError."""
     path = find_preset("sim/worlds", name_or_path)
     stamp = (*check_file(path, LARGEST), Cylinder._fields, Box._fields)
-    cached = read_cached(path + _CHECKED, stamp)
-    table, piles, blocks, bed = cached or (read_table(path), (), (), None)
+    cached = read_cached(path + _CACHE_SUFFIX, stamp)
+    table, piles, blocks, cached_stamp = cached or (read_table(path), (), (), None)
     sections = {key: table.pop(key) for key in _SECTIONS if key in table}
     world = _with_sections(parse(table, World, path), sections, path)
     if cached:
         world = world._replace(cylinder=tuple(map(Cylinder._make, piles)), box=tuple(map(Box._make, blocks)))
-    now = _stamp_of_bed(sections.get("terrain"), path)
-    if problem := (None if cached and now == bed else world.buried()) or world.misplaced_mesh():
+    terrain_stamp = _terrain_stamp(sections.get("terrain"), path)
+    is_checked = bool(cached) and terrain_stamp == cached_stamp
+    if problem := (None if is_checked else world.validate_obstacles()) or world.validate_meshes():
         raise ConfigError(f"{path}: {problem}")
-    if len(world.cylinder) + len(world.box) >= _MANY and not (cached and now == bed):
+    if len(world.cylinder) + len(world.box) >= _CACHE_FROM and not is_checked:
         rest = {key: value for key, value in table.items() if key not in ("cylinder", "box")}
-        write_cached(
-            path + _CHECKED, stamp, ({**rest, **sections}, [*map(tuple, world.cylinder)], [*map(tuple, world.box)], now)
-        )
+        piles, blocks = [*map(tuple, world.cylinder)], [*map(tuple, world.box)]
+        write_cached(path + _CACHE_SUFFIX, stamp, ({**rest, **sections}, piles, blocks, terrain_stamp))
     if world.terrain is not None:
-        world.terrain.unmap()  # the pages below the obstacles, which were read to check them
+        world.terrain.unmap()  # release the pages that were read to check the obstacles
     return world
 
 
-def _stamp_of_bed(terrain: "dict[str, Any] | None", path: str) -> "Stamp | None":
-    """Return time and size of the file that a checked `[terrain]` has its depths in, None if they are in no file."""
+def _terrain_stamp(terrain: "dict[str, Any] | None", path: str) -> "Stamp | None":
+    """Return time and size of the file with the depths of a `[terrain]`; None if they are not in a file."""
     if terrain is None or "file" not in terrain:
         return None
     return check_file(os.path.join(os.path.dirname(path), str(terrain["file"])), sys.maxsize)
 
 
 def _with_sections(world: World, sections: dict[str, Any], path: str) -> World:
-    """Return the world with the sections that have a schema of their own; each is imported only where it is used."""
+    """Return the world with the sections that have their own schema; each module is imported only if it is needed."""
     if "mesh" in sections:
         from sim.environment.mesh import read_meshes
 
@@ -263,7 +264,7 @@ def _with_sections(world: World, sections: dict[str, Any], path: str) -> World:
 
 
 def water_pressure(world: World) -> "Callable[[float], float]":
-    """Return what the water of `world` adds to the pressure of the air, in Pa, at a depth in m; 0 in the air."""
+    """Return a function from depth (m) to the pressure of the water of `world` above air pressure (Pa); 0 in air."""
     if world.ocean and world.ocean.profile:
         from sim.environment.seawater.water_column import WaterColumn
 

@@ -1,7 +1,7 @@
-"""Write a vehicle's SDF model as a URDF robot in memory, for the one importer that there is.
+"""Convert a vehicle's SDF model to a URDF robot in memory, so that one importer serves both formats.
 
-All links hang on the link that the hydrodynamics act on, at their place with all joints at zero: the coefficients are
-about its origin, and so becomes the vehicle's.
+The root is the link on which the hydrodynamics act, because the coefficients are about its origin, which becomes the
+vehicle's. All other links are joined to it, at their positions with all joints at zero.
 """
 
 import os
@@ -20,23 +20,23 @@ _INERTIA = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 
 
 def as_urdf(path: str, notes: list[str], name: str | None = None, text: bytes | None = None) -> Element:
-    """Return the `<robot>` of the model in the SDF file at `path`; of a world, of that called `name`.
+    """Return the `<robot>` of the model in the SDF file at `path`; in a world, that of the model `name`.
 
-    `text` is read in place of the file. `notes` takes what cannot be read. Raises ConfigError.
+    `text` is read in place of the file. `notes` gets what cannot be converted. Raises ConfigError.
     """
     root = read_xml(path, text, "sdf")
     files, folder = SdfFiles(path), os.path.dirname(os.path.abspath(path))
     world = root.find("world")
     models = models_of(world if world is not None else root, folder, files, notes, root.get("version", "1.12"))
-    model = _chosen(models, name, path, notes)
+    model = _choose_model(models, name, path, notes)
     robot = _robot(model, files, notes)
     if world is not None:
         robot.extend(world.findall("plugin"))
     return robot
 
 
-def _chosen(models: list[Model], name: str | None, path: str, notes: list[str]) -> Model:
-    """Return the model `name`, or the only one that is a vehicle."""
+def _choose_model(models: list[Model], name: str | None, path: str, notes: list[str]) -> Model:
+    """Return the model `name`, or the only model that is a vehicle. Raises ConfigError."""
     if name is not None:
         found = [model for model in models if model.name == name]
     else:
@@ -53,7 +53,7 @@ def _chosen(models: list[Model], name: str | None, path: str, notes: list[str]) 
 
 
 def _with_notes(problem: str, notes: list[str]) -> str:
-    """Return a problem with what was left out, which may be why."""
+    """Return the text of a problem with the first note on what was left out, which may be its cause."""
     return ". ".join([problem, *(note.rstrip(".") for note in notes[:1])])
 
 
@@ -63,7 +63,7 @@ def _is_of_vehicle(plugin: Element) -> bool:
 
 
 def _base(model: Model) -> str:
-    """Return the link on which the water acts: its frame is the vehicle's."""
+    """Return the name of the link on which the hydrodynamics act: its frame is the vehicle's."""
     for plugin in model.plugins:
         if any(word in plugin.get("filename", "").lower() for word in _WATER):
             link = plugin.find("link")
@@ -92,7 +92,7 @@ def _robot(model: Model, files: SdfFiles, notes: list[str]) -> Element:
         if name != base:
             robot.append(_joint(name, to_base.then(link.pose), link, joints.get(name), base))
     own = joints.get(base)
-    if own and own[1].axis is not None and own[1].kind != "fixed":  # seen from the base the other link turns
+    if own and own[1].axis is not None and own[1].kind != "fixed":  # relative to the base, the other link turns
         notes.append(f"The joint {own[0]!r} holds the link {base!r}, on which the water acts: taken as fixed.")
     for plugin in model.plugins:
         holder = Element("gazebo")
@@ -151,7 +151,7 @@ def _geometry(geometry: Element, folder: str, files: SdfFiles, notes: list[str],
 
 
 def _joint(link: str, pose: Pose, of: Link, found: tuple[str, Joint] | None, base: str) -> Element:
-    """Return the joint that holds a link at `pose` in the base; its axis is in the axes of the link, as in URDF."""
+    """Return the joint of a link at `pose` relative to the base; its axis is in the axes of the link, as in URDF."""
     name, joint = found or (f"{link}_joint", None)
     kind = joint.kind if joint is not None else "fixed"
     made = Element("joint", name=name, type=kind)

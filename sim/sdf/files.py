@@ -1,8 +1,8 @@
-"""Find and read what an SDF file names: models by `model://`, files beside it. Nothing is fetched from a network.
+"""Find and read files that an SDF file names: models by `model://`, and files beside it. It never uses the network.
 
-A name is looked for, as Gazebo does, in the folders of its environment variables, then as ROS packages are (see
-`sim.vehicle.urdf.ros_packages`), and a model of Gazebo Fuel also where `gz fuel download` has put it. What lies outside
-of those folders and of `_ASCENT` folders above the file is not opened.
+A name is searched in the folders of Gazebo's environment variables, then as ROS packages are (see
+`sim.vehicle.urdf.ros_packages`). A model of Gazebo Fuel is also searched in the folder of `gz fuel download`. Files
+outside of those folders and of `_LEVELS_UP` folders above the file are not opened.
 """
 
 import os
@@ -20,40 +20,40 @@ from sim.vehicle.urdf.text import Element, read_xml
 VARIABLES = (
     "GZ_SIM_RESOURCE_PATH", "IGN_GAZEBO_RESOURCE_PATH", "SDF_PATH", "GAZEBO_MODEL_PATH", "GAZEBO_RESOURCE_PATH",
 )  # fmt: skip
-MOST_FILES = 500  # included ones, all together
-_ASCENT = 2
+MAX_FILES = 500  # included files, in total
+_LEVELS_UP = 2
 _FUEL = re.compile(
     r"https?://(?:app\.|fuel\.)[\w.]+/(?:1\.0/)?([^/]+)/(?:fuel/)?models/([^/]+)(?:/(?:tip|\d+))?(?:/files)?(/.*)?$"
 )
 
 
 class SdfFiles:
-    """The files that the SDF at `path` may name."""
+    """Finds and reads the files that the SDF at `path` names."""
 
     def __init__(self, path: str) -> None:
         self.path = path
         top = os.path.dirname(os.path.realpath(path))
-        for _ in range(_ASCENT):
+        for _ in range(_LEVELS_UP):
             top = os.path.dirname(top)
         shared = [entry for name in VARIABLES for entry in os.environ.get(name, "").split(os.pathsep) if entry]
         self._shared = shared
         self._roots = [os.path.realpath(folder) for folder in (top, *shared)]
-        self._find = cache(self._found)
+        self._find = cache(self._search)
         self._read = cache(self._read_model)
         self._count = 0
 
     def find(self, uri: str, folder: str, is_model: bool = False) -> str | None:
-        """Return the path of a file, or of a model's folder, that a file in `folder` names; None if there is none."""
+        """Return the path of a file, or of a model's folder, that a file in `folder` names; None if it is not found."""
         return self._find(uri.strip(), folder, is_model)
 
     def read_model(self, uri: str, folder: str) -> tuple[Element, str] | None:
-        """Return the root of the SDF file of an included model, and its folder; None if there is none.
+        """Return the root element of an included model's SDF file, and its folder; None if it is not found.
 
         Raises ConfigError if it is no SDF, or if too many are included.
         """
         self._count += 1
-        if self._count > MOST_FILES:
-            raise ConfigError(f"{self.path}: includes more than {MOST_FILES} models")
+        if self._count > MAX_FILES:
+            raise ConfigError(f"{self.path}: includes more than {MAX_FILES} models")
         found = self.find(uri, folder, is_model=True)
         if found is None:
             return None
@@ -63,7 +63,7 @@ class SdfFiles:
     def _read_model(self, file: str) -> Element:
         return read_xml(file, root="sdf")
 
-    def _found(self, uri: str, folder: str, is_model: bool) -> str | None:
+    def _search(self, uri: str, folder: str, is_model: bool) -> str | None:
         for candidate in self._candidates(uri, folder):
             real = os.path.realpath(candidate)
             if os.path.isdir(real) if is_model else os.path.isfile(real):
@@ -74,7 +74,7 @@ class SdfFiles:
         return None
 
     def _candidates(self, uri: str, folder: str) -> Iterator[str]:
-        """Yield where what `uri` names may be, the likeliest first."""
+        """Yield the paths that `uri` may mean, the likeliest first."""
         fuel = _FUEL.match(uri)
         scheme, separator, rest = uri.partition("://")
         if fuel:
@@ -82,7 +82,7 @@ class SdfFiles:
         elif separator and scheme in ("model", "package"):
             yield from self._of_package(unquote(rest))
         elif separator and scheme != "file":
-            return  # of a network
+            return  # a network address
         else:
             yield from self._allowed(os.path.join(folder, unquote(rest if separator else uri)))
             for top in self._shared:
@@ -112,7 +112,7 @@ class SdfFiles:
 
 
 def _inside(folder: str, inside: str) -> Iterator[str]:
-    """Yield the path of `inside` in `folder`, unless it leads out of it."""
+    """Yield the path of `inside` in `folder`, unless it is outside of the folder."""
     path = os.path.join(folder, inside)
     top = os.path.realpath(folder)
     if os.path.commonpath([top, os.path.realpath(path)]) == top:
@@ -128,7 +128,7 @@ def _has_model(folder: str) -> bool:
 
 
 def _model_file(folder: str) -> str:
-    """Return the SDF file of a model's folder: what its model.config names for the newest version, or model.sdf."""
+    """Return the SDF file of a model's folder: that of the newest version in its model.config, or model.sdf."""
     config = os.path.join(folder, "model.config")
     if os.path.isfile(config):
         text = read_bytes(config).decode("utf-8", "replace")

@@ -1,4 +1,4 @@
-"""A model of SDF with all that is included or nested in it: links, joints and plugins in one frame."""
+"""Read a model of SDF with all included and nested models: links, joints and plugins in one frame."""
 
 from typing import NamedTuple
 
@@ -8,13 +8,13 @@ from sim.sdf.poses import MODEL, own_pose, relative_to, resolve
 from sim.vehicle.urdf.pose import Pose
 from sim.vehicle.urdf.text import Element, attribute, numbers_of
 
-_DEEPEST = 8  # models in each other
+_MAX_DEPTH = 8  # of nested models
 _SEPARATOR = "::"
 _NAMES = ("link_name", "linkName", "joint_name", "jointName", "control_joint_name")  # tags of plugins that name a part
 
 
 class Link(NamedTuple):
-    """A link: its pose in the model's frame, its element, and the folder of the file that it is in."""
+    """A link: its pose in the model's frame, its element, and the folder of its file."""
 
     pose: Pose
     element: Element
@@ -22,7 +22,7 @@ class Link(NamedTuple):
 
 
 class Joint(NamedTuple):
-    """A joint of two links; `axis` is a unit vector in the model's frame, None where it has none."""
+    """A joint of two links; `axis` is a unit vector in the model's frame, None if it has no axis."""
 
     kind: str
     parent: str
@@ -32,7 +32,10 @@ class Joint(NamedTuple):
 
 
 class Model(NamedTuple):
-    """A model in its own frame. `pose` is where that is in what it stands in. Names inside others are `OTHER::NAME`."""
+    """A model in its own frame; `pose` is relative to the world or the outer model.
+
+    Names of links and joints in nested models are `MODEL::NAME`.
+    """
 
     name: str
     pose: Pose
@@ -44,23 +47,23 @@ class Model(NamedTuple):
 
 
 class _Scope:
-    """The part of one model element that has been read so far."""
+    """The frames and nested models of one model element, as far as it has been read."""
 
     def __init__(self) -> None:
         self.frames: dict[str, tuple[str, Pose]] = {}
-        self.nested: list[tuple[str, Model]] = []  # the prefix of its names, and what it is
+        self.nested: list[tuple[str, Model]] = []  # the prefix of a nested model's names, and the model
 
 
 def read_model(
     element: Element, folder: str, files: SdfFiles, notes: list[str], depth: int = 0, version: str = "1.12"
 ) -> Model:
-    """Return the model of a `<model>` in a file of `folder`; `notes` takes what cannot be read. Raises ConfigError."""
+    """Return the model of a `<model>` in a file of `folder`; `notes` gets what cannot be read. Raises ConfigError."""
     path = files.path
-    if depth > _DEEPEST:
-        raise ConfigError(f"{path}: models in each other, more than {_DEEPEST} deep")
+    if depth > _MAX_DEPTH:
+        raise ConfigError(f"{path}: models in each other, more than {_MAX_DEPTH} deep")
     scope = _Scope()
     for child in element:
-        _enter(child, scope, folder, files, notes, depth, version)
+        _read_child(child, scope, folder, files, notes, depth, version)
     links: dict[str, Link] = {}
     joints: dict[str, Joint] = {}
     plugins: list[Element] = []
@@ -72,7 +75,7 @@ def read_model(
     for child in element.findall("link"):
         name = child.get("name", "")
         pose = resolve(name, scope.frames, path)
-        _settle(child, name, pose, scope, path)
+        _make_poses_local(child, name, pose, scope, path)
         links[name] = Link(pose, child, folder)
     for child in element.findall("joint"):
         joints[child.get("name", "")] = _joint(child, scope, path, version)
@@ -86,14 +89,14 @@ def read_model(
 
 
 def models_of(parent: Element, folder: str, files: SdfFiles, notes: list[str], version: str) -> list[Model]:
-    """Return the models at the top of a world or a file, then the included ones. Raises ConfigError."""
+    """Return the top-level models of a world or a file, then the included ones. Raises ConfigError."""
     own = [read_model(child, folder, files, notes, 0, version) for child in parent.findall("model")]
     others = [_included(child, folder, files, notes) for child in parent.findall("include")]
     return own + [model for model in others if model is not None]
 
 
 def _included(include: Element, folder: str, files: SdfFiles, notes: list[str], depth: int = 0) -> Model | None:
-    """Return the model of an `<include>`, with the name, pose and plugins that the include gives it; None without."""
+    """Return the model of an `<include>`, with the name, pose and plugins of the include; None if it is not found."""
     uri = (include.findtext("uri") or "").strip()
     read = files.read_model(uri, folder) if uri else None
     if read is None:
@@ -128,10 +131,10 @@ def _included(include: Element, folder: str, files: SdfFiles, notes: list[str], 
     return model
 
 
-def _enter(
+def _read_child(
     child: Element, scope: _Scope, folder: str, files: SdfFiles, notes: list[str], depth: int, version: str
 ) -> None:
-    """Read the frame of a child of a model, and all of a model in it."""
+    """Read the frame of a child element of a model into `scope`; read a nested or included model completely."""
     name, path = child.get("name", ""), files.path
     if child.tag == "link":
         scope.frames[name] = relative_to(child, MODEL), own_pose(child, path)
@@ -157,8 +160,8 @@ def _nest(model: Model, prefix: str, frame: str, scope: _Scope) -> None:
     scope.nested.append((prefix, model))
 
 
-def _settle(link: Element, name: str, pose: Pose, scope: _Scope, path: str) -> None:
-    """Write the poses within a link that are relative to other frames as poses in the link."""
+def _make_poses_local(link: Element, name: str, pose: Pose, scope: _Scope, path: str) -> None:
+    """Convert poses in a link that are relative to other frames to poses relative to the link."""
     for part in link:
         frame = relative_to(part, name)
         pose_element = part.find("pose")
@@ -188,12 +191,12 @@ def _joint(joint: Element, scope: _Scope, path: str, version: str) -> Joint:
 
 
 def _is_old(version: str) -> bool:
-    """Return True for SDF before 1.5, in which the axis of a joint is in the model's axes."""
+    """Return True for SDF before 1.5, where the axis of a joint is given in the model's axes."""
     return [int(part) for part in version.split(".") if part.isdecimal()] < [1, 5]
 
 
 def _part(joint: Element, side: str) -> str:
-    """Return the link at one side of a joint, by SDF's way to write it or, in old files, by URDF's."""
+    """Return the link at one side of a joint, in SDF's notation or, in old files, in URDF's."""
     return (joint.findtext(side) or "").strip() or attribute(joint, side, "link")
 
 
@@ -204,7 +207,7 @@ def _moved(joint: Joint, base: Pose, prefix: str) -> Joint:
 
 
 def _renamed(plugin: Element, prefix: str, inner: Model) -> Element:
-    """Return a plugin of a nested model with the names that its links and joints have outside."""
+    """Return a plugin of a nested model with the names that links and joints have in the outer model."""
     for name in _NAMES:
         for part in plugin.findall(name):
             text = (part.text or "").strip()

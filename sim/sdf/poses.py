@@ -1,4 +1,4 @@
-"""Poses of SDF: a `<pose>` in its three notations, and the frames that poses are relative to."""
+"""Poses of SDF: a `<pose>` in its three notations, and the frames to which poses are relative."""
 
 from collections.abc import Mapping
 from math import radians
@@ -8,14 +8,14 @@ from sim.vehicle.urdf.pose import Pose, pose_at, pose_with
 from sim.vehicle.urdf.text import Element, numbers_of
 
 MODEL = "__model__"
-_MOST_STEPS = 100  # from frame to frame
-Frames = Mapping[str, tuple[str, Pose]]  # name -> the frame that it is placed in, and its pose there
+_MAX_STEPS = 100  # from frame to frame
+Frames = Mapping[str, tuple[str, Pose]]  # name -> its parent frame, and its pose relative to that
 
 
 def own_pose(element: Element | None, path: str) -> Pose:
     """Return the `<pose>` of an element as it is written: six numbers, or three and a quaternion (x, y, z, w).
 
-    The identity where there is none. Raises ConfigError.
+    The identity if there is none. Raises ConfigError.
     """
     pose = element.find("pose") if element is not None else None
     if pose is None or not (pose.text or "").strip():
@@ -38,9 +38,9 @@ def relative_to(element: Element, default: str) -> str:
 
 
 def resolve(name: str, frames: Frames, path: str) -> Pose:
-    """Return the pose of a frame in its model's. Raises ConfigError for one that is not there or goes in a circle."""
+    """Return the pose of a frame in the model's frame. Raises ConfigError if it is missing or relative to itself."""
     pose, start = Pose(), name
-    for _ in range(_MOST_STEPS):
+    for _ in range(_MAX_STEPS):
         if name in (MODEL, ""):
             return pose
         if name not in frames:

@@ -189,7 +189,7 @@ def world_file() -> str:
         Section("Cylinder", obstacles.Cylinder, "Each `[[cylinder]]` is a pile."),
         Section("Box", obstacles.Box, "Each `[[box]]` is a block."),
         Section("mesh", mesh.MeshKeys, "Each `[[mesh]]` is a file: OBJ, STL, DAE, GLB, PLY or OFF."),
-        Section("shape", shapes.Placing, "Each `[[shape]]` is one of a small library. These keys are every shape's."),
+        Section("shape", shapes.ShapeKeys, "Each `[[shape]]` is one of a small library. These keys are every shape's."),
         *[Section(f"shape {kind}", record, f"More keys of `kind = \"{kind}\"` in `[[shape]]`.")
           for kind, record in shapes.KINDS.items()],
         Section("pipeline", pipelines.Pipeline, "Each `[[pipeline]]` follows the seabed along a line."),

@@ -1,5 +1,4 @@
-"""Water as a column of layers: density, pressure, the speed of sound, rays of sound, absorption, and casts of a CTD.
+"""Sea water in layers: density, pressure, speed of sound, sound rays, absorption, and casts of a CTD.
 
-Public: `WaterColumn`, `SoundRays`, `read_cast`, `francois_garrison`. It must not know the world, nor the sensors and
-modems that the sound comes to.
+Public: `WaterColumn`, `SoundRays`, `read_cast`, `francois_garrison`. It must not use the world, sensors or modems.
 """

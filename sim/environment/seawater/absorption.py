@@ -4,15 +4,15 @@
 def francois_garrison(
     frequency: float, temperature: float = 10.0, salinity: float = 35.0, depth: float = 10.0, acidity: float = 8.0
 ) -> float:
-    """Return dB/m at a frequency (Hz) in water of a temperature (deg C), salinity (PSU), depth (m) and pH.
+    """Return the absorption (dB/m) at a frequency (Hz), temperature (deg C), salinity (PSU), depth (m) and pH.
 
-    Francois & Garrison 1982 (J. Acoust. Soc. Am. 72(6):1879): boric acid, magnesium sulphate, and water itself; 5 %
-    off at most between 10 and 500 kHz, and above that water alone matters. Fresh water is salinity 0.
+    Francois & Garrison 1982 (J. Acoust. Soc. Am. 72(6):1879): boric acid, magnesium sulphate, and water itself. The
+    error is at most 5 % between 10 and 500 kHz; above that only the water matters. Fresh water has salinity 0.
     """
     f, t, s = frequency * 1e-3, temperature, salinity
     speed = 1412.0 + 3.21 * t + 1.19 * s + 0.0167 * depth
     kelvin = 273.0 + t
-    boric = 2.8 * (s / 35.0) ** 0.5 * 10.0 ** (4.0 - 1245.0 / kelvin)  # kHz, where it relaxes
+    boric = 2.8 * (s / 35.0) ** 0.5 * 10.0 ** (4.0 - 1245.0 / kelvin)  # relaxation frequency, kHz
     magnesium = 8.17 * 10.0 ** (8.0 - 1990.0 / kelvin) / (1.0 + 0.0018 * (s - 35.0))
     if t <= 20.0:
         water = 4.937e-4 - 2.59e-5 * t + 9.11e-7 * t**2 - 1.50e-8 * t**3

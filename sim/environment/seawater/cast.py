@@ -1,13 +1,13 @@
-"""Read a cast: temperature and salinity of the water by depth in a CSV, as a CTD writes them.
+"""Read a CTD cast: temperature and salinity of the water over depth, in a CSV file.
 
 depth,temperature,salinity
 0.5,14.2,30.1
 10.0,12.8,31.4
 
-The first line names the columns, in any order, with others among them: `depth` (m) or `pressure` (dbar, of the water),
-`temperature` (deg C, ITS-90) and `salinity` (practical), or instead of these `sound_speed` (m/s) and `density` (kg/m³).
-Units after the name, as `depth (m)`, are not read. Lines that begin with # are left out. What is made of temperature
-and salinity is by TEOS-10 (gsw), and is cached, so that a slave's next start needs no library for it.
+The first line names the columns, in any order; other columns are ignored. Needed are `depth` (m) or `pressure` (dbar,
+of the water), and `temperature` (deg C, ITS-90) with `salinity` (practical), or instead of these `sound_speed` (m/s)
+with `density` (kg/m³). Units after a name, as in `depth (m)`, are ignored, as are lines that begin with #. Density and
+speed of sound are computed by TEOS-10 (gsw) and cached, so that a slave's next start does not need that library.
 """
 
 import csv
@@ -19,16 +19,16 @@ from typing import Any, NamedTuple
 from hil.common.errors import ConfigError, MissingExtraError
 from hil.common.tables import check_file, read_bytes, read_cached, write_cached
 
-Place = tuple[float, float]
+Origin = tuple[float, float]  # latitude and longitude, deg
 
-MOST_ROWS = 60  # of a profile: more are averaged, as every ray goes through all of them
-MOST_BYTES = 16 << 20
+MAX_ROWS = 60  # of a profile: more are averaged, because every sound ray passes all of them
+MAX_BYTES = 16 << 20
 _NAMES = {
     "depth": "depth", "depsm": "depth", "pressure": "pressure", "pres": "pressure", "prdm": "pressure",
     "temperature": "temperature", "temp": "temperature", "t090c": "temperature", "salinity": "salinity",
     "sal": "salinity", "sal00": "salinity", "sound_speed": "sound_speed", "density": "density",
 }  # fmt: skip
-_LATITUDE = 45.0  # deg, of a world without an origin: for the water's weight
+_LATITUDE = 45.0  # deg, for a world without an origin: gravity depends on it
 
 Columns = dict[str, list[float]]
 
@@ -39,13 +39,13 @@ class _Water(NamedTuple):
     sound_speed: list[float]
 
 
-def read_cast(path: str, origin: Place | None) -> dict[str, Any]:
-    """Return depth (m), density (kg/m³) and sound_speed (m/s) of the cast in a file, each a growing list of rows.
+def read_cast(path: str, origin: Origin | None) -> dict[str, Any]:
+    """Return lists of depth (m), density (kg/m³) and sound_speed (m/s) of the cast in a file, by growing depth.
 
-    `origin`: latitude and longitude (deg) of the world, which salinity depends on a little. Raises ConfigError,
-    MissingExtraError.
+    `origin` is the latitude and longitude (deg) of the world, which has a small effect on the salinity. Raises
+    ConfigError, MissingExtraError.
     """
-    stamp = (*check_file(path, MOST_BYTES), origin)
+    stamp = (*check_file(path, MAX_BYTES), origin)
     made: dict[str, Any] | None = read_cached(f"{path}.profile", stamp)
     if made is None:
         columns = _thinned(_read(path))
@@ -56,9 +56,9 @@ def read_cast(path: str, origin: Place | None) -> dict[str, Any]:
 
 
 def _read(path: str) -> Columns:
-    """Return the columns that are known by name. Raises ConfigError."""
+    """Return the columns with known names. Raises ConfigError."""
     try:
-        text = read_bytes(path, MOST_BYTES).decode("utf-8-sig")
+        text = read_bytes(path, MAX_BYTES).decode("utf-8-sig")
     except UnicodeDecodeError:
         raise ConfigError(f"{path}: is not UTF-8 text; save it as UTF-8") from None
     lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
@@ -84,19 +84,19 @@ def _read(path: str) -> Columns:
 
 
 def _thinned(columns: Columns) -> Columns:
-    """Return rows of growing depth; if there are more than MOST_ROWS, the means in so many bins."""
+    """Return rows of growing depth; if there are more than MAX_ROWS, the means in MAX_ROWS bins."""
     along = columns.get("depth") or columns["pressure"]
     low, high = min(along), max(along)
-    size = (high - low) / MOST_ROWS if len(along) > MOST_ROWS else 0.0
+    size = (high - low) / MAX_ROWS if len(along) > MAX_ROWS else 0.0
     bins: dict[float, list[int]] = {}
     for k, value in enumerate(along):
-        bins.setdefault(min(int((value - low) / size), MOST_ROWS - 1) if size else value, []).append(k)
+        bins.setdefault(min(int((value - low) / size), MAX_ROWS - 1) if size else value, []).append(k)
     groups = [bins[key] for key in sorted(bins)]
     return {name: [sum(values[k] for k in group) / len(group) for group in groups] for name, values in columns.items()}
 
 
 def _given(columns: Columns, path: str) -> _Water:
-    """Return the contents of the file. Raises ConfigError."""
+    """Return density and speed of sound as the file gives them. Raises ConfigError."""
     missing = [name for name in ("depth", "density", "sound_speed") if name not in columns]
     if missing:
         raise ConfigError(
@@ -106,7 +106,7 @@ def _given(columns: Columns, path: str) -> _Water:
     return _Water(columns["depth"], columns["density"], columns["sound_speed"])
 
 
-def _by_teos10(columns: Columns, origin: Place | None, path: str) -> _Water:
+def _by_teos10(columns: Columns, origin: Origin | None, path: str) -> _Water:
     """Return density and speed of sound of sea water by TEOS-10. Raises ConfigError, MissingExtraError."""
     if "salinity" not in columns:
         raise ConfigError(f"{path}: temperature without a column 'salinity': 0 is fresh water")
@@ -130,7 +130,7 @@ def _by_teos10(columns: Columns, origin: Place | None, path: str) -> _Water:
     salinity = gsw.SR_from_SP(practical)
     if origin is not None:
         here = gsw.SA_from_SP(practical, pressure, longitude, latitude)
-        salinity = np.where(np.isfinite(here), here, salinity)  # of places that its atlas takes for land
+        salinity = np.where(np.isfinite(here), here, salinity)  # not finite where its atlas has land
     conservative = gsw.CT_from_t(salinity, temperature, pressure)
     return _Water(
         _rounded(depth), _rounded(gsw.rho(salinity, conservative, pressure)),

@@ -1,10 +1,10 @@
-"""The way of sound between two places in water whose speed of sound changes with depth: a ray, or a shadow.
+"""The path of sound between two points in water whose speed of sound changes with depth: a ray, or a shadow.
 
-By Snell's law the cosine of a ray's angle to the level, over the speed of sound, is the same all along the ray. Where
-the speed is linear in depth a ray is a piece of a circle, and the distance, time and length of a layer are known in
+By Snell's law the cosine of a ray's angle to the horizontal, divided by the speed of sound, is constant along the ray.
+Where the speed is linear in depth a ray is an arc of a circle, and the distance, time and length in a layer have a
 closed form (Medwin and Clay, Fundamentals of Acoustical Oceanography, 1998, 3.3; Jensen et al., Computational Ocean
-Acoustics, 3.3). Here they are written without differences of nearly equal numbers, so that layers of one speed, level
-rays and steep ones need no cases of their own.
+Acoustics, 3.3). The formulas here avoid differences of nearly equal numbers, so that layers of constant speed, level
+rays and steep rays are no special cases.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -12,16 +12,16 @@ from itertools import pairwise
 from math import asin, atanh, hypot, inf, sqrt
 from typing import NamedTuple
 
-_STEPS = 8  # turning depths that are tried in each layer, between which a ray may lie
-_CLOSE = 1e-10  # of the distance: a ray that ends so near to the place is through it
-_MOST_TURNS = 60  # of a search, which takes five to ten
-_VERTICAL = 1e9  # times the speed of sound: the inverse of Snell's constant of a ray that is as good as upright
+_STEPS = 8  # intervals of turning depths in each layer in which rays are searched
+_TOLERANCE = 1e-10  # of the distance: a ray that ends this near to the point reaches it
+_MAX_ITERATIONS = 60  # of a search, which takes five to ten
+_VERTICAL = 1e9  # times the speed of sound: the inverse of Snell's constant of a ray that counts as vertical
 
 Piece = tuple[float, float, float]  # of a layer: its height (m) and the speeds at its two sides (m/s)
 
 
 class Ray(NamedTuple):
-    """One way of sound: its time (s), its length (m), and the sines of its slope at both ends, downwards positive."""
+    """One path of sound: its time (s), its length (m), and the sines of its slope at both ends, downwards positive."""
 
     time: float
     length: float
@@ -32,8 +32,9 @@ class Ray(NamedTuple):
 class SoundRays:
     """Rays in water with `speeds` (m/s) at growing `depths` (m), linear in between and constant beyond them.
 
-    `bottom` (m) is a level seabed. Of several rays the one without a turning point is used, else the one that arrives
-    first. Not modelled: reflected rays, sound that is scattered or diffracted into a shadow, caustics.
+    `bottom` (m) is the depth of a level seabed. If there are several rays, the one without a turning point is used,
+    else the one that arrives first. Not modelled: reflected rays, sound that is scattered or diffracted into a shadow,
+    caustics.
     """
 
     def __init__(self, depths: Sequence[float], speeds: Sequence[float], bottom: float = inf) -> None:
@@ -41,7 +42,10 @@ class SoundRays:
         self._bottom = bottom
 
     def between(self, level: float, start: float, end: float) -> Ray | None:
-        """Return the ray over `level` m from `start` m of depth to `end` m; None in a shadow."""
+        """Return the ray over a horizontal distance of `level` m from depth `start` to depth `end` (m).
+
+        None if the end is in a shadow.
+        """
         top, low = min(start, end), max(start, end)
         across = list(self._pieces(top, low))
         speeds = [speed for _, *both in across for speed in both]
@@ -58,15 +62,15 @@ class SoundRays:
         return min(turned, default=None)
 
     def _is_even_at(self, depth: float) -> bool:
-        """Return whether the layer above or below has one speed, so that a level ray stays level."""
+        """Return True if the layer above or below has a constant speed, so that a level ray stays level."""
         beyond = [next(self._layers_beyond(depth, down), (0.0, 0.0, 0.0)) for down in (1.0, -1.0)]
         return any(near == far for _, near, far in beyond if near)
 
     def _turning(self, level: float, start: float, end: float, extreme: float, down: float) -> Iterator[Ray]:
-        """Yield rays that go on from the deeper place to a deeper turn and come back, or up with `down` -1."""
+        """Yield rays that turn below the deeper end, or with `down` -1 above the shallower end, at `extreme` m."""
         across = list(self._pieces(min(start, end), max(start, end)))
         fastest = max([speed for _, *both in across for speed in both])
-        beyond: list[Piece] = []  # from `extreme` to where the layer begins that a ray turns in
+        beyond: list[Piece] = []  # layers from `extreme` to that in which the ray turns
         for height, near, far in self._layers_beyond(extreme, down):
             if far > fastest:
                 first = max(0.0, (fastest - near) / (far - near))
@@ -93,14 +97,14 @@ class SoundRays:
             beyond.append((height, near, far))
 
     def _pieces(self, top: float, low: float) -> Iterator[Piece]:
-        """Yield the layers between two depths, from the upper one on; one of no height where they are the same."""
+        """Yield the layers between two depths, downwards; one of height 0 if the depths are equal."""
         inner = [depth for depth, _ in self._rows if top < depth < low]
         bounds = [top, *inner, low]
         for upper, lower in pairwise(bounds):
             yield lower - upper, self._speed(upper), self._speed(lower)
 
     def _layers_beyond(self, depth: float, down: float) -> Iterator[Piece]:
-        """Yield the layers from `depth` on to the bottom, or to the surface."""
+        """Yield the layers from `depth` to the bottom, or with `down` -1 to the surface."""
         if down > 0.0:
             yield from self._pieces(depth, max(depth, min(self._bottom, max(depth, self._rows[-1][0]))))
         elif depth > 0.0:
@@ -117,14 +121,14 @@ class SoundRays:
 
 
 def _direct(level: float, across: Sequence[Piece]) -> float | None:
-    """Return the vertex speed (m/s, the inverse of Snell's constant) of the ray that does not turn; None without one.
+    """Return the vertex speed (m/s, the inverse of Snell's constant) of the ray without a turning point, or None.
 
-    Solved for the slope where sound is fastest: height over distance is then nearly linear in it.
+    The unknown is the slope where sound is fastest, because height over distance is nearly linear in it.
     """
     height, fastest = sum([piece[0] for piece in across]), max([max(piece[1:]) for piece in across])
     if height == 0.0:
         return None
-    if level < _CLOSE * height:
+    if level < _TOLERANCE * height:
         return _VERTICAL * fastest
 
     def vertex(slope: float) -> float:
@@ -142,41 +146,41 @@ def _direct(level: float, across: Sequence[Piece]) -> float | None:
 
 
 def _root(miss: Callable[[float], float], ends: Sequence[float], values: Sequence[float], scale: float) -> float:
-    """Return where `miss` is 0 between two `ends` at which it has `values` of unlike signs: by the Illinois rule."""
+    """Return the root of `miss` between two `ends`, where its `values` have different signs, by the Illinois method."""
     (low, high), (at_low, at_high) = ends, values
     side = 0
-    for _ in range(_MOST_TURNS):
+    for _ in range(_MAX_ITERATIONS):
         if at_low == at_high:
             break
-        place = (low * at_high - high * at_low) / (at_high - at_low)
-        found = miss(place)
-        if abs(found) <= _CLOSE * scale:
-            return place
-        if (found > 0.0) == (at_high > 0.0):
-            high, at_high = place, found
+        estimate = (low * at_high - high * at_low) / (at_high - at_low)
+        value = miss(estimate)
+        if abs(value) <= _TOLERANCE * scale:
+            return estimate
+        if (value > 0.0) == (at_high > 0.0):
+            high, at_high = estimate, value
             at_low = 0.5 * at_low if side > 0 else at_low
             side = 1
         else:
-            low, at_low = place, found
+            low, at_low = estimate, value
             at_high = 0.5 * at_high if side < 0 else at_high
             side = -1
     return low if abs(at_low) < abs(at_high) else high
 
 
 def _sine(speed: float, vertex: float) -> float:
-    """Return the sine of a ray's slope where sound has a speed."""
+    """Return the sine of a ray's slope where the speed of sound is `speed` (m/s)."""
     return sqrt(max(0.0, (vertex - speed) * (vertex + speed))) / vertex
 
 
 def _sums(pieces: Sequence[Piece], vertex: float) -> tuple[float, float, float]:
-    """Return the level distance (m), the time (s) and the length (m) of the ray with a vertex speed through layers."""
+    """Return horizontal distance (m), time (s) and length (m) of the ray with a vertex speed through layers."""
     level = time = length = 0.0
     constant = 1.0 / vertex
     for height, near, far in pieces:
         if height == 0.0:
             continue
         a, b, both = _sine(near, vertex), _sine(far, vertex), near + far
-        if a + b == 0.0:  # level in a layer of one speed: it never leaves it
+        if a + b == 0.0:  # a level ray in a layer of constant speed never leaves it
             return inf, inf, inf
         gradient = (far - near) / height
         level += constant * both * height / (a + b)
@@ -188,5 +192,5 @@ def _sums(pieces: Sequence[Piece], vertex: float) -> tuple[float, float, float]:
 
 
 def _over(x: float, function: Callable[[float], float]) -> float:
-    """Return function(x) / x, 1 at 0, for an odd function of slope 1 there; rounding may put x just beyond 1."""
+    """Return function(x) / x, 1 at 0, for an odd function with slope 1 there; x is limited to ±1 against rounding."""
     return function(min(max(x, -1.0), 1.0)) / x if x else 1.0

@@ -1,4 +1,4 @@
-"""The water as a column of layers: density, speed of sound and pressure by depth."""
+"""Density, speed of sound and pressure of the water over depth."""
 
 from bisect import bisect_right
 from typing import TYPE_CHECKING
@@ -9,18 +9,18 @@ from sim.interpolation import PiecewiseLinear
 if TYPE_CHECKING:
     from sim.environment.seawater.sound_rays import SoundRays
 
-SOUND_SPEED = 1500.0  # m/s, where a profile does not give it
+SOUND_SPEED = 1500.0  # m/s, if a profile does not give it
 
 
 class WaterColumn:
-    """Density, speed of sound and pressure by depth, from the rows of a profile, under `gravity` m/s².
+    """Density, speed of sound and pressure over depth, from the rows of a profile, under `gravity` m/s².
 
-    What a hull's lift makes of it is in sim/environment/stratification.py.
+    The buoyancy of a hull in it is computed by sim/environment/stratification.py.
     """
 
     def __init__(self, profile: Profile, gravity: float) -> None:
         depths, densities = list(profile.depth), list(profile.density)
-        if depths[0] > 0.0:  # the first row holds up to the surface
+        if depths[0] > 0.0:  # the first row is valid up to the surface
             depths.insert(0, 0.0)
             densities.insert(0, densities[0])
         self._density = PiecewiseLinear(depths, densities)
@@ -41,7 +41,7 @@ class WaterColumn:
         return self._sound(depth)[0]
 
     def rays(self, bottom: float) -> "SoundRays | None":
-        """Return the rays of sound over a bed at `bottom` m; None where sound has one speed, and they are straight."""
+        """Return the sound rays over a seabed at `bottom` m; None if the speed is constant and rays are straight."""
         depths, speeds = self._speeds
         if not speeds or min(speeds) == max(speeds):
             return None
@@ -50,7 +50,7 @@ class WaterColumn:
         return SoundRays(depths, speeds, bottom)
 
     def pressure(self, depth: float) -> float:
-        """Return Pa above the air's at `depth` m: the weight of the water on top, exactly; 0 in the air."""
+        """Return the pressure (Pa) above air pressure at `depth` m: exactly the weight of the water above; 0 in air."""
         if depth <= 0.0:
             return 0.0
         row = min(bisect_right(self._depths, depth), len(self._pressures)) - 1

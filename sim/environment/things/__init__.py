@@ -1,5 +1,5 @@
-"""Things in a world that a file describes in few words: shapes made by rule, pipelines, kinds of seabed, zones.
+"""Objects that a world's file describes by parameters: generated shapes, pipelines, materials of the seabed, zones.
 
-Public: `read_shapes`, `read_pipelines`, `read_bottom`, `read_zones` and the records they return. It must not know the
-world that they are in, nor the rays and sensors that meet them.
+Public: `read_shapes`, `read_pipelines`, `read_bottom_map`, `read_zones` and the records they return. It must not use
+the world that contains them, nor rays and sensors.
 """

@@ -1,4 +1,4 @@
-"""A map of the seabed's material for sonars and cameras: `[bottom_map]` of a world's file, as charts have it.
+"""A map of the seabed's material for sonars and cameras: the `[bottom_map]` of a world made from a chart.
 
 [bottom_map]
 file = "bay.bottom"            # beside the world's file: a byte a node, row after row from the south-west
@@ -8,10 +8,10 @@ resolution = 20.0
 rows = 21
 columns = 16
 
-A byte is the number that S-57 gives the nature of a surface (attribute 113, NATSUR), 0 where nothing is known: there
-the seabed is that of `[bottom]`. Between four nodes the kind counts that has most of a bilinear weight, more or less
-by place (`_RAGGED`), so that a border is neither a step of a node nor a straight line. The file is mapped when a sonar
-or a camera looks; sim.environment.things.natures has what they see.
+A byte is the number of a material in S-57 (attribute 113, NATSUR, nature of surface), or 0 where it is unknown: there
+the seabed is that of `[bottom]`. Between four nodes the material with the largest bilinear weight is used. The weights
+vary with the position (`_RAGGED`), so that a border is neither stepped at nodes nor a straight line. The file is
+memory-mapped when a sonar or a camera first needs it. sim.environment.things.natures has the materials' properties.
 """
 
 import os
@@ -60,7 +60,7 @@ class BottomMap:
         self._mapped: mmap | None = None
 
     def code(self, north: float, east: float) -> int:
-        """Return S-57's number of the kind at a place (m), 0: unknown."""
+        """Return S-57's number of the material at a position (m), 0 if unknown."""
         keys = self.keys
         x, y = (north - keys.north_min) / keys.resolution, (east - keys.east_min) / keys.resolution
         if not (-0.5 <= x < keys.rows - 0.5 and -0.5 <= y < keys.columns - 0.5):
@@ -80,7 +80,7 @@ class BottomMap:
         return max(scores, key=lambda code: scores[code] + _lean(code) * ragged)
 
     def codes(self, north: Any, east: Any) -> "Codes":
-        """Return S-57's number of the kind at places (m, arrays of one shape), 0: unknown."""
+        """Return S-57's numbers of the material at positions (m, arrays of one shape), 0 if unknown."""
         import numpy as np
 
         keys, grid = self.keys, self.grid()
@@ -104,33 +104,33 @@ class BottomMap:
         return found
 
     def echoes(self, north: Any, east: Any, bottom: Bottom | None) -> "Floats":
-        """Return `echo_ratios` at places (m, arrays of one shape)."""
+        """Return `echo_ratios` at positions (m, arrays of one shape)."""
         import numpy as np
 
         ratios: Floats = np.array(echo_ratios(bottom), np.float32)
         return ratios[self.codes(north, east)]
 
-    def looks(self, north: Any, east: Any, usual: Any) -> "tuple[Floats, Floats]":
-        """Return the colours (n x 3) at n places, `usual` where none is known, and how strong the texture is."""
+    def appearances(self, north: Any, east: Any, default: Any) -> "tuple[Floats, Floats]":
+        """Return the colours (n x 3) at n positions, `default` where unknown, and the strengths of texture (n)."""
         import numpy as np
 
         from sim.environment.things.natures import NATURES
 
-        colours, textures = np.full((_CODES, 3), usual, np.float32), np.ones(_CODES, np.float32)
+        colours, textures = np.full((_CODES, 3), default, np.float32), np.ones(_CODES, np.float32)
         for nature in NATURES.values():
             colours[nature.code], textures[nature.code] = nature.colour, nature.texture
         codes = self.codes(north, east)
         return colours[codes], textures[codes]
 
     def grid(self) -> "Codes":
-        """Return the numbers at the nodes, rows x columns, mapped."""
+        """Return the numbers at the nodes, rows x columns, as a view of the mapped file."""
         import numpy as np
 
         return np.frombuffer(self._bytes(), np.uint8).reshape(self.keys.rows, self.keys.columns)
 
     def _bytes(self) -> "mmap":
         if self._mapped is None:
-            from mmap import ACCESS_READ, mmap  # at the first use, not while a vehicle starts
+            from mmap import ACCESS_READ, mmap  # imported at the first use, to start faster
 
             with open(self.path, "rb") as file:
                 self._mapped = mmap(file.fileno(), 0, access=ACCESS_READ)
@@ -179,13 +179,13 @@ def _lean(code: int) -> float:
 
 
 def echo_ratios(bottom: Bottom | None) -> list[float]:
-    """Return by S-57's number how many times stronger than of a world's `bottom` (None: sand) the echo of a kind is."""
+    """Return the echo of each material, by its number in S-57, relative to that of a world's `bottom` (None: sand)."""
     from sim.environment.things.natures import NATURES
 
-    usual = PROPERTIES[bottom.kind].echo if bottom else 0.0
+    reference = PROPERTIES[bottom.kind].echo if bottom else 0.0
     ratios = [1.0] * _CODES
     for nature in NATURES.values():
-        ratios[nature.code] = 10.0 ** (0.1 * (nature.echo - usual))
+        ratios[nature.code] = 10.0 ** (0.1 * (nature.echo - reference))
     return ratios
 
 
@@ -196,7 +196,7 @@ def read_bottom_map(section: Any, path: str) -> BottomMap:
     keys = parse(section, BottomMapKeys, f"{path}: bottom_map")
     file = os.path.join(os.path.dirname(path), keys.file)
     check_file(file, sys.maxsize)
-    size, wanted = os.path.getsize(file), keys.rows * keys.columns
-    if size != wanted:
-        raise ConfigError(f"{file}: {size} bytes, but {keys.rows} x {keys.columns} are {wanted}")
+    size, expected = os.path.getsize(file), keys.rows * keys.columns
+    if size != expected:
+        raise ConfigError(f"{file}: {size} bytes, but {keys.rows} x {keys.columns} are {expected}")
     return BottomMap(keys, file)

@@ -1,7 +1,7 @@
-"""The materials of seabeds in charts: numbers of S-57's NATSUR, and what sonars and cameras make of each.
+"""The materials of seabeds in charts: their numbers in S-57 (NATSUR), and their echo, colour and texture.
 
-Echoes are those of sim.environment.bottom for its kinds, those of others lie between them; colours and textures are
-ours.
+Echoes of the kinds in sim.environment.bottom are those given there; the echoes of other kinds lie between them. Colours
+and textures are our choice.
 """
 
 from typing import NamedTuple
@@ -10,7 +10,7 @@ from sim.environment.bottom import PROPERTIES
 
 
 class Nature(NamedTuple):
-    """One kind of seabed: its number in S-57, echo in dB above sand's, colour, and how strong its texture is."""
+    """One kind of seabed: its number in S-57, its echo (dB relative to sand), colour, and strength of texture."""
 
     code: int
     echo: float

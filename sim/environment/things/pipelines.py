@@ -4,10 +4,10 @@
 name = "outfall"
 points = [[-40.0, 0.0], [0.0, 10.0], [60.0, 10.0]]   # north and east of its bends
 diameter = 0.8
-height = -0.2                  # a quarter of it is in the bed
+height = -0.2                  # a quarter of it is in the seabed
 
-Each follows the bed below the straight lines between its points, bend by bend of the grid. Only what is near is looked
-at, so that a cable of 100 km costs no more than one of 100 m.
+Each follows the seabed below the straight lines between its points, node by node of the grid. Only parts near a point
+of interest are computed, so that a cable of 100 km costs no more than one of 100 m.
 """
 
 from collections.abc import Callable, Iterator
@@ -28,8 +28,9 @@ Piece = tuple[Vector3, Vector3]
 class Pipeline(NamedTuple):
     """A pipeline or cable: the `points` (north, east) of its line, its outer `diameter`, and where it lies.
 
-    `height` is how far its lower side is above the bed: below 0 it is buried by so much, and seen as far as it comes
-    out. `colour` and `echo` as of a `[[mesh]]`; what is `hidden` is on no planner's map; `name` is for reports.
+    `height` is the height of its lower side above the seabed; a negative value means that it is buried by that much,
+    and visible as far as it is above the seabed. `colour` and `echo` are as for a `[[mesh]]`. If `hidden` it is not on
+    any planner's map; `name` is for reports.
     """
 
     points: tuple[tuple[Coordinate, Coordinate], ...]
@@ -53,21 +54,21 @@ class Pipeline(NamedTuple):
 
     @property
     def top(self) -> float:
-        """The depth (m) above which it surely is not; its own changes with the bed."""
+        """A depth (m) above which it never is; its actual depth follows the seabed."""
         return -100.0
 
     @property
     def bottom(self) -> float:
-        """The depth (m) below which it surely is not."""
+        """A depth (m) below which it never is."""
         return inf
 
     @property
     def is_buried(self) -> bool:
-        """True if all of it is in the bed."""
+        """True if it is completely in the seabed."""
         return self.height + self.diameter <= 0.0
 
     def separation(self, north: float, east: float) -> Separation:
-        """Return the distance (m) from its side as seen from above, and the direction away from its axis."""
+        """Return the horizontal distance (m) from its side, and the direction away from its axis."""
         best = (inf, 1.0, 0.0)
         for (from_north, from_east), (to_north, to_east) in pairwise(self.points):
             x, y = off_line(north, east, from_north, from_east, to_north, to_east)
@@ -79,21 +80,21 @@ class Pipeline(NamedTuple):
     def stretches(
         self, seabed: Seabed, spacing: float, north: float, east: float, within: float
     ) -> "Iterator[Stretch]":
-        """Yield the straight parts of its line that come within `within` m of a place, seen from above."""
+        """Yield the straight parts of its line within a horizontal distance of `within` m from a position."""
         for start, end in pairwise(self.points):
             part = self._replace(points=(start, end))
             near = part.pieces(seabed, spacing, north, east, within + 0.5 * self.diameter)
             depths = [place[2] for piece in near for place in piece]
-            if depths:  # the ends of its pieces reach up by less than a diameter
+            if depths:  # the ends of inclined pieces are higher by less than a diameter
                 yield Stretch(part, min(depths) - self.diameter)
 
     def pieces(
         self, seabed: Seabed, spacing: float, north: float = 0.0, east: float = 0.0, within: float = inf
     ) -> Iterator[Piece]:
-        """Yield the pieces of its axis (NED, m) that come within `within` m of a place, seen from above.
+        """Yield the pieces of its axis (NED, m) within a horizontal distance of `within` m from a position.
 
-        They go from node to node, every `spacing` m or a little less of its line. What is on land or where no bed is
-        known is left out.
+        They go from node to node, every `spacing` m of its line or a little less. Pieces on land and pieces without
+        data of the seabed are left out.
         """
         above = self.height + 0.5 * self.diameter
         for start, end in pairwise(self.points):
@@ -122,21 +123,21 @@ class Pipeline(NamedTuple):
         return sum(hypot(b[0] - a[0], b[1] - a[1]) for a, b in pairwise(self.points))
 
     def drawn(self, seabed: Seabed, spacing: float, most: int = 2000) -> Iterator[Piece]:
-        """Yield all of its pieces, no more than about `most` of them, for pictures."""
+        """Yield all of its pieces, at most about `most` of them, for plots."""
         return self.pieces(seabed, max(spacing, self.length / most))
 
     def route(self, seabed: Seabed, step: float, altitude: float = 0.0) -> list[Vector3]:
-        """Return places (NED, m) to follow it: about every `step` m, `altitude` m above its axis. None on land."""
-        places = [place for pair in self.pieces(seabed, step) for place in pair]
-        new = [place for k, place in enumerate(places) if not k or place != places[k - 1]]
-        return [(north, east, down - altitude) for north, east, down in new]
+        """Return points (NED, m) along it about every `step` m, `altitude` m above its axis; none on land."""
+        points = [point for pair in self.pieces(seabed, step) for point in pair]
+        distinct = [point for k, point in enumerate(points) if not k or point != points[k - 1]]
+        return [(north, east, down - altitude) for north, east, down in distinct]
 
     def distance(
         self, seabed: Seabed, spacing: float, north: float, east: float, highest: float, lowest: float, within: float
     ) -> float:
-        """Return how far (m, on the level) a place is from its side where that lies between two depths.
+        """Return the horizontal distance (m) of a position from its side, where that is between two depths.
 
-        inf if it is nowhere so within `within` m.
+        inf if there is no such part within `within` m.
         """
         radius, least = 0.5 * self.diameter, inf
         for one, other in self.pieces(seabed, spacing, north, east, within + radius):
@@ -146,7 +147,7 @@ class Pipeline(NamedTuple):
 
 
 class Stretch(NamedTuple):
-    """A straight part of a pipeline as an obstacle to contact; `top` (m) is that of what is near of it."""
+    """A straight part of a pipeline as an obstacle for collisions; `top` (m) is that of its part near the vehicle."""
 
     part: Pipeline
     top: float
@@ -158,7 +159,7 @@ class Stretch(NamedTuple):
         return self.part.label
 
     def separation(self, north: float, east: float) -> Separation:
-        """Return the distance (m) from its side as seen from above, and the direction away from its axis."""
+        """Return the horizontal distance (m) from its side, and the direction away from its axis."""
         return self.part.separation(north, east)
 
 

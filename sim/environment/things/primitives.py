@@ -1,4 +1,4 @@
-"""Triangles of simple bodies, made by rule: tubes, boxes, panels, links of a chain. Axes: forward, right, down; m."""
+"""Generate the triangles of simple bodies: tubes, boxes, panels, chain links. Axes: forward, right, down, in m."""
 
 from collections.abc import Callable, Iterable, Sequence
 from itertools import pairwise
@@ -7,22 +7,22 @@ from math import asinh, cos, cosh, hypot, pi, sin, sinh, sqrt
 from hil.common.vectors import Vector3, cross, minus, unit
 
 Triangle = tuple[Vector3, Vector3, Vector3]
-_HALVINGS = 60  # of an interval in which a root is looked for
+_BISECTIONS = 60  # of an interval in the search for a root
 
 
 def quad(a: Vector3, b: Vector3, c: Vector3, d: Vector3) -> list[Triangle]:
-    """Return two triangles, each from a corner along its two sides: a net's lattice counts from there."""
+    """Return two triangles of a rectangle, with right angles at their first corners, where a net's lattice starts."""
     return [(a, b, d), (c, d, b)]
 
 
 def ring(radius: float, down: float, sides: int) -> list[Vector3]:
-    """Return the corners of a level polygon about the origin."""
+    """Return the corners of a level regular polygon of `radius` m about the vertical axis, at the depth `down` m."""
     turns = [2.0 * pi * k / sides for k in range(sides)]
     return [(radius * cos(turn), radius * sin(turn), down) for turn in turns]
 
 
 def tube(line: Sequence[Vector3], upright: Vector3, radius: float, sides: int, closed: bool = False) -> list[Triangle]:
-    """Return a tube about a line that lies in the plane across `upright` (a unit vector), with lids unless closed."""
+    """Return a tube about a line in a plane normal to `upright` (a unit vector), with lids unless it is `closed`."""
     rims = []
     for k, (x, y, z) in enumerate(line):
         before = line[k - 1] if k or closed else line[0]
@@ -56,14 +56,14 @@ def cuboid(low: Vector3, high: Vector3) -> list[Triangle]:
 
 
 def prism(one: Sequence[Vector3], other: Sequence[Vector3], with_one: bool = True) -> list[Triangle]:
-    """Return the sides between two polygons of as many corners, and their faces, that of the first only if wanted."""
+    """Return a prism between two polygons with equal numbers of corners, without the first one if not `with_one`."""
     sides = [t for k in range(len(one)) for t in quad(one[k - 1], one[k], other[k], other[k - 1])]
     faces = (one, other) if with_one else (other,)
     return sides + [(face[0], face[k], face[k + 1]) for face in faces for k in range(1, len(face) - 1)]
 
 
 def disc(rim: Sequence[Vector3], middle: Vector3) -> list[Triangle]:
-    """Return a regular polygon's face in right-angled triangles, as a net's lattice needs them."""
+    """Return the face of a regular polygon in right-angled triangles, which a net's lattice needs."""
     made = []
     for k, corner in enumerate(rim):
         between = tuple(0.5 * (a + b) for a, b in zip(rim[k - 1], corner, strict=True))
@@ -72,9 +72,9 @@ def disc(rim: Sequence[Vector3], middle: Vector3) -> list[Triangle]:
 
 
 def links(line: Sequence[Vector3], bar: float) -> list[Triangle]:
-    """Return a chain along a line in the plane across "right": links of a bar `bar` m thick, 6 long and 3.6 wide.
+    """Return a chain along a line in the forward-down plane; its links have a bar diameter of `bar` m.
 
-    Those are the proportions of a studless anchor chain (ISO 1704); its links follow each other every 4 bars.
+    A link is 6 bars long and 3.6 wide, as in a studless anchor chain (ISO 1704); links follow each other every 4 bars.
     """
     made: list[Triangle] = []
     right = (0.0, 1.0, 0.0)
@@ -95,17 +95,17 @@ def links(line: Sequence[Vector3], bar: float) -> list[Triangle]:
 
 
 def hanging(span: float, drop: float, length: float, count: int) -> list[Vector3]:
-    """Return `count` places of a chain that hangs from the origin to `span` m forward and `drop` m down.
+    """Return `count` points of a catenary of `length` m from the origin to `span` m forward and `drop` m down.
 
-    A catenary; what would hang below its lower end lies on the level of that.
+    Parts that would hang below its lower end lie at the depth of that end.
     """
     chord = hypot(span, drop)
     if span < 1e-6 or length <= 1.0001 * chord:
         shares = [k / (count - 1) for k in range(count)]
         return [(share * span, 0.0, share * drop) for share in shares]
     # length² - drop² = (2 a sinh(span / 2a))²: a falls as the length grows.
-    wanted = sqrt(length * length - drop * drop)
-    slack = _root(lambda x: sinh(x) / x - wanted / span, 1e-6, 50.0)
+    target = sqrt(length * length - drop * drop)
+    slack = _root(lambda x: sinh(x) / x - target / span, 1e-6, 50.0)
     a = 0.5 * span / slack
     lowest = 0.5 * span + a * asinh(drop / (2.0 * a * sinh(slack)))  # of the curve, forward of the origin
     top = a * cosh(lowest / a)
@@ -114,22 +114,22 @@ def hanging(span: float, drop: float, length: float, count: int) -> list[Vector3
 
 
 def _root(function: Callable[[float], float], low: float, high: float) -> float:
-    """Return where a growing function is 0, by halving."""
-    for _ in range(_HALVINGS):
+    """Return the root of an increasing function, by bisection."""
+    for _ in range(_BISECTIONS):
         middle = 0.5 * (low + high)
         low, high = (middle, high) if function(middle) < 0.0 else (low, middle)
     return 0.5 * (low + high)
 
 
 def _along(line: Sequence[Vector3], step: float) -> Iterable[tuple[Vector3, Vector3]]:
-    """Yield places every `step` m along a line from half a step on, and its direction there."""
+    """Yield points every `step` m along a line, the first after half a step, and the line's direction there."""
     ahead = 0.5 * step
     for start, end in pairwise(line):
-        way = minus(end, start)
-        length = sqrt(way[0] * way[0] + way[1] * way[1] + way[2] * way[2])
+        x, y, z = minus(end, start)
+        length = sqrt(x * x + y * y + z * z)
         if not length:
             continue
-        along = (way[0] / length, way[1] / length, way[2] / length)
+        along = (x / length, y / length, z / length)
         while ahead <= length:
             yield (start[0] + ahead * along[0], start[1] + ahead * along[1], start[2] + ahead * along[2]), along
             ahead += step

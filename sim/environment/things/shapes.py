@@ -1,13 +1,13 @@
-"""A library of shapes for worlds: `[[shape]]` of a world's file, made by rule, without a file of their own.
+"""Generated shapes for worlds: the `[[shape]]` tables of a world's file. They need no mesh files.
 
 [[shape]]
 kind = "net_pen"
 north = 20.0
 east = 5.0
-diameter = 20.0                # keys of the kind, which differ
+diameter = 20.0                # a key of this kind
 
-Sensors, contact, planners and the view treat them as they treat a `[[mesh]]`. A net is a lattice of twines: rays of
-light and sound pass between the twines, vehicles do not.
+Sensors, collisions, planners and the view treat them as a `[[mesh]]`. A net is a lattice of twines: rays of light and
+sound pass between the twines, vehicles do not.
 """
 
 from collections.abc import Callable
@@ -31,12 +31,12 @@ Net = tuple[float, float] | None  # mesh width and twine, m
 RUST, STEEL, CONCRETE, BLACK, TWINE = (
     (0.25, 0.11, 0.05), (0.40, 0.40, 0.40), (0.33, 0.32, 0.29), (0.04, 0.04, 0.05), (0.12, 0.15, 0.12),
 )  # fmt: skip
-_MOST_LINKS = 4000
-_PLACES = 65  # of a rope or chain that hangs
+_MAX_LINKS = 4000
+_POINTS = 65  # of a hanging rope or chain
 
 
 class Part(NamedTuple):
-    """Triangles with one colour, one echo (dB above other objects), and the lattice of a net or None."""
+    """Triangles with a common colour and echo (dB above other objects), and the lattice of a net or None."""
 
     triangles: list[Triangle]
     colour: Colour
@@ -44,12 +44,12 @@ class Part(NamedTuple):
     net: Net = None
 
 
-class Placing(NamedTuple):
-    """The keys that every `[[shape]]` has; each kind has others besides.
+class ShapeKeys(NamedTuple):
+    """The keys that every `[[shape]]` has; each kind has further ones.
 
-    `depth` is that of its origin, the seabed's there if left out, or the surface for what hangs (rope, chain, net,
-    net_pen). `orientation` is roll, pitch and yaw: without them forward is north. `colour` and `echo` (dB more than its
-    own) are what cameras and sonars make of it; `hidden` and `name` as of an obstacle.
+    `depth` is that of its origin; if left out it is the seabed's, or 0 (the surface) for kinds that hang (rope, chain,
+    net, net_pen). `orientation` is roll, pitch and yaw: without them, forward is north. `colour` replaces that of the
+    kind, `echo` (dB) is added to that of the kind; `hidden` and `name` are as for other obstacles.
     """
 
     kind: Literal["pipe", "pile", "rope", "chain", "net", "net_pen", "box_wreck"]
@@ -65,28 +65,28 @@ class Placing(NamedTuple):
 
 
 class Pipe(NamedTuple):
-    """A straight pipe that lies along "forward"; its origin is below its middle. Steel, 3 dB more echo."""
+    """A straight steel pipe along the forward axis; its origin is below its middle. 3 dB more echo."""
 
     length: Size = 12.0
     diameter: Size = 0.6
     sides: Sides = 16
 
     def parts(self) -> list[Part]:
-        """Return what it is made of."""
+        """Return the parts it consists of."""
         half, radius = 0.5 * self.length, 0.5 * self.diameter
         line = [(-half, 0.0, -radius), (half, 0.0, -radius)]
         return [Part(made.tube(line, (0.0, 0.0, 1.0), radius, self.sides), STEEL, 3.0)]
 
 
 class Pile(NamedTuple):
-    """An upright pile of concrete; its origin is the middle of its foot."""
+    """An upright pile of concrete; its origin is the centre of its lower end."""
 
     height: Size = 10.0
     diameter: Size = 0.8
     sides: Sides = 16
 
     def parts(self) -> list[Part]:
-        """Return what it is made of."""
+        """Return the parts it consists of."""
         line = [(0.0, 0.0, 0.0), (0.0, 0.0, -self.height)]
         return [Part(made.tube(line, (0.0, 1.0, 0.0), 0.5 * self.diameter, self.sides), CONCRETE)]
 
@@ -94,7 +94,7 @@ class Pile(NamedTuple):
 class Rope(NamedTuple):
     """A rope, hose or cable from its origin to `span` m forward and `drop` m down, `length` m long.
 
-    It sags as a catenary, and lies on the level of its end where it would hang lower. `length` 0 is taut.
+    It sags as a catenary, but not below its end. With `length` 0 it is taut.
     """
 
     span: Reach = 0.0
@@ -104,15 +104,15 @@ class Rope(NamedTuple):
     sides: Sides = 6
 
     def parts(self) -> list[Part]:
-        """Return what it is made of."""
-        line = made.hanging(self.span, self.drop, self.length, _PLACES if self.length else 2)
+        """Return the parts it consists of."""
+        line = made.hanging(self.span, self.drop, self.length, _POINTS if self.length else 2)
         return [Part(made.tube(line, (0.0, 1.0, 0.0), 0.5 * self.diameter, self.sides), BLACK)]
 
 
 class Chain(NamedTuple):
-    """An anchor chain, hanging as a rope does; `bar` is the thickness of its links, which are 6 bars long.
+    """A steel anchor chain that hangs as a rope; `bar` is the bar diameter of its links, which are 6 bars long.
 
-    Steel, 6 dB more echo.
+    6 dB more echo.
     """
 
     span: Reach = 0.0
@@ -121,20 +121,20 @@ class Chain(NamedTuple):
     bar: Annotated[float, Range(0.005, 1.0, "m")] = 0.05
 
     def parts(self) -> list[Part]:
-        """Return what it is made of."""
-        line = made.hanging(self.span, self.drop, self.length, _PLACES if self.length else 2)
+        """Return the parts it consists of."""
+        line = made.hanging(self.span, self.drop, self.length, _POINTS if self.length else 2)
         return [Part(made.links(line, self.bar), RUST, 6.0)]
 
     def validate(self) -> str | None:
         """Return what is wrong with the combination of the keys, or None."""
         count = max(self.length, hypot(self.span, self.drop)) / (4.0 * self.bar)
-        return f"{count:.0f} links are more than {_MOST_LINKS}: take a thicker bar" if count > _MOST_LINKS else None
+        return f"{count:.0f} links are more than {_MAX_LINKS}: take a thicker bar" if count > _MAX_LINKS else None
 
 
 class NetPanel(NamedTuple):
-    """A flat net, `width` m forward from its origin and `height` m down; it hangs, or lies with a pitch or roll.
+    """A flat net, `width` m forward from its origin and `height` m down. It hangs; with a pitch or roll it can lie.
 
-    `mesh` is from twine to twine.
+    `mesh` is the distance between twines, `twine` their thickness.
     """
 
     width: Size = 20.0
@@ -143,7 +143,7 @@ class NetPanel(NamedTuple):
     twine: Twine = 0.003
 
     def parts(self) -> list[Part]:
-        """Return what it is made of."""
+        """Return the parts it consists of."""
         width, height = (_whole(size, self.mesh) for size in (self.width, self.height))
         ends = [(0.0, 0.0, 0.0), (width, 0.0, 0.0), (width, 0.0, height), (0.0, 0.0, height)]
         line = [(0.0, 0.0, 0.0), (width, 0.0, 0.0)]
@@ -159,9 +159,9 @@ class NetPanel(NamedTuple):
 
 
 class NetPen(NamedTuple):
-    """A round fish pen: floating collar of two tubes, a net `height` m down with a bottom, a sinker tube.
+    """A round fish pen: a floating collar of two tubes, a net `height` m deep with a bottom, and a sinker tube.
 
-    Its origin is the middle of the collar. `mesh` is from twine to twine.
+    Its origin is the centre of the collar. `mesh` is the distance between twines, `twine` their thickness.
     """
 
     diameter: Size = 20.0
@@ -172,7 +172,7 @@ class NetPen(NamedTuple):
     sides: Sides = 24
 
     def parts(self) -> list[Part]:
-        """Return what it is made of."""
+        """Return the parts it consists of."""
         radius, upright = 0.5 * self.diameter, (0.0, 0.0, 1.0)
         top, foot = (made.ring(radius, down, self.sides) for down in (0.0, _whole(self.height, self.mesh)))
         net = [t for k in range(self.sides) for t in made.quad(top[k - 1], top[k], foot[k], foot[k - 1])]
@@ -188,9 +188,9 @@ class NetPen(NamedTuple):
 
 
 class BoxWreck(NamedTuple):
-    """A small steel ship upon its keel: a hull with a bow, an open hold, a deck house and a mast that leans.
+    """A small sunken steel ship: a hull with a bow, an open hold, a deck house and an inclined mast.
 
-    Its origin is below its middle; give it roll and pitch to let it lie.
+    It stands upright on its keel, unless `orientation` gives roll and pitch. Its origin is below its middle.
     """
 
     length: Size = 24.0
@@ -198,7 +198,7 @@ class BoxWreck(NamedTuple):
     height: Size = 4.0
 
     def parts(self) -> list[Part]:
-        """Return what it is made of."""
+        """Return the parts it consists of."""
         x, y, deck = 0.5 * self.length, 0.5 * self.width, -self.height
         plan = [(-x, -y), (0.5 * x, -y), (x, 0.0), (0.5 * x, y), (-x, y)]
         rail = [(a, b, deck) for a, b in plan]
@@ -221,11 +221,11 @@ KINDS: dict[str, Any] = {
     "box_wreck": BoxWreck,
 }  # fmt: skip
 HANGS = {"rope", "chain", "net", "net_pen"}
-assert set(get_args(Placing.__annotations__["kind"])) == set(KINDS)
+assert set(get_args(ShapeKeys.__annotations__["kind"])) == set(KINDS)
 
 
 def read_shapes(section: Any, path: str, seabed: Callable[[float, float], float]) -> tuple[MeshObstacle, ...]:
-    """Return the `[[shape]]` tables of the world in the file `path`, a mesh a part. Raises ConfigError."""
+    """Return the meshes of the `[[shape]]` tables of the world in the file `path`. Raises ConfigError."""
     if not isinstance(section, list) or not all(isinstance(row, dict) for row in section):
         raise ConfigError(f"{path}: shape: expected tables, each under [[shape]]")
     return tuple(part for i, row in enumerate(section) for part in _shape(row, f"{path}: shape[{i}]", seabed))
@@ -236,8 +236,8 @@ def _shape(row: dict[str, Any], where: str, seabed: Callable[[float, float], flo
     if not isinstance(kind, str) or kind not in KINDS:
         near, shown = nearest(str(kind), list(KINDS)), shortened(str(kind))
         raise ConfigError(f"{where}: kind: no shape {shown}{near}; there are: {', '.join(KINDS)}")
-    common = {key: value for key, value in row.items() if key in Placing._fields}
-    placing = parse(common, Placing, where)
+    common = {key: value for key, value in row.items() if key in ShapeKeys._fields}
+    placing = parse(common, ShapeKeys, where)
     own = parse({key: value for key, value in row.items() if key not in common}, KINDS[kind], f"{where}: {kind}")
     depth = placing.depth
     if depth is None:
@@ -246,11 +246,11 @@ def _shape(row: dict[str, Any], where: str, seabed: Callable[[float, float], flo
     parts = own.parts()
     if sum(len(part.triangles) for part in parts) > MOST_TRIANGLES:
         raise ConfigError(f"{where}: more than {MOST_TRIANGLES} triangles: make it shorter, its links or sides larger")
-    return [_put(part, placing, depth, name) for part in parts]
+    return [_place_part(part, placing, depth, name) for part in parts]
 
 
-def _put(part: Part, placing: Placing, depth: float, name: str) -> MeshObstacle:
-    """Return one part in its place."""
+def _place_part(part: Part, placing: ShapeKeys, depth: float, name: str) -> MeshObstacle:
+    """Return one part as a mesh at the position of its shape."""
     scale = placing.scale
     triangles = tuple(tuple((scale * x, scale * y, scale * z) for x, y, z in triangle) for triangle in part.triangles)
     net = (scale * part.net[0], scale * part.net[1]) if part.net else None
@@ -262,5 +262,5 @@ def _put(part: Part, placing: Placing, depth: float, name: str) -> MeshObstacle:
 
 
 def _whole(size: float, mesh: float) -> float:
-    """Return the nearest size, m, of whole meshes, so that the lattice goes on from panel to panel."""
+    """Return the nearest size (m) that is a multiple of `mesh`, so that the lattice continues from panel to panel."""
     return max(1, round(size / mesh)) * mesh

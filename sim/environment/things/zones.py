@@ -1,4 +1,4 @@
-"""Areas with rules, such as restricted ones, for maps and planners: `[[zone]]` of a world's file.
+"""Areas with rules, such as restricted areas, for maps and planners: the `[[zone]]` tables of a world's file.
 
 [[zone]]
 kind = "restricted"
@@ -6,8 +6,8 @@ outline = [[-40.0, 0.0], [0.0, 10.0], [60.0, -10.0]]   # north and east of its c
 name = "reserve"
 
 Worlds made from charts have their zones in a separate file with such tables, which the key `zones` names; it is read
-where zones are needed. A zone does not stop a vehicle: planners avoid those that `avoid_zones` of a scenario's
-`[master]` names.
+when zones are needed. A zone does not stop a vehicle: planners avoid the kinds that `avoid_zones` in a scenario's
+`[master]` lists.
 """
 
 import os
@@ -21,7 +21,7 @@ from sim.environment.obstacles import Coordinate, ZoneKind
 
 
 class Zone(NamedTuple):
-    """An area: its `kind`, the corners of its `outline` (north, east), its `name`, and in words what its `rule` is."""
+    """An area: its `kind`, the corners of its `outline` (north, east), its `name`, and its `rule` as text."""
 
     kind: ZoneKind
     outline: tuple[tuple[Coordinate, Coordinate], ...]
@@ -47,7 +47,7 @@ def read_zones(section: Any, path: str) -> tuple[Zone, ...]:
 
 
 def read_file(path: str) -> tuple[Zone, ...]:
-    """Return the zones in a file, once read as long as it does not change. Raises ConfigError."""
+    """Return the zones in a file, cached until the file changes. Raises ConfigError."""
     try:
         changed_ns = os.stat(path).st_mtime_ns
     except OSError as error:

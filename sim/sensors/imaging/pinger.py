@@ -82,7 +82,7 @@ class Pinger:
         bottom = scene.world.bottom
         kind = PROPERTIES[bottom.kind].echo if bottom else 0.0
         self._strengths[0] = 10.0 ** ((strengths.seabed_strength + kind) / 10.0)
-        for number, _, echo in scene.world.looks():
+        for number, _, echo in scene.world.appearances():
             self._strengths[number] *= 10.0 ** (echo / 10.0)
         from_below = strengths.surface_strength
         self._strengths[surface] = 10.0 ** (from_below / 10.0) if from_below > _NONE else 0.0

@@ -67,7 +67,7 @@ class Scenery:
     def __init__(self, world: World, surface: int) -> None:
         paints = [_PAINTS[i % len(_PAINTS)] for i in range(surface - 1)]
         self.colours = np.array([_SAND, *paints, (1.0, 1.0, 1.0), (0.0, 0.0, 0.0)], np.float32)  # the last: NOTHING
-        for number, colour, _ in world.looks():
+        for number, colour, _ in world.appearances():
             if colour:
                 self.colours[number] = colour
         self.surface = surface
@@ -108,7 +108,7 @@ class Scenery:
         ground: Pixels | None = None
         if self.bottom_map is not None and seabed.any():
             north, east = seen.points[:2, seabed]
-            ground, texture = self.bottom_map.looks(north, east, self.colours[SEABED])
+            ground, texture = self.bottom_map.appearances(north, east, self.colours[SEABED])
             tone[seabed] = np.maximum(np.float32(0.1), 1.0 + (tone[seabed] - 1.0) * texture)
         # From above as from a sky that is evenly bright, and a fifth from all sides.
         day = tone * (np.float32(0.6) - np.float32(0.4) * seen.normals[2])

@@ -1,1 +1,4 @@
-"""Import of vehicles from URDF files."""
+"""Import vehicles from URDF files, and export them. SDF files are converted by sim.sdf first.
+
+Public: `importer.read_urdf`, `importer.read_robot`, `writer.urdf_of`. It must not use worlds or the simulation.
+"""

@@ -1,7 +1,7 @@
-"""Read the fins of a model: each plugin describes lift in its own way, ours is in `sim.vehicle.fins`.
+"""Read the fins of a model from the plugins of simulators, and convert their lift to that of `sim.vehicle.fins`.
 
-uuv_simulator's fins turn about their link's z and point along its x; Gazebo's have a forward axis. A surface that
-no joint turns is reported, as a vehicle's file has no place for it.
+uuv_simulator's fins turn about their link's z axis and point along its x axis; Gazebo's have a forward axis. A surface
+that no joint turns is reported and left out, because a vehicle's file cannot describe it.
 """
 
 from collections.abc import Mapping
@@ -15,20 +15,20 @@ from sim.vehicle.urdf.thrusters import target
 
 # uuv_simulator's libuuv_fin_ros_plugin.so, Gazebo's libLiftDragPlugin.so, gz-sim's gz-sim-lift-drag-system.
 _FILES = ("uuv_fin", "fin_ros_plugin", "liftdrag", "lift-drag", "lift_drag")
-OWN = "uuv_hil"  # the tag that holds, as attributes, what of ours the plugins have no tag for
-_ALONG, _TURNING = "1 0 0", "1 0 0"  # chord of a fin, and axis of a joint, that are left out
-_DENSITY = 1000.0  # kg/m³, for constants that hold it
-_SLOPE = 2.6  # 1/rad: that of a fin of aspect ratio 2 (Helmbold), where only its product with the area is known
-_FREE = 0.5236  # rad: the deflection of a joint without limits
-_LEAST = 1e-9
+OWN = "uuv_hil"  # the tag whose attributes are our keys for which the plugins have no tags
+_CHORD, _AXIS = "1 0 0", "1 0 0"  # defaults for the chord of a fin and the axis of a joint
+_DENSITY = 1000.0  # kg/m³, for constants that include it
+_SLOPE = 2.6  # 1/rad: that of a fin of aspect ratio 2 (Helmbold), if only its product with the area is known
+_DEFAULT_DEFLECTION = 0.5236  # rad: for a joint without limits
+_PARALLEL = 1e-9  # length of the cross product below which axis and chord count as parallel
 
 
 def read_fins(
     robot: Element, poses: Mapping[str, Pose], path: str, given: set[str], notes: list[str]
 ) -> list[dict[str, Any]]:
-    """Return the fins of the model, but for those of which `given` has the name; `notes` takes what is left out.
+    """Return the fins of the model, except those whose names are in `given`; `notes` gets what is left out.
 
-    A fin that two plugins name is read once. Raises ConfigError for what is no number.
+    A fin that two plugins name is read once. Raises ConfigError for text that should be a number.
     """
     joints = {target(joint, "child"): joint for joint in robot.findall("joint")}
     reported, fins = set(given), []
@@ -52,7 +52,7 @@ def read_fins(
 def _fin(
     plugin: Element, joint: Element | None, pose: Pose | None, path: str, notes: list[str]
 ) -> tuple[dict[str, Any] | None, str]:
-    """Return the keys of a fin, or None and what it lacks."""
+    """Return the keys of a fin, or None and the reason why it cannot be imported."""
     if pose is None:
         return None, "no such link"
     if joint is None or joint.get("type") == "fixed":
@@ -60,50 +60,52 @@ def _fin(
     keys = _coefficients(plugin, path)
     if keys is None:
         return None, "its lift is not one of uuv_simulator's or Gazebo's"
-    axis = numbers_of(attribute(joint, "axis", "xyz", _TURNING), path, 3)
-    chord = numbers_of(child_text(plugin, "forward") or _ALONG, path, 3)
-    acts = numbers_of(child_text(plugin, "cp") or "0 0 0", path, 3)
+    axis = numbers_of(attribute(joint, "axis", "xyz", _AXIS), path, 3)
+    chord = numbers_of(child_text(plugin, "forward") or _CHORD, path, 3)
+    centre = numbers_of(child_text(plugin, "cp") or "0 0 0", path, 3)
     across = hypot(
         axis[1] * chord[2] - axis[2] * chord[1],
         axis[2] * chord[0] - axis[0] * chord[2],
         axis[0] * chord[1] - axis[1] * chord[0],
     )
-    if across < _LEAST:
+    if across < _PARALLEL:
         return None, "its joint turns it about its chord"
     limits = [abs(number_of(attribute(joint, "limit", side) or "1e16", path)) for side in ("lower", "upper")]
     most = min(limits)
     if most > pi / 2.0:
-        notes.append(f"The joint {joint.get('name', '')!r} of a fin has no limits: taken for {_FREE:g} rad.")
-        most = _FREE
+        notes.append(
+            f"The joint {joint.get('name', '')!r} of a fin has no limits: taken for {_DEFAULT_DEFLECTION:g} rad."
+        )
+        most = _DEFAULT_DEFLECTION
     if number_of(child_text(plugin, "a0", "liftdrag/a0") or "0", path):
         notes.append("Left out: the angle a0 at which a fin has no lift.")
     lag, own = child_text(plugin, "dynamics/timeConstant"), plugin.find(OWN)
     fin: dict[str, Any] = {
-        "position": to_frd(pose.place(acts)), "axis": to_frd(pose.turn(axis)), "chord": to_frd(pose.turn(chord)),
+        "position": to_frd(pose.place(centre)), "axis": to_frd(pose.turn(axis)), "chord": to_frd(pose.turn(chord)),
         "max_deflection": most, **keys, **({"time_constant": abs(number_of(lag, path))} if lag else {}),
     }  # fmt: skip
     return (fin if own is None else _as_ours(fin, own, path)), ""
 
 
 def _as_ours(fin: dict[str, Any], own: Element, path: str) -> dict[str, Any]:
-    """Return the keys of a fin with those of our own URDF; what follows from an aspect ratio is left to that."""
+    """Return the keys of a fin with those that our own URDF gives; with an aspect ratio, without those it implies."""
     given = {key: number_of(text, path) for key, text in own.items() if key in Fin._fields}
-    kept = {key: value for key, value in fin.items() if key not in ("lift_slope", "induced_drag")}
+    others = {key: value for key, value in fin.items() if key not in ("lift_slope", "induced_drag")}
     pulses = {key: int(value) for key, value in given.items() if key.endswith("_us")}
-    return (kept if "aspect_ratio" in given else fin) | given | pulses
+    return (others if "aspect_ratio" in given else fin) | given | pulses
 
 
 def _coefficients(plugin: Element, path: str) -> dict[str, float] | None:
-    """Return area, lift and drag of a plugin; None where it has nothing that is known.
+    """Return area, lift and drag coefficients of a plugin; None if it has no known tags.
 
-    Its drag grows with the angle or its square, ours with that of the lift: the constant is the one that fits best.
+    Its drag grows with the angle or its square, ours with the square of the lift: the constant is the best fit.
     """
 
     def number(tag: str, usual: str) -> float:
         return number_of(child_text(plugin, tag, f"liftdrag/{tag}") or usual, path)
 
     lift, drag = number("lift_constant", "0"), number("drag_constant", "0")
-    if lift > 0.0:  # of speed² and angle: area and density are in it, and it never stalls
+    if lift > 0.0:  # multiplied by speed² and angle: it includes area and density, and there is no stall
         area = 2.0 * lift / (_DENSITY * _SLOPE)
         return {
             "area": area, "lift_slope": _SLOPE, "induced_drag": 2.0 * drag / (_DENSITY * area * _SLOPE**2),
@@ -118,7 +120,7 @@ def _coefficients(plugin: Element, path: str) -> dict[str, float] | None:
 
 
 def _left_out(name: str, plugin: Element, pose: Pose | None, lacks: str) -> str:
-    """Return a note on a fin that is not imported: where it is, and its area."""
+    """Return a note on a fin that is not imported, with its position and area."""
     where = ""
     if pose is not None:
         axis, chord = pose.turn((0.0, 0.0, 1.0)), pose.turn((1.0, 0.0, 0.0))

@@ -1,13 +1,13 @@
-"""Import a vehicle from a URDF or SDF: masses and poses from its tree, hydrodynamics from its simulator's tags.
+"""Import a vehicle from a URDF or SDF: masses and poses from its links, hydrodynamics from its simulator's tags.
 
-URDF's axes are x forward, y to port, z up (FLU), ours x forward, y to starboard, z down (FRD): half a turn
-about x, done in `to_frd` and `to_frd_matrix` and nowhere else. Read are, besides plain URDF,
+URDF's axes are x forward, y to port, z up (FLU), ours x forward, y to starboard, z down (FRD). The conversion is half a
+turn about x, and only `to_frd` and `to_frd_matrix` do it. Besides plain URDF this module reads
 
 * the plugins of uuv_simulator: `<hydrodynamic_model>` with its volume, centre of buoyancy and box, thrusters;
 * the systems of Gazebo (gz-sim): hydrodynamics (`xDotU`, `xU`, `xUabsU` ...) and thruster, and SDFormat's
   `<fluid_added_mass>` of a link.
 
-A URDF without such tags has nothing of water; what is missing is asked for by name, never guessed.
+A URDF without such tags has no hydrodynamics. Missing values are never guessed: an error lists their keys.
 """
 
 import os
@@ -44,7 +44,7 @@ _ZERO = ("added_mass", "linear_damping", "quadratic_damping")
 
 
 class Imported(NamedTuple):
-    """An imported model: the vehicle, its sensors as a scenario has them, and what was assumed or lost."""
+    """An imported model: the vehicle, its sensors as a scenario's tables, and notes on what was assumed or left out."""
 
     vehicle: Vehicle
     sensors: dict[str, dict[str, Any]]
@@ -56,12 +56,12 @@ def _no_measure(meshes: Sequence[MeshKey]) -> Mapping[MeshKey, Solid]:
 
 
 def read_urdf(path: str, extra: dict[str, Any] | None = None, text: bytes | None = None) -> tuple[Vehicle, list[str]]:
-    """Return the vehicle of the URDF at `path`, and notes of what was assumed.
+    """Return the vehicle of the URDF at `path`, and notes on what was assumed.
 
-    `extra` holds keys of a vehicle file that the URDF lacks; they win over what it has, `[every_thruster]`
-    for each thruster. `text` is read in place of the file, as when xacro has expanded it. The origin is the root
-    link's. Raises ConfigError if the file is no URDF, still is xacro, declares entities, or if keys are missing
-    from both: it lists them.
+    `extra` has further keys of a vehicle file; they have priority over the URDF, `[every_thruster]` for each thruster.
+    `text` is read in place of the file, for example after xacro has expanded it. The origin is that of the root link.
+    Raises ConfigError if the file is no URDF, still contains xacro, declares entities, or if keys are missing from
+    both: it lists them.
     """
     imported = read_robot(read_xml(path, text), path, extra)
     return imported.vehicle, imported.notes
@@ -72,7 +72,7 @@ def read_robot(
 ) -> Imported:
     """Return the vehicle of a `<robot>` of the file at `path`, its sensors, and notes. See `read_urdf`.
 
-    `measure` returns volumes and boxes of mesh files, where the model has its own by its collisions alone.
+    `measure` returns volumes and boxes of mesh files, for models whose buoyancy is given only by their collisions.
     """
     notes: list[str] = []
     poses = _link_poses(robot, path)
@@ -97,7 +97,7 @@ def read_robot(
 def _table(
     robot: Element, poses: dict[str, Pose], path: str, given: dict[str, Any], measure: Measure, notes: list[str]
 ) -> dict[str, Any]:
-    """Return the keys of the model, but for thrusters and fins."""
+    """Return the keys of the model, except thrusters and fins."""
     table: dict[str, Any] = {
         "name": plain(robot.get("name") or "vehicle"),
         "source": f"imported from {plain(os.path.basename(path))}",
@@ -120,7 +120,7 @@ def _table(
 
 
 def _is_of_gazebo(robot: Element) -> bool:
-    """True if Gazebo gives the vehicle its water: then its buoyancy is that of the collisions."""
+    """True if the model uses the hydrodynamics of Gazebo: then its buoyancy is that of its collision shapes."""
     files = [plugin.get("filename", "").lower() for plugin in robot.iter("plugin")]
     return any("hydrodynamics" in file or "buoyancy-system" in file for file in files)
 
@@ -129,7 +129,7 @@ def _add_shapes(
     table: dict[str, Any], robot: Element, poses: dict[str, Pose], path: str, given: dict[str, Any],
     measure: Measure, notes: list[str], with_volume: bool,
 ) -> None:  # fmt: skip
-    """Add what the model has by its shapes alone: volume and centre of buoyancy, and the box around it."""
+    """Add what follows from the shapes of the model: volume, centre of buoyancy, and bounding box."""
     known = table.keys() | given.keys()
     if with_volume and not {"volume", "center_of_buoyancy"} <= known:
         found = from_collisions(robot, poses, path, measure, notes)
@@ -171,7 +171,7 @@ def _link_poses(robot: Element, path: str) -> dict[str, Pose]:
 
 
 def _mass(robot: Element, poses: dict[str, Pose], path: str) -> dict[str, Any]:
-    """Return mass, centre of gravity and inertia about it, of all links together; what they do not have is left out."""
+    """Return mass, centre of gravity and inertia about it, of all links together; missing ones are left out."""
     parts = []
     for link in robot.findall("link"):
         inertial = link.find("inertial")
@@ -197,7 +197,7 @@ class _Mass(NamedTuple):
 
 
 def _given_mass(given: dict[str, Any], path: str) -> float | None:
-    """Return the mass (kg) that is given beside the URDF, if it is."""
+    """Return the mass (kg) that is given in addition to the URDF, or None."""
     return parse({"mass": given["mass"]}, _Mass, path).mass if "mass" in given else None
 
 
@@ -213,9 +213,9 @@ def _turned(inertia: Matrix, rotation: Matrix) -> Matrix:
 
 
 def _meshes(robot: Element, poses: dict[str, Pose], path: str) -> Iterator[Mesh]:
-    """Yield what the links look like; a mesh keeps its own axes, so its orientation is that of a FLU mesh in FRD.
+    """Yield the visible meshes of the links, or the meshes of the collisions if there are none.
 
-    Of a model without visible meshes those of its collisions.
+    A mesh keeps its own axes (FLU), so its orientation is that of FLU axes in the body's FRD axes.
     """
     kind = "visual" if robot.find("link/visual/geometry/mesh") is not None else "collision"
     for link in robot.findall("link"):
@@ -224,7 +224,7 @@ def _meshes(robot: Element, poses: dict[str, Pose], path: str) -> Iterator[Mesh]
             if shape is None:
                 continue
             pose = poses[link.get("name", "")].then(origin_of(visual, path))
-            (xx, _, _), (yx, _, _), (zx, zy, zz) = pose.rotation  # to FLU; with the last two rows negative to FRD
+            (xx, _, _), (yx, _, _), (zx, zy, zz) = pose.rotation  # to FLU; with the last two rows negated, to FRD
             file, scale = mesh_key(shape, path)
             yield Mesh(
                 file,

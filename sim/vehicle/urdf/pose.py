@@ -1,4 +1,4 @@
-"""Poses of frames, in the axes of a base frame (FLU)."""
+"""Poses of frames relative to a base frame (axes FLU)."""
 
 from collections.abc import Sequence
 from math import asin, atan2, cos, sin, sqrt
@@ -10,7 +10,7 @@ _IDENTITY = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
 
 
 class Pose(NamedTuple):
-    """Pose of a frame in the base link's: `rotation` 3x3 from it to the base, `position` in m."""
+    """Pose of a frame relative to the base: `rotation` (3x3) from the frame to the base, `position` in m."""
 
     rotation: Matrix = _IDENTITY
     position: tuple[float, ...] = (0.0, 0.0, 0.0)
@@ -20,11 +20,11 @@ class Pose(NamedTuple):
         return tuple(sum(a * x for a, x in zip(row, vector, strict=True)) for row in self.rotation)
 
     def then(self, inner: "Pose") -> "Pose":
-        """Return the pose of a frame that is at `inner` in this one."""
+        """Return the pose, relative to the base, of a frame whose pose relative to this one is `inner`."""
         return Pose(product(self.rotation, inner.rotation), self.place(inner.position))
 
     def place(self, point: Sequence[float]) -> tuple[float, ...]:
-        """Return a point of this frame in the base's."""
+        """Return a point of this frame in the base frame."""
         return tuple(a + b for a, b in zip(self.position, self.turn(point), strict=True))
 
     def inverse(self) -> "Pose":
@@ -51,7 +51,7 @@ def pose_at(position: Sequence[float], angles: Sequence[float] = (0.0, 0.0, 0.0)
 
 
 def pose_with(position: Sequence[float], quaternion: Sequence[float]) -> Pose:
-    """Return the pose at `position` (m) whose axes a quaternion (x, y, z, w; of any length but 0) turns."""
+    """Return the pose at `position` (m) with the rotation of a quaternion (x, y, z, w; of any length except 0)."""
     length = sqrt(sum(part * part for part in quaternion)) or 1.0
     x, y, z, w = (part / length for part in quaternion)
     rotation = [

@@ -5,23 +5,21 @@ import re
 from collections import deque
 from collections.abc import Iterator
 
-_ASCENT = 4  # how many folders up from the file
-_MOST_FOLDERS = 20_000  # looked into below those, the nearest first: more than a workspace has, less than a disk
+_LEVELS_UP = 4  # folders above the file that are searched
+_MAX_FOLDERS = 20_000  # that are searched below those, the nearest first: more than a workspace has, less than a disk
 
 
 def find_package(name: str, path: str) -> str | None:
-    """Return the folder of the package `name`, None if there is none.
-
-    Looked for as `find_packages` does.
-    """
+    """Return the first folder that `find_packages` yields, or None."""
     return next(find_packages(name, path), None)
 
 
 def find_packages(name: str, path: str) -> Iterator[str]:
     """Yield the folders that may be the package `name`, the likeliest first.
 
-    Looked for as ROS does, `share/NAME` of the folders in AMENT_PREFIX_PATH and below those in ROS_PACKAGE_PATH, then
-    around the file at `path`: its parents and all below them. A folder is a package by its name or its package.xml.
+    The search is that of ROS: `share/NAME` in the folders of AMENT_PREFIX_PATH, and all folders below those of
+    ROS_PACKAGE_PATH. Then it continues in the parents of the file at `path` and all folders below them. A folder is the
+    package if its package.xml, or without one its name, says so.
     """
     for prefix in _variable("AMENT_PREFIX_PATH"):
         folder = os.path.join(prefix, "share", name)
@@ -40,15 +38,15 @@ def _variable(name: str) -> list[str]:
 
 def _parents(path: str) -> Iterator[str]:
     folder = os.path.dirname(os.path.abspath(path))
-    for _ in range(_ASCENT):
+    for _ in range(_LEVELS_UP):
         yield folder
         folder = os.path.dirname(folder)
 
 
 def _below(top: str, seen: set[str]) -> Iterator[str]:
-    """Yield `top` and the folders in it, level after level, without those in `seen`."""
+    """Yield `top` and all folders below it, level by level, without those in `seen`."""
     waiting = deque([top])
-    while waiting and len(seen) < _MOST_FOLDERS:
+    while waiting and len(seen) < _MAX_FOLDERS:
         folder = waiting.popleft()
         real = os.path.realpath(folder)
         if real in seen:
@@ -58,7 +56,7 @@ def _below(top: str, seen: set[str]) -> Iterator[str]:
         try:
             with os.scandir(folder) as entries:
                 inner = sorted(entry.path for entry in entries if entry.is_dir() and entry.name[0] != ".")
-        except OSError:  # not ours to read, or removed meanwhile
+        except OSError:  # no permission, or removed in the meantime
             continue
         waiting.extend(inner)
 

@@ -1,7 +1,7 @@
-"""Read the sensors of a model as those of a scenario: `<sensor>` tags, and uuv_simulator's and dave's plugins.
+"""Read the sensors of a model as a scenario's tables: `<sensor>` tags, and the plugins of uuv_simulator and DAVE.
 
-A sensor's frame is x forward and z up in these files, x forward and z down in ours; a beam of ours goes along z, of
-theirs along x. The first sensor of a kind has the kind's name in a scenario, further ones their own of the model.
+In these files a sensor's frame is x forward and z up, in ours x forward and z down; a beam is along x there, along z
+here. In the scenario, the first sensor of a kind is named after its kind, and further ones as in the model.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -16,11 +16,11 @@ from sim.vehicle.urdf.pose import Pose, pose_at
 from sim.vehicle.urdf.text import Element, child_text, number_of, plain, to_frd
 
 Keys = dict[str, Any]
-_DOWN = pose_at((0.0, 0.0, 0.0), (0.0, -pi / 2.0, 0.0))  # z of ours along x of theirs
-_LONGEST_NAME = 40  # letters of a sensor's, which is a topic's
+_DOWN = pose_at((0.0, 0.0, 0.0), (0.0, -pi / 2.0, 0.0))  # turns our z axis into their x axis
+_MAX_NAME = 40  # letters of a sensor's name, which becomes a topic
 _PASCAL = 9810.0  # of a metre of water, for a barometer's heights
-_MOST_RATE = {"gps": 25.0, "imu": 2000.0, "magnetometer": 1000.0, "pressure": 1000.0}  # Hz; 100 of all others
-# Parts of the file names of plugins (uuv_simulator, dave) -> our sensor.
+_MAX_RATE = {"gps": 25.0, "imu": 2000.0, "magnetometer": 1000.0, "pressure": 1000.0}  # Hz; 100 of all others
+# Parts of the file names of plugins (uuv_simulator, DAVE) -> our sensor.
 _PLUGINS = (
     ("subsea_pressure", "pressure"), ("ros_dvl", "dvl"), ("ros_imu", "imu"), ("ros_magnetometer", "magnetometer"),
     ("ros_gps", "gps"), ("pose_gt", ""), ("p3d", ""),
@@ -29,35 +29,35 @@ _UNKNOWN = ("rpt_plugin", "cpc_plugin", "usbl", "modem", "sonar_ros")
 
 
 def read_sensors(robot: Element, poses: Mapping[str, Pose], path: str, notes: list[str]) -> dict[str, Keys]:
-    """Return the keys of each sensor by its name in a scenario; `notes` takes what has no place there."""
+    """Return the keys of each sensor by its name in a scenario; `notes` gets what cannot be imported."""
     sensors: dict[str, Keys] = {}
-    for what, name, pose, keys in (*_tagged(robot, poses, path), *_plugged(robot, poses, path)):
+    for label, name, pose, keys in (*_tag_sensors(robot, poses, path), *_plugin_sensors(robot, poses, path)):
         if not name:
-            notes.append(f"Left out: the sensor {plain(what)[:80]}, of a kind that there is not.")
+            notes.append(f"Left out: the sensor {plain(label)[:80]}, of a kind that there is not.")
         else:
             keys = {key: value for key, value in keys.items() if value != {}}
-            most = _MOST_RATE.get(name, 100.0)
-            keys["rate"] = min(keys["rate"], most) if keys.get("rate") else None
+            max_rate = _MAX_RATE.get(name, 100.0)
+            keys["rate"] = min(keys["rate"], max_rate) if keys.get("rate") else None
             keys = {key: value for key, value in (_mounting(pose) | keys).items() if value is not None}
             if name in sensors:
-                own = _further_name(what, name, sensors)
-                notes.append(f"The sensor {plain(what)[:80]} is [sensors.{own}], one more {name}.")
+                own = _unique_name(label, name, sensors)
+                notes.append(f"The sensor {plain(label)[:80]} is [sensors.{own}], one more {name}.")
                 name, keys = own, {"sensor": name} | keys
             sensors[name] = keys
     return sensors
 
 
-def _further_name(what: str, kind: str, taken: Mapping[str, Keys]) -> str:
-    """Return a name for one more sensor of a kind: its own where that is of no kind, else by number."""
-    own = sub(r"\W", "_", what.partition(" (")[0].strip("'\""), flags=ASCII)[:_LONGEST_NAME]
+def _unique_name(label: str, kind: str, taken: Mapping[str, Keys]) -> str:
+    """Return a name for one more sensor of a kind: its own if that is free and names no kind, else with a number."""
+    own = sub(r"\W", "_", label.partition(" (")[0].strip("'\""), flags=ASCII)[:_MAX_NAME]
     kinds = {*SENSORS, *taken}
     if own.isidentifier() and own not in kinds:
         return own
     return next(name for number in count(2) if (name := f"{kind}_{number}") not in kinds)
 
 
-def _tagged(robot: Element, poses: Mapping[str, Pose], path: str) -> Iterator[tuple[str, str, Pose, Keys]]:
-    """Yield each `<sensor>`: what it is, its name in a scenario ("" for none), its pose and its keys."""
+def _tag_sensors(robot: Element, poses: Mapping[str, Pose], path: str) -> Iterator[tuple[str, str, Pose, Keys]]:
+    """Yield of each `<sensor>` its label for notes, name in a scenario ("" if it has none), pose and keys."""
     beams = {each.text for each in robot.iter() if each.tag.startswith("beam_link_name")}  # parts of a DVL
     for holder in robot.iter("gazebo"):
         if holder.get("reference") in beams:
@@ -65,32 +65,32 @@ def _tagged(robot: Element, poses: Mapping[str, Pose], path: str) -> Iterator[tu
         base = poses.get(holder.get("reference") or "")
         for sensor in holder.findall("sensor"):
             kind = _kind(sensor)
-            what = f"{sensor.get('name', '')!r} ({kind})"
+            label = f"{sensor.get('name', '')!r} ({kind})"
             if base is None:
-                yield what, "", Pose(), {}
+                yield label, "", Pose(), {}
                 continue
-            name, is_beam, read = _KINDS.get(kind, ("", False, _nothing))
+            name, is_beam, read = _KINDS.get(kind, ("", False, _no_keys))
             keys = read(sensor, path)
-            if name == "laser" and keys.get("beams", 2) < 2:  # one beam: it looks along x
+            if name == "laser" and keys.get("beams", 2) < 2:  # a single beam, along x
                 name, is_beam = "echosounder", True
                 keys = {key: keys[key] for key in ("min_range", "max_range", "error") if key in keys}
             pose = base.then(own_pose(sensor, path))
             yield (
-                what,
+                label,
                 name,
                 pose.then(_DOWN) if is_beam else pose,
                 {"rate": _number(sensor, path, "update_rate")} | keys,
             )
 
 
-def _plugged(robot: Element, poses: Mapping[str, Pose], path: str) -> Iterator[tuple[str, str, Pose, Keys]]:
-    """Yield each sensor that a plugin is, with its place by the link that it names."""
+def _plugin_sensors(robot: Element, poses: Mapping[str, Pose], path: str) -> Iterator[tuple[str, str, Pose, Keys]]:
+    """Yield each sensor that is a plugin as `_tag_sensors` does; its pose is that of the link it names."""
     for plugin in robot.iter("plugin"):
         file = plugin.get("filename", "").lower()
         link = child_text(plugin, "link_name", "linkName", "bodyName") or ""
         name = next((name for part, name in _PLUGINS if part in file), None)
         if name:
-            keys = _PLUGGED.get(name, _nothing)(plugin, path)
+            keys = _PLUGIN_READERS.get(name, _no_keys)(plugin, path)
             pose = poses.get(link, Pose())
             yield plugin.get("name", file), name, pose.then(_DOWN) if name == "dvl" else pose, keys
         elif any(part in file for part in _UNKNOWN) and name is None:
@@ -98,7 +98,7 @@ def _plugged(robot: Element, poses: Mapping[str, Pose], path: str) -> Iterator[t
 
 
 def _kind(sensor: Element) -> str:
-    """Return the type of a sensor; of a custom one that of Gazebo's own namespace."""
+    """Return the type of a sensor; for a custom one its type in Gazebo's own namespace."""
     kind = sensor.get("type", "")
     if kind == "custom":
         return next((value for key, value in sensor.items() if key.rpartition("}")[2] == "type" and "}" in key), kind)
@@ -106,7 +106,7 @@ def _kind(sensor: Element) -> str:
 
 
 def _mounting(pose: Pose) -> Keys:
-    """Return place and orientation of a sensor in the body, FRD."""
+    """Return position and orientation of a sensor in the body axes (FRD)."""
     signs = (1.0, -1.0, -1.0)
     turned = [[a * b * x for b, x in zip(signs, row, strict=True)] for a, row in zip(signs, pose.rotation, strict=True)]
     angles = [round(angle, 9) + 0.0 for angle in Pose(turned).angles()]
@@ -115,7 +115,7 @@ def _mounting(pose: Pose) -> Keys:
 
 
 def _inner(element: Element, *names: str) -> Element | None:
-    """Return the first element at any depth of one of these names, whatever its namespace."""
+    """Return the first element at any depth with one of these names, in any namespace."""
     return next((each for each in element.iter() if each.tag.rpartition("}")[2] in names), None)
 
 
@@ -125,26 +125,27 @@ def _number(element: Element | None, path: str, *tags: str) -> float | None:
 
 
 def _error(element: Element | None, path: str, factor: float = 1.0) -> Keys:
-    """Return the error model of the first `<noise>` in an element: `factor` turns its unit into ours.
+    """Return the error model of the first `<noise>` in an element; `factor` converts its unit to ours.
 
-    Gazebo's dynamic bias is kicked by its deviation per root of a second: it settles at that times sqrt(tau / 2).
+    Gazebo's dynamic bias is a random walk with a deviation per root of a second: its stationary deviation is that times
+    sqrt(tau / 2).
     """
     noise = _inner(element, "noise") if element is not None else None
     if noise is None:
         return {}
     tau = _number(noise, path, "dynamic_bias_correlation_time")
-    kick = _number(noise, path, "dynamic_bias_stddev")
+    walk = _number(noise, path, "dynamic_bias_stddev")
     keys = {
         "offset": (_number(noise, path, "mean") or 0.0) * factor,
         "noise": abs(_number(noise, path, "stddev") or 0.0) * factor,
         "turn_on": abs(_number(noise, path, "bias_stddev") or 0.0) * factor,
     }
-    if tau and kick:
-        keys |= {"bias": abs(kick) * sqrt(0.5 * abs(tau)) * factor, "bias_time": abs(tau)}
+    if tau and walk:
+        keys |= {"bias": abs(walk) * sqrt(0.5 * abs(tau)) * factor, "bias_time": abs(tau)}
     return {key: value for key, value in keys.items() if value}
 
 
-def _nothing(sensor: Element, path: str) -> Keys:
+def _no_keys(sensor: Element, path: str) -> Keys:
     return {}
 
 
@@ -167,8 +168,8 @@ def _magnetometer(sensor: Element, path: str) -> Keys:
 
 
 def _gps(sensor: Element, path: str) -> Keys:
-    place = _inner(sensor, "position_sensing", "gps", "navsat")
-    return {axis: _error(_inner(place, axis), path) if place is not None else {} for axis in ("horizontal", "vertical")}
+    part = _inner(sensor, "position_sensing", "gps", "navsat")
+    return {axis: _error(_inner(part, axis), path) if part is not None else {} for axis in ("horizontal", "vertical")}
 
 
 def _ranges(sensor: Element, path: str) -> Keys:
@@ -182,7 +183,7 @@ def _ranges(sensor: Element, path: str) -> Keys:
 
 
 def _laser(sensor: Element, path: str) -> Keys:
-    """Return the keys of a laser; SDF's angles grow to port, ours to starboard."""
+    """Return the keys of a laser. SDF's angles are positive to port, ours to starboard."""
     scan = _inner(sensor, "horizontal")
     samples, least, most = (_number(scan, path, key) for key in ("samples", "min_angle", "max_angle"))
     keys: Keys = {"beams": min(int(samples), 10_000)} if samples else {}
@@ -235,7 +236,7 @@ def _by_plugin(plugin: Element, path: str) -> Keys:
 
 
 def _imu_plugin(plugin: Element, path: str) -> Keys:
-    """Return the keys of uuv_simulator's IMU; its random walk settles at that times sqrt(tau / 2)."""
+    """Return the keys of uuv_simulator's IMU. Its random walk settles at a deviation of sqrt(tau / 2) times that."""
     keys = _by_plugin(plugin, path)
     for ours, theirs in (("angular_velocity", "gyroscope"), ("acceleration", "accelerometer")):
         density = _number(plugin, path, f"{theirs}_noise_density")
@@ -251,10 +252,10 @@ def _imu_plugin(plugin: Element, path: str) -> Keys:
 
 def _pressure_plugin(plugin: Element, path: str) -> Keys:
     noise = _number(plugin, path, "noise_sigma")
-    return _by_plugin(plugin, path) | {"error": {"noise": 1000.0 * noise} if noise else {}}  # of kPa
+    return _by_plugin(plugin, path) | {"error": {"noise": 1000.0 * noise} if noise else {}}  # from kPa
 
 
-# Type of a `<sensor>` -> our sensor, whether theirs looks along x where ours looks along z, and who reads it.
+# Type of a `<sensor>` -> our sensor, whether its beam is along x there and along z here, and the reading function.
 _KINDS: dict[str, tuple[str, bool, Callable[[Element, str], Keys]]] = {
     "imu": ("imu", False, _imu), "air_pressure": ("pressure", False, _pressure),
     "altimeter": ("pressure", False, _barometer), "magnetometer": ("magnetometer", False, _magnetometer),
@@ -263,8 +264,8 @@ _KINDS: dict[str, tuple[str, bool, Callable[[Element, str], Keys]]] = {
     "gpu_ray": ("laser", False, _laser), "sonar": ("echosounder", True, _ranges), "camera": ("camera", False, _camera),
     "depth_camera": ("camera", False, _camera), "depth": ("camera", False, _camera),
     "rgbd_camera": ("camera", False, _camera), "rgbd": ("camera", False, _camera),
-    "wideanglecamera": ("camera", False, _camera), "contact": ("contact", False, _nothing),
+    "wideanglecamera": ("camera", False, _camera), "contact": ("contact", False, _no_keys),
 }  # fmt: skip
-_PLUGGED: dict[str, Callable[[Element, str], Keys]] = {
+_PLUGIN_READERS: dict[str, Callable[[Element, str], Keys]] = {
     "imu": _imu_plugin, "pressure": _pressure_plugin, "dvl": _by_plugin, "magnetometer": _by_plugin, "gps": _by_plugin,
 }  # fmt: skip

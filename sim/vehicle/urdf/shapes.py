@@ -1,4 +1,4 @@
-"""Volume, centre of volume and bounding box of a model's shapes, as Gazebo's buoyancy takes them."""
+"""Compute volume, centre of volume and bounding box of a model's shapes, as Gazebo's buoyancy system does."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from math import inf, pi
@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 from sim.vehicle.urdf.pose import Pose, pose_at
 from sim.vehicle.urdf.text import Element, attribute, find_mesh, number_of, numbers_of, to_frd
 
-LEAST_SIDE = 0.01  # m: what a vehicle's dimensions are at least
+MIN_SIDE = 0.01  # m: least dimension of a vehicle
 
 
 class Solid(NamedTuple):
@@ -20,8 +20,8 @@ class Solid(NamedTuple):
     is_closed: bool = True
 
 
-MeshKey = tuple[str, tuple[float, ...]]  # the file, and the three factors of its numbers
-Measure = Callable[[Sequence[MeshKey]], Mapping[MeshKey, Solid]]  # what cannot be measured is left out
+MeshKey = tuple[str, tuple[float, ...]]  # the file, and the three scale factors of its coordinates
+Measure = Callable[[Sequence[MeshKey]], Mapping[MeshKey, Solid]]  # meshes that cannot be measured are left out
 
 
 def origin_of(element: Element, path: str) -> Pose:
@@ -60,7 +60,7 @@ def extent_of(robot: Element, poses: Mapping[str, Pose], path: str, measure: Mea
                 place = pose.place(at)
                 low, high = list(map(min, low, place)), list(map(max, high, place))
         if low[0] < inf:
-            return {"dimensions": [max(b - a, LEAST_SIDE) for a, b in zip(low, high, strict=True)]}
+            return {"dimensions": [max(b - a, MIN_SIDE) for a, b in zip(low, high, strict=True)]}
     return {}
 
 

@@ -1,4 +1,4 @@
-"""Read a URDF file: its text, its numbers, and the rotation from its axes to ours."""
+"""Read the XML of URDF and SDF files: elements and numbers, and the conversion of axes from FLU to FRD."""
 
 import os
 import re
@@ -16,18 +16,18 @@ from sim.vehicle.urdf.ros_packages import find_package
 
 Element = ElementTree.Element
 _FRD = (1.0, -1.0, -1.0)
-DEEPEST = 64  # elements in each other: those of robots have some ten
+MAX_DEPTH = 64  # of nested elements: those of robots have some ten
 
 
 def read_xml(path: str, text: bytes | None = None, root: str = "robot") -> Element:
     """Return the `<robot>` (or the element `root`) of the file, or of `text` in its place. Raises ConfigError.
 
-    An XML entity may stand for another file or for gigabytes: none is ever expanded. Elements are at most `DEEPEST` in
-    each other.
+    An XML entity may stand for another file or for gigabytes, so entities are refused. Elements may be nested at most
+    `MAX_DEPTH` deep.
     """
     data = read_bytes(path) if text is None else text
     if root == "sdf":
-        data = _as_gazebo_reads(data)
+        data = _tolerate_as_gazebo(data)
     try:
         check_xml(data)
         robot = ElementTree.fromstring(data)
@@ -46,10 +46,11 @@ def read_xml(path: str, text: bytes | None = None, root: str = "robot") -> Eleme
     return robot
 
 
-def _as_gazebo_reads(data: bytes) -> bytes:
-    """Return an SDF without what Gazebo's parser passes over and others do not.
+def _tolerate_as_gazebo(data: bytes) -> bytes:
+    """Return an SDF without the faults that Gazebo's parser tolerates and other parsers do not.
 
-    The prefixes of its own tags are declared, which many files leave out, and comments, which may hold `--`, are cut.
+    Prefixes of Gazebo's own tags are declared, because many files do not declare them. Comments are removed, because
+    they may contain `--`.
     """
     data = re.sub(rb"<!--.*?-->", lambda comment: b"\n" * comment[0].count(b"\n"), data, flags=re.DOTALL)
     for prefix in (b"gz", b"ignition", b"experimental"):
@@ -59,14 +60,14 @@ def _as_gazebo_reads(data: bytes) -> bytes:
 
 
 def check_xml(data: bytes) -> None:
-    """Raise ConfigError for XML that declares entities or is too deep, expat.ExpatError for what is no XML."""
+    """Raise ConfigError for XML that declares entities or is nested too deep, expat.ExpatError for invalid XML."""
     depth = 0
 
     def enter(name: str, _: Any) -> None:
         nonlocal depth
         depth += 1
-        if depth > DEEPEST:
-            raise ConfigError(f"elements in each other, more than {DEEPEST} deep, at <{name[:40]}>")
+        if depth > MAX_DEPTH:
+            raise ConfigError(f"elements in each other, more than {MAX_DEPTH} deep, at <{name[:40]}>")
 
     def leave(_: str) -> None:
         nonlocal depth
@@ -79,7 +80,7 @@ def check_xml(data: bytes) -> None:
 
 
 def root_of(data: bytes) -> str:
-    """Return the name of the outermost element of a text, "" if it is no XML or declares an entity."""
+    """Return the name of the root element of a text, "" if it is no XML or declares an entity."""
     found: list[str] = []
     guard = expat.ParserCreate()
     guard.EntityDeclHandler = _refuse_entity
@@ -94,12 +95,12 @@ def _refuse_entity(name: str, *_: Any) -> None:
 
 
 def to_frd(vector: Iterable[float]) -> list[float]:
-    """Return a point or direction in FLU along FRD."""
+    """Return a point or direction, given in FLU, in FRD."""
     return [sign * x + 0.0 for sign, x in zip(_FRD, vector, strict=True)]
 
 
 def to_frd_matrix(matrix: Matrix) -> list[float]:
-    """Return a 3x3 or 6x6 matrix along FLU along FRD: its diagonal if there is nothing else, or row after row."""
+    """Return a 3x3 or 6x6 matrix, given in FLU, in FRD: its diagonal if it is diagonal, else row after row."""
     signs = _FRD * (len(matrix) // 3)
     turned = [[a * b * x + 0.0 for b, x in zip(signs, row, strict=True)] for a, row in zip(signs, matrix, strict=True)]
     if any(x for i, row in enumerate(turned) for j, x in enumerate(row) if i != j):
@@ -114,12 +115,12 @@ def attribute(element: Element, child: str, name: str, default: str = "") -> str
 
 
 def child_text(element: Element, *names: str) -> str | None:
-    """Return the text of the first child element there is of these names."""
+    """Return the text of the first of these child elements that exists, or None."""
     return next((text.strip() for name in names if (text := element.findtext(name)) is not None), None)
 
 
 def numbers_of(text: str, path: str, *counts: int) -> list[float]:
-    """Return the numbers in `text`, as many as one of `counts`. Raises ConfigError."""
+    """Return the numbers in `text`. Raises ConfigError if their count is none of `counts`."""
     numbers = [number_of(word, path) for word in text.split()]
     if len(numbers) not in counts:
         raise ConfigError(f"{path}: expected {' or '.join(map(str, counts))} numbers, found {text.strip()[:60]!r}")
@@ -138,15 +139,15 @@ def number_of(text: str, path: str) -> float:
 
 
 def plain(name: str) -> str:
-    """Return a name without control characters, which a vehicle file could not hold."""
+    """Return a name without control characters, which a vehicle file cannot contain."""
     return "".join(letter for letter in name if letter.isprintable())
 
 
 def find_mesh(name: str, path: str) -> str:
-    """Return the path of a mesh that the file at `path` names; package:// is looked for in the folders above that
-    file, then as sim/vehicle/urdf/ros_packages.py does.
+    """Return the path of a mesh that the file at `path` names.
 
-    What cannot be found is given back as it is written.
+    package:// is searched in the folders above that file, then as sim/vehicle/urdf/ros_packages.py does. A name that
+    cannot be found is returned unchanged.
     """
     if name.startswith("package://"):
         package, _, inside = name.removeprefix("package://").partition("/")

@@ -1,4 +1,4 @@
-"""Read thrusters: their poses from the joints, their limits from the plugins of simulators."""
+"""Read the thrusters of a model: their poses from the joints, their limits from the plugins of simulators."""
 
 from collections.abc import Mapping
 from math import inf
@@ -12,9 +12,9 @@ _DENSITY, _DIAMETER, _COEFFICIENT = "1000", "0.02", "1"  # gz-sim's defaults of 
 
 
 def read_thrusters(robot: Element, poses: Mapping[str, Pose], path: str, notes: list[str]) -> list[dict[str, Any]]:
-    """Return a thruster for each thruster plugin; failing those, for each turning joint of a link called so.
+    """Return a thruster for each thruster plugin; without such plugins, for each turning joint of a link "thruster".
 
-    Raises ConfigError for a plugin whose joint is not there.
+    Raises ConfigError for a plugin whose joint does not exist.
     """
     joints = {joint.get("name", ""): joint for joint in robot.findall("joint")}
     controls = {child_text(each, "jointName"): each for each in robot.iter("control")}
@@ -30,7 +30,7 @@ def read_thrusters(robot: Element, poses: Mapping[str, Pose], path: str, notes: 
         if name not in joints:
             raise ConfigError(f"{path}: a thruster plugin names the joint {name!r}, which is not there")
         pose = _pose(joints[name], poses, path)
-        if is_motor:  # its thrust is along the link's z, whatever the joint's axis
+        if is_motor:  # its thrust is along the link's z axis, for any axis of the joint
             pose["direction"] = to_frd(poses[target(joints[name], "child")].turn((0.0, 0.0, 1.0)))
         limits = _motor_limits(plugin, path) if is_motor else _limits(plugin, controls.get(name), path)
         thrusters.append(pose | limits)
@@ -61,7 +61,7 @@ def _pose(joint: Element, poses: Mapping[str, Pose], path: str) -> dict[str, Any
 
 
 def _limits(plugin: Element, control: Element | None, path: str) -> dict[str, float]:
-    """Return limits (N), lag (s) and diameter (m) of uuv_simulator's or gz-sim's thruster, as far as they are given."""
+    """Return the given ones of limits (N), lag (s) and diameter (m) of uuv_simulator's or gz-sim's thruster."""
     if plugin.find("conversion") is not None:
         return _uuv_limits(plugin, path)
     most, least = child_text(plugin, "thrust_max", "max_thrust_cmd"), child_text(plugin, "thrust_min", "min_thrust_cmd")
@@ -83,7 +83,7 @@ def _limits(plugin: Element, control: Element | None, path: str) -> dict[str, fl
 
 
 def _of_autopilot(control: Element, path: str) -> tuple[str | None, str | None]:
-    """Return the least and the largest command that Gazebo's plugin for ArduPilot gives to a joint."""
+    """Return the least and the largest command that Gazebo's ArduPilot plugin sends to a joint."""
     multiplier = child_text(control, "multiplier")
     if multiplier is None:
         return None, None
@@ -93,7 +93,7 @@ def _of_autopilot(control: Element, path: str) -> tuple[str | None, str | None]:
 
 
 def _uuv_limits(plugin: Element, path: str) -> dict[str, float]:
-    """Return what uuv_simulator's clamped command makes of thrust by its conversion, and its own limits on that."""
+    """Return the limits of uuv_simulator's thruster: its clamped commands converted to thrust, and limits of thrust."""
     texts = {key: child_text(plugin, key) for key in ("clampMin", "clampMax", "thrustMin", "thrustMax")}
     texts["thrustMin"] = texts["thrustMin"] or child_text(plugin, "thrust_min")
     texts["thrustMax"] = texts["thrustMax"] or child_text(plugin, "thrust_max")
@@ -112,7 +112,7 @@ def _uuv_limits(plugin: Element, path: str) -> dict[str, float]:
 
 
 def _converted(plugin: Element, least: float, most: float, path: str) -> tuple[float, float]:
-    """Return the largest and the least thrust (N) that commands between two can make."""
+    """Return the largest and the least thrust (N) for commands from `least` to `most`."""
     kind = child_text(plugin, "conversion/type")
 
     def number(key: str) -> float:

@@ -1,4 +1,4 @@
-"""Read what the tags of simulators have of the water on a vehicle: volume, box, added mass and damping."""
+"""Read the hydrodynamics in the tags of simulators: volume, box, added mass and damping."""
 
 from collections.abc import Iterator, Mapping
 from math import log, pi, sqrt
@@ -10,9 +10,10 @@ from sim.vehicle.urdf.pose import Pose
 from sim.vehicle.urdf.text import Element, child_text, number_of, numbers_of, plain, to_frd, to_frd_matrix
 
 _ROWS, _COLUMNS, _ADDED = "xyzkmn", "UVWPQR", "xyzpqr"
-_DENSITY = "1028"  # kg/m³: uuv_simulator's own, where the file gives none
+_DENSITY = "1028"  # kg/m³: default of uuv_simulator
 _MODELS = ("fossen", "sphere", "cylinder", "spheroid", "ellipsoid", "box")
-# Drag of a cylinder end on and across by length over diameter, as in uuv_simulator's HydrodynamicModel.cc.
+# Drag coefficients of a cylinder, axial and transverse, by length over diameter, as in uuv_simulator's
+# HydrodynamicModel.cc.
 _END_DRAG = ((1.0, 0.91), (2.0, 0.85), (4.0, 0.87), (7.0, 0.99))
 _SIDE_DRAG = ((1.0, 0.63), (2.0, 0.68), (5.0, 0.74), (10.0, 0.82))
 _SIDE_DRAG_LONG = 0.98
@@ -20,7 +21,7 @@ _SPHERE_DRAG = 0.5
 
 
 def read_water(robot: Element, path: str, notes: list[str]) -> dict[str, Any]:
-    """Return the keys of a vehicle's file that the tags have, and `neutral`; `notes` takes what has no place there."""
+    """Return the keys of a vehicle's file that the tags give, and `neutral`; `notes` gets what cannot be imported."""
     keys: dict[str, Any] = {}
     for inertial in robot.iter("inertial"):
         added = inertial.find("fluid_added_mass")
@@ -38,7 +39,7 @@ def read_water(robot: Element, path: str, notes: list[str]) -> dict[str, Any]:
 
 
 def read_buoyancy_engine(robot: Element, poses: Mapping[str, Pose], path: str) -> dict[str, Any]:
-    """Return the `buoyancy_engine` of Gazebo's plugin of that name, with its own defaults; {} if there is none."""
+    """Return the `buoyancy_engine` of Gazebo's plugin of that name, with the plugin's defaults; {} if there is none."""
     for plugin in robot.iter("plugin"):
         link = child_text(plugin, "link_name")
         if link is not None and link in poses and "buoyancy-engine" in plugin.get("filename", "").lower():
@@ -61,9 +62,10 @@ def _fluid_added_mass(added: Element, path: str) -> Matrix:
 
 
 def _gazebo_water(element: Element, path: str, notes: list[str]) -> dict[str, Any]:
-    """Return stability derivatives by Fossen's names, negative where they brake; a kind not there at all is left out.
+    """Return the keys for Gazebo's stability derivatives; a key without any derivative is left out.
 
-    `xUabsV` is the force by U |V|. Of these the vehicle's file has those with one speed twice, and those with |U|.
+    The derivatives have Fossen's names and are negative where they damp. `xUabsV` multiplies U |V|. A vehicle's file
+    has terms with the square of one speed, and terms with |U|.
     """
     keys: dict[str, Any] = {}
     for key, form in (("added_mass", "{0}Dot{1}"), ("linear_damping", "{0}{1}")):
@@ -96,7 +98,7 @@ def _gazebo_water(element: Element, path: str, notes: list[str]) -> dict[str, An
 
 
 def _squares(element: Element) -> Iterator[tuple[int, int, int, str, str, bool]]:
-    """Yield each quadratic term there is: row, both columns, its name and text, and whether it has an abs."""
+    """Yield each quadratic term of an element: row, both columns, name, text, and whether its name contains "abs"."""
     for i, row in enumerate(_ROWS):
         for j, one in enumerate(_COLUMNS):
             for k, other in enumerate(_COLUMNS):
@@ -108,7 +110,7 @@ def _squares(element: Element) -> Iterator[tuple[int, int, int, str, str, bool]]
 
 
 def _classic_buoyancy(element: Element, path: str) -> dict[str, Any]:
-    """Return what Gazebo classic's buoyancy plugin has of its first link."""
+    """Return volume and centre of buoyancy of the first link in Gazebo classic's buoyancy plugin."""
     keys: dict[str, Any] = {}
     if (volume := element.findtext("link/volume")) is not None:
         keys["volume"] = number_of(volume, path)
@@ -148,7 +150,7 @@ def _uuv_water(link: Element, path: str, notes: list[str]) -> dict[str, Any]:
 
 
 def _of_shape(link: Element, model: Element, path: str, notes: list[str]) -> dict[str, Matrix]:
-    """Return added mass and drag of a `<hydrodynamic_model>` that is a shape, by uuv_simulator's own formulas."""
+    """Return added mass and drag of a `<hydrodynamic_model>` with a shape's type, by uuv_simulator's formulas."""
     kind = (model.findtext("type") or "fossen").strip().lower()
     if kind not in _MODELS:
         raise ConfigError(f"{path}: hydrodynamic_model: no type {plain(kind)[:40]!r}; there are: {', '.join(_MODELS)}")
@@ -198,7 +200,7 @@ def _cylinder(density: float, axis: str, path: str, radius: float, length: float
     if axis not in ("i", "j", "k"):
         raise ConfigError(f"{path}: hydrodynamic_model: axis {plain(axis)[:20]!r} is none of i, j, k")
     ratio, along = length / (2.0 * radius), "ijk".index(axis)
-    end = next((drag for most, drag in _END_DRAG if ratio <= most), 0.0)  # a longer one has none there
+    end = next((drag for most, drag in _END_DRAG if ratio <= most), 0.0)  # uuv_simulator gives longer ones none
     side = next((drag for most, drag in _SIDE_DRAG if ratio <= most), _SIDE_DRAG_LONG)
     disc = density * pi * radius**2
     added, drag = [disc * length] * 3, [0.5 * side * density * radius * length] * 3
@@ -208,7 +210,7 @@ def _cylinder(density: float, axis: str, path: str, radius: float, length: float
 
 
 def _spheroid(density: float, radius: float, length: float) -> list[float]:
-    """Return Lamb's added mass of a prolate spheroid along x of semi-axes `length` and `radius` (m)."""
+    """Return Lamb's added mass of a prolate spheroid along x with semi-axes `length` and `radius` (m)."""
     if length <= radius:
         return [2.0 / 3.0 * density * pi * radius**2 * length] * 3 + [0.0] * 3
     mass, e = 4.0 / 3.0 * pi * density * length * radius**2, sqrt(1.0 - (radius / length) ** 2)

@@ -1,9 +1,9 @@
 """Write a vehicle as a URDF: links, joints, shapes and inertia, and the tags of simulators that the importer reads.
 
 The hull is one link, `base_link`, at the body's origin. Each thruster and fin is a link `NAME_link` on a joint NAME
-that turns about its axis. URDF's axes are FLU, ours FRD; see `sim.vehicle.urdf.importer`. Not written, as URDF and the
-tags of simulators have no place for them: curves, lift of the hull, ballast, battery. A fin's coefficients stand in a
-plugin of Gazebo, and what that has no tag for in its tag `uuv_hil`, which the importer reads and Gazebo passes over.
+that turns about its axis. URDF's axes are FLU, ours FRD; see `sim.vehicle.urdf.importer`. Not written, because URDF and
+the tags of simulators cannot describe them: curves, lift of the hull, ballast, battery. A fin's coefficients are in a
+plugin of Gazebo; keys for which it has no tags are in its tag `uuv_hil`, which the importer reads and Gazebo ignores.
 """
 
 from collections.abc import Sequence
@@ -19,17 +19,17 @@ from sim.vehicle.urdf.text import Element, to_frd, to_frd_matrix
 from sim.vehicle.vehicle import Vehicle
 
 to_flu, to_flu_matrix = to_frd, to_frd_matrix  # half a turn about x is its own inverse
-PROPELLER = 0.03, 0.05  # m: the length, and the radius where the file gives no diameter
+PROPELLER = 0.03, 0.05  # m: the length, and the radius if the file gives no diameter
 DENSITY = 1000.0  # kg/m³
-_WRITTEN = ("area", "max_deflection")  # of a fin, by a plugin's own tag or the joint
-LEAST_AREA = 1e-6  # m²
+_TAGGED = ("area", "max_deflection")  # keys of a fin that a tag of the plugin or the joint contains
+MIN_AREA = 1e-6  # m²
 FIN_THICKNESS = 0.01  # m
-EFFORT, RATE = 10.0, 10.0  # of a fin's servo (N m, rad/s), which a joint with limits has to have
+EFFORT, RATE = 10.0, 10.0  # of a fin's servo (N m, rad/s): a joint with limits must have them
 HULL, THRUSTER, FIN = "0.98 0.80 0.08 1", "0.12 0.16 0.23 1", "0.40 0.45 0.55 1"  # red, green, blue, opacity
 
 
 def urdf_of(vehicle: Vehicle, prefix: str = "") -> str:
-    """Return the URDF of a vehicle; `prefix` stands before the names of its links, as before those of its frames."""
+    """Return the URDF of a vehicle; `prefix` is put before the names of its links, as before those of its frames."""
     robot = Element("robot", name=vehicle.name)
     base = f"{prefix}base_link"
     robot.append(_hull(vehicle, base))
@@ -59,10 +59,10 @@ def _hull(vehicle: Vehicle, name: str) -> Element:
 
 
 def _mesh(mesh: Mesh) -> Element:
-    """Return a mesh; its orientation is that of its axes in FRD."""
+    """Return the `<visual>` of a mesh, whose orientation is relative to FRD axes."""
     roll, pitch, yaw = mesh.orientation
     cr, sr, cp, sp, cy, sy = cos(roll), sin(roll), cos(pitch), sin(pitch), cos(yaw), sin(yaw)
-    xx, yx, zx, zy, zz = cy * cp, -sy * cp, sp, -cp * sr, -cp * cr  # the two lower rows with the other sign: in FLU
+    xx, yx, zx, zy, zz = cy * cp, -sy * cp, sp, -cp * sr, -cp * cr  # the two lower rows negated: in FLU
     angles = atan2(zy, zz), asin(max(-1.0, min(1.0, -zx))), atan2(yx, xx)
     visual = Element("visual")
     _inside(visual, "origin", xyz=_words(to_flu(mesh.position)), rpy=_words(angles))
@@ -93,11 +93,11 @@ def _add_thruster(robot: Element, thruster: Thruster, base: str, prefix: str) ->
 
 
 def _add_fin(robot: Element, fin: Fin, base: str, prefix: str) -> None:
-    """Add a fin's link, which turns about its axis as a positive deflection does; a square plate of its area."""
+    """Add a fin's link, a plate of its area, and its joint, which turns as a positive deflection does."""
     link = _part(robot, f"{prefix}{fin.name}_link")
     chord, normal = (to_flu(vector) for vector in fin.frame)
     axis = [component / hypot(*fin.axis) for component in to_flu(fin.axis)]
-    chord_m = max(fin.area, LEAST_AREA) ** 0.5 if not fin.aspect_ratio else (fin.area / fin.aspect_ratio) ** 0.5
+    chord_m = max(fin.area, MIN_AREA) ** 0.5 if not fin.aspect_ratio else (fin.area / fin.aspect_ratio) ** 0.5
     size = _words((chord_m, fin.area / chord_m, FIN_THICKNESS))
     visual = _shape(link, "visual", "box", FIN, size=size)
     _inside(visual, "origin", xyz="0 0 0", rpy=_words(_angles(chord, axis, [-x for x in normal])))
@@ -110,7 +110,7 @@ def _add_fin(robot: Element, fin: Fin, base: str, prefix: str) -> None:
 
 
 def _add_lift(robot: Element, fin: Fin, link: str, chord: Sequence[float], normal: Sequence[float]) -> None:
-    """Add the plugin of a fin's lift; Gazebo's drag grows with the angle, ours with the square of the lift."""
+    """Add the plugin of a fin's lift. Gazebo's drag grows with the angle, ours with the square of the lift."""
     name = "gz::sim::systems::LiftDrag"
     plugin = _inside(_inside(robot, "gazebo"), "plugin", name=name, filename="gz-sim-lift-drag-system")
     polar = fin.polar
@@ -122,14 +122,12 @@ def _add_lift(robot: Element, fin: Fin, link: str, chord: Sequence[float], norma
     for tag, number in numbers.items():
         _inside(plugin, tag).text = _word(number)
     _inside(plugin, "forward").text, _inside(plugin, "upward").text = _words(chord), _words(normal)
-    own = {
-        key: value for key, value in fin._asdict().items() if isinstance(value, (int, float)) and key not in _WRITTEN
-    }
+    own = {key: value for key, value in fin._asdict().items() if isinstance(value, (int, float)) and key not in _TAGGED}
     _inside(plugin, OWN, **{key: repr(value) for key, value in own.items()})
 
 
 def _add_water(robot: Element, vehicle: Vehicle, base: str) -> None:
-    """Add volume, box, added mass and damping, by the tags of uuv_simulator; damping brakes where it is negative."""
+    """Add volume, box, added mass and damping with the tags of uuv_simulator, where damping is negative."""
     plugin = _inside(
         _inside(robot, "gazebo"), "plugin", name="uuv_plugin", filename="libuuv_underwater_object_ros_plugin.so"
     )
@@ -148,7 +146,7 @@ def _add_water(robot: Element, vehicle: Vehicle, base: str) -> None:
 
 
 def _part(robot: Element, name: str) -> Element:
-    """Add a link without mass, which is the hull's."""
+    """Add a link without mass: the hull's link has the whole mass."""
     return _inside(robot, "link", name=name)
 
 
@@ -172,7 +170,7 @@ def _inside(parent: Element, tag: str, **attributes: str) -> Element:
 
 
 def _angles(x: Sequence[float], y: Sequence[float], z: Sequence[float]) -> tuple[float, float, float]:
-    """Return roll, pitch and yaw of three axes, unit vectors at right angles to each other."""
+    """Return roll, pitch and yaw of three axes, which are perpendicular unit vectors."""
     columns: Matrix = [list(x), list(y), list(z)]
     return (
         atan2(columns[1][2], columns[2][2]),

@@ -158,7 +158,7 @@ def test_an_imported_vehicle_and_its_scenario_are_valid(
     assert main(command) == 0
     output = capsys.readouterr().out
     assert "swimmer, 20.5 kg, 1 thrusters, 1 fins" in output
-    assert "flies it, with imu, laser, dvl" in output
+    assert "a scenario with it, with imu, laser, dvl" in output
     assert load_vehicle(str(out))[0].channels == ("propeller", "rudder")
     assert main(["scenario", "check", str(flight)]) == 0
     assert main(command[:-2]) == 0

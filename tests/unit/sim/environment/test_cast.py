@@ -7,7 +7,7 @@ import pytest
 
 from hil.common.errors import ConfigError
 from sim.environment.ocean import Profile
-from sim.environment.seawater.cast import MOST_ROWS
+from sim.environment.seawater.cast import MAX_ROWS
 from sim.environment.world import load_world
 
 WORLD = """\
@@ -61,7 +61,7 @@ def test_temperature_and_salinity_give_density_and_speed_of_sound(tmp_path: Path
 def test_pressure_is_converted_to_depth_and_long_casts_are_averaged(tmp_path: Path) -> None:
     rows = [f"{0.5 * k:.1f},{15.0 - 0.005 * k:.3f},34.0" for k in (*range(1600), *range(1599, 0, -1))]
     found = profile(tmp_path, "\n".join(["pressure,temperature,salinity", *rows]))
-    assert len(found.depth) == MOST_ROWS
+    assert len(found.depth) == MAX_ROWS
     assert all(b > a for a, b in pairwise(found.depth))
     assert found.depth[-1] == pytest.approx(786.0, abs=3.0), "799.5 dbar less half a bin are 786 m"
 

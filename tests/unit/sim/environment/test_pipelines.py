@@ -138,7 +138,7 @@ def test_a_distant_pipeline_gives_the_free_distance_to_it() -> None:
 
 def test_cameras_and_sonars_use_colour_and_echo_of_a_pipeline() -> None:
     world = FLAT._replace(pipeline=(FLAT.pipeline[0]._replace(colour=(0.9, 0.1, 0.2), echo=5.0),))
-    assert list(world.looks()) == [(1, (0.9, 0.1, 0.2), 5.0)]
+    assert list(world.appearances()) == [(1, (0.9, 0.1, 0.2), 5.0)]
     assert Scenery(world, 2).colours[1] == pytest.approx((0.9, 0.1, 0.2))
 
 

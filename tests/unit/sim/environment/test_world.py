@@ -158,7 +158,7 @@ def crowded_world(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 
 def test_many_obstacles_are_validated_once(crowded_world: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     first = load_world(str(crowded_world))
-    monkeypatch.setattr(World, "buried", lambda self: pytest.fail("checked again"))
+    monkeypatch.setattr(World, "validate_obstacles", lambda self: pytest.fail("checked again"))
     second = load_world(str(crowded_world))
     assert (second.cylinder, second.box, second.extent) == (first.cylinder, first.box, first.extent)
     assert len(second.cylinder) == 150
