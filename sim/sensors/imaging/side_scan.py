@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from sim.sensors.imaging.echoes import Aperture, Floats
 
 _DEGREE = pi / 180.0
+_GRAZING = 0.15  # of a sine: where rays graze more they are no denser
 
 
 class SideScanModel(NamedTuple):
@@ -118,6 +119,20 @@ class SideScan:
         )  # fmt: skip
 
 
+def _edges(highest: float, rays: int) -> "Floats":
+    """Return the angles below the horizontal (rad) between `rays` rays, from `highest` to nadir.
+
+    They are denser where they graze a bed: an edge of a shadow lies on a ray, and one ray after the other is farther
+    by the cotangent of the angle.
+    """
+    import numpy as np
+
+    angles = np.linspace(highest, 0.5 * pi, 20 * rays + 1)
+    middles = 0.5 * (angles[1:] + angles[:-1])
+    passed = np.append(0.0, np.cumsum(1.0 / (np.abs(np.sin(middles)) + _GRAZING)))
+    return np.interp(np.linspace(0.0, passed[-1], rays + 1), passed, angles)
+
+
 def _aperture(model: SideScanModel) -> "Aperture":
     """Return port's slices, then starboard's, from the upper end of the main lobe, or the zenith, to nadir."""
     import numpy as np
@@ -128,7 +143,7 @@ def _aperture(model: SideScanModel) -> "Aperture":
     along_edges = np.linspace(-wide, wide, model.slices + 1)
     alongs = 0.5 * (along_edges[1:] + along_edges[:-1])
     highest = max(-0.5 * pi, model.depression - main_lobe(model.beam_height))
-    edges = np.linspace(highest, 0.5 * pi, model.rays + 1)
+    edges = _edges(highest, model.rays)
     downs = 0.5 * (edges[1:] + edges[:-1])
 
     def unit(down: "Floats") -> "Floats":
@@ -136,7 +151,7 @@ def _aperture(model: SideScanModel) -> "Aperture":
         vectors = [np.sin(along), side * np.cos(along) * np.cos(down), np.cos(along) * np.sin(down)]
         return np.stack(vectors, axis=-1).reshape(2 * model.slices, -1, 3)
 
-    across = pattern(downs - model.depression, model.beam_height) ** 2 * (edges[1] - edges[0])
+    across = pattern(downs - model.depression, model.beam_height) ** 2 * np.diff(edges)
     lengthwise = pattern(alongs, model.beam_width) ** 2 * (np.sin(along_edges[1:]) - np.sin(along_edges[:-1]))
     weights = np.outer(np.tile(lengthwise, 2), across)
 

@@ -145,3 +145,22 @@ def test_the_surface_echoes_to_a_side_scan_below() -> None:
     assert (port[first:119] > 0.0).all()
     assert not dry[:119].any()
     assert wide.altitude == without.altitude == pytest.approx(12.0, abs=0.01)
+
+
+def test_the_far_edge_of_an_oblique_walls_shadow_is_a_line() -> None:
+    """A wall 2 m high, askew to the track, 10 m below the sonar and about 28 m away; by geometry, in bins of 0.1 m."""
+    height, altitude, askew = 2.0, 10.0, 0.2
+    wall = Box(0.0, 30.0, 60.0, 0.2, askew, top=20.0 - height)
+    model = SideScanModel(ground_truth=True, surface_strength=-200.0)
+    sonar = SideScan(model, Mounting(), 1, scene(FLAT._replace(extent=(-200.0, 200.0, -200.0, 200.0), box=(wall,))))
+    middles = (np.arange(1000) + 0.5) * model.range_step
+    errors = []
+    for north in np.arange(-10.0, 10.0, 0.1):
+        echoes = side(sonar.sample(0, State((north, 0.0, 20.0 - altitude))), "starboard")
+        away = 30.0 + north * np.tan(askew) + 0.1 / np.cos(askew)
+        edge = np.hypot(away * altitude / (altitude - height), altitude)
+        lit = echoes > 0.2 * np.median(echoes[(middles > edge + 3.0) & (middles < edge + 8.0)])
+        within = (middles > edge - 3.0) & (middles < edge + 3.0)
+        errors.append(middles[lit & within][0] - 0.5 * model.range_step - edge)
+    assert np.mean(errors) == pytest.approx(0.0, abs=0.1)
+    assert np.std(errors) < 0.1, "rays at equal angles make it 0.114"
