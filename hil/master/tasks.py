@@ -63,23 +63,23 @@ class Tasks(Planner):
         """Return the command to the place of the present task, or to hold station there during the work."""
         odometry = samples["odom"]
         here = odometry.position[0], odometry.position[1]
-        order = self._scheduler.step(round(time * _NS_PER_S), here, signals_of(samples))
-        self.status = order.state
+        task_goal = self._scheduler.step(round(time * _NS_PER_S), here, signals_of(samples))
+        self.status = task_goal.state
         if self._scheduler.done:
             return Done(f"home after {', '.join(self.finished)}")
         self.progress = len(self.finished) / (len(self.mission.task) + 1)
-        if order.goal is not None and order.goal != self._goal:
+        if task_goal.goal is not None and task_goal.goal != self._goal:
             try:
-                self._sight.begin(here, order.goal)
+                self._sight.begin(here, task_goal.goal)
             except MissionError as error:
-                return Done(f"{order.state}: {error}", reached=False)
-            self._goal = order.goal
+                return Done(f"{task_goal.state}: {error}", reached=False)
+            self._goal = task_goal.goal
         guide = self._sight.guide
-        if order.goal is None or guide is None:
+        if task_goal.goal is None or guide is None:
             return VelocityCommand(depth=self._depth)
         self.path = guide.path
-        if guide.done or order.state.endswith(" work"):
-            return hold_position(here, heading_of(odometry.orientation), order.goal)._replace(depth=self._depth)
+        if guide.done or task_goal.state.endswith(" work"):
+            return hold_position(here, heading_of(odometry.orientation), task_goal.goal)._replace(depth=self._depth)
         return self._sight.command(samples)
 
 

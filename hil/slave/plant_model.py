@@ -20,7 +20,7 @@ def plant_of(vehicle: Vehicle, density: float, gravity: float) -> Plant:
         buoyancy=density * displaced_volume(vehicle, density) * gravity,
         center_of_gravity=vehicle.center_of_gravity,
         center_of_buoyancy=vehicle.center_of_buoyancy,
-        moved_water=(x, y, z),
+        translational_added_mass=(x, y, z),
         munk_share=vehicle.munk_share,
     )
 

@@ -84,10 +84,10 @@ class Allocator:
         x, y, z, k, m, n = wrench
         thrusts = [0.0] * len(self._forward)
         for part in ((0.0, 0.0, 0.0, k, m, n), (0.0, 0.0, z, 0.0, 0.0, 0.0), (x, y, 0.0, 0.0, 0.0, 0.0)):
-            self._add_what_fits(thrusts, self._thrusts(part))
+            self._add_within_limits(thrusts, self._thrusts(part))
         return thrusts
 
-    def _add_what_fits(self, thrusts: list[float], extra: list[float]) -> None:
+    def _add_within_limits(self, thrusts: list[float], extra: list[float]) -> None:
         """Add the largest share, 0 to 1, of `extra` to `thrusts` that keeps every thruster within its limits."""
         share = 1.0
         for now, more, forward, reverse in zip(thrusts, extra, self._forward, self._reverse, strict=True):
@@ -118,10 +118,10 @@ def pseudo_inverse(
     11.2.2, for full rank). It is computed by one-sided Jacobi (Golub & Van Loan 2013, section 8.6): rotations make the
     rows orthogonal; then each row is a singular value times a right singular vector.
     """
-    eases = _eases(thruster_weights, len(matrix[0]))
+    inverse_roots = _inverse_root_weights(thruster_weights, len(matrix[0]))
     _check_weights("axis", axis_weights, len(matrix))
     rows = [
-        [weight * value * ease for value, ease in zip(row, eases, strict=True)]
+        [weight * value * ease for value, ease in zip(row, inverse_roots, strict=True)]
         for weight, row in zip(axis_weights, matrix, strict=True)
     ]
     size = len(rows)
@@ -136,7 +136,7 @@ def pseudo_inverse(
     inverse = [
         [ease * weight * sum(rows[i][column] * basis[i][axis] / energies[i] for i in strong)
          for axis, weight in enumerate(axis_weights)]
-        for column, ease in enumerate(eases)
+        for column, ease in enumerate(inverse_roots)
     ]  # fmt: skip
     return inverse, len(strong)
 
@@ -166,7 +166,7 @@ def _rotate(rows: Matrix, basis: Matrix, i: int, j: int, overlap: float) -> None
         table[j] = [s * a + c * b for a, b in zip(first, second, strict=True)]
 
 
-def _eases(thruster_weights: Sequence[float] | None, count: int) -> list[float]:
+def _inverse_root_weights(thruster_weights: Sequence[float] | None, count: int) -> list[float]:
     """Return one over the square root of each thruster's weight."""
     if thruster_weights is None:
         return [1.0] * count

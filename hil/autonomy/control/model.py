@@ -16,8 +16,9 @@ class Plant(NamedTuple):
 
     `inertia` is the diagonal of rigid-body plus added mass, kg and kg m². `linear_damping` (N s/m, N m s) and
     `quadratic_damping` (N s²/m², N m s²) are positive if they brake. `weight` and `buoyancy` in N act at
-    `center_of_gravity` and `center_of_buoyancy`, m. `moved_water` is the added mass in the first three of `inertia`;
-    `munk_share` is the remaining share of its Munk moment about roll, pitch and yaw (sim/dynamics.py).
+    `center_of_gravity` and `center_of_buoyancy`, m. `translational_added_mass` (kg) is that of surge, sway and heave,
+    which `inertia` includes; `munk_share` is the remaining share of its Munk moment about roll, pitch and yaw
+    (sim/dynamics.py).
     """
 
     inertia: Wrench
@@ -27,7 +28,7 @@ class Plant(NamedTuple):
     buoyancy: float
     center_of_gravity: Vector3 = (0.0, 0.0, 0.0)
     center_of_buoyancy: Vector3 = (0.0, 0.0, 0.0)
-    moved_water: Vector3 = (0.0, 0.0, 0.0)
+    translational_added_mass: Vector3 = (0.0, 0.0, 0.0)
     munk_share: Vector3 = (1.0, 1.0, 1.0)
 
     def load(self, navigation: Navigation, reference: Wrench) -> Wrench:
@@ -66,7 +67,7 @@ class Plant(NamedTuple):
         """
         u, v, w, p, q, r = nu
         x, y, z, k, m, n = (mass * speed for mass, speed in zip(self.inertia, nu, strict=True))
-        a, b, c = (mass * speed for mass, speed in zip(self.moved_water, (u, v, w), strict=True))
+        a, b, c = (mass * speed for mass, speed in zip(self.translational_added_mass, (u, v, w), strict=True))
         lost_k, lost_m, lost_n = (1.0 - share for share in self.munk_share)
         return (
             q * (z - lost_m * c) - r * (y - lost_n * b),

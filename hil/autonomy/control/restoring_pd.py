@@ -66,7 +66,7 @@ class RestoringPd:
         measured = navigation.velocity + navigation.angular_velocity
         load = self._plant.load(navigation, targets)
         x, y, z, k, m, n = (
-            clamp(inertia * _push(damper, target - value) + held, inertia * damper.limit)
+            clamp(inertia * _damping_acceleration(damper, target - value) + held, inertia * damper.limit)
             for inertia, damper, target, value, held in zip(
                 self._plant.inertia, self._settings, targets, measured, load, strict=True
             )
@@ -74,6 +74,6 @@ class RestoringPd:
         return x, y, z, k, m, n
 
 
-def _push(damper: Damper, error: float) -> float:
+def _damping_acceleration(damper: Damper, error: float) -> float:
     """Return the acceleration against a velocity error; 0 if the error is not finite."""
     return damper.d * error if abs(error) < ABSURD else 0.0

@@ -100,7 +100,7 @@ class SlidingMode:
 class _Axis:
     """Control law of one axis; accelerations in m/s² or rad/s²."""
 
-    __slots__ = ("_integral", "_push", "_surface")
+    __slots__ = ("_acceleration", "_integral", "_surface")
 
     def __init__(self, surface: Surface) -> None:
         self._surface = surface
@@ -108,7 +108,7 @@ class _Axis:
 
     def reset(self) -> None:
         self._integral = 0.0  # integral of the error, m or rad
-        self._push = 0.0
+        self._acceleration = 0.0
 
     def reference(self, target: float) -> float:
         """Return the velocity that the surface leads to."""
@@ -117,11 +117,11 @@ class _Axis:
     def update(self, error: float, dt: float, residual: float) -> float:
         strength, layer, slide, limit, slew = self._surface
         if not abs(error) < ABSURD:  # without a valid measurement the integral holds
-            return self._push
+            return self._acceleration
         side = (error + slide * self._integral) / layer
         is_saturated = abs(residual) > _ROUNDING and residual * error < 0.0
         if abs(side) < 1.0 and not is_saturated:
             self._integral += error * dt
-        push = clamp(-slide * error - strength * clamp(side, 1.0), limit)
-        self._push = min(max(push, self._push - slew * dt), self._push + slew * dt)
-        return self._push
+        target = clamp(-slide * error - strength * clamp(side, 1.0), limit)
+        self._acceleration = min(max(target, self._acceleration - slew * dt), self._acceleration + slew * dt)
+        return self._acceleration

@@ -59,20 +59,20 @@ def smooth(grid: OccupancyGrid, path: Sequence[Point]) -> list[Point]:
     points = _densify(path, grid.resolution)
     smoothed, here = points[:1], 0
     while here < len(points) - 1:
-        here = _last_seen(grid, points, here)
+        here = _last_visible(grid, points, here)
         smoothed.append(points[here])
     return smoothed
 
 
-def _last_seen(grid: OccupancyGrid, points: list[Point], here: int) -> int:
+def _last_visible(grid: OccupancyGrid, points: list[Point], here: int) -> int:
     """Return a point visible from `here` whose successor is not; found by doubling, then by bisection."""
     seen, unseen = here + 1, len(points)  # the next point needs no check, as it is on the path
     while unseen - seen > 1:
-        looked_for = min(2 * seen - here, unseen - 1) if unseen == len(points) else (seen + unseen) // 2
-        if grid.line_is_free(points[here], points[looked_for]):
-            seen = looked_for
+        candidate = min(2 * seen - here, unseen - 1) if unseen == len(points) else (seen + unseen) // 2
+        if grid.line_is_free(points[here], points[candidate]):
+            seen = candidate
         else:
-            unseen = looked_for
+            unseen = candidate
     return seen
 
 

@@ -42,10 +42,10 @@ def dubins(start: Pose, end: Pose, radius: float, steepest: float = pi / 6.0) ->
     if lacking > _DUST:
         rounds = max(1, floor(lacking / (2.0 * pi * radius)))
         pieces.append((1.0 / max(radius, lacking / (2.0 * pi * rounds)), max(lacking, 2.0 * pi * radius * rounds)))
-    return _laid_out(start, pieces, atan2(dive, sum(length for _, length in pieces)))
+    return _make_chain(start, pieces, atan2(dive, sum(length for _, length in pieces)))
 
 
-def _laid_out(start: Pose, pieces: list[tuple[float, float]], slope: float) -> Chain:
+def _make_chain(start: Pose, pieces: list[tuple[float, float]], slope: float) -> Chain:
     """Return a chain of pieces (turn per horizontal metre, horizontal length), all with one slope."""
     laid: list[Piece] = []
     position, heading = start
@@ -72,14 +72,17 @@ def _shortest(heading: float, end_heading: float, north: float, east: float) -> 
 
 
 def _same_turns(a: float, b: float, distance: float) -> Lengths | None:
-    """Starboard, straight, starboard; `a` and `b` are the headings relative to the line from start to end."""
+    """Return the lengths of the word starboard, straight, starboard; None if there is none.
+
+    `a` and `b` are the headings relative to the line from start to end.
+    """
     ahead, lateral = distance + sin(a) - sin(b), cos(b) - cos(a)
     course = atan2(lateral, ahead)
     return _round(course - a), hypot(ahead, lateral), _round(b - course)
 
 
 def _opposite_turns(a: float, b: float, distance: float) -> Lengths | None:
-    """Starboard, straight, port."""
+    """Return the lengths of the word starboard, straight, port; None if there is none."""
     ahead, lateral = distance + sin(a) + sin(b), -cos(a) - cos(b)
     square = ahead * ahead + lateral * lateral - 4.0
     if square < 0.0:
@@ -90,7 +93,7 @@ def _opposite_turns(a: float, b: float, distance: float) -> Lengths | None:
 
 
 def _three_turns(a: float, b: float, distance: float) -> Lengths | None:
-    """Starboard, port, starboard; only for ends that are near each other."""
+    """Return the lengths of the word starboard, port, starboard; None if the ends are too far from each other."""
     ahead, lateral = distance + sin(a) - sin(b), cos(b) - cos(a)
     cosine = 1.0 - (ahead * ahead + lateral * lateral) / 8.0
     if cosine < -1.0:

@@ -67,7 +67,7 @@ class Guide:
         here = position[0], position[1]
         fresh = self.map.add(here, heading, scan)
         if (len(fresh) and self._is_blocked_by(fresh)) or self._may_be_free():
-            self._plan_again(here)
+            self._replan(here)
         self._pursuit.update(here, heading)
         self.done = self._pursuit.done
         if self.done or self.stuck:
@@ -103,7 +103,7 @@ class Guide:
             self._settings.tolerance,
         )
 
-    def _plan_again(self, here: Point) -> None:
+    def _replan(self, here: Point) -> None:
         """Replan, with a smaller margin if there is no path with the full one; without any path the vehicle stops."""
         vfh, margin = self._settings.vfh, self._settings.margin
         for clearance in (vfh.radius + margin, vfh.radius + 0.5 * margin):

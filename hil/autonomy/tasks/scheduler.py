@@ -59,8 +59,8 @@ class Mission(NamedTuple):
     tolerance: Annotated[float, Range(0.01, 100.0, "m")] = 0.8
 
 
-class Order(NamedTuple):
-    """Present order: the `task` ("" for none), its `state`, and the `goal` (m north, m east; None to stay)."""
+class TaskGoal(NamedTuple):
+    """Present `task` ("" for none), its `state`, and the `goal` to go to (m north, m east; None to stay)."""
 
     task: str
     state: str
@@ -93,8 +93,8 @@ class Scheduler:
         """Names of all signals that the mission uses."""
         return frozenset(name for condition in self._ready.values() for name in condition.signals)
 
-    def step(self, time: int, position: Sequence[float], signals: Mapping[str, float]) -> Order:
-        """Return the order at `time` (ns, increasing) and `position` (m north, m east; other values are ignored)."""
+    def step(self, time: int, position: Sequence[float], signals: Mapping[str, float]) -> TaskGoal:
+        """Return the goal at `time` (ns, increasing) and `position` (m north, m east; other values are ignored)."""
         here = position[0], position[1]
         if not self._chart.active:
             self._began = time
@@ -106,7 +106,7 @@ class Scheduler:
         if change.left and change.entered == ("idle",):
             self.finished.append(change.left[-1])
         self._log_states(time, change.entered)
-        return Order(self._task(), self._chart.state, self._goal())
+        return TaskGoal(self._task(), self._chart.state, self._goal())
 
     def _log_states(self, time: int, entered: tuple[str, ...]) -> None:
         self.log += [(time, entered[-1])] if entered else []
@@ -173,12 +173,12 @@ def _check(mission: Mission, where: str) -> None:
         for other in task.needs:
             if other not in names or other == task.name:
                 raise ConfigError(
-                    f"{where}: the task {task.name!r} needs {other!r}, which is no other task{nearest(other, names)}"
+                    f"{where}: the task {task.name!r} needs {other!r}, which is not another task{nearest(other, names)}"
                 )
     left = list(mission.task)
     while left:
         waiting = [task for task in left if any(other.name in task.needs for other in left)]
         if len(waiting) == len(left):
             names_left = ", ".join(task.name for task in left)
-            raise ConfigError(f"{where}: tasks need each other: {names_left}; take a need of one away")
+            raise ConfigError(f"{where}: tasks need each other: {names_left}; remove a need of one of them")
         left = waiting

@@ -175,7 +175,7 @@ def assert_found(capsys: pytest.CaptureFixture[str], name: str, changes: list[st
         ("{name='a', at=[6.5, 7.5], duration=1.0}", "planner: the place (6.5 m north, 7.5 m east) is inside an obst"),
         ("{name='a', at=[650.0, 7.5], duration=1.0}", "planner: the place (650 m north, 7.5 m east) is outside"),
         ("{name='a', at=[5.0, 5.0], duration=601.0}", "master: time_limit: the tasks take 601 s"),
-        ("{name='a', at=[5.0, 5.0], duration=1.0, needs=['b']}", "the task 'a' needs 'b', which is no other task"),
+        ("{name='a', at=[5.0, 5.0], duration=1.0, needs=['b']}", "the task 'a' needs 'b', which is not another task"),
     ],
 )
 def test_impossible_tasks_are_found(capsys: pytest.CaptureFixture[str], tasks: str, words: str) -> None:

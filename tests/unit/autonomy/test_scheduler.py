@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from hil.autonomy.tasks.scheduler import Mission, Order, Scheduler, Task
+from hil.autonomy.tasks.scheduler import Mission, Scheduler, Task, TaskGoal
 from hil.common.errors import ConfigError
 from hil.common.schema import load
 
@@ -28,7 +28,7 @@ class World:
         self.signals = {"battery": 1.0, "data": 0.0}
         self.time = 0
 
-    def step(self) -> Order:
+    def step(self) -> TaskGoal:
         order = self.scheduler.step(self.time, self.position, self.signals)
         if order.goal:
             left = math.dist(self.position, order.goal)
@@ -99,9 +99,9 @@ def test_a_timed_task_starts_on_time_and_the_vehicle_waits_in_place_before() -> 
     world = World(Scheduler(Mission((0.0, 0.0), (late,))))
     world.position = (9.0, 9.0)
     for _ in range(50):
-        assert world.step() == Order("", "idle", None)
+        assert world.step() == TaskGoal("", "idle", None)
     assert world.position == (9.0, 9.0)
-    assert world.step() == Order("late", "late travel", (5.0, 0.0))
+    assert world.step() == TaskGoal("late", "late travel", (5.0, 0.0))
     world.run()
     assert world.scheduler.finished == ["late"]
     assert world.step().state == "done"
@@ -165,7 +165,7 @@ needs = ["acquisition"]
     assert read.scheduler.log == made.scheduler.log
     with open(path, "w", encoding="utf-8") as file:
         file.write(text.replace('"acquisition"]', '"aquisition"]'))
-    with pytest.raises(ConfigError, match=r"needs 'aquisition', which is no other task; did you mean"):
+    with pytest.raises(ConfigError, match=r"needs 'aquisition', which is not another task; did you mean"):
         Scheduler(load(path, Mission), path)
 
 
