@@ -1,8 +1,8 @@
 """Decide which differences between two results are significant: bootstrap intervals of the ratio of medians.
 
-All values of one start of the programs have something in common: the programs' place in memory, and what else ran
-then. So a start counts as one value, its median. With few starts single commands are resampled instead, in blocks, as
-neighbours are alike. Then two starts of one program may differ too, and no difference is called better or worse.
+All values of one start of the programs have common conditions: the programs' place in memory, and the other work of the
+machine. So a start counts as one value, its median. With few starts, single commands are resampled instead, in blocks,
+because neighbours are alike. Then two starts of one program may differ too, and no difference is judged.
 """
 
 from math import isfinite, nan
@@ -18,10 +18,10 @@ Verdict = Literal["same", "better", "worse", "changed", "too few", "few starts"]
 
 
 class Difference(NamedTuple):
-    """One figure in both results. `ratio` is after / before; `interval` is where that lies.
+    """One figure in both results. `ratio` is after / before; `interval` is its confidence interval.
 
-    Both are nan where a median is not above 0: then the values are compared, not their ratio. "same" also stands for a
-    real difference smaller than the least that matters, "few starts" for one that two starts of one program may have.
+    Both are nan if a median is not above 0: then the values are compared, not their ratio. "same" includes a real
+    difference below the least that matters; "few starts" is a difference that two starts of one program may have.
     """
 
     name: str
@@ -40,7 +40,7 @@ def compare(before: Record, after: Record, least: float = 0.05, confidence: floa
 
 
 def difference(name: str, before: Figure, after: Figure, least: float, confidence: float) -> Difference:
-    """Return one figure, judged: real if the interval of the ratio leaves out 1, and if the ratio is off by `least`."""
+    """Return one figure, judged: real if the ratio's interval does not contain 1, and it differs by `least`."""
     few = min(len(before.runs), len(after.runs)) < FEWEST
     sides = [figure.values if few else [median(run) for run in figure.by_run] for figure in (before, after)]
     old, new = map(median, sides)
@@ -55,7 +55,7 @@ def difference(name: str, before: Figure, after: Figure, least: float, confidenc
 
 
 def unlike(before: Record, after: Record) -> list[str]:
-    """Return the differences that make the two hard to compare: machine, its state, labels, settings."""
+    """Return the differences of the conditions: machine, its state, labels, settings."""
     differences = []
     if before.kind != after.kind:
         differences.append(f"results of different benchmarks: {before.kind} and {after.kind}")
@@ -96,7 +96,7 @@ def _differs(name: str, before: Any, after: Any) -> list[str]:
 
 
 def _format_value(value: Any) -> str:
-    """Return a value as text; of governors, which are counted, names and counts."""
+    """Return a value as text; for governors, their names and counts."""
     if isinstance(value, dict):
         value = ", ".join(f"{key} ({number})" for key, number in value.items())
     return str(value or "none")

@@ -13,13 +13,13 @@ from hil.common.quantiles import quantile
 from hil.plots.plotting import pyplot, save_figure
 
 SHARES = {"p50": 0.5, "p90": 0.9, "p99": 0.99, "p99.9": 0.999, "max": 1.0}
-ENOUGH = 1.0  # commands beyond a quantile that is shown: with fewer it is only the maximum
+ENOUGH = 1.0  # commands beyond a quantile that is shown; with fewer the quantile is only the maximum
 COLORS = ("#1e3a8a", "#1d4ed8", "#60a5fa", "#f59e0b", "#facc15", "#9ca3af", "#c2410c")  # of the hops
-MOST_SHOWN = 0.98  # of the commands of each configuration are in the histogram, if the rest are far away
-FAR = 2.0  # times what the others took
-SQUEEZED = 5.0  # times as high as the histogram is wide, and time is shown with a logarithmic axis
+MOST_SHOWN = 0.98  # share of the commands of each configuration in the histogram, if the rest are far away
+FAR = 2.0  # times the delay of the others
+SQUEEZED = 5.0  # largest delay over the histogram's end, beyond which the time series has a logarithmic axis
 BINS = 60
-FEWEST_ROWS = 4  # of bars that the axis has room for, so that a single one is not as high as the picture
+FEWEST_ROWS = 4  # of bars on the axis, so that a single bar is not as high as the picture
 
 
 def text(results: Mapping[str, Result]) -> str:
@@ -60,7 +60,7 @@ def draw(results: Mapping[str, Result], record: Record, path: str) -> None:
 
 
 def _range(results: Mapping[str, Result]) -> tuple[float, float]:
-    """Return what the histogram shows: all delays, or most of them if the rest are far away."""
+    """Return the range of the histogram: all delays, or most of them if the rest are far away."""
     delays = [sorted(result.delay) for result in results.values() if result.delay]
     high = max((values[-1] for values in delays), default=1.0)
     most = max((quantile(values, MOST_SHOWN) for values in delays), default=1.0)

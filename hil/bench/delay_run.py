@@ -28,12 +28,12 @@ HOPS = ("publish", "network", "queue", "control", "link encode", "wire", "STM32"
 COMMAND_BYTES = 52 + 33  # geometry_msgs/Twist in CDR, and what rmw_zenoh adds to it
 IN_SLAVE = ("python", "unicorn")  # kinds of STM32 that run in the slave's process
 WARM_UP = 20  # commands that are not counted: arming, first samples
-SETTLE_S = 0.5  # for the last traces to come
-OFF = 0.05  # share by which a rate or a baud may be wrong, and of bare messages that may be lost, without a warning
+SETTLE_S = 0.5  # time for the last traces to arrive
+OFF = 0.05  # permitted relative error of a rate or a baud, and permitted share of lost bare messages, without a warning
 BURN = "while True: sum(range(1_000_000))"
-STEP_S = 0.40618  # between steps in surge; not a multiple of an IMU's 10 ms, so that each falls elsewhere in its period
+STEP_S = 0.40618  # between steps in surge; not a multiple of an IMU's 10 ms, so that steps have different phases
 STEP_M_S = 0.4
-MOVED_M_S2 = 0.05  # a change of acceleration that only the thrusters make: 0.13 and more in the first 2.5 ms
+MOVED_M_S2 = 0.05  # only thrusters change the acceleration by more: 0.13 and above in the first 2.5 ms
 
 
 class Plan(NamedTuple):
@@ -101,7 +101,7 @@ class Observer(VehicleClient):
 
 
 def pooled(runs: Sequence[Result]) -> Result:
-    """Return several runs of one configuration as one, one after the other."""
+    """Return the runs of one configuration, joined to one result."""
     first, *others = runs
     if not others:
         return first
@@ -146,7 +146,7 @@ def measure(bench: Bench, plan: Plan, endpoint: str = "", echo: Echo | None = No
         result = _result(client.delays, spans, motion, floor, counted)
         paced = not endpoint and _pace(bench.scenario.link) > 0
         result.warnings.extend(_doubts(result, plan, floor, load, client.contact.losses, paced))
-        # Where the slave's own QEMU was quicker, at a calmer time, the bare one is no lower limit.
+        # If the slave's QEMU was faster, at a calmer time, the bare QEMU is not a lower limit.
         return result._replace(
             wire=min([bare, *result.hops["STM32"]]) if bare else counted,
             labels=labels_of(client.diagnostics()) if endpoint else (),
@@ -154,13 +154,13 @@ def measure(bench: Bench, plan: Plan, endpoint: str = "", echo: Echo | None = No
 
 
 def wire_ms(scenario: Scenario, slave: Diagnostics, elsewhere: bool = False) -> float:
-    """Return the part of a measured delay that the line takes, ms; 0 where it has no speed (a pty, a socket).
+    """Return the line's share of a measured delay, ms; 0 for a line without a speed (a pty, a socket).
 
-    slave: its diagnostics. For a slave `elsewhere` protocol, baud, thrusters, and whether a UART leads to a real STM32
-    are known from them alone. They do not have the speed of a CAN bus, so that is not counted.
+    slave: its diagnostics. For a slave `elsewhere` they are the only source of protocol, baud, number of thrusters, and
+    of whether a UART leads to a real STM32. They do not contain the speed of a CAN bus, so that is not counted.
 
-    It is the time of the command's frame, or frames on a CAN bus, and that of the answer's too, which ends the delay.
-    With an STM32 in the slave the answer does not count, as the time at which its outputs change is known there.
+    It is the time of the command's frames and of the answer's, because the answer ends the delay. For an STM32 in the
+    slave's process the answer does not count: the slave knows when its outputs change.
     """
     link = scenario.link
     on_uart = slave.link_wire in ("uart", "rs485")
@@ -178,7 +178,7 @@ def wire_ms(scenario: Scenario, slave: Diagnostics, elsewhere: bool = False) -> 
 
 
 def _pace(link: Link) -> int:
-    """Return the baud at which we send and receive by a timer of ours, 0 without one."""
+    """Return the baud at which a timer of this project paces the link, 0 without one."""
     return link.faults.baud if link.faults else 0
 
 
@@ -195,8 +195,8 @@ def _command(
 ) -> list[tuple[int, int]]:
     """Send commands for the plan's time; return when each put began and ended (wall clock).
 
-    The floor is measured half a period after each command, at high rates after every n-th. The payload is on its way
-    when the command follows it; the rest of it is sent afterwards, and the floor is measured without it.
+    The floor is measured half a period after each command, at high rates after every n-th. The payload is being
+    sent when the command follows it; its rest is sent afterwards, and the floor is measured without it.
     """
     period = round(NS_PER_S / plan.rate)
     every = max(1, round(plan.rate / 50.0))
@@ -217,19 +217,19 @@ def _command(
         elif load:
             load.finish(began + period)
         schedule.due(now_ns())
-    wait_ns(began + period)  # or the next command replaces the last one in the slave's command_receiver
+    wait_ns(began + period)  # otherwise the next command replaces the last one in the slave's command_receiver
     return spans[WARM_UP:]
 
 
 def _motion(client: Observer, slave: Process | None, steps: int) -> list[float]:
-    """Return the time (ms) from the publish of a step in surge until the first acceleration that shows it arrives."""
+    """Return the times (ms) from each step in surge until the first acceleration that shows it arrives."""
     delays, began = [], now_ns()
     for number in range(steps):
         check_present(client, slave)
         sign = 1.0 if number % 2 else -1.0
         sent = now_ns()
         client.command(VelocityCommand(sign * STEP_M_S, 0.0, 0.0))
-        wait_ns(began + round((number + 1) * STEP_S * NS_PER_S))  # not counted from `sent`: its lateness would add up
+        wait_ns(began + round((number + 1) * STEP_S * NS_PER_S))  # not from `sent`, whose lateness would add up
         first = first_motion(list(client.surge), _applied_ns(client.delays, sent), sign)
         if first and number:  # the first step is from rest
             delays.append((first - sent) / NS_PER_MS)
@@ -248,7 +248,7 @@ def first_motion(samples: Sequence[tuple[int, float]], applied: int, sign: float
 
     A sample shows it if it leaves, towards `sign`, the line through the last two samples before `applied`.
 
-    samples: when each came (ns) and its acceleration (m/s²), without noise.
+    samples: time of arrival (ns) and acceleration (m/s²) of each, without noise.
     """
     before = [value for came, value in samples if came <= applied][-2:]
     if len(before) < 2:
@@ -275,7 +275,7 @@ def _result(
         network = sample.hops[0] - meter.clock_at(sample.published_ns).offset_ns
         publish = min(ended.get(sample.published_ns, sample.published_ns) - sample.published_ns, max(network, 0))
         command_receiver, control, link, stm32 = (hop / NS_PER_MS for hop in sample.hops[1:])
-        early = min(max(wire - stm32, 0.0), link)  # bits that had left before the write was through
+        early = min(max(wire - stm32, 0.0), link)  # bits that were sent before the write had ended
         link, stm32 = link - early, stm32 + early
         on_wire = min(wire, max(stm32, 0.0))
         parts = (
@@ -305,7 +305,7 @@ def _doubts(
 ) -> Iterator[str]:
     """Return further reasons to doubt the result.
 
-    The result's `wire` is what was counted; if `paced`, what we made.
+    The result's `wire` is the time of the line that was counted; `paced`: a timer of this project makes it.
     """
     missing = result.sent - len(result.delay)
     if missing and result.delay:
@@ -338,7 +338,7 @@ def _losses(name: str, round_trip: RoundTrips) -> Iterator[str]:
 
 
 def _published(meter: DelayMeter, spans: Sequence[tuple[int, int]]) -> Iterator[tuple[int, int]]:
-    """Yield when the put of each command that has a trace ended: both are in order."""
+    """Yield (time of publication, end of its put) of each command that has a trace; both are in order."""
     rest = iter(spans)
     span = next(rest, None)
     for sample in meter.samples:
@@ -373,7 +373,7 @@ def _bare_qemu_ms(bench: Bench) -> float:
 
 @contextmanager
 def _burners(number: int) -> Iterator[None]:
-    """Start processes that do nothing but take processor time; Ctrl-C at the terminal does not reach them."""
+    """Start processes that only use processor time; Ctrl-C at the terminal does not reach them."""
     command = foreign_command(sys.executable, "-I", "-c", BURN)
     processes = [start_child(command) for _ in range(number)]
     try:

@@ -25,17 +25,17 @@ from hil.common.scratch import ScratchFolder
 from hil.ros.diagnostics import Diagnostics
 from hil.scenario.config import Scenario, load_scenario, load_single
 
-GRACE_S = 10.0  # that a process may take to end
-READY_S = 60.0  # that a slave may take to start: a small board, emulated
+GRACE_S = 10.0  # limit until a process ends
+READY_S = 60.0  # limit until a slave starts: on a small emulated board
 ONE_VEHICLE = (
     "and a benchmark is of one vehicle: take another scenario; `uuv-hil bench load --vehicles 2` measures several on "
     "one machine"
 )
-OF_SLAVE = "slave: "  # before a label of a slave elsewhere
+SLAVE_PREFIX = "slave: "  # before a label of a slave elsewhere
 
 
 def program() -> list[str]:
-    """Return the command that is `uuv-hil`: the installed script, as a user starts it, else this checkout."""
+    """Return the command `uuv-hil`: the installed script, as a user starts it, else this checkout's module."""
     installed = os.path.join(os.path.dirname(sys.executable), "uuv-hil")
     return [installed] if os.path.exists(installed) else module_command("hil.cli")
 
@@ -91,7 +91,7 @@ class Process:
             return file.read()
 
     @property
-    def last_words(self) -> str:
+    def last_line(self) -> str:
         """Last line of the output."""
         return (self.output.strip().splitlines() or ["no message"])[-1]
 
@@ -107,7 +107,7 @@ class Process:
             how = f"was ended by signal {-code} ({signal_name(-code)})"
         if code == -signal.SIGKILL and self._memory_mib:
             how += f", perhaps as it needs more than the {self._memory_mib:.0f} MiB of --memory"
-        return f"{how}; its last output: {self.last_words}"
+        return f"{how}; its last output: {self.last_line}"
 
     def expect(self, word: str, seconds: float) -> str:
         """Return the first line of output with `word` in it. Raises NetworkError if none comes in time."""
@@ -122,7 +122,7 @@ class Process:
             if not running:
                 raise NetworkError(f"a process did not print {word!r}, but {self.ending}")
             if now_ns() > deadline:
-                raise NetworkError(f"a process did not print {word!r} within {seconds:g} s, but: {self.last_words}")
+                raise NetworkError(f"a process did not print {word!r} within {seconds:g} s, but: {self.last_line}")
             select.select((), (), (), 0.01)
 
     def wait(self, seconds: float) -> int:
@@ -130,10 +130,10 @@ class Process:
         try:
             return self._process.wait(seconds)
         except subprocess.TimeoutExpired:
-            raise NetworkError(f"a process runs on after {seconds:g} s; its last output: {self.last_words}") from None
+            raise NetworkError(f"a process runs on after {seconds:g} s; its last output: {self.last_line}") from None
 
     def join(self) -> int:
-        """Wait for its end; return its exit code. Without a timeout, as a wait with one polls and costs time."""
+        """Wait for its end, without a timeout, because a wait with one polls; return its exit code."""
         os.waitid(os.P_PID, self.pid, os.WEXITED | os.WNOWAIT)
         return self._process.wait()
 
@@ -141,7 +141,7 @@ class Process:
         """End it by Ctrl-C, by force if that takes too long; return its exit code."""
         if self.running:
             self._process.send_signal(signal.SIGTERM)
-            self._process.send_signal(signal.SIGCONT)  # one that was stopped would not notice
+            self._process.send_signal(signal.SIGCONT)  # a suspended process would not receive it
         try:
             return self._process.wait(GRACE_S)
         except subprocess.TimeoutExpired:
@@ -223,7 +223,7 @@ class Bench:
         return self._start(Process(command, log, self._confinement, environment))
 
     def start_master(self, *options: str, endpoint: str = "") -> Process:
-        """Start the scenario's master, which flies its mission; return when it connects."""
+        """Start the scenario's master, which flies its mission; return when it dials."""
         read_fd, write_fd = os.pipe()
         command = [*program(), "master", self.path, "--connect", endpoint or self.endpoint, *options]
         log = self.file(f"master-{len(self.processes)}.log")
@@ -233,7 +233,7 @@ class Bench:
             os.close(write_fd)
         try:
             if not select.select((read_fd,), (), (), READY_S)[0]:
-                raise NetworkError(f"the master did not dial within {READY_S:g} s, but printed: {process.last_words}")
+                raise NetworkError(f"the master did not dial within {READY_S:g} s, but printed: {process.last_line}")
             if not os.read(read_fd, 1):
                 process.wait(GRACE_S)
                 raise NetworkError(f"before it dialled, the master {process.ending}")
@@ -247,7 +247,7 @@ class Bench:
         return self._start(Process(command, log, self._confinement if limited else None))
 
     def client(self, endpoint: str = "", **options: Any) -> VehicleClient:
-        """Return a master of our own, in this process."""
+        """Return a master in this process."""
         scenario = self.scenario
         return VehicleClient(
             endpoint or self.endpoint,
@@ -298,4 +298,4 @@ def signal_name(number: int) -> str:
 
 def labels_of(diagnostics: Diagnostics) -> tuple[str, ...]:
     """Return the labels of the figures of a slave elsewhere, from its diagnostics."""
-    return tuple(f"{OF_SLAVE}{label}" for label in diagnostics.labels or ())
+    return tuple(f"{SLAVE_PREFIX}{label}" for label in diagnostics.labels or ())

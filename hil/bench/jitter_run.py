@@ -55,7 +55,7 @@ class Lateness(NamedTuple):
 class Cycles(NamedTuple):
     """One slave's loop at `rate` Hz: lateness, share of cycles within 2 ms, steps skipped, drift.
 
-    `drift` is how much simulated and real time differ at the end, in steps: what the schedule has not caught up.
+    `drift` is the difference of simulated and real time at the end, in steps.
     """
 
     rate: float
@@ -71,7 +71,7 @@ def changes_for(rate: float) -> dict[str, Any]:
 
 
 def slave_loop(bench: Bench, seconds: float, watch: Callable[[float], None] = lambda _: None) -> Cycles:
-    """Measure the loop of the slave of `bench` under commands; `watch` gets the share that is done.
+    """Measure the loop of the slave of `bench` under commands; `watch` gets the progress (0 to 1).
 
     Raises NetworkError when it ends or hangs.
     """
@@ -94,7 +94,7 @@ def slave_loop(bench: Bench, seconds: float, watch: Callable[[float], None] = la
 
 
 def bare_loop(bench: Bench, seconds: float) -> Lateness:
-    """Return the loop of `bench`'s slave, under its limits, with nothing to do: its floor. Raises NetworkError."""
+    """Return the lateness of a loop without work, under the limits of `bench`: the floor. Raises NetworkError."""
     slave = bench.scenario.slave
     words = [str(seconds_ns(slave.step)), str(seconds), str(int(slave.realtime)), str(int(slave.stay_awake))]
     code, output = _run(bench, "bare-loop", python_command("-c", BARE, *words))
@@ -126,7 +126,7 @@ def _run(bench: Bench, name: str, command: list[str]) -> tuple[int, str]:
 
 
 def read_cyclictest(text: str) -> Lateness | None:
-    """Return its histogram: lines "us count", then "# Avg Latencies: 00012" and the like; None if that is not there."""
+    """Parse its histogram: lines "us count", then "# Avg Latencies: 00012" and the like; None without one."""
     counts = [(int(us), int(count)) for us, count in re.findall(r"^(\d{6})\s+(\d+)$", text, re.M)]
     average = re.search(r"# Avg Latencies:\s*(\d+)", text)
     greatest = re.search(r"# Max Latencies:\s*(\d+)", text)

@@ -1,4 +1,4 @@
-"""Limit processors, CPU share and memory of a benchmark, so that a laptop stands for a small board.
+"""Limit processors, CPU share and memory of a benchmark, so that a laptop has the resources of a small board.
 
 Processors are chosen by affinity. A share of one, and memory, are limited by a control group: where systemd manages
 those of version 2, it makes one, as root or as a user; elsewhere root makes them, of version 2 or 1. Memory beyond the
@@ -22,14 +22,14 @@ from hil.common.errors import ConfigError
 from hil.common.scratch import lock_unused
 
 ROOT = "/sys/fs/cgroup"
-SYSTEMD = "/run/systemd/system"  # a folder that is there if it is systemd that was booted: sd_booted(3)
-PERIOD_US = 20_000  # of the quota: a process that has used it up waits at most so long
+SYSTEMD = "/run/systemd/system"  # a folder that exists if systemd was booted: sd_booted(3)
+PERIOD_US = 20_000  # of the quota: longest wait of a process that has used up its quota
 LEAST_QUOTA_US = 1_000  # the kernel's least; below 5 % of a core the period is longer
-REMOVAL_S = 2.0  # that killed processes may take to end
+REMOVAL_S = 2.0  # limit until killed processes end
 MIB = 1 << 20
 MOST_MIB = 1 << 30  # a PiB
 MOST_CPUS = 1 << 16  # more than any kernel supports
-OPTIONS = {"cpu": "--cpu-quota", "memory": "--memory"}  # controller -> what asks for it
+OPTIONS = {"cpu": "--cpu-quota", "memory": "--memory"}  # controller -> its option
 REMEDIES = {
     "cpu": "use a kernel with CONFIG_CFS_BANDWIDTH",
     "memory": "take cgroup_disable=memory out of the kernel's command line; on a Raspberry Pi, add "
@@ -37,7 +37,7 @@ REMEDIES = {
 }
 LINGER = "log in as this user, or loginctl enable-linger and set XDG_RUNTIME_DIR=/run/user/$(id -u)"
 DELEGATE = "put Delegate=pids memory cpu below [Service] with: sudo systemctl edit user@.service, and reboot"
-GROUP = "uuv-hil-bench-"  # the beginning of a group's name
+GROUP = "uuv-hil-bench-"  # prefix of a group's name
 # Names the files of the group it runs in; without a "$", which is a variable to some versions of systemd-run.
 LOOK = f"sed -n 's|^0::|{ROOT}|p' /proc/self/cgroup | xargs ls"
 
@@ -68,7 +68,7 @@ class Limits(NamedTuple):
 
 
 class Confinement:
-    """Start processes under `limits`. Use as a context, which at its end kills those that are left in our group.
+    """Start processes under `limits`. Use as a context, which at its end kills the remaining processes of its group.
 
     `by` is the means: systemd or a control group. Raises ConfigError where such limits are
     not possible or not permitted.
@@ -99,7 +99,7 @@ class Confinement:
                 os.close(lock)
 
     def command(self, command: list[str]) -> list[str]:
-        """Return the same command, confined; its process id is that of the program."""
+        """Return the command with the limits applied; its process id is that of the program."""
         if self._groups:
             joins = "".join(f"echo $$ > {group}/cgroup.procs && " for group in self._groups)
             return ["/bin/sh", "-c", f'{joins}exec "$@"', "sh", *command]
@@ -170,13 +170,13 @@ def _has(controller: str, version: int) -> bool:
 
 
 def _quota_us(share: float) -> tuple[int, int]:
-    """Return the processor time (us of one core) that is allowed, and the period (us) in which it is."""
+    """Return the permitted processor time (us of one core), and its period (us)."""
     period = max(PERIOD_US, round(LEAST_QUOTA_US / share))
     return round(share * period), period
 
 
 def _settings(limits: Limits, version: int) -> dict[str, dict[str, str]]:
-    """Return by controller the files of its group, and what is written to each."""
+    """Return by controller the files of its group, with the values to write."""
     settings = {}
     if limits.cpu_share:
         quota, period = _quota_us(limits.cpu_share)
@@ -190,7 +190,7 @@ def _settings(limits: Limits, version: int) -> dict[str, dict[str, str]]:
 
 
 def _properties(limits: Limits) -> Iterator[str]:
-    """Yield the same for systemd, whose shares have one decimal."""
+    """Yield the properties for systemd, whose shares have one decimal."""
     if limits.cpu_share:
         yield f"CPUQuota={limits.cpu_share:.1%}"
         yield f"CPUQuotaPeriodSec={_quota_us(limits.cpu_share)[1]}us"
@@ -212,7 +212,7 @@ def _remove_abandoned(folder: str) -> None:
 
 
 def _remove(group: str) -> None:
-    """Remove a group and kill its processes; one that cannot be removed is left, as it is empty."""
+    """Remove a group and kill its processes; a group that cannot be removed is left, because it is empty."""
     deadline = time.monotonic() + REMOVAL_S
     while os.path.isdir(group) and time.monotonic() < deadline:
         try:

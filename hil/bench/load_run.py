@@ -41,7 +41,7 @@ class Cost(NamedTuple):
 class Course(NamedTuple):
     """CPU (share of a core) and memory (MiB) of all processes together, a value a second, and of each by its name.
 
-    A process is called by what it does, "slave", "STM32" or "imaging", after its node where there are several. A
+    A process is named by its role, "slave", "STM32" or "imaging", behind its node if there are several. A
     setting that could not be measured has no values, but a `failure`.
     """
 
@@ -54,7 +54,7 @@ class Course(NamedTuple):
 
 
 def settings(fitted: Collection[str] | None, rates: list[float], vehicles: list[int]) -> Iterator[Setting]:
-    """Return the scenario as it is; each sensor by itself taken out or put in; loop rates (Hz); numbers of vehicles.
+    """Yield the unchanged scenario; one sensor less or more each; loop rates (Hz); numbers of vehicles.
 
     fitted: the sensors it has; None: do not change them. The last setting is the unchanged scenario again, which
     shows how much the figures vary.
@@ -74,7 +74,7 @@ def settings(fitted: Collection[str] | None, rates: list[float], vehicles: list[
 
 
 def impossible(setting: Setting, scenario: str) -> str:
-    """Return why this vehicle, world or machine cannot have that; "" if they can."""
+    """Return why this vehicle, world or machine cannot have the setting; "" if they can."""
     try:
         simulation_of(load_scenario(scenario, setting.changes))
     except HilError as error:
@@ -83,7 +83,7 @@ def impossible(setting: Setting, scenario: str) -> str:
 
 
 def run(setting: Setting, scenario: str, seconds: float, limits: Limits, watch: Callable[[float], None]) -> Course:
-    """Command slaves for `seconds`; `watch` is called with the share that is done. Raises HilError."""
+    """Command slaves for `seconds`; `watch` is called with the progress (0 to 1). Raises HilError."""
     with ExitStack() as stack:
         benches = [
             stack.enter_context(Bench(scenario, {**setting.changes, "slave.node": f"uuv{number + 1}"}, limits))
@@ -136,7 +136,7 @@ def _pace(seconds: float, command: Callable[[], None]) -> None:
 
 
 def course(setting: Setting, readings: list[Threads], names: dict[int, str]) -> Course:
-    """Return what the named processes used between the readings."""
+    """Return CPU and memory of the named processes between the readings."""
     steps = [shares(before, after) for before, after in pairwise(readings)]
     threads = thread_names({key for each in readings for key in each.cpu_s})
     processes: dict[str, Cost] = {}
@@ -149,7 +149,7 @@ def course(setting: Setting, readings: list[Threads], names: dict[int, str]) -> 
 
 
 class Difference(NamedTuple):
-    """Difference of two figures, and their noise: a smaller difference is none."""
+    """Difference of two figures, and their noise; a difference below the noise does not count."""
 
     more: float
     noise: float
@@ -163,7 +163,7 @@ class Difference(NamedTuple):
 def difference(values: list[float], base: list[float], again: Collection[list[float]] = ()) -> Difference:
     """Return the difference of two series' medians, and its noise.
 
-    Noise is the wider of their middle halves, or how far `again`, the base's repetitions, are from the base.
+    Noise is the larger of their interquartile ranges and the distance of `again`, repetitions of the base, from it.
     """
     apart = [abs(median(each) - median(base)) for each in again]
     return Difference(median(values) - median(base), max(spread(values), spread(base), *apart, 0.0))

@@ -1,7 +1,7 @@
 """Test a thruster link: send commands, receive echoes, measure losses and delay.
 
 A round trip is from writing a command until its echo has been decoded. The wire time is what the bits of the
-command and of its answer take at the line's speed: no link can be faster, and a good one is little slower.
+command and of its answer take at the line's speed: no link can be faster.
 """
 
 import select
@@ -25,7 +25,7 @@ CALM_PULSES, WIDEST = 1500, 200  # us: pulses differ from command to command, so
 class Plan(NamedTuple):
     """Settings of a loopback test: device, link, rate and duration.
 
-    stm32: one of hil.slave.drivers.driver's, or "jumper" for a wire that leads straight back. rate: commands a second,
+    stm32: one of hil.slave.drivers.driver's, or "jumper" for a wire from TX to RX. rate: commands a second,
     0 for the next one as soon as the last is answered. spin: whether commands are armed; a disarmed one moves nothing.
     """
 
@@ -59,7 +59,7 @@ class Result(NamedTuple):
 
     @property
     def errors(self) -> int:
-        """Frames that came in damaged."""
+        """Number of damaged received frames."""
         return self.counters["checksum_errors"] + self.counters["malformed"]
 
     @property
@@ -68,7 +68,7 @@ class Result(NamedTuple):
         return self.counters["bytes_out"] / self.seconds, self.counters["bytes_in"] / self.seconds
 
 
-class _Far(ABC):
+class _DeviceEnd(ABC):
     """The other end of the link."""
 
     port: str
@@ -76,11 +76,11 @@ class _Far(ABC):
 
     @abstractmethod
     def descriptors(self) -> list[int]:
-        """Return what to wait on."""
+        """Return the descriptors to wait on."""
 
     @abstractmethod
     def deadline_ns(self) -> int:
-        """Return when `answers` has to be called even if nothing came."""
+        """Return when `answers` has to be called even without received bytes."""
 
     @abstractmethod
     def send(self, command: ThrusterCommand) -> None:
@@ -95,7 +95,7 @@ class _Far(ABC):
         """Close the devices."""
 
 
-class _Stm32(_Far):
+class _Stm32(_DeviceEnd):
     """An STM32 of any kind."""
 
     def __init__(self, plan: Plan, report: Callable[[str], None]) -> None:
@@ -123,7 +123,7 @@ class _Stm32(_Far):
         self._driver.close()
 
 
-class _Jumper(_Far):
+class _Jumper(_DeviceEnd):
     """TX wired to RX: everything sent is received. Commands are recognised by their pulses."""
 
     def __init__(self, plan: Plan) -> None:
@@ -131,7 +131,7 @@ class _Jumper(_Far):
         wire = with_faults(open_address(link.port, "host", link.baud, link.bitrate), link, plan.seed)
         self.port = wire.name
         self._link = ThrusterLink(wire, end_protocol(link, "host", plan.channels))
-        self._receiver = end_protocol(link, "device", plan.channels)  # it receives, and answers nothing
+        self._receiver = end_protocol(link, "device", plan.channels)  # it receives and does not answer
         self._sent: dict[tuple[int, ...], int] = {}
 
     @property
@@ -163,9 +163,9 @@ class _Jumper(_Far):
 def run(plan: Plan, report: Callable[[str], None], progress: Callable[[int, int], None] | None = None) -> Result:
     """Test the link. `progress` is called with the commands sent and answered once a second.
 
-    Ends early with what there is on KeyboardInterrupt. Raises ConfigError, DeviceError, MissingExtraError.
+    KeyboardInterrupt ends it early, with the result so far. Raises ConfigError, DeviceError, MissingExtraError.
     """
-    far: _Far = _Jumper(plan) if plan.stm32 == "jumper" else _Stm32(plan, report)
+    far: _DeviceEnd = _Jumper(plan) if plan.stm32 == "jumper" else _Stm32(plan, report)
     test = _Test(plan, far)
     try:
         test.run(progress)
@@ -179,7 +179,7 @@ def run(plan: Plan, report: Callable[[str], None], progress: Callable[[int, int]
 class _Test:
     """One run: the commands on their way, and the echoes."""
 
-    def __init__(self, plan: Plan, far: _Far) -> None:
+    def __init__(self, plan: Plan, far: _DeviceEnd) -> None:
         self._plan = plan
         self._far = far
         self._waiting: dict[int, int] = {}  # sequence -> when it was sent
@@ -224,7 +224,7 @@ class _Test:
             del self._waiting[sequence]
 
     def result(self) -> Result:
-        """Return the figures, of what was sent so far."""
+        """Return the figures of the commands sent so far."""
         trips, counters = sorted(self._trips_ns), self._far.counters
         seconds = max(now_ns() - self._began, 1) / NS_PER_S
         p50, p99, longest = (quantile(trips, share) / NS_PER_MS for share in (0.5, 0.99, 1.0))
@@ -252,7 +252,7 @@ def wire_ms(plan: Plan) -> float:
 def settled(link: Link, channels: int, armed: bool) -> tuple[bytes, bytes]:
     """Return a command and its answer as they go over `link` after its two ends have connected.
 
-    Before that there may be more in them: MAVLink's host asks for arming with each command until that is confirmed.
+    Before that they may be longer: MAVLink's host requests arming with each command until that is confirmed.
     """
     host, device = (end_protocol(link, role, channels) for role in ("host", "device"))
     pulses = (CALM_PULSES,) * channels

@@ -1,4 +1,4 @@
-"""Describe the machine of a benchmark, as far as figures depend on it."""
+"""Describe the properties of a machine on which a benchmark's figures depend."""
 
 import os
 import platform

@@ -1,7 +1,7 @@
-"""Turn each output of an STM32 a little, one after the other, and record what its telemetry answers.
+"""Turn each output of an STM32 a little, one after the other, and record its telemetry.
 
 All other outputs are neutral meanwhile, and all of them before, between and after: also when it is interrupted or
-fails. Whether the right thruster turned, and which way, only a person can see.
+fails. Only a person can see whether the right thruster turned, and in which direction.
 """
 
 import select
@@ -14,13 +14,13 @@ from hil.links.contract import PWM_NEUTRAL_US, ThrusterCommand, ThrusterTelemetr
 from hil.scenario.records import Link
 from hil.slave.drivers.driver import ThrusterDriver, open_driver, stop_thrusters
 
-MAX_OFFSET_US = 150  # of 400 to full thrust: more is no check
+MAX_OFFSET_US = 150  # full thrust is at 400: a check needs no more
 RATE_HZ = 50.0
 ANSWER_S = 3.0  # for the first report: some bytes after power-up may be lost
 PAUSE_S = 0.3  # neutral between two outputs
-MORE_S = 1.0  # for which an output that is not confirmed turns longer
+MORE_S = 1.0  # further time for an output that is not confirmed
 WRAP = 0xFFFF  # of sequence numbers
-SLACK_US = 2  # protocols that send a fraction round the pulse
+SLACK_US = 2  # protocols that send a fraction change the pulse by rounding
 
 
 class Plan(NamedTuple):
@@ -55,18 +55,18 @@ class Finding(NamedTuple):
 
     @property
     def passed(self) -> bool:
-        """Return True if the pulse was confirmed, and of that output alone."""
+        """True if the pulse was confirmed, and on this output only."""
         return self.confirmed_ms is not None and not self.others
 
 
 class StoppedError(Exception):
-    """The person has stopped the check, by `stop_fd`."""
+    """A person has stopped the check, through `stop_fd`."""
 
 
 def check_outputs(
     plan: Plan, stop_fd: int, report: Callable[[str], None], on_finding: Callable[[Finding], None]
 ) -> list[Finding] | None:
-    """Check all outputs; return what was found, None if `stop_fd` became readable first.
+    """Check all outputs; return the findings, or None if `stop_fd` became readable first.
 
     `report` gets events of the link, `on_finding` each finding at once. Raises DeviceError when the STM32 does
     not answer or its link is lost; ConfigError, MissingExtraError as `open_driver` does.
@@ -154,7 +154,7 @@ class _Check:
         return reports
 
     def _why_silent(self) -> str:
-        """Return what is known of an STM32 that does not answer."""
+        """Return possible reasons why the STM32 does not answer."""
         counters = self._driver.host.counters if self._driver.host else None
         if counters is None or not counters.bytes_in:
             return "the STM32 does not answer: check power, wiring (TX to RX), --baud and --protocol"

@@ -1,4 +1,4 @@
-"""Check that a measured slave is still present, so that one that ended or hangs gives no good result."""
+"""Check that a measured slave is still present, so that a slave that has ended or hangs does not give a good result."""
 
 import time
 

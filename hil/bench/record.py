@@ -21,9 +21,9 @@ Better = Literal["lower", "higher", ""]
 
 
 class Figure(NamedTuple):
-    """One quantity: all the values found, one a repetition or one a sample, and which of two would be better.
+    """One quantity: its values, one for each repetition or sample, and whether a lower or a higher one is better.
 
-    `runs`: how many of the values each start of the programs gave, in their order; empty if not known.
+    `runs`: number of values from each start of the programs, in order; empty if not known.
     """
 
     values: list[float]
@@ -44,7 +44,7 @@ class Figure(NamedTuple):
 
     @property
     def finite(self) -> "Figure":
-        """Return the figure without nan values, and without runs that gave no other."""
+        """Return the figure without nan values, and without runs that have only these."""
         counts = (sum(map(isfinite, run)) for run in self.by_run)
         return self._replace(values=list(filter(isfinite, self.values)), runs=tuple(filter(None, counts)))
 
@@ -80,7 +80,7 @@ def new_record(
     labels: Iterable[str] = (),
     details: dict[str, Any] | None = None,
 ) -> Record:
-    """Return a record of now and of this machine; without values that are nan."""
+    """Return a record with the present time and this machine, without nan values."""
     machine, own_labels = describe()
     finite = {name: figure.finite for name, figure in figures.items()}
     made = time.strftime("%Y-%m-%dT%H:%M:%S%z")

@@ -14,9 +14,9 @@ FOLDERS = ("slave", "master", "router")  # paths in [security]
 
 
 def write_changed(name: str, changes: dict[str, Any], path: str) -> None:
-    """Write scenario `name` to `path` with `changes` by dotted key: {"link.protocol": "vesc"}; None takes a key out.
+    """Write scenario `name` to `path` with `changes` by dotted key: {"link.protocol": "vesc"}; None removes a key.
 
-    Paths in it stay those they were. Raises ConfigError, also when the changed scenario is invalid.
+    Relative paths in it are resolved. Raises ConfigError, also when the changed scenario is invalid.
     """
     load_scenario(name, None if None in changes.values() else changes)  # so that errors name the original or the change
     source = find_preset(SCENARIOS, name)

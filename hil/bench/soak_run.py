@@ -22,9 +22,9 @@ from hil.common.quantiles import quantile
 from hil.ros.diagnostics import Diagnostics, or_nan
 
 COMMAND_HZ = 20.0
-QUIET_S = 1.0  # after which a vehicle that does not answer a master is reported as silent
-RETURN_S = 10.0  # that the vehicle may take to answer a master that connects again
-GLANCE_S = 0.25  # between two checks for a stop, while waiting for the vehicle
+QUIET_S = 1.0  # time without an answer after which a vehicle is reported as silent
+RETURN_S = 10.0  # limit until the vehicle answers a master that connects again
+POLL_S = 0.25  # between two checks for a stop, while waiting for the vehicle
 BLOCKS = 20  # of the record, which are resampled for an interval
 DRAWS = 1000
 
@@ -47,7 +47,7 @@ class Observation(NamedTuple):
 
 
 class Outage(NamedTuple):
-    """The slave ended, hung or was out of reach: when (s since the start), for how long (s), and the symptom."""
+    """The slave ended, hung or could not be reached: start (s since the beginning), duration (s), and the symptom."""
 
     at_s: float
     seconds: float
@@ -57,7 +57,7 @@ class Outage(NamedTuple):
 class Soak(NamedTuple):
     """Readings of a soak test: times (s) of each return of the master until data flowed, None for never; silences.
 
-    The first connection, when the slave starts, is no return.
+    The first connection, when the slave starts, is not a return.
     """
 
     observations: list[Observation]
@@ -102,7 +102,7 @@ class Soaking:
         began = time.monotonic()
         while not self._pause(0.0):
             try:
-                await_vehicle(client, self._slave, GLANCE_S)
+                await_vehicle(client, self._slave, POLL_S)
                 return ((client.first_sample_ns(0) or 0) - client.dialled_wall_ns) * 1e-9
             except NetworkError:
                 waited = time.monotonic() - began
@@ -143,7 +143,7 @@ class Soaking:
         )
 
     def _add_silence(self, reason: str, already_s: float) -> None:
-        """Add a silence of the slave that has lasted for so long; return it as text, "" if there is none."""
+        """Record a silence that has lasted for `already_s`, or extend the present one; the reason "" ends it."""
         at_s, silences = time.monotonic() - self._began, self._soak.silences
         if reason and not self._quiet:
             silences.append(Outage(at_s - already_s, already_s, reason))
@@ -165,7 +165,7 @@ class Soaking:
 
 
 def measured(values: Sequence[float]) -> list[float]:
-    """Return the values that are known."""
+    """Return the values that are not nan."""
     return [value for value in values if not isnan(value)]
 
 

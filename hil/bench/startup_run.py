@@ -25,7 +25,7 @@ PHASES = {
     "ready": "first step",
 }
 AT_MASTER = "first sample at the master"
-LISTENED = ("odom",)  # as a master that flies; a sample of another topic may come sooner
+LISTENED = ("odom",)  # as in a master that flies; another topic's sample may arrive earlier
 DROP_CACHES = "/proc/sys/vm/drop_caches"
 
 
@@ -40,7 +40,7 @@ class Start(NamedTuple):
         return self.ends[AT_MASTER]
 
     def phases(self) -> dict[str, float]:
-        """Return what each phase took, ms."""
+        """Return the duration of each phase, ms."""
         before, took = 0.0, {}
         for name, end in self.ends.items():
             took[name] = end - before
@@ -69,7 +69,7 @@ def floors() -> dict[str, str]:
 
 
 def time_floor(bench: Bench, code: str) -> float:
-    """Return how long an interpreter takes that runs `code`, limited as the slave, from exec until it has ended, ms.
+    """Return the time (ms) from exec to end of an interpreter that runs `code` under the slave's limits.
 
     Raises NetworkError when it fails.
     """
@@ -77,7 +77,7 @@ def time_floor(bench: Bench, code: str) -> float:
     failed = process.join()
     took = (now_ns() - process.exec_ns) / NS_PER_MS
     if failed:
-        raise NetworkError(f"python -c {code!r} failed: {process.last_words}")
+        raise NetworkError(f"python -c {code!r} failed: {process.last_line}")
     return took
 
 

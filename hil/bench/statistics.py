@@ -13,7 +13,7 @@ MOST_RESAMPLED = 2000  # values; more of them are thinned evenly, which does not
 
 
 class Interval(NamedTuple):
-    """Between `low` and `high` a figure lies, with the confidence that was asked for."""
+    """Confidence interval of a figure, from `low` to `high`."""
 
     low: float
     high: float
@@ -24,7 +24,7 @@ class Interval(NamedTuple):
 
 
 def median(values: Sequence[float]) -> float:
-    """Return the middle one, or the mean of the two middle ones; nan of none."""
+    """Return the middle value, or the mean of the two middle ones; nan without values."""
     ordered = sorted(values)
     if not ordered:
         return nan
@@ -33,7 +33,7 @@ def median(values: Sequence[float]) -> float:
 
 
 def spread(values: Sequence[float]) -> float:
-    """Return the range of the middle half of the values (the interquartile range); nan of none."""
+    """Return the range of the middle half of the values (the interquartile range); nan without values."""
     ordered = sorted(values)
     return quantile(ordered, 0.75) - quantile(ordered, 0.25)
 
@@ -41,9 +41,10 @@ def spread(values: Sequence[float]) -> float:
 def median_interval(
     values: Sequence[float], confidence: float = CONFIDENCE, seed: int = 1, block: bool = False
 ) -> Interval:
-    """Return where the median lies, by resampling (percentile bootstrap: Efron and Tibshirani 1993, chapter 13).
+    """Return the interval of the median, by resampling (percentile bootstrap: Efron and Tibshirani 1993, chapter 13).
 
-    `block`: for values in the order of time, of which neighbours are alike; without it values must be independent.
+    `block`: length of blocks, for values in the order of time whose neighbours are alike; without it values must be
+    independent.
     """
     return _interval(sorted(_resampled(values, random.Random(seed), block)), confidence)
 
@@ -55,9 +56,9 @@ def ratio_interval(
     seed: int = 1,
     block: bool = False,
 ) -> Interval:
-    """Return where median(after) / median(before) lies, both resampled.
+    """Return the interval of median(after) / median(before), both resampled.
 
-    Nan where one has no values or is not above 0.
+    Nan if one has no values or is not above 0.
     """
     source = random.Random(seed)
     pairs = zip(_resampled(before, source, block), _resampled(after, source, block), strict=True)

@@ -20,14 +20,14 @@ from hil.ros.topics import TOPICS, is_picture
 from hil.scenario.config import Scenario
 
 QUEUE = 20_000
-SENSOR_TOPICS = {"odometry": ("odom",), "dvl": ("dvl", "dvl_twist", "altitude")}  # of others it is their name
+SENSOR_TOPICS = {"odometry": ("odom",), "dvl": ("dvl", "dvl_twist", "altitude")}  # other sensors: their name
 
 
 class Stream(NamedTuple):
     """The received messages of one topic.
 
     `rate` Hz, `nominal` likewise, nan where no rate is specified. `loss` 0 to 1 by sequence numbers,
-    `missing` 0 to 1 of what should have come by the nominal rate. Ages (ms) from publish, nan if unknown; `bytes_s`.
+    `missing` 0 to 1 of the messages due by the nominal rate. Ages (ms) from publication, nan if unknown; `bytes_s`.
     """
 
     topic: str
@@ -47,7 +47,7 @@ class Listening(NamedTuple):
     warnings: list[str]
 
 
-class _Seen:
+class _TopicCount:
     """Messages of one topic, by publisher."""
 
     def __init__(self) -> None:
@@ -58,14 +58,14 @@ class _Seen:
 
 
 class Listener:
-    """An observer of a scenario's node that counts all messages but pictures. Use as a context."""
+    """An observer of a scenario's node that counts all messages except pictures. Use as a context."""
 
     def __init__(self, endpoint: str, scenario: Scenario) -> None:
         node, network, security = scenario.slave.node, scenario.network, scenario.security
         self._expected = expected(scenario)
         self._session = open_master_session(endpoint, network=network, security=security)
         self.client = VehicleClient(self._session, node, part="observer", security=security, topics=("odom",))
-        self._seen: dict[str, _Seen] = {}
+        self._seen: dict[str, _TopicCount] = {}
         self._counting = threading.Event()
         self._began = self._ended = 0.0
         self._session.subscribe_keys(f"{dialect.domain()}/{node}/*/*/*", self._on_message, QUEUE)
@@ -78,9 +78,9 @@ class Listener:
         self._session.close()
 
     def listen(self, seconds: float, slave: Process | None, watch: Callable[[float], None]) -> Listening:
-        """Return what was received in `seconds`; `watch` is called with the share that is done.
+        """Return what was received in `seconds`; `watch` is called with the progress (0 to 1).
 
-        Raises NetworkError when the vehicle is not there, ends or hangs.
+        Raises NetworkError if the vehicle is not present, ends or hangs.
         """
         await_vehicle(self.client, slave)
         losses = self.client.contact.losses
@@ -109,14 +109,14 @@ class Listener:
         stamp = ros.unpack_attachment(attachment)
         if stamp is None or not self._counting.is_set():
             return
-        seen = self._seen.setdefault(key.split("/", 3)[2], _Seen())
+        seen = self._seen.setdefault(key.split("/", 3)[2], _TopicCount())
         first, _ = seen.numbers.get(stamp.gid, (stamp.sequence, 0))
         seen.numbers[stamp.gid] = first, stamp.sequence
         seen.messages += 1
         seen.bytes += len(payload) + len(attachment)
         seen.stamps.append((stamp.time_ns, received_ns))
 
-    def _ages(self, seen: _Seen) -> list[float]:
+    def _ages(self, seen: _TopicCount) -> list[float]:
         """Return the ages from publish to receipt in ms by the clocks; negative where a clock is wrong."""
         delays, same = self.client.delays, self.client.contact.same_clock
         if not same and not delays.clock.exchanges:
@@ -126,7 +126,7 @@ class Listener:
 
     def _stream(self, topic: str, ages: list[float]) -> Stream:
         seconds = self._ended - self._began
-        seen, nominal = self._seen.get(topic, _Seen()), self._expected.get(topic, nan)
+        seen, nominal = self._seen.get(topic, _TopicCount()), self._expected.get(topic, nan)
         sent = sum(last - first + 1 for first, last in seen.numbers.values())
         loss = 1.0 - min(seen.messages / sent, 1.0) if sent else nan
         short = missing(seen.messages, nominal, seconds)
@@ -134,9 +134,9 @@ class Listener:
         return Stream(topic, rate, nominal, loss, short, quantile(ages, 0.5), quantile(ages, 0.99), bytes_s)
 
     def _doubts(self, ages: list[float]) -> list[str]:
-        """Return why the ages are not to be trusted, as hil.client.delay.judge does for commands.
+        """Return why the ages may be wrong, as hil.client.delay.judge does for commands.
 
-        Nothing if they may be.
+        The list is empty if there is no reason.
         """
         clock, at_ns = self.client.delays.clock, to_wall_ns(now_ns())
         negative = sum(age < 0.0 for age in ages)
@@ -150,7 +150,7 @@ class Listener:
 
 
 def expected(scenario: Scenario) -> dict[str, float]:
-    """Return the topics that a slave of the scenario sends by itself, but for pictures, and how often each, Hz."""
+    """Return topic -> rate (Hz) of the topics that a slave of the scenario sends by itself, except pictures."""
     rates = {"diagnostics": TOPICS["diagnostics"].rate_hz}
     for name, fitted in scenario.sensors.items():
         if not fitted.offloaded:
@@ -164,9 +164,9 @@ def expected(scenario: Scenario) -> dict[str, float]:
 
 
 def missing(messages: int, nominal: float, seconds: float) -> float:
-    """Return the share (0 to 1) of what should have come that did not.
+    """Return the share (0 to 1) of due messages that did not arrive.
 
-    One message more or less is chance, but where several are due and none comes, all are missing.
+    A difference of one message is chance, but if several are due and none arrives, all are missing.
     """
     if isnan(nominal):
         return nan

@@ -48,4 +48,4 @@ class ProcessGroup:
         """Raise NetworkError, with its last output, if a process has ended."""
         for name, process in self._running.items():
             if not process.running:
-                raise NetworkError(f"{name} ended with exit code {process.wait(0.0)}: {process.last_words}")
+                raise NetworkError(f"{name} ended with exit code {process.wait(0.0)}: {process.last_line}")

@@ -126,7 +126,7 @@ class Fleet:
         for vehicle in vehicles:
             while not (vehicle.present and "odom" in vehicle.client.latest and vehicle.diagnostics):
                 if time.monotonic() > deadline:
-                    raise NetworkError(f"{vehicle.name} is there, but it says nothing{self._rights()}")
+                    raise NetworkError(f"{vehicle.name} is connected, but sends no samples{self._rights()}")
                 time.sleep(0.005)
         return vehicles
 

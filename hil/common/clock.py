@@ -271,7 +271,7 @@ def stay_awake() -> str:
         reason = f"/dev/cpu_dma_latency: {error.strerror} (`uuv-hil board install` permits it)"
         return f"idle processors: as they are; {reason}"
     _awake.append(descriptor)
-    return "idle processors: kept awake, which takes power; [slave] stay_awake = false lets them sleep"
+    return "idle processors: stay awake, which takes power; [slave] stay_awake = false lets them sleep"
 
 
 def quiet_garbage_collector() -> str:

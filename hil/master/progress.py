@@ -42,7 +42,7 @@ class Progress:
 
     def close(self) -> None:
         """Close the log."""
-        with suppress(OSError):  # the disk is full: what was written before is kept
+        with suppress(OSError):  # the disk is full: lines written before remain
             self._log.close()
 
     def _write(self, line: str) -> None:

@@ -169,12 +169,12 @@ class Tap:
         """Return a text about endpoints that do not answer, or a link that was cut, if a report is due; else ""."""
         if self.reconnections > self._reported:
             self._reported = self.reconnections
-            return "nothing came over a link that is there; connecting again"
+            return "no message arrived although the link is open; connecting again"
         missing = [endpoint for endpoint in self._settings if endpoint not in self.connected]
         if not missing or now_ns() < self._complaint_ns:
             return ""
         self._complaint_ns = now_ns() + COMPLAINT_PERIOD_NS
-        return f"still nobody at {', '.join(missing)}; waiting"
+        return f"still no answer from {', '.join(missing)}; waiting"
 
     def close(self) -> None:
         """Close all sessions; this may take as long as an attempt to connect. Closing twice is harmless."""

@@ -70,8 +70,8 @@ def _turning(integrator: Integrator, dt: float, forces: Sequence[Force] = ()) ->
 
 def _free_body(axes: Axes) -> list[Finding]:
     times = [0.1 * i for i in range(101)]
-    kept = _turning("rk4", 0.01)
-    ours(axes, times, kept, "ours, RK4, 10 ms", SHADES[0])
+    energies = _turning("rk4", 0.01)
+    ours(axes, times, energies, "ours, RK4, 10 ms", SHADES[0])
     ours(axes, times, _turning("verlet", 0.0025), "ours, Verlet, 2.5 ms", SHADES[2])
     theirs(axes, times[::5], [1.0] * len(times[::5]), "theory")
     red = _turning("rk4", 0.01, [WrongSign(19.5)])
@@ -82,7 +82,7 @@ def _free_body(axes: Axes) -> list[Finding]:
     power = abs(WrongSign(2.0).wrench((), (0.0,) * 9, nu)[0] * nu[0])
     test = "unit/sim/test_dynamics.py::test_a_free_body_conserves_energy_and_momentum"
     return [
-        below("free body, RK4: energy gained or lost in 10 s (share)", abs(kept[-1] - 1.0), 1e-8, test),
+        below("free body, RK4: energy gained or lost in 10 s (share)", abs(energies[-1] - 1.0), 1e-8, test),
         above(
             "power made by the wrong sign, M_A = diag(1..6), nu = (1..6)",
             power,

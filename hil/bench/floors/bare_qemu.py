@@ -1,9 +1,9 @@
-"""Measure the delay that QEMU's STM32 adds by itself, without network or code of ours.
+"""Measure the delay of QEMU's STM32 alone, without the network and the slave.
 
     python -m hil.bench.floors.bare_qemu SCENARIO
 
 QEMU's UART has no baud: it passes single bytes to the firmware and from it. This process has the slave's scheduling,
-which QEMU inherits there too: without it the time is half as long again.
+which QEMU inherits as in a slave: without it the time is 1.5 times as long.
 """
 
 import select
@@ -20,14 +20,14 @@ from sim.vehicle.vehicle import load_vehicle
 
 TIMES = 100
 PATIENCE_S = 5.0
-QUIET_S = 0.004  # after which nothing is on its way any more
+QUIET_S = 0.004  # after this time all bytes have arrived
 
 
 def answer_ms(scenario: Scenario) -> float:
     """Return the shortest time, ms, from writing a command to an STM32 in QEMU until its answer is read.
 
-    Not the mean, as it is not measured in the same seconds as the slave's delay. Command and answer are those of the
-    scenario's link, their instants those of a slave's trace, and nothing else runs meanwhile. Raises DeviceError
+    Not the mean, because it is not measured in the same seconds as the slave's delay. Command and answer are those of
+    the scenario's link, the times are taken as in a slave's trace, and nothing else runs meanwhile. Raises DeviceError
     without QEMU, or if it does not answer.
     """
     channels = len(load_vehicle(scenario.vehicle)[0].channels)

@@ -1,4 +1,4 @@
-"""A process that wakes and publishes as often as a slave and does nothing else: the lower limit of its cost.
+"""Run a process that only wakes and publishes as often as a slave: the lower limit of a slave's cost.
 
     python -m hil.bench.floors.bare_slave ENDPOINT STEP_NS MESSAGES_PER_S SECONDS REALTIME
 
@@ -67,7 +67,7 @@ def main(arguments: list[str]) -> None:
             allowed_destination=zenoh.Locality.REMOTE,
         )
         _await_listener(publisher)
-        begun, cpu_s = now_ns(), time.process_time()  # psutil has the same in steps of 10 ms
+        begun, cpu_s = now_ns(), time.process_time()  # psutil's processor time has steps of 10 ms
         _loop(lambda: publisher.put(PAYLOAD, attachment=ATTACHMENT), int(step_ns), float(rate), float(seconds))
         share = (time.process_time() - cpu_s) * NS_PER_S / (now_ns() - begun)
     print(f"share {share:.6f}", flush=True)

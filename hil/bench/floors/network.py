@@ -1,6 +1,6 @@
 """Measure bare UDP and TCP round trips between the machines of a benchmark, at the commands' rate.
 
-One way is half a round trip: which of the two ways took longer cannot be determined without a common clock.
+The one-way time is half a round trip, because the two directions cannot be told apart without a common clock.
 """
 
 import select
@@ -13,13 +13,13 @@ from hil.common.errors import NetworkError
 
 MOST = 1 << 16  # bytes at once
 ZEROS = memoryview(bytes(MOST))
-PATIENCE_S = 1.0  # with a connection, and with a client that sends and does not read
-LEAST_S = 0.001  # that an answer may take, even if it was requested late
-GIVE_UP = 3  # requests without any answer, after which no more are sent
+PATIENCE_S = 1.0  # for a connection, and for a client that sends and does not read
+LEAST_S = 0.001  # time for an answer, even if it was requested late
+GIVE_UP = 3  # requests without an answer after which no more are sent
 
 
 def serve(address: str, stop_fd: int) -> None:
-    """Echo everything that comes by UDP or TCP, until `stop_fd` becomes readable; prints address and ports.
+    """Echo all data received by UDP or TCP, until `stop_fd` becomes readable; prints address and ports.
 
     Raises NetworkError.
     """
@@ -77,7 +77,7 @@ def _connect(host: str, port: int, kind: socket.SocketKind) -> socket.socket:
 
 
 class RoundTrips:
-    """Round trips of `size` bytes by one socket. `taken_ns` are half of each, `lost` those not answered in time."""
+    """Round trips of `size` bytes by one socket; half of each is in `taken_ns`; `lost` counts the unanswered."""
 
     def __init__(self, opened: socket.socket, size: int) -> None:
         self._socket = opened
@@ -95,7 +95,7 @@ class RoundTrips:
     def measure_once(self, until_ns: int) -> None:
         """Measure one round trip, given up at `until_ns` (monotonic)."""
         self._count += 1
-        message = self._count.to_bytes(8, "big").ljust(self._size, b"\0")  # distinguishes late answers from this one's
+        message = self._count.to_bytes(8, "big").ljust(self._size, b"\0")  # tells this answer from late ones
         began = now_ns()
         try:
             self._socket.send(message)
@@ -121,7 +121,7 @@ class RoundTrips:
 
 
 class Floor:
-    """The end that measures, by `udp` and by `tcp`, with messages of `size` bytes (at least 8). Use as a context.
+    """The measuring end, by `udp` and `tcp`, with messages of `size` bytes (at least 8). Use as a context.
 
     Raises NetworkError when there is no echo.
     """
@@ -145,7 +145,7 @@ class Floor:
     def measure(self, until_ns: int) -> None:
         """Measure one round trip, by UDP and TCP alternately: each begins on a machine as idle as before a command.
 
-        An answer that has not come by `until_ns` (monotonic) counts as lost, so that the caller need not wait.
+        An answer that has not arrived by `until_ns` (monotonic) counts as lost, so that the caller need not wait.
         """
         self._use_udp = not self._use_udp
         round_trip = self.udp if self._use_udp else self.tcp
@@ -154,10 +154,10 @@ class Floor:
 
 
 class Load:
-    """`size` bytes at a time that cross the network to an echo and back beside something else. Use as a context.
+    """Background traffic: `size` bytes at a time to an echo and back. Use as a context.
 
-    They have a connection of their own. `late` counts how often they were still on their way when the next were due,
-    which are then not sent. Raises NetworkError when there is no echo, or it goes away.
+    It has its own connection. `late` counts how often the bytes had not returned when the next were due, which are then
+    not sent. Raises NetworkError if there is no echo, or it disconnects.
     """
 
     def __init__(self, host: str, tcp: int, size: int) -> None:
@@ -175,7 +175,7 @@ class Load:
         self._stream.close()
 
     def begin(self) -> None:
-        """Send as many as the network takes at once, and do not wait."""
+        """Send as many bytes as the network accepts at once, and do not wait."""
         if self._awaited:
             self.late += 1
         else:
@@ -183,7 +183,7 @@ class Load:
         self._move()
 
     def finish(self, until_ns: int) -> bool:
-        """Send the rest and receive until `until_ns` (monotonic); return whether all have come back."""
+        """Send the rest and receive until `until_ns` (monotonic); return whether all have returned."""
         while self._awaited and (left := until_ns - now_ns()) > 0:
             select.select((self._stream,), (self._stream,) if self._unsent else (), (), left / NS_PER_S)
             self._move()

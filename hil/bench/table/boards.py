@@ -9,7 +9,7 @@ from textwrap import wrap
 from typing import Any, NamedTuple
 
 from boards import Budgets, load_board
-from hil.bench.harness import OF_SLAVE, labels_of
+from hil.bench.harness import SLAVE_PREFIX, labels_of
 from hil.bench.record import Figure, Record
 from hil.bench.table.hil_table import PAPER_BOARDS
 from hil.bench.table.run import ROWS, Row
@@ -100,7 +100,7 @@ def _column(record: Record, slave: str, figures: dict[str, Figure], title: str) 
     about = f"board: {board}; master: {master}" if slave else master
     labels = record.labels
     if slave:
-        ours = (f"master: {label}" for label in labels if not label.startswith(OF_SLAVE))
+        ours = (f"master: {label}" for label in labels if not label.startswith(SLAVE_PREFIX))
         labels = (*ours, *labels_of(diagnostics))
     name = " ".join(filter(None, (title, slave)))
     return Column(name, figures, f"{about}; {record.made[:10]}", labels, tuple(detail.get("warnings", ())))

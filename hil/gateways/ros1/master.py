@@ -81,7 +81,7 @@ class Master:
             await self._register(item)
         if pid != self._pid:
             self._pid, self.is_present = pid, True
-            self._report(f"the ROS master at {self.uri} is there")
+            self._report(f"the ROS master at {self.uri} is connected")
             if self.on_connected:
                 await self.on_connected()
 

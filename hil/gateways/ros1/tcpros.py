@@ -59,7 +59,7 @@ async def read_header(reader: asyncio.StreamReader) -> dict[str, str]:
     try:
         data = await asyncio.wait_for(read_frame(reader, LARGEST_HEADER, "a connection header"), HEADER_S)
     except asyncio.TimeoutError:
-        raise PeerError(f"no connection header came within {HEADER_S:g} s") from None
+        raise PeerError(f"no connection header received within {HEADER_S:g} s") from None
     return decode_header(data)
 
 

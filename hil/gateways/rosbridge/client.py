@@ -214,7 +214,7 @@ class Client(SocketClient):
             raise ConfigError(NO_TOKEN)
         kind = self._commanding.services().get(service)
         if kind is None:
-            raise ConfigError(f"nobody answers {service}; /rosapi/services lists what there is")
+            raise ConfigError(f"no server for {service}; /rosapi/services lists the services")
         request = ros_message.encode(f"{kind}_Request", arguments(f"{kind}_Request", given))
         response = ros_message.decode(f"{kind}_Response", self._commanding.call(service, kind, request))
         return to_json(f"{kind}_Response", response or {})

@@ -158,7 +158,7 @@ def test_output_of_a_process_is_awaited_and_its_end_is_reported(tmp_path: Path) 
     with Process(["sh", "-c", "echo one; echo two; exit 3"], str(tmp_path / "log")) as process:
         assert process.expect("one", 60.0) == "one"
         assert process.wait(60) == 3
-        assert process.last_words == "two"
+        assert process.last_line == "two"
         with pytest.raises(
             NetworkError, match=r"did not print 'three', but ended with exit code 3; its last output: t"
         ):

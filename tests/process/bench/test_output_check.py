@@ -197,7 +197,7 @@ def test_a_lost_link_ends_the_check(emulated_stm32: tuple[str, "subprocess.Popen
         (["--port", "/dev/ttyUSB0", "--offset", "0"], "--offset: 0 turns nothing"),
         (["--port", "/dev/ttyUSB0", "--offset", "300"], "--offset: expected a whole number from -150 to 150"),
         (["--stm32", "unicrn"], "--stm32"),
-        (["--port", "/dev/ttyUSB0"], "nobody can be asked here: with free propellers do it with --yes"),
+        (["--port", "/dev/ttyUSB0"], "nobody can be asked here: if the propellers are free, give --yes"),
     ],
 )
 def test_wrong_arguments_are_refused_before_any_output_turns(

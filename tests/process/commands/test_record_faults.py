@@ -116,7 +116,7 @@ def test_a_recording_without_a_slave_is_an_error(tmp_path: Path, monkeypatch: py
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     code, output = run_here("record", "--connect", endpoint, "-o", str(tmp_path / "received"), "--seconds", "1")
     assert code == 4, output
-    assert f"still nobody at {endpoint}; waiting" in output
+    assert f"still no answer from {endpoint}; waiting" in output
     assert f"nothing was recorded: no answer from {endpoint}" in output
     assert "none lost" not in output
 

@@ -131,7 +131,7 @@ def test_a_link_that_the_library_does_not_read_is_opened_again() -> None:
                 return bool(tap.reconnections and arrived)
 
             assert wait_for(poll)
-        assert tap.complaint() == "nothing came over a link that is there; connecting again"
+        assert tap.complaint() == "no message arrived although the link is open; connecting again"
         assert not tap.complaint()
         listener.undeclare()  # type: ignore[no-untyped-call]
 
@@ -217,7 +217,7 @@ def test_a_missing_endpoint_is_reported_once_in_a_while(monkeypatch: pytest.Monk
     with listen(ends[0]), Tap(ends) as tap:
         assert tap.complaint() == ""
         assert wait_for(lambda: tap.connected)
-        assert wait_for(tap.complaint) == f"still nobody at {ends[1]}; waiting"
+        assert wait_for(tap.complaint) == f"still no answer from {ends[1]}; waiting"
         time.sleep(0.2)  # longer than the patience
         assert tap.complaint() == "", "not again for a minute"
         with listen(ends[1]):

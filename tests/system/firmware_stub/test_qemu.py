@@ -191,7 +191,7 @@ def folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     ("program", "reason"),
     [
         ("\x7fELF of another processor", "cannot be started: Exec format error"),
-        ("#!/bin/sh\nkill -KILL $$\n", "did not come up: it says nothing"),
+        ("#!/bin/sh\nkill -KILL $$\n", "did not start: no error message"),
     ],
 )
 def test_a_qemu_that_does_not_start_leaves_nothing(

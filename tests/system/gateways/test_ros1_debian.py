@@ -97,7 +97,7 @@ def ros(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Ros]:
         words = ("ros1", "--connect", f"tcp/127.0.0.1:{slave_port}", "--command")
         with Program(folder, *words, environment={"ROS_MASTER_URI": ros.environment["ROS_MASTER_URI"]}) as gateway:
             gateway.expect("connected: uuv1")
-            gateway.expect("the ROS master at .* is there")
+            gateway.expect("the ROS master at .* is connected")
             yield ros
         assert not [name for name in ros.run("rostopic", "list", "-p").split() if name.startswith("/uuv1")]
         assert "Traceback" not in gateway.output

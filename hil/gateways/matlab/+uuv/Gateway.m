@@ -168,7 +168,7 @@ classdef Gateway < handle
     end
 
     function answer = take(self)
-      % One line that has come: an answer is given back, a sample is kept for next.
+      % One line that has come: an answer is returned, a sample is stored for `next`.
       answer = [];
       if isempty(self.lines)
         self.listen();
