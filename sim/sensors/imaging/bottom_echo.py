@@ -52,11 +52,11 @@ def _textured(shares: Floats, echoes: Echoes, bins: Bins, texture: Texture, stri
     position = np.interp(along.ravel()[here], at, np.arange(len(at), dtype=float))
     low = position.astype(np.int32)
     share = (position - low).astype(np.float32)
-    known = np.column_stack([points[:, 0] - place[0], points[:, 1] - place[1], facing])[order].astype(np.float32)
-    rise = np.diff(known, axis=0, append=known[-1:])
-    start, more = known.take(low, axis=0), rise.take(low, axis=0)
-    north, east, cosine = (start[:, i] + more[:, i] * share for i in range(3))
-    cosine = np.maximum(cosine, np.float32(_LEAST))
+    north, east, cosine = (
+        _between(known[order].astype(np.float32), low, share)
+        for known in (points[:, 0] - place[0], points[:, 1] - place[1], facing)
+    )
+    np.maximum(cosine, np.float32(_LEAST), out=cosine)
     to_north, to_east, strength = texture.sample(north + np.float32(place[0]), east + np.float32(place[1]), step)
     # The level part of the ray's direction is how far the place is on the level, by range.
     change = (to_north * north + to_east * east) / middles.astype(np.float32)[here % count]
@@ -67,6 +67,14 @@ def _textured(shares: Floats, echoes: Echoes, bins: Bins, texture: Texture, stri
     factors[here] = np.minimum(factor, np.float32(_MOST))
     textured: Floats = shares * np.repeat(factors.reshape(some.shape), stride, axis=0)[: len(shares)]
     return textured
+
+
+def _between(known: Floats, low: NDArray[np.int32], share: Floats) -> Floats:
+    """Return the numbers that lie `share` of the way from the known one at `low` to the next."""
+    numbers: Floats = np.append(np.diff(known), np.float32(0.0)).take(low)
+    numbers *= share
+    numbers += known.take(low)
+    return numbers
 
 
 def _row(bins: Bins) -> float:
