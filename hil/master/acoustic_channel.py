@@ -47,7 +47,7 @@ class ModemNetwork:
 
     @property
     def counts(self) -> Counter[str]:
-        """Number of messages by their fate: those of the channel (sim/modems), and "malformed"."""
+        """Number of messages by their outcome: those of the channel (sim/modems), and "malformed"."""
         with self._lock:
             return Counter(self._channel.counts)
 
@@ -84,4 +84,4 @@ class ModemNetwork:
 
 def summary(counts: Counter[str]) -> str:
     """Return the counts as one line of text."""
-    return ", ".join(f"{number} {fate.replace('_', ' ')}" for fate, number in counts.items()) or "nothing sent"
+    return ", ".join(f"{number} {outcome.replace('_', ' ')}" for outcome, number in counts.items()) or "nothing sent"

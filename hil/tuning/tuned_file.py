@@ -46,18 +46,18 @@ def write_tuned(source: str, vehicle: Vehicle, gains: Gains, note: str, output: 
 
 def _without_gains(text: str) -> str:
     """Return `text` without [control], the tables of its gains, and the comments just above it."""
-    kept: list[str] = []
+    remaining: list[str] = []
     own = {"[control]", *(f"[control.{key}]" for key in Gains._fields)}
     dropping = False
     for line in text.rstrip().split("\n"):
         header = line.partition("#")[0].strip()
         if header.startswith("["):
             dropping = header in own
-            while dropping and kept and kept[-1].startswith("#"):
-                kept.pop()
+            while dropping and remaining and remaining[-1].startswith("#"):
+                remaining.pop()
         if not dropping:
-            kept.append(line)
-    return "\n".join(kept).rstrip() + "\n"
+            remaining.append(line)
+    return "\n".join(remaining).rstrip() + "\n"
 
 
 def _inline(row: AxisGains | HoldGains) -> str:

@@ -113,7 +113,7 @@ class AcousticChannel:
         self._noise = power(spectral + 10.0 * log10(modem.bandwidth))
         self._sending: dict[str, list[tuple[int, int]]] = {}  # by modem: when it sends
         self._arrivals: list[_Arrival] = []  # not yet judged, or may still disturb
-        self._fates: dict[tuple[int, str], str] = {}
+        self._outcomes: dict[tuple[int, str], str] = {}
         self._busy_until_ns: dict[str, int] = {}  # by modem: until when it is taken by a message
         self._number = 0
         self.counts: Counter[str] = Counter()
@@ -141,10 +141,12 @@ class AcousticChannel:
     def receive(self, time_ns: int) -> list[Packet]:
         """Return the messages whose last bit has come by now, in that order."""
         for arrival in sorted(self._arrivals):  # by their beginning: the first takes the receiver
-            if arrival.direct and arrival.begin_ns <= time_ns and arrival.name not in self._fates:
-                self._fates[arrival.name] = self._begin(arrival)
-        over = [a for a in self._arrivals if a.end_ns <= time_ns and self._fates.get(a.name) == RECEIVED and a.direct]
-        judged = [self._decide_fate(arrival) for arrival in sorted(over, key=_end)]
+            if arrival.direct and arrival.begin_ns <= time_ns and arrival.name not in self._outcomes:
+                self._outcomes[arrival.name] = self._begin(arrival)
+        over = [
+            a for a in self._arrivals if a.end_ns <= time_ns and self._outcomes.get(a.name) == RECEIVED and a.direct
+        ]
+        judged = [self._judge(arrival) for arrival in sorted(over, key=_end)]
         self._remove_old(time_ns)
         return [packet for packet in judged if packet]
 
@@ -182,20 +184,20 @@ class AcousticChannel:
 
     def _begin(self, arrival: _Arrival) -> str:
         """Return what becomes of a message when its first bit arrives: RECEIVED, or why it is lost."""
-        receiver, fate = arrival.receiver, RECEIVED
+        receiver, outcome = arrival.receiver, RECEIVED
         if 10.0 * log10(arrival.power / self._noise) < self._modem.detection:
-            fate = "too_weak"
+            outcome = "too_weak"
         elif any(begin <= arrival.begin_ns < end for begin, end in self._sending.get(receiver, ())):
-            fate = "deaf"
+            outcome = "deaf"
         elif arrival.begin_ns < self._busy_until_ns.get(receiver, 0):
-            fate = "collided"
-        if fate == RECEIVED:
+            outcome = "collided"
+        if outcome == RECEIVED:
             self._busy_until_ns[receiver] = arrival.end_ns
         else:
-            self.counts[fate] += 1
-        return fate
+            self.counts[outcome] += 1
+        return outcome
 
-    def _decide_fate(self, arrival: _Arrival) -> Packet | None:
+    def _judge(self, arrival: _Arrival) -> Packet | None:
         """Return the packet, if it was received whole; otherwise why not is counted."""
         modem = self._modem
         disturbance = sum(
@@ -206,12 +208,12 @@ class AcousticChannel:
         ratio = arrival.power / (self._noise + disturbance)
         bit_error = 0.5 * exp(-0.5 * ratio * modem.bandwidth / modem.bit_rate)
         whole = (1.0 - bit_error) ** (8 * len(arrival.payload))
-        fate = "delivered" if self._random.random() < whole else "damaged"
+        outcome = "delivered" if self._random.random() < whole else "damaged"
         if any(begin < arrival.end_ns and arrival.begin_ns < end for begin, end in self._sending[arrival.receiver]):
-            fate = "deaf"  # it began to send meanwhile
-        self.counts[fate] += 1
-        self._fates[arrival.name] = fate
-        if fate != "delivered":
+            outcome = "deaf"  # it began to send meanwhile
+        self.counts[outcome] += 1
+        self._outcomes[arrival.name] = outcome
+        if outcome != "delivered":
             return None
         seconds = (arrival.begin_ns - arrival.sent_ns) / NS
         distance = self._ranging.measure(seconds * modem.assumed_speed)
@@ -224,12 +226,12 @@ class AcousticChannel:
 
     def _remove_old(self, time_ns: int) -> None:
         """Drop what can neither be received nor disturb any more."""
-        fates = self._fates
-        awaited = [a.begin_ns for a in self._arrivals if a.direct and fates.get(a.name, RECEIVED) == RECEIVED]
+        outcomes = self._outcomes
+        awaited = [a.begin_ns for a in self._arrivals if a.direct and outcomes.get(a.name, RECEIVED) == RECEIVED]
         since = min(awaited, default=time_ns)
         self._arrivals = [a for a in self._arrivals if a.end_ns > since]
         names = {a.name for a in self._arrivals}
-        self._fates = {name: fate for name, fate in fates.items() if name in names}
+        self._outcomes = {name: outcome for name, outcome in outcomes.items() if name in names}
         for spans in self._sending.values():
             spans[:] = [span for span in spans if span[1] > since]
 

@@ -50,7 +50,7 @@ class OpticalChannel:
         self.counts["sent"] += 1
         for receiver, place in places.items():
             if receiver != sender:
-                self._decide_fate(Packet(sender, receiver, payload, time_ns, end_ns, nan, nan), places[sender], place)
+                self._judge(Packet(sender, receiver, payload, time_ns, end_ns, nan, nan), places[sender], place)
         return end_ns
 
     def receive(self, time_ns: int) -> list[Packet]:
@@ -59,19 +59,19 @@ class OpticalChannel:
         self._in_flight = [packet for packet in self._in_flight if packet.received_ns > time_ns]
         return sorted(there, key=_arrival_ns)
 
-    def _decide_fate(self, packet: Packet, source: Pose, place: Pose) -> None:
+    def _judge(self, packet: Packet, source: Pose, place: Pose) -> None:
         errors = min(
             bit_error(self._modem, source.position, ahead, place.position, axis)
             for ahead in _heads(source)
             for axis in _heads(place)
         )
-        fate = "damaged"
+        outcome = "damaged"
         if errors > _UNSEEN:
-            fate = "too_weak"
+            outcome = "too_weak"
         elif packet_arrives(errors, len(packet.payload), self._random.random()):
-            fate = "delivered"
+            outcome = "delivered"
             self._in_flight.append(packet._replace(snr=20.0 * log10(quality(errors))))
-        self.counts[fate] += 1
+        self.counts[outcome] += 1
 
 
 def _heads(pose: Pose) -> list[Vector3]:

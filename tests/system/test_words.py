@@ -14,14 +14,16 @@ METAPHORS = {
 }  # fmt: skip
 # Good in the sentence that is a test's name, but too vague for what a function does or a variable holds.
 VAGUE = {
-    "beside", "gone", "hear", "heard", "said", "say", "says", "sea", "tell", "tells", "told", "unheard", "unspoken",
-    "whoever", "whom", "whose",
+    "beside", "eases", "fate", "gone", "hear", "heard", "kept", "news", "obey", "obeyed", "obeys", "said", "say",
+    "says", "sea", "tell", "tells", "told", "unheard", "unspoken", "whoever", "whom", "whose",
 }  # fmt: skip
 SPOKEN = {"hear", "heard", "said", "told", "unheard"}  # of these, what no helper or variable of a test is named
 WITH_OBJECT = {"keep", "look", "note", "take"}  # verbs that say too little alone
 FILE_METHODS = {("hil/recording/mcap_file.py", "tell"), ("hil/recording/mcap_writer.py", "tell")}  # of Python's files
 
 
+# A vehicle is lost or does not answer; it executes commands.
+PERSONIFIED = re.compile(r"\b(?:is|are|was|were) gone\b|\bobey")
 # A docstring that begins so is a fragment ("Whether it is there", "Of a thruster"): no statement, or no verb.
 FRAGMENTS = {
     "And", "As", "How", "If", "Of", "So", "Such", "That", "Those", "What", "When", "Where", "Whether", "Which", "Who",
@@ -38,8 +40,10 @@ CIRCUMSTANCES = {
 
 @functools.cache
 def _definitions(room: str) -> dict[str, list[ast.AST]]:
-    """Return the nodes of each file of a room: those that define names, and those that may have a docstring."""
-    kinds = (ast.Module, ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef, ast.arg, ast.Name, ast.Attribute)
+    """Return the nodes of each file of a room that define names, may have a docstring, or are constants."""
+    kinds = (
+        ast.Module, ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef, ast.arg, ast.Name, ast.Attribute, ast.Constant
+    )  # fmt: skip
     return {
         path.relative_to(ROOT).as_posix(): [
             node for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))) if isinstance(node, kinds)
@@ -78,6 +82,16 @@ def test_names_have_no_metaphors_and_vague_words() -> None:
                 is_spoken = not name.startswith("test_") and _words(name) & SPOKEN
                 if (_words(name) & old or is_alone or is_spoken) and (where, name) not in FILE_METHODS:
                     found.append(f"{where}: {name}")
+    assert not found, "\n".join(found)
+
+
+def test_texts_of_packages_and_tools_do_not_personify() -> None:
+    """Errors, logs, help and docstrings use the terms of the field for a lost vehicle and for its commands."""
+    found = []
+    for room in ("hil", "sim", "boards", "firmware_stub", "tools"):
+        for where, nodes in _definitions(room).items():
+            texts = [node for node in nodes if isinstance(node, ast.Constant) and isinstance(node.value, str)]
+            found += [f"{where}:{text.lineno}" for text in texts if PERSONIFIED.search(str(text.value))]
     assert not found, "\n".join(found)
 
 

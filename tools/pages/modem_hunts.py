@@ -22,7 +22,7 @@ HUNTS: dict[str, dict[str, Any]] = {
     "light, coast, slots of 50 ms": {"modem": {"kind": "optical", "slot": "50 ms", "attenuation": 0.4}},
     "light, harbour, slots of 50 ms": {"modem": {"kind": "optical", "slot": "50 ms", "attenuation": 2.2}, **NEAR},
 }
-FATES = ("delivered", "collided", "deaf", "damaged", "too_weak")
+RESULTS = ("delivered", "collided", "deaf", "damaged", "too_weak")
 
 
 def main() -> int:
@@ -30,8 +30,8 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("seeds", metavar="SEEDS", nargs="?", type=int, default=20, help="how many [%(default)s]")
     seeds = range(1, parser.parse_args().seeds + 1)
-    print(f"| modem | success | time s | least distance m | {' | '.join(FATES)} |")
-    print("|---|" + "---|" * (3 + len(FATES)))
+    print(f"| modem | success | time s | least distance m | {' | '.join(RESULTS)} |")
+    print("|---|" + "---|" * (3 + len(RESULTS)))
     for name, changes in HUNTS.items():
         flights = [hunt({"seed": seed, **changes}) for seed in seeds]
         print(row(name, [outcome for outcome, _ in flights], sum((counts for _, counts in flights), Counter())))
@@ -51,7 +51,7 @@ def hunt(changes: dict[str, Any]) -> tuple[HuntOutcome, Counter[str]]:
 def row(name: str, outcomes: list[HuntOutcome], counts: Counter[str]) -> str:
     """Return a row of the table: shares are those of the three that could have received each message."""
     could = 3 * counts["sent"]
-    shares = " | ".join(f"{100.0 * counts[fate] / could:.1f} %" for fate in FATES)
+    shares = " | ".join(f"{100.0 * counts[result] / could:.1f} %" for result in RESULTS)
     won = sum(outcome.success for outcome in outcomes)
     time = sum(outcome.duration for outcome in outcomes) / len(outcomes)
     least = min(outcome.judgement.separation for outcome in outcomes)

@@ -47,9 +47,9 @@ def second_echoes(
     back &= (objects != SEABED) | on_surface[chosen]
     if not back.any():
         return []
-    kept = chosen[back]
+    returned = chosen[back]
     found = _Bounced(
-        rays.weights[kept], rays.beam[kept], length[back], loss[back], strengths[objects[back]], objects[back],
+        rays.weights[returned], rays.beam[returned], length[back], loss[back], strengths[objects[back]], objects[back],
         np.frombuffer(hits.points).reshape(-1, 3)[back], np.frombuffer(hits.normals).reshape(-1, 3)[back],
         onwards[back],
     )  # fmt: skip
