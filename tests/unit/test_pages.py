@@ -10,7 +10,7 @@ PAGES = [*ROOT.glob("*.md"), *sorted((ROOT / "docs").rglob("*.md"))]
 FENCED = re.compile(r"^```.*?^```", re.DOTALL | re.MULTILINE)
 GENERATED = re.compile(r"(?i:made by) `python|^`python tools/[\w/]+\.py` makes this page", re.MULTILINE)
 WIDTH = 120
-# A page says what is, and not what was before it: a reader of today cannot check the rest.
+# A page states the present and not earlier versions, which a reader cannot check.
 HISTORY = re.compile(r"\b(was once|were once|no longer has|has been fixed|until recently|since then)\b")
 NAMED_FILE = re.compile(r"`((?:tests|tools|hil|sim|boards|firmware_stub)/[\w/]+\.(?:py|toml|c|h))[`:]")
 

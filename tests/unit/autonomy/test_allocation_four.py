@@ -61,4 +61,4 @@ def test_the_closed_form_ignores_limits_that_the_allocator_keeps() -> None:
     thrusts, residual = Allocator(wrench_matrix(vehicle), forward, reverse).allocate(wrench)
     assert all(-49.04 < f < 73.55 for f in thrusts)
     assert residual[5] == pytest.approx(0.0, abs=1e-9)  # moments first
-    assert residual[0] > 30.0  # and what is missing is said
+    assert residual[0] > 30.0  # and the missing force is the residual

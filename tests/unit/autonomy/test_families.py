@@ -36,7 +36,7 @@ HEAVY = Plant(
     INERTIA, (13.7, 0.0, 33.0, 0.0, 0.8, 0.0), (141.0, 217.0, 190.0, 1.2, 0.5, 1.5), 132.0, 131.0,
     center_of_buoyancy=(0.0, 0.0, -0.01),
 )  # fmt: skip
-# Without drag, weight and lift: what is left is the law.
+# Without drag, weight and lift, so that only the control law acts.
 BARE = HEAVY._replace(linear_damping=(0.0,) * 6, quadratic_damping=(0.0,) * 6, weight=0.0, buoyancy=0.0)
 SLEWED = Gains()._replace(surge=AxisGains(p=4.0, i=6.0, limit=5.0, slew=2.0), yaw_rate=AxisGains(4.0, d=0.5, slew=50.0))
 
@@ -210,7 +210,7 @@ def test_the_pd_law_leaves_the_stated_error() -> None:
     assert 0.5 - speed == pytest.approx(10.0 / (INERTIA[0] * 5.0), rel=1e-3)
 
 
-# -- the words ----------------------------------------------------------------------------------------------------
+# -- choice by name ------------------------------------------------------------------------------------------------
 
 
 def test_every_control_family_is_made_by_name() -> None:

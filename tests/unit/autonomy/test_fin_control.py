@@ -34,7 +34,7 @@ def test_four_fins_produce_any_small_moment(name: str) -> None:
     for speed in (0.8, 2.0, -1.0):
         wanted = (7.0, 0.0, 0.0, 0.02, -0.3, 0.4)
         angles, residual = allocator.allocate(wanted, speed)
-        assert residual == (7.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # what the propeller lacks is not theirs
+        assert residual == (7.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # the propeller's residual is not that of the fins
         pressure = copysign(speed * speed, speed)
         made = [pressure * sum(a * b for a, b in zip(row, angles, strict=True)) for row in matrix]
         assert made[3:] == pytest.approx(wanted[3:], rel=1e-4)
@@ -46,7 +46,7 @@ def test_moments_that_fins_cannot_produce_are_the_residual() -> None:
     allocator = FinAllocator(matrix, [fin.max_deflection for fin in fins], 0.5)
     angles, residual = allocator.allocate((0.0, 0.0, 0.0, 0.5, 0.0, 100.0), 1.0)
     assert angles[0] == pytest.approx(radians(20.0))
-    assert residual[3] == pytest.approx(0.5)  # a rudder and planes on the axis make no roll
+    assert residual[3] == pytest.approx(0.5)  # a rudder and planes on the axis give no roll
     assert residual[5] == pytest.approx(100.0 - matrix[5][0] * radians(20.0))
     slow, _ = allocator.allocate((0.0, 0.0, 0.0, 0.0, 0.0, 0.1), 0.0)
     least, _ = allocator.allocate((0.0, 0.0, 0.0, 0.0, 0.0, 0.1), 0.5)

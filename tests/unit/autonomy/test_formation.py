@@ -48,7 +48,7 @@ def test_repulsion_has_the_value_worked_out_by_hand() -> None:
     """
     body = Body((1.0, 0.0), 0.5)
     assert repulsion(ORIGIN, (2.0, 0.0), body, 1.0, 1.0) == pytest.approx((-16.0 + 2.0, 0.0))
-    assert repulsion((0.0, 0.0), (0.0, 0.0), body, 1.0, 1.0) == pytest.approx((0.0, 0.0))  # it is where it belongs
+    assert repulsion((0.0, 0.0), (0.0, 0.0), body, 1.0, 1.0) == pytest.approx((0.0, 0.0))  # it is at its target
     assert repulsion((-0.5, 0.0), (2.0, 0.0), body, 1.0, 1.0) == (0.0, 0.0)  # the reach ends here
 
 
@@ -166,7 +166,7 @@ def test_fields_attract_to_the_target_and_repel_from_bodies(
     far, rounding = near + more, 1e-9
     draws = [along(attraction(position, ahead(d), 0.6, 0.5)) for d in (near, far)]
     assert 0.0 <= draws[0] <= draws[1] + rounding
-    behind = ahead(-3.0)  # the place
+    behind = ahead(-3.0)  # the target
     pushes = [along(repulsion(position, behind, Body(ahead(d), 0.5), 0.12, 0.9)) for d in (near, far) if d > 0.6]
     assert all(push <= rounding for push in pushes)
     assert len(pushes) < 2 or pushes[0] <= pushes[1] + rounding

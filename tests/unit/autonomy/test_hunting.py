@@ -91,7 +91,7 @@ def test_all_vehicles_slow_down_for_one_that_is_held_up() -> None:
         free.step()
     clocks = [hunter.clock for hunter in hunt.hunters]
     assert max(clocks) < 0.6 * min(hunter.clock for hunter in free.hunters)
-    assert clocks == sorted(clocks)  # the farther along the line the later the news
+    assert clocks == sorted(clocks)  # farther along the line a report arrives later
     found = hunt.run(2.0 * hunt.plan.duration)
     assert found.success or found.failures == ("formation",), found
 
@@ -135,7 +135,7 @@ def test_a_stopped_clock_holds_position() -> None:
     hunter.clock = plan.duration
     assert hunter.update(plan.place(2, plan.duration), [], STEP) == pytest.approx((0.0, 0.0), abs=1e-9)
     hunter.clock = 10.0
-    late = [Report((40.0, 40.0), 0.0), Report((4.5, 1.0), 0.0)]  # the second is heard, and far behind
+    late = [Report((40.0, 40.0), 0.0), Report((4.5, 1.0), 0.0)]  # the second is in range, and far behind
     assert hunter.update(plan.place(2, 10.0), late, STEP) == pytest.approx((0.0, 0.0), abs=1e-9)
     assert hunter.clock == 10.0
 

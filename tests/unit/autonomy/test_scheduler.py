@@ -116,7 +116,7 @@ def test_only_an_urgent_task_of_higher_priority_interrupts() -> None:
     for second in range(3):
         scheduler.step(second * SECOND, (0.0, 0.0), {})
     assert scheduler.step(3 * SECOND, (0.0, 0.0), {"late": 1.0}).state == "doing work"
-    # the alarm breaks in although a task of higher priority is ready that may not
+    # the alarm interrupts, although a ready task of higher priority may not
     assert scheduler.step(4 * SECOND, (0.0, 0.0), {"late": 1.0, "alarm": 1.0}).task == "alarm"
 
 

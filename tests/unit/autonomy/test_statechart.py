@@ -142,7 +142,7 @@ def test_conditions_compare_as_python_does(value: float, number: float) -> None:
         condition = Condition(f"x {sign} {number} and y > 0", "here")
         assert condition.holds({"x": value, "y": 1.0}) is truth
         assert not condition.holds({"x": value, "y": 0.0})
-        assert not condition.holds({"y": 1.0})  # x has not come yet
+        assert not condition.holds({"y": 1.0})  # x has not been received yet
     assert Condition("", "here").holds({})
 
 

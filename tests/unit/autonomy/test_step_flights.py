@@ -14,7 +14,7 @@ from sim.vehicle.vehicle import Vehicle, load_vehicle
 FAMILIES = ("cascade", "sliding_mode", "restoring_pd")
 VEHICLES = ("bluerov2_heavy", "paper_six")
 STILL = VelocityCommand(depth=START_DEPTH, heading=0.0)
-GYRO = 0.03  # rad: what a gyro's turn-on error leaves of a heading, whoever controls
+GYRO = 0.03  # rad: the heading error due to a gyro's turn-on error, with any control law
 CURRENT = (0.2, 0.2, 0.0)
 
 
@@ -87,7 +87,7 @@ def test_a_wrong_mass_leaves_small_errors(family: str, name: str, share: float) 
     ahead = flight.fly(8.0, lambda time: STILL._replace(surge=0.3))
     assert abs(surge_error(ahead, 0.3)) < 0.01
     assert max(moment.nu[0] for moment in ahead) < 1.2 * 0.3
-    # a PD law holds what weighs nothing against the weight that its own model has
+    # a PD law compensates its model's weight on a vehicle without weight
     assert last_third(ahead)[-1].position[2] == pytest.approx(
         START_DEPTH, abs=0.03 if family != "restoring_pd" else 0.08
     )

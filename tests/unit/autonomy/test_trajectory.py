@@ -48,7 +48,7 @@ def test_direction_turn_and_length_agree_with_the_position(name: str) -> None:
             continue
         before, here, after = (curve.at(along + side * step) for side in (-1.0, 0.0, 1.0))
         north, east, down = ((b - a) / (2.0 * step) for a, b in zip(before.position, after.position, strict=True))
-        assert math.hypot(north, east, down) == pytest.approx(1.0, abs=1e-6)  # measured by the way along it
+        assert math.hypot(north, east, down) == pytest.approx(1.0, abs=1e-6)  # measured along the curve
         assert math.atan2(down, math.hypot(north, east)) == pytest.approx(here.slope, abs=1e-6)
         assert wrap_angle(math.atan2(east, north) - here.heading) == pytest.approx(0.0, abs=1e-6)
         assert wrap_angle(after.heading - before.heading) / (2.0 * step) == pytest.approx(here.turn, abs=1e-5)
@@ -118,7 +118,7 @@ OUT_AND_BACK = [(0, 3.75, 1.9375), (0, 1.25, 1.5), (0, 3.75, 1.9375), (0, 1.25, 
 STRAIGHT_BACK = [(0.0, 0.0, 5.0), (4.0, 0.0, 5.0), (0.0, 0.0, 5.0), (1.0, 0.0, 5.0)]
 
 
-@example(OUT_AND_BACK)  # it all but stops where it turns back
+@example(OUT_AND_BACK)  # it nearly stops where it turns back
 @example(STRAIGHT_BACK)  # it stops
 @examples(40)
 @given(st.lists(POINTS, min_size=2, max_size=6))

@@ -164,7 +164,7 @@ def test_any_scan_gives_a_free_heading_and_a_command_within_limits(
             assert all(vfh.blocked)
             continue
         assert not vfh.blocked[round(chosen / (10.0 * DEGREE)) % 36]
-        for angle, distance in scan.points():  # no straight way on leads nearer than the clearance, to half a sector
+        for angle, distance in scan.points():  # a straight path ahead keeps the clearance, to half a sector
             aside = abs(wrap(chosen - heading - angle))
             if distance < SETTINGS.block_within and aside < math.pi / 2.0:
                 assert aside >= math.asin(min(1.0, 0.5 / distance)) - 5.1 * DEGREE

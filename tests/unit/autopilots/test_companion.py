@@ -128,7 +128,7 @@ def test_dvl_deltas_are_between_successive_samples_with_bottom_lock(bench: Calla
         b.inputs.update("dvl", DvlSample(time_ns, (0.4, 0.0, 0.0) if locked else (nan,) * 3, 5.0, locked))
         return names(b.messages(time_ns))
 
-    assert sample(100_000_000) == []  # nothing to compare it with
+    assert sample(100_000_000) == []  # there is no earlier sample
     assert sample(200_000_000) == ["VISION_POSITION_DELTA"]
     assert b.inputs.dvl.velocity == pytest.approx((0.0, 0.4, 0.0))  # its axes are turned to the right
     assert sample(300_000_000, locked=False) == []
@@ -164,7 +164,7 @@ def test_the_companion_reconnects_after_a_restart_of_the_autopilot(bench: Callab
     assert b.peer
     b.peer.close()
     b.peer = None
-    for second in (1, 2, 3):  # until the connection's end shows
+    for second in (1, 2, 3):  # until the end of the connection is detected
         b.companion.advance(second * SECOND, TRUTH, "127.0.0.1")
     assert "SET_GPS_GLOBAL_ORIGIN" in names(b.messages(0))
 

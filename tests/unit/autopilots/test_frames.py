@@ -12,8 +12,8 @@ FRAMES = {"bluerov2": "vectored", "bluerov2_blue": "vectored", "bluerov2_li2020"
           "bluerov2_heavy": "vectored_6dof", "bluerov2_heavy_px4": "vectored_6dof",
           "bluerov2_heavy_t200": "vectored_6dof", "bluerov2_heavy_wu2018": "vectored_6dof",
           "bluerov2_heavy_vonbenzon2022": "vectored_6dof"}  # fmt: skip
-# What a running ArduSub 4.6 put out in MANUAL with a gain of 0.5: stick -> outputs, and the axis of X Y Z K M N with
-# its sign along which the vehicle has to go.
+# Outputs of a running ArduSub 4.6 in MANUAL with a gain of 0.5: stick -> outputs, and the axis of X Y Z K M N with
+# its sign along which the vehicle must move.
 HORIZONTAL = {
     "ahead": ((1400, 1400, 1600, 1600), 0, 1),
     "right": ((1600, 1400, 1600, 1400), 1, 1),

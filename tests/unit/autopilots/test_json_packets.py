@@ -46,7 +46,7 @@ def test_a_state_is_read_by_a_parser_like_ardupilots() -> None:
     }  # fmt: skip
     for (section, key), value in wanted.items():
         assert scan(text, section, key).startswith(value), key
-    assert "attitude" not in text  # a quaternion is there, and this name would be found in others
+    assert "attitude" not in text  # a quaternion is sent, and the parser would find this name inside others
 
 
 def test_sensors_that_are_not_fitted_are_omitted() -> None:

@@ -15,7 +15,7 @@ def make(reports: list[str], name: str = "bluerov2") -> MotorOutputs:
 def test_a_timeout_sets_the_thrusters_to_neutral_once() -> None:
     reports: list[str] = []
     motors = make(reports)
-    assert motors.at(10**12).pwm_us == (1500,) * 6  # nothing has come: no silence to report
+    assert motors.at(10**12).pwm_us == (1500,) * 6  # no output was received, so there is no timeout to report
     assert motors.update(Outputs((1600,) * 6, None, 0)).pwm_us == (1600,) * 6
     assert motors.at(200 * MS).pwm_us == (1600,) * 6
     for now in (201 * MS, 400 * MS):

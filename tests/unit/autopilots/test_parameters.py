@@ -36,7 +36,7 @@ def test_ardusub_gets_its_frame_and_the_installed_parameter_file(name: str, fram
 
 
 # Old name -> the name in ArduSub 4.7 and its factor: AC_PosControl::convert_parameters and AP_RangeFinder_Params. It
-# converts what is stored on a board, not what a file says.
+# converts values stored on a board, not those of a file.
 RENAMED = {
     "PSC_ACCZ_P": ("PSC_D_ACC_P", 0.1), "PSC_ACCZ_I": ("PSC_D_ACC_I", 0.1), "PSC_VELZ_P": ("PSC_D_VEL_P", 1.0),
     "PSC_POSZ_P": ("PSC_D_POS_P", 1.0), "PSC_POSXY_P": ("PSC_NE_POS_P", 1.0), "PSC_VELXY_P": ("PSC_NE_VEL_P", 1.0),

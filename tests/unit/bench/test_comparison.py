@@ -84,7 +84,7 @@ def test_starts_count_as_independent_samples_and_commands_do_not() -> None:
 
 
 def test_two_single_starts_are_never_reported_as_better_or_worse(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("hil.bench.statistics.RESAMPLES", 400)  # sooner done
+    monkeypatch.setattr("hil.bench.statistics.RESAMPLES", 400)  # for speed
     pairs = [(figure_of_runs(f"a{seed}", 1, 200), figure_of_runs(f"b{seed}", 1, 200)) for seed in range(30)]
     verdicts = [difference("x", *pair, 0.0, 0.95).verdict for pair in pairs]
     assert set(verdicts) == {"same", "few starts"}
@@ -258,7 +258,7 @@ def test_differences_between_machines_are_listed() -> None:
         "numpy: none and 2.0",
         "labels: none and virtual machine",
     ]
-    assert unlike(one, one._replace(machine={**one.machine, "load": 0.9})) == [], "it always varies a little"
+    assert unlike(one, one._replace(machine={**one.machine, "load": 0.9})) == [], "values always vary a little"
     assert unlike(one, one._replace(machine={**one.machine, "load": "much"})) == []
 
 

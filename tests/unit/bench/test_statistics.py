@@ -72,7 +72,7 @@ def test_the_interval_of_equal_values_is_that_value() -> None:
 
 
 def test_the_interval_contains_the_true_median_at_its_stated_rate(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("hil.bench.statistics.RESAMPLES", 400)  # sooner done
+    monkeypatch.setattr("hil.bench.statistics.RESAMPLES", 400)  # for speed
     generator = random.Random(5)
     trials, held = 120, 0
     for seed in range(trials):
@@ -99,7 +99,7 @@ def autoregressive_series(generator: random.Random, count: int, alike: float) ->
 
 def test_correlated_values_are_resampled_in_blocks(monkeypatch: pytest.MonkeyPatch) -> None:
     """Two series of one process seem to differ in some five of a hundred pairs, not in a quarter."""
-    monkeypatch.setattr("hil.bench.statistics.RESAMPLES", 150)  # sooner done
+    monkeypatch.setattr("hil.bench.statistics.RESAMPLES", 150)  # for speed
     generator, trials = random.Random(7), 60
     wrong = {True: 0, False: 0}
     for _ in range(trials):

@@ -137,7 +137,7 @@ def test_a_slave_that_was_started_again_has_no_share_of_a_core() -> None:
     result = build(exec_wall_ns=1_050_000_000)
     assert math.isnan(result.slave_cpu_core)
     assert "restarted" in result.notes[0]
-    assert result.startup_s == 0.03, "of the one that is there now"
+    assert result.startup_s == 0.03, "memory of the slave that runs now"
     assert "nan" not in table.render(result)
 
 

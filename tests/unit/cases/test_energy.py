@@ -37,7 +37,7 @@ def test_energy_is_summed_over_pulses_and_time() -> None:
     assert meter.joules == pytest.approx(10.0 * watts)
     meter.add(1000.0, pulses)  # a gap in the report counts for two seconds
     assert meter.joules == pytest.approx(12.0 * watts)
-    meter.add(1000.5, ())  # nothing heard of pulses
+    meter.add(1000.5, ())  # no pulses were received
     assert meter.joules == pytest.approx(12.0 * watts)
 
 

@@ -104,7 +104,7 @@ def test_paths_between_distant_points_use_coarser_cells(tmp_path: Path) -> None:
     for north in (-370.0, -300.3, -204.2, -201.5, -200.0, -150.0):
         for east in (-17.5, -12.6, -10.2, -3.0, 0.0, 9.9, 12.7):
             is_deep = world.seabed(north, east) > far.master.depth + below
-            assert is_deep or not plan.request.map.is_free((north, east)), "what is shallow in a cell fills it"
+            assert is_deep or not plan.request.map.is_free((north, east)), "a cell with any shallow part is occupied"
     assert plan.request.map.is_free((-150.0, 0.0))
     assert (
         peak_mb(

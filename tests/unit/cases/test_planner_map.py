@@ -61,7 +61,7 @@ def test_relief_that_is_too_shallow_is_on_the_map(tmp_path: Path) -> None:
     assert not deep.is_free((20.0, 37.0))
     assert deep.is_free((37.0, 20.0))  # not turned
     assert deep.is_free((40.0, 37.0))  # not mirrored
-    assert map_at(world, 4.0, 0.5, 0.5).is_free((20.0, 32.0))  # it passes over
+    assert map_at(world, 4.0, 0.5, 0.5).is_free((20.0, 32.0))  # the vehicle passes over it
 
 
 def test_every_worlds_map_agrees_with_its_clearance() -> None:
@@ -140,7 +140,7 @@ def test_hidden_obstacles_are_not_on_the_map() -> None:
     assert not known.is_free((15.0, 5.0))
     assert not unknown.cells.any()
     assert known.cells.shape == unknown.cells.shape
-    assert world.clearance(5.0, 5.0, 5.0) == -1.0  # it is there all the same
+    assert world.clearance(5.0, 5.0, 5.0) == -1.0  # it exists in the world
 
 
 def test_a_path_is_planned_on_a_map_from_a_file(tmp_path: Path) -> None:
@@ -188,5 +188,5 @@ def test_hanging_obstacles_are_on_the_map_at_the_depths_they_reach() -> None:
     pontoon = Box(10.0, 5.0, 4.0, 4.0, bottom=2.0)
     world = World("some", "made up", (0.0, 20.0, 0.0, 10.0), 10.0, box=(pontoon,))
     assert not map_at(world, 1.0, 0.3, 0.5).is_free((10.0, 5.0))
-    assert not map_at(world, 2.2, 0.3, 0.5).is_free((10.0, 5.0)), "0.3 m are wanted between"
+    assert not map_at(world, 2.2, 0.3, 0.5).is_free((10.0, 5.0)), "0.3 m of clearance is required"
     assert map_at(world, 2.4, 0.3, 0.5).is_free((10.0, 5.0))

@@ -85,7 +85,7 @@ def test_commands_stay_within_limits_for_any_input(cylinders: list[Cylinder], re
         try:
             planner.begin(request(pool(cylinders)))
         except MissionError:
-            continue  # the piles close every way: said so, before the dive
+            continue  # the piles block every path, which is reported before the dive
         for number, (place, heading, echoes) in enumerate(reported):
             scan = LaserSample(number * NS // 10, -1.5, 3.0 / (len(echoes) - 1), tuple(echoes), (0.1, 30.0))
             samples = {"odom": odometry(place, heading, number * NS // 10), "laser": scan}
@@ -94,7 +94,7 @@ def test_commands_stay_within_limits_for_any_input(cylinders: list[Cylinder], re
                 assert answer.reason
                 break
             assert math.hypot(answer.surge, answer.sway) <= SPEED + 1e-9
-            assert answer.surge >= 0.0 or isinstance(planner, Tasks)  # which keeps its place
+            assert answer.surge >= 0.0 or isinstance(planner, Tasks)  # which holds its position
             assert abs(answer.yaw_rate) <= 0.5 + 1e-9
             assert answer.depth == 5.0
             assert 0.0 <= planner.progress <= 1.0

@@ -128,7 +128,7 @@ def test_equation_8_is_discontinuous_as_printed_and_ours_is_not() -> None:
     assert ours(at - 1e-9) == 0.0
     assert ours(at + 1e-6) == pytest.approx(0.0, abs=1e-6)
     assert ours(at + 0.2) < ours(at + 0.5) < ours(reach - 0.1)
-    assert ours(reach + 1e-9) == 0.0, "who cannot be heard does not count"
+    assert ours(reach + 1e-9) == 0.0, "a neighbour out of range has no effect"
 
 
 def test_the_bias_is_a_gauss_markov_process_unlike_equation_2() -> None:

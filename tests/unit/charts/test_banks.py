@@ -84,13 +84,13 @@ def test_the_water_line_of_a_mole_is_straight_as_charted(grid: Grid, most: float
     assert abs(offsets(grid, 0.0)).max() < most
     assert np.ptp(offsets(grid, 0.5 * DEPTH)) < 0.1
     teeth = bed_of_mask(-LAND_RISE)
-    assert abs(offsets(teeth, 0.0)).max() > 0.5, "where nodes are either in or out"
+    assert abs(offsets(teeth, 0.0)).max() > 0.5, "without partly covered nodes the edge is jagged"
     assert np.ptp(offsets(teeth, 0.5 * DEPTH)) > 0.8
     along = MIDDLE + np.linspace(-50.0, 50.0, 101)[:, None] * ALONG
     beds = [grid.at(along + (HALF + cells * CELL) * ACROSS) for cells in (1.5, 2.6, 3.6)]
     assert beds[0].min() > 0.75 * DEPTH
     assert beds[1].min() > 0.98 * DEPTH
-    assert beds[2] == pytest.approx(np.full(101, DEPTH), abs=1e-3), "beyond the foot of its bank the bed is as it was"
+    assert beds[2] == pytest.approx(np.full(101, DEPTH), abs=1e-3), "beyond the foot of its bank the bed is unchanged"
 
 
 def test_a_bank_runs_out_without_a_bend() -> None:

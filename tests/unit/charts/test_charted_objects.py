@@ -92,6 +92,6 @@ def test_a_worlds_files_are_read_back_equal(tmp_path: Path) -> None:
     assert world.bottom_map is not None
     assert world.bottom_map.codes(np.array([21.0]), np.array([19.0])).tolist() == [9]
     (tmp_path / "bay.zones.toml").unlink()
-    assert load_world(path).name == "bay", "zones are read by who asks for them"
+    assert load_world(path).name == "bay", "zones are read on request only"
     with pytest.raises(ConfigError, match=r"bay\.zones\.toml: the zones of a world cannot be read"):
         load_world(path).all_zones()

@@ -219,7 +219,7 @@ def test_free_water_is_deep_enough_and_clear_of_obstacles(tmp_path: Path) -> Non
                 assert found.cells[row, column], place
             elif away > 0.72:
                 assert not found.cells[row, column], place
-    assert found.is_free((30.5, 45.5)), "the sunk one ends 7 m below"
+    assert found.is_free((30.5, 45.5)), "the sunken pile ends 7 m below"
     assert not build_occupancy(world, grid, 15.5, 1.0).is_free((30.5, 45.5))
     found.write_pgm(str(tmp_path / "map.pgm"))
     assert (OccupancyGrid.read(str(tmp_path / "map.yaml")).cells == found.cells).all()

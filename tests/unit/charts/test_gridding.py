@@ -140,4 +140,4 @@ def test_a_known_bed_is_reproduced_better_than_by_triangles() -> None:
     assert errors[1] < 0.97 * errors[0]
     assert errors[2] < 0.7 * errors[0]
     assert built.report.rmse < 0.97 * built.report.linear_rmse, "which has the contours too"
-    assert built.report.rmse == pytest.approx(errors[2], rel=0.2), "held out as good as the truth tells"
+    assert built.report.rmse == pytest.approx(errors[2], rel=0.2), "held-out errors agree with the true ones"

@@ -53,7 +53,7 @@ def test_a_pontoon_floats_above_the_bed() -> None:
         (box,) = result.boxes
         assert sorted((box.size_north, box.size_east)) == [8.0, 30.0]
         assert (box.north, box.east, box.bottom) == (24.0, 35.0, draught)
-        assert result.grid.depths.max() == result.grid.at(np.array([[24.0, 35.0]]))[0] == 8.0, "the bed is as it was"
+        assert result.grid.depths.max() == result.grid.at(np.array([[24.0, 35.0]]))[0] == 8.0, "the bed is unchanged"
     (point,) = place_structures("OBSTRN", WATLEV=7.0).cylinders
     assert (point.top, point.bottom) == (OUT_OF_WATER, 1.0)
 

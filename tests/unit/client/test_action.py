@@ -96,7 +96,7 @@ def test_a_trajectory_action_lasts_as_long_as_its_trajectory(client: DirectClien
     track = fly_until_done(client, reported, 80.0)
     took = (track[-1].time_ns - track[0].time_ns) / 1e9
     assert took == pytest.approx(trajectory.duration, abs=2.5)
-    assert client.topics == {"cmd_vel", "cmd_pose"}, "at the end it stays"
+    assert client.topics == {"cmd_vel", "cmd_pose"}, "the vehicle stays at the end"
 
 
 def test_a_pursuit_turns_and_moves_ahead(client: DirectClient) -> None:
@@ -106,7 +106,7 @@ def test_a_pursuit_turns_and_moves_ahead(client: DirectClient) -> None:
     assert reported.done
     assert dist(track[-1].position, points[-1]) < 0.6
     half = min(track, key=lambda state: abs(state.position[0] - 5.5))
-    assert half.depth == pytest.approx(2.5, abs=0.3), "it dives evenly on its way"
+    assert half.depth == pytest.approx(2.5, abs=0.3), "it dives evenly along the path"
     assert max(abs(state.velocity[1]) for state in track) < 0.15, "never sideways"
 
 

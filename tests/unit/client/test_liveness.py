@@ -54,7 +54,7 @@ class FakeSession:
 
     def __init__(self, *peers: str) -> None:
         self.peers = peers
-        self.reported: list[str] = []  # tokens that a router knows
+        self.reported: list[str] = []  # tokens that a router has
 
     def links(self) -> list[tuple[str, str, str]]:
         return [(peer, "", "") for peer in self.peers]

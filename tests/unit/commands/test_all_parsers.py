@@ -20,13 +20,13 @@ from hil.common.options import OUTPUT_FILE, subparsers
 FOLDER = Path(hil.commands.__file__).parent
 MODULES = [module for name, (module, _) in COMMANDS.items() if name != "bench"]
 MODULES += [module for module, _ in BENCHMARKS.values()]
-# What an option may not be called, and what it is called.
+# Names that an option may not have, and the name to use.
 OTHER_NAMES = {
     "--out": "--output", "--run-dir": "--output", "--dest": "--output", "--log": "--output", "--slave": "--connect",
     "--host-port": "--listen", "--bind": "--listen", "--address": "--listen",
     "--png": "--plot", "--picture": "--plot", "--figure": "--plot", "--format": "--json", "--runs": "--repeat",
 }  # fmt: skip
-# The same word for another thing, with the reason.
+# The same word with another meaning, with the reason.
 OTHER_MEANINGS = {
     ("uuv-hil foxglove", "--listen"): "a websocket, no zenoh endpoint",
     ("uuv-hil rosbridge", "--listen"): "a websocket, no zenoh endpoint",
@@ -237,7 +237,9 @@ def test_every_command_that_reads_a_scenario_offers_set() -> None:
         ]
         for action in positional:
             assert action.default in (None, "paper_field"), parser.prog
-        assert not (positional and "--scenario" in options(parser)), f"{parser.prog}: two ways to name one scenario"
+        assert not (positional and "--scenario" in options(parser)), (
+            f"{parser.prog}: a scenario can be named by two arguments"
+        )
 
 
 @pytest.mark.parametrize("command", ["sim", "campaign", "vehicle", "top", "doctor", "loopback", "board"])

@@ -15,7 +15,7 @@ from hil.common.schema import Range, parse
 PACKAGES = ("hil", "sim", "boards", "firmware_stub")
 EXCLUDED = {"hil.__main__", "hil.slave.imaging.process", "hil.install.changes"}  # processes; a file it makes
 WITHOUT_LIMIT = {("AxisGains", "slew"), ("Surface", "slew")}  # inf there: as fast as it comes
-HUGEST = 1e15  # with which a simulation still computes: its fourth power is a number
+HUGEST = 1e15  # a number whose fourth power is finite, so that a simulation can compute with it
 HOSTILE = (math.inf, -math.inf, math.nan, 1e300, -1e300, 10**400, -(10**400))
 
 

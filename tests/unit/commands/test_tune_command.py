@@ -33,7 +33,7 @@ def test_tune_prints_a_table_and_writes_a_vehicle_file_and_a_picture(
     new, before = parse(control, Gains, ""), parse(old, Gains, "")
     assert new.heave != before.heave
     assert new.surge == before.surge
-    code, out, _ = run(capsys, output, "--axis", "surge")  # it is a vehicle that can be flown
+    code, out, _ = run(capsys, output, "--axis", "surge")  # the vehicle can be flown
     assert code == 0
 
 

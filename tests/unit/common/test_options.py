@@ -14,7 +14,7 @@ from hil.commands.world import area
 from hil.common import options as parser
 from hil.common.options import List, Number, Parser, Share, new_parser, subparsers
 
-# What options take that are no numbers. An option with another metavar needs a type of hil/common/options.py.
+# Metavars of options that are not numbers. Any other option needs a type of hil/common/options.py.
 TEXTS = {
     "SCENARIO", "NAME", "DIR", "FOLDER", "FILE", "PATH", "WORLD", "VEHICLE", "TYPE", "VALUES", "TOPIC", "SERVICE",
     "HEX", "ADDRESS", "KEY=VALUE", "NAME=VALUE", "KEY=A,B,...", "NAME|FILE", "NAME|FILE.toml", "CHART.000",
@@ -131,15 +131,15 @@ def check_numbers(option: Option, capsys: pytest.CaptureFixture[str]) -> None:
         except AcceptedError as accepted:
             made = getattr(accepted.args[0], option.action.dest)
             for one in made if isinstance(made, (tuple, list)) else [made]:
-                assert isinstance(number, Number), f"{value!r} went through"
-                assert number.low <= one <= number.high or one in number.also, f"{value!r} went through"
+                assert isinstance(number, Number), f"{value!r} was accepted"
+                assert number.low <= one <= number.high or one in number.also, f"{value!r} was accepted"
             continue
         output = capsys.readouterr().err
         assert code == 2, (value, output)
         assert output.count("\n") == 1, output
         assert option.name in output
         assert "expected" in output
-        assert repr(value[:10])[:-1] in output, "what was typed"
+        assert repr(value[:10])[:-1] in output, "the error repeats the typed text"
 
 
 @pytest.mark.parametrize(

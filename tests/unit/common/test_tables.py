@@ -48,7 +48,7 @@ def test_the_oldest_cached_tables_are_removed_beyond_the_limits(
         assert sum(file.stat().st_size for file in cached) <= most_bytes
     assert Path(cache_path(str(tmp_path / "39.toml"))).exists(), "the newest"
     assert not Path(cache_path(str(tmp_path / "0.toml"))).exists(), "the oldest"
-    assert program.exists(), "is no file that was parsed"
+    assert program.exists(), "the compiled parser is not a cached table"
 
 
 def test_large_files_are_not_cached(tmp_path: Path) -> None:

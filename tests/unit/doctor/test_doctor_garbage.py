@@ -112,7 +112,7 @@ def test_unreadable_wlan_power_saving_is_reported_as_undetermined(board: Path, a
     assert (found.level, found.text) == ("note", "wlan0: power saving cannot be determined")
 
 
-# Parts that readers look for, and what they do not expect beside them.
+# Parts that readers search for, and unexpected parts next to them.
 PIECES = [
     "\n", " ", ":", "=", "\t", "\0", "0x", "-1", "0A", "ff", "1e999", "nan", "9" * 400, "²", "é", "\ud800", "\x1b[2J",
     "MemAvailable:", "CapEff:", LIMIT, "Max realtime priority     ", "Max locked memory         ", "unlimited", "kB",

@@ -70,7 +70,9 @@ def test_the_time_at_which_the_outputs_apply_a_command_is_on_the_machines_clock(
     assert before < executed < now_ns()
     bench.send(frame(6))
     bench.end.service(2 * MS)
-    assert (bench.end.stm32.refused, bench.end.command_ns) == (1, executed), "one that comes too late is none"
+    assert (bench.end.stm32.refused, bench.end.command_ns) == (1, executed), (
+        "a command that arrives too late is not executed"
+    )
 
 
 def test_periodic_reports_have_the_age_of_the_command(bench: Bench) -> None:

@@ -50,7 +50,7 @@ def test_a_wrong_number_of_channels_is_refused(stm32: Stm32, pwm_us: tuple[int, 
     assert stm32.pwm_us == list(FULL)
     assert (stm32.frames, stm32.refused, stm32.sequence) == (1, 1, 1)
     stm32.tick(200 * MS)
-    assert stm32.timed_out, "what is refused does not feed the watchdog"
+    assert stm32.timed_out, "a refused command does not reset the watchdog"
 
 
 def test_the_watchdog_trips_exactly_at_its_timeout_and_once(stm32: Stm32) -> None:
@@ -91,7 +91,7 @@ def test_without_a_first_command_there_is_no_timeout(stm32: Stm32) -> None:
 def test_any_sequence_number_is_accepted_after_a_trip(stm32: Stm32) -> None:
     stm32.command(armed(500), 0)
     stm32.tick(200 * MS)
-    assert stm32.command(armed(499), 300 * MS), "after a trip every sequence number is welcome"
+    assert stm32.command(armed(499), 300 * MS), "after a trip every sequence number is accepted"
     report = stm32.telemetry(300 * MS)
     assert (report.timed_out, report.armed, report.watchdog_trips, report.pwm_us) == (False, True, 1, FULL)
     stm32.tick(500 * MS)
@@ -145,7 +145,7 @@ def test_counters_wrap_at_sixteen_bits(stm32: Stm32) -> None:
 
 def test_telemetry_keeps_its_period_without_drift(stm32: Stm32) -> None:
     sent = []
-    for now in range(0, 1000 * MS, 300_000):  # a loop that is never there at the right instant
+    for now in range(0, 1000 * MS, 300_000):  # a loop that never runs at the exact time
         if stm32.tick(now):
             stm32.telemetry(now)
             sent.append(now)
@@ -180,4 +180,4 @@ def test_the_deadline_is_the_earlier_of_telemetry_and_watchdog() -> None:
     assert stm32.deadline_ns == 35 * MS
     stm32.tick(35 * MS)
     stm32.telemetry(35 * MS)
-    assert stm32.deadline_ns == 55 * MS, "a watchdog that has tripped needs no looking after"
+    assert stm32.deadline_ns == 55 * MS, "a tripped watchdog has no deadline"

@@ -108,7 +108,7 @@ def test_a_hung_program_is_reset_by_the_watchdog_and_starts_neutral(board: Unico
     board.run_until(131 * MS)
     assert (board.resets, board.pwm_us) == (1, NEUTRAL)
     board.run_until(500 * MS)
-    assert board.resets == 4, "it hangs again, and again"
+    assert board.resets == 4, "the program hangs and is reset repeatedly"
     board.write_memory(hangs_at, whole)
     board.run_until(1000 * MS)
     assert (board.resets, board.pwm_us) == (4, NEUTRAL)
@@ -255,7 +255,7 @@ def test_the_image_behaves_as_its_python_specification(chip: str, seed: int) -> 
     assert reports[-1].errors > 3
 
 
-@pytest.mark.parametrize("chip", ["f405"])  # that is the emulator's doing, not the image's
+@pytest.mark.parametrize("chip", ["f405"])  # this is due to the emulator, not to the image
 def test_the_result_does_not_depend_on_how_time_is_sliced(chip: str) -> None:
     events = list(host_history(9))
     end_ms = round(events[-1].at_ms) + 300
@@ -300,7 +300,7 @@ def test_the_image_acts_as_vesc_controllers_on_a_can_bus(chip: str) -> None:
     assert board.pwm_us == NEUTRAL
 
 
-# ---- what is said of a chip is what its image does
+# ---- the description of a chip agrees with its image
 
 
 def pin_modes(board: UnicornBoard) -> dict[str, str]:

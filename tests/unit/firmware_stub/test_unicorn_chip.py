@@ -114,7 +114,7 @@ def test_interrupts_are_enabled_prioritised_and_shown_in_registers(program: Prog
     assert program.get(NVIC_IABR + 4) == 1 << 5
     assert program.get(ICSR) & 0x1FF == FIRST_INTERRUPT + 29
     nvic.leave()
-    assert program.is_pending(29), "a line that stays raised asks again"
+    assert program.is_pending(29), "a line that stays raised pends again"
     nvic.set_line(FIRST_INTERRUPT + 29, False)
     program.put(NVIC_ICPR, 1 << 29)
     assert not program.is_pending(29)
@@ -198,6 +198,6 @@ def test_the_watchdog_needs_its_keys_and_resets_the_chip(program: Program) -> No
     program.wait_until(chip.time.now_ns + 1)
     assert chip.reset_by == WATCHDOG_RESET
     chip.reset()
-    assert program.get(RCC + 0x74) >> 29 & 1, "the program can see why it starts"
+    assert program.get(RCC + 0x74) >> 29 & 1, "the reset cause is in a register"
     assert chip.due_ns > 1 << 62, "a reset stops the watchdog"
     assert program.get(RCC + 0x44) == 0

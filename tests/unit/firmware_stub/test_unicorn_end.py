@@ -20,7 +20,7 @@ from tests.support.links.link_contract import nothing_leaks, read_messages, uuv_
 MS = 1_000_000
 FULL = (1900, 1100, 1600, 1400, 1501, 1499)
 NEUTRAL = [1500] * 6
-START_NS = 123_456_789_012_345  # of a clock that knows nothing of the board
+START_NS = 123_456_789_012_345  # of a clock that is independent of the board
 
 
 class Bench:
@@ -116,7 +116,7 @@ def test_a_pause_of_the_machine_does_not_trip_the_watchdog(bench: Bench) -> None
     bench.now_ns += 10_000 * MS
     began_ns = bench.end.board.now_ns
     bench.send(command(2))
-    assert bench.end.board.now_ns - began_ns == UnicornEnd.PATIENCE_NS, "nor is all that time emulated"
+    assert bench.end.board.now_ns - began_ns == UnicornEnd.PATIENCE_NS, "the pause is not emulated completely"
     assert bench.end.pwm_us == list(FULL)
     assert bench.received(7)[-1].watchdog_trips == 0
 
@@ -126,7 +126,7 @@ def test_a_flood_is_processed_in_portions(bench: Bench) -> None:
     taken = bench.send(random.Random(4).randbytes(3500) + bytes(300) + command(9))
     assert taken == UnicornEnd.AT_ONCE
     assert bench.end.deadline_ns == bench.now_ns, "there is more"
-    services, ends = 0, time.monotonic() + 60.0  # the kernel hands a flood over in its own time
+    services, ends = 0, time.monotonic() + 60.0  # the kernel delivers a flood after some time
     while bench.end.pwm_us != list(FULL) and time.monotonic() < ends:
         bench.now_ns += MS // 10
         bench.end.service(bench.now_ns)
@@ -161,7 +161,7 @@ def test_can_frames_are_received_even_in_pieces() -> None:
         )
         far.send(records[:21])
         assert end.service(START_NS + MS) == 16
-        assert end.deadline_ns > START_NS + MS, "half a record is nothing to do"
+        assert end.deadline_ns > START_NS + MS, "half a record needs no service"
         far.send(records[21:])
         assert end.service(START_NS + 2 * MS) == 16
         assert end.pwm_us == [1700, 1400]

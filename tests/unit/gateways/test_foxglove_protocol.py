@@ -71,7 +71,7 @@ def test_the_layout_has_panels_for_the_vehicles_sensors_only() -> None:
     assert "Plot!turn" not in fitted
     scene = fitted["3D!scene"]
     assert scene["followTf"] == "a/base_link"
-    assert scene["topics"]["/uuv1/laser"]["colorField"], "without it Foxglove takes colours of its own"
+    assert scene["topics"]["/uuv1/laser"]["colorField"], "without it Foxglove uses its own colours"
 
 
 def test_all_panels_of_the_layout_are_placed_once() -> None:

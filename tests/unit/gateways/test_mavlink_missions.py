@@ -25,7 +25,7 @@ def test_a_mission_is_uploaded_and_downloaded_equal() -> None:
     items = bench.partner.take("MISSION_ITEM_INT")
     assert [item.seq for item in items] == [0, 1, 2, 3]
     assert (items[2].x, items[2].y, items[2].z, items[2].param1) == (50_000, -50_000, 3.0, 2.0)
-    assert (items[0].x, items[0].y) == (round(45e7), round(10e7))  # item 0 is home, wherever the upload had it
+    assert (items[0].x, items[0].y) == (round(45e7), round(10e7))  # item 0 is home, whatever the upload had there
     bench.partner.send(dialect.MAVLink_mission_request_message(1, 1, 1, 0))
     assert bench.partner.take("MISSION_ITEM")[0].x == pytest.approx(5.0)
 

@@ -180,7 +180,7 @@ class TestOnCan:
             took = cross(near, far, pack_frame(frame))[1] / 1e6
             for _ in range(100):
                 assert took > wire_time_ms - Timer.MOST_LEAD_NS / 1e6
-                if took < wire_time_ms + 0.2:  # what is more is the machine's lateness
+                if took < wire_time_ms + 0.2:  # any further delay is the machine's lateness
                     break
                 took = cross(near, far, pack_frame(frame))[1] / 1e6
             else:

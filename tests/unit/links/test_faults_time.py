@@ -83,7 +83,7 @@ def test_a_paced_line_refuses_what_its_buffer_cannot_hold(opened: ExitStack, clo
     _, near = instant_pair(opened, Faults(baud=9600))
     assert near.write(bytes(3 * BACKLOG)) == BACKLOG
     clock.advance(0.01)
-    assert near.write(bytes(100)) in (9, 10), "what the line has carried meanwhile"
+    assert near.write(bytes(100)) in (9, 10), "the bytes that the line has carried meanwhile"
     assert near.sent.chunks == 2
 
 
@@ -95,7 +95,7 @@ def test_a_flood_is_limited_without_a_busy_loop(opened: ExitStack, clock: Clock)
         clock.advance(0.001)
         received += len(near.read())
         assert received == pytest.approx(11.52 * milliseconds, abs=PIECE)
-        assert not wait_readable(near, 0), "it wakes for what is due, not for what waits beneath"
+        assert not wait_readable(near, 0), "the wire wakes for due bytes, not for bytes waiting in the wire below"
 
 
 def test_delay_and_jitter_have_their_stated_size(opened: ExitStack, clock: Clock) -> None:

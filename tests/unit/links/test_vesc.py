@@ -111,7 +111,9 @@ def test_a_command_is_complete_with_one_frame_a_controller() -> None:
     assert end.feed(frame_record(0, 3, -100_000)) == []
     assert end.feed(frame_record(0, 2, 50_000)) == [ThrusterCommand(0, True, (1900, 1700, 1100))]
     assert end.feed(frame_record(0, 2, 0)) == []
-    assert end.feed(frame_record(0, 2, 25_000)) == [ThrusterCommand(0, True, (1900, 1500, 1100))], "the others go on"
+    assert end.feed(frame_record(0, 2, 25_000)) == [ThrusterCommand(0, True, (1900, 1500, 1100))], (
+        "the other controllers continue"
+    )
     assert end.feed(frame_record(0, 2, 75_000)) == [ThrusterCommand(0, True, (1900, 1600, 1100))]
 
 
@@ -132,7 +134,9 @@ def test_a_controller_without_commands_releases_its_motor(status_period: float) 
 def test_the_broadcast_address_commands_all_controllers() -> None:
     assert device(3).feed(frame_record(0, 255, 50_000)) == [ThrusterCommand(0, True, (1700,) * 3)]
     assert device(3).feed(frame_record(1, 255, 0)) == [ThrusterCommand(0, False, (1500,) * 3)]
-    assert device(1).feed(frame_record(0, 255, 10**9)) == [ThrusterCommand(0, True, (1900,))], "beyond full is full"
+    assert device(1).feed(frame_record(0, 255, 10**9)) == [ThrusterCommand(0, True, (1900,))], (
+        "more than full is limited to full"
+    )
 
 
 def test_frames_of_others_are_ignored() -> None:

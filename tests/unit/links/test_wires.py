@@ -50,7 +50,7 @@ def test_one_process_at_a_time_holds_a_link_name(link_path: Path) -> None:
         PtyWire(str(link_path))
     assert str(link_path) in str(caught.value)
     assert "already served" in str(caught.value)
-    assert os.readlink(link_path) == first.path, "the loser must not harm the winner"
+    assert os.readlink(link_path) == first.path, "the process that fails must not affect the one that succeeds"
     first.close()
     PtyWire(str(link_path)).close()
 
@@ -191,7 +191,7 @@ def test_a_terminal_without_bytes_is_not_read(
         monkeypatch.setattr("hil.links.wires.terminal.os.read", lambda *_: b"asked")
         for end in (device, host):
             assert end.read() == b""
-            assert not os.isatty(end.fileno()), "what is waited on"
+            assert not os.isatty(end.fileno()), "the descriptor that is waited on is no terminal"
 
 
 @pytest.mark.parametrize("open_host", [PtyHostWire, UartWire])

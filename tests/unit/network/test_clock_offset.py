@@ -82,7 +82,7 @@ def test_drift_is_measured_and_extrapolated(drift: float) -> None:
     later = 90 * S
     found = estimate(clock, later)
     assert abs(found.offset_ns - other.error(later)) <= found.uncertainty_ns
-    assert found.uncertainty_ns < round(MOST_DRIFT * 30 * S) / 2 + MS, "less than without knowing the drift"
+    assert found.uncertainty_ns < round(MOST_DRIFT * 30 * S) / 2 + MS, "less than without the measured drift"
 
 
 def test_uncertainty_grows_without_exchanges() -> None:

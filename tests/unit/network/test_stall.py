@@ -60,7 +60,7 @@ def test_a_link_without_replies_is_a_stall() -> None:
     bed.run(10.0, samples=4)
     first, second, *_ = bed.run(60.0, answers=0, is_deaf=True)
     least_s = 2 * LEASE_S + GAPS * FIRST_GAP_NS / NS_PER_S
-    assert least_s <= first <= least_s + 0.5, "a router takes a while until it knows all vehicles again"
+    assert least_s <= first <= least_s + 0.5, "a router needs some time until it has found all vehicles again"
     assert second - first > 1.8 * first
 
 
@@ -68,7 +68,7 @@ def test_one_sample_a_second_prevents_a_stall() -> None:
     bed = Bed()
     for _ in range(100):
         assert bed.run(0.8) == bed.run(0.2, samples=1) == []
-    assert bed.run(2 * LEASE_S + 1.0) == [], "what comes seldom is waited for longer"
+    assert bed.run(2 * LEASE_S + 1.0) == [], "rare samples are waited for longer"
     assert bed.run(3.0)
 
 

@@ -42,7 +42,7 @@ def test_a_name_that_is_not_in_the_table_is_an_error() -> None:
     with pytest.raises(KeyError, match="link_wires"):
         output["link_wires"] = "pty"
     with pytest.raises(AttributeError):
-        print(output.link_wires)  # type: ignore[attr-defined]  # the type checker says so too
+        print(output.link_wires)  # type: ignore[attr-defined]  # the type checker reports it too
     with pytest.raises(AttributeError):
         output.link_wires = "pty"  # type: ignore[attr-defined]  # and here
     assert output.as_dict() == {}

@@ -32,7 +32,7 @@ HALVES = [f"{name}_{half}" for name in SERVICES for half in ("Request", "Respons
 # A char of a .msg is a uint8 of the IDL, which these two hashes of rosbags do not know. ServiceEventInfo's right one
 # is in that of every service, and those are held against what ROS 2 Jazzy prints, below.
 MISTAKEN = {"std_msgs/msg/Char", "service_msgs/msg/ServiceEventInfo"}
-# As `ros2 topic info -v` and `ros2 service info -v` print them, in public repositories.
+# Hashes printed by `ros2 topic info -v` and `ros2 service info -v`, from public repositories.
 PRINTED = {
     "std_msgs/msg/String": "RIHS01_df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18",
     "std_msgs/msg/Empty": "RIHS01_20b625256f32d5dbc0d04fee44f43c41e51c70d3502f84b4a08e7a9c26a96312",

@@ -15,7 +15,7 @@ WORLD = World("sea", "test", (-50.0, 50.0, -50.0, 50.0), 20.0, zone=ZONES)
 
 def test_only_zones_of_the_named_kinds_are_closed() -> None:
     free = known_map(Master(resolution=0.5), VEHICLE, WORLD)
-    assert not free.cells.any(), "by default they stop nobody"
+    assert not free.cells.any(), "by default zones close no cells"
     grid = known_map(Master(resolution=0.5, avoid_zones=("restricted", "dumping")), VEHICLE, WORLD)
     assert not grid.is_free((15.0, 30.0))
     assert not grid.is_free((30.0, 15.0))

@@ -75,7 +75,7 @@ def test_a_wrong_value_of_any_key_is_refused_by_its_key(
     path = os.path.join(preset_folder(folder), f"{name}.toml")
     whole, read = read_table(path), tables.read_table
     bad: list[Any] = []
-    compiled: dict[Any, Any] = {}  # the frames that are kept, by path
+    compiled: dict[Any, Any] = {}  # the stored frames, by path
     monkeypatch.setattr("hil.links.frame.protocol._compiled", compiled)
 
     def read_changed(requested: str) -> dict[str, Any]:
@@ -91,7 +91,7 @@ def test_a_wrong_value_of_any_key_is_refused_by_its_key(
     ):
         monkeypatch.setattr(f"{module}.read_table", read_changed)
     first = PRESETS.index((folder, name))
-    for number, place in enumerate(key_paths(whole), first):  # each with one of them, every time another
+    for number, place in enumerate(key_paths(whole), first):  # each with a different one of them
         value = BAD_VALUES[number % len(BAD_VALUES)]
         bad[:] = [changed(whole, place, value)]
         compiled.clear()

@@ -18,7 +18,7 @@ def cells(part: MapPart) -> float:
 def test_a_small_world_or_one_without_points_is_shown_completely() -> None:
     small = Extent(-3.0, -3.0, 60.0, 60.0)
     assert map_parts(small, 0.25, [(0.0, 0.0)]) == [(small, 0.25)]
-    assert map_parts(WIDE, 2.0, []) == [(WIDE, 32.0)], "in cells of which it has not too many"
+    assert map_parts(WIDE, 2.0, []) == [(WIDE, 32.0)], "in cells whose number is within the limit"
 
 
 def test_the_margin_doubles_until_the_map_is_too_large() -> None:
@@ -27,7 +27,7 @@ def test_the_margin_doubles_until_the_map_is_too_large() -> None:
     assert {part.resolution for part in parts} == {2.0}
     assert cells(parts[-1]) <= MOST_GROWN < 4.5 * cells(parts[-1])
     assert last == (WIDE, 32.0)
-    assert map_parts(WIDE, 40.0, [(0.0, 0.0)])[-1] == (WIDE, 40.0), "the whole of it is no more than they may grow to"
+    assert map_parts(WIDE, 40.0, [(0.0, 0.0)])[-1] == (WIDE, 40.0), "the whole map is within the limit"
 
 
 def test_distant_points_are_shown_in_larger_cells() -> None:

@@ -88,7 +88,7 @@ def test_every_block_shown_in_docs_fits_a_scenario() -> None:
     assert count > 10
 
 
-# A key by its dotted name, and a value that neither the schema nor the reader takes.
+# A key by its dotted name, and a value that both the schema and the reader refuse.
 WRONG = [
     ("scenario", "seed", -1), ("scenario", "seed", 1.5), ("scenario", "stm32", "pythn"),
     ("scenario", "slave.step", "2.5"), ("scenario", "slave.step", "2.5 kg"), ("scenario", "slave.step", 0.0),
@@ -114,7 +114,7 @@ def test_wrong_values_are_refused_by_schema_and_loader(kind: str, key: str, valu
     for section in sections:
         inner = inner.setdefault(section, {})
     inner[last] = value
-    assert faults(kind, table), "the schema takes it"
+    assert faults(kind, table), "the schema accepts it"
     changed = tmp_path / "changed.toml"
     changed.write_text("".join(_toml(table)))
     with pytest.raises(ConfigError):

@@ -125,7 +125,7 @@ def test_full_matrices_with_only_a_diagonal_equal_diagonal_ones() -> None:
         return tuple(x for row in square(diagonal, 6) for x in row)
 
     linear = list(full(HEAVY.linear_damping))
-    linear[1] = 1e-300  # a coupling too small to matter, so that the general path is taken
+    linear[1] = 1e-300  # a negligible coupling, which selects the general code path
     coupled = HEAVY._replace(
         added_mass=full(HEAVY.added_mass), linear_damping=tuple(linear),
         quadratic_damping=full(HEAVY.quadratic_damping), inertia=(0.26, 0, 0, 0, 0.23, 0, 0, 0, 0.37),

@@ -154,7 +154,7 @@ def test_packets_are_lost_at_the_rate_of_the_formula() -> None:
     noise = ambient_noise(28_000.0, 5.0, 0.5) + 10.0 * log10(8000.0)
     ratio = 10 ** ((126.0 - transmission_loss(500.0, 28_000.0, 1.5) - noise) / 10.0)
     whole = (1.0 - 0.5 * exp(-0.5 * ratio * 4.0)) ** 128
-    assert 0.05 < whole < 0.95, "the case must be one of doubt"
+    assert 0.05 < whole < 0.95, "reception must be uncertain in this case"
     assert channel.counts["delivered"] / 2000 == pytest.approx(whole, abs=0.035)
     assert channel.counts["delivered"] + channel.counts["damaged"] == channel.counts["sent"] == 2000
 
@@ -202,7 +202,7 @@ def test_every_message_is_counted_under_exactly_one_result(calls: list[tuple[int
     assert sum(counts[fate] for fate in ("delivered", "damaged", "collided", "deaf", "too_weak")) == 3 * counts["sent"]
     assert received == counts["delivered"]
     assert counts["sent"] + counts["busy"] + counts["too_long"] == len(calls)
-    assert not channel._arrivals, "what is over is forgotten"
+    assert not channel._arrivals, "past arrivals are removed"
 
 
 AHEAD, BACK = (1.0, 0.0, 0.0), (-1.0, 0.0, 0.0)

@@ -182,7 +182,7 @@ def test_derivatives_equal_mss_except_for_five_terms() -> None:
             their_cross_flow(sample.nu_r),
             their_surge_damping(sample.nu, sample.nu_r),
         )
-        if sample.nu_r[0] > 0.0:  # one row has the water from behind, where their lift goes on growing with the angle
+        if sample.nu_r[0] > 0.0:  # one row has flow from behind, where their lift keeps growing with the angle
             assert sample.slope_of(dynamics, wrench) == pytest.approx(sample.slope, rel=1e-8, abs=1e-8)
             checked += 1
     assert checked == 299

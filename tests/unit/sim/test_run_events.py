@@ -76,12 +76,12 @@ def test_a_vehicle_at_the_surface_below_its_commanded_depth_has_surfaced() -> No
 
 def test_commanded_depths_are_not_events() -> None:
     assert not dive(monitor(), 0.1, 0.1, 3.0, 0.1, requested=5.0), "it began at the surface"
-    assert not dive(monitor(), 5.0, 0.0, 9.0, 0.0), "it was asked for no depth"
+    assert not dive(monitor(), 5.0, 0.0, 9.0, 0.0), "no depth was commanded"
     assert not dive(monitor(), 5.0, 5.9, 4.0, requested=2.0), "within the margin"
     judge = monitor()
     judge.observe(0, (0.0, 0.0, 9.0), LEVEL, 0.1)
     judge.observe(TICK, (0.0, 0.0, 0.1), LEVEL, 9.0)
-    assert not judge.log.events(), "it had been called up"
+    assert not judge.log.events(), "it had been commanded to rise"
 
 
 def test_a_vehicle_that_sinks_is_too_deep() -> None:

@@ -18,7 +18,7 @@ from hil.slave.command_receiver import AgeFilter, CommandReceiver
 
 GID, OTHER = bytes(range(16)), bytes(16)
 MS = 1_000_000
-HOLD_MS = 500  # of an command_receiver that is told nothing else
+HOLD_MS = 500  # the default of a command receiver
 
 
 class Clock:
@@ -323,7 +323,7 @@ def test_delayed_commands_are_not_mistaken_for_a_clock_set_back(
     command_receiver: CommandReceiver, clock: Clock
 ) -> None:
     commands(command_receiver, clock, 1, 5, 2)
-    for sequence in range(101, 501):  # the network was away for 20 s, and all of that comes now
+    for sequence in range(101, 501):  # the network was interrupted for 20 s, and all messages of that time arrive now
         clock.wait(1)
         age_ms = (500.0 - sequence) * 50
         assert not clock.deliver(command_receiver, sequence, age_ms=age_ms) or age_ms < 103
@@ -334,7 +334,7 @@ def test_delayed_commands_are_not_mistaken_for_a_clock_set_back(
             sequence = round(500 + 2000 * draining_s + step)
             assert not clock.deliver(command_receiver, sequence, age_ms=age_ms) or age_ms < 103
     assert not any(commands(command_receiver, clock, 200_000, 20, 3000, each=2)), (
-        "one that is full, and loses every other"
+        "a full queue that loses every second command"
     )
 
 

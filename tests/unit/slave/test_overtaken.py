@@ -33,7 +33,7 @@ def test_an_older_report_is_recognised_as_overtaken(begin: int, sent_before: int
         assert not is_overtaken(later, later)
         assert not has_restarted(later, newest)
     lost = report(begin + sent_before + 3000, begin + 2000)
-    assert not has_restarted(lost, reports[0]), "of a minute's commands some never came"
+    assert not has_restarted(lost, reports[0]), "some of a minute's commands were lost"
     assert not is_overtaken(lost, reports[0])
 
 

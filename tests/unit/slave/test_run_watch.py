@@ -91,7 +91,7 @@ def test_depth_is_judged_only_where_one_is_commanded(watched: Watched) -> None:
         watched.simulation.state.position = [4.0, 4.0, 0.05]
         return watched.run(0.1)
 
-    assert drift_up() == [], "nobody commands it"
+    assert drift_up() == [], "no master commands it"
     for command in (VelocityCommand(surge=0.5), VelocityCommand(heave=-0.5)):
         watched.pilot.command(command, watched.simulation.time_ns)
         assert drift_up() == [], "it is moved by velocities"

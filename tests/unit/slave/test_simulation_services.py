@@ -119,7 +119,7 @@ def test_stamps_after_a_pause_are_on_the_clock(vehicle: Vehicle) -> None:
 
 def test_unsupported_states_are_refused(vehicle: Vehicle) -> None:
     assert [set_state(vehicle, state) for state in (0, 3, 77)] == [UNSUPPORTED] * 3
-    vehicle.loop.autopilot = object()  # type: ignore[assignment]  # any: it is only looked whether there is one
+    vehicle.loop.autopilot = object()  # type: ignore[assignment]  # any object: only its presence is checked
     try:
         assert set_state(vehicle, 2) == UNSUPPORTED
         features = call(vehicle, "get_simulator_features")["features"]["features"]

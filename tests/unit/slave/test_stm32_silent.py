@@ -126,13 +126,13 @@ def test_a_silent_or_lost_stm32_confirms_no_stop(monkeypatch: pytest.MonkeyPatch
     bed.driver.descriptors = []  # a bench has none to wait on
     bed.bench.reports = [ANSWER]
     assert stop_thrusters(bed.driver, 2)
-    assert not stop_thrusters(bed.driver, 2), "what it said before is no answer"
+    assert not stop_thrusters(bed.driver, 2), "an earlier report does not confirm it"
     bed.bench.reports = [ANSWER._replace(pwm_us=(1500, 1600, 1500, 1500, 1500, 1500))]
     assert not stop_thrusters(bed.driver, 2)
     bed.bench.broken = True
     bed.check_after(2.0)
     assert tuple(bed.driver.pwm_us) == NEUTRAL
-    assert not stop_thrusters(bed.driver, 2), "a lost link is taken for neutral, which is no answer"
+    assert not stop_thrusters(bed.driver, 2), "a lost link counts as neutral, which does not confirm it"
     bed.driver.close()
 
 

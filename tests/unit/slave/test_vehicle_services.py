@@ -176,7 +176,7 @@ def test_reset_restores_the_start_at_rest_with_all_thrusters_repaired(vehicle: V
     assert list(state.position) == [start.north, start.east, start.depth]
     assert list(state.nu) == [0.0] * 6
     assert to_euler(state.quaternion)[2] == pytest.approx(start.heading)
-    assert vehicle.simulation.time_ns == before, "time goes on"
+    assert vehicle.simulation.time_ns == before, "simulated time continues"
     vehicle.command(0.8)
     vehicle.run(400)
     assert vehicle.simulation.thrusts[0] != 0.0

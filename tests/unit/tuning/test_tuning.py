@@ -127,7 +127,7 @@ def test_bad_gains_are_improved(control: dict[str, Any], axis: str) -> None:
     assert after.cost < 0.8 * before.cost or before.overshoot > 0.4
     assert after.overshoot < 0.1
     assert after.settling < 3.0
-    # what it says is what its gains do
+    # the reported response is that of a flight with the tuned gains
     assert fly_step("paper_six", vehicle, tuner.control, axis, tuned.after.size) == tuned.after
 
 

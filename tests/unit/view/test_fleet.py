@@ -47,7 +47,7 @@ def test_vehicles_within_range_are_joined_by_links(recorder: Recorder, fleet: Fl
     assert sorted(tuple(pair[:, 0].tolist()) for pair in segments) == [(0.0, 3.0), (3.0, 6.0)]
     links = recorder.handles["/fleet/links"]
     fleet.draw({}, positions(0.0, 10.0, 20.0))
-    assert links.removed, "nobody is in range of anybody"
+    assert links.removed, "no vehicle is in range of another"
     fleet.draw({}, positions(0.0))
     assert "/fleet/places" not in recorder.added, "no report yet"
 

@@ -36,7 +36,7 @@ def test_a_released_or_silent_stick_commands_nothing() -> None:
     stick.update(message(surge=1.0), NOW)
     assert stick.command(NOW + SILENT_AFTER_NS) is not None
     assert stick.command(NOW + SILENT_AFTER_NS + 1) is None
-    assert stick.command(NOW) is None, "a stick that was silent has to be heard again first"
+    assert stick.command(NOW) is None, "a stick that timed out must first send again"
     stick.update(message(surge=1.0), NOW)
     stick.release()
     assert stick.command(NOW) is None

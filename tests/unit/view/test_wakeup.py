@@ -17,7 +17,7 @@ def test_only_the_event_loop_wakes_waiting_tasks() -> None:
         other.start()
         other.join()
         assert event.is_set()
-        assert not any(waiter.done() for waiter in waiters), "another thread went through those that wait"
+        assert not any(waiter.done() for waiter in waiters), "another thread iterated over the waiters"
         loop.call_soon_threadsafe(event.set)
         assert await asyncio.wait_for(asyncio.gather(*waiting), 10.0) == [True] * 3
         event.clear()

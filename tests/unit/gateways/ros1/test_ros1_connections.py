@@ -69,7 +69,7 @@ def test_a_slow_subscriber_loses_the_oldest_messages() -> None:
             subscriber.put(b"%d" % number)
         assert subscriber.dropped == 20
         subscriber.put(bytes(MOST_BYTES + 1))
-        assert subscriber.dropped == 20 + MOST_WAITING, "one alone is kept, whatever its size"
+        assert subscriber.dropped == 20 + MOST_WAITING, "a single message is queued at any size"
 
     asyncio.run(run())
 

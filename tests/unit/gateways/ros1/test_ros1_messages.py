@@ -13,7 +13,7 @@ from hil.ros import message as ros_message
 from hil.ros.topics import COMMANDS, TOPICS
 from hil.ros.types import names
 
-# As `rosmsg md5` and `rossrv md5` of Noetic print them.
+# Sums printed by `rosmsg md5` and `rossrv md5` of Noetic.
 MD5 = {
     "geometry_msgs/msg/Twist": "9f195f881246fdfa2798d1d3eebca84a",
     "std_msgs/msg/String": "992ce8a1687cec8c8bd883ec73ca41d1",

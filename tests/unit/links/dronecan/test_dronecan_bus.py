@@ -109,13 +109,13 @@ def test_the_allocatee_follows_the_allocation_rules() -> None:
     asking.on_allocation(99, Allocation(0, False, unique_id[:6]))  # rule D
     assert next_request(2000) == (2000 + sum(FOLLOWUP_DELAY_NS) // 2, Allocation(5, False, unique_id[6:12]))
     asking.on_allocation(99, Allocation(0, False, b"\xff" + unique_id[1:6]))
-    assert next_request(3000)[1].first_part, "the answer was another's"
+    assert next_request(3000)[1].first_part, "the reply was for another node"
     asking.on_allocation(99, Allocation(0, False, unique_id[:12]))
     assert next_request(4000)[1] == Allocation(5, False, unique_id[12:])
     asking.on_allocation(99, Allocation(0, False, unique_id))
     assert asking.node_id == 0
     asking.on_allocation(0, Allocation(9, False, unique_id))
-    assert asking.node_id == 0, "who is anonymous gives no numbers"
+    assert asking.node_id == 0, "an anonymous node allocates no numbers"
     asking.on_allocation(99, Allocation(7, False, unique_id))
     assert asking.node_id == 7  # rule E
 

@@ -57,7 +57,7 @@ def test_sequence_and_frame_count_are_inferred() -> None:
         assert (answer.sequence, answer.pwm_us) == (sequence, pulses)
         assert answer.frames == (sequence + 3) & 0xFFFF
     (again,) = exchange(end, report(command.pwm_us), master)
-    assert again == answer, "the same report answers no new command"
+    assert again == answer, "the same report does not acknowledge a new command"
 
 
 def test_clamped_commands_are_acknowledged() -> None:
@@ -73,7 +73,7 @@ def test_arming_and_disarming_are_transferred() -> None:
     end, master = device(), host()
     armed, disarmed = ThrusterCommand(1, True, PULSES), ThrusterCommand(2, False, PULSES)
     assert exchange(master, disarmed, end) == [ThrusterCommand(0, False, NEUTRAL)]
-    assert not transfers(master.encode(disarmed), types.ARMING_STATUS), "only changes are said at once"
+    assert not transfers(master.encode(disarmed), types.ARMING_STATUS), "only changes are sent at once"
     assert exchange(master, armed, end) == [ThrusterCommand(0, True, PULSES)]
     ended = exchange(master, disarmed, end)
     assert ended == [ThrusterCommand(0, False, NEUTRAL)] * 2, "one from ArmingStatus, one from RawCommand"

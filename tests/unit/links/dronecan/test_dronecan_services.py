@@ -138,7 +138,7 @@ def test_a_device_without_a_set_number_requests_one_after_a_restart(bench: Bench
     answers: list[Any] = []
     node.request(protocol.GetNodeInfo.Request(), 33, answers.append, timeout=0.0)
     bench.run()
-    assert answers in ([], [None]), "the old number answers no more"
+    assert answers in ([], [None]), "the old node number no longer answers"
 
 
 def test_transport_statistics_are_counted(bench: Bench) -> None:
@@ -255,7 +255,7 @@ def test_an_invalid_parameter_file_is_refused(tmp_path: Path, text: str) -> None
     path.write_text(text)
     with pytest.raises(ConfigError, match=r"stored: .*parameters\.json"):
         device(stored=str(path))
-    assert not ParameterStore((), str(tmp_path / "none" / "file")).execute(SAVE), "no folder is there"
+    assert not ParameterStore((), str(tmp_path / "none" / "file")).execute(SAVE), "the folder does not exist"
 
 
 def test_the_reference_node_monitor_detects_both_ends(bench: Bench) -> None:

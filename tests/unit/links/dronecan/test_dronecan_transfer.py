@@ -114,7 +114,7 @@ def test_a_duplicated_frame_is_dropped(receiver: Receiver, doubled: int) -> None
 def test_a_duplicated_single_frame_transfer_is_dropped(receiver: Receiver) -> None:
     (frame,) = transfer(1, b"abc")
     assert received(receiver, [frame, frame]) == [b"abc"]
-    assert received(receiver, [frame], TRANSFER_TIMEOUT_NS + 1) == [b"abc"], "a node that began again"
+    assert received(receiver, [frame], TRANSFER_TIMEOUT_NS + 1) == [b"abc"], "a node that restarted"
     assert counted(receiver) == (1, 0)
 
 
@@ -184,7 +184,7 @@ def test_anonymous_frames_are_received(receiver: Receiver) -> None:
     taken = receiver.feed_frame(frame, 0)
     assert taken == Transfer(message_key(ALLOCATION), 0, 5, 24, b"abcdefg")
     (other,) = frames(pack_anonymous(ALLOCATION, 24, b"abcdefh", 5))
-    assert other.id != frame.id, "two nodes that say different things collide on the bus"
+    assert other.id != frame.id, "two nodes with the same identifier and different data collide on the bus"
     for tail in (START, END, START | END | TOGGLE, 0):
         assert receiver.feed_frame(CanFrame(frame.id, b"abc" + bytes([tail])), 0) is None
     assert counted(receiver) == (4, 0)

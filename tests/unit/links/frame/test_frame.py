@@ -30,7 +30,7 @@ reports = st.builds(
     ThrusterTelemetry, u16, st.booleans(), st.booleans(), pulses, st.integers(0, 2**32 - 1), u16, u16, u16
 )
 messages = st.one_of(commands, reports)
-# Noise that knows the frame: beginnings of frames are in it far more often than in random bytes.
+# Noise made for the frame: it contains beginnings of frames far more often than random bytes do.
 noise = st.lists(
     st.one_of(st.binary(max_size=20), st.sampled_from([SYNC, SYNC[:1], SYNC + b"\x10\x01", SYNC + b"\xff\x07"])),
     max_size=8,
@@ -111,7 +111,7 @@ def test_any_input_is_counted_and_never_raises(chunks: list[bytes]) -> None:
             understood += len(protocol.encode(message))
         assert len(protocol.reader.unfinished) < MAX_FRAME
     counters = protocol.counters
-    if not counters.malformed:  # these are sound frames of a size we do not know here
+    if not counters.malformed:  # these are valid frames of a size that this test does not compute
         assert understood + counters.dropped_bytes + len(protocol.reader.unfinished) == sum(map(len, chunks))
 
 
@@ -149,7 +149,7 @@ def test_a_truncated_frame_loses_only_itself() -> None:
     for size in range(1, len(data)):
         assert protocol.feed(data[:size]) == []
         assert protocol.feed(data) == [command(1)]
-    # From the fourth byte on the beginning says how long it is, so it is known to be damaged, not noise.
+    # From the fourth byte on the beginning gives the length, so the frame is recognised as damaged and not as noise.
     wanted = {"checksum_errors": len(data) - 3, "malformed": 0, "dropped_bytes": sum(range(1, len(data)))}
     assert counts(protocol.counters) == wanted
 

@@ -23,7 +23,7 @@ GOLDEN = [
     for frame in ("modbus_like", "aa55", "cobs_thrust")
     for vector in json.loads((VECTORS / f"{frame}_frames.json").read_text())["sound"]
 ]
-# The pulses that all of the frames carry, and what is lost in none of them.
+# Pulses that every frame carries without loss.
 pulses = st.lists(st.integers(1100, 1900), min_size=1, max_size=16).map(tuple)
 commands = st.builds(ThrusterCommand, st.integers(0, 255), st.just(True), pulses)
 PIECES = [b"\xaa\x55", b"\x01\x10\x01\x00\x00\x07\x0e", b"\x01\x03", b"\xa5\x5a\x10\x01", b"\x00", b"\x03\x43"]
@@ -114,7 +114,9 @@ def test_every_byte_is_decoded_dropped_or_pending(name: str, chunks: list[bytes]
         assert len(protocol.reader.unfinished) <= 300
     data = b"".join(chunks)
     stuffed = protocol.layout.stuffing.type != "none"
-    if not protocol.counters.malformed and not understood:  # these are sound frames of a size we do not know here
+    if (
+        not protocol.counters.malformed and not understood
+    ):  # these are valid frames of a size that this test does not compute
         delimiters = data.count(b"\0") if stuffed else 0
         assert protocol.counters.dropped_bytes + delimiters + len(protocol.reader.unfinished) == len(data)
 
@@ -154,7 +156,7 @@ def test_modbus_requests_and_acknowledgements_are_ignored_by_their_receivers() -
     assert host.deadline_ns == 20_000_000
     assert device.feed(request) == host.feed(bytes.fromhex("01 10 01 00 00 07 80 37")) == []
     assert lost(host) == lost(device) == 0
-    assert device.deadline_ns > 1 << 62, "only the host asks"
+    assert device.deadline_ns > 1 << 62, "only the host sends keep-alives"
 
 
 def test_a_keep_alive_is_sent_only_without_commands() -> None:

@@ -59,7 +59,7 @@ def test_a_fixed_size_frame_is_described(tmp_path: Path) -> None:
     (received,) = lab.feed(data)
     assert received == ThrusterCommand(1, True, (1500, -2)), "no bit for it: armed; eight bits of sequence"
     assert lab.encode(ThrusterCommand(0, False, (1, 2))) == lab.encode(ThrusterCommand(0, True, (1500, 1500))), (
-        "nothing else can say disarmed"
+        "only neutral pulses can express disarmed"
     )
     data = lab.encode(ThrusterTelemetry(9, False, True, (1, 65535), 40_000, 1, 2, 3))
     assert data[:-2].hex(" ") == "47 01 03 80 00 00 00 01 ff ff 7f ff"

@@ -69,7 +69,9 @@ def test_any_bytes_survive_a_round_trip(name: str, frame: bytes) -> None:
 def test_noise_between_delimiters_never_hides_a_frame(name: str, frame: bytes, noise: bytes) -> None:
     """A frame is found after any noise; noise never raises, nor fills memory."""
     codec = stuffer(name)
-    before = noise.replace(codec.delimiter, b"").rstrip(b"\x7d\xdb\x01")  # an escape at its end would be the frame's
+    before = noise.replace(codec.delimiter, b"").rstrip(
+        b"\x7d\xdb\x01"
+    )  # an escape at its end would belong to the frame
     found = codec.unstuff(before)
     assert found is None or len(found) <= len(before)
     if frame:

@@ -113,7 +113,7 @@ def test_an_unknown_servo_or_an_invalid_pulse_is_denied(armed: Ground, channel: 
 def test_a_servo_is_not_set_while_disarmed(ground: Ground) -> None:
     assert ground.set_servo(1, 1600) == REJECTED
     assert ground.send_command(dialect.MAV_CMD_COMPONENT_ARM_DISARM, 1.0) == ACCEPTED
-    assert ground.board.pwm_us == NEUTRAL, "and not kept for later either"
+    assert ground.board.pwm_us == NEUTRAL, "and it is not stored for later either"
 
 
 def test_two_commands_in_one_read_are_both_executed(armed: Ground) -> None:
@@ -218,7 +218,7 @@ def test_a_motor_test_ends_after_its_duration(ground: Ground, kind: int, throttl
     assert ground.board.pwm_us == [1500, 1500, pulse, 1500]
     assert ground.board.end.deadline_ns == ground.board.clock.now + 50 * MS
     ground.board.wait(1990)
-    assert ground.board.pwm_us == [1500, 1500, pulse, 1500], "ten times as long as the watchdog waits"
+    assert ground.board.pwm_us == [1500, 1500, pulse, 1500], "ten times the watchdog timeout"
     ground.board.wait(10)
     assert (ground.board.pwm_us, ground.board.stm32.armed) == (NEUTRAL, False)
     ground.board.wait(500)
@@ -231,10 +231,10 @@ def test_a_motor_test_does_not_prolong_the_commands_of_a_silent_host(armed: Grou
     assert armed.motor_test(2, 1, 1600, 2.0) == ACCEPTED
     assert armed.board.pwm_us == [1500, 1600, 1500, 1500]
     armed.board.wait(1990)
-    assert armed.board.pwm_us == [1500, 1600, 1500, 1500], "ten times as long as the watchdog waits"
+    assert armed.board.pwm_us == [1500, 1600, 1500, 1500], "ten times the watchdog timeout"
     armed.board.wait(10)
     assert (armed.board.pwm_us, armed.board.stm32.armed) == (NEUTRAL, False)
-    assert armed.set_servo(1, 1600) == REJECTED, "who commands it again arms it again"
+    assert armed.set_servo(1, 1600) == REJECTED, "a new command requires arming again"
 
 
 def test_our_host_continues_after_a_motor_test(ground: Ground) -> None:
@@ -261,7 +261,7 @@ def test_a_motor_test_without_a_duration_lasts_half_a_second(ground: Ground) -> 
 def test_any_other_command_ends_a_motor_test(ground: Ground) -> None:
     ground.motor_test(1, 1, 1600, 5.0)
     assert ground.set_servo(2, 1700) == REJECTED, "a test does not arm"
-    assert ground.board.pwm_us[0] == 1600, "and what is rejected is no command"
+    assert ground.board.pwm_us[0] == 1600, "and a rejected request is no command"
     ground.exchange(Peer(1, 191).servos([1700] * 4))
     assert (ground.board.pwm_us, ground.board.stm32.armed) == (NEUTRAL, False)
     ground.motor_test(1, 1, 1600, 5.0)

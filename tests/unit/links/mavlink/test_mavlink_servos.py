@@ -13,7 +13,7 @@ from tests.support.links.mavlink_peer import Peer
 
 BYTES = st.integers(0, 0xFF)
 STAMPS = st.integers(0, 0xFFFF_FFFF)
-# Zeros at the end are left away, so some of these end in them.
+# MAVLink truncates zeros at the end, so some of these end in zeros.
 PULSES = st.lists(st.one_of(st.just(0), st.integers(0, 0xFFFF)), min_size=16, max_size=16)
 
 

@@ -168,7 +168,7 @@ def test_no_input_raises_or_fills_memory() -> None:
     for end in ends:
         assert min(end.counters.dropped_bytes, end.counters.checksum_errors) > 400
     assert guarded.counters.malformed > 400
-    assert not guarded._outputs.armed, "nobody who does not know the key arms it"
+    assert not guarded._outputs.armed, "a sender without the key cannot arm it"
 
 
 @given(st.binary(max_size=600), st.binary(max_size=600))
@@ -226,7 +226,7 @@ def test_unsigned_and_wrongly_signed_are_refused_and_counted() -> None:
     board = signed_board()
     others = [Peer(1, 191), signed_peer(b"x" * 32), signed_peer(signing_secret("other"))]
     for i, other_sender in enumerate(others, 1):
-        assert board.take(other_sender.arm()) == b"", "not even an answer"
+        assert board.take(other_sender.arm()) == b"", "not even a reply"
         assert board.end.counters.malformed == i
     tampered = bytearray(signed_peer().arm())
     tampered[-1] ^= 1
@@ -281,7 +281,7 @@ def test_our_timestamps_increase_with_every_packet() -> None:
     assert seen[2] == NOW + 100_000
     ahead = signed_peer(timestamp=NOW + 10**7, component=1)
     host.feed(ahead.pack(dialect.MAVLink_heartbeat_message(12, 0, 0, 0, 3, 3)))
-    assert int.from_bytes(host.tick(0)[-12:-6], "little") >= NOW + 10**7, "ours follow the newest seen"
+    assert int.from_bytes(host.tick(0)[-12:-6], "little") >= NOW + 10**7, "ours follow the newest received"
 
 
 def test_pymavlinks_own_check_is_blocked_by_a_forged_timestamp() -> None:
@@ -303,7 +303,7 @@ def test_our_check_is_not_blocked_by_a_forged_timestamp() -> None:
     fresh = signed_board()
     fresh.take(signed_peer(b"x" * 32, timestamp=2**47).arm())
     fresh.take(signed_peer().arm())
-    assert fresh.stm32.armed, "a sender not heard before cannot be silenced either"
+    assert fresh.stm32.armed, "a sender not received before cannot be blocked either"
 
 
 def test_a_key_is_digits_or_a_passphrase() -> None:

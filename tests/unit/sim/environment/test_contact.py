@@ -24,7 +24,7 @@ SEA = World(
     cylinder=(Cylinder(3.0, 0.0, 1.0), Cylinder(-5.0, 0.0, 1.5, top=6.0)), box=(Box(0.0, 4.0, 3.0, 1.0, 0.5),),
 )  # fmt: skip
 QUIET: SensorSet = {}
-STEP_NS = 5_000_000  # twice the usual one: harder to keep out of things, and half the steps
+STEP_NS = 5_000_000  # twice the usual step: harder for collisions, and half the steps
 
 
 def kinetic(mass: list[list[float]], nu: Sequence[float]) -> float:
@@ -63,7 +63,7 @@ def test_after_a_collision_no_contact_point_closes() -> None:
     assert contact.resolve(state)
     assert max(closing_speed(touch, state.nu) for touch in touches) < 1e-4
     assert all(touch.depth < 1e-5 for touch in contact.find(state))
-    state.nu = nu = [state.nu[0] - 3.0, *state.nu[1:]]  # on its way out again: nothing holds it
+    state.nu = nu = [state.nu[0] - 3.0, *state.nu[1:]]  # it moves away again: nothing stops it
     contact.resolve(state)
     assert state.nu == nu
 

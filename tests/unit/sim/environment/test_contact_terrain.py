@@ -22,7 +22,7 @@ from sim.vehicle.vehicle import Vehicle, load_vehicle
 VEHICLE, _ = load_vehicle("paper_six")
 HALF_HEIGHT = 0.5 * VEHICLE.dimensions[2]
 EXTENT = (-15.0, 15.0, -15.0, 15.0)
-STEP_NS = 5_000_000  # twice the usual one: harder to keep out of things, and half the steps
+STEP_NS = 5_000_000  # twice the usual step: harder for collisions, and half the steps
 
 
 def world_of(rule: Slope | Ridge | Sinusoid | Fractal | Step, holes: int = 0) -> World:

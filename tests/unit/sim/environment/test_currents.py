@@ -179,7 +179,7 @@ def test_two_constituents_across_make_a_tidal_ellipse() -> None:
     assert min(speeds) == pytest.approx(0.3, abs=1e-3)
 
 
-# -- all of them --------------------------------------------------------------------------------------------------
+# -- combined -----------------------------------------------------------------------------------------------------
 
 
 def test_currents_add_up() -> None:

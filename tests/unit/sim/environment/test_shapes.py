@@ -64,7 +64,7 @@ def test_shapes_have_the_sizes_of_their_keys(tmp_path: Path, text: str, size: tu
 def test_a_chain_hangs_as_a_catenary_and_lies_at_the_depth_of_its_end() -> None:
     line = hanging(30.0, 5.0, 40.0, 4001)
     assert line[-1] == pytest.approx((30.0, 0.0, 5.0), abs=1e-6)
-    free = hanging(20.0, -5.0, 24.0, 4001)  # its end is above its start: nothing lies
+    free = hanging(20.0, -5.0, 24.0, 4001)  # its end is above its start, so no part lies on the bed
     length = sum(hypot(b[0] - a[0], b[2] - a[2]) for a, b in itertools.pairwise(free))
     assert length > 20.0
     assert max(down for _, _, down in line) == pytest.approx(5.0), "it lies"

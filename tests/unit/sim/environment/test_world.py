@@ -188,6 +188,8 @@ def test_objects_added_to_one_scene_are_not_in_another(crowded_world: Path) -> N
     assert ball == len(world.obstacles()) + 1
     away = array("d", (0.0, 1.0, 0.0))
     assert other.hits((0.0, 30.0, 5.0), away, 50.0).objects[0] == ball
-    assert scene.hits((0.0, 30.0, 5.0), away, 50.0).objects[0] != ball, "what is added to one is not in the other"
+    assert scene.hits((0.0, 30.0, 5.0), away, 50.0).objects[0] != ball, (
+        "an object added to one scene is not in the other"
+    )
     north = array("d", (1.0, 0.0, 0.0))
     assert scene.hits((25.0, 1.0, 5.0), north, 50.0).objects[0] == 151

@@ -142,7 +142,7 @@ def test_a_distorting_lens_maps_pixels_to_its_rays() -> None:
     assert np.hypot(a - x, b - y).max() < 1e-9
     rays = pixel_rays(3, 1, Intrinsics(2.0, 2.0, 1.0, 0.0), lens)
     assert np.linalg.norm(rays, axis=1) == pytest.approx([1.0] * 3)
-    assert rays[2, 1] / rays[2, 0] > 0.5  # a barrel: it sees more than a pinhole
+    assert rays[2, 1] / rays[2, 0] > 0.5  # barrel distortion: the view is wider than a pinhole's
     sample = camera(FLAT, TRUE._replace(distortion=lens), DOWN).sample(0, HERE)
     assert depths(sample) == pytest.approx(np.full((61, 81), 4.0), abs=1e-6)
     assert sample.distortion == lens

@@ -60,7 +60,7 @@ def test_rays_use_memory_only_for_the_area_they_cross(tmp_path: Path) -> None:
     directions = array("d", [0.6, 0.0, 0.8, 0.0, -1.0, 0.0, 0.0, 0.999, 0.0447])
     RayScene(World("flat", "", world.extent, 30.0)).ranges((0.0, 0.0, -1.0), directions, 50.0)
     scenes, growths = [], []
-    for _ in range(3):  # others may take memory of this process meanwhile
+    for _ in range(3):  # other code of this process may allocate memory meanwhile
         before = resident_mb()
         scenes.append(RayScene(world))
         distances = scenes[-1].ranges((2.0, 3.0, -1.0), directions, 50.0)

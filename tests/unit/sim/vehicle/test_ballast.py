@@ -45,7 +45,7 @@ def test_a_buoyancy_engine_pumps_at_its_rate_between_its_limits() -> None:
         (0, 1.0, 530e-6),  # no pulse: it stays
         (1900, 15.0, 955e-6),
         (1100, 5.0, 805e-6),
-        (1700, 5.0, 727.5e-6),  # half way from neutral to the most
+        (1700, 5.0, 727.5e-6),  # half way from neutral to the maximum
         (1300, 16.0, 290e-6),
         (1100, 8.0, 80e-6),
     ):
@@ -154,7 +154,7 @@ def test_a_vehicle_rises_after_release_as_its_remaining_mass_allows() -> None:
     assert simulation.state.nu_dot[2] == pytest.approx(expected, rel=1e-6)
     assert simulation.vehicle.mass == TETHYS.mass - 2.0
     assert simulation.vehicle.channels == vehicle.channels
-    simulation.step(idle(vehicle, keel=1900))  # it is gone: nothing more happens
+    simulation.step(idle(vehicle, keel=1900))  # it has been released: nothing more happens
     assert simulation.vehicle.mass == TETHYS.mass - 2.0
     for _ in range(9000):
         simulation.step(idle(vehicle))

@@ -77,7 +77,7 @@ def test_a_fin_stalls_beyond_its_angle() -> None:
     angles = [0.001 * k for k in range(-3500, 3501)]
     found = [polar.at(angle) for angle in angles]
     steps = [abs(b - a) for one, two in pairwise(found) for a, b in zip(one, two, strict=True)]
-    assert max(steps) < 0.001 * 10.0  # nowhere a jump, nor from ahead to behind
+    assert max(steps) < 0.001 * 10.0  # no jump anywhere, nor from ahead to behind
     assert max(lift for lift, _ in found) == pytest.approx(at)
     assert min(drag for _, drag in found) >= 0.01
 

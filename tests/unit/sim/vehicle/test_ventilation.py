@@ -96,7 +96,7 @@ def test_deep_vehicles_do_not_compute_the_shares(monkeypatch: pytest.MonkeyPatch
     simulation = Simulation(HEAVY, SEA, QUIET, position=(0.0, 0.0, 2.0))
     for _ in range(100):
         simulation.step([1600] * 8)
-    assert min(map(abs, simulation.thrusts)) > 1.0, "all push with all they have"
+    assert min(map(abs, simulation.thrusts)) > 1.0, "all have their full thrust"
 
 
 def test_c_and_python_agree_at_the_surface(monkeypatch: pytest.MonkeyPatch) -> None:
