@@ -115,7 +115,7 @@ def build(
     if data is not None:
         surface, clamped = _fit_within_limits(survey, data, bounds, grid, progress)
         grid = grid._replace(depths=np.where(np.isfinite(known), grid.depths, surface.depths))
-    filled, more = _fill_from_rasters(grid.depths, survey.fillers, north, east)
+    filled, filler_shares = _fill_from_rasters(grid.depths, survey.fillers, north, east)
     grid = grid._replace(depths=filled.astype(np.float32))
     model = place_hazards(survey.hazards, grid, np.where(bounds.land, -np.inf, bounds.low))
     model = model._replace(
@@ -123,7 +123,7 @@ def build(
         bottom=rasterise_natures(survey.charted.natures, grid, survey.detail),
     )
     progress(0.85)
-    report = _report(model.grid, data, clamped, begin)._replace(beds=(*shares, *more), notes=survey.notes)
+    report = _report(model.grid, data, clamped, begin)._replace(beds=(*shares, *filler_shares), notes=survey.notes)
     progress(1.0)
     return BuiltSeabed(model, report)
 
@@ -198,13 +198,15 @@ def _node_axes(extent: Extent, resolution: float) -> tuple[Array, Array]:
     first = [int(np.ceil(low / resolution - 1e-9)) for low in (extent[0], extent[2])]
     rows, columns = (int(np.floor(extent[k + 1] / resolution + 1e-9)) - first[k // 2] + 1 for k in (0, 2))
     if rows < 2 or columns < 2:
-        fits = round_up(min(extent[1] - extent[0], extent[3] - extent[2]) / 20.0)
-        raise ConfigError(f"--resolution: {resolution:g} m is larger than the area: use {fits:g} m or a larger area")
+        suggested = round_up(min(extent[1] - extent[0], extent[3] - extent[2]) / 20.0)
+        raise ConfigError(
+            f"--resolution: {resolution:g} m is larger than the area: use {suggested:g} m or a larger area"
+        )
     if rows * columns > MOST_NODES:
-        fits = round_up((_size(extent) / MOST_NODES) ** 0.5 * 1.001)
+        suggested = round_up((_size(extent) / MOST_NODES) ** 0.5 * 1.001)
         raise ConfigError(
             f"--resolution: {resolution:g} m makes {rows} x {columns} nodes, more than {MOST_NODES}: "
-            f"use {fits:g} m or coarser, or a smaller area"
+            f"use {suggested:g} m or coarser, or a smaller area"
         )
     north, east = (np.asarray(resolution * (k + np.arange(n))) for k, n in zip(first, (rows, columns), strict=True))
     return north, east
@@ -213,14 +215,14 @@ def _node_axes(extent: Extent, resolution: float) -> tuple[Array, Array]:
 def _surface_data(survey: Survey) -> _SurfaceData:
     soundings = survey.soundings[np.argsort(survey.soundings[:, 2], kind="stable")]  # of duplicates, use the shoalest
     soundings = soundings[first_in_cell(soundings, DUPLICATE_DISTANCE)]
-    both = np.concatenate([soundings, survey.guides])
-    points = both[first_in_cell(both, DUPLICATE_DISTANCE)]
+    all_points = np.concatenate([soundings, survey.guides])
+    points = all_points[first_in_cell(all_points, DUPLICATE_DISTANCE)]
     surface = Surface(points[:, :2], points[:, 2], survey.strikes)
     beds = beds_under(survey, soundings, surface)
     measured = np.concatenate([soundings, beds])
     if len(beds):
-        both = np.concatenate([measured, survey.guides])
-        points = both[first_in_cell(both, DUPLICATE_DISTANCE)]
+        all_points = np.concatenate([measured, survey.guides])
+        points = all_points[first_in_cell(all_points, DUPLICATE_DISTANCE)]
         surface = Surface(points[:, :2], points[:, 2], survey.strikes)
     limits = Limits(*limits_at(survey, measured[:, :2]))
     return _SurfaceData(

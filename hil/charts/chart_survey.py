@@ -106,21 +106,21 @@ def _coverage(cell: Cell) -> list[Feature]:
 
 
 def _outside(points: Array, covers: list[Edges]) -> Array:
-    keep = np.ones(len(points), bool)
+    is_outside = np.ones(len(points), bool)
     for edges in covers:
-        keep &= ~contains(edges, points[:, :2])
-    return points[keep]
+        is_outside &= ~contains(edges, points[:, :2])
+    return points[is_outside]
 
 
 def _cut_line(line: Array, covers: list[Edges]) -> list[Array]:
     """Return the pieces of `line` outside the coverage of finer charts."""
     if not covers:
         return [line]
-    keep = np.ones(len(line), bool)
+    is_outside = np.ones(len(line), bool)
     for edges in covers:
-        keep &= ~contains(edges, line)
-    runs = np.split(np.arange(len(line)), np.flatnonzero(np.diff(keep)) + 1)
-    return [line[run] for run in runs if keep[run[0]] and len(run) > 1]
+        is_outside &= ~contains(edges, line)
+    runs = np.split(np.arange(len(line)), np.flatnonzero(np.diff(is_outside)) + 1)
+    return [line[run] for run in runs if is_outside[run[0]] and len(run) > 1]
 
 
 def _cut_lines(pairs: list[tuple["_ChartLayer", list[Edges]]], *kinds: str) -> tuple[Array, ...]:

@@ -87,11 +87,11 @@ def zones_of(feature: Feature, edges: Edges, detail: float) -> list[Zone]:
     import shapely
 
     area = shapely.build_area(shapely.GeometryCollection([shapely.LineString(edge) for edge in edges]))
-    parts = shapely.get_parts(area.simplify(detail))
+    polygons = shapely.get_parts(area.simplify(detail))
     rules = ", ".join(RULES[code] for code in feature.codes.get("RESTRN", ()) if code in RULES)
     return [
         Zone(ZONES[feature.kind], _rounded(np.asarray(part.exterior.coords)[:-1]), feature.name, rules)
-        for part in parts
+        for part in polygons
         if len(part.exterior.coords) > 3
     ]
 
@@ -147,7 +147,7 @@ def cut_bottom_grid(bottom: BottomGrid | None, extent: Extent) -> BottomGrid | N
     """Return the part of `bottom` that covers `extent` (m)."""
     if bottom is None:
         return None
-    parts: list[slice] = []
+    slices: list[slice] = []
     firsts: list[float] = []
     for axis, (first, low, high) in enumerate(
         ((bottom.north_min, extent[0], extent[1]), (bottom.east_min, extent[2], extent[3]))
@@ -155,9 +155,9 @@ def cut_bottom_grid(bottom: BottomGrid | None, extent: Extent) -> BottomGrid | N
         count = bottom.codes.shape[axis]
         start = min(max(int(np.floor((low - first) / bottom.resolution)), 0), count - 1)
         end = max(start + 1, min(int(np.ceil((high - first) / bottom.resolution)) + 1, count))
-        parts.append(slice(start, end))
+        slices.append(slice(start, end))
         firsts.append(first + start * bottom.resolution)
-    return BottomGrid(np.array(bottom.codes[parts[0], parts[1]]), firsts[0], firsts[1], bottom.resolution)
+    return BottomGrid(np.array(bottom.codes[slices[0], slices[1]]), firsts[0], firsts[1], bottom.resolution)
 
 
 def _rounded(line: Array) -> tuple[tuple[float, float], ...]:

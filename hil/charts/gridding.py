@@ -258,13 +258,13 @@ class _PatchFit:
         """Return depth, variance and roughness at each point, fitted without the points of its fold: (n, 3)."""
         inverse = np.linalg.inv(self._system)
         solution = inverse @ self._right
-        whole = float(self._right @ solution)
+        energy = float(self._right @ solution)
         found = np.column_stack([self._depths, np.zeros((len(self._points), 2))])
         for fold in np.unique(folds[folds >= 0]):
             left_out = np.flatnonzero(folds == fold)
             block = inverse[np.ix_(left_out, left_out)]
             errors = np.linalg.solve(block, solution[left_out])
-            sill = self._sill(whole - float(solution[left_out] @ errors), len(self._points) - len(left_out))
+            sill = self._sill(energy - float(solution[left_out] @ errors), len(self._points) - len(left_out))
             found[left_out, 0] -= errors
             found[left_out, 1] = sill * np.maximum(0.0, np.diag(np.linalg.inv(block)))
             found[left_out, 2] = sill * self._unit**POWER

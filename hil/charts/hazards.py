@@ -155,14 +155,14 @@ def _raise_bed(hazard: Hazard, grid: Grid, shoal_limit: Array) -> bool:
     """Raise the bed of `grid` to the top of an area; False for a floating object, or if no node is inside an area."""
     if hazard.bottom < STANDING:
         return False
-    (rows, columns), away = edge_distance(*segments(hazard.edges), grid.north, grid.east)
-    inside, (part, held) = np.full(away.shape, -1.0), fill(hazard.edges, grid.north[rows], grid.east[columns])
+    (rows, columns), distance = edge_distance(*segments(hazard.edges), grid.north, grid.east)
+    inside, (part, held) = np.full(distance.shape, -1.0), fill(hazard.edges, grid.north[rows], grid.east[columns])
     if not held.any():
         return False
     inside[part][held] = 1.0
     bed = grid.depths[rows, columns]
     top = np.maximum(shoal_limit[rows, columns] if hazard.top is None else hazard.top, -LEAST_HEIGHT)
-    bed[:] = raise_with_slope(bed, top, inside * away)
+    bed[:] = raise_with_slope(bed, top, inside * distance)
     return True
 
 

@@ -19,14 +19,15 @@ class HeldOut(NamedTuple):
     """Errors at soundings that were held out, m.
 
     `rmse` of the surface, `linear_rmse` of linear interpolation, and `bias`, the mean error of the surface (positive if
-    too deep), over the `held` soundings that linear interpolation reaches. `rmse_all`: of the surface, over all.
+    too deep), over the `reached_count` soundings that linear interpolation reaches. `rmse_all`: of the surface, over
+    all soundings that were held out.
     """
 
     rmse: float
     linear_rmse: float
     bias: float
     rmse_all: float
-    held: int
+    reached_count: int
 
 
 def hold_out(surface: Surface, points: Array, wanted: Mask, limits: Limits, borders: Array) -> HeldOut:
@@ -41,12 +42,12 @@ def hold_out(surface: Surface, points: Array, wanted: Mask, limits: Limits, bord
     if wanted.sum() > MANY:
         folds = np.where(folds == 0, 0, -1)
     folds = np.where(wanted, folds, -1)
-    found, uncertainty = surface.cross_validate(np.concatenate([folds, np.full(len(points) - count, -1)]))
+    estimates, uncertainty = surface.cross_validate(np.concatenate([folds, np.full(len(points) - count, -1)]))
     deviation = uncertainty._replace(
         variance=uncertainty.variance[:count], roughness=uncertainty.roughness[:count]
     ).deviation(borders)
     linear = limits.clip(_linear(points, folds))
-    errors = expected_depths(found[:count], deviation, limits) - points[:count, 2]
+    errors = expected_depths(estimates[:count], deviation, limits) - points[:count, 2]
     linear_errors = linear - points[:count, 2]
     reached = np.isfinite(linear_errors)
     return HeldOut(

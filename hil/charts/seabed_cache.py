@@ -60,24 +60,24 @@ def load_or_build_seabed(
         return cached
     survey, extent = read_sources([path], None, resolution, positive=positive, crs=crs)
     built = build(survey, extent, resolution, progress)
-    whole = WholeSeabed(built.model, survey.source, survey.origin, built.report, False)
+    seabed = WholeSeabed(built.model, survey.source, survey.origin, built.report, False)
     with suppress(OSError, ConfigError):  # the disk is full or the folder not writable: it is not cached
-        _store(whole, folder)
-        return (_load(folder) or whole)._replace(is_cached=False)
-    return whole
+        _store(seabed, folder)
+        return (_load(folder) or seabed)._replace(is_cached=False)
+    return seabed
 
 
 def cut_seabed(model: SeabedModel, extent: Extent) -> SeabedModel:
     """Return the part of `model` that covers `extent` (m), with unchanged nodes, and the obstacles inside it."""
-    grid, parts = model.grid, []
+    grid, slices = model.grid, []
     for axis, (low, high) in ((grid.north, extent[:2]), (grid.east, extent[2:])):
         first = max(0, min(int(np.searchsorted(axis, low, "right")) - 1, len(axis) - 2))
         last = max(first + 1, min(int(np.searchsorted(axis, high)), len(axis) - 1))
-        parts.append(slice(first, last + 1))
+        slices.append(slice(first, last + 1))
     part = grid._replace(
-        depths=np.array(grid.depths[parts[0], parts[1]]),
-        north_min=float(grid.north[parts[0].start]),
-        east_min=float(grid.east[parts[1].start]),
+        depths=np.array(grid.depths[slices[0], slices[1]]),
+        north_min=float(grid.north[slices[0].start]),
+        east_min=float(grid.east[slices[1].start]),
     )
     south, north, west, east = part.extent
 
@@ -128,13 +128,13 @@ def _model_of(world: World) -> SeabedModel:
     return SeabedModel(grid_of(world), world.cylinder, world.box, others, bottom)
 
 
-def _store(whole: WholeSeabed, folder: str) -> None:
-    """Write `whole` to a temporary folder, then rename that to `folder`. Raises OSError, ConfigError."""
+def _store(seabed: WholeSeabed, folder: str) -> None:
+    """Write `seabed` to a temporary folder, then rename that to `folder`. Raises OSError, ConfigError."""
     charts = os.path.dirname(folder)
     os.makedirs(charts, mode=0o700, exist_ok=True)
     with ScratchFolder("chart", charts) as scratch:
-        write_world(scratch.file("chart.toml"), whole.model, whole.source, whole.origin, ("Written by uuv-hil.",))
-        write_file(scratch.file("report.json"), json.dumps(whole.report._asdict()).encode())
+        write_world(scratch.file("chart.toml"), seabed.model, seabed.source, seabed.origin, ("Written by uuv-hil.",))
+        write_file(scratch.file("report.json"), json.dumps(seabed.report._asdict()).encode())
         with suppress(OSError):
             shutil.rmtree(folder)  # it may exist and be damaged
         os.rename(scratch.path, folder)

@@ -147,25 +147,25 @@ def _delays(plt: Any, node: str, data: VehicleData) -> Any:
     times, hops = with_gaps(data.traced, hops)
     over_time.stackplot(times, hops, labels=HOPS, colors=("#1d4ed8", "#60a5fa", "#f59e0b", "#facc15", "#c2410c"))
     totals = data.delays.totals_ns()
-    whole = quantiles(totals)
+    summary = quantiles(totals)
     over_time.set(
         xlabel="time (s)",
         ylabel="delay of a command (ms)",
         title=f"{node}: delay from publishing to the thrusters",
     )
-    over_time.set_ylim(0.0, max(1.25 * whole.p99_ms, 0.01))
+    over_time.set_ylim(0.0, max(1.25 * summary.p99_ms, 0.01))
     figure.legend(loc="outside lower center", fontsize=9, ncols=len(HOPS))
     over_time.grid(color=GRID, linewidth=0.6)
     over_time.set_axisbelow(True)
-    spread.hist([total / 1e6 for total in totals], bins=60, range=(0.0, max(1.25 * whole.p99_ms, 0.01)),
+    spread.hist([total / 1e6 for total in totals], bins=60, range=(0.0, max(1.25 * summary.p99_ms, 0.01)),
                 orientation="horizontal", color="#94a3b8")  # fmt: skip
-    for share, value in (("median", whole.p50_ms), ("99 %", whole.p99_ms)):
+    for share, value in (("median", summary.p50_ms), ("99 %", summary.p99_ms)):
         spread.axhline(value, color="black", linewidth=0.9, linestyle="--")
         spread.annotate(f"{share}: {value:.2f} ms", (0.98, value), xycoords=("axes fraction", "data"), fontsize=9,
                         xytext=(0, 6), textcoords="offset points", ha="right",
                         bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.85, "pad": 1.5})  # fmt: skip
     clocks = "one clock" if data.delays.same_clock else "two clocks"
-    spread.set(xlabel=f"commands, of {len(totals)}", title=f"{clocks}; longest {whole.max_ms:.2f} ms")
+    spread.set(xlabel=f"commands, of {len(totals)}", title=f"{clocks}; longest {summary.max_ms:.2f} ms")
     return figure
 
 

@@ -73,15 +73,15 @@ def _fleet(converter: Converter) -> Schema:
 
 
 def _scenario_keys(converter: Converter) -> dict[str, Schema]:
-    own = table({"class": OWN_CLASS}, ["class"], others=True)
+    user_class = table({"class": OWN_CLASS}, ["class"], others=True)
     faults = {"options": OPEN, "faults": converter.reference(Faults)}
     avoid = converter.keys(AvoidSettings, {"search": {"type": "string"}})
     return converter.keys(config.Scenario, _sections(converter) | {
         "path": None,
         "link": table(converter.keys(records.Link, faults)),
         "planner": table({"class": OWN_CLASS, **avoid}, ["class"], others=True),
-        "sensors": _sensors(converter, own),
-        "force": tables(own),
+        "sensors": _sensors(converter, user_class),
+        "force": tables(user_class),
         "member": tables(converter.reference(fleet_records.Member)),
         "modem": {"anyOf": [_modem(converter, "acoustic", AcousticModem), _modem(converter, "optical", OpticalModem)]},
     })  # fmt: skip
@@ -104,7 +104,7 @@ def _modem(converter: Converter, kind: str, record: Any) -> Schema:
     return table(keys, ["kind"] if kind != modem_records.Modem().kind else None)
 
 
-def _sensors(converter: Converter, own: Schema) -> Schema:
+def _sensors(converter: Converter, user_class: Schema) -> Schema:
     sections: dict[str, Schema] = {}
     further: list[Schema] = []
     for name in SENSORS:
@@ -114,7 +114,7 @@ def _sensors(converter: Converter, own: Schema) -> Schema:
         if name not in ONLY_ONE:
             kind = {"enum": [name], "description": "Kind of this additional sensor."}
             further.append(table(keys | {"device": device, "sensor": kind}, ["sensor"]))
-    return table(sections, others={"anyOf": [own, *further]})
+    return table(sections, others={"anyOf": [user_class, *further]})
 
 
 def _vehicle(converter: Converter) -> Schema:
@@ -125,7 +125,7 @@ def _vehicle(converter: Converter) -> Schema:
     # Keys may be given once for all thrusters, so none is required in the table of a thruster.
     thruster, fin = table(converter.keys(Thruster, models)), table(converter.keys(Fin))
     equipment = {key: converter.of(annotation) for key, annotation in EquipmentKeys.__annotations__.items()}
-    shown: dict[str, Schema | None] = {
+    given: dict[str, Schema | None] = {
         **equipment,
         "fins": tables(fin),
         "thrusters": tables(thruster),
@@ -133,7 +133,7 @@ def _vehicle(converter: Converter) -> Schema:
         "meshes": tables(converter.reference(meshes.Mesh)),
         "collision": converter.reference(collision_shape.Collision),
     }
-    keys = converter.keys(vehicle.Vehicle, shown)
+    keys = converter.keys(vehicle.Vehicle, given)
     common = {"every_thruster": thruster, "every_fin": fin, "control": _control(converter)}
     return table(keys | common, required(vehicle.Vehicle))
 

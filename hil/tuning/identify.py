@@ -54,19 +54,19 @@ def fit_lag(values: Sequence[float], acceleration: float, period: float, where: 
     least squares for integrated models). Raises ConfigError if nothing moves the right way.
     """
     distances = [0.0, *accumulate(period * (a + b) / 2.0 for a, b in pairwise(values))]
-    best, least = None, inf
+    best, least_error = None, inf
     for number in range(round(_DELAY_MOST_S / _DELAY_STEP_S)):
         delay = number * _DELAY_STEP_S
-        pushes = [acceleration * max(0.0, place * period - delay) for place in range(len(values))]
-        slope, damping = _two_unknowns(pushes, [-distance for distance in distances], values)
+        ramp = [acceleration * max(0.0, place * period - delay) for place in range(len(values))]
+        slope, damping = _two_unknowns(ramp, [-distance for distance in distances], values)
         if damping < 0.0:
-            slope, damping = _one_unknown(pushes, values), 0.0
+            slope, damping = _one_unknown(ramp, values), 0.0
         off = sum(
             (slope * a - damping * distance - value) ** 2
-            for a, distance, value in zip(pushes, distances, values, strict=True)
+            for a, distance, value in zip(ramp, distances, values, strict=True)
         )
-        if off < least:
-            best, least = Process(slope, damping, delay), off
+        if off < least_error:
+            best, least_error = Process(slope, damping, delay), off
     if best is None or not best.slope > 0.05:
         raise ConfigError(
             f"{where}: does not move in the direction of the force: check its thrusters' directions (uuv-hil vehicle)"

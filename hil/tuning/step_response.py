@@ -94,9 +94,9 @@ def fly_step(
     """
     tilt = (size if axis == "roll" else 0.0, size if axis == "pitch" else 0.0)
     flight = Rig(name, vehicle, control, tilt=tilt, seed=seed, **rig)
-    still = step_command(axis, 0.0)
+    base = step_command(axis, 0.0)
     if axis not in ("roll", "pitch"):
-        flight.fly(HOLD_S, lambda time: still)
+        flight.fly(HOLD_S, lambda time: base)
     command = step_command(axis, size)
     moments = flight.fly(AXES[axis].seconds, lambda time: command)
     return Response(axis, size, [m.time for m in moments], [_value(axis, size, m) for m in moments])
@@ -104,15 +104,15 @@ def fly_step(
 
 def step_command(axis: str, size: float) -> VelocityCommand:
     """Return the command for a step along `axis`; the other axes are held."""
-    still = VelocityCommand(depth=START_DEPTH, heading=0.0)
+    base = VelocityCommand(depth=START_DEPTH, heading=0.0)
     return {
-        "surge": still._replace(surge=size),
-        "sway": still._replace(sway=size),
-        "heave": still._replace(heave=size, depth=None),
-        "yaw": still._replace(yaw_rate=size, heading=None),
-        "depth": still._replace(depth=START_DEPTH + size),
-        "heading": still._replace(heading=size),
-    }.get(axis, still)
+        "surge": base._replace(surge=size),
+        "sway": base._replace(sway=size),
+        "heave": base._replace(heave=size, depth=None),
+        "yaw": base._replace(yaw_rate=size, heading=None),
+        "depth": base._replace(depth=START_DEPTH + size),
+        "heading": base._replace(heading=size),
+    }.get(axis, base)
 
 
 def _value(axis: str, size: float, moment: Moment) -> float:

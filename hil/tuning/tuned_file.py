@@ -21,14 +21,14 @@ def with_gains(text: str, gains: Gains, note: str, where: str) -> str:
 
     Tables of other controllers are unchanged. Raises ConfigError if the old gains cannot be found in the text.
     """
-    made = f"{_without_gains(text)}\n# {note}\n{control_text(gains)}"
+    new_text = f"{_without_gains(text)}\n# {note}\n{control_text(gains)}"
     try:
-        control = parse_toml(made)["control"]
+        control = parse_toml(new_text)["control"]
     except ValueError as error:
         raise ConfigError(f"{where}: its gains are outside the [control] table: {error}; move them there") from None
     if {key for key in control if key in Gains._fields} != set(Gains._fields):
         raise ConfigError(f"{where}: its gains could not be replaced; move them under [control]")
-    return made
+    return new_text
 
 
 def write_tuned(source: str, vehicle: Vehicle, gains: Gains, note: str, output: str) -> None:
@@ -37,9 +37,9 @@ def write_tuned(source: str, vehicle: Vehicle, gains: Gains, note: str, output: 
         raise ConfigError(f"{output}: the vehicle's meshes are beside {source}: write the new file to that folder")
     try:
         with open(source, encoding="utf-8") as file:
-            made = with_gains(file.read(), gains, note, source)
+            new_text = with_gains(file.read(), gains, note, source)
         with open(output, "w", encoding="utf-8") as file:
-            file.write(made)
+            file.write(new_text)
     except OSError as error:
         raise ConfigError(f"{error.filename}: {error.strerror}") from None
 

@@ -66,13 +66,15 @@ def smooth(grid: OccupancyGrid, path: Sequence[Point]) -> list[Point]:
 
 def _last_visible(grid: OccupancyGrid, points: list[Point], here: int) -> int:
     """Return a point visible from `here` whose successor is not; found by doubling, then by bisection."""
-    seen, unseen = here + 1, len(points)  # the next point needs no check, as it is on the path
-    while unseen - seen > 1:
-        candidate = min(2 * seen - here, unseen - 1) if unseen == len(points) else (seen + unseen) // 2
+    seen, first_hidden = here + 1, len(points)  # the next point needs no check, as it is on the path
+    while first_hidden - seen > 1:
+        candidate = (
+            min(2 * seen - here, first_hidden - 1) if first_hidden == len(points) else (seen + first_hidden) // 2
+        )
         if grid.line_is_free(points[here], points[candidate]):
             seen = candidate
         else:
-            unseen = candidate
+            first_hidden = candidate
     return seen
 
 

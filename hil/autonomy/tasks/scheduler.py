@@ -103,8 +103,8 @@ class Scheduler:
         if self._goal() is not None and dist(here, self._goal() or here) <= self._mission.tolerance:
             events.add("arrived")
         change = self._chart.step(time, signals, events)
-        if change.left and change.entered == ("idle",):
-            self.finished.append(change.left[-1])
+        if change.exited and change.entered == ("idle",):
+            self.finished.append(change.exited[-1])
         self._log_states(time, change.entered)
         return TaskGoal(self._task(), self._chart.state, self._goal())
 
@@ -175,10 +175,10 @@ def _check(mission: Mission, where: str) -> None:
                 raise ConfigError(
                     f"{where}: the task {task.name!r} needs {other!r}, which is not another task{nearest(other, names)}"
                 )
-    left = list(mission.task)
-    while left:
-        waiting = [task for task in left if any(other.name in task.needs for other in left)]
-        if len(waiting) == len(left):
-            names_left = ", ".join(task.name for task in left)
-            raise ConfigError(f"{where}: tasks need each other: {names_left}; remove a need of one of them")
-        left = waiting
+    remaining = list(mission.task)
+    while remaining:
+        waiting = [task for task in remaining if any(other.name in task.needs for other in remaining)]
+        if len(waiting) == len(remaining):
+            names_remaining = ", ".join(task.name for task in remaining)
+            raise ConfigError(f"{where}: tasks need each other: {names_remaining}; remove a need of one of them")
+        remaining = waiting

@@ -38,9 +38,9 @@ class Transition(NamedTuple):
 
 
 class Change(NamedTuple):
-    """States that a step left and entered, in that order."""
+    """States that a step exited and entered, in that order."""
 
-    left: tuple[str, ...] = ()
+    exited: tuple[str, ...] = ()
     entered: tuple[str, ...] = ()
 
 
@@ -115,14 +115,14 @@ class Chart:
         return tuple(staying)
 
     def _enter(self, staying: tuple[str, ...], target: str, time: int) -> Change:
-        left = self.active[len(staying) :][::-1]
+        exited = self.active[len(staying) :][::-1]
         line = _line(self._states, target)
         while self._states[line[-1]].initial:
             line.append(self._states[line[-1]].initial)
         entered = tuple(line[len(staying) :])
         self.active = tuple(line)
         self._since.update(dict.fromkeys(entered, time))
-        return Change(left, entered)
+        return Change(exited, entered)
 
 
 def _line(states: Mapping[str, State], name: str) -> list[str]:

@@ -70,7 +70,7 @@ class HuntWatch:
         vehicle, _ = load_vehicle(scenario.vehicle)
         limits = vehicle.capsize_tilt, 0.5 * vehicle.dimensions[2], scenario.master.depth_margin
         self._monitors = [RunMonitor(EventLog(), *limits) for _ in self._nodes]
-        self._known: list[Sequence[RunEvent]] = [() for _ in self._nodes]
+        self._reported: list[Sequence[RunEvent]] = [() for _ in self._nodes]
         self._referee = Referee(self.plan, Criteria(hunting_of(scenario).min_separation))
         self._closed = inf
         self._travelled = 0.0
@@ -102,11 +102,13 @@ class HuntWatch:
 
     def add_events(self, number: int, events: Sequence[RunEvent]) -> None:
         """Set the events that vehicle `number`, or its simulation, has reported so far."""
-        self._known[number] = events
+        self._reported[number] = events
 
     def _events(self) -> tuple[tuple[str, RunEvent], ...]:
-        both = zip(self._nodes, self._known, self._monitors, strict=True)
-        return tuple([(node, event) for node, known, own in both for event in merge_events(known, own.log.events())])
+        both = zip(self._nodes, self._reported, self._monitors, strict=True)
+        return tuple(
+            [(node, event) for node, reported, own in both for event in merge_events(reported, own.log.events())]
+        )
 
     def outcome(self) -> HuntOutcome:
         """Return the result so far."""

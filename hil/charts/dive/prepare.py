@@ -113,20 +113,20 @@ def prepare_dive(
         if options.resolution:
             raise ConfigError("--resolution is for charts and soundings: a world already has a grid; leave it out")
         return PreparedDive(_prepare_over_world(world, options, folder))
-    whole = load_or_build_seabed(world, options.resolution, progress, options.positive, options.crs)
+    seabed = load_or_build_seabed(world, options.resolution, progress, options.positive, options.crs)
     name = os.path.splitext(os.path.basename(world))[0]
-    return PreparedDive(_prepare_over_chart(whole, name, options, folder), facts(whole.model.grid, whole.report))
+    return PreparedDive(_prepare_over_chart(seabed, name, options, folder), facts(seabed.model.grid, seabed.report))
 
 
-def _prepare_over_chart(whole: WholeSeabed, name: str, options: DiveOptions, folder: str) -> str:
+def _prepare_over_chart(seabed: WholeSeabed, name: str, options: DiveOptions, folder: str) -> str:
     failure: MissionError | None = None
-    for site in _requested_sites(whole.model.grid, whole.origin, options):
+    for site in _requested_sites(seabed.model.grid, seabed.origin, options):
         path = os.path.join(folder, f"{name}_world.toml")
         write_world(
             path,
-            cut_seabed(whole.model, _around(site)),
-            whole.source,
-            whole.origin,
+            cut_seabed(seabed.model, _around(site)),
+            seabed.source,
+            seabed.origin,
             ("The part of a seabed around a dive.",),
         )
         try:

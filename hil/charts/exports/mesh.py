@@ -20,10 +20,10 @@ def check_size(grid: Grid) -> None:
     """Raise ConfigError if a mesh of `grid` would have more than MOST_NODES nodes, too many for memory."""
     rows, columns = grid.depths.shape
     if rows * columns > MOST_NODES:
-        fits = round_up(grid.resolution * (rows * columns / MOST_NODES) ** 0.5 * 1.001)
+        suggested = round_up(grid.resolution * (rows * columns / MOST_NODES) ** 0.5 * 1.001)
         raise ConfigError(
             f"--resolution: {grid.resolution:g} m makes a mesh of {rows} x {columns} nodes, more than {MOST_NODES}: "
-            f"use {fits:g} m or coarser"
+            f"use {suggested:g} m or coarser"
         )
 
 

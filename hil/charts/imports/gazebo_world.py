@@ -227,19 +227,19 @@ def _depth(
 
 def _in_water(placed: Sequence[_PlacedShape], depth: float, notes: list[str]) -> list[_PlacedShape]:
     """Return the shapes that are at least partly in the water, between its surface and the seabed."""
-    wet = [each for each in placed if each.low[2] < 0.0 and -each.high[2] < depth]
-    names = [each.shape.name for each in placed if each not in wet]
+    in_water = [each for each in placed if each.low[2] < 0.0 and -each.high[2] < depth]
+    names = [each.shape.name for each in placed if each not in in_water]
     if names:
         shown = ", ".join(names[:8]) + (f" and {len(names) - 8} more" if len(names) > 8 else "")
         notes.append(f"Left out: shapes above the water or in the seabed: {shown}.")
-    return wet
+    return in_water
 
 
 def _obstacle(each: _PlacedShape, level: float, folder: str) -> tuple[str, dict[str, Any]]:
     """Return the kind of the obstacle made of a shape, and its keys in the world file."""
     shape = each.shape
     east, north, up = shape.pose.position
-    ends = {"top": max(-each.high[2], _HIGHEST), "bottom": -each.low[2]}
+    vertical = {"top": max(-each.high[2], _HIGHEST), "bottom": -each.low[2]}
     if each.mesh:
         rotation = Pose([[a * b for a, b in zip(row, (1.0, -1.0, -1.0), strict=True)] for row in shape.pose.rotation])
         turned = Pose(
@@ -251,7 +251,7 @@ def _obstacle(each: _PlacedShape, level: float, folder: str) -> tuple[str, dict[
             "name": shape.name,
         }  # fmt: skip
         return "mesh", keys | ({"colour": tuple(_round(x) for x in shape.colour)} if shape.colour else {})
-    rounded = {key: _round(value) for key, value in ends.items()}
+    rounded = {key: _round(value) for key, value in vertical.items()}
     if shape.kind == "cylinder":
         radius = max(shape.sizes[0], _LEAST_SIDE)
         return "cylinder", {

@@ -107,13 +107,13 @@ def _primitive(shape: dict[str, Any]) -> Any:
     if kind == "cylinder":
         return creation.cylinder(sizes[0], sizes[1], sections=32)
     if kind == "capsule":
-        made: Any = creation.capsule(height=sizes[1], radius=sizes[0], count=[24, 24])
-        made.vertices -= made.bounds.mean(axis=0)
-        return made
+        mesh: Any = creation.capsule(height=sizes[1], radius=sizes[0], count=[24, 24])
+        mesh.vertices -= mesh.bounds.mean(axis=0)
+        return mesh
     if kind == "cone":
-        made = creation.cone(sizes[0], sizes[1], sections=32)
-        made.vertices -= [0.0, 0.0, 0.5 * sizes[1]]
-        return made
+        mesh = creation.cone(sizes[0], sizes[1], sections=32)
+        mesh.vertices -= [0.0, 0.0, 0.5 * sizes[1]]
+        return mesh
     ball: Any = creation.icosphere(subdivisions=3)
     ball.vertices *= sizes
     return ball

@@ -147,7 +147,7 @@ def _read_layer(path: str, kind: str, rows: list[dict[str, Any]], data: list[byt
     meta, _, wkb, columns = raw.read(path, layer=kind, columns=["PRIM", NAME, *LISTS, *ATTRIBUTES])
     fields = dict(zip(meta["fields"], columns, strict=True))
     for number, shape in enumerate(shapely.from_wkb(wkb)):
-        known = {name: float(fields[name][number]) for name in ATTRIBUTES if name in fields}
+        numbers = {name: float(fields[name][number]) for name in ATTRIBUTES if name in fields}
         points, lines = np.empty((0, 3)), []
         if shape is not None and shapely.get_type_id(shape) in (POINT, MULTI_POINT):
             points = shapely.get_coordinates(shape, include_z=True)
@@ -157,7 +157,7 @@ def _read_layer(path: str, kind: str, rows: list[dict[str, Any]], data: list[byt
             lines = [shapely.get_coordinates(part) for part in (shapely.get_rings(parts) if is_area else parts)]
         rows.append({
             "kind": kind,
-            "attributes": {name: value for name, value in known.items() if value == value},
+            "attributes": {name: value for name, value in numbers.items() if value == value},
             "codes": {name: _numbers(fields[name][number]) for name in LISTS if name in fields},
             "name": str((fields[NAME][number] if NAME in fields else None) or ""),
             "points": len(points),
