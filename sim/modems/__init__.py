@@ -1,4 +1,5 @@
-"""Underwater communication between vehicles by sound or by light: what arrives where, when, and with which losses.
+"""Underwater communication between vehicles by sound or light: which messages arrive where and when.
 
-Public: a class each in `acoustic` and `optical`. It must not know the network that carries messages between processes.
+Public: `acoustic.AcousticChannel`, `optical_channel.OpticalChannel`. It must not use the network that carries messages
+between processes.
 """

@@ -1,8 +1,9 @@
 """Acoustic modems on a shared channel: who receives a message, when, and which messages are lost.
 
-A message takes its time in the water and its time on the air. While a modem sends it receives nothing, and while it
-receives one message it misses another (collision), which disturbs it. Whether a message is whole is drawn from its
-signal to noise ratio. Time comes in as an argument; the same seed and the same calls give the same losses.
+A message needs its transmission time and its propagation time. While a modem sends, it cannot receive; while it
+receives one message, it loses any other (collision), which also adds noise to the first. Whether a message arrives
+without bit errors is drawn at random from its signal-to-noise ratio. Time is an argument of each call; the same seed
+and the same calls give the same losses.
 """
 
 from collections import Counter
@@ -17,18 +18,19 @@ from sim.modems.sound import Path, ambient_noise, paths, power, transmission_los
 from sim.sensors.error import ErrorModel, ErrorProcess, sensor_random
 
 NS = 1_000_000_000
-RECEIVED = "received"  # so far
-_NEGLIGIBLE = 1e-3  # of the noise: what is weaker disturbs nobody
+RECEIVED = "received"  # the outcome of a message that has not been lost so far
+_NEGLIGIBLE = 1e-3  # of the noise: weaker arrivals are ignored
 
 
 class AcousticModem(NamedTuple):
-    """A modem and the sea it works in. The defaults are Newcastle University's Nanomodem V3 (its published table).
+    """A modem and the sea around it. The defaults are Newcastle University's Nanomodem V3 (its published table).
 
-    `frequency` and `bandwidth` Hz, `bit_rate` bit/s, `source_level` dB re 1 uPa at 1 m, `longest` bytes a message.
-    Ours, not the table's: `overhead` s before the first bit (a chirp to detect, the header), `detection` dB
-    of signal to noise below which nothing is noticed. `spreading` 1 to 2, `wind` m/s, `shipping` 0 to 1: the sea's.
-    `bounces`: echoes from surface and bottom are received too, up to so many reflections, each of which costs
-    `surface_loss` or `bottom_loss` dB. `range_error` is that of a distance (m), measured with `assumed_speed` m/s.
+    `frequency` and `bandwidth` are in Hz, `bit_rate` in bit/s, `source_level` in dB re 1 uPa at 1 m, `longest` is the
+    greatest message in bytes. Our assumptions, not from the table: `overhead` (s) before the first bit (a chirp for
+    detection, the header), and `detection`, the signal-to-noise ratio (dB) below which a message is not detected. Of
+    the sea: `spreading` (1 cylindrical to 2 spherical), `wind` (m/s), `shipping` (0 to 1). Echoes with up to `bounces`
+    reflections at surface and bottom are received, too; each reflection loses `surface_loss` or `bottom_loss` dB.
+    `range_error` is the error of a distance (m), measured with `assumed_speed` (m/s).
     """
 
     frequency: Annotated[float, Range(1e3, 1e6, "Hz")] = 28_000.0
@@ -48,15 +50,15 @@ class AcousticModem(NamedTuple):
     assumed_speed: Annotated[float, Range(1300.0, 1700.0, "m/s")] = 1500.0
 
     def airtime_ns(self, size: int) -> int:
-        """Return how long a message of `size` bytes is on the air."""
+        """Return the transmission time (ns) of a message of `size` bytes."""
         return round((self.overhead + 8 * size / self.bit_rate) * NS)
 
 
 class Packet(NamedTuple):
     """A message that was received.
 
-    `sent_ns` is when its sender began, `received_ns` when its last bit was there; `snr` (dB) is that of signal to noise
-    and disturbance; `distance` (m) what two clocks that agree make of the time it took, errors included.
+    `sent_ns` is the time at which its sender began, `received_ns` that at which its last bit arrived. `snr` (dB) is the
+    ratio of signal to noise and interference. `distance` (m) is that measured by synchronised clocks, with errors.
     """
 
     sender: str
@@ -69,7 +71,7 @@ class Packet(NamedTuple):
 
 
 class _Arrival(NamedTuple):
-    """One way of one message to one receiver: begin and end there (ns), power over that of 1 uPa."""
+    """The arrival of one message at one receiver along one path: begin and end (ns), power relative to 1 uPa."""
 
     begin_ns: int
     end_ns: int
@@ -90,16 +92,17 @@ class _Arrival(NamedTuple):
 class AcousticChannel:
     """The water between modems, over a bottom at `depth` m. Calls must come in the order of time.
 
-    `counts`: sent, delivered, and why not: busy (the sender itself was still sending), too_long, too_weak,
-    shadowed (no ray of sound leads there), deaf (the receiver was sending), collided (with another), damaged
-    (bit errors).
+    `counts` has the numbers of messages sent and delivered, and of lost ones by cause: busy (the sender was still
+    sending), too_long, too_weak, shadowed (no sound ray reaches the receiver), deaf (the receiver was sending),
+    collided (with another message), damaged (bit errors).
 
-    Where the profile of `column` bends the rays (seawater/sound_rays.py) time and length of the direct way are
-    theirs. Echoes go straight, at the direct way's mean speed; in a shadow the shortest of them carries the message.
+    If the profile of `column` bends the rays (seawater/sound_rays.py), time and length of the direct path are those of
+    the ray. Echoes are straight, at the mean speed of the direct path; in a shadow the shortest echo carries the
+    message.
 
-    Vehicles stand still while a message is on its way: at 2 m/s over 1500 m that is 2 m. Bit errors are those of
-    orthogonal signals without a common phase, ½ exp(-Eb / 2 N0) (Proakis, Digital Communications), without error
-    correction. Not modelled: Doppler, fading, directivity, what stands in the way.
+    Vehicles do not move while a message is on its way; at 2 m/s over 1500 m this neglects 2 m. Bit errors are those of
+    noncoherent orthogonal signals, ½ exp(-Eb / 2 N0) (Proakis, Digital Communications), without error correction. Not
+    modelled: Doppler, fading, directivity, obstacles.
     """
 
     def __init__(self, modem: AcousticModem, depth: float, seed: int, column: WaterColumn | None = None) -> None:
@@ -111,16 +114,16 @@ class AcousticChannel:
         self._ranging = ErrorProcess(modem.range_error, 1.0, sensor_random(seed, "acoustic_ranging"))
         spectral = ambient_noise(modem.frequency, modem.wind, modem.shipping)
         self._noise = power(spectral + 10.0 * log10(modem.bandwidth))
-        self._sending: dict[str, list[tuple[int, int]]] = {}  # by modem: when it sends
-        self._arrivals: list[_Arrival] = []  # not yet judged, or may still disturb
-        self._outcomes: dict[tuple[int, str], str] = {}
-        self._busy_until_ns: dict[str, int] = {}  # by modem: until when it is taken by a message
+        self._sending: dict[str, list[tuple[int, int]]] = {}  # by modem: begin and end of its transmissions
+        self._arrivals: list[_Arrival] = []  # not yet decided, or may still interfere with others
+        self._outcomes: dict[tuple[int, str], str] = {}  # of each message at each receiver, so far
+        self._busy_until_ns: dict[str, int] = {}  # by modem: end of the message that it receives
         self._number = 0
         self.counts: Counter[str] = Counter()
 
-    def send(self, time_ns: int, sender: str, payload: bytes, places: Mapping[str, Vector3]) -> int:
-        """Send to all others in `places` (NED, m); return when it is through (ns), 0 if it cannot be sent."""
-        for name in places:
+    def send(self, time_ns: int, sender: str, payload: bytes, positions: Mapping[str, Vector3]) -> int:
+        """Send to all other modems in `positions` (NED, m); return the end of transmission (ns), 0 if not sent."""
+        for name in positions:
             self._sending.setdefault(name, [])
         own = self._sending[sender]
         if len(payload) > self._modem.longest:
@@ -133,57 +136,57 @@ class AcousticChannel:
         own.append((time_ns, end_ns))
         self._number += 1
         self.counts["sent"] += 1
-        for receiver, place in places.items():
+        for receiver, position in positions.items():
             if receiver != sender:
-                self._spread(time_ns, end_ns, sender, receiver, payload, places[sender], place)
+                self._add_arrivals(time_ns, end_ns, sender, receiver, payload, positions[sender], position)
         return end_ns
 
     def receive(self, time_ns: int) -> list[Packet]:
-        """Return the messages whose last bit has come by now, in that order."""
-        for arrival in sorted(self._arrivals):  # by their beginning: the first takes the receiver
+        """Return the messages whose last bit has arrived by now, in order of arrival."""
+        for arrival in sorted(self._arrivals):  # by their beginning: the first one occupies the receiver
             if arrival.direct and arrival.begin_ns <= time_ns and arrival.name not in self._outcomes:
                 self._outcomes[arrival.name] = self._begin(arrival)
-        over = [
+        ended = [
             a for a in self._arrivals if a.end_ns <= time_ns and self._outcomes.get(a.name) == RECEIVED and a.direct
         ]
-        judged = [self._judge(arrival) for arrival in sorted(over, key=_end)]
+        packets = [self._finish(arrival) for arrival in sorted(ended, key=_end)]
         self._remove_old(time_ns)
-        return [packet for packet in judged if packet]
+        return [packet for packet in packets if packet]
 
-    def _spread(
-        self, begin_ns: int, end_ns: int, sender: str, receiver: str, payload: bytes, source: Vector3, place: Vector3
+    def _add_arrivals(
+        self, begin_ns: int, end_ns: int, sender: str, receiver: str, payload: bytes, source: Vector3, position: Vector3
     ) -> None:
-        """Add an arrival with its time and power for each path of a message to one receiver."""
-        modem, speed = self._modem, self._sound_speed(source, place)
-        level = hypot(source[0] - place[0], source[1] - place[1])
-        depth = max(self._depth, source[2], place[2])
-        ways = paths(level, source[2], place[2], depth, modem.bounces)
+        """Add an arrival for each path of a message from `source` to the receiver at `position`."""
+        modem, speed = self._modem, self._sound_speed(source, position)
+        level = hypot(source[0] - position[0], source[1] - position[1])
+        depth = max(self._depth, source[2], position[2])
+        all_paths = paths(level, source[2], position[2], depth, modem.bounces)
         if self._rays is not None:
-            ray = self._rays.between(level, source[2], place[2])
+            ray = self._rays.between(level, source[2], position[2])
             if ray is None:
-                del ways[0]
+                del all_paths[0]
             elif ray.time > 0.0:
                 speed = ray.length / ray.time
-                ways[0] = Path(ray.length, 0, 0)
-            if not ways:
+                all_paths[0] = Path(ray.length, 0, 0)
+            if not all_paths:
                 self.counts["shadowed"] += 1
-        for path in ways:
+        for path in all_paths:
             loss = transmission_loss(path.length, modem.frequency, modem.spreading)
             loss += path.surface * modem.surface_loss + path.bottom * modem.bottom_loss
             received = power(modem.source_level - loss)
-            carries = path is ways[0]
-            if received < _NEGLIGIBLE * self._noise and not carries:
+            is_direct = path is all_paths[0]
+            if received < _NEGLIGIBLE * self._noise and not is_direct:
                 continue
-            late = round(path.length / speed * NS)
+            delay = round(path.length / speed * NS)
             self._arrivals.append(
                 _Arrival(
-                    begin_ns + late, end_ns + late, sender, receiver, self._number, received, carries,
+                    begin_ns + delay, end_ns + delay, sender, receiver, self._number, received, is_direct,
                     payload, begin_ns,
                 )
             )  # fmt: skip
 
     def _begin(self, arrival: _Arrival) -> str:
-        """Return what becomes of a message when its first bit arrives: RECEIVED, or why it is lost."""
+        """Return the outcome for a message whose first bit arrives: RECEIVED, or the cause of its loss."""
         receiver, outcome = arrival.receiver, RECEIVED
         if 10.0 * log10(arrival.power / self._noise) < self._modem.detection:
             outcome = "too_weak"
@@ -197,20 +200,20 @@ class AcousticChannel:
             self.counts[outcome] += 1
         return outcome
 
-    def _judge(self, arrival: _Arrival) -> Packet | None:
-        """Return the packet, if it was received whole; otherwise why not is counted."""
+    def _finish(self, arrival: _Arrival) -> Packet | None:
+        """Return the packet of a message whose last bit has arrived; if it is lost, count the cause and return None."""
         modem = self._modem
-        disturbance = sum(
+        interference = sum(
             other.power * _overlap(arrival, other)
             for other in self._arrivals
             if other.receiver == arrival.receiver and other is not arrival
         )
-        ratio = arrival.power / (self._noise + disturbance)
+        ratio = arrival.power / (self._noise + interference)
         bit_error = 0.5 * exp(-0.5 * ratio * modem.bandwidth / modem.bit_rate)
-        whole = (1.0 - bit_error) ** (8 * len(arrival.payload))
-        outcome = "delivered" if self._random.random() < whole else "damaged"
+        probability = (1.0 - bit_error) ** (8 * len(arrival.payload))  # of no bit error
+        outcome = "delivered" if self._random.random() < probability else "damaged"
         if any(begin < arrival.end_ns and arrival.begin_ns < end for begin, end in self._sending[arrival.receiver]):
-            outcome = "deaf"  # it began to send meanwhile
+            outcome = "deaf"  # the receiver began to send during the message
         self.counts[outcome] += 1
         self._outcomes[arrival.name] = outcome
         if outcome != "delivered":
@@ -220,15 +223,15 @@ class AcousticChannel:
         snr = 10.0 * log10(ratio)
         return Packet(arrival.sender, arrival.receiver, arrival.payload, arrival.sent_ns, arrival.end_ns, snr, distance)
 
-    def _sound_speed(self, source: Vector3, place: Vector3) -> float:
-        """Return the speed of sound (m/s) half way between the two."""
-        return self._column.sound_speed(0.5 * (source[2] + place[2])) if self._column else SOUND_SPEED
+    def _sound_speed(self, source: Vector3, position: Vector3) -> float:
+        """Return the speed of sound (m/s) at the mean depth of two positions."""
+        return self._column.sound_speed(0.5 * (source[2] + position[2])) if self._column else SOUND_SPEED
 
     def _remove_old(self, time_ns: int) -> None:
-        """Drop what can neither be received nor disturb any more."""
+        """Remove arrivals and transmissions that can neither be received nor interfere any more."""
         outcomes = self._outcomes
-        awaited = [a.begin_ns for a in self._arrivals if a.direct and outcomes.get(a.name, RECEIVED) == RECEIVED]
-        since = min(awaited, default=time_ns)
+        pending = [a.begin_ns for a in self._arrivals if a.direct and outcomes.get(a.name, RECEIVED) == RECEIVED]
+        since = min(pending, default=time_ns)
         self._arrivals = [a for a in self._arrivals if a.end_ns > since]
         names = {a.name for a in self._arrivals}
         self._outcomes = {name: outcome for name, outcome in outcomes.items() if name in names}
@@ -241,6 +244,6 @@ def _end(arrival: _Arrival) -> int:
 
 
 def _overlap(arrival: _Arrival, other: _Arrival) -> float:
-    """Return the share of `arrival` during which `other` arrives too."""
+    """Return the share of the duration of `arrival` during which `other` also arrives."""
     common = min(arrival.end_ns, other.end_ns) - max(arrival.begin_ns, other.begin_ns)
     return max(0, common) / max(arrival.end_ns - arrival.begin_ns, 1)

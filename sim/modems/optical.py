@@ -8,14 +8,14 @@ from hil.common.vectors import Vector3
 
 
 class OpticalModem(NamedTuple):
-    """A lamp and an eye on the same axis.
+    """A lamp and a detector on the same axis.
 
-    `bit_rate` bit/s; `half_angle` (rad) at which the lamp has half its intensity, `view` (rad) the half angle of what
-    the eye sees; `attenuation` 1/m of the water (beam attenuation: 0.15 clear ocean, 0.4 coast, 2.2 harbour are
-    Petzold's stations AUTEC 8, HAOCE 11 and NUC 2040, SIO Ref. 72-78, 1972, read in github.com/tishibashi-cpu/jerlov;
-    0.056 for pure sea water is commonly given; not read in a source). `reach` (m) is how far it gets in clear ocean
-    water head on, where one packet in two of 128 bytes is whole. Rates and angles are in the middle of what makers
-    offer.
+    `bit_rate` is in bit/s; `half_angle` (rad) is the angle at which the lamp has half its intensity, `view` (rad) the
+    half angle of the detector's field of view. `attenuation` (1/m) is the beam attenuation of the water: 0.15 clear
+    ocean, 0.4 coast, 2.2 harbour are Petzold's stations AUTEC 8, HAOCE 11 and NUC 2040 (SIO Ref. 72-78, 1972, read in
+    github.com/tishibashi-cpu/jerlov); 0.056 for pure sea water is commonly given, but was not read in a source.
+    `reach` (m) is the distance in clear ocean water, with both aligned, at which half of the packets of 128 bytes
+    arrive. Rates and angles are in the middle of what manufacturers offer.
     """
 
     bit_rate: Annotated[float, Range(1.0, 1e9)] = 1e6
@@ -25,22 +25,22 @@ class OpticalModem(NamedTuple):
     reach: Annotated[float, Range(0.1, 500.0, "m")] = 20.0
 
     def airtime_ns(self, size: int) -> int:
-        """Return how long a message of `size` bytes takes; light's own way does not count."""
+        """Return the transmission time (ns) of a message of `size` bytes; the propagation time is neglected."""
         return round(8e9 * size / self.bit_rate)
 
 
-_CLEAR = 0.15  # 1/m: the water that `reach` is meant for
+_CLEAR = 0.15  # 1/m: attenuation of the water for which `reach` is given
 _REFERENCE_BITS = 8 * 128
 
 
-def bit_error(modem: OpticalModem, source: Vector3, ahead: Vector3, place: Vector3, axis: Vector3) -> float:
-    """Return the share of bits that arrive wrong, 0.5 if nothing is seen.
+def bit_error(modem: OpticalModem, source: Vector3, ahead: Vector3, position: Vector3, axis: Vector3) -> float:
+    """Return the bit error rate from `source` to `position` (NED, m); 0.5 without any light.
 
-    From `source` (NED, m), whose lamp points `ahead`, to `place`, whose eye `axis` (unit vectors, NED). A Lambertian
-    lamp, Beer's law and the inverse square (Kaushal & Kaddoum, IEEE Access 4, 2016), on-off keying in constant noise:
-    ½ exp(-½ q²), q proportional to the light. Not modelled: scattering, sunlight, what stands in the way.
+    The lamp points along `ahead`, the detector along `axis` (unit vectors, NED). The lamp is Lambertian, with Beer's
+    law and the inverse square law (Kaushal & Kaddoum, IEEE Access 4, 2016). On-off keying in constant noise has the
+    error rate ½ exp(-½ q²), q proportional to the light. Not modelled: scattering, sunlight, obstacles.
     """
-    offset = tuple(b - a for a, b in zip(source, place, strict=True))
+    offset = tuple(b - a for a, b in zip(source, position, strict=True))
     distance = max(sqrt(sum(x * x for x in offset)), 1e-3)
     out = sum(a * b for a, b in zip(ahead, offset, strict=True)) / distance
     back = -sum(a * b for a, b in zip(axis, offset, strict=True)) / distance
@@ -53,12 +53,12 @@ def bit_error(modem: OpticalModem, source: Vector3, ahead: Vector3, place: Vecto
 
 
 def packet_arrives(errors: float, size: int, draw: float) -> bool:
-    """Return whether a message of `size` bytes is whole at this share of wrong bits; `draw` is uniform in [0, 1)."""
+    """Return True if a message of `size` bytes has no error at this bit error rate; `draw` is uniform in [0, 1)."""
     return draw < float((1.0 - errors) ** (8 * size))
 
 
 def quality(errors: float) -> float:
-    """Return q, the amplitude ratio of signal to noise, of a share of wrong bits; the inverse of ½ exp(-½ q²)."""
+    """Return q, the amplitude ratio of signal to noise, of a bit error rate: the inverse of ½ exp(-½ q²)."""
     return sqrt(-2.0 * log(2.0 * max(errors, 1e-300))) if errors < 0.5 else 0.0
 
 
@@ -67,5 +67,5 @@ def _light(distance: float, attenuation: float) -> float:
 
 
 def _quality_at_reach() -> float:
-    """Return q where half the packets of 128 bytes are whole."""
+    """Return the q at which half of the packets of 128 bytes arrive without error."""
     return quality(1.0 - 0.5 ** (1.0 / _REFERENCE_BITS))

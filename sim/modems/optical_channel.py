@@ -1,7 +1,7 @@
 """Optical modems on a shared channel: who receives a message, and which messages are lost.
 
-The calls are those of `sim.modems.acoustic.AcousticChannel`, but for where vehicles are: light needs to know where they
-look, too.
+The interface is that of `sim.modems.acoustic.AcousticChannel`, except that `send` needs the attitude of the vehicles,
+too.
 """
 
 from collections import Counter
@@ -15,8 +15,8 @@ from sim.modems.optical import OpticalModem, bit_error, packet_arrives, quality
 from sim.rotations import rotate
 from sim.sensors.error import sensor_random
 
-HEADS = 4  # lamps with an eye each, evenly round a vehicle, the first one ahead
-_UNSEEN = 0.4  # of the bits wrong: no light to speak of
+HEADS = 4  # lamps with a detector each, evenly around a vehicle, the first one ahead
+_UNDETECTED = 0.4  # bit error rate above which the light is not detected
 
 
 class Pose(NamedTuple):
@@ -27,46 +27,48 @@ class Pose(NamedTuple):
 
 
 class OpticalChannel:
-    """The water between vehicles with four heads each: ahead, to starboard, astern, to port. Calls in order of time.
+    """The water between vehicles with four heads each: ahead, to starboard, astern, to port.
 
-    A message goes out of all heads; the best pair of heads decides. `counts`: sent, delivered, and why not: busy (the
-    sender itself was still sending), too_weak (no light), damaged. Not modelled: two lights at once in one eye, which
-    takes a slot of time each to avoid, and what `bit_error` leaves out.
+    Calls must come in the order of time. All heads send a message; the best pair of heads decides. `counts` has the
+    numbers of messages sent and delivered, and of lost ones by cause: busy (the sender was still sending), too_weak (no
+    light), damaged. Not modelled: interference of two lamps in one detector, which time slots avoid, and the effects
+    that `bit_error` does not model.
     """
 
     def __init__(self, modem: OpticalModem, seed: int) -> None:
         self._modem = modem
         self._random = sensor_random(seed, "optical_channel")
-        self._through: dict[str, int] = {}  # by modem: when it has sent all
+        self._busy_until_ns: dict[str, int] = {}  # by modem: end of its transmission
         self._in_flight: list[Packet] = []
         self.counts: Counter[str] = Counter()
 
-    def send(self, time_ns: int, sender: str, payload: bytes, places: Mapping[str, Pose]) -> int:
-        """Send to all others in `places`; return when it is through (ns), 0 if it cannot be sent."""
-        if self._through.get(sender, 0) > time_ns:
+    def send(self, time_ns: int, sender: str, payload: bytes, poses: Mapping[str, Pose]) -> int:
+        """Send to all other modems in `poses`; return the end of transmission (ns), 0 if not sent."""
+        if self._busy_until_ns.get(sender, 0) > time_ns:
             self.counts["busy"] += 1
             return 0
-        end_ns = self._through[sender] = time_ns + self._modem.airtime_ns(len(payload))
+        end_ns = self._busy_until_ns[sender] = time_ns + self._modem.airtime_ns(len(payload))
         self.counts["sent"] += 1
-        for receiver, place in places.items():
+        for receiver, pose in poses.items():
             if receiver != sender:
-                self._judge(Packet(sender, receiver, payload, time_ns, end_ns, nan, nan), places[sender], place)
+                self._transmit(Packet(sender, receiver, payload, time_ns, end_ns, nan, nan), poses[sender], pose)
         return end_ns
 
     def receive(self, time_ns: int) -> list[Packet]:
-        """Return the messages whose last bit has come by now, in that order."""
-        there = [packet for packet in self._in_flight if packet.received_ns <= time_ns]
+        """Return the messages whose last bit has arrived by now, in order of arrival."""
+        arrived = [packet for packet in self._in_flight if packet.received_ns <= time_ns]
         self._in_flight = [packet for packet in self._in_flight if packet.received_ns > time_ns]
-        return sorted(there, key=_arrival_ns)
+        return sorted(arrived, key=_arrival_ns)
 
-    def _judge(self, packet: Packet, source: Pose, place: Pose) -> None:
+    def _transmit(self, packet: Packet, source: Pose, receiver: Pose) -> None:
+        """Decide whether a packet arrives, and count the outcome."""
         errors = min(
-            bit_error(self._modem, source.position, ahead, place.position, axis)
+            bit_error(self._modem, source.position, ahead, receiver.position, axis)
             for ahead in _heads(source)
-            for axis in _heads(place)
+            for axis in _heads(receiver)
         )
         outcome = "damaged"
-        if errors > _UNSEEN:
+        if errors > _UNDETECTED:
             outcome = "too_weak"
         elif packet_arrives(errors, len(packet.payload), self._random.random()):
             outcome = "delivered"

@@ -7,31 +7,30 @@ from collections.abc import Iterator
 from math import hypot, log10, sqrt
 from typing import NamedTuple
 
-_NEAR = 1.0  # m: what a source level refers to; nearer than that nothing is lost
+_REFERENCE = 1.0  # m: the distance of a source level; there is no loss below it
 
 
 def thorp_absorption(frequency: float) -> float:
     """Return dB/m at a frequency (Hz): Thorp's formula (J. Acoust. Soc. Am. 42, 1967), as in Brekhovskikh & Lysanov.
 
-    The constants were read in ns-3 (uan-prop-model-thorp.cc), which takes them from 400 Hz on. Sea water of about 4 °C,
-    up to some 50 kHz (commonly given; not read in a source); above that it is used for want of a simple one that is
-    better.
+    The constants were read in ns-3 (uan-prop-model-thorp.cc), which uses them from 400 Hz on. The formula is for sea
+    water of about 4 °C up to some 50 kHz (commonly given; not read in a source); it is used above that, too.
     """
     f2 = (frequency / 1000.0) ** 2
     return (0.11 * f2 / (1.0 + f2) + 44.0 * f2 / (4100.0 + f2) + 2.75e-4 * f2 + 0.003) / 1000.0
 
 
 def transmission_loss(distance: float, frequency: float, spreading: float) -> float:
-    """Return the loss (dB) over a distance (m): absorption, and `spreading` 2 spherical, 1 cylindrical."""
-    path_length = max(distance, _NEAR)
-    return 10.0 * spreading * log10(path_length) + thorp_absorption(frequency) * (path_length - _NEAR)
+    """Return the loss (dB) over a distance (m): absorption and spreading (2 spherical, 1 cylindrical)."""
+    path_length = max(distance, _REFERENCE)
+    return 10.0 * spreading * log10(path_length) + thorp_absorption(frequency) * (path_length - _REFERENCE)
 
 
 def ambient_noise(frequency: float, wind: float, shipping: float) -> float:
-    """Return the sea's spectral level at a frequency (Hz) under `wind` (m/s) and `shipping` (0 none to 1 much).
+    """Return the noise spectral level of the sea at a frequency (Hz), `wind` (m/s) and `shipping` (0 none to 1 much).
 
-    Turbulence, ships, waves and heat after Wenz (J. Acoust. Soc. Am. 34, 1962), in the formulas of Coates (1990) that
-    Stojanovic (WUWNet 2006) made usual; the constants were read in ns-3 (uan-noise-model-default.cc).
+    The sum of turbulence, ships, waves and thermal noise after Wenz (J. Acoust. Soc. Am. 34, 1962), in the formulas of
+    Coates (1990), as in Stojanovic (WUWNet 2006); the constants were read in ns-3 (uan-noise-model-default.cc).
     """
     f = frequency / 1000.0
     parts = (
@@ -49,7 +48,7 @@ def power(level: float) -> float:
 
 
 class Path(NamedTuple):
-    """One way of the sound: its length (m), and how often it met the surface and the bottom."""
+    """One path of sound: its length (m), and its numbers of reflections at the surface and the bottom."""
 
     length: float
     surface: int
@@ -57,10 +56,10 @@ class Path(NamedTuple):
 
 
 def paths(level_distance: float, source_depth: float, receiver_depth: float, depth: float, bounces: int) -> list[Path]:
-    """Return the direct way and those with up to `bounces` reflections, in water of `depth` m over a level bottom.
+    """Return the direct path and those with up to `bounces` reflections, the shortest first.
 
-    By image sources (Jensen et al., Computational Ocean Acoustics, 2.4.4): the source is mirrored at surface and
-    bottom in turn. The shortest is first.
+    The water is `depth` m deep, with a level bottom. Image sources are used (Jensen et al., Computational Ocean
+    Acoustics, 2.4.4): the source is mirrored at surface and bottom alternately.
     """
     arrivals = [
         Path(hypot(level_distance, image - receiver_depth), surface, bottom)
@@ -71,7 +70,7 @@ def paths(level_distance: float, source_depth: float, receiver_depth: float, dep
 
 
 def _images(source: float, depth: float, bounces: int) -> Iterator[tuple[float, int, int]]:
-    """Yield depths of the images, and how often their sound met surface and bottom."""
+    """Yield the depths of the image sources, and their numbers of reflections at surface and bottom."""
     for turn in range(bounces + 1):
         around = 2.0 * turn * depth
         yield source + around, turn, turn  # leaves upwards, comes from below; no bounce at all for turn 0

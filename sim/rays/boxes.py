@@ -1,4 +1,4 @@
-"""Boxes around the solids of a scene, by which others find where to look for them."""
+"""Bounding boxes of the solids of a scene, with which `splitting` finds small objects."""
 
 from array import array
 from typing import Any, NamedTuple
@@ -10,11 +10,11 @@ from sim.rays.geometry import Geometry
 from sim.rays.solids import BOX, CYLINDER, KIND, MESH, POSITION, REACH, ROOT, ROTATION, ROW, SIZES, SPHERE
 from sim.rays.tree import NODE
 
-_MOST = 256  # boxes of a mesh
+_MAX_BOXES = 256  # of a mesh
 
 
 class Boxes(NamedTuple):
-    """The object of each box, a corner of it (NED, m), and its three sides from there (n x 3 x 3)."""
+    """Boxes: the object of each (n), one of its corners (NED, m; n x 3), and its three edges from there (n x 3 x 3)."""
 
     object: NDArray[np.int64]
     corner: NDArray[np.float64]
@@ -22,9 +22,9 @@ class Boxes(NamedTuple):
 
 
 def boxes_within(geometry: Geometry, trees: dict[int, NDArray[np.float64]], place: Any, reach: float) -> Boxes:
-    """Return the boxes around all solids but half spaces, cut to what is within about `reach` m of `place`.
+    """Return the boxes of all solids except half spaces, clipped to about `reach` m around `place` (NED, m).
 
-    `trees` stores the boxes of meshes, by their root, from one call to the next.
+    `trees` is a cache of the boxes of meshes, by the number of their root node.
     """
     rows = np.frombuffer(geometry.solids).reshape(-1, ROW) if len(geometry.solids) else np.empty((0, ROW))
     north, east = rows[:, POSITION] - place[0], rows[:, POSITION + 1] - place[1]
@@ -55,7 +55,7 @@ def boxes_within(geometry: Geometry, trees: dict[int, NDArray[np.float64]], plac
 def _extent(
     row: NDArray[np.float64], nodes: "array[float]", trees: dict[int, NDArray[np.float64]]
 ) -> NDArray[np.float64] | None:
-    """Return the least and greatest x, y, z of a solid's parts in its own axes, a row each; None for a half space."""
+    """Return rows of least and greatest x, y, z of a solid's parts, in its own axes; None for a half space."""
     kind, sizes = int(row[KIND]), row[SIZES:ROOT]
     if kind == SPHERE:
         return np.repeat([[-sizes[0], sizes[0]]], 3, axis=1)
@@ -72,9 +72,9 @@ def _extent(
 
 
 def _parts(nodes: "array[float]", root: int) -> NDArray[np.float64]:
-    """Return the boxes of a tree, level by level down to `_MOST` of them or its leaves."""
+    """Return the boxes of a tree, level by level, down to `_MAX_BOXES` of them or to its leaves."""
     level, done = [root], list[int]()
-    while level and len(done) + 2 * len(level) <= _MOST:
+    while level and len(done) + 2 * len(level) <= _MAX_BOXES:
         below = []
         for node in level:
             place, count = nodes[NODE * node + 6], nodes[NODE * node + 7]

@@ -21,11 +21,11 @@ class Geometry(NamedTuple):
 
 
 class Hits(NamedTuple):
-    """Hit of each ray: distance (m, inf for none), place (NED, m), the surface's unit normal there, and the object.
+    """The hit of each ray: distance (m, inf for none), point (NED, m), unit normal of the surface, and object.
 
-    Three numbers a ray in `points` and `normals`, nan for nothing. An object is NOTHING, SEABED or a number of the
-    scene. Arrays of doubles (of a PictureScene numpy's of 32-bit floats) and of 32-bit integers; numpy.asarray takes
-    them as they are.
+    `points` and `normals` have three numbers a ray, nan without a hit. An object is NOTHING, SEABED or a number of the
+    scene. The arrays are of doubles (in a PictureScene numpy arrays of 32-bit floats) and of 32-bit integers;
+    numpy.asarray uses them without copying.
     """
 
     distances: "array[float]"

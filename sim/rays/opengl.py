@@ -1,9 +1,10 @@
-"""Cast all rays of a camera picture at once by OpenGL, rasterised off screen.
+"""Cast all rays of a camera picture at once with OpenGL, by off-screen rasterisation.
 
-For large pictures, by a graphics card or Mesa's software in its place. EGL gives the context, so no window system is
-needed. The seabed is that part of the grid which the camera may see; solids stand where they are at that instant.
-Numbers are 32-bit floats: distances are those of the rays to a part in 10 000; at the outlines of things a pixel may be
-on the other side, and of two things equally far the other may be met. A cell in view costs as much as ten pixels.
+It is meant for large pictures, on a graphics card or with Mesa's software renderer. The context is made by EGL, so no
+window system is needed. Only the part of the seabed's grid that the camera may see is drawn; solids are drawn at their
+present positions. Numbers are 32-bit floats: distances agree with those of the rays to a part in 10 000. At outlines of
+objects a pixel may show the other side, and of two objects at the same distance it may show the other one. A visible
+cell of the grid costs as much as ten pixels.
 """
 
 from collections.abc import Sequence
@@ -30,18 +31,19 @@ Floats = NDArray[np.float64]
 Integers = NDArray[np.int64]
 
 _KEY = 'sensors: camera: renderer = "opengl"'
-MOST_WIDER = 6  # times as many pixels as the picture has
-MOST_STRETCH = 1.5  # of a distance within half a pixel
+MAX_WIDER = 6  # ratio of the pixels of an undistorted picture to those of the picture
+MAX_STRETCH = 1.5  # ratio of distances within half a pixel
 _UNKNOWN = -1e6  # m: the depth of a node without data
 _SOLID = "3f 9f 3f 3f 3f/i"  # position, rotation, low, high; radius, kind, number
 
 
 class PictureScene(RayScene):
-    """A RayScene for one camera: `width` x `height` square pixels, `focal` of them long, the axis through the middle.
+    """A RayScene for one camera with `width` x `height` square pixels, a focal length of `focal` pixels, and its axis
+    through the middle.
 
-    With a `lens` that distorts, its unit vectors (n x 3), a picture without distortion is drawn that has all it
-    sees; each of its rays then ends where it meets the plane of what the nearest pixel of that picture shows. To be
-    asked by the thread that made it. Raises MissingExtraError without moderngl, ConfigError without OpenGL.
+    For a distorting `lens`, given by its unit vectors (n x 3), an undistorted picture of its whole field of view is
+    drawn; each ray of the lens then ends on the plane of the surface in the nearest pixel of that picture. Use it only
+    in the thread that made it. Raises MissingExtraError without moderngl, ConfigError without OpenGL.
     """
 
     def __init__(self, world: World, width: int, height: int, focal: float, lens: Any = None) -> None:
@@ -69,7 +71,7 @@ class PictureScene(RayScene):
     ) -> Hits:
         """Return hits as RayScene.hits does, in 32-bit floats; `directions` must be those of the camera's pixels.
 
-        Raises ConfigError where more of a terrain is within `reach` than a texture takes.
+        Raises ConfigError if more of a terrain is within `reach` than fits in a texture.
         """
         geometry = self._present(origin, reach)
         terrain, at = geometry.terrain, np.array(origin)
@@ -92,7 +94,7 @@ class PictureScene(RayScene):
         return Hits(distances, points.T, drawn[:, :3], objects)
 
     def _draw(self, geometry: Geometry, at: Floats, turned: Floats, reach: float) -> None:
-        """Draw the view from `at` into both pictures of the frame; `turned` is the camera's axes in the world's."""
+        """Draw the view from `at` into both textures of the frame; `turned` is from camera to world axes."""
         context = self._context
         for program in (self._planes, self._seabed, self._primitive, self._mesh):
             program["rotation"], program["reach"] = tuple(turned.T.ravel()), reach
@@ -101,7 +103,7 @@ class PictureScene(RayScene):
         rows[:, POSITION:ROTATION] -= at
         self._frame.use()
         context.enable_only(context.DEPTH_TEST)
-        context.depth_func = "1"  # the first covers all
+        context.depth_func = "1"  # the first pass covers all pixels
         self._draw_planes(geometry, rows, at)
         context.depth_func = "<"
         if geometry.terrain:
@@ -118,15 +120,15 @@ class PictureScene(RayScene):
         if geometry.terrain is None:
             planes = np.vstack([[0.0, 0.0, -1.0, geometry.depth - at[2]], planes])
             numbers = np.insert(numbers, 0, SEABED)
-        texels = np.zeros((2, len(planes) + 1, 4), np.float32)  # the last is never met
+        texels = np.zeros((2, len(planes) + 1, 4), np.float32)  # no ray hits the last one
         texels[:, -1, 3] = 1.0
         texels[0, :-1], texels[1, :-1, 0] = planes, numbers
-        texture = self._context.texture((len(planes) + 1, 2), 4, texels, dtype="f4")  # as long as it has a name
+        texture = self._context.texture((len(planes) + 1, 2), 4, texels, dtype="f4")  # exists while it is referenced
         texture.use()
         self._context.vertex_array(self._planes, []).render(vertices=3)
 
     def _draw_seabed(self, geometry: Geometry, terrain: Terrain, at: Floats, turned: Floats, reach: float) -> None:
-        """Draw the part of the grid that may be seen, and what is about it; its cells without data as solids."""
+        """Draw the visible part of the grid and the flat seabed around it; cells without data are drawn as solids."""
         grid, context = terrain.grid, self._context
         low, high = self._bounds(turned, reach)
         x, y = terrain.coordinates(at[0], at[1])
@@ -148,7 +150,7 @@ class PictureScene(RayScene):
         self._draw_solids(walls, np.full(len(walls), SEABED))
 
     def _bounds(self, turned: Floats, reach: float) -> tuple[Floats, Floats]:
-        """Return the least and the greatest place (m from the camera, NED) that it may see."""
+        """Return the lower and upper bounds (m from the camera, NED) of the points that it may see."""
         right, down = 0.5 * self._size[0] / self._focal, 0.5 * self._size[1] / self._focal
         corners = [(1.0, x * right, y * down) for x, y in product((-1.0, 1.0), repeat=2)]
         places = reach * np.array([(0.0, 0.0, 0.0), *corners]) @ turned.T
@@ -166,7 +168,7 @@ class PictureScene(RayScene):
             mesh.render(vertices=vertices)
 
     def _load(self, solid: Solid) -> "tuple[VertexArray, int]":
-        """Return a mesh, each corner with the triangle's normal and where it is in a net, and how many corners."""
+        """Return the vertex array of a mesh (corner, normal, position in a net's lattice) and its number of corners."""
         corners = np.array(solid.triangles)
         across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         length = np.sqrt((across * across).sum(axis=1))
@@ -179,7 +181,7 @@ class PictureScene(RayScene):
         return self._context.vertex_array(self._mesh, content), 3 * len(data)
 
     def _draw_solids(self, rows: Floats, numbers: NDArray[np.int64]) -> None:
-        """Draw spheres, cylinders and boxes, the far sides of a box around each."""
+        """Draw spheres, cylinders and boxes, by the far sides of the bounding box of each."""
         if not len(rows):
             return
         context = self._context
@@ -191,35 +193,35 @@ class PictureScene(RayScene):
 
 
 def straightened(lens: Floats, pixels: int, focal: float) -> tuple[tuple[int, int], Integers]:
-    """Return the size of an undistorted picture that has all that a lens sees, and which of its pixels is nearest.
+    """Return the size of an undistorted picture with the field of view of a lens, and its nearest pixel for each ray.
 
-    `lens` are unit vectors (n x 3) of the `pixels`. Raises ConfigError for one that sees too far to the sides.
+    `lens` are the unit vectors (n x 3) of the `pixels`. Raises ConfigError for a too wide field of view.
     """
     ends = lens[:, 1:] / np.maximum(lens[:, :1], 1e-3) * focal
     half = np.ceil(np.abs(ends).max(axis=0)).astype(int) + 1
     width, height = (2 * half + 1).tolist()
-    if width * height > MOST_WIDER * pixels or lens[:, 0].min() <= 0.0:
+    if width * height > MAX_WIDER * pixels or lens[:, 0].min() <= 0.0:
         raise ConfigError(f'{_KEY}: this lens sees too far to the sides; take renderer = "rays", or less distortion')
     columns, rows = np.rint(ends + half).astype(np.int64).T
     return (width, height), rows * width + columns
 
 
 def along_plane(normals: Any, one: Any, other: Any) -> Any:
-    """Return how much longer rays `other` (3 x n) are than `one` (3 x n), n x 3 `normals` being of the same planes.
+    """Return the ratio of lengths of rays `other` (3 x n) to rays `one` (3 x n) up to planes with `normals` (n x 3).
 
-    1 where the plane is nearly along the ray: what is beyond the surface's edge is not known.
+    1 where the plane is nearly parallel to the ray, because the surface may end before.
     """
     down, across = np.einsum("ri,ir->r", normals, one), np.einsum("ri,ir->r", normals, other)
     with np.errstate(all="ignore"):
         ratio = down / across
-    return np.where((ratio > 1.0 / MOST_STRETCH) & (ratio < MOST_STRETCH), ratio, np.float32(1.0))
+    return np.where((ratio > 1.0 / MAX_STRETCH) & (ratio < MAX_STRETCH), ratio, np.float32(1.0))
 
 
 def nodes(at: float, count: int, spacing: float, low: float, high: float, far: float) -> tuple[Integers, Floats]:
-    """Return which nodes of an axis are about `low` to `high` m from the camera, and how far each is from it (m).
+    """Return the nodes of an axis that are about `low` to `high` m from the camera, and their distances from it (m).
 
-    The camera is at node `at`, not rounded, of `count` every `spacing` m. Beyond the grid come two more at either end,
-    one upon the edge and one `far` m off: the step down to the flat seabed, and that.
+    The camera is at node `at` (not rounded) of `count` nodes with `spacing` m between them. At each end of the grid two
+    nodes are added, one at the edge and one `far` m away: the step to the flat seabed, and the flat seabed.
     """
     first = min(max(floor(at + low / spacing), -2), count)
     last = max(min(ceil(at + high / spacing), count + 1), -1)
@@ -243,7 +245,7 @@ def window(terrain: Terrain, outside: float, rows: Integers, columns: Integers) 
 
 
 def columns_without_data(unknown: NDArray[np.bool_], north: Floats, east: Floats, far: float) -> Floats:
-    """Return rows of boxes, `far` m up and down, on the cells about the `unknown` nodes, not those among others."""
+    """Return rows of boxes, from `far` m above to below, on cells with an `unknown` node; without the inner cells."""
     cells = unknown[:-1, :-1] | unknown[:-1, 1:] | unknown[1:, :-1] | unknown[1:, 1:]
     cells &= (np.diff(north) > 0.0)[:, None] & (np.diff(east) > 0.0)
     around = np.pad(cells, 1, mode="edge")
@@ -256,7 +258,7 @@ def columns_without_data(unknown: NDArray[np.bool_], north: Floats, east: Floats
 
 
 def instances(rows: Floats, numbers: Integers) -> NDArray[np.float32]:
-    """Return what the program for solids takes of each: position, rotation, the box around it; radius, kind, number."""
+    """Return the input of the program for solids: position, rotation, bounding box, radius, kind, number of each."""
     sizes, kind = rows[:, SIZES:ROOT], rows[:, KIND : KIND + 1]
     low = np.where(kind == BOX, sizes[:, 0::2], -sizes[:, :1])
     high = np.where(kind == BOX, sizes[:, 1::2], sizes[:, :1])
@@ -266,7 +268,7 @@ def instances(rows: Floats, numbers: Integers) -> NDArray[np.float32]:
 
 
 def _cube() -> NDArray[np.float32]:
-    """Return its twelve triangles, their corners clockwise as seen from outside."""
+    """Return the twelve triangles of a unit cube, with corners clockwise as seen from outside."""
     corners = []
     for axis, side in product(range(3), (0.0, 1.0)):
         square = [np.insert(np.array(pair), axis, side) for pair in ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0))]
@@ -276,14 +278,14 @@ def _cube() -> NDArray[np.float32]:
 
 @lru_cache(maxsize=1)
 def open_context() -> "Context":
-    """Return the one context of all cameras of the process."""
+    """Return the OpenGL context that all cameras of the process share. Raises MissingExtraError, ConfigError."""
     try:
         import moderngl
     except ImportError:
         raise MissingExtraError(f"{_KEY} needs moderngl: pip install 'uuv-hil[opengl]'") from None
     try:
         context = moderngl.create_context(require=330, standalone=True, backend="egl")  # type: ignore[arg-type]
-    except Exception as error:  # noqa: BLE001 - which is what it raises
+    except Exception as error:  # noqa: BLE001 - moderngl raises a plain Exception
         remedy = 'apt install libegl1 libgl1 libgl1-mesa-dri, or renderer = "rays"'
         raise ConfigError(f"{_KEY}: no OpenGL 3.3 by EGL here ({error}): {remedy}") from None
     context.gc_mode = "auto"

@@ -1,7 +1,7 @@
 """GLSL shaders of the OpenGL ray engine: each program draws one kind of solid.
 
-All places are m from the camera along the world's axes. Triangles only decide which pixels a thing may be on; where the
-pixel's ray meets it is then computed as in sim/rays/single.py and sim/rays/seabed.py, in 32-bit floats.
+All positions are in m from the camera along the world's axes. Triangles only select the pixels that an object may
+cover; the hit of the pixel's ray is then computed as in sim/rays/single.py and sim/rays/seabed.py, in 32-bit floats.
 """
 
 from typing import NamedTuple
@@ -49,7 +49,7 @@ void meet(float way, vec3 normal, int what) {{
 }}
 """
 
-# All half spaces at once, over the whole picture; what has none gets NOTHING, so that nothing need be cleared.
+# All half spaces at once, over the whole picture. Pixels without a hit get NOTHING, so no texture has to be cleared.
 PLANES = Program(
     """
 #version 330
@@ -74,8 +74,8 @@ void main() {{
 """,
 )
 
-# A strip of cells an instance, two triangles a cell, with the diagonal that lies higher: they are the roof over the
-# bilinear surface and meet it at the cell's edges, so that each ray that meets it passes them in the same cell.
+# An instance is a strip of cells with two triangles each, divided by the higher diagonal. So the triangles are above
+# the bilinear surface and meet it at the cell's edges: each ray that hits the surface passes them in the same cell.
 SEABED = Program(
     f"""{_PROJECTION}
 uniform sampler2D depths;  // m below the camera, a row a row of nodes
@@ -143,7 +143,7 @@ void main() {{
 """,
 )
 
-# The far sides of the box around each sphere, cylinder or box: one fragment a pixel, also from within.
+# The far sides of the bounding box of each sphere, cylinder or box: one fragment a pixel, also from inside.
 SOLIDS = Program(
     f"""{_PROJECTION}
 in vec3 corner;      // of the box, 0 or 1

@@ -1,4 +1,4 @@
-"""Pieces of pipelines and cables about a sensor, as cylinders: the rays of a sensor meet no others."""
+"""Pieces of pipelines and cables near a sensor, as cylinders. Pieces beyond the sensor's reach are left out."""
 
 from array import array
 from collections.abc import Sequence
@@ -8,25 +8,25 @@ from hil.common.vectors import Vector3
 from sim.environment.world import World
 from sim.rays.solids import POSITION, ROW, Solid, cylinder
 
-_MARGIN = 30.0  # m beyond a sensor's reach: it goes so far before pieces are looked for again
-_JOINT = 0.1  # diameters that a piece is longer at both ends, so that bends have no gaps
-_FAR = 1e9  # m: where rows are that stand for nothing
-_LEAST_ROWS = 32
+_MARGIN = 30.0  # m beyond a sensor's reach: a sensor can move this far before pieces are searched again
+_JOINT = 0.1  # diameters by which a piece is longer at both ends, so that bends have no gaps
+_FAR = 1e9  # m: position of unused rows
+_MIN_ROWS = 32
 
 
 class NearPipes:
-    """The pieces near a place, as rows of a scene: `rows` of ROW numbers, those that stand for nothing far away.
+    """The pieces near a position, as `rows` of a scene with ROW numbers each; unused rows are far away.
 
-    Each row names whose piece it is: the number of the pipeline among the objects, the first of which is `first`.
+    Each row contains the object number of its pipeline; that of the first pipeline is `first`.
     """
 
     def __init__(self, world: World, first: int) -> None:
         self._world, self._first = world, first
         self._place, self._within = (inf, inf), 0.0
-        self.rows = _nothing(_LEAST_ROWS)
+        self.rows = _unused_rows(_MIN_ROWS)
 
-    def follow(self, origin: Sequence[float], reach: float) -> bool:
-        """Look for the pieces within `reach` m of `origin`, or of several, one after another; True for other rows."""
+    def update(self, origin: Sequence[float], reach: float) -> bool:
+        """Find the pieces within `reach` m of one or more origins (3 numbers each); return True if `rows` changed."""
         north, east = origin[0], origin[1]
         if len(origin) > 3:
             norths, easts = origin[0::3], origin[1::3]
@@ -44,28 +44,28 @@ class NearPipes:
             for one, other in pipeline.pieces(self._world.seabed, self._world.spacing(), north, east, self._within)
             for row in piece(one, other, 0.5 * pipeline.diameter).numbers(number)
         ]
-        wanted = max(_LEAST_ROWS, len(self.rows) // ROW, len(made) // ROW)
-        found = array("d", made)
-        found.extend(_nothing(wanted - len(made) // ROW))
-        changed = found != self.rows
-        self.rows = found
+        count = max(_MIN_ROWS, len(self.rows) // ROW, len(made) // ROW)
+        rows = array("d", made)
+        rows.extend(_unused_rows(count - len(made) // ROW))
+        changed = rows != self.rows
+        self.rows = rows
         return changed
 
 
 def piece(one: Vector3, other: Vector3, radius: float) -> Solid:
-    """Return the cylinder between two places (NED, m), a little longer."""
+    """Return the cylinder between two points (NED, m), longer by `_JOINT` at both ends."""
     x, y, z = (b - a for a, b in zip(one, other, strict=True))
     length = sqrt(x * x + y * y + z * z) or 1.0
     x, y, z = x / length, y / length, z / length
     level = sqrt(x * x + y * y)
-    a, b = (-y / level, x / level) if level else (1.0, 0.0)  # across it, on the level
-    # Columns: across, across both, along.
+    a, b = (-y / level, x / level) if level else (1.0, 0.0)  # the horizontal direction across it
+    # Columns: that direction, the direction across both, and that along the piece.
     rotation = (a, -z * b, x, b, z * a, y, 0.0, x * b - y * a, z)
     middle = tuple(0.5 * (p + q) for p, q in zip(one, other, strict=True))
     return cylinder(middle, radius, 0.5 * length + _JOINT * 2.0 * radius, rotation)
 
 
-def _nothing(count: int) -> "array[float]":
+def _unused_rows(count: int) -> "array[float]":
     row = cylinder((0.0, 0.0, 0.0), 0.0, 0.0).numbers(0)
     row[POSITION] = _FAR
     return array("d", row * count)

@@ -1,4 +1,4 @@
-"""The scene that a sensor's rays meet: the seabed, obstacles, and solids that are added."""
+"""The scene for a sensor's rays: the seabed, obstacles, and added solids."""
 
 from array import array
 from collections.abc import Iterable, Sequence
@@ -19,17 +19,17 @@ if TYPE_CHECKING:
 
 __all__ = ["ALONG_AXES", "NOTHING", "SEABED", "Engine", "Hits", "RayScene"]
 
-ALONG_AXES = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)  # directions that are NED already
+ALONG_AXES = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)  # the identity, for directions in NED
 Engine = Literal["", "C", "python"]
 
 
 class RayScene:
-    """The seabed and the obstacles of `world`, and the solids that are added.
+    """The seabed and the obstacles of `world`, and added solids.
 
-    Objects: SEABED, then the obstacles from 1 on in the order of `world.obstacles()`, then what was added. `engine` is
-    the quickest there is, if left out; both give the same numbers to the last bit. Pipelines lie on the seabed of
-    `bed`, of `world` if left out.
-    The terrain is not copied. Not modelled: the water's surface (add a half space for that), rays that bend.
+    Objects are SEABED, then the obstacles from 1 on in the order of `world.obstacles()`, then added solids. If `engine`
+    is left out it is C if that is compiled, else Python; both give the same numbers to the last bit. Pipelines lie on
+    the seabed of `bed`, or of `world` if it is left out. The terrain is not copied. Not modelled: the water's surface
+    (add a half space for it), refraction.
     """
 
     def __init__(self, world: World, engine: Engine = "", *, bed: World | None = None) -> None:
@@ -48,7 +48,7 @@ class RayScene:
         self._trees: dict[int, Any] = {}  # see `boxes`
 
     def add(self, solid: Solid, state: "State | None" = None) -> int:
-        """Add a solid; return its number. With a `state` it goes with that vehicle: its own axes are the body's."""
+        """Add a solid; return its number. With a `state` it moves with that vehicle: its axes are the body's."""
         self._added.append(solid)
         number = self._standing + len(self._added)
         if state is not None:
@@ -63,12 +63,12 @@ class RayScene:
         reach: float,
         rotation: Sequence[float] = ALONG_AXES,
     ) -> "array[float]":
-        """Return how far it is along each ray from `origin` (NED, m): m, inf if nothing is within `reach` m.
+        """Return the distance (m) along each ray from `origin` (NED, m); inf if there is no hit within `reach` m.
 
         `origin` is one for all rays, or a buffer of doubles with one for each. `directions` are unit vectors, three
-        doubles a ray, as a buffer (array("d"), numpy); `rotation` (3 x 3, row after row) turns them into NED, the
-        identity if left out. A ray that begins inside something has distance 0.
-        Raises ValueError for a buffer of anything else, and for origins of another number.
+        doubles a ray, as a buffer (array("d"), numpy); `rotation` (3 x 3, row after row) converts them to NED, the
+        identity if left out. A ray that starts inside a solid has distance 0. Raises ValueError for buffers of another
+        type, and for a wrong number of origins.
         """
         rays = _doubles(directions)
         distances = array("d", (0.0,)) * (len(rays) // 3)
@@ -82,7 +82,7 @@ class RayScene:
         reach: float,
         rotation: Sequence[float] = ALONG_AXES,
     ) -> Hits:
-        """Return `ranges`, and for each ray its end, the object there and the object's normal."""
+        """Return `ranges`, and for each ray the point of the hit, the object, and its normal there."""
         rays = _doubles(directions)
         count = len(rays) // 3
         hits = Hits(
@@ -93,16 +93,16 @@ class RayScene:
         return hits
 
     def boxes(self, place: Sequence[float], reach: float) -> "Boxes":
-        """Return boxes around what is within about `reach` m of `place` (NED), where it is now; half spaces have none.
+        """Return the bounding boxes of solids within about `reach` m of `place` (NED, m), at their present positions.
 
-        Needs numpy.
+        Half spaces have none. Needs numpy.
         """
         from sim.rays.boxes import boxes_within
 
         return boxes_within(self._present(place, reach), self._trees, place, reach)
 
     def compiled(self, origin: Sequence[float], reach: float) -> object | None:
-        """Return the geometry for sim.native._picture, with everything where it is now; None without rays in C."""
+        """Return the geometry for sim.native._picture at the present positions; None without rays in C."""
         self._present(origin, reach)
         return self._caster.geometry() if self._caster else None
 
@@ -126,9 +126,9 @@ class RayScene:
         single.cast(geometry, origin, rotation, rays, reach, distances, hits)
 
     def _present(self, origin: Sequence[float], reach: float) -> Geometry:
-        """Return all there is, where it is now; of pipelines what is within `reach` m of one or more origins."""
-        if self._pipes is not None and self._pipes.follow(origin, reach):
-            self._lay(self._pipes.rows)
+        """Return the geometry at the present positions, with the pipelines within `reach` m of one or more origins."""
+        if self._pipes is not None and self._pipes.update(origin, reach):
+            self._replace_pipes(self._pipes.rows)
         if self._geometry is None:
             self._geometry = self._gather()
             self._caster = make_caster(self._geometry) if self._engine in ("", "C") else None
@@ -141,17 +141,17 @@ class RayScene:
         return self._geometry
 
     def _move(self, solids: "array[float]") -> None:
-        """Put everything that moves where it is now."""
+        """Set all moving solids to their present poses."""
         for number, state in self._moving:
             first = (number - 1) * ROW + POSITION
             for place, value in enumerate((*state.position, *matrix(state.quaternion)), first):
                 solids[place] = value
 
-    def _lay(self, rows: "array[float]") -> None:
+    def _replace_pipes(self, rows: "array[float]") -> None:
         """Replace the pieces of pipelines, which are the last rows of the scene."""
         first = ROW * (self._standing + len(self._added))
         if self._geometry is not None and len(self._geometry.solids) == first + len(rows):
-            solids = memoryview(self._geometry.solids)  # whose memory the caster holds: its size stays
+            solids = memoryview(self._geometry.solids)  # the caster holds this memory, so its size must not change
             solids[first:] = memoryview(rows)
         else:
             self._geometry = None
@@ -170,11 +170,11 @@ class RayScene:
 
 
 Numbers = tuple["array[float]", "array[float]", "array[float]"]  # of solids, of trees' nodes, of triangles
-_latest: "list[tuple[World, Numbers]]" = []  # of one world
+_latest: "list[tuple[World, Numbers]]" = []  # cache of the last world
 
 
 def _standing(world: World) -> Numbers:
-    """Return the numbers of a world's obstacles, made once for all sensors that look at it."""
+    """Return the numbers of a world's obstacles, made once for all sensors in it."""
     if not _latest or _latest[0][0] is not world:
         numbers, nodes, triangles = array("d"), array("d"), array("d")
         _append((standing(obstacle) for obstacle in world.obstacles()), numbers, nodes, triangles)
@@ -194,7 +194,7 @@ def _append(solids: Iterable[Solid], numbers: "array[float]", nodes: "array[floa
 
 
 def _doubles(directions: Any) -> "memoryview[float] | array[float]":
-    """Return the numbers of a buffer in a row. Raises ValueError if they are no doubles, or not three a ray."""
+    """Return the numbers of a buffer as a flat view. Raises ValueError if they are no doubles, or not three a ray."""
     if type(directions) is array and directions.typecode == "d" and not len(directions) % 3:
         return directions
     view = memoryview(directions)

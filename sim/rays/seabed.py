@@ -1,9 +1,9 @@
 """One ray over the seabed, in plain Python: the specification that sim/native/rays_seabed.h repeats.
 
-A ray goes from cell to cell of the grid (Amanatides & Woo 1987, Eurographics). In a cell, with s m along the ray
-from where it comes in, the water under it, h(s) - z(s), is a polynomial of second degree, because the surface is
-bilinear; its first zero is the hit, exactly. A ray that comes into a cell below its surface has met a step: the edge
-of the grid, or a cell without data.
+A ray is followed from cell to cell of the grid (Amanatides & Woo 1987, Eurographics). In a cell, with s m along the ray
+from its entry, the height above the seabed, h(s) - z(s), is a polynomial of second degree, because the surface is
+bilinear; its first zero is exactly the hit. A ray that enters a cell below its surface has hit a step: the edge of the
+grid, or a cell without data.
 """
 
 from collections.abc import Sequence
@@ -15,15 +15,15 @@ from hil.common.vectors import Vector3
 if TYPE_CHECKING:
     from sim.environment.terrain import Terrain
 
-SURFACE, STEP_NORTH, STEP_EAST = 0, 1, 2  # where on the seabed: on it, or on a step across north or east
+SURFACE, STEP_NORTH, STEP_EAST = 0, 1, 2  # the part of the seabed: its surface, or a step across north or east
 TINY = 1e-12  # a component below this does not move a ray
-ON_SURFACE = 1e-6  # m that rounding may have put a place below the surface
+ON_SURFACE = 1e-6  # m by which rounding may have put a point below the surface
 
 
 def intersect_seabed(
     terrain: "Terrain | None", depth: float, origin: Sequence[float], direction: Sequence[float], reach: float
 ) -> tuple[float, int]:
-    """Return the distance to the seabed, inf if beyond `reach`, and where on it; it is flat without terrain."""
+    """Return the distance to the seabed (inf beyond `reach`) and the part that is hit; it is flat without terrain."""
     z, dz = origin[2], direction[2]
     if terrain is None:
         return _intersect_flat(z, dz, depth, 0.0, reach), SURFACE
@@ -47,7 +47,7 @@ def intersect_seabed(
 
 
 def _intersect_flat(z: float, dz: float, depth: float, near: float, far: float) -> float:
-    """Return where between `near` and `far` m a ray is at `depth` or below; inf if it is not."""
+    """Return the distance between `near` and `far` m at which a ray reaches `depth`; inf if it does not."""
     if z + dz * near >= depth:
         return near
     distance = (depth - z) / dz if dz > 0.0 else inf
@@ -57,7 +57,7 @@ def _intersect_flat(z: float, dz: float, depth: float, near: float, far: float) 
 def _walk(
     terrain: "Terrain", origin: Vector3, direction: Vector3, near: float, far: float, side: int
 ) -> tuple[float, int]:
-    """Return the hit between `near` and `far` m along a ray within the grid; x and y are counted in cells."""
+    """Return the hit between `near` and `far` m along a ray within the grid; x and y are in cells."""
     depths, columns = terrain.depths, terrain.grid.columns
     last_row, last_column = terrain.grid.rows - 2, columns - 2
     (x, y, z), (dx, dy, dz) = origin, direction
@@ -101,9 +101,10 @@ ABOVE, BELOW = -1.0, -2.0
 def _intersect_cell(
     corners: tuple[float, float, float, float], place: Vector3, direction: Vector3, length: float
 ) -> float:
-    """Return how far into a cell its surface is met; ABOVE if not within `length` m, BELOW if the ray came in under it.
+    """Return the distance from the cell's entry to its surface; ABOVE if there is no hit within `length` m.
 
-    With w the water under the ray, w(s) = -(p + q s + r s²): p < 0 where it comes in.
+    BELOW if the ray enters the cell below the surface. The height above the seabed is w(s) = -(p + q s + r s²), with
+    p < 0 at the entry.
     """
     (a, b, c, d), (u, v, z), (dx, dy, dz) = corners, place, direction
     north, east, twist = c - a, b - a, a - b - c + d
@@ -123,9 +124,9 @@ def _intersect_cell(
 
 
 def slab(at: float, rate: float, low: float, high: float, near: float, far: float) -> tuple[float, float]:
-    """Return the part of `near` to `far` m on which at + rate s is between `low` and `high`.
+    """Return the part of the interval `near` to `far` (m) in which at + rate s is between `low` and `high`.
 
-    (inf, -inf) or so if none.
+    If there is none, the first number is greater than the second.
     """
     if abs(rate) <= TINY:
         return (near, far) if low <= at <= high else (inf, -inf)

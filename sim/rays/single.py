@@ -1,7 +1,7 @@
 """One ray, in plain Python: the specification that sim/native/rays.h repeats to the last bit.
 
-Where a ray begins inside something its distance is 0; a mesh has no inside. A hit has where on a thing it is as a
-number, `detail`: on the seabed that of sim/rays/seabed.py, of a mesh the triangle, of the others nothing.
+A ray that starts inside a solid has distance 0; a mesh has no inside. The `detail` of a hit is the part of the object:
+on the seabed as in sim/rays/seabed.py, on a mesh the number of the triangle, on other solids 0.
 """
 
 from array import array
@@ -17,7 +17,7 @@ from sim.rays.tree import NODE, TRIANGLE
 
 
 class Hit(NamedTuple):
-    """Distance (m), object, and place on it."""
+    """A hit: distance (m), object, and detail (see the top of this module)."""
 
     distance: float
     object: int
@@ -25,19 +25,19 @@ class Hit(NamedTuple):
 
 
 def turn(rotation: Sequence[float], x: float, y: float, z: float) -> Vector3:
-    """Return a vector from the axes that `rotation` (row after row) belongs to into the world's."""
+    """Return a vector of a solid's axes in the world's; `rotation` (row after row) is from the solid to the world."""
     a, b, c, d, e, f, g, h, i = rotation
     return a * x + b * y + c * z, d * x + e * y + f * z, g * x + h * y + i * z
 
 
 def turn_back(rotation: Sequence[float], x: float, y: float, z: float) -> Vector3:
-    """Return a vector of the world into the axes that `rotation` belongs to."""
+    """Return a vector of the world's axes in a solid's: the inverse of `turn`."""
     a, b, c, d, e, f, g, h, i = rotation
     return a * x + d * y + g * z, b * x + e * y + h * z, c * x + f * y + i * z
 
 
 def trace(geometry: Geometry, origin: Sequence[float], direction: Sequence[float], reach: float) -> Hit:
-    """Return the first thing within `reach` m along `direction` (a unit vector, NED) from `origin` (NED, m)."""
+    """Return the first hit within `reach` m along `direction` (a unit vector, NED) from `origin` (NED, m)."""
     distance, detail = intersect_seabed(geometry.terrain, geometry.depth, origin, direction, reach)
     best = Hit(distance, SEABED, detail) if distance < inf else Hit(inf, NOTHING, 0)
     solids = geometry.solids
@@ -59,8 +59,8 @@ def cast(
     distances: "array[float]",
     hits: Hits | None,
 ) -> None:
-    """Fill `distances`, and `hits` where it is given, for all rays: see RayScene."""
-    each = len(origin) > 3  # a place for each ray
+    """Fill `distances`, and `hits` if it is given, for all rays: see RayScene."""
+    each = len(origin) > 3  # an origin for each ray
     for ray in range(len(distances)):
         start = x, y, z = tuple(origin[3 * ray : 3 * ray + 3] if each else origin)
         along = turn(rotation, *directions[3 * ray : 3 * ray + 3])
@@ -78,14 +78,14 @@ def cast(
 
 
 def _owner(solids: Sequence[float], number: int) -> int:
-    """Return which object a solid is: itself, unless it is a piece of another."""
+    """Return the object to which a solid belongs: itself, unless it is a part of another object."""
     if number > SEABED and solids[(number - 1) * ROW + KIND] != MESH and solids[(number - 1) * ROW + ROOT]:
         return int(solids[(number - 1) * ROW + ROOT])
     return number
 
 
 def normal(geometry: Geometry, hit: Hit, direction: Sequence[float], point: Sequence[float]) -> Vector3:
-    """Return the unit vector (NED) away from what a ray along `direction` has hit at `point`."""
+    """Return the unit normal (NED) of the surface that a ray along `direction` has hit at `point`."""
     if hit.object == SEABED:
         if hit.detail == STEP_NORTH:
             return (-1.0 if direction[0] > 0.0 else 1.0), 0.0, 0.0
@@ -105,7 +105,7 @@ def normal(geometry: Geometry, hit: Hit, direction: Sequence[float], point: Sequ
 
 
 def _passes(row: Sequence[float], origin: Sequence[float], direction: Sequence[float], reach: float) -> bool:
-    """True if, seen from above, a ray stays clear of the circle around a solid, or does not get there."""
+    """True if a ray, seen from above, misses the bounding circle of a solid, or does not reach it."""
     size, x, y = row[REACH], row[POSITION] - origin[0], row[POSITION + 1] - origin[1]
     dx, dy = direction[0], direction[1]
     across = dx * y - dy * x
@@ -150,7 +150,7 @@ def _intersect_half_space(
 
 
 def _round(at: Vector3, along: Vector3, radius: float, axes: int, near: float, far: float) -> tuple[float, float]:
-    """Return the part of `near` to `far` m inside a sphere (3 axes) or an endless cylinder (2) about the origin."""
+    """Return the part of `near` to `far` m inside a sphere (3 axes) or an infinite cylinder (2) about the origin."""
     (x, y, z), (dx, dy, dz) = at, along
     a, b, c = dx * dx + dy * dy, x * dx + y * dy, x * x + y * y - radius * radius
     if axes == 3:
@@ -165,7 +165,7 @@ def _round(at: Vector3, along: Vector3, radius: float, axes: int, near: float, f
 
 
 def _solid_normal(row: Sequence[float], x: float, y: float, z: float) -> Vector3:
-    """Return the outward normal of a solid without triangles at its nearest place to (x, y, z), all in its own axes."""
+    """Return the outward normal of a solid without triangles at its surface point nearest to (x, y, z), in its axes."""
     if row[KIND] == SPHERE:
         return _unit(x, y, z)
     low, high = row[SIZES], row[SIZES + 1]
@@ -217,7 +217,7 @@ def _intersect_mesh(
 
 
 def _intersect_triangle(corner: Sequence[float], at: Vector3, along: Vector3) -> float:
-    """Return the distance to a triangle, inf beside it (Möller & Trumbore 1997, J. Graphics Tools 2(1))."""
+    """Return the distance to a triangle, inf if it is missed (Möller & Trumbore 1997, J. Graphics Tools 2(1))."""
     ax, ay, az, ex, ey, ez, fx, fy, fz = corner
     dx, dy, dz = along
     px, py, pz = dy * fz - dz * fy, dz * fx - dx * fz, dx * fy - dy * fx
@@ -236,9 +236,9 @@ def _intersect_triangle(corner: Sequence[float], at: Vector3, along: Vector3) ->
 
 
 def _is_open(corner: Sequence[float], net: Sequence[float], at: Vector3, along: Vector3, distance: float) -> bool:
-    """True if a ray that meets the triangle of a net at this distance goes between its twines.
+    """True if a ray that meets the triangle of a net at this distance passes between its twines.
 
-    They run along the two sides at its corner, which are at right angles.
+    The twines are parallel to the two perpendicular sides at the triangle's first corner.
     """
     mesh, twine = net[0], net[1]
     x, y, z = (at[axis] + distance * along[axis] - corner[axis] for axis in range(3))
@@ -251,7 +251,7 @@ def _is_open(corner: Sequence[float], net: Sequence[float], at: Vector3, along: 
 
 
 def _triangle_normal(triangles: Sequence[float], number: int, along: Vector3) -> Vector3:
-    """Return a triangle's normal, towards the origin of the ray."""
+    """Return a triangle's normal on the side of the ray's origin."""
     _, _, _, ex, ey, ez, fx, fy, fz = triangles[number * TRIANGLE : (number + 1) * TRIANGLE]
     x, y, z = _unit(ey * fz - ez * fy, ez * fx - ex * fz, ex * fy - ey * fx)
     return (-x, -y, -z) if x * along[0] + y * along[1] + z * along[2] > 0.0 else (x, y, z)

@@ -1,6 +1,6 @@
 """Solids that rays can hit besides the seabed: spheres, cylinders, boxes, half spaces and meshes, with poses.
 
-A solid is a row of numbers, so that C can read the same ones: they stand one after another in an array.
+A solid is stored as a row of numbers in one array, which C reads, too.
 """
 
 from collections.abc import Iterable, Sequence
@@ -17,17 +17,17 @@ Point = Sequence[float]
 Triangle = Sequence[Point]
 
 SPHERE, CYLINDER, BOX, HALF_SPACE, MESH = range(5)
-# Where in a row the parts of a solid begin, and how long it is.
+# The indices at which the parts of a row begin, and the length of a row.
 KIND, REACH, POSITION, ROTATION, SIZES, ROOT, ROW = 0, 1, 2, 5, 14, 20, 21
 
 _UPRIGHT = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
 
 
 class Solid(NamedTuple):
-    """One solid. `rotation` (row after row) turns its own axes into the world's, `position` (NED, m) is their origin.
+    """One solid. `rotation` (row after row) converts its own axes to the world's, `position` (NED, m) is their origin.
 
-    `reach` (m) is how far from there it extends at most, seen from above; `sizes` depend on `kind`: of a mesh that is a
-    net they are how far its twines are apart and how thick; `triangles` are those of a mesh, in its own axes.
+    `reach` (m) is its greatest horizontal distance from there. `sizes` depend on `kind`; for a net they are the
+    distance of its twines and their thickness. `triangles` are those of a mesh, in its own axes.
     """
 
     kind: int
@@ -38,18 +38,18 @@ class Solid(NamedTuple):
     triangles: tuple[Triangle, ...] = ()
 
     def numbers(self, root: int) -> list[float]:
-        """Return the row; `root` is where the tree of a mesh begins, of others the object that it is, 0 for itself."""
+        """Return the row. `root` is the root node of a mesh's tree; for other solids their object, 0 for itself."""
         sizes = [*self.sizes, *[0.0] * (ROOT - SIZES - len(self.sizes))]
         return [float(self.kind), self.reach, *self.position, *self.rotation, *sizes, float(root)]
 
 
 def sphere(center: Point, radius: float) -> Solid:
-    """Return a ball; `center` in m, NED."""
+    """Return a sphere; `center` in m, NED."""
     return Solid(SPHERE, radius, center, _UPRIGHT, (radius,))
 
 
 def cylinder(center: Point, radius: float, half_length: float, rotation: Sequence[float] = _UPRIGHT) -> Solid:
-    """Return a cylinder with flat ends, its axis the z of its own axes."""
+    """Return a cylinder with flat ends along the z axis of its own axes."""
     reach = sqrt(radius * radius + half_length * half_length)
     return Solid(CYLINDER, reach, center, rotation, (radius, -half_length, half_length))
 
@@ -61,14 +61,14 @@ def box(center: Point, dimensions: Point, rotation: Sequence[float] = _UPRIGHT) 
 
 
 def half_space(normal: Point, offset: float) -> Solid:
-    """Return the half space of places p (NED) where `normal` (a unit vector, into the water) p is below `offset` m."""
+    """Return the half space of points p (NED) with `normal` . p < `offset` m; `normal` is a unit vector outwards."""
     return Solid(HALF_SPACE, inf, (0.0, 0.0, 0.0), _UPRIGHT, (*normal, offset))
 
 
 def mesh(triangles: Iterable[Triangle]) -> Solid:
-    """Return a hull of triangles, each three corners (m) in its own axes, FRD for a vehicle's.
+    """Return a mesh of triangles, each with three corners (m) in its own axes (FRD for a vehicle).
 
-    Rays meet either side.
+    Rays hit both sides.
     """
     corners_of = tuple(tuple(tuple(map(float, corner)) for corner in triangle) for triangle in triangles)
     if not corners_of:
@@ -83,7 +83,7 @@ def hull(vehicle: "Vehicle") -> Solid:
 
 
 def standing(obstacle: Obstacle) -> Solid:
-    """Return an obstacle of a world: from its top down to its bottom, which is below the seabed where it stands."""
+    """Return the solid of a world's obstacle, from its top to its bottom (below the seabed if it stands on it)."""
     if isinstance(obstacle, Cylinder):
         place = (obstacle.north, obstacle.east, obstacle.top)
         length = obstacle.bottom - obstacle.top
@@ -95,7 +95,7 @@ def standing(obstacle: Obstacle) -> Solid:
         return Solid(BOX, sqrt(x * x + y * y), place, turned, (-x, x, -y, y, 0.0, obstacle.bottom - obstacle.top))
     if isinstance(obstacle, Wall):
         return half_space((obstacle.inward_north, obstacle.inward_east, 0.0), obstacle.offset)
-    from sim.environment.mesh import MeshObstacle  # most worlds have none
+    from sim.environment.mesh import MeshObstacle  # imported here, because most worlds have none
     from sim.environment.things.pipelines import Pipeline
 
     if isinstance(obstacle, MeshObstacle):

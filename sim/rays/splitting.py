@@ -1,9 +1,9 @@
-"""Rays that may pass by a small thing are split, so that no target is lost between them.
+"""Split rays near small objects, so that no target is lost between the rays of a fan.
 
-A ray stands for a cell of a fan. What is smaller than some cells is within a window of them; each cell of that window
-gives way to `across` x `down` smaller ones with rays of their own, so that their sum still is the whole: nothing is
-counted twice, and shadows are right. A window is that of the corners of a box around a thing; long things are cut into
-pieces, meshes are taken by the boxes of their tree.
+A ray represents a cell of a fan. A small object is within a window of a few cells; each cell of that window is replaced
+by `across` x `down` smaller cells with their own rays. Together they cover the same solid angle, so nothing is counted
+twice, and shadows are right. A window is that of the corners of an object's bounding box; long objects are cut into
+pieces, and meshes are represented by the boxes of their tree.
 """
 
 from typing import Any, NamedTuple
@@ -15,10 +15,10 @@ from sim.rays.scene import RayScene
 
 Floats = NDArray[np.floating[Any]]
 
-_WANTED = 3.0  # rays across a thing, each way
-_MOST = (8, 16)  # parts of a cell, across and down
-_PIECES = 32  # of a long thing
-_LARGEST = 8.0  # cells; larger windows are not split
+_TARGET_RAYS = 3.0  # across an object, in each direction
+_MAX_PARTS = (8, 16)  # of a cell, across and down
+_MAX_PIECES = 32  # of a long object
+_MAX_WINDOW = 8.0  # cells; larger windows are not split
 _CORNERS = np.array([(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)], float)
 
 
@@ -34,7 +34,7 @@ class Lattice(NamedTuple):
 
 
 class Cells(NamedTuple):
-    """Smaller cells: the column they are of, their middles and halves (rad), and the number of the cell they part."""
+    """Smaller cells: their column, their centres and half sizes (rad), and the number of the cell that each divides."""
 
     column: NDArray[np.int64]
     across: Floats
@@ -47,9 +47,9 @@ class Cells(NamedTuple):
 def split(
     lattice: Lattice, scene: RayScene, place: Any, rotation: Floats, reach: float, hit: NDArray[np.int32]
 ) -> Cells | None:
-    """Return the smaller cells of a ping from `place` (NED, m), None for none.
+    """Return the smaller cells of a ping from `place` (NED, m), or None if there are none.
 
-    `rotation` (3 x 3) turns the sensor's axes into NED; `hit` are the objects that the cells' own rays have met.
+    `rotation` (3 x 3) converts the sensor's axes to NED; `hit` are the objects that the rays of the cells have hit.
     """
     boxes = scene.boxes(place, reach)
     if not len(boxes.object):
@@ -63,12 +63,12 @@ def split(
     first, last = np.floor((low - start) / sizes).astype(int), np.floor((high - start) / sizes).astype(int)
     spans = np.maximum((high - low) / sizes, 1e-3)
     spans *= np.where(spans == spans.max(axis=1, keepdims=True), count[:, None], 1)  # a piece of a long thing is long
-    parts = np.clip(np.ceil(_WANTED / spans), 1, _MOST).astype(int)
-    wanted = (parts > 1).any(axis=1) & (last >= 0).all(axis=1) & (first < (columns, rows)).all(axis=1)
-    wanted &= spans.min(axis=1) < _LARGEST
+    parts = np.clip(np.ceil(_TARGET_RAYS / spans), 1, _MAX_PARTS).astype(int)
+    needed = (parts > 1).any(axis=1) & (last >= 0).all(axis=1) & (first < (columns, rows)).all(axis=1)
+    needed &= spans.min(axis=1) < _MAX_WINDOW
     numbers = np.ones((2, columns, rows), int)
     owners = np.full((columns, rows), -2)  # no object
-    for i in np.nonzero(wanted)[0]:
+    for i in np.nonzero(needed)[0]:
         (left, top), (right, bottom) = np.maximum(first[i], 0), last[i] + 1
         part = numbers[:, left:right, top:bottom]
         np.maximum(part, parts[i][:, None, None], out=part)
@@ -79,7 +79,7 @@ def split(
 
 
 def _filled(hit: NDArray[np.int32], owners: NDArray[np.int64]) -> NDArray[np.bool_]:
-    """True where the thing itself is all around: it is larger than a cell there."""
+    """True where all neighbouring rays hit the same object: there it is larger than a cell."""
     same = hit == owners
     padded = np.pad(same, 1, mode="edge")
     filled: NDArray[np.bool_] = same & padded[:-2, 1:-1] & padded[2:, 1:-1] & padded[1:-1, :-2] & padded[1:-1, 2:]
@@ -91,7 +91,7 @@ def _cells(lattice: Lattice, numbers: NDArray[np.int64], divided: NDArray[np.boo
     if not len(parent):
         return None
     across, down = numbers.reshape(2, -1)[:, parent]
-    while (across * down).sum() > divided.size:  # a ping stays as quick as it should be
+    while (across * down).sum() > divided.size:  # limits the cost of a ping
         across, down = (across + 1) // 2, (down + 1) // 2
         if (across * down == 1).all():
             return None
@@ -112,14 +112,14 @@ def _cells(lattice: Lattice, numbers: NDArray[np.int64], divided: NDArray[np.boo
 
 
 def _pieces(corner: Floats, sides: Floats) -> tuple[NDArray[np.int64], NDArray[np.int64], Floats, Floats]:
-    """Cut boxes, a corner and three sides each, across their longest side into pieces that are about as long as thick.
+    """Cut boxes, given by a corner and three sides, across their longest side into pieces about as long as thick.
 
-    The corners of a long box show little of where it is seen. Returns which box each piece is of, how many pieces
-    each box has, and the pieces.
+    The corners of a long box do not represent where it is visible. Returns the box of each piece, the number of pieces
+    of each box, and the corners and sides of the pieces.
     """
     lengths = np.sqrt((sides**2).sum(axis=2))
     order = np.sort(lengths, axis=1)
-    count = np.clip(np.ceil(order[:, 2] / np.maximum(2.0 * order[:, 1], 0.1)), 1, _PIECES).astype(int)
+    count = np.clip(np.ceil(order[:, 2] / np.maximum(2.0 * order[:, 1], 0.1)), 1, _MAX_PIECES).astype(int)
     which = np.repeat(np.arange(len(count)), count)
     number = np.arange(len(which)) - np.repeat(np.cumsum(count) - count, count)
     longest = lengths.argmax(axis=1)
@@ -132,11 +132,11 @@ def _pieces(corner: Floats, sides: Floats) -> tuple[NDArray[np.int64], NDArray[n
 def _windows(
     corner: Floats, sides: Floats, place: Floats, rotation: Floats, reach: float
 ) -> tuple[NDArray[np.int64], Floats, Floats]:
-    """Return which boxes may be seen, and the least and greatest angles (across, down) of their corners."""
+    """Return the boxes that may be visible, and the least and greatest angles (across, down) of their corners."""
     own = (corner[:, None] + _CORNERS @ sides - place) @ rotation
     ranges = np.maximum(np.sqrt((own**2).sum(axis=2)), 1e-9)
     across, down = np.arctan2(own[..., 1], own[..., 0]), np.arcsin(own[..., 2] / ranges)
-    # What is behind as well is all around: too large to be lost.
+    # A box that spans half a turn or more surrounds the sensor: it is too large to be lost.
     ahead = (own[..., 0].max(axis=1) > 0.0) & (ranges.min(axis=1) < reach) & (np.ptp(across, axis=1) < np.pi)
     seen, angles = np.flatnonzero(ahead), np.stack([across[ahead], down[ahead]], axis=1)
     return seen, angles.min(axis=2), angles.max(axis=2)

@@ -1,8 +1,8 @@
-"""A tree of boxes over a mesh, so that a ray tests few triangles.
+"""A tree of bounding boxes over a mesh, so that a ray tests only few triangles.
 
-A node is eight numbers: the least and the greatest x, y, z of its box, a place and a count. With a count it is a leaf
-and the place is that of its first triangle; without, its children are the next node and the one at the place. A
-triangle is nine numbers: a corner and the two edges from there.
+A node has eight numbers: the least and the greatest x, y, z of its box, an index and a count. If the count is not 0 it
+is a leaf, and the index is that of its first triangle; else its children are the next node and the node at the index. A
+triangle has nine numbers: a corner and the two edges from there.
 """
 
 from array import array
@@ -19,7 +19,7 @@ _LEAF = 4  # triangles at most
 def append_tree(triangles: tuple[Triangle, ...], nodes: "array[float]", corners: "array[float]") -> int:
     """Append the tree of these triangles to `nodes` and `corners`; return the number of its root.
 
-    A tree is grown once a process: each sensor has a scene of its own, and most meshes are in all of them.
+    A tree is built once in a process, because each sensor has its own scene and most meshes are in all of them.
     """
     own_nodes, own_corners = _tree(triangles)
     root, first = len(nodes) // NODE, len(corners) // TRIANGLE
@@ -39,7 +39,7 @@ def _tree(triangles: tuple[Triangle, ...]) -> "tuple[array[float], array[float]]
 
 
 def grow(triangles: Sequence[Triangle], nodes: "array[float]", corners: "array[float]") -> int:
-    """Append the tree of these triangles to `nodes` and `corners`; the number of its root."""
+    """Append the tree of these triangles to `nodes` and `corners`; return the number of its root node."""
     root = len(nodes) // NODE
     low = [min(corner[axis] for triangle in triangles for corner in triangle) for axis in range(3)]
     high = [max(corner[axis] for triangle in triangles for corner in triangle) for axis in range(3)]
