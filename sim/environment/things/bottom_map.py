@@ -150,8 +150,8 @@ def _heaviest(grid: "Codes", x: "Floats", y: "Floats") -> "Codes":
     row = np.minimum(x.astype(np.int32), max(rows - 2, 0))
     column = np.minimum(y.astype(np.int32), max(columns - 2, 0))
     first = row.astype(np.intp) * columns + column
-    beside, below = int(columns > 1), columns * int(rows > 1)
-    corners = np.stack([grid.ravel().take(first + more) for more in (0, beside, below, below + beside)])
+    to_east, to_north = int(columns > 1), columns * int(rows > 1)
+    corners = np.stack([grid.ravel().take(first + more) for more in (0, to_east, to_north, to_north + to_east)])
     found: Codes = corners[0].copy()
     mixed = (corners[1:] != found).any(axis=0)
     if mixed.any():

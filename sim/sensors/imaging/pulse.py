@@ -1,4 +1,4 @@
-"""What a sonar with one beam receives of its pulse: echoes as long as the pulse, and speckle that pings have in common.
+"""Effects of the pulse of a sonar with one beam: echoes as long as the pulse, and speckle that pings have in common.
 
 An echo lasts as long as the pulse, so that bins nearer than c tau / 2 are alike. Strips of the seabed beside each other
 scatter independently; a beam weighs them with its two-way pattern, so that pings whose beams overlap are alike, too.
