@@ -19,7 +19,7 @@ Seconds = Annotated[float, Range(0.1, 1000.0, "s")]
 
 
 class AhrsModel(NamedTuple):
-    """Rate in Hz (0: none), memory of the filter, and errors of what goes into it.
+    """Rate in Hz (0: none), time constants of the filter, and errors of its inputs.
 
     Moog Crossbow NAV440 (data sheet): roll and pitch within 0.4 deg, heading within 1 deg, gyros within 10 deg/h
     in a run, each rms; here the accelerometer's and the magnetometer's offsets are those that give these angles
@@ -40,10 +40,11 @@ class Ahrs:
     """An AHRS. All that it measures is along its own axes.
 
     A complementary filter on the rotations (Mahony, Hamel and Pflimlin 2008, IEEE Trans. Automatic Control
-    53:1203): the gyros turn the attitude, the accelerometer pulls it towards the plumb line and the magnetometer
-    its heading towards north, with the time constants of the model. So the vehicle's accelerations tilt it, and
-    its iron turns it, as they do in truth. It is aligned when the run starts, and has the declination. Its
-    estimate of the gyros' bias is not modelled: what that leaves is in the model's numbers.
+    53:1203): the gyros integrate the attitude, the accelerometer corrects roll and pitch towards the vertical, and the
+    magnetometer corrects the heading towards north, with the time constants of the model. So accelerations of the
+    vehicle cause errors of roll and pitch, and its iron causes errors of the heading, as in a real AHRS. It is aligned
+    when the run starts, and corrects for the declination. The estimation of gyro biases is not modelled: the model's
+    numbers are the remaining errors.
     """
 
     Model = AhrsModel

@@ -25,7 +25,7 @@ class BatteryMonitorModel(NamedTuple):
 
 
 class BatteryMonitor:
-    """The monitor of the vehicle's battery. Its count of the charge is right; that it drifts is not modelled.
+    """The monitor of the vehicle's battery. Its count of the charge is exact; its drift is not modelled.
 
     Raises ConfigError for a vehicle without a battery.
     """

@@ -18,7 +18,7 @@ class ContactModel(NamedTuple):
 class ContactSwitch:
     """One switch for the whole hull: on if the vehicle has touched something since the last sample.
 
-    So that no touch is missed, however short. Where it was touched is not modelled.
+    So even a short contact is reported. The position of the contact is not modelled.
     """
 
     Model = ContactModel
@@ -29,7 +29,7 @@ class ContactSwitch:
         self._seen = 0
 
     def sample(self, time_ns: int, state: State) -> FlagSample:
-        """Return whether it was pressed."""
+        """Return whether there was a contact since the last sample."""
         count = self._scene.contacts
         pressed = self._scene.touching or count > self._seen
         self._seen = count

@@ -28,7 +28,7 @@ class CurrentMeterModel(NamedTuple):
 class CurrentMeter:
     """One meter: the velocity of the water relative to it, along its own axes; nothing while it is in the air.
 
-    Not modelled: the water that the vehicle itself drags along and its thrusters blow.
+    Not modelled: water that the vehicle drags along, the jets of its thrusters.
     """
 
     Model = CurrentMeterModel

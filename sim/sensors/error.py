@@ -1,9 +1,9 @@
-"""The one error model that all sensors share.
+"""The error model that all sensors share.
 
     measured = true * (1 + scale) + offset + turn-on + bias(t) + noise, then rounded and limited
 
 The bias is an Ornstein-Uhlenbeck (first-order Gauss-Markov) process, b' = -b / tau + noise, in its exact
-discrete form (Gillespie 1996, Phys. Rev. E 54:2084): its size does not depend on how often it is sampled.
+discrete form (Gillespie 1996, Phys. Rev. E 54:2084): its size does not depend on the sampling rate.
 """
 
 from collections.abc import Iterable, Sequence
@@ -38,7 +38,7 @@ class ErrorModel(NamedTuple):
 
 
 class ErrorProcess:
-    """One quantity's errors in time, sampled every `period` s with numbers drawn from `random`."""
+    """The errors of one quantity over time, sampled every `period` s with random numbers of `random`."""
 
     def __init__(self, model: ErrorModel, period: float, random: Random) -> None:
         self._gauss = random.gauss
@@ -52,7 +52,7 @@ class ErrorProcess:
         self._limit = model.limit
 
     def measure(self, true: float) -> float:
-        """Return one measurement of `true`; the bias moves on by one period."""
+        """Return one measurement of `true`; advance the bias by one period."""
         self._bias = self._decay * self._bias + self._draw(self._kick)
         value = self._gain * true + self._constant + self._bias + self._draw(self._noise)
         if self._resolution:
@@ -62,7 +62,7 @@ class ErrorProcess:
         return value
 
     def numbers(self) -> list[float]:
-        """Return all that `measure` uses but the random numbers, in a row: what the C twin is made of."""
+        """Return all numbers that `measure` uses, except random ones, as one flat list, for the C twin."""
         random = [self._gain, self._constant, self._bias, self._decay, self._kick, self._noise]
         return [*random, self._resolution, self._limit]
 
@@ -73,14 +73,14 @@ class ErrorProcess:
 class ErrorBank:
     """The errors of all quantities of one sensor, which measures them together, every `period` s.
 
-    `sim.assembly.make_error_bank` gives the quickest there is.
+    `sim.assembly.make_error_bank` makes one in C if that is compiled.
     """
 
     def __init__(self, models: Iterable[ErrorModel], period: float, random: Random) -> None:
         self._processes = [ErrorProcess(model, period, random) for model in models]
 
     def measure(self, true: Sequence[float]) -> list[float]:
-        """Return one measurement of as many values as there are models, in their order; time moves on by one period."""
+        """Return one measurement of each of the `true` values, one for each model; advance time by one period."""
         return [process.measure(value) for process, value in zip(self._processes, true, strict=True)]
 
 
@@ -90,5 +90,5 @@ def sensor_random(seed: int, sensor: str) -> Random:
 
 
 def variance(model: ErrorModel, period: float) -> float:
-    """Return what a device may report of itself: the variance of its errors, but for that of its scale."""
+    """Return the variance of the errors without that of the scale, as a device may report it."""
     return model.turn_on**2 + model.bias**2 + model.noise**2 + model.noise_density**2 / period

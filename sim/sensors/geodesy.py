@@ -25,7 +25,7 @@ class TangentPlane:
         self._axes = list(zip(north, east, down, strict=True))
 
     def geodetic(self, place: Sequence[float]) -> Vector3:
-        """Return latitude and longitude (degrees) and altitude (m) of a place (m, NED from the origin)."""
+        """Return latitude and longitude (degrees) and altitude (m) of a position (m, NED from the origin)."""
         north, east, down = place
         x, y, z = [
             start + a * north + b * east + c * down
@@ -34,7 +34,7 @@ class TangentPlane:
         return geodetic(x, y, z)
 
     def local(self, latitude: float, longitude: float, altitude: float) -> Vector3:
-        """Place (m, NED from the origin) of a latitude and longitude (degrees) and an altitude (m)."""
+        """Return the position (m, NED from the origin) of a latitude and longitude (degrees) and an altitude (m)."""
         offset = [a - b for a, b in zip(earth_centred(latitude, longitude, altitude), self._origin, strict=True)]
         north, east, down = [
             sum(x * axis for x, axis in zip(offset, column, strict=True)) for column in zip(*self._axes, strict=True)

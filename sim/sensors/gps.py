@@ -32,8 +32,8 @@ class GpsModel(NamedTuple):
 class Gps:
     """One receiver; the position is that of its antenna, the mounting's `position`.
 
-    It has a fix from `acquisition` s after its antenna came out of the water, waves included, until it goes
-    under; this is looked at whenever a sample is due. Raises ConfigError for a world without an `origin`.
+    It has a fix from `acquisition` s after its antenna has left the water until the antenna is under water again; waves
+    are considered. This is checked whenever a sample is due. Raises ConfigError for a world without an `origin`.
     """
 
     Model = GpsModel

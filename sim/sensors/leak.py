@@ -20,9 +20,9 @@ class LeakModel(NamedTuple):
 
 
 class Leak:
-    """One detector: what is wet stays wet. Depth is looked at whenever a sample is due.
+    """One detector: once wet it stays wet. The depth is checked whenever a sample is due.
 
-    Not modelled: what the water in the hull weighs.
+    Not modelled: the weight of the water in the hull.
     """
 
     Model = LeakModel

@@ -14,11 +14,11 @@ Angle = Annotated[float, Range(-2.0 * pi, 2.0 * pi, "rad")]
 
 
 class Mounting(NamedTuple):
-    """Keys that every sensor has beside its own.
+    """Keys that every sensor has besides its own.
 
     `position` in m from the body origin along the body axes; `orientation` the roll, pitch and yaw (rad) of the
     sensor's axes in the body's; `latency` s from measuring to delivering; `drop_out` the share of samples
-    that is lost, each by its own luck.
+    that is lost, independently of each other.
     """
 
     position: Point = (0.0, 0.0, 0.0)
@@ -41,7 +41,7 @@ class Mounting(NamedTuple):
         return multiply(state.quaternion, self.quaternion)
 
     def place(self, state: State) -> Vector3:
-        """Return where the sensor is, NED in m."""
+        """Return the position of the sensor, NED in m."""
         north, east, down = state.position
         x, y, z = rotate(state.quaternion, self.position)
         return north + x, east + y, down + z
@@ -53,7 +53,7 @@ class Mounting(NamedTuple):
         return state.position[2] + (down_x * x + down_y * y + down_z * z)
 
     def velocity(self, nu: Sequence[float]) -> Vector3:
-        """Return the velocity (m/s, body axes) of the sensor's place when the vehicle moves with `nu`."""
+        """Return the velocity (m/s, body axes) at the sensor's position when the vehicle moves with `nu`."""
         u, v, w, p, q, r = nu
         x, y, z = self.position
         return u + q * z - r * y, v + r * x - p * z, w + p * y - q * x

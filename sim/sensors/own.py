@@ -1,4 +1,4 @@
-"""A user's own sensor: a class named in the scenario, with the common keys and its own arguments.
+"""A user's own sensor: a class that the scenario names, with the common keys and its own arguments.
 
     [sensors.thermometer]
     class = "my_sensors:Thermometer"
@@ -6,7 +6,7 @@
     position = [0.3, 0.0, 0.1]
     surface = 18.0
 
-Its samples go out on the topic of the section's name, in ROS messages of the type that the class states.
+Its samples are published on the topic of the section's name, in ROS messages of the type that the class states.
 """
 
 from collections.abc import Mapping
@@ -27,8 +27,8 @@ Values = Mapping[str, Any]
 class OwnSensor(Protocol):
     """Members of the class besides `message`, the ROS type of its messages: "sensor_msgs/msg/Temperature".
 
-    An object is made for each simulation. It must depend on nothing but what it is given, or a run cannot be
-    repeated: all chance comes from `random`.
+    An object is made for each simulation. It must depend only on its arguments, or a run cannot be repeated: random
+    numbers must come from `random`.
     """
 
     message: str
@@ -53,7 +53,7 @@ class OwnSample(NamedTuple):
 
 
 class OwnModel(NamedTuple):
-    """The keys that such a section has but for those of the class, which are in `table` with the class's name."""
+    """The keys of such a section. Those of the class itself are in `table`, with the class's name."""
 
     rate: Annotated[float, Range(0.0, 1000.0, "Hz")]
     table: Mapping[str, Any] = {}

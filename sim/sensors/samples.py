@@ -76,7 +76,7 @@ class Sample(Protocol):
 
 
 class Scene(Protocol):
-    """Surroundings that sensors measure. The simulation is one."""
+    """The surroundings that sensors measure. sim.simulation.Simulation implements it."""
 
     state: State
     vehicle: "Vehicle"

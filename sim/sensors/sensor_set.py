@@ -1,19 +1,19 @@
 """The sensors that a vehicle carries, and the schedule of their samples.
 
-[sensors.imu]                  # one of the usual ones, with other values
+[sensors.imu]                  # a default sensor, with other values
 rate = "200 Hz"
 latency = "5 ms"
 
-[sensors.gps]                  # one that is not usual, as it is
+[sensors.gps]                  # another sensor, with default values
 
 [sensors.forward_sonar]
-device = "oculus_m750d"        # values of sim/sensors/devices/oculus_m750d.toml, but for those that are given here
+device = "oculus_m750d"        # values of sim/sensors/devices/oculus_m750d.toml, except those that are given here
 
 [sensors.dvl]
-rate = 0                       # none
+rate = 0                       # without this sensor
 
 [sensors.camera_down]
-sensor = "camera"              # one more of a kind, by a name of its own, which its topics and frames have too
+sensor = "camera"              # a further sensor of a kind; its topics and frames have its own name
 
 [sensors.thermometer]
 class = "my_sensors:Thermometer"  # one of the user's own: sim/sensors/own.py
@@ -63,7 +63,7 @@ DEFAULT_SENSORS = ("imu", "dvl", "pressure", "odometry", "ground_truth")
 
 
 class SensorSpec(NamedTuple):
-    """A sensor as it is fitted: its class, the record of its own keys, how it sits, its name if one more of a kind."""
+    """A sensor of a vehicle: its class, the record of its keys, its mounting, its name if it is a further one."""
 
     sensor: type[Sensor]
     model: Any
@@ -72,11 +72,11 @@ class SensorSpec(NamedTuple):
 
     @property
     def topic(self) -> str:
-        """Return the name of its samples: that of its kind, or its own if it is one more."""
+        """Return the topic of its samples: the name of its kind, or its own name if it is a further one."""
         return self.name or self.sensor.topic
 
     def build(self, seed: int, scene: Scene) -> Sensor:
-        """Return the sensor of a simulation; one more of a kind has random numbers of its own."""
+        """Return the sensor of a simulation; a further one of a kind has its own random numbers."""
         named = type(self.sensor.__name__, (self.sensor,), {"topic": self.name}) if self.name else self.sensor
         made: Sensor = named(self.model, self.mounting, seed, scene)
         return made
@@ -110,9 +110,9 @@ def read_sensors(sections: Any, where: str) -> SensorSet:
 
 
 def fit(**models: Any) -> SensorSet:
-    """Return the usual sensors, with these instead or besides.
+    """Return the default sensors, with `models` in place of them or in addition.
 
-    By name the record of its keys, a SensorSpec, or None for none.
+    Each argument is named after a sensor: the record of its keys, a SensorSpec, or None to leave it out.
     """
     chosen = {name: load_sensor(name).Model() for name in DEFAULT_SENSORS} | models
     present = {name: model for name, model in chosen.items() if model is not None}
@@ -123,15 +123,15 @@ def fit(**models: Any) -> SensorSet:
 class Schedule:
     """Calls each sensor when it is due, and returns its samples when they arrive.
 
-    Instants are whole multiples of a sensor's period, so that nothing drifts; each falls on the first step of
-    `dt_ns` at or after it. Raises ConfigError for a sensor that is faster than the steps.
+    A sensor is due at whole multiples of its period, so that there is no drift, and is called in the first step of
+    `dt_ns` at or after that time. Raises ConfigError for a sensor that is faster than the steps.
     """
 
     def __init__(self, sensors: SensorSet, scene: Scene, seed: int, dt_ns: int) -> None:
         self._slots = [Slot(name, fitted, scene, seed, dt_ns) for name, fitted in sensors.items()]
         self._in_flight: list[tuple[int, int, str, Sample]] = []  # arrival, number, topic, sample
         self._number = 0
-        self.due_ns = 0  # nothing happens before
+        self.due_ns = 0  # time of the next measurement or arrival
 
     def pop_due(self, now_ns: int, scene: Scene) -> list[tuple[str, Sample]]:
         """Return the samples that arrive by `now_ns`, with their topics."""
@@ -196,7 +196,7 @@ class Slot:
         self._latency_ns = round(fitted.mounting.latency * 1e9)
         self._drop_out = fitted.mounting.drop_out
         self._luck = sensor_random(seed, f"{name}/drop_out") if self._drop_out else None
-        # Whether every sample arrives at its instant.
+        # True if every sample arrives without delay and none is lost.
         self.prompt = not (self._latency_ns or self._drop_out or hasattr(self.sensor, "delay_ns"))
 
     @property
@@ -210,7 +210,7 @@ class Slot:
 
 
 def _require_numpy(name: str) -> None:
-    from importlib.util import find_spec  # most vehicles see nothing
+    from importlib.util import find_spec  # imported here, because most vehicles have no camera or sonar
 
     if find_spec("numpy") is None:
         raise MissingExtraError(f"sensor {name!r} makes pictures, which needs numpy: pip install 'uuv-hil[imaging]'")
@@ -254,7 +254,7 @@ def _kind_of(name: str, section: dict[str, Any], where: str) -> tuple[str, dict[
 
 
 def _with_device(name: str, section: dict[str, Any], where: str) -> dict[str, Any]:
-    """Return the section with the keys of its `device`, but for the keys it has itself."""
+    """Return the section with the keys of its `device`; its own keys have priority."""
     path = find_preset(DEVICES, str(section["device"]))
     device = read_table(path)
     if device.pop("sensor", None) != name:

@@ -1,8 +1,8 @@
 """Variances of sensor errors, for messages that have a field for them.
 
-Of each quantity the variance of its white noise, of its wandering bias and of what is drawn when the run starts
-(`sim.sensors.error.variance`); the error of the scale, which grows with the value, is not in it. The GPS, the USBL and
-the velocity log report it with each sample instead, as theirs depends on what was measured.
+The variance of a quantity is that of its white noise, of its bias, and of the constants that are drawn when the run
+starts (`sim.sensors.error.variance`), without the error of the scale, which grows with the value. GPS, USBL and DVL
+report a variance with each sample instead, because it depends on the measurement.
 """
 
 from collections.abc import Callable, Mapping
@@ -17,11 +17,11 @@ Spread = tuple[float, ...]
 
 
 def spreads(sensors: SensorSet, world: World) -> Mapping[str, Spread]:
-    """Return each sensor's variances by topic, in units and order of its message; absent where there are none.
+    """Return each sensor's variances by topic, in the units and order of its message; none for other sensors.
 
     imu and ahrs: roll and pitch, yaw (rad²), angular velocity (rad²/s²), acceleration (m²/s⁴). odom: horizontal
-    position, depth (m²), attitude (rad²), velocity (m²/s²), angular velocity. magnetometer: x and y, z (T²). Others:
-    the one.
+    position, depth (m²), attitude (rad²), velocity (m²/s²), angular velocity. magnetometer: x and y, z (T²). Other
+    sensors have one variance.
     """
     known = [fitted for fitted in sensors.values() if fitted.sensor.topic in _SPREADS]
     return {fitted.topic: _SPREADS[fitted.sensor.topic](fitted.model, world) for fitted in known}

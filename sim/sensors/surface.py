@@ -1,4 +1,4 @@
-"""Submersion of a sensor, for those that only work on one side of the surface."""
+"""Submersion of a sensor, for sensors that work only in water or only in air."""
 
 from collections.abc import Sequence
 

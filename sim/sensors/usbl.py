@@ -19,11 +19,11 @@ Metres = Annotated[float, Range(-1e5, 1e5, "m")]
 
 
 class UsblModel(NamedTuple):
-    """Rate in Hz (0: none), where the station is (m, NED), its reach, and errors of range (m) and direction (rad).
+    """Rate in Hz (0: none), position of the station (m, NED), its reach, and errors of range (m) and direction (rad).
 
-    Reach: Blueprint Subsea SeaTrac X150, 1 km. Errors: in the middle of what Stonefish's examples take, 1 to 5 cm and
-    0.05 to 0.5 deg; the rate is our choice. `assumed_speed` (m/s) is what the station makes a range of the travel time
-    with; 0: the speed of sound at the station, as one that measures it there.
+    Reach: Blueprint Subsea SeaTrac X150, 1 km. Errors: in the middle of those in Stonefish's examples, 1 to 5 cm and
+    0.05 to 0.5 deg; the rate is our choice. `assumed_speed` (m/s) is the speed of sound with which the station computes
+    a range from the travel time; 0: that at the station, as if it is measured there.
     """
 
     rate: Annotated[float, Range(0.0, 50.0, "Hz")] = 1.0
@@ -46,11 +46,11 @@ class UsblModel(NamedTuple):
 class Usbl:
     """One beacon, the mounting's `position`, which a station locates; nothing beyond its reach or out of the water.
 
-    The direction is wrong by two small angles across the line of sight. A sample is of the instant when the beacon
-    sent, and comes after the sound's way to the station and the mounting's `latency`, in which the way back to
-    the vehicle by modem belongs. Where the world's profile bends the rays (seawater/sound_rays.py) the
-    range is that of the travel time, the direction that in which the sound comes, and there is no sample in a shadow.
-    Not modelled: echoes, obstacles in the way, the ship's motion.
+    The error of the direction is two small angles across the line of sight. A sample is of the instant when the beacon
+    sent. It arrives after the travel time of the sound to the station and the mounting's `latency`, which should
+    include the transmission back to the vehicle by modem. If the world's profile bends the rays
+    (seawater/sound_rays.py), the range is that of the travel time, the direction that from which the sound arrives, and
+    there is no sample in a shadow. Not modelled: echoes, obstacles, the ship's motion.
     """
 
     Model = UsblModel
