@@ -134,4 +134,4 @@ def test_a_recording_without_a_vehicle_cannot_be_plotted(tmp_path: Path) -> None
         recorder.put(Message("/chat", "std_msgs/msg/String", 1, 1, 1, b"\0\1\0\0\2\0\0\0a\0"))
     with Program(tmp_path, "plot", tmp_path / "bag") as plot:
         assert plot.wait() == 2
-    assert "no vehicle in it" in plot.output
+    assert "has no vehicle with positions" in plot.output

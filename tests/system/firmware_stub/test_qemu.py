@@ -208,7 +208,7 @@ def test_a_qemu_that_does_not_start_leaves_nothing(
 
 def test_a_usart_that_cannot_be_made_leaves_nothing(monkeypatch: pytest.MonkeyPatch, folders: Path) -> None:
     monkeypatch.setattr(qemu, "PROGRAM", "sh")
-    monkeypatch.setattr(qemu, "THERE", "255.255.255.255")  # where a socket needs to be asked for broadcasts
+    monkeypatch.setattr(qemu, "QEMU_ADDRESS", "255.255.255.255")  # where a socket needs to be asked for broadcasts
     with nothing_leaks(), pytest.raises(PermissionError):
         QemuStm32()
     assert not os.listdir(folders)
