@@ -206,7 +206,7 @@ def test_a_killed_process_is_restarted(kind: str) -> None:
 
 def test_a_program_that_never_serves_is_ended(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(child, "START_S", 0.05)
-    with pytest.raises(DeviceError, match="sleep: did not come up"):
+    with pytest.raises(DeviceError, match="sleep: did not start"):
         Child(["sleep", "60"])
 
 
