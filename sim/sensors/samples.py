@@ -105,9 +105,9 @@ class Scene(Protocol):
 class Sensor(Protocol):
     """Interface of a sensor to the simulation.
 
-    `Model` is the record of its keys, one of them its `rate` in Hz; `topic` what its samples go out as. A sensor
-    whose samples travel before they arrive, each for a time of its own, has how long the last one does as `delay_ns`,
-    which it has from the start.
+    `Model` is the record of its keys, one of them its `rate` in Hz; `topic` is the topic of its samples. A sensor
+    whose samples arrive with varying delays has an attribute `delay_ns`, the delay of its last sample (ns), from the
+    start.
     """
 
     Model: Any

@@ -35,7 +35,7 @@ class AltimeterModel(NamedTuple):
 class Altimeter:
     """One beam along the sensor's z axis. It is straight down from a level vehicle, unless it is mounted otherwise.
 
-    It meets the seabed and obstacles. Not modelled: the width of the beam (see sim.sensors.ranging.echosounder), a
+    It hits the seabed and obstacles. Not modelled: the width of the beam (see sim.sensors.ranging.echosounder), a
     second echo, the weaker echo at a slant.
     """
 

@@ -20,8 +20,8 @@ Limits = tuple[float, float]
 class Beams:
     """Thin beams of `directions` (unit vectors in the sensor's axes) that reach `reach` m; all as long as they get.
 
-    They meet the seabed and the obstacles of the scene's world. Not modelled: the water's surface, rays that bend,
-    second echoes.
+    They hit the seabed and the obstacles of the scene's world. Not modelled: the water's surface, refraction, second
+    echoes.
     """
 
     def __init__(self, scene: Scene, mounting: Mounting, directions: Iterable[Vector3], reach: float) -> None:
@@ -45,7 +45,7 @@ class Beams:
         return self._rays.ranges(place, self._directions, self._reach, matrix(multiply(state.quaternion, axes)))
 
     def echoes(self, time_ns: int, state: State) -> tuple[Hits, list[float]] | None:
-        """Return what the beams meet, and the cosines of incidence, nan without an echo; None out of the water."""
+        """Return the hits of the beams, and the cosines of incidence (nan without an echo); None out of the water."""
         place = self._mounting.place(state)
         if submersion(self._scene, time_ns, place) <= 0.0:
             return None
@@ -63,7 +63,7 @@ class Beams:
 class RangeErrors:
     """The errors of one device that measures many distances at once, every `period` s.
 
-    What is constant or wanders is the same for all beams; the noise is each one's own.
+    Constant errors and the bias are common to all beams; each beam has its own noise.
     """
 
     def __init__(self, model: ErrorModel, period: float, random: Random, limits: Limits) -> None:
@@ -76,7 +76,7 @@ class RangeErrors:
         self._limits = limits
 
     def measure(self, true: Sequence[float]) -> tuple[float, ...]:
-        """Return one measurement of each: inf beyond the limits and -inf below; time moves on by one period."""
+        """Return one measurement of each: inf beyond the limits and -inf below; advance time by one period."""
         gain, drift, noise, gauss = self._gain, self._drift.measure(0.0), self._noise, self._gauss
         values = [gain * x + drift + gauss(0.0, noise) for x in true] if noise else [gain * x + drift for x in true]
         if step := self._resolution:

@@ -84,7 +84,7 @@ class Dvl:
         true: list[float] = []
         for (x, y, z), distance in zip(self._body_beams, ranges, strict=True):
             true += (x * u + y * v + z * w, distance or 0.0)
-        measured = self._errors.measure(true)  # every error moves on, locked or not: time passes for all
+        measured = self._errors.measure(true)  # advances the errors of all beams, locked or not
         locked = tuple(map(bool, ranges))
         if sum(locked) < _LEAST_BEAMS:
             return DvlSample(time_ns, (nan, nan, nan), nan, False)
@@ -95,7 +95,7 @@ class Dvl:
         return DvlSample(time_ns, (u, v, w), altitude, True, fit.covariance, fit.altitude_variance)
 
     def _fit(self, locked: tuple[bool, ...]) -> _Fit:
-        """Return what these beams give together, made once for each set of them."""
+        """Return the solution for a set of locked beams, computed once for each set."""
         rows = [list(beam) if held else [0.0, 0.0, 0.0] for beam, held in zip(self._beams, locked, strict=True)]
         columns = transpose(rows)
         spread = inverse(product(columns, rows))

@@ -16,7 +16,7 @@ _DEGREE = pi / 180.0
 
 
 class EchosounderModel(NamedTuple):
-    """Rate in Hz (0: none), width of the beam (rad), the rings of rays that stand for it, reach, error of the distance.
+    """Rate in Hz (0: none), width of the beam (rad), the rings of rays that represent it, reach, error of the distance.
 
     With `ground_truth` the distance is the true one. Blue Robotics Ping2 (user manual): 25 deg, 0.3 to 100 m. Noise:
     the 5 mm of uuv_simulator's sonar beams; scale: a speed of sound that is 7 m/s off, our choice.
@@ -39,7 +39,7 @@ class Echosounder:
     """One beam about the sensor's z axis. It is straight down from a level vehicle, unless it is mounted otherwise.
 
     The distance is that of the first echo, the least along any of the rays. So over a slope it is shorter than along
-    the middle, as with a real one. Not modelled: the strength of an echo, side lobes, second echoes.
+    the beam's axis, as with a real one. Not modelled: the strength of an echo, side lobes, second echoes.
     """
 
     Model = EchosounderModel

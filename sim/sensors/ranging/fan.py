@@ -26,7 +26,7 @@ def validate_fan(near: float, far: float, first: float, last: float) -> str | No
 
 
 class Fan(ABC):
-    """Beams at even angles, the first and the last of which the model has."""
+    """Beams at equal angular distances; the model gives the first and the last angle."""
 
     Model: Any
     topic: str
@@ -43,7 +43,7 @@ class Fan(ABC):
     @staticmethod
     @abstractmethod
     def rays(model: Any, angle: float) -> Sequence[Vector3]:
-        """Return the unit vectors (the sensor's axes) that stand for the beam at an angle (rad)."""
+        """Return the unit vectors (the sensor's axes) of the rays that represent the beam at an angle (rad)."""
 
     def sample(self, time_ns: int, state: State) -> LaserSample:
         """Return the measurement of `state`."""
@@ -52,5 +52,5 @@ class Fan(ABC):
         return LaserSample(time_ns, self._first, self._step, measured, self._limits, strengths)
 
     def measure(self, time_ns: int, state: State) -> tuple[Sequence[float], tuple[float, ...]]:
-        """Return the true distance (m) along each beam and, of devices that report it, how strong its echo is (dB)."""
+        """Return the true distance (m) along each beam and, if the device reports it, its echo strength (dB)."""
         return self._beams.ranges(time_ns, state), ()
