@@ -217,13 +217,13 @@ def _surface_data(survey: Survey) -> _SurfaceData:
     soundings = soundings[first_in_cell(soundings, DUPLICATE_DISTANCE)]
     all_points = np.concatenate([soundings, survey.guides])
     points = all_points[first_in_cell(all_points, DUPLICATE_DISTANCE)]
-    surface = Surface(points[:, :2], points[:, 2], survey.strikes)
+    surface = Surface(points[:, :2], points[:, 2], survey.strikes, len(soundings))
     beds = beds_under(survey, soundings, surface)
     measured = np.concatenate([soundings, beds])
     if len(beds):
         all_points = np.concatenate([measured, survey.guides])
         points = all_points[first_in_cell(all_points, DUPLICATE_DISTANCE)]
-        surface = Surface(points[:, :2], points[:, 2], survey.strikes)
+        surface = Surface(points[:, :2], points[:, 2], survey.strikes, len(soundings))
     limits = Limits(*limits_at(survey, measured[:, :2]))
     return _SurfaceData(
         points, len(soundings), len(measured), limits, distance_to_borders(survey, measured[:, :2]), surface

@@ -1,6 +1,6 @@
 """Interpolate scattered depths by a smooth surface: radial basis functions on overlapping patches.
 
-On each patch the surface passes exactly through the points. The kernel is r^1.75 (conditionally positive definite of
+On each patch the surface passes exactly through the points. The kernel is r^1.5 (conditionally positive definite of
 order one; Wendland, Scattered Data Approximation, 2005, chapter 8), which is smoother than the linear kernel and
 stiffer than a thin plate. Distances along the contours count less than distances across, because a bed changes less
 along the strike of its slopes. How much less follows from how well the contours of a patch agree in direction
@@ -10,7 +10,8 @@ The patches are blended with weights that are continuous in slope and curvature 
 This leaves no creases, which a sonar would show.
 
 The expected error between the points follows from kriging with this kernel as variogram (Chiles and Delfiner,
-chapter 3); the scale of the variogram is estimated from the depths of each patch.
+chapter 3). The scale of the variogram of each patch is estimated by leaving out one sounding at a time, as the
+geometric mean: few soundings beside steep shores must not make a level bed uncertain.
 """
 
 from collections.abc import Callable, Iterator
@@ -34,7 +35,10 @@ LEAST_PATCH_POINTS = 12  # below which a patch is widened further
 MOST_STRETCH = 3.0  # greatest ratio of distances across and along contours
 LEAST_SEGMENTS = 4  # of contours, below which distances of a patch are not stretched
 LEAST_WEIGHT = 1e-4  # subtracted from weights, so that a patch ends where its weight is small
-POWER = 1.75  # of the distance, in the kernel
+POWER = 1.5  # of the distance, in the kernel
+LEAST_SOUNDINGS = 4  # of a patch, below which the scale is estimated from all of its points
+LEAST_ERROR = 0.05  # m; half of the decimetre to which charts give depths
+CHI_SQUARED = 3.56  # inverse geometric mean of squares of a standard normal distribution, 2 exp(Euler's constant)
 LEAST_ERROR_WEIGHT = 0.02  # as LEAST_WEIGHT, for the expected error, which need not be as smooth
 CHUNK = 500  # nodes evaluated at once: the intermediate matrices fit into the processor's cache
 
@@ -48,7 +52,7 @@ class Patch(NamedTuple):
 
 
 class Uncertainty(NamedTuple):
-    """Expected error of a bed: `variance` (m^2), and `roughness`, its increase with distance (m^2 / m^1.75)."""
+    """Expected error of a bed: `variance` (m^2), and `roughness`, its increase with distance (m^2 / m^1.5)."""
 
     variance: Array
     roughness: Array
@@ -67,15 +71,19 @@ class Surface:
     """Depth as a function of position, exact at every data point.
 
     `points`: (n, 2) north, east in m, without duplicates; `depths`: (n,) in m; `strikes`: (k, 4) segments of contours:
-    centres and vectors, north and east in m. Raises ConfigError for fewer than three points.
+    centres and vectors, north and east in m. The first `soundings` of the points, all by default, are soundings.
+    Raises ConfigError for fewer than three points.
     """
 
-    def __init__(self, points: Array, depths: Array, strikes: Array | None = None) -> None:
+    def __init__(
+        self, points: Array, depths: Array, strikes: Array | None = None, soundings: int | None = None
+    ) -> None:
         if len(points) < 3:
             raise ConfigError(
                 f"gridding: a surface needs at least three depths, found {len(points)}: use a file with more soundings"
             )
         self._points, self._depths = points, depths
+        self._soundings = len(points) if soundings is None else soundings
         self._strikes = np.empty((0, 4)) if strikes is None else strikes[np.argsort(strikes[:, 0])]
         self._low, self._high = points.min(axis=0), points.max(axis=0)
         order = np.argsort(points[:, 0])
@@ -150,7 +158,10 @@ class Surface:
         return depths, Uncertainty(variance, roughness)
 
     def _fit(self, patch: Patch) -> "_PatchFit":
-        return _PatchFit(self._points[patch.inside], self._depths[patch.inside], patch, _stretch(self._strikes, patch))
+        return _PatchFit(
+            self._points[patch.inside], self._depths[patch.inside], patch.inside < self._soundings,
+            patch, _stretch(self._strikes, patch),
+        )  # fmt: skip
 
     def _nodes_of_patch(self, axis: Array, k: int, patch: Patch) -> slice:
         """Return the range of nodes along one axis that `patch` covers; at the edge of the data it extends beyond."""
@@ -225,10 +236,10 @@ def _stretch(strikes: Array, patch: Patch) -> Array:
 class _PatchFit:
     """Interpolant of the points of one patch."""
 
-    def __init__(self, points: Array, depths: Array, patch: Patch, stretch: Array) -> None:
+    def __init__(self, points: Array, depths: Array, soundings: Mask, patch: Patch, stretch: Array) -> None:
         self._centre, self._stretch = patch.centre, stretch
         self._unit = 1.0 / patch.half.max()  # scaled distance per m, on average: the stretch preserves areas
-        self._points, self._depths = self._scaled(points), depths
+        self._points, self._depths, self._soundings = self._scaled(points), depths, soundings
         size = len(points) + 1
         self._system = np.ones((size, size))
         self._system[:-1, :-1] = _kernel(self._points, self._points)
@@ -246,7 +257,7 @@ class _PatchFit:
     def uncertainties(self, nodes: Array) -> Array:
         """Return variance and roughness at `nodes` (n, 2): (n, 2)."""
         inverse = np.linalg.inv(self._system)
-        sill = self._sill(float(self._right @ inverse @ self._right), len(self._points))
+        sill = _sill(inverse @ self._right, np.diag(inverse), self._soundings)
         found = np.full((len(nodes), 2), sill * self._unit**POWER)
         for start in range(0, len(nodes), CHUNK):
             part = self._scaled(nodes[start : start + CHUNK])
@@ -258,33 +269,43 @@ class _PatchFit:
         """Return depth, variance and roughness at each point, fitted without the points of its fold: (n, 3)."""
         inverse = np.linalg.inv(self._system)
         solution = inverse @ self._right
-        energy = float(self._right @ solution)
         found = np.column_stack([self._depths, np.zeros((len(self._points), 2))])
         for fold in np.unique(folds[folds >= 0]):
-            left_out = np.flatnonzero(folds == fold)
-            block = inverse[np.ix_(left_out, left_out)]
-            errors = np.linalg.solve(block, solution[left_out])
-            sill = self._sill(energy - float(solution[left_out] @ errors), len(self._points) - len(left_out))
+            left_out, rest = np.flatnonzero(folds == fold), np.flatnonzero(folds != fold)
+            variances = np.linalg.inv(inverse[np.ix_(left_out, left_out)])
+            errors = variances @ solution[left_out]
+            across = inverse[np.ix_(rest, left_out)]  # eliminates the points that are left out
+            sill = _sill(
+                solution[rest] - across @ errors,
+                np.diag(inverse)[rest] - (across @ variances * across).sum(axis=1),
+                self._soundings[rest],
+            )
             found[left_out, 0] -= errors
-            found[left_out, 1] = sill * np.maximum(0.0, np.diag(np.linalg.inv(block)))
+            found[left_out, 1] = sill * np.maximum(0.0, np.diag(variances))
             found[left_out, 2] = sill * self._unit**POWER
         return found
-
-    @staticmethod
-    def _sill(energy: float, count: int) -> float:
-        """Return the scale of the variogram (m^2): REML estimate from `count` depths with quadratic form `energy`."""
-        return max(0.0, energy) / max(1, count - 1)
 
     def _scaled(self, points: Array) -> Array:
         return np.asarray((points - self._centre) @ self._stretch)
 
 
+def _sill(solution: Array, diagonal: Array, soundings: Mask) -> float:
+    """Return the scale of the variogram (m^2) from the errors of leaving out one sounding at a time.
+
+    `solution`: coefficients of the interpolant; `diagonal`: of the inverse of its system, both (n,) or longer;
+    `soundings`: (n,), which points are. An error is the ratio of the two, its variance the inverse diagonal
+    (Rippa, Adv. Comput. Math. 11, 1999).
+    """
+    chosen = soundings if soundings.sum() >= LEAST_SOUNDINGS else np.ones(len(soundings), bool)
+    solution, diagonal = solution[: len(chosen)][chosen], np.maximum(diagonal[: len(chosen)][chosen], 1e-12)
+    squares = np.maximum(solution * solution / diagonal, LEAST_ERROR * LEAST_ERROR * diagonal)
+    return float(CHI_SQUARED * np.exp(np.log(squares).mean()))
+
+
 def _kernel(a: Array, b: Array) -> Array:
-    """Return minus the distances to the power 1.75, (len(a), len(b)), by square roots, which are faster than powers."""
+    """Return minus the distances to the power 1.5, (len(a), len(b)), by square roots, which are faster than powers."""
     from scipy.spatial.distance import cdist
 
     distances = cdist(a, b)
-    roots = np.sqrt(distances)
-    distances *= -roots
-    distances *= np.sqrt(roots, out=roots)
+    distances *= -np.sqrt(distances)
     return np.asarray(distances)

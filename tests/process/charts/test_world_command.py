@@ -114,7 +114,7 @@ def test_a_resolution_that_is_too_fine_or_too_coarse_is_refused(tmp_path: Path) 
 def test_installed_and_own_worlds_are_listed(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    monkeypatch.setenv("COLUMNS", "200")
+    monkeypatch.setenv("COLUMNS", "400")
     command.main(["build", chart(tmp_path), "--resolution", "25", "-o", str(tmp_path / "own")])
     capsys.readouterr()
     assert command.main(["list", str(tmp_path)]) == 0
