@@ -216,7 +216,7 @@ def test_a_master_after_another_is_not_refused() -> None:
         (["table", "--plot", "table.xyz"], "unknown picture format"),
         (
             ["table", "--connect", "tcp/127.0.0.1:1", "--set", "slave.step=0.001"],
-            "slave.step: a slave that runs elsewhere",
+            "slave.step: it is not passed to a slave",
         ),
         (["table", "--set", "link.port=/dev/ttyNONE", "--set", "stm32=device"], "/dev/ttyNONE"),
         (["startup", "--set", "link.port=/dev/ttyNONE", "--set", "stm32=device"], "/dev/ttyNONE"),
