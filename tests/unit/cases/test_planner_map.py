@@ -30,8 +30,7 @@ ROWS, COLUMNS, STEP = 61, 51, 1.0
 
 
 def hill(north: float, east: float) -> float:
-    """Return a hill of 10 m at (20, 32) in water 15 m deep, long to the east, so that no mirror image of it is equal.
-    """
+    """Return a hill of 10 m at (20, 32) in water 15 m deep, long to the east, which no mirror image equals."""
     return 15.0 - 10.0 * float(np.exp(-(((north - 20.0) / 5.0) ** 2) - ((east - 32.0) / 9.0) ** 2))
 
 

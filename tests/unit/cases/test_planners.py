@@ -149,8 +149,7 @@ def gap(a: Cylinder, b: Cylinder) -> float:
 
 
 class SentPlanner(Planner):
-    """A planner that encodes and decodes each sample as on the network, and compares its commands with the original's.
-    """
+    """A planner that encodes and decodes each sample as on the network, and compares both planners' commands."""
 
     def __init__(self, here: Planner, there: Planner) -> None:
         self.here, self.there = here, there

@@ -53,8 +53,7 @@ def numbers(annotation: Any) -> Iterator[Range | None]:
 
 @pytest.fixture(scope="module")
 def keys() -> list[tuple[type[Any], str]]:
-    """Return the keys with numbers. They are collected here, because an import of all modules slows every collection.
-    """
+    """Return the keys with numbers. They are collected here: an import of all modules slows every collection."""
     return [
         (record, key)
         for record in sorted(set(records()), key=lambda record: (record.__module__, record.__name__))

@@ -113,7 +113,7 @@ def test_one_message_at_a_time_is_sent_and_too_long_ones_refused() -> None:
     assert (channel.counts["busy"], channel.counts["too_long"]) == (1, 1)
 
 
-def test_of_two_colliding_messages_the_first_is_received_with_interference() -> None:
+def test_the_first_of_two_colliding_messages_is_received_with_interference() -> None:
     places = {"near": (0.0, 0.0, 5.0), "ear": (30.0, 0.0, 5.0), "far": (900.0, 0.0, 5.0)}
     channel = AcousticChannel(EXACT, 50.0, seed=1)
     channel.send(0, "near", b"x" * 16, places)

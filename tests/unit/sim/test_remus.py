@@ -49,8 +49,7 @@ def add(*wrenches: Six) -> Six:
 
 
 def their_propeller(n: float, nu: Six) -> Six:
-    """Return their propeller's force, by the speed over ground, also in sideways motion; its torque is a tenth of KQ's.
-    """
+    """Return their propeller's force, by the speed over ground, also sideways; its torque is a tenth of KQ's."""
     advance = 0.944 * sqrt(nu[0] ** 2 + nu[1] ** 2 + nu[2] ** 2)
     thrust = 1026 * 0.14**4 * (0.4566 * n * n + (0.1798 - 0.4566) / 0.6632 * advance / 0.14 * n)
     torque = 1026 * 0.14**5 * (0.07 * n * n + (0.0312 - 0.07) / 0.6632 * advance / 0.14 * n)
