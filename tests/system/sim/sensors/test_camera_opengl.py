@@ -263,7 +263,7 @@ def test_another_renderer_is_refused() -> None:
 
 
 def test_a_lens_with_a_too_wide_view_is_refused(context: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(opengl, "MOST_WIDER", 1)
+    monkeypatch.setattr(opengl, "MAX_WIDER", 1)
     with pytest.raises(ConfigError, match="too far to the sides; take renderer"):
         shot("opengl", relief(), distortion=(-0.25, 0.06, 0.0, 0.0, 0.0))
 
