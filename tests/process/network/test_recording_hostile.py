@@ -112,7 +112,7 @@ def test_more_vehicles_than_a_figure_can_show_are_refused() -> None:
     twist = ros.encode_twist((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
     messages = [Message(f"/uuv{n}/cmd_vel", "geometry_msgs/msg/Twist", 1, 1, 1, twist) for n in range(70)]
     assert len(collect(messages[:64], "x")) == 64
-    with pytest.raises(ConfigError, match="x: more than 64 vehicles are in it"):
+    with pytest.raises(ConfigError, match="x: has more than 64 vehicles"):
         collect(messages, "x")
 
 
