@@ -65,10 +65,10 @@ class Companion:
             self._heartbeat_due_ns = time_ns + HEARTBEAT_NS
             if self._socket is None:
                 self._connect(host)
-            self._send([_heartbeat(), *([] if self._has_origin else [_set_origin(self._origin)])])
+            self._send([_encode_heartbeat(), *([] if self._has_origin else [_encode_origin(self._origin)])])
             self._receive()
         if is_new and self._socket:
-            self._send(self._messages(time_ns // NS_PER_US, truth))
+            self._send(self._encode_messages(time_ns // NS_PER_US, truth))
 
     def close(self) -> None:
         """Close the connection. Closing twice is harmless."""
@@ -76,17 +76,17 @@ class Companion:
             self._socket.close()
         self._socket = None
 
-    def _messages(self, time_us: int, truth: OdometrySample) -> list[Any]:
+    def _encode_messages(self, time_us: int, truth: OdometrySample) -> list[Any]:
         inputs = self._inputs
         if self._positions == "odometry":
-            return [hil.odometry(time_us, inputs.odometry, hil.LOCAL_FRD)]
+            return [hil.encode_odometry(time_us, inputs.odometry, hil.LOCAL_FRD)]
         if self._positions == "gps":
-            return [gps_input(time_us, inputs.fix, inputs.antenna_velocity(truth))]
+            return [encode_gps_input(time_us, inputs.fix, inputs.antenna_velocity(truth))]
         dvl, before_ns = inputs.dvl, self._dvl_ns
         self._dvl_ns = dvl.time_ns if dvl.locked else None
         if not dvl.locked or before_ns is None or not 0 < dvl.time_ns - before_ns <= MOST_DELTA_NS:
             return []
-        return [position_delta(time_us, dvl, inputs.gyro, dvl.time_ns - before_ns)]
+        return [encode_position_delta(time_us, dvl, inputs.gyro, dvl.time_ns - before_ns)]
 
     def _connect(self, host: str) -> None:
         """Begin to connect, without waiting for the connection."""
@@ -127,7 +127,7 @@ class Companion:
                 self._has_origin = dialect.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN in kinds
 
 
-def position_delta(time_us: int, sample: DvlSample, gyro: Vector3, delta_ns: int) -> Any:
+def encode_position_delta(time_us: int, sample: DvlSample, gyro: Vector3, delta_ns: int) -> Any:
     """Return the VISION_POSITION_DELTA message of a DVL's velocity (m/s, FRD) over `delta_ns`; `gyro` in rad/s."""
     seconds = delta_ns / NS_PER_S
     return dialect.MAVLink_vision_position_delta_message(
@@ -136,7 +136,7 @@ def position_delta(time_us: int, sample: DvlSample, gyro: Vector3, delta_ns: int
     )  # fmt: skip
 
 
-def gps_input(time_us: int, fix: FixSample, velocity: Vector3) -> Any:
+def encode_gps_input(time_us: int, fix: FixSample, velocity: Vector3) -> Any:
     """Return the GPS_INPUT message of a sample with or without a fix; `velocity` NED in m/s."""
     if not fix.fix:
         return dialect.MAVLink_gps_input_message(
@@ -149,11 +149,11 @@ def gps_input(time_us: int, fix: FixSample, velocity: Vector3) -> Any:
     )  # fmt: skip
 
 
-def _heartbeat() -> Any:
+def _encode_heartbeat() -> Any:
     kind, autopilot = dialect.MAV_TYPE_ONBOARD_CONTROLLER, dialect.MAV_AUTOPILOT_INVALID
     return dialect.MAVLink_heartbeat_message(kind, autopilot, 0, 0, dialect.MAV_STATE_ACTIVE, 3)
 
 
-def _set_origin(origin: tuple[float, float]) -> Any:
+def _encode_origin(origin: tuple[float, float]) -> Any:
     latitude, longitude = origin
     return dialect.MAVLink_set_gps_global_origin_message(SYSTEM, round(1e7 * latitude), round(1e7 * longitude), 0)

@@ -33,7 +33,7 @@ class Inertial(NamedTuple):
     pascal: float | None
 
 
-def sensor(time_us: int, inertial: Inertial) -> Any:
+def encode_sensor(time_us: int, inertial: Inertial) -> Any:
     """Return a HIL_SENSOR message; values that are None are not marked as updated."""
     acceleration, gyro, field, pascal = inertial
     updated = 0
@@ -43,17 +43,17 @@ def sensor(time_us: int, inertial: Inertial) -> Any:
     gauss = [1e4 * x for x in field] if field is not None else (0.0, 0.0, 0.0)
     return dialect.MAVLink_hil_sensor_message(
         time_us, *(acceleration or (0.0, 0.0, 0.0)), *(gyro or (0.0, 0.0, 0.0)), *gauss, hectopascal, 0.0,
-        pressure_altitude(hectopascal) if pascal is not None else 0.0, BOX_TEMPERATURE, updated, 0,
+        compute_pressure_altitude(hectopascal) if pascal is not None else 0.0, BOX_TEMPERATURE, updated, 0,
     )  # fmt: skip
 
 
-def pressure_altitude(hectopascal: float) -> float:
+def compute_pressure_altitude(hectopascal: float) -> float:
     """Return the altitude (m) of this pressure in the standard atmosphere."""
     ratio: float = (hectopascal / STANDARD_HPA) ** 0.190263
     return 44_330.77 * (1.0 - ratio)
 
 
-def gps(time_us: int, fix: Any, velocity: Sequence[float]) -> Any:
+def encode_gps(time_us: int, fix: Any, velocity: Sequence[float]) -> Any:
     """Return the HIL_GPS message of a FixSample, without a position if it has no fix; `velocity` NED in m/s."""
     if not fix.fix:
         return dialect.MAVLink_hil_gps_message(
@@ -68,7 +68,7 @@ def gps(time_us: int, fix: Any, velocity: Sequence[float]) -> Any:
     )  # fmt: skip
 
 
-def odometry(time_us: int, sample: OdometrySample, frame: int = LOCAL_NED) -> Any:
+def encode_odometry(time_us: int, sample: OdometrySample, frame: int = LOCAL_NED) -> Any:
     """Return the ODOMETRY message of a navigation solution, marked as a vision system, which PX4 uses for position."""
     pose = [0.0] * 21
     twist = [0.0] * 21
@@ -89,7 +89,7 @@ def odometry(time_us: int, sample: OdometrySample, frame: int = LOCAL_NED) -> An
     )
 
 
-def truth_state(time_us: int, truth: OdometrySample, velocity: Sequence[float], acceleration: Sequence[float],
+def encode_truth(time_us: int, truth: OdometrySample, velocity: Sequence[float], acceleration: Sequence[float],
                 place: Sequence[float]) -> Any:  # fmt: skip
     """Return the HIL_STATE_QUATERNION message of the true state, for PX4's log.
 
@@ -104,13 +104,13 @@ def truth_state(time_us: int, truth: OdometrySample, velocity: Sequence[float], 
     )  # fmt: skip
 
 
-def receiver(time_us: int, pulses_us: Sequence[int]) -> Any:
+def encode_rc_channels(time_us: int, pulses_us: Sequence[int]) -> Any:
     """Return the RC_CHANNELS message of an RC receiver with these pulse widths (us), which PX4's simulator reads."""
     channels = [*pulses_us, *[UNKNOWN_16] * (RC_CHANNELS - len(pulses_us))]
     return dialect.MAVLink_rc_channels_message(time_us // 1000 & 0xFFFF_FFFF, len(pulses_us), *channels, FULL_STRENGTH)
 
 
-def pulses_of(controls: Sequence[float]) -> tuple[int, ...]:
+def controls_to_pwm(controls: Sequence[float]) -> tuple[int, ...]:
     """Return the pulse widths (us) of HIL_ACTUATOR_CONTROLS; 0, no output, for values that are not finite."""
     return tuple([PWM_NEUTRAL_US + round(SPAN_US * max(-1.0, min(1.0, x))) if isfinite(x) else 0 for x in controls])
 

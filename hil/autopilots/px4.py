@@ -87,7 +87,7 @@ class Px4(Autopilot):
             return
         self._due_ns = max(self._due_ns + self._period_ns, time_ns)  # missed messages are not sent later
         time_us = CLOCK_START_US + time_ns // NS_PER_US
-        messages = [hil.sensor(time_us, self._inertial(truth)), *self._extra(time_us, time_ns, truth)]
+        messages = [hil.encode_sensor(time_us, self._inertial(truth)), *self._extra(time_us, time_ns, truth)]
         packets = b"".join([self._stream.pack(message) for message in messages])
         if self._wire.write(packets) < len(packets):
             self.figures.lost += 1
@@ -207,7 +207,7 @@ class Px4(Autopilot):
             self._report(f"{self.name}: it replies again")
         self._awaiting = False
         self.figures.outputs += 1
-        return Outputs(hil.pulses_of(message.controls), bool(message.mode & hil.ARMED), now)
+        return Outputs(hil.controls_to_pwm(message.controls), bool(message.mode & hil.ARMED), now)
 
     def _inertial(self, truth: OdometrySample) -> hil.Inertial:
         inputs, fresh = self._inputs, self._inputs.fresh
@@ -226,16 +226,16 @@ class Px4(Autopilot):
         """Return the other messages to send with a HIL_SENSOR."""
         inputs, messages = self._inputs, list[Any]()
         if "gps" in inputs.fresh:
-            messages.append(hil.gps(time_us, inputs.fix, inputs.antenna_velocity(truth)))
+            messages.append(hil.encode_gps(time_us, inputs.fix, inputs.antenna_velocity(truth)))
         if "odom" in inputs.fresh:
-            messages.append(hil.odometry(time_us, inputs.odometry))
+            messages.append(hil.encode_odometry(time_us, inputs.odometry))
         if inputs.plane is not None and time_ns >= self._truth_ns:
             self._truth_ns = time_ns + TRUTH_PERIOD_NS
             place, velocity = inputs.plane.geodetic(truth.position), rotate(truth.orientation, truth.nu[:3])
-            messages.append(hil.truth_state(time_us, truth, velocity, inputs.acceleration, place))
+            messages.append(hil.encode_truth(time_us, truth, velocity, inputs.acceleration, place))
         if self._rc and time_ns >= self._rc_ns:
             self._rc_ns = time_ns + RC_PERIOD_NS
-            messages.append(hil.receiver(time_us, self._rc))
+            messages.append(hil.encode_rc_channels(time_us, self._rc))
         if not self._has_heartbeat or time_ns >= self._heartbeat_due_ns:
             self._heartbeat_due_ns = time_ns + HEARTBEAT_NS
             kind, autopilot = dialect.MAV_TYPE_GENERIC, dialect.MAV_AUTOPILOT_INVALID

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from hil.autopilots.companion import Companion, gps_input, position_delta
+from hil.autopilots.companion import Companion, encode_gps_input, encode_position_delta
 from hil.autopilots.frames import map_motors
 from hil.autopilots.inputs import SensorInputs
 from hil.autopilots.parameters import all_parameters
@@ -139,7 +139,7 @@ def test_dvl_deltas_are_between_successive_samples_with_bottom_lock(bench: Calla
 
 
 def test_a_position_delta_is_velocity_and_rate_times_its_duration() -> None:
-    message = position_delta(7, DvlSample(0, (0.4, -0.2, 0.1), 5.0, True), (0.1, 0.0, -0.2), 125_000_000)
+    message = encode_position_delta(7, DvlSample(0, (0.4, -0.2, 0.1), 5.0, True), (0.1, 0.0, -0.2), 125_000_000)
     assert (message.time_usec, message.time_delta_usec, message.confidence) == (7, 125_000, 100.0)
     assert message.position_delta == pytest.approx([0.05, -0.025, 0.0125])
     assert message.angle_delta == pytest.approx([0.0125, 0.0, -0.025])
@@ -147,7 +147,7 @@ def test_a_position_delta_is_velocity_and_rate_times_its_duration() -> None:
 
 def test_gps_input_reports_fix_and_lost_fix(bench: Callable[[str], Bench]) -> None:
     fix = FixSample(0, 50.1234567, -8.5, 12.3, (4.0, 9.0), True)
-    message = gps_input(7, fix, (1.0, -1.0, 0.25))
+    message = encode_gps_input(7, fix, (1.0, -1.0, 0.25))
     assert (message.fix_type, message.lat, message.lon, message.alt) == (3, 501_234_567, -85_000_000, 12.3)
     assert (message.vn, message.ve, message.vd) == (1.0, -1.0, 0.25)
     assert (message.horiz_accuracy, message.vert_accuracy) == (2.0, 3.0)
