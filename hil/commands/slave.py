@@ -88,7 +88,7 @@ def _run(options: Options, startup: dict[str, int]) -> None:
 
     pictures = any(fitted.offloaded for fitted in scenario.sensors.values())
     save_threads(pictures)
-    notes = [schedule_fifo(LOOP_PRIORITY)] if scenario.slave.realtime else ["real-time: off by the scenario"]
+    notes = [schedule_fifo(LOOP_PRIORITY).text] if scenario.slave.realtime else ["real-time: off by the scenario"]
     network = Listening(scenario.slave.listen, scenario.network, scenario.security, pictures)
     try:
         from hil.slave import daemon

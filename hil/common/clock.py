@@ -9,6 +9,7 @@ import os
 import time
 from collections import deque
 from threading import Lock
+from typing import NamedTuple
 
 from hil.common.quantiles import rank
 
@@ -223,13 +224,21 @@ class RateKeeper:
 LOOP_PRIORITY = 40  # SCHED_FIFO, below the kernel's interrupt threads (50)
 
 
-def schedule_fifo(priority: int) -> str:
-    """Give this thread, and threads that it starts, real-time scheduling; return a line on whether that succeeded."""
+class RealtimeSetting(NamedTuple):
+    """Result of a request for real-time behaviour: whether the system granted it, and a line for the log."""
+
+    is_granted: bool
+    text: str
+
+
+def schedule_fifo(priority: int) -> RealtimeSetting:
+    """Give this thread, and threads that it starts, real-time scheduling; return whether that succeeded."""
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(priority))
     except PermissionError:
-        return f"scheduling: normal; SCHED_FIFO not permitted (allow it with `ulimit -r {priority}` or CAP_SYS_NICE)"
-    return f"scheduling: SCHED_FIFO priority {priority}"
+        remedy = f"allow it with `ulimit -r {priority}` or CAP_SYS_NICE"
+        return RealtimeSetting(False, f"scheduling: normal; SCHED_FIFO not permitted ({remedy})")
+    return RealtimeSetting(True, f"scheduling: SCHED_FIFO priority {priority}")
 
 
 def schedule_below_loop() -> None:
@@ -242,8 +251,8 @@ def schedule_below_loop() -> None:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(LOOP_PRIORITY - 1))
 
 
-def lock_memory() -> str:
-    """Lock the process's memory into RAM; return a line that says whether that succeeded."""
+def lock_memory() -> RealtimeSetting:
+    """Lock the process's memory into RAM; return whether that succeeded."""
     import ctypes  # 3 ms, so only here, after the process is ready
 
     mcl_current, mcl_future, mcl_onfault = 1, 2, 4
@@ -251,8 +260,9 @@ def lock_memory() -> str:
     # ONFAULT locks pages when they are used; without it the unused stacks of threads would become resident.
     if libc.mlockall(mcl_current | mcl_future | mcl_onfault) != 0:
         reason = os.strerror(ctypes.get_errno())
-        return f"memory: not locked; mlockall: {reason} (allow it with `ulimit -l unlimited` or CAP_IPC_LOCK)"
-    return "memory: locked as it is touched"
+        remedy = "allow it with `ulimit -l unlimited` or CAP_IPC_LOCK"
+        return RealtimeSetting(False, f"memory: not locked; mlockall: {reason} ({remedy})")
+    return RealtimeSetting(True, "memory: locked as it is touched")
 
 
 _awake: list[int] = []  # open descriptors that keep the processors awake

@@ -1,5 +1,6 @@
 """Check the installation: packages, bytecode, start, processor time of a step, and permitted scheduling."""
 
+import json
 import os
 import platform
 import shlex
@@ -239,7 +240,8 @@ def check_scheduling(case: Case) -> Iterator[Finding]:
     prefix = user_prefix(case.user)
     if prefix is None:
         return
-    code = f"from hil.common import clock; print(clock.schedule_fifo({LOOP_PRIORITY})); print(clock.lock_memory())"
+    request = f"[clock.schedule_fifo({LOOP_PRIORITY}), clock.lock_memory()]"
+    code = f"import json; from hil.common import clock; print(json.dumps({request}))"
     environment = os.environ | {"PYTHONPATH": ROOT}
     try:
         command = [*prefix, *python_command("-c", code)]
@@ -249,10 +251,10 @@ def check_scheduling(case: Case) -> Iterator[Finding]:
     if not output:
         text = f"cannot be determined: {case.user.name} cannot start {sys.executable}"
         yield Finding("note", "scheduling", text, f"see: {shlex.join([*prefix, sys.executable, '-V'])}")
-    for line in output.splitlines():
-        name, _, text = line.partition(": ")
-        is_refused = "not " in text
-        yield Finding("note" if is_refused else "ok", name, text, realtime_remedy(case) if is_refused else "")
+        return
+    for is_granted, text in json.loads(output):
+        topic, _, result = text.partition(": ")
+        yield Finding("ok", topic, result) if is_granted else Finding("note", topic, result, realtime_remedy(case))
 
 
 def measure_step_s(scenario: Scenario) -> float:

@@ -103,7 +103,7 @@ def _settle_realtime(scenario: Scenario) -> list[str]:
         gc.enable()
         return []
     sys.setswitchinterval(0.0005)  # other threads give the interpreter back to the loop sooner
-    notes = [clock.lock_memory(), clock.quiet_garbage_collector()]
+    notes = [clock.lock_memory().text, clock.quiet_garbage_collector()]
     return [*notes, clock.stay_awake()] if scenario.slave.stay_awake else notes
 
 

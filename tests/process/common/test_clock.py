@@ -93,7 +93,7 @@ def test_the_parent_may_pass_the_start_time(monkeypatch: pytest.MonkeyPatch) -> 
 
 
 def test_each_realtime_setting_reports_its_result() -> None:
-    names = ("schedule_fifo(10)", "lock_memory()", "stay_awake()", "quiet_garbage_collector()")
+    names = ("schedule_fifo(10).text", "lock_memory().text", "stay_awake()", "quiet_garbage_collector()")
     code = "from hil.common import clock\n" + "\n".join(f"print(clock.{name})" for name in names)
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
     scheduling, memory, idle, collector = done.stdout.splitlines()
