@@ -125,7 +125,7 @@ FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run one subcommand; return its exit code. Errors a person can mend are one line on standard error."""
+    """Run one subcommand; return its exit code. Errors that a user can correct are one line on standard error."""
     lifeline.die_with_parent()
     name = "uuv-hil"
     try:

@@ -33,7 +33,7 @@ def find_cause(dynamics: Dynamics, state: State, wrench: Sequence[float], curren
     for force in dynamics.others:
         bad = _first_not_finite(force.wrench(state.position, rotation, nu_r))
         if bad is not None:
-            return f"the force {type(force).__module__}:{type(force).__qualname__} is {bad:g}: mend that class"
+            return f"the force {type(force).__module__}:{type(force).__qualname__} is {bad:g}: correct that class"
     terms = dynamics.forces(state, wrench, current)._asdict()
     name = max(VEHICLE_TERMS, key=lambda key: _largest(terms[key]))
     return (

@@ -113,7 +113,7 @@ def summary(outcomes: Mapping[str, Outcome]) -> str:
     for name, outcome in outcomes.items():
         lines.append(f"{name:8} {'FAILED' if outcome.failed else 'passed'} in {outcome.seconds:.0f} s")
         lines += [f"  failed: {test}" for test in outcome.failed]
-        lines += [f"  failed beside others, passed alone (to be mended): {test}" for test in outcome.passed_alone]
+        lines += [f"  failed beside others, passed alone (to be corrected): {test}" for test in outcome.passed_alone]
     return "\n".join(lines)
 
 

@@ -9,7 +9,7 @@ from hil.common.endpoint import split_endpoint
 from hil.network.presence import watch_presence
 from hil.network.session import Session
 from hil.network.settings import Network
-from hil.network.stall import mend_while_nobody
+from hil.network.stall import reopen_while_no_vehicle
 from hil.network.tokens import Presence
 from hil.ros import dialect
 from hil.ros import encoders as ros
@@ -62,7 +62,7 @@ class HealthWatch:
         self._lock = threading.Lock()
         self.malformed = 0
         watch_presence(session, "*", self._on_presence)
-        mend_while_nobody(session, lambda: any(self._present.values()), Network().lease)
+        reopen_while_no_vehicle(session, lambda: any(self._present.values()), Network().lease)
         session.subscribe_keys(f"{dialect.domain()}/*/diagnostics/*/*", self._deliver, QUEUE)
 
     def statuses(self) -> list[Status]:

@@ -180,17 +180,17 @@ class LivenessMonitor:
             self._session.has_cut = False
             self._report(f"a link of {self._session.name} was open and not read, or lost; connecting again")
             self.reconnections += 1
-        is_deaf = self._is_deaf()
-        if not is_deaf:  # else a sample is no proof: some of the session's declarations may be lost
+        is_unanswered = self._is_unanswered()
+        if not is_unanswered:  # else a sample is no proof: some of the session's declarations may be lost
             self._counted = self.samples
-        is_stalled = self._stall.is_stalled(now_ns(), self._answers, self._counted, is_deaf)
-        if is_stalled and (not is_deaf or self._may_be_there()) and self._session.reopen(openings):
-            does = "had a link, but no answer came" if is_deaf else "answered, but nothing else came"
+        is_stalled = self._stall.is_stalled(now_ns(), self._answers, self._counted, is_unanswered)
+        if is_stalled and (not is_unanswered or self._may_be_there()) and self._session.reopen(openings):
+            does = "had a link, but no answer came" if is_unanswered else "answered, but nothing else came"
             text = f"of it for {self._stall.lasted_s:.1f} s; the session was opened again"
             self._report(f"{self._node} at {self._session.name} {does} {text}")
             self.reconnections += 1
 
-    def _is_deaf(self) -> bool:
+    def _is_unanswered(self) -> bool:
         """Return whether the vehicle is not present although there is a link to each peer.
 
         On a busy machine zenoh sometimes loses the first messages on a link, and with them all our declarations.

@@ -8,7 +8,7 @@ from hil.common.errors import NetworkError
 from hil.network.opening import open_session
 from hil.network.session import Session
 from hil.network.settings import Network, settings
-from hil.network.stall import mend_links
+from hil.network.stall import close_unread_links
 from hil.network.tokens import router_key
 
 if TYPE_CHECKING:
@@ -97,7 +97,7 @@ def _shorten_queues() -> None:
 def _open(action: str, name: str, text: str, network: Network, has_pairs: bool = False, dialled: int = 1) -> Session:
     session = open_session(action, name, text, has_pairs, dialled)
     session.free_links()
-    mend_links(session, network.lease)
+    close_unread_links(session, network.lease)
     return session
 
 

@@ -37,10 +37,10 @@ class StallDetector:
         self.attempts = 0
         self.lasted_s = 0.0
 
-    def is_stalled(self, now: int, answers: int, samples: int, is_deaf: bool = False) -> bool:
+    def is_stalled(self, now: int, answers: int, samples: int, is_unanswered: bool = False) -> bool:
         """Return whether to connect again; `answers` and `samples` are the numbers received so far.
 
-        `is_deaf`: there is a link to the vehicle, but not even answers arrive.
+        `is_unanswered`: there is a link to the vehicle, but not even answers arrive.
         """
         passed_ns = min(now - self._updated_ns, LONGEST_CHECK_NS) if self._updated_ns else 0
         self._updated_ns = now
@@ -48,10 +48,10 @@ class StallDetector:
             usual_ns = max(self._silent_ns, round(FORGOTTEN * self._gap_ns))
             self._gap_ns = min(usual_ns, FIRST_GAP_NS)
             self._silent_ns = self.attempts = 0
-        elif answers != self._answers or is_deaf:
+        elif answers != self._answers or is_unanswered:
             self._silent_ns += passed_ns
         self._answers, self._samples = answers, samples
-        gap_ns = FIRST_GAP_NS if is_deaf else self._gap_ns
+        gap_ns = FIRST_GAP_NS if is_unanswered else self._gap_ns
         patience_ns = min((self._least_ns + GAPS * gap_ns) << min(self.attempts, 10), LONGEST_PAUSE_NS)
         if self._silent_ns < patience_ns:
             return False
@@ -71,31 +71,31 @@ def is_linked(session: Session) -> bool:
     return len({peer for peer, *_ in session.links()}) >= max(1, session.dialled)
 
 
-def mend_links(session: Session, lease: float) -> None:
+def close_unread_links(session: Session, lease: float) -> None:
     """Close links that the library does not read, to have them reopened, until the session closes; `lease` in s."""
     unread = UnreadLinks(lease, session.has_pairs)
 
-    def mend() -> None:
-        session.has_cut |= unread.mend(session)
+    def check() -> None:
+        session.has_cut |= unread.close_faulty(session)
 
-    session.every(CHECK_NS / NS_PER_S, mend, "links")
+    session.every(CHECK_NS / NS_PER_S, check, "links")
 
 
-def mend_while_nobody(session: Session, is_anybody: Callable[[], bool], lease: float) -> None:
+def reopen_while_no_vehicle(session: Session, is_any_present: Callable[[], bool], lease: float) -> None:
     """Reopen a session that finds no vehicle, from a separate thread until it is closed; `lease` in s.
 
     On a busy machine zenoh sometimes loses the first messages on a link, and with them all our declarations. So while
     there are links but no vehicle is present, the session is reopened. Once a vehicle is present,
     `hil.client.liveness` monitors it.
     """
-    stall, met = StallDetector(lease), 0
+    stall, checks_with_vehicle = StallDetector(lease), 0
 
-    def mend() -> None:
-        nonlocal met
+    def check() -> None:
+        nonlocal checks_with_vehicle
         openings = session.openings
-        is_deaf = not is_anybody() and is_linked(session)
-        met += not is_deaf
-        if session.is_lost or stall.is_stalled(now_ns(), 0, met, is_deaf):
+        is_unanswered = not is_any_present() and is_linked(session)
+        checks_with_vehicle += not is_unanswered
+        if session.is_lost or stall.is_stalled(now_ns(), 0, checks_with_vehicle, is_unanswered):
             session.reopen(openings)
 
-    session.every(CHECK_S, mend, "first contact")
+    session.every(CHECK_S, check, "first contact")

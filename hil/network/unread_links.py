@@ -52,7 +52,7 @@ class UnreadLinks:
         self._halves: dict[str, int] = {}  # those of them with one link -> ns in this state
         self._cuts = 0  # times that such links were closed, since a peer last had two
 
-    def mend(self, session: HasLinks) -> bool:
+    def close_faulty(self, session: HasLinks) -> bool:
         """Close the links to each peer with an unread or missing link; return whether there was one."""
         now = now_ns()
         if now - self._checked_ns < CHECK_NS:

@@ -92,7 +92,7 @@ class _Connection:
         if now - self._checked_ns < CHECK_NS or not self.count:
             return False
         self._checked_ns = now
-        return self._stall.is_stalled(now, 0, self.count, is_deaf=bool(self.links()))
+        return self._stall.is_stalled(now, 0, self.count, is_unanswered=bool(self.links()))
 
     def learn(self, key: str) -> None:
         """Reduce the cost of messages with this key, on the wire and here.
@@ -154,7 +154,7 @@ class Tap:
         for connection in tuple(self._connections):
             if connection.link_events.try_recv() is not None:  # a new link; see hil.network.sockets
                 free_sockets()
-            self.reconnections += connection.unread.mend(connection)
+            self.reconnections += connection.unread.close_faulty(connection)
             for receive in connection.receivers:
                 while (sample := receive()) is not None:
                     connection.count += 1

@@ -75,9 +75,9 @@ class Contacts:
         watch_presence(session, node, self._on_presence)
         declare_presence(session, node, "slave", self._ident)
 
-    def mend_links(self) -> None:
+    def close_unread_links(self) -> None:
         """Close links that the network library keeps open without reading them; their masters then connect again."""
-        if self._unread.mend(self._session):
+        if self._unread.close_faulty(self._session):
             self._report("a link was open and not read, or lost: its master has to connect again")
 
     def add_figures(self, figures: Diagnostics) -> None:

@@ -1,10 +1,10 @@
 """Test whether every client gets samples again after its slave process was paused.
 
-    python tools/stress/pause_stress.py [--pauses 50] [--clients 10] [--seed 1] [--unmended]
+    python tools/stress/pause_stress.py [--pauses 50] [--clients 10] [--seed 1] [--without-repair]
 
 It pauses a slave (SIGSTOP) for 0.9 to 4 s, resumes it, and waits until each client has received a newer sample. A
-client that gets none within 10 s is stuck. `--unmended` tests the library alone: nothing closes links that are open
-and not read. Exit code 1 when a client was stuck.
+client that gets none within 10 s is stuck. `--without-repair` tests the library alone: links that are open and not read
+are not closed. Exit code 1 when a client was stuck.
 """
 
 import argparse
@@ -45,7 +45,9 @@ depth = 2
 speed = 0.8
 time_limit = 40
 """
-UNMENDED = "import hil.slave.contacts as c, sys; c.Contacts.mend_links = lambda _: None; from hil.cli import main; "
+WITHOUT_REPAIR = (
+    "import hil.slave.contacts as c, sys; c.Contacts.close_unread_links = lambda _: None; from hil.cli import main; "
+)
 
 
 def come_back(clients: list[VehicleClient], seconds: float) -> list[VehicleClient]:
@@ -67,8 +69,8 @@ def run(pauses: int, count: int, seed: int, repaired: bool) -> int:
         command = module_command("hil.cli")
         if not repaired:
             setattr(LivenessMonitor, "_reconnect_stalled", lambda _: None)  # noqa: B010 - which no type checker likes as an assignment
-            setattr(roles, "mend_links", lambda *_: None)  # noqa: B010 - likewise
-            command = [sys.executable, "-c", f"{UNMENDED}sys.exit(main(sys.argv[1:]))"]
+            setattr(roles, "close_unread_links", lambda *_: None)  # noqa: B010 - likewise
+            command = [sys.executable, "-c", f"{WITHOUT_REPAIR}sys.exit(main(sys.argv[1:]))"]
         log = stack.enter_context((scenario.parent / "slave.log").open("w", encoding="utf-8"))
         slave = start_child([*command, "slave", str(scenario)], environment=package_environment(), stderr=log)
         stack.callback(slave.wait)
@@ -92,14 +94,17 @@ def run(pauses: int, count: int, seed: int, repaired: bool) -> int:
             for client in lost:
                 stuck += 1
                 contact, links = client.contact, [link[1:] for link in client.session.links()]
-                state = f"present {contact.present}, mended {contact.reconnections} times, links {links}"
+                state = f"present {contact.present}, reconnected {contact.reconnections} times, links {links}"
                 print(f"pause {number} of {seconds:.3f} s: stuck, {state}", flush=True)
             for client in lost:
                 print("and back within a minute: ", not come_back([client], 60.0), flush=True)
             clients = [client for client in clients if client not in lost] + [connect() for _ in lost]
             reconnections = sum(client.contact.reconnections for client in clients)
             if number % 10 == 0 or number == pauses:
-                print(f"{number} pauses, {number * count} clients, {stuck} stuck, {reconnections} mended", flush=True)
+                print(
+                    f"{number} pauses, {number * count} clients, {stuck} stuck, {reconnections} reconnections",
+                    flush=True,
+                )
     return stuck
 
 
@@ -109,9 +114,9 @@ def main() -> int:
     parser.add_argument("--pauses", type=int, default=50, help="[%(default)s]")
     parser.add_argument("--clients", type=int, default=10, help="at once [%(default)s]")
     parser.add_argument("--seed", type=int, default=1, help="of the lengths [%(default)s]")
-    parser.add_argument("--unmended", action="store_true", help="do not close links that are not read")
+    parser.add_argument("--without-repair", action="store_true", help="do not close links that are not read")
     options = parser.parse_args()
-    return int(run(options.pauses, options.clients, options.seed, not options.unmended) > 0)
+    return int(run(options.pauses, options.clients, options.seed, not options.without_repair) > 0)
 
 
 if __name__ == "__main__":

@@ -91,7 +91,7 @@ class VirtualBoard:
         platforms = [word for name in WHEELS for word in ("--platform", name)]
         do(*pip, "install", "--target", site, *platforms, "--python-version", "3.11", "--implementation", "cp", "--abi",
            "cp311", "--abi", "abi3", "--abi", "none", "--only-binary=:all:", wheel, *packages)  # fmt: skip
-        mend_scripts(os.path.join(site, "bin"))
+        replace_interpreters(os.path.join(site, "bin"))
         shutil.rmtree(self.site, ignore_errors=True)
         os.rename(site, self.site)
         write_wrapper(self)
@@ -106,7 +106,7 @@ def write_wrapper(board: VirtualBoard) -> None:
     os.chmod(board.python, 0o755)
 
 
-def mend_scripts(folder: str) -> None:
+def replace_interpreters(folder: str) -> None:
     """Replace this machine's Python by the board's in the first line of scripts that pip wrote."""
     for path in glob.glob(os.path.join(folder, "*")):
         with open(path, "rb") as file:

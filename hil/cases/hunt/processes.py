@@ -18,7 +18,7 @@ from hil.common.errors import NetworkError
 from hil.common.stop import StopSignals
 from hil.network.roles import open_master_session
 from hil.network.session import Session
-from hil.network.stall import mend_while_nobody
+from hil.network.stall import reopen_while_no_vehicle
 from hil.ros import encoders as ros
 from hil.ros.diagnostics import Diagnostics, or_nan
 from hil.scenario.config import Scenario
@@ -119,7 +119,7 @@ class _Observer:
         vehicle, _ = load_vehicle(scenario.vehicle)
         self._meters = [EnergyMeter(vehicle) for _ in scenario.member]
         self._modems = _open_modems(session, scenario)
-        mend_while_nobody(session, self._is_complete, scenario.network.lease)
+        reopen_while_no_vehicle(session, self._is_complete, scenario.network.lease)
         self._started_ns = now_ns()
 
     def follow(self, stop_fd: int) -> Costs:

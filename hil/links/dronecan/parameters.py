@@ -99,6 +99,8 @@ class ParameterStore:
             parameter = self._parameters.get(name)
             own = parameter.accept(value) if parameter and isinstance(value, (int, float)) else None
             if own is None:
-                raise ConfigError(f"stored: {self._path}: {name} cannot be {value!r}; delete the file, or mend it")
+                raise ConfigError(
+                    f"stored: {self._path}: {name} cannot be {value!r}; correct the value, or delete the file"
+                )
             accepted[name] = own
         return accepted

@@ -236,7 +236,7 @@ class Health:
             self._log.flush()
             heart.beat(self._loop.schedule.due_total)
             self._publish()
-            self._contacts.mend_links()
+            self._contacts.close_unread_links()
             if now_ns() >= collect_due_ns:
                 gc.collect()  # the loop has switched automatic collection off
                 collect_due_ns = now_ns() + COLLECT_PERIOD_NS

@@ -144,7 +144,7 @@ def test_the_link_of_a_recorder_is_not_cut() -> None:
         links = UnreadLinks(0.5)
         ends = time.monotonic() + 2.5
         while time.monotonic() < ends:
-            assert not links.mend(slave)
+            assert not links.close_faulty(slave)
             time.sleep(0.1)
 
 

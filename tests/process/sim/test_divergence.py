@@ -172,7 +172,7 @@ def test_a_force_that_is_not_finite_is_named_with_its_time(value: float, reporte
     )
     words = fly(simulation)
     assert words.startswith("6: paper_six: its state is not finite any more after 0.2500 s: the force ")
-    assert f"test_divergence:BrokenForce is {reported}: mend that class" in words
+    assert f"test_divergence:BrokenForce is {reported}: correct that class" in words
     assert simulation.time_ns == 250_000_000
     assert all(isfinite(x) for x in (*simulation.state.position, *simulation.state.nu))
 

@@ -47,7 +47,7 @@ def test_a_test_that_fails_once_passes_and_is_reported(tmp_path: Path, capfd: py
     )
     assert reported.splitlines() == [
         "test     passed in 3 s",
-        "  failed beside others, passed alone (to be mended): test_0.py::test_by_chance",
+        "  failed beside others, passed alone (to be corrected): test_0.py::test_by_chance",
         "lint     FAILED in 1 s",
         "  failed: mypy",
     ]

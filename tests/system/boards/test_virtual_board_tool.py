@@ -14,7 +14,7 @@ from hil.common.errors import DeviceError
 from tests.support.processes import ROOT, wait_for
 from tools.virtual_board import __main__ as tool
 from tools.virtual_board import system
-from tools.virtual_board.board import VirtualBoard, mend_scripts, write_wrapper
+from tools.virtual_board.board import VirtualBoard, replace_interpreters, write_wrapper
 from tools.virtual_board.commands import TO_BOOT
 from tools.virtual_board.image import write_image
 from tools.virtual_board.system import Booted, emulator
@@ -67,7 +67,7 @@ LONG = "'''exec' '/a long/python' \"$0\" \"$@\"\n' '''\nimport sys\n"  # for the
 
 
 @pytest.mark.parametrize(
-    ("text", "mended"),
+    ("text", "expected"),
     [
         ("#!/home/me/.venv/bin/python3\nimport sys\n", "#!/usr/bin/python3\nimport sys\n"),
         (f"#!/bin/sh\n{LONG}", f"#!/usr/bin/python3\n{LONG}"),
@@ -75,12 +75,12 @@ LONG = "'''exec' '/a long/python' \"$0\" \"$@\"\n' '''\nimport sys\n"  # for the
         ("\x7fELF", "\x7fELF"),
     ],
 )
-def test_scripts_of_pip_start_the_python_of_the_board(tmp_path: Path, text: str, mended: str) -> None:
+def test_scripts_of_pip_start_the_python_of_the_board(tmp_path: Path, text: str, expected: str) -> None:
     path = tmp_path / "uuv-hil"
     path.write_text(text)
     path.chmod(0o755)
-    mend_scripts(str(tmp_path))
-    assert path.read_text() == mended
+    replace_interpreters(str(tmp_path))
+    assert path.read_text() == expected
     assert path.stat().st_mode & 0o777 == 0o755
 
 

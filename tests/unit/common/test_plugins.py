@@ -60,8 +60,8 @@ def test_nothing_is_imported_while_loading_is_refused() -> None:
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("import nowhere_at_all", "No module named 'nowhere_at_all'; mend its imports"),
-        ("from os import nothing_there", "mend its imports"), ("def x(", "was never closed"),
+        ("import nowhere_at_all", "No module named 'nowhere_at_all'; correct its imports"),
+        ("from os import nothing_there", "correct its imports"), ("def x(", "was never closed"),
     ],
 )  # fmt: skip
 def test_a_module_that_fails_to_load_is_reported_with_the_cause(

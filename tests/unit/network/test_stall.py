@@ -15,14 +15,14 @@ class Bed:
         self.now_ms = 1000
         self.answers = self.samples = 0
 
-    def run(self, seconds: float, samples: int = 0, answers: int = 1, is_deaf: bool = False) -> list[float]:
+    def run(self, seconds: float, samples: int = 0, answers: int = 1, is_unanswered: bool = False) -> list[float]:
         """Add so many of each before each check; return when (s from now on) the detector reports a stall."""
         began, reported = self.now_ms, []
         while self.now_ms < began + 1000 * seconds:
             self.now_ms += CHECK_MS
             self.answers += answers
             self.samples += samples
-            if self.detector.is_stalled(self.now_ms * NS_PER_MS, self.answers, self.samples, is_deaf):
+            if self.detector.is_stalled(self.now_ms * NS_PER_MS, self.answers, self.samples, is_unanswered):
                 reported.append((self.now_ms - began) / 1000)
         return reported
 
@@ -58,7 +58,7 @@ def test_a_vehicle_without_any_messages_is_not_a_stall() -> None:
 def test_a_link_without_replies_is_a_stall() -> None:
     bed = Bed()
     bed.run(10.0, samples=4)
-    first, second, *_ = bed.run(60.0, answers=0, is_deaf=True)
+    first, second, *_ = bed.run(60.0, answers=0, is_unanswered=True)
     least_s = 2 * LEASE_S + GAPS * FIRST_GAP_NS / NS_PER_S
     assert least_s <= first <= least_s + 0.5, "a router needs some time until it has found all vehicles again"
     assert second - first > 1.8 * first
