@@ -223,7 +223,7 @@ def _surface_data(survey: Survey) -> _SurfaceData:
     if len(beds):
         all_points = np.concatenate([measured, survey.guides])
         points = all_points[first_in_cell(all_points, DUPLICATE_DISTANCE)]
-        surface = Surface(points[:, :2], points[:, 2], survey.strikes, len(soundings))
+        surface = Surface(points[:, :2], points[:, 2], survey.strikes, len(soundings), surface.power)
     limits = Limits(*limits_at(survey, measured[:, :2]))
     return _SurfaceData(
         points, len(soundings), len(measured), limits, distance_to_borders(survey, measured[:, :2]), surface

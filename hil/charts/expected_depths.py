@@ -63,14 +63,18 @@ def move_off_limits(grid: Grid, limits: Limits, surface: Surface, known: Mask, d
     rows, columns = (np.append(np.arange(0, count - 1, step), count - 1) for count in known.shape)
     north, east = grid.north[rows], grid.east[columns]
     wet = maximum_filter(~known, 2 * step + 1)[np.ix_(rows, columns)]
-    coarse = Uncertainty(*map(np.nan_to_num, surface.uncertainty(north, east, wet)))
-    across = [np.array([np.interp(grid.east, east, row) for row in part]) for part in coarse]
+    coarse = surface.uncertainty(north, east, wet)
+    across = [
+        np.array([np.interp(grid.east, east, row) for row in np.nan_to_num(part)])
+        for part in (coarse.variance, coarse.roughness)
+    ]
     distance = grid.resolution * distance_transform_edt(~known) if known.any() else np.full(known.shape, np.inf)
     found = np.empty(grid.depths.shape, np.float32)
     for row, place in enumerate(grid.north):
         after = min(int(np.searchsorted(north, place, "right")), len(north) - 1)
         share = (place - north[after - 1]) / (north[after] - north[after - 1])
-        uncertainty = Uncertainty(*((1.0 - share) * part[after - 1] + share * part[after] for part in across))
+        variance, roughness = ((1.0 - share) * part[after - 1] + share * part[after] for part in across)
+        uncertainty = Uncertainty(variance, roughness, surface.power)
         here = Limits(limits.low[row], limits.high[row])
         found[row] = expected_depths(grid.depths[row].astype(float), uncertainty.deviation(distance[row]), here)
     return found

@@ -1,10 +1,11 @@
 """Interpolate scattered depths by a smooth surface: radial basis functions on overlapping patches.
 
-On each patch the surface passes exactly through the points. The kernel is r^1.5 (conditionally positive definite of
-order one; Wendland, Scattered Data Approximation, 2005, chapter 8), which is smoother than the linear kernel and
-stiffer than a thin plate. Distances along the contours count less than distances across, because a bed changes less
-along the strike of its slopes. How much less follows from how well the contours of a patch agree in direction
-(geometric anisotropy; Chiles and Delfiner, Geostatistics, 2012, 2.5.2).
+On each patch the surface passes exactly through the points. The kernel is a power of the distance (conditionally
+positive definite of order one; Wendland, Scattered Data Approximation, 2005, chapter 8), smoother than the linear
+kernel and stiffer than a thin plate. Rough beds need a lower power than smooth ones, so the data select it. Distances
+along the contours count less than distances across, because a bed changes less along the strike of its slopes. How much
+less follows from how well the contours of a patch agree in direction (geometric anisotropy; Chiles and Delfiner,
+Geostatistics, 2012, 2.5.2).
 
 The patches are blended with weights that are continuous in slope and curvature (partition of unity, Wendland 15.4).
 This leaves no creases, which a sonar would show.
@@ -35,7 +36,8 @@ LEAST_PATCH_POINTS = 12  # below which a patch is widened further
 MOST_STRETCH = 3.0  # greatest ratio of distances across and along contours
 LEAST_SEGMENTS = 4  # of contours, below which distances of a patch are not stretched
 LEAST_WEIGHT = 1e-4  # subtracted from weights, so that a patch ends where its weight is small
-POWER = 1.5  # of the distance, in the kernel
+POWERS = (1.25, 1.5, 1.75)  # of the distance, in the kernel
+POWER_PATCHES = 600  # number of patches by which the power is selected, of more
 LEAST_SOUNDINGS = 4  # of a patch, below which the scale is estimated from all of its points
 LEAST_ERROR = 0.05  # m; half of the decimetre to which charts give depths
 CHI_SQUARED = 3.56  # inverse geometric mean of squares of a standard normal distribution, 2 exp(Euler's constant)
@@ -52,10 +54,11 @@ class Patch(NamedTuple):
 
 
 class Uncertainty(NamedTuple):
-    """Expected error of a bed: `variance` (m^2), and `roughness`, its increase with distance (m^2 / m^1.5)."""
+    """Expected error of a bed: `variance` (m^2), and `roughness`, its increase with distance (m^2 / m^`power`)."""
 
     variance: Array
     roughness: Array
+    power: float
 
     def deviation(self, away: Array) -> Array:
         """Return the standard deviation (m) at `away` m from where the bed is known.
@@ -63,7 +66,7 @@ class Uncertainty(NamedTuple):
         It is the lesser of the deviation by `variance` and the expected change of the bed over that distance.
         """
         nearby = np.isfinite(away)
-        change = np.where(nearby, self.roughness * np.where(nearby, away, 0.0) ** POWER, np.inf)
+        change = np.where(nearby, self.roughness * np.where(nearby, away, 0.0) ** self.power, np.inf)
         return np.asarray(np.sqrt(np.minimum(self.variance, change)))
 
 
@@ -72,12 +75,14 @@ class Surface:
 
     `points`: (n, 2) north, east in m, without duplicates; `depths`: (n,) in m; `strikes`: (k, 4) segments of contours:
     centres and vectors, north and east in m. The first `soundings` of the points, all by default, are soundings.
-    Raises ConfigError for fewer than three points.
+    `power`: one of POWERS; by default the one that predicts
+    soundings best if they are left out one at a time. Raises ConfigError for fewer than three points.
     """
 
     def __init__(
-        self, points: Array, depths: Array, strikes: Array | None = None, soundings: int | None = None
-    ) -> None:
+        self, points: Array, depths: Array, strikes: Array | None = None, soundings: int | None = None,
+        power: float | None = None,
+    ) -> None:  # fmt: skip
         if len(points) < 3:
             raise ConfigError(
                 f"gridding: a surface needs at least three depths, found {len(points)}: use a file with more soundings"
@@ -89,6 +94,7 @@ class Surface:
         order = np.argsort(points[:, 0])
         boxes = _split_box(points, np.arange(len(points)), self._low, self._high)
         self._patches = [_widen_box(points, order, *box) for box in boxes]
+        self.power = power or min(POWERS, key=self._leave_one_out_error)
 
     def evaluate(self, north: Array, east: Array, wanted: Mask, report: Progress = lambda share: None) -> Array:
         """Return the depths at the crossings of the increasing arrays `north` and `east` (m): (len(north), len(east)).
@@ -100,7 +106,7 @@ class Surface:
     def uncertainty(self, north: Array, east: Array, wanted: Mask) -> Uncertainty:
         """Return the expected error of `evaluate` with the same arguments, nan where `wanted` is false."""
         found = self._blend(north, east, wanted, _PatchFit.uncertainties, 2, least=LEAST_ERROR_WEIGHT)
-        return Uncertainty(found[..., 0], found[..., 1])
+        return Uncertainty(found[..., 0], found[..., 1], self.power)
 
     def _blend(
         self, north: Array, east: Array, wanted: Mask, find: Callable[["_PatchFit", Array], Array], count: int,
@@ -155,13 +161,23 @@ class Surface:
             weights[patch.inside] += weight
         weights[folds < 0] = np.nan
         depths, variance, roughness = total.T / weights
-        return depths, Uncertainty(variance, roughness)
+        return depths, Uncertainty(variance, roughness, self.power)
 
-    def _fit(self, patch: Patch) -> "_PatchFit":
+    def _fit(self, patch: Patch, power: float | None = None) -> "_PatchFit":
         return _PatchFit(
             self._points[patch.inside], self._depths[patch.inside], patch.inside < self._soundings,
-            patch, _stretch(self._strikes, patch),
+            patch, _stretch(self._strikes, patch), power or self.power,
         )  # fmt: skip
+
+    def _leave_one_out_error(self, power: float) -> float:
+        """Return the RMS error (m) of soundings left out one at a time, in each of about POWER_PATCHES patches."""
+        total, weights = 0.0, 1e-9
+        for patch in self._patches[:: 1 + len(self._patches) // POWER_PATCHES]:
+            sounding = patch.inside < self._soundings
+            weight = self._weight(self._points[patch.inside[sounding]], patch)
+            total += float(weight @ self._fit(patch, power).leave_one_out()[sounding] ** 2)
+            weights += float(weight.sum())
+        return float((total / weights) ** 0.5)
 
     def _nodes_of_patch(self, axis: Array, k: int, patch: Patch) -> slice:
         """Return the range of nodes along one axis that `patch` covers; at the edge of the data it extends beyond."""
@@ -236,13 +252,15 @@ def _stretch(strikes: Array, patch: Patch) -> Array:
 class _PatchFit:
     """Interpolant of the points of one patch."""
 
-    def __init__(self, points: Array, depths: Array, soundings: Mask, patch: Patch, stretch: Array) -> None:
-        self._centre, self._stretch = patch.centre, stretch
+    def __init__(
+        self, points: Array, depths: Array, soundings: Mask, patch: Patch, stretch: Array, power: float
+    ) -> None:
+        self._centre, self._stretch, self._power = patch.centre, stretch, power
         self._unit = 1.0 / patch.half.max()  # scaled distance per m, on average: the stretch preserves areas
         self._points, self._depths, self._soundings = self._scaled(points), depths, soundings
         size = len(points) + 1
         self._system = np.ones((size, size))
-        self._system[:-1, :-1] = _kernel(self._points, self._points)
+        self._system[:-1, :-1] = _kernel(self._points, self._points, power)
         self._system[-1, -1] = 0.0
         self._right = np.append(depths, 0.0)
 
@@ -250,20 +268,25 @@ class _PatchFit:
         """Return the depths at `nodes` (n, 2)."""
         solution = np.linalg.solve(self._system, self._right)
         return np.concatenate([
-            _kernel(self._scaled(nodes[start : start + CHUNK]), self._points) @ solution[:-1] + solution[-1]
-            for start in range(0, max(1, len(nodes)), CHUNK)
+            _kernel(self._scaled(part), self._points, self._power) @ solution[:-1] + solution[-1]
+            for part in (nodes[start : start + CHUNK] for start in range(0, max(1, len(nodes)), CHUNK))
         ])  # fmt: skip
 
     def uncertainties(self, nodes: Array) -> Array:
         """Return variance and roughness at `nodes` (n, 2): (n, 2)."""
         inverse = np.linalg.inv(self._system)
         sill = _sill(inverse @ self._right, np.diag(inverse), self._soundings)
-        found = np.full((len(nodes), 2), sill * self._unit**POWER)
+        found = np.full((len(nodes), 2), sill * self._unit**self._power)
         for start in range(0, len(nodes), CHUNK):
             part = self._scaled(nodes[start : start + CHUNK])
-            to = np.column_stack([_kernel(part, self._points), np.ones(len(part))])
+            to = np.column_stack([_kernel(part, self._points, self._power), np.ones(len(part))])
             found[start : start + CHUNK, 0] = sill * np.maximum(0.0, -((to @ inverse) * to).sum(axis=1))
         return found
+
+    def leave_one_out(self) -> Array:
+        """Return the error (m) at each point, fitted without it: (n,)."""
+        inverse = np.linalg.inv(self._system)
+        return np.asarray((inverse @ self._right)[:-1] / np.diag(inverse)[:-1])
 
     def without(self, folds: Indices) -> Array:
         """Return depth, variance and roughness at each point, fitted without the points of its fold: (n, 3)."""
@@ -282,7 +305,7 @@ class _PatchFit:
             )
             found[left_out, 0] -= errors
             found[left_out, 1] = sill * np.maximum(0.0, np.diag(variances))
-            found[left_out, 2] = sill * self._unit**POWER
+            found[left_out, 2] = sill * self._unit**self._power
         return found
 
     def _scaled(self, points: Array) -> Array:
@@ -302,10 +325,14 @@ def _sill(solution: Array, diagonal: Array, soundings: Mask) -> float:
     return float(CHI_SQUARED * np.exp(np.log(squares).mean()))
 
 
-def _kernel(a: Array, b: Array) -> Array:
-    """Return minus the distances to the power 1.5, (len(a), len(b)), by square roots, which are faster than powers."""
+def _kernel(a: Array, b: Array, power: float) -> Array:
+    """Return minus the distances to one of POWERS, (len(a), len(b)), by square roots, which are faster than powers."""
     from scipy.spatial.distance import cdist
 
     distances = cdist(a, b)
-    distances *= -np.sqrt(distances)
+    halves = np.sqrt(distances)
+    if power != 1.5:
+        quarters = np.sqrt(halves)
+        halves = quarters if power < 1.5 else halves * quarters
+    distances *= -halves
     return np.asarray(distances)
