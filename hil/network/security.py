@@ -8,8 +8,7 @@ import os
 from typing import Any, NamedTuple
 
 from hil.common.errors import NetworkError
-from hil.network.role import Role
-from hil.network.tokens import clock_keys, last_key, presence_keys
+from hil.network.tokens import Role, clock_keys, last_key, presence_keys
 from hil.ros.topics import TOPICS
 
 CA, CERTIFICATE, KEY = "ca.pem", "cert.pem", "key.pem"  # the files of a machine's folder

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 from hil.common.endpoint import no_certificates, split_endpoint, validate_endpoint
 from hil.common.errors import ConfigError
 from hil.common.schema import Range
-from hil.network.role import Role
+from hil.network.tokens import Role
 
 if TYPE_CHECKING:
     from hil.network.security import Security

@@ -1,10 +1,11 @@
-"""Network keys of this project besides those of ROS 2: presence tokens and the clock exchange."""
+"""Roles of processes on the network, and the keys besides those of ROS 2: presence tokens and the clock exchange."""
 
 from struct import Struct
 from typing import Any, Literal, NamedTuple
 
 PING = Struct("<16s3q")  # sender; send time; last pong's send time (slave's clock) and receive time (sender's), or 0
 PONG = Struct("<16s3q2qd")  # receiver; the ping's send time; times it came and was answered; offset, uncertainty, drift
+Role = Literal["slave", "master", "planner", "client", "router", "imaging"]  # of a process
 Part = Literal["slave", "master", "observer"]
 
 _PARTS: dict[str, Part] = {"slave": "slave", "master": "master", "observer": "observer"}

@@ -17,11 +17,10 @@ from hil.common.schema import parse
 from hil.network.discovery import find
 from hil.network.opening import listen
 from hil.network.presence import declare_presence, watch_presence
-from hil.network.role import Role
 from hil.network.roles import open_master_session, open_router_session
 from hil.network.security import Security
 from hil.network.settings import BATCH, PINGS, Network, endpoints, json5, settings
-from hil.network.tokens import Presence, clock_keys, presence_key, read_presence
+from hil.network.tokens import Presence, Role, clock_keys, presence_key, read_presence
 from hil.ros.topics import TOPICS
 from hil.scenario.config import load_scenario
 from tests.support.processes import ROOT, Program, free_port, wait_for, write_scenario

@@ -6,8 +6,8 @@ import pytest
 import zenoh
 
 from hil.network.publisher import _PRIORITIES
-from hil.network.role import Role
 from hil.network.settings import Network, settings
+from hil.network.tokens import Role
 from hil.ros.topics import TOPICS
 
 URGENT = {"control": 2, "real_time": 16}
