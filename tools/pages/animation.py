@@ -1,11 +1,11 @@
-"""Draw the animation of the README: one dive over the seabed of a chart, as the vehicle's sensors give it.
+"""Draw the animation of the README: one dive over the seabed of a chart, as the vehicle's sensors measure it.
 
     python -m tools.pages.animation CHART.000 [--start LAT,LON --goal LAT,LON --depth M] [--output docs/dive.gif]
 
 A slave and a master fly the dive in real time as `uuv-hil demo --world` does, which takes two minutes. Every frame
-shows the map with the true track so far, and what came over the network at that time: the camera's picture and the
-forward-looking sonar's. Needs what `pip install -e '.[dev]'` brings, and a chart such as NOAA's US5AK5SI, where
---start 59.603657,-151.420325 --goal 59.603284,-151.4199 --depth 3.2 goes between floats, near enough to the bed for the
+shows the map with the true track so far, and the pictures of camera and forward-looking sonar that were last received
+over the network. Needs the packages of `pip install -e '.[dev]'`, and a chart such as NOAA's US5AK5SI. There, --start
+59.603657,-151.420325 --goal 59.603284,-151.4199 --depth 3.2 leads between floats, near enough to the seabed for the
 camera.
 """
 
@@ -38,12 +38,12 @@ FRAME_MS = 140
 SIZE = (9.6, 2.7)  # inches
 DPI = 84
 COLOURS = 96
-MOST_BYTES = 3_000_000
+MAX_BYTES = 3_000_000
 
 
-def fly(chart: str, wanted: DiveOptions, folder: str) -> tuple[Scenario, list[Observation]]:
-    """Fly one dive over `chart`; the scenario, and what was seen once a second. Raises HilError."""
-    path = prepare_dive(chart, wanted, folder).path
+def fly(chart: str, options: DiveOptions, folder: str) -> tuple[Scenario, list[Observation]]:
+    """Fly one dive over `chart`; return the scenario, and one observation per second. Raises HilError."""
+    path = prepare_dive(chart, options, folder).path
     scenario = load_scenario(path)
     with DiveWatch(scenario) as watch:
         demo = start_child(
@@ -56,7 +56,7 @@ def fly(chart: str, wanted: DiveOptions, folder: str) -> tuple[Scenario, list[Ob
     return scenario, watch.observations
 
 
-def frame(plt: Any, world: World, observations: Sequence[Observation], number: int) -> Image.Image:
+def draw_frame(plt: Any, world: World, observations: Sequence[Observation], number: int) -> Image.Image:
     """Return the picture of one instant: map, camera, sonar."""
     observation, track = observations[number], np.array([each.truth.position[:2] for each in observations])
     figure, (left, middle, right) = plt.subplots(1, 3, figsize=SIZE, layout="constrained", width_ratios=(1.0, 1.2, 1.6))
@@ -77,7 +77,7 @@ def frame(plt: Any, world: World, observations: Sequence[Observation], number: i
     return Image.open(drawn).convert("RGB")
 
 
-def save(frames: Sequence[Image.Image], path: Path) -> None:
+def save_gif(frames: Sequence[Image.Image], path: Path) -> None:
     """Write the frames as a GIF that repeats, in one palette. Raises ValueError if the file is too large."""
     shown = [frames[index] for index in (0, len(frames) // 3, 2 * len(frames) // 3, -1)]
     sheet = Image.new("RGB", (shown[0].width, len(shown) * shown[0].height))
@@ -86,16 +86,16 @@ def save(frames: Sequence[Image.Image], path: Path) -> None:
     palette = sheet.quantize(COLOURS)
     first, *rest = [picture.quantize(palette=palette, dither=Image.Dither.NONE) for picture in frames]
     first.save(path, save_all=True, append_images=rest, duration=FRAME_MS, loop=0, optimize=True)
-    if path.stat().st_size > MOST_BYTES:
-        raise ValueError(f"{path} has {path.stat().st_size} bytes, more than {MOST_BYTES}: make SIZE or FRAMES smaller")
+    if path.stat().st_size > MAX_BYTES:
+        raise ValueError(f"{path} has {path.stat().st_size} bytes, more than {MAX_BYTES}: make SIZE or FRAMES smaller")
 
 
 def main() -> int:
-    """Fly, draw, write."""
+    """Fly the dive, draw the frames, and write the animation."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("chart", metavar="CHART.000")
     parser.add_argument(
-        "--start", type=place, metavar="LAT,LON", help="degrees, with --goal [as `demo --world` has it]"
+        "--start", type=place, metavar="LAT,LON", help="degrees, with --goal [selected as by `demo --world`]"
     )
     parser.add_argument("--goal", type=place, metavar="LAT,LON")
     parser.add_argument("--depth", type=float, metavar="M")
@@ -105,7 +105,7 @@ def main() -> int:
         scenario, observations = fly(options.chart, DiveOptions(options.start, options.goal, options.depth), folder)
         world, plt = load_world(scenario.world), pyplot()
         chosen = np.linspace(0, len(observations) - 1, min(FRAMES, len(observations)), dtype=int)
-        save([frame(plt, world, observations, int(number)) for number in chosen], options.output)
+        save_gif([draw_frame(plt, world, observations, int(number)) for number in chosen], options.output)
     print(options.output)
     return 0
 

@@ -2,10 +2,10 @@
 
     python tools/pages/cases.py [--out docs/explanation] [--seeds 50] [--hil 1] [--only NAME ...]
 
-It takes the time that the HIL flights take, about ten minutes each set, and some minutes for the simulated ones; let
-nothing else run meanwhile, or the figures of processor time and delay are those of a busy machine. Exit code 1 if a
-case succeeds in fewer than 98 % of its flights, if one vehicle touches something, or if the master takes more than a
-tenth of a core in the first case. Needs what `pip install -e '.[dev]'` brings.
+Each set of HIL flights takes about ten minutes, and the simulated flights some minutes. Run nothing else meanwhile:
+otherwise the figures of processor time and delay are those of a busy machine. Exit code 1 if a case succeeds in fewer
+than 98 % of its flights, if a vehicle collides, or if the master takes more than a tenth of a core in the first case.
+Needs the packages of `pip install -e '.[dev]'`.
 """
 
 import argparse
@@ -34,13 +34,13 @@ HEAD = """\
 
 `python tools/pages/cases.py` makes this page. It flies each case with {seeds} seeds in simulated time (SIL) and with
 {hil} against real processes (HIL): slaves with an emulated STM32 each, and this project's masters over zenoh.
-`uuv-hil case NAME` flies one of them.
+`uuv-hil case NAME` flies one case.
 
 - Planner, controller, allocation, thrusters, dynamics, sensors and noise are the same code in SIL and HIL. Both read
   the same files.
 - Seed 1 is the case of its scenario file unchanged. The other seeds have other noise, other starts, and, where the map
   leaves them open, other obstacles.
-- The paper does not print the positions of obstacles nor the durations of tasks. Ours stand in the scenario files.
+- The paper prints neither the positions of obstacles nor the durations of tasks. The scenario files have our values.
 - [reference_platform.md](reference_platform.md) compares the paper with this project equation by equation.
 
 | Row | Meaning |
@@ -68,7 +68,7 @@ over loopback: no claim about a board or a wireless network."""
 
 
 def main() -> int:
-    """Fly, write, judge."""
+    """Fly the cases, write the page, and check the requirements."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--out", metavar="DIR", default=str(ROOT / "docs" / "explanation"))
     parser.add_argument("--seeds", type=int, metavar="N", default=50)
@@ -81,16 +81,18 @@ def main() -> int:
             flights[name] = fly_all(name, folder, range(1, options.seeds + 1), range(1, options.hil + 1))
             print(table.render([run.result for run in flights[name]]) + "\n", flush=True)
         pictures = os.path.join(options.out, "cases")
-        files = write_report(os.path.join(options.out, "cases.md"), flights, pictures, head(options.seeds, options.hil))
+        files = write_report(
+            os.path.join(options.out, "cases.md"), flights, pictures, page_head(options.seeds, options.hil)
+        )
     for path in files[1:]:
         Image.open(path).convert("RGB").quantize(COLOURS).save(path, optimize=True)
-    problems = judge([run.result for runs in flights.values() for run in runs])
+    problems = find_shortfalls([run.result for runs in flights.values() for run in runs])
     print("\n".join([f"wrote {files[0]} and {len(files) - 1} pictures", *problems]))
     return 1 if problems else 0
 
 
-def head(seeds: int, hil: int) -> str:
-    """Return what stands above the table."""
+def page_head(seeds: int, hil: int) -> str:
+    """Return the text above the table."""
     from hil.cases.single import radius_of
     from sim.vehicle.vehicle import load_vehicle
 
@@ -100,8 +102,8 @@ def head(seeds: int, hil: int) -> str:
     )
 
 
-def judge(results: list[Result]) -> list[str]:
-    """Return what falls short of the requirements."""
+def find_shortfalls(results: list[Result]) -> list[str]:
+    """Return a line for each requirement that the results do not meet."""
     problems = []
     for name in dict.fromkeys(result.case for result in results):
         own = [result for result in results if result.case == name]

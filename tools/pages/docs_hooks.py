@@ -1,7 +1,7 @@
-"""Hooks of mkdocs: what a page needs beyond its Markdown.
+"""Hooks of mkdocs: settings and changes of pages that its configuration file cannot express.
 
-Links from a page to the code (`../../hil/cli.py`) work where the repository is browsed. The built site has no code:
-there such a link becomes the text of its name.
+Links from a page to the code (`../../hil/cli.py`) work in the repository. The built site has no code, so there the
+text of such a link is shown without the link.
 """
 
 import os
@@ -12,13 +12,13 @@ LINK = re.compile(r"(?<!!)\[([^\]]+)\]\((\.\./[^)#\s]+)(#[^)]*)?\)")
 
 
 def on_config(config: Any) -> Any:
-    """Load nothing from elsewhere: tools/docs_theme has the script that the offline plugin would take from a server."""
+    """Load no script from a server: tools/docs_theme has the one that the offline plugin would load."""
     config.extra["polyfills"] = []
     return config
 
 
 def on_page_markdown(markdown: str, *, page: Any, **_: Any) -> str:
-    """Return the page with links that lead out of the documentation as plain text."""
+    """Return the page; links to files outside the documentation become plain text."""
     folder = os.path.dirname(page.file.src_uri)
 
     def plain(link: re.Match[str]) -> str:

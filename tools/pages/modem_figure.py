@@ -1,8 +1,9 @@
-"""Draw signal to noise and lost packets of modems against range, for docs/explanation/modems.md.
+"""Draw signal-to-noise ratio and packet loss of modems over range, for docs/explanation/modems.md.
 
-    python -m tools.pages.modem_figure   writes docs/explanation/modems/range.png and prints ranges at half the packets
+    python -m tools.pages.modem_figure
 
-Curves are the formulas of sim/modems; points are messages that went through sim/modems' channels, some lost.
+It writes docs/explanation/modems/range.png, and prints the ranges at which half of the messages are lost. Curves are
+the formulas of sim/modems. Points are shares of messages that the channels of sim/modems lost.
 """
 
 import argparse
@@ -25,15 +26,15 @@ DEPTH = 50.0
 MESSAGES = 400
 LEVEL = (1.0, 0.0, 0.0, 0.0)
 AHEAD, BACK = (1.0, 0.0, 0.0), (-1.0, 0.0, 0.0)
-# The modem's own source level, and what is left of it where it is turned down to save the battery.
+# The modem's own source level, and a lower one that saves the battery.
 SOUND = {"168 dB, calm": (168.0, 0.0), "168 dB, wind 10 m/s": (168.0, 10.0), "140 dB, wind 5 m/s": (140.0, 5.0)}
 LIGHT = {"pure sea 0.056 /m": 0.056, "clear ocean 0.15 /m": 0.15, "coast 0.4 /m": 0.4, "harbour 2.2 /m": 2.2}
 
-Point = tuple[float, float]  # signal to noise in dB, share of messages that are lost
+Point = tuple[float, float]  # signal-to-noise ratio in dB, share of messages that are lost
 
 
 def main() -> int:
-    """Draw both, tell where half the messages are lost; 0."""
+    """Draw the figure, print the ranges at which half of the messages are lost; return 0."""
     argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter).parse_args()
     folder = os.path.join("docs", "explanation", "modems")
     os.makedirs(folder, exist_ok=True)
@@ -55,7 +56,7 @@ def main() -> int:
 
 
 def by_sound(modem: AcousticModem, distance: float) -> Point:
-    """Return signal to noise (dB) and share of lost packets of the acoustic modem at `distance` m, by the formulas."""
+    """Return signal-to-noise ratio (dB) and packet loss of the acoustic modem at `distance` m, by the formulas."""
     noise = ambient_noise(modem.frequency, modem.wind, modem.shipping) + 10.0 * log10(modem.bandwidth)
     snr = modem.source_level - transmission_loss(distance, modem.frequency, modem.spreading) - noise
     errors = 0.5 * exp(-0.5 * power(snr) * modem.bandwidth / modem.bit_rate)
@@ -63,26 +64,26 @@ def by_sound(modem: AcousticModem, distance: float) -> Point:
 
 
 def by_light(modem: OpticalModem, distance: float) -> Point:
-    """Return signal to noise (dB) and share of lost packets of the optical modem at `distance` m, head on."""
+    """Return signal-to-noise ratio (dB) and packet loss of optical modems at `distance` m that face each other."""
     errors = bit_error(modem, (0.0, 0.0, 0.0), AHEAD, (distance, 0.0, 0.0), BACK)
     q = quality(errors)
     return (20.0 * log10(q) if q > 0.0 else -99.0), 1.0 - float((1.0 - errors) ** (8 * SIZE))
 
 
 def lost_by_sound(modem: AcousticModem, distance: float) -> float:
-    """Return the share of messages that did not come through the water."""
+    """Return the share of messages that the acoustic channel lost over `distance` m."""
     places = {"a": (0.0, 0.0, 10.0), "b": (distance, 0.0, 10.0)}
     return _lost(AcousticChannel(modem, DEPTH, seed=1), places, 20 * NS)
 
 
 def lost_by_light(modem: OpticalModem, distance: float) -> float:
-    """Return the share of messages that did not come through the water."""
+    """Return the share of messages that the optical channel lost over `distance` m."""
     places = {"a": Pose((0.0, 0.0, 10.0), LEVEL), "b": Pose((distance, 0.0, 10.0), LEVEL)}
     return _lost(OpticalChannel(modem, seed=1), places, NS)
 
 
 def _lost(channel: Any, places: Mapping[str, Any], period_ns: int) -> float:
-    """Send messages from a to b, one each period; return the share that did not come."""
+    """Send messages from a to b, one each period; return the share that was not received."""
     for number in range(MESSAGES):
         channel.send(number * period_ns, "a", bytes(SIZE), places)
         channel.receive((number + 1) * period_ns - 1)

@@ -13,22 +13,26 @@ from hil.cases.hunt.watch import HuntOutcome, HuntWatch
 from hil.scenario.config import load_scenario
 
 SCENARIO = "target_hunting_acoustic"
-# Nobody waits to hear the far end of the line, which such water hides; the hunt is then that of target_hunting.toml.
-NEAR = {"hunting.fields.comfortable": 4.0, "hunting.fields.communication_range": 5.0}
+# Light does not reach the far end of the line in such water. So no vehicle waits for messages from there, as in
+# target_hunting.toml.
+SHORT_RANGE = {"hunting.fields.comfortable": 4.0, "hunting.fields.communication_range": 5.0}
 HUNTS: dict[str, dict[str, Any]] = {
     "sound, slots of 250 ms": {},
     "sound, at random, every 1 s": {"modem.slot": 0, "hunting.report_period": 1.0},
     "sound, at random, every 2 s": {"modem.slot": 0, "hunting.report_period": 2.0, "hunting.report_timeout": 8.0},
     "light, coast, slots of 50 ms": {"modem": {"kind": "optical", "slot": "50 ms", "attenuation": 0.4}},
-    "light, harbour, slots of 50 ms": {"modem": {"kind": "optical", "slot": "50 ms", "attenuation": 2.2}, **NEAR},
+    "light, harbour, slots of 50 ms": {
+        "modem": {"kind": "optical", "slot": "50 ms", "attenuation": 2.2},
+        **SHORT_RANGE,
+    },
 }
 RESULTS = ("delivered", "collided", "deaf", "damaged", "too_weak")
 
 
 def main() -> int:
-    """Fly them and print the table; 0."""
+    """Fly the hunts and print the table; return 0."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("seeds", metavar="SEEDS", nargs="?", type=int, default=20, help="how many [%(default)s]")
+    parser.add_argument("seeds", metavar="SEEDS", nargs="?", type=int, default=20, help="number of seeds [%(default)s]")
     seeds = range(1, parser.parse_args().seeds + 1)
     print(f"| modem | success | time s | least distance m | {' | '.join(RESULTS)} |")
     print("|---|" + "---|" * (3 + len(RESULTS)))
@@ -39,7 +43,7 @@ def main() -> int:
 
 
 def hunt(changes: dict[str, Any]) -> tuple[HuntOutcome, Counter[str]]:
-    """Fly once; return the flight and what became of its messages."""
+    """Fly one hunt; return its outcome, and the number of messages by result."""
     scenario = load_scenario(SCENARIO, changes)
     watch = HuntWatch(scenario)
     simulated = SimulatedHunt(scenario, watch)
@@ -49,13 +53,13 @@ def hunt(changes: dict[str, Any]) -> tuple[HuntOutcome, Counter[str]]:
 
 
 def row(name: str, outcomes: list[HuntOutcome], counts: Counter[str]) -> str:
-    """Return a row of the table: shares are those of the three that could have received each message."""
+    """Return a row of the table. Its shares are of all possible receptions: three for each sent message."""
     could = 3 * counts["sent"]
     shares = " | ".join(f"{100.0 * counts[result] / could:.1f} %" for result in RESULTS)
-    won = sum(outcome.success for outcome in outcomes)
+    succeeded = sum(outcome.success for outcome in outcomes)
     time = sum(outcome.duration for outcome in outcomes) / len(outcomes)
     least = min(outcome.judgement.separation for outcome in outcomes)
-    return f"| {name} | {won} of {len(outcomes)} | {time:.1f} | {least:.2f} | {shares} |"
+    return f"| {name} | {succeeded} of {len(outcomes)} | {time:.1f} | {least:.2f} | {shares} |"
 
 
 if __name__ == "__main__":

@@ -2,7 +2,8 @@
 
     python -m tools.pages.overview
 
-The tables are the text of the picture. Boxes stand in columns from the planner to the thrusters; an arrow is a link.
+The tables hold the texts of the picture. Its columns of boxes lead from the planner to the thrusters; an arrow is a
+link.
 """
 
 from pathlib import Path
@@ -28,7 +29,7 @@ COLUMNS = [
     (
         "STM32",
         [
-            ("Firmware", ["sets the outputs,", "stops when commands stop"], "either"),
+            ("Firmware", ["sets the outputs,", "neutral without commands"], "either"),
             ("PWM outputs", ["to the thrusters; their widths", "drive the simulation"], "either"),
         ],
     ),
@@ -36,8 +37,8 @@ COLUMNS = [
 LINKS = ["network", "UART or CAN"]
 LEGEND = {
     "real": "real: the software and the computers of the vehicle",
-    "simulated": "simulated: the vehicle and the sea around it",
-    "either": "real or emulated: one word in the scenario",
+    "simulated": "simulated: the vehicle and the water around it",
+    "either": "real or emulated: one key of the scenario selects it",
 }
 TAGS = {"real": "REAL", "simulated": "SIMULATED", "either": "REAL OR EMULATED"}
 COLOURS = {"real": "#dcfce7", "simulated": "#dbeafe", "either": "#fef3c7"}

@@ -1,9 +1,9 @@
-"""Draw the rooms of the code and the ways of a command and of a sample: docs/explanation/architecture.svg.
+"""Draw the rooms of the code and the paths of a command and of a sample: docs/explanation/architecture.svg.
 
     python -m tools.pages.rooms
 
-`FLOORS` is the plan: a module imports from its own floor or from below, in annotations and lazily too.
-The tests read the imports and hold them against it (tests/unit/test_rooms.py).
+A room is a part of a package, a floor a layer of rooms. `FLOORS` is the plan: a module imports only from its own floor
+or from lower ones, also in annotations and in functions. tests/unit/test_rooms.py compares the imports with the plan.
 """
 
 import ast
@@ -16,7 +16,7 @@ ROOT = Path(__file__).parents[2]
 PACKAGES = ("hil", "sim", "boards", "firmware_stub")
 PICTURE = ROOT / "docs" / "explanation" / "architecture.svg"
 
-# From the ground up: room -> what it is for, as the picture says it.
+# From the lowest floor to the highest: room -> its purpose, as the picture shows it.
 FLOORS: list[dict[str, str]] = [
     {"hil.common": "errors, clock, schema"},
     {"boards": "one file a board", "hil.autonomy": "control, paths, tasks, fleets", "sim": "vehicle, water, sensors"},
@@ -41,13 +41,13 @@ FLOORS: list[dict[str, str]] = [
 ]  # fmt: skip
 FLOOR = {room: number for number, rooms in enumerate(FLOORS) for room in rooms}
 
-# Room by room: what a velocity command passes on its way to the thrusters, and a sample on its way to the planner.
+# The rooms that a velocity command passes from the planner to the thrusters, and a sample from a sensor to the planner.
 COMMAND = ["hil.master", "hil.client", "hil.network", "hil.slave", "hil.autonomy", "hil.links", "firmware_stub", "sim"]
 SAMPLE = ["sim", "hil.slave", "hil.ros", "hil.network", "hil.client", "hil.master"]
 
 
 def modules(packages: tuple[str, ...] = PACKAGES) -> Iterator[tuple[str, Path]]:
-    """Yield the dotted name and the file of every module of these packages; those that are installed by default."""
+    """Yield the dotted name and the file of every module of these packages. The default: the installed packages."""
     for package in packages:
         for path in sorted((ROOT / package).rglob("*.py")):
             name = ".".join(path.relative_to(ROOT).with_suffix("").parts)
@@ -57,10 +57,10 @@ def modules(packages: tuple[str, ...] = PACKAGES) -> Iterator[tuple[str, Path]]:
 def room(module: str) -> str:
     """Return the room of a module: the longest name in `FLOORS` that it begins with. Raises KeyError."""
     module = module.removesuffix(".__main__")
-    fitting = [name for name in FLOOR if module == name or module.startswith(f"{name}.")]
-    if not fitting or (fitting == ["hil"] and module != "hil"):
+    candidates = [name for name in FLOOR if module == name or module.startswith(f"{name}.")]
+    if not candidates or (candidates == ["hil"] and module != "hil"):
         raise KeyError(f"{module} is in no room: add its folder to FLOORS in tools/pages/rooms.py")
-    return max(fitting, key=len)
+    return max(candidates, key=len)
 
 
 @cache
@@ -76,7 +76,7 @@ def imports(path: Path) -> set[str]:
 
 
 def _statements(tree: ast.Module) -> Iterator[ast.AST]:
-    """Yield all statements, also those within others: expressions, most of a file, hold no imports."""
+    """Yield all statements, also nested ones. Expressions are left out: they have no imports, and take most time."""
     waiting: list[ast.AST] = [tree]
     while waiting:
         for node in ast.iter_child_nodes(waiting.pop()):
@@ -106,8 +106,8 @@ def arrows() -> set[tuple[str, str]]:
     return {(one, other) for one, other in pairs if one != other}
 
 
-def circles() -> list[list[str]]:
-    """Return the sets of modules that import each other round in a circle, each sorted. Tools and tests count too."""
+def import_cycles() -> list[list[str]]:
+    """Return the import cycles, each as a sorted list of modules. Tools and tests are included."""
     edges = graph((*PACKAGES, "tools", "tests"))
     reached = {module: _reached(module, edges) for module in edges}
     components = {
@@ -126,23 +126,23 @@ def _reached(start: str, edges: dict[str, set[str]]) -> set[str]:
     return reached
 
 
-# What each room of a way does, in words that fit its box.
+# What each room of a path does, in words that fit into its box.
 COMMAND_STEPS = [
     "planner sets a velocity", "numbers and stamps it", "carries it", "checks age and sender", "wrench, then thrusts",
     "encodes a frame", "sets pulse widths", "moves the vehicle",
 ]  # fmt: skip
 SAMPLE_STEPS = [
     "measures in NED, FRD", "passes it to a thread", "encodes in ENU, FLU", "carries it", "decodes it",
-    "gives it to the planner",
+    "passes it to the planner",
 ]  # fmt: skip
 
 WIDTH, HEIGHT, GAP, MARGIN, COLUMNS = 184, 46, 8, 76, 4
 PAGE = MARGIN + COLUMNS * (WIDTH + GAP) + GAP
-STEP_HEIGHT = 56  # of a box in a way
+STEP_HEIGHT = 56  # of a box in a path
 
 
 def draw() -> str:
-    """Return the picture as SVG: floors from the ground up, and below them the two ways through the rooms."""
+    """Return the picture as SVG: the floors, and below them the paths of a command and of a sample."""
     title = "Rooms by floor: a room imports from its own floor or from lower ones"
     elements = [f'<text x="{MARGIN}" y="24" class="title">{title}</text>']
     corners: dict[str, tuple[float, float]] = {}
@@ -161,15 +161,15 @@ def draw() -> str:
             elements.append(f'<text x="{left + 8}" y="{upper + 36}">{purpose}</text>')
         top += height + 4
     elements += [*_badges(COMMAND, corners, "command", 13), *_badges(SAMPLE, corners, "sample", 35)]
-    elements += _way("The way of a command", COMMAND, COMMAND_STEPS, "command", top + 12)
-    elements += _way("The way of a sample", SAMPLE, SAMPLE_STEPS, "sample", top + 64 + STEP_HEIGHT)
+    elements += _draw_path("Path of a command", COMMAND, COMMAND_STEPS, "command", top + 12)
+    elements += _draw_path("Path of a sample", SAMPLE, SAMPLE_STEPS, "sample", top + 64 + STEP_HEIGHT)
     return "\n".join([_head(PAGE, top + 2 * (52 + STEP_HEIGHT) + 8), *elements, "</svg>", ""])
 
 
-def _badges(way: list[str], corners: Mapping[str, tuple[float, float]], kind: str, shift: float) -> list[str]:
-    """Return a numbered circle for each room of a way, `shift` px left of the room's right edge."""
+def _badges(path: list[str], corners: Mapping[str, tuple[float, float]], kind: str, shift: float) -> list[str]:
+    """Return a numbered circle for each room of a path, `shift` px left of the room's right edge."""
     elements = []
-    for number, name in enumerate(way, 1):
+    for number, name in enumerate(path, 1):
         right, top = corners[name]
         elements += _badge(number, right - shift, top + 14, kind)
     return elements
@@ -182,8 +182,8 @@ def _badge(number: int, x: float, y: float, kind: str) -> list[str]:
     ]
 
 
-def _way(title: str, rooms: list[str], steps: list[str], kind: str, top: float) -> list[str]:
-    """Return one way as a row of boxes joined by arrows: number, room, and what that does."""
+def _draw_path(title: str, rooms: list[str], steps: list[str], kind: str, top: float) -> list[str]:
+    """Return one path as a row of boxes joined by arrows. A box has a number, the room, and what the room does."""
     elements = [f'<text x="16" y="{top + 14:g}" class="title {kind}">{title}</text>']
     pitch = (PAGE - 16) / len(COMMAND)
     for number, (name, step) in enumerate(zip(rooms, steps, strict=True), 1):

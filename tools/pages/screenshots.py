@@ -1,13 +1,13 @@
-"""Takes pictures of the live view in a real browser, for the documentation.
+"""Take pictures of the live view in a real browser, for the documentation.
 
     python -m tools.pages.screenshots [SCENARIO | CHART.000] [--speed M/S] [--after SECONDS]
     python -m tools.pages.screenshots --pictures
 
-Flies slowly with `uuv-hil demo --view`, opens the view in Debian's Chromium, and writes docs/how-to/live_view.png and,
-in a second flight, live_view_dark.png. Over a chart the vehicle has a camera and a sonar. `--pictures` flies along a
-pier of the installed harbour and writes live_view_pictures.png: what camera, forward sonar and side scan show. Needs
-the extra dev, and chromium. A browser without a graphics card takes a minute or more to draw the scene; give it a high
-priority.
+It flies slowly with `uuv-hil demo --view`, opens the view in Debian's Chromium, and writes docs/how-to/live_view.png.
+A second flight is for live_view_dark.png. Over a chart the vehicle has a camera and a sonar. `--pictures` flies along a
+pier of the installed harbour and writes live_view_pictures.png, with the pictures of camera, forward sonar and side
+scan. Needs the extra dev, and chromium. Without a graphics card a browser takes a minute or more to draw the scene:
+give it a high priority.
 """
 
 import argparse
@@ -56,18 +56,18 @@ max_range = 30.0
 OPTIONS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-background-networking"]
 WIDTH, HEIGHT = 1280, 800
 COLOURS = 256  # of a palette: a third of the size
-PATIENCE_MS = 240_000
+TIMEOUT_MS = 240_000
 
 
 def take_pictures(address: str, scheme: Scheme, seconds: float, file: Path) -> Path:
-    """Take one picture `seconds` after the scene was drawn; its file. PICTURES shows the panel of pictures."""
+    """Take one picture `seconds` after the scene was drawn; return its file. PICTURES is of the panel of pictures."""
     from PIL import Image
     from playwright.sync_api import sync_playwright
 
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=OPTIONS)
         page = browser.new_page(viewport={"width": WIDTH, "height": HEIGHT}, color_scheme=scheme)
-        page.set_default_timeout(PATIENCE_MS)
+        page.set_default_timeout(TIMEOUT_MS)
         page.goto(address)
         frame = page.frame_locator("#scene")
         frame.get_by_text("Pictures").first.wait_for()
@@ -111,7 +111,7 @@ def fly_and_take(scenario: str, speed: float, scheme: Scheme, seconds: float, fi
 
 
 def main() -> None:
-    """Fly, look, and write the pictures."""
+    """Fly, and take the pictures."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("scenario", nargs="?", default="paper_field", metavar="SCENARIO | CHART.000")
     parser.add_argument("--speed", type=float, default=0.15, metavar="M/S", help="of the vehicle [%(default)g]")

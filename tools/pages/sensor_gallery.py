@@ -1,9 +1,9 @@
-"""Draw what every sensor gives: docs/reference/sensors.md and its pictures.
+"""Draw the output of every sensor: docs/reference/sensors.md and its pictures.
 
     python -m tools.pages.sensor_gallery [--out docs/reference] [--only NAME ...]
 
-The texts are those of the sensors' own source, the numbers their defaults, the pictures simulated again. Needs what
-`pip install -e '.[dev]'` brings.
+The texts are docstrings of the sensors, the numbers are their defaults, and the pictures are simulated by each run.
+Needs the packages of `pip install -e '.[dev]'`.
 """
 
 import argparse
@@ -62,8 +62,8 @@ print(wet[120, 160], own[120, 160], classic[120, 160])
 """
 
 
-def draw(picture: Any, size: tuple[float, float], path: Path) -> None:
-    """Save one picture."""
+def save_picture(picture: Any, size: tuple[float, float], path: Path) -> None:
+    """Draw one picture and save it as a PNG; `size` in inches."""
     figure = Figure(figsize=size, layout="constrained")
     picture(figure)
     drawn = BytesIO()
@@ -72,7 +72,7 @@ def draw(picture: Any, size: tuple[float, float], path: Path) -> None:
 
 
 def page(entries: tuple[Entry, ...], folder: str) -> str:
-    """Return the whole of docs/reference/sensors.md."""
+    """Return the text of docs/reference/sensors.md."""
     lines = [HEAD]
     for entry in entries:
         lines += [f"## {entry.title}", "", f"`[sensors.{entry.sensor}]`", "", *_texts(entry.sensor), ""]
@@ -83,7 +83,7 @@ def page(entries: tuple[Entry, ...], folder: str) -> str:
 
 
 def _texts(sensor: str) -> list[str]:
-    """Return what the sensor is, where its keys are listed, and where its numbers come from, out of its source."""
+    """Return the sensor's description and the source of its numbers, from its docstrings, and a link to its keys."""
     fitted = fit(**{sensor: fit_default(sensor)})[sensor]
     about = (inspect.getdoc(fitted.sensor) or "").split("\n\n")
     source = (inspect.getdoc(type(fitted.model)) or "").split("\n\n")[-1]
@@ -104,10 +104,12 @@ def _paragraph(function: Any) -> str:
 
 
 def main() -> int:
-    """Draw, and write the page."""
+    """Draw the pictures, and write the page."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--out", type=Path, default=ROOT / "docs" / "reference", metavar="FOLDER", help="[%(default)s]")
-    parser.add_argument("--only", nargs="+", default=[], metavar="NAME", help="these pictures alone, and no page")
+    parser.add_argument(
+        "--only", nargs="+", default=[], metavar="NAME", help="draw only these pictures, and do not write the page"
+    )
     arguments = parser.parse_args()
     folder = arguments.out / "sensors"
     folder.mkdir(parents=True, exist_ok=True)
@@ -117,7 +119,7 @@ def main() -> int:
             if not arguments.only or picture.__name__ in arguments.only:
                 print(picture.__name__, flush=True)
                 with mpl.rc_context(STYLE):
-                    draw(picture, (entry.size[0], height), folder / f"{picture.__name__}.png")
+                    save_picture(picture, (entry.size[0], height), folder / f"{picture.__name__}.png")
     if not arguments.only:
         (arguments.out / "sensors.md").write_text(page(ENTRIES, "sensors"), encoding="utf-8")
     return 0

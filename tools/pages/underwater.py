@@ -1,6 +1,6 @@
 """Make the camera's pictures of docs/how-to/imaging.md: `python -m tools.pages.underwater`.
 
-Caustics in the installed harbour's shallow end, and lamps 0.4 m beside a camera in the dark of 160 m.
+One shows caustics in the shallow end of the installed harbour, the other lamps 0.4 m beside a camera at 160 m depth.
 """
 
 from math import radians
@@ -32,12 +32,12 @@ WIDTH, HEIGHT = 480, 360
 
 def main() -> None:
     """Write both pictures."""
-    shoot("camera_caustics", load_world("harbour"), (8.0, 3.0, 3.2), 0.5, CameraModel(water="IB", caustics=0.9))
-    shoot("camera_lamps", DEEP, (0.0, 0.0, 158.0), 0.0, LAMPS)
+    take_picture("camera_caustics", load_world("harbour"), (8.0, 3.0, 3.2), 0.5, CameraModel(water="IB", caustics=0.9))
+    take_picture("camera_lamps", DEEP, (0.0, 0.0, 158.0), 0.0, LAMPS)
 
 
-def shoot(name: str, world: World, place: tuple[float, float, float], yaw: float, model: CameraModel) -> None:
-    """Write the picture of a camera at a place (m, NED) that looks `yaw` rad about and 18 degrees down."""
+def take_picture(name: str, world: World, place: tuple[float, float, float], yaw: float, model: CameraModel) -> None:
+    """Write the picture of a camera at a place (m, NED) with a heading of `yaw` rad, tilted down by 18 degrees."""
     scene = Simulation(load_vehicle("bluerov2_heavy")[0], world, {}, position=place)
     down = Mounting(orientation=(0.0, radians(-18.0), 0.0))
     model = model._replace(width=WIDTH, height=HEIGHT)

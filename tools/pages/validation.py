@@ -1,9 +1,10 @@
-"""Draw how the simulator stands beside others' numbers and beside theory: the page validation.md and its pictures.
+"""Compare the simulator with published data and with theory: the page validation.md and its pictures.
 
     python tools/pages/validation.py [--out docs/explanation] [--only NAME ...]
 
-Every figure is computed again; each says which test holds it, and a figure beyond that test's bound ends the run
-with exit code 1. The set-ups and others' formulas are those of the tests. Needs what `pip install -e '.[dev]'` brings.
+Each run computes every figure again. The page names the test that checks the figure. A figure outside the bound of its
+test ends the run with exit code 1. Set-ups and formulas are those of the tests. Needs the packages of `pip install -e
+'.[dev]'`.
 """
 
 import argparse
@@ -44,16 +45,16 @@ SHEETS: list[Sheet] = [sheet for part in PARTS for sheet in part.SHEETS]
 STYLE: Any = {"font.size": 8, "axes.titlesize": 8, "legend.fontsize": 7, "lines.linewidth": 1.2, "savefig.dpi": 120}
 COLOURS = 64
 HEAD = """\
-# How the simulator stands beside others' numbers and beside theory
+# The simulator compared with published data and theory
 
-Made by `python tools/pages/validation.py`, which computes every figure again. A test holds each figure within its
-bound. The tool needs the tests and what they need: `pip install -e '.[dev]'`.
+Made by `python tools/pages/validation.py`, which computes every figure again. A test checks each figure against
+its bound. The tool needs the packages of the tests: `pip install -e '.[dev]'`.
 
 | in the pictures | is |
 |---|---|
 | blue lines | this simulator |
 | black dots | published data or theory |
-| red | a formula of others that does not hold |
+| red | a formula of other software that is wrong |
 
 The first figure of each section:
 
@@ -63,7 +64,7 @@ The first figure of each section:
 
 
 def draw(sheet: Sheet, path: Path) -> list[Finding]:
-    """Save the picture of `sheet` at `path`; what was found."""
+    """Save the picture of `sheet` at `path`; return its findings."""
     with plt.rc_context(STYLE):
         figure, axes = plt.subplots(sheet.rows, sheet.columns, figsize=sheet.size, layout="constrained", squeeze=False)
         findings = sheet.draw(axes.ravel().tolist())
@@ -109,12 +110,14 @@ def _link(finding: Finding) -> str:
 
 
 def main(arguments: list[str] | None = None) -> None:
-    """Draw the sheets; write the page if they are all there and within their bounds."""
+    """Draw the sheets; write the page if all sheets are drawn and all figures are within their bounds."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument(
         "--out", type=Path, default=ROOT / "docs" / "explanation", help="folder of the page [%(default)s]"
     )
-    parser.add_argument("--only", nargs="+", metavar="NAME", default=[], help="these pictures alone, without the page")
+    parser.add_argument(
+        "--only", nargs="+", metavar="NAME", default=[], help="draw only these pictures, and do not write the page"
+    )
     options = parser.parse_args(arguments)
     chosen = [sheet for sheet in SHEETS if not options.only or sheet.name in options.only]
     (options.out / "validation").mkdir(parents=True, exist_ok=True)
@@ -127,7 +130,7 @@ def main(arguments: list[str] | None = None) -> None:
             print(f"  {'' if finding.holds else 'BEYOND: '}{finding.what}: {finding.found}, bound {finding.bound}")
     beyond = sum(not finding.holds for findings in by_sheet.values() for finding in findings)
     if beyond:
-        sys.exit(f"{beyond} beyond the bounds: no page is written")
+        sys.exit(f"{beyond} beyond the bounds: the page is not written")
     if not options.only:
         (options.out / "validation.md").write_text(page(by_sheet), encoding="utf-8")
 
