@@ -1,1 +1,1 @@
-"""Pictures of validation.md, a module for each part of the simulator; `tools/pages/validation.py` draws them."""
+"""Pictures of docs/explanation/validation.md: one module per part of the simulator."""

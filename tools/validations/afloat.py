@@ -1,4 +1,4 @@
-"""A hull at the surface: bobbing, and lift without jumps."""
+"""A hull at the surface compared with theory: period of bobbing, and continuous buoyancy."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -16,8 +16,8 @@ HEIGHT, AMPLITUDE, DT = 0.234, 0.02, 0.001
 
 
 def surface(panels: Sequence[Axes]) -> list[Finding]:
-    """A box floats half out of the water, without drag. It is let go 2 cm too deep. Then it bobs with a period of
-    2π √((m + m_a) / (ρ g A)) and keeps its energy. In a widely used simulator the lift jumps from none to half of
+    """A box floats half out of the water, without drag. It is released 2 cm too deep. Then it bobs with a period of 2π
+    √((m + m_a) / (ρ g A)), and its energy is constant. In a widely used simulator the lift jumps from none to half of
     the full lift where the middle passes the surface. Here the lift is continuous in every attitude."""
     trace, periods, lift = panels
     return [*_bobbing(trace, periods), _bobbing_energy(), *_lift(lift)]
@@ -29,7 +29,7 @@ def _theory(added: float) -> float:
 
 
 def _bob(added: float) -> list[float]:
-    """Depths (m) every millisecond for 6 s."""
+    """Return the depths (m) every millisecond for 6 s."""
     vehicle = floats.float_(added_mass=(5.0, 5.0, added, 0.1, 0.1, 0.1))
     dynamics, state, depths = Dynamics(vehicle, floats.RHO, floats.G), State((0.0, 0.0, AMPLITUDE)), [AMPLITUDE]
     for _ in range(6000):
@@ -63,7 +63,7 @@ def _bobbing(trace: Axes, periods: Axes) -> list[Finding]:
 
 
 def _bobbing_energy() -> Finding:
-    """Return the energies of a bobbing vehicle over 100 s with the default integrator."""
+    """Return the largest change of a bobbing vehicle's energy within 100 s, with the default integrator."""
     vehicle = floats.float_(linear_damping=(0.0, 0.0, 0.0, 0.5, 0.5, 0.5))
     dynamics, state, worst = Dynamics(vehicle, floats.RHO, floats.G), State((0.0, 0.0, 0.08)), 0.0
     rest = floats.energy(dynamics, State())

@@ -1,4 +1,4 @@
-"""A battery that sags under its thrusters, beside its circuit."""
+"""A battery under the load of its thrusters, compared with the equations of its circuit."""
 
 import tempfile
 from collections.abc import Sequence

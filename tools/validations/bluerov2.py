@@ -1,4 +1,4 @@
-"""BlueROV2 Heavy beside von Benzon et al. 2022, whose model others' code runs: tests/vectors/vonbenzon_*.csv."""
+"""BlueROV2 Heavy compared with the code of von Benzon et al. 2022, whose results are tests/vectors/vonbenzon_*.csv."""
 
 from collections.abc import Iterator, Sequence
 from itertools import pairwise
@@ -20,7 +20,7 @@ VON_BENZON = "unit/sim/test_von_benzon.py"
 
 
 def difference(found: Sequence[float], expected: Sequence[float]) -> float:
-    """The largest, as a share of what is above 1: as the tests have it."""
+    """Return the largest difference; for expected values above 1, as a share of them. The tests use the same."""
     return max(abs(a - b) / max(1.0, abs(b)) for a, b in zip(found, expected, strict=True))
 
 
@@ -28,7 +28,7 @@ def difference(found: Sequence[float], expected: Sequence[float]) -> float:
 
 
 def apart(row: Row, like_them: bool) -> float:
-    """Return how far our state derivative is from theirs, with or without what they leave out in a current."""
+    """Return the difference of our state derivative from theirs; `like_them`: without the term that theirs lacks."""
     current = pick(row, "vcN vcE vcD")
     dynamics = Dynamics(HEAVY, DENSITY, GRAVITY, forces=[LeftOut(current)] if like_them else [])
     rotation, nu = rotations.matrix(from_euler(*pick(row, "phi theta psi"))), pick(row, "u v w p q r")
@@ -38,9 +38,9 @@ def apart(row: Row, like_them: bool) -> float:
 
 def derivatives(panels: Sequence[Axes]) -> list[Finding]:
     """State derivatives at 300 random states, forces and currents. Without a current ours are the same as the
-    reference's, to its last digits. In a current the reference leaves out one effect: seen from axes that turn, the
-    velocity of the water turns. Without this effect ours are the same there too. The red points show its size.
-    Galileo's principle decides that it belongs there."""
+    reference's, to its last digits. In a current the reference lacks one term: relative to the axes of a turning body,
+    the velocity of the water turns. Without this term ours are the same in a current too. The red points show its size.
+    Galileo's principle requires the term."""
     rows = list(rows_of("vonbenzon_fossen_xdot.csv"))
     still = sorted(apart(row, False) for row in rows if not any(pick(row, "vcN vcE vcD")))
     flowing = [row for row in rows if any(pick(row, "vcN vcE vcD"))]
@@ -76,7 +76,7 @@ UNITS = {"u": "m/s", "v": "m/s", "w": "m/s", "r": "rad/s", "phi": "deg"}
 
 
 def fly(name: str, integrator: Integrator, splits: int) -> Iterator[tuple[float, State]]:
-    """The state every 0.1 s, by `splits` steps to each of theirs, which are of 0.02 s."""
+    """Yield time (s) and state every 0.1 s; `splits` of our steps are one step of the reference, 0.02 s."""
     current = CURRENT if name.startswith("current") else STILL
     dynamics = Dynamics(HEAVY, DENSITY, GRAVITY, integrator, [LeftOut(current)] if any(current) else [])
     rows = reference(name)
@@ -90,18 +90,18 @@ def fly(name: str, integrator: Integrator, splits: int) -> Iterator[tuple[float,
 
 
 def reference(name: str) -> list[Row]:
-    """Return the reference trajectory, a row a second."""
+    """Return the reference trajectory, one row per second."""
     return [row for row in rows_of("vonbenzon_fossen_trajectories.csv") if row["case"] == name]
 
 
 def numbers(state: State) -> dict[str, float]:
-    """The state by the names of their columns."""
+    """Return the values of a state by the column names of the reference."""
     values = [*state.position[:2], state.position[2] - DEEP, *to_euler(state.quaternion), *state.nu]
     return dict(zip(KEYS, values, strict=True))
 
 
 def furthest(name: str, flown: list[tuple[float, dict[str, float]]]) -> float:
-    """The largest difference of all twelve numbers, each second."""
+    """Return the largest difference of any of the twelve values at any second."""
     worst = 0.0
     for (_, values), row in zip(flown[::10], reference(name), strict=True):
         for key, value in values.items():
@@ -149,8 +149,8 @@ def _panel(axes: Axes, name: str, title: str, key: str, flown: list[tuple[float,
 
 
 def published_speeds(panels: Sequence[Axes]) -> list[Finding]:
-    """Speeds under a constant force, beside those of table 4 of the paper. The paper's own damping, (13.7 + 141 u)
-    u = 85 N, gives 0.729 m/s. The table prints 0.72."""
+    """Speeds under a constant force, compared with those of table 4 of the paper. The paper's own damping, (13.7 + 141
+    u) u = 85 N, gives 0.729 m/s. The table prints 0.72."""
     (axes,) = panels
     findings = []
     rows = (("surge", 85.0, 0.72, 0.015), ("sway", 85.0, 0.63, 0.01), ("heave", 120.0, 0.71, 0.01))
@@ -186,8 +186,8 @@ LINEAR = HEAVY._replace(quadratic_damping=(0.0,) * 6, linear_damping=(40.0, 40.0
 
 
 def convergence(panels: Sequence[Axes]) -> list[Finding]:
-    """The error after 2 s over the length of the step. A vehicle on a spring is thrown into a turn in a current.
-    Half the step divides the error by two to the order of the integrator. Below an error of 1e-6 the order of
+    """The error after 2 s over the time step. A vehicle on a spring starts with speeds on all axes in a current.
+    Half the step divides the error by two to the power of the integrator's order. Below an error of 1e-6 the order of
     Runge-Kutta falls to about three, because the slope of the drag v|v| has a kink where v changes its sign. With
     linear drag alone the order is four everywhere."""
     (axes,) = panels
@@ -212,7 +212,7 @@ def convergence(panels: Sequence[Axes]) -> list[Finding]:
 
 
 def errors_by_step(vehicle: Vehicle, integrator: Integrator) -> list[float]:
-    """The largest of position and speeds (m, m/s, rad/s) after 2 s, for each of COUNTS."""
+    """Return the largest error of position and speeds (m, m/s, rad/s) after 2 s, for each of COUNTS."""
     true = _thrown(vehicle, "rk4", 3200)
     runs = [_thrown(vehicle, integrator, count) for count in COUNTS]
     return [max(abs(a - b) for a, b in zip(run, true, strict=True)) for run in runs]

@@ -1,4 +1,4 @@
-"""The rigid body: energy of what turns, heavy added mass, collisions with obstacles."""
+"""The rigid body: energy of a turning body, large added mass, collisions with obstacles."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -42,20 +42,21 @@ class WrongSign:
         """Do nothing: the force does not change with time."""
 
     def wrench(self, position: Sequence[float], rotation: Rotation, nu_r: Sequence[float]) -> list[float]:
-        """The difference."""
+        """Return the wrench (N, N m) that the wrong sign adds."""
         return [-self._twice * nu_r[1] * nu_r[5], 0.0, 0.0, 0.0, 0.0, 0.0]
 
 
 def energy(panels: Sequence[Axes]) -> list[Finding]:
-    """Left: a body with an uneven mass matrix turns without drag. Both integrators keep its energy, Verlet at 2.5
-    ms to 1e-4 in 10 s. Red: the same body with the wrong sign that the Coriolis matrix of gz-sim had until April
-    2026. Right: torpedoes with deflected fins are thrown and left alone. Their energy falls in every step."""
+    """Left: a body with an asymmetric mass matrix turns without drag. Both integrators conserve its energy, Verlet at
+    2.5 ms to 1e-4 in 10 s. Red: the same body with the wrong sign that the Coriolis matrix of gz-sim had until April
+    2026. Right: torpedoes with deflected fins start with speeds on all axes, without thrust. Their energy falls in
+    every step."""
     free, thrown = panels
     return [*_free_body(free), _thrown(thrown)]
 
 
 def _turning(integrator: Integrator, dt: float, forces: Sequence[Force] = ()) -> Energies:
-    """Kinetic energy over that of the start, every 0.1 s for 10 s, or until it is a hundredfold."""
+    """Return kinetic energy over that of the start, every 0.1 s for 10 s, or until it has grown a hundredfold."""
     dynamics = Dynamics(bare(UNEVEN), 1000.0, 9.8, integrator, forces)
     state = State((0.0, 0.0, DEEP), from_euler(0.3, 0.2, 0.1), (1.5, -0.3, 0.7, 0.4, -0.9, 1.4))
     start, shares = kinetic(dynamics.mass, state.nu), [1.0]
@@ -96,18 +97,18 @@ def _free_body(axes: Axes) -> list[Finding]:
 def _thrown(axes: Axes) -> Finding:
     worst = 0.0
     for name, color in zip(surfaces.TORPEDOES, SHADES, strict=True):
-        energies = _left_alone(name)
+        energies = _tumble(name)
         times = [0.005 * i for i in range(len(energies))]
         axes.semilogy(times, [e / energies[0] for e in energies], color=color, label=f"ours, {name}")
         worst = max(worst, *(after / before for before, after in pairwise(energies)))
     ticks(axes.yaxis, (0.05, 0.1, 0.2, 0.5, 1.0))
-    label(axes, "time (s)", "kinetic energy over the start's", "left alone", legend="lower left")
-    what = "torpedoes left alone: energy after a step over that before, largest"
+    label(axes, "time (s)", "kinetic energy over the start's", "without thrust", legend="lower left")
+    what = "torpedoes without thrust: largest ratio of the energies after and before a step"
     shown = Finding(what, f"1 - {1.0 - worst:.1e}", "< 1", "", worst < 1.0)
     return shown._replace(test="unit/sim/vehicle/test_surfaces.py::test_a_vehicle_without_thrust_comes_to_rest")
 
 
-def _left_alone(name: str) -> Energies:
+def _tumble(name: str) -> Energies:
     """Return the energies of a tumbling vehicle without buoyancy, as the test starts it."""
     vehicle, _ = load_vehicle(name)
     vehicle = vehicle._replace(neutrally_buoyant=True, center_of_buoyancy=vehicle.center_of_gravity)
@@ -131,8 +132,8 @@ def _left_alone(name: str) -> Energies:
 
 def added_mass(panels: Sequence[Axes]) -> list[Finding]:
     """A body of 10 kg with an added mass of 60 kg is pushed with 10 N, in steps of 10 ms. Some simulators treat
-    added mass as a force, from the acceleration of the last step. Where the added mass is larger than the mass, the
-    acceleration then grows without bounds. Here the whole mass matrix is solved."""
+    added mass as a force, from the acceleration of the last step. If the added mass is larger than the mass, the
+    acceleration then grows without bounds. This simulator solves the equation with the complete mass matrix."""
     acceleration, speed = panels
     steps = list(range(1, 16))
     red = {added: _explicit(10.0, added, 15) for added in (14.57, 60.0)}
@@ -156,7 +157,7 @@ def added_mass(panels: Sequence[Axes]) -> list[Finding]:
 
 
 def _explicit(mass: float, added: float, steps: int) -> list[float]:
-    """The size of the acceleration, step by step."""
+    """Return the magnitude of the acceleration (m/s²) in each step."""
     acceleration, sizes = 0.0, []
     for _ in range(steps):
         acceleration = (10.0 - added * acceleration) / mass
@@ -199,7 +200,7 @@ PLACES = {
 
 def collisions(panels: Sequence[Axes]) -> list[Finding]:
     """A vehicle that is 5 kg too heavy falls on an obstacle without drag, and slides off it with friction. A
-    contact takes energy at every length of the step, because it is computed by impulses and not by a stiff spring."""
+    contact never adds energy, whatever the time step, because it is computed by impulses and not by a stiff spring."""
     depth, total = panels
     rise = -inf
     for (name, place), color in zip(PLACES.items(), SHADES, strict=True):

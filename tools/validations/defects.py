@@ -1,4 +1,4 @@
-"""Formulas of others that do not hold, and have no picture of their own elsewhere."""
+"""Wrong formulas of other software that the other sheets do not show."""
 
 from collections.abc import Sequence
 from math import exp
@@ -17,7 +17,7 @@ FILE = "unit/sim/test_known_defects.py"
 
 
 def defects(panels: Sequence[Axes]) -> list[Finding]:
-    """Left: position noise of the source paper, a exp(µ²/(2 c²)), is never below a. Middle: quadratic drag with
+    """Left: position noise of the reference paper, a exp(µ²/(2 c²)), is never below a. Middle: quadratic drag with
     abs() of whole numbers, as in gz-sim before April 2026, vanishes below 1 m/s. Right: with one mean added mass
     for all axes, as in Stonefish, heave starts too fast."""
     noise, drag, start = panels

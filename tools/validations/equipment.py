@@ -1,4 +1,4 @@
-"""Fins, hull lift, cross flow, drop weights and the buoyancy engine, beside theory."""
+"""Fins, hull lift, cross flow, drop weights and the buoyancy engine, compared with theory."""
 
 from collections.abc import Sequence
 from math import atan2, cos, degrees, pi, sin, sqrt
@@ -24,7 +24,8 @@ BROADSIDE = 1.17  # Hoerner's square plate
 
 def fins(panels: Sequence[Axes]) -> list[Finding]:
     """Left: a rudder of aspect ratio 2. Below the stall at 17° it has Helmbold's lift slope and induced drag. Above
-    29° it has the lift and drag of a flat plate. Right: the lift slope from a stub (Jones) to an endless wing."""
+    29° it has the lift and drag of a flat plate. Right: the lift slope from a very low aspect ratio (Jones) to an
+    infinite one."""
     polar, slopes = panels
     return [*_polar(polar), *_slopes(slopes), _power()]
 
@@ -84,8 +85,8 @@ HULL = Lift(0.2, aspect_ratio=0.2, parasitic_drag=0.05, position=(-0.3, 0.0, 0.0
 
 def hull(panels: Sequence[Axes]) -> list[Finding]:
     """A slender hull at 2 m/s. First: lift and drag over its angle to the flow, up to the stall at 34°. Second: the
-    Munk moment. A flow that separates leaves a share of it. Third: the drag of strips in cross flow. Its yaw moment
-    grows with L⁴."""
+    Munk moment, which separation of the flow reduces to a share. Third: the drag of strips in cross flow. Its yaw
+    moment grows with L⁴."""
     lift, munk, cross = panels
     return [*_lift(lift), _munk(munk), *_cross_flow(cross)]
 
@@ -109,7 +110,7 @@ def _lift(axes: Axes) -> list[Finding]:
 
 
 def _hull_force(angle: float) -> tuple[float, float]:
-    """Across and along the flow, N."""
+    """Return the force (N) across and along the flow."""
     u, w = 2.0 * cos(angle), 2.0 * sin(angle)
     x, _, z, *_ = wrench(HullLift(HULL, RHO), u, 0.0, w)
     turn = atan2(w, u)
@@ -169,14 +170,15 @@ WATER = 1025.0 * 9.8
 
 
 def ballast_and_weights(panels: Sequence[Axes]) -> list[Finding]:
-    """Tethys drops 2 kg and rises until its drag equals that weight. Then it fills and empties its bladder, and
-    rises and sinks at the speed that this lift gives. Afloat it bobs with the period of its water plane."""
+    """Tethys drops 2 kg and rises at the speed at which its drag equals that weight. Then it fills and empties its
+    bladder, and rises and sinks at the speed that follows from this lift. At the surface it bobs with the period that
+    follows from its water plane."""
     drop, engine, bob = panels
     return [*_drop(drop), *_engine(engine), _bobbing(bob)]
 
 
 def _heave(vehicle: Vehicle, pulses: Sequence[tuple[int, float]], name: str) -> tuple[list[float], list[float]]:
-    """Times (s) and speeds down (m/s) under pulses on the channel `name`, each for some seconds."""
+    """Return times (s) and speeds down (m/s); `pulses`: widths (us) on the channel `name`, and their durations (s)."""
     simulation = ballast.at_sea(vehicle, 200.0)
     times, speeds = [0.0], [0.0]
     for pulse, seconds in pulses:

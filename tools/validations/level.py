@@ -1,4 +1,4 @@
-"""Pitch and roll of vehicles under their own controller, by the commanded speed."""
+"""Pitch and roll of vehicles under their own controller, over the commanded speed."""
 
 from collections.abc import Sequence
 
@@ -15,8 +15,8 @@ TEST = "system/sim/test_level_flight.py::{}"
 
 def level_flight(panels: Sequence[Axes]) -> list[Finding]:
     """The greatest pitch and roll during a flight, at half, three quarters and all of the top speed. Vehicles
-    without fins cross the field with obstacles. Vehicles with fins fly in open water, and pitch to dive. Published
-    sets of numbers that contain the full Munk moment of an ideal fluid tip over. Their files give the speed at
+    without fins cross the field with obstacles. Vehicles with fins fly in open water, and pitch to dive. Vehicles with
+    published parameters that contain the full Munk moment of an ideal fluid tip over. Their files give the speed at
     which this happens as attitude_limit_speed."""
     findings = []
     for name in sorted(preset_names("sim/vehicles"), key=lambda name: load_vehicle(name)[0].attitude_limit_speed or 0):
@@ -30,7 +30,7 @@ def level_flight(panels: Sequence[Axes]) -> list[Finding]:
         panel.set_yscale("log")
         panel.set_ylim(0.08, 200.0)
         panel.axhline(MOST_TILT, color="k", linewidth=0.8, linestyle=":")
-        label(panel, "surge asked for (m/s)", "furthest from level (deg)", title)
+        label(panel, "commanded surge (m/s)", "greatest tilt (deg)", title)
         panel.legend(fontsize=5, loc="lower right" if panel is panels[1] else "upper right")
     return findings
 

@@ -1,4 +1,4 @@
-"""REMUS 100 beside the model its numbers come from: MSS (T. I. Fossen), remus100.m, run in GNU Octave."""
+"""REMUS 100 compared with the model that its numbers are from: MSS (T. I. Fossen), remus100.m, run in GNU Octave."""
 
 from collections.abc import Sequence
 from math import degrees, dist, radians, sqrt
@@ -14,7 +14,7 @@ from tests.unit.sim.test_remus import GRAVITY, REMUS, SAMPLES, Run, Six, add, ro
 from tools.validations.sheet import OURS, Finding, Sheet, below, label, near, ours, theirs
 
 AXES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
-SHARES = (0.013, 0.098, 0.072, 0.010, 0.096, 0.139)  # as the test states them
+SHARES = (0.013, 0.098, 0.072, 0.010, 0.096, 0.139)  # as in the test
 FILE = "unit/sim/test_remus.py"
 MSS = "MSS, Octave"
 
@@ -23,7 +23,7 @@ MSS = "MSS, Octave"
 
 
 def _with_their_terms() -> float:
-    """The largest difference where their five terms stand in place of ours."""
+    """Return the largest difference with their five terms in place of ours."""
     dynamics, worst = Dynamics(REMUS, 1026.0, GRAVITY, forces=[held.hull_of(REMUS)]), 0.0
     for sample in SAMPLES:
         if sample.nu_r[0] > 0.0:
@@ -40,7 +40,7 @@ def _with_their_terms() -> float:
 
 
 def _with_ours() -> list[Six]:
-    """The derivatives of the samples without a current, all terms ours."""
+    """Return the derivatives of the samples without a current, with all terms ours."""
     assert REMUS.cross_flow
     fins, slopes = FinSet(REMUS.fins, 1026.0, 0.01), []
     cross = CrossFlowDrag(REMUS.cross_flow, REMUS.dimensions, 1026.0)
@@ -55,10 +55,10 @@ def _with_ours() -> list[Six]:
 
 def remus_derivatives(panels: Sequence[Axes]) -> list[Finding]:
     """State derivatives at random states, ours over those of MSS. On the black line both are the same. Five terms
-    differ, as sim/vehicles/remus100.toml says. With the five terms of MSS in place of ours all derivatives are the
-    same to the last digits, but for one state of 300, in which the water comes from behind. With ours the root mean
-    square differs by the shares below. Most of it is cross-flow drag: ours takes sway and heave together, MSS takes
-    each by itself."""
+    differ, which sim/vehicles/remus100.toml lists. With the five terms of MSS in place of ours all derivatives are the
+    same to the last digits, except for one state of 300, with a flow from astern. With ours the root mean square
+    differs by the shares below. Most of it is cross-flow drag: ours combines sway and heave, MSS computes each
+    separately."""
     slopes = _with_ours()
     test = f"{FILE}::test_our_derivatives_differ_from_mss_by_the_stated_amount"
     agree = f"{FILE}::test_derivatives_equal_mss_except_for_five_terms"
@@ -79,8 +79,8 @@ def remus_derivatives(panels: Sequence[Axes]) -> list[Finding]:
 
 
 def manoeuvres(panels: Sequence[Axes]) -> list[Finding]:
-    """Four manoeuvres with the same inputs, without lags. Our circle is wider: our rudder uses the speed ahead
-    alone, the reference's uses the speed aside too."""
+    """Four manoeuvres with the same inputs, without lags. Our circle is wider: our rudder uses only the
+    surge speed, the reference's also the sway speed."""
     surge, circle, zigzag, dive = panels
     return [*_turning_circle(circle), *_surge_step(surge), *_zigzag(zigzag), *_dive(dive)]
 

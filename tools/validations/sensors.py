@@ -1,4 +1,4 @@
-"""Errors of sensors beside theory, and beside what others make of them."""
+"""Errors of sensors, compared with theory and with other simulators."""
 
 from collections.abc import Sequence
 from math import cos, degrees, exp, radians, sqrt
@@ -37,9 +37,9 @@ ERROR, ALLAN = "unit/sim/sensors/test_sensor_error.py", "unit/sim/sensors/test_s
 
 
 def sensor_bias(panels: Sequence[Axes]) -> list[Finding]:
-    """Left: the size of a wandering bias over the sampling rate. hector_gazebo scales its noise with dt, where the
-    root of dt is right. uuv_simulator does not scale it. Right: white noise of a given density, averaged over a
-    second, is the same at every rate."""
+    """Left: the standard deviation of a Gauss-Markov bias over the sampling rate. hector_gazebo scales its noise with
+    dt, but the square root of dt is correct. uuv_simulator does not scale it. Right: white noise of a given density,
+    averaged over a second, is the same at every rate."""
     size, density = panels
     return [*_bias(size), _density(density)]
 
@@ -54,9 +54,9 @@ def _bias(axes: Axes) -> list[Finding]:
     axes.loglog(rates, grown, "s--", color=WRONG, markersize=3, label="uuv_simulator (over that at 10 Hz)")
     axes.loglog(rates, hector, "o-", color=WRONG, markersize=3, label="hector_gazebo")
     axes.loglog(rates, own, "o-", color=OURS, markersize=3, label="ours")
-    theirs(axes, rates, [1.0] * 5, "asked for", size=3.0)
+    theirs(axes, rates, [1.0] * 5, "demanded", size=3.0)
     axes.set_ylim(0.02, 60.0)
-    label(axes, "sampling rate (Hz)", "sd of the bias over that asked for", legend="upper left")
+    label(axes, "sampling rate (Hz)", "sd of the bias over the demanded one", legend="upper left")
     test = f"{ERROR}::test_a_bias_has_its_size_at_every_rate"
     return [
         near("size of the bias at 10 Hz", own[0], 1.0, test, rel=0.1),
@@ -87,8 +87,8 @@ DENSITY, SIZE, TIME = 3.394e-4, 0.0735, 10.0
 
 
 def allan(panels: Sequence[Axes]) -> list[Finding]:
-    """The Allan deviation of 8000 s at 50 Hz, computed by allantools, beside theory (IEEE Std 952): white noise, a
-    wandering bias of 10 s, and both together as in an IMU."""
+    """The Allan deviation of 8000 s at 50 Hz, computed by allantools, compared with theory (IEEE Std 952): white
+    noise, a Gauss-Markov bias with a time constant of 10 s, and both together as in an IMU."""
     white, bias = panels
     taus = [0.04 * 1.5**i for i in range(22)]
     deviations = _deviation(ErrorModel(noise_density=DENSITY), taus)

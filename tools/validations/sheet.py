@@ -1,4 +1,4 @@
-"""Parts of the pictures of docs/explanation/validation.md: panels, and findings that a test holds."""
+"""Parts of the pictures of docs/explanation/validation.md: panels, and figures that a test checks."""
 
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
@@ -13,7 +13,7 @@ SHADES = ("#08306b", "#2171b5", "#6baed6", "#9ecae1")
 
 
 class Finding(NamedTuple):
-    """A figure found in this run: what it is of, the bound, the test that holds it, and whether it is within.
+    """A figure of this run: description, value, bound, the test that checks it, and whether it is within the bound.
 
     `test` is a pytest address below tests/: "unit/sim/vehicle/test_buoyancy.py::test_bobbing_has_its_period".
     """
@@ -26,9 +26,9 @@ class Finding(NamedTuple):
 
 
 class Sheet(NamedTuple):
-    """One picture: `draw` fills `rows` x `columns` panels; its docstring is the text, its first finding the main one.
+    """One picture: `draw` fills `rows` x `columns` panels; its docstring is the page's text.
 
-    `size` is in inches.
+    Its first finding is also in the page's overview. `size` is in inches.
     """
 
     title: str
@@ -44,7 +44,7 @@ class Sheet(NamedTuple):
 
 
 def below(what: str, value: float, bound: float, test: str, unit: str = "") -> Finding:
-    """A difference or error, which has to be below `bound`; the other formula's is found with `above`."""
+    """Return a finding, such as an error, that has to be below `bound`."""
     return Finding(what, _text(value, unit), f"< {_text(bound, unit)}", test, value < bound)
 
 
@@ -68,7 +68,7 @@ def _text(value: float, unit: str, digits: int = 3) -> str:
 
 
 def ours(axes: Axes, x: Sequence[float], y: Sequence[float], label: str = "ours", color: str = OURS) -> None:
-    """A line of this simulator."""
+    """Plot values of this simulator as a line."""
     axes.plot(x, y, color=color, label=label)
 
 
@@ -78,12 +78,12 @@ def theirs(axes: Axes, x: Sequence[float], y: Sequence[float], label: str, size:
 
 
 def wrong(axes: Axes, x: Sequence[float], y: Sequence[float], label: str, style: str = "-") -> None:
-    """Plot the values of a formula of others that does not hold."""
+    """Plot the values of a wrong formula of other software."""
     axes.plot(x, y, style, color=WRONG, label=label)
 
 
 def ticks(axis: Axis, values: Sequence[float]) -> None:
-    """Plain numbers on a logarithmic axis."""
+    """Set ticks with plain numbers on a logarithmic axis."""
     axis.set_ticks(list(values), [f"{value:g}" for value in values])
     axis.set_minor_locator(NullLocator())
 

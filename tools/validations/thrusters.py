@@ -1,4 +1,4 @@
-"""Thrusters beside their makers' tables and their equations."""
+"""Thrusters compared with tables of their manufacturers and with theory."""
 
 from collections.abc import Callable, Sequence
 from math import cos, exp, sin, sqrt, tanh
@@ -20,8 +20,8 @@ CURVES, LAGS = "unit/sim/vehicle/test_thruster_curves.py", "unit/sim/vehicle/tes
 
 
 def t200(panels: Sequence[Axes]) -> list[Finding]:
-    """The T200 by its maker's table of 10 to 20 V. The simulator contains every fifth pulse of the table. The dots
-    are points that it does not contain."""
+    """The T200 compared with its manufacturer's table for 10 to 20 V. The simulator has every fifth pulse width of the
+    table. The dots are points of the table that it does not have."""
     thrust, current = panels
     held_out = curves.held_out_points()
     for volts, color in zip((10, 14, 16, 20), reversed(SHADES), strict=True):
@@ -58,8 +58,8 @@ def _t200_findings(held_out: dict[tuple[int, int], tuple[float, float, float, fl
 
 
 def advance(panels: Sequence[Axes]) -> list[Finding]:
-    """A propeller loses thrust with the speed of the water through it. Left: the propeller of the REMUS 100 beside
-    MSS. Right: one at many speeds, ahead and astern, as thrust coefficient over advance ratio."""
+    """A propeller loses thrust with the speed of the water through it. Left: the propeller of the REMUS 100
+    compared with MSS. Right: a propeller at many speeds, ahead and astern, as thrust coefficient over advance ratio."""
     remus_panel, coefficient = panels
     return [_remus_propeller(remus_panel), _open_water(coefficient)]
 
@@ -106,7 +106,7 @@ DTS = (0.0005, 0.0025, 0.01, 0.05)
 def lags(panels: Sequence[Axes]) -> list[Finding]:
     """The speed of a rotor after full command from rest. Ours is solved exactly over a step, so a step of 50 ms
     ends where steps of 0.5 ms end. uuv_simulator does not update its previous time. So each of its steps is as long
-    as all the time since the start, and the models of Yoerger and Bessa leave all bounds."""
+    as the whole time since the start, and the models of Yoerger and Bessa diverge."""
     findings = [
         *_lag(panels[0], "Yoerger", YOERGER, (0.0, 0.05), lambda t: FULL * tanh(0.05 * FULL * t)),
         *_lag(panels[1], "Bessa", BESSA, (5.0, 0.04), _bessa),
@@ -133,7 +133,7 @@ def _pi(t: float) -> float:
 def _lag(
     axes: Axes, name: str, model: dict[str, object], rates: tuple[float, float], theory: Callable[[float], float]
 ) -> list[Finding]:
-    """One of the models that uuv_simulator has too."""
+    """Draw and check one of the models that uuv_simulator has too."""
     times = [0.005 * i for i in range(61)]
     ours(axes, times, [0.0, *run(model, 0.0025, [(1900, 0.005)] * 60)])
     theirs(axes, times[::3], [theory(t) for t in times[::3]], "theory")

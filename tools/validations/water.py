@@ -39,10 +39,10 @@ CURRENTS, WAVES = "unit/sim/environment/test_currents.py", "unit/sim/environment
 
 
 def currents(panels: Sequence[Axes]) -> list[Finding]:
-    """A wandering current (Gauss-Markov) has the demanded size and mean at every length of the step. In the formula
-    of uuv_simulator and DAVE the size falls with the root of the step, and the mean decays. A tide turns about
-    twice a day. In DAVE the heading and the velocity both change their sign, so its ebb flows in the direction of
-    its flood."""
+    """A Gauss-Markov current has the demanded standard deviation and mean at every time step. In the formula of
+    uuv_simulator and DAVE the deviation falls with the square root of the time step, and the mean decays. A tidal
+    current changes its direction about four times a day. In DAVE the heading and the velocity both change their sign,
+    so its ebb flows in the direction of its flood."""
     size, path, tide = panels
     return [*_sizes(size), *_means(path), *_tide(tide)]
 
@@ -53,7 +53,7 @@ def _sizes(axes: Axes) -> list[Finding]:
     measured = {dt: pstdev(_path(dt, time)) for dt, time in seconds.items()}
     for sizes, color, name in ((red, WRONG, "uuv_simulator, DAVE"), (measured, OURS, "ours")):
         axes.loglog([1e3 * dt for dt in sizes], list(sizes.values()), "o-", color=color, markersize=3, label=name)
-    theirs(axes, [1.0, 3.0, 10.0, 30.0, 100.0], [flows.SD] * 5, "asked for, ours")
+    theirs(axes, [1.0, 3.0, 10.0, 30.0, 100.0], [flows.SD] * 5, "demanded, ours")
     axes.set_ylim(0.1, 5.0)
     ticks(axes.yaxis, (0.1, 0.2, 0.5, 1.0, 2.0))
     ticks(axes.xaxis, (1.0, 3.0, 10.0, 30.0, 100.0))
@@ -61,7 +61,7 @@ def _sizes(axes: Axes) -> list[Finding]:
     test = f"{CURRENTS}::test_the_formula_of_other_simulators_depends_on_the_step"
     own = f"{CURRENTS}::test_a_wandering_current_has_its_mean_and_size_at_every_step"
     return [
-        near("wandering current: sd at 10 ms", measured[0.01], flows.SD, own, "m/s", rel=0.07),
+        near("Gauss-Markov current: sd at 10 ms", measured[0.01], flows.SD, own, "m/s", rel=0.07),
         near("sd at 100 ms", measured[0.1], flows.SD, own, "m/s", rel=0.07),
         near("others' formula: sd at 1 ms", red[0.001], 2.04, test, "m/s", rel=0.005),
         near("the same at 100 ms", red[0.1], 0.205, test, "m/s", rel=0.005),
@@ -86,7 +86,7 @@ def _means(axes: Axes) -> list[Finding]:
     own = f"{CURRENTS}::test_a_wandering_current_has_its_mean_and_size_at_every_step"
     return [
         near("mean of ours", fmean(path), flows.MEAN, own, "m/s", within=0.03),
-        below("mean of others', asked to be 1 m/s", abs(fmean(red)), 0.05, test, "m/s"),
+        below("mean of others', demanded: 1 m/s", abs(fmean(red)), 0.05, test, "m/s"),
     ]
 
 
@@ -121,9 +121,10 @@ CURRENT = (0.4, -0.3, 0.1)
 
 
 def carried(panels: Sequence[Axes]) -> list[Finding]:
-    """Galileo's principle: seen from the water, everything happens in a steady current as in still water. Left: the
-    same run in both. The vehicle is thrown, turns and pushes. Red: the same without the effect of the water's
-    velocity in turning axes. Right: a vehicle adrift takes the speed of the current. In HoloOcean it stays."""
+    """Galileo's principle: relative to the water, motion in a steady current is the same as in still water. Left: the
+    same run in both. The vehicle starts with speeds on all axes, and a constant wrench acts on it. Red: the same
+    without the term for the water's velocity in turning axes. Right: a drifting vehicle gets the speed of the current.
+    In HoloOcean it stays at rest."""
     apart, adrift = panels
     ends = {}
     runs: tuple[tuple[Integrator, bool, str, str], ...] = (
@@ -185,8 +186,9 @@ def _adrift(axes: Axes) -> Finding:
 
 
 def waves(panels: Sequence[Axes]) -> list[Finding]:
-    """An irregular sea of 1.5 m and 7 s. First: the spectrum of its elevation at one place beside JONSWAP. Second:
-    orbital speeds over depth beside Airy's theory, in deep water and over a seabed at 5 m. Third: the dispersion."""
+    """An irregular sea of 1.5 m and 7 s. First: the spectrum of its elevation at one place, compared with JONSWAP.
+    Second: orbital speeds over depth, compared with Airy's theory, in deep water and over a seabed at 5 m. Third: the
+    dispersion."""
     spectrum, orbits, dispersion = panels
     return [*_spectrum(spectrum), *_orbits(orbits), _dispersion(dispersion)]
 
@@ -212,7 +214,7 @@ def _spectrum(axes: Axes) -> list[Finding]:
 
 
 def _estimate(values: list[float], dt: float, length: int = 512) -> tuple[list[float], list[float]]:
-    """One-sided spectrum by Welch's method: Hann windows that overlap by half."""
+    """Return frequencies (rad/s) and the one-sided spectrum by Welch's method: Hann windows that overlap by half."""
     window = np.hanning(length)
     series = np.array(values)
     parts = [series[i : i + length] * window for i in range(0, len(values) - length + 1, length // 2)]
