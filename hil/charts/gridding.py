@@ -37,6 +37,7 @@ MOST_STRETCH = 3.0  # greatest ratio of distances across and along contours
 LEAST_SEGMENTS = 4  # of contours, below which distances of a patch are not stretched
 LEAST_WEIGHT = 1e-4  # subtracted from weights, so that a patch ends where its weight is small
 POWERS = (1.25, 1.5, 1.75)  # of the distance, in the kernel
+EQUAL_ERROR = 1.005  # ratio of errors that are taken as equal
 POWER_PATCHES = 600  # number of patches by which the power is selected, of more
 LEAST_SOUNDINGS = 4  # of a patch, below which the scale is estimated from all of its points
 LEAST_ERROR = 0.05  # m; half of the decimetre to which charts give depths
@@ -75,8 +76,8 @@ class Surface:
 
     `points`: (n, 2) north, east in m, without duplicates; `depths`: (n,) in m; `strikes`: (k, 4) segments of contours:
     centres and vectors, north and east in m. The first `soundings` of the points, all by default, are soundings.
-    `power`: one of POWERS; by default the one that predicts
-    soundings best if they are left out one at a time. Raises ConfigError for fewer than three points.
+    `power`: one of POWERS; by default the greatest of those that predict soundings best, left out one at a time.
+    Raises ConfigError for fewer than three points.
     """
 
     def __init__(
@@ -94,7 +95,7 @@ class Surface:
         order = np.argsort(points[:, 0])
         boxes = _split_box(points, np.arange(len(points)), self._low, self._high)
         self._patches = [_widen_box(points, order, *box) for box in boxes]
-        self.power = power or min(POWERS, key=self._leave_one_out_error)
+        self.power = power or self._choose_power()
 
     def evaluate(self, north: Array, east: Array, wanted: Mask, report: Progress = lambda share: None) -> Array:
         """Return the depths at the crossings of the increasing arrays `north` and `east` (m): (len(north), len(east)).
@@ -168,6 +169,11 @@ class Surface:
             self._points[patch.inside], self._depths[patch.inside], patch.inside < self._soundings,
             patch, _stretch(self._strikes, patch), power or self.power,
         )  # fmt: skip
+
+    def _choose_power(self) -> float:
+        """Return the greatest power of those that predict soundings about equally well, for the smoothest bed."""
+        errors = [self._leave_one_out_error(power) for power in POWERS]
+        return max(power for power, error in zip(POWERS, errors, strict=True) if error <= EQUAL_ERROR * min(errors))
 
     def _leave_one_out_error(self, power: float) -> float:
         """Return the RMS error (m) of soundings left out one at a time, in each of about POWER_PATCHES patches."""

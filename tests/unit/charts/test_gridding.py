@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import NDArray
 
 from hil.charts.build import build
-from hil.charts.gridding import BOX_POINTS, Surface
+from hil.charts.gridding import BOX_POINTS, POWERS, Surface
 from hil.charts.sources.survey import Survey
 from hil.common.errors import ConfigError
 from tests.support.charts.known_bed import SIDE, STEP, contoured, known_bed, sounded
@@ -141,3 +141,27 @@ def test_a_known_bed_is_reproduced_better_than_by_triangles() -> None:
     assert errors[2] < 0.7 * errors[0]
     assert built.report.rmse < 0.97 * built.report.linear_rmse, "which has the contours too"
     assert built.report.rmse == pytest.approx(errors[2], rel=0.2), "held-out errors agree with the true ones"
+
+
+def test_a_rough_bed_gets_a_lower_power_than_a_smooth_one() -> None:
+    """The power follows the data, and predicts each bed within 1 % as well as the best of the others."""
+    random = np.random.default_rng(5)
+    points = random.uniform(0.0, 1000.0, (400, 2))
+    smooth = 20.0 + 5.0 * np.sin(points[:, 0] / 150.0) * np.cos(points[:, 1] / 200.0)
+    rough = smooth + random.normal(0.0, 0.5, 400)
+    chosen = [Surface(points, depths).power for depths in (smooth, rough)]
+    assert chosen == [max(POWERS), min(POWERS)]
+
+
+def test_soundings_beside_a_steep_shore_leave_a_level_bed_certain() -> None:
+    """A wall through few soundings raises the deviation on the level bed beyond by less than its height."""
+    random = np.random.default_rng(6)
+    points = random.uniform(0.0, 100.0, (200, 2))
+    level = 10.0 + random.normal(0.0, 0.1, 200)
+    wall = np.where(points[:, 0] < 5.0, 0.0, level)
+    at = np.array([80.0])
+    deviations = [
+        Surface(points, depths).uncertainty(at, at, np.ones((1, 1), bool)).deviation(np.full((1, 1), np.inf))[0, 0]
+        for depths in (level, wall)
+    ]
+    assert deviations[1] < 2.0 * deviations[0] < 1.0
