@@ -95,4 +95,4 @@ class SensorInputs:
 
 def _rotation(mounting: Mounting) -> Any:
     """Return the quaternion from sensor to body axes, None if the axes are the same."""
-    return mounting.quaternion if mounting.turned else None
+    return mounting.quaternion if mounting.is_turned else None

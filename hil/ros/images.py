@@ -169,9 +169,9 @@ def decode_sonar(data: bytes) -> SonarImageSample:
 
 def encode_fan(sample: SonarImageSample, frame: str = "forward_sonar_link") -> bytes:
     """Encode sensor_msgs/Image of a sonar's picture as a fan, ahead upwards, port on the left, for displays."""
-    from sim.sensors.imaging.fan_picture import SIZE, fan_grey  # imports numpy
+    from sim.sensors.imaging.fan_picture import SIZE, render_fan  # imports numpy
 
-    grey = fan_grey(sample, 2 * SIZE)
+    grey = render_fan(sample, 2 * SIZE)
     return encode_image(Picture(sample.time_ns, grey.shape[1], grey.shape[0], "mono8", grey.tobytes()), frame)
 
 

@@ -100,7 +100,7 @@ class Pilot:
         self._neutral = (PWM_NEUTRAL_US,) * len(vehicle.channels)
         self._water_weight = water_weight  # density times gravity, N/m3
         self._deadman_ns = deadman_ns
-        self._imu_turn = imu.quaternion if imu.turned else None
+        self._imu_turn = imu.quaternion if imu.is_turned else None
         self._command: Setpoint = VelocityCommand()
         self._commanded_ns = 0
         self._residual = NO_RESIDUAL

@@ -52,7 +52,7 @@ class Ahrs:
 
     def __init__(self, model: AhrsModel, mounting: Mounting, seed: int, scene: Scene) -> None:
         self._position = mounting.position
-        self._turn = mounting.quaternion
+        self._mounting_rotation = mounting.quaternion
         self._gravity = scene.world.gravity
         self._earth = earth_field(scene.world)
         self._declination = field_of(scene.world)[2]
@@ -66,9 +66,9 @@ class Ahrs:
 
     def sample(self, time_ns: int, state: State) -> ImuSample:
         """Return the measurement of `state`."""
-        attitude = multiply(state.quaternion, self._turn)
-        rate = rotate_inverse(self._turn, state.nu[3:])
-        force = rotate_inverse(self._turn, specific_force(state, self._position, self._gravity))
+        attitude = multiply(state.quaternion, self._mounting_rotation)
+        rate = rotate_inverse(self._mounting_rotation, state.nu[3:])
+        force = rotate_inverse(self._mounting_rotation, specific_force(state, self._position, self._gravity))
         p, q, r, x, y, z, a, b, c = self._errors.measure((*rate, *force, *rotate_inverse(attitude, self._earth)))
         if self._attitude is not None:
             before_p, before_q, before_r = self._rate
@@ -83,6 +83,6 @@ class Ahrs:
         tilt = self._level_share / sqrt(sum([f * f for f in force]) or 1.0)
         north, east, _ = rotate(attitude, field)
         heading = self._heading_share * remainder(atan2(east, north) - self._declination, 2.0 * pi)
-        leaned = cross(down, force)  # as the force points up
-        turn = [tilt * lean - heading * d for lean, d in zip(leaned, down, strict=True)]
-        return integrate(attitude, turn, 1.0)
+        tilt_vector = cross(down, force)  # as the force points up
+        correction = [tilt * component - heading * d for component, d in zip(tilt_vector, down, strict=True)]
+        return integrate(attitude, correction, 1.0)

@@ -26,11 +26,11 @@ class ContactSwitch:
 
     def __init__(self, model: ContactModel, mounting: Mounting, seed: int, scene: Scene) -> None:
         self._scene = scene
-        self._seen = 0
+        self._reported = 0
 
     def sample(self, time_ns: int, state: State) -> FlagSample:
         """Return whether there was a contact since the last sample."""
         count = self._scene.contacts
-        pressed = self._scene.touching or count > self._seen
-        self._seen = count
+        pressed = self._scene.touching or count > self._reported
+        self._reported = count
         return FlagSample(time_ns, pressed)

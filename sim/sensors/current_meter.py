@@ -41,10 +41,10 @@ class CurrentMeter:
 
     def sample(self, time_ns: int, state: State) -> VelocitySample | None:
         """Return the measurement of `state`."""
-        place = self._mounting.place(state)
-        past = relative_flow(self._mounting, state, self._scene.flow_at(place))
-        x, y, z = self._errors.measure(past)
-        return VelocitySample(time_ns, (x, y, z)) if submersion(self._scene, time_ns, place) > 0.0 else None
+        position = self._mounting.world_position(state)
+        relative = relative_flow(self._mounting, state, self._scene.flow_at(position))
+        x, y, z = self._errors.measure(relative)
+        return VelocitySample(time_ns, (x, y, z)) if submersion(self._scene, time_ns, position) > 0.0 else None
 
 
 def relative_flow(mounting: Mounting, state: State, flow: Sequence[float]) -> Vector3:

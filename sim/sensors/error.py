@@ -46,14 +46,14 @@ class ErrorProcess:
         self._constant = model.offset + self._draw(model.turn_on)
         self._bias = self._draw(model.bias)  # it has wandered for long before the run
         self._decay = exp(-period / model.bias_time)
-        self._kick = model.bias * sqrt(1.0 - self._decay * self._decay)
+        self._bias_noise = model.bias * sqrt(1.0 - self._decay * self._decay)
         self._noise = sqrt(model.noise**2 + model.noise_density**2 / period)
         self._resolution = model.resolution
         self._limit = model.limit
 
     def measure(self, true: float) -> float:
         """Return one measurement of `true`; advance the bias by one period."""
-        self._bias = self._decay * self._bias + self._draw(self._kick)
+        self._bias = self._decay * self._bias + self._draw(self._bias_noise)
         value = self._gain * true + self._constant + self._bias + self._draw(self._noise)
         if self._resolution:
             value = round(value / self._resolution) * self._resolution
@@ -63,7 +63,7 @@ class ErrorProcess:
 
     def numbers(self) -> list[float]:
         """Return all numbers that `measure` uses, except random ones, as one flat list, for the C twin."""
-        random = [self._gain, self._constant, self._bias, self._decay, self._kick, self._noise]
+        random = [self._gain, self._constant, self._bias, self._decay, self._bias_noise, self._noise]
         return [*random, self._resolution, self._limit]
 
     def _draw(self, sd: float) -> float:

@@ -24,9 +24,9 @@ class TangentPlane:
         down = (-cos(phi) * cos(lam), -cos(phi) * sin(lam), -sin(phi))
         self._axes = list(zip(north, east, down, strict=True))
 
-    def geodetic(self, place: Sequence[float]) -> Vector3:
+    def geodetic(self, position: Sequence[float]) -> Vector3:
         """Return latitude and longitude (degrees) and altitude (m) of a position (m, NED from the origin)."""
-        north, east, down = place
+        north, east, down = position
         x, y, z = [
             start + a * north + b * east + c * down
             for start, (a, b, c) in zip(self._origin, self._axes, strict=True)

@@ -58,9 +58,9 @@ class Gps:
 
     def sample(self, time_ns: int, state: State) -> FixSample:
         """Return the measurement of `state`."""
-        place = self._mounting.place(state)
-        measured = self._errors.measure(place)
-        if submersion(self._scene, time_ns, place) >= 0.0:
+        position = self._mounting.world_position(state)
+        measured = self._errors.measure(position)
+        if submersion(self._scene, time_ns, position) >= 0.0:
             self._surfaced_ns = None
         elif self._surfaced_ns is None:
             self._surfaced_ns = time_ns

@@ -36,24 +36,24 @@ class Imu:
 
     def __init__(self, model: ImuModel, mounting: Mounting, seed: int, scene: Scene) -> None:
         self._position = mounting.position
-        self._turn = mounting.quaternion if mounting.turned else None
+        self._mounting_rotation = mounting.quaternion if mounting.is_turned else None
         self._gravity = scene.world.gravity
         models = [model.attitude] * 3 + [model.angular_velocity] * 3 + [model.acceleration] * 3
         self._errors = make_error_bank(models, 1.0 / model.rate, sensor_random(seed, self.topic))
-        native = None if self._turn else make_imu(self._errors, ImuSample, self._position, self._gravity)
-        self._measure: Callable[[int, State], ImuSample] = native or self._measure_apart
+        native = None if self._mounting_rotation else make_imu(self._errors, ImuSample, self._position, self._gravity)
+        self._measure: Callable[[int, State], ImuSample] = native or self._measure_in_python
 
     def sample(self, time_ns: int, state: State) -> ImuSample:
         """Return the measurement of `state`; attitude errors are small turns about the unit's axes."""
         return self._measure(time_ns, state)
 
-    def _measure_apart(self, time_ns: int, state: State) -> ImuSample:
+    def _measure_in_python(self, time_ns: int, state: State) -> ImuSample:
         attitude: Sequence[float] = state.quaternion
         rate: Sequence[float] = state.nu[3:]
         force: Sequence[float] = specific_force(state, self._position, self._gravity)
-        if self._turn:
-            attitude = multiply(attitude, self._turn)
-            rate, force = rotate_inverse(self._turn, rate), rotate_inverse(self._turn, force)
+        if self._mounting_rotation:
+            attitude = multiply(attitude, self._mounting_rotation)
+            rate, force = rotate_inverse(self._mounting_rotation, rate), rotate_inverse(self._mounting_rotation, force)
         a, b, c, p, q, r, x, y, z = self._errors.measure((0.0, 0.0, 0.0, *rate, *force))
         return ImuSample(time_ns, integrate(attitude, (a, b, c), 1.0), (p, q, r), (x, y, z))
 

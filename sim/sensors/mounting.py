@@ -27,7 +27,7 @@ class Mounting(NamedTuple):
     drop_out: Annotated[float, Range(0.0, 1.0)] = 0.0
 
     @property
-    def turned(self) -> bool:
+    def is_turned(self) -> bool:
         """True if the sensor's axes are not the vehicle's."""
         return any(self.orientation)
 
@@ -40,7 +40,7 @@ class Mounting(NamedTuple):
         """Return the quaternion from the sensor's axes to the world's."""
         return multiply(state.quaternion, self.quaternion)
 
-    def place(self, state: State) -> Vector3:
+    def world_position(self, state: State) -> Vector3:
         """Return the position of the sensor, NED in m."""
         north, east, down = state.position
         x, y, z = rotate(state.quaternion, self.position)

@@ -70,22 +70,22 @@ class OwnKind:
         self.topic = topic
         self.message = message
 
-    def __call__(self, model: OwnModel, mounting: Mounting, seed: int, scene: Scene) -> "_Fitted":
+    def __call__(self, model: OwnModel, mounting: Mounting, seed: int, scene: Scene) -> "_ScheduledSensor":
         """Return the sensor of one simulation."""
-        made = _make(model.table, model.where)
-        made.begin(scene, mounting, sensor_random(seed, self.topic))
-        return _Fitted(made)
+        sensor = _build(model.table, model.where)
+        sensor.begin(scene, mounting, sensor_random(seed, self.topic))
+        return _ScheduledSensor(sensor)
 
 
-class _Fitted:
+class _ScheduledSensor:
     """A user's sensor as the schedule calls it."""
 
-    def __init__(self, made: OwnSensor) -> None:
-        self._made = made
+    def __init__(self, sensor: OwnSensor) -> None:
+        self._sensor = sensor
 
     def sample(self, time_ns: int, state: State) -> OwnSample | None:
         """Return the values with their time."""
-        values = self._made.sample(time_ns, state)
+        values = self._sensor.sample(time_ns, state)
         return None if values is None else OwnSample(time_ns, values)
 
 
@@ -98,17 +98,17 @@ def check_name(name: str, where: str) -> None:
 def read_own(name: str, section: Mapping[str, Any], where: str) -> tuple[Any, OwnModel, Mounting]:
     """Read the section of an own sensor: an OwnKind that makes it, its keys, its mounting. Raises ConfigError."""
     check_name(name, where)
-    sits = {key: value for key, value in section.items() if key in Mounting._fields}
-    rest = {key: value for key, value in section.items() if key not in (*Mounting._fields, "rate")}
+    mounting_keys = {key: value for key, value in section.items() if key in Mounting._fields}
+    sensor_keys = {key: value for key, value in section.items() if key not in (*Mounting._fields, "rate")}
     if "rate" not in section:
         raise ConfigError(f"{where}: key 'rate' is missing")
     rate = parse({"rate": section["rate"]}, OwnModel, where).rate
-    message = getattr(_make(rest, where), "message", None)
+    message = getattr(_build(sensor_keys, where), "message", None)
     if not isinstance(message, str):
-        raise ConfigError(f'{where}: {rest["class"]} does not say its `message`, such as "std_msgs/msg/Float64"')
-    return OwnKind(name, message), OwnModel(rate, rest, where), parse(sits, Mounting, where)
+        raise ConfigError(f'{where}: {sensor_keys["class"]} does not say its `message`, such as "std_msgs/msg/Float64"')
+    return OwnKind(name, message), OwnModel(rate, sensor_keys, where), parse(mounting_keys, Mounting, where)
 
 
-def _make(table: Mapping[str, Any], where: str) -> OwnSensor:
-    made: OwnSensor = load_class(dict(table), OwnSensor, where)
-    return made
+def _build(table: Mapping[str, Any], where: str) -> OwnSensor:
+    sensor: OwnSensor = load_class(dict(table), OwnSensor, where)
+    return sensor

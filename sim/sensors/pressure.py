@@ -43,6 +43,6 @@ class Pressure:
         if self._wave_field is None:
             depth = self._mounting.depth(state)
         else:
-            depth = self._wave_field.pressure_depth(time_ns * 1e-9, *self._mounting.place(state))
+            depth = self._wave_field.pressure_depth(time_ns * 1e-9, *self._mounting.world_position(state))
         (pascal,) = self._errors.measure([self._atmosphere + self._water(depth)])
         return PressureSample(time_ns, pascal)

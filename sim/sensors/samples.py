@@ -86,7 +86,7 @@ class Scene(Protocol):
     def wave_field(self) -> "WaveField | None":
         """The waves; None if there are none, ever."""
 
-    def flow_at(self, place: Sequence[float]) -> Sequence[float]:
+    def flow_at(self, position: Sequence[float]) -> Sequence[float]:
         """Return the velocity of the water at a place (m, NED) now, NED in m/s."""
 
     @property

@@ -78,8 +78,8 @@ class SensorSpec(NamedTuple):
     def build(self, seed: int, scene: Scene) -> Sensor:
         """Return the sensor of a simulation; a further one of a kind has its own random numbers."""
         named = type(self.sensor.__name__, (self.sensor,), {"topic": self.name}) if self.name else self.sensor
-        made: Sensor = named(self.model, self.mounting, seed, scene)
-        return made
+        sensor: Sensor = named(self.model, self.mounting, seed, scene)
+        return sensor
 
     @property
     def offloaded(self) -> bool:
@@ -105,8 +105,8 @@ def read_sensors(sections: Any, where: str) -> SensorSet:
                 'of your own class = "module:Class"'
             )
     names = [*DEFAULT_SENSORS, *(name for name in sections if name not in DEFAULT_SENSORS)]
-    fitted = {name: _read_sensor(name, sections.get(name, {}), f"{where}: {name}") for name in names}
-    return {name: each for name, each in fitted.items() if each.model.rate}
+    specs = {name: _read_sensor(name, sections.get(name, {}), f"{where}: {name}") for name in names}
+    return {name: each for name, each in specs.items() if each.model.rate}
 
 
 def fit(**models: Any) -> SensorSet:
@@ -116,8 +116,8 @@ def fit(**models: Any) -> SensorSet:
     """
     chosen = {name: load_sensor(name).Model() for name in DEFAULT_SENSORS} | models
     present = {name: model for name, model in chosen.items() if model is not None}
-    fitted = {name: m if isinstance(m, SensorSpec) else SensorSpec(load_sensor(name), m) for name, m in present.items()}
-    return {name: each for name, each in fitted.items() if each.model.rate}
+    specs = {name: m if isinstance(m, SensorSpec) else SensorSpec(load_sensor(name), m) for name, m in present.items()}
+    return {name: each for name, each in specs.items() if each.model.rate}
 
 
 class Schedule:
@@ -128,7 +128,7 @@ class Schedule:
     """
 
     def __init__(self, sensors: SensorSet, scene: Scene, seed: int, dt_ns: int) -> None:
-        self._slots = [Slot(name, fitted, scene, seed, dt_ns) for name, fitted in sensors.items()]
+        self._slots = [Slot(name, spec, scene, seed, dt_ns) for name, spec in sensors.items()]
         self._in_flight: list[tuple[int, int, str, Sample]] = []  # arrival, number, topic, sample
         self._number = 0
         self.due_ns = 0  # time of the next measurement or arrival
@@ -172,30 +172,30 @@ class Schedule:
         return self._in_flight[0][0] if self._in_flight else NEVER_NS
 
 
-def _arrival(waiting: tuple[int, int, str, Sample]) -> tuple[int, int]:
-    return waiting[:2]
+def _arrival(entry: tuple[int, int, str, Sample]) -> tuple[int, int]:
+    return entry[:2]
 
 
 class Slot:
     """One sensor, the time at which it is due next, and the delays and losses of its samples."""
 
-    __slots__ = ("_drop_out", "_latency_ns", "_luck", "due_ns", "period_ns", "prompt", "sensor", "topic")
+    __slots__ = ("_drop_out", "_latency_ns", "_random", "due_ns", "period_ns", "prompt", "sensor", "topic")
 
-    def __init__(self, name: str, fitted: SensorSpec, scene: Scene, seed: int, dt_ns: int) -> None:
-        self.period_ns = period_ns(fitted.model.rate)
+    def __init__(self, name: str, spec: SensorSpec, scene: Scene, seed: int, dt_ns: int) -> None:
+        self.period_ns = period_ns(spec.model.rate)
         if self.period_ns < dt_ns:
             raise ConfigError(
                 f"sensor {name!r}: its rate is above {1e9 / dt_ns:g} Hz, the rate of the simulation; lower it, or "
                 "shorten its step"
             )
-        if fitted.offloaded:
+        if spec.offloaded:
             _require_numpy(name)
-        self.sensor = fitted.build(seed, scene)
-        self.topic = fitted.topic
+        self.sensor = spec.build(seed, scene)
+        self.topic = spec.topic
         self.due_ns = self.period_ns
-        self._latency_ns = round(fitted.mounting.latency * 1e9)
-        self._drop_out = fitted.mounting.drop_out
-        self._luck = sensor_random(seed, f"{name}/drop_out") if self._drop_out else None
+        self._latency_ns = round(spec.mounting.latency * 1e9)
+        self._drop_out = spec.mounting.drop_out
+        self._random = sensor_random(seed, f"{name}/drop_out") if self._drop_out else None
         # True if every sample arrives without delay and none is lost.
         self.prompt = not (self._latency_ns or self._drop_out or hasattr(self.sensor, "delay_ns"))
 
@@ -206,7 +206,7 @@ class Slot:
 
     def drops(self) -> bool:
         """True if this sample is lost on its way."""
-        return self._luck is not None and self._luck.random() < self._drop_out
+        return self._random is not None and self._random.random() < self._drop_out
 
 
 def _require_numpy(name: str) -> None:
@@ -227,15 +227,15 @@ def _read_sensor(name: str, section: dict[str, Any], where: str) -> SensorSpec:
     if "device" in section:
         section = _with_device(name, section, where)
     sensor = load_sensor(name)
-    common, own = Mounting._fields, sensor.Model._fields
+    common_keys, own_keys = Mounting._fields, sensor.Model._fields
     for key in section:
-        if key not in (*common, *own):
+        if key not in (*common_keys, *own_keys):
             further = f'; one more {name} is a section of its own: [sensors.{name}_{key}] with sensor = "{name}"'
-            remedy = further if isinstance(section[key], dict) else nearest(key, [*own, *common])
+            remedy = further if isinstance(section[key], dict) else nearest(key, [*own_keys, *common_keys])
             raise ConfigError(f"{where}: no key {key!r}{remedy}")
-    sits = {key: value for key, value in section.items() if key in common}
-    rest = {key: value for key, value in section.items() if key not in common}
-    return SensorSpec(sensor, parse(rest, sensor.Model, where), parse(sits, Mounting, where))
+    mounting_keys = {key: value for key, value in section.items() if key in common_keys}
+    sensor_keys = {key: value for key, value in section.items() if key not in common_keys}
+    return SensorSpec(sensor, parse(sensor_keys, sensor.Model, where), parse(mounting_keys, Mounting, where))
 
 
 def _kind_of(name: str, section: dict[str, Any], where: str) -> tuple[str, dict[str, Any]]:

@@ -54,13 +54,13 @@ def _ahrs(model: Any, world: World) -> Spread:
 def _filtered(reference: ErrorModel, gyro: ErrorModel, period: float, memory: float, size: float) -> float:
     """Return the variance of an angle (rad²) that follows a reference of that `size` with that `memory` (s)."""
     share = min(1.0, period / memory)
-    lasting, gyro_lasting = _lasting(reference), _lasting(gyro)
-    noise, gyro_noise = variance(reference, period) - lasting, variance(gyro, period) - gyro_lasting
-    of_reference = (lasting + noise * share / (2.0 - share)) / size**2
-    return of_reference + (gyro_lasting / share + gyro_noise / (2.0 - share)) * period**2 / share
+    constant, gyro_constant = _constant_variance(reference), _constant_variance(gyro)
+    noise, gyro_noise = variance(reference, period) - constant, variance(gyro, period) - gyro_constant
+    of_reference = (constant + noise * share / (2.0 - share)) / size**2
+    return of_reference + (gyro_constant / share + gyro_noise / (2.0 - share)) * period**2 / share
 
 
-def _lasting(model: ErrorModel) -> float:
+def _constant_variance(model: ErrorModel) -> float:
     return model.turn_on**2 + model.bias**2
 
 

@@ -35,10 +35,10 @@ class UsblModel(NamedTuple):
 
     def validate(self) -> str | None:
         """Return what is wrong with a key, or None."""
-        low = 0.0 < self.assumed_speed < 1300.0
+        is_too_low = 0.0 < self.assumed_speed < 1300.0
         return (
             f"assumed_speed: {self.assumed_speed:g} m/s is no speed of sound in water: give 1300 to 1800"
-            if low
+            if is_too_low
             else None
         )
 
@@ -69,20 +69,20 @@ class Usbl:
         self._rays = self._column.rays(scene.world.depth) if self._column else None
         at_station = self._column.sound_speed(model.station[2]) if self._column else SOUND_SPEED
         self._assumed_speed = model.assumed_speed or at_station
-        self._stretch = self._assumed_speed / at_station  # of a range where sound has one speed
+        self._range_factor = self._assumed_speed / at_station  # of a range where sound has one speed
         self.delay_ns = 0
 
     def sample(self, time_ns: int, state: State) -> PositionSample | None:
         """Return the measurement of `state`."""
-        place = self._mounting.place(state)
-        x, y, z = [a - b for a, b in zip(place, self._station, strict=True)]
+        position = self._mounting.world_position(state)
+        x, y, z = [a - b for a, b in zip(position, self._station, strict=True)]
         distance = sqrt(x * x + y * y + z * z)
-        has_fix = 0.0 < distance <= self._max_range and submersion(self._scene, time_ns, place) >= 0.0
-        apparent, seconds = distance * self._stretch, distance / self._sound_speed(place)
+        has_fix = 0.0 < distance <= self._max_range and submersion(self._scene, time_ns, position) >= 0.0
+        apparent, seconds = distance * self._range_factor, distance / self._sound_speed(position)
         line = (x / distance, y / distance, z / distance) if distance else (0.0, 0.0, 1.0)
         if self._rays and has_fix:
             level = sqrt(x * x + y * y)
-            ray = self._rays.between(level, self._station[2], place[2])
+            ray = self._rays.between(level, self._station[2], position[2])
             if ray is None:
                 has_fix = False
             else:
@@ -93,13 +93,13 @@ class Usbl:
         if not has_fix:
             return None
         self.delay_ns = round(seconds * 1e9)
-        direction = _turned(line, up, starboard)
+        direction = _rotate_direction(line, up, starboard)
         north, east, down = [start + measured * along for start, along in zip(self._station, direction, strict=True)]
         return PositionSample(time_ns, (north, east, down), self._covariance(line, distance))
 
-    def _sound_speed(self, place: Vector3) -> float:
+    def _sound_speed(self, position: Vector3) -> float:
         """Return half way between station and beacon, in m/s."""
-        return self._column.sound_speed(0.5 * (place[2] + self._station[2])) if self._column else SOUND_SPEED
+        return self._column.sound_speed(0.5 * (position[2] + self._station[2])) if self._column else SOUND_SPEED
 
     def _covariance(self, line: Vector3, distance: float) -> Covariance:
         """Return the covariance of the position in m²: the range's along the line of sight, the angles' across it."""
@@ -110,7 +110,7 @@ class Usbl:
         return along * x * x + across, xy, xz, xy, along * y * y + across, yz, xz, yz, along * z * z + across
 
 
-def _turned(line: Vector3, up: float, starboard: float) -> Vector3:
+def _rotate_direction(line: Vector3, up: float, starboard: float) -> Vector3:
     """Return the unit vector `line` (NED), turned by the small perpendicular angles `up` and `starboard` (rad)."""
     x, y, z = line
     level = sqrt(x * x + y * y)

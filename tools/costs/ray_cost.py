@@ -269,7 +269,7 @@ def picture_figures(size: tuple[int, int], world: World, rounds: int) -> str:
 
 def _cast(camera: Camera, place: Place) -> Hits:
     """Return what a camera's picture begins with: what each of its pixels looks at, 35 degrees down."""
-    eye = camera._eye
+    eye = camera._renderer
     return eye._rays.hits(place, eye._directions, 30.0, matrix(from_euler(0.0, -radians(35.0), 0.0)))
 
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from sim.rotations import matrix
-from sim.sensors.imaging.fan_picture import SIZE, fan_places, strengths
+from sim.sensors.imaging.fan_picture import SIZE, map_fan_pixels, strengths
 from sim.sensors.imaging.samples import SideScanSample, SonarImageSample
 from sim.sensors.mounting import Mounting
 
@@ -33,7 +33,7 @@ def camera_picture(picture: Any) -> Any:
 
 def fan_picture(sample: SonarImageSample) -> Any:
     """Return a forward-looking sonar's picture as a fan, with ahead at the top and port on the left."""
-    places, inside = fan_places(sample.beams, sample.bins, sample.first_range, sample.range_step, FAN_SIZE)
+    places, inside = map_fan_pixels(sample.beams, sample.bins, sample.first_range, sample.range_step, FAN_SIZE)
     picture = np.full((*inside.shape, 3), BACKGROUND)
     picture[inside] = _copper(strengths(sample).ravel().take(places[inside]))
     return picture

@@ -1,1 +1,1 @@
-"""Cameras and imaging sonars, and the scenery that they show."""
+"""Cameras and imaging sonars, and the appearance of surfaces in their images."""

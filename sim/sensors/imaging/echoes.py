@@ -1,17 +1,19 @@
-"""Echoes of a sonar's ping by range, from rays that each stand for a patch of surface.
+"""Echoes of a sonar's ping by range. Each ray represents a patch of a surface.
 
-A patch at distance r, met at an angle theta from its normal within a solid angle dO, has the area r² dO / cos theta and
-scatters mu cos² theta of the intensity on it back, per m² and sr (Lambert's rule; for the seabed Mackenzie 1961, J.
-Acoust. Soc. Am. 33(11):1498, found 10 lg mu = -27 dB). Spreading both ways is 1 / r⁴, absorption alpha dB/m both ways,
-and the beam pattern b works on the way out and back (Urick 1983, Principles of Underwater Sound, chapters 2 and 8):
+A ray of the solid angle dO that hits a surface at range r and at the angle of incidence theta covers a patch of the
+area r² dO / cos theta. The patch scatters back mu cos² theta of the incident intensity per m² and sr (Lambert's rule;
+for the seabed Mackenzie 1961, J. Acoust. Soc. Am. 33(11):1498, found 10 lg mu = -27 dB). Two-way spreading is 1 / r⁴,
+absorption is alpha dB/m each way, and the beam pattern b applies to both ways (Urick 1983, Principles of Underwater
+Sound, chapters 2 and 8):
 
     echo / source = mu cos theta b² dO / r² 10^(-2 alpha r / 10)        both intensities at 1 m
 
-Nearer and farther edges of the patch follow from the plane through it, and its echo is spread between them: over a
-plane there is no gap between one ray and the next, however much the beam grazes it.
-Second echoes are in sim/sensors/imaging/multipath.py, the seabed's texture in bottom_echo.py, split rays in
-sim/rays/splitting.py. Echoes of the water are in reverberation.py. The glint of smooth objects
-is in pinger.py. Not modelled: rays that bend, Doppler.
+The ranges of the patch's near and far edges follow from the plane through the hit. The echo is spread between them, so
+that neighbouring rays leave no gap on a plane, even at grazing incidence.
+
+Other parts of the model: second echoes in sim/sensors/imaging/multipath.py, the seabed's texture in bottom_echo.py,
+reverberation of the water in reverberation.py, the glint of smooth objects in pinger.py, split rays in
+sim/rays/splitting.py. Not modelled: refraction, Doppler shift.
 """
 
 from collections.abc import Callable
@@ -25,50 +27,55 @@ from sim.rays.splitting import Lattice
 
 Floats = NDArray[np.floating[Any]]
 
-MARGIN = 1.25  # rays go farther than the last bin, for the near edges of patches beyond it
-STRETCH = 2.0  # an edge is at most so many times farther than the patch's middle
-_THINNEST = 1e-3  # bins: no echo is shorter
-_FIRST_LOBE = 13.26  # dB of sinc² below its middle
-HALF_POWER = 0.4429464  # sinc² is a half there, in units of its first null
+MARGIN = 1.25  # rays reach this far beyond the last bin, for patches whose near edge is within it
+STRETCH = 2.0  # maximum range of a patch's far edge, relative to the range of its middle
+_MIN_LENGTH = 1e-3  # bins: minimum length of an echo
+_FIRST_LOBE = 13.26  # dB: level of the first side lobe of sinc² below the main lobe
+HALF_POWER = 0.4429464  # sinc² is 1/2 here, in units of its first null
 
 
-class Mirrors(NamedTuple):
-    """The loss of a reflection at the surface and at the seabed, in dB."""
+class ReflectionLosses(NamedTuple):
+    """The loss of one reflection at the surface and at the seabed, in dB."""
 
     surface: float
     bottom: float
 
 
-class View(NamedTuple):
-    """A sonar's place (NED, m) and attitude; its cells, the height of its beams (rad), how far it looks (m)."""
+class SonarPose(NamedTuple):
+    """Position of a sonar (NED, m), its attitude, and the geometry of its beams.
 
-    place: Floats
-    turn: Floats
+    `rotation` (3 x 3) turns the sonar's axes to NED. `lattice` has the cells of its rays, `height` is the height of its
+    beams (rad at half power), `reach` the length of its rays (m).
+    """
+
+    position: Floats
+    rotation: Floats
     lattice: Lattice | None
     height: float
     reach: float
 
 
 class Ground(NamedTuple):
-    """The hits of an aperture of `shape` from `place`: points (n x 3, NED; nan for nothing) and cosines.
+    """Hits of the aperture's own rays, seen from `position` (NED, m): `points` (n x 3, NED, m; nan without a hit).
 
-    The cosines are those of the angles of incidence.
+    `cos_incidence` are the cosines of the angles of incidence. `shape` is that of the aperture: beams x rays.
     """
 
-    place: Any
+    position: Any
     points: Floats
-    facing: Floats
+    cos_incidence: Floats
     shape: tuple[int, ...]
 
 
 class Aperture(NamedTuple):
-    """Directions of a sonar: `beams` x `rays` unit vectors in its axes.
+    """Rays of a sonar, in its axes.
 
-    `directions` are the middles of the patches, `edges` (one more a beam) what parts them, `weights` b² dO. With a
-    `lattice` of the same cells and the `height` (rad at half power) of its beams rays are split where there are
-    small things; `columns` is what the weights of each column have beside that height's.
-    `sides` are the edges to the left and right of patches so wide that their range differs there. `receive` returns
-    the receiver's b by unit vectors, of what is in the weights.
+    `directions` (beams x rays x 3): unit vectors to the middles of the patches. `edges` (beams x (rays + 1) x 3): unit
+    vectors to the edges between them. `weights` (beams x rays): b² dO (sr). With a `lattice` of the same cells, rays
+    are split at small objects; `height` (rad at half power) is then the height of the beams, and `column_weights` is
+    the factor of each column in the weights besides the pattern over the height. `side_edges`: left and right edges of
+    wide patches, whose range varies from side to side. `receiver_pattern` returns the receiver's part of b in the
+    weights, for unit vectors (n x 3).
     """
 
     directions: Floats
@@ -76,16 +83,17 @@ class Aperture(NamedTuple):
     weights: Floats
     lattice: Lattice | None = None
     height: float = 0.0
-    columns: Floats | None = None
-    sides: tuple[Floats, ...] = ()
-    receive: Callable[[Floats], Floats] | None = None
+    column_weights: Floats | None = None
+    side_edges: tuple[Floats, ...] = ()
+    receiver_pattern: Callable[[Floats], Floats] | None = None
 
 
 class Echoes(NamedTuple):
-    """Echoes of a ping, one a ray: those of the aperture beam by beam, then those of split rays, then second ones.
+    """Echoes of a ping, one for each ray (n): first the aperture's rays by beam, then split rays, then second echoes.
 
-    Range (m) of its patch's middle, nearest and farthest edge, echo / source, the number of its beam, and the object.
-    `ground` is where the aperture's own rays have met things, for what has more of the seabed.
+    `ranges`, `near` and `far` (m) are those of the patch's middle and of its nearest and farthest edge, `energy` is
+    echo / source, `beam` the number of the beam, `object` that of the object (see sim.rays.scene). `ground` has the
+    hits of the aperture's own rays, for the texture of the seabed.
     """
 
     ranges: Floats
@@ -96,14 +104,14 @@ class Echoes(NamedTuple):
     object: NDArray[np.int32]
     ground: Ground | None = None
 
-    def moved(self, scale: Any, offset: float = 0.0) -> "Echoes":
-        """Return the echoes at other ranges: `scale` times these, by ray if there are several, and `offset` m more."""
+    def scale_ranges(self, scale: Any, offset: float = 0.0) -> "Echoes":
+        """Return the echoes at `scale` (one number, or one for each ray) times their ranges plus `offset` m."""
         ranges, near, far = (scale * x + offset for x in (self.ranges, self.near, self.far))
         return self._replace(ranges=ranges, near=near, far=far)
 
 
 class Rays(NamedTuple):
-    """Rays and what they have met: n directions, two or four edges each, weights, beams; and the hits."""
+    """Rays (n), with two or four edges each, and their hits: ranges (m), points and normals (NED), objects."""
 
     directions: Floats
     edges: tuple[Floats, ...]
@@ -116,89 +124,97 @@ class Rays(NamedTuple):
 
 
 class Bins:
-    """`count` range bins from `first` m on, `step` m each, for echoes that absorption weakens by `absorption` dB/m.
+    """Range bins: `count` of `step` m each, from `first` m on; `absorption` in dB/m.
 
-    Between its edges an echo falls as that of a plane does which a beam grazes: with r⁵ (1 / r² for the spreading that
-    is left, 1 / r for the cosine, 1 / r² for the height that a range bin has in angle), and by absorption.
+    Between its near and far edge an echo decreases as that of a plane at grazing incidence does: with r⁻⁵ (r⁻² for the
+    remaining spreading, r⁻¹ for the cosine, r⁻² for the angular height of a range bin), and by absorption.
     """
 
     def __init__(self, first: float, step: float, count: int, absorption: float) -> None:
         self.first, self.step, self.count = first, step, count
-        self._below = int(first / step + 1e-6)  # bins of the table before the first
-        self._origin = first - self._below * step
-        middles = self._origin + step * (np.arange(self._below + round(MARGIN * STRETCH * count) + 1) + 0.5)
-        self._law = np.maximum(middles / step, 1.0) ** -5 * 10.0 ** (-0.2 * absorption * middles)
-        self._beyond = np.append(np.cumsum(self._law[::-1])[::-1], 0.0)  # summed from afar, where it is least
+        self._skipped = int(first / step + 1e-6)  # number of bins of the table before the first one
+        self._origin = first - self._skipped * step
+        middles = self._origin + step * (np.arange(self._skipped + round(MARGIN * STRETCH * count) + 1) + 0.5)
+        self._decay = np.maximum(middles / step, 1.0) ** -5 * 10.0 ** (-0.2 * absorption * middles)
+        self._integral = np.append(
+            np.cumsum(self._decay[::-1])[::-1], 0.0
+        )  # summed from the far end, where it is smallest
 
-    def shares(self, echoes: Echoes, beams: int, of: NDArray[np.bool_] | None = None) -> Floats:
-        """Return what of the echoes of each beam is in each bin: beams x bins; of a part of the echoes, if given.
+    def distribute(self, echoes: Echoes, beams: int, selected: NDArray[np.bool_] | None = None) -> Floats:
+        """Return the energy by beam and bin (beams x bins); only that of the `selected` echoes if given (mask of n).
 
-        All at once by sums of sums: of how much begins and ends in each bin, in units of the law.
+        Each echo is a step up at its near edge and a step down at its far edge, in units of the decay. The cumulative
+        sum of all steps is the energy.
         """
         energy = echoes.energy
-        here = np.flatnonzero(energy > 0.0 if of is None else of & (energy > 0.0))
-        low = self._places(echoes.near[here])
-        high = np.maximum(self._places(echoes.far[here]), low + _THINNEST)
-        length = self._above(low) - self._above(high)
-        density = energy[here] / np.where(length > 0.0, length, np.inf)
+        used = np.flatnonzero(energy > 0.0 if selected is None else selected & (energy > 0.0))
+        low = self._bin_positions(echoes.near[used])
+        high = np.maximum(self._bin_positions(echoes.far[used]), low + _MIN_LENGTH)
+        length = self._integral_from(low) - self._integral_from(high)
+        density = energy[used] / np.where(length > 0.0, length, np.inf)
         width = self.count + 2
-        rows = echoes.beam[here] * width
+        rows = echoes.beam[used] * width
         index, change = [], []
-        for place, slope in ((low, density), (high, -density)):
-            place = np.clip(place - self._below, 0.0, self.count)
-            whole = place.astype(np.int64)
-            part = (place - whole) * slope
-            index += [rows + whole, rows + whole + 1]
-            change += [slope - part, part]
+        for position, slope in ((low, density), (high, -density)):
+            position = np.clip(position - self._skipped, 0.0, self.count)
+            number = position.astype(np.int64)
+            remainder = (position - number) * slope
+            index += [rows + number, rows + number + 1]
+            change += [slope - remainder, remainder]
         slopes = np.bincount(np.concatenate(index), np.concatenate(change), beams * width)
         sums = np.cumsum(slopes.reshape(beams, width), axis=1)[:, : self.count]
-        shares: Floats = np.maximum(sums, 0.0, out=sums.astype(float, copy=False))  # below 0 it is rounding
-        shares *= self._law[self._below : self._below + self.count]
-        return shares
+        by_bin: Floats = np.maximum(
+            sums, 0.0, out=sums.astype(float, copy=False)
+        )  # negative values are rounding errors
+        by_bin *= self._decay[self._skipped : self._skipped + self.count]
+        return by_bin
 
-    def _places(self, ranges: Floats) -> Floats:
-        """Return ranges in bins of the table."""
-        places: Floats = (ranges - self._origin) / self.step
-        return np.clip(places, 0.0, len(self._law) - 1.0)
+    def _bin_positions(self, ranges: Floats) -> Floats:
+        """Return ranges (m) in bins of the table, limited to it."""
+        positions: Floats = (ranges - self._origin) / self.step
+        return np.clip(positions, 0.0, len(self._decay) - 1.0)
 
-    def _above(self, places: Floats) -> Floats:
-        """Return the law's integral from there on."""
-        whole = places.astype(np.int64)
-        integral: Floats = self._beyond[whole] - (places - whole) * self._law[np.minimum(whole, len(self._law) - 1)]
+    def _integral_from(self, positions: Floats) -> Floats:
+        """Return the integral of the decay from `positions` (in bins of the table) to the table's end."""
+        number = positions.astype(np.int64)
+        integral: Floats = (
+            self._integral[number] - (positions - number) * self._decay[np.minimum(number, len(self._decay) - 1)]
+        )
         return integral
 
 
-def pattern(angles: Floats, width: float) -> Floats:
-    """Return the one-way beam pattern b (of intensity) at `angles` rad off axis, a half at ± `width` / 2.
+def beam_pattern(angles: Floats, width: float) -> Floats:
+    """Return the one-way beam pattern b (intensity) at `angles` rad off axis; it is 1/2 at ± `width` / 2.
 
-    That of a line of even strength, sinc² in the sine of the angle (Urick 1983, 3.3), up to the first null: 0 beyond.
+    It is that of a uniform line, sinc² in the sine of the angle (Urick 1983, 3.3), up to the first null; 0 beyond.
     """
     x = np.sin(angles) * HALF_POWER / np.sin(0.5 * width)
     return np.where((np.abs(x) < 1.0) & (np.abs(angles) < 0.5 * np.pi), np.sinc(x) ** 2, 0.0)
 
 
 def array_pattern(angles: Floats, width: float, side_lobes: float) -> Floats:
-    """Return `pattern` with side lobes: those of sinc², raised or lowered so that the first is `side_lobes` dB down.
+    """Return the one-way beam pattern with side lobes, the first of them `side_lobes` dB below the main lobe.
 
-    A line of even strength has its first 13.26 dB down; shading lowers them, errors of its elements raise them.
+    They are those of sinc², scaled. A uniform line has its first side lobe 13.26 dB down; shading lowers side lobes,
+    errors of the elements raise them. Arguments are those of `beam_pattern`.
     """
     x = np.sin(angles) * HALF_POWER / np.sin(0.5 * width)
     beyond = (np.abs(x) >= 1.0) & (np.abs(angles) < 0.5 * np.pi)
-    return np.where(beyond, np.sinc(x) ** 2 * 10.0 ** (0.1 * (_FIRST_LOBE - side_lobes)), pattern(angles, width))
+    return np.where(beyond, np.sinc(x) ** 2 * 10.0 ** (0.1 * (_FIRST_LOBE - side_lobes)), beam_pattern(angles, width))
 
 
-def main_lobe(width: float) -> float:
-    """Return how far off the axis the first null of `pattern` is, in rad; a right angle if there is none."""
+def first_null(width: float) -> float:
+    """Return the angle of the first null of `beam_pattern` off the axis (rad); a right angle if there is none."""
     sine = np.sin(0.5 * width) / HALF_POWER
     return float(np.arcsin(sine)) if sine < 1.0 else 0.5 * np.pi
 
 
-def speckled(mean: Floats, looks: float, random: np.random.Generator) -> Floats:
-    """Return intensities as a sonar measures them, from their means.
+def add_speckle(mean: Floats, looks: float, random: np.random.Generator) -> Floats:
+    """Return random intensities as a sonar measures them, from their means (any shape).
 
-    Many scatterers in one cell add up to a complex Gaussian amplitude: its magnitude is Rayleigh distributed, its
-    intensity exponentially (Goodman 1985, Statistical Optics, 2.9). The mean of `looks` such is gamma distributed; 0
-    looks stand for no speckle.
+    The echoes of many scatterers in one cell add up to a complex Gaussian amplitude. Its magnitude is Rayleigh
+    distributed, its intensity exponentially (Goodman 1985, Statistical Optics, 2.9). The mean of `looks` such
+    intensities is gamma distributed; 0 looks: no speckle.
     """
     if looks == 0.0:
         return mean
@@ -206,12 +222,12 @@ def speckled(mean: Floats, looks: float, random: np.random.Generator) -> Floats:
         factors: Floats = random.standard_exponential(mean.shape, np.float32)
     else:
         factors = random.standard_gamma(looks, mean.shape, np.float32) / np.float32(looks)
-    speckled: Floats = mean * factors
-    return speckled
+    intensities: Floats = mean * factors
+    return intensities
 
 
-def bins_of(first: float, last: float, step: float) -> int:
-    """Return how many whole bins there are. Raises ConfigError for more than a picture should have."""
+def count_bins(first: float, last: float, step: float) -> int:
+    """Return the number of whole bins of `step` between `first` and `last` (m). Raises ConfigError above 20 000."""
     count = int((last - first) / step + 1e-6)
     if not 1 <= count <= 20_000:
         raise ConfigError(f"range_step: {count} bins between {first:g} and {last:g} m; 1 to 20000 are possible")

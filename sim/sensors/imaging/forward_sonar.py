@@ -1,4 +1,4 @@
-"""A forward-looking multibeam sonar: a picture of echo strength by beam and range."""
+"""A forward-looking multibeam sonar: a picture of echo strengths by beam and range."""
 
 from math import pi
 from typing import TYPE_CHECKING, Annotated, NamedTuple
@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 from hil.common.schema import Range
 from sim.dynamics import State
 from sim.sensors.error import ErrorModel, sensor_random
-from sim.sensors.imaging.samples import SonarImageSample, need_numpy
+from sim.sensors.imaging.samples import SonarImageSample, require_numpy
 from sim.sensors.mounting import Mounting
 from sim.sensors.samples import Scene
 
@@ -18,36 +18,40 @@ _DEGREE = pi / 180.0
 
 
 class ForwardSonarModel(NamedTuple):
-    """Rate in Hz (0: none), the fan of beams, its range bins, what echoes and disturbs, and how the picture is made.
+    """Rate in Hz (0: none), the fan of beams and its range bins, scattering and noise, and the encoding of the picture.
 
-    `beams` over a `sector` (rad), each `beam_width` by `beam_height` rad at half power, one way; `rays` stand for the
-    height of one. `range_step` m is a bin, which is the length of the pulse, compressed. `frequency` Hz gives the
-    absorption (Francois & Garrison) in water of `temperature` (deg C) and `salinity` (PSU), and
-    `sound_speed` m/s is what the device takes it for. `source_level` is in dB re 1 uPa at 1 m, `noise_level` in dB re
-    1 uPa behind the beam former, in the band. `seabed_strength`, `object_strength` and `surface_strength` (the water's
-    surface from below) are 10 lg mu in dB; `volume_strength` is that of what drifts in the water, in dB re 1/m: about
-    -80 where it is clear, -60 among bubbles or silt. With -200 a strength is none at all. `glint` dB is how much more
-    objects send back at a right angle, within some 6 deg of it, than by Lambert's rule; 0 for none. `looks`: see
-    sim.sensors.imaging.echoes.speckled. `side_lobes` dB, 0 for none: how far below its own direction a beam receives
-    those of its first side lobe; the others fall as those of a line array. `side_lobe_floor` dB, 0 for none, nor
-    without side lobes: the same for all other directions, on the average, by errors of the array's elements (see
-    sim.sensors.imaging.beam_former). With `multipath` sound comes by way of the surface and the seabed, which take
-    `surface_loss` and `bottom_loss` dB of it. `ringing` m, 0 for none: how far the transducer's own ringing after each
-    pulse hides echoes; it is white from the first bin on and falls, evenly in dB, to the noise there.
-    `error` is that of all ranges.
+    Beams: `beams` over a `sector` (rad), each `beam_width` by `beam_height` rad at half power, one way. `rays`
+    represent the height of a beam. `range_step` (m) is the length of a bin and of the compressed pulse. `side_lobes` is
+    the level of a beam's first side lobe below its main lobe (dB; 0: no side lobes); the others decrease like those of
+    a line array. `side_lobe_floor` is the mean level of all directions below the main lobe that errors of the array's
+    elements add (dB; 0 or no side lobes: none; see sim.sensors.imaging.beam_former).
 
-    The picture: amplitudes to the power of `contrast`; white is the echo of seabed right across a beam, `gain` dB more
-    is brighter; `tvg` is the share of the losses by range that the device makes good (1: all). The gain ends where the
-    noise alone would be brighter than `noise_grey` (1: white), as limits of devices have it (factor L of Kongsberg's
-    M3): farther away the noise stays that dark, and what is not far above it is lost. With `ground_truth` it is the
-    mean intensity, echo / source, without noise, speckle and error.
+    Water: `frequency` (Hz) gives the absorption (Francois & Garrison) in water of `temperature` (deg C) and `salinity`
+    (PSU). `sound_speed` (m/s) is the speed that the device assumes.
+
+    Levels: `source_level` is in dB re 1 uPa at 1 m, `noise_level` in dB re 1 uPa after the beam former, in the band.
+    `seabed_strength`, `object_strength` and `surface_strength` (the water's surface from below) are 10 lg mu in dB.
+    `volume_strength` is that of particles in the water in dB re 1/m: about -80 in clear water, -60 among bubbles or
+    silt. A strength of -200 means no echo. `glint` is the additional strength of objects at normal incidence, within
+    about 6 deg (dB; 0: none). `looks`: see sim.sensors.imaging.echoes.add_speckle.
+
+    Disturbances: with `multipath` there are second echoes by reflection at the surface and the seabed, with losses of
+    `surface_loss` and `bottom_loss` (dB). `ringing` (m; 0: none) is the range up to which the ringing of the transducer
+    hides echoes: it is white in the first bin and decreases linearly in dB to the noise at this range. `error` is that
+    of all ranges.
+
+    Picture: the grey level is the amplitude to the power of `contrast`. White is the echo of seabed at normal
+    incidence, less `gain` dB. `tvg` is the share of the losses by range that the device compensates (1: all). The gain
+    is limited so that noise alone is not brighter than `noise_grey` (1: white), as in real devices (factor L of
+    Kongsberg's M3); echoes that are not well above the noise are lost. With `ground_truth` the picture is the mean
+    intensity, echo / source, without noise, speckle and error.
 
     Defaults: Blueprint Subsea Oculus M750d at 750 kHz (130 x 20 deg, 512 beams of 1 deg, 0.1 to 120 m, 40 Hz at most;
     sources in sim/sensors/devices/oculus_m750d.toml), set to 50 m and bins of 10 cm; levels, looks, losses and the
     picture are our choice. Side lobes: those of a Reson SeaBat 7125 were measured to be below -17 dB (Lanzoni & Weber
     2010, OCEANS). Their floor: errors of 1 dB and 10 deg, our choice, in a line of 102 elements, which has beams of 1
-    deg. Pictures of real devices beside: docs/how-to/imaging.md. Seabed: Mackenzie 1961; objects 7 dB more and the
-    surface 3 dB less, our choice. Scale: a speed of sound 7 m/s off.
+    deg. Comparison with pictures of real devices: docs/how-to/imaging.md. Seabed: Mackenzie 1961; objects 7 dB more
+    and the surface 3 dB less, our choice. Scale: an error of the speed of sound of 7 m/s.
     """
 
     rate: Annotated[float, Range(0.0, 100.0, "Hz")] = 5.0
@@ -92,8 +96,8 @@ class ForwardSonarModel(NamedTuple):
 class ForwardSonar:
     """Beams about the sensor's x axis in its x-y plane, each as tall as the beam's main lobe.
 
-    Echoes of the same range and bearing fall on the same place of the picture, at any height, as with a real one. Not
-    modelled: what sim.sensors.imaging.echoes leaves out.
+    Echoes of the same range and bearing are at the same position in the picture, whatever their height, as with a real
+    sonar. Not modelled: what sim.sensors.imaging.echoes leaves out.
     """
 
     Model = ForwardSonarModel
@@ -101,13 +105,13 @@ class ForwardSonar:
     offloaded = True
 
     def __init__(self, model: ForwardSonarModel, mounting: Mounting, seed: int, scene: Scene) -> None:
-        need_numpy(self.topic)
+        require_numpy(self.topic)
         import numpy as np
 
         from sim.environment.seawater.absorption import francois_garrison
         from sim.sensors.imaging.beam_former import BeamFormer
         from sim.sensors.imaging.bottom_echo import make_texture
-        from sim.sensors.imaging.echoes import Bins, Mirrors, bins_of, pattern
+        from sim.sensors.imaging.echoes import Bins, ReflectionLosses, beam_pattern, count_bins
         from sim.sensors.imaging.pinger import Pinger
         from sim.sensors.imaging.sonar_picture import Picture, RangeScale
 
@@ -117,11 +121,11 @@ class ForwardSonar:
         self._angles = tuple(angles.tolist())
         aperture = _aperture(model, angles, spacing)
         absorption = francois_garrison(model.frequency, model.temperature, model.salinity)
-        count = bins_of(model.min_range, model.max_range, model.range_step)
+        count = count_bins(model.min_range, model.max_range, model.range_step)
         self._bins = Bins(model.min_range, model.range_step, count, absorption)
         self._pinger = Pinger(
             scene, mounting, aperture, model.max_range, absorption, model,
-            Mirrors(model.surface_loss, model.bottom_loss) if model.multipath else None,
+            ReflectionLosses(model.surface_loss, model.bottom_loss) if model.multipath else None,
         )  # fmt: skip
         self._texture = make_texture(scene.world)
         self._stride = max(1, round(0.5 * model.beam_width / spacing))
@@ -129,7 +133,7 @@ class ForwardSonar:
         self._former = BeamFormer(
             model.beams, spacing, model.beam_width, model.side_lobes, model.side_lobe_floor, errors
         )
-        lobe = pattern(np.arange(model.beams) * spacing, model.beam_width)
+        lobe = beam_pattern(np.arange(model.beams) * spacing, model.beam_width)
         solid_angle = float(aperture.weights[0].sum() * (2.0 * lobe.sum() - lobe[0]))
         ranges = model.min_range + (np.arange(count) + 0.5) * model.range_step
         self._picture = Picture(model, ranges, absorption, solid_angle, seed, self.topic, self._former)
@@ -144,48 +148,48 @@ class ForwardSonar:
         m = self._model
         from sim.sensors.imaging.sonar_picture import encoding
 
-        made = self._picture.make(self._intensities(time_ns, state).T)
+        picture = self._picture.make(self._intensities(time_ns, state).T)
         return SonarImageSample(
             time_ns, self._angles, self._bins.count, m.min_range, m.range_step, m.frequency, m.sound_speed,
-            m.beam_width, m.beam_height, encoding(m), made,
+            m.beam_width, m.beam_height, encoding(m), picture,
         )  # fmt: skip
 
     def _intensities(self, time_ns: int, state: State) -> "Floats":
-        """Return mean echo / source, directions x bins."""
+        """Return the mean intensities, echo / source (directions x bins)."""
         import numpy as np
 
-        from sim.sensors.imaging.bottom_echo import shares_of
-        from sim.sensors.imaging.ping_motion import motion_of
+        from sim.sensors.imaging.bottom_echo import distribute_textured_echoes
+        from sim.sensors.imaging.ping_motion import sonar_motion
 
         m = self._model
-        scaled = self._scale.measure(state, self._pinger.ping(time_ns, state))
-        if not scaled:
+        groups = self._scale.measure(state, self._pinger.ping(time_ns, state))
+        if not groups:
             return np.zeros((m.beams, self._bins.count), np.float32)
-        echoes = shares_of(scaled[0], self._bins, m.beams, self._texture, self._stride)
-        echoes = self._pinger.with_water(echoes, scaled[0], self._bins, m.volume_strength).astype(np.float32)
-        if motion := motion_of(state, self._mounting, None):
-            echoes = motion.turn_beams(echoes, self._bins, m.sector / m.beams)
+        echoes = distribute_textured_echoes(groups[0], self._bins, m.beams, self._texture, self._stride)
+        echoes = self._pinger.add_reverberation(echoes, groups[0], self._bins, m.volume_strength).astype(np.float32)
+        if motion := sonar_motion(state, self._mounting, None):
+            echoes = motion.shift_beams(echoes, self._bins, m.sector / m.beams)
         return echoes
 
 
 def _aperture(model: ForwardSonarModel, angles: "Floats", spacing: float) -> "Aperture":
-    """Return a column of rays in the middle of each beam, over the height of the main lobe."""
+    """Return one column of rays in the middle of each beam, over the height of the main lobe."""
     import numpy as np
 
     from sim.rays.splitting import Lattice
-    from sim.sensors.imaging.echoes import Aperture, main_lobe, pattern
+    from sim.sensors.imaging.echoes import Aperture, beam_pattern, first_null
 
-    lobe = main_lobe(model.beam_height)
+    lobe = first_null(model.beam_height)
     edges = np.linspace(-lobe, lobe, model.rays + 1)
     downs = 0.5 * (edges[1:] + edges[:-1])
 
     lattice = Lattice(np.linspace(-0.5 * model.sector, 0.5 * model.sector, model.beams + 1), edges)
 
-    def receive(toward: "Floats") -> "Floats":
-        return pattern(np.arcsin(toward[:, 2].clip(-1.0, 1.0)), model.beam_height)
+    def receiver_pattern(toward: "Floats") -> "Floats":
+        return beam_pattern(np.arcsin(toward[:, 2].clip(-1.0, 1.0)), model.beam_height)
 
     solid_angles = spacing * (np.sin(edges[1:]) - np.sin(edges[:-1]))
-    weights = solid_angles * pattern(downs, model.beam_height) ** 2
-    middles, parted = (lattice.unit(*np.meshgrid(angles, down, indexing="ij")) for down in (downs, edges))
+    weights = solid_angles * beam_pattern(downs, model.beam_height) ** 2
+    directions, edge_directions = (lattice.unit(*np.meshgrid(angles, down, indexing="ij")) for down in (downs, edges))
     weights = np.tile(weights, (model.beams, 1))
-    return Aperture(middles, parted, weights, lattice, model.beam_height, receive=receive)
+    return Aperture(directions, edge_directions, weights, lattice, model.beam_height, receiver_pattern=receiver_pattern)

@@ -1,14 +1,19 @@
-"""Second echoes of a ping: sound that the surface or the seabed mirrors on its way to a thing, or on its way back.
+"""Second echoes of a ping: sound that the surface or the seabed reflects on its way to an object or back.
 
-A ray that meets the surface or the seabed goes on as in a mirror, up to a thing P. What P scatters comes back the same
-way: range r12, the length of the bent way; or straight, if P can be seen, and with it what went straight and comes back
-bent: range (r12 + d) / 2, d the straight distance. With R the loss of one reflection as a factor, b the beam pattern:
+A ray that hits the surface or the seabed is reflected as by a mirror and hits a point P of an object. P scatters the
+sound back on two paths:
 
-    echo / source = mu cos theta b² dO / r12² R²                         there and back bent
-                    2 mu cos theta_d b b_d dO / d² R                     one way bent
+- Along the same reflected path. The range is r12, the length of the reflected path.
+- Directly, if P is visible from the sonar. The range is (r12 + d) / 2, with the direct distance d. Sound on the same
+  path in the opposite sense has the same range.
 
-The mirror has no roughness of its own but its loss. Not modelled: two reflections on one way, the phase
-between ways, things smaller than the rays are apart there.
+With the loss R of one reflection (a factor) and the beam pattern b:
+
+    echo / source = mu cos theta b² dO / r12² R²                         reflected on both ways
+                    2 mu cos theta_d b b_d dO / d² R                     reflected on one way
+
+Roughness of the reflecting surface is included only in its loss. Not modelled: two reflections on one way, the phase
+between the paths, objects smaller than the spacing of the reflected rays.
 """
 
 from typing import Any
@@ -16,91 +21,117 @@ from typing import Any
 import numpy as np
 
 from sim.rays.scene import SEABED, RayScene
-from sim.sensors.imaging.echoes import Echoes, Floats, Mirrors, Rays, View, pattern
+from sim.sensors.imaging.echoes import Echoes, Floats, Rays, ReflectionLosses, SonarPose, beam_pattern
 
-_OFF = 1e-3  # m from the mirror, where a way begins again
-_SEEN = 0.05  # m: a thing's own roundness does not hide it
-_LEAST = 1e-4  # of the strongest ray: weaker ones are not followed
+_START_OFFSET = 1e-3  # m: start of a reflected ray above the reflecting surface
+_VISIBLE_TOLERANCE = 0.05  # m: tolerance of the test of visibility
+_MIN_WEIGHT = 1e-4  # of the largest weight: rays with less are not reflected
 
 
 def second_echoes(
-    mirrors: Mirrors, scene: RayScene, view: View, rays: Rays, strengths: Floats, surface: int, absorption: float
+    losses: ReflectionLosses,
+    scene: RayScene,
+    pose: SonarPose,
+    rays: Rays,
+    strengths: Floats,
+    surface: int,
+    absorption: float,
 ) -> list[Echoes]:
-    """Return the echoes by way of a mirror: there and back, and one way.
+    """Return the echoes that are reflected on both ways, and those that are reflected on one way.
 
-    `strengths` are mu by object, `surface` is the object's number, `absorption` dB/m.
+    `strengths` are mu by object number, `surface` is the object number of the water's surface, `absorption` in dB/m.
     """
     on_surface = rays.object == surface
-    bright = rays.weights > _LEAST * rays.weights.max()
+    bright = rays.weights > _MIN_WEIGHT * rays.weights.max()
     chosen = np.flatnonzero((on_surface | (rays.object == SEABED)) & bright & (rays.ranges > 0.0))
     if not len(chosen):
         return []
-    loss = np.where(on_surface[chosen], 10.0 ** (-0.1 * mirrors.surface), 10.0 ** (-0.1 * mirrors.bottom))
-    along, normals = rays.directions[chosen] @ view.turn.T, rays.normals[chosen]
-    onwards = along - 2.0 * (along * normals).sum(axis=1)[:, None] * normals
-    origins: Any = np.ascontiguousarray(rays.points[chosen] + _OFF * normals)
-    hits = scene.hits(origins.ravel(), np.ascontiguousarray(onwards), view.reach)
-    objects, further = np.frombuffer(hits.objects, np.int32), np.frombuffer(hits.distances)
-    length = rays.ranges[chosen] + further
-    back = (strengths[objects] > 0.0) & (length < view.reach) & (objects != surface)
-    # The seabed by way of itself is what its rough side sends back anyway.
-    back &= (objects != SEABED) | on_surface[chosen]
-    if not back.any():
+    factors = np.where(on_surface[chosen], 10.0 ** (-0.1 * losses.surface), 10.0 ** (-0.1 * losses.bottom))
+    incoming, normals = rays.directions[chosen] @ pose.rotation.T, rays.normals[chosen]
+    outgoing = incoming - 2.0 * (incoming * normals).sum(axis=1)[:, None] * normals
+    origins: Any = np.ascontiguousarray(rays.points[chosen] + _START_OFFSET * normals)
+    hits = scene.hits(origins.ravel(), np.ascontiguousarray(outgoing), pose.reach)
+    objects, reflected_lengths = np.frombuffer(hits.objects, np.int32), np.frombuffer(hits.distances)
+    length = rays.ranges[chosen] + reflected_lengths
+    echoing = (strengths[objects] > 0.0) & (length < pose.reach) & (objects != surface)
+    # Seabed that is lit by a reflection at the seabed is left out: direct scattering already includes it.
+    echoing &= (objects != SEABED) | on_surface[chosen]
+    if not echoing.any():
         return []
-    returned = chosen[back]
-    found = _Bounced(
-        rays.weights[returned], rays.beam[returned], length[back], loss[back], strengths[objects[back]], objects[back],
-        np.frombuffer(hits.points).reshape(-1, 3)[back], np.frombuffer(hits.normals).reshape(-1, 3)[back],
-        onwards[back],
-    )  # fmt: skip
-    return [_there_and_back(found, absorption), _one_way(found, scene, view, absorption)]
+    returned = chosen[echoing]
+    reflected = _ReflectedRays(
+        rays.weights[returned],
+        rays.beam[returned],
+        length[echoing],
+        factors[echoing],
+        strengths[objects[echoing]],
+        objects[echoing],
+        np.frombuffer(hits.points).reshape(-1, 3)[echoing],
+        np.frombuffer(hits.normals).reshape(-1, 3)[echoing],
+        outgoing[echoing],
+    )
+    return [_reflected_twice(reflected, absorption), _reflected_once(reflected, scene, pose, absorption)]
 
 
-class _Bounced:
-    """Rays by way of a mirror: what they weigh, their beams, how long they are, and what they have met."""
+class _ReflectedRays:
+    """Reflected rays (n): weights, beams, lengths (m), factors of the reflection's loss, and what they hit."""
 
     def __init__(
-        self, weights: Any, beam: Any, length: Any, loss: Any, strength: Any, objects: Any, points: Any, normals: Any,
-        along: Any,
-    ) -> None:  # fmt: skip
-        self.weights, self.beam, self.length, self.loss = weights, beam, length, loss
+        self,
+        weights: Any,
+        beam: Any,
+        length: Any,
+        factors: Any,
+        strength: Any,
+        objects: Any,
+        points: Any,
+        normals: Any,
+        incoming: Any,
+    ) -> None:
+        self.weights, self.beam, self.length, self.factors = weights, beam, length, factors
         self.strength, self.objects, self.points, self.normals = strength, objects, points, normals
-        self.facing = np.maximum(-(normals * along).sum(axis=1), 0.0)
+        self.cos_incidence = np.maximum(-(normals * incoming).sum(axis=1), 0.0)
 
-    def spread(self, facing: Floats, ranges: Floats) -> Floats:
-        """Return half the depth (m) of a patch along the ray: that of a plane seen so, bounded."""
+    def half_depth_of(self, cos_incidence: Floats, ranges: Floats) -> Floats:
+        """Return half the length (m) of a plane patch along the ray, limited at grazing incidence."""
         size = ranges * np.sqrt(self.weights)
-        half: Floats = 0.5 * size * np.sqrt(np.maximum(1.0 - facing**2, 0.0)) / np.maximum(facing, 0.1)
-        return half
+        half_depth: Floats = (
+            0.5 * size * np.sqrt(np.maximum(1.0 - cos_incidence**2, 0.0)) / np.maximum(cos_incidence, 0.1)
+        )
+        return half_depth
 
 
-def _there_and_back(found: _Bounced, absorption: float) -> Echoes:
-    energy = found.strength * found.facing * found.weights / found.length**2 * found.loss**2
-    energy *= 10.0 ** (-0.2 * absorption * found.length)
-    return _echoes(found, found.length, energy, found.facing, found.beam)
+def _reflected_twice(reflected: _ReflectedRays, absorption: float) -> Echoes:
+    energy = (
+        reflected.strength * reflected.cos_incidence * reflected.weights / reflected.length**2 * reflected.factors**2
+    )
+    energy *= 10.0 ** (-0.2 * absorption * reflected.length)
+    return _echoes(reflected, reflected.length, energy, reflected.cos_incidence, reflected.beam)
 
 
-def _one_way(found: _Bounced, scene: RayScene, view: View, absorption: float) -> Echoes:
-    straight = found.points - view.place
-    distance = np.maximum(np.sqrt((straight**2).sum(axis=1)), 1e-3)
-    straight /= distance[:, None]
-    own = straight @ view.turn
-    met = np.frombuffer(scene.ranges(view.place.tolist(), np.ascontiguousarray(straight), view.reach))
-    facing = np.maximum(-(found.normals * straight).sum(axis=1), 0.0)
-    across, down = np.arctan2(own[:, 1], own[:, 0]), np.arcsin(np.clip(own[:, 2], -1.0, 1.0))
-    assert view.lattice is not None
-    edges = view.lattice.across
+def _reflected_once(reflected: _ReflectedRays, scene: RayScene, pose: SonarPose, absorption: float) -> Echoes:
+    direct = reflected.points - pose.position
+    distance = np.maximum(np.sqrt((direct**2).sum(axis=1)), 1e-3)
+    direct /= distance[:, None]
+    local = direct @ pose.rotation
+    direct_ranges = np.frombuffer(scene.ranges(pose.position.tolist(), np.ascontiguousarray(direct), pose.reach))
+    cos_incidence = np.maximum(-(reflected.normals * direct).sum(axis=1), 0.0)
+    across, down = np.arctan2(local[:, 1], local[:, 0]), np.arcsin(np.clip(local[:, 2], -1.0, 1.0))
+    assert pose.lattice is not None
+    edges = pose.lattice.across
     beam = np.floor((across - edges[0]) / (edges[1] - edges[0])).astype(np.int64)
-    visible = (met > distance - _SEEN) & (beam >= 0) & (beam < len(edges) - 1)
-    # b b_d dO is the geometric mean of b² dO and b_d² dO, the cells being as large.
-    largest = found.weights.max()
-    weights = np.sqrt(found.weights * largest) * pattern(down, view.height)
-    energy = 2.0 * found.strength * facing * weights / distance**2 * found.loss
-    energy *= np.where(visible, 10.0 ** (-0.1 * absorption * (found.length + distance)), 0.0)
-    return _echoes(found, 0.5 * (found.length + distance), energy, facing, np.clip(beam, 0, len(edges) - 2))
+    visible = (direct_ranges > distance - _VISIBLE_TOLERANCE) & (beam >= 0) & (beam < len(edges) - 1)
+    # b b_d dO is the geometric mean of b² dO and b_d² dO, as both cells have the same size.
+    largest = reflected.weights.max()
+    weights = np.sqrt(reflected.weights * largest) * beam_pattern(down, pose.height)
+    energy = 2.0 * reflected.strength * cos_incidence * weights / distance**2 * reflected.factors
+    energy *= np.where(visible, 10.0 ** (-0.1 * absorption * (reflected.length + distance)), 0.0)
+    return _echoes(
+        reflected, 0.5 * (reflected.length + distance), energy, cos_incidence, np.clip(beam, 0, len(edges) - 2)
+    )
 
 
-def _echoes(found: _Bounced, ranges: Floats, energy: Floats, facing: Floats, beam: Any) -> Echoes:
-    half = found.spread(facing, ranges)
-    # None of them is in the way of the first echoes' objects: they count as nothing.
-    return Echoes(ranges, ranges - half, ranges + half, energy, beam, np.full(len(ranges), -1, np.int32))
+def _echoes(reflected: _ReflectedRays, ranges: Floats, energy: Floats, cos_incidence: Floats, beam: Any) -> Echoes:
+    half_depth = reflected.half_depth_of(cos_incidence, ranges)
+    # Object -1 (nothing): the edges of first echoes must not be limited by second echoes.
+    return Echoes(ranges, ranges - half_depth, ranges + half_depth, energy, beam, np.full(len(ranges), -1, np.int32))

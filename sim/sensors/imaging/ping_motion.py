@@ -1,10 +1,12 @@
-"""Effects of a sonar's own motion on one ping: it has moved on and turned when the echoes come.
+"""Effects of a sonar's own motion on one ping: the sonar moves and turns before the echoes arrive.
 
-An echo from range r comes t = 2 r / c after the ping. With v the sonar's velocity and w its turn rate, to first order
-in v / c and w t: the range is measured 1 - d v / c times as long, d being the direction of the thing, which by then
-stands in the direction d - w x d t. Where the receiver's beam is narrow it has turned away from what was lit: lines of
-a side scan fade while its vehicle turns. Beams of a forward sonar receive what stood beside them. Things stand
-still, and second echoes are as long as those of a sonar at rest.
+An echo from range r arrives t = 2 r / c after the ping. Let v be the sonar's velocity, w its angular velocity, and d
+the direction of the object (unit vector). To first order in v / c and w t, the measured range is 1 - d v / c times the
+true one, and the echo arrives from the direction d - w x d t.
+
+A narrow receiving beam has turned away from the seabed that the pulse insonified: lines of a side scan fade while its
+vehicle turns. The beams of a forward sonar receive the echoes of neighbouring directions. Not modelled: motion of the
+objects, effects on second echoes.
 """
 
 from collections.abc import Callable
@@ -19,52 +21,55 @@ from sim.rotations import multiply, rotate_inverse
 from sim.sensors.imaging.echoes import Bins, Echoes, Floats
 from sim.sensors.mounting import Mounting
 
-_STILL = 1e-4  # rad/s, m/s
-_LEAST_SHIFT = 0.02  # of a beam
+_MIN_MOTION = 1e-4  # rad/s and m/s: slower motion is ignored
+_MIN_SHIFT = 0.02  # in beams: smaller shifts are ignored
 
 
 class PingMotion(NamedTuple):
-    """Velocity (m/s) and turn rate (rad/s) of a sonar during a ping, in its own axes."""
+    """Velocity (m/s) and angular velocity (rad/s) of a sonar during a ping, along its own axes."""
 
     velocity: Vector3
-    spin: Vector3
+    angular_velocity: Vector3
 
-    def apply(self, echoes: Echoes, directions: Floats, receive: Callable[[Floats], Floats] | None) -> Echoes:
-        """Return the echoes of rays (unit vectors, n x 3) as they come.
+    def apply(self, echoes: Echoes, directions: Floats, receiver_pattern: Callable[[Floats], Floats] | None) -> Echoes:
+        """Return the echoes of rays along `directions` (unit vectors, n x 3), changed by the motion.
 
-        `receive` is the receiver's pattern (intensity) by unit vectors, as it is in the rays' weights; None for one
-        that receives all of them alike.
+        `receiver_pattern` is the receiver's pattern (intensity, by unit vectors) that the rays' weights include; None:
+        the receiver's beams cover all directions, and energies do not change.
         """
-        if max(map(abs, self.velocity)) > _STILL:
-            echoes = echoes.moved(1.0 - directions @ np.array(self.velocity) / SOUND_SPEED)
-        if receive is not None and max(map(abs, self.spin)) > _STILL:
+        if max(map(abs, self.velocity)) > _MIN_MOTION:
+            echoes = echoes.scale_ranges(1.0 - directions @ np.array(self.velocity) / SOUND_SPEED)
+        if receiver_pattern is not None and max(map(abs, self.angular_velocity)) > _MIN_MOTION:
             seconds = np.where(echoes.energy > 0.0, 2.0 * echoes.ranges / SOUND_SPEED, 0.0)
-            before = receive(directions)
-            after = receive(directions - np.cross(self.spin, directions) * seconds[:, None])
+            before = receiver_pattern(directions)
+            after = receiver_pattern(directions - np.cross(self.angular_velocity, directions) * seconds[:, None])
             echoes = echoes._replace(energy=echoes.energy * after / np.where(before > 0.0, before, 1.0))
         return echoes
 
-    def turn_beams(self, shares: Floats, bins: Bins, spacing: float) -> Floats:
-        """Return echoes (beams x bins) by the directions in which they come, of beams `spacing` rad apart about z."""
-        shift = self.spin[2] * 2.0 * (bins.first + (np.arange(bins.count) + 0.5) * bins.step) / (SOUND_SPEED * spacing)
-        if np.abs(shift).max() < _LEAST_SHIFT:
-            return shares
-        whole = np.floor(shift).astype(np.int64)
-        places, column = np.arange(len(shares))[:, None] + whole, np.arange(bins.count)
-        padded = np.vstack([shares, np.zeros((1, bins.count), shares.dtype)])  # beyond the fan nothing is lit
+    def shift_beams(self, echoes: Floats, bins: Bins, spacing: float) -> Floats:
+        """Return echoes (beams x bins) shifted to the beams in which they arrive, `spacing` rad apart about z."""
+        ranges = bins.first + (np.arange(bins.count) + 0.5) * bins.step
+        shift = self.angular_velocity[2] * 2.0 * ranges / (SOUND_SPEED * spacing)
+        if np.abs(shift).max() < _MIN_SHIFT:
+            return echoes
+        whole_beams = np.floor(shift).astype(np.int64)
+        rows, column = np.arange(len(echoes))[:, None] + whole_beams, np.arange(bins.count)
+        padded = np.vstack([echoes, np.zeros((1, bins.count), echoes.dtype)])  # no echoes from outside the fan
 
-        def at(places: Any) -> Floats:
-            received: Floats = padded[np.where((places >= 0) & (places < len(shares)), places, -1), column]
+        def at(rows: Any) -> Floats:
+            received: Floats = padded[np.where((rows >= 0) & (rows < len(echoes)), rows, -1), column]
             return received
 
-        later = (shift - whole).astype(shares.dtype)
-        turned: Floats = (1 - later) * at(places) + later * at(places + 1)
-        return turned
+        remainder = (shift - whole_beams).astype(echoes.dtype)
+        shifted: Floats = (1 - remainder) * at(rows) + remainder * at(rows + 1)
+        return shifted
 
 
-def motion_of(state: State, mounting: Mounting, turned: Quaternion | None) -> PingMotion | None:
-    """Return the motion of a sonar whose head, if it has one, stands `turned` in its axes; None at rest."""
-    if max(map(abs, state.nu)) <= _STILL:
+def sonar_motion(state: State, mounting: Mounting, head_rotation: Quaternion | None) -> PingMotion | None:
+    """Return the motion of a sonar along its axes, or those of its head (turned by `head_rotation`); None at rest."""
+    if max(map(abs, state.nu)) <= _MIN_MOTION:
         return None
-    own = multiply(mounting.quaternion, turned) if turned else mounting.quaternion
-    return PingMotion(rotate_inverse(own, mounting.velocity(state.nu)), rotate_inverse(own, state.nu[3:6]))
+    orientation = multiply(mounting.quaternion, head_rotation) if head_rotation else mounting.quaternion
+    return PingMotion(
+        rotate_inverse(orientation, mounting.velocity(state.nu)), rotate_inverse(orientation, state.nu[3:6])
+    )

@@ -1,11 +1,11 @@
-"""Reverberation of the water: what bubbles, plankton and silt send back all along a sonar's beams.
+"""Reverberation of the water: echoes of bubbles, plankton and silt at all ranges of a sonar's beams.
 
-Per m³ they scatter s_v of the intensity back (10 lg s_v is `volume_strength`, dB re 1/m; Urick 1983, chapter 8). With
-the beam pattern b and a range bin of dr:
+The water scatters back the share s_v of the intensity per m³ and sr (10 lg s_v is `volume_strength`, dB re 1/m; Urick
+1983, chapter 8). With the beam pattern b and a range bin of dr:
 
     echo / source = s_v b² dO dr / r² 10^(-2 alpha r / 10)
 
-over those directions of a beam in which nothing has been met before r: behind a thing there is shadow in the water too.
+summed over the directions of a beam in which no ray has hit anything before r: objects cast shadows in the water, too.
 """
 
 import numpy as np
@@ -14,9 +14,10 @@ from sim.sensors.imaging.echoes import Bins, Echoes, Floats
 
 
 def volume_echoes(echoes: Echoes, bins: Bins, weights: Floats, strength: float, absorption: float) -> Floats:
-    """Return what the water sends back of each beam in each bin: beams x bins.
+    """Return the echoes of the water by beam and bin (beams x bins, echo / source).
 
-    `weights` are b² dO of the aperture's own rays (beams x rays), `strength` is 10 lg s_v, `absorption` dB/m.
+    `weights` are b² dO of the aperture's own rays (beams x rays), `strength` is 10 lg s_v (dB re 1/m), `absorption` is
+    in dB/m.
     """
     beams, rays = weights.shape
     middles = bins.first + (np.arange(bins.count) + 0.5) * bins.step

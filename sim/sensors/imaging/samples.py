@@ -1,7 +1,7 @@
 """Samples of imaging sensors. Conventions are those of sim.sensors.samples.
 
-Pictures are bytes, row after row; a number of more than one byte is as this machine has it (little-endian on all that
-this runs on), so that numpy.frombuffer takes it as it is.
+Pictures are bytes, row by row. Numbers of more than one byte have the byte order of this machine (little-endian on all
+supported machines), so that numpy.frombuffer reads them.
 """
 
 from typing import Literal, NamedTuple
@@ -9,14 +9,14 @@ from typing import Literal, NamedTuple
 from hil.common.errors import MissingExtraError
 from sim.sensors.extra_samples import LaserSample
 
-# Of a lens, k1, k2, p1, p2, k3: ROS's "plumb_bob".
+# Coefficients k1, k2, p1, p2, k3 of a lens: ROS's "plumb_bob".
 Distortion = tuple[float, float, float, float, float]
-# Echoes: what a device sends (grey, 0 to 255), or the true echo intensities.
+# Of echoes: uint8 is what a device outputs (grey, 0 to 255), float32 the true intensities.
 Encoding = Literal["uint8", "float32"]
 
 
 class Intrinsics(NamedTuple):
-    """A pinhole: focal lengths and principal point in pixels; the middle of the first pixel is (0, 0)."""
+    """Pinhole camera model: focal lengths and principal point in pixels; the middle of the first pixel is (0, 0)."""
 
     fx: float
     fy: float
@@ -25,13 +25,13 @@ class Intrinsics(NamedTuple):
 
 
 class CameraSample(NamedTuple):
-    """A picture of `width` x `height` pixels, from the upper left; u grows to the right, v downwards.
+    """A picture of `width` x `height` pixels, row by row from the upper left.
 
-    The optical axis is the sensor's x, to the right is its y, down its z. `rgb`: three bytes a pixel. `depth`: a 32-bit
-    float a pixel, m along the optical axis, inf where there is nothing within reach; None if the camera gives none.
-    `labels`: a 32-bit integer a pixel, which object of sim.rays.scene.RayScene it is; only of the ground truth. The
-    lens distorts the picture by `distortion`, depth and labels with it. `points`: three 32-bit floats a pixel, where in
-    the sensor's axes that depth is (m; nan where there is none), the lens accounted for; None if not asked for.
+    The optical axis is the sensor's x axis; its y axis is to the right, its z axis down. `rgb`: three bytes for each
+    pixel. `depth`: a 32-bit float for each pixel, m along the optical axis, inf where nothing is in range; None if the
+    camera has no depth. `labels`: a 32-bit integer for each pixel, the object number of sim.rays.scene.RayScene; None
+    without ground truth. `rgb`, `depth` and `labels` include the lens's `distortion`. `points`: three 32-bit floats for
+    each pixel, its position in the sensor's axes (m; nan without depth), corrected for the lens; None if not requested.
     """
 
     time_ns: int
@@ -46,11 +46,12 @@ class CameraSample(NamedTuple):
 
 
 class SonarImageSample(NamedTuple):
-    """A forward-looking sonar's picture: a row a range bin, the nearest first; a number a beam, from port on.
+    """Picture of a forward-looking or scanning sonar: one row for each range bin, the nearest first.
 
-    `beams` are the angles (rad) about the sensor's z axis from x (ahead) towards y (starboard), growing. Bin i reaches
-    from `first_range` + i `range_step` m on, as far as the device thinks with its `sound_speed` (m/s). `frequency` Hz;
-    `beam_width` and `beam_height` rad are those of one beam at half power.
+    A row has one number for each beam, from port to starboard. `beams` are their angles (rad) about the sensor's z axis
+    from x (ahead) towards y (starboard), ascending. Bin i begins at `first_range` + i `range_step` (m), computed with
+    the device's `sound_speed` (m/s). `frequency` is in Hz; `beam_width` and `beam_height` (rad) are those of one beam
+    at half power.
     """
 
     time_ns: int
@@ -67,7 +68,7 @@ class SonarImageSample(NamedTuple):
 
 
 class EchoSample(NamedTuple):
-    """One ping of a scanning sonar: the distance of its first echo, and its echoes by range, a picture of one beam."""
+    """One ping of a scanning sonar: the distance of its first echo, and all echoes as a picture of one beam."""
 
     time_ns: int
     scan: LaserSample
@@ -75,10 +76,10 @@ class EchoSample(NamedTuple):
 
 
 class SideScanSample(NamedTuple):
-    """One ping of a side-scan sonar: `bins` numbers a side by slant range, the nearest first.
+    """One ping of a side-scan sonar: `bins` numbers for each side by slant range, the nearest first.
 
-    Bin i reaches from i `range_step` m on. `altitude` is the range of the first bottom return (m), as the device tracks
-    it: inf if there is none. `frequency` Hz; `beam_width` rad is along the track, `beam_height` across it.
+    Bin i begins at i `range_step` (m). `altitude` is the range of the first echo of the bottom (m), inf without one.
+    `frequency` is in Hz; `beam_width` (rad) is along the track, `beam_height` (rad) across it.
     """
 
     time_ns: int
@@ -94,7 +95,7 @@ class SideScanSample(NamedTuple):
     starboard: bytes
 
 
-def need_numpy(sensor: str) -> None:
+def require_numpy(sensor: str) -> None:
     """Check that numpy, which a `sensor` needs for its pictures, is installed. Raises MissingExtraError."""
     from importlib.util import find_spec
 

@@ -8,9 +8,9 @@ from sim.dynamics import State
 from sim.rotations import from_euler, to_euler
 from sim.sensors.error import ErrorModel, sensor_random
 from sim.sensors.extra_samples import LaserSample
-from sim.sensors.imaging.samples import EchoSample, SonarImageSample, need_numpy
+from sim.sensors.imaging.samples import EchoSample, SonarImageSample, require_numpy
 from sim.sensors.mounting import Mounting
-from sim.sensors.ranging.beams import Beams, RangeErrors, cone, within
+from sim.sensors.ranging.beams import Beams, RangeErrors, apply_limits, cone
 from sim.sensors.samples import Scene
 
 if TYPE_CHECKING:
@@ -19,27 +19,29 @@ if TYPE_CHECKING:
 
 Angle = Annotated[float, Range(-2.0 * pi, 2.0 * pi, "rad")]
 _DEGREE = pi / 180.0
-_LOBES = 8  # slices to either side for side lobes
-# dB re the source: what the receiver hears of its own pulse. A log of a Ping360 set to 2 m is white to 5 cm, has half
-# of that at 12 cm and noise from 0.6 m on (github.com/noahaosman/Ping360_Log_Reader, test_ping_log).
-_RINGS = -26.0
-_SAMPLES = 16  # of a slice's pattern, for its mean
+_SIDE_LOBES = 8  # number of side lobes on each side, each one slice of rays
+# dB re the source: level of the transducer's ringing directly after the pulse. In a log of a Ping360 set to 2 m the
+# picture is white up to 5 cm, half as bright at 12 cm, and noise from 0.6 m on
+# (github.com/noahaosman/Ping360_Log_Reader, test_ping_log).
+_RINGING_LEVEL = -26.0
+_SAMPLES = 16  # of the pattern within a slice, for its mean
 
 
 class ScanningSonarModel(NamedTuple):
     """Pings in Hz (0: none), the sector and the step (rad), the beam's width and height (rad), reach, error.
 
-    `rings` of rays stand for the beam. With `bins` a ping also gives so many intensities, from `min_range` to
-    `max_range`; then the sensor needs numpy and runs beside cameras and sonars. `slices` x `rays` stand for the beam in
-    these; the other keys are those of sim.sensors.imaging.forward_sonar.ForwardSonarModel. The beam sends as it
-    receives, so side lobes count twice; its first are those of an unshaded element by default. `ringing` hides the
-    first echo too. Echoes are as long as a pulse of `pulse_length` s, by default what a Ping360 takes for the reach
-    (see sim.sensors.imaging.pulse); speckle is alike within it and between pings that overlap. With `ground_truth` the
-    distances are the true ones, and intensities the mean ones of a pulse as short as a bin.
+    `rings` of rays represent the beam for the distance. With `bins` above 0 a ping also has this number of intensities,
+    from `min_range` to `max_range`; then the sensor needs numpy and runs in the process of the cameras and sonars.
+    `slices` x `rays` represent the beam for the intensities; the other keys are those of
+    sim.sensors.imaging.forward_sonar.ForwardSonarModel. The transducer sends and receives with the same pattern, so
+    side lobes apply to both ways; by default the first of them is that of an unshaded element. `ringing` also hides the
+    first echo. Echoes are as long as a pulse of `pulse_length` s, by default that of a Ping360 for this reach (see
+    sim.sensors.imaging.pulse); speckle is correlated within a pulse and between pings that overlap. With `ground_truth`
+    the distances are the true ones, and the intensities are the mean ones of a pulse as short as a bin.
 
     Blue Robotics Ping360 (data sheet): 2 x 25 deg, steps of 0.9 deg (1 grad), 0.75 to 50 m with 1200 samples a ping,
     35 s a turn at full reach; 750 kHz, 8 bits (Ping protocol, device_data); one pulse of one element is one look.
-    Scale: a speed of sound that is 7 m/s off; levels and the picture are our choice.
+    Scale: an error of the speed of sound of 7 m/s; levels and the picture are our choice.
     """
 
     rate: Annotated[float, Range(0.0, 1000.0, "Hz")] = 11.0
@@ -81,7 +83,7 @@ class ScanningSonarModel(NamedTuple):
 
     @property
     def offloaded(self) -> bool:
-        """True if it makes pictures."""
+        """True if it measures intensities, which takes too long for the loop of a slave."""
         return self.bins > 0
 
     def validate(self) -> str | None:
@@ -98,9 +100,10 @@ class ScanningSonarModel(NamedTuple):
 class ScanningSonar:
     """A beam in the sensor's x-y plane, at an angle from x (ahead) towards y (starboard). A sample is one range.
 
-    Over a whole turn the head goes round. Over a sector it goes there and back. Each ping is measured from where the
-    vehicle is then, so a scan of a moving vehicle is skewed as a real one is. The distance is that of the first echo,
-    the least along any of the rays. Not modelled: side lobes above and below the beam, echoes of earlier pings.
+    With a sector of 360 deg the head turns continuously, with a smaller one it turns forth and back. Each ping is
+    measured at the vehicle's position at that time, so the scan of a moving vehicle is skewed like a real one. The
+    distance is that of the first echo, the shortest along any of the rays. Not modelled: side lobes above and below the
+    beam, echoes of earlier pings.
     """
 
     Model = ScanningSonarModel
@@ -115,41 +118,45 @@ class ScanningSonar:
         self._limits = max(model.min_range, model.ringing), model.max_range
         self._beams = Beams(scene, mounting, cone(model.beam_width, model.beam_height, model.rings), model.max_range)
         random = sensor_random(seed, self.topic)
-        self._echoes = Intensities(model, mounting, seed, scene, self.topic) if model.bins else None
+        self._echo_recorder = EchoRecorder(model, mounting, seed, scene, self.topic) if model.bins else None
         self._errors = None if model.ground_truth else RangeErrors(model.error, 1.0 / model.rate, random, self._limits)
 
     def add(self, solid: "Solid", state: State) -> None:
-        """Add a solid, for its intensities, that moves with a vehicle's `state`; its axes are the body's."""
-        if self._echoes:
-            self._echoes.add(solid, state)
+        """Add a solid that moves with a vehicle's `state`, in body axes. It affects only the intensities."""
+        if self._echo_recorder:
+            self._echo_recorder.add(solid, state)
 
     def sample(self, time_ns: int, state: State) -> Any:
-        """Return the measurement of `state`, a LaserSample, with `bins` an EchoSample; the head turns on."""
-        angle = self._first + self._place() * self._step
+        """Return the measurement of `state`, a LaserSample, or an EchoSample with `bins`; turn the head by one step."""
+        angle = self._first + self._step_number() * self._step
         self._ping += 1
         true = (min(self._beams.ranges(time_ns, state, from_euler(0.0, 0.0, angle))),)
-        measured = self._errors.measure(true) if self._errors else within(true, true, self._limits)
+        measured = self._errors.measure(true) if self._errors else apply_limits(true, true, self._limits)
         scan = LaserSample(time_ns, angle, self._step, measured, self._limits)
-        return EchoSample(time_ns, scan, self._echoes.measure(time_ns, state, angle)) if self._echoes else scan
+        return (
+            EchoSample(time_ns, scan, self._echo_recorder.measure(time_ns, state, angle))
+            if self._echo_recorder
+            else scan
+        )
 
-    def _place(self) -> int:
-        """Return how many steps from the first angle the head stands."""
+    def _step_number(self) -> int:
+        """Return the head's present number of steps from the first angle."""
         if self._whole_turn:
             return self._ping % self._steps
-        there = self._ping % (2 * self._steps)
-        return min(there, 2 * self._steps - there)
+        step = self._ping % (2 * self._steps)
+        return min(step, 2 * self._steps - step)
 
 
-class Intensities:
-    """The echoes of a ping by range, of one beam that sends and receives; `sonar` is the topic of its sonar."""
+class EchoRecorder:
+    """Measures the echoes of one beam by range, with one pattern for sending and receiving; `sonar` is its topic."""
 
     def __init__(self, model: ScanningSonarModel, mounting: Mounting, seed: int, scene: Scene, sonar: str) -> None:
-        need_numpy(sonar)
+        require_numpy(sonar)
         import numpy as np
 
         from sim.environment.seawater.absorption import francois_garrison
         from sim.sensors.imaging.bottom_echo import make_texture
-        from sim.sensors.imaging.echoes import Bins, Mirrors
+        from sim.sensors.imaging.echoes import Bins, ReflectionLosses
         from sim.sensors.imaging.pinger import Pinger
         from sim.sensors.imaging.pulse import PulseReceiver, aperture_length, ping360_pulse
         from sim.sensors.imaging.sonar_picture import Picture, RangeScale
@@ -158,10 +165,12 @@ class Intensities:
         self._model, self._step = model, (model.max_range - model.min_range) / model.bins
         absorption = francois_garrison(model.frequency, model.temperature, model.salinity)
         aperture = _aperture(model)
-        mirrors = Mirrors(model.surface_loss, model.bottom_loss) if model.multipath else None
-        self._pingers = [Pinger(scene, mounting, aperture, model.max_range, absorption, model, mirrors)]
+        losses = ReflectionLosses(model.surface_loss, model.bottom_loss) if model.multipath else None
+        self._pingers = [Pinger(scene, mounting, aperture, model.max_range, absorption, model, losses)]
         if model.side_lobes:
-            self._pingers.append(Pinger(scene, mounting, _side_lobes(model), model.max_range, absorption, model))
+            self._pingers.append(
+                Pinger(scene, mounting, _side_lobe_aperture(model), model.max_range, absorption, model)
+            )
         self._bins = Bins(model.min_range, self._step, model.bins, absorption)
         ranges = model.min_range + (np.arange(model.bins) + 0.5) * self._step
         seconds = model.pulse_length
@@ -169,11 +178,13 @@ class Intensities:
             seconds = ping360_pulse(model.max_range, self._step, model.sound_speed)
         pulse = max(0.5 * seconds * model.sound_speed / self._step, 1.0)
         solid_angle = float(aperture.weights.sum())
-        self._picture = Picture(model, ranges, absorption, solid_angle, seed, topic, pulse=pulse, rings=_RINGS)
+        self._picture = Picture(
+            model, ranges, absorption, solid_angle, seed, topic, pulse=pulse, ringing_level=_RINGING_LEVEL
+        )
         across = aperture_length(model.beam_width, model.sound_speed / model.frequency)
         self._mounting = mounting
         self._receiver = PulseReceiver(model.bins, pulse, model.beam_width, across, model.looks, self._picture.random)
-        # The same device: its clock is as wrong as that of its distances.
+        # The same random numbers as for the distances: the same device has the same error of its clock.
         self._scale = RangeScale(model, mounting, seed, topic, scene, sonar)
         self._texture = make_texture(scene.world)
 
@@ -183,83 +194,85 @@ class Intensities:
             pinger.add(solid, state)
 
     def measure(self, time_ns: int, state: State, angle: float) -> SonarImageSample:
-        """Return the echoes with the head at an angle (rad)."""
+        """Return the echoes of a ping of `state` with the head at `angle` (rad)."""
         import numpy as np
 
-        from sim.sensors.imaging.bottom_echo import shares_of
+        from sim.sensors.imaging.bottom_echo import distribute_textured_echoes
         from sim.sensors.imaging.sonar_picture import encoding
 
         m = self._model
         head = from_euler(0.0, 0.0, angle)
-        pings = self._scale.measure(state, *[pinger.ping(time_ns, state, head) for pinger in self._pingers])
+        groups = self._scale.measure(state, *[pinger.ping(time_ns, state, head) for pinger in self._pingers])
         mean = np.zeros(m.bins)
-        if pings:
-            shares = shares_of(pings[0], self._bins, m.slices, self._texture)
-            mean = self._pingers[0].with_water(shares, pings[0], self._bins, m.volume_strength).sum(axis=0)
-        for echoes in pings[1:]:
-            mean += self._bins.shares(echoes, 2 * _LOBES).sum(axis=0)
+        if groups:
+            echoed = distribute_textured_echoes(groups[0], self._bins, m.slices, self._texture)
+            mean = self._pingers[0].add_reverberation(echoed, groups[0], self._bins, m.volume_strength).sum(axis=0)
+        for echoes in groups[1:]:
+            mean += self._bins.distribute(echoes, 2 * _SIDE_LOBES).sum(axis=0)
         return SonarImageSample(
             time_ns, (angle,), m.bins, m.min_range, self._step, m.frequency, m.sound_speed, m.beam_width,
-            m.beam_height, encoding(m), self._received(mean, state, angle),
+            m.beam_height, encoding(m), self._make_picture(mean, state, angle),
         )  # fmt: skip
 
-    def _received(self, mean: "Floats", state: State, angle: float) -> bytes:
-        """Return the picture of a ping with the head at `angle` (rad)."""
+    def _make_picture(self, mean: "Floats", state: State, angle: float) -> bytes:
+        """Return the picture of a ping, from its `mean` intensities (bins), with the head at `angle` (rad)."""
         import numpy as np
 
         picture = self._picture
         if self._model.ground_truth:
             return picture.make(mean[:, None])
         heading = to_euler(self._mounting.attitude(state))[2]
-        place = np.array(self._mounting.place(state))
-        received = self._receiver.receive(mean, float(picture.noise), picture.ringing, heading + angle, place)
+        position = np.array(self._mounting.world_position(state))
+        received = self._receiver.receive(mean, float(picture.noise), picture.ringing, heading + angle, position)
         return picture.encode(received[:, None])
 
 
 def _aperture(model: ScanningSonarModel) -> "Aperture":
-    """Return slices of the main lobe beside each other, each from its upper to its lower end."""
+    """Return slices of the main lobe side by side, each with rays from its upper to its lower end."""
     import numpy as np
 
-    from sim.sensors.imaging.echoes import main_lobe, pattern
+    from sim.sensors.imaging.echoes import beam_pattern, first_null
 
-    wide = main_lobe(model.beam_width)
-    edges = np.linspace(-wide, wide, model.slices + 1)
+    lobe = first_null(model.beam_width)
+    edges = np.linspace(-lobe, lobe, model.slices + 1)
 
-    def receive(toward: "Floats") -> "Floats":
+    def receiver_pattern(toward: "Floats") -> "Floats":
         across, down = np.arctan2(toward[:, 1], toward[:, 0]), np.arcsin(toward[:, 2].clip(-1.0, 1.0))
-        return pattern(across, model.beam_width) * pattern(down, model.beam_height)
+        return beam_pattern(across, model.beam_width) * beam_pattern(down, model.beam_height)
 
-    columns = pattern(0.5 * (edges[1:] + edges[:-1]), model.beam_width) ** 2
-    return _slices(model, edges, model.rays, columns)._replace(receive=receive)
+    column_weights = beam_pattern(0.5 * (edges[1:] + edges[:-1]), model.beam_width) ** 2
+    return _make_slices(model, edges, model.rays, column_weights)._replace(receiver_pattern=receiver_pattern)
 
 
-def _side_lobes(model: ScanningSonarModel) -> "Aperture":
-    """Return a slice for each side lobe to either side of the main one, of its mean strength."""
+def _side_lobe_aperture(model: ScanningSonarModel) -> "Aperture":
+    """Return one slice for each side lobe, on both sides of the main lobe, with its mean strength."""
     import numpy as np
 
-    from sim.sensors.imaging.echoes import array_pattern, main_lobe, pattern
+    from sim.sensors.imaging.echoes import array_pattern, beam_pattern, first_null
 
-    span = min(_LOBES * main_lobe(model.beam_width), 0.5 * pi)
-    edges = np.linspace(-span, span, 2 * _LOBES + 1)
-    within = (np.arange(_SAMPLES) + 0.5) / _SAMPLES
-    angles = edges[:-1, None] + np.diff(edges)[:, None] * within
-    lobes = array_pattern(angles, model.beam_width, model.side_lobes) - pattern(angles, model.beam_width)
-    return _slices(model, edges, max(model.rays // 2, 1), (lobes**2).mean(axis=1))
+    span = min(_SIDE_LOBES * first_null(model.beam_width), 0.5 * pi)
+    edges = np.linspace(-span, span, 2 * _SIDE_LOBES + 1)
+    fractions = (np.arange(_SAMPLES) + 0.5) / _SAMPLES
+    angles = edges[:-1, None] + np.diff(edges)[:, None] * fractions
+    lobes = array_pattern(angles, model.beam_width, model.side_lobes) - beam_pattern(angles, model.beam_width)
+    return _make_slices(model, edges, max(model.rays // 2, 1), (lobes**2).mean(axis=1))
 
 
-def _slices(model: ScanningSonarModel, edges: "Floats", rays: int, columns: "Floats") -> "Aperture":
-    """Return slices beside each other between `edges` (rad), which weigh `columns` beside the weights by height."""
+def _make_slices(model: ScanningSonarModel, edges: "Floats", rays: int, column_weights: "Floats") -> "Aperture":
+    """Return slices side by side between `edges` (rad), weighted with `column_weights` and the pattern over height."""
     import numpy as np
 
     from sim.rays.splitting import Lattice
-    from sim.sensors.imaging.echoes import Aperture, main_lobe, pattern
+    from sim.sensors.imaging.echoes import Aperture, beam_pattern, first_null
 
-    high = main_lobe(model.beam_height)
-    lattice = Lattice(edges, np.linspace(-high, high, rays + 1))
+    lobe = first_null(model.beam_height)
+    lattice = Lattice(edges, np.linspace(-lobe, lobe, rays + 1))
     across = 0.5 * (edges[1:] + edges[:-1])
     downs = 0.5 * (lattice.down[1:] + lattice.down[:-1])
-    rows = np.diff(np.sin(lattice.down)) * pattern(downs, model.beam_height) ** 2
-    weights = np.outer(columns * np.diff(edges), rows)
-    middles, parted = (lattice.unit(*np.meshgrid(across, down, indexing="ij")) for down in (downs, lattice.down))
+    row_weights = np.diff(np.sin(lattice.down)) * beam_pattern(downs, model.beam_height) ** 2
+    weights = np.outer(column_weights * np.diff(edges), row_weights)
+    directions, edge_directions = (
+        lattice.unit(*np.meshgrid(across, down, indexing="ij")) for down in (downs, lattice.down)
+    )
     left, right = (lattice.unit(*np.meshgrid(side, downs, indexing="ij")) for side in (edges[:-1], edges[1:]))
-    return Aperture(middles, parted, weights, lattice, model.beam_height, columns, (left, right))
+    return Aperture(directions, edge_directions, weights, lattice, model.beam_height, column_weights, (left, right))

@@ -1,4 +1,4 @@
-"""A side-scan sonar: one line of echo strength by slant range to each side per ping."""
+"""A side-scan sonar: each ping has one line of echo strengths by slant range for each side."""
 
 from math import inf, pi
 from typing import TYPE_CHECKING, Annotated, NamedTuple
@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 from hil.common.schema import Range
 from sim.dynamics import State
 from sim.sensors.error import ErrorModel
-from sim.sensors.imaging.samples import SideScanSample, need_numpy
+from sim.sensors.imaging.samples import SideScanSample, require_numpy
 from sim.sensors.mounting import Mounting
 from sim.sensors.samples import Scene
 
@@ -15,18 +15,18 @@ if TYPE_CHECKING:
     from sim.sensors.imaging.echoes import Aperture, Floats
 
 _DEGREE = pi / 180.0
-_GRAZING = 0.15  # of a sine: where rays graze more they are no denser
+_GRAZING = 0.15  # sine of the angle at which the density of rays is limited
 
 
 class SideScanModel(NamedTuple):
-    """Rate in Hz (0: none), the two beams, their range bins, what echoes and disturbs, and how the picture is made.
+    """Rate in Hz (0: none), the two beams and their range bins, scattering and noise, and the encoding of the picture.
 
-    A beam is `beam_width` rad along the track and `beam_height` rad across it, at half power, one way; its axis looks
-    `depression` rad down from the horizontal. `slices` x `rays` a side stand for it. The other keys are those of
-    sim.sensors.imaging.forward_sonar.ForwardSonarModel.
+    A beam is `beam_width` rad wide along the track and `beam_height` rad high across it, at half power, one way; its
+    axis is `depression` rad below the horizontal. `slices` x `rays` represent the beam of each side. The other keys are
+    those of sim.sensors.imaging.forward_sonar.ForwardSonarModel.
 
     Defaults: StarFish 450 (its maker: 450 kHz, transducers 30 deg down, beams 60 deg high; 0.8 deg and 100 m a side are
-    commonly given; not read in a source); one ping needs 133 ms for 100 m there and back. Levels, looks, bins and the
+    commonly given; not read in a source); one ping needs 133 ms for 100 m both ways. Levels, looks, bins and the
     picture are our choice.
     """
 
@@ -62,8 +62,8 @@ class SideScanModel(NamedTuple):
 class SideScan:
     """Two beams in the sensor's y-z plane, to port (-y) and to starboard (+y), from above the horizontal to nadir.
 
-    The receiver makes a picture by placing the pings one below the other. Not modelled: what sim.sensors.imaging.echoes
-    leaves out, how the beams of a real array spread in its near field, and what one side receives of the other.
+    A receiver makes a picture of the lines of successive pings. Not modelled: what sim.sensors.imaging.echoes
+    leaves out, the near field of the array, echoes of one side that the other receives.
     """
 
     Model = SideScanModel
@@ -71,19 +71,19 @@ class SideScan:
     offloaded = True
 
     def __init__(self, model: SideScanModel, mounting: Mounting, seed: int, scene: Scene) -> None:
-        need_numpy(self.topic)
+        require_numpy(self.topic)
         import numpy as np
 
         from sim.environment.seawater.absorption import francois_garrison
         from sim.sensors.imaging.bottom_echo import make_texture
-        from sim.sensors.imaging.echoes import Bins, bins_of
+        from sim.sensors.imaging.echoes import Bins, count_bins
         from sim.sensors.imaging.pinger import Pinger
         from sim.sensors.imaging.sonar_picture import Picture, RangeScale
 
         self._model = model
         aperture = _aperture(model)
         absorption = francois_garrison(model.frequency, model.temperature, model.salinity)
-        count = bins_of(0.0, model.max_range, model.range_step)
+        count = count_bins(0.0, model.max_range, model.range_step)
         self._bins = Bins(0.0, model.range_step, count, absorption)
         self._pinger = Pinger(scene, mounting, aperture, model.max_range, absorption, model)
         self._texture = make_texture(scene.world)
@@ -100,14 +100,14 @@ class SideScan:
         """Return the measurement of `state`."""
         import numpy as np
 
-        from sim.sensors.imaging.bottom_echo import shares_of
+        from sim.sensors.imaging.bottom_echo import distribute_textured_echoes
         from sim.sensors.imaging.sonar_picture import encoding
 
         m = self._model
         sides, altitude = np.zeros((2, self._bins.count)), inf
         for echoes in self._scale.measure(state, self._pinger.ping(time_ns, state)):
-            intensities = shares_of(echoes, self._bins, 2 * m.slices, self._texture)
-            intensities = self._pinger.with_water(intensities, echoes, self._bins, m.volume_strength)
+            intensities = distribute_textured_echoes(echoes, self._bins, 2 * m.slices, self._texture)
+            intensities = self._pinger.add_reverberation(intensities, echoes, self._bins, m.volume_strength)
             sides = intensities.reshape(2, m.slices, -1).sum(axis=1)
             below = (echoes.energy > 0.0) & (echoes.object != self._pinger.surface)
             nearest = float(echoes.near[below].min(initial=inf))
@@ -120,29 +120,29 @@ class SideScan:
 
 
 def _edges(highest: float, rays: int) -> "Floats":
-    """Return the angles below the horizontal (rad) between `rays` rays, from `highest` to nadir.
+    """Return the edges of `rays` rays as angles below the horizontal (rad), from `highest` to nadir.
 
-    They are denser where they graze a bed: an edge of a shadow lies on a ray, and one ray after the other is farther
-    by the cotangent of the angle.
+    They are denser at grazing incidence: the edge of a shadow is resolved only to one ray, and the distance between
+    neighbouring rays on the seabed grows with the cotangent of the angle.
     """
     import numpy as np
 
     angles = np.linspace(highest, 0.5 * pi, 20 * rays + 1)
     middles = 0.5 * (angles[1:] + angles[:-1])
-    passed = np.append(0.0, np.cumsum(1.0 / (np.abs(np.sin(middles)) + _GRAZING)))
-    return np.interp(np.linspace(0.0, passed[-1], rays + 1), passed, angles)
+    cumulative = np.append(0.0, np.cumsum(1.0 / (np.abs(np.sin(middles)) + _GRAZING)))
+    return np.interp(np.linspace(0.0, cumulative[-1], rays + 1), cumulative, angles)
 
 
 def _aperture(model: SideScanModel) -> "Aperture":
-    """Return port's slices, then starboard's, from the upper end of the main lobe, or the zenith, to nadir."""
+    """Return port's slices, then starboard's, from the upper end of the main lobe, but at most zenith, to nadir."""
     import numpy as np
 
-    from sim.sensors.imaging.echoes import Aperture, main_lobe, pattern
+    from sim.sensors.imaging.echoes import Aperture, beam_pattern, first_null
 
-    wide = main_lobe(model.beam_width)
-    along_edges = np.linspace(-wide, wide, model.slices + 1)
+    lobe = first_null(model.beam_width)
+    along_edges = np.linspace(-lobe, lobe, model.slices + 1)
     alongs = 0.5 * (along_edges[1:] + along_edges[:-1])
-    highest = max(-0.5 * pi, model.depression - main_lobe(model.beam_height))
+    highest = max(-0.5 * pi, model.depression - first_null(model.beam_height))
     edges = _edges(highest, model.rays)
     downs = 0.5 * (edges[1:] + edges[:-1])
 
@@ -151,12 +151,12 @@ def _aperture(model: SideScanModel) -> "Aperture":
         vectors = [np.sin(along), side * np.cos(along) * np.cos(down), np.cos(along) * np.sin(down)]
         return np.stack(vectors, axis=-1).reshape(2 * model.slices, -1, 3)
 
-    across = pattern(downs - model.depression, model.beam_height) ** 2 * np.diff(edges)
-    lengthwise = pattern(alongs, model.beam_width) ** 2 * (np.sin(along_edges[1:]) - np.sin(along_edges[:-1]))
-    weights = np.outer(np.tile(lengthwise, 2), across)
+    across_weights = beam_pattern(downs - model.depression, model.beam_height) ** 2 * np.diff(edges)
+    along_weights = beam_pattern(alongs, model.beam_width) ** 2 * (np.sin(along_edges[1:]) - np.sin(along_edges[:-1]))
+    weights = np.outer(np.tile(along_weights, 2), across_weights)
 
-    def receive(toward: "Floats") -> "Floats":
+    def receiver_pattern(toward: "Floats") -> "Floats":
         down, along = np.arctan2(toward[:, 2], np.abs(toward[:, 1])), np.arcsin(toward[:, 0].clip(-1.0, 1.0))
-        return pattern(down - model.depression, model.beam_height) * pattern(along, model.beam_width)
+        return beam_pattern(down - model.depression, model.beam_height) * beam_pattern(along, model.beam_width)
 
-    return Aperture(unit(downs), unit(edges), weights, receive=receive)
+    return Aperture(unit(downs), unit(edges), weights, receiver_pattern=receiver_pattern)

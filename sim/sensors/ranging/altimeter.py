@@ -63,10 +63,10 @@ class Altimeter:
 
     def _distance(self, time_ns: int, state: State) -> float:
         """Return the distance (m) along the beam; inf if there is nothing within reach."""
-        place = self._mounting.place(state)
-        if submersion(self._scene, time_ns, place) <= 0.0:
+        position = self._mounting.world_position(state)
+        if submersion(self._scene, time_ns, position) <= 0.0:
             return inf
         down = rotate(state.quaternion, self._beam)[2]
-        distance = (self._scene.world.depth - place[2]) / down if down > 0.0 else inf
+        distance = (self._scene.world.depth - position[2]) / down if down > 0.0 else inf
         across = min(distance, self._limits[1]) * sqrt(max(0.0, 1.0 - down * down))
         return distance if self._ground.is_flat(state, across) else self._ground.ranges(state)[0]

@@ -27,31 +27,31 @@ class Beams:
     def __init__(self, scene: Scene, mounting: Mounting, directions: Iterable[Vector3], reach: float) -> None:
         self._scene = scene
         self._mounting = mounting
-        self._axes = mounting.quaternion
+        self._mounting_rotation = mounting.quaternion
         self._directions = array("d", [x for direction in directions for x in direction])
         self._reach = reach
         self._rays = RayScene(scene.world)
         self._nothing = [inf] * (len(self._directions) // 3)
 
-    def ranges(self, time_ns: int, state: State, turned: Quaternion | None = None) -> Sequence[float]:
+    def ranges(self, time_ns: int, state: State, head_rotation: Quaternion | None = None) -> Sequence[float]:
         """True distance along each beam in m, inf without an echo; none out of the water.
 
-        `turned` is how a head stands in the sensor's axes, for one that turns.
+        `head_rotation` is how a head stands in the sensor's axes, for one that turns.
         """
-        place = self._mounting.place(state)
-        if submersion(self._scene, time_ns, place) <= 0.0:
+        position = self._mounting.world_position(state)
+        if submersion(self._scene, time_ns, position) <= 0.0:
             return self._nothing
-        axes = multiply(self._axes, turned) if turned else self._axes
-        return self._rays.ranges(place, self._directions, self._reach, matrix(multiply(state.quaternion, axes)))
+        rotation = multiply(self._mounting_rotation, head_rotation) if head_rotation else self._mounting_rotation
+        return self._rays.ranges(position, self._directions, self._reach, matrix(multiply(state.quaternion, rotation)))
 
     def echoes(self, time_ns: int, state: State) -> tuple[Hits, list[float]] | None:
         """Return the hits of the beams, and the cosines of incidence (nan without an echo); None out of the water."""
-        place = self._mounting.place(state)
-        if submersion(self._scene, time_ns, place) <= 0.0:
+        position = self._mounting.world_position(state)
+        if submersion(self._scene, time_ns, position) <= 0.0:
             return None
-        rotation = matrix(multiply(state.quaternion, self._axes))
-        hits = self._rays.hits(place, self._directions, self._reach, rotation)
-        (x, y, z), points, normals = place, hits.points, hits.normals
+        rotation = matrix(multiply(state.quaternion, self._mounting_rotation))
+        hits = self._rays.hits(position, self._directions, self._reach, rotation)
+        (x, y, z), points, normals = position, hits.points, hits.normals
         cosines = [
             ((x - points[i]) * normals[i] + (y - points[i + 1]) * normals[i + 1] + (z - points[i + 2]) * normals[i + 2])
             / distance if distance else 1.0
@@ -81,12 +81,12 @@ class RangeErrors:
         values = [gain * x + drift + gauss(0.0, noise) for x in true] if noise else [gain * x + drift for x in true]
         if step := self._resolution:
             values = [round(x / step) * step if isfinite(x) else x for x in values]
-        if most := self._limit:
-            values = [min(x, most) for x in values]
-        return within(values, true, self._limits)
+        if limit := self._limit:
+            values = [min(x, limit) for x in values]
+        return apply_limits(values, true, self._limits)
 
 
-def within(values: Sequence[float], true: Sequence[float], limits: Limits) -> tuple[float, ...]:
+def apply_limits(values: Sequence[float], true: Sequence[float], limits: Limits) -> tuple[float, ...]:
     """Return the values, with inf and -inf for those whose true distance is beyond or below the limits (m)."""
     near, far = limits
     return tuple([x if near <= t <= far else inf if t > far else -inf for x, t in zip(values, true, strict=True)])

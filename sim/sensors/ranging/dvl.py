@@ -17,8 +17,8 @@ from sim.sensors.ranging.ground import Ground
 from sim.sensors.samples import DVL, Covariance, DvlSample, Scene
 
 _BEAMS = 4
-_LEAST_BEAMS = 3  # for three components of velocity
-_A_LITTLE = 1e-6
+_MIN_BEAMS = 3  # for three components of velocity
+_LENGTH_STEP = 1e-6
 
 
 class _Fit(NamedTuple):
@@ -86,7 +86,7 @@ class Dvl:
             true += (x * u + y * v + z * w, distance or 0.0)
         measured = self._errors.measure(true)  # advances the errors of all beams, locked or not
         locked = tuple(map(bool, ranges))
-        if sum(locked) < _LEAST_BEAMS:
+        if sum(locked) < _MIN_BEAMS:
             return DvlSample(time_ns, (nan, nan, nan), nan, False)
         fit = self._fits.get(locked) or self._fit(locked)
         speeds = measured[::2]
@@ -96,13 +96,17 @@ class Dvl:
 
     def _fit(self, locked: tuple[bool, ...]) -> _Fit:
         """Return the solution for a set of locked beams, computed once for each set."""
-        rows = [list(beam) if held else [0.0, 0.0, 0.0] for beam, held in zip(self._beams, locked, strict=True)]
+        rows = [
+            list(beam) if is_locked else [0.0, 0.0, 0.0] for beam, is_locked in zip(self._beams, locked, strict=True)
+        ]
         columns = transpose(rows)
-        spread = inverse(product(columns, rows))
-        a, b, c, d, e, f, g, h, i = [self._speed_variance * x for row in spread for x in row]
-        parts = [_share_of_altitude(rows, number) for number, held in enumerate(locked) if held]
-        altitude_variance = self._range_variance * sum([part * part for part in parts])
-        self._fits[locked] = fit = _Fit(rows, product(spread, columns), (a, b, c, d, e, f, g, h, i), altitude_variance)
+        inverse_normal = inverse(product(columns, rows))
+        a, b, c, d, e, f, g, h, i = [self._speed_variance * x for row in inverse_normal for x in row]
+        weights = [_share_of_altitude(rows, number) for number, is_locked in enumerate(locked) if is_locked]
+        altitude_variance = self._range_variance * sum([weight * weight for weight in weights])
+        self._fits[locked] = fit = _Fit(
+            rows, product(inverse_normal, columns), (a, b, c, d, e, f, g, h, i), altitude_variance
+        )
         return fit
 
     def _ranges(self, state: State) -> list[float | None]:
@@ -138,8 +142,8 @@ def _janus(tilt: float) -> list[Vector3]:
 def _share_of_altitude(beams: Matrix, number: int) -> float:
     """Return the derivative of the altitude over level ground by the length of one beam, numerically."""
     level = [1.0 / z if z else 0.0 for _, _, z in beams]
-    longer = [length + _A_LITTLE * (at == number) for at, length in enumerate(level)]
-    return (_distance_to_plane(beams, longer) - _distance_to_plane(beams, level)) / _A_LITTLE
+    lengthened = [length + _LENGTH_STEP * (at == number) for at, length in enumerate(level)]
+    return (_distance_to_plane(beams, lengthened) - _distance_to_plane(beams, level)) / _LENGTH_STEP
 
 
 def _distance_to_plane(beams: Matrix, ranges: Sequence[float]) -> float:

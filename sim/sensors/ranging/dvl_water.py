@@ -13,7 +13,7 @@ from sim.sensors.mounting import Mounting
 from sim.sensors.samples import DvlSample, Scene
 from sim.sensors.surface import submersion
 
-_CLEAR = 0.8  # of the way to the seabed: further down, its echo covers that of the water
+_MAX_DEPTH_SHARE = 0.8  # of the way to the seabed: further down, its echo covers that of the water
 
 Metres = Annotated[float, Range(0.1, 200.0, "m")]
 
@@ -54,12 +54,12 @@ class DvlWater:
 
     def sample(self, time_ns: int, state: State) -> DvlSample:
         """Return the measurement of `state`; it has no altitude."""
-        place = self._mounting.place(state)
+        position = self._mounting.world_position(state)
         axis = rotate(self._mounting.attitude(state), (0.0, 0.0, 1.0))
-        flow = self._scene.flow_at([at + self._middle * along for at, along in zip(place, axis, strict=True)])
+        flow = self._scene.flow_at([at + self._middle * along for at, along in zip(position, axis, strict=True)])
         u, v, w = self._errors.measure([-x for x in relative_flow(self._mounting, state, flow)])
-        height, down = self._scene.world.seabed(place[0], place[1]) - place[2], axis[2]
-        looks_down = down > 0.0 and self._far * down <= _CLEAR * height
-        if not looks_down or submersion(self._scene, time_ns, place) <= 0.0:
+        height, down = self._scene.world.seabed(position[0], position[1]) - position[2], axis[2]
+        looks_down = down > 0.0 and self._far * down <= _MAX_DEPTH_SHARE * height
+        if not looks_down or submersion(self._scene, time_ns, position) <= 0.0:
             return DvlSample(time_ns, (nan, nan, nan), nan, False)
         return DvlSample(time_ns, (u, v, w), nan, True)

@@ -11,7 +11,7 @@ from sim.dynamics import State
 from sim.sensors.error import sensor_random
 from sim.sensors.extra_samples import LaserSample
 from sim.sensors.mounting import Mounting
-from sim.sensors.ranging.beams import Beams, RangeErrors, within
+from sim.sensors.ranging.beams import Beams, RangeErrors, apply_limits
 from sim.sensors.samples import Scene
 
 Angle = Annotated[float, Range(-2.0 * pi, 2.0 * pi, "rad")]
@@ -48,7 +48,7 @@ class Fan(ABC):
     def sample(self, time_ns: int, state: State) -> LaserSample:
         """Return the measurement of `state`."""
         true, strengths = self.measure(time_ns, state)
-        measured = self._errors.measure(true) if self._errors else within(true, true, self._limits)
+        measured = self._errors.measure(true) if self._errors else apply_limits(true, true, self._limits)
         return LaserSample(time_ns, self._first, self._step, measured, self._limits, strengths)
 
     def measure(self, time_ns: int, state: State) -> tuple[Sequence[float], tuple[float, ...]]:

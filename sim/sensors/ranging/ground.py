@@ -24,37 +24,39 @@ class Ground:
     def __init__(self, world: World, mounting: Mounting, beams: Iterable[Vector3], reach: float) -> None:
         self._world = world
         self._mounting = mounting
-        self._arm = sqrt(sum([x * x for x in mounting.position]))
+        self._mounting_distance = sqrt(sum([x * x for x in mounting.position]))
         self._beams = [x for beam in beams for x in beam]
         self._reach = reach
         self._rays: RayScene | None = None
-        # The nearest obstacle was `_free` m from this place: nan where none was measured yet.
+        # The nearest obstacle was `_clearance` m from this place: nan where none was measured yet.
         self._north = self._east = 0.0
-        self._free = nan if world.obstacles() else inf
+        self._clearance = nan if world.obstacles() else inf
         if world.terrain is not None:
-            self._load()
+            self._load_rays()
 
     def is_flat(self, state: State, across: float) -> bool:
         """True if beams that go `across` m from above their sensor can meet nothing but a flat seabed."""
         if self._world.terrain is not None:
             return False
         north, east, _ = state.position
-        across += self._arm
-        away_north, away_east = north - self._north, east - self._east
-        away = sqrt(away_north * away_north + away_east * away_east)
-        if away + across < self._free:
+        across += self._mounting_distance
+        moved_north, moved_east = north - self._north, east - self._east
+        moved = sqrt(moved_north * moved_north + moved_east * moved_east)
+        if moved + across < self._clearance:
             return True
-        if across - away >= self._free:
+        if across - moved >= self._clearance:
             return False
-        self._north, self._east, self._free = north, east, self._world.clearance(north, east)
-        return across < self._free
+        self._north, self._east, self._clearance = north, east, self._world.clearance(north, east)
+        return across < self._clearance
 
     def ranges(self, state: State) -> Sequence[float]:
         """True distance along each beam in m, inf if there is nothing within reach."""
-        rays = self._rays or self._load()
-        return rays.ranges(self._mounting.place(state), self._directions, self._reach, matrix(state.quaternion))
+        rays = self._rays or self._load_rays()
+        return rays.ranges(
+            self._mounting.world_position(state), self._directions, self._reach, matrix(state.quaternion)
+        )
 
-    def _load(self) -> "RayScene":
+    def _load_rays(self) -> "RayScene":
         from array import array
 
         from sim.rays.scene import RayScene

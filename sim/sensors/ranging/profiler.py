@@ -15,7 +15,7 @@ from sim.sensors.ranging.beams import cone
 from sim.sensors.ranging.fan import DEGREE, Angle, Fan, validate_fan
 from sim.sensors.samples import Scene
 
-_LEAST = 1e-6  # of a share of intensity: -60 dB
+_MIN_SHARE = 1e-6  # of a share of intensity: -60 dB
 
 
 class ProfilerModel(NamedTuple):
@@ -78,29 +78,33 @@ class Profiler(Fan):
     def rays(model: ProfilerModel, angle: float) -> Sequence[Vector3]:
         """Return the unit vectors of a beam: those of a cone about x, their x turned down and then towards y."""
         width, c, s = model.beam_width, cos(angle), sin(angle)
-        about = cone(width, width, model.rings) if width else [(1.0, 0.0, 0.0)]
-        return [(-out, along * s + across * c, along * c - across * s) for along, across, out in about]
+        directions = cone(width, width, model.rings) if width else [(1.0, 0.0, 0.0)]
+        return [(-down, along * s + across * c, along * c - across * s) for along, across, down in directions]
 
     def measure(self, time_ns: int, state: State) -> tuple[Sequence[float], tuple[float, ...]]:
         """Return the true distance (m) along each beam and the measured strength (dB) of its echo."""
-        found = self._beams.echoes(time_ns, state)
+        echoes = self._beams.echoes(time_ns, state)
         model, count = self._model, self._count
-        if found is None:
+        if echoes is None:
             return [inf] * model.beams, (nan,) * model.beams
-        hits, cosines = found
-        shares = [
-            (self._seabed if thing == SEABED else self._objects) * cosine * cosine if thing != NOTHING else 0.0
-            for thing, cosine in zip(hits.objects, cosines, strict=True)
+        hits, cosines = echoes
+        intensities = [
+            (self._seabed if hit_object == SEABED else self._objects) * cosine * cosine
+            if hit_object != NOTHING
+            else 0.0
+            for hit_object, cosine in zip(hits.objects, cosines, strict=True)
         ]
         if kinds := self._kinds:
-            places = zip(hits.objects, hits.points[0::3], hits.points[1::3], strict=True)
-            codes = [kinds.code(north, east) if thing == SEABED else 0 for thing, north, east in places]
-            shares = [share * self._ratios[code] for share, code in zip(shares, codes, strict=True)]
+            hit_positions = zip(hits.objects, hits.points[0::3], hits.points[1::3], strict=True)
+            codes = [
+                kinds.code(north, east) if hit_object == SEABED else 0 for hit_object, north, east in hit_positions
+            ]
+            intensities = [intensity * self._ratios[code] for intensity, code in zip(intensities, codes, strict=True)]
         looks = 0.0 if model.ground_truth else model.looks
         ranges, strengths = [], []
-        for first in range(0, len(shares), count):
-            own, distances = shares[first : first + count], hits.distances[first : first + count]
-            total = sum(own)
+        for first in range(0, len(intensities), count):
+            beam_intensities, distances = intensities[first : first + count], hits.distances[first : first + count]
+            total = sum(beam_intensities)
             if total <= 0.0:
                 ranges.append(min(distances))
                 strengths.append(nan)
@@ -108,7 +112,7 @@ class Profiler(Fan):
             if count == 1:
                 ranges.append(distances[0])
             else:
-                ranges.append(sum([s * r for s, r in zip(own, distances, strict=True) if s]) / total)
-            luck = self._random.gammavariate(looks, 1.0 / looks) if looks else 1.0
-            strengths.append(10.0 * log10(max(total / count * luck, _LEAST * self._seabed)))
+                ranges.append(sum([s * r for s, r in zip(beam_intensities, distances, strict=True) if s]) / total)
+            speckle = self._random.gammavariate(looks, 1.0 / looks) if looks else 1.0
+            strengths.append(10.0 * log10(max(total / count * speckle, _MIN_SHARE * self._seabed)))
         return ranges, tuple(strengths)

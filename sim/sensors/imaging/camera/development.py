@@ -19,7 +19,7 @@ _QUANTILE_BITS = 12
 _WEYL, _FIRST, _SECOND = 0x9E3779B97F4A7C15, 0xBF58476D1CE4E5B9, 0x94D049BB133111EB
 
 
-class Development:
+class ImageSensor:
     """Conversion of radiances to bytes, and the errors of depth; `axial` is the cosine of each pixel off the axis.
 
     sim/native/exposure.h does the same to a level of 256, where that is compiled.
@@ -38,11 +38,11 @@ class Development:
         if m.ground_truth:
             signal = radiance * np.float32(m.exposure or automatic_exposure(radiance))
             return encode(signal).tobytes(), (ranges * self._axial).astype(np.float32).tobytes()
-        some = slice(None, None, max(1, len(radiance) // 4096))
-        gain = m.exposure or automatic_exposure(radiance[some] * self._falloff[some])
+        sampled = slice(None, None, max(1, len(radiance) // 4096))
+        gain = m.exposure or automatic_exposure(radiance[sampled] * self._falloff[sampled])
         dark, key = (m.read_noise / m.full_well) ** 2, self._random.getrandbits(64)
         if not self._develop:
-            return self._record(radiance, ranges, gain, dark, key)
+            return self._record_in_numpy(radiance, ranges, gain, dark, key)
         pixels, depths = np.empty(radiance.shape, np.uint8), np.empty(len(ranges), np.float32)
         light, distances = np.ascontiguousarray(radiance, np.float32), np.ascontiguousarray(ranges, np.float64)
         numbers = gain, m.full_well, dark, m.depth_noise, m.max_range
@@ -51,15 +51,15 @@ class Development:
         )  # fmt: skip
         return pixels.tobytes(), depths.tobytes()
 
-    def _record(
+    def _record_in_numpy(
         self, radiance: NDArray[np.float32], ranges: Floats, gain: float, dark: float, key: int
     ) -> tuple[bytes, bytes]:
         """Return the bytes of a picture with the noise of its electrons, and its depths with theirs."""
         m = self._model
         signal = radiance * self._falloff * np.float32(gain)
-        shot = signal / np.float32(m.full_well) + np.float32(dark)
+        variance = signal / np.float32(m.full_well) + np.float32(dark)
         noise = normal_noise(key, len(radiance))
-        pixels = encode(signal + np.sqrt(shot) * noise[:3].T)
+        pixels = encode(signal + np.sqrt(variance) * noise[:3].T)
         depth = (ranges * self._axial).astype(np.float32)
         if m.depth_noise:
             error = noise[3] * np.float32(m.depth_noise) * np.minimum(depth, np.float32(m.max_range))

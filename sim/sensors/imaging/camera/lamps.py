@@ -7,15 +7,15 @@ from numpy.typing import NDArray
 
 from sim.environment.optics import Water
 from sim.rays.scene import RayScene
-from sim.sensors.imaging.scenery import Beam, Seen
+from sim.sensors.imaging.scenery import LampLight, SurfaceHits
 
 Floats = NDArray[np.float32]
 
 # What of the scattered light goes straight back, 1/sr: of Petzold's particles 1.83 % goes backwards (Mobley 1994, Light
 # and Water, table 3.10), nearly the same in all of those directions.
-_BACK = 0.0183 / (2.0 * np.pi)
+_BACKWARD_SHARE = 0.0183 / (2.0 * np.pi)
 _HALF_BEAM = 1.0  # of a lamp's beam, the tangent: 45 degrees
-_SLACK = 0.02  # m before a thing's surface that count as it
+_TOLERANCE = 0.02  # m before a thing's surface that count as it
 _RANGES, _ANGLES, _STEPS = 96, 33, 400  # of the table of backscatter; steps of its integral
 _BLOCK = 65_536
 
@@ -32,29 +32,31 @@ class Lamps:
         self._water: Water | None = None
         self._table = np.zeros((3, _RANGES, _ANGLES), np.float32)
 
-    def beams(self, rays: RayScene, place: Any, across: Any, seen: Seen) -> list[Beam]:
-        """Return the light of both at what is seen; `across` is the camera's y axis in the world, `place` its place."""
-        beams = []
-        for side in (-self._offset, self._offset):
-            lamp = np.asarray(place, np.float64) + side * np.asarray(across, np.float64)
-            way = seen.points - lamp.astype(np.float32)[:, None]
-            ranges = np.sqrt(np.einsum("ir,ir->r", way, way)) + np.float32(1e-6)
-            facing = -np.einsum("ir,ir->r", seen.normals, way) / ranges
+    def lamp_lights(self, rays: RayScene, position: Any, starboard: Any, surfaces: SurfaceHits) -> list[LampLight]:
+        """Return the light of both lamps at `surfaces`; `position` and `starboard` (y axis) of the camera in NED."""
+        lamp_lights = []
+        for offset in (-self._offset, self._offset):
+            lamp = np.asarray(position, np.float64) + offset * np.asarray(starboard, np.float64)
+            paths = surfaces.points - lamp.astype(np.float32)[:, None]
+            ranges = np.sqrt(np.einsum("ir,ir->r", paths, paths)) + np.float32(1e-6)
+            cos_incidence = -np.einsum("ir,ir->r", surfaces.normals, paths) / ranges
             if self._shadows:
-                facing *= self._lit(rays, lamp, way, ranges, facing > 0.0)
-            ranges[np.isinf(seen.ranges)] = np.inf
-            beams.append(Beam(ranges, facing))
-        return beams
+                cos_incidence *= self._find_lit(rays, lamp, paths, ranges, cos_incidence > 0.0)
+            ranges[np.isinf(surfaces.ranges)] = np.inf
+            lamp_lights.append(LampLight(ranges, cos_incidence))
+        return lamp_lights
 
-    def _lit(self, rays: RayScene, lamp: Any, way: Floats, ranges: Floats, requested: NDArray[np.bool_]) -> Floats:
+    def _find_lit(
+        self, rays: RayScene, lamp: Any, paths: Floats, ranges: Floats, candidates: NDArray[np.bool_]
+    ) -> Floats:
         """Return 1 where nothing stands between the lamp and what is seen, by a ray to each that faces it."""
         lit = np.ones(len(ranges), np.float32)
-        chosen = np.flatnonzero(requested & (ranges < self._reach))
+        chosen = np.flatnonzero(candidates & (ranges < self._reach))
         for first in range(0, len(chosen), _BLOCK):
-            some = chosen[first : first + _BLOCK]
-            toward = np.ascontiguousarray((way[:, some] / ranges[some]).T, np.float64)
-            met = np.asarray(rays.ranges(lamp.tolist(), toward, self._reach))
-            lit[some] = met > ranges[some] * (1.0 - 1e-3) - _SLACK
+            block = chosen[first : first + _BLOCK]
+            toward = np.ascontiguousarray((paths[:, block] / ranges[block]).T, np.float64)
+            hit_ranges = np.asarray(rays.ranges(lamp.tolist(), toward, self._reach))
+            lit[block] = hit_ranges > ranges[block] * (1.0 - 1e-3) - _TOLERANCE
         return lit
 
     def veil(self, ranges: Floats, sideways: Floats, water: Water) -> Floats:
@@ -84,19 +86,19 @@ class Lamps:
         """Return the veil for each colour, range and angle; see `veil`."""
         near = 0.5 * self._offset / _HALF_BEAM
         far = max(self._reach, 2.0 * near)
-        ways = near * (far / near) ** np.linspace(0.0, 1.0, _STEPS)[:, None]
+        path_lengths = near * (far / near) ** np.linspace(0.0, 1.0, _STEPS)[:, None]
         sideways = np.linspace(-1.0, 1.0, _ANGLES)[None, :]
         table = np.zeros((3, _RANGES, _ANGLES), np.float32)
-        for side in (-self._offset, self._offset):
-            squares = ways * ways - 2.0 * ways * side * sideways + side * side
+        for offset in (-self._offset, self._offset):
+            squares = path_lengths * path_lengths - 2.0 * path_lengths * offset * sideways + offset * offset
             distances = np.sqrt(np.maximum(squares, 1e-6))
-            ahead = ways * np.sqrt(1.0 - sideways * sideways)
-            lit = np.abs(ways * sideways - side) <= _HALF_BEAM * ahead
+            ahead = path_lengths * np.sqrt(1.0 - sideways * sideways)
+            lit = np.abs(path_lengths * sideways - offset) <= _HALF_BEAM * ahead
             for channel in range(3):
                 attenuation, scattering = water.attenuation[channel], water.scattering[channel]
-                sent = np.pi * 0.5 * self._brightness * np.exp(-attenuation * (distances + ways)) / distances**2
-                back = sent * scattering * _BACK * self._backscatter * lit
-                steps = 0.5 * (back[1:] + back[:-1]) * np.diff(ways, axis=0)
+                sent = np.pi * 0.5 * self._brightness * np.exp(-attenuation * (distances + path_lengths)) / distances**2
+                back = sent * scattering * _BACKWARD_SHARE * self._backscatter * lit
+                steps = 0.5 * (back[1:] + back[:-1]) * np.diff(path_lengths, axis=0)
                 total = np.vstack([np.zeros((1, _ANGLES)), np.cumsum(steps, axis=0)])
                 rows = np.linspace(0.0, _STEPS - 1, _RANGES).round().astype(int)
                 table[channel] += total[rows].astype(np.float32)

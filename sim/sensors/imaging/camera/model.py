@@ -8,7 +8,7 @@ from hil.common.schema import Range
 WaterType = Literal["clear", "I", "IA", "IB", "II", "III", "1C", "3C", "7C", "9C"]
 
 _DEGREE = pi / 180.0
-_MOST_POINTS = 4_000_000  # what fits a message
+_MAX_POINTS = 4_000_000  # what fits a message
 _Coefficient = Annotated[float, Range(-10.0, 10.0)]
 
 
@@ -68,8 +68,8 @@ class CameraModel(NamedTuple):
         """Return what is wrong between the keys, or None: too many points, or lamps that are not there."""
         if self.points and not self.depth:
             return "points = true needs depth = true"
-        if self.points and self.width * self.height > _MOST_POINTS:
-            return f"points: {self.width} x {self.height} are more than {_MOST_POINTS}; take a smaller picture"
+        if self.points and self.width * self.height > _MAX_POINTS:
+            return f"points: {self.width} x {self.height} are more than {_MAX_POINTS}; take a smaller picture"
         for key in ("lamp_shadows", "backscatter"):
             if getattr(self, key) and not (self.lamps and self.lamp_offset):
                 return f"{key} needs lamps and a lamp_offset above 0: lamps at the lens itself show none"

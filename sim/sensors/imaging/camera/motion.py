@@ -14,11 +14,11 @@ from sim.sensors.mounting import Mounting
 
 Floats = NDArray[np.float32]
 
-_MOST_TAPS = 32  # places of the path of a pixel that are averaged
-_LEAST_FLOW = 0.25  # pixels: less is not seen
+_MAX_TAPS = 32  # places of the path of a pixel that are averaged
+_MIN_FLOW = 0.25  # pixels: less is not seen
 
 
-class Shot(NamedTuple):
+class RawPicture(NamedTuple):
     """The numbers of a picture: radiance (n x 3), range (m) and object of each pixel."""
 
     radiance: Floats
@@ -41,16 +41,16 @@ class Motion:
         self._ahead, self._x, self._y = ahead, toward[:, 1] / ahead, toward[:, 2] / ahead
         rows, columns = np.divmod(np.arange(len(toward)), self._width)
         self._rows, self._columns = rows.astype(np.float32), columns.astype(np.float32)
-        self._late = ((rows + 0.5) / self._height - 0.5).astype(np.float32) * np.float32(readout_time)
+        self._row_times = ((rows + 0.5) / self._height - 0.5).astype(np.float32) * np.float32(readout_time)
 
     def flow(self, mounting: Mounting, nu: Any, ranges: Any) -> tuple[Floats, Floats]:
         """Return how fast what each pixel sees moves to the right and down (pixels/s), of a vehicle that moves by `nu`.
 
         By the derivative of the pinhole's projection (Longuet-Higgins & Prazdny 1980).
         """
-        still = mounting.quaternion
-        va, vr, vd = rotate_inverse(still, mounting.velocity(nu))
-        wa, wr, wd = rotate_inverse(still, nu[3:6])
+        orientation = mounting.quaternion
+        va, vr, vd = rotate_inverse(orientation, mounting.velocity(nu))
+        wa, wr, wd = rotate_inverse(orientation, nu[3:6])
         nearness = (1.0 / np.maximum(np.asarray(ranges) * self._ahead, 0.05)).astype(np.float32)
         x, y = self._x, self._y
         forward = -va * nearness - (wr * y - wd * x)
@@ -58,27 +58,27 @@ class Motion:
         down = -vd * nearness - (wa * x - wr) - y * forward
         return (self._focal * right).astype(np.float32), (self._focal * down).astype(np.float32)
 
-    def apply(self, shot: Shot, mounting: Mounting, nu: Any) -> Shot:
+    def apply(self, picture: RawPicture, mounting: Mounting, nu: Any) -> RawPicture:
         """Return the picture as it is recorded while the camera moves."""
-        right, down = self.flow(mounting, nu, shot.ranges)
-        most = float(np.hypot(right, down).max(initial=0.0))
-        if self._readout and most * self._readout > _LEAST_FLOW:
+        right, down = self.flow(mounting, nu, picture.ranges)
+        max_flow = float(np.hypot(right, down).max(initial=0.0))
+        if self._readout and max_flow * self._readout > _MIN_FLOW:
             # What a row sees late was, in the picture of the middle, where it comes from.
-            places = self._places(right * -self._late, down * -self._late)
-            shot = Shot(shot.radiance[places], np.asarray(shot.ranges)[places], shot.objects[places])
-            right, down = right[places], down[places]
-        if self._exposure and most * self._exposure > _LEAST_FLOW:
-            taps = min(max(2, int(most * self._exposure) + 1), _MOST_TAPS)
-            total = np.zeros_like(shot.radiance)
+            pixels = self._pixels_at(right * -self._row_times, down * -self._row_times)
+            picture = RawPicture(picture.radiance[pixels], np.asarray(picture.ranges)[pixels], picture.objects[pixels])
+            right, down = right[pixels], down[pixels]
+        if self._exposure and max_flow * self._exposure > _MIN_FLOW:
+            taps = min(max(2, int(max_flow * self._exposure) + 1), _MAX_TAPS)
+            total = np.zeros_like(picture.radiance)
             for instant in (np.arange(taps) + 0.5) / taps - 0.5:
                 share = np.float32(instant * self._exposure)
-                total += shot.radiance[self._places(right * share, down * share)]
-            shot = shot._replace(radiance=total / np.float32(taps))
-        return shot
+                total += picture.radiance[self._pixels_at(right * share, down * share)]
+            picture = picture._replace(radiance=total / np.float32(taps))
+        return picture
 
-    def _places(self, right: Floats, down: Floats) -> NDArray[np.int64]:
+    def _pixels_at(self, right: Floats, down: Floats) -> NDArray[np.int64]:
         """Return the pixel at that offset from each; beyond the picture's edge the last one."""
         rows = np.clip(np.rint(self._rows + down), 0, self._height - 1).astype(np.int64)
         columns = np.clip(np.rint(self._columns + right), 0, self._width - 1).astype(np.int64)
-        places: NDArray[np.int64] = rows * self._width + columns
-        return places
+        pixels: NDArray[np.int64] = rows * self._width + columns
+        return pixels

@@ -8,15 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.environment.optics import Water
-from sim.sensors.imaging.scenery import Seen
+from sim.sensors.imaging.scenery import SurfaceHits
 
 Floats = NDArray[np.float32]
 
 _CELL = 0.5  # m: a side of the cubes of water whose particles are drawn together
-_SNOW_REACH, _NEAREST = 2.5, 0.08  # m
+_MAX_DISTANCE, _MIN_DISTANCE = 2.5, 0.08  # m
 _RADII = (0.0004, 0.003)  # m: of aggregates that a camera sees; most are small
-_WHITE = 0.5  # of a particle's light that it sends back
-_SHARPEST, _LARGEST = 0.6, 12.0  # pixels: radius of a point's image, and of a particle near the lens
+_ALBEDO = 0.5  # of a particle's light that it sends back
+_MIN_SPREAD, _MAX_SPREAD = 0.6, 12.0  # pixels: radius of a point's image, and of a particle near the lens
 _FOCUS = 1.0  # m at which the lens is focused; a particle elsewhere is wider by the aperture's share
 _APERTURE = 0.004  # m
 
@@ -24,49 +24,53 @@ _TILE, _SIDE = 256, 4.0  # nodes and m of the pattern of caustics along a side; 
 _WAVES, _FOCAL_DEPTH = 40, 1.2  # m: of the depth at which these waves focus best
 _RMS_SLOPE = 0.12  # of a surface under a light breeze (Cox & Munk 1954: 0.06 to 0.2)
 _BEND = 0.25  # of a ray by the slope of the surface: 1 - 1 / 1.33
-_FADES = 7.0  # m of depth by which the contrast falls to 1/e
+_DECAY_DEPTH = 7.0  # m of depth by which the contrast falls to 1/e
 _GRAVITY = 9.81
 
 
-class Snow:
+class MarineSnow:
     """Marine snow, `density` particles in a m³, where they are in the water for ever."""
 
     def __init__(self, density: float, size: tuple[int, int], focal: float, seed: int) -> None:
         self._density, self._size, self._focal, self._seed = density, size, focal, seed
 
-    def fall(
-        self, radiance: Floats, ranges: Any, place: Any, rotation: Any, water: Water, lamps: tuple[float, float]
+    def add_particles(
+        self, radiance: Floats, ranges: Any, position: Any, rotation: Any, water: Water, lamps: tuple[float, float]
     ) -> Floats:
-        """Return a picture with the particles before a camera at `place`; `rotation` has its axes (3 x 3).
+        """Return a picture with the particles before a camera at `position`; `rotation` has its axes (3 x 3).
 
         `lamps` are their brightness and how far (m) they are beside the camera.
         """
-        places, radii = self._particles(np.asarray(place, np.float64))
-        own = (places - place) @ rotation
-        ahead, away = own[:, 0], np.sqrt((own * own).sum(axis=1))
+        positions, radii = self._particles(np.asarray(position, np.float64))
+        local = (positions - position) @ rotation
+        ahead, distances = local[:, 0], np.sqrt((local * local).sum(axis=1))
         half = 0.5 * np.array(self._size)
         with np.errstate(divide="ignore", invalid="ignore"):
-            centres = own[:, 1:] / ahead[:, None] * self._focal + half - 0.5
-            seen = (ahead > _NEAREST) & (away < _SNOW_REACH) & (np.abs(centres - half) < half + _LARGEST).all(axis=1)
-        centres, ahead, away, radii = centres[seen], ahead[seen], away[seen], radii[seen]
+            centres = local[:, 1:] / ahead[:, None] * self._focal + half - 0.5
+            visible = (
+                (ahead > _MIN_DISTANCE)
+                & (distances < _MAX_DISTANCE)
+                & (np.abs(centres - half) < half + _MAX_SPREAD).all(axis=1)
+            )
+        centres, ahead, distances, radii = centres[visible], ahead[visible], distances[visible], radii[visible]
         sharp = radii / ahead * self._focal
         blurred = 0.5 * _APERTURE * np.abs(1.0 / ahead - 1.0 / _FOCUS) * self._focal
-        spread = np.clip(np.hypot(sharp, blurred), _SHARPEST, _LARGEST)
+        spread = np.clip(np.hypot(sharp, blurred), _MIN_SPREAD, _MAX_SPREAD)
         # The light of a disc goes over all pixels that it is spread upon: a small one covers a part of a pixel.
         cover = np.minimum(1.0, (sharp / spread) ** 2)
-        colours = self._colours(away, water, lamps)
-        through, added = np.ones(len(radiance), np.float32), np.zeros(radiance.shape, np.float32)
+        colours = self._colours(distances, water, lamps)
+        transmission, added = np.ones(len(radiance), np.float32), np.zeros(radiance.shape, np.float32)
         reaches = np.ceil(2.0 * spread).astype(int)
         for reach in np.unique(reaches):
-            few = reaches == reach
-            pixels, squares = self._squares(centres[few], reach)
-            share = np.exp(-squares / spread[few, None] ** 2) * cover[few, None]
-            share *= (pixels >= 0) & (np.asarray(ranges)[pixels] > away[few, None])
-            np.multiply.at(through, pixels.ravel(), (1.0 - share).astype(np.float32).ravel())
+            same_size = reaches == reach
+            pixels, squares = self._squares(centres[same_size], reach)
+            share = np.exp(-squares / spread[same_size, None] ** 2) * cover[same_size, None]
+            share *= (pixels >= 0) & (np.asarray(ranges)[pixels] > distances[same_size, None])
+            np.multiply.at(transmission, pixels.ravel(), (1.0 - share).astype(np.float32).ravel())
             for channel in range(3):
-                sent = (share * colours[few, channel, None]).astype(np.float32)
-                np.add.at(added[:, channel], pixels.ravel(), sent.ravel())
-        return radiance * through[:, None] + added
+                light = (share * colours[same_size, channel, None]).astype(np.float32)
+                np.add.at(added[:, channel], pixels.ravel(), light.ravel())
+        return radiance * transmission[:, None] + added
 
     def _squares(self, centres: Any, reach: int) -> tuple[NDArray[np.int64], Any]:
         """Return the pixels about each centre, -1 beyond the picture's edge, and their squared distances from it."""
@@ -79,45 +83,45 @@ class Snow:
         return np.where(inside, rows * width + columns, -1), squares
 
     @staticmethod
-    def _colours(away: Any, water: Water, lamps: tuple[float, float]) -> Any:
+    def _colours(distances: Any, water: Water, lamps: tuple[float, float]) -> Any:
         """Return the radiance (n x 3) of particles so far away, in day and lamplight, through the water between."""
         brightness, offset = lamps
-        lit, attenuation = np.hypot(away, offset)[:, None], np.array(water.attenuation)
+        lit, attenuation = np.hypot(distances, offset)[:, None], np.array(water.attenuation)
         light = 0.5 * np.array(water.light) + brightness * np.exp(-attenuation * lit) / np.maximum(lit, 0.2) ** 2
-        return _WHITE * light * np.exp(-attenuation * away[:, None])
+        return _ALBEDO * light * np.exp(-attenuation * distances[:, None])
 
-    def _particles(self, place: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def _particles(self, position: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return places (m, NED) and radii (m) of those around; each cube of water has its own, by its place."""
-        middle = np.floor(place / _CELL).astype(np.int64)
-        span = range(-ceil(_SNOW_REACH / _CELL), ceil(_SNOW_REACH / _CELL) + 1)
+        middle = np.floor(position / _CELL).astype(np.int64)
+        span = range(-ceil(_MAX_DISTANCE / _CELL), ceil(_MAX_DISTANCE / _CELL) + 1)
         cells = middle + np.array(list(product(span, span, span)), np.int64)
-        near = np.linalg.norm((cells + 0.5) * _CELL - place, axis=1) < _SNOW_REACH + _CELL
+        near = np.linalg.norm((cells + 0.5) * _CELL - position, axis=1) < _MAX_DISTANCE + _CELL
         cells = cells[near]
-        most = ceil(2.0 * self._density * _CELL**3) + 1
-        lots = _uniform(cells, 5 * most + 1, self._seed)
+        max_count = ceil(2.0 * self._density * _CELL**3) + 1
+        draws = _uniform_numbers(cells, 5 * max_count + 1, self._seed)
         # So many on average, between none and twice that.
-        count = np.floor(2.0 * self._density * _CELL**3 * lots[:, 0] + 0.5)
-        lots = lots[:, 1:].reshape(len(cells), most, 5)
-        there = np.arange(most) < count[:, None]
-        places = ((cells[:, None, :] + lots[..., :3]) * _CELL)[there]
+        count = np.floor(2.0 * self._density * _CELL**3 * draws[:, 0] + 0.5)
+        draws = draws[:, 1:].reshape(len(cells), max_count, 5)
+        is_present = np.arange(max_count) < count[:, None]
+        positions = ((cells[:, None, :] + draws[..., :3]) * _CELL)[is_present]
         low, high = _RADII
-        radii = low * (high / low) ** (lots[..., 3] ** 3)
-        return places, radii[there]
+        radii = low * (high / low) ** (draws[..., 3] ** 3)
+        return positions, radii[is_present]
 
 
-def _uniform(cells: NDArray[np.int64], count: int, seed: int) -> NDArray[np.float64]:
+def _uniform_numbers(cells: NDArray[np.int64], count: int, seed: int) -> NDArray[np.float64]:
     """Return `count` numbers from 0 to 1 for each cell, always the same for it (splitmix64)."""
     with np.errstate(over="ignore"):
         keys = np.full(len(cells), seed, np.uint64)
         for axis in range(3):
-            keys = _mixed(keys * np.uint64(0x9E3779B97F4A7C15) + cells[:, axis].astype(np.uint64))
+            keys = _mix_bits(keys * np.uint64(0x9E3779B97F4A7C15) + cells[:, axis].astype(np.uint64))
         steps = np.arange(1, count + 1, dtype=np.uint64) * np.uint64(0x9E3779B97F4A7C15)
-        values = _mixed(keys[:, None] + steps[None, :])
+        values = _mix_bits(keys[:, None] + steps[None, :])
     numbers: NDArray[np.float64] = (values >> np.uint64(11)).astype(np.float64) * 2.0**-53
     return numbers
 
 
-def _mixed(values: NDArray[np.uint64]) -> NDArray[np.uint64]:
+def _mix_bits(values: NDArray[np.uint64]) -> NDArray[np.uint64]:
     values = (values ^ (values >> np.uint64(30))) * np.uint64(0xBF58476D1CE4E5B9)
     values = (values ^ (values >> np.uint64(27))) * np.uint64(0x94D049BB133111EB)
     mixed: NDArray[np.uint64] = values ^ (values >> np.uint64(31))
@@ -144,20 +148,20 @@ class Caustics:
         self._slopes = self._vectors / lengths[:, None] * (_RMS_SLOPE * np.sqrt(2.0 / _WAVES))
         self._time_ns, self._tile = -1, np.ones((_TILE, _TILE), np.float32)
 
-    def dapple(self, seen: Seen, time_ns: int) -> Floats:
+    def daylight_factor(self, surfaces: SurfaceHits, time_ns: int) -> Floats:
         """Return the factor of the daylight at each hit, 1 on average; only on what faces up."""
         if time_ns != self._time_ns:
             self._time_ns, self._tile = time_ns, self._pattern(time_ns * 1e-9)
-        north, east, down = seen.points
+        north, east, down = surfaces.points
         scale = np.float32(_TILE / _SIDE)
         rows = (north * scale).astype(np.int64) & (_TILE - 1)
         columns = (east * scale).astype(np.int64) & (_TILE - 1)
         depth = np.maximum(down, np.float32(0.0))
         strength = np.minimum(depth / np.float32(_FOCAL_DEPTH), np.float32(1.0))
-        strength *= np.exp((depth - np.float32(_FOCAL_DEPTH)).clip(0.0) * np.float32(-1.0 / _FADES))
-        strength *= np.float32(self._contrast) * np.clip(-seen.normals[2], 0.0, 1.0)
-        dapple: Floats = np.float32(1.0) + strength * (self._tile[rows, columns] - np.float32(1.0))
-        return dapple
+        strength *= np.exp((depth - np.float32(_FOCAL_DEPTH)).clip(0.0) * np.float32(-1.0 / _DECAY_DEPTH))
+        strength *= np.float32(self._contrast) * np.clip(-surfaces.normals[2], 0.0, 1.0)
+        daylight_factor: Floats = np.float32(1.0) + strength * (self._tile[rows, columns] - np.float32(1.0))
+        return daylight_factor
 
     def _pattern(self, time: float) -> Floats:
         """Return how much light comes to each node of the tile, 1 on average."""
@@ -166,18 +170,18 @@ class Caustics:
         # Each wave is a product of a wave along either axis.
         along = np.exp(1j * (axis[:, None] * self._vectors[None, :, 0] + phases[None, :]))
         across = np.exp(1j * axis[:, None] * self._vectors[None, :, 1])
-        lean = [((along * self._slopes[None, :, i]) @ across.T).real for i in range(2)]
-        throw = _BEND * _FOCAL_DEPTH * _TILE / _SIDE
+        slopes = [((along * self._slopes[None, :, i]) @ across.T).real for i in range(2)]
+        displacement = _BEND * _FOCAL_DEPTH * _TILE / _SIDE
         node = np.arange(_TILE)
-        rows = (node[:, None] + throw * lean[0]).ravel()
-        columns = (node[None, :] + throw * lean[1]).ravel()
+        rows = (node[:, None] + displacement * slopes[0]).ravel()
+        columns = (node[None, :] + displacement * slopes[1]).ravel()
         whole_rows, whole_columns = np.floor(rows).astype(np.int64), np.floor(columns).astype(np.int64)
         a, b = rows - whole_rows, columns - whole_columns
         tile = np.zeros(_TILE * _TILE)
         for i, j in product((0, 1), repeat=2):
             share = (a if i else 1.0 - a) * (b if j else 1.0 - b)
-            where = ((whole_rows + i) & (_TILE - 1)) * _TILE + ((whole_columns + j) & (_TILE - 1))
-            tile += np.bincount(where, share, _TILE * _TILE)
+            nodes = ((whole_rows + i) & (_TILE - 1)) * _TILE + ((whole_columns + j) & (_TILE - 1))
+            tile += np.bincount(nodes, share, _TILE * _TILE)
         pattern: Floats = _smooth(tile.reshape(_TILE, _TILE)).astype(np.float32)
         return pattern
 

@@ -14,10 +14,10 @@ from sim.rays.geometry import Hits
 from sim.rays.scene import NOTHING, RayScene
 from sim.rays.solids import Solid, half_space
 from sim.rotations import matrix
-from sim.sensors.imaging.camera.effects import Effects, Shot
+from sim.sensors.imaging.camera.effects import Effects, RawPicture
 from sim.sensors.imaging.camera.model import CameraModel
 from sim.sensors.imaging.samples import Distortion, Intrinsics
-from sim.sensors.imaging.scenery import Scenery, Seen
+from sim.sensors.imaging.scenery import Scenery, SurfaceHits
 from sim.sensors.imaging.shading import Shading
 from sim.sensors.mounting import Mounting
 from sim.sensors.samples import Scene
@@ -29,7 +29,7 @@ _DEPTH_STEP = 0.1  # m: how exactly the water uses its depth, so that it need no
 _UNDISTORTED = 1e-6  # of the focal length: less than a thousandth of a pixel
 
 
-class Eye:
+class PictureRenderer:
     """The rays of a camera into the world of `scene`; `axial` is the cosine of each off the optical axis."""
 
     def __init__(
@@ -46,7 +46,7 @@ class Eye:
         self._scenery = Scenery(scene.world, self._surface)
         self._water, self._water_depth = CLEAR, -1.0
         self._effects = Effects(model, intrinsics.fx, self._toward, seed)
-        can_shade = self._scenery.bottom_map is None and not self._effects.change_light
+        can_shade = self._scenery.bottom_map is None and not self._effects.changes_light
         compiled = load_picture() if can_shade else None
         self._shading = Shading(compiled, self._scenery, self._pixel, model.max_range) if compiled else None
 
@@ -56,49 +56,51 @@ class Eye:
 
     def render(self, time_ns: int, state: State) -> tuple[NDArray[np.float32], Floats, NDArray[np.int32]]:
         """Return for each pixel the radiance (n x 3) at the lens, range (m, inf for nothing) and object."""
-        place = self._mounting.place(state)
+        position = self._mounting.world_position(state)
         count = len(self._directions)
-        if place[2] <= 0.0 or submersion(self._scene, time_ns, place) <= 0.0:
+        if position[2] <= 0.0 or submersion(self._scene, time_ns, position) <= 0.0:
             return np.zeros((count, 3), np.float32), np.full(count, np.inf), np.full(count, NOTHING, np.int32)
         rotation = matrix(self._mounting.attitude(state))
-        water, effects, turned = self._around(place[2]), self._effects, np.array(rotation).reshape(3, 3)
-        wet, ranges, objects = self._see(time_ns, place, rotation, turned, water)
-        wet = effects.water(wet, ranges, place, turned, water)
-        return effects.move(Shot(wet, ranges, objects), self._mounting, state.nu)
+        water, effects, axes = self._water_at(position[2]), self._effects, np.array(rotation).reshape(3, 3)
+        radiance, ranges, objects = self._trace(time_ns, position, rotation, axes, water)
+        radiance = effects.add_water_effects(radiance, ranges, position, axes, water)
+        return effects.apply_motion(RawPicture(radiance, ranges, objects), self._mounting, state.nu)
 
-    def _see(
-        self, time_ns: int, place: Any, rotation: Any, turned: Any, water: Water
+    def _trace(
+        self, time_ns: int, position: Any, rotation: Any, axes: Any, water: Water
     ) -> tuple[NDArray[np.float32], Floats, NDArray[np.int32]]:
         """Return what `render` does, without the effects of the water and of motion."""
         m, shading = self._model, self._shading
-        if shading and m.renderer == "rays" and (geometry := self._rays.compiled(place, m.max_range)):
-            return shading.cast(geometry, place, rotation, self._directions, m.lamps, water)
-        hits = self._rays.hits(place, self._directions, m.max_range, rotation)
+        if shading and m.renderer == "rays" and (geometry := self._rays.compiled(position, m.max_range)):
+            return shading.cast(geometry, position, rotation, self._directions, m.lamps, water)
+        hits = self._rays.hits(position, self._directions, m.max_range, rotation)
         ranges, objects = np.asarray(hits.distances), np.asarray(hits.objects)
         if shading:
-            return shading.shade(hits, place, rotation, self._toward, m.lamps, water), ranges, objects
-        return self._lit(hits, time_ns, place, turned, water), ranges, objects
+            return shading.shade(hits, position, rotation, self._toward, m.lamps, water), ranges, objects
+        return self._compute_light(hits, time_ns, position, axes, water), ranges, objects
 
-    def _lit(self, hits: Hits, time_ns: int, place: Any, turned: Any, water: Water) -> NDArray[np.float32]:
+    def _compute_light(self, hits: Hits, time_ns: int, position: Any, axes: Any, water: Water) -> NDArray[np.float32]:
         """Return the radiance (n x 3) at the lens of what is met, with all effects of light."""
         ranges, objects = np.asarray(hits.distances), np.asarray(hits.objects)
         points, normals = (_rows(np.asarray(vectors), objects) for vectors in (hits.points, hits.normals))
-        facing = -np.einsum("ir,ri->r", turned.astype(np.float32).T @ normals, self._toward)
+        cos_incidence = -np.einsum("ir,ri->r", axes.astype(np.float32).T @ normals, self._toward)
         distances = ranges.astype(np.float32)
-        seen = Seen(points, normals, objects, distances, facing, distances * np.float32(self._pixel))
+        surfaces = SurfaceHits(points, normals, objects, distances, cos_incidence, distances * np.float32(self._pixel))
         effects = self._effects
-        lights = effects.beams(self._rays, place, turned, seen), effects.dapple(seen, time_ns)
-        radiance = self._scenery.radiance(seen, water.light, self._model.lamps, water.attenuation, *lights, water.veil)
+        lights = effects.lamp_lights(self._rays, position, axes, surfaces), effects.daylight_factor(surfaces, time_ns)
+        radiance = self._scenery.radiance(
+            surfaces, water.light, self._model.lamps, water.attenuation, *lights, water.veil
+        )
         return underwater(radiance, ranges, water)
 
     def points(self, depth: bytes) -> bytes:
         """Return where a picture's depths (see CameraSample) are in the sensor's axes, nan where they are inf."""
         ahead = np.frombuffer(depth, np.float32).copy()
         ahead[np.isinf(ahead)] = np.nan
-        places: bytes = (self._toward * (ahead / self.axial)[:, None]).tobytes()
-        return places
+        positions: bytes = (self._toward * (ahead / self.axial)[:, None]).tobytes()
+        return positions
 
-    def _around(self, depth: float) -> Water:
+    def _water_at(self, depth: float) -> Water:
         """Return the water at a depth in m."""
         depth = round(depth / _DEPTH_STEP) * _DEPTH_STEP
         if depth != self._water_depth and not self._model.ground_truth:
@@ -128,13 +130,13 @@ def pixel_rays(width: int, height: int, intrinsics: Intrinsics, distortion: Dist
         (np.arange(width) - intrinsics.cx) / intrinsics.fx, (np.arange(height) - intrinsics.cy) / intrinsics.fy
     )
     if any(distortion):
-        x, y = undistorted(x, y, distortion)
+        x, y = undistort(x, y, distortion)
     rays = np.stack([np.ones_like(x), x, y], axis=-1).reshape(-1, 3)
     unit: NDArray[np.float64] = rays / np.sqrt((rays * rays).sum(axis=1, keepdims=True))
     return unit
 
 
-def distorted(x: Floats, y: Floats, distortion: Distortion) -> tuple[Floats, Floats]:
+def distort(x: Floats, y: Floats, distortion: Distortion) -> tuple[Floats, Floats]:
     """Return where a lens puts what is at (x, y) of the plane at distance 1 (Brown 1971; ROS's "plumb_bob", OpenCV)."""
     k1, k2, p1, p2, k3 = distortion
     r = x * x + y * y
@@ -145,15 +147,15 @@ def distorted(x: Floats, y: Floats, distortion: Distortion) -> tuple[Floats, Flo
     )
 
 
-def undistorted(x: Floats, y: Floats, distortion: Distortion) -> tuple[Floats, Floats]:
-    """Return what `distorted` puts at (x, y), by repeated correction.
+def undistort(x: Floats, y: Floats, distortion: Distortion) -> tuple[Floats, Floats]:
+    """Return what `distort` puts at (x, y), by repeated correction.
 
     Raises ConfigError for a lens that folds the picture.
     """
     u, v = x, y
     with np.errstate(all="ignore"):
         for _ in range(100):
-            a, b = distorted(u, v, distortion)
+            a, b = distort(u, v, distortion)
             u, v = u + (x - a), v + (y - b)
         if not np.hypot(x - a, y - b).max() < _UNDISTORTED:
             raise ConfigError("distortion: to some pixels nothing leads through this lens; make k1 to k3 smaller")

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 from sim.dynamics import State
 from sim.sensors.error import sensor_random
 from sim.sensors.imaging.camera.model import CameraModel
-from sim.sensors.imaging.samples import CameraSample, Distortion, Intrinsics, need_numpy
+from sim.sensors.imaging.samples import CameraSample, Distortion, Intrinsics, require_numpy
 from sim.sensors.mounting import Mounting
 from sim.sensors.samples import Scene
 
@@ -28,30 +28,30 @@ class Camera:
     offloaded = True
 
     def __init__(self, model: CameraModel, mounting: Mounting, seed: int, scene: Scene) -> None:
-        need_numpy(self.topic)
-        from sim.sensors.imaging.camera.development import Development
-        from sim.sensors.imaging.camera.picture import Eye
+        require_numpy(self.topic)
+        from sim.sensors.imaging.camera.development import ImageSensor
+        from sim.sensors.imaging.camera.picture import PictureRenderer
 
         self._model = model
         focal = 0.5 * model.width / tan(0.5 * model.field_of_view)
         self._intrinsics = Intrinsics(focal, focal, 0.5 * (model.width - 1), 0.5 * (model.height - 1))
         self._distortion: Distortion = model.distortion
-        self._eye = Eye(
+        self._renderer = PictureRenderer(
             model, self._intrinsics, mounting, scene, sensor_random(seed, f"{self.topic}/water").getrandbits(63)
         )
-        self._development = Development(model, self._eye.axial, seed, self.topic)
+        self._image_sensor = ImageSensor(model, self._renderer.axial, seed, self.topic)
 
     def add(self, solid: "Solid", state: State) -> None:
         """Add a solid that moves with a vehicle's `state`; its axes are the body's."""
-        self._eye.add(solid, state)
+        self._renderer.add(solid, state)
 
     def sample(self, time_ns: int, state: State) -> CameraSample:
         """Return the measurement of `state`."""
         m = self._model
-        radiance, ranges, objects = self._eye.render(time_ns, state)
-        rgb, depth = self._development.develop(radiance, ranges)
+        radiance, ranges, objects = self._renderer.render(time_ns, state)
+        rgb, depth = self._image_sensor.develop(radiance, ranges)
         return CameraSample(
             time_ns, m.width, m.height, rgb, depth if m.depth else None,
             objects.tobytes() if m.ground_truth else None, self._intrinsics, self._distortion,
-            self._eye.points(depth) if m.points else None,
+            self._renderer.points(depth) if m.points else None,
         )  # fmt: skip

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from sim.sensors.imaging.beam_former import BeamFormer
-from sim.sensors.imaging.echoes import array_pattern, main_lobe
+from sim.sensors.imaging.echoes import array_pattern, first_null
 
 SPACING, WIDTH = radians(0.25), radians(1.0)
 MIDDLE = 100
@@ -33,7 +33,7 @@ def test_a_beam_receives_by_its_pattern(side_lobes: float) -> None:
     found = former(side_lobes).receive(lone(MIDDLE, 1))[:, 0]
     angles = (np.arange(201) - MIDDLE) * SPACING
     assert found == pytest.approx(array_pattern(angles, WIDTH, side_lobes), abs=1e-6)
-    null = main_lobe(WIDTH)
+    null = first_null(WIDTH)
     first = found[(np.abs(angles) > null) & (np.abs(angles) < 2.0 * null)].max()
     assert 10.0 * np.log10(first) == pytest.approx(-side_lobes, abs=0.6)  # beams stand beside its peak
 
@@ -83,7 +83,7 @@ def test_overlapping_beams_have_correlated_speckle(looks: float) -> None:
     amplitude = np.sqrt(found)
     if looks == 1.0:
         assert amplitude.mean() / amplitude.std() == pytest.approx(sqrt(pi / (4.0 - pi)), rel=0.01)
-    null = main_lobe(WIDTH) / SPACING
+    null = first_null(WIDTH) / SPACING
     for apart in (1, 2, 4, 9):
         alike = np.mean([np.corrcoef(found[k], found[k + apart])[0, 1] for k in range(0, 140, 20)])
         assert alike == pytest.approx(np.sinc(apart / null) ** 2, abs=0.05)

@@ -19,7 +19,7 @@ from sim.rotations import from_euler
 from sim.sensors.imaging import scenery
 from sim.sensors.imaging.camera.development import automatic_exposure
 from sim.sensors.imaging.camera.model import CameraModel
-from sim.sensors.imaging.camera.picture import distorted, pixel_rays, undistorted
+from sim.sensors.imaging.camera.picture import distort, pixel_rays, undistort
 from sim.sensors.imaging.camera.sensor import Camera
 from sim.sensors.imaging.samples import CameraSample, Intrinsics
 from sim.sensors.mounting import Mounting
@@ -136,9 +136,9 @@ def test_a_distorting_lens_maps_pixels_to_its_rays() -> None:
     """A pixel looks where the lens maps it; a plane is then still a plane."""
     lens = (-0.2, 0.03, 0.001, -0.0005, -0.001)
     x, y = np.meshgrid(np.linspace(-0.8, 0.8, 33), np.linspace(-0.6, 0.6, 25))
-    u, v = undistorted(x, y, lens)
+    u, v = undistort(x, y, lens)
     assert np.hypot(u - x, v - y).max() > 0.05
-    a, b = distorted(u, v, lens)
+    a, b = distort(u, v, lens)
     assert np.hypot(a - x, b - y).max() < 1e-9
     rays = pixel_rays(3, 1, Intrinsics(2.0, 2.0, 1.0, 0.0), lens)
     assert np.linalg.norm(rays, axis=1) == pytest.approx([1.0] * 3)
@@ -160,8 +160,8 @@ def test_a_lens_that_folds_the_picture_is_refused() -> None:
 
 
 def test_k1_distorts_as_worked_out_by_hand() -> None:
-    assert distorted(np.array(0.3), np.array(-0.4), (0.2, 0.0, 0.0, 0.0, 0.0)) == pytest.approx((0.315, -0.42))
-    found = distorted(np.array(0.3), np.array(-0.4), (0.0, 0.0, 0.1, 0.01, 0.0))  # OpenCV's tangential terms
+    assert distort(np.array(0.3), np.array(-0.4), (0.2, 0.0, 0.0, 0.0, 0.0)) == pytest.approx((0.315, -0.42))
+    found = distort(np.array(0.3), np.array(-0.4), (0.0, 0.0, 0.1, 0.01, 0.0))  # OpenCV's tangential terms
     assert found == pytest.approx((0.3 - 0.024 + 0.01 * (0.25 + 0.18), -0.4 + 0.1 * (0.25 + 0.32) - 0.0024))
 
 
@@ -186,9 +186,9 @@ def test_the_picture_follows_the_underwater_image_model() -> None:
         terrain=Terrain(grid, Fractal(12.0, 0.6, seed=2).depths(grid), 12.0), box=(Box(6.0, 1.0, 1.0, 1.0, top=7.0),)
     )
     dry, wet = camera(world, RAW._replace(water="clear")), camera(world, RAW._replace(water="1C"))
-    scene, ranges, objects = dry._eye.render(0, HERE)
-    seen, _, _ = wet._eye.render(0, HERE)
-    water, below = jerlov("1C", 8.0), objects != wet._eye._surface
+    scene, ranges, objects = dry._renderer.render(0, HERE)
+    seen, _, _ = wet._renderer.render(0, HERE)
+    water, below = jerlov("1C", 8.0), objects != wet._renderer._surface
     expected = underwater(scene * np.array(water.light, np.float32), ranges, water)
     assert seen[below] == pytest.approx(expected[below], abs=1e-6)
     assert np.abs(seen - scene).mean() > 0.05
@@ -198,7 +198,7 @@ def test_the_picture_follows_the_underwater_image_model() -> None:
 def test_distant_objects_fade_into_the_veiling_light(water: Any) -> None:
     world = DEEP._replace(walls=True, extent=(-50.0, 25.0, -500.0, 500.0))
     near, far = (
-        camera(world._replace(extent=(-50.0, d, -500.0, 500.0)), RAW._replace(water=water))._eye.render(0, HERE)[0]
+        camera(world._replace(extent=(-50.0, d, -500.0, 500.0)), RAW._replace(water=water))._renderer.render(0, HERE)[0]
         for d in (1.0, 29.0)
     )
     middle = 30 * 81 + 40
@@ -211,7 +211,7 @@ def test_lamp_light_falls_with_the_square_of_the_distance() -> None:
     for distance in (1.0, 3.0):
         world = DEEP._replace(walls=True, extent=(-50.0, distance, -500.0, 500.0))
         lit, unlit = (
-            camera(world, RAW._replace(water="clear", lamps=lamps, max_range=5.0))._eye.render(0, HERE)[0]
+            camera(world, RAW._replace(water="clear", lamps=lamps, max_range=5.0))._renderer.render(0, HERE)[0]
             for lamps in (2.0, 0.0)
         )
         tone = unlit / 0.6  # of a wall in full daylight
@@ -244,7 +244,7 @@ def test_noise_follows_the_electron_count() -> None:
     eye = camera(FLAT, model)
     for signal in (0.0, 0.25, 0.5):
         light = np.full((61 * 81, 3), signal, np.float32)
-        rgb, _ = eye._development.develop(light, np.ones(61 * 81))
+        rgb, _ = eye._image_sensor.develop(light, np.ones(61 * 81))
         found = decode(np.frombuffer(rgb, np.uint8))
         if signal:
             assert found.std() == pytest.approx(sqrt(signal / 1000.0 + 0.02**2), rel=0.05)
@@ -255,7 +255,7 @@ def test_noise_follows_the_electron_count() -> None:
 
 def test_vignetting_darkens_the_corners() -> None:
     eye = camera(FLAT, RAW._replace(vignetting=1.0, field_of_view=radians(80.0)))
-    rgb, _ = eye._development.develop(np.full((61 * 81, 3), 0.5, np.float32), np.ones(61 * 81))
+    rgb, _ = eye._image_sensor.develop(np.full((61 * 81, 3), 0.5, np.float32), np.ones(61 * 81))
     picture = decode(np.frombuffer(rgb, np.uint8).reshape(61, 81, 3))
     axial = cos(np.arctan(hypot(40.0, 30.0) * tan(radians(40.0)) / 40.5))
     assert picture[0, 0, 0] == pytest.approx(0.5 * axial**4, rel=0.02)
@@ -345,7 +345,7 @@ def test_each_point_projects_to_its_pixel(distortion: Any) -> None:
     assert (np.isnan(down) == ~seen).all()
     assert ahead[seen] == pytest.approx(depths(sample)[seen], abs=1e-5)
     fx, fy, cx, cy = sample.intrinsics
-    x, y = distorted((right / ahead).astype(float), (down / ahead).astype(float), distortion)
+    x, y = distort((right / ahead).astype(float), (down / ahead).astype(float), distortion)
     columns, rows = np.meshgrid(np.arange(81), np.arange(61))
     assert (fx * x + cx)[seen] == pytest.approx(columns[seen], abs=1e-4)
     assert (fy * y + cy)[seen] == pytest.approx(rows[seen], abs=1e-4)

@@ -18,13 +18,13 @@ from sim.rays.scene import RayScene
 from sim.rotations import from_euler
 from sim.rotations import integrate as turn
 from sim.sensors.imaging.camera import picture
-from sim.sensors.imaging.camera.development import Development, normal_noise
-from sim.sensors.imaging.camera.lamps import _BACK, Lamps
+from sim.sensors.imaging.camera.development import ImageSensor, normal_noise
+from sim.sensors.imaging.camera.lamps import _BACKWARD_SHARE, Lamps
 from sim.sensors.imaging.camera.model import CameraModel
-from sim.sensors.imaging.camera.particles import Caustics, Snow
+from sim.sensors.imaging.camera.particles import Caustics, MarineSnow
 from sim.sensors.imaging.camera.sensor import Camera
 from sim.sensors.imaging.samples import CameraSample
-from sim.sensors.imaging.scenery import Seen
+from sim.sensors.imaging.scenery import SurfaceHits
 from sim.sensors.mounting import Mounting
 from sim.simulation import Simulation
 from sim.vehicle.vehicle import load_vehicle
@@ -90,7 +90,7 @@ def test_backscatter_is_the_integral_of_single_scattering(water: str, distance: 
 
         def recorded_picture(way: float, c: float = c, b: float = b) -> float:
             squared = way * way + 0.16
-            return pi * 2.0 * exp(-c * (way + squared**0.5)) / squared * b * _BACK
+            return pi * 2.0 * exp(-c * (way + squared**0.5)) / squared * b * _BACKWARD_SHARE
 
         expected = integrate.quad(recorded_picture, 0.4, distance)[0]
         assert found[channel] == pytest.approx(expected, rel=0.03)
@@ -102,7 +102,7 @@ def test_backscatter_brightens_the_picture_in_proportion_to_its_key() -> None:
 
 
 def test_marine_snow_is_fixed_in_the_water_and_seeded() -> None:
-    snow = Snow(400.0, (80, 60), 40.0, 5)
+    snow = MarineSnow(400.0, (80, 60), 40.0, 5)
     here, _ = snow._particles(np.array([0.0, 0.0, 10.0]))
     there, _ = snow._particles(np.array([0.4, -0.3, 10.2]))
     both = {tuple(row) for row in here.round(6).tolist()} & {tuple(row) for row in there.round(6).tolist()}
@@ -116,11 +116,12 @@ def test_marine_snow_is_fixed_in_the_water_and_seeded() -> None:
 
 
 def test_marine_snow_behind_objects_is_hidden() -> None:
-    snow = Snow(2000.0, (80, 60), 40.0, 5)
+    snow = MarineSnow(2000.0, (80, 60), 40.0, 5)
     dark = np.zeros((4800, 3), np.float32)
     kind = jerlov("II", 5.0)
     near, far = (
-        snow.fall(dark, np.full(4800, reach), np.zeros(3), np.eye(3), kind, (1.0, 0.0)).sum() for reach in (0.5, 30.0)
+        snow.add_particles(dark, np.full(4800, reach), np.zeros(3), np.eye(3), kind, (1.0, 0.0)).sum()
+        for reach in (0.5, 30.0)
     )
     assert 0.0 < near < 0.8 * far
 
@@ -135,17 +136,17 @@ def test_caustics_preserve_the_mean_light_and_fade_with_depth() -> None:
         up = np.zeros_like(points)
         up[2] = -1.0
         ranges = np.ones(side * side, np.float32)
-        seen = Seen(points, up, np.zeros(side * side, np.int32), ranges, ranges, ranges)
-        dapple = caustics.dapple(seen, 0)
-        assert dapple.mean() == pytest.approx(1.0, abs=0.02)
-        assert dapple.min() >= 0.0
-        contrast[depth] = float(dapple.std())
+        seen = SurfaceHits(points, up, np.zeros(side * side, np.int32), ranges, ranges, ranges)
+        daylight_factor = caustics.daylight_factor(seen, 0)
+        assert daylight_factor.mean() == pytest.approx(1.0, abs=0.02)
+        assert daylight_factor.min() >= 0.0
+        contrast[depth] = float(daylight_factor.std())
     assert contrast[1.2] > 0.4
     assert contrast[0.1] < 0.2 * contrast[1.2]
     assert contrast[1.2] > contrast[5.0] > contrast[20.0]
     assert contrast[20.0] < 0.1 * contrast[1.2]
-    later = caustics.dapple(seen, 200_000_000)
-    assert not np.array_equal(later, caustics.dapple(seen, 0)), "they move"
+    later = caustics.daylight_factor(seen, 200_000_000)
+    assert not np.array_equal(later, caustics.daylight_factor(seen, 0)), "they move"
 
 
 def test_caustics_appear_on_a_shallow_seabed() -> None:
@@ -241,7 +242,7 @@ def test_the_compiled_pass_gives_the_same_light(
     )  # fmt: skip
     scene = Simulation(VEHICLE, world, {}, position=(0.0, 0.0, 2.0))
     for angles in ((0.0, -0.6, 0.2), (0.1, 0.5, 1.0), (0.0, -1.5, 2.0)):
-        eye = Camera(KEYS._replace(**keys), Mounting(orientation=angles), 1, scene)._eye
+        eye = Camera(KEYS._replace(**keys), Mounting(orientation=angles), 1, scene)._renderer
         here = State((0.3, -0.2, 5.0))
         assert eye._shading
         at_once, ranges, objects = eye.render(0, here)
@@ -305,7 +306,7 @@ def test_the_compiled_sensor_gives_the_same_picture() -> None:
     ranges[7] = np.inf
     pictures, depths = [], []
     for compiled in (True, False):
-        one = Development(CameraModel(width=80, height=60), np.linspace(0.7, 1.0, 4800, dtype=np.float32), 1, "camera")
+        one = ImageSensor(CameraModel(width=80, height=60), np.linspace(0.7, 1.0, 4800, dtype=np.float32), 1, "camera")
         assert one._develop
         one._develop = one._develop if compiled else None
         rgb, depth = one.develop(light, ranges)

@@ -10,10 +10,10 @@ from sim.environment.seawater.absorption import francois_garrison
 from sim.sensors.imaging.echoes import (
     Bins,
     Echoes,
+    add_speckle,
     array_pattern,
-    main_lobe,
-    pattern,
-    speckled,
+    beam_pattern,
+    first_null,
 )
 
 
@@ -45,16 +45,16 @@ def test_absorption_in_fresh_water_is_that_of_pure_water() -> None:
 
 def test_the_beam_pattern_has_its_half_power_width_and_nulls() -> None:
     width = radians(20.0)
-    found = pattern(np.array([0.0, 0.5 * width, -0.5 * width, main_lobe(width) + 1e-9, 0.5 * pi]), width)
+    found = beam_pattern(np.array([0.0, 0.5 * width, -0.5 * width, first_null(width) + 1e-9, 0.5 * pi]), width)
     assert found == pytest.approx([1.0, 0.5, 0.5, 0.0, 0.0], abs=1e-6)
-    assert main_lobe(radians(140.0)) == pytest.approx(0.5 * pi)
+    assert first_null(radians(140.0)) == pytest.approx(0.5 * pi)
 
 
 def test_side_lobes_have_the_keyed_level_and_decrease() -> None:
     angles = np.linspace(0.0, 0.5 * pi, 200_001)
     found = array_pattern(angles, radians(1.0), 25.0)
-    main = angles < main_lobe(radians(1.0))
-    assert (found[main] == pattern(angles[main], radians(1.0))).all()
+    main = angles < first_null(radians(1.0))
+    assert (found[main] == beam_pattern(angles[main], radians(1.0))).all()
     assert 10.0 * np.log10(found[~main].max()) == pytest.approx(-25.0, abs=0.1)
     assert found[~main].argmax() * 2.0e-6 < radians(1.0)
     far = angles > radians(30.0)
@@ -65,7 +65,7 @@ def test_an_echo_is_shared_between_bins_like_that_of_a_plane() -> None:
     """The shares follow the fifth power of the range, and absorption; what is before or beyond all bins is lost."""
     near, far = np.array([[10.3, 40.5, 19.0, 5.0]]), np.array([[30.7, 40.5, 80.0, 11.0]])
     energy = np.array([[9.0, 0.5, 3.0, 2.0]])
-    found = Bins(10.0, 0.1, 500, 0.2).shares(echoes_of(near, far, energy), 1)[0]
+    found = Bins(10.0, 0.1, 500, 0.2).distribute(echoes_of(near, far, energy), 1)[0]
 
     def share(low: float, high: float, first: float, last: float) -> float:
         def integral(a: float, b: float) -> float:
@@ -85,19 +85,19 @@ def test_an_echo_is_shared_between_bins_like_that_of_a_plane() -> None:
 
 def test_an_echo_without_length_is_in_one_bin() -> None:
     at = np.array([[0.3], [4.7], [5.7]])
-    found = Bins(0.0, 0.5, 11, 0.1).shares(echoes_of(at, at, np.array([[2.0], [3.0], [1.0]])), 3)
+    found = Bins(0.0, 0.5, 11, 0.1).distribute(echoes_of(at, at, np.array([[2.0], [3.0], [1.0]])), 3)
     assert found.sum(axis=1) == pytest.approx([2.0, 3.0, 0.0])
     assert [int(row.argmax()) for row in found] == [0, 9, 0]
 
 
 def test_speckle_is_rayleigh_distributed() -> None:
     """Intensity is exponential: as much deviation as mean; amplitude has sqrt(pi / (4 - pi)) times its deviation."""
-    found = speckled(np.full(400_000, 3.0, np.float32), 1.0, np.random.default_rng(1))
+    found = add_speckle(np.full(400_000, 3.0, np.float32), 1.0, np.random.default_rng(1))
     assert found.mean() == pytest.approx(3.0, rel=0.01)
     assert found.std() == pytest.approx(3.0, rel=0.01)
     assert (found > 9.0).mean() == pytest.approx(exp(-3.0), rel=0.03)
     amplitude = np.sqrt(found)
     assert amplitude.mean() / amplitude.std() == pytest.approx(sqrt(pi / (4.0 - pi)), rel=0.01)
-    many = speckled(np.full(400_000, 3.0, np.float32), 4.0, np.random.default_rng(1))
+    many = add_speckle(np.full(400_000, 3.0, np.float32), 4.0, np.random.default_rng(1))
     assert (many.mean(), many.std()) == pytest.approx((3.0, 1.5), rel=0.01)
-    assert (speckled(found, 0.0, np.random.default_rng(1)) == found).all()
+    assert (add_speckle(found, 0.0, np.random.default_rng(1)) == found).all()

@@ -18,7 +18,7 @@ from sim.environment.world import World
 from sim.rays import solids
 from sim.rotations import from_euler, matrix
 from sim.sensors.error import ErrorModel
-from sim.sensors.imaging.echoes import main_lobe, pattern
+from sim.sensors.imaging.echoes import beam_pattern, first_null
 from sim.sensors.imaging.forward_sonar import ForwardSonar, ForwardSonarModel
 from sim.sensors.imaging.samples import SonarImageSample
 from sim.sensors.mounting import Mounting
@@ -82,7 +82,7 @@ def test_a_slope_has_exact_ranges() -> None:
     ranges = echoes.ranges.reshape(65, 60)
     hit = np.isfinite(ranges)
     assert hit.sum() > 1000
-    place = mounting.place(state)
+    place = mounting.world_position(state)
     turned = sonar._pinger._aperture.directions[hit] @ np.array(matrix(mounting.attitude(state))).reshape(3, 3).T
     expected = (20.0 + 0.25 * place[0] - place[2]) / (turned[:, 2] - 0.25 * turned[:, 0])
     assert ranges[hit] == pytest.approx(expected, abs=1e-6)
@@ -145,12 +145,12 @@ def test_a_flat_seabeds_echo_equals_its_integral() -> None:
     """Every bin of one beam equals quadrature of mu sin(e) b² cos(e) de da / r² with r = h / sin(e)."""
     model = TRUE._replace(beams=1, sector=radians(1.0), rays=200, range_step=0.5)
     column = image(forward(FLAT, model).sample(0, AHEAD))[:, 0]
-    alpha, lobe = francois_garrison(750e3), main_lobe(model.beam_height)
+    alpha, lobe = francois_garrison(750e3), first_null(model.beam_height)
     for number in range(60, 100, 7):
         near, far = number * 0.5, (number + 1) * 0.5
         downs = np.linspace(asin(10.0 / far), asin(10.0 / near), 2001)
         ranges = 10.0 / np.sin(downs)
-        terms = np.sin(downs) * pattern(downs, model.beam_height) ** 2 * np.cos(downs) / ranges**2
+        terms = np.sin(downs) * beam_pattern(downs, model.beam_height) ** 2 * np.cos(downs) / ranges**2
         terms *= 10.0 ** (-0.2 * alpha * ranges - 2.7) * radians(1.0)
         assert column[number] == pytest.approx(np.trapezoid(terms, downs), rel=0.01)
     first = 10.0 / sin(lobe)
@@ -201,7 +201,7 @@ def test_a_wide_beam_spreads_an_echo_by_its_pattern() -> None:
     across = image(forward(world, model).sample(0, AHEAD)).sum(axis=0)
     angles = np.array(forward(world, model).sample(0, AHEAD).beams)
     on_it = np.abs(angles) < asin(0.1 / 20.0)
-    expected = [pattern(angle - angles[on_it], radians(2.0)).sum() for angle in angles]
+    expected = [beam_pattern(angle - angles[on_it], radians(2.0)).sum() for angle in angles]
     assert across / across.max() == pytest.approx(np.array(expected) / max(expected), abs=0.02)
 
 
@@ -234,7 +234,7 @@ def test_side_lobes_show_a_pile_in_all_beams() -> None:
         10.0**-3.0
         * row.sum()
         / row[32]
-        / pattern(np.array(forward(world).sample(0, AHEAD).beams), TRUE.beam_width).sum(),
+        / beam_pattern(np.array(forward(world).sample(0, AHEAD).beams), TRUE.beam_width).sum(),
         rel=0.3,
     )
     assert image(forward(world).sample(0, AHEAD))[:, 0].max() == 0.0

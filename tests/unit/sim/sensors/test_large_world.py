@@ -34,7 +34,7 @@ def test_shading_by_curvature_equals_that_of_the_whole_grid() -> None:
     )
     scenery = Scenery(world, 2)
     for part in (slice(None), slice(0, 1), rows > grid.rows - 6):
-        found = scenery._bent(places[part].T.astype(np.float32))
+        found = scenery._curvature_brightness(places[part].T.astype(np.float32))
         np.testing.assert_allclose(found, whole[rows[part], columns[part]], atol=2e-4)
 
 
@@ -74,7 +74,7 @@ def test_a_world_of_100_million_nodes_is_not_loaded_completely(tmp_path: Path) -
     tracemalloc.start()
     scenery = Scenery(world, 2)
     points = np.random.default_rng(1).uniform(-30.0, 30.0, (3, 10_000)).astype(np.float32)
-    bent = scenery._bent(points)
+    bent = scenery._curvature_brightness(points)
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert (bent == 1.0).all()

@@ -172,7 +172,7 @@ def test_an_approaching_sonar_measures_shorter_ranges() -> None:
     sonar._pinger.add(solids.half_space((-1.0, 0.0, 0.0), -50.0), State())
     still, moving = (sonar._pinger.ping(0, at_depth(10.0, v, 0.0, 0.0, 0.0, 0.0, 0.0)) for v in (0.0, 15.0))
     hit = np.isfinite(still.ranges)
-    toward = sonar._pinger._flat[hit, 0]
+    toward = sonar._pinger._directions[hit, 0]
     assert hit.sum() > 1000
     assert moving.ranges[hit] / still.ranges[hit] == pytest.approx(1.0 - 15.0 / SOUND_SPEED * toward, abs=1e-9)
 
@@ -216,11 +216,11 @@ def test_a_scanning_head_applies_motion_along_its_own_axes() -> None:
     """A wall to starboard is nearer to a sonar that points and moves there."""
     model = HEAD._replace(angle_min=radians(89.0), angle_max=radians(91.0), step=radians(1.0))
     sonar = make_sensor(ScanningSonar, model)
-    pinger = sonar._echoes._pingers[0]
+    pinger = sonar._echo_recorder._pingers[0]
     pinger.add(solids.half_space((0.0, -1.0, 0.0), -20.0), State())
     head = from_euler(0.0, 0.0, radians(90.0))
     still, moving = (pinger.ping(0, at_depth(10.0, 0.0, v, 0.0, 0.0, 0.0, 0.0), head) for v in (0.0, 15.0))
     nearest = still.ranges.argmin()
     assert still.ranges[nearest] == pytest.approx(20.0, abs=0.01)
     assert moving.ranges[nearest] / still.ranges[nearest] == pytest.approx(1.0 - 15.0 / SOUND_SPEED, abs=1e-5)
-    assert hypot(*pinger._flat[nearest][1:]) < 0.05
+    assert hypot(*pinger._directions[nearest][1:]) < 0.05

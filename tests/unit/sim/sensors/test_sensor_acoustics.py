@@ -86,7 +86,7 @@ def test_a_usbl_is_exact_without_errors() -> None:
     sample = Usbl(USBL, ASKEW, 1, scene(DEEP)).sample(5, state)
     assert sample is not None
     assert sample.time_ns == 5
-    assert sample.position == pytest.approx(ASKEW.place(state), rel=1e-13)
+    assert sample.position == pytest.approx(ASKEW.world_position(state), rel=1e-13)
 
 
 @pytest.mark.parametrize("place", [(300.0, 0.0, 100.0), (-200.0, 150.0, 4.0), (0.0, 0.0, 400.0), (50.0, -60.0, 7.0)])

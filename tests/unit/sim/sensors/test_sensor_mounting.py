@@ -32,7 +32,7 @@ def moving() -> State:
 def test_a_mounting_has_its_own_position_and_attitude() -> None:
     nose_up = State((10.0, 20.0, 5.0), from_euler(0.0, radians(90), 0.0))
     mounting = Mounting((2.0, 0.0, 0.0), (0.0, radians(-90), 0.0))
-    assert mounting.place(nose_up) == pytest.approx((10.0, 20.0, 3.0))
+    assert mounting.world_position(nose_up) == pytest.approx((10.0, 20.0, 3.0))
     assert mounting.depth(nose_up) == pytest.approx(3.0)
     assert mounting.attitude(nose_up) == pytest.approx((1.0, 0.0, 0.0, 0.0))
 

@@ -127,7 +127,7 @@ def test_a_profiler_measures_a_slope(mounting: Mounting) -> None:
     model = ProfilerModel(beams=61, ground_truth=True)
     state = State((1.0, 2.0, 5.0), from_euler(0.1, -0.15, 0.9), NU)
     sample = Profiler(model, mounting, 1, scene(sloping_world())).sample(3, state)
-    attitude, place = mounting.attitude(state), mounting.place(state)
+    attitude, place = mounting.attitude(state), mounting.world_position(state)
     assert sample.angle_min == pytest.approx(radians(-60))
     for i, distance in enumerate(sample.ranges):
         angle = sample.angle_min + i * sample.angle_increment
@@ -289,7 +289,7 @@ def test_a_dvl_over_a_slope_has_exact_velocity_and_altitude(mounting: Mounting) 
     """The beams' ranges are those to the slope; velocity is exact; altitude is at right angles to the slope."""
     state = State((1.0, 2.0, 5.0), from_euler(0.1, -0.15, 0.9), NU)
     dvl = Dvl(DVL, mounting, 1, scene(sloping_world()))
-    place, attitude = mounting.place(state), mounting.attitude(state)
+    place, attitude = mounting.world_position(state), mounting.attitude(state)
     for i, found in enumerate(dvl._ranges(state)):
         angle, tilt = pi / 4.0 + i * pi / 2.0, DVL.tilt
         beam = rotate(attitude, (sin(tilt) * cos(angle), sin(tilt) * sin(angle), cos(tilt)))
@@ -362,7 +362,7 @@ def test_an_altimeter_measures_relief_and_obstacles() -> None:
     state = State((1.0, 2.0, 5.0), from_euler(0.15, -0.2, 2.0), NU)
     sample = Altimeter(ALTIMETER, ASKEW, 1, scene(sloping_world())).sample(0, state)
     beam = rotate(ASKEW.attitude(state), (0.0, 0.0, 1.0))
-    assert sample.distance == pytest.approx(distance_to_slope(ASKEW.place(state), beam), abs=1e-6)
+    assert sample.distance == pytest.approx(distance_to_slope(ASKEW.world_position(state), beam), abs=1e-6)
     stump = FLAT._replace(cylinder=(Cylinder(0.0, 0.0, 2.0, top=12.0),))
     altimeter = Altimeter(ALTIMETER, Mounting(), 1, scene(stump))
     assert altimeter.sample(0, State((0.0, 1.0, 5.0))).distance == pytest.approx(7.0)
