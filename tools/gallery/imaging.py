@@ -1,4 +1,4 @@
-"""Sensors that make images: forward-looking and side-scan sonar, and the camera."""
+"""Pictures of the imaging sensors: forward-looking and side-scan sonar, and the camera."""
 
 from math import radians
 from typing import Any
@@ -15,15 +15,15 @@ from sim.sensors.imaging.forward_sonar import ForwardSonar, ForwardSonarModel
 from sim.sensors.imaging.samples import CameraSample, SonarImageSample
 from sim.sensors.imaging.side_scan import SideScan, SideScanModel
 from sim.sensors.mounting import Mounting
-from tools.gallery.places import ECHO, MARK, SEED, Entry, at, harbour, looking, rough_ground
+from tools.gallery.places import ECHO, MARK, SEED, Entry, at, harbour, make_simulation, rough_ground
 
 TILTED = Mounting((0.2, 0.0, 0.0), (0.0, radians(-10.0), 0.0))
 CAMERA = Mounting((0.2, 0.0, 0.0), (0.0, radians(-20.0), 0.0))
 BETWEEN_PILES = at(4.0, -21.0, 3.5, heading=10.0)
 
 
-def _fan(axes: Any, sample: SonarImageSample, grey: Any) -> None:
-    """A sonar's picture as a fan, ahead up."""
+def _draw_fan(axes: Any, sample: SonarImageSample, grey: Any) -> None:
+    """Draw a sonar's picture as a fan, ahead up."""
     beams, spacing = np.array(sample.beams), sample.beams[1] - sample.beams[0]
     edges = np.append(beams - 0.5 * spacing, beams[-1] + 0.5 * spacing)
     ranges = sample.first_range + np.arange(sample.bins + 1) * sample.range_step
@@ -33,12 +33,12 @@ def _fan(axes: Any, sample: SonarImageSample, grey: Any) -> None:
     axes.set(aspect="equal", xlabel="to starboard, m", ylabel="ahead, m")
 
 
-def _grey(sample: SonarImageSample) -> Any:
+def _intensities(sample: SonarImageSample) -> Any:
     return np.frombuffer(sample.intensities, sample.encoding).reshape(sample.bins, -1)
 
 
-def _with_things(world: World) -> World:
-    """Put two blocks on the harbour's seabed."""
+def _add_blocks(world: World) -> World:
+    """Return the world with two blocks on the harbour's seabed."""
     return world._replace(
         box=(*world.box, Box(20.0, -10.0, 3.0, 1.0, 0.5, top=6.7), Box(14.0, -14.0, 0.8, 0.8, 0.2, top=6.3))
     )
@@ -50,16 +50,16 @@ def forward_sonar(figure: Figure) -> None:
     the arc of its side lobes, a quay to port, speckle, and the texture of the seabed. It is dark before the beam
     first meets the seabed. Right: the ground truth, as mean echoes in dB re the source, at 1 m. With `multipath =
     true` there are echoes by way of surface and seabed behind strong echoes."""
-    scene = looking(_with_things(harbour()))
+    scene = make_simulation(_add_blocks(harbour()))
     measured, true = figure.subplots(1, 2)
     sample = ForwardSonar(ForwardSonarModel(), TILTED, SEED, scene).sample(0, BETWEEN_PILES)
-    _fan(measured, sample, _grey(sample))
+    _draw_fan(measured, sample, _intensities(sample))
     measured.set_title("as measured")
     sample = ForwardSonar(ForwardSonarModel(ground_truth=True, multipath=True), TILTED, SEED, scene).sample(
         0, BETWEEN_PILES
     )
     with np.errstate(divide="ignore"):
-        _fan(true, sample, np.maximum(10.0 * np.log10(_grey(sample)), -150.0))
+        _draw_fan(true, sample, np.maximum(10.0 * np.log10(_intensities(sample)), -150.0))
     figure.colorbar(true.collections[0], ax=true, label="dB", shrink=0.7)
     true.set_title("ground truth")
 
@@ -67,10 +67,12 @@ def forward_sonar(figure: Figure) -> None:
 def forward_sonar_rows(figure: Figure) -> None:
     """The same picture as in the message: a row is a range bin, a column is a beam, port is left."""
     axes = figure.add_subplot()
-    sample = ForwardSonar(ForwardSonarModel(), TILTED, SEED, looking(harbour())).sample(0, BETWEEN_PILES)
+    sample = ForwardSonar(ForwardSonarModel(), TILTED, SEED, make_simulation(harbour())).sample(0, BETWEEN_PILES)
     first, last = (np.degrees(sample.beams[i]) for i in (0, -1))
     far = sample.first_range + sample.bins * sample.range_step
-    axes.imshow(_grey(sample), ECHO, aspect="auto", origin="lower", extent=(first, last, sample.first_range, far))
+    axes.imshow(
+        _intensities(sample), ECHO, aspect="auto", origin="lower", extent=(first, last, sample.first_range, far)
+    )
     axes.set(xlabel="beam, deg to starboard", ylabel="range, m")
 
 
@@ -80,7 +82,7 @@ def side_scan(figure: Figure) -> None:
     below the vehicle, then the first return of the bottom. Behind each object lies its shadow, which is longer at a
     larger distance. The ground is rock. Its relief below the cells of the grid (2 m), and its kind at each place, are
     generated."""
-    scene, axes = looking(rough_ground()), figure.add_subplot()
+    scene, axes = make_simulation(rough_ground()), figure.add_subplot()
     scan = SideScan(SideScanModel(max_range=50.0), Mounting(), SEED, scene)
     lines = []
     for ping in range(400):
@@ -91,11 +93,11 @@ def side_scan(figure: Figure) -> None:
     axes.set(xlabel="slant range, m (port to the left, starboard to the right)", ylabel="north, m")
 
 
-def _shot(model: CameraModel, mounting: Mounting = CAMERA) -> CameraSample:
-    return Camera(model, mounting, SEED, looking(harbour())).sample(0, BETWEEN_PILES)
+def _take_picture(model: CameraModel, mounting: Mounting = CAMERA) -> CameraSample:
+    return Camera(model, mounting, SEED, make_simulation(harbour())).sample(0, BETWEEN_PILES)
 
 
-def _picture(sample: CameraSample) -> Any:
+def _pixels(sample: CameraSample) -> Any:
     return np.frombuffer(sample.rgb, np.uint8).reshape(sample.height, sample.width, 3)
 
 
@@ -109,10 +111,10 @@ def _show(axes: Any, picture: Any, title: str, **how: Any) -> Any:
 def camera(figure: Figure) -> None:
     """The same place as for the forward-looking sonar, 20 deg down. Left: colours and depth as measured in oceanic
     water of type IB. Right: the ground truth, without water, and the object to which each pixel belongs."""
-    measured, true = _shot(CameraModel(water="IB")), _shot(CameraModel(ground_truth=True))
+    measured, true = _take_picture(CameraModel(water="IB")), _take_picture(CameraModel(ground_truth=True))
     (colour, dry), (depth, labels) = figure.subplots(2, 2)
-    _show(colour, _picture(measured), "colours, water IB")
-    _show(dry, _picture(true), "colours, ground truth")
+    _show(colour, _pixels(measured), "colours, water IB")
+    _show(dry, _pixels(true), "colours, ground truth")
     assert measured.depth is not None
     assert true.labels is not None
     shape = measured.height, measured.width
@@ -127,17 +129,17 @@ def camera_waters(figure: Figure) -> None:
     """The same view in four waters, from the clearest ocean to a turbid coast, with automatic exposure. Red
     disappears first. Distant objects take the colour of the water."""
     for axes, water in zip(figure.subplots(2, 2).ravel(), ("I", "IB", "II", "1C"), strict=True):
-        _show(axes, _picture(_shot(CameraModel(water=water))), f"Jerlov {water}")  # type: ignore[arg-type]
+        _show(axes, _pixels(_take_picture(CameraModel(water=water))), f"Jerlov {water}")  # type: ignore[arg-type]
 
 
 def camera_lamps(figure: Figure) -> None:
     """Before a wall, at 24.5 m depth, where daylight is weak and blue. Left: without lamps. Right: with lamps, which
     bring back the colours of near objects."""
     world = harbour()._replace(box=(Box(8.0, 0.0, 1.0, 30.0, 0.3, top=22.0),), cylinder=(), depth=26.5, terrain=None)
-    scene = looking(world)
+    scene = make_simulation(world)
     for axes, (title, lamps) in zip(figure.subplots(1, 2), (("daylight", 0.0), ("lamps", 8.0)), strict=True):
         eye = Camera(CameraModel(water="IB", lamps=lamps), Mounting(), SEED, scene)
-        _show(axes, _picture(eye.sample(0, at(4.5, 0.0, 24.5))), title)
+        _show(axes, _pixels(eye.sample(0, at(4.5, 0.0, 24.5))), title)
 
 
 def others_pictures(figure: Figure) -> None:

@@ -1,4 +1,4 @@
-"""Sensors whose samples are a few numbers: their samples during a flight, beside the truth."""
+"""Plots of sensors whose samples are a few numbers: their samples during a flight, and the true values."""
 
 from collections import defaultdict
 from functools import lru_cache
@@ -19,14 +19,14 @@ _AHEAD, _TURN, _REST = (
     (1580, 1540, 1460, 1420, 1530, 1530, 1530, 1530),
     (1500,) * 8,
 )
-_CARRIED = ("imu", "dvl", "pressure", "odometry", "ground_truth", "ahrs", "magnetometer", "altimeter", "gps")
+_FITTED = ("imu", "dvl", "pressure", "odometry", "ground_truth", "ahrs", "magnetometer", "altimeter", "gps")
 
 
 @lru_cache(maxsize=1)
 def _flight() -> dict[str, list[Any]]:
-    """Return all samples by topic: ahead, in a curve, and drifting, at the surface of the world `fractal`."""
+    """Return all samples of a flight by topic: ahead, in a curve, then drifting, near the surface of `fractal`."""
     world = load_world("fractal")._replace(origin=(57.7, 11.9))
-    sensors = fit(**{name: read_sensors({name: {}}, "gallery")[name] for name in _CARRIED if name in SENSORS})
+    sensors = fit(**{name: read_sensors({name: {}}, "gallery")[name] for name in _FITTED if name in SENSORS})
     simulation = Simulation(VEHICLE, world, sensors, seed=SEED, position=(-10.0, 0.0, 0.4))
     samples: dict[str, list[Any]] = defaultdict(list)
     for step in range(_SECONDS * _STEPS):
@@ -36,14 +36,14 @@ def _flight() -> dict[str, list[Any]]:
     return samples
 
 
-def _panel(axes: Any, topic: str, what: Any, label: str, truth: Any = None, **how: Any) -> None:
-    """One quantity of a topic's samples in time, over that of the true state."""
+def _plot_quantity(axes: Any, topic: str, quantity: Any, label: str, truth: Any = None, **style: Any) -> None:
+    """Plot one quantity of a topic's samples over time, and that of the true state."""
     flight = _flight()
     if truth:
         rows = flight["ground_truth"]
         axes.plot([s.time_ns * 1e-9 for s in rows], [truth(s) for s in rows], color=SOFT, linewidth=2.5, label="true")
     rows = flight[topic]
-    axes.plot([s.time_ns * 1e-9 for s in rows], [what(s) for s in rows], color=INK, linewidth=0.7, **how)
+    axes.plot([s.time_ns * 1e-9 for s in rows], [quantity(s) for s in rows], color=INK, linewidth=0.7, **style)
     axes.set_ylabel(label)
     axes.margins(x=0.0)
 
@@ -52,16 +52,16 @@ def imu(figure: Figure) -> None:
     """A flight of 40 s: 15 s ahead, 15 s in a curve, then drifting. Turn rate about the vertical and specific force
     along the vehicle, over the true values."""
     rate, force = figure.subplots(2, 1, sharex=True)
-    _panel(rate, "imu", lambda s: s.angular_velocity[2], "r, rad/s", lambda s: s.nu[5])
-    _panel(force, "imu", lambda s: s.acceleration[0], "x, m/s²")
+    _plot_quantity(rate, "imu", lambda s: s.angular_velocity[2], "r, rad/s", lambda s: s.nu[5])
+    _plot_quantity(force, "imu", lambda s: s.acceleration[0], "x, m/s²")
     force.set_xlabel("time, s")
 
 
 def dvl_and_pressure(figure: Figure) -> None:
     """The same flight. The log's velocity ahead and the depth that follows from the pressure, over the truth."""
     speed, depth = figure.subplots(2, 1, sharex=True)
-    _panel(speed, "dvl", lambda s: s.velocity[0], "u, m/s", lambda s: s.nu[0])
-    _panel(depth, "pressure", lambda s: (s.pascal - 101_325.0) / (1025.0 * 9.80665), "depth, m",
+    _plot_quantity(speed, "dvl", lambda s: s.velocity[0], "u, m/s", lambda s: s.nu[0])
+    _plot_quantity(depth, "pressure", lambda s: (s.pascal - 101_325.0) / (1025.0 * 9.80665), "depth, m",
            lambda s: s.position[2])  # fmt: skip
     depth.invert_yaxis()
     depth.set_xlabel("time, s")
@@ -75,8 +75,8 @@ def heading_and_field(figure: Figure) -> None:
         return float(np.degrees(to_euler(sample.orientation)[2]))
 
     north = 49e-6 * np.cos(1.15), 0.0, 49e-6 * np.sin(1.15)
-    _panel(heading, "ahrs", course, "heading, deg", course)
-    _panel(field, "magnetometer", lambda s: s.field[0] * 1e6, "x, uT",
+    _plot_quantity(heading, "ahrs", course, "heading, deg", course)
+    _plot_quantity(field, "magnetometer", lambda s: s.field[0] * 1e6, "x, uT",
            lambda s: rotate_inverse(s.orientation, north)[0] * 1e6)  # fmt: skip
     field.set_xlabel("time, s")
 
@@ -84,7 +84,7 @@ def heading_and_field(figure: Figure) -> None:
 def altimeter(figure: Figure) -> None:
     """The same flight over rough ground: the distance to the seabed along a thin beam, straight down."""
     axes = figure.add_subplot()
-    _panel(axes, "altimeter", lambda s: s.distance, "distance, m")
+    _plot_quantity(axes, "altimeter", lambda s: s.distance, "distance, m")
     axes.set_xlabel("time, s")
 
 

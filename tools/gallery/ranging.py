@@ -1,4 +1,4 @@
-"""Sensors that measure distances: laser, scanning sonar, profiler, echosounder, and the beams of a velocity log."""
+"""Pictures of sensors that measure distances: laser, scanning sonar, profiler, echosounder, beams of a DVL."""
 
 from math import cos, degrees, isfinite, pi, radians, sin
 
@@ -16,13 +16,25 @@ from sim.sensors.ranging.dvl import DvlModel
 from sim.sensors.ranging.echosounder import Echosounder, EchosounderModel
 from sim.sensors.ranging.laser import Laser, LaserModel
 from sim.sensors.ranging.profiler import Profiler, ProfilerModel
-from tools.gallery.places import ECHO, INK, MARK, SEED, SOFT, Entry, ahead_up, at, harbour, looking, rough_ground
+from tools.gallery.places import (
+    ECHO,
+    INK,
+    MARK,
+    SEED,
+    SOFT,
+    Entry,
+    at,
+    harbour,
+    make_simulation,
+    rough_ground,
+    set_axes_ahead_up,
+)
 
 PLACE = at(20.0, -8.0, 3.0, heading=30.0)
 
 
 def _points(sample: LaserSample) -> "np.ndarray[tuple[int, int], np.dtype[np.float64]]":
-    """Starboard and ahead of each beam that met something."""
+    """Return the end (m to starboard, m ahead) of each beam with an echo."""
     points = []
     for i, distance in enumerate(sample.ranges):
         angle = sample.angle_min + i * sample.angle_increment
@@ -34,7 +46,7 @@ def _points(sample: LaserSample) -> "np.ndarray[tuple[int, int], np.dtype[np.flo
 def laser(figure: Figure) -> None:
     """In the world `harbour`, between the two piers, at 3 m depth, bow to 30 deg. Left: the true distances. Right:
     measured with 50 cm of noise, fifty times the default. Dots on lines are the quays, single dots the piles."""
-    scene = looking(harbour())
+    scene = make_simulation(harbour())
     for place, (title, noise) in enumerate((("ground truth", 0.0), ("with 50 cm of noise", 0.5)), 1):
         axes = figure.add_subplot(1, 2, place)
         model = LaserModel(ground_truth=not noise, max_range=60.0)
@@ -43,7 +55,7 @@ def laser(figure: Figure) -> None:
         for x, y in points:
             axes.plot((0.0, x), (0.0, y), color=SOFT, linewidth=0.3)
         axes.plot(*points.T, ".", color=INK, markersize=2.5)
-        ahead_up(axes, 62.0)
+        set_axes_ahead_up(axes, 62.0)
         axes.set_title(title)
 
 
@@ -52,7 +64,7 @@ def scanning_sonar(figure: Figure) -> None:
     where the water is shallower. Within the ring are the piles of the west pier. A turn of 400 pings takes 36 s.
     Left: the vehicle is at rest. Right: it moves ahead at 0.3 m/s, so the ring does not close astern, where the turn
     begins and ends."""
-    scene = looking(harbour())
+    scene = make_simulation(harbour())
     for place, speed in enumerate((0.0, 0.3), 1):
         axes = figure.add_subplot(1, 2, place)
         sonar = ScanningSonar(ScanningSonarModel(), Mounting(), SEED, scene)
@@ -63,7 +75,7 @@ def scanning_sonar(figure: Figure) -> None:
             state = at(20.0 + distance * cos(heading), -8.0 + distance * sin(heading), 3.0, heading=30.0)
             points += _points(sonar.sample(ping, state)).tolist()
         axes.plot(*np.array(points).T, ".", color=INK, markersize=2.5)
-        ahead_up(axes, 32.0)
+        set_axes_ahead_up(axes, 32.0)
         axes.set_title("at rest" if not speed else f"at {speed} m/s")
 
 
@@ -75,7 +87,10 @@ def scanning_sonar_echoes(figure: Figure) -> None:
     world = harbour()
     world = world._replace(box=(*world.box, Box(30.0, -9.0, 3.0, 1.0, 0.5, top=7.2)))
     sonar = ScanningSonar(
-        ScanningSonarModel(bins=600, min_range=0.0, max_range=40.0, ringing=0.75), Mounting(), SEED, looking(world)
+        ScanningSonarModel(bins=600, min_range=0.0, max_range=40.0, ringing=0.75),
+        Mounting(),
+        SEED,
+        make_simulation(world),
     )
     pings = [sonar.sample(ping, PLACE).echoes for ping in range(400)]
     grey = np.array([np.frombuffer(echoes.intensities, np.uint8) for echoes in pings]).T
@@ -85,7 +100,7 @@ def scanning_sonar_echoes(figure: Figure) -> None:
     axes = figure.add_subplot()
     places = distance * np.sin(angle), distance * np.cos(angle)
     axes.pcolormesh(*places, grey, cmap=ECHO, rasterized=True)
-    ahead_up(axes, 41.0)
+    set_axes_ahead_up(axes, 41.0)
 
 
 def profiler(figure: Figure) -> None:
@@ -93,7 +108,7 @@ def profiler(figure: Figure) -> None:
     ping across the track: dots are measured, the line is the seabed."""
     world = rough_ground()
     state, axes = at(8.0, 0.0, 14.0), figure.add_subplot()
-    sample = Profiler(ProfilerModel(), Mounting(), SEED, looking(world)).sample(0, state)
+    sample = Profiler(ProfilerModel(), Mounting(), SEED, make_simulation(world)).sample(0, state)
     east = np.linspace(-42.0, 42.0, 800)
     axes.plot(east, [world.seabed(8.0, e) for e in east], color=SOFT, linewidth=1.5, label="seabed")
     points = _points(sample)
@@ -110,7 +125,7 @@ def echosounder(figure: Figure) -> None:
     point within it. So over the flanks it measures less than the water straight below, and still less over steep
     ones."""
     world = load_world("ridge")
-    scene, axes = looking(world), figure.add_subplot()
+    scene, axes = make_simulation(world), figure.add_subplot()
     norths = np.arange(-75.0, 75.0, 0.1)
     for width, colour, name in ((25.0, INK, "25 deg (Ping2)"), (60.0, MARK, "60 deg")):
         sounder = Echosounder(EchosounderModel(beam_width=radians(width), rings=6), Mounting(), SEED, scene)
@@ -143,7 +158,7 @@ def dvl(figure: Figure) -> None:
     side_panel.plot(0.0, 12.0, "v", color=MARK, markersize=7)
     side_panel.set(xlabel="ahead, m", ylabel="depth, m", aspect="equal", xlim=(-8, 8), ylim=(22.5, 10.5))
     side_panel.legend(loc="lower left")
-    ahead_up(above, 5.0)
+    set_axes_ahead_up(above, 5.0)
 
 
 ENTRIES = (
