@@ -5,8 +5,8 @@ from tools.reference import commands, diagnostics, files, mavlink, stm32, topics
 
 def pages() -> dict[str, str]:
     """Return the text of every generated page, by the name of its file without `.md`."""
-    made = {name: page() for name, page in files.PAGES.items()}
-    return made | {
+    file_pages = {name: page() for name, page in files.PAGES.items()}
+    return file_pages | {
         "commands": commands.page(),
         "topics": topics.page(),
         "diagnostics": diagnostics.page(),

@@ -1,4 +1,4 @@
-"""The page of the commands: arguments, options and exit codes, out of the argument parsers."""
+"""Reference page of the commands: arguments, options and exit codes, from the argument parsers."""
 
 import argparse
 import re
@@ -16,20 +16,20 @@ KINDS = (
     errors.MissionError,
 )  # fmt: skip
 OTHER_CODES = {
-    0: "It did what was asked.",
-    errors.STOPPED: "Ctrl-C or a signal ended it; 0 for a command that runs until then, as `slave` and `router` do.",
-    141: "The reader of its output ended, as in `uuv-hil ... | head`.",
+    0: "The command succeeded.",
+    errors.STOPPED: "Ctrl-C or a signal ended it. Commands that run until then, as `slave` and `router`, return 0.",
+    141: "The program that reads its output ended, as in `uuv-hil ... | head`.",
 }
-USUAL = {"SCENARIO": "a `.toml` file, or the name of an installed scenario"}
-ONE = (
+DEFAULT_MEANINGS = {"SCENARIO": "a `.toml` file, or the name of an installed scenario"}
+CODE_1 = (
     "A check has found a problem (`doctor`, `scenario check`, `frame check`, `--check`, `--fail-on-regression`), "
     "or another error."
 )
 HEAD = """\
 # Commands
 
-`uuv-hil COMMAND --help` shows the same on the terminal. `SCENARIO` is a `.toml` file or the name of an installed
-scenario. `ENDPOINT` is `tcp/HOST:PORT`. An option may be shortened as long as it stays unique.
+`uuv-hil COMMAND --help` prints the same. `SCENARIO` is a `.toml` file or the name of an installed
+scenario. `ENDPOINT` is `tcp/HOST:PORT`. An option may be abbreviated if it stays unique.
 
 This page is made by `python -m tools.reference` from the argument parsers.
 
@@ -42,7 +42,7 @@ This page is made by `python -m tools.reference` from the argument parsers.
 
 def page() -> str:
     """Return the page of all commands."""
-    codes = {kind.exit_code: (getdoc(kind) or "").split("\n")[0] for kind in KINDS} | {1: ONE} | OTHER_CODES
+    codes = {kind.exit_code: (getdoc(kind) or "").split("\n")[0] for kind in KINDS} | {1: CODE_1} | OTHER_CODES
     rows = "".join(f"| {code} | {text} |\n" for code, text in sorted(codes.items()))
     parts = [HEAD + rows]
     for name, (module, purpose) in COMMANDS.items():
@@ -59,7 +59,7 @@ def page() -> str:
 def _describe(parser: argparse.ArgumentParser) -> Iterator[str]:
     """Yield the parts of one command: usage, table of options, subcommands, examples."""
     inner = subparsers(parser)
-    is_part = len(parser.prog.split()) > 2 and " bench " not in parser.prog  # its examples stand above
+    is_part = len(parser.prog.split()) > 2 and " bench " not in parser.prog  # its command shows the examples
     actions = [a for a in parser._actions if not isinstance(a, (argparse._HelpAction, argparse._SubParsersAction))]
     if actions:
         yield "| argument | meaning |\n|---|---|\n" + "".join(_row(parser, action) for action in actions)
@@ -74,8 +74,8 @@ def _describe(parser: argparse.ArgumentParser) -> Iterator[str]:
 
 def _row(parser: argparse.ArgumentParser, action: argparse.Action) -> str:
     formatter = parser._get_formatter()
-    meaning = formatter._expand_help(action) if action.help else USUAL.get(str(action.metavar), "")
-    is_named = action.metavar is not None or not action.option_strings  # else its choices stand in its name
+    meaning = formatter._expand_help(action) if action.help else DEFAULT_MEANINGS.get(str(action.metavar), "")
+    is_named = action.metavar is not None or not action.option_strings  # otherwise its name lists the choices
     if is_named and action.choices is not None and not all(str(choice) in meaning for choice in action.choices):
         meaning += f" ({', '.join(map(str, action.choices))})"
     return f"| {_name(action)} | {_cell(meaning)} |\n"
@@ -85,7 +85,7 @@ def _name(action: argparse.Action) -> str:
     metavar = action.metavar if isinstance(action.metavar, str) else " ".join(action.metavar or ())
     if not action.option_strings:
         return f"`{metavar or action.dest}`"
-    choices = f"{{{','.join(map(str, action.choices or ()))}}}"  # as --help has them
+    choices = f"{{{','.join(map(str, action.choices or ()))}}}"  # as in --help
     value = "" if action.nargs == 0 else f" {metavar or choices}"
     return ", ".join(f"`{name}{value}`" for name in action.option_strings)
 

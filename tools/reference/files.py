@@ -1,4 +1,4 @@
-"""The pages of the file formats: scenario, sensors, vehicle, world, board, frame."""
+"""Reference pages of the file formats: scenario, sensors, vehicle, world, board, frame."""
 
 from typing import Any
 
@@ -66,7 +66,7 @@ def scenario() -> str:
         **{key: f"tables, [`{key}`](#{key})" for key in config.MANY},
         "sensors": "tables, [`sensors.NAME`](sensor_keys.md)",
         **{key: f"table, [`{key}`](#{key})" for key in TABLES},
-    }, defaults={"sensors": "[the usual](sensor_keys.md)", "planner": "`Follow`"})  # fmt: skip
+    }, defaults={"sensors": "[default sensors](sensor_keys.md)", "planner": "`Follow`"})  # fmt: skip
     sections = [
         top,
         Section("slave", records.Slave),
@@ -110,20 +110,19 @@ def scenario() -> str:
         Section("modem, optical", OpticalModem),
     ]  # fmt: skip
     force = '## force\n\nEach `[[force]]` is a class of your own: `class = "module:Class"` and the keys of the class.\n'
-    return _page("Scenario file", "A scenario says what is flown, where, over which link, and by whom. "
+    return _page("Scenario file", "A scenario names the vehicle, its world, the thruster link and the planner. "
                  + _presets("hil/scenario/presets"), sections, force, _units())  # fmt: skip
 
 
 def sensor_keys() -> str:
     """Return the page of the sections `[sensors.NAME]`."""
-    usual = ", ".join(f"`{name}`" for name in DEFAULT_SENSORS)
+    default = ", ".join(f"`{name}`" for name in DEFAULT_SENSORS)
     text = (
-        f"Each sensor is a section `[sensors.NAME]` of the scenario. These are always fitted: {usual}. A rate of 0 "
-        f"takes one away. `device` fills in the values of one that can be bought: "
-        f"{', '.join(f'`{name}`' for name in preset_names(DEVICES))}. One more of a kind is a section of another name "
-        'with the kind as `sensor`: `[sensors.camera_down]` with `sensor = "camera"`. Its topics and frames have that '
-        "name instead (`camera_down/image_raw`, `camera_down_optical_frame`), and its random numbers are "
-        "its own."
+        f"Each sensor is a section `[sensors.NAME]` of the scenario. These are always fitted: {default}. A rate of 0 "
+        f"removes one. `device` sets the values of a product: "
+        f"{', '.join(f'`{name}`' for name in preset_names(DEVICES))}. Another sensor of a kind is a section of another "
+        'name with the kind as `sensor`: `[sensors.camera_down]` with `sensor = "camera"`. Its topics and frames have '
+        "that name (`camera_down/image_raw`, `camera_down_optical_frame`), and its random numbers are independent."
     )
     sections = [
         Section("Every sensor", Mounting),
@@ -144,13 +143,13 @@ def vehicle_file() -> str:
     }  # fmt: skip
     sections = [
         Section("Top level", vehicle.Vehicle, shown=linked),
-        Section("thrusters", Thruster, "Each `[[thrusters]]` is one. What all have in common may stand once, in "
-                "`[every_thruster]`.", shown={"curve": "table with `kind`", "dynamics": "table with `kind`"}),
+        Section("thrusters", Thruster, "Each `[[thrusters]]` is one thruster. Keys that all have in common may be "
+                "in `[every_thruster]`.", shown={"curve": "table with `kind`", "dynamics": "table with `kind`"}),
         *[Section(f"curve {kind}", record, f"`curve = {{ kind = \"{kind}\", ... }}` of a thruster.",
                   shown={"table": "table"}) for kind, record in curves.CURVES.items()],
         *[Section(f"dynamics {kind}", record, f"`dynamics = {{ kind = \"{kind}\", ... }}` of a thruster.")
           for kind, record in lags.DYNAMICS.items()],
-        Section("fins", fins.Fin, "Each `[[fins]]` is one; what all have in common may stand once, in `[every_fin]`."),
+        Section("fins", fins.Fin, "Each `[[fins]]` is one fin. Keys that all have in common may be in `[every_fin]`."),
         Section("lift", body_lift.Lift),
         Section("cross_flow", body_lift.CrossFlow, shown={"drag": "number, or array of numbers"}),
         Section("fading_damping", body_lift.FadingDamping),
@@ -169,8 +168,8 @@ def vehicle_file() -> str:
         Section("Damper", restoring_pd.Damper),
         Section("control.fins", fin_control.FinGains),
     ]  # fmt: skip
-    return _page("Vehicle file", "A vehicle file says what a vehicle weighs, how the water acts on it, and where its "
-                 "thrusters are. Body axes are FRD. " + _presets("sim/vehicles"), sections)  # fmt: skip
+    return _page("Vehicle file", "A vehicle file has the mass of a vehicle, its hydrodynamics, and its thrusters and "
+                 "fins. Body axes are FRD. " + _presets("sim/vehicles"), sections)  # fmt: skip
 
 
 def world_file() -> str:
@@ -189,29 +188,29 @@ def world_file() -> str:
         Section("Cylinder", obstacles.Cylinder, "Each `[[cylinder]]` is a pile."),
         Section("Box", obstacles.Box, "Each `[[box]]` is a block."),
         Section("mesh", mesh.MeshKeys, "Each `[[mesh]]` is a file: OBJ, STL, DAE, GLB, PLY or OFF."),
-        Section("shape", shapes.ShapeKeys, "Each `[[shape]]` is one of a small library. These keys are every shape's."),
+        Section("shape", shapes.ShapeKeys, "Each `[[shape]]` is an object of a library. All shapes have these keys."),
         *[Section(f"shape {kind}", record, f"More keys of `kind = \"{kind}\"` in `[[shape]]`.")
           for kind, record in shapes.KINDS.items()],
         Section("pipeline", pipelines.Pipeline, "Each `[[pipeline]]` follows the seabed along a line."),
         Section("zone", zones.Zone, "Each `[[zone]]` is an area with rules."),
-        Section("bottom_map", bottom_map.BottomMapKeys, "`[bottom_map]` says what the seabed is made of where."),
+        Section("bottom_map", bottom_map.BottomMapKeys, "`[bottom_map]` gives the material of the seabed by position."),
         Section("terrain from a file", terrain.StoredKeys, "Depths as little-endian 32-bit floats, row after row."),
         *[Section(f"terrain {kind}", record, f"`kind = \"{kind}\"` in `[terrain]`.")
           for kind, record in relief.KINDS.items()],
-        Section("bottom", bottom.Bottom, "`[bottom]` is what sonars and cameras see of the seabed below its grid."),
+        Section("bottom", bottom.Bottom, "`[bottom]` gives details finer than the grid, for sonars and cameras."),
         Section("ocean", ocean.Ocean),
         *[Section(record.__name__, record) for record in (
             ocean.Layers, ocean.GaussMarkov, ocean.Tide, ocean.Series, ocean.Profile, ocean.Waves)],
     ]  # fmt: skip
-    return _page("World file", "A world file says where the seabed and the obstacles are, and how the water moves. "
-                 "North, east and down are NED. " + _presets("sim/worlds"), sections)  # fmt: skip
+    return _page("World file", "A world file has the seabed, the obstacles and the motion of the water. "
+                 "Positions are NED. " + _presets("sim/worlds"), sections)  # fmt: skip
 
 
 def board_file() -> str:
     """Return the page of the board file."""
     kinds: list[Any] = [boards.Recommended, boards.Budgets, boards.Serial, boards.Can, boards.PowerMode]
     sections = [Section("Top level", boards.Board), *[Section(kind.__name__, kind) for kind in kinds]]
-    return _page("Board file", "A board file says what a single-board computer has, and what the slave may use of it. "
+    return _page("Board file", "A board file has the properties of a single-board computer, and limits for the slave. "
                  + _presets("boards"), sections)  # fmt: skip
 
 

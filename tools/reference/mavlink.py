@@ -1,4 +1,4 @@
-"""The page of the MAVLink vehicle, out of its tables: modes, messages, commands, parameters."""
+"""Reference page of the MAVLink vehicle, from its tables: modes, messages, commands, parameters."""
 
 from typing import Any
 
@@ -15,22 +15,24 @@ from hil.gateways.mavlink.protocols.streams import DEFAULT_HZ
 HEAD = """\
 # MAVLink vehicle
 
-What [`uuv-hil mavlink`](../how-to/qgroundcontrol.md) speaks: MAVLink 2, component 1, a submarine. This page is made by
-`python -m tools.reference` from `hil/gateways/mavlink/`.
+The protocol of [`uuv-hil mavlink`](../how-to/qgroundcontrol.md): MAVLink 2, component 1, type submarine. This page is
+made by `python -m tools.reference` from `hil/gateways/mavlink/`.
 
 """
 SLAVE = """
-Parameters of the slave, which last as long as it runs: `G_LOOP_KEY` are the gains of its controller (loops `SURGE`,
-`SWAY`, `HEAVE`, `RLLR`, `PITR`, `YAWR`, `DEPTH`, `HDG`, `ROLL`, `PITCH`; keys `P`, `I`, `D`, `LIM`, `FF`, `FILT`,
-`SLEW`); `FAIL1_KIND` is what is wrong with thruster 1 (0 nothing, 1 off, 2 efficiency, 3 stuck, 4 delayed, 5 noisy),
-`FAIL1_VALUE` how much: a share, µs, s, a share.
+These parameters of the slave have an effect until it ends:
+
+- `G_LOOP_KEY`: gains of its controller. Loops: `SURGE`, `SWAY`, `HEAVE`, `RLLR`, `PITR`, `YAWR`, `DEPTH`, `HDG`,
+  `ROLL`, `PITCH`. Keys: `P`, `I`, `D`, `LIM`, `FF`, `FILT`, `SLEW`.
+- `FAIL1_KIND`: failure of thruster 1 (0 none, 1 off, 2 efficiency, 3 stuck, 4 delayed, 5 noisy).
+- `FAIL1_VALUE`: size of that failure: a share (2), µs (3), s (4), a share (5).
 """
 TYPES = {getattr(dialect, f"MAV_PARAM_TYPE_{word}"): word.lower() for word in ("INT8", "INT16", "INT32", "REAL32")}
 NEWER = {kind.id: kind.name for kind in (newer.EscStatus, newer.CurrentMode, newer.AvailableModesMonitor)}
 
 
 def page() -> str:
-    """Return the text of the document."""
+    """Return the page of the MAVLink vehicle."""
     return HEAD + "\n".join([_modes(), _messages(), _commands(), _mission(), _parameters()])
 
 
@@ -44,16 +46,16 @@ def _messages() -> str:
     ordered = sorted(DEFAULT_HZ.items(), key=lambda row: names[row[0]])
     rows = [f"| {names[number]} | {rate:g} |\n" for number, rate in ordered]
     text = (
-        "## Messages that are streamed\n\nUntil a ground station asks for another rate, up to 50 Hz. What the vehicle "
-        "does not\nmeasure is not sent. Pulse widths are new at `[ros] joints`, 10 Hz. Turns and currents of ESCs are "
-        "there where a\nthruster's model has them: both with the T200's `curve`, turns with a rotor's `dynamics`. "
-        "The water's temperature\nis not measured.\n\n"
+        "## Messages that are streamed\n\nA ground station may request other rates, up to 50 Hz. What the vehicle does "
+        "not\nmeasure is not sent. Pulse widths are updated at `[ros] joints`, 10 Hz. Speeds and currents "
+        "of ESCs are\nsent if the thruster's model has them: both with the T200's `curve`, speeds with a rotor's "
+        "`dynamics`.\nThe water's temperature is not measured.\n\n"
     )
     return text + "| message | Hz |\n|---|---|\n" + "".join(rows)
 
 
 def _commands() -> str:
-    none: Any = None  # the table alone is looked at
+    none: Any = None  # only the table is used
     numbers = [*Commands(none).numbers(), *dispatch.ASKING]
     words = sorted({_command_name(number) for number in numbers})
     listed = "\n".join([f"- `{word}`" for word in words])
@@ -62,7 +64,7 @@ def _commands() -> str:
 
 def _mission() -> str:
     listed = "\n".join([f"- `{_command_name(number)}`" for number in (*WAYPOINTS, *WITHOUT_PLACE)])
-    text = "Frames: global, relative to home, local NED. Commands for cameras and mounts are passed over."
+    text = "Frames: global, relative to home, local NED. Commands for cameras and mounts are skipped."
     return f"## Items of a mission\n\n{text}\n\n{listed}\n"
 
 
@@ -72,8 +74,8 @@ def _parameters() -> str:
         for name, p in sorted(GATEWAY.items())
     ]
     text = (
-        "## Parameters\n\nStored on the machine that serves MAVLink. Forces and `NAV_STEER` follow the vehicle where a "
-        "scenario\nnames it.\n\n"
+        "## Parameters\n\nStored on the machine that serves MAVLink. If a scenario names the vehicle, forces and "
+        "`NAV_STEER`\nare set for it.\n\n"
         "| name | type | default | range | meaning |\n|---|---|---|---|---|\n"
     )
     return text + "".join(rows) + SLAVE

@@ -1,4 +1,4 @@
-"""A record of the schema as a table of Markdown: key, type, unit, default, range, meaning."""
+"""Convert a record of the schema to a Markdown table: key, type, unit, default, range, meaning."""
 
 import types
 from collections.abc import Iterator
@@ -13,10 +13,10 @@ PLAIN = {str: "text", bool: "true or false", float: "number", int: "whole number
 
 
 class Section(NamedTuple):
-    """One table of a page: its title, the record, and what stands above it.
+    """One table of a page: title, record, and the text above the table.
 
-    `hidden` keys are no part of the file. `shown` says how the types of keys are written that other code reads,
-    `defaults` what other code fills in.
+    hidden: keys that the file does not have. shown: types of keys that other code reads. defaults: defaults of keys
+    that other code sets.
     """
 
     title: str
@@ -81,7 +81,7 @@ def toml(value: Any) -> str:
 
 
 def kind_of(annotation: Any) -> Kind:
-    """Return how a page shows an annotation of the schema."""
+    """Return type, unit and range of an annotation of the schema."""
     origin, arguments = get_origin(annotation), get_args(annotation)
     if origin is Annotated:
         plain = kind_of(arguments[0])
@@ -110,7 +110,7 @@ def _array(items: tuple[Any, ...]) -> Kind:
     kinds = [kind_of(item) for item in items if item is not Ellipsis]
     return first._replace(
         type=f"array of {many}{first.type}{'' if first.type == 'text' else 's'}",
-        unit=first.unit if all(kind.unit == first.unit for kind in kinds) else "",  # mixed ones stand in the meaning
+        unit=first.unit if all(kind.unit == first.unit for kind in kinds) else "",  # the meaning names mixed units
         range="; ".join(dict.fromkeys(kind.range for kind in kinds)),
     )
 

@@ -1,25 +1,25 @@
-"""The page of the STM32 chips and their wiring, out of the descriptions of the images."""
+"""Reference page of the STM32 chips and their wiring, from the descriptions of the images."""
 
 from firmware_stub.image import CHIPS, Image, load_image
 
 HEAD = """\
 # STM32 boards
 
-The firmware has an image for each of these chips in the package (`firmware_stub/images`). `uuv-hil stm32 flash` writes
-it, [A real STM32](../tutorials/real_stm32.md#4-flash-the-board) shows how. None has run on hardware yet: each runs in
-Unicorn with a model of its chip, and in QEMU, where the F103 runs on an F100 and the F411 and F446 on an F405.
+The package has a firmware image for each of these chips (`firmware_stub/images`). `uuv-hil stm32 flash` writes it to a
+chip, see [A real STM32](../tutorials/real_stm32.md#4-flash-the-board). No image has run on hardware yet. Each runs in
+Unicorn with a model of its chip, and in QEMU, where the F103 runs on an F100, and the F411 and F446 on an F405.
 
-All give eight outputs, 50 Hz by default, and take the frame and MAVLink on the serial port, 115200 bit/s 8N1. Those
-with CAN take the protocol of VESCs on it, 500 kbit/s. Without a command for 200 ms all outputs are neutral (1500 us). A
-program that hangs is restarted by the independent watchdog within about 100 ms. While the chip starts there is no
-pulse.
+All images have eight outputs, 50 Hz by default, and support the frame and MAVLink on the serial port, 115200 bit/s 8N1.
+Images for chips with CAN also support the protocol of VESCs on it, 500 kbit/s. After 200 ms without a command all
+outputs are neutral (1500 us). The independent watchdog restarts a program that hangs within about 100 ms. While the
+chip starts there are no pulses.
 
 This page is made by `python -m tools.reference` from `firmware_stub/images/*.toml`.
 """
 
 
 def page() -> str:
-    """Return the text of the document."""
+    """Return the page of the STM32 chips."""
     images = [load_image(chip) for chip in CHIPS]
     return "\n".join([HEAD, _overview(images), *(_wiring(image) for image in images)])
 

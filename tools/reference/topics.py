@@ -1,12 +1,12 @@
-"""The page of the topics: name, message type, rate and quality of service, out of the table of topics."""
+"""Reference page of the topics: name, message type, rate and quality of service, from the table of topics."""
 
 from hil.ros.topics import COMMANDS, FAN, TOPICS, Qos, Topic
 
 HEAD = """\
 # Topics
 
-Every topic is a ROS 2 message. `NODE` is the name of the vehicle, `[slave] node`. A sensor's topic is there when the
-sensor is fitted, at the rate of its section; the table has the usual rate. Frames are ENU and FLU (REP 103).
+Every topic is a ROS 2 message. `NODE` is the name of the vehicle, `[slave] node`. A fitted sensor has
+its topic, at the rate of its section; the table has the default rate. Frames are ENU and FLU (REP 103).
 Where the table gives no quality of service, it is reliable with a depth of 10.
 
 This page is made by `python -m tools.reference` from `hil/ros/topics.py`.
@@ -19,10 +19,10 @@ CONTENT = {
     "cmd_vel_stamped": "the same, with a time and a frame; the frame of the world is refused",
     "cmd_depth": "depth (m), positive down; replaces the vertical speed of `cmd_vel` while that is 0",
     "cmd_heading": "heading (rad), clockwise from north; replaces the turn rate of `cmd_vel` while that is 0",
-    "cmd_pose": "place (m) and heading to go to, in `map` or `odom`",
+    "cmd_pose": "target position (m) and heading, in `map` or `odom`",
     "cmd_wrench": "force (N) and moment (N m) about the body's origin",
     "cmd_thrusters": "thrust (N) of each thruster, in the order of the vehicle's file",
-    "formation": "own estimate of the position and attitude in `map`, and the reading of the plan's clock",
+    "formation": "the planner's estimate of position and attitude in `map`, and the time on the plan's clock",
     "plan": "planned path, in `map`",
     "modem_tx": "bytes for the modem; the label of the dimension names the sender",
     "modem_rx": "bytes that the modem received; the label names the sender",
@@ -35,15 +35,15 @@ CONTENT = {
     "pressure": "absolute pressure (Pa)",
     "odom": "the navigation's estimate: position and attitude in `odom`, velocity of the body",
     "ground_truth": "true position, attitude and velocity",
-    "ahrs": "attitude by a filter of its own, with rates and specific force",
+    "ahrs": "attitude by the sensor's own filter, with rates and specific force",
     "altimeter": "distance (m) along a narrow sonar beam",
     "battery": "voltage (V), current (A, negative while it discharges), charge",
     "contact": "whether the hull touches something",
     "current_meter": "velocity (m/s) of the water at the sensor, along the body",
     "dvl_water": "velocity (m/s) through a layer of water, and each beam",
     "gps": "latitude, longitude (deg), altitude (m); no fix under water",
-    "laser": "distances (m) of a fan about z",
-    "profiler": "distances (m) of a fan about x, down to the seabed",
+    "laser": "distances (m) of a fan of beams about z",
+    "profiler": "distances (m) of a fan of beams about x, down to the seabed",
     "profiler/points": "the same as points (m), with strengths (dB)",
     "scanning_sonar": "distance (m) of the first echo of a ping, with the angle of the head",
     "echosounder": "distance (m) to the first echo below",
@@ -52,7 +52,7 @@ CONTENT = {
     "usbl": "position (m) by the acoustic station, with its covariance",
     "camera/image_raw": "picture, `rgb8`",
     "camera/image_raw/compressed": "picture, JPEG",
-    "camera/camera_info": "focal lengths, middle and distortion of the lens",
+    "camera/camera_info": "focal lengths, principal point and distortion of the lens",
     "camera/depth/image_raw": "distance (m) along the optical axis of each pixel",
     "camera/depth/camera_info": "the same for the depth picture",
     "camera/depth/points": "the depth picture as points (m)",
@@ -68,8 +68,8 @@ CONTENT = {
     "diagnostics": "[figures of health](diagnostics.md) of the slave",
     "robot_description": "URDF of the vehicle",
     "map": "map of a planner, 0 free and 100 occupied",
-    "obstacles": "markers of what stands in the world, in `map`",
-    "/diagnostics": "the same figures of health, where ROS tools expect them",
+    "obstacles": "markers of the obstacles of the world, in `map`",
+    "/diagnostics": "the same figures of health, on the topic that ROS tools read",
     "/parameter_events": "changes of parameters",
     "/tf": "`odom` to `base_link`, by the navigation",
     "/tf_static": "`base_link` to each sensor",
