@@ -1,4 +1,4 @@
-/* Convert light to bytes as a camera's sensor does: sim/sensors/imaging/camera/development.py in C, equal to 1 of 256
+/* Convert light to bytes as a camera's sensor does: sim/sensors/imaging/camera/image_sensor.py in C, equal to 1 of 256
  * levels.
  *
  * That file is the specification and explains the method. This file does not use the Python API.

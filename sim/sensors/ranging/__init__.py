@@ -1,1 +1,1 @@
-"""Sensors that measure distances or velocities along beams."""
+"""Sensors that measure distances or velocities along beams: sonars, lasers, Doppler logs."""

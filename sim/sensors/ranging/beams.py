@@ -18,7 +18,7 @@ Limits = tuple[float, float]
 
 
 class Beams:
-    """Thin beams of `directions` (unit vectors in the sensor's axes) that reach `reach` m; all as long as they get.
+    """Thin beams along `directions` (unit vectors in the sensor's axes), up to `reach` m long.
 
     They hit the seabed and the obstacles of the scene's world. Not modelled: the water's surface, refraction, second
     echoes.
@@ -34,9 +34,9 @@ class Beams:
         self._nothing = [inf] * (len(self._directions) // 3)
 
     def ranges(self, time_ns: int, state: State, head_rotation: Quaternion | None = None) -> Sequence[float]:
-        """True distance along each beam in m, inf without an echo; none out of the water.
+        """Return the true distance along each beam (m): inf without an echo, all inf out of the water.
 
-        `head_rotation` is how a head stands in the sensor's axes, for one that turns.
+        `head_rotation` turns the axes of a rotating head to the sensor's.
         """
         position = self._mounting.world_position(state)
         if submersion(self._scene, time_ns, position) <= 0.0:
@@ -76,7 +76,10 @@ class RangeErrors:
         self._limits = limits
 
     def measure(self, true: Sequence[float]) -> tuple[float, ...]:
-        """Return one measurement of each: inf beyond the limits and -inf below; advance time by one period."""
+        """Return one measurement of each `true` distance (m); advance time by one period.
+
+        True distances above the limits give inf, those below give -inf.
+        """
         gain, drift, noise, gauss = self._gain, self._drift.measure(0.0), self._noise, self._gauss
         values = [gain * x + drift + gauss(0.0, noise) for x in true] if noise else [gain * x + drift for x in true]
         if step := self._resolution:
@@ -87,7 +90,7 @@ class RangeErrors:
 
 
 def apply_limits(values: Sequence[float], true: Sequence[float], limits: Limits) -> tuple[float, ...]:
-    """Return the values, with inf and -inf for those whose true distance is beyond or below the limits (m)."""
+    """Return `values`, with inf where the `true` distance is above the limits (m), and -inf where it is below."""
     near, far = limits
     return tuple([x if near <= t <= far else inf if t > far else -inf for x, t in zip(values, true, strict=True)])
 
@@ -95,7 +98,7 @@ def apply_limits(values: Sequence[float], true: Sequence[float], limits: Limits)
 def cone(width: float, height: float, rings: int) -> list[Vector3]:
     """Return unit vectors that fill a beam about x, `width` rad to the sides (y), `height` rad up and down (z).
 
-    One in the middle, and 6, 12, 18, ... on each of `rings` ellipses, the last of which is the beam's edge.
+    There is one in the middle, and 6, 12, 18, ... on `rings` ellipses. The last ellipse is the edge of the beam.
     """
     directions = [(1.0, 0.0, 0.0)]
     for ring in range(1, rings + 1):

@@ -18,14 +18,15 @@ from sim.sensors.samples import DVL, Covariance, DvlSample, Scene
 
 _BEAMS = 4
 _MIN_BEAMS = 3  # for three components of velocity
-_LENGTH_STEP = 1e-6
+_LENGTH_STEP = 1e-6  # m: step of the numerical derivative
 
 
 class _Fit(NamedTuple):
     """Solution of a set of beams.
 
-    The beams, zero where not locked, and the 3 x 4 that turns speeds along them into the velocity by least squares; the
-    covariance of that velocity, and the variance of the altitude over level ground.
+    `beams` (4 x 3) are unit vectors, zero if not locked. `solution` (3 x 4) converts speeds along them to the velocity
+    by least squares. `covariance` is that of the velocity ((m/s)²), `altitude_variance` (m²) that of the altitude over
+    level ground.
     """
 
     beams: Matrix
@@ -96,9 +97,7 @@ class Dvl:
 
     def _fit(self, locked: tuple[bool, ...]) -> _Fit:
         """Return the solution for a set of locked beams, computed once for each set."""
-        rows = [
-            list(beam) if is_locked else [0.0, 0.0, 0.0] for beam, is_locked in zip(self._beams, locked, strict=True)
-        ]
+        rows = [list(beam) if on else [0.0, 0.0, 0.0] for beam, on in zip(self._beams, locked, strict=True)]
         columns = transpose(rows)
         inverse_normal = inverse(product(columns, rows))
         a, b, c, d, e, f, g, h, i = [self._speed_variance * x for row in inverse_normal for x in row]
@@ -110,7 +109,7 @@ class Dvl:
         return fit
 
     def _ranges(self, state: State) -> list[float | None]:
-        """True distance along each beam in m, None where it is not locked."""
+        """Return the true distance along each beam (m); None for a beam that is not locked."""
         depth = self._mounting.depth(state)
         if depth <= 0.0:
             return [None] * _BEAMS
@@ -121,7 +120,7 @@ class Dvl:
         return [distance if near <= distance <= far and distance > 0.0 else None for distance in distances]
 
     def _flat_ranges(self, state: State, height: float) -> tuple[Sequence[float], float]:
-        """Return distances to a flat seabed `height` m below the sensor, inf for none; and the longest's way across."""
+        """Return the distances to flat seabed `height` m below the sensor (inf: none), and the greatest across."""
         down_x, down_y, down_z = down_axis(state.quaternion)
         _, far = self._limits
         distances, across = [], 0.0

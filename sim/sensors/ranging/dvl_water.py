@@ -13,13 +13,13 @@ from sim.sensors.mounting import Mounting
 from sim.sensors.samples import DvlSample, Scene
 from sim.sensors.surface import submersion
 
-_MAX_DEPTH_SHARE = 0.8  # of the way to the seabed: further down, its echo covers that of the water
+_MAX_DEPTH_SHARE = 0.8  # of the height above the seabed: below, the seabed's echo masks that of the water
 
 Metres = Annotated[float, Range(0.1, 200.0, "m")]
 
 
 class DvlWaterModel(NamedTuple):
-    """Rate in Hz (0: none), where the layer begins and ends (m from the sensor) and error of each component.
+    """Rate in Hz (0: none), near and far end of the layer (m from the sensor), error of each component.
 
     Noise: the 3.5 mm/s of the Teledyne Pathfinder as set in the LRAUV simulation (OSRF). The layer is our choice.
     """
@@ -35,11 +35,11 @@ class DvlWaterModel(NamedTuple):
 
 
 class DvlWater:
-    """The water track of one log: minus the velocity of the water in the layer's middle, as seen by the sensor.
+    """Water track of a Doppler velocity log: the velocity of the sensor relative to the water in the middle of a layer.
 
-    Locked while the sensor is under water, looks downwards, and its layer ends within 80 % of the way to the seabed
-    (Teledyne Pathfinder Guide 2018, Water Tracking). The beams themselves, and how the water moves within the layer,
-    are not modelled.
+    The velocity (m/s) is along the sensor's axes. The track is locked while the sensor is under water and points
+    downwards, and the layer ends within 80 % of the height above the seabed (Teledyne Pathfinder Guide 2018, Water
+    Tracking). Not modelled: the single beams, differences of the flow within the layer.
     """
 
     Model = DvlWaterModel
@@ -53,13 +53,13 @@ class DvlWater:
         self._errors = make_error_bank([model.velocity] * 3, 1.0 / model.rate, sensor_random(seed, self.topic))
 
     def sample(self, time_ns: int, state: State) -> DvlSample:
-        """Return the measurement of `state`; it has no altitude."""
+        """Return the measurement of `state`: velocity without altitude; all nan if the track is not locked."""
         position = self._mounting.world_position(state)
         axis = rotate(self._mounting.attitude(state), (0.0, 0.0, 1.0))
         flow = self._scene.flow_at([at + self._middle * along for at, along in zip(position, axis, strict=True)])
         u, v, w = self._errors.measure([-x for x in relative_flow(self._mounting, state, flow)])
         height, down = self._scene.world.seabed(position[0], position[1]) - position[2], axis[2]
-        looks_down = down > 0.0 and self._far * down <= _MAX_DEPTH_SHARE * height
-        if not looks_down or submersion(self._scene, time_ns, position) <= 0.0:
+        is_locked = down > 0.0 and self._far * down <= _MAX_DEPTH_SHARE * height
+        if not is_locked or submersion(self._scene, time_ns, position) <= 0.0:
             return DvlSample(time_ns, (nan, nan, nan), nan, False)
         return DvlSample(time_ns, (u, v, w), nan, True)

@@ -1,4 +1,4 @@
-"""A fan of thin beams in one plane at one instant, and what is common to all fans."""
+"""A fan of beams in one plane that all measure at the same instant: base class of laser and profiler."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
@@ -26,7 +26,7 @@ def validate_fan(near: float, far: float, first: float, last: float) -> str | No
 
 
 class Fan(ABC):
-    """Beams at equal angular distances; the model gives the first and the last angle."""
+    """A fan of beams at equal angular distances; the model has the first and the last angle."""
 
     Model: Any
     topic: str

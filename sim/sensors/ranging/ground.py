@@ -1,4 +1,4 @@
-"""Distance along the beams of a velocity log or an altimeter to the seabed."""
+"""Distances to the seabed and obstacles along the beams of a velocity log or an altimeter."""
 
 from collections.abc import Iterable, Sequence
 from math import inf, nan, sqrt
@@ -15,10 +15,11 @@ if TYPE_CHECKING:
 
 
 class Ground:
-    """The seabed and the obstacles of `world` under thin beams (unit vectors along the body axes) of `reach` m.
+    """Finds what thin beams of a sensor hit: the seabed and the obstacles of `world`.
 
-    While there is nothing but a flat seabed within reach a sensor does without rays, by a formula of its own; they are
-    loaded when they are needed.
+    `beams` are unit vectors along the body axes, `reach` (m) is their length. Casting rays is slow: where only flat
+    seabed is in reach, `is_flat` is True and the sensor computes the distances itself. Rays are loaded when they are
+    first needed.
     """
 
     def __init__(self, world: World, mounting: Mounting, beams: Iterable[Vector3], reach: float) -> None:
@@ -28,14 +29,14 @@ class Ground:
         self._beams = [x for beam in beams for x in beam]
         self._reach = reach
         self._rays: RayScene | None = None
-        # The nearest obstacle was `_clearance` m from this place: nan where none was measured yet.
+        # Horizontal distance (m) from this position to the nearest obstacle; nan: not measured yet.
         self._north = self._east = 0.0
         self._clearance = nan if world.obstacles() else inf
         if world.terrain is not None:
             self._load_rays()
 
     def is_flat(self, state: State, across: float) -> bool:
-        """True if beams that go `across` m from above their sensor can meet nothing but a flat seabed."""
+        """Return whether beams that reach `across` m horizontally from their sensor can hit only flat seabed."""
         if self._world.terrain is not None:
             return False
         north, east, _ = state.position
@@ -50,7 +51,7 @@ class Ground:
         return across < self._clearance
 
     def ranges(self, state: State) -> Sequence[float]:
-        """True distance along each beam in m, inf if there is nothing within reach."""
+        """Return the true distance along each beam (m); inf if nothing is within reach."""
         rays = self._rays or self._load_rays()
         return rays.ranges(
             self._mounting.world_position(state), self._directions, self._reach, matrix(state.quaternion)

@@ -1,4 +1,4 @@
-"""A scanning laser: distances in a horizontal plane all around."""
+"""A scanning laser: distances in a horizontal plane, by default over 360 deg."""
 
 from collections.abc import Sequence
 from math import cos, sin
@@ -11,10 +11,10 @@ from sim.sensors.ranging.fan import DEGREE, Angle, Fan, validate_fan
 
 
 class LaserModel(NamedTuple):
-    """Rate in Hz (0: none), the beams and the angles of the first and the last, reach, error of the distances.
+    """Rate in Hz (0: none), number of beams, angles of the first and the last (rad), reach (m), error of the distances.
 
-    With `ground_truth` the distances are the true ones. All numbers are our choice: one beam a degree, all around, in
-    clear water.
+    With `ground_truth` the distances are the true ones. All numbers are our choice: one beam per degree over 360 deg,
+    in clear water.
     """
 
     rate: Annotated[float, Range(0.0, 100.0, "Hz")] = 10.0
@@ -34,8 +34,8 @@ class LaserModel(NamedTuple):
 class Laser(Fan):
     """Beams in the sensor's x-y plane. Angles are from x (ahead) towards y (starboard).
 
-    Not modelled: the motion of the vehicle during a scan, how the water weakens and scatters light, what a surface
-    reflects.
+    Not modelled: the motion of the vehicle during a scan, attenuation and scattering of light in the water, the
+    reflectance of surfaces.
     """
 
     Model = LaserModel
@@ -43,5 +43,5 @@ class Laser(Fan):
 
     @staticmethod
     def rays(model: LaserModel, angle: float) -> Sequence[Vector3]:
-        """Return one unit vector, that of the beam."""
+        """Return the unit vector of the beam at `angle` (rad), in the sensor's axes."""
         return [(cos(angle), sin(angle), 0.0)]

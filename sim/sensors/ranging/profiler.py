@@ -1,4 +1,4 @@
-"""A profiling multibeam sonar: the shape of the seabed across the track in one ping, and how strongly it echoes."""
+"""A profiling multibeam sonar: distances to the seabed across the track in one ping, and strengths of the echoes."""
 
 from collections.abc import Sequence
 from math import cos, inf, log10, nan, sin
@@ -15,18 +15,18 @@ from sim.sensors.ranging.beams import cone
 from sim.sensors.ranging.fan import DEGREE, Angle, Fan, validate_fan
 from sim.sensors.samples import Scene
 
-_MIN_SHARE = 1e-6  # of a share of intensity: -60 dB
+_MIN_SHARE = 1e-6  # of the intensity of the seabed at normal incidence: strengths are limited to -60 dB relative to it
 
 
 class ProfilerModel(NamedTuple):
-    """Rate in Hz (0: none), the beams and the angles of the first and the last, reach, error of the distances.
+    """Rate in Hz (0: none), number of beams, angles of the first and the last (rad), reach (m), error of the distances.
 
-    A beam is `beam_width` rad wide, both ways; with 0 it is a ray. `rings` of rays stand for it. `seabed_strength` and
-    `object_strength` are 10 lg mu in dB (see sim.sensors.imaging.echoes); an echo that is the mean of `looks` differs
-    from its mean as that of many scatterers does, 0 looks stand for none of it. With `ground_truth` distances and
-    strengths are the true ones. Reach: the longest of the Imagenex 837B's settings in LSTS's driver for it (DUNE);
-    noise: uuv_simulator's 5 mm for sonar beams; scale: a speed of sound 7 m/s off; the others are our choice, of the
-    size usual for such devices.
+    A beam is `beam_width` rad wide in both directions, represented by `rings` of rays; with 0 it is one ray.
+    `seabed_strength` and `object_strength` are 10 lg mu in dB (see sim.sensors.imaging.echoes). The strength of an echo
+    has the speckle of the mean of `looks`; 0 looks: no speckle. With `ground_truth` distances and strengths are the
+    true ones. Reach: the longest setting of the Imagenex 837B in LSTS's driver for it (DUNE). Noise: uuv_simulator's
+    5 mm for sonar beams. Scale: an error of the speed of sound of 7 m/s. The others are our choice, as usual for such
+    devices.
     """
 
     rate: Annotated[float, Range(0.0, 100.0, "Hz")] = 5.0
@@ -49,13 +49,14 @@ class ProfilerModel(NamedTuple):
 
 
 class Profiler(Fan):
-    """Beams in the sensor's y-z plane, the angle from z (down) towards y (starboard).
+    """Beams in the sensor's y-z plane. Angles are from z (down) towards y (starboard).
 
-    The distance of a wide beam is the mean of all of it that echoes, by strength, as a detector of amplitudes finds it:
-    over a slope, an edge or a thing in the water it is neither the first nor the middle. Strengths are without
-    spreading and absorption, as of a device that makes these good: 10 lg mu + 20 lg cos of the angle of incidence
-    (Lambert); the seabed's also goes with the kind that a `[bottom_map]` has there. Not modelled: detection by phase,
-    the way of the sound while the vehicle moves on, rays that bend, false bottoms.
+    The distance of a wide beam is the mean distance of its echoes, weighted with their intensities, as by amplitude
+    detection. Over a slope, an edge or an object in the water this is neither the nearest distance nor that on the
+    beam's axis. Strengths are compensated for spreading and absorption, as real devices do: 10 lg mu + 20 lg of the
+    cosine of the angle of incidence (Lambert). That of the seabed depends on the kind of bottom that a `[bottom_map]`
+    has there. Not modelled: phase detection, the vehicle's motion during the travel time of the sound, refraction,
+    false bottoms.
     """
 
     Model = ProfilerModel
@@ -76,7 +77,7 @@ class Profiler(Fan):
 
     @staticmethod
     def rays(model: ProfilerModel, angle: float) -> Sequence[Vector3]:
-        """Return the unit vectors of a beam: those of a cone about x, their x turned down and then towards y."""
+        """Return the unit vectors of a beam's rays: a cone about its axis, which is `angle` rad from z towards y."""
         width, c, s = model.beam_width, cos(angle), sin(angle)
         directions = cone(width, width, model.rings) if width else [(1.0, 0.0, 0.0)]
         return [(-down, along * s + across * c, along * c - across * s) for along, across, down in directions]

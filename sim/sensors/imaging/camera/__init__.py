@@ -1,1 +1,1 @@
-"""The camera: its sensor and model, and how a picture comes out of rays, light, lamps, particles and motion."""
+"""The camera: its model, and the steps from rays to a picture: light, lamps, particles, motion, image sensor."""

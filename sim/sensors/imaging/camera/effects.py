@@ -1,4 +1,4 @@
-"""The effects of lamps, particles, waves and motion on a camera's picture, by its keys: none by default."""
+"""The effects of lamps, particles, waves and motion on a camera's picture. All are off by default."""
 
 from typing import Any
 
@@ -20,7 +20,11 @@ Floats = NDArray[np.float32]
 
 
 class Effects:
-    """The effects of a camera; `toward` are its pixels' unit vectors (n x 3), `seed` that of particles and waves."""
+    """The effects that a camera's keys enable.
+
+    `focal` is the focal length in pixels, `toward` are the pixels' unit vectors (n x 3) in the sensor's axes, `seed` is
+    that of particles and waves.
+    """
 
     def __init__(self, model: CameraModel, focal: float, toward: Floats, seed: int) -> None:
         m, size = model, (model.width, model.height)
@@ -37,19 +41,22 @@ class Effects:
 
     @property
     def changes_light(self) -> bool:
-        """True if light is not that of the sky and of lamps at the camera."""
+        """True if there are lamps beside the camera or caustics, which sim.sensors.imaging.shading does not support."""
         return bool(self._lamps or self._caustics)
 
     def lamp_lights(self, rays: RayScene, position: Any, axes: Any, surfaces: SurfaceHits) -> list[LampLight] | None:
-        """Return the lamps' light on the surfaces that are seen; None if they are at the camera."""
+        """Return the light of each lamp on the visible surfaces; None if the lamps are at the camera.
+
+        `position` is that of the camera (NED, m), `axes` (3 x 3) turns its axes to NED.
+        """
         return self._lamps.lamp_lights(rays, position, axes[:, 1], surfaces) if self._lamps else None
 
     def daylight_factor(self, surfaces: SurfaceHits, time_ns: int) -> Floats | None:
-        """Return the factor of daylight by waves on the surfaces that are seen; None without waves."""
+        """Return the factor (n) by which waves focus daylight on the visible surfaces; None without caustics."""
         return self._caustics.daylight_factor(surfaces, time_ns) if self._caustics else None
 
     def add_water_effects(self, radiance: Floats, ranges: Any, position: Any, axes: Any, water: Water) -> Floats:
-        """Return a picture with what the lamps light up in the water before it, and with marine snow."""
+        """Return the radiance (n x 3) with backscatter of the lamps' light by the water, and with marine snow."""
         if self._lamps and self._has_backscatter:
             radiance += self._lamps.veil(np.asarray(ranges, np.float32), self._sideways, water)
         if self._snow:
@@ -57,5 +64,5 @@ class Effects:
         return radiance
 
     def apply_motion(self, picture: RawPicture, mounting: Mounting, nu: Any) -> RawPicture:
-        """Return the picture as it is recorded while the camera moves."""
+        """Return the picture with the effects of the camera's motion `nu` during its exposure and readout."""
         return self._motion.apply(picture, mounting, nu) if self._motion else picture

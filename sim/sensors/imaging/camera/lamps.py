@@ -1,4 +1,4 @@
-"""Lamps beside a camera: what of their light falls on things, and what the water before the camera sends back."""
+"""Lamps beside a camera: their light on surfaces, and its backscatter by the water."""
 
 from typing import Any
 
@@ -11,19 +11,20 @@ from sim.sensors.imaging.scenery import LampLight, SurfaceHits
 
 Floats = NDArray[np.float32]
 
-# What of the scattered light goes straight back, 1/sr: of Petzold's particles 1.83 % goes backwards (Mobley 1994, Light
-# and Water, table 3.10), nearly the same in all of those directions.
+# Share of scattered light in a backward direction, 1/sr: 1.83 % of the light that Petzold's particles scatter goes into
+# the backward hemisphere (Mobley 1994, Light and Water, table 3.10), with nearly the same intensity in all directions.
 _BACKWARD_SHARE = 0.0183 / (2.0 * np.pi)
-_HALF_BEAM = 1.0  # of a lamp's beam, the tangent: 45 degrees
-_TOLERANCE = 0.02  # m before a thing's surface that count as it
-_RANGES, _ANGLES, _STEPS = 96, 33, 400  # of the table of backscatter; steps of its integral
+_HALF_BEAM = 1.0  # tangent of half the width of a lamp's beam: 45 degrees
+_TOLERANCE = 0.02  # m: an obstruction this near to a surface is the surface itself
+_RANGES, _ANGLES, _STEPS = 96, 33, 400  # size of the table of backscatter; steps of its integral
 _BLOCK = 65_536
 
 
 class Lamps:
-    """Two lamps, `offset` m to port and starboard of a camera, that look as it does.
+    """Two lamps, `offset` m to port and starboard of a camera, which point in its direction.
 
-    What a white wall 1 m before both sends back is `brightness`, as a share of full daylight.
+    `brightness` is the radiance of a white wall 1 m in front of both, relative to full daylight. `shadows` enables cast
+    shadows, `backscatter` is a factor on that of Petzold's particles, `reach` the range of the camera (m).
     """
 
     def __init__(self, offset: float, brightness: float, shadows: bool, backscatter: float, reach: float) -> None:
@@ -49,7 +50,7 @@ class Lamps:
     def _find_lit(
         self, rays: RayScene, lamp: Any, paths: Floats, ranges: Floats, candidates: NDArray[np.bool_]
     ) -> Floats:
-        """Return 1 where nothing stands between the lamp and what is seen, by a ray to each that faces it."""
+        """Return 1 for surfaces without an obstacle between them and the lamp, else 0; one ray for each candidate."""
         lit = np.ones(len(ranges), np.float32)
         chosen = np.flatnonzero(candidates & (ranges < self._reach))
         for first in range(0, len(chosen), _BLOCK):
@@ -60,14 +61,14 @@ class Lamps:
         return lit
 
     def veil(self, ranges: Floats, sideways: Floats, water: Water) -> Floats:
-        """Return what the water as far as `ranges` (m) sends back of the lamps' light (n x 3), by single scattering.
+        """Return the veiling light (n x 3): the lamps' light that the water up to `ranges` (m) scatters back once.
 
-        `sideways` is the cosine of each ray to the camera's y axis. A lamp lights a ray from where it comes into the
-        lamp's beam.
+        `sideways` (n) is the cosine of each ray's angle to the camera's y axis. A ray is lit where it is inside the
+        beam of the lamp.
         """
         if water is not self._water:
             self._water, self._table = water, self._tabulate(water)
-        # Ranges go by their logarithm, as most of it comes from near.
+        # The table is over the logarithm of the range, because most light comes from nearby.
         near = 0.5 * self._offset / _HALF_BEAM
         span = np.log(max(self._reach / near, 2.0))
         x = np.log(np.clip(ranges, near, near * np.exp(span)) / np.float32(near)) * np.float32((_RANGES - 1) / span)
@@ -83,7 +84,7 @@ class Lamps:
         return veil
 
     def _tabulate(self, water: Water) -> Floats:
-        """Return the veil for each colour, range and angle; see `veil`."""
+        """Return the veiling light by colour, range and angle (3 x ranges x angles); see `veil`."""
         near = 0.5 * self._offset / _HALF_BEAM
         far = max(self._reach, 2.0 * near)
         path_lengths = near * (far / near) ** np.linspace(0.0, 1.0, _STEPS)[:, None]

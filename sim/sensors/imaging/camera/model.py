@@ -1,4 +1,4 @@
-"""The keys of a camera."""
+"""The model of a camera: its keys in the scenario."""
 
 from math import pi
 from typing import Annotated, Literal, NamedTuple
@@ -8,33 +8,39 @@ from hil.common.schema import Range
 WaterType = Literal["clear", "I", "IA", "IB", "II", "III", "1C", "3C", "7C", "9C"]
 
 _DEGREE = pi / 180.0
-_MAX_POINTS = 4_000_000  # what fits a message
+_MAX_POINTS = 4_000_000  # that one message can carry
 _Coefficient = Annotated[float, Range(-10.0, 10.0)]
 
 
 class CameraModel(NamedTuple):
-    """Rate in Hz (0: none), the picture's size in pixels, its width in angle (rad), the water, and what disturbs.
+    """Rate in Hz (0: none), size of the picture in pixels, horizontal field of view (rad), water, noise and effects.
 
-    Pixels are square; the optical axis goes through the middle. `distortion` is k1, k2, p1, p2, k3 of ROS's
-    "plumb_bob". `water` is a Jerlov type (see sim.environment.optics.jerlov), or "clear" for none. `depth` asks for
-    a depth image as far as `max_range` m, with `depth_noise` m standard deviation at 1 m, growing with the square
-    of the range as that of a stereo camera, and `points` for the same as a cloud of points. `lamps` is what a white
-    wall 1 m ahead sends back of their light, 1 being what it sends back in full daylight. `exposure` is the factor
-    from such radiances to the sensor's range, 0: found for each picture so that its bright parts are near white.
-    `full_well` is how many electrons a pixel holds and `read_noise` how many reading adds (standard deviation);
-    `vignetting` is the share of the fall of light by the fourth power of the cosine off the axis that the lens has.
-    With `ground_truth` there is no water, noise, or vignetting, and labels are given. `renderer` "rays" casts a ray
-    a pixel; "opengl" (extra `opengl`) rasterises what they would meet, to 1 part in 10 000 but for a few pixels at
-    outlines. By Mesa's software it is no faster than rays; `python tools/costs/ray_cost.py --pictures` measures it.
+    Lens: pixels are square; the optical axis is in the middle of the picture. `distortion` is k1, k2, p1, p2, k3 of
+    ROS's "plumb_bob". `vignetting` is the share of the natural decrease of light, cos⁴ of the angle to the axis.
 
-    The rest is off by default, the same with both renderers, and absent from the ground truth. The lamps are at the
-    camera, or two of them `lamp_offset` m to either side of it. Only then can `lamp_shadows` be seen, for a cast of
-    rays more a lamp, and `backscatter` can be computed: what the water between sends back of their light, `backscatter`
-    times that of Petzold's particles. `snow` is the number of particles of marine snow in a m³, which stay where
-    they are in the water. `caustics` is the contrast that waves give to daylight on the seabed, 1 at its best depth
-    of about a metre under a sun overhead. `exposure_time` s is the time over which motion blurs, `readout_time` s
-    that of a rolling shutter from the first row to the last; the sample's time is the middle of both. They move the
-    pixels of one picture by their first derivative.
+    Water: `water` is a Jerlov type (see sim.environment.optics.jerlov), or "clear" for none.
+
+    Depth: `depth` enables a depth image up to `max_range` m. `depth_noise` is its standard deviation at 1 m (m), which
+    grows with the square of the range, as for a stereo camera. `points` adds the same data as a point cloud.
+
+    Light: `lamps` is the radiance of a white wall 1 m ahead in the light of the lamps, relative to full daylight.
+    `exposure` is the factor from such radiances to the sensor's range; 0: automatic, so that the bright parts of each
+    picture are nearly white. `full_well` is the number of electrons that a pixel can hold, `read_noise` the standard
+    deviation of the electrons that reading adds.
+
+    With `ground_truth` there is no water, noise or vignetting, and the sample has labels. `renderer` "rays" casts one
+    ray for each pixel. "opengl" (extra `opengl`) rasterises the same scene; distances are equal to 1 part in 10 000,
+    except in a few pixels at outlines. With Mesa's software renderer it is no faster than rays;
+    `python tools/costs/ray_cost.py --pictures` measures it.
+
+    The effects below are off by default, equal with both renderers, and not part of the ground truth. The lamps are at
+    the camera, or there are two of them, `lamp_offset` m to each side of it. Only in the latter case `lamp_shadows` are
+    visible, at the cost of one more cast of rays for each lamp, and there is `backscatter` of the lamps' light by the
+    water, as a factor on that of Petzold's particles. `snow` is the number of particles of marine snow per m³, which
+    are fixed in the water. `caustics` is the contrast of daylight that waves focus on the seabed, 1 at its best depth
+    of about 1 m with the sun overhead. `exposure_time` (s) causes motion blur. `readout_time` (s) is that of a rolling
+    shutter from the first row to the last. The time of the sample is the middle of both. Motion effects shift the
+    pixels of one picture to first order.
 
     All numbers are our choice, near those of small industrial cameras.
     """
@@ -65,7 +71,7 @@ class CameraModel(NamedTuple):
     renderer: Literal["rays", "opengl"] = "rays"
 
     def validate(self) -> str | None:
-        """Return what is wrong between the keys, or None: too many points, or lamps that are not there."""
+        """Return what is wrong with the combination of the keys, or None."""
         if self.points and not self.depth:
             return "points = true needs depth = true"
         if self.points and self.width * self.height > _MAX_POINTS:

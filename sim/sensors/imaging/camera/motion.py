@@ -1,7 +1,7 @@
-"""The effects of motion on a camera's picture: blur while it is exposed, and the skew of a rolling shutter.
+"""Effects of motion on a camera's picture: motion blur during the exposure, and the skew of a rolling shutter.
 
-Both move the pixels of one picture along the flow that the camera's motion gives them, by their distance; what would
-come out from behind an edge meanwhile is not there. The world stands still.
+Both shift the pixels of one picture along the optical flow, which follows from the camera's motion and the range of
+each pixel. Not modelled: surfaces that an edge uncovers meanwhile, motion of objects.
 """
 
 from typing import Any, NamedTuple
@@ -14,12 +14,12 @@ from sim.sensors.mounting import Mounting
 
 Floats = NDArray[np.float32]
 
-_MAX_TAPS = 32  # places of the path of a pixel that are averaged
-_MIN_FLOW = 0.25  # pixels: less is not seen
+_MAX_TAPS = 32  # number of positions on the path of a pixel that are averaged for blur
+_MIN_FLOW = 0.25  # pixels: smaller shifts are ignored
 
 
 class RawPicture(NamedTuple):
-    """The numbers of a picture: radiance (n x 3), range (m) and object of each pixel."""
+    """A picture before the image sensor: radiance (n x 3), range (n, m) and object number (n) of each pixel."""
 
     radiance: Floats
     ranges: Any
@@ -27,9 +27,10 @@ class RawPicture(NamedTuple):
 
 
 class Motion:
-    """The motion within a picture of `width` x `height` pixels, `focal` of them long, exposed and read for times in s.
+    """Motion during the exposure and readout (times in s) of a picture.
 
-    `toward` are the unit vectors of its pixels (n x 3) in the sensor's axes.
+    `size` is its width and height and `focal` the focal length, in pixels. `toward` are the unit vectors of its pixels
+    (n x 3) in the sensor's axes.
     """
 
     def __init__(
@@ -44,9 +45,10 @@ class Motion:
         self._row_times = ((rows + 0.5) / self._height - 0.5).astype(np.float32) * np.float32(readout_time)
 
     def flow(self, mounting: Mounting, nu: Any, ranges: Any) -> tuple[Floats, Floats]:
-        """Return how fast what each pixel sees moves to the right and down (pixels/s), of a vehicle that moves by `nu`.
+        """Return the optical flow of each pixel to the right and down (pixels/s).
 
-        By the derivative of the pinhole's projection (Longuet-Higgins & Prazdny 1980).
+        `nu` is the velocity of the vehicle (m/s and rad/s, body axes), `ranges` (n) in m. It is the time derivative of
+        the pinhole projection (Longuet-Higgins & Prazdny 1980).
         """
         orientation = mounting.quaternion
         va, vr, vd = rotate_inverse(orientation, mounting.velocity(nu))
@@ -59,11 +61,11 @@ class Motion:
         return (self._focal * right).astype(np.float32), (self._focal * down).astype(np.float32)
 
     def apply(self, picture: RawPicture, mounting: Mounting, nu: Any) -> RawPicture:
-        """Return the picture as it is recorded while the camera moves."""
+        """Return the picture with the skew of the rolling shutter and with motion blur."""
         right, down = self.flow(mounting, nu, picture.ranges)
         max_flow = float(np.hypot(right, down).max(initial=0.0))
         if self._readout and max_flow * self._readout > _MIN_FLOW:
-            # What a row sees late was, in the picture of the middle, where it comes from.
+            # A late row shows what is at an earlier point of the flow in the picture of the middle time.
             pixels = self._pixels_at(right * -self._row_times, down * -self._row_times)
             picture = RawPicture(picture.radiance[pixels], np.asarray(picture.ranges)[pixels], picture.objects[pixels])
             right, down = right[pixels], down[pixels]
@@ -77,7 +79,7 @@ class Motion:
         return picture
 
     def _pixels_at(self, right: Floats, down: Floats) -> NDArray[np.int64]:
-        """Return the pixel at that offset from each; beyond the picture's edge the last one."""
+        """Return the index of the pixel at this offset from each pixel, limited to the picture."""
         rows = np.clip(np.rint(self._rows + down), 0, self._height - 1).astype(np.int64)
         columns = np.clip(np.rint(self._columns + right), 0, self._width - 1).astype(np.int64)
         pixels: NDArray[np.int64] = rows * self._width + columns

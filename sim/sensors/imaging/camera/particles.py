@@ -1,4 +1,4 @@
-"""Light and shade of the water that a camera sees: marine snow, and what waves make of the sun on the seabed."""
+"""Marine snow before a camera, and caustics: sunlight that waves focus on the seabed."""
 
 from itertools import product
 from math import ceil, tau
@@ -12,24 +12,27 @@ from sim.sensors.imaging.scenery import SurfaceHits
 
 Floats = NDArray[np.float32]
 
-_CELL = 0.5  # m: a side of the cubes of water whose particles are drawn together
+_CELL = 0.5  # m: side of the cubes of water whose particles are drawn together
 _MAX_DISTANCE, _MIN_DISTANCE = 2.5, 0.08  # m
-_RADII = (0.0004, 0.003)  # m: of aggregates that a camera sees; most are small
-_ALBEDO = 0.5  # of a particle's light that it sends back
-_MIN_SPREAD, _MAX_SPREAD = 0.6, 12.0  # pixels: radius of a point's image, and of a particle near the lens
-_FOCUS = 1.0  # m at which the lens is focused; a particle elsewhere is wider by the aperture's share
+_RADII = (0.0004, 0.003)  # m: least and greatest radius of visible aggregates; most are small
+_ALBEDO = 0.5  # share of light that a particle reflects
+_MIN_SPREAD, _MAX_SPREAD = 0.6, 12.0  # pixels: least and greatest radius of a particle's image
+_FOCUS = 1.0  # m: distance of focus; particles at other distances are blurred
 _APERTURE = 0.004  # m
 
-_TILE, _SIDE = 256, 4.0  # nodes and m of the pattern of caustics along a side; then it repeats itself
-_WAVES, _FOCAL_DEPTH = 40, 1.2  # m: of the depth at which these waves focus best
+_TILE, _SIDE = 256, 4.0  # nodes and m along a side of the pattern of caustics, which repeats
+_WAVES, _FOCAL_DEPTH = 40, 1.2  # number of waves; depth (m) at which they focus best
 _RMS_SLOPE = 0.12  # of a surface under a light breeze (Cox & Munk 1954: 0.06 to 0.2)
-_BEND = 0.25  # of a ray by the slope of the surface: 1 - 1 / 1.33
+_BEND = 0.25  # deflection of a ray relative to the slope of the surface: 1 - 1 / 1.33
 _DECAY_DEPTH = 7.0  # m of depth by which the contrast falls to 1/e
 _GRAVITY = 9.81
 
 
 class MarineSnow:
-    """Marine snow, `density` particles in a m³, where they are in the water for ever."""
+    """Marine snow: `density` particles per m³ with fixed positions in the water.
+
+    `size` is the width and height of the picture and `focal` the focal length, in pixels.
+    """
 
     def __init__(self, density: float, size: tuple[int, int], focal: float, seed: int) -> None:
         self._density, self._size, self._focal, self._seed = density, size, focal, seed
@@ -37,9 +40,10 @@ class MarineSnow:
     def add_particles(
         self, radiance: Floats, ranges: Any, position: Any, rotation: Any, water: Water, lamps: tuple[float, float]
     ) -> Floats:
-        """Return a picture with the particles before a camera at `position`; `rotation` has its axes (3 x 3).
+        """Return the radiance (n x 3) with the particles in front of a camera.
 
-        `lamps` are their brightness and how far (m) they are beside the camera.
+        `position` (NED, m) and `rotation` (3 x 3, to NED) are those of the camera, `ranges` (n, m) those of its pixels.
+        `lamps` are their brightness and their distance beside the camera (m).
         """
         positions, radii = self._particles(np.asarray(position, np.float64))
         local = (positions - position) @ rotation
@@ -56,7 +60,7 @@ class MarineSnow:
         sharp = radii / ahead * self._focal
         blurred = 0.5 * _APERTURE * np.abs(1.0 / ahead - 1.0 / _FOCUS) * self._focal
         spread = np.clip(np.hypot(sharp, blurred), _MIN_SPREAD, _MAX_SPREAD)
-        # The light of a disc goes over all pixels that it is spread upon: a small one covers a part of a pixel.
+        # Blur spreads the light of a particle over a larger disc; a small particle covers only a part of a pixel.
         cover = np.minimum(1.0, (sharp / spread) ** 2)
         colours = self._colours(distances, water, lamps)
         transmission, added = np.ones(len(radiance), np.float32), np.zeros(radiance.shape, np.float32)
@@ -73,7 +77,7 @@ class MarineSnow:
         return radiance * transmission[:, None] + added
 
     def _squares(self, centres: Any, reach: int) -> tuple[NDArray[np.int64], Any]:
-        """Return the pixels about each centre, -1 beyond the picture's edge, and their squared distances from it."""
+        """Return the pixels around each centre (-1 outside the picture) and their squared distances from it."""
         width, height = self._size
         steps = np.arange(-reach, reach + 1)
         columns = np.rint(centres[:, 0]).astype(np.int64)[:, None] + np.tile(steps, len(steps))
@@ -84,14 +88,14 @@ class MarineSnow:
 
     @staticmethod
     def _colours(distances: Any, water: Water, lamps: tuple[float, float]) -> Any:
-        """Return the radiance (n x 3) of particles so far away, in day and lamplight, through the water between."""
+        """Return the radiance (n x 3) of particles at `distances` (m) in daylight and lamplight, through water."""
         brightness, offset = lamps
         lit, attenuation = np.hypot(distances, offset)[:, None], np.array(water.attenuation)
         light = 0.5 * np.array(water.light) + brightness * np.exp(-attenuation * lit) / np.maximum(lit, 0.2) ** 2
         return _ALBEDO * light * np.exp(-attenuation * distances[:, None])
 
     def _particles(self, position: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return places (m, NED) and radii (m) of those around; each cube of water has its own, by its place."""
+        """Return positions (NED, m) and radii (m) of nearby particles; each cube of water has its own."""
         middle = np.floor(position / _CELL).astype(np.int64)
         span = range(-ceil(_MAX_DISTANCE / _CELL), ceil(_MAX_DISTANCE / _CELL) + 1)
         cells = middle + np.array(list(product(span, span, span)), np.int64)
@@ -99,7 +103,7 @@ class MarineSnow:
         cells = cells[near]
         max_count = ceil(2.0 * self._density * _CELL**3) + 1
         draws = _uniform_numbers(cells, 5 * max_count + 1, self._seed)
-        # So many on average, between none and twice that.
+        # The number in a cube is uniform between zero and twice its mean.
         count = np.floor(2.0 * self._density * _CELL**3 * draws[:, 0] + 0.5)
         draws = draws[:, 1:].reshape(len(cells), max_count, 5)
         is_present = np.arange(max_count) < count[:, None]
@@ -110,7 +114,7 @@ class MarineSnow:
 
 
 def _uniform_numbers(cells: NDArray[np.int64], count: int, seed: int) -> NDArray[np.float64]:
-    """Return `count` numbers from 0 to 1 for each cell, always the same for it (splitmix64)."""
+    """Return `count` uniform numbers from 0 to 1 for each cell, always the same for one cell (splitmix64)."""
     with np.errstate(over="ignore"):
         keys = np.full(len(cells), seed, np.uint64)
         for axis in range(3):
@@ -129,10 +133,10 @@ def _mix_bits(values: NDArray[np.uint64]) -> NDArray[np.uint64]:
 
 
 class Caustics:
-    """The sun's light, focused by waves on the surface, on what lies below; `contrast` at its best depth.
+    """Caustics: sunlight that waves on the surface focus on surfaces below; `contrast` is that at the best depth.
 
-    Rays of a sun overhead are bent by the slopes of a few dozen waves that repeat every 4 m, and counted where they
-    come to a plane 1.2 m below: the pattern of that depth serves all others, weaker the deeper.
+    The slopes of a few dozen waves, periodic over 4 m, refract the rays of a sun overhead. The pattern is their density
+    on a plane 1.2 m below. It is used at all depths, weaker at greater depth.
     """
 
     def __init__(self, contrast: float, seed: int) -> None:
@@ -140,16 +144,16 @@ class Caustics:
         random = np.random.default_rng(seed)
         numbers = random.integers(-12, 13, (_WAVES, 2))
         numbers[~numbers.any(axis=1)] = (1, 2)
-        self._vectors = numbers * (tau / _SIDE)  # rad/m, so that they fit the side
+        self._vectors = numbers * (tau / _SIDE)  # rad/m: whole numbers of waves along a side
         lengths = np.linalg.norm(self._vectors, axis=1)
         self._rates = np.sqrt(_GRAVITY * lengths)  # rad/s, of deep water
         self._phases = random.uniform(0.0, tau, _WAVES)
-        # As steep at all lengths.
+        # Waves of all lengths have the same slope.
         self._slopes = self._vectors / lengths[:, None] * (_RMS_SLOPE * np.sqrt(2.0 / _WAVES))
         self._time_ns, self._tile = -1, np.ones((_TILE, _TILE), np.float32)
 
     def daylight_factor(self, surfaces: SurfaceHits, time_ns: int) -> Floats:
-        """Return the factor of the daylight at each hit, 1 on average; only on what faces up."""
+        """Return the factor of daylight at each hit (n), 1 on average; surfaces that do not face up have 1."""
         if time_ns != self._time_ns:
             self._time_ns, self._tile = time_ns, self._pattern(time_ns * 1e-9)
         north, east, down = surfaces.points
@@ -164,10 +168,10 @@ class Caustics:
         return daylight_factor
 
     def _pattern(self, time: float) -> Floats:
-        """Return how much light comes to each node of the tile, 1 on average."""
+        """Return the light at each node of the tile at `time` (s), 1 on average."""
         axis = (np.arange(_TILE) + 0.5) * (_SIDE / _TILE)
         phases = self._phases - self._rates * time
-        # Each wave is a product of a wave along either axis.
+        # Each wave is the product of two exponentials, one along each axis.
         along = np.exp(1j * (axis[:, None] * self._vectors[None, :, 0] + phases[None, :]))
         across = np.exp(1j * axis[:, None] * self._vectors[None, :, 1])
         slopes = [((along * self._slopes[None, :, i]) @ across.T).real for i in range(2)]
@@ -187,7 +191,7 @@ class Caustics:
 
 
 def _smooth(tile: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the pattern without the grain of single rays: the sun's disc is half a degree wide."""
+    """Return the smoothed pattern without the noise of single rays; the sun's disc is half a degree wide."""
     for axis in (0, 1):
         tile = 0.25 * np.roll(tile, 1, axis) + 0.5 * tile + 0.25 * np.roll(tile, -1, axis)
     return tile

@@ -1,4 +1,4 @@
-"""Render a camera's picture: the rays of its pixels, and the light that comes along them."""
+"""Render a camera's picture: cast the rays of its pixels, and compute the light along them."""
 
 from typing import Any
 
@@ -25,12 +25,12 @@ from sim.sensors.surface import submersion
 
 Floats = NDArray[np.floating[Any]]
 
-_DEPTH_STEP = 0.1  # m: how exactly the water uses its depth, so that it need not be computed for every picture
+_DEPTH_STEP = 0.1  # m: steps of depth at which the water's properties are computed, so that they are reused
 _UNDISTORTED = 1e-6  # of the focal length: less than a thousandth of a pixel
 
 
 class PictureRenderer:
-    """The rays of a camera into the world of `scene`; `axial` is the cosine of each off the optical axis."""
+    """Renders the world of `scene`; `axial` (n) is the cosine of each pixel's angle to the optical axis."""
 
     def __init__(
         self, model: CameraModel, intrinsics: Intrinsics, mounting: Mounting, scene: Scene, seed: int = 0
@@ -55,7 +55,7 @@ class PictureRenderer:
         self._scenery.add(self._rays.add(solid, state))
 
     def render(self, time_ns: int, state: State) -> tuple[NDArray[np.float32], Floats, NDArray[np.int32]]:
-        """Return for each pixel the radiance (n x 3) at the lens, range (m, inf for nothing) and object."""
+        """Return each pixel's radiance at the lens (n x 3), range (n, m; inf without a hit) and object number (n)."""
         position = self._mounting.world_position(state)
         count = len(self._directions)
         if position[2] <= 0.0 or submersion(self._scene, time_ns, position) <= 0.0:
@@ -69,7 +69,7 @@ class PictureRenderer:
     def _trace(
         self, time_ns: int, position: Any, rotation: Any, axes: Any, water: Water
     ) -> tuple[NDArray[np.float32], Floats, NDArray[np.int32]]:
-        """Return what `render` does, without the effects of the water and of motion."""
+        """Return the same as `render`, without backscatter, particles and motion."""
         m, shading = self._model, self._shading
         if shading and m.renderer == "rays" and (geometry := self._rays.compiled(position, m.max_range)):
             return shading.cast(geometry, position, rotation, self._directions, m.lamps, water)
@@ -80,7 +80,7 @@ class PictureRenderer:
         return self._compute_light(hits, time_ns, position, axes, water), ranges, objects
 
     def _compute_light(self, hits: Hits, time_ns: int, position: Any, axes: Any, water: Water) -> NDArray[np.float32]:
-        """Return the radiance (n x 3) at the lens of what is met, with all effects of light."""
+        """Return the radiance at the lens (n x 3) of `hits`, with lamps beside the camera and caustics."""
         ranges, objects = np.asarray(hits.distances), np.asarray(hits.objects)
         points, normals = (_rows(np.asarray(vectors), objects) for vectors in (hits.points, hits.normals))
         cos_incidence = -np.einsum("ir,ri->r", axes.astype(np.float32).T @ normals, self._toward)
@@ -94,14 +94,14 @@ class PictureRenderer:
         return underwater(radiance, ranges, water)
 
     def points(self, depth: bytes) -> bytes:
-        """Return where a picture's depths (see CameraSample) are in the sensor's axes, nan where they are inf."""
+        """Return the points of a picture's depths in the sensor's axes (see CameraSample), nan where a depth is inf."""
         ahead = np.frombuffer(depth, np.float32).copy()
         ahead[np.isinf(ahead)] = np.nan
         positions: bytes = (self._toward * (ahead / self.axial)[:, None]).tobytes()
         return positions
 
     def _water_at(self, depth: float) -> Water:
-        """Return the water at a depth in m."""
+        """Return the optical properties of the water at a `depth` in m."""
         depth = round(depth / _DEPTH_STEP) * _DEPTH_STEP
         if depth != self._water_depth and not self._model.ground_truth:
             self._water, self._water_depth = jerlov(self._model.water, depth), depth
@@ -118,14 +118,14 @@ def _rays(model: CameraModel, focal: float, world: World, directions: NDArray[np
 
 
 def _rows(vectors: Floats, objects: NDArray[np.int32]) -> NDArray[np.float32]:
-    """Return three rows instead of three numbers a ray, 0 for nothing."""
+    """Return vectors as 3 x n instead of n x 3, float32, 0 for rays without a hit."""
     rows = np.ascontiguousarray(vectors.reshape(-1, 3).T, np.float32)
     rows[:, objects == NOTHING] = 0.0
     return rows
 
 
 def pixel_rays(width: int, height: int, intrinsics: Intrinsics, distortion: Distortion) -> NDArray[np.float64]:
-    """Return the unit vector along which each pixel looks, row after row: x along the optical axis, y right, z down."""
+    """Return the unit vector of each pixel's ray (n x 3), row by row: x along the optical axis, y right, z down."""
     x, y = np.meshgrid(
         (np.arange(width) - intrinsics.cx) / intrinsics.fx, (np.arange(height) - intrinsics.cy) / intrinsics.fy
     )
@@ -137,7 +137,7 @@ def pixel_rays(width: int, height: int, intrinsics: Intrinsics, distortion: Dist
 
 
 def distort(x: Floats, y: Floats, distortion: Distortion) -> tuple[Floats, Floats]:
-    """Return where a lens puts what is at (x, y) of the plane at distance 1 (Brown 1971; ROS's "plumb_bob", OpenCV)."""
+    """Return the image of (x, y) on the plane at distance 1 through a lens (Brown 1971; "plumb_bob" in ROS, OpenCV)."""
     k1, k2, p1, p2, k3 = distortion
     r = x * x + y * y
     radial = 1.0 + r * (k1 + r * (k2 + r * k3))
@@ -148,7 +148,7 @@ def distort(x: Floats, y: Floats, distortion: Distortion) -> tuple[Floats, Float
 
 
 def undistort(x: Floats, y: Floats, distortion: Distortion) -> tuple[Floats, Floats]:
-    """Return what `distort` puts at (x, y), by repeated correction.
+    """Return the point whose image by `distort` is (x, y), by fixed-point iteration.
 
     Raises ConfigError for a lens that folds the picture.
     """
@@ -158,5 +158,5 @@ def undistort(x: Floats, y: Floats, distortion: Distortion) -> tuple[Floats, Flo
             a, b = distort(u, v, distortion)
             u, v = u + (x - a), v + (y - b)
         if not np.hypot(x - a, y - b).max() < _UNDISTORTED:
-            raise ConfigError("distortion: to some pixels nothing leads through this lens; make k1 to k3 smaller")
+            raise ConfigError("distortion: this lens folds the picture, some pixels see nothing; make k1 to k3 smaller")
     return u, v

@@ -15,12 +15,12 @@ if TYPE_CHECKING:
 
 
 class Camera:
-    """A camera that looks along the sensor's x axis. Starboard is to the right of the picture, down is below.
+    """A camera along the sensor's x axis. Starboard is to the right of the picture, down is below.
 
-    A ray through the middle of each pixel gives what the pixel sees. sim.sensors.imaging.scenery gives its colour,
+    One ray through the middle of each pixel finds the visible surface. sim.sensors.imaging.scenery computes its colour,
     sim.environment.optics the effect of the water, sim.sensors.imaging.camera.effects that of lamps, particles, waves
-    and motion. Daylight fades with depth. The water's surface is flat. Not modelled: focus, and pixels at edges that
-    see two things. Depth is found wherever a ray ends, also in fog, where a stereo camera finds none.
+    and motion. Daylight decreases with depth. The water's surface is flat. Not modelled: focus, pixels at edges that
+    see two objects. Depth is measured wherever a ray hits, also in turbid water, where a stereo camera measures none.
     """
 
     Model = CameraModel
@@ -29,7 +29,7 @@ class Camera:
 
     def __init__(self, model: CameraModel, mounting: Mounting, seed: int, scene: Scene) -> None:
         require_numpy(self.topic)
-        from sim.sensors.imaging.camera.development import ImageSensor
+        from sim.sensors.imaging.camera.image_sensor import ImageSensor
         from sim.sensors.imaging.camera.picture import PictureRenderer
 
         self._model = model

@@ -17,7 +17,7 @@ from sim.rays import solids
 from sim.rays.scene import NOTHING, SEABED
 from sim.rotations import from_euler
 from sim.sensors.imaging import scenery
-from sim.sensors.imaging.camera.development import automatic_exposure
+from sim.sensors.imaging.camera.image_sensor import automatic_exposure
 from sim.sensors.imaging.camera.model import CameraModel
 from sim.sensors.imaging.camera.picture import distort, pixel_rays, undistort
 from sim.sensors.imaging.camera.sensor import Camera

@@ -18,7 +18,7 @@ from sim.rays.scene import RayScene
 from sim.rotations import from_euler
 from sim.rotations import integrate as turn
 from sim.sensors.imaging.camera import picture
-from sim.sensors.imaging.camera.development import ImageSensor, normal_noise
+from sim.sensors.imaging.camera.image_sensor import ImageSensor, normal_noise
 from sim.sensors.imaging.camera.lamps import _BACKWARD_SHARE, Lamps
 from sim.sensors.imaging.camera.model import CameraModel
 from sim.sensors.imaging.camera.particles import Caustics, MarineSnow

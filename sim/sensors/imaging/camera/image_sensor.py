@@ -1,4 +1,4 @@
-"""Record the light as a camera's sensor does: vignetting, exposure, noise, sRGB; and the errors of depth."""
+"""The image sensor of a camera: vignetting, exposure, noise and sRGB encoding of light; noise of depth."""
 
 from functools import lru_cache
 from statistics import NormalDist
@@ -14,15 +14,16 @@ from sim.sensors.imaging.camera.model import CameraModel
 
 Floats = NDArray[np.floating[Any]]
 
-_BRIGHT, _NEARLY_WHITE = 98.0, 0.9  # automatic exposure: this percentile gets this far
+_BRIGHT, _NEARLY_WHITE = 98.0, 0.9  # automatic exposure: this percentile of light becomes this signal (white: 1)
 _QUANTILE_BITS = 12
 _WEYL, _FIRST, _SECOND = 0x9E3779B97F4A7C15, 0xBF58476D1CE4E5B9, 0x94D049BB133111EB
 
 
 class ImageSensor:
-    """Conversion of radiances to bytes, and the errors of depth; `axial` is the cosine of each pixel off the axis.
+    """Converts radiances to the bytes of a picture, and adds noise to depth.
 
-    sim/native/exposure.h does the same to a level of 256, where that is compiled.
+    `axial` (n) is the cosine of each pixel's angle to the optical axis. If sim/native/exposure.h is compiled it is used
+    instead; its result is equal within one of 256 levels.
     """
 
     def __init__(self, model: CameraModel, axial: Floats, seed: int, topic: str) -> None:
@@ -33,7 +34,10 @@ class ImageSensor:
         self._random = sensor_random(seed, topic)
 
     def develop(self, radiance: NDArray[np.float32], ranges: Floats) -> tuple[bytes, bytes]:
-        """Return the picture and its depths; radiances n x 3, ranges n."""
+        """Return the bytes of the picture (uint8, n x 3) and of its depths (float32, n, m).
+
+        `radiance` is n x 3, `ranges` (n) in m.
+        """
         m = self._model
         if m.ground_truth:
             signal = radiance * np.float32(m.exposure or automatic_exposure(radiance))
@@ -54,7 +58,7 @@ class ImageSensor:
     def _record_in_numpy(
         self, radiance: NDArray[np.float32], ranges: Floats, gain: float, dark: float, key: int
     ) -> tuple[bytes, bytes]:
-        """Return the bytes of a picture with the noise of its electrons, and its depths with theirs."""
+        """Return the bytes of the picture with the noise of its electrons, and those of the depths with noise."""
         m = self._model
         signal = radiance * self._falloff * np.float32(gain)
         variance = signal / np.float32(m.full_well) + np.float32(dark)
@@ -68,10 +72,10 @@ class ImageSensor:
 
 
 def normal_noise(key: int, count: int) -> NDArray[np.float32]:
-    """Return four rows of `count` normal numbers with standard deviation 1, the same for the same `key` (64 bits).
+    """Return 4 x `count` normal numbers with standard deviation 1, the same for the same `key` (64 bits).
 
-    The finaliser of splitmix64 (Steele, Lea & Flood 2014, Fast splittable pseudorandom number generators, OOPSLA) makes
-    64 bits of each column's number, of which each row takes twelve. So none is beyond 3.7.
+    The finaliser of splitmix64 (Steele, Lea & Flood 2014, Fast splittable pseudorandom number generators, OOPSLA)
+    hashes each column's number to 64 bits. Each row uses twelve of them, so no number is beyond ±3.7.
     """
     bits = np.arange(count, dtype=np.uint64) * np.uint64(_WEYL) + np.uint64(key)
     bits = (bits ^ (bits >> np.uint64(30))) * np.uint64(_FIRST)
@@ -92,6 +96,6 @@ def quantiles() -> NDArray[np.float32]:
 
 
 def automatic_exposure(light: Floats) -> float:
-    """Return the factor that brings the bright parts of a picture (n x 3) nearly to white; 1 for one without light."""
+    """Return the factor that makes the bright parts of a picture (n x 3) nearly white; 1 without light."""
     bright = float(np.percentile(light[:: max(1, len(light) // 4096)].max(axis=1), _BRIGHT))
     return _NEARLY_WHITE / bright if bright > 0.0 else 1.0
