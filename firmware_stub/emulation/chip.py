@@ -28,8 +28,8 @@ RCCS = {"f4": Rcc, "f1": RccF1}
 class Chip:
     """The peripherals by name, their registers by address, and the time of their next event.
 
-    `reset_by` is the flag of the cause after the program or the watchdog has requested a reset, else 0. paced: whether
-    bytes take time on the serial lines. model: the kind of STM32.
+    reset_by: flag of the cause when the program or the watchdog has requested a reset, otherwise 0. paced: whether
+    bytes take time on the serial lines. model: the type of STM32.
     """
 
     def __init__(self, paced: bool, model: Model = F405) -> None:
@@ -38,8 +38,8 @@ class Chip:
         self.nvic = Nvic()
         self.reset_by = 0
         self.rcc: Rcc = RCCS[model.family](self._retime, self._reset_blocks)
-        self.system = SystemControl(self.time, self.nvic, lambda: self.rcc.core_hz, self._program_resets)
-        self.iwdg = Iwdg(self.time, self._watchdog_resets)
+        self.system = SystemControl(self.time, self.nvic, lambda: self.rcc.core_hz, self._request_software_reset)
+        self.iwdg = Iwdg(self.time, self._request_watchdog_reset)
         self.can = BxCan(*(self._line(number) for number in CAN1_INTERRUPTS))
         self.usarts = {name: self._make_usart(name, paced) for name in model.usarts}
         self.timers = {name: self._make_timer(name) for name in model.timers}
@@ -48,7 +48,7 @@ class Chip:
         if "CAN1" in model.places:
             self.peripherals["CAN1"] = self.can
         self._timed = [self.system, self.iwdg, *self.usarts.values(), *self.timers.values()]
-        self._blocks = self._lay_out()
+        self._blocks = self._map_blocks()
 
     @property
     def due_ns(self) -> int:
@@ -63,7 +63,7 @@ class Chip:
                 peripheral.tick()
 
     def reset(self) -> None:
-        """Reset the chip, by the cause in `reset_by` (the pin, if none)."""
+        """Reset the chip with the cause in `reset_by`; 0 is the reset pin."""
         self.rcc.reset_by(self.reset_by)
         self.reset_by = 0
         for name, peripheral in self.peripherals.items():
@@ -98,7 +98,7 @@ class Chip:
             value = peripheral.words.get(offset, 0) & ~(mask << shift) | (value & mask) << shift
         peripheral.write(offset, value)
 
-    def _lay_out(self) -> dict[int, tuple[Peripheral, int, int, int]]:
+    def _map_blocks(self) -> dict[int, tuple[Peripheral, int, int, int]]:
         """Return by block number the peripheral, its base address, and the register and mask of its clock enable."""
         debug = Peripheral()  # trace, cycle counter: plain registers
         debug.words[DEVICE_ID] = self.model.device_id
@@ -140,10 +140,10 @@ class Chip:
             if place.register == register and bits >> place.bit & 1:
                 self.peripherals[name].reset()
 
-    def _program_resets(self) -> None:
+    def _request_software_reset(self) -> None:
         self.reset_by = SOFTWARE_RESET
 
-    def _watchdog_resets(self) -> None:
+    def _request_watchdog_reset(self) -> None:
         self.reset_by = WATCHDOG_RESET
 
 

@@ -20,7 +20,7 @@ from firmware_stub.emulation.engine import (
 from firmware_stub.emulation.memory import FLASH, Memory
 from firmware_stub.emulation.nvic import SVCALL
 
-TURNS = 512  # longest run of exceptions before time advances
+MAX_EXCEPTIONS = 512  # in a row before time advances
 
 THUMB, FRAME_IS_ALIGNED = 1 << 24, 1 << 9  # bits of the program status
 FLAGS = 0xF80F_0000
@@ -73,8 +73,8 @@ class Core:
             if not self._nvic.urgent:
                 return
             self.sleeping = False
-            self._engine.lift_mask()  # programs check for work, and sleep, with interrupts off
-        for _ in range(TURNS):
+            self._engine.execute_unmask()  # programs check for work, and sleep, with interrupts off
+        for _ in range(MAX_EXCEPTIONS):
             if self._nvic.urgent:
                 self._take_exception()
             reason = self._engine.run(instructions)
@@ -105,7 +105,7 @@ class Core:
 
     def _take_exception(self) -> None:
         """Take the next exception, unless it is masked."""
-        registers = self._engine.registers()
+        registers = self._engine.read_registers()
         if self._is_masked(registers):
             return
         returns_with = RETURN | NO_FLOAT
@@ -120,7 +120,7 @@ class Core:
         nvic = self._nvic
         nvic.leave()
         self._event = True
-        registers = self._engine.registers()
+        registers = self._engine.read_registers()
         if nvic.urgent and not self._is_masked(registers):
             self._enter(registers.sp, registers.xpsr, returns_with)
             return
@@ -133,7 +133,7 @@ class Core:
         self._engine.enter(self._vector(number), sp, status & FLAGS | THUMB | number, returns_with)
 
     def _vector(self, number: int) -> int:
-        return self._memory.word((self._chip.system.vector_table or FLASH) + 4 * number)
+        return self._memory.read_word((self._chip.system.vector_table or FLASH) + 4 * number)
 
     def _push(self, registers: Registers) -> int:
         """Save the registers that a handler may change; return the new stack pointer."""
@@ -144,23 +144,23 @@ class Core:
         memory, start = self._find(frame, registers.sp - frame)
         FRAME.pack_into(memory, start, *registers[:6], self._engine.pc, status)
         if floats:
-            FLOAT_FRAME.pack_into(memory, start + FRAME.size, *self._engine.floats())
-            self._engine.set_control(registers.control & ~FLOAT_IN_USE)
+            FLOAT_FRAME.pack_into(memory, start + FRAME.size, *self._engine.read_floats())
+            self._engine.write_control(registers.control & ~FLOAT_IN_USE)
         return frame
 
     def _pop(self, returns_with: int, registers: Registers) -> None:
         """Restore the registers that `_push` saved."""
         on_process_stack = returns_with & ON_PROCESS_STACK
-        sp = self._engine.process_stack() if on_process_stack else registers.sp
+        sp = self._engine.read_process_stack() if on_process_stack else registers.sp
         frame = FRAME.unpack_from(*self._find(sp, FRAME.size))
         sp += FRAME.size
         control = registers.control & ~(PROCESS_STACK | FLOAT_IN_USE) | (PROCESS_STACK if on_process_stack else 0)
         if not returns_with & NO_FLOAT:
-            self._engine.set_floats(FLOAT_FRAME.unpack_from(*self._find(sp, FLOAT_FRAME.size)))
+            self._engine.write_floats(FLOAT_FRAME.unpack_from(*self._find(sp, FLOAT_FRAME.size)))
             sp += FLOAT_FRAME.size
             control |= FLOAT_IN_USE
         if control != registers.control:
-            self._engine.set_control(control)
+            self._engine.write_control(control)
         status = frame[-1]
         sp += 4 if status & FRAME_IS_ALIGNED else 0
         self._engine.leave((*frame[:-1], status & ~FRAME_IS_ALIGNED), sp)
@@ -168,5 +168,5 @@ class Core:
     def _find(self, address: int, size: int) -> tuple[mmap, int]:
         place = self._memory.find(address, size)
         if place is None:
-            raise self._engine.failure(f"has no memory at 0x{address & 0xFFFF_FFFF:08x}")
+            raise self._engine.make_error(f"has no memory at 0x{address & 0xFFFF_FFFF:08x}")
         return place

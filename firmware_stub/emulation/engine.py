@@ -1,8 +1,8 @@
-"""Execution of instructions by Unicorn, which stops where exceptions or sleep are possible.
+"""Execution of instructions by Unicorn, which stops where the core may have to take an exception or sleep.
 
-It stops where an exception may have to be taken: after a store to a peripheral, after an instruction that unmasks
-interrupts, at a return from an exception, and before the core sleeps. The only M-profile core of Unicorn 2.1 is a
-Cortex-M33, which executes all instructions of a Cortex-M4.
+It stops after a store to a peripheral, after an instruction that unmasks interrupts, at a return from an exception, and
+before the core sleeps. The only M-profile core of Unicorn 2.1 is a Cortex-M33, which executes all instructions of a
+Cortex-M4.
 
 Not modelled: unmasking interrupts and sleeping by code in RAM. A pending exception is then taken at the next other
 stop, and the core does not sleep.
@@ -22,12 +22,19 @@ from hil.common.errors import DeviceError, MissingExtraError
 EXHAUSTED, INTERRUPTED, WAIT_FOR_INTERRUPT, WAIT_FOR_EVENT = 0, -1, -2, -3
 SUPERVISOR_CALL, BREAKPOINT, EXCEPTION_RETURN = 2, 7, 8
 
-NOWHERE = 0xFFFF_FFFE  # an address that is never reached
+NEVER_REACHED = 0xFFFF_FFFE  # end address of an execution that only stops on request
 WFI, WFE, YIELD, CPSIE_I = b"\x30\xbf", b"\x20\xbf", b"\x10\xbf", b"\x62\xb6"
-WRONG = {19: "read", 20: "wrote", 21: "executed", 22: "wrote", 23: "read", 24: "executed"}  # Unicorn's kinds of access
+INVALID_ACCESSES = {
+    19: "read",
+    20: "wrote",
+    21: "executed",
+    22: "wrote",
+    23: "read",
+    24: "executed",
+}  # by Unicorn's code
 
 READ = ("R0", "R1", "R2", "R3", "R12", "LR", "PC", "XPSR", "SP", "PRIMASK", "BASEPRI", "FAULTMASK", "CONTROL")
-ENTER = ("SP", "XPSR_NZCVQG", "LR")  # in this order: the status chooses the stack pointer
+ENTER = ("SP", "XPSR_NZCVQG", "LR")  # the order matters: the status selects the stack pointer
 LEAVE = ("XPSR_NZCVQG", "SP", "R0", "R1", "R2", "R3", "R12", "LR")
 FLOAT = ("D0", "D1", "D2", "D3", "D4", "D5", "D6", "D7", "FPSCR")
 
@@ -62,22 +69,22 @@ class _Batch:
         self._values = (c_uint32 * len(numbers))()
         self._size = c_int(len(numbers))
         start = addressof(self._values)
-        self._places = (c_void_p * len(numbers))(*(start + 4 * i for i in range(len(numbers))))
+        self._addresses = (c_void_p * len(numbers))(*(start + 4 * i for i in range(len(numbers))))
 
     def read(self) -> list[int]:
-        self._uc._do_reg_read_batch(self._numbers, self._places, self._size)
+        self._uc._do_reg_read_batch(self._numbers, self._addresses, self._size)
         return self._values[:]
 
     def write(self, *values: int) -> None:
         self._values[:] = list(values)
-        self._uc._do_reg_write_batch(self._numbers, self._places, self._size)
+        self._uc._do_reg_write_batch(self._numbers, self._addresses, self._size)
 
 
 class Engine:
-    """Executes instructions from `pc`, where it stopped last.
+    """Executes instructions, beginning at `pc`, the address of the last stop.
 
-    would_interrupt: returns whether an exception is due, masks ignored. is_masked: returns whether these registers mask
-    it. Raises MissingExtraError without Unicorn.
+    would_interrupt: returns whether an exception is pending that preempts the core if it is not masked. is_masked:
+    returns whether these registers mask it. Raises MissingExtraError without Unicorn.
     """
 
     def __init__(
@@ -92,7 +99,7 @@ class Engine:
             self._unicorn.UC_ARCH_ARM, self._unicorn.UC_MODE_THUMB | self._unicorn.UC_MODE_MCLASS
         )
         self._register = {name: getattr(names, f"UC_ARM_REG_{name}") for name in (*READ, *LEAVE, *FLOAT, "PSP")}
-        self._read, self._enter, self._leave, self._where = (
+        self._read, self._enter, self._leave, self._program_counter = (
             _Batch(uc, [self._register[name] for name in some]) for some in (READ, ENTER, LEAVE, ("PC",))
         )
         self._map()
@@ -100,7 +107,7 @@ class Engine:
         self._at_power_up = uc.context_save()
         self._stopped_by = EXHAUSTED
         self._fault = ""
-        self._raised: BaseException | None = None  # raised in a peripheral's read or write
+        self._raised: BaseException | None = None  # by a peripheral's read or write
         self.pc = 0
 
     def reset(self, pc: int, sp: int, status: int) -> None:
@@ -109,29 +116,29 @@ class Engine:
         self.enter(pc, sp, status, 0xFFFF_FFFF)
 
     def run(self, instructions: int) -> int:
-        """Execute at most that many instructions; return the reason of the stop. Raises DeviceError for a fault."""
+        """Execute at most `instructions`; return the reason of the stop. Raises DeviceError for a fault."""
         self._stopped_by = EXHAUSTED
         try:
-            self._uc.emu_start(self.pc | 1, NOWHERE, 0, instructions)
+            self._uc.emu_start(self.pc | 1, NEVER_REACHED, 0, instructions)
         except self._unicorn.UcError as error:
-            raise self.failure(self._fault or f"stopped ({error})") from None
+            raise self.make_error(self._fault or f"stopped ({error})") from None
         if self._raised:
             raised, self._raised = self._raised, None
             raise raised
         if self._fault:
-            raise self.failure(self._fault)
-        self.pc = self._where.read()[0]
+            raise self.make_error(self._fault)
+        self.pc = self._program_counter.read()[0]
         if self._stopped_by == WAIT_FOR_INTERRUPT:
-            self.pc += len(WFI)  # the stop is before the WFI
+            self.pc += len(WFI)  # Unicorn stops before the WFI
         return self._stopped_by
 
-    def lift_mask(self) -> None:
-        """Execute the next instruction if it is CPSIE i. This is done without Unicorn, whose start takes far longer."""
-        if self._memory.code(self.pc, len(CPSIE_I)) == CPSIE_I:
+    def execute_unmask(self) -> None:
+        """Execute the next instruction if it is CPSIE i, without Unicorn, whose start takes far longer."""
+        if self._memory.read_code(self.pc, len(CPSIE_I)) == CPSIE_I:
             self._uc.reg_write(self._register["PRIMASK"], 0)
             self.pc += len(CPSIE_I)
 
-    def registers(self) -> Registers:
+    def read_registers(self) -> Registers:
         """Return the present registers."""
         return Registers._make(self._read.read())
 
@@ -146,22 +153,22 @@ class Engine:
         self._leave.write(status, sp, *low, lr)
         self.pc = pc & ~1
 
-    def floats(self) -> list[int]:
+    def read_floats(self) -> list[int]:
         """Return S0 to S15 in pairs, and FPSCR."""
         return [self._uc.reg_read(self._register[name]) for name in FLOAT]
 
-    def set_floats(self, values: tuple[int, ...]) -> None:
+    def write_floats(self, values: tuple[int, ...]) -> None:
         """Set S0 to S15 in pairs, and FPSCR."""
         for name, value in zip(FLOAT, values, strict=True):
             self._uc.reg_write(self._register[name], value)
 
-    def process_stack(self) -> int:
+    def read_process_stack(self) -> int:
         """Return the process stack pointer (PSP)."""
         sp: int = self._uc.reg_read(self._register["PSP"])
         return sp
 
-    def set_control(self, value: int) -> None:
-        """Set the CONTROL register: which stack pointer is used, and whether floats are in use."""
+    def write_control(self, value: int) -> None:
+        """Set the CONTROL register, which selects the stack pointer and shows whether floats are in use."""
         self._uc.reg_write(self._register["CONTROL"], value)
 
     def write_memory(self, address: int, data: bytes) -> None:
@@ -169,22 +176,22 @@ class Engine:
         self._uc.mem_write(address, data)
         self._uc.ctl_remove_cache(address & ~1, address + len(data))
 
-    def failure(self, what: str) -> DeviceError:
-        """Return an error with the program's position."""
+    def make_error(self, what: str) -> DeviceError:
+        """Return an error that tells what the program did, with its position and registers."""
         self._fault = ""
-        r = self.registers()
+        r = self.read_registers()
         return DeviceError(
             f"the emulated STM32 {what} at pc 0x{r.pc:08x} (lr 0x{r.lr:08x}, sp 0x{r.sp:08x}, r0 to r3 "
             f"0x{r.r0:x} 0x{r.r1:x} 0x{r.r2:x} 0x{r.r3:x}); look pc and lr up with arm-none-eabi-addr2line"
         )
 
-    # ---- callbacks of Unicorn. It would print and drop exceptions raised in accesses, so they are stored for `run`.
+    # ---- callbacks of Unicorn. It prints and drops Python exceptions of callbacks, so they are stored for `run`.
 
     def _load(self, _: Any, offset: int, size: int, base: int) -> int:
         try:
             return self._chip.read(base + offset, size)
         except DeviceError as error:
-            self._break(f"read {size} bytes: {error}")
+            self._stop_by_fault(f"read {size} bytes: {error}")
         except BaseException as error:  # noqa: BLE001 - `run` raises it
             self._store_error(error)
         return 0
@@ -195,45 +202,46 @@ class Engine:
             if self._would_interrupt():
                 self._stop_after_store()
         except DeviceError as error:
-            self._break(f"wrote 0x{value:x}: {error}")
+            self._stop_by_fault(f"wrote 0x{value:x}: {error}")
         except BaseException as error:  # noqa: BLE001 - `run` raises it
             self._store_error(error)
 
     def _stop_after_store(self) -> None:
-        """Stop after the store, which Unicorn would otherwise repeat. A store that changes registers does not stop."""
-        registers = self.registers()
-        size = plain_store_size(self._memory.code(registers.pc, 4))
+        """Stop after the present store. Unicorn would repeat it, so it must not change registers; others do not
+        stop."""
+        registers = self.read_registers()
+        size = plain_store_size(self._memory.read_code(registers.pc, 4))
         if size and not self._is_masked(registers):
             self._uc.reg_write(self._register["PC"], registers.pc + size | 1)
             self._stop(INTERRUPTED)
 
-    def _mask_lifted(self, *_: Any) -> None:
-        if self._would_interrupt() and not self._is_masked(self.registers()):
+    def _on_unmask(self, *_: Any) -> None:
+        if self._would_interrupt() and not self._is_masked(self.read_registers()):
             self._stop(INTERRUPTED)
 
-    def _waits(self, *_: Any) -> None:
+    def _on_wait(self, *_: Any) -> None:
         self._stop(WAIT_FOR_INTERRUPT)
 
-    def _exception(self, _: Any, number: int, __: Any) -> None:
+    def _on_exception(self, _: Any, number: int, __: Any) -> None:
         self._stop(number)
         if number not in (EXCEPTION_RETURN, SUPERVISOR_CALL):
             self._fault = "executed a breakpoint" if number == BREAKPOINT else f"raised exception {number}"
 
-    def _odd_instruction(self, _: Any, __: Any) -> bool:
+    def _on_unknown_instruction(self, _: Any, __: Any) -> bool:
         """Return whether an instruction that Unicorn does not support is WFE or YIELD; any other is a fault."""
-        code = self._memory.code(self._where.read()[0] - 2, 2)
+        code = self._memory.read_code(self._program_counter.read()[0] - 2, 2)
         if code == WFE:
             self._stop(WAIT_FOR_EVENT)
         elif code != YIELD:
-            self._fault = "executed what is no instruction"
+            self._fault = "executed an invalid instruction"
         return code in (WFE, YIELD)
 
-    def _wrong_access(self, _: Any, access: int, address: int, size: int, value: int, __: Any) -> bool:
-        what = f" (0x{value:x})" if WRONG[access] == "wrote" else ""
-        self._fault = f"{WRONG[access]} {size} bytes{what} at 0x{address:08x}, where it cannot,"
+    def _on_invalid_access(self, _: Any, access: int, address: int, size: int, value: int, __: Any) -> bool:
+        what = f" (0x{value:x})" if INVALID_ACCESSES[access] == "wrote" else ""
+        self._fault = f"{INVALID_ACCESSES[access]} {size} bytes{what} at 0x{address:08x}, which is not allowed,"
         return False
 
-    def _break(self, fault: str) -> None:
+    def _stop_by_fault(self, fault: str) -> None:
         self._fault = fault
         self._uc.emu_stop()
 
@@ -249,11 +257,14 @@ class Engine:
 
     def _map(self) -> None:
         uc = self._uc
-        for start, size, rights, place in self._memory.places():
-            uc.mem_map_ptr(start, size, rights, place)
-        # Not by `Uc.mmio_map`: its two layers around each access would take a quarter of the time of a command.
+        for start, size, rights, host_address in self._memory.mappings():
+            uc.mem_map_ptr(start, size, rights, host_address)
+        # `Uc.mmio_map` adds two calls to each access, which would take a quarter of the time of a command.
         binding = importlib.import_module("unicorn.unicorn_py3.unicorn")
-        self._accesses = binding.MMIO_READ_CFUNC(self._load), binding.MMIO_WRITE_CFUNC(self._store)  # stored: not freed
+        self._accesses = (
+            binding.MMIO_READ_CFUNC(self._load),
+            binding.MMIO_WRITE_CFUNC(self._store),
+        )  # stored, so that they are not freed
         load, store = self._accesses
         for start, size in ((PERIPHERALS, PERIPHERALS_SIZE), (CORE_REGISTERS, CORE_REGISTERS_SIZE)):
             error = binding.uclib.uc_mmio_map(uc._uch, start, size, load, start, store, start)
@@ -262,13 +273,13 @@ class Engine:
 
     def _hook(self) -> None:
         uc, kinds = self._uc, self._unicorn
-        uc.hook_add(kinds.UC_HOOK_INTR, self._exception)
-        uc.hook_add(kinds.UC_HOOK_INSN_INVALID, self._odd_instruction)
-        uc.hook_add(kinds.UC_HOOK_MEM_INVALID, self._wrong_access)
-        lifts, waits = places_to_stop(self._memory.image)
-        for places, callback in ((lifts, self._mask_lifted), (waits, self._waits)):
-            for place in places:
-                uc.hook_add(kinds.UC_HOOK_CODE, callback, None, FLASH + place, FLASH + place)
+        uc.hook_add(kinds.UC_HOOK_INTR, self._on_exception)
+        uc.hook_add(kinds.UC_HOOK_INSN_INVALID, self._on_unknown_instruction)
+        uc.hook_add(kinds.UC_HOOK_MEM_INVALID, self._on_invalid_access)
+        unmasks, waits = find_stops(self._memory.image)
+        for offsets, callback in ((unmasks, self._on_unmask), (waits, self._on_wait)):
+            for offset in offsets:
+                uc.hook_add(kinds.UC_HOOK_CODE, callback, None, FLASH + offset, FLASH + offset)
 
 
 def _load_unicorn() -> tuple[Any, Any]:
@@ -280,18 +291,21 @@ def _load_unicorn() -> tuple[Any, Any]:
         ) from None
 
 
-def places_to_stop(program: bytes) -> tuple[list[int], list[int]]:
-    """Return the offsets after each CPSIE or MSR to a mask, and those of each WFI. Extra offsets (data) do no harm."""
+def find_stops(program: bytes) -> tuple[list[int], list[int]]:
+    """Return the offsets after each CPSIE or MSR to a mask, and those of each WFI.
+
+    Data that look like such an instruction add offsets that are never executed.
+    """
     halves = Struct(f"<{len(program) // 2}H").unpack_from(program)
-    lifts, waits = [], []
+    unmasks, waits = [], []
     for i, half in enumerate(halves[:-1]):
         if half & 0xFFFC == 0xB660:  # CPSIE
-            lifts.append(2 * i + 2)
+            unmasks.append(2 * i + 2)
         elif half & 0xFFF0 == 0xF380 and halves[i + 1] in (0x8810, 0x8811, 0x8812, 0x8813):
-            lifts.append(2 * i + 4)
+            unmasks.append(2 * i + 4)
         elif half == 0xBF30:
             waits.append(2 * i)
-    return lifts, waits
+    return unmasks, waits
 
 
 def plain_store_size(code: bytes) -> int:

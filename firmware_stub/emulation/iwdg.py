@@ -14,7 +14,7 @@ LSI_HZ = 32_000
 class Iwdg(Peripheral):
     """Watchdog that calls `on_expiry` unless its counter is reloaded in time. Only a reset stops it.
 
-    The oscillator has its nominal 32 kHz (17 to 47 kHz on real chips).
+    Its oscillator has the nominal 32 kHz; real chips have 17 to 47 kHz.
     """
 
     RESET: ClassVar[dict[int, int]] = {RLR: 0xFFF}
@@ -32,22 +32,22 @@ class Iwdg(Peripheral):
         self._unlocked = False
 
     def read(self, offset: int) -> int:
-        """Return a register. The key reads as 0, and the status as 0, because updates take no time."""
+        """Return a register. Key and status read as 0; the status because updates take no time."""
         return self.words.get(offset, 0) if offset in (PR, RLR) else 0
 
     def write(self, offset: int, value: int) -> None:
         """Write a key, or a setting if unlocked. Settings take effect at the next reload."""
         if offset == KR:
-            self._key(value & 0xFFFF)
+            self._write_key(value & 0xFFFF)
         elif self._unlocked:
             self.words[offset] = value & (7 if offset == PR else 0xFFF)
 
     def tick(self) -> None:
-        """Handle the counter at zero."""
+        """Handle the expiry of the counter."""
         self.due_ns = NEVER_NS
         self._on_expiry()
 
-    def _key(self, key: int) -> None:
+    def _write_key(self, key: int) -> None:
         self._unlocked = key == UNLOCK
         if key == START:
             self._runs = True

@@ -1,7 +1,7 @@
-"""The emulated kinds of STM32: addresses, clocks and interrupts of the peripherals, and the memory.
+"""The emulated chips: addresses, clocks and interrupts of the peripherals, and the memory.
 
 Addresses and interrupt numbers: RM0090, tables 1 and 62 (F405), RM0383 (F411), RM0390 (F446), RM0008 (F103). Enable
-bits: the sections on the RCC of each. F411, F446 and F103 have only the peripherals that a thruster program may use.
+bits: their sections on the RCC. F411, F446 and F103 have only the peripherals that a thruster program may use.
 """
 
 from typing import NamedTuple
@@ -13,7 +13,7 @@ KIB = 1024
 
 
 class Place(NamedTuple):
-    """Address of a peripheral, and the register and bit that enable its clock (register 0: always on)."""
+    """Address of a peripheral, and the register and bit of the RCC that enable its clock (register 0: always on)."""
 
     address: int
     register: int = 0
@@ -21,7 +21,7 @@ class Place(NamedTuple):
 
 
 class Model(NamedTuple):
-    """A kind of STM32. usarts, timers: interrupt numbers by name. ram: sizes by address. device_id: DEV_ID.
+    """A type of STM32. usarts, timers: interrupt numbers by name. ram: sizes by address. device_id: DEV_ID.
 
     apb2_enable: offset of the register that enables the peripherals of the faster bus. Sizes are in bytes.
     """

@@ -1,4 +1,4 @@
-"""Interrupt controller: chooses the exception that the core takes next (ARMv7-M, B1.5 and B3.4).
+"""Interrupt controller: selects the exception that the core takes next (ARMv7-M, B1.5 and B3.4).
 
 Exceptions are named by number: 11 SVCall, 14 PendSV, 15 SysTick, 16 + n interrupt n of the chip.
 Not modelled: priority groups (every bit of a priority preempts, as in ST's start-up code).
@@ -10,24 +10,24 @@ NMI = 2
 PRIORITY_BITS = 0xF0  # only the upper four bits are implemented
 LEAST_URGENT = 0x100  # priority of a program outside of exceptions
 ALWAYS_ENABLED = (1 << FIRST_INTERRUPT) - 1
-THEM_ALL = (1 << FIRST_INTERRUPT + INTERRUPTS) - 1
+ALL_EXCEPTIONS = (1 << FIRST_INTERRUPT + INTERRUPTS) - 1
 
 
 class Nvic:
-    """Interrupt controller. `next` is the exception to take (0: none); `urgent`: it preempts the core, if unmasked."""
+    """Interrupt controller. `next`: exception to take (0: none). `urgent`: it preempts the core unless it is masked."""
 
     def __init__(self) -> None:
         self.reset()
 
     def reset(self) -> None:
-        """Reset the controller; the peripherals clear their lines themselves."""
+        """Reset the controller and all request lines."""
         self.enabled = ALWAYS_ENABLED
         self.pending = 0
         self.active: list[int] = []  # the innermost is last
         self.priorities = [0] * (FIRST_INTERRUPT + INTERRUPTS)
         self.priorities[NMI] = -2
         self._lines = 0
-        self._choose()
+        self._select_next()
 
     def set_line(self, number: int, asserted: bool) -> None:
         """Set or clear a peripheral's request line. Setting it makes the exception pending."""
@@ -41,38 +41,38 @@ class Nvic:
 
     def pend(self, bits: int) -> None:
         """Make exceptions pending, one per bit."""
-        self.pending |= bits & THEM_ALL
-        self._choose()
+        self.pending |= bits & ALL_EXCEPTIONS
+        self._select_next()
 
     def unpend(self, bits: int) -> None:
-        """Clear pending exceptions; one whose line is still set becomes pending again."""
+        """Clear pending exceptions; an exception with a set line becomes pending again, unless it is active."""
         self.pending = self.pending & ~bits | self._lines & bits & ~self._active_bits()
-        self._choose()
+        self._select_next()
 
-    def enable(self, bits: int, wanted: bool) -> None:
-        """Enable or disable exceptions."""
-        self.enabled = (self.enabled | bits if wanted else self.enabled & ~bits) & THEM_ALL | ALWAYS_ENABLED
-        self._choose()
+    def enable(self, bits: int, is_enabled: bool) -> None:
+        """Enable or disable exceptions, one per bit."""
+        self.enabled = (self.enabled | bits if is_enabled else self.enabled & ~bits) & ALL_EXCEPTIONS | ALWAYS_ENABLED
+        self._select_next()
 
     def set_priority(self, number: int, priority: int) -> None:
         """Set a priority: 0 is the most urgent, 0xF0 the least."""
         if number < len(self.priorities):
             self.priorities[number] = priority & PRIORITY_BITS
-            self._choose()
+            self._select_next()
 
     def enter(self) -> int:
         """Make the next exception active; return its number."""
         number = self.next
         self.pending &= ~(1 << number)
         self.active.append(number)
-        self._choose()
+        self._select_next()
         return number
 
     def leave(self) -> None:
         """End the innermost active exception; if its line is still set, it becomes pending again."""
         bit = 1 << self.active.pop()
         self.pending |= self._lines & bit
-        self._choose()
+        self._select_next()
 
     def active_word(self, word: int) -> int:
         """Return a word with one bit for each of 32 interrupts of the chip, set if the interrupt is active."""
@@ -81,7 +81,7 @@ class Nvic:
     def _active_bits(self) -> int:
         return sum(1 << number for number in set(self.active))
 
-    def _choose(self) -> None:
+    def _select_next(self) -> None:
         waiting = self.pending & self.enabled
         if not waiting:
             self.next, self.next_priority, self.urgent = 0, LEAST_URGENT, False

@@ -17,8 +17,8 @@ REMOVE_FLAGS = 1 << 24
 class Rcc(Peripheral):
     """Clocks of an F4. An oscillator is ready as soon as it is enabled; the crystal has 8 MHz.
 
-    on_change is called after a write that may change a frequency. reset_blocks is called with a register of enable
-    bits, and those of its bits whose peripherals are reset.
+    on_change: called after a write that may change a frequency. reset_blocks: called with the offset of a register of
+    enable bits, and the bits of the peripherals to reset.
     """
 
     cfgr, bdcr, csr, hsi_hz = CFGR, BDCR, CSR, HSI_HZ
@@ -32,17 +32,17 @@ class Rcc(Peripheral):
         super().__init__()
         self._on_change = on_change
         self._reset_blocks = reset_blocks
-        self._measure()
+        self._compute_clocks()
 
     def reset_by(self, causes: int) -> None:
-        """Reset; add `causes` to the flags in CSR, which a reset does not clear."""
+        """Reset all registers, but not the flags in CSR; add `causes` to these flags."""
         flags = self.words.get(self.csr, 0) & 0xFE00_0000
         super().reset()
-        self.words[self.csr] = flags | causes | PIN_RESET  # every reset pulls the pin: RM0090 6.1.1
-        self._measure()
+        self.words[self.csr] = flags | causes | PIN_RESET  # every reset drives the reset pin low: RM0090 6.1.1
+        self._compute_clocks()
 
     def write(self, offset: int, value: int) -> None:
-        """Write a register. Oscillators and clock changes take effect at once."""
+        """Write a register. Oscillators are ready, and clock changes take effect, at once."""
         if offset == CR:
             value = value & 0x050D_00F9 | (value >> 24 & 5) << 25 | (value >> 16 & 1) << 17 | (value & 1) << 1
         elif offset == self.cfgr:
@@ -56,10 +56,10 @@ class Rcc(Peripheral):
         if value and offset in self.enabled_by:
             self._reset_blocks(self.enabled_by[offset], value)
         if offset in (CR, PLLCFGR, self.cfgr):
-            self._measure()
+            self._compute_clocks()
             self._on_change()
 
-    def _measure(self) -> None:
+    def _compute_clocks(self) -> None:
         """Compute the clocks' frequencies, in Hz."""
         cfgr = self.words.get(self.cfgr, 0)
         hpre, ppre1, ppre2 = cfgr >> 4 & 15, cfgr >> self.ppre1_place & 7, cfgr >> self.ppre2_place & 7
@@ -70,7 +70,8 @@ class Rcc(Peripheral):
         self.apb2_hz, self.apb2_timer_hz = self._bus_hz(ppre2)
 
     def _bus_hz(self, prescaler: int) -> tuple[int, int]:
-        """Return the frequencies (Hz) of a bus and of its timers: twice that of the bus, unless it is undivided."""
+        """Return the frequencies (Hz) of a bus and of its timers. With a prescaler the timers have twice that of the
+        bus."""
         if prescaler < 4:
             return self.core_hz, self.core_hz
         hz = self.core_hz >> prescaler - 3

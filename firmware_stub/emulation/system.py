@@ -16,10 +16,10 @@ SLEEPONEXIT = 1 << 1
 
 
 class SystemControl(Peripheral):
-    """The program's view of the interrupt controller, and the SysTick timer.
+    """The registers of the interrupt controller and of the system control block, and the SysTick timer.
 
     core_hz: returns the core's frequency. request_reset: called when the program requests a reset. SysTick's counter is
-    reloaded at the time of its interrupt, one clock early.
+    reloaded at the time of its interrupt, one clock cycle too early.
     Not modelled: memory protection unit, fault status (faults end the emulation), debug registers.
     """
 
@@ -76,9 +76,9 @@ class SystemControl(Peripheral):
             self._write_control(offset, value)
 
     def tick(self) -> None:
-        """Handle the end of SysTick's count."""
+        """Handle SysTick's counter at zero: request its interrupt."""
         self._nvic.pend(1 << SYSTICK)
-        self._plan(self._wraps() + 1)
+        self._schedule(self._wraps() + 1)
 
     def retime(self) -> None:
         """Continue at the new frequency from the present value of the counter."""
@@ -102,9 +102,9 @@ class SystemControl(Peripheral):
         self._ticks = Ticks(self._time, hz)
         self._offset = count
         self._wraps_seen = 0
-        self._plan(1)
+        self._schedule(1)
 
-    def _plan(self, wrap: int) -> None:
+    def _schedule(self, wrap: int) -> None:
         runs = self.words.get(SYST_CSR, 0) & (SYST_ENABLE | SYST_TICKINT) == SYST_ENABLE | SYST_TICKINT
         length = self._wrap_length()
         self.due_ns = self._ticks.instant_ns(wrap * length - self._offset) if runs and length > 1 else NEVER_NS

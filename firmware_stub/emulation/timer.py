@@ -28,8 +28,8 @@ US_PER_S = 1_000_000
 class Timer(Peripheral):
     """A timer with up to four outputs.
 
-    clock_hz: returns its input frequency. interrupt: called with whether it requests its interrupt. gated: whether its
-    outputs need the main enable of the advanced timers (BDTR.MOE). bits: width of the counter.
+    clock_hz: returns its input frequency. interrupt: called with the state of its interrupt request. gated: whether its
+    outputs need the main output enable of the advanced timers (BDTR.MOE). bits: width of the counter.
     Not modelled: counting down, one-pulse mode, slave modes, capture, compare interrupts, DMA. New settings take effect
     at once, not in the next period.
     """
@@ -45,7 +45,7 @@ class Timer(Peripheral):
         self._interrupt = interrupt
         self._gated = gated
         self._mask = (1 << bits) - 1
-        self.width_set_ns = 0  # when (monotonic ns, not simulated) the program last wrote the width of a pulse
+        self.width_set_ns = 0  # monotonic time, not simulated, of the program's last write of a pulse width
         self.reset()
 
     def reset(self) -> None:
@@ -65,7 +65,7 @@ class Timer(Peripheral):
         mode = words.get(CCMR1 + 4 * (channel // 2), 0) >> 8 * (channel % 2)
         width, period = words.get(CCR1 + 4 * channel, 0), words[ARR] + 1
         if mode & 3 or width >= period or mode >> 4 & 7 not in (PWM_MODE_1, PWM_MODE_2):
-            return 0  # an input, a level that never falls, or no PWM
+            return 0  # an input, a level that is always high, or no PWM
         if mode >> 4 & 7 == PWM_MODE_2:
             width = period - width
         hz = self._clock_hz()
@@ -76,19 +76,19 @@ class Timer(Peripheral):
         if offset == CNT:
             return self._count() % (self.words[ARR] + 1)
         if offset == SR:
-            self._notice_updates()
+            self._set_update_flag()
         return self.words.get(offset, 0)
 
     def write(self, offset: int, value: int) -> None:
         """Write a register. If it changes how the timer counts, counting continues from the present value."""
         if offset == SR:
-            self._notice_updates()
+            self._set_update_flag()
             self.words[SR] = self.words.get(SR, 0) & value
         elif offset == EGR:
             self._generate(value)
         elif offset in (CR1, PSC, ARR, CNT):
             count = self._count() % (self.words[ARR] + 1)
-            self._notice_updates()
+            self._set_update_flag()
             self.words[offset] = value & self._mask
             self._restart(value if offset == CNT else count)
         else:
@@ -96,19 +96,19 @@ class Timer(Peripheral):
             if CCR1 <= offset <= CCR4:
                 self.width_set_ns = now_ns()
                 return  # counting does not change
-        self._plan()
+        self._schedule()
 
     def tick(self) -> None:
-        """Count one overflow of the counter."""
-        self._notice_updates()
-        self._plan()
+        """Handle the overflow of the counter."""
+        self._set_update_flag()
+        self._schedule()
 
     def retime(self) -> None:
         """Continue at the new frequency from the present count."""
         count = self._count() % (self.words[ARR] + 1)
-        self._notice_updates()
+        self._set_update_flag()
         self._restart(count)
-        self._plan()
+        self._schedule()
 
     def _generate(self, value: int) -> None:
         if value & UG:
@@ -127,18 +127,18 @@ class Timer(Peripheral):
             return self._first
         return self._first + self._ticks.count() // (self.words.get(PSC, 0) + 1)
 
-    def _notice_updates(self) -> None:
+    def _set_update_flag(self) -> None:
         updates = self._count() // (self.words[ARR] + 1)
         if updates > self._updates_seen:
             self._updates_seen = updates
             self.words[SR] = self.words.get(SR, 0) | UIF
 
-    def _plan(self) -> None:
+    def _schedule(self) -> None:
         """Set the interrupt line, and the time of the next event."""
         words = self.words
-        wanted = bool(words.get(DIER, 0) & UIE)
-        self._interrupt(wanted and bool(words.get(SR, 0) & UIF))
-        if wanted and words.get(CR1, 0) & CEN and words[ARR]:
+        is_enabled = bool(words.get(DIER, 0) & UIE)
+        self._interrupt(is_enabled and bool(words.get(SR, 0) & UIF))
+        if is_enabled and words.get(CR1, 0) & CEN and words[ARR]:
             steps = (self._updates_seen + 1) * (words[ARR] + 1) - self._first
             self.due_ns = self._ticks.instant_ns(steps * (words.get(PSC, 0) + 1))
         else:

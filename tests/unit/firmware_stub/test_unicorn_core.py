@@ -183,7 +183,7 @@ FAULTS = {
     "4ff0c0404168": ("read 4 bytes at 0x60000004", "pc 0x08000414"),  # mov.w r0,#0x60000000; ldr r1,[r0,#4]
     "4ff000600060": ("wrote 4 bytes (0x8000000) at 0x08000000", "pc 0x08000414"),  # str r0,[0x08000000]
     "40f20100c6f200000047": ("executed", "at 0x60000000", "pc 0x60000000"),  # bx to 0x60000001
-    "00de": ("executed what is no instruction", "pc 0x08000410"),  # udf
+    "00de": ("executed an invalid instruction", "pc 0x08000410"),  # udf
     "00be": ("executed a breakpoint", "pc 0x08000410"),  # bkpt
     "47f60000c4f200008168": ("read 4 bytes: no register is at 0x40007808", "pc 0x08000418"),  # ldr
     "47f60000c4f200008160": ("wrote 0x0: no register is at 0x40007808", "pc 0x08000418"),  # str
