@@ -1,22 +1,22 @@
 /* The firmware of the STM32 that drives the thrusters: from received bytes to pulses. This header is its manual.
  *
- * It is the twin in C of firmware_stub/stub.py, byte for byte. It allocates nothing, stores nothing outside
- * the structures its caller gives it, and needs nothing but the functions of UuvHilPlatform:
+ * It behaves like firmware_stub/stub.py, byte for byte. It allocates no memory, stores its state only in the
+ * structures of its caller, and needs only the functions of UuvHilPlatform:
  *
  *     static UuvHilFirmware firmware;
  *     uuv_hil_start(&firmware, &platform, 6, 200000);
  *     for (;;)
- *         uuv_hil_service(&firmware, bytes, count);      // whenever bytes came, or uuv_hil_deadline_us passed
+ *         uuv_hil_service(&firmware, bytes, count);      // when bytes were received, or at uuv_hil_deadline_us
  *
  *     power-up    all outputs 1500 us, disarmed
- *     command     applied if it has one pulse width a thruster and is not late; its `armed` decides whether
- *                 the outputs take its pulse widths or stay at 1500 us
+ *     command     applied if it has one pulse width per thruster and is not late; with `armed` the outputs
+ *                 get its pulse widths, otherwise 1500 us
  *     watchdog    no command applied for watchdog_us, armed or not: all outputs 1500 us, disarmed, timed_out,
- *                 reported at once. The next command clears timed_out and is applied as any other
- *     report      after each command applied, and at least every 20 ms
+ *                 reported at once. The next command clears timed_out and is applied like any other
+ *     report      after each applied command, and at least every 20 ms
  *
- * A sequence number up to 32 behind the last is late (overtaken on the way) and refused; the same again,
- * or one further behind (a host that started again), is applied. After a watchdog trip every one is.
+ * A command whose sequence number is 1 to 32 behind the last is late (it was overtaken) and is refused. The same
+ * number, or one further behind (the host has restarted), is applied. After a watchdog trip every number is applied.
  *
  * Protocols: on the UART the frame of frames/uuv_hil.toml and MAVLink 2, on CAN that of VESC motor controllers.
  * Reports are in the protocol of the last valid message; before the first one, in the frame.
@@ -38,7 +38,7 @@
 #define UUV_HIL_WATCHDOG_US 200000u
 #define UUV_HIL_TELEMETRY_PERIOD_US 20000u
 #define UUV_HIL_LATE_WINDOW 32u          /* sequence numbers */
-#define UUV_HIL_NEVER_US UINT32_MAX      /* the age before the first command, or of one too long ago */
+#define UUV_HIL_NEVER_US UINT32_MAX      /* the age if there was no command, or none for too long */
 #define UUV_HIL_NEVER_DUE_US UINT64_MAX
 
 typedef struct {
@@ -49,13 +49,13 @@ typedef struct {
 } UuvHilCommand;
 
 typedef struct {
-    uint16_t sequence; /* of the last command applied */
+    uint16_t sequence; /* of the last applied command */
     bool armed;
     bool timed_out;
     uint8_t channels;
     uint32_t age_us; /* from applying that command to this report */
-    uint16_t frames; /* commands applied; the three counters wrap */
-    uint16_t errors; /* commands refused, frames damaged */
+    uint16_t frames; /* applied commands; the three counters wrap */
+    uint16_t errors; /* refused commands, damaged frames */
     uint16_t watchdog_trips;
     uint16_t pwm_us[UUV_HIL_MAX_CHANNELS];
 } UuvHilTelemetry;
@@ -71,18 +71,18 @@ typedef struct {
     uint16_t sequence;
     uint16_t frames;
     uint16_t refused;
-    uint16_t line_errors; /* set by the reader of the line */
+    uint16_t line_errors; /* set by the code that reads the line */
     uint16_t watchdog_trips;
     uint32_t watchdog_us;
     uint64_t applied_us;       /* UUV_HIL_NEVER_DUE_US: never */
-    uint64_t watchdog_due_us;  /* when the watchdog trips; UUV_HIL_NEVER_DUE_US: it has, or was not started */
+    uint64_t watchdog_due_us;  /* when the watchdog trips; UUV_HIL_NEVER_DUE_US: it has tripped, or was not started */
     uint64_t telemetry_due_us;
 } UuvHilBoard;
 
 /* channels: 1 to UUV_HIL_MAX_CHANNELS. */
 void uuv_hil_board_start(UuvHilBoard *board, uint8_t channels, uint32_t watchdog_us);
 
-/* Apply a command. Returns whether it was (else it counts as refused, and the watchdog runs on). */
+/* Apply a command. Returns whether it was applied. A refused one is counted, and does not reset the watchdog. */
 bool uuv_hil_board_command(UuvHilBoard *board, const UuvHilCommand *command, uint64_t now_us);
 
 /* Advance the time: trip the watchdog when it is due. Returns whether telemetry is to be sent now. */
@@ -98,20 +98,20 @@ void uuv_hil_board_disarm(UuvHilBoard *board);
 uint64_t uuv_hil_board_deadline_us(const UuvHilBoard *board);
 
 /* ---- stream.c: find valid packets in a stream of bytes. A packet is delivered with its last byte:
- * neither a cut packet nor a damaged length before it delays it. ---- */
+ * an incomplete packet or a damaged length before it does not delay it. ---- */
 
 #define UUV_HIL_PACKET_LONGEST 280u /* a signed MAVLink 2 packet; the frame has 261 at most */
 
 typedef struct {
     /* Return the size of the packet that begins with these `seen` bytes. If these are too few, return the number of
-     * bytes at which to ask again. Return 0 if no packet begins like this. */
+     * bytes at which to call it again. Return 0 if no packet begins like this. */
     size_t (*size)(const uint8_t *bytes, size_t seen);
     bool (*is_valid)(const uint8_t *packet, size_t size);
     uint8_t first; /* first byte of every packet; `size` is not called for others */
 } UuvHilFormat;
 
 typedef struct {
-    uint8_t bytes[UUV_HIL_PACKET_LONGEST]; /* the beginning of an unfinished packet */
+    uint8_t bytes[UUV_HIL_PACKET_LONGEST]; /* the beginning of an incomplete packet */
     uint16_t length;
     uint16_t next_check;         /* the length at which the stored bytes have to be checked again */
     uint16_t checksum_errors; /* both counters wrap */
@@ -146,11 +146,11 @@ typedef struct {
 typedef struct {
     void *context; /* passed to each function */
     uint64_t (*now_us)(void *context);
-    /* Sends all of data or, where there is no room for it, nothing. Never blocks. */
+    /* Sends all of data or, without room for it, nothing. Never blocks. */
     void (*uart_write)(void *context, const uint8_t *data, size_t size);
     void (*can_write)(void *context, const UuvHilCanFrame *frame); /* likewise */
     void (*pwm_set)(void *context, const uint16_t *pulse_us, uint8_t channels);
-    void (*watchdog_kick)(void *context); /* the one in hardware: called once in each uuv_hil_service */
+    void (*watchdog_kick)(void *context); /* the hardware watchdog: called once in each uuv_hil_service */
 } UuvHilPlatform;
 
 typedef enum {
@@ -164,7 +164,7 @@ typedef enum {
  * SERVO_OUTPUT_RAW as report, HEARTBEAT and SYS_STATUS once a second and when armed or timed out change,
  * COMMAND_ACK, and answers to TIMESYNC and to a ground station's questions for parameters (one), missions (none) and
  * files (refused). It is component 1 of system 1, and checks no signatures.
- * without_mavlink.c stands in for it where there is no pymavlink. ---- */
+ * without_mavlink.c replaces it if pymavlink is not installed. ---- */
 
 typedef struct {
     UuvHilStream packets;
@@ -178,7 +178,7 @@ typedef struct {
 
 void uuv_hil_mavlink_start(UuvHilMavlink *mavlink, uint8_t channels);
 
-/* Add one byte off the line, and send the answer to the packet that it completes. */
+/* Add one received byte, and send the answer to the packet that it completes. */
 UuvHilReceived uuv_hil_mavlink_feed(UuvHilMavlink *mavlink, const UuvHilPlatform *platform, uint8_t byte,
                                     uint64_t now_us, UuvHilCommand *command);
 
@@ -194,14 +194,14 @@ void uuv_hil_mavlink_tick(UuvHilMavlink *mavlink, const UuvHilPlatform *platform
 
 typedef struct {
     uint16_t output_us;    /* present output; UUV_HIL_NO_PULSE_US: none */
-    uint16_t waiting_us; /* output of the command that is being collected */
+    uint16_t waiting_us; /* output of the command that is being assembled */
     bool waits;
     uint64_t received_us;
 } UuvHilVescMotor;
 
 typedef struct {
     uint8_t channels;
-    uint8_t waiting; /* motors that wait */
+    uint8_t waiting; /* motors with a received output that is not applied yet */
     UuvHilVescMotor motors[UUV_HIL_MAX_CHANNELS];
     uint16_t malformed; /* frames to these controllers that are not supported; wraps */
 } UuvHilVesc;
@@ -228,20 +228,20 @@ typedef struct {
     UuvHilProtocol protocol;
 } UuvHilFirmware;
 
-/* Power-up: outputs neutral. The platform stays the caller's and must outlive the firmware. */
+/* Start with neutral outputs. The caller owns the platform, which must exist as long as the firmware. */
 void uuv_hil_start(UuvHilFirmware *firmware, const UuvHilPlatform *platform, uint8_t channels, uint32_t watchdog_us);
 
-/* Process a frame off the CAN bus: apply and answer the command that it completes. */
+/* Process a received CAN frame: apply and answer the command that it completes. */
 void uuv_hil_receive_can(UuvHilFirmware *firmware, const UuvHilCanFrame *frame);
 
-/* Process received bytes (0 of them is fine), apply and answer each command in them, then advance the time.
- * Bytes are read before the watchdog is checked: a late machine does not count as a host that stopped. */
+/* Process `size` received bytes (also 0), apply and answer each command in them, then advance the time. Bytes are
+ * processed before the watchdog is checked, so that a late machine is not mistaken for a host that stopped. */
 void uuv_hil_service(UuvHilFirmware *firmware, const uint8_t *bytes, size_t size);
 
-/* Return when uuv_hil_service has to be called even without bytes. */
+/* Return the time at which uuv_hil_service has to be called even without bytes. */
 uint64_t uuv_hil_deadline_us(const UuvHilFirmware *firmware);
 
-/* Set the outputs to neutral, before the end. */
+/* Set the outputs to neutral before the program ends. */
 void uuv_hil_stop(UuvHilFirmware *firmware);
 
 #endif

@@ -57,7 +57,7 @@ static bool read_pulse(const UuvHilCanFrame *frame, uint16_t *pulse_us)
     return true;
 }
 
-/* Make one command of the received ones. Motors that were left out continue, for as long as a VESC would. */
+/* Make one command from the received ones. Motors without a command keep their output as long as a VESC would. */
 static void gather(UuvHilVesc *vesc, uint64_t now_us, UuvHilCommand *command)
 {
     *command = (UuvHilCommand){.channels = vesc->channels};

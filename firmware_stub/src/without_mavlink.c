@@ -1,4 +1,4 @@
-/* In place of mavlink.c where pymavlink, which makes its headers, is not installed: nothing is MAVLink. */
+/* Replaces mavlink.c if pymavlink, which generates its headers, is not installed: no packet is MAVLink. */
 
 #include "uuv_hil_stm32.h"
 

@@ -85,7 +85,7 @@ static bool read_option(const char *name, const char *value, Options *options)
     return complain(name, value, "is no option (see --help)");
 }
 
-/* End this process with its parent, however that ends: see hil/common/lifeline.py, which does the same. */
+/* End this process when its parent ends or is killed, as hil/common/lifeline.py does. */
 static void die_with_parent(void)
 {
     const char *text = getenv("UUV_HIL_LIFELINE");
@@ -96,7 +96,7 @@ static void die_with_parent(void)
     if (text == NULL || sscanf(text, "%d:%llu", &lifeline, &inode) != 2)
         return;
     if (fstat(lifeline, &pipe) != 0 || pipe.st_ino != inode)
-        return; /* a process in between has closed it */
+        return; /* an intermediate process has closed it */
     fcntl(lifeline, F_SETOWN, getpgrp() == getpid() ? -getpid() : getpid());
     fcntl(lifeline, F_SETSIG, SIGKILL);
     fcntl(lifeline, F_SETFL, fcntl(lifeline, F_GETFL) | O_ASYNC | O_NONBLOCK);
@@ -161,7 +161,7 @@ static void wait_until(uint64_t deadline_us, int fd, const sigset_t *mask)
     pselect(fd + 1, &readable, NULL, NULL, &timeout, mask);
 }
 
-/* After a stop longer than the watchdog's time, discard what was received meanwhile, as a UART does. */
+/* After a pause longer than the watchdog's time, discard the bytes received meanwhile, as a UART does. */
 static size_t read_fresh(Pty *pty, uint8_t *bytes, size_t size, bool was_stopped)
 {
     size_t count = pty_read(pty, bytes, size);

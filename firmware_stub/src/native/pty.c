@@ -71,7 +71,7 @@ static bool take_lock(Pty *pty)
                         pty->link_path);
         if (is_still(pty->lock_fd, pty->lock_path))
             return true;
-        close(pty->lock_fd); /* its owner removed it between our open and our lock: that lock protects nothing */
+        close(pty->lock_fd); /* its owner removed the file between our open and our lock, so the lock has no effect */
     }
 }
 
@@ -90,7 +90,7 @@ static bool publish(Pty *pty)
         return fail(pty, "%s: exists and is not a link to a pty; remove it or choose another device path",
                     pty->link_path);
     if (lstat(fresh_path, &found) == 0 && S_ISLNK(found.st_mode))
-        unlink(fresh_path); /* left by a run that was killed here */
+        unlink(fresh_path); /* left by a run that was killed at this point */
     if (symlink(pty->slave_path, fresh_path) != 0 || rename(fresh_path, pty->link_path) != 0)
         return fail_to_make(pty);
     return true;
@@ -138,7 +138,7 @@ void pty_close(Pty *pty)
     if (pty->lock_fd >= 0 && is_still(pty->lock_fd, pty->lock_path)) {
         if (links_to(pty->link_path, pty->slave_path))
             unlink(pty->link_path);
-        unlink(pty->lock_path); /* before the lock is released, so that nobody can lock a file that is being removed */
+        unlink(pty->lock_path); /* before the lock is released: no process can then lock a file that is being removed */
     }
     close_if_open(&pty->lock_fd);
     close_if_open(&pty->slave_fd);

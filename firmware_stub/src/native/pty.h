@@ -1,4 +1,4 @@
-/* A pseudo terminal with a name that stays: what hil/links/wires/terminal.py calls PtyWire, with the same rules. */
+/* A pseudo terminal with a fixed name, as PtyWire of hil/links/wires/terminal.py. */
 #ifndef UUV_HIL_NATIVE_PTY_H
 #define UUV_HIL_NATIVE_PTY_H
 
@@ -15,16 +15,16 @@ typedef struct {
     char link_path[PTY_PATH_SIZE]; /* a symbolic link to slave_path */
     char lock_path[PTY_PATH_SIZE + 8];
     char slave_path[256];
-    char problem[PTY_PATH_SIZE + 256]; /* why opening failed, in words for a person */
+    char problem[PTY_PATH_SIZE + 256]; /* why opening failed, as text for the user */
 } Pty;
 
-/* Returns whether it worked; else `problem` has the reason. One process at a time can have the name. */
+/* Returns whether it succeeded; otherwise `problem` has the reason. Only one process at a time can use the name. */
 bool pty_open(Pty *pty, const char *link_path);
 
 /* Read the received bytes. Returns their number, 0 if none. */
 size_t pty_read(Pty *pty, uint8_t *out, size_t most);
 
-/* Write all of data or, where the other end has stopped reading, nothing. */
+/* Write all of data or, if the other end has stopped reading, nothing. */
 void pty_write(Pty *pty, const uint8_t *data, size_t size);
 
 void pty_close(Pty *pty);

@@ -3,7 +3,7 @@
 #include "stm32.h"
 
 #define RING_SIZE 32u /* a power of two; a report is 8 */
-#define PATIENCE 10000u /* polls; it takes the time of one frame, and never ends without a controller */
+#define PATIENCE 10000u /* polls; it takes the time of one frame, but never succeeds without a controller */
 #define EXTENDED BIT(2)
 #define REMOTE BIT(1)
 #define TRANSMIT_REQUEST BIT(0)
@@ -67,7 +67,7 @@ void CAN_TX_Handler(void)
     send_on();
 }
 
-/* One frame an interrupt; it stays raised while there are more. */
+/* One frame per interrupt, which stays requested while there are more frames. */
 void CAN_RX0_Handler(void)
 {
     uint32_t id = CAN_RI0R;
@@ -101,7 +101,7 @@ void can_start(void)
     CAN_BTR = CAN_BIT_TIMING;
     accept_all();
     CAN_IER = CAN_IER_TMEIE | CAN_IER_FMPIE0;
-    CAN_MCR = CAN_MCR_ABOM | CAN_MCR_TXFP; /* off the bus after errors: back by itself; first in, first out */
+    CAN_MCR = CAN_MCR_ABOM | CAN_MCR_TXFP; /* recover from bus-off automatically; send first in, first out */
     NVIC_ISER(CAN_TX_INTERRUPT) = BIT(CAN_TX_INTERRUPT % 32) | BIT(CAN_RX0_INTERRUPT % 32);
 }
 

@@ -8,7 +8,7 @@ static volatile uint64_t uptime_ms;
 
 void clock_start(void)
 {
-    /* After a reset the internal oscillator runs. Where it does not there is no RCC to set: an emulator. */
+    /* After a reset the internal oscillator runs. Otherwise this is an emulator without an RCC. */
     if (RCC_CR & HSI_READY)
         rcc_speed_up();
     rcc_peripherals_on();

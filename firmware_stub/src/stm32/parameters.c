@@ -1,4 +1,4 @@
-/* Parameters of the vehicle, from a place of their own in flash: the program is the same for every vehicle. */
+/* Parameters of the vehicle, from a separate sector of the flash: the program is the same for every vehicle. */
 
 #include "stm32.h"
 

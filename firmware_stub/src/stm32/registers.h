@@ -1,4 +1,4 @@
-/* The registers that the families F1 and F4 have alike, and this firmware uses. Source: ST RM0008 (F103), RM0090 (F405),
+/* Registers that this firmware uses and that are the same in the families F1 and F4. Source: ST RM0008 (F103), RM0090 (F405),
  * RM0383 (F411), RM0390 (F446), the register section of each peripheral; the core's own: ARMv7-M Architecture Reference
  * Manual, B3. */
 #ifndef UUV_HIL_REGISTERS_H

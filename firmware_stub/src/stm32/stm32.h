@@ -1,17 +1,17 @@
 /* The firmware on an STM32 of the families F1 and F4, at register level. The core in ../ does not depend on it.
  *
- *   ../stm32/      what both families have alike: timers, serial port, CAN, watchdog, interrupts, the main loop
+ *   ../stm32/      common to both families: timers, serial port, CAN, watchdog, interrupts, the main loop
  *   ../stm32f1/    ../stm32f4/     clocks and pins of a family
- *   ../f103/       ../f405/ ...    a chip: chip.h (frequencies, pins), chip.ld (memory), chip.toml (wiring, for people)
+ *   ../f103/       ../f405/ ...    a chip: chip.h (frequencies, pins), chip.ld (memory), chip.toml (wiring, for users)
  *
  *   a serial port, 115200 bit/s 8N1: the host
  *   TIM3, TIM4     thrusters 1 to 4, 5 to 8; compare registers at 0x40000434 and 0x40000834, in microseconds
  *   CAN, where the chip has it, 500 kbit/s: the host, in the protocol of VESCs
  *   SysTick        1 kHz, the clock of the program
- *   IWDG           100 ms, reloaded by the main loop alone
+ *   IWDG           100 ms, reloaded only by the main loop
  *
  *   0x08000000  this program, at most 16 KiB
- *   0x08004000  Parameters (on the F4 the second sector); where there are none, the defaults of parameters.c hold
+ *   0x08004000  Parameters (on the F4 the second sector); without them the defaults of parameters.c apply
  *   0x20000000  RAM, stack from its top down
  */
 #ifndef UUV_HIL_STM32_CHIP_H
@@ -22,7 +22,7 @@
 
 #define OUTPUTS 8u
 
-/* What a flash tool, or an emulator, may write to 0x08004000: five little-endian words. */
+/* Parameters that a flash tool or an emulator may write to 0x08004000: five little-endian words. */
 typedef struct {
     uint32_t magic; /* PARAMETERS_MAGIC */
     uint32_t channels;
@@ -33,7 +33,7 @@ typedef struct {
 
 #define PARAMETERS_MAGIC 0x50565555u /* "UUVP" */
 
-Parameters parameters_read(void); /* each one checked; the default where it is out of range */
+Parameters parameters_read(void); /* each is checked; a value out of range is replaced by its default */
 
 void clock_start(void);      /* core at CORE_HZ, peripherals on, SysTick counting */
 uint64_t clock_now_us(void); /* since clock_start */
@@ -77,7 +77,7 @@ static inline void interrupts_on(void)
     __asm__ volatile("cpsie i" ::: "memory");
 }
 
-/* Sleeps until an interrupt is pending, even while they are off. */
+/* Sleeps until an interrupt is pending, also while interrupts are masked. */
 static inline void wait_for_interrupt(void)
 {
     __asm__ volatile("dsb\n\twfi" ::: "memory");

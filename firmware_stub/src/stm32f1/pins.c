@@ -1,4 +1,4 @@
-/* Pins of the F1: each has the peripheral that it has after a reset. */
+/* Pins of the F1: each is connected to its peripheral without remapping, as after a reset. */
 
 #include "stm32.h"
 

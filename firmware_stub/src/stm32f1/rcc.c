@@ -1,5 +1,5 @@
-/* Clocks of the F1: 64 MHz from the crystal or, if that does not swing, from the STM32's own oscillator: that cannot
- * give more, and a frequency that depends on the crystal would change pulses and bit rates. */
+/* Clocks of the F1: 64 MHz from the crystal or, if it does not start, from the STM32's own oscillator. That cannot
+ * reach more, and the frequency must not depend on the crystal: pulses and bit rates follow from it. */
 
 #include "stm32.h"
 

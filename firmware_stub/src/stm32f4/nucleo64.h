@@ -1,4 +1,4 @@
-/* The outputs and the serial port on an STM32F4 in 64 pins as a Nucleo has it: USART2 goes to its USB socket. */
+/* Outputs and serial port of an STM32F4 with 64 pins on a Nucleo board: its USB socket is USART2. */
 #ifndef UUV_HIL_NUCLEO64_H
 #define UUV_HIL_NUCLEO64_H
 

@@ -1,4 +1,4 @@
-/* Pins of the F4: any of several peripherals may have one, by its alternate function. */
+/* Pins of the F4: the alternate function of a pin selects one of several peripherals. */
 
 #include "stm32.h"
 

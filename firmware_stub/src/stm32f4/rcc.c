@@ -1,4 +1,4 @@
-/* Clocks of the F4: from the crystal or, if that does not swing, from the STM32's own oscillator. */
+/* Clocks of the F4: from the crystal or, if it does not start, from the STM32's own oscillator. */
 
 #include "stm32.h"
 
