@@ -24,7 +24,7 @@ from sim.rotations import from_euler, rotate_inverse
 from sim.run_events import EventLog
 from sim.sensors.odometry import ground_truth
 from sim.sensors.samples import OdometrySample, Sample
-from sim.sensors.sensor_set import Schedule, SensorSet, fit
+from sim.sensors.sensor_set import Schedule, SensorSet, select_sensors
 from sim.vehicle.thrusters.model import check_pulses
 from sim.vehicle.vehicle import Vehicle, without_weight
 from sim.vehicle.ventilation import Ventilation
@@ -99,7 +99,7 @@ class Simulation:
                 f"{vehicle.name} cannot start at ({at}) m: an obstacle or the seabed of {world.name} is there; "
                 "move the start"
             )
-        self._schedule = Schedule(fit() if sensors is None else sensors, self, seed, dt_ns)
+        self._schedule = Schedule(select_sensors() if sensors is None else sensors, self, seed, dt_ns)
         self._ventilation = Ventilation(vehicle, self.wave_field)
         self._is_ventilated = False  # whether thrust was reduced at the surface in the last step
         self._update_ventilation(0)

@@ -18,7 +18,7 @@ from hil.recording.run import require_run
 from hil.ros import encoders as ros
 from hil.ros.topics import DESCRIPTIONS, TOPICS
 from hil.scenario.config import build_simulation
-from sim.sensors.spread import spreads
+from sim.sensors.variances import error_variances
 
 LONGEST_SILENCE_S = 20.0  # simulated time without a sample, after which none is expected
 # Topics that a slave receives, and those that it publishes which are no samples.
@@ -62,7 +62,7 @@ class _Repetition:
         self._step_ns = int(about.facts["step_ns"])
         self._lacks_files = about.facts.get("file", "0") != "0"  # the first are removed when there are too many
         self._prefix = run.scenario.ros.frame_prefix
-        self._variances = spreads(seen, run.world)
+        self._variances = error_variances(seen, run.world)
         node = run.scenario.slave.node
         others = NOT_SAMPLES if run.scenario.ros.transforms else NOT_SAMPLES | {"/tf"}
         self._samples = {topic.full_name(node): name for name, topic in TOPICS.items() if name not in others}

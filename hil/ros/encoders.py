@@ -264,7 +264,7 @@ def encoder(topic: str) -> Encoder:
     """Return the function that encodes the simulator's samples called `topic` as messages, each with its ROS topic.
 
     Its second argument is the prefix of the vehicle's frame names ("uuv1/" gives "uuv1/imu_link"), or "". Further ones
-    are variances, if `sim.sensors.spread` has them, and the sensor's `name`.
+    are variances, if `sim.sensors.variances` has them, and the sensor's `name`.
     """
     known = _ENCODERS.get(topic)
     if known is None:

@@ -21,7 +21,7 @@ from hil.slave.pilot import build_pilot
 from hil.slave.publishing import DEPTH, RECORDED_DEPTH, PublishingThread
 from hil.slave.sample_publisher import SamplePublisher
 from sim.environment.world import load_world
-from sim.sensors.spread import spreads
+from sim.sensors.variances import error_variances
 from sim.vehicle.vehicle import load_vehicle
 
 if TYPE_CHECKING:
@@ -165,7 +165,7 @@ def _assemble(
     stack.callback(thread.close)
     names = slave.node, epoch_ns, scenario.ros.frame_prefix, excluded_topics
     sample_publisher = (recorder.sample_publisher if recorder else SamplePublisher)(
-        session, *names, variances=spreads(scenario.sensors, world), thread=thread
+        session, *names, variances=error_variances(scenario.sensors, world), thread=thread
     )
     pilot = None
     if builtin:

@@ -30,8 +30,8 @@ class SamplePublisher:
 
     `epoch_ns` is the initial wall time (ns since 1970) of simulation time 0; `stamps` converts simulation time to
     message stamps. `prefix` begins the frame names. `excluded_topics` are not published. `variances` are those of
-    `sim.sensors.spread`. `of` is the identity of a node in another process, whose samples this one publishes. `graph`
-    is the node in the ROS graph.
+    `sim.sensors.variances`. `of` is the identity of a node in another process, whose samples this one publishes.
+    `graph` is the node in the ROS graph.
 
     With a `thread`, that thread publishes, and no method waits for the network except `diagnostics`, which the loop
     must not call. Without one the caller publishes, and waits for a slow network if `waits` is true.

@@ -11,7 +11,7 @@ from hil.scenario.records import Master
 from hil.slave.pilot import build_pilot
 from sim.environment.world import World
 from sim.rotations import from_euler, to_euler
-from sim.sensors.sensor_set import fit
+from sim.sensors.sensor_set import select_sensors
 from sim.simulation import DT_NS, Simulation
 from sim.vehicle.vehicle import Vehicle
 
@@ -84,7 +84,7 @@ class Rig:
         seed: int = 1,
     ) -> None:
         world = DEEP._replace(current=current)
-        sensors = fit()
+        sensors = select_sensors()
         scenario = Scenario(vehicle=name, world=world.name, master=Master(goal=(0.0, 0.0)), sensors=sensors)
         self.simulation = Simulation(flown or vehicle, world, sensors, seed, position=(0.0, 0.0, START_DEPTH))
         self.simulation.state.quaternion = list(from_euler(tilt[0], tilt[1], 0.0))

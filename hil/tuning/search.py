@@ -17,7 +17,7 @@ from hil.slave.pilot import OTHERS
 from hil.tuning.identify import Process, identify_axis
 from hil.tuning.rig import CONTROL_PERIOD_S
 from hil.tuning.step_response import AXES, Response, StepFigures, fly_step, step_size
-from sim.sensors.sensor_set import fit
+from sim.sensors.sensor_set import select_sensors
 from sim.vehicle.terminal_speed import axis_capabilities
 from sim.vehicle.thrusters.bank import wrench_matrix
 from sim.vehicle.vehicle import Vehicle, mass_matrix
@@ -159,7 +159,7 @@ class Tuner:
 
 def _sample_age(loop: int) -> float:
     """Return the mean age (s) of the controller's measurements: half a sample and half a control period."""
-    rate = fit()["odometry" if loop < 3 else "imu"].model.rate
+    rate = select_sensors()["odometry" if loop < 3 else "imu"].model.rate
     return 0.5 / float(rate) + 0.5 * CONTROL_PERIOD_S
 
 

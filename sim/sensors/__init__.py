@@ -1,4 +1,5 @@
-"""The sensors, one file each; they share one error model and one table of what they send.
+"""The sensors, one file each. They share one error model and one table of their classes.
 
-Public: `sensor_set.SENSORS`, the table, and `sensor_set.fit`. It must not use messages, nor depend on their receivers.
+Public: `sensor_set.SENSORS`, the table of their classes, and `sensor_set.select_sensors`. It must not use messages, nor
+depend on their receivers.
 """

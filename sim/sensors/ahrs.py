@@ -83,6 +83,6 @@ class Ahrs:
         tilt = self._level_share / sqrt(sum([f * f for f in force]) or 1.0)
         north, east, _ = rotate(attitude, field)
         heading = self._heading_share * remainder(atan2(east, north) - self._declination, 2.0 * pi)
-        tilt_vector = cross(down, force)  # as the force points up
+        tilt_vector = cross(down, force)  # the specific force points up
         correction = [tilt * component - heading * d for component, d in zip(tilt_vector, down, strict=True)]
         return integrate(attitude, correction, 1.0)

@@ -48,7 +48,7 @@ class BatteryMonitor:
     def sample(self, time_ns: int, state: State) -> BatterySample:
         """Return the present measurement."""
         battery = self._scene.battery
-        assert battery is not None, "the vehicle has one"
+        assert battery is not None, "the constructor checks it"
         voltage, current = self._errors.measure((battery.voltage, battery.current))
         charge = battery.fraction * self._capacity
         return BatterySample(time_ns, voltage, current, charge, self._capacity, battery.cut_off)

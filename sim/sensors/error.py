@@ -44,7 +44,7 @@ class ErrorProcess:
         self._gauss = random.gauss
         self._gain = 1.0 + self._draw(model.scale)
         self._constant = model.offset + self._draw(model.turn_on)
-        self._bias = self._draw(model.bias)  # it has wandered for long before the run
+        self._bias = self._draw(model.bias)  # stationary: this is its standard deviation at any time
         self._decay = exp(-period / model.bias_time)
         self._bias_noise = model.bias * sqrt(1.0 - self._decay * self._decay)
         self._noise = sqrt(model.noise**2 + model.noise_density**2 / period)

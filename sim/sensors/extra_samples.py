@@ -7,7 +7,7 @@ from sim.sensors.samples import Covariance
 
 
 class RangeSample(NamedTuple):
-    """Distance in m; inf without an echo, -inf if what is there is too close. `limits` m are the device's reach."""
+    """Distance in m; inf without an echo, -inf below the minimum range. `limits` are the range limits (m)."""
 
     time_ns: int
     distance: float
@@ -51,7 +51,7 @@ class PositionSample(NamedTuple):
 
 
 class BatterySample(NamedTuple):
-    """Volts, amperes that are drawn, charge that is left and charge when full (Ah), and whether it has switched off."""
+    """Voltage (V), current drawn (A), remaining charge and capacity (Ah), and whether the battery is switched off."""
 
     time_ns: int
     voltage: float
@@ -62,7 +62,7 @@ class BatterySample(NamedTuple):
 
 
 class FlagSample(NamedTuple):
-    """A switch."""
+    """State of a switch or detector."""
 
     time_ns: int
     on: bool

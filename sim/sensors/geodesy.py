@@ -11,7 +11,7 @@ _E2 = FLATTENING * (2.0 - FLATTENING)  # the square of the first eccentricity
 
 
 class TangentPlane:
-    """The plane that touches the ellipsoid's parallel surface at a point: what north, east and down are measured in.
+    """Local north-east-down frame of an origin on the earth: the plane tangent to the ellipsoid there.
 
     `latitude` and `longitude` in degrees, `altitude` in m above the ellipsoid.
     """
@@ -54,14 +54,14 @@ def geodetic(x: float, y: float, z: float) -> Vector3:
     """Convert Cartesian, earth-centred and earth-fixed (m) to latitude and longitude (degrees) and altitude (m).
 
     tan(phi) = (z + e² N sin(phi)) / p, iterated (Hofmann-Wellenhof and Moritz 2006, Physical Geodesy, 5.6.1):
-    each turn leaves a 150th of the error, which between the deepest sea and the highest mountain begins below 1e-5
-    rad, so five leave less than a float can hold.
+    each iteration reduces the error by a factor of 150. Between the deepest sea and the highest mountain the initial
+    error is below 1e-5 rad, so five iterations reach the resolution of a float.
     """
     p = hypot(x, y)
     phi = atan2(z, p * (1.0 - _E2))
     for _ in range(5):
         sine = sin(phi)
         phi = atan2(z + _E2 * SEMI_MAJOR_AXIS / sqrt(1.0 - _E2 * sine * sine) * sine, p)
-    # the distance along the normal, which unlike p / cos(phi) - N also stands at the poles
+    # distance along the normal; unlike p / cos(phi) - N it is also valid at the poles
     altitude = p * cos(phi) + z * sin(phi) - SEMI_MAJOR_AXIS * sqrt(1.0 - _E2 * sin(phi) ** 2)
     return degrees(phi), degrees(atan2(y, x)), altitude

@@ -67,7 +67,7 @@ def specific_force(state: State, position: Point, gravity: float) -> Vector3:
     du, dv, dw, dp, dq, dr = state.nu_dot
     if any(position):
         x, y, z = position
-        # velocity of the point, whose turning with the body is the two centripetal terms together
+        # velocity of the point; below, omega x v of it includes the centripetal term
         u += q * z - r * y
         v += r * x - p * z
         w += p * y - q * x

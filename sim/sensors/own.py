@@ -25,7 +25,7 @@ Values = Mapping[str, Any]
 
 
 class OwnSensor(Protocol):
-    """Members of the class besides `message`, the ROS type of its messages: "sensor_msgs/msg/Temperature".
+    """Interface of a user's sensor. `message` is the ROS type of its messages, e.g. "sensor_msgs/msg/Temperature".
 
     An object is made for each simulation. It must depend only on its arguments, or a run cannot be repeated: random
     numbers must come from `random`.
@@ -34,26 +34,26 @@ class OwnSensor(Protocol):
     message: str
 
     def begin(self, scene: Scene, mounting: Mounting, random: Random) -> None:
-        """Begin a simulation with what can be measured (`scene`), the mounting, and the sensor's own random numbers."""
+        """Begin a simulation. `scene` is what can be measured, `random` has the sensor's own random numbers."""
 
     def sample(self, time_ns: int, state: State) -> Values | None:
         """Return the measurement at `time_ns` of simulation time; None if there is none.
 
-        `state.position` is NED in m, `state.quaternion` body to world, `state.nu` m/s and rad/s in FRD. Given back are
-        the fields of the message that are not 0, in ROS's units and frames: {"temperature": 17.5}. A header that is
-        left out is filled in.
+        `state.position` is NED in m, `state.quaternion` body to world, `state.nu` m/s and rad/s in FRD. The result has
+        the fields of the message that are not 0, in ROS's units and frames: {"temperature": 17.5}. A missing header is
+        filled in.
         """
 
 
 class OwnSample(NamedTuple):
-    """The fields of one message, and when it was measured."""
+    """The fields of one message, and the time of the measurement."""
 
     time_ns: int
     values: Values
 
 
 class OwnModel(NamedTuple):
-    """The keys of such a section. Those of the class itself are in `table`, with the class's name."""
+    """The keys of a user's sensor. `table` has those of its class, `where` is the file and section, for errors."""
 
     rate: Annotated[float, Range(0.0, 1000.0, "Hz")]
     table: Mapping[str, Any] = {}
@@ -78,25 +78,25 @@ class OwnKind:
 
 
 class _ScheduledSensor:
-    """A user's sensor as the schedule calls it."""
+    """Adapts a user's sensor to the interface `Sensor`."""
 
     def __init__(self, sensor: OwnSensor) -> None:
         self._sensor = sensor
 
     def sample(self, time_ns: int, state: State) -> OwnSample | None:
-        """Return the values with their time."""
+        """Return the measured values with their time; None if there are none."""
         values = self._sensor.sample(time_ns, state)
         return None if values is None else OwnSample(time_ns, values)
 
 
 def check_name(name: str, where: str) -> None:
-    """Check that a sensor's name can be a topic's. Raises ConfigError."""
+    """Check that a sensor's name is valid as a topic's name. Raises ConfigError."""
     if not name.isidentifier() or not name.isascii():
         raise ConfigError(f"{where}: a sensor's name becomes a topic's: letters, digits and _, no digit first")
 
 
 def read_own(name: str, section: Mapping[str, Any], where: str) -> tuple[Any, OwnModel, Mounting]:
-    """Read the section of an own sensor: an OwnKind that makes it, its keys, its mounting. Raises ConfigError."""
+    """Read the section of a user's sensor; return its factory, keys and mounting. Raises ConfigError."""
     check_name(name, where)
     mounting_keys = {key: value for key, value in section.items() if key in Mounting._fields}
     sensor_keys = {key: value for key, value in section.items() if key not in (*Mounting._fields, "rate")}
@@ -105,7 +105,7 @@ def read_own(name: str, section: Mapping[str, Any], where: str) -> tuple[Any, Ow
     rate = parse({"rate": section["rate"]}, OwnModel, where).rate
     message = getattr(_build(sensor_keys, where), "message", None)
     if not isinstance(message, str):
-        raise ConfigError(f'{where}: {sensor_keys["class"]} does not say its `message`, such as "std_msgs/msg/Float64"')
+        raise ConfigError(f'{where}: {sensor_keys["class"]} has no attribute `message`, such as "std_msgs/msg/Float64"')
     return OwnKind(name, message), OwnModel(rate, sensor_keys, where), parse(mounting_keys, Mounting, where)
 
 

@@ -1,7 +1,7 @@
 """The interface of a sensor, and the samples of the common ones; sim.sensors.extra_samples has the others.
 
-Vectors are along the sensor's axes, which are the vehicle's (FRD) unless it is mounted askew; positions are NED,
-quaternions (w, x, y, z) from the sensor's axes to the world's.
+Vectors are along the sensor's axes, which are the vehicle's (FRD) unless its mounting has an `orientation`. Positions
+are NED in m, quaternions (w, x, y, z) are from the sensor's axes to the world's.
 """
 
 from collections.abc import Sequence
@@ -52,7 +52,7 @@ class DvlSample(NamedTuple):
 
 
 class PressureSample(NamedTuple):
-    """Absolute pressure."""
+    """Absolute pressure (Pa)."""
 
     time_ns: int
     pascal: float
@@ -84,10 +84,10 @@ class Scene(Protocol):
 
     @property
     def wave_field(self) -> "WaveField | None":
-        """The waves; None if there are none, ever."""
+        """The waves; None in a world without waves."""
 
     def flow_at(self, position: Sequence[float]) -> Sequence[float]:
-        """Return the velocity of the water at a place (m, NED) now, NED in m/s."""
+        """Return the present velocity of the water at `position` (NED, m), NED in m/s."""
 
     @property
     def touching(self) -> bool:
@@ -118,7 +118,7 @@ class Sensor(Protocol):
     def sample(self, time_ns: int, state: State) -> Sample | None:
         """Return the measurement of `state` at `time_ns`; None if there is none.
 
-        To be called once a period: errors move on with it.
+        Must be called once per period: each call advances the errors by one period.
         """
 
 

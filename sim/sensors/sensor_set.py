@@ -1,10 +1,10 @@
-"""The sensors that a vehicle carries, and the schedule of their samples.
+"""The sensors that a vehicle carries, and the schedule of their samples. Sections of a scenario:
 
 [sensors.imu]                  # a default sensor, with other values
 rate = "200 Hz"
 latency = "5 ms"
 
-[sensors.gps]                  # another sensor, with default values
+[sensors.gps]                  # an additional sensor, with default values
 
 [sensors.forward_sonar]
 device = "oculus_m750d"        # values of sim/sensors/devices/oculus_m750d.toml, except those that are given here
@@ -13,10 +13,10 @@ device = "oculus_m750d"        # values of sim/sensors/devices/oculus_m750d.toml
 rate = 0                       # without this sensor
 
 [sensors.camera_down]
-sensor = "camera"              # a further sensor of a kind; its topics and frames have its own name
+sensor = "camera"              # a second sensor of a kind; its topics and frames have its own name
 
 [sensors.thermometer]
-class = "my_sensors:Thermometer"  # one of the user's own: sim/sensors/own.py
+class = "my_sensors:Thermometer"  # a user's own sensor: sim/sensors/own.py
 rate = "2 Hz"
 """
 
@@ -63,7 +63,7 @@ DEFAULT_SENSORS = ("imu", "dvl", "pressure", "odometry", "ground_truth")
 
 
 class SensorSpec(NamedTuple):
-    """A sensor of a vehicle: its class, the record of its keys, its mounting, its name if it is a further one."""
+    """A sensor of a vehicle: its class, the record of its keys, its mounting, and the name of a second of a kind."""
 
     sensor: type[Sensor]
     model: Any
@@ -72,18 +72,18 @@ class SensorSpec(NamedTuple):
 
     @property
     def topic(self) -> str:
-        """Return the topic of its samples: the name of its kind, or its own name if it is a further one."""
+        """The topic of its samples: `name`, or the topic of its class without a name."""
         return self.name or self.sensor.topic
 
     def build(self, seed: int, scene: Scene) -> Sensor:
-        """Return the sensor of a simulation; a further one of a kind has its own random numbers."""
+        """Return the sensor of one simulation; sensors of one kind have different random numbers."""
         named = type(self.sensor.__name__, (self.sensor,), {"topic": self.name}) if self.name else self.sensor
         sensor: Sensor = named(self.model, self.mounting, seed, scene)
         return sensor
 
     @property
     def offloaded(self) -> bool:
-        """True if it makes pictures: too slow for the loop of a slave."""
+        """True if it is too slow for the loop of a slave, because it makes pictures, and runs in another process."""
         return bool(getattr(self.sensor, "offloaded", False) or getattr(self.model, "offloaded", False))
 
 
@@ -109,8 +109,8 @@ def read_sensors(sections: Any, where: str) -> SensorSet:
     return {name: each for name, each in specs.items() if each.model.rate}
 
 
-def fit(**models: Any) -> SensorSet:
-    """Return the default sensors, with `models` in place of them or in addition.
+def select_sensors(**models: Any) -> SensorSet:
+    """Return the default sensors, replaced or supplemented by `models`.
 
     Each argument is named after a sensor: the record of its keys, a SensorSpec, or None to leave it out.
     """
@@ -143,7 +143,7 @@ class Schedule:
             if due_ns <= now_ns:
                 slot.due_ns = due_ns = due_ns + slot.period_ns
                 sample = slot.sensor.sample(now_ns, state)
-                if slot.prompt and sample is not None:
+                if slot.is_prompt and sample is not None:
                     arrived.append((slot.topic, sample))
                 elif sample is not None and not slot.drops():
                     self._send(slot, sample, now_ns, arrived)
@@ -179,7 +179,7 @@ def _arrival(entry: tuple[int, int, str, Sample]) -> tuple[int, int]:
 class Slot:
     """One sensor, the time at which it is due next, and the delays and losses of its samples."""
 
-    __slots__ = ("_drop_out", "_latency_ns", "_random", "due_ns", "period_ns", "prompt", "sensor", "topic")
+    __slots__ = ("_drop_out", "_latency_ns", "_random", "due_ns", "is_prompt", "period_ns", "sensor", "topic")
 
     def __init__(self, name: str, spec: SensorSpec, scene: Scene, seed: int, dt_ns: int) -> None:
         self.period_ns = period_ns(spec.model.rate)
@@ -197,7 +197,7 @@ class Slot:
         self._drop_out = spec.mounting.drop_out
         self._random = sensor_random(seed, f"{name}/drop_out") if self._drop_out else None
         # True if every sample arrives without delay and none is lost.
-        self.prompt = not (self._latency_ns or self._drop_out or hasattr(self.sensor, "delay_ns"))
+        self.is_prompt = not (self._latency_ns or self._drop_out or hasattr(self.sensor, "delay_ns"))
 
     @property
     def delay_ns(self) -> int:

@@ -69,7 +69,9 @@ class Usbl:
         self._rays = self._column.rays(scene.world.depth) if self._column else None
         at_station = self._column.sound_speed(model.station[2]) if self._column else SOUND_SPEED
         self._assumed_speed = model.assumed_speed or at_station
-        self._range_factor = self._assumed_speed / at_station  # of a range where sound has one speed
+        self._range_factor = (
+            self._assumed_speed / at_station
+        )  # factor of a range in water with a constant speed of sound
         self.delay_ns = 0
 
     def sample(self, time_ns: int, state: State) -> PositionSample | None:
@@ -98,7 +100,7 @@ class Usbl:
         return PositionSample(time_ns, (north, east, down), self._covariance(line, distance))
 
     def _sound_speed(self, position: Vector3) -> float:
-        """Return half way between station and beacon, in m/s."""
+        """Return the speed of sound (m/s) at the mean depth of station and beacon."""
         return self._column.sound_speed(0.5 * (position[2] + self._station[2])) if self._column else SOUND_SPEED
 
     def _covariance(self, line: Vector3, distance: float) -> Covariance:
@@ -114,7 +116,7 @@ def _rotate_direction(line: Vector3, up: float, starboard: float) -> Vector3:
     """Return the unit vector `line` (NED), turned by the small perpendicular angles `up` and `starboard` (rad)."""
     x, y, z = line
     level = sqrt(x * x + y * y)
-    # (a, b, 0) is across and level: straight above or below the station any level direction is
+    # (a, b, 0) is horizontal and perpendicular to `line`; vertically above or below the station any direction is
     a, b = (-y / level, x / level) if level > 1e-9 else (0.0, 1.0)
     x, y, z = x + starboard * a - up * z * b, y + starboard * b + up * z * a, z + up * (x * b - y * a)
     length = sqrt(x * x + y * y + z * z)

@@ -22,7 +22,7 @@ from sim.dynamics import Integrator
 from sim.environment.ocean import Ocean, Waves
 from sim.environment.world import World, load_world
 from sim.native import SWITCH, choose
-from sim.sensors.sensor_set import fit
+from sim.sensors.sensor_set import select_sensors
 from sim.simulation import Simulation
 from sim.vehicle.vehicle import load_vehicle
 
@@ -31,7 +31,7 @@ ROUND_STEPS = 5000
 REAL_TIME_S = 10.0
 CALM = World("calm", "made up", (-1000.0, 1000.0, -1000.0, 1000.0), 50.0)
 ROUGH = CALM._replace(ocean=Ocean(waves=Waves(significant_height=1.0, peak_period=6.0)))
-BARE = fit(imu=None, dvl=None, pressure=None, odometry=None, ground_truth=None)
+BARE = select_sensors(imu=None, dvl=None, pressure=None, odometry=None, ground_truth=None)
 # vehicle, world, depth in m, step; the others are compared with the first
 CASES = [
     ("bluerov2", CALM, 5.0, QUICK_NS),
@@ -47,7 +47,7 @@ CASE_STEPS = 250
 def new_simulation(name: str, step_ns: int) -> Simulation:
     """Return a vehicle at 5 m depth with the three sensors."""
     vehicle, _ = load_vehicle(name)
-    sensors = fit(odometry=None, ground_truth=None)
+    sensors = select_sensors(odometry=None, ground_truth=None)
     return Simulation(vehicle, load_world("paper_field"), sensors, 1, step_ns, (0.0, 0.0, 5.0))
 
 

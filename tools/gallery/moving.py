@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from sim.environment.world import load_world
 from sim.rotations import rotate_inverse, to_euler
-from sim.sensors.sensor_set import SENSORS, fit, read_sensors
+from sim.sensors.sensor_set import SENSORS, read_sensors, select_sensors
 from sim.simulation import Simulation
 from tools.gallery.places import INK, SEED, SOFT, VEHICLE, Entry
 
@@ -26,7 +26,7 @@ _FITTED = ("imu", "dvl", "pressure", "odometry", "ground_truth", "ahrs", "magnet
 def _flight() -> dict[str, list[Any]]:
     """Return all samples of a flight by topic: ahead, in a curve, then drifting, near the surface of `fractal`."""
     world = load_world("fractal")._replace(origin=(57.7, 11.9))
-    sensors = fit(**{name: read_sensors({name: {}}, "gallery")[name] for name in _FITTED if name in SENSORS})
+    sensors = select_sensors(**{name: read_sensors({name: {}}, "gallery")[name] for name in _FITTED if name in SENSORS})
     simulation = Simulation(VEHICLE, world, sensors, seed=SEED, position=(-10.0, 0.0, 0.4))
     samples: dict[str, list[Any]] = defaultdict(list)
     for step in range(_SECONDS * _STEPS):

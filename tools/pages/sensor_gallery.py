@@ -17,7 +17,7 @@ import matplotlib as mpl
 from matplotlib.figure import Figure
 from PIL import Image
 
-from sim.sensors.sensor_set import SENSORS, fit
+from sim.sensors.sensor_set import SENSORS, select_sensors
 from tools.gallery import imaging, moving, ranging
 from tools.gallery.places import Entry
 
@@ -84,7 +84,7 @@ def page(entries: tuple[Entry, ...], folder: str) -> str:
 
 def _texts(sensor: str) -> list[str]:
     """Return the sensor's description and the source of its numbers, from its docstrings, and a link to its keys."""
-    fitted = fit(**{sensor: fit_default(sensor)})[sensor]
+    fitted = select_sensors(**{sensor: fit_default(sensor)})[sensor]
     about = (inspect.getdoc(fitted.sensor) or "").split("\n\n")
     source = (inspect.getdoc(type(fitted.model)) or "").split("\n\n")[-1]
     keys = f"Keys and defaults: [`{sensor}`](sensor_keys.md#{sensor})."

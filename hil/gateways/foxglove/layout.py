@@ -5,7 +5,7 @@ from typing import Any
 
 from hil.ros.topics import FAN
 from hil.scenario.config import Scenario
-from sim.sensors.sensor_set import SensorSet, fit
+from sim.sensors.sensor_set import SensorSet, select_sensors
 
 COLOURS = "#2563eb", "#ea580c", "#16a34a", "#9333ea", "#0891b2", "#ca8a04", "#db2777", "#64748b"
 BLUE, ORANGE, GREEN = COLOURS[:3]
@@ -26,7 +26,7 @@ def layout(node: str, scenario: Scenario | None = None) -> str:
     It shows the sensors of the scenario, without one those that each vehicle has: no panel stays empty. Panels
     that command the vehicle are on a separate tab, as a recording takes no commands.
     """
-    sensors = scenario.sensors if scenario else fit()
+    sensors = scenario.sensors if scenario else select_sensors()
     images = _images(sensors, scenario.ros.images if scenario else "jpeg")
     fourth = "battery" if "battery" in sensors else "turn"
     plots = ("depth", "speed", "thrusts", fourth)

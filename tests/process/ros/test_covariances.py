@@ -19,8 +19,8 @@ from sim.sensors.error import ErrorModel, variance
 from sim.sensors.mounting import Mounting
 from sim.sensors.ranging.dvl import Dvl, DvlModel
 from sim.sensors.samples import DvlSample
-from sim.sensors.sensor_set import SensorSpec, fit
-from sim.sensors.spread import spreads
+from sim.sensors.sensor_set import SensorSpec, select_sensors
+from sim.sensors.variances import error_variances
 from sim.simulation import Simulation
 from sim.vehicle.vehicle import load_vehicle
 from tests.support.processes import slave_with, wait_for
@@ -45,7 +45,7 @@ def mean_squares(rows: Sequence[Sequence[float]]) -> list[float]:
 
 @pytest.mark.parametrize(("name", "samples"), [("imu", 1), ("ahrs", 100)])
 def test_the_covariance_of_an_inertial_unit_matches_its_scatter(name: str, samples: int) -> None:
-    sensors = fit(ahrs=QUICK)
+    sensors = select_sensors(ahrs=QUICK)
     fitted, scene, rows = sensors[name], simulation(), []
     for seed in range(RUNS):
         unit = fitted.sensor(fitted.model, Mounting(), seed, scene)
@@ -54,7 +54,7 @@ def test_the_covariance_of_an_inertial_unit_matches_its_scatter(name: str, sampl
         _, x, y, z = sample.orientation
         a, b, c = sample.acceleration
         rows.append((2.0 * x, 2.0 * y, 2.0 * z, *sample.angular_velocity, a, b, c + WORLD.gravity))
-    level, heading, rate, force = spreads(sensors, WORLD)[name]
+    level, heading, rate, force = error_variances(sensors, WORLD)[name]
     assert mean_squares(rows) == pytest.approx([level, level, heading, *[rate] * 3, *[force] * 3], rel=0.35)
 
 
@@ -78,7 +78,7 @@ def test_the_covariance_of_a_dvl_matches_its_scatter(lost: int | None, monkeypat
 
 def output(sensors: Any) -> dict[str, dict[str, Any]]:
     """Return the first message of each topic of a sensors, by its fields."""
-    vehicle, known, found = simulation(sensors), spreads(sensors, WORLD), dict[str, dict[str, Any]]()
+    vehicle, known, found = simulation(sensors), error_variances(sensors, WORLD), dict[str, dict[str, Any]]()
     for _ in range(480):
         for topic, sample in vehicle.step((1500,) * 6):
             for name, payload in ros.encoder(topic)(sample, "", *known.get(topic, ())):
@@ -99,7 +99,7 @@ def test_every_message_with_a_covariance_field_fills_it() -> None:
     from sim.sensors.ranging.altimeter import Altimeter, AltimeterModel
     from sim.sensors.ranging.echosounder import Echosounder, EchosounderModel
 
-    sensors = fit(
+    sensors = select_sensors(
         ahrs=QUICK,
         altimeter=SensorSpec(Altimeter, AltimeterModel()),
         echosounder=SensorSpec(Echosounder, EchosounderModel()),
@@ -115,7 +115,7 @@ def test_every_message_with_a_covariance_field_fills_it() -> None:
     assert diagonal(imu["orientation_covariance"]) == [of("imu", "attitude")] * 3
     assert diagonal(imu["angular_velocity_covariance"]) == [of("imu", "angular_velocity")] * 3
     assert diagonal(imu["linear_acceleration_covariance"]) == [of("imu", "acceleration")] * 3
-    level, heading, *_ = spreads(sensors, WORLD)["ahrs"]
+    level, heading, *_ = error_variances(sensors, WORLD)["ahrs"]
     assert diagonal(found["ahrs"]["orientation_covariance"]) == [level, level, heading]
     pose = [of("odometry", key) for key in ("horizontal", "horizontal", "depth")]  # east, north, up
     assert diagonal(odometry["pose"]["covariance"]) == [*pose, *[of("odometry", "attitude")] * 3]
@@ -151,4 +151,4 @@ def test_the_slave_sends_covariances(tmp_path: Path) -> None:
         session.subscribe("uuv1", "imu", lambda _, payload, __: received.append(payload), 8)
         assert wait_for(lambda: received)
     message: Any = ros_message.decode(TOPICS["imu"].type, received[0])
-    assert diagonal(message["orientation_covariance"]) == [spreads(fit(), WORLD)["imu"][0]] * 3
+    assert diagonal(message["orientation_covariance"]) == [error_variances(select_sensors(), WORLD)["imu"][0]] * 3

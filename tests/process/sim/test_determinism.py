@@ -12,7 +12,7 @@ from sim.native import choose
 from sim.sensors.imu import ImuModel
 from sim.sensors.odometry import GroundTruthModel, OdometryModel
 from sim.sensors.ranging.dvl import DvlModel
-from sim.sensors.sensor_set import fit
+from sim.sensors.sensor_set import select_sensors
 from sim.simulation import Simulation
 from sim.vehicle.vehicle import load_vehicle
 
@@ -24,7 +24,9 @@ def fingerprint(steps: int) -> str:
     """Return the number of the step and every bit of every sample and of the end state."""
     vehicle, _ = load_vehicle("paper_six")
     world = load_world("paper_field")._replace(current=(0.02, -0.01, 0.0))
-    sensors = fit(imu=ImuModel(4.0), dvl=DvlModel(1.0), odometry=OdometryModel(1.0), ground_truth=GroundTruthModel(1.0))
+    sensors = select_sensors(
+        imu=ImuModel(4.0), dvl=DvlModel(1.0), odometry=OdometryModel(1.0), ground_truth=GroundTruthModel(1.0)
+    )
     simulation = Simulation(vehicle, world, sensors, seed=11, position=(4.0, 5.0, 3.0), heading=0.7)
     digest = sha256()
     pulses = cycle([(1560, 1540, 1545, 1555, 1510, 1490), (1440, 1462, 1455, 1450, 1490, 1510), (1500,) * 6])

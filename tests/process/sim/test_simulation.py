@@ -14,7 +14,7 @@ from sim.sensors.mounting import Mounting
 from sim.sensors.odometry import OdometryModel
 from sim.sensors.ranging.dvl import Dvl, DvlModel
 from sim.sensors.samples import OdometrySample
-from sim.sensors.sensor_set import SensorSet, SensorSpec, fit, read_sensors
+from sim.sensors.sensor_set import SensorSet, SensorSpec, read_sensors, select_sensors
 from sim.simulation import Simulation
 from sim.vehicle.vehicle import load_vehicle
 
@@ -59,14 +59,14 @@ def test_a_sensor_does_not_change_the_samples_of_others() -> None:
         simulation = Simulation(VEHICLE, FIELD, sensors, seed=3, position=(0, 0, 3))
         return [sample for _ in range(200) for topic, sample in simulation.step(IDLE) if topic == "imu"]
 
-    alone = fit(dvl=None, odometry=OdometryModel(rate=3.0))
-    assert imu(fit()) == imu(alone)
-    assert len(imu(fit())) == 50
+    alone = select_sensors(dvl=None, odometry=OdometryModel(rate=3.0))
+    assert imu(select_sensors()) == imu(alone)
+    assert len(imu(select_sensors())) == 50
 
 
 def test_sample_rates_do_not_drift() -> None:
     """A rate of 7 Hz does not divide 400 Hz: 20 s hold 7 samples a second, each with the first step due."""
-    simulation = Simulation(VEHICLE, FIELD, fit(dvl=DvlModel(rate=7.0)), position=(0, 0, 3))
+    simulation = Simulation(VEHICLE, FIELD, select_sensors(dvl=DvlModel(rate=7.0)), position=(0, 0, 3))
     counts: Counter[str] = Counter()
     for step in range(1, 8001):
         for topic, sample in simulation.step(IDLE):
@@ -130,7 +130,7 @@ def test_a_start_in_an_obstacle_and_a_rate_above_the_step_are_refused() -> None:
     with pytest.raises(ConfigError, match=r"paper_six cannot start at .*; move the start"):
         Simulation(VEHICLE, FIELD, position=(6.5, 7.5, 3.0))
     with pytest.raises(ConfigError, match="'imu': its rate is above 400 Hz"):
-        Simulation(VEHICLE, FIELD, fit(imu=ImuModel(rate=500.0)))
+        Simulation(VEHICLE, FIELD, select_sensors(imu=ImuModel(rate=500.0)))
 
 
 def test_sensor_sections_of_a_scenario_change_the_defaults() -> None:
@@ -164,7 +164,7 @@ def test_latency_delays_samples_and_drop_out_loses_them() -> None:
     """A late sample has the time of its measurement; a lost one does not change the others."""
 
     def dvl(mounting: Mounting) -> list[tuple[int, object]]:
-        sensors = fit(dvl=SensorSpec(Dvl, DvlModel(rate=10.0), mounting))
+        sensors = select_sensors(dvl=SensorSpec(Dvl, DvlModel(rate=10.0), mounting))
         simulation = Simulation(VEHICLE, FIELD, sensors, seed=2, position=(0, 0, 3))
         stream = ((simulation.time_ns, pair) for _ in range(8000) for pair in simulation.step(IDLE))
         return [(now, sample) for now, (topic, sample) in stream if topic == "dvl"]

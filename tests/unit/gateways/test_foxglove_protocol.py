@@ -21,7 +21,7 @@ from hil.ros import message as ros_message
 from hil.ros.topics import TOPICS
 from hil.scenario.config import load_scenario
 from hil.scenario.records import Ros
-from sim.sensors.sensor_set import fit, load_sensor
+from sim.sensors.sensor_set import load_sensor, select_sensors
 
 SENSORS = {name: load_sensor(name).Model() for name in ("camera", "forward_sonar", "laser", "battery")}
 
@@ -63,7 +63,9 @@ def test_the_layout_has_panels_for_the_vehicles_sensors_only() -> None:
     assert not any(panel.startswith("Image!") for panel in usual)
     assert "Plot!turn" in usual
     assert "/uuv1/laser" not in usual["3D!scene"]["topics"]
-    scenario = load_scenario("paper_field")._replace(sensors=fit(**SENSORS), ros=Ros(frame_prefix="a/", images="raw"))
+    scenario = load_scenario("paper_field")._replace(
+        sensors=select_sensors(**SENSORS), ros=Ros(frame_prefix="a/", images="raw")
+    )
     fitted = json.loads(layout("uuv1", scenario))["configById"]
     images = [panel["imageMode"]["imageTopic"] for name, panel in fitted.items() if name.startswith("Image!")]
     assert images == ["/uuv1/camera/image_raw", "/uuv1/forward_sonar/fan/image_raw"]
@@ -75,7 +77,7 @@ def test_the_layout_has_panels_for_the_vehicles_sensors_only() -> None:
 
 
 def test_all_panels_of_the_layout_are_placed_once() -> None:
-    made = json.loads(layout("uuv1", load_scenario("paper_field")._replace(sensors=fit(**SENSORS))))
+    made = json.loads(layout("uuv1", load_scenario("paper_field")._replace(sensors=select_sensors(**SENSORS))))
     placed = re.findall(r'"(?:first|second)": "([^"]+)"', json.dumps(made))
     assert sorted(placed) == sorted(made["configById"])
 

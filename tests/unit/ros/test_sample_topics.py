@@ -3,8 +3,8 @@
 from hil.ros import encoders as ros
 from hil.ros.topics import TOPICS, sample_topics
 from sim.environment.world import load_world
-from sim.sensors.sensor_set import SENSORS, fit, load_sensor
-from sim.sensors.spread import spreads
+from sim.sensors.sensor_set import SENSORS, load_sensor, select_sensors
+from sim.sensors.variances import error_variances
 from sim.simulation import Simulation
 from sim.vehicle.vehicle import load_vehicle
 
@@ -13,10 +13,12 @@ NEEDS_A_BATTERY = {"battery"}  # which this vehicle has not
 
 
 def test_samples_are_encoded_for_their_declared_topics() -> None:
-    sensors = fit(**{name: load_sensor(name).Model() for name in SENSORS if name not in PICTURES | NEEDS_A_BATTERY})
+    sensors = select_sensors(
+        **{name: load_sensor(name).Model() for name in SENSORS if name not in PICTURES | NEEDS_A_BATTERY}
+    )
     world = load_world("paper_field")._replace(origin=(57.7, 11.9))
     simulation = Simulation(load_vehicle("bluerov2")[0], world, position=(0.0, 0.0, 3.0), sensors=sensors)
-    variances = spreads(sensors, world)
+    variances = error_variances(sensors, world)
     found: dict[str, tuple[str, ...]] = {}
     while simulation.time_ns < 2_000_000_000:
         for name, sample in simulation.step((1500,) * 6):

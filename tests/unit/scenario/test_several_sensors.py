@@ -18,7 +18,7 @@ from sim.environment.world import load_world
 from sim.sensors.extra_samples import FlagSample
 from sim.sensors.imaging.samples import CameraSample, Intrinsics
 from sim.sensors.samples import DvlSample, ImuSample
-from sim.sensors.sensor_set import SensorSet, Slot, fit, read_sensors
+from sim.sensors.sensor_set import SensorSet, Slot, read_sensors, select_sensors
 from sim.simulation import Simulation
 from sim.vehicle.vehicle import load_vehicle
 
@@ -94,7 +94,8 @@ def test_each_sensor_has_its_own_random_numbers() -> None:
     scene = Simulation(load_vehicle("bluerov2")[0], load_world("open_water"), {})
     read = read_sensors(sections, "")
     one, other, usual = (
-        Slot(n, s[n], scene, 1, 1).sensor for n, s in (("pressure", read), ("pressure_2", read), ("pressure", fit()))
+        Slot(n, s[n], scene, 1, 1).sensor
+        for n, s in (("pressure", read), ("pressure_2", read), ("pressure", select_sensors()))
     )
     state = State()
     values = [[sensor.sample(0, state).pascal for _ in range(3)] for sensor in (one, other, usual)]  # type: ignore[union-attr]

@@ -17,7 +17,7 @@ from sim.dynamics import Dynamics, State
 from sim.environment.world import World, load_world
 from sim.forces import Force
 from sim.rotations import from_euler, rotate, to_euler
-from sim.sensors.sensor_set import fit
+from sim.sensors.sensor_set import select_sensors
 from sim.simulation import Simulation
 from sim.vehicle.body_lift import CrossFlowDrag, FadingDamping, HullLift, SlowDamping
 from sim.vehicle.fins import FinSet
@@ -29,7 +29,7 @@ REMUS, _ = load_vehicle("remus100")
 LATITUDE = radians(63.446827)
 GRAVITY = 9.7803253359 * (1 + 0.0019318504 * sin(LATITUDE) ** 2) / sqrt(1 - 0.006694384442 * sin(LATITUDE) ** 2)
 SEA = load_world("pool")._replace(walls=False, depth=1e4, density=1026.0, gravity=GRAVITY)
-QUIET = fit(imu=None, dvl=None, pressure=None, odometry=None, ground_truth=None)
+QUIET = select_sensors(imu=None, dvl=None, pressure=None, odometry=None, ground_truth=None)
 TAIL = 1.0096 * 0.8
 # Degrees of freedom: X Y Z K M N.
 Six = list[float]

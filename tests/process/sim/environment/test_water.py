@@ -17,14 +17,14 @@ from sim.rotations import from_euler, rotate
 from sim.sensors.error import ErrorModel
 from sim.sensors.pressure import STANDARD_ATMOSPHERE, PressureModel
 from sim.sensors.samples import PressureSample
-from sim.sensors.sensor_set import fit
+from sim.sensors.sensor_set import select_sensors
 from sim.simulation import Simulation
 from sim.vehicle.vehicle import Vehicle, load_vehicle
 
 G = 9.80665
 VEHICLE = load_vehicle("bluerov2_heavy")[0]._replace(neutrally_buoyant=True)
 SEA = World("sea", "test", (-100.0, 100.0, -100.0, 100.0), 60.0, gravity=G)
-QUIET = fit(
+QUIET = select_sensors(
     imu=None,
     dvl=None,
     pressure=PressureModel(error=ErrorModel()),

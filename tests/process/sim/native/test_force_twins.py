@@ -19,7 +19,7 @@ from sim.forces import Force
 from sim.native import NativeDynamics
 from sim.native.waves import NativeSampledWaves, NativeWaveField
 from sim.rotations import normalise
-from sim.sensors.sensor_set import fit
+from sim.sensors.sensor_set import select_sensors
 from sim.simulation import Simulation
 from sim.vehicle.body_lift import (
     CrossFlow,
@@ -63,7 +63,16 @@ def twins(
     for switch in "01":
         monkeypatch.setenv("UUV_HIL_NATIVE", switch)
         both.append(
-            Simulation(vehicle, world, fit(pressure=None), 3, 10_000_000, (0.0, 0.0, depth), 0.4, integrator=integrator)
+            Simulation(
+                vehicle,
+                world,
+                select_sensors(pressure=None),
+                3,
+                10_000_000,
+                (0.0, 0.0, depth),
+                0.4,
+                integrator=integrator,
+            )
         )
     return both[0], both[1]
 

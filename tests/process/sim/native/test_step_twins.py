@@ -22,7 +22,7 @@ from sim.rotations import from_euler, normalise
 from sim.sensors.imu import Imu, ImuModel
 from sim.sensors.mounting import Mounting
 from sim.sensors.samples import ImuSample
-from sim.sensors.sensor_set import SensorSet, SensorSpec, fit
+from sim.sensors.sensor_set import SensorSet, SensorSpec, select_sensors
 from sim.simulation import Simulation
 from sim.vehicle.failures import Failure
 from sim.vehicle.vehicle import Vehicle, load_vehicle
@@ -34,7 +34,7 @@ FLAT = World("flat", "test", EXTENT, 6.0, current=(0.1, -0.05, 0.02))
 PILES = Cylinder(3.0, 0.0, 1.0), Cylinder(-4.0, 0.0, 1.5, top=4.0)
 FIELD = FLAT._replace(walls=True, cylinder=PILES, box=(Box(0.0, 4.0, 3.0, 1.0, 0.5),))
 PULSES = (0, 1100, 1480, 1500, 1650, 1900, 2500)
-SENSORS = fit(imu=SensorSpec(Imu, ImuModel(100.0), Mounting((0.1, -0.2, 0.05))))
+SENSORS = select_sensors(imu=SensorSpec(Imu, ImuModel(100.0), Mounting((0.1, -0.2, 0.05))))
 
 
 @pytest.fixture(autouse=True)

@@ -9,7 +9,7 @@ import pytest
 from sim.environment.ocean import Ocean, Waves
 from sim.environment.world import World
 from sim.rotations import from_euler
-from sim.sensors.sensor_set import fit
+from sim.sensors.sensor_set import select_sensors
 from sim.simulation import Simulation
 from sim.vehicle.vehicle import load_vehicle
 from sim.vehicle.ventilation import Ventilation, thrust_share
@@ -19,7 +19,7 @@ __all__ = ["native"]  # the fixture, for the twins
 
 HEAVY, _ = load_vehicle("bluerov2_heavy")
 REMUS, _ = load_vehicle("remus100")
-QUIET = fit(imu=None, dvl=None, pressure=None, odometry=None, ground_truth=None)
+QUIET = select_sensors(imu=None, dvl=None, pressure=None, odometry=None, ground_truth=None)
 NEARLY_OUT = -max(thruster.position[2] for thruster in HEAVY.thrusters)  # the lowest hubs at the surface
 SEA = World("sea", "test", (-100.0, 100.0, -100.0, 100.0), 50.0)
 

@@ -13,46 +13,47 @@ from sim.environment.world import World
 from sim.sensors.error import ErrorModel, variance
 from sim.sensors.sensor_set import SensorSet
 
-Spread = tuple[float, ...]
+Variances = tuple[float, ...]
 
 
-def spreads(sensors: SensorSet, world: World) -> Mapping[str, Spread]:
-    """Return each sensor's variances by topic, in the units and order of its message; none for other sensors.
+def error_variances(sensors: SensorSet, world: World) -> Mapping[str, Variances]:
+    """Return the variances of each sensor by topic, in the units and order of its message.
+
 
     imu and ahrs: roll and pitch, yaw (rad²), angular velocity (rad²/s²), acceleration (m²/s⁴). odom: horizontal
     position, depth (m²), attitude (rad²), velocity (m²/s²), angular velocity. magnetometer: x and y, z (T²). Other
     sensors have one variance.
     """
-    known = [fitted for fitted in sensors.values() if fitted.sensor.topic in _SPREADS]
-    return {fitted.topic: _SPREADS[fitted.sensor.topic](fitted.model, world) for fitted in known}
+    known = [fitted for fitted in sensors.values() if fitted.sensor.topic in _VARIANCES]
+    return {fitted.topic: _VARIANCES[fitted.sensor.topic](fitted.model, world) for fitted in known}
 
 
-def _imu(model: Any, _: World) -> Spread:
+def _imu(model: Any, _: World) -> Variances:
     attitude = _variance(model, "attitude")
     return attitude, attitude, _variance(model, "angular_velocity"), _variance(model, "acceleration")
 
 
-def _ahrs(model: Any, world: World) -> Spread:
+def _ahrs(model: Any, world: World) -> Variances:
     """Return the variances of the attitude: the errors of the inputs after the filter, while the vehicle rests.
 
     A share of the tilt that the accelerometer shows, and of the heading that the magnetometer shows, is taken up each
-    period: constant errors pass whole, white noise by share / (2 - share); the gyros' constant error stands for the
-    time of the filter's memory, their noise walks until it is forgotten. A tilt leans the field into the heading by
-    the tangent of its inclination.
+    period. Constant errors pass completely, white noise by share / (2 - share). The gyros' constant error accumulates
+    over the filter's time constant, and so does the random walk of their noise. A tilt changes the measured heading by
+    the tangent of the field's inclination.
     """
-    from sim.sensors.magnetometer import earth_field  # with such a unit it is loaded anyway
+    from sim.sensors.magnetometer import earth_field  # imported here, because only an AHRS needs it
 
     period = 1.0 / model.rate
     north, east, down = earth_field(world)
     across = hypot(north, east)
-    level = _filtered(model.acceleration, model.angular_velocity, period, model.level_time, world.gravity)
-    heading = _filtered(model.magnetic_field, model.angular_velocity, period, model.heading_time, across)
+    level = _filtered_variance(model.acceleration, model.angular_velocity, period, model.level_time, world.gravity)
+    heading = _filtered_variance(model.magnetic_field, model.angular_velocity, period, model.heading_time, across)
     heading += level * (down / across) ** 2
     return level, heading, _variance(model, "angular_velocity"), _variance(model, "acceleration")
 
 
-def _filtered(reference: ErrorModel, gyro: ErrorModel, period: float, memory: float, size: float) -> float:
-    """Return the variance of an angle (rad²) that follows a reference of that `size` with that `memory` (s)."""
+def _filtered_variance(reference: ErrorModel, gyro: ErrorModel, period: float, memory: float, size: float) -> float:
+    """Return the variance (rad²) of an angle that follows a reference vector of this `size` with this `memory` (s)."""
     share = min(1.0, period / memory)
     constant, gyro_constant = _constant_variance(reference), _constant_variance(gyro)
     noise, gyro_noise = variance(reference, period) - constant, variance(gyro, period) - gyro_constant
@@ -64,16 +65,16 @@ def _constant_variance(model: ErrorModel) -> float:
     return model.turn_on**2 + model.bias**2
 
 
-def _odometry(model: Any, _: World) -> Spread:
+def _odometry(model: Any, _: World) -> Variances:
     names = "horizontal", "depth", "attitude", "velocity", "angular_velocity"
     return tuple([_variance(model, name) for name in names])
 
 
-def _magnetometer(model: Any, _: World) -> Spread:
+def _magnetometer(model: Any, _: World) -> Variances:
     return _variance(model, "error_xy"), _variance(model, "error_z")
 
 
-def _one(name: str) -> Callable[[Any, World], Spread]:
+def _single(name: str) -> Callable[[Any, World], Variances]:
     return lambda model, _: (_variance(model, name),)
 
 
@@ -81,13 +82,13 @@ def _variance(model: Any, name: str) -> float:
     return variance(getattr(model, name), 1.0 / model.rate)
 
 
-_SPREADS: dict[str, Callable[[Any, World], Spread]] = {
+_VARIANCES: dict[str, Callable[[Any, World], Variances]] = {
     "imu": _imu,
     "ahrs": _ahrs,
     "odom": _odometry,
     "magnetometer": _magnetometer,
-    "pressure": _one("error"),
-    "altimeter": _one("error"),
-    "echosounder": _one("error"),
-    "dvl_water": _one("velocity"),
+    "pressure": _single("error"),
+    "altimeter": _single("error"),
+    "echosounder": _single("error"),
+    "dvl_water": _single("velocity"),
 }
