@@ -19,13 +19,12 @@ Variances = tuple[float, ...]
 def error_variances(sensors: SensorSet, world: World) -> Mapping[str, Variances]:
     """Return the variances of each sensor by topic, in the units and order of its message.
 
-
     imu and ahrs: roll and pitch, yaw (rad²), angular velocity (rad²/s²), acceleration (m²/s⁴). odom: horizontal
     position, depth (m²), attitude (rad²), velocity (m²/s²), angular velocity. magnetometer: x and y, z (T²). Other
-    sensors have one variance.
+    sensors whose message has a field for it have one variance; the rest have no entry.
     """
-    known = [fitted for fitted in sensors.values() if fitted.sensor.topic in _VARIANCES]
-    return {fitted.topic: _VARIANCES[fitted.sensor.topic](fitted.model, world) for fitted in known}
+    known = [spec for spec in sensors.values() if spec.sensor.topic in _VARIANCES]
+    return {spec.topic: _VARIANCES[spec.sensor.topic](spec.model, world) for spec in known}
 
 
 def _imu(model: Any, _: World) -> Variances:
