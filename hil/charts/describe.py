@@ -69,7 +69,7 @@ def facts(grid: Grid, report: Report) -> Facts:
         ("data", f"{report.soundings} soundings, {report.guides} points on contours and coasts"),
         ("held out", f"error {report.rmse:.3g} m RMS at {report.held_out} soundings, {report.linear_rmse:.3g} m by "
                      "linear interpolation of the same soundings and contours within the same limits; "
-                     f"{abs(report.bias):.2g} m too {'deep' if report.bias > 0.0 else 'shoal'} on average"),
+                     f"{abs(report.bias):.3g} m too {'deep' if report.bias > 0.0 else 'shoal'} on average"),
     )  # fmt: skip
 
 

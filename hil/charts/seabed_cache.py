@@ -29,7 +29,7 @@ from sim.environment.obstacles import Box, Cylinder
 from sim.environment.world import World, load_world
 
 MOST_CACHED_BYTES = 1 << 30  # above this the least recently used seabeds are removed
-METHOD = 9  # version of the gridding; increase it when the same files give another result
+METHOD = 10  # version of the gridding; increase it when the same files give another result
 
 
 class WholeSeabed(NamedTuple):
@@ -47,21 +47,24 @@ class WholeSeabed(NamedTuple):
 
 def load_or_build_seabed(
     path: str, resolution: float | None = None, progress: Progress = lambda share: None, positive: Positive = "auto",
-    crs: str | None = None,
+    crs: str | None = None, near: tuple[float, float] | None = None,
 ) -> WholeSeabed:  # fmt: skip
     """Return the seabed in the file at `path`, from the cache if it was gridded before.
 
-    `resolution`: m, by default that of the data; `positive` and `crs`: see hil.charts.sources.combine. Raises
-    ConfigError, MissingExtraError.
+    `resolution`: m, by default that of the data; `positive` and `crs`: see hil.charts.sources.combine. Of a file
+    that is too large for a world it is the part around `near` (latitude, longitude in degrees). Raises ConfigError,
+    MissingExtraError.
     """
-    folder = os.path.join(os.path.dirname(cache_path(path)), "charts", _key(path, resolution, positive, crs))
-    cached = _load(folder)
+    root, how = os.path.join(os.path.dirname(cache_path(path)), "charts"), (path, resolution, positive, crs)
+    of_whole, of_part = (os.path.join(root, _key(*how, *part)) for part in ((), near or ("centre",)))
+    cached = _load(of_whole) or _load(of_part)
     if cached is not None:
         return cached
-    survey, extent = read_sources([path], None, resolution, positive=positive, crs=crs)
+    survey, extent = read_sources([path], None, resolution, positive=positive, crs=crs, crop=True, near=near)
     built = build(survey, extent, resolution, progress)
     seabed = WholeSeabed(built.model, survey.source, survey.origin, built.report, False)
     with suppress(OSError, ConfigError):  # the disk is full or the folder not writable: it is not cached
+        folder = of_part if survey.is_cropped else of_whole
         _store(seabed, folder)
         return (_load(folder) or seabed)._replace(is_cached=False)
     return seabed

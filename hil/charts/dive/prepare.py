@@ -113,7 +113,7 @@ def prepare_dive(
         if options.resolution:
             raise ConfigError("--resolution is for charts and soundings: a world already has a grid; leave it out")
         return PreparedDive(_prepare_over_world(world, options, folder))
-    seabed = load_or_build_seabed(world, options.resolution, progress, options.positive, options.crs)
+    seabed = load_or_build_seabed(world, options.resolution, progress, options.positive, options.crs, options.start)
     name = os.path.splitext(os.path.basename(world))[0]
     return PreparedDive(_prepare_over_chart(seabed, name, options, folder), facts(seabed.model.grid, seabed.report))
 

@@ -21,14 +21,14 @@ from hil.common.errors import ConfigError
 Array = NDArray[np.float64]
 
 POINTS_DETAIL = 0.5  # detail of soundings, as a multiple of their mean spacing
-WIDEST = 20.0  # degrees: greatest width of a world, beyond which a plane is no useful map
+MAX_SIZE = 1.7  # degrees of latitude: greatest width of a world, whose coordinates are up to 100 km from its origin
 POINTS_REACH = 4.0  # distance around soundings in which the bed counts as known, as a multiple of their mean spacing
 
 
 def read_sources(
     paths: list[str], area: GeoBox | None, resolution: float | None = None, updates: bool = True,
     positive: Positive = "auto", reach: float | None = None, crs: str | None = None, newest: bool = False,
-    priorities: Mapping[str, int] | None = None,
+    priorities: Mapping[str, int] | None = None, crop: bool = False, near: tuple[float, float] | None = None,
 ) -> tuple[Survey, Extent]:  # fmt: skip
     """Return the combined data of the files, and the extent of `area` on their plane (m).
 
@@ -41,6 +41,8 @@ def read_sources(
     - `newest`: of overlapping rasters of the same priority use the newest instead of the first; rasters without a date
       come last.
     - `priorities`: of files, where sources overlap (hil.charts.sources.priority).
+    - `crop`: of an area that is too large for a world, use the part around `near` (latitude, longitude in degrees), by
+      default around its centre; the survey's notes say so.
 
     Raises ConfigError, MissingExtraError.
     """
@@ -67,6 +69,7 @@ def read_sources(
         return _on_a_plane(loose, bool(cells or rasters or area), resolution, reach)
     boxes = [*([coverage_box(cells)] if cells else []), *map(_box, loose), *(raster.box for raster in rasters)]
     area = area or _around(boxes)
+    whole, area = area, _cropped(area, near) if crop else area
     _require_local(area)
     plane = LocalPlane(*_origin(area.centre))
     parts = [survey_charts(cells, plane)] if cells else []
@@ -77,6 +80,8 @@ def read_sources(
     beds = [(rasters[k].label, partial(rasters[k].depths, plane)) for k in order]
     first = sum(ranks["rasters"][k] >= max(surface, default=OTHER) for k in order)
     together = _combine(parts, _origin(area.centre))
+    if area != whole:
+        together = together._replace(notes=(*together.notes, _crop_note(whole, area)), is_cropped=True)
     return together._replace(beds=tuple(beds[:first]), fillers=tuple(beds[first:])), _extent(area, plane)
 
 
@@ -129,13 +134,41 @@ def _around(boxes: list[GeoBox]) -> GeoBox:
     return GeoBox(*corners[:, :2].min(axis=0).tolist(), *corners[:, 2:].max(axis=0).tolist())
 
 
+def _size(area: GeoBox) -> tuple[float, float]:
+    """Return height and width in degrees of latitude."""
+    return area.north - area.south, (area.east - area.west) * float(np.cos(np.radians(area.centre[0])))
+
+
+def _cropped(area: GeoBox, near: tuple[float, float] | None) -> GeoBox:
+    """Return `area`, or of one that is too large for a world the part around `near`."""
+    if max(_size(area)) <= MAX_SIZE:
+        return area
+    latitude, longitude = near or area.centre
+    longitude = area.west + (longitude - area.west) % 360.0
+    half = 0.49 * MAX_SIZE, 0.49 * MAX_SIZE / float(np.cos(np.radians(latitude)))
+    south, west = max(area.south, latitude - half[0]), max(area.west, longitude - half[1])
+    north, east = min(area.north, latitude + half[0]), min(area.east, longitude + half[1])
+    if south >= north or west >= east:
+        place = ",".join(f"{value:g}" for value in near or ())
+        raise ConfigError(f"--start {place}: is not on the chart, which covers {_text(area)}")
+    return GeoBox(south, west, north, east)
+
+
+def _crop_note(whole: GeoBox, part: GeoBox) -> str:
+    return f"too large for a world ({_text(whole)}): {_text(part)} is used; choose another part with --start and --goal"
+
+
+def _text(area: GeoBox) -> str:
+    (south, west), (north, east) = _origin((area.south, area.west)), _origin((area.north, area.east))
+    return f"{south:.2f} to {north:.2f} N, {west:.2f} to {east:.2f} E"
+
+
 def _require_local(area: GeoBox) -> None:
-    size = area.north - area.south, (area.east - area.west) * np.cos(np.radians(area.centre[0]))
-    if max(size) > WIDEST:
+    if max(_size(area)) > MAX_SIZE:
         south, west = (np.floor(10.0 * value) / 10.0 for value in _origin(area.centre))
         raise ConfigError(
             f"the area is {area.north - area.south:.0f} x {area.east - area.west:.0f} degrees, too large for a "
-            f"world: give a part of at most {WIDEST:g} degrees, for example "
+            f"world: give a part of at most {MAX_SIZE:g} degrees of latitude ({MAX_SIZE * 111.2:.0f} km), for example "
             f"--area={south:.1f},{west:.1f},{south + 0.1:.1f},{west + 0.1:.1f}"
         )
 

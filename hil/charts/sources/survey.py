@@ -70,6 +70,7 @@ class Survey(NamedTuple):
     - `beds`: names and depths of rasters that come before all other data, in order of precedence.
     - `fillers`: names and depths of rasters that are used only where no other data are, in order of precedence.
     - `charted`: other charted objects.
+    - `is_cropped`: whether it is a part of the area that the files cover.
     """
 
     source: str
@@ -88,6 +89,7 @@ class Survey(NamedTuple):
     beds: tuple[tuple[str, Bed], ...] = ()
     fillers: tuple[tuple[str, Bed], ...] = ()
     charted: ChartedObjects = ChartedObjects()
+    is_cropped: bool = False
 
 
 def resample(line: Array, step: float) -> Array:
