@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from sim.rotations import matrix
-from sim.sensors.imaging.fan_picture import SIZE, map_fan_pixels, strengths
+from sim.sensors.imaging.fan_picture import SIZE, map_fan_pixels, scale_echoes
 from sim.sensors.imaging.samples import SideScanSample, SonarImageSample
 from sim.sensors.mounting import Mounting
 
@@ -35,7 +35,7 @@ def fan_picture(sample: SonarImageSample) -> Any:
     """Return a forward-looking sonar's picture as a fan, with ahead at the top and port on the left."""
     places, inside = map_fan_pixels(sample.beams, sample.bins, sample.first_range, sample.range_step, FAN_SIZE)
     picture = np.full((*inside.shape, 3), BACKGROUND)
-    picture[inside] = _copper(strengths(sample).ravel().take(places[inside]))
+    picture[inside] = _copper(scale_echoes(sample).ravel().take(places[inside]))
     return picture
 
 
@@ -45,7 +45,7 @@ def fan_points(sample: SonarImageSample, altitude: float, mounting: Mounting = M
     A sonar picture has no vertical angle, so echoes are placed on a level seabed `altitude` m below the vehicle. Those
     with a range shorter than to the seabed are placed in the plane of the sonar's fan.
     """
-    echoes = strengths(sample)
+    echoes = scale_echoes(sample)
     step = max(1, round((echoes.size / MOST_ECHOES) ** 0.5))
     echoes = echoes[::step, ::step]
     ranges = (sample.first_range + (np.arange(sample.bins) + 0.5) * sample.range_step)[::step, None]

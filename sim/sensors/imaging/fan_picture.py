@@ -13,7 +13,7 @@ SIZE = 360  # pixels of the radius
 _DECADES = 4.0  # of true intensities that are shown, from white down to black
 
 
-def strengths(sample: SonarImageSample) -> NDArray[Any]:
+def scale_echoes(sample: SonarImageSample) -> NDArray[Any]:
     """Return the echoes (bins x beams) as 0 to 1; true intensities on a scale of 40 dB below the maximum."""
     if sample.encoding == "uint8":
         return np.frombuffer(sample.intensities, np.uint8).reshape(sample.bins, -1) / 255.0
@@ -25,7 +25,7 @@ def strengths(sample: SonarImageSample) -> NDArray[Any]:
 
 def render_fan(sample: SonarImageSample, size: int = SIZE) -> NDArray[np.uint8]:
     """Return the fan as grey levels (height x width), `size` pixels high; 0 outside the fan."""
-    echoes = strengths(sample)
+    echoes = scale_echoes(sample)
     cells, inside = map_fan_pixels(sample.beams, sample.bins, sample.first_range, sample.range_step, size)
     grey = (255.0 * echoes).astype(np.uint8).ravel()
     picture: NDArray[np.uint8] = np.where(inside, grey.take(cells), 0).astype(np.uint8)
