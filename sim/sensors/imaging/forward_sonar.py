@@ -48,10 +48,11 @@ class ForwardSonarModel(NamedTuple):
 
     Defaults: Blueprint Subsea Oculus M750d at 750 kHz (130 x 20 deg, 512 beams of 1 deg, 0.1 to 120 m, 40 Hz at most;
     sources in sim/sensors/devices/oculus_m750d.toml), set to 50 m and bins of 10 cm; levels, looks, losses and the
-    picture are our choice. Side lobes: those of a Reson SeaBat 7125 were measured to be below -17 dB (Lanzoni & Weber
-    2010, OCEANS). Their floor: errors of 1 dB and 10 deg, our choice, in a line of 102 elements, which has beams of 1
-    deg. Comparison with pictures of real devices: docs/how-to/imaging.md. Seabed: Mackenzie 1961; objects 7 dB more
-    and the surface 3 dB less, our choice. Scale: an error of the speed of sound of 7 m/s.
+    picture are our choice. Side lobes: those of the transmitted beam of a Reson SeaBat 7125 were measured to be below
+    -17 dB (Lanzoni & Weber 2010, OCEANS). Their floor: errors of 1 dB and 10 deg, our choice, in a line of 102
+    elements, which has beams of 1 deg. Comparison with pictures of real devices: docs/how-to/imaging.md. Seabed:
+    Mackenzie 1961; objects 7 dB more and the surface 3 dB less, our choice. Scale: an error of the speed of sound of 7
+    m/s.
     """
 
     rate: Annotated[float, Range(0.0, 100.0, "Hz")] = 5.0
