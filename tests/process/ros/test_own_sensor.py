@@ -164,7 +164,7 @@ def test_a_planner_receives_an_own_sensor_in_simulation_and_over_the_network(sen
         ('[sensors.mine]\nclass = "my_sensors:Bare"', "sensors: mine: key 'rate' is missing"),
         ('[sensors.mine]\nclass = "my_sensors:Bare"\nrate = 1\nx = 2', "does not take these keys"),
         ('[sensors.mine]\nclass = "my_sensors:Deaf"\nrate = 1', "my_sensors:Deaf has no method 'begin'"),
-        ('[sensors.mine]\nclass = "my_sensors:Typeless"\nrate = 1', "does not say its `message`"),
+        ('[sensors.mine]\nclass = "my_sensors:Typeless"\nrate = 1', "has no attribute `message`"),
         ('[sensors.mine]\nclass = "my_sensors:Unknown"\nrate = 1', "did you mean 'std_msgs/msg/Float64'"),
         ('[sensors.mine]\nclass = "my_sensors:Nothing"\nrate = 1', "my_sensors has no 'Nothing'"),
         ('[sensors.odom]\nclass = "my_sensors:Bare"\nrate = 1', "the topic 'odom' is taken"),
