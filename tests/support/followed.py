@@ -36,7 +36,7 @@ CHARTS = os.environ.get("UUV_HIL_CHARTS", "")
 # What runs until Ctrl-C, and what it says when it does what it is for.
 UNTIL_CTRL_C = {
     "--view": r"watch at", "slave": r"ready", "router": r"forwarding", "stm32": r"Ctrl-C", "gateway": r"lines of JSON",
-    "foxglove": r"here:", "topic hz": r"[1-9]\d*\.\d\d Hz", "topic pub": r"publishing", "top": r"loop \(Hz\)",
+    "foxglove": r"connected:", "topic hz": r"[1-9]\d*\.\d\d Hz", "topic pub": r"publishing", "top": r"loop \(Hz\)",
     "record": r"recording", "agent": r"", "channel": r"modems of", "view": r"watch at", "mavlink": r"Ctrl-C ends it",
 }  # fmt: skip
 SERVERS = ("slave", "stm32", "router")  # they stay while the rest of the page is followed

@@ -36,16 +36,19 @@ def kill(program: Program, least: int) -> None:
 
 
 @pytest.fixture
-def scratch(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
-    """Provide a folder for temporary files; after the next start nothing is in it."""
-    folder = tmp_path / "scratch"
-    folder.mkdir()
+def scratch(monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
+    """Provide a folder for temporary files; after the next start nothing is in it.
+
+    Its path is short, because the path of a UNIX socket has at most 107 bytes.
+    """
+    folder = Path(tempfile.mkdtemp(dir="/tmp"))
     for name in ("TMPDIR", "XDG_RUNTIME_DIR"):
         monkeypatch.setenv(name, str(folder))
     monkeypatch.setattr(tempfile, "tempdir", None)
     yield folder
     ScratchFolder("next").close()
     assert not list(folder.iterdir())
+    folder.rmdir()
 
 
 @pytest.mark.parametrize(

@@ -128,7 +128,7 @@ def test_stream_measures_a_real_slave(tmp_path: Path, capsys: pytest.CaptureFixt
     assert 0.0 < figures["imu age p50"].median <= figures["imu age p99"].median
     assert figures["ground_truth rate"].median == 0.0
     assert figures["ground_truth missing"].median == 100.0
-    assert "nothing came on ground_truth" in capsys.readouterr().out
+    assert "nothing was received on ground_truth" in capsys.readouterr().out
 
 
 @retried_when_busy("processes that get no turn for a while")

@@ -58,9 +58,8 @@ def test_a_run_without_answers_gives_a_warning() -> None:
 def test_text_leaves_out_quantiles_of_too_few_commands() -> None:
     result = some_result([0.7] * 200, warnings=["a clock"])
     lines = text({"case": result}).splitlines()
-    assert lines[2].split() == [
-        "case", "200/200", "0.700", "0.700", "0.700", "-", "0.700", "0.050", "0.650", "0.060", "0.050", "4.0",
-    ]  # fmt: skip
+    assert lines[2].split() == ["case", "200/200", "0.700", "0.700", "0.700", "-", "0.700", "4.0"]
+    assert lines[6].split() == ["case", "0.050", "0.650", "0.060", "0.050"]
     assert "0.100 (14%)" in text({"case": result})
     assert lines[-1] == "WARNING, case: a clock"
 
@@ -118,11 +117,11 @@ def test_a_slave_on_another_machine_reports_its_line() -> None:
 def test_missing_figures_are_shown_as_missing() -> None:
     """The floor is missing without an echo and without UDP replies; it is not 0."""
     none = text({"case": some_result([0.7] * 20, udp=[], tcp=[])})
-    assert none.splitlines()[2].split()[7:] == ["-", "-", "-", "-", "4.0"]
+    assert none.splitlines()[6].split() == ["case", "-", "-", "-", "-"]
     assert "no floor" in none
     assert "uuv-hil bench echo" in none
-    deaf = text({"case": some_result([0.7] * 20, udp=[])}).splitlines()[2].split()
-    assert deaf[7:] == ["0.050", "0.650", "-", "0.050", "4.0"]
+    deaf = text({"case": some_result([0.7] * 20, udp=[])}).splitlines()[6].split()
+    assert deaf == ["case", "0.050", "0.650", "-", "0.050"]
     assert "nan" not in text({"case": some_result([])})
 
 
@@ -134,7 +133,7 @@ def test_conditions_that_differ_from_the_request_give_warnings() -> None:
     assert doubts(some_result([0.7] * 20, rate=20.9)) == []
     assert "5 of 25 commands were not answered" in doubts(some_result([0.7] * 20, sent=25))[0]
     assert "at 150.0 Hz instead of 200" in doubts(some_result([0.7] * 20, rate=150.0), Plan(rate=200.0))[0]
-    assert "gone 2 times" in doubts(some_result([0.7] * 20), losses=2)[0]
+    assert "lost 2 times" in doubts(some_result([0.7] * 20), losses=2)[0]
     assert doubts(some_result([0.7], rate=float("nan"))) == []
     assert doubts(some_result([0.7] * 20, motion=[]), Plan(steps=1)) == [], "the first step does not count"
     assert "3 of 9 steps in surge did not show" in doubts(some_result([0.7] * 20, motion=[4.0] * 6))[0]
