@@ -336,9 +336,10 @@ def _kernel(a: Array, b: Array, power: float) -> Array:
     from scipy.spatial.distance import cdist
 
     distances = cdist(a, b)
-    halves = np.sqrt(distances)
-    if power != 1.5:
-        quarters = np.sqrt(halves)
-        halves = quarters if power < 1.5 else halves * quarters
-    distances *= -halves
+    root = np.sqrt(distances)  # the factor of a power of 1.5
+    if power == 1.25:
+        np.sqrt(root, out=root)
+    elif power == 1.75:
+        root *= np.sqrt(root)
+    distances *= -root
     return np.asarray(distances)

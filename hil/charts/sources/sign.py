@@ -1,6 +1,6 @@
 """Decide whether values are heights or depths, find their unit, and check that they are possible on the earth.
 
-Heights and depths are told apart by options, names, or signs if all values have the same; there is no guess.
+Options, names, or signs that all values share distinguish heights from depths; there is no guess.
 """
 
 import re

@@ -10,7 +10,7 @@ columns = 16
 
 A byte is the number of a material in S-57 (attribute 113, NATSUR, nature of surface), or 0 where it is unknown: there
 the seabed is that of `[bottom]`. Between four nodes the material with the largest bilinear weight is used. The weights
-vary with the position (`_RAGGED`), so that a border is neither stepped at nodes nor a straight line. The file is
+vary with the position (`_BORDER_WAVES`), so that a border is neither stepped at nodes nor a straight line. The file is
 memory-mapped when a sonar or a camera first needs it. sim.environment.things.natures has the materials' properties.
 """
 
@@ -36,8 +36,8 @@ if TYPE_CHECKING:
 
 
 UNKNOWN = 0
-# Waves: share of a weight, cycles a node to the north and to the east. All of them together are below a half.
-_RAGGED = ((0.11, 0.61, 0.37), (0.09, -0.83, 1.49), (0.06, 2.27, -1.91), (0.04, 3.1, 4.7))
+# Waves along borders: share of a weight, cycles per node to the north and to the east. Their sum is below 1/2.
+_BORDER_WAVES = ((0.11, 0.61, 0.37), (0.09, -0.83, 1.49), (0.06, 2.27, -1.91), (0.04, 3.1, 4.7))
 _CODES = 256
 
 
@@ -76,8 +76,8 @@ class BottomMap:
             scores[code] = scores.get(code, 0.0) + weight
         if len(scores) == 1:
             return next(iter(scores))
-        ragged = _raggedness(sin, x, y)
-        return max(scores, key=lambda code: scores[code] + _lean(code) * ragged)
+        ragged = _border_waves(sin, x, y)
+        return max(scores, key=lambda code: scores[code] + _wave_factor(code) * ragged)
 
     def codes(self, north: Any, east: Any) -> "Codes":
         """Return S-57's numbers of the material at positions (m, arrays of one shape), 0 if unknown."""
@@ -93,12 +93,12 @@ class BottomMap:
         if min(extremes[::2]) < -0.5 or max(extremes[1::2]) >= 0.5:
             outside = (x < -0.5) | (x >= keys.rows - 0.5) | (y < -0.5) | (y >= keys.columns - 0.5)
             x, y = np.clip(x, 0, keys.rows - 1), np.clip(y, 0, keys.columns - 1)
-        window = grid[_span(x, keys.rows), _span(y, keys.columns)]
+        window = grid[_nodes_around(x, keys.rows), _nodes_around(y, keys.columns)]
         if window.size < x.size and (window == window[0, 0]).all():  # most often
             found = np.full(x.shape, window[0, 0])
         else:
             x, y = np.clip(x, 0, keys.rows - 1), np.clip(y, 0, keys.columns - 1)
-            found = _heaviest(grid, x.astype(np.float32), y.astype(np.float32))
+            found = _codes_at(grid, x.astype(np.float32), y.astype(np.float32))
         if outside is not None:
             found[outside] = UNKNOWN
         return found
@@ -137,13 +137,13 @@ class BottomMap:
         return self._mapped
 
 
-def _span(places: Any, count: int) -> slice:
-    """Return the nodes around places, of `count`."""
-    return slice(max(int(places.min()), 0), min(int(places.max()), count - 1) + 2)
+def _nodes_around(positions: Any, count: int) -> slice:
+    """Return the range of nodes, of `count` along an axis, around positions (in nodes)."""
+    return slice(max(int(positions.min()), 0), min(int(positions.max()), count - 1) + 2)
 
 
-def _heaviest(grid: "Codes", x: "Floats", y: "Floats") -> "Codes":
-    """Return the codes that count at places (nodes) within the grid."""
+def _codes_at(grid: "Codes", x: "Floats", y: "Floats") -> "Codes":
+    """Return the code with the largest weight at each position (in nodes), which must be within the grid."""
     import numpy as np
 
     rows, columns = grid.shape
@@ -158,23 +158,23 @@ def _heaviest(grid: "Codes", x: "Floats", y: "Floats") -> "Codes":
         here, x, y = corners[:, mixed], x[mixed], y[mixed]
         u, v = x - row[mixed], y - column[mixed]
         weights = (1.0 - u) * (1.0 - v), (1.0 - u) * v, u * (1.0 - v), u * v
-        ragged, best, heaviest = _raggedness(np.sin, x, y), np.zeros(len(x), np.float32), here[0].copy()
+        ragged, best, heaviest = _border_waves(np.sin, x, y), np.zeros(len(x), np.float32), here[0].copy()
         for code in np.flatnonzero(np.bincount(here.ravel(), minlength=_CODES)):
             weight = sum(part * (corner == code) for part, corner in zip(weights, here, strict=True))
-            score = np.where(weight > 0.0, weight + np.float32(_lean(int(code))) * ragged, 0.0)
+            score = np.where(weight > 0.0, weight + np.float32(_wave_factor(int(code))) * ragged, 0.0)
             better = score > best
             best[better], heaviest[better] = score[better], code
         found[mixed] = heaviest
     return found
 
 
-def _raggedness(sine: Any, x: Any, y: Any) -> Any:
-    """Return what goes to the weight of a kind at places (nodes), or comes from it: the sum of waves."""
-    return sum(size * sine(2.0 * pi * (along * x + across * y)) for size, along, across in _RAGGED)
+def _border_waves(sine: Any, x: Any, y: Any) -> Any:
+    """Return the change of a weight at positions (in nodes) that makes borders irregular: the sum of the waves."""
+    return sum(size * sine(2.0 * pi * (along * x + across * y)) for size, along, across in _BORDER_WAVES)
 
 
-def _lean(code: int) -> float:
-    """Return how much of the waves a kind takes, -1 to 1: others than its neighbours do."""
+def _wave_factor(code: int) -> float:
+    """Return the factor (-1 to 1) of the waves for a material; it differs, so that one gains where another loses."""
     return sin(2.4 * code)
 
 

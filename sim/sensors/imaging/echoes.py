@@ -136,9 +136,8 @@ class Bins:
         self._origin = first - self._skipped * step
         middles = self._origin + step * (np.arange(self._skipped + round(MARGIN * STRETCH * count) + 1) + 0.5)
         self._decay = np.maximum(middles / step, 1.0) ** -5 * 10.0 ** (-0.2 * absorption * middles)
-        self._integral = np.append(
-            np.cumsum(self._decay[::-1])[::-1], 0.0
-        )  # summed from the far end, where it is smallest
+        # Summed from the far end, where the terms are smallest.
+        self._integral = np.append(np.cumsum(self._decay[::-1])[::-1], 0.0)
 
     def distribute(self, echoes: Echoes, beams: int, selected: NDArray[np.bool_] | None = None) -> Floats:
         """Return the energy by beam and bin (beams x bins); only that of the `selected` echoes if given (mask of n).
@@ -161,11 +160,12 @@ class Bins:
             remainder = (position - number) * slope
             index += [rows + number, rows + number + 1]
             change += [slope - remainder, remainder]
-        slopes = np.bincount(np.concatenate(index), np.concatenate(change), beams * width)
-        sums = np.cumsum(slopes.reshape(beams, width), axis=1)[:, : self.count]
-        by_bin: Floats = np.maximum(
-            sums, 0.0, out=sums.astype(float, copy=False)
-        )  # negative values are rounding errors
+        # Without echoes bincount returns integers.
+        slopes: Floats = np.bincount(np.concatenate(index), np.concatenate(change), beams * width).astype(
+            float, copy=False
+        )
+        by_bin: Floats = np.cumsum(slopes.reshape(beams, width), axis=1)[:, : self.count]
+        np.maximum(by_bin, 0.0, out=by_bin)  # negative values are rounding errors
         by_bin *= self._decay[self._skipped : self._skipped + self.count]
         return by_bin
 

@@ -72,7 +72,7 @@ class PulseReceiver:
                 + ringing_amplitude
             )
             total += received * received
-            ringing_amplitude = np.float32(0.0)
+            ringing_amplitude = np.float32(0.0)  # it has one phase, so it is in the first part only
         intensities: Floats = total / np.float32(self._parts)
         return intensities
 
