@@ -186,13 +186,15 @@ class VehicleClient:
 
         The vehicle makes a description ("map") only after it was named here.
         """
-        for topic in sorted(topics, key=ALL.__ne__):  # ALL first: it includes the others, which must not come twice
+        for topic in sorted(topics, key=ALL.__ne__):  # ALL first, as it includes the others
             with self._watching:
                 self.announce(topic)
                 if topic in self._watched or (topic not in DESCRIPTIONS and self._is_watched(topic)):
                     continue  # ALL includes a description only if the vehicle makes it later
                 self._watched.add(topic)
-                self.session.subscribe(self.node, topic, self._deliver, PICTURES if is_picture(topic) else QUEUE)
+                apart = topic in (ALL, *DESCRIPTIONS) or is_picture(topic)
+                deliver = self._deliver if apart else self._deliver_unless_all
+                self.session.subscribe(self.node, topic, deliver, PICTURES if is_picture(topic) else QUEUE)
             if self.contact.present and not is_picture(topic):
                 fetch_last(self.session, self.node, self._deliver_last, topic)  # some topics have a period of 1 s
 
@@ -313,6 +315,10 @@ class VehicleClient:
                 "one first, or take over with --take-over (in Python take_over=True)"
             )
         return ""
+
+    def _deliver_unless_all(self, topic: str, payload: bytes, attachment: bytes) -> None:
+        if ALL not in self._watched:  # the subscription to all topics delivers the message too
+            self._deliver(topic, payload, attachment)
 
     def _deliver(self, topic: str, payload: bytes, attachment: bytes) -> None:
         received_ns = now_ns()

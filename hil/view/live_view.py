@@ -104,7 +104,7 @@ class LiveView:
         self._panels.choose_from(names)
         for line in self._source.log_lines():
             self._panels.add_log_line(line)
-        self._source.show_pictures(bool(self._panels.pictures.value) and self.viewers > 0)
+        self._source.show(self.viewers > 0, bool(self._panels.pictures.value))
         self._frames += 1
         if not self.viewers and self._frames % TRACK_EVERY:
             return

@@ -68,7 +68,7 @@ class LiveSource:
     def __exit__(self, *_: object) -> None:
         self.recorder.stop()
         self._plans.__exit__()
-        self.show_pictures(False)
+        self._show_pictures(False)
         self._fleet.close()
         with self._waking:
             self._is_closed = True
@@ -137,8 +137,14 @@ class LiveSource:
         medians = {hop: quantile(sorted(values), 0.5) / 1e6 for hop, values in zip(HOPS, columns, strict=True)}
         return [(sample.total_ns + offset_ns) / 1e6 for sample in samples], medians
 
-    def show_pictures(self, wanted: bool) -> None:
-        """Open or close the session for pictures."""
+    def show(self, viewed: bool, with_pictures: bool) -> None:
+        """Subscribe to all samples when somebody looks; open or close the session for pictures."""
+        if viewed:
+            for vehicle in self._known.values():
+                vehicle.client.watch(ALL)
+        self._show_pictures(viewed and with_pictures)
+
+    def _show_pictures(self, wanted: bool) -> None:
         with self._lock:
             pictures, self._pictures = self._pictures, None
             if wanted:
@@ -171,7 +177,7 @@ class LiveSource:
             vehicle = self._fleet.wait_for(name, seconds=0.0)[0]
         except NetworkError:  # it is present, but has sent nothing yet; the next update tries again
             return
-        vehicle.client.watch(ALL)
+        vehicle.client.watch(*PLACES)  # for the tracks, also while nobody looks
         vehicle.notify(self._on_sample)
         self._known[name] = vehicle
 

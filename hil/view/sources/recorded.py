@@ -89,7 +89,7 @@ class RecordedSource:
         """Return no delays; `uuv-hil plot` draws those of a recording."""
         return [], {}
 
-    def show_pictures(self, wanted: bool) -> None:
+    def show(self, viewed: bool, with_pictures: bool) -> None:
         """Do nothing, as the pictures of a recording are always read."""
 
     def log_lines(self) -> list[str]:

@@ -80,7 +80,7 @@ class SimulatedSource:
         """Return no delays, as there is no network and no link."""
         return [], {}
 
-    def show_pictures(self, wanted: bool) -> None:
+    def show(self, viewed: bool, with_pictures: bool) -> None:
         """Do nothing, as the scenario decides which cameras and sonars are simulated."""
 
     def log_lines(self) -> list[str]:

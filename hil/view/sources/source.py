@@ -40,8 +40,8 @@ class Source(Protocol):
     def delays_ms(self, name: str) -> tuple[list[float], dict[str, float]]:
         """Return the delays (ms) of the newest commands, and the median (ms) of each hop; empty if not known."""
 
-    def show_pictures(self, wanted: bool) -> None:
-        """Begin to receive pictures of cameras and sonars, or stop it."""
+    def show(self, viewed: bool, with_pictures: bool) -> None:
+        """Receive what is drawn: all samples if somebody looks, and then pictures of cameras and sonars too."""
 
     def log_lines(self) -> list[str]:
         """Return what happened since the last call, a line each."""

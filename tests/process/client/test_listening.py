@@ -42,6 +42,17 @@ def test_only_subscribed_topics_are_sent(endpoint: str) -> None:
         assert "pressure" not in client.latest
 
 
+def test_a_topic_is_delivered_once_when_all_are_subscribed_later(endpoint: str) -> None:
+    with VehicleClient(endpoint, "uuv1", topics=("odom",)) as client:
+        assert client.wait_for_vehicle(60)
+        client.watch(ALL)
+        assert wait_for(lambda: client.received["imu"] > 50)
+        odom, imu = client.received["odom"], client.received["imu"]
+        assert wait_for(lambda: client.received["imu"] > imu + 200)
+        share = (client.received["odom"] - odom) / (client.received["imu"] - imu)
+        assert share < 0.3, "20 of them for 100 of those"
+
+
 def test_a_client_without_a_choice_of_topics_gets_all(endpoint: str) -> None:
     with VehicleClient(endpoint, "uuv1") as client:
         assert wait_for(lambda: {"imu", "pressure", "odom", "dvl", "ground_truth"} <= set(client.latest))
