@@ -10,7 +10,7 @@ from hil.common.scratch import ScratchFolder
 from hil.common.tables import PROGRAM
 
 NAME = PROGRAM
-MOST_PROGRAMS = 8  # in the cache, from different versions, compilers and checkouts
+MAX_PROGRAMS = 8  # in the cache, from different versions, compilers and checkouts
 FOLDERS = ("include", "src", "src/native")
 
 
@@ -46,7 +46,7 @@ def _prune(folder: str) -> None:
     with suppress(OSError):  # another process may remove the same file
         with os.scandir(folder) as entries:
             programs = [entry for entry in entries if entry.is_file() and entry.name.startswith(f"{NAME}-")]
-        for old in sorted(programs, key=lambda entry: entry.stat().st_mtime_ns)[:-MOST_PROGRAMS]:
+        for old in sorted(programs, key=lambda entry: entry.stat().st_mtime_ns)[:-MAX_PROGRAMS]:
             os.unlink(old)
 
 

@@ -85,8 +85,8 @@ def _no_recordings_in_the_repository() -> Iterator[None]:
     assert before or not DEFAULT_RECORDINGS.exists(), f"{DEFAULT_RECORDINGS} was made: give the recording tmp_path"
 
 
-MOST_SECONDS = 300  # for a test, whatever else the machine does: one that takes longer hangs
-MOST_SYSTEM_SECONDS = 600  # for one that starts emulators and benchmarks
+MAX_SECONDS = 300  # for a test, whatever else the machine does: one that takes longer hangs
+MAX_SYSTEM_SECONDS = 600  # for one that starts emulators and benchmarks
 
 
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
@@ -95,7 +95,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
         for item in items:
             if not item.get_closest_marker("timeout"):
                 is_system = SYSTEM_TESTS in item.path.parents
-                item.add_marker(pytest.mark.timeout(MOST_SYSTEM_SECONDS if is_system else MOST_SECONDS))
+                item.add_marker(pytest.mark.timeout(MAX_SYSTEM_SECONDS if is_system else MAX_SECONDS))
 
 
 @pytest.fixture(scope="session")

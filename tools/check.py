@@ -6,7 +6,7 @@
 
 A test that fails in parallel with others may have been late on a busy machine: it runs once more, alone, after its
 part. If it then passes, the part passes, and the test is listed as a defect, because it depends on the machine. A test
-that fails twice fails the part. More than `MOST_BY_CHANCE` failures are not tried again.
+that fails twice fails the part. More than `MAX_BY_CHANCE` failures are not tried again.
 """
 
 import argparse
@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 ROOT = Path(__file__).parent.parent
-MOST_BY_CHANCE = 20
+MAX_BY_CHANCE = 20
 TESTS_FAILED = 1  # pytest's exit status; others say that tests could not be collected, or that there was none
 # The tests of a file share what is expensive to start, and run one after the other. Those of tests/process mostly
 # wait, so several run on each processor; they come first, and the many short files of tests/unit fill the end.
@@ -87,7 +87,7 @@ def run_tests(
         if status == 0:
             return [], []
         first = last_failed(Path(cache))
-        if status != TESTS_FAILED or not again or not 0 < len(first) <= MOST_BY_CHANCE:
+        if status != TESTS_FAILED or not again or not 0 < len(first) <= MAX_BY_CHANCE:
             return first or [f"pytest: exit status {status}"], []
         print(f"{len(first)} failed beside others; once more, alone:", *first, sep="\n  ", flush=True)
         status = run([*pytest, "--last-failed", "--last-failed-no-failures", "none", "-n", "0"], folder)

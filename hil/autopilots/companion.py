@@ -31,7 +31,7 @@ from sim.sensors.samples import DvlSample, OdometrySample
 SYSTEM: int = 1
 COMPONENT: int = dialect.MAV_COMP_ID_VISUAL_INERTIAL_ODOMETRY
 HEARTBEAT_NS = NS_PER_S  # simulation time between heartbeats, attempts to connect, and messages with the origin
-MOST_DELTA_NS = NS_PER_S // 2  # greatest time between two DVL samples for a position delta
+MAX_DELTA_NS = NS_PER_S // 2  # greatest time between two DVL samples for a position delta
 FULL_CONFIDENCE = 100.0  # %
 TOPICS = {"odometry": "odom", "dvl": "dvl", "gps": "gps"}
 GPS_UNKNOWN = dialect.GPS_INPUT_IGNORE_FLAG_HDOP | dialect.GPS_INPUT_IGNORE_FLAG_VDOP
@@ -84,7 +84,7 @@ class Companion:
             return [encode_gps_input(time_us, inputs.fix, inputs.antenna_velocity(truth))]
         dvl, before_ns = inputs.dvl, self._dvl_ns
         self._dvl_ns = dvl.time_ns if dvl.locked else None
-        if not dvl.locked or before_ns is None or not 0 < dvl.time_ns - before_ns <= MOST_DELTA_NS:
+        if not dvl.locked or before_ns is None or not 0 < dvl.time_ns - before_ns <= MAX_DELTA_NS:
             return []
         return [encode_position_delta(time_us, dvl, inputs.gyro, dvl.time_ns - before_ns)]
 

@@ -19,7 +19,7 @@ from sim.vehicle.vehicle import Vehicle
 
 FRAMES = "hil/autopilots/frames"
 AUTO, CUSTOM = "auto", "custom"
-LEAST_COSINE = 0.75  # between a row and a wrench, for force and torque each; 45 degrees are 0.71
+MIN_COSINE = 0.75  # between a row and a wrench, for force and torque each; 45 degrees are 0.71
 
 Share = Annotated[float, Range(-1.0, 1.0)]
 Row = tuple[Share, Share, Share, Share, Share, Share]
@@ -127,8 +127,8 @@ def _similarity(row: Sequence[float], column: Sequence[float]) -> float:
     force, torque = _cosine(row[:3], column[:3]), _cosine(row[3:], column[3:])
     if torque is None or force is None:  # one of the wrenches has no torque or no force, so only the other counts
         only = force if torque is None else torque
-        return only if only is not None and abs(only) >= LEAST_COSINE else 0.0
-    if force * torque <= 0.0 or min(abs(force), abs(torque)) < LEAST_COSINE:
+        return only if only is not None and abs(only) >= MIN_COSINE else 0.0
+    if force * torque <= 0.0 or min(abs(force), abs(torque)) < MIN_COSINE:
         return 0.0
     return 0.5 * (force + torque)
 

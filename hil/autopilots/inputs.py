@@ -17,7 +17,7 @@ from sim.sensors.samples import OdometrySample
 
 AT_REST: Vector3 = (0.0, 0.0, -9.80665)
 HOME = (50.0, 8.0)  # latitude and longitude, degrees, for a world without an origin
-LEAST_IMU_HZ = 50.0
+MIN_IMU_HZ = 50.0
 IN_SENSOR_AXES = ("imu", "magnetometer", "dvl")  # sensors whose samples are along their own axes
 
 
@@ -25,14 +25,14 @@ class SensorInputs:
     """Newest sample of each sensor; a sensor that is missing or sends nothing has its last or initial value.
 
     `fresh`: topics with a new sample since the caller cleared the set. Positions are NED in m. Raises ConfigError for a
-    vehicle without an IMU, or with one below LEAST_IMU_HZ.
+    vehicle without an IMU, or with one below MIN_IMU_HZ.
     """
 
     def __init__(self, scenario: Scenario, world: World) -> None:
         fitted = scenario.sensors
-        if "imu" not in fitted or fitted["imu"].model.rate < LEAST_IMU_HZ:
+        if "imu" not in fitted or fitted["imu"].model.rate < MIN_IMU_HZ:
             raise ConfigError(
-                f"{scenario.path}: sensors: imu: an autopilot needs an IMU of at least {LEAST_IMU_HZ:g} Hz; "
+                f"{scenario.path}: sensors: imu: an autopilot needs an IMU of at least {MIN_IMU_HZ:g} Hz; "
                 'set [sensors.imu] rate = "400 Hz"'
             )
         self._antenna = fitted["gps"].mounting if "gps" in fitted else Mounting()

@@ -15,7 +15,7 @@ _LAYOUTS = {
     struct.calcsize(f"<HHI{count}H"): (magic, struct.Struct(f"<HHI{count}H"))
     for magic, count in ((MAGIC_16, 16), (MAGIC_32, 32))
 }
-MOST_RANGES, MOST_RC = 6, 12
+MAX_RANGES, MAX_RC = 6, 12
 
 
 class ServoPacket(NamedTuple):
@@ -64,13 +64,13 @@ def encode_state(state: JsonState) -> bytes:
         f'"position":{_vector(state.position)}',
         f'"velocity":{_vector(state.velocity)}',
         f'"quaternion":{_vector(state.quaternion)}',
-        *[f'"rng_{number}":{value:.3f}' for number, value in enumerate(state.ranges[:MOST_RANGES], 1)],
+        *[f'"rng_{number}":{value:.3f}' for number, value in enumerate(state.ranges[:MAX_RANGES], 1)],
     ]
     if state.geodetic:
         latitude, longitude, altitude = state.geodetic
         parts.append(f'"latitude":{latitude:.9f},"longitude":{longitude:.9f},"altitude":{altitude:.4f}')
     if state.rc:
-        channels = [f'"rc_{number}":{pulse}' for number, pulse in enumerate(state.rc[:MOST_RC], 1)]
+        channels = [f'"rc_{number}":{pulse}' for number, pulse in enumerate(state.rc[:MAX_RC], 1)]
         parts.append(f'"rc":{{{",".join(channels)}}}')
     if state.battery:
         voltage, current = state.battery

@@ -15,7 +15,7 @@ FOLDER = "hil/autopilots/parameters"
 ENDING = ".parm"
 UNDERWATER_VEHICLE = 7  # PX4's CA_AIRFRAME for a vehicle with motors in any pose
 MOTOR_1 = 101  # PX4's output function of its first motor
-MOST_ROTORS = 12
+MAX_ROTORS = 12
 
 Parameters = Mapping[str, float]
 NO_SENSORS: SensorSet = MappingProxyType({})
@@ -120,11 +120,11 @@ def ardusub_frame(motors: MotorMap) -> Parameters:
 def px4_geometry(vehicle: Vehicle, motors: MotorMap) -> Parameters:
     """Return PX4's control allocation of the motors: positions (m from the body origin) and directions (FRD).
 
-    Raises ConfigError for more than MOST_ROTORS thrusters.
+    Raises ConfigError for more than MAX_ROTORS thrusters.
     """
-    if len(vehicle.thrusters) > MOST_ROTORS:
+    if len(vehicle.thrusters) > MAX_ROTORS:
         raise ConfigError(
-            f"{vehicle.name}: has {len(vehicle.thrusters)} thrusters, but PX4 allocates at most {MOST_ROTORS}; "
+            f"{vehicle.name}: has {len(vehicle.thrusters)} thrusters, but PX4 allocates at most {MAX_ROTORS}; "
             "use a vehicle with fewer"
         )
     parameters: dict[str, float] = {"CA_AIRFRAME": UNDERWATER_VEHICLE, "CA_ROTOR_COUNT": len(vehicle.thrusters)}

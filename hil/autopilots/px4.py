@@ -29,7 +29,7 @@ RC_PERIOD_NS = NS_PER_S // 50
 HEARTBEAT_NS = NS_PER_S
 HEARTBEAT_TIMEOUT_NS = 3 * NS_PER_S  # without messages, after which a board is not connected
 UNREADABLE_BYTES = 2000  # received without any packet, after which a wrong baud rate is reported
-MOST_READS = 64  # of the wire in one call of `receive`
+MAX_READS = 64  # of the wire in one call of `receive`
 
 
 class Px4(Autopilot):
@@ -99,7 +99,7 @@ class Px4(Autopilot):
     def receive(self, now: int) -> Outputs | None:
         """Return the newest outputs. Raises DeviceError."""
         newest = None
-        for _ in range(MOST_READS):
+        for _ in range(MAX_READS):
             data = self._wire.read()
             self._check_peer()
             if not data:

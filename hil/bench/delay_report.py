@@ -15,7 +15,7 @@ from hil.plots.plotting import pyplot, save_figure
 SHARES = {"p50": 0.5, "p90": 0.9, "p99": 0.99, "p99.9": 0.999, "max": 1.0}
 ENOUGH = 1.0  # commands beyond a quantile that is shown; with fewer the quantile is only the maximum
 COLORS = ("#1e3a8a", "#1d4ed8", "#60a5fa", "#f59e0b", "#facc15", "#9ca3af", "#c2410c")  # of the hops
-MOST_SHOWN = 0.98  # share of the commands of each configuration in the histogram, if the rest are far away
+MAX_SHOWN = 0.98  # share of the commands of each configuration in the histogram, if the rest are far away
 FAR = 2.0  # times the delay of the others
 SQUEEZED = 5.0  # largest delay over the histogram's end, beyond which the time series has a logarithmic axis
 BINS = 60
@@ -63,7 +63,7 @@ def _range(results: Mapping[str, Result]) -> tuple[float, float]:
     """Return the range of the histogram: all delays, or most of them if the rest are far away."""
     delays = [sorted(result.delay) for result in results.values() if result.delay]
     high = max((values[-1] for values in delays), default=1.0)
-    most = max((quantile(values, MOST_SHOWN) for values in delays), default=1.0)
+    most = max((quantile(values, MAX_SHOWN) for values in delays), default=1.0)
     low = min((values[0] for values in delays), default=0.0)
     return min(low, 0.0), (FAR * most if 0.0 < FAR * most < high else max(high, 0.0) or 1.0)
 

@@ -24,11 +24,11 @@ from hil.common.scratch import lock_unused
 ROOT = "/sys/fs/cgroup"
 SYSTEMD = "/run/systemd/system"  # a folder that exists if systemd was booted: sd_booted(3)
 PERIOD_US = 20_000  # of the quota: longest wait of a process that has used up its quota
-LEAST_QUOTA_US = 1_000  # the kernel's least; below 5 % of a core the period is longer
+MIN_QUOTA_US = 1_000  # the kernel's least; below 5 % of a core the period is longer
 REMOVAL_S = 2.0  # limit until killed processes end
 MIB = 1 << 20
-MOST_MIB = 1 << 30  # a PiB
-MOST_CPUS = 1 << 16  # more than any kernel supports
+MAX_MIB = 1 << 30  # a PiB
+MAX_CPUS = 1 << 16  # more than any kernel supports
 OPTIONS = {"cpu": "--cpu-quota", "memory": "--memory"}  # controller -> its option
 REMEDIES = {
     "cpu": "use a kernel with CONFIG_CFS_BANDWIDTH",
@@ -171,7 +171,7 @@ def _has(controller: str, version: int) -> bool:
 
 def _quota_us(share: float) -> tuple[int, int]:
     """Return the permitted processor time (us of one core), and its period (us)."""
-    period = max(PERIOD_US, round(LEAST_QUOTA_US / share))
+    period = max(PERIOD_US, round(MIN_QUOTA_US / share))
     return round(share * period), period
 
 
@@ -237,7 +237,7 @@ def parse_memory(text: str) -> float:
         size = float(number) * {"M": 1.0, "G": 1024.0}[unit]
     except (ValueError, KeyError):
         size = 0.0
-    if not 16.0 <= size <= MOST_MIB:
+    if not 16.0 <= size <= MAX_MIB:
         raise ConfigError(f"expected at least 16M, such as 512M or 1G, found {text!r}")
     return size
 
@@ -248,7 +248,7 @@ def parse_cpus(text: str) -> tuple[int, ...]:
     try:
         for part in text.split(","):
             first, dash, last = part.partition("-")
-            cpus.update(range(int(first), min(int(last if dash else first), MOST_CPUS) + 1))
+            cpus.update(range(int(first), min(int(last if dash else first), MAX_CPUS) + 1))
     except ValueError:
         cpus = set()
     if not cpus:

@@ -9,7 +9,7 @@ from hil.common.quantiles import quantile
 
 RESAMPLES = 2000
 CONFIDENCE = 0.95
-MOST_RESAMPLED = 2000  # values; more of them are thinned evenly, which does not change their median
+MAX_RESAMPLED = 2000  # values; more of them are thinned evenly, which does not change their median
 
 
 class Interval(NamedTuple):
@@ -66,7 +66,7 @@ def ratio_interval(
 
 
 def _resampled(values: Sequence[float], source: random.Random, block: bool) -> list[float]:
-    thin = values[:: -(-len(values) // MOST_RESAMPLED) or 1]
+    thin = values[:: -(-len(values) // MAX_RESAMPLED) or 1]
     if not thin:
         return [nan] * RESAMPLES
     draw = _drawn_by_block if block else _drawn

@@ -29,8 +29,8 @@ from hil.common.errors import ConfigError, MissingExtraError
 
 Array = NDArray[np.float64]
 
-MOST_NODES = 40_000_000
-MOST_OWN_NODES = 4_000_000  # of a grid whose resolution the user did not set
+MAX_NODES = 40_000_000
+MAX_OWN_NODES = 4_000_000  # of a grid whose resolution the user did not set
 DUPLICATE_DISTANCE = 0.05  # m: of points nearer than this to each other one is used
 
 
@@ -186,7 +186,7 @@ def _report(grid: Grid, data: _SurfaceData | None, clamped: float, begin: float)
 
 def default_resolution(survey: Survey, extent: Extent) -> float:
     """Return the node spacing (m) that the data resolve, rounded to two digits; coarser if it needs too many nodes."""
-    return round_up(max(survey.detail, (_size(extent) / MOST_OWN_NODES) ** 0.5), 0.05)
+    return round_up(max(survey.detail, (_size(extent) / MAX_OWN_NODES) ** 0.5), 0.05)
 
 
 def _size(extent: Extent) -> float:
@@ -202,10 +202,10 @@ def _node_axes(extent: Extent, resolution: float) -> tuple[Array, Array]:
         raise ConfigError(
             f"--resolution: {resolution:g} m is larger than the area: use {suggested:g} m or a larger area"
         )
-    if rows * columns > MOST_NODES:
-        suggested = round_up((_size(extent) / MOST_NODES) ** 0.5 * 1.001)
+    if rows * columns > MAX_NODES:
+        suggested = round_up((_size(extent) / MAX_NODES) ** 0.5 * 1.001)
         raise ConfigError(
-            f"--resolution: {resolution:g} m makes {rows} x {columns} nodes, more than {MOST_NODES}: "
+            f"--resolution: {resolution:g} m makes {rows} x {columns} nodes, more than {MAX_NODES}: "
             f"use {suggested:g} m or coarser, or a smaller area"
         )
     north, east = (np.asarray(resolution * (k + np.arange(n))) for k, n in zip(first, (rows, columns), strict=True))

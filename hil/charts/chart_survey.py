@@ -25,7 +25,7 @@ LINE_ACCURACY = 0.0005  # m on paper: accuracy of a drawn line (IHO S-4), and so
 GUIDE_SPACING = 0.35
 GUIDE_SPACING_ON_PAPER = 0.002  # m on paper, used for a chart that has fewer than two soundings
 # Greatest height of a coast, m above the water: the slope of a beach says little about the bed in front of it.
-MOST_DRYING_HEIGHT = 1.0
+MAX_DRYING_HEIGHT = 1.0
 
 
 class GeoBox(NamedTuple):
@@ -183,7 +183,7 @@ class _ChartLayer:
             return np.empty((0, 3))
         wanted = _codes(coast)
         at = np.minimum(np.searchsorted(codes, wanted), len(codes) - 1)
-        depth = np.where(codes[at] == wanted, np.clip(depths[at], -MOST_DRYING_HEIGHT, 0.0), np.nan)
+        depth = np.where(codes[at] == wanted, np.clip(depths[at], -MAX_DRYING_HEIGHT, 0.0), np.nan)
         along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(coast, axis=0).T))])
         places = resample(coast, self._guide_spacing)
         found = np.interp(np.linspace(0.0, along[-1], len(places)), along, depth)

@@ -30,19 +30,19 @@ Progress = Callable[[float], None]  # called with the share that is done, 0 to 1
 
 BOX_POINTS = 20  # greatest number of points in a box, from which a patch is made by widening it
 OVERLAP = 1.0  # by which a box is widened on each side, as a multiple of its size
-LEAST_OVERLAP = 0.5  # to which the overlap is reduced if the patch has too many points
-MOST_PATCH_POINTS = 300  # above which the overlap is reduced
-LEAST_PATCH_POINTS = 12  # below which a patch is widened further
-MOST_STRETCH = 3.0  # greatest ratio of distances across and along contours
-LEAST_SEGMENTS = 4  # of contours, below which distances of a patch are not stretched
-LEAST_WEIGHT = 1e-4  # subtracted from weights, so that a patch ends where its weight is small
+MIN_OVERLAP = 0.5  # to which the overlap is reduced if the patch has too many points
+MAX_PATCH_POINTS = 300  # above which the overlap is reduced
+MIN_PATCH_POINTS = 12  # below which a patch is widened further
+MAX_STRETCH = 3.0  # greatest ratio of distances across and along contours
+MIN_SEGMENTS = 4  # of contours, below which distances of a patch are not stretched
+MIN_WEIGHT = 1e-4  # subtracted from weights, so that a patch ends where its weight is small
 POWERS = (1.25, 1.5, 1.75)  # of the distance, in the kernel
 EQUAL_ERROR = 1.005  # ratio of errors that are taken as equal
 POWER_PATCHES = 600  # number of patches by which the power is selected, of more
-LEAST_SOUNDINGS = 4  # of a patch, below which the scale is estimated from all of its points
-LEAST_ERROR = 0.05  # m; half of the decimetre to which charts give depths
+MIN_SOUNDINGS = 4  # of a patch, below which the scale is estimated from all of its points
+MIN_ERROR = 0.05  # m; half of the decimetre to which charts give depths
 CHI_SQUARED = 3.56  # inverse geometric mean of squares of a standard normal distribution, 2 exp(Euler's constant)
-LEAST_ERROR_WEIGHT = 0.02  # as LEAST_WEIGHT, for the expected error, which need not be as smooth
+MIN_ERROR_WEIGHT = 0.02  # as MIN_WEIGHT, for the expected error, which need not be as smooth
 CHUNK = 500  # nodes evaluated at once: the intermediate matrices fit into the processor's cache
 
 
@@ -106,12 +106,12 @@ class Surface:
 
     def uncertainty(self, north: Array, east: Array, wanted: Mask) -> Uncertainty:
         """Return the expected error of `evaluate` with the same arguments, nan where `wanted` is false."""
-        found = self._blend(north, east, wanted, _PatchFit.uncertainties, 2, least=LEAST_ERROR_WEIGHT)
+        found = self._blend(north, east, wanted, _PatchFit.uncertainties, 2, least=MIN_ERROR_WEIGHT)
         return Uncertainty(found[..., 0], found[..., 1], self.power)
 
     def _blend(
         self, north: Array, east: Array, wanted: Mask, find: Callable[["_PatchFit", Array], Array], count: int,
-        least: float = LEAST_WEIGHT, report: Progress = lambda share: None,
+        least: float = MIN_WEIGHT, report: Progress = lambda share: None,
     ) -> Array:  # fmt: skip
         """Return the values that `find` computes at the nodes, blended over the patches: (rows, columns, `count`).
 
@@ -191,7 +191,7 @@ class Surface:
         ends = patch.centre[k] - patch.half[k], patch.centre[k] + patch.half[k]
         return slice(int(np.searchsorted(clipped, ends[0], "right")), int(np.searchsorted(clipped, ends[1], "left")))
 
-    def _weight(self, nodes: Array, patch: Patch, least: float = LEAST_WEIGHT) -> Array:
+    def _weight(self, nodes: Array, patch: Patch, least: float = MIN_WEIGHT) -> Array:
         """Return the weight of `patch` at `nodes` (n, 2): the product of Wendland's C2 functions along both axes.
 
         It is 1 - `least` in the centre of the patch, and 0 at its edge and where the product is below `least`.
@@ -228,9 +228,9 @@ def _widen_box(points: Array, order: Indices, low: Array, high: Array) -> Patch:
         return np.sort(near[(np.abs(points[near] - centre) < half).all(axis=1)])
 
     half = (0.5 + OVERLAP) * size
-    while len(inside(half)) > MOST_PATCH_POINTS and half[0] > (0.5 + LEAST_OVERLAP) * size[0]:
-        half = np.maximum(0.9 * half, (0.5 + LEAST_OVERLAP) * size)
-    while len(inside(half)) < min(LEAST_PATCH_POINTS, len(points)):
+    while len(inside(half)) > MAX_PATCH_POINTS and half[0] > (0.5 + MIN_OVERLAP) * size[0]:
+        half = np.maximum(0.9 * half, (0.5 + MIN_OVERLAP) * size)
+    while len(inside(half)) < min(MIN_PATCH_POINTS, len(points)):
         half = 1.3 * half
     return Patch(centre, half, inside(half))
 
@@ -245,12 +245,12 @@ def _stretch(strikes: Array, patch: Patch) -> Array:
     ends = patch.centre[0] - patch.half[0], patch.centre[0] + patch.half[0]
     pieces = strikes[slice(*np.searchsorted(strikes[:, 0], ends))]  # they are sorted from south to north
     pieces = pieces[np.abs(pieces[:, 1] - patch.centre[1]) < patch.half[1]]
-    if len(pieces) < LEAST_SEGMENTS:
+    if len(pieces) < MIN_SEGMENTS:
         return scale
     normals = np.column_stack([-pieces[:, 3], pieces[:, 2]])
     lengths = np.maximum(np.hypot(*normals.T), 1e-9)
     sizes, directions = np.linalg.eigh((normals / lengths[:, None]).T @ normals)
-    stretch = min(MOST_STRETCH, float(np.sqrt(sizes[1] / max(sizes[0], 1e-9 * sizes[1]))))
+    stretch = min(MAX_STRETCH, float(np.sqrt(sizes[1] / max(sizes[0], 1e-9 * sizes[1]))))
     stretched: Array = scale @ directions @ np.diag([stretch**-0.5, stretch**0.5])
     return stretched
 
@@ -325,9 +325,9 @@ def _sill(solution: Array, diagonal: Array, soundings: Mask) -> float:
     `soundings`: (n,), which points are. An error is the ratio of the two, its variance the inverse diagonal
     (Rippa, Adv. Comput. Math. 11, 1999).
     """
-    chosen = soundings if soundings.sum() >= LEAST_SOUNDINGS else np.ones(len(soundings), bool)
+    chosen = soundings if soundings.sum() >= MIN_SOUNDINGS else np.ones(len(soundings), bool)
     solution, diagonal = solution[: len(chosen)][chosen], np.maximum(diagonal[: len(chosen)][chosen], 1e-12)
-    squares = np.maximum(solution * solution / diagonal, LEAST_ERROR * LEAST_ERROR * diagonal)
+    squares = np.maximum(solution * solution / diagonal, MIN_ERROR * MIN_ERROR * diagonal)
     return float(CHI_SQUARED * np.exp(np.log(squares).mean()))
 
 

@@ -58,7 +58,7 @@ FLOATING = 7.0
 BURIED = 0.01  # m: an object that rises less above the bed is left out
 RECTANGULAR = 0.6  # least share of its bounding rectangle that an area fills to become a rectangle
 SIMPLIFIED = 0.5  # m: greatest deviation of a simplified line from the charted one
-LEAST_HEIGHT = 1.0  # m above the bed, of objects without a known height
+MIN_HEIGHT = 1.0  # m above the bed, of objects without a known height
 
 
 class SeabedModel(NamedTuple):
@@ -126,7 +126,7 @@ def place_hazards(hazards: tuple[Hazard, ...], grid: Grid, shoal_limit: Array) -
 def beds_under(survey: Survey, soundings: Array, surface: Surface) -> Array:
     """Return a point of the bed, (n, 3) north, east, depth, for each hazard of known depth that `surface` would bury.
 
-    The point is LEAST_HEIGHT below the top of the hazard. None is returned where a sounding within the chart's detail
+    The point is MIN_HEIGHT below the top of the hazard. None is returned where a sounding within the chart's detail
     gives the bed.
     """
     from scipy.spatial.distance import cdist
@@ -148,7 +148,7 @@ def beds_under(survey: Survey, soundings: Array, surface: Surface) -> Array:
     low, _ = limits_at(survey, tops[:, :2])
     bed = np.maximum(surface.at(tops[:, :2]), low)
     buried = tops[~sounded & (bed < tops[:, 2] + BURIED)]
-    return np.asarray(buried + np.array([0.0, 0.0, LEAST_HEIGHT]))
+    return np.asarray(buried + np.array([0.0, 0.0, MIN_HEIGHT]))
 
 
 def _raise_bed(hazard: Hazard, grid: Grid, shoal_limit: Array) -> bool:
@@ -161,7 +161,7 @@ def _raise_bed(hazard: Hazard, grid: Grid, shoal_limit: Array) -> bool:
         return False
     inside[part][held] = 1.0
     bed = grid.depths[rows, columns]
-    top = np.maximum(shoal_limit[rows, columns] if hazard.top is None else hazard.top, -LEAST_HEIGHT)
+    top = np.maximum(shoal_limit[rows, columns] if hazard.top is None else hazard.top, -MIN_HEIGHT)
     bed[:] = raise_with_slope(bed, top, inside * distance)
     return True
 
@@ -173,7 +173,7 @@ def _top_at(hazard: Hazard, place: Array, grid: Grid, limit: Grid) -> float | No
         return None
     if hazard.top is not None:
         return hazard.top if hazard.top < bed - BURIED else None
-    highest = bed - LEAST_HEIGHT
+    highest = bed - MIN_HEIGHT
     return max(0.0, min(shoal, highest) if np.isfinite(shoal) else highest)
 
 

@@ -23,10 +23,10 @@ DASHES = {
 }  # fmt: skip
 SUN_AZIMUTH, SUN_ALTITUDE = np.radians(315.0), np.radians(45.0)
 MEAN_SHADE_SLOPE = 0.35  # heights are scaled until the steeper slopes have about this slope, to show the relief
-MOST_NUMBERS = 350  # soundings shown as numbers; more are shown as dots
-MOST_DOTS = 10_000  # soundings shown as dots; more would hide the bed and are not drawn
-MOST_PIXELS = 1320  # along a side, as many as the figure has
-MOST_TRACED = 330  # nodes along a side of the grid for contours of worlds that have no charted ones
+MAX_NUMBERS = 350  # soundings shown as numbers; more are shown as dots
+MAX_DOTS = 10_000  # soundings shown as dots; more would hide the bed and are not drawn
+MAX_PIXELS = 1320  # along a side, as many as the figure has
+MAX_TRACED = 330  # nodes along a side of the grid for contours of worlds that have no charted ones
 STRIP_ROWS = 64  # rows of pixels coloured at once
 
 
@@ -51,7 +51,7 @@ def draw(
 ) -> None:
     """Draw a map of the seabed and its obstacles into the image file `path`. Raises ConfigError, MissingExtraError."""
     plt = pyplot()
-    grid = _thin(grid, MOST_PIXELS)
+    grid = _thin(grid, MAX_PIXELS)
     south, north, west, east = grid.extent
     figure, axes = plt.subplots(figsize=_size(east - west, north - south), layout="constrained")
     try:
@@ -163,7 +163,7 @@ def _draw_marks(axes: Any, grid: Grid, marks: MapMarks) -> None:
             [line[:, ::-1] for line, _ in marks.contours], colors=INK, linewidths=0.45, alpha=0.6, zorder=2
         ))  # fmt: skip
     elif np.nanmax(grid.depths) > np.nanmin(grid.depths):
-        coarse = _thin(grid, MOST_TRACED)
+        coarse = _thin(grid, MAX_TRACED)
         lines = axes.contour(
             coarse.east, coarse.north, coarse.depths, 8, colors=INK, linewidths=0.45, alpha=0.6, zorder=2
         )
@@ -200,9 +200,9 @@ def _draw_charted(axes: Any, marks: MapMarks) -> None:
 
 
 def _draw_soundings(axes: Any, soundings: Array) -> None:
-    if len(soundings) > MOST_DOTS:
+    if len(soundings) > MAX_DOTS:
         return
-    if len(soundings) > MOST_NUMBERS:
+    if len(soundings) > MAX_NUMBERS:
         axes.plot(soundings[:, 1], soundings[:, 0], ".", color=INK, markersize=1.6, alpha=0.8, zorder=4)
         return
     for north, east, depth in soundings:

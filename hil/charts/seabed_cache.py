@@ -28,7 +28,7 @@ from hil.common.tables import cache_path
 from sim.environment.obstacles import Box, Cylinder
 from sim.environment.world import World, load_world
 
-MOST_CACHED_BYTES = 1 << 30  # above this the least recently used seabeds are removed
+MAX_CACHED_BYTES = 1 << 30  # above this the least recently used seabeds are removed
 METHOD = 10  # version of the gridding; increase it when the same files give another result
 
 
@@ -152,5 +152,5 @@ def _prune(charts: str, fresh: str) -> None:
     for entry in folders:
         with os.scandir(entry.path) as files:
             size += sum(file.stat().st_size for file in files)
-        if size > MOST_CACHED_BYTES and entry.path != fresh:
+        if size > MAX_CACHED_BYTES and entry.path != fresh:
             shutil.rmtree(entry.path, ignore_errors=True)

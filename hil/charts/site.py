@@ -17,13 +17,13 @@ Point = tuple[float, float]  # north, east in m
 COURSES = 8  # over half a turn: a path is equally good in both directions
 PATH_SAMPLES = 25  # points along a path
 SIDE_DISTANCES = (-24.0, -12.0, 12.0, 24.0)  # m abeam of a path: within the range of a laser
-LEAST_DEPTH = 2.0  # m of water above the vehicle
-LEAST_ALTITUDE = 2.5  # m above the highest point of the bed below the path
-MOST_ALTITUDE = 8.0  # m, unless the user sets a depth: the camera still shows the bed
-MOST_DEPTH = 12.0  # m, unless the user sets a depth: there is still daylight
-MOST_RELIEF = 3.0  # m of standard deviation; more does not improve the score
-MOST_SITES = 20
-MOST_MIDDLES = 20_000  # of paths that are scored; on a larger chart half of them are steep places, half spread evenly
+MIN_DEPTH = 2.0  # m of water above the vehicle
+MIN_ALTITUDE = 2.5  # m above the highest point of the bed below the path
+MAX_ALTITUDE = 8.0  # m, unless the user sets a depth: the camera still shows the bed
+MAX_DEPTH = 12.0  # m, unless the user sets a depth: there is still daylight
+MAX_RELIEF = 3.0  # m of standard deviation; more does not improve the score
+MAX_SITES = 20
+MAX_MIDDLES = 20_000  # of paths that are scored; on a larger chart half of them are steep places, half spread evenly
 SITE_SPACING = 100.0  # m, least distance between two sites
 
 
@@ -39,10 +39,10 @@ def find_sites(grid: Grid, length: float, depth: float | None = None) -> Iterato
     """Yield paths of `length` m, the best first, at `depth` m if given. Raises ConfigError if there is none.
 
     A path is good where the bed below has relief, and where ground beside it rises to the vehicle's depth, so that
-    laser and sonar detect it. All of it is in known water. Paths below MOST_DEPTH are used only if there are no others.
+    laser and sonar detect it. All of it is in known water. Paths below MAX_DEPTH are used only if there are no others.
     """
     found = False
-    for deepest in (MOST_DEPTH, np.inf) if depth is None else (np.inf,):
+    for deepest in (MAX_DEPTH, np.inf) if depth is None else (np.inf,):
         for site in _sites_above(grid, length, depth, deepest):
             found = True
             yield site
@@ -57,7 +57,7 @@ def find_sites(grid: Grid, length: float, depth: float | None = None) -> Iterato
 
 def _sites_above(grid: Grid, length: float, depth: float | None, deepest: float) -> Iterator[Site]:
     """Yield paths at depths of at most `deepest` m, the best first; may be none."""
-    known = (grid.depths > LEAST_DEPTH + LEAST_ALTITUDE) & (grid.depths < deepest + MOST_ALTITUDE)
+    known = (grid.depths > MIN_DEPTH + MIN_ALTITUDE) & (grid.depths < deepest + MAX_ALTITUDE)
     rows, columns = np.nonzero(known)
     chosen_nodes = _select_middles(grid, rows, columns)
     rows, columns = rows[chosen_nodes], columns[chosen_nodes]
@@ -66,7 +66,7 @@ def _sites_above(grid: Grid, length: float, depth: float | None, deepest: float)
     scores, depths = (np.concatenate(each) for each in zip(*judged, strict=True))
     chosen: list[Point] = []
     for index in np.argsort(-scores):
-        if not np.isfinite(scores[index]) or len(chosen) == MOST_SITES:
+        if not np.isfinite(scores[index]) or len(chosen) == MAX_SITES:
             break
         north, east = middles[index % len(middles)]
         if all(hypot(north - n, east - e) > SITE_SPACING for n, e in chosen):
@@ -81,22 +81,22 @@ def depth_between(grid: Grid, start: Point, goal: Point) -> float:
     """
     shares = np.linspace(0.0, 1.0, PATH_SAMPLES)[:, None]
     least = float(np.min(grid.at(np.array(start) + shares * (np.array(goal) - np.array(start)))))
-    if not least > LEAST_DEPTH + LEAST_ALTITUDE:
+    if not least > MIN_DEPTH + MIN_ALTITUDE:
         raise ConfigError(
             "the straight path from --start to --goal leads through shallow or unknown water: choose other places"
         )
-    return _rounded(least - LEAST_ALTITUDE)
+    return _rounded(least - MIN_ALTITUDE)
 
 
 def _select_middles(grid: Grid, rows: Indices, columns: Indices) -> Indices:
-    """Return the indices of the nodes to score as middles of paths, about MOST_MIDDLES at most."""
-    if len(rows) <= MOST_MIDDLES:
+    """Return the indices of the nodes to score as middles of paths, about MAX_MIDDLES at most."""
+    if len(rows) <= MAX_MIDDLES:
         return np.arange(len(rows))
     slopes = np.zeros(len(rows))
     for row, column in ((0, 1), (1, 0)):
         far = np.minimum(rows + row, grid.depths.shape[0] - 1), np.minimum(columns + column, grid.depths.shape[1] - 1)
         slopes += np.abs(np.nan_to_num(grid.depths[far] - grid.depths[rows, columns]))
-    half = MOST_MIDDLES // 2
+    half = MAX_MIDDLES // 2
     spread = np.linspace(0, len(rows) - 1, half).astype(np.intp)
     return np.union1d(np.argpartition(-slopes, half)[:half], spread)
 
@@ -110,13 +110,13 @@ def _score_paths(
     under = np.stack([grid.at(middles + x * ahead) for x in along])
     swath = np.stack([grid.at(middles + x * ahead + y * abeam) for x in along[::3] for y in SIDE_DISTANCES])
     least = under.min(axis=0)
-    deep = np.full(len(middles), depth) if depth is not None else np.floor(2.0 * (least - LEAST_ALTITUDE)) / 2.0
-    relief = np.minimum(under.std(axis=0), MOST_RELIEF)
+    deep = np.full(len(middles), depth) if depth is not None else np.floor(2.0 * (least - MIN_ALTITUDE)) / 2.0
+    relief = np.minimum(under.std(axis=0), MAX_RELIEF)
     rising = (swath < deep).mean(axis=0)
     score = relief + 4.0 * np.minimum(rising, 0.4) - 0.2 * (under.mean(axis=0) - deep)
-    possible = (deep >= LEAST_DEPTH) & (least - deep >= LEAST_ALTITUDE) & np.isfinite(swath).all(axis=0)
+    possible = (deep >= MIN_DEPTH) & (least - deep >= MIN_ALTITUDE) & np.isfinite(swath).all(axis=0)
     if depth is None:
-        possible &= (under.max(axis=0) - deep <= MOST_ALTITUDE) & (deep <= deepest)
+        possible &= (under.max(axis=0) - deep <= MAX_ALTITUDE) & (deep <= deepest)
     return np.where(possible, score, -np.inf), deep
 
 

@@ -17,10 +17,10 @@ from hil.client.action import Action
 from hil.client.vehicle_state import VehicleState
 from hil.common.errors import ConfigError, HilError, MissionError, NetworkError
 from hil.ros.commands import (
-    MOST_DEPTH,
-    MOST_FORCE,
-    MOST_HEADING,
-    MOST_PLACE,
+    MAX_DEPTH,
+    MAX_FORCE,
+    MAX_HEADING,
+    MAX_PLACE,
     PoseCommand,
     encode_thrusts,
 )
@@ -28,7 +28,7 @@ from hil.ros.frames import encode_wrench
 
 PERIOD_S = 0.05  # of repeated commands; the vehicle's deadman timeout is ten of these
 GIVE_UP_AFTER_S = 10.0  # without a message from the vehicle
-MOST_SPEED = 20.0  # m/s and rad/s
+MAX_SPEED = 20.0  # m/s and rad/s
 FAR = 1.0  # m; at larger distances a vehicle turns its bow toward its goal
 
 
@@ -68,9 +68,9 @@ class Vehicle(VehicleState):
             raise ConfigError(f"{self.name}: give depth or heave, and heading or yaw_rate, not both")
         speeds = {"surge": surge, "sway": sway, "heave": heave, "yaw_rate": yaw_rate}
         for name, value in speeds.items():
-            self._check(name, value, MOST_SPEED, "rad/s" if name == "yaw_rate" else "m/s")
-        self._check("depth", depth or 0.0, MOST_DEPTH, "m")
-        self._check("heading", heading or 0.0, MOST_HEADING, "rad")
+            self._check(name, value, MAX_SPEED, "rad/s" if name == "yaw_rate" else "m/s")
+        self._check("depth", depth or 0.0, MAX_DEPTH, "m")
+        self._check("heading", heading or 0.0, MAX_HEADING, "rad")
         return self._start_action(actions.drive(VelocityCommand(**speeds, depth=depth, heading=heading), tolerance))
 
     def stop(self) -> Action:
@@ -94,12 +94,12 @@ class Vehicle(VehicleState):
         For vehicles that can stop and move sideways.
         """
         for name, value in (("north", north), ("east", east), ("depth", depth)):
-            self._check(name, value, MOST_PLACE, "m")
+            self._check(name, value, MAX_PLACE, "m")
         if heading is None:
             state = self.state
             level = north - state.position[0], east - state.position[1]
             heading = atan2(level[1], level[0]) if hypot(*level) > FAR else state.heading
-        self._check("heading", heading, MOST_HEADING, "rad")
+        self._check("heading", heading, MAX_HEADING, "rad")
         return self._start_action(actions.hold_pose(PoseCommand((north, east, depth), heading), tolerance))
 
     def follow(
@@ -138,7 +138,7 @@ class Vehicle(VehicleState):
         """Apply a force X Y Z (N) and a moment K M N (N m) along FRD, limited to what the thrusters can give."""
         wrench = x, y, z, k, m, n
         for name, value in zip("xyzkmn", wrench, strict=True):
-            self._check(name, value, MOST_FORCE, "N" if name in "xyz" else "N m")
+            self._check(name, value, MAX_FORCE, "N" if name in "xyz" else "N m")
         return self._start_action(actions.repeat("cmd_wrench", encode_wrench(0, wrench)))
 
     def thrust(self, *newtons: float) -> Action:
@@ -149,7 +149,7 @@ class Vehicle(VehicleState):
                 f"{self.name} has {count} thrusters, and {len(newtons)} thrusts were given; give one for each"
             )
         for number, value in enumerate(newtons, 1):
-            self._check(f"thruster {number}", value, MOST_FORCE, "N")
+            self._check(f"thruster {number}", value, MAX_FORCE, "N")
         return self._start_action(actions.repeat("cmd_thrusters", encode_thrusts(newtons)))
 
     def release(self) -> None:
@@ -176,7 +176,7 @@ class Vehicle(VehicleState):
             if len(point) != 3:
                 raise ConfigError(f"{self.name}: a waypoint is (north, east, depth) in m, found {point!r}")
             for value in point:
-                self._check("waypoint", value, MOST_PLACE, "m")
+                self._check("waypoint", value, MAX_PLACE, "m")
         return [self.state.position, *[(north, east, depth) for north, east, depth in points]]
 
     def _start_action(self, new: Action) -> Action:

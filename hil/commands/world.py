@@ -148,11 +148,11 @@ def _show(options: argparse.Namespace) -> int:
     import numpy as np
 
     from hil.charts.grid import overview
-    from hil.charts.picture import MOST_PIXELS, MapMarks, draw
+    from hil.charts.picture import MAX_PIXELS, MapMarks, draw
 
     world = load_world(options.world)
     path = options.output or f"{world.name}.png"
-    grid = overview(world, MOST_PIXELS, options.resolution)
+    grid = overview(world, MAX_PIXELS, options.resolution)
     meshes = tuple(np.array(triangle)[:, :2] for mesh in world.mesh for triangle in mesh.placed)
     marks = MapMarks(pipelines=world.pipeline, zones=world.all_zones(), meshes=meshes)
     draw(grid, world.cylinder, world.box, marks, f"{world.name}: {world.source}", path)
@@ -192,12 +192,12 @@ def _write(world: World, path: str, ending: str, resolution: float | None, depth
         write_geotiff(frame, world.origin, path, partial(read_rows, world, frame))
         return "heights in m" + ("" if world.origin else ", without a place on the earth: the world has no origin")
     if ending == ".sdf":
-        from hil.charts.exports.gazebo import MOST_NODES, height_map_spacing, write_gazebo
+        from hil.charts.exports.gazebo import MAX_NODES, height_map_spacing, write_gazebo
 
         grid = grid_of(world, resolution)
         note, step = f"heights rounded by {write_gazebo(world, grid, path) * 1e3:.2g} mm", height_map_spacing(grid)
         is_coarser = step > 1.001 * grid.resolution
-        note += f"; one every {step:.3g} m, because a side has at most {MOST_NODES}" if is_coarser else ""
+        note += f"; one every {step:.3g} m, because a side has at most {MAX_NODES}" if is_coarser else ""
         return note + (f"; its {len(world.mesh)} meshes are left out" if world.mesh else "")
     from hil.charts.exports.mesh import check_size, write_glb, write_stl
 

@@ -66,8 +66,8 @@ def boot_id() -> str:
 
 
 LEARN_NS = 300  # step by which the wake-up time is corrected
-MOST_LEAD_NS = 100_000
-MOST_FRESH = 1024  # values that a loop leaves uncounted; the slave's loop adds 400 a second
+MAX_LEAD_NS = 100_000
+MAX_FRESH = 1024  # values that a loop leaves uncounted; the slave's loop adds 400 a second
 
 
 class Histogram:
@@ -160,7 +160,7 @@ class RateKeeper:
     def lateness(self) -> Histogram:
         """Histogram of how late (ns) each period was noticed. It is filled here, because the loop has no time for it.
 
-        If this is not read for long, the loop itself adds what is more than `MOST_FRESH` values.
+        If this is not read for long, the loop itself adds what is more than `MAX_FRESH` values.
         """
         with self._counting:
             self._count(0)
@@ -179,9 +179,9 @@ class RateKeeper:
         """
         now = now_ns()
         if now >= self.deadline_ns:
-            self.lead_ns = min(self.lead_ns + LEARN_NS, MOST_LEAD_NS)
+            self.lead_ns = min(self.lead_ns + LEARN_NS, MAX_LEAD_NS)
             return now
-        if now < self.deadline_ns - MOST_LEAD_NS:  # woken by something else
+        if now < self.deadline_ns - MAX_LEAD_NS:  # woken by something else
             return now
         self.lead_ns = max(self.lead_ns - 3 * LEARN_NS, 0)
         while now < self.deadline_ns:
@@ -194,8 +194,8 @@ class RateKeeper:
         if late < 0:
             return 0
         self._fresh.append(late)
-        if len(self._fresh) > MOST_FRESH and self._counting.acquire(blocking=False):  # and no reader is counting
-            self._count(MOST_FRESH)
+        if len(self._fresh) > MAX_FRESH and self._counting.acquire(blocking=False):  # and no reader is counting
+            self._count(MAX_FRESH)
             self._counting.release()
         if late >= self.period_ns:
             return self._catch_up(late)

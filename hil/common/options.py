@@ -19,8 +19,8 @@ from hil.common.tables import output_file, settings
 
 UNKNOWN = "unrecognized arguments: "  # start of argparse's message about unknown words and options
 LOCAL_SLAVE = "tcp/127.0.0.1:7447"  # default endpoint of a slave on this machine
-MOST_SEEDS = 100_000
-MOST_JOBS = 1024
+MAX_SEEDS = 100_000
+MAX_JOBS = 1024
 DAY_S = 86_400.0
 YEAR_S = 366.0 * DAY_S
 HOST = re.compile(r"(?=.{1,253}\Z)[A-Za-z0-9_]([A-Za-z0-9_-]{0,62})(\.[A-Za-z0-9_][A-Za-z0-9_-]{0,62})*\.?\Z")
@@ -283,8 +283,8 @@ def whole(low: int, high: int, *, also: tuple[int, ...] = (), unit: str = "") ->
 
 PORT = whole(0, 65_535)  # 0: any free port
 SEED = whole(0, 2**63 - 1)
-SEEDS = whole(1, MOST_SEEDS)
-JOBS = whole(1, MOST_JOBS, also=(-1,))  # -1: all cores
+SEEDS = whole(1, MAX_SEEDS)
+JOBS = whole(1, MAX_JOBS, also=(-1,))  # -1: all cores
 REPEAT = whole(1, 1000)
 DESCRIPTOR = whole(0, 65_535)
 LATITUDE = Number(-90.0, 90.0, "degrees")

@@ -19,8 +19,8 @@ LARGEST = 16 << 20  # bytes of a file; our own largest has some thousand
 DEEPEST = 32  # nesting of tables and arrays; our own deepest has five
 
 # Limits of the cache: beyond the first or second one, the oldest files are removed down to half of it.
-MOST_CACHED = 500
-MOST_CACHED_BYTES = 32 << 20
+MAX_CACHED = 500
+MAX_CACHED_BYTES = 32 << 20
 LARGEST_CACHED = 1 << 20  # bytes of one cached file
 PROGRAM = "uuv-hil-stm32-native"  # programs of firmware_stub.native in the same folder, which that removes itself
 
@@ -208,11 +208,11 @@ def _prune(folder: str) -> None:
             (entry.path, entry.stat()) for entry in entries if entry.is_file() and not entry.name.startswith(PROGRAM)
         ]
     size = sum(status.st_size for _, status in cached)
-    if len(cached) <= MOST_CACHED and size <= MOST_CACHED_BYTES:
+    if len(cached) <= MAX_CACHED and size <= MAX_CACHED_BYTES:
         return
     cached.sort(key=lambda file: file[1].st_mtime_ns, reverse=True)
     size = 0
     for number, (path, status) in enumerate(cached):
         size += status.st_size
-        if number >= MOST_CACHED // 2 or size > MOST_CACHED_BYTES // 2:
+        if number >= MAX_CACHED // 2 or size > MAX_CACHED_BYTES // 2:
             os.unlink(path)

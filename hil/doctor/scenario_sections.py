@@ -12,9 +12,9 @@ from sim.vehicle.thrusters.bank import wrench_matrix
 from sim.vehicle.vehicle import Vehicle
 
 # Flights of paper_field, path_planning and task_scheduling go too deep with a margin of 0.02 m, but not with this one.
-LEAST_DEPTH_MARGIN_M = 0.05
+MIN_DEPTH_MARGIN_M = 0.05
 # Three of paper_six, bluerov2, bluerov2_heavy, bluerov2_li2020 fail paper_field at 1 Hz, none at 2 Hz (at 0.5 m/s).
-LEAST_ODOMETRY_HZ = 2.0
+MIN_ODOMETRY_HZ = 2.0
 HORIZONTAL = 1e-3  # a thruster counts as horizontal from this share of its thrust along x or y
 
 
@@ -29,22 +29,22 @@ def check_sections(scenario: Scenario, vehicle: Vehicle) -> Iterator[ScenarioFin
 def _check_depth_margin(scenario: Scenario) -> Iterator[ScenarioFinding]:
     """Find a depth margin that is smaller than the overshoot of any controller."""
     margin = scenario.master.depth_margin
-    if margin < LEAST_DEPTH_MARGIN_M and "too_deep" not in scenario.master.allow:
+    if margin < MIN_DEPTH_MARGIN_M and "too_deep" not in scenario.master.allow:
         yield ScenarioFinding(
             "warning",
             f"master: depth_margin: {margin:g} m is less than the overshoot of the depth control, and the run fails as "
-            f'too deep: use at least {LEAST_DEPTH_MARGIN_M:g} m, or add "too_deep" to allow',
+            f'too deep: use at least {MIN_DEPTH_MARGIN_M:g} m, or add "too_deep" to allow',
         )
 
 
 def _check_odometry(scenario: Scenario) -> Iterator[ScenarioFinding]:
     """Find an odometry rate that is too low for the slave's controller."""
     odometry = scenario.sensors.get("odometry")
-    if scenario.controller == "builtin" and odometry and odometry.model.rate < LEAST_ODOMETRY_HZ:
+    if scenario.controller == "builtin" and odometry and odometry.model.rate < MIN_ODOMETRY_HZ:
         yield ScenarioFinding(
             "warning",
             f"sensors: odometry: rate: {odometry.model.rate:g} Hz is too slow for the controller, which reads speed "
-            f"and depth from it: use at least {LEAST_ODOMETRY_HZ:g} Hz",
+            f"and depth from it: use at least {MIN_ODOMETRY_HZ:g} Hz",
         )
 
 

@@ -9,7 +9,7 @@ from aiohttp import WSMsgType, web
 
 from hil.common.server_thread import STALLED_S
 
-MOST_BYTES = 32 << 20  # that wait for a client; beyond it the oldest messages are dropped
+MAX_BYTES = 32 << 20  # that wait for a client; beyond it the oldest messages are dropped
 
 
 class SendQueue:
@@ -31,13 +31,13 @@ class SendQueue:
         """Queue a message to be sent; without `keep` it may be dropped."""
         self._waiting.append((message, keep))
         self._bytes += len(message)
-        while self._bytes > MOST_BYTES and not self._waiting[0][1] and len(self._waiting) > 1:
+        while self._bytes > MAX_BYTES and not self._waiting[0][1] and len(self._waiting) > 1:
             self._bytes -= len(self._waiting.popleft()[0])
             self.dropped += 1
-        if self._bytes > MOST_BYTES and not keep and len(self._waiting) > 1:
+        if self._bytes > MAX_BYTES and not keep and len(self._waiting) > 1:
             self._bytes -= len(self._waiting.pop()[0])
             self.dropped += 1
-        if self._bytes > MOST_BYTES:
+        if self._bytes > MAX_BYTES:
             self._room.clear()
         self._wake.set()
 
@@ -56,7 +56,7 @@ class SendQueue:
         while self._waiting:
             message = self._waiting.popleft()[0]
             self._bytes -= len(message)
-            if self._bytes <= MOST_BYTES:
+            if self._bytes <= MAX_BYTES:
                 self._room.set()
             send = self._socket.send_str(message) if isinstance(message, str) else self._socket.send_bytes(message)
             await asyncio.wait_for(send, STALLED_S)

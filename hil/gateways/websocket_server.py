@@ -13,7 +13,7 @@ from hil.common.server_thread import STALLED_S, ServerThread, cut_when_stalled, 
 from hil.gateways.access import Access
 from hil.gateways.websocket_client import SocketClient
 
-MOST_CLIENTS = 32
+MAX_CLIENTS = 32
 LARGEST = 1 << 20  # bytes of a message of a client
 # Between two pings of a client. It is disconnected if it has not answered after half of that. The time is long because
 # a planner that computes for seconds reads nothing meanwhile.
@@ -75,8 +75,8 @@ class WebSocketServer(ServerThread, Generic[T]):
         if not socket.can_prepare(request):
             raise web.HTTPBadRequest(text=f"this is a websocket for {self._name.capitalize()}\n")
         await socket.prepare(request)
-        if len(self._clients) >= MOST_CLIENTS:
-            await socket.close(message=f"{MOST_CLIENTS} clients are here already".encode())
+        if len(self._clients) >= MAX_CLIENTS:
+            await socket.close(message=f"{MAX_CLIENTS} clients are here already".encode())
             return socket
         transport = request.transport
         if transport is None:  # the client has disconnected meanwhile

@@ -48,7 +48,7 @@ class ThrusterTelemetry(NamedTuple):
 Message = ThrusterCommand | ThrusterTelemetry
 
 _WRAP = 0x10000  # modulus of `sequence` and `frames`
-_MOST_READS = 256  # reads of unread bytes: more than any wire buffers, yet limited, so that a flood does not block
+_MAX_READS = 256  # reads of unread bytes: more than any wire buffers, yet limited, so that a flood does not block
 _AHEAD = 100  # commands by which `frames` may be ahead of `sequence`, where the two come in different messages
 
 
@@ -235,7 +235,7 @@ class ThrusterLink:
 
     def discard_received(self) -> None:
         """Discard and count received bytes that were not read. Raises DeviceError if the wire is lost."""
-        for _ in range(_MOST_READS):
+        for _ in range(_MAX_READS):
             data = self.wire.read()
             if not data:
                 return

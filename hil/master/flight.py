@@ -34,7 +34,7 @@ from sim.vehicle.vehicle import Vehicle, load_vehicle
 DEPTH_HOLD = HoldGains(p=0.8, limit=0.4)
 RELIEF_WITHIN_M = 50.0
 HEADING_HOLD = HoldGains(p=1.0, limit=0.5)
-MOST_NAMED = 3  # events in one line
+MAX_NAMED = 3  # events in one line
 
 
 class Plan(NamedTuple):
@@ -84,8 +84,8 @@ class Outcome(NamedTuple):
     def verdict(self) -> str:
         """Reason why the run ended, with the kinds of events that were not allowed."""
         names = list(dict.fromkeys(event.name for event in self.faults))
-        more = [f"{len(names) - MOST_NAMED} more"] if len(names) > MOST_NAMED else []
-        return f"{self.reason}, but {', '.join([*names[:MOST_NAMED], *more])}" if names else self.reason
+        more = [f"{len(names) - MAX_NAMED} more"] if len(names) > MAX_NAMED else []
+        return f"{self.reason}, but {', '.join([*names[:MAX_NAMED], *more])}" if names else self.reason
 
     @property
     def event_lines(self) -> list[str]:

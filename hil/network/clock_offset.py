@@ -14,9 +14,9 @@ from hil.common.clock import NS_PER_S
 
 WINDOW_NS = NS_PER_S
 NEAREST = 16  # stored exchanges that are considered for one time
-MOST_DRIFT = 100e-6  # two crystals of 50 ppm each
+MAX_DRIFT = 100e-6  # two crystals of 50 ppm each
 WANDER = 1e-6  # change of the drift itself with temperature, over the stored history
-LEAST_SPAN_NS = 8 * NS_PER_S  # between the two exchanges that give the drift
+MIN_SPAN_NS = 8 * NS_PER_S  # between the two exchanges that give the drift
 TURNAROUND_NS = 10 * NS_PER_S  # an answer that took longer is rejected
 
 
@@ -48,7 +48,7 @@ class ClockOffset:
         self._best: _Point | None = None  # the best of `_points` for all times after the last
         self._window_ns = 0
         self._drift = 0.0
-        self._drift_error = MOST_DRIFT
+        self._drift_error = MAX_DRIFT
         self.exchanges = 0
         self.malformed = 0
         self.steps = 0
@@ -65,14 +65,14 @@ class ClockOffset:
             self.exchanges += 1
             if self._contradicts(point):
                 self.steps += 1
-                self._points, self._drift, self._drift_error = [], 0.0, MOST_DRIFT
+                self._points, self._drift, self._drift_error = [], 0.0, MAX_DRIFT
             self._add_point(point)
             self._best = self._best_of(self._points, self._points[-1].time_ns)
 
     def forget(self) -> None:
         """Discard all exchanges, because the other process was replaced."""
         with self._lock:
-            self._points, self._best, self._drift, self._drift_error = [], None, 0.0, MOST_DRIFT
+            self._points, self._best, self._drift, self._drift_error = [], None, 0.0, MAX_DRIFT
 
     def at(self, time_ns: int) -> Estimate | None:
         """Return the offset at a time (ns) of our clock; None before the first exchange."""
@@ -128,11 +128,11 @@ class ClockOffset:
         first = min(self._points[:third], key=lambda point: point.half_ns)
         last = min(self._points[-third:], key=lambda point: point.half_ns)
         span = last.time_ns - first.time_ns
-        if span < LEAST_SPAN_NS:
+        if span < MIN_SPAN_NS:
             return
         error = (first.half_ns + last.half_ns) / span + WANDER
-        if error < MOST_DRIFT:
-            self._drift = max(-MOST_DRIFT, min((last.offset_ns - first.offset_ns) / span, MOST_DRIFT))
+        if error < MAX_DRIFT:
+            self._drift = max(-MAX_DRIFT, min((last.offset_ns - first.offset_ns) / span, MAX_DRIFT))
             self._drift_error = error
 
 

@@ -19,7 +19,7 @@ from hil.network.unread_links import Pair, port_of
 
 SETTLED_NS = 3 * NS_PER_S  # after this time a slave is known and has received all declarations
 ATTEMPTS = 5  # each after twice the time; a router of other software never becomes known
-MOST_PEERS = 1024  # whose attempts are counted; the oldest is removed, as it may never connect again
+MAX_PEERS = 1024  # whose attempts are counted; the oldest is removed, as it may never connect again
 
 
 class RouterLinks:
@@ -47,7 +47,7 @@ class RouterLinks:
                 self._attempts.pop(peer, None)
             elif now - self._since[pair] >= patience_ns and self._attempts.get(peer, 0) < ATTEMPTS:
                 self._attempts[peer] = self._attempts.get(peer, 0) + 1
-                while len(self._attempts) > MOST_PEERS:
+                while len(self._attempts) > MAX_PEERS:
                     del self._attempts[next(iter(self._attempts))]
                 self._report(f"nothing is known of who dials from port {pair[1]}; cutting it, to be dialled again")
                 cut({pair})

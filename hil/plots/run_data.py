@@ -14,14 +14,14 @@ from sim.run_events import RunEvent, events_since
 from sim.sensors.samples import OdometrySample
 
 NS_PER_S = 1e9
-MOST_ROWS = 200_000  # in a column; far more than a figure has pixels
-MOST_VEHICLES = 64
+MAX_ROWS = 200_000  # in a column; far more than a figure has pixels
+MAX_VEHICLES = 64
 LONGEST = 1 << 20  # bytes of a message with a state, a command or diagnostics; usual ones have some thousand
 Row = tuple[float, ...]
 
 
 class Rows(list[Row]):
-    """Rows in order of time. At MOST_ROWS every second row is removed, and later rows are thinned out likewise."""
+    """Rows in order of time. At MAX_ROWS every second row is removed, and later rows are thinned out likewise."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -32,7 +32,7 @@ class Rows(list[Row]):
         if self._count % self._every == 0:
             super().append(row)
         self._count += 1
-        if len(self) >= MOST_ROWS:
+        if len(self) >= MAX_ROWS:
             del self[1::2]
             self._every *= 2
 
@@ -51,7 +51,7 @@ class VehicleData:
         self.commands: list[Row] = Rows()
         self.pulses: list[Row] = Rows()
         self.traced: list[float] = []
-        self.delays = DelayMeter(min_commands=MOST_ROWS)
+        self.delays = DelayMeter(min_commands=MAX_ROWS)
         self.boot_id = ""
         self.events: tuple[RunEvent, ...] = ()
         self.tether: tuple[Vector3, ...] = ()
@@ -60,7 +60,7 @@ class VehicleData:
 def collect(messages: Iterable[Message], path: str) -> dict[str, VehicleData]:
     """Return the data of each node in a recording; nodes without data are left out. `path`: for errors.
 
-    Raises ConfigError if there are more than MOST_VEHICLES.
+    Raises ConfigError if there are more than MAX_VEHICLES.
     """
     vehicles: dict[str, VehicleData] = {}
     first_ns = 0
@@ -69,8 +69,8 @@ def collect(messages: Iterable[Message], path: str) -> dict[str, VehicleData]:
         node, _, name = message.topic.strip("/").rpartition("/")
         handle = _HANDLERS.get(name)
         if node and handle and len(message.data) <= LONGEST:
-            if node not in vehicles and len(vehicles) >= MOST_VEHICLES:
-                raise ConfigError(f"{path}: has more than {MOST_VEHICLES} vehicles, too many for a figure")
+            if node not in vehicles and len(vehicles) >= MAX_VEHICLES:
+                raise ConfigError(f"{path}: has more than {MAX_VEHICLES} vehicles, too many for a figure")
             handle(vehicles.setdefault(node, VehicleData()), message, (message.logged_ns - first_ns) / NS_PER_S)
     for data in vehicles.values():
         data.pulses = _steps(

@@ -13,7 +13,7 @@ from hil.recording.mcap_file import Message
 from hil.recording.mcap_writer import require_library
 from hil.recording.records import read_records
 
-MOST_ATTACHMENTS = 64  # a recording of uuv-hil has three: scenario, vehicle, world
+MAX_ATTACHMENTS = 64  # a recording of uuv-hil has three: scenario, vehicle, world
 
 
 class About(NamedTuple):
@@ -53,9 +53,9 @@ def read_about(path: str) -> About:
         if isinstance(record, Metadata) and record.name == "uuv_hil":
             about.facts.update(record.metadata)
         elif isinstance(record, Attachment):
-            if len(record.data) > LARGEST or len(about.attachments) >= MOST_ATTACHMENTS:
+            if len(record.data) > LARGEST or len(about.attachments) >= MAX_ATTACHMENTS:
                 raise ConfigError(
-                    f"{path}: more than {MOST_ATTACHMENTS} files are attached, or one of more than {LARGEST >> 20} MiB"
+                    f"{path}: more than {MAX_ATTACHMENTS} files are attached, or one of more than {LARGEST >> 20} MiB"
                 )
             about.attachments[record.name] = record.data.decode(errors="replace")
         elif isinstance(record, Chunk):  # metadata and attachments come before the first message

@@ -28,8 +28,8 @@ from hil.scenario.records import Recording
 DRAIN_PERIOD_S = 0.1
 FLUSH_PERIOD_NS = 8 * NS_PER_S // 10  # with HOLD_NS less than a second, the most that a crash loses
 HOLD_NS = NS_PER_S // 10  # messages are held so long to sort them; longer than from log time to recorder
-MOST_WAITING = 100_000  # messages; enough for ten vehicles while a disk is busy for ten seconds
-MOST_WAITING_BYTES = 1 << 28  # the limit that pictures reach first
+MAX_WAITING = 100_000  # messages; enough for ten vehicles while a disk is busy for ten seconds
+MAX_WAITING_BYTES = 1 << 28  # the limit that pictures reach first
 _MIB = 1 << 20
 _FULL = 0.85  # share of a file's size limit; the rest is for its index
 
@@ -110,7 +110,7 @@ class Recorder:
         """Queue a message, from any thread, without waiting."""
         size = len(message.data)
         with self._counting:
-            room = len(self._waiting) < MOST_WAITING and self._put + size - self._drained <= MOST_WAITING_BYTES
+            room = len(self._waiting) < MAX_WAITING and self._put + size - self._drained <= MAX_WAITING_BYTES
             if room and not self.failure:
                 self._put += size
                 self._waiting.append(message)

@@ -1,7 +1,7 @@
 """Read the records of an MCAP file one after another, with limits on memory and time for untrusted files.
 
 No length in the file is trusted. A record may have `LONGEST_RECORD` bytes, an unpacked chunk `LARGEST_CHUNK` bytes, and
-all unpacked chunks together `MOST_TIMES` their size in the file.
+all unpacked chunks together `MAX_TIMES` their size in the file.
 """
 
 from collections.abc import Iterator
@@ -14,7 +14,7 @@ from hil.common.errors import ConfigError
 MAGIC = b"\x89MCAP0\r\n"
 LONGEST_RECORD = 1 << 28  # bytes; our longest record is a picture
 LARGEST_CHUNK = 1 << 27  # bytes when unpacked; those of uuv-hil and rosbag2 have less than 1 MiB, or one picture
-MOST_TIMES = 1000  # limit of unpacked over packed size; recordings with sensor noise have about 10
+MAX_TIMES = 1000  # limit of unpacked over packed size; recordings with sensor noise have about 10
 UNPACKED_FREE = 64 << 20  # bytes that may be unpacked at any ratio
 
 
@@ -41,8 +41,8 @@ def read_records(file: IO[bytes], path: str, emit_chunks: bool = False) -> Itera
         taken += len(data)
         inside = _unpack(record, path)
         unpacked += len(inside)
-        if unpacked > UNPACKED_FREE + MOST_TIMES * taken:
-            raise ConfigError(f"{path}: unpacks to more than {MOST_TIMES} times its size, which no recording does")
+        if unpacked > UNPACKED_FREE + MAX_TIMES * taken:
+            raise ConfigError(f"{path}: unpacks to more than {MAX_TIMES} times its size, which no recording does")
         for inner, content in _framed(BytesIO(inside), kinds):
             yield _parse(inner, content)
 

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 # By default one thread of the library polls and wakes another for each message; with this setting one thread does both.
 ONE_THREAD = "(app: (worker_threads: 1), rx: (handover: app), net: (handover: app), tx: (handover: app))"
 DEPTH = 1 << 14  # queued messages of one endpoint; beyond it the oldest are dropped, and counted as missed
-MOST_NAMES = 4096  # limit of stored publishers, keys and topics, because anybody can invent names; the oldest goes
+MAX_NAMES = 4096  # limit of stored publishers, keys and topics, because anybody can invent names; the oldest goes
 LINKS = 64  # queued events of links
 RETRY_S = 0.2
 PATIENCE_NS = 5 * NS_PER_S  # until the first report that an endpoint does not answer
@@ -101,7 +101,7 @@ class _Connection:
         publisher, although it sends nothing, makes the peer send a number in place of the key's text: 140 bytes instead
         of 240.
         """
-        if key not in self._known and len(self._known) < MOST_NAMES:
+        if key not in self._known and len(self._known) < MAX_NAMES:
             self._known[key] = self.session.declare_keyexpr(key), self.session.declare_publisher(key)
 
     def close(self) -> None:
@@ -237,7 +237,7 @@ class Tap:
     def _add_publisher(self, connection: _Connection, key: str, sequence: int, gid: bytes) -> _Publisher | None:
         topic = self._topic(key)
         connection.learn(key)
-        while len(self._publishers) >= MOST_NAMES:
+        while len(self._publishers) >= MAX_NAMES:
             del self._publishers[next(iter(self._publishers))]
         self._publishers[gid, key] = publisher = _Publisher(*topic, sequence - 1) if topic else None
         return publisher

@@ -10,7 +10,7 @@ from struct import Struct, calcsize, error, pack, unpack_from
 from typing import Any, TypeVar
 
 HEADER = b"\x00\x01\x00\x00"  # plain CDR, little-endian, no options
-_MOST_COMPILED = 64  # entries of a cache: string lengths come from the network and must not make it grow
+_MAX_COMPILED = 64  # entries of a cache: string lengths come from the network and must not make it grow
 _COUNT = Struct("<I")
 
 T = TypeVar("T")
@@ -50,7 +50,7 @@ class Layout:
         """Return the Struct of a message whose strings have these lengths; with fewer, only up to the next length."""
         compiled = self._structs.get(lengths)
         if compiled is None:
-            if len(self._structs) >= _MOST_COMPILED:
+            if len(self._structs) >= _MAX_COMPILED:
                 self._structs.clear()
             compiled = self._structs[lengths] = Struct(self._format(lengths))
         return compiled
@@ -60,7 +60,7 @@ class Layout:
         try:
             return self._named[names]
         except KeyError:
-            if len(self._named) >= _MOST_COMPILED:
+            if len(self._named) >= _MAX_COMPILED:
                 self._named.clear()
             raw = [zero_terminated(name) for name in names]
             strings = tuple([value for name in raw for value in (len(name), name)])
@@ -185,7 +185,7 @@ def diagonal(size: int, first: float, last: float, third: float | None = None) -
     try:
         return _diagonals[key]
     except KeyError:
-        if len(_diagonals) >= _MOST_COMPILED:
+        if len(_diagonals) >= _MAX_COMPILED:
             _diagonals.clear()
         values = [0.0] * (size * size)
         for axis in range(size):

@@ -12,16 +12,16 @@ from hil.ros.cdr import HEADER, Layout, MalformedError, Writer, text, tolerant
 from hil.ros.encoders import Decoder, Encoder, array_values, pack_stamped, swap_attitude, swap_body, swap_world
 from hil.ros.frames import decode_wrench
 
-MOST_DEPTH = 11_000.0  # m
-MOST_HEADING = 100.0  # rad; several turns, which do no harm
-MOST_PLACE = 1e6  # m
-MOST_FORCE = 1e6  # N, N m
+MAX_DEPTH = 11_000.0  # m
+MAX_HEADING = 100.0  # rad; several turns, which do no harm
+MAX_PLACE = 1e6  # m
+MAX_FORCE = 1e6  # N, N m
 WORLD_FRAMES = ("", "map", "odom")  # all the same frame
 
 _NUMBER = Layout("d")
 _POSE = Layout("i I string 7d")
 _STAMPED = Layout("i I string 6d")
-_LEAST_NORM = 0.5  # squared norm of a valid quaternion
+_MIN_NORM = 0.5  # squared norm of a valid quaternion
 
 Six = tuple[float, float, float, float, float, float]
 
@@ -63,10 +63,10 @@ def decode_pose(data: bytes) -> PoseCommand:
     if text(frame).rpartition("/")[2] not in WORLD_FRAMES:
         raise MalformedError("not in the world's frame")
     w, x, y, z = swap_attitude(_bounded((w, x, y, z), 2.0))
-    if w * w + x * x + y * y + z * z < _LEAST_NORM:
+    if w * w + x * x + y * y + z * z < _MIN_NORM:
         raise MalformedError("not an attitude")
     heading = atan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)
-    return PoseCommand(swap_world(_bounded(place, MOST_PLACE)), heading)
+    return PoseCommand(swap_world(_bounded(place, MAX_PLACE)), heading)
 
 
 @tolerant
@@ -90,7 +90,7 @@ def decode_wrench_command(data: bytes) -> Six:
     wrench = decode_wrench(data)
     if wrench is None:
         raise MalformedError("not a wrench")
-    x, y, z, k, m, n = _bounded((*wrench[1], *wrench[2]), MOST_FORCE)
+    x, y, z, k, m, n = _bounded((*wrench[1], *wrench[2]), MAX_FORCE)
     return x, y, z, k, m, n
 
 
@@ -105,7 +105,7 @@ def encode_thrusts(thrusts: Sequence[float]) -> bytes:
 @tolerant
 def decode_thrusts(data: bytes) -> tuple[float, ...]:
     """Return the thrusts in N; dimensions are ignored."""
-    return tuple(_bounded(array_values(data, "d"), MOST_FORCE))
+    return tuple(_bounded(array_values(data, "d"), MAX_FORCE))
 
 
 def _bounded(values: Sequence[float], most: float) -> Sequence[float]:
@@ -117,8 +117,8 @@ def _bounded(values: Sequence[float], most: float) -> Sequence[float]:
 ENCODERS: dict[str, Encoder] = {}  # commands are not samples of sensors
 DECODERS: dict[str, Decoder] = {
     "cmd_vel_stamped": decode_stamped_twist,
-    "cmd_depth": _number_within(MOST_DEPTH),
-    "cmd_heading": _number_within(MOST_HEADING),
+    "cmd_depth": _number_within(MAX_DEPTH),
+    "cmd_heading": _number_within(MAX_HEADING),
     "cmd_pose": decode_pose,
     "cmd_wrench": decode_wrench_command,
     "cmd_thrusters": decode_thrusts,

@@ -9,12 +9,12 @@ from hil.ros.message import encode, header, read
 
 TYPE = "nav_msgs/msg/Path"
 FRAME = "map"
-MOST_POINTS = 2000  # in one message; of a longer path every second point is left out, repeatedly
+MAX_POINTS = 2000  # in one message; of a longer path every second point is left out, repeatedly
 
 
 def encode_plan(time_ns: int, path: Sequence[Sequence[float]], depth: float) -> bytes:
     """Return a nav_msgs/Path of positions (m, NED); those with two numbers are at `depth`."""
-    while len(path) > MOST_POINTS:
+    while len(path) > MAX_POINTS:
         path = [*path[:-1:2], path[-1]]
     head = header(time_ns, FRAME)
     poses = []
@@ -28,7 +28,7 @@ def encode_plan(time_ns: int, path: Sequence[Sequence[float]], depth: float) -> 
 def decode_plan(data: bytes) -> tuple[Vector3, ...]:
     """Return the positions in a nav_msgs/Path, m, NED."""
     message = read(TYPE, data)
-    if len(message["poses"]) > MOST_POINTS:
+    if len(message["poses"]) > MAX_POINTS:
         raise MalformedError("not a path")
     places = [pose["pose"]["position"] for pose in message["poses"]]
     return tuple([swap_world((place["x"], place["y"], place["z"])) for place in places])

@@ -25,7 +25,7 @@ _CUBE, _CYLINDER, _LINE_STRIP, _LINE_LIST, _TRIANGLE_LIST = 1, 3, 4, 5, 11  # co
 _COLOUR = {"r": 0.4, "g": 0.45, "b": 0.55, "a": 0.8}
 _ZONE_COLOUR = {"r": 0.75, "g": 0.1, "b": 0.6, "a": 0.9}  # magenta, as on charts
 _ZONE_WIDTH = 1.0  # m
-_LEAST_HEIGHT = 0.01  # m; a marker without height is not drawn
+_MIN_HEIGHT = 0.01  # m; a marker without height is not drawn
 
 
 class GridMap(NamedTuple):
@@ -81,7 +81,7 @@ def encode_obstacles(time_ns: int, world: World) -> bytes:
 
 def _marker(time_ns: int, number: int, obstacle: Cylinder | Box, world: World) -> Message:
     bottom = world.foot(obstacle, obstacle.north, obstacle.east)
-    height = max(bottom - obstacle.top, _LEAST_HEIGHT)
+    height = max(bottom - obstacle.top, _MIN_HEIGHT)
     if isinstance(obstacle, Cylinder):
         kind, across, along, yaw = _CYLINDER, 2.0 * obstacle.radius, 2.0 * obstacle.radius, 0.0
     else:

@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 from hil.autonomy.paths.occupancy import Extent, Point
 
-MOST_CELLS = 1_000_000  # limit of a map that shows the whole world; a path search takes some 25 bytes a cell
-MOST_GROWN = 2_500_000  # limit of cells for a part that is enlarged in search of a path
-LEAST_MARGIN_CELLS = 100
+MAX_CELLS = 1_000_000  # limit of a map that shows the whole world; a path search takes some 25 bytes a cell
+MAX_GROWN = 2_500_000  # limit of cells for a part that is enlarged in search of a path
+MIN_MARGIN_CELLS = 100
 MARGIN = 0.25  # margin around the places, as a share of their distance
 
 
@@ -22,18 +22,18 @@ class MapPart(NamedTuple):
 def map_parts(extent: Extent, resolution: float, places: Sequence[Point]) -> list[MapPart]:
     """Return the parts of `extent` (m) that a map with cells of `resolution` m may show, smallest first; at least one.
 
-    A map of up to MOST_CELLS shows everything. Otherwise the first part contains `places` (north, east) with a margin,
-    and each further part has twice the margin, up to the whole extent or MOST_GROWN cells. A part with more cells has
+    A map of up to MAX_CELLS shows everything. Otherwise the first part contains `places` (north, east) with a margin,
+    and each further part has twice the margin, up to the whole extent or MAX_GROWN cells. A part with more cells has
     cells that are 2, 4 ... times as large; this concerns the first part if the places are far apart, and the last one,
     which is the whole extent.
     """
-    if _cells(extent, resolution) <= MOST_CELLS:
+    if _cells(extent, resolution) <= MAX_CELLS:
         return [MapPart(extent, resolution)]
     parts: list[MapPart] = []
     if places:
         norths, easts = zip(*places, strict=True)
         box = Extent(min(norths), min(easts), max(norths), max(easts))
-        margin = max(LEAST_MARGIN_CELLS * resolution, MARGIN * max(box.north - box.south, box.east - box.west))
+        margin = max(MIN_MARGIN_CELLS * resolution, MARGIN * max(box.north - box.south, box.east - box.west))
         while not parts or (parts[-1].extent != extent and parts[-1].resolution == resolution):
             parts.append(_fitting(extent, resolution, box, margin))
             margin *= 2.0
@@ -52,7 +52,7 @@ def _fitting(extent: Extent, resolution: float, box: Extent, margin: float) -> M
 
 def _coarsened(extent: Extent, resolution: float) -> float:
     """Return the smallest cell size, 1, 2, 4 ... times `resolution`, with which `extent` has few enough cells."""
-    while _cells(extent, resolution) > MOST_GROWN:
+    while _cells(extent, resolution) > MAX_GROWN:
         resolution *= 2.0
     return resolution
 

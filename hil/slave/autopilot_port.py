@@ -1,7 +1,7 @@
 """The slave's interface to an autopilot: its motor outputs become STM32 commands; it receives samples and step times.
 
 Loaded only if the scenario's controller is an autopilot. In lockstep, each due step waits for the autopilot's answer.
-Steps that wait are made up for later, at most `MOST_OWED`; further ones are dropped and counted, and simulated time
+Steps that wait are made up for later, at most `MAX_OWED`; further ones are dropped and counted, and simulated time
 then falls behind. The simulation does not wait for an autopilot that is not connected.
 """
 
@@ -19,8 +19,8 @@ from sim.vehicle.vehicle import Vehicle
 if TYPE_CHECKING:
     from hil.ros.diagnostics import Diagnostics
 
-MOST_OWED = 40  # steps; 0.1 s at the default step
-MOST_AWAITED = 256  # commands that wait for their echo
+MAX_OWED = 40  # steps; 0.1 s at the default step
+MAX_AWAITED = 256  # commands that wait for their echo
 CHECK_NS = 50 * NS_PER_MS
 
 
@@ -58,7 +58,7 @@ class AutopilotPort:
             return None
         pulses = self.motors.update(outputs)
         command = self._command(pulses)
-        if len(self._awaited) > MOST_AWAITED:
+        if len(self._awaited) > MAX_AWAITED:
             self._awaited.clear()
         self._awaited[command.sequence] = outputs.received_ns
         return command
@@ -87,9 +87,9 @@ class AutopilotPort:
             self._owed = 0
             return due
         self._owed += due
-        if self._owed > MOST_OWED:
-            self.held_steps += self._owed - MOST_OWED
-            self._owed = MOST_OWED
+        if self._owed > MAX_OWED:
+            self.held_steps += self._owed - MAX_OWED
+            self._owed = MAX_OWED
         if not self._owed or not self.autopilot.may_step():
             return 0
         self._owed -= 1

@@ -30,8 +30,8 @@ _DRIFT_PER_S = 50_000  # ns a second: assumed limit of the drift between two clo
 _STEADY_NS = 20 * NS_PER_MS
 _AGREE_NS = NS_PER_S
 _STEADY_FOR_NS = 5 * NS_PER_S
-_MOST_SENDERS = 64  # pairs of sender and topic whose last sequence number is stored
-_MOST_SPEED = 100.0  # m/s and rad/s; a faster command is taken for an error of its sender
+_MAX_SENDERS = 64  # pairs of sender and topic whose last sequence number is stored
+_MAX_SPEED = 100.0  # m/s and rad/s; a faster command is taken for an error of its sender
 _BURST_NS = 100 * NS_PER_MS  # how long commands may exceed their rate limit
 _OVERLOAD = 1000.0  # refused commands a second; above this rate, commands of the active master may be lost
 _YIELD_EVERY = 4  # refused commands between two pauses; fewer than the network's ring buffer holds
@@ -250,7 +250,7 @@ class CommandReceiver:
 
     def _add_sender(self, sender: bytes, topic: str, known: _Sender) -> None:
         """Store a sender. Active senders are never removed: otherwise their old commands would count as new."""
-        if len(self._senders) >= _MOST_SENDERS:
+        if len(self._senders) >= _MAX_SENDERS:
             active = {self.master, *[anonymous for anonymous, _ in self._anonymous.values()]}
             del self._senders[next(key for key in self._senders if key[0] not in active)]
         self._senders[sender, topic] = known
@@ -312,6 +312,6 @@ def velocity_of(twist: "tuple[Vector3, Vector3] | None") -> VelocityCommand | No
     if twist is None:
         return None
     (surge, sway, heave), (p, q, r) = twist
-    if max(surge, sway, heave, p, q, r) > _MOST_SPEED or min(surge, sway, heave, p, q, r) < -_MOST_SPEED:
+    if max(surge, sway, heave, p, q, r) > _MAX_SPEED or min(surge, sway, heave, p, q, r) < -_MAX_SPEED:
         return None
     return VelocityCommand(surge, sway, heave, r)

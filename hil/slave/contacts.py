@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from hil.network.security import Security
 
 WAITING = 16  # size of the queue for masters' pings; the queue for all other pings has half of it
-MOST_PEERS = 32  # masters and observers, each, that are tracked; further ones are not reported
+MAX_PEERS = 32  # masters and observers, each, that are tracked; further ones are not reported
 NEW_NS = 3 * NS_PER_S  # during this time after its start, a slave ends if an older slave has the same name
 FIRST_NS = NS_PER_S // 5  # a slave that is found this soon after our start was there before us
 TWIN_S = 1.5  # the other slave must stay present for this time; after a kill, its lease of 1 s keeps it present
@@ -108,7 +108,7 @@ class Contacts:
             return
         peers = self._peers[presence.part]
         if alive:
-            known = len(peers) < MOST_PEERS or presence.ident in peers
+            known = len(peers) < MAX_PEERS or presence.ident in peers
             if known:
                 peers[presence.ident] = presence
         else:
@@ -120,7 +120,7 @@ class Contacts:
         """Handle another slave with our name. A master would command both, so the younger one ends."""
         if not alive:
             self._twins.discard(presence.ident)
-        elif presence.ident != self._ident and len(self._twins) < MOST_PEERS:
+        elif presence.ident != self._ident and len(self._twins) < MAX_PEERS:
             self._twins.add(presence.ident)
             age_ns = now_ns() - self._began_ns
             apart_ns = abs(int(presence.ident[:16], 16) - int(self._ident[:16], 16))
@@ -184,7 +184,7 @@ class Contacts:
     def _clock_of(self, sender: bytes) -> ClockOffset:
         clocks = self._command_receiver.clocks
         if sender not in clocks:
-            while len(clocks) >= MOST_PEERS:  # a flood of anonymous senders must not remove the active master
+            while len(clocks) >= MAX_PEERS:  # a flood of anonymous senders must not remove the active master
                 del clocks[next(other for other in clocks if other != self._command_receiver.master)]
             clocks[sender] = ClockOffset()
         return clocks[sender]

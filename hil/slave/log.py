@@ -9,7 +9,7 @@ from hil.common.clock import NS_PER_S, now_ns
 from hil.common.text import clean
 
 LONGEST = 1000  # characters of a line
-MOST_LINES = 1000  # in each WINDOW_NS; further lines are only counted
+MAX_LINES = 1000  # in each WINDOW_NS; further lines are only counted
 WINDOW_NS = 10 * NS_PER_S
 
 
@@ -37,7 +37,7 @@ class Log:
                 self._add_omitted(now)
                 self._window_ns, self._in_window = now, 0
             self._in_window += 1
-            if self._in_window > MOST_LINES:
+            if self._in_window > MAX_LINES:
                 self._left_out += 1
                 return
             self._add_line(text, now)
@@ -48,7 +48,7 @@ class Log:
 
     def _add_omitted(self, now: int) -> None:
         if self._left_out:
-            self._add_line(f"{self._left_out} lines left out: more than {MOST_LINES} in {WINDOW_NS // NS_PER_S} s", now)
+            self._add_line(f"{self._left_out} lines left out: more than {MAX_LINES} in {WINDOW_NS // NS_PER_S} s", now)
             self._left_out = 0
 
     def flush(self) -> None:

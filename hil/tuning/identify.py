@@ -12,7 +12,7 @@ from hil.tuning.step_response import AXES, HOLD_S, step_command
 from sim.vehicle.vehicle import Vehicle
 
 _PUSH_S, _TILT_S = 3.0, 0.5  # of the evaluated response; later the righting moment of a tilted vehicle dominates
-_LEAST_POINTS = 8
+_MIN_POINTS = 8
 _DELAY_STEP_S, _DELAY_MOST_S = 0.005, 0.5
 
 
@@ -43,7 +43,7 @@ def identify_axis(
     moments = rig.fly(_TILT_S if axis in ("roll", "pitch") else _PUSH_S, lambda time: still)
     values = [moment.nu[loop] - moments[0].nu[loop] for moment in moments]
     end = next((number for number, value in enumerate(values) if abs(value) > speed), len(values))
-    return fit_lag(values[: max(end, _LEAST_POINTS)], force / inertia, CONTROL_PERIOD_S, f"{name}: {axis}")
+    return fit_lag(values[: max(end, _MIN_POINTS)], force / inertia, CONTROL_PERIOD_S, f"{name}: {axis}")
 
 
 def fit_lag(values: Sequence[float], acceleration: float, period: float, where: str) -> Process:

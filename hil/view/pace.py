@@ -7,8 +7,8 @@ late, by the constant offset of the two clocks.
 from hil.common.clock import NS_PER_MS
 
 GATHER_NS = 3 * NS_PER_MS  # wait after a sample, because the samples of one instant come one after the other
-LEAST_NS = 40 * NS_PER_MS  # shortest time between two drawings, however many vehicles send
-MOST_NS = 75 * NS_PER_MS  # longest time; more than the period of the samples, so that the samples trigger the drawing
+MIN_NS = 40 * NS_PER_MS  # shortest time between two drawings, however many vehicles send
+MAX_NS = 75 * NS_PER_MS  # longest time; more than the period of the samples, so that the samples trigger the drawing
 
 
 class Pace:
@@ -20,11 +20,11 @@ class Pace:
 
     def on_sample(self, now: int) -> None:
         """Schedule a drawing soon after a sample that was received at `now`."""
-        self.due_ns = min(self.due_ns, max(now + GATHER_NS, self._drawn_ns + LEAST_NS))
+        self.due_ns = min(self.due_ns, max(now + GATHER_NS, self._drawn_ns + MIN_NS))
 
     def draws(self, now: int) -> bool:
         """Return whether to draw at `now`; if true, schedule the next drawing."""
         if now < self.due_ns:
             return False
-        self._drawn_ns, self.due_ns = now, now + MOST_NS
+        self._drawn_ns, self.due_ns = now, now + MAX_NS
         return True

@@ -18,9 +18,9 @@ from hil.common.server_thread import STALLED_S, ServerThread, cut_when_stalled, 
 
 COOKIE = "uuv_hil_view"
 SECRET_HEADER = "X-Uuv-Hil-Secret"
-MOST_STICK_BYTES = 4096  # in one message of the stick
-MOST_CLIENTS = 32
-MOST_CONNECTIONS = 256  # open at once; a browser needs several, for the page, the stick and the scene
+MAX_STICK_BYTES = 4096  # in one message of the stick
+MAX_CLIENTS = 32
+MAX_CONNECTIONS = 256  # open at once; a browser needs several, for the page, the stick and the scene
 TOKEN_WITHIN_S = 10.0  # a connection that has not sent the token by then is closed
 HEARTBEAT_S = 10.0  # period of websocket pings; a connection without a pong is closed after half of it
 LARGEST_MESSAGE = 256 << 20  # bytes from the scene to the browser
@@ -77,7 +77,7 @@ class PageServer(ServerThread):
         assert server
         opened = {connection for connection in server.connections if connection.transport}
         self._admitted &= opened
-        if len(opened) >= MOST_CONNECTIONS:
+        if len(opened) >= MAX_CONNECTIONS:
             return _Refusal()
         connection = server()
         self._loop.call_later(TOKEN_WITHIN_S, self._close_unless_admitted, connection)
@@ -130,10 +130,10 @@ class PageServer(ServerThread):
 
     async def _stick(self, request: web.Request) -> web.WebSocketResponse:
         """Exchange messages with the page: receive stick and buttons, send the allowed actions and the shown values."""
-        socket = web.WebSocketResponse(max_msg_size=MOST_STICK_BYTES, heartbeat=HEARTBEAT_S)
+        socket = web.WebSocketResponse(max_msg_size=MAX_STICK_BYTES, heartbeat=HEARTBEAT_S)
         await socket.prepare(request)
-        if self._clients >= MOST_CLIENTS:
-            await socket.close(message=f"{MOST_CLIENTS} browsers are connected already".encode())
+        if self._clients >= MAX_CLIENTS:
+            await socket.close(message=f"{MAX_CLIENTS} browsers are connected already".encode())
             return socket
         if request.transport is None:  # the client has disconnected meanwhile
             return socket

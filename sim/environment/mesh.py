@@ -27,7 +27,7 @@ from sim.environment.obstacles import Coordinate, Heading, Separation
 from sim.rotations import from_euler, matrix
 from sim.vehicle.mesh_files import MAX_BYTES, load_mesh
 
-MOST_TRIANGLES = 200_000
+MAX_TRIANGLES = 200_000
 Share = Annotated[float, Range(0.0, 1.0)]
 Triangle = tuple[Vector3, Vector3, Vector3]
 
@@ -178,8 +178,8 @@ def _read(file: str, _mtime_ns: int, scale: float, up: str, where: str) -> tuple
 
 
 def _check_count(count: int, file: str, where: str) -> None:
-    if count > MOST_TRIANGLES:
-        raise ConfigError(f"{where}: file: {file}: {count} triangles are more than {MOST_TRIANGLES}: simplify the mesh")
+    if count > MAX_TRIANGLES:
+        raise ConfigError(f"{where}: file: {file}: {count} triangles are more than {MAX_TRIANGLES}: simplify the mesh")
 
 
 def _declared_count(file: str) -> int:

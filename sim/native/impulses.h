@@ -3,7 +3,7 @@
 #define MAX_TOUCHES 8
 #define ROUNDS 30
 #define ENOUGH 1e-4
-#define LEAST 1e-12
+#define MIN 1e-12
 #define QUIET 0.03
 
 typedef struct {
@@ -41,7 +41,7 @@ static int impulse_sliding(Impulse *slide, const Impulse *normal, const double *
     double v = nu[1] + r * x - p * z - closing * normal->row[1];
     double w = nu[2] + p * y - q * x - closing * normal->row[2];
     double speed = sqrt(u * u + v * v + w * w);
-    if (!(speed > LEAST))
+    if (!(speed > MIN))
         return 0;
     double along[3] = {u / speed, v / speed, w / speed};
     impulse_set(slide, along, lever, mass, nu);
@@ -84,7 +84,7 @@ static void impulses_solve(Impulse *normals, Impulse *slides, const int *slid, i
                 }
             }
         }
-        if (most <= ENOUGH * closing || most < LEAST)
+        if (most <= ENOUGH * closing || most < MIN)
             break;
     }
 }

@@ -8,9 +8,9 @@
 
 #include "rays.h"
 
-enum { BUNDLE = 32, FEW_RAYS = 8, MOST_STRIDES = 24, MOST_CELLS = 96, FEW_CELLS = 3, SOME_CELLS = 12 };
+enum { BUNDLE = 32, FEW_RAYS = 8, MAX_STRIDES = 24, MAX_CELLS = 96, FEW_CELLS = 3, SOME_CELLS = 12 };
 #define GEOMETRY "sim.native.Geometry" /* name of the capsule that carries a Geometry */
-#define MOST_SLOPES 0.1
+#define MAX_SLOPES 0.1
 #define CLEARANCE 1e-6 /* m of distance from an object that is excluded, so that rounding cannot matter */
 
 /* The directions of `count` rays, with their componentwise bounds `low` and `high`. */
@@ -82,7 +82,7 @@ static double least_between(const Ground *ground, const double *from, const doub
 {
     const double edge[2] = {(double)(ground->rows - 1), (double)(ground->columns - 1)};
     for (int axis = 0; axis < 2; axis++)
-        if (!(from[axis] > CLEARANCE && to[axis] < edge[axis] - CLEARANCE && to[axis] - from[axis] < MOST_CELLS))
+        if (!(from[axis] > CLEARANCE && to[axis] < edge[axis] - CLEARANCE && to[axis] - from[axis] < MAX_CELLS))
             return -INFINITY;
     long top = (long)(from[0] - CLEARANCE), left = (long)(from[1] - CLEARANCE);
     long bottom = (long)(to[0] + CLEARANCE), right = (long)(to[1] + CLEARANCE);
@@ -108,13 +108,13 @@ static double least_between(const Ground *ground, const double *from, const doub
  * is not worthwhile for rays of different slopes. */
 static double clear_way(const Ground *ground, const double *origin, const Bundle *bundle, double reach)
 {
-    if (ground->rows == 0 || bundle->high[2] - bundle->low[2] > MOST_SLOPES)
+    if (ground->rows == 0 || bundle->high[2] - bundle->low[2] > MAX_SLOPES)
         return 0.0;
     double at[2] = {(origin[0] - ground->north_min) * ground->scale, (origin[1] - ground->east_min) * ground->scale};
     double fastest = 1e-3 + ground->scale * most_of(most_of(fabs(bundle->low[0]), fabs(bundle->high[0])),
                                                     most_of(fabs(bundle->low[1]), fabs(bundle->high[1])));
-    double near = 0.0, down = bundle->high[2], stride = least_of(reach, 0.5 * MOST_CELLS / fastest);
-    for (int i = 0; i < MOST_STRIDES && near < reach && stride * fastest > 0.25; i++) {
+    double near = 0.0, down = bundle->high[2], stride = least_of(reach, 0.5 * MAX_CELLS / fastest);
+    for (int i = 0; i < MAX_STRIDES && near < reach && stride * fastest > 0.25; i++) {
         double far = least_of(near + stride, reach), from[2], to[2];
         for (int axis = 0; axis < 2; axis++) {
             double low = bundle->low[axis] * ground->scale, high = bundle->high[axis] * ground->scale;

@@ -36,8 +36,8 @@ from hil.client.delay import quantiles  # noqa: E402
 from hil.common.children import module_command, package_environment, start_child  # noqa: E402
 from hil.ros.diagnostics import or_nan  # noqa: E402
 
-MOST = 1.5
-LEAST_HZ = 14.5
+MAX = 1.5
+MIN_HZ = 14.5
 PORT = 20_000 + 2 * (os.getpid() % 5000)
 FIRST_S = 30.0  # limit until all pictures arrive
 PICTURES = ("camera/image_raw", "camera/depth/image_raw", "forward_sonar/image")
@@ -199,11 +199,11 @@ def main() -> int:
     cores = len(os.sched_getaffinity(0))
     if options.large:
         rate = statistics.median(cost.rates_hz[0] for cost in costs["large"])
-        print(f"{rate:.1f} large pictures a second, at least {LEAST_HZ}; {cores} cores")
-        return int(rate < LEAST_HZ)
+        print(f"{rate:.1f} large pictures a second, at least {MIN_HZ}; {cores} cores")
+        return int(rate < MIN_HZ)
     ratio = late["with"] / late["without"]
-    print(f"late at 99.9 %, with to without: {ratio:.2f}, budget {MOST}; {cores} cores")
-    return int(ratio > MOST)
+    print(f"late at 99.9 %, with to without: {ratio:.2f}, budget {MAX}; {cores} cores")
+    return int(ratio > MAX)
 
 
 if __name__ == "__main__":

@@ -27,7 +27,7 @@ from hil.common.children import module_command, package_environment, start_child
 from hil.recording.reader import read_messages  # noqa: E402
 from hil.ros.diagnostics import or_nan  # noqa: E402
 
-MOST_OF_A_CORE = 0.10
+MAX_OF_A_CORE = 0.10
 FIRST_PORT = 21000
 SENSORS = ("ahrs", "altimeter", "contact", "current_meter", "dvl_water", "leak", "magnetometer", "usbl")
 SCENARIO = """
@@ -116,7 +116,7 @@ def main() -> int:
         f"{share:.1%} of a core; {size / options.seconds / 1e3:.0f} kB/s; real time x{real_time:.3f}"
     )
     lossless = missing == 0 and re.search("none lost", output) is not None
-    return 0 if lossless and share <= MOST_OF_A_CORE else 1
+    return 0 if lossless and share <= MAX_OF_A_CORE else 1
 
 
 if __name__ == "__main__":

@@ -27,8 +27,8 @@ from hil.cases.record import Result  # noqa: E402
 from hil.cases.report import Flights, write_report  # noqa: E402
 
 COLOURS = 64
-LEAST_SUCCESS = 0.98
-MOST_CPU = 0.1  # of a core, of the master in the first case
+MIN_SUCCESS = 0.98
+MAX_CPU = 0.1  # of a core, of the master in the first case
 HEAD = """\
 # The reference platform's cases, flown again
 
@@ -108,13 +108,13 @@ def find_shortfalls(results: list[Result]) -> list[str]:
     for name in dict.fromkeys(result.case for result in results):
         own = [result for result in results if result.case == name]
         share = sum(result.success for result in own) / len(own)
-        if share < LEAST_SUCCESS:
+        if share < MIN_SUCCESS:
             problems.append(f"{name}: {share:.0%} of its flights succeed")
         problems += [f"{name} {r.mode}, seed {r.seed}: collision" for r in own if r.collided]
         problems += [
             f"{name}, seed {r.seed}: the master takes {r.master_cpu:.1%} of a core"
             for r in own
-            if name.startswith("path_planning") and r.master_cpu > MOST_CPU
+            if name.startswith("path_planning") and r.master_cpu > MAX_CPU
         ]
     return problems
 

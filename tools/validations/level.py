@@ -6,7 +6,7 @@ from matplotlib.axes import Axes
 
 from hil.common.schema import preset_names
 from sim.vehicle.vehicle import load_vehicle
-from tests.support.flights.level_flight import FIELD, MOST_TILT, OPEN, LevelFlight, fly_level, top_speed
+from tests.support.flights.level_flight import FIELD, MAX_TILT, OPEN, LevelFlight, fly_level, top_speed
 from tools.validations.sheet import Finding, Sheet, label
 
 SHARES = (0.5, 0.75, 1.0)
@@ -29,7 +29,7 @@ def level_flight(panels: Sequence[Axes]) -> list[Finding]:
     for panel, title in zip(panels, ("up to the top speed", "published sets to the letter"), strict=True):
         panel.set_yscale("log")
         panel.set_ylim(0.08, 200.0)
-        panel.axhline(MOST_TILT, color="k", linewidth=0.8, linestyle=":")
+        panel.axhline(MAX_TILT, color="k", linewidth=0.8, linestyle=":")
         label(panel, "commanded surge (m/s)", "greatest tilt (deg)", title)
         panel.legend(fontsize=5, loc="lower right" if panel is panels[1] else "upper right")
     return findings
@@ -43,12 +43,12 @@ def _finding(name: str, limit: float | None, swims: bool, flown: list[LevelFligh
     worst = max(one.tilt for one in flown)
     if limit:
         test = TEST.format("test_a_vehicle_stays_level_up_to_the_speed_in_its_file")
-        return Finding(what, angles, f"level to {limit:g} m/s", test, worst > MOST_TILT)
+        return Finding(what, angles, f"level to {limit:g} m/s", test, worst > MAX_TILT)
     if swims:
         test = TEST.format("test_a_torpedo_stays_level_at_its_top_speed")
         return Finding(what, angles, "tilt < 20°", test, worst < 20.0)
     test = TEST.format("test_a_vehicle_stays_level_up_to_its_top_speed_among_obstacles")
-    return Finding(what, angles, f"tilt < {MOST_TILT:g}°", test, worst < MOST_TILT)
+    return Finding(what, angles, f"tilt < {MAX_TILT:g}°", test, worst < MAX_TILT)
 
 
 SHEETS = [Sheet("Level flight", level_flight, size=(9.0, 3.6))]

@@ -23,7 +23,7 @@ _RANK_TOLERANCE = 1e-4
 # Two rows with a cosine below this count as orthogonal; it is a few rounding errors.
 _ORTHOGONAL = 1e-14
 # Convergence is quadratic: 6 rows take about 5 sweeps.
-_MOST_SWEEPS = 30
+_MAX_SWEEPS = 30
 
 
 class Allocator:
@@ -127,7 +127,7 @@ def pseudo_inverse(
     size = len(rows)
     basis = [[float(i == j) for j in range(size)] for i in range(size)]
     dust = _RANK_TOLERANCE**2 * sum(dot(row, row) for row in rows)
-    for _ in range(_MOST_SWEEPS):
+    for _ in range(_MAX_SWEEPS):
         if not _sweep(rows, basis, dust):
             break
     energies = [dot(row, row) for row in rows]

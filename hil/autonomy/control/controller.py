@@ -27,7 +27,7 @@ NO_RESIDUAL: Wrench = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 _ROUNDING = 1e-6  # N, N m; a smaller residual is rounding
 ABSURD = 1e6  # m/s or rad/s; a larger measurement or command is a fault
 # Limit of the division by the share of heave in the vertical direction (1: upright), for strongly tilted vehicles.
-_LEAST_UPRIGHT = 0.5
+_MIN_UPRIGHT = 0.5
 
 
 class AxisGains(NamedTuple):
@@ -201,8 +201,8 @@ def heave_for_depth(depth: float, navigation: Navigation, hold: HoldGains) -> fl
     down = down_in_body(navigation.orientation)
     rate = clamp(hold.p * (depth - navigation.depth), hold.limit)
     u, v, _ = navigation.velocity
-    heave = (rate - down[0] * u - down[1] * v) / max(down[2], _LEAST_UPRIGHT)
-    return clamp(heave, hold.limit / _LEAST_UPRIGHT)
+    heave = (rate - down[0] * u - down[1] * v) / max(down[2], _MIN_UPRIGHT)
+    return clamp(heave, hold.limit / _MIN_UPRIGHT)
 
 
 class _Loop:

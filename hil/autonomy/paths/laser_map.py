@@ -19,7 +19,7 @@ Floats = NDArray[np.floating]
 Cells = tuple[NDArray[np.intp], NDArray[np.intp]]  # rows and columns
 
 _HIT, _MISS = 0.85, -0.4
-_LEAST, _MOST = -2.0, 3.5
+_MIN, _MAX = -2.0, 3.5
 
 
 class LaserMap:
@@ -41,7 +41,7 @@ class LaserMap:
         seen = ranges <= self._reach
         hits = self._cells(position, ranges[seen], angles[seen])
         self._pass_through(position, np.minimum(ranges, self._reach), angles, hits)
-        self._odds[hits] = np.minimum(self._odds[hits] + _HIT, _MOST)
+        self._odds[hits] = np.minimum(self._odds[hits] + _HIT, _MAX)
         occupied = self._known | (self._odds > 0.0)
         fresh = np.argwhere(occupied & ~self.grid.cells)
         self.grid.cells = occupied
@@ -61,7 +61,7 @@ class LaserMap:
         passed = np.zeros(self._odds.shape, bool)
         passed[self._cells(position, along[short], turned[short])] = True
         passed[hits] = False
-        self._odds[passed] = np.maximum(self._odds[passed] + _MISS, _LEAST)
+        self._odds[passed] = np.maximum(self._odds[passed] + _MISS, _MIN)
 
     def _cells(self, position: Sequence[float], ranges: Floats, angles: Floats) -> Cells:
         """Return the cells of the map at these distances and headings, with repetitions."""

@@ -19,7 +19,7 @@ _NODES = (
 )
 _PARTS = 4  # least number of parts between two points for measuring the length
 _PRECISION = 1e-9  # share of the distance between two points; parts are halved until their length is this precise
-_MOST_STEPS = 40  # enough for a bisection alone to find a place to 1e-12 of its part
+_MAX_STEPS = 40  # enough for a bisection alone to find a place to 1e-12 of its part
 _LEVEL = 1e-9  # horizontal share below which (vertical, or in a cusp) the turn of the heading is undefined
 
 
@@ -114,7 +114,7 @@ class _Part(NamedTuple):
         """
         low, high = 0.0, self.size
         t = self.size * wanted / length
-        for _ in range(_MOST_STEPS):
+        for _ in range(_MAX_STEPS):
             excess, speed = self.measure(t) - wanted, self.speed(t)
             low, high = (low, t) if excess > 0.0 else (t, high)
             following = t - excess / speed if speed else -1.0

@@ -17,7 +17,7 @@ from hil.common.schema import Range
 
 # A curve is checked at this spacing (m), and at no fewer than this number of places.
 _SPACING = 0.05
-_LEAST_CHECKS = 200
+_MIN_CHECKS = 200
 _BEFORE = 1e-9  # m; distance before a corner at which to evaluate the curve just before it
 # Tolerance of limits, relative or absolute, for rounding.
 _SLACK = 1e-6
@@ -130,7 +130,7 @@ def check(curve: Curve, speed: float, limits: Limits) -> None:
     The curve is checked every 5 cm and at 200 places or more, so the sharpest bend of a spline may be missed by less
     than that.
     """
-    count = max(_LEAST_CHECKS, int(curve.length / _SPACING))
+    count = max(_MIN_CHECKS, int(curve.length / _SPACING))
     corners = curve.corners()
     if corners and limits.turn_radius > 0.0:
         raise MissionError(

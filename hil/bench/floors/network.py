@@ -11,10 +11,10 @@ from typing import Any
 from hil.common.clock import NS_PER_S, now_ns
 from hil.common.errors import NetworkError
 
-MOST = 1 << 16  # bytes at once
-ZEROS = memoryview(bytes(MOST))
+MAX = 1 << 16  # bytes at once
+ZEROS = memoryview(bytes(MAX))
 PATIENCE_S = 1.0  # for a connection, and for a client that sends and does not read
-LEAST_S = 0.001  # time for an answer, even if it was requested late
+MIN_S = 0.001  # time for an answer, even if it was requested late
 GIVE_UP = 3  # requests without an answer after which no more are sent
 
 
@@ -40,7 +40,7 @@ def serve(address: str, stop_fd: int) -> None:
                     return
                 if ready is datagrams:
                     with suppress(OSError):  # the client counts it as lost
-                        datagrams.sendto(*datagrams.recvfrom(MOST))
+                        datagrams.sendto(*datagrams.recvfrom(MAX))
                 elif ready is server:
                     with suppress(OSError):  # disconnected already
                         streams.append(_prompt(server.accept()[0]))
@@ -57,7 +57,7 @@ def _prompt(stream: socket.socket) -> socket.socket:
 def _echo(stream: socket.socket) -> bool:
     """Echo the received bytes; return whether there may be more."""
     with suppress(OSError):  # reset, or the client does not read
-        data = stream.recv(MOST)
+        data = stream.recv(MAX)
         if data:
             stream.sendall(data)
             return True
@@ -107,8 +107,8 @@ class RoundTrips:
 
     def _receive(self, until_ns: int) -> bytes:
         while len(self._received) < self._size:
-            self._socket.settimeout(max((until_ns - now_ns()) / NS_PER_S, LEAST_S))
-            data = self._socket.recv(MOST)
+            self._socket.settimeout(max((until_ns - now_ns()) / NS_PER_S, MIN_S))
+            data = self._socket.recv(MAX)
             if not data:
                 raise ConnectionResetError
             self._received += data
@@ -196,7 +196,7 @@ class Load:
                     self._unsent -= self._stream.send(ZEROS[: self._unsent])
             with suppress(BlockingIOError):
                 while self._awaited:
-                    count = len(self._stream.recv(MOST))
+                    count = len(self._stream.recv(MAX))
                     if not count:
                         raise ConnectionResetError("closed")
                     self._awaited -= count

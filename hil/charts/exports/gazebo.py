@@ -12,7 +12,7 @@ from hil.charts.grid import Grid, write_file
 from sim.environment.obstacles import Box, Cylinder
 from sim.environment.world import World
 
-MOST_NODES = 2049  # along a side; Gazebo requires 2^n + 1
+MAX_NODES = 2049  # along a side; Gazebo requires 2^n + 1
 LEVELS = 65535
 WALL = 0.2  # m thick
 _PLUGINS = {
@@ -58,7 +58,7 @@ def height_map_spacing(grid: Grid) -> float:
 def _side(grid: Grid) -> int:
     """Return the number of nodes along a side of the height map."""
     side = 3
-    while side < min(max(grid.depths.shape), MOST_NODES):
+    while side < min(max(grid.depths.shape), MAX_NODES):
         side = 2 * side - 1
     return side
 

@@ -12,17 +12,17 @@ from hil.common.errors import ConfigError
 Corners = NDArray[np.float32]
 Triangles = NDArray[np.uint32]
 
-MOST_NODES = 4_000_000  # of a mesh: 8 million triangles, 0.4 GB as STL; making it takes a few times that memory
+MAX_NODES = 4_000_000  # of a mesh: 8 million triangles, 0.4 GB as STL; making it takes a few times that memory
 _SAND = {"baseColorFactor": [0.76, 0.7, 0.5, 1.0], "metallicFactor": 0.0}
 
 
 def check_size(grid: Grid) -> None:
-    """Raise ConfigError if a mesh of `grid` would have more than MOST_NODES nodes, too many for memory."""
+    """Raise ConfigError if a mesh of `grid` would have more than MAX_NODES nodes, too many for memory."""
     rows, columns = grid.depths.shape
-    if rows * columns > MOST_NODES:
-        suggested = round_up(grid.resolution * (rows * columns / MOST_NODES) ** 0.5 * 1.001)
+    if rows * columns > MAX_NODES:
+        suggested = round_up(grid.resolution * (rows * columns / MAX_NODES) ** 0.5 * 1.001)
         raise ConfigError(
-            f"--resolution: {grid.resolution:g} m makes a mesh of {rows} x {columns} nodes, more than {MOST_NODES}: "
+            f"--resolution: {grid.resolution:g} m makes a mesh of {rows} x {columns} nodes, more than {MAX_NODES}: "
             f"use {suggested:g} m or coarser"
         )
 
@@ -31,7 +31,7 @@ def triangulate(grid: Grid) -> tuple[Corners, Triangles]:
     """Return corners (n, 3) east, north, up in m, and triangles (m, 3) of their indices, counter-clockwise from above.
 
     A cell has two triangles, or none if one of its nodes is unknown. Raises ConfigError if there are no triangles, or
-    more nodes than MOST_NODES.
+    more nodes than MAX_NODES.
     """
     check_size(grid)
     rows, columns = grid.depths.shape

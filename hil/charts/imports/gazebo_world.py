@@ -24,7 +24,7 @@ _NEAR = 500.0  # m: a world of this size around the file's origin is extended to
 _EMPTY_HALF_SIZE = 50.0  # m, of a world without shapes
 _FARTHEST = 9e4  # m from the file's origin: greatest coordinate of a world
 _COVERS = 0.9  # least share of the world's area that a floor covers
-_HIGHEST, _LEAST_SIDE = -100.0, 0.01  # m: limits of an obstacle's top and of its sides
+_HIGHEST, _MIN_SIDE = -100.0, 0.01  # m: limits of an obstacle's top and of its sides
 _NED = [[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]
 
 
@@ -253,7 +253,7 @@ def _obstacle(each: _PlacedShape, level: float, folder: str) -> tuple[str, dict[
         return "mesh", keys | ({"colour": tuple(_round(x) for x in shape.colour)} if shape.colour else {})
     rounded = {key: _round(value) for key, value in vertical.items()}
     if shape.kind == "cylinder":
-        radius = max(shape.sizes[0], _LEAST_SIDE)
+        radius = max(shape.sizes[0], _MIN_SIDE)
         return "cylinder", {
             "north": _round(north),
             "east": _round(east),
@@ -263,7 +263,7 @@ def _obstacle(each: _PlacedShape, level: float, folder: str) -> tuple[str, dict[
         }
     yaw = shape.pose.angles()[2]
     heading = (0.5 * pi - yaw + pi) % (2.0 * pi) - pi
-    sizes = {"size_north": max(shape.sizes[0], _LEAST_SIDE), "size_east": max(shape.sizes[1], _LEAST_SIDE)}
+    sizes = {"size_north": max(shape.sizes[0], _MIN_SIDE), "size_east": max(shape.sizes[1], _MIN_SIDE)}
     place = {"north": _round(north), "east": _round(east), **sizes, "heading": _round(heading)}
     return "box", {**place, **rounded, "name": shape.name}
 

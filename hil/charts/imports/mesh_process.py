@@ -14,7 +14,7 @@ from typing import Any
 from hil.common.children import limit_self
 from hil.common.lifeline import die_with_parent
 from hil.common.tables import check_file
-from sim.environment.mesh import MOST_TRIANGLES
+from sim.environment.mesh import MAX_TRIANGLES
 from sim.vehicle.mesh_files import MAX_BYTES, load_mesh
 
 MEMORY_BYTES = 3 << 30  # of address space
@@ -55,8 +55,8 @@ def _process_job(job: dict[str, Any]) -> dict[str, Any]:
     if not len(mesh.faces) or not np.isfinite(mesh.vertices).all():
         return {"error": "no triangles, or corners that are not finite numbers"}
     if job["output"]:
-        if len(mesh.faces) > MOST_TRIANGLES:
-            return {"error": f"{len(mesh.faces)} triangles, at most {MOST_TRIANGLES} are allowed: simplify it"}
+        if len(mesh.faces) > MAX_TRIANGLES:
+            return {"error": f"{len(mesh.faces)} triangles, at most {MAX_TRIANGLES} are allowed: simplify it"}
         plain = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
         plain.export(job["output"], file_type="stl")
     closed = bool(mesh.is_watertight)

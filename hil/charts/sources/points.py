@@ -26,7 +26,7 @@ _LONGITUDE, _LATITUDE = {"lon", "long", "longitude", "lng"}, {"lat", "latitude"}
 _EAST, _NORTH = {"e", "east", "easting", "x"}, {"n", "north", "northing", "y"}
 _DEPTH = {"z", "depth", "bathymetry", "elevation", "height", "altitude", "sounding", "bottom", "topo"}
 LARGEST = 1 << 30  # bytes of a file, and characters of its uncompressed text
-MOST_LINES = 20_000_000  # of one file; a sounding takes 24 bytes
+MAX_LINES = 20_000_000  # of one file; a sounding takes 24 bytes
 LONGEST_LINE = 10_000  # characters
 FARTHEST = 1e5  # m from the origin of a world
 COMMENTS = ("#", "%", ">", "!", "//")  # of GMT, MATLAB, Surfer and others
@@ -108,9 +108,9 @@ def _lines(path: str) -> Iterator[str]:
                 count, size = count + 1, size + len(line)
                 if len(line) > LONGEST_LINE:
                     raise ConfigError(f"{path}: a line of more than {LONGEST_LINE} characters: this is no XYZ or CSV")
-                if size > LARGEST or count > MOST_LINES:
+                if size > LARGEST or count > MAX_LINES:
                     raise ConfigError(
-                        f"{path}: more than {LARGEST >> 20} MiB of text or {MOST_LINES} lines: thin it out, or convert "
+                        f"{path}: more than {LARGEST >> 20} MiB of text or {MAX_LINES} lines: thin it out, or convert "
                         "it to a GeoTIFF"
                     )
                 if "\0" in line:

@@ -34,12 +34,12 @@ examples:
   uuv-hil bench load --each-sensor --seconds 5          what each sensor costs
   uuv-hil bench load --rates 100,400,1000 --vehicles 1,2,4 --plot load.png --output load.json
 """
-MOST_VEHICLES = 64
+MAX_VEHICLES = 64
 RATES = List(Number(50.0, 5000.0, "Hz"))
-VEHICLES = List(whole(1, MOST_VEHICLES))
-MOST_PROCESSES = 12  # shown of each setting; the record has all
-MOST_THREADS = 5  # shown of each process; the record has all
-LEAST_SHARE = 0.0005  # of a core: threads that take less are not shown
+VEHICLES = List(whole(1, MAX_VEHICLES))
+MAX_PROCESSES = 12  # shown of each setting; the record has all
+MAX_THREADS = 5  # shown of each process; the record has all
+MIN_SHARE = 0.0005  # of a core: threads that take less are not shown
 FAILED = 1
 
 
@@ -147,13 +147,13 @@ def _processes(courses: list[Course]) -> list[str]:
     rows = [["setting", "process", "CPU %", "memory MiB", "busiest threads (CPU %)"]]
     for course in courses:
         costly = sorted(course.processes.items(), key=lambda row: -median(row[1].cpu))
-        for name, cost in costly[:MOST_PROCESSES]:
+        for name, cost in costly[:MAX_PROCESSES]:
             threads = sorted(((median(cpu), thread) for thread, cpu in cost.threads.items()), reverse=True)
-            busiest = [f"{name} {100.0 * cpu:.2f}" for cpu, name in threads[:MOST_THREADS] if cpu >= LEAST_SHARE]
+            busiest = [f"{name} {100.0 * cpu:.2f}" for cpu, name in threads[:MAX_THREADS] if cpu >= MIN_SHARE]
             cpu, memory = f"{100.0 * median(cost.cpu):.2f}", f"{median(cost.memory):.2f}"
             rows.append([course.setting.name, name, cpu, memory, ", ".join(busiest)])
-        if len(costly) > MOST_PROCESSES:
-            rows.append([course.setting.name, f"{len(costly) - MOST_PROCESSES} more", "", "", "in --output"])
+        if len(costly) > MAX_PROCESSES:
+            rows.append([course.setting.name, f"{len(costly) - MAX_PROCESSES} more", "", "", "in --output"])
     return aligned(rows, rule=True)
 
 

@@ -31,7 +31,7 @@ examples:
   uuv-hil bench startup --cpu-quota 25% --output small.json
 """
 LIMIT_BROKEN = 1
-MOST = Number(0.0, 3600.0, "s")
+MAX = Number(0.0, 3600.0, "s")
 
 Row = dict[str, float]  # phase of one start -> its duration, ms
 Series = dict[str, list[float]]
@@ -44,7 +44,7 @@ def main(arguments: list[str]) -> int:
     add_repeat(parser, 10, "starts of each kind")
     parser.add_argument("--warm-only", action="store_true", help="leave the cold starts out")
     parser.add_argument("--drop-caches", action="store_true", help="cold: drop all caches of the machine, as root")
-    parser.add_argument("--most", type=MOST, metavar="S", help="limit of a warm start, until the first sample")
+    parser.add_argument("--most", type=MAX, metavar="S", help="limit of a warm start, until the first sample")
     add_limits(parser)
     add_results(parser)
     options = parser.parse_args(arguments)

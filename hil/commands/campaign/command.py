@@ -39,8 +39,8 @@ joblib runs it on this machine. `--backend dask` sends the runs to the cluster w
 names, `--backend ray` to that of RAY_ADDRESS, else to one that is made on this machine (pip install
 'uuv-hil[cluster]'). The content of the scenario's files goes along; workers need the same version of uuv-hil.
 """
-MOST_COMBINATIONS = 10_000
-MOST_RUNS = 1_000_000
+MAX_COMBINATIONS = 10_000
+MAX_RUNS = 1_000_000
 METRICS = ("duration", "travelled", "goal_error", "cross_track_max", "least_clearance")
 
 
@@ -61,9 +61,9 @@ def main(arguments: list[str]) -> int:
     options = parser.parse_args(arguments)
     fixed = changes_of(options)
     sets = combinations(options.vary)
-    if len(sets) * options.seeds > MOST_RUNS:
+    if len(sets) * options.seeds > MAX_RUNS:
         raise ConfigError(
-            f"--vary and --seeds: {len(sets)} combinations with {options.seeds} seeds each are more than {MOST_RUNS} "
+            f"--vary and --seeds: {len(sets)} combinations with {options.seeds} seeds each are more than {MAX_RUNS} "
             "runs: give fewer, or several campaigns"
         )
     for changes in sets:  # find a wrong key before the first run
@@ -87,10 +87,10 @@ def combinations(vary: list[str]) -> list[Changes]:
             raise ConfigError(f"--vary {text!r} is not of the form KEY=VALUE,VALUE, for example master.speed=0.5,0.8")
         axes.append([(key, value_of(value)) for value in values.split(",")])
     count = math.prod(map(len, axes))
-    if count > MOST_COMBINATIONS:
+    if count > MAX_COMBINATIONS:
         sizes = " x ".join([f"{len(axis)} of {shortened(axis[0][0])}" for axis in axes])
         raise ConfigError(
-            f"--vary: {sizes} make {count} combinations, and a campaign has at most {MOST_COMBINATIONS}: give fewer "
+            f"--vary: {sizes} make {count} combinations, and a campaign has at most {MAX_COMBINATIONS}: give fewer "
             "values, or several campaigns"
         )
     return [dict(choice) for choice in itertools.product(*axes)]

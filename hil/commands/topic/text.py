@@ -9,7 +9,7 @@ from hil.common.errors import ConfigError
 from hil.common.schema import shortened
 
 LONGEST = 64  # elements of an array that are shown
-MOST_MESSAGES, FEW_MESSAGES = 128, 4  # a longer array of messages is cut to a few
+MAX_MESSAGES, FEW_MESSAGES = 128, 4  # a longer array of messages is cut to a few
 _STRING = re.compile(r'"(?:[^"\\]|\\.)*"')
 _BARE = re.compile(r"[^,:\[\]{}\"']+")
 _WORDS = {"true": True, "false": False, "null": None, "~": None, "": None}
@@ -160,7 +160,7 @@ def lines(message: Mapping[str, Any], indent: str = "") -> list[str]:
             text_lines += [f"{indent}{name}:", *lines(value, f"{indent}  ")]
         elif isinstance(value, list) and value and isinstance(value[0], Mapping):
             text_lines.append(f"{indent}{name}:")
-            long = len(value) > MOST_MESSAGES
+            long = len(value) > MAX_MESSAGES
             for item in value[: FEW_MESSAGES if long else None]:
                 first, *others = lines(item, f"{indent}  ")
                 text_lines += [f"{indent}- {first.strip()}", *others]

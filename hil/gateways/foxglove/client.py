@@ -24,7 +24,7 @@ from hil.gateways.foxglove.protocol import (
 )
 from hil.gateways.websocket_client import SocketClient
 
-MOST_SUBSCRIPTIONS = 1000
+MAX_SUBSCRIPTIONS = 1000
 NO_TOKEN = "to command, open the address with the token that `uuv-hil foxglove --command` printed"
 
 Latched = Callable[[int], tuple[int, bytes] | None]
@@ -103,7 +103,7 @@ class Client(SocketClient):
             case "advertise" | "unadvertise" | "getParameters" | "setParameters" if self._commanding is None:
                 self._report(NO_TOKEN)
             case "advertise":
-                for each in message["channels"][:MOST_SUBSCRIPTIONS]:
+                for each in message["channels"][:MAX_SUBSCRIPTIONS]:
                     self._topics[int(each["id"])] = str(each["topic"]), str(each["encoding"])
             case "unadvertise":
                 for number in message["channelIds"]:
@@ -115,8 +115,8 @@ class Client(SocketClient):
                 self._start(self._set_parameters(values, message.get("id")))
 
     def _subscribe(self, subscription: int, channel: int) -> None:
-        if len(self._subscriptions) >= MOST_SUBSCRIPTIONS or not 0 <= subscription < 1 << 32:
-            self._report(f"no more than {MOST_SUBSCRIPTIONS} subscriptions, numbered with 32 bits")
+        if len(self._subscriptions) >= MAX_SUBSCRIPTIONS or not 0 <= subscription < 1 << 32:
+            self._report(f"no more than {MAX_SUBSCRIPTIONS} subscriptions, numbered with 32 bits")
             return
         self._subscriptions[channel] = subscription
         last = self._latched(channel)

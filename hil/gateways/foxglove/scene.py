@@ -18,7 +18,7 @@ from sim.environment.world import World
 from sim.vehicle.vehicle import Vehicle
 
 SCENE_TOPIC = "/scene"
-MOST_NODES = 150  # a side of the seabed that is sent: 45,000 triangles
+MAX_NODES = 150  # a side of the seabed that is sent: 45,000 triangles
 MAP = "map"
 GROUND, HULL = (0.55, 0.5, 0.4, 1.0), (0.98, 0.8, 0.08, 1.0)  # red, green, blue, opacity
 THRUSTER, OBSTACLE = (0.12, 0.16, 0.23, 1.0), (0.4, 0.45, 0.55, 0.6)
@@ -68,7 +68,7 @@ def _obstacle(m: Any, obstacle: Any, world: World) -> Any:
 def _seabed(m: Any, world: World) -> Any:
     from hil.view.scene.world import nodes, triangles
 
-    norths, easts, depths = nodes(world, MOST_NODES)
+    norths, easts, depths = nodes(world, MAX_NODES)
     places, faces = triangles(norths, easts, depths)
     return m.TriangleListPrimitive(
         pose=_pose(m, (0.0, 0.0, 0.0)), color=m.Color(**_rgba(GROUND)), indices=faces.ravel().tolist(),

@@ -49,11 +49,11 @@ from hil.gateways.json_lines.requests import (
 )
 
 LONGEST_LINE = 1 << 16  # bytes
-LEAST_RATE, MOST_RATE = 1e-3, 100.0  # Hz, of what comes by itself
+MIN_RATE, MAX_RATE = 1e-3, 100.0  # Hz, of what comes by itself
 RETRY_NS = NS_PER_S // 500, NS_PER_S // 10  # least and most, between two checks for a new sample that is due
 LOST_S = 4  # of a machine's silence, until its connection is given up
 UNREAD_S = 2  # for which a client may leave what is sent to it unread
-DEADMAN_S, MOST_DEADMAN_S = 10.0, 3600.0
+DEADMAN_S, MAX_DEADMAN_S = 10.0, 3600.0
 TOO_LONG: Request = {"id": None, "ok": False, "error": f"a line of more than {LONGEST_LINE} bytes; send several"}
 
 
@@ -184,8 +184,8 @@ class Connection:
 
     def _login(self, request: Request) -> Request:
         deadman = request.get("deadman", DEADMAN_S)
-        if not (is_number(deadman) and 0 < deadman <= MOST_DEADMAN_S):
-            raise ConfigError(f"deadman: {show(deadman)} is not a number of seconds up to {MOST_DEADMAN_S:g}")
+        if not (is_number(deadman) and 0 < deadman <= MAX_DEADMAN_S):
+            raise ConfigError(f"deadman: {show(deadman)} is not a number of seconds up to {MAX_DEADMAN_S:g}")
         if not self._access.admits(request.get("token")):
             raise ConfigError(
                 "token: this is not the token of this gateway; it makes a new one at each start, and shows it then"
@@ -201,8 +201,8 @@ class Connection:
 
     def _subscribe(self, request: Request) -> Request:
         vehicle, sensor, rate = self._vehicle(request), sensor_of(request), request.get("rate", 10.0)
-        if not (is_number(rate) and LEAST_RATE <= rate <= MOST_RATE):
-            raise ConfigError(f"rate: {show(rate)} is not between {LEAST_RATE:g} and {MOST_RATE:g} Hz")
+        if not (is_number(rate) and MIN_RATE <= rate <= MAX_RATE):
+            raise ConfigError(f"rate: {show(rate)} is not between {MIN_RATE:g} and {MAX_RATE:g} Hz")
         vehicle.newest(sensor)
         with self._changed:
             self._wanted[vehicle.name, sensor] = round(NS_PER_S / rate), 0

@@ -19,7 +19,7 @@ from hil.client.vehicle_handle import Vehicle
 from hil.common.errors import ConfigError
 from hil.common.schema import nearest
 from hil.common.text import json_text
-from hil.ros.commands import MOST_FORCE, MOST_PLACE
+from hil.ros.commands import MAX_FORCE, MAX_PLACE
 
 COMMANDS = ("drive", "hold_depth", "hold_heading", "go_to", "follow", "push", "thrust", "stop", "release")
 SERVICES: dict[str, Callable[..., str]] = {
@@ -28,7 +28,7 @@ SERVICES: dict[str, Callable[..., str]] = {
 MOVED = ("reset", "set_pose")  # which end the command before
 LONGEST_ECHO = 60  # characters of a refused value in an error
 LONGEST_WAY = 1e4  # m: 5 s to plan, in which nobody sees that the connection has ended
-MOST_NUMBER = max(MOST_PLACE, MOST_FORCE)  # in any unit: a larger number is an error
+MAX_NUMBER = max(MAX_PLACE, MAX_FORCE)  # in any unit: a larger number is an error
 STATE_EXTRAS = ("depth", "heading", "roll", "pitch", "speed")
 TYPES = {"smooth": bool, "on": bool, "thruster": str, "kind": str}  # of arguments; others are numbers, or arrays
 
@@ -118,7 +118,7 @@ def _argument(name: str, value: Any) -> Any:
             raise ConfigError(f"{name}: {show(value)}: expected {expected}")
         return value
     if not is_number(value):
-        raise ConfigError(f"{name}: {show(value)} is not a number from -{MOST_NUMBER:g} to {MOST_NUMBER:g}")
+        raise ConfigError(f"{name}: {show(value)} is not a number from -{MAX_NUMBER:g} to {MAX_NUMBER:g}")
     return float(value)
 
 
@@ -142,8 +142,8 @@ def _length(path: list[Any]) -> float:
 
 
 def is_number(value: Any) -> bool:
-    """Return whether it is a number within ±MOST_NUMBER."""
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) <= MOST_NUMBER
+    """Return whether it is a number within ±MAX_NUMBER."""
+    return isinstance(value, (int, float)) and not isinstance(value, bool) and abs(value) <= MAX_NUMBER
 
 
 def show(value: Any) -> str:

@@ -12,7 +12,7 @@ from sim.environment.world import load_world
 from sim.vehicle.thrusters.bank import wrench_matrix
 from sim.vehicle.vehicle import load_vehicle
 
-MOST_SHARE = 0.8  # of what the thrusters can do together, at full stick
+MAX_SHARE = 0.8  # of what the thrusters can do together, at full stick
 
 
 def parameter_file(node: str) -> str:
@@ -42,7 +42,7 @@ def defaults_of(scenario: Scenario | None) -> dict[str, float]:
     names = ("FORCE_X", "FORCE_Y", "FORCE_Z", "MOMENT_K", "MOMENT_M", "MOMENT_N")
     for name, row in zip(names, rows, strict=True):
         most = sum(abs(share) * thrust for share, thrust in zip(row, thrusts, strict=True))
-        defaults[f"MAN_{name}"] = round(MOST_SHARE * most, 1)
+        defaults[f"MAN_{name}"] = round(MAX_SHARE * most, 1)
     return defaults
 
 

@@ -8,7 +8,7 @@ from hil.common.clock import NS_PER_S, now_ns, to_wall_ns
 from hil.gateways.mavlink.camera import CameraInfo
 from hil.gateways.mavlink.core import Core
 from hil.gateways.mavlink.dispatch import Dispatcher
-from hil.gateways.mavlink.endpoints.links import MOST_PARTNERS, SILENT_NS, Link
+from hil.gateways.mavlink.endpoints.links import MAX_PARTNERS, SILENT_NS, Link
 from hil.gateways.mavlink.endpoints.peer import Peer
 from hil.gateways.mavlink.protocols.ftp import FtpServer
 from hil.gateways.mavlink.protocols.logs import LogProtocol
@@ -95,7 +95,7 @@ class Gateway:
             link.tick(now)
             if link.refused and now >= self._complaint_ns:
                 self._report(
-                    f"{link.name}: {MOST_PARTNERS} ground stations are served; {link.refused} packets and calls of "
+                    f"{link.name}: {MAX_PARTNERS} ground stations are served; {link.refused} packets and calls of "
                     f"others were refused; one that is silent for {SILENT_NS // NS_PER_S} s makes room"
                 )
                 link.refused, self._complaint_ns = 0, now + SILENT_NS

@@ -9,7 +9,7 @@ from hil.common.errors import NetworkError
 
 BOUNDARY = "uuv-hil-picture"
 SILENT_S = 10.0  # after which a stream without a new picture ends
-MOST_VIEWERS = 8
+MAX_VIEWERS = 8
 HOSTS = ("127.0.0.1", "localhost", "[::1]")  # a page of another name must not see it
 
 
@@ -74,7 +74,7 @@ class _Handler(BaseHTTPRequestHandler):
             self.send_error(404)
             return
         with video.changed:
-            if video.viewers >= MOST_VIEWERS:
+            if video.viewers >= MAX_VIEWERS:
                 self.send_error(503)
                 return
             video.viewers += 1

@@ -23,8 +23,8 @@ from hil.ros.topics import COMMANDS, TOPICS
 
 LOOK_S = 1.0  # between two checks of which vehicles are there
 REPORT_NS = 60 * NS_PER_S  # between two lines about the same
-MOST_KEYS = 1000  # of lines that are remembered
-MOST_LATCHED = 64  # last messages of a latched topic that all vehicles share
+MAX_KEYS = 1000  # of lines that are remembered
+MAX_LATCHED = 64  # last messages of a latched topic that all vehicles share
 NAME = re.compile(r"/[A-Za-z][A-Za-z0-9_/]*\Z")  # of a topic or a service in ROS 1
 ANYWHERE = ("0.0.0.0", "::")
 DEFAULT_MASTER = "http://localhost:11311"
@@ -132,7 +132,7 @@ class Ros1Bridge(ServerThread):
         now = now_ns()
         if now - self._reported.get(key, -REPORT_NS) < REPORT_NS and key != "master":
             return
-        while len(self._reported) >= MOST_KEYS:
+        while len(self._reported) >= MAX_KEYS:
             del self._reported[next(iter(self._reported))]
         self._reported[key] = now
         self._print(clean(line, 400))
@@ -157,7 +157,7 @@ class Ros1Bridge(ServerThread):
             self._report(type_name, f"{topic} is not published: {error}")
             return False
         row = TOPICS.get(topic) or TOPICS.get(name)
-        latched = 0 if row is None or not row.qos.latched else MOST_LATCHED if topic in TOPICS else 1
+        latched = 0 if row is None or not row.qos.latched else MAX_LATCHED if topic in TOPICS else 1
         return self._node.publish(topic, kind, latched, self._on_subscriber) is not None
 
     def _on_subscriber(self, topic: str) -> None:

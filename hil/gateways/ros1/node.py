@@ -19,8 +19,8 @@ from hil.gateways.ros1.services import serve_calls
 from hil.gateways.ros1.subscription import Caller, Report, Subscription
 from hil.gateways.ros1.tcpros import PeerError, encode_header, peer_name, read_header, required, set_options
 
-MOST_CONNECTIONS = 256
-MOST_TOPICS = 2000
+MAX_CONNECTIONS = 256
+MAX_TOPICS = 2000
 
 
 class Node:
@@ -80,7 +80,7 @@ class Node:
     def publish(self, topic: str, kind: Kind, latched: int, on_subscriber: Callable[[str], None]) -> Publication | None:
         """Return the publication of a topic, which is registered if it is new; None for one too many."""
         publication = self.publications.get(topic)
-        if publication is None and len(self.publications) < MOST_TOPICS:
+        if publication is None and len(self.publications) < MAX_TOPICS:
             publication = self.publications[topic] = Publication(topic, kind, latched, on_subscriber)
             self.master.add(Item("Publisher", topic, kind.name))
         return publication
@@ -102,8 +102,8 @@ class Node:
         """Serve a connection; one that sends nothing proper gets the reason in a header, and is closed."""
         self._connections += 1
         try:
-            if self._connections > MOST_CONNECTIONS:
-                raise PeerError(f"{MOST_CONNECTIONS} connections are open already")
+            if self._connections > MAX_CONNECTIONS:
+                raise PeerError(f"{MAX_CONNECTIONS} connections are open already")
             set_options(writer)
             await self._serve(await read_header(reader), reader, writer)
         except PeerError as error:

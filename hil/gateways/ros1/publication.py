@@ -8,7 +8,7 @@ from hil.gateways.ros1.messages import Kind, UnreadableError, to_ros1
 from hil.gateways.ros1.tcpros import encode_header, frame, require_type
 from hil.recording.mcap_file import Message
 
-MOST_WAITING, MOST_BYTES = 100, 8 << 20  # messages and bytes that wait for a subscriber; then the oldest are dropped
+MAX_WAITING, MAX_BYTES = 100, 8 << 20  # messages and bytes that wait for a subscriber; then the oldest are dropped
 
 
 class Subscriber:
@@ -25,7 +25,7 @@ class Subscriber:
         """Queue a message to be sent, with its length before it."""
         self._waiting.append(data)
         self._bytes += len(data)
-        while len(self._waiting) > 1 and (len(self._waiting) > MOST_WAITING or self._bytes > MOST_BYTES):
+        while len(self._waiting) > 1 and (len(self._waiting) > MAX_WAITING or self._bytes > MAX_BYTES):
             self._bytes -= len(self._waiting.popleft())
             self.dropped += 1
         self._wake.set()

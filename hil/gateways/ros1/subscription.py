@@ -29,7 +29,7 @@ from hil.gateways.ros1.xmlrpc import call
 HELD_NS = NS_PER_S  # after the last message of the commanding publisher, until another one may command
 FIRST_RETRY_S, LAST_RETRY_S = 0.2, 5.0
 CONNECT_S = 5.0
-MOST_PUBLISHERS = 32
+MAX_PUBLISHERS = 32
 
 Report = Callable[[str, str], None]  # a key, of which one line is reported now and then, and the line
 Send = Callable[[str, bytes], None]
@@ -65,7 +65,7 @@ class Subscription:
 
     def set_publishers(self, uris: list[str]) -> None:
         """Connect to the nodes at these addresses, and leave others."""
-        wanted = set(uris[:MOST_PUBLISHERS])
+        wanted = set(uris[:MAX_PUBLISHERS])
         for uri in self._publishers.keys() - wanted:
             self._publishers.pop(uri).cancel()
         for uri in wanted - self._publishers.keys():

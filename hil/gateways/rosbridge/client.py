@@ -22,8 +22,8 @@ from hil.recording.mcap_file import Message
 from hil.ros import message as ros_message
 from hil.ros.topics import COMMANDS, TOPICS
 
-MOST_TOPICS = 1000
-MOST_CALLS = 32  # of services at a time
+MAX_TOPICS = 1000
+MAX_CALLS = 32  # of services at a time
 LONGEST_NAME = 256  # characters
 NO_TOKEN = "to command, open the address with the token that `uuv-hil rosbridge` printed"
 NOT_HERE = (
@@ -152,8 +152,8 @@ class Client(SocketClient):
             case "publish":
                 await self._publish(_name(message, "topic"), message.get("msg"))
             case "call_service":
-                if self._calls >= MOST_CALLS:
-                    raise ConfigError(f"{MOST_CALLS} calls are not answered yet; wait for them")
+                if self._calls >= MAX_CALLS:
+                    raise ConfigError(f"{MAX_CALLS} calls are not answered yet; wait for them")
                 self._calls += 1
                 self._start(self._call(message, ident))
             case "set_level" | "status":  # of what is reported: errors only, anyway
@@ -166,8 +166,8 @@ class Client(SocketClient):
     async def _subscribe(self, message: dict[str, Any], ident: Any) -> None:
         topic, options = _name(message, "topic"), read_options(message)
         wanted = whole_type(_name(message, "type")) if message.get("type") else ""
-        if len(self._subscriptions) >= MOST_TOPICS:
-            raise ConfigError(f"no more than {MOST_TOPICS} topics")
+        if len(self._subscriptions) >= MAX_TOPICS:
+            raise ConfigError(f"no more than {MAX_TOPICS} topics")
         kind = await asyncio.to_thread(self._api.type_of, topic)
         if wanted and kind and wanted != kind:
             raise ConfigError(f"{topic} has the type {kind}, not {wanted}")
@@ -184,8 +184,8 @@ class Client(SocketClient):
         expected = _command_type(topic)
         if kind != expected:
             raise ConfigError(f"{topic} has the type {expected}, not {kind}")
-        if len(self._advertised) >= MOST_TOPICS:
-            raise ConfigError(f"no more than {MOST_TOPICS} topics")
+        if len(self._advertised) >= MAX_TOPICS:
+            raise ConfigError(f"no more than {MAX_TOPICS} topics")
         self._advertised[topic] = kind
 
     async def _publish(self, topic: str, values: Any) -> None:

@@ -11,7 +11,7 @@ from hil.gateways.websocket_server import WebSocketServer
 from hil.recording.mcap_file import Message
 from hil.ros.topics import TOPICS
 
-MOST_SEEN = 10_000  # topics whose types are remembered
+MAX_SEEN = 10_000  # topics whose types are remembered
 
 
 class RosbridgeServer(WebSocketServer[Client]):
@@ -32,7 +32,7 @@ class RosbridgeServer(WebSocketServer[Client]):
 
     def _show(self, messages: list[Message]) -> None:
         for message in messages:
-            if message.topic in self._seen or len(self._seen) < MOST_SEEN:
+            if message.topic in self._seen or len(self._seen) < MAX_SEEN:
                 self._seen[message.topic] = message.type
             row = TOPICS.get(message.topic) or TOPICS.get(message.topic.rpartition("/")[2])
             if row and row.qos.latched and message.topic in self._seen:

@@ -11,7 +11,7 @@ from hil.links.dronecan.parameters import Parameter, ParameterStore
 from hil.links.dronecan.settings import (
     ARMED,
     FULL_RPM_RANGE,
-    MOST_ESCS,
+    MAX_ESCS,
     SOFTWARE,
     TIMED_OUT,
     TRIPS_SHIFT,
@@ -64,7 +64,7 @@ class DroneCanDevice(DroneCanNode):
         self.parameters = ParameterStore(
             (
                 Parameter("CAN_NODE", settings.node_id, (0, MAX_NODE_ID)),
-                Parameter("ESC_INDEX", settings.esc_index, (0, MOST_ESCS - channels)),
+                Parameter("ESC_INDEX", settings.esc_index, (0, MAX_ESCS - channels)),
                 Parameter("FULL_RPM", settings.full_rpm, FULL_RPM_RANGE),
                 Parameter("REQUIRE_ARMING", settings.require_arming),
             ),

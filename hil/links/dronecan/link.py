@@ -34,7 +34,7 @@ from hil.common.schema import parse
 from hil.links.contract import MAX_THRUSTERS, Protocol
 from hil.links.dronecan.device import DroneCanDevice
 from hil.links.dronecan.host import DroneCanHost
-from hil.links.dronecan.settings import MOST_ESCS, DeviceSettings, HostSettings
+from hil.links.dronecan.settings import MAX_ESCS, DeviceSettings, HostSettings
 from hil.links.protocols import Role
 
 
@@ -56,7 +56,7 @@ def open_dronecan(role: Role, channels: int, **settings: Any) -> Protocol:
 
 
 def _check_indices(first: int, channels: int) -> None:
-    if first + channels > MOST_ESCS:
+    if first + channels > MAX_ESCS:
         raise ConfigError(
-            f"protocol dronecan: esc_index: {channels} thrusters from {first} on go beyond the {MOST_ESCS} of a command"
+            f"protocol dronecan: esc_index: {channels} thrusters from {first} on go beyond the {MAX_ESCS} of a command"
         )

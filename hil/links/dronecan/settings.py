@@ -9,7 +9,7 @@ from hil.links.dronecan.transfer import MAX_NODE_ID
 from hil.links.dronecan.types import UNIQUE_ID_SIZE, BatteryInfo
 
 HOST_ID, DEVICE_ID = 10, 20  # 10 is also ArduPilot's
-MOST_ESCS = 20  # in one RawCommand or RPMCommand
+MAX_ESCS = 20  # in one RawCommand or RPMCommand
 FULL_RPM = 3500.0  # a T200 on 16 V at full output (Blue Robotics, T200 public performance data, 2019)
 ARMING_PERIOD_NS = NS_PER_S // 2
 ARMED, TIMED_OUT, TRIPS_SHIFT = 1, 2, 2  # in the vendor-specific status code
@@ -18,7 +18,7 @@ SOFTWARE = (int(__version__.split(".")[0]), int(__version__.split(".")[1]))
 # At the lower limit 1 us is 2 rev/min; at the upper limit 2200 us still fits into an int18.
 FULL_RPM_RANGE = 800.0, 74_000.0
 FullRpm = Annotated[float, Range(*FULL_RPM_RANGE)]
-EscIndex = Annotated[int, Range(0, MOST_ESCS - 1)]
+EscIndex = Annotated[int, Range(0, MAX_ESCS - 1)]
 NodeId = Annotated[int, Range(0, MAX_NODE_ID)]
 
 

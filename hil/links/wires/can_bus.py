@@ -22,7 +22,7 @@ from hil.links.wires.can_frame import ERROR, MAX_DATA, RECORD_SIZE, CanFrame, pa
 from hil.links.wires.terminal import DescriptorWire
 
 BITRATE = 1_000_000  # bit/s
-MOST_FRAMES = 256  # in one read
+MAX_FRAMES = 256  # in one read
 
 # linux/can/raw.h, linux/can/error.h; the socket module does not have the second one
 CAN_RAW_ERR_FILTER = getattr(socket, "CAN_RAW_ERR_FILTER", 2)
@@ -38,7 +38,7 @@ class SocketCanWire(DescriptorWire):
     def read(self) -> bytes:
         """Return the received frames (256 at most), or b"". Raises DeviceError if the bus is down or off."""
         records: list[bytes] = []
-        while len(records) < MOST_FRAMES:
+        while len(records) < MAX_FRAMES:
             try:
                 record = os.read(self._fd, RECORD_SIZE)
             except BlockingIOError:

@@ -14,15 +14,15 @@ from struct import Struct, error
 
 from hil.common.errors import ConfigError, DeviceError
 from hil.links.contract import Wire
-from hil.links.wires.can_bus import MOST_FRAMES
+from hil.links.wires.can_bus import MAX_FRAMES
 from hil.links.wires.can_frame import EXTENDED, ID_MASK, MAX_DATA, RECORD_SIZE, CanFrame, pack_frame, unpack_frames
 
 PORT = 57_732
-MOST_BUS = 255
+MAX_BUS = 255
 _HEAD, _BODY = Struct("<HH"), Struct("<HI")
 _MAGIC, _CRC_START = 0x2934, 0xFFFF
 _LARGEST = 128  # bytes; more than a frame of CAN FD takes
-_MOST_PEERS = 256  # addresses whose check is cached
+_MAX_PEERS = 256  # addresses whose check is cached
 _ANY, _LOOPBACK = "0.0.0.0", "127.0.0.1"
 
 
@@ -33,8 +33,8 @@ class MulticastCanWire(Wire):
 
     def __init__(self, number: str) -> None:
         self.name = f"can:mcast:{number}"
-        if not (number.isascii() and number.isdigit() and int(number) <= MOST_BUS):
-            raise ConfigError(f"{self.name}: the number of a bus is 0 to {MOST_BUS}")
+        if not (number.isascii() and number.isdigit() and int(number) <= MAX_BUS):
+            raise ConfigError(f"{self.name}: the number of a bus is 0 to {MAX_BUS}")
         group = f"239.65.82.{int(number)}"
         self._local: dict[str, bool] = {}
         self._in = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
@@ -68,7 +68,7 @@ class MulticastCanWire(Wire):
     def read(self) -> bytes:
         """Return the received frames (256 at most), or b"". Raises DeviceError if the bus is lost."""
         records: list[bytes] = []
-        for _ in range(MOST_FRAMES):
+        for _ in range(MAX_FRAMES):
             try:
                 data, (host, port) = self._in.recvfrom(_LARGEST)
             except BlockingIOError:
@@ -99,7 +99,7 @@ class MulticastCanWire(Wire):
     def _is_local(self, host: str) -> bool:
         """Return whether an address belongs to this machine: a socket cannot be bound to any other."""
         if host not in self._local:
-            if len(self._local) >= _MOST_PEERS:
+            if len(self._local) >= _MAX_PEERS:
                 self._local.clear()
             self._local[host] = False
             with contextlib.suppress(OSError), socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:

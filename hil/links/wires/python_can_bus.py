@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 
 from hil.common.errors import DeviceError, MissingExtraError
 from hil.links.contract import Wire
-from hil.links.wires.can_bus import BITRATE, MOST_FRAMES
+from hil.links.wires.can_bus import BITRATE, MAX_FRAMES
 from hil.links.wires.can_frame import RECORD_SIZE, CanFrame, pack_frame, unpack_frames
 
 if TYPE_CHECKING:
@@ -31,14 +31,14 @@ class PythonCanWire(Wire):
     """
 
     record_size = RECORD_SIZE
-    MOST_ECHOES = 1024  # more than the socket's buffer holds
+    MAX_ECHOES = 1024  # more than the socket's buffer holds
 
     def __init__(self, interface: str, channel: str, bitrate: int = BITRATE) -> None:
         self.name = f"can:{interface}:{channel}"
         self._bus: BusABC | None = _open_bus(self.name, interface, channel, bitrate)
         self._can = sys.modules["can"]  # an import statement for each frame would cost as much as sending it
         # Only this bus returns the frames that we send, and does not mark them.
-        self._echoes: deque[bytes] | None = deque(maxlen=self.MOST_ECHOES) if interface == "udp_multicast" else None
+        self._echoes: deque[bytes] | None = deque(maxlen=self.MAX_ECHOES) if interface == "udp_multicast" else None
         self._reader: _Reader | None = None
         try:
             self._fd = self._bus.fileno()
@@ -86,7 +86,7 @@ class PythonCanWire(Wire):
 
     def _messages(self, bus: "BusABC") -> "list[Message]":
         messages: list[Message] = []
-        for _ in range(MOST_FRAMES):
+        for _ in range(MAX_FRAMES):
             try:
                 message = bus.recv(0)
             except (self._can.CanError, OSError) as error:
@@ -131,7 +131,7 @@ class _Reader:
         self.fd = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
         self.failure: Exception | None = None
         self._bus = bus
-        self._messages: queue.Queue[Message] = queue.Queue(MOST_FRAMES)
+        self._messages: queue.Queue[Message] = queue.Queue(MAX_FRAMES)
         self._stopped = threading.Event()
         self._thread = threading.Thread(target=self._run, name=f"reader of {bus}", daemon=True)
         self._thread.start()
@@ -178,7 +178,7 @@ def _open_bus(name: str, interface: str, channel: str, bitrate: int) -> "BusABC"
     if interface == "virtual":
         from hil.links.wires.virtual_bus import VirtualBus
 
-        return VirtualBus(channel, MOST_FRAMES)
+        return VirtualBus(channel, MAX_FRAMES)
     own: dict[str, dict[str, Any]] = {"udp_multicast": {"hop_limit": 0, "fd": False}}
     if interface not in can.VALID_INTERFACES:
         raise DeviceError(f"{name}: python-can has no such interface; it has {', '.join(sorted(can.VALID_INTERFACES))}")

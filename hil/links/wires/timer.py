@@ -18,7 +18,7 @@ class Timer:
     SPEC = Struct("4l")  # struct itimerspec: interval s, ns; value s, ns
     ABSOLUTE = 1  # TFD_TIMER_ABSTIME, sys/timerfd.h
     LEARN_NS = 2 * NS_PER_US  # step towards the median, which rare long delays do not change much
-    MOST_LEAD_NS = 200 * NS_PER_US
+    MAX_LEAD_NS = 200 * NS_PER_US
 
     def __init__(self) -> None:
         import ctypes  # loaded for links with faults only
@@ -45,7 +45,7 @@ class Timer:
         if now >= self._set_ns:
             late = now - self._set_ns > self.lead_ns
             lead_ns = self.lead_ns + (self.LEARN_NS if late else -self.LEARN_NS)
-            self.lead_ns = min(max(lead_ns, 0), self.MOST_LEAD_NS)
+            self.lead_ns = min(max(lead_ns, 0), self.MAX_LEAD_NS)
             return max(now, self._wanted_ns)
         return now
 

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from hil.slave.imaging.sensors import Imaging
 
 PERIOD_S = 1.0
-LEAST_PERIOD_S = 0.1  # between two messages while log lines arrive all the time
+MIN_PERIOD_S = 0.1  # between two messages while log lines arrive all the time
 RECENT_NS = 900 * NS_PER_MS  # window of the recent figures; they change once a second, even with more messages
 DRIVEN_NS = NS_PER_S  # thrusters that got no command for this time count as not driven
 COLLECT_PERIOD_NS = 30 * NS_PER_S
@@ -225,8 +225,8 @@ class Health:
         schedule_below_loop()
         self._add_labels()
         collect_due_ns, heart = now_ns() + COLLECT_PERIOD_NS, Heartbeat()
-        while not self._stop.wait(LEAST_PERIOD_S):
-            self._wakeup.wait(PERIOD_S - LEAST_PERIOD_S)
+        while not self._stop.wait(MIN_PERIOD_S):
+            self._wakeup.wait(PERIOD_S - MIN_PERIOD_S)
             self._wakeup.clear()
             self._check_clock()
             schedule = self._loop.schedule

@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 EVENTS = "/parameter_events"
 PREFIX = "failures"
 LONGEST = 200  # characters of a value; it is parsed between two steps of the loop
-MOST = 32  # parameters in one request; a vehicle has one for each thruster
+MAX = 32  # parameters in one request; a vehicle has one for each thruster
 GAINS = "gains"
 TETHER, TENSION = "tether.length", "tether.tension"
 _NOT_SET, _DOUBLE, _STRING = 0, 3, 4  # constants of rcl_interfaces/ParameterType
@@ -210,7 +210,7 @@ class Parameters:
             ),
             "set_parameters": (
                 "SetParameters",
-                lambda request: {"results": [self._set([one]) for one in request["parameters"][:MOST]]},
+                lambda request: {"results": [self._set([one]) for one in request["parameters"][:MAX]]},
             ),
             "set_parameters_atomically": (
                 "SetParametersAtomically",
@@ -221,7 +221,7 @@ class Parameters:
 
     def _list(self, request: Message) -> dict[str, Any]:
         """List parameters as rclcpp does: `depth` counts the parts of a name after the prefix."""
-        prefixes, depth = request["prefixes"][:MOST], request["depth"]
+        prefixes, depth = request["prefixes"][:MAX], request["depth"]
         names = [name for name in self._names() if _is_below(name, prefixes, depth)]
         parents = dict.fromkeys([name.rpartition(".")[0] for name in names])
         return {"result": {"names": names, "prefixes": list(parents)}}
@@ -234,7 +234,7 @@ class Parameters:
         return next((group for group in self._groups if name in group.names()), None)
 
     def _each(self, request: Message, answer: Callable[[str], Any]) -> list[Any]:
-        return [answer(name) for name in request["names"][:MOST]]
+        return [answer(name) for name in request["names"][:MAX]]
 
     def _value(self, name: str) -> dict[str, Any]:
         """Return a ParameterValue; one of type "not set" for an unknown name."""
@@ -252,8 +252,8 @@ class Parameters:
     def _set(self, parameters: Sequence[Message]) -> dict[str, Any]:
         """Set all parameters, or none if one is invalid; return a SetParametersResult."""
         try:
-            if len(parameters) > MOST:
-                raise ConfigError(f"{len(parameters)} parameters at once, at most {MOST}")
+            if len(parameters) > MAX:
+                raise ConfigError(f"{len(parameters)} parameters at once, at most {MAX}")
             wanted = [(parameter["name"], *self._read(**parameter)) for parameter in parameters]
         except ConfigError as error:
             return {"successful": False, "reason": str(error)}

@@ -11,7 +11,7 @@ from typing import Any
 from hil.common.clock import NS_PER_S
 from hil.network.services import Answer, Server
 from hil.ros import encoders as ros
-from hil.ros.commands import MOST_PLACE
+from hil.ros.commands import MAX_PLACE
 from hil.ros.graph import plain_name
 from hil.ros.message import Message
 from hil.scenario.records import Start
@@ -87,8 +87,8 @@ def set_pose(loop: Loop, node: str, request: Message, report: Report) -> dict[st
     size, most = hypot(*attitude), _MAX_PATH * NS_PER_S / loop.schedule.period_ns
     if not 1e-3 < size < inf:
         return _result(_INVALID_POSE, "the orientation is none")
-    if not all(abs(x) <= MOST_PLACE for x in position):
-        return _result(_INVALID_POSE, f"a place is not finite, or more than {MOST_PLACE:g} m away")
+    if not all(abs(x) <= MAX_PLACE for x in position):
+        return _result(_INVALID_POSE, f"a place is not finite, or more than {MAX_PLACE:g} m away")
     if not all(hypot(*vector) <= most for vector in velocity):
         return _result(_INVALID_POSE, f"a velocity is not finite, or more than {most:g} m/s or rad/s")
     simulation = loop.simulation

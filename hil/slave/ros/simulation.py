@@ -33,7 +33,7 @@ PAUSE_FEATURES = {
     "SIMULATION_STATE_SETTING": 25, "SIMULATION_STATE_PAUSE": 26, "STEP_SIMULATION_SINGLE": 31,
     "STEP_SIMULATION_MULTIPLE": 32,
 }  # fmt: skip
-MOST_STEPS = 200  # in one call, during which the loop does nothing else; 0.5 s of simulation time by default
+MAX_STEPS = 200  # in one call, during which the loop does nothing else; 0.5 s of simulation time by default
 LONGEST_FILTER = 200  # characters
 
 Result = dict[str, Any]
@@ -68,7 +68,7 @@ class SimulationServices:
 
     def _features(self, _: Message) -> Result:
         numbers = [*FEATURES.values(), *([] if self._loop.autopilot else PAUSE_FEATURES.values())]
-        about = f"uuv-hil: the simulation of {self._node} alone; at most {MOST_STEPS} steps a call"
+        about = f"uuv-hil: the simulation of {self._node} alone; at most {MAX_STEPS} steps a call"
         return {"features": {"features": sorted(numbers), "custom_info": about}}
 
     def _reset_simulation(self, request: Message) -> Result:
@@ -120,8 +120,8 @@ class SimulationServices:
         steps = request["steps"]
         if not self._loop.paused:
             return result(FAILED, "the simulation is not paused; set_simulation_state pauses it")
-        if not 1 <= steps <= MOST_STEPS:
-            return result(FAILED, f"{steps} steps: 1 to {MOST_STEPS} at once")
+        if not 1 <= steps <= MAX_STEPS:
+            return result(FAILED, f"{steps} steps: 1 to {MAX_STEPS} at once")
         self._loop.advance(steps)
         return result(OK)
 

@@ -14,8 +14,8 @@ from sim.sensors.mounting import Mounting
 
 FAN_SIZE = SIZE
 WATERFALL = 240  # shown pings of a side scan
-_FEWEST_ROWS, _MOST_ROWS = 0.05, 40.0  # per ping; fewer: the vehicle stands still; more: pings were lost
-MOST_ECHOES = 4000  # points of a sonar fan in the scene
+_FEWEST_ROWS, _MAX_ROWS = 0.05, 40.0  # per ping; fewer: the vehicle stands still; more: pings were lost
+MAX_ECHOES = 4000  # points of a sonar fan in the scene
 BACKGROUND = np.array([12, 18, 28], np.uint8)
 
 
@@ -46,7 +46,7 @@ def fan_points(sample: SonarImageSample, altitude: float, mounting: Mounting = M
     with a range shorter than to the seabed are placed in the plane of the sonar's fan.
     """
     echoes = scale_echoes(sample)
-    step = max(1, round((echoes.size / MOST_ECHOES) ** 0.5))
+    step = max(1, round((echoes.size / MAX_ECHOES) ** 0.5))
     echoes = echoes[::step, ::step]
     ranges = (sample.first_range + (np.arange(sample.bins) + 0.5) * sample.range_step)[::step, None]
     beams = np.array(sample.beams)[None, ::step]
@@ -87,7 +87,7 @@ class Waterfall:
         rows, before, self._position = 1.0, self._position, position
         if before and position:
             distance = hypot(position[0] - before[0], position[1] - before[1])
-            rows = min(max(distance / (sample.range_step or 1.0), _FEWEST_ROWS), _MOST_ROWS)
+            rows = min(max(distance / (sample.range_step or 1.0), _FEWEST_ROWS), _MAX_ROWS)
         self._pings = [row.astype(float), *self._pings[: WATERFALL - 1]]
         self._spacings = [rows, *self._spacings[: WATERFALL - 1]]
         return True

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 CAMERA_OFFSET = (-1.8, -3.0, 1.8)  # m, from the vehicle to a camera that follows it
-LEAST_DISTANCE = 1e-3  # m
+MIN_DISTANCE = 1e-3  # m
 
 
 def follow(camera: Any, place: Sequence[float]) -> None:
@@ -16,7 +16,7 @@ def follow(camera: Any, place: Sequence[float]) -> None:
     that the camera looks at is still valid.
     """
     offset = np.asarray(camera.position) - np.asarray(camera.look_at)
-    if np.linalg.norm(offset) < LEAST_DISTANCE:
+    if np.linalg.norm(offset) < MIN_DISTANCE:
         offset = np.array(CAMERA_OFFSET)
     camera.position = np.asarray(place) + offset
     camera.look_at = np.asarray(place)

@@ -14,7 +14,7 @@ from sim.sensors.sensor_set import SensorSet
 from sim.vehicle.vehicle import Vehicle
 
 TRACK_STEP = 0.1  # m between two points of a track
-MOST_POINTS = 4000  # in a track; beyond it every second point is removed
+MAX_POINTS = 4000  # in a track; beyond it every second point is removed
 THRUST_SCALE = 0.02  # m of an arrow per N
 AXES = 0.6  # m
 
@@ -37,7 +37,7 @@ class Track:
         """Add a point of the scene, unless it is within TRACK_STEP of the last."""
         if not self._points or np.linalg.norm(place - self._points[-1]) >= TRACK_STEP:
             self._points.append(place)
-        if len(self._points) > MOST_POINTS:
+        if len(self._points) > MAX_POINTS:
             del self._points[1:-1:2]
             self._drawn = 0
 

@@ -13,7 +13,7 @@ from sim.environment.things.pipelines import Pipeline
 from sim.environment.things.zones import Zone
 from sim.environment.world import World
 
-MOST_NODES = 400  # per side of the drawn seabed: 320,000 triangles, which a browser can still rotate without a GPU
+MAX_NODES = 400  # per side of the drawn seabed: 320,000 triangles, which a browser can still rotate without a GPU
 CONTOURS = 10
 CURRENT_ARROWS = 6  # per side
 STEPS = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0, 1000.0)  # m between contours
@@ -179,7 +179,7 @@ def triangles(norths: Any, easts: Any, depths: Any) -> tuple[Any, Any]:
     return np.nan_to_num(places), faces
 
 
-def nodes(world: World, most: int = MOST_NODES) -> tuple[Any, Any, Any]:
+def nodes(world: World, most: int = MAX_NODES) -> tuple[Any, Any, Any]:
     """Return norths, easts and depths (rows x columns, m) of the seabed, thinned out to `most` nodes per side."""
     if world.terrain is None:
         south, north, west, east = world.extent

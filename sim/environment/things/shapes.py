@@ -16,7 +16,7 @@ from typing import Annotated, Any, Literal, NamedTuple, get_args
 
 from hil.common.errors import ConfigError
 from hil.common.schema import Range, nearest, parse, shortened
-from sim.environment.mesh import MOST_TRIANGLES, MeshKeys, MeshObstacle, Share, put
+from sim.environment.mesh import MAX_TRIANGLES, MeshKeys, MeshObstacle, Share, put
 from sim.environment.obstacles import Coordinate, Heading
 from sim.environment.things import primitives as made
 from sim.environment.things.primitives import Triangle
@@ -244,8 +244,8 @@ def _shape(row: dict[str, Any], where: str, seabed: Callable[[float, float], flo
         depth = 0.0 if kind in HANGS else seabed(placing.north, placing.east)
     name = placing.name or f"the {kind.replace('_', ' ')} at ({placing.north:g}, {placing.east:g})"
     parts = own.parts()
-    if sum(len(part.triangles) for part in parts) > MOST_TRIANGLES:
-        raise ConfigError(f"{where}: more than {MOST_TRIANGLES} triangles: make it shorter, its links or sides larger")
+    if sum(len(part.triangles) for part in parts) > MAX_TRIANGLES:
+        raise ConfigError(f"{where}: more than {MAX_TRIANGLES} triangles: make it shorter, its links or sides larger")
     return [_place_part(part, placing, depth, name) for part in parts]
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from hil.charts.dive.prepare import DiveOptions, prepare_dive
 from hil.charts.grid import Grid, grid_of
-from hil.charts.site import LEAST_ALTITUDE, MOST_ALTITUDE, MOST_DEPTH, depth_between, find_sites
+from hil.charts.site import MAX_ALTITUDE, MAX_DEPTH, MIN_ALTITUDE, depth_between, find_sites
 from hil.commands import demo
 from hil.common.errors import ConfigError, MissingExtraError
 from hil.scenario.config import load_scenario
@@ -40,7 +40,7 @@ def test_the_best_path_is_beside_the_wall_and_in_known_water() -> None:
     for site in found:
         assert hypot(site.goal[0] - site.start[0], site.goal[1] - site.start[1]) == pytest.approx(60.0)
         way = np.linspace(site.start, site.goal, 50)
-        assert (grid.at(way) - site.depth).min() > LEAST_ALTITUDE - 0.3
+        assert (grid.at(way) - site.depth).min() > MIN_ALTITUDE - 0.3
     middles = [np.mean([site.start, site.goal], axis=0) for site in found]
     assert all(hypot(*(a - b)) > 100.0 for a, b in pairwise(middles))
 
@@ -61,9 +61,9 @@ def test_the_path_is_near_the_bed_where_all_water_is_deeper_than_daylight() -> N
     deep = grid._replace(depths=grid.depths + 40.0)
     site = next(find_sites(deep, 60.0))
     way = deep.at(np.linspace(site.start, site.goal, 50)) - site.depth
-    assert way.min() > LEAST_ALTITUDE - 0.3
-    assert way.max() < MOST_ALTITUDE + 0.3
-    assert all(each.depth <= MOST_DEPTH for each in find_sites(grid, 60.0))
+    assert way.min() > MIN_ALTITUDE - 0.3
+    assert way.max() < MAX_ALTITUDE + 0.3
+    assert all(each.depth <= MAX_DEPTH for each in find_sites(grid, 60.0))
 
 
 def test_a_dive_scenario_over_a_chart_has_sensors_and_clearance(tmp_path: Path) -> None:
@@ -75,7 +75,7 @@ def test_a_dive_scenario_over_a_chart_has_sensors_and_clearance(tmp_path: Path) 
     assert scenario.start.north == pytest.approx((54.0015 - 54.005) * 111_260.0, abs=2.0)
     world = load_world(scenario.world)
     assert scenario.start.depth == scenario.master.depth
-    assert world.seabed(scenario.start.north, scenario.start.east) - scenario.start.depth >= LEAST_ALTITUDE
+    assert world.seabed(scenario.start.north, scenario.start.east) - scenario.start.depth >= MIN_ALTITUDE
     south, north, west, east = grid_of(world).extent
     assert north - south < 350.0
     assert east - west < 400.0

@@ -12,7 +12,7 @@ import rasterio
 from hil.autonomy.paths.occupancy import OccupancyGrid
 
 SIDE, SHOAL, DEEP = 4000, 2500, 12.0  # nodes; the first row that is no water; m
-MOST_MB = 50  # the grid alone has 64
+MAX_MB = 50  # the grid alone has 64
 # What the process took at most, before and after: ru_maxrss would count the process that has started this one.
 RUN = """
 import re, sys
@@ -52,7 +52,7 @@ def export(folder: Path, name: str, *options: str) -> float:
 @pytest.mark.skipif(sys.platform != "linux", reason="memory is read in /proc")
 @pytest.mark.parametrize("resolution", [1.0, 1.6])
 def test_a_raster_takes_less_memory_than_its_grid(large: Path, resolution: float) -> None:
-    assert export(large, "w.tif", "--resolution", str(resolution)) < MOST_MB
+    assert export(large, "w.tif", "--resolution", str(resolution)) < MAX_MB
     with rasterio.open(large / "w.tif") as raster:
         column = raster.read(1)[::-1, 77]
     deep = np.arange(len(column)) * resolution <= SHOAL - 1
@@ -62,7 +62,7 @@ def test_a_raster_takes_less_memory_than_its_grid(large: Path, resolution: float
 
 @pytest.mark.skipif(sys.platform != "linux", reason="memory is read in /proc")
 def test_a_map_takes_less_memory_than_the_grid(large: Path) -> None:
-    assert export(large, "w.pgm", "--depth", "5") < MOST_MB
+    assert export(large, "w.pgm", "--depth", "5") < MAX_MB
     cells = OccupancyGrid.read(str(large / "w.yaml")).cells
     assert not cells[: SHOAL - 2].any()
     assert cells[SHOAL:].all()

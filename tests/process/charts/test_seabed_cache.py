@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from hil.charts import seabed_cache as module
-from hil.charts.build import MOST_OWN_NODES, build, default_resolution
+from hil.charts.build import MAX_OWN_NODES, build, default_resolution
 from hil.charts.chart_survey import LINE_ACCURACY, GeoBox
 from hil.charts.dive.prepare import DiveOptions, prepare_dive
 from hil.charts.grid import Grid, grid_of
-from hil.charts.hazards import LEAST_HEIGHT, SeabedModel
+from hil.charts.hazards import MIN_HEIGHT, SeabedModel
 from hil.charts.seabed_cache import cut_seabed, load_or_build_seabed
-from hil.charts.site import MOST_MIDDLES, find_sites
+from hil.charts.site import MAX_MIDDLES, find_sites
 from hil.charts.sources.combine import read_sources
 from hil.common.errors import ConfigError
 from hil.scenario.config import load_scenario
@@ -54,7 +54,7 @@ def test_the_cache_is_pruned_and_may_be_missing_or_damaged(
     (folder / "report.json").write_text("{")
     assert not load_or_build_seabed(path, 20.0).is_cached
     assert load_or_build_seabed(path, 20.0).is_cached
-    monkeypatch.setattr(module, "MOST_CACHED_BYTES", 1)
+    monkeypatch.setattr(module, "MAX_CACHED_BYTES", 1)
     load_or_build_seabed(path, 25.0)
     assert len(os.listdir(cache)) == 1
     assert load_or_build_seabed(path, 25.0).is_cached
@@ -111,7 +111,7 @@ def test_the_resolution_follows_from_the_data_until_there_are_too_many_nodes(tmp
     survey, extent = read_sources([bay(12_345).write(tmp_path / "BAY.000")], None)
     assert default_resolution(survey, extent) == 6.2, "half a millimetre on paper, and two digits"
     wide = default_resolution(survey, (0.0, 60_000.0, 0.0, 60_000.0))
-    assert 60_000.0**2 / wide**2 <= MOST_OWN_NODES
+    assert 60_000.0**2 / wide**2 <= MAX_OWN_NODES
     assert wide == 30.0
 
 
@@ -145,14 +145,14 @@ def test_a_wreck_bounds_the_bed(tmp_path: Path) -> None:
     (wreck,) = whole.model.cylinders
     assert wreck.top == 13.0
     bed = whole.model.grid.at(np.array([[wreck.north, wreck.east]]))[0]
-    assert bed == pytest.approx(13.0 + LEAST_HEIGHT, abs=0.3)
+    assert bed == pytest.approx(13.0 + MIN_HEIGHT, abs=0.3)
     assert whole.report.beds_under == 1
     assert whole.report.held_out > 50, "the bed under a wreck is no sounding"
 
 
 def test_sites_of_a_large_grid_are_searched_where_the_bed_is_steep() -> None:
     side = 400
-    assert side * side > 3 * MOST_MIDDLES
+    assert side * side > 3 * MAX_MIDDLES
     depths = np.full((side, side), 10.0, np.float32)
     depths[40:60, 40:60] += np.random.default_rng(1).uniform(-2.0, 2.0, (20, 20)).astype(np.float32)
     best = next(find_sites(Grid(depths, 0.0, 0.0, 10.0), 50.0))

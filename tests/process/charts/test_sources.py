@@ -78,7 +78,7 @@ def test_a_decompression_bomb_is_refused(
     ending: str, pack: Callable[[bytes], bytes], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Reading is bounded by lines, by characters, and by the length of one line."""
-    monkeypatch.setattr(points, "MOST_LINES", 10_000)
+    monkeypatch.setattr(points, "MAX_LINES", 10_000)
     monkeypatch.setattr(points, "LARGEST", 1_000_000)
     path = tmp_path / f"s.xyz{ending}"
     for text, words in (

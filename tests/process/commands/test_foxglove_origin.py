@@ -10,7 +10,7 @@ from websockets.sync.client import ClientConnection, connect
 from websockets.typing import Origin, Subprotocol
 
 from hil.gateways.foxglove.server import FoxgloveServer
-from hil.gateways.websocket_server import MOST_CLIENTS
+from hil.gateways.websocket_server import MAX_CLIENTS
 from hil.recording.mcap_file import Message
 
 TIME_NS = 1_700_000_000_000_000_000
@@ -79,7 +79,7 @@ def test_a_malformed_message_gets_an_error_and_the_connection_continues(server: 
 
 
 def test_the_number_of_clients_is_limited(server: FoxgloveServer) -> None:
-    sockets = [opened(server) for _ in range(MOST_CLIENTS)]
+    sockets = [opened(server) for _ in range(MAX_CLIENTS)]
     for socket in sockets:
         messages(socket, "serverInfo")
     with opened(server) as late:

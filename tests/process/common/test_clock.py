@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hil.common import clock
-from hil.common.clock import LEARN_NS, MOST_FRESH, MOST_LEAD_NS, Histogram, RateKeeper
+from hil.common.clock import LEARN_NS, MAX_FRESH, MAX_LEAD_NS, Histogram, RateKeeper
 
 
 def test_schedule_is_absolute() -> None:
@@ -41,8 +41,8 @@ def test_unread_lateness_takes_bounded_memory() -> None:
         now += 1000
         late = 1000 + number % 7 if number % 4 == 3 else number % 7
         keeper.due(now + late)
-    assert len(keeper._fresh) <= MOST_FRESH + 1
-    assert keeper.lateness.count >= keeper.due_total - MOST_FRESH
+    assert len(keeper._fresh) <= MAX_FRESH + 1
+    assert keeper.lateness.count >= keeper.due_total - MAX_FRESH
     assert keeper.lateness.count == keeper.due_total, "each is counted, and once"
     assert keeper.lateness.maximum == 1006
     assert not keeper._fresh
@@ -51,10 +51,10 @@ def test_unread_lateness_takes_bounded_memory() -> None:
 def test_the_loop_does_not_wait_while_lateness_is_counted() -> None:
     keeper = RateKeeper(1000, start_ns=0)
     with keeper._counting:
-        for number in range(1, MOST_FRESH + 100):
+        for number in range(1, MAX_FRESH + 100):
             assert keeper.due(1000 * number) == 1
-        assert len(keeper._fresh) == MOST_FRESH + 99
-    assert keeper.lateness.count == MOST_FRESH + 99
+        assert len(keeper._fresh) == MAX_FRESH + 99
+    assert keeper.lateness.count == MAX_FRESH + 99
 
 
 @given(st.lists(st.integers(0, 10**15), min_size=1, max_size=200), st.floats(0.01, 1.0))
@@ -124,7 +124,7 @@ def test_the_rate_keeper_adapts_to_the_wake_up_latency(monkeypatch: pytest.Monke
     for _ in range(1000):
         keeper.deadline_ns = now_ns() - 1
         keeper.on_wakeup()
-    assert keeper.lead_ns == MOST_LEAD_NS
+    assert keeper.lead_ns == MAX_LEAD_NS
     keeper.deadline_ns = now_ns() - 1
     assert keeper.timeout() == 0.0
 

@@ -13,7 +13,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from hil.common.clock import NS_PER_S, now_ns
 from hil.common.errors import NetworkError
-from hil.gateways.mavlink.endpoints.links import MOST_PARTNERS, TcpIn, TcpOut, UdpIn, UdpOut
+from hil.gateways.mavlink.endpoints.links import MAX_PARTNERS, TcpIn, TcpOut, UdpIn, UdpOut
 from hil.gateways.mavlink.endpoints.zenoh_link import ZenohLink
 from hil.gateways.mavlink.video import BOUNDARY, VideoServer
 from tests.support.processes import PATIENCE_S, free_port, wait_for
@@ -54,16 +54,16 @@ def test_a_sender_of_noise_is_no_partner() -> None:
 def test_partners_beyond_the_limit_are_refused_and_counted() -> None:
     """The connected peers stay connected."""
     datagrams, stream = UdpIn("127.0.0.1", 0), TcpIn("127.0.0.1", 0)
-    ends = [UdpOut("127.0.0.1", datagrams.port) for _ in range(MOST_PARTNERS + 2)]
+    ends = [UdpOut("127.0.0.1", datagrams.port) for _ in range(MAX_PARTNERS + 2)]
     calls: list[socket.socket] = []
     try:
         for end in ends:
             end.send(end.partners()[0], PACKET, BEAT)
             assert wait_for(lambda: datagrams.receive(0) or datagrams.refused or None)
-        for _ in range(MOST_PARTNERS + 2):
+        for _ in range(MAX_PARTNERS + 2):
             calls.append(socket.create_connection(("127.0.0.1", stream.port), PATIENCE_S))
             assert wait_for(lambda: stream.receive(0) or len(stream.partners()) + stream.refused == len(calls) or None)
-        assert (len(datagrams.partners()), len(stream.partners())) == (MOST_PARTNERS, MOST_PARTNERS)
+        assert (len(datagrams.partners()), len(stream.partners())) == (MAX_PARTNERS, MAX_PARTNERS)
         assert wait_for(lambda: datagrams.receive(0) or (datagrams.refused, stream.refused) == (2, 2) or None)
     finally:
         for end in ends:

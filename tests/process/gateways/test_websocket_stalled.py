@@ -20,15 +20,15 @@ from tests.support.processes import wait_for
 PATIENCE_S = 60.0
 NOT_A_MESSAGE = b"\x81\x80\0\0\0\0"  # a text frame without text, which is answered
 PING = b"\x89\xfd\0\0\0\0" + bytes(125)
-MOST_READ = 32 << 20  # bytes that a server reads of a client that reads nothing: far more than wait in the kernel
+MAX_READ = 32 << 20  # bytes that a server reads of a client that reads nothing: far more than wait in the kernel
 
 
 @pytest.fixture
 def server(monkeypatch: pytest.MonkeyPatch) -> Iterator[FoxgloveServer]:
     """Provide a server with room for one client, which waits half a second for those that do not read."""
-    monkeypatch.setattr(websocket_client, "MOST_BYTES", 10_000)
+    monkeypatch.setattr(websocket_client, "MAX_BYTES", 10_000)
     monkeypatch.setattr(websocket_client, "STALLED_S", 0.5)
-    monkeypatch.setattr(websocket_server, "MOST_CLIENTS", 1)
+    monkeypatch.setattr(websocket_server, "MAX_CLIENTS", 1)
     monkeypatch.setattr(websocket_server, "HEARTBEAT_S", 5.0)  # serves where the kernel stops what the client sends
     with FoxgloveServer("127.0.0.1", 0) as server:
         yield server
@@ -57,7 +57,7 @@ def test_a_client_that_sends_but_does_not_read_is_disconnected(server: FoxgloveS
 
     with open_websocket(server.port) as client:
         with pytest.raises(ConnectionError):
-            client.sendall(frame * (MOST_READ // len(frame)))
+            client.sendall(frame * (MAX_READ // len(frame)))
         assert wait_for(is_admitted)
 
 

@@ -13,7 +13,7 @@ from hil.network.sockets import shorten_queues
 from hil.scenario.config import load_scenario
 from tests.support.processes import Program, write_scenario
 
-MOST_WAITING = 28  # the byte of struct tcp_info where a listening socket has its backlog (tcpi_sacked)
+MAX_WAITING = 28  # the byte of struct tcp_info where a listening socket has its backlog (tcpi_sacked)
 SECURITY = """
 [security]
 slave = "keys/uuv1"
@@ -24,7 +24,7 @@ may_command = ["laptop"]
 
 def queue_of(listener: socket.socket) -> int:
     info = listener.getsockopt(socket.IPPROTO_TCP, socket.TCP_INFO, 104)
-    waiting: int = struct.unpack_from("I", info, MOST_WAITING)[0]
+    waiting: int = struct.unpack_from("I", info, MAX_WAITING)[0]
     return waiting
 
 

@@ -97,7 +97,7 @@ def test_attachments_are_bounded(tmp_path: Path) -> None:
 
 
 def test_rows_are_thinned_to_a_maximum_number(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(run_data, "MOST_ROWS", 100)
+    monkeypatch.setattr(run_data, "MAX_ROWS", 100)
     rows = Rows()
     for number in range(10_000):
         rows.append((float(number),))

@@ -55,7 +55,7 @@ def test_a_link_to_an_unknown_router_is_cut_a_few_times() -> None:
 
 
 def test_peers_that_never_reconnect_are_removed(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("hil.network.router_links.MOST_PEERS", 10)
+    monkeypatch.setattr("hil.network.router_links.MAX_PEERS", 10)
     session, reported = Mock(), list[str]()
     session.tokens.return_value = []
     links = RouterLinks(session, reported.append)

@@ -145,7 +145,7 @@ def test_free_space_is_left_on_the_disk(tmp_path: Path) -> None:
 
 
 def test_messages_beyond_the_queue_are_counted_as_lost(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(recording_module, "MOST_WAITING", 100)
+    monkeypatch.setattr(recording_module, "MAX_WAITING", 100)
     monkeypatch.setattr(recording_module, "DRAIN_PERIOD_S", 5.0)
     with Recorder(str(tmp_path / "bag"), SMALL, {}) as recorder:
         for number in range(1, 151):

@@ -273,7 +273,7 @@ def test_no_publisher_is_left_in_a_closed_session() -> None:
 
 
 def test_the_number_of_remembered_names_is_limited(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(recording_tap, "MOST_NAMES", 8)
+    monkeypatch.setattr(recording_tap, "MAX_NAMES", 8)
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     with listen(endpoint) as slave, Tap([endpoint]) as tap:
         publishers = [slave.publisher(f"uuv{number}", TOPICS["imu"]) for number in range(40)]

@@ -18,7 +18,7 @@ from hil.network.session import Session
 from hil.network.tokens import PING, PONG, clock_keys
 from hil.ros.diagnostics import Diagnostics
 from hil.slave.command_receiver import CommandReceiver
-from hil.slave.contacts import MOST_PEERS, TWIN_S, Contacts
+from hil.slave.contacts import MAX_PEERS, TWIN_S, Contacts
 from hil.slave.sample_publisher import SamplePublisher
 from tests.support.processes import free_port, wait_for
 
@@ -89,10 +89,10 @@ def test_only_clocks_of_masters_are_stored(slave: Slave) -> None:
 
 def test_many_pings_do_not_remove_the_clock_of_the_active_master(slave: Slave) -> None:
     slave.command_receiver.master = b"m" * 16
-    for number in range(3 * MOST_PEERS):
+    for number in range(3 * MAX_PEERS):
         ident = slave.command_receiver.master if number == 3 else number.to_bytes(16, "big")
         slave.contacts._on_masters_ping(ping(ident, 0))
-    assert len(slave.command_receiver.clocks) == MOST_PEERS
+    assert len(slave.command_receiver.clocks) == MAX_PEERS
     assert slave.command_receiver.master in slave.command_receiver.clocks
 
 
@@ -113,13 +113,13 @@ def test_the_number_of_reported_masters_is_limited(slave: Slave) -> None:
     """An outsider announces thousands: neither the log nor the table of ranks grows with them."""
     reported: list[str] = []
     slave.contacts._report = reported.append
-    for number in range(3 * MOST_PEERS):
+    for number in range(3 * MAX_PEERS):
         declare_presence(slave.other, "uuv1", "master", f"{number:032x}")
-    assert wait_for(lambda: len(slave.output.masters or ()) == MOST_PEERS, 60)
+    assert wait_for(lambda: len(slave.output.masters or ()) == MAX_PEERS, 60)
     slave.other.close()
     assert wait_for(lambda: not slave.output.masters, 60)
-    assert len(reported) == 2 * MOST_PEERS
-    assert len(slave.command_receiver.ranks) <= MOST_PEERS
+    assert len(reported) == 2 * MAX_PEERS
+    assert len(slave.command_receiver.ranks) <= MAX_PEERS
 
 
 def test_a_new_slave_ends_when_its_name_is_in_use(slave: Slave, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -64,9 +64,9 @@ def test_a_part_may_have_no_second_attempt(tmp_path: Path) -> None:
 
 
 def test_many_failures_are_not_repeated(tmp_path: Path) -> None:
-    many = "".join(f"def test_{number}(): assert False\n" for number in range(check.MOST_BY_CHANCE + 1))
+    many = "".join(f"def test_{number}(): assert False\n" for number in range(check.MAX_BY_CHANCE + 1))
     failed, passed_alone = outcome(tmp_path, many, BY_CHANCE)
-    assert len(failed) == check.MOST_BY_CHANCE + 2
+    assert len(failed) == check.MAX_BY_CHANCE + 2
     assert passed_alone == []
 
 

@@ -20,7 +20,7 @@ TOKEN = "a-token"
 @pytest.fixture
 def served(monkeypatch: pytest.MonkeyPatch) -> Iterator[PageServer]:
     monkeypatch.setattr(page_server, "TOKEN_WITHIN_S", 1.0)
-    monkeypatch.setattr(page_server, "MOST_CONNECTIONS", 8)
+    monkeypatch.setattr(page_server, "MAX_CONNECTIONS", 8)
     with PageServer("127.0.0.1", 0, free_port(), "secret", TOKEN, answer_stick) as served:
         yield served
 

@@ -23,7 +23,7 @@ STREAMS = {  # APMFirmwarePlugin::initializeStreamRates: MAV_DATA_STREAM -> Hz
 PARAMETERS = "@PARAM/param.pck?withdefaults=1"
 OPEN_READ, BURST, RESET, ACK, NAK, END_OF_FILE = 4, 15, 2, 128, 129, 6
 HEADER = struct.Struct("<HBBBBBxI")
-MOST_DATA = 239
+MAX_DATA = 239
 WIDTHS = {1: "<b", 2: "<h", 3: "<i", 4: "<f"}
 
 
@@ -95,7 +95,7 @@ class Station(Ground):
         content, asks = b"", True
         while True:
             if asks:
-                self.ftp_send(BURST, b"", len(content), MOST_DATA)
+                self.ftp_send(BURST, b"", len(content), MAX_DATA)
             answer, asks, data = self.ftp_answer(BURST)
             if answer == NAK:
                 assert data == bytes((END_OF_FILE,))
@@ -111,7 +111,7 @@ class Station(Ground):
         """FTPManager::_sendRequestExpectAck."""
         payload = HEADER.pack(self.expected + 1, 0, opcode, size, 0, 0, offset) + data
         self.expected += 2
-        self.send.file_transfer_protocol_send(0, 1, AUTOPILOT, list(payload.ljust(HEADER.size + MOST_DATA, b"\0")))
+        self.send.file_transfer_protocol_send(0, 1, AUTOPILOT, list(payload.ljust(HEADER.size + MAX_DATA, b"\0")))
 
     def ftp_answer(self, opcode: int) -> tuple[int, bool, bytes]:
         """Return the next answer to us: its kind, whether a burst is complete, and its data."""

@@ -17,8 +17,8 @@ LIMITS = {name: load_vehicle(name)[0].attitude_limit_speed for name in NAMES}
 # Those that steer by fins pitch in order to dive, and need room.
 SWIMMERS = [name for name in NAMES if load_vehicle(name)[0].fins]
 LEVEL = [name for name in NAMES if LIMITS[name] is None and name not in SWIMMERS]
-MOST_TILT = 10.0  # deg
-MOST_OFF_DEPTH = 0.2  # m
+MAX_TILT = 10.0  # deg
+MAX_OFF_DEPTH = 0.2  # m
 
 
 class LevelFlight(NamedTuple):
@@ -69,6 +69,6 @@ def fly_level(name: str, speed: float, scenario: str = FIELD, seconds: float = i
 def check_level(name: str, share: float, scenario: str = FIELD, seconds: float = inf) -> None:
     """Fly a preset at this share of its top speed, and check attitude, depth, and reached speed."""
     found = fly_level(name, share * top_speed(name), scenario, seconds)
-    assert found.tilt < MOST_TILT
-    assert found.depth_error < MOST_OFF_DEPTH
+    assert found.tilt < MAX_TILT
+    assert found.depth_error < MAX_OFF_DEPTH
     assert found.speed > 0.8 * min(share, 1.0) * top_speed(name)  # which the controller's limits may keep it from

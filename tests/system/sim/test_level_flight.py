@@ -6,7 +6,7 @@ from tests.support.flights.level_flight import (
     FIELD,
     LEVEL,
     LIMITS,
-    MOST_TILT,
+    MAX_TILT,
     NAMES,
     OPEN,
     SWIMMERS,
@@ -44,14 +44,14 @@ def test_a_vehicle_stays_level_up_to_the_speed_in_its_file(name: str, scenario: 
     limit = LIMITS[name]
     assert limit is not None
     assert limit < top_speed(name)
-    assert fly_level(name, limit, scenario, 150.0).tilt < MOST_TILT
+    assert fly_level(name, limit, scenario, 150.0).tilt < MAX_TILT
 
 
 @pytest.mark.parametrize("name", LIMITED)
 def test_a_vehicle_tips_beyond_the_speed_in_its_file(name: str) -> None:
     limit = LIMITS[name]
     assert limit is not None
-    assert fly_level(name, limit + 0.05, FIELD, 150.0).tilt > MOST_TILT
+    assert fly_level(name, limit + 0.05, FIELD, 150.0).tilt > MAX_TILT
 
 
 @pytest.mark.parametrize(("name", "published"), [("bluerov2", 1.5), ("bluerov2_heavy", 0.8)])

@@ -25,7 +25,7 @@ from tools import uml
 MODULES = ("can-raw", "vcan", "vxcan", "slcan", "veth", "sch-netem", "sch-tbf")
 HERE = Path(__file__).parent
 INSIDE = "UUV_HIL_UML_REPORTS"  # in there, the file for the reports
-MOST_SECONDS = 900.0
+MAX_SECONDS = 900.0
 REPORTS = pytest.StashKey[dict[str, list[Any]]]()
 
 
@@ -43,7 +43,7 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     reason = _why_not(config) if own and INSIDE not in os.environ else ""
     for item in own:
         item.add_marker("uml")
-        item.add_marker(pytest.mark.timeout(MOST_SECONDS + 60.0))  # the first one waits for all of them
+        item.add_marker(pytest.mark.timeout(MAX_SECONDS + 60.0))  # the first one waits for all of them
         if reason:
             item.add_marker(pytest.mark.skip(reason=reason))
 
@@ -93,7 +93,7 @@ def _run_inside(config: pytest.Config, chosen: Sequence[str]) -> dict[str, list[
         command = [sys.executable, "-m", "pytest", "--quiet", "-p", "no:cacheprovider", *chosen]
         variables = {INSIDE: str(file), "PYTHONDONTWRITEBYTECODE": "1"}
         try:
-            ended = uml.run(command, MODULES, share, variables, MOST_SECONDS, cwd=str(config.rootpath))
+            ended = uml.run(command, MODULES, share, variables, MAX_SECONDS, cwd=str(config.rootpath))
             words = f"pytest ended with {ended.status} in User Mode Linux:\n{ended.output}"
         except DeviceError as error:
             words = str(error)

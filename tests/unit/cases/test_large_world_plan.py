@@ -15,7 +15,7 @@ from hil.charts.grid import overview
 from hil.common.errors import NoPathError
 from hil.master.flight import make_request, prepare
 from hil.scenario.config import Scenario, load_scenario
-from hil.scenario.map_parts import MOST_GROWN
+from hil.scenario.map_parts import MAX_GROWN
 from hil.view.scene.world import nodes
 from sim.environment.world import load_world
 from sim.vehicle.vehicle import load_vehicle
@@ -98,7 +98,7 @@ def test_paths_between_distant_points_use_coarser_cells(tmp_path: Path) -> None:
     far = scenario(tmp_path, wall=1300.0, goal=[-100.0, 700.0], resolution=0.25)
     plan = prepare(far)
     assert plan.request.map.resolution == 1.0
-    assert plan.request.map.cells.size <= MOST_GROWN
+    assert plan.request.map.cells.size <= MAX_GROWN
     world, vehicle = load_world(far.world), load_vehicle(far.vehicle)[0]
     below = 0.5 * vehicle.dimensions[2] + far.master.seabed_margin
     for north in (-370.0, -300.3, -204.2, -201.5, -200.0, -150.0):

@@ -17,7 +17,7 @@ from hil.charts.bounds import (
 )
 from hil.charts.build import build
 from hil.charts.grid import Grid
-from hil.charts.hazards import LEAST_HEIGHT, OUT_OF_WATER, place_hazards
+from hil.charts.hazards import MIN_HEIGHT, OUT_OF_WATER, place_hazards
 from hil.charts.sources.survey import DepthArea, Hazard, Sheet, Survey, block_means, first_in_cell, resample
 
 Array = NDArray[np.float64]
@@ -219,7 +219,7 @@ def test_hazards_become_piles_boxes_or_raised_areas() -> None:
 def test_a_hazard_of_unknown_depth_has_the_least_height() -> None:
     grid = Grid(np.full((5, 5), 9.0, np.float32), 0.0, 0.0, 5.0)
     placed = place_hazards((hazard("WRECKS", [(10.0, 10.0)], None),), grid, np.full((5, 5), 9.0))
-    assert placed.cylinders[0].top == 9.0 - LEAST_HEIGHT
+    assert placed.cylinders[0].top == 9.0 - MIN_HEIGHT
 
 
 def test_lines_are_resampled_and_points_averaged_by_block() -> None:

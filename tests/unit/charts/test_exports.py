@@ -61,7 +61,7 @@ def test_a_mesh_with_too_many_triangles_is_refused_with_a_size_that_fits(monkeyp
     large = Grid(np.broadcast_to(np.float32(5.0), (10_001, 10_001)), 0.0, 0.0, 5.0)
     with pytest.raises(ConfigError, match=r"--resolution: 5 m makes a mesh of 10001 x 10001 nodes.*use 26 m"):
         triangulate(large)
-    monkeypatch.setattr(mesh, "MOST_NODES", 12 * 17)
+    monkeypatch.setattr(mesh, "MAX_NODES", 12 * 17)
     assert len(triangulate(sloping(hole=False))[1]) == 2 * 11 * 16
 
 

@@ -101,7 +101,7 @@ def test_patches_are_smaller_where_points_are_dense(monkeypatch: pytest.MonkeyPa
     axis = np.linspace(0.0, 100.0, 50)
     assert surface.evaluate(axis, axis, np.ones((50, 50), bool)) == pytest.approx(np.full((50, 50), 4.0), abs=1e-4)
     assert np.isfinite(surface.uncertainty(axis, axis, np.ones((50, 50), bool)).variance).all()
-    monkeypatch.setattr("hil.charts.gridding.MOST_PATCH_POINTS", 10_000)
+    monkeypatch.setattr("hil.charts.gridding.MAX_PATCH_POINTS", 10_000)
     free = Surface(points, np.full(1060, 4.0))
     held, unheld = (sum(len(patch.inside) for patch in found._patches) for found in (surface, free))
     assert held < 0.9 * unheld

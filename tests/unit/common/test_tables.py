@@ -33,8 +33,8 @@ def test_the_second_read_uses_the_cache(file: Path, monkeypatch: pytest.MonkeyPa
 def test_the_oldest_cached_tables_are_removed_beyond_the_limits(
     most: int, most_bytes: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(tables, "MOST_CACHED", most)
-    monkeypatch.setattr(tables, "MOST_CACHED_BYTES", most_bytes)
+    monkeypatch.setattr(tables, "MAX_CACHED", most)
+    monkeypatch.setattr(tables, "MAX_CACHED_BYTES", most_bytes)
     program = Path(cache_path("x")).parent / f"{tables.PROGRAM}-abc"
     program.parent.mkdir(parents=True)
     program.write_bytes(b"x" * 1000)

@@ -42,7 +42,7 @@ def test_a_flood_of_log_lines_is_counted(monkeypatch: pytest.MonkeyPatch, capsys
     for number in range(5000):
         written.write_line(f"line {number}")
     written.flush()
-    assert len(capsys.readouterr().err.splitlines()) == log.MOST_LINES
+    assert len(capsys.readouterr().err.splitlines()) == log.MAX_LINES
     now[0] += log.WINDOW_NS + 1
     written.flush()
     assert "4000 lines left out: more than 1000 in 10 s" in capsys.readouterr().err

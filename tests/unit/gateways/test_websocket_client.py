@@ -26,7 +26,7 @@ class Socket:
 
 @pytest.fixture(autouse=True)
 def _small(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(websocket_client, "MOST_BYTES", 10)
+    monkeypatch.setattr(websocket_client, "MAX_BYTES", 10)
 
 
 def test_a_client_that_does_not_read_replies_is_not_read_from() -> None:

@@ -4,7 +4,7 @@ import random
 
 import pytest
 
-from hil.network.clock_offset import MOST_DRIFT, ClockOffset, Estimate
+from hil.network.clock_offset import MAX_DRIFT, ClockOffset, Estimate
 
 S = 1_000_000_000
 MS = 1_000_000
@@ -82,7 +82,7 @@ def test_drift_is_measured_and_extrapolated(drift: float) -> None:
     later = 90 * S
     found = estimate(clock, later)
     assert abs(found.offset_ns - other.error(later)) <= found.uncertainty_ns
-    assert found.uncertainty_ns < round(MOST_DRIFT * 30 * S) / 2 + MS, "less than without the measured drift"
+    assert found.uncertainty_ns < round(MAX_DRIFT * 30 * S) / 2 + MS, "less than without the measured drift"
 
 
 def test_uncertainty_grows_without_exchanges() -> None:

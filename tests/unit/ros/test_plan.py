@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hil.ros import message as ros_message
-from hil.ros.plan import MOST_POINTS, TYPE, decode_plan, encode_plan
+from hil.ros.plan import MAX_POINTS, TYPE, decode_plan, encode_plan
 
 PLACES = st.tuples(*[st.floats(-1e4, 1e4)] * 3)
 
@@ -25,10 +25,10 @@ def test_horizontal_points_get_the_depth_in_the_axes_of_ros() -> None:
 
 
 def test_a_long_path_is_subsampled_and_keeps_its_end() -> None:
-    path = [(float(number), 0.0) for number in range(3 * MOST_POINTS)]
+    path = [(float(number), 0.0) for number in range(3 * MAX_POINTS)]
     places = decode_plan(encode_plan(0, path, 1.0))
     assert places
-    assert len(places) <= MOST_POINTS
+    assert len(places) <= MAX_POINTS
     assert (places[0][0], places[-1][0]) == (0.0, path[-1][0])
 
 

@@ -4,7 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hil.autonomy.paths.occupancy import Extent
-from hil.scenario.map_parts import LEAST_MARGIN_CELLS, MOST_CELLS, MOST_GROWN, MapPart, map_parts
+from hil.scenario.map_parts import MAX_CELLS, MAX_GROWN, MIN_MARGIN_CELLS, MapPart, map_parts
 from tests.support.examples import examples
 
 WIDE = Extent(-25_000.0, -25_000.0, 25_000.0, 25_000.0)
@@ -25,7 +25,7 @@ def test_the_margin_doubles_until_the_map_is_too_large() -> None:
     *parts, last = map_parts(WIDE, 2.0, [(0.0, 0.0), (1000.0, 400.0)])
     assert [part.extent.north - 1000.0 for part in parts] == [250.0 * 2**k for k in range(len(parts))]
     assert {part.resolution for part in parts} == {2.0}
-    assert cells(parts[-1]) <= MOST_GROWN < 4.5 * cells(parts[-1])
+    assert cells(parts[-1]) <= MAX_GROWN < 4.5 * cells(parts[-1])
     assert last == (WIDE, 32.0)
     assert map_parts(WIDE, 40.0, [(0.0, 0.0)])[-1] == (WIDE, 40.0), "the whole map is within the limit"
 
@@ -33,7 +33,7 @@ def test_the_margin_doubles_until_the_map_is_too_large() -> None:
 def test_distant_points_are_shown_in_larger_cells() -> None:
     first, last = map_parts(WIDE, 1.0, [(-4500.0, -4500.0), (4500.0, 4500.0)])
     assert first.resolution == 16.0
-    assert cells(first) <= MOST_GROWN < 4.5 * cells(first)
+    assert cells(first) <= MAX_GROWN < 4.5 * cells(first)
     assert last == (WIDE, 32.0)
 
 
@@ -49,8 +49,8 @@ def test_every_part_contains_the_points_and_the_cells_of_the_whole_map(
     for shown in map_parts(WIDE, resolution, places):
         part, size = shown
         assert size / resolution in {2.0**k for k in range(12)}
-        assert cells(shown) <= MOST_GROWN
-        margin = LEAST_MARGIN_CELLS * resolution
+        assert cells(shown) <= MAX_GROWN
+        margin = MIN_MARGIN_CELLS * resolution
         for north, east in places:
             assert part.south <= max(north - margin + 1e-6, WIDE.south)
             assert part.north >= min(north + margin - 1e-6, WIDE.north)
@@ -63,4 +63,4 @@ def test_every_part_contains_the_points_and_the_cells_of_the_whole_map(
         assert before is None or part.north - part.south >= before.north - before.south - 1e-6
         before = part
     assert part == WIDE
-    assert cells(MapPart(WIDE, resolution)) > MOST_CELLS
+    assert cells(MapPart(WIDE, resolution)) > MAX_CELLS

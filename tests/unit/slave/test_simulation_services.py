@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hil.common.clock import NS_PER_S, now_ns
-from hil.slave.ros.simulation import FEATURES, MOST_STEPS, PAUSE_FEATURES
+from hil.slave.ros.simulation import FEATURES, MAX_STEPS, PAUSE_FEATURES
 from tests.unit.slave.test_vehicle_services import Vehicle, pose
 
 OK, UNSUPPORTED, NOT_FOUND, FAILED, ALREADY = 1, 0, 2, 4, 101
@@ -98,7 +98,7 @@ def test_a_paused_simulation_stops_and_steps_on_request(vehicle: Vehicle) -> Non
     assert simulation.time_ns == before
     assert code(call(vehicle, "step_simulation", steps=4)) == OK
     assert simulation.time_ns - before == 4 * loop.schedule.period_ns
-    assert code(call(vehicle, "step_simulation", steps=MOST_STEPS + 1)) == FAILED
+    assert code(call(vehicle, "step_simulation", steps=MAX_STEPS + 1)) == FAILED
     assert code(call(vehicle, "step_simulation", steps=2**64 - 1)) == FAILED
     assert set_state(vehicle, 1) == OK
     loop.advance_to(now_ns() + 2 * NS_PER_S)

@@ -45,7 +45,7 @@ def test_a_seabed_is_drawn_with_holes_contours_and_a_limited_number_of_nodes() -
     drawn = world_scene.WorldScene(recorder, world)
     kind, (mesh,), _ = recorder.added["/seabed"]
     assert kind == "add_mesh_trimesh"
-    assert len(mesh.vertices) <= world_scene.MOST_NODES**2
+    assert len(mesh.vertices) <= world_scene.MAX_NODES**2
     east, north, up = mesh.vertices[-1]
     assert (east, north) == (20.0 + 900.0, -10.0 + 999.0)
     assert up == pytest.approx(-drawn.seabed(north, east), abs=1e-4)

@@ -5,7 +5,7 @@ from itertools import pairwise
 import pytest
 
 from hil.common.clock import NS_PER_MS
-from hil.view.pace import GATHER_NS, LEAST_NS, MOST_NS, Pace
+from hil.view.pace import GATHER_NS, MAX_NS, MIN_NS, Pace
 
 PERIOD = 50 * NS_PER_MS
 
@@ -38,9 +38,9 @@ def test_simultaneous_samples_are_drawn_together() -> None:
 
 def test_the_drawing_rate_is_limited_with_many_vehicles() -> None:
     drawn = drawing_times([number * NS_PER_MS for number in range(2000)], 2000 * NS_PER_MS)
-    assert min(after - before for before, after in pairwise(drawn)) >= LEAST_NS
+    assert min(after - before for before, after in pairwise(drawn)) >= MIN_NS
 
 
 def test_drawing_continues_without_samples() -> None:
-    drawn = drawing_times([], 10 * MOST_NS)
-    assert drawn == [number * MOST_NS for number in range(10)]
+    drawn = drawing_times([], 10 * MAX_NS)
+    assert drawn == [number * MAX_NS for number in range(10)]

@@ -15,8 +15,8 @@ from hil.common.clock import NS_PER_S
 from hil.common.errors import NetworkError
 
 READ_SIZE = 65_536
-MOST_DATAGRAMS = 200  # of one turn
-MOST_PARTNERS = 16
+MAX_DATAGRAMS = 200  # of one turn
+MAX_PARTNERS = 16
 SILENT_NS = 30 * NS_PER_S  # after which a partner that only sent datagrams is forgotten
 RETRY_NS = NS_PER_S
 MARKERS = (0xFD, 0xFE)  # that a MAVLink packet begins with
@@ -26,7 +26,7 @@ Received = list[tuple[Address, bytes]]
 
 
 class Link(ABC):
-    """One endpoint. `burst`: bytes of lists that it takes a turn (1/50 s); `refused`: who came beyond MOST_PARTNERS."""
+    """One endpoint. `burst`: bytes of lists that it takes a turn (1/50 s); `refused`: who came beyond MAX_PARTNERS."""
 
     name: str
     burst = 20_000
@@ -81,7 +81,7 @@ class UdpOut(Link):
     def receive(self, now: int) -> Received:
         """Return the datagrams that have come."""
         received: Received = []
-        for _ in range(MOST_DATAGRAMS):
+        for _ in range(MAX_DATAGRAMS):
             try:
                 received.append((self._to[:2], self._socket.recv(READ_SIZE)))
             except OSError:  # nothing more, or nobody was there for our last one
@@ -129,7 +129,7 @@ class UdpIn(Link):
     def receive(self, now: int) -> Received:
         """Return the datagrams that have come."""
         received: Received = []
-        for _ in range(MOST_DATAGRAMS):
+        for _ in range(MAX_DATAGRAMS):
             try:
                 data, sender = self._socket.recvfrom(READ_SIZE)
             except OSError:
@@ -137,7 +137,7 @@ class UdpIn(Link):
             if sender not in self._received_ns:
                 if data[:1] not in _FIRST:
                     continue
-                if len(self._received_ns) >= MOST_PARTNERS:
+                if len(self._received_ns) >= MAX_PARTNERS:
                     self.refused += 1
                     continue
             self._received_ns[sender] = now
@@ -173,7 +173,7 @@ _FIRST = tuple(bytes((marker,)) for marker in MARKERS)
 class _Stream:
     """One TCP connection: what it does not take at once waits, up to a limit; beyond it is closed."""
 
-    MOST_UNSENT = 1 << 18  # bytes
+    MAX_UNSENT = 1 << 18  # bytes
 
     def __init__(self, opened: socket.socket) -> None:
         opened.setblocking(False)
@@ -206,7 +206,7 @@ class _Stream:
             pass
         except OSError:
             self.close()
-        if len(self.unsent) > self.MOST_UNSENT:
+        if len(self.unsent) > self.MAX_UNSENT:
             self.close()
 
     def close(self) -> None:
@@ -240,7 +240,7 @@ class TcpIn(Link):
                 opened, caller = self._listener.accept()
             except OSError:
                 break
-            if len(self._open()) >= MOST_PARTNERS:
+            if len(self._open()) >= MAX_PARTNERS:
                 self.refused += 1
                 opened.close()
             else:

@@ -10,7 +10,7 @@ from hil.links.contract import Counters
 from hil.links.mavlink.stream import MavlinkStream
 
 COMPONENT = 1  # the autopilot's
-MOST_WAITING = 4000  # messages of lists that wait for a slow link
+MAX_WAITING = 4000  # messages of lists that wait for a slow link
 
 Write = Callable[[bytes, Any], None]  # the packet, and its message
 
@@ -44,7 +44,7 @@ class Peer:
         self._camera = MavlinkStream(system, CAMERA, Counters())
         self._wall_clock = wall_clock
         self.sign(secret)
-        self._waiting: deque[Any] = deque(maxlen=MOST_WAITING)
+        self._waiting: deque[Any] = deque(maxlen=MAX_WAITING)
 
     def sign(self, secret: bytes) -> None:
         """Sign what is sent, and refuse what is not signed with this secret; without one do neither."""

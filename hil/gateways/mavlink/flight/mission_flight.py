@@ -27,7 +27,7 @@ IDLE, ACTIVE, PAUSED, COMPLETE = (
     dialect.MISSION_STATE_PAUSED,
     dialect.MISSION_STATE_COMPLETE,
 )
-MOST_PER_STEP = 50  # items that take no time, which a loop of jumps would else repeat for ever
+MAX_PER_STEP = 50  # items that take no time, which a loop of jumps would else repeat for ever
 HEADING_REACHED = 0.1  # rad
 
 
@@ -91,7 +91,7 @@ class MissionFlight:
     def step(self, state: State, now: int) -> Target | None:
         """Return where to go; a place to stay at once the mission is complete or paused."""
         if self.status == ACTIVE:
-            for _ in range(MOST_PER_STEP):
+            for _ in range(MAX_PER_STEP):
                 if self.current >= len(self._items):
                     self.status = COMPLETE
                     self.texts.append((6, "mission complete"))

@@ -8,7 +8,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from hil.gateways.mavlink.flight.guidance import Point
 from hil.gateways.mavlink.flight.targets import GLOBAL_FRAMES, TargetError, depth_of, earth_place
 from hil.gateways.mavlink.snapshot import Origin
-from hil.ros.commands import MOST_DEPTH, MOST_PLACE
+from hil.ros.commands import MAX_DEPTH, MAX_PLACE
 
 WAYPOINTS = (
     dialect.MAV_CMD_NAV_WAYPOINT, dialect.MAV_CMD_NAV_SPLINE_WAYPOINT, dialect.MAV_CMD_NAV_LOITER_UNLIM,
@@ -89,7 +89,7 @@ def place_of(item: Item, origin: Origin | None, home_depth: float) -> Point:
     else:
         depth = depth_of(item.z, GLOBAL_FRAMES[item.frame], origin, home_depth)
         place = earth_place(item.x, item.y, depth, origin)
-    if not (max(abs(place[0]), abs(place[1])) <= MOST_PLACE and abs(place[2]) <= MOST_DEPTH):
+    if not (max(abs(place[0]), abs(place[1])) <= MAX_PLACE and abs(place[2]) <= MAX_DEPTH):
         raise TargetError("further than any vehicle goes")
     return place[0], place[1], max(0.0, place[2])
 

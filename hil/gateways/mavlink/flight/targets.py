@@ -8,12 +8,12 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from hil.client.samples import State
 from hil.gateways.mavlink.flight.guidance import Point, in_body, in_world
 from hil.gateways.mavlink.snapshot import Origin
-from hil.ros.commands import MOST_DEPTH, MOST_PLACE
+from hil.ros.commands import MAX_DEPTH, MAX_PLACE
 from sim.sensors.geodesy import TangentPlane
 
 NO_POSITION, NO_DEPTH, NO_VELOCITY, NO_ACCELERATION = 0b11, 0b100, 0b111000, 0b111000000
 FORCE, NO_YAW, NO_YAW_RATE = 1 << 9, 1 << 10, 1 << 11
-MOST_SPEED = 20.0  # m/s, rad/s
+MAX_SPEED = 20.0  # m/s, rad/s
 GLOBAL_FRAMES = {
     dialect.MAV_FRAME_GLOBAL: False, dialect.MAV_FRAME_GLOBAL_INT: False,
     dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT: True, dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT: True,
@@ -80,8 +80,8 @@ def earth_place(latitude_e7: float, longitude_e7: float, depth: float, origin: O
     north, east, _ = TangentPlane(origin.latitude, origin.longitude, origin.altitude).local(
         latitude_e7 * 1e-7, longitude_e7 * 1e-7, origin.altitude
     )
-    if max(abs(north), abs(east)) > MOST_PLACE:
-        raise TargetError(f"further than {MOST_PLACE / 1000.0:g} km away")
+    if max(abs(north), abs(east)) > MAX_PLACE:
+        raise TargetError(f"further than {MAX_PLACE / 1000.0:g} km away")
     return north, east, depth
 
 
@@ -96,7 +96,7 @@ def _place(mask: int, place: Point, state: State) -> Point:
     """Return a place whose ignored parts are those of now. Raises TargetError."""
     north, east = state.position[:2] if mask & NO_POSITION else place[:2]
     depth = state.depth if mask & NO_DEPTH else place[2]
-    if not (abs(north) <= MOST_PLACE and abs(east) <= MOST_PLACE and -MOST_DEPTH <= depth <= MOST_DEPTH):
+    if not (abs(north) <= MAX_PLACE and abs(east) <= MAX_PLACE and -MAX_DEPTH <= depth <= MAX_DEPTH):
         raise TargetError("the place is further than any vehicle goes")
     return north, east, max(0.0, depth)
 
@@ -133,5 +133,5 @@ def _require_finite(packet: Any, place: tuple[float, ...]) -> None:
         raise TargetError("a number is not finite")
     speeds = [*((packet.vx, packet.vy, packet.vz) if mask & NO_VELOCITY != NO_VELOCITY else ())]
     speeds += [] if mask & NO_YAW_RATE else [packet.yaw_rate]
-    if any(abs(value) > MOST_SPEED for value in speeds):
-        raise TargetError(f"faster than {MOST_SPEED:g} m/s or rad/s")
+    if any(abs(value) > MAX_SPEED for value in speeds):
+        raise TargetError(f"faster than {MAX_SPEED:g} m/s or rad/s")

@@ -18,16 +18,16 @@ from hil.gateways.mavlink.protocols.parameters import INT8, INT16, INT32, REAL32
 
 HEADER = struct.Struct("<HBBBBBxI")  # sequence, session, opcode, size, requested opcode, burst complete, offset
 PAYLOAD = 251
-MOST_DATA = PAYLOAD - HEADER.size
+MAX_DATA = PAYLOAD - HEADER.size
 (TERMINATE, RESET, LIST, OPEN_READ, READ, CREATE, WRITE, REMOVE, MAKE_FOLDER, REMOVE_FOLDER, OPEN_WRITE, TRUNCATE,
  RENAME, CRC32, BURST) = range(1, 16)  # fmt: skip
 ACK, NAK = 128, 129
 FAIL, BAD_SIZE, BAD_SESSION, NO_SESSIONS, END_OF_FILE, UNKNOWN, PROTECTED, NOT_FOUND = 1, 3, 4, 5, 6, 7, 9, 10
 WRITING = (CREATE, WRITE, REMOVE, MAKE_FOLDER, REMOVE_FOLDER, OPEN_WRITE, TRUNCATE, RENAME)
-MOST_SESSIONS = 8
+MAX_SESSIONS = 8
 IDLE_NS = 60 * NS_PER_S  # after which a session that nobody uses is closed
 BURST_AT_ONCE = 40  # packets of one burst; the client asks for the next
-MOST_CRC = 1 << 28  # bytes
+MAX_CRC = 1 << 28  # bytes
 PARAMETERS = "@PARAM/param.pck"
 ONLY_A_FILE: int = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_BINARY", 0)  # Linux and macOS; Windows
 PACK_MAGIC = 0x671B
@@ -90,7 +90,7 @@ class FtpServer:
             answers = list(self._answer(request, partner, now))
         except OSError:
             answers = [_nak(request, FAIL)]
-        if len(self._last) > 4 * MOST_SESSIONS:
+        if len(self._last) > 4 * MAX_SESSIONS:
             self._last.clear()
         self._last[partner] = sequence, answers[0]
         return answers
@@ -102,7 +102,7 @@ class FtpServer:
         self._sessions.clear()
 
     def _answer(self, request: _Request, partner: Partner, now: int) -> Iterator[bytes]:
-        if request.size > MOST_DATA:
+        if request.size > MAX_DATA:
             yield _nak(request, BAD_SIZE)
         elif request.opcode == TERMINATE:
             session = self._sessions.pop((partner, request.session), None)
@@ -138,7 +138,7 @@ class FtpServer:
         text = b""
         for entry in entries[request.offset :]:
             encoded = entry.encode("utf-8", "replace") + b"\0"
-            if len(text) + len(encoded) > MOST_DATA:
+            if len(text) + len(encoded) > MAX_DATA:
                 break
             text += encoded
         return _ack(request, text) if text else _nak(request, END_OF_FILE)
@@ -148,7 +148,7 @@ class FtpServer:
         before = self._sessions.pop((partner, request.session), None)
         if before:
             before.close()
-        if len(self._sessions) >= MOST_SESSIONS:
+        if len(self._sessions) >= MAX_SESSIONS:
             return _nak(request, NO_SESSIONS)
         if path.split("?")[0].strip("/") == PARAMETERS:
             content = pack_parameters(self._parameters)
@@ -168,7 +168,7 @@ class FtpServer:
             yield _nak(request, BAD_SESSION)
             return
         session.used_ns = now
-        size = min(request.size or MOST_DATA, MOST_DATA)
+        size = min(request.size or MAX_DATA, MAX_DATA)
         if request.opcode == READ:
             data = session.read(request.offset, size)
             yield _ack(request, data, offset=request.offset) if data else _nak(request, END_OF_FILE)
@@ -187,7 +187,7 @@ class FtpServer:
 
     def _crc(self, request: _Request) -> bytes:
         real = self._real(_path(request))
-        if real is None or not os.path.isfile(real) or os.path.getsize(real) > MOST_CRC:
+        if real is None or not os.path.isfile(real) or os.path.getsize(real) > MAX_CRC:
             return _nak(request, NOT_FOUND)
         crc = 0
         with open(real, "rb") as file:

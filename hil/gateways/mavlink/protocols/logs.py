@@ -8,7 +8,7 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 DATA = 90  # bytes of one LOG_DATA
-MOST_LOGS = 200
+MAX_LOGS = 200
 AT_ONCE = 20  # LOG_DATA between two turns of the gateway
 WHOLE = 0xFFFF_FFFF
 
@@ -67,9 +67,9 @@ class LogProtocol:
                     with suppress(OSError):
                         if not os.path.islink(path):
                             logs.append((os.path.getmtime(path), os.path.getsize(path), path))
-                if len(logs) > MOST_LOGS:
+                if len(logs) > MAX_LOGS:
                     break
-        return sorted(logs)[-MOST_LOGS:]
+        return sorted(logs)[-MAX_LOGS:]
 
 
 def _read(path: str, number: int, offset: int, count: int) -> Iterator[Any]:

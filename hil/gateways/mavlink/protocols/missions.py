@@ -9,7 +9,7 @@ from hil.common.clock import NS_PER_MS
 from hil.gateways.mavlink.flight.mission_items import Item, encode_item, problem_of, read_item
 from hil.gateways.mavlink.snapshot import Origin
 
-MOST_ITEMS = 500
+MAX_ITEMS = 500
 RETRY_NS = 400 * NS_PER_MS  # until an item that was not sent is requested again
 RETRIES = 8
 MISSION = dialect.MAV_MISSION_TYPE_MISSION
@@ -78,7 +78,7 @@ class MissionProtocol:
             return [_ack(result, kind, partner)]
         if self._upload and self._upload.partner != partner:
             return [_ack(dialect.MAV_MISSION_DENIED, kind, partner)]
-        if count > MOST_ITEMS:
+        if count > MAX_ITEMS:
             return [_ack(dialect.MAV_MISSION_NO_SPACE, kind, partner)]
         if count == 0:
             self._upload = None

@@ -11,8 +11,8 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from hil.common.clock import NS_PER_S, NS_PER_US
 from hil.gateways.mavlink.protocols import newer_messages as newer
 
-MOST_HZ = 50.0
-LEAST_HZ = 0.05
+MAX_HZ = 50.0
+MIN_HZ = 0.05
 OFF = -1  # us, of a message that is not sent
 
 HEARTBEAT = dialect.MAVLINK_MSG_ID_HEARTBEAT
@@ -111,4 +111,4 @@ class StreamRates:
         return numbers
 
     def _set_rate(self, number: int, rate_hz: float) -> None:
-        self._periods[number] = round(NS_PER_S / min(max(rate_hz, LEAST_HZ), MOST_HZ))
+        self._periods[number] = round(NS_PER_S / min(max(rate_hz, MIN_HZ), MAX_HZ))

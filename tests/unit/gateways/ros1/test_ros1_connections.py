@@ -11,7 +11,7 @@ from hil.common.errors import ConfigError
 from hil.gateways.ros1 import bridge, subscription
 from hil.gateways.ros1.messages import kind_of
 from hil.gateways.ros1.parameters import leaves
-from hil.gateways.ros1.publication import MOST_BYTES, MOST_WAITING, Publication, Subscriber
+from hil.gateways.ros1.publication import MAX_BYTES, MAX_WAITING, Publication, Subscriber
 from hil.gateways.ros1.subscription import Caller, Subscription
 from hil.gateways.ros1.tcpros import PeerError, decode_header, encode_header, read_frame, require_type
 from hil.recording.mcap_file import Message
@@ -65,11 +65,11 @@ def test_a_frame_that_is_too_large_is_refused_by_its_length() -> None:
 def test_a_slow_subscriber_loses_the_oldest_messages() -> None:
     async def run() -> None:
         subscriber = Subscriber("/slow")
-        for number in range(MOST_WAITING + 20):
+        for number in range(MAX_WAITING + 20):
             subscriber.put(b"%d" % number)
         assert subscriber.dropped == 20
-        subscriber.put(bytes(MOST_BYTES + 1))
-        assert subscriber.dropped == 20 + MOST_WAITING, "a single message is queued at any size"
+        subscriber.put(bytes(MAX_BYTES + 1))
+        assert subscriber.dropped == 20 + MAX_WAITING, "a single message is queued at any size"
 
     asyncio.run(run())
 
