@@ -77,15 +77,18 @@ def serve(end: Stm32End, stop_fd: int, report: Callable[[Stm32End], None] | None
     After the process was suspended for longer than the watchdog's time, it discards the bytes received meanwhile, as a
     UART does. `report` is called every 5 s. Raises DeviceError when the wire is lost.
     """
-    serviced_ns = now_ns()
-    report_ns = serviced_ns + REPORT_PERIOD_NS
+    read_ns = now_ns()
+    report_ns = read_ns + REPORT_PERIOD_NS
     try:
         while True:
-            now = now_ns()
-            if now - serviced_ns > end.stm32.watchdog_ns:
+            # The time is taken after the read: a pause between the two would hide how old the bytes are.
+            data, now = end.wire.read(), now_ns()
+            if now - read_ns > end.stm32.watchdog_ns:
+                end.link.counters.dropped_bytes += len(data)
                 end.link.discard_received()
-            end.service(now)
-            serviced_ns = now
+                data = b""
+            end.process(data, now)
+            read_ns = now
             if report and now >= report_ns:
                 report(end)
                 report_ns = now + REPORT_PERIOD_NS

@@ -48,7 +48,7 @@ class ThrusterTelemetry(NamedTuple):
 Message = ThrusterCommand | ThrusterTelemetry
 
 _WRAP = 0x10000  # modulus of `sequence` and `frames`
-_MAX_READS = 256  # reads of unread bytes: more than any wire buffers, yet limited, so that a flood does not block
+_MAX_READS = 256  # reads in `discard_received`: more than any wire buffers, yet limited in a flood
 _AHEAD = 100  # commands by which `frames` may be ahead of `sequence`, where the two come in different messages
 
 
@@ -111,6 +111,10 @@ class Wire(ABC):
     @abstractmethod
     def read(self) -> bytes:
         """Return the received bytes, b"" if there are none. Raises DeviceError if the device is lost."""
+
+    def read_all(self) -> bytes:
+        """Return as `read` does, but b"" only if the kernel too holds no received byte; may wait for the kernel."""
+        return self.read()
 
     @abstractmethod
     def write(self, data: bytes) -> int:
@@ -223,7 +227,10 @@ class ThrusterLink:
 
     def receive(self) -> list[Message]:
         """Return all received messages. Raises DeviceError if the wire is lost."""
-        data = self.wire.read()  # decoded even if empty, because a protocol may act by time
+        return self.decode(self.wire.read())  # decoded even if empty, because a protocol may act by time
+
+    def decode(self, data: bytes) -> list[Message]:
+        """Return the messages in `data`, which was read from the wire. Raises DeviceError if the wire is lost."""
         counters, protocol = self.counters, self.protocol
         counters.bytes_in += len(data)
         messages = protocol.feed(data)
@@ -236,7 +243,7 @@ class ThrusterLink:
     def discard_received(self) -> None:
         """Discard and count received bytes that were not read. Raises DeviceError if the wire is lost."""
         for _ in range(_MAX_READS):
-            data = self.wire.read()
+            data = self.wire.read_all()
             if not data:
                 return
             self.counters.dropped_bytes += len(data)

@@ -161,24 +161,26 @@ static void wait_until(uint64_t deadline_us, int fd, const sigset_t *mask)
     pselect(fd + 1, &readable, NULL, NULL, &timeout, mask);
 }
 
-/* After a pause longer than the watchdog's time, discard the bytes received meanwhile, as a UART does. */
-static size_t read_fresh(Pty *pty, uint8_t *bytes, size_t size, bool was_stopped)
+/* After a pause longer than the watchdog's time, discard the bytes received meanwhile, as a UART does. The time is taken
+ * after the read: a pause between the two would hide how old the bytes are. */
+static size_t read_fresh(Pty *pty, uint8_t *bytes, size_t size, uint64_t *read_us, uint32_t limit_us)
 {
     size_t count = pty_read(pty, bytes, size);
+    uint64_t now = now_us(NULL);
+    bool was_stopped = now - *read_us > limit_us;
     for (int reads = 0; was_stopped && count > 0 && reads < 256; reads++)
         count = pty_read(pty, bytes, size);
-    return count;
+    *read_us = now;
+    return was_stopped ? 0 : count;
 }
 
 static void serve(UuvHilFirmware *firmware, Pty *pty, const sigset_t *mask)
 {
-    uint64_t serviced_us = now_us(NULL);
+    uint64_t read_us = now_us(NULL);
     while (!stop_requested) {
         uint8_t bytes[4096];
-        uint64_t now = now_us(NULL);
-        size_t count = read_fresh(pty, bytes, sizeof bytes, now - serviced_us > firmware->board.watchdog_us);
+        size_t count = read_fresh(pty, bytes, sizeof bytes, &read_us, firmware->board.watchdog_us);
         uuv_hil_service(firmware, bytes, count);
-        serviced_us = now;
         wait_until(uuv_hil_deadline_us(firmware), pty->master_fd, mask);
     }
     uuv_hil_stop(firmware);

@@ -128,9 +128,14 @@ class SlcanWire(Wire):
     def read(self) -> bytes:
         """Return the received frames, or b"". Raises DeviceError if the adapter is lost."""
         self._flush()
-        *lines, self._unread = (self._unread + self._line.read()).replace(b"\a", b"\r").split(b"\r")
-        self._unread = self._unread[-self.LONGEST_LINE :]
-        return b"".join([_record_of_line(line) for line in lines])
+        return self._records(self._line.read())
+
+    def read_all(self) -> bytes:
+        """Return as `read` does, but skip answers of the adapter that arrived before a frame."""
+        records = b""
+        while not records and (text := self._line.read_all()):
+            records = self._records(text)
+        return records
 
     def write(self, data: bytes) -> int:
         """Send whole records; return the bytes that the line accepted. Raises DeviceError when the adapter is lost."""
@@ -156,6 +161,12 @@ class SlcanWire(Wire):
         with contextlib.suppress(DeviceError):
             self._line.write(b"\rC\r")
         self._line.close()
+
+    def _records(self, text: bytes) -> bytes:
+        """Return the frames whose lines are complete with `text`."""
+        *lines, self._unread = (self._unread + text).replace(b"\a", b"\r").split(b"\r")
+        self._unread = self._unread[-self.LONGEST_LINE :]
+        return b"".join([_record_of_line(line) for line in lines])
 
     def _flush(self) -> bool:
         """Send the rest of a line that the wire has cut; return whether all is sent."""

@@ -123,6 +123,10 @@ class TerminalWire(DescriptorWire):
                 self._arrivals.modify(self._fd, select.EPOLLIN)
         return super().read()
 
+    def read_all(self) -> bytes:
+        """Read the terminal itself: a terminal with more than 4096 bytes delivers the rest after it was read."""
+        return super().read()
+
     def close(self) -> None:
         """Close the device. May be called twice."""
         self._arrivals.close()

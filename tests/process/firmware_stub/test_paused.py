@@ -17,6 +17,7 @@ from tests.support.processes import free_port, wait_for
 
 WATCHDOG_S = 0.2
 BEFORE, WHILE_STOPPED = (1600,) * 6, (1700,) * 6
+COMMANDS = 400  # 8.8 kB: more than the 4 kB that one read of a terminal can return
 
 
 def reports(driver: ThrusterDriver) -> set[tuple[int, ...]]:
@@ -45,7 +46,7 @@ def test_commands_that_arrived_while_it_was_stopped_are_discarded(kind: str, wir
             stm32 = psutil.Process(driver.children[0])
             assert wait_for(lambda: stm32.status() == psutil.STATUS_STOPPED)
             reports(driver)
-            for _ in range(20):
+            for _ in range(COMMANDS):
                 command(WHILE_STOPPED)
             time.sleep(1.5 * WATCHDOG_S)
         finally:

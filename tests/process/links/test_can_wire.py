@@ -127,6 +127,17 @@ class TestSlcan:
         wire.close()
         adapter.close()
 
+    def test_all_received_frames_are_read_at_once_even_if_one_read_cannot_return_them(self) -> None:
+        line = PtyWire()
+        wire, adapter = SlcanWire(line), PtyHostWire(line.path)
+        text = b"z\r" * 2048 + b"T%08X8%016X\r" % (7, 0) * 200
+        assert adapter.write(text) == len(text)
+        line._arrivals.unregister(line.terminal)  # as if the kernel's thread had not delivered it yet
+        received = b"".join(iter(wire.read_all, b""))
+        assert len(received) == 200 * 16
+        adapter.close()
+        wire.close()
+
     @given(
         noise=st.lists(st.one_of(st.binary(max_size=40), st.sampled_from([b"t123", b"T00000FFF8", b"t12381", b"tz"])))
     )

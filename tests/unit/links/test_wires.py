@@ -16,9 +16,9 @@ import pytest
 import serial
 
 from hil.common.errors import DeviceError
-from hil.links.contract import Wire
-from hil.links.wires.terminal import UNREAD_LIMIT, PtyHostWire, PtyWire, UartWire, queued_bytes
-from tests.support.links.link_contract import PATIENCE_S, nothing_leaks, read_bytes
+from hil.links.contract import ThrusterLink, Wire
+from hil.links.wires.terminal import READ_SIZE, UNREAD_LIMIT, PtyHostWire, PtyWire, UartWire, queued_bytes
+from tests.support.links.link_contract import PATIENCE_S, nothing_leaks, read_bytes, uuv_hil
 
 
 @pytest.fixture(autouse=True)
@@ -203,6 +203,17 @@ def test_bytes_that_arrive_during_a_read_wake_the_reader_again(open_host: Callab
             written += host.write(sent[written : written + 7])
             received += device.read() if written < len(sent) else read_bytes(device, 1)
         assert bytes(received) == sent
+
+
+def test_all_received_bytes_are_discarded_even_if_one_read_cannot_return_them() -> None:
+    with closing(PtyWire()) as device, closing(PtyHostWire(device.path)) as host:
+        link, written = ThrusterLink(device, uuv_hil()), 0
+        while taken := host.write(bytes(1000)):
+            written += taken
+        assert written > 2 * READ_SIZE
+        device._arrivals.unregister(device.terminal)  # as if the kernel's thread had not delivered them yet
+        link.discard_received()
+        assert link.counters.dropped_bytes == written
 
 
 @pytest.mark.parametrize("open_host", [PtyHostWire, UartWire])
