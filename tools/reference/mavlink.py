@@ -5,11 +5,11 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from hil.gateways.mavlink import dispatch
+from hil.gateways.mavlink import newer_messages as newer
 from hil.gateways.mavlink.commands import Commands
 from hil.gateways.mavlink.flight.mission_items import WAYPOINTS, WITHOUT_PLACE
 from hil.gateways.mavlink.flight.modes import MODES
-from hil.gateways.mavlink.protocols import newer_messages as newer
-from hil.gateways.mavlink.protocols.parameters import GATEWAY
+from hil.gateways.mavlink.parameter_table import GATEWAY
 from hil.gateways.mavlink.protocols.streams import DEFAULT_HZ
 
 HEAD = """\

@@ -46,7 +46,7 @@ def main(arguments: list[str]) -> int:
     from hil.gateways.mavlink.camera import h264, mjpeg
     from hil.gateways.mavlink.endpoints.opening import open_link
     from hil.gateways.mavlink.gateway import Gateway
-    from hil.gateways.mavlink.protocols.parameters import ParameterTable
+    from hil.gateways.mavlink.parameter_table import ParameterTable
     from hil.gateways.mavlink.protocols.signing import SigningKey
     from hil.gateways.mavlink.vehicle_port import NetworkVehicle
     from hil.gateways.mavlink.video import VideoServer

@@ -12,8 +12,9 @@ from hil.gateways.mavlink.flight.mission_flight import MissionFlight
 from hil.gateways.mavlink.flight.mission_items import Item
 from hil.gateways.mavlink.flight.modes import MODES, Mode, mode_of
 from hil.gateways.mavlink.flight.pilot import Pilot
+from hil.gateways.mavlink.parameter_table import ParameterTable
 from hil.gateways.mavlink.protocols.missions import MissionProtocol
-from hil.gateways.mavlink.protocols.parameters import ParameterProtocol, ParameterTable
+from hil.gateways.mavlink.protocols.parameters import ParameterProtocol
 from hil.gateways.mavlink.snapshot import Origin, Snapshot, VehiclePort
 from hil.gateways.mavlink.telemetry import Context, place_e7
 from hil.scenario.mavlink_records import Mavlink

@@ -12,9 +12,9 @@ from hil.gateways.mavlink.core import Core, mission_current
 from hil.gateways.mavlink.endpoints.peer import COMPONENT, Peer
 from hil.gateways.mavlink.flight import modes
 from hil.gateways.mavlink.flight.targets import TargetError, global_target, local_target
+from hil.gateways.mavlink.newer_messages import AvailableModes, AvailableModesMonitor, CurrentMode
 from hil.gateways.mavlink.protocols.ftp import FtpServer, ftp_message
 from hil.gateways.mavlink.protocols.logs import LogProtocol
-from hil.gateways.mavlink.protocols.newer_messages import AvailableModes, AvailableModesMonitor, CurrentMode
 from hil.gateways.mavlink.protocols.signing import SigningKey
 from hil.gateways.mavlink.protocols.streams import CURRENT_MODE, HEARTBEAT, MISSION_CURRENT, MODES_MONITOR
 from hil.links.mavlink.reports import MAVLINK_VERSION

@@ -10,9 +10,9 @@ from hil.gateways.mavlink.core import Core
 from hil.gateways.mavlink.dispatch import Dispatcher
 from hil.gateways.mavlink.endpoints.links import MAX_PARTNERS, SILENT_NS, Link
 from hil.gateways.mavlink.endpoints.peer import Peer
+from hil.gateways.mavlink.parameter_table import ParameterTable
 from hil.gateways.mavlink.protocols.ftp import FtpServer
 from hil.gateways.mavlink.protocols.logs import LogProtocol
-from hil.gateways.mavlink.protocols.parameters import ParameterTable
 from hil.gateways.mavlink.protocols.signing import SigningKey
 from hil.gateways.mavlink.snapshot import Origin, VehiclePort
 from hil.scenario.mavlink_records import Mavlink

@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from hil.common.clock import NS_PER_MS, NS_PER_US
+from hil.gateways.mavlink import newer_messages as newer
 from hil.gateways.mavlink.flight.modes import Mode
-from hil.gateways.mavlink.protocols import newer_messages as newer
 from hil.gateways.mavlink.protocols import streams
 from hil.gateways.mavlink.snapshot import Origin, Snapshot
 from hil.ros.joints import MotorState

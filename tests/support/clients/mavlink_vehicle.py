@@ -13,9 +13,9 @@ from hil.gateways.mavlink.core import Core
 from hil.gateways.mavlink.dispatch import Dispatcher
 from hil.gateways.mavlink.endpoints.peer import Peer
 from hil.gateways.mavlink.flight.modes import Mode
+from hil.gateways.mavlink.parameter_table import ParameterTable
 from hil.gateways.mavlink.protocols.ftp import FtpServer
 from hil.gateways.mavlink.protocols.logs import LogProtocol
-from hil.gateways.mavlink.protocols.parameters import ParameterTable
 from hil.gateways.mavlink.snapshot import Command, Origin, Snapshot, Wrench
 from hil.links.contract import Counters
 from hil.links.mavlink.servos import ServoOutputRaw

@@ -10,7 +10,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from hil.gateways.mavlink.protocols.newer_messages import AvailableModes
+from hil.gateways.mavlink.newer_messages import AvailableModes
 from tests.support.clients.mavlink_ground import Ground
 
 AUTOPILOT, CAMERA = dialect.MAV_COMP_ID_AUTOPILOT1, dialect.MAV_COMP_ID_CAMERA

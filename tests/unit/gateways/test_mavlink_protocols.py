@@ -10,8 +10,8 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from hil.gateways.mavlink import camera
 from hil.gateways.mavlink.flight.modes import Mode
+from hil.gateways.mavlink.parameter_table import GATEWAY, ParameterTable
 from hil.gateways.mavlink.protocols import ftp
-from hil.gateways.mavlink.protocols.parameters import GATEWAY, ParameterTable
 from hil.gateways.mavlink.protocols.streams import DEFAULT_HZ
 from hil.ros.joints import MotorState
 from hil.scenario.mavlink_records import Mavlink

@@ -7,13 +7,13 @@ from pathlib import Path
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from hil.gateways.mavlink import newer_messages as newer
 from hil.gateways.mavlink.endpoints.links import SILENT_NS, Address, Link, Received
 from hil.gateways.mavlink.endpoints.peer import Peer
 from hil.gateways.mavlink.flight.modes import Mode
 from hil.gateways.mavlink.gateway import Gateway
-from hil.gateways.mavlink.protocols import newer_messages as newer
+from hil.gateways.mavlink.parameter_table import ParameterTable
 from hil.gateways.mavlink.protocols.ftp import ACK, HEADER, OPEN_READ, FtpServer
-from hil.gateways.mavlink.protocols.parameters import ParameterTable
 from hil.links.contract import Counters
 from hil.links.mavlink.stream import MavlinkStream, signing_secret
 from hil.scenario.mavlink_records import Mavlink

@@ -6,7 +6,7 @@ from hil.autonomy.control.controller import HoldGains, VelocityCommand, wrap
 from hil.autonomy.control.position import approach
 from hil.client.samples import State
 from hil.gateways.mavlink.flight.sticks import Sticks
-from hil.gateways.mavlink.protocols.parameters import ParameterTable
+from hil.gateways.mavlink.parameter_table import ParameterTable
 from hil.gateways.mavlink.snapshot import Wrench
 
 POSITION_P = 0.5  # 1/s

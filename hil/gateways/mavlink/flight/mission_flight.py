@@ -18,7 +18,7 @@ from hil.gateways.mavlink.flight.mission_items import (
     wait_of,
 )
 from hil.gateways.mavlink.flight.targets import Target, TargetError
-from hil.gateways.mavlink.protocols.parameters import ParameterTable
+from hil.gateways.mavlink.parameter_table import ParameterTable
 from hil.gateways.mavlink.snapshot import Origin
 
 IDLE, ACTIVE, PAUSED, COMPLETE = (

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from hil.gateways.mavlink.protocols.newer_messages import AvailableModes, CurrentMode
+from hil.gateways.mavlink.newer_messages import AvailableModes, CurrentMode
 
 
 class Mode(IntEnum):

@@ -13,7 +13,7 @@ from hil.gateways.mavlink.flight import guidance
 from hil.gateways.mavlink.flight.modes import MODES, PILOTED, Mode
 from hil.gateways.mavlink.flight.sticks import CENTRED, Joystick
 from hil.gateways.mavlink.flight.targets import Target
-from hil.gateways.mavlink.protocols.parameters import ParameterTable
+from hil.gateways.mavlink.parameter_table import ParameterTable
 from hil.gateways.mavlink.snapshot import NEUTRAL, Command, Snapshot
 from hil.ros.commands import PoseCommand
 

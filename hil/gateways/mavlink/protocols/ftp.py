@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from hil.common.clock import NS_PER_S
-from hil.gateways.mavlink.protocols.parameters import INT8, INT16, INT32, REAL32, ParameterTable
+from hil.gateways.mavlink.parameter_table import INT8, INT16, INT32, REAL32, ParameterTable
 
 HEADER = struct.Struct("<HBBBBBxI")  # sequence, session, opcode, size, requested opcode, burst complete, offset
 PAYLOAD = 251

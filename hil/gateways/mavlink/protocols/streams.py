@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from hil.common.clock import NS_PER_S, NS_PER_US
-from hil.gateways.mavlink.protocols import newer_messages as newer
+from hil.gateways.mavlink import newer_messages as newer
 
 MAX_HZ = 50.0
 MIN_HZ = 0.05
