@@ -2,7 +2,7 @@
 
 All functions are fast enough to be called every second, except the query of a Raspberry Pi's firmware.
 
-The slave reads temperatures every second without psutil (hil/slave/health/usage.py). Other programs use the same code,
+The slave reads temperatures every second without psutil (hil/slave/usage.py). Other programs use the same code,
 because psutil.sensors_temperatures (7.2.2) reads only the /sys of this machine, not of a recorded one. It also leaves
 out the thermal zones, by which boards name their sensor, if /sys/class/hwmon has any temperature, such as a disk's.
 """

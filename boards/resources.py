@@ -2,7 +2,7 @@
 
 A recorded /proc may lack files that psutil expects. Then the functions return None, or leave the process out.
 
-The slave does not import this module, because psutil would lengthen its start (hil/slave/health/usage.py).
+The slave does not import this module, because psutil would lengthen its start (hil/slave/usage.py).
 """
 
 import os

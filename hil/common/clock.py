@@ -43,7 +43,7 @@ def process_start_ns() -> int:
 
     It comes from the variable UUV_HIL_EXEC_NS if the parent has set it just before the exec, else from /proc/self/stat,
     with a resolution of one clock tick (10 ms). psutil gives the same, but would lengthen the slave's start more than
-    that (hil/slave/health/usage.py).
+    that (hil/slave/usage.py).
     """
     value = os.environ.get("UUV_HIL_EXEC_NS", "")
     if value.isdigit():

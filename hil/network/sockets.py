@@ -70,7 +70,7 @@ def network_sockets() -> Iterator[tuple[tuple[int, int], socket]]:
     """Yield, for each network socket of this process, its ports (ours, theirs; 0: none) and a duplicated descriptor.
 
     An OSError that the caller raises with one socket, for example because it was closed, skips to the next. Only Linux
-    has the list. psutil would lengthen the slave's start (hil/slave/health/usage.py), and omits unbound sockets.
+    has the list. psutil would lengthen the slave's start (hil/slave/usage.py), and omits unbound sockets.
     """
     if sys.platform != "linux":
         return

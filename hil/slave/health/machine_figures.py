@@ -1,6 +1,6 @@
 """Read the state of the board once a second: temperature, throttling, load, memory, network.
 
-It is read from /proc and /sys, because psutil would lengthen the slave's start (hil/slave/health/usage.py).
+It is read from /proc and /sys, because psutil would lengthen the slave's start (hil/slave/usage.py).
 """
 
 import os

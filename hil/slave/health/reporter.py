@@ -13,8 +13,8 @@ from hil.links.address import wire_kind
 from hil.links.contract import PWM_NEUTRAL_US
 from hil.ros.diagnostics import Diagnostics
 from hil.scenario.records import Link
+from hil.slave import usage
 from hil.slave.contacts import Contacts
-from hil.slave.health import usage
 from hil.slave.health.machine_figures import add_machine_figures
 from hil.slave.log import Log
 from hil.slave.loop import Loop

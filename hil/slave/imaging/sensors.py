@@ -23,7 +23,7 @@ from hil.common.errors import ConfigError, MissingExtraError
 from hil.ros.diagnostics import Diagnostics
 from hil.ros.graph import Identity
 from hil.scenario.config import Scenario
-from hil.slave.health import usage
+from hil.slave import usage
 from sim.dynamics import State
 from sim.sensors.sensor_set import SensorSpec
 

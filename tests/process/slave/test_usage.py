@@ -7,7 +7,7 @@ import time
 
 import pytest
 
-from hil.slave.health import usage
+from hil.slave import usage
 
 
 def test_memory_grows_with_touched_pages() -> None:
