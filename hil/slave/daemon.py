@@ -27,6 +27,7 @@ from sim.vehicle.vehicle import load_vehicle
 if TYPE_CHECKING:
     from boards import Board
     from hil.slave.imaging.sensors import Imaging
+    from hil.slave.slave_recorder import SlaveRecorder
 
 
 def run(
@@ -153,13 +154,7 @@ def _assemble(
     stack.callback(network.close)
     startup["session"] = now_ns()
     epoch_ns = to_wall_ns(now_ns()) - simulation.time_ns
-    recorder = None
-    if scenario.recording.slave:
-        from hil.slave.health.reporter import own_name
-        from hil.slave.slave_recorder import open_recorder  # not needed by most runs
-
-        board = board or _recognised()
-        recorder = open_recorder(scenario, board.name if board else own_name(), epoch_ns, report, stack)
+    recorder = _open_recorder(scenario, board, epoch_ns, report, stack) if scenario.recording.slave else None
     excluded_topics = () if scenario.ros.transforms else ("/tf",)
     thread = PublishingThread(RECORDED_DEPTH if recorder else DEPTH)
     stack.callback(thread.close)
@@ -183,6 +178,16 @@ def _assemble(
         loop.autopilot = AutopilotPort(scenario, vehicle, world, report)
         stack.callback(loop.autopilot.close)
     return loop
+
+
+def _open_recorder(
+    scenario: Scenario, board: "Board | None", epoch_ns: int, report: Callable[[str], None], stack: ExitStack
+) -> "SlaveRecorder":
+    from hil.slave.health.reporter import own_name
+    from hil.slave.slave_recorder import open_recorder  # not needed by most runs
+
+    board = board or _recognised()
+    return open_recorder(scenario, board.name if board else own_name(), epoch_ns, report, stack)
 
 
 def _ready(scenario: Scenario, loop: Loop, startup: dict[str, int]) -> str:
