@@ -1,7 +1,7 @@
 """Additional buoyancy of a hull in density layers and under waves: the difference from calm, homogeneous water."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 from sim.environment.seawater.water_column import WaterColumn
 from sim.environment.world import World
@@ -12,7 +12,13 @@ from sim.vehicle.vehicle import Vehicle
 
 if TYPE_CHECKING:
     from sim.environment.waves import WaveField
-    from sim.native._native import Force as Twin
+
+
+class Twin(Protocol):
+    """The C twin of a force."""
+
+    def begin(self, time: float, /) -> None:
+        """Set the time of the waves, in s."""
 
 
 class Stratified:
@@ -51,8 +57,7 @@ class WavySurface:
         self._hull = hull
         self.wave_field = wave_field
         self.twin: Twin | None = None  # the C twin, if there is one; `begin` sets its time, too
-        highest = sum(abs(wave.amplitude) for wave in wave_field.components)
-        self._calm_depth = highest + hull.reach  # m: from this depth on there is no difference
+        self._calm_depth = wave_field.max_elevation + hull.reach  # m: from this depth on there is no difference
         self._time = 0.0
 
     def begin(self, time_ns: int) -> None:

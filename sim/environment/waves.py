@@ -123,6 +123,11 @@ class WaveField:
         self._rows = [_row(component, depth) for component in self.components]
         self._tangent = (-inf, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # time, north, east, and WaterMotion.surface there
 
+    @property
+    def max_elevation(self) -> float:
+        """The elevation (m) that no superposition of the components exceeds."""
+        return sum(abs(component.amplitude) for component in self.components)
+
     def set_tangent(self, time: float, north: float, east: float, motion: WaterMotion) -> None:
         """Let `surface` extrapolate from `motion`, which is that of this time (s) and position (m)."""
         self._tangent = (time, north, east, *motion.surface)

@@ -10,8 +10,8 @@ from collections.abc import Iterable
 from hil.common.errors import ConfigError
 from sim.sdf.files import SdfFiles
 from sim.sdf.model import Joint, Link, Model, models_of
-from sim.sdf.poses import own_pose
 from sim.vehicle.urdf.pose import Pose
+from sim.vehicle.urdf.sdf_pose import own_pose
 from sim.vehicle.urdf.text import Element, plain, read_xml
 
 _WATER = ("hydrodynamics", "underwater_object", "buoyancy")  # in the file names of plugins that act on a link

@@ -4,8 +4,9 @@ from typing import NamedTuple
 
 from hil.common.errors import ConfigError
 from sim.sdf.files import SdfFiles
-from sim.sdf.poses import MODEL, own_pose, relative_to, resolve
+from sim.sdf.poses import MODEL, relative_to, resolve
 from sim.vehicle.urdf.pose import Pose
+from sim.vehicle.urdf.sdf_pose import own_pose
 from sim.vehicle.urdf.text import Element, attribute, numbers_of
 
 _MAX_DEPTH = 8  # of nested models

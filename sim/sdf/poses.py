@@ -1,32 +1,14 @@
-"""Poses of SDF: a `<pose>` in its three notations, and the frames to which poses are relative."""
+"""The frames of SDF to which poses are relative."""
 
 from collections.abc import Mapping
-from math import radians
 
 from hil.common.errors import ConfigError
-from sim.vehicle.urdf.pose import Pose, pose_at, pose_with
-from sim.vehicle.urdf.text import Element, numbers_of
+from sim.vehicle.urdf.pose import Pose
+from sim.vehicle.urdf.text import Element
 
 MODEL = "__model__"
 _MAX_STEPS = 100  # from frame to frame
 Frames = Mapping[str, tuple[str, Pose]]  # name -> its parent frame, and its pose relative to that
-
-
-def own_pose(element: Element | None, path: str) -> Pose:
-    """Return the `<pose>` of an element as it is written: six numbers, or three and a quaternion (x, y, z, w).
-
-    The identity if there is none. Raises ConfigError.
-    """
-    pose = element.find("pose") if element is not None else None
-    if pose is None or not (pose.text or "").strip():
-        return Pose()
-    is_quaternion = pose.get("rotation_format") == "quat_xyzw"
-    x, y, z, *turn = numbers_of(pose.text or "", path, *((7,) if is_quaternion else (6, 3)))
-    if is_quaternion:
-        return pose_with((x, y, z), turn)
-    turn = turn or [0.0, 0.0, 0.0]
-    in_degrees = (pose.get("degrees") or "").strip().lower() in ("1", "true")
-    return pose_at((x, y, z), [radians(angle) for angle in turn] if in_degrees else turn)
 
 
 def relative_to(element: Element, default: str) -> str:

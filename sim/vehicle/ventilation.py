@@ -12,13 +12,10 @@ racing of an unloaded motor.
 """
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 from sim.rotations import down_axis
 from sim.vehicle.vehicle import Vehicle
-
-if TYPE_CHECKING:
-    from sim.environment.waves import WaveField
 
 _FULL_THRUST, _NO_THRUST = 1.3, -0.48  # h / R
 
@@ -33,15 +30,25 @@ def thrust_share(immersion: float) -> float:
     return min(1.0, max(0.0, 1.0 - lost))
 
 
+class Surface(Protocol):
+    """The water surface under waves, as `sim.environment.waves.WaveField` computes it."""
+
+    @property
+    def max_elevation(self) -> float:
+        """A bound of the elevation in m."""
+
+    def surface(self, time: float, north: float, east: float) -> float:
+        """Return the elevation (m) at `time` s above a point (m, NED)."""
+
+
 class Ventilation:
     """The loss of thrust of one vehicle near the surface, which `wave_field` moves; none below `reach` m of depth."""
 
-    def __init__(self, vehicle: Vehicle, wave_field: "WaveField | None") -> None:
+    def __init__(self, vehicle: Vehicle, wave_field: Surface | None) -> None:
         self._hubs = [(*thruster.position, 0.5 * thruster.propeller_diameter) for thruster in vehicle.thrusters]
         self._wave_field = wave_field
-        highest = sum(abs(wave.amplitude) for wave in wave_field.components) if wave_field else 0.0
         reaches = [(x * x + y * y + z * z) ** 0.5 + _FULL_THRUST * radius for x, y, z, radius in self._hubs]
-        self.reach = highest + max(reaches)
+        self.reach = max(reaches) + (wave_field.max_elevation if wave_field else 0.0)
 
     def shares(self, position: Sequence[float], quaternion: Sequence[float], time: float) -> list[float]:
         """Return the remaining share of each thruster's thrust, for a vehicle at `position` (m, NED) at `time` s."""

@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 from hil.common.errors import ConfigError
 from sim.sdf.files import SdfFiles
 from sim.sdf.model import Link, Model, models_of
-from sim.sdf.poses import own_pose
 from sim.vehicle.urdf.pose import Pose
+from sim.vehicle.urdf.sdf_pose import own_pose
 from sim.vehicle.urdf.text import Element, number_of, numbers_of, plain
 
 _SIZES = {"box": 3, "sphere": 1, "cylinder": 2, "capsule": 2, "cone": 2, "ellipsoid": 3}
