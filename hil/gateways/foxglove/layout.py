@@ -8,7 +8,7 @@ from hil.scenario.config import Scenario
 from sim.sensors.sensor_set import SensorSet, select_sensors
 
 COLOURS = "#2563eb", "#ea580c", "#16a34a", "#9333ea", "#0891b2", "#ca8a04", "#db2777", "#64748b"
-BLUE, ORANGE, GREEN = COLOURS[:3]
+ORANGE, GREEN = COLOURS[1:3]
 MESSAGES_OF_PLOTS = {  # title of the plot -> path in the message, and name of the curve
     "depth": (("odom.pose.pose.position.z", "z (up, m)"), ("altitude.range", "altitude (m)")),
     "speed": (("odom.twist.twist.linear.x", "surge (m/s)"), ("cmd_vel.linear.x", "commanded (m/s)")),
