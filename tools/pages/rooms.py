@@ -25,7 +25,7 @@ FLOORS: list[dict[str, str]] = [
     {"hil.recording": "MCAP: write, read, replay", "hil.client": "Python interface to vehicles"},
     {
         "hil.slave": "the daemon on the board", "hil.master": "the planner process",
-        "hil.gateways": "JSON, MATLAB, Foxglove",
+        "hil.gateways": "JSON, Foxglove, ROS 1",
         "hil.autopilots": "ArduPilot, PX4",
         "hil.gateways.mavlink": "ground stations",
         "hil.view": "the live view in a browser",
