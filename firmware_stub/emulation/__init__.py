@@ -9,4 +9,7 @@
 
 Register semantics: ST RM0090 (STM32F405), RM0008 (STM32F103) and the ARMv7-M Architecture Reference Manual.
 All other peripherals are plain registers, which store what is written to them.
+
+Public: `core.Core` and `chip.Chip`, which firmware_stub/unicorn_board.py runs. It must not know what the firmware does,
+nor thruster messages.
 """

@@ -1,4 +1,4 @@
 """The surroundings of a vehicle: water, currents, waves, seabed, obstacles, collision, optics and acoustics.
 
-Public: `sim.environment.world.load_world`. Of a vehicle it must use only the hull.
+Public: `sim.environment.world.load_world`. It must not use a vehicle's thrusters, nor sensors.
 """

@@ -1,4 +1,4 @@
 """Vehicles: records read from TOML, hull, thrusters, fins, ballast, battery, failures, URDF import.
 
-Public: `sim.vehicle.vehicle.load_vehicle`. It must not use the environment's records, except waves at the hull.
+Public: `sim.vehicle.vehicle.load_vehicle`. It must not use the environment.
 """

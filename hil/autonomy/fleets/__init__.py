@@ -1,1 +1,5 @@
-"""Formation control and target hunting of several vehicles."""
+"""Formation control and target hunting of several vehicles.
+
+Public: `formation`, `hunting.Hunter`, and `hunting.Referee`, which judges a hunt. It must not know how vehicles
+exchange their positions.
+"""

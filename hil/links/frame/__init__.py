@@ -1,1 +1,5 @@
-"""Thruster messages as a binary frame that a TOML file describes."""
+"""Thruster messages as a binary frame that a TOML file describes.
+
+Public: `protocol.open_frame`; `layout.FrameLayout`, the file's record; `check`, which explains captured bytes. It
+must not know a particular frame, nor the wire.
+"""

@@ -1,1 +1,4 @@
-"""MAVLink 2 protocol of a thruster link."""
+"""MAVLink 2 protocol of a thruster link.
+
+Public: `link.open_mavlink`; `stream.MavlinkStream`, which gateways and autopilots use too. It must not know the wire.
+"""

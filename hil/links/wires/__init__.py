@@ -1,1 +1,4 @@
-"""Wires that carry a link's bytes or CAN frames: terminals, sockets, CAN buses, and a wire with injected faults."""
+"""Wires that carry a link's bytes or CAN frames: terminals, sockets, CAN buses, and a wire with injected faults.
+
+Public: the classes of wires, which `hil.links.address` opens, and `faults.Faults`. It must not know protocols.
+"""

@@ -2,6 +2,8 @@
 
 A file has one block for each type: a line `=== NAME HASH`, then the definition as in ROS's .msg and .srv files, without
 comments. HASH is that of REP 2016 (RIHS01), which is part of every key of the type.
+
+Public: `definition`, `type_hash`, `names`. It must not know topics, nor encode messages.
 """
 
 import os
