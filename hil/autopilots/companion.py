@@ -18,7 +18,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from hil.autopilots import hil_messages as hil
+from hil.autopilots import hil_messages
 from hil.autopilots.contract import Report
 from hil.autopilots.inputs import SensorInputs
 from hil.common.clock import NS_PER_S, NS_PER_US
@@ -79,7 +79,7 @@ class Companion:
     def _encode_messages(self, time_us: int, truth: OdometrySample) -> list[Any]:
         inputs = self._inputs
         if self._positions == "odometry":
-            return [hil.encode_odometry(time_us, inputs.odometry, hil.LOCAL_FRD)]
+            return [hil_messages.encode_odometry(time_us, inputs.odometry, hil_messages.LOCAL_FRD)]
         if self._positions == "gps":
             return [encode_gps_input(time_us, inputs.fix, inputs.antenna_velocity(truth))]
         dvl, before_ns = inputs.dvl, self._dvl_ns

@@ -9,7 +9,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from hil.autopilots import hil_messages as hil
+from hil.autopilots import hil_messages
 from hil.autopilots.contract import ABSENT_NS, CHECK_NS, STALL_NS, Autopilot, AutopilotCounters, Outputs, Report
 from hil.autopilots.inputs import SensorInputs
 from hil.common.clock import NS_PER_MS, NS_PER_S, NS_PER_US, now_ns
@@ -87,7 +87,7 @@ class Px4(Autopilot):
             return
         self._due_ns = max(self._due_ns + self._period_ns, time_ns)  # missed messages are not sent later
         time_us = CLOCK_START_US + time_ns // NS_PER_US
-        messages = [hil.encode_sensor(time_us, self._inertial(truth)), *self._extra(time_us, time_ns, truth)]
+        messages = [hil_messages.encode_sensor(time_us, self._inertial(truth)), *self._extra(time_us, time_ns, truth)]
         packets = b"".join([self._stream.pack(message) for message in messages])
         if self._wire.write(packets) < len(packets):
             self.figures.lost += 1
@@ -200,22 +200,22 @@ class Px4(Autopilot):
         elif message.time_usec == self._actuator_us:
             self.figures.duplicates += 1
         self._actuator_us = message.time_usec
-        if message.flags & hil.LOCKSTEP and self.lockstep:
+        if message.flags & hil_messages.LOCKSTEP and self.lockstep:
             self._is_in_lockstep = True
         if self._stalled:
             self._stalled = False
             self._report(f"{self.name}: it replies again")
         self._awaiting = False
         self.figures.outputs += 1
-        return Outputs(hil.controls_to_pwm(message.controls), bool(message.mode & hil.ARMED), now)
+        return Outputs(hil_messages.controls_to_pwm(message.controls), bool(message.mode & hil_messages.ARMED), now)
 
-    def _inertial(self, truth: OdometrySample) -> hil.Inertial:
+    def _inertial(self, truth: OdometrySample) -> hil_messages.Inertial:
         inputs, fresh = self._inputs, self._inputs.fresh
         field = inputs.magnetic_field if "magnetometer" in fresh else None
         if inputs.earth_field is not None:  # the vehicle has no magnetometer, but PX4 needs one
             field = rotate_inverse(truth.orientation, inputs.earth_field)
         has_imu = "imu" in fresh
-        return hil.Inertial(
+        return hil_messages.Inertial(
             inputs.acceleration if has_imu else None,
             inputs.gyro if has_imu else None,
             field,
@@ -226,16 +226,16 @@ class Px4(Autopilot):
         """Return the other messages to send with a HIL_SENSOR."""
         inputs, messages = self._inputs, list[Any]()
         if "gps" in inputs.fresh:
-            messages.append(hil.encode_gps(time_us, inputs.fix, inputs.antenna_velocity(truth)))
+            messages.append(hil_messages.encode_gps(time_us, inputs.fix, inputs.antenna_velocity(truth)))
         if "odom" in inputs.fresh:
-            messages.append(hil.encode_odometry(time_us, inputs.odometry))
+            messages.append(hil_messages.encode_odometry(time_us, inputs.odometry))
         if inputs.plane is not None and time_ns >= self._truth_ns:
             self._truth_ns = time_ns + TRUTH_PERIOD_NS
             place, velocity = inputs.plane.geodetic(truth.position), rotate(truth.orientation, truth.nu[:3])
-            messages.append(hil.encode_truth(time_us, truth, velocity, inputs.acceleration, place))
+            messages.append(hil_messages.encode_truth(time_us, truth, velocity, inputs.acceleration, place))
         if self._rc and time_ns >= self._rc_ns:
             self._rc_ns = time_ns + RC_PERIOD_NS
-            messages.append(hil.encode_rc_channels(time_us, self._rc))
+            messages.append(hil_messages.encode_rc_channels(time_us, self._rc))
         if not self._has_heartbeat or time_ns >= self._heartbeat_due_ns:
             self._heartbeat_due_ns = time_ns + HEARTBEAT_NS
             kind, autopilot = dialect.MAV_TYPE_GENERIC, dialect.MAV_AUTOPILOT_INVALID

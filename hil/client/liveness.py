@@ -184,7 +184,7 @@ class LivenessMonitor:
         if not is_unanswered:  # else a sample is no proof: some of the session's declarations may be lost
             self._counted = self.samples
         is_stalled = self._stall.is_stalled(now_ns(), self._answers, self._counted, is_unanswered)
-        if is_stalled and (not is_unanswered or self._may_be_there()) and self._session.reopen(openings):
+        if is_stalled and (not is_unanswered or self._may_be_running()) and self._session.reopen(openings):
             does = "had a link, but no answer came" if is_unanswered else "answered, but nothing else came"
             text = f"of it for {self._stall.lasted_s:.1f} s; the session was opened again"
             self._report(f"{self._node} at {self._session.name} {does} {text}")
@@ -199,7 +199,7 @@ class LivenessMonitor:
             return False
         return is_linked(self._session)
 
-    def _may_be_there(self) -> bool:
+    def _may_be_running(self) -> bool:
         """Return whether the vehicle may still run. If it has ended, the session is not at fault.
 
         A direct link leads to the vehicle itself. A router keeps its link without the vehicle, but knows the present

@@ -30,11 +30,11 @@ static PyObject *release(Py_buffer *views, int ok)
 
 /* --- light */
 
-enum { COLOURS, GRAIN, FADES, DEPTHS, TEXTURE, LOOKS }; /* the first views of both functions */
-enum { DISTANCES = LOOKS, NORMALS, OBJECTS, TOWARD, OUT, SHADE_VIEWS };
-enum { DIRECTIONS = LOOKS, RADIANCE, RANGES, MET, PICTURE_VIEWS };
+enum { COLOURS, GRAIN, DECAYS, DEPTHS, TEXTURE, APPEARANCE }; /* the first views of both functions */
+enum { DISTANCES = APPEARANCE, NORMALS, OBJECTS, TOWARD, OUT, SHADE_VIEWS };
+enum { DIRECTIONS = APPEARANCE, RADIANCE, RANGES, MET, PICTURE_VIEWS };
 
-static int set_looks(Looks *looks, Settings *settings, PyObject *numbers, const Py_buffer *views)
+static int set_appearance(Appearance *appearance, Settings *settings, PyObject *numbers, const Py_buffer *views)
 {
     double all[SETTINGS];
     if (!read_numbers(numbers, all, SETTINGS))
@@ -43,15 +43,15 @@ static int set_looks(Looks *looks, Settings *settings, PyObject *numbers, const 
     Py_ssize_t tiles = 0, depths = views[DEPTHS].len, texture = views[TEXTURE].len;
     for (int level = 0; level < PYRAMID; level++)
         tiles += (Py_ssize_t)(SIDE >> level) * (SIDE >> level);
-    if (views[FADES].len != 4 * FADES_A_STEP * (STEPS + 1) || views[GRAIN].len != 4 * (SIDE + 1) * (SIDE + 1)
+    if (views[DECAYS].len != 4 * DECAYS_A_STEP * (STEPS + 1) || views[GRAIN].len != 4 * (SIDE + 1) * (SIDE + 1)
         || (texture != 0 && texture != 12 * tiles) || (depths != 0 && (double)depths != 4.0 * settings->rows * settings->columns)) {
         PyErr_SetString(PyExc_ValueError, "a buffer of the surfaces' appearance has a wrong size");
         return 0;
     }
-    looks->set = settings, looks->colours = views[COLOURS].buf, looks->grain = views[GRAIN].buf;
-    looks->fades = views[FADES].buf, looks->depths = depths ? views[DEPTHS].buf : NULL;
-    looks->texture = texture ? views[TEXTURE].buf : NULL, looks->texture_size = (size_t)texture / 4;
-    set_numbers(looks);
+    appearance->set = settings, appearance->colours = views[COLOURS].buf, appearance->grain = views[GRAIN].buf;
+    appearance->decays = views[DECAYS].buf, appearance->depths = depths ? views[DEPTHS].buf : NULL;
+    appearance->texture = texture ? views[TEXTURE].buf : NULL, appearance->texture_size = (size_t)texture / 4;
+    set_numbers(appearance);
     return 1;
 }
 
@@ -62,11 +62,11 @@ static int sizes_fail(Py_ssize_t n)
 }
 
 /* Shades hits given in 32-bit floats, as those of a PictureScene. */
-static void shade_all(const Looks *looks, const Py_buffer *views, Py_ssize_t n)
+static void shade_all(const Appearance *appearance, const Py_buffer *views, Py_ssize_t n)
 {
     const float *distances = views[DISTANCES].buf, *normal = views[NORMALS].buf, *toward = views[TOWARD].buf;
     const int32_t *objects = views[OBJECTS].buf;
-    const Settings *s = looks->set;
+    const Settings *s = appearance->set;
     float *out = views[OUT].buf;
     for (Py_ssize_t i = 0; i < n; i++, normal += 3, toward += 3, out += 3) {
         Pixel pixel = {.distance = distances[i], .object = objects[i]};
@@ -77,7 +77,7 @@ static void shade_all(const Looks *looks, const Py_buffer *views, Py_ssize_t n)
             pixel.normal[axis] = normal[axis];
             pixel.facing -= normal[axis] * (float)along;
         }
-        shade_pixel(looks, &pixel, out);
+        shade_pixel(appearance, &pixel, out);
     }
 }
 
@@ -95,15 +95,15 @@ static PyObject *shade(PyObject *self, PyObject *const *arguments, Py_ssize_t co
 {
     Py_buffer views[MAX_VIEWS] = {{0}};
     Settings settings;
-    Looks looks;
+    Appearance appearance;
     (void)self;
     if (count != 1 + SHADE_VIEWS)
         return PyErr_Format(PyExc_TypeError, "shade() takes %d arguments", 1 + SHADE_VIEWS);
-    int ok = get_views(arguments + 1, views, SHADE_VIEWS, 1) && set_looks(&looks, &settings, arguments[0], views);
+    int ok = get_views(arguments + 1, views, SHADE_VIEWS, 1) && set_appearance(&appearance, &settings, arguments[0], views);
     Py_ssize_t n = views[OBJECTS].len / 4;
     if (ok && (ok = check_hits(views, n))) {
         Py_BEGIN_ALLOW_THREADS
-        shade_all(&looks, views, n);
+        shade_all(&appearance, views, n);
         Py_END_ALLOW_THREADS
     }
     return release(views, ok);
@@ -132,9 +132,9 @@ static void compute_pixels(const Geometry *geometry, const double *origin, const
 }
 
 /* Traces rays in bundles and shades each bundle while its hits are still in the cache. */
-static void picture_all(const Looks *looks, const Geometry *geometry, Near *near, const Py_buffer *views, Py_ssize_t n)
+static void picture_all(const Appearance *appearance, const Geometry *geometry, Near *near, const Py_buffer *views, Py_ssize_t n)
 {
-    const Settings *s = looks->set;
+    const Settings *s = appearance->set;
     const double *directions = views[DIRECTIONS].buf;
     double *ranges = views[RANGES].buf;
     int32_t *met = views[MET].buf;
@@ -149,7 +149,7 @@ static void picture_all(const Looks *looks, const Geometry *geometry, Near *near
         trace_bundle(geometry, near, s->origin, &bundle, s->reach, hits);
         compute_pixels(geometry, s->origin, &bundle, hits, pixels);
         for (int i = 0; i < bundle.count; i++) {
-            shade_pixel(looks, &pixels[i], out + 3 * (first + i));
+            shade_pixel(appearance, &pixels[i], out + 3 * (first + i));
             ranges[first + i] = hits[i].distance, met[first + i] = (int32_t)pixels[i].object;
         }
     }
@@ -167,14 +167,14 @@ static PyObject *picture(PyObject *self, PyObject *const *arguments, Py_ssize_t 
 {
     Py_buffer views[MAX_VIEWS] = {{0}};
     Settings settings;
-    Looks looks;
+    Appearance appearance;
     Near near = {NULL, 0};
     (void)self;
     if (count != 2 + PICTURE_VIEWS)
         return PyErr_Format(PyExc_TypeError, "picture() takes %d arguments", 2 + PICTURE_VIEWS);
     const Geometry *geometry = PyCapsule_GetPointer(arguments[0], GEOMETRY);
     int ok = geometry != NULL && get_views(arguments + 2, views, PICTURE_VIEWS, 3)
-             && set_looks(&looks, &settings, arguments[1], views);
+             && set_appearance(&appearance, &settings, arguments[1], views);
     Py_ssize_t n = views[MET].len / 4;
     if (ok && !make_near(geometry, &near))
         ok = 0, PyErr_NoMemory();
@@ -182,7 +182,7 @@ static PyObject *picture(PyObject *self, PyObject *const *arguments, Py_ssize_t 
         find_near(geometry, settings.origin, settings.reach, &near);
     if (ok && (ok = check_rays(geometry, &near, views, n))) {
         Py_BEGIN_ALLOW_THREADS
-        picture_all(&looks, geometry, &near, views, n);
+        picture_all(&appearance, geometry, &near, views, n);
         Py_END_ALLOW_THREADS
     }
     free(near.places);
@@ -223,9 +223,9 @@ static PyMethodDef functions[] = {
     {"develop", develop, METH_VARARGS,
      "develop(key, (gain, full_well, dark, depth_noise, reach), light, falloff, axial, ranges, quantiles, grey, pixels, depths)"},
     {"picture", (PyCFunction)(void (*)(void))picture, METH_FASTCALL,
-     "picture(geometry, settings, colours, grain, fades, depths, texture, directions, radiance, ranges, objects)"},
+     "picture(geometry, settings, colours, grain, decays, depths, texture, directions, radiance, ranges, objects)"},
     {"shade", (PyCFunction)(void (*)(void))shade, METH_FASTCALL,
-     "shade(settings, colours, grain, fades, depths, texture, distances, normals, objects, toward, radiance)"},
+     "shade(settings, colours, grain, decays, depths, texture, distances, normals, objects, toward, radiance)"},
     {NULL, NULL, 0, NULL},
 };
 

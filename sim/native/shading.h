@@ -8,7 +8,7 @@
 #include <stddef.h>
 #include <stdint.h>
 
-enum { SIDE = 512, PYRAMID = 6, SIZES = 24, STEPS = 1024, CHANNELS = 3, FADES_A_STEP = 2 * CHANNELS };
+enum { SIDE = 512, PYRAMID = 6, SIZES = 24, STEPS = 1024, CHANNELS = 3, DECAYS_A_STEP = 2 * CHANNELS };
 
 /* The settings of `shade` and `picture`, in this order. */
 typedef struct {
@@ -29,11 +29,11 @@ typedef struct {
 /* The appearance of surfaces. `nodes` is the number of grain nodes a metre; depths and texture are NULL if absent. */
 typedef struct {
     const Settings *set;
-    const float *colours, *grain, *fades, *depths, *texture;
+    const float *colours, *grain, *decays, *depths, *texture;
     size_t texture_size;
     float pixel, lamps, light[CHANNELS], veil[CHANNELS], rock[CHANNELS], per_metre, nodes[2], deviation[2], height, wave[2];
     Size sizes[SIZES];
-} Looks;
+} Appearance;
 
 /* What the ray of a pixel hits, in the world's axes; `facing` is the cosine of the angle of incidence. */
 typedef struct {
@@ -45,16 +45,16 @@ static float at_most(float a, float b) { return a < b ? a : b; }
 static float at_least(float a, float b) { return a > b ? a : b; }
 static long clipped(long index, long count) { return index < 0 ? 0 : index >= count ? count - 1 : index; }
 
-static long whole(float x)
+static long floor_index(float x)
 {
     long cut = (long)x;
     return cut - (x < (float)cut);
 }
 
 /* Interpolates the grain between nodes of its tile, which repeats its first row and column at the end. */
-static float between(const float *tile, float u, float v)
+static float interpolate_grain(const float *tile, float u, float v)
 {
-    long row = whole(u), column = whole(v);
+    long row = floor_index(u), column = floor_index(v);
     float a = u - (float)row, b = v - (float)column;
     const float *corner = tile + (row & (SIDE - 1)) * (SIDE + 1) + (column & (SIDE - 1));
     float one = corner[0] + (corner[1] - corner[0]) * b;
@@ -62,27 +62,27 @@ static float between(const float *tile, float u, float v)
     return one + (other - one) * a;
 }
 
-static float grain(const Looks *looks, const Pixel *pixel, float footprint)
+static float grain_tone(const Appearance *appearance, const Pixel *pixel, float footprint)
 {
     const float *p = pixel->point;
     float x = fabsf(pixel->normal[0]), y = fabsf(pixel->normal[1]), z = fabsf(pixel->normal[2]);
     int level = z >= 0.5f;
     float u = !level && x > y ? p[1] : p[0], v = level ? p[1] : p[2], tone = 1.0f;
     for (int i = 0; i < 2; i++) {
-        float blur = footprint * 0.125f * looks->nodes[i];
-        float left = blur > 1.0f ? looks->deviation[i] / blur : looks->deviation[i];
-        tone += left * between(looks->grain, u * looks->nodes[i], v * looks->nodes[i]);
+        float blur = footprint * 0.125f * appearance->nodes[i];
+        float left = blur > 1.0f ? appearance->deviation[i] / blur : appearance->deviation[i];
+        tone += left * interpolate_grain(appearance->grain, u * appearance->nodes[i], v * appearance->nodes[i]);
     }
     return at_least(tone, 0.1f);
 }
 
-static float bend(const Looks *looks, const Pixel *pixel)
+static float curvature_tone(const Appearance *appearance, const Pixel *pixel)
 {
-    const Settings *s = looks->set;
+    const Settings *s = appearance->set;
     long rows = (long)s->rows, columns = (long)s->columns;
     long row = clipped((long)((pixel->point[0] - s->north_min) * s->scale + 0.5), rows);
     long column = clipped((long)((pixel->point[1] - s->east_min) * s->scale + 0.5), columns);
-    const float *here = looks->depths + row * columns;
+    const float *here = appearance->depths + row * columns;
     const float *above = here - (row > 0 ? columns : 0), *below = here + (row < rows - 1 ? columns : 0);
     float around = 0.25f * (above[column] + below[column] + here[clipped(column - 1, columns)] + here[clipped(column + 1, columns)]);
     float height = (around - here[column]) * (float)s->scale;
@@ -92,20 +92,20 @@ static float bend(const Looks *looks, const Pixel *pixel)
 }
 
 /* The tiles of slopes to the north, to the east and of brightness follow each other, each with all its levels. */
-static float textured(const Looks *looks, const Pixel *pixel, float footprint)
+static float texture_tone(const Appearance *appearance, const Pixel *pixel, float footprint)
 {
-    const Size *size = looks->sizes;
-    while (footprint >= size->most && size < looks->sizes + SIZES - 1)
+    const Size *size = appearance->sizes;
+    while (footprint >= size->most && size < appearance->sizes + SIZES - 1)
         size++;
-    size_t all = looks->texture_size / 3;
-    const float *tiles = looks->texture + size->first;
-    long side = size->side, row = whole(pixel->point[0] * size->scale), column = whole(pixel->point[1] * size->scale);
+    size_t all = appearance->texture_size / 3;
+    const float *tiles = appearance->texture + size->first;
+    long side = size->side, row = floor_index(pixel->point[0] * size->scale), column = floor_index(pixel->point[1] * size->scale);
     size_t node = (size_t)((row & (side - 1)) * side + (column & (side - 1)));
     size_t patch = (size_t)(((row >> 1) & (side - 1)) * side + ((column >> 1) & (side - 1)));
-    float north = looks->height * tiles[node], east = looks->height * tiles[all + node];
+    float north = appearance->height * tiles[node], east = appearance->height * tiles[all + node];
     if (size->ripple != 0.0f) {
-        float rise = size->ripple * cosf(looks->wave[0] * pixel->point[0] + looks->wave[1] * pixel->point[1]);
-        north += looks->wave[0] * rise, east += looks->wave[1] * rise;
+        float rise = size->ripple * cosf(appearance->wave[0] * pixel->point[0] + appearance->wave[1] * pixel->point[1]);
+        north += appearance->wave[0] * rise, east += appearance->wave[1] * rise;
     }
     float root = sqrtf(1.0f + north * north + east * east);
     float lean = at_most(at_least(0.5f * (north + east), -0.5f), 0.5f);
@@ -113,58 +113,58 @@ static float textured(const Looks *looks, const Pixel *pixel, float footprint)
 }
 
 /* Reads exp(-coefficient distance) from the table: for three attenuations, then for three backscatter coefficients. */
-static void fade(const Looks *looks, float distance, float *left, int count)
+static void read_decays(const Appearance *appearance, float distance, float *left, int count)
 {
-    float place = at_most(distance * looks->per_metre, (float)STEPS - 1e-3f);
+    float place = at_most(distance * appearance->per_metre, (float)STEPS - 1e-3f);
     int first = (int)place;
-    const float *row = looks->fades + first * FADES_A_STEP, *next = row + FADES_A_STEP;
+    const float *row = appearance->decays + first * DECAYS_A_STEP, *next = row + DECAYS_A_STEP;
     place -= (float)first;
     for (int i = 0; i < count; i++)
         left[i] = row[i] + (next[i] - row[i]) * place;
 }
 
 /* The radiance of a pixel at the lens; the veil of the water if the ray hits nothing. */
-static void shade_pixel(const Looks *looks, const Pixel *pixel, float *out)
+static void shade_pixel(const Appearance *appearance, const Pixel *pixel, float *out)
 {
     if (pixel->object < 0) {
         for (int c = 0; c < CHANNELS; c++)
-            out[c] = looks->veil[c];
+            out[c] = appearance->veil[c];
         return;
     }
-    int surface = pixel->object == (long)looks->set->surface;
-    float footprint = pixel->distance * looks->pixel, tone = surface ? 1.0f : grain(looks, pixel, footprint), rock = 0.0f;
+    int surface = pixel->object == (long)appearance->set->surface;
+    float footprint = pixel->distance * appearance->pixel, tone = surface ? 1.0f : grain_tone(appearance, pixel, footprint), rock = 0.0f;
     if (pixel->object == 0) {
-        if (looks->depths)
-            tone *= bend(looks, pixel);
-        if (looks->texture)
-            tone *= textured(looks, pixel, footprint);
+        if (appearance->depths)
+            tone *= curvature_tone(appearance, pixel);
+        if (appearance->texture)
+            tone *= texture_tone(appearance, pixel, footprint);
         rock = at_most(at_least((0.93f + pixel->normal[2]) / 0.12f, 0.0f), 1.0f);
     }
     float day = tone * (0.6f - 0.4f * pixel->normal[2]);
     if (surface) /* Snell's window, as sim/sensors/imaging/scenery.py has it */
         day = at_most(at_least((pixel->facing - 0.62f) / 0.08f, 0.0f), 1.0f);
-    float near = at_least(pixel->distance, 0.05f), lit = 0.0f, left[FADES_A_STEP], lamplight[CHANNELS];
-    fade(looks, pixel->distance, left, FADES_A_STEP);
-    if (!surface && looks->lamps > 0.0f && pixel->facing > 0.0f) {
-        lit = tone * looks->lamps * pixel->facing / (near * near);
-        fade(looks, near, lamplight, CHANNELS);
+    float near = at_least(pixel->distance, 0.05f), lit = 0.0f, left[DECAYS_A_STEP], lamplight[CHANNELS];
+    read_decays(appearance, pixel->distance, left, DECAYS_A_STEP);
+    if (!surface && appearance->lamps > 0.0f && pixel->facing > 0.0f) {
+        lit = tone * appearance->lamps * pixel->facing / (near * near);
+        read_decays(appearance, near, lamplight, CHANNELS);
     }
-    const float *colour = looks->colours + 3 * pixel->object;
+    const float *colour = appearance->colours + 3 * pixel->object;
     for (int c = 0; c < CHANNELS; c++) {
-        float sent = day * looks->light[c];
+        float sent = day * appearance->light[c];
         if (lit > 0.0f)
             sent += lit * lamplight[c];
-        sent *= colour[c] + rock * looks->rock[c];
+        sent *= colour[c] + rock * appearance->rock[c];
         if (surface)
-            sent += (1.0f - day) * looks->veil[c];
-        out[c] = sent * left[c] + looks->veil[c] * (1.0f - left[CHANNELS + c]);
+            sent += (1.0f - day) * appearance->veil[c];
+        out[c] = sent * left[c] + appearance->veil[c] * (1.0f - left[CHANNELS + c]);
     }
 }
 
 /* Sizes double from the finest on; levels change where the logarithm of their ratio rounds up. */
-static void set_sizes(Looks *looks)
+static void set_sizes(Appearance *appearance)
 {
-    const Settings *s = looks->set;
+    const Settings *s = appearance->set;
     size_t first = 0;
     int level = 0;
     for (int i = 0; i < SIZES; i++) {
@@ -173,20 +173,20 @@ static void set_sizes(Looks *looks)
             first += (size_t)(SIDE >> level) * (size_t)(SIDE >> level);
         double left = s->ripple != 0.0 && size < s->ripple_length ? s->ripple * sin(turn) / turn : 0.0;
         float scale = (float)(1.0 / (s->texture_node * (double)(1 << level)));
-        looks->sizes[i] = (Size){first, SIDE >> level, (float)(size * 1.4142135623730951), scale, (float)left};
+        appearance->sizes[i] = (Size){first, SIDE >> level, (float)(size * 1.4142135623730951), scale, (float)left};
     }
 }
 
-static void set_numbers(Looks *looks)
+static void set_numbers(Appearance *appearance)
 {
-    const Settings *s = looks->set;
+    const Settings *s = appearance->set;
     for (int c = 0; c < CHANNELS; c++)
-        looks->light[c] = (float)s->light[c], looks->veil[c] = (float)s->veil[c], looks->rock[c] = (float)s->rock[c];
+        appearance->light[c] = (float)s->light[c], appearance->veil[c] = (float)s->veil[c], appearance->rock[c] = (float)s->rock[c];
     for (int i = 0; i < 2; i++) {
-        looks->nodes[i] = 1.0f / (float)s->node[i], looks->deviation[i] = (float)s->deviation[i];
-        looks->wave[i] = (float)s->wave[i];
+        appearance->nodes[i] = 1.0f / (float)s->node[i], appearance->deviation[i] = (float)s->deviation[i];
+        appearance->wave[i] = (float)s->wave[i];
     }
-    looks->pixel = (float)s->pixel, looks->lamps = (float)s->lamps, looks->per_metre = (float)s->per_metre;
-    looks->height = (float)s->height;
-    set_sizes(looks);
+    appearance->pixel = (float)s->pixel, appearance->lamps = (float)s->lamps, appearance->per_metre = (float)s->per_metre;
+    appearance->height = (float)s->height;
+    set_sizes(appearance);
 }

@@ -42,7 +42,12 @@ from hil.links.mavlink.end import (
 )
 from hil.links.mavlink.ground_station import GroundStationAnswers
 from hil.links.mavlink.outputs import Outputs
-from hil.links.mavlink.reports import autopilot_version, device_heartbeat, esc_telemetry, sys_status
+from hil.links.mavlink.reports import (
+    encode_autopilot_version,
+    encode_device_heartbeat,
+    encode_esc_telemetry,
+    encode_sys_status,
+)
 from hil.links.mavlink.servos import ServoOutputRaw
 from hil.links.mavlink.settings import EscReading, MavlinkSettings
 
@@ -112,7 +117,7 @@ class MavlinkDevice(MavlinkEnd):
         if now_ns >= self._esc_ns:
             self._esc_ns = next_due(self._esc_ns, ESC_PERIOD_NS, now_ns)
             self._esc_count += 1
-            data += b"".join([self.pack(message) for message in esc_telemetry(self.esc, self._esc_count)])
+            data += b"".join([self.pack(message) for message in encode_esc_telemetry(self.esc, self._esc_count)])
         if now_ns >= self._outputs.wake_ns:
             self._outputs.postpone(now_ns)
         self._schedule()
@@ -122,7 +127,7 @@ class MavlinkDevice(MavlinkEnd):
         self.deadline_ns = min(self._beat_ns, self._esc_ns, self._outputs.wake_ns)
 
     def _state(self) -> bytes:
-        return self.pack(device_heartbeat(self._reported)) + self.pack(sys_status(self._reported))
+        return self.pack(encode_device_heartbeat(self._reported)) + self.pack(encode_sys_status(self._reported))
 
     def _servo_output_raw(self, packet: ServoOutputRaw) -> ThrusterCommand | None:
         if packet.system != self.settings.system or packet.port != PORT:
@@ -209,7 +214,7 @@ class MavlinkDevice(MavlinkEnd):
         return self._send_version(packet)
 
     def _send_version(self, _: Any) -> Result:
-        self.reply(autopilot_version())
+        self.reply(encode_autopilot_version())
         return dialect.MAV_RESULT_ACCEPTED, None
 
     def _is_addressed_here(self, system: int, component: int = 0) -> bool:

@@ -20,7 +20,7 @@ from hil.links.mavlink.end import (
     sender,
     share_to_pulse,
 )
-from hil.links.mavlink.reports import ESC_GROUPS, esc_readings, host_heartbeat
+from hil.links.mavlink.reports import ESC_GROUPS, decode_esc_readings, encode_host_heartbeat
 from hil.links.mavlink.servos import ServoOutputRaw
 from hil.links.mavlink.settings import EscReading, MavlinkSettings
 
@@ -81,7 +81,7 @@ class MavlinkHost(MavlinkEnd):
     def tick(self, now_ns: int) -> bytes:
         """Return the heartbeat of an onboard controller if it is due."""
         self.deadline_ns = next_due(self.deadline_ns, BEAT_NS, now_ns)
-        return self.pack(host_heartbeat())
+        return self.pack(encode_host_heartbeat())
 
     def _servo_output_raw(self, pulses: list[int], armed: bool) -> tuple[list[int], bytes]:
         return pulses, self._arming(armed) + self.servo_output_raw(pulses)
@@ -128,7 +128,7 @@ class MavlinkHost(MavlinkEnd):
     def _esc_telemetry(self, packet: Any) -> None:
         if sender(packet) == self._device:
             first = ESC_GROUPS[packet.get_msgId()]
-            for i, reading in enumerate(esc_readings(packet)[: max(0, self.channels - first)]):
+            for i, reading in enumerate(decode_esc_readings(packet)[: max(0, self.channels - first)]):
                 self.esc[first + i] = reading
 
     def _report(self, packet: ServoOutputRaw) -> ThrusterTelemetry | None:

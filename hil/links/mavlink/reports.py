@@ -29,12 +29,12 @@ MAH = 3.6  # A s
 U8, U16 = 0xFF, 0xFFFF
 
 
-def host_heartbeat() -> Any:
+def encode_host_heartbeat() -> Any:
     """Return the HEARTBEAT of an onboard controller."""
     return _heartbeat(dialect.MAV_TYPE_ONBOARD_CONTROLLER, dialect.MAV_AUTOPILOT_INVALID, 0, dialect.MAV_STATE_ACTIVE)
 
 
-def device_heartbeat(report: ThrusterTelemetry) -> Any:
+def encode_device_heartbeat(report: ThrusterTelemetry) -> Any:
     """Return the HEARTBEAT of the device that sent `report`.
 
     Its type is a submarine with a generic autopilot, because a ground station sends nothing to other types.
@@ -52,7 +52,7 @@ def _heartbeat(kind: int, autopilot: int, base_mode: int, status: int) -> Any:
     return dialect.MAVLink_heartbeat_message(kind, autopilot, base_mode, 0, status, MAVLINK_VERSION)
 
 
-def sys_status(report: ThrusterTelemetry) -> Any:
+def encode_sys_status(report: ThrusterTelemetry) -> Any:
     """Return the SYS_STATUS of the device that sent `report`: the health of its outputs, and its counters."""
     outputs = dialect.MAV_SYS_STATUS_SENSOR_MOTOR_OUTPUTS
     return dialect.MAVLink_sys_status_message(
@@ -69,7 +69,7 @@ def sys_status(report: ThrusterTelemetry) -> Any:
     )
 
 
-def autopilot_version() -> Any:
+def encode_autopilot_version() -> Any:
     """Return AUTOPILOT_VERSION: the version of this software, and the capability MAVLink 2."""
     numbers = [int(part) for part in __version__.split(".") if part.isdigit()] + [0, 0, 0]
     return dialect.MAVLink_autopilot_version_message(
@@ -87,12 +87,12 @@ def autopilot_version() -> Any:
     )
 
 
-def esc_telemetry(esc: Sequence[EscReading], count: int) -> list[Any]:
+def encode_esc_telemetry(esc: Sequence[EscReading], count: int) -> list[Any]:
     """Return ESC_TELEMETRY of these readings (up to 16); `count` is how often the ESCs have been read (wraps)."""
     return [_ESC_MESSAGES[i // GROUP](*_columns(esc[i : i + GROUP], count)) for i in range(0, len(esc), GROUP)]
 
 
-def esc_readings(packet: Any) -> list[EscReading]:
+def decode_esc_readings(packet: Any) -> list[EscReading]:
     """Return the four readings of an ESC_TELEMETRY; an ESC that does not exist reads zero."""
     columns = zip(packet.rpm, packet.voltage, packet.current, packet.temperature, packet.totalcurrent, strict=True)
     return [

@@ -46,10 +46,10 @@ def test_the_planner_flies_in_simulated_time_and_over_the_network(tmp_path: Path
     ):
         assert simulated.wait() == 0, simulated.output
         assert demo.wait() == 0, demo.output
-    assert re.search(r"^there after \d+", simulated.output)
+    assert re.search(r"^goal reached after \d+", simulated.output)
     outcome = json.loads((folder / "table.json").read_text())["outcome"]
     assert outcome["reached"]
-    assert outcome["reason"] == "there"
+    assert outcome["reason"] == "goal reached"
     assert outcome["success"]
     assert 1.5 < outcome["travelled"] < 2.6  # it ends 0.5 m from the target, which is 2.2 m away
     assert outcome["least_clearance"] > 0.3
@@ -58,7 +58,7 @@ def test_the_planner_flies_in_simulated_time_and_over_the_network(tmp_path: Path
 def test_mistakes_of_a_planner_are_reported(tmp_path: Path, scenario: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.syspath_prepend(str(tmp_path))
     name = str(scenario)
-    assert fly(load_scenario(name), prepare(load_scenario(name)))[0].reason == "there"
+    assert fly(load_scenario(name), prepare(load_scenario(name)))[0].reason == "goal reached"
     for planner, words in (
         ({"class": "straight:Straight", "east": 1.0}, "does not take these keys"),
         ({"class": "straight:Strait"}, "straight has no 'Strait'"),

@@ -6,7 +6,17 @@ from math import inf, nan
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from hil.autopilots import hil_messages as hil
+from hil.autopilots.hil_messages import (
+    ARMED,
+    LOCKSTEP,
+    Inertial,
+    compute_pressure_altitude,
+    controls_to_pwm,
+    encode_gps,
+    encode_odometry,
+    encode_sensor,
+    encode_truth,
+)
 from hil.links.contract import Counters
 from hil.links.mavlink.stream import MavlinkStream
 from sim.sensors.extra_samples import FixSample
@@ -15,9 +25,7 @@ from tests.support.autopilots.captured import needs_captures, rows
 
 
 def test_hil_sensor_has_units_gauss_and_hectopascal() -> None:
-    message = hil.encode_sensor(
-        5_000_000, hil.Inertial((0.1, 0.2, -9.8), (0.01, 0.02, 0.03), (2e-5, 0.0, 4.4e-5), 151_325.0)
-    )
+    message = encode_sensor(5_000_000, Inertial((0.1, 0.2, -9.8), (0.01, 0.02, 0.03), (2e-5, 0.0, 4.4e-5), 151_325.0))
     assert (message.time_usec, message.zacc, message.ygyro) == (5_000_000, -9.8, 0.02)
     assert (message.xmag, message.zmag) == pytest.approx((0.2, 0.44))
     assert message.abs_pressure == pytest.approx(1513.25)
@@ -25,29 +33,29 @@ def test_hil_sensor_has_units_gauss_and_hectopascal() -> None:
 
 
 def test_unmeasured_fields_are_not_marked_as_updated() -> None:
-    assert hil.encode_sensor(1, hil.Inertial(None, None, None, None)).fields_updated == 0
-    assert hil.encode_sensor(1, hil.Inertial((0.0,) * 3, (0.0,) * 3, None, None)).fields_updated == 0x03F
-    assert hil.encode_sensor(1, hil.Inertial(None, None, None, 1e5)).fields_updated == 0x1A00
+    assert encode_sensor(1, Inertial(None, None, None, None)).fields_updated == 0
+    assert encode_sensor(1, Inertial((0.0,) * 3, (0.0,) * 3, None, None)).fields_updated == 0x03F
+    assert encode_sensor(1, Inertial(None, None, None, 1e5)).fields_updated == 0x1A00
 
 
 def test_pressure_altitude_is_that_of_the_standard_atmosphere() -> None:
-    assert hil.compute_pressure_altitude(1013.25) == 0.0
-    assert hil.compute_pressure_altitude(898.745) == pytest.approx(1000.0, abs=1.0)  # standard atmosphere, ISO 2533
+    assert compute_pressure_altitude(1013.25) == 0.0
+    assert compute_pressure_altitude(898.745) == pytest.approx(1000.0, abs=1.0)  # standard atmosphere, ISO 2533
 
 
 def test_hil_gps_reports_fix_and_no_fix() -> None:
     fix = FixSample(0, 50.1234567, -8.5, 12.3, (4.0, 9.0), True)
-    message = hil.encode_gps(7, fix, (1.0, -1.0, 0.25))
+    message = encode_gps(7, fix, (1.0, -1.0, 0.25))
     assert (message.fix_type, message.lat, message.lon, message.alt) == (3, 501_234_567, -85_000_000, 12_300)
     assert (message.eph, message.epv) == (200, 300)  # cm, as PX4 reads them
     assert (message.vel, message.vn, message.ve, message.vd, message.cog) == (141, 100, -100, 25, 31_500)
-    lost = hil.encode_gps(7, FixSample(0, nan, nan, nan, (4.0, 9.0), False), (1.0, 0.0, 0.0))
+    lost = encode_gps(7, FixSample(0, nan, nan, nan, (4.0, 9.0), False), (1.0, 0.0, 0.0))
     assert (lost.fix_type, lost.lat, lost.satellites_visible) == (0, 0, 0)
 
 
 def test_odometry_has_the_frames_that_px4_accepts() -> None:
     sample = OdometrySample(0, (1.0, 2.0, 3.0), (1.0, 0.0, 0.0, 0.0), (0.1, 0.2, 0.3, 0.01, 0.02, 0.03))
-    message = hil.encode_odometry(9, sample)
+    message = encode_odometry(9, sample)
     assert (message.frame_id, message.child_frame_id, message.estimator_type, message.quality) == (1, 12, 2, 100)
     assert (message.x, message.y, message.z, message.vz, message.yawspeed) == (1.0, 2.0, 3.0, 0.3, 0.03)
     assert [i for i, x in enumerate(message.pose_covariance) if x] == [0, 6, 11, 15, 18, 20]
@@ -56,11 +64,15 @@ def test_odometry_has_the_frames_that_px4_accepts() -> None:
 def test_every_message_can_be_packed() -> None:
     stream, counters = MavlinkStream(1, 200, Counters()), Counters()
     sample = OdometrySample(0, (1.0, 2.0, 3.0), (1.0, 0.0, 0.0, 0.0), (0.1,) * 6)
-    huge = hil.encode_truth(1, sample, (1e6, 0.0, 0.0), (1e6, 0.0, 0.0), (50.0, 8.0, -3.0))
+    huge = encode_truth(1, sample, (1e6, 0.0, 0.0), (1e6, 0.0, 0.0), (50.0, 8.0, -3.0))
     data = b"".join(
         map(
             stream.pack,
-            [hil.encode_odometry(1, sample), huge, hil.encode_sensor(1, hil.Inertial(None, None, None, 1e5))],
+            [
+                encode_odometry(1, sample),
+                huge,
+                encode_sensor(1, Inertial(None, None, None, 1e5)),
+            ],
         )
     )
     found = MavlinkStream(255, 1, counters).unpack(data)
@@ -68,7 +80,7 @@ def test_every_message_can_be_packed() -> None:
 
 
 def test_controls_become_pulse_widths() -> None:
-    assert hil.controls_to_pwm((0.0, 1.0, -1.0, 0.25, 2.0, nan, -inf)) == (1500, 1900, 1100, 1600, 1900, 0, 0)
+    assert controls_to_pwm((0.0, 1.0, -1.0, 0.25, 2.0, nan, -inf)) == (1500, 1900, 1100, 1600, 1900, 0, 0)
 
 
 @needs_captures
@@ -86,11 +98,11 @@ def test_a_recorded_flight_is_decoded_completely(airframe: str) -> None:
     assert counters.checksum_errors == 0
     assert sensors > 4000
     assert len(actuators) > 3000
-    assert all(message.flags & hil.LOCKSTEP for message in actuators)
-    disarmed = [hil.controls_to_pwm(m.controls) for m in actuators if not m.mode & hil.ARMED]
+    assert all(message.flags & LOCKSTEP for message in actuators)
+    disarmed = [controls_to_pwm(m.controls) for m in actuators if not m.mode & ARMED]
     assert disarmed
     assert {pulse for pulses in disarmed for pulse in pulses} == {1500}
-    armed = [hil.controls_to_pwm(m.controls) for m in actuators if m.mode & dialect.MAV_MODE_FLAG_SAFETY_ARMED]
+    armed = [controls_to_pwm(m.controls) for m in actuators if m.mode & dialect.MAV_MODE_FLAG_SAFETY_ARMED]
     assert any(pulses[:4] != (1500,) * 4 for pulses in armed)
     steps = {later.time_usec - sooner.time_usec for sooner, later in itertools.pairwise(actuators)}
     assert steps == {4000}

@@ -272,24 +272,24 @@ def test_the_compiled_pass_refuses_mismatched_buffers() -> None:
     if compiled is None:
         pytest.skip("no C compiler here")
     none = np.zeros(0, np.float32)
-    grain, fades, settings = np.zeros(513 * 513, np.float32), np.zeros(1025 * 6, np.float32), [1.0] * 42
+    grain, decays, settings = np.zeros(513 * 513, np.float32), np.zeros(1025 * 6, np.float32), [1.0] * 42
     with pytest.raises(ValueError, match="numbers are needed"):
         compiled.shade([0.0], *[none] * 10)
     with pytest.raises(ValueError, match="a buffer of the surfaces' appearance has a wrong size"):
         compiled.shade(settings, *[none] * 10)
     colours, one, objects = np.zeros(3, np.float32), np.zeros(1, np.float32), np.zeros(1, np.int32)
-    looks = colours, grain, fades, none, none
+    appearance = colours, grain, decays, none, none
     vectors = np.zeros(3, np.float32)
-    compiled.shade(settings, *looks, one, vectors, objects, vectors, vectors.copy())
+    compiled.shade(settings, *appearance, one, vectors, objects, vectors, vectors.copy())
     with pytest.raises(ValueError, match="a buffer has not the size of 1 pixels, or an object no colour"):
-        compiled.shade(settings, *looks, one, vectors, objects + 1, vectors, vectors.copy())
+        compiled.shade(settings, *appearance, one, vectors, objects + 1, vectors, vectors.copy())
     with pytest.raises(ValueError, match="a buffer has not the size of 1 pixels"):
-        compiled.shade(settings, *looks, none, vectors, objects, vectors, vectors.copy())
+        compiled.shade(settings, *appearance, none, vectors, objects, vectors, vectors.copy())
     geometry = RayScene(PILED, "C").compiled((0.0, 0.0, 0.0), 5.0)
     with pytest.raises(ValueError, match="or an object no colour"):
-        compiled.picture(geometry, settings, *looks, np.zeros(3), vectors, np.zeros(1), objects)
+        compiled.picture(geometry, settings, *appearance, np.zeros(3), vectors, np.zeros(1), objects)
     with pytest.raises(ValueError, match="PyCapsule"):
-        compiled.picture(print, settings, *looks, np.zeros(3), vectors, np.zeros(1), objects)
+        compiled.picture(print, settings, *appearance, np.zeros(3), vectors, np.zeros(1), objects)
     with pytest.raises(ValueError, match="a buffer has not the size of 1 pixels"):
         compiled.develop(1, (1.0,) * 5, none, one, *[none] * 6)
 
