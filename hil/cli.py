@@ -29,7 +29,7 @@ COMMANDS = {
         "hil.commands.files.schema",
         "print JSON Schemas of all files, for editors that complete and check TOML",
     ),
-    "sim": ("hil.commands.sim", "fly the same mission in one process, in real time or as fast as it goes"),
+    "sim": ("hil.commands.sim.command", "fly the same mission in one process, in real time or as fast as it goes"),
     "autopilot": ("hil.commands.autopilot", "test motors and connection of an autopilot, show its parameters"),
     "campaign": (
         "hil.commands.campaign.command",

@@ -110,7 +110,7 @@ def _new(path: str, name: str) -> int:
 
 
 def _check(name: str, changes: dict[str, Any], as_json: bool) -> int:
-    from hil.doctor.scenario import check_scenario
+    from hil.doctor.scenario.check import check_scenario
 
     scenario = load_scenario(name, changes)
     findings = list(check_scenario(scenario))

@@ -4,7 +4,7 @@ import os
 from collections.abc import Iterator
 
 from hil.common.errors import NetworkError
-from hil.doctor.scenario_findings import ScenarioFinding
+from hil.doctor.scenario.finding import ScenarioFinding
 from hil.network.security import tls
 from hil.scenario.config import Scenario
 from sim.vehicle.failures import Failure

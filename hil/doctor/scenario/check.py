@@ -9,8 +9,8 @@ from hil.autonomy.control.allocation import pseudo_inverse
 from hil.autonomy.paths.occupancy import OccupancyGrid
 from hil.common.endpoint import split_endpoint
 from hil.common.errors import ConfigError, MissingExtraError, MissionError, StartPositionError
-from hil.doctor.scenario_findings import ScenarioFinding
-from hil.doctor.scenario_sections import check_sections
+from hil.doctor.scenario.finding import ScenarioFinding
+from hil.doctor.scenario.sections import check_sections
 from hil.master.flight import Plan, prepare
 from hil.master.planner import Planner
 from hil.scenario.attitude_warning import attitude_warning, requested_speed
@@ -57,7 +57,7 @@ def _check(scenario: Scenario) -> Iterator[ScenarioFinding]:
     elif scenario.controller == "px4":
         yield from _check_autopilot_link(scenario)
     if scenario.member:
-        from hil.doctor.scenario_fleet import check_fleet
+        from hil.doctor.scenario.fleet import check_fleet
 
         for number, member in enumerate(scenario.member):
             yield from _check_start(as_member(scenario, member.node), vehicle, world, f"member[{number}]")

@@ -7,7 +7,7 @@ from math import dist, hypot, pi, sin
 from hil.autonomy.fleets.hunting import HuntPlan
 from hil.common.endpoint import split_endpoint
 from hil.common.errors import ConfigError, MissionError
-from hil.doctor.scenario_findings import ScenarioFinding
+from hil.doctor.scenario.finding import ScenarioFinding
 from hil.master.flight import make_request
 from hil.scenario.config import Scenario
 from hil.scenario.fleet import hunt_plan
@@ -21,7 +21,7 @@ PATH_POINTS = 50  # checked points of each vehicle's path
 
 
 def check_fleet(scenario: Scenario, vehicle: Vehicle, world: World) -> Iterator[ScenarioFinding]:
-    """Yield problems of the fleet as a whole. `hil.doctor.scenario` finds those of single vehicles."""
+    """Yield problems of the fleet as a whole. `hil.doctor.scenario.check` finds those of single vehicles."""
     yield from _check_distances(scenario, vehicle)
     yield from _check_endpoints(scenario)
     if scenario.security and scenario.modem:

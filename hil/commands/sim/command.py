@@ -47,7 +47,7 @@ def main(arguments: list[str]) -> int:
     if options.seed is not None:
         scenario = scenario._replace(seed=options.seed)
     if scenario.controller in AUTOPILOTS:
-        from hil.commands.sim_autopilot import fly_autopilot
+        from hil.commands.sim.autopilot import fly_autopilot
 
         return fly_autopilot(scenario, options)
     plan = prepare(scenario)

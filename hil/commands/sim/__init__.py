@@ -1,0 +1,1 @@
+"""`uuv-hil sim`: a mission or an autopilot's flight in one process."""
