@@ -8,8 +8,8 @@ from hil.common.errors import ConfigError
 from hil.common.vectors import Vector3
 from hil.scenario.config import Scenario
 from sim.environment.world import World, water_pressure
+from sim.geodesy import TangentPlane
 from sim.rotations import rotate
-from sim.sensors.geodesy import TangentPlane
 from sim.sensors.magnetometer import earth_field
 from sim.sensors.mounting import Mounting
 from sim.sensors.pressure import STANDARD_ATMOSPHERE

@@ -7,9 +7,9 @@ from hil.common.errors import ConfigError
 from hil.common.schema import Range
 from sim.assembly import make_error_bank
 from sim.dynamics import State
+from sim.geodesy import TangentPlane
 from sim.sensors.error import ErrorModel, sensor_random, variance
 from sim.sensors.extra_samples import FixSample
-from sim.sensors.geodesy import TangentPlane
 from sim.sensors.mounting import Mounting
 from sim.sensors.samples import Scene
 from sim.sensors.surface import submersion

@@ -18,7 +18,7 @@ from hil.gateways.mavlink.protocols.parameters import ParameterProtocol
 from hil.gateways.mavlink.snapshot import Origin, Snapshot, VehiclePort
 from hil.gateways.mavlink.telemetry import Context, place_e7
 from hil.scenario.mavlink_records import Mavlink
-from sim.sensors.geodesy import TangentPlane
+from sim.geodesy import TangentPlane
 
 LOST_NS = 3 * NS_PER_S  # a vehicle that is away for longer is disarmed
 DRIVE_NS = NS_PER_S // 20  # between two commands to the vehicle

@@ -12,8 +12,8 @@ from hil.gateways.mavlink.flight.modes import Mode
 from hil.gateways.mavlink.protocols import streams
 from hil.gateways.mavlink.snapshot import Origin, Snapshot
 from hil.ros.joints import MotorState
+from sim.geodesy import TangentPlane
 from sim.rotations import rotate
-from sim.sensors.geodesy import TangentPlane
 
 U16, U32 = 0xFFFF, 0xFFFF_FFFF
 SERVOS = 16

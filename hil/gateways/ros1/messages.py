@@ -1,4 +1,4 @@
-"""Types of ROS 1 for those of ROS 2: names, md5 sums, definitions, and the bytes of messages both ways.
+"""ROS 1 types that correspond to ROS 2 types: names, MD5 sums, definitions; and conversion of messages both ways.
 
 Definitions of Noetic and the conversion are those of `rosbags`. A type that it does not know, such as those of
 marine_acoustic_msgs, has the definition of hil.ros.types in both releases. Headers have a `seq` in ROS 1, which counts
@@ -21,7 +21,7 @@ from hil.ros.types import PRIMITIVES, definition
 
 HEADER = "std_msgs/msg/Header"
 TIMES = {"builtin_interfaces/msg/Time": "time", "builtin_interfaces/msg/Duration": "duration"}  # no messages in ROS 1
-ONLY_ROS2 = ("rcl_interfaces",)  # packages that nothing in ROS 1 stands for
+ONLY_ROS2 = ("rcl_interfaces",)  # packages without a counterpart in ROS 1
 
 
 class UnreadableError(Exception):

@@ -9,7 +9,7 @@ from hil.client.samples import State
 from hil.gateways.mavlink.flight.guidance import Point, in_body, in_world
 from hil.gateways.mavlink.snapshot import Origin
 from hil.ros.commands import MAX_DEPTH, MAX_PLACE
-from sim.sensors.geodesy import TangentPlane
+from sim.geodesy import TangentPlane
 
 NO_POSITION, NO_DEPTH, NO_VELOCITY, NO_ACCELERATION = 0b11, 0b100, 0b111000, 0b111000000
 FORCE, NO_YAW, NO_YAW_RATE = 1 << 9, 1 << 10, 1 << 11

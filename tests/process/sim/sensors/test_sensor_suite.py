@@ -160,7 +160,7 @@ def test_modules_of_sensors_that_are_not_carried_are_not_loaded() -> None:
     autopilots = ("hil.autopilots", "hil.slave.autopilot_port", "hil.scenario.autopilot_records", "hil.links.mavlink")
     assert not [name for name in loaded if name.startswith(autopilots)]
     rare = {SENSORS[name].partition(":")[0] for name in RARE}
-    helpers = {"sim.sensors.extra_samples", "sim.sensors.surface", "sim.sensors.geodesy", "hil.ros.sensors"}
+    helpers = {"sim.sensors.extra_samples", "sim.sensors.surface", "sim.geodesy", "hil.ros.sensors"}
     assert not loaded & (
         rare
         | helpers

@@ -9,9 +9,9 @@ from hil.common.errors import ConfigError
 from sim.dynamics import State
 from sim.environment.ocean import Ocean, Waves
 from sim.environment.world import World, load_world
+from sim.geodesy import FLATTENING, SEMI_MAJOR_AXIS, TangentPlane, earth_centred, geodetic
 from sim.rotations import from_euler
 from sim.sensors.error import ErrorModel
-from sim.sensors.geodesy import FLATTENING, SEMI_MAJOR_AXIS, TangentPlane, earth_centred, geodetic
 from sim.sensors.gps import Gps, GpsModel
 from sim.sensors.mounting import Mounting
 from sim.simulation import Simulation
