@@ -1,4 +1,4 @@
-"""Write by a debug probe: ST-LINK (every Nucleo has one), CMSIS-DAP, J-Link; with pyOCD (extra `flash`).
+"""Write an image with a debug probe: ST-LINK (every Nucleo has one), CMSIS-DAP, J-Link; by pyOCD (extra `flash`).
 
 pyOCD's errors are raised as DeviceError. Without pyOCD the functions raise ModuleNotFoundError.
 """

@@ -1,3 +1,5 @@
+/* The wire of the firmware as a Linux process: a pseudo terminal or a serial device. pty.h describes the functions. */
+
 #define _XOPEN_SOURCE 700
 #define _DEFAULT_SOURCE /* flock, cfmakeraw, FIONREAD */
 

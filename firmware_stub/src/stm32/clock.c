@@ -1,4 +1,4 @@
-/* The time, by SysTick. */
+/* Time since the start, counted by the core's SysTick timer. */
 
 #include "stm32.h"
 

@@ -1,3 +1,5 @@
+"""Reading S-57 cells with their updates: geometry, attributes, and files that are damaged or hostile."""
+
 import os
 import re
 import resource

@@ -1,3 +1,5 @@
+"""Reading seabed data: soundings as text, compressed files, charts and rasters, with their limits and faults."""
+
 import bz2
 import gzip
 import lzma

@@ -1,3 +1,5 @@
+"""`uuv-hil world`: build worlds from charts, draw, export and list them."""
+
 import json
 import os
 from pathlib import Path

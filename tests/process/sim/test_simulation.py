@@ -1,3 +1,5 @@
+"""The simulation of one vehicle: repeatability, rates of samples, motion, collisions, refused arguments."""
+
 import os
 import subprocess
 import sys

@@ -1,4 +1,4 @@
-"""Scripts for the core in C with commands to VESCs on CAN."""
+"""Random sequences of CAN commands to VESCs, with which the firmware's core in C is tested."""
 
 import random
 import struct

@@ -1,3 +1,5 @@
+"""Currents, waves and layers of the water, and the forces that they have on a vehicle."""
+
 import subprocess
 import sys
 from itertools import pairwise

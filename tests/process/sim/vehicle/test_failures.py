@@ -1,3 +1,5 @@
+"""Failures of thrusters, from the scenario and at run time."""
+
 import subprocess
 import sys
 from itertools import pairwise
