@@ -38,6 +38,13 @@ def test_no_page_loads_from_other_hosts(site: Path) -> None:
     assert "../javascripts/iframe-worker.js" in (site / "tutorials" / "first_flight.html").read_text(encoding="utf-8")
 
 
+def test_page_of_the_interface_names_the_fields_of_records(site: Path) -> None:
+    page = re.sub(r"<[^>]+>", "", (site / "reference" / "python_api.html").read_text(encoding="utf-8"))
+    for record in ("LaserSample(", "PlanRequest(", "Done(reason: str, reached: bool = True)"):
+        assert record in page
+    assert "angle_increment: float" in page
+
+
 def test_search_works_in_pages_opened_as_files(site: Path) -> None:
     """A real browser finds pages, and sends nothing to another host."""
     with open_page() as seen:
