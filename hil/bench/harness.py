@@ -223,7 +223,7 @@ class Bench:
         return self._start(Process(command, log, self._confinement, environment))
 
     def start_master(self, *options: str, endpoint: str = "") -> Process:
-        """Start the scenario's master, which flies its mission; return when it dials."""
+        """Start the scenario's master, which flies its mission; return when it connects."""
         read_fd, write_fd = os.pipe()
         command = [*program(), "master", self.path, "--connect", endpoint or self.endpoint, *options]
         log = self.file(f"master-{len(self.processes)}.log")
@@ -233,10 +233,10 @@ class Bench:
             os.close(write_fd)
         try:
             if not select.select((read_fd,), (), (), READY_S)[0]:
-                raise NetworkError(f"the master did not dial within {READY_S:g} s, but printed: {process.last_line}")
+                raise NetworkError(f"the master did not connect within {READY_S:g} s, but printed: {process.last_line}")
             if not os.read(read_fd, 1):
                 process.wait(GRACE_S)
-                raise NetworkError(f"before it dialled, the master {process.ending}")
+                raise NetworkError(f"before it connected, the master {process.ending}")
         finally:
             os.close(read_fd)
         return process

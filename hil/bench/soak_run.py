@@ -83,13 +83,13 @@ class Soaking:
         """
         end, first = self._began + seconds, True
         while time.monotonic() < end and not self._stopped and (first or self._slave.running):
-            dialled = time.monotonic()
+            connected = time.monotonic()
             with self._bench.client() as client:
                 came = self._await(client, first)
                 if not (first or self._stopped):
                     self._soak.returns.append(came)
                 if came is not None:
-                    self._stay(client, min(dialled + leave_every, end))
+                    self._stay(client, min(connected + leave_every, end))
             first = False
         if not self._slave.running:
             self._add_silence(f"the slave {self._slave.ending}", 0.0)
@@ -103,7 +103,7 @@ class Soaking:
         while not self._pause(0.0):
             try:
                 await_vehicle(client, self._slave, POLL_S)
-                return ((client.first_sample_ns(0) or 0) - client.dialled_wall_ns) * 1e-9
+                return ((client.first_sample_ns(0) or 0) - client.opened_wall_ns) * 1e-9
             except NetworkError:
                 waited = time.monotonic() - began
                 if first and (waited > READY_S or not self._slave.running):

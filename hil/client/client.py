@@ -115,7 +115,7 @@ class VehicleClient:
             open_master_session(where, network=network, security=security) if isinstance(where, str) else where
         )
         self.endpoint = self.session.name
-        self.dialled_wall_ns = to_wall_ns(now_ns())
+        self.opened_wall_ns = to_wall_ns(now_ns())
         self._commands = self.session.publisher(node, TOPICS["cmd_vel"])
         self._publishers = {"cmd_vel": self._commands}
         self._others: dict[str, Publisher] = {}  # publishers of topics other than commands

@@ -27,14 +27,14 @@ def connect(*endpoints: str, take_over: bool, observe: bool, routed: bool, keys:
     """Connect to vehicles: see `hil.connect`."""
     if not endpoints:
         raise NetworkError('connect to whom? Give an endpoint, "tcp/HOST:PORT", or "lan"')
-    dialled = [
+    addresses = [
         place for endpoint in endpoints for place in (_find_vehicles(wait) if endpoint == EVERYWHERE else [endpoint])
     ]
     security = Security(slave="", master=keys, may_command=()) if keys else None
-    network = Network(mode="routed", router=dialled[0]) if routed else Network()
-    session = open_master_session(*dialled, network=network, security=security)
+    network = Network(mode="routed", router=addresses[0]) if routed else Network()
+    session = open_master_session(*addresses, network=network, security=security)
     how: How = ("observer" if observe else "master", int(take_over), network, security)
-    return Fleet(session, tuple(dialled), how, wait)
+    return Fleet(session, tuple(addresses), how, wait)
 
 
 def _find_vehicles(seconds: float) -> list[str]:

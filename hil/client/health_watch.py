@@ -129,7 +129,7 @@ class Unanswered:
         """Return whether a link leads to the endpoint, as far as its port tells; links do not carry host names."""
         ports = [split_endpoint(one)[2] for one in self._endpoints]
         port = split_endpoint(endpoint)[2]
-        return ports.count(port) == 1 and self._session.has_dialled(port)
+        return ports.count(port) == 1 and self._session.has_connected_to(port)
 
 
 def _paces(before: Status | None, figures: Diagnostics, received_ns: int) -> dict[str, float]:

@@ -186,7 +186,7 @@ def _start_master(scenario: list[str], endpoint: str, folder: str) -> tuple[subp
 
 
 def _wait_until_dialling(ready_fd: int, stop_fd: int) -> bool:
-    """Wait until the master dials, so that the measured start-up time is the slave's alone.
+    """Wait until the master connects, so that the measured start-up time is the slave's alone.
 
     Return False if the master ended instead. Raises KeyboardInterrupt when the user ends this process.
     """

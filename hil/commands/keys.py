@@ -19,7 +19,7 @@ there, and name the folders of both machines in the scenario:
 
 examples:
   uuv-hil keys init                                    once
-  uuv-hil keys add uuv1 --host 192.168.3.116           a board, with each address and name that masters dial
+  uuv-hil keys add uuv1 --host 192.168.3.116           a board, with each address and name of it that masters use
   uuv-hil keys add laptop
 """
 
@@ -38,7 +38,7 @@ def main(arguments: list[str]) -> int:
         type=host,
         action="append",
         default=[],
-        help="an address or name that others dial; repeatable",
+        help="an address or name by which others connect to it; repeatable",
     )
     add.add_argument("--days", metavar="N", type=DAYS, default=730, help="days of validity from today [%(default)s]")
     options = parser.parse_args(arguments)
@@ -66,7 +66,7 @@ def init(directory: str) -> str:
 
 
 def add_machine(directory: str, name: str, hosts: list[str], days: int = 730) -> str:
-    """Make certificates for a machine that others dial as one of `hosts`, or as localhost; return its folder.
+    """Make certificates for a machine to which others connect as one of `hosts`, or as localhost; return its folder.
 
     Raises ConfigError when there is no authority, the name cannot be one, or the machine has certificates.
     """

@@ -60,7 +60,7 @@ def main(arguments: list[str]) -> int:
     add_wait(parser, 60.0)
     add_output(parser, "DIR", "where to put the results [runs/SCENARIO-TIME]")
     parser.add_argument(
-        "--ready-fd", metavar="N", type=DESCRIPTOR, help="write a line to this descriptor when dialling"
+        "--ready-fd", metavar="N", type=DESCRIPTOR, help="write a line to this descriptor when it connects"
     )
     options = parser.parse_args(arguments)
     scenario = load_single(options.scenario, changes_of(options))

@@ -11,7 +11,7 @@ from hil.network.router_links import RouterLinks
 from hil.network.settings import Network
 
 EXAMPLES = """\
-Vehicles and masters then all dial the router; their scenario contains
+Vehicles and masters then connect to the router; their scenario contains
 
   [network]
   mode = "routed"
@@ -46,7 +46,7 @@ def main(arguments: list[str]) -> int:
         network, security = scenario.network, scenario.security
     others = tuple(options.connect)
     with StopSignals() as stop_fd, open_router_session(options.listen, network, security, others) as session:
-        print(f"forwarding between all peers that dial {options.listen}", flush=True)
+        print(f"forwarding between all peers that connect to {options.listen}", flush=True)
         reported: list[str] = []
         links = RouterLinks(session, lambda line: print(line, flush=True))
         while not select.select((stop_fd,), (), (), 0.5)[0]:

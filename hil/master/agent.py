@@ -51,8 +51,8 @@ def run(scenario: Scenario, which: str, stop_fd: int, report: Report, wait: floa
     planner = HuntPlanner(scenario, number)
     network = scenario.network
     faults: list[RunEvent] = []
-    dialled = me.listen, *(other.agent for other in others)
-    with open_peer_session(me.agent, *dialled, network=network, security=scenario.security) as session:
+    endpoints = me.listen, *(other.agent for other in others)
+    with open_peer_session(me.agent, *endpoints, network=network, security=scenario.security) as session:
         began = now_ns()
         modem = _modem(session, scenario, number, planner, began)
         _subscribe_reports(session, scenario, me.node, planner, began)

@@ -34,7 +34,7 @@ def why_not(endpoint: str, folder: str = "", routed: bool = False, session: "Ses
     there; then the node is missing, or the right to listen. Raises NetworkError for an invalid endpoint.
     """
     _, host, port = split_endpoint(endpoint)
-    if session and session.has_dialled(port) and (routed or session.has_dialled(port + 1)):
+    if session and session.has_connected_to(port) and (routed or session.has_connected_to(port + 1)):
         return None
     host = host.strip("[]")
     try:
@@ -63,7 +63,7 @@ def _second(host: str, port: int) -> Fault | None:
     except ConnectionRefusedError:
         return Fault(
             f'it answers on port {port - 1} alone, as a router does: reach that with [network] mode = "routed" in the '
-            "scenario, in Python with routed=True; it shows the vehicles that have dialled it",
+            "scenario, in Python with routed=True; it shows the vehicles that have connected to it",
             False,
         )
     except OSError:
@@ -138,7 +138,7 @@ def _their_certificate(error: ssl.SSLCertVerificationError, host: str, folder: s
     if error.verify_code in _NOT_FOR_THIS_HOST:
         return (
             f"its certificate is not made for {host!r}: make it again with `uuv-hil keys add NAME --host {host}`, "
-            "or dial it by another address"
+            "or connect to it by another address"
         )
     if error.verify_code == _EXPIRED:
         return "its certificate has expired: make it again with `uuv-hil keys add`"

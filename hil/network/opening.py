@@ -77,13 +77,13 @@ class Listening:
             self.is_stuck = closing.is_alive()
 
 
-def open_session(action: str, name: str, text: str, has_pairs: bool = False, dialled: int = 1) -> Session:
-    """Return a session with the zenoh settings `text`; `has_pairs` and `dialled` as in `Session`.
+def open_session(action: str, name: str, text: str, has_pairs: bool = False, peer_count: int = 1) -> Session:
+    """Return a session with the zenoh settings `text`; `has_pairs` and `peer_count` as in `Session`.
 
     Raises NetworkError; its text says that `action` on `name` is impossible, and why.
     """
     try:
-        return Session(lambda: zenoh.open(zenoh.Config.from_json5(text)), name, has_pairs, dialled)
+        return Session(lambda: zenoh.open(zenoh.Config.from_json5(text)), name, has_pairs, peer_count)
     except zenoh.ZError as error:
         raise NetworkError(f"cannot {action} {name}: {_reason(str(error))}") from None
 

@@ -22,7 +22,7 @@ def open_master_session(*endpoints: str, network: Network = Network(), security:
     """
     text = settings("master", (), endpoints, network, security)
     try:
-        return _open("dial", ", ".join(endpoints), text, network, network.mode == "direct", len(endpoints))
+        return _open("connect to", ", ".join(endpoints), text, network, network.mode == "direct", len(endpoints))
     except NetworkError as error:
         raise NetworkError(_refusal(endpoints, network, security) or str(error)) from None
 
@@ -43,7 +43,7 @@ def open_client_session(
     deadline = now_ns() + seconds_ns(seconds)
     while True:
         try:
-            return _open("dial", endpoint, text, network)
+            return _open("connect to", endpoint, text, network)
         except NetworkError:
             if now_ns() > deadline:
                 break
@@ -94,8 +94,8 @@ def _shorten_queues() -> None:
     shorten_queues()
 
 
-def _open(action: str, name: str, text: str, network: Network, has_pairs: bool = False, dialled: int = 1) -> Session:
-    session = open_session(action, name, text, has_pairs, dialled)
+def _open(action: str, name: str, text: str, network: Network, has_pairs: bool = False, peer_count: int = 1) -> Session:
+    session = open_session(action, name, text, has_pairs, peer_count)
     session.free_links()
     close_unread_links(session, network.lease)
     return session

@@ -49,5 +49,7 @@ class RouterLinks:
                 self._attempts[peer] = self._attempts.get(peer, 0) + 1
                 while len(self._attempts) > MAX_PEERS:
                     del self._attempts[next(iter(self._attempts))]
-                self._report(f"nothing is known of who dials from port {pair[1]}; cutting it, to be dialled again")
+                self._report(
+                    f"nothing is known of the peer at port {pair[1]}; cutting the link, so that it connects again"
+                )
                 cut({pair})

@@ -39,15 +39,15 @@ class Session:
     """The process's one session. Use as a context manager; leaving it ends the readers.
 
     `open_library` returns an open session of the library; it may raise zenoh.ZError. `name` is the endpoint where it
-    listens or to which it connects, `dialled` the number of peers to connect to. `has_pairs`: it has two links with
+    listens or to which it connects, `peer_count` the number of peers to connect to. `has_pairs`: it has two links with
     each peer, as a master has with a slave. `publishers` are all made so far. `openings` counts how often the session
     was opened. `has_cut`: an unread link was closed (`hil.network.stall`), and this has not been reported yet.
     """
 
     def __init__(
-        self, open_library: Callable[[], zenoh.Session], name: str, has_pairs: bool = False, dialled: int = 1
+        self, open_library: Callable[[], zenoh.Session], name: str, has_pairs: bool = False, peer_count: int = 1
     ) -> None:
-        self.name, self.dialled, self.has_pairs = name, dialled, has_pairs
+        self.name, self.peer_count, self.has_pairs = name, peer_count, has_pairs
         self.openings, self.has_cut = 1, False
         self._open_library = open_library
         self._session = open_library()
@@ -233,7 +233,7 @@ class Session:
 
         self._start(repeat, name=name)
 
-    def has_dialled(self, port: int) -> bool:
+    def has_connected_to(self, port: int) -> bool:
         """Return whether there is a link that we have opened to this `port` of any peer."""
         return any(link.dst.partition("?")[0].endswith(f":{port}") for link in self._session.info.links())
 

@@ -68,7 +68,7 @@ class StallDetector:
 
 def is_linked(session: Session) -> bool:
     """Return whether there is a link to each peer that we connect to."""
-    return len({peer for peer, *_ in session.links()}) >= max(1, session.dialled)
+    return len({peer for peer, *_ in session.links()}) >= max(1, session.peer_count)
 
 
 def close_unread_links(session: Session, lease: float) -> None:

@@ -20,7 +20,7 @@ def watch_router(session: Session, router: str, security: "Security | None", rep
 
     def check() -> None:
         nonlocal reported
-        fault = None if session.has_dialled(port) else why_not(router, folder, routed=True)
+        fault = None if session.has_connected_to(port) else why_not(router, folder, routed=True)
         if fault and fault.text != reported:
             report(f"the router {router} is not reached: {fault.text}")
         reported = fault.text if fault else ""

@@ -136,7 +136,7 @@ def _cpu_share(first: CpuMark, last: CpuMark, notes: list[str]) -> float:
 
 def _startup_s(client: VehicleClient, health: Diagnostics, offset_ns: int, notes: list[str]) -> float:
     exec_wall_ns = health.exec_wall_ns or 0
-    if client.dialled_wall_ns > exec_wall_ns - offset_ns:
+    if client.opened_wall_ns > exec_wall_ns - offset_ns:
         notes.append("start-up not measured: the slave was running before this master (start the master first)")
         return float("nan")
     first_ns = client.first_sample_ns(exec_wall_ns)

@@ -59,7 +59,7 @@ class Run(NamedTuple):
 
 
 def fly(bench: Bench, number: int, endpoint: str = "") -> Run:
-    """Fly once. `endpoint` is that of a slave elsewhere; without it one is started here, after the master dials.
+    """Fly once. `endpoint` is that of a slave elsewhere; without it one is started here, after the master connects.
 
     Raises NetworkError.
     """

@@ -39,7 +39,7 @@ from hil.ros.diagnostics import Diagnostics, shown
 
 EXAMPLES = """\
 Each repetition flies the scenario for --seconds with a master process of its own, and without --connect with a slave
-process of its own, started once the master dials. One start before them warms the caches and is not counted. What
+process of its own, started once the master connects. One start before them warms the caches and is not counted. What
 each figure is exactly: docs/explanation/benchmark.md.
 
 A slave elsewhere is not started again: its start-up is only measured when it is started while this waits for it.

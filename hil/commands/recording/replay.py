@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 EXAMPLES = """\
 examples:
-  uuv-hil replay recordings/dive7                                    for masters that dial this machine
+  uuv-hil replay recordings/dive7                                    for masters that connect to this machine
   uuv-hil replay dive7.mcap --listen tcp/0.0.0.0:7447 --speed 10     ten times as fast
   uuv-hil replay dive7 --connect tcp/127.0.0.1:7447                  send its commands to a running slave
   uuv-hil replay dive7 --view                                        in a browser, with pause, speed and a slider

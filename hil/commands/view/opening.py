@@ -110,8 +110,8 @@ def view_process(scenario: Sequence[str], endpoints: Sequence[str], wanted: bool
     if not wanted:
         yield
         return
-    dialled = [word for endpoint in endpoints for word in ("--connect", endpoint)]
-    command = module_command("hil.cli", "view", "--scenario", *scenario, *dialled, "--listen", "127.0.0.1:0")
+    connections = [word for endpoint in endpoints for word in ("--connect", endpoint)]
+    command = module_command("hil.cli", "view", "--scenario", *scenario, *connections, "--listen", "127.0.0.1:0")
     process = start_child(command, environment=package_environment(), stdout=subprocess.PIPE, text=True)
     assert process.stdout
     try:

@@ -15,15 +15,15 @@ def test_a_slave_behind_another_router_is_commanded(tmp_path: Path) -> None:
     network = Network(mode="routed", router=near)
     with (
         # The one that connects is there first: it tries until the other is there.
-        Program(tmp_path, "router", "--listen", near, "--connect", far) as dialling,
-        VehicleClient(_served(dialling, near), "uuv1", network=network) as client,
+        Program(tmp_path, "router", "--listen", near, "--connect", far) as joined,
+        VehicleClient(_served(joined, near), "uuv1", network=network) as client,
     ):
         assert not client.received["odom"]
         with Program(tmp_path, "router", "--listen", far) as router, Program(tmp_path, "slave", plain) as slave:
-            assert wait_for(lambda: client.received["odom"]), f"{router.output}{dialling.output}{slave.output}"
+            assert wait_for(lambda: client.received["odom"]), f"{router.output}{joined.output}{slave.output}"
             assert command_until(lambda: surge_of(client) > 0.05, client)
             assert router.stop(signal.SIGKILL)
-            assert dialling.process.poll() is None, dialling.output
+            assert joined.process.poll() is None, joined.output
 
 
 def _served(router: Program, endpoint: str) -> str:

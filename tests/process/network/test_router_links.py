@@ -112,4 +112,4 @@ def test_the_router_command_cuts_and_reports_unknown_links(tmp_path: Path) -> No
     with Program(tmp_path, "router", "--listen", endpoint) as router:
         router.expect("forwarding between all")
         with foreign_router(endpoint):
-            router.expect(r"nothing is known of who dials from port \d+; cutting it, to be dialled again")
+            router.expect(r"nothing is known of the peer at port \d+; cutting the link, so that it connects again")

@@ -166,7 +166,7 @@ def test_no_link_has_linger_set() -> None:
     before = sockets().values()
     with listen(endpoint) as slave:
         plain = settings("master", (), (endpoint,), Network(), None)
-        with open_session("dial", endpoint, plain):
+        with open_session("connect to", endpoint, plain):
             assert wait_for(lambda: len(lingering(before)) == 4)
             assert any(lingering(before)), "if the library's links linger no more, ours need not be watched"
             slave.free_links()

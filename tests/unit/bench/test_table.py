@@ -28,13 +28,13 @@ HEALTH = {
 class Client:
     """The part of a client that the table reads."""
 
-    def __init__(self, dialled_ns: int, health: Diagnostics, offset_ns: int) -> None:
+    def __init__(self, opened_ns: int, health: Diagnostics, offset_ns: int) -> None:
         self.delays = DelayMeter()
         for number in range(100):
             published = number * 50_000_000
             instants = [number, published, *(published + offset_ns + us * 1000 for us in (200, 250, 350, 400))]
             self.delays.add(instants, published + offset_ns + 420_000, published + 600_000)
-        self.dialled_wall_ns = dialled_ns
+        self.opened_wall_ns = opened_ns
         self.latest = {"diagnostics": Stamped(health, 101 * 10**9, 101 * 10**9)}
         self._health = health
 
@@ -45,8 +45,8 @@ class Client:
         return self._health
 
 
-def build(dialled_ns: int = 0, offset_ns: int = 0, **health: Any) -> table.HilTable:
-    client = Client(dialled_ns, reported(**HEALTH | health), offset_ns)
+def build(opened_ns: int = 0, offset_ns: int = 0, **health: Any) -> table.HilTable:
+    client = Client(opened_ns, reported(**HEALTH | health), offset_ns)
     first = table.CpuMark(1.0, 1.0, 1_000_000_000)
     return table.build(client, OUTCOME, first)  # type: ignore[arg-type]  # a stand-in
 
@@ -111,7 +111,7 @@ def test_the_delay_that_a_uart_would_add_is_stated_where_there_is_none(health: d
 
 
 def test_figures_that_were_not_measured_are_dashes() -> None:
-    before = build(dialled_ns=2_000_000_000)
+    before = build(opened_ns=2_000_000_000)
     nothing = quantiles([])
     text = table.render(before._replace(delay=nothing, hops=dict.fromkeys(before.hops, nothing)))
     assert "nan" not in text
@@ -126,7 +126,7 @@ def test_a_mission_without_path_and_goal_has_no_such_rows() -> None:
 
 
 def test_a_slave_that_ran_before_has_no_startup_time() -> None:
-    result = build(dialled_ns=2_000_000_000)
+    result = build(opened_ns=2_000_000_000)
     assert math.isnan(result.startup_s)
     assert "before this master" in result.notes[0]
     assert json.loads(json.dumps(table.to_json(result, OUTCOME)))["table"]["startup_s"] is None

@@ -48,7 +48,7 @@ class FakeSession:
 
     name = "tcp/bench"
     has_pairs = False
-    dialled = openings = 1
+    peer_count = openings = 1
     is_lost = has_cut = False
     reopened = failures = 0
 
@@ -193,8 +193,8 @@ def test_a_failed_reopening_is_retried_at_each_check(clock: Clock) -> None:
 def test_a_vehicle_that_never_appeared_reopens_the_session_only_if_all_are_linked(
     clock: Clock, peers: tuple[str, ...], reopens: bool
 ) -> None:
-    """The vehicle may not run; but if each dialled endpoint has a link, one of them is the vehicle."""
+    """The vehicle may not run; but if each endpoint of the session has a link, one of them is the vehicle."""
     session = FakeSession(*peers)
-    session.has_pairs, session.dialled = True, 2
+    session.has_pairs, session.peer_count = True, 2
     run(clock, 20.0, lambda: False, lambda: False, session, is_there=False)
     assert (session.reopened > 0) == reopens

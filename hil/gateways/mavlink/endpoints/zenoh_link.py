@@ -28,7 +28,7 @@ class ZenohLink(Link):
         self._event = Wakeup()
         self._received: deque[bytes] = deque(maxlen=WAITING)
         text = settings("client", (), (endpoint,), Network(mode="routed", router=endpoint), None)
-        self._session = session or open_session("dial", endpoint, text)
+        self._session = session or open_session("connect to", endpoint, text)
         self._senders: dict[str, Any] = {}
         self._session.receive(f"{RAW}/in", self._on_packet, WAITING)
         self._session.receive(f"{TEXT}/in", self._on_text, WAITING)
