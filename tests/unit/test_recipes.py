@@ -1,6 +1,7 @@
 """The recipes of CONTRIBUTING.md, followed step by step."""
 
 import re
+import shutil
 from pathlib import Path
 from typing import NamedTuple
 
@@ -8,10 +9,12 @@ import pytest
 
 from boards import load_board
 from hil.common.schema import preset_folder
-from hil.links.contract import Protocol, ThrusterCommand
+from hil.links.contract import Protocol, ThrusterCommand, Wire
 from hil.links.frame.protocol import open_frame
 from hil.links.protocols import PROTOCOLS, Role, open_protocol
-from hil.ros import encoders, sensors, topics
+from hil.links.wires.terminal import PtyHostWire, PtyWire
+from hil.ros import encoders, sensors, topics, types
+from hil.ros.message import decode, encode
 from hil.ros.types import definition
 from sim.dynamics import State
 from sim.environment.world import load_world
@@ -21,6 +24,8 @@ from sim.sensors.samples import Scene
 from sim.sensors.sensor_set import SENSORS, read_sensors
 from sim.simulation import Simulation
 from sim.vehicle.vehicle import load_vehicle
+from tests.support.links.link_contract import LinkContract
+from tools import ros_types
 
 HERE = "tests.unit.test_recipes"
 TEXT = (Path(__file__).parents[2] / "CONTRIBUTING.md").read_text(encoding="utf-8")
@@ -65,6 +70,11 @@ def test_the_sensor_recipe_works(monkeypatch: pytest.MonkeyPatch) -> None:
     assert payload
 
 
+def pty_pair() -> tuple[Wire, Wire]:
+    device = PtyWire()
+    return device, PtyHostWire(device.path)
+
+
 def open_mine(role: Role, channels: int) -> Protocol:
     """Return a custom protocol, here another name of the frame."""
     return open_frame(role, channels)
@@ -91,8 +101,33 @@ def test_the_vehicle_recipe_works(tmp_path: Path) -> None:
     assert load_vehicle(str(copy))[0].mass != load_vehicle("bluerov2")[0].mass
 
 
-def test_the_message_recipe_works() -> None:
-    """Each topic has a definition, by which its message is made and read."""
+class TestThrusterProtocolRecipe(LinkContract):
+    """The conformance tests of the custom protocol, on a pseudo terminal."""
+
+    open_wires = staticmethod(pty_pair)
+    protocol = "mine"
+
+    @pytest.fixture(autouse=True)
+    def _named(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setitem(PROTOCOLS, "mine", f"{HERE}:open_mine")
+
+
+def test_the_message_recipe_works(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = Path(shutil.copytree(types.__path__[0], tmp_path / "types"))
+    (folder / "mine_msgs.msg").write_text(
+        "=== mine_msgs/msg/Door\nstd_msgs/Header header\nbool closed\n", encoding="utf-8"
+    )
+    monkeypatch.setattr(types, "_FOLDER", str(folder))
+    topic = topics.TOPICS["leak"]._replace(name="door", type="mine_msgs/msg/Door")
+    monkeypatch.setitem(topics.TOPICS, "door", topic)
+    assert [field.name for field in definition(topic.type).fields] == ["header", "closed"]
+    decoded = decode(topic.type, encode(topic.type, {"closed": True}))
+    assert decoded is not None
+    assert decoded["closed"] is True
+    assert ros_types.type_hash(topic.type).startswith("RIHS01_")
+
+
+def test_each_topic_has_a_definition() -> None:
     for topic in topics.TOPICS.values():
         assert definition(topic.type)
 

@@ -67,7 +67,7 @@ def room(module: str) -> str:
 def imports(path: Path) -> set[str]:
     """Return the dotted names that a file imports, at the top, lazily, and for annotations."""
     names: set[str] = set()
-    for node in _statements(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in statements(ast.parse(path.read_text(encoding="utf-8"))):
         if isinstance(node, ast.Import):
             names |= {alias.name for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.module:
@@ -75,7 +75,7 @@ def imports(path: Path) -> set[str]:
     return names
 
 
-def _statements(tree: ast.Module) -> Iterator[ast.AST]:
+def statements(tree: ast.Module) -> Iterator[ast.AST]:
     """Yield all statements, also nested ones. Expressions are left out: they have no imports, and take most time."""
     waiting: list[ast.AST] = [tree]
     while waiting:
