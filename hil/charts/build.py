@@ -198,7 +198,10 @@ def _node_axes(extent: Extent, resolution: float) -> tuple[Array, Array]:
     first = [int(np.ceil(low / resolution - 1e-9)) for low in (extent[0], extent[2])]
     rows, columns = (int(np.floor(extent[k + 1] / resolution + 1e-9)) - first[k // 2] + 1 for k in (0, 2))
     if rows < 2 or columns < 2:
-        suggested = round_up(min(extent[1] - extent[0], extent[3] - extent[2]) / 20.0)
+        width = min(extent[1] - extent[0], extent[3] - extent[2])
+        if width == 0.0:
+            raise ConfigError("all soundings lie on one line along a meridian or parallel, or at one place: add others")
+        suggested = round_up(width / 20.0)
         raise ConfigError(
             f"--resolution: {resolution:g} m is larger than the area: use {suggested:g} m or a larger area"
         )

@@ -65,7 +65,7 @@ def read_points(path: str, positive: Positive = "auto", crs: str | None = None) 
     head = next(lines, None)
     if head is None:
         raise ConfigError(f"{path}: has no soundings: a line must have longitude, latitude and depth")
-    separator = next((mark for mark in ";\t," if mark in head), None)
+    separator = _separator(head)
     names = _cells(head, separator)
     has_names = not all(map(_is_number, names[:3]))
     first, second, third, geographic = _columns(names, path) if has_names else (0, 1, 2, True)
@@ -83,7 +83,8 @@ def read_points(path: str, positive: Positive = "auto", crs: str | None = None) 
     require_possible(path, rows[:, 2])
     up, note = detect_direction(path, positive, name, float(rows[:, 2].min()), float(rows[:, 2].max()))
     if not has_names:
-        note = f"{path}: names no columns: read as longitude, latitude and depth" + (f"; {note}" if note else "")
+        order = "longitude, latitude and depth" if crs is None else "east, north and depth"
+        note = f"{path}: names no columns: read as {order}" + (f"; {note}" if note else "")
     return Points(os.path.basename(path), rows[:, 1::-1], -rows[:, 2] if up else rows[:, 2], geographic, note)
 
 
@@ -130,6 +131,18 @@ def _open(path: str) -> IO[str]:
     if ending == ".bz2":
         return bz2.open(path, "rt", encoding="utf-8-sig", errors="replace")
     return open(path, encoding="utf-8-sig", errors="replace")
+
+
+def _separator(line: str) -> str | None:
+    """Return the separator of the columns of a file with this first line, None for blanks.
+
+    Commas between numbers that blanks separate are decimal commas.
+    """
+    mark = next((mark for mark in ";\t," if mark in line), None)
+    with_blanks = line.split()
+    numbers = [cell.replace(",", ".") for cell in with_blanks if cell[-1] != ","]
+    are_decimal = len(numbers) == len(with_blanks) > 2 and all(map(_is_number, numbers))
+    return None if mark == "," and are_decimal else mark
 
 
 def _cells(line: str, separator: str | None) -> list[str]:
@@ -182,8 +195,9 @@ def _numbers(lines: Iterable[str], separator: str | None, columns: tuple[int, ..
 def _check_degrees(rows: Array, geographic: bool, path: str) -> None:
     if geographic and (np.abs(rows[:, 1]).max() > 90.0 or np.abs(rows[:, 0]).max() > 360.0):
         raise ConfigError(
-            f"{path}: the columns of longitude and latitude are not degrees; if they are metres, add a first line "
-            '"east,north,depth" to the file, and name their coordinate system, for example --crs EPSG:32605'
+            f"{path}: the columns of longitude and latitude are not degrees in this order: add a first line "
+            '"latitude,longitude,depth" to the file; if they are metres "east,north,depth", and name their coordinate '
+            "system, for example --crs EPSG:32605"
         )
     if not geographic and np.abs(rows[:, :2]).max() > FARTHEST:
         raise ConfigError(f"{path}: has metres of an unknown coordinate system: name it, for example --crs EPSG:32605")

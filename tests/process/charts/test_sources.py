@@ -36,6 +36,8 @@ def geographic(north: np.ndarray, east: np.ndarray) -> list[np.ndarray]:
     ("c.xyz", "# soundings\n10.5 54.25 -7.5\n\n 10.6\t54.5 -9.0\n"),
     ("d.txt", "10.5\t54.25\t7.5\n10.6\t54.5\t9.0\n"),
     ("f.csv", "Breite;Länge;Tiefe;lat;lon;water_depth\na;b;c;54,25;10,5;7,5\na;b;c;54,5;10,6;9\n"),
+    ("h.xyz", "10,5 54,25 -7,5\n10,6 54,5 -9\n"),
+    ("i.csv", "10.5, 54.25, 7.5\n10.6, 54.5, 9\n"),
     ("g.xyz", "> a track of GMT\n10.5 54.25 -7.5 S1\n10.6 54.5 -9.0 S1\n"),
     ("e.csv", '"lon","lat","note","elevation"\n10.5,54.25,"a, b",-7.5\n10.6,54.5,,-9\n10.7,54.5,nothing,\n'),
 ])  # fmt: skip
@@ -46,6 +48,14 @@ def test_text_formats_of_soundings_are_read(tmp_path: Path, name: str, text: str
     assert points.geographic
     assert points.places.tolist() == [[54.25, 10.5], [54.5, 10.6]]
     assert points.depths.tolist() == [7.5, 9.0]
+
+
+def test_soundings_at_one_place_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "same.csv"
+    path.write_text("lon,lat,depth\n" + "10,54,5\n" * 9)
+    survey, extent = read_sources([str(path)], None)
+    with pytest.raises(ConfigError, match=r"all soundings lie on one line .* or at one place"):
+        build(survey, extent, 1.0)
 
 
 def test_compressed_soundings_in_metres_are_read_with_a_given_sign(tmp_path: Path) -> None:
@@ -66,7 +76,7 @@ def test_compressed_soundings_in_metres_are_read_with_a_given_sign(tmp_path: Pat
     ("lon,lat,colour\n1,2,3\n", "names the columns lon, lat, colour: longitude, latitude"),
     ("1,2,3\n1,2\n", "no sounding in row 2: '1,2'"),
     ("1,2,3\n1,x,2\n", "no sounding in row 2"),
-    ("400000,5900000,12\n", "are not degrees.*east,north,depth"),
+    ("400000,5900000,12\n", "are not degrees in this order.*latitude,longitude,depth.*east,north,depth"),
 ])  # fmt: skip
 def test_text_without_soundings_is_refused(tmp_path: Path, text: str, output: str) -> None:
     path = tmp_path / "bad.csv"
