@@ -90,16 +90,25 @@ class Raster(NamedTuple):
                 rasterio.open(self.file, driver=self.driver, **self.options) as source,
                 WarpedVRT(
                     source, src_crs=self.crs, crs=local, transform=where, width=len(east), height=len(north),
-                    resampling=how, src_nodata=source.nodata, nodata=np.nan, dtype="float32",
+                    resampling=how, src_nodata=_no_data(source, self.band), nodata=np.nan, dtype="float32",
                     UNIFIED_SRC_NODATA="NO",  # else a pixel without a depth counts if its uncertainty has a value
                 ) as warped,
             ):  # fmt: skip
                 found = warped.read(self.band)
         except (rasterio.errors.RasterioError, OSError) as error:
-            raise ConfigError(f"{self.name}: cannot be resampled: {error}") from None
+            raise ConfigError(f"{self.name}: cannot be resampled: {_cause(error)}") from None
         depths = self.scale * found[::-1].astype(float) + self.offset
         require_possible(self.name, depths[~np.isnan(depths)])
         return np.asarray(depths)
+
+
+def _no_data(source: Any, band: int) -> float | None:
+    """Return the value that marks pixels without a depth; nan for decimals without a declared one, as it is no depth.
+
+    GDAL spreads an undeclared nan to all pixels that it resamples together with it.
+    """
+    declared: float | None = source.nodata
+    return np.nan if declared is None and source.dtypes[band - 1].startswith("float") else declared
 
 
 def open_raster(path: str, positive: Positive = "auto", crs: str | None = None) -> Raster:
@@ -131,7 +140,16 @@ def open_raster(path: str, positive: Positive = "auto", crs: str | None = None) 
             with rasterio.open(file, driver=driver, **options) as source:
                 return _describe_raster(path, file, source, positive, crs)._replace(options=options, memory=memory)
     except (RasterioError, CPLE_BaseError, OSError) as error:
-        raise ConfigError(f"{path}: cannot be read as a raster: {error}") from None
+        raise ConfigError(
+            f"{path}: cannot be read as a raster, use a whole file of the format that its ending names: {_cause(error)}"
+        ) from None
+
+
+def _cause(error: BaseException) -> str:
+    """Return the text of the first of a chain of errors: rasterio's own text may refer to another one."""
+    while error.__cause__ is not None:
+        error = error.__cause__
+    return str(error)
 
 
 def _readable_s102(path: str) -> Any:
@@ -171,12 +189,18 @@ def _describe_raster(path: str, file: str, source: Any, positive: Positive, crs:
     if source.transform.is_identity:
         raise ConfigError(f"{path}: has no position on the earth: warp it to longitude and latitude")
     bounds = source.bounds
-    where = source.crs or (parse_crs(crs) if crs else None)
+    own = source.crs if source.crs and (source.crs.is_geographic or source.crs.is_projected) else None
+    where = own or (parse_crs(crs) if crs else None)  # a local one, of a building site or a pool, names no place
     if where is None and max(abs(bounds.top), abs(bounds.bottom)) > 90.0:
         raise ConfigError(
             f"{path}: has positions in metres but no coordinate system: name it, for example --crs EPSG:32605"
         )
     where = where or CRS.from_string(WGS84)
+    if where.is_geographic and (max(abs(bounds.top), abs(bounds.bottom)) > 91.0 or max(map(abs, bounds)) > 541.0):
+        raise ConfigError(
+            f"{path}: has a coordinate system in degrees, and positions up to {max(map(abs, bounds)):g}: correct the "
+            "file, for example with gdal_edit.py -a_srs EPSG:32605"
+        )
     west, south, east, north = bounds if where.is_geographic else transform_bounds(where, WGS84, *bounds)
     box = GeoBox(min(south, north), west, max(south, north), east + 360.0 if east < west else east)
     middle = source.height // 2, source.width // 2
@@ -193,6 +217,9 @@ def _describe_raster(path: str, file: str, source: Any, positive: Positive, crs:
     is_upwards, note = _detect_direction(path, file, source, positive, band, unit)
     sign = -unit if is_upwards else unit
     scale, offset = sign * source.scales[band - 1], sign * source.offsets[band - 1]
+    if own and crs and own != parse_crs(crs):
+        own_note = f"{path}: --crs is not used, because the file has its own coordinate system"
+        note = f"{note}; {own_note}" if note else own_note
     date = _date({**source.tags(), **source.tags(band)})
     return Raster(os.path.basename(path), file, source.driver, where, box, spacing, scale, offset, date, band, note)
 
@@ -223,11 +250,13 @@ def _date(tags: dict[str, str]) -> str:
 
 def parse_crs(name: str) -> Any:
     """Return the coordinate system with the name that the user gave. Raises ConfigError for an unknown one."""
+    import rasterio
     from rasterio.crs import CRS
     from rasterio.errors import CRSError
 
     try:
-        return CRS.from_user_input(name)
+        with rasterio.Env():  # else PROJ prints a line of its own
+            return CRS.from_user_input(name)
     except CRSError as error:
         raise ConfigError(f"--crs: {name}: unknown coordinate system ({error}); use for example EPSG:32605") from None
 

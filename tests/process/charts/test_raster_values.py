@@ -86,8 +86,34 @@ def test_an_undeclared_no_data_value_out_of_range_is_refused(mark: float, tmp_pa
 
 def test_a_local_coordinate_system_is_refused(tmp_path: Path) -> None:
     path = write(tmp_path / "pool.tif", DEPTHS, crs='LOCAL_CS["pool",UNIT["metre",1]]')
-    with pytest.raises(ConfigError, match=r"pool\.tif: cannot be read as a raster"):
+    with pytest.raises(ConfigError, match=r"pool\.tif: .*no coordinate system: name it, for example --crs EPSG:32605"):
         open_raster(path)
+    assert depth_of(open_raster(path, crs="EPSG:32632")) == MIDDLE
+
+
+def test_an_option_for_a_file_with_its_own_coordinate_system_is_reported_as_unused(tmp_path: Path) -> None:
+    path = write(tmp_path / "own.tif", DEPTHS, names=("depth",))
+    assert "own.tif: --crs is not used" in open_raster(path, crs="EPSG:32605").note
+    assert open_raster(path, crs="EPSG:32632").note == ""
+
+
+def test_metres_declared_as_degrees_are_refused_with_the_remedy(tmp_path: Path) -> None:
+    path = write(tmp_path / "wrong.tif", -DEPTHS, crs="EPSG:4326")
+    with pytest.raises(ConfigError, match=r"positions up to 6e\+06: correct the file, .* gdal_edit\.py -a_srs"):
+        open_raster(path)
+
+
+def test_a_truncated_file_is_refused_with_the_cause_and_the_remedy(tmp_path: Path) -> None:
+    path = Path(write(tmp_path / "half.tif", -DEPTHS))
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    with pytest.raises(ConfigError, match=r"half\.tif: cannot be read as a raster, use a whole file .*got 2220 bytes"):
+        open_raster(str(path))
+
+
+def test_undeclared_nan_leaves_the_depths_around_it(tmp_path: Path) -> None:
+    holes = -DEPTHS
+    holes[14, 18] = np.nan  # beside the middle, where four pixels meet
+    assert depth_of(open_raster(write(tmp_path / "holes.tif", holes))) == pytest.approx(28.25, abs=0.5)
 
 
 def test_an_undeclared_no_data_value_of_9999_is_refused(tmp_path: Path) -> None:
