@@ -176,9 +176,10 @@ def _mass(robot: Element, poses: dict[str, Pose], path: str) -> dict[str, Any]:
     for link in robot.findall("link"):
         inertial = link.find("inertial")
         if inertial is not None:
-            at = poses[link.get("name", "")].then(origin_of(inertial, path))
-            mass = number_of(attribute(inertial, "mass", "value"), path)
-            parts.append((mass, at.position, _turned(_inertia(inertial, path), at.rotation)))
+            where = f"{path}: link {link.get('name', '')!r}: <inertial>"
+            at = poses[link.get("name", "")].then(origin_of(inertial, where))
+            mass = number_of(attribute(inertial, "mass", "value"), f"{where}: <mass value>")
+            parts.append((mass, at.position, _turned(_inertia(inertial, f"{where}: <inertia>"), at.rotation)))
     mass = sum(part[0] for part in parts)
     if mass <= 0.0:
         return {}

@@ -2,6 +2,7 @@
 
 import re
 import threading
+from abc import ABC, abstractmethod
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -14,6 +15,17 @@ from hil.common.plugins import load_class, refusing
 
 class Contract(Protocol):
     def begin(self) -> None: ...
+
+
+class Base(ABC):
+    def begin(self) -> None: ...
+
+    @abstractmethod
+    def command(self) -> None: ...
+
+
+class Incomplete(Base):
+    """Derives from its contract, without the method that it has to define."""
 
 
 class Good:
@@ -37,6 +49,15 @@ def test_a_class_that_does_not_follow_the_contract_is_never_called(tmp_path: Pat
     with pytest.raises(ConfigError, match=rf"mine\.toml: force: {name} .*{words}"):
         load(name, **{key: ["touch", str(trace)]})
     assert not trace.exists()
+
+
+@pytest.mark.parametrize(
+    ("kind", "words"),
+    [("Incomplete", r"has no method 'command' \(see"), ("Good", r"has no method 'command' \(derive it from Base of")],
+)
+def test_a_class_without_an_abstract_method_is_reported_with_the_remedy(kind: str, words: str) -> None:
+    with pytest.raises(ConfigError, match=words):
+        load_class({"class": f"{__name__}:{kind}"}, Base, "mine.toml: planner")
 
 
 def test_nothing_is_imported_while_loading_is_refused() -> None:

@@ -216,7 +216,7 @@ BASE = '<link name="b"><inertial><mass value="1"/></inertial></link>'
         ('<robot><link name="b"/></robot>', "does not say mass, inertia, volume"),
         (
             '<robot><link name="b"><inertial><mass value="nan"/></inertial></link></robot>',
-            "expected a number, found 'nan'",
+            "link 'b': <inertial>: <mass value>: expected a number, found 'nan'",
         ),
         (f'<robot>{BASE}<plugin filename="thruster"><jointName>x</jointName></plugin></robot>', "the joint 'x'"),
         (f"<robot>{BASE}</robot>", "[[thrusters]]"),
