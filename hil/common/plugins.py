@@ -54,7 +54,7 @@ def load_class(table: dict[str, Any], contract: type, where: str) -> Any:
     kind = _find(name, f"{where}: class")
     if not isinstance(kind, type):
         raise ConfigError(f"{where}: {name} is no class")
-    undefined = getattr(kind, "__abstractmethods__", frozenset())
+    undefined: frozenset[str] = getattr(kind, "__abstractmethods__", frozenset())
     missing = [name for name in _methods(contract) if name in undefined or not callable(getattr(kind, name, None))]
     if missing:
         to_derive = isabstract(contract) and contract not in kind.__mro__

@@ -18,8 +18,6 @@ class Contract(Protocol):
 
 
 class Base(ABC):
-    def begin(self) -> None: ...
-
     @abstractmethod
     def command(self) -> None: ...
 
