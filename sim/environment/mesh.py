@@ -28,6 +28,7 @@ from sim.rotations import from_euler, matrix
 from sim.vehicle.mesh_files import MAX_BYTES, load_mesh
 
 MAX_TRIANGLES = 200_000
+MIN_SIZE = 1e-3  # m
 Share = Annotated[float, Range(0.0, 1.0)]
 Triangle = tuple[Vector3, Vector3, Vector3]
 
@@ -160,7 +161,7 @@ def _read(file: str, _mtime_ns: int, scale: float, up: str, where: str) -> tuple
     ending = os.path.splitext(file)[1]
     _check_count(_declared_count(file), file, where)  # before reading takes seconds and a gigabyte
     try:
-        triangles = np.asarray(load_mesh(file).triangles, float) * scale
+        triangles = np.asarray(load_mesh(file, clean=False).triangles, float) * scale
     except ConfigError:
         raise
     except Exception as error:  # noqa: BLE001 - readers raise any exception for damaged files
@@ -172,6 +173,9 @@ def _read(file: str, _mtime_ns: int, scale: float, up: str, where: str) -> tuple
             f"{where}: file: {file}: no triangles, or corners that are no numbers: look whether it is a whole {ending}"
         )
     _check_count(len(triangles), file, where)
+    size = float(np.ptp(triangles.reshape(-1, 3), axis=0).max())
+    if size < MIN_SIZE:
+        raise ConfigError(f"{where}: file: {file}: is {size:.3g} m large, less than {MIN_SIZE:g} m: set scale")
     order, signs = ([2, 0, 1], (1.0, -1.0, -1.0)) if up == "y" else ([0, 1, 2], (1.0, -1.0, -1.0))
     own = (triangles[..., order] * np.array(signs)).tolist()
     return tuple((tuple(a), tuple(b), tuple(c)) for a, b, c in own)

@@ -12,10 +12,11 @@ KINDS = (".stl", ".obj", ".dae", ".glb", ".gltf", ".ply", ".off")
 _HEAD = 1 << 16  # first bytes of a COLLADA file, which contain its unit
 
 
-def load_mesh(file: str) -> Any:
+def load_mesh(file: str, clean: bool = True) -> Any:
     """Return all meshes of a file as one `trimesh.Trimesh`, in the file's axes; COLLADA in m, others in their own unit.
 
-    The up axis of a COLLADA file is ignored, as Gazebo does. Raises ConfigError for a file that is missing, too large,
+    With `clean` equal corners become one, and triangles with corners that are no numbers are left out. The up axis of
+    a COLLADA file is ignored, as Gazebo does. Raises ConfigError for a file that is missing, too large,
     of an unknown format, or that declares XML entities; ImportError without trimesh; and the errors of trimesh's
     readers for damaged files.
     """
@@ -25,7 +26,7 @@ def load_mesh(file: str) -> Any:
     check_kind(file)
     ending = os.path.splitext(file)[1].lower()
     if ending == ".gltf":  # its vertices are in a file beside it
-        return trimesh.load(file, force="mesh")
+        return trimesh.load(file, force="mesh", process=clean)
     with open(file, "rb") as stream:
         factor = 1.0
         if ending == ".dae":
@@ -37,7 +38,7 @@ def load_mesh(file: str) -> Any:
             factor = float(match[1]) if match else 1.0
             stream.seek(0)
         # From a stream trimesh opens no further files: no materials, no textures.
-        loaded: Any = trimesh.load(stream, file_type=ending[1:], force="mesh")
+        loaded: Any = trimesh.load(stream, file_type=ending[1:], force="mesh", process=clean)
     if factor != 1.0:
         loaded.apply_scale(factor)
     return loaded

@@ -1,6 +1,7 @@
 """Meshes of a world: axes and scale of a file, rays, contact and sensors on them, and invalid files."""
 
-from math import cos, inf, pi, sin
+import struct
+from math import cos, inf, nan, pi, sin
 from pathlib import Path
 from typing import Any
 
@@ -147,6 +148,11 @@ def test_a_world_file_names_mesh_files_relative_to_itself(tmp_path: Path) -> Non
         ('[[mesh]]\nfile = "none.stl"\nnorth = 0\neast = 0\n', "none.stl: no such file"),
         ('[[mesh]]\nfile = "broken.stl"\nnorth = 0\neast = 0\n', r"mesh\[0\]: file: .*broken.stl: no"),
         ('[[mesh]]\nfile = "text.glb"\nnorth = 0\neast = 0\n', r"text.glb: no mesh that .*: damaged, or no .glb"),
+        (
+            '[[mesh]]\nfile = "block.stl"\nnorth = 0\neast = 0\nscale = 1e-6\n',
+            "block.stl: is .* m large, .*: set scale",
+        ),
+        ('[[mesh]]\nfile = "nan.stl"\nnorth = 0\neast = 0\n', r"nan.stl: no triangles, or corners that are no numbers"),
         ('[[mesh]]\nfile = "block.xyz"\nnorth = 0\neast = 0\n', r"block.xyz: its ending is that of no mesh .* .stl"),
         ('[[mesh]]\nfile = "large.stl"\nnorth = 0\neast = 0\n', r"300000 triangles are more than 200000: simplify"),
         ('[[mesh]]\nfile = "block.stl"\nnorth = 0\neast = 0\nup = "x"\n', "'x' is not one of"),
@@ -163,6 +169,9 @@ def test_invalid_meshes_are_refused(tmp_path: Path, text: str, output: str) -> N
     block(tmp_path)
     (tmp_path / "broken.stl").write_bytes(b"solid nothing\n" + bytes(range(256)))
     (tmp_path / "text.glb").write_text("no mesh")
+    first_corner = 84 + 12
+    whole = (tmp_path / "block.stl").read_bytes()
+    (tmp_path / "nan.stl").write_bytes(whole[:first_corner] + struct.pack("<f", nan) + whole[first_corner + 4 :])
     (tmp_path / "block.xyz").write_bytes((tmp_path / "block.stl").read_bytes())
     with (tmp_path / "large.stl").open("wb") as large:
         large.write(bytes(80) + (300_000).to_bytes(4, "little"))
