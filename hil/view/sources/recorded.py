@@ -10,6 +10,7 @@ from hil.recording.reader import read_messages
 from hil.ros import encoders as ros
 from hil.ros.diagnostics import Diagnostics
 from hil.view.sources.paced_time import PacedTime
+from hil.view.sources.source import OfflineSource
 
 LARGEST = 2 << 30  # bytes of messages in memory
 
@@ -38,7 +39,7 @@ class _Column:
         return self._decoded[1]
 
 
-class RecordedSource:
+class RecordedSource(OfflineSource):
     """The vehicles of a recording (a file or a folder). Raises ConfigError, MissingExtraError."""
 
     recorder = None
@@ -80,21 +81,6 @@ class RecordedSource:
         column = self._columns[name].get("diagnostics")
         value = column.at("diagnostics", self._now_ns) if column else None
         return Diagnostics(value[0][3] if value else {})
-
-    def vehicle(self, _name: str) -> None:
-        """Return None, as a recording cannot be commanded."""
-        return
-
-    def delays_ms(self, _name: str) -> tuple[list[float], dict[str, float]]:
-        """Return no delays; `uuv-hil plot` draws those of a recording."""
-        return [], {}
-
-    def show(self, viewed: bool, with_pictures: bool) -> None:
-        """Do nothing, as the pictures of a recording are always read."""
-
-    def log_lines(self) -> list[str]:
-        """Return no lines, as a recording has no log."""
-        return []
 
     @property
     def _now_ns(self) -> int:

@@ -10,6 +10,7 @@ from hil.ros.images import Picture
 from hil.ros.joints import JointStates
 from hil.ros.topics import first_of
 from hil.view.sources.paced_time import PacedTime
+from hil.view.sources.source import OfflineSource
 from sim.simulation import Simulation
 
 IMAGES = ("forward_sonar", "side_scan")
@@ -25,7 +26,7 @@ class SimulatedVehicle(Protocol):
     pwm_us: tuple[int, ...]
 
 
-class SimulatedSource:
+class SimulatedSource(OfflineSource):
     """The vehicles of a simulation by name, all with the same simulation time."""
 
     recorder = None
@@ -71,21 +72,6 @@ class SimulatedSource:
         figures.pwm_us = tuple(vehicle.pwm_us)
         figures.contacts = vehicle.simulation.contacts
         return figures
-
-    def vehicle(self, _name: str) -> None:
-        """Return None, as the scenario's planner commands the vehicle."""
-        return
-
-    def delays_ms(self, _name: str) -> tuple[list[float], dict[str, float]]:
-        """Return no delays, as there is no network and no link."""
-        return [], {}
-
-    def show(self, viewed: bool, with_pictures: bool) -> None:
-        """Do nothing, as the scenario decides which cameras and sonars are simulated."""
-
-    def log_lines(self) -> list[str]:
-        """Return no lines; the run's outcome has its events."""
-        return []
 
     def pace(self, update: Callable[[], None], wait: Callable[[float], None]) -> Callable[[Any], None]:
         """Return a function that delays each step of a flight until its time.

@@ -45,3 +45,22 @@ class Source(Protocol):
 
     def log_lines(self) -> list[str]:
         """Return what happened since the last call, a line each."""
+
+
+class OfflineSource:
+    """Base of sources without a network: nobody commands the vehicles, and there are no delays and no log."""
+
+    def vehicle(self, _name: str) -> None:
+        """Return None, as the recording or the planner of the simulation decides what the vehicle does."""
+        return
+
+    def delays_ms(self, _name: str) -> tuple[list[float], dict[str, float]]:
+        """Return no delays."""
+        return [], {}
+
+    def show(self, viewed: bool, with_pictures: bool) -> None:
+        """Do nothing, as all samples are there whether somebody looks or not."""
+
+    def log_lines(self) -> list[str]:
+        """Return no lines."""
+        return []
