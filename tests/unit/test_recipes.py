@@ -134,6 +134,6 @@ def test_each_topic_has_a_definition() -> None:
 
 def test_the_files_named_by_the_recipes_exist() -> None:
     root = Path(__file__).parents[2]
-    named = re.findall(r"`((?:hil|sim|boards|tests|docs)/[\w/.]+)`", TEXT)
+    named = re.findall(r"`((?:hil|sim|boards|tests|docs|tools)/[\w/.]+)`", TEXT)
     assert len(named) > 10
     assert [name for name in named if "NAME" not in name and not (root / name).exists()] == []
