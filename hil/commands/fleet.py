@@ -9,9 +9,10 @@ from hil.common.children import module_command
 from hil.common.columns import aligned
 from hil.common.errors import ConfigError, DeviceError
 from hil.common.options import add_changes, add_json, add_scenario_name, changes_of, new_parser
+from hil.common.schema import find_preset
 from hil.common.tables import read_bytes
 from hil.install import fleet
-from hil.scenario.config import load_scenario
+from hil.scenario.config import SCENARIOS, load_scenario
 
 EXAMPLES = """\
 Each [[member]] of the scenario becomes a slave with a log in ~/.cache/uuv-hil/fleet-NAME of its machine. They run
@@ -52,9 +53,10 @@ def main(arguments: list[str]) -> int:
         for one in started:
             print(f"{one.member}: started{f' on {one.host}' if one.host else ''}, process {one.pid}")
         return 0
-    members, ssh = fleet.load_started(options.scenario)
+    path = os.path.abspath(find_preset(SCENARIOS, options.scenario))
+    members, ssh = fleet.load_started(path, options.scenario)
     if options.action == "down":
-        states = fleet.stop(options.scenario, members, ssh)
+        states = fleet.stop(path, members, ssh)
         failed = [one for one in states if one.state == "unreachable"]
     else:
         states = fleet.query_states(members, ssh)
@@ -65,8 +67,10 @@ def main(arguments: list[str]) -> int:
         print(*aligned([(one.member, one.host or "here", one.state, one.last) for one in states]), sep="\n")
     if options.action == "down" and failed:
         names = ", ".join(one.member for one in failed)
-        path = fleet.state_file(options.scenario)
-        print(f"{names}: not stopped, still listed in {path}: run `down` again, or remove that file", file=sys.stderr)
+        print(
+            f"{names}: not stopped, still listed in {fleet.state_file(path)}: run `down` again, or remove that file",
+            file=sys.stderr,
+        )
     return DeviceError.exit_code if failed else 0
 
 

@@ -11,7 +11,7 @@ import os
 import shlex
 import subprocess
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from hil.common.errors import ConfigError, DeviceError
 
@@ -105,7 +105,9 @@ def start(
     """
     path = state_file(scenario)
     if os.path.exists(path):
-        raise ConfigError(f"{path}: this fleet is already started; stop it first: uuv-hil fleet down {scenario}")
+        running = _load(path)["scenario"]
+        which = "this fleet" if running == scenario else "another fleet of this name"
+        raise ConfigError(f"{path}: {which} is already started; stop it first: uuv-hil fleet down {running}")
     folder = f".cache/uuv-hil/fleet-{os.path.splitext(os.path.basename(path))[0]}"
     started: list[Started] = []
     try:
@@ -115,10 +117,10 @@ def start(
             command = shlex.join([*programs[host], "slave", file, "--member", member, *options])
             started.append(Started(member, host, 0, 0, member_folder))
             script = _fill_script(START, started[-1], GRACE_S, command)
-            _save_started(path, started, ssh)
+            _save_started(scenario, started, ssh)
             pid, start_ticks = map(int, _run(host, script, ssh, text).split())
             started[-1] = Started(member, host, pid, start_ticks, member_folder)
-            _save_started(path, started, ssh)
+            _save_started(scenario, started, ssh)
         for state in query_states(started, ssh):
             if state.state != "running":
                 where = f" on {state.host}" if state.host else ""
@@ -129,19 +131,17 @@ def start(
     return started
 
 
-def load_started(scenario: str) -> tuple[list[Started], str]:
-    """Return the started members and the ssh command. Raises ConfigError if there are none, or the file is damaged."""
+def load_started(scenario: str, name: str) -> tuple[list[Started], str]:
+    """Return the started members and the ssh command; `name` is what the user calls the scenario at path `scenario`.
+
+    Raises ConfigError if there are none, or the file is damaged.
+    """
     path = state_file(scenario)
-    try:
-        with open(path, encoding="utf-8") as file:
-            table = json.load(file)
-        return [Started(**entry) for entry in table["members"]], table["ssh"]
-    except FileNotFoundError:
-        raise ConfigError(
-            f"no member of {scenario} was started from this machine; start them: uuv-hil fleet up {scenario}"
-        ) from None
-    except (ValueError, TypeError, KeyError):
-        raise ConfigError(f"{path}: is damaged; stop the slaves by hand and remove it") from None
+    table = _load(path) if os.path.exists(path) else {}
+    if table and table["scenario"] == scenario:
+        return table["members"], table["ssh"]
+    other = f" ({table['scenario']} was: another fleet of this name)" if table else ""
+    raise ConfigError(f"no member of {name} was started from this machine{other}; start them: uuv-hil fleet up {name}")
 
 
 def query_states(members: Sequence[Started], ssh: str) -> list[MemberState]:
@@ -169,7 +169,7 @@ def stop(scenario: str, members: Sequence[Started], ssh: str, forget_incomplete:
             states.append(MemberState(one.member, one.host, "unreachable", str(error)))
             unreachable += [one] if one.pid or not forget_incomplete else []
     if unreachable:
-        _save_started(state_file(scenario), unreachable, ssh)
+        _save_started(scenario, unreachable, ssh)
     elif os.path.exists(state_file(scenario)):
         os.unlink(state_file(scenario))
     return states
@@ -198,11 +198,23 @@ def _run(host: str, script: str, ssh: str, text: str = "") -> str:
     return result.stdout
 
 
-def _save_started(path: str, members: Sequence[Started], ssh: str) -> None:
+def _load(path: str) -> dict[str, Any]:
+    """Return what `_save_started` has written. Raises ConfigError if the file is damaged."""
+    try:
+        with open(path, encoding="utf-8") as file:
+            table = json.load(file)
+        members = [Started(**entry) for entry in table["members"]]
+        return {"scenario": str(table["scenario"]), "ssh": str(table["ssh"]), "members": members}
+    except (ValueError, TypeError, KeyError):
+        raise ConfigError(f"{path}: is damaged; stop the slaves by hand and remove it") from None
+
+
+def _save_started(scenario: str, members: Sequence[Started], ssh: str) -> None:
+    path = state_file(scenario)
     try:
         os.makedirs(os.path.dirname(path), mode=0o700, exist_ok=True)
         with open(f"{path}.new", "w", encoding="utf-8") as file:
-            json.dump({"ssh": ssh, "members": [one._asdict() for one in members]}, file, indent=1)
+            json.dump({"scenario": scenario, "ssh": ssh, "members": [one._asdict() for one in members]}, file, indent=1)
         os.replace(f"{path}.new", path)
     except OSError as error:
         raise DeviceError(f"{path}: cannot be written: {error.strerror}") from None

@@ -70,6 +70,23 @@ def test_up_starts_status_shows_and_down_ends_the_slaves(command: Command) -> No
     assert command.run("status").returncode == 2
 
 
+def test_a_fleet_of_the_same_name_in_another_folder_is_another_fleet(command: Command, tmp_path: Path) -> None:
+    assert command.run("up").returncode == 0
+    first, folder = command.scenario, tmp_path / "other"
+    folder.mkdir()
+    command.scenario = folder / first.name
+    command.scenario.write_text(first.read_text())
+    for action in ("status", "down"):
+        done = command.run(action)
+        assert (done.returncode, f"{first} was: another fleet of this name" in done.stderr) == (2, True), done.stderr
+    up = command.run("up")
+    assert up.returncode == 2
+    assert f"another fleet of this name is already started; stop it first: uuv-hil fleet down {first}" in up.stderr
+    assert len(command.slaves()) == 2
+    command.scenario = first
+    assert command.run("down").returncode == 0
+
+
 def test_set_changes_keys_of_the_scenario(command: Command) -> None:
     wrong = command.run("up", "--set", "slave.realtime=7")
     assert wrong.returncode == 2
