@@ -23,6 +23,7 @@ Origin = tuple[float, float]  # latitude and longitude, deg
 
 MAX_ROWS = 60  # of a profile: more are averaged, because every sound ray passes all of them
 MAX_BYTES = 16 << 20
+MAX_ABOVE = 1.0  # m or dbar: sensors on deck and offsets of pressure read a little less than zero
 _NAMES = {
     "depth": "depth", "depsm": "depth", "pressure": "pressure", "pres": "pressure", "prdm": "pressure",
     "temperature": "temperature", "temp": "temperature", "t090c": "temperature", "salinity": "salinity",
@@ -74,12 +75,16 @@ def _read(path: str) -> Columns:
     for number, row in enumerate(rows, 2):
         for name, place in places.items():
             try:
-                value = float(row[place])
+                value = float(row[place].replace(",", "."))  # a decimal comma, unless commas separate columns
             except (ValueError, IndexError):
                 value = float("nan")
             if not isfinite(value):
                 raise ConfigError(f"{path}: row {number} has no number for {name}: leave the row out")
             columns[name].append(value)
+    along = "depth" if "depth" in columns else "pressure"
+    if min(columns[along]) < -MAX_ABOVE:
+        raise ConfigError(f"{path}: column {along}: {min(columns[along]):g} is above the surface: it counts downwards")
+    columns[along] = [max(0.0, value) for value in columns[along]]
     return columns
 
 

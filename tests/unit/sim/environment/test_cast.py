@@ -66,6 +66,16 @@ def test_pressure_is_converted_to_depth_and_long_casts_are_averaged(tmp_path: Pa
     assert found.depth[-1] == pytest.approx(786.0, abs=3.0), "799.5 dbar less half a bin are 786 m"
 
 
+def test_decimal_commas_are_read_where_commas_separate_no_columns(tmp_path: Path) -> None:
+    comma = profile(tmp_path, "depth;temperature;salinity\n0,5;14,25;30,5\n20;11;31,5\n")
+    assert comma == profile(tmp_path, "depth,temperature,salinity\n0.5,14.25,30.5\n20,11,31.5\n")
+
+
+def test_a_pressure_a_little_below_zero_is_the_surface(tmp_path: Path) -> None:
+    found = profile(tmp_path, "pressure,temperature,salinity\n-0.4,11,35\n-0.2,13,35\n20,9,35\n")
+    assert found == profile(tmp_path, "pressure,temperature,salinity\n0,12,35\n20,9,35\n")
+
+
 def test_measured_columns_are_used_unchanged_and_changed_files_read_again(tmp_path: Path) -> None:
     text = "depth,density,sound_speed\n0,1025,1500\n40,1026,1490\n"
     assert profile(tmp_path, text) == Profile((0.0, 40.0), (1025.0, 1026.0), (1500.0, 1490.0))
@@ -80,6 +90,7 @@ def test_measured_columns_are_used_unchanged_and_changed_files_read_again(tmp_pa
     ("depth,temperature,salinity\n0,283,35\n", "out of -3 to 45"),
     ("depth,density,sound_speed\n0,1025,150\n", r"ctd.csv: sound_speed\[0\]: 150 m/s is outside"),
     ("depth,temperature,salinity\n", "holds no row"),
+    ("depth,temperature,salinity\n-1,10,35\n-50,8,35\n", "ctd.csv: column depth: -50 is above the surface: it counts"),
 ])  # fmt: skip
 def test_errors_name_the_column_and_the_row(tmp_path: Path, text: str, words: str) -> None:
     with pytest.raises(ConfigError, match=words):
