@@ -80,21 +80,21 @@ def require_wrenches(forces: "Sequence[Force]", state: "State") -> None:
             raise ConfigError(f"the force {name} returned {wrench!s:.60}: a wrench is six numbers, X Y Z K M N")
 
 
-def _require_records(key: str, given: Any, record_type: type[Any]) -> None:
-    for number, record in enumerate(_require_list(key, given, f"{record_type.__name__} records")):
+def _require_records(key: str, value: Any, record_type: type[Any]) -> None:
+    for number, record in enumerate(_require_list(key, value, f"{record_type.__name__} records")):
         if not isinstance(record, record_type):
             raise ConfigError(f"{key}[{number}] is {record!s:.40}: give a {record_type.__name__}")
         parse(record._asdict(), record_type, f"{key}[{number}]")
 
 
-def _require_list(key: str, given: Any, expected: str) -> Sequence[Any]:
-    """Return `given` if it is a list or a tuple. A NamedTuple is one record, not a list, and is refused.
+def _require_list(key: str, value: Any, expected: str) -> Sequence[Any]:
+    """Return `value` if it is a list or a tuple. A NamedTuple is one record, not a list, and is refused.
 
     Raises ConfigError, which names the `expected` items.
     """
-    if not isinstance(given, (list, tuple)) or hasattr(given, "_asdict"):
-        raise ConfigError(f"{key} = {given!s:.40}: give a list of {expected}")
-    return given
+    if not isinstance(value, (list, tuple)) or hasattr(value, "_asdict"):
+        raise ConfigError(f"{key} = {value!s:.40}: give a list of {expected}")
+    return value
 
 
 def _require_vector(key: str, numbers: Sequence[float], limit: float, count: int) -> None:

@@ -16,7 +16,7 @@ def find_cause(dynamics: Dynamics, state: State, wrench: Sequence[float], curren
     `state` is the last finite state, `wrench` (N, N m, body axes) that of thrusters and waves, `current` the velocity
     of the water (NED, m/s).
     """
-    given = {
+    candidates = {
         "its position": (state.position, "set finite numbers"),
         "its attitude": (state.quaternion, "set finite numbers"),
         "its velocity": (state.nu, "set finite numbers"),
@@ -24,7 +24,7 @@ def find_cause(dynamics: Dynamics, state: State, wrench: Sequence[float], curren
         "the current": (current, "look at the world's currents and waves"),
         "the wrench of thrusters and waves": (wrench, "look at the thrusters' curves and lags"),
     }
-    for name, (numbers, remedy) in given.items():
+    for name, (numbers, remedy) in candidates.items():
         bad = _first_not_finite(numbers)
         if bad is not None:
             return f"{name} is {bad:g}: {remedy}"

@@ -71,9 +71,9 @@ class EventLog:
     def __len__(self) -> int:
         return len(self._events)
 
-    def record(self, kind: EventKind, since_ns: int, until_ns: int, position: Sequence[float], what: str = "") -> None:
+    def record(self, kind: EventKind, since_ns: int, until_ns: int, position: Sequence[float], name: str = "") -> None:
         """Record that a condition held from `since_ns` to `until_ns`, with the vehicle at `position` (NED, m)."""
-        newest = self._newest.get((kind, what))
+        newest = self._newest.get((kind, name))
         if newest is not None:
             event = self._events[newest]
             if since_ns - event.end_ns <= JOIN_NS:
@@ -82,9 +82,9 @@ class EventLog:
         if len(self._events) >= MAX_EVENTS:
             self.dropped += 1
             return
-        self._newest[kind, what] = len(self._events)
+        self._newest[kind, name] = len(self._events)
         north, east, depth = position
-        self._events.append(RunEvent(kind, since_ns, until_ns - since_ns, (north, east, depth), what))
+        self._events.append(RunEvent(kind, since_ns, until_ns - since_ns, (north, east, depth), name))
 
     def new_events(self) -> list[RunEvent]:
         """Return the events that have been added since the last call."""
@@ -180,13 +180,13 @@ def decode_events(text: str) -> tuple[RunEvent, ...]:
     """Return the events of a text of `encode_events`; lines that are no events are left out."""
     events = []
     for line in text.splitlines():
-        words = line.split(" ", 6)
+        fields = line.split(" ", 6)
         try:
-            start, duration, *position = int(words[1]), int(words[2]), *map(float, words[3:6])
+            start, duration, *position = int(fields[1]), int(fields[2]), *map(float, fields[3:6])
             north, east, depth = position
         except (ValueError, IndexError):
             continue
-        if words[0] in KINDS and duration >= 0 and abs(north) + abs(east) + abs(depth) < inf:
-            what = words[6] if len(words) > 6 else ""
-            events.append(RunEvent(words[0], start, duration, (north, east, depth), what))
+        if fields[0] in KINDS and duration >= 0 and abs(north) + abs(east) + abs(depth) < inf:
+            what = fields[6] if len(fields) > 6 else ""
+            events.append(RunEvent(fields[0], start, duration, (north, east, depth), what))
     return tuple(events)

@@ -188,17 +188,18 @@ class Tether:
         keys, dt = self.keys, self._dt
         change = min(abs(self._target_length - self.length), keys.winch_speed * dt)
         self.length += change if self._target_length > self.length else -change
-        rest = self.length / keys.segments
-        mass = (keys.mass + self._world.density * self._area) * rest  # with added mass
-        spring = min(keys.stiffness / rest, _MAX_STIFFNESS * mass / dt**2)
+        rest_length = self.length / keys.segments
+        mass = (keys.mass + self._world.density * self._area) * rest_length  # with added mass
+        spring = min(keys.stiffness / rest_length, _MAX_STIFFNESS * mass / dt**2)
         self.nodes[0], self.nodes[-1] = self._anchor(self._time_ns * 1e-9), list(end.position)
         self._velocities[0], self._velocities[-1] = list(keys.anchor_velocity), list(end.velocity)
-        loads, drags = self._loads(rest)
+        loads, drags = self._loads(rest_length)
         damping = 2.0 * _DAMPING_RATIO * sqrt(spring * mass)
         last = keys.segments
         lying = [0 < i < last and z >= self._world.seabed(x, y) for i, (x, y, z) in enumerate(self.nodes)]
         chain = Chain(
-            self.nodes, self._velocities, loads, drags, mass, end.inertia, rest, spring, damping, self._pulls, lying
+            self.nodes, self._velocities, loads, drags, mass, end.inertia, rest_length, spring, damping,
+            self._pulls, lying,
         )  # fmt: skip
         self._velocities, self._pulls, force = step_chain(chain, dt)
         self._force = [a + b for a, b in zip(force, loads[-1], strict=True)]
@@ -208,12 +209,12 @@ class Tether:
         self.anchor_tension = sqrt(sum([(share * x + load) ** 2 for x, load in zip(first, loads[0], strict=True)]))
         self._move(dt)
 
-    def _loads(self, rest: float) -> tuple[list[list[float]], list[float]]:
+    def _loads(self, rest_length: float) -> tuple[list[list[float]], list[float]]:
         """Return weight plus drag of each node (N, NED), and the slope of its drag over the speed (N s/m)."""
         keys, density = self.keys, self._world.density
         loads, drags = [[0.0, 0.0, 0.0] for _ in self.nodes], [0.0 for _ in self.nodes]
         across, along = 0.5 * density * keys.drag * keys.diameter, 0.5 * density * keys.drag_along * pi * keys.diameter
-        wet, dry = 0.5 * rest * (keys.mass - density * self._area), 0.5 * rest * keys.mass
+        wet, dry = 0.5 * rest_length * (keys.mass - density * self._area), 0.5 * rest_length * keys.mass
         gravity = self._world.gravity
         for i in range(len(self.nodes) - 1):
             (ax, ay, az), (bx, by, bz) = self.nodes[i], self.nodes[i + 1]

@@ -121,26 +121,26 @@ class Contact:
             (xx * x + xy * y + xz * z, yx * x + yy * y + yz * z, zx * x + zy * y + zz * z, radius)
             for x, y, z, radius in self.shape.points
         ]
-        found: list[tuple[float, Vector3, Vector3, str]] = []
+        contacts: list[tuple[float, Vector3, Vector3, str]] = []
         if self._relief is not None:
             if self._is_low(state):
                 relief_points = self._relief.points(rotation)
                 touches = self._relief.touches(position, relief_points, self._max_depth)
-                found += [(*touch, SEABED) for touch in touches]
+                contacts += [(*touch, SEABED) for touch in touches]
         else:
             altitude = self._seabed - position[2]
             for x, y, z, radius in points:
                 depth = z + radius - altitude
                 if depth > -SKIN:
-                    found.append((depth, (0.0, 0.0, -1.0), (x, y, z + radius), SEABED))
+                    contacts.append((depth, (0.0, 0.0, -1.0), (x, y, z + radius), SEABED))
         if self._is_near(state):
-            found += self._find_solids(state, points, rotation)
-        if not found or max([touch[0] for touch in found]) <= -_TOUCHING:
+            contacts += self._find_solids(state, points, rotation)
+        if not contacts or max([touch[0] for touch in contacts]) <= -_TOUCHING:
             return []
-        found.sort(key=lambda touch: -round(touch[0] / SKIN))
+        contacts.sort(key=lambda touch: -round(touch[0] / SKIN))
         return [
             Touch(depth, _to_body(rotation, normal), _to_body(rotation, point), what)
-            for depth, normal, point, what in found[:_MAX_TOUCHES]
+            for depth, normal, point, what in contacts[:_MAX_TOUCHES]
         ]
 
     def _is_low(self, state: State) -> bool:
@@ -282,7 +282,7 @@ class Contact:
         """Return the contacts with obstacles; update how far the vehicle can move before another one is possible."""
         self._free = self._find_near(state)
         position = self._north, self._east, down = state.position
-        found: list[tuple[float, Vector3, Vector3, str]] = []
+        contacts: list[tuple[float, Vector3, Vector3, str]] = []
         needs_rays = False
         for obstacle in self._near:
             away = obstacle.separation(self._north, self._east)[0] - self.radius
@@ -292,11 +292,11 @@ class Contact:
                     needs_rays = True
                     continue
                 touches = solid_touches(obstacle, self.shape, position, points)
-                found += [(*touch, obstacle.label) for touch in touches]
+                contacts += [(*touch, obstacle.label) for touch in touches]
         if needs_rays:
             assert self._meshes
-            found += self._meshes.touches(position, rotation)
-        return found
+            contacts += self._meshes.touches(position, rotation)
+        return contacts
 
     def _find_near(self, state: State) -> float:
         """Update the list of near obstacles if needed; return a lower bound (m) of the distance to all others."""

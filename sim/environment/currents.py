@@ -25,19 +25,19 @@ UPDATE_NS = 10_000_000  # between two updates of a Gauss-Markov current
 
 def ocean_current(ocean: Ocean, steady: Velocity, seed: int) -> Current:
     """Return the sum of all currents of an ocean and the `steady` one (m/s, NED); `seed` is the scenario's."""
-    parts: list[Current] = []
+    currents: list[Current] = []
     if ocean.layers:
-        parts.append(layered(ocean.layers))
+        currents.append(layered(ocean.layers))
     if ocean.gauss_markov:
-        parts.append(GaussMarkovCurrent(ocean.gauss_markov, seed))
+        currents.append(GaussMarkovCurrent(ocean.gauss_markov, seed))
     if ocean.tide:
-        parts.append(tidal(ocean.tide))
+        currents.append(tidal(ocean.tide))
     if ocean.series:
-        parts.append(recorded(ocean.series))
+        currents.append(recorded(ocean.series))
 
     def current(time_ns: int, depth: float) -> Velocity:
         north, east, down = steady
-        for part in parts:
+        for part in currents:
             to_north, to_east, to_down = part(time_ns, depth)
             north += to_north
             east += to_east

@@ -124,14 +124,14 @@ def jerlov(water: str, depth: float = 5.0, distance: float | None = None, forwar
     passing = np.exp(-beam * distance)
     channels = []
     for middle, width in _SENSITIVITY.values():
-        seen = np.exp(-0.5 * ((spectrum.wavelength - middle) / width) ** 2)
-        lit, far = seen @ daylight, seen @ veil
+        response = np.exp(-0.5 * ((spectrum.wavelength - middle) / width) ** 2)
+        lit, far = response @ daylight, response @ veil
         channels.append((
-            -np.log(seen @ (daylight * passing) / lit) / distance,
-            -np.log(seen @ (veil * passing) / far) / distance,
-            far / seen.sum(),
-            lit / seen.sum(),
-            seen @ spectrum.scattering / seen.sum(),
+            -np.log(response @ (daylight * passing) / lit) / distance,
+            -np.log(response @ (veil * passing) / far) / distance,
+            far / response.sum(),
+            lit / response.sum(),
+            response @ spectrum.scattering / response.sum(),
         ))  # fmt: skip
     return Water(*(tuple(map(float, row)) for row in zip(*channels, strict=True)))  # type: ignore[arg-type]  # three each
 

@@ -58,11 +58,11 @@ def _cells(terrain: Terrain, point: Coordinates, reach: float) -> Iterator[list[
 def _shallow_part(corners: list[Corner], depth: float) -> list[Coordinates]:
     """Return the polygon of a cell's shallow part: its shallow corners, and where the contour crosses its edges."""
     ring: list[Coordinates] = []
-    for (row, column, here), (to_row, to_column, there) in pairwise([*corners, corners[0]]):
-        if here <= depth:
+    for (row, column, from_depth), (to_row, to_column, to_depth) in pairwise([*corners, corners[0]]):
+        if from_depth <= depth:
             ring.append((row, column))
-        if (here <= depth) != (there <= depth):
-            share = (depth - here) / (there - here)
+        if (from_depth <= depth) != (to_depth <= depth):
+            share = (depth - from_depth) / (to_depth - from_depth)
             ring.append((row + share * (to_row - row), column + share * (to_column - column)))
     return ring
 

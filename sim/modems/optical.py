@@ -43,11 +43,11 @@ def bit_error(modem: OpticalModem, source: Vector3, ahead: Vector3, position: Ve
     offset = tuple(b - a for a, b in zip(source, position, strict=True))
     distance = max(sqrt(sum(x * x for x in offset)), 1e-3)
     out = sum(a * b for a, b in zip(ahead, offset, strict=True)) / distance
-    back = -sum(a * b for a, b in zip(axis, offset, strict=True)) / distance
-    if out <= 0.0 or back <= 0.0 or acos(min(back, 1.0)) > modem.view:
+    cos_incidence = -sum(a * b for a, b in zip(axis, offset, strict=True)) / distance
+    if out <= 0.0 or cos_incidence <= 0.0 or acos(min(cos_incidence, 1.0)) > modem.view:
         return 0.5
     order = -log(2.0) / log(cos(modem.half_angle)) if modem.half_angle < 0.5 * pi else 1.0
-    light = _light(distance, modem.attenuation) * out**order * back
+    light = _light(distance, modem.attenuation) * out**order * cos_incidence
     q = _quality_at_reach() * light / _light(modem.reach, _CLEAR)
     return 0.5 * exp(-0.5 * min(q * q, 1400.0))
 

@@ -33,13 +33,13 @@ def ambient_noise(frequency: float, wind: float, shipping: float) -> float:
     Coates (1990), as in Stojanovic (WUWNet 2006); the constants were read in ns-3 (uan-noise-model-default.cc).
     """
     f = frequency / 1000.0
-    parts = (
+    levels = (
         17.0 - 30.0 * log10(f),
         40.0 + 20.0 * (shipping - 0.5) + 26.0 * log10(f) - 60.0 * log10(f + 0.03),
         50.0 + 7.5 * sqrt(wind) + 20.0 * log10(f) - 40.0 * log10(f + 0.4),
         -15.0 + 20.0 * log10(f),
     )
-    return 10.0 * log10(sum(power(part) for part in parts))
+    return 10.0 * log10(sum(power(part) for part in levels))
 
 
 def power(level: float) -> float:
@@ -71,10 +71,10 @@ def paths(level_distance: float, source_depth: float, receiver_depth: float, dep
 
 def _images(source: float, depth: float, bounces: int) -> Iterator[tuple[float, int, int]]:
     """Yield the depths of the image sources, and their numbers of reflections at surface and bottom."""
-    for turn in range(bounces + 1):
-        around = 2.0 * turn * depth
-        yield source + around, turn, turn  # leaves upwards, comes from below; no bounce at all for turn 0
-        yield -source - around, turn + 1, turn
-        if turn:
-            yield source - around, turn, turn
-            yield around - source, turn - 1, turn
+    for bounce in range(bounces + 1):
+        around = 2.0 * bounce * depth
+        yield source + around, bounce, bounce  # leaves upwards, comes from below; no bounce at all for turn 0
+        yield -source - around, bounce + 1, bounce
+        if bounce:
+            yield source - around, bounce, bounce
+            yield around - source, bounce - 1, bounce

@@ -21,17 +21,17 @@ class Boxes(NamedTuple):
     sides: NDArray[np.float64]
 
 
-def boxes_within(geometry: Geometry, trees: dict[int, NDArray[np.float64]], place: Any, reach: float) -> Boxes:
-    """Return the boxes of all solids except half spaces, clipped to about `reach` m around `place` (NED, m).
+def boxes_within(geometry: Geometry, trees: dict[int, NDArray[np.float64]], centre: Any, reach: float) -> Boxes:
+    """Return the boxes of all solids except half spaces, clipped to about `reach` m around `centre` (NED, m).
 
     `trees` is a cache of the boxes of meshes, by the number of their root node.
     """
     rows = np.frombuffer(geometry.solids).reshape(-1, ROW) if len(geometry.solids) else np.empty((0, ROW))
-    north, east = rows[:, POSITION] - place[0], rows[:, POSITION + 1] - place[1]
+    north, east = rows[:, POSITION] - centre[0], rows[:, POSITION + 1] - centre[1]
     within = np.flatnonzero(north**2 + east**2 <= (rows[:, REACH] + reach) ** 2)
     rows = rows[within]
     turns = rows[:, ROTATION:SIZES].reshape(-1, 3, 3)
-    own = np.einsum("nij,ni->nj", turns, np.asarray(place) - rows[:, POSITION:ROTATION])
+    own = np.einsum("nij,ni->nj", turns, np.asarray(centre) - rows[:, POSITION:ROTATION])
     numbers: list[int] = []
     lows, highs = [], []
     for number, row in enumerate(rows):
@@ -73,14 +73,14 @@ def _extent(
 
 def _parts(nodes: "array[float]", root: int) -> NDArray[np.float64]:
     """Return the boxes of a tree, level by level, down to `_MAX_BOXES` of them or to its leaves."""
-    level, done = [root], list[int]()
-    while level and len(done) + 2 * len(level) <= _MAX_BOXES:
+    level, finished = [root], list[int]()
+    while level and len(finished) + 2 * len(level) <= _MAX_BOXES:
         below = []
         for node in level:
-            place, count = nodes[NODE * node + 6], nodes[NODE * node + 7]
+            right_or_first, count = nodes[NODE * node + 6], nodes[NODE * node + 7]
             if count:
-                done.append(node)
+                finished.append(node)
             else:
-                below += [node + 1, int(place)]
+                below += [node + 1, int(right_or_first)]
         level = below
-    return np.array([nodes[NODE * node : NODE * node + 6] for node in (*done, *level)])
+    return np.array([nodes[NODE * node : NODE * node + 6] for node in (*finished, *level)])

@@ -157,14 +157,14 @@ class PictureScene(RayScene):
         return places.min(axis=0).clip(-reach), places.max(axis=0).clip(max=reach)
 
     def _draw_meshes(self, rows: Floats) -> None:
-        for place in np.flatnonzero(rows[:, KIND] == MESH).tolist():
-            if place not in self._meshes:
-                self._meshes[place] = self._load(self._solid_at(place))
-            mesh, vertices = self._meshes[place]
-            self._mesh["position"] = tuple(rows[place, POSITION:ROTATION])
-            self._mesh["turn"] = tuple(rows[place, ROTATION:SIZES].reshape(3, 3).T.ravel())
-            self._mesh["number"] = place + 1
-            self._mesh["net"] = tuple(rows[place, SIZES : SIZES + 2])
+        for index in np.flatnonzero(rows[:, KIND] == MESH).tolist():
+            if index not in self._meshes:
+                self._meshes[index] = self._load(self._solid_at(index))
+            mesh, vertices = self._meshes[index]
+            self._mesh["position"] = tuple(rows[index, POSITION:ROTATION])
+            self._mesh["turn"] = tuple(rows[index, ROTATION:SIZES].reshape(3, 3).T.ravel())
+            self._mesh["number"] = index + 1
+            self._mesh["net"] = tuple(rows[index, SIZES : SIZES + 2])
             mesh.render(vertices=vertices)
 
     def _load(self, solid: Solid) -> "tuple[VertexArray, int]":
@@ -206,12 +206,12 @@ def straightened(lens: Floats, pixels: int, focal: float) -> tuple[tuple[int, in
     return (width, height), rows * width + columns
 
 
-def along_plane(normals: Any, one: Any, other: Any) -> Any:
-    """Return the ratio of lengths of rays `other` (3 x n) to rays `one` (3 x n) up to planes with `normals` (n x 3).
+def along_plane(normals: Any, ray: Any, other_ray: Any) -> Any:
+    """Return the ratio of lengths of `other_ray` (3 x n) to `ray` (3 x n) up to planes with `normals` (n x 3).
 
     1 where the plane is nearly parallel to the ray, because the surface may end before.
     """
-    down, across = np.einsum("ri,ir->r", normals, one), np.einsum("ri,ir->r", normals, other)
+    down, across = np.einsum("ri,ir->r", normals, ray), np.einsum("ri,ir->r", normals, other_ray)
     with np.errstate(all="ignore"):
         ratio = down / across
     return np.where((ratio > 1.0 / MAX_STRETCH) & (ratio < MAX_STRETCH), ratio, np.float32(1.0))
@@ -226,12 +226,12 @@ def nodes(at: float, count: int, spacing: float, low: float, high: float, far: f
     first = min(max(floor(at + low / spacing), -2), count)
     last = max(min(ceil(at + high / spacing), count + 1), -1)
     numbers = np.arange(first, last + 1)
-    places = (numbers.clip(0, count - 1) - at) * spacing
+    distances = (numbers.clip(0, count - 1) - at) * spacing
     if first == -2:
-        places[0] = min(-far, places[0])
+        distances[0] = min(-far, distances[0])
     if last == count + 1:
-        places[-1] = max(far, places[-1])
-    return numbers, places
+        distances[-1] = max(far, distances[-1])
+    return numbers, distances
 
 
 def window(terrain: Terrain, outside: float, rows: Integers, columns: Integers) -> Floats:

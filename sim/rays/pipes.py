@@ -37,31 +37,31 @@ class NearPipes:
         if away + reach <= self._within:
             return False
         self._place, self._within = (north, east), reach + _MARGIN
-        made = [
+        numbers = [
             row
             for number, pipeline in enumerate(self._world.pipeline, self._first)
             if not pipeline.is_buried
             for one, other in pipeline.pieces(self._world.seabed, self._world.spacing(), north, east, self._within)
             for row in piece(one, other, 0.5 * pipeline.diameter).numbers(number)
         ]
-        count = max(_MIN_ROWS, len(self.rows) // ROW, len(made) // ROW)
-        rows = array("d", made)
-        rows.extend(_unused_rows(count - len(made) // ROW))
+        count = max(_MIN_ROWS, len(self.rows) // ROW, len(numbers) // ROW)
+        rows = array("d", numbers)
+        rows.extend(_unused_rows(count - len(numbers) // ROW))
         changed = rows != self.rows
         self.rows = rows
         return changed
 
 
-def piece(one: Vector3, other: Vector3, radius: float) -> Solid:
+def piece(begin: Vector3, end: Vector3, radius: float) -> Solid:
     """Return the cylinder between two points (NED, m), longer by `_JOINT` at both ends."""
-    x, y, z = (b - a for a, b in zip(one, other, strict=True))
+    x, y, z = (b - a for a, b in zip(begin, end, strict=True))
     length = sqrt(x * x + y * y + z * z) or 1.0
     x, y, z = x / length, y / length, z / length
     level = sqrt(x * x + y * y)
     a, b = (-y / level, x / level) if level else (1.0, 0.0)  # the horizontal direction across it
     # Columns: that direction, the direction across both, and that along the piece.
     rotation = (a, -z * b, x, b, z * a, y, 0.0, x * b - y * a, z)
-    middle = tuple(0.5 * (p + q) for p, q in zip(one, other, strict=True))
+    middle = tuple(0.5 * (p + q) for p, q in zip(begin, end, strict=True))
     return cylinder(middle, radius, 0.5 * length + _JOINT * 2.0 * radius, rotation)
 
 

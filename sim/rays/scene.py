@@ -92,14 +92,14 @@ class RayScene:
         self._cast(origin, rays, reach, rotation, hits.distances, hits)
         return hits
 
-    def boxes(self, place: Sequence[float], reach: float) -> "Boxes":
-        """Return the bounding boxes of solids within about `reach` m of `place` (NED, m), at their present positions.
+    def boxes(self, centre: Sequence[float], reach: float) -> "Boxes":
+        """Return the bounding boxes of solids within about `reach` m of `centre` (NED, m), at their present positions.
 
         Half spaces have none. Needs numpy.
         """
         from sim.rays.boxes import boxes_within
 
-        return boxes_within(self._present(place, reach), self._trees, place, reach)
+        return boxes_within(self._present(centre, reach), self._trees, centre, reach)
 
     def compiled(self, origin: Sequence[float], reach: float) -> object | None:
         """Return the geometry for sim.native._picture at the present positions; None without rays in C."""
@@ -156,10 +156,10 @@ class RayScene:
         else:
             self._geometry = None
 
-    def _solid_at(self, place: int) -> Solid:
-        """Return the solid of object `place` + 1."""
-        is_added = place >= self._standing
-        return self._added[place - self._standing] if is_added else standing(self._world.obstacles()[place])
+    def _solid_at(self, index: int) -> Solid:
+        """Return the solid of object `index` + 1."""
+        is_added = index >= self._standing
+        return self._added[index - self._standing] if is_added else standing(self._world.obstacles()[index])
 
     def _gather(self) -> Geometry:
         numbers, nodes, triangles = (array("d", part) for part in _standing(self._world))

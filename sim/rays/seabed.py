@@ -99,14 +99,14 @@ ABOVE, BELOW = -1.0, -2.0
 
 
 def _intersect_cell(
-    corners: tuple[float, float, float, float], place: Vector3, direction: Vector3, length: float
+    corners: tuple[float, float, float, float], origin: Vector3, direction: Vector3, length: float
 ) -> float:
     """Return the distance from the cell's entry to its surface; ABOVE if there is no hit within `length` m.
 
     BELOW if the ray enters the cell below the surface. The height above the seabed is w(s) = -(p + q s + r s²), with
     p < 0 at the entry.
     """
-    (a, b, c, d), (u, v, z), (dx, dy, dz) = corners, place, direction
+    (a, b, c, d), (u, v, z), (dx, dy, dz) = corners, origin, direction
     north, east, twist = c - a, b - a, a - b - c + d
     p = z - (a + north * u + east * v + twist * u * v)
     if not p < 0.0:

@@ -199,15 +199,15 @@ def _intersect_mesh(
     nodes, triangles = geometry.nodes, geometry.triangles
     best, nearest, waiting = inf, 0, [root]
     while waiting:
-        place = waiting.pop() * NODE
+        offset = waiting.pop() * NODE
         near, far = 0.0, min(reach, best)
         for axis in range(3):
-            near, far = slab(at[axis], along[axis], nodes[place + axis], nodes[place + 3 + axis], near, far)
+            near, far = slab(at[axis], along[axis], nodes[offset + axis], nodes[offset + 3 + axis], near, far)
         if near > far:
             continue
-        first, count = int(nodes[place + 6]), int(nodes[place + 7])
+        first, count = int(nodes[offset + 6]), int(nodes[offset + 7])
         if not count:
-            waiting += (first, place // NODE + 1)
+            waiting += (first, offset // NODE + 1)
         for number in range(first, first + count):
             corner = triangles[number * TRIANGLE : (number + 1) * TRIANGLE]
             distance = _intersect_triangle(corner, at, along)

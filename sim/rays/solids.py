@@ -85,22 +85,24 @@ def hull(vehicle: "Vehicle") -> Solid:
 def standing(obstacle: Obstacle) -> Solid:
     """Return the solid of a world's obstacle, from its top to its bottom (below the seabed if it stands on it)."""
     if isinstance(obstacle, Cylinder):
-        place = (obstacle.north, obstacle.east, obstacle.top)
+        position = (obstacle.north, obstacle.east, obstacle.top)
         length = obstacle.bottom - obstacle.top
-        return Solid(CYLINDER, obstacle.radius, place, _UPRIGHT, (obstacle.radius, 0.0, length))
+        return Solid(CYLINDER, obstacle.radius, position, _UPRIGHT, (obstacle.radius, 0.0, length))
     if isinstance(obstacle, Box):
         x, y = 0.5 * obstacle.size_north, 0.5 * obstacle.size_east
         turned = matrix(from_euler(0.0, 0.0, obstacle.heading))
-        place = (obstacle.north, obstacle.east, obstacle.top)
-        return Solid(BOX, sqrt(x * x + y * y), place, turned, (-x, x, -y, y, 0.0, obstacle.bottom - obstacle.top))
+        position = (obstacle.north, obstacle.east, obstacle.top)
+        return Solid(BOX, sqrt(x * x + y * y), position, turned, (-x, x, -y, y, 0.0, obstacle.bottom - obstacle.top))
     if isinstance(obstacle, Wall):
         return half_space((obstacle.inward_north, obstacle.inward_east, 0.0), obstacle.offset)
     from sim.environment.mesh import MeshObstacle  # imported here, because most worlds have none
     from sim.environment.things.pipelines import Pipeline
 
     if isinstance(obstacle, MeshObstacle):
-        place = (obstacle.north, obstacle.east, obstacle.keys.depth)
-        return mesh(obstacle.triangles)._replace(position=place, rotation=obstacle.rotation, sizes=obstacle.net or ())
+        position = (obstacle.north, obstacle.east, obstacle.keys.depth)
+        return mesh(obstacle.triangles)._replace(
+            position=position, rotation=obstacle.rotation, sizes=obstacle.net or ()
+        )
     if isinstance(obstacle, Pipeline):  # has its number; its pieces come and go: see sim.rays.pipes
         return sphere((1e9, 0.0, 0.0), 0.0)
     raise TypeError(f"rays know no {type(obstacle).__name__}")

@@ -45,17 +45,17 @@ class Cells(NamedTuple):
 
 
 def split(
-    lattice: Lattice, scene: RayScene, place: Any, rotation: Floats, reach: float, hit: NDArray[np.int32]
+    lattice: Lattice, scene: RayScene, origin: Any, rotation: Floats, reach: float, hit: NDArray[np.int32]
 ) -> Cells | None:
-    """Return the smaller cells of a ping from `place` (NED, m), or None if there are none.
+    """Return the smaller cells of a ping from `origin` (NED, m), or None if there are none.
 
     `rotation` (3 x 3) converts the sensor's axes to NED; `hit` are the objects that the rays of the cells have hit.
     """
-    boxes = scene.boxes(place, reach)
+    boxes = scene.boxes(origin, reach)
     if not len(boxes.object):
         return None
     which, count, corner, sides = _pieces(boxes.corner, boxes.sides)
-    seen, low, high = _windows(corner, sides, np.asarray(place), rotation, reach)
+    seen, low, high = _windows(corner, sides, np.asarray(origin), rotation, reach)
     objects, count = boxes.object[which[seen]], count[which[seen]]
     columns, rows = len(lattice.across) - 1, len(lattice.down) - 1
     sizes = np.array([lattice.across[1] - lattice.across[0], lattice.down[1] - lattice.down[0]])
@@ -63,15 +63,15 @@ def split(
     first, last = np.floor((low - start) / sizes).astype(int), np.floor((high - start) / sizes).astype(int)
     spans = np.maximum((high - low) / sizes, 1e-3)
     spans *= np.where(spans == spans.max(axis=1, keepdims=True), count[:, None], 1)  # a piece of a long thing is long
-    parts = np.clip(np.ceil(_TARGET_RAYS / spans), 1, _MAX_PARTS).astype(int)
-    needed = (parts > 1).any(axis=1) & (last >= 0).all(axis=1) & (first < (columns, rows)).all(axis=1)
+    divisions = np.clip(np.ceil(_TARGET_RAYS / spans), 1, _MAX_PARTS).astype(int)
+    needed = (divisions > 1).any(axis=1) & (last >= 0).all(axis=1) & (first < (columns, rows)).all(axis=1)
     needed &= spans.min(axis=1) < _MAX_WINDOW
     numbers = np.ones((2, columns, rows), int)
     owners = np.full((columns, rows), -2)  # no object
     for i in np.nonzero(needed)[0]:
         (left, top), (right, bottom) = np.maximum(first[i], 0), last[i] + 1
         part = numbers[:, left:right, top:bottom]
-        np.maximum(part, parts[i][:, None, None], out=part)
+        np.maximum(part, divisions[i][:, None, None], out=part)
         owner = owners[left:right, top:bottom]
         owner[...] = np.where((owner == -2) | (owner == objects[i]), objects[i], -3)  # of several
     divided = (numbers > 1).any(axis=0) & ~_filled(hit.reshape(columns, rows), owners)
@@ -130,10 +130,10 @@ def _pieces(corner: Floats, sides: Floats) -> tuple[NDArray[np.int64], NDArray[n
 
 
 def _windows(
-    corner: Floats, sides: Floats, place: Floats, rotation: Floats, reach: float
+    corner: Floats, sides: Floats, origin: Floats, rotation: Floats, reach: float
 ) -> tuple[NDArray[np.int64], Floats, Floats]:
     """Return the boxes that may be visible, and the least and greatest angles (across, down) of their corners."""
-    own = (corner[:, None] + _CORNERS @ sides - place) @ rotation
+    own = (corner[:, None] + _CORNERS @ sides - origin) @ rotation
     ranges = np.maximum(np.sqrt((own**2).sum(axis=2)), 1e-9)
     across, down = np.arctan2(own[..., 1], own[..., 0]), np.arcsin(own[..., 2] / ranges)
     # A box that spans half a turn or more surrounds the sensor: it is too large to be lost.

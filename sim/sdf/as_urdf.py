@@ -38,18 +38,18 @@ def as_urdf(path: str, notes: list[str], name: str | None = None, text: bytes | 
 def _choose_model(models: list[Model], name: str | None, path: str, notes: list[str]) -> Model:
     """Return the model `name`, or the only model that is a vehicle. Raises ConfigError."""
     if name is not None:
-        found = [model for model in models if model.name == name]
+        candidates = [model for model in models if model.name == name]
     else:
         driven = [model for model in models if any(_is_of_vehicle(plugin) for plugin in model.plugins)]
-        found = driven or [model for model in models if not model.is_static]
-        found = found if len(models) > 1 else models
-    if len(found) != 1:
-        names = ", ".join(model.name for model in (found or models)) or "none"
+        candidates = driven or [model for model in models if not model.is_static]
+        candidates = candidates if len(models) > 1 else models
+    if len(candidates) != 1:
+        names = ", ".join(model.name for model in (candidates or models)) or "none"
         which = f"give --model NAME, one of: {names}" if models else "there is no model in it"
-        raise ConfigError(_with_notes(f"{path}: {len(found)} vehicles in it that could be meant; {which}", notes))
-    if not found[0].links:
-        raise ConfigError(_with_notes(f"{path}: the model {found[0].name!r} has no links", notes))
-    return found[0]
+        raise ConfigError(_with_notes(f"{path}: {len(candidates)} vehicles in it that could be meant; {which}", notes))
+    if not candidates[0].links:
+        raise ConfigError(_with_notes(f"{path}: the model {candidates[0].name!r} has no links", notes))
+    return candidates[0]
 
 
 def _with_notes(problem: str, notes: list[str]) -> str:
@@ -102,10 +102,10 @@ def _robot(model: Model, files: SdfFiles, notes: list[str]) -> Element:
 
 
 def _link(name: str, link: Link, files: SdfFiles, notes: list[str]) -> Element:
-    made = Element("link", name=name)
+    element = Element("link", name=name)
     inertial = link.element.find("inertial")
     if inertial is not None:
-        made.append(_inertial(inertial, files.path))
+        element.append(_inertial(inertial, files.path))
     for kind in ("visual", "collision"):
         for shape in link.element.findall(kind):
             geometry = shape.find("geometry")
@@ -113,24 +113,24 @@ def _link(name: str, link: Link, files: SdfFiles, notes: list[str]) -> Element:
                 placed = Element(kind)
                 placed.append(_origin(own_pose(shape, files.path)))
                 placed.append(converted)
-                made.append(placed)
-    return made
+                element.append(placed)
+    return element
 
 
 def _inertial(inertial: Element, path: str) -> Element:
-    made = Element("inertial")
-    made.append(_origin(own_pose(inertial, path)))
-    made.append(Element("mass", value=(inertial.findtext("mass") or "1").strip()))  # SDF's default
+    element = Element("inertial")
+    element.append(_origin(own_pose(inertial, path)))
+    element.append(Element("mass", value=(inertial.findtext("mass") or "1").strip()))  # SDF's default
     tensor = inertial.find("inertia")
     usual = {"ixx": "1", "iyy": "1", "izz": "1"}
     texts = {key: (tensor.findtext(key) if tensor is not None else None) or usual.get(key, "0") for key in _INERTIA}
-    made.append(Element("inertia", {key: text.strip() for key, text in texts.items()}))
-    made.extend(inertial.findall("fluid_added_mass"))
-    return made
+    element.append(Element("inertia", {key: text.strip() for key, text in texts.items()}))
+    element.extend(inertial.findall("fluid_added_mass"))
+    return element
 
 
 def _geometry(geometry: Element, folder: str, files: SdfFiles, notes: list[str], link: str) -> Element | None:
-    made = Element("geometry")
+    element = Element("geometry")
     for shape in geometry:
         if shape.tag == "mesh":
             uri = (shape.findtext("uri") or "").strip()
@@ -139,32 +139,32 @@ def _geometry(geometry: Element, folder: str, files: SdfFiles, notes: list[str],
                 notes.append(f"Left out: the mesh {uri[:100]!r} of the link {link!r}, which is not near the file.")
                 return None
             scale = (shape.findtext("scale") or "1 1 1").strip()
-            made.append(Element("mesh", filename=os.path.abspath(file), scale=scale))
+            element.append(Element("mesh", filename=os.path.abspath(file), scale=scale))
         elif shape.tag in _SIZES:
-            made.append(Element(shape.tag, {key: (shape.findtext(key) or "1").strip() for key in _SIZES[shape.tag]}))
+            element.append(Element(shape.tag, {key: (shape.findtext(key) or "1").strip() for key in _SIZES[shape.tag]}))
         elif shape.tag == "ellipsoid":
-            made.append(Element("ellipsoid", radii=(shape.findtext("radii") or "1 1 1").strip()))
+            element.append(Element("ellipsoid", radii=(shape.findtext("radii") or "1 1 1").strip()))
         elif shape.tag != "empty":
             notes.append(f"Left out: the shape <{shape.tag}> of the link {link!r}.")
             return None
-    return made if len(made) else None
+    return element if len(element) else None
 
 
-def _joint(link: str, pose: Pose, of: Link, found: tuple[str, Joint] | None, base: str) -> Element:
+def _joint(link: str, pose: Pose, of: Link, named_joint: tuple[str, Joint] | None, base: str) -> Element:
     """Return the joint of a link at `pose` relative to the base; its axis is in the axes of the link, as in URDF."""
-    name, joint = found or (f"{link}_joint", None)
+    name, joint = named_joint or (f"{link}_joint", None)
     kind = joint.kind if joint is not None else "fixed"
-    made = Element("joint", name=name, type=kind)
-    made.append(Element("parent", link=base))
-    made.append(Element("child", link=link))
-    made.append(_origin(pose))
+    element = Element("joint", name=name, type=kind)
+    element.append(Element("parent", link=base))
+    element.append(Element("child", link=link))
+    element.append(_origin(pose))
     if joint is not None and joint.axis is not None:
-        made.append(Element("axis", xyz=_words(of.pose.inverse().turn(joint.axis))))
+        element.append(Element("axis", xyz=_words(of.pose.inverse().turn(joint.axis))))
         limit = joint.element.find("axis/limit")
         if limit is not None and kind == "revolute":
             texts = {key: (limit.findtext(key) or "").strip() for key in ("lower", "upper")}
-            made.append(Element("limit", {key: text for key, text in texts.items() if text}))
-    return made
+            element.append(Element("limit", {key: text for key, text in texts.items() if text}))
+    return element
 
 
 def _origin(pose: Pose) -> Element:

@@ -76,20 +76,20 @@ class SdfFiles:
     def _candidates(self, uri: str, folder: str) -> Iterator[str]:
         """Yield the paths that `uri` may mean, the likeliest first."""
         fuel = _FUEL.match(uri)
-        scheme, separator, rest = uri.partition("://")
+        scheme, separator, location = uri.partition("://")
         if fuel:
             yield from self._of_fuel(*fuel.groups(default=""))
         elif separator and scheme in ("model", "package"):
-            yield from self._of_package(unquote(rest))
+            yield from self._of_package(unquote(location))
         elif separator and scheme != "file":
             return  # a network address
         else:
-            yield from self._allowed(os.path.join(folder, unquote(rest if separator else uri)))
+            yield from self._allowed(os.path.join(folder, unquote(location if separator else uri)))
             for top in self._shared:
-                yield from self._allowed(os.path.join(top, unquote(rest if separator else uri)))
+                yield from self._allowed(os.path.join(top, unquote(location if separator else uri)))
 
-    def _of_package(self, rest: str) -> Iterator[str]:
-        name, _, inside = rest.partition("/")
+    def _of_package(self, location: str) -> Iterator[str]:
+        name, _, inside = location.partition("/")
         for top in self._shared:
             yield from _inside(os.path.join(top, name), inside)
         for package in find_packages(name, self.path):

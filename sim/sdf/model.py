@@ -163,16 +163,16 @@ def _nest(model: Model, prefix: str, frame: str, scope: _Scope) -> None:
 
 def _make_poses_local(link: Element, name: str, pose: Pose, scope: _Scope, path: str) -> None:
     """Convert poses in a link that are relative to other frames to poses relative to the link."""
-    for part in link:
-        frame = relative_to(part, name)
-        pose_element = part.find("pose")
+    for child in link:
+        frame = relative_to(child, name)
+        pose_element = child.find("pose")
         if frame != name and pose_element is not None:
             if frame not in scope.frames and frame not in (MODEL, ""):
                 raise ConfigError(f"{path}: a pose is relative to {frame!r}, which is not there")
-            within = pose.inverse().then(resolve(frame, scope.frames, path)).then(own_pose(part, path))
+            within = pose.inverse().then(resolve(frame, scope.frames, path)).then(own_pose(child, path))
             written = " ".join(repr(x) for x in (*within.position, *within.angles()))
-            part.remove(pose_element)
-            _put(part, "pose", written)
+            child.remove(pose_element)
+            _put(child, "pose", written)
 
 
 def _joint(joint: Element, scope: _Scope, path: str, version: str) -> Joint:

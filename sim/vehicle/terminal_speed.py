@@ -76,8 +76,8 @@ def axis_capabilities(
 
 def _max_forces(vehicle: Vehicle, matrix: Matrix, thrusts: list[float], axis: int) -> tuple[float, float]:
     """Return the greatest forces in both directions; `thrusts` (N) are allocated for a unit force along `axis`."""
-    made = [sum(a * f for a, f in zip(row, thrusts, strict=True)) for row in matrix]
-    if _coupling(made, axis) > _MAX_COUPLING:
+    wrench = [sum(a * f for a, f in zip(row, thrusts, strict=True)) for row in matrix]
+    if _coupling(wrench, axis) > _MAX_COUPLING:
         return 0.0, 0.0
     ahead = astern = inf
     for thruster, thrust in zip(vehicle.thrusters, thrusts, strict=True):
@@ -86,16 +86,16 @@ def _max_forces(vehicle: Vehicle, matrix: Matrix, thrusts: list[float], axis: in
         with_it, against_it = thruster.max_forward / abs(thrust), thruster.max_reverse / abs(thrust)
         ahead = min(ahead, with_it if thrust > 0.0 else against_it)
         astern = min(astern, against_it if thrust > 0.0 else with_it)
-    return ahead * made[axis], -astern * made[axis]
+    return ahead * wrench[axis], -astern * wrench[axis]
 
 
 def _loss(vehicle: Vehicle, matrix: Matrix, shares: list[float], force: float, axis: int) -> float:
     """Return how much force along `axis` the propellers lose per m/s (N s/m) while they produce `force` N."""
-    made = sum(a * f for a, f in zip(matrix[axis], shares, strict=True))
+    unscaled_force = sum(a * f for a, f in zip(matrix[axis], shares, strict=True))
     lost = 0.0
     for thruster, share, along in zip(vehicle.thrusters, shares, matrix[axis], strict=True):
         if isinstance(thruster.curve, Advance) and force:
-            lost += along * along * thruster.curve.loss(share * force / made, 1.0)
+            lost += along * along * thruster.curve.loss(share * force / unscaled_force, 1.0)
     return lost
 
 
@@ -115,10 +115,10 @@ def _equipment_drag(vehicle: Vehicle, density: float, axis: int) -> float:
     return 0.5 * density * flow.drag[-1] * (flow.length or length) * side
 
 
-def _coupling(made: list[float], axis: int) -> float:
-    """Return the greatest difference of the wrench `made` from a unit wrench along `axis`.
+def _coupling(wrench: list[float], axis: int) -> float:
+    """Return the greatest difference of the wrench `wrench` from a unit wrench along `axis`.
 
     A roll or pitch moment that comes with another axis does not count: weight and buoyancy balance it.
     """
     counts = [i for i in range(6) if i == axis or i not in (_ROLL, _PITCH)]
-    return max(abs(made[i] - float(i == axis)) for i in counts)
+    return max(abs(wrench[i] - float(i == axis)) for i in counts)

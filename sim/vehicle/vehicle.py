@@ -315,9 +315,9 @@ def validate_drop_weights(vehicle: Vehicle) -> str | None:
     return None
 
 
-def _centre_without(centre: Sequence[float], whole: float, position: Sequence[float], part: float) -> Point:
-    """Return the centre of a body of size `whole` after a point of size `part` at `position` was removed."""
-    x, y, z = [(whole * a - part * b) / (whole - part) for a, b in zip(centre, position, strict=True)]
+def _centre_without(centre: Sequence[float], mass: float, position: Sequence[float], removed_mass: float) -> Point:
+    """Return the centre of a body of size `mass` after a point of size `removed_mass` at `position` was removed."""
+    x, y, z = [(mass * a - removed_mass * b) / (mass - removed_mass) for a, b in zip(centre, position, strict=True)]
     return x, y, z
 
 

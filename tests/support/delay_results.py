@@ -11,18 +11,20 @@ from tests.support.diagnostics import reported
 MS = 1_000_000
 
 
-def meter(offset: int, same_clock: bool, network: int = MS // 2, count: int = 60, back: int = MS // 2) -> DelayMeter:
+def meter(
+    offset: int, same_clock: bool, network: int = MS // 2, count: int = 60, return_delay: int = MS // 2
+) -> DelayMeter:
     """Return a meter with commands to a slave whose clock is `offset` ns ahead."""
-    found = DelayMeter()
-    found.same_clock = same_clock
+    delay_meter = DelayMeter()
+    delay_meter.same_clock = same_clock
     for number in range(count):
         published = number * 50 * MS
         received = published + network + offset
         taken, computed, written, applied = (received + us * 1000 for us in (20, 100, 150, 160))
         sent = applied + 20_000
         instants = [number, published, received, taken, written, applied, computed]
-        found.add(instants, sent, sent - offset + back)
-    return found
+        delay_meter.add(instants, sent, sent - offset + return_delay)
+    return delay_meter
 
 
 def some_result(delay: list[float], **changes: Any) -> Result:

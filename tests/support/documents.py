@@ -40,7 +40,7 @@ def blocks(*languages: str, page: Path | None = None) -> list[Block]:
 
 def _blocks(path: Path) -> list[Block]:
     lines = path.read_text().split("\n")
-    found, number = [], 0
+    result, number = [], 0
     while number < len(lines):
         begin, language = number, ""
         if lines[number].startswith("```"):
@@ -56,8 +56,10 @@ def _blocks(path: Path) -> list[Block]:
             continue
         number += 1
         before = "\n".join(lines[:begin])
-        found.append(Block(path.relative_to(ROOT).as_posix(), begin + 1, language or _guess(text), text + "\n", before))
-    return found
+        result.append(
+            Block(path.relative_to(ROOT).as_posix(), begin + 1, language or _guess(text), text + "\n", before)
+        )
+    return result
 
 
 def _guess(text: str) -> str:
@@ -74,10 +76,10 @@ def _guess(text: str) -> str:
 
 def commands() -> list[tuple[str, str]]:
     """Yield the line of each `uuv-hil ...` of a shell block, and its arguments without comments and continuations."""
-    found = []
+    command_lines = []
     for block in blocks("shell"):
         for line in block.text.replace("\\\n", " ").splitlines():
             match = _COMMAND.match(re.sub(r"\s#\s.*$", "", line).strip().removesuffix("&").strip())
             if match:
-                found.append((f"{block.page}:{block.line}", match[1]))
-    return found
+                command_lines.append((f"{block.page}:{block.line}", match[1]))
+    return command_lines

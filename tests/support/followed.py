@@ -125,16 +125,16 @@ class Follower:
         if reasons:
             self.skipped.append((line, reasons[0]))
             return
-        words = line.removesuffix("&").split()
-        if words[0] == "mkdir" or words[0] == "cd":
+        arguments = line.removesuffix("&").split()
+        if arguments[0] == "mkdir" or arguments[0] == "cd":
             for folder in re.findall(r"(?:mkdir|cd) (\w+)", line):
                 (self.cwd / folder).mkdir(exist_ok=True)
             self.cwd = self.cwd / re.findall(r"cd (\w+)", line)[-1]
             return
-        if words[0] == "uuv-hil":
+        if arguments[0] == "uuv-hil":
             self._command(self._addressed(line), where)
             return
-        done = subprocess.run(
+        process = subprocess.run(
             ["bash", "-c", re.sub("^python ", f"{sys.executable} ", line)],
             cwd=self.cwd,
             capture_output=True,
@@ -142,7 +142,7 @@ class Follower:
             timeout=60,
             check=False,
         )
-        assert done.returncode == 0, f"{where}: {line}\n{done.stderr}"
+        assert process.returncode == 0, f"{where}: {line}\n{process.stderr}"
 
     def _addressed(self, line: str) -> str:
         line = re.sub(r"--seeds \d+", "--seeds 2", self._here(line)).replace(":14550", f":{free_port()}")
@@ -161,8 +161,8 @@ class Follower:
         return line
 
     def _command(self, line: str, where: str) -> None:
-        words = line.removesuffix("&").split()[1:]
-        names = [word for word in words if word == "--view"] + [" ".join(words[:2]), words[0]]
+        arguments = line.removesuffix("&").split()[1:]
+        names = [word for word in arguments if word == "--view"] + [" ".join(arguments[:2]), arguments[0]]
         name = next((n for n in names if n in UNTIL_CTRL_C), "")
         endless = name and not {
             "--count",
@@ -173,11 +173,11 @@ class Follower:
             "--layout",
             "--yes",
             "--dry-run",
-        } & set(words)
+        } & set(arguments)
         command = ["bash", "-c", f'exec {sys.executable} -m hil "$@"'.replace('"$@"', line.removeprefix("uuv-hil "))]
         path = os.pathsep.join([str(self.cwd), str(ROOT)])
         environment = {**package_environment(), "COLUMNS": "80", "PYTHONPATH": path}
-        listens = words[0] in LISTENERS and "--foxglove" not in words
+        listens = arguments[0] in LISTENERS and "--foxglove" not in arguments
         replaced = "slave" if listens else name if endless else ""  # which listens where this will
         if replaced in self._servers:
             self._servers.pop(replaced).stop(signal.SIGINT)
@@ -194,19 +194,19 @@ class Follower:
         else:
             code = program.wait(SECONDS)
             late = "goal reached" in program.output and "link lost" in program.output  # as on a machine that is busy
-            wanted = (0, 6) if late else expected_code(words)
+            wanted = (0, 6) if late else expected_code(arguments)
             assert code in wanted, f"{where}: {line}: exit code {code}\n{program.output}"
         assert "Traceback" not in program.output, f"{where}: {line}\n{program.output}"
         self.steps.append(Step(line, program.output))
 
     def _run_python(self, text: str, where: str) -> None:
         code = self._here(text)
-        done = subprocess.run(
+        process = subprocess.run(
             [sys.executable, "-c", code], cwd=self.cwd, capture_output=True, text=True, timeout=120, check=False,
             env={**os.environ, **package_environment()},
         )  # fmt: skip
-        assert done.returncode == 0, f"{where}: {done.stderr}"
-        self.steps.append(Step("python", done.stdout))
+        assert process.returncode == 0, f"{where}: {process.stderr}"
+        self.steps.append(Step("python", process.stdout))
 
 
 def follow(page: str, folder: Path) -> int:
@@ -218,11 +218,11 @@ def follow(page: str, folder: Path) -> int:
         return len(follower.steps)
 
 
-def expected_code(words: list[str]) -> tuple[int, ...]:
+def expected_code(arguments: list[str]) -> tuple[int, ...]:
     """Return the exit codes of a command that a page shows: a check may find what the page describes."""
-    if "--import" in words:
+    if "--import" in arguments:
         return 0, 2
-    return (0, 1) if words[0] in ("doctor", "bench") or words[:2] == ["scenario", "check"] else (0,)
+    return (0, 1) if arguments[0] in ("doctor", "bench") or arguments[:2] == ["scenario", "check"] else (0,)
 
 
 def is_fenced(block: Block) -> bool:

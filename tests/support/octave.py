@@ -23,12 +23,12 @@ def write_script(path: Path, script: str) -> None:
 def run_octave(folder: Path, script: str, seconds: float = 120.0) -> str:
     """Run a script by Octave in a folder, with the package and the template on its path; return its output."""
     write_script(folder / "script.m", script)
-    done = subprocess.run(
+    process = subprocess.run(
         ["octave-cli", "--norc", "--quiet", "script.m"],
         capture_output=True, text=True, timeout=seconds, cwd=folder, env=dict(os.environ),
     )  # fmt: skip
-    assert done.returncode == 0, done.stdout + done.stderr
-    return done.stdout
+    assert process.returncode == 0, process.stdout + process.stderr
+    return process.stdout
 
 
 def run(folder: Path, gateway: JsonGateway, script: str, seconds: float = 120.0) -> list[str]:

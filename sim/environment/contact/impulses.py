@@ -96,11 +96,11 @@ def apply_impulses(
 
 def separate(touches: Sequence[Touch], inverse_mass: Matrix) -> list[float]:
     """Return the displacement (m, rad, body axes) of least mass-weighted norm that removes all these penetrations."""
-    rest = [0.0] * 6
-    rows = [_Row(touch.normal, touch.lever, inverse_mass, rest) for touch in touches]
+    zero_velocity = [0.0] * 6
+    rows = [_Row(touch.normal, touch.lever, inverse_mass, zero_velocity) for touch in touches]
     for row, touch in zip(rows, touches, strict=True):
         row.target = touch.depth
-    return _solve(rows, [None] * len(rows), rest, 0.0)
+    return _solve(rows, [None] * len(rows), zero_velocity, 0.0)
 
 
 def _sliding(touch: Touch, normal: _Row, inverse_mass: Matrix, nu: Six) -> _Row | None:

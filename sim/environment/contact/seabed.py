@@ -81,14 +81,14 @@ class SeabedContact:
         A point that is deeper than `max_depth` m in the seabed is at a step of the seabed, and is left out.
         """
         north, east, down = position
-        found: list[tuple[float, Vector3, Vector3]] = []
+        contacts: list[tuple[float, Vector3, Vector3]] = []
         for x, y, z, radius in points.spheres:
             below = down + z - self._terrain.depth(north + x, east + y)
             nx, ny, nz = normal = self._terrain.normal(north + x, east + y)
             depth = radius - below * nz  # the normal points up
             if -SKIN < depth <= max_depth:
-                found.append((depth, normal, (x - radius * nx, y - radius * ny, z - radius * nz)))
-        return found
+                contacts.append((depth, normal, (x - radius * nx, y - radius * ny, z - radius * nz)))
+        return contacts
 
     def step_at(self, position: Sequence[float], points: HullPoints, max_depth: float) -> Vector3 | None:
         """Return a surface point that is in the seabed by more than `max_depth` m; None if there is none."""

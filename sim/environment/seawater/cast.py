@@ -68,12 +68,12 @@ def _read(path: str) -> Columns:
     separator = max(",;\t", key=lines[0].count)
     header, *rows = csv.reader(lines, delimiter=separator)
     words = [re.split(r"[^a-z0-9_]+", name.strip().lower())[0] for name in header]
-    places = {_NAMES[word]: k for k, word in enumerate(words) if word in _NAMES}
-    if not places.keys() & {"depth", "pressure"}:
+    column_of = {_NAMES[word]: k for k, word in enumerate(words) if word in _NAMES}
+    if not column_of.keys() & {"depth", "pressure"}:
         raise ConfigError(f"{path}: no column 'depth' (m) or 'pressure' (dbar) among {', '.join(header)}")
-    columns: Columns = {name: [] for name in places}
+    columns: Columns = {name: [] for name in column_of}
     for number, row in enumerate(rows, 2):
-        for name, place in places.items():
+        for name, place in column_of.items():
             try:
                 value = float(row[place].replace(",", "."))  # a decimal comma, unless commas separate columns
             except (ValueError, IndexError):

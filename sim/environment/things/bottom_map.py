@@ -95,13 +95,13 @@ class BottomMap:
             x, y = np.clip(x, 0, keys.rows - 1), np.clip(y, 0, keys.columns - 1)
         window = grid[_nodes_around(x, keys.rows), _nodes_around(y, keys.columns)]
         if window.size < x.size and (window == window[0, 0]).all():  # most often
-            found = np.full(x.shape, window[0, 0])
+            nearest = np.full(x.shape, window[0, 0])
         else:
             x, y = np.clip(x, 0, keys.rows - 1), np.clip(y, 0, keys.columns - 1)
-            found = _codes_at(grid, x.astype(np.float32), y.astype(np.float32))
+            nearest = _codes_at(grid, x.astype(np.float32), y.astype(np.float32))
         if outside is not None:
-            found[outside] = UNKNOWN
-        return found
+            nearest[outside] = UNKNOWN
+        return nearest
 
     def echoes(self, north: Any, east: Any, bottom: Bottom | None) -> "Floats":
         """Return `echo_ratios` at positions (m, arrays of one shape)."""
@@ -152,20 +152,20 @@ def _codes_at(grid: "Codes", x: "Floats", y: "Floats") -> "Codes":
     first = row.astype(np.intp) * columns + column
     to_east, to_north = int(columns > 1), columns * int(rows > 1)
     corners = np.stack([grid.ravel().take(first + more) for more in (0, to_east, to_north, to_north + to_east)])
-    found: Codes = corners[0].copy()
-    mixed = (corners[1:] != found).any(axis=0)
+    result: Codes = corners[0].copy()
+    mixed = (corners[1:] != result).any(axis=0)
     if mixed.any():
-        here, x, y = corners[:, mixed], x[mixed], y[mixed]
+        mixed_corners, x, y = corners[:, mixed], x[mixed], y[mixed]
         u, v = x - row[mixed], y - column[mixed]
         weights = (1.0 - u) * (1.0 - v), (1.0 - u) * v, u * (1.0 - v), u * v
-        ragged, best, heaviest = _border_waves(np.sin, x, y), np.zeros(len(x), np.float32), here[0].copy()
-        for code in np.flatnonzero(np.bincount(here.ravel(), minlength=_CODES)):
-            weight = sum(part * (corner == code) for part, corner in zip(weights, here, strict=True))
+        ragged, best, heaviest = _border_waves(np.sin, x, y), np.zeros(len(x), np.float32), mixed_corners[0].copy()
+        for code in np.flatnonzero(np.bincount(mixed_corners.ravel(), minlength=_CODES)):
+            weight = sum(part * (corner == code) for part, corner in zip(weights, mixed_corners, strict=True))
             score = np.where(weight > 0.0, weight + np.float32(_wave_factor(int(code))) * ragged, 0.0)
             better = score > best
             best[better], heaviest[better] = score[better], code
-        found[mixed] = heaviest
-    return found
+        result[mixed] = heaviest
+    return result
 
 
 def _border_waves(sine: Any, x: Any, y: Any) -> Any:

@@ -82,11 +82,11 @@ class Pipeline(NamedTuple):
     ) -> "Iterator[Stretch]":
         """Yield the straight parts of its line within a horizontal distance of `within` m from a position."""
         for start, end in pairwise(self.points):
-            part = self._replace(points=(start, end))
-            near = part.pieces(seabed, spacing, north, east, within + 0.5 * self.diameter)
+            segment = self._replace(points=(start, end))
+            near = segment.pieces(seabed, spacing, north, east, within + 0.5 * self.diameter)
             depths = [place[2] for piece in near for place in piece]
             if depths:  # the ends of inclined pieces are higher by less than a diameter
-                yield Stretch(part, min(depths) - self.diameter)
+                yield Stretch(segment, min(depths) - self.diameter)
 
     def pieces(
         self, seabed: Seabed, spacing: float, north: float = 0.0, east: float = 0.0, within: float = inf
@@ -122,9 +122,9 @@ class Pipeline(NamedTuple):
         """Length of its line, m."""
         return sum(hypot(b[0] - a[0], b[1] - a[1]) for a, b in pairwise(self.points))
 
-    def drawn(self, seabed: Seabed, spacing: float, most: int = 2000) -> Iterator[Piece]:
-        """Yield all of its pieces, at most about `most` of them, for plots."""
-        return self.pieces(seabed, max(spacing, self.length / most))
+    def drawn(self, seabed: Seabed, spacing: float, max_pieces: int = 2000) -> Iterator[Piece]:
+        """Yield all of its pieces, at most about `max_pieces` of them, for plots."""
+        return self.pieces(seabed, max(spacing, self.length / max_pieces))
 
     def route(self, seabed: Seabed, step: float, altitude: float = 0.0) -> list[Vector3]:
         """Return points (NED, m) along it about every `step` m, `altitude` m above its axis; none on land."""

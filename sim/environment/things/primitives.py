@@ -38,15 +38,15 @@ def tube(line: Sequence[Vector3], upright: Vector3, radius: float, sides: int, c
             for t in turns
         ])  # fmt: skip
     pairs = list(zip(rims, rims[1:] + rims[:1], strict=True))
-    made = [
+    triangles = [
         triangle
         for one, other in (pairs if closed else pairs[:-1])
         for i in range(sides)
         for triangle in quad(one[i - 1], one[i], other[i], other[i - 1])
     ]
     if not closed:
-        made += [(line[end], rims[end][i - 1], rims[end][i]) for end in (0, -1) for i in range(sides)]
-    return made
+        triangles += [(line[end], rims[end][i - 1], rims[end][i]) for end in (0, -1) for i in range(sides)]
+    return triangles
 
 
 def cuboid(low: Vector3, high: Vector3) -> list[Triangle]:
@@ -55,20 +55,20 @@ def cuboid(low: Vector3, high: Vector3) -> list[Triangle]:
     return prism(lower, upper)
 
 
-def prism(one: Sequence[Vector3], other: Sequence[Vector3], with_one: bool = True) -> list[Triangle]:
-    """Return a prism between two polygons with equal numbers of corners, without the first one if not `with_one`."""
-    sides = [t for k in range(len(one)) for t in quad(one[k - 1], one[k], other[k], other[k - 1])]
-    faces = (one, other) if with_one else (other,)
+def prism(rim: Sequence[Vector3], other_rim: Sequence[Vector3], with_rim: bool = True) -> list[Triangle]:
+    """Return a prism between two polygons with equal numbers of corners, without the first one if not `with_rim`."""
+    sides = [t for k in range(len(rim)) for t in quad(rim[k - 1], rim[k], other_rim[k], other_rim[k - 1])]
+    faces = (rim, other_rim) if with_rim else (other_rim,)
     return sides + [(face[0], face[k], face[k + 1]) for face in faces for k in range(1, len(face) - 1)]
 
 
 def disc(rim: Sequence[Vector3], middle: Vector3) -> list[Triangle]:
     """Return the face of a regular polygon in right-angled triangles, which a net's lattice needs."""
-    made = []
+    triangles = []
     for k, corner in enumerate(rim):
         between = tuple(0.5 * (a + b) for a, b in zip(rim[k - 1], corner, strict=True))
-        made += [(between, middle, rim[k - 1]), (between, middle, corner)]
-    return made  # type: ignore[return-value]
+        triangles += [(between, middle, rim[k - 1]), (between, middle, corner)]
+    return triangles  # type: ignore[return-value]
 
 
 def links(line: Sequence[Vector3], bar: float) -> list[Triangle]:
@@ -76,7 +76,7 @@ def links(line: Sequence[Vector3], bar: float) -> list[Triangle]:
 
     A link is 6 bars long and 3.6 wide, as in a studless anchor chain (ISO 1704); links follow each other every 4 bars.
     """
-    made: list[Triangle] = []
+    triangles: list[Triangle] = []
     right = (0.0, 1.0, 0.0)
     for number, ((x, y, z), along) in enumerate(_along(line, 4.0 * bar)):
         across = cross(along, right)
@@ -90,8 +90,8 @@ def links(line: Sequence[Vector3], bar: float) -> list[Triangle]:
             )
             for a, b in outline
         ]
-        made += tube(loop, normal, 0.5 * bar, 4, closed=True)
-    return made
+        triangles += tube(loop, normal, 0.5 * bar, 4, closed=True)
+    return triangles
 
 
 def hanging(span: float, drop: float, length: float, count: int) -> list[Vector3]:

@@ -203,7 +203,7 @@ class BoxWreck(NamedTuple):
         plan = [(-x, -y), (0.5 * x, -y), (x, 0.0), (0.5 * x, y), (-x, y)]
         rail = [(a, b, deck) for a, b in plan]
         keel = [(0.88 * a, 0.7 * b, 0.0) for a, b in plan]
-        hull = made.prism(rail, keel, with_one=False)
+        hull = made.prism(rail, keel, with_rim=False)
         half = 0.5 * y
         for low, high in (((-x, -y), (0.0, y)), ((0.0, -y), (0.4 * x, -half)), ((0.0, half), (0.4 * x, y)),
                           ((0.4 * x, -y), (0.5 * x, y))):  # fmt: skip

@@ -24,14 +24,14 @@ _PARALLEL = 1e-9  # length of the cross product below which axis and chord count
 
 
 def read_fins(
-    robot: Element, poses: Mapping[str, Pose], path: str, given: set[str], notes: list[str]
+    robot: Element, poses: Mapping[str, Pose], path: str, given_names: set[str], notes: list[str]
 ) -> list[dict[str, Any]]:
-    """Return the fins of the model, except those whose names are in `given`; `notes` gets what is left out.
+    """Return the fins of the model, except those whose names are in `given_names`; `notes` gets what is left out.
 
     A fin that two plugins name is read once. Raises ConfigError for text that should be a number.
     """
     joints = {target(joint, "child"): joint for joint in robot.findall("joint")}
-    reported, fins = set(given), []
+    reported, fins = set(given_names), []
     for plugin in robot.iter("plugin"):
         file = plugin.get("filename", "").lower()
         link = child_text(plugin, "link_name", "linkName")
@@ -71,18 +71,18 @@ def _fin(
     if across < _PARALLEL:
         return None, "its joint turns it about its chord"
     limits = [abs(number_of(attribute(joint, "limit", side) or "1e16", path)) for side in ("lower", "upper")]
-    most = min(limits)
-    if most > pi / 2.0:
+    max_deflection = min(limits)
+    if max_deflection > pi / 2.0:
         notes.append(
             f"The joint {joint.get('name', '')!r} of a fin has no limits: taken for {_DEFAULT_DEFLECTION:g} rad."
         )
-        most = _DEFAULT_DEFLECTION
+        max_deflection = _DEFAULT_DEFLECTION
     if number_of(child_text(plugin, "a0", "liftdrag/a0") or "0", path):
         notes.append("Left out: the angle a0 at which a fin has no lift.")
     lag, own = child_text(plugin, "dynamics/timeConstant"), plugin.find(OWN)
     fin: dict[str, Any] = {
         "position": to_frd(pose.place(centre)), "axis": to_frd(pose.turn(axis)), "chord": to_frd(pose.turn(chord)),
-        "max_deflection": most, **keys, **({"time_constant": abs(number_of(lag, path))} if lag else {}),
+        "max_deflection": max_deflection, **keys, **({"time_constant": abs(number_of(lag, path))} if lag else {}),
     }  # fmt: skip
     return (fin if own is None else _as_ours(fin, own, path)), ""
 

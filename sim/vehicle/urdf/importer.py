@@ -76,16 +76,16 @@ def read_robot(
     """
     notes: list[str] = []
     poses = _link_poses(robot, path)
-    given = dict(extra or {})
-    table = _table(robot, poses, path, given, measure, notes)
-    common = given.pop("every_thruster", {})
+    user_keys = dict(extra or {})
+    table = _table(robot, poses, path, user_keys, measure, notes)
+    common = user_keys.pop("every_thruster", {})
     meshes = list(_meshes(robot, poses, path))
     thrusters = [thruster | common for thruster in read_thrusters(robot, poses, path, notes)]
-    thrusters = [common | thruster for thruster in given.pop("thrusters", ())] or thrusters
-    fins = read_fins(robot, poses, path, _names(given.get("fins")), notes)
-    if fins or "fins" in given:
-        given["fins"] = [*fins, *given.get("fins", ())]
-    table = {**table, **given, "thrusters": thrusters}
+    thrusters = [common | thruster for thruster in user_keys.pop("thrusters", ())] or thrusters
+    fins = read_fins(robot, poses, path, _names(user_keys.get("fins")), notes)
+    if fins or "fins" in user_keys:
+        user_keys["fins"] = [*fins, *user_keys.get("fins", ())]
+    table = {**table, **user_keys, "thrusters": thrusters}
     _refuse_missing(table, path)
     equipment = {key: table.pop(key) for key in EQUIPMENT if key in table}
     vehicle = parse(table, Vehicle, path)._replace(meshes=tuple(meshes))
@@ -95,7 +95,7 @@ def read_robot(
 
 
 def _table(
-    robot: Element, poses: dict[str, Pose], path: str, given: dict[str, Any], measure: Measure, notes: list[str]
+    robot: Element, poses: dict[str, Pose], path: str, user_keys: dict[str, Any], measure: Measure, notes: list[str]
 ) -> dict[str, Any]:
     """Return the keys of the model, except thrusters and fins."""
     table: dict[str, Any] = {
@@ -103,16 +103,16 @@ def _table(
         "source": f"imported from {plain(os.path.basename(path))}",
     }
     table |= _mass(robot, poses, path) | read_water(robot, path, notes) | read_buoyancy_engine(robot, poses, path)
-    neutral, mass = table.pop("neutral", False), _given_mass(given, path) or table.get("mass")
+    neutral, mass = table.pop("neutral", False), _given_mass(user_keys, path) or table.get("mass")
     if neutral and mass is not None:
         table["neutrally_buoyant"] = True
         table.setdefault("volume", mass / 1000.0)
-    if "mass" in given and "inertia" in table and "inertia" not in given:
+    if "mass" in user_keys and "inertia" in table and "inertia" not in user_keys:
         notes.append("The mass is the one given, the inertia still that of the URDF.")
     by_shapes = _is_of_gazebo(robot)
     if by_shapes or robot.find(".//hydrodynamic_model") is not None:
-        _add_shapes(table, robot, poses, path, given, measure, notes, by_shapes)
-        lost = [key for key in _ZERO if key not in table and key not in given]
+        _add_shapes(table, robot, poses, path, user_keys, measure, notes, by_shapes)
+        lost = [key for key in _ZERO if key not in table and key not in user_keys]
         if lost and len(lost) < len(_ZERO):
             table |= dict.fromkeys(lost, [0.0] * 6)
             notes.append(f"The model does not say {', '.join(lost)}: 0, as its simulator has it.")
@@ -126,19 +126,19 @@ def _is_of_gazebo(robot: Element) -> bool:
 
 
 def _add_shapes(
-    table: dict[str, Any], robot: Element, poses: dict[str, Pose], path: str, given: dict[str, Any],
+    table: dict[str, Any], robot: Element, poses: dict[str, Pose], path: str, user_keys: dict[str, Any],
     measure: Measure, notes: list[str], with_volume: bool,
 ) -> None:  # fmt: skip
     """Add what follows from the shapes of the model: volume, centre of buoyancy, and bounding box."""
-    known = table.keys() | given.keys()
+    known = table.keys() | user_keys.keys()
     if with_volume and not {"volume", "center_of_buoyancy"} <= known:
-        found = from_collisions(robot, poses, path, measure, notes)
-        found = {key: value for key, value in found.items() if key not in known}
-        if "volume" in found:
+        shape_keys = from_collisions(robot, poses, path, measure, notes)
+        shape_keys = {key: value for key, value in shape_keys.items() if key not in known}
+        if "volume" in shape_keys:
             notes.append(
-                f"The volume, {found['volume']:.6g} m³, is that of the collisions, as Gazebo's buoyancy has it."
+                f"The volume, {shape_keys['volume']:.6g} m³, is that of the collisions, as Gazebo's buoyancy has it."
             )
-        table |= found
+        table |= shape_keys
     if "dimensions" not in known:
         table |= extent_of(robot, poses, path, measure)
         if "dimensions" in table:
@@ -172,24 +172,24 @@ def _link_poses(robot: Element, path: str) -> dict[str, Pose]:
 
 def _mass(robot: Element, poses: dict[str, Pose], path: str) -> dict[str, Any]:
     """Return mass, centre of gravity and inertia about it, of all links together; missing ones are left out."""
-    parts = []
+    masses = []
     for link in robot.findall("link"):
         inertial = link.find("inertial")
         if inertial is not None:
             where = f"{path}: link {link.get('name', '')!r}: <inertial>"
             at = poses[link.get("name", "")].then(origin_of(inertial, where))
             mass = number_of(attribute(inertial, "mass", "value"), f"{where}: <mass value>")
-            parts.append((mass, at.position, _turned(_inertia(inertial, f"{where}: <inertia>"), at.rotation)))
-    mass = sum(part[0] for part in parts)
+            masses.append((mass, at.position, _turned(_inertia(inertial, f"{where}: <inertia>"), at.rotation)))
+    mass = sum(part[0] for part in masses)
     if mass <= 0.0:
         return {}
-    centre = [sum(part[0] * part[1][axis] for part in parts) / mass for axis in range(3)]
+    centre = [sum(part[0] * part[1][axis] for part in masses) / mass for axis in range(3)]
     inertia = square([0.0] * 3, 3)
-    for part_mass, position, own in parts:
+    for part_mass, position, own in masses:
         lever = cross_matrix([a - b for a, b in zip(position, centre, strict=True)])
         inertia = total(total(inertia, own), product(lever, lever), -part_mass)  # parallel axes
     keys: dict[str, Any] = {"mass": mass, "center_of_gravity": to_frd(centre)}
-    given = any(x for _, _, own in parts for row in own for x in row)
+    given = any(x for _, _, own in masses for row in own for x in row)
     return keys | {"inertia": to_frd_matrix(inertia)} if given else keys
 
 
@@ -197,9 +197,9 @@ class _Mass(NamedTuple):
     mass: Annotated[float, Range(0.0, 1e6, "kg")]
 
 
-def _given_mass(given: dict[str, Any], path: str) -> float | None:
+def _given_mass(user_keys: dict[str, Any], path: str) -> float | None:
     """Return the mass (kg) that is given in addition to the URDF, or None."""
-    return parse({"mass": given["mass"]}, _Mass, path).mass if "mass" in given else None
+    return parse({"mass": user_keys["mass"]}, _Mass, path).mass if "mass" in user_keys else None
 
 
 def _inertia(inertial: Element, path: str) -> Matrix:

@@ -43,15 +43,15 @@ def _parents(path: str) -> Iterator[str]:
         folder = os.path.dirname(folder)
 
 
-def _below(top: str, seen: set[str]) -> Iterator[str]:
-    """Yield `top` and all folders below it, level by level, without those in `seen`."""
+def _below(top: str, visited: set[str]) -> Iterator[str]:
+    """Yield `top` and all folders below it, level by level, without those in `visited`."""
     waiting = deque([top])
-    while waiting and len(seen) < _MAX_FOLDERS:
+    while waiting and len(visited) < _MAX_FOLDERS:
         folder = waiting.popleft()
         real = os.path.realpath(folder)
-        if real in seen:
+        if real in visited:
             continue
-        seen.add(real)
+        visited.add(real)
         yield folder
         try:
             with os.scandir(folder) as entries:

@@ -15,9 +15,9 @@ def own_pose(element: Element | None, path: str) -> Pose:
     if pose is None or not (pose.text or "").strip():
         return Pose()
     is_quaternion = pose.get("rotation_format") == "quat_xyzw"
-    x, y, z, *turn = numbers_of(pose.text or "", path, *((7,) if is_quaternion else (6, 3)))
+    x, y, z, *rotation = numbers_of(pose.text or "", path, *((7,) if is_quaternion else (6, 3)))
     if is_quaternion:
-        return pose_with((x, y, z), turn)
-    turn = turn or [0.0, 0.0, 0.0]
+        return pose_with((x, y, z), rotation)
+    rotation = rotation or [0.0, 0.0, 0.0]
     in_degrees = (pose.get("degrees") or "").strip().lower() in ("1", "true")
-    return pose_at((x, y, z), [radians(angle) for angle in turn] if in_degrees else turn)
+    return pose_at((x, y, z), [radians(angle) for angle in rotation] if in_degrees else rotation)

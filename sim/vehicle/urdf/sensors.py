@@ -47,10 +47,10 @@ def read_sensors(robot: Element, poses: Mapping[str, Pose], path: str, notes: li
     return sensors
 
 
-def _unique_name(label: str, kind: str, taken: Mapping[str, Keys]) -> str:
+def _unique_name(label: str, kind: str, used_names: Mapping[str, Keys]) -> str:
     """Return a name for one more sensor of a kind: its own if that is free and names no kind, else with a number."""
     own = sub(r"\W", "_", label.partition(" (")[0].strip("'\""), flags=ASCII)[:_MAX_NAME]
-    kinds = {*SENSORS, *taken}
+    kinds = {*SENSORS, *used_names}
     if own.isidentifier() and own not in kinds:
         return own
     return next(name for number in count(2) if (name := f"{kind}_{number}") not in kinds)

@@ -81,13 +81,13 @@ def check_xml(data: bytes) -> None:
 
 def root_of(data: bytes) -> str:
     """Return the name of the root element of a text, "" if it is no XML or declares an entity."""
-    found: list[str] = []
+    names: list[str] = []
     guard = expat.ParserCreate()
     guard.EntityDeclHandler = _refuse_entity
-    guard.StartElementHandler = lambda name, _: found.append(name) if not found else None
+    guard.StartElementHandler = lambda name, _: names.append(name) if not names else None
     with suppress(expat.ExpatError, ConfigError):
         guard.Parse(data, True)
-    return found[0] if found else ""
+    return names[0] if names else ""
 
 
 def _refuse_entity(name: str, *_: Any) -> None:

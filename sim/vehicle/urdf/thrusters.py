@@ -64,12 +64,13 @@ def _limits(plugin: Element, control: Element | None, path: str) -> dict[str, fl
     """Return the given ones of limits (N), lag (s) and diameter (m) of uuv_simulator's or gz-sim's thruster."""
     if plugin.find("conversion") is not None:
         return _uuv_limits(plugin, path)
-    most, least = child_text(plugin, "thrust_max", "max_thrust_cmd"), child_text(plugin, "thrust_min", "min_thrust_cmd")
+    max_thrust = child_text(plugin, "thrust_max", "max_thrust_cmd")
+    min_thrust = child_text(plugin, "thrust_min", "min_thrust_cmd")
     lag, diameter = child_text(plugin, "dynamics/timeConstant"), child_text(plugin, "propeller_diameter")
-    if control is not None and most is None and least is None:
-        least, most = _of_autopilot(control, path)
-    limits = {"max_forward": most, "max_reverse": least, "time_constant": lag, "diameter": diameter}
-    found = {key: abs(number_of(text, path)) for key, text in limits.items() if text is not None}
+    if control is not None and max_thrust is None and min_thrust is None:
+        min_thrust, max_thrust = _of_autopilot(control, path)
+    limits = {"max_forward": max_thrust, "max_reverse": min_thrust, "time_constant": lag, "diameter": diameter}
+    values = {key: abs(number_of(text, path)) for key, text in limits.items() if text is not None}
     if (child_text(plugin, "use_angvel_cmd") or "").lower() in ("1", "true"):
         coefficient, density, size = (
             abs(number_of(child_text(plugin, key) or usual, path))
@@ -77,9 +78,9 @@ def _limits(plugin: Element, control: Element | None, path: str) -> dict[str, fl
                 ("thrust_coefficient", _COEFFICIENT), ("fluid_density", _DENSITY), ("propeller_diameter", _DIAMETER),
             )
         )  # fmt: skip
-        for key in found.keys() & {"max_forward", "max_reverse"}:
-            found[key] = coefficient * density * size**4 * found[key] ** 2  # of a speed in rad/s
-    return found
+        for key in values.keys() & {"max_forward", "max_reverse"}:
+            values[key] = coefficient * density * size**4 * values[key] ** 2  # of a speed in rad/s
+    return values
 
 
 def _of_autopilot(control: Element, path: str) -> tuple[str | None, str | None]:
@@ -97,33 +98,33 @@ def _uuv_limits(plugin: Element, path: str) -> dict[str, float]:
     texts = {key: child_text(plugin, key) for key in ("clampMin", "clampMax", "thrustMin", "thrustMax")}
     texts["thrustMin"] = texts["thrustMin"] or child_text(plugin, "thrust_min")
     texts["thrustMax"] = texts["thrustMax"] or child_text(plugin, "thrust_max")
-    given = {key: number_of(text, path) for key, text in texts.items() if text is not None}
+    values = {key: number_of(text, path) for key, text in texts.items() if text is not None}
     for least, most in (("clampMin", "clampMax"), ("thrustMin", "thrustMax")):
-        if given.get(least, -inf) >= given.get(most, inf):
-            given.pop(least, None)
-            given.pop(most, None)
+        if values.get(least, -inf) >= values.get(most, inf):
+            values.pop(least, None)
+            values.pop(most, None)
     gain, efficiency = (number_of(child_text(plugin, key) or "1", path) for key in ("gain", "thrust_efficiency"))
-    ahead, astern = _converted(plugin, gain * given.get("clampMin", -inf), gain * given.get("clampMax", inf), path)
-    ends = {"max_forward": min(ahead, given.get("thrustMax", inf))}
-    ends["max_reverse"] = min(-astern, -given.get("thrustMin", -inf))
+    ahead, astern = _converted(plugin, gain * values.get("clampMin", -inf), gain * values.get("clampMax", inf), path)
+    ends = {"max_forward": min(ahead, values.get("thrustMax", inf))}
+    ends["max_reverse"] = min(-astern, -values.get("thrustMin", -inf))
     found = {key: efficiency * end for key, end in ends.items() if 0.0 < end < inf}
     lag = child_text(plugin, "dynamics/timeConstant")
     return found | ({"time_constant": abs(number_of(lag, path))} if lag is not None else {})
 
 
-def _converted(plugin: Element, least: float, most: float, path: str) -> tuple[float, float]:
-    """Return the largest and the least thrust (N) for commands from `least` to `most`."""
+def _converted(plugin: Element, lowest: float, highest: float, path: str) -> tuple[float, float]:
+    """Return the largest and the least thrust (N) for commands from `lowest` to `highest`."""
     kind = child_text(plugin, "conversion/type")
 
     def number(key: str) -> float:
         return number_of(child_text(plugin, f"conversion/{key}") or "0", path)
 
     if kind == "Basic" and (factor := number("rotorConstant")):
-        return factor * most * abs(most), factor * least * abs(least)
+        return factor * highest * abs(highest), factor * lowest * abs(lowest)
     if kind == "Bessa":
         right, left = number("deltaR"), number("deltaL")
-        ahead = number("rotorConstantR") * (most * abs(most) - right)
-        return ahead, number("rotorConstantL") * (least * abs(least) - left)
+        ahead = number("rotorConstantR") * (highest * abs(highest) - right)
+        return ahead, number("rotorConstantL") * (lowest * abs(lowest) - left)
     if kind == "LinearInterp":
         thrusts = [number_of(word, path) for word in (child_text(plugin, "conversion/outputValues") or "").split()]
         return (max(thrusts), min(thrusts)) if thrusts else (inf, -inf)
@@ -132,14 +133,14 @@ def _converted(plugin: Element, least: float, most: float, path: str) -> tuple[f
 
 def _motor_limits(plugin: Element, path: str) -> dict[str, float]:
     """Return the thrusts of a motor of PX4's models: a polynomial of the duty cycle, or its constant times speed²."""
-    found = {}
+    values = {}
     for key, tag in (("max_forward", "positiveThrustPolynomial"), ("max_reverse", "negativeThrustPolynomial")):
         text = child_text(plugin, tag)
         if text is not None:
             words = text.strip("[]").replace(",", " ").split()
-            found[key] = abs(sum(number_of(word, path) for word in words))  # at a duty cycle of 1
+            values[key] = abs(sum(number_of(word, path) for word in words))  # at a duty cycle of 1
     constant, speed = child_text(plugin, "motorConstant"), child_text(plugin, "maxRotVelocity")
-    if not found and constant is not None and speed is not None:
-        found["max_forward"] = abs(number_of(constant, path)) * number_of(speed, path) ** 2
+    if not values and constant is not None and speed is not None:
+        values["max_forward"] = abs(number_of(constant, path)) * number_of(speed, path) ** 2
     lag = child_text(plugin, "timeConstantUp")
-    return found | ({"time_constant": abs(number_of(lag, path))} if lag is not None else {})
+    return values | ({"time_constant": abs(number_of(lag, path))} if lag is not None else {})

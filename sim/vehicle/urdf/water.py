@@ -75,18 +75,18 @@ def _gazebo_water(element: Element, path: str, notes: list[str]) -> dict[str, An
     if "added_mass" in keys and (element.findtext("disable_added_mass") or "").strip() in ("1", "true"):
         del keys["added_mass"]
     squares, by_surge = square([0.0] * 6, 6), square([0.0] * 6, 6)
-    found, lost, without_sign = False, [], False
+    has_hydrodynamics, lost, without_sign = False, [], False
     for i, j, k, name, text, has_sign in _squares(element):
         value = -number_of(text, path)
         without_sign |= not has_sign
-        found = True
+        has_hydrodynamics = True
         if j == k:
             squares[i][j] += value
         elif k == 0 and i != 0:
             by_surge[i][j] += value
         elif value:
             lost.append(name)
-    if found:
+    if has_hydrodynamics:
         keys["quadratic_damping"] = to_frd_matrix(squares)
     if any(x for row in by_surge for x in row):
         keys["forward_speed_damping"] = to_frd_matrix(by_surge)

@@ -157,8 +157,8 @@ def _joint(robot: Element, name: str, kind: str, parent: str, child: str) -> Ele
     return joint
 
 
-def _shape(link: Element, what: str, kind: str, colour: str = "", **sizes: str) -> Element:
-    shape = _inside(link, what)
+def _shape(link: Element, tag: str, kind: str, colour: str = "", **sizes: str) -> Element:
+    shape = _inside(link, tag)
     _inside(_inside(shape, "geometry"), kind, **sizes)
     if colour:
         _inside(_inside(shape, "material", name=f"colour {colour}"), "color", rgba=colour)

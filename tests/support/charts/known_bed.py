@@ -26,12 +26,12 @@ def sounded(bed: Array, count: int, seed: int = 1) -> Array:
 
 def contoured(bed: Array, levels: list[float]) -> Array:
     """Return (n, 3): points where lines between neighbouring nodes cross the levels."""
-    found = []
+    crossings = []
     for level in levels:
         for axis in (0, 1):
             a, b = (bed[:-1], bed[1:]) if axis == 0 else (bed[:, :-1], bed[:, 1:])
             rows, columns = np.nonzero((a < level) != (b < level))
             share = (level - a[rows, columns]) / (b[rows, columns] - a[rows, columns])
             north, east = (rows + share, columns) if axis == 0 else (rows, columns + share)
-            found.append(np.column_stack([north * STEP, east * STEP, np.full(len(rows), level)]))
-    return np.concatenate(found)
+            crossings.append(np.column_stack([north * STEP, east * STEP, np.full(len(rows), level)]))
+    return np.concatenate(crossings)

@@ -90,9 +90,9 @@ class Encoder:
     def add(self, **fields: list[Row]) -> None:
         self.records.append(fields)
 
-    def node(self, place: Position, kind: int = 120) -> int:
+    def node(self, position: Position, kind: int = 120) -> int:
         self._last[kind] += 1
-        self.add(VRID=[(kind, self._last[kind], 1, 1)], SG2D=[_units(place)])
+        self.add(VRID=[(kind, self._last[kind], 1, 1)], SG2D=[_units(position)])
         return self._last[kind]
 
     def edge(self, begin: int, end: int, middle: Sequence[Position] = ()) -> int:
@@ -104,9 +104,9 @@ class Encoder:
         self.records.append(fields)
         return self._last[130]
 
-    def soundings(self, places: Sequence[tuple[float, float, float]]) -> int:
+    def soundings(self, soundings: Sequence[tuple[float, float, float]]) -> int:
         self._last[110] += 1
-        rows = [(*_units((lat, lon)), round(depth * SOMF)) for lat, lon, depth in places]
+        rows = [(*_units((lat, lon)), round(depth * SOMF)) for lat, lon, depth in soundings]
         self.add(VRID=[(110, self._last[110], 1, 1)], SG3D=rows)
         return self.feature(129, 1, [(name(110, self._last[110]), 255, 255, 255)])
 
@@ -121,26 +121,28 @@ class Encoder:
         self.records.append(fields)
         return self._last[100]
 
-    def point(self, code: int, place: Position, **attributes: object) -> int:
-        return self.feature(code, 1, [(name(110, self.node(place, 110)), 255, 255, 255)], **attributes)
+    def point(self, code: int, position: Position, **attributes: object) -> int:
+        return self.feature(code, 1, [(name(110, self.node(position, 110)), 255, 255, 255)], **attributes)
 
-    def line(self, code: int, places: Sequence[Position], **attributes: object) -> int:
-        edge = self.edge(self.node(places[0]), self.node(places[-1]), places[1:-1])
+    def line(self, code: int, positions: Sequence[Position], **attributes: object) -> int:
+        edge = self.edge(self.node(positions[0]), self.node(positions[-1]), positions[1:-1])
         return self.feature(code, 2, [(name(130, edge), 1, 255, 255)], **attributes)
 
-    def ring(self, places: Sequence[Position], usage: int = 1) -> list[Row]:
+    def ring(self, positions: Sequence[Position], usage: int = 1) -> list[Row]:
         """Return the two edges of a ring, the second one recorded against its direction."""
-        half = len(places) // 2
-        one, other = self.node(places[0]), self.node(places[half])
-        out = self.edge(one, other, places[1:half])
-        back = self.edge(one, other, places[:half:-1])
+        half = len(positions) // 2
+        first, second = self.node(positions[0]), self.node(positions[half])
+        out = self.edge(first, second, positions[1:half])
+        back = self.edge(first, second, positions[:half:-1])
         return [(name(130, out), 1, usage, 255), (name(130, back), 2, usage, 255)]
 
-    def area(self, code: int, places: Sequence[Position], hole: Sequence[Position] = (), **attributes: object) -> int:
-        return self.feature(code, 3, self.ring(places) + (self.ring(hole, 2) if hole else []), **attributes)
+    def area(
+        self, code: int, positions: Sequence[Position], hole: Sequence[Position] = (), **attributes: object
+    ) -> int:
+        return self.feature(code, 3, self.ring(positions) + (self.ring(hole, 2) if hole else []), **attributes)
 
     def data(self) -> bytes:
-        parts = [description()]
+        records = [description()]
         counts = [sum(fields.get("VRID", [(0,)])[0][0] == kind for fields in self.records) for kind in (110, 120, 130)]
         objects = sum("FRID" in fields for fields in self.records)
         if any("DSPM" in fields for fields in self.records):  # not in updates
@@ -148,16 +150,16 @@ class Encoder:
         for number, fields in enumerate(self.records, 1):
             packed = [("0001", struct.pack("<H", number) + FT)]
             packed += [(tag, pack(tag, rows)) for tag, rows in fields.items()]
-            parts.append(record(packed, "D"))
-        return b"".join(parts)
+            records.append(record(packed, "D"))
+        return b"".join(records)
 
     def write(self, path: Path) -> str:
         path.write_bytes(self.data())
         return str(path)
 
 
-def _units(place: Position) -> tuple[int, int]:
-    return round(place[0] * COMF), round(place[1] * COMF)
+def _units(position: Position) -> tuple[int, int]:
+    return round(position[0] * COMF), round(position[1] * COMF)
 
 
 def square(south: float, west: float, north: float, east: float) -> list[Position]:

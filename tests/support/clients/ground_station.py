@@ -59,8 +59,8 @@ class GroundStation:
     def set_parameter(self, name: str, value: float, kind: int = dialect.MAV_PARAM_TYPE_REAL32) -> None:
         self.send(dialect.MAVLink_param_set_message(1, 1, name.encode(), value, kind))
 
-    def output(self, words: str) -> bool:
-        return any(words in text for _, text in self.texts)
+    def output(self, text_part: str) -> bool:
+        return any(text_part in text for _, text in self.texts)
 
     def poll(self, now: float) -> None:
         self.now = now

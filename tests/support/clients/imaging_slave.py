@@ -57,9 +57,9 @@ def has_all(client: VehicleClient) -> bool:
     return all(client.received[topic] > 2 for topic in PICTURES)
 
 
-def camera(client: VehicleClient, what: Literal["requested", "dropped", "took_ms"]) -> float:
+def camera(client: VehicleClient, figure: Literal["requested", "dropped", "took_ms"]) -> float:
     """Return a figure of the camera's pictures, as last reported."""
-    figures: dict[str, float] = client.diagnostics()[f"imaging_{what}"]
+    figures: dict[str, float] = client.diagnostics()[f"imaging_{figure}"]
     return figures["camera"]
 
 

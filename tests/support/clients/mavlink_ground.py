@@ -27,15 +27,15 @@ class Ground:
             self.send.heartbeat_send(dialect.MAV_TYPE_GCS, dialect.MAV_AUTOPILOT_INVALID, 0, 0, 0)
 
     def wait(
-        self, kind: str, fits: Callable[[Any], object] = lambda _: True, do: Callable[[], Any] = lambda: None
+        self, kind: str, condition: Callable[[Any], object] = lambda _: True, do: Callable[[], Any] = lambda: None
     ) -> Any:
-        """Return the first message of a kind for which `fits` is true; `do` is called meanwhile, 20 times a second."""
+        """Return the first message of a kind that meets `condition`; call `do` meanwhile, 20 times a second."""
         deadline = time.monotonic() + PATIENCE_S
         while time.monotonic() < deadline:
             self.beat()
             do()
             message = self.link.recv_match(type=kind, blocking=True, timeout=0.05)
-            if message and fits(message):
+            if message and condition(message):
                 return message
         raise AssertionError(f"no {kind} that fits came")
 

@@ -48,21 +48,21 @@ class PointVehicle:
     def move(self, seconds: float) -> None:
         """Move by the last command for this time."""
         command = self.commands[-1] if self.commands else None
-        surge = sway = heave = turn = 0.0
+        surge = sway = heave = yaw_rate = 0.0
         if isinstance(command, VelocityCommand):
-            surge, sway, heave, turn = command[:4]
+            surge, sway, heave, yaw_rate = command[:4]
             if command.depth is not None:
                 heave = max(-0.5, min(0.5, command.depth - self.depth))
             if command.heading is not None:
-                turn = max(-1.0, min(1.0, 3.0 * wrap(command.heading - self.heading)))
+                yaw_rate = max(-1.0, min(1.0, 3.0 * wrap(command.heading - self.heading)))
         elif isinstance(command, PoseCommand):
             self.north, self.east, self.depth = command.position
             self.heading = command.heading
-        self.nu = [surge, sway, heave, 0.0, 0.0, turn]
+        self.nu = [surge, sway, heave, 0.0, 0.0, yaw_rate]
         self.north += seconds * (surge * cos(self.heading) - sway * sin(self.heading))
         self.east += seconds * (surge * sin(self.heading) + sway * cos(self.heading))
         self.depth = max(0.0, self.depth + seconds * heave)
-        self.heading = wrap(self.heading + seconds * turn)
+        self.heading = wrap(self.heading + seconds * yaw_rate)
 
     def pushed(self) -> Wrench:
         """Return the last command, which is a wrench."""
@@ -129,11 +129,11 @@ class Bench:
         self.dispatcher.peers[partner.peer.number] = partner.peer
         return partner
 
-    def run(self, seconds: float, each: Callable[[], None] | None = None) -> None:
-        """Let time pass, tick by tick; `each` is called before every one."""
+    def run(self, seconds: float, before_tick: Callable[[], None] | None = None) -> None:
+        """Let time pass, tick by tick; `before_tick` is called before every one."""
         for _ in range(round(seconds * NS_PER_S / TICK_NS)):
-            if each:
-                each()
+            if before_tick:
+                before_tick()
             self.now += TICK_NS
             self.vehicle.move(TICK_NS / NS_PER_S)
             self.core.tick(self.now)

@@ -138,7 +138,7 @@ def unpack(content: bytes) -> dict[str, float]:
     magic, count, total = struct.unpack_from("<HHH", content)
     assert magic in (0x671B, 0x671C)
     assert count == total
-    found: dict[str, float] = {}
+    parameters: dict[str, float] = {}
     at, last = 6, ""
     while at < len(content):
         if not content[at]:  # padding
@@ -146,10 +146,10 @@ def unpack(content: bytes) -> dict[str, float]:
             continue
         kind, lengths = content[at] & 0x0F, content[at + 1]
         assert not content[at] >> 4, "no default follows where none was promised"
-        rest = (lengths >> 4) + 1
-        last = last[: lengths & 0x0F] + content[at + 2 : at + 2 + rest].decode()
+        suffix_length = (lengths >> 4) + 1
+        last = last[: lengths & 0x0F] + content[at + 2 : at + 2 + suffix_length].decode()
         assert 0 < len(last) <= 16
-        (found[last],) = struct.unpack_from(WIDTHS[kind], content, at + 2 + rest)
-        at += 2 + rest + struct.calcsize(WIDTHS[kind])
-    assert len(found) == count
-    return found
+        (parameters[last],) = struct.unpack_from(WIDTHS[kind], content, at + 2 + suffix_length)
+        at += 2 + suffix_length + struct.calcsize(WIDTHS[kind])
+    assert len(parameters) == count
+    return parameters

@@ -45,8 +45,8 @@ class LastSamples:
 class ViewPage:
     """The view whose program printed its address, opened in a browser."""
 
-    def __init__(self, seen: Seen, view: Program) -> None:
-        self.seen, self.page, self.view = seen, seen.page, view
+    def __init__(self, browser_page: Seen, view: Program) -> None:
+        self.seen, self.page, self.view = browser_page, browser_page.page, view
         self.page.goto(view.expect(ADDRESS)[0].removeprefix("watch at "), timeout=PATIENCE_MS)
         self.frame = self.page.frame_locator("#scene")
 
@@ -54,12 +54,12 @@ class ViewPage:
         """Wait until the vehicle may be steered."""
         self.page.wait_for_function(READY, timeout=PATIENCE_MS)
 
-    def wait_until(self, holds: Callable[[], bool], seconds: float = 120.0) -> bool:
+    def wait_until(self, condition: Callable[[], bool], seconds: float = 120.0) -> bool:
         """Wait until the condition holds, while the page runs; return whether it does."""
 
         def look() -> bool:
             self.page.wait_for_timeout(PAUSE_MS)
-            return holds()
+            return condition()
 
         return bool(wait_for(look, seconds))
 
@@ -130,24 +130,24 @@ def viewed_slave(folder: Path, *options: object, script: str = "") -> Iterator[t
         Program(folder, "slave", scenario) as slave,
         Program(folder, *words) as view,
         hil.connect(f"tcp/127.0.0.1:{port}", observe=True, wait=PATIENCE_S) as fleet,
-        open_page() as seen,
+        open_page() as browser_page,
     ):
-        seen.page.add_init_script(script)
-        page = ViewPage(seen, view)
+        browser_page.page.add_init_script(script)
+        page = ViewPage(browser_page, view)
         yield page, LastSamples(fleet["uuv1"]), slave
         assert "Traceback" not in view.output
-        assert not seen.errors, seen.errors
+        assert not browser_page.errors, browser_page.errors
 
 
 def steer_by_keyboard(page: ViewPage, vehicle: LastSamples) -> None:
     """Check that the vehicle moves, also on the screen, with the space bar and W held, and stops without them."""
-    before, place = page.pixels(), vehicle.ground_truth.position
+    before, start = page.pixels(), vehicle.ground_truth.position
     page.page.locator("#heading").focus()  # outside the scene, whose camera has keys of its own
     page.page.keyboard.down("Space")
     page.page.keyboard.down("KeyW")
 
     def moved() -> bool:
-        return bool(np.hypot(*np.subtract(vehicle.ground_truth.position, place)[:2]) > 0.8)
+        return bool(np.hypot(*np.subtract(vehicle.ground_truth.position, start)[:2]) > 0.8)
 
     assert page.wait_until(moved), "the keys do not move the vehicle"
     assert np.abs(page.pixels() - before).mean() > 1.0, "it moves, but not on the screen"

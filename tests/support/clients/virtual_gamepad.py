@@ -37,13 +37,13 @@ class Virtual:
         for trigger in (4, 5):
             self.do("axis", str(trigger), "-32768")
 
-    def do(self, what: str, *words: str) -> None:
-        numbers = [int(word) for word in words]
-        if what == "axis":
+    def do(self, action: str, *arguments: str) -> None:
+        numbers = [int(word) for word in arguments]
+        if action == "axis":
             self._sdl.SDL_JoystickSetVirtualAxis(self._pad, *numbers)
-        elif what == "button":
+        elif action == "button":
             self._sdl.SDL_JoystickSetVirtualButton(self._pad, *numbers)
-        elif what == "unplug":
+        elif action == "unplug":
             self._sdl.SDL_JoystickDetachVirtual(self._index)
         else:
             self.plug()

@@ -59,9 +59,9 @@ def run_c(program: str, script: Script, stop: bool = False) -> list[Done]:
     chunks += [step.record() for step in script.steps]
     if stop:
         chunks.append(struct.pack("<QH", script.steps[-1].now_us, STOP))
-    done = subprocess.run([program, "run"], input=b"".join(chunks), capture_output=True)
-    assert done.returncode == 0, done.stderr.decode()[-4000:]
-    results = list(_results(done.stdout, script.channels))
+    process = subprocess.run([program, "run"], input=b"".join(chunks), capture_output=True)
+    assert process.returncode == 0, process.stderr.decode()[-4000:]
+    results = list(_results(process.stdout, script.channels))
     assert len(results) == len(script.steps) + stop
     return results
 
@@ -73,13 +73,13 @@ def _results(output: bytes, channels: int) -> Iterator[Done]:
         return struct.unpack(code, file.read(struct.calcsize(code)))
 
     while file.tell() < len(output):
-        sent = file.read(*take("<H"))
+        sent_bytes = file.read(*take("<H"))
         reported = [take("<IB8s") for _ in range(*take("<H"))]
         *pulses, kicks, deadline_us = take("<16HIQ")
         steps += 1
         assert kicks <= steps, "the watchdog is kicked once in each service"
         can = tuple(CanFrame(number, data[:size]) for number, size, data in reported)
-        yield Done(sent, tuple(pulses[:channels]), deadline_us, can)
+        yield Done(sent_bytes, tuple(pulses[:channels]), deadline_us, can)
 
 
 class _Line(Wire):
@@ -154,12 +154,12 @@ def instants(chance: random.Random) -> Iterator[int]:
 
 def cut(chance: random.Random, pieces: Iterator[bytes], count: int) -> list[Step]:
     """Return `count` steps; most pieces are whole, some are in two parts."""
-    steps, rest = [], b""
+    steps, remainder = [], b""
     for now_us, _ in zip(instants(chance), range(count), strict=False):
-        data = rest + b"".join(next(pieces) for _ in range(chance.choice((0, 0, 1, 1, 1, 2, 4))))
+        data = remainder + b"".join(next(pieces) for _ in range(chance.choice((0, 0, 1, 1, 1, 2, 4))))
         at = chance.randrange(len(data) + 1) if chance.random() < 0.2 else len(data)
         steps.append(Step(now_us, data[:at]))
-        rest = data[at:]
+        remainder = data[at:]
     return steps
 
 

@@ -39,9 +39,9 @@ def vesc_script(seed: int, steps: int) -> Script:
     chance = random.Random(seed)
     channels = chance.randint(1, 8)
     frames, now = vesc_frames(chance, channels), instants(chance)
-    now_us, made = next(now), [Step(0)]
+    now_us, script = next(now), [Step(0)]
     for _ in range(steps):
         if chance.random() < 0.2:
             now_us = next(now)
-        made += [Step(now_us, can=next(frames)), Step(now_us)]
-    return Script(channels, 200_000, made)
+        script += [Step(now_us, can=next(frames)), Step(now_us)]
+    return Script(channels, 200_000, script)

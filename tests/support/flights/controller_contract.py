@@ -86,11 +86,11 @@ class ControllerContract(ABC):
             assert used.update(*call) == new.update(*call)
 
     def test_the_wrench_points_towards_the_setpoint(self) -> None:
-        rest = self.make().update(VelocityCommand(), AT_REST, DT)
+        neutral = self.make().update(VelocityCommand(), AT_REST, DT)
         for axis, sign in self.pushes:
             command = VelocityCommand(*(sign * 0.3 if number == axis else 0.0 for number in range(3)))
             wrench = self.make().update(command, AT_REST, DT)
-            assert sign * (wrench[axis] - rest[axis]) > 0.0, (axis, sign)
+            assert sign * (wrench[axis] - neutral[axis]) > 0.0, (axis, sign)
 
     @pytest.mark.parametrize("sign", [1.0, -1.0])
     def test_a_fin_vehicle_reaches_heading_and_depth(self, sign: float) -> None:

@@ -41,16 +41,16 @@ def top_speed(name: str) -> float:
 
 def fly_level(name: str, speed: float, scenario: str = FIELD, seconds: float = inf) -> LevelFlight:
     """Fly a preset through a scenario at a commanded `speed` (m/s), for at most so long."""
-    given = load_scenario(scenario)
-    depth = given.start.depth
+    loaded = load_scenario(scenario)
+    depth = loaded.start.depth
     limit = min(seconds, 60.0 + 75.0 / speed)
-    requested = given._replace(vehicle=name, master=given.master._replace(speed=speed, depth=depth, time_limit=limit))
+    requested = loaded._replace(vehicle=name, master=loaded.master._replace(speed=speed, depth=depth, time_limit=limit))
     plan = prepare(requested)
     vehicle = SimulatedVehicle(requested, plan.world)
-    found = LevelFlight(0.0, 0.0, 0.0, 0.0, 0.0)
+    largest = LevelFlight(0.0, 0.0, 0.0, 0.0, 0.0)
 
     def watch(vehicle: SimulatedVehicle) -> None:
-        nonlocal found
+        nonlocal largest
         if vehicle.time_ns % 20_000_000:
             return
         truth = vehicle.simulation.truth()
@@ -60,10 +60,10 @@ def fly_level(name: str, speed: float, scenario: str = FIELD, seconds: float = i
         roll = atan2(2.0 * (w * x + y * z), upright)
         off = abs(truth.position[2] - depth)
         now = degrees(abs(pitch)), degrees(abs(roll)), degrees(acos(upright)), off, truth.nu[0]
-        found = LevelFlight(*map(max, now, found))
+        largest = LevelFlight(*map(max, now, largest))
 
     fly(requested, plan, vehicle, [watch])
-    return found
+    return largest
 
 
 def check_level(name: str, share: float, scenario: str = FIELD, seconds: float = inf) -> None:

@@ -51,8 +51,8 @@ def frames(records: bytes) -> list[CanFrame]:
     return list(unpack_frames(records))
 
 
-def records(kept: Iterable[CanFrame]) -> bytes:
-    return b"".join(map(pack_frame, kept))
+def records(frames: Iterable[CanFrame]) -> bytes:
+    return b"".join(map(pack_frame, frames))
 
 
 def exchange(sender: Protocol, message: Message, receiver: Protocol) -> list[Message]:

@@ -66,11 +66,11 @@ class Bench:
 
     def node(self, node_id: int) -> Any:
         operational = uavcan.protocol.NodeStatus().MODE_OPERATIONAL
-        made = dronecan.node.Node(
+        node = dronecan.node.Node(
             driver_class()(self.bus.wire()), node_id=node_id, mode=operational, catch_handler_exceptions=False
         )
-        self.nodes.append(made)
-        return made
+        self.nodes.append(node)
+        return node
 
     def device(self, channels: int = 6, **settings: Any) -> Stm32End:
         link = ThrusterLink(self.bus.wire(), open_dronecan("device", channels, **settings))

@@ -177,15 +177,15 @@ class WireContract:
 
     def fill(self, sender: Wire) -> int:
         """Write until the wire refuses; return the accepted bytes, always whole records."""
-        sent = 0
+        sent_count = 0
         for _ in range(20_000 if self.refuses_when_full else 400):
             taken = sender.write(self.sample)
             assert taken % self.record_size == 0
-            sent += taken
+            sent_count += taken
             if taken < len(self.sample):
-                return sent
+                return sent_count
         assert not self.refuses_when_full, "took 5 MB that nobody read"
-        return sent
+        return sent_count
 
     def test_using_a_closed_wire_is_an_error(self, wires: Wires) -> None:
         for wire in wires:
@@ -249,14 +249,14 @@ class LinkContract(WireContract):
     def assert_same(self, received: list[Message], sent: Sequence[Message]) -> None:
         """Assert that `received` equals `sent`, as far as this protocol carries it."""
         assert [type(message) for message in received] == [type(message) for message in sent]
-        for got, wanted in zip(received, sent, strict=True):
-            carried = self.commands_carry if isinstance(wanted, ThrusterCommand) else self.reports_carry
+        for received_message, sent_message in zip(received, sent, strict=True):
+            carried = self.commands_carry if isinstance(sent_message, ThrusterCommand) else self.reports_carry
             for field in carried:
                 if field == "pwm_us":
-                    errors = [abs(a - b) for a, b in zip(got.pwm_us, wanted.pwm_us, strict=True)]
+                    errors = [abs(a - b) for a, b in zip(received_message.pwm_us, sent_message.pwm_us, strict=True)]
                     assert max(errors) <= self.pwm_error_us
                 else:
-                    assert getattr(got, field) == getattr(wanted, field), field
+                    assert getattr(received_message, field) == getattr(sent_message, field), field
 
     def test_nothing_is_received_on_a_quiet_link(self, ends: Ends) -> None:
         for link in ends:

@@ -41,12 +41,12 @@ def main(url: str) -> None:
             break
     node.can_driver.proc.terminate()  # which never ends by itself
     parameter = answers[0].response
-    found = {
+    results = {
         "speeds": speeds,
         "nodes": {entry.node_id: bytes(entry.info.name).decode() for entry in named},
         "parameter": [bytes(parameter.name).decode(), parameter.value.integer_value],
     }
-    print(json.dumps(found), flush=True)
+    print(json.dumps(results), flush=True)
     os._exit(0)  # not waiting for its queues
 
 

@@ -17,26 +17,26 @@ from tests.support.diagnostics import reported
 
 def test_correct_clocks_give_no_warning() -> None:
     assert find_doubts(meter(0, same_clock=True)) == []
-    assert find_doubts(meter(7_000 * MS, same_clock=False, network=MS // 10, back=MS // 10)) == []
+    assert find_doubts(meter(7_000 * MS, same_clock=False, network=MS // 10, return_delay=MS // 10)) == []
 
 
 @pytest.mark.parametrize("offset", [-3_600_000 * MS, -5 * MS, 5 * MS, 3_600_000 * MS])
 def test_the_offset_is_measured_when_the_clock_was_set_between_two_starts(offset: int) -> None:
     """Both processes run since the same boot, but each read the wall clock at its start."""
-    shifted = meter(offset, same_clock=True, network=MS // 10, back=MS // 10)
+    shifted = meter(offset, same_clock=True, network=MS // 10, return_delay=MS // 10)
     assert all(abs(total - 260_000) < MS // 5 for total in shifted.totals_ns())
     assert abs(shifted.offset_ns()[0] - offset) < MS // 5
     assert find_doubts(shifted) == []
 
 
 def test_an_offset_within_its_error_is_taken_as_zero() -> None:
-    lopsided = meter(0, same_clock=True, network=2 * MS, back=MS // 10)
+    lopsided = meter(0, same_clock=True, network=2 * MS, return_delay=MS // 10)
     assert lopsided.offset_ns() == (0, 0)
     assert set(lopsided.totals_ns()) == {2_160_000}
 
 
 def test_an_uncertain_offset_gives_a_warning() -> None:
-    found = find_doubts(meter(3 * MS, same_clock=False, network=MS, back=30 * MS))
+    found = find_doubts(meter(3 * MS, same_clock=False, network=MS, return_delay=30 * MS))
     assert any("known only to" in words for words in found)
 
 
