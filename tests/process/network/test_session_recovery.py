@@ -90,6 +90,9 @@ def test_both_ends_detect_a_silent_link_and_recover(ends: tuple[PresenceRecorder
         assert max(found) < 0.8
 
     retry_when_busy(check_loss_and_recovery, "seconds of two sessions and a relay, in threads of one process")
+    slave.session.close()
+    # Its reader may still handle a command, which needs the receiver's descriptor.
+    assert wait_for(lambda: "reader cmd_vel" not in {thread.name for thread in threading.enumerate()})
     command_receiver.close()
 
 
