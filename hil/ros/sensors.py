@@ -2,12 +2,12 @@
 
 from collections.abc import Callable
 from math import isfinite, nan
-from struct import Struct
 
+from hil.common.vectors import Vector3
 from hil.ros import encoders as ros
 from hil.ros.cdr import HEADER, Layout, diagonal, tolerant
 from hil.ros.encoders import NO_DATA, pack_stamped, swap_body, swap_world, unpack_stamped
-from hil.ros.message import encode, header, read, time_of
+from hil.ros.message import Message, encode, header, read, time_of
 from sim.sensors.extra_samples import (
     BatterySample,
     FieldSample,
@@ -20,20 +20,16 @@ from sim.sensors.extra_samples import (
 from sim.sensors.samples import Covariance, ImuSample
 
 # Constants of the messages.
-_NO_FIX, _FIX, _SERVICE_GPS = -1, 0, 1
+_NO_FIX, _HAS_FIX, _SERVICE_GPS = -1, 0, 1
 _COVARIANCE_UNKNOWN, _COVARIANCE_DIAGONAL_KNOWN = 0, 2
 _DISCHARGING, _NOT_CHARGING = 2, 3
 _GOOD, _DEAD = 1, 3
 _LITHIUM_ION = 2
 
-_BATTERY = "sensor_msgs/msg/BatteryState"
+_BATTERY, _FIX = "sensor_msgs/msg/BatteryState", "sensor_msgs/msg/NavSatFix"
+_POSE, _TWIST = "geometry_msgs/msg/PoseWithCovarianceStamped", "geometry_msgs/msg/TwistStamped"
 _BOOL = Layout("B")
 _FIELD = Layout("i I string 3d 72s")
-_FIX_LAYOUT = Layout("i I string b H 3d 72s B")
-_POSE = Layout("i I string 7d 288s")
-_TWIST = Layout("i I string 6d")
-_NINE = Struct("<9d")
-_THIRTY_SIX = Struct("<36d")
 
 
 def encode_bool(sample: FlagSample) -> bytes:
@@ -76,37 +72,39 @@ def decode_field(data: bytes) -> FieldSample:
 
 def encode_velocity(sample: VelocitySample, frame: str = "current_meter_link") -> bytes:
     """Encode geometry_msgs/TwistStamped of a velocity along FLU; the angular part is always 0."""
-    return pack_stamped(_TWIST, sample.time_ns, (frame,), *swap_body(sample.velocity), 0.0, 0.0, 0.0)
+    u, v, w = swap_body(sample.velocity)
+    return encode(_TWIST, {"header": header(sample.time_ns, frame), "twist": {"linear": {"x": u, "y": v, "z": w}}})
 
 
 @tolerant
 def decode_velocity(data: bytes) -> VelocitySample:
     """Return the linear velocity along FRD."""
-    time_ns, (u, v, w, _, _, _) = unpack_stamped(_TWIST, data)
-    return VelocitySample(time_ns, swap_body((u, v, w)))
+    message = read(_TWIST, data)
+    return VelocitySample(time_of(message), swap_body(_vector(message["twist"]["linear"])))
 
 
 def encode_fix(sample: FixSample, frame: str = "gps_link") -> bytes:
     """Encode sensor_msgs/NavSatFix. Without a fix: status -1, position NaN and covariance unknown."""
     horizontal, vertical = sample.variances if sample.fix else (0.0, 0.0)
-    covariance = _NINE.pack(horizontal, 0.0, 0.0, 0.0, horizontal, 0.0, 0.0, 0.0, vertical)
-    place = (sample.latitude, sample.longitude, sample.altitude) if sample.fix else (nan, nan, nan)
-    return pack_stamped(
-        _FIX_LAYOUT, sample.time_ns, (frame,),
-        _FIX if sample.fix else _NO_FIX, _SERVICE_GPS, *place, covariance,
-        _COVARIANCE_DIAGONAL_KNOWN if sample.fix else _COVARIANCE_UNKNOWN,
-    )  # fmt: skip
+    return encode(_FIX, {
+        "header": header(sample.time_ns, frame),
+        "status": {"status": _HAS_FIX if sample.fix else _NO_FIX, "service": _SERVICE_GPS},
+        "latitude": sample.latitude if sample.fix else nan, "longitude": sample.longitude if sample.fix else nan,
+        "altitude": sample.altitude if sample.fix else nan,
+        "position_covariance": (horizontal, 0.0, 0.0, 0.0, horizontal, 0.0, 0.0, 0.0, vertical),
+        "position_covariance_type": _COVARIANCE_DIAGONAL_KNOWN if sample.fix else _COVARIANCE_UNKNOWN,
+    })  # fmt: skip
 
 
 @tolerant
 def decode_fix(data: bytes) -> FixSample:
     """Return the fix, with the first and last diagonal element of its covariance."""
-    time_ns, (status, _, latitude, longitude, altitude, covariance, _) = unpack_stamped(_FIX_LAYOUT, data)
-    values = _NINE.unpack(covariance)
-    fix = status >= _FIX and isfinite(latitude + longitude + altitude)
-    if not fix:
-        latitude = longitude = altitude = nan
-    return FixSample(time_ns, latitude, longitude, altitude, (values[0], values[8]), fix)
+    message = read(_FIX, data)
+    place = message["latitude"], message["longitude"], message["altitude"]
+    first, *_, last = message["position_covariance"]
+    is_fix = message["status"]["status"] >= _HAS_FIX and isfinite(sum(place))
+    latitude, longitude, altitude = place if is_fix else (nan, nan, nan)
+    return FixSample(time_of(message), latitude, longitude, altitude, (first, last), is_fix)
 
 
 def encode_position(sample: PositionSample, frame: str = "map") -> bytes:
@@ -119,16 +117,24 @@ def encode_position(sample: PositionSample, frame: str = "map") -> bytes:
     for row in range(3):
         values[6 * row : 6 * row + 3] = _swap_covariance(sample.covariance)[3 * row : 3 * row + 3]
         values[7 * row + 21] = NO_DATA
-    place = swap_world(sample.position)
-    return pack_stamped(_POSE, sample.time_ns, (frame,), *place, 0.0, 0.0, 0.0, 1.0, _THIRTY_SIX.pack(*values))
+    east, north, up = swap_world(sample.position)
+    pose = {"position": {"x": east, "y": north, "z": up}}
+    return encode(_POSE, {"header": header(sample.time_ns, frame), "pose": {"pose": pose, "covariance": values}})
 
 
 @tolerant
 def decode_position(data: bytes) -> PositionSample:
     """Return the position, NED, with its covariance; the orientation is ignored."""
-    time_ns, (east, north, up, _, _, _, _, covariance) = unpack_stamped(_POSE, data)
-    a, b, c, _, _, _, d, e, f, _, _, _, g, h, i, *_ = _THIRTY_SIX.unpack(covariance)
-    return PositionSample(time_ns, swap_world((east, north, up)), _swap_covariance((a, b, c, d, e, f, g, h, i)))
+    message = read(_POSE, data)
+    pose, covariance = message["pose"]["pose"], message["pose"]["covariance"]
+    a, b, c, _, _, _, d, e, f, _, _, _, g, h, i, *_ = covariance
+    place = swap_world(_vector(pose["position"]))
+    return PositionSample(time_of(message), place, _swap_covariance((a, b, c, d, e, f, g, h, i)))
+
+
+def _vector(of: Message) -> Vector3:
+    """Return a geometry_msgs/Point or Vector3 as a tuple."""
+    return of["x"], of["y"], of["z"]
 
 
 def _swap_covariance(of: Covariance) -> Covariance:
