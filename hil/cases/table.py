@@ -44,12 +44,12 @@ def _row(results: Sequence[Result]) -> list[str]:
         f"{sum(r.success for r in results)} of {len(results)}",
         str(sum(r.collided for r in results)),
         str(sum(len(r.events) for r in results)),
-        *(_spread([value(r) for r in results], digits) for _, value, digits in _MEAN),
+        *(_mean_text([value(r) for r in results], digits) for _, value, digits in _MEAN),
         *(_worst([value(r) for r in results], choose, form) for _, value, choose, form in _WORST),
     ]
 
 
-def _spread(values: Sequence[float], digits: int) -> str:
+def _mean_text(values: Sequence[float], digits: int) -> str:
     finite = [value for value in values if isfinite(value)]
     if not finite:
         return "-"

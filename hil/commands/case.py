@@ -9,12 +9,12 @@ from hil.cases.report import Flights, write_report
 from hil.commands.view.flights import FlightViewer
 from hil.common.columns import paragraph
 from hil.common.errors import MissingExtraError
-from hil.common.options import JOBS, MAX_SEEDS, SEEDS, add_output, add_view, new_parser, whole
+from hil.common.options import JOBS, MAX_SEEDS, SEEDS, add_output, add_view, integer, new_parser
 from hil.common.stop import every_end_like_ctrl_c
 from hil.master.recorder import make_folder
 from hil.recording.recorder import new_folder
 
-HIL_SEEDS = whole(0, MAX_SEEDS)
+HIL_SEEDS = integer(0, MAX_SEEDS)
 EXAMPLES = f"""\
 NAME is one of: {", ".join(CASES)}, or all.
 

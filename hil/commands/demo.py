@@ -24,8 +24,8 @@ from hil.common.options import (
     add_scenario,
     add_view,
     changes_of,
+    lat_lon,
     new_parser,
-    place,
     scenario_words,
 )
 from hil.common.ports import free_ports
@@ -60,8 +60,8 @@ def main(arguments: list[str]) -> int:
     add_listen(parser)
     seabed = parser.add_argument_group("over a seabed of your own")
     seabed.add_argument("--world", metavar="CHART.000", help="a chart, soundings, or a world's .toml or name")
-    seabed.add_argument("--start", metavar="LAT,LON", type=place, help="degrees, with --goal [a place with relief]")
-    seabed.add_argument("--goal", metavar="LAT,LON", type=place, help="goal of the dive; the path to it is planned")
+    seabed.add_argument("--start", metavar="LAT,LON", type=lat_lon, help="degrees, with --goal [a place with relief]")
+    seabed.add_argument("--goal", metavar="LAT,LON", type=lat_lon, help="goal of the dive; the path to it is planned")
     seabed.add_argument(
         "--depth", metavar="M", type=DEPTH, help="depth of the dive [above the highest place of the path]"
     )

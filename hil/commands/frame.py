@@ -7,7 +7,7 @@ from collections.abc import Iterator
 
 from hil.common.columns import aligned
 from hil.common.errors import ConfigError
-from hil.common.options import Number, new_parser, whole
+from hil.common.options import Number, integer, new_parser
 from hil.common.schema import find_preset, preset_names
 from hil.links.contract import MAX_THRUSTERS, PWM_NEUTRAL_US, Message, ThrusterCommand, ThrusterTelemetry
 from hil.links.frame.check import WRONG, Part, Row, split_bytes, table
@@ -29,7 +29,7 @@ FRAMES = "firmware_stub/frames"
 BAUDS = (9_600, 57_600, 115_200, 460_800, 921_600, 2_000_000)
 BITS_PER_BYTE = 10  # 8N1: start, eight, stop
 BYTES_PER_LINE = 16
-CHANNELS = whole(1, MAX_THRUSTERS)
+CHANNELS = integer(1, MAX_THRUSTERS)
 RATE = Number(0.001, 100_000.0, "Hz")
 CRC_PARAMETERS = ("polynomial", "start_value", "reflected", "final_xor")
 
@@ -47,7 +47,7 @@ def main(arguments: list[str]) -> int:
         return 0
     parts = split_bytes(protocol, data)
     for part in parts:
-        print("\n".join(_part(part)))
+        print("\n".join(_describe_part(part)))
     wrong = sum(len(part.data) for part in parts if part.kind in WRONG)
     print(f"{len(data)} bytes, {sum(part.kind == 'message' for part in parts)} messages, {wrong} bytes wrong")
     return int(wrong > 0)
@@ -187,7 +187,7 @@ def _wire_times(protocol: FrameProtocol, channels: int, rate: float) -> Iterator
     yield from aligned(rows, right=True, indent="  ")
 
 
-def _part(part: Part) -> Iterator[str]:
+def _describe_part(part: Part) -> Iterator[str]:
     text = part.text if part.kind in ("message", "other", "delimiter") else f"{part.kind}: {part.text}"
     yield f"{part.start:6}  {text}"
     if part.message:

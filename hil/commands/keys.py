@@ -3,10 +3,10 @@
 import os
 
 from hil.common.errors import ConfigError, MissingExtraError
-from hil.common.options import host, new_parser, whole
+from hil.common.options import host, integer, new_parser
 from hil.network.security import CA, CERTIFICATE, KEY
 
-DAYS = whole(1, 36_500)  # a century
+DAYS = integer(1, 36_500)  # a century
 AUTHORITY = "authority"  # the folder that must not be copied to a vehicle
 EXAMPLES = """\
 DIR/authority/ can make certificates: keep it off the vehicles. DIR/NAME/ is all that the machine NAME needs; copy it

@@ -7,7 +7,7 @@ from typing import Any
 from hil.bench.loopback import Plan, Result, run
 from hil.common.clock import NS_PER_MS
 from hil.common.columns import fit_to_terminal
-from hil.common.options import DAY_S, SEED, Number, Quantity, Share, add_json, new_parser, whole
+from hil.common.options import DAY_S, SEED, Number, Quantity, Share, add_json, integer, new_parser
 from hil.common.schema import parse
 from hil.common.tables import settings
 from hil.links.options import add_link
@@ -31,7 +31,7 @@ examples:
 LIMIT_BROKEN = 1
 RATE = Number(0.01, 10_000.0, "Hz", also=(0,))
 SECONDS = Number(0.01, DAY_S, "s")
-ERRORS = whole(0, 10**9)
+ERRORS = integer(0, 10**9)
 LIMIT = Quantity(0.0, 1000.0, "s")
 
 

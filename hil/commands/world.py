@@ -9,7 +9,7 @@ from typing import Any
 from hil.commands.gridding import RESOLUTION, add_reading, show_progress
 from hil.common.columns import aligned
 from hil.common.errors import ConfigError, MissingExtraError
-from hil.common.options import Number, add_json, add_output, add_plot, new_parser, place
+from hil.common.options import Number, add_json, add_output, add_plot, lat_lon, new_parser
 from hil.common.schema import preset_names, shortened
 from hil.common.tables import output_file
 from hil.common.text import json_text
@@ -271,7 +271,7 @@ def area(text: str) -> tuple[float, float, float, float]:
     """Return south, west, north and east (degrees) of S,W,N,E; east is beyond 180 where the area crosses that."""
     words = text.split(",")
     try:
-        (south, west), (north, east) = place(",".join(words[:2])), place(",".join(words[2:]))
+        (south, west), (north, east) = lat_lon(",".join(words[:2])), lat_lon(",".join(words[2:]))
         if south < north and west != east:
             return south, west, north, east if west < east else east + 360.0
     except argparse.ArgumentTypeError:

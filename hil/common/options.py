@@ -276,22 +276,22 @@ class List:
         return tuple(dict.fromkeys(self.item(word) for word in words))
 
 
-def whole(low: int, high: int, *, also: tuple[int, ...] = (), unit: str = "") -> Number:
+def integer(low: int, high: int, *, also: tuple[int, ...] = (), unit: str = "") -> Number:
     """Return the type of a whole number from `low` to `high`."""
     return Number(low, high, unit, whole=True, also=also)
 
 
-PORT = whole(0, 65_535)  # 0: any free port
-SEED = whole(0, 2**63 - 1)
-SEEDS = whole(1, MAX_SEEDS)
-JOBS = whole(1, MAX_JOBS, also=(-1,))  # -1: all cores
-REPEAT = whole(1, 1000)
-DESCRIPTOR = whole(0, 65_535)
+PORT = integer(0, 65_535)  # 0: any free port
+SEED = integer(0, 2**63 - 1)
+SEEDS = integer(1, MAX_SEEDS)
+JOBS = integer(1, MAX_JOBS, also=(-1,))  # -1: all cores
+REPEAT = integer(1, 1000)
+DESCRIPTOR = integer(0, 65_535)
 LATITUDE = Number(-90.0, 90.0, "degrees")
 LONGITUDE = Number(-180.0, 180.0, "degrees")
 WAIT = Number(0.0, DAY_S, "s")  # time to wait for a peer; 0: do not wait
-BAUD = whole(1200, 12_000_000)
-BITRATE = whole(10_000, 1_000_000)
+BAUD = integer(1200, 12_000_000)
+BITRATE = integer(10_000, 1_000_000)
 
 
 def one_of(*names: str) -> Callable[[str], str]:
@@ -354,7 +354,7 @@ def serving_address(text: str) -> tuple[str, int]:
         raise argparse.ArgumentTypeError(words) from None
 
 
-def place(text: str) -> tuple[float, float]:
+def lat_lon(text: str) -> tuple[float, float]:
     """Return latitude and longitude (degrees) of LAT,LON."""
     words = text.split(",")
     if len(words) != 2:

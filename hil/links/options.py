@@ -2,7 +2,7 @@
 
 import argparse
 
-from hil.common.options import BAUD, BITRATE, whole
+from hil.common.options import BAUD, BITRATE, integer
 from hil.links.address import FORMS
 from hil.links.contract import MAX_THRUSTERS
 
@@ -27,4 +27,10 @@ def add_link(parser: argparse.ArgumentParser, port: str | None) -> None:
         default=1_000_000,
         help="speed of a CAN bus that this program sets up, bit/s [%(default)s]",
     )
-    add("--channels", type=whole(1, MAX_THRUSTERS), default=6, metavar="N", help="number of thrusters [%(default)s]")
+    add(
+        "--channels",
+        type=integer(1, MAX_THRUSTERS),
+        default=6,
+        metavar="N",
+        help="number of thrusters [%(default)s]",
+    )

@@ -60,7 +60,7 @@ class HuntPlanner(Planner):
         self._odometry: OdometrySample | None = None
         self._time = 0.0
         self._duration = plan.duration
-        self.path = [plan.place(number, plan.duration * share / 50) for share in range(51)]
+        self.path = [plan.position_at(number, plan.duration * share / 50) for share in range(51)]
         self.received = self.beyond = self.malformed = 0
 
     @property

@@ -132,7 +132,7 @@ def _write_count(writer: Writer, field: Field, count: int, path: str) -> None:
 
 def _write_primitives(writer: Writer, kind: str, values: Collection[Any], path: str) -> None:
     for value in values:
-        if not _fits(kind, value):
+        if not _has_type(kind, value):
             raise ConfigError(f"{path}: expected {_WANTED.get(kind, 'a number')}, found {value!r}")
     if kind == "string":
         for value in values:
@@ -144,7 +144,7 @@ def _write_primitives(writer: Writer, kind: str, values: Collection[Any], path: 
         raise ConfigError(f"{path}: no {kind}: {problem}") from None
 
 
-def _fits(kind: str, value: Any) -> bool:
+def _has_type(kind: str, value: Any) -> bool:
     """Return whether a value has the type. `struct` does not check this: it takes "off" as true, and True as 1.
 
     0 and 1 are accepted as bools, as in ROS's own tools.

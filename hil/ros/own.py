@@ -28,14 +28,14 @@ def announce(sensors: "SensorSet", where: str) -> None:
             raise ConfigError(f"{place}: the topic {common[0]!r} is taken: give the sensor another name")
         taken |= added
         if own:
-            kind = _whole(own.message, place)
+            kind = _full_name(own.message, place)
             TOPICS[name] = Topic(name, kind, fitted.model.rate, "data")
             ros.introduce(name, _encoder(name, kind, place), _decoder(kind))
         else:
             add_further(name, fitted.sensor.topic)
 
 
-def _whole(message: str, place: str) -> str:
+def _full_name(message: str, place: str) -> str:
     """Return a message type's full name, "std_msgs/msg/Float64" also for "std_msgs/Float64". Raises ConfigError."""
     package, _, last = message.rpartition("/")
     whole = message if "/" in package else f"{package}/msg/{last}"

@@ -193,7 +193,7 @@ class Loop:
             ros.tick(self.simulation.time_ns)
         self.sample_publisher.wake_publisher()
 
-    def place(self, position: Sequence[float], quaternion: Sequence[float], nu: Sequence[float]) -> None:
+    def set_state(self, position: Sequence[float], quaternion: Sequence[float], nu: Sequence[float]) -> None:
         """Set the vehicle's state (position NED, quaternion body to NED, nu FRD) between steps; thrusters neutral."""
         state = self.simulation.state
         state.position, state.quaternion, state.nu = list(position), list(quaternion), list(nu)

@@ -138,9 +138,9 @@ class _RecordedLoop(Loop):
             self.recorder.step(self.simulation.time_ns, self.pwm_us)
             super().advance(1)
 
-    def place(self, position: Sequence[float], quaternion: Sequence[float], nu: Sequence[float]) -> None:
+    def set_state(self, position: Sequence[float], quaternion: Sequence[float], nu: Sequence[float]) -> None:
         """Set the vehicle's state and record it."""
-        super().place(position, quaternion, nu)
+        super().set_state(position, quaternion, nu)
         self.recorder.placed(self.simulation.time_ns, position, quaternion, nu)
 
     def stamp(self, epoch_ns: int) -> None:

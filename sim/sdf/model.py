@@ -140,7 +140,7 @@ def _read_child(
     if child.tag == "link":
         scope.frames[name] = relative_to(child, MODEL), own_pose(child, path)
     elif child.tag == "joint":
-        scope.frames.setdefault(name, (relative_to(child, _part(child, "child")), own_pose(child, path)))
+        scope.frames.setdefault(name, (relative_to(child, _link_name(child, "child")), own_pose(child, path)))
     elif child.tag == "frame":
         scope.frames[name] = relative_to(child, child.get("attached_to") or MODEL), own_pose(child, path)
     elif child.tag == "include":
@@ -176,7 +176,7 @@ def _make_poses_local(link: Element, name: str, pose: Pose, scope: _Scope, path:
 
 
 def _joint(joint: Element, scope: _Scope, path: str, version: str) -> Joint:
-    parent, child = _part(joint, "parent"), _part(joint, "child")
+    parent, child = _link_name(joint, "parent"), _link_name(joint, "child")
     axis = joint.find("axis")
     direction = None
     if axis is not None:
@@ -196,7 +196,7 @@ def _is_old(version: str) -> bool:
     return [int(part) for part in version.split(".") if part.isdecimal()] < [1, 5]
 
 
-def _part(joint: Element, side: str) -> str:
+def _link_name(joint: Element, side: str) -> str:
     """Return the link at one side of a joint, in SDF's notation or, in old files, in URDF's."""
     return (joint.findtext(side) or "").strip() or attribute(joint, side, "link")
 

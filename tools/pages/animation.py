@@ -25,7 +25,7 @@ from hil.charts.dive.report import MARK, draw_camera, draw_seabed, draw_sonar
 from hil.charts.dive.watch import DiveWatch, Observation
 from hil.common.children import module_command, package_environment, start_child
 from hil.common.errors import MissionError
-from hil.common.options import place
+from hil.common.options import lat_lon
 from hil.common.palette import TRACK
 from hil.plots.plotting import pyplot
 from hil.scenario.config import Scenario, load_scenario
@@ -95,9 +95,9 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("chart", metavar="CHART.000")
     parser.add_argument(
-        "--start", type=place, metavar="LAT,LON", help="degrees, with --goal [selected as by `demo --world`]"
+        "--start", type=lat_lon, metavar="LAT,LON", help="degrees, with --goal [selected as by `demo --world`]"
     )
-    parser.add_argument("--goal", type=place, metavar="LAT,LON")
+    parser.add_argument("--goal", type=lat_lon, metavar="LAT,LON")
     parser.add_argument("--depth", type=float, metavar="M")
     parser.add_argument("--output", type=Path, default=OUTPUT, metavar="FILE", help="[%(default)s]")
     options = parser.parse_args()

@@ -44,7 +44,7 @@ class HuntPlan:
         back = atan2(centre[1] - target[1], centre[0] - target[0])
         polar = (_polar(target, (p[0] + self._advance_vector[0], p[1] + self._advance_vector[1])) for p in starts)
         self._polar = [(distance, back + wrap(bearing - back)) for distance, bearing in polar]
-        self._bearings = _spread([bearing for _, bearing in self._polar])
+        self._bearings = _space_evenly([bearing for _, bearing in self._polar])
         longest = max(
             abs(distance - ring) + distance * abs(end - bearing)
             for (distance, bearing), end in zip(self._polar, self._bearings, strict=True)
@@ -52,8 +52,8 @@ class HuntPlan:
         self.approach = dist((0.0, 0.0), self._advance_vector) / (_PACE * speed)
         self.duration = self.approach + longest / (_PACE * speed)
 
-    def place(self, number: int, clock: float) -> Vector:
-        """Return the place of vehicle `number` when the plan's clock shows `clock` s."""
+    def position_at(self, number: int, clock: float) -> Vector:
+        """Return the position (m, north and east) of vehicle `number` when the plan's clock shows `clock` s."""
         if clock < self.approach:
             share = max(0.0, clock) / self.approach
             north, east = self.starts[number]
@@ -66,7 +66,7 @@ class HuntPlan:
 
     def velocity(self, number: int, clock: float) -> Vector:
         """Return the velocity of that place, in m per second of the plan's clock."""
-        before, after = self.place(number, clock - _TINY), self.place(number, clock + _TINY)
+        before, after = self.position_at(number, clock - _TINY), self.position_at(number, clock + _TINY)
         return (after[0] - before[0]) / (2.0 * _TINY), (after[1] - before[1]) / (2.0 * _TINY)
 
     def _advance(self, centre: Vector) -> Vector:
@@ -109,7 +109,7 @@ class Hunter:
         clock stands still, and so does the vehicle's place.
         """
         in_range = [r for r in reports if dist(r.position, position) < self._settings.communication_range]
-        lag = dist(position, self._plan.place(self._number, self.clock)) / _LAG
+        lag = dist(position, self._plan.position_at(self._number, self.clock)) / _LAG
         pace = 1.0 / (1.0 + lag * lag)
         slowdown = _WAIT * sum(max(0.0, self.clock - report.clock) for report in in_range)
         before = self.clock
@@ -118,7 +118,7 @@ class Hunter:
         north, east = self._plan.velocity(self._number, self.clock)
         return resultant(
             position,
-            self._plan.place(self._number, self.clock),
+            self._plan.position_at(self._number, self.clock),
             (rate * north, rate * east),
             [Body(report.position, self._min_separation, report.stays_in_range) for report in in_range],
             [Body(self._plan.target, self._min_separation)],
@@ -204,7 +204,7 @@ def _polar(target: Vector, position: Vector) -> tuple[float, float]:
     return dist(target, position), atan2(position[1] - target[1], position[0] - target[0])
 
 
-def _spread(bearings: Sequence[float]) -> list[float]:
+def _space_evenly(bearings: Sequence[float]) -> list[float]:
     """Return evenly spaced bearings around the target, in the order of `bearings` and as near to them as possible."""
     apart = 2.0 * pi / len(bearings)
     order = sorted(range(len(bearings)), key=lambda number: bearings[number])

@@ -99,10 +99,16 @@ class Trajectory:
         ramp = speed / acceleration
         turns = self.duration + ramp + length / speed
         return _Leg(
-            begin, length, speed, ramp, self.duration, turns, turns + abs(self._turn(end)) / self._limits.yaw_rate
+            begin,
+            length,
+            speed,
+            ramp,
+            self.duration,
+            turns,
+            turns + abs(self._corner(end)) / self._limits.yaw_rate,
         )
 
-    def _turn(self, along: float) -> float:
+    def _corner(self, along: float) -> float:
         """Return the jump of the heading (rad) at a corner; 0 at the end."""
         if along >= self.curve.length:
             return 0.0
@@ -110,7 +116,7 @@ class Trajectory:
 
     def _turning(self, leg: _Leg, time: float) -> Setpoint:
         end = leg.begin + leg.length
-        rate = copysign(self._limits.yaw_rate, self._turn(end))
+        rate = copysign(self._limits.yaw_rate, self._corner(end))
         place = self.curve.at(end - _BEFORE)
         return Setpoint(place.position, (0.0, 0.0, 0.0), place.heading + rate * time, rate)
 

@@ -86,7 +86,7 @@ def _draw_snapshot(axes: Any, tracks: Sequence[Track], plan: HuntPlan, at: int, 
 
 def _order_on_ring(plan: HuntPlan) -> list[int]:
     """Return the numbers of the vehicles in their order on the ring."""
-    ends = [plan.place(number, plan.duration) for number in range(len(plan.starts))]
+    ends = [plan.position_at(number, plan.duration) for number in range(len(plan.starts))]
     bearing = [atan2(end[1] - plan.target[1], end[0] - plan.target[0]) for end in ends]
     return sorted(range(len(ends)), key=lambda number: bearing[number])
 

@@ -134,7 +134,7 @@ class HuntWatch:
         )
 
     def _place_errors(self, row: HuntRow) -> list[float]:
-        places = [self.plan.place(number, clock) for number, clock in enumerate(row.clocks)]
+        places = [self.plan.position_at(number, clock) for number, clock in enumerate(row.clocks)]
         return list(map(dist, row.positions, places))
 
 

@@ -30,9 +30,9 @@ from hil.common.options import (
     add_scenario,
     changes_of,
     host,
+    integer,
     new_parser,
     one_of,
-    whole,
 )
 from hil.common.schema import shortened
 from hil.common.scratch import ScratchFolder
@@ -58,16 +58,16 @@ examples:
   uuv-hil bench delay --most-over-floor 0.8 --most-p99 3      exit code 1 when a configuration takes longer (ms)
 """
 LIMIT_BROKEN = 1
-ECHO_PORT = whole(1, 65_535)
-STEPS = whole(0, 1000)
+ECHO_PORT = integer(1, 65_535)
+STEPS = integer(0, 1000)
 LIMIT = Number(-1e6, 1e6, "ms")  # a delay above the floor can be negative
 PROTOCOLS = List(one_of("frame", "mavlink", "dronecan", "vesc"))
 STM32S = List(one_of(*DRIVERS))
 SWITCH = List(one_of("off", "on"))
-BAUDS = List(whole(1200, 12_000_000, also=(0,)))
+BAUDS = List(integer(1200, 12_000_000, also=(0,)))
 RATES = List(Number(1.0, 1000.0, "Hz"))
-LOADS = List(whole(0, 1024))
-PAYLOADS = List(whole(0, 1 << 26))
+LOADS = List(integer(0, 1024))
+PAYLOADS = List(integer(0, 1 << 26))
 MASTER_KEYS = ("network.", "security.", "slave.node")  # keys of a scenario that the master here uses
 ON_CAN = {"dronecan": "can:virtual:bench", "vesc": "can:virtual:bench"}  # default ports
 

@@ -20,7 +20,7 @@ from hil.commands.bench.options import (
 from hil.commands.bench.partial_failures import PartialFailures
 from hil.common.columns import aligned, fit_to_terminal
 from hil.common.errors import ConfigError, HilError, NetworkError
-from hil.common.options import List, Number, add_scenario, changes_of, new_parser, whole
+from hil.common.options import List, Number, add_scenario, changes_of, integer, new_parser
 from hil.plots.plotting import pyplot, save_figure
 
 EXAMPLES = """\
@@ -36,7 +36,7 @@ examples:
 """
 MAX_VEHICLES = 64
 RATES = List(Number(50.0, 5000.0, "Hz"))
-VEHICLES = List(whole(1, MAX_VEHICLES))
+VEHICLES = List(integer(1, MAX_VEHICLES))
 MAX_PROCESSES = 12  # shown of each setting; the record has all
 MAX_THREADS = 5  # shown of each process; the record has all
 MIN_SHARE = 0.0005  # of a core: threads that take less are not shown

@@ -157,11 +157,11 @@ def _line(changes: Changes, rows: list[Row], kinds: Sequence[str]) -> list[str]:
     reached = [row for row in rows if row["success"]]
     runs_with = [str(sum(bool(row.get(kind)) for row in rows)) for kind in kinds]
     name = " ".join(f"{key}={value}" for key, value in changes.items()) or "all"
-    spreads = [_spread([row[metric] for row in reached if math.isfinite(row[metric])]) for metric in METRICS]
+    spreads = [_mean_text([row[metric] for row in reached if math.isfinite(row[metric])]) for metric in METRICS]
     return [name, f"{len(reached)}/{len(rows)}", *runs_with, *spreads]
 
 
-def _spread(values: list[float]) -> str:
+def _mean_text(values: list[float]) -> str:
     if not values:
         return "-"
     return f"{statistics.fmean(values):.3f} +- {statistics.stdev(values) if len(values) > 1 else 0.0:.3f}"

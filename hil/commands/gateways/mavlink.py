@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from hil.client.client import Stamped, VehicleClient
 from hil.commands.listening import add_connect, add_take_over, presence, scenario_and_endpoints
-from hil.common.options import PORT, add_scenario, checked, new_parser, whole
+from hil.common.options import PORT, add_scenario, checked, integer, new_parser
 from hil.common.stop import StopSignals
 from hil.network.roles import open_master_session
 from hil.network.settings import Network
@@ -102,7 +102,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--vehicle", metavar="NAME", default="", help="vehicle [the scenario's, or uuv1]")
     parser.add_argument(
-        "--system", metavar="N", type=whole(1, 250), help="MAVLink system id [the stored SYSID_THISMAV, or 1]"
+        "--system", metavar="N", type=integer(1, 250), help="MAVLink system id [the stored SYSID_THISMAV, or 1]"
     )
     parser.add_argument(
         "--commands-from", choices=("localhost", "network"), help="machines that may command [localhost]"

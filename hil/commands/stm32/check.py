@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from firmware_stub.image import CHIPS, load_image
 from hil.common.errors import STOPPED, ConfigError
-from hil.common.options import Number, Quantity, whole
+from hil.common.options import Number, Quantity, integer
 from hil.common.streams import agreed
 from hil.links.contract import PWM_NEUTRAL_US
 from hil.links.options import add_link
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from hil.bench.output_check import Finding
 
 FAILED = 1
-OFFSET = whole(-150, 150)  # hil.bench.output_check.MAX_OFFSET_US, which is not loaded for the help
+OFFSET = integer(-150, 150)  # hil.bench.output_check.MAX_OFFSET_US, which is not loaded for the help
 WARNING = """\
 WARNING: every thruster will turn, one after the other, for {seconds:g} s each. Take the propellers off, or keep
 everything and everybody away from them. Ctrl-C ends it with all outputs neutral."""

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from firmware_stub.image import CHIPS, MAX_CHANNELS, Image, describe_image, load_image, parameters
 from hil.common.errors import ConfigError
-from hil.common.options import BAUD, Quantity, whole
+from hil.common.options import BAUD, Quantity, integer
 from hil.common.streams import LOOK_FIRST, agreed
 
 UNTRIED = "Note: this has been tried with emulated chips and probes only, not on hardware yet."
@@ -25,10 +25,15 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         action="store_true",
         help="hold the chip in reset while connecting, for a program that sleeps or uses the debug pins",
     )
-    add("--channels", metavar="N", type=whole(1, MAX_CHANNELS), help="also write parameters: number of thrusters [6]")
+    add(
+        "--channels",
+        metavar="N",
+        type=integer(1, MAX_CHANNELS),
+        help="also write parameters: number of thrusters [6]",
+    )
     watchdog = Quantity(0.01, 60.0, "s")
     add("--watchdog", metavar="S", type=watchdog, help="also write parameters: timeout of the watchdog [200 ms]")
-    add("--pwm-hz", metavar="HZ", type=whole(50, 400), help="also write parameters: pulses a second, Hz [50]")
+    add("--pwm-hz", metavar="HZ", type=integer(50, 400), help="also write parameters: pulses a second, Hz [50]")
     add("--baud", metavar="BIT/S", type=BAUD, help="also write parameters: speed of the serial port, bit/s [115200]")
     add("--dry-run", action="store_true", help="only show what would be written, and the wiring; write nothing")
     add("--yes", action="store_true", help="do not ask before the board's program is replaced")

@@ -15,7 +15,7 @@ from hil.commands.topic.text import lines, parse_values
 from hil.common.clock import NS_PER_S, RateKeeper, now_ns, seconds_ns, to_wall_ns
 from hil.common.columns import aligned
 from hil.common.errors import ConfigError, NetworkError
-from hil.common.options import Number, add_json, new_parser, whole
+from hil.common.options import Number, add_json, integer, new_parser
 from hil.common.schema import nearest
 from hil.common.stop import StopSignals, Wakeup
 from hil.common.text import json_text
@@ -45,7 +45,7 @@ POLL_S = 0.02
 SETTLE_S = 1.0  # time for the declarations of the peer to arrive
 WINDOW = 10_000  # arrivals that hz evaluates
 QUEUE = 1000
-COUNT = whole(1, 10**9)
+COUNT = integer(1, 10**9)
 RATE = Number(0.001, 10_000.0, "Hz")
 
 

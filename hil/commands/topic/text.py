@@ -43,7 +43,7 @@ def _parse_flow(text: str) -> dict[str, Any]:
         value = flow.mapping()
     except RecursionError:
         raise ConfigError("braces within braces, too deep for any message") from None
-    if flow.rest():
+    if flow.unread_text():
         raise flow.error("nothing more was expected")
     return value
 
@@ -59,7 +59,7 @@ class _Flow:
         """Return an error with its position in the text."""
         return ConfigError(f"{words} at {self._text[self._at : self._at + 20]!r} of {self._text!r}")
 
-    def rest(self) -> str:
+    def unread_text(self) -> str:
         """Return the text that has not been read."""
         return self._text[self._at :].strip()
 
@@ -167,16 +167,16 @@ def lines(message: Mapping[str, Any], indent: str = "") -> list[str]:
             if long:
                 text_lines.append(f"{indent}- ... ({len(value)} in all)")
         else:
-            text_lines.append(f"{indent}{name}: {_shown(value)}")
+            text_lines.append(f"{indent}{name}: {_value_text(value)}")
     return text_lines
 
 
-def _shown(value: Any) -> str:
+def _value_text(value: Any) -> str:
     if isinstance(value, str):
         return value if _BARE.fullmatch(value) and plain_value(value) is value else json.dumps(value)
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, Sequence):
         cut = f", ... ({len(value)} in all)" if len(value) > LONGEST else ""
-        return f"[{', '.join(map(_shown, value[:LONGEST]))}{cut}]"
+        return f"[{', '.join(map(_value_text, value[:LONGEST]))}{cut}]"
     return str(value)

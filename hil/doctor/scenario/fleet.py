@@ -131,7 +131,7 @@ def _check_paths(scenario: Scenario, plan: HuntPlan, vehicle: Vehicle, world: Wo
         return
     inflated = grid.inflate(hypot(*vehicle.dimensions[:2]) / 2.0)
     for number, member in enumerate(scenario.member):
-        path = [plan.place(number, plan.duration * step / PATH_POINTS) for step in range(PATH_POINTS + 1)]
+        path = [plan.position_at(number, plan.duration * step / PATH_POINTS) for step in range(PATH_POINTS + 1)]
         blocked = next((point for point in path if not inflated.is_free(point)), None)
         if blocked:
             where = "inside an obstacle" if grid.contains(blocked) else f"outside the map of {world.name}"

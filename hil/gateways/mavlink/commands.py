@@ -48,7 +48,7 @@ class Commands:
             dialect.MAV_CMD_DO_SET_HOME: self._set_home,
             dialect.MAV_CMD_DO_REPOSITION: self._reposition,
             dialect.MAV_CMD_DO_CHANGE_SPEED: self._change_speed,
-            dialect.MAV_CMD_CONDITION_YAW: self._turn,
+            dialect.MAV_CMD_CONDITION_YAW: self._turn_to_heading,
             dialect.MAV_CMD_MISSION_START: self._start_mission,
             dialect.MAV_CMD_DO_SET_MISSION_CURRENT: self._select_item,
             dialect.MAV_CMD_DO_PAUSE_CONTINUE: self._pause,
@@ -133,7 +133,7 @@ class Commands:
             return DENIED
         return FAILED if self._core.table.set("WP_SPEED", speed) else ACCEPTED
 
-    def _turn(self, request: CommandRequest, now: int) -> int:
+    def _turn_to_heading(self, request: CommandRequest, now: int) -> int:
         """Turn on the spot in mode Guided."""
         core, snapshot = self._core, self._core.snapshot
         angle, _, direction, relative = request.params[:4]

@@ -146,7 +146,7 @@ class Receiver:
     def _add_frame(self, frame: CanFrame, kind: DataType, now_ns: int) -> bytes | None:
         tail = frame.data[-1]
         session = self._session(frame.id & WITHOUT_PRIORITY, tail, now_ns)
-        if not self._fits(session, frame.data, kind):
+        if not self._continues(session, frame.data, kind):
             self._counters.malformed += 1
             return None
         if tail & START:
@@ -174,7 +174,7 @@ class Receiver:
         return session
 
     @staticmethod
-    def _fits(session: _Session, data: bytes, kind: DataType) -> bool:
+    def _continues(session: _Session, data: bytes, kind: DataType) -> bool:
         tail = data[-1]
         begun = session.payload
         if (begun is None) != bool(tail & START) or tail & TOGGLE != session.toggle:

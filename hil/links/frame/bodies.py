@@ -65,9 +65,9 @@ class Body:
         self._constants, self._constants_of = tuple(constants.values()), _picker(tuple(constants))
         self._neutral = [PWM_NEUTRAL_US] * channels
         if kind:
-            self._place(kind)
+            self._build_tables(kind)
 
-    def _place(self, kind: Kind) -> None:
+    def _build_tables(self, kind: Kind) -> None:
         """Build the tables that convert between the numbers of the frame and the fields of the message in one step."""
         self._kind = kind
         names = [field.name for field in self.fields]
@@ -130,7 +130,7 @@ class Body:
             return None
         return self._kind(*values)
 
-    def fits(self, numbers: tuple[Any, ...]) -> bool:
+    def matches_constants(self, numbers: tuple[Any, ...]) -> bool:
         """Return whether the constants among the numbers are right."""
         return self._constants_of(numbers) == self._constants
 

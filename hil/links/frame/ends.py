@@ -54,7 +54,7 @@ class Echo:
         """Record a command that is sent."""
         self._last = command.sequence
         if not self._mask:
-            self._sent.add_sent(self._shown(command), command.sequence)
+            self._sent.add_sent(self._reported_pulses(command), command.sequence)
 
     def answering(self, report: ThrusterTelemetry) -> ThrusterTelemetry:
         """Return the report with the sequence number of the command that it answers."""
@@ -62,7 +62,7 @@ class Echo:
             return report._replace(sequence=self._last - ((self._last - report.sequence) & self._mask) & 0xFFFF)
         return report._replace(sequence=self._sent.match(report.pwm_us))
 
-    def _shown(self, command: ThrusterCommand) -> tuple[int, ...]:
+    def _reported_pulses(self, command: ThrusterCommand) -> tuple[int, ...]:
         """Return the pulse widths that an STM32 would report for `command`, as both messages round them."""
         received = _crossed(self._command, command)
         widths = received.pwm_us if received.armed else (PWM_NEUTRAL_US,) * self._command.channels

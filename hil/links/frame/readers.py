@@ -48,7 +48,7 @@ class Reader(ABC):
             body = form.body
             numbers = body.packer.unpack_from(frame, start + form.start)
             if form.kind is None:
-                if body.fits(numbers):
+                if body.matches_constants(numbers):
                     return
             elif message := body.message(numbers):
                 messages.append(message)

@@ -104,16 +104,16 @@ def decode_esc_readings(packet: Any) -> list[EscReading]:
 def _columns(group: Sequence[EscReading], count: int) -> list[list[int]]:
     """Return temperature, voltage, current, totalcurrent, rpm and count, in the message's order, for four ESCs each."""
     columns = [
-        [_whole(esc.temperature, 1.0, U8) for esc in group],
-        [_whole(esc.voltage, CENTI, U16) for esc in group],
-        [_whole(esc.current, CENTI, U16) for esc in group],
-        [_whole(esc.charge, MAH, U16) for esc in group],
-        [_whole(abs(esc.speed), RPM, U16) for esc in group],
+        [_whole_units(esc.temperature, 1.0, U8) for esc in group],
+        [_whole_units(esc.voltage, CENTI, U16) for esc in group],
+        [_whole_units(esc.current, CENTI, U16) for esc in group],
+        [_whole_units(esc.charge, MAH, U16) for esc in group],
+        [_whole_units(abs(esc.speed), RPM, U16) for esc in group],
         [count & U16 for _ in group],
     ]
     return [column + [0] * (GROUP - len(group)) for column in columns]
 
 
-def _whole(value: float, unit: float, top: int) -> int:
+def _whole_units(value: float, unit: float, top: int) -> int:
     """Return the value in whole units, limited to the field's range; nan gives 0."""
     return round(min(max(0.0, value / unit), top))

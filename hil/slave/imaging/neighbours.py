@@ -56,7 +56,7 @@ class Neighbours:
             session.subscribe(node, TOPICS["ground_truth"].name, self._store_samples(node), QUEUE)
         return session
 
-    def place(self, instant_ns: int) -> None:
+    def place_hulls(self, instant_ns: int) -> None:
         """Move each hull to its position at this monotonic time (ns). Ages count from receipt; clocks may differ."""
         for node, state in self.states.items():
             received_ns, sample = self._received.get(node, (0, None))

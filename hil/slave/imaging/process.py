@@ -121,7 +121,7 @@ def _serve(scenario: Scenario, node: Identity, answers: int, stop_fd: int) -> No
                 took_ns = 0
                 if number not in outlets or sample_publisher.has_subscribers(outlets[number]):
                     began = now_ns()
-                    studio.neighbours.place(began)
+                    studio.neighbours.place_hulls(began)
                     taken = studio.take_sample(number, time_ns, moving)
                     messages = list(studio.encode(taken, epoch_ns, sample_publisher.has_subscribers))
                     due_ns = instant_ns + studio.delay_ns(number)

@@ -64,7 +64,7 @@ def arm(loop: Loop, on: bool) -> str:
 def reset(loop: Loop, start: Start) -> str:
     """Move the vehicle to its start, at rest, with sound thrusters. Time, battery and dropped weights do not change."""
     loop.fail(*[Failure(thruster.name, "repaired") for thruster in loop.simulation.vehicle.thrusters])
-    loop.place((start.north, start.east, start.depth), from_euler(0.0, 0.0, start.heading), (0.0,) * 6)
+    loop.set_state((start.north, start.east, start.depth), from_euler(0.0, 0.0, start.heading), (0.0,) * 6)
     return f"at ({start.north:g}, {start.east:g}, {start.depth:g}) m, heading {start.heading:g} rad, at rest"
 
 
@@ -95,7 +95,7 @@ def set_pose(loop: Loop, node: str, request: Message, report: Report) -> dict[st
     quaternion = ros.swap_attitude([x / size for x in attitude])
     if starts_inside(simulation.vehicle, simulation.world, position, quaternion):
         return _result(_INVALID_POSE, f"an obstacle or the seabed of {simulation.world.name} is there")
-    loop.place(position, quaternion, [x for vector in velocity for x in rotate_inverse(quaternion, vector)])
+    loop.set_state(position, quaternion, [x for vector in velocity for x in rotate_inverse(quaternion, vector)])
     report("set_pose: at ({:g}, {:g}, {:g}) m NED".format(*position))
     return _result(_OK, "")
 

@@ -35,7 +35,7 @@ class FleetScene:
         self._scene.add_label("/target/name", "target", position=(0.0, 0.0, 0.6))
         for number, node in enumerate(hunt.nodes):
             clocks = np.linspace(0.0, hunt.plan.duration, PATH_POINTS)
-            way = [hunt.plan.place(number, float(clock)) for clock in clocks]
+            way = [hunt.plan.position_at(number, float(clock)) for clock in clocks]
             world.draw_path(way, hunt.depth, f"path/{node}")
 
     def draw(self, latest: Mapping[str, Mapping[str, Any]], places: Mapping[str, Any]) -> None:
@@ -64,7 +64,7 @@ class FleetScene:
             if "formation" in latest.get(node, {})
         }
         if clocks:
-            wanted = [(*plan.place(number, clock), self._hunt.depth) for number, clock in clocks.items()]
+            wanted = [(*plan.position_at(number, clock), self._hunt.depth) for number, clock in clocks.items()]
             self._scene.add_point_cloud(
                 "/fleet/places", to_scene(wanted), colours.PLACE, point_size=PLACE_SIZE, point_shape="circle"
             )

@@ -144,7 +144,7 @@ class NetPanel(NamedTuple):
 
     def parts(self) -> list[Part]:
         """Return the parts it consists of."""
-        width, height = (_whole(size, self.mesh) for size in (self.width, self.height))
+        width, height = (_multiple_of(size, self.mesh) for size in (self.width, self.height))
         ends = [(0.0, 0.0, 0.0), (width, 0.0, 0.0), (width, 0.0, height), (0.0, 0.0, height)]
         line = [(0.0, 0.0, 0.0), (width, 0.0, 0.0)]
         head = made.tube(line, (0.0, 0.0, 1.0), max(0.012, 2.0 * self.twine), 6)
@@ -174,7 +174,7 @@ class NetPen(NamedTuple):
     def parts(self) -> list[Part]:
         """Return the parts it consists of."""
         radius, upright = 0.5 * self.diameter, (0.0, 0.0, 1.0)
-        top, foot = (made.ring(radius, down, self.sides) for down in (0.0, _whole(self.height, self.mesh)))
+        top, foot = (made.ring(radius, down, self.sides) for down in (0.0, _multiple_of(self.height, self.mesh)))
         net = [t for k in range(self.sides) for t in made.quad(top[k - 1], top[k], foot[k], foot[k - 1])]
         net += made.disc(foot, (0.0, 0.0, foot[0][2]))
         outer = made.ring(radius + 2.0 * self.collar, 0.0, self.sides)
@@ -261,6 +261,6 @@ def _place_part(part: Part, placing: ShapeKeys, depth: float, name: str) -> Mesh
     return put(keys, triangles, net)  # type: ignore[arg-type]
 
 
-def _whole(size: float, mesh: float) -> float:
+def _multiple_of(size: float, mesh: float) -> float:
     """Return the nearest size (m) that is a multiple of `mesh`, so that the lattice continues from panel to panel."""
     return max(1, round(size / mesh)) * mesh

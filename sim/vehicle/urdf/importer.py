@@ -179,7 +179,7 @@ def _mass(robot: Element, poses: dict[str, Pose], path: str) -> dict[str, Any]:
             where = f"{path}: link {link.get('name', '')!r}: <inertial>"
             at = poses[link.get("name", "")].then(origin_of(inertial, where))
             mass = number_of(attribute(inertial, "mass", "value"), f"{where}: <mass value>")
-            masses.append((mass, at.position, _turned(_inertia(inertial, f"{where}: <inertia>"), at.rotation)))
+            masses.append((mass, at.position, _rotate_inertia(_inertia(inertial, f"{where}: <inertia>"), at.rotation)))
     mass = sum(part[0] for part in masses)
     if mass <= 0.0:
         return {}
@@ -209,7 +209,7 @@ def _inertia(inertial: Element, path: str) -> Matrix:
     return [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
 
 
-def _turned(inertia: Matrix, rotation: Matrix) -> Matrix:
+def _rotate_inertia(inertia: Matrix, rotation: Matrix) -> Matrix:
     return product(product(rotation, inertia), transpose(rotation))
 
 

@@ -173,13 +173,13 @@ def test_a_neighbour_is_extrapolated_between_samples_and_removed_after_a_timeout
     received = Received(scenario, load_vehicle(scenario.vehicle)[0])
     assert list(received.states) == ["two"], "not itself"
     state = received.states["two"]
-    received.place(NS_PER_S)
+    received.place_hulls(NS_PER_S)
     assert state.position[2] > 1e5, "no state received yet"
     received.receive_from("two", SAMPLE, NS_PER_S)
-    received.place(NS_PER_S + NS_PER_S // 2)
+    received.place_hulls(NS_PER_S + NS_PER_S // 2)
     assert state.position == pytest.approx([1.0, 2.2, 3.05])  # its bow is in the east
     assert state.quaternion == pytest.approx(from_euler(0.0, 0.0, np.pi / 2 + 0.25), abs=1e-3)
-    received.place(2 * NS_PER_S + 1)
+    received.place_hulls(2 * NS_PER_S + 1)
     assert state.position[2] > 1e5
 
 
@@ -193,7 +193,7 @@ def test_a_neighbour_is_extrapolated_between_samples_and_removed_after_a_timeout
 def test_impossible_states_of_a_neighbour_are_ignored(scenario: Scenario, changes: dict[str, Any]) -> None:
     received = Received(scenario, load_vehicle(scenario.vehicle)[0])
     received.receive_from("two", SAMPLE._replace(**changes), NS_PER_S)
-    received.place(NS_PER_S)
+    received.place_hulls(NS_PER_S)
     assert received.states["two"].position[2] > 1e5
     received._store_samples("two")("ground_truth", b"\xff" * 9, b"")
 

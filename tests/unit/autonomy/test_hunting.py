@@ -68,17 +68,17 @@ def test_fifty_seeds_surround_the_target_without_collision(name: str, batch: int
 def test_the_hunt_plan_keeps_formation_and_ends_in_an_even_ring(name: str) -> None:
     """Targets start as published, keep their formation, and end evenly round the hunted object."""
     plan = plan_of(name)
-    assert [plan.place(k, 0.0) for k in range(4)] == list(FORMATIONS[name])
-    half = [plan.place(k, 0.5 * plan.approach) for k in range(4)]
+    assert [plan.position_at(k, 0.0) for k in range(4)] == list(FORMATIONS[name])
+    half = [plan.position_at(k, 0.5 * plan.approach) for k in range(4)]
     shift = [(h[0] - s[0], h[1] - s[1]) for h, s in zip(half, FORMATIONS[name], strict=True)]
     assert all(s == pytest.approx(shift[0]) for s in shift)
     for number in range(401):
-        places = [plan.place(k, plan.duration * number / 400) for k in range(4)]
+        places = [plan.position_at(k, plan.duration * number / 400) for k in range(4)]
         assert separation(places) > 1.3
         assert min(math.dist(place, TARGET) for place in places) > RING - 1e-9
         speeds = [math.hypot(*plan.velocity(k, plan.duration * number / 400)) for k in range(4)]
         assert max(speeds) < FIELDS.max_speed
-    ends = [plan.place(k, plan.duration) for k in range(4)]
+    ends = [plan.position_at(k, plan.duration) for k in range(4)]
     assert [math.dist(end, TARGET) for end in ends] == pytest.approx([RING] * 4)
     assert separation(ends) == pytest.approx(RING * math.sqrt(2.0))
 
@@ -104,7 +104,7 @@ def test_a_vehicle_without_reports_follows_its_own_clock() -> None:
         wanted = alone.update(here, [], STEP)
         assert far.update(here, [Report((40.0, 40.0), 0.0)], STEP) == wanted
         near.update(here, [Report((4.5, 0.0), 0.0)], STEP)
-        here = alone._plan.place(0, alone.clock)
+        here = alone._plan.position_at(0, alone.clock)
     assert alone.clock == pytest.approx(20 * STEP, rel=0.1)
     assert near.clock < 0.5 * alone.clock
 
@@ -133,10 +133,10 @@ def test_a_stopped_clock_holds_position() -> None:
     hunter = Hunter(plan, 2, FIELDS, SEPARATION)
     assert hunter.update(plan.starts[2], [], 0.0) == (0.0, 0.0)
     hunter.clock = plan.duration
-    assert hunter.update(plan.place(2, plan.duration), [], STEP) == pytest.approx((0.0, 0.0), abs=1e-9)
+    assert hunter.update(plan.position_at(2, plan.duration), [], STEP) == pytest.approx((0.0, 0.0), abs=1e-9)
     hunter.clock = 10.0
     late = [Report((40.0, 40.0), 0.0), Report((4.5, 1.0), 0.0)]  # the second is in range, and far behind
-    assert hunter.update(plan.place(2, 10.0), late, STEP) == pytest.approx((0.0, 0.0), abs=1e-9)
+    assert hunter.update(plan.position_at(2, 10.0), late, STEP) == pytest.approx((0.0, 0.0), abs=1e-9)
     assert hunter.clock == 10.0
 
 
@@ -174,7 +174,7 @@ def test_any_start_ends_in_an_even_ring(starts: list[Vector]) -> None:
             HuntPlan(starts, TARGET, RING, 0.4)
         return
     plan = HuntPlan(starts, TARGET, RING, 0.4)
-    ends = [plan.place(k, plan.duration) for k in range(len(starts))]
+    ends = [plan.position_at(k, plan.duration) for k in range(len(starts))]
     assert [math.dist(end, TARGET) for end in ends] == pytest.approx([RING] * len(starts))
     assert separation(ends) == pytest.approx(2.0 * RING * math.sin(math.pi / len(starts)))
 

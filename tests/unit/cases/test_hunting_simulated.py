@@ -152,7 +152,7 @@ def test_a_vehicle_carried_away_fails_the_hunt() -> None:
     scenario = load_scenario("target_hunting_diamond")
     watch = HuntWatch(scenario)
     plan = watch.plan
-    ends = [plan.place(number, plan.duration) for number in range(4)]
+    ends = [plan.position_at(number, plan.duration) for number in range(4)]
     stray = (*ends[:3], (TARGET[0] + 1.5 * (ends[3][0] - TARGET[0]), TARGET[1] + 1.5 * (ends[3][1] - TARGET[1])))
     clocks = (plan.duration,) * 4
     for second in range(7):
@@ -179,7 +179,7 @@ def test_the_shortest_assignment_has_the_distance_worked_out_by_hand() -> None:
     assert shortest_paths(HuntPlan(starts, (0.0, 0.0), 1.5, 0.4)) == pytest.approx(16.0)
     for scenario in SCENARIOS.values():
         plan = hunt_plan(load_scenario(scenario))
-        places = sum(math.dist(s, plan.place(k, plan.duration)) for k, s in enumerate(plan.starts))
+        places = sum(math.dist(s, plan.position_at(k, plan.duration)) for k, s in enumerate(plan.starts))
         assert shortest_paths(plan) <= places + 1e-9
 
 

@@ -148,9 +148,9 @@ def check_numbers(option: Option, capsys: pytest.CaptureFixture[str]) -> None:
         (Number(0.0, 10.0, "s"), "500 ms", 0.5),
         (Number(0.0, 10.0, "s"), " 3 ", 3.0),
         (Number(1.0, 10.0, also=(0,)), "0", 0.0),
-        (parser.whole(1, 5), "5", 5),
+        (parser.integer(1, 5), "5", 5),
         (Share(), "5%", 0.05),
-        (List(parser.whole(0, 9)), "1,2,1", (1, 2)),
+        (List(parser.integer(0, 9)), "1,2,1", (1, 2)),
         (parser.serving_address, "9747", ("127.0.0.1", 9747)),
         (parser.serving_address, "[::1]:0", ("::1", 0)),
         (parser.host, "pi.local", "pi.local"),
@@ -160,7 +160,7 @@ def check_numbers(option: Option, capsys: pytest.CaptureFixture[str]) -> None:
         (parser.ENDPOINT, "[::1]:9000", "tcp/[::1]:9000"),
         (parser.ENDPOINT, "tls/pi", "tls/pi:7447"),
         (parser.endpoint_or_lan, "lan", "lan"),
-        (parser.place, "59.6,-151.4", (59.6, -151.4)),
+        (parser.lat_lon, "59.6,-151.4", (59.6, -151.4)),
     ],
 )
 def test_valid_texts_are_parsed(kind: Any, text: str, value: Any) -> None:
@@ -183,10 +183,10 @@ def test_valid_texts_are_parsed(kind: Any, text: str, value: Any) -> None:
         (parser.host, "not a host!!"),
         (parser.host, "1.2.3"),
         (parser.host, "x" * 300),
-        (parser.place, "91,0"),
-        (parser.place, "nan,0"),
+        (parser.lat_lon, "91,0"),
+        (parser.lat_lon, "nan,0"),
         (area, "1,2,1,3"),
-        (List(parser.whole(0, 9), most=2), "1,2,3"),
+        (List(parser.integer(0, 9), most=2), "1,2,3"),
     ],
 )
 def test_invalid_texts_are_refused_in_a_short_message(kind: Any, text: str) -> None:

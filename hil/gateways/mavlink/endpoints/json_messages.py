@@ -78,7 +78,7 @@ def _plain(message: Any, name: str, value: Any) -> Any:
 
 def _value(kind: Any, name: str, fields: dict[str, Any]) -> Any:
     """Return what pymavlink wants of a field; one that is left out is 0. Raises where it cannot be."""
-    form, size = kind.fieldtypes[kind.fieldnames.index(name)], kind.array_lengths[_place(kind, name)]
+    form, size = kind.fieldtypes[kind.fieldnames.index(name)], kind.array_lengths[_wire_index(kind, name)]
     value = fields.get(_outer(name))
     if form == "char":
         text = "".join(value) if isinstance(value, list) else value or ""
@@ -88,7 +88,7 @@ def _value(kind: Any, name: str, fields: dict[str, Any]) -> Any:
     return _number(kind, name, form, value)
 
 
-def _place(kind: Any, name: str) -> int:
+def _wire_index(kind: Any, name: str) -> int:
     """Return the index of a field in the order of the wire, which array_lengths has."""
     return int(kind.ordered_fieldnames.index(name))
 

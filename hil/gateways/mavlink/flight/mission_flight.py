@@ -122,7 +122,7 @@ class MissionFlight:
         if command in (dialect.MAV_CMD_NAV_DELAY, dialect.MAV_CMD_CONDITION_DELAY):
             return self._wait(item.params[0], state, now)
         if command == dialect.MAV_CMD_CONDITION_YAW:
-            return self._turn(item, state)
+            return self._turn_target(item, state)
         if command == dialect.MAV_CMD_DO_CHANGE_SPEED and 0.0 < item.params[1] <= 5.0:
             self._speed = item.params[1]
         elif command == dialect.MAV_CMD_DO_JUMP:
@@ -165,7 +165,7 @@ class MissionFlight:
         self._next()
         return None
 
-    def _turn(self, item: Item, state: State) -> Target | None:
+    def _turn_target(self, item: Item, state: State) -> Target | None:
         angle, _, direction, relative = item.params
         if self._stay is None or self._arrived_ns is None:
             turn = radians(angle) if isfinite(angle) else 0.0

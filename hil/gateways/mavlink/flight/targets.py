@@ -50,7 +50,7 @@ def local_target(packet: Any, state: State) -> Target:
             north, east = in_world(north, east, state.heading)
         if frame != dialect.MAV_FRAME_LOCAL_NED:
             north, east, depth = [a + b for a, b in zip((north, east, depth), state.position, strict=True)]
-        place = _place(mask, (north, east, depth), state)
+        place = _fill_ignored(mask, (north, east, depth), state)
     return _target(packet, place, state, frame in BODY_FRAMES)
 
 
@@ -65,7 +65,7 @@ def global_target(packet: Any, state: State, origin: Origin | None, home_depth: 
         position = state.position
         if not packet.type_mask & NO_POSITION:
             position = earth_place(packet.lat_int, packet.lon_int, 0.0, origin)
-        place = _place(
+        place = _fill_ignored(
             packet.type_mask, (position[0], position[1], depth_of(packet.alt, relative, origin, home_depth)), state
         )
     return _target(packet, place, state, False)
@@ -92,7 +92,7 @@ def depth_of(altitude: float, relative: bool, origin: Origin | None, home_depth:
     return (origin.altitude if origin else 0.0) - altitude
 
 
-def _place(mask: int, place: Point, state: State) -> Point:
+def _fill_ignored(mask: int, place: Point, state: State) -> Point:
     """Return a place whose ignored parts are those of now. Raises TargetError."""
     north, east = state.position[:2] if mask & NO_POSITION else place[:2]
     depth = state.depth if mask & NO_DEPTH else place[2]
