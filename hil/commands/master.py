@@ -74,7 +74,8 @@ def main(arguments: list[str]) -> int:
     planner = plan.planner
     size = plan.request.map.resolution
     cells = f", in cells of {size:g} m" if size > scenario.master.resolution and scenario.master.map == "known" else ""
-    progress.print_line(f"{type(planner).__name__} planned {len(planner.path)} points in {plan.duration:.2f} s{cells}")
+    path = f"planned {len(planner.path)} points" if planner.path else "began, without a path to show,"
+    progress.print_line(f"{type(planner).__name__} {path} in {plan.duration:.2f} s{cells}")
     endpoint = options.connect if options.connect != "lan" else _discover_slave(options.wait)
     words = scenario_words(options)
     with (

@@ -86,7 +86,11 @@ def _find(name: str, where: str) -> Any:
     try:
         plugin = getattr(import_module(module), attribute)
     except ImportError as error:
-        remedy = "it has to be on PYTHONPATH" if getattr(error, "name", None) == module else "correct its imports"
+        remedy = (
+            "it has to be in the current folder or on PYTHONPATH"
+            if getattr(error, "name", None) == module
+            else "correct its imports"
+        )
         raise ConfigError(f"{where}: {module} cannot be imported: {error}; {remedy}") from error
     except SyntaxError as error:
         raise ConfigError(f"{where}: {module} cannot be imported: {error}") from error

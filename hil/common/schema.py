@@ -191,7 +191,10 @@ def _number(value: Any, kind: Any, limit: Range, where: str) -> Any:
         value = with_unit(value, limit.unit, where)
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         unit = f" in {limit.unit}" if limit.unit else ""
-        raise ConfigError(f"{where}: expected a number{unit}, found {_describe(value)}")
+        has_unit = isinstance(value, str) and value[:1].isdigit()
+        raise ConfigError(
+            f"{where}: expected a number{' without a unit' if has_unit else unit}, found {_describe(value)}"
+        )
     if kind is int and not isinstance(value, int):
         raise ConfigError(f"{where}: expected a whole number, found {value!r}")
     if not limit.low <= value <= limit.high:  # also refuses nan

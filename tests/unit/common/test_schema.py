@@ -58,6 +58,7 @@ def test_numbers_text_units_tables_and_arrays_are_read() -> None:
         ({"name": "a", "link": {"buad": 1}}, ["link", "no key 'buad'", "'baud'"]),
         ({"name": "a", "link": {"baud": 9600.5}}, ["link: baud", "whole number"]),
         ({"name": "a", "link": {"baud": "fast"}}, ["link: baud", "number", "'fast'"]),
+        ({"name": "a", "link": {"baud": "9.6 kBd"}}, ["link: baud", "number without a unit", "'9.6 kBd'"]),
         ({"name": "a", "link": {"baud": True}}, ["link: baud", "number", "true"]),
         ({"name": "a", "link": {"watchdog": 500}}, ["watchdog", "500 s is outside 0.02 to 10 s"]),
         ({"name": "a", "link": {"watchdog": "500"}}, ["watchdog", "no unit", "ms"]),
