@@ -152,7 +152,7 @@ def test_a_silent_stm32_is_an_error(tmp_path: Path) -> None:
             def reported() -> bool:
                 return any(status.level == 2 and "does not answer" in status.message for status in watch.statuses())
 
-            assert wait_for(reported)
+            assert wait_for(reported), slave.output
             (status,) = watch.statuses()
             assert status.figures.stm32_silent is True
             # The log is written before the status is published, but of an instant before.
