@@ -23,7 +23,7 @@ from hil.charts.expected_depths import Limits, distance_to_borders, known_nodes,
 from hil.charts.grid import Extent, Grid, round_up
 from hil.charts.gridding import Progress, Surface
 from hil.charts.hazards import SeabedModel, beds_under, place_hazards
-from hil.charts.held_out import HeldOut, hold_out
+from hil.charts.held_out import HeldOut, choose_model, hold_out
 from hil.charts.sources.survey import Bed, Survey, first_in_cell
 from hil.common.errors import ConfigError, MissingExtraError
 
@@ -218,19 +218,23 @@ def _node_axes(extent: Extent, resolution: float) -> tuple[Array, Array]:
 def _surface_data(survey: Survey) -> _SurfaceData:
     soundings = survey.soundings[np.argsort(survey.soundings[:, 2], kind="stable")]  # of duplicates, use the shoalest
     soundings = soundings[first_in_cell(soundings, DUPLICATE_DISTANCE)]
-    all_points = np.concatenate([soundings, survey.guides])
-    points = all_points[first_in_cell(all_points, DUPLICATE_DISTANCE)]
+    points = _with_guides(soundings, survey)
     surface = Surface(points[:, :2], points[:, 2], survey.strikes, len(soundings))
+    limits, borders = Limits(*limits_at(survey, soundings[:, :2])), distance_to_borders(survey, soundings[:, :2])
+    surface.model = choose_model(surface, soundings[:, 2], limits, borders)
     beds = beds_under(survey, soundings, surface)
     measured = np.concatenate([soundings, beds])
     if len(beds):
-        all_points = np.concatenate([measured, survey.guides])
-        points = all_points[first_in_cell(all_points, DUPLICATE_DISTANCE)]
-        surface = Surface(points[:, :2], points[:, 2], survey.strikes, len(soundings), surface.power)
-    limits = Limits(*limits_at(survey, measured[:, :2]))
-    return _SurfaceData(
-        points, len(soundings), len(measured), limits, distance_to_borders(survey, measured[:, :2]), surface
-    )
+        points = _with_guides(measured, survey)
+        surface = Surface(points[:, :2], points[:, 2], survey.strikes, len(soundings), surface.model)
+        limits, borders = Limits(*limits_at(survey, measured[:, :2])), distance_to_borders(survey, measured[:, :2])
+    return _SurfaceData(points, len(soundings), len(measured), limits, borders, surface)
+
+
+def _with_guides(measured: Array, survey: Survey) -> Array:
+    """Return the points (m, 3) a surface passes through: `measured` (n, 3), then the guides that are not on them."""
+    points = np.concatenate([measured, survey.guides])
+    return points[first_in_cell(points, DUPLICATE_DISTANCE)]
 
 
 def _inside(points: Array, extent: Extent) -> NDArray[np.bool_]:

@@ -33,11 +33,11 @@ class Limits(NamedTuple):
         return np.asarray(np.maximum(np.minimum(depths, self.high), self.low))
 
 
-def expected_depths(depths: Array, deviation: Array, limits: Limits) -> Array:
+def expected_depths(depths: Array, deviation: Array, limits: Limits, shift: float = 0.0) -> Array:
     """Return the expected depths within limits; all arrays have the same shape.
 
     Each depth is normally distributed about the clipped value of `depths` (m) with `deviation` (m), truncated at the
-    limits.
+    limits, and then shifted by `shift` deviations (positive: deeper), also within the limits.
     """
     from scipy.special import ndtr
 
@@ -45,8 +45,8 @@ def expected_depths(depths: Array, deviation: Array, limits: Limits) -> Array:
     with np.errstate(divide="ignore", invalid="ignore"):  # the deviation may be 0, and depths nan
         low, high = (limits.low - middle) / deviation, (limits.high - middle) / deviation
         share = ndtr(high) - ndtr(low)
-        shift = deviation * (np.exp(-0.5 * low * low) - np.exp(-0.5 * high * high)) / (SQRT_2_PI * share)
-    return limits.clip(middle + np.where((deviation > 0.0) & (share > 0.0), shift, 0.0))
+        inward = deviation * (np.exp(-0.5 * low * low) - np.exp(-0.5 * high * high)) / (SQRT_2_PI * share)
+    return limits.clip(middle + np.where((deviation > 0.0) & (share > 0.0), inward, 0.0) + shift * deviation)
 
 
 def move_off_limits(grid: Grid, limits: Limits, surface: Surface, known: Mask, detail: float) -> Depths:
@@ -74,9 +74,9 @@ def move_off_limits(grid: Grid, limits: Limits, surface: Surface, known: Mask, d
         after = min(int(np.searchsorted(north, place, "right")), len(north) - 1)
         share = (place - north[after - 1]) / (north[after] - north[after - 1])
         variance, roughness = ((1.0 - share) * part[after - 1] + share * part[after] for part in across)
-        uncertainty = Uncertainty(variance, roughness, surface.power)
+        deviation = Uncertainty(variance, roughness, surface.model.power).deviation(distance[row])
         here = Limits(limits.low[row], limits.high[row])
-        found[row] = expected_depths(grid.depths[row].astype(float), uncertainty.deviation(distance[row]), here)
+        found[row] = expected_depths(grid.depths[row].astype(float), deviation, here, surface.model.shift)
     return found
 
 

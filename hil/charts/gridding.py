@@ -1,11 +1,11 @@
 """Interpolate scattered depths by a smooth surface: radial basis functions on overlapping patches.
 
 On each patch the surface passes exactly through the points. The kernel is a power of the distance (conditionally
-positive definite of order one; Wendland, Scattered Data Approximation, 2005, chapter 8), smoother than the linear
-kernel and stiffer than a thin plate. Rough beds need a lower power than smooth ones, so the data select it. Distances
-along the contours count less than distances across, because a bed changes less along the strike of its slopes. How much
-less follows from how well the contours of a patch agree in direction (geometric anisotropy; Chiles and Delfiner,
-Geostatistics, 2012, 2.5.2).
+positive definite of order one; Wendland, Scattered Data Approximation, 2005, chapter 8), from the linear kernel almost
+to the smoothness of a thin plate. Rough beds need a lower power than smooth ones, so the data select it
+(hil.charts.held_out). Distances along the contours count less than distances across, because a bed changes less along
+the strike of its slopes. How much less follows from how well the contours of a patch agree in direction (geometric
+anisotropy; Chiles and Delfiner, Geostatistics, 2012, 2.5.2).
 
 The patches are blended with weights that are continuous in slope and curvature (partition of unity, Wendland 15.4).
 This leaves no creases, which a sonar would show.
@@ -16,6 +16,7 @@ geometric mean: few soundings beside steep shores must not make a level bed unce
 """
 
 from collections.abc import Callable, Iterator
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -36,9 +37,7 @@ MIN_PATCH_POINTS = 12  # below which a patch is widened further
 MAX_STRETCH = 3.0  # greatest ratio of distances across and along contours
 MIN_SEGMENTS = 4  # of contours, below which distances of a patch are not stretched
 MIN_WEIGHT = 1e-4  # subtracted from weights, so that a patch ends where its weight is small
-POWERS = (1.25, 1.5, 1.75)  # of the distance, in the kernel
-EQUAL_ERROR = 1.005  # ratio of errors that are taken as equal
-POWER_PATCHES = 600  # number of patches by which the power is selected, of more
+POWERS = (1.0, 1.25, 1.5, 1.75)  # of the distance, in the kernel
 MIN_SOUNDINGS = 4  # of a patch, below which the scale is estimated from all of its points
 MIN_ERROR = 0.05  # m; half of the decimetre to which charts give depths
 CHI_SQUARED = 3.56  # inverse geometric mean of squares of a standard normal distribution, 2 exp(Euler's constant)
@@ -52,6 +51,19 @@ class Patch(NamedTuple):
     centre: Array
     half: Array
     inside: Indices
+
+
+class Model(NamedTuple):
+    """Statistics of a bed.
+
+    - `power` of the distance in the kernel, one of POWERS.
+    - `spread`: its standard deviation, as a multiple of the robust estimate of each patch.
+    - `shift`: the mean difference of the bed from its expected depth, in standard deviations; negative if shoaler.
+    """
+
+    power: float = 1.5
+    spread: float = 1.0
+    shift: float = 0.0
 
 
 class Uncertainty(NamedTuple):
@@ -76,13 +88,12 @@ class Surface:
 
     `points`: (n, 2) north, east in m, without duplicates; `depths`: (n,) in m; `strikes`: (k, 4) segments of contours:
     centres and vectors, north and east in m. The first `soundings` of the points, all by default, are soundings.
-    `power`: one of POWERS; by default the greatest of those that predict soundings best, left out one at a time.
     Raises ConfigError for fewer than three points.
     """
 
     def __init__(
         self, points: Array, depths: Array, strikes: Array | None = None, soundings: int | None = None,
-        power: float | None = None,
+        model: Model = Model(),
     ) -> None:  # fmt: skip
         if len(points) < 3:
             raise ConfigError(
@@ -95,7 +106,7 @@ class Surface:
         order = np.argsort(points[:, 0])
         boxes = _split_box(points, np.arange(len(points)), self._low, self._high)
         self._patches = [_widen_box(points, order, *box) for box in boxes]
-        self.power = power or self._choose_power()
+        self.model = model
 
     def evaluate(self, north: Array, east: Array, wanted: Mask, report: Progress = lambda share: None) -> Array:
         """Return the depths at the crossings of the increasing arrays `north` and `east` (m): (len(north), len(east)).
@@ -107,7 +118,7 @@ class Surface:
     def uncertainty(self, north: Array, east: Array, wanted: Mask) -> Uncertainty:
         """Return the expected error of `evaluate` with the same arguments, nan where `wanted` is false."""
         found = self._blend(north, east, wanted, _PatchFit.uncertainties, 2, least=MIN_ERROR_WEIGHT)
-        return Uncertainty(found[..., 0], found[..., 1], self.power)
+        return Uncertainty(found[..., 0], found[..., 1], self.model.power)
 
     def _blend(
         self, north: Array, east: Array, wanted: Mask, find: Callable[["_PatchFit", Array], Array], count: int,
@@ -146,44 +157,37 @@ class Surface:
                 weights[near] += weight[near]
         return np.asarray(total / weights)
 
-    def cross_validate(self, folds: Indices) -> tuple[Array, Uncertainty]:
-        """Return, at each data point, the depth and its expected error from a fit without the points of its fold.
+    def cross_validate(
+        self, folds: Indices, model: Model | None = None, most: int | None = None
+    ) -> tuple[Array, Uncertainty]:
+        """Return, at the first n data points, the depth and its expected error from a fit without those of its fold.
 
-        `folds`: (n,), the fold of each point; nan is returned where it is negative. Exact and as cheap as one fit:
-        blocks of the inverse of a system give the errors of leaving out its unknowns (Rippa, Adv. Comput. Math. 11,
-        1999, for one point; the same elimination for several).
+        `folds`: the fold of each point, (n,), or (n, k) for k independent divisions; nan is returned where it is
+        negative. `model` replaces that of the surface. `most`: about how many patches to use, if there are more; nan is
+        returned outside them. Exact and as cheap as one fit: blocks of the inverse of a system give the errors of
+        leaving out its unknowns (Rippa, Adv. Comput. Math. 11, 1999, for one point; the same elimination for several).
         """
-        total, weights = np.zeros((len(self._points), 3)), np.zeros(len(self._points))
-        for patch in self._patches:
-            if not (folds[patch.inside] >= 0).any():
+        model, divisions = model or self.model, folds.reshape(len(folds), -1)
+        total, weights = np.zeros((len(self._points), divisions.shape[1], 3)), np.zeros(len(self._points))
+        divisions = np.vstack([divisions, np.full((len(self._points) - len(folds), divisions.shape[1]), -1)])
+        for patch in self._patches[:: 1 + len(self._patches) // most if most else 1]:
+            if not (divisions[patch.inside] >= 0).any():
                 continue
-            weight = self._weight(self._points[patch.inside], patch)
-            total[patch.inside] += weight[:, None] * self._fit(patch).without(folds[patch.inside])
+            weight, fit = self._weight(self._points[patch.inside], patch), self._fit(patch, model)
+            found = np.stack([fit.without(division) for division in divisions[patch.inside].T], axis=1)
+            total[patch.inside] += weight[:, None, None] * found
             weights[patch.inside] += weight
-        weights[folds < 0] = np.nan
-        depths, variance, roughness = total.T / weights
-        return depths, Uncertainty(variance, roughness, self.power)
+        weights[weights == 0.0] = np.nan
+        mean = total[: len(folds)] / weights[: len(folds), None, None]
+        mean[divisions[: len(folds)] < 0] = np.nan
+        depths, variance, roughness = (part.reshape(folds.shape) for part in np.moveaxis(mean, 2, 0))
+        return depths, Uncertainty(variance, roughness, model.power)
 
-    def _fit(self, patch: Patch, power: float | None = None) -> "_PatchFit":
+    def _fit(self, patch: Patch, model: Model | None = None) -> "_PatchFit":
         return _PatchFit(
             self._points[patch.inside], self._depths[patch.inside], patch.inside < self._soundings,
-            patch, _stretch(self._strikes, patch), power or self.power,
+            patch, _stretch(self._strikes, patch), model or self.model,
         )  # fmt: skip
-
-    def _choose_power(self) -> float:
-        """Return the greatest power of those that predict soundings about equally well, for the smoothest bed."""
-        errors = [self._leave_one_out_error(power) for power in POWERS]
-        return max(power for power, error in zip(POWERS, errors, strict=True) if error <= EQUAL_ERROR * min(errors))
-
-    def _leave_one_out_error(self, power: float) -> float:
-        """Return the RMS error (m) of soundings left out one at a time, in each of about POWER_PATCHES patches."""
-        total, weights = 0.0, 1e-9
-        for patch in self._patches[:: 1 + len(self._patches) // POWER_PATCHES]:
-            sounding = patch.inside < self._soundings
-            weight = self._weight(self._points[patch.inside[sounding]], patch)
-            total += float(weight @ self._fit(patch, power).leave_one_out()[sounding] ** 2)
-            weights += float(weight.sum())
-        return float((total / weights) ** 0.5)
 
     def _nodes_of_patch(self, axis: Array, k: int, patch: Patch) -> slice:
         """Return the range of nodes along one axis that `patch` covers; at the edge of the data it extends beyond."""
@@ -259,14 +263,14 @@ class _PatchFit:
     """Interpolant of the points of one patch."""
 
     def __init__(
-        self, points: Array, depths: Array, soundings: Mask, patch: Patch, stretch: Array, power: float
+        self, points: Array, depths: Array, soundings: Mask, patch: Patch, stretch: Array, model: Model
     ) -> None:
-        self._centre, self._stretch, self._power = patch.centre, stretch, power
+        self._centre, self._stretch, self._power, self._spread = patch.centre, stretch, model.power, model.spread
         self._unit = 1.0 / patch.half.max()  # scaled distance per m, on average: the stretch preserves areas
         self._points, self._depths, self._soundings = self._scaled(points), depths, soundings
         size = len(points) + 1
         self._system = np.ones((size, size))
-        self._system[:-1, :-1] = _kernel(self._points, self._points, power)
+        self._system[:-1, :-1] = _kernel(self._points, self._points, self._power)
         self._system[-1, -1] = 0.0
         self._right = np.append(depths, 0.0)
 
@@ -278,10 +282,14 @@ class _PatchFit:
             for part in (nodes[start : start + CHUNK] for start in range(0, max(1, len(nodes)), CHUNK))
         ])  # fmt: skip
 
+    @cached_property
+    def _inverse(self) -> Array:
+        return np.asarray(np.linalg.inv(self._system))
+
     def uncertainties(self, nodes: Array) -> Array:
         """Return variance and roughness at `nodes` (n, 2): (n, 2)."""
-        inverse = np.linalg.inv(self._system)
-        sill = _sill(inverse @ self._right, np.diag(inverse), self._soundings)
+        inverse, some = self._inverse, self._representative(np.arange(len(self._points)))
+        sill = self._sill((inverse @ self._right)[some], np.diag(inverse)[some])
         found = np.full((len(nodes), 2), sill * self._unit**self._power)
         for start in range(0, len(nodes), CHUNK):
             part = self._scaled(nodes[start : start + CHUNK])
@@ -289,46 +297,41 @@ class _PatchFit:
             found[start : start + CHUNK, 0] = sill * np.maximum(0.0, -((to @ inverse) * to).sum(axis=1))
         return found
 
-    def leave_one_out(self) -> Array:
-        """Return the error (m) at each point, fitted without it: (n,)."""
-        inverse = np.linalg.inv(self._system)
-        return np.asarray((inverse @ self._right)[:-1] / np.diag(inverse)[:-1])
-
     def without(self, folds: Indices) -> Array:
         """Return depth, variance and roughness at each point, fitted without the points of its fold: (n, 3)."""
-        inverse = np.linalg.inv(self._system)
-        solution = inverse @ self._right
+        inverse = self._inverse
+        solution, diagonal = inverse @ self._right, np.diag(inverse)
         found = np.column_stack([self._depths, np.zeros((len(self._points), 2))])
         for fold in np.unique(folds[folds >= 0]):
-            left_out, rest = np.flatnonzero(folds == fold), np.flatnonzero(folds != fold)
+            left_out, some = np.flatnonzero(folds == fold), self._representative(np.flatnonzero(folds != fold))
             variances = np.linalg.inv(inverse[np.ix_(left_out, left_out)])
             errors = variances @ solution[left_out]
-            across = inverse[np.ix_(rest, left_out)]  # eliminates the points that are left out
-            sill = _sill(
-                solution[rest] - across @ errors,
-                np.diag(inverse)[rest] - (across @ variances * across).sum(axis=1),
-                self._soundings[rest],
+            across = inverse[np.ix_(some, left_out)]  # eliminates the points that are left out
+            sill = self._sill(
+                solution[some] - across @ errors, diagonal[some] - (across @ variances * across).sum(axis=1)
             )
             found[left_out, 0] -= errors
             found[left_out, 1] = sill * np.maximum(0.0, np.diag(variances))
             found[left_out, 2] = sill * self._unit**self._power
         return found
 
+    def _representative(self, points: Indices) -> Indices:
+        """Return those of `points` by which the variogram is scaled: the soundings, or all if they are too few."""
+        soundings = points[self._soundings[points]]
+        return soundings if len(soundings) >= MIN_SOUNDINGS else points
+
+    def _sill(self, solution: Array, diagonal: Array) -> float:
+        """Return the scale of the variogram (m^2) from the errors of leaving out one of n points at a time.
+
+        `solution`: coefficients of the interpolant; `diagonal`: of the inverse of its system, both (n,). An error is
+        the ratio of the two, its variance the inverse diagonal (Rippa, Adv. Comput. Math. 11, 1999).
+        """
+        diagonal = np.maximum(diagonal, 1e-12)
+        squares = np.maximum(solution * solution / diagonal, MIN_ERROR * MIN_ERROR * diagonal)
+        return float(self._spread**2 * CHI_SQUARED * np.exp(np.log(squares).mean()))
+
     def _scaled(self, points: Array) -> Array:
         return np.asarray((points - self._centre) @ self._stretch)
-
-
-def _sill(solution: Array, diagonal: Array, soundings: Mask) -> float:
-    """Return the scale of the variogram (m^2) from the errors of leaving out one sounding at a time.
-
-    `solution`: coefficients of the interpolant; `diagonal`: of the inverse of its system, both (n,) or longer;
-    `soundings`: (n,), which points are. An error is the ratio of the two, its variance the inverse diagonal
-    (Rippa, Adv. Comput. Math. 11, 1999).
-    """
-    chosen = soundings if soundings.sum() >= MIN_SOUNDINGS else np.ones(len(soundings), bool)
-    solution, diagonal = solution[: len(chosen)][chosen], np.maximum(diagonal[: len(chosen)][chosen], 1e-12)
-    squares = np.maximum(solution * solution / diagonal, MIN_ERROR * MIN_ERROR * diagonal)
-    return float(CHI_SQUARED * np.exp(np.log(squares).mean()))
 
 
 def _kernel(a: Array, b: Array, power: float) -> Array:
@@ -336,10 +339,11 @@ def _kernel(a: Array, b: Array, power: float) -> Array:
     from scipy.spatial.distance import cdist
 
     distances = cdist(a, b)
-    root = np.sqrt(distances)  # the factor of a power of 1.5
-    if power == 1.25:
-        np.sqrt(root, out=root)
-    elif power == 1.75:
-        root *= np.sqrt(root)
-    distances *= -root
-    return np.asarray(distances)
+    if power > 1.0:
+        root = np.sqrt(distances)  # the factor of a power of 1.5
+        if power == 1.25:
+            np.sqrt(root, out=root)
+        elif power == 1.75:
+            root *= np.sqrt(root)
+        distances *= root
+    return np.asarray(np.negative(distances, out=distances))

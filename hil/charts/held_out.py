@@ -1,4 +1,7 @@
-"""Estimate the error of a bed by cross-validation, and compare it with linear interpolation of the same data."""
+"""Estimate the error of a bed by cross-validation, and compare it with linear interpolation of the same data.
+
+The statistics of a bed are those that predict held-out soundings best.
+"""
 
 from typing import NamedTuple
 
@@ -7,12 +10,17 @@ from numpy.typing import NDArray
 
 from hil.autonomy.paths.polygons import Mask
 from hil.charts.expected_depths import Limits, expected_depths
-from hil.charts.gridding import Indices, Surface
+from hil.charts.gridding import POWERS, Indices, Model, Surface
 
 Array = NDArray[np.float64]
 
 FOLDS = 10
 MANY = 20_000  # soundings, above which only one fold is held out instead of ten
+SPREADS = (1.0, 1.4)  # multiples of a patch's robust deviation, which is too small where errors have long tails
+SELECTION_FOLDS = 5
+SELECTION_DIVISIONS = 3  # into folds: which soundings are left out together must not select the statistics
+SELECTION_PATCHES = 600  # number of patches by which the statistics are selected, of more
+EQUAL_ERROR = 1.005  # ratio of errors that are taken as equal
 
 
 class HeldOut(NamedTuple):
@@ -30,6 +38,35 @@ class HeldOut(NamedTuple):
     reached_count: int
 
 
+def choose_model(surface: Surface, depths: Array, limits: Limits, borders: Array) -> Model:
+    """Return the statistics by which `surface` predicts soundings best, each from the others and the contours.
+
+    `depths` (m), `limits` and `borders` (m, distances from the borders of areas) are those of the n soundings, (n,)
+    each. Of powers that predict about equally well the greatest is taken, for the smoothest bed. The shift makes the
+    mean error zero if the bed would be too deep: charts show the shoal soundings of an area first.
+    """
+    if len(depths) < SELECTION_FOLDS:
+        return Model()
+    random = np.random.default_rng(1)
+    divisions = SELECTION_DIVISIONS if len(depths) <= MANY else 1
+    folds = np.stack([random.permutation(len(depths)) % SELECTION_FOLDS for _ in range(divisions)], axis=1)
+    limits, borders = Limits(*(part[:, None] for part in limits)), borders[:, None]
+    trials: dict[Model, float] = {}
+    for power in POWERS:
+        estimates, uncertainty = surface.cross_validate(folds, Model(power), SELECTION_PATCHES)
+        deviation = uncertainty.deviation(borders)
+        for spread in SPREADS:
+            errors = expected_depths(estimates, spread * deviation, limits) - depths[:, None]
+            found = np.isfinite(errors)
+            if not found.any():  # no sounding is in the patches that were used
+                return Model()
+            shift = -float(errors[found].mean() / max(spread * deviation[found].mean(), 1e-9))
+            trials[Model(power, spread, min(0.0, shift))] = _rms(errors[found])
+    least = EQUAL_ERROR * min(trials.values())
+    power = max(model.power for model, error in trials.items() if error <= least)
+    return min((model for model in trials if model.power == power), key=trials.__getitem__)
+
+
 def hold_out(surface: Surface, points: Array, wanted: Mask, limits: Limits, borders: Array) -> HeldOut:
     """Return the errors at soundings. Each is compared with a fit that leaves out its fold, a tenth of the soundings.
 
@@ -42,12 +79,10 @@ def hold_out(surface: Surface, points: Array, wanted: Mask, limits: Limits, bord
     if wanted.sum() > MANY:
         folds = np.where(folds == 0, 0, -1)
     folds = np.where(wanted, folds, -1)
-    estimates, uncertainty = surface.cross_validate(np.concatenate([folds, np.full(len(points) - count, -1)]))
-    deviation = uncertainty._replace(
-        variance=uncertainty.variance[:count], roughness=uncertainty.roughness[:count]
-    ).deviation(borders)
+    estimates, uncertainty = surface.cross_validate(folds)
     linear = limits.clip(_linear(points, folds))
-    errors = expected_depths(estimates[:count], deviation, limits) - points[:count, 2]
+    expected = expected_depths(estimates, uncertainty.deviation(borders), limits, surface.model.shift)
+    errors = expected - points[:count, 2]
     linear_errors = linear - points[:count, 2]
     reached = np.isfinite(linear_errors)
     return HeldOut(

@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import NDArray
 
 from hil.charts.build import build
-from hil.charts.gridding import BOX_POINTS, POWERS, Surface
+from hil.charts.gridding import BOX_POINTS, Model, Surface
 from hil.charts.sources.survey import Survey
 from hil.common.errors import ConfigError
 from tests.support.charts.known_bed import SIDE, STEP, contoured, known_bed, sounded
@@ -68,10 +68,10 @@ def test_held_out_errors_equal_those_of_fits_without_the_points() -> None:
     corners = np.array([[0.0, 0.0], [0.0, 100.0], [100.0, 0.0], [100.0, 100.0]])
     points, depths = np.vstack([points, corners]), np.append(depths, [1.0, 2.0, 3.0, 4.0])
     folds = np.append(np.arange(BOX_POINTS - 4) % 5, [-1] * 4)
-    found, uncertainty = Surface(points, depths, power=1.5).cross_validate(folds)
+    found, uncertainty = Surface(points, depths).cross_validate(folds)
     assert np.isnan(found[-4:]).all()
     for fold in range(5):
-        rest = Surface(points[folds != fold], depths[folds != fold], power=1.5)
+        rest = Surface(points[folds != fold], depths[folds != fold])
         for index in np.flatnonzero(folds == fold):
             truth = rest.evaluate(points[index : index + 1, 0], points[index : index + 1, 1], np.ones((1, 1), bool))
             assert found[index] == pytest.approx(truth[0, 0], abs=1e-7)
@@ -143,14 +143,25 @@ def test_a_known_bed_is_reproduced_better_than_by_triangles() -> None:
     assert built.report.rmse == pytest.approx(errors[2], rel=0.2), "held-out errors agree with the true ones"
 
 
-def test_a_rough_bed_gets_a_lower_power_than_a_smooth_one() -> None:
-    """The power follows the data, and predicts each bed within 1 % as well as the best of the others."""
-    random = np.random.default_rng(5)
-    points = random.uniform(0.0, 1000.0, (400, 2))
-    smooth = 20.0 + 5.0 * np.sin(points[:, 0] / 150.0) * np.cos(points[:, 1] / 200.0)
-    rough = smooth + random.normal(0.0, 0.5, 400)
-    chosen = [Surface(points, depths).power for depths in (smooth, rough)]
-    assert chosen == [max(POWERS), min(POWERS)]
+def test_several_divisions_into_folds_give_what_each_gives_alone() -> None:
+    """The last points, for which no fold is given, are never left out."""
+    points, depths = scattered(60)
+    divisions = np.column_stack([np.arange(50) % 5, np.arange(50) // 10])
+    surface = Surface(points, depths)
+    found, uncertainty = surface.cross_validate(divisions)
+    for column, division in enumerate(divisions.T):
+        alone, of_it = surface.cross_validate(np.append(division, [-1] * 10))
+        assert found[:, column] == pytest.approx(alone[:50], rel=1e-9)
+        assert uncertainty.variance[:, column] == pytest.approx(of_it.variance[:50], rel=1e-9)
+
+
+def test_a_wider_spread_is_a_larger_deviation_of_the_same_bed() -> None:
+    points, depths = scattered(60)
+    folds = np.arange(60) % 5
+    (plain, narrow), (same, wide) = (Surface(points, depths, model=Model(1.5, k)).cross_validate(folds) for k in (1, 2))
+    assert same == pytest.approx(plain)
+    away = np.full(60, np.inf)
+    assert wide.deviation(away) == pytest.approx(2.0 * narrow.deviation(away))
 
 
 def test_soundings_beside_a_steep_shore_leave_a_level_bed_certain() -> None:

@@ -1,0 +1,62 @@
+"""The statistics of a bed, selected by soundings that are held out."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from hil.charts.expected_depths import Limits, expected_depths
+from hil.charts.gridding import POWERS, Model, Surface
+from hil.charts.held_out import choose_model
+
+Array = NDArray[np.float64]
+
+COUNT = 400
+POINTS: Array = np.random.default_rng(5).uniform(0.0, 1000.0, (COUNT, 2))
+SMOOTH: Array = 20.0 + 5.0 * np.sin(POINTS[:, 0] / 150.0) * np.cos(POINTS[:, 1] / 200.0)
+FAR = np.full(COUNT, np.inf)
+
+
+def limits(low: float, high: float) -> Limits:
+    return Limits(np.full(COUNT, low), np.full(COUNT, high))
+
+
+def chosen(depths: Array, within: Limits) -> Model:
+    return choose_model(Surface(POINTS, depths), depths, within, FAR)
+
+
+def test_a_rough_bed_gets_a_lower_power_than_a_smooth_one() -> None:
+    rough = SMOOTH + np.random.default_rng(5).normal(0.0, 0.5, COUNT)
+    models = [chosen(depths, limits(-np.inf, np.inf)) for depths in (SMOOTH, rough)]
+    assert [model.power for model in models] == [max(POWERS), min(POWERS)]
+
+
+def test_soundings_just_below_the_limit_of_their_area_make_the_bed_shoaler() -> None:
+    """Most are 0.1 m below a contour of 10 m, a few far below: held out in other folds, the bed is not too deep."""
+    random = np.random.default_rng(6)
+    depths = 10.0 + np.where(random.random(COUNT) < 0.05, random.uniform(0.0, 8.0, COUNT), 0.1)
+    below = limits(10.0, 20.0)
+    model = chosen(depths, below)
+    assert model.shift < -0.05
+    estimates, uncertainty = Surface(POINTS, depths, model=model).cross_validate(random.permutation(COUNT) % 10)
+    deviation = uncertainty.deviation(FAR)
+    errors = [(expected_depths(estimates, deviation, below, shift) - depths).mean() for shift in (0.0, model.shift)]
+    assert errors[0] > 0.1
+    assert abs(errors[1]) < 0.5 * errors[0]
+
+
+def test_a_shift_stays_within_the_limits_and_leaves_what_is_known() -> None:
+    found = expected_depths(np.full(COUNT, 12.0), np.linspace(0.0, 4.0, COUNT), limits(10.0, 20.0), -3.0)
+    assert found[0] == 12.0
+    assert found.min() == 10.0
+    assert (np.diff(found) <= 1e-9).all()
+
+
+def test_statistics_of_few_soundings_are_not_estimated() -> None:
+    three = np.array([[0.0, 0.0], [0.0, 9.0], [9.0, 0.0]])
+    depths = np.array([1.0, 2.0, 3.0])
+    assert choose_model(Surface(three, depths), depths, Limits(depths - 1.0, depths + 1.0), depths) == Model()
+
+
+@pytest.mark.parametrize("power", POWERS)
+def test_every_power_interpolates(power: float) -> None:
+    assert Surface(POINTS, SMOOTH, model=Model(power)).at(POINTS) == pytest.approx(SMOOTH, abs=1e-6)
