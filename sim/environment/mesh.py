@@ -116,19 +116,22 @@ def read_meshes(section: Any, path: str) -> tuple[MeshObstacle, ...]:
         raise ConfigError(f"{path}: mesh: expected tables, each under [[mesh]]")
     folder = os.path.dirname(path)
     return tuple(
-        place(parse(row, MeshKeys, f"{path}: mesh[{i}]"), folder, f"{path}: mesh[{i}]") for i, row in enumerate(section)
+        load_obstacle(parse(row, MeshKeys, f"{path}: mesh[{i}]"), folder, f"{path}: mesh[{i}]")
+        for i, row in enumerate(section)
     )
 
 
-def place(keys: MeshKeys, folder: str, where: str = "mesh") -> MeshObstacle:
+def load_obstacle(keys: MeshKeys, folder: str, where: str = "mesh") -> MeshObstacle:
     """Return the mesh of a file in `folder` at its position. Raises ConfigError that begins with `where`."""
     file = os.path.join(folder, keys.file)
     check_file(file, MAX_BYTES)
     up = keys.up or ("y" if file.lower().endswith((".glb", ".gltf")) else "z")
-    return put(keys, _read(file, os.stat(file).st_mtime_ns, keys.scale, up, where))
+    return place_triangles(keys, _read(file, os.stat(file).st_mtime_ns, keys.scale, up, where))
 
 
-def put(keys: MeshKeys, triangles: tuple[Triangle, ...], net: tuple[float, float] | None = None) -> MeshObstacle:
+def place_triangles(
+    keys: MeshKeys, triangles: tuple[Triangle, ...], net: tuple[float, float] | None = None
+) -> MeshObstacle:
     """Return the obstacle of `triangles` (in their own axes) at the position of `keys`; `net` as in MeshObstacle."""
     rotation = matrix(from_euler(*keys.orientation))
     a, b, c, d, e, f, g, h, i = rotation

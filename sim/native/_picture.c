@@ -145,7 +145,7 @@ static void picture_all(const Appearance *appearance, const Geometry *geometry, 
     for (Py_ssize_t first = 0; first < n; first += BUNDLE) {
         bundle.count = n - first < BUNDLE ? (int)(n - first) : BUNDLE;
         for (int i = 0; i < bundle.count; i++)
-            turn(s->rotation, directions + 3 * (first + i), bundle.along[i]);
+            rotate_to_world(s->rotation, directions + 3 * (first + i), bundle.along[i]);
         trace_bundle(geometry, near, s->origin, &bundle, s->reach, hits);
         compute_pixels(geometry, s->origin, &bundle, hits, pixels);
         for (int i = 0; i < bundle.count; i++) {
@@ -159,7 +159,7 @@ static int check_rays(const Geometry *geometry, const Near *near, const Py_buffe
 {
     int right = views[DIRECTIONS].len == 24 * n && views[RADIANCE].len == 12 * n && views[RANGES].len == 8 * n;
     for (long i = 0; right && i < near->count; i++)
-        right = owner(geometry, near->places[i] + 1) < views[COLOURS].len / 12;
+        right = owner(geometry, near->numbers[i] + 1) < views[COLOURS].len / 12;
     return right || sizes_fail(n);
 }
 
@@ -185,7 +185,7 @@ static PyObject *picture(PyObject *self, PyObject *const *arguments, Py_ssize_t 
         picture_all(&appearance, geometry, &near, views, n);
         Py_END_ALLOW_THREADS
     }
-    free(near.places);
+    free(near.numbers);
     return release(views, ok);
 }
 

@@ -135,7 +135,7 @@ static void cast_apart(const Geometry *geometry, const Request *request, Near *n
         const double *origin = request->origins + 3 * ray;
         double along[3];
         find_near(geometry, origin, request->reach, near);
-        turn(request->rotation, request->directions + 3 * ray, along);
+        rotate_to_world(request->rotation, request->directions + 3 * ray, along);
         Hit hit = trace(geometry, near, origin, along, request->reach, 0.0);
         store_result(geometry, origin, along, &hit, ray, to);
     }
@@ -150,7 +150,7 @@ static void cast_together(const Geometry *geometry, const Request *request, Near
         bundle.count = left < BUNDLE ? (int)left : BUNDLE;
         Hit hits[BUNDLE];
         for (int i = 0; i < bundle.count; i++)
-            turn(request->rotation, request->directions + 3 * (first + i), bundle.along[i]);
+            rotate_to_world(request->rotation, request->directions + 3 * (first + i), bundle.along[i]);
         trace_bundle(geometry, near, request->origin, &bundle, request->reach, hits);
         for (int i = 0; i < bundle.count; i++)
             store_result(geometry, request->origin, bundle.along[i], &hits[i], first + i, to);
@@ -202,7 +202,7 @@ static int cast_views(const Geometry *geometry, PyObject *const *arguments, int 
     request.rays = views[DIRECTIONS].len / 24;
     const Results to = {views[DISTANCES].buf, views[POINTS].buf, views[NORMALS].buf, views[OBJECTS].buf};
     (request.origins == NULL ? cast_together : cast_apart)(geometry, &request, &near, &to);
-    free(near.places);
+    free(near.numbers);
     return 1;
 }
 

@@ -19,7 +19,7 @@ enum { TWISTER_SIZE = 624, TWISTER_SHIFT = 397 };
 /* The state of random.Random: its key, the index in it, and the second normal number of a pair if there is one. */
 typedef struct {
     uint32_t key[TWISTER_SIZE];
-    int place, has_second;
+    int index, has_second;
     double second;
 } Random;
 
@@ -30,14 +30,14 @@ static void twist(Random *random)
         uint32_t y = (key[i] & 0x80000000u) | (key[(i + 1) % TWISTER_SIZE] & 0x7fffffffu);
         key[i] = key[(i + TWISTER_SHIFT) % TWISTER_SIZE] ^ (y >> 1) ^ (y & 1u ? 0x9908b0dfu : 0u);
     }
-    random->place = 0;
+    random->index = 0;
 }
 
 static uint32_t bits(Random *random)
 {
-    if (random->place >= TWISTER_SIZE)
+    if (random->index >= TWISTER_SIZE)
         twist(random);
-    uint32_t y = random->key[random->place++];
+    uint32_t y = random->key[random->index++];
     y ^= y >> 11;
     y ^= (y << 7) & 0x9d2c5680u;
     y ^= (y << 15) & 0xefc60000u;

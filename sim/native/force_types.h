@@ -20,7 +20,7 @@ typedef struct {
     PyObject_HEAD
     Waves waves;
     long long hold_ns, due_ns, time_ns;
-    double held[MOTION], place[3]; /* the motion of the water that was computed last, and where */
+    double last_motion[MOTION], last_position[3]; /* the motion of the water that was computed last, and where */
 } WaveField;
 
 #define FAR_M2 0.0625
@@ -28,18 +28,18 @@ typedef struct {
 /* SampledWaves.motion */
 static void wave_field_sample(WaveField *wave_field, long long time_ns, const double *position, double *motion)
 {
-    double north = position[0] - wave_field->place[0], east = position[1] - wave_field->place[1], down = position[2] - wave_field->place[2];
+    double north = position[0] - wave_field->last_position[0], east = position[1] - wave_field->last_position[1], down = position[2] - wave_field->last_position[2];
     if (time_ns >= wave_field->due_ns || north * north + east * east + down * down > FAR_M2) {
         double *tangent = wave_field->waves.tangent, time = (double)time_ns * 1e-9;
         wave_field->due_ns = time_ns + wave_field->hold_ns;
         wave_field->time_ns = time_ns;
-        memcpy(wave_field->place, position, sizeof wave_field->place);
-        water_motion(&wave_field->waves, time, position[0], position[1], position[2], wave_field->held);
+        memcpy(wave_field->last_position, position, sizeof wave_field->last_position);
+        water_motion(&wave_field->waves, time, position[0], position[1], position[2], wave_field->last_motion);
         tangent[0] = time, tangent[1] = position[0], tangent[2] = position[1];
-        memcpy(tangent + 3, wave_field->held + 6, 4 * sizeof(double));
+        memcpy(tangent + 3, wave_field->last_motion + 6, 4 * sizeof(double));
     }
     double later = (double)(time_ns - wave_field->time_ns) * 1e-9;
-    memcpy(motion, wave_field->held, sizeof wave_field->held);
+    memcpy(motion, wave_field->last_motion, sizeof wave_field->last_motion);
     for (int i = 0; i < 3; i++)
         motion[i] = motion[i] + motion[3 + i] * later;
 }
@@ -120,10 +120,10 @@ static PyObject *wave_field_sampled_motion(PyObject *self, PyObject *arguments)
 {
     long long time_ns;
     PyObject *position;
-    double place[3], motion[MOTION];
-    if (!PyArg_ParseTuple(arguments, "LO", &time_ns, &position) || !read_numbers(position, place, 3))
+    double point[3], motion[MOTION];
+    if (!PyArg_ParseTuple(arguments, "LO", &time_ns, &position) || !read_numbers(position, point, 3))
         return NULL;
-    wave_field_sample((WaveField *)self, time_ns, place, motion);
+    wave_field_sample((WaveField *)self, time_ns, point, motion);
     return new_motion(motion);
 }
 

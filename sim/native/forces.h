@@ -13,7 +13,7 @@
 enum { HULL_LIFT, CROSS_FLOW, SPEED_DAMPING, SLOW_DAMPING, FINS, BLADDER, WAVY_SURFACE, FORCE_KINDS };
 
 typedef struct {
-    double value, target, gain, most;
+    double value, target, gain, max_change;
 } Servo;
 
 /* `numbers` as the class of this kind lists them: one of the structures below. */
@@ -89,8 +89,8 @@ static void step_servos(Force *force)
     for (long i = 0; i < force->servo_count; i++) {
         Servo *servo = &force->servos[i];
         double move = servo->gain * (servo->target - servo->value);
-        move = move < servo->most ? move : servo->most;
-        move = move > -servo->most ? move : -servo->most;
+        move = move < servo->max_change ? move : servo->max_change;
+        move = move > -servo->max_change ? move : -servo->max_change;
         servo->value = servo->value + move;
         if (force->kind == FINS && move != 0.0) {
             Fin *fin = (Fin *)force->numbers + i;
@@ -253,8 +253,8 @@ static void buoyancy_wrench(const double *buoyancy, const double *rotation, doub
 static void bladder_force(const Bladder *bladder, double volume, const double *rotation, double *out)
 {
     double force = bladder->specific_weight * (volume - bladder->neutral_volume);
-    const double *place = bladder->position;
-    double lift[4] = {force, force * place[0], force * place[1], force * place[2]};
+    const double *centre = bladder->position;
+    double lift[4] = {force, force * centre[0], force * centre[1], force * centre[2]};
     buoyancy_wrench(lift, rotation, out);
 }
 

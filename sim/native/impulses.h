@@ -102,13 +102,13 @@ static int impulses_read(PyObject *touches, PyObject *matrix, double *numbers, d
 
 static PyObject *apply_impulses(PyObject *module, PyObject *arguments)
 {
-    PyObject *given, *matrix, *before;
+    PyObject *touches, *matrix, *before;
     double numbers[7 * MAX_TOUCHES], mass[36], start[6], nu[6], friction, restitution, total[6] = {0.0};
     (void)module;
-    if (!PyArg_ParseTuple(arguments, "OOOdd", &given, &matrix, &before, &friction, &restitution)
+    if (!PyArg_ParseTuple(arguments, "OOOdd", &touches, &matrix, &before, &friction, &restitution)
         || !read_numbers(before, start, 6))
         return NULL;
-    int count = impulses_read(given, matrix, numbers, mass), slid[MAX_TOUCHES] = {0};
+    int count = impulses_read(touches, matrix, numbers, mass), slid[MAX_TOUCHES] = {0};
     if (count < 0)
         return NULL;
     Impulse normals[MAX_TOUCHES], slides[MAX_TOUCHES];
@@ -149,21 +149,21 @@ static PyObject *apply_impulses(PyObject *module, PyObject *arguments)
 
 static PyObject *impulses_separate(PyObject *module, PyObject *arguments)
 {
-    PyObject *given, *matrix;
-    double numbers[7 * MAX_TOUCHES], mass[36], way[6] = {0.0};
+    PyObject *touches, *matrix;
+    double numbers[7 * MAX_TOUCHES], mass[36], motion[6] = {0.0};
     (void)module;
-    if (!PyArg_ParseTuple(arguments, "OO", &given, &matrix))
+    if (!PyArg_ParseTuple(arguments, "OO", &touches, &matrix))
         return NULL;
-    int count = impulses_read(given, matrix, numbers, mass), slid[MAX_TOUCHES] = {0};
+    int count = impulses_read(touches, matrix, numbers, mass), slid[MAX_TOUCHES] = {0};
     if (count < 0)
         return NULL;
     Impulse normals[MAX_TOUCHES];
     for (int i = 0; i < count; i++) {
-        impulse_set(normals + i, numbers + 7 * i + 1, numbers + 7 * i + 4, mass, way);
+        impulse_set(normals + i, numbers + 7 * i + 1, numbers + 7 * i + 4, mass, motion);
         normals[i].target = numbers[7 * i];
     }
-    impulses_solve(normals, normals, slid, count, 0.0, way);
-    return new_list(way, 6);
+    impulses_solve(normals, normals, slid, count, 0.0, motion);
+    return new_list(motion, 6);
 }
 
 static PyMethodDef impulses_functions[] = {

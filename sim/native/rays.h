@@ -15,7 +15,7 @@ typedef struct {
 } Solid;
 
 typedef struct {
-    double low[3], high[3], place, count;
+    double low[3], high[3], right_or_first, count; /* the right child of a node without triangles, or the first triangle */
 } Node;
 
 typedef struct {
@@ -32,7 +32,7 @@ typedef struct {
 
 /* The solids that rays from one origin can reach. */
 typedef struct {
-    long *places, count;
+    long *numbers, count;
 } Near;
 
 typedef struct {
@@ -40,14 +40,14 @@ typedef struct {
     long object, detail;
 } Hit;
 
-static void turn(const double *r, const double *v, double *out)
+static void rotate_to_world(const double *r, const double *v, double *out)
 {
     out[0] = r[0] * v[0] + r[1] * v[1] + r[2] * v[2];
     out[1] = r[3] * v[0] + r[4] * v[1] + r[5] * v[2];
     out[2] = r[6] * v[0] + r[7] * v[1] + r[8] * v[2];
 }
 
-static void turn_back(const double *r, const double *v, double *out)
+static void rotate_to_solid(const double *r, const double *v, double *out)
 {
     out[0] = r[0] * v[0] + r[3] * v[1] + r[6] * v[2];
     out[1] = r[1] * v[0] + r[4] * v[1] + r[7] * v[2];
@@ -124,15 +124,15 @@ static int is_open(const Triangle *triangle, const double *net, const double *at
     for (int side = 0; side < 2; side++) {
         const double *e = side ? triangle->other : triangle->one;
         double length = sqrt(e[0] * e[0] + e[1] * e[1] + e[2] * e[2]);
-        double place = (away[0] * e[0] + away[1] * e[1] + away[2] * e[2]) / length / net[0];
-        if (fabs(place - floor(place) - 0.5) >= 0.5 - 0.5 * net[1] / net[0])
+        double twines = (away[0] * e[0] + away[1] * e[1] + away[2] * e[2]) / length / net[0];
+        if (fabs(twines - floor(twines) - 0.5) >= 0.5 - 0.5 * net[1] / net[0])
             return 0;
     }
     return 1;
 }
 
 static double meet_mesh(const Geometry *geometry, const Solid *solid, const double *at, const double *along, double reach,
-                        long *found)
+                        long *triangle_number)
 {
     const double *net = solid->sizes;
     double best = INFINITY;
@@ -146,14 +146,14 @@ static double meet_mesh(const Geometry *geometry, const Solid *solid, const doub
             slab(at[axis], along[axis], 1.0 / along[axis], node->low[axis], node->high[axis], &near, &far);
         if (near > far)
             continue;
-        long first = (long)node->place, last = first + (long)node->count;
+        long first = (long)node->right_or_first, last = first + (long)node->count;
         if (first == last && count < DEPTH_OF_TREE - 1)
             waiting[count++] = first, waiting[count++] = number + 1;
         for (long i = first; i < last; i++) {
             double distance = meet_triangle(geometry->triangles + i, at, along);
             if (distance < best && distance <= reach
                 && !(net[0] > 0.0 && is_open(geometry->triangles + i, net, at, along, distance)))
-                best = distance, *found = i;
+                best = distance, *triangle_number = i;
         }
     }
     return best;
@@ -170,8 +170,8 @@ static double meet_solid(const Geometry *geometry, const Solid *solid, const dou
     double away[3], at[3], along[3], near = 0.0, far = reach;
     for (int axis = 0; axis < 3; axis++)
         away[axis] = origin[axis] - solid->position[axis];
-    turn_back(solid->rotation, away, at);
-    turn_back(solid->rotation, direction, along);
+    rotate_to_solid(solid->rotation, away, at);
+    rotate_to_solid(solid->rotation, direction, along);
     if (kind == MESH)
         return meet_mesh(geometry, solid, at, along, reach, detail);
     if (kind == SPHERE) {
@@ -192,7 +192,7 @@ static void find_near(const Geometry *geometry, const double *origin, double rea
     near->count = 0;
     for (long i = 0; i < geometry->count; i++)
         if (!is_beyond(geometry->solids + i, origin, reach))
-            near->places[near->count++] = i;
+            near->numbers[near->count++] = i;
 }
 
 /* The first hit of a ray that is known to meet no seabed before `start` m. */
@@ -204,7 +204,7 @@ static Hit trace(const Geometry *geometry, const Near *near, const double *origi
     if (best.distance < INFINITY)
         best.object = SEABED;
     for (long k = 0; k < near->count; k++) {
-        long i = near->places[k];
+        long i = near->numbers[k];
         const Solid *solid = geometry->solids + i;
         if (passes(solid, origin, direction))
             continue;
@@ -285,10 +285,10 @@ static void normal(const Geometry *geometry, const Hit *hit, const double *direc
     double away[3], at[3], own[3];
     for (int axis = 0; axis < 3; axis++)
         away[axis] = point[axis] - solid->position[axis];
-    turn_back(solid->rotation, solid->kind == MESH ? direction : away, at);
+    rotate_to_solid(solid->rotation, solid->kind == MESH ? direction : away, at);
     if (solid->kind == MESH)
         triangle_normal(geometry->triangles + hit->detail, at, own);
     else
         solid_normal(solid, at, own);
-    turn(solid->rotation, own, out);
+    rotate_to_world(solid->rotation, own, out);
 }

@@ -37,8 +37,8 @@ static void bound(Bundle *bundle)
 static int make_near(const Geometry *geometry, Near *near)
 {
     near->count = 0;
-    near->places = malloc((size_t)(2 * geometry->count + 1) * sizeof *near->places);
-    return near->places != NULL;
+    near->numbers = malloc((size_t)(2 * geometry->count + 1) * sizeof *near->numbers);
+    return near->numbers != NULL;
 }
 
 /* Returns 1 if a half space is out of reach of all rays of a bundle; `plane` is its normal and offset. */
@@ -62,15 +62,15 @@ static Near find_closer(const Geometry *geometry, const Near *near, const double
         most[axis] = most_of(fabs(bundle->low[axis]), fabs(bundle->high[axis]));
     }
     double spread = widest[0] + widest[1], longest = most[0] + most[1];
-    Near closer = {near->places + geometry->count, 0};
+    Near closer = {near->numbers + geometry->count, 0};
     for (long k = 0; k < near->count; k++) {
-        const Solid *solid = geometry->solids + near->places[k];
+        const Solid *solid = geometry->solids + near->numbers[k];
         double x = solid->position[0] - origin[0], y = solid->position[1] - origin[1];
         double across = fabs(middle[0] * y - middle[1] * x) - spread * (fabs(x) + fabs(y));
         int beyond = solid->kind == HALF_SPACE ? is_far(solid->sizes, origin, bundle, reach)
                                                : across > solid->reach * longest + CLEARANCE;
         if (!beyond)
-            closer.places[closer.count++] = near->places[k];
+            closer.numbers[closer.count++] = near->numbers[k];
     }
     return closer;
 }

@@ -27,10 +27,10 @@ static PyObject *errors_new(PyTypeObject *type, PyObject *arguments, PyObject *k
     if (self == NULL)
         return NULL;
     Errors *errors = (Errors *)self;
-    uint32_t place;
+    uint32_t index;
     memcpy(errors->random.key, key.data, sizeof errors->random.key);
-    memcpy(&place, key.data + sizeof errors->random.key, sizeof place);
-    errors->random.place = place < TWISTER_SIZE ? (int)place : TWISTER_SIZE;
+    memcpy(&index, key.data + sizeof errors->random.key, sizeof index);
+    errors->random.index = index < TWISTER_SIZE ? (int)index : TWISTER_SIZE;
     errors->random.has_second = second != Py_None;
     errors->random.second = errors->random.has_second ? PyFloat_AsDouble(second) : 0.0;
     if (PyErr_Occurred())
@@ -105,10 +105,10 @@ static void specific_force(const double *numbers, const double *position, double
 static PyObject *imu_new(PyTypeObject *type, PyObject *arguments, PyObject *keywords)
 {
     PyObject *errors, *record, *position;
-    double place[3], gravity;
+    double offset[3], gravity;
     (void)keywords;
     if (!PyArg_ParseTuple(arguments, "O!O!Od", errors_type, &errors, &PyType_Type, &record, &position, &gravity)
-        || !read_numbers(position, place, 3))
+        || !read_numbers(position, offset, 3))
         return NULL;
     if (((Errors *)errors)->count != IMU_CHANNELS)
         return PyErr_Format(PyExc_ValueError, "the errors of %d quantities are needed", IMU_CHANNELS);
@@ -119,7 +119,7 @@ static PyObject *imu_new(PyTypeObject *type, PyObject *arguments, PyObject *keyw
         return NULL;
     imu->errors = (Errors *)Py_NewRef(errors);
     imu->record = (PyTypeObject *)Py_NewRef(record);
-    memcpy(imu->position, place, sizeof place);
+    memcpy(imu->position, offset, sizeof offset);
     imu->gravity = gravity;
     return (PyObject *)imu;
 }

@@ -18,12 +18,12 @@ typedef struct {
 
 enum { SETTINGS = sizeof(Settings) / sizeof(double) };
 
-/* For footprints (m) up to `most`: the offset of the level of their tiles, its nodes a side and nodes a metre, and the
+/* For footprints (m) up to `max_footprint`: the offset of the level of their tiles, its nodes a side and nodes a metre, and the
  * share of the ripples that remains as the mean over such a size. */
 typedef struct {
     size_t first;
     long side;
-    float most, scale, ripple;
+    float max_footprint, scale, ripple;
 } Size;
 
 /* The appearance of surfaces. `nodes` is the number of grain nodes a metre; depths and texture are NULL if absent. */
@@ -95,7 +95,7 @@ static float curvature_tone(const Appearance *appearance, const Pixel *pixel)
 static float texture_tone(const Appearance *appearance, const Pixel *pixel, float footprint)
 {
     const Size *size = appearance->sizes;
-    while (footprint >= size->most && size < appearance->sizes + SIZES - 1)
+    while (footprint >= size->max_footprint && size < appearance->sizes + SIZES - 1)
         size++;
     size_t all = appearance->texture_size / 3;
     const float *tiles = appearance->texture + size->first;
@@ -113,14 +113,14 @@ static float texture_tone(const Appearance *appearance, const Pixel *pixel, floa
 }
 
 /* Reads exp(-coefficient distance) from the table: for three attenuations, then for three backscatter coefficients. */
-static void read_decays(const Appearance *appearance, float distance, float *left, int count)
+static void read_decays(const Appearance *appearance, float distance, float *decays, int count)
 {
-    float place = at_most(distance * appearance->per_metre, (float)STEPS - 1e-3f);
-    int first = (int)place;
+    float position = at_most(distance * appearance->per_metre, (float)STEPS - 1e-3f);
+    int first = (int)position;
     const float *row = appearance->decays + first * DECAYS_A_STEP, *next = row + DECAYS_A_STEP;
-    place -= (float)first;
+    position -= (float)first;
     for (int i = 0; i < count; i++)
-        left[i] = row[i] + (next[i] - row[i]) * place;
+        decays[i] = row[i] + (next[i] - row[i]) * position;
 }
 
 /* The radiance of a pixel at the lens; the veil of the water if the ray hits nothing. */
@@ -143,8 +143,8 @@ static void shade_pixel(const Appearance *appearance, const Pixel *pixel, float 
     float day = tone * (0.6f - 0.4f * pixel->normal[2]);
     if (surface) /* Snell's window, as sim/sensors/imaging/scenery.py has it */
         day = at_most(at_least((pixel->facing - 0.62f) / 0.08f, 0.0f), 1.0f);
-    float near = at_least(pixel->distance, 0.05f), lit = 0.0f, left[DECAYS_A_STEP], lamplight[CHANNELS];
-    read_decays(appearance, pixel->distance, left, DECAYS_A_STEP);
+    float near = at_least(pixel->distance, 0.05f), lit = 0.0f, decays[DECAYS_A_STEP], lamplight[CHANNELS];
+    read_decays(appearance, pixel->distance, decays, DECAYS_A_STEP);
     if (!surface && appearance->lamps > 0.0f && pixel->facing > 0.0f) {
         lit = tone * appearance->lamps * pixel->facing / (near * near);
         read_decays(appearance, near, lamplight, CHANNELS);
@@ -157,7 +157,7 @@ static void shade_pixel(const Appearance *appearance, const Pixel *pixel, float 
         sent *= colour[c] + rock * appearance->rock[c];
         if (surface)
             sent += (1.0f - day) * appearance->veil[c];
-        out[c] = sent * left[c] + appearance->veil[c] * (1.0f - left[CHANNELS + c]);
+        out[c] = sent * decays[c] + appearance->veil[c] * (1.0f - decays[CHANNELS + c]);
     }
 }
 

@@ -22,7 +22,7 @@ class NearPipes:
 
     def __init__(self, world: World, first: int) -> None:
         self._world, self._first = world, first
-        self._place, self._within = (inf, inf), 0.0
+        self._centre, self._within = (inf, inf), 0.0
         self.rows = _unused_rows(_MIN_ROWS)
 
     def update(self, origin: Sequence[float], reach: float) -> bool:
@@ -33,10 +33,10 @@ class NearPipes:
             (south, north), (west, east) = (min(norths), max(norths)), (min(easts), max(easts))
             reach += 0.5 * hypot(north - south, east - west)
             north, east = 0.5 * (south + north), 0.5 * (west + east)
-        away = hypot(north - self._place[0], east - self._place[1])
+        away = hypot(north - self._centre[0], east - self._centre[1])
         if away + reach <= self._within:
             return False
-        self._place, self._within = (north, east), reach + _MARGIN
+        self._centre, self._within = (north, east), reach + _MARGIN
         numbers = [
             row
             for number, pipeline in enumerate(self._world.pipeline, self._first)

@@ -24,14 +24,14 @@ class Hit(NamedTuple):
     detail: int
 
 
-def turn(rotation: Sequence[float], x: float, y: float, z: float) -> Vector3:
+def rotate_to_world(rotation: Sequence[float], x: float, y: float, z: float) -> Vector3:
     """Return a vector of a solid's axes in the world's; `rotation` (row after row) is from the solid to the world."""
     a, b, c, d, e, f, g, h, i = rotation
     return a * x + b * y + c * z, d * x + e * y + f * z, g * x + h * y + i * z
 
 
-def turn_back(rotation: Sequence[float], x: float, y: float, z: float) -> Vector3:
-    """Return a vector of the world's axes in a solid's: the inverse of `turn`."""
+def rotate_to_solid(rotation: Sequence[float], x: float, y: float, z: float) -> Vector3:
+    """Return a vector of the world's axes in a solid's: the inverse of `rotate_to_world`."""
     a, b, c, d, e, f, g, h, i = rotation
     return a * x + d * y + g * z, b * x + e * y + h * z, c * x + f * y + i * z
 
@@ -63,7 +63,7 @@ def cast(
     each = len(origin) > 3  # an origin for each ray
     for ray in range(len(distances)):
         start = x, y, z = tuple(origin[3 * ray : 3 * ray + 3] if each else origin)
-        along = turn(rotation, *directions[3 * ray : 3 * ray + 3])
+        along = rotate_to_world(rotation, *directions[3 * ray : 3 * ray + 3])
         hit = trace(geometry, start, along, reach)
         distances[ray] = hit.distance
         if hits is None:
@@ -96,12 +96,12 @@ def normal(geometry: Geometry, hit: Hit, direction: Sequence[float], point: Sequ
     if row[KIND] == HALF_SPACE:
         return row[SIZES], row[SIZES + 1], row[SIZES + 2]
     position, rotation = row[POSITION:ROTATION], row[ROTATION:SIZES]
-    x, y, z = turn_back(rotation, point[0] - position[0], point[1] - position[1], point[2] - position[2])
+    x, y, z = rotate_to_solid(rotation, point[0] - position[0], point[1] - position[1], point[2] - position[2])
     if row[KIND] == MESH:
-        own = _triangle_normal(geometry.triangles, hit.detail, turn_back(rotation, *direction))
+        own = _triangle_normal(geometry.triangles, hit.detail, rotate_to_solid(rotation, *direction))
     else:
         own = _solid_normal(row, x, y, z)
-    return turn(rotation, *own)
+    return rotate_to_world(rotation, *own)
 
 
 def _passes(row: Sequence[float], origin: Sequence[float], direction: Sequence[float], reach: float) -> bool:
@@ -121,8 +121,8 @@ def _intersect_solid(
     if kind == HALF_SPACE:
         return _intersect_half_space(sizes, origin, direction, reach), 0
     position, rotation = row[POSITION:ROTATION], row[ROTATION:SIZES]
-    at = turn_back(rotation, origin[0] - position[0], origin[1] - position[1], origin[2] - position[2])
-    along = turn_back(rotation, direction[0], direction[1], direction[2])
+    at = rotate_to_solid(rotation, origin[0] - position[0], origin[1] - position[1], origin[2] - position[2])
+    along = rotate_to_solid(rotation, direction[0], direction[1], direction[2])
     if kind == MESH:
         return _intersect_mesh(geometry, int(row[ROOT]), sizes, at, along, reach)
     near, far = 0.0, reach

@@ -159,7 +159,7 @@ def _joint(link: str, pose: Pose, of: Link, named_joint: tuple[str, Joint] | Non
     element.append(Element("child", link=link))
     element.append(_origin(pose))
     if joint is not None and joint.axis is not None:
-        element.append(Element("axis", xyz=_words(of.pose.inverse().turn(joint.axis))))
+        element.append(Element("axis", xyz=_words(of.pose.inverse().rotate(joint.axis))))
         limit = joint.element.find("axis/limit")
         if limit is not None and kind == "revolute":
             texts = {key: (limit.findtext(key) or "").strip() for key in ("lower", "upper")}

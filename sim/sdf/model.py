@@ -187,7 +187,7 @@ def _joint(joint: Element, scope: _Scope, path: str, version: str) -> Joint:
             frame = MODEL
         known = frame in scope.frames and all(part in (*scope.frames, "world", MODEL) for part in (parent, child))
         turned = resolve(frame, scope.frames, path) if known else Pose()
-        direction = turned.turn(numbers_of(text, path, 3))
+        direction = turned.rotate(numbers_of(text, path, 3))
     return Joint(joint.get("type", ""), parent, child, direction, joint)
 
 
@@ -202,7 +202,7 @@ def _link_name(joint: Element, side: str) -> str:
 
 
 def _moved(joint: Joint, base: Pose, prefix: str) -> Joint:
-    axis = base.turn(joint.axis) if joint.axis else None
+    axis = base.rotate(joint.axis) if joint.axis else None
     parent = joint.parent if joint.parent == "world" else prefix + joint.parent
     return joint._replace(parent=parent, child=prefix + joint.child, axis=axis)
 

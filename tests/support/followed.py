@@ -90,9 +90,9 @@ class Follower:
     def _save(self, name: str, block: Block) -> None:
         path = self.cwd / name
         appended = re.search(r"Add at the end of `[^`]+`:\s*$", block.before)
-        path.write_text((path.read_text() if appended else "") + self._here(block.text))
+        path.write_text((path.read_text() if appended else "") + self._with_local_addresses(block.text))
 
-    def _here(self, text: str) -> str:
+    def _with_local_addresses(self, text: str) -> str:
         """Return a text with its addresses on this machine, and the port of this page."""
         text = re.sub(r"192\.168\.3\.11[67]|ADDRESS-OF-THE-BOARD|\b0\.0\.0\.0\b", "127.0.0.1", text)
         return text.replace("127.0.0.1:7447", f"127.0.0.1:{self.port}")
@@ -103,7 +103,7 @@ class Follower:
         if reported:
             path = self.cwd / reported[1]
             assert reported[2] in path.read_text(), f"{where}: {reported[1]} has no line {reported[2]!r}"
-            path.write_text(path.read_text().replace(reported[2], self._here(block.text.strip())))
+            path.write_text(path.read_text().replace(reported[2], self._with_local_addresses(block.text.strip())))
             return
         if not self.steps:
             return
@@ -145,7 +145,9 @@ class Follower:
         assert process.returncode == 0, f"{where}: {line}\n{process.stderr}"
 
     def _addressed(self, line: str) -> str:
-        line = re.sub(r"--seeds \d+", "--seeds 2", self._here(line)).replace(":14550", f":{free_port()}")
+        line = re.sub(r"--seeds \d+", "--seeds 2", self._with_local_addresses(line)).replace(
+            ":14550", f":{free_port()}"
+        )
         name = line.split()[1]
         secured = any("tls/" in file.read_text() for file in self.cwd.glob("*.toml") if file.name in line)
         if name in LISTENERS and not secured and not re.search("--listen|--check|--connect|--foxglove", line):
@@ -200,7 +202,7 @@ class Follower:
         self.steps.append(Step(line, program.output))
 
     def _run_python(self, text: str, where: str) -> None:
-        code = self._here(text)
+        code = self._with_local_addresses(text)
         process = subprocess.run(
             [sys.executable, "-c", code], cwd=self.cwd, capture_output=True, text=True, timeout=120, check=False,
             env={**os.environ, **package_environment()},

@@ -94,7 +94,7 @@ def _shape(name: str, element: Element, pose: Pose, folder: str, files: SdfFiles
     if kind == "plane":
         normal = numbers_of(element.findtext("normal") or "0 0 1", path, 3)
         size = numbers_of(element.findtext("size") or "1 1", path, 2)
-        level = abs(pose.turn(normal)[2]) > 0.999
+        level = abs(pose.rotate(normal)[2]) > 0.999
         return Shape(name, kind, tuple(size), pose) if level else "a plane that is not horizontal"
     if kind == "empty":
         return None

@@ -129,7 +129,7 @@ def _is_simple(shape: Shape) -> bool:
 
 def _boxed(shape: Shape, low: Sequence[float], high: Sequence[float], level: float) -> _PlacedShape:
     """Return a shape with its bounding box; `low` and `high` (m) are corners in its own axes."""
-    corners = [shape.pose.place([(high if n >> axis & 1 else low)[axis] for axis in range(3)]) for n in range(8)]
+    corners = [shape.pose.transform([(high if n >> axis & 1 else low)[axis] for axis in range(3)]) for n in range(8)]
     columns = list(zip(*corners, strict=True))
     least, most = [min(column) for column in columns], [max(column) for column in columns]
     least[2], most[2] = least[2] - level, most[2] - level
@@ -273,7 +273,7 @@ def _heightmap(shape: Shape, output: str, level: float, path: str, notes: list[s
     element = shape.element
     assert element is not None
     size = numbers_of(text_of(element, "size") or "1 1 1", path, 3)
-    place = shape.pose.place(numbers_of(text_of(element, "pos") or "0 0 0", path, 3))
+    place = shape.pose.transform(numbers_of(text_of(element, "pos") or "0 0 0", path, 3))
     depths = os.path.splitext(output)[0] + ".f32"
     if abs(shape.pose.angles()[2]) > 1e-6 or abs(shape.pose.rotation[2][2]) < _UPRIGHT:
         notes.append(f"Left out: {shape.name}, a heightmap that is rotated.")

@@ -75,21 +75,21 @@ class SoundRays:
             if far > fastest:
                 first = max(0.0, (fastest - near) / (far - near))
 
-                def way(
+                def path_to(
                     share: float, before: Sequence[Piece] = tuple(beyond), layer: Piece = (height, near, far)
                 ) -> tuple[float, list[Piece]]:
                     speed = layer[1] + share * (layer[2] - layer[1])
-                    there = [*before, (share * layer[0], layer[1], speed)]
-                    return speed, [*across, *there, *there]
+                    down_leg = [*before, (share * layer[0], layer[1], speed)]
+                    return speed, [*across, *down_leg, *down_leg]
 
                 shares = [first + (1.0 - first) * step / _STEPS for step in range(_STEPS + 1)]
-                misses = [_sums(pieces, speed)[0] - level for speed, pieces in map(way, shares)]
+                misses = [_sums(pieces, speed)[0] - level for speed, pieces in map(path_to, shares)]
                 for k in range(_STEPS):
                     if misses[k] == 0.0 or misses[k] * misses[k + 1] < 0.0:
                         share = _root(
-                            lambda x: _sums(*way(x)[::-1])[0] - level, shares[k : k + 2], misses[k : k + 2], level
+                            lambda x: _sums(*path_to(x)[::-1])[0] - level, shares[k : k + 2], misses[k : k + 2], level
                         )
-                        vertex, pieces = way(share)
+                        vertex, pieces = path_to(share)
                         _, time, length = _sums(pieces, vertex)
                         away, back = _sine(self._speed(start), vertex), _sine(self._speed(end), vertex)
                         yield Ray(time, length, down * away, -down * back)

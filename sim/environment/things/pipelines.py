@@ -149,18 +149,18 @@ class Pipeline(NamedTuple):
 class Stretch(NamedTuple):
     """A straight part of a pipeline as an obstacle for collisions; `top` (m) is that of its part near the vehicle."""
 
-    part: Pipeline
+    pipeline: Pipeline
     top: float
     bottom: float = inf
 
     @property
     def label(self) -> str:
         """Name for messages."""
-        return self.part.label
+        return self.pipeline.label
 
     def separation(self, north: float, east: float) -> Separation:
         """Return the horizontal distance (m) from its side, and the direction away from its axis."""
-        return self.part.separation(north, east)
+        return self.pipeline.separation(north, east)
 
 
 def read_pipelines(section: Any, path: str) -> tuple[Pipeline, ...]:

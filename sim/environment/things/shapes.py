@@ -16,7 +16,7 @@ from typing import Annotated, Any, Literal, NamedTuple, get_args
 
 from hil.common.errors import ConfigError
 from hil.common.schema import Range, nearest, parse, shortened
-from sim.environment.mesh import MAX_TRIANGLES, MeshKeys, MeshObstacle, Share, put
+from sim.environment.mesh import MAX_TRIANGLES, MeshKeys, MeshObstacle, Share, place_triangles
 from sim.environment.obstacles import Coordinate, Heading
 from sim.environment.things import primitives as made
 from sim.environment.things.primitives import Triangle
@@ -258,7 +258,7 @@ def _place_part(part: Part, placing: ShapeKeys, depth: float, name: str) -> Mesh
         "", placing.north, placing.east, depth, placing.orientation, colour=placing.colour or part.colour,
         echo=part.echo + placing.echo, hidden=placing.hidden, name=name,
     )  # fmt: skip
-    return put(keys, triangles, net)  # type: ignore[arg-type]
+    return place_triangles(keys, triangles, net)  # type: ignore[arg-type]
 
 
 def _multiple_of(size: float, mesh: float) -> float:

@@ -81,7 +81,8 @@ def _fin(
         notes.append("Left out: the angle a0 at which a fin has no lift.")
     lag, own = child_text(plugin, "dynamics/timeConstant"), plugin.find(OWN)
     fin: dict[str, Any] = {
-        "position": to_frd(pose.place(centre)), "axis": to_frd(pose.turn(axis)), "chord": to_frd(pose.turn(chord)),
+        "position": to_frd(pose.transform(centre)), "axis": to_frd(pose.rotate(axis)),
+        "chord": to_frd(pose.rotate(chord)),
         "max_deflection": max_deflection, **keys, **({"time_constant": abs(number_of(lag, path))} if lag else {}),
     }  # fmt: skip
     return (fin if own is None else _as_ours(fin, own, path)), ""
@@ -123,7 +124,7 @@ def _left_out(name: str, plugin: Element, pose: Pose | None, lacks: str) -> str:
     """Return a note on a fin that is not imported, with its position and area."""
     where = ""
     if pose is not None:
-        axis, chord = pose.turn((0.0, 0.0, 1.0)), pose.turn((1.0, 0.0, 0.0))
+        axis, chord = pose.rotate((0.0, 0.0, 1.0)), pose.rotate((1.0, 0.0, 0.0))
         where = f", position {_list(pose.position)}, axis {_list(axis)}, chord {_list(chord)}"
     area = child_text(plugin, "area", "liftdrag/area")
     where += f", area {plain(area)} m²" if area else ""

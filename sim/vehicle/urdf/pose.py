@@ -15,22 +15,22 @@ class Pose(NamedTuple):
     rotation: Matrix = _IDENTITY
     position: tuple[float, ...] = (0.0, 0.0, 0.0)
 
-    def turn(self, vector: Sequence[float]) -> tuple[float, ...]:
+    def rotate(self, vector: Sequence[float]) -> tuple[float, ...]:
         """Return a direction of this frame in the base's axes."""
         return tuple(sum(a * x for a, x in zip(row, vector, strict=True)) for row in self.rotation)
 
     def then(self, inner: "Pose") -> "Pose":
         """Return the pose, relative to the base, of a frame whose pose relative to this one is `inner`."""
-        return Pose(product(self.rotation, inner.rotation), self.place(inner.position))
+        return Pose(product(self.rotation, inner.rotation), self.transform(inner.position))
 
-    def place(self, point: Sequence[float]) -> tuple[float, ...]:
+    def transform(self, point: Sequence[float]) -> tuple[float, ...]:
         """Return a point of this frame in the base frame."""
-        return tuple(a + b for a, b in zip(self.position, self.turn(point), strict=True))
+        return tuple(a + b for a, b in zip(self.position, self.rotate(point), strict=True))
 
     def inverse(self) -> "Pose":
         """Return the pose of the base in this frame."""
         back = Pose(transpose(self.rotation))
-        return Pose(back.rotation, tuple(-x for x in back.turn(self.position)))
+        return Pose(back.rotation, tuple(-x for x in back.rotate(self.position)))
 
     def angles(self) -> tuple[float, float, float]:
         """Return roll, pitch and yaw (rad) of its axes."""

@@ -44,7 +44,7 @@ def from_collisions(
         volume += solid.volume
         if not solid.is_closed:
             notes.append("A mesh of the collisions is not closed: the volume may be wrong.")
-        moment = [a + solid.volume * x for a, x in zip(moment, pose.place(solid.centre), strict=True)]
+        moment = [a + solid.volume * x for a, x in zip(moment, pose.transform(solid.centre), strict=True)]
     if volume <= 0.0:
         return {}
     return {"volume": volume, "center_of_buoyancy": to_frd([x / volume for x in moment])}
@@ -57,7 +57,7 @@ def extent_of(robot: Element, poses: Mapping[str, Pose], path: str, measure: Mea
         for solid, pose in _solids(robot, poses, path, measure, kind):
             for corner in range(8):
                 at = [(solid.high if corner >> axis & 1 else solid.low)[axis] for axis in range(3)]
-                place = pose.place(at)
+                place = pose.transform(at)
                 low, high = list(map(min, low, place)), list(map(max, high, place))
         if low[0] < inf:
             return {"dimensions": [max(b - a, MIN_SIDE) for a, b in zip(low, high, strict=True)]}

@@ -31,7 +31,7 @@ def read_thrusters(robot: Element, poses: Mapping[str, Pose], path: str, notes: 
             raise ConfigError(f"{path}: a thruster plugin names the joint {name!r}, which is not there")
         pose = _pose(joints[name], poses, path)
         if is_motor:  # its thrust is along the link's z axis, for any axis of the joint
-            pose["direction"] = to_frd(poses[target(joints[name], "child")].turn((0.0, 0.0, 1.0)))
+            pose["direction"] = to_frd(poses[target(joints[name], "child")].rotate((0.0, 0.0, 1.0)))
         limits = _motor_limits(plugin, path) if is_motor else _limits(plugin, controls.get(name), path)
         thrusters.append(pose | limits)
     if not thrusters:
@@ -56,7 +56,7 @@ def _pose(joint: Element, poses: Mapping[str, Pose], path: str) -> dict[str, Any
     return {
         "name": plain(target(joint, "child").rsplit("/", 1)[-1].rsplit("::", 1)[-1]).removesuffix("_link"),
         "position": to_frd(pose.position),
-        "direction": to_frd(pose.turn(axis)),
+        "direction": to_frd(pose.rotate(axis)),
     }
 
 

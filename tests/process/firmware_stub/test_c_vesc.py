@@ -10,14 +10,14 @@ from hil.links.contract import ThrusterCommand, ThrusterTelemetry
 from hil.links.protocols import open_protocol
 from hil.links.vesc.end import STATUS
 from hil.links.wires.can_frame import CanFrame, pack_frame, unpack_frames
-from tests.support.firmware.c_core import Clock, Done, Script, run_c
+from tests.support.firmware.c_core import Clock, Script, StepOutput, run_c
 from tests.support.firmware.c_vesc import vesc_script
 from tests.support.links.link_contract import uuv_hil
 
 FULL = (1900, 1100, 1600, 1400, 1501, 1499)
 
 
-def run_python(script: Script) -> list[Done]:
+def run_python(script: Script) -> list[StepOutput]:
     """Return the specification: at each step the frame, if there is one, else the time."""
     unmeasured, clock = MotorValues(0.0, 0.0, 273.15), Clock()
     device = open_protocol("vesc", "device", script.channels, motor_values=lambda *_: unmeasured, clock=clock)
@@ -33,7 +33,7 @@ def run_python(script: Script) -> list[Done]:
         received_any = received_any or (step.can is not None and step.can.id & 0xFF in range(1, script.channels + 1))
         if step.can is None and stm32.tick(now_ns):
             output += device.encode(stm32.telemetry(now_ns))
-        results.append(Done(b"", tuple(stm32.pwm_us), 0, tuple(unpack_frames(output)) if received_any else ()))
+        results.append(StepOutput(b"", tuple(stm32.pwm_us), 0, tuple(unpack_frames(output)) if received_any else ()))
     return results
 
 

@@ -95,11 +95,11 @@ def test_pulse_widths_are_sent_more_often_than_once_a_second(ground: Ground) -> 
 def test_a_joystick_moves_the_vehicle_and_silence_stops_it(ground: Ground) -> None:
     ground.set_mode(Mode.ALT_HOLD)
     ground.arm()
-    start = ground.place()
+    start = ground.read_position()
     ground.wait("VFR_HUD", lambda hud: hud.groundspeed > 0.15, lambda: ground.sticks(x=600))
     ground.wait("STATUSTEXT", lambda text: "joystick silent" in text.text)
     ground.wait("VFR_HUD", lambda hud: hud.groundspeed < 0.05)
-    assert abs(ground.place().z - start.z) < 0.3
+    assert abs(ground.read_position().z - start.z) < 0.3
     ground.set_mode(Mode.MANUAL)
     before = ground.wait("ATTITUDE").yaw
     ground.wait("ATTITUDE", lambda a: abs(a.yaw - before) > 0.2, lambda: ground.sticks(r=400))
@@ -114,7 +114,7 @@ def test_a_position_target_is_reached_and_held(ground: Ground) -> None:
         "LOCAL_POSITION_NED", lambda p: abs(p.x - 5) < 0.3 and abs(p.y - 5) < 0.3 and abs(p.z - 1.5) < 0.2
     )
     assert near
-    assert abs(ground.place().z - 1.5) < 0.3
+    assert abs(ground.read_position().z - 1.5) < 0.3
 
 
 def test_a_mission_is_uploaded_read_back_and_flown(ground: Ground) -> None:

@@ -72,7 +72,7 @@ def all_reported(vehicle: Vehicle, *contexts: Context) -> bool:
     topics = {"/uuv1/imu", *[f"/chat_{context.name}" for context in contexts]}
     nodes = {"/uuv1", *[f"/{context.name}" for context in contexts]}
     commanded = {len(context.name) for context in contexts} <= {round(command(each)) for each in vehicle.commands}
-    return commanded and all(topics <= context.received and nodes <= context.there for context in contexts)
+    return commanded and all(topics <= context.received and nodes <= context.node_names for context in contexts)
 
 
 def command(payload: bytes) -> float:
@@ -84,7 +84,7 @@ def command(payload: bytes) -> float:
 def test_two_contexts_and_the_vehicle_exchange_messages_and_tokens(site: Site) -> None:
     with Context("a", site.endpoint) as first, Context("bb", site.endpoint) as second:
         assert wait_for(lambda: all_reported(site.vehicle, first, second), DEADLINE_S), (
-            first.received, first.there, second.received, second.there, len(site.vehicle.commands),
+            first.received, first.node_names, second.received, second.node_names, len(site.vehicle.commands),
         )  # fmt: skip
 
 
@@ -102,7 +102,7 @@ def test_a_master_connects_together_with_a_ros_context(site: Site) -> None:
             others = all_reported(site.vehicle, context)
             return others and payload in site.vehicle.commands and received >= {"imu"} and bool(seen)
 
-        assert wait_for(done, DEADLINE_S), (received, seen, context.received, context.there)
+        assert wait_for(done, DEADLINE_S), (received, seen, context.received, context.node_names)
 
 
 def test_rmw_zenohd_may_connect_to_the_vehicle() -> None:

@@ -17,7 +17,7 @@ class Row(NamedTuple):
     """One read or write: seconds, "ap>sim" or the like, and its bytes."""
 
     t: float
-    way: str
+    direction: str
     data: bytes
 
 

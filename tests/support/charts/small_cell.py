@@ -14,7 +14,7 @@ def bed(latitude: float, longitude: float) -> float:
     )
 
 
-def place(north: float, east: float) -> Position:
+def position_at(north: float, east: float) -> Position:
     """Return the position at these fractions of the bay."""
     return SOUTH + north * (NORTH - SOUTH), WEST + east * (EAST - WEST)
 
@@ -30,7 +30,7 @@ def bay(scale: int = 10_000) -> Encoder:
     cell.line(43, [(SHORE, WEST), (SHORE, 10.005), (SHORE, EAST)], VALDCO=0)
     cell.line(30, [(SHORE, WEST), (SHORE, EAST)])
     shares = [(0.02 + 0.093 * i, 0.03 + 0.118 * j) for i in range(9) for j in range(9)]
-    positions = [place(*share) for share in shares]
+    positions = [position_at(*share) for share in shares]
     cell.soundings([(lat, lon, round(bed(lat, lon), 1)) for lat, lon in positions if lat < SHORE - 1e-4])
     cell.point(153, (54.002, 10.012), VALSOU=5.5, WATLEV=3)
     cell.point(90, (54.0065, 10.004))

@@ -16,7 +16,7 @@ OPTIONS = [
 PATIENCE_MS = 120_000  # of a loaded machine without a graphics card
 
 
-class Seen:
+class BrowserPage:
     """A page, the errors in its console, and the hosts to which it sent requests."""
 
     def __init__(self, page: Any) -> None:
@@ -34,7 +34,7 @@ class Seen:
 
 
 @contextmanager
-def open_page(width: int = 1000, height: int = 640, dark: bool = False) -> Iterator[Seen]:
+def open_page(width: int = 1000, height: int = 640, dark: bool = False) -> Iterator[BrowserPage]:
     """Provide an empty page in a new browser. Skips where there is no Chromium."""
     if not CHROMIUM:
         pytest.skip("needs Debian's chromium")
@@ -43,6 +43,6 @@ def open_page(width: int = 1000, height: int = 640, dark: bool = False) -> Itera
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=OPTIONS)
         try:
             scheme = "dark" if dark else "light"
-            yield Seen(browser.new_page(viewport={"width": width, "height": height}, color_scheme=scheme))
+            yield BrowserPage(browser.new_page(viewport={"width": width, "height": height}, color_scheme=scheme))
         finally:
             browser.close()

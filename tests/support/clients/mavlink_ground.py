@@ -68,7 +68,7 @@ class Ground:
     def sticks(self, x: int = 0, y: int = 0, z: int = 500, r: int = 0) -> None:
         self.send.manual_control_send(1, x, y, z, r, 0)
 
-    def place(self) -> Any:
+    def read_position(self) -> Any:
         while self.link.recv_match(type="LOCAL_POSITION_NED", blocking=False):
             pass
         return self.wait("LOCAL_POSITION_NED")

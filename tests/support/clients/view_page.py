@@ -13,7 +13,7 @@ import hil
 from hil.client import samples
 from hil.client.vehicle_handle import Vehicle
 from hil.ros.diagnostics import Diagnostics
-from tests.support.clients.browser import PATIENCE_MS, Seen, open_page
+from tests.support.clients.browser import PATIENCE_MS, BrowserPage, open_page
 from tests.support.clients.view_client import ADDRESS
 from tests.support.processes import PATIENCE_S, Program, wait_for, write_scenario
 
@@ -45,8 +45,8 @@ class LastSamples:
 class ViewPage:
     """The view whose program printed its address, opened in a browser."""
 
-    def __init__(self, browser_page: Seen, view: Program) -> None:
-        self.seen, self.page, self.view = browser_page, browser_page.page, view
+    def __init__(self, browser_page: BrowserPage, view: Program) -> None:
+        self.browser_page, self.page, self.view = browser_page, browser_page.page, view
         self.page.goto(view.expect(ADDRESS)[0].removeprefix("watch at "), timeout=PATIENCE_MS)
         self.frame = self.page.frame_locator("#scene")
 
@@ -57,11 +57,11 @@ class ViewPage:
     def wait_until(self, condition: Callable[[], bool], seconds: float = 120.0) -> bool:
         """Wait until the condition holds, while the page runs; return whether it does."""
 
-        def look() -> bool:
+        def is_reached() -> bool:
             self.page.wait_for_timeout(PAUSE_MS)
             return condition()
 
-        return bool(wait_for(look, seconds))
+        return bool(wait_for(is_reached, seconds))
 
     def pixels(self) -> Any:
         """Return the scene as it is on the screen, without the panels at its right."""

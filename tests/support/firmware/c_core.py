@@ -36,7 +36,7 @@ class Step(NamedTuple):
         return struct.pack("<QHIB8s", self.now_us, CAN, self.can.id, len(self.can.data), self.can.data)
 
 
-class Done(NamedTuple):
+class StepOutput(NamedTuple):
     """Output of the firmware at one step."""
 
     sent: bytes
@@ -53,7 +53,7 @@ class Script(NamedTuple):
     steps: list[Step]
 
 
-def run_c(program: str, script: Script, stop: bool = False) -> list[Done]:
+def run_c(program: str, script: Script, stop: bool = False) -> list[StepOutput]:
     """Return the core's output, step by step; with `stop` also that of its end."""
     chunks = [struct.pack("<BI", script.channels, script.watchdog_us)]
     chunks += [step.record() for step in script.steps]
@@ -66,7 +66,7 @@ def run_c(program: str, script: Script, stop: bool = False) -> list[Done]:
     return results
 
 
-def _results(output: bytes, channels: int) -> Iterator[Done]:
+def _results(output: bytes, channels: int) -> Iterator[StepOutput]:
     file, steps = io.BytesIO(output), 0
 
     def take(code: str) -> tuple[Any, ...]:
@@ -79,7 +79,7 @@ def _results(output: bytes, channels: int) -> Iterator[Done]:
         steps += 1
         assert kicks <= steps, "the watchdog is kicked once in each service"
         can = tuple(CanFrame(number, data[:size]) for number, size, data in reported)
-        yield Done(sent_bytes, tuple(pulses[:channels]), deadline_us, can)
+        yield StepOutput(sent_bytes, tuple(pulses[:channels]), deadline_us, can)
 
 
 class _Line(Wire):
@@ -115,7 +115,7 @@ class Clock:
         return self.now_ns
 
 
-def run_python(script: Script, protocol: Protocol, clock: Clock, piece: int = 1) -> list[Done]:
+def run_python(script: Script, protocol: Protocol, clock: Clock, piece: int = 1) -> list[StepOutput]:
     """Return the specification's output; it gets bytes as a UART does, one by one, or in larger pieces."""
     wire = _Line(piece)
     stm32 = Stm32(script.channels, script.watchdog_us * US)
@@ -125,7 +125,7 @@ def run_python(script: Script, protocol: Protocol, clock: Clock, piece: int = 1)
         clock.now_ns = step.now_us * US
         wire.incoming += step.data
         _service(end, wire, clock.now_ns)
-        results.append(Done(wire.outgoing, tuple(stm32.pwm_us), end.deadline_ns // US))
+        results.append(StepOutput(wire.outgoing, tuple(stm32.pwm_us), end.deadline_ns // US))
         wire.outgoing = b""
     return results
 
@@ -139,7 +139,9 @@ def _service(end: Stm32End, wire: _Line, now_ns: int) -> None:
     end.service(now_ns)
 
 
-def first_difference(script: Script, c: list[Done], python: list[Done]) -> tuple[Step, Done, Done] | None:
+def first_difference(
+    script: Script, c: list[StepOutput], python: list[StepOutput]
+) -> tuple[Step, StepOutput, StepOutput] | None:
     """Return the first step at which the two differ."""
     return next((rows for rows in zip(script.steps, c, python, strict=True) if rows[1] != rows[2]), None)
 

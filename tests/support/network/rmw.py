@@ -71,7 +71,7 @@ class Context:
     def __init__(self, name: str, endpoint: str, release: Release = "now") -> None:
         self.name = name
         self.received: set[str] = set()  # names of topics
-        self.there: set[str] = set()  # names of nodes
+        self.node_names: set[str] = set()  # names of nodes
         self._session = zenoh.open(zenoh.Config.from_json5(session_settings(endpoint, release)))
         zid = str(self._session.info.zid())
         node = graph.Entity("NN", f"/{name}", zid, 0, 0)
@@ -103,7 +103,7 @@ class Context:
     def _on_token(self, sample: zenoh.Sample) -> None:
         entity = graph.read_token(str(sample.key_expr))
         if entity and entity.kind == "NN":
-            (self.there.add if sample.kind == zenoh.SampleKind.PUT else self.there.discard)(entity.node)
+            (self.node_names.add if sample.kind == zenoh.SampleKind.PUT else self.node_names.discard)(entity.node)
 
 
 def open_router(endpoint: str, release: Release = "now") -> zenoh.Session:

@@ -28,7 +28,7 @@ def test_the_view_shows_steers_and_stops_the_vehicle(tmp_path: Path) -> None:
         assert page.page.locator("#switch").is_disabled()
         page.page.locator("#arm").click()
         assert page.wait_until(lambda: vehicle.diagnostics.armed is True)
-        assert page.seen.hosts <= {"127.0.0.1", ""}, "no other host gets a request"
+        assert page.browser_page.hosts <= {"127.0.0.1", ""}, "no other host gets a request"
         slave.stop(15)
         page.page.wait_for_function("document.getElementById('reason').textContent.includes('not connected')")
         with Program(tmp_path, "slave", tmp_path / "short.toml"):

@@ -91,7 +91,7 @@ def test_a_recorded_flight_is_decoded_completely(airframe: str) -> None:
     streams = {way: MavlinkStream(255, 1, counters) for way in ("ap>sim", "sim>ap")}
     actuators, sensors = [], 0
     for row in rows(f"px4_{airframe}_hil"):
-        for message in streams[row.way].unpack(row.data):
+        for message in streams[row.direction].unpack(row.data):
             if message.get_type() == "HIL_ACTUATOR_CONTROLS":
                 actuators.append(message)
             sensors += message.get_type() == "HIL_SENSOR"

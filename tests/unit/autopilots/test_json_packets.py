@@ -74,7 +74,7 @@ def test_damaged_packets_never_raise() -> None:
 @pytest.mark.parametrize("frame", ["vectored", "vectored_6dof"])
 def test_recorded_packets_are_decoded(frame: str) -> None:
     """Every servo packet of a recorded flight decodes, and every recorded reply has our field names."""
-    packets = [decode_servos(row.data) for row in rows(f"ardusub_{frame}_physics") if row.way == "ap>sim"]
+    packets = [decode_servos(row.data) for row in rows(f"ardusub_{frame}_physics") if row.direction == "ap>sim"]
     assert len(packets) > 8000
     assert all(packets)
     first = packets[0]
@@ -82,5 +82,5 @@ def test_recorded_packets_are_decoded(frame: str) -> None:
     pulses = {packet.pwm_us[0] for packet in packets if packet}
     assert 0 in pulses  # no output while it boots
     assert {1400, 1600} <= pulses
-    names = [set(json.loads(row.data)) for row in rows(f"ardusub_{frame}_physics") if row.way == "sim>ap"]
+    names = [set(json.loads(row.data)) for row in rows(f"ardusub_{frame}_physics") if row.direction == "sim>ap"]
     assert all(found <= set(json.loads(encode_state(REST))) for found in names)

@@ -12,7 +12,7 @@ from hil.common.errors import ConfigError
 from hil.scenario.world_map import map_at
 from sim.dynamics import Dynamics, State
 from sim.environment.collision import Contact, starts_inside
-from sim.environment.mesh import MeshKeys, place
+from sim.environment.mesh import MeshKeys, load_obstacle
 from sim.environment.obstacles import Box
 from sim.environment.world import World, load_world
 from sim.rays.scene import RayScene
@@ -40,7 +40,7 @@ def block(folder: Path, name: str = "block.stl", scale: float = 1.0) -> str:
 
 
 def world_with(folder: Path, file: str = "block.stl", **keys: object) -> World:
-    mesh = place(MeshKeys(**{"file": file, "north": 10.0, "east": 0.0, "depth": 8.0, **keys}), str(folder))  # type: ignore[arg-type]
+    mesh = load_obstacle(MeshKeys(**{"file": file, "north": 10.0, "east": 0.0, "depth": 8.0, **keys}), str(folder))  # type: ignore[arg-type]
     return EMPTY._replace(mesh=(mesh,))
 
 
