@@ -70,7 +70,7 @@ def test_the_mission_succeeds_over_every_link(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("top", "link", "words"),
+    ("top", "link", "expected_text"),
     [
         ("", 'protocol = "vesc"', "protocol 'vesc' needs a CAN bus, can:INTERFACE:CHANNEL, and the port is 'pty:'"),
         ("", 'port = "can:virtual:a"', "protocol 'frame' needs a wire of bytes"),
@@ -86,9 +86,9 @@ def test_the_mission_succeeds_over_every_link(tmp_path: Path) -> None:
         ("", 'protocol = "mavlink"\noptions = { sistem = 2 }', "no key 'sistem'; did you mean 'system'?"),
     ],
 )
-def test_impossible_links_are_refused(top: str, link: str, words: str, tmp_path: Path) -> None:
+def test_impossible_links_are_refused(top: str, link: str, expected_text: str, tmp_path: Path) -> None:
     scenario, _ = write_scenario(tmp_path, top=top, link=link)
     with Program(tmp_path, "slave", scenario) as slave:
         assert slave.wait() == 2, slave.output
-    assert words in slave.output
+    assert expected_text in slave.output
     assert "Traceback" not in slave.output

@@ -113,15 +113,15 @@ def test_no_module_of_the_current_folder_is_executed(tmp_path: Path, name: str) 
     """The installed program does not search that folder either, so only a child could execute such a module."""
     scenario, _ = write_scenario(tmp_path, top='stm32 = "process"')
     scenario.write_text(scenario.read_text() + CAMERA)
-    here = tmp_path / "here"
-    here.mkdir()
+    folder = tmp_path / "here"
+    folder.mkdir()
     for module in HOSTILE:
-        (here / f"{module}.py").write_text(
+        (folder / f"{module}.py").write_text(
             f"open({str(tmp_path / 'executed')!r}, 'a').write('{module} ')\nraise SystemExit(99)"
         )
     words = [word.format(scenario=scenario) for word in COMMANDS[name]]
     with Program(
-        tmp_path, *words, cwd=here, command=[os.path.join(os.path.dirname(sys.executable), "uuv-hil")]
+        tmp_path, *words, cwd=folder, command=[os.path.join(os.path.dirname(sys.executable), "uuv-hil")]
     ) as program:
         program.wait(300)
     executed = tmp_path / "executed"

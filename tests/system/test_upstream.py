@@ -21,11 +21,11 @@ def test_the_report_of_an_unread_link_is_reproduced(seconds: str, is_read: bool,
     def shows_it() -> None:
         script.write_text(block.text.replace("17447", str(free_port())).replace("< 300", "< 30"))
         try:
-            done = subprocess.run([sys.executable, script, seconds], capture_output=True, text=True, timeout=40)
+            process = subprocess.run([sys.executable, script, seconds], capture_output=True, text=True, timeout=40)
         except subprocess.TimeoutExpired as error:
             raise AssertionError(f"neither link is read: {error.output}") from None
-        assert done.returncode == 0, done.stderr
-        count = ast.literal_eval(done.stdout.splitlines()[-1].partition("}")[0] + "}")
+        assert process.returncode == 0, process.stderr
+        count = ast.literal_eval(process.stdout.splitlines()[-1].partition("}")[0] + "}")
         assert (count["data"] > count["urgent"] / 2) is is_read
 
     retry_when_busy(shows_it, "the window that it shows may catch the other link too")

@@ -72,58 +72,58 @@ def _words(name: str) -> set[str]:
 
 def test_names_have_no_metaphors_and_vague_words() -> None:
     """The rule is for files, classes, functions, arguments, variables and attributes; tests may have vague words."""
-    found = []
+    violations = []
     for room in ("hil", "sim", "boards", "firmware_stub", "tools", "tests"):
         old = METAPHORS if room == "tests" else METAPHORS | VAGUE
         for where, nodes in _definitions(room).items():
-            found += [where] if _words(PurePath(where).stem) & old else []
+            violations += [where] if _words(PurePath(where).stem) & old else []
             for is_function, name in _names(nodes):
                 is_alone = room != "tests" and is_function and name.strip("_") in WITH_OBJECT
                 is_spoken = not name.startswith("test_") and _words(name) & SPOKEN
                 if (_words(name) & old or is_alone or is_spoken) and (where, name) not in FILE_METHODS:
-                    found.append(f"{where}: {name}")
-    assert not found, "\n".join(found)
+                    violations.append(f"{where}: {name}")
+    assert not violations, "\n".join(violations)
 
 
 def test_texts_of_packages_and_tools_do_not_personify() -> None:
     """Errors, logs, help and docstrings use the terms of the field for a lost vehicle and for its commands."""
-    found = []
+    violations = []
     for room in ("hil", "sim", "boards", "firmware_stub", "tools"):
         for where, nodes in _definitions(room).items():
             texts = [node for node in nodes if isinstance(node, ast.Constant) and isinstance(node.value, str)]
-            found += [f"{where}:{text.lineno}" for text in texts if PERSONIFIED.search(str(text.value))]
-    assert not found, "\n".join(found)
+            violations += [f"{where}:{text.lineno}" for text in texts if PERSONIFIED.search(str(text.value))]
+    assert not violations, "\n".join(violations)
 
 
 def test_docstrings_begin_with_a_statement() -> None:
     """First lines in packages, tools and tests begin with "Return ...", "Error of ...", "True if ..."."""
-    found = []
+    violations = []
     for room in ("hil", "sim", "boards", "firmware_stub", "tools", "tests"):
         for where, nodes in _definitions(room).items():
             for node in nodes:
                 if isinstance(node, (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)):
                     text = ast.get_docstring(node, clean=False) or ""
                     if text and text.split()[0].rstrip(",:;") in FRAGMENTS:
-                        found.append(f"{where}: {text.strip().splitlines()[0]}")
-    assert not found, "\n".join(found)
+                        violations.append(f"{where}: {text.strip().splitlines()[0]}")
+    assert not violations, "\n".join(violations)
 
 
 def test_docstrings_of_tests_begin_with_their_subject() -> None:
     """A docstring begins "The speed is ...", not "At 1 m: ..." or "0.3 m/s, and then ..."."""
-    found = []
+    violations = []
     for where, nodes in _definitions("tests").items():
         for node in nodes:
             if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) and node.name.startswith("test_"):
                 first = (ast.get_docstring(node) or "The").split()[0]
                 is_word = first[0].isalpha() or first[0] in "`'\""
                 if not is_word or first.endswith(":") or first.rstrip(",") in CIRCUMSTANCES:
-                    found.append(f"{where}: {node.name}: {first} ...")
-    assert not found, "\n".join(found)
+                    violations.append(f"{where}: {node.name}: {first} ...")
+    assert not violations, "\n".join(violations)
 
 
 def test_docstrings_of_functions_begin_with_a_plain_word() -> None:
     """A docstring begins "Encode sensor_msgs/Imu" or "Return C_L", not with the name of the result alone."""
-    found = []
+    violations = []
     for room in ("hil", "sim", "boards", "firmware_stub"):
         for where, nodes in _definitions(room).items():
             for node in nodes:
@@ -131,5 +131,5 @@ def test_docstrings_of_functions_begin_with_a_plain_word() -> None:
                     is_noun = any("property" in ast.unparse(each) for each in node.decorator_list)
                     first = (ast.get_docstring(node) or "Return").split()[0]
                     if not is_noun and not re.fullmatch(r"[A-Z][a-z]+[.,:;]?", first):
-                        found.append(f"{where}: {node.name}: {first} ...")
-    assert not found, "\n".join(found)
+                        violations.append(f"{where}: {node.name}: {first} ...")
+    assert not violations, "\n".join(violations)

@@ -69,7 +69,7 @@ def test_ardusub_accepts_all_installed_parameters_and_sensor_positions(tmp_path:
     given = read_parameters(f"{preset_folder(FOLDER)}/ardupilot_{vehicle}.parm")
     given |= {"VISO_POS_X": 0.5, "VISO_POS_Y": 0.1, "VISO_POS_Z": 0.2, "EK3_SRC1_POSXY": 6.0}
     dive = Dive(tmp_path, vehicle, positions="dvl", sensors=DVL_WITH_POSITION)
-    found: dict[str, float] = {}
+    reported_values: dict[str, float] = {}
 
     def mission() -> Mission:
         yield lambda: dive.station.output("ArduPilot Ready")
@@ -78,14 +78,14 @@ def test_ardusub_accepts_all_installed_parameters_and_sensor_positions(tmp_path:
             yield 0.3
             answer = dive.station.latest.get("PARAM_VALUE")
             if answer and answer.param_id == name:
-                found[name] = answer.param_value
+                reported_values[name] = answer.param_value
 
     try:
         fly(dive.run, dive.station, mission(), 100.0)
     finally:
         dive.close()
-    assert given.keys() - found.keys() in (FORMER, PRESENT)
-    assert found == pytest.approx({name: given[name] for name in found})
+    assert given.keys() - reported_values.keys() in (FORMER, PRESENT)
+    assert reported_values == pytest.approx({name: given[name] for name in reported_values})
 
 
 def test_ardusub_follows_a_square_in_guided_mode(dive: Dive) -> None:
@@ -112,8 +112,8 @@ def test_ardusub_follows_a_square_in_guided_mode(dive: Dive) -> None:
     assert max(misses) < 1.5
 
 
-@pytest.mark.parametrize(("positions", "most"), [("odometry", 0.4), ("dvl", 0.4)])
-def test_ardusub_holds_its_position_under_water_without_gps(tmp_path: Path, positions: str, most: float) -> None:
+@pytest.mark.parametrize(("positions", "max_strayed"), [("odometry", 0.4), ("dvl", 0.4)])
+def test_ardusub_holds_its_position_under_water_without_gps(tmp_path: Path, positions: str, max_strayed: float) -> None:
     dive = Dive(tmp_path, positions=positions)
     strayed: list[float] = []
 
@@ -131,7 +131,7 @@ def test_ardusub_holds_its_position_under_water_without_gps(tmp_path: Path, posi
     finally:
         dive.close()
     print(f"{positions}: {max(strayed):.2f} m off in a minute of POSHOLD, in a current of 0.3 m/s")
-    assert max(strayed) < most
+    assert max(strayed) < max_strayed
     assert dive.station.latest["GPS_RAW_INT"].fix_type <= 1
 
 

@@ -86,10 +86,10 @@ class Dive:
         yield from self.mode(mode)
         yield 15.0
 
-    def watch(self, seconds: float, places: list[list[float]]) -> Mission:
+    def watch(self, seconds: float, positions: list[list[float]]) -> Mission:
         """Record the position twenty times a second."""
         for _ in range(round(20 * seconds)):
-            places.append(self.position)
+            positions.append(self.position)
             yield 0.05
 
 
@@ -102,7 +102,7 @@ def dive(tmp_path: Path) -> Iterator[Dive]:
 
 def test_px4_holds_depth_and_position_in_a_current(dive: Dive) -> None:
     deep: list[list[float]] = []
-    places: list[list[float]] = []
+    positions: list[list[float]] = []
 
     def mission() -> Mission:
         yield from dive.dive(3.0, ALTITUDE)
@@ -111,13 +111,13 @@ def test_px4_holds_depth_and_position_in_a_current(dive: Dive) -> None:
         yield MODE_AGES_S
         yield from dive.mode(POSITION)
         yield 30.0
-        yield from dive.watch(30.0, places)
+        yield from dive.watch(30.0, positions)
         yield from command(dive.station, ARM, 0)
         yield 0.5
 
     fly(dive.run, dive.station, mission(), 500.0)
     depths = [place[2] for place in deep]
-    spread = max(hypot(n - places[0][0], e - places[0][1]) for n, e, _ in places)
+    spread = max(hypot(n - positions[0][0], e - positions[0][1]) for n, e, _ in positions)
     print(f"depth {min(depths):.3f} to {max(depths):.3f} m; in 30 s of POSITION {spread:.2f} m away")
     middle = 0.5 * (min(depths) + max(depths))
     assert max(depths) - middle < 0.1
@@ -152,16 +152,16 @@ def test_px4_follows_a_square_in_position_mode(dive: Dive) -> None:
 
 
 def test_px4_holds_depth_after_a_thruster_failure(dive: Dive) -> None:
-    places: list[list[float]] = []
+    positions: list[list[float]] = []
 
     def mission() -> Mission:
         yield from dive.dive(3.0, ALTITUDE)
         dive.run.simulation.fail(Failure("vertical_front_right", "off"))
         yield 20.0
-        yield from dive.watch(60.0, places)
+        yield from dive.watch(60.0, positions)
 
     fly(dive.run, dive.station, mission(), 400.0)
-    depths = [place[2] for place in places]
+    depths = [place[2] for place in positions]
     print(f"one vertical thruster off: depth {min(depths):.3f} to {max(depths):.3f} m")
     assert max(depths) - min(depths) < 0.4
     assert min(depths) > 2.0

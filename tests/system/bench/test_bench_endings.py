@@ -80,12 +80,12 @@ def processes_of_folder(folder: Path) -> list[int]:
     return [pid for pid, variables in own if variables.get("TMPDIR", "").startswith(str(folder))]
 
 
-def is_shown(terminal: int, words: str) -> bool:
+def is_shown(terminal: int, text: str) -> bool:
     """Return True if the terminal shows these words in time."""
     output, deadline = "", time.monotonic() + PATIENCE_S
-    while words not in output and select.select((terminal,), (), (), deadline - time.monotonic())[0]:
+    while text not in output and select.select((terminal,), (), (), deadline - time.monotonic())[0]:
         output += os.read(terminal, 4096).decode()
-    return words in output
+    return text in output
 
 
 def is_ready(folder: Path) -> bool:
@@ -93,12 +93,12 @@ def is_ready(folder: Path) -> bool:
     return any("ready" in log.read_text() for log in folder.glob("uuv-hil-scratch-bench-*/slave-*.log"))
 
 
-def interrupt(folder: Path, words: list[str], when: str) -> tuple[int, str]:
+def interrupt(folder: Path, arguments: list[str], when: str) -> tuple[int, str]:
     """Send Ctrl-C once these words are on the terminal and a slave runs; return exit code and output."""
     terminal, theirs = pty.openpty()
     with (folder / "printed").open("w") as printed:
         process = subprocess.Popen(
-            [sys.executable, "-m", "hil.cli", "bench", *words],
+            [sys.executable, "-m", "hil.cli", "bench", *arguments],
             stdout=printed,
             stderr=theirs,
             cwd=ROOT,

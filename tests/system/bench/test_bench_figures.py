@@ -90,23 +90,23 @@ def test_the_settings_of_a_load_benchmark() -> None:
 
 
 def test_figures_of_a_course_are_separated_by_process() -> None:
-    looks = [
+    observations = [
         threads({"1/1 main": 0.0, "2/2 main": 0.0}, 0.0, p1=10.0, p2=5.0),
         threads({"1/1 main": 0.5, "2/2 main": 0.1}, 1.0, p1=11.0, p2=5.0),
         threads({"1/1 main": 0.7, "2/2 main": 0.2, "2/3 rx": 0.3}, 2.0, p1=12.0, p2=6.0),
     ]
-    found = course(Setting("as it is", {}), looks, {1: "uuv1 slave", 2: "uuv1 STM32"})
-    assert found.cpu == pytest.approx([0.6, 0.6])
-    assert found.memory == [16.0, 18.0]
-    slave, stm32 = found.processes.values()
+    figures = course(Setting("as it is", {}), observations, {1: "uuv1 slave", 2: "uuv1 STM32"})
+    assert figures.cpu == pytest.approx([0.6, 0.6])
+    assert figures.memory == [16.0, 18.0]
+    slave, stm32 = figures.processes.values()
     assert slave.cpu == pytest.approx([0.5, 0.2])
     assert slave.memory == [11.0, 12.0]
     assert slave.threads == {"main": pytest.approx([0.5, 0.2])}
     assert stm32.cpu == pytest.approx([0.1, 0.4])
     assert stm32.threads == {"main": pytest.approx([0.1, 0.1]), "rx": pytest.approx([0.0, 0.3])}
-    assert groups([found]) == ["slave", "STM32"]
-    assert of_group(found, "STM32").memory == [5.0, 6.0]
-    assert of_group(found, "imaging").cpu == []
+    assert groups([figures]) == ["slave", "STM32"]
+    assert of_group(figures, "STM32").memory == [5.0, 6.0]
+    assert of_group(figures, "imaging").cpu == []
 
 
 def test_a_difference_is_distinguished_from_noise() -> None:

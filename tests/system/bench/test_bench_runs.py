@@ -99,7 +99,7 @@ def test_jitter_measures_a_real_slave(tmp_path: Path, capsys: pytest.CaptureFixt
 
 
 @pytest.mark.parametrize(
-    ("words", "text"),
+    ("arguments", "text"),
     [
         (["--cpus", "99"], "no processor 99"),
         (["nowhere"], "no scenario 'nowhere'"),
@@ -108,10 +108,10 @@ def test_jitter_measures_a_real_slave(tmp_path: Path, capsys: pytest.CaptureFixt
     ],
 )
 def test_wrong_input_of_jitter_is_refused_before_measuring(
-    words: list[str], text: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    arguments: list[str], text: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(bench_jitter, "cyclictest", lambda *_: pytest.fail("measured first"))
-    assert main(["bench", "jitter", *words]) == 2
+    assert main(["bench", "jitter", *arguments]) == 2
     assert text in capsys.readouterr().err
 
 
@@ -200,7 +200,7 @@ def test_a_master_after_another_is_not_refused() -> None:
 
 
 @pytest.mark.parametrize(
-    ("words", "text"),
+    ("arguments", "text"),
     [
         (["jitter", "--rates", "fast"], "--rates: expected a number from 50 to 5000 Hz, found 'fast'"),
         (["jitter", "--seconds", "0"], "--seconds"),
@@ -231,8 +231,8 @@ def test_a_master_after_another_is_not_refused() -> None:
         (["jitter", "--output", "/proc/no/file"], "cannot be written"),
     ],
 )
-def test_wrong_input_is_reported(words: list[str], text: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["bench", *words]) not in (0, 1)
+def test_wrong_input_is_reported(arguments: list[str], text: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["bench", *arguments]) not in (0, 1)
     assert text in capsys.readouterr().err
 
 

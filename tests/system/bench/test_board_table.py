@@ -145,7 +145,7 @@ def test_figures_within_budgets_are_not_reported() -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "figure", "words"),
+    ("name", "figure", "expected_text"),
     [
         ("startup", Figure([0.36], "s"), "start-up to the first sample: 0.360 s, the budget is 0.350 s"),
         ("memory", Figure([41.0], "MiB"), "slave memory: 41.0 MiB, the budget is 40.0 MiB"),
@@ -155,9 +155,9 @@ def test_figures_within_budgets_are_not_reported() -> None:
         ("startup", Figure([], "s"), "not measured, the budget is 0.350 s"),
     ],
 )
-def test_a_missed_budget_is_reported(name: str, figure: Figure, words: str) -> None:
+def test_a_missed_budget_is_reported(name: str, figure: Figure, expected_text: str) -> None:
     (found,) = board_table.missed(Column("", GOOD | {name: figure}), BUDGETS)
-    assert words in found
+    assert expected_text in found
 
 
 def test_a_figure_from_a_wrong_clock_misses_its_budget() -> None:
@@ -207,14 +207,14 @@ def test_budgets_of_a_slave_on_another_machine_are_those_of_its_board(
     """The budgets are those of the board that the slave reports; else an option has to name it."""
     slave = {"board": "BeagleBone Black"}
     monkeypatch.setattr(bench_table, "fly", lambda *_: flown(**slave))
-    words = ["bench", "table", "--repeat", "1", "--check", "--connect", "tcp/127.0.0.1:1"]
-    assert main(words) == 0
+    arguments = ["bench", "table", "--repeat", "1", "--check", "--connect", "tcp/127.0.0.1:1"]
+    assert main(arguments) == 0
     slave["board"] = "this machine"
-    assert main(words) == 2
+    assert main(arguments) == 2
     output = capsys.readouterr().err
     assert "no budgets for tcp/127.0.0.1:1, which says that its board is 'this machine'" in output
     assert "--board NAME: beaglebone_black, " in output
-    assert main([*words, "--board", "raspberry_pi_4b"]) == 0
+    assert main([*arguments, "--board", "raspberry_pi_4b"]) == 0
 
 
 def test_several_slaves_are_columns_of_one_record() -> None:
@@ -255,7 +255,7 @@ def test_a_missed_budget_is_an_exit_code(tmp_path: Path, capsys: pytest.CaptureF
 
 
 @pytest.mark.parametrize(
-    ("options", "words"),
+    ("options", "expected_text"),
     [
         (["--repeat", "0"], "--repeat: expected a whole number from 1"),
         (["--board", "nosuch"], "nosuch"),
@@ -268,10 +268,10 @@ def test_a_missed_budget_is_an_exit_code(tmp_path: Path, capsys: pytest.CaptureF
         (["no_such_scenario"], "no scenario 'no_such_scenario'"),
     ],
 )
-def test_wrong_options_are_refused(options: list[str], words: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_wrong_options_are_refused(options: list[str], expected_text: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["bench", "table", *options]) == 2
     output = capsys.readouterr().err
-    assert words in output
+    assert expected_text in output
     assert len(output.strip().splitlines()) == 1
 
 

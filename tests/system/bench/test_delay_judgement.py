@@ -41,14 +41,14 @@ def test_an_uncertain_offset_gives_a_warning() -> None:
 
 
 def test_a_clock_that_was_set_during_the_run_gives_a_warning() -> None:
-    found = meter(0, same_clock=False)
+    delay_meter = meter(0, same_clock=False)
     late = meter(900 * MS, same_clock=False, count=70)
     for sample in late.samples[60:]:
         published, received = sample.published_ns, sample.published_ns + sample.hops[0]
         sent = received + 180_000
         instants = [1, published, received, received + 20_000, received + 150_000, received + 160_000]
-        found.add(instants, sent, sent - 900 * MS + MS // 2)
-    assert any("a clock was set" in words for words in find_doubts(found))
+        delay_meter.add(instants, sent, sent - 900 * MS + MS // 2)
+    assert any("a clock was set" in words for words in find_doubts(delay_meter))
 
 
 def test_a_run_without_answers_gives_a_warning() -> None:
@@ -150,9 +150,9 @@ def test_the_wire_time_includes_bits_sent_during_the_write() -> None:
     """The write ends 50 us after the encoder began, and the pulses are there after 10 more."""
     arrived = meter(0, same_clock=True)
     spans = [(sample.published_ns, sample.published_ns + 1000) for sample in arrived.samples]
-    whole = delay_run._result(arrived, spans, [], None, 0.0)
-    assert (whole.hops["link encode"][0], whole.hops["STM32"][0]) == pytest.approx((0.05, 0.01))
+    result = delay_run._result(arrived, spans, [], None, 0.0)
+    assert (result.hops["link encode"][0], result.hops["STM32"][0]) == pytest.approx((0.05, 0.01))
     for wire, expected in ((0.005, (0.05, 0.005, 0.005)), (0.04, (0.02, 0.04, 0.0)), (0.2, (0.0, 0.06, 0.0))):
         found = delay_run._result(arrived, spans, [], None, wire)
         assert [found.hops[hop][0] for hop in ("link encode", "wire", "STM32")] == pytest.approx(expected)
-        assert found.delay == whole.delay
+        assert found.delay == result.delay

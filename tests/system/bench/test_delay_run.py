@@ -69,7 +69,7 @@ def test_quick_runs_have_consistent_figures(tmp_path: Path, capsys: pytest.Captu
 
 
 @pytest.mark.parametrize(
-    ("options", "words"),
+    ("options", "expected_text"),
     [
         (["--baud", "fast"], "--baud: expected"),
         (["--baud", "-1"], "--baud: expected"),
@@ -98,10 +98,10 @@ def test_quick_runs_have_consistent_figures(tmp_path: Path, capsys: pytest.Captu
         (["--plot", "/proc/nope/a.png"], "/proc/nope/a.png"),
     ],
 )
-def test_wrong_options_are_refused(options: list[str], words: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_wrong_options_are_refused(options: list[str], expected_text: str, capsys: pytest.CaptureFixture[str]) -> None:
     arguments = [f"{options[0]}={options[1]}", *options[2:]]
     assert main(["bench", "delay", *arguments]) == 2
-    assert words in capsys.readouterr().err
+    assert expected_text in capsys.readouterr().err
 
 
 def test_runs_are_pooled_and_distinguished() -> None:
@@ -296,11 +296,11 @@ def record_of(**changes: Any) -> Record:
 
 def test_the_picture_has_a_title_with_machine_and_labels(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The picture has one outlier far away, many configurations, and one without answers."""
-    seen = keep_figure(monkeypatch)
+    figures = keep_figure(monkeypatch)
     far = some_result([0.7] * 99 + [150.0])
     many = {f"rate {number}": some_result([0.5 + number / 10] * 20) for number in range(12)}
     draw({"far": far, "none": some_result([], tcp=[]), **many}, record_of(), str(tmp_path / "a.png"))
-    figure = seen[0]
+    figure = figures[0]
     title = figure.get_suptitle()
     for words in ("Command delay", "vessel", "Cortex-A72", "2022-10-20", "limited: 25%"):
         assert words in title
@@ -317,19 +317,19 @@ def keep_figure(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
     """Return a list to which all figures drawn from now on are added."""
     from matplotlib.figure import Figure
 
-    seen = []
+    figures = []
 
     def savefig(figure: Figure, *_: Any, **__: Any) -> None:
-        seen.append(figure)
+        figures.append(figure)
 
     monkeypatch.setattr(Figure, "savefig", savefig)
-    return seen
+    return figures
 
 
 def test_a_picture_of_a_steady_run_has_linear_axes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    seen = keep_figure(monkeypatch)
+    figures = keep_figure(monkeypatch)
     warned = record_of(details={"calm": {"warnings": ["a clock"]}})
     draw({"calm": some_result([0.5, 0.6, 0.7] * 10)}, warned, str(tmp_path / "a.png"))
-    assert seen[0].axes[0].get_xlabel() == "command delay (ms)"
-    assert seen[0].axes[1].get_yscale() == "linear"
-    assert "with WARNINGS" in seen[0].get_suptitle()
+    assert figures[0].axes[0].get_xlabel() == "command delay (ms)"
+    assert figures[0].axes[1].get_yscale() == "linear"
+    assert "with WARNINGS" in figures[0].get_suptitle()

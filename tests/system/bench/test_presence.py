@@ -96,34 +96,36 @@ def test_jitter_reports_a_slave_that_hangs(victim: SlaveUnderTest) -> None:
 def soak(victim: SlaveUnderTest, number: int, seconds: float, leave_every: float, stop_after_s: float = 60.0) -> Soak:
     """Send the signal after three observations, and request the end so many seconds later."""
     read_fd, write_fd = os.pipe()
-    looks = []
+    observations = []
     stop = Timer(stop_after_s, os.write, (write_fd, b"x"))
 
     def watch(look: object) -> None:
-        looks.append(look)
-        if len(looks) == 3:
+        observations.append(look)
+        if len(observations) == 3:
             victim.hit(number)
             stop.start()
 
     with Bench("paper_field") as bench:
-        found = Soaking(bench, 0.3, watch, read_fd).run(seconds, leave_every)
+        soak_result = Soaking(bench, 0.3, watch, read_fd).run(seconds, leave_every)
     stop.cancel()
     stop.join()
     os.close(read_fd)
     os.close(write_fd)
-    return found
+    return soak_result
 
 
 @retried_when_busy("a slave, and who watches it, in processes of their own")
 def test_soak_reports_a_slave_that_hangs(victim: SlaveUnderTest) -> None:
     began = time.monotonic()
-    found = soak(victim, signal.SIGSTOP, 5.0, 60.0)
+    soak_result = soak(victim, signal.SIGSTOP, 5.0, 60.0)
     assert time.monotonic() - began < 5.0 + 5.0, "a hung slave is not requested to end"
-    ((at_s, seconds, reason),) = found.silences
+    ((at_s, seconds, reason),) = soak_result.silences
     assert 0.5 < at_s < 4.0
     assert at_s + seconds == pytest.approx(5.0, abs=1.0)
     assert reason == "uuv1 did not answer"
-    assert found.observations[-1].real_time_factor != found.observations[-1].real_time_factor, "nobody knows"
+    assert soak_result.observations[-1].real_time_factor != soak_result.observations[-1].real_time_factor, (
+        "nobody knows"
+    )
 
 
 def test_soak_reports_a_slave_that_ends(victim: SlaveUnderTest) -> None:

@@ -43,7 +43,7 @@ def test_the_documented_examples_are_parsed() -> None:
 
 
 @pytest.mark.parametrize(
-    ("words", "message"),
+    ("arguments", "message"),
     [
         ([], "VERB"),
         (["fly"], "invalid choice"),
@@ -52,9 +52,11 @@ def test_the_documented_examples_are_parsed() -> None:
         (["boot", "--port"], "expected one argument"),
     ],
 )
-def test_a_wrong_command_line_is_refused(capsys: pytest.CaptureFixture[str], words: list[str], message: str) -> None:
+def test_a_wrong_command_line_is_refused(
+    capsys: pytest.CaptureFixture[str], arguments: list[str], message: str
+) -> None:
     with pytest.raises(SystemExit):
-        tool.parse(words)
+        tool.parse(arguments)
     assert message in capsys.readouterr().err
 
 

@@ -26,7 +26,7 @@ def run_external_vehicle(client: VehicleClient, scenario_path: Path, device: Pat
     vehicle, control = load_vehicle(scenario.vehicle)
     pilot = build_pilot(scenario, vehicle, control, load_world(scenario.world))
     protocol = FrameProtocol(find_preset("firmware_stub/frames", "uuv_hil"))
-    taken, last = 0, 0
+    received_count, last = 0, 0
     with serial.Serial(str(device), 115_200, timeout=0.0, exclusive=True) as port:
         while master.process.poll() is None:
             for topic in SENSOR_TOPICS:
@@ -37,11 +37,11 @@ def run_external_vehicle(client: VehicleClient, scenario_path: Path, device: Pat
                 last = command.received_ns
                 linear, angular = command.value
                 pilot.command(VelocityCommand(linear[0], linear[1], linear[2], angular[2]), now_ns())
-                taken += 1
+                received_count += 1
             port.write(protocol.encode(pilot.update(now_ns(), 0.02)[0]))
             port.read(1000)
             time.sleep(0.02)
-    return taken
+    return received_count
 
 
 def test_the_planner_leads_a_vehicle_with_external_software(tmp_path: Path) -> None:
@@ -59,9 +59,9 @@ def test_the_planner_leads_a_vehicle_with_external_software(tmp_path: Path) -> N
             Program(tmp_path, "master", path, "--connect", router, "--output", folder) as master,
         ):
             assert client.wait_for_vehicle(60)
-            taken = run_external_vehicle(client, path, device, master)
+            received_count = run_external_vehicle(client, path, device, master)
             assert master.wait() == 0, master.output
     outcome = json.loads((folder / "table.json").read_text())["outcome"]
     assert outcome["reason"] == "goal reached"
     assert outcome["least_clearance"] > 0.3
-    assert taken > 40
+    assert received_count > 40

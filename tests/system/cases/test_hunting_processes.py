@@ -34,18 +34,18 @@ def scenario(tmp_path: Path) -> Scenario:
 @pytest.fixture
 def groups(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[ProcessGroup]]:
     """Provide the slaves and the agents that a flight starts; afterwards none of them is left."""
-    found: list[ProcessGroup] = []
+    process_groups: list[ProcessGroup] = []
 
     class Noted(ProcessGroup):
         def __enter__(self) -> "Noted":
-            found.append(self)
+            process_groups.append(self)
             super().__enter__()
             return self
 
     monkeypatch.setattr(processes, "ProcessGroup", Noted)
-    yield found
-    assert [len(crew.pids) for crew in found] == [4, 4]
-    assert not [pid for crew in found for pid in crew.pids if psutil.pid_exists(pid)]
+    yield process_groups
+    assert [len(crew.pids) for crew in process_groups] == [4, 4]
+    assert not [pid for crew in process_groups for pid in crew.pids if psutil.pid_exists(pid)]
 
 
 def test_four_slaves_and_four_planners_surround_the_target(

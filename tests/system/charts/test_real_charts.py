@@ -78,14 +78,14 @@ ERRORS = [
 @pytest.mark.parametrize(("name", "ours", "linear", "radial"), ERRORS)
 def test_soundings_that_were_held_out_are_predicted(name: str, ours: float, linear: float, radial: float) -> None:
     """The grid is better than linear or radial interpolation, nowhere below a sounding, not too deep on average."""
-    survey, found = built(name)
-    report = found.report
+    survey, world = built(name)
+    report = world.report
     assert report.rmse == pytest.approx(ours, rel=0.02)
     assert report.linear_rmse == pytest.approx(linear, rel=0.02)
     assert report.rmse < 0.95 * min(report.linear_rmse, radial)
     assert report.rmse_all < 1.02 * report.rmse
     assert report.bias < 0.0
-    grid = found.model.grid
+    grid = world.model.grid
     depths = grid.at(survey.soundings[:, :2]) - survey.soundings[:, 2]
     assert np.nanmax(depths) < 0.2
 

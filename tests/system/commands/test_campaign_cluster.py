@@ -138,13 +138,13 @@ def test_relative_names_start_from_the_folder_of_the_campaign(tmp_path: Path, mo
     monkeypatch.chdir(folder)
     with importing(folder):
         bundle = collect("short.toml", [changes])
-        here = run_one("short.toml", changes, 3)
+        local_result = run_one("short.toml", changes, 3)
     (tmp_path / "elsewhere").mkdir()
     monkeypatch.chdir(tmp_path / "elsewhere")
     shutil.rmtree(folder)
     _, there = _run_unpacked(run_one, bundle, Task(0, changes, 3))
-    assert here["reason"] == "far enough"
-    assert repr(there) == repr(here)
+    assert local_result["reason"] == "far enough"
+    assert repr(there) == repr(local_result)
 
 
 @pytest.mark.usefixtures("plain_imports")
@@ -178,8 +178,12 @@ def test_a_worker_of_another_version_is_refused() -> None:
 
 
 @pytest.mark.parametrize("engine", ENGINES)
-@pytest.mark.parametrize(("address", "code", "words"), [("127.0.0.1:PORT", 4, "refused"), ("here", 2, "HOST:PORT")])
-def test_a_missing_scheduler_is_reported(engine: str, address: str, code: int, words: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("address", "code", "expected_text"), [("127.0.0.1:PORT", 4, "refused"), ("here", 2, "HOST:PORT")]
+)
+def test_a_missing_scheduler_is_reported(
+    engine: str, address: str, code: int, expected_text: str, tmp_path: Path
+) -> None:
     variable = {"dask": "DASK_SCHEDULER_ADDRESS", "ray": "RAY_ADDRESS"}[engine]
     there = address.replace("PORT", str(free_port()))
     program = Program(tmp_path, "campaign", "paper_field", "--backend", engine, environment={variable: there})
@@ -187,7 +191,7 @@ def test_a_missing_scheduler_is_reported(engine: str, address: str, code: int, w
         assert program.wait(60) == code, program.output
     (line,) = program.output.splitlines()
     assert line.startswith("uuv-hil campaign: ")
-    assert words in line
+    assert expected_text in line
     assert f"{variable}=" in line
 
 

@@ -37,12 +37,12 @@ class Command:
         return subprocess.run(command, env=self.environment, capture_output=True, text=True, timeout=100)
 
     def slaves(self) -> list[psutil.Process]:
-        found = []
+        processes = []
         for process in psutil.process_iter(["cmdline", "environ"]):
             words, variables = process.info["cmdline"] or [], process.info["environ"] or {}
             if "--member" in words and variables.get("HOME") == self.environment["HOME"]:
-                found.append(process)
-        return found
+                processes.append(process)
+        return processes
 
 
 @pytest.fixture

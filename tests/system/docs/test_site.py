@@ -19,11 +19,11 @@ pytest.importorskip("material", reason="the documentation needs the extra docs")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Provide the folder of the built site."""
     folder = tmp_path_factory.mktemp("site")
-    done = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(folder)],
         cwd=ROOT, env={**os.environ, "NO_MKDOCS_2_WARNING": "1"}, capture_output=True, text=True, timeout=400,
     )  # fmt: skip
-    assert done.returncode == 0, done.stderr
+    assert process.returncode == 0, process.stderr
     return folder
 
 
@@ -47,11 +47,11 @@ def test_page_of_the_interface_names_the_fields_of_records(site: Path) -> None:
 
 def test_search_works_in_pages_opened_as_files(site: Path) -> None:
     """A real browser finds pages, and sends nothing to another host."""
-    with open_page() as seen:
-        seen.page.goto((site / "tutorials" / "first_flight.html").as_uri())
-        seen.page.locator(".md-search__input").first.click(force=True)
-        seen.page.keyboard.type("deadman")
-        seen.page.locator(".md-search-result__item").first.wait_for(state="attached")
-        found = seen.page.locator(".md-search-result__item h1, .md-search-result__item h2").all_inner_texts()
+    with open_page() as browser_page:
+        browser_page.page.goto((site / "tutorials" / "first_flight.html").as_uri())
+        browser_page.page.locator(".md-search__input").first.click(force=True)
+        browser_page.page.keyboard.type("deadman")
+        browser_page.page.locator(".md-search-result__item").first.wait_for(state="attached")
+        found = browser_page.page.locator(".md-search-result__item h1, .md-search-result__item h2").all_inner_texts()
         assert "Diagnostics" in found
-        assert seen.hosts <= {""}, "no other host gets a request"
+        assert browser_page.hosts <= {""}, "no other host gets a request"

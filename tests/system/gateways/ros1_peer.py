@@ -17,19 +17,19 @@ PATIENCE_S = 200.0  # for the first picture, whose process gives way to all othe
 
 def main() -> None:
     rospy.init_node("pilot", anonymous=True)
-    found = {}
+    results = {}
     frames = Buffer()
     TransformListener(frames)
-    found["accelerations"] = [
+    results["accelerations"] = [
         rospy.wait_for_message("/uuv1/imu", Imu, PATIENCE_S).linear_acceleration.z for _ in range(2)
     ]
-    found["clock"] = rospy.wait_for_message("/clock", Clock, PATIENCE_S).clock.to_sec()
+    results["clock"] = rospy.wait_for_message("/clock", Clock, PATIENCE_S).clock.to_sec()
     image = rospy.wait_for_message("/uuv1/camera/image_raw", Image, PATIENCE_S)
-    found["image"] = [image.width, image.height, image.encoding, len(image.data), len(set(image.data)) > 1]
+    results["image"] = [image.width, image.height, image.encoding, len(image.data), len(set(image.data)) > 1]
     deadline = time.monotonic() + PATIENCE_S
     while not frames.can_transform("map", "imu_link", rospy.Time(0)) and time.monotonic() < deadline:
         time.sleep(0.05)
-    found["depth"] = frames.lookup_transform("map", "imu_link", rospy.Time(0)).transform.translation.z
+    results["depth"] = frames.lookup_transform("map", "imu_link", rospy.Time(0)).transform.translation.z
     speeds = []
     rospy.Subscriber("/uuv1/ground_truth", Odometry, lambda odom: speeds.append(odom.twist.twist.linear.x))
     commands = rospy.Publisher("/uuv1/cmd_vel", Twist, queue_size=1)
@@ -38,14 +38,14 @@ def main() -> None:
     while not (speeds and speeds[-1] > 0.3) and time.monotonic() < deadline:
         commands.publish(command)
         time.sleep(0.05)
-    found["speed"] = speeds[-1]
+    results["speed"] = speeds[-1]
     rospy.wait_for_service("/uuv1/arm", PATIENCE_S)
     arm = rospy.ServiceProxy("/uuv1/arm", SetBool, persistent=True)
-    found["armed"] = [arm(False).success, arm(True).message]
-    found["reset"] = rospy.ServiceProxy("/uuv1/reset", Trigger)().success
-    found["gain"] = rospy.get_param("/uuv1/gains/surge/p")
-    found["urdf"] = rospy.get_param("/uuv1/robot_description")[:500]
-    print(json.dumps(found))
+    results["armed"] = [arm(False).success, arm(True).message]
+    results["reset"] = rospy.ServiceProxy("/uuv1/reset", Trigger)().success
+    results["gain"] = rospy.get_param("/uuv1/gains/surge/p")
+    results["urdf"] = rospy.get_param("/uuv1/robot_description")[:500]
+    print(json.dumps(results))
 
 
 if __name__ == "__main__":

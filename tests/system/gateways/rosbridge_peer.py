@@ -31,7 +31,7 @@ def main() -> None:
         time.sleep(0.05)
         speed = received.get("/uuv1/ground_truth", {}).get("twist", {}).get("twist", {}).get("linear", {}).get("x", 0.0)
     arm = roslibpy.Service(ros, "/uuv1/arm", "std_srvs/SetBool")
-    found = {
+    results = {
         "topics": ros.get_topics(),
         "type": ros.get_topic_type("/uuv1/imu"),
         "services": ros.get_services(),
@@ -43,7 +43,7 @@ def main() -> None:
         "armed": dict(arm.call(roslibpy.ServiceRequest({"data": True}), timeout=30)),
         "parameters": ros.get_params(),
     }
-    print(json.dumps(found, default=dict), flush=True)
+    print(json.dumps(results, default=dict), flush=True)
     ros.terminate()
 
 

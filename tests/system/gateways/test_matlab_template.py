@@ -55,21 +55,21 @@ def test_the_global_planner_finds_a_shortest_path(tmp_path: Path) -> None:
   catch problem
     answer = problem.message;
   end"""
-    found = 0
+    path_count = 0
     for grid, path in zip(grids, answers(tmp_path, cases, body), strict=True):
         try:
             shortest = path_length(plan(grid, start, goal))
         except MissionError:
             assert "obstacles part them" in path
             continue
-        found += 1
+        path_count += 1
         assert (path[0], path[-1]) == (list(start), list(goal))
         assert dist(start, goal) <= path_length(path) <= shortest + 1e-6
         for a, b in pairwise(path):
             points = [(a[0] + k / 200 * (b[0] - a[0]), a[1] + k / 200 * (b[1] - a[1])) for k in range(201)]
             near = [p for p in points if all(abs(x / 0.5 - round(x / 0.5)) > 0.05 for x in p)]  # not on a cell's edge
             assert all(map(grid.is_free, near))
-    assert found >= 3
+    assert path_count >= 3
 
 
 def test_the_local_planner_chooses_the_same_heading_as_python(tmp_path: Path) -> None:
@@ -100,12 +100,12 @@ def test_pure_pursuit_gives_the_same_commands_as_python(tmp_path: Path) -> None:
     random, cases, expected = Random(9), [], []
     path = [[0.0, 0.0], [4.0, 3.0], [9.0, 3.0], [12.0, -2.0]]
     for _ in range(40):
-        here = [random.uniform(-1.0, 2.0), random.uniform(-1.0, 2.0)]
+        position = [random.uniform(-1.0, 2.0), random.uniform(-1.0, 2.0)]
         heading = random.uniform(-pi, pi)
         pursuit = PurePursuit([(n, e) for n, e in path], 2.0, 0.8, tolerance=0.6)
-        command = pursuit.update(here, heading)
+        command = pursuit.update(position, heading)
         expected.append((command.surge, command.yaw_rate, pursuit.aim))
-        cases.append({"here": here, "heading": heading})
+        cases.append({"here": position, "heading": heading})
     body = f"""  path = reshape({[x for point in path for x in point]}, 2, []).';
   [command, along] = pure_pursuit(path, 0, c.here, c.heading, template_options());
   answer = [command.surge command.yaw_rate command.aim];"""

@@ -54,24 +54,24 @@ class Ros:
             stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
         )  # fmt: skip
 
-    def run(self, *words: object, seconds: float = 120.0) -> str:
+    def run(self, *command: object, seconds: float = 120.0) -> str:
         """Return the output of a program that ends well."""
-        program = self.start(*words)
+        program = self.start(*command)
         try:
             output, _ = program.communicate(timeout=seconds)
         except subprocess.TimeoutExpired:
             program.kill()
             output, _ = program.communicate()
-            raise AssertionError(f"{words} did not end: {output}") from None
-        assert program.returncode == 0, f"{words}: {output}"
+            raise AssertionError(f"{command} did not end: {output}") from None
+        assert program.returncode == 0, f"{command}: {output}"
         return output
 
-    def until(self, pattern: str, *words: object, seconds: float = 120.0) -> str:
+    def until(self, pattern: str, *command: object, seconds: float = 120.0) -> str:
         """Run an endless program until it has printed the pattern; return its output."""
         printed = self.folder / f"printed-{time.monotonic_ns()}"
         with printed.open("w") as file:
             program = subprocess.Popen(
-                [str(word) for word in words], env=self.environment, cwd=self.folder, stdout=file,
+                [str(word) for word in command], env=self.environment, cwd=self.folder, stdout=file,
                 stderr=subprocess.STDOUT,
             )  # fmt: skip
         try:
@@ -195,16 +195,16 @@ def test_rosbag_records_the_topics(ros: Ros) -> None:
 
 def test_a_rospy_node_reads_and_commands_the_vehicle(ros: Ros) -> None:
     shutil.copy(Path(__file__).with_name("ros1_peer.py"), ros.folder)
-    found = json.loads(ros.run(DEBIAN, ros.folder / "ros1_peer.py", seconds=300).splitlines()[-1])
-    assert found["accelerations"] == [pytest.approx(9.8, abs=1.0)] * 2
-    assert abs(found["clock"] - time.time()) < 300
-    assert found["image"] == [64, 48, "rgb8", 9216, True]
-    assert found["depth"] < -1.0
-    assert found["speed"] > 0.3
-    assert found["armed"] == [True, "armed: commands are taken"]
-    assert found["reset"]
-    assert found["gain"] > 0.0
-    assert "<robot" in found["urdf"]
+    results = json.loads(ros.run(DEBIAN, ros.folder / "ros1_peer.py", seconds=300).splitlines()[-1])
+    assert results["accelerations"] == [pytest.approx(9.8, abs=1.0)] * 2
+    assert abs(results["clock"] - time.time()) < 300
+    assert results["image"] == [64, 48, "rgb8", 9216, True]
+    assert results["depth"] < -1.0
+    assert results["speed"] > 0.3
+    assert results["armed"] == [True, "armed: commands are taken"]
+    assert results["reset"]
+    assert results["gain"] > 0.0
+    assert "<robot" in results["urdf"]
 
 
 def test_the_program_of_the_tutorial_runs(ros: Ros) -> None:

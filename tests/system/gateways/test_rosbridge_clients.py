@@ -40,18 +40,18 @@ def answer_of(*command: str) -> Any:
 
 @pytest.mark.skipif(not PYTHON, reason="UUV_HIL_ROSLIBPY_PYTHON names no Python with roslibpy (pip)")
 def test_roslibpy_reads_and_commands_the_vehicle(address: str) -> None:
-    found = answer_of(PYTHON, str(HERE / "rosbridge_peer.py"), address)
-    assert {"/uuv1/imu", "/uuv1/odom", "/tf", "/clock"} <= set(found["topics"])
-    assert found["type"] == "sensor_msgs/msg/Imu"
-    assert {"/uuv1/arm", "/uuv1/get_simulator_features"} <= set(found["services"])
-    assert "/uuv1" in found["nodes"]
-    assert abs(found["seconds"] - time.time()) < 300
-    kinds = [each["type"] for each in found["details"]["typedefs"]]
+    results = answer_of(PYTHON, str(HERE / "rosbridge_peer.py"), address)
+    assert {"/uuv1/imu", "/uuv1/odom", "/tf", "/clock"} <= set(results["topics"])
+    assert results["type"] == "sensor_msgs/msg/Imu"
+    assert {"/uuv1/arm", "/uuv1/get_simulator_features"} <= set(results["services"])
+    assert "/uuv1" in results["nodes"]
+    assert abs(results["seconds"] - time.time()) < 300
+    kinds = [each["type"] for each in results["details"]["typedefs"]]
     assert kinds == ["geometry_msgs/msg/Twist", "geometry_msgs/msg/Vector3"]
-    assert found["speed"] > 0.3
-    assert "<robot" in found["urdf"]
-    assert found["armed"]["success"]
-    assert "/uuv1:gains.surge.p" in found["parameters"]
+    assert results["speed"] > 0.3
+    assert "<robot" in results["urdf"]
+    assert results["armed"]["success"]
+    assert "/uuv1:gains.surge.p" in results["parameters"]
 
 
 @pytest.mark.skipif(not PYTHON, reason="UUV_HIL_ROSLIBPY_PYTHON names no Python with roslibpy (pip)")
@@ -68,13 +68,13 @@ def test_roslibjs_reads_and_commands_the_vehicle(address: str, tmp_path: Path) -
     shutil.copy(HERE / "rosbridge_peer.mjs", tmp_path)
     (tmp_path / "node_modules").symlink_to(Path(MODULES) / "node_modules")
     node = shutil.which("node", path=f"{MODULES}/bin") or "node"
-    found = answer_of(node, str(tmp_path / "rosbridge_peer.mjs"), address)
-    assert "/uuv1/imu" in found["topics"]
-    assert "/uuv1/arm" in found["services"]
-    assert set(found["types"]) == {"linear", "angular"}
-    assert found["json"]["z"] == pytest.approx(9.8, abs=1.0)
-    kind, first = found["cbor"]
+    results = answer_of(node, str(tmp_path / "rosbridge_peer.mjs"), address)
+    assert "/uuv1/imu" in results["topics"]
+    assert "/uuv1/arm" in results["services"]
+    assert set(results["types"]) == {"linear", "angular"}
+    assert results["json"]["z"] == pytest.approx(9.8, abs=1.0)
+    kind, first = results["cbor"]
     assert kind == "Float64Array"
     assert first > 0.0
-    assert found["armed"]["success"]
-    assert found["speed"] > 0.3
+    assert results["armed"]["success"]
+    assert results["speed"] > 0.3

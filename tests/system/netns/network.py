@@ -86,9 +86,9 @@ class Network:
     def plug(self, machine: str) -> None:
         ip("-n", self.space("switch"), "link", "set", _port(machine), "master", "switch")
 
-    def set_cable(self, machine: str, there: bool) -> None:
+    def set_cable(self, machine: str, is_connected: bool) -> None:
         """Disconnect or connect the cable of the machine, whose link goes down or up."""
-        ip("-n", self.space("switch"), "link", "set", _port(machine), "up" if there else "down")
+        ip("-n", self.space("switch"), "link", "set", _port(machine), "up" if is_connected else "down")
 
     def slow(self, machine: str, megabits: float, queue_ms: int = 50) -> None:
         """Limit a machine's traffic to so many Mbit/s each way, with a queue of so many ms."""
@@ -111,14 +111,14 @@ class Lines:
         self._reader = threading.Thread(target=self._read)
         self._reader.start()
 
-    def first(self, words: str, after: float, within: float) -> float:
-        """Return seconds from `after` until a line with `words` was seen; fails when there is none within the time."""
+    def first(self, text: str, after: float, within: float) -> float:
+        """Return seconds from `after` until a line with `text` was seen; fails when there is none within the time."""
         while time.monotonic() < after + within + 1.0:
-            found = [at for at, line in self.seen if words in line and at >= after]
+            found = [at for at, line in self.seen if text in line and at >= after]
             if found:
                 return found[0] - after
             time.sleep(0.01)
-        raise AssertionError(f"no {words!r} within {within} s in {self.seen}")
+        raise AssertionError(f"no {text!r} within {within} s in {self.seen}")
 
     def close(self) -> None:
         """Clean up after the process has ended."""

@@ -16,12 +16,12 @@ def main(slave: str, address: str, token: str, viewers: str, settle_s: str, seco
     with VehicleClient(slave, "uuv1", topics=("ground_truth", "trace")) as client:
         client.session.subscribe("uuv1", "ground_truth", clock.on_truth, 64)
         assert client.wait_for_vehicle(30.0)
-        with Viewers(int(viewers), address, token, clock) as seen:
+        with Viewers(int(viewers), address, token, clock) as connected_viewers:
             fly(client, float(settle_s))
-            first, updates, began = len(seen.latency_ms), seen.updates, time.monotonic()
+            first, updates, began = len(connected_viewers.latency_ms), connected_viewers.updates, time.monotonic()
             fly(client, float(seconds))
-            late = sorted(seen.latency_ms[first:])
-            rate = (seen.updates - updates) / (time.monotonic() - began)
+            late = sorted(connected_viewers.latency_ms[first:])
+            rate = (connected_viewers.updates - updates) / (time.monotonic() - began)
     print(f"latency {quantile(late, 0.5):.1f} {quantile(late, 0.95):.1f} ms, {rate:.1f} updates a second", flush=True)
 
 

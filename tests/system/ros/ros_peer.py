@@ -152,7 +152,7 @@ def main() -> None:
     peer = Peer(port, folder)
     peer.wait(set(RECEIVED), 60.0)
     imu, pressure = peer.newest["/uuv1/imu"], peer.newest["/uuv1/pressure"]
-    found = peer.graph() | {
+    results = peer.graph() | {
         "received": peer.counts,
         "acceleration": imu.linear_acceleration.z,
         "frames": [imu.header.frame_id, *[t.child_frame_id for t in peer.newest["/tf"].transforms]],
@@ -163,7 +163,7 @@ def main() -> None:
         "armed": peer.arm(True),
         "parameters": peer.parameters(),
     }
-    print(json.dumps(found), flush=True)
+    print(json.dumps(results), flush=True)
     os._exit(0)  # its callbacks would keep the interpreter
 
 

@@ -42,11 +42,11 @@ def test_pamoja_reads_and_commands_the_vehicle(tmp_path: Path, release: Release)
         ):
             assert wait_for(lambda: "ground_truth" in client.latest and client.latest["ground_truth"].value.nu[0] > 0.3)
             output = peer.communicate(timeout=120)[0]
-    found = json.loads(output.splitlines()[-1])
-    assert found["received"] > 10
-    assert found["attachment"] == 33
-    assert abs(found["stamp"][0] - time.time()) < 300
-    assert bytes.fromhex(found["twist"]) == ros.encode_twist((0.4, 0, 0), (0, 0, 0))
+    results = json.loads(output.splitlines()[-1])
+    assert results["received"] > 10
+    assert results["attachment"] == 33
+    assert abs(results["stamp"][0] - time.time()) < 300
+    assert bytes.fromhex(results["twist"]) == ros.encode_twist((0.4, 0, 0), (0, 0, 0))
     hashed = TYPE_HASHES["geometry_msgs/msg/Twist"]
-    assert found["key"] == ros.data_key(0, "/uuv1/cmd_vel", "geometry_msgs/msg/Twist", hashed)
-    assert found["digest"] == hashed.removeprefix("RIHS01_")
+    assert results["key"] == ros.data_key(0, "/uuv1/cmd_vel", "geometry_msgs/msg/Twist", hashed)
+    assert results["digest"] == hashed.removeprefix("RIHS01_")

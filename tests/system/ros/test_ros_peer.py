@@ -29,11 +29,11 @@ def seen(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
     scenario, port = write_scenario(folder)
     with Program(folder, "slave", scenario) as slave:
         slave.expect("ready")
-        done = subprocess.run(
+        process = subprocess.run(
             [PEER, SCRIPT, str(port), str(folder / "definitions")], capture_output=True, text=True, timeout=300
         )
-    assert done.returncode == 0, done.stderr
-    found: dict[str, Any] = json.loads(done.stdout.splitlines()[-1])
+    assert process.returncode == 0, process.stderr
+    found: dict[str, Any] = json.loads(process.stdout.splitlines()[-1])
     return found
 
 

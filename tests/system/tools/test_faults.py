@@ -46,7 +46,7 @@ def test_good_rows_pass() -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "words"),
+    ("change", "expected_text"),
     [
         ({"neutral_s": USUAL.limit_s + 0.01}, "the limit is 0.74 s"),
         ({"neutral_s": nan}, "neutral after nan s"),
@@ -56,10 +56,10 @@ def test_good_rows_pass() -> None:
         ({"leaked": "3 descriptors"}, "left behind: 3 descriptors"),
     ],
 )
-def test_a_faulty_row_fails_with_the_reason(change: dict[str, object], words: str) -> None:
+def test_a_faulty_row_fails_with_the_reason(change: dict[str, object], expected_text: str) -> None:
     row = judge(GOOD_ROW._replace(**change))  # type: ignore[arg-type]
     assert not row.passed
-    assert words in row.problems[0]
+    assert expected_text in row.problems[0]
     assert row.problems[0] in report.line_of(row)
     assert "1 failed" in report.summary([row])
 

@@ -94,15 +94,15 @@ def _run_inside(config: pytest.Config, chosen: Sequence[str]) -> dict[str, list[
         variables = {INSIDE: str(file), "PYTHONDONTWRITEBYTECODE": "1"}
         try:
             ended = uml.run(command, MODULES, share, variables, MAX_SECONDS, cwd=str(config.rootpath))
-            words = f"pytest ended with {ended.status} in User Mode Linux:\n{ended.output}"
+            message = f"pytest ended with {ended.status} in User Mode Linux:\n{ended.output}"
         except DeviceError as error:
-            words = str(error)
+            message = str(error)
         reports: dict[str, list[Any]] = {name: [] for name in chosen}
         for report in _read(file):
             reports[report.nodeid].append(report)
     for name in chosen:
         if not any(report.when == "teardown" for report in reports[name]):
-            reports[name].append(_failure(name, words))
+            reports[name].append(_failure(name, message))
     return reports
 
 
@@ -111,6 +111,6 @@ def _read(file: Path) -> Iterator[pytest.TestReport]:
         yield pytest.TestReport._from_json(json.loads(line))
 
 
-def _failure(name: str, words: str) -> pytest.TestReport:
+def _failure(name: str, message: str) -> pytest.TestReport:
     location = (name.partition("::")[0], 0, name)
-    return pytest.TestReport(name, location, {}, "failed", words, "call")
+    return pytest.TestReport(name, location, {}, "failed", message, "call")

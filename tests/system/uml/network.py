@@ -7,9 +7,9 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 
 
-def ip(words: str) -> None:
+def ip(arguments: str) -> None:
     """Run `ip` of iproute2, which reports errors."""
-    _run(f"ip {words}")
+    _run(f"ip {arguments}")
 
 
 @contextmanager

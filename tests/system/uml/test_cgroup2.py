@@ -58,9 +58,9 @@ def swap() -> Iterator[None]:
     do(f"swapoff {ZRAM}")
 
 
-def share_of_a_core(place: Confinement) -> float:
+def share_of_a_core(confinement: Confinement) -> float:
     """Measure the share of a core that a busy process gets: its processor time over the elapsed time."""
-    process = subprocess.Popen(place.command(["sh", "-c", "while :; do :; done"]))
+    process = subprocess.Popen(confinement.command(["sh", "-c", "while :; do :; done"]))
     time.sleep(0.1)
     before = read_threads([process.pid])
     time.sleep(BUSY_S)
@@ -70,19 +70,19 @@ def share_of_a_core(place: Confinement) -> float:
     return share
 
 
-def most_of_a_core(place: Confinement, expected: float) -> float:
+def most_of_a_core(confinement: Confinement, expected: float) -> float:
     """Return the largest of up to ten shares, or the first sufficient one: a busy machine may stop the guest."""
-    most = 0.0
+    largest_share = 0.0
     for _ in range(10):
-        most = max(most, share_of_a_core(place))
-        if most > 0.95 * expected:
+        largest_share = max(largest_share, share_of_a_core(confinement))
+        if largest_share > 0.95 * expected:
             break
-    return most
+    return largest_share
 
 
-def exit_code_of_process_with_memory(mib: int, place: Confinement) -> int:
+def exit_code_of_process_with_memory(mib: int, confinement: Confinement) -> int:
     """Return the exit code of a process that writes to so much memory."""
-    return subprocess.run(place.command([sys.executable, "-c", f"bytearray(b'x') * ({mib} << 20)"])).returncode
+    return subprocess.run(confinement.command([sys.executable, "-c", f"bytearray(b'x') * ({mib} << 20)"])).returncode
 
 
 @in_the_guest
@@ -101,21 +101,21 @@ def test_a_process_without_cpu_limit_gets_a_whole_core() -> None:
 
 @in_the_guest
 def test_a_process_beyond_its_memory_limit_is_killed() -> None:
-    with Confinement(Limits(memory_mib=48.0)) as place:
-        assert exit_code_of_process_with_memory(24, place) == 0
-        assert exit_code_of_process_with_memory(64, place) == -signal.SIGKILL
-    with Confinement(Limits(cpu_share=1.0)) as place:
-        assert exit_code_of_process_with_memory(64, place) == 0
+    with Confinement(Limits(memory_mib=48.0)) as confinement:
+        assert exit_code_of_process_with_memory(24, confinement) == 0
+        assert exit_code_of_process_with_memory(64, confinement) == -signal.SIGKILL
+    with Confinement(Limits(cpu_share=1.0)) as confinement:
+        assert exit_code_of_process_with_memory(64, confinement) == 0
 
 
 @in_the_guest
 @pytest.mark.usefixtures("swap")
 def test_memory_beyond_the_limit_is_not_swapped_out() -> None:
-    with Confinement(Limits(memory_mib=48.0)) as place:
-        assert exit_code_of_process_with_memory(64, place) == -signal.SIGKILL
+    with Confinement(Limits(memory_mib=48.0)) as confinement:
+        assert exit_code_of_process_with_memory(64, confinement) == -signal.SIGKILL
         (group,) = Path(ROOT).glob("uuv-hil-bench-*")
         (group / "memory.swap.max").write_text("max")
-        assert exit_code_of_process_with_memory(64, place) == 0, "there was something to swap to"
+        assert exit_code_of_process_with_memory(64, confinement) == 0, "there was something to swap to"
 
 
 @in_the_guest

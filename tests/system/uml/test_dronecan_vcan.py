@@ -72,11 +72,11 @@ def test_raw_commands_are_answered(bench: Bench) -> None:
     assert bench.end.stm32.armed
     assert bench.end.stm32.pwm_us == PULSES
     assert [bench.status[i].rpm for i in range(6)] == [round((pulse - 1500) * 8.75) for pulse in PULSES]
-    took = sorted(bench.command([80 * count + i for i in range(6)]) for count in range(100))
+    durations = sorted(bench.command([80 * count + i for i in range(6)]) for count in range(100))
     assert bench.end.stm32.frames == 102
-    assert bench.end.stm32.watchdog_trips == 0 or took[-1] > 0.1, "but for a guest that had to wait"
+    assert bench.end.stm32.watchdog_trips == 0 or durations[-1] > 0.1, "but for a guest that had to wait"
     assert bench.end.link.counters.malformed == bench.end.link.counters.checksum_errors == 0
-    print(f"RawCommand to six Status: p50 {took[50] * 1e3:.2f} ms, p99 {took[98] * 1e3:.2f} ms")
+    print(f"RawCommand to six Status: p50 {durations[50] * 1e3:.2f} ms, p99 {durations[98] * 1e3:.2f} ms")
 
 
 def test_the_stm32_answers_with_its_node_information(bench: Bench) -> None:

@@ -158,7 +158,7 @@ def test_a_round_trip_is_faster_than_through_python_can() -> None:
 
 
 def median_and_late(device: Wire, host: Wire) -> tuple[float, float]:
-    record, took = pack_frame(FRAME), []
+    record, durations = pack_frame(FRAME), []
     with closing(device), closing(host):
         for _ in range(ROUNDS):
             began = time.perf_counter()
@@ -167,12 +167,12 @@ def median_and_late(device: Wire, host: Wire) -> tuple[float, float]:
             device.write(device.read())
             assert wait_readable(host)
             assert host.read() == record
-            took.append(time.perf_counter() - began)
-    return _microseconds(took)
+            durations.append(time.perf_counter() - began)
+    return _microseconds(durations)
 
 
 def bare_package() -> tuple[float, float]:
-    message, took = can.Message(arbitration_id=FRAME.id, data=FRAME.data), []
+    message, durations = can.Message(arbitration_id=FRAME.id, data=FRAME.data), []
     with (
         can.Bus("vcan0", "socketcan", ignore_config=True) as device,
         can.Bus("vcan0", "socketcan", ignore_config=True) as host,
@@ -184,10 +184,10 @@ def bare_package() -> tuple[float, float]:
             assert received is not None
             device.send(received)
             assert host.recv(2.0) is not None
-            took.append(time.perf_counter() - began)
-    return _microseconds(took)
+            durations.append(time.perf_counter() - began)
+    return _microseconds(durations)
 
 
-def _microseconds(took: list[float]) -> tuple[float, float]:
-    took.sort()
-    return took[len(took) // 2] * 1e6, took[len(took) * 99 // 100] * 1e6
+def _microseconds(durations: list[float]) -> tuple[float, float]:
+    durations.sort()
+    return durations[len(durations) // 2] * 1e6, durations[len(durations) * 99 // 100] * 1e6

@@ -35,15 +35,15 @@ def neighbours(cells: NDArray[np.bool_], cell: Cell) -> list[tuple[Cell, float]]
 
 def distances(cells: NDArray[np.bool_], start: Cell) -> dict[Cell, float]:
     """Return the shortest distance to every cell that can be reached, by Dijkstra's algorithm."""
-    found: dict[Cell, float] = {}
+    path_lengths: dict[Cell, float] = {}
     queue = [(0.0, start)]
     while queue:
         distance, cell = heapq.heappop(queue)
-        if cell not in found:
-            found[cell] = distance
+        if cell not in path_lengths:
+            path_lengths[cell] = distance
             for neighbour, step in neighbours(cells, cell):
                 heapq.heappush(queue, (distance + step, neighbour))
-    return found
+    return path_lengths
 
 
 def random_grid(seed: int, resolution: float = 1.0) -> tuple[OccupancyGrid, Any]:

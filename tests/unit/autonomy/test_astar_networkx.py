@@ -32,7 +32,7 @@ def graph(cells: np.ndarray[tuple[int, int], np.dtype[np.bool_]]) -> "nx.Graph[t
 
 @pytest.mark.parametrize("batch", range(10))
 def test_path_cost_is_optimal_on_200_random_maps(batch: int) -> None:
-    found = 0
+    path_count = 0
     for seed in range(20 * batch, 20 * batch + 20):
         generator = np.random.default_rng(seed)
         cells = generator.random(generator.integers(8, 25, 2)) < generator.uniform(0.05, 0.45)
@@ -47,10 +47,10 @@ def test_path_cost_is_optimal_on_200_random_maps(batch: int) -> None:
                 with pytest.raises(MissionError, match="no path"):
                     planner(grid, *ends)
             continue
-        found += 1
+        path_count += 1
         assert path_length(plan(grid, *ends)) == pytest.approx(0.5 * expected, abs=1e-9)
         assert path_length(DStarLite().plan(grid, *ends)) == pytest.approx(0.5 * expected, abs=1e-9)
-    assert found > 10
+    assert path_count > 10
 
 
 def test_the_reference_graph_has_no_diagonal_past_a_corner() -> None:

@@ -230,15 +230,15 @@ def test_a_familys_own_table_sets_its_gains() -> None:
 
 
 @pytest.mark.parametrize(
-    ("family", "words"),
+    ("family", "expected_text"),
     [
         ("sliding_mod", "'sliding_mod' is not one of cascade, sliding_mode, restoring_pd; did you mean 'sliding_mode'"),
         ("nowhere:Law", "nowhere cannot be imported"),
         (3, "expected text"),
     ],
 )
-def test_an_unknown_family_is_reported(family: str, words: str) -> None:
-    with pytest.raises(ConfigError, match=words):
+def test_an_unknown_family_is_reported(family: str, expected_text: str) -> None:
+    with pytest.raises(ConfigError, match=expected_text):
         make_controller(family, {}, Gains(), HEAVY, "vehicle.toml: control")
 
 

@@ -191,20 +191,25 @@ def test_four_vehicles_that_swap_corners_do_not_collide(seed: int) -> None:
     """Each goes to the far corner of a square at once, with positions unsure by 0.05 m: the fields' worst case."""
     settings, noise, step, min_separation = FieldSettings(), LocalisationNoise(0.05, seed), 0.1, 0.5
     positions: list[Vector] = [(0.0, 0.2), (3.1, 0.0), (3.0, 3.0), (-0.2, 3.0)]
-    places = [(3.0, 3.0), (0.0, 3.0), (0.0, 0.0), (3.0, 0.0)]
+    goals = [(3.0, 3.0), (0.0, 3.0), (0.0, 0.0), (3.0, 0.0)]
     least = math.inf
     for _ in range(1500):
-        seen = [noise.measured(position) for position in positions]
+        measured = [noise.measured(position) for position in positions]
         wanted = [
             resultant(
-                here, places[k], ORIGIN, [Body(p, min_separation) for p in (*seen[:k], *seen[k + 1 :])], [], settings
+                here,
+                goals[k],
+                ORIGIN,
+                [Body(p, min_separation) for p in (*measured[:k], *measured[k + 1 :])],
+                [],
+                settings,
             )
-            for k, here in enumerate(seen)
+            for k, here in enumerate(measured)
         ]
         positions = [(p[0] + v[0] * step, p[1] + v[1] * step) for p, v in zip(positions, wanted, strict=True)]
         least = min(least, separation(positions))
     assert least > min_separation
-    assert max(math.dist(p, q) for p, q in zip(positions, places, strict=True)) < 0.2
+    assert max(math.dist(p, q) for p, q in zip(positions, goals, strict=True)) < 0.2
 
 
 def test_a_vehicle_stays_within_the_range_of_its_neighbour() -> None:

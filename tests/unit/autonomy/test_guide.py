@@ -81,12 +81,12 @@ def test_vfh_alone_avoids_obstacles_that_are_not_on_the_map(seed: int) -> None:
     discs, generator = obstacles(seed, 14, (start, goal)), random.Random(seed)
     boat, vfh, least = PointMass(start, generator.uniform(-3.0, 3.0)), Vfh(VFH), math.inf
     for _ in range(1500):
-        left = math.dist(boat.position, goal)
-        if left < 0.5:
+        remaining = math.dist(boat.position, goal)
+        if remaining < 0.5:
             break
         bearing = math.atan2(goal[1] - boat.position[1], goal[0] - boat.position[0])
         seen = scan(discs, boat.position, boat.heading, lambda: generator.gauss(0.0, 0.02))
-        command = vfh.command(seen, boat.heading, bearing, 0.5, 0.6, left)
+        command = vfh.command(seen, boat.heading, bearing, 0.5, 0.6, remaining)
         assert 0.0 <= command.surge <= 0.5
         assert abs(command.yaw_rate) <= 0.6
         boat.move(command)
@@ -161,14 +161,14 @@ def test_a_map_from_scans_has_the_obstacles_at_their_positions() -> None:
     """The map shows two discs, arranged without symmetry, from several places; cells that a beam passed are free."""
     discs: list[Disc] = [(6.0, 2.0, 1.0), (2.0, 7.0, 0.5)]
     drawn = LaserMap(OccupancyGrid.empty(Extent(-2.0, -2.0, 10.0, 12.0), 0.1), 7.0)
-    places: list[Any] = [
+    poses: list[Any] = [
         ((0.0, 0.0), 0.7),
         ((0.0, 10.0), -0.8),
         ((9.0, 9.0), -2.3),
         ((4.0, 4.5), 1.5),
         ((4.0, 4.5), -1.6),
     ]
-    for position, heading in places:
+    for position, heading in poses:
         fresh = drawn.add(position, heading, scan(discs, position, heading))
         assert len(fresh) > 0 or heading < -1.5
     occupied = (np.argwhere(drawn.grid.cells) + 0.5) * 0.1 + drawn.grid.origin

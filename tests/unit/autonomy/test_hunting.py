@@ -57,11 +57,11 @@ class Hunt:
 def test_fifty_seeds_surround_the_target_without_collision(name: str, batch: int) -> None:
     for seed in range(10 * batch, 10 * batch + 10):
         hunt = Hunt(name, seed)
-        found = hunt.run(1.3 * hunt.plan.duration + 10.0)
-        assert found.success, (seed, found)
-        assert found.separation > 3.0 * SEPARATION  # far from a collision at any time
-        assert found.formation_error < 0.3
-        assert found.largest_gap < math.radians(100.0)
+        outcome = hunt.run(1.3 * hunt.plan.duration + 10.0)
+        assert outcome.success, (seed, outcome)
+        assert outcome.separation > 3.0 * SEPARATION  # far from a collision at any time
+        assert outcome.formation_error < 0.3
+        assert outcome.largest_gap < math.radians(100.0)
 
 
 @pytest.mark.parametrize("name", FORMATIONS)
@@ -99,12 +99,12 @@ def test_all_vehicles_slow_down_for_one_that_is_held_up() -> None:
 def test_a_vehicle_without_reports_follows_its_own_clock() -> None:
     """Reports from beyond the range, their clocks far behind, change nothing; the same from within hold it back."""
     alone, far, near = (Hunter(plan_of("diamond"), 0, FIELDS, SEPARATION) for _ in range(3))
-    here = FORMATIONS["diamond"][0]
+    position = FORMATIONS["diamond"][0]
     for _ in range(20):
-        wanted = alone.update(here, [], STEP)
-        assert far.update(here, [Report((40.0, 40.0), 0.0)], STEP) == wanted
-        near.update(here, [Report((4.5, 0.0), 0.0)], STEP)
-        here = alone._plan.position_at(0, alone.clock)
+        wanted = alone.update(position, [], STEP)
+        assert far.update(position, [Report((40.0, 40.0), 0.0)], STEP) == wanted
+        near.update(position, [Report((4.5, 0.0), 0.0)], STEP)
+        position = alone._plan.position_at(0, alone.clock)
     assert alone.clock == pytest.approx(20 * STEP, rel=0.1)
     assert near.clock < 0.5 * alone.clock
 
@@ -155,13 +155,13 @@ def test_the_referee_gives_the_figures_worked_out_by_hand() -> None:
     referee = Referee(plan, Criteria(SEPARATION))
     referee.watch([(0.0, 0.0), (0.0, 0.4), (3.0, 0.0), (6.0, 0.0)], plan.duration)
     ends = [(6.5, 8.0), (5.0, 9.5), (3.5, 8.0), (5.0, 6.0)]
-    found = referee.judge(ends)
-    assert found.separation == pytest.approx(0.4)
-    assert found.ring_error == pytest.approx(0.5)
-    assert found.largest_gap == pytest.approx(math.pi / 2.0)
-    assert found.spacing_error == pytest.approx(2.5 / (1.5 * math.sqrt(2.0)) - 1.0)
-    assert found.failures == ("separation", "ring")
-    assert not found.success
+    figures = referee.judge(ends)
+    assert figures.separation == pytest.approx(0.4)
+    assert figures.ring_error == pytest.approx(0.5)
+    assert figures.largest_gap == pytest.approx(math.pi / 2.0)
+    assert figures.spacing_error == pytest.approx(2.5 / (1.5 * math.sqrt(2.0)) - 1.0)
+    assert figures.failures == ("separation", "ring")
+    assert not figures.success
     one_side = referee.judge([(6.5, 8.0), (5.0, 9.5), (6.06, 9.06), (6.06, 6.94)])
     assert "gap" in one_side.failures
     assert one_side.largest_gap > math.pi  # the target is not between them

@@ -205,7 +205,7 @@ GOOD_PGM = b"P5 1 1 255\n\0"
 
 
 @pytest.mark.parametrize(
-    ("yaml", "pgm", "words"),
+    ("yaml", "pgm", "expected_text"),
     [
         (GOOD_YAML.replace("0.1", "nan"), GOOD_PGM, "resolution of nan m"),
         (GOOD_YAML.replace("0.1", "inf"), GOOD_PGM, "resolution of inf m"),
@@ -221,10 +221,12 @@ GOOD_PGM = b"P5 1 1 255\n\0"
         (GOOD_YAML, b"P5 -1 1 255\n\0", "not an 8-bit P5"),
     ],
 )
-def test_hostile_maps_are_refused_with_a_one_line_error(tmp_path: Any, yaml: str, pgm: bytes, words: str) -> None:
+def test_hostile_maps_are_refused_with_a_one_line_error(
+    tmp_path: Any, yaml: str, pgm: bytes, expected_text: str
+) -> None:
     (tmp_path / "m.pgm").write_bytes(pgm)
     (tmp_path / "m.yaml").write_text(yaml, encoding="utf-8")
-    with pytest.raises(ConfigError, match=words) as error:
+    with pytest.raises(ConfigError, match=expected_text) as error:
         OccupancyGrid.read(str(tmp_path / "m.yaml"))
     assert len(str(error.value)) < len(str(tmp_path)) + 350
 

@@ -35,12 +35,12 @@ def follow(
     lag: float = 0.4,
 ) -> Track:
     """Let a vehicle follow until done or out of time. `noise` is added to each measured coordinate, m."""
-    (north, east), surge, turn, track = start, 0.0, 0.0, Track()
+    (north, east), surge, yaw_rate, track = start, 0.0, 0.0, Track()
     for _ in range(int(seconds / DT)):
         command = pursuit.update((north + noise(), east + noise(), 3.0), heading)
         surge += (command.surge - surge) * DT / lag
-        turn += (command.yaw_rate - turn) * DT / lag
-        heading += turn * DT
+        yaw_rate += (command.yaw_rate - yaw_rate) * DT / lag
+        heading += yaw_rate * DT
         north += surge * math.cos(heading) * DT
         east += surge * math.sin(heading) * DT
         track.points.append((north, east))

@@ -73,13 +73,13 @@ def test_a_low_battery_interrupts_a_task_which_then_restarts() -> None:
     world = World(Scheduler(MISSION), drain=0.008)
     world.signals["battery"] = 0.9  # below 0.3 after 75 s, at work far out
     world.run()
-    done = states(world.scheduler)
-    first = done.index("charging travel")
-    assert done[first - 1] == "acquisition work"
-    assert done[first + 1 : first + 4] == ["charging work", "idle", "acquisition travel"]
+    phases = states(world.scheduler)
+    first = phases.index("charging travel")
+    assert phases[first - 1] == "acquisition work"
+    assert phases[first + 1 : first + 4] == ["charging work", "idle", "acquisition travel"]
     others = [name for name in world.scheduler.finished if name != "charging"]
     assert others == ["acquisition", "transmission"]
-    assert done[-1] == "done"
+    assert phases[-1] == "done"
     assert world.signals["battery"] > 0.0
 
 

@@ -261,7 +261,7 @@ def test_a_vehicle_that_follows_the_commands_stays_on_the_curve(name: str) -> No
     run, step = Trajectory(CURVES[name], 0.5, limits), 0.05
     (north, east, down), heading = run.at(0.0).position, run.at(0.0).heading + 0.5
     north, errors = north + 1.0, []
-    surge = sway = heave = turn = 0.0
+    surge = sway = heave = yaw_rate = 0.0
     for number in range(int((run.duration + 10.0) / step)):
         command = track(run.at(number * step), (north, east, down), heading, limits, gain=0.8)
         assert math.hypot(command.surge, command.sway) <= 1.0 + 1e-9
@@ -269,8 +269,8 @@ def test_a_vehicle_that_follows_the_commands_stays_on_the_curve(name: str) -> No
         surge += (command.surge - surge) * step / 0.3
         sway += (command.sway - sway) * step / 0.3
         heave += (command.heave - heave) * step / 0.3
-        turn += (command.yaw_rate - turn) * step / 0.3
-        heading += turn * step
+        yaw_rate += (command.yaw_rate - yaw_rate) * step / 0.3
+        heading += yaw_rate * step
         north += (surge * math.cos(heading) - sway * math.sin(heading)) * step
         east += (surge * math.sin(heading) + sway * math.cos(heading)) * step
         down += heave * step

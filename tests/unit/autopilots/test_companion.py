@@ -180,14 +180,14 @@ def test_a_receiver_measures_the_velocity_of_its_antenna(tmp_path: Path) -> None
 def test_ardusub_parameters_select_the_position_source(tmp_path: Path) -> None:
     vehicle, _ = load_vehicle("bluerov2_heavy")
     motors = map_motors("auto", vehicle)
-    found = {
+    parameters = {
         positions: all_parameters(AutopilotSettings(positions=positions), "ardupilot", vehicle, motors)
         for positions in ("simulated", "odometry", "dvl", "gps")
     }
-    assert "SIM_GPS1_ENABLE" not in found["simulated"]
-    assert all(found[name]["SIM_GPS1_ENABLE"] == 0 for name in ("odometry", "dvl", "gps"))
-    assert found["dvl"]["EK3_SRC1_POSXY"] == found["odometry"]["EK3_SRC1_VELXY"] == 6
-    assert found["gps"]["GPS1_TYPE"] == 14
+    assert "SIM_GPS1_ENABLE" not in parameters["simulated"]
+    assert all(parameters[name]["SIM_GPS1_ENABLE"] == 0 for name in ("odometry", "dvl", "gps"))
+    assert parameters["dvl"]["EK3_SRC1_POSXY"] == parameters["odometry"]["EK3_SRC1_VELXY"] == 6
+    assert parameters["gps"]["GPS1_TYPE"] == 14
 
 
 def test_positions_need_their_sensor_and_an_ardupilot_controller(tmp_path: Path) -> None:

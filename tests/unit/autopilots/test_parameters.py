@@ -48,21 +48,21 @@ RENAMED = {
 @pytest.mark.parametrize("name", ["bluerov2", "bluerov2_heavy"])
 def test_renamed_parameters_have_equal_values_for_older_and_newer_ardusub(name: str) -> None:
     vehicle, _ = load_vehicle(name)
-    found = all_parameters(AutopilotSettings(), "ardupilot", vehicle, map_motors("auto", vehicle))
-    renamed = [key for key in found if key.startswith(("PSC_", "RNGFND1_M"))]
+    parameters = all_parameters(AutopilotSettings(), "ardupilot", vehicle, map_motors("auto", vehicle))
+    renamed = [key for key in parameters if key.startswith(("PSC_", "RNGFND1_M"))]
     assert sorted(renamed) == sorted([*RENAMED, *[new for new, _ in RENAMED.values()]])
     for old, (new, factor) in RENAMED.items():
-        assert found[new] == pytest.approx(factor * found[old])
+        assert parameters[new] == pytest.approx(factor * parameters[old])
 
 
 def test_px4_gets_the_vehicles_geometry() -> None:
     vehicle, _ = load_vehicle("bluerov2_heavy")
-    found = px4_geometry(vehicle, map_motors("custom", vehicle))
-    assert (found["CA_AIRFRAME"], found["CA_ROTOR_COUNT"], found["CA_R_REV"]) == (7, 8, 255)
-    assert (found["CA_ROTOR0_PX"], found["CA_ROTOR0_PY"]) == (0.156, 0.111)
-    assert found["CA_ROTOR0_AX"] == -found["CA_ROTOR0_AY"] == pytest.approx(0.70711)
-    assert found["CA_ROTOR7_AZ"] == -1.0
-    assert found["PWM_MAIN_FUNC8"] == 108
+    geometry = px4_geometry(vehicle, map_motors("custom", vehicle))
+    assert (geometry["CA_AIRFRAME"], geometry["CA_ROTOR_COUNT"], geometry["CA_R_REV"]) == (7, 8, 255)
+    assert (geometry["CA_ROTOR0_PX"], geometry["CA_ROTOR0_PY"]) == (0.156, 0.111)
+    assert geometry["CA_ROTOR0_AX"] == -geometry["CA_ROTOR0_AY"] == pytest.approx(0.70711)
+    assert geometry["CA_ROTOR7_AZ"] == -1.0
+    assert geometry["PWM_MAIN_FUNC8"] == 108
 
 
 def test_a_missing_parameter_file_is_reported() -> None:

@@ -26,13 +26,13 @@ def figure_of_starts(values: list[float], unit: str = "ms", better: Better = "lo
 
 def figure_of_runs(seed: str, count: int, size: int, middle: float = 20.0) -> Figure:
     """Return a figure of starts that differ, each with correlated values of commands: AR(1), 0.5."""
-    generator, found = random.Random(seed), []
+    generator, samples = random.Random(seed), []
     for _ in range(count):
         at, offset = 0.0, generator.gauss(0.0, 1.0)
         for _ in range(size):
             at = 0.5 * at + generator.gauss(0.0, 1.0)
-            found.append(middle + offset + at)
-    return Figure(found, "ms", "lower", (size,) * count)
+            samples.append(middle + offset + at)
+    return Figure(samples, "ms", "lower", (size,) * count)
 
 
 def write(path: Path, kind: str = "table", **figures: Figure) -> str:

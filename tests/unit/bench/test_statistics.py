@@ -90,11 +90,11 @@ def test_more_values_narrow_the_interval() -> None:
 
 def autoregressive_series(generator: random.Random, count: int, alike: float) -> list[float]:
     """Return a first-order autoregressive series (AR(1)) around 20."""
-    at, found = generator.gauss(0.0, 1.0) / math.sqrt(1.0 - alike**2), []
+    at, series = generator.gauss(0.0, 1.0) / math.sqrt(1.0 - alike**2), []
     for _ in range(count):
         at = alike * at + generator.gauss(0.0, 1.0)
-        found.append(20.0 + at)
-    return found
+        series.append(20.0 + at)
+    return series
 
 
 def test_correlated_values_are_resampled_in_blocks(monkeypatch: pytest.MonkeyPatch) -> None:

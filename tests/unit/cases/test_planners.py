@@ -239,12 +239,12 @@ def test_an_urgent_task_interrupts_another() -> None:
     """A battery below its limit on the way makes the vehicle charge first, then go on, and return home at the end."""
     planner = Tasks(home=[1.0, 1.0], task=TASKS)
     planner.begin(request(pool([])))
-    place, heading, charge = [1.0, 1.0], 0.0, 7.0
+    position, heading, charge = [1.0, 1.0], 0.0, 7.0
     answer: VelocityCommand | Done = VelocityCommand()
     for tick in range(4000):
         now = tick * NS // 10
         samples = {
-            "odom": odometry((place[0], place[1], 5.0), heading, now),
+            "odom": odometry((position[0], position[1], 5.0), heading, now),
             "laser": LaserSample(now, -math.pi, math.tau / 60, (math.inf,) * 60, (0.1, 30.0)),
             "battery": BatterySample(now, 15.0, 1.0, charge, 10.0, False),
         }
@@ -253,8 +253,8 @@ def test_an_urgent_task_interrupts_another() -> None:
             break
         charge = 10.0 if planner.status == "charge work" else charge - 0.02
         heading += 0.1 * answer.yaw_rate
-        place[0] += 0.1 * (answer.surge * math.cos(heading) - answer.sway * math.sin(heading))
-        place[1] += 0.1 * (answer.surge * math.sin(heading) + answer.sway * math.cos(heading))
+        position[0] += 0.1 * (answer.surge * math.cos(heading) - answer.sway * math.sin(heading))
+        position[1] += 0.1 * (answer.surge * math.sin(heading) + answer.sway * math.cos(heading))
     assert answer == Done(f"home after {', '.join(planner.finished)}")
     assert planner.finished.count("look") == 1
     assert "charge" in planner.finished
@@ -262,7 +262,7 @@ def test_an_urgent_task_interrupts_another() -> None:
     first = states.index("charge travel")
     assert states[first - 1] == "look travel", "broken off"
     assert "look travel" in states[first:], "and restarted"
-    assert math.dist(place, (1.0, 1.0)) < 0.9
+    assert math.dist(position, (1.0, 1.0)) < 0.9
 
 
 @given(numbers, numbers, st.floats(-4.0, 4.0))

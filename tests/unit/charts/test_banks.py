@@ -77,11 +77,11 @@ def test_the_distance_to_an_edge_is_that_to_its_nearest_segment() -> None:
 
 
 @pytest.mark.parametrize(
-    ("grid", "most"), [(build_grid(mole()), 0.1), (raised(OUT_OF_WATER), 0.25)], ids=["land", "hazard"]
+    ("grid", "max_offset"), [(build_grid(mole()), 0.1), (raised(OUT_OF_WATER), 0.25)], ids=["land", "hazard"]
 )
-def test_the_water_line_of_a_mole_is_straight_as_charted(grid: Grid, most: float) -> None:
+def test_the_water_line_of_a_mole_is_straight_as_charted(grid: Grid, max_offset: float) -> None:
     """The bed leaves the edge by so many cells at most; its line of half the depth runs along it to 0.1 of a cell."""
-    assert abs(offsets(grid, 0.0)).max() < most
+    assert abs(offsets(grid, 0.0)).max() < max_offset
     assert np.ptp(offsets(grid, 0.5 * DEPTH)) < 0.1
     teeth = bed_of_mask(-LAND_RISE)
     assert abs(offsets(teeth, 0.0)).max() > 0.5, "without partly covered nodes the edge is jagged"

@@ -185,8 +185,8 @@ def test_land_rises_from_its_shore() -> None:
     assert (quay[6] < 0.0).all()
 
 
-def hazard(kind: str, places: list[tuple[float, float]], top: float | None, edges: tuple[Array, ...] = ()) -> Hazard:
-    return Hazard(kind, np.array(places, float), 2.0, top, edges)
+def hazard(kind: str, positions: list[tuple[float, float]], top: float | None, edges: tuple[Array, ...] = ()) -> Hazard:
+    return Hazard(kind, np.array(positions, float), 2.0, top, edges)
 
 
 def test_hazards_become_piles_boxes_or_raised_areas() -> None:

@@ -207,22 +207,22 @@ def test_free_water_is_deep_enough_and_clear_of_obstacles(tmp_path: Path) -> Non
     pile, sunk = Cylinder(20.0, 60.0, 2.0), Cylinder(30.0, 45.0, 3.0, 15.0)
     mole = Box(0.0, 50.0, 20.0, 0.5, 0.4, 1.0)
     world = World("bay", "x", (-20.0, 35.0, 40.0, 120.0), 30.0, cylinder=(pile, sunk), box=(mole,))
-    found = build_occupancy(world, grid, 8.0, 1.0)
-    rows, columns = found.cells.shape
+    occupancy = build_occupancy(world, grid, 8.0, 1.0)
+    rows, columns = occupancy.cells.shape
     assert (rows, columns) == (55, 80)
     for row in range(0, rows, 2):
         for column in range(0, columns, 2):
-            place = found.centre((row, column))
-            depth = grid.at(np.array([place]))[0]
-            away = min(pile.separation(*place)[0], mole.separation(*place)[0])
+            position = occupancy.centre((row, column))
+            depth = grid.at(np.array([position]))[0]
+            away = min(pile.separation(*position)[0], mole.separation(*position)[0])
             if not depth > 8.0 or away <= 0.7:
-                assert found.cells[row, column], place
+                assert occupancy.cells[row, column], position
             elif away > 0.72:
-                assert not found.cells[row, column], place
-    assert found.is_free((30.5, 45.5)), "the sunken pile ends 7 m below"
+                assert not occupancy.cells[row, column], position
+    assert occupancy.is_free((30.5, 45.5)), "the sunken pile ends 7 m below"
     assert not build_occupancy(world, grid, 15.5, 1.0).is_free((30.5, 45.5))
-    found.write_pgm(str(tmp_path / "map.pgm"))
-    assert (OccupancyGrid.read(str(tmp_path / "map.yaml")).cells == found.cells).all()
+    occupancy.write_pgm(str(tmp_path / "map.pgm"))
+    assert (OccupancyGrid.read(str(tmp_path / "map.yaml")).cells == occupancy.cells).all()
 
 
 def test_a_height_map_has_at_most_2049_nodes_a_side() -> None:

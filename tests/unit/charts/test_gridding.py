@@ -68,13 +68,13 @@ def test_held_out_errors_equal_those_of_fits_without_the_points() -> None:
     corners = np.array([[0.0, 0.0], [0.0, 100.0], [100.0, 0.0], [100.0, 100.0]])
     points, depths = np.vstack([points, corners]), np.append(depths, [1.0, 2.0, 3.0, 4.0])
     folds = np.append(np.arange(BOX_POINTS - 4) % 5, [-1] * 4)
-    found, uncertainty = Surface(points, depths).cross_validate(folds)
-    assert np.isnan(found[-4:]).all()
+    errors, uncertainty = Surface(points, depths).cross_validate(folds)
+    assert np.isnan(errors[-4:]).all()
     for fold in range(5):
         rest = Surface(points[folds != fold], depths[folds != fold])
         for index in np.flatnonzero(folds == fold):
             truth = rest.evaluate(points[index : index + 1, 0], points[index : index + 1, 1], np.ones((1, 1), bool))
-            assert found[index] == pytest.approx(truth[0, 0], abs=1e-7)
+            assert errors[index] == pytest.approx(truth[0, 0], abs=1e-7)
             there = rest.uncertainty(points[index : index + 1, 0], points[index : index + 1, 1], np.ones((1, 1), bool))
             assert uncertainty.variance[index] == pytest.approx(there.variance[0, 0], rel=1e-5)
             assert uncertainty.roughness[index] == pytest.approx(there.roughness[0, 0], rel=1e-5)

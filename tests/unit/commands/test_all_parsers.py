@@ -98,23 +98,23 @@ def test_help_of_an_output_file_states_that_its_folder_must_exist() -> None:
             assert is_checked or name not in ("--plot", "--csv", "--markdown")
 
 
-@pytest.mark.parametrize("words", [["--help"], ["help"], ["bench", "--help"]])
+@pytest.mark.parametrize("arguments", [["--help"], ["help"], ["bench", "--help"]])
 def test_lists_of_commands_fit_a_terminal(
-    words: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    arguments: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setenv("COLUMNS", "80")
-    assert main(words) == 0
+    assert main(arguments) == 0
     text = capsys.readouterr().out
     assert [line for line in text.splitlines() if len(line) > 80] == []
     assert " ".join(EXIT_CODES.split()) in " ".join(text.split())
 
 
-@pytest.mark.parametrize("words", ["sim", "bench delay", "scenario check", "topic"])
-def test_help_of_a_command_is_printed(words: str, capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize("command", ["sim", "bench delay", "scenario check", "topic"])
+def test_help_of_a_command_is_printed(command: str, capsys: pytest.CaptureFixture[str]) -> None:
     with pytest.raises(SystemExit) as ended:
-        main(["help", *words.split()])
+        main(["help", *command.split()])
     assert ended.value.code == 0
-    assert capsys.readouterr().out.startswith(f"usage: uuv-hil {words} ")
+    assert capsys.readouterr().out.startswith(f"usage: uuv-hil {command} ")
 
 
 def test_every_help_has_a_purpose_and_its_examples() -> None:
@@ -214,17 +214,17 @@ ALLOWED = {"--baud", "--protocol", "--stm32", "--connect"}
 
 def test_common_options_have_their_usual_form() -> None:
     for parser in LEAVES:
-        found = options(parser)
-        if "--output" in found:
-            assert found["--output"].option_strings == ["-o", "--output"]
-        if "--json" in found:
-            assert found["--json"].nargs == 0, f"{parser.prog}: --json prints JSON; a file is --output"
-        if "--plot" in found:
-            assert found["--plot"].metavar == "FILE.png"
-        if "--connect" in found:
-            assert found["--connect"].metavar == "ENDPOINT"
-        if "--listen" in found:
-            assert found["--listen"].metavar in ("ENDPOINT", "[HOST:]PORT", "ADDRESS")
+        options_of_parser = options(parser)
+        if "--output" in options_of_parser:
+            assert options_of_parser["--output"].option_strings == ["-o", "--output"]
+        if "--json" in options_of_parser:
+            assert options_of_parser["--json"].nargs == 0, f"{parser.prog}: --json prints JSON; a file is --output"
+        if "--plot" in options_of_parser:
+            assert options_of_parser["--plot"].metavar == "FILE.png"
+        if "--connect" in options_of_parser:
+            assert options_of_parser["--connect"].metavar == "ENDPOINT"
+        if "--listen" in options_of_parser:
+            assert options_of_parser["--listen"].metavar in ("ENDPOINT", "[HOST:]PORT", "ADDRESS")
 
 
 def test_every_command_that_reads_a_scenario_offers_set() -> None:

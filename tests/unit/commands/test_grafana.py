@@ -28,12 +28,12 @@ def test_queries_select_the_chosen_vehicles() -> None:
 
 
 def test_panels_do_not_overlap() -> None:
-    places = [panel["gridPos"] for panel in json.loads(dashboard())["panels"]]
-    for one, other in combinations(places, 2):
+    panels = [panel["gridPos"] for panel in json.loads(dashboard())["panels"]]
+    for one, other in combinations(panels, 2):
         beside = one["x"] + one["w"] <= other["x"] or other["x"] + other["w"] <= one["x"]
         above = one["y"] + one["h"] <= other["y"] or other["y"] + other["h"] <= one["y"]
         assert beside or above
-    assert max(place["x"] + place["w"] for place in places) <= 24
+    assert max(place["x"] + place["w"] for place in panels) <= 24
 
 
 def test_grafanas_types_accept_every_key_and_unit() -> None:

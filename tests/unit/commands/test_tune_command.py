@@ -45,7 +45,7 @@ def test_help_has_examples(capsys: pytest.CaptureFixture[str]) -> None:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "code", "words"),
+    ("arguments", "code", "expected_text"),
     [
         ((), 2, "the following arguments are required: VEHICLE"),
         (("paper_sx",), 2, "no vehicle 'paper_sx'; did you mean 'paper_six'?"),
@@ -58,11 +58,11 @@ def test_help_has_examples(capsys: pytest.CaptureFixture[str]) -> None:
     ],
 )
 def test_wrong_arguments_are_refused(
-    arguments: tuple[str, ...], code: int, words: str, capsys: pytest.CaptureFixture[str]
+    arguments: tuple[str, ...], code: int, expected_text: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     found, _, err = run(capsys, *arguments)
     assert found == code
-    assert words in err
+    assert expected_text in err
     assert "Traceback" not in err
 
 

@@ -95,19 +95,19 @@ def test_import_lists_missing_keys_and_accepts_them_from_a_file(
     code, _, err = run(capsys, "--import", str(VECTORS / "hydra_gz.urdf"))
     assert code == 2
     assert "does not say volume" in err
-    rest = tmp_path / "rest.toml"
-    rest.write_text(
+    missing_keys = tmp_path / "rest.toml"
+    missing_keys.write_text(
         "volume = 0.024\ndimensions = [0.6, 0.4, 0.35]\ncenter_of_buoyancy = [0, 0, -0.05]\n"
         '[every_thruster]\nmax_forward = "60 N"\nmax_reverse = "45 N"\n'
     )
-    code, out, _ = run(capsys, "--import", str(VECTORS / "hydra_gz.urdf"), "--add", str(rest))
+    code, out, _ = run(capsys, "--import", str(VECTORS / "hydra_gz.urdf"), "--add", str(missing_keys))
     (tmp_path / "gz.toml").write_text(out)
     assert code == 0
     assert load_vehicle(str(tmp_path / "gz.toml"))[0].thrusters[0].max_reverse == 45.0
 
 
 @pytest.mark.parametrize(
-    ("arguments", "words"),
+    ("arguments", "expected_text"),
     [
         (["bluerov"], "did you mean 'bluerov2'"),
         (["paper_six", "--density", "1.025"], "--density: expected a number from 500 to 2000 kg/m³, found '1.025'"),
@@ -117,11 +117,11 @@ def test_import_lists_missing_keys_and_accepts_them_from_a_file(
         (["--import", str(VECTORS / "hydra.urdf"), "-o", "/proc/no/such"], "/proc/no/such: cannot be written"),
     ],
 )
-def test_every_error_is_one_line(arguments: list[str], words: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_every_error_is_one_line(arguments: list[str], expected_text: str, capsys: pytest.CaptureFixture[str]) -> None:
     code, out, err = run(capsys, *arguments)
     assert (code, out) == (2, "")
     assert err.startswith("uuv-hil vehicle: ")
-    assert words in err
+    assert expected_text in err
     assert err.count("\n") == 1
 
 

@@ -205,7 +205,7 @@ def test_the_slave_checks_its_endpoint_with_and_without_argparse(
 
 
 @pytest.mark.parametrize(
-    ("words", "meant"),
+    ("arguments", "meant"),
     [
         (["slav"], "slave"),
         (["bench", "tabel"], "table"),
@@ -225,15 +225,15 @@ def test_the_slave_checks_its_endpoint_with_and_without_argparse(
         (["bench", "delay", "--stm32", "pyton"], "python"),
     ],
 )
-def test_a_similar_name_is_suggested(words: list[str], meant: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.main(words) == 2
+def test_a_similar_name_is_suggested(arguments: list[str], meant: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(arguments) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert f"did you mean '{meant}'?" in line
     assert len(re.findall("uuv-hil", line.partition("; see ")[0])) == 1, "a prefix twice"
 
 
 @pytest.mark.parametrize(
-    ("words", "line"),
+    ("arguments", "line"),
     [
         (["world", "export", "pool", "-o", "x.sdf"], "no option '-o'; see"),  # another subcommand has it
         (["sim", "-q"], "no option '-q'; see"),
@@ -241,9 +241,9 @@ def test_a_similar_name_is_suggested(words: list[str], meant: str, capsys: pytes
         (["keys", "ad"], "ACTION: 'ad' is not one of init, add; did you mean 'add'?; see"),
     ],
 )
-def test_an_unknown_name_is_reported_once(words: list[str], line: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.main(words) == 2
-    assert capsys.readouterr().err.startswith(f"uuv-hil {words[0]}: {line}")
+def test_an_unknown_name_is_reported_once(arguments: list[str], line: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(arguments) == 2
+    assert capsys.readouterr().err.startswith(f"uuv-hil {arguments[0]}: {line}")
 
 
 def test_long_examples_are_wrapped_as_a_shell_reads_them(monkeypatch: pytest.MonkeyPatch) -> None:

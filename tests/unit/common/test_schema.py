@@ -51,7 +51,7 @@ def test_numbers_text_units_tables_and_arrays_are_read() -> None:
 
 
 @pytest.mark.parametrize(
-    ("table", "words"),
+    ("table", "expected_texts"),
     [
         ({}, ["'name' is missing"]),
         ({"name": "a", "lnik": {}}, ["no key 'lnik'", "did you mean 'link'"]),
@@ -78,13 +78,13 @@ def test_numbers_text_units_tables_and_arrays_are_read() -> None:
         ({"name": ""}, ["name is empty"]),
     ],
 )
-def test_mistakes_are_reported_with_file_and_key(table: dict[str, Any], words: list[str]) -> None:
+def test_mistakes_are_reported_with_file_and_key(table: dict[str, Any], expected_texts: list[str]) -> None:
     with pytest.raises(ConfigError) as caught:
         parse(table, Thing, "thing.toml")
     message = str(caught.value)
     assert message.startswith("thing.toml")
     assert "\n" not in message
-    assert all(word in message for word in words), message
+    assert all(word in message for word in expected_texts), message
 
 
 def test_unreadable_files_are_reported(tmp_path: Path) -> None:

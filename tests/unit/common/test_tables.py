@@ -29,11 +29,11 @@ def test_the_second_read_uses_the_cache(file: Path, monkeypatch: pytest.MonkeyPa
     assert read_table(str(file)) == {"a": 1}
 
 
-@pytest.mark.parametrize(("most", "most_bytes"), [(10, 1 << 20), (1000, 600)], ids=["number", "size"])
+@pytest.mark.parametrize(("max_count", "most_bytes"), [(10, 1 << 20), (1000, 600)], ids=["number", "size"])
 def test_the_oldest_cached_tables_are_removed_beyond_the_limits(
-    most: int, most_bytes: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    max_count: int, most_bytes: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(tables, "MAX_CACHED", most)
+    monkeypatch.setattr(tables, "MAX_CACHED", max_count)
     monkeypatch.setattr(tables, "MAX_CACHED_BYTES", most_bytes)
     program = Path(cache_path("x")).parent / f"{tables.PROGRAM}-abc"
     program.parent.mkdir(parents=True)
@@ -44,7 +44,7 @@ def test_the_oldest_cached_tables_are_removed_beyond_the_limits(
         read_table(str(path))
         os.utime(cache_path(str(path)), (number, number))
         cached = [file for file in program.parent.iterdir() if file != program]
-        assert len(cached) <= most
+        assert len(cached) <= max_count
         assert sum(file.stat().st_size for file in cached) <= most_bytes
     assert Path(cache_path(str(tmp_path / "39.toml"))).exists(), "the newest"
     assert not Path(cache_path(str(tmp_path / "0.toml"))).exists(), "the oldest"
@@ -110,7 +110,7 @@ def test_checking_an_output_file_leaves_no_file_behind(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("place", "reason"),
+    ("output_path", "reason"),
     [
         ("folder", "Is a directory"),
         ("nowhere/a.json", "there is no folder FOLDER/nowhere"),
@@ -120,14 +120,14 @@ def test_checking_an_output_file_leaves_no_file_behind(tmp_path: Path) -> None:
         ("a\0b", "a zero byte is in its name"),
     ],
 )
-def test_an_output_that_cannot_be_written_is_refused(tmp_path: Path, place: str, reason: str) -> None:
+def test_an_output_that_cannot_be_written_is_refused(tmp_path: Path, output_path: str, reason: str) -> None:
     """The output is refused at once, also a pipe that nobody reads; and no folder is made."""
     (tmp_path / "folder").mkdir()
     (tmp_path / "file").write_text("")
     os.mkfifo(tmp_path / "pipe.json")
     before = set(tmp_path.iterdir())
     with pytest.raises(ConfigError) as error:
-        output_file(str(tmp_path / place))
+        output_file(str(tmp_path / output_path))
     reason = reason.replace("FOLDER", str(tmp_path))
     assert f"cannot be written: {reason}; name a file in a folder of yours" in str(error.value)
     assert set(tmp_path.iterdir()) == before

@@ -77,7 +77,7 @@ def test_ros_1_names_are_accepted() -> None:
 
 
 @pytest.mark.parametrize(
-    ("kind", "values", "words"),
+    ("kind", "values", "expected_text"),
     [
         ("geometry_msgs/msg/Twist", {"linar": {}}, "has no field 'linar'"),
         ("geometry_msgs/msg/Twist", {"linear": 3}, "linear: expected an object"),
@@ -90,8 +90,8 @@ def test_ros_1_names_are_accepted() -> None:
         ("std_msgs/msg/Float64MultiArray", {"data": 3.0}, "expected an array"),
     ],
 )
-def test_invalid_values_are_refused_with_their_field(kind: str, values: Any, words: str) -> None:
-    with pytest.raises(ConfigError, match=words):
+def test_invalid_values_are_refused_with_their_field(kind: str, values: Any, expected_text: str) -> None:
+    with pytest.raises(ConfigError, match=expected_text):
         from_json(kind, values)
 
 
@@ -124,12 +124,12 @@ def test_service_arguments_are_named_or_positional() -> None:
 
 
 def test_typedefs_contain_all_nested_types() -> None:
-    found = {each["type"]: each for each in typedefs("geometry_msgs/msg/PoseStamped")}
-    assert set(found) == {
+    definitions = {each["type"]: each for each in typedefs("geometry_msgs/msg/PoseStamped")}
+    assert set(definitions) == {
         "geometry_msgs/msg/PoseStamped", "std_msgs/msg/Header", "builtin_interfaces/msg/Time",
         "geometry_msgs/msg/Pose", "geometry_msgs/msg/Point", "geometry_msgs/msg/Quaternion",
     }  # fmt: skip
-    assert found["std_msgs/msg/Header"]["fieldnames"] == ["stamp", "frame_id"]
+    assert definitions["std_msgs/msg/Header"]["fieldnames"] == ["stamp", "frame_id"]
 
 
 # --- when messages are sent

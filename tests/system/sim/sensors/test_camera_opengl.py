@@ -158,16 +158,16 @@ def test_pictures_of_a_flat_seabed_and_by_a_wide_lens_agree(context: Any) -> Non
 
 def test_moved_and_added_objects_are_drawn(context: Any) -> None:
     rays, drawn, other = pair(relief())
-    here = (0.0, 0.0, 10.0)
-    assert 11 in agree(rays, drawn, here, (0.0, 0.0, 0.0))
+    camera = (0.0, 0.0, 10.0)
+    assert 11 in agree(rays, drawn, camera, (0.0, 0.0, 0.0))
     other.position = [2.0, -1.0, 10.2]
     other.quaternion = list(from_euler(1.0, 0.5, 0.2))
-    assert 11 in agree(rays, drawn, here, (0.0, 0.0, 0.0))
+    assert 11 in agree(rays, drawn, camera, (0.0, 0.0, 0.0))
     other.position = [0.0, 0.0, 1e6]  # a neighbour that has sent nothing
-    assert 11 not in agree(rays, drawn, here, (0.0, 0.0, 0.0))
+    assert 11 not in agree(rays, drawn, camera, (0.0, 0.0, 0.0))
     for scene in (rays, drawn):
         scene.add(box((2.0, 0.0, 10.0), (0.3, 0.4, 0.5), matrix(from_euler(0.2, 0.5, 0.8))))
-    assert 13 in agree(rays, drawn, here, (0.0, 0.0, 0.0))
+    assert 13 in agree(rays, drawn, camera, (0.0, 0.0, 0.0))
 
 
 def test_distances_from_inside_an_object_are_zero(context: Any) -> None:
@@ -303,15 +303,15 @@ def test_a_terrain_larger_than_a_texture_is_refused(context: Any, monkeypatch: p
 
 def test_nodes_beyond_the_grid_repeat_its_edge() -> None:
     """There are 5 nodes every 2 m; the camera is at the second. Beyond the edge it is repeated, then one far away."""
-    numbers, places = opengl.nodes(1.0, 5, 2.0, -0.5, 3.0, 100.0)
-    assert (numbers.tolist(), places.tolist()) == ([0, 1, 2, 3], [-2.0, 0.0, 2.0, 4.0])
-    numbers, places = opengl.nodes(1.0, 5, 2.0, -9.0, 9.0, 100.0)
+    numbers, distances = opengl.nodes(1.0, 5, 2.0, -0.5, 3.0, 100.0)
+    assert (numbers.tolist(), distances.tolist()) == ([0, 1, 2, 3], [-2.0, 0.0, 2.0, 4.0])
+    numbers, distances = opengl.nodes(1.0, 5, 2.0, -9.0, 9.0, 100.0)
     assert numbers.tolist() == [-2, -1, 0, 1, 2, 3, 4, 5, 6]
-    assert places.tolist() == [-100.0, -2.0, -2.0, 0.0, 2.0, 4.0, 6.0, 6.0, 100.0]
+    assert distances.tolist() == [-100.0, -2.0, -2.0, 0.0, 2.0, 4.0, 6.0, 6.0, 100.0]
     for beside in (-60.0, 70.0):
-        numbers, places = opengl.nodes(beside, 5, 2.0, -20.0, 20.0, 40.0)
-        assert places[0] <= -20.0
-        assert places[-1] >= 20.0
+        numbers, distances = opengl.nodes(beside, 5, 2.0, -20.0, 20.0, 40.0)
+        assert distances[0] <= -20.0
+        assert distances[-1] >= 20.0
         assert not ((numbers >= 0) & (numbers < 4)).any()
 
 

@@ -177,7 +177,7 @@ def test_reports_of_controllers_combine_in_any_order_and_rate(order: tuple[int, 
 
 
 @pytest.mark.parametrize(
-    ("role", "channels", "settings", "words"),
+    ("role", "channels", "settings", "expected_text"),
     [
         ("host", 17, {}, "1 to 16 thrusters"),
         ("device", 0, {}, "1 to 16 thrusters"),
@@ -192,9 +192,9 @@ def test_reports_of_controllers_combine_in_any_order_and_rate(order: tuple[int, 
     ],
 )
 def test_wrong_settings_are_refused_with_a_reason(
-    role: Any, channels: int, settings: dict[str, Any], words: str
+    role: Any, channels: int, settings: dict[str, Any], expected_text: str
 ) -> None:
-    with pytest.raises(ConfigError, match=words):
+    with pytest.raises(ConfigError, match=expected_text):
         open_dronecan(role, channels, **settings)
 
 
