@@ -116,7 +116,7 @@ def _equipment_drag(vehicle: Vehicle, density: float, axis: int) -> float:
 
 
 def _coupling(wrench: list[float], axis: int) -> float:
-    """Return the greatest difference of the wrench `wrench` from a unit wrench along `axis`.
+    """Return the greatest difference of `wrench` from a unit wrench along `axis`.
 
     A roll or pitch moment that comes with another axis does not count: weight and buoyancy balance it.
     """
