@@ -20,6 +20,7 @@ import math
 import os
 import sys
 import types
+from collections.abc import Sequence
 from typing import Annotated, Any, Literal, NamedTuple, TypeVar, Union, get_args, get_origin
 
 from hil.common.errors import ConfigError
@@ -59,12 +60,15 @@ def load(path: str, record: type[Record]) -> Record:
     return parse(read_table(path), record, path)
 
 
-def parse(table: dict[str, Any], record: type[Record], where: str) -> Record:
-    """Return `table` as a `record`; `where` (file and section) begins every error message."""
+def parse(table: dict[str, Any], record: type[Record], where: str, others: Sequence[str] = ()) -> Record:
+    """Return `table` as a `record`; `where` (file and section) begins every error message.
+
+    `others`: keys that the caller has taken out of the table. An error about an unknown key suggests them too.
+    """
     annotations, defaults = _fields(record)
     for key in table:
         if key not in annotations:
-            raise ConfigError(f"{where}: no key {shortened(key)}{nearest(key, list(annotations))}")
+            raise ConfigError(f"{where}: no key {shortened(key)}{nearest(key, [*annotations, *others])}")
     values: dict[str, Any] = {}
     for key, annotation in annotations.items():
         if key in table:

@@ -51,6 +51,7 @@ POINTS = ("dimensions", "center_of_gravity", "center_of_buoyancy", "munk_share")
 EQUIPMENT = (
     "fins", "lift", "cross_flow", "forward_speed_damping", "fading_damping", "buoyancy_engine", "drop_weights",
 )  # fmt: skip
+OTHER_KEYS = (*EQUIPMENT, "control", "battery", "meshes", "collision", "every_thruster", "every_fin")
 
 
 class Vehicle(NamedTuple):
@@ -189,7 +190,7 @@ def load_vehicle(name_or_path: str) -> tuple[Vehicle, dict[str, Any]]:
     _with_common(table, "fins", "every_fin")
     equipment = {key: table.pop(key) for key in EQUIPMENT if key in table}
     models: list[dict[str, Any]] = [{key: row.pop(key) for key in ("curve", "dynamics") if key in row} for row in rows]
-    vehicle = parse(table, Vehicle, path)
+    vehicle = parse(table, Vehicle, path, OTHER_KEYS)
     if any(models):
         # This import and those below are local, because most vehicles do not need them.
         from sim.vehicle.thrusters.tables import with_models

@@ -102,3 +102,11 @@ def test_the_inverse_matrix_is_exact() -> None:
     matrix = mass_matrix(build(center_of_gravity=[0.01, 0.02, 0.03]))
     unit = product(matrix, inverse(matrix))
     assert [x for row in unit for x in row] == pytest.approx([float(i % 7 == 0) for i in range(36)], abs=1e-13)
+
+
+@pytest.mark.parametrize("key", ["every_thruster", "every_fin", "battery", "collision", "buoyancy_engine"])
+def test_a_misspelt_table_is_suggested(tmp_path: Path, key: str) -> None:
+    path = tmp_path / "mine.toml"
+    path.write_text(f"[{key[:-2]}{key[-1]}]\n")
+    with pytest.raises(ConfigError, match=f"did you mean '{key}'"):
+        load_vehicle(str(path))
