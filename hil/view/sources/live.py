@@ -138,7 +138,7 @@ class LiveSource:
         return [(sample.total_ns + offset_ns) / 1e6 for sample in samples], medians
 
     def show(self, viewed: bool, with_pictures: bool) -> None:
-        """Subscribe to all samples when somebody looks; open or close the session for pictures."""
+        """Subscribe to all samples when a browser is connected; open or close the session for pictures."""
         if viewed:
             for vehicle in self._known.values():
                 vehicle.client.watch(ALL)
@@ -177,7 +177,7 @@ class LiveSource:
             vehicle = self._fleet.wait_for(name, seconds=0.0)[0]
         except NetworkError:  # it is present, but has sent nothing yet; the next update tries again
             return
-        vehicle.client.watch(*PLACES)  # for the tracks, also while nobody looks
+        vehicle.client.watch(*PLACES)  # for the tracks, which are drawn without a browser too
         vehicle.notify(self._on_sample)
         self._known[name] = vehicle
 

@@ -41,7 +41,7 @@ class Source(Protocol):
         """Return the delays (ms) of the newest commands, and the median (ms) of each hop; empty if not known."""
 
     def show(self, viewed: bool, with_pictures: bool) -> None:
-        """Receive what is drawn: all samples if somebody looks, and then pictures of cameras and sonars too."""
+        """Receive what is drawn: all samples if a browser is connected, and then pictures of cameras and sonars too."""
 
     def log_lines(self) -> list[str]:
         """Return what happened since the last call, a line each."""
@@ -59,7 +59,7 @@ class OfflineSource:
         return [], {}
 
     def show(self, viewed: bool, with_pictures: bool) -> None:
-        """Do nothing, as all samples are there whether somebody looks or not."""
+        """Do nothing, as all samples are there anyway."""
 
     def log_lines(self) -> list[str]:
         """Return no lines."""
