@@ -32,7 +32,7 @@ class Panels:
             gui.add_html(_legend(colours.LEGEND + (colours.FLEET_LEGEND if is_fleet else ())))
         with tabs.add_tab("Pictures"):
             self.pictures = gui.add_checkbox(
-                "receive pictures", False, hint="they are only sent while a browser is connected"
+                "receive pictures", False, hint="sent only while a browser is connected"
             )
             self._images: dict[str, Any] = {}
             self._no_pictures = gui.add_html(_text("cameras and sonars of the vehicle appear here"))
