@@ -31,9 +31,7 @@ class Panels:
             self._instruments = gui.add_html("<p>waiting for a vehicle</p>")
             gui.add_html(_legend(colours.LEGEND + (colours.FLEET_LEGEND if is_fleet else ())))
         with tabs.add_tab("Pictures"):
-            self.pictures = gui.add_checkbox(
-                "receive pictures", False, hint="sent only while a browser is connected"
-            )
+            self.pictures = gui.add_checkbox("receive pictures", False, hint="sent only while a browser is connected")
             self._images: dict[str, Any] = {}
             self._no_pictures = gui.add_html(_text("cameras and sonars of the vehicle appear here"))
             self._image_folder = gui.add_folder("cameras and sonars")
