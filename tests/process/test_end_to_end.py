@@ -48,8 +48,11 @@ def test_a_mission_reaches_its_goal_and_writes_its_results(tmp_path: Path) -> No
     assert 0 < table["slave_ready_s"] <= table["startup_s"]
     assert 0 < table["slave_pss_mib"] < table["slave_rss_mib"] < 40
     assert table["commands"] > 50
-    assert 0 < table["delay"]["p50_ms"] < 1000
-    assert sum(hop["p50_ms"] for hop in table["hops"].values()) == pytest.approx(table["delay"]["p50_ms"], rel=0.5)
+    delay, hops = table["delay"], table["hops"].values()
+    assert 0 < delay["p50_ms"] < 1000
+    # Each delay is the sum of its hops, none of which is negative.
+    assert max(hop["p50_ms"] for hop in hops) <= delay["p50_ms"]
+    assert sum(hop["max_ms"] for hop in hops) >= delay["max_ms"] - 1e-9
     assert table["slave"]["link_checksum_errors"] == "0"
     assert int(table["slave"]["processes"]) == 1
     assert "thrusters neutral" in (folder / "slave.log").read_text()
