@@ -235,7 +235,7 @@ def sensor_figures(name: str, make: Callable[[Scene], Sensor], world: World, rou
 
     place = (*PLACE, world.seabed(*PLACE) - ALTITUDE)
     sensor = make(Simulation(load_vehicle("bluerov2_heavy")[0], world, {}, position=place))
-    maker = getattr(sensor, "_pinger", None) or getattr(sensor, "_eye")  # noqa: B009 - not of the Sensor protocol
+    maker = sensor._renderer if isinstance(sensor, Camera) else getattr(sensor, "_pinger")  # noqa: B009 - of sonars
     scene = maker._rays = RecordedScene(world, "C")
     scene.add(half_space((0.0, 0.0, 1.0), 0.0))
     state = State(place)
