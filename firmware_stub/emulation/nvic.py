@@ -8,7 +8,7 @@ SVCALL, PENDSV, SYSTICK, FIRST_INTERRUPT = 11, 14, 15, 16
 INTERRUPTS = 97  # on the F446, which has the most
 NMI = 2
 PRIORITY_BITS = 0xF0  # only the upper four bits are implemented
-MIN_URGENT = 0x100  # priority of a program outside of exceptions
+LOWEST_PRIORITY = 0x100  # priority of a program outside of exceptions
 ALWAYS_ENABLED = (1 << FIRST_INTERRUPT) - 1
 ALL_EXCEPTIONS = (1 << FIRST_INTERRUPT + INTERRUPTS) - 1
 
@@ -84,14 +84,14 @@ class Nvic:
     def _select_next(self) -> None:
         waiting = self.pending & self.enabled
         if not waiting:
-            self.next, self.next_priority, self.urgent = 0, MIN_URGENT, False
+            self.next, self.next_priority, self.urgent = 0, LOWEST_PRIORITY, False
             return
         priorities = self.priorities
-        self.next_priority = MIN_URGENT
+        self.next_priority = LOWEST_PRIORITY
         while waiting:
             number = (waiting & -waiting).bit_length() - 1
             waiting &= waiting - 1
             if priorities[number] < self.next_priority:
                 self.next, self.next_priority = number, priorities[number]
-        running = min([priorities[number] for number in self.active]) if self.active else MIN_URGENT
+        running = min([priorities[number] for number in self.active]) if self.active else LOWEST_PRIORITY
         self.urgent = self.next_priority < running

@@ -165,7 +165,7 @@ def _run(scenario: list[str], endpoint: str, folder: str, observe: Callable[[], 
         master, ready_fd = _start_master(scenario, endpoint, folder)
         slave = None
         try:
-            if not _wait_until_dialling(ready_fd, stop_fd):
+            if not _wait_until_connecting(ready_fd, stop_fd):
                 return master.wait(GRACE_S)
             print(f"starting the slave (its log: {log_path})", flush=True)
             slave = _start_slave(scenario, endpoint, log)
@@ -185,7 +185,7 @@ def _start_master(scenario: list[str], endpoint: str, folder: str) -> tuple[subp
     return master, read_fd
 
 
-def _wait_until_dialling(ready_fd: int, stop_fd: int) -> bool:
+def _wait_until_connecting(ready_fd: int, stop_fd: int) -> bool:
     """Wait until the master connects, so that the measured start-up time is the slave's alone.
 
     Return False if the master ended instead. Raises KeyboardInterrupt when the user ends this process.

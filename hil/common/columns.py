@@ -13,7 +13,7 @@ GAP = "  "
 PIECES = re.compile(r" +|[^ /]*/|[^ /]+")  # pieces that are kept on one line if possible
 COLOUR = re.compile(r"\x1b\[[\d;]*m")  # as Python 3.14 and later write it into a usage
 OPTION_VALUE = re.compile(r"(?<![\w-])(--?[\w-]+) (?=[^\[| ])")  # the space between an option and its value
-MIN = 6  # minimum width of a column, in characters
+MIN_WIDTH = 6  # minimum width of a column, in characters
 
 
 def aligned(
@@ -116,7 +116,7 @@ def _fitted(columns: Sequence[Sequence[str]], total: int) -> list[int]:
     words = [
         max(len(piece.rstrip()) for cell in column for piece in PIECES.findall(cell) or [""]) for column in columns
     ]
-    for floors in (words, [MIN] * len(widths)):
+    for floors in (words, [MIN_WIDTH] * len(widths)):
         while sum(widths) + len(GAP) * (len(widths) - 1) > total:
             spare = [width if width > floor else 0 for width, floor in zip(widths, floors, strict=True)]
             if not any(spare):

@@ -10,7 +10,6 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from importlib import import_module
-from inspect import isabstract
 from typing import TYPE_CHECKING, Any
 
 from hil.common.errors import ConfigError
@@ -57,7 +56,7 @@ def load_class(table: dict[str, Any], contract: type, where: str) -> Any:
     undefined: frozenset[str] = getattr(kind, "__abstractmethods__", frozenset())
     missing = [name for name in _methods(contract) if name in undefined or not callable(getattr(kind, name, None))]
     if missing:
-        to_derive = isabstract(contract) and contract not in kind.__mro__
+        to_derive = bool(getattr(contract, "__abstractmethods__", ())) and contract not in kind.__mro__
         remedy = f"derive it from {contract.__name__} of" if to_derive else "see"
         raise ConfigError(f"{where}: {name} has no method {missing[0]!r} ({remedy} {contract.__module__})")
     arguments = {key: value for key, value in table.items() if key != "class"}

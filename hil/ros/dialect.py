@@ -11,7 +11,7 @@ from hil.common.errors import ConfigError
 
 Distro = Literal["humble", "jazzy", "kilted", "rolling"]
 FROM_ENVIRONMENT = -1
-MAX = 232  # limit of ROS 2
+MAX_DOMAIN = 232  # limit of ROS 2
 NO_HASH = "TypeHashNotSupported"  # sent by Humble instead of the hash of a type
 
 _chosen: tuple[int, Distro] = (FROM_ENVIRONMENT, "jazzy")
@@ -37,6 +37,8 @@ def is_humble() -> bool:
 
 def _from_environment() -> int:
     text = os.environ.get("ROS_DOMAIN_ID", "").strip() or "0"
-    if not text.isdecimal() or int(text[:9]) > MAX:
-        raise ConfigError(f"ROS_DOMAIN_ID: {text!r} is no domain, which are 0 to {MAX}; unset it, or give [ros] domain")
+    if not text.isdecimal() or int(text[:9]) > MAX_DOMAIN:
+        raise ConfigError(
+            f"ROS_DOMAIN_ID: {text!r} is no domain, which are 0 to {MAX_DOMAIN}; unset it, or give [ros] domain"
+        )
     return int(text)

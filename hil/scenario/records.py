@@ -154,5 +154,5 @@ class Ros(NamedTuple):
     joints: Annotated[float, Range(0.0, 1000.0, "Hz")] = 10.0
     images: Literal["jpeg", "raw", "both"] = "jpeg"
     jpeg_quality: Annotated[int, Range(1, 95)] = 80
-    domain: Annotated[int, Range(dialect.FROM_ENVIRONMENT, dialect.MAX)] = dialect.FROM_ENVIRONMENT
+    domain: Annotated[int, Range(dialect.FROM_ENVIRONMENT, dialect.MAX_DOMAIN)] = dialect.FROM_ENVIRONMENT
     distro: dialect.Distro = "jazzy"

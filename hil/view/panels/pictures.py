@@ -14,7 +14,7 @@ from sim.sensors.mounting import Mounting
 
 FAN_SIZE = SIZE
 WATERFALL = 240  # shown pings of a side scan
-_FEWEST_ROWS, _MAX_ROWS = 0.05, 40.0  # per ping; fewer: the vehicle stands still; more: pings were lost
+_MIN_ROWS, _MAX_ROWS = 0.05, 40.0  # per ping; fewer: the vehicle stands still; more: pings were lost
 MAX_ECHOES = 4000  # points of a sonar fan in the scene
 BACKGROUND = np.array([12, 18, 28], np.uint8)
 
@@ -87,7 +87,7 @@ class Waterfall:
         rows, before, self._position = 1.0, self._position, position
         if before and position:
             distance = hypot(position[0] - before[0], position[1] - before[1])
-            rows = min(max(distance / (sample.range_step or 1.0), _FEWEST_ROWS), _MAX_ROWS)
+            rows = min(max(distance / (sample.range_step or 1.0), _MIN_ROWS), _MAX_ROWS)
         self._pings = [row.astype(float), *self._pings[: WATERFALL - 1]]
         self._spacings = [rows, *self._spacings[: WATERFALL - 1]]
         return True

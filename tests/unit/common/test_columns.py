@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hil.common.columns import GAP, MIN, aligned, fit_to_terminal, shorten_status
+from hil.common.columns import GAP, MIN_WIDTH, aligned, fit_to_terminal, shorten_status
 
 CELL = st.text(st.characters(categories=("L", "N"), include_characters=" /_-."), max_size=90)
 TABLES = st.integers(1, 6).flatmap(lambda n: st.lists(st.lists(CELL, min_size=n, max_size=n), min_size=1, max_size=5))
@@ -13,7 +13,7 @@ TABLES = st.integers(1, 6).flatmap(lambda n: st.lists(st.lists(CELL, min_size=n,
 @given(TABLES, st.integers(60, 120))
 def test_no_line_exceeds_the_terminal_and_no_character_is_lost(rows: list[list[str]], width: int) -> None:
     lines = aligned(rows, width=width)
-    assert max(map(len, lines)) <= max(width, len(rows[0]) * (MIN + len(GAP)))
+    assert max(map(len, lines)) <= max(width, len(rows[0]) * (MIN_WIDTH + len(GAP)))
     assert sorted("".join(map("".join, rows)).replace(" ", "")) == sorted("".join(lines).replace(" ", ""))
 
 
