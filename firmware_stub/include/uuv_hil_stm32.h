@@ -103,9 +103,9 @@ uint64_t uuv_hil_board_deadline_us(const UuvHilBoard *board);
 #define UUV_HIL_PACKET_LONGEST 280u /* a signed MAVLink 2 packet; the frame has 261 at most */
 
 typedef struct {
-    /* Return the size of the packet that begins with these `seen` bytes. If these are too few, return the number of
-     * bytes at which to call it again. Return 0 if no packet begins like this. */
-    size_t (*size)(const uint8_t *bytes, size_t seen);
+    /* Return the size of the packet that begins with these `available` bytes. If these are too few, return the number
+     * of bytes at which to call it again. Return 0 if no packet begins like this. */
+    size_t (*size)(const uint8_t *bytes, size_t available);
     bool (*is_valid)(const uint8_t *packet, size_t size);
     uint8_t first; /* first byte of every packet; `size` is not called for others */
 } UuvHilFormat;
@@ -193,15 +193,15 @@ void uuv_hil_mavlink_tick(UuvHilMavlink *mavlink, const UuvHilPlatform *platform
  * again before that, make one command of the board. It sends STATUS. ---- */
 
 typedef struct {
-    uint16_t output_us;    /* present output; UUV_HIL_NO_PULSE_US: none */
-    uint16_t waiting_us; /* output of the command that is being assembled */
-    bool waits;
+    uint16_t output_us;  /* present output; UUV_HIL_NO_PULSE_US: none */
+    uint16_t pending_us; /* output of the command that is being assembled */
+    bool is_pending;
     uint64_t received_us;
 } UuvHilVescMotor;
 
 typedef struct {
     uint8_t channels;
-    uint8_t waiting; /* motors with a received output that is not applied yet */
+    uint8_t pending_count; /* motors with a received output that is not applied yet */
     UuvHilVescMotor motors[UUV_HIL_MAX_CHANNELS];
     uint16_t malformed; /* frames to these controllers that are not supported; wraps */
 } UuvHilVesc;

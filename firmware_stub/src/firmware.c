@@ -2,7 +2,7 @@
 
 #include "uuv_hil_stm32.h"
 
-static void put_outputs(const UuvHilFirmware *firmware)
+static void set_outputs(const UuvHilFirmware *firmware)
 {
     const UuvHilPlatform *platform = firmware->platform;
     platform->pwm_set(platform->context, firmware->board.pwm_us, firmware->board.channels);
@@ -53,7 +53,7 @@ void uuv_hil_start(UuvHilFirmware *firmware, const UuvHilPlatform *platform, uin
     uuv_hil_board_start(&firmware->board, channels, watchdog_us);
     uuv_hil_mavlink_start(&firmware->mavlink, channels);
     uuv_hil_vesc_start(&firmware->vesc, channels);
-    put_outputs(firmware);
+    set_outputs(firmware);
 }
 
 static UuvHilReceived feed_frame(UuvHilFirmware *firmware, uint8_t byte, UuvHilCommand *command)
@@ -91,7 +91,7 @@ static void apply_command(UuvHilFirmware *firmware, const UuvHilCommand *command
 {
     if (!uuv_hil_board_command(&firmware->board, command, now_us))
         return;
-    put_outputs(firmware);
+    set_outputs(firmware);
     report(firmware, now_us);
 }
 
@@ -106,10 +106,10 @@ void uuv_hil_receive_can(UuvHilFirmware *firmware, const UuvHilCanFrame *frame)
         apply_command(firmware, &command, now_us);
 }
 
-static void let_time_pass(UuvHilFirmware *firmware, uint64_t now_us)
+static void advance_time(UuvHilFirmware *firmware, uint64_t now_us)
 {
     if (uuv_hil_board_tick(&firmware->board, now_us)) {
-        put_outputs(firmware);
+        set_outputs(firmware);
         report(firmware, now_us);
     }
     if (firmware->protocol == UUV_HIL_PROTOCOL_MAVLINK)
@@ -125,7 +125,7 @@ void uuv_hil_service(UuvHilFirmware *firmware, const uint8_t *bytes, size_t size
         if (feed_byte(firmware, bytes[i], now_us, &command) == UUV_HIL_COMMAND)
             apply_command(firmware, &command, now_us);
     }
-    let_time_pass(firmware, now_us);
+    advance_time(firmware, now_us);
     platform->watchdog_kick(platform->context);
 }
 
@@ -139,5 +139,5 @@ uint64_t uuv_hil_deadline_us(const UuvHilFirmware *firmware)
 void uuv_hil_stop(UuvHilFirmware *firmware)
 {
     uuv_hil_board_disarm(&firmware->board);
-    put_outputs(firmware);
+    set_outputs(firmware);
 }

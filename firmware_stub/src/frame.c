@@ -39,13 +39,13 @@ static uint16_t checksum(const uint8_t *frame, size_t size)
     return uuv_hil_crc16(frame + UUV_HIL_FRAME_CRC_START, size - UUV_HIL_FRAME_CRC_START - UUV_HIL_FRAME_CRC_SIZE);
 }
 
-static size_t frame_size(const uint8_t *bytes, size_t seen)
+static size_t frame_size(const uint8_t *bytes, size_t available)
 {
-    if (seen < 2)
+    if (available < 2)
         return 2;
     if (bytes[1] != UUV_HIL_FRAME_SYNC_1)
         return 0;
-    if (seen < FRAME_PREFIX)
+    if (available < FRAME_PREFIX)
         return FRAME_PREFIX;
     return FRAME_PREFIX + (size_t)bytes[UUV_HIL_FRAME_LENGTH] + UUV_HIL_FRAME_CRC_SIZE;
 }

@@ -10,7 +10,7 @@
 #define CRC_SIZE 2u
 #define SIGNED 0x01u
 #define SIGNATURE_SIZE 13u
-#define LONGEST_SENT (HEADER_SIZE + MAVLINK_MSG_ID_FILE_TRANSFER_PROTOCOL_LEN + CRC_SIZE)
+#define MAX_SENT_SIZE (HEADER_SIZE + MAVLINK_MSG_ID_FILE_TRANSFER_PROTOCOL_LEN + CRC_SIZE)
 #define NOT_MEASURED_U16 0xFFFFu
 #define IGNORED 0xFFFFu
 #define RELEASED 0xFFFEu /* of channels 9 to 18; of the first eight it is 0 */
@@ -22,13 +22,13 @@ static uint32_t message_id(const uint8_t *packet)
     return packet[7] | (uint32_t)packet[8] << 8 | (uint32_t)packet[9] << 16;
 }
 
-static size_t packet_size(const uint8_t *bytes, size_t seen)
+static size_t packet_size(const uint8_t *bytes, size_t available)
 {
-    if (seen < 3)
+    if (available < 3)
         return 3;
     if ((bytes[2] & ~SIGNED) != 0)
         return 0;
-    if (seen < HEADER_SIZE)
+    if (available < HEADER_SIZE)
         return HEADER_SIZE;
     if (mavlink_get_msg_entry(message_id(bytes)) == NULL)
         return 0; /* its checksum depends on an unknown layout */
@@ -50,7 +50,7 @@ static const UuvHilFormat mavlink_format = {packet_size, is_valid, MAVLINK_STX};
 
 static void send_message(UuvHilMavlink *mavlink, const UuvHilPlatform *platform, const mavlink_message_t *message)
 {
-    uint8_t bytes[LONGEST_SENT];
+    uint8_t bytes[MAX_SENT_SIZE];
     mavlink->packets_sent++;
     platform->uart_write(platform->context, bytes, mavlink_msg_to_send_buffer(bytes, message));
 }
@@ -63,7 +63,7 @@ static mavlink_status_t status(const UuvHilMavlink *mavlink)
 static void send_heartbeat(UuvHilMavlink *mavlink, const UuvHilPlatform *platform)
 {
     const UuvHilTelemetry *reported = &mavlink->reported;
-    mavlink_status_t numbered = status(mavlink);
+    mavlink_status_t link_status = status(mavlink);
     mavlink_message_t message;
     uint8_t state = reported->timed_out ? MAV_STATE_CRITICAL : reported->armed ? MAV_STATE_ACTIVE : MAV_STATE_STANDBY;
     const mavlink_heartbeat_t heartbeat = {
@@ -72,14 +72,14 @@ static void send_heartbeat(UuvHilMavlink *mavlink, const UuvHilPlatform *platfor
         .base_mode = reported->armed ? MAV_MODE_FLAG_SAFETY_ARMED : 0,
         .system_status = state,
     };
-    mavlink_msg_heartbeat_encode_status(SYSTEM, COMPONENT, &numbered, &message, &heartbeat);
+    mavlink_msg_heartbeat_encode_status(SYSTEM, COMPONENT, &link_status, &message, &heartbeat);
     send_message(mavlink, platform, &message);
 }
 
 static void send_sys_status(UuvHilMavlink *mavlink, const UuvHilPlatform *platform)
 {
     const UuvHilTelemetry *reported = &mavlink->reported;
-    mavlink_status_t numbered = status(mavlink);
+    mavlink_status_t link_status = status(mavlink);
     mavlink_message_t message;
     const mavlink_sys_status_t sys_status = {
         .onboard_control_sensors_present = MAV_SYS_STATUS_SENSOR_MOTOR_OUTPUTS,
@@ -92,7 +92,7 @@ static void send_sys_status(UuvHilMavlink *mavlink, const UuvHilPlatform *platfo
         .errors_count1 = reported->watchdog_trips,
         .errors_count2 = reported->frames,
     };
-    mavlink_msg_sys_status_encode_status(SYSTEM, COMPONENT, &numbered, &message, &sys_status);
+    mavlink_msg_sys_status_encode_status(SYSTEM, COMPONENT, &link_status, &message, &sys_status);
     send_message(mavlink, platform, &message);
 }
 
@@ -105,7 +105,7 @@ static void send_state(UuvHilMavlink *mavlink, const UuvHilPlatform *platform)
 static void send_outputs(UuvHilMavlink *mavlink, const UuvHilPlatform *platform, uint64_t now_us)
 {
     const uint16_t *pwm_us = mavlink->reported.pwm_us; /* those beyond its channels are 0 */
-    mavlink_status_t numbered = status(mavlink);
+    mavlink_status_t link_status = status(mavlink);
     mavlink_message_t message;
     const mavlink_servo_output_raw_t outputs = {
         .time_usec = (uint32_t)now_us,
@@ -115,14 +115,14 @@ static void send_outputs(UuvHilMavlink *mavlink, const UuvHilPlatform *platform,
         .servo9_raw = pwm_us[8], .servo10_raw = pwm_us[9], .servo11_raw = pwm_us[10], .servo12_raw = pwm_us[11],
         .servo13_raw = pwm_us[12], .servo14_raw = pwm_us[13], .servo15_raw = pwm_us[14], .servo16_raw = pwm_us[15],
     };
-    mavlink_msg_servo_output_raw_encode_status(SYSTEM, COMPONENT, &numbered, &message, &outputs);
+    mavlink_msg_servo_output_raw_encode_status(SYSTEM, COMPONENT, &link_status, &message, &outputs);
     send_message(mavlink, platform, &message);
 }
 
-static void send_acknowledged(UuvHilMavlink *mavlink, const UuvHilPlatform *platform, const mavlink_message_t *packet,
-                              uint16_t command, uint8_t result)
+static void send_acknowledgement(UuvHilMavlink *mavlink, const UuvHilPlatform *platform,
+                                 const mavlink_message_t *packet, uint16_t command, uint8_t result)
 {
-    mavlink_status_t numbered = status(mavlink);
+    mavlink_status_t link_status = status(mavlink);
     mavlink_message_t message;
     const mavlink_command_ack_t acknowledgement = {
         .command = command,
@@ -130,7 +130,7 @@ static void send_acknowledged(UuvHilMavlink *mavlink, const UuvHilPlatform *plat
         .target_system = packet->sysid,
         .target_component = packet->compid,
     };
-    mavlink_msg_command_ack_encode_status(SYSTEM, COMPONENT, &numbered, &message, &acknowledgement);
+    mavlink_msg_command_ack_encode_status(SYSTEM, COMPONENT, &link_status, &message, &acknowledgement);
     send_message(mavlink, platform, &message);
 }
 
@@ -141,26 +141,26 @@ static void answer_timesync(UuvHilMavlink *mavlink, const UuvHilPlatform *platfo
     mavlink_msg_timesync_decode(packet, &requested);
     if (requested.tc1 != 0)
         return; /* an answer */
-    mavlink_status_t numbered = status(mavlink);
+    mavlink_status_t link_status = status(mavlink);
     mavlink_message_t message;
     const mavlink_timesync_t answer = {.tc1 = (int64_t)(now_us * 1000u), .ts1 = requested.ts1};
-    mavlink_msg_timesync_encode_status(SYSTEM, COMPONENT, &numbered, &message, &answer);
+    mavlink_msg_timesync_encode_status(SYSTEM, COMPONENT, &link_status, &message, &answer);
     send_message(mavlink, platform, &message);
 }
 
 /* Answer the requests that a ground station sends to every vehicle. */
 static void answer_question(UuvHilMavlink *mavlink, const UuvHilPlatform *platform, const mavlink_message_t *packet)
 {
-    mavlink_status_t numbered = status(mavlink);
+    mavlink_status_t link_status = status(mavlink);
     mavlink_message_t message;
-    if (uuv_hil_mavlink_answer(packet, &numbered, &message))
+    if (uuv_hil_mavlink_answer(packet, &link_status, &message))
         send_message(mavlink, platform, &message);
 }
 
 /* ---- commands: each function sets mavlink->command for the board, and returns whether it did ---- */
 
-/* Return the command's number: advanced as the packet's is, or set back if the packet was overtaken. */
-static void continue_number(UuvHilMavlink *mavlink, const mavlink_message_t *packet)
+/* Set the command's sequence number: advanced as the packet's is, or set back if the packet was overtaken. */
+static void set_sequence(UuvHilMavlink *mavlink, const mavlink_message_t *packet)
 {
     int32_t commander = packet->sysid << 8 | packet->compid;
     int8_t step = commander == mavlink->commander ? (int8_t)(uint8_t)(packet->seq - mavlink->number) : 1;
@@ -174,7 +174,7 @@ static bool set_command(UuvHilMavlink *mavlink, const uint16_t *pwm_us, const ma
     UuvHilCommand *command = &mavlink->command;
     for (uint8_t i = 0; i < command->channels; i++)
         command->pwm_us[i] = command->armed ? pwm_us[i] : UUV_HIL_PWM_NEUTRAL_US;
-    continue_number(mavlink, packet);
+    set_sequence(mavlink, packet);
     return true;
 }
 
@@ -194,7 +194,7 @@ static bool handle_servo_output_raw(UuvHilMavlink *mavlink, const mavlink_messag
 }
 
 /* Return the pulse of a channel of RC_CHANNELS_OVERRIDE; `current_us` where the channel is ignored. */
-static uint16_t overridden(uint8_t channel, uint16_t width_us, uint16_t current_us)
+static uint16_t override_pulse(uint8_t channel, uint16_t width_us, uint16_t current_us)
 {
     bool is_first_eight = channel < 8;
     if (width_us == IGNORED || (width_us == 0 && !is_first_eight))
@@ -216,7 +216,7 @@ static bool handle_rc_channels_override(UuvHilMavlink *mavlink, const mavlink_me
     };
     uint16_t pwm_us[UUV_HIL_MAX_CHANNELS];
     for (uint8_t i = 0; i < UUV_HIL_MAX_CHANNELS; i++)
-        pwm_us[i] = overridden(i, requested[i], mavlink->command.pwm_us[i]);
+        pwm_us[i] = override_pulse(i, requested[i], mavlink->command.pwm_us[i]);
     return set_command(mavlink, pwm_us, packet);
 }
 
@@ -246,7 +246,7 @@ static bool is_pulse(float width_us)
 }
 
 /* Round to the nearest microsecond; a half goes to the even one. */
-static uint16_t rounded(float width_us)
+static uint16_t round_pulse(float width_us)
 {
     uint16_t whole = (uint16_t)width_us;
     float rest = width_us - (float)whole;
@@ -266,8 +266,8 @@ static bool handle_set_servo(UuvHilMavlink *mavlink, const mavlink_message_t *pa
         return false;
     }
     *result = MAV_RESULT_ACCEPTED;
-    mavlink->command.pwm_us[(uint8_t)instance - 1] = rounded(width_us);
-    continue_number(mavlink, packet);
+    mavlink->command.pwm_us[(uint8_t)instance - 1] = round_pulse(width_us);
+    set_sequence(mavlink, packet);
     return true;
 }
 
@@ -283,7 +283,7 @@ static bool handle_command_long(UuvHilMavlink *mavlink, const UuvHilPlatform *pl
         is_changed = handle_arm_disarm(mavlink, packet, requested.param1, &result);
     else if (requested.command == MAV_CMD_DO_SET_SERVO)
         is_changed = handle_set_servo(mavlink, packet, requested.param1, requested.param2, &result);
-    send_acknowledged(mavlink, platform, packet, requested.command, result);
+    send_acknowledgement(mavlink, platform, packet, requested.command, result);
     return is_changed;
 }
 
@@ -307,7 +307,7 @@ static bool handle_packet(UuvHilMavlink *mavlink, const UuvHilPlatform *platform
 }
 
 /* Copy the fields that the decoders read; to clear the whole record would take longer than to decode it. */
-static void unpack(const uint8_t *packet, mavlink_message_t *message)
+static void unpack_header_and_payload(const uint8_t *packet, mavlink_message_t *message)
 {
     message->len = packet[1];
     message->seq = packet[4];
@@ -333,7 +333,7 @@ UuvHilReceived uuv_hil_mavlink_feed(UuvHilMavlink *mavlink, const UuvHilPlatform
     if (packet == NULL)
         return UUV_HIL_NOTHING;
     mavlink_message_t message;
-    unpack(packet, &message);
+    unpack_header_and_payload(packet, &message);
     if (message.sysid == SYSTEM && message.compid == COMPONENT)
         return UUV_HIL_VALID; /* our own echo */
     if (!handle_packet(mavlink, platform, &message, now_us))

@@ -20,6 +20,6 @@ static inline bool uuv_hil_mavlink_is_for_us(uint8_t system, uint8_t component)
 
 /* mavlink_answers.c: write the answer to a request that a ground station sends to every vehicle: one parameter, no
  * mission, no files. Twin of hil/links/mavlink/ground_station.py. Returns whether `packet` has an answer. */
-bool uuv_hil_mavlink_answer(const mavlink_message_t *packet, mavlink_status_t *numbered, mavlink_message_t *answer);
+bool uuv_hil_mavlink_answer(const mavlink_message_t *packet, mavlink_status_t *link_status, mavlink_message_t *answer);
 
 #endif

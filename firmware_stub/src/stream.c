@@ -14,7 +14,7 @@ static void drop(UuvHilStream *stream, size_t count)
         stream->bytes[i] = stream->bytes[i + count];
 }
 
-static const uint8_t *take_packet(UuvHilStream *stream, size_t start)
+static const uint8_t *consume_packet(UuvHilStream *stream, size_t start)
 {
     stream->dropped_bytes = (uint16_t)(stream->dropped_bytes + start);
     stream->length = 0;
@@ -35,7 +35,7 @@ static const uint8_t *find_packet(UuvHilStream *stream, const UuvHilFormat *form
             continue;
         size_t end = start + size;
         if (end == length && format->is_valid(packet, size))
-            return take_packet(stream, start);
+            return consume_packet(stream, start);
         if (end > length && end < next_check)
             next_check = end;
         if (unfinished_from < length)

@@ -58,21 +58,21 @@ static bool read_pulse(const UuvHilCanFrame *frame, uint16_t *pulse_us)
 }
 
 /* Make one command from the received ones. Motors without a command keep their output as long as a VESC would. */
-static void gather(UuvHilVesc *vesc, uint64_t now_us, UuvHilCommand *command)
+static void assemble_command(UuvHilVesc *vesc, uint64_t now_us, UuvHilCommand *command)
 {
     *command = (UuvHilCommand){.channels = vesc->channels};
     for (uint8_t i = 0; i < vesc->channels; i++) {
         UuvHilVescMotor *motor = &vesc->motors[i];
-        if (motor->waits)
-            motor->output_us = motor->waiting_us;
+        if (motor->is_pending)
+            motor->output_us = motor->pending_us;
         else if (now_us - motor->received_us > TIMEOUT_US)
             motor->output_us = UUV_HIL_NO_PULSE_US;
-        motor->waits = false;
+        motor->is_pending = false;
         command->pwm_us[i] = motor->output_us;
         if (motor->output_us != UUV_HIL_NO_PULSE_US)
             command->armed = true;
     }
-    vesc->waiting = 0;
+    vesc->pending_count = 0;
 }
 
 void uuv_hil_vesc_start(UuvHilVesc *vesc, uint8_t channels)
@@ -92,14 +92,19 @@ UuvHilReceived uuv_hil_vesc_receive(UuvHilVesc *vesc, const UuvHilCanFrame *fram
         return UUV_HIL_NOTHING;
     }
     UuvHilVescMotor *motor = &vesc->motors[controller - FIRST_CONTROLLER];
-    bool comes_again = motor->waits;
-    if (comes_again)
-        gather(vesc, now_us, command);
-    *motor = (UuvHilVescMotor){.output_us = motor->output_us, .waiting_us = pulse_us, .waits = true, .received_us = now_us};
-    vesc->waiting++;
-    if (vesc->waiting == vesc->channels)
-        gather(vesc, now_us, command);
-    else if (!comes_again)
+    bool is_repeated = motor->is_pending;
+    if (is_repeated)
+        assemble_command(vesc, now_us, command);
+    *motor = (UuvHilVescMotor){
+        .output_us = motor->output_us,
+        .pending_us = pulse_us,
+        .is_pending = true,
+        .received_us = now_us,
+    };
+    vesc->pending_count++;
+    if (vesc->pending_count == vesc->channels)
+        assemble_command(vesc, now_us, command);
+    else if (!is_repeated)
         return UUV_HIL_VALID;
     return UUV_HIL_COMMAND;
 }

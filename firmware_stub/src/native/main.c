@@ -39,7 +39,7 @@ static void on_signal(int number)
     stop_requested = 1;
 }
 
-static bool complain(const char *option, const char *value, const char *remedy)
+static bool report_option(const char *option, const char *value, const char *remedy)
 {
     fprintf(stderr, NAME ": %s: %s %s\n", option, value, remedy);
     return false;
@@ -50,7 +50,7 @@ static bool read_channels(const char *text, uint8_t *channels)
     char *end;
     long value = strtol(text, &end, 10);
     if (end == text || *end != '\0' || value < 1 || value > (long)UUV_HIL_MAX_CHANNELS)
-        return complain("--channels", text, "is not a number from 1 to 16");
+        return report_option("--channels", text, "is not a number from 1 to 16");
     *channels = (uint8_t)value;
     return true;
 }
@@ -63,9 +63,9 @@ static bool read_time(const char *text, uint32_t *time_us)
         end++;
     double unit_us = strcmp(end, "ms") == 0 ? 1e3 : strcmp(end, "s") == 0 ? 1e6 : 0.0;
     if (end == text || unit_us == 0.0)
-        return complain("--watchdog", text, "has no unit; write it as 200 ms or 0.2 s");
+        return report_option("--watchdog", text, "has no unit; write it as 200 ms or 0.2 s");
     if (!(value * unit_us >= 1e4 && value * unit_us <= 60e6))
-        return complain("--watchdog", text, "is outside 10 ms to 60 s");
+        return report_option("--watchdog", text, "is outside 10 ms to 60 s");
     *time_us = (uint32_t)(value * unit_us + 0.5);
     return true;
 }
@@ -73,7 +73,7 @@ static bool read_time(const char *text, uint32_t *time_us)
 static bool read_option(const char *name, const char *value, Options *options)
 {
     if (value == NULL)
-        return complain(name, "", "needs a value, or is no option (see --help)");
+        return report_option(name, "", "needs a value, or is no option (see --help)");
     if (strcmp(name, "--device") == 0) {
         options->device = value;
         return true;
@@ -82,7 +82,7 @@ static bool read_option(const char *name, const char *value, Options *options)
         return read_channels(value, &options->channels);
     if (strcmp(name, "--watchdog") == 0)
         return read_time(value, &options->watchdog_us);
-    return complain(name, value, "is no option (see --help)");
+    return report_option(name, value, "is no option (see --help)");
 }
 
 /* End this process when its parent ends or is killed, as hil/common/lifeline.py does. */
@@ -163,7 +163,7 @@ static void wait_until(uint64_t deadline_us, int fd, const sigset_t *mask)
 
 /* After a pause longer than the watchdog's time, discard the bytes received meanwhile, as a UART does. The time is taken
  * after the read: a pause between the two would hide how old the bytes are. */
-static size_t read_fresh(Pty *pty, uint8_t *bytes, size_t size, uint64_t *read_us, uint32_t limit_us)
+static size_t read_recent(Pty *pty, uint8_t *bytes, size_t size, uint64_t *read_us, uint32_t limit_us)
 {
     size_t count = pty_read(pty, bytes, size);
     uint64_t now = now_us(NULL);
@@ -179,14 +179,14 @@ static void serve(UuvHilFirmware *firmware, Pty *pty, const sigset_t *mask)
     uint64_t read_us = now_us(NULL);
     while (!stop_requested) {
         uint8_t bytes[4096];
-        size_t count = read_fresh(pty, bytes, sizeof bytes, &read_us, firmware->board.watchdog_us);
+        size_t count = read_recent(pty, bytes, sizeof bytes, &read_us, firmware->board.watchdog_us);
         uuv_hil_service(firmware, bytes, count);
         wait_until(uuv_hil_deadline_us(firmware), pty->master_fd, mask);
     }
     uuv_hil_stop(firmware);
 }
 
-static void say_how_it_went(const UuvHilFirmware *firmware)
+static void print_summary(const UuvHilFirmware *firmware)
 {
     const UuvHilBoard *board = &firmware->board;
     printf("stopped: %u commands, %u refused, %u checksum errors, %u malformed, %u bytes dropped, ", board->frames,
@@ -220,7 +220,7 @@ static int run(const Options *options)
     fflush(stdout);
     serve(&firmware, &pty, &mask);
     pty_close(&pty);
-    say_how_it_went(&firmware);
+    print_summary(&firmware);
     return 0;
 }
 

@@ -28,7 +28,7 @@ static bool fail(Pty *pty, const char *format, ...)
     return false;
 }
 
-static bool fail_to_make(Pty *pty)
+static bool fail_to_create(Pty *pty)
 {
     return fail(pty, "%s: cannot be made: %s; choose another device path", pty->link_path, strerror(errno));
 }
@@ -55,46 +55,46 @@ static bool open_terminal(Pty *pty)
     return pty->slave_fd >= 0 && set_raw(pty->slave_fd) && fcntl(pty->master_fd, F_SETFL, O_NONBLOCK) == 0;
 }
 
-static bool is_still(int fd, const char *path)
+static bool is_same_file(int fd, const char *path)
 {
-    struct stat held, found;
-    return fstat(fd, &held) == 0 && stat(path, &found) == 0 && held.st_dev == found.st_dev
-        && held.st_ino == found.st_ino;
+    struct stat ours, found;
+    return fstat(fd, &ours) == 0 && stat(path, &found) == 0 && ours.st_dev == found.st_dev
+        && ours.st_ino == found.st_ino;
 }
 
-static bool take_lock(Pty *pty)
+static bool acquire_lock(Pty *pty)
 {
     for (;;) {
         pty->lock_fd = open(pty->lock_path, O_RDWR | O_CREAT | O_NOFOLLOW | O_CLOEXEC, 0644);
         if (pty->lock_fd < 0)
-            return fail_to_make(pty);
+            return fail_to_create(pty);
         if (flock(pty->lock_fd, LOCK_EX | LOCK_NB) != 0)
             return fail(pty, "%s: already served by another process; end that one or choose another device path",
                         pty->link_path);
-        if (is_still(pty->lock_fd, pty->lock_path))
+        if (is_same_file(pty->lock_fd, pty->lock_path))
             return true;
         close(pty->lock_fd); /* its owner removed the file between our open and our lock, so the lock has no effect */
     }
 }
 
-static bool links_to(const char *path, const char *beginning)
+static bool is_link_to(const char *path, const char *beginning)
 {
     char target[256] = "";
     return readlink(path, target, sizeof target - 1) > 0 && strncmp(target, beginning, strlen(beginning)) == 0;
 }
 
-static bool publish(Pty *pty)
+static bool create_link(Pty *pty)
 {
-    char fresh_path[PTY_PATH_SIZE + 8];
+    char new_path[PTY_PATH_SIZE + 8];
     struct stat found;
-    snprintf(fresh_path, sizeof fresh_path, "%s.new", pty->link_path);
-    if (lstat(pty->link_path, &found) == 0 && !links_to(pty->link_path, "/dev/pts/"))
+    snprintf(new_path, sizeof new_path, "%s.new", pty->link_path);
+    if (lstat(pty->link_path, &found) == 0 && !is_link_to(pty->link_path, "/dev/pts/"))
         return fail(pty, "%s: exists and is not a link to a pty; remove it or choose another device path",
                     pty->link_path);
-    if (lstat(fresh_path, &found) == 0 && S_ISLNK(found.st_mode))
-        unlink(fresh_path); /* left by a run that was killed at this point */
-    if (symlink(pty->slave_path, fresh_path) != 0 || rename(fresh_path, pty->link_path) != 0)
-        return fail_to_make(pty);
+    if (lstat(new_path, &found) == 0 && S_ISLNK(found.st_mode))
+        unlink(new_path); /* left by a run that was killed at this point */
+    if (symlink(pty->slave_path, new_path) != 0 || rename(new_path, pty->link_path) != 0)
+        return fail_to_create(pty);
     return true;
 }
 
@@ -107,15 +107,15 @@ bool pty_open(Pty *pty, const char *link_path)
     snprintf(pty->lock_path, sizeof pty->lock_path, "%s.lock", link_path);
     bool opened = open_terminal(pty)
         || fail(pty, "pty: %s; raise kernel.pty.max or close other terminals", strerror(errno));
-    if (opened && take_lock(pty) && publish(pty))
+    if (opened && acquire_lock(pty) && create_link(pty))
         return true;
     pty_close(pty);
     return false;
 }
 
-size_t pty_read(Pty *pty, uint8_t *out, size_t most)
+size_t pty_read(Pty *pty, uint8_t *out, size_t capacity)
 {
-    ssize_t count = read(pty->master_fd, out, most);
+    ssize_t count = read(pty->master_fd, out, capacity);
     return count > 0 ? (size_t)count : 0;
 }
 
@@ -124,8 +124,8 @@ void pty_write(Pty *pty, const uint8_t *data, size_t size)
     int unread = 0;
     if (ioctl(pty->slave_fd, FIONREAD, &unread) == 0 && unread >= UNREAD_LIMIT)
         return;
-    ssize_t taken = write(pty->master_fd, data, size);
-    (void)taken; /* a full line loses bytes, as a UART does */
+    ssize_t written = write(pty->master_fd, data, size);
+    (void)written; /* a full line loses bytes, as a UART does */
 }
 
 static void close_if_open(int *fd)
@@ -137,8 +137,8 @@ static void close_if_open(int *fd)
 
 void pty_close(Pty *pty)
 {
-    if (pty->lock_fd >= 0 && is_still(pty->lock_fd, pty->lock_path)) {
-        if (links_to(pty->link_path, pty->slave_path))
+    if (pty->lock_fd >= 0 && is_same_file(pty->lock_fd, pty->lock_path)) {
+        if (is_link_to(pty->link_path, pty->slave_path))
             unlink(pty->link_path);
         unlink(pty->lock_path); /* before the lock is released: no process can then lock a file that is being removed */
     }

@@ -22,7 +22,7 @@ typedef struct {
 bool pty_open(Pty *pty, const char *link_path);
 
 /* Read the received bytes. Returns their number, 0 if none. */
-size_t pty_read(Pty *pty, uint8_t *out, size_t most);
+size_t pty_read(Pty *pty, uint8_t *out, size_t capacity);
 
 /* Write all of data or, if the other end has stopped reading, nothing. */
 void pty_write(Pty *pty, const uint8_t *data, size_t size);

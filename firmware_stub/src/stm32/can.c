@@ -3,7 +3,7 @@
 #include "stm32.h"
 
 #define RING_SIZE 32u /* a power of two; a report is 8 */
-#define PATIENCE 10000u /* polls; it takes the time of one frame, but never succeeds without a controller */
+#define MAX_POLLS 10000u /* polls; it takes the time of one frame, but never succeeds without a controller */
 #define EXTENDED BIT(2)
 #define REMOTE BIT(1)
 #define TRANSMIT_REQUEST BIT(0)
@@ -33,7 +33,7 @@ static bool get(Ring *ring, UuvHilCanFrame *frame)
     return true;
 }
 
-static uint32_t word(const uint8_t *bytes)
+static uint32_t get_word(const uint8_t *bytes)
 {
     return bytes[0] | (uint32_t)bytes[1] << 8 | (uint32_t)bytes[2] << 16 | (uint32_t)bytes[3] << 24;
 }
@@ -47,13 +47,13 @@ static void put_word(uint8_t *bytes, uint32_t value)
 static void load(uint32_t mailbox, const UuvHilCanFrame *frame)
 {
     CAN_TDTR(mailbox) = frame->size;
-    CAN_TDLR(mailbox) = word(frame->data);
-    CAN_TDHR(mailbox) = word(frame->data + 4);
+    CAN_TDLR(mailbox) = get_word(frame->data);
+    CAN_TDHR(mailbox) = get_word(frame->data + 4);
     CAN_TIR(mailbox) = frame->id << 3 | EXTENDED | TRANSMIT_REQUEST;
 }
 
 /* Fill the empty mailboxes; each one that is sent raises the interrupt again. */
-static void send_on(void)
+static void send_stored(void)
 {
     UuvHilCanFrame frame;
     for (uint32_t mailbox = 0; mailbox < 3; mailbox++)
@@ -64,7 +64,7 @@ static void send_on(void)
 void CAN_TX_Handler(void)
 {
     CAN_TSR = CAN_TSR_DONE;
-    send_on();
+    send_stored();
 }
 
 /* One frame per interrupt, which stays requested while there are more frames. */
@@ -96,7 +96,7 @@ void can_start(void)
     pin_read(GPIOA, 11, FUNCTION_CAN);
     pin_drive(GPIOA, 12, FUNCTION_CAN);
     CAN_MCR = CAN_MCR_INRQ;
-    for (uint32_t i = 0; i < PATIENCE && !(CAN_MSR & BIT(0)); i++) {
+    for (uint32_t i = 0; i < MAX_POLLS && !(CAN_MSR & BIT(0)); i++) {
     }
     CAN_BTR = CAN_BIT_TIMING;
     accept_all();
@@ -105,7 +105,7 @@ void can_start(void)
     NVIC_ISER(CAN_TX_INTERRUPT) = BIT(CAN_TX_INTERRUPT % 32) | BIT(CAN_RX0_INTERRUPT % 32);
 }
 
-bool can_idle(void)
+bool can_is_empty(void)
 {
     return received.head == received.tail;
 }
@@ -119,6 +119,6 @@ void can_write(const UuvHilCanFrame *frame)
 {
     put(&to_send, frame);
     interrupts_off();
-    send_on();
+    send_stored();
     interrupts_on();
 }

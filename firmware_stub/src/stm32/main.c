@@ -59,7 +59,7 @@ static const UuvHilPlatform platform = {
 static void sleep(void)
 {
     interrupts_off();
-    if (uart_idle() && can_idle())
+    if (uart_is_empty() && can_is_empty())
         wait_for_interrupt();
     interrupts_on();
 }

@@ -6,7 +6,7 @@ void can_start(void)
 {
 }
 
-bool can_idle(void)
+bool can_is_empty(void)
 {
     return true;
 }

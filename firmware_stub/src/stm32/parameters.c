@@ -4,9 +4,9 @@
 
 #define PARAMETERS_ADDRESS 0x08004000u
 
-static uint32_t within(uint32_t value, uint32_t least, uint32_t most, uint32_t otherwise)
+static uint32_t in_range_or(uint32_t value, uint32_t low, uint32_t high, uint32_t default_value)
 {
-    return value >= least && value <= most ? value : otherwise;
+    return value >= low && value <= high ? value : default_value;
 }
 
 Parameters parameters_read(void)
@@ -15,9 +15,9 @@ Parameters parameters_read(void)
     bool valid = stored->magic == PARAMETERS_MAGIC;
     return (Parameters){
         .magic = PARAMETERS_MAGIC,
-        .channels = within(valid ? stored->channels : 0, 1, OUTPUTS, 6),
-        .watchdog_ms = within(valid ? stored->watchdog_ms : 0, 10, 60000, 200),
-        .pwm_hz = within(valid ? stored->pwm_hz : 0, 50, 400, 50),
-        .baud = within(valid ? stored->baud : 0, 9600, UART_HZ / 16, 115200),
+        .channels = in_range_or(valid ? stored->channels : 0, 1, OUTPUTS, 6),
+        .watchdog_ms = in_range_or(valid ? stored->watchdog_ms : 0, 10, 60000, 200),
+        .pwm_hz = in_range_or(valid ? stored->pwm_hz : 0, 50, 400, 50),
+        .baud = in_range_or(valid ? stored->baud : 0, 9600, UART_HZ / 16, 115200),
     };
 }

@@ -50,12 +50,12 @@ void pwm_start(uint32_t pwm_hz); /* all outputs 1500 us */
 void pwm_set(const uint16_t *pulse_us, uint8_t channels);
 
 void uart_start(uint32_t baud);
-size_t uart_read(uint8_t *out, size_t most); /* the received bytes; unread ones are lost when the buffer is full */
-bool uart_idle(void);                        /* whether there is nothing to read */
+size_t uart_read(uint8_t *out, size_t capacity); /* the received bytes; unread ones are lost when the buffer is full */
+bool uart_is_empty(void);                            /* whether there is nothing to read */
 void uart_write(const uint8_t *data, size_t size);
 
 void can_start(void);
-bool can_idle(void);
+bool can_is_empty(void);
 bool can_read(UuvHilCanFrame *frame); /* whether there was one */
 void can_write(const UuvHilCanFrame *frame);
 

@@ -13,14 +13,14 @@ typedef struct {
 
 static Ring received, to_send;
 
-static uint32_t held(const Ring *ring)
+static uint32_t stored_count(const Ring *ring)
 {
     return ring->head - ring->tail;
 }
 
 static void put(Ring *ring, uint8_t byte)
 {
-    if (held(ring) == RING_SIZE)
+    if (stored_count(ring) == RING_SIZE)
         return;
     ring->bytes[ring->head % RING_SIZE] = byte;
     ring->head++;
@@ -34,11 +34,11 @@ static uint8_t get(Ring *ring)
 }
 
 /* Send what the port accepts now; its interrupt sends the rest. Emulators accept all at once, without interrupts. */
-static void send_on(void)
+static void send_stored(void)
 {
-    while (held(&to_send) > 0 && (USART_SR(UART) & USART_SR_TXE))
+    while (stored_count(&to_send) > 0 && (USART_SR(UART) & USART_SR_TXE))
         USART_DR(UART) = get(&to_send);
-    if (held(&to_send) > 0)
+    if (stored_count(&to_send) > 0)
         USART_CR1(UART) |= USART_CR1_TXEIE;
     else
         USART_CR1(UART) &= ~USART_CR1_TXEIE;
@@ -53,7 +53,7 @@ void UART_Handler(void)
         if (status & USART_SR_RXNE)
             put(&received, byte);
     }
-    send_on();
+    send_stored();
 }
 
 void uart_start(uint32_t baud)
@@ -65,26 +65,26 @@ void uart_start(uint32_t baud)
     NVIC_ISER(UART_INTERRUPT) = BIT(UART_INTERRUPT % 32);
 }
 
-bool uart_idle(void)
+bool uart_is_empty(void)
 {
-    return held(&received) == 0;
+    return stored_count(&received) == 0;
 }
 
-size_t uart_read(uint8_t *out, size_t most)
+size_t uart_read(uint8_t *out, size_t capacity)
 {
     size_t count = 0;
-    while (count < most && held(&received) > 0)
+    while (count < capacity && stored_count(&received) > 0)
         out[count++] = get(&received);
     return count;
 }
 
 void uart_write(const uint8_t *data, size_t size)
 {
-    if (RING_SIZE - held(&to_send) < size)
+    if (RING_SIZE - stored_count(&to_send) < size)
         return;
     for (size_t i = 0; i < size; i++)
         put(&to_send, data[i]);
     interrupts_off();
-    send_on();
+    send_stored();
     interrupts_on();
 }
