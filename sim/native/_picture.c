@@ -32,7 +32,7 @@ static PyObject *release(Py_buffer *views, int ok)
 
 enum { COLOURS, GRAIN, DECAYS, DEPTHS, TEXTURE, APPEARANCE }; /* the first views of both functions */
 enum { DISTANCES = APPEARANCE, NORMALS, OBJECTS, TOWARD, OUT, SHADE_VIEWS };
-enum { DIRECTIONS = APPEARANCE, RADIANCE, RANGES, MET, PICTURE_VIEWS };
+enum { DIRECTIONS = APPEARANCE, RADIANCE, RANGES, HIT_OBJECTS, PICTURE_VIEWS };
 
 static int set_appearance(Appearance *appearance, Settings *settings, PyObject *numbers, const Py_buffer *views)
 {
@@ -41,21 +41,21 @@ static int set_appearance(Appearance *appearance, Settings *settings, PyObject *
         return 0;
     memcpy(settings, all, sizeof *settings);
     Py_ssize_t tiles = 0, depths = views[DEPTHS].len, texture = views[TEXTURE].len;
-    for (int level = 0; level < PYRAMID; level++)
-        tiles += (Py_ssize_t)(SIDE >> level) * (SIDE >> level);
-    if (views[DECAYS].len != 4 * DECAYS_A_STEP * (STEPS + 1) || views[GRAIN].len != 4 * (SIDE + 1) * (SIDE + 1)
+    for (int level = 0; level < TILE_LEVELS; level++)
+        tiles += (Py_ssize_t)(TILE_SIDE >> level) * (TILE_SIDE >> level);
+    if (views[DECAYS].len != 4 * DECAYS_PER_STEP * (DECAY_STEPS + 1) || views[GRAIN].len != 4 * (TILE_SIDE + 1) * (TILE_SIDE + 1)
         || (texture != 0 && texture != 12 * tiles) || (depths != 0 && (double)depths != 4.0 * settings->rows * settings->columns)) {
         PyErr_SetString(PyExc_ValueError, "a buffer of the surfaces' appearance has a wrong size");
         return 0;
     }
-    appearance->set = settings, appearance->colours = views[COLOURS].buf, appearance->grain = views[GRAIN].buf;
+    appearance->settings = settings, appearance->colours = views[COLOURS].buf, appearance->grain = views[GRAIN].buf;
     appearance->decays = views[DECAYS].buf, appearance->depths = depths ? views[DEPTHS].buf : NULL;
     appearance->texture = texture ? views[TEXTURE].buf : NULL, appearance->texture_size = (size_t)texture / 4;
     set_numbers(appearance);
     return 1;
 }
 
-static int sizes_fail(Py_ssize_t n)
+static int raise_size_error(Py_ssize_t n)
 {
     PyErr_Format(PyExc_ValueError, "a buffer has not the size of %zd pixels, or an object no colour", n);
     return 0;
@@ -66,7 +66,7 @@ static void shade_all(const Appearance *appearance, const Py_buffer *views, Py_s
 {
     const float *distances = views[DISTANCES].buf, *normal = views[NORMALS].buf, *toward = views[TOWARD].buf;
     const int32_t *objects = views[OBJECTS].buf;
-    const Settings *s = appearance->set;
+    const Settings *s = appearance->settings;
     float *out = views[OUT].buf;
     for (Py_ssize_t i = 0; i < n; i++, normal += 3, toward += 3, out += 3) {
         Pixel pixel = {.distance = distances[i], .object = objects[i]};
@@ -84,11 +84,11 @@ static void shade_all(const Appearance *appearance, const Py_buffer *views, Py_s
 static int check_hits(const Py_buffer *views, Py_ssize_t n)
 {
     const int32_t *objects = views[OBJECTS].buf;
-    int right = views[DISTANCES].len == 4 * n && views[NORMALS].len == 12 * n && views[TOWARD].len == 12 * n
+    int ok = views[DISTANCES].len == 4 * n && views[NORMALS].len == 12 * n && views[TOWARD].len == 12 * n
                 && views[OUT].len == 12 * n;
-    for (Py_ssize_t i = 0; right && i < n; i++)
-        right = objects[i] >= NOTHING && objects[i] < views[COLOURS].len / 12;
-    return right || sizes_fail(n);
+    for (Py_ssize_t i = 0; ok && i < n; i++)
+        ok = objects[i] >= NOTHING && objects[i] < views[COLOURS].len / 12;
+    return ok || raise_size_error(n);
 }
 
 static PyObject *shade(PyObject *self, PyObject *const *arguments, Py_ssize_t count)
@@ -112,32 +112,32 @@ static PyObject *shade(PyObject *self, PyObject *const *arguments, Py_ssize_t co
 /* Computes the pixels of traced rays. Each loop is short, so that the processor works on several rays at once. */
 static void compute_pixels(const Geometry *geometry, const double *origin, const Bundle *bundle, const Hit *hits, Pixel *pixels)
 {
-    double points[BUNDLE][3], across[BUNDLE][3];
+    double points[BUNDLE][3], normals[BUNDLE][3];
     for (int i = 0; i < bundle->count; i++) {
         for (int axis = 0; axis < 3; axis++)
             points[i][axis] = origin[axis] + hits[i].distance * bundle->along[i][axis];
         if (hits[i].object != NOTHING)
-            normal(geometry, &hits[i], bundle->along[i], points[i], across[i]);
+            normal(geometry, &hits[i], bundle->along[i], points[i], normals[i]);
         else
-            set(across[i], 0.0, 0.0, 0.0);
+            set(normals[i], 0.0, 0.0, 0.0);
     }
     for (int i = 0; i < bundle->count; i++) {
         Pixel *pixel = &pixels[i];
         pixel->distance = (float)hits[i].distance, pixel->object = owner(geometry, hits[i].object), pixel->facing = 0.0f;
         for (int axis = 0; axis < 3; axis++) {
-            pixel->point[axis] = (float)points[i][axis], pixel->normal[axis] = (float)across[i][axis];
+            pixel->point[axis] = (float)points[i][axis], pixel->normal[axis] = (float)normals[i][axis];
             pixel->facing -= pixel->normal[axis] * (float)bundle->along[i][axis];
         }
     }
 }
 
 /* Traces rays in bundles and shades each bundle while its hits are still in the cache. */
-static void picture_all(const Appearance *appearance, const Geometry *geometry, Near *near, const Py_buffer *views, Py_ssize_t n)
+static void render_all(const Appearance *appearance, const Geometry *geometry, Near *near, const Py_buffer *views, Py_ssize_t n)
 {
-    const Settings *s = appearance->set;
+    const Settings *s = appearance->settings;
     const double *directions = views[DIRECTIONS].buf;
     double *ranges = views[RANGES].buf;
-    int32_t *met = views[MET].buf;
+    int32_t *hit_objects = views[HIT_OBJECTS].buf;
     float *out = views[RADIANCE].buf;
     Bundle bundle;
     Hit hits[BUNDLE];
@@ -150,17 +150,17 @@ static void picture_all(const Appearance *appearance, const Geometry *geometry, 
         compute_pixels(geometry, s->origin, &bundle, hits, pixels);
         for (int i = 0; i < bundle.count; i++) {
             shade_pixel(appearance, &pixels[i], out + 3 * (first + i));
-            ranges[first + i] = hits[i].distance, met[first + i] = (int32_t)pixels[i].object;
+            ranges[first + i] = hits[i].distance, hit_objects[first + i] = (int32_t)pixels[i].object;
         }
     }
 }
 
 static int check_rays(const Geometry *geometry, const Near *near, const Py_buffer *views, Py_ssize_t n)
 {
-    int right = views[DIRECTIONS].len == 24 * n && views[RADIANCE].len == 12 * n && views[RANGES].len == 8 * n;
-    for (long i = 0; right && i < near->count; i++)
-        right = owner(geometry, near->numbers[i] + 1) < views[COLOURS].len / 12;
-    return right || sizes_fail(n);
+    int ok = views[DIRECTIONS].len == 24 * n && views[RADIANCE].len == 12 * n && views[RANGES].len == 8 * n;
+    for (long i = 0; ok && i < near->count; i++)
+        ok = owner(geometry, near->numbers[i] + 1) < views[COLOURS].len / 12;
+    return ok || raise_size_error(n);
 }
 
 static PyObject *picture(PyObject *self, PyObject *const *arguments, Py_ssize_t count)
@@ -175,14 +175,14 @@ static PyObject *picture(PyObject *self, PyObject *const *arguments, Py_ssize_t 
     const Geometry *geometry = PyCapsule_GetPointer(arguments[0], GEOMETRY);
     int ok = geometry != NULL && get_views(arguments + 2, views, PICTURE_VIEWS, 3)
              && set_appearance(&appearance, &settings, arguments[1], views);
-    Py_ssize_t n = views[MET].len / 4;
-    if (ok && !make_near(geometry, &near))
+    Py_ssize_t n = views[HIT_OBJECTS].len / 4;
+    if (ok && !allocate_near_solids(geometry, &near))
         ok = 0, PyErr_NoMemory();
     if (ok)
-        find_near(geometry, settings.origin, settings.reach, &near);
+        find_near_solids(geometry, settings.origin, settings.reach, &near);
     if (ok && (ok = check_rays(geometry, &near, views, n))) {
         Py_BEGIN_ALLOW_THREADS
-        picture_all(&appearance, geometry, &near, views, n);
+        render_all(&appearance, geometry, &near, views, n);
         Py_END_ALLOW_THREADS
     }
     free(near.numbers);
@@ -207,7 +207,7 @@ static PyObject *develop(PyObject *self, PyObject *arguments)
     Py_ssize_t n = views[FALLOFF].len / 4;
     if (ok && (views[LIGHT].len != 12 * n || views[AXIAL].len != 4 * n || views[DISTANCE].len != 8 * n || views[PIXELS].len != 3 * n
                || views[DEPTH].len != 4 * n || views[NOISE].len != 4 * QUANTILES || views[GREY].len != GREYS))
-        ok = sizes_fail(n);
+        ok = raise_size_error(n);
     if (ok) {
         e.key = key, e.radiance = views[LIGHT].buf, e.falloff = views[FALLOFF].buf, e.axial = views[AXIAL].buf;
         e.ranges = views[DISTANCE].buf, e.quantiles = views[NOISE].buf, e.grey = views[GREY].buf;

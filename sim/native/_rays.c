@@ -12,12 +12,12 @@ enum { DEPTHS, SOLIDS, NODES, TRIANGLES, BUFFERS };
 
 typedef struct {
     PyObject_HEAD
-    Py_buffer held[BUFFERS];
+    Py_buffer buffers[BUFFERS];
     Geometry geometry;
 } Caster;
 
 /* Gets a buffer that must consist of whole records; returns 0 with an exception set if it does not. */
-static int hold(PyObject *object, Py_buffer *view, size_t record, const char *name)
+static int get_records(PyObject *object, Py_buffer *view, size_t record, const char *name)
 {
     if (PyObject_GetBuffer(object, view, PyBUF_SIMPLE) != 0)
         return 0;
@@ -28,7 +28,7 @@ static int hold(PyObject *object, Py_buffer *view, size_t record, const char *na
 }
 
 /* Allocates one number for each block of cells of each size; 0 means that it is not known yet. */
-static int make_blocks(Ground *ground)
+static int allocate_blocks(Ground *ground)
 {
     if (ground->rows == 0)
         return 1;
@@ -51,22 +51,22 @@ static int fill(Caster *caster, PyObject *const objects[BUFFERS])
     Geometry *geometry = &caster->geometry;
     Ground *ground = &geometry->ground;
     for (int i = 0; i < BUFFERS; i++)
-        if (!hold(objects[i], &caster->held[i], records[i], names[i]))
+        if (!get_records(objects[i], &caster->buffers[i], records[i], names[i]))
             return 0;
     int flat = ground->rows == 0 && ground->columns == 0;
     int beyond = ground->rows > INT32_MAX || ground->columns > INT32_MAX; /* the product of both would overflow */
     if (beyond || (!flat && (ground->rows < 2 || ground->columns < 2))
-        || (long long)(caster->held[DEPTHS].len / (Py_ssize_t)sizeof(float)) != (long long)ground->rows * ground->columns) {
-        PyErr_Format(PyExc_ValueError, "depths: %zd bytes are not %ld x %ld of 4", caster->held[DEPTHS].len, ground->rows,
+        || (long long)(caster->buffers[DEPTHS].len / (Py_ssize_t)sizeof(float)) != (long long)ground->rows * ground->columns) {
+        PyErr_Format(PyExc_ValueError, "depths: %zd bytes are not %ld x %ld of 4", caster->buffers[DEPTHS].len, ground->rows,
                      ground->columns);
         return 0;
     }
-    ground->depths = caster->held[DEPTHS].buf;
-    geometry->solids = caster->held[SOLIDS].buf;
-    geometry->count = (long)(caster->held[SOLIDS].len / (Py_ssize_t)sizeof(Solid));
-    geometry->nodes = caster->held[NODES].buf;
-    geometry->triangles = caster->held[TRIANGLES].buf;
-    return make_blocks(ground);
+    ground->depths = caster->buffers[DEPTHS].buf;
+    geometry->solids = caster->buffers[SOLIDS].buf;
+    geometry->count = (long)(caster->buffers[SOLIDS].len / (Py_ssize_t)sizeof(Solid));
+    geometry->nodes = caster->buffers[NODES].buf;
+    geometry->triangles = caster->buffers[TRIANGLES].buf;
+    return allocate_blocks(ground);
 }
 
 static PyObject *caster_new(PyTypeObject *type, PyObject *arguments, PyObject *keywords)
@@ -92,7 +92,7 @@ static void caster_dealloc(PyObject *self)
     PyTypeObject *type = Py_TYPE(self);
     Caster *caster = (Caster *)self;
     for (int i = 0; i < BUFFERS; i++)
-        PyBuffer_Release(&caster->held[i]); /* does nothing for a buffer that was never acquired */
+        PyBuffer_Release(&caster->buffers[i]); /* does nothing for a buffer that was never acquired */
     for (int level = 0; level < LEVELS; level++)
         free(caster->geometry.ground.least[level]);
     PyObject_Free(self);
@@ -129,21 +129,21 @@ typedef struct {
     Py_ssize_t rays;
 } Request;
 
-static void cast_apart(const Geometry *geometry, const Request *request, Near *near, const Results *to)
+static void cast_from_each(const Geometry *geometry, const Request *request, Near *near, const Results *to)
 {
     for (Py_ssize_t ray = 0; ray < request->rays; ray++) {
         const double *origin = request->origins + 3 * ray;
         double along[3];
-        find_near(geometry, origin, request->reach, near);
+        find_near_solids(geometry, origin, request->reach, near);
         rotate_to_world(request->rotation, request->directions + 3 * ray, along);
         Hit hit = trace(geometry, near, origin, along, request->reach, 0.0);
         store_result(geometry, origin, along, &hit, ray, to);
     }
 }
 
-static void cast_together(const Geometry *geometry, const Request *request, Near *near, const Results *to)
+static void cast_from_one(const Geometry *geometry, const Request *request, Near *near, const Results *to)
 {
-    find_near(geometry, request->origin, request->reach, near);
+    find_near_solids(geometry, request->origin, request->reach, near);
     for (Py_ssize_t first = 0; first < request->rays; first += BUNDLE) {
         Py_ssize_t left = request->rays - first;
         Bundle bundle;
@@ -194,14 +194,14 @@ static int cast_views(const Geometry *geometry, PyObject *const *arguments, int 
     if (!get_origins(arguments[0], request.origin, views))
         return 0;
     Near near;
-    if (!make_near(geometry, &near)) {
+    if (!allocate_near_solids(geometry, &near)) {
         PyErr_NoMemory();
         return 0;
     }
     request.directions = views[DIRECTIONS].buf, request.origins = views[ORIGINS].buf;
     request.rays = views[DIRECTIONS].len / 24;
     const Results to = {views[DISTANCES].buf, views[POINTS].buf, views[NORMALS].buf, views[OBJECTS].buf};
-    (request.origins == NULL ? cast_together : cast_apart)(geometry, &request, &near, &to);
+    (request.origins == NULL ? cast_from_one : cast_from_each)(geometry, &request, &near, &to);
     free(near.numbers);
     return 1;
 }
@@ -220,7 +220,7 @@ static PyObject *caster_cast(PyObject *self, PyObject *const *arguments, Py_ssiz
     Py_RETURN_NONE;
 }
 
-static void let_go(PyObject *capsule)
+static void release_caster(PyObject *capsule)
 {
     Py_XDECREF((PyObject *)PyCapsule_GetContext(capsule));
 }
@@ -228,7 +228,7 @@ static void let_go(PyObject *capsule)
 static PyObject *caster_geometry(PyObject *self, PyObject *nothing)
 {
     (void)nothing;
-    PyObject *capsule = PyCapsule_New(&((Caster *)self)->geometry, GEOMETRY, let_go);
+    PyObject *capsule = PyCapsule_New(&((Caster *)self)->geometry, GEOMETRY, release_caster);
     if (capsule != NULL && PyCapsule_SetContext(capsule, self) == 0)
         Py_INCREF(self);
     return capsule;

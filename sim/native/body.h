@@ -9,7 +9,7 @@
 typedef struct {
     double mass[6][6], inverse_mass[6][6], linear[6][6], quadratic[6][6];
     double weight, weight_moment[3];
-    double points[8][3], share, filling, submerged[4], reach; /* the hull */
+    double points[8][3], share, filling, submerged[4], reach; /* Hull.numbers() of sim/vehicle/buoyancy.py */
     double added_mass_linear[3][3], munk_reduction[3];
     double diagonal, rk4, reduces_munk; /* 1 or 0 */
 } Body;

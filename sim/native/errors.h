@@ -11,7 +11,7 @@
 
 /* One quantity: the state of an ErrorProcess, in the order of its numbers(). */
 typedef struct {
-    double gain, constant, bias, keep, kick, noise, resolution, limit;
+    double gain, constant, bias, decay, bias_noise, noise, resolution, limit;
 } Channel;
 
 enum { TWISTER_SIZE = 624, TWISTER_SHIFT = 397 };
@@ -73,7 +73,7 @@ static double draw(Random *random, double sd)
 /* Returns one measurement of `value`; advances the bias. */
 static double measure(Channel *channel, Random *random, double value)
 {
-    channel->bias = channel->keep * channel->bias + draw(random, channel->kick);
+    channel->bias = channel->decay * channel->bias + draw(random, channel->bias_noise);
     value = channel->gain * value + channel->constant + channel->bias + draw(random, channel->noise);
     if (channel->resolution != 0.0)
         value = (rint(value / channel->resolution) + 0.0) * channel->resolution; /* + 0.0: Python's round has no -0 */
@@ -84,20 +84,20 @@ static double measure(Channel *channel, Random *random, double value)
     return value;
 }
 
-/* One thruster, as ThrusterSet.numbers() lists it: the gain of its lag in a step, its wrench of 1 N, the column that
- * converts a velocity to the speed along it, and its loss of thrust with that speed (Advance of
+/* One thruster, as ThrusterSet.numbers() lists it: the gain of its lag in a step, its wrench of 1 N, the column
+ * that converts a velocity to the speed along it, and its loss of thrust with that speed (Advance of
  * sim/vehicle/thrusters/curves.py; full_speed 0: no loss). */
 typedef struct {
-    double gain, column[6], way[6], full_speed, forward, reverse, loss, kept;
+    double gain, wrench_column[6], speed_column[6], full_speed, full_forward, full_reverse, loss, inflow_share;
 } Thruster;
 
 /* The loss (N) of a thruster that makes `thrust` N at rest, at `nu` through the water. */
 static double lost_thrust(const Thruster *thruster, double thrust, const double *nu)
 {
-    const double *way = thruster->way;
-    double speed = way[0] * nu[0] + way[1] * nu[1] + way[2] * nu[2] + way[3] * nu[3] + way[4] * nu[4] + way[5] * nu[5];
-    double full = thrust < 0.0 ? thruster->reverse : thruster->forward;
-    return thruster->loss * (thruster->full_speed * sqrt(fabs(thrust) / full)) * thruster->kept * speed;
+    const double *c = thruster->speed_column;
+    double speed = c[0] * nu[0] + c[1] * nu[1] + c[2] * nu[2] + c[3] * nu[3] + c[4] * nu[4] + c[5] * nu[5];
+    double full = thrust < 0.0 ? thruster->full_reverse : thruster->full_forward;
+    return thruster->loss * (thruster->full_speed * sqrt(fabs(thrust) / full)) * thruster->inflow_share * speed;
 }
 
 /* thrust_share of sim/vehicle/ventilation.py: the remaining share of a thrust at an immersion of h / R. */
@@ -127,6 +127,6 @@ static void step_thrusters(const Thruster *thrusters, int count, double *thrusts
             scaled_thrusts[i] = scaled_thrusts[i] - lost_thrust(&thrusters[i], thrusts[i], nu);
         scaled_thrusts[i] = scaled_thrusts[i] * shares[i];
         for (int axis = 0; axis < 6; axis++)
-            wrench[axis] += thrusters[i].column[axis] * scaled_thrusts[i];
+            wrench[axis] += thrusters[i].wrench_column[axis] * scaled_thrusts[i];
     }
 }

@@ -23,7 +23,7 @@ typedef struct {
     double last_motion[MOTION], last_position[3]; /* the motion of the water that was computed last, and where */
 } WaveField;
 
-#define FAR_M2 0.0625
+#define FAR_M2 0.0625 /* _FAR_M2 of sim/environment/water.py */
 
 /* SampledWaves.motion */
 static void wave_field_sample(WaveField *wave_field, long long time_ns, const double *position, double *motion)

@@ -38,7 +38,7 @@ typedef struct {
 enum { STRIPS = 20 };
 
 typedef struct {
-    double broad, deep, stations[STRIPS], table[][2]; /* speed and coefficient */
+    double sway_scale, heave_scale, stations[STRIPS], table[][2]; /* speed and coefficient */
 } CrossFlow;
 
 typedef struct {
@@ -56,7 +56,7 @@ typedef struct {
 } Bladder;
 
 typedef struct {
-    double deep;
+    double calm_depth;
 } WavySurface;
 
 /* How many numbers a kind has: `first`, plus `each` once or more. */
@@ -114,18 +114,18 @@ static double remainder_by_pi(double alpha)
 static inline void polar_at(const Polar *polar, double alpha, double sine, double cosine, double *restrict lift,
                             double *restrict drag)
 {
-    double held, beyond, share, attached;
+    double attached, beyond, share, attached_lift;
     alpha = remainder_by_pi(alpha);
-    held = alpha < polar->stall_angle ? alpha : polar->stall_angle;
-    held = held > -polar->stall_angle ? held : -polar->stall_angle;
-    attached = polar->lift_slope * held;
-    *lift = attached;
-    *drag = polar->parasitic_drag + polar->induced_drag * attached * attached;
-    beyond = fabs(alpha - held);
+    attached = alpha < polar->stall_angle ? alpha : polar->stall_angle;
+    attached = attached > -polar->stall_angle ? attached : -polar->stall_angle;
+    attached_lift = polar->lift_slope * attached;
+    *lift = attached_lift;
+    *drag = polar->parasitic_drag + polar->induced_drag * attached_lift * attached_lift;
+    beyond = fabs(alpha - attached);
     if (beyond == 0.0)
         return;
     share = beyond / polar->stall_width < 1.0 ? beyond / polar->stall_width : 1.0;
-    *lift = attached + share * (polar->broadside_drag * (sine * cosine) - attached);
+    *lift = attached_lift + share * (polar->broadside_drag * (sine * cosine) - attached_lift);
     *drag = *drag + share * (polar->parasitic_drag + polar->broadside_drag * (sine * sine) - *drag);
 }
 
@@ -157,12 +157,12 @@ static void hull_lift_force(const HullLift *hull, const double *nu, double *out)
     out[0] = out[1] = out[2] = 0.0;
     if (planar != 0.0) {
         polar_at(&hull->polar, atan2(cross, u), cross / planar, u / planar, &lift, &drag);
-        double push = hull->scale * (u * u + v * v + w * w) / planar;
-        double aside = -push * (drag * cross + lift * u);
-        int flat = hull->vertical != 0.0 || cross == 0.0;
-        out[0] = -push * (drag * u - lift * cross);
-        out[1] = flat ? 0.0 : aside * v / cross;
-        out[2] = flat ? aside : aside * w / cross;
+        double factor = hull->scale * (u * u + v * v + w * w) / planar;
+        double starboard = -factor * (drag * cross + lift * u);
+        int is_planar = hull->vertical != 0.0 || cross == 0.0;
+        out[0] = -factor * (drag * u - lift * cross);
+        out[1] = is_planar ? 0.0 : starboard * v / cross;
+        out[2] = is_planar ? starboard : starboard * w / cross;
     }
     add_moment(hull->position, out);
 }
@@ -184,27 +184,27 @@ static double interpolate(const double (*table)[2], long rows, double x)
 static void cross_flow_force(const CrossFlow *flow, long rows, const double *nu, double *out)
 {
     double v = nu[1], w = nu[2], q = nu[4], r = nu[5], y = 0.0, z = 0.0, m = 0.0, n = 0.0;
-    double asides[STRIPS], downs[STRIPS];
+    double starboards[STRIPS], downs[STRIPS];
     for (int i = 0; i < STRIPS; i++) { /* apart from the sums, so that compilers vectorise it */
-        double x = flow->stations[i], aside = v + x * r, down = w - x * q;
-        double size = sqrt(aside * aside + down * down);
-        asides[i] = aside * size;
+        double x = flow->stations[i], starboard = v + x * r, down = w - x * q;
+        double size = sqrt(starboard * starboard + down * down);
+        starboards[i] = starboard * size;
         downs[i] = down * size;
     }
     for (int i = 0; i < STRIPS; i++) {
         double x = flow->stations[i];
-        y += asides[i];
+        y += starboards[i];
         z += downs[i];
         m -= x * downs[i];
-        n += x * asides[i];
+        n += x * starboards[i];
     }
     double coefficient = interpolate(flow->table, rows, sqrt(v * v + w * w));
-    double broad = -coefficient * flow->broad, deep = -coefficient * flow->deep;
+    double sway_scale = -coefficient * flow->sway_scale, heave_scale = -coefficient * flow->heave_scale;
     out[0] = out[3] = 0.0;
-    out[1] = broad * y;
-    out[2] = deep * z;
-    out[4] = deep * m;
-    out[5] = broad * n;
+    out[1] = sway_scale * y;
+    out[2] = heave_scale * z;
+    out[4] = heave_scale * m;
+    out[5] = sway_scale * n;
 }
 
 static void slow_damping_force(const SlowDamping *slow, const double *nu, double *out)
@@ -231,8 +231,8 @@ static void fins_force(const Fin *fins, const Servo *servos, long count, const d
             continue;
         polar_at(&fin->polar, servos[i].value - atan2(across, along), (sine * along - cosine * across) / size,
                  (cosine * along + sine * across) / size, &lift, &drag);
-        double push = fin->scale * size;
-        double ahead = -push * (drag * along + lift * across), aside = push * (lift * along - drag * across);
+        double factor = fin->scale * size;
+        double ahead = -factor * (drag * along + lift * across), aside = factor * (lift * along - drag * across);
         for (int axis = 0; axis < 3; axis++)
             one[axis] = ahead * chord[axis] + aside * normal[axis];
         add_moment(fin->position, one);
@@ -262,7 +262,7 @@ static void wavy_surface_force(const Force *force, const Body *body, const doubl
                                double *out)
 {
     double calm[4], lift[4];
-    if (position[2] >= ((const WavySurface *)force->numbers)->deep) {
+    if (position[2] >= ((const WavySurface *)force->numbers)->calm_depth) {
         for (int i = 0; i < 6; i++)
             out[i] = 0.0;
         return;

@@ -84,36 +84,36 @@ static void damping(const Body *body, const double *nu, double *out)
         out[i] = out[i] + quadratic[i];
 }
 
-static void relief(const Body *body, const double *nu, double *out)
+static void munk_relief(const Body *body, const double *nu, double *out)
 {
     double u = nu[0], v = nu[1], w = nu[2], momentum[3];
-    const double *lost = body->munk_reduction;
+    const double *reduction = body->munk_reduction;
     for (int i = 0; i < 3; i++) {
         const double *row = body->added_mass_linear[i];
         momentum[i] = row[0] * u + row[1] * v + row[2] * w;
     }
     double lx = momentum[0], ly = momentum[1], lz = momentum[2];
-    double p = nu[3] * lost[0], q = nu[4] * lost[1], r = nu[5] * lost[2];
+    double p = nu[3] * reduction[0], q = nu[4] * reduction[1], r = nu[5] * reduction[2];
     out[0] = q * lz - r * ly;
     out[1] = r * lx - p * lz;
     out[2] = p * ly - q * lx;
-    out[3] = lost[0] * (v * lz - w * ly);
-    out[4] = lost[1] * (w * lx - u * lz);
-    out[5] = lost[2] * (u * ly - v * lx);
+    out[3] = reduction[0] * (v * lz - w * ly);
+    out[4] = reduction[1] * (w * lx - u * lz);
+    out[5] = reduction[2] * (u * ly - v * lx);
 }
 
 static void restoring(const Body *body, double depth, const double *rotation, double *out)
 {
     double zx = rotation[6], zy = rotation[7], zz = rotation[8];
-    double lift[4], heavy, moment_x, moment_y, moment_z;
+    double lift[4], excess, moment_x, moment_y, moment_z;
     hull_buoyancy(body, depth, rotation, lift);
-    heavy = body->weight - lift[0];
+    excess = body->weight - lift[0];
     moment_x = body->weight_moment[0] - lift[1];
     moment_y = body->weight_moment[1] - lift[2];
     moment_z = body->weight_moment[2] - lift[3];
-    out[0] = heavy * zx;
-    out[1] = heavy * zy;
-    out[2] = heavy * zz;
+    out[0] = excess * zx;
+    out[1] = excess * zy;
+    out[2] = excess * zz;
     out[3] = moment_y * zz - moment_z * zy;
     out[4] = moment_z * zx - moment_x * zz;
     out[5] = moment_x * zy - moment_y * zx;
@@ -124,24 +124,24 @@ static void acceleration(const Model *model, const double *position, const doubl
                          const double *thrust, const double *current, double *nu_dot)
 {
     const Body *body = &model->body;
-    double water[3], through[6], wrench[6], momentum[6], d[6], g[6], force[6];
+    double water[3], nu_r[6], wrench[6], momentum[6], d[6], g[6], force[6];
     for (int i = 0; i < 3; i++) {
         water[i] = rotation[i] * current[0] + rotation[3 + i] * current[1] + rotation[6 + i] * current[2];
-        through[i] = nu[i] - water[i];
-        through[3 + i] = nu[3 + i];
+        nu_r[i] = nu[i] - water[i];
+        nu_r[3 + i] = nu[3 + i];
     }
     for (int i = 0; i < 6; i++)
         wrench[i] = thrust[i];
     for (int i = 0; i < model->count; i++) {
-        force_wrench(model->forces[i], body, position, rotation, through, force);
+        force_wrench(model->forces[i], body, position, rotation, nu_r, force);
         for (int axis = 0; axis < 6; axis++)
             wrench[axis] = wrench[axis] + force[axis];
     }
-    double u = through[0], v = through[1], w = through[2], p = nu[3], q = nu[4], r = nu[5];
-    times(body->mass, through, momentum);
+    double u = nu_r[0], v = nu_r[1], w = nu_r[2], p = nu[3], q = nu[4], r = nu[5];
+    times(body->mass, nu_r, momentum);
     double lx = momentum[0], ly = momentum[1], lz = momentum[2];
     double hx = momentum[3], hy = momentum[4], hz = momentum[5];
-    damping(body, through, d);
+    damping(body, nu_r, d);
     restoring(body, position[2], rotation, g);
     force[0] = wrench[0] + g[0] - d[0] - (q * lz - r * ly);
     force[1] = wrench[1] + g[1] - d[1] - (r * lx - p * lz);
@@ -150,7 +150,7 @@ static void acceleration(const Model *model, const double *position, const doubl
     force[4] = wrench[4] + g[4] - d[4] - (w * lx - u * lz + r * hx - p * hz);
     force[5] = wrench[5] + g[5] - d[5] - (u * ly - v * lx + p * hy - q * hx);
     if (body->reduces_munk) {
-        relief(body, through, d);
+        munk_relief(body, nu_r, d);
         for (int i = 0; i < 6; i++)
             force[i] = force[i] + d[i];
     }

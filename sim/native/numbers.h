@@ -99,21 +99,6 @@ static inline int read_bytes(PyObject *object, void *bytes)
     return 1;
 }
 
-/* A new object of `type`, zeroed, with a copy of `size` bytes of parameters at `offset`. */
-static inline PyObject *new_of_parameters(PyTypeObject *type, PyObject *arguments, size_t size, size_t offset)
-{
-    Bytes numbers;
-    if (!PyArg_ParseTuple(arguments, "O&", read_bytes, &numbers))
-        return NULL;
-    if (numbers.size != (Py_ssize_t)size)
-        return PyErr_Format(PyExc_ValueError, "%zd bytes of parameters are needed, found %zd", (Py_ssize_t)size,
-                            numbers.size);
-    PyObject *self = PyType_GenericAlloc(type, 0);
-    if (self != NULL)
-        memcpy((char *)self + offset, numbers.data, size);
-    return self;
-}
-
 /* The beginning of every type that holds records of one kind. */
 typedef struct {
     PyObject_HEAD
@@ -121,12 +106,12 @@ typedef struct {
 } Records;
 
 /* A new object of `type` with a copy of the records in `numbers`, of `size` bytes each, at `offset`. */
-static inline PyObject *new_with_records(PyTypeObject *type, Bytes numbers, size_t size, size_t most,
+static inline PyObject *new_with_records(PyTypeObject *type, Bytes numbers, size_t size, size_t max_count,
                                          size_t offset)
 {
     Py_ssize_t count = numbers.size / (Py_ssize_t)size;
-    if (numbers.size % (Py_ssize_t)size != 0 || count > (Py_ssize_t)most)
-        return PyErr_Format(PyExc_ValueError, "up to %zu records of %zu bytes are needed, found %zd bytes", most, size,
+    if (numbers.size % (Py_ssize_t)size != 0 || count > (Py_ssize_t)max_count)
+        return PyErr_Format(PyExc_ValueError, "up to %zu records of %zu bytes are needed, found %zd bytes", max_count, size,
                             numbers.size);
     PyObject *self = PyType_GenericAlloc(type, 0);
     if (self != NULL) {
@@ -137,12 +122,12 @@ static inline PyObject *new_with_records(PyTypeObject *type, Bytes numbers, size
 }
 
 /* The same for a type whose only argument is the bytes of its records. */
-static inline PyObject *new_of_records(PyTypeObject *type, PyObject *arguments, size_t size, size_t most, size_t offset)
+static inline PyObject *new_of_records(PyTypeObject *type, PyObject *arguments, size_t size, size_t max_count, size_t offset)
 {
     Bytes numbers;
     if (!PyArg_ParseTuple(arguments, "O&", read_bytes, &numbers))
         return NULL;
-    return new_with_records(type, numbers, size, most, offset);
+    return new_with_records(type, numbers, size, max_count, offset);
 }
 
 /* Adds a type to the module and stores it in `type`, for checks of an object's type. */

@@ -7,7 +7,7 @@
 
 enum { NOTHING = -1, SEABED = 0 };
 enum { SPHERE, CYLINDER, BOX, HALF_SPACE, MESH };
-enum { DEPTH_OF_TREE = 64 };
+enum { MAX_TREE_DEPTH = 64 };
 
 /* Rows of sim/rays/solids.py, nodes and triangles of sim/rays/tree.py: all are doubles. */
 typedef struct {
@@ -62,15 +62,15 @@ static int is_beyond(const Solid *solid, const double *origin, double reach)
     return x * x + y * y > (size + reach) * (size + reach);
 }
 
-/* Returns 1 if the ray passes by a solid that is within reach. */
-static int passes(const Solid *solid, const double *origin, const double *direction)
+/* Returns 1 if the ray misses a solid that is within reach. */
+static int misses(const Solid *solid, const double *origin, const double *direction)
 {
     double size = solid->reach, x = solid->position[0] - origin[0], y = solid->position[1] - origin[1];
     double dx = direction[0], dy = direction[1], across = dx * y - dy * x;
     return across * across > size * size * (dx * dx + dy * dy);
 }
 
-static double meet_half_space(const double *sizes, const double *origin, const double *direction, double reach)
+static double intersect_half_space(const double *sizes, const double *origin, const double *direction, double reach)
 {
     double height = sizes[0] * origin[0] + sizes[1] * origin[1] + sizes[2] * origin[2] - sizes[3];
     if (height <= 0.0)
@@ -81,7 +81,7 @@ static double meet_half_space(const double *sizes, const double *origin, const d
 }
 
 /* _round: a sphere (3 axes), or an endless cylinder (2). */
-static void meet_round(const double *at, const double *along, double radius, int axes, double *near, double *far)
+static void intersect_round(const double *at, const double *along, double radius, int axes, double *near, double *far)
 {
     double a = along[0] * along[0] + along[1] * along[1], b = at[0] * along[0] + at[1] * along[1];
     double c = at[0] * at[0] + at[1] * at[1] - radius * radius;
@@ -92,31 +92,31 @@ static void meet_round(const double *at, const double *along, double radius, int
         *near = INFINITY, *far = -INFINITY;
     } else if (a > TINY) {
         double half = sqrt(root);
-        *near = most_of(*near, (-b - half) / a);
-        *far = least_of(*far, (-b + half) / a);
+        *near = max_of(*near, (-b - half) / a);
+        *far = min_of(*far, (-b + half) / a);
     }
 }
 
-static double meet_triangle(const Triangle *triangle, const double *at, const double *along)
+static double intersect_triangle(const Triangle *triangle, const double *at, const double *along)
 {
     const double *e = triangle->one, *f = triangle->other, *d = along;
     double px = d[1] * f[2] - d[2] * f[1], py = d[2] * f[0] - d[0] * f[2], pz = d[0] * f[1] - d[1] * f[0];
     double determinant = e[0] * px + e[1] * py + e[2] * pz;
     if (determinant == 0.0)
         return INFINITY;
-    double slow = 1.0 / determinant;
+    double inverse = 1.0 / determinant;
     double tx = at[0] - triangle->corner[0], ty = at[1] - triangle->corner[1], tz = at[2] - triangle->corner[2];
-    double u = (tx * px + ty * py + tz * pz) * slow;
+    double u = (tx * px + ty * py + tz * pz) * inverse;
     if (!(0.0 <= u && u <= 1.0))
         return INFINITY;
     double qx = ty * e[2] - tz * e[1], qy = tz * e[0] - tx * e[2], qz = tx * e[1] - ty * e[0];
-    double v = (d[0] * qx + d[1] * qy + d[2] * qz) * slow;
-    double distance = (f[0] * qx + f[1] * qy + f[2] * qz) * slow;
+    double v = (d[0] * qx + d[1] * qy + d[2] * qz) * inverse;
+    double distance = (f[0] * qx + f[1] * qy + f[2] * qz) * inverse;
     return v >= 0.0 && u + v <= 1.0 && distance >= 0.0 ? distance : INFINITY;
 }
 
 /* Returns 1 if the ray passes between the twines of a net, which run along the sides at the triangle's first corner. */
-static int is_open(const Triangle *triangle, const double *net, const double *at, const double *along, double distance)
+static int passes_net(const Triangle *triangle, const double *net, const double *at, const double *along, double distance)
 {
     double away[3];
     for (int axis = 0; axis < 3; axis++)
@@ -131,53 +131,53 @@ static int is_open(const Triangle *triangle, const double *net, const double *at
     return 1;
 }
 
-static double meet_mesh(const Geometry *geometry, const Solid *solid, const double *at, const double *along, double reach,
+static double intersect_mesh(const Geometry *geometry, const Solid *solid, const double *at, const double *along, double reach,
                         long *triangle_number)
 {
     const double *net = solid->sizes;
     double best = INFINITY;
-    long waiting[DEPTH_OF_TREE], count = 0;
+    long waiting[MAX_TREE_DEPTH], count = 0;
     waiting[count++] = (long)solid->root;
     while (count > 0) {
         const long number = waiting[--count];
         const Node *node = geometry->nodes + number;
-        double near = 0.0, far = least_of(reach, best);
+        double near = 0.0, far = min_of(reach, best);
         for (int axis = 0; axis < 3; axis++)
             slab(at[axis], along[axis], 1.0 / along[axis], node->low[axis], node->high[axis], &near, &far);
         if (near > far)
             continue;
         long first = (long)node->right_or_first, last = first + (long)node->count;
-        if (first == last && count < DEPTH_OF_TREE - 1)
+        if (first == last && count < MAX_TREE_DEPTH - 1)
             waiting[count++] = first, waiting[count++] = number + 1;
         for (long i = first; i < last; i++) {
-            double distance = meet_triangle(geometry->triangles + i, at, along);
+            double distance = intersect_triangle(geometry->triangles + i, at, along);
             if (distance < best && distance <= reach
-                && !(net[0] > 0.0 && is_open(geometry->triangles + i, net, at, along, distance)))
+                && !(net[0] > 0.0 && passes_net(geometry->triangles + i, net, at, along, distance)))
                 best = distance, *triangle_number = i;
         }
     }
     return best;
 }
 
-static double meet_solid(const Geometry *geometry, const Solid *solid, const double *origin, const double *direction,
+static double intersect_solid(const Geometry *geometry, const Solid *solid, const double *origin, const double *direction,
                          double reach, long *detail)
 {
     int kind = (int)solid->kind;
     const double *sizes = solid->sizes;
     *detail = 0;
     if (kind == HALF_SPACE)
-        return meet_half_space(sizes, origin, direction, reach);
+        return intersect_half_space(sizes, origin, direction, reach);
     double away[3], at[3], along[3], near = 0.0, far = reach;
     for (int axis = 0; axis < 3; axis++)
         away[axis] = origin[axis] - solid->position[axis];
     rotate_to_solid(solid->rotation, away, at);
     rotate_to_solid(solid->rotation, direction, along);
     if (kind == MESH)
-        return meet_mesh(geometry, solid, at, along, reach, detail);
+        return intersect_mesh(geometry, solid, at, along, reach, detail);
     if (kind == SPHERE) {
-        meet_round(at, along, sizes[0], 3, &near, &far);
+        intersect_round(at, along, sizes[0], 3, &near, &far);
     } else if (kind == CYLINDER) {
-        meet_round(at, along, sizes[0], 2, &near, &far);
+        intersect_round(at, along, sizes[0], 2, &near, &far);
         slab(at[2], along[2], 1.0 / along[2], sizes[1], sizes[2], &near, &far);
     } else {
         for (int axis = 0; axis < 3; axis++)
@@ -187,7 +187,7 @@ static double meet_solid(const Geometry *geometry, const Solid *solid, const dou
 }
 
 /* Selects the solids within reach: in a world with many objects most are out of reach of all rays of a sensor. */
-static void find_near(const Geometry *geometry, const double *origin, double reach, Near *near)
+static void find_near_solids(const Geometry *geometry, const double *origin, double reach, Near *near)
 {
     near->count = 0;
     for (long i = 0; i < geometry->count; i++)
@@ -200,16 +200,16 @@ static Hit trace(const Geometry *geometry, const Near *near, const double *origi
                  double start)
 {
     Hit best = {INFINITY, NOTHING, 0};
-    best.distance = meet_seabed(&geometry->ground, origin, direction, reach, start, &best.detail);
+    best.distance = intersect_seabed(&geometry->ground, origin, direction, reach, start, &best.detail);
     if (best.distance < INFINITY)
         best.object = SEABED;
     for (long k = 0; k < near->count; k++) {
         long i = near->numbers[k];
         const Solid *solid = geometry->solids + i;
-        if (passes(solid, origin, direction))
+        if (misses(solid, origin, direction))
             continue;
         long detail;
-        double distance = meet_solid(geometry, solid, origin, direction, least_of(reach, best.distance), &detail);
+        double distance = intersect_solid(geometry, solid, origin, direction, min_of(reach, best.distance), &detail);
         if (distance < best.distance)
             best = (Hit){distance, i + 1, detail};
     }

@@ -24,8 +24,8 @@ static void bound(Bundle *bundle)
     for (int axis = 0; axis < 3; axis++) {
         double low = INFINITY, high = -INFINITY;
         for (int i = 0; i < bundle->count; i++) {
-            low = least_of(low, bundle->along[i][axis]);
-            high = most_of(high, bundle->along[i][axis]);
+            low = min_of(low, bundle->along[i][axis]);
+            high = max_of(high, bundle->along[i][axis]);
         }
         bundle->low[axis] = low, bundle->high[axis] = high;
     }
@@ -34,7 +34,7 @@ static void bound(Bundle *bundle)
 /* --- solids */
 
 /* Allocates the lists of solids near an origin and near a bundle; returns 0 without memory. */
-static int make_near(const Geometry *geometry, Near *near)
+static int allocate_near_solids(const Geometry *geometry, Near *near)
 {
     near->count = 0;
     near->numbers = malloc((size_t)(2 * geometry->count + 1) * sizeof *near->numbers);
@@ -47,21 +47,21 @@ static int is_far(const double *plane, const double *origin, const Bundle *bundl
     double height = -plane[3], rate = 0.0;
     for (int axis = 0; axis < 3; axis++) {
         height += plane[axis] * origin[axis];
-        rate += least_of(plane[axis] * bundle->low[axis], plane[axis] * bundle->high[axis]);
+        rate += min_of(plane[axis] * bundle->low[axis], plane[axis] * bundle->high[axis]);
     }
     return height > CLEARANCE && height + rate * reach > CLEARANCE;
 }
 
-/* Returns the solids without those that `passes` would exclude for each of the rays. */
-static Near find_closer(const Geometry *geometry, const Near *near, const double *origin, const Bundle *bundle, double reach)
+/* Returns the solids without those that `misses` would exclude for each of the rays. */
+static Near exclude_solids(const Geometry *geometry, const Near *near, const double *origin, const Bundle *bundle, double reach)
 {
-    double middle[2], widest[2], most[2];
+    double middle[2], widest[2], largest[2];
     for (int axis = 0; axis < 2; axis++) {
         middle[axis] = 0.5 * (bundle->low[axis] + bundle->high[axis]);
         widest[axis] = 0.5 * (bundle->high[axis] - bundle->low[axis]);
-        most[axis] = most_of(fabs(bundle->low[axis]), fabs(bundle->high[axis]));
+        largest[axis] = max_of(fabs(bundle->low[axis]), fabs(bundle->high[axis]));
     }
-    double spread = widest[0] + widest[1], longest = most[0] + most[1];
+    double spread = widest[0] + widest[1], longest = largest[0] + largest[1];
     Near closer = {near->numbers + geometry->count, 0};
     for (long k = 0; k < near->count; k++) {
         const Solid *solid = geometry->solids + near->numbers[k];
@@ -78,7 +78,7 @@ static Near find_closer(const Geometry *geometry, const Near *near, const double
 /* --- the seabed */
 
 /* The least depth of the cells between `from` and `to` (in cells); -INFINITY for too many cells, and beyond the grid. */
-static double least_between(const Ground *ground, const double *from, const double *to)
+static double min_depth_between(const Ground *ground, const double *from, const double *to)
 {
     const double edge[2] = {(double)(ground->rows - 1), (double)(ground->columns - 1)};
     for (int axis = 0; axis < 2; axis++)
@@ -100,31 +100,31 @@ static double least_between(const Ground *ground, const double *from, const doub
     int level = size < SOME_CELLS, shift = SHIFT[level];
     for (long row = top >> shift; row <= bottom >> shift; row++)
         for (long column = left >> shift; column <= right >> shift; column++)
-            least = least_of(least, least_in_block(ground, level, row, column));
+            least = min_of(least, min_depth_in_block(ground, level, row, column));
     return least;
 }
 
 /* A distance (m) before which no ray of a bundle meets the seabed, found in steps over boxes that contain all rays. It
  * is not worthwhile for rays of different slopes. */
-static double clear_way(const Ground *ground, const double *origin, const Bundle *bundle, double reach)
+static double clear_distance(const Ground *ground, const double *origin, const Bundle *bundle, double reach)
 {
     if (ground->rows == 0 || bundle->high[2] - bundle->low[2] > MAX_SLOPES)
         return 0.0;
     double at[2] = {(origin[0] - ground->north_min) * ground->scale, (origin[1] - ground->east_min) * ground->scale};
-    double fastest = 1e-3 + ground->scale * most_of(most_of(fabs(bundle->low[0]), fabs(bundle->high[0])),
-                                                    most_of(fabs(bundle->low[1]), fabs(bundle->high[1])));
-    double near = 0.0, down = bundle->high[2], stride = least_of(reach, 0.5 * MAX_CELLS / fastest);
+    double fastest = 1e-3 + ground->scale * max_of(max_of(fabs(bundle->low[0]), fabs(bundle->high[0])),
+                                                    max_of(fabs(bundle->low[1]), fabs(bundle->high[1])));
+    double near = 0.0, down = bundle->high[2], stride = min_of(reach, 0.5 * MAX_CELLS / fastest);
     for (int i = 0; i < MAX_STRIDES && near < reach && stride * fastest > 0.25; i++) {
-        double far = least_of(near + stride, reach), from[2], to[2];
+        double far = min_of(near + stride, reach), from[2], to[2];
         for (int axis = 0; axis < 2; axis++) {
             double low = bundle->low[axis] * ground->scale, high = bundle->high[axis] * ground->scale;
-            from[axis] = at[axis] + least_of(low * near, low * far);
-            to[axis] = at[axis] + most_of(high * near, high * far);
+            from[axis] = at[axis] + min_of(low * near, low * far);
+            to[axis] = at[axis] + max_of(high * near, high * far);
         }
-        double room = least_between(ground, from, to) - CLEARANCE - origin[2];
-        double clear = down > 0.0 ? least_of(room / down, far) : down * near < room ? far : near;
+        double room = min_depth_between(ground, from, to) - CLEARANCE - origin[2];
+        double clear = down > 0.0 ? min_of(room / down, far) : down * near < room ? far : near;
         stride = clear >= far ? 2.0 * stride : clear > near + 0.5 * stride ? stride : 0.25 * stride;
-        near = most_of(near, clear);
+        near = max_of(near, clear);
     }
     return near;
 }
@@ -138,8 +138,8 @@ static void trace_bundle(const Geometry *geometry, const Near *near, const doubl
         return;
     }
     bound(bundle);
-    double start = clear_way(&geometry->ground, origin, bundle, reach);
-    Near closer = find_closer(geometry, near, origin, bundle, reach);
+    double start = clear_distance(&geometry->ground, origin, bundle, reach);
+    Near closer = exclude_solids(geometry, near, origin, bundle, reach);
     for (int i = 0; i < bundle->count; i++)
         hits[i] = trace(geometry, &closer, origin, bundle->along[i], reach, start);
 }

@@ -27,37 +27,37 @@ typedef struct {
     float *least[LEVELS];
 } Ground;
 
-static double least_of(double a, double b)
+static double min_of(double a, double b)
 {
     return b < a ? b : a;
 }
 
-static double most_of(double a, double b)
+static double max_of(double a, double b)
 {
     return b > a ? b : a;
 }
 
-static long limited(long value, long low, long high)
+static long clamp(long value, long low, long high)
 {
     return value < low ? low : value > high ? high : value;
 }
 
-/* `slow` is 1 / rate. */
-static void slab(double at, double rate, double slow, double low, double high, double *near, double *far)
+/* `inverse` is 1 / rate. */
+static void slab(double at, double rate, double inverse, double low, double high, double *near, double *far)
 {
     if (fabs(rate) <= TINY) {
         if (!(low <= at && at <= high))
             *near = INFINITY, *far = -INFINITY;
         return;
     }
-    double one = (low - at) * slow, other = (high - at) * slow;
-    *near = most_of(*near, one > other ? other : one);
-    *far = least_of(*far, one > other ? one : other);
+    double one = (low - at) * inverse, other = (high - at) * inverse;
+    *near = max_of(*near, one > other ? other : one);
+    *far = min_of(*far, one > other ? one : other);
 }
 
 /* --- the seabed */
 
-static double meet_flat(double z, double dz, double depth, double near, double far)
+static double intersect_flat(double z, double dz, double depth, double near, double far)
 {
     if (z + dz * near >= depth)
         return near;
@@ -68,7 +68,7 @@ static double meet_flat(double z, double dz, double depth, double near, double f
 /* A ray in cells: its origin and direction, and for x and y: 1 / rate, the step from cell to cell, and the edge of a
  * cell (0 or 1) at which it leaves the cell. */
 typedef struct {
-    double at[3], rate[3], slow[2];
+    double at[3], rate[3], inverse[2];
     long step[2], edge[2];
 } Ray;
 
@@ -77,15 +77,15 @@ static double crossing(const Ray *ray, int axis, long cell, long size)
 {
     if (fabs(ray->rate[axis]) <= TINY)
         return INFINITY;
-    return ((double)(cell + (ray->edge[axis] ? size : 0)) - ray->at[axis]) * ray->slow[axis];
+    return ((double)(cell + (ray->edge[axis] ? size : 0)) - ray->at[axis]) * ray->inverse[axis];
 }
 
-static double meet_cell(const Ground *ground, const Ray *ray, long row, long column, double near, double end)
+static double intersect_cell(const Ground *ground, const Ray *ray, long row, long column, double near, double end)
 {
     const float *first = ground->depths + row * ground->columns + column, *second = first + ground->columns;
     double a = first[0], b = first[1], c = second[0], d = second[1];
     double dx = ray->rate[0], dy = ray->rate[1], dz = ray->rate[2];
-    double z = ray->at[2] + dz * near, lowest = most_of(z, ray->at[2] + dz * end);
+    double z = ray->at[2] + dz * near, lowest = max_of(z, ray->at[2] + dz * end);
     if (lowest < a && lowest < b && lowest < c && lowest < d)
         return ABOVE;
     double u = ray->at[0] + dx * near - (double)row, v = ray->at[1] + dy * near - (double)column;
@@ -106,7 +106,7 @@ static double meet_cell(const Ground *ground, const Ray *ray, long row, long col
 }
 
 /* The least depth in a block, -INFINITY where a node has no data. */
-static double least_in_block(const Ground *ground, int level, long block_row, long block_column)
+static double min_depth_in_block(const Ground *ground, int level, long block_row, long block_column)
 {
     float *known = ground->least[level] + block_row * ground->block_columns[level] + block_column;
     if (*known != 0.0f)
@@ -130,8 +130,8 @@ static int walk_cells(const Ground *ground, const Ray *ray, const long *cells, c
     long top = cells[0], last_row = cells[1], left = cells[2], last_column = cells[3], row = at[0], column = at[1];
     double next_x = crossing(ray, 0, row, 1), next_y = crossing(ray, 1, column, 1);
     for (;;) {
-        double end = least_of(least_of(next_x, next_y), far);
-        double distance = meet_cell(ground, ray, row, column, *near, end);
+        double end = min_of(min_of(next_x, next_y), far);
+        double distance = intersect_cell(ground, ray, row, column, *near, end);
         if (distance >= 0.0) {
             *near = *near + distance, *side = SURFACE;
             return 1;
@@ -156,15 +156,15 @@ static int walk_cells(const Ground *ground, const Ray *ray, const long *cells, c
 /* Finds the cell, among `cells`, in which the ray is at the distance `near`. */
 static void find_cell(const Ray *ray, const long *cells, double near, long *cell)
 {
-    cell[0] = limited((long)(ray->at[0] + ray->rate[0] * near), cells[0], cells[1]);
-    cell[1] = limited((long)(ray->at[1] + ray->rate[1] * near), cells[2], cells[3]);
+    cell[0] = clamp((long)(ray->at[0] + ray->rate[0] * near), cells[0], cells[1]);
+    cell[1] = clamp((long)(ray->at[1] + ray->rate[1] * near), cells[2], cells[3]);
 }
 
 static void find_block(const Ground *ground, int level, long block_row, long block_column, long *cells)
 {
     long size = 1L << SHIFT[level], top = block_row * size, left = block_column * size;
-    cells[0] = top, cells[1] = limited(top + size - 1, 0, ground->rows - 2);
-    cells[2] = left, cells[3] = limited(left + size - 1, 0, ground->columns - 2);
+    cells[0] = top, cells[1] = clamp(top + size - 1, 0, ground->rows - 2);
+    cells[2] = left, cells[3] = clamp(left + size - 1, 0, ground->columns - 2);
 }
 
 /* The same for the blocks of a level, and the blocks and cells in them. */
@@ -178,9 +178,9 @@ static int walk(const Ground *ground, const Ray *ray, int level, const long *cel
     long row = cell[0] >> shift, column = cell[1] >> shift;
     while (row >= first_row && row <= last_row && column >= first_column && column <= last_column) {
         double next_x = crossing(ray, 0, row << shift, size), next_y = crossing(ray, 1, column << shift, size);
-        double end = least_of(least_of(next_x, next_y), far);
-        double lowest = most_of(ray->at[2] + ray->rate[2] * *near, ray->at[2] + ray->rate[2] * end);
-        if (!(lowest < least_in_block(ground, level, row, column))) {
+        double end = min_of(min_of(next_x, next_y), far);
+        double lowest = max_of(ray->at[2] + ray->rate[2] * *near, ray->at[2] + ray->rate[2] * end);
+        if (!(lowest < min_depth_in_block(ground, level, row, column))) {
             find_block(ground, level, row, column, within);
             find_cell(ray, within, *near, cell);
             if (level + 1 < LEVELS ? walk(ground, ray, level + 1, within, near, end, side)
@@ -209,7 +209,7 @@ static int walk_from(const Ground *ground, const Ray *ray, double start, double 
         long cell[2], within[4];
         find_cell(ray, all, start, cell);
         for (int axis = 0; axis < 2; axis++) {
-            double into = fabs(ray->rate[axis]) > TINY ? ((double)(cell[axis] + !ray->edge[axis]) - ray->at[axis]) * ray->slow[axis]
+            double into = fabs(ray->rate[axis]) > TINY ? ((double)(cell[axis] + !ray->edge[axis]) - ray->at[axis]) * ray->inverse[axis]
                                                        : -INFINITY;
             if (into >= *near && into > 0.0)
                 *near = into, *side = axis == 0 ? STEP_NORTH : STEP_EAST;
@@ -224,7 +224,7 @@ static int walk_from(const Ground *ground, const Ray *ray, double start, double 
 }
 
 /* The distance at which a ray meets the seabed, known to be at least `start` m; `start` is within the grid unless 0. */
-static double meet_seabed(const Ground *ground, const double *origin, const double *direction, double reach, double start,
+static double intersect_seabed(const Ground *ground, const double *origin, const double *direction, double reach, double start,
                           long *side)
 {
     double z = origin[2], dz = direction[2], depth = ground->outside;
@@ -232,22 +232,22 @@ static double meet_seabed(const Ground *ground, const double *origin, const doub
     if (start > 0.0 && start >= reach)
         return INFINITY;
     if (ground->rows == 0)
-        return meet_flat(z, dz, depth, 0.0, reach);
+        return intersect_flat(z, dz, depth, 0.0, reach);
     Ray ray = {.at = {(origin[0] - ground->north_min) * ground->scale, (origin[1] - ground->east_min) * ground->scale, z},
                .rate = {direction[0] * ground->scale, direction[1] * ground->scale, dz}};
     for (int axis = 0; axis < 2; axis++) {
-        ray.slow[axis] = 1.0 / ray.rate[axis];
+        ray.inverse[axis] = 1.0 / ray.rate[axis];
         ray.step[axis] = ray.rate[axis] > 0.0 ? 1 : -1;
         ray.edge[axis] = ray.rate[axis] > 0.0;
     }
     double near = 0.0, far = reach;
-    slab(ray.at[0], ray.rate[0], ray.slow[0], 0.0, (double)ground->rows - 1.0, &near, &far);
+    slab(ray.at[0], ray.rate[0], ray.inverse[0], 0.0, (double)ground->rows - 1.0, &near, &far);
     double into_row = near, out_of_row = far;
-    slab(ray.at[1], ray.rate[1], ray.slow[1], 0.0, (double)ground->columns - 1.0, &near, &far);
+    slab(ray.at[1], ray.rate[1], ray.inverse[1], 0.0, (double)ground->columns - 1.0, &near, &far);
     if (near > far)
-        return meet_flat(z, dz, depth, 0.0, reach);
+        return intersect_flat(z, dz, depth, 0.0, reach);
     if (near > 0.0) {
-        double distance = meet_flat(z, dz, depth, 0.0, near);
+        double distance = intersect_flat(z, dz, depth, 0.0, near);
         if (distance < near)
             return distance;
     }
@@ -257,7 +257,7 @@ static double meet_seabed(const Ground *ground, const double *origin, const doub
     *side = SURFACE;
     if (far >= reach)
         return INFINITY;
-    double distance = meet_flat(z, dz, depth, far, reach);
+    double distance = intersect_flat(z, dz, depth, far, reach);
     int step = distance == far && z + dz * far > depth + ON_SURFACE;
     *side = step ? far < out_of_row ? STEP_EAST : STEP_NORTH : SURFACE;
     return distance;
@@ -279,7 +279,7 @@ static void seabed_normal(const Ground *ground, long side, const double *directi
     double x = (point[0] - ground->north_min) * ground->scale, y = (point[1] - ground->east_min) * ground->scale;
     if (!(0.0 <= x && x <= (double)(ground->rows - 1) && 0.0 <= y && y <= (double)(ground->columns - 1)))
         return;
-    long row = limited((long)x, 0, ground->rows - 2), column = limited((long)y, 0, ground->columns - 2);
+    long row = clamp((long)x, 0, ground->rows - 2), column = clamp((long)y, 0, ground->columns - 2);
     const float *first = ground->depths + row * ground->columns + column, *second = first + ground->columns;
     double a = first[0], b = first[1], c = second[0], d = second[1];
     double u = x - (double)row, v = y - (double)column, twist = a - b - c + d;

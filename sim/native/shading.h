@@ -8,7 +8,8 @@
 #include <stddef.h>
 #include <stdint.h>
 
-enum { SIDE = 512, PYRAMID = 6, SIZES = 24, STEPS = 1024, CHANNELS = 3, DECAYS_A_STEP = 2 * CHANNELS };
+/* Nodes along a side of a tile and levels of the texture, sizes of footprints, steps of the table of exp. */
+enum { TILE_SIDE = 512, TILE_LEVELS = 6, FOOTPRINTS = 24, DECAY_STEPS = 1024, CHANNELS = 3, DECAYS_PER_STEP = 2 * CHANNELS };
 
 /* The settings of `shade` and `picture`, in this order. */
 typedef struct {
@@ -24,15 +25,15 @@ typedef struct {
     size_t first;
     long side;
     float max_footprint, scale, ripple;
-} Size;
+} Footprint;
 
 /* The appearance of surfaces. `nodes` is the number of grain nodes a metre; depths and texture are NULL if absent. */
 typedef struct {
-    const Settings *set;
+    const Settings *settings;
     const float *colours, *grain, *decays, *depths, *texture;
     size_t texture_size;
     float pixel, lamps, light[CHANNELS], veil[CHANNELS], rock[CHANNELS], per_metre, nodes[2], deviation[2], height, wave[2];
-    Size sizes[SIZES];
+    Footprint footprints[FOOTPRINTS];
 } Appearance;
 
 /* What the ray of a pixel hits, in the world's axes; `facing` is the cosine of the angle of incidence. */
@@ -41,9 +42,9 @@ typedef struct {
     long object;
 } Pixel;
 
-static float at_most(float a, float b) { return a < b ? a : b; }
-static float at_least(float a, float b) { return a > b ? a : b; }
-static long clipped(long index, long count) { return index < 0 ? 0 : index >= count ? count - 1 : index; }
+static float min_float(float a, float b) { return a < b ? a : b; }
+static float max_float(float a, float b) { return a > b ? a : b; }
+static long clamp_index(long index, long count) { return index < 0 ? 0 : index >= count ? count - 1 : index; }
 
 static long floor_index(float x)
 {
@@ -56,12 +57,13 @@ static float interpolate_grain(const float *tile, float u, float v)
 {
     long row = floor_index(u), column = floor_index(v);
     float a = u - (float)row, b = v - (float)column;
-    const float *corner = tile + (row & (SIDE - 1)) * (SIDE + 1) + (column & (SIDE - 1));
+    const float *corner = tile + (row & (TILE_SIDE - 1)) * (TILE_SIDE + 1) + (column & (TILE_SIDE - 1));
     float one = corner[0] + (corner[1] - corner[0]) * b;
-    float other = corner[SIDE + 1] + (corner[SIDE + 2] - corner[SIDE + 1]) * b;
+    float other = corner[TILE_SIDE + 1] + (corner[TILE_SIDE + 2] - corner[TILE_SIDE + 1]) * b;
     return one + (other - one) * a;
 }
 
+/* The brightness that the grain gives a surface: two scales of noise, less the finer a pixel's footprint is. */
 static float grain_tone(const Appearance *appearance, const Pixel *pixel, float footprint)
 {
     const float *p = pixel->point;
@@ -73,51 +75,52 @@ static float grain_tone(const Appearance *appearance, const Pixel *pixel, float 
         float left = blur > 1.0f ? appearance->deviation[i] / blur : appearance->deviation[i];
         tone += left * interpolate_grain(appearance->grain, u * appearance->nodes[i], v * appearance->nodes[i]);
     }
-    return at_least(tone, 0.1f);
+    return max_float(tone, 0.1f);
 }
 
+/* The brightness by the curvature of the seabed: hollows are darker. */
 static float curvature_tone(const Appearance *appearance, const Pixel *pixel)
 {
-    const Settings *s = appearance->set;
+    const Settings *s = appearance->settings;
     long rows = (long)s->rows, columns = (long)s->columns;
-    long row = clipped((long)((pixel->point[0] - s->north_min) * s->scale + 0.5), rows);
-    long column = clipped((long)((pixel->point[1] - s->east_min) * s->scale + 0.5), columns);
+    long row = clamp_index((long)((pixel->point[0] - s->north_min) * s->scale + 0.5), rows);
+    long column = clamp_index((long)((pixel->point[1] - s->east_min) * s->scale + 0.5), columns);
     const float *here = appearance->depths + row * columns;
     const float *above = here - (row > 0 ? columns : 0), *below = here + (row < rows - 1 ? columns : 0);
-    float around = 0.25f * (above[column] + below[column] + here[clipped(column - 1, columns)] + here[clipped(column + 1, columns)]);
+    float around = 0.25f * (above[column] + below[column] + here[clamp_index(column - 1, columns)] + here[clamp_index(column + 1, columns)]);
     float height = (around - here[column]) * (float)s->scale;
     if (height != height)
         return 1.0f;
-    return at_most(at_least(1.0f + 3.0f * height, 0.7f), 1.3f);
+    return min_float(max_float(1.0f + 3.0f * height, 0.7f), 1.3f);
 }
 
 /* The tiles of slopes to the north, to the east and of brightness follow each other, each with all its levels. */
 static float texture_tone(const Appearance *appearance, const Pixel *pixel, float footprint)
 {
-    const Size *size = appearance->sizes;
-    while (footprint >= size->max_footprint && size < appearance->sizes + SIZES - 1)
-        size++;
+    const Footprint *level = appearance->footprints;
+    while (footprint >= level->max_footprint && level < appearance->footprints + FOOTPRINTS - 1)
+        level++;
     size_t all = appearance->texture_size / 3;
-    const float *tiles = appearance->texture + size->first;
-    long side = size->side, row = floor_index(pixel->point[0] * size->scale), column = floor_index(pixel->point[1] * size->scale);
+    const float *tiles = appearance->texture + level->first;
+    long side = level->side, row = floor_index(pixel->point[0] * level->scale), column = floor_index(pixel->point[1] * level->scale);
     size_t node = (size_t)((row & (side - 1)) * side + (column & (side - 1)));
     size_t patch = (size_t)(((row >> 1) & (side - 1)) * side + ((column >> 1) & (side - 1)));
     float north = appearance->height * tiles[node], east = appearance->height * tiles[all + node];
-    if (size->ripple != 0.0f) {
-        float rise = size->ripple * cosf(appearance->wave[0] * pixel->point[0] + appearance->wave[1] * pixel->point[1]);
+    if (level->ripple != 0.0f) {
+        float rise = level->ripple * cosf(appearance->wave[0] * pixel->point[0] + appearance->wave[1] * pixel->point[1]);
         north += appearance->wave[0] * rise, east += appearance->wave[1] * rise;
     }
     float root = sqrtf(1.0f + north * north + east * east);
-    float lean = at_most(at_least(0.5f * (north + east), -0.5f), 0.5f);
+    float lean = min_float(max_float(0.5f * (north + east), -0.5f), 0.5f);
     return tiles[2 * all + patch] * (0.8f / root + 0.2f + lean);
 }
 
 /* Reads exp(-coefficient distance) from the table: for three attenuations, then for three backscatter coefficients. */
 static void read_decays(const Appearance *appearance, float distance, float *decays, int count)
 {
-    float position = at_most(distance * appearance->per_metre, (float)STEPS - 1e-3f);
+    float position = min_float(distance * appearance->per_metre, (float)DECAY_STEPS - 1e-3f);
     int first = (int)position;
-    const float *row = appearance->decays + first * DECAYS_A_STEP, *next = row + DECAYS_A_STEP;
+    const float *row = appearance->decays + first * DECAYS_PER_STEP, *next = row + DECAYS_PER_STEP;
     position -= (float)first;
     for (int i = 0; i < count; i++)
         decays[i] = row[i] + (next[i] - row[i]) * position;
@@ -131,20 +134,20 @@ static void shade_pixel(const Appearance *appearance, const Pixel *pixel, float 
             out[c] = appearance->veil[c];
         return;
     }
-    int surface = pixel->object == (long)appearance->set->surface;
+    int surface = pixel->object == (long)appearance->settings->surface;
     float footprint = pixel->distance * appearance->pixel, tone = surface ? 1.0f : grain_tone(appearance, pixel, footprint), rock = 0.0f;
     if (pixel->object == 0) {
         if (appearance->depths)
             tone *= curvature_tone(appearance, pixel);
         if (appearance->texture)
             tone *= texture_tone(appearance, pixel, footprint);
-        rock = at_most(at_least((0.93f + pixel->normal[2]) / 0.12f, 0.0f), 1.0f);
+        rock = min_float(max_float((0.93f + pixel->normal[2]) / 0.12f, 0.0f), 1.0f);
     }
     float day = tone * (0.6f - 0.4f * pixel->normal[2]);
     if (surface) /* Snell's window, as sim/sensors/imaging/scenery.py has it */
-        day = at_most(at_least((pixel->facing - 0.62f) / 0.08f, 0.0f), 1.0f);
-    float near = at_least(pixel->distance, 0.05f), lit = 0.0f, decays[DECAYS_A_STEP], lamplight[CHANNELS];
-    read_decays(appearance, pixel->distance, decays, DECAYS_A_STEP);
+        day = min_float(max_float((pixel->facing - 0.62f) / 0.08f, 0.0f), 1.0f);
+    float near = max_float(pixel->distance, 0.05f), lit = 0.0f, decays[DECAYS_PER_STEP], lamplight[CHANNELS];
+    read_decays(appearance, pixel->distance, decays, DECAYS_PER_STEP);
     if (!surface && appearance->lamps > 0.0f && pixel->facing > 0.0f) {
         lit = tone * appearance->lamps * pixel->facing / (near * near);
         read_decays(appearance, near, lamplight, CHANNELS);
@@ -162,24 +165,24 @@ static void shade_pixel(const Appearance *appearance, const Pixel *pixel, float 
 }
 
 /* Sizes double from the finest on; levels change where the logarithm of their ratio rounds up. */
-static void set_sizes(Appearance *appearance)
+static void set_footprints(Appearance *appearance)
 {
-    const Settings *s = appearance->set;
+    const Settings *s = appearance->settings;
     size_t first = 0;
     int level = 0;
-    for (int i = 0; i < SIZES; i++) {
+    for (int i = 0; i < FOOTPRINTS; i++) {
         double size = s->finest * (double)(1L << i), turn = 3.141592653589793 * size / s->ripple_length;
-        for (; level < PYRAMID - 1 && size / s->texture_node >= 1.4142135623730951 * (double)(1 << level); level++)
-            first += (size_t)(SIDE >> level) * (size_t)(SIDE >> level);
+        for (; level < TILE_LEVELS - 1 && size / s->texture_node >= 1.4142135623730951 * (double)(1 << level); level++)
+            first += (size_t)(TILE_SIDE >> level) * (size_t)(TILE_SIDE >> level);
         double left = s->ripple != 0.0 && size < s->ripple_length ? s->ripple * sin(turn) / turn : 0.0;
         float scale = (float)(1.0 / (s->texture_node * (double)(1 << level)));
-        appearance->sizes[i] = (Size){first, SIDE >> level, (float)(size * 1.4142135623730951), scale, (float)left};
+        appearance->footprints[i] = (Footprint){first, TILE_SIDE >> level, (float)(size * 1.4142135623730951), scale, (float)left};
     }
 }
 
 static void set_numbers(Appearance *appearance)
 {
-    const Settings *s = appearance->set;
+    const Settings *s = appearance->settings;
     for (int c = 0; c < CHANNELS; c++)
         appearance->light[c] = (float)s->light[c], appearance->veil[c] = (float)s->veil[c], appearance->rock[c] = (float)s->rock[c];
     for (int i = 0; i < 2; i++) {
@@ -188,5 +191,5 @@ static void set_numbers(Appearance *appearance)
     }
     appearance->pixel = (float)s->pixel, appearance->lamps = (float)s->lamps, appearance->per_metre = (float)s->per_metre;
     appearance->height = (float)s->height;
-    set_sizes(appearance);
+    set_footprints(appearance);
 }

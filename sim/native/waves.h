@@ -20,6 +20,7 @@ typedef struct {
     double tangent[7]; /* WaveField._tangent */
 } Waves;
 
+/* As in sim/environment/waves.py: within this time (s) and squared distance (m2) the surface is extrapolated. */
 #define NEAR_S 0.2
 #define NEAR_M2 1.0
 

@@ -64,10 +64,10 @@ def _walk(
     row = min(max(int(x + dx * near), 0), last_row)
     column = min(max(int(y + dy * near), 0), last_column)
     moves_x, moves_y = abs(dx) > TINY, abs(dy) > TINY
-    slow_x, slow_y = 1.0 / dx if moves_x else inf, 1.0 / dy if moves_y else inf
+    inverse_x, inverse_y = 1.0 / dx if moves_x else inf, 1.0 / dy if moves_y else inf
     (step_x, edge_x), (step_y, edge_y) = (1, 1) if dx > 0.0 else (-1, 0), (1, 1) if dy > 0.0 else (-1, 0)
-    next_x = (row + edge_x - x) * slow_x if moves_x else inf
-    next_y = (column + edge_y - y) * slow_y if moves_y else inf
+    next_x = (row + edge_x - x) * inverse_x if moves_x else inf
+    next_y = (column + edge_y - y) * inverse_y if moves_y else inf
     while True:
         end = min(next_x, next_y, far)
         first = row * columns + column
@@ -86,10 +86,10 @@ def _walk(
             return inf, SURFACE
         if next_x <= next_y:
             row, side = row + step_x, STEP_NORTH
-            next_x = (row + edge_x - x) * slow_x
+            next_x = (row + edge_x - x) * inverse_x
         else:
             column, side = column + step_y, STEP_EAST
-            next_y = (column + edge_y - y) * slow_y
+            next_y = (column + edge_y - y) * inverse_y
         if not (0 <= row <= last_row and 0 <= column <= last_column):
             return inf, SURFACE
         near = end
@@ -130,8 +130,8 @@ def slab(at: float, rate: float, low: float, high: float, near: float, far: floa
     """
     if abs(rate) <= TINY:
         return (near, far) if low <= at <= high else (inf, -inf)
-    slow = 1.0 / rate
-    one, other = (low - at) * slow, (high - at) * slow
+    inverse = 1.0 / rate
+    one, other = (low - at) * inverse, (high - at) * inverse
     if one > other:
         one, other = other, one
     return max(near, one), min(far, other)

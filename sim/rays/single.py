@@ -43,7 +43,7 @@ def trace(geometry: Geometry, origin: Sequence[float], direction: Sequence[float
     solids = geometry.solids
     for number, start in enumerate(range(0, len(solids), ROW), 1):
         row = solids[start : start + ROW]
-        if not _passes(row, origin, direction, reach):
+        if not _misses(row, origin, direction, reach):
             distance, detail = _intersect_solid(geometry, row, origin, direction, min(reach, best.distance))
             if distance < best.distance:
                 best = Hit(distance, number, detail)
@@ -104,7 +104,7 @@ def normal(geometry: Geometry, hit: Hit, direction: Sequence[float], point: Sequ
     return rotate_to_world(rotation, *own)
 
 
-def _passes(row: Sequence[float], origin: Sequence[float], direction: Sequence[float], reach: float) -> bool:
+def _misses(row: Sequence[float], origin: Sequence[float], direction: Sequence[float], reach: float) -> bool:
     """True if a ray, seen from above, misses the bounding circle of a solid, or does not reach it."""
     size, x, y = row[REACH], row[POSITION] - origin[0], row[POSITION + 1] - origin[1]
     dx, dy = direction[0], direction[1]
@@ -224,14 +224,14 @@ def _intersect_triangle(corner: Sequence[float], at: Vector3, along: Vector3) ->
     determinant = ex * px + ey * py + ez * pz
     if determinant == 0.0:
         return inf
-    slow = 1.0 / determinant
+    inverse = 1.0 / determinant
     tx, ty, tz = at[0] - ax, at[1] - ay, at[2] - az
-    u = (tx * px + ty * py + tz * pz) * slow
+    u = (tx * px + ty * py + tz * pz) * inverse
     if not 0.0 <= u <= 1.0:
         return inf
     qx, qy, qz = ty * ez - tz * ey, tz * ex - tx * ez, tx * ey - ty * ex
-    v = (dx * qx + dy * qy + dz * qz) * slow
-    distance = (fx * qx + fy * qy + fz * qz) * slow
+    v = (dx * qx + dy * qy + dz * qz) * inverse
+    distance = (fx * qx + fy * qy + fz * qz) * inverse
     return distance if v >= 0.0 and u + v <= 1.0 and distance >= 0.0 else inf
 
 

@@ -117,8 +117,8 @@ class CrossFlowDrag:
         strip = length / STRIPS
         self._stations = [(i + 0.5) * strip - 0.5 * length for i in range(STRIPS)]
         self._drag = PiecewiseLinear(flow.speed or (0.0,), flow.drag)
-        self._broad = 0.5 * density * strip * (flow.height or height)
-        self._deep = 0.5 * density * strip * (flow.width or width)
+        self._sway_scale = 0.5 * density * strip * (flow.height or height)
+        self._heave_scale = 0.5 * density * strip * (flow.width or width)
 
     def begin(self, time_ns: int) -> None:
         """Do nothing: the force does not change with time."""
@@ -137,12 +137,12 @@ class CrossFlowDrag:
             m -= x * down
             n += x * starboard
         coefficient = self._drag(sqrt(v * v + w * w))[0]
-        broad, deep = -coefficient * self._broad, -coefficient * self._deep
-        return 0.0, broad * y, deep * z, 0.0, deep * m, broad * n
+        sway_scale, heave_scale = -coefficient * self._sway_scale, -coefficient * self._heave_scale
+        return 0.0, sway_scale * y, heave_scale * z, 0.0, heave_scale * m, sway_scale * n
 
     def numbers(self) -> list[float]:
         """Return all numbers that `wrench` uses, as one flat list, for the C twin. The coefficient table comes last."""
-        return [self._broad, self._deep, *self._stations, *self._drag.numbers()]
+        return [self._sway_scale, self._heave_scale, *self._stations, *self._drag.numbers()]
 
 
 class SpeedDamping:

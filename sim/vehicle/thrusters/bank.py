@@ -96,9 +96,9 @@ class ThrusterSet:
 
     def __init__(self, vehicle: Vehicle, dt: float, seed: int = 0) -> None:
         self._thrusters = vehicle.thrusters
-        self._columns = list(zip(*wrench_matrix(vehicle), strict=True))
-        # These columns convert a velocity of the vehicle to the speed along each thruster.
-        self._wrench_columns = list(zip(*wrench_matrix(vehicle, torque=False), strict=True))
+        self._wrench_columns = list(zip(*wrench_matrix(vehicle), strict=True))
+        # A speed column converts a velocity of the vehicle to the speed along its thruster.
+        self._speed_columns = list(zip(*wrench_matrix(vehicle, torque=False), strict=True))
         # Curves of propellers that lose thrust with the speed of their inflow (Advance in thrusters/curves.py).
         self._advances: list[Any] = [t.curve if hasattr(t.curve, "loss") else None for t in vehicle.thrusters]
         # True if `step` needs the speed through the water.
@@ -185,7 +185,7 @@ class ThrusterSet:
         if self._shares is not None:
             self._thrusts = [thrust * share for thrust, share in zip(self._thrusts, self._shares, strict=True)]
         x = y = z = k = m = n = 0.0
-        for thrust, (cx, cy, cz, ck, cm, cn) in zip(self._thrusts, self._columns, strict=True):
+        for thrust, (cx, cy, cz, ck, cm, cn) in zip(self._thrusts, self._wrench_columns, strict=True):
             x += cx * thrust
             y += cy * thrust
             z += cz * thrust
@@ -196,11 +196,11 @@ class ThrusterSet:
 
     def numbers(self) -> list[float]:
         """Return all constants of a step without failures, as one flat list, for the C twin."""
-        rows = zip(self._gains, self._columns, self._wrench_columns, self._advances, strict=True)
+        rows = zip(self._gains, self._wrench_columns, self._speed_columns, self._advances, strict=True)
         no_loss = [0.0] * 5
         lists = [
-            (gain, *column, *wrench_column, *(curve.numbers() if curve else no_loss))
-            for gain, column, wrench_column, curve in rows
+            (gain, *wrench_column, *speed_column, *(curve.numbers() if curve else no_loss))
+            for gain, wrench_column, speed_column, curve in rows
         ]
         return [x for numbers in lists for x in numbers]
 
@@ -213,7 +213,7 @@ class ThrusterSet:
         """Return the thrusts (N) that remain at the velocity `nu_r` (m/s, rad/s) through the water."""
         u, v, w, p, q, r = nu_r
         thrusts = list(self._lagged)
-        for i, (curve, (a, b, c, d, e, f)) in enumerate(zip(self._advances, self._wrench_columns, strict=True)):
+        for i, (curve, (a, b, c, d, e, f)) in enumerate(zip(self._advances, self._speed_columns, strict=True)):
             if curve is not None:
                 thrusts[i] -= curve.loss(thrusts[i], a * u + b * v + c * w + d * p + e * q + f * r)
         return thrusts
