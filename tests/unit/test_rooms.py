@@ -166,8 +166,8 @@ print(*sorted(heavy & set(sys.modules)))
 
 
 def test_the_slave_loads_no_large_libraries() -> None:
-    done = subprocess.run(
+    run = subprocess.run(
         [sys.executable, "-c", LEAN], capture_output=True, text=True, cwd=rooms.ROOT, env={**os.environ}
     )
-    assert done.returncode == 0, done.stderr
-    assert done.stdout.split() == [], "the slave's start-up and memory are headline figures: import these when used"
+    assert run.returncode == 0, run.stderr
+    assert run.stdout.split() == [], "the slave's start-up and memory are headline figures: import these when used"

@@ -65,8 +65,8 @@ class Bench:
 
 
 @contextmanager
-def bench(folder: Path, **how: str) -> Iterator[Bench]:
-    made = Bench(folder, **how)
+def bench(folder: Path, **options: str) -> Iterator[Bench]:
+    made = Bench(folder, **options)
     with made.run:
         yield made
 
@@ -135,15 +135,15 @@ def test_a_restarted_autopilot_begins_at_time_zero(tmp_path: Path) -> None:
 
 def test_a_second_autopilot_is_ignored_and_reported(tmp_path: Path) -> None:
     with bench(tmp_path) as b:
-        peer, other = ArdupilotPeer(b.port), ArdupilotPeer(b.port)
+        peer, other_peer = ArdupilotPeer(b.port), ArdupilotPeer(b.port)
         b.steps(2)
         peer.step(*FORWARD_PWM_US)
-        other.send(*[1900] * 6)
+        other_peer.send(*[1900] * 6)
         peer.step(*FORWARD_PWM_US)
         b.join()
         assert b.run.pwm_us == FORWARD_PWM_US
         assert "a second autopilot sends from port" in b.reports[-1]
-        other.close()
+        other_peer.close()
         peer.close()
 
 
@@ -212,7 +212,7 @@ def test_an_autopilot_program_that_ends_is_reported_with_its_last_output(tmp_pat
 def test_the_port_is_free_after_the_run(tmp_path: Path) -> None:
     with bench(tmp_path) as b:
         port = b.port
-    again: Any = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-    again.bind(("127.0.0.1", port))
-    assert again.getsockname() == ("127.0.0.1", port)
-    again.close()
+    other_socket: Any = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    other_socket.bind(("127.0.0.1", port))
+    assert other_socket.getsockname() == ("127.0.0.1", port)
+    other_socket.close()

@@ -16,10 +16,10 @@ def test_it_counts_sent_states_and_received_outputs(tmp_path: Path) -> None:
     path.write_text(SCENARIO.format(port=port, autopilot="", sensors=""))
     peer = ArdupilotPeer(port)
     states: list[float] = []
-    over = threading.Event()
+    stop = threading.Event()
 
     def fly() -> None:
-        while not over.is_set():
+        while not stop.is_set():
             try:
                 states.append(peer.step(1900, 1900, 1900, 1900, 1900, 1900)["position"][0])
             except TimeoutError:  # nobody listens yet, or any more: the same packet again, as ArduPilot does
@@ -29,16 +29,16 @@ def test_it_counts_sent_states_and_received_outputs(tmp_path: Path) -> None:
     thread = threading.Thread(target=fly, daemon=True)
     thread.start()
     try:
-        found = measure_link(load_scenario(str(path)), 2.0, print)
+        measurement = measure_link(load_scenario(str(path)), 2.0, print)
     finally:
-        over.set()
+        stop.set()
         thread.join(30)
         peer.close()
-    assert found.states == 800
-    assert abs(found.outputs - 800) <= 2
-    assert (found.lost, found.malformed) == (0, 0)
-    assert 0.0 <= found.round_trip_p50_ms <= found.round_trip_p99_ms <= found.round_trip_max_ms
-    assert found.output_rate > 0.0
+    assert measurement.states == 800
+    assert abs(measurement.outputs - 800) <= 2
+    assert (measurement.lost, measurement.malformed) == (0, 0)
+    assert 0.0 <= measurement.round_trip_p50_ms <= measurement.round_trip_p99_ms <= measurement.round_trip_max_ms
+    assert measurement.output_rate > 0.0
     assert abs(states[-1] - 20.0) < 0.1  # it stays where it is, whatever the outputs say
 
 

@@ -76,20 +76,20 @@ class Bench:
     def stop(self) -> None:
         self._stopping = True
 
-    def wait_report(self, words: str) -> None:
+    def wait_report(self, message: str) -> None:
         deadline = time.monotonic() + 30
-        while not any(words in report for report in self.reports):
+        while not any(message in report for report in self.reports):
             assert time.monotonic() < deadline, self.reports
             time.sleep(0.01)
 
 
 @contextmanager
 def bench(folder: Path, autopilot: str = "", sensors: str = "", depth: float = 5.0) -> Iterator[Bench]:
-    made = Bench(folder, autopilot, sensors, depth)
-    with made.run:
-        made.start()
-        yield made
-        made.stop()
+    bench = Bench(folder, autopilot, sensors, depth)
+    with bench.run:
+        bench.start()
+        yield bench
+        bench.stop()
 
 
 def test_px4_boots_by_the_wall_clock_and_then_runs_in_lockstep(tmp_path: Path) -> None:
@@ -163,10 +163,10 @@ def test_a_stalled_px4_and_a_disconnected_one_are_distinguished(tmp_path: Path) 
         b.wait_report("it replies again")
         peer.close()
         b.wait_report("PX4 has disconnected; it does not connect again by itself")
-        again = Px4Peer(b.port)
-        again.sensor()
+        other_peer = Px4Peer(b.port)
+        other_peer.sensor()
         assert b.run.autopilot.figures.resets == 1
-        again.close()
+        other_peer.close()
 
 
 def test_a_sensor_time_that_goes_back_is_reported_once(tmp_path: Path) -> None:
@@ -190,8 +190,8 @@ class Board:
     """A board on a pty: sends its heartbeat, or given noise."""
 
     def __init__(self) -> None:
-        self.end, self._other = pty.openpty()
-        self.path = os.ttyname(self._other)
+        self.end, self._far_end = pty.openpty()
+        self.path = os.ttyname(self._far_end)
         os.set_blocking(self.end, False)
         self.stream = MavlinkStream(1, 1, Counters())
         self.received: list[str] = []
@@ -208,7 +208,7 @@ class Board:
 
     def close(self) -> None:
         os.close(self.end)
-        os.close(self._other)
+        os.close(self._far_end)
 
 
 def test_a_board_on_a_serial_line_runs_by_the_wall_clock_without_lockstep(tmp_path: Path) -> None:
@@ -248,14 +248,14 @@ def test_a_missing_px4_is_reported_with_how_to_start_it(tmp_path: Path) -> None:
 def test_each_cause_of_a_silent_board_is_reported(tmp_path: Path) -> None:
     """The board sends nothing, then what a wrong baud rate makes of it, then heartbeats without outputs."""
     board = Board()
-    words = "no heartbeat: check the cable", "the baud rate (921600) is wrong", "but no HIL_ACTUATOR_CONTROLS"
+    causes = "no heartbeat: check the cable", "the baud rate (921600) is wrong", "but no HIL_ACTUATOR_CONTROLS"
     with bench(tmp_path, autopilot=f'address = "{board.path}"') as b:
-        b.wait_report(words[0])
+        b.wait_report(causes[0])
         assert not b.run.autopilot.connected
         os.write(board.end, bytes(range(256)) * 10)
-        b.wait_report(words[1])
+        b.wait_report(causes[1])
         deadline = time.monotonic() + 30
-        while not any(words[2] in report for report in b.reports):
+        while not any(causes[2] in report for report in b.reports):
             board.send(dialect.MAVLink_heartbeat_message(12, dialect.MAV_AUTOPILOT_PX4, 0, 0, 4, 3))
             board.read()
             time.sleep(0.02)

@@ -92,37 +92,37 @@ def test_measurement_stops_after_a_number_of_unanswered_messages() -> None:
 
 
 def test_a_late_reply_is_not_taken_for_the_next_one() -> None:
-    ours, theirs = socket.socketpair()
-    with ours, theirs:
-        way = RoundTrips(ours, 16)
-        way.measure_once(deadline_in(0.01))
-        first = theirs.recv(100)
+    near_end, far_end = socket.socketpair()
+    with near_end, far_end:
+        round_trips = RoundTrips(near_end, 16)
+        round_trips.measure_once(deadline_in(0.01))
+        first = far_end.recv(100)
 
         def answer_both() -> None:
-            second = theirs.recv(100)
-            theirs.sendall(first)
+            second = far_end.recv(100)
+            far_end.sendall(first)
             time.sleep(0.05)  # after it was sent, so it takes at least that
-            theirs.sendall(second)
+            far_end.sendall(second)
 
         answering = threading.Thread(target=answer_both)
         answering.start()
-        way.measure_once(deadline_in())
+        round_trips.measure_once(deadline_in())
         answering.join()
-        assert way.lost == 1
-        assert way.taken_ns[0] * 2 > 0.05 * NS_PER_S
+        assert round_trips.lost == 1
+        assert round_trips.taken_ns[0] * 2 > 0.05 * NS_PER_S
 
 
 def test_the_load_is_being_sent_before_the_measurement_waits() -> None:
     server = socket.create_server(("127.0.0.1", 0))
     with server, Load("127.0.0.1", server.getsockname()[1], 50_000) as load:
-        there, _ = server.accept()
+        accepted, _ = server.accept()
         load.begin()  # nobody has answered, and nothing was waited for
-        there.settimeout(60.0)
-        assert there.recv(1) == bytes(1)
+        accepted.settimeout(60.0)
+        assert accepted.recv(1) == bytes(1)
         load.begin()
         assert load.late == 1
         assert not load.finish(deadline_in(0.02))
-        there.close()
+        accepted.close()
         with pytest.raises(NetworkError, match=r"the echo at .* went away"):
             load.finish(deadline_in())
 

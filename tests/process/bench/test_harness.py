@@ -56,11 +56,11 @@ def test_every_kind_of_value_is_written_and_read_back(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("changes", "words"),
+    ("changes", "message"),
     [({"link.baud": 3}, "baud"), ({"vehicle.name": "x"}, "is a value"), ({"slave.setp": 1}, "did you mean 'step'")],
 )
-def test_an_invalid_change_is_refused_by_its_key(tmp_path: Path, changes: dict[str, object], words: str) -> None:
-    with pytest.raises(ConfigError, match=words) as error:
+def test_an_invalid_change_is_refused_by_its_key(tmp_path: Path, changes: dict[str, object], message: str) -> None:
+    with pytest.raises(ConfigError, match=message) as error:
         write_changed("paper_field", changes, str(tmp_path / "changed.toml"))
     assert str(tmp_path) not in str(error.value), "a file that nobody knows"
 
@@ -111,7 +111,7 @@ def test_a_kernel_without_the_memory_controller_is_reported_with_the_boot_option
 
 # What a systemd-run does in place of the program that looks for the group's files.
 @pytest.mark.parametrize(
-    ("script", "words"),
+    ("script", "message"),
     [
         ("echo cgroup.procs cpu.max memory.max", ""),
         ("echo cgroup.procs memory.max", r"^--cpu-quota: .* keeps the cpu controller from users; .*Delegate=pids mem"),
@@ -120,7 +120,7 @@ def test_a_kernel_without_the_memory_controller_is_reported_with_the_boot_option
     ],
 )
 def test_cgroup_controllers_that_systemd_delegates_are_used_or_reported_as_missing(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, script: str, words: str
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, script: str, message: str
 ) -> None:
     recorded.plant(tmp_path, "cgroup.controllers", "cpu memory\n")
     recorded.plant(tmp_path, "systemd-run", f"#!/bin/sh\n{script}\n")
@@ -128,13 +128,13 @@ def test_cgroup_controllers_that_systemd_delegates_are_used_or_reported_as_missi
     monkeypatch.setattr("hil.bench.limits.ROOT", str(tmp_path))
     monkeypatch.setattr("hil.bench.limits.SYSTEMD", str(tmp_path))
     monkeypatch.setenv("PATH", str(tmp_path))
-    place = Confinement(Limits(cpu_share=0.125, memory_mib=64.0))
-    if words:
-        with pytest.raises(ConfigError, match=words):
-            place.__enter__()
+    confinement = Confinement(Limits(cpu_share=0.125, memory_mib=64.0))
+    if message:
+        with pytest.raises(ConfigError, match=message):
+            confinement.__enter__()
         return
-    with place:
-        output = place.command(["program", "-x"])
+    with confinement:
+        output = confinement.command(["program", "-x"])
     assert output[0] == "systemd-run"
     assert ("--user" in output) == (os.geteuid() != 0)
     given = [output[index + 1] for index, word in enumerate(output) if word == "-p"]

@@ -54,14 +54,14 @@ def long_reply_timeout(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.mark.usefixtures("long_reply_timeout")
 def test_a_sound_link_loses_nothing(arguments: tuple[str, ...], capsys: pytest.CaptureFixture[str]) -> None:
     with nothing_leaks():
-        code, found = loopback(capsys, *arguments)
+        code, output = loopback(capsys, *arguments)
     # On a busy machine the kernel may still hold a command when the next one comes, which then takes its place.
-    replaced = found["counters"]["replaced"]
-    assert found["answered"] == found["sent"] - replaced >= 1, "20 where nothing else uses the machine"
-    assert (found["lost"], found["errors"]) == (replaced, 0)
-    assert (code, len(found["broken_limits"])) == ((1, 1) if replaced else (0, 0)), found
-    assert 0.0 < found["p50_ms"] <= found["p99_ms"] <= found["max_ms"]
-    assert found["counters"]["bytes_out"] > 0
+    replaced = output["counters"]["replaced"]
+    assert output["answered"] == output["sent"] - replaced >= 1, "20 where nothing else uses the machine"
+    assert (output["lost"], output["errors"]) == (replaced, 0)
+    assert (code, len(output["broken_limits"])) == ((1, 1) if replaced else (0, 0)), output
+    assert 0.0 < output["p50_ms"] <= output["p99_ms"] <= output["max_ms"]
+    assert output["counters"]["bytes_out"] > 0
 
 
 @retried_when_busy("round trips of another thread or process", attempts=5)
@@ -82,20 +82,20 @@ def test_p99_of_a_hundred_round_trips_is_not_the_maximum() -> None:
 
 @retried_when_busy("delays of another thread or process")
 def test_losses_and_delays_of_a_bad_line_are_reported_and_break_limits(capsys: pytest.CaptureFixture[str]) -> None:
-    code, found = loopback(capsys, "--fault", "drop=0.2", "--fault", 'delay="20 ms"', "--max-p99", "10 ms")
+    code, output = loopback(capsys, "--fault", "drop=0.2", "--fault", 'delay="20 ms"', "--max-p99", "10 ms")
     assert code == 1
-    assert 0.1 < found["loss"] < 0.7  # both ways
-    assert found["p50_ms"] > 39.0
-    assert [text.split()[0] for text in found["broken_limits"]] == ["loss", "p99"]
-    code, found = loopback(capsys, "--fault", "drop=0.2", "--max-loss", "0.9", "--max-errors", "99")
+    assert 0.1 < output["loss"] < 0.7  # both ways
+    assert output["p50_ms"] > 39.0
+    assert [text.split()[0] for text in output["broken_limits"]] == ["loss", "p99"]
+    code, output = loopback(capsys, "--fault", "drop=0.2", "--max-loss", "0.9", "--max-errors", "99")
     assert code == 0
 
 
 def test_damaged_frames_are_counted(capsys: pytest.CaptureFixture[str]) -> None:
-    code, found = loopback(capsys, "--fault", "corrupt=0.01", "--max-loss", "1")
+    code, output = loopback(capsys, "--fault", "corrupt=0.01", "--max-loss", "1")
     assert code == 1
-    assert found["errors"] > 0
-    assert "damaged frames" in found["broken_limits"][0]
+    assert output["errors"] > 0
+    assert "damaged frames" in output["broken_limits"][0]
 
 
 @pytest.mark.usefixtures("long_reply_timeout")
@@ -103,29 +103,29 @@ def test_the_wire_time_follows_from_the_number_of_bits(capsys: pytest.CaptureFix
     """The 22 + 32 bytes of ten bits take 4.69 ms at 115200 baud, and the paced link takes at least that."""
     plan = Plan("python", Link(faults=Faults(baud=115_200)), 6, 50.0, 1.0, True)
     assert wire_ms(plan) == pytest.approx(54 * 10 / 115.2, rel=1e-12)
-    code, found = loopback(capsys, "--fault", "baud=115200", "--rate", "0")
+    code, output = loopback(capsys, "--fault", "baud=115200", "--rate", "0")
     assert code == 0
-    assert found["wire_ms"] == pytest.approx(4.6875)
-    assert found["p50_ms"] > 4.2, "its timer may be 0.2 ms early, each way"
+    assert output["wire_ms"] == pytest.approx(4.6875)
+    assert output["p50_ms"] > 4.2, "its timer may be 0.2 ms early, each way"
     assert loopback(capsys)[1]["wire_ms"] is None
 
 
 @pytest.fixture
 def jumper_port() -> Iterator[str]:
     """Provide a serial port whose TX is wired to its RX."""
-    far, stop = PtyWire(), threading.Event()
+    far_end, stop = PtyWire(), threading.Event()
 
     def echo() -> None:
         while not stop.is_set():
-            if wait_readable(far, 0.02):
-                far.write(far.read())
+            if wait_readable(far_end, 0.02):
+                far_end.write(far_end.read())
 
     thread = threading.Thread(target=echo)
     thread.start()
-    yield far.path
+    yield far_end.path
     stop.set()
     thread.join()
-    far.close()
+    far_end.close()
 
 
 @pytest.mark.parametrize("protocol", ["frame", "mavlink"])
@@ -133,10 +133,10 @@ def jumper_port() -> Iterator[str]:
 def test_a_jumper_from_tx_to_rx_returns_every_frame(
     protocol: str, jumper_port: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    code, found = loopback(capsys, "--stm32", "jumper", "--port", jumper_port, "--protocol", protocol)
-    assert code == 0, found
-    assert found["answered"] == found["sent"] >= 1
-    assert found["counters"]["bytes_in"] == found["counters"]["bytes_out"] > 0
+    code, output = loopback(capsys, "--stm32", "jumper", "--port", jumper_port, "--protocol", protocol)
+    assert code == 0, output
+    assert output["answered"] == output["sent"] >= 1
+    assert output["counters"]["bytes_in"] == output["counters"]["bytes_out"] > 0
 
 
 def test_a_device_is_armed_only_on_request(tmp_path: Any, capsys: pytest.CaptureFixture[str]) -> None:
@@ -152,7 +152,7 @@ def test_a_device_is_armed_only_on_request(tmp_path: Any, capsys: pytest.Capture
 
 
 @pytest.mark.parametrize(
-    ("arguments", "code", "words"),
+    ("arguments", "code", "message"),
     [
         (("--fault", "dorp=1"), 2, "no key 'dorp'; did you mean 'drop'?"),
         (("--faults", "dorp=1"), 2, "no key 'dorp'; did you mean 'drop'?"),
@@ -165,10 +165,10 @@ def test_a_device_is_armed_only_on_request(tmp_path: Any, capsys: pytest.Capture
     ],
 )
 def test_wrong_arguments_are_refused_with_the_remedy(
-    arguments: tuple[str, ...], code: int, words: str, capsys: pytest.CaptureFixture[str]
+    arguments: tuple[str, ...], code: int, message: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
     assert main(["loopback", "--seconds", "0.1", *arguments]) == code
-    assert words in capsys.readouterr().err
+    assert message in capsys.readouterr().err
 
 
 def test_the_report_fits_a_narrow_terminal() -> None:

@@ -46,8 +46,8 @@ def emulated_stm32(tmp_path: Path) -> Iterator[tuple[str, "subprocess.Popen[str]
     process.communicate(timeout=PATIENCE_S)
 
 
-def findings(capsys: pytest.CaptureFixture[str], *words: str) -> list[dict[str, Any]]:
-    assert main(["stm32", "check", *QUICK, "--json", *words]) == 0
+def findings(capsys: pytest.CaptureFixture[str], *arguments: str) -> list[dict[str, Any]]:
+    assert main(["stm32", "check", *QUICK, "--json", *arguments]) == 0
     found: list[dict[str, Any]] = json.loads(capsys.readouterr().out)
     return found
 
@@ -73,18 +73,18 @@ def test_outputs_are_checked_over_a_real_pty(
 def test_outputs_of_the_firmware_are_checked_over_serial(
     kind: str, protocol: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    found = findings(capsys, "--stm32", kind, "--protocol", protocol, "--channels", "3")
-    assert [(one["output"], one["pulse_us"], one["reported_us"]) for one in found] == [
+    output_findings = findings(capsys, "--stm32", kind, "--protocol", protocol, "--channels", "3")
+    assert [(finding["output"], finding["pulse_us"], finding["reported_us"]) for finding in output_findings] == [
         (i, 1560, 1560) for i in range(1, 4)
     ]
-    assert all(one["passed"] and one["others"] == [] for one in found)
+    assert all(finding["passed"] and finding["others"] == [] for finding in output_findings)
 
 
 @pytest.mark.parametrize(("protocol", "unit"), [("vesc", "ERPM"), ("dronecan", "rpm")])
 def test_outputs_are_checked_over_can_with_figures_of_the_motor_controllers(
     protocol: str, unit: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    found = findings(
+    output_findings = findings(
         capsys,
         "--stm32",
         "python",
@@ -95,29 +95,29 @@ def test_outputs_are_checked_over_can_with_figures_of_the_motor_controllers(
         "--channels",
         "3",
     )
-    assert len(found) == 3
-    assert all(one["motor"][unit] > 0 and "A" in one["motor"] and "V" in one["motor"] for one in found)
+    assert len(output_findings) == 3
+    assert all(one["motor"][unit] > 0 and "A" in one["motor"] and "V" in one["motor"] for one in output_findings)
 
 
 def test_outputs_turn_one_at_a_time_with_neutral_before_and_after(monkeypatch: pytest.MonkeyPatch) -> None:
     """The commands are in this order: neutral, then each output alone, neutral between, disarmed at the end."""
-    sent: list[ThrusterCommand] = []
+    sent_commands: list[ThrusterCommand] = []
     send = ThrusterDriver.send
 
     def record(driver: ThrusterDriver, command: ThrusterCommand) -> None:
-        sent.append(command)
+        sent_commands.append(command)
         send(driver, command)
 
     monkeypatch.setattr(ThrusterDriver, "send", record)
     assert main(["stm32", "check", *QUICK, "--stm32", "python", "--channels", "3"]) == 0
-    phases = [sent[0].pwm_us]
-    for command in sent:
+    phases = [sent_commands[0].pwm_us]
+    for command in sent_commands:
         if command.pwm_us != phases[-1]:
             phases.append(command.pwm_us)
     neutral = (1500, 1500, 1500)
     turns = [(1560, 1500, 1500), (1500, 1560, 1500), (1500, 1500, 1560)]
     assert phases == [neutral, turns[0], neutral, turns[1], neutral, turns[2], neutral]
-    assert not sent[-1].armed
+    assert not sent_commands[-1].armed
 
 
 def test_no_output_turns_when_the_stm32_does_not_answer(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -191,7 +191,7 @@ def test_a_lost_link_ends_the_check(emulated_stm32: tuple[str, "subprocess.Popen
 
 
 @pytest.mark.parametrize(
-    ("words", "refusal"),
+    ("arguments", "refusal"),
     [
         ([], "no device: name it with --port"),
         (["--port", "/dev/ttyUSB0", "--offset", "0"], "--offset: 0 turns nothing"),
@@ -201,10 +201,10 @@ def test_a_lost_link_ends_the_check(emulated_stm32: tuple[str, "subprocess.Popen
     ],
 )
 def test_wrong_arguments_are_refused_before_any_output_turns(
-    words: list[str], refusal: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    arguments: list[str], refusal: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr(sys, "stdin", io.StringIO())
-    assert main(["stm32", "check", *words]) == 2
+    assert main(["stm32", "check", *arguments]) == 2
     assert refusal in capsys.readouterr().err
 
 

@@ -36,10 +36,10 @@ def test_dropping_files_from_the_page_cache_leaves_their_content(tmp_path: Path)
     path = tmp_path / "data"
     path.write_bytes(os.urandom(1 << 16))
     before = path.read_bytes()
-    drop, words = coldness([str(path), str(tmp_path / "gone")], whole_machine=False)
+    drop, description = coldness([str(path), str(tmp_path / "gone")], whole_machine=False)
     drop()
     assert path.read_bytes() == before
-    assert words.startswith("2 files")
+    assert description.startswith("2 files")
 
 
 def test_wrong_arguments_are_refused(capsys: pytest.CaptureFixture[str]) -> None:

@@ -49,11 +49,11 @@ def test_a_real_board_has_a_serial_port_and_model_names(name: str) -> None:
 
 
 def test_all_required_boards_exist() -> None:
-    wanted = {
+    expected = {
         "raspberry_pi_3b_plus", "raspberry_pi_4b", "raspberry_pi_5", "raspberry_pi_zero_2w", "raspberry_pi_cm4",
         "jetson_nano", "jetson_xavier_nx", "jetson_orin_nano", "beaglebone_black", "generic_x86_64", "generic_arm64",
     }  # fmt: skip
-    assert wanted <= set(NAMES)
+    assert expected <= set(NAMES)
 
 
 @pytest.mark.parametrize(("name", "first", "spi"), [("raspberry_pi_4b", 2, "uart4"), ("raspberry_pi_cm4", 2, "uart4"),
@@ -200,11 +200,11 @@ def test_the_architecture_is_derived_from_cpuinfo_on_older_kernels(tmp_path: Pat
 
 def test_a_wrong_board_file_is_refused_by_its_key(tmp_path: Path) -> None:
     path = tmp_path / "mine.toml"
-    good = (Path(boards.__file__).parent / "raspberry_pi_4b.toml").read_text()
-    path.write_text(good.replace('"1 GiB"', '"1"'))
+    valid_text = (Path(boards.__file__).parent / "raspberry_pi_4b.toml").read_text()
+    path.write_text(valid_text.replace('"1 GiB"', '"1"'))
     with pytest.raises(ConfigError, match=r"mine\.toml: ram\[0\].*unit"):
         boards.load_board(str(path))
-    path.write_text(good.replace("source =", "sauce =", 1))
+    path.write_text(valid_text.replace("source =", "sauce =", 1))
     with pytest.raises(ConfigError, match=r"no key 'sauce'; did you mean 'source'"):
         boards.load_board(str(path))
 

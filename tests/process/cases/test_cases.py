@@ -41,15 +41,15 @@ def test_hidden_piles_leave_a_passage() -> None:
     import random
 
     plan = prepare(load_scenario("path_planning"))
-    ends = plan.planner.path[0], plan.planner.path[-1]
+    endpoints = plan.planner.path[0], plan.planner.path[-1]
     for seed in range(20):
-        piles = hidden_piles(plan.world, plan.planner.path, ends, random.Random(seed))
+        piles = hidden_piles(plan.world, plan.planner.path, endpoints, random.Random(seed))
         for number, pile in enumerate(piles):
-            at = pile["north"], pile["east"]
-            assert plan.world.clearance(*at) - pile["radius"] >= 2.2
-            assert min(math.dist(at, end) for end in ends) > pile["radius"] + 3.0
+            centre = pile["north"], pile["east"]
+            assert plan.world.clearance(*centre) - pile["radius"] >= 2.2
+            assert min(math.dist(centre, end) for end in endpoints) > pile["radius"] + 3.0
             for other in piles[:number]:
-                assert math.dist(at, (other["north"], other["east"])) - pile["radius"] - other["radius"] >= 2.2
+                assert math.dist(centre, (other["north"], other["east"])) - pile["radius"] - other["radius"] >= 2.2
 
 
 def test_the_shortest_path_and_the_best_order_are_known_optima() -> None:
@@ -57,10 +57,10 @@ def test_the_shortest_path_and_the_best_order_are_known_optima() -> None:
     free = field._replace(cylinder=(), box=())
     assert shortest(free, PAPER_SIX, 5.0, [(0.0, 0.0), (30.0, 40.0)]) == pytest.approx(50.0, rel=1e-3)
     pile = field.cylinder[0]._replace(north=10.0, east=0.0, radius=2.0)
-    about = shortest(free._replace(cylinder=(pile,)), PAPER_SIX, 5.0, [(0.0, 0.0), (20.0, 0.0)])
+    detour = shortest(free._replace(cylinder=(pile,)), PAPER_SIX, 5.0, [(0.0, 0.0), (20.0, 0.0)])
     reach = 2.0 + RADIUS  # two tangents and the arc between: geometry by hand
     by_hand = 2.0 * math.sqrt(100.0 - reach**2) + reach * (math.pi - 2.0 * math.acos(reach / 10.0))
-    assert by_hand < about < 1.01 * by_hand
+    assert by_hand < detour < 1.01 * by_hand
     mission = Tasks(
         home=[0.0, 0.0],
         task=[
@@ -76,10 +76,10 @@ def test_the_shortest_path_and_the_best_order_are_known_optima() -> None:
 
 
 def result(**changes: object) -> Result:
-    whole = Result(
+    result = Result(
         "path_planning", "sil", 1, True, "there", 10.0, 8.0, 7.5, 8.0 / 7.5, 0.9, False, 1500.0, 0.1, 0.2, 0.3
     )
-    return whole._replace(**changes)  # type: ignore[arg-type]
+    return result._replace(**changes)  # type: ignore[arg-type]
 
 
 def test_fidelity_measures_match_hand_computed_values() -> None:

@@ -38,11 +38,11 @@ def test_the_planner_has_ten_lines_as_the_tutorial_states() -> None:
 
 
 def test_the_planner_flies_in_simulated_time_and_over_the_network(tmp_path: Path, scenario: Path) -> None:
-    where = {"PYTHONPATH": str(tmp_path)}
+    environment = {"PYTHONPATH": str(tmp_path)}
     folder = tmp_path / "run"
     with (
-        Program(tmp_path, "demo", scenario, "--output", folder, environment=where) as demo,
-        Program(tmp_path, "sim", scenario, "--fast", environment=where) as simulated,
+        Program(tmp_path, "demo", scenario, "--output", folder, environment=environment) as demo,
+        Program(tmp_path, "sim", scenario, "--fast", environment=environment) as simulated,
     ):
         assert simulated.wait() == 0, simulated.output
         assert demo.wait() == 0, demo.output
@@ -59,7 +59,7 @@ def test_mistakes_of_a_planner_are_reported(tmp_path: Path, scenario: Path, monk
     monkeypatch.syspath_prepend(str(tmp_path))
     name = str(scenario)
     assert fly(load_scenario(name), prepare(load_scenario(name)))[0].reason == "goal reached"
-    for planner, words in (
+    for planner, messages in (
         ({"class": "straight:Straight", "east": 1.0}, "does not take these keys"),
         ({"class": "straight:Strait"}, "straight has no 'Strait'"),
         ({"class": "hil.common.clock:Histogram"}, "has no method 'begin'"),
@@ -67,18 +67,18 @@ def test_mistakes_of_a_planner_are_reported(tmp_path: Path, scenario: Path, monk
         ({"class": "hil.master.follow:Follow"}, "key 'goal' is missing"),
         ({"north": 1.0}, 'expected a table with class = "module:Class"'),
     ):
-        with pytest.raises(ConfigError, match=re.escape(words)):
+        with pytest.raises(ConfigError, match=re.escape(messages)):
             prepare(load_scenario(name, {"planner": planner}))
 
 
-@pytest.mark.parametrize("answer", ["None", "5", "VelocityCommand(surge=float('nan'))", "VelocityCommand(surge='a')"])
+@pytest.mark.parametrize("returned", ["None", "5", "VelocityCommand(surge=float('nan'))", "VelocityCommand(surge='a')"])
 def test_a_planner_that_returns_no_command_ends_the_flight(
-    answer: str, tmp_path: Path, scenario: Path, monkeypatch: pytest.MonkeyPatch
+    returned: str, tmp_path: Path, scenario: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The flight used to go on with nan to the time limit, and the others ended in a traceback."""
     monkeypatch.syspath_prepend(str(tmp_path))
     text = (tmp_path / "straight.py").read_text()
-    (tmp_path / "crooked.py").write_text(re.sub(r"return VelocityCommand\(.*\)", f"return {answer}", text))
+    (tmp_path / "crooked.py").write_text(re.sub(r"return VelocityCommand\(.*\)", f"return {returned}", text))
     scenario.write_text(scenario.read_text().replace("straight:Straight", "crooked:Straight"))
     monkeypatch.delitem(sys.modules, "crooked", raising=False)
     with pytest.raises(MissionError, match=r"planner crooked:Straight: command\(\) returned .* it returns a Velocity"):

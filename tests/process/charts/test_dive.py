@@ -33,15 +33,15 @@ def slope_with_a_wall() -> Grid:
 
 def test_the_best_path_is_beside_the_wall_and_in_known_water() -> None:
     grid = slope_with_a_wall()
-    found = list(find_sites(grid, 60.0))
-    assert len(found) > 2
-    best = found[0]
+    sites = list(find_sites(grid, 60.0))
+    assert len(sites) > 2
+    best = sites[0]
     assert all(60.0 < place[0] < 140.0 for place in (best.start, best.goal)), "the wall is seen from there"
-    for site in found:
+    for site in sites:
         assert hypot(site.goal[0] - site.start[0], site.goal[1] - site.start[1]) == pytest.approx(60.0)
         way = np.linspace(site.start, site.goal, 50)
         assert (grid.at(way) - site.depth).min() > MIN_ALTITUDE - 0.3
-    middles = [np.mean([site.start, site.goal], axis=0) for site in found]
+    middles = [np.mean([site.start, site.goal], axis=0) for site in sites]
     assert all(hypot(*(a - b)) > 100.0 for a, b in pairwise(middles))
 
 
@@ -89,11 +89,11 @@ def test_a_dive_over_a_world_without_origin_takes_no_positions(tmp_path: Path) -
 
 
 def test_wrong_arguments_are_refused(tmp_path: Path) -> None:
-    where = ["--listen", f"tcp/127.0.0.1:{free_port()}", "--output", str(tmp_path)]
+    arguments = ["--listen", f"tcp/127.0.0.1:{free_port()}", "--output", str(tmp_path)]
     with pytest.raises(ConfigError, match="--start and --goal go together"):
-        demo.main(["--world", "ridge", "--start", "1,2", *where])
+        demo.main(["--world", "ridge", "--start", "1,2", *arguments])
     with pytest.raises(ConfigError, match=r"nowhere.000: the chart cannot be read"):
-        demo.main(["--world", "nowhere.000", *where])
+        demo.main(["--world", "nowhere.000", *arguments])
 
 
 def test_a_dive_without_scipy_names_the_extras(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

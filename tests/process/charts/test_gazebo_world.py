@@ -51,11 +51,11 @@ def test_an_imported_world_keeps_its_positions_and_water(bay: Path, tmp_path: Pa
     assert (ball.top, ball.bottom) == pytest.approx((4.5, 7.5))
     assert _corners(world, 1) == pytest.approx(np.array([[-5.5, 13.0, 8.5], [-4.5, 17.0, 9.5]]))
     assert (wreck.north, wreck.east) == (-5.0, 15.0)
-    for words in (
+    for message in (
         "that can move: drifter, swimmer", "sea/surface, which shows the water", "sea/water_volume, which shows",
         "'model://nowhere/a.dae'", "models/Sun", "cloud/v",
     ):  # fmt: skip
-        assert any(words in note for note in notes), words
+        assert any(message in note for note in notes), message
 
 
 def _corners(world: World, number: int) -> np.ndarray:
@@ -88,11 +88,11 @@ def test_meshes_of_every_format_have_their_size(tmp_path: Path) -> None:
     collada = re.sub("<(unit|up_axis)[^>]*(/>|>[^<]*</up_axis>)", "", exported.decode())
     (tmp_path / "a.dae").write_text(collada.replace("</asset>", f"{unit}{up}</asset>"))
     answers = read_meshes([MeshJob(str(tmp_path / f"a.{ending}"), (1.0, 1.0, 2.0)) for ending in endings])
-    for ending, answer in zip(endings, answers, strict=True):
+    for ending, result in zip(endings, answers, strict=True):
         factor = 0.5 if ending == "dae" else 1.0
-        assert answer["high"] == pytest.approx([0.5 * factor, 1.0 * factor, 3.0 * factor]), ending
-        assert answer["volume"] == pytest.approx(12.0 * factor**3)
-        assert answer["is_closed"]
+        assert result["high"] == pytest.approx([0.5 * factor, 1.0 * factor, 3.0 * factor]), ending
+        assert result["volume"] == pytest.approx(12.0 * factor**3)
+        assert result["is_closed"]
 
 
 def test_a_hostile_mesh_gives_an_error_and_the_next_is_read(tmp_path: Path) -> None:
@@ -102,10 +102,10 @@ def test_a_hostile_mesh_gives_an_error_and_the_next_is_read(tmp_path: Path) -> N
     (tmp_path / "notes.txt").write_text("no mesh")
     trimesh.creation.box((1.0, 1.0, 1.0)).export(str(tmp_path / "good.stl"))
     names = ("bad.stl", "bomb.dae", "notes.txt", "nowhere.stl", "good.stl")
-    *bad, good = read_meshes([MeshJob(str(tmp_path / name)) for name in names])
+    *bad, valid_mesh = read_meshes([MeshJob(str(tmp_path / name)) for name in names])
     assert all("error" in answer for answer in bad)
     assert "declares the XML entity 'a'" in bad[1]["error"]
-    assert good["triangles"] == 12
+    assert valid_mesh["triangles"] == 12
 
 
 def test_an_exported_world_is_imported_unchanged(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -137,11 +137,11 @@ def test_a_file_without_a_usable_world_is_refused(tmp_path: Path) -> None:
         '<sdf version="1.9"><world name="w"><model name="g"><static>1</static><link name="l"><collision name="c">'
         "<geometry><plane/></geometry></collision></link></model></world></sdf>"
     )
-    far = tmp_path / "far.sdf"
-    far.write_text(floor.read_text().replace("<plane/>", "<box><size>1 1 1</size></box>").replace(
+    far_world = tmp_path / "far.sdf"
+    far_world.write_text(floor.read_text().replace("<plane/>", "<box><size>1 1 1</size></box>").replace(
         '<link name="l">', '<pose>1e8 0 -3 0 0 0</pose><link name="l">'
     ))  # fmt: skip
-    assert import_world(str(far), str(tmp_path / "x.toml")).notes[0].startswith("Left out: more than 90000 m")
+    assert import_world(str(far_world), str(tmp_path / "x.toml")).notes[0].startswith("Left out: more than 90000 m")
     with pytest.raises(ConfigError, match="has no <world>"):
         import_world(str(model), str(tmp_path / "x.toml"))
     with pytest.raises(ConfigError, match="give --surface M"):

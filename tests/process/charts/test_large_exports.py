@@ -42,11 +42,11 @@ def large(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def export(folder: Path, name: str, *options: str) -> float:
     """Return how many MB it took."""
-    done = subprocess.run(
+    completed = subprocess.run(
         [sys.executable, "-c", RUN, "export", str(folder / "w.toml"), str(folder / name), *options],
         capture_output=True, text=True, check=True, env={**os.environ, "OPENBLAS_NUM_THREADS": "1"},
     )  # fmt: skip
-    return float(done.stdout.split("MB ")[1])
+    return float(completed.stdout.split("MB ")[1])
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="memory is read in /proc")

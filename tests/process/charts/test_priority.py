@@ -68,7 +68,7 @@ def test_soundings_of_greater_priority_replace_a_raster(tmp_path: Path) -> None:
 
 
 def test_soundings_of_less_priority_are_left_out_where_others_exist(tmp_path: Path) -> None:
-    old, new = soundings(tmp_path / "old.csv", 20.0, 10.0, 10.04), soundings(tmp_path / "new.csv", 40.0, 10.02, 10.06)
+    old, new = (soundings(tmp_path / "old.csv", 20.0, 10.0, 10.04), soundings(tmp_path / "new.csv", 40.0, 10.02, 10.06))
     grid, plane, _ = bed([old, new], {new: 1})
     assert [depth_at(grid, plane, x) for x in (10.01, 10.03, 10.05)] == pytest.approx([20.0, 40.0, 40.0], abs=0.5)
     mixed, plane, _ = bed([old, new])

@@ -127,13 +127,13 @@ def test_an_undeclared_no_data_value_of_9999_is_refused(tmp_path: Path) -> None:
 
 
 def test_an_assumption_about_the_sign_of_values_is_reported(tmp_path: Path) -> None:
-    named = open_raster(write(tmp_path / "named.tif", DEPTHS, names=("depth",)))
-    bare = open_raster(write(tmp_path / "bare.tif", DEPTHS))
-    odd = open_raster(write(tmp_path / "odd.tif", -DEPTHS, names=("depth",)))
-    assert named.note == ""
-    assert "bare.tif: read as depths, because none is below zero" in bare.note
-    assert "odd.tif: named as depths, read as heights" in odd.note
-    assert [depth_of(raster) for raster in (named, bare, odd)] == [MIDDLE] * 3
+    named_bands = open_raster(write(tmp_path / "named.tif", DEPTHS, names=("depth",)))
+    unnamed_bands = open_raster(write(tmp_path / "bare.tif", DEPTHS))
+    negative_depths = open_raster(write(tmp_path / "odd.tif", -DEPTHS, names=("depth",)))
+    assert named_bands.note == ""
+    assert "bare.tif: read as depths, because none is below zero" in unnamed_bands.note
+    assert "odd.tif: named as depths, read as heights" in negative_depths.note
+    assert [depth_of(raster) for raster in (named_bands, unnamed_bands, negative_depths)] == [MIDDLE] * 3
     assert open_raster(write(tmp_path / "bare.tif", DEPTHS), "down").note == ""
 
 

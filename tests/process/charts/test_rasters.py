@@ -39,11 +39,11 @@ def test_a_written_geotiff_is_read_back(tmp_path: Path) -> None:
     pytest.importorskip("rasterio", reason="rasters need rasterio: pip install 'uuv-hil[raster]'")
     path = tmp_path / "bed.tif"
     grid = raster(path)
-    found = open_raster(str(path))
-    assert found.spacing == pytest.approx(10.0, rel=0.01)
-    same = found.depths(LocalPlane(54.0, 10.0), grid.north, grid.east)
+    written = open_raster(str(path))
+    assert written.spacing == pytest.approx(10.0, rel=0.01)
+    same = written.depths(LocalPlane(54.0, 10.0), grid.north, grid.east)
     np.testing.assert_allclose(same[1:-1, 1:-1], grid.depths[1:-1, 1:-1], atol=2e-3)
-    coarse = found.depths(LocalPlane(54.0, 10.0), grid.north[10:20:3], grid.east[10:20:3])
+    coarse = written.depths(LocalPlane(54.0, 10.0), grid.north[10:20:3], grid.east[10:20:3])
     np.testing.assert_allclose(coarse, grid.depths[10:20:3, 10:20:3], atol=0.2)
     survey, extent = read_sources([str(path)], None, 10.0)
     built = build(survey, extent, 10.0)
@@ -198,14 +198,14 @@ def test_the_newer_s102_survey_is_used_on_request(tmp_path: Path) -> None:
         plane = LocalPlane(*survey.origin or (0.0, 0.0))
         places = np.column_stack(plane.to_local(np.full(2, 54.006), np.array([10.005, 10.0175])))
         assert built.model.grid.at(places) == pytest.approx([22.0 + first, 22.0], abs=0.1)
-        shares = dict(built.report.beds)
-        assert list(shares) == (
+        bed_shares = dict(built.report.beds)
+        assert list(bed_shares) == (
             ["new.h5 of 2024-03-01", "old.h5 of 2019-04-05"]
             if first
             else ["old.h5 of 2019-04-05", "new.h5 of 2024-03-01"]
         )
-        assert shares["old.h5 of 2019-04-05"] == pytest.approx(0.25 if first else 1.0, abs=0.05)
-        assert sum(shares.values()) == pytest.approx(1.0, abs=0.02)
+        assert bed_shares["old.h5 of 2019-04-05"] == pytest.approx(0.25 if first else 1.0, abs=0.05)
+        assert sum(bed_shares.values()) == pytest.approx(1.0, abs=0.02)
     Path(text).write_text("lon,lat,depth\n10.03,54.0,9\n10.03,54.01,9\n10.04,54.0,9\n10.04,54.01,9.5\n")
     assert command.main(["build", old, new, text, "--newest", "-o", str(tmp_path / "bay")]) == 0
 
@@ -232,10 +232,10 @@ def test_a_netcdf_like_that_of_gebco_is_read_and_a_file_that_is_no_raster_is_ref
     plane = LocalPlane(*survey.origin or (0.0, 0.0))
     places = np.column_stack(plane.to_local(np.array([54.025, 54.05]), np.array([10.05, 10.1])))
     assert grid.at(places) == pytest.approx([24.0, 48.0], abs=0.5)
-    bad = tmp_path / "bad.tif"
-    bad.write_bytes(b"II*\0 no more")
+    bad_file = tmp_path / "bad.tif"
+    bad_file.write_bytes(b"II*\0 no more")
     with pytest.raises(ConfigError, match=r"bad.tif: cannot be read as a raster"):
-        open_raster(str(bad))
+        open_raster(str(bad_file))
     with pytest.raises(ConfigError, match=r"none.tif: no such file"):
         open_raster(str(tmp_path / "none.tif"))
 

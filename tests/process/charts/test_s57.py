@@ -161,10 +161,10 @@ def test_a_missing_file_and_a_file_that_is_no_chart_are_refused(tmp_path: Path) 
 
 def test_a_chart_that_ends_too_early_is_refused(tmp_path: Path) -> None:
     """The chart is cut at any byte; `test_mutated_cells_are_read_or_refused` has what else can be wrong with one."""
-    whole = bay().data()
+    cell_bytes = bay().data()
     path = tmp_path / "C.000"
-    for size in np.random.default_rng(1).integers(24, len(whole), 3):
-        path.write_bytes(whole[:size])
+    for size in np.random.default_rng(1).integers(24, len(cell_bytes), 3):
+        path.write_bytes(cell_bytes[:size])
         with pytest.raises(ConfigError):
             read_cell(str(path))
 
@@ -172,15 +172,15 @@ def test_a_chart_that_ends_too_early_is_refused(tmp_path: Path) -> None:
 @pytest.mark.parametrize("damage", ["a directory that does not advance", "entries that overlap", "a huge count"])
 def test_hostile_charts_are_refused_within_limits(tmp_path: Path, damage: str) -> None:
     """These charts made a reader of our own hang, take gigabytes, or raise a MemoryError."""
-    whole = bay().data()
+    cell_bytes = bay().data()
     if damage == "a directory that does not advance":  # a record of 24 bytes whose entries have no width
-        data = whole + b"00024 D     00024   0000"
+        data = cell_bytes + b"00024 D     00024   0000"
     elif damage == "entries that overlap":  # 9,000 entries of one field, each the whole rest of the file
         entries = b"SG2D" + b"99999" + b"00000"
         base = 24 + 6900 * len(entries) + 1
-        data = whole + b"00000 D     " + b"%05d" % base + b"   5504" + entries * 6900 + b"\x1e" + b"\x00" * 99_999
+        data = cell_bytes + b"00000 D     " + b"%05d" % base + b"   5504" + entries * 6900 + b"\x1e" + b"\x00" * 99_999
     else:
-        data = whole.replace(b"(3b11,8b14)", b"(999999999b11)"[:11])
+        data = cell_bytes.replace(b"(3b11,8b14)", b"(999999999b11)"[:11])
     path = tmp_path / "C.000"
     path.write_bytes(data)
     with suppress(ConfigError):
@@ -241,12 +241,12 @@ def test_the_edges_of_an_area_may_be_in_any_order(tmp_path: Path) -> None:
 def test_mutated_cells_are_read_or_refused(tmp_path: Path) -> None:
     """The 15 inputs of `tools/stress/fuzz_charts.py` give no hang, no traceback, and at most one line of error."""
     command = [sys.executable, str(ROOT / "tools" / "stress" / "fuzz_charts.py"), "--count", "15", "--seed", "7"]
-    done = subprocess.run([*command, "--keep", str(tmp_path)], capture_output=True, text=True, timeout=250)
-    assert done.returncode == 0, done.stdout + done.stderr
-    found = re.fullmatch(r"(\d+) read, (\d+) refused of 15; slowest .* s, most memory (\d+) MiB\n", done.stdout)
-    assert found, done.stdout
-    assert min(int(found[1]), int(found[2])) > 0
-    assert int(found[3]) < 500
+    completed = subprocess.run([*command, "--keep", str(tmp_path)], capture_output=True, text=True, timeout=250)
+    assert completed.returncode == 0, completed.stdout + completed.stderr
+    figures = re.fullmatch(r"(\d+) read, (\d+) refused of 15; slowest .* s, most memory (\d+) MiB\n", completed.stdout)
+    assert figures, completed.stdout
+    assert min(int(figures[1]), int(figures[2])) > 0
+    assert int(figures[3]) < 500
 
 
 def test_an_invalid_geometry_is_reported_as_damage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -67,15 +67,15 @@ def test_a_part_of_a_chart_has_the_same_nodes_as_the_whole(tmp_path: Path) -> No
     """All the chart's data shape a part, also when only that part is built."""
     path = bay().write(tmp_path / "BAY.000")
     placed = load_or_build_seabed(path, 10.0).model
-    part = cut_seabed(placed, (-123.0, 88.0, -201.0, 64.0))
-    assert part.grid.extent == pytest.approx((-130.0, 90.0, -210.0, 70.0))
-    nodes = np.column_stack([axis.ravel() for axis in np.meshgrid(part.grid.north, part.grid.east, indexing="ij")])
-    np.testing.assert_allclose(placed.grid.at(nodes), part.grid.depths.ravel(), atol=1e-5)
+    cut = cut_seabed(placed, (-123.0, 88.0, -201.0, 64.0))
+    assert cut.grid.extent == pytest.approx((-130.0, 90.0, -210.0, 70.0))
+    nodes = np.column_stack([axis.ravel() for axis in np.meshgrid(cut.grid.north, cut.grid.east, indexing="ij")])
+    np.testing.assert_allclose(placed.grid.at(nodes), cut.grid.depths.ravel(), atol=1e-5)
     survey, _ = read_sources([path], None)
-    alone = build(survey, part.grid.extent, 10.0).model.grid
-    np.testing.assert_allclose(alone.depths, part.grid.depths, atol=0.02)
+    alone = build(survey, cut.grid.extent, 10.0).model.grid
+    np.testing.assert_allclose(alone.depths, cut.grid.depths, atol=0.02)
     things = (Cylinder(0.0, 0.0, 1.0, 2.0), Cylinder(0.0, 300.0, 1.0, 2.0))
-    assert cut_seabed(SeabedModel(placed.grid, things, ()), part.grid.extent).cylinders == things[:1]
+    assert cut_seabed(SeabedModel(placed.grid, things, ()), cut.grid.extent).cylinders == things[:1]
 
 
 def test_a_dive_has_the_bed_of_the_whole_chart(tmp_path: Path) -> None:
@@ -123,13 +123,13 @@ def test_the_coast_line_guides_the_bed(tmp_path: Path) -> None:
     cell.area(71, square(54.008, 10.0, 54.01, 10.016))
     shore = [(54.008, 10.0), (54.008, 10.016)]
     cell.soundings([(54.0005 + 0.0008 * i, 10.001 + 0.0015 * j, 20.0 - 3.2 * i) for i in range(6) for j in range(10)])
-    bare = load_or_build_seabed(cell.write(tmp_path / "BARE.000"), 10.0).model.grid
+    bare_bed = load_or_build_seabed(cell.write(tmp_path / "BARE.000"), 10.0).model.grid
     cell.line(30, shore)
     guided = load_or_build_seabed(cell.write(tmp_path / "COAST.000"), 10.0).model.grid
     before = guided.north < (54.0079 - 54.005) * 111_260.0
-    for found in (bare, guided):
+    for found in (bare_bed, guided):
         assert (found.depths[before] == 0.0).mean() < 0.01
-    assert (np.diff(bare.depths[before][:, 50]) > 0.0).any(), "a trough before the beach"
+    assert (np.diff(bare_bed.depths[before][:, 50]) > 0.0).any(), "a trough before the beach"
     assert (np.diff(guided.depths[before][:, 50]) < 0.0).all(), "up to the coast without one"
     assert guided.at(np.array([[(54.0078 - 54.005) * 111_260.0, 0.0]]))[0] < 1.5
 
@@ -141,13 +141,13 @@ def test_a_wreck_bounds_the_bed(tmp_path: Path) -> None:
     cell.area(42, square(54.0, 10.0, 54.01, 10.016), DRVAL1=5, DRVAL2=30)
     cell.soundings([(54.0005 + 0.001 * i, 10.001 + 0.0015 * j, 10.0) for i in range(10) for j in range(10)])
     cell.point(159, (54.00495, 10.00775), VALSOU=13, WATLEV=3)
-    whole = load_or_build_seabed(cell.write(tmp_path / "WRECK.000"), 5.0)
-    (wreck,) = whole.model.cylinders
+    seabed = load_or_build_seabed(cell.write(tmp_path / "WRECK.000"), 5.0)
+    (wreck,) = seabed.model.cylinders
     assert wreck.top == 13.0
-    bed = whole.model.grid.at(np.array([[wreck.north, wreck.east]]))[0]
+    bed = seabed.model.grid.at(np.array([[wreck.north, wreck.east]]))[0]
     assert bed == pytest.approx(13.0 + MIN_HEIGHT, abs=0.3)
-    assert whole.report.beds_under == 1
-    assert whole.report.held_out > 50, "the bed under a wreck is no sounding"
+    assert seabed.report.beds_under == 1
+    assert seabed.report.held_out > 50, "the bed under a wreck is no sounding"
 
 
 def test_sites_of_a_large_grid_are_searched_where_the_bed_is_steep() -> None:

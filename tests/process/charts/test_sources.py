@@ -93,13 +93,13 @@ def test_a_decompression_bomb_is_refused(
     monkeypatch.setattr(points, "MAX_LINES", 10_000)
     monkeypatch.setattr(points, "LARGEST", 1_000_000)
     path = tmp_path / f"s.xyz{ending}"
-    for text, words in (
+    for text, message in (
         (b"1 2 3\n" * 20_000, "or 10000 lines: thin it out"),
         ((b"#" + b" " * 999 + b"\n") * 2_000, "more than 0 MiB of text"),
         (b"1" * 10_000_000, "a line of more than 10000 characters"),
     ):
         path.write_bytes(pack(text))
-        with pytest.raises(ConfigError, match=rf"s\.xyz\{ending}: .*{words}"):
+        with pytest.raises(ConfigError, match=rf"s\.xyz\{ending}: .*{message}"):
             read_points(str(path))
     path.write_bytes(pack(b"1 2 3\n" * 20_000)[:40] + b"\xff" * 40)
     with pytest.raises(ConfigError, match="cannot be read"):
@@ -111,11 +111,11 @@ def test_a_decompression_bomb_is_refused(
 def test_a_decompression_bomb_takes_little_memory(tmp_path: Path) -> None:
     """The 4 MB hold 4 GB without the end of a line, which took all memory; of 20 MB of comments nothing is stored."""
     path = tmp_path / "s.xyz.gz"
-    for text, words in ((b"0" * (1 << 22), "a line of more than 10000"), (b"#" * 9_999 + b"\n", "has no soundings")):
+    for text, message in ((b"0" * (1 << 22), "a line of more than 10000"), (b"#" * 9_999 + b"\n", "has no soundings")):
         path.write_bytes(gzip.compress(text) * 1000 if len(text) > 10_000 else gzip.compress(text * 2_000))
         tracemalloc.start()
         try:
-            with pytest.raises(ConfigError, match=words):
+            with pytest.raises(ConfigError, match=message):
                 read_points(str(path))
             assert tracemalloc.get_traced_memory()[1] < 2 << 20
         finally:
@@ -162,17 +162,17 @@ def test_the_chart_of_larger_scale_is_used_where_charts_overlap(tmp_path: Path) 
         43, [(54.002, WEST - 0.015), (54.002, 9.995), (54.002, 9.999), (54.002, 10.002), (54.002, 10.01)], VALDCO=42
     )
     paths = [bay().write(tmp_path / "FINE.000"), coarse.write(tmp_path / "COARSE.000")]
-    both, extent = read_sources(paths, None, 20.0)
-    assert both.sheets[-1].name == "FINE"
-    assert sorted(h.kind for h in both.hazards) == ["OBSTRN", "PILPNT", "UWTROC"]
-    west_of = LocalPlane(*both.origin or (0.0, 0.0)).to_local(np.array([54.002]), np.array([WEST]))[1][0]
-    pieces = [line for line, depth in both.contours if depth == 42.0]
-    assert len(pieces) == 1
-    assert len(pieces[0]) == 3
-    assert (pieces[0][:, 1] < west_of).all()
-    assert (both.guides[both.guides[:, 2] == 42.0][:, 1] <= west_of + 1.0).all()
-    grid = build(both, extent, 20.0).model.grid
-    plane = LocalPlane(*both.origin or (0.0, 0.0))
+    combined, extent = read_sources(paths, None, 20.0)
+    assert combined.sheets[-1].name == "FINE"
+    assert sorted(h.kind for h in combined.hazards) == ["OBSTRN", "PILPNT", "UWTROC"]
+    west_of = LocalPlane(*combined.origin or (0.0, 0.0)).to_local(np.array([54.002]), np.array([WEST]))[1][0]
+    contour_pieces = [line for line, depth in combined.contours if depth == 42.0]
+    assert len(contour_pieces) == 1
+    assert len(contour_pieces[0]) == 3
+    assert (contour_pieces[0][:, 1] < west_of).all()
+    assert (combined.guides[combined.guides[:, 2] == 42.0][:, 1] <= west_of + 1.0).all()
+    grid = build(combined, extent, 20.0).model.grid
+    plane = LocalPlane(*combined.origin or (0.0, 0.0))
     at = np.column_stack(plane.to_local(np.array([54.0035, 54.0035]), np.array([10.008, 9.992])))
     assert grid.at(at) == pytest.approx([bed(54.0035, 10.008), bed(54.0035, WEST) + 25.0], abs=3.0)
 
@@ -182,10 +182,10 @@ def test_a_chart_without_soundings_or_coverage_is_refused(tmp_path: Path) -> Non
     empty.area(302, square(SOUTH, WEST, NORTH, EAST), CATCOV=1)
     with pytest.raises(ConfigError, match="E: no soundings: use a chart of a larger scale"):
         read_sources([empty.write(tmp_path / "E.000")], None, 20.0)
-    bare = Encoder()
-    bare.soundings([(54.0, 10.0, 1.0)])
+    encoder = Encoder()
+    encoder.soundings([(54.0, 10.0, 1.0)])
     with pytest.raises(ConfigError, match="does not state its coverage"):
-        read_sources([bare.write(tmp_path / "B.000")], None, 20.0)
+        read_sources([encoder.write(tmp_path / "B.000")], None, 20.0)
 
 
 def test_an_area_of_a_chart_is_built_and_must_have_water(tmp_path: Path) -> None:

@@ -36,7 +36,7 @@ PLACE = f"""<gmi:MI_Metadata xmlns:gmi="http://www.isotc211.org/2005/gmi" xmlns:
 def s102(path: Path, with_uncertainty: bool) -> str:
     """Write 30 x 40 depths as edition 3.0 lays them out: 20 m in the south, 0.3 m a row less to the north, in UTM."""
     members = [("depth", "<f4"), *([("uncertainty", "<f4")] if with_uncertainty else [])]
-    where = {"gridOriginLongitude": 5e5, "gridOriginLatitude": 6e6, "gridSpacingLongitudinal": 10.0,
+    grid_attributes = {"gridOriginLongitude": 5e5, "gridOriginLatitude": 6e6, "gridSpacingLongitudinal": 10.0,
              "gridSpacingLatitudinal": 10.0, "numPointsLongitudinal": np.uint32(40),
              "numPointsLatitudinal": np.uint32(30), "numGRP": np.uint8(1), "startSequence": "0,0"}  # fmt: skip
     depths = np.zeros((30, 40), members)
@@ -50,7 +50,7 @@ def s102(path: Path, with_uncertainty: bool) -> str:
         parts = {"BathymetryCoverage": depths, "QualityOfBathymetryCoverage": np.ones((30, 40), "<u4")}
         for name, values in parts.items():
             instance = file.create_group(f"{name}/{name}.01")
-            instance.attrs.update(where)
+            instance.attrs.update(grid_attributes)
             instance.create_group("Group_001").create_dataset("values", data=values, compression="gzip")
         file["QualityOfBathymetryCoverage/featureAttributeTable"] = records
     return str(path)
@@ -83,19 +83,19 @@ def varying_bag(path: Path) -> str:
     east = np.arange(SIZE)[:, None] * CELL - 0.5 * CELL + step * (0.5 + np.arange(FINE))
     fine = np.repeat(east[None, :, None, :], FINE, axis=2)  # (1, coarse, rows, columns)
     heights = -20.0 - 0.1 * np.broadcast_to(fine, (SIZE, SIZE, FINE, FINE)).reshape(SIZE, SIZE, FINE * FINE)
-    about = np.zeros((SIZE, SIZE), [(name, "<u4") for name in ("index", "dimensions_x", "dimensions_y")] + [
+    table = np.zeros((SIZE, SIZE), [(name, "<u4") for name in ("index", "dimensions_x", "dimensions_y")] + [
         (name, "<f4") for name in ("resolution_x", "resolution_y", "sw_corner_x", "sw_corner_y")])  # fmt: skip
-    about["index"] = FINE * FINE * np.arange(SIZE * SIZE).reshape(SIZE, SIZE)
-    about["dimensions_x"] = about["dimensions_y"] = FINE
+    table["index"] = FINE * FINE * np.arange(SIZE * SIZE).reshape(SIZE, SIZE)
+    table["dimensions_x"] = table["dimensions_y"] = FINE
     for name, value in (("resolution", step), ("sw_corner", 0.5 * step)):
-        about[f"{name}_x"] = about[f"{name}_y"] = value
+        table[f"{name}_x"] = table[f"{name}_y"] = value
     refined = np.zeros((1, heights.size), [("depth", "<f4"), ("depth_uncrt", "<f4")])
     refined["depth"] = heights.ravel()
     coarse = np.full((SIZE, SIZE), -99.0, "<f4")
     layers: dict[str, tuple[Any, dict[str, float]]] = {
         "elevation": (coarse, {"Minimum Elevation Value": -99.0, "Maximum Elevation Value": -99.0}),
         "uncertainty": (coarse, {"Minimum Uncertainty Value": 0.0, "Maximum Uncertainty Value": 0.0}),
-        "varres_metadata": (about, {f"{end}_resolution_{axis}": step for end in ("min", "max") for axis in "xy"}),
+        "varres_metadata": (table, {f"{end}_resolution_{axis}": step for end in ("min", "max") for axis in "xy"}),
         "varres_refinements": (refined, {"min_depth": -99.0, "max_depth": 0.0}),
         "metadata": (np.frombuffer(PLACE.encode(), "S1"), {}),
     }

@@ -63,11 +63,11 @@ def test_lighthouses_and_houses_become_piles_only_where_they_stand_in_water(tmp_
         cell.area(12, square(latitude, 10.002, latitude + 1e-4, 10.0022))
     path = cell.write(tmp_path / "BAY.000")
     assert command.main(["build", path, "--resolution", "20", "-o", str(tmp_path / "w")]) == 0
-    found = {(pile.north, pile.east) for pile in load_world(str(tmp_path / "w.toml")).cylinder if pile.top < 0.0}
+    dry_piles = {(pile.north, pile.east) for pile in load_world(str(tmp_path / "w.toml")).cylinder if pile.top < 0.0}
     middles = [(0.0, 262.0), (6.0, -386.0)]  # m
     for north, east in middles:
-        assert [1 for n, e in found if abs(n - north) < 3.0 and abs(e - east) < 3.0] == [1], found
-    assert len(found) == 4, "with the pile and what floats"
+        assert [1 for n, e in dry_piles if abs(n - north) < 3.0 and abs(e - east) < 3.0] == [1], dry_piles
+    assert len(dry_piles) == 4, "with the pile and what floats"
 
 
 def test_the_report_of_a_build_as_json(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

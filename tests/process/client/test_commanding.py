@@ -36,11 +36,11 @@ def test_an_action_continues_after_the_slave_was_restarted(own_slave: tuple[Prog
         assert not vehicle.present
         assert fleet.names == []
         program.wait()
-        with Program(tmp_path, "slave", tmp_path / "short.toml") as again:
+        with Program(tmp_path, "slave", tmp_path / "short.toml") as second_slave:
             assert fleet.wait_for("uuv1", seconds=60) == [vehicle]
             assert wait_for(lambda: vehicle.imu.age < 0.5)
             assert reported.wait(60).done, "the action is still to be done"
-            assert again.process.poll() is None
+            assert second_slave.process.poll() is None
 
 
 @retried_when_busy("a silence may last longer")
@@ -79,10 +79,10 @@ def test_a_second_master_is_refused_unless_it_takes_over(own_slave: tuple[Progra
 def test_a_master_is_informed_when_another_takes_over(own_slave: tuple[Program, str]) -> None:
     """A completed action reports it too, because its goal is no longer held."""
     program, endpoint = own_slave
-    with hil.connect(endpoint, wait=60.0) as first, hil.connect(endpoint, take_over=True, wait=60.0) as other:
+    with hil.connect(endpoint, wait=60.0) as first, hil.connect(endpoint, take_over=True, wait=60.0) as second_client:
         reported = first["uuv1"].drive(surge=0.1).wait(60)
         program.expect("commands arrive")
-        other["uuv1"].drive(surge=-0.1)
+        second_client["uuv1"].drive(surge=-0.1)
         assert wait_for(lambda: bool(reported.error))
         with pytest.raises(NetworkError, match="another master"):
             reported.wait()
@@ -125,16 +125,16 @@ def test_the_slave_reports_why_it_refused_a_command(own_slave: tuple[Program, st
     _, endpoint = own_slave
     with VehicleClient(endpoint, "uuv1") as client:
         assert client.wait_for_vehicle(60)
-        sent = 0
+        sent_count = 0
 
         def is_reported() -> bool:
-            nonlocal sent  # again: what finds others waiting to be sent is dropped
-            sent = client.send("cmd_thrusters", encode_thrusts((1.0,) * 5))
+            nonlocal sent_count  # again: what finds others waiting to be sent is dropped
+            sent_count = client.send("cmd_thrusters", encode_thrusts((1.0,) * 5))
             return bool(client.diagnostics().commands_fault)
 
         assert wait_for(is_reported)
         assert client.diagnostics().commands_fault == "cmd_thrusters: 5 thrusts for 6 thrusters"
-        assert 1 <= (client.diagnostics().commands_malformed or 0) <= sent
+        assert 1 <= (client.diagnostics().commands_malformed or 0) <= sent_count
 
 
 PROGRAM_THAT_ENDS = """

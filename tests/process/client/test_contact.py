@@ -35,14 +35,14 @@ class Vehicle:
 
     def __init__(self, session: Session) -> None:
         self.pings: list[tuple[int, ...]] = []
-        self.ping_parts: list[Part] = []
+        self.ping_roles: list[Part] = []
         self.reported: list[tuple[int, ...]] = []
-        self.answer = session.sender(PONG_KEY)
-        session.receive(PING_KEY, lambda payload: self._take(payload, "observer"), 16)
+        self.reply_sender = session.sender(PONG_KEY)
+        session.receive(PING_KEY, lambda payload: self._on_ping(payload, "observer"), 16)
         session.receive(MASTERS_PING_KEY, self._take_masters, 16)
 
-    def pong(self, sent: int, there: int) -> bytes:
-        return PONG.pack(GID, sent, there, there, 0, 0 if self.reported else -1, 0.0)
+    def pong(self, sent_ns: int, vehicle_ns: int) -> bytes:
+        return PONG.pack(GID, sent_ns, vehicle_ns, vehicle_ns, 0, 0 if self.reported else -1, 0.0)
 
     def _take_masters(self, payload: bytes) -> None:
         if self.ignores_masters:
@@ -50,66 +50,66 @@ class Vehicle:
         if PING.unpack(payload)[2]:
             self.reported.append(PING.unpack(payload)[1:])
         else:
-            self._take(payload, "master")
+            self._on_ping(payload, "master")
 
-    def _take(self, payload: bytes, part: Part) -> None:
-        self.ping_parts.append(part)
+    def _on_ping(self, payload: bytes, role: Part) -> None:
+        self.ping_roles.append(role)
         self.pings.append(PING.unpack(payload)[1:])
-        self.answer(self.pong(self.pings[-1][0], to_wall_ns(time.monotonic_ns()) + self.ahead_ns))
+        self.reply_sender(self.pong(self.pings[-1][0], to_wall_ns(time.monotonic_ns()) + self.ahead_ns))
 
 
 @pytest.fixture
-def ends() -> Iterator[tuple[Vehicle, Session]]:
+def peers() -> Iterator[tuple[Vehicle, Session]]:
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     with listen(endpoint) as slave, open_master_session(endpoint) as session:
         yield Vehicle(slave), session
 
 
-def begin(session: Session, part: Part) -> tuple[LivenessMonitor, ClockOffset]:
+def begin_monitor(session: Session, role: Part) -> tuple[LivenessMonitor, ClockOffset]:
     clock = ClockOffset()
     contact = LivenessMonitor(session, "uuv1", clock, lambda: None, lambda _: None, 0.8)
-    contact.begin(part, GID, 0)
+    contact.begin(role, GID, 0)
     assert contact.known.wait(60)
     return contact, clock
 
 
-@pytest.mark.parametrize(("part", "reports_replies"), [("master", True), ("observer", False)])
+@pytest.mark.parametrize(("role", "reports_replies"), [("master", True), ("observer", False)])
 def test_only_a_master_reports_when_each_reply_arrived(
-    ends: tuple[Vehicle, Session], part: Part, reports_replies: bool
+    peers: tuple[Vehicle, Session], role: Part, reports_replies: bool
 ) -> None:
-    vehicle, session = ends
-    contact, _ = begin(session, part)
+    vehicle, session = peers
+    contact, _ = begin_monitor(session, role)
     assert bool(wait_for(lambda: vehicle.reported, 60 if reports_replies else 0.5)) is reports_replies
     contact.end()
     for sent, answered, came in vehicle.reported:
         assert any(ping <= came <= sent and ping + vehicle.ahead_ns <= answered for ping, *_ in vehicle.pings)
 
 
-def test_a_master_pings_on_its_own_key_and_as_observer_without_reply(ends: tuple[Vehicle, Session]) -> None:
-    vehicle, session = ends
-    contact, _ = begin(session, "master")
+def test_a_master_pings_on_its_own_key_and_as_observer_without_reply(peers: tuple[Vehicle, Session]) -> None:
+    vehicle, session = peers
+    contact, _ = begin_monitor(session, "master")
     assert wait_for(lambda: contact.reported)
     time.sleep(0.3)  # for pings that are on their way
-    before = len(vehicle.ping_parts)
-    assert wait_for(lambda: len(vehicle.ping_parts) > before + 3)
-    assert set(vehicle.ping_parts[before:]) == {"master"}
+    before = len(vehicle.ping_roles)
+    assert wait_for(lambda: len(vehicle.ping_roles) > before + 3)
+    assert set(vehicle.ping_roles[before:]) == {"master"}
     vehicle.ignores_masters = True  # as after a restart with other rights
     vehicle.reported.clear()
     assert wait_for(lambda: contact.losses)
-    before = len(vehicle.ping_parts)
-    assert wait_for(lambda: contact.present and len(vehicle.ping_parts) > before + 3)
-    assert set(vehicle.ping_parts[before:]) == {"observer"}
+    before = len(vehicle.ping_roles)
+    assert wait_for(lambda: contact.present and len(vehicle.ping_roles) > before + 3)
+    assert set(vehicle.ping_roles[before:]) == {"observer"}
     assert contact.losses == 1
     contact.end()
 
 
-def test_replies_to_forged_pings_do_not_change_the_clock_offset(ends: tuple[Vehicle, Session]) -> None:
-    vehicle, session = ends
-    contact, clock = begin(session, "master")
+def test_replies_to_forged_pings_do_not_change_the_clock_offset(peers: tuple[Vehicle, Session]) -> None:
+    vehicle, session = peers
+    contact, clock = begin_monitor(session, "master")
     now = to_wall_ns(time.monotonic_ns())
     for sent in (now + 3600 * NS_PER_S, 0, (1 << 63) - 1):
-        vehicle.answer(vehicle.pong(sent, now + vehicle.ahead_ns))
-        vehicle.answer(vehicle.pong(vehicle.pings[-1][0], (1 << 63) - 1))
+        vehicle.reply_sender(vehicle.pong(sent, now + vehicle.ahead_ns))
+        vehicle.reply_sender(vehicle.pong(vehicle.pings[-1][0], (1 << 63) - 1))
     answered = len(vehicle.pings)
     assert wait_for(lambda: len(vehicle.pings) > answered + 1), "it is still there and asks on"
     contact.end()
@@ -133,9 +133,9 @@ def test_sample_ages_are_right_when_the_slave_started_before_its_clock_was_set(o
 
 
 @pytest.mark.parametrize("is_here", [True, False], ids=["one machine", "two machines"])
-def test_a_restarted_vehicle_with_another_clock_stays_present(ends: tuple[Vehicle, Session], is_here: bool) -> None:
+def test_a_restarted_vehicle_with_another_clock_stays_present(peers: tuple[Vehicle, Session], is_here: bool) -> None:
     """Its first messages come before the clocks have been compared again."""
-    _, session = ends
+    _, session = peers
     values = {"boot_id": boot_id() if is_here else "another"}
     with VehicleClient(session, "uuv1", part="observer") as client:
 
@@ -158,9 +158,9 @@ def test_a_restarted_vehicle_with_another_clock_stays_present(ends: tuple[Vehicl
         assert 2 < deliver(b"b" * 16, behind_ns - 3 * NS_PER_S) < 4, "what is old is known as old"
 
 
-def test_two_slaves_of_one_name_are_not_commanded(ends: tuple[Vehicle, Session]) -> None:
+def test_two_slaves_of_one_name_are_not_commanded(peers: tuple[Vehicle, Session]) -> None:
     """Both liveliness tokens exist for longer than that of a killed slave would."""
-    _, session = ends
+    _, session = peers
     with VehicleClient(session, "uuv1") as client:
         client.command(VelocityCommand())
         leave = [declare_presence(session, "uuv1", "slave", ident * 16) for ident in ("aa", "bb")]

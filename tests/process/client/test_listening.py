@@ -72,10 +72,10 @@ def test_the_last_sample_of_a_slow_sensor_is_there_at_once(endpoint: str) -> Non
         vehicle = fleet["uuv1"]
         assert "leak" not in vehicle.client.latest
         time.sleep(2.1)  # so that it has measured
-        began = time.monotonic()
+        start = time.monotonic()
         leak = vehicle.leak
         assert not leak
-        assert leak.age > time.monotonic() - began, "it was measured before it was subscribed to"
+        assert leak.age > time.monotonic() - start, "it was measured before it was subscribed to"
         assert wait_for(lambda: vehicle.imu.age < 0.3), "and what is fast is new"
         assert "pressure" not in vehicle.client.latest
 
@@ -127,21 +127,21 @@ def test_planners_name_the_topics_they_use() -> None:
 
 
 @pytest.mark.parametrize(
-    ("subscriptions", "words"),
+    ("subscriptions", "message"),
     [("imu", r"expected a tuple of topics, such as \('imu',\)"), (("lasser",), "no topic 'lasser'.*laser")],
 )
-def test_an_unknown_topic_of_a_planner_is_reported(subscriptions: str | tuple[str, ...], words: str) -> None:
+def test_an_unknown_topic_of_a_planner_is_reported(subscriptions: str | tuple[str, ...], message: str) -> None:
     planner = PlannerWithoutTopics()
     planner.subscriptions = subscriptions
-    with pytest.raises(ConfigError, match=f"PlannerWithoutTopics: subscriptions.*{words}"):
+    with pytest.raises(ConfigError, match=f"PlannerWithoutTopics: subscriptions.*{message}"):
         topics_of(planner)
 
 
 def test_two_clients_with_different_topics_get_their_own(endpoint: str) -> None:
-    with open_master_session(endpoint) as session, VehicleClient(session, "uuv1", topics=("imu",)) as one:
+    with open_master_session(endpoint) as session, VehicleClient(session, "uuv1", topics=("imu",)) as client:
         with VehicleClient(endpoint, "uuv1", part="observer", topics=("pressure",)) as other:
-            assert wait_for(lambda: "imu" in one.latest and "pressure" in other.latest)
+            assert wait_for(lambda: "imu" in client.latest and "pressure" in other.latest)
             assert "imu" not in other.latest
-            assert "pressure" not in one.latest
-        before = one.received["imu"]
-        assert wait_for(lambda: one.received["imu"] > before + 50), "one who leaves takes nothing from the other"
+            assert "pressure" not in client.latest
+        before = client.received["imu"]
+        assert wait_for(lambda: client.received["imu"] > before + 50), "one who leaves takes nothing from the other"

@@ -61,15 +61,15 @@ def test_state_and_sensors_are_typed_and_have_an_age(vehicle: Vehicle) -> None:
 
 def test_an_iterator_gives_every_sample(vehicle: Vehicle) -> None:
     stream = vehicle.samples("imu")
-    taken = [sample for sample, _ in zip(stream, range(30), strict=False)]
-    steps = [after.time_ns - before.time_ns for before, after in pairwise(taken)]
+    samples = [sample for sample, _ in zip(stream, range(30), strict=False)]
+    steps = [after.time_ns - before.time_ns for before, after in pairwise(samples)]
     assert set(steps) == {10_000_000}, "100 Hz, none left out, none twice"
-    assert isinstance(taken[0], Imu)
+    assert isinstance(samples[0], Imu)
     assert stream.dropped == 0
-    short = vehicle.samples("imu", depth=4)
-    assert wait_for(lambda: short.dropped > 5)
+    short_stream = vehicle.samples("imu", depth=4)
+    assert wait_for(lambda: short_stream.dropped > 5)
     before = vehicle.imu.time_ns
-    assert next(short).time_ns > before - 100_000_000, "the oldest were dropped"
+    assert next(short_stream).time_ns > before - 100_000_000, "the oldest were dropped"
 
 
 def test_each_kind_of_command_moves_the_vehicle(vehicle: Vehicle) -> None:
@@ -86,24 +86,24 @@ def test_each_kind_of_command_moves_the_vehicle(vehicle: Vehicle) -> None:
     assert wait_for(lambda: vehicle.ground_truth.speed < 0.08)
 
 
-@pytest.mark.parametrize("how", [{"smooth": True}, {"lookahead": 0.8}])
-def test_paths_are_followed(vehicle: Vehicle, how: dict[str, Any]) -> None:
+@pytest.mark.parametrize("options", [{"smooth": True}, {"lookahead": 0.8}])
+def test_paths_are_followed(vehicle: Vehicle, options: dict[str, Any]) -> None:
     north, east, depth = vehicle.state.position
-    way = [(north, east + 0.5, depth), (north + 0.2, east + 1.0, depth)]
+    path = [(north, east + 0.5, depth), (north + 0.2, east + 1.0, depth)]
     brisk = Limits(acceleration=1.0, yaw_rate=2.0, lateral_acceleration=2.0)
-    assert vehicle.follow(way[:1], 0.6, brisk, **how).wait(60).done
-    assert vehicle.state.position == pytest.approx(way[0], abs=0.35)
+    assert vehicle.follow(path[:1], 0.6, brisk, **options).wait(60).done
+    assert vehicle.state.position == pytest.approx(path[0], abs=0.35)
     assert vehicle.hold_heading(0.0, tolerance=1.0).wait(60).done
 
 
 def test_a_new_command_ends_the_previous_action(vehicle: Vehicle) -> None:
     north, east, depth = vehicle.state.position
-    far = vehicle.go_to(north + 50.0, east, depth)
+    far_action = vehicle.go_to(north + 50.0, east, depth)
     with pytest.raises(MissionError, match=r"within 0\.1 s"):
-        far.wait(0.1)
+        far_action.wait(0.1)
     vehicle.stop()
     with pytest.raises(MissionError, match="another command"):
-        far.wait()
+        far_action.wait()
 
 
 def test_the_interface_works_with_asyncio(endpoint: str) -> None:
@@ -118,14 +118,14 @@ def test_the_interface_works_with_asyncio(endpoint: str) -> None:
                     await asyncio.sleep(0.01)
                     ticks += 1
 
-            other = asyncio.create_task(tick())
+            ticking = asyncio.create_task(tick())
             times = []
             async for sample in vehicle.samples("imu"):
                 times.append(sample.time_ns)
                 if len(times) == 20:
                     break
             reported = await vehicle.hold_depth(vehicle.state.depth + 0.3)
-            other.cancel()
+            ticking.cancel()
             return times, reported.done, ticks
 
     times, done, ticks = asyncio.run(fly())
@@ -135,7 +135,7 @@ def test_the_interface_works_with_asyncio(endpoint: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("tell", "words"),
+    ("wrong_call", "message"),
     [
         (lambda v: v.drive(surge=nan), "surge: nan is not between -20 and 20 m/s"),
         (lambda v: v.drive(surge=50.0), "surge: 50"),
@@ -154,10 +154,10 @@ def test_the_interface_works_with_asyncio(endpoint: str) -> None:
         ),
     ],
 )
-def test_wrong_arguments_are_reported(vehicle: Vehicle, tell: Callable[[Vehicle], object], words: str) -> None:
+def test_wrong_arguments_are_reported(vehicle: Vehicle, wrong_call: Callable[[Vehicle], object], message: str) -> None:
     with pytest.raises(ConfigError) as caught:
-        tell(vehicle)
-    assert words in str(caught.value)
+        wrong_call(vehicle)
+    assert message in str(caught.value)
     assert not vehicle.client.has_commanded
 
 
@@ -195,13 +195,13 @@ def test_camera_topics_have_the_name_of_their_encoding(tmp_path: Path) -> None:
 
 
 def test_a_missing_slave_is_reported_with_the_remedy() -> None:
-    began = time.monotonic()
+    start = time.monotonic()
     with hil.connect(f"tcp/127.0.0.1:{free_port()}", wait=0.3) as fleet:
         with pytest.raises(NetworkError, match=r"nothing listens on port.*uuv-hil slave"):
             _ = fleet.vehicles
         with pytest.raises(NetworkError, match=r"'uuv1'.*nothing listens"):
             fleet["uuv1"]
-    assert time.monotonic() - began < 30, "it waits for as long as was requested, not for ever"
+    assert time.monotonic() - start < 30, "it waits for as long as was requested, not for ever"
     with pytest.raises(NetworkError, match="tcp/HOST:PORT"):
         hil.connect("127.0.0.1:a port")
     with pytest.raises(NetworkError, match="to whom"):
@@ -273,8 +273,8 @@ def test_a_recording_of_all_command_kinds_repeats_bit_for_bit(tmp_path: Path) ->
             ]
             publishers = vehicle.client._publishers
 
-            def reported(least: int) -> bool:
-                return sum(publisher.sequence for publisher in publishers.values()) >= least
+            def reported(min_count: int) -> bool:
+                return sum(publisher.sequence for publisher in publishers.values()) >= min_count
 
             for number, tell in enumerate(kinds, 1):
                 tell()
@@ -298,18 +298,18 @@ def test_two_anonymous_ros_publishers_of_different_topics_command_together(
 ) -> None:
     """One publishes depths and one velocities, neither with a name; a second publisher of depths is refused."""
     _, endpoint = own_slave
-    how = ("--rate", 20, "--connect", endpoint)
+    arguments = ("--rate", 20, "--connect", endpoint)
     depths = ("topic", "pub", "/uuv1/cmd_depth", "std_msgs/msg/Float64")
     speeds = ("topic", "pub", "/uuv1/cmd_vel", "geometry_msgs/msg/Twist", "{linear: {x: 0.3}}")
     with (
         hil.connect(endpoint, observe=True, wait=60.0) as fleet,
-        Program(tmp_path, *depths, "{data: 2.4}", *how),
-        Program(tmp_path, *speeds, *how),
+        Program(tmp_path, *depths, "{data: 2.4}", *arguments),
+        Program(tmp_path, *speeds, *arguments),
     ):
         vehicle = fleet["uuv1"]
         assert wait_for(lambda: vehicle.state.depth > 2.2 and vehicle.state.velocity[0] > 0.2)
         assert vehicle.diagnostics.commands_refused == 0
-        with Program(tmp_path, *depths, "{data: 0.5}", *how):
+        with Program(tmp_path, *depths, "{data: 0.5}", *arguments):
             assert wait_for(lambda: (vehicle.diagnostics.commands_refused or 0) > 5)
         assert vehicle.state.depth > 2.1
 
@@ -322,10 +322,10 @@ def test_two_vehicles_at_two_endpoints_are_commanded(own_slave: tuple[Program, s
     with Program(folder, "slave", scenario) as slave:
         slave.expect("ready")
         with hil.connect(first, f"tcp/127.0.0.1:{port}", wait=60.0) as fleet:
-            one, two = fleet.wait_for("uuv1", "uuv2", seconds=60)
+            one, second = fleet.wait_for("uuv1", "uuv2", seconds=60)
             assert sorted(fleet.vehicles) == ["uuv1", "uuv2"]
             one.push(x=20.0)
-            two.push(x=-20.0)
-            assert wait_for(lambda: one.state.velocity[0] > 0.15 and two.state.velocity[0] < -0.15)
+            second.push(x=-20.0)
+            assert wait_for(lambda: one.state.velocity[0] > 0.15 and second.state.velocity[0] < -0.15)
             fleet.stop()
-            assert wait_for(lambda: abs(one.state.velocity[0]) < 0.08 and abs(two.state.velocity[0]) < 0.08)
+            assert wait_for(lambda: abs(one.state.velocity[0]) < 0.08 and abs(second.state.velocity[0]) < 0.08)

@@ -40,34 +40,34 @@ class SampleBlockingRelay(Relay):
 
     def _pass(self, end: socket.socket) -> None:
         """Forward the received bytes, and close the link when the client has closed it to open another session."""
-        far = self._pairs[end] if end not in self._far else end
-        near = self._pairs[far]
+        far_end = self._pairs[end] if end not in self._far else end
+        near_end = self._pairs[far_end]
         try:
-            self._filter(end, near, far)
+            self._filter(end, near_end, far_end)
         except OSError:
-            self._close(far, near)
+            self._close(far_end, near_end)
 
-    def _filter(self, end: socket.socket, near: socket.socket, far: socket.socket) -> None:
-        is_samples = near.getsockname()[1] == self.port + 1
-        if end is near and near not in self._sessions:
-            first = near.recv(64, socket.MSG_PEEK)
+    def _filter(self, end: socket.socket, near_end: socket.socket, far_end: socket.socket) -> None:
+        is_samples = near_end.getsockname()[1] == self.port + 1
+        if end is near_end and near_end not in self._sessions:
+            first = near_end.recv(64, socket.MSG_PEEK)
             size = (first[4] >> 4) + 1 if len(first) > 4 else 0  # length, header, version, size of the id and role
-            self._sessions[near] = first[5 : 5 + size]
-        session = self._sessions.get(near, b"")
+            self._sessions[near_end] = first[5 : 5 + size]
+        session = self._sessions.get(near_end, b"")
         if self.withholds and session:
             self.withheld_from.add(session)
-        if end is near or not is_samples:
+        if end is near_end or not is_samples:
             super()._pass(end)
             return
-        data, withholds = far.recv(65536), session in self.withheld_from
+        data, withholds = far_end.recv(65536), session in self.withheld_from
         if not data:
-            self._close(far, near)
+            self._close(far_end, near_end)
             return
-        data = self._buffers.pop(far, b"") + data
+        data = self._buffers.pop(far_end, b"") + data
         while len(data) >= 2 and len(data) >= (size := 2 + int.from_bytes(data[:2], "little")):
-            near.sendall(KEEP_ALIVE if withholds and data[2] & 0x1F in (FRAME, FRAGMENT) else data[:size])
+            near_end.sendall(KEEP_ALIVE if withholds and data[2] & 0x1F in (FRAME, FRAGMENT) else data[:size])
             data = data[size:]
-        self._buffers[far] = data
+        self._buffers[far_end] = data
 
 
 def test_samples_and_commands_arrive_again_after_a_session_was_reopened(
@@ -109,7 +109,7 @@ def test_all_declarations_work_after_a_session_was_reopened() -> None:
         master.receive("uuv_hil/x", pings.append, 8)
         slave.subscribe("uuv1", "cmd_vel", lambda _topic, payload, _: commands.append(payload), 8)
         slave.watch_tokens("t/*", lambda key, alive: (present.add if alive else present.discard)(key))
-        odom, some = slave.publisher("uuv1", TOPICS["odom"]), slave.sender("some/key")
+        odom, sender = slave.publisher("uuv1", TOPICS["odom"]), slave.sender("some/key")
         ping, command = slave.sender("uuv_hil/x"), master.publisher("uuv1", TOPICS["cmd_vel"])
         master.declare_token("t/stays")
         master.declare_token("t/withdrawn")()
@@ -118,7 +118,7 @@ def test_all_declarations_work_after_a_session_was_reopened() -> None:
             for received in (samples, keys, commands, pings):
                 received.clear()
             odom.put(b"odom", 1)
-            some(b"some")
+            sender(b"some")
             ping(b"ping")
             command.put(b"command", 1)
             time.sleep(0.05)
@@ -164,12 +164,12 @@ def test_a_token_stays_present_when_the_old_session_ends_after_the_new_one_opene
         slave.watch_tokens("t/*", lambda key, alive: events.append((key, alive)))
         master.declare_token("t/x")
         assert wait_for(lambda: events)
-        old = OverlappingSession(master._session, [declared.current for declared in master._declared])
-        master._session = old  # type: ignore[assignment]
+        old_session = OverlappingSession(master._session, [declared.current for declared in master._declared])
+        master._session = old_session  # type: ignore[assignment]
         master.reopen(master.openings)
         assert wait_for(lambda: opened_zid(master) in linked_to(slave))
         assert wait_for(lambda: slave.tokens("t/*") == ["t/x"])
-        old.end()
+        old_session.end()
         assert wait_for(lambda: linked_to(slave) == {opened_zid(master)})
         assert wait_for(lambda: slave.tokens("t/*") == ["t/x"])
         assert events == [("t/x", True)]
@@ -185,13 +185,13 @@ def test_a_token_withdrawn_while_the_session_is_reopened_is_reported(monkeypatch
     with listen(endpoint) as slave, open_master_session(endpoint) as master:
         master.watch_tokens("t/*", lambda key, alive: events.append((key, alive)))
         slave.declare_token("t/stays")
-        withdraw, opened = slave.declare_token("t/ends"), master._open_library
+        withdraw, open_library = slave.declare_token("t/ends"), master._open_library
         assert wait_for(lambda: len(events) == 2)
         events.clear()
 
         def open_after_withdrawal() -> zenoh.Session:
             withdraw()
-            return opened()
+            return open_library()
 
         master._open_library = open_after_withdrawal
         master.reopen(master.openings)
@@ -211,7 +211,7 @@ def test_reopening_a_closed_session_does_nothing() -> None:
 @pytest.mark.parametrize("attempts", [1, 3])
 def test_a_session_that_failed_to_open_is_opened_by_a_later_try(attempts: int) -> None:
     with open_master_session("tcp/127.0.0.1:9") as session:
-        command, opened = session.publisher("uuv1", TOPICS["cmd_vel"]), session._open_library
+        command, open_library = session.publisher("uuv1", TOPICS["cmd_vel"]), session._open_library
         failures = attempts
 
         def fail() -> object:
@@ -219,7 +219,7 @@ def test_a_session_that_failed_to_open_is_opened_by_a_later_try(attempts: int) -
             failures -= 1
             if failures >= 0:
                 raise zenoh.ZError("no router")
-            return opened()
+            return open_library()
 
         session._open_library = fail  # type: ignore[assignment]
         for _ in range(attempts):
@@ -234,12 +234,12 @@ def test_a_session_that_failed_to_open_is_opened_by_a_later_try(attempts: int) -
 def test_clients_can_close_while_a_session_is_reopened() -> None:
     """Opening a session takes long when the router has ended."""
     with open_master_session("tcp/127.0.0.1:9") as session:
-        withdraw, opened, begun, go_on = session.declare_token("t/x"), session._open_library, Event(), Event()
+        withdraw, open_library, begun, go_on = session.declare_token("t/x"), session._open_library, Event(), Event()
 
         def open_slowly() -> zenoh.Session:
             begun.set()
             go_on.wait(60.0)
-            return opened()
+            return open_library()
 
         session._open_library = open_slowly
         opening = Thread(target=session.reopen, args=(session.openings,))

@@ -36,17 +36,17 @@ def test_the_state_of_a_board_is_shown(root: Path, capsys: pytest.CaptureFixture
 
 def test_budgets_and_sources_are_shown(root: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(["board", "--root", str(root)]) == 0
-    short = " ".join(capsys.readouterr().out.split())
-    assert "recommended: step 2.5 ms, control_period 20 ms, at most 50% of a core and 64 MiB " in short
+    help_text = " ".join(capsys.readouterr().out.split())
+    assert "recommended: step 2.5 ms, control_period 20 ms, at most 50% of a core and 64 MiB " in help_text
     assert re.search(
-        r"budgets: start \S+ s, memory \S+ MiB, \d+% of a core, delay of a command \S+ ms \(median\)", short
+        r"budgets: start \S+ s, memory \S+ MiB, \d+% of a core, delay of a command \S+ ms \(median\)", help_text
     )
-    assert "raspberrypi/documentation" not in short
+    assert "raspberrypi/documentation" not in help_text
     assert cli.main(["board", "--sources", "--root", str(root)]) == 0
-    full = capsys.readouterr().out
-    assert " ".join(full.split()).startswith(short)
+    full_help = capsys.readouterr().out
+    assert " ".join(full_help.split()).startswith(help_text)
     for name in ("board", "cpu", "/dev/serial0", "can0", "recommended", "budgets"):
-        assert re.search(rf"^  {name} +\w+", full.partition("sources:\n")[2], re.MULTILINE), name
+        assert re.search(rf"^  {name} +\w+", full_help.partition("sources:\n")[2], re.MULTILINE), name
 
 
 def test_power_modes_and_throttling_are_shown(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -107,11 +107,11 @@ def test_options_of_another_action_are_refused(
 def test_options_may_stand_before_and_after_the_action(
     root: Path, scenario: str, capsys: pytest.CaptureFixture[str], order: str
 ) -> None:
-    words = order.format(file=scenario, more=f"--dry-run --user uuv --root {root}").split()
-    assert cli.main(["board", *words]) == 0
+    arguments = order.format(file=scenario, more=f"--dry-run --user uuv --root {root}").split()
+    assert cli.main(["board", *arguments]) == 0
     assert f"+++ {UNIT}" in capsys.readouterr().out
     with pytest.raises(SystemExit, match="0"):
-        cli.main(["board", *words, "--help"])
+        cli.main(["board", *arguments, "--help"])
     assert "[{show,list,install,uninstall}] [SCENARIO]\n" in capsys.readouterr().out
 
 
@@ -120,12 +120,12 @@ def test_a_dry_run_shows_every_line_and_writes_none(
 ) -> None:
     before = files(root)
     assert install(root, scenario, "--dry-run") == 0
-    shown = capsys.readouterr().out
+    output = capsys.readouterr().out
     assert files(root) == before
     assert install(root, scenario, "--yes") == 0
     for path in (UNIT, RULES, LIMITS):
-        assert f"+++ {path}" in shown
-        assert all(f"+{line}" in shown.splitlines() for line in (root / path[1:]).read_text().splitlines())
+        assert f"+++ {path}" in output
+        assert all(f"+{line}" in output.splitlines() for line in (root / path[1:]).read_text().splitlines())
 
 
 def test_uninstalling_restores_every_file(root: Path, scenario: str) -> None:
@@ -291,11 +291,11 @@ def test_the_can_unit_configures_the_interface(root: Path, scenario: str) -> Non
 
 
 @pytest.mark.parametrize(
-    ("text", "written"),
+    ("text", "escaped"),
     [("plain", "plain"), ("/a b", '"/a b"'), ("50%", "50%%"), ("$HOME", "$HOME"), ('a"', '"a\\""'), ("a;b", '"a;b"')],
 )
-def test_words_are_escaped_for_a_unit(text: str, written: str) -> None:
-    assert board_install.escape_word(text) == written
+def test_words_are_escaped_for_a_unit(text: str, escaped: str) -> None:
+    assert board_install.escape_word(text) == escaped
 
 
 def test_names_cannot_inject_lines_into_a_unit(root: Path, scenario: str, capsys: pytest.CaptureFixture[str]) -> None:
@@ -308,7 +308,7 @@ def test_names_cannot_inject_lines_into_a_unit(root: Path, scenario: str, capsys
 
 
 @pytest.mark.parametrize(
-    ("text", "written"),
+    ("text", "escaped"),
     [
         ("tank 2\\", "tank 2"),
         ("100 % \\ \\\\", "100 %%"),
@@ -317,12 +317,12 @@ def test_names_cannot_inject_lines_into_a_unit(root: Path, scenario: str, capsys
         ("\\", "mine.toml"),
     ],
 )
-def test_a_description_is_one_line_of_the_unit(root: Path, tmp_path: Path, text: str, written: str) -> None:
+def test_a_description_is_one_line_of_the_unit(root: Path, tmp_path: Path, text: str, escaped: str) -> None:
     scenario = tmp_path / "mine.toml"
     scenario.write_text(f"description = {json.dumps(text)}\n" + SERIAL)
     assert install(root, str(scenario), "--yes") == 0
     lines = (root / UNIT[1:]).read_text().split("\n")
-    assert f"Description=UUV-HIL slave: {written.replace('mine.toml', str(scenario))}" in lines
+    assert f"Description=UUV-HIL slave: {escaped.replace('mine.toml', str(scenario))}" in lines
 
 
 def test_every_rule_for_udev_is_well_formed(root: Path, scenario: str) -> None:
@@ -344,8 +344,8 @@ def test_systemd_accepts_the_units_where_it_is_installed(root: Path, scenario: s
     assert install(root, scenario, "--yes") == 0
     analyze = shutil.which("systemd-analyze")
     for path in (UNIT, CAN_UNIT) if analyze and text == CAN else (UNIT,) if analyze else ():
-        done = subprocess.run(
+        completed = subprocess.run(
             [str(analyze), "verify", "--man=no", str(root / path[1:])], capture_output=True, text=True
         )
-        complaints = [line for line in done.stderr.splitlines() if "uuv-hil" in line]
+        complaints = [line for line in completed.stderr.splitlines() if "uuv-hil" in line]
         assert complaints == []

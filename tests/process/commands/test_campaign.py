@@ -66,10 +66,10 @@ def test_a_campaign_writes_a_row_for_each_run_and_a_table(tmp_path: Path, capsys
 def test_a_run_that_fails_is_a_row(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     scenario, _ = write_scenario(tmp_path)
     assert campaign.main([str(scenario), "--seeds", "1", "--vary", "master.time_limit=3,40", "--jobs", "1"]) == 6
-    out = capsys.readouterr().out
-    assert "0/1" in out
-    assert "1/1" in out
-    assert "no success: time limit" in out
+    output = capsys.readouterr().out
+    assert "0/1" in output
+    assert "1/1" in output
+    assert "no success: time limit" in output
 
 
 def test_a_wrong_key_is_found_before_anything_runs(tmp_path: Path) -> None:
@@ -120,9 +120,9 @@ def check_workers_end(tmp_path: Path, name: str, number: int) -> None:
 
 def workers(program: Program) -> list[str]:
     """Return the command lines of joblib's processes in the program's session, those that have ended left out."""
-    found = []
+    command_lines = []
     for pid in psutil.pids():
         with suppress(ProcessLookupError):  # it has ended meanwhile
             if os.getsid(pid) == program.process.pid:
-                found.append(command_line(pid))
-    return [line for line in found if "LokyProcess" in line]
+                command_lines.append(command_line(pid))
+    return [line for line in command_lines if "LokyProcess" in line]

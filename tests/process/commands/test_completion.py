@@ -29,13 +29,13 @@ PATIENCE_S = 60.0
 
 def completions(line: str, folder: Path) -> list[str]:
     """Return what may follow a line, by argcomplete's protocol: the reply is written to a separate file descriptor."""
-    answers = folder / "answers"
+    output = folder / "answers"
     environment = {
         **os.environ, "_ARGCOMPLETE": "1", "COMP_LINE": line, "COMP_POINT": str(len(line)),
-        "_ARGCOMPLETE_STDOUT_FILENAME": str(answers), "_ARGCOMPLETE_IFS": "\n", "PYTHONPATH": os.pathsep.join(sys.path),
+        "_ARGCOMPLETE_STDOUT_FILENAME": str(output), "_ARGCOMPLETE_IFS": "\n", "PYTHONPATH": os.pathsep.join(sys.path),
     }  # fmt: skip
     subprocess.run([sys.executable, "-m", "hil"], env=environment, cwd=folder, check=False, timeout=60)
-    return answers.read_text().split("\n") if answers.exists() else []
+    return output.read_text().split("\n") if output.exists() else []
 
 
 def test_commands_options_and_scenarios_are_completed(tmp_path: Path) -> None:
@@ -61,14 +61,14 @@ def test_keys_of_a_scenario_are_completed(tmp_path: Path) -> None:
 def test_every_offered_key_is_a_key_of_a_scenario() -> None:
     keys = dotted_keys("scenario")
     assert len(keys) == len(set(keys)) > 500
-    unknown = []
+    unknown_words = []
     for key in keys:
         try:
             load_scenario("paper_field", {key: "nonsense"})
         except ConfigError as error:
-            unknown += [key] if "no key" in str(error) else []
+            unknown_words += [key] if "no key" in str(error) else []
     optical = {f"modem.{key}" for key in ("half_angle", "view", "attenuation", "reach")}
-    assert set(unknown) == optical, "paper_field's modems are acoustic"
+    assert set(unknown_words) == optical, "paper_field's modems are acoustic"
 
 
 class Terminal:

@@ -30,12 +30,12 @@ def opened(server: FoxgloveServer, query: str = "", **options: Any) -> ClientCon
 
 def messages(socket: Any, last: str) -> list[dict[str, Any]]:
     """Return the messages of the server up to the first of that kind."""
-    found: list[dict[str, Any]] = []
-    while not found or found[-1]["op"] != last:
+    messages: list[dict[str, Any]] = []
+    while not messages or messages[-1]["op"] != last:
         received = socket.recv(30)
         if isinstance(received, str):
-            found.append(json.loads(received))
-    return found
+            messages.append(json.loads(received))
+    return messages
 
 
 def test_a_web_page_needs_the_token_even_to_read(server: FoxgloveServer) -> None:
@@ -82,10 +82,10 @@ def test_the_number_of_clients_is_limited(server: FoxgloveServer) -> None:
     sockets = [opened(server) for _ in range(MAX_CLIENTS)]
     for socket in sockets:
         messages(socket, "serverInfo")
-    with opened(server) as late:
-        assert late.recv_events is not None
+    with opened(server) as late_client:
+        assert late_client.recv_events is not None
         with pytest.raises(Exception, match="32 clients are here already"):
-            late.recv(30)
+            late_client.recv(30)
     for socket in sockets:
         socket.close()
 
@@ -93,14 +93,14 @@ def test_the_number_of_clients_is_limited(server: FoxgloveServer) -> None:
 def test_a_client_that_does_not_read_loses_old_messages_and_does_not_block_others(server: FoxgloveServer) -> None:
     picture = IMU._replace(topic="/uuv1/camera/image_raw", type="sensor_msgs/msg/Image", data=bytes(4 << 20))
     server.show([picture])
-    with opened(server, max_size=None, max_queue=1) as slow, opened(server, max_size=None) as other:
-        for socket in (slow, other):
+    with opened(server, max_size=None, max_queue=1) as slow_client, opened(server, max_size=None) as other_client:
+        for socket in (slow_client, other_client):
             number = messages(socket, "advertise")[-1]["channels"][0]["id"]
             socket.send(json.dumps({"op": "subscribe", "subscriptions": [{"id": 1, "channelId": number}]}))
             socket.ping().wait(30)
         for _ in range(30):  # 120 MB, of which the slow client's queue holds 32
             server.show([picture])
-            while not isinstance(other.recv(60), bytes):
+            while not isinstance(other_client.recv(60), bytes):
                 pass
         # Now it reads, and gets the reason.
-        assert "dropped" in messages(slow, "status")[-1]["message"]
+        assert "dropped" in messages(slow_client, "status")[-1]["message"]

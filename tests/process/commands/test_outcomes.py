@@ -36,27 +36,27 @@ def into_wall(tmp_path: Path) -> Path:
 
 
 def test_sim_prints_a_collision_and_returns_6(into_wall: Path, tmp_path: Path) -> None:
-    where = {"PYTHONPATH": str(tmp_path)}
-    with Program(tmp_path, "sim", into_wall, "--fast", environment=where) as sim:
+    environment = {"PYTHONPATH": str(tmp_path)}
+    with Program(tmp_path, "sim", into_wall, "--fast", environment=environment) as sim:
         assert sim.wait() == 6, sim.output
     assert "there, but collision with the north wall after 12." in sim.output
     assert "EVENT: collision with the north wall " in sim.output
     assert "name 'collision' in [master] allow" in sim.output
     text = into_wall.read_text()
     into_wall.write_text(text.replace('"link_lost"', '"collision"'))
-    with Program(tmp_path, "sim", into_wall, "--fast", environment=where) as sim:
+    with Program(tmp_path, "sim", into_wall, "--fast", environment=environment) as sim:
         assert sim.wait() == 0, sim.output
     assert "expected: collision with the north wall" in sim.output
 
 
-@pytest.mark.parametrize("words", [("sim", "--fast"), ("demo", "--output", "FOLDER")])
+@pytest.mark.parametrize("arguments", [("sim", "--fast"), ("demo", "--output", "FOLDER")])
 def test_the_traceback_of_a_planner_error_begins_in_the_planner(
-    words: tuple[str, ...], into_wall: Path, tmp_path: Path
+    arguments: tuple[str, ...], into_wall: Path, tmp_path: Path
 ) -> None:
     planner = tmp_path / "blind.py"
     planner.write_text(planner.read_text().replace("return Done('there')", "return open('no/such/file')"))
     where = {"PYTHONPATH": str(tmp_path)}
-    command, *others = [word.replace("FOLDER", str(tmp_path / "out")) for word in words]
+    command, *others = [word.replace("FOLDER", str(tmp_path / "out")) for word in arguments]
     with Program(tmp_path, command, into_wall, *others, environment=where) as program:
         assert program.wait() == 6, program.output
     _, shown, lines = program.output.partition("an error in blind.py, a file of yours:\nTraceback")
@@ -92,14 +92,14 @@ def test_a_campaign_counts_collisions(
         (row,) = csv.DictReader(file)
     assert (row["success"], row["reached"], row["collision"], row["capsize"]) == ("False", "True", "1", "0")
     assert "collision with the north wall" in row["events"]
-    out = capsys.readouterr().out.splitlines()
-    assert "collision" in out[0]
-    assert "0/1" in "".join(out)
-    assert out[-1] == "no success: there, but collision with the north wall"
+    lines = capsys.readouterr().out.splitlines()
+    assert "collision" in lines[0]
+    assert "0/1" in "".join(lines)
+    assert lines[-1] == "no success: there, but collision with the north wall"
 
 
 @pytest.mark.parametrize(
-    ("arguments", "words"),
+    ("arguments", "message"),
     [
         (["sim", "paper_field", "--fast", "--plot", "FOLDER/x.png/y.png"], "cannot be written"),
         (["sim", "paper_field", "--fast", "--output", "FOLDER"], "cannot be written"),
@@ -119,7 +119,7 @@ def test_a_campaign_counts_collisions(
         (["demo", "paper_field", "--listen", "tcp/127.0.0.1:PORT", "--output", "FOLDER/x.png"], "cannot be made"),
     ],
 )
-def test_output_paths_are_checked_before_the_flight(arguments: list[str], words: str, tmp_path: Path) -> None:
+def test_output_paths_are_checked_before_the_flight(arguments: list[str], message: str, tmp_path: Path) -> None:
     """The picture is a file, so nothing can be in it."""
     from importlib import import_module
 
@@ -130,7 +130,7 @@ def test_output_paths_are_checked_before_the_flight(arguments: list[str], words:
     for ending in ("csv", "png", "json", "stl"):
         os.mkfifo(tmp_path / f"pipe.{ending}")
     name, *rest = [a.replace("FOLDER", str(tmp_path)).replace("PORT", str(free_ports(1)[0])) for a in arguments]
-    with pytest.raises(ConfigError, match=words):
+    with pytest.raises(ConfigError, match=message):
         import_module(COMMANDS[name][0]).main(rest)
 
 
@@ -162,15 +162,15 @@ class Stream:
         pass
 
 
-@pytest.mark.parametrize(("terminal", "shown"), [(True, 100), (False, 2)])
-def test_long_work_shows_its_progress(terminal: bool, shown: int) -> None:
+@pytest.mark.parametrize(("terminal", "expected_lines"), [(True, 100), (False, 2)])
+def test_long_work_shows_its_progress(terminal: bool, expected_lines: int) -> None:
     """The work takes 25 s: it is shown four times a second on a terminal, every ten seconds elsewhere."""
     now, stream = 0.0, Stream(terminal)
     line = ProgressLine(stream, lambda: now)  # type: ignore[arg-type]  # a stand-in
     for number in range(100):
         line.show(f"run {number}")
         now += 0.25
-    assert stream.text.count("run ") == shown
+    assert stream.text.count("run ") == expected_lines
     assert ("\r" in stream.text) == terminal
     line.clear()
     ProgressLine(stream, lambda: now, at_once=True).show("first")  # type: ignore[arg-type]
@@ -178,12 +178,12 @@ def test_long_work_shows_its_progress(terminal: bool, shown: int) -> None:
 
 
 @pytest.mark.parametrize(
-    ("top", "words"),
+    ("top", "message"),
     [
         ('controller = "external"', 'left to software of its own (controller = "external" in its scenario)'),
     ],
 )
-def test_the_master_refuses_a_vehicle_with_an_external_controller(top: str, words: str, tmp_path: Path) -> None:
+def test_the_master_refuses_a_vehicle_with_an_external_controller(top: str, message: str, tmp_path: Path) -> None:
     """The master ends at once, and does not fly to its time limit."""
     scenario, port = write_scenario(tmp_path, top=top)
     arguments = "master", scenario, "--connect", f"tcp/127.0.0.1:{port}", "--output", tmp_path / "run"
@@ -191,7 +191,7 @@ def test_the_master_refuses_a_vehicle_with_an_external_controller(top: str, word
         slave.expect("ready")
         with Program(tmp_path, *arguments) as master:
             assert master.wait() == 4, master.output
-    assert words in master.output
+    assert message in master.output
     assert "time limit" not in master.output
 
 

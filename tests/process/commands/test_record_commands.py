@@ -61,17 +61,17 @@ def dive(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path, str]:
 def test_both_recordings_hold_the_same_messages_of_all_topics(dive: tuple[Path, Path, str]) -> None:
     """The recordings agree but for what the network dropped in a busy moment, which `record` counts."""
     _, received, reported = dive
-    ours, theirs = (
+    read_by_hil, read_by_mcap = (
         {(message.topic, message.sequence): message.data for message in read_messages(str(path))} for path in dive[:2]
     )
-    topics = Counter(topic for topic, _ in ours)
+    topics = Counter(topic for topic, _ in read_by_hil)
     assert {f"/uuv1/{name}" for name in SENSORS} <= set(topics)
     assert topics["/uuv1/cmd_vel"] > 25
     assert topics["/uuv1/pulses"] > 40
-    shared = set(ours) & set(theirs)
-    assert all(ours[key] == theirs[key] for key in shared)
+    shared = set(read_by_hil) & set(read_by_mcap)
+    assert all(read_by_hil[key] == read_by_mcap[key] for key in shared)
     numbers = defaultdict(list)
-    for topic, number in theirs:
+    for topic, number in read_by_mcap:
         numbers[topic].append(number)
     assert all(each == sorted(each) for each in numbers.values())
     missing = sum(each[-1] - each[0] + 1 - len(each) for each in numbers.values())
@@ -80,7 +80,7 @@ def test_both_recordings_hold_the_same_messages_of_all_topics(dive: tuple[Path, 
     with AnyReader([received]) as reader:
         for connection, _, raw in reader.messages():
             reader.deserialize(raw, connection.msgtype)
-        assert reader.message_count == len(theirs)
+        assert reader.message_count == len(read_by_mcap)
 
 
 def test_every_command_is_recorded_on_its_topic(tmp_path: Path) -> None:
@@ -108,14 +108,14 @@ def test_every_command_is_recorded_on_its_topic(tmp_path: Path) -> None:
                 time.sleep(0.03)
         time.sleep(0.3)
         assert record.stop(signal.SIGINT) == 0, record.output
-    found: dict[str, list[tuple[int, bytes]]] = defaultdict(list)
+    saved: dict[str, list[tuple[int, bytes]]] = defaultdict(list)
     for message in read_messages(str(received)):
         if message.topic.startswith("/uuv1/cmd_"):
-            found[message.topic].append((message.sequence, message.data))
-    assert set(found) == set(sent) == {"/uuv1/cmd_depth", "/uuv1/cmd_heading", "/uuv1/cmd_vel"}
+            saved[message.topic].append((message.sequence, message.data))
+    assert set(saved) == set(sent) == {"/uuv1/cmd_depth", "/uuv1/cmd_heading", "/uuv1/cmd_vel"}
     for topic, messages in sent.items():
-        assert set(found[topic]) <= set(messages), topic
-        assert len(found[topic]) > 0.5 * len(messages), "but for those before the recorder had come, and a busy moment"
+        assert set(saved[topic]) <= set(messages), topic
+        assert len(saved[topic]) > 0.5 * len(messages), "but for those before the recorder had come, and a busy moment"
 
 
 def test_a_recording_describes_its_run(dive: tuple[Path, Path, str]) -> None:
@@ -136,23 +136,23 @@ def test_a_replay_check_repeats_the_run_bit_for_bit(tmp_path: Path, dive: tuple[
     assert "slave's own recording" in check.output
 
 
-def rewritten(path: Path, folder: Path, change: dict[str, str], keep: range, flip: int = 0) -> Path:
+def rewritten(path: Path, folder: Path, new_facts: dict[str, str], kept_pulses: range, flip: int = 0) -> Path:
     """Return a recording like that at `path`, with other facts, or a pulse changed, or some of its messages only."""
     about, pulses = read_about(str(path)), 0
-    with Recorder(str(folder), Recording(keep_free=0.0), about.facts | change, about.attachments) as recorder:
+    with Recorder(str(folder), Recording(keep_free=0.0), about.facts | new_facts, about.attachments) as recorder:
         for number, message in enumerate(read_messages(str(path))):
             if message.topic.endswith("/pulses"):
                 pulses += 1
                 if pulses == flip:
                     step, first, *others = ros.decode_int64_array(message.data) or ()
                     message = message._replace(data=ros.encode_int64_array([step, first + 1, *others]))
-            if number in keep:
+            if number in kept_pulses:
                 recorder.put(message)
     return folder
 
 
 @pytest.mark.parametrize(
-    ("change", "keep", "flip", "code", "words"),
+    ("new_facts", "kept_pulses", "flip", "code", "messages"),
     [
         ({"seed": "6"}, range(10**6), 0, 6, ["then the simulator differs", "recorded ", "repeated "]),
         ({}, range(10**6), 20, 6, ["then the simulator differs", "/uuv1/"]),
@@ -164,33 +164,33 @@ def rewritten(path: Path, folder: Path, change: dict[str, str], keep: range, fli
 def test_the_replay_check_reports_what_differs(
     tmp_path: Path,
     dive: tuple[Path, Path, str],
-    change: dict[str, str],
-    keep: range,
+    new_facts: dict[str, str],
+    kept_pulses: range,
     flip: int,
     code: int,
-    words: list[str],
+    messages: list[str],
 ) -> None:
-    path = rewritten(dive[0], tmp_path / "changed", change, keep, flip)
+    path = rewritten(dive[0], tmp_path / "changed", new_facts, kept_pulses, flip)
     found, output = run_here("replay", str(path), "--check")
     assert found == code, output
-    assert all(word in output for word in words), output
+    assert all(word in output for word in messages), output
 
 
 def test_no_command_loads_classes_of_a_recording_without_permission(
     tmp_path: Path, dive: tuple[Path, Path, str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    about, trace = read_about(str(dive[0])), tmp_path / "trace"
+    description, trace = read_about(str(dive[0])), tmp_path / "trace"
     (tmp_path / "strange.py").write_text(f"open({str(trace)!r}, 'w').close()\n{FORCE}")
-    files = about.attachments | {
-        "scenario.toml": about.attachments["scenario.toml"] + '[[force]]\nclass = "strange:Force"\n'
+    files = description.attachments | {
+        "scenario.toml": description.attachments["scenario.toml"] + '[[force]]\nclass = "strange:Force"\n'
     }
-    with Recorder(str(tmp_path / "bag"), Recording(keep_free=0.0), about.facts, files) as recorder:
+    with Recorder(str(tmp_path / "bag"), Recording(keep_free=0.0), description.facts, files) as recorder:
         for message in read_messages(str(dive[0])):
             recorder.put(message)
     environment = {"PYTHONPATH": str(tmp_path)}
     monkeypatch.syspath_prepend(str(tmp_path))
-    ways = (["plot"], ["replay", "--check"], ["replay", "--connect", f"tcp/127.0.0.1:{free_port()}"])
-    for command, *options in ways:
+    commands = (["plot"], ["replay", "--check"], ["replay", "--connect", f"tcp/127.0.0.1:{free_port()}"])
+    for command, *options in commands:
         code, output = run_here(command, str(tmp_path / "bag"), *options)
         assert code == 2, output
         assert "force[0]: class 'strange:Force' is not loaded" in output
@@ -198,7 +198,7 @@ def test_no_command_loads_classes_of_a_recording_without_permission(
         assert not trace.exists()
     assert "strange" not in sys.modules
     environment = {"PYTHONPATH": str(tmp_path)}
-    for command, *options in ways[:2]:
+    for command, *options in commands[:2]:
         with Program(
             tmp_path, command, tmp_path / "bag", *options, "--own-classes", environment=environment
         ) as program:
@@ -208,19 +208,19 @@ def test_no_command_loads_classes_of_a_recording_without_permission(
 
 
 def test_a_replay_to_the_network_sends_what_the_vehicle_sent(tmp_path: Path, dive: tuple[Path, Path, str]) -> None:
-    endpoint, again = f"tcp/127.0.0.1:{free_port()}", tmp_path / "again"
-    with Program(tmp_path, "record", "--connect", endpoint, "-o", again) as record:
+    endpoint, copy = f"tcp/127.0.0.1:{free_port()}", tmp_path / "again"
+    with Program(tmp_path, "record", "--connect", endpoint, "-o", copy) as record:
         record.expect("recording")
-        began = time.monotonic()
+        start = time.monotonic()
         with Program(tmp_path, "replay", dive[1], "--listen", endpoint, "--speed", "4", "--wait", "60") as replay:
             assert replay.wait() == 0, replay.output
-        took = time.monotonic() - began
+        duration = time.monotonic() - start
         assert record.stop(signal.SIGINT) == 0
     assert "none lost" in record.output
-    then, now = (sorted((m.topic, m.type, m.data) for m in read_messages(str(path))) for path in (dive[1], again))
+    then, now = (sorted((m.topic, m.type, m.data) for m in read_messages(str(path))) for path in (dive[1], copy))
     assert now == then
     played = [message.logged_ns for message in read_messages(str(dive[1]))]
-    assert took > 0.9 * (max(played) - min(played)) / 4e9
+    assert duration > 0.9 * (max(played) - min(played)) / 4e9
 
 
 def test_a_slow_receiver_gets_the_whole_replay(tmp_path: Path) -> None:
@@ -292,14 +292,14 @@ def test_the_master_records_its_flight(tmp_path: Path) -> None:
         slave.expect("ready")
         with Program(tmp_path, "master", scenario, "--connect", endpoint, "--output", folder) as master:
             assert master.wait() == 0, master.output
-    found = list(read_messages(str(folder / "recording")))
-    counts = Counter(message.topic for message in found)
+    messages = list(read_messages(str(folder / "recording")))
+    counts = Counter(message.topic for message in messages)
     rows = len((folder / "track.csv").read_text().splitlines()) - 1
     assert abs(counts["/uuv1/cmd_vel"] - rows) <= 2
     assert counts["/uuv1/imu"] > 4 * counts["/uuv1/odom"] > 100
     assert counts["/uuv1/trace"] > 0.9 * counts["/uuv1/cmd_vel"]
     assert read_about(str(folder / "recording")).facts["recorded_by"] == "master"
-    assert all(message.logged_ns - message.published_ns < 60e9 for message in found), "of one clock"
+    assert all(message.logged_ns - message.published_ns < 60e9 for message in messages), "of one clock"
 
 
 def test_foxglove_receives_the_messages_unchanged(tmp_path: Path) -> None:

@@ -66,7 +66,7 @@ def test_a_vehicle_continues_when_its_disk_is_full(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "code", "word"),
+    ("arguments", "code", "message"),
     [
         (["record", "--connect", "7447"], 2, "tcp/HOST:PORT"),
         (["record", "--help"], 0, "examples"),
@@ -81,14 +81,14 @@ def test_a_vehicle_continues_when_its_disk_is_full(tmp_path: Path) -> None:
     ],
 )
 def test_command_lines_give_their_exit_code_and_message(
-    tmp_path: Path, arguments: list[str], code: int, word: str, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, arguments: list[str], code: int, message: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(ROOT)
     if arguments == ["record", "--connect", "7447"]:
         arguments = [*arguments, "-o", str(tmp_path / "received")]
     found, output = run_here(*arguments)
     assert found == code, output
-    assert word in output
+    assert message in output
 
 
 def test_a_recorder_that_finds_a_recording_in_its_folder_prints_one_line(tmp_path: Path) -> None:

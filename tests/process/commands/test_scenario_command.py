@@ -12,8 +12,8 @@ from hil.common.schema import preset_names
 from hil.scenario.config import SCENARIOS, load_scenario
 
 
-def run(capsys: pytest.CaptureFixture[str], *words: str) -> tuple[int, str, str]:
-    code = main(list(words))
+def run(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, str, str]:
+    code = main(list(arguments))
     output = capsys.readouterr()
     return code, output.out, output.err
 
@@ -56,7 +56,7 @@ def test_a_check_names_the_scenario_as_on_the_command_line(capsys: pytest.Captur
 
 
 @pytest.mark.parametrize(
-    ("change", "level", "words"),
+    ("change", "level", "message"),
     [
         ("link.baud=1200", "problem", "use at least"),
         ("link.options.x=3", "problem", 'link: options: x: protocol = "frame" has none'),
@@ -70,14 +70,14 @@ def test_a_check_names_the_scenario_as_on_the_command_line(capsys: pytest.Captur
     ],
 )
 def test_problems_of_the_link_are_found(
-    capsys: pytest.CaptureFixture[str], change: str, level: str, words: str
+    capsys: pytest.CaptureFixture[str], change: str, level: str, message: str
 ) -> None:
     code, output, _ = run(
         capsys, "scenario", "check", "paper_field", "--set", "link.port=/dev/ttyUSB0", "--set", change
     )
     assert code == (1 if level == "problem" else 0)
     assert output.startswith(f"{level}: ")
-    assert words in output
+    assert message in output
 
 
 HORIZONTAL = ("front_right", "front_left", "rear_right", "rear_left")
@@ -86,7 +86,7 @@ SECURITY = "security={slave='no/slave', master='no/master', may_command=['master
 
 
 @pytest.mark.parametrize(
-    ("changes", "level", "words"),
+    ("changes", "level", "message"),
     [
         (["master.goal=[99, 0]"], "problem", "master: goal: the goal (99.00 m north, 0.00 m east) is outside the map"),
         (["master.margin=20"], "problem", "start: the start (0.00 m north"),
@@ -123,9 +123,9 @@ SECURITY = "security={slave='no/slave', master='no/master', may_command=['master
     ],
 )
 def test_inconsistent_settings_are_found(
-    capsys: pytest.CaptureFixture[str], changes: list[str], level: str, words: str
+    capsys: pytest.CaptureFixture[str], changes: list[str], level: str, message: str
 ) -> None:
-    assert_found(capsys, "paper_field", changes, level, words)
+    assert_found(capsys, "paper_field", changes, level, message)
 
 
 @pytest.mark.parametrize(
@@ -160,17 +160,17 @@ def test_certificate_folders_are_checked(capsys: pytest.CaptureFixture[str], tmp
     assert run(capsys, "scenario", "check", str(path))[0] == 0
 
 
-def assert_found(capsys: pytest.CaptureFixture[str], name: str, changes: list[str], level: str, words: str) -> None:
+def assert_found(capsys: pytest.CaptureFixture[str], name: str, changes: list[str], level: str, message: str) -> None:
     """Assert that `check` finds one thing, or it first, and that each line names the file."""
     code, output, error = run(capsys, "scenario", "check", name, *[w for change in changes for w in ("--set", change)])
     assert (code, error) == (1 if level == "problem" else 0, "")
-    assert words in output.splitlines()[0]
+    assert message in output.splitlines()[0]
     assert all(f": {load_scenario(name).path}: " in line for line in output.splitlines())
     assert output.startswith(level)
 
 
 @pytest.mark.parametrize(
-    ("tasks", "words"),
+    ("tasks", "message"),
     [
         ("{name='a', at=[6.5, 7.5], duration=1.0}", "planner: the place (6.5 m north, 7.5 m east) is inside an obst"),
         ("{name='a', at=[650.0, 7.5], duration=1.0}", "planner: the place (650 m north, 7.5 m east) is outside"),
@@ -178,22 +178,22 @@ def assert_found(capsys: pytest.CaptureFixture[str], name: str, changes: list[st
         ("{name='a', at=[5.0, 5.0], duration=1.0, needs=['b']}", "the task 'a' needs 'b', which is not another task"),
     ],
 )
-def test_impossible_tasks_are_found(capsys: pytest.CaptureFixture[str], tasks: str, words: str) -> None:
-    assert_found(capsys, "task_scheduling", [f"planner.task=[{tasks}]"], "problem", words)
+def test_impossible_tasks_are_found(capsys: pytest.CaptureFixture[str], tasks: str, message: str) -> None:
+    assert_found(capsys, "task_scheduling", [f"planner.task=[{tasks}]"], "problem", message)
 
 
-def members(*places: tuple[float, int]) -> str:
+def members(*member_positions: tuple[float, int]) -> str:
     """Return the change that makes these the members: how far north, and the port of their slaves."""
     rows = [
         f"{{node='m{number}', listen='tcp/127.0.0.1:{port}', agent='tcp/127.0.0.1:{port + 100}', "
         f"north={north}, east=0.0}}"
-        for number, (north, port) in enumerate(places)
+        for number, (north, port) in enumerate(member_positions)
     ]
     return f"member=[{', '.join(rows)}]"
 
 
 @pytest.mark.parametrize(
-    ("changes", "level", "words"),
+    ("changes", "level", "message"),
     [
         (
             [members((0.0, 7000), (0.3, 7002), (3.0, 7004))],
@@ -213,14 +213,14 @@ def members(*places: tuple[float, int]) -> str:
     ],
 )
 def test_problems_of_a_fleet_are_found(
-    capsys: pytest.CaptureFixture[str], changes: list[str], level: str, words: str
+    capsys: pytest.CaptureFixture[str], changes: list[str], level: str, message: str
 ) -> None:
     name = "target_hunting_acoustic" if "modem" in changes[0] else "target_hunting"
-    assert_found(capsys, name, changes, level, words)
+    assert_found(capsys, name, changes, level, message)
 
 
 @pytest.mark.parametrize(
-    ("change", "words"),
+    ("change", "message"),
     [
         ("master.speed=nan", "--set master.speed: nan m/s is outside 0.05 to 5 m/s"),
         ("master.sped=1", "--set master.sped: no key 'sped'; did you mean 'speed'?"),
@@ -232,12 +232,12 @@ def test_problems_of_a_fleet_are_found(
 )
 @pytest.mark.parametrize("command", [("sim", "--fast"), ("bench", "delay"), ("slave",)], ids=" ".join)
 def test_an_error_of_a_change_names_the_change_and_not_the_file(
-    capsys: pytest.CaptureFixture[str], command: tuple[str, ...], change: str, words: str
+    capsys: pytest.CaptureFixture[str], command: tuple[str, ...], change: str, message: str
 ) -> None:
     name = [] if "bench" in command else ["paper_field"]
     code, _, error = run(capsys, *command, *name, "--set", "master.depth=4", "--set", change)
     assert code == 2, error
-    assert f": {words}" in error.splitlines()[-1]  # behind the progress of a busy machine
+    assert f": {message}" in error.splitlines()[-1]  # behind the progress of a busy machine
     assert "paper_field.toml" not in error
 
 
@@ -254,12 +254,12 @@ def test_an_error_of_the_file_names_the_file_and_not_a_change(
 
 
 @pytest.mark.parametrize(
-    ("change", "words"), [("master.sped=1", "did you mean 'speed'"), ("master", "is not NAME=VALUE")]
+    ("change", "message"), [("master.sped=1", "did you mean 'speed'"), ("master", "is not NAME=VALUE")]
 )
-def test_an_unknown_key_is_one_line(capsys: pytest.CaptureFixture[str], change: str, words: str) -> None:
+def test_an_unknown_key_is_one_line(capsys: pytest.CaptureFixture[str], change: str, message: str) -> None:
     code, _, error = run(capsys, "scenario", "check", "paper_field", "--set", change)
     assert (code, error.count("\n")) == (2, 1)
-    assert words in error
+    assert message in error
 
 
 def test_a_scenario_is_changed_for_one_flight(capsys: pytest.CaptureFixture[str]) -> None:
@@ -274,8 +274,8 @@ def test_a_scenario_is_changed_for_one_flight(capsys: pytest.CaptureFixture[str]
 
 
 def test_help_and_version_have_the_usual_names() -> None:
-    def output(*words: str) -> str:
-        return subprocess.run([sys.executable, "-m", "hil", *words], capture_output=True, text=True, check=True).stdout
+    def output(*args: str) -> str:
+        return subprocess.run([sys.executable, "-m", "hil", *args], capture_output=True, text=True, check=True).stdout
 
     assert output("-V") == output("--version")
     assert output("help", "scenario") == output("scenario", "--help")

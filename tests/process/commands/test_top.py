@@ -40,7 +40,7 @@ def row(text: str, name: str) -> str:
 
 
 def test_the_table_of_a_real_slave(slave: int, tmp_path: Path) -> None:
-    text = once(tmp_path, slave)
+    text = print_once(tmp_path, slave)
     assert row(text, "loop (Hz)") == "400"
     assert row(text, "state") == "waiting for commands, thrusters neutral"
     assert 0.1 < float(row(text, "CPU (of a core)").rstrip("%")) < 100.0
@@ -52,7 +52,7 @@ def test_the_table_of_a_real_slave(slave: int, tmp_path: Path) -> None:
     assert "nobody at" not in text
 
 
-def once(folder: Path, port: int) -> str:
+def print_once(folder: Path, port: int) -> str:
     with Program(folder, "top", "--connect", f"tcp/127.0.0.1:{port}", "--once") as top:
         assert top.process.wait(60) == 0, top.output
     return top.output
@@ -65,7 +65,7 @@ def test_slaves_behind_a_router_are_shown(tmp_path: Path) -> None:
         path, _ = write_scenario(tmp_path, f'[network]\nmode = "routed"\nrouter = "tcp/127.0.0.1:{router}"\n')
         with Program(tmp_path, "slave", path) as vehicle:
             vehicle.expect("ready")
-            assert row(once(tmp_path, router), "state") == "waiting for commands, thrusters neutral"
+            assert row(print_once(tmp_path, router), "state") == "waiting for commands, thrusters neutral"
 
 
 @retried_when_busy("rates by the wall clock", attempts=5)
@@ -73,16 +73,16 @@ def test_the_message_rate_with_a_client_of_all_topics(slave: int, tmp_path: Path
     """The rates are IMU 100, DVL 8, its twist and altitude, pressure 20, odometry and truth 20: about 184 a second."""
     with VehicleClient(f"tcp/127.0.0.1:{slave}", "uuv1", part="observer") as client:
         assert wait_for(lambda: client.received["imu"] > 150)  # for longer than a second
-        assert 150.0 < float(row(once(tmp_path, slave), "messages sent (1/s)")) < 220.0
+        assert 150.0 < float(row(print_once(tmp_path, slave), "messages sent (1/s)")) < 220.0
 
 
 def test_an_endpoint_without_a_slave_is_named(slave: int, tmp_path: Path) -> None:
-    there, absent = (f"tcp/127.0.0.1:{port}" for port in (slave, free_port()))
-    with Program(tmp_path, "top", "--connect", there, "--connect", absent, "--once") as top:
+    present, absent = (f"tcp/127.0.0.1:{port}" for port in (slave, free_port()))
+    with Program(tmp_path, "top", "--connect", present, "--connect", absent, "--once") as top:
         assert top.process.wait(60) == 0, top.output
     assert f"nobody at {absent}: 127.0.0.1 is there but nothing listens on port" in top.output
-    assert f"nobody at {there}" not in top.output
-    with Program(tmp_path, "top", "--connect", there, "--connect", there, "--once") as top:
+    assert f"nobody at {present}" not in top.output
+    with Program(tmp_path, "top", "--connect", present, "--connect", present, "--once") as top:
         assert top.process.wait(60) == 0, top.output
     assert "nobody at" not in top.output
 
@@ -125,9 +125,9 @@ def test_prometheus_listens_at_an_ipv6_address() -> None:
             assert answer.status == 200
 
 
-@pytest.mark.parametrize("where", ["here", "127.0.0.1:99999"])
-def test_a_wrong_address_is_reported(where: str, tmp_path: Path) -> None:
-    with Program(tmp_path, "top", "--prometheus", where) as top:
+@pytest.mark.parametrize("address", ["here", "127.0.0.1:99999"])
+def test_a_wrong_address_is_reported(address: str, tmp_path: Path) -> None:
+    with Program(tmp_path, "top", "--prometheus", address) as top:
         assert top.process.wait(60) != 0
     assert "expected [HOST:]PORT" in top.output
 

@@ -84,14 +84,14 @@ def test_toml_is_read() -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "words"),
+    ("text", "message"),
     [("{a: 1", "expected , or }"), ("{a 1}", "expected :"), ("{a: }}", "nothing more"), ("{a: 'b}", "no closing '"),
      ('{a: "\\q"}', "escape at '\"\\\\q"), ("{a: " + "[" * 5000, "too deep"),
      ("{a: [1 2]}", ""), ("{: 1}", "expected a value"), ("hello", "not a message"), ("{a: {b: 1}", "expected , or }")],
 )  # fmt: skip
-def test_syntax_errors_are_reported(text: str, words: str) -> None:
-    if words:
-        with pytest.raises(ConfigError, match=re.escape(words)):
+def test_syntax_errors_are_reported(text: str, message: str) -> None:
+    if message:
+        with pytest.raises(ConfigError, match=re.escape(message)):
             parse_values(text)
     else:
         assert parse_values(text) == {"a": ["1 2"]}  # as YAML: one text
@@ -284,7 +284,7 @@ def test_call_prints_the_reply_of_a_service(user: User) -> None:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "code", "words"),
+    ("arguments", "code", "message"),
     [
         (("echo", "/uuv1/imo", "--wait", "0.3"), 4, "nobody publishes /uuv1/imo; there are: /clock, "),
         (("call", "/uuv1/rest"), 4, "no server for /uuv1/rest; there are: .*did you mean '/uuv1/reset'"),
@@ -304,8 +304,8 @@ def test_call_prints_the_reply_of_a_service(user: User) -> None:
         ),
     ],
 )
-def test_errors_name_cause_and_remedy(user: User, arguments: tuple[str, ...], code: int, words: str) -> None:
-    assert re.search(words, user.run(*arguments, code=code))
+def test_errors_name_cause_and_remedy(user: User, arguments: tuple[str, ...], code: int, message: str) -> None:
+    assert re.search(message, user.run(*arguments, code=code))
 
 
 def test_a_missing_slave_is_reported(tmp_path: Path) -> None:

@@ -9,17 +9,17 @@ from tests.support.processes import Program, free_port, write_scenario
 
 def test_gateway_and_foxglove_report_that_they_wait_for_a_vehicle(tmp_path: Path) -> None:
     path, port = write_scenario(tmp_path)
-    where = f"127.0.0.1:{port}"
-    waiting = ("gateway", "--connect", where, "--listen", "0"), ("foxglove", "--connect", where, "--listen", "0")
+    address = f"127.0.0.1:{port}"
+    waiting = ("gateway", "--connect", address, "--listen", "0"), ("foxglove", "--connect", address, "--listen", "0")
     with Program(tmp_path, *waiting[0]) as gateway, Program(tmp_path, *waiting[1]) as foxglove:
-        gateway.expect(f"no vehicle at tcp/{where} yet; waiting for one")
-        foxglove.expect(f"waiting for a vehicle at tcp/{where}")
+        gateway.expect(f"no vehicle at tcp/{address} yet; waiting for one")
+        foxglove.expect(f"waiting for a vehicle at tcp/{address}")
         assert "connected: uuv1" not in gateway.output + foxglove.output
         with Program(tmp_path, "slave", path):
             gateway.expect("connected: uuv1")
             foxglove.expect("connected: uuv1")
             with Program(
-                tmp_path, "topic", "pub", "/uuv1/cmd_vell", "geometry_msgs/msg/Twist", "--connect", where
+                tmp_path, "topic", "pub", "/uuv1/cmd_vell", "geometry_msgs/msg/Twist", "--connect", address
             ) as pub:
                 pub.expect(r"nobody subscribes to /uuv1/cmd_vell yet; .*did you mean '/uuv1/cmd_vel'\?")
                 pub.expect("publishing geometry_msgs/msg/Twist")

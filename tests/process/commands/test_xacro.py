@@ -47,33 +47,33 @@ def test_an_expanded_xacro_is_the_vehicle_of_its_urdf(hydra: Path) -> None:
 
 
 @pytest.fixture
-def far() -> Iterator[Path]:
+def far_folder() -> Iterator[Path]:
     """Provide a folder outside those of pytest."""
     with TemporaryDirectory() as folder:
         yield Path(folder)
 
 
-@pytest.mark.parametrize("place", ["near", "AMENT_PREFIX_PATH", "ROS_PACKAGE_PATH"])
+@pytest.mark.parametrize("package_location", ["near", "AMENT_PREFIX_PATH", "ROS_PACKAGE_PATH"])
 def test_packages_are_found_near_the_file_and_by_ros_variables(
-    place: str, hydra: Path, far: Path, monkeypatch: pytest.MonkeyPatch
+    package_location: str, hydra: Path, far_folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Packages are found at any depth near the file, and elsewhere by ROS's variables, as are their meshes."""
     package = hydra.parents[2] / "hydra_water"
-    elsewhere = hydra.parents[2] if place == "near" else far
+    package_folder = hydra.parents[2] if package_location == "near" else far_folder
     inside = {"near": "src/vehicles/hydra/hydra_water", "AMENT_PREFIX_PATH": "share/AMENT_PREFIX_PATH_water"}
-    new = elsewhere / inside.get(place, "a/b/c/water")
-    new.parent.mkdir(parents=True, exist_ok=True)
+    new_folder = package_folder / inside.get(package_location, "a/b/c/water")
+    new_folder.parent.mkdir(parents=True, exist_ok=True)
     (package / "hull.stl").touch()
-    (package / "package.xml").write_text(f"<package><name>{place}_water</name></package>")
-    hydra.write_text(hydra.read_text().replace("hydra_water", f"{place}_water"))
-    package.rename(new)
-    if place != "near":
-        with pytest.raises(ConfigError, match=f"no package '{place}_water'"):
+    (package / "package.xml").write_text(f"<package><name>{package_location}_water</name></package>")
+    hydra.write_text(hydra.read_text().replace("hydra_water", f"{package_location}_water"))
+    package.rename(new_folder)
+    if package_location != "near":
+        with pytest.raises(ConfigError, match=f"no package '{package_location}_water'"):
             expand(str(hydra))
-        monkeypatch.setenv(place, f"{elsewhere / 'nowhere'}:{elsewhere}")
+        monkeypatch.setenv(package_location, f"{package_folder / 'nowhere'}:{package_folder}")
     vehicle, _ = read_urdf(str(hydra), text=expand(str(hydra)))
     assert vehicle.volume == 0.0301
-    assert find_mesh(f"package://{place}_water/hull.stl", str(hydra)) == str(new / "hull.stl")
+    assert find_mesh(f"package://{package_location}_water/hull.stl", str(hydra)) == str(new_folder / "hull.stl")
 
 
 def test_the_command_imports_a_xacro_with_arguments(
@@ -86,7 +86,7 @@ def test_the_command_imports_a_xacro_with_arguments(
 
 
 @pytest.mark.parametrize(
-    ("text", "arguments", "words"),
+    ("text", "arguments", "message"),
     [
         (
             '<xacro:include filename="$(find moon)/x.xacro"/>',
@@ -100,12 +100,12 @@ def test_the_command_imports_a_xacro_with_arguments(
         ("<a/>", ["=3"], "xacro argument '=3': write NAME=VALUE"),
     ],
 )
-def test_an_error_in_a_xacro_is_one_line(text: str, arguments: list[str], words: str, tmp_path: Path) -> None:
+def test_an_error_in_a_xacro_is_one_line(text: str, arguments: list[str], message: str, tmp_path: Path) -> None:
     path = tmp_path / "m.xacro"
     path.write_text(f"<robot {NAMESPACE}>{text}</robot>")
     with pytest.raises(ConfigError) as caught:
         expand(str(path), arguments)
-    assert words in str(caught.value)
+    assert message in str(caught.value)
     assert "\n" not in str(caught.value)
 
 
@@ -119,10 +119,10 @@ def test_an_endless_expression_is_stopped(expression: str, tmp_path: Path, monke
         expand(str(path))
 
 
-def with_short_cpu_limit(words: tuple[str, ...]) -> list[str]:
+def with_short_cpu_limit(command: tuple[str, ...]) -> list[str]:
     """Return the command that expands, limited to one second of processor time."""
     code = "import sys, hil.commands.vehicle.xacro_process as it; it.CPU_SECONDS = 1; sys.exit(it.main(*sys.argv[1:]))"
-    return python_command("-c", code, *words[1:])
+    return python_command("-c", code, *command[1:])
 
 
 def test_a_xacro_without_the_package_names_the_extra(

@@ -61,9 +61,9 @@ child = started[0]""",
 }
 
 
-@pytest.mark.parametrize("way", START_METHODS)
-def test_a_child_ends_with_its_parent_and_not_before(way: str, process_ids: list[int]) -> None:
-    with parent_of(START_METHODS[way]) as parent:
+@pytest.mark.parametrize("start_method", START_METHODS)
+def test_a_child_ends_with_its_parent_and_not_before(start_method: str, process_ids: list[int]) -> None:
+    with parent_of(START_METHODS[start_method]) as parent:
         assert parent.stdout is not None
         child = int(parent.stdout.readline())
         process_ids += [parent.pid, child]
@@ -87,12 +87,12 @@ def is_ours(pid: int) -> list[int]:
 
 def group_of(leader: int) -> list[int]:
     """Return the living processes of a group."""
-    found = []
+    process_ids = []
     for pid in psutil.pids():
         with suppress(ProcessLookupError):
             if os.getpgid(pid) == leader and is_running(pid):
-                found.append(pid)
-    return found
+                process_ids.append(pid)
+    return process_ids
 
 
 def command_of(pid: int) -> str:
@@ -226,8 +226,8 @@ def test_closing_one_lifeline_descriptor_does_not_end_children() -> None:
 
 def test_every_started_interpreter_ignores_the_current_folder() -> None:
     """`python -m` looks for modules in the current folder first: only `hil.common.children` writes such a command."""
-    written = re.compile(r'sys\.executable, "-[cm]"')
+    child_command = re.compile(r'sys\.executable, "-[cm]"')
     folders = [Path(ROOT) / name for name in ("hil", "sim", "boards", "firmware_stub")]
     paths = [path for folder in folders for path in folder.rglob("*.py") if path.name != "children.py"]
     assert len(paths) > 300
-    assert not [path for path in paths if written.search(path.read_text(encoding="utf-8"))]
+    assert not [path for path in paths if child_command.search(path.read_text(encoding="utf-8"))]

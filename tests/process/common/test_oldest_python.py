@@ -18,17 +18,17 @@ TRAP = "print('ran what lies in the current folder')\n"
 
 @pytest.mark.parametrize("oldest", [True, False], ids=["3.10", "this"])
 @pytest.mark.parametrize(
-    "words", [("-c", "import tabnanny, sys; print(sys.argv[1:])", "a"), ("-X", "utf8", "-m", "tabnanny")]
+    "arguments", [("-c", "import tabnanny, sys; print(sys.argv[1:])", "a"), ("-X", "utf8", "-m", "tabnanny")]
 )
 def test_modules_of_the_current_folder_are_not_run(
-    words: tuple[str, ...], oldest: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    arguments: tuple[str, ...], oldest: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """`tabnanny` stands for any module of the standard library that nothing needs at the start."""
     for name in ("tabnanny", "tokenize", "getopt"):
         (tmp_path / f"{name}.py").write_text(TRAP)
     if oldest:
         monkeypatch.setattr(sys, "version_info", (3, 10))
-    command = python_command(*words)
+    command = python_command(*arguments)
     monkeypatch.undo()
     assert ("-P" in command) != (oldest or sys.version_info < (3, 11))
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
@@ -44,9 +44,9 @@ def test_a_flight_under_the_oldest_python_is_the_same(tmp_path: Path) -> None:
     reported = []
     for python in (oldest, sys.executable):
         command = [python, "-m", "hil", "sim", "paper_field", "--fast", "--json"]
-        done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
-        assert done.returncode == 0, done.stderr
+        completed = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
+        assert completed.returncode == 0, completed.stderr
         reported.append(
-            {key: value for key, value in json.loads(done.stdout).items() if not key.endswith(("cpu_s", "took_s"))}
+            {key: value for key, value in json.loads(completed.stdout).items() if not key.endswith(("cpu_s", "took_s"))}
         )
     assert reported[0] == reported[1]

@@ -19,14 +19,14 @@ def test_simultaneous_processes_get_different_ports() -> None:
         )
         for _ in range(3)
     ]
-    given = ports.free_ports(3)
+    port_numbers = ports.free_ports(3)
     for child in children:
         assert child.stdout is not None
-        given += map(int, child.stdout.readline().split())
+        port_numbers += map(int, child.stdout.readline().split())
     for child in children:
         child.communicate("\n")
-    assert len({port // ports._BLOCK for port in given}) == 4, "of four blocks"
-    assert len(set(given)) == 12
+    assert len({port // ports._BLOCK for port in port_numbers}) == 4, "of four blocks"
+    assert len(set(port_numbers)) == 12
 
 
 def test_a_process_gets_a_hundred_different_ports() -> None:

@@ -14,11 +14,11 @@ from hil.common.scratch import PREFIX, ScratchFolder
 from hil.common.tables import cache_path, read_table
 
 
-def killed(base: Path, more: str = "") -> str:
+def killed(base: Path, extra_code: str = "") -> str:
     """Return the folder of a process that was killed while it had one."""
     code = "import os; from hil.common.scratch import ScratchFolder\n"
     code += f"f = ScratchFolder('test', {str(base)!r}); print(f.path)\n"
-    code += f"open(f.file('kept.toml'), 'w').write('a = 1')\n{more}"
+    code += f"open(f.file('kept.toml'), 'w').write('a = 1')\n{extra_code}"
     code += "import sys; sys.stdout.flush(); os.kill(os.getpid(), 9)"
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
     assert done.returncode == -9, done.stderr
@@ -54,12 +54,12 @@ def test_the_folder_of_a_killed_process_is_removed_by_the_next(tmp_path: Path) -
 def test_cached_files_of_a_removed_folder_are_removed_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     left = killed(tmp_path, "from hil.common.tables import read_table; read_table(f.file('kept.toml'))\n")
-    beside = tmp_path / "beside.toml"
-    beside.write_text("a = 1")
-    read_table(str(beside))
+    neighbour = tmp_path / "beside.toml"
+    neighbour.write_text("a = 1")
+    read_table(str(neighbour))
     assert os.path.exists(cache_path(f"{left}/kept.toml"))
     ScratchFolder("other", str(tmp_path)).close()
-    assert os.listdir(tmp_path / "cache/uuv-hil") == [os.path.basename(cache_path(str(beside)))]
+    assert os.listdir(tmp_path / "cache/uuv-hil") == [os.path.basename(cache_path(str(neighbour)))]
 
 
 def test_folders_in_use_and_of_other_users_stay(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -86,18 +86,18 @@ def test_a_folder_removed_by_another_process_before_it_is_locked_is_made_again(
 
     real = fcntl.flock
     begun: list[bool] = []
-    others: list[ScratchFolder] = []
+    other_folders: list[ScratchFolder] = []
 
-    def late(descriptor: int, how: int) -> None:
-        if how == fcntl.LOCK_EX and not begun:
+    def lock_late(descriptor: int, operation: int) -> None:
+        if operation == fcntl.LOCK_EX and not begun:
             begun.append(True)
-            others.append(ScratchFolder("other", str(tmp_path)))
-        real(descriptor, how)
+            other_folders.append(ScratchFolder("other", str(tmp_path)))
+        real(descriptor, operation)
 
-    monkeypatch.setattr(fcntl, "flock", late)
+    monkeypatch.setattr(fcntl, "flock", lock_late)
     with ScratchFolder("test", str(tmp_path)) as folder:
-        assert {folder.path, others[0].path} == {str(path) for path in tmp_path.iterdir()}
-    others[0].close()
+        assert {folder.path, other_folders[0].path} == {str(path) for path in tmp_path.iterdir()}
+    other_folders[0].close()
     assert not list(tmp_path.iterdir())
 
 
@@ -106,20 +106,20 @@ def test_a_folder_removed_by_another_process_before_it_is_opened_is_made_again(
 ) -> None:
     """Another process may remove it as abandoned between its creation and its opening."""
     real = tempfile.mkdtemp
-    others: list[ScratchFolder] = []
+    other_folders: list[ScratchFolder] = []
 
     def make(prefix: str, dir: str) -> str:  # noqa: A002
-        made = real(prefix=prefix, dir=dir)
-        if not others:
+        folder = real(prefix=prefix, dir=dir)
+        if not other_folders:
             monkeypatch.setattr(tempfile, "mkdtemp", real)
-            others.append(ScratchFolder("other", str(tmp_path)))
-            assert not os.path.exists(made)
-        return made
+            other_folders.append(ScratchFolder("other", str(tmp_path)))
+            assert not os.path.exists(folder)
+        return folder
 
     monkeypatch.setattr(tempfile, "mkdtemp", make)
     with ScratchFolder("test", str(tmp_path)) as folder:
-        assert {folder.path, others[0].path} == {str(path) for path in tmp_path.iterdir()}
-    others[0].close()
+        assert {folder.path, other_folders[0].path} == {str(path) for path in tmp_path.iterdir()}
+    other_folders[0].close()
 
 
 def test_a_folder_that_cannot_be_made_is_reported(tmp_path: Path) -> None:

@@ -18,18 +18,18 @@ TIMEOUT_S = 60.0
 def run(command: str, **environment: str) -> tuple[int, str]:
     """Run a line of shell, in which UUV is the command; return exit code and standard error."""
     line = command.replace("UUV", f"{sys.executable} -m hil.cli")
-    done = subprocess.run(
+    completed = subprocess.run(
         ["bash", "-o", "pipefail", "-c", line],
         cwd=ROOT, env=os.environ | environment, capture_output=True, text=True, timeout=TIMEOUT_S, errors="replace",
     )  # fmt: skip
-    assert "Traceback" not in done.stderr
-    assert "Exception ignored" not in done.stderr
-    return done.returncode, done.stderr
+    assert "Traceback" not in completed.stderr
+    assert "Exception ignored" not in completed.stderr
+    return completed.returncode, completed.stderr
 
 
 @pytest.mark.parametrize("buffered", ["", "1"])
 @pytest.mark.parametrize(
-    ("command", "codes", "words"),
+    ("command", "codes", "message"),
     [
         ("UUV --help | head -1", {0, 141}, ""),
         ("UUV sim --help | true", {0, 141}, ""),
@@ -42,12 +42,12 @@ def run(command: str, **environment: str) -> tuple[int, str]:
     ],
 )
 def test_a_closed_or_full_output_is_at_most_one_line_of_error(
-    command: str, codes: set[int], words: str, buffered: str
+    command: str, codes: set[int], message: str, buffered: str
 ) -> None:
     code, output = run(command, PYTHONUNBUFFERED=buffered)
     assert code in codes, output
-    assert output.startswith(words)
-    assert output.count("\n") == bool(words)
+    assert output.startswith(message)
+    assert output.count("\n") == bool(message)
 
 
 def test_a_closed_descriptor_is_not_given_to_a_file(tmp_path: Path) -> None:
@@ -60,11 +60,11 @@ try:
 except streams.ConfigError:
     print(os.open("/", 0), file=sys.stderr)
 """
-    done = subprocess.run(
+    completed = subprocess.run(
         ["bash", "-c", f'exec {sys.executable} -c "$CODE" >&- <&-'],
         cwd=ROOT, env=os.environ | {"CODE": code}, capture_output=True, text=True, timeout=TIMEOUT_S,
     )  # fmt: skip
-    assert int(done.stderr) > 2
+    assert int(completed.stderr) > 2
 
 
 @pytest.mark.parametrize(
@@ -92,10 +92,10 @@ class Find:
 sys.meta_path.insert(0, Find)
 import hil.cli
 """
-    done = subprocess.run(
+    completed = subprocess.run(
         [sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=TIMEOUT_S, check=False
     )
-    assert (done.returncode, done.stderr) == (130, "")
+    assert (completed.returncode, completed.stderr) == (130, "")
 
 
 def test_ctrl_c_is_an_exception_again_once_all_is_loaded() -> None:
@@ -124,7 +124,7 @@ def test_a_fleet_scenario_is_refused_by_commands_for_one_vehicle(
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "words"),
+    ("old", "new", "message"),
     [
         ('"paper_six"', '"paper_sx"', "vehicle: no vehicle 'paper_sx'; did you mean 'paper_six'?"),
         ('"pool"', '"pol"', "world: no world 'pol'; did you mean 'pool'?"),
@@ -134,7 +134,7 @@ def test_a_fleet_scenario_is_refused_by_commands_for_one_vehicle(
     ],
 )
 def test_a_missing_preset_is_reported_by_file_and_key(
-    old: str, new: str, words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    old: str, new: str, message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     from tests.support.processes import write_scenario
 
@@ -144,7 +144,7 @@ def test_a_missing_preset_is_reported_by_file_and_key(
         assert cli.main([command[0], str(path), *command[1:]]) == 2
         (line,) = capsys.readouterr().err.splitlines()
         assert line.startswith(f"uuv-hil {command[0]}: {path}: ")
-        assert words in line
+        assert message in line
         assert "sim/" not in line
 
 

@@ -33,7 +33,7 @@ def run(*arguments: str, **environment: str) -> subprocess.CompletedProcess[str]
     )  # fmt: skip
 
 
-def here(scenario: str | None = None) -> Case:
+def case_here(scenario: str | None = None) -> Case:
     return Case(Tree("/"), None, load_scenario(scenario) if scenario else None, doctor.find_user(Tree("/"), None))
 
 
@@ -58,7 +58,7 @@ def test_each_finding_is_one_line() -> None:
     done = run()
     assert (done.returncode, done.stderr) == (0, "")
     lines = done.stdout.splitlines()
-    assert len(lines) == len(list(doctor.findings(here())))
+    assert len(lines) == len(list(doctor.findings(case_here())))
     assert all(line.split()[0] in ("ok", "note") for line in lines)
 
 
@@ -74,16 +74,16 @@ def test_an_invalid_setting_is_a_problem() -> None:
 def test_a_missing_step_in_c_is_noted(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "sim.native._native", None)
     monkeypatch.delenv("UUV_HIL_NATIVE", raising=False)
-    found = next(doctor_software.check_step(here()))
-    assert (found.level, found.topic) == ("note", "step")
-    assert "Python; the step in C is not there" in found.text
-    assert "python c_extensions.py" in found.remedy
+    finding = next(doctor_software.check_step(case_here()))
+    assert (finding.level, finding.topic) == ("note", "step")
+    assert "Python; the step in C is not there" in finding.text
+    assert "python c_extensions.py" in finding.remedy
 
 
 def test_the_environment_requires_a_missing_extension(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "sim.native._native", None)
     monkeypatch.setenv("UUV_HIL_NATIVE", "1")
-    (found,) = doctor_software.check_step(here())
+    (found,) = doctor_software.check_step(case_here())
     assert (found.topic, found.remedy) == ("step", "unset UUV_HIL_NATIVE")
 
 
@@ -91,10 +91,10 @@ def test_the_environment_requires_a_missing_extension(monkeypatch: pytest.Monkey
 def test_another_missing_extension_is_noted(monkeypatch: pytest.MonkeyPatch, module: str) -> None:
     monkeypatch.setitem(sys.modules, module, None)
     monkeypatch.delenv("UUV_HIL_NATIVE", raising=False)
-    (found,) = [found for found in doctor_software.check_step(here()) if found.topic != "step"]
-    assert (found.level, found.topic) == ("note", module.rpartition("._")[2])
-    assert module in found.text
-    assert "python c_extensions.py" in found.remedy
+    (finding,) = [finding for finding in doctor_software.check_step(case_here()) if finding.topic != "step"]
+    assert (finding.level, finding.topic) == ("note", module.rpartition("._")[2])
+    assert module in finding.text
+    assert "python c_extensions.py" in finding.remedy
 
 
 @pytest.mark.skipif(choose()[0] is not NativeDynamics, reason="no C here: python c_extensions.py")
@@ -103,10 +103,10 @@ def test_an_extension_of_other_sources_is_reported(monkeypatch: pytest.MonkeyPat
     usual = native._source_bytes
     monkeypatch.setattr(native, "_source_bytes", lambda name: " 1" if name == package else usual(name))
     monkeypatch.delenv("UUV_HIL_NATIVE", raising=False)
-    (found,) = [found for found in doctor_software.check_step(here()) if found.level != "ok"]
-    assert found.topic == topic
-    assert "was compiled from other sources" in found.text
-    assert found.remedy == native.COMPILE_AGAIN
+    (finding,) = [finding for finding in doctor_software.check_step(case_here()) if finding.level != "ok"]
+    assert finding.topic == topic
+    assert "was compiled from other sources" in finding.text
+    assert finding.remedy == native.COMPILE_AGAIN
 
 
 def test_help_is_printed_by_the_main_command(capsys: pytest.CaptureFixture[str]) -> None:
@@ -122,7 +122,7 @@ def test_the_settings_of_this_process_do_not_change() -> None:
         return os.sched_getscheduler(0), [line for line in status if line.startswith("VmLck")]
 
     before = settings()
-    assert "memory" in {finding.topic for finding in doctor.findings(here())}
+    assert "memory" in {finding.topic for finding in doctor.findings(case_here())}
     assert settings() == before
 
 
@@ -133,8 +133,8 @@ def test_a_missing_package_is_reported_with_its_installation() -> None:
 
 def test_a_missing_package_is_a_problem_only_if_the_scenario_needs_it(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(doctor_software.REQUIRED_BY_VALUE, "python", ("tea", "no-such-distribution", "tea", "tea"))
-    assert "tea" not in {finding.topic for finding in doctor_software.check_packages(here())}
-    found = {finding.topic: finding for finding in doctor_software.check_packages(here("paper_field"))}
+    assert "tea" not in {finding.topic for finding in doctor_software.check_packages(case_here())}
+    found = {finding.topic: finding for finding in doctor_software.check_packages(case_here("paper_field"))}
     assert found["tea"].level == "problem"
 
 
@@ -208,33 +208,33 @@ def test_what_the_slave_or_the_planner_would_refuse_is_a_problem(
     (tmp_path / "wild.py").write_text(FAILING_PLANNER)
     monkeypatch.syspath_prepend(str(tmp_path))
     path, _ = write_scenario(tmp_path)
-    assert [found.level for found in doctor_software.check_packages(here(str(path))) if found.topic == "start"] == [
-        "ok"
-    ]
+    assert [
+        finding.level for finding in doctor_software.check_packages(case_here(str(path))) if finding.topic == "start"
+    ] == ["ok"]
     path.write_text(path.read_text().replace(old, new, 1))
-    case = here(str(path))
+    case = case_here(str(path))
     problems = [
-        found
-        for found in (*doctor_software.check_packages(case), *doctor_software.check_step(case))
-        if found.level == "problem"
+        finding
+        for finding in (*doctor_software.check_packages(case), *doctor_software.check_step(case))
+        if finding.level == "problem"
     ]
-    (found,) = problems
-    assert found.topic == topic
-    assert words in found.text
-    assert str(path) in found.remedy or "uuv-hil keys" in found.text or "correct the sensor" in found.remedy
+    (finding,) = problems
+    assert finding.topic == topic
+    assert words in finding.text
+    assert str(path) in finding.remedy or "uuv-hil keys" in finding.text or "correct the sensor" in finding.remedy
 
 
 def test_a_start_without_a_planner_or_a_goal_is_no_problem() -> None:
     """A fleet has a planner for each, an external controller none, and a scenario without a goal is flown by hand."""
     scenario = load_scenario("paper_field", {"master.goal": [900.0, 0.0]})
     user = doctor.find_user(Tree("/"), None)
-    lost = [found.topic for found in doctor_software.check_start(scenario, user)]
+    lost_topics = [finding.topic for finding in doctor_software.check_start(scenario, user)]
     (away,) = doctor_software.check_start(load_scenario("paper_field", {"start.north": -500.0}), user)
     assert "the start (-500.00 m north, 0.00 m east) is outside the map" in away.text
     by_hand = scenario._replace(master=scenario.master._replace(goal=None))
     for other in (by_hand, scenario._replace(controller="external"), load_scenario("target_hunting")):
-        assert [found.level for found in doctor_software.check_start(other, user)] == ["ok"]
-    assert lost == ["planner"]
+        assert [finding.level for finding in doctor_software.check_start(other, user)] == ["ok"]
+    assert lost_topics == ["planner"]
 
 
 def test_a_recording_folder_of_another_user_is_a_problem(tmp_path: Path) -> None:
@@ -243,11 +243,11 @@ def test_a_recording_folder_of_another_user_is_a_problem(tmp_path: Path) -> None
     folder.mkdir(mode=0o755)
     outsider = User("outsider", 4711, (4711,))
     scenario = load_scenario("paper_field", {"recording.slave": True, "recording.folder": str(folder / "a" / "b")})
-    (found,) = doctor_software.check_start(scenario, outsider)
-    assert (found.level, found.topic) == ("problem", "recording")
-    assert f"no permission for outsider in {folder}" in found.text
+    (finding,) = doctor_software.check_start(scenario, outsider)
+    assert (finding.level, finding.topic) == ("problem", "recording")
+    assert f"no permission for outsider in {folder}" in finding.text
     folder.chmod(0o777)
-    assert [found.level for found in doctor_software.check_start(scenario, outsider)] == ["ok"]
+    assert [finding.level for finding in doctor_software.check_start(scenario, outsider)] == ["ok"]
     assert list(folder.iterdir()) == []
 
 

@@ -217,12 +217,12 @@ def test_a_kernel_without_memory_limits_is_noted(
     board: Path, capsys: pytest.CaptureFixture[str], fault: Callable[[Path], None]
 ) -> None:
     fault(board)
-    code, found = examine(board, capsys)
+    code, output = examine(board, capsys)
     assert code == 0
-    assert [(row["level"], row["topic"]) for row in found] == [("note", "memory limit"), ("note", "security")]
-    assert "MemoryMax" in found[0]["text"]
-    assert "cgroup_enable=memory" in found[0]["remedy"]
-    assert "/boot/firmware/cmdline.txt" in found[0]["remedy"]
+    assert [(row["level"], row["topic"]) for row in output] == [("note", "memory limit"), ("note", "security")]
+    assert "MemoryMax" in output[0]["text"]
+    assert "cgroup_enable=memory" in output[0]["remedy"]
+    assert "/boot/firmware/cmdline.txt" in output[0]["remedy"]
 
 
 def enabled(root: Path) -> None:

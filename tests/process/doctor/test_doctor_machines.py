@@ -91,13 +91,13 @@ def test_the_mode_of_a_device_decides_who_may_open_it(tmp_path: Path) -> None:
     path = tmp_path / "tty"
     path.touch()
     owner = path.stat()
-    mine, friend, other = User("a", owner.st_uid, ()), User("b", 4242, (owner.st_gid,)), User("c", 4242, (4242,))
+    holder, member, other = (User("a", owner.st_uid, ()), User("b", 4242, (owner.st_gid,)), User("c", 4242, (4242,)))
     for mode, allowed in ((0o600, (True, False, False)), (0o660, (True, True, False)), (0o666, (True, True, True))):
         path.chmod(mode)
         expected = allowed if owner.st_uid else (True, *allowed[1:])
-        assert tuple(may_open(path.stat(), user) for user in (mine, friend, other)) == expected
+        assert tuple(may_open(path.stat(), user) for user in (holder, member, other)) == expected
     path.chmod(0o066)
-    assert may_open(path.stat(), mine) == (owner.st_uid == 0)  # the owner's own bits count, not the group's
+    assert may_open(path.stat(), holder) == (owner.st_uid == 0)  # the owner's own bits count, not the group's
 
 
 def test_listening_ports_of_this_machine_are_found() -> None:

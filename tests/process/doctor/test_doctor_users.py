@@ -35,9 +35,9 @@ as_root = pytest.mark.skipif(os.geteuid() != 0, reason="only root may start a pr
 class Runner(Tree):
     """This machine, where starting a process as another user gives the output that the test sets."""
 
-    def __init__(self, answer: str | None, files: dict[str, str] | None = None) -> None:
+    def __init__(self, output: str | None, files: dict[str, str] | None = None) -> None:
         super().__init__("/")
-        self.answer, self.files = answer, files or {}
+        self.output, self.files = output, files or {}
         self.requested: list[tuple[str, ...]] = []
 
     def text(self, name: str) -> str:
@@ -45,7 +45,7 @@ class Runner(Tree):
 
     def run(self, *command: str) -> str | None:
         self.requested.append(command)
-        return self.answer
+        return self.output
 
 
 def scenario(port: str = "pty:") -> Scenario:
@@ -54,7 +54,7 @@ def scenario(port: str = "pty:") -> Scenario:
 
 
 @pytest.fixture
-def other(monkeypatch: pytest.MonkeyPatch) -> User:
+def account(monkeypatch: pytest.MonkeyPatch) -> User:
     """Return another user, for root."""
     monkeypatch.setattr("os.getuid", lambda: 0)
     monkeypatch.setattr("os.geteuid", lambda: 0)
@@ -70,7 +70,7 @@ def other(monkeypatch: pytest.MonkeyPatch) -> User:
     ],
 )
 def test_root_determines_the_limits_of_another_user(
-    other: User, priority: str, locked: str, capabilities: int, levels: list[str]
+    account: User, priority: str, locked: str, capabilities: int, levels: list[str]
 ) -> None:
     """Root's own capabilities grant everything; those of the other's process count."""
     tree = Runner(
@@ -80,37 +80,37 @@ def test_root_determines_the_limits_of_another_user(
             "/proc/self/limits": LIMITS.format(priority=99, locked=9),
         },
     )
-    found = list(doctor_board.check_realtime_limits(Case(tree, None, scenario(), other)))
+    found = list(doctor_board.check_realtime_limits(Case(tree, None, scenario(), account)))
     assert [row.level for row in found] == levels
     assert tree.requested == [("runuser", "-u", "uuv", "--", "cat", "/proc/self/limits", "/proc/self/status")]
 
 
 @pytest.mark.parametrize(("user", "level"), [("uuv", "note"), ("somebody", "problem")])
-def test_an_installed_service_has_the_limits_of_its_unit(other: User, user: str, level: str) -> None:
+def test_an_installed_service_has_the_limits_of_its_unit(account: User, user: str, level: str) -> None:
     unit = f"[Service]\nUser={user}\nLimitRTPRIO=40\n"
     tree = Runner(LIMITS.format(priority=0, locked="unlimited") + STATUS.format(0), {UNIT: unit})
-    found = next(doctor_board.check_realtime_limits(Case(tree, None, scenario(), other)))
+    found = next(doctor_board.check_realtime_limits(Case(tree, None, scenario(), account)))
     assert (found.level, found.topic) == (level, "real time")
     assert ("as the installed service it has 40" in found.text) == (user == "uuv")
 
 
-def test_an_installed_grant_counts_from_the_next_login(other: User) -> None:
+def test_an_installed_grant_counts_from_the_next_login(account: User) -> None:
     """A second installation would change nothing."""
     files = {
         UNIT: "[Service]\nUser=uuv\nLimitRTPRIO=40\n",
         SHELLS: "# Written\nuuv - rtprio 40\nuuv - memlock unlimited\n",
     }
     tree = Runner(LIMITS.format(priority=0, locked="8388608") + STATUS.format(0), files)
-    remedies = {row.remedy for row in doctor_board.check_realtime_limits(Case(tree, None, scenario(), other))}
+    remedies = {row.remedy for row in doctor_board.check_realtime_limits(Case(tree, None, scenario(), account))}
     assert remedies == {f"log in again: new sessions get it from {SHELLS}"}
-    (elsewhere, _) = doctor_board.check_realtime_limits(Case(tree, None, scenario(), other._replace(name="somebody")))
+    (elsewhere, _) = doctor_board.check_realtime_limits(Case(tree, None, scenario(), account._replace(name="somebody")))
     assert elsewhere.remedy.startswith("uuv-hil board install")
 
 
 @pytest.mark.parametrize("unit", ["", "User=uuv", "User=uuv\nLimitRTPRIO=", "User=uuv\nLimitRTPRIO=infinity-ish"])
-def test_an_invalid_unit_grants_nothing(other: User, unit: str) -> None:
+def test_an_invalid_unit_grants_nothing(account: User, unit: str) -> None:
     tree = Runner(LIMITS.format(priority=0, locked=0) + STATUS.format(0), {UNIT: unit})
-    assert next(doctor_board.check_realtime_limits(Case(tree, None, scenario(), other))).level == "problem"
+    assert next(doctor_board.check_realtime_limits(Case(tree, None, scenario(), account))).level == "problem"
 
 
 def test_without_root_the_limits_of_others_cannot_be_determined(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -123,8 +123,8 @@ def test_without_root_the_limits_of_others_cannot_be_determined(monkeypatch: pyt
     assert not list(doctor_software.check_scheduling(case))
 
 
-def test_limits_of_a_user_without_a_session_cannot_be_determined(other: User) -> None:
-    (found,) = doctor_board.check_realtime_limits(Case(Runner(None), None, scenario(), other))
+def test_limits_of_a_user_without_a_session_cannot_be_determined(account: User) -> None:
+    (found,) = doctor_board.check_realtime_limits(Case(Runner(None), None, scenario(), account))
     assert (found.level, found.text) == ("note", "the limits of uuv cannot be determined")
     assert found.remedy == "see: runuser -u uuv -- true"
 
@@ -146,10 +146,10 @@ def test_the_limits_of_the_user_nobody_are_read(capsys: pytest.CaptureFixture[st
 def test_an_installation_that_the_user_cannot_read_is_noted(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     tmp_path.chmod(0o700)
     monkeypatch.setattr("sys.executable", str(tmp_path / "python"))
-    (found,) = doctor_software.check_scheduling(Case(Tree("/"), None, None, doctor.find_user(Tree("/"), "nobody")))
-    assert found.level == "note"
-    assert found.text == f"cannot be determined: nobody cannot start {tmp_path}/python"
-    assert found.remedy == f"see: runuser -u nobody -- {tmp_path}/python -V"
+    (finding,) = doctor_software.check_scheduling(Case(Tree("/"), None, None, doctor.find_user(Tree("/"), "nobody")))
+    assert finding.level == "note"
+    assert finding.text == f"cannot be determined: nobody cannot start {tmp_path}/python"
+    assert finding.remedy == f"see: runuser -u nobody -- {tmp_path}/python -V"
 
 
 PASSWD = "odd\npi:x:1000:1000:,,,:/home/pi:/bin/bash\npilot:x:4242:many::\n"
@@ -212,19 +212,19 @@ def port() -> Iterator[str]:
 
 
 def test_only_root_can_see_all_processes_that_hold_a_port(port: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    def found(user: User, uid: int) -> list[tuple[str, str]]:
+    def findings_of(user: User, uid: int) -> list[tuple[str, str]]:
         monkeypatch.setattr("os.geteuid", lambda: uid)
         rows = doctor_links.check_port_users(Case(Tree("/"), None, scenario(port), user))
         return [(row.level, row.remedy) for row in rows]
 
     monkeypatch.setattr(doctor_links, "find_openers", lambda *_: [])
     owner = User("pilot", os.stat(port).st_uid, ())
-    assert found(owner, 0) == []
-    assert found(owner, 1000) == [("note", "run the same command with sudo and --user pilot")]
+    assert findings_of(owner, 0) == []
+    assert findings_of(owner, 1000) == [("note", "run the same command with sudo and --user pilot")]
     os.chmod(port, 0)
-    assert found(User("outsider", 4711, ()), 1000) == [], "the port is not theirs anyway"
+    assert findings_of(User("outsider", 4711, ()), 1000) == [], "the port is not theirs anyway"
     monkeypatch.setattr(doctor_links, "find_openers", lambda *_: [os.getpid()])
-    assert [level for level, _ in found(owner, 1000)] == ["problem"]
+    assert [level for level, _ in findings_of(owner, 1000)] == ["problem"]
 
 
 def test_a_missing_port_gives_no_finding_about_its_holders(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -63,12 +63,12 @@ def test_refused_frames_are_counted_once(core: str, vector: dict[str, Any]) -> N
 
 def test_a_million_bytes_of_noise_move_nothing(core: str) -> None:
     """The bytes are half random, half made of beginnings; nothing moves, and every report is sound."""
-    chance = random.Random(3)
+    rng = random.Random(3)
     hints = [b"\xa5\x5a", b"\xa5", b"\xa5\x5a\xff\x07", b"\xa5\x5a\x10\x01", b"\xfd", b"\xfd\xff\0\0", b"\xfd\x21\0\0"]
     steps = []
     for now_us in range(0, 20_000_000, 20_000):
-        hinted = b"".join(chance.choice(hints) + chance.randbytes(chance.randrange(30)) for _ in range(32))
-        steps.append(Step(now_us, chance.randbytes(500) + hinted))
+        hinted = b"".join(rng.choice(hints) + rng.randbytes(rng.randrange(30)) for _ in range(32))
+        steps.append(Step(now_us, rng.randbytes(500) + hinted))
     assert sum(len(step.data) for step in steps) > 1_000_000
     results = run_c(core, Script(6, 200_000, steps))
     assert {done.pwm_us for done in results} == {(1500,) * 6}

@@ -37,7 +37,7 @@ def run_python(script: Script) -> list[StepOutput]:
     return results
 
 
-def meant(frame: CanFrame) -> tuple[int, int, int]:
+def decode_frame(frame: CanFrame) -> tuple[int, int, int]:
     """Return identifier, current and duty of a STATUS; its ERPM follows from the duty."""
     erpm, current, duty = struct.unpack(">ihh", frame.data)
     assert abs(erpm - duty * 24.5) <= 24.5
@@ -51,7 +51,7 @@ def test_the_core_matches_the_specification(core: str, seed: int) -> None:
         assert c.pwm_us == python.pwm_us, step
         if c.sent:  # nothing was received yet: it still reports by the frame
             continue
-        reported, wanted = list(map(meant, c.can)), list(map(meant, python.can))
+        reported, wanted = list(map(decode_frame, c.can)), list(map(decode_frame, python.can))
         assert [row[:2] for row in reported] == [row[:2] for row in wanted], step
         assert all(abs(a[2] - b[2]) <= 1 for a, b in zip(reported, wanted, strict=True)), step
 

@@ -105,8 +105,8 @@ def test_an_own_image_for_another_chip_is_refused(
     board = FakeChip("f411")
     connect(monkeypatch, FakeProbe(board))
 
-    def refusal(*words: str, code: int = 2) -> str:
-        assert main(["stm32", "flash", "--yes", "--image", str(own_image), *words]) == code
+    def refusal(*arguments: str, code: int = 2) -> str:
+        assert main(["stm32", "flash", "--yes", "--image", str(own_image), *arguments]) == code
         return capsys.readouterr().err
 
     assert "has an STM32F411 (device id 0x431), and the image is for an STM32F405" in refusal()
@@ -134,7 +134,7 @@ def test_a_dry_run_writes_nothing(monkeypatch: pytest.MonkeyPatch, capsys: pytes
 
 
 @pytest.mark.parametrize(
-    ("chips", "words", "code", "refusal"),
+    ("chips", "arguments", "code", "refusal"),
     [
         ([], [], 3, "no debug probe found: connect an ST-LINK"),
         (["f405", "f411"], [], 3, "2 debug probes: choose one with --probe NUMBER, of: 00AA (STM32 STLink); 01AA"),
@@ -148,12 +148,12 @@ def test_a_dry_run_writes_nothing(monkeypatch: pytest.MonkeyPatch, capsys: pytes
     ],
 )
 def test_what_prevents_flashing_is_reported(
-    chips: list[str], words: list[str], code: int, refusal: str,
+    chips: list[str], arguments: list[str], code: int, refusal: str,
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str],
 ) -> None:  # fmt: skip
     boards = [FakeChip(chip) for chip in chips]
     connect(monkeypatch, *[FakeProbe(board, f"{i:02}AA") for i, board in enumerate(boards)])
-    assert main(["stm32", "flash", "--yes", *words]) == code
+    assert main(["stm32", "flash", "--yes", *arguments]) == code
     assert refusal in capsys.readouterr().err
     assert not any(board.erased for board in boards)
 
@@ -247,8 +247,8 @@ def test_a_failure_of_dfu_util_is_reported(dfu: Path, capsys: pytest.CaptureFixt
 def test_no_board_several_boards_and_no_dfu_util_are_reported(
     dfu: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    def refusal(*words: str) -> str:
-        assert main(["stm32", "flash", "--by", "dfu", "--yes", *words]) == 3
+    def refusal(*arguments: str) -> str:
+        assert main(["stm32", "flash", "--by", "dfu", "--yes", *arguments]) == 3
         return capsys.readouterr().err
 
     (dfu / "listed").write_text("dfu-util 0.11\n")
@@ -275,8 +275,8 @@ def test_flashing_without_pyocd_names_the_extra(
     assert "pip install 'uuv-hil[flash]'" in capsys.readouterr().err
 
 
-@pytest.mark.parametrize("words", [["--channels", "8", "check", "--port", "pty:"], ["--baud", "921600", "flash"]])
-def test_options_before_the_subcommand_are_refused(words: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+@pytest.mark.parametrize("arguments", [["--channels", "8", "check", "--port", "pty:"], ["--baud", "921600", "flash"]])
+def test_options_before_the_subcommand_are_refused(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     """They are those of the emulated STM32, and would be lost."""
-    assert main(["stm32", *words]) == 2
+    assert main(["stm32", *arguments]) == 2
     assert "come after it: stm32 " in capsys.readouterr().err

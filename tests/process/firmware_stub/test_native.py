@@ -49,12 +49,12 @@ def stm32(device: str) -> Iterator[NativeStm32]:
         stm32.close()
 
 
-def wait(link: ThrusterLink, wanted: Callable[[ThrusterTelemetry], bool]) -> ThrusterTelemetry:
+def wait(link: ThrusterLink, condition: Callable[[ThrusterTelemetry], bool]) -> ThrusterTelemetry:
     deadline = time.monotonic() + PATIENCE_S
     while time.monotonic() < deadline:
         wait_readable(link.wire, 0.1)
         for message in link.receive():
-            if isinstance(message, ThrusterTelemetry) and wanted(message):
+            if isinstance(message, ThrusterTelemetry) and condition(message):
                 return message
     pytest.fail("no such telemetry")
 
@@ -84,10 +84,10 @@ def test_telemetry_is_sent_fifty_times_a_second(stm32: NativeStm32, device: str)
 
     def reports() -> None:
         link.receive()  # what came before
-        began = time.monotonic()
+        start = time.monotonic()
         for _ in range(15):
             wait(link, lambda report: True)
-        assert 0.25 < time.monotonic() - began < 0.6
+        assert 0.25 < time.monotonic() - start < 0.6
 
     retry_when_busy(reports, "a process of its own", attempts=20)
     link.close()
@@ -165,7 +165,7 @@ def test_a_file_at_its_path_is_not_overwritten(device: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("options", "code", "words"),
+    ("options", "code", "message"),
     [
         (["--watchdog", "200"], 2, "200 has no unit; write it as 200 ms or 0.2 s"),
         (["--watchdog", "1 ms"], 2, "1 ms is outside 10 ms to 60 s"),
@@ -177,12 +177,12 @@ def test_a_file_at_its_path_is_not_overwritten(device: str) -> None:
         (["--device", "/nowhere/stm32"], 3, "/nowhere/stm32: cannot be made: No such file or directory"),
     ],
 )
-def test_a_wrong_option_is_one_line(options: list[str], code: int, words: str) -> None:
+def test_a_wrong_option_is_one_line(options: list[str], code: int, message: str) -> None:
     done = subprocess.run([build_native(), *options], capture_output=True, text=True, timeout=PATIENCE_S)
     assert (done.returncode, done.stdout) == (code, "")
     (line,) = done.stderr.splitlines()
     assert line.startswith("uuv-hil-stm32-native: ")
-    assert words in line
+    assert message in line
 
 
 def test_the_program_is_compiled_once(cache: Path) -> None:
@@ -195,13 +195,13 @@ def test_the_program_is_compiled_once(cache: Path) -> None:
 
 
 def test_old_programs_are_removed(tmp_path: Path) -> None:
-    old = [tmp_path / f"{NAME}-{number:016x}" for number in range(20)]
-    for number, path in enumerate(old):
+    old_folders = [tmp_path / f"{NAME}-{number:016x}" for number in range(20)]
+    for number, path in enumerate(old_folders):
         path.write_bytes(b"x")
         os.utime(path, (number, number))
     (tmp_path / "a.toml.cpython").write_bytes(b"x")
     program = Path(build_native(str(tmp_path)))
-    assert [path.exists() for path in old] == [False] * 13 + [True] * 7
+    assert [path.exists() for path in old_folders] == [False] * 13 + [True] * 7
     assert program.exists()
     assert (tmp_path / "a.toml.cpython").exists()
 

@@ -51,12 +51,12 @@ def test_commands_that_arrived_while_it_was_stopped_are_discarded(kind: str, wir
             time.sleep(1.5 * WATCHDOG_S)
         finally:
             os.kill(driver.children[0], signal.SIGCONT)
-        seen: set[tuple[int, ...]] = set()
+        reported_pulses: set[tuple[int, ...]] = set()
 
         def stops() -> bool:
-            seen.update(reports(driver))
-            return (1500,) * 6 in seen
+            reported_pulses.update(reports(driver))
+            return (1500,) * 6 in reported_pulses
 
         assert wait_for(stops)
-        assert WHILE_STOPPED not in seen
+        assert WHILE_STOPPED not in reported_pulses
         assert wait_for(executes), "and new commands count"

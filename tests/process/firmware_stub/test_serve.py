@@ -68,11 +68,11 @@ class ForeignProgram:
     def order(self, sequence: int, armed: bool, pwm_us: tuple[int, ...]) -> None:
         self.port.write(self.frames.encode(ThrusterCommand(sequence, armed, pwm_us)))
 
-    def wait(self, wanted: Callable[[ThrusterTelemetry], bool]) -> ThrusterTelemetry:
+    def wait(self, condition: Callable[[ThrusterTelemetry], bool]) -> ThrusterTelemetry:
         deadline = time.monotonic() + PATIENCE_S
         while time.monotonic() < deadline:
             for message in self.frames.feed(self.port.read(max(1, self.port.in_waiting))):
-                if isinstance(message, ThrusterTelemetry) and wanted(message):
+                if isinstance(message, ThrusterTelemetry) and condition(message):
                     return message
         pytest.fail("no such telemetry")
 
@@ -136,7 +136,7 @@ def test_a_new_process_starts_after_a_kill(stm32: subprocess.Popen[str], device:
 
 
 @pytest.mark.parametrize(
-    ("options", "code", "words"),
+    ("options", "code", "messages"),
     [
         (["--watchdog", "200"], 2, ["--watchdog", "with its unit", "'200'"]),
         (["--watchdog", "0 ms"], 2, ["watchdog", "from 0.01 to 60 s", "'0 ms'"]),
@@ -151,12 +151,12 @@ def test_a_new_process_starts_after_a_kill(stm32: subprocess.Popen[str], device:
         (["--port", "/dev/ttyNOWHERE"], 3, ["/dev/ttyNOWHERE", "no such device", "serial ports here"]),
     ],
 )
-def test_a_wrong_option_is_one_line(options: list[str], code: int, words: list[str]) -> None:
+def test_a_wrong_option_is_one_line(options: list[str], code: int, messages: list[str]) -> None:
     found, out, err = finish(start(*options))
     assert (found, out) == (code, "")
     (line,) = err.splitlines()
     assert line.startswith("uuv-hil stm32: ")
-    assert all(word in line for word in words), line
+    assert all(word in line for word in messages), line
 
 
 def test_a_frame_with_too_few_channels_is_refused(tmp_path: Path) -> None:
@@ -219,12 +219,12 @@ def test_quiet_mode_does_not_wake_up_for_reports(monkeypatch: pytest.MonkeyPatch
     before = time.process_time()
     serving.start()
     time.sleep(0.5)
-    took = time.process_time() - before
+    duration = time.process_time() - before
     os.write(write_fd, b"x")
     serving.join()
     os.close(read_fd)
     os.close(write_fd)
-    assert took < 0.1
+    assert duration < 0.1
 
 
 def test_serve_discards_commands_when_it_was_suspended_just_before_its_read(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -252,10 +252,10 @@ def test_serve_discards_commands_when_it_was_suspended_just_before_its_read(monk
 
 def test_serve_ends_when_its_uart_is_removed() -> None:
     with nothing_leaks():
-        far = PtyWire()
-        end = Stm32End(Stm32(6), ThrusterLink(UartWire(far.path), uuv_hil()))
+        far_wire = PtyWire()
+        end = Stm32End(Stm32(6), ThrusterLink(UartWire(far_wire.path), uuv_hil()))
         read_fd, write_fd = os.pipe()
-        far.close()
+        far_wire.close()
         with pytest.raises(DeviceError, match="went away"):
             serve(end, read_fd)
         assert end.fileno() == -1

@@ -55,7 +55,7 @@ class Foxglove:
             value = found()
         return value
 
-    def answer(self, op: str) -> dict[str, Any]:
+    def receive_op(self, op: str) -> dict[str, Any]:
         """Return the next text of that kind."""
         self.texts.clear()
         return self.until(lambda: next((text for text in self.texts if text["op"] == op), None))  # type: ignore[no-any-return]
@@ -113,41 +113,41 @@ def test_the_teleop_panel_commands_the_vehicle(foxglove: Foxglove) -> None:
 
 
 def test_topics_that_no_vehicle_subscribes_to_are_refused(foxglove: Foxglove) -> None:
-    for number, (topic, why) in enumerate(
+    for number, (topic, reason) in enumerate(
         [("/uuv1/imu", "cmd_vel"), ("/nobody/cmd_vel", "no vehicle is called 'nobody'"), ("", "cmd_vel")]
     ):
         channel = {"id": number, "topic": topic, "encoding": "cdr", "schemaName": "geometry_msgs/msg/Twist"}
         foxglove.socket.send(json.dumps({"op": "advertise", "channels": [channel]}))
         foxglove.socket.send(b"\x01" + pack("<I", number) + bytes(52))
-        assert why in foxglove.answer("status")["message"]
+        assert reason in foxglove.receive_op("status")["message"]
 
 
 def test_services_are_called(foxglove: Foxglove, vehicle: tuple[str, str]) -> None:
     with VehicleClient(vehicle[1], "uuv1", part="observer") as client:
-        for number, on in enumerate((False, True)):
-            foxglove.call("/uuv1/arm", number, ros_message.encode(f"{SET_BOOL}_Request", {"data": on}))
+        for number, is_armed in enumerate((False, True)):
+            foxglove.call("/uuv1/arm", number, ros_message.encode(f"{SET_BOOL}_Request", {"data": is_armed}))
             answer = foxglove.until(lambda number=number: foxglove.responses.get(number))
             response = ros_message.decode(f"{SET_BOOL}_Response", answer)
             assert response
             assert response["success"]
-            assert wait_for(lambda on=on: client.diagnostics().armed is on)  # type: ignore[misc]
+            assert wait_for(lambda is_armed=is_armed: client.diagnostics().armed is is_armed)  # type: ignore[misc]
     foxglove.call("/uuv1/arm", 9, b"\0\1\0\0")
-    assert "not a std_srvs/srv/SetBool_Request" in foxglove.answer("serviceCallFailure")["message"]
+    assert "not a std_srvs/srv/SetBool_Request" in foxglove.receive_op("serviceCallFailure")["message"]
     assert "ros2msg" in foxglove.services["/uuv1/arm"]["request"]["schemaEncoding"]
 
 
 def test_parameters_are_read_and_set(foxglove: Foxglove) -> None:
     foxglove.socket.send(json.dumps({"op": "getParameters", "parameterNames": [], "id": "all"}))
-    values = {row["name"]: row["value"] for row in foxglove.answer("parameterValues")["parameters"]}
+    values = {row["name"]: row["value"] for row in foxglove.receive_op("parameterValues")["parameters"]}
     gain = values["/uuv1/gains.surge.p"]
     request = {"op": "setParameters", "parameters": [{"name": "/uuv1/gains.surge.p", "value": gain + 1.0}], "id": "set"}
     foxglove.socket.send(json.dumps(request))
-    (row,) = foxglove.answer("parameterValues")["parameters"]
+    (row,) = foxglove.receive_op("parameterValues")["parameters"]
     assert row == {"name": "/uuv1/gains.surge.p", "value": gain + 1.0, "type": "float64"}
-    for value, why in (("high", "gains.surge.p"), (None, "expected a number or a text")):
+    for value, reason in (("high", "gains.surge.p"), (None, "expected a number or a text")):
         request["parameters"] = [{"name": "/uuv1/gains.surge.p", "value": value}]
         foxglove.socket.send(json.dumps(request))
-        assert why in foxglove.answer("status")["message"]
+        assert reason in foxglove.receive_op("status")["message"]
 
 
 def test_a_disarmed_vehicle_is_not_commanded(foxglove: Foxglove) -> None:

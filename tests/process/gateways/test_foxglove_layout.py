@@ -35,7 +35,7 @@ STORE = get_typestore(Stores.ROS2_JAZZY)
 
 
 @pytest.fixture(scope="module")
-def shown(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Path, Path]]:
+def opened_layout(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Path, Path]]:
     """Provide a slave with pictures and scans: its scenario, and a folder."""
     folder = tmp_path_factory.mktemp("shown")
     scenario, _ = write_scenario(folder, top=SENSORS)
@@ -61,8 +61,8 @@ def topics_of(node: str, scenario: str) -> set[str]:
     return topics - MASTER_TOPICS
 
 
-def test_each_panel_has_data_of_a_running_vehicle(shown: tuple[Path, Path]) -> None:
-    scenario, folder = shown
+def test_each_panel_has_data_of_a_running_vehicle(opened_layout: tuple[Path, Path]) -> None:
+    scenario, folder = opened_layout
     missing = topics_of("uuv1", str(scenario))
     assert {"/scene", "/uuv1/forward_sonar/fan/image_raw", "/uuv1/camera/image_raw/compressed"} < missing
     with Program(folder, "foxglove", "--scenario", scenario, "--listen", free_port()) as gateway:
@@ -80,8 +80,8 @@ def test_each_panel_has_data_of_a_running_vehicle(shown: tuple[Path, Path]) -> N
                     socket.send(json.dumps({"op": "subscribe", "subscriptions": wanted}))
 
 
-def test_each_panel_has_data_of_a_recording(shown: tuple[Path, Path]) -> None:
-    scenario, folder = shown
+def test_each_panel_has_data_of_a_recording(opened_layout: tuple[Path, Path]) -> None:
+    scenario, folder = opened_layout
     bag, target = folder / "bag", folder / "foxglove.mcap"
     assert run_here("record", "--scenario", str(scenario), "-o", str(bag), "--seconds", "8")[0] == 0
     code, output = run_here("replay", str(bag), "--foxglove", str(target))
@@ -97,8 +97,8 @@ def test_each_panel_has_data_of_a_recording(shown: tuple[Path, Path]) -> None:
     assert "choose another file" in output
 
 
-def test_sonar_fans_are_added_to_a_recording_without_them(shown: tuple[Path, Path]) -> None:
-    scenario, folder = shown
+def test_sonar_fans_are_added_to_a_recording_without_them(opened_layout: tuple[Path, Path]) -> None:
+    scenario, folder = opened_layout
     bag, target = folder / "bag2", folder / "fans.mcap"
     assert run_here("record", "--scenario", str(scenario), "-o", str(bag), "--seconds", "5")[0] == 0
     (path,) = bag.glob("*.mcap")

@@ -110,10 +110,10 @@ def test_the_vehicle_stops_however_the_connection_ended(
     client: Client, fleet: Fleet, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A failed send ends the connection; where the vehicle cannot be stopped, nothing more is sent to it."""
-    stopped: list[Vehicle] = []
+    stopped_vehicles: list[Vehicle] = []
 
     def stop(vehicle: Vehicle) -> None:
-        stopped.append(vehicle)
+        stopped_vehicles.append(vehicle)
         raise NetworkError("gone")
 
     assert client.call(do="drive")["ok"]
@@ -122,8 +122,8 @@ def test_the_vehicle_stops_however_the_connection_ended(
     monkeypatch.setattr(threading, "excepthook", lambda _: None)
     monkeypatch.setattr(Connection, "_send", lambda *_: 1 / 0)
     client.socket.sendall(b"{}\n")
-    assert wait_for(lambda: bool(stopped) and fleet["uuv1"]._action is None)
-    assert stopped == [fleet["uuv1"]]
+    assert wait_for(lambda: bool(stopped_vehicles) and fleet["uuv1"]._action is None)
+    assert stopped_vehicles == [fleet["uuv1"]]
 
 
 def test_a_connection_has_keep_alive_options(gateway: JsonGateway, client: Client) -> None:

@@ -96,10 +96,10 @@ WRONG_LINES: list[tuple[bytes, str]] = [
 
 
 def test_wrong_requests_get_an_error(client: Client) -> None:
-    for line, words in WRONG_LINES:
+    for line, message in WRONG_LINES:
         answer = client.send(line)
         assert not answer["ok"], line
-        assert words in answer["error"], line
+        assert message in answer["error"], line
         assert client.call(do="vehicles")["ok"], "and the connection goes on"
 
 
@@ -130,13 +130,13 @@ def test_commands_need_the_token(gateway: JsonGateway, login: dict[str, Any]) ->
     client = Client(gateway)
     with client:
         if login:
-            answer = client.call(do="login", **login)
-            assert "not the token" in answer["error"]
+            reply = client.call(do="login", **login)
+            assert "not the token" in reply["error"]
         for what in (*COMMANDS, *SERVICES):
-            answer = client.call(do=what)
-            assert not answer["ok"]
-            assert '"do": "login"' in answer["error"]
-            assert gateway.access.path in answer["error"]
+            reply = client.call(do=what)
+            assert not reply["ok"]
+            assert '"do": "login"' in reply["error"]
+            assert gateway.access.path in reply["error"]
         assert client.call(do="get")["ok"], "everybody may look"
         assert client.call(do="login", token=gateway.access.token)["ok"]
         assert client.call(do="stop")["ok"]

@@ -17,13 +17,13 @@ __all__ = ["client", "gateway", "own_state", "seeing_fleet"]  # the fixtures
 pytest.importorskip("numpy", reason="pictures and maps need numpy")
 
 
-def place(client: Client) -> list[float]:
+def position_of(client: Client) -> list[float]:
     position: list[float] = client.call(do="get", sensor="ground_truth")["sample"]["position"]
     return position
 
 
 def distance(client: Client, north: float, east: float, depth: float) -> float:
-    here = place(client)
+    here = position_of(client)
     return hypot(here[0] - north, here[1] - east, here[2] - depth)
 
 
@@ -97,11 +97,11 @@ def test_pictures_scans_and_the_map_are_read(client: Client) -> None:
     laser = sample(client, "laser")
     assert len(laser["ranges"]) == 91
     assert any(distance is not None and isfinite(distance) for distance in laser["ranges"])
-    known = sample(client, "map")
-    cells = array.array("B", b64decode(known["cells"]))
+    map_sample = sample(client, "map")
+    cells = array.array("B", b64decode(map_sample["cells"]))
     assert set(cells) <= {0, 1}
-    assert len(cells) % known["columns"] == 0
-    assert (known["south"], known["west"], known["resolution"]) == (-10.0, -10.0, 0.25)
+    assert len(cells) % map_sample["columns"] == 0
+    assert (map_sample["south"], map_sample["west"], map_sample["resolution"]) == (-10.0, -10.0, 0.25)
 
 
 def test_subscribed_pictures_are_sent(client: Client) -> None:

@@ -79,17 +79,17 @@ def test_pulse_widths_are_sent_more_often_than_once_a_second(ground: Ground) -> 
     ground.set_mode(Mode.MANUAL)
     ground.arm()
     assert ground.command(dialect.MAV_CMD_SET_MESSAGE_INTERVAL, dialect.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW, 1e5) == 0
-    seen: list[int] = []
-    began = time.monotonic()
+    pulses: list[int] = []
+    start = time.monotonic()
 
     def changes(message: Any) -> bool:
-        if message.servo1_raw not in seen[-1:]:
-            seen.append(message.servo1_raw)
-        return len(seen) > 12
+        if message.servo1_raw not in pulses[-1:]:
+            pulses.append(message.servo1_raw)
+        return len(pulses) > 12
 
     ground.wait("SERVO_OUTPUT_RAW", changes, lambda: ground.sticks(x=300 if int(5 * time.monotonic()) % 2 else -300))
-    assert time.monotonic() - began < 9.0
-    assert any(pulse not in (0, 1500) for pulse in seen)
+    assert time.monotonic() - start < 9.0
+    assert any(pulse not in (0, 1500) for pulse in pulses)
 
 
 def test_a_joystick_moves_the_vehicle_and_silence_stops_it(ground: Ground) -> None:
@@ -110,10 +110,10 @@ def test_a_position_target_is_reached_and_held(ground: Ground) -> None:
     ground.arm()
     zeros = [0.0] * 8
     ground.send.set_position_target_local_ned_send(0, 1, 1, 1, POSITION_ONLY, 5.0, 5.0, 1.5, *zeros)
-    near = ground.wait(
+    position = ground.wait(
         "LOCAL_POSITION_NED", lambda p: abs(p.x - 5) < 0.3 and abs(p.y - 5) < 0.3 and abs(p.z - 1.5) < 0.2
     )
-    assert near
+    assert position
     assert abs(ground.read_position().z - 1.5) < 0.3
 
 
@@ -141,21 +141,21 @@ def test_logs_are_listed_and_read(ground: Ground) -> None:
     ground.send.log_request_data_send(1, 1, entry.id, 0, 0xFFFFFFFF)
     data: dict[int, bytes] = {}
 
-    def take(part: Any) -> bool:
-        data[part.ofs] = bytes(part.data[: part.count])
-        return bool(part.count < 90)
+    def on_part(data_part: Any) -> bool:
+        data[data_part.ofs] = bytes(data_part.data[: data_part.count])
+        return bool(data_part.count < 90)
 
-    ground.wait("LOG_DATA", take)
+    ground.wait("LOG_DATA", on_part)
     assert b"".join(data[at] for at in sorted(data)) == bytes(range(256)) * 20
 
 
 def test_several_ground_stations_connect_and_a_web_page_cannot_arm(ground: Ground, vehicle: Vehicle) -> None:
-    other = Ground(f"tcp:127.0.0.1:{vehicle.tcp}", system=254)
-    other.beat()
-    other.connect()
+    other_station = Ground(f"tcp:127.0.0.1:{vehicle.tcp}", system=254)
+    other_station.beat()
+    other_station.connect()
     ground.set_mode(Mode.STABILIZE)
-    other.wait("HEARTBEAT", lambda beat: beat.custom_mode == Mode.STABILIZE)
-    other.link.close()
+    other_station.wait("HEARTBEAT", lambda beat: beat.custom_mode == Mode.STABILIZE)
+    other_station.link.close()
     import socket
 
     with socket.create_connection(("127.0.0.1", vehicle.tcp)) as page:
@@ -182,7 +182,7 @@ def test_a_second_mavlink_gateway_on_a_serial_line_cannot_command(
         parser.robust_parsing = True
         os.set_blocking(radio, False)
 
-        def answers() -> list[Any]:
+        def acknowledgements() -> list[Any]:
             """Keep the first armed, and return what the second has answered since."""
             ground.beat()
             ground.sticks()
@@ -201,11 +201,11 @@ def test_a_second_mavlink_gateway_on_a_serial_line_cannot_command(
 
         def is_refused() -> bool:
             ask(1)
-            results = answers()
+            results = acknowledgements()
             if dialect.MAV_RESULT_ACCEPTED in results:  # this test was silent too long, and its vehicle was let go
                 ask(0)
                 for _ in range(5):
-                    answers()
+                    acknowledgements()
                 ground.command(dialect.MAV_CMD_COMPONENT_ARM_DISARM, 1)
             return dialect.MAV_RESULT_FAILED in results
 

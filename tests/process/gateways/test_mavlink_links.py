@@ -24,19 +24,19 @@ PACKET: bytes = BEAT.pack(dialect.MAVLink(None, 1, 1))
 
 def test_udp_partners_are_served_until_they_time_out() -> None:
     link = UdpIn("127.0.0.1", 0)
-    ends = [UdpOut("127.0.0.1", link.port) for _ in range(2)]
+    clients = [UdpOut("127.0.0.1", link.port) for _ in range(2)]
     try:
-        for end in ends:
+        for end in clients:
             end.send(end.partners()[0], PACKET, BEAT)
         assert wait_for(lambda: (link.receive(NS_PER_S) and len(link.partners()) == 2) or None)
         assert all(link.is_local(partner) for partner in link.partners())
         assert not link.is_local(("192.0.2.1", 14550))
         link.send(link.partners()[0], PACKET, BEAT)
-        assert wait_for(lambda: ends[0].receive(0) or None) == [(ends[0].partners()[0], PACKET)]
+        assert wait_for(lambda: clients[0].receive(0) or None) == [(clients[0].partners()[0], PACKET)]
         link.tick(100 * NS_PER_S)
         assert link.partners() == []
     finally:
-        for one in (link, *ends):
+        for one in (link, *clients):
             one.close()
 
 
@@ -54,21 +54,21 @@ def test_a_sender_of_noise_is_no_partner() -> None:
 def test_partners_beyond_the_limit_are_refused_and_counted() -> None:
     """The connected peers stay connected."""
     datagrams, stream = UdpIn("127.0.0.1", 0), TcpIn("127.0.0.1", 0)
-    ends = [UdpOut("127.0.0.1", datagrams.port) for _ in range(MAX_PARTNERS + 2)]
-    calls: list[socket.socket] = []
+    clients = [UdpOut("127.0.0.1", datagrams.port) for _ in range(MAX_PARTNERS + 2)]
+    links: list[socket.socket] = []
     try:
-        for end in ends:
+        for end in clients:
             end.send(end.partners()[0], PACKET, BEAT)
             assert wait_for(lambda: datagrams.receive(0) or datagrams.refused or None)
         for _ in range(MAX_PARTNERS + 2):
-            calls.append(socket.create_connection(("127.0.0.1", stream.port), PATIENCE_S))
-            assert wait_for(lambda: stream.receive(0) or len(stream.partners()) + stream.refused == len(calls) or None)
+            links.append(socket.create_connection(("127.0.0.1", stream.port), PATIENCE_S))
+            assert wait_for(lambda: stream.receive(0) or len(stream.partners()) + stream.refused == len(links) or None)
         assert (len(datagrams.partners()), len(stream.partners())) == (MAX_PARTNERS, MAX_PARTNERS)
         assert wait_for(lambda: datagrams.receive(0) or (datagrams.refused, stream.refused) == (2, 2) or None)
     finally:
-        for end in ends:
+        for end in clients:
             end.close()
-        for call in calls:
+        for call in links:
             call.close()
         datagrams.close()
         stream.close()
@@ -76,24 +76,24 @@ def test_partners_beyond_the_limit_are_refused_and_counted() -> None:
 
 def test_a_lost_tcp_connection_is_made_again() -> None:
     port = free_port()
-    out = TcpOut("127.0.0.1", port)
+    client = TcpOut("127.0.0.1", port)
     for _ in range(2):
-        assert _exchange_packet(out, port), "a packet comes through"
-        assert wait_for(lambda: out.receive(0) or not out.partners() or None), "and its end is seen"
-    out.close()
+        assert _exchange_packet(client, port), "a packet comes through"
+        assert wait_for(lambda: client.receive(0) or not client.partners() or None), "and its end is seen"
+    client.close()
 
 
-def _exchange_packet(out: TcpOut, port: int) -> bool:
+def _exchange_packet(client: TcpOut, port: int) -> bool:
     """Return True if a packet reaches a peer, which then closes its connection."""
     server = TcpIn("127.0.0.1", port)
 
-    def meet() -> Any:
-        out.tick(now_ns())
+    def connect() -> Any:
+        client.tick(now_ns())
         server.receive(0)
-        return out.partners() and server.partners()
+        return client.partners() and server.partners()
 
-    assert wait_for(meet)
-    out.send(out.partners()[0], PACKET, BEAT)
+    assert wait_for(connect)
+    client.send(client.partners()[0], PACKET, BEAT)
     received = wait_for(lambda: server.receive(0) or None)
     server.close()
     return bool(received)
@@ -148,18 +148,18 @@ def test_packets_have_the_keys_and_json_of_blueos() -> None:
 
 
 def test_video_is_served_to_this_machine_only() -> None:
-    seen = threading.Event()
-    with VideoServer(0, seen.set) as video:
+    requested = threading.Event()
+    with VideoServer(0, requested.set) as video:
         browser = http.client.HTTPConnection("127.0.0.1", video.port, timeout=PATIENCE_S)
         browser.request("GET", "/")
-        answer = browser.getresponse()
-        assert BOUNDARY in (answer.getheader("Content-Type") or "")
-        assert seen.wait(PATIENCE_S)
+        response = browser.getresponse()
+        assert BOUNDARY in (response.getheader("Content-Type") or "")
+        assert requested.wait(PATIENCE_S)
         for number in range(3):
             video.show(b"\xff\xd8" + bytes((number,)) * 500)
-            head = b"".join(answer.readline() for _ in range(4))
+            head = b"".join(response.readline() for _ in range(4))
             assert b"Content-Length: 502" in head
-            assert answer.read(504) == b"\xff\xd8" + bytes((number,)) * 500 + b"\r\n"
+            assert response.read(504) == b"\xff\xd8" + bytes((number,)) * 500 + b"\r\n"
         page = http.client.HTTPConnection("127.0.0.1", video.port, timeout=PATIENCE_S)
         page.request("GET", "/", headers={"Host": "attacker.example"})
         assert page.getresponse().status == 403

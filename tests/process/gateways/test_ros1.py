@@ -19,12 +19,12 @@ TWIST, IMU, ODOMETRY, SET_BOOL = (
 )  # fmt: skip
 
 
-def topic(name: str, kind: str, md5sum: str, **more: str) -> dict[str, str]:
-    return {"callerid": "/test", "topic": name, "type": kind, "md5sum": md5sum, **more}
+def topic(name: str, kind: str, md5sum: str, **fields: str) -> dict[str, str]:
+    return {"callerid": "/test", "topic": name, "type": kind, "md5sum": md5sum, **fields}
 
 
-def service(name: str, md5sum: str, **more: str) -> dict[str, str]:
-    return {"callerid": "/test", "service": name, "md5sum": md5sum, **more}
+def service(name: str, md5sum: str, **fields: str) -> dict[str, str]:
+    return {"callerid": "/test", "service": name, "md5sum": md5sum, **fields}
 
 
 def twist(surge: float) -> bytes:
@@ -102,11 +102,11 @@ def test_corrupt_headers_end_their_connections_only(served: Served) -> None:
 
 
 def test_a_subscriber_that_does_not_read_does_not_block_others(served: Served) -> None:
-    idle = [subscribed(served, "/uuv1/imu", "sensor_msgs/Imu", IMU) for _ in range(3)]
+    idle_clients = [subscribed(served, "/uuv1/imu", "sensor_msgs/Imu", IMU) for _ in range(3)]
     with subscribed(served, "/uuv1/imu", "sensor_msgs/Imu", IMU) as imu:
         for _ in range(100):
             imu.receive()
-    for each in idle:
+    for each in idle_clients:
         each.socket.close()
     assert wait_for(lambda: not any(entry[4] == "/uuv1/imu" for entry in bus_info(served)))
 
@@ -161,11 +161,11 @@ def test_services_answer_on_a_persistent_connection(served: Served) -> None:
     assert wait_for(lambda: "/uuv1/arm" in served.master.names("Service"))
     with Peer(served.tcpros, service("/uuv1/arm", SET_BOOL, persistent="1")) as peer:
         assert peer.header()["type"] == "std_srvs/SetBool"
-        for wanted, words in ((b"\x00", b"disarmed"), (b"\x01", b"armed: commands are taken")):
+        for wanted, message in ((b"\x00", b"disarmed"), (b"\x01", b"armed: commands are taken")):
             peer.send(pack("<I", 1) + wanted)
             assert peer.read(1) == b"\x01"
             answer = peer.receive()
-            assert (answer[0], words in answer) == (1, True)
+            assert (answer[0], message in answer) == (1, True)
         peer.send(pack("<I", 3) + b"abc")
         assert peer.read(1) == b"\x00"
         assert b"none of std_srvs/SetBool" in peer.receive()
@@ -190,11 +190,11 @@ def test_parameters_are_set_at_the_ros_master_and_updated_from_it(served: Served
 
 
 def test_unknown_requests_of_xmlrpc_get_an_error(served: Served) -> None:
-    answers: list[Any] = [
+    responses: list[Any] = [
         served.node.fly("/test"), served.node.getPid(), served.node.requestTopic("/test", "/nothing", [["TCPROS"]]),
         served.node.requestTopic("/test", "/uuv1/imu", [["UDPROS", 1, 2]]),
     ]  # fmt: skip
-    assert [answer[0] for answer in answers] == [-1, -1, 0, 0]
+    assert [answer[0] for answer in responses] == [-1, -1, 0, 0]
     with Peer(int(served.api.rstrip("/").rpartition(":")[2])) as peer:
         peer.send(b"POST / HTTP/1.0\r\nContent-Length: 5\r\n\r\n<a><b")
         assert b"no request of XML-RPC" in b"".join(iter(lambda: peer.socket.recv(4096), b""))
@@ -219,7 +219,7 @@ def test_a_restarted_ros_master_receives_all_registrations(tmp_path: Any) -> Non
 
 def test_connections_are_limited(served: Served) -> None:
     port = served.tcpros
-    held = [Peer(port) for _ in range(256)]
+    open_peers = [Peer(port) for _ in range(256)]
     try:
 
         def is_refused() -> bool:
@@ -231,7 +231,7 @@ def test_connections_are_limited(served: Served) -> None:
 
         assert wait_for(is_refused)
     finally:
-        for each in held:
+        for each in open_peers:
             each.socket.close()
     with subscribed(served, "/uuv1/imu", "sensor_msgs/Imu", IMU) as imu:
         assert len(imu.receive()) > 300

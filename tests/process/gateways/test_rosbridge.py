@@ -34,13 +34,13 @@ class Bridge:
     def send(self, op: str, **values: Any) -> None:
         self.socket.send(json.dumps({"op": op, **values}))
 
-    def receive(self, op: str, **wanted: Any) -> Any:
+    def receive(self, op: str, **expected: Any) -> Any:
         """Return the next message of this kind with these values."""
         deadline = time.monotonic() + PATIENCE_S
         while time.monotonic() < deadline:
             data = self.socket.recv(PATIENCE_S)
             message = json.loads(data) if isinstance(data, str) else cbor2.loads(data)
-            if message["op"] == op and wanted.items() <= message.items():
+            if message["op"] == op and expected.items() <= message.items():
                 return message
         raise AssertionError(f"no {op} came")
 
@@ -142,10 +142,10 @@ def test_wrong_requests_are_reported(bridge: Bridge) -> None:
         ("advertise_service", {"service": "/mine"}, "has it not"),
         ("fly", {}, "no operation"),
     ]
-    for op, values, words in cases:
+    for op, values, message in cases:
         bridge.send(op, id="x", **values)
         status = bridge.receive("status", id="x")
-        assert (status["level"], words in status["msg"]) == ("error", True), status
+        assert (status["level"], message in status["msg"]) == ("error", True), status
     refused = bridge.call("/uuv1/nothing")
     assert (refused["result"], "no server for" in refused["values"]) == (False, True)
     assert not bridge.call("/rosapi/nothing")["result"]

@@ -26,9 +26,9 @@ from tests.support.boards.installed_service import (
     KNOWN,
     PASSWD,
     SERIAL,
+    executed,
     files,
     install,
-    ran,
     root,
     scenario,
     settings,
@@ -37,11 +37,11 @@ from tests.support.boards.installed_service import (
 )
 from tests.support.boards.recorded import build, link, plant
 
-__all__ = ["ran", "root", "scenario"]  # the fixtures
+__all__ = ["executed", "root", "scenario"]  # the fixtures
 
 
-def scenario_with_link(port: str, more: str = "") -> str:
-    return SERIAL + f'[link]\nport = "{port}"\n{more}'
+def scenario_with_link(port: str, extra_keys: str = "") -> str:
+    return SERIAL + f'[link]\nport = "{port}"\n{extra_keys}'
 
 
 def test_the_service_restarts_until_its_device_exists(root: Path, scenario: str) -> None:
@@ -142,19 +142,19 @@ def test_a_pty_of_another_program_gets_no_rule(root: Path, scenario: str) -> Non
     assert values(root, UNIT, "PrivateTmp") == ["no"]
 
 
-def test_rules_are_applied_at_once(root: Path, scenario: str, ran: list[str]) -> None:
+def test_rules_are_applied_at_once(root: Path, scenario: str, executed: list[str]) -> None:
     """The rules are triggered by change events for all devices that they name."""
     Path(scenario).write_text(scenario_with_link("can:gs_usb:0", 'protocol = "vesc"'))
     assert install(root, scenario, "--yes") == 0
     rules = (root / RULES[1:]).read_text()
-    (trigger,) = [command for command in ran if command.startswith("udevadm trigger")]
+    (trigger,) = [command for command in executed if command.startswith("udevadm trigger")]
     subsystems = {*re.findall('SUBSYSTEM=="([^"]+)"', rules), "tty", "misc"}  # /dev/cpu_dma_latency is one of misc
     assert subsystems == set(re.findall(r"--subsystem-match=(\S+)", trigger))
     assert all("change" in events.split("|") for events in re.findall('ACTION=="([^"]+)"', rules))
-    assert ran.index("udevadm control --reload") < ran.index(trigger)
+    assert executed.index("udevadm control --reload") < executed.index(trigger)
 
 
-def test_power_saving_of_the_wlan_is_turned_off(root: Path, scenario: str, ran: list[str]) -> None:
+def test_power_saving_of_the_wlan_is_turned_off(root: Path, scenario: str, executed: list[str]) -> None:
     """The rule holds for any name of the interface, once it has it; NetworkManager does not turn it on again."""
     assert install(root, scenario, "--yes") == 0
     assert os.path.basename(RULES) > "99-com.rules" > "80-net-setup-link.rules"
@@ -164,10 +164,10 @@ def test_power_saving_of_the_wlan_is_turned_off(root: Path, scenario: str, ran: 
     assert install(root, scenario, "--yes") == 0
     assert "[connection]\nwifi.powersave = 2\n" in (root / MANAGER[1:]).read_text()
     assert os.path.basename(MANAGER) > "default-wifi-powersave-on.conf"
-    again = "systemctl try-reload-or-restart NetworkManager"
-    assert ran.count(again) == 1
+    reload_command = "systemctl try-reload-or-restart NetworkManager"
+    assert executed.count(reload_command) == 1
     assert uninstall(root) == 0
-    assert ran.count(again) == 2
+    assert executed.count(reload_command) == 2
     assert not (root / MANAGER[1:]).exists()
 
 
@@ -285,15 +285,15 @@ def test_the_scenario_is_loaded_as_the_user_of_the_service(
     monkeypatch.setattr("os.geteuid", lambda: 0)
     requested: dict[str, object] = {}
 
-    def run(words: list[str], **how: object) -> subprocess.CompletedProcess[str]:
-        requested.update(how, words=words)
-        return subprocess.CompletedProcess(words, 1, "", "warning\nmine.toml: cannot be read\n")
+    def run(command: list[str], **options: object) -> subprocess.CompletedProcess[str]:
+        requested.update(options, words=command)
+        return subprocess.CompletedProcess(command, 1, "", "warning\nmine.toml: cannot be read\n")
 
     monkeypatch.setattr(subprocess, "run", run)
-    nobody = pwd.getpwnam("nobody")
+    nobody_user = pwd.getpwnam("nobody")
     with pytest.raises(ConfigError, match=r"the slave would not start as nobody: mine\.toml: cannot be read$"):
         board_check.check(Tree("/"), service(Path(scenario)))
-    assert (requested["user"], requested["group"], requested["cwd"]) == (nobody.pw_uid, nobody.pw_gid, "/")
+    assert (requested["user"], requested["group"], requested["cwd"]) == (nobody_user.pw_uid, nobody_user.pw_gid, "/")
     assert requested["words"] == python_command("-c", board_check.CODE, scenario, "", "")
     with pytest.raises(SystemExit, match=r"nothing\.toml: no such file"):
         board_check.main(str(tmp_path / "nothing.toml"), "", "")
@@ -305,10 +305,10 @@ def test_a_python_that_the_user_cannot_execute_is_refused(
     scenario: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(board_check, "PRIVATE_FOLDERS", ("/nowhere/",))
-    closed = tmp_path / "closed"
-    closed.mkdir(mode=0o700)
-    (closed / "python3").symlink_to(sys.executable)
-    monkeypatch.setattr("sys.executable", str(closed / "python3"))
+    closed_folder = tmp_path / "closed"
+    closed_folder.mkdir(mode=0o700)
+    (closed_folder / "python3").symlink_to(sys.executable)
+    monkeypatch.setattr("sys.executable", str(closed_folder / "python3"))
     with pytest.raises(ConfigError, match="python3: nobody may not execute it"):
         board_check.check(Tree("/"), service(Path(scenario)))
 

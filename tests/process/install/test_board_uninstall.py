@@ -10,40 +10,40 @@ import pytest
 
 from hil.install.changes import MANIFEST
 from hil.install.units import LIMITS, RULES, UNIT
-from tests.support.boards.installed_service import CAN, SERIAL, files, install, ran, root, scenario, uninstall
+from tests.support.boards.installed_service import CAN, SERIAL, executed, files, install, root, scenario, uninstall
 from tests.support.boards.recorded import link, plant
 
-__all__ = ["ran", "root", "scenario"]  # the fixtures
+__all__ = ["executed", "root", "scenario"]  # the fixtures
 
 
-def test_units_are_stopped_before_their_files_are_removed(root: Path, scenario: str, ran: list[str]) -> None:
+def test_units_are_stopped_before_their_files_are_removed(root: Path, scenario: str, executed: list[str]) -> None:
     Path(scenario).write_text(CAN)
     assert install(root, scenario, "--yes") == 0
-    assert ran[:2] == ["systemctl daemon-reload", "systemctl enable uuv-hil-can.service uuv-hil.service"]
-    ran.clear()
+    assert executed[:2] == ["systemctl daemon-reload", "systemctl enable uuv-hil-can.service uuv-hil.service"]
+    executed.clear()
     Path(scenario).write_text(SERIAL)
     assert install(root, scenario, "--yes") == 0
     gone = "uuv-hil-can.service"
-    assert ran[:2] == [f"systemctl disable --now {gone}", f"systemctl reset-failed {gone}"]
-    assert "systemctl enable uuv-hil.service" in ran
-    ran.clear()
+    assert executed[:2] == [f"systemctl disable --now {gone}", f"systemctl reset-failed {gone}"]
+    assert "systemctl enable uuv-hil.service" in executed
+    executed.clear()
     assert uninstall(root) == 0
-    assert ran[:2] == ["systemctl disable --now uuv-hil.service", "systemctl reset-failed uuv-hil.service"]
+    assert executed[:2] == ["systemctl disable --now uuv-hil.service", "systemctl reset-failed uuv-hil.service"]
 
 
 def test_a_changed_unit_is_stopped_but_its_file_is_left(
-    root: Path, scenario: str, ran: list[str], capsys: pytest.CaptureFixture[str]
+    root: Path, scenario: str, executed: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
     """The unit is stopped like the others. Its file stays, and is reported, until somebody removes it."""
     assert install(root, scenario, "--yes") == 0
     plant(root, UNIT[1:], "# mine\n")
     for _ in range(2):
-        ran.clear()
+        executed.clear()
         assert uninstall(root) == 0
         assert f"{UNIT}: changed since it was written; it is left there; remove it with: sudo rm {UNIT}" in (
             capsys.readouterr().out
         )
-        assert ran[0] == "systemctl disable --now uuv-hil.service"
+        assert executed[0] == "systemctl disable --now uuv-hil.service"
     (root / UNIT[1:]).unlink()
     assert uninstall(root) == 0
     assert not (root / MANIFEST[1:]).exists()
@@ -89,7 +89,7 @@ def test_a_unit_that_is_masked_is_left_alone(root: Path, scenario: str, capsys: 
 
 
 @pytest.mark.parametrize(
-    ("made", "reported"),
+    ("folder", "reported"),
     [
         (f"{RULES}/", f"{RULES}: is not a regular file"),
         (f"{MANIFEST}/", f"{MANIFEST}: is not a regular file"),
@@ -98,9 +98,9 @@ def test_a_unit_that_is_masked_is_left_alone(root: Path, scenario: str, capsys: 
     ],
 )
 def test_a_file_in_place_of_a_folder_is_refused(
-    root: Path, scenario: str, capsys: pytest.CaptureFixture[str], made: str, reported: str
+    root: Path, scenario: str, capsys: pytest.CaptureFixture[str], folder: str, reported: str
 ) -> None:
-    plant(root, f"{made[1:]}mine" if made.endswith("/") else made[1:], "")
+    plant(root, f"{folder[1:]}mine" if folder.endswith("/") else folder[1:], "")
     before = sorted(root.rglob("*"))
     assert install(root, scenario, "--yes") == 2
     assert re.fullmatch(rf"uuv-hil board: {reported}.*; remove it first\n", capsys.readouterr().err)
@@ -151,14 +151,14 @@ def test_a_manifest_of_an_earlier_release_is_accepted(root: Path, scenario: str)
 def test_owner_and_mode_of_a_replaced_file_are_restored(root: Path, scenario: str) -> None:
     """The manifest holds owner and mode, and can be read only by users who could read the file."""
     plant(root, LIMITS[1:], "uuv - rtprio 10\n")
-    place, manifest = root / LIMITS[1:], root / MANIFEST[1:]
-    place.chmod(0o600)
+    limits_file, manifest = root / LIMITS[1:], root / MANIFEST[1:]
+    limits_file.chmod(0o600)
     if os.geteuid() == 0:
-        os.chown(place, 999, 998)
-    before = place.stat()
+        os.chown(limits_file, 999, 998)
+    before = limits_file.stat()
     assert install(root, scenario, "--yes") == 0
-    assert (place.stat().st_mode & 0o777, place.stat().st_uid) == (0o644, os.geteuid())
+    assert (limits_file.stat().st_mode & 0o777, limits_file.stat().st_uid) == (0o644, os.geteuid())
     assert manifest.stat().st_mode & 0o777 == 0o600
     assert uninstall(root) == 0
-    after = place.stat()
+    after = limits_file.stat()
     assert (after.st_mode, after.st_uid, after.st_gid) == (before.st_mode, before.st_uid, before.st_gid)

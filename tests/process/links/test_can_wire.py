@@ -47,13 +47,13 @@ def frame_of(received: can.Message | None) -> CanFrame:
 
 def receives_all_accepted_frames(device: Wire, host: Wire, frames: int) -> bool:
     """Send more than the bus can hold without a reader; return whether all accepted frames are received."""
-    wanted = records(bytes(8 * frames), 0)
-    sent = 0
+    expected = records(bytes(8 * frames), 0)
+    sent_bytes = 0
     for _ in range(4):
-        sent += host.write(wanted[sent:])
+        sent_bytes += host.write(expected[sent_bytes:])
         time.sleep(0.03)  # longer than the reading thread's period
-    assert 0 < sent < len(wanted)
-    return read_bytes(device, sent) == wanted[:sent]
+    assert 0 < sent_bytes < len(expected)
+    return read_bytes(device, sent_bytes) == expected[:sent_bytes]
 
 
 class TestSocketCan:
@@ -100,15 +100,15 @@ class TestSlcan:
         """python-can's own slcan is the other end."""
         bus = SlcanBus(2)
         wire = SlcanWire(UartWire(bus.paths[0]))
-        other = can.Bus(bus.paths[1], "slcan", bitrate=1_000_000, sleep_after_open=0.0, ignore_config=True)
+        adapter = can.Bus(bus.paths[1], "slcan", bitrate=1_000_000, sleep_after_open=0.0, ignore_config=True)
         until(lambda: bus.output[0][-1:] == [b"O"] and bus.output[1].count(b"O") == 2)
         wire.read()
         for frame in (STANDARD, EXTENDED, EMPTY):
             wire.write(pack_frame(frame))
-            assert frame_of(other.recv(2.0)) == frame
-            other.send(message(frame))
+            assert frame_of(adapter.recv(2.0)) == frame
+            adapter.send(message(frame))
             assert list(unpack_frames(read_bytes(wire, 16))) == [frame]
-        other.shutdown()
+        adapter.shutdown()
         wire.close()
         bus.close()
 
@@ -116,14 +116,14 @@ class TestSlcan:
         adapter = PtyWire()
         wire = SlcanWire(PtyHostWire(adapter.path))
         numbered = records(bytes(8) * 2000, 0)
-        taken = wire.write(numbered)
-        assert 0 < taken < len(numbered)
+        written = wire.write(numbered)
+        assert 0 < written < len(numbered)
         text = read_bytes(adapter, 1 << 20, 0.1)
         wire.read()  # a loop does
         text += read_bytes(adapter, 1 << 20, 0.1)
         *lines, rest = text.split(b"\r")
         assert rest == b""
-        assert lines[4:] == [b"T%08X8%016X" % (number, 0) for number in range(taken // 16)]
+        assert lines[4:] == [b"T%08X8%016X" % (number, 0) for number in range(written // 16)]
         wire.close()
         adapter.close()
 
@@ -144,7 +144,7 @@ class TestSlcan:
     def test_noise_raises_no_error_and_loses_no_later_frame(self, noise: list[bytes]) -> None:
         line = CannedLine([*noise, b"\rtF23", b"\x07T1FFFFFFF8000102030405", b"0607\r"])
         wire = SlcanWire(line)
-        received = b"".join(wire.read() for _ in line.parts)
+        received = b"".join(wire.read() for _ in line.chunks)
         assert list(unpack_frames(received))[-1] == EXTENDED
         assert len(received) % 16 == 0
 
@@ -171,21 +171,21 @@ class TestSlcan:
 class TestPythonCan:
     def test_frames_are_exchanged_with_python_can_on_a_virtual_bus(self) -> None:
         wire = PythonCanWire("virtual", "shared")
-        with can.Bus("shared", "virtual", ignore_config=True) as other:
+        with can.Bus("shared", "virtual", ignore_config=True) as other_bus:
             for frame in (STANDARD, EXTENDED, EMPTY):
                 wire.write(pack_frame(frame))
-                assert frame_of(other.recv(2.0)) == frame
-                other.send(message(frame))
+                assert frame_of(other_bus.recv(2.0)) == frame
+                other_bus.send(message(frame))
                 assert list(unpack_frames(read_bytes(wire, 16))) == [frame]
         wire.close()
 
     def test_frames_other_than_classic_data_frames_are_ignored(self) -> None:
         wire = PythonCanWire("virtual", "mixed")
-        with can.Bus("mixed", "virtual", ignore_config=True) as other:
-            other.send(can.Message(arbitration_id=1, is_remote_frame=True, dlc=2))
-            other.send(can.Message(arbitration_id=2, is_error_frame=True))
-            other.send(can.Message(arbitration_id=3, is_fd=True, data=bytes(32)))
-            other.send(message(EXTENDED))
+        with can.Bus("mixed", "virtual", ignore_config=True) as other_bus:
+            other_bus.send(can.Message(arbitration_id=1, is_remote_frame=True, dlc=2))
+            other_bus.send(can.Message(arbitration_id=2, is_error_frame=True))
+            other_bus.send(can.Message(arbitration_id=3, is_fd=True, data=bytes(32)))
+            other_bus.send(message(EXTENDED))
             assert read_bytes(wire, 16) == pack_frame(EXTENDED)
         wire.close()
 
@@ -203,10 +203,10 @@ class TestPythonCan:
         device, host = virtual_pair()
         assert threading.active_count() == before
         for count in (1, 6, 256):
-            wanted = records(bytes(8 * count), 0)
-            assert host.write(wanted) == len(wanted)
+            expected = records(bytes(8 * count), 0)
+            assert host.write(expected) == len(expected)
             assert select.select([device], [], [], 0)[0]
-            assert device.read() == wanted
+            assert device.read() == expected
             assert not select.select([device, host], [], [], 0)[0]
             assert device.read() == b""
         device.close()
@@ -226,14 +226,14 @@ class TestPythonCan:
         device, host = virtual_pair()
 
         def wakes_at_once() -> None:
-            took = []
+            durations = []
             for _ in range(21):
-                began = time.perf_counter()
+                start = time.perf_counter()
                 host.write(pack_frame(EXTENDED))
                 assert wait_readable(device)
-                took.append(time.perf_counter() - began)
+                durations.append(time.perf_counter() - start)
                 assert device.read() == pack_frame(EXTENDED)
-            assert sorted(took)[10] < 0.002, "and not when the thread would look by itself"
+            assert sorted(durations)[10] < 0.002, "and not when the thread would look by itself"
 
         retry_when_busy(wakes_at_once, "threads of one process", attempts=20)
         assert receives_all_accepted_frames(device, host, frames=2000)
@@ -249,13 +249,13 @@ class TestPythonCan:
     def test_frames_are_exchanged_with_python_can_on_a_multicast_bus(self) -> None:
         """Frames of other tests may come in between: the package receives every group of its port."""
         wire = PythonCanWire("udp_multicast", GROUP)
-        with can.Bus(GROUP, "udp_multicast", hop_limit=0, ignore_config=True) as other:
+        with can.Bus(GROUP, "udp_multicast", hop_limit=0, ignore_config=True) as other_bus:
             wire.write(pack_frame(STANDARD))
-            until(lambda: frame_of(other.recv(2.0)) == STANDARD)
-            other.recv(0)
+            until(lambda: frame_of(other_bus.recv(2.0)) == STANDARD)
+            other_bus.recv(0)
             with socket.socket(type=socket.SOCK_DGRAM) as outsider:
                 outsider.sendto(b"no frame at all", (GROUP, 43113))
-            other.send(message(STANDARD))  # the very frame that it has just sent itself
+            other_bus.send(message(STANDARD))  # the very frame that it has just sent itself
             received = list(unpack_frames(read_bytes(wire, 16)))
             while STANDARD not in received:
                 received += unpack_frames(read_bytes(wire, 16))
@@ -286,10 +286,10 @@ class TestPythonCan:
 class CannedLine(Wire):
     """A line that reads as it was given, a part at a time, and takes all that is written."""
 
-    def __init__(self, parts: list[bytes]) -> None:
+    def __init__(self, chunks: list[bytes]) -> None:
         self.name = "canned"
-        self.parts = parts
-        self._unread_parts = iter(parts)
+        self.chunks = chunks
+        self._unread_parts = iter(chunks)
 
     def fileno(self) -> int:
         return -1

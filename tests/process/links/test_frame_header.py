@@ -23,10 +23,10 @@ def value(name: str, thrusters: int = len(PULSES)) -> int:
 
 
 def test_the_header_matches_the_frame_file() -> None:
-    done = subprocess.run(
+    completed = subprocess.run(
         [sys.executable, "tools/frame_header.py", "--check"], cwd=ROOT, capture_output=True, text=True
     )
-    assert (done.returncode, done.stderr) == (0, "")
+    assert (completed.returncode, completed.stderr) == (0, "")
 
 
 def test_a_header_that_is_not_up_to_date_is_reported(tmp_path: Path) -> None:

@@ -58,14 +58,14 @@ def test_a_width_outside_the_valid_range_turns_the_output_off(command: str) -> N
 
 
 def test_wide_pulses_are_sent_by_servo_output_raw_and_limited_by_controls() -> None:
-    wide = (800, 2200, 1500, 1900)
+    wide_pulses = (800, 2200, 1500, 1900)
     for command, span_us, expected in (
-        ("servo_output_raw", 400, list(wide)),
+        ("servo_output_raw", 400, list(wide_pulses)),
         ("hil_actuator_controls", 400, [1100, 1900, 1500, 1900]),
-        ("hil_actuator_controls", 700, list(wide)),
+        ("hil_actuator_controls", 700, list(wide_pulses)),
     ):
         board, host = Board(span_us=span_us), host_end(command=command, span_us=span_us)
-        (received,) = reports(host.feed(board.take(host.encode(order(3, wide)))))[-1:]
+        (received,) = reports(host.feed(board.take(host.encode(order(3, wide_pulses)))))[-1:]
         assert board.pwm_us == expected
         assert received.sequence == 3, "inferred from the pulses as the wire carries them"
 
@@ -82,18 +82,18 @@ def test_disarmed_outputs_are_neutral_whatever_the_pulses(command: str) -> None:
 
 
 def test_arming_is_sent_until_the_device_confirms_it() -> None:
-    host, peer, sees = host_end(), Peer(1, 1), Peer()
-    first, second = [sees.parse(host.encode(order(i))) for i in (1, 2)]
+    host, peer, decoder = host_end(), Peer(1, 1), Peer()
+    first, second = [decoder.parse(host.encode(order(i))) for i in (1, 2)]
     assert [m.get_type() for m in first] == [m.get_type() for m in second] == ["COMMAND_LONG", "SERVO_OUTPUT_RAW"]
     assert (first[0].command, first[0].param1, first[0].confirmation, second[0].confirmation) == (400, 1.0, 0, 1)
     beat = dialect.MAVLink_heartbeat_message(12, 0, 128, 0, 4, 3)
     assert host.feed(peer.pack(beat)) == []
-    assert sees.names(host.encode(order(3))) == ["SERVO_OUTPUT_RAW"]
-    again = sees.parse(host.encode(order(4, armed=False)))
+    assert decoder.names(host.encode(order(3))) == ["SERVO_OUTPUT_RAW"]
+    again = decoder.parse(host.encode(order(4, armed=False)))
     assert [m.get_type() for m in again] == ["COMMAND_LONG", "SERVO_OUTPUT_RAW"]
     assert (again[0].param1, again[0].confirmation) == (0.0, 0)
     for _ in range(300):
-        unacknowledged = sees.parse(host.encode(order(5, armed=False)))
+        unacknowledged = decoder.parse(host.encode(order(5, armed=False)))
     assert unacknowledged[0].confirmation == 255
 
 
@@ -125,11 +125,11 @@ def test_the_report_shows_the_watchdog_in_the_same_instant() -> None:
 
 
 def test_an_unchanged_report_is_one_message() -> None:
-    device, sees = device_end(), Peer()
-    assert sees.names(device.encode(report(armed=True))) == ["HEARTBEAT", "SYS_STATUS", "SERVO_OUTPUT_RAW"]
-    assert sees.names(device.encode(report(armed=True, frames=9, errors=3))) == ["SERVO_OUTPUT_RAW"]
+    device, decoder = device_end(), Peer()
+    assert decoder.names(device.encode(report(armed=True))) == ["HEARTBEAT", "SYS_STATUS", "SERVO_OUTPUT_RAW"]
+    assert decoder.names(device.encode(report(armed=True, frames=9, errors=3))) == ["SERVO_OUTPUT_RAW"]
     changed = device.encode(report(armed=True, watchdog_trips=2))
-    assert sees.names(changed) == ["HEARTBEAT", "SYS_STATUS", "SERVO_OUTPUT_RAW"]
+    assert decoder.names(changed) == ["HEARTBEAT", "SYS_STATUS", "SERVO_OUTPUT_RAW"]
 
 
 def test_counters_are_sent_with_the_heartbeat() -> None:
@@ -142,13 +142,13 @@ def test_counters_are_sent_with_the_heartbeat() -> None:
 
 
 def test_heartbeats_of_both_ends_have_identity_and_state() -> None:
-    sees = Peer()
+    decoder = Peer()
     host, device = host_end(), device_end()
-    (beat,) = sees.parse(host.tick(0))
+    (beat,) = decoder.parse(host.tick(0))
     assert (beat.type, beat.autopilot, beat.get_srcSystem(), beat.get_srcComponent()) == (18, 8, 1, 191)
     states = []
     for reported in (report(), report(armed=True), report(timed_out=True)):
-        beat, status, _ = sees.parse(device.tick(device.deadline_ns) + device.encode(reported))[-3:]
+        beat, status, _ = decoder.parse(device.tick(device.deadline_ns) + device.encode(reported))[-3:]
         assert (beat.type, beat.autopilot, beat.get_srcComponent(), beat.custom_mode) == (12, 0, 1, 0)
         states.append((beat.base_mode, beat.system_status, status.onboard_control_sensors_health))
     assert states == [(0, 3, 32768), (128, 4, 32768), (0, 5, 0)]
@@ -156,14 +156,14 @@ def test_heartbeats_of_both_ends_have_identity_and_state() -> None:
 
 @pytest.mark.parametrize("open_end", [host_end, device_end])
 def test_heartbeats_are_sent_once_a_second_and_missed_ones_are_skipped(open_end: Any) -> None:
-    end, sees, beats = open_end(), Peer(), []
+    end, decoder, beats = open_end(), Peer(), []
     now = 0
     while now < 5_000 * MS:
         now = max(now, end.deadline_ns)
-        beats += [now] * sees.names(end.tick(now)).count("HEARTBEAT")
+        beats += [now] * decoder.names(end.tick(now)).count("HEARTBEAT")
         now += 1
     assert [later - earlier for earlier, later in pairwise(beats)] == [1_000 * MS] * 5
-    assert sees.names(end.tick(10**12)).count("HEARTBEAT") == 1
+    assert decoder.names(end.tick(10**12)).count("HEARTBEAT") == 1
     assert end.deadline_ns > 10**12, "and then has its peace"
 
 
@@ -199,17 +199,17 @@ def test_reordered_reports_are_ignored() -> None:
         clock.now += 20 * MS
         telling = report((1500 + number,) * 4, frames=number, watchdog_trips=number)
         reported.append(device.encode(telling))  # trips change: the counters go with each
-    seen = []
+    results = []
     for number in (30, 32, 31, 33):
-        seen += [(received.pwm_us[0], received.frames) for received in reports(host.feed(reported[number - 1]))]
-    assert seen == [(1530, 30), (1532, 32), (1533, 33)]
+        results += [(received.pwm_us[0], received.frames) for received in reports(host.feed(reported[number - 1]))]
+    assert results == [(1530, 30), (1532, 32), (1533, 33)]
     again = device_end(clock=Clock())
     (received,) = reports(host.feed(again.encode(report((1501,) * 4, frames=1, watchdog_trips=1))))[-1:]
     assert (received.pwm_us[0], received.frames) == (1501, 1)
 
 
 def test_packet_numbers_may_wrap_and_jump() -> None:
-    board, host, sees = Board(), host_end(), Peer()
+    board, host, decoder = Board(), host_end(), Peer()
     for i in range(600):
         board.take(host.encode(order(i, (1100 + i,) * 4)))
         host.feed(board.end.tick(0))
@@ -217,27 +217,27 @@ def test_packet_numbers_may_wrap_and_jump() -> None:
             host.tick(i)  # lost
     assert board.stm32.refused == 0
     assert board.pwm_us == [1699] * 4
-    assert sees.names(host.encode(order(600)))[-1] == "SERVO_OUTPUT_RAW"
+    assert decoder.names(host.encode(order(600)))[-1] == "SERVO_OUTPUT_RAW"
 
 
 def test_other_mavlink_systems_on_the_wire_are_ignored() -> None:
     board, host = Board(), host_end()
     host.feed(board.take(host.encode(order(1))))
-    ground, other = Peer(255, 190), Peer(2, 1)
+    ground, other_vehicle = Peer(255, 190), Peer(2, 1)
     foreign = [
         ground.pack(dialect.MAVLink_heartbeat_message(6, 8, 192, 0, 4, 3)),
-        other.pack(dialect.MAVLink_heartbeat_message(2, 3, 0, 0, 5, 3)),
-        other.pack(dialect.MAVLink_sys_status_message(0, 0, 0, 0, 0, 0, 0, 0, 9, 9, 9, 9, 9)),
-        other.servos([1999] * 16),
-        other.pack(dialect.MAVLink_hil_actuator_controls_message(0, [1.0] * 16, 128, 0)),
-        other.pack(dialect.MAVLink_attitude_message(0, 0.1, 0.2, 0.3, 0.0, 0.0, 0.0)),
+        other_vehicle.pack(dialect.MAVLink_heartbeat_message(2, 3, 0, 0, 5, 3)),
+        other_vehicle.pack(dialect.MAVLink_sys_status_message(0, 0, 0, 0, 0, 0, 0, 0, 9, 9, 9, 9, 9)),
+        other_vehicle.servos([1999] * 16),
+        other_vehicle.pack(dialect.MAVLink_hil_actuator_controls_message(0, [1.0] * 16, 128, 0)),
+        other_vehicle.pack(dialect.MAVLink_attitude_message(0, 0.1, 0.2, 0.3, 0.0, 0.0, 0.0)),
         ground.long(dialect.MAV_CMD_COMPONENT_ARM_DISARM, 0.0, system=2),
         ground.long(dialect.MAV_CMD_COMPONENT_ARM_DISARM, 0.0, component=154),
         ground.pack(dialect.MAVLink_rc_channels_override_message(2, 1, *[1111] * 8)),
         ground.pack(dialect.MAVLink_manual_control_message(2, 1000, 0, 500, 0, 0)),
         Peer(1, 191).servos([1234] * 4, port=1),  # another set of outputs
         Peer(1, 1).servos([1234] * 4, port=1),
-        other.pack(dialect.MAVLink_esc_telemetry_1_to_4_message([9] * 4, *[[9] * 4] * 5)),
+        other_vehicle.pack(dialect.MAVLink_esc_telemetry_1_to_4_message([9] * 4, *[[9] * 4] * 5)),
     ]
     for packet in foreign:
         assert board.end.feed(packet) == host.feed(packet) == []
@@ -262,11 +262,11 @@ def test_both_ends_answer_timesync() -> None:
 
 @pytest.mark.parametrize("channels", [1, 4, 6, 16])
 def test_esc_readings_are_transmitted(channels: int) -> None:
-    device, host, sees = device_end(channels), host_end(channels), Peer()
-    assert "ESC_TELEMETRY_1_TO_4" not in sees.names(device.tick(0))
+    device, host, decoder = device_end(channels), host_end(channels), Peer()
+    assert "ESC_TELEMETRY_1_TO_4" not in decoder.names(device.tick(0))
     device.esc = [EscReading(100.0 + i, 14.81, 3.25 + i, 31.0, 720.0) for i in range(channels)]
     output = device.tick(200 * MS)
-    assert len(sees.names(output)) == math.ceil(channels / 4)
+    assert len(decoder.names(output)) == math.ceil(channels / 4)
     assert host.feed(output) == []
     for i, received in enumerate(host.esc):
         assert received is not None
@@ -294,7 +294,7 @@ def test_an_end_refuses_to_send_a_wrong_kind_or_number() -> None:
 
 
 @pytest.mark.parametrize(
-    ("settings", "words"),
+    ("settings", "message"),
     [
         ({"channels": 17}, "1 to 16 thrusters, not 17"),
         ({"channels": 0}, "1 to 16 thrusters, not 0"),
@@ -306,19 +306,19 @@ def test_an_end_refuses_to_send_a_wrong_kind_or_number() -> None:
         ({"sistem": 1}, "no key 'sistem'; did you mean 'system'"),
     ],
 )
-def test_wrong_settings_are_named(settings: dict[str, Any], words: str) -> None:
+def test_wrong_settings_are_named(settings: dict[str, Any], message: str) -> None:
     for role in ("host", "device"):
-        with pytest.raises(ConfigError, match=words):
+        with pytest.raises(ConfigError, match=message):
             open_mavlink(role, **{"channels": 4, **settings})
 
 
 def test_ids_can_be_chosen() -> None:
     ids = {"system": 7, "component": 140, "host_component": 25}
-    board, host, sees = Board(**ids), host_end(**ids), Peer()
+    board, host, decoder = Board(**ids), host_end(**ids), Peer()
     packets = host.encode(order(1))
-    assert {(m.get_srcSystem(), m.get_srcComponent()) for m in sees.parse(packets)} == {(7, 25)}
+    assert {(m.get_srcSystem(), m.get_srcComponent()) for m in decoder.parse(packets)} == {(7, 25)}
     output = board.take(packets)
-    assert {(m.get_srcSystem(), m.get_srcComponent()) for m in sees.parse(output)} == {(7, 140)}
+    assert {(m.get_srcSystem(), m.get_srcComponent()) for m in decoder.parse(output)} == {(7, 140)}
     assert reports(host.feed(output))[-1].pwm_us == PULSES
     assert Board().take(packets) == b"", "another system's"
 

@@ -46,12 +46,12 @@ class OtherProgram:
 
 def test_frames_have_the_bytes_of_the_public_library() -> None:
     with nothing_leaks():
-        wire, other = open_address(f"can:mcast:{MCAST}", "host"), OtherProgram()
+        wire, program = open_address(f"can:mcast:{MCAST}", "host"), OtherProgram()
         for frame in FRAMES:
-            other.send(datagram(frame))
+            program.send(datagram(frame))
             assert list(unpack_frames(read_bytes(wire, 16))) == [frame]
             assert multicast_bus._datagram_of_frame(frame) == datagram(frame)
-        other.socket.close()
+        program.socket.close()
         wire.close()
         wire.close()
 
@@ -68,18 +68,18 @@ def test_two_ends_receive_each_other_and_not_themselves() -> None:
 
 
 def test_noise_loses_no_frame() -> None:
-    wire, other = MulticastCanWire(str(MCAST)), OtherProgram()
+    wire, program = MulticastCanWire(str(MCAST)), OtherProgram()
     source = random.Random(1)
-    good = FRAMES[0]
-    damaged = bytearray(datagram(good))
+    valid = FRAMES[0]
+    damaged = bytearray(datagram(valid))
     damaged[-1] ^= 1
     noise = [
-        bytes(damaged), datagram(good, flags=1), datagram(good, magic=0x1234), datagram(CanFrame(1, bytes(9))),
+        bytes(damaged), datagram(valid, flags=1), datagram(valid, magic=0x1234), datagram(CanFrame(1, bytes(9))),
         datagram(CanFrame(1 << 30, b"")), b"", *[source.randbytes(source.randrange(90)) for _ in range(50)],
     ]  # fmt: skip
     for data in noise:
-        other.send(data)
-    other.send(datagram(good))
+        program.send(data)
+    program.send(datagram(valid))
     received = b""
 
     def is_there() -> bool:
@@ -88,8 +88,8 @@ def test_noise_loses_no_frame() -> None:
         return bool(received)
 
     until(is_there)
-    assert list(unpack_frames(received)) == [good]
-    other.socket.close()
+    assert list(unpack_frames(received)) == [valid]
+    program.socket.close()
     wire.close()
 
 
@@ -112,7 +112,7 @@ def test_the_public_library_commands_the_emulated_stm32(tmp_path: Path) -> None:
         command = [sys.executable, "-m", "tests.support.links.mcast_peer", f"mcast:{MCAST}"]
         done = subprocess.run(command, capture_output=True, text=True, timeout=200, cwd=ROOT)
     assert done.returncode == 0, done.stderr
-    found = json.loads(done.stdout.splitlines()[-1])
-    assert [found["speeds"][str(index)] for index in range(6)] == [3500, -3500, 0, 0, 0, 0]
-    assert found["nodes"] == {"20": "org.uuv-hil.stm32"}
-    assert found["parameter"] == ["ESC_INDEX", 0]
+    report = json.loads(done.stdout.splitlines()[-1])
+    assert [report["speeds"][str(index)] for index in range(6)] == [3500, -3500, 0, 0, 0, 0]
+    assert report["nodes"] == {"20": "org.uuv-hil.stm32"}
+    assert report["parameter"] == ["ESC_INDEX", 0]

@@ -37,13 +37,13 @@ def udp() -> Iterator[UdpWire]:
 class TestTcp:
     def test_peers_connect_and_disconnect(self, tcp: TcpWire) -> None:
         descriptor = tcp.fileno()
-        for word in (b"one", b"two", b"three"):
+        for chunk in (b"one", b"two", b"three"):
             assert tcp.write(b"nobody is there") == 0
             host = TcpHostWire(HERE, tcp.port)
-            host.write(word)
-            assert read_bytes(tcp, len(word)) == word
-            tcp.write(word)
-            assert read_bytes(host, len(word)) == word
+            host.write(chunk)
+            assert read_bytes(tcp, len(chunk)) == chunk
+            tcp.write(chunk)
+            assert read_bytes(host, len(chunk)) == chunk
             host.close()
             assert wait_readable(tcp)
             assert tcp.read() == b""
@@ -152,10 +152,10 @@ class TestUdp:
         wait_readable(udp)
         udp.read()
         with (
-            socket.socket(fileno=socket.dup(host.fileno())) as same,
+            socket.socket(fileno=socket.dup(host.fileno())) as duplicate,
             socket.socket(type=socket.SOCK_DGRAM) as other_sender,
         ):
-            other_sender.sendto(b"forged", same.getsockname())
+            other_sender.sendto(b"forged", duplicate.getsockname())
         udp.write(b"true")
         assert read_bytes(host, 4) == b"true"
         host.close()
@@ -167,12 +167,12 @@ class TestUdp:
         for _ in range(5):
             assert host.write(b"anybody?") in (0, 8)
             assert host.read() == b""
-        again = UdpWire(HERE, device.port)
+        second_wire = UdpWire(HERE, device.port)
         while host.write(b"there") == 0:
             pass
-        assert read_bytes(again, 5) == b"there"
+        assert read_bytes(second_wire, 5) == b"there"
         host.close()
-        again.close()
+        second_wire.close()
 
     def test_many_datagrams_are_read_at_once(self, udp: UdpWire) -> None:
         host = UdpHostWire(HERE, udp.port)

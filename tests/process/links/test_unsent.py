@@ -254,11 +254,11 @@ def test_commands_beyond_9600_baud_do_not_delay_the_stop() -> None:
             time.sleep(0.001)
         assert driver.pwm_us == FULL
         driver.send(disarmed(sequence + 1))
-        stopped = now_ns()
-        while driver.pwm_us != NEUTRAL and now_ns() - stopped < 5 * NS_PER_S:
+        stopped_ns = now_ns()
+        while driver.pwm_us != NEUTRAL and now_ns() - stopped_ns < 5 * NS_PER_S:
             driver.service(now_ns())
             time.sleep(0.001)
-        assert now_ns() - stopped < 2 * NS_PER_S, "0.03 to 0.06 s on a quiet machine"
+        assert now_ns() - stopped_ns < 2 * NS_PER_S, "0.03 to 0.06 s on a quiet machine"
         assert driver.host
         assert driver.host.counters.replaced > 50
 
@@ -299,10 +299,10 @@ def test_doctor_and_slave_refuse_a_line_that_is_too_slow(tmp_path: Path, capsys:
 
 def test_the_rate_in_the_error_is_one_that_the_line_carries() -> None:
     protocol = open_protocol("frame", "host", 6)
-    bits = len(protocol.encode(disarmed(1))) * 10
-    with pytest.raises(ConfigError, match=f"link: baud: 9600 bit/s carry {8640 / bits:.3g} commands a second"):
+    bit_count = len(protocol.encode(disarmed(1))) * 10
+    with pytest.raises(ConfigError, match=f"link: baud: 9600 bit/s carry {8640 / bit_count:.3g} commands a second"):
         check_line_rate(Link(port="/dev/ttyS0", baud=9600), 6, 50.0)
-    check_line_rate(Link(port="/dev/ttyS0", baud=9600), 6, 8639 / bits)
+    check_line_rate(Link(port="/dev/ttyS0", baud=9600), 6, 8639 / bit_count)
 
 
 def test_the_slowest_part_of_a_link_limits_its_speed() -> None:
@@ -314,7 +314,7 @@ def test_the_slowest_part_of_a_link_limits_its_speed() -> None:
 def test_writing_to_a_closed_wire_is_an_error(link: ThrusterLink) -> None:
     device = PtyWire()
     wire = PtyHostWire(device.path)
-    gone = ThrusterLink(wire, open_protocol("frame", "host", 6))
+    closed_link = ThrusterLink(wire, open_protocol("frame", "host", 6))
     device.close()
     with contextlib.closing(wire), pytest.raises(DeviceError, match="went away"):
-        gone.send(armed(1))
+        closed_link.send(armed(1))

@@ -66,15 +66,15 @@ class Vehicle:
         self.events: tuple[RunEvent, ...] = ()
         self.reason = ""
         self.delays = self
-        self.place = [4.0, 4.0, 2.0]
+        self.position = [4.0, 4.0, 2.0]
         self.attitude = LEVEL
 
     def totals_ns(self, newest: int = 0) -> list[int]:
         return []
 
-    def sense(self) -> None:
+    def publish_odometry(self) -> None:
         """Deliver the present odometry."""
-        north, east, depth = self.place
+        north, east, depth = self.position
         sample = OdometrySample(self.clock.now, (north, east, depth), self.attitude, (0.0,) * 6)
         self.latest["odom"] = Stamped(sample, self.clock.now, self.clock.now)
 
@@ -138,7 +138,7 @@ def test_a_vehicle_that_refuses_commands_ends_the_mission_with_the_reason(
     fly: Callable[[], Outcome], vehicle: Vehicle, clock: Clock
 ) -> None:
     def disarm() -> None:
-        vehicle.sense()
+        vehicle.publish_odometry()
         vehicle.reason = "uuv1 is disarmed" if clock.now > 102 * NS_PER_S else ""
 
     clock.at_each = disarm
@@ -151,7 +151,7 @@ def test_missing_odometry_is_an_event_with_start_and_duration(
 ) -> None:
     def stop_odometry() -> None:
         if not 105 * NS_PER_S < clock.now < 108 * NS_PER_S:
-            vehicle.sense()
+            vehicle.publish_odometry()
 
     clock.at_each = stop_odometry
     outcome = fly()
@@ -165,7 +165,7 @@ def test_missing_odometry_is_an_event_with_start_and_duration(
 
 def test_a_short_loss_of_the_vehicle_is_an_event(fly: Callable[[], Outcome], vehicle: Vehicle, clock: Clock) -> None:
     def interrupt_vehicle() -> None:
-        vehicle.sense()
+        vehicle.publish_odometry()
         vehicle.contact.losses = int(clock.now > 110 * NS_PER_S)
 
     clock.at_each = interrupt_vehicle
@@ -178,14 +178,14 @@ def test_events_of_the_vehicle_and_of_the_mission_are_merged(
     """Both report the capsizing, only the mission the surfacing, and only the vehicle the collision with the bed."""
 
     def tumble() -> None:
-        on = clock.now - 100 * NS_PER_S
-        vehicle.attitude = (0.0, 1.0, 0.0, 0.0) if 2 * NS_PER_S <= on < 3 * NS_PER_S else LEVEL
-        there = [8.0, 7.0] if on > 9 * NS_PER_S else [4.0, 4.0]
-        vehicle.place = [*there, 0.05 if 5 * NS_PER_S <= on < 7 * NS_PER_S else 2.0]
-        vehicle.sense()
+        elapsed_ns = clock.now - 100 * NS_PER_S
+        vehicle.attitude = (0.0, 1.0, 0.0, 0.0) if 2 * NS_PER_S <= elapsed_ns < 3 * NS_PER_S else LEVEL
+        there = [8.0, 7.0] if elapsed_ns > 9 * NS_PER_S else [4.0, 4.0]
+        vehicle.position = [*there, 0.05 if 5 * NS_PER_S <= elapsed_ns < 7 * NS_PER_S else 2.0]
+        vehicle.publish_odometry()
 
     clock.at_each = tumble
-    vehicle.place = [4.0, 4.0, 2.0]
+    vehicle.position = [4.0, 4.0, 2.0]
     vehicle.events = (
         RunEvent("collision", 1 * NS_PER_S, NS_PER_S, (4.0, 4.0, 4.8), "the seabed"),
         RunEvent("capsize", 2 * NS_PER_S, NS_PER_S, (4.0, 4.0, 2.0)),
@@ -243,13 +243,13 @@ def test_the_path_is_published_at_once_and_then_once_a_second(
     fly: Callable[[], Outcome], vehicle: Vehicle, clock: Clock, plan: Plan
 ) -> None:
     """A new path is published at once, then once a second."""
-    began = clock.now
+    start = clock.now
 
     def at_each() -> None:
-        vehicle.sense()
-        if clock.now - began > 2.4e9 and plan.planner.path is path:
+        vehicle.publish_odometry()
+        if clock.now - start > 2.4e9 and plan.planner.path is path:
             plan.planner.path = [*path]
-        if clock.now - began > 4e9:
+        if clock.now - start > 4e9:
             vehicle.reason = "enough"
 
     path = plan.planner.path
@@ -257,5 +257,5 @@ def test_the_path_is_published_at_once_and_then_once_a_second(
     with pytest.raises(NetworkError, match="enough"):
         fly()
     assert {topic for _, topic in vehicle.published} == {"plan"}
-    instants = [(now - began) / NS_PER_S for now, _ in vehicle.published]
+    instants = [(now - start) / NS_PER_S for now, _ in vehicle.published]
     assert [round(instant, 1) for instant in instants] == pytest.approx([0.1, 1.1, 2.1, 2.5, 3.5], abs=0.1)

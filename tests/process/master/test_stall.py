@@ -25,7 +25,7 @@ from tests.support.processes import Program, free_port, wait_for, write_scenario
 
 
 @contextmanager
-def slow_session(port: int, opened: list[str]) -> Iterator[Session]:
+def slow_session(port: int, opened_links: list[str]) -> Iterator[Session]:
     """Provide a master's session whose first link for samples is never read.
 
     The library never reads a link whose time limit for opening ends while it calls a slow listener.
@@ -33,8 +33,8 @@ def slow_session(port: int, opened: list[str]) -> Iterator[Session]:
 
     def be_slow(event: zenoh.LinkEvent) -> None:
         if event.kind == zenoh.SampleKind.PUT and f":{port + 1}" in event.link.dst:
-            opened.append(event.link.dst)
-            if len(opened) == 1:
+            opened_links.append(event.link.dst)
+            if len(opened_links) == 1:
                 time.sleep(0.7)  # the limit is 0.3 s
 
     with open_master_session(f"tcp/127.0.0.1:{port}") as session:
@@ -45,25 +45,25 @@ def slow_session(port: int, opened: list[str]) -> Iterator[Session]:
 
 def test_samples_arrive_again_when_the_library_does_not_read_a_link(tmp_path: Path) -> None:
     scenario, port = write_scenario(tmp_path)
-    reports, opened = list[str](), list[str]()
+    reports, opened_links = list[str](), list[str]()
     with (
-        slow_session(port, opened) as session,
+        slow_session(port, opened_links) as session,
         VehicleClient(session, "uuv1", part="observer", report=reports.append) as client,
         Program(tmp_path, "slave", scenario),
     ):
         assert wait_for(lambda: client.contact.reconnections)
         assert wait_for(lambda: client.received["imu"] > 10 and client.contact.present)
     assert [line for line in reports if "open and not read, or lost; connecting again" in line]
-    assert len(opened) > 1
+    assert len(opened_links) > 1
 
 
 def test_samples_arrive_again_without_a_client_too(tmp_path: Path) -> None:
     """Commands that only subscribe, and those that watch a hunt, have no client."""
     scenario, port = write_scenario(tmp_path)
-    received, opened = list[str](), list[str]()
-    with slow_session(port, opened) as session, Program(tmp_path, "slave", scenario):
+    received, opened_links = list[str](), list[str]()
+    with slow_session(port, opened_links) as session, Program(tmp_path, "slave", scenario):
         session.subscribe("uuv1", "imu", lambda topic, *_: received.append(topic), 16)
-        assert wait_for(lambda: len(opened) > 1 and len(received) > 10)
+        assert wait_for(lambda: len(opened_links) > 1 and len(received) > 10)
 
 
 def test_a_client_reconnects_when_the_vehicle_never_appears() -> None:
@@ -106,28 +106,28 @@ def test_a_vehicle_that_ends_behind_a_router_does_not_disturb_others(
         hil.connect(router, routed=True, observe=True, wait=60.0) as fleet,
     ):
         with Program(tmp_path, "slave", scenarios[1]) as second:
-            stays, goes = fleet.wait_for("uuv1", "uuv2", seconds=60.0)
+            staying, leaving = fleet.wait_for("uuv1", "uuv2", seconds=60.0)
             assert second.stop(signal.SIGTERM) == 0
-        assert wait_for(lambda: not goes.present)
-        openings, ends, before = fleet._session.openings, time.monotonic() + 4.0, stays.client.received["odom"]
+        assert wait_for(lambda: not leaving.present)
+        openings, ends, before = fleet._session.openings, time.monotonic() + 4.0, staying.client.received["odom"]
         while time.monotonic() < ends:
             time.sleep(0.1)
-            assert stays.present
-        assert goes.client.contact._stall.attempts, "by then it would have been opened again"
+            assert staying.present
+        assert leaving.client.contact._stall.attempts, "by then it would have been opened again"
         assert fleet._session.openings == openings
-        assert stays.client.received["odom"] > before
+        assert staying.client.received["odom"] > before
 
 
 def test_clients_of_one_session_reopen_it_once() -> None:
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     with listen(endpoint), open_master_session(endpoint) as session:
-        known = session.openings
-        callers = [threading.Thread(target=session.reopen, args=(known,)) for _ in range(4)]
+        known_openings = session.openings
+        callers = [threading.Thread(target=session.reopen, args=(known_openings,)) for _ in range(4)]
         for caller in callers:
             caller.start()
         for caller in callers:
             caller.join()
-        assert session.openings == known + 1
+        assert session.openings == known_openings + 1
 
 
 def test_a_socket_without_connection_is_not_cut() -> None:
@@ -149,13 +149,13 @@ def test_the_link_of_a_recorder_is_not_cut() -> None:
 
 
 def test_the_read_progress_of_a_socket_is_measured() -> None:
-    with socket.create_server(("127.0.0.1", 0)) as listener, socket.create_connection(listener.getsockname()) as far:
-        near, _ = listener.accept()
-        with near:
-            pair = near.getsockname()[1], near.getpeername()[1]
-            far.sendall(bytes(1000))
+    with socket.create_server(("127.0.0.1", 0)) as listener, socket.create_connection(listener.getsockname()) as client:
+        server, _ = listener.accept()
+        with server:
+            pair = server.getsockname()[1], server.getpeername()[1]
+            client.sendall(bytes(1000))
             assert wait_for(lambda: read_progress({pair}) == {pair: 0})
-            assert len(near.recv(400)) == 400
+            assert len(server.recv(400)) == 400
             assert read_progress({pair}) == {pair: 400}
             cut({pair})
-            assert far.recv(1) == b""
+            assert client.recv(1) == b""

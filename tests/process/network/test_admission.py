@@ -29,18 +29,18 @@ def queue_of(listener: socket.socket) -> int:
 
 
 def test_only_listening_sockets_get_a_short_queue() -> None:
-    with socket.create_server(("127.0.0.1", 0), backlog=128) as listener, socket.socket() as other:
+    with socket.create_server(("127.0.0.1", 0), backlog=128) as listener, socket.socket() as other_socket:
         assert queue_of(listener) == 128
         assert shorten_queues() >= 1
         assert queue_of(listener) == 0
-        assert not other.getsockopt(socket.SOL_SOCKET, socket.SO_ACCEPTCONN)
+        assert not other_socket.getsockopt(socket.SOL_SOCKET, socket.SO_ACCEPTCONN)
         with socket.create_connection(listener.getsockname(), 5.0), listener.accept()[0]:
             pass  # it is still served
 
 
 def attack(port: int, connections: int, seconds: float) -> None:
     """Connect and close many times without waiting, from an address of its own."""
-    began = time.monotonic()
+    start = time.monotonic()
     open_ones: list[socket.socket] = []
     for number in range(connections):
         end = socket.socket()
@@ -50,7 +50,7 @@ def attack(port: int, connections: int, seconds: float) -> None:
         open_ones.append(end)
         if len(open_ones) > 4:
             open_ones.pop(0).close()
-        time.sleep(max(0.0, began + seconds * (number + 1) / connections - time.monotonic()))
+        time.sleep(max(0.0, start + seconds * (number + 1) / connections - time.monotonic()))
     for end in open_ones:
         end.close()
 
@@ -66,15 +66,15 @@ def test_a_new_client_connects_soon_after_an_attack(tmp_path: Path) -> None:
         slave.expect("ready")
         security = load_scenario(str(scenario)).security
         endpoint = f"tcp/127.0.0.1:{port}"
-        began = time.monotonic()
+        start = time.monotonic()
         with VehicleClient(endpoint, "uuv1", security=security) as first:
             assert first.wait_for_vehicle(60), "and what it listens on is in its final state"
-        usual_s = time.monotonic() - began
+        usual_s = time.monotonic() - start
         before = psutil.Process(slave.process.pid).num_fds()
         attack(port, 600, 2.0)
         assert psutil.Process(slave.process.pid).num_fds() < before + 50
-        began = time.monotonic()
+        start = time.monotonic()
         with VehicleClient(endpoint, "uuv1", security=security) as newcomer:
             assert newcomer.wait_for_vehicle(60), slave.output
-        took_s = time.monotonic() - began
+        took_s = time.monotonic() - start
         assert took_s < 15.0 + 5.0 * usual_s, "0.3 to 2 s on a quiet machine; 30 s if all had to be failed before"

@@ -10,8 +10,8 @@ from tests.support.processes import Program, command_until, free_port, surge_of,
 
 def test_a_slave_behind_another_router_is_commanded(tmp_path: Path) -> None:
     near, far = (f"tcp/127.0.0.1:{free_port()}" for _ in range(2))
-    plain, _ = write_scenario(tmp_path)
-    plain.write_text(f'{plain.read_text()}\n[network]\nmode = "routed"\nrouter = "{far}"\n')
+    scenario, _ = write_scenario(tmp_path)
+    scenario.write_text(f'{scenario.read_text()}\n[network]\nmode = "routed"\nrouter = "{far}"\n')
     network = Network(mode="routed", router=near)
     with (
         # The one that connects is there first: it tries until the other is there.
@@ -19,7 +19,7 @@ def test_a_slave_behind_another_router_is_commanded(tmp_path: Path) -> None:
         VehicleClient(_served(joined, near), "uuv1", network=network) as client,
     ):
         assert not client.received["odom"]
-        with Program(tmp_path, "router", "--listen", far) as router, Program(tmp_path, "slave", plain) as slave:
+        with Program(tmp_path, "router", "--listen", far) as router, Program(tmp_path, "slave", scenario) as slave:
             assert wait_for(lambda: client.received["odom"]), f"{router.output}{joined.output}{slave.output}"
             assert command_until(lambda: surge_of(client) > 0.05, client)
             assert router.stop(signal.SIGKILL)

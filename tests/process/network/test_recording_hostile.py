@@ -27,8 +27,8 @@ def record(kind: int, content: bytes) -> bytes:
     return struct.pack("<BQ", kind, len(content)) + content
 
 
-def text(words: str) -> bytes:
-    return struct.pack("<I", len(words)) + words.encode()
+def text(content: str) -> bytes:
+    return struct.pack("<I", len(content)) + content.encode()
 
 
 def chunk(content: bytes, size: int, packing: str = "zstd") -> bytes:
@@ -42,9 +42,9 @@ def zeros(size: int) -> bytes:
     return b"".join([packer.compress(piece) for _ in range(size // MIB)]) + packer.flush()
 
 
-def written(folder: Path, *parts: bytes) -> str:
+def write_recording(folder: Path, *records: bytes) -> str:
     path = folder / "hostile.mcap"
-    path.write_bytes(MAGIC + record(1, text("ros2") + text("")) + b"".join(parts))
+    path.write_bytes(MAGIC + record(1, text("ros2") + text("")) + b"".join(records))
     return str(path)
 
 
@@ -54,7 +54,7 @@ EMPTY = record(5, struct.pack("<HIQQ", 1, 0, 0, 0))  # a message without content
 
 
 def test_a_chunk_of_huge_declared_size_is_refused(tmp_path: Path) -> None:
-    path = written(tmp_path, chunk(zeros(256 * MIB), 2048 * MIB))
+    path = write_recording(tmp_path, chunk(zeros(256 * MIB), 2048 * MIB))
     assert Path(path).stat().st_size < 70_000
     with pytest.raises(ConfigError, match=r"hostile\.mcap: a chunk of 2048 MiB, where a recording has at most 128 MiB"):
         list(read_messages(path))
@@ -64,36 +64,36 @@ def test_a_chunk_of_huge_declared_size_is_refused(tmp_path: Path) -> None:
     ("packing", "pack"), [("zstd", zeros), ("lz4", lambda size: lz4.frame.compress(bytes(size)))], ids=["zstd", "lz4"]
 )
 def test_a_chunk_larger_than_declared_is_refused(tmp_path: Path, packing: str, pack: Callable[[int], bytes]) -> None:
-    path = written(tmp_path, chunk(pack(64 * MIB), 1000, packing))
+    path = write_recording(tmp_path, chunk(pack(64 * MIB), 1000, packing))
     with pytest.raises(ConfigError, match="a chunk that is larger than it says"):
         list(read_messages(path))
 
 
 def test_a_recording_that_unpacks_to_a_thousandfold_is_refused(tmp_path: Path) -> None:
     private = record(0x80, bytes(32 * MIB))  # of a kind that is passed over
-    path = written(tmp_path, *[chunk(zstandard.compress(private), len(private))] * 20)
+    path = write_recording(tmp_path, *[chunk(zstandard.compress(private), len(private))] * 20)
     with pytest.raises(ConfigError, match="unpacks to more than 1000 times its size"):
         list(read_messages(path))
 
 
 def test_lengths_beyond_the_file_are_treated_as_truncation(tmp_path: Path) -> None:
-    whole = written(tmp_path, SCHEMA, CHANNEL, EMPTY)
+    recording = write_recording(tmp_path, SCHEMA, CHANNEL, EMPTY)
     for tail in (
         struct.pack("<BQ", 5, 1 << 63), struct.pack("<BQ", 5, 1 << 27), struct.pack("<BQ", 6, 40) + b"\xff" * 40,
         record(4, b"\xff" * 100), record(6, struct.pack("<QQQI", 0, 0, 9, 0) + text("rot13") + bytes(8)),
     ):  # fmt: skip
-        Path(whole).write_bytes(Path(whole).read_bytes() + tail)
-        assert len(list(read_messages(whole))) == 1
+        Path(recording).write_bytes(Path(recording).read_bytes() + tail)
+        assert len(list(read_messages(recording))) == 1
 
 
 def test_attachments_are_bounded(tmp_path: Path) -> None:
     def attached(name: str, data: bytes) -> bytes:
         return record(9, bytes(16) + text(name) + text("") + struct.pack("<Q", len(data)) + data + bytes(4))
 
-    assert read_about(written(tmp_path, attached("a.toml", b"x"))).attachments == {"a.toml": "x"}
+    assert read_about(write_recording(tmp_path, attached("a.toml", b"x"))).attachments == {"a.toml": "x"}
     for parts in ([attached("a.toml", bytes(17 * MIB))], [attached(f"{i}", b"") for i in range(70)]):
         with pytest.raises(ConfigError, match="more than 64 files are attached, or one of more than 16 MiB"):
-            read_about(written(tmp_path, *parts))
+            read_about(write_recording(tmp_path, *parts))
 
 
 def test_rows_are_thinned_to_a_maximum_number(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -123,14 +123,14 @@ def test_plot_takes_little_memory_for_a_small_file(tmp_path: Path) -> None:
     packed = packer.compress(SCHEMA + CHANNEL)
     packed += b"".join([packer.compress(EMPTY * 10_000) for _ in range(count // 10_000)]) + packer.flush()
     size = len(SCHEMA + CHANNEL) + count // 10_000 * 10_000 * len(EMPTY)
-    path = written(tmp_path, chunk(packed, size))
+    path = write_recording(tmp_path, chunk(packed, size))
     assert Path(path).stat().st_size < 70_000
     code = (
         "import re, sys; from hil.cli import main; code = main(['plot', sys.argv[1]]); "
         r"print(re.search(r'VmHWM:\s+(\d+)', open('/proc/self/status').read())[1]); sys.exit(code)"
     )  # ru_maxrss would count the process that has started this one
-    done = subprocess.run([sys.executable, "-c", code, path], capture_output=True, text=True, timeout=250)
-    assert done.returncode == 2, done.stderr
-    (line,) = done.stderr.splitlines()
+    completed = subprocess.run([sys.executable, "-c", code, path], capture_output=True, text=True, timeout=250)
+    assert completed.returncode == 2, completed.stderr
+    (line,) = completed.stderr.splitlines()
     assert "hostile.mcap: " in line
-    assert int(done.stdout) < 500_000, "kB"
+    assert int(completed.stdout) < 500_000, "kB"

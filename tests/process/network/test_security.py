@@ -60,23 +60,23 @@ def watch_node(session: Session) -> list[Presence]:
 def test_rights_follow_from_the_certificate(slave: tuple[Session, str, list[str]], keys: Path) -> None:
     session, endpoint, received = slave
     samples = session.publisher("uuv1", TOPICS["pressure"])
-    got: dict[str, list[str]] = {name: [] for name in MACHINES[1:]}
-    sessions = {name: open_master_session(endpoint, security=security(keys, name)) for name in got}
+    topics: dict[str, list[str]] = {name: [] for name in MACHINES[1:]}
+    sessions = {name: open_master_session(endpoint, security=security(keys, name)) for name in topics}
     commands = {}
     for name, other in sessions.items():
-        other.subscribe("uuv1", "*", lambda topic, _, __, name=name: got[name].append(topic), 8)  # type: ignore[misc]
+        other.subscribe("uuv1", "*", lambda topic, _, __, name=name: topics[name].append(topic), 8)  # type: ignore[misc]
         commands[name] = other.publisher("uuv1", TOPICS["cmd_vel"])
 
     def all_have_pinged() -> bool:
         samples.put(b"sample", 0)
         for name, publisher in commands.items():
             publisher.put(name.encode(), 0)
-        return len(received) > 20 and len(got["laptop"]) > 20 and len(got["viewer"]) > 20
+        return len(received) > 20 and len(topics["laptop"]) > 20 and len(topics["viewer"]) > 20
 
-    assert wait_for(all_have_pinged), (received, got)
+    assert wait_for(all_have_pinged), (received, topics)
     assert set(received) == {"laptop"}
-    assert set(got["laptop"]) == set(got["viewer"]) == {"pressure"}
-    assert got["outsider"] == []
+    assert set(topics["laptop"]) == set(topics["viewer"]) == {"pressure"}
+    assert topics["outsider"] == []
     assert sessions["laptop"].others() == ["uuv1"]
     assert {"laptop", "viewer", "outsider"} == set(session.others())
     for other in sessions.values():
@@ -96,8 +96,8 @@ def test_presence_is_sent_only_to_those_who_may_listen(slave: tuple[Session, str
 
 def test_a_listener_cannot_appear_as_a_master_or_slave(slave: tuple[Session, str, list[str]], keys: Path) -> None:
     session, endpoint, _ = slave
-    seen: list[str] = []
-    session.watch_tokens("uuv_hil/**", lambda key, _: seen.append(key))
+    presences: list[str] = []
+    session.watch_tokens("uuv_hil/**", lambda key, _: presences.append(key))
     with (
         open_master_session(endpoint, security=security(keys, "viewer")) as viewer,
         open_master_session(endpoint, security=security(keys, "laptop")) as laptop,
@@ -107,10 +107,10 @@ def test_a_listener_cannot_appear_as_a_master_or_slave(slave: tuple[Session, str
         declare_presence(viewer, "uuv1", "observer", "0b")
         graph.Node(viewer, "rviz")
         declare_presence(laptop, "uuv1", "master", "0a", 3)
-        assert wait_for(lambda: len(seen) >= 3 and any("rviz" in key for key in session.tokens(graph.ALL)))
-        others = sorted(key.split("/")[3:6] for key in seen if "/slave/" not in key or "/ab/" in key)
+        assert wait_for(lambda: len(presences) >= 3 and any("rviz" in key for key in session.tokens(graph.ALL)))
+        others = sorted(key.split("/")[3:6] for key in presences if "/slave/" not in key or "/ab/" in key)
         assert others == [["master", "3", "0a"], ["observer", "0", "0b"]]
-    assert wait_for(lambda: len(seen) == 5), "both have gone, and nobody else"
+    assert wait_for(lambda: len(presences) == 5), "both have gone, and nobody else"
 
 
 def test_a_listener_may_ping_but_not_report_as_a_master(slave: tuple[Session, str, list[str]], keys: Path) -> None:
@@ -150,11 +150,11 @@ def test_a_wildcard_lets_everyone_with_a_certificate_listen(keys: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("folder", "words"),
+    ("folder", "messages"),
     [("other/laptop", ["not of the authority", "ca.pem"]), ("", ["wants a certificate", "[security]"])],
 )
 def test_a_wrong_or_missing_certificate_is_refused_with_a_reason(
-    slave: tuple[Session, str, list[str]], keys: Path, folder: str, words: list[str]
+    slave: tuple[Session, str, list[str]], keys: Path, folder: str, messages: list[str]
 ) -> None:
     session, endpoint, received = slave
     with open_master_session(endpoint, security=security(keys, folder) if folder else None) as refused:
@@ -164,7 +164,7 @@ def test_a_wrong_or_missing_certificate_is_refused_with_a_reason(
     fault = why_not(endpoint, str(keys / folder) if folder else "")
     assert fault is not None
     assert fault.lasting
-    assert all(word in fault.text for word in words), fault.text
+    assert all(word in fault.text for word in messages), fault.text
 
 
 def test_a_certificate_that_the_slave_does_not_trust_is_reported(
@@ -187,12 +187,12 @@ def test_a_host_that_is_not_in_the_certificate_is_reported(keys: Path) -> None:
         open_master_session(endpoint, security=security(keys)) as master,
     ):
         declare_presence(slave, "uuv1", "slave")
-        seen = watch_node(master)
+        presences = watch_node(master)
         fault = why_not(endpoint, str(keys / "laptop"))
         assert fault is not None
         assert "not made for '127.0.0.2'" in fault.text
         assert "--host 127.0.0.2" in fault.text
-        assert not wait_for(lambda: seen, 0.5)
+        assert not wait_for(lambda: presences, 0.5)
 
 
 def test_the_right_certificate_has_no_fault(slave: tuple[Session, str, list[str]], keys: Path) -> None:

@@ -54,13 +54,13 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
     for name in MACHINES:
         add_machine(str(folder / "keys"), name, [])
     add_machine(str(folder / "other"), "foreigner", [])
-    plain, _ = write_scenario(folder)
+    scenario, _ = write_scenario(folder)
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     for master in ("keys/laptop", "keys/viewer", "keys/outsider", "other/foreigner"):
-        text = plain.read_text() + SECTIONS.format(endpoint=endpoint, master=master)
+        text = scenario.read_text() + SECTIONS.format(endpoint=endpoint, master=master)
         (folder / f"{Path(master).name}.toml").write_text(text)
     (folder / "none.toml").write_text(
-        plain.read_text() + SECTIONS.format(endpoint=endpoint, master="").split("[sec")[0]
+        scenario.read_text() + SECTIONS.format(endpoint=endpoint, master="").split("[sec")[0]
     )
     with (
         Program(folder, "router", "--scenario", folder / "laptop.toml", "--listen", endpoint) as router,
@@ -108,20 +108,20 @@ def test_listeners_receive_liveliness_tokens(site: Site) -> None:
 
 
 @pytest.mark.parametrize(
-    ("master", "words"),
+    ("master", "messages"),
     [("other/foreigner", ["not of the authority", "ca.pem"]), ("", ["wants a certificate", "[security]"])],
 )
 def test_a_wrong_or_missing_certificate_is_refused_with_a_reason(
-    site: Site, master: str, words: list[str], monkeypatch: pytest.MonkeyPatch
+    site: Site, master: str, messages: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("hil.network.settings.ROUTER_WAIT_MS", 700)
     scenario = site.scenario(master)
     with pytest.raises(NetworkError) as caught:
         open_master_session(site.endpoint, network=scenario.network, security=scenario.security)
-    assert all(word in str(caught.value) for word in (site.endpoint, *words)), str(caught.value)
+    assert all(message in str(caught.value) for message in (site.endpoint, *messages)), str(caught.value)
     with pytest.raises(NetworkError) as caught:
         open_client_session(site.endpoint, scenario.network, scenario.security, seconds=0.2)
-    assert all(word in str(caught.value) for word in (site.endpoint, *words)), str(caught.value)
+    assert all(message in str(caught.value) for message in (site.endpoint, *messages)), str(caught.value)
 
 
 def test_commands_report_a_foreign_certificate(site: Site) -> None:

@@ -34,13 +34,13 @@ class Serving:
     def __init__(self, session: Session) -> None:
         self.requested: list[Mapping[str, Any]] = []
         self.server = Server(session, Node(session, "uuv1"))
-        self.server.offer("/uuv1/arm", SET_BOOL, self._answer)
+        self.server.offer("/uuv1/arm", SET_BOOL, self._set_value)
         self.server.offer("/uuv1/reset", "std_srvs/srv/Trigger", lambda _: {"success": True, "message": "ähm"})
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run)
         self._thread.start()
 
-    def _answer(self, request: Mapping[str, Any]) -> Mapping[str, Any]:
+    def _set_value(self, request: Mapping[str, Any]) -> Mapping[str, Any]:
         self.requested.append(request)
         return {"success": request["data"], "message": threading.current_thread().name}
 
@@ -56,7 +56,7 @@ class Serving:
 
 
 @pytest.fixture
-def both() -> Iterator[tuple[Serving, Session]]:
+def peers() -> Iterator[tuple[Serving, Session]]:
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     with listen(endpoint) as slave, open_master_session(endpoint) as master:
         serving = Serving(slave)
@@ -71,8 +71,8 @@ def key_of(name: str) -> str:
     return ros.data_key(0, name, SET_BOOL, hash_of(SET_BOOL))
 
 
-def test_a_call_is_answered_in_the_servers_own_thread(both: tuple[Serving, Session]) -> None:
-    serving, master = both
+def test_a_call_is_answered_in_the_servers_own_thread(peers: tuple[Serving, Session]) -> None:
+    serving, master = peers
     response = call(master, "/uuv1/arm", SET_BOOL, {"data": True})
     assert response == {"success": True, "message": serving._thread.name}
     assert call(master, "/uuv1/arm", SET_BOOL)["success"] is False
@@ -81,8 +81,8 @@ def test_a_call_is_answered_in_the_servers_own_thread(both: tuple[Serving, Sessi
     assert serving.server.calls == 3
 
 
-def test_the_response_repeats_number_and_gid_of_the_request(both: tuple[Serving, Session]) -> None:
-    _, master = both
+def test_the_response_repeats_number_and_gid_of_the_request(peers: tuple[Serving, Session]) -> None:
+    _, master = peers
     gid = bytes(range(16))
     replies = master._session.get(
         key_of("/uuv1/arm"),
@@ -107,9 +107,9 @@ def test_the_response_repeats_number_and_gid_of_the_request(both: tuple[Serving,
      (b"\xff" * 9, ros.pack_attachment(1, 2, bytes(16))), (HEADER + b"\1", b""), (HEADER + b"\1", b"short")],
 )  # fmt: skip
 def test_a_malformed_request_is_counted_and_not_answered(
-    both: tuple[Serving, Session], payload: bytes, attachment: bytes
+    peers: tuple[Serving, Session], payload: bytes, attachment: bytes
 ) -> None:
-    serving, master = both
+    serving, master = peers
     began = time.monotonic()
     assert list(master.query(key_of("/uuv1/arm"), 60.0, payload, attachment)) == []
     assert time.monotonic() - began < 30.0, "the caller learns at once that there is no answer"
@@ -118,8 +118,8 @@ def test_a_malformed_request_is_counted_and_not_answered(
     assert call(master, "/uuv1/arm", SET_BOOL, {"data": True})["success"] is True
 
 
-def test_a_repeated_call_is_answered_but_not_executed_again(both: tuple[Serving, Session]) -> None:
-    serving, master = both
+def test_a_repeated_call_is_answered_but_not_executed_again(peers: tuple[Serving, Session]) -> None:
+    serving, master = peers
     requests = [ros.pack_attachment(1, 2, bytes(16))] * 2 + [ros.pack_attachment(1, 3, bytes(16))]
     answers = [list(master.query(key_of("/uuv1/arm"), 60.0, HEADER + b"\1", request)) for request in requests]
     assert answers[0] == answers[1]
@@ -139,8 +139,8 @@ def test_a_call_waits_until_the_service_appears() -> None:
                 serving.close()
 
 
-def test_a_missing_service_and_wrong_requests_are_reported(both: tuple[Serving, Session]) -> None:
-    _, master = both
+def test_a_missing_service_and_wrong_requests_are_reported(peers: tuple[Serving, Session]) -> None:
+    _, master = peers
     with pytest.raises(NetworkError, match=r"/uuv1/arn \(std_srvs/srv/SetBool\) did not answer within 0.5 s"):
         call(master, "/uuv1/arn", SET_BOOL, {"data": True}, 0.5)
     with pytest.raises(ConfigError, match="no message type"):
@@ -202,8 +202,8 @@ def test_each_serve_answers_one_call() -> None:
         server.close()
 
 
-def test_a_large_request_is_refused_undecoded(both: tuple[Serving, Session], monkeypatch: pytest.MonkeyPatch) -> None:
-    serving, master = both
+def test_a_large_request_is_refused_undecoded(peers: tuple[Serving, Session], monkeypatch: pytest.MonkeyPatch) -> None:
+    serving, master = peers
     payload, attachment = bytes(services.LARGEST + 1), ros.pack_attachment(1, 2, bytes(16))
     reasons: list[str] = []
     assert list(master.query(key_of("/uuv1/arm"), 60.0, payload, attachment, reasons.append)) == []

@@ -53,15 +53,15 @@ def test_ctrl_c_ends_a_process_with_an_open_session() -> None:
     text = OPEN.format(port=free_port()) + "while True:\n    time.sleep(0.05)\n"
     with subprocess.Popen(
         [sys.executable, "-c", text], cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE
-    ) as ours:
-        assert ours.stdout is not None
-        assert ours.stdout.readline() == b"open\n"
-        ours.send_signal(signal.SIGINT)
+    ) as session:
+        assert session.stdout is not None
+        assert session.stdout.readline() == b"open\n"
+        session.send_signal(signal.SIGINT)
         try:
-            ours.communicate(timeout=60)
+            session.communicate(timeout=60)
         finally:
-            ours.kill()
-    assert ours.returncode == -signal.SIGINT
+            session.kill()
+    assert session.returncode == -signal.SIGINT
 
 
 def test_closing_leaves_no_thread_and_no_descriptor(tmp_path: Path) -> None:
@@ -70,10 +70,10 @@ def test_closing_leaves_no_thread_and_no_descriptor(tmp_path: Path) -> None:
         + "import psutil\nbefore = psutil.Process().num_fds()\nclient.close(); session.close()\n"
         + "print(threading.enumerate(), psutil.Process().num_fds() < before)"
     )
-    done = subprocess.run([sys.executable, "-c", text], cwd=ROOT, capture_output=True, text=True, timeout=60)
-    assert "MainThread" in done.stdout
-    assert done.stdout.count("<") == 1, done.stdout
-    assert done.stdout.endswith("True\n")
+    completed = subprocess.run([sys.executable, "-c", text], cwd=ROOT, capture_output=True, text=True, timeout=60)
+    assert "MainThread" in completed.stdout
+    assert completed.stdout.count("<") == 1, completed.stdout
+    assert completed.stdout.endswith("True\n")
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
@@ -181,10 +181,10 @@ def test_messages_after_the_end_of_a_session_are_dropped() -> None:
 
 def test_a_session_closes_at_once_during_a_callback_of_the_library(monkeypatch: pytest.MonkeyPatch) -> None:
     """The close is timed while a peer leaves at the same moment: see `docs/upstream/zenoh_undeclare.md`."""
-    called = threading.Event()
+    put_called = threading.Event()
 
     def put(_queue: BoundedQueue, _status: object) -> None:
-        called.set()
+        put_called.set()
         time.sleep(0.02)  # in which another thread has the interpreter
 
     monkeypatch.setattr(BoundedQueue, "put", put)
@@ -192,13 +192,13 @@ def test_a_session_closes_at_once_during_a_callback_of_the_library(monkeypatch: 
 
     def check_closing_time() -> None:
         port = free_port()
-        with open_master_session(f"tcp/127.0.0.1:{port}") as other:
+        with open_master_session(f"tcp/127.0.0.1:{port}") as other_session:
             slave = listen(f"tcp/127.0.0.1:{port}")
             latched, watched = slave.publisher("uuv1", TOPICS["map"]), slave.publisher("uuv1", TOPICS["odom"])
             slave.watch_subscribers(watched)
-            called.clear()
-            other.subscribe("uuv1", "odom", lambda *_: None, 8)
-            assert called.wait(PATIENCE_S)
+            put_called.clear()
+            other_session.subscribe("uuv1", "odom", lambda *_: None, 8)
+            assert put_called.wait(PATIENCE_S)
             latched.put(b"", 1)
             began = time.monotonic()
             slave.close()

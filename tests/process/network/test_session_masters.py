@@ -56,10 +56,10 @@ def test_one_master_commands_at_a_time_beside_any_number_of_observers(slave: tup
             assert third.wait_for_vehicle(60)
             assert command_until(lambda: "another master" in first.refusal(), first, third)
             assert third.refusal() == ""
-            taken = figure(third, "commands_taken")
+            taken_commands = figure(third, "commands_taken")
         program.expect("is lost, which commanded")
         assert command_until(lambda: first.refusal() == "", first), "the vehicle is free again"
-        assert command_until(lambda: figure(first, "commands_taken") > taken + 50, first)
+        assert command_until(lambda: figure(first, "commands_taken") > taken_commands + 50, first)
         assert command_until(lambda: figure(first, "masters_lost") >= 1, first), "a busy machine may lose one more"
 
 
@@ -78,15 +78,15 @@ def test_a_flood_of_commands_is_limited(slave: tuple[Program, str]) -> None:
     program, endpoint = slave
     with VehicleClient(endpoint, "uuv1") as client:
         assert client.wait_for_vehicle(60)
-        began, sent = time.monotonic(), 0
-        while sent < 5000 or not figure(client, "commands_flooded"):
-            sent = client.command(VelocityCommand(surge=0.1))
-            assert sent < 1_000_000, client.diagnostics()
+        start, sent_count = time.monotonic(), 0
+        while sent_count < 5000 or not figure(client, "commands_flooded"):
+            sent_count = client.command(VelocityCommand(surge=0.1))
+            assert sent_count < 1_000_000, client.diagnostics()
         wakeup = client.received["diagnostics"]
         assert wait_for(lambda: client.received["diagnostics"] > wakeup + 1)
-        received, took_s = figure(client, "commands_received"), time.monotonic() - began
+        received, took_s = figure(client, "commands_received"), time.monotonic() - start
         assert received < 220 * took_s + 50, "command_rate is 200 Hz"
-        assert sent > received
+        assert sent_count > received
     assert program.process.poll() is None
 
 
@@ -128,11 +128,11 @@ def test_a_flood_of_pings_by_a_listener_does_not_hide_the_vehicle(slave: tuple[P
         assert wait_for(lambda: master.contact.reported and observer.contact.present)
 
         def is_there() -> None:
-            lost = master.contact.losses + observer.contact.losses
+            losses = master.contact.losses + observer.contact.losses
             before = master.delays.clock.exchanges
             time.sleep(2.0)  # 10 pings; without commands each exchange is one of them
             assert master.delays.clock.exchanges >= before + 7
-            assert master.contact.losses + observer.contact.losses == lost
+            assert master.contact.losses + observer.contact.losses == losses
 
         with subprocess.Popen([sys.executable, "-c", FLOOD, endpoint], cwd=ROOT) as flood:
             try:
@@ -148,17 +148,17 @@ def test_clocks_are_compared_continuously_by_both_ends(slave: tuple[Program, str
     _, endpoint = slave
     with VehicleClient(endpoint, "uuv1") as client:
         assert client.wait_for_vehicle(60)
-        ours = client.delays.clock
-        assert command_until(lambda: ours.exchanges > 40 and client.contact.reported, client), "traces and pings"
+        clock = client.delays.clock
+        assert command_until(lambda: clock.exchanges > 40 and client.contact.reported, client), "traces and pings"
 
         def is_exact() -> bool:
             """True as soon as one exchange was not held up at either end."""
-            found, values = ours.at(time.time_ns()), client.diagnostics()
-            if found is None or values.clock_offset_ms is None:
+            offset, values = clock.at(time.time_ns()), client.diagnostics()
+            if offset is None or values.clock_offset_ms is None:
                 return False
-            assert abs(found.offset_ns) <= found.uncertainty_ns
+            assert abs(offset.offset_ns) <= offset.uncertainty_ns
             assert abs(values.clock_offset_ms) <= or_nan(values.clock_uncertainty_ms)
-            close = found.uncertainty_ns < 5_000_000 and or_nan(values.clock_uncertainty_ms) < 5
+            close = offset.uncertainty_ns < 5_000_000 and or_nan(values.clock_uncertainty_ms) < 5
             return close and abs(or_nan(values.clock_drift_ppm)) < 100
 
         assert command_until(is_exact, client), client.diagnostics()
@@ -170,11 +170,11 @@ def test_a_late_client_gets_slow_topics_at_once(slave: tuple[Program, str]) -> N
     _, endpoint = slave
 
     def check_late_client() -> None:
-        with VehicleClient(endpoint, "uuv1") as late:
-            assert late.wait_for_vehicle(60)
-            before = late.received["odom"]
-            assert wait_for(late.diagnostics), "published once a second"
-            assert late.received["odom"] < before + 10, "at 20 Hz that is half a second"
+        with VehicleClient(endpoint, "uuv1") as late_client:
+            assert late_client.wait_for_vehicle(60)
+            before = late_client.received["odom"]
+            assert wait_for(late_client.diagnostics), "published once a second"
+            assert late_client.received["odom"] < before + 10, "at 20 Hz that is half a second"
 
     with VehicleClient(endpoint, "uuv1") as early:
         assert wait_for(early.diagnostics), "there is one already"
@@ -242,10 +242,10 @@ def test_a_refused_master_prints_the_reason(tmp_path: Path) -> None:
     with Program(tmp_path, "slave", scenarios["laptop"]) as slave:
         slave.expect("ready")
         running = {name: Program(tmp_path, "master", scenarios[name], *arguments) for name in output}
-        for name, words in output.items():
+        for name, messages in output.items():
             with running[name] as master:
                 assert master.wait() == 4, master.output
-                assert words in master.output
+                assert messages in master.output
                 assert "Traceback" not in master.output
         with Program(tmp_path, "master", scenarios["laptop"], *arguments) as master:
             master.expect("flying")

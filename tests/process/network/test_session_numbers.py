@@ -45,11 +45,11 @@ def test_the_key_of_frequent_messages_is_sent_as_a_number(pattern: str, name: st
             return arrived.wait(0.5) and payloads[-1] == payload
 
         assert wait_for(arrives), "earlier messages have arrived too, or are lost"
-        passed = [relay.passed]
+        passed_counts = [relay.passed]
         for _ in range(NUMBER):
             assert wait_for(arrives)
-            passed.append(relay.passed)
-        each = statistics.median([after - before for before, after in pairwise(passed)])
-        assert len(PAYLOAD) < each < len(PAYLOAD) + OVERHEAD_BYTES + KEY_TEXT_BYTES / 2, passed
+            passed_counts.append(relay.passed)
+        each = statistics.median([after - before for before, after in pairwise(passed_counts)])
+        assert len(PAYLOAD) < each < len(PAYLOAD) + OVERHEAD_BYTES + KEY_TEXT_BYTES / 2, passed_counts
         assert set(received) == {name}
         assert len(payloads) == len(set(payloads)), "each arrives once"

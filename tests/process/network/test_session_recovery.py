@@ -30,34 +30,34 @@ AGE_LIMIT_S = 0.3
 class PresenceRecorder:
     """A session that records the appearance and loss of parts with their times."""
 
-    def __init__(self, session: Session, part: str, ident: str = "") -> None:
+    def __init__(self, session: Session, role: str, ident: str = "") -> None:
         self.session = session
-        self.seen: list[tuple[float, str, bool]] = []
+        self.events: list[tuple[float, str, bool]] = []
         watch_presence(session, "uuv1", self._on_presence)
-        declare_presence(session, "uuv1", part, ident)  # type: ignore[arg-type]
+        declare_presence(session, "uuv1", role, ident)  # type: ignore[arg-type]
 
     def _on_presence(self, presence: Presence, alive: bool) -> None:
-        self.seen.append((time.monotonic(), presence.part, alive))
+        self.events.append((time.monotonic(), presence.part, alive))
 
-    def wait_for_part(self, part: str, alive: bool, after: float) -> float:
+    def wait_for_role(self, role: str, alive: bool, after: float) -> float:
         """Return the seconds from `after` until a part appeared or was lost."""
-        found = wait_for(lambda: [at for at, *wakeup in self.seen if wakeup == [part, alive] and at >= after])
-        assert found, f"no {part} {'came' if alive else 'went'} in {self.seen}"
+        found = wait_for(lambda: [at for at, *wakeup in self.events if wakeup == [role, alive] and at >= after])
+        assert found, f"no {role} {'came' if alive else 'went'} in {self.events}"
         return found[0] - after
 
 
 @pytest.fixture
-def ends() -> Iterator[tuple[PresenceRecorder, PresenceRecorder, Relay]]:
-    port, began = free_port(), time.monotonic()
+def peers() -> Iterator[tuple[PresenceRecorder, PresenceRecorder, Relay]]:
+    port, start = free_port(), time.monotonic()
     with listen(f"tcp/127.0.0.1:{port}") as slave, Relay(port) as relay, open_master_session(relay.endpoint) as master:
         pair = PresenceRecorder(slave, "slave"), PresenceRecorder(master, "master")
-        pair[0].wait_for_part("master", True, began)
-        pair[1].wait_for_part("slave", True, began)
+        pair[0].wait_for_role("master", True, start)
+        pair[1].wait_for_role("slave", True, start)
         yield *pair, relay
 
 
-def test_both_ends_detect_a_silent_link_and_recover(ends: tuple[PresenceRecorder, PresenceRecorder, Relay]) -> None:
-    slave, master, relay = ends
+def test_both_ends_detect_a_silent_link_and_recover(peers: tuple[PresenceRecorder, PresenceRecorder, Relay]) -> None:
+    slave, master, relay = peers
     command_receiver = CommandReceiver(round(AGE_LIMIT_S * 1e9))
     commanded: list[tuple[float, float]] = []  # sent and received, both s
     slave.session.subscribe("uuv1", "cmd_vel", command_receiver.on_message, 8)
@@ -69,25 +69,25 @@ def test_both_ends_detect_a_silent_link_and_recover(ends: tuple[PresenceRecorder
         while time.monotonic() < end:
             publisher.put(ros.encode_twist((0.1, 0, 0), (0, 0, 0)), to_wall_ns(now_ns()))
             time.sleep(0.02)
-            taken = command_receiver.take_latest()
-            if taken:
-                commanded.append((taken.published_ns / 1e9, taken.received_ns / 1e9))
+            command = command_receiver.take_latest()
+            if command:
+                commanded.append((command.published_ns / 1e9, command.received_ns / 1e9))
         return len(commanded) - before
 
     def check_loss_and_recovery() -> None:
         assert wait_for(lambda: command(0.3) > 2)
-        began = time.monotonic()
+        start = time.monotonic()
         relay.hold()
         command(3.0)
-        missed = slave.wait_for_part("master", False, began), master.wait_for_part("slave", False, began)
+        missed = slave.wait_for_role("master", False, start), master.wait_for_role("slave", False, start)
         returned, during = time.monotonic(), len(commanded)
         relay.release()
         assert wait_for(lambda: command(0.3) > 2)
-        found = master.wait_for_part("slave", True, returned), slave.wait_for_part("master", True, returned)
+        durations = master.wait_for_role("slave", True, returned), slave.wait_for_role("master", True, returned)
         assert all(taken - to_monotonic(sent) < AGE_LIMIT_S for sent, taken in commanded), "none from before it"
         assert max(missed) < 1.3
         assert commanded[during][1] - returned < 0.8
-        assert max(found) < 0.8
+        assert max(durations) < 0.8
 
     retry_when_busy(check_loss_and_recovery, "seconds of two sessions and a relay, in threads of one process")
     slave.session.close()
@@ -100,17 +100,17 @@ def to_monotonic(wall_s: float) -> float:
     return from_wall_ns(round(wall_s * 1e9)) / 1e9
 
 
-def test_cut_links_are_opened_again(ends: tuple[PresenceRecorder, PresenceRecorder, Relay]) -> None:
-    slave, master, relay = ends
+def test_cut_links_are_opened_again(peers: tuple[PresenceRecorder, PresenceRecorder, Relay]) -> None:
+    slave, master, relay = peers
 
     def check_cut_and_recovery() -> None:
         began = time.monotonic()
         relay.cut()
-        missed = slave.wait_for_part("master", False, began), master.wait_for_part("slave", False, began)
+        missed = slave.wait_for_role("master", False, began), master.wait_for_role("slave", False, began)
         time.sleep(0.5)
         returned = time.monotonic()
         relay.accept_again()
-        found = master.wait_for_part("slave", True, returned), slave.wait_for_part("master", True, returned)
+        found = master.wait_for_role("slave", True, returned), slave.wait_for_role("master", True, returned)
         assert max(missed) < 0.5
         assert max(found) < 0.6
 
@@ -125,15 +125,15 @@ def test_a_late_client_gets_the_last_state() -> None:
             battery.put(bytes([number]) * 9, 1000 + number)
         assert silent.last is None
         serve_last(slave, "uuv1")
-        got: list[tuple[str, bytes, bytes]] = []
-        with open_master_session(f"tcp/127.0.0.1:{port}") as late:
+        received: list[tuple[str, bytes, bytes]] = []
+        with open_master_session(f"tcp/127.0.0.1:{port}") as late_session:
 
             def ask() -> bool:
-                fetch_last(late, "uuv1", lambda *message: got.append(message))
-                return bool(got)
+                fetch_last(late_session, "uuv1", lambda *message: received.append(message))
+                return bool(received)
 
             assert wait_for(ask)
-    ((topic, payload, attachment),) = got
+    ((topic, payload, attachment),) = received
     assert (topic, payload) == ("battery", b"\2" * 9)
     stamp = ros.unpack_attachment(attachment)
     assert stamp is not None
@@ -142,16 +142,16 @@ def test_a_late_client_gets_the_last_state() -> None:
 
 def sockets() -> dict[str, str]:
     """Return the open sockets of this process by descriptor."""
-    found = {}
+    delays = {}
     for name in os.listdir("/proc/self/fd"):
         with suppress(OSError):
-            found[name] = os.readlink(f"/proc/self/fd/{name}")
-    return {name: place for name, place in found.items() if place.startswith("socket:")}
+            delays[name] = os.readlink(f"/proc/self/fd/{name}")
+    return {name: place for name, place in delays.items() if place.startswith("socket:")}
 
 
 def lingering(besides: Collection[str]) -> list[bool]:
     """Return for each connected TCP socket of this process, except those in `besides`, whether it has SO_LINGER set."""
-    found = []
+    received = []
     for name, place in sockets().items():
         with suppress(OSError):
             if place in besides:
@@ -159,8 +159,8 @@ def lingering(besides: Collection[str]) -> list[bool]:
             with socket.socket(fileno=os.dup(int(name))) as end:
                 if end.family == socket.AF_INET and end.getpeername():
                     on, _ = struct.unpack("ii", end.getsockopt(socket.SOL_SOCKET, socket.SO_LINGER, 8))
-                    found.append(bool(on))
-    return found
+                    received.append(bool(on))
+    return received
 
 
 def test_no_link_has_linger_set() -> None:

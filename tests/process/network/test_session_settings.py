@@ -69,36 +69,36 @@ def test_a_port_in_use_is_reported_with_its_likely_owner(number: int) -> None:
 def test_settings_reach_the_library() -> None:
     network = Network(lease=2.5, retry=0.2, open_timeout=0.7)
     text = settings("master", (), ("tcp/10.0.0.1:7447",), network, None)
-    for words in (
+    for message in (
         "'lease':2500",
         "'period_max_ms':200",
         "'open_timeout':700",
         f"'batch_size':{BATCH}",
         "'mode':'peer'",
     ):
-        assert words in text
+        assert message in text
     routed = Network(mode="routed", router="tcp/10.0.0.9:7447")
     assert "'mode':'client'" in settings("master", (), ("tcp/10.0.0.9:7447",), routed, None)
 
 
 def test_a_listening_slave_limits_the_pings_of_observers() -> None:
     routed = Network(mode="routed", router="tcp/10.0.0.9:7447")
-    here = ("tcp/10.0.0.1:7447",)
+    endpoints = ("tcp/10.0.0.1:7447",)
     bound = f"'downsampling':[{{'messages':['put','delete'],'flows':['ingress'],'rules':[{{'key_expr':'{PINGS}'"
-    assert bound in settings("slave", here, (), Network(), None)
-    assert "downsampling" not in settings("slave", here, (routed.router,), routed, None)
+    assert bound in settings("slave", endpoints, (), Network(), None)
+    assert "downsampling" not in settings("slave", endpoints, (routed.router,), routed, None)
     assert clock_keys("*")[0] == PINGS
 
 
 def test_gossip_is_on_only_for_roles_that_need_it(tmp_path: Path) -> None:
     """ROS 2 contexts find each other by gossip; it is off under TLS and for clients that only listen."""
-    here = ("tcp/10.0.0.1:7447",)
+    endpoints = ("tcp/10.0.0.1:7447",)
     reported = (
         "'gossip':{'enabled':true,'multihop':false,'target':{'router':['router','peer']},'autoconnect':{'router':[]}}"
     )
     roles: tuple[Role, ...] = ("slave", "router", "master", "client", "imaging")
     for role in roles:
-        text = settings(role, here, (), Network(), None)
+        text = settings(role, endpoints, (), Network(), None)
         assert (reported in text) == (role in ("slave", "router")), role
         assert "'autoconnect':{'peer':[],'router':[]}" in text, "multicast connects no session by itself"
     init(str(tmp_path / "keys"))
@@ -115,7 +115,7 @@ def test_settings_are_encoded_as_json5() -> None:
 
 
 @pytest.mark.parametrize(
-    ("table", "word"),
+    ("table", "message"),
     [
         ({"mode": "routed"}, "router"),
         ({"router": "tcp/a:1"}, "routed"),
@@ -123,8 +123,8 @@ def test_settings_are_encoded_as_json5() -> None:
         ({"laese": 1}, "lease"),
     ],
 )
-def test_a_wrong_network_section_is_named(table: dict[str, object], word: str) -> None:
-    with pytest.raises(ConfigError, match=word):
+def test_a_wrong_network_section_is_named(table: dict[str, object], message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
         parse(table, Network, "file: network")
 
 
@@ -149,20 +149,20 @@ def test_multicast_finds_only_slaves_with_discovery() -> None:
 
 
 def test_a_router_forwards_commands_and_presence() -> None:
-    endpoint, own = f"tcp/127.0.0.1:{free_port()}", f"tcp/127.0.0.1:{free_port()}"
+    endpoint, own_endpoint = f"tcp/127.0.0.1:{free_port()}", f"tcp/127.0.0.1:{free_port()}"
     network = Network(mode="routed", router=endpoint)
     received: list[str] = []
     with (
-        listen(own, network) as slave,
+        listen(own_endpoint, network) as slave,
         open_router_session(endpoint),
         open_master_session(endpoint, network=network) as master,
     ):
         slave.subscribe("uuv1", "cmd_vel", lambda _, payload, __: received.append(payload.decode()), 8)
         declare_presence(slave, "uuv1", "slave")
-        seen: list[Presence] = []
-        watch_presence(master, "uuv1", lambda presence, _: seen.append(presence))
+        presences: list[Presence] = []
+        watch_presence(master, "uuv1", lambda presence, _: presences.append(presence))
         publisher = master.publisher("uuv1", TOPICS["cmd_vel"])
-        assert wait_for(lambda: publisher.put(b"go", 0) and received and seen)
+        assert wait_for(lambda: publisher.put(b"go", 0) and received and presences)
 
 
 def test_a_master_reports_a_missing_router(monkeypatch: pytest.MonkeyPatch) -> None:

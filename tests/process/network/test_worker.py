@@ -14,15 +14,15 @@ from tests.support.processes import free_port, wait_for
 
 
 def test_items_are_processed_in_order_and_lost_beyond_the_queue_size() -> None:
-    worker, few, all_ = WorkerThread(), list[int](), list[int]()
-    some, every = worker.open_queue(few.append, 3).put, worker.open_queue(all_.append).put
+    worker, few_items, all_items = WorkerThread(), list[int](), list[int]()
+    some, put_all = worker.open_queue(few_items.append, 3).put, worker.open_queue(all_items.append).put
     for number in range(5):
         some(number)
     for number in range(5):
-        every(number)
+        put_all(number)
     worker.end()
     worker.run()
-    assert (few, all_) == ([0, 1, 2], [0, 1, 2, 3, 4])
+    assert (few_items, all_items) == ([0, 1, 2], [0, 1, 2, 3, 4])
 
 
 def test_items_beyond_the_rate_are_lost_until_the_second_ends(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -64,32 +64,32 @@ def wakeups(name: str) -> int:
 
 def test_pings_and_presence_share_a_thread_that_sleeps_when_idle() -> None:
     endpoint = f"tcp/127.0.0.1:{free_port()}"
-    pings, there, threads = list[bytes](), list[tuple[str, bool]](), set[str]()
+    pings, events, threads = list[bytes](), list[tuple[str, bool]](), set[str]()
 
     def ping(payload: bytes) -> None:
         pings.append(payload)
         threads.add(threading.current_thread().name)
 
     def on_token(key: str, alive: bool) -> None:
-        there.append((key, alive))
+        events.append((key, alive))
         threads.add(threading.current_thread().name)
 
-    def both() -> bool:
+    def both_received() -> bool:
         send(b"1")
-        return bool(pings and there)
+        return bool(pings and events)
 
     with listen(endpoint) as slave, open_master_session(endpoint) as master:
         slave.receive("ping", ping, 16)
         slave.watch_tokens("alive/**", on_token)
         send = master.sender("ping")
         withdraw = master.declare_token("alive/1")
-        assert wait_for(both)
+        assert wait_for(both_received)
         withdraw()
-        assert wait_for(lambda: len(there) == 2)
+        assert wait_for(lambda: len(events) == 2)
         time.sleep(0.1)
         before = wakeups("worker")
         time.sleep(0.5)
         assert wakeups("worker") - before <= 1, "a channel of the library would have woken it five times"
-    assert there == [("alive/1", True), ("alive/1", False)]
+    assert events == [("alive/1", True), ("alive/1", False)]
     assert threads == {"worker"}
     assert not [thread for thread in threading.enumerate() if thread.name == "worker"]

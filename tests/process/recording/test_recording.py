@@ -52,29 +52,29 @@ def test_messages_of_several_threads_are_all_counted(fails: bool, tmp_path: Path
 def test_a_file_is_complete_after_every_flush(tmp_path: Path, compression: str) -> None:
     path = tmp_path / "one.mcap"
     file = RecordingFile(str(path), {"seed": "7"}, {"scenario.toml": "seed = 7\n"}, compression)
-    sent: list[Message] = []
+    sent_messages: list[Message] = []
     for number in range(1, 2001):
-        sent.append(imu(number, f"/uuv{number % 3 + 1}/imu"))
-        file.write(sent[-1])
+        sent_messages.append(imu(number, f"/uuv{number % 3 + 1}/imu"))
+        file.write(sent_messages[-1])
         if number in (1, 50, 700, 1999):
             file.flush()
-            assert by_mcap(path) == sent
+            assert by_mcap(path) == sent_messages
             assert [z for _, _, z in by_rosbags(path)] == pytest.approx([-(9.8 + n) for n in range(1, number + 1)])
-            assert list(read_messages(str(path))) == sent
+            assert list(read_messages(str(path))) == sent_messages
     summary = file.close()
-    assert by_mcap(path) == list(read_messages(str(path))) == sent
+    assert by_mcap(path) == list(read_messages(str(path))) == sent_messages
     assert len(by_rosbags(path)) == 2000
     assert summary.size == path.stat().st_size
-    assert summary.first_ns == sent[0].logged_ns
-    assert summary.last_ns == sent[-1].logged_ns
+    assert summary.first_ns == sent_messages[0].logged_ns
+    assert summary.last_ns == sent_messages[-1].logged_ns
     assert read_about(str(path)) == ({"seed": "7"}, {"scenario.toml": "seed = 7\n"})
 
 
 def test_the_index_leads_to_the_messages(tmp_path: Path) -> None:
     path = tmp_path / "one.mcap"
     file = RecordingFile(str(path), {"a": "b"}, {"x": "y"}, "zstd")
-    sent = [imu(number, f"/uuv{number % 2}/imu") for number in range(1, 3000)]
-    for message in sent:
+    sent_messages = [imu(number, f"/uuv{number % 2}/imu") for number in range(1, 3000)]
+    for message in sent_messages:
         file.write(message)
     file.close()
     with path.open("rb") as stream:
@@ -85,17 +85,17 @@ def test_the_index_leads_to_the_messages(tmp_path: Path) -> None:
         assert summary.statistics.message_count == 2999
         assert summary.statistics.chunk_count == len(summary.chunk_indexes) > 10
         assert (summary.statistics.message_start_time, summary.statistics.message_end_time) == (
-            sent[0].logged_ns,
-            sent[-1].logged_ns,
+            sent_messages[0].logged_ns,
+            sent_messages[-1].logged_ns,
         )
         assert {channel.metadata["offered_qos_profiles"] for channel in summary.channels.values()} == {
             qos_profile("/uuv1/imu")
         }
         assert [schema.encoding for schema in summary.schemas.values()] == ["ros2msg"]
-        first, last = sent[1000].logged_ns, sent[1500].logged_ns
+        first, last = sent_messages[1000].logged_ns, sent_messages[1500].logged_ns
         found = reader.iter_messages(topics=["/uuv1/imu"], starting_at=first, ending_before=last)
         assert [m.sequence for _, _, m in found] == [
-            m.sequence for m in sent if m.topic == "/uuv1/imu" and first <= m.logged_ns < last
+            m.sequence for m in sent_messages if m.topic == "/uuv1/imu" and first <= m.logged_ns < last
         ]
         assert [each.name for each in reader.iter_attachments()] == ["x"]
         assert [each.metadata for each in reader.iter_metadata()] == [{"a": "b"}]
@@ -254,10 +254,10 @@ def test_sequence_numbers_wrap_at_32_bits(tmp_path: Path) -> None:
 
 def test_a_file_without_an_index_is_in_the_order_of_its_log_times(tmp_path: Path) -> None:
     """Rosbags reads it in that order: a killed recorder leaves such a file, with messages of several sources."""
-    began = time.time_ns()
+    start = time.time_ns()
     with Recorder(str(tmp_path / "bag"), SMALL, {}) as recorder:
         for number in range(0, 60, 2):
-            early, late = (imu(n)._replace(logged_ns=began + 20_000_000 * n) for n in (number, number + 1))
+            early, late = (imu(n)._replace(logged_ns=start + 20_000_000 * n) for n in (number, number + 1))
             recorder.put(late)
             time.sleep(max(0.0, (late.logged_ns - time.time_ns()) / 1e9))
             recorder.put(early)

@@ -92,15 +92,15 @@ def test_each_event_is_in_the_recording(dive: Path) -> None:
     assert steps[0] > 0
 
 
-def without(path: Path, folder: Path, number: int) -> Path:
+def remove_chunk(path: Path, folder: Path, number: int) -> Path:
     """Return the recording without one of its events, the others numbered on."""
     about, count = read_about(str(path)), 0
     with Recorder(str(folder), Recording(keep_free=0.0), about.facts, about.attachments) as recorder:
-        seen = 0
+        chunks = 0
         for message in read_messages(str(path)):
             if message.topic == "/uuv1/events":
-                seen += 1
-                if seen == number:
+                chunks += 1
+                if chunks == number:
                     continue
                 count += 1
                 message = message._replace(sequence=count)
@@ -111,7 +111,7 @@ def without(path: Path, folder: Path, number: int) -> Path:
 @pytest.mark.parametrize("number", [1, 2, 3, 5])
 def test_leaving_out_an_event_changes_the_repetition(tmp_path: Path, dive: Path, number: int) -> None:
     """The repetition differs if an event is not applied again."""
-    verdict = recording_check.check(str(without(dive, tmp_path / "less", number)))
+    verdict = recording_check.check(str(remove_chunk(dive, tmp_path / "less", number)))
     assert "/uuv1/" in verdict.difference
     assert verdict.compared > 20
 

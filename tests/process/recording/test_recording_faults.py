@@ -27,20 +27,20 @@ from tests.support.processes import ROOT, wait_for
 def test_a_truncated_file_is_read_up_to_its_end(tmp_path: Path) -> None:
     path = tmp_path / "one.mcap"
     file = RecordingFile(str(path), {"seed": "7"}, {}, "zstd")
-    sent = [imu(number, noise=True) for number in range(1, 800)]
-    for message in sent:
+    messages = [imu(number, noise=True) for number in range(1, 800)]
+    for message in messages:
         file.write(message)
     file.close()
     whole, torn = path.read_bytes(), tmp_path / "torn.mcap"
-    chance, most = random.Random(5), 0
+    rng, max_lost = random.Random(5), 0
     for _ in range(60):
-        cut = chance.randrange(1500, len(whole))
-        garbage = bytes(chance.randrange(256) for _ in range(chance.choice((0, 4096))))
+        cut = rng.randrange(1500, len(whole))
+        garbage = bytes(rng.randrange(256) for _ in range(rng.choice((0, 4096))))
         torn.write_bytes(whole[:cut] + garbage)
         found = list(read_messages(str(torn)))
-        assert found == sent[: len(found)]
-        most = max(most, len(found))
-    assert most > 600
+        assert found == messages[: len(found)]
+        max_lost = max(max_lost, len(found))
+    assert max_lost > 600
     for broken in (b"", b"\x89MCAP0\r\n", b"not a recording", whole[:20]):
         torn.write_bytes(broken)
         with pytest.raises(ConfigError, match=r"torn\.mcap"):
@@ -68,10 +68,10 @@ def test_a_kill_loses_at_most_the_last_second(tmp_path: Path) -> None:
     own = tmp_path / str(time.monotonic_ns())
     own.mkdir()
     folder, printed = own / "bag", own / "printed"
-    with printed.open("w") as out:
+    with printed.open("w") as stdout:
         process = subprocess.Popen(
             [sys.executable, "-c", RECORD, str(folder)],
-            stdout=out,
+            stdout=stdout,
             cwd=ROOT,
             env={**os.environ, "PYTHONPATH": str(ROOT)},
         )
@@ -82,15 +82,15 @@ def test_a_kill_loses_at_most_the_last_second(tmp_path: Path) -> None:
     killed_ns = time.monotonic_ns()
     rows = [tuple(map(int, line.split())) for line in printed.read_text().splitlines()[:-1]]
     path = folder / "bag_0.mcap"
-    ours = [message.sequence for message in read_messages(str(path))]
-    assert ours == list(range(1, len(ours) + 1))
-    lost_since = next(at for number, at in rows if number > len(ours))
+    sequences = [message.sequence for message in read_messages(str(path))]
+    assert sequences == list(range(1, len(sequences) + 1))
+    lost_since = next(at for number, at in rows if number > len(sequences))
     assert 0.0 < (killed_ns - lost_since) / 1e9 < 1.3, "a second, and what it takes to notice"
-    assert [m.sequence for m in by_mcap(path)] == ours, "the library's reader"
+    assert [m.sequence for m in by_mcap(path)] == sequences, "the library's reader"
     with path.open("rb") as stream:
-        assert [r.sequence for r in StreamReader(stream).records if isinstance(r, McapMessage)] == ours
-    assert len(by_rosbags(path)) == len(ours), "others' reader, of the file"
-    assert len(by_rosbags(folder)) == len(ours), "and of the folder, whose index was there from the beginning"
+        assert [r.sequence for r in StreamReader(stream).records if isinstance(r, McapMessage)] == sequences
+    assert len(by_rosbags(path)) == len(sequences), "others' reader, of the file"
+    assert len(by_rosbags(folder)) == len(sequences), "and of the folder, whose index was there from the beginning"
 
 
 FILL = """
@@ -114,7 +114,7 @@ print(reports == [recorder.failure], recorder.lost, recorder.failure)
 
 def test_a_full_disk_ends_only_the_recording(tmp_path: Path) -> None:
     folder = tmp_path / "bag"
-    done = subprocess.run(
+    completed = subprocess.run(
         [sys.executable, "-c", FILL, str(folder)],
         capture_output=True,
         text=True,
@@ -122,15 +122,15 @@ def test_a_full_disk_ends_only_the_recording(tmp_path: Path) -> None:
         timeout=100,
         env={**os.environ, "PYTHONPATH": str(ROOT)},
     )
-    reported, lost, failure = done.stdout.strip().split(" ", 2)
-    assert reported == "True", done.stderr
+    reported, lost, failure = completed.stdout.strip().split(" ", 2)
+    assert reported == "True", completed.stderr
     assert int(lost) >= 1
     assert str(folder) in failure
     assert "File too large" in failure
-    found = [message.sequence for message in by_mcap(folder / "bag_0.mcap")]
-    assert found == list(range(1, len(found) + 1))
-    assert len(found) > 10, "what was written before the last chunk"
-    assert len(by_rosbags(folder)) == len(found)
+    sequences = [message.sequence for message in by_mcap(folder / "bag_0.mcap")]
+    assert sequences == list(range(1, len(sequences) + 1))
+    assert len(sequences) > 10, "what was written before the last chunk"
+    assert len(by_rosbags(folder)) == len(sequences)
 
 
 def test_free_space_is_left_on_the_disk(tmp_path: Path) -> None:
@@ -171,13 +171,13 @@ def test_a_delayed_recorder_writes_messages_in_order(tmp_path: Path, monkeypatch
 
 
 def test_a_clock_before_1970_does_not_end_a_recording(tmp_path: Path) -> None:
-    sent = [imu(1), imu(2)._replace(published_ns=-1), imu(3)]
+    messages = [imu(1), imu(2)._replace(published_ns=-1), imu(3)]
     with Recorder(str(tmp_path / "bag"), SMALL, {}) as recorder:
-        for message in sent:
+        for message in messages:
             recorder.put(message)
     assert (recorder.written, recorder.failure) == (3, "")
     found = by_mcap(tmp_path / "bag" / "bag_0.mcap")
-    assert found == [sent[0], sent[1]._replace(published_ns=0), sent[2]]
+    assert found == [messages[0], messages[1]._replace(published_ns=0), messages[2]]
 
 
 def test_an_error_that_ends_the_recording_is_reported(tmp_path: Path) -> None:
@@ -195,14 +195,14 @@ def test_an_error_that_ends_the_recording_is_reported(tmp_path: Path) -> None:
 
 
 def test_a_source_is_polled_until_the_end(tmp_path: Path) -> None:
-    sent = [imu(number, noise=True) for number in range(1, 2001)]
-    portions = [sent[:700], [], sent[700:1990]]
+    messages = [imu(number, noise=True) for number in range(1, 2001)]
+    portions = [messages[:700], [], messages[700:1990]]
     with Recorder(str(tmp_path / "bag"), SMALL, {}, source=lambda: portions.pop(0) if portions else []) as recorder:
         recorder.put(imu(1, "/uuv2/imu"))
         assert wait_for(lambda: recorder.written == 1991)
-        portions.append(sent[1990:])
+        portions.append(messages[1990:])
     found = list(read_messages(str(tmp_path / "bag")))
-    assert [message for message in found if message.topic == "/uuv1/imu"] == sent
+    assert [message for message in found if message.topic == "/uuv1/imu"] == messages
     assert [message for message in found if message.topic == "/uuv2/imu"] == [imu(1, "/uuv2/imu")]
 
 
@@ -232,8 +232,8 @@ print(json.dumps(policies))
     import tempfile
 
     with tempfile.TemporaryDirectory() as folder:
-        done = subprocess.run(
+        completed = subprocess.run(
             [sys.executable, "-c", code, f"{folder}/bag"], capture_output=True, text=True, cwd=ROOT,
             env={**os.environ, "PYTHONPATH": str(ROOT)},
         )  # fmt: skip
-    assert json.loads(done.stdout) == {"MainThread": os.SCHED_BATCH, "recorder": os.SCHED_OTHER}, done.stderr
+    assert json.loads(completed.stdout) == {"MainThread": os.SCHED_BATCH, "recorder": os.SCHED_OTHER}, completed.stderr

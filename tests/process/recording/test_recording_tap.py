@@ -45,10 +45,10 @@ def test_a_tap_receives_from_the_vehicle_and_its_master() -> None:
         imu, commands = slave.publisher("uuv1", TOPICS["imu"]), master.publisher("uuv1", TOPICS["cmd_vel"])
         assert wait_for(lambda: tap.connected)
         assert have_subscribers(slave.watch_keys("0/uuv1/imu/**"), master.watch_keys("0/uuv1/cmd_vel/**"))
-        began = time.time_ns()
+        start = time.time_ns()
         for number in range(100):
-            imu.put(b"imu %d" % number, began + number)
-            commands.put(b"command %d" % number, began + number)
+            imu.put(b"imu %d" % number, start + number)
+            commands.put(b"command %d" % number, start + number)
             time.sleep(0.01)  # a command that finds two others waiting to be sent is dropped
         last = {b"imu 99", b"command 99"}
         arrived = collect(tap, lambda messages: last <= {message.data for message in messages})
@@ -57,11 +57,11 @@ def test_a_tap_receives_from_the_vehicle_and_its_master() -> None:
     assert topics["/uuv1/cmd_vel"] >= 95, "messages before the tap was connected are lost"
     assert tap.missed == 0
     first = next(message for message in arrived if message.topic == "/uuv1/imu")
-    assert first[:4] == ("/uuv1/imu", "sensor_msgs/msg/Imu", 1, began)
+    assert first[:4] == ("/uuv1/imu", "sensor_msgs/msg/Imu", 1, start)
     assert first.data == b"imu 0"
     assert [m.sequence for m in arrived if m.topic == "/uuv1/imu"] == list(range(1, 101))
     assert all(a.logged_ns <= b.logged_ns for a, b in pairwise(arrived))
-    assert all(0 < message.logged_ns - began < 60_000_000_000 for message in arrived)
+    assert all(0 < message.logged_ns - start < 60_000_000_000 for message in arrived)
 
 
 def test_latched_messages_are_received_once() -> None:
@@ -107,12 +107,12 @@ def test_messages_of_two_vehicles_on_one_topic_are_counted_separately() -> None:
 def test_a_link_that_the_library_does_not_read_is_opened_again() -> None:
     """The library never reads a link whose time limit for opening ends while it calls a slow listener."""
     endpoint = f"tcp/127.0.0.1:{free_port()}"
-    opened: list[str] = []
+    opened_endpoints: list[str] = []
 
     def be_slow(event: zenoh.LinkEvent) -> None:
         if event.kind == zenoh.SampleKind.PUT:
-            opened.append(event.link.dst)
-            if len(opened) == 1:
+            opened_endpoints.append(event.link.dst)
+            if len(opened_endpoints) == 1:
                 time.sleep(0.7)  # the limit is 0.3 s
 
     with Tap([endpoint]) as tap:
@@ -171,10 +171,10 @@ def test_topics_of_one_publisher_are_distinguished() -> None:
                 if topic != "odom" or not number % 3:
                     publisher.put(b"%s %d" % (topic.encode(), number), 7)
         arrived = collect(tap, lambda messages: len(messages) >= 70)
-    found = {topic: [(m.sequence, m.data) for m in arrived if m.topic == f"/uuv1/{topic}"] for topic in topics}
+    recorded = {topic: [(m.sequence, m.data) for m in arrived if m.topic == f"/uuv1/{topic}"] for topic in topics}
     for topic in ("imu", "pressure"):
-        assert found[topic] == [(n, b"%s %d" % (topic.encode(), n)) for n in range(1, 31)]
-    assert found["odom"] == [(n, b"odom %d" % (3 * n)) for n in range(1, 11)]
+        assert recorded[topic] == [(n, b"%s %d" % (topic.encode(), n)) for n in range(1, 31)]
+    assert recorded["odom"] == [(n, b"odom %d" % (3 * n)) for n in range(1, 11)]
     assert tap.missed == 0
 
 
@@ -212,15 +212,15 @@ def test_gaps_are_counted() -> None:
 
 
 def test_a_missing_endpoint_is_reported_once_in_a_while(monkeypatch: pytest.MonkeyPatch) -> None:
-    ends = [f"tcp/127.0.0.1:{free_port()}" for _ in range(2)]
+    endpoints = [f"tcp/127.0.0.1:{free_port()}" for _ in range(2)]
     monkeypatch.setattr(recording_tap, "PATIENCE_NS", 100_000_000)
-    with listen(ends[0]), Tap(ends) as tap:
+    with listen(endpoints[0]), Tap(endpoints) as tap:
         assert tap.complaint() == ""
         assert wait_for(lambda: tap.connected)
-        assert wait_for(tap.complaint) == f"still no answer from {ends[1]}; waiting"
+        assert wait_for(tap.complaint) == f"still no answer from {endpoints[1]}; waiting"
         time.sleep(0.2)  # longer than the patience
         assert tap.complaint() == "", "not again for a minute"
-        with listen(ends[1]):
+        with listen(endpoints[1]):
             assert wait_for(lambda: len(tap.connected) == 2)
         monkeypatch.setattr(tap, "_complaint_ns", 0)
         assert tap.complaint() == ""
@@ -239,10 +239,10 @@ def test_the_threads_of_a_tap_end_with_it() -> None:
 def test_closing_does_not_wait_for_a_missing_endpoint() -> None:
 
     def check_closing_time() -> None:
-        began = time.monotonic()
+        start = time.monotonic()
         with Tap([f"tcp/127.0.0.1:{free_port()}"]) as tap:
             assert tap.receive() == []
-        assert time.monotonic() - began < 1.0
+        assert time.monotonic() - start < 1.0
 
     retry_when_busy(check_closing_time, "a session is opened and closed")
 

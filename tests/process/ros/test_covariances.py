@@ -58,14 +58,14 @@ def test_the_covariance_of_an_inertial_unit_matches_its_scatter(name: str, sampl
     assert mean_squares(rows) == pytest.approx([level, level, heading, *[rate] * 3, *[force] * 3], rel=0.35)
 
 
-@pytest.mark.parametrize("lost", [None, 0, 3])
-def test_the_covariance_of_a_dvl_matches_its_scatter(lost: int | None, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("lost_beam", [None, 0, 3])
+def test_the_covariance_of_a_dvl_matches_its_scatter(lost_beam: int | None, monkeypatch: pytest.MonkeyPatch) -> None:
     model = DvlModel(velocity=ErrorModel(noise=0.02), range=ErrorModel(noise=0.004))
     log = Dvl(model, Mounting(), 3, simulation())
-    if lost is not None:
+    if lost_beam is not None:
         whole = log._ranges
         monkeypatch.setattr(
-            log, "_ranges", lambda state: [None if at == lost else x for at, x in enumerate(whole(state))]
+            log, "_ranges", lambda state: [None if at == lost_beam else x for at, x in enumerate(whole(state))]
         )
     samples = [log.sample(number, at_rest()) for number in range(3000)]
     rows = [sample.velocity for sample in samples]
@@ -78,14 +78,14 @@ def test_the_covariance_of_a_dvl_matches_its_scatter(lost: int | None, monkeypat
 
 def output(sensors: Any) -> dict[str, dict[str, Any]]:
     """Return the first message of each topic of a sensors, by its fields."""
-    vehicle, known, found = simulation(sensors), error_variances(sensors, WORLD), dict[str, dict[str, Any]]()
+    vehicle, variances, messages = simulation(sensors), error_variances(sensors, WORLD), dict[str, dict[str, Any]]()
     for _ in range(480):
         for topic, sample in vehicle.step((1500,) * 6):
-            for name, payload in ros.encoder(topic)(sample, "", *known.get(topic, ())):
+            for name, payload in ros.encoder(topic)(sample, "", *variances.get(topic, ())):
                 message = ros_message.decode(TOPICS[name].type, payload)
                 assert message is not None
-                found.setdefault(name, message)
-    return found
+                messages.setdefault(name, message)
+    return messages
 
 
 def diagonal(values: Sequence[float]) -> list[float]:
@@ -110,25 +110,25 @@ def test_every_message_with_a_covariance_field_fills_it() -> None:
     def of(name: str, key: str) -> float:
         return variance(getattr(models[name], key), 1.0 / models[name].rate)
 
-    found = output(sensors)
-    imu, odometry = found["imu"], found["odom"]
+    messages = output(sensors)
+    imu, odometry = messages["imu"], messages["odom"]
     assert diagonal(imu["orientation_covariance"]) == [of("imu", "attitude")] * 3
     assert diagonal(imu["angular_velocity_covariance"]) == [of("imu", "angular_velocity")] * 3
     assert diagonal(imu["linear_acceleration_covariance"]) == [of("imu", "acceleration")] * 3
     level, heading, *_ = error_variances(sensors, WORLD)["ahrs"]
-    assert diagonal(found["ahrs"]["orientation_covariance"]) == [level, level, heading]
+    assert diagonal(messages["ahrs"]["orientation_covariance"]) == [level, level, heading]
     pose = [of("odometry", key) for key in ("horizontal", "horizontal", "depth")]  # east, north, up
     assert diagonal(odometry["pose"]["covariance"]) == [*pose, *[of("odometry", "attitude")] * 3]
     twist = [*[of("odometry", "velocity")] * 3, *[of("odometry", "angular_velocity")] * 3]
     assert diagonal(odometry["twist"]["covariance"]) == twist
-    assert found["pressure"]["variance"] == of("pressure", "error")
+    assert messages["pressure"]["variance"] == of("pressure", "error")
     for name in ("altimeter", "echosounder"):
-        assert found[name]["variance"] == pytest.approx(of(name, "error"), rel=1e-6)
+        assert messages[name]["variance"] == pytest.approx(of(name, "error"), rel=1e-6)
     field = [of("magnetometer", key) for key in ("error_xy", "error_xy", "error_z")]
-    assert diagonal(found["magnetometer"]["magnetic_field_covariance"]) == field
-    assert found["dvl"]["velocity_covar"][0] > 0.0 < found["altitude"]["variance"]
-    assert diagonal(found["dvl_twist"]["twist"]["covariance"])[3:] == [-1.0] * 3, "nothing is known of turning"
-    assert not any(found["ground_truth"]["pose"]["covariance"]), "the truth has no errors"
+    assert diagonal(messages["magnetometer"]["magnetic_field_covariance"]) == field
+    assert messages["dvl"]["velocity_covar"][0] > 0.0 < messages["altitude"]["variance"]
+    assert diagonal(messages["dvl_twist"]["twist"]["covariance"])[3:] == [-1.0] * 3, "nothing is known of turning"
+    assert not any(messages["ground_truth"]["pose"]["covariance"]), "the truth has no errors"
 
 
 def test_the_covariance_of_a_dvl_is_rotated_to_ros_axes() -> None:

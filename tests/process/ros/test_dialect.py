@@ -90,12 +90,12 @@ def test_keys_and_tokens_have_the_domain_and_the_release() -> None:
 
 def test_range_messages_of_humble_have_no_variance() -> None:
     sample, depth = DvlSample(1, (0.0, 0.0, 0.0), 12.5, True), RangeSample(1, 3.5, (0.5, 10.0))
-    new = ros_dvl.encode_range(sample, variance=0.25), ros_sensors.encode_distance(depth, variance=0.25)
+    new_messages = ros_dvl.encode_range(sample, variance=0.25), ros_sensors.encode_distance(depth, variance=0.25)
     dialect.select(0, "humble")
-    old = ros_dvl.encode_range(sample, variance=0.25), ros_sensors.encode_distance(depth, variance=0.25)
-    assert [data[:-4] for data in new] == list(old)
-    assert [ros_dvl.decode_range(data) for data in (new[0], old[0])] == [(1, 12.5)] * 2
-    assert [ros_sensors.decode_distance(data) for data in (new[1], old[1])] == [depth] * 2
+    old_messages = ros_dvl.encode_range(sample, variance=0.25), ros_sensors.encode_distance(depth, variance=0.25)
+    assert [data[:-4] for data in new_messages] == list(old_messages)
+    assert [ros_dvl.decode_range(data) for data in (new_messages[0], old_messages[0])] == [(1, 12.5)] * 2
+    assert [ros_sensors.decode_distance(data) for data in (new_messages[1], old_messages[1])] == [depth] * 2
 
 
 def test_a_slave_of_another_domain_is_received_there_and_nowhere_else(tmp_path: Path) -> None:

@@ -62,22 +62,22 @@ def read_by_the_rules(key: str) -> dict[str, Any]:
         "hash",
         "qos",
     )
-    parts = key.split("/")
-    assert all(parts), "an empty part is refused"
-    assert len(parts) in (9, 13)
-    found: dict[str, Any] = dict(zip(order, parts, strict=False))
+    fields = key.split("/")
+    assert all(fields), "an empty part is refused"
+    assert len(fields) in (9, 13)
+    values: dict[str, Any] = dict(zip(order, fields, strict=False))
     for name in ("enclave", "namespace", "name", "topic", "type"):
-        if name in found:
-            found[name] = found[name].replace("%", "/")
-    if "qos" in found:
-        reliability, durability, history, deadline, lifespan, liveliness = found["qos"].split(":")
+        if name in values:
+            values[name] = values[name].replace("%", "/")
+    if "qos" in values:
+        reliability, durability, history, deadline, lifespan, liveliness = values["qos"].split(":")
         policy, depth = history.split(",")
-        found["reliability"] = {"": "reliable", "1": "reliable", "2": "best effort"}[reliability]
-        found["durability"] = {"": "volatile", "1": "transient local", "2": "volatile"}[durability]
-        found["history"] = {"": "keep last", "1": "keep last", "2": "keep all"}[policy]
-        found["depth"] = int(depth or 42)
+        values["reliability"] = {"": "reliable", "1": "reliable", "2": "best effort"}[reliability]
+        values["durability"] = {"": "volatile", "1": "transient local", "2": "volatile"}[durability]
+        values["history"] = {"": "keep last", "1": "keep last", "2": "keep all"}[policy]
+        values["depth"] = int(depth or 42)
         assert [deadline, lifespan, liveliness] == [",", ",", ",,"]
-    return found
+    return values
 
 
 @pytest.mark.parametrize(
@@ -92,14 +92,14 @@ def check_topic(topic: Any) -> None:
     type_hash = hash_of(topic.type)
     full = topic.full_name("uuv1")
     entity = Entity("MP", "/uuv1", "abc123", 0, 4, full, topic.type, type_hash, topic.qos)
-    found = read_by_the_rules(token(entity))
+    decoded = read_by_the_rules(token(entity))
     package, _, name = topic.type.split("/")
-    assert found["topic"] == (topic.name if topic.name.startswith("/") else f"/uuv1/{topic.name}")
-    assert found["type"] == f"{package}::msg::dds_::{name}_"
-    assert (found["hash"], found["name"], found["namespace"], found["enclave"]) == (type_hash, "uuv1", "/", "/")
-    assert found["reliability"] == ("reliable" if topic.qos.reliable else "best effort")
-    assert found["durability"] == ("transient local" if topic.qos.latched else "volatile")
-    assert (found["history"], found["depth"]) == ("keep last", topic.qos.depth)
+    assert decoded["topic"] == (topic.name if topic.name.startswith("/") else f"/uuv1/{topic.name}")
+    assert decoded["type"] == f"{package}::msg::dds_::{name}_"
+    assert (decoded["hash"], decoded["name"], decoded["namespace"], decoded["enclave"]) == (type_hash, "uuv1", "/", "/")
+    assert decoded["reliability"] == ("reliable" if topic.qos.reliable else "best effort")
+    assert decoded["durability"] == ("transient local" if topic.qos.latched else "volatile")
+    assert (decoded["history"], decoded["depth"]) == ("keep last", topic.qos.depth)
     assert read_token(token(entity)) == entity
 
 
@@ -126,10 +126,10 @@ def test_tokens_round_trip(kind: Any, node: list[str], topic: list[str], ident: 
 
 
 @given(st.text(max_size=60), st.sampled_from(list(FOREIGN_TOKENS)), st.integers(0, 12))
-def test_malformed_tokens_raise_no_error(noise: str, key: str, place: int) -> None:
+def test_malformed_tokens_raise_no_error(noise: str, key: str, index: int) -> None:
     """A decoded token is an entity, whose own token is the same."""
     parts = key.split("/")
-    parts[min(place, len(parts) - 1)] = noise
+    parts[min(index, len(parts) - 1)] = noise
     for text in (noise, "/".join(parts)):
         entity = read_token(text)
         assert entity is None or read_token(token(entity)) == entity
@@ -163,20 +163,20 @@ def test_a_node_and_its_endpoints_are_declared_until_the_session_closes() -> Non
             node.subscribes(TOPICS["cmd_vel"], "uuv1")
             node.serves("/uuv1/arm", "std_srvs/srv/SetBool")
             wait_for(lambda: len(master.tokens(graph.ALL)) == 4)
-            found = [read_token(key) for key in master.tokens(graph.ALL)]
+            entities = [read_token(key) for key in master.tokens(graph.ALL)]
             assert slave.zid != master.zid
-            assert {(e.kind, e.node, e.topic, e.type) for e in found if e} == {
+            assert {(e.kind, e.node, e.topic, e.type) for e in entities if e} == {
                 ("NN", "/uuv1", "", ""),
                 ("MP", "/uuv1", "/uuv1/imu", "sensor_msgs/msg/Imu"),
                 ("MS", "/uuv1", "/uuv1/cmd_vel", "geometry_msgs/msg/Twist"),
                 ("SS", "/uuv1", "/uuv1/arm", "std_srvs/srv/SetBool"),
             }
-            assert {e.session for e in found if e} == {slave.zid}
-            assert len({e.ident for e in found if e}) == 4
+            assert {e.session for e in entities if e} == {slave.zid}
+            assert len({e.ident for e in entities if e}) == 4
         assert wait_for(lambda: not master.tokens(graph.ALL))
 
 
-def seen(session: Session) -> set[tuple[str, str, str]]:
+def topics_of(session: Session) -> set[tuple[str, str, str]]:
     return {(e.kind, e.node, e.topic) for key in session.tokens(graph.ALL) if (e := read_token(key))}
 
 
@@ -184,42 +184,42 @@ def seen(session: Session) -> set[tuple[str, str, str]]:
 def test_masters_and_observers_are_nodes_until_they_close(routed: bool) -> None:
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     network = Network(mode="routed", router=endpoint) if routed else Network()
-    own = f"tcp/127.0.0.1:{free_port()}" if routed else endpoint
+    own_endpoint = f"tcp/127.0.0.1:{free_port()}" if routed else endpoint
     with (
         open_router_session(endpoint) if routed else nullcontext(),
-        listen(own, network) as slave,
-        open_master_session(endpoint, network=network) as ours,
+        listen(own_endpoint, network) as slave,
+        open_master_session(endpoint, network=network) as session,
         open_client_session(endpoint, network, seconds=3.0) as guest,
     ):
         Node(slave, "uuv1").subscribes(TOPICS["cmd_vel"], "uuv1")
         vehicle = {("NN", "/uuv1", ""), ("MS", "/uuv1", "/uuv1/cmd_vel")}
         clients = [
-            VehicleClient(ours, "uuv1"),
-            VehicleClient(ours, "uuv2", part="observer"),
-            VehicleClient(ours, "uuv3"),
+            VehicleClient(session, "uuv1"),
+            VehicleClient(session, "uuv2", part="observer"),
+            VehicleClient(session, "uuv3"),
         ]
         third = {("NN", "/uuv3_master", ""), ("MP", "/uuv3_master", "/uuv3/cmd_vel")}
-        others = {
+        other_topics = {
             ("NN", "/uuv1_master", ""),
             ("MP", "/uuv1_master", "/uuv1/cmd_vel"),
             ("NN", "/uuv2_observer", ""),
         }
-        assert wait_for(lambda: seen(guest) == vehicle | others | third), seen(guest)
-        found = [e for key in guest.tokens(graph.ALL) if (e := read_token(key)) and e.session == ours.zid]
+        assert wait_for(lambda: topics_of(guest) == vehicle | other_topics | third), topics_of(guest)
+        found = [e for key in guest.tokens(graph.ALL) if (e := read_token(key)) and e.session == session.zid]
         assert len({e.ident for e in found}) == len(found) == 5, "one session, so all have numbers of their own"
         for client in clients[:2]:
             client.close()
-        assert wait_for(lambda: seen(guest) == vehicle | third), seen(guest)
+        assert wait_for(lambda: topics_of(guest) == vehicle | third), topics_of(guest)
         clients[2].close()
 
 
 def test_a_client_reports_that_nobody_answers() -> None:
-    endpoint, tries = f"tcp/127.0.0.1:{free_port()}", list[float]()
+    endpoint, attempts = f"tcp/127.0.0.1:{free_port()}", list[float]()
     with pytest.raises(NetworkError, match=f"nobody answered at {endpoint} within 0.2 s; is `uuv-hil slave` running"):
-        open_client_session(endpoint, seconds=0.2, pause=lambda: tries.append(time.monotonic()))
-    assert not tries
+        open_client_session(endpoint, seconds=0.2, pause=lambda: attempts.append(time.monotonic()))
+    assert not attempts
     with pytest.raises(NetworkError, match="nobody answered"):
-        open_client_session(endpoint, seconds=0.8, pause=lambda: tries.append(time.monotonic()))
-    assert tries
+        open_client_session(endpoint, seconds=0.8, pause=lambda: attempts.append(time.monotonic()))
+    assert attempts
     with pytest.raises(NetworkError, match="tcp/HOST:PORT"):
         open_client_session("7447", seconds=60.0)

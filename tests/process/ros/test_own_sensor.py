@@ -76,27 +76,27 @@ def samples(path: Path, seconds: float, topic: str) -> list[OwnSample]:
     scenario = load_scenario(str(path))
     vehicle, _ = load_vehicle(scenario.vehicle)
     simulation = build_simulation(scenario, vehicle, load_world(scenario.world))
-    found = []
+    problems = []
     while simulation.time_ns < seconds * 1e9:
-        found += [sample for name, sample in simulation.step((1500,) * 6) if name == topic]
-    return found  # type: ignore[return-value]
+        problems += [sample for name, sample in simulation.step((1500,) * 6) if name == topic]
+    return problems  # type: ignore[return-value]
 
 
 def test_the_sensor_of_the_tutorial_measures_and_has_nine_lines(sensor_folder: Path) -> None:
     assert len([line for line in from_tutorial("python").splitlines() if line.strip()]) == 9
     assert parse_toml(from_tutorial("toml"))["sensors"]["thermometer"]["rate"] == "5 Hz"
     path, _ = scenario_with(sensor_folder, from_tutorial("toml"))
-    found = samples(path, 2.0, "thermometer")
-    assert [sample.time_ns for sample in found] == [200_000_000 * (k + 1) for k in range(10)]
-    warm = [sample.values["temperature"] for sample in found]
+    received = samples(path, 2.0, "thermometer")
+    assert [sample.time_ns for sample in received] == [200_000_000 * (k + 1) for k in range(10)]
+    warm = [sample.values["temperature"] for sample in received]
     assert sum(warm) / 10 == pytest.approx(18.0 - 0.5 * 2.1, abs=0.03)  # 2 m deep, 0.1 m below the middle
     assert len(set(warm)) == 10
-    assert samples(path, 2.0, "thermometer") == found, "the same seed, the same luck"
-    ((topic, payload),) = ros.encoder("thermometer")(found[0], "uuv7/")
+    assert samples(path, 2.0, "thermometer") == received, "the same seed, the same luck"
+    ((topic, payload),) = ros.encoder("thermometer")(received[0], "uuv7/")
     decode = ros.decoder(topic)
     assert decode
     back = decode(payload)
-    assert (back.time_ns, back.values["temperature"]) == (found[0].time_ns, warm[0])
+    assert (back.time_ns, back.values["temperature"]) == (received[0].time_ns, warm[0])
     assert back.values["header"]["frame_id"] == "uuv7/thermometer_link"
     assert decode(payload[:-9]) is None
 
@@ -104,10 +104,10 @@ def test_the_sensor_of_the_tutorial_measures_and_has_nine_lines(sensor_folder: P
 def test_a_sensor_may_have_a_short_type_no_header_and_missing_measurements(sensor_folder: Path) -> None:
     section = '[sensors.mine]\nclass = "my_sensors:Bare"\nrate = "10 Hz"\n'
     path, _ = scenario_with(sensor_folder, section)
-    found = samples(path, 1.0, "mine")
-    assert [sample.time_ns for sample in found] == [100_000_000 * k for k in (1, 3, 5, 7, 9)]
-    ((_, payload),) = ros.encoder("mine")(found[0], "")
-    assert payload == bytes.fromhex("00010000") + struct.pack("<d", found[0].values["data"])
+    received = samples(path, 1.0, "mine")
+    assert [sample.time_ns for sample in received] == [100_000_000 * k for k in (1, 3, 5, 7, 9)]
+    ((_, payload),) = ros.encoder("mine")(received[0], "")
+    assert payload == bytes.fromhex("00010000") + struct.pack("<d", received[0].values["data"])
 
 
 def test_a_slave_publishes_records_and_repeats_an_own_sensor(sensor_folder: Path) -> None:
@@ -159,7 +159,7 @@ def test_a_planner_receives_an_own_sensor_in_simulation_and_over_the_network(sen
 
 
 @pytest.mark.parametrize(
-    ("section", "words"),
+    ("section", "message"),
     [
         ('[sensors.mine]\nclass = "my_sensors:Bare"', "sensors: mine: key 'rate' is missing"),
         ('[sensors.mine]\nclass = "my_sensors:Bare"\nrate = 1\nx = 2', "does not take these keys"),
@@ -173,9 +173,9 @@ def test_a_planner_receives_an_own_sensor_in_simulation_and_over_the_network(sen
         ("[sensors.mine]\nrate = 1", 'one of your own class = "module:Class"'),
     ],
 )
-def test_wrong_sensor_sections_are_reported(sensor_folder: Path, section: str, words: str) -> None:
+def test_wrong_sensor_sections_are_reported(sensor_folder: Path, section: str, message: str) -> None:
     path, _ = scenario_with(sensor_folder, section)
-    with pytest.raises(ConfigError, match=re.escape(words)):
+    with pytest.raises(ConfigError, match=re.escape(message)):
         load_scenario(str(path))
 
 
@@ -191,7 +191,7 @@ def test_without_own_sensors_no_modules_are_loaded_for_them() -> None:
         "import sys; from hil.scenario.config import load_scenario; load_scenario('paper_field')\n"
         "print([m for m in sys.modules if m.endswith(('.own', 'hil.common.plugins', 'modem', 'hil.ros.message'))])"
     )
-    done = subprocess.run(
+    completed = subprocess.run(
         [sys.executable, "-c", script], capture_output=True, text=True, cwd=ROOT, env={**os.environ}, timeout=30
     )
-    assert done.stdout.strip() == "[]", done.stderr
+    assert completed.stdout.strip() == "[]", completed.stderr

@@ -42,24 +42,24 @@ class Vehicle:
 class Site:
     """A vehicle, and the endpoint to which ROS connects."""
 
-    def __init__(self, way: str, release: Release, stack: ExitStack) -> None:
-        own, self.endpoint = (f"tcp/127.0.0.1:{free_port()}" for _ in range(2))
+    def __init__(self, connection: str, release: Release, stack: ExitStack) -> None:
+        own_endpoint, self.endpoint = (f"tcp/127.0.0.1:{free_port()}" for _ in range(2))
         self.network = Network(mode="routed", router=self.endpoint)
-        if way == "through rmw_zenohd":
+        if connection == "through rmw_zenohd":
             stack.enter_context(open_router(self.endpoint, release))
-        elif way == "through uuv-hil router":
+        elif connection == "through uuv-hil router":
             stack.enter_context(open_router_session(self.endpoint))
         else:
-            self.endpoint, self.network = own, Network()
-        self.vehicle = Vehicle(own, self.network.router)
+            self.endpoint, self.network = own_endpoint, Network()
+        self.vehicle = Vehicle(own_endpoint, self.network.router)
         stack.enter_context(self.vehicle.session)
 
 
 @pytest.fixture(params=[(way, release) for way in CONNECTIONS for release in RELEASES], ids=" ".join)
 def site(request: pytest.FixtureRequest) -> Iterator[Site]:
     with ExitStack() as stack:
-        way, release = request.param
-        yield Site(way, release, stack)
+        connection, release = request.param
+        yield Site(connection, release, stack)
 
 
 def all_reported(vehicle: Vehicle, *contexts: Context) -> bool:
@@ -90,26 +90,26 @@ def test_two_contexts_and_the_vehicle_exchange_messages_and_tokens(site: Site) -
 
 def test_a_master_connects_together_with_a_ros_context(site: Site) -> None:
     received: set[str] = set()
-    seen: set[Presence] = set()
+    presences: set[Presence] = set()
     with open_master_session(site.endpoint, network=site.network) as master, Context("a", site.endpoint) as context:
         master.subscribe("uuv1", "*", lambda name, _, __: received.add(name), 8)
-        watch_presence(master, "uuv1", lambda presence, _: seen.add(presence))
+        watch_presence(master, "uuv1", lambda presence, _: presences.add(presence))
         publisher = master.publisher("uuv1", TWIST)
         payload = ros.encode_twist((9.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
-        def done() -> bool:
+        def all_present() -> bool:
             publisher.put(payload, 0)
             others = all_reported(site.vehicle, context)
-            return others and payload in site.vehicle.commands and received >= {"imu"} and bool(seen)
+            return others and payload in site.vehicle.commands and received >= {"imu"} and bool(presences)
 
-        assert wait_for(done, DEADLINE_S), (received, seen, context.received, context.node_names)
+        assert wait_for(all_present, DEADLINE_S), (received, presences, context.received, context.node_names)
 
 
 def test_rmw_zenohd_may_connect_to_the_vehicle() -> None:
     """Two machines are connected as usual in ROS: each has a router, whose contexts have no endpoint of the vehicle."""
-    own, hub = (f"tcp/127.0.0.1:{free_port()}" for _ in range(2))
-    vehicle = Vehicle(own)
+    own_endpoint, hub = (f"tcp/127.0.0.1:{free_port()}" for _ in range(2))
+    vehicle = Vehicle(own_endpoint)
     config = zenoh.Config.from_json5(router_settings(hub))
-    config.insert_json5("connect/endpoints", f'["{own}"]')
+    config.insert_json5("connect/endpoints", f'["{own_endpoint}"]')
     with vehicle.session, zenoh.open(config), Context("a", hub) as context, Context("bb", hub) as other:
         assert wait_for(lambda: all_reported(vehicle, context, other), DEADLINE_S), (context.received, other.received)

@@ -81,10 +81,10 @@ def test_setting_a_parameter_publishes_an_event(slave: tuple[Program, str]) -> N
         assert Listener(session, TOPICS["/clock"]).first()  # by then the services are known here
         value = {"type": 3, "double_value": 2.5}
         parameter = {"name": "gains.surge.p", "value": value}
-        answer = call(
+        reply = call(
             session, "/uuv1/set_parameters", "rcl_interfaces/srv/SetParameters", {"parameters": [parameter]}, 20.0
         )
-        assert answer["results"][0]["successful"]
+        assert reply["results"][0]["successful"]
         event = listener.first()
     assert event["node"] == "/uuv1"
     (changed,) = event["changed_parameters"]

@@ -59,12 +59,12 @@ def test_members_have_different_seeds(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("which", "message"),
+    ("member", "message"),
     [("d", "no member 'd'.*there are: a, b, c"), ("0", "no member"), ("4", "no member"), ("", "say with --member")],
 )
-def test_an_unknown_member_is_reported(tmp_path: Path, which: str, message: str) -> None:
+def test_an_unknown_member_is_reported(tmp_path: Path, member: str, message: str) -> None:
     with pytest.raises(ConfigError, match=message):
-        member_number(fleet(tmp_path), which)
+        member_number(fleet(tmp_path), member)
 
 
 def test_a_scenario_of_one_vehicle_has_no_members() -> None:

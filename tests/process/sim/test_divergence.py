@@ -70,7 +70,7 @@ def fly(simulation: Simulation, steps: int = 2000) -> str:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "words"),
+    ("arguments", "message"),
     [
         ({"dt_ns": 0}, "dt_ns = 0"), ({"dt_ns": -2_500_000}, "dt_ns = -2500000"),
         ({"dt_ns": 10**12}, "dt_ns = 1000000000000"), ({"dt_ns": nan}, "dt_ns = nan"),
@@ -98,11 +98,11 @@ def fly(simulation: Simulation, steps: int = 2000) -> str:
     ],
     ids=lambda value: value if isinstance(value, str) else "",
 )  # fmt: skip
-def test_a_simulation_refuses_invalid_arguments(arguments: dict[str, Any], words: str) -> None:
+def test_a_simulation_refuses_invalid_arguments(arguments: dict[str, Any], message: str) -> None:
     given = {"vehicle": SIX, "world": POOL, "position": PLACE, **arguments}
     with pytest.raises(ConfigError) as caught:
         Simulation(**given)
-    assert str(caught.value).startswith(words)
+    assert str(caught.value).startswith(message)
     assert "\n" not in str(caught.value)
 
 
@@ -189,14 +189,14 @@ def test_a_step_too_long_for_its_damping_is_named() -> None:
 
 @pytest.mark.usefixtures("twin")
 @pytest.mark.parametrize(
-    ("name", "numbers", "words"),
+    ("name", "numbers", "message"),
     [("nu", [nan] * 6, "its velocity is nan"), ("position", [0.0, inf, 0.0], "its position is inf")],
 )
-def test_a_state_that_was_set_to_nan_is_named(name: str, numbers: list[float], words: str) -> None:
+def test_a_state_that_was_set_to_nan_is_named(name: str, numbers: list[float], message: str) -> None:
     simulation = Simulation(SIX, POOL, {}, position=PLACE)
     simulation.step(NEUTRAL)
     setattr(simulation.state, name, numbers)
-    assert f"after 0.0025 s: {words}" in fly(simulation, 2)
+    assert f"after 0.0025 s: {message}" in fly(simulation, 2)
 
 
 # -- to a person ------------------------------------------------------------------------------------------------------

@@ -146,7 +146,7 @@ def test_sensor_sections_of_a_scenario_change_the_defaults() -> None:
 
 
 @pytest.mark.parametrize(
-    ("sections", "words"),
+    ("sections", "message"),
     [
         ({"imy": {}}, "no sensor 'imy'; did you mean 'imu'?"),
         ({"imu": 7}, "imu: expected a table, such as [sensors.imu]"),
@@ -156,10 +156,10 @@ def test_sensor_sections_of_a_scenario_change_the_defaults() -> None:
         ([], "expected a table for each sensor, such as [sensors.imu]"),
     ],
 )
-def test_wrong_sensor_sections_are_named(sections: object, words: str) -> None:
+def test_wrong_sensor_sections_are_named(sections: object, message: str) -> None:
     with pytest.raises(ConfigError, match=r"mine\.toml: sensors") as caught:
         read_sensors(sections, "mine.toml: sensors")
-    assert words in str(caught.value)
+    assert message in str(caught.value)
 
 
 def test_latency_delays_samples_and_drop_out_loses_them() -> None:

@@ -186,7 +186,7 @@ def test_every_kind_of_failure_is_set_and_cleared(asker: ParameterClient, text: 
 
 
 @pytest.mark.parametrize(
-    ("name", "value", "words"),
+    ("name", "value", "message"),
     [
         ("failures.rear_left", 'kind = "of"', "failures.rear_left: kind: 'of' is not one of off, efficiency"),
         ("failures.rear_left", "kind = off, efficency = 1", "no key 'efficency'; did you mean 'efficiency'?"),
@@ -204,13 +204,13 @@ def test_every_kind_of_failure_is_set_and_cleared(asker: ParameterClient, text: 
         ("use_sim_time", {"type": 1, "bool_value": True}, "no parameter 'use_sim_time'"),
     ],
 )
-def test_wrong_values_are_refused_with_the_reason(asker: ParameterClient, name: str, value: Any, words: str) -> None:
+def test_wrong_values_are_refused_with_the_reason(asker: ParameterClient, name: str, value: Any, message: str) -> None:
     before = 'kind = "efficiency", efficiency = 0.25'
     good = ("failures.front_left", "kind = off")
     asker.set(("failures.rear_left", before))
     first, second = asker.set((name, value), good)
     assert not first["successful"]
-    assert words in first["reason"]
+    assert message in first["reason"]
     assert second["successful"], "the others are set"
     assert asker.get("failures.rear_left") == before
     asker.set(("failures.front_left", ""))

@@ -41,7 +41,7 @@ def scenario(tmp_path: Path) -> str:
 
 
 @pytest.fixture
-def ran(monkeypatch: pytest.MonkeyPatch) -> list[str]:
+def executed(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     """Return a list of the commands that would be run on this machine, in order."""
     found: list[str] = []
     monkeypatch.setattr(board_service, "_run", lambda _, commands: found.extend(map(" ".join, commands)))

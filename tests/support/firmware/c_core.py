@@ -146,84 +146,82 @@ def first_difference(
     return next((rows for rows in zip(script.steps, c, python, strict=True) if rows[1] != rows[2]), None)
 
 
-def instants(chance: random.Random) -> Iterator[int]:
+def instants(rng: random.Random) -> Iterator[int]:
     """Yield the times of a script (us)."""
     now_us = 0
     while True:
         yield now_us
-        now_us += chance.choice(RARE_STEPS_US if chance.random() < 0.01 else STEPS_US)
+        now_us += rng.choice(RARE_STEPS_US if rng.random() < 0.01 else STEPS_US)
 
 
-def cut(chance: random.Random, pieces: Iterator[bytes], count: int) -> list[Step]:
+def cut(rng: random.Random, pieces: Iterator[bytes], count: int) -> list[Step]:
     """Return `count` steps; most pieces are whole, some are in two parts."""
     steps, remainder = [], b""
-    for now_us, _ in zip(instants(chance), range(count), strict=False):
-        data = remainder + b"".join(next(pieces) for _ in range(chance.choice((0, 0, 1, 1, 1, 2, 4))))
-        at = chance.randrange(len(data) + 1) if chance.random() < 0.2 else len(data)
+    for now_us, _ in zip(instants(rng), range(count), strict=False):
+        data = remainder + b"".join(next(pieces) for _ in range(rng.choice((0, 0, 1, 1, 1, 2, 4))))
+        at = rng.randrange(len(data) + 1) if rng.random() < 0.2 else len(data)
         steps.append(Step(now_us, data[:at]))
         remainder = data[at:]
     return steps
 
 
-def pulses(chance: random.Random, channels: int) -> tuple[int, ...]:
+def pulses(rng: random.Random, channels: int) -> tuple[int, ...]:
     """Return pulse widths (us); most are ordinary ones."""
-    return tuple(
-        chance.choice(PULSES_US) if chance.random() < 0.2 else chance.randint(1100, 1900) for _ in range(channels)
-    )
+    return tuple(rng.choice(PULSES_US) if rng.random() < 0.2 else rng.randint(1100, 1900) for _ in range(channels))
 
 
-def damaged(chance: random.Random, packet: bytes) -> bytes:
+def damaged(rng: random.Random, packet: bytes) -> bytes:
     """Return a packet after a bad line: a byte wrong, missing or doubled, or the end cut off."""
-    at = chance.randrange(len(packet))
+    at = rng.randrange(len(packet))
     kinds = (
-        packet[:at] + bytes([packet[at] ^ chance.randint(1, 255)]) + packet[at + 1 :],
+        packet[:at] + bytes([packet[at] ^ rng.randint(1, 255)]) + packet[at + 1 :],
         packet[:at] + packet[at + 1 :],
         packet[: at + 1] + packet[at:],
         packet[:at],
     )
-    return chance.choice(kinds)
+    return rng.choice(kinds)
 
 
-def frame_pieces(chance: random.Random, channels: int, noisy: bool) -> Iterator[bytes]:
+def frame_pieces(rng: random.Random, channels: int, noisy: bool) -> Iterator[bytes]:
     """Yield frames from a host: mostly commands with the next number; with `noisy` also noise and damaged frames."""
     encode = uuv_hil().encode
     sequence = 0
     while True:
-        sequence = sequence + chance.choice((1, 1, 1, 1, 0, -1, -5, -32, -33, -40, 300, 32768)) & 0xFFFF
-        count = channels if chance.random() < 0.9 else chance.randint(1, MAX_CHANNELS)
-        command = encode(ThrusterCommand(sequence, chance.random() < 0.8, pulses(chance, count)))
-        if not noisy or chance.random() < 0.6:
+        sequence = sequence + rng.choice((1, 1, 1, 1, 0, -1, -5, -32, -33, -40, 300, 32768)) & 0xFFFF
+        count = channels if rng.random() < 0.9 else rng.randint(1, MAX_CHANNELS)
+        command = encode(ThrusterCommand(sequence, rng.random() < 0.8, pulses(rng, count)))
+        if not noisy or rng.random() < 0.6:
             yield command
         else:
-            yield _noise(chance, command)
+            yield _noise(rng, command)
 
 
-def _noise(chance: random.Random, command: bytes) -> bytes:
+def _noise(rng: random.Random, command: bytes) -> bytes:
     report = ThrusterTelemetry(1, True, False, (1500,), 0, 0, 0, 0)
     kinds = (
-        damaged(chance, command),
-        chance.randbytes(chance.randrange(60)),
-        SYNC + chance.randbytes(chance.randrange(4)),
-        SYNC * chance.randrange(9) + SYNC[:1],
+        damaged(rng, command),
+        rng.randbytes(rng.randrange(60)),
+        SYNC + rng.randbytes(rng.randrange(4)),
+        SYNC * rng.randrange(9) + SYNC[:1],
         uuv_hil().encode(report),
-        sealed(SYNC + bytes([chance.randrange(256), 1]), chance),  # a length that no command has
-        sealed(SYNC + bytes([20, chance.randrange(256)]), chance),  # a message that nobody knows
-        sealed(command[:7] + bytes([chance.randrange(256)]), chance),  # contradicts itself about its channels
+        sealed(SYNC + bytes([rng.randrange(256), 1]), rng),  # a length that no command has
+        sealed(SYNC + bytes([20, rng.randrange(256)]), rng),  # a message that nobody knows
+        sealed(command[:7] + bytes([rng.randrange(256)]), rng),  # contradicts itself about its channels
     )
-    return chance.choice(kinds)
+    return rng.choice(kinds)
 
 
-def sealed(beginning: bytes, chance: random.Random) -> bytes:
+def sealed(beginning: bytes, rng: random.Random) -> bytes:
     """Return a valid frame with this beginning, of the length that it declares."""
     import binascii
 
-    body = (beginning + chance.randbytes(256))[: 4 + beginning[2]]
+    body = (beginning + rng.randbytes(256))[: 4 + beginning[2]]
     return body + binascii.crc_hqx(body[2:], 0xFFFF).to_bytes(2, "little")
 
 
 def frame_script(seed: int, steps: int, noisy: bool) -> Script:
     """Return a random script for a line with the frame protocol."""
-    chance = random.Random(seed)
-    channels = chance.randint(1, MAX_CHANNELS)
-    watchdog_us = chance.choice((200_000, 200_000, 10_000, 1_000_000))
-    return Script(channels, watchdog_us, cut(chance, frame_pieces(chance, channels, noisy), steps))
+    rng = random.Random(seed)
+    channels = rng.randint(1, MAX_CHANNELS)
+    watchdog_us = rng.choice((200_000, 200_000, 10_000, 1_000_000))
+    return Script(channels, watchdog_us, cut(rng, frame_pieces(rng, channels, noisy), steps))

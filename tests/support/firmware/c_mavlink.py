@@ -34,20 +34,20 @@ ODD_PULSES = (0.0, 799.0, 799.9, 800.0, 1500.5, 1501.5, 1600.4, 1600.6, 2200.0, 
 class Host:
     """A packer of messages from several components, most of them from the vehicle's computer."""
 
-    def __init__(self, chance: random.Random) -> None:
-        self._chance = chance
+    def __init__(self, rng: random.Random) -> None:
+        self._chance = rng
         self._senders = [
             dialect.MAVLink(None, *ids) for ids in ((1, 191), (1, 191), (1, 190), (255, 190), (2, 1), (1, 1))
         ]
 
     def pack(self, message: Any) -> bytes:
         """Return the packet, with the sender's next number, or one a little off."""
-        chance = self._chance
-        sender = self._senders[0] if chance.random() < 0.8 else chance.choice(self._senders)
-        sender.signing.secret_key = b"k" * 32 if chance.random() < 0.05 else None
+        rng = self._chance
+        sender = self._senders[0] if rng.random() < 0.8 else rng.choice(self._senders)
+        sender.signing.secret_key = b"k" * 32 if rng.random() < 0.05 else None
         sender.signing.sign_outgoing = sender.signing.secret_key is not None
         packet: bytes = message.pack(sender)
-        sender.seq = sender.seq + (1 if chance.random() < 0.9 else chance.choice((0, 3, 127, 128, 129, 250))) & 0xFF
+        sender.seq = sender.seq + (1 if rng.random() < 0.9 else rng.choice((0, 3, 127, 128, 129, 250))) & 0xFF
         return packet
 
 
@@ -55,71 +55,71 @@ def heartbeat() -> Any:
     return dialect.MAVLink_heartbeat_message(18, 8, 0, 0, 4, 3)
 
 
-def timesync(chance: random.Random) -> Any:
-    return dialect.MAVLink_timesync_message(chance.choice((0, 0, 5)), chance.randint(-(2**63), 2**63 - 1))
+def timesync(rng: random.Random) -> Any:
+    return dialect.MAVLink_timesync_message(rng.choice((0, 0, 5)), rng.randint(-(2**63), 2**63 - 1))
 
 
-def servo_output_raw(chance: random.Random) -> Any:
-    port = 0 if chance.random() < 0.95 else 1
-    return dialect.MAVLink_servo_output_raw_message(chance.getrandbits(32), port, *pulses(chance, 16))
+def servo_output_raw(rng: random.Random) -> Any:
+    port = 0 if rng.random() < 0.95 else 1
+    return dialect.MAVLink_servo_output_raw_message(rng.getrandbits(32), port, *pulses(rng, 16))
 
 
-def rc_channels_override(chance: random.Random) -> Any:
+def rc_channels_override(rng: random.Random) -> Any:
     widths = [
-        chance.choice((0, 0xFFFF, 0xFFFE, 1)) if chance.random() < 0.5 else chance.randint(1100, 1900)
+        rng.choice((0, 0xFFFF, 0xFFFE, 1)) if rng.random() < 0.5 else rng.randint(1100, 1900)
         for _ in range(CHANNELS_OF_RC)
     ]
-    return dialect.MAVLink_rc_channels_override_message(*_target(chance), *widths)
+    return dialect.MAVLink_rc_channels_override_message(*_target(rng), *widths)
 
 
-def arm_disarm(chance: random.Random) -> Any:
-    return _command(chance, dialect.MAV_CMD_COMPONENT_ARM_DISARM, _mostly(chance, 1.0, ODD_PARAMETERS), 0.0)
+def arm_disarm(rng: random.Random) -> Any:
+    return _command(rng, dialect.MAV_CMD_COMPONENT_ARM_DISARM, _mostly(rng, 1.0, ODD_PARAMETERS), 0.0)
 
 
-def set_servo(chance: random.Random) -> Any:
-    instance = _mostly(chance, float(chance.randint(1, 8)), ODD_PARAMETERS)
-    return _command(chance, dialect.MAV_CMD_DO_SET_SERVO, instance, _mostly(chance, 1600.0, ODD_PULSES))
+def set_servo(rng: random.Random) -> Any:
+    instance = _mostly(rng, float(rng.randint(1, 8)), ODD_PARAMETERS)
+    return _command(rng, dialect.MAV_CMD_DO_SET_SERVO, instance, _mostly(rng, 1600.0, ODD_PULSES))
 
 
-def unsupported(chance: random.Random) -> Any:
-    return _command(chance, chance.choice((22, 183 + 256, 65535)), 0.0, 0.0)
+def unsupported(rng: random.Random) -> Any:
+    return _command(rng, rng.choice((22, 183 + 256, 65535)), 0.0, 0.0)
 
 
-def question(chance: random.Random) -> Any:
+def question(rng: random.Random) -> Any:
     """Return a message that a ground station sends to every vehicle, or as an answer to one."""
-    to, kind, seq = _target(chance), chance.randrange(3), chance.randrange(3)
-    name = chance.choice((b"SYSID_THISMAV", b"SYSID_THISMAV2", b"SYSID_THISMAV_AND", b"", b"OTHER"))
-    numbers = [float(chance.randrange(5)) for _ in range(7)]
-    return chance.choice((
+    to, kind, seq = _target(rng), rng.randrange(3), rng.randrange(3)
+    name = rng.choice((b"SYSID_THISMAV", b"SYSID_THISMAV2", b"SYSID_THISMAV_AND", b"", b"OTHER"))
+    numbers = [float(rng.randrange(5)) for _ in range(7)]
+    return rng.choice((
         lambda: dialect.MAVLink_param_request_list_message(*to),
-        lambda: dialect.MAVLink_param_request_read_message(*to, name, chance.choice((-1, 0, 1))),
+        lambda: dialect.MAVLink_param_request_read_message(*to, name, rng.choice((-1, 0, 1))),
         lambda: dialect.MAVLink_param_set_message(*to, name, 9.0, 9),
         lambda: dialect.MAVLink_mission_request_list_message(*to, kind),
         lambda: dialect.MAVLink_mission_request_message(*to, seq, kind),
         lambda: dialect.MAVLink_mission_request_int_message(*to, seq, kind),
-        lambda: dialect.MAVLink_mission_count_message(*to, chance.choice((0, 3)), kind),
+        lambda: dialect.MAVLink_mission_count_message(*to, rng.choice((0, 3)), kind),
         lambda: dialect.MAVLink_mission_clear_all_message(*to, kind),
         lambda: dialect.MAVLink_mission_item_message(*to, seq, 3, 16, 0, 1, *numbers, kind),
         lambda: dialect.MAVLink_mission_item_int_message(*to, seq, 3, 16, 0, 1, *numbers[:4], 1, 2, 3.0, kind),
-        lambda: dialect.MAVLink_file_transfer_protocol_message(0, *to, _file_request(chance)),
+        lambda: dialect.MAVLink_file_transfer_protocol_message(0, *to, _file_request(rng)),
     ))()  # fmt: skip
 
 
-def _file_request(chance: random.Random) -> list[int]:
-    head = [*chance.choice(((5, 0), (255, 0), (255, 255))), chance.randrange(3), chance.choice((0, 1, 4, 15, 128, 129))]
-    return list(bytes((*head, *chance.randbytes(chance.choice((0, 8, 247))))).ljust(251, b"\0"))
+def _file_request(rng: random.Random) -> list[int]:
+    head = [*rng.choice(((5, 0), (255, 0), (255, 255))), rng.randrange(3), rng.choice((0, 1, 4, 15, 128, 129))]
+    return list(bytes((*head, *rng.randbytes(rng.choice((0, 8, 247))))).ljust(251, b"\0"))
 
 
-def _mostly(chance: random.Random, ordinary: float, odd: tuple[float, ...]) -> float:
-    return ordinary if chance.random() < 0.6 else chance.choice(odd)
+def _mostly(rng: random.Random, ordinary: float, odd: tuple[float, ...]) -> float:
+    return ordinary if rng.random() < 0.6 else rng.choice(odd)
 
 
-def _target(chance: random.Random) -> tuple[int, int]:
-    return DEVICE if chance.random() < 0.8 else chance.choice(((0, 0), (1, 0), (0, 1), (1, 2), (3, 1)))
+def _target(rng: random.Random) -> tuple[int, int]:
+    return DEVICE if rng.random() < 0.8 else rng.choice(((0, 0), (1, 0), (0, 1), (1, 2), (3, 1)))
 
 
-def _command(chance: random.Random, command: int, first: float, second: float) -> Any:
-    return dialect.MAVLink_command_long_message(*_target(chance), command, 0, first, second, 0, 0, 0, 0, 0)
+def _command(rng: random.Random, command: int, first: float, second: float) -> Any:
+    return dialect.MAVLink_command_long_message(*_target(rng), command, 0, first, second, 0, 0, 0, 0, 0)
 
 
 MESSAGES: tuple[Callable[[random.Random], Any], ...] = (
@@ -128,20 +128,20 @@ MESSAGES: tuple[Callable[[random.Random], Any], ...] = (
 )  # fmt: skip
 
 
-def mavlink_pieces(chance: random.Random) -> Iterator[bytes]:
+def mavlink_pieces(rng: random.Random) -> Iterator[bytes]:
     """Yield packets to the device, some of them for others, some damaged, and noise between them."""
-    host = Host(chance)
+    host = Host(rng)
     while True:
-        packet = host.pack(heartbeat() if chance.random() < 0.1 else chance.choice(MESSAGES)(chance))
-        if chance.random() < 0.85:
+        packet = host.pack(heartbeat() if rng.random() < 0.1 else rng.choice(MESSAGES)(rng))
+        if rng.random() < 0.85:
             yield packet
         else:
-            yield chance.choice((damaged(chance, packet), chance.randbytes(20), b"\xfd", b"\xfd\x21\0\0"))
+            yield rng.choice((damaged(rng, packet), rng.randbytes(20), b"\xfd", b"\xfd\x21\0\0"))
 
 
 def mavlink_script(seed: int, steps: int) -> Script:
     """Return a random script for a line with MAVLink from the start."""
-    chance = random.Random(seed)
-    channels = chance.randint(1, 16)
+    rng = random.Random(seed)
+    channels = rng.randint(1, 16)
     hello = Host(random.Random(0)).pack(heartbeat())
-    return Script(channels, 200_000, [Step(0, hello), *cut(chance, mavlink_pieces(chance), steps)])
+    return Script(channels, 200_000, [Step(0, hello), *cut(rng, mavlink_pieces(rng), steps)])

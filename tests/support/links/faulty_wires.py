@@ -57,7 +57,7 @@ def can_pair(opened: ExitStack, faults: Faults) -> tuple[Wire, FaultyWire]:
 
 def cross(sender: Wire, receiver: Wire, data: bytes) -> tuple[bytes, int]:
     """Send `data` at once and receive as much while serving both ends; return the received data and the time (ns)."""
-    began, received, sent = now_ns(), b"", 0
+    start, received, sent = now_ns(), b"", 0
     while len(received) < len(data):
         sent += sender.write(data[sent:])
         ready = select.select([sender, receiver], [], [], 30.0)[0]
@@ -66,4 +66,4 @@ def cross(sender: Wire, receiver: Wire, data: bytes) -> tuple[bytes, int]:
             assert sender.read() == b""
         if receiver in ready:
             received += receiver.read()
-    return received, now_ns() - began
+    return received, now_ns() - start

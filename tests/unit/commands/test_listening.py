@@ -19,17 +19,17 @@ from tests.support.processes import write_scenario
 ROUTER = '[network]\nmode = "routed"\nrouter = "tcp/127.0.0.1:7448"\n'
 
 
-def scenario(folder: Path, more: str = "") -> tuple[str, int]:
+def scenario(folder: Path, extra_keys: str = "") -> tuple[str, int]:
     path, port = write_scenario(folder)
-    path.write_text(path.read_text() + more)
+    path.write_text(path.read_text() + extra_keys)
     return str(path), port
 
 
-def endpoints_of(*words: str) -> list[str]:
+def endpoints_of(*arguments: str) -> list[str]:
     parser = new_parser("x", "", "")
     add_connect(parser)
     add_settings(parser)
-    return scenario_and_endpoints(parser.parse_args(words))[1]
+    return scenario_and_endpoints(parser.parse_args(arguments))[1]
 
 
 def test_a_scenario_gives_the_endpoint_of_its_slave(tmp_path: Path) -> None:
@@ -53,10 +53,10 @@ def test_a_fleet_without_a_router_gives_its_vehicles_endpoints() -> None:
         endpoints_of("--scenario", "target_hunting")
 
 
-def reach(*words: str) -> ConnectArguments:
+def reach(*arguments: str) -> ConnectArguments:
     parser = new_parser("x", "", "")
     add_fleet(parser)
-    return connect_arguments(parser.parse_args(words))[1]
+    return connect_arguments(parser.parse_args(arguments))[1]
 
 
 def test_a_fleets_endpoint_is_the_option_or_else_the_scenarios(tmp_path: Path) -> None:

@@ -38,23 +38,23 @@ def load(name: str, **arguments: Any) -> Any:
 
 
 @pytest.mark.parametrize(
-    ("name", "words"),
+    ("name", "message"),
     [("subprocess:Popen", "has no method 'begin'"), ("subprocess:check_call", "is no class"), ("os:path", "no class")],
 )
-def test_a_class_that_does_not_follow_the_contract_is_never_called(tmp_path: Path, name: str, words: str) -> None:
+def test_a_class_that_does_not_follow_the_contract_is_never_called(tmp_path: Path, name: str, message: str) -> None:
     trace = tmp_path / "trace"
     key = "args" if name == "subprocess:Popen" else "popenargs"
-    with pytest.raises(ConfigError, match=rf"mine\.toml: force: {name} .*{words}"):
+    with pytest.raises(ConfigError, match=rf"mine\.toml: force: {name} .*{message}"):
         load(name, **{key: ["touch", str(trace)]})
     assert not trace.exists()
 
 
 @pytest.mark.parametrize(
-    ("kind", "words"),
+    ("kind", "message"),
     [("Incomplete", r"has no method 'command' \(see"), ("Good", r"has no method 'command' \(derive it from Base of")],
 )
-def test_a_class_without_an_abstract_method_is_reported_with_the_remedy(kind: str, words: str) -> None:
-    with pytest.raises(ConfigError, match=words):
+def test_a_class_without_an_abstract_method_is_reported_with_the_remedy(kind: str, message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
         load_class({"class": f"{__name__}:{kind}"}, Base, "mine.toml: planner")
 
 
@@ -77,19 +77,19 @@ def test_nothing_is_imported_while_loading_is_refused() -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "words"),
+    ("text", "message"),
     [
         ("import nowhere_at_all", "No module named 'nowhere_at_all'; correct its imports"),
         ("from os import nothing_there", "correct its imports"), ("def x(", "was never closed"),
     ],
 )  # fmt: skip
 def test_a_module_that_fails_to_load_is_reported_with_the_cause(
-    text: str, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    text: str, message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The error names the cause; such a module is not reported as missing."""
     (tmp_path / "unloadable.py").write_text(text)
     monkeypatch.syspath_prepend(tmp_path)
-    with pytest.raises(ConfigError, match=re.escape(words)) as error:
+    with pytest.raises(ConfigError, match=re.escape(message)) as error:
         load("unloadable:Class")
     assert "PYTHONPATH" not in str(error.value)
 

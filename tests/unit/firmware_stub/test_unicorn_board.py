@@ -172,13 +172,13 @@ class Event(NamedTuple):
 
 def host_history(seed: int) -> Iterator[Event]:
     """Yield a random history of a host: commands of all kinds, damage, and pauses that trip the watchdog."""
-    chance, at_ms, sequence = random.Random(seed), 3.5, 0
+    rng, at_ms, sequence = random.Random(seed), 3.5, 0
     for _ in range(60):
-        at_ms += chance.choice((0, 5, 20, 20, 20, 30, 300)) * chance.uniform(0.9, 1.1)
-        sequence += chance.choice((1, 1, 1, 1, 0, -3, 40))
-        pulses = tuple(chance.choice((1100, 1500, 1900, 800, 2200, 799, 0, 65535)) for _ in range(6))
-        frame = encode(sequence & 0xFFFF, pulses, chance.random() < 0.8)
-        kind = chance.random()
+        at_ms += rng.choice((0, 5, 20, 20, 20, 30, 300)) * rng.uniform(0.9, 1.1)
+        sequence += rng.choice((1, 1, 1, 1, 0, -3, 40))
+        pulses = tuple(rng.choice((1100, 1500, 1900, 800, 2200, 799, 0, 65535)) for _ in range(6))
+        frame = encode(sequence & 0xFFFF, pulses, rng.random() < 0.8)
+        kind = rng.random()
         if kind < 0.1:
             frame = frame[:-1] + bytes([frame[-1] ^ 1])
         elif kind < 0.15:
@@ -186,7 +186,7 @@ def host_history(seed: int) -> Iterator[Event]:
         elif kind < 0.2:
             frame = uuv_hil().encode(ThrusterTelemetry(1, True, False, FULL, 0, 0, 0, 0))
         elif kind < 0.3:
-            frame = chance.randbytes(5).replace(b"\xa5", b"") + frame
+            frame = rng.randbytes(5).replace(b"\xa5", b"") + frame
         yield Event(at_ms, frame)
 
 

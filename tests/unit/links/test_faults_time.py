@@ -103,12 +103,12 @@ def test_delay_and_jitter_have_their_stated_size(opened: ExitStack, clock: Clock
     took_ms = []
     for _ in range(30):
         near.write(b"abc")
-        began = clock()
+        start = clock()
         while not (received := far.read()):
             clock.advance(0.0001)
             near.read()
         assert received == b"abc"
-        took_ms.append((clock() - began) / 1e6)
+        took_ms.append((clock() - start) / 1e6)
     assert 9.8 <= min(took_ms) < 13.0
     assert 17.0 < statistics.quantiles(took_ms, n=20)[-2] < 20.2
 

@@ -261,7 +261,7 @@ def test_the_stm32_drives_stops_and_recovers_on_the_bus() -> None:
 
 
 @pytest.mark.parametrize(
-    ("channels", "settings", "words"),
+    ("channels", "settings", "message"),
     [
         (17, {}, "1 to 16 thrusters"),
         (6, {"first_id": 250}, "no room"),
@@ -272,9 +272,9 @@ def test_the_stm32_drives_stops_and_recovers_on_the_bus() -> None:
 )
 @pytest.mark.parametrize("role", ["host", "device"])
 def test_wrong_settings_are_refused_with_a_reason(
-    role: Any, channels: int, settings: dict[str, Any], words: str
+    role: Any, channels: int, settings: dict[str, Any], message: str
 ) -> None:
-    with pytest.raises(ConfigError, match=words):
+    with pytest.raises(ConfigError, match=message):
         open_vesc(role, channels, **settings)
 
 

@@ -17,13 +17,13 @@ class Bed:
 
     def run(self, seconds: float, samples: int = 0, answers: int = 1, is_unanswered: bool = False) -> list[float]:
         """Add so many of each before each check; return when (s from now on) the detector reports a stall."""
-        began, reported = self.now_ms, []
-        while self.now_ms < began + 1000 * seconds:
+        start, reported = self.now_ms, []
+        while self.now_ms < start + 1000 * seconds:
             self.now_ms += CHECK_MS
             self.answers += answers
             self.samples += samples
             if self.detector.is_stalled(self.now_ms * NS_PER_MS, self.answers, self.samples, is_unanswered):
-                reported.append((self.now_ms - began) / 1000)
+                reported.append((self.now_ms - start) / 1000)
         return reported
 
 

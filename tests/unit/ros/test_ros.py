@@ -221,8 +221,8 @@ def test_odometry_survives_a_round_trip(time_ns: int, position: Any, attitude: A
 
 @given(st.lists(st.tuples(st.text(), st.integers(0, 255), st.text(), st.dictionaries(st.text(), st.text()))))
 def test_diagnostics_survive_a_round_trip(statuses: list[Any]) -> None:
-    def plain(words: str) -> str:
-        return words.encode(errors="replace").decode().rstrip("\0")
+    def plain(message: str) -> str:
+        return message.encode(errors="replace").decode().rstrip("\0")
 
     decoded = ros.decode_diagnostics(ros.encode_diagnostics(TIME_NS, statuses))
     assert decoded is not None

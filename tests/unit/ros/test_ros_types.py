@@ -229,7 +229,7 @@ def test_an_image_may_be_an_array_of_rows() -> None:
 
 
 @pytest.mark.parametrize(
-    ("values", "words"),
+    ("values", "message"),
     [
         ({"linar": {}}, r"geometry_msgs/msg/Twist: no field 'linar'; did you mean 'linear'\?"),
         ({"linear": {"x": "fast"}}, "geometry_msgs/msg/Twist.linear.x: expected a number, found 'fast'"),
@@ -241,8 +241,8 @@ def test_an_image_may_be_an_array_of_rows() -> None:
         ({"linear": {"w": 1.0}}, "no field 'w'; there are: x, y, z"),
     ],
 )
-def test_wrong_values_are_reported_with_their_field(values: Any, words: str) -> None:
-    with pytest.raises(ConfigError, match=words):
+def test_wrong_values_are_reported_with_their_field(values: Any, message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
         ros_message.encode("geometry_msgs/msg/Twist", values)
 
 
@@ -258,7 +258,7 @@ def test_a_bounded_sequence_is_limited() -> None:
 
 
 @pytest.mark.parametrize(
-    ("values", "words"),
+    ("values", "message"),
     [
         ({"k": [1.0] * 8}, "CameraInfo.k: 8 values, expected 9"),
         ({"k": bytes(71)}, "CameraInfo.k: 71 bytes are no whole number of float64"),
@@ -273,8 +273,8 @@ def test_a_bounded_sequence_is_limited() -> None:
         ({"header": {"frame_id": 7}}, "CameraInfo.header.frame_id: expected a text"),
     ],
 )
-def test_wrong_numbers_are_reported_with_their_field(values: Any, words: str) -> None:
-    with pytest.raises(ConfigError, match=words):
+def test_wrong_numbers_are_reported_with_their_field(values: Any, message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
         ros_message.encode("sensor_msgs/msg/CameraInfo", values)
 
 

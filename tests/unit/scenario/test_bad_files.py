@@ -113,7 +113,7 @@ def write_scenario(folder: Path, data: bytes) -> str:
 
 
 @pytest.mark.parametrize(
-    ("data", "words"),
+    ("data", "message"),
     [
         (b"a = " + b"[" * 100_000 + b"]" * 100_000, "32 deep"),
         (b"a = " + b"[" * 40 + b"]" * 40, "32 deep"),
@@ -128,16 +128,16 @@ def write_scenario(folder: Path, data: bytes) -> str:
         (b"a = 1\r", "not valid TOML"),
     ],
 )
-def test_invalid_toml_is_refused_with_the_file(tmp_path: Path, data: bytes, words: str) -> None:
+def test_invalid_toml_is_refused_with_the_file(tmp_path: Path, data: bytes, message: str) -> None:
     path = write_scenario(tmp_path, data)
-    with pytest.raises(ConfigError, match=words) as error:
+    with pytest.raises(ConfigError, match=message) as error:
         read_table(path)
     assert str(error.value).startswith(path)
     assert len(str(error.value)) < len(path) + 200
 
 
 @pytest.mark.parametrize(
-    ("line", "words"),
+    ("line", "message"),
     [
         ("seed = " + "9" * 5_000, "not valid TOML"), ("seed = " + "9" * 4_000, "seed: a number of hundreds of digits"),
         ("seed = 1" + "0" * 100_000, "not valid TOML"), ("x = " + "[" * 100_000 + "]" * 100_000, "32 deep"),
@@ -147,7 +147,7 @@ def test_invalid_toml_is_refused_with_the_file(tmp_path: Path, data: bytes, word
     ids=lambda text: text[:20],
 )  # fmt: skip
 def test_a_hostile_scenario_is_refused_in_one_line(
-    line: str, words: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    line: str, message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "mine.toml"
     path.write_text(f'vehicle = "paper_six"\nworld = "pool"\n{line}\n[master]\ngoal = [1, 1]\n', encoding="utf-8")
@@ -155,7 +155,7 @@ def test_a_hostile_scenario_is_refused_in_one_line(
         assert main([command[0], str(path), *command[1:]]) == 2
         (output,) = capsys.readouterr().err.splitlines()
         assert f"{path}: " in output
-        assert words in output
+        assert message in output
         assert len(output) < len(str(path)) + 250
 
 
@@ -181,14 +181,14 @@ def test_pipes_devices_folders_and_oversized_files_are_refused(tmp_path: Path) -
     zero.symlink_to("/dev/zero")
     with huge.open("wb") as file:
         file.truncate(1 << 40)
-    began = time.monotonic()
+    start = time.monotonic()
     for path, words in (
         (pipe, "no regular file"), (zero, "no regular file"), (huge, "at most 16 MiB"), (tmp_path, "is a folder"),
         (tmp_path / ("x" * 300), "File name too long"), (Path("a\0b"), "cannot be read"),
     ):  # fmt: skip
         with pytest.raises(ConfigError, match=words):
             read_table(str(path))
-    assert time.monotonic() - began < 60.0, "it waited"
+    assert time.monotonic() - start < 60.0, "it waited"
 
 
 @pytest.mark.parametrize(

@@ -97,7 +97,7 @@ def test_the_modem_table_selects_an_acoustic_or_optical_modem() -> None:
 
 
 @pytest.mark.parametrize(
-    ("changes", "words"),
+    ("changes", "message"),
     [
         ({"modem.kind": "radio"}, "--set modem.kind: 'radio' is not one of acoustic, optical"),
         ({"modem.bitrate": 3}, "--set modem.bitrate: no key 'bitrate'; did you mean 'bit_rate'"),
@@ -107,8 +107,8 @@ def test_the_modem_table_selects_an_acoustic_or_optical_modem() -> None:
         ({"modem": 3}, "modem: expected a table"),
     ],
 )
-def test_wrong_modem_settings_are_reported(changes: dict[str, object], words: str) -> None:
-    with pytest.raises(ConfigError, match=words):
+def test_wrong_modem_settings_are_reported(changes: dict[str, object], message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
         modem_of(load_scenario(SCENARIO, changes))
 
 

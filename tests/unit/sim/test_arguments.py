@@ -36,7 +36,7 @@ class NoWrench:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "words"),
+    ("arguments", "message"),
     [
         *[({"vehicle": given}, "vehicle = .*: give a Vehicle") for given in ("paper_six", None)],
         *[({"world": given}, "world = .*: give a World") for given in ("pool", None)],
@@ -57,9 +57,9 @@ class NoWrench:
         ({"releases": ["x"]}, r"releases\[0\] is x: give a Release"),
     ],
 )
-def test_a_simulation_refuses_other_types(arguments: dict[str, Any], words: str) -> None:
+def test_a_simulation_refuses_other_types(arguments: dict[str, Any], message: str) -> None:
     given = {"vehicle": SIX, "world": POOL, "position": PLACE, **arguments}
-    with pytest.raises(ConfigError, match=f"^{words}"):
+    with pytest.raises(ConfigError, match=f"^{message}"):
         Simulation(**given)
 
 

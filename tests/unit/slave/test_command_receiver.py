@@ -173,10 +173,10 @@ def test_a_flood_of_a_refused_sender_neither_blocks_nor_replaces_the_master(
     ring: deque[tuple[int, bytes]] = deque(maxlen=8)
     sent = dict.fromkeys((GID, OTHER), 0)
     accepted = dict.fromkeys((GID, OTHER), 0)
-    began = clock.now_ns
-    while clock.now_ns < began + 2 * 10**9:
+    start = clock.now_ns
+    while clock.now_ns < start + 2 * 10**9:
         for gid, due in ((GID, 20), (OTHER, rate)):
-            while sent[gid] < (clock.now_ns - began) * due / 1e9:
+            while sent[gid] < (clock.now_ns - start) * due / 1e9:
                 sent[gid] += 1
                 ring.append((sent[gid], gid))
         while ring:

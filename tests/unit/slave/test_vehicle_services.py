@@ -266,7 +266,7 @@ def test_the_fastest_motion_of_set_pose_stays_stable(name: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("request_", "code", "words"),
+    ("request_", "code", "message"),
     [
         (pose(0.0, 0.0, -400.0), 101, "an obstacle or the seabed of paper_field is there"),
         (pose(math.nan, 0.0, -4.0), 101, "a place is not finite"),
@@ -279,10 +279,10 @@ def test_the_fastest_motion_of_set_pose_stays_stable(name: str) -> None:
         ({"state": {"header": {"frame_id": "odom2"}}}, 4, "frame 'odom2' is not known"),
     ],
 )
-def test_invalid_requests_are_refused_with_a_reason(vehicle: Vehicle, request_: Any, code: int, words: str) -> None:
+def test_invalid_requests_are_refused_with_a_reason(vehicle: Vehicle, request_: Any, code: int, message: str) -> None:
     before = list(vehicle.simulation.state.position)
     result = vehicle.server.call("/uuv1/set_pose", request_)["result"]
     assert result["result"] == code
-    assert words in result["error_message"]
+    assert message in result["error_message"]
     assert list(vehicle.simulation.state.position) == before
     assert vehicle.output == []

@@ -28,15 +28,15 @@ def test_optical_messages_are_lost_as_the_curve_shows(distance: float) -> None:
     assert modem_figure.lost_by_light(OpticalModem(), distance) == pytest.approx(lost, abs=3.5 * SIGMA)
 
 
-@pytest.mark.parametrize(("tool", "words"), [(modem_hunts, "SEEDS"), (modem_figure, "range.png")])
+@pytest.mark.parametrize(("tool", "message"), [(modem_hunts, "SEEDS"), (modem_figure, "range.png")])
 def test_the_tools_have_help(
-    tool: ModuleType, words: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tool: ModuleType, message: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     monkeypatch.setattr("sys.argv", ["tool", "--help"])
     with pytest.raises(SystemExit) as end:
         tool.main()
     assert end.value.code == 0
-    assert words in capsys.readouterr().out
+    assert message in capsys.readouterr().out
 
 
 def test_the_table_counts_every_possible_receiver() -> None:

@@ -35,11 +35,11 @@ def test_published_test_values_are_met(
     year: float, height: float, latitude: float, longitude: float, east: float, down: float, nanotesla: float
 ) -> None:
     """The angles agree to the last digit, the intensity to 0.001 nT."""
-    found = field_at(latitude, longitude, 1e3 * height, year)
-    intensity, inclination, declination = found.angles
+    field = field_at(latitude, longitude, 1e3 * height, year)
+    intensity, inclination, declination = field.angles
     assert intensity * 1e9 == pytest.approx(nanotesla, abs=1e-3)
     assert (degrees(declination), degrees(inclination)) == pytest.approx((east, down), abs=0.0051)
-    assert found.year == year
+    assert field.year == year
 
 
 def test_the_field_follows_from_the_origin_unless_it_is_given() -> None:

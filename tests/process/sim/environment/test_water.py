@@ -243,7 +243,7 @@ def test_the_pressure_sensor_uses_the_density_profile() -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "words"),
+    ("text", "message"),
     [
         ("depth = [0, 9]\ndensity = [1020]", "profile: density: expected 2 values, one for each depth, found 1"),
         ("depth = [0, 9]\ndensity = []", "profile: density: give one value for each depth"),
@@ -252,12 +252,12 @@ def test_the_pressure_sensor_uses_the_density_profile() -> None:
         ("depth = [0]\ndensity = [1025]\nsound_speed = [1500, 1]", "sound_speed[1]: 1 m/s is outside 1300 to 1800"),
     ],
 )
-def test_wrong_profiles_are_named(text: str, words: str, tmp_path: Path) -> None:
+def test_wrong_profiles_are_named(text: str, message: str, tmp_path: Path) -> None:
     path = tmp_path / "mine.toml"
     path.write_text(f'name = "mine"\nsource = "test"\nextent = [0, 9, 0, 9]\ndepth = 30\n[ocean.profile]\n{text}\n')
     with pytest.raises(ConfigError, match=r"mine\.toml") as caught:
         load_world(str(path))
-    assert words in str(caught.value)
+    assert message in str(caught.value)
 
 
 def test_a_world_without_an_ocean_loads_no_ocean_modules() -> None:

@@ -91,10 +91,10 @@ def run_and_compare(
     both: tuple[Simulation, Simulation], steps: int, seed: int = 1, pulses: Sequence[int] = PULSES
 ) -> None:
     """Change the pulses now and then, and compare all numbers after each step."""
-    chance = random.Random(seed)
+    rng = random.Random(seed)
     for step in range(steps):
         if step % 40 == 0:
-            given = tuple(chance.choice(pulses) for _ in both[0].vehicle.channels)
+            given = tuple(rng.choice(pulses) for _ in both[0].vehicle.channels)
         found = []
         for switch, simulation in zip("01", both, strict=True):
             os.environ["UUV_HIL_NATIVE"] = switch  # one that drops a weight is built again
@@ -171,36 +171,36 @@ def test_a_user_defined_force_is_computed_in_python(integrator: Integrator, monk
     run_and_compare((both[0], both[1]), 200)
 
 
-def some_forces(chance: random.Random) -> list[Force]:
+def some_forces(rng: random.Random) -> list[Force]:
     """Return a force of every kind, with random numbers."""
-    place = (chance.uniform(-1, 1), chance.uniform(-0.3, 0.3), chance.uniform(-0.3, 0.3))
-    lift = Lift(chance.uniform(0.01, 1.0), 0.5, stall_angle=chance.choice((0.0, 0.3, 1.5)), position=place)
-    fins = FinSet([fin._replace(straightening=chance.random()) for fin in REMUS.fins], 1025.0, 0.01)
-    fins.step([chance.choice(PULSES) for _ in REMUS.fins])
+    place = (rng.uniform(-1, 1), rng.uniform(-0.3, 0.3), rng.uniform(-0.3, 0.3))
+    lift = Lift(rng.uniform(0.01, 1.0), 0.5, stall_angle=rng.choice((0.0, 0.3, 1.5)), position=place)
+    fins = FinSet([fin._replace(straightening=rng.random()) for fin in REMUS.fins], 1025.0, 0.01)
+    fins.step([rng.choice(PULSES) for _ in REMUS.fins])
     return [
-        HullLift(lift._replace(plane=chance.choice(("any", "vertical"))), 1025.0),
+        HullLift(lift._replace(plane=rng.choice(("any", "vertical"))), 1025.0),
         CrossFlowDrag(CrossFlow((1.1, 0.5, 0.3), (0.1, 0.5, 2.0)), (1.6, 0.2, 0.3), 1025.0),
-        SpeedDamping([chance.uniform(-5.0, 5.0) for _ in range(36)]),
-        SlowDamping(FadingDamping((1.0, 2.0, 3.0, 0.1, 0.2, 0.3), 3.0, chance.choice((0.5, 1.0, 2.0)))),
+        SpeedDamping([rng.uniform(-5.0, 5.0) for _ in range(36)]),
+        SlowDamping(FadingDamping((1.0, 2.0, 3.0, 0.1, 0.2, 0.3), 3.0, rng.choice((0.5, 1.0, 2.0)))),
         fins,
     ]
 
 
 def test_every_force_is_equal_at_any_motion() -> None:
     """One step is made from many states, with full damping matrices, and motions from none to absurd."""
-    chance = random.Random(5)
+    rng = random.Random(5)
     for _ in range(400):
-        full = tuple(chance.uniform(-1.0, 1.0) + (9.0 if i % 7 == 0 else 0.0) for i in range(36))
+        full = tuple(rng.uniform(-1.0, 1.0) + (9.0 if i % 7 == 0 else 0.0) for i in range(36))
         vehicle = REMUS._replace(linear_damping=full, quadratic_damping=full)
-        integrator: Integrator = chance.choice(("verlet", "rk4"))
-        forces = some_forces(chance)
+        integrator: Integrator = rng.choice(("verlet", "rk4"))
+        forces = some_forces(rng)
         python = Dynamics(vehicle, 1025.0, 9.81, integrator, forces)
         states = State(), State()
-        nu = [chance.choice((-1.0, 1.0)) * chance.choice(MOTIONS) for _ in range(6)]
+        nu = [rng.choice((-1.0, 1.0)) * rng.choice(MOTIONS) for _ in range(6)]
         for state in states:
             state.position = [1.0, 2.0, 3.0]
             state.nu = list(nu)
-        quaternion = normalise([chance.gauss(0.0, 1.0) for _ in range(4)])
+        quaternion = normalise([rng.gauss(0.0, 1.0) for _ in range(4)])
         states[0].quaternion, states[1].quaternion = list(quaternion), list(quaternion)
         python.step(states[0], (1.0, 2.0, 3.0, 0.1, 0.2, 0.3), (0.1, 0.2, 0.3), 0.001)
         c = NativeDynamics(vehicle, 1025.0, 9.81, integrator, forces)
@@ -215,16 +215,16 @@ def test_wave_fields_are_equal(depth: float) -> None:
     from sim.environment.waves import WaveField
 
     python, c = WaveField(SWELL, depth, 9.81, 4), NativeWaveField(SWELL, depth, 9.81, 4)
-    chance = random.Random(6)
+    rng = random.Random(6)
     for _ in range(200):
-        place = chance.uniform(0.0, 1e4), chance.uniform(-900, 900), chance.uniform(-900, 900)
-        down = chance.uniform(-1.0, 1.2 * min(depth, 100.0))
+        place = rng.uniform(0.0, 1e4), rng.uniform(-900, 900), rng.uniform(-900, 900)
+        down = rng.uniform(-1.0, 1.2 * min(depth, 100.0))
         assert python.elevation(*place) == c.elevation(*place)
         assert python.pressure_depth(*place, down) == c.pressure_depth(*place, down)
         assert repr(python.motion(*place, down)) == repr(c.motion(*place, down))
     held, quick = SampledWaves(SWELL, CALM, 4), NativeSampledWaves(SWELL, CALM, 4)
     for step in range(500):  # a walk, and now and then a jump
-        jump = chance.uniform(-5.0, 5.0) if step % 50 == 0 else 0.0
+        jump = rng.uniform(-5.0, 5.0) if step % 50 == 0 else 0.0
         here = (0.004 * step + jump, -0.002 * step, 2.0 + jump * jump)
         assert repr(held.motion(step * 2_500_000, here)) == repr(quick.motion(step * 2_500_000, here))
         time, north, east = 0.0025 * step + 0.001, here[0] + 0.003, here[1]

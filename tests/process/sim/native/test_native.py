@@ -52,14 +52,14 @@ def no_native(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def coupled() -> Vehicle:
     """Return a vehicle whose matrices are all full, and which floats."""
-    chance = random.Random(5)
+    rng = random.Random(5)
     vehicle, _ = load_vehicle("bluerov2_heavy")
 
     def full(diagonal: tuple[float, ...]) -> tuple[float, ...]:
         matrix = square(diagonal, 6)
         for i in range(6):
             for j in range(i):
-                matrix[i][j] = matrix[j][i] = chance.uniform(-0.02, 0.02)
+                matrix[i][j] = matrix[j][i] = rng.uniform(-0.02, 0.02)
         return tuple(x for row in matrix for x in row)
 
     return vehicle._replace(
@@ -87,10 +87,10 @@ class Flight(NamedTuple):
 
 def flight(seed: int, depth: float, steps: int = STEPS) -> Flight:
     """Return a flight from `depth` m: random attitude, speeds and currents, and wrenches held for some steps."""
-    chance = random.Random(seed)
+    rng = random.Random(seed)
 
     def numbers(count: int, size: float) -> tuple[float, ...]:
-        return tuple(chance.uniform(-size, size) for _ in range(count))
+        return tuple(rng.uniform(-size, size) for _ in range(count))
 
     inputs = []
     for i in range(steps):
@@ -172,13 +172,13 @@ def test_the_kernel_alone_equals_python_on_each_machine(
     inputs = [x for wrench, current in path.inputs for x in (*wrench, *current)]
     for integrator in INTEGRATORS:
         python = Dynamics(VEHICLES[-1], 1025.0, 9.81, integrator)
-        done = subprocess.run(
+        completed = subprocess.run(
             [*emulator, str(program)], input=packed([*python.numbers(), *start, *inputs]), capture_output=True
         )
         expected, crossing = fly(python, path)
         assert crossing > STEPS / 20
-        assert done.returncode == 0
-        assert done.stdout == expected, integrator
+        assert completed.returncode == 0
+        assert completed.stdout == expected, integrator
 
 
 @pytest.mark.usefixtures("native")
@@ -239,14 +239,14 @@ def test_sensor_errors_in_c_and_python_are_equal(drawn: int) -> None:
     """The errors are equal in the middle of a pair of normal numbers too, before and after a new twist."""
     banks = []
     for kind in (ErrorBank, NativeErrorBank):
-        chance = random.Random(f"9/{drawn}")
+        rng = random.Random(f"9/{drawn}")
         for _ in range(drawn):
-            chance.gauss(0.0, 1.0)
-        banks.append(kind(MODELS, 0.01, chance))
+            rng.gauss(0.0, 1.0)
+        banks.append(kind(MODELS, 0.01, rng))
     python, native = banks
-    chance = random.Random(3)
+    rng = random.Random(3)
     for _ in range(2000):
-        true = [chance.uniform(-5.0, 5.0) for _ in MODELS]
+        true = [rng.uniform(-5.0, 5.0) for _ in MODELS]
         first, second = python.measure(true), native.measure(tuple(true))
         assert packed(first) == packed(second)  # == would take -0.0 for 0.0
 
@@ -256,10 +256,10 @@ def test_thrusts_in_c_and_python_are_equal() -> None:
     """The thrusts are equal before and after a failure."""
     vehicle, _ = load_vehicle("bluerov2_heavy")
     python, native = (kind(vehicle, DT, 4) for kind in (ThrusterSet, NativeThrusterSet))
-    chance = random.Random(3)
+    rng = random.Random(3)
     for step in range(1000):
         if step % 40 == 0:
-            pulses = [chance.choice((0, 1100, 1480, 1500, 1650, 1900, 2500)) for _ in vehicle.thrusters]
+            pulses = [rng.choice((0, 1100, 1480, 1500, 1650, 1900, 2500)) for _ in vehicle.thrusters]
         if step == 700:
             for thrusters in (python, native):
                 thrusters.fail([Failure("front_left", "efficiency", 1.8, efficiency=0.5)])

@@ -88,14 +88,14 @@ class Ride:
 
     def __init__(self, both: tuple[Simulation, Simulation], seed: int = 1) -> None:
         self.both = both
-        self.chance = random.Random(seed)
+        self.rng = random.Random(seed)
         self.samples = self.touches = 0
         self._pulses = [1500] * len(both[0].thrusts)
 
     def run_and_compare(self, steps: int) -> None:
         for step in range(steps):
             if step % 60 == 0:  # in place: the same list, with other numbers
-                self._pulses[:] = [self.chance.choice(PULSES) for _ in self._pulses]
+                self._pulses[:] = [self.rng.choice(PULSES) for _ in self._pulses]
             held = tuple(self._pulses)
             given: Sequence[int] = self._pulses if step % 7 else held
             first, second = (simulation.step(given) for simulation in self.both)
@@ -106,8 +106,8 @@ class Ride:
 
     def place(self, position: Sequence[float]) -> None:
         """Place both, as the slave's loop does, with random attitude and velocity."""
-        quaternion = normalise([self.chance.uniform(-1.0, 1.0) for _ in range(4)])
-        nu = [self.chance.uniform(-2.0, 2.0) for _ in range(6)]
+        quaternion = normalise([self.rng.uniform(-1.0, 1.0) for _ in range(4)])
+        nu = [self.rng.uniform(-2.0, 2.0) for _ in range(6)]
         for simulation in self.both:
             state = simulation.state
             state.position, state.quaternion, state.nu = list(position), list(quaternion), list(nu)
@@ -121,7 +121,7 @@ def test_steps_are_equal_among_obstacles(integrator: Integrator, monkeypatch: py
     assert ride.both[1]._fused
     for _ in range(40):
         ride.run_and_compare(80)
-        ride.place([ride.chance.uniform(-6.5, 6.5), ride.chance.uniform(-6.5, 6.5), ride.chance.uniform(-0.2, 6.2)])
+        ride.place([ride.rng.uniform(-6.5, 6.5), ride.rng.uniform(-6.5, 6.5), ride.rng.uniform(-0.2, 6.2)])
     assert 50 < ride.touches < 2400
     assert ride.both[0].contacts > 10
     assert ride.samples > 500
@@ -141,10 +141,10 @@ def test_steps_are_equal_above_a_bare_seabed(monkeypatch: pytest.MonkeyPatch) ->
 def test_steps_of_every_vehicle_are_equal(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     vehicle, _ = load_vehicle(name)
     python, quick = twins(monkeypatch, FLAT._replace(depth=60.0), vehicle)
-    chance = random.Random(7)
+    rng = random.Random(7)
     for step in range(240):
         if step % 60 == 0:
-            pulses = tuple([chance.choice(PULSES) for _ in vehicle.channels])
+            pulses = tuple([rng.choice(PULSES) for _ in vehicle.channels])
         assert repr(python.step(pulses)) == repr(quick.step(pulses))
         assert all_of(python) == all_of(quick)
 
@@ -225,11 +225,11 @@ def test_every_imu_sample_is_equal(
     for native, scene in zip("01", scenes, strict=True):
         monkeypatch.setenv("UUV_HIL_NATIVE", native)
         units.append(Imu(ImuModel(), Mounting(position, turn), 5, scene))
-    chance = random.Random(2)
+    rng = random.Random(2)
     for step in range(1000):
-        quaternion = normalise([chance.gauss(0.0, 1.0) for _ in range(4)])
+        quaternion = normalise([rng.gauss(0.0, 1.0) for _ in range(4)])
         states = State((0.0, 0.0, 5.0), quaternion), make_state((0.0, 0.0, 5.0), quaternion)
-        nu, nu_dot = ([chance.gauss(0.0, 2.0) for _ in range(6)] for _ in "ab")
+        nu, nu_dot = ([rng.gauss(0.0, 2.0) for _ in range(6)] for _ in "ab")
         for state in states:
             state.nu, state.nu_dot = nu, nu_dot
         first, second = (unit.sample(step, states[(step + i) % 2]) for i, unit in enumerate(units))

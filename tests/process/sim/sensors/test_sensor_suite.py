@@ -118,7 +118,7 @@ at = "1 s"
 
 
 @pytest.mark.parametrize(
-    ("section", "words"),
+    ("section", "message"),
     [
         ("[sensors.gpss]\n", "no sensor 'gpss'; did you mean 'gps'?"),
         ("[sensors.altimeter]\nmin_range = 5\nmax_range = 1\n", "altimeter: min_range is not below max_range"),
@@ -127,10 +127,10 @@ at = "1 s"
         ("[sensors.ahrs]\nrate = 800\n", "sensor 'ahrs': its rate is above 400 Hz"),
     ],
 )
-def test_wrong_keys_are_named(tmp_path: Path, section: str, words: str) -> None:
+def test_wrong_keys_are_named(tmp_path: Path, section: str, message: str) -> None:
     with pytest.raises(ConfigError) as caught:
         scenario(tmp_path, section)
-    assert words in str(caught.value)
+    assert message in str(caught.value)
 
 
 LEAN = """
@@ -151,11 +151,11 @@ print(*sorted(name for name in sys.modules if name.startswith(("sim.", "hil.")))
 
 def test_modules_of_sensors_that_are_not_carried_are_not_loaded() -> None:
     """A second of the usual sensors, up to their messages, loads nothing of the others, nor waves and currents."""
-    done = subprocess.run(
+    completed = subprocess.run(
         [sys.executable, "-c", LEAN], capture_output=True, text=True, cwd=ROOT, env={**os.environ, "PYTHONPATH": "."}
     )
-    assert done.returncode == 0, done.stderr
-    loaded = set(done.stdout.split())
+    assert completed.returncode == 0, completed.stderr
+    loaded = set(completed.stdout.split())
     assert "sim.sensors.imu" in loaded
     autopilots = ("hil.autopilots", "hil.slave.autopilot_port", "hil.scenario.autopilot_records", "hil.links.mavlink")
     assert not [name for name in loaded if name.startswith(autopilots)]

@@ -115,7 +115,7 @@ def test_a_failure_at_run_time_turns_the_vehicle() -> None:
 
 
 @pytest.mark.parametrize(
-    ("table", "words"),
+    ("table", "message"),
     [
         ({"kind": "efficiency"}, "does nothing without efficiency"),
         ({"kind": "delayed"}, "does nothing without delay"),
@@ -125,10 +125,10 @@ def test_a_failure_at_run_time_turns_the_vehicle() -> None:
         ({"kind": "off", "time": "1 m"}, "has the unit 'm'"),
     ],
 )
-def test_wrong_failures_are_named(table: dict[str, Any], words: str) -> None:
+def test_wrong_failures_are_named(table: dict[str, Any], message: str) -> None:
     with pytest.raises(ConfigError, match=r"scenario\.toml: failure") as caught:
         failing({"thruster": "front_left", **table})
-    assert words in str(caught.value)
+    assert message in str(caught.value)
 
 
 def test_an_unknown_thruster_is_named_with_the_nearest_name() -> None:
@@ -148,10 +148,10 @@ def test_a_vehicle_without_failures_loads_no_failure_modules() -> None:
     heavy = {"thrusters.curves", "thrusters.lags", "thrusters.t200", "battery", "failures", "thrusters.propulsion"}
     print(*sorted({f"sim.vehicle.{name}" for name in heavy} & set(sys.modules)))
     """
-    done = subprocess.run(
+    completed = subprocess.run(
         [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=Path(__file__).parents[4]
     )
-    assert done.stdout.split() == []
+    assert completed.stdout.split() == []
 
 
 def test_failures_are_listed_from_their_time_on() -> None:

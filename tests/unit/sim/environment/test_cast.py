@@ -82,7 +82,7 @@ def test_measured_columns_are_used_unchanged_and_changed_files_read_again(tmp_pa
     assert profile(tmp_path, text.replace("40,", "45.5,")).depth == (0.0, 45.5)
 
 
-@pytest.mark.parametrize(("text", "words"), [
+@pytest.mark.parametrize(("text", "message"), [
     ("depth,temperature\n0,10\n", "without a column 'salinity'"),
     ("temperature,salinity\n10,30\n", "no column 'depth' .* among temperature, salinity"),
     ("depth,sound_speed\n0,1500\n", "no column 'density'"),
@@ -92,8 +92,8 @@ def test_measured_columns_are_used_unchanged_and_changed_files_read_again(tmp_pa
     ("depth,temperature,salinity\n", "holds no row"),
     ("depth,temperature,salinity\n-1,10,35\n-50,8,35\n", "ctd.csv: column depth: -50 is above the surface: it counts"),
 ])  # fmt: skip
-def test_errors_name_the_column_and_the_row(tmp_path: Path, text: str, words: str) -> None:
-    with pytest.raises(ConfigError, match=words):
+def test_errors_name_the_column_and_the_row(tmp_path: Path, text: str, message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
         profile(tmp_path, text)
 
 

@@ -55,11 +55,11 @@ def test_a_collision_never_adds_kinetic_energy() -> None:
     """The states are random in rough ground, with an uneven mass matrix."""
     skewed = VEHICLE._replace(center_of_gravity=(0.03, -0.02, 0.05))
     world, dynamics = world_of(Fractal(8.0, 1.0, seed=2)), Dynamics(skewed, 1025.0, 9.8)
-    chance, contacts = Random(1), 0
+    rng, contacts = Random(1), 0
     for _ in range(500):
         contact = Contact(skewed, world, dynamics.inverse_mass)
-        place = (chance.uniform(-8, 8), chance.uniform(-8, 8), chance.uniform(4, 10.5))
-        state = State(place, normalise([chance.gauss(0, 1) for _ in range(4)]), [chance.gauss(0, 2) for _ in range(6)])
+        place = (rng.uniform(-8, 8), rng.uniform(-8, 8), rng.uniform(4, 10.5))
+        state = State(place, normalise([rng.gauss(0, 1) for _ in range(4)]), [rng.gauss(0, 2) for _ in range(6)])
         before = kinetic(dynamics.mass, state.nu)
         contacts += contact.resolve(state)
         assert kinetic(dynamics.mass, state.nu) <= before * (1.0 + 1e-12)

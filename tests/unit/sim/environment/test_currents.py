@@ -240,7 +240,7 @@ def test_a_world_file_can_have_currents(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "words"),
+    ("text", "message"),
     [
         ("ocean = 3", "ocean: expected a table"),
         ("[ocean.layer]", "ocean: no key 'layer'; did you mean 'layers'"),
@@ -255,9 +255,9 @@ def test_a_world_file_can_have_currents(tmp_path: Path) -> None:
         ('[[ocean.tide]]\nconstituent = "M2"\namplitude = 1\nheading = "75"', "heading: has no unit"),
     ],
 )
-def test_wrong_ocean_tables_are_reported(text: str, words: str, tmp_path: Path) -> None:
+def test_wrong_ocean_tables_are_reported(text: str, message: str, tmp_path: Path) -> None:
     path = tmp_path / "mine.toml"
     path.write_text(f'name = "mine"\nsource = "test"\nextent = [0, 9, 0, 9]\ndepth = 30\n{text}\n')
     with pytest.raises(ConfigError, match=r"mine\.toml") as caught:
         load_world(str(path))
-    assert words in str(caught.value)
+    assert message in str(caught.value)

@@ -144,7 +144,7 @@ def test_a_world_file_can_have_a_terrain_file(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "words"),
+    ("text", "message"),
     [
         (FILE, "bay.f32: no such file"),
         ("[terrain]\n", "mine.toml: terrain: expected a table with either file"),
@@ -160,10 +160,10 @@ def test_a_world_file_can_have_a_terrain_file(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_wrong_terrain_tables_are_reported(tmp_path: Path, text: str, words: str) -> None:
+def test_wrong_terrain_tables_are_reported(tmp_path: Path, text: str, message: str) -> None:
     with pytest.raises(ConfigError) as caught:
         load_world(world_file(tmp_path, text))
-    assert words in str(caught.value)
+    assert message in str(caught.value)
 
 
 def test_a_terrain_file_of_another_size_is_refused(tmp_path: Path) -> None:

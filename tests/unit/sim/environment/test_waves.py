@@ -245,7 +245,7 @@ def test_a_crest_travels_in_the_waves_direction() -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "words"),
+    ("text", "message"),
     [
         ("significant_height = 1", "waves: key 'peak_period' is missing"),
         ("significant_height = 2.1\npeak_period = 3", "they would break; give a longer peak_period"),
@@ -255,9 +255,9 @@ def test_a_crest_travels_in_the_waves_direction() -> None:
         ("significant_height = 1\npeak_period = 6\ncomponents = 0", "components: 0 is outside 1 to 500"),
     ],
 )
-def test_wrong_wave_tables_are_reported(text: str, words: str, tmp_path: Path) -> None:
+def test_wrong_wave_tables_are_reported(text: str, message: str, tmp_path: Path) -> None:
     path = tmp_path / "mine.toml"
     path.write_text(f'name = "mine"\nsource = "test"\nextent = [0, 9, 0, 9]\ndepth = 30\n[ocean.waves]\n{text}\n')
     with pytest.raises(ConfigError, match=r"mine\.toml") as caught:
         load_world(str(path))
-    assert words in str(caught.value)
+    assert message in str(caught.value)

@@ -68,7 +68,7 @@ def test_walls_bound_the_clearance() -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "words"),
+    ("text", "message"),
     [
         ("extent = [0, 0, 0, 1]\ndepth = 5", "each pair growing"),
         ("extent = [0, 1, 0, 1]\ndepth = 5\n[[cylinder]]\nnorth = 2\neast = 0\nradius = 1", "(2, 0) is outside"),
@@ -77,12 +77,12 @@ def test_walls_bound_the_clearance() -> None:
         ("extent = [0, 9, 0, 9]\ndepth = 5\ncurrent = [0.1, 0.2]", "expected 3 values"),
     ],
 )
-def test_wrong_worlds_are_reported(text: str, words: str, tmp_path: Path) -> None:
+def test_wrong_worlds_are_reported(text: str, message: str, tmp_path: Path) -> None:
     path = tmp_path / "mine.toml"
     path.write_text(f'name = "mine"\nsource = "test"\n{text}\n')
     with pytest.raises(ConfigError, match=r"mine\.toml") as caught:
         load_world(str(path))
-    assert words in str(caught.value)
+    assert message in str(caught.value)
 
 
 def is_reachable(world: World, margin: float, step: float = 0.5) -> bool:

@@ -34,14 +34,14 @@ def native(binaries: Path) -> Iterator[None]:
         yield
 
 
-def attitude(chance: random.Random) -> tuple[float, ...]:
-    return normalise([chance.gauss(0.0, 1.0) for _ in range(4)])
+def attitude(rng: random.Random) -> tuple[float, ...]:
+    return normalise([rng.gauss(0.0, 1.0) for _ in range(4)])
 
 
 def random_world(seed: int) -> World:
     """Return a world that is rough or flat, coarse or fine, deeper or shallower than what is around it, with holes."""
-    chance = random.Random(seed)
-    depth = chance.choice([12.0, 5.0, 30.0])
+    rng = random.Random(seed)
+    depth = rng.choice([12.0, 5.0, 30.0])
     world = World(
         "random", "test", EXTENT, depth, walls=seed % 4 == 0,
         pipeline=(Pipeline(((-15.0, -20.0), (2.0, -2.0), (15.0, 20.0)), 1.5, -0.3), Pipeline(((9.0, 0.0), (9.0, 5.0)))),
@@ -49,30 +49,30 @@ def random_world(seed: int) -> World:
     )  # fmt: skip
     if seed % 5 == 0:
         return world
-    grid = covering(EXTENT, chance.choice([0.5, 1.0, 2.0, 3.3]))
-    depths = Fractal(12.0, chance.choice([0.0, 0.5, 2.0, 6.0]), chance.random(), seed).depths(grid)
+    grid = covering(EXTENT, rng.choice([0.5, 1.0, 2.0, 3.3]))
+    depths = Fractal(12.0, rng.choice([0.0, 0.5, 2.0, 6.0]), rng.random(), seed).depths(grid)
     for _ in range(5 if seed % 3 == 0 else 0):
-        depths[chance.randrange(len(depths))] = nan
+        depths[rng.randrange(len(depths))] = nan
     return world._replace(terrain=Terrain(grid, depths, depth))
 
 
 def random_scene(seed: int, engine: Engine) -> RayScene:
-    chance, scene = random.Random(f"{seed}/solids"), RayScene(random_world(seed), engine)
+    rng, scene = random.Random(f"{seed}/solids"), RayScene(random_world(seed), engine)
     for _ in range(2):
-        place = [chance.uniform(-15.0, 15.0), chance.uniform(-15.0, 15.0), chance.uniform(0.0, 12.0)]
-        turned = matrix(attitude(chance))
-        scene.add(solids.sphere(place, chance.uniform(0.3, 3.0)))
+        place = [rng.uniform(-15.0, 15.0), rng.uniform(-15.0, 15.0), rng.uniform(0.0, 12.0)]
+        turned = matrix(attitude(rng))
+        scene.add(solids.sphere(place, rng.uniform(0.3, 3.0)))
         scene.add(solids.box((place[1], place[0], place[2]), (1.0, 2.0, 3.0), turned))
         scene.add(solids.cylinder((-place[0], place[1], place[2]), 0.7, 2.0, turned))
-    crumpled = [[[chance.gauss(0.0, 1.0) for _ in range(3)] for _ in range(3)] for _ in range(60)]
-    scene.add(solids.mesh(crumpled), State((5.0, 5.0, 5.0), attitude(chance)))
+    crumpled = [[[rng.gauss(0.0, 1.0) for _ in range(3)] for _ in range(3)] for _ in range(60)]
+    scene.add(solids.mesh(crumpled), State((5.0, 5.0, 5.0), attitude(rng)))
     net = solids.mesh(quad(*[(7.0 * x, 7.0 * y, 0.0) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))]))
-    scene.add(net._replace(sizes=(0.7, 0.2)), State((-5.0, -9.0, 5.0), attitude(chance)))
+    scene.add(net._replace(sizes=(0.7, 0.2)), State((-5.0, -9.0, 5.0), attitude(rng)))
     scene.add(solids.half_space((0.0, 0.0, 1.0), -2.0))
     return scene
 
 
-def random_rays(chance: random.Random) -> "array[float]":
+def random_rays(rng: random.Random) -> "array[float]":
     """Return rays along the axes, nearly level, and all around."""
     rays = array("d")
     for ray in range(60):
@@ -80,7 +80,7 @@ def random_rays(chance: random.Random) -> "array[float]":
             direction = [0.0, 0.0, 0.0]
             direction[ray // 2] = 1.0 if ray % 2 else -1.0
         else:
-            direction = [chance.gauss(0.0, 1.0), chance.gauss(0.0, 1.0), chance.gauss(0.0, 0.05 if ray < 20 else 1.0)]
+            direction = [rng.gauss(0.0, 1.0), rng.gauss(0.0, 1.0), rng.gauss(0.0, 0.05 if ray < 20 else 1.0)]
         length = sqrt(sum(x * x for x in direction))
         rays.extend(x / length for x in direction)
     return rays
@@ -90,15 +90,15 @@ def random_rays(chance: random.Random) -> "array[float]":
 @pytest.mark.usefixtures("native")
 def test_hits_in_c_and_python_are_equal(seed: int) -> None:
     """Distances, points, normals and objects are equal from points in water, in obstacles, on nodes, off the grid."""
-    chance = random.Random(f"{seed}/rays")
+    rng = random.Random(f"{seed}/rays")
     engines: tuple[Engine, ...] = ("C", "python")
     scenes, seen = [random_scene(seed, engine) for engine in engines], set[int]()
     for shot in range(4):
-        origin = [chance.uniform(-30.0, 30.0), chance.uniform(-30.0, 30.0), chance.uniform(-2.0, 14.0)]
+        origin = [rng.uniform(-30.0, 30.0), rng.uniform(-30.0, 30.0), rng.uniform(-2.0, 14.0)]
         if shot == 1:
             origin = [float(round(x)) for x in origin]
-        rotation = matrix(attitude(chance)) if shot else UPRIGHT
-        rays, reach = random_rays(chance), chance.choice([5.0, 50.0, 1000.0])
+        rotation = matrix(attitude(rng)) if shot else UPRIGHT
+        rays, reach = random_rays(rng), rng.choice([5.0, 50.0, 1000.0])
         native, plain = (scene.hits(origin, rays, reach, rotation) for scene in scenes)
         for values, expected in zip(native, plain, strict=True):
             np.testing.assert_array_equal(np.array(values), np.array(expected))
@@ -121,12 +121,12 @@ def rows_of_pixels(width: float, across: int, down: int) -> "array[float]":
 @pytest.mark.usefixtures("native")
 def test_skipping_free_space_for_bundles_of_rays_changes_nothing(seed: int) -> None:
     """The C begins narrow bundles of rays where none of them can have met anything, wide ones not."""
-    chance = random.Random(f"{seed}/pixels")
+    rng = random.Random(f"{seed}/pixels")
     native, plain = random_scene(seed, "C"), random_scene(seed, "python")
     for shot in range(6):
-        origin = [chance.uniform(-22.0, 22.0), chance.uniform(-27.0, 30.0), chance.uniform(0.5, 11.0)]
-        rotation = matrix(attitude(chance)) if shot else UPRIGHT
-        rays, reach = rows_of_pixels((0.02, 0.8, 3.0)[shot % 3], 33, 9), chance.choice([6.0, 30.0, 500.0])
+        origin = [rng.uniform(-22.0, 22.0), rng.uniform(-27.0, 30.0), rng.uniform(0.5, 11.0)]
+        rotation = matrix(attitude(rng)) if shot else UPRIGHT
+        rays, reach = rows_of_pixels((0.02, 0.8, 3.0)[shot % 3], 33, 9), rng.choice([6.0, 30.0, 500.0])
         hits, expected = (scene.hits(origin, rays, reach, rotation) for scene in (native, plain))
         for values, others in zip(hits, expected, strict=True):
             np.testing.assert_array_equal(np.array(values), np.array(others))
@@ -171,26 +171,26 @@ def test_skipping_blocks_of_a_large_grid_changes_nothing() -> None:
     deep = Fractal(20.0, 3.0, 0.6, seed=5).depths(grid)
     land = array("f", [max(0.0, depth - 16.0) for depth in deep])  # 0 m is what a block without a number has
     land[7000] = nan
-    chance = random.Random(4)
+    rng = random.Random(4)
     for depths, down in ((deep, 9.0), (land, 0.4)):
         world = World("large", "test", EXTENT, 20.0, terrain=Terrain(grid, depths, 20.0))
         native, plain = RayScene(world, "C"), RayScene(world, "python")
         for _ in range(4):
-            origin = (chance.uniform(0.0, 333.0), chance.uniform(0.0, 275.0), down)
-            rays = random_rays(chance)
+            origin = (rng.uniform(0.0, 333.0), rng.uniform(0.0, 275.0), down)
+            rays = random_rays(rng)
             assert native.ranges(origin, rays, 500.0) == plain.ranges(origin, rays, 500.0)
 
 
 @pytest.mark.usefixtures("native")
 def test_obstacles_out_of_reach_change_nothing() -> None:
     """A sensor with a reach of 15 m meets only the near ones of 400 piles, with the numbers that they have."""
-    chance = random.Random(7)
-    piles = tuple(Cylinder(chance.uniform(-200.0, 200.0), chance.uniform(-200.0, 200.0), 3.0) for _ in range(400))
+    rng = random.Random(7)
+    piles = tuple(Cylinder(rng.uniform(-200.0, 200.0), rng.uniform(-200.0, 200.0), 3.0) for _ in range(400))
     world = World("piles", "test", (-200.0, 200.0, -200.0, 200.0), 20.0, cylinder=piles)
     native, plain = RayScene(world, "C"), RayScene(world, "python")
     met = set[int]()
     for _ in range(5):
-        origin, rays = (chance.uniform(-150.0, 150.0), chance.uniform(-150.0, 150.0), 5.0), random_rays(chance)
+        origin, rays = (rng.uniform(-150.0, 150.0), rng.uniform(-150.0, 150.0), 5.0), random_rays(rng)
         hits, expected = native.hits(origin, rays, 15.0), plain.hits(origin, rays, 15.0)
         assert (hits.distances, hits.objects) == (expected.distances, expected.objects)
         met.update(hits.objects)

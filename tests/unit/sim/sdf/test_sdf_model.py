@@ -139,7 +139,7 @@ def test_names_of_merged_models_are_global_and_of_nested_ones_scoped() -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "words"),
+    ("text", "message"),
     [
         ('<sdf><model name="m"/></sdf>', "the model 'm' has no links"),
         ("<sdf/>", "there is no model in it"),
@@ -159,11 +159,11 @@ def test_names_of_merged_models_are_global_and_of_nested_ones_scoped() -> None:
         ),
     ],
 )
-def test_wrong_files_are_reported(text: str, words: str, tmp_path: Path) -> None:
+def test_wrong_files_are_reported(text: str, message: str, tmp_path: Path) -> None:
     path = tmp_path / "m.sdf"
     with pytest.raises(ConfigError, match=r"m\.sdf") as caught:
         imported(path, text)
-    assert words in str(caught.value)
+    assert message in str(caught.value)
 
 
 def test_a_model_that_includes_itself_is_refused(tmp_path: Path) -> None:

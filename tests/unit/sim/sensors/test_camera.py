@@ -363,9 +363,9 @@ def test_points_have_the_measured_depths() -> None:
 
 
 @pytest.mark.parametrize(
-    ("keys", "words"),
+    ("keys", "message"),
     [({"depth": False}, "needs depth = true"), ({"width": 4096, "height": 1000}, "more than 4000000")],
 )
-def test_invalid_point_cloud_keys_are_refused(keys: dict[str, Any], words: str) -> None:
-    assert words in str(CameraModel(points=True, **keys).validate())
+def test_invalid_point_cloud_keys_are_refused(keys: dict[str, Any], message: str) -> None:
+    assert message in str(CameraModel(points=True, **keys).validate())
     assert CameraModel(**keys).validate() is None

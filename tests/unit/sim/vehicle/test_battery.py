@@ -164,7 +164,7 @@ def test_the_charge_falls_during_a_run(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("changes", "words"),
+    ("changes", "message"),
     [
         ({"charge": [0.0, 1.0]}, "2 charge and 3 open_circuit"),
         ({"charge": [0.1, 0.2, 1.0]}, "begins with 0"),
@@ -173,10 +173,10 @@ def test_the_charge_falls_during_a_run(tmp_path: Path) -> None:
         ({"resistance": -0.1}, "resistance: -0.1 is outside"),
     ],
 )
-def test_wrong_batteries_are_reported(changes: dict[str, Any], words: str) -> None:
+def test_wrong_batteries_are_reported(changes: dict[str, Any], message: str) -> None:
     with pytest.raises(ConfigError, match="battery") as caught:
         parse({**TABLE, **changes}, Battery, "test.toml: battery")
-    assert words in str(caught.value)
+    assert message in str(caught.value)
 
 
 def test_a_battery_needs_a_thruster_with_a_current(tmp_path: Path) -> None:

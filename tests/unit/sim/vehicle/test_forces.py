@@ -64,7 +64,7 @@ def test_a_users_force_acts_in_a_simulation(tmp_path: Path, monkeypatch: pytest.
 
 
 @pytest.mark.parametrize(
-    ("force", "words"),
+    ("force", "message"),
     [
         ("[[force]]\npull = 5.0", 'force[0]: class: expected "module:Class", found None'),
         ('[[force]]\nclass = "my_forces"', "class: expected \"module:Class\", found 'my_forces'"),
@@ -76,11 +76,11 @@ def test_a_users_force_acts_in_a_simulation(tmp_path: Path, monkeypatch: pytest.
         ("[force]\npull = 1", "force: expected tables, each under [[force]]"),
     ],
 )
-def test_wrong_forces_are_reported(force: str, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_wrong_forces_are_reported(force: str, message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     with pytest.raises(ConfigError, match=r"mine\.toml: force") as caught:
         load_scenario(scenario_file(tmp_path, force))
-    assert words in str(caught.value)
+    assert message in str(caught.value)
 
 
 @pytest.mark.parametrize("integrator", ["verlet", "rk4"])

@@ -282,15 +282,15 @@ WRONG = [
 ]
 
 
-@pytest.mark.parametrize(("right", "wrong", "words"), WRONG)
-def test_mistakes_are_reported(right: str, wrong: str, words: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(("right", "wrong", "message"), WRONG)
+def test_mistakes_are_reported(right: str, wrong: str, message: str, tmp_path: Path) -> None:
     text = (Path(__file__).parents[4] / "sim/vehicles/remus100.toml").read_text()
     assert right in text
     path = tmp_path / "mine.toml"
     path.write_text(text.replace(right, wrong, 1))
     with pytest.raises(ConfigError, match=r"mine\.toml") as caught:
         load_vehicle(str(path))
-    assert words in str(caught.value)
+    assert message in str(caught.value)
 
 
 def test_a_vehicle_has_at_most_16_channels(tmp_path: Path) -> None:

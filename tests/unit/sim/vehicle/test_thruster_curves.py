@@ -140,7 +140,7 @@ def test_thrust_falls_with_the_advance_speed() -> None:
 
 
 @pytest.mark.parametrize(
-    ("curve", "words"),
+    ("curve", "message"),
     [
         ({"kind": "t-200"}, "kind: 't-200' is not one of dead_zone, table, advance, t200"),
         ({"kind": []}, "kind: [] is not one of dead_zone"),
@@ -153,10 +153,10 @@ def test_thrust_falls_with_the_advance_speed() -> None:
         ({"kind": "t200", "volts": 16}, "no key 'volts'"),
     ],
 )
-def test_wrong_curves_are_reported(curve: dict[str, Any], words: str) -> None:
+def test_wrong_curves_are_reported(curve: dict[str, Any], message: str) -> None:
     with pytest.raises(ConfigError, match=r"test\.toml: curve") as caught:
         curved(**curve)
-    assert words in str(caught.value)
+    assert message in str(caught.value)
 
 
 def test_a_vehicle_file_sets_curve_and_dynamics(tmp_path: Path) -> None:

@@ -199,7 +199,7 @@ BASE = '<link name="b"><inertial><mass value="1"/></inertial></link>'
 
 
 @pytest.mark.parametrize(
-    ("text", "words"),
+    ("text", "message"),
     [
         ("<robot", "not valid XML"),
         ("<sdf version='1.9'/>", "begins with <robot>, this one with <sdf>"),
@@ -222,12 +222,12 @@ BASE = '<link name="b"><inertial><mass value="1"/></inertial></link>'
         (f"<robot>{BASE}</robot>", "[[thrusters]]"),
     ],
 )
-def test_wrong_files_are_reported(text: str, words: str, tmp_path: Path) -> None:
+def test_wrong_files_are_reported(text: str, message: str, tmp_path: Path) -> None:
     path = tmp_path / "m.urdf"
     path.write_text(text)
     with pytest.raises(ConfigError, match=r"m\.urdf") as caught:
         read_urdf(str(path))
-    assert words in str(caught.value)
+    assert message in str(caught.value)
     assert "\n" not in str(caught.value)
 
 

@@ -68,7 +68,7 @@ def test_a_box_has_drag_and_no_added_mass() -> None:
 
 
 @pytest.mark.parametrize(
-    ("model", "words"),
+    ("model", "message"),
     [
         ("<type>torus</type>", "no type 'torus'; there are: fossen, sphere, cylinder"),
         ("<type>sphere</type>", "type sphere: does not say <radius>"),
@@ -76,10 +76,10 @@ def test_a_box_has_drag_and_no_added_mass() -> None:
         ("<type>cylinder</type><radius>1</radius><length>1</length><axis>x</axis>", "'x' is none of i, j, k"),
     ],
 )
-def test_wrong_shapes_are_reported(model: str, words: str) -> None:
+def test_wrong_shapes_are_reported(model: str, message: str) -> None:
     with pytest.raises(ConfigError, match=r"hydra\.urdf") as caught:
         imported(model)
-    assert words in str(caught.value)
+    assert message in str(caught.value)
 
 
 def thruster(inside: str) -> str:

@@ -59,7 +59,7 @@ def test_the_control_table_and_common_thruster_keys_are_read(tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize(
-    ("changes", "words"),
+    ("changes", "message"),
     [
         ({"inertia": [0.1, 0.1]}, "inertia needs 3 numbers"),
         ({"inertia": [0.1, 0.05, 0, 0.2, 0.1, 0, 0, 0, 0.1]}, "inertia is not symmetric"),
@@ -78,10 +78,10 @@ def test_the_control_table_and_common_thruster_keys_are_read(tmp_path: Path) -> 
         ({"mass": -1.0}, "mass: -1 kg is outside"),
     ],
 )
-def test_wrong_vehicles_are_reported(changes: dict[str, Any], words: str) -> None:
+def test_wrong_vehicles_are_reported(changes: dict[str, Any], message: str) -> None:
     with pytest.raises(ConfigError, match=r"test\.toml") as caught:
         build(**changes)
-    assert words in str(caught.value)
+    assert message in str(caught.value)
 
 
 def test_a_thruster_direction_may_have_any_length() -> None:
