@@ -94,7 +94,7 @@ class TetherKeys(NamedTuple):
 class Tether:
     """The force of a tether on a vehicle in `world`; implements sim.forces.Force.
 
-    `tension` is the pull at the vehicle in N, `anchor_tension` that at the anchor, `length` the length that is paid out
+    `tension` is the pull at the vehicle in N, `length` the length that is paid out
     now in m, `nodes` the positions of the nodes from anchor to vehicle (NED, m). `dt` is the time of a step in s.
     `read_body` returns the state of the vehicle and its inverse mass matrix; with a matrix of zeros the vehicle's end
     does not yield. `flow` returns the velocity of the water (NED, m/s) at a position.
@@ -105,7 +105,7 @@ class Tether:
     ) -> None:
         self.keys = keys
         self.length = self._target_length = keys.length
-        self.tension = self.anchor_tension = 0.0
+        self.tension = 0.0
         self.nodes: list[list[float]] = []
         self._velocities: list[list[float]] = []
         self._pulls: list[float] = []  # of the springs
@@ -204,9 +204,6 @@ class Tether:
         self._velocities, self._pulls, force = step_chain(chain, dt)
         self._force = [a + b for a, b in zip(force, loads[-1], strict=True)]
         self.tension = sqrt(sum([x * x for x in self._force]))
-        first = [b - a for a, b in zip(self.nodes[0], self.nodes[1], strict=True)]
-        share = self._pulls[0] / (sqrt(sum([x * x for x in first])) or 1.0)
-        self.anchor_tension = sqrt(sum([(share * x + load) ** 2 for x, load in zip(first, loads[0], strict=True)]))
         self._move(dt)
 
     def _loads(self, rest_length: float) -> tuple[list[list[float]], list[float]]:

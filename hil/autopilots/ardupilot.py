@@ -94,7 +94,7 @@ class ArduPilot(Autopilot):
             servos = decode_servos(packet)
             if servos is None:
                 self.figures.malformed += 1
-            elif self._is_peer(sender, now) and self._count_packet(servos.frame_count, now):
+            elif self._is_peer(sender) and self._count_packet(servos.frame_count, now):
                 self.frame_rate = servos.frame_rate
                 newest, arrived_ns = servos, _arrival(ancillary, now)
         if newest is None:
@@ -130,7 +130,7 @@ class ArduPilot(Autopilot):
         if self._companion:
             self._companion.close()
 
-    def _is_peer(self, sender: Sender, now: int) -> bool:
+    def _is_peer(self, sender: Sender) -> bool:
         if self._peer is None:
             self._peer = sender
             self._report(f"{self.name}: receiving servo packets from port {sender[1]}")

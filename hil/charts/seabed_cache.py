@@ -33,16 +33,12 @@ METHOD = 11  # version of the gridding; increase it when the same files give ano
 
 
 class WholeSeabed(NamedTuple):
-    """The seabed of a whole file.
-
-    `origin`: latitude and longitude (degrees) of (0, 0), None if not known. `is_cached`: it was read from the cache.
-    """
+    """The seabed of a whole file. `origin`: latitude and longitude (degrees) of (0, 0), None if not known."""
 
     model: SeabedModel
     source: str
     origin: tuple[float, float] | None
     report: Report
-    is_cached: bool
 
 
 def load_or_build_seabed(
@@ -62,11 +58,11 @@ def load_or_build_seabed(
         return cached
     survey, extent = read_sources([path], None, resolution, positive=positive, crs=crs, crop=True, near=near)
     built = build(survey, extent, resolution, progress)
-    seabed = WholeSeabed(built.model, survey.source, survey.origin, built.report, False)
+    seabed = WholeSeabed(built.model, survey.source, survey.origin, built.report)
     with suppress(OSError, ConfigError):  # the disk is full or the folder not writable: it is not cached
         folder = of_part if survey.is_cropped else of_whole
         _store(seabed, folder)
-        return (_load(folder) or seabed)._replace(is_cached=False)
+        return _load(folder) or seabed
     return seabed
 
 
@@ -118,7 +114,7 @@ def _load(folder: str) -> WholeSeabed | None:
         os.utime(folder)
     except (OSError, ValueError, TypeError, ConfigError):  # not cached, or damaged
         return None
-    return WholeSeabed(model, world.source, world.origin, report, True)
+    return WholeSeabed(model, world.source, world.origin, report)
 
 
 def _model_of(world: World) -> SeabedModel:

@@ -89,7 +89,7 @@ class _Repetition:
                 self._begin_epoch(message)
             elif message.topic in self._samples:
                 self._check_number(message)
-                expected = self._next(message)
+                expected = self._next()
                 if expected != (message.topic, message.data):
                     return Verdict(compared, self._steps, self._difference(message, expected))
                 compared += 1
@@ -135,7 +135,7 @@ class _Repetition:
         while self._steps < step:
             self._step()
 
-    def _next(self, message: Message) -> tuple[str, bytes]:
+    def _next(self) -> tuple[str, bytes]:
         """Return topic and payload of the simulation's next sample on a recorded topic; empty without one."""
         limit = self._steps + round(LONGEST_SILENCE_S * 1e9) // self._step_ns
         while not self._repeated and self._steps < limit:

@@ -51,11 +51,10 @@ class Battery(NamedTuple):
 
 
 class BatteryState(NamedTuple):
-    """Reading of a battery monitor: volts at the terminals, amperes drawn, Ah used, fraction left, switched off."""
+    """Reading of a battery monitor: volts at the terminals, amperes drawn, fraction left, switched off."""
 
     voltage: float
     current: float
-    used_ah: float
     fraction: float
     cut_off: bool
 
@@ -69,7 +68,6 @@ class BatteryPack:
         self._fraction = battery.start
         self._voltage = self.open_circuit
         self._current = 0.0
-        self._used = 0.0
         self._off = False
         self._undervoltage_s = 0.0  # time below cut_off without interruption
 
@@ -81,7 +79,7 @@ class BatteryPack:
     @property
     def state(self) -> BatteryState:
         """Present state of the battery."""
-        return BatteryState(self._voltage, self._current, self._used, self._fraction, self._off)
+        return BatteryState(self._voltage, self._current, self._fraction, self._off)
 
     def step(self, volts: Sequence[float], amperes: Sequence[float], dt: float) -> tuple[int, float]:
         """Supply a load for `dt` s; return the operating point on its table: index of the piece and share along it.
@@ -115,6 +113,5 @@ class BatteryPack:
         return len(volts) - 2, 1.0
 
     def _discharge(self, dt: float) -> None:
-        used = self._current * dt / 3600.0
-        self._used += used
-        self._fraction = max(0.0, self._fraction - used / self._capacity)
+        used_ah = self._current * dt / 3600.0
+        self._fraction = max(0.0, self._fraction - used_ah / self._capacity)

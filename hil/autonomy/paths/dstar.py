@@ -22,13 +22,9 @@ Key = tuple[float, float]
 
 
 class DStarLite:
-    """Planner that reuses its search for the next plan, as long as the goal and the map's size do not change.
-
-    `expanded` counts the expanded cells, a measure of the cost of planning.
-    """
+    """Planner that reuses its search for the next plan, as long as the goal and the map's size do not change."""
 
     def __init__(self) -> None:
-        self.expanded = 0
         self._cells: np.ndarray[tuple[int, int], np.dtype[np.bool_]] = np.empty((0, 0), np.bool_)
         self._goal = self._start = -1
 
@@ -98,7 +94,6 @@ class DStarLite:
                 self._unsettle(cell)
 
     def _settle(self, cell: int) -> None:
-        self.expanded += 1
         cost = self._costs[cell] = self._ahead[cell]
         for neighbour, length in self._moves(cell):
             if cost + length < self._ahead.get(neighbour, inf):
@@ -106,7 +101,6 @@ class DStarLite:
                 self._put(neighbour)
 
     def _unsettle(self, cell: int) -> None:
-        self.expanded += 1
         before = self._costs.pop(cell, inf)
         for neighbour, length in self._moves(cell):
             if self._ahead.get(neighbour, inf) == before + length:

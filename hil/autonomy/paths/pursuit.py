@@ -52,16 +52,14 @@ class PurePursuit:
         self._passed = 0.0  # distance along the path of the last stop
         self._along = 0.0
         self.aim = 0.0
-        self.cross_track = 0.0
         self.progress = 0.0
         self.done = False
 
     def update(self, position: Sequence[float], heading: float) -> VelocityCommand:
         """Return the command at `position` (m north, m east; other values are ignored) and `heading` (rad from north).
 
-        Sets `aim`, the heading (rad) to the point ahead; `cross_track`, the distance from the path in m, positive to
-        its starboard; `progress`, the share of the path that is done, 0 to 1; and `done`, which stays true once the end
-        is reached.
+        Sets `aim`, the heading (rad) to the point ahead; `progress`, the share of the path that is done, 0 to 1; and
+        `done`, which stays true once the end is reached.
         """
         here = position[0], position[1]
         self._locate(here)
@@ -82,7 +80,7 @@ class PurePursuit:
         """Find the nearest point of the path, not far from the last one, as a path may come near itself."""
         low = max(self._passed, self._along - self._lookahead)
         high = min(self._stop, self._along + self._lookahead)
-        self._along, self.cross_track = self._path.nearest(here, low, high)
+        self._along = self._path.nearest(here, low, high)
 
     def _pass_stops(self, here: Point) -> None:
         near_in_path = self._along >= self._stop - max(self._lookahead, self._tolerance)
@@ -139,9 +137,9 @@ class _Path:
         leg = next((leg for leg in self._legs if along < leg.ends), self._legs[-1])
         return leg.at(along)
 
-    def nearest(self, point: Point, low: float, high: float) -> tuple[float, float]:
-        """Return the place (m along) nearest to `point` between `low` and `high`, and its offset to starboard."""
-        best, least, side = low, float("inf"), 1.0
+    def nearest(self, point: Point, low: float, high: float) -> float:
+        """Return the place (m along) nearest to `point` between `low` and `high`."""
+        best, least = low, float("inf")
         for leg in self._legs:
             if leg.begins > high or leg.ends < low:
                 continue
@@ -150,6 +148,5 @@ class _Path:
             along = min(max(ahead, low, leg.begins), high, leg.ends)
             distance = dist(point, leg.at(along))
             if distance < least:
-                starboard = east * leg.direction[0] - north * leg.direction[1]
-                best, least, side = along, distance, 1.0 if starboard >= 0.0 else -1.0
-        return best, side * least
+                best, least = along, distance
+        return best

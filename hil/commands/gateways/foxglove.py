@@ -76,13 +76,13 @@ def main(arguments: list[str]) -> int:
             messages = tap.receive()
             server.show(messages)
             for message in messages:
-                _report_vehicle(server, nodes, message)
+                _report_vehicle(nodes, message)
             if text := tap.complaint():
                 print(text, flush=True)
     return 0
 
 
-def _report_vehicle(server: "FoxgloveServer", nodes: set[str], message: Message) -> None:
+def _report_vehicle(nodes: set[str], message: Message) -> None:
     """Report each vehicle once; /tf and /clock belong to no single vehicle."""
     node = message.topic.split("/")[1]
     if node not in nodes and message.topic.count("/") > 1:

@@ -160,7 +160,7 @@ class Commands:
     def _pause(self, request: CommandRequest, now: int) -> int:
         core = self._core
         if request.params[0] == 1.0:
-            return REJECTED if core.flight.begin(now) else ACCEPTED
+            return REJECTED if core.flight.begin() else ACCEPTED
         if request.params[0] != 0.0:
             return DENIED
         core.flight.pause()

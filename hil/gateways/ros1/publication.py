@@ -50,14 +50,13 @@ class Publication:
     def __init__(self, topic: str, kind: Kind, latched: int, on_subscriber: Callable[[str], None]) -> None:
         self.topic = topic
         self.kind = kind
-        self.unreadable = 0
         self.subscribers: set[Subscriber] = set()
         self._on_subscriber = on_subscriber
         self._last: deque[Message] = deque(maxlen=latched)
         self._sequence = 0
 
     def publish(self, message: Message) -> None:
-        """Send a message of ROS 2 to all subscribers; one that does not fit its type is counted."""
+        """Send a message of ROS 2 to all subscribers; one that does not fit its type is dropped."""
         if self._last.maxlen and message.data not in [each.data for each in self._last]:
             self._last.append(message)
         if self.subscribers:
@@ -101,7 +100,6 @@ class Publication:
         try:
             return frame(to_ros1(self.kind.type, message.data, self._sequence))
         except UnreadableError:
-            self.unreadable += 1
             return b""
 
 

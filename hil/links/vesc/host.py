@@ -11,8 +11,6 @@ from hil.links.vesc.end import (
     SET_CURRENT,
     SET_RPM,
     STATUS,
-    STATUS_4,
-    STATUS_4_DATA,
     STATUS_5,
     STATUS_5_DATA,
     STATUS_DATA,
@@ -27,8 +25,6 @@ class Motor(NamedTuple):
     erpm: int = 0
     current_a: float = 0.0
     duty: float = 0.0
-    fet_c: float = 0.0
-    input_a: float = 0.0
     tachometer: int = 0
     voltage_v: float = 0.0
 
@@ -66,16 +62,12 @@ class VescHost(VescProtocol):
 
     def _on_frame(self, command: int, controller: int, data: bytes) -> list[Message]:
         thruster = controller - self._settings.first_id
-        if command not in (STATUS, STATUS_4, STATUS_5) or not 0 <= thruster < self._channels:
+        if command not in (STATUS, STATUS_5) or not 0 <= thruster < self._channels:
             return []
         if len(data) < (6 if command == STATUS_5 else 8):  # older firmware omits the reserved bytes at the end
             self.counters.malformed += 1
             return []
         motor = self.motors[thruster]
-        if command == STATUS_4:
-            fet, _, current, _ = STATUS_4_DATA.unpack(data)
-            self.motors[thruster] = motor._replace(fet_c=fet / 10, input_a=current / 10)
-            return []
         if command == STATUS_5:
             tachometer, volts, _ = STATUS_5_DATA.unpack(data[:6] + b"\0\0")
             self.motors[thruster] = motor._replace(tachometer=tachometer, voltage_v=volts / 10)

@@ -3,6 +3,7 @@
 import os
 import shutil
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -30,10 +31,23 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return tmp_path / "cache" / "uuv-hil" / "charts"
 
 
-def test_a_chart_is_gridded_once_and_then_cached(tmp_path: Path, cache: Path) -> None:
+@pytest.fixture
+def builds(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
+    """Record the resolution of each seabed that is gridded, not read from the cache."""
+    made: list[Any] = []
+
+    def build_and_record(survey: Any, extent: Any, resolution: Any, progress: Any) -> Any:
+        made.append(resolution)
+        return build(survey, extent, resolution, progress)
+
+    monkeypatch.setattr(module, "build", build_and_record)
+    return made
+
+
+def test_a_chart_is_gridded_once_and_then_cached(tmp_path: Path, cache: Path, builds: list[Any]) -> None:
     path = bay().write(tmp_path / "BAY.000")
     first, second = load_or_build_seabed(path), load_or_build_seabed(path)
-    assert (first.is_cached, second.is_cached) == (False, True)
+    assert builds == [None]
     assert first.model.grid.resolution == pytest.approx(LINE_ACCURACY * 10_000)
     assert second.report == first.report
     assert second.model.cylinders == first.model.cylinders
@@ -42,22 +56,25 @@ def test_a_chart_is_gridded_once_and_then_cached(tmp_path: Path, cache: Path) ->
     assert load_or_build_seabed(path, 20.0).model.grid.resolution == 20.0
     assert len(os.listdir(cache)) == 2
     os.utime(path, (1.0, 1.0))
-    assert not load_or_build_seabed(path).is_cached, "the file has changed"
+    load_or_build_seabed(path)
+    assert builds == [None, 20.0, None], "the file has changed"
 
 
 def test_the_cache_is_pruned_and_may_be_missing_or_damaged(
-    tmp_path: Path, cache: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, cache: Path, builds: list[Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = bay().write(tmp_path / "BAY.000")
     load_or_build_seabed(path, 20.0)
     (folder,) = cache.iterdir()
     (folder / "report.json").write_text("{")
-    assert not load_or_build_seabed(path, 20.0).is_cached
-    assert load_or_build_seabed(path, 20.0).is_cached
+    for _ in range(2):
+        load_or_build_seabed(path, 20.0)
+    assert builds == [20.0, 20.0], "again after the damage, then from the cache"
     monkeypatch.setattr(module, "MAX_CACHED_BYTES", 1)
     load_or_build_seabed(path, 25.0)
     assert len(os.listdir(cache)) == 1
-    assert load_or_build_seabed(path, 25.0).is_cached
+    load_or_build_seabed(path, 25.0)
+    assert builds == [20.0, 20.0, 25.0]
     shutil.rmtree(cache)
     cache.write_text("in the way")
     assert load_or_build_seabed(path, 25.0).report.soundings > 40

@@ -42,12 +42,28 @@ def test_paths_stay_as_short_as_a_star_while_map_and_vehicle_change(seed: int) -
             cells[cell] = False
 
 
+class CountingPlanner(DStarLite):
+    """Counts the expanded cells, a measure of the cost of planning."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.expanded = 0
+
+    def _settle(self, cell: int) -> None:
+        self.expanded += 1
+        super()._settle(cell)
+
+    def _unsettle(self, cell: int) -> None:
+        self.expanded += 1
+        super()._unsettle(cell)
+
+
 def test_a_repair_expands_far_fewer_cells_than_a_plan() -> None:
     """The search expands a small share of the first plan's cells after a wall appears near the vehicle."""
     cells = np.zeros((150, 150), bool)
     cells[60:90, 40:110] = True
     grid, goal = OccupancyGrid(cells, 1.0, (0.0, 0.0)), (145.5, 75.5)
-    planner = DStarLite()
+    planner = CountingPlanner()
     planner.plan(grid, (5.5, 70.5), goal)
     first = planner.expanded
     cells[20, 60:80] = True

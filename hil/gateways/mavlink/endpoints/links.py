@@ -120,7 +120,6 @@ class UdpIn(Link):
             raise NetworkError(f"{self.name}: {error.strerror or error}; choose another endpoint") from None
         self.port: int = self._socket.getsockname()[1]
         self._received_ns: dict[tuple[Any, ...], int] = {}
-        self._now = 0
 
     def descriptors(self) -> list[int]:
         """Return the socket's."""

@@ -73,7 +73,7 @@ class MissionFlight:
             self.status = ACTIVE
         return True
 
-    def begin(self, now: int) -> str:
+    def begin(self) -> str:
         """Begin, resume, or begin again when it was complete; return why that cannot be, "" if it can."""
         if len(self._items) <= self._first:
             return "there is no mission"

@@ -77,7 +77,7 @@ class Pilot:
         if mode not in (Mode.MANUAL, Mode.STABILIZE) and snapshot is None:
             return f"{MODES[mode].name}: the vehicle is not there"
         if mode == Mode.AUTO:
-            reason = self._mission.begin(now)
+            reason = self._mission.begin()
             if reason:
                 return f"{MODES[mode].name}: {reason}"
         if mode != self.mode:
