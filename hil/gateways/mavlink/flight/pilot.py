@@ -23,7 +23,7 @@ NEUTRALS = 3  # commands of no thrust that follow disarming
 class Mission(Protocol):
     """The mission as mode Auto flies it."""
 
-    def begin(self, now: int) -> str:
+    def begin(self) -> str:
         """Begin or resume; return why that cannot be, "" if it can."""
 
     def step(self, state: State, now: int) -> Target | None:
