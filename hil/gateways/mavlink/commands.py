@@ -53,8 +53,8 @@ class Commands:
             dialect.MAV_CMD_DO_SET_MISSION_CURRENT: self._select_item,
             dialect.MAV_CMD_DO_PAUSE_CONTINUE: self._pause,
             dialect.MAV_CMD_NAV_RETURN_TO_LAUNCH: self._return_home,
-            dialect.MAV_CMD_NAV_LAND: lambda _, now: core.set_mode(Mode.SURFACE, now),
-            dialect.MAV_CMD_NAV_LOITER_UNLIM: lambda _, now: core.set_mode(Mode.POSHOLD, now),
+            dialect.MAV_CMD_NAV_LAND: lambda _, now: core.set_mode(Mode.SURFACE),
+            dialect.MAV_CMD_NAV_LOITER_UNLIM: lambda _, now: core.set_mode(Mode.POSHOLD),
             dialect.MAV_CMD_DO_FLIGHTTERMINATION: self._terminate,
             dialect.MAV_CMD_PREFLIGHT_STORAGE: self._storage,
         }
@@ -89,7 +89,7 @@ class Commands:
         flags, mode = request.params[:2]
         if not (isfinite(flags) and int(flags) & dialect.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED):
             return DENIED
-        return self._core.set_mode(mode, now)
+        return self._core.set_mode(mode)
 
     def _set_home(self, request: CommandRequest, _: int) -> int:
         core, (latitude, longitude, altitude) = self._core, request.params[4:]
@@ -116,7 +116,7 @@ class Commands:
         if core.pilot.mode != Mode.GUIDED:
             if not (isfinite(flags) and int(flags) & 1):
                 return DENIED
-            core.set_mode(Mode.GUIDED, now)
+            core.set_mode(Mode.GUIDED)
         north, east, depth = snapshot.state.position
         if isfinite(latitude) and isfinite(longitude):
             north, east, _ = earth_place(latitude * 1e7, longitude * 1e7, 0.0, core.origin)
@@ -151,7 +151,7 @@ class Commands:
         first = request.params[0]
         if isfinite(first) and first > 0.0 and not self._core.flight.select(int(first)):
             return DENIED
-        return self._core.set_mode(Mode.AUTO, now)
+        return self._core.set_mode(Mode.AUTO)
 
     def _select_item(self, request: CommandRequest, _: int) -> int:
         index = request.params[0]
@@ -170,7 +170,7 @@ class Commands:
 
     def _return_home(self, _: CommandRequest, now: int) -> int:
         core = self._core
-        result = core.set_mode(Mode.GUIDED, now)
+        result = core.set_mode(Mode.GUIDED)
         if result == ACCEPTED:
             north, east, _down = core.home
             core.pilot.set_target(Target((north, east, core.table["SURFACE_DEPTH"])), now)

@@ -108,13 +108,13 @@ class Core:
         if everybody:
             self.port.disarm()
 
-    def set_mode(self, number: float, now: int) -> int:
+    def set_mode(self, number: float) -> int:
         """Set the mode with that number; return the MAV_RESULT."""
         mode = mode_of(number)
         if mode is None:
             self.texts.append((WARNING, f"no mode {number:g}"))
             return int(dialect.MAV_RESULT_DENIED)
-        reason = self.pilot.set_mode(mode, self.snapshot, now)
+        reason = self.pilot.set_mode(mode, self.snapshot)
         if reason:
             self.texts.append((WARNING, reason))
             return int(dialect.MAV_RESULT_TEMPORARILY_REJECTED)
@@ -181,24 +181,24 @@ class Core:
         silence_ns = now - (now if self._gcs_ns is None else self._gcs_ns)
         if silence_ns > self.table["FS_GCS_TIMEOUT"] * NS_PER_S and not self._gcs_lost:
             self._gcs_lost = True
-            self._act_on_silence(now)
+            self._act_on_silence()
         leaks = self.snapshot is not None and self.snapshot.leak
         if leaks and not self._leaks and self.table["FS_LEAK_ENABLE"]:
             self.texts.append((CRITICAL, "Leak detected"))
             if self.table["FS_LEAK_ENABLE"] == 2:
-                self.set_mode(Mode.SURFACE, now)
+                self.set_mode(Mode.SURFACE)
         self._leaks = leaks
 
-    def _act_on_silence(self, now: int) -> None:
+    def _act_on_silence(self) -> None:
         action = int(self.table["FS_GCS_ENABLE"])
         if action:
             self.texts.append((CRITICAL, "no ground station any more"))
         if action == 2:
             self.disarm()
         elif action == 3:
-            self.set_mode(Mode.ALT_HOLD, now)
+            self.set_mode(Mode.ALT_HOLD)
         elif action == 4:
-            self.set_mode(Mode.SURFACE, now)
+            self.set_mode(Mode.SURFACE)
 
     def _find_places(self, snapshot: Snapshot) -> None:
         """Find home and origin: home is where the vehicle was first seen, at the surface; a fix gives the origin."""

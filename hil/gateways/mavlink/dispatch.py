@@ -322,7 +322,7 @@ class Dispatcher:
         peer.send(*self._logs.begin(packet, _partner(peer, packet)))
 
     def _set_mode(self, peer: Peer, packet: Any, now: int) -> None:
-        result = self.core.set_mode(packet.custom_mode, now)
+        result = self.core.set_mode(packet.custom_mode)
         command = dialect.MAVLINK_MSG_ID_SET_MODE  # ArduPilot acknowledges the message by its number
         peer.send(dialect.MAVLink_command_ack_message(command, result, 0, 0, *_partner(peer, packet)[1:]))
 

@@ -71,7 +71,7 @@ class Pilot:
             self._neutrals = NEUTRALS
             self.target = None
 
-    def set_mode(self, mode: Mode, snapshot: Snapshot | None, now: int) -> str:
+    def set_mode(self, mode: Mode, snapshot: Snapshot | None) -> str:
         """Change the mode; return why that cannot be, "" if it could."""
         self.intended = mode
         if mode not in (Mode.MANUAL, Mode.STABILIZE) and snapshot is None:
