@@ -47,7 +47,7 @@ class SimulatedVehicle:
 
     def command(self, command: VelocityCommand) -> None:
         """Set a new command."""
-        self._pilot.command(command, self.time_ns)
+        self._pilot.set_command(command, self.time_ns)
 
     def step(self) -> None:
         """Make one step of the scenario: the controller if it is due, then thrusters, dynamics and sensors."""

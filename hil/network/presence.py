@@ -40,15 +40,15 @@ def _nothing() -> None:
     """Do nothing."""
 
 
-def serve_last(session: Session, node: str, catch_up: Callable[[], None] = _nothing) -> None:
+def serve_last(session: Session, node: str, encode_unsent: Callable[[], None] = _nothing) -> None:
     """Serve the last messages of a node's publishers in this session to late joiners, see `fetch_last`.
 
-    `catch_up` is called first, to encode samples that were not sent. Large messages are left out: an answer has the
-    same priority as samples, which would have to wait for it.
+    `encode_unsent` is called first, to encode samples that were not sent. Large messages are left out: an answer has
+    the same priority as samples, which would have to wait for it.
     """
 
     def answer(query: zenoh.Query) -> None:
-        catch_up()
+        encode_unsent()
         with suppress(zenoh.ZError), query:  # the client may have left; the end of the `with` completes the answer
             for publisher in list(session.publishers):
                 name, last = publisher.topic.name, publisher.last

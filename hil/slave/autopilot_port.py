@@ -75,13 +75,13 @@ class AutopilotPort:
         pulses = self.motors.at(now)
         return self._command(pulses) if self.motors.silences != silences else None
 
-    def echoed(self, sequence: int, applied_ns: int) -> None:
+    def record_echo(self, sequence: int, applied_ns: int) -> None:
         """Add the delay of the command with this sequence number, which the STM32 has echoed, to the histogram."""
         received_ns = self._awaited.pop(sequence, None)
         if received_ns is not None:
             self.delay.add(applied_ns - received_ns)
 
-    def permitted(self, due: int) -> int:
+    def permitted_steps(self, due: int) -> int:
         """Return how many steps to do now that `due` more are due; in lockstep one, and only after an answer."""
         if not self.autopilot.lockstep or not self.autopilot.connected:
             self._owed = 0

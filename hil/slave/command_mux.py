@@ -28,7 +28,7 @@ class CommandMux:
         self._received: dict[str, tuple[Any, int]] = {}
         self.fault = ""
 
-    def read(self, topic: str, payload: bytes) -> Any:
+    def decode(self, topic: str, payload: bytes) -> Any:
         """Return the decoded message; None if it is malformed or does not fit the vehicle."""
         decode = ros.decoder(topic)
         value = decode(payload) if decode else None

@@ -220,7 +220,7 @@ class CommandReceiver:
 
             self._mux = CommandMux(self.thrusters, self._hold_ns)
         self._mux.fault = ""
-        value = self._mux.read(topic, payload)
+        value = self._mux.decode(topic, payload)
         self.fault = self._mux.fault or self.fault
         return velocity_of(value) if topic == "cmd_vel_stamped" else value
 

@@ -71,7 +71,7 @@ class Contacts:
             from hil.network.sockets import shorten_queues
 
             shorten_queues()
-        serve_last(session, node, sample_publisher.catch_up)
+        serve_last(session, node, sample_publisher.encode_unsent)
         watch_presence(session, node, self._on_presence)
         declare_presence(session, node, "slave", self._ident)
 

@@ -43,13 +43,13 @@ def run(
     with ExitStack() as stack:
         stop_fd = stack.enter_context(StopSignals())
         stack.callback(log.flush)
-        imaging = _imaging(scenario, log.write_line)
+        imaging = _make_imaging(scenario, log.write_line)
         if imaging:
             scenario = imaging.scenario
         loop = _assemble(scenario, board, network, stack, log, startup)
         loop.begin()
         startup["ready"] = now_ns()
-        log.write_line(_ready(scenario, loop, startup))
+        log.write_line(_ready_message(scenario, loop, startup))
         log.flush()
         from hil.slave.notify import notify  # this and later imports load after the vehicle is ready, to start faster
 
@@ -61,7 +61,7 @@ def run(
         from hil.slave.health.reporter import Health
         from hil.slave.ros.node import RosNode
 
-        board, session = board or _recognised(), network.session()
+        board, session = board or _detect_board(), network.session()
         loop.ros = RosNode(session, scenario, loop, log.write_line)
         stack.callback(loop.ros.close)
         loop.sample_publisher.declare(fitted.topic for fitted in scenario.sensors.values() if not fitted.offloaded)
@@ -108,7 +108,7 @@ def _settle_realtime(scenario: Scenario) -> list[str]:
     return [*notes, clock.stay_awake()] if scenario.slave.stay_awake else notes
 
 
-def _imaging(scenario: Scenario, report: Callable[[str], None]) -> "Imaging | None":
+def _make_imaging(scenario: Scenario, report: Callable[[str], None]) -> "Imaging | None":
     """Return the client of the imaging process; None, with nothing imported, if no sensor is offloaded."""
     if not any(fitted.offloaded for fitted in scenario.sensors.values()):
         return None
@@ -117,7 +117,7 @@ def _imaging(scenario: Scenario, report: Callable[[str], None]) -> "Imaging | No
     return Imaging(scenario, report)
 
 
-def _recognised() -> "Board | None":
+def _detect_board() -> "Board | None":
     """Return the detected board, or None. Called late, because loading the board table lengthens the start."""
     from boards import detect
 
@@ -139,7 +139,7 @@ def _assemble(
     startup["simulator"] = now_ns()
     link = scenario.link
     if scenario.stm32 == "device" and link.port == "pty:":
-        board = board or _recognised()
+        board = board or _detect_board()
         link = link._replace(port=board.uart or link.port) if board else link
     builtin, ours = scenario.controller == "builtin", scenario.controller != "external"
     if builtin:
@@ -159,7 +159,7 @@ def _assemble(
     thread = PublishingThread(RECORDED_DEPTH if recorder else DEPTH)
     stack.callback(thread.close)
     names = slave.node, epoch_ns, scenario.ros.frame_prefix, excluded_topics
-    sample_publisher = (recorder.sample_publisher if recorder else SamplePublisher)(
+    sample_publisher = (recorder.make_sample_publisher if recorder else SamplePublisher)(
         session, *names, variances=error_variances(scenario.sensors, world), thread=thread
     )
     pilot = None
@@ -169,7 +169,7 @@ def _assemble(
         session.subscribe(slave.node, "cmd_$*", deliver, depth=8)
         sample_publisher.graph.subscribes(TOPICS["cmd_vel"], slave.node)
     steps = seconds_ns(slave.step), seconds_ns(slave.control_period)
-    loop = (recorder.loop if recorder else Loop)(
+    loop = (recorder.make_loop if recorder else Loop)(
         simulation, driver, pilot, command_receiver, sample_publisher, *steps, report
     )
     if scenario.controller in AUTOPILOTS:
@@ -186,11 +186,11 @@ def _open_recorder(
     from hil.slave.health.reporter import own_name
     from hil.slave.slave_recorder import open_recorder  # not needed by most runs
 
-    board = board or _recognised()
+    board = board or _detect_board()
     return open_recorder(scenario, board.name if board else own_name(), epoch_ns, report, stack)
 
 
-def _ready(scenario: Scenario, loop: Loop, startup: dict[str, int]) -> str:
+def _ready_message(scenario: Scenario, loop: Loop, startup: dict[str, int]) -> str:
     milliseconds = (startup["ready"] - startup["exec"]) / clock.NS_PER_MS
     hands = "" if loop.pilot else f"; waiting for your software on {loop.driver.port}"
     if loop.autopilot:

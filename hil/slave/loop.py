@@ -161,7 +161,7 @@ class Loop:
         if schedule.skipped != self._stamped or stamps.found_ns != stamps.offset_ns:
             self._stamped, stamps.offset_ns = schedule.skipped, stamps.found_ns
             self._stamp_from(schedule.deadline_ns - (steps + 1) * schedule.period_ns)
-        self.advance(self.autopilot.permitted(steps) if self.autopilot else steps)
+        self.advance(self.autopilot.permitted_steps(steps) if self.autopilot else steps)
 
     def _stamp_from(self, instant_ns: int) -> None:
         """Set the stamps so that the next step begins at this monotonic time (ns)."""
@@ -181,7 +181,7 @@ class Loop:
                     self.pilot.update_sensor(topic, sample)
                 if autopilot:
                     autopilot.update_sensor(topic, sample)
-                sent |= self.sample_publisher.sample(topic, sample)
+                sent |= self.sample_publisher.publish_sample(topic, sample)
             if autopilot:
                 autopilot.advance(self.simulation)
         if self._traces and (sent or self.simulation.time_ns >= self._traces_due_ns):
@@ -223,7 +223,7 @@ class Loop:
         self.commands += 1
         if not self.pilot.active:
             self._report("commands arrive: thrusters armed")
-        self.pilot.command(received.command, now)
+        self.pilot.set_command(received.command, now)
         sequence = self._control(self.pilot, now)
         self._awaited[sequence] = (received, now, self._computed_ns, now_ns())
 
@@ -236,7 +236,7 @@ class Loop:
             armed = self.armed and command.armed
             self.driver.send(command if armed else command._replace(armed=False, pwm_us=self._neutral))
             self._service_link(now_ns())  # so that a step that follows at once uses the new pulse widths
-            self.advance(autopilot.permitted(0))
+            self.advance(autopilot.permitted_steps(0))
 
     def _control(self, pilot: Pilot, now: int) -> int:
         """Update the controller and send its thrusts at once; return their sequence number on the link."""
@@ -267,7 +267,7 @@ class Loop:
             if self._awaited:
                 self._trace(telemetry, now)
             if self.autopilot:
-                self.autopilot.echoed(telemetry.sequence, self.driver.applied_ns(telemetry, now))
+                self.autopilot.record_echo(telemetry.sequence, self.driver.applied_ns(telemetry, now))
         if received and self._stopping_ns and self._newest:
             self._confirm_stop(self._newest, now)
         if now - self._counted_ns > UNANSWERED_NS:
@@ -305,7 +305,7 @@ class Loop:
     def _publish_traces(self) -> None:
         traces, self._traces = self._traces, []
         for trace in traces:
-            self.sample_publisher.trace(trace)
+            self.sample_publisher.publish_trace(trace)
 
     def _count_unanswered(self, now: int) -> None:
         """Count and remove commands that the STM32 did not echo in time."""

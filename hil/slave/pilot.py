@@ -146,7 +146,7 @@ class Pilot:
         """The depth (m) that the present command requests; None without one."""
         return self._command.depth if self.active else None
 
-    def command(self, command: Setpoint, now: int) -> None:
+    def set_command(self, command: Setpoint, now: int) -> None:
         """Apply a new command that arrived at `now` (monotonic ns)."""
         self._command = command
         self._commanded_ns = now

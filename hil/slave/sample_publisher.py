@@ -73,7 +73,7 @@ class SamplePublisher:
         """Declare the publishers for samples with these names, so that ROS sees their topics from the start."""
         self._defer(self._declare_outlets, tuple(names))
 
-    def sample(self, topic: str, sample: Any) -> bool:
+    def publish_sample(self, topic: str, sample: Any) -> bool:
         """Publish a sensor sample (NED, FRD) with the simulator's name for it; False if it has no subscribers."""
         received_ns = now_ns()
         outlets = self._outlets.get(topic)
@@ -88,7 +88,7 @@ class SamplePublisher:
         self._defer(self._send_sample, topic, sample, self.stamps.stamp(sample.time_ns), received_ns)
         return True
 
-    def catch_up(self) -> None:
+    def encode_unsent(self) -> None:
         """Encode the stored samples, for late joiners that request the last messages; called in another thread."""
         for topic in list(self._unsent):
             sample, received_ns = self._unsent.pop(topic, (None, 0))
@@ -98,11 +98,11 @@ class SamplePublisher:
                 for name, payload in self._messages(topic, sample, self.stamps.stamp(sample.time_ns)):
                     self._publishers[name].store_last(payload, to_wall_ns(received_ns))
 
-    def trace(self, instants: tuple[int, ...]) -> None:
+    def publish_trace(self, instants: tuple[int, ...]) -> None:
         """Publish the times of one command, see `hil.slave.loop.Trace`."""
         self._defer(self._send_trace, instants)
 
-    def diagnostics(self, name: str, level: int, message: str, values: dict[str, str]) -> None:
+    def publish_diagnostics(self, name: str, level: int, message: str, values: dict[str, str]) -> None:
         """Publish the health status in the caller's thread; `level`: 0 ok, 1 warning, 2 error."""
         now = self.stamps.wall_ns(now_ns())
         self._send("diagnostics", ros.encode_diagnostics(now, [(name, level, message, values)]), now_ns())
@@ -110,7 +110,7 @@ class SamplePublisher:
             status = f"{self._node}: {name}", level, message, values
             self._send("/diagnostics", ros.encode_diagnostics(now, [status]), now_ns())
 
-    def put(self, name: str, payload: bytes) -> None:
+    def publish(self, name: str, payload: bytes) -> None:
         """Publish a message on a topic of `hil.ros.topics`; without subscribers it is stored as the last one."""
         self._defer(self._send, name, payload, now_ns())
 

@@ -70,7 +70,7 @@ class SlaveRecorder:
 
         return receive
 
-    def step(self, time_ns: int, pulses: Sequence[int]) -> None:
+    def record_step(self, time_ns: int, pulses: Sequence[int]) -> None:
         """Record the pulse widths (us) of the step that begins at this simulation time, if they changed."""
         if tuple(pulses) == self._pulses:
             return
@@ -78,30 +78,30 @@ class SlaveRecorder:
         self._changes += 1
         self.record_published(PULSES, ros.encode_int64_array([time_ns // self._step_ns, *pulses]), self._changes)
 
-    def placed(self, time_ns: int, *pose: Sequence[float]) -> None:
+    def record_state(self, time_ns: int, *pose: Sequence[float]) -> None:
         """Record that the vehicle was moved at this simulation time: position, quaternion, nu."""
-        self._event(encode_place(time_ns // self._step_ns, *pose))
+        self._record_event(encode_place(time_ns // self._step_ns, *pose))
 
-    def failed(self, time_ns: int, failures: Sequence[Failure]) -> None:
+    def record_failures(self, time_ns: int, failures: Sequence[Failure]) -> None:
         """Record that thrusters failed or were repaired."""
-        self._event(encode_failures(time_ns // self._step_ns, failures))
+        self._record_event(encode_failures(time_ns // self._step_ns, failures))
 
-    def stamped(self, time_ns: int, epoch_ns: int) -> None:
+    def record_epoch(self, time_ns: int, epoch_ns: int) -> None:
         """Record that stamps count from another epoch (ns since 1970) after this simulation time."""
         self._epochs += 1
         self.record_published(EPOCHS, ros.encode_int64_array([time_ns // self._step_ns, epoch_ns]), self._epochs)
 
-    def _event(self, payload: bytes) -> None:
+    def _record_event(self, payload: bytes) -> None:
         self._events += 1
         self.record_published(EVENTS, payload, self._events)
 
-    def sample_publisher(self, *arguments: Any, **options: Any) -> SamplePublisher:
+    def make_sample_publisher(self, *arguments: Any, **options: Any) -> SamplePublisher:
         """Return a sample publisher whose messages are recorded."""
         sample_publisher = _RecordedSamplePublisher(*arguments, **options)
         sample_publisher.recorder = self
         return sample_publisher
 
-    def loop(self, *arguments: Any) -> Loop:
+    def make_loop(self, *arguments: Any) -> Loop:
         """Return a loop that records its pulse widths and the manual changes to its vehicle."""
         loop = _RecordedLoop(*arguments)
         loop.recorder = self
@@ -135,20 +135,20 @@ class _RecordedLoop(Loop):
     def advance(self, steps: int) -> None:
         """Advance step by step and record the pulse widths of each, which do not change during the call."""
         for _ in range(steps):
-            self.recorder.step(self.simulation.time_ns, self.pwm_us)
+            self.recorder.record_step(self.simulation.time_ns, self.pwm_us)
             super().advance(1)
 
     def set_state(self, position: Sequence[float], quaternion: Sequence[float], nu: Sequence[float]) -> None:
         """Set the vehicle's state and record it."""
         super().set_state(position, quaternion, nu)
-        self.recorder.placed(self.simulation.time_ns, position, quaternion, nu)
+        self.recorder.record_state(self.simulation.time_ns, position, quaternion, nu)
 
     def stamp(self, epoch_ns: int) -> None:
         """Begin an epoch of the stamps and record it."""
         super().stamp(epoch_ns)
-        self.recorder.stamped(self.simulation.time_ns, epoch_ns)
+        self.recorder.record_epoch(self.simulation.time_ns, epoch_ns)
 
     def fail(self, *failures: Failure) -> None:
         """Apply failures and record them."""
         super().fail(*failures)
-        self.recorder.failed(self.simulation.time_ns, failures)
+        self.recorder.record_failures(self.simulation.time_ns, failures)

@@ -101,7 +101,7 @@ class Rig:
         moments = []
         for number in range(round(seconds / CONTROL_PERIOD_S)):
             time = number * CONTROL_PERIOD_S
-            pilot.command(commands(time), simulation.time_ns)
+            pilot.set_command(commands(time), simulation.time_ns)
             pulses, _ = pilot.update(simulation.time_ns, CONTROL_PERIOD_S)
             moments.append(self._moment(time))
             for _ in range(_STEPS):

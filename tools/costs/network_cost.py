@@ -188,7 +188,7 @@ def imu_cost(count: int = 500) -> tuple[float, float]:
             if pause:
                 time.sleep(pause)
             began = now_ns()
-            sample_publisher.sample("imu", sample)
+            sample_publisher.publish_sample("imu", sample)
             return (now_ns() - began) / 1000.0
 
         tight = [once(0.0 if number % BURST else 0.01) for number in range(count * 4)]

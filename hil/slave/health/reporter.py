@@ -201,7 +201,7 @@ class Health:
                 figures.link_faults_sent, figures.link_faults_received = sent, received
 
     def _publish(self) -> None:
-        self._loop.sample_publisher.diagnostics("slave", *self._state(), self.values().raw)
+        self._loop.sample_publisher.publish_diagnostics("slave", *self._state(), self.values().raw)
 
     def _state(self) -> tuple[int, str]:
         """Return the level of the status, and its text."""

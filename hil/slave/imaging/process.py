@@ -155,7 +155,7 @@ def join(scenario: Scenario) -> Session:
 def _publish(sample_publisher: SamplePublisher, delayed: list[tuple[int, Message]]) -> None:
     """Publish the messages that are due, and remove them from the list."""
     while delayed and delayed[0][0] <= now_ns():
-        sample_publisher.put(*delayed.pop(0)[1])
+        sample_publisher.publish(*delayed.pop(0)[1])
 
 
 def _due(waiting: tuple[int, Message]) -> int:

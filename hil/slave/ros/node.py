@@ -64,7 +64,7 @@ class RosNode:
         Descriptions(session, loop.sample_publisher.graph, scenario, report)
         if settings.transforms:
             frames = static_transforms(scenario.sensors, settings, loop.sample_publisher.stamps.epoch_ns)
-            loop.sample_publisher.put("/tf_static", encode_transforms(frames))
+            loop.sample_publisher.publish("/tf_static", encode_transforms(frames))
 
     def fileno(self) -> int:
         """Return the descriptor to wait on."""
@@ -78,11 +78,11 @@ class RosNode:
         """Publish what is due at this simulation time."""
         sample_publisher = self._loop.sample_publisher
         if self._clock.passes(time_ns):
-            sample_publisher.put("/clock", encode_clock(sample_publisher.stamps.stamp(time_ns)))
+            sample_publisher.publish("/clock", encode_clock(sample_publisher.stamps.stamp(time_ns)))
         if self._wrench.passes(time_ns):
             wrench = self._loop.simulation.forces().thrusters
             payload = encode_wrench(sample_publisher.stamps.stamp(time_ns), wrench, f"{self._prefix}base_link")
-            sample_publisher.put("thruster_wrench", payload)
+            sample_publisher.publish("thruster_wrench", payload)
         if self._joints.passes(time_ns):
             if sample_publisher.has_subscribers(("joint_states",)):
                 self._publish_joints(time_ns)
@@ -99,7 +99,7 @@ class RosNode:
         stamp_ns = self._loop.sample_publisher.stamps.stamp(time_ns)
         fins = simulation.equipment.fins if simulation.equipment else None
         states = joint_states(stamp_ns, simulation.vehicle, simulation.thrusts, fins.angles if fins else ())
-        self._loop.sample_publisher.put("joint_states", encode_joints(states))
+        self._loop.sample_publisher.publish("joint_states", encode_joints(states))
 
     def _publish_motors(self) -> None:
         from hil.ros.joints import MotorState, encode_motors
@@ -108,13 +108,13 @@ class RosNode:
         found = loop.simulation.motors(loop.pwm_us)
         blank = [(nan, nan)] * (len(loop.pwm_us) - len(found))
         rows = zip(loop.pwm_us, [*found, *blank], strict=True)
-        loop.sample_publisher.put("motors", encode_motors([MotorState(pulse, *motor) for pulse, motor in rows]))
+        loop.sample_publisher.publish("motors", encode_motors([MotorState(pulse, *motor) for pulse, motor in rows]))
 
     def _publish_tether(self, tether: "Tether", time_ns: int) -> None:
         from hil.ros.plan import encode_plan
 
         stamp_ns = self._loop.sample_publisher.stamps.stamp(time_ns)
-        self._loop.sample_publisher.put("tether", encode_plan(stamp_ns, tether.nodes, 0.0))
+        self._loop.sample_publisher.publish("tether", encode_plan(stamp_ns, tether.nodes, 0.0))
 
     def add_figures(self, figures: Diagnostics) -> None:
         """Add the counters of the services."""

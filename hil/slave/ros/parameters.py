@@ -267,7 +267,7 @@ class Parameters:
         now = self._loop.sample_publisher.stamps.wall_ns(now_ns())
         changed = [{"name": name, "value": self._value(name)} for name in names]
         event = {"stamp": header(now)["stamp"], "node": f"/{self._node}", "changed_parameters": changed}
-        self._loop.sample_publisher.put(EVENTS, encode("rcl_interfaces/msg/ParameterEvent", event))
+        self._loop.sample_publisher.publish(EVENTS, encode("rcl_interfaces/msg/ParameterEvent", event))
 
     def _read(self, name: str, value: Message) -> tuple[_Group, Any]:
         """Return the group of a parameter and the argument for its `apply`. Raises ConfigError."""

@@ -26,13 +26,13 @@ def test_samples_arrive_on_their_topics() -> None:
         output = {"gps", "leak", "usbl", "dvl", "dvl_twist", "altitude", "diagnostics"}
         deadline = time.monotonic() + 60.0
         while set(received) != output and time.monotonic() < deadline:  # until the sessions have met
-            sample_publisher.sample("gps", FixSample(5, 57.7, 11.9, 36.0, (1.0, 2.0), True))
-            sample_publisher.sample("leak", FlagSample(5, True))
-            sample_publisher.sample(
+            sample_publisher.publish_sample("gps", FixSample(5, 57.7, 11.9, 36.0, (1.0, 2.0), True))
+            sample_publisher.publish_sample("leak", FlagSample(5, True))
+            sample_publisher.publish_sample(
                 "usbl", PositionSample(5, (1.0, 2.0, 3.0), (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0))
             )
-            sample_publisher.sample("dvl", DvlSample(5, (1.0, 2.0, 3.0), 7.5, True))
-            sample_publisher.diagnostics("slave", 0, "well", {"cpu": "3"})
+            sample_publisher.publish_sample("dvl", DvlSample(5, (1.0, 2.0, 3.0), 7.5, True))
+            sample_publisher.publish_diagnostics("slave", 0, "well", {"cpu": "3"})
             time.sleep(0.01)
     assert set(received) == output == set(sample_publisher._publishers) - {"/diagnostics"}  # which is of no node
     assert sample_publisher.sent >= len(output)
@@ -78,7 +78,9 @@ def test_excluded_topics_are_not_published_and_frames_have_their_prefix() -> Non
         sample_publisher = SamplePublisher(slave, "uuv1", EPOCH_NS, prefix="uuv1/", excluded_topics=("/tf",))
         deadline = time.monotonic() + 60.0
         while not received and time.monotonic() < deadline:
-            sample_publisher.sample("odom", OdometrySample(5, (1.0, 2.0, 3.0), (1.0, 0.0, 0.0, 0.0), (0.0,) * 6))
+            sample_publisher.publish_sample(
+                "odom", OdometrySample(5, (1.0, 2.0, 3.0), (1.0, 0.0, 0.0, 0.0), (0.0,) * 6)
+            )
             time.sleep(0.01)
     ((key, payload),) = received.items()
     assert key == ros.data_key(0, "/uuv1/odom", "nav_msgs/msg/Odometry", TYPE_HASHES["nav_msgs/msg/Odometry"])

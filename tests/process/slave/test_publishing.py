@@ -88,7 +88,7 @@ def sample_publisher(session: Session, thread: PublishingThread) -> SamplePublis
 
 def step(sample_publisher: SamplePublisher, number: int) -> None:
     """Do one step of the loop, with a sample."""
-    assert sample_publisher.sample("pressure", PressureSample(number, 1e5))
+    assert sample_publisher.publish_sample("pressure", PressureSample(number, 1e5))
     sample_publisher.wake_publisher()
 
 
@@ -113,9 +113,9 @@ def test_a_blocked_network_drops_the_oldest_samples_without_delay(
 def test_messages_are_sent_in_order_with_the_time_of_their_measurement(
     sample_publisher: SamplePublisher, session: Session
 ) -> None:
-    sample_publisher.sample("pressure", PressureSample(1, 1e5))
-    sample_publisher.trace(Trace(7, 1, 2, 3, 4, 5, 6))
-    sample_publisher.put("/clock", b"clock")
+    sample_publisher.publish_sample("pressure", PressureSample(1, 1e5))
+    sample_publisher.publish_trace(Trace(7, 1, 2, 3, 4, 5, 6))
+    sample_publisher.publish("/clock", b"clock")
     after = now_ns()
     assert not session.publishing.wait(0.01), "nothing leaves before the step is over"
     sample_publisher.wake_publisher()
@@ -137,7 +137,7 @@ def test_samples_without_subscribers_do_not_wake_the_thread(
     assert wait_for(lambda: session.numbers() == [1])
     for publisher in sample_publisher._publishers.values():
         publisher.has_subscribers = False
-    assert not sample_publisher.sample("pressure", PressureSample(2, 1e5))
+    assert not sample_publisher.publish_sample("pressure", PressureSample(2, 1e5))
     assert not sample_publisher._thread._waiting  # type: ignore[union-attr]
 
 
@@ -145,7 +145,7 @@ def test_waiting_samples_are_sent_at_the_end(session: Session) -> None:
     thread = PublishingThread(DEPTH)
     sample_publisher = SamplePublisher(session, "uuv1", 0, thread=thread)  # type: ignore[arg-type]
     for number in range(5):
-        sample_publisher.sample("pressure", PressureSample(number, 1e5))
+        sample_publisher.publish_sample("pressure", PressureSample(number, 1e5))
     session.free.set()
     thread.close()
     assert session.numbers() == list(range(5))

@@ -29,17 +29,17 @@ def test_large_messages_delay_neither_the_loop_nor_small_messages() -> None:
         assert wait_for(slave.watch_keys("0/uuv1/**"))
 
         def is_received() -> bool:
-            sample_publisher.put("imu", IMU)
-            sample_publisher.put("laser", IMU)
+            sample_publisher.publish("imu", IMU)
+            sample_publisher.publish("laser", IMU)
             return received["imu"] > 0 < received["laser"]
 
         assert wait_for(is_received)
         before = sample_publisher.sent
         for step in range(300):
-            sample_publisher.put("imu", IMU)
+            sample_publisher.publish("imu", IMU)
             if step % 10 == 0:
                 began = time.monotonic()
-                sample_publisher.put("laser", LASER)  # 600 kB a second
+                sample_publisher.publish("laser", LASER)  # 600 kB a second
                 spent_s.append(time.monotonic() - began)
             if step == 150:
                 fetch_last(master, "uuv1", lambda topic, payload, _: last.update({topic: payload}))

@@ -37,8 +37,8 @@ class Vehicle:
 
     def step(self) -> None:
         self.steps += 1
-        self.sample_publisher.sample("imu", imu(self.steps))
-        self.sample_publisher.sample("pressure", pressure(self.steps))
+        self.sample_publisher.publish_sample("imu", imu(self.steps))
+        self.sample_publisher.publish_sample("pressure", pressure(self.steps))
 
     def sent(self, topic: str) -> int:
         return self.sample_publisher._publishers[topic].sequence
@@ -132,7 +132,7 @@ def test_one_subscriber_of_one_of_its_messages_is_enough(endpoint: str) -> None:
         sample_publisher = SamplePublisher(session, "uuv1", 0)
 
         def output() -> set[str]:
-            sample_publisher.sample("dvl", DvlSample(1, (1.0, 0.0, 0.0), 7.5, True))
+            sample_publisher.publish_sample("dvl", DvlSample(1, (1.0, 0.0, 0.0), 7.5, True))
             return set(received)
 
         with listening(endpoint, "altitude") as received:
@@ -146,16 +146,16 @@ def test_an_excluded_topic_does_not_cause_sending(endpoint: str) -> None:
         sample_publisher = SamplePublisher(session, "uuv1", 0, excluded_topics=("/tf",))
         sample = OdometrySample(1, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), (0.0,) * 6)
         assert wait_for(session.watch_keys("0/tf/*/*"))
-        sample_publisher.sample("odom", sample)
+        sample_publisher.publish_sample("odom", sample)
         assert wait_for(lambda: not sample_publisher._publishers["odom"].has_subscribers)
         before = sample_publisher.sent
-        sample_publisher.sample("odom", sample)
+        sample_publisher.publish_sample("odom", sample)
         assert sample_publisher.sent == before
         assert set(sample_publisher._publishers) == {"odom"}
 
 
 def test_a_late_subscriber_gets_the_newest_sample_though_it_was_never_sent(vehicle: Vehicle, endpoint: str) -> None:
-    serve_last(vehicle.sample_publisher._session, "uuv1", vehicle.sample_publisher.catch_up)
+    serve_last(vehicle.sample_publisher._session, "uuv1", vehicle.sample_publisher.encode_unsent)
     vehicle.step()
     assert vehicle.stops_sending()
     vehicle.run(10)
@@ -187,7 +187,7 @@ def test_a_stored_sample_does_not_replace_a_sent_one(vehicle: Vehicle, endpoint:
     with listening(endpoint, "*") as received:
         assert vehicle.until(lambda: "imu" in received)
         sent = vehicle.sample_publisher._publishers["imu"].last
-        vehicle.sample_publisher.catch_up()
+        vehicle.sample_publisher.encode_unsent()
         assert vehicle.sample_publisher._publishers["imu"].last is sent
 
 
@@ -200,7 +200,7 @@ def test_all_samples_are_sent_when_required(endpoint: str) -> None:
     with listen(endpoint) as session:
         sample_publisher = Recorded(session, "uuv1", 0)
         for number in range(30):
-            sample_publisher.sample("imu", imu(number))
+            sample_publisher.publish_sample("imu", imu(number))
             time.sleep(0.002)
     assert sample_publisher.sent == 30
 

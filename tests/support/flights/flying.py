@@ -69,5 +69,5 @@ class Bench:
         over = command(self.state) is True
         taken = self.command_receiver.take_latest()
         if taken:
-            self.pilot.command(taken.command, self.simulation.time_ns)
+            self.pilot.set_command(taken.command, self.simulation.time_ns)
         return over

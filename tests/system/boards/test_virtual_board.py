@@ -56,7 +56,7 @@ for step in range(8000):
         surge, sway, heading = step % 1200 / 500 - 0.8, step % 2000 / 1500 - 0.6, step / 700
         wish = VelocityCommand(surge, sway, depth=5.0 + step / 4000, heading=heading)
     if step % 8 == 0:
-        pilot.command(wish, simulation.time_ns)
+        pilot.set_command(wish, simulation.time_ns)
         pulses = pilot.update(simulation.time_ns, 0.02)[0].pwm_us
         digest.update(repr(pulses).encode())
     for topic, sample in simulation.step(pulses):

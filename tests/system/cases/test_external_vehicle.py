@@ -36,7 +36,7 @@ def run_external_vehicle(client: VehicleClient, scenario_path: Path, device: Pat
             if command and command.received_ns != last:
                 last = command.received_ns
                 linear, angular = command.value
-                pilot.command(VelocityCommand(linear[0], linear[1], linear[2], angular[2]), now_ns())
+                pilot.set_command(VelocityCommand(linear[0], linear[1], linear[2], angular[2]), now_ns())
                 received_count += 1
             port.write(protocol.encode(pilot.update(now_ns(), 0.02)[0]))
             port.read(1000)

@@ -87,7 +87,7 @@ def fly(name: str, seconds: float, command: Callable[[float], VelocityCommand]) 
     simulation, pilot = build_simulation(scenario, vehicle, OPEN), build_pilot(scenario, vehicle, control, OPEN)
     for step in range(round(seconds / STEP)):
         if step % 2 == 0:
-            pilot.command(command(step * STEP), simulation.time_ns)
+            pilot.set_command(command(step * STEP), simulation.time_ns)
             pulses, _ = pilot.update(simulation.time_ns, 2 * STEP)
         for topic, sample in simulation.step(pulses.pwm_us):
             pilot.update_sensor(topic, sample)

@@ -34,7 +34,7 @@ def test_thrusters_are_neutral_before_the_first_command() -> None:
 
 def test_the_deadman_trips_once_and_a_command_ends_it() -> None:
     pilot = new_pilot()
-    pilot.command(VelocityCommand(surge=1.0), now=0)
+    pilot.set_command(VelocityCommand(surge=1.0), now=0)
     command, tripped = pilot.update(500 * NS_PER_MS, 0.02)
     assert command.armed
     assert command.pwm_us != NEUTRAL
@@ -43,7 +43,7 @@ def test_the_deadman_trips_once_and_a_command_ends_it() -> None:
     assert (command.armed, command.pwm_us, tripped) == (False, NEUTRAL, True)
     command, tripped = pilot.update(600 * NS_PER_MS, 0.02)
     assert (command.armed, command.pwm_us, tripped) == (False, NEUTRAL, False)
-    pilot.command(VelocityCommand(surge=1.0), now=700 * NS_PER_MS)
+    pilot.set_command(VelocityCommand(surge=1.0), now=700 * NS_PER_MS)
     assert pilot.update(700 * NS_PER_MS, 0.02)[0].armed
     assert pilot.deadman_trips == 1
 
@@ -95,7 +95,7 @@ def test_the_vehicle_follows_the_commands(wanted: VelocityCommand, axis: int) ->
         for topic, sample in simulation.step(pulses):
             pilot.update_sensor(topic, sample)
         if step % 8 == 0:
-            pilot.command(wanted, simulation.time_ns)
+            pilot.set_command(wanted, simulation.time_ns)
             pulses = pilot.update(simulation.time_ns, 0.02)[0].pwm_us
     target = (wanted.surge, wanted.sway, wanted.heave, 0.0, 0.0, wanted.yaw_rate)
     nu = simulation.truth().nu

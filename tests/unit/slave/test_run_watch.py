@@ -93,7 +93,7 @@ def test_depth_is_judged_only_where_one_is_commanded(watched: Watched) -> None:
 
     assert drift_up() == [], "no master commands it"
     for command in (VelocityCommand(surge=0.5), VelocityCommand(heave=-0.5)):
-        watched.pilot.command(command, watched.simulation.time_ns)
+        watched.pilot.set_command(command, watched.simulation.time_ns)
         assert drift_up() == [], "it is moved by velocities"
 
 
@@ -101,7 +101,7 @@ def test_depth_is_judged_only_where_one_is_commanded(watched: Watched) -> None:
 def test_a_vehicle_commanded_to_depth_that_rises_has_surfaced(
     watched: Watched, command: VelocityCommand | PoseSetpoint
 ) -> None:
-    watched.pilot.command(command, watched.simulation.time_ns)
+    watched.pilot.set_command(command, watched.simulation.time_ns)
     watched.run(0.1)
     watched.simulation.state.position = [4.0, 4.0, 0.05]
     assert watched.run(0.1) == ["surfaced"]

@@ -43,12 +43,12 @@ class SamplePublisher:
         self.output: list[str | Trace] = []
         self.wanted: tuple[str, ...] = ()
 
-    def sample(self, topic: str, sample: Any) -> bool:
+    def publish_sample(self, topic: str, sample: Any) -> bool:
         if topic in self.wanted:
             self.output.append(topic)
         return topic in self.wanted
 
-    def trace(self, trace: Trace) -> None:
+    def publish_trace(self, trace: Trace) -> None:
         self.output.append(trace)
 
     def wake_publisher(self) -> None:

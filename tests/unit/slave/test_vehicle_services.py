@@ -41,11 +41,11 @@ class SilentSamplePublisher:
         self.stamps = Stamps(0, 0)
         self.put_payloads: list[tuple[str, bytes]] = []
 
-    def sample(self, topic: str, sample: Any) -> bool:
+    def publish_sample(self, topic: str, sample: Any) -> bool:
         self.published += 1
         return False
 
-    def put(self, name: str, payload: bytes) -> None:
+    def publish(self, name: str, payload: bytes) -> None:
         self.put_payloads.append((name, payload))
 
     def wake_publisher(self) -> None:
@@ -92,7 +92,7 @@ class Vehicle:
 
     def command(self, surge: float) -> None:
         assert self.loop.pilot
-        self.loop.pilot.command(VelocityCommand(surge=surge), STANDS_NS)
+        self.loop.pilot.set_command(VelocityCommand(surge=surge), STANDS_NS)
 
     def run(self, steps: int) -> None:
         """Run steps as the loop does, with as many updates of the controller."""

@@ -21,7 +21,7 @@ class FakeTether:
 def call_services(tether: FakeTether | None) -> Any:
     """Return a function that calls a parameter service, and the lists of what was reported and published."""
     simulation = SimpleNamespace(tether=tether, failures=lambda _: ())
-    publisher = SimpleNamespace(stamps=SimpleNamespace(wall_ns=lambda now: now), put=lambda *_: None)
+    publisher = SimpleNamespace(stamps=SimpleNamespace(wall_ns=lambda now: now), publish=lambda *_: None)
     loop: Any = SimpleNamespace(simulation=simulation, pilot=None, sample_publisher=publisher)
     reports: list[str] = []
     services = Parameters(loop, "uuv1", {"bow": "bow"}, reports.append).services()
