@@ -163,9 +163,10 @@ class Witness:
         self._watched = pids
 
     def share(self, pid: int, begin: int, end: int) -> float:
-        """Return the share of a core, by the scheduler, between two wall instants."""
-        inside = [row for row in self.cpu[pid] if begin <= row[0] <= end]
-        (first, before), (last, after) = inside[0], inside[-1]
+        """Return the share of a core, by the scheduler, between the readings around two wall instants."""
+        rows = self.cpu[pid]
+        first, before = max((row for row in rows if row[0] <= begin), default=rows[0])
+        last, after = min((row for row in rows if row[0] >= end), default=rows[-1])
         return (after - before) / (last - first)
 
     def _watch(self) -> None:

@@ -12,7 +12,7 @@ def check_dive(tmp_path: Path, chart: str) -> None:
     listen = f"tcp/127.0.0.1:{free_port()}"
     arguments = ["demo", "--world", chart, "--length", "5", "--output", folder, "--listen", listen]
     with Program(tmp_path, *arguments) as program:
-        assert program.wait() == 0, program.output
+        assert program.wait(240) == 0, program.output
     assert "goal reached" in program.output
     assert f"report of the sensors: {folder}/report.html" in program.output
     report = (folder / "report.md").read_text()
