@@ -24,6 +24,8 @@ LINE_ACCURACY = 0.0005  # m on paper: accuracy of a drawn line (IHO S-4), and so
 # the soundings.
 GUIDE_SPACING = 0.35
 GUIDE_SPACING_ON_PAPER = 0.002  # m on paper, used for a chart that has fewer than two soundings
+# Objects that cover all of a chart without overlap (S-57 appendix B.1, 3.10.1)
+GROUP_1 = ("DEPARE", "DRGARE", "LNDARE", "UNSARE", "PONTON", "HULKES", "FLODOC")
 # Greatest height of a coast, m above the water: the slope of a beach says little about the bed in front of it.
 MAX_DRYING_HEIGHT = 1.0
 
@@ -47,7 +49,7 @@ def coverage_box(cells: list[Cell]) -> GeoBox:
     lines = [line for cell in cells for feature in _coverage(cell) for line in feature.lines]
     if not lines:
         raise ConfigError(
-            f"{cells[0].name}: the chart does not state its coverage (M_COVR), so it cannot be used: get another ENC"
+            f"{cells[0].name}: the chart has neither its coverage (M_COVR) nor areas of water and land: get another ENC"
         )
     corners = np.concatenate(lines)
     if np.ptp(corners[:, 0]) > 180.0:  # on both sides of the 180th meridian
@@ -63,7 +65,9 @@ def survey_charts(cells: list[Cell], plane: LocalPlane) -> Survey:
     soundings = np.concatenate([_outside(layer.soundings(), covers) for layer, covers in pairs])
     if not len(soundings):
         names = ", ".join(cell.name for cell in cells)
-        raise ConfigError(f"{names}: no soundings: use a chart of a larger scale (third letter of its name: 4 or 5)")
+        raise ConfigError(
+            f"{names}: no soundings: use another chart of the place, of a larger scale (third letter of its name: 4 or 5)"
+        )
     return Survey(
         source="; ".join(_label(cell) for cell in cells),
         origin=(plane.latitude, plane.longitude),
@@ -83,6 +87,7 @@ def survey_charts(cells: list[Cell], plane: LocalPlane) -> Survey:
         ),
         shore=_cut_lines(pairs, "COALNE", "SLCONS"),
         bridges=_cut_lines(pairs, "BRIDGE"),
+        notes=tuple(note for cell in cells for note in _notes(cell)),
         charted=ChartedObjects(
             tuple(pipeline for layer, covers in pairs for pipeline in layer.pipelines(covers)),
             tuple(zone for layer in layers for zone in layer.zones()),
@@ -102,7 +107,18 @@ def _label(cell: Cell) -> str:
 
 
 def _coverage(cell: Cell) -> list[Feature]:
+    """Return the areas that a chart covers; of one that does not state them, all of group 1, which share no point."""
+    return _stated_coverage(cell) or [feature for feature in cell.select(*GROUP_1) if feature.is_area]
+
+
+def _stated_coverage(cell: Cell) -> list[Feature]:
     return [feature for feature in cell.select("M_COVR") if feature.number("CATCOV") == 1]
+
+
+def _notes(cell: Cell) -> tuple[str, ...]:
+    if _stated_coverage(cell):
+        return cell.notes
+    return (*cell.notes, f"{cell.name}: states no coverage: that of its areas of water and land is used")
 
 
 def _outside(points: Array, covers: list[Edges]) -> Array:

@@ -68,6 +68,8 @@ def read_sources(
     if any(not points.geographic for points in loose):
         return _on_a_plane(loose, bool(cells or rasters or area), resolution, reach)
     boxes = [*([coverage_box(cells)] if cells else []), *map(_box, loose), *(raster.box for raster in rasters)]
+    if area and not any(_overlap(area, box) for box in boxes):
+        raise ConfigError(f"--area: {_text(area)} is outside the data, which cover {_text(_around(boxes))}")
     area = area or _around(boxes)
     whole, area = area, _cropped(area, near) if crop else area
     _require_local(area)
@@ -134,6 +136,13 @@ def _around(boxes: list[GeoBox]) -> GeoBox:
     return GeoBox(*corners[:, :2].min(axis=0).tolist(), *corners[:, 2:].max(axis=0).tolist())
 
 
+def _overlap(one: GeoBox, other: GeoBox) -> bool:
+    """Return whether two areas have a part in common, also across the 180th meridian."""
+    shift = (one.west - other.west) % 360.0
+    in_longitude = shift <= other.east - other.west or shift + one.east - one.west >= 360.0
+    return in_longitude and one.south <= other.north and other.south <= one.north
+
+
 def _size(area: GeoBox) -> tuple[float, float]:
     """Return height and width in degrees of latitude."""
     return area.north - area.south, (area.east - area.west) * float(np.cos(np.radians(area.centre[0])))
@@ -159,8 +168,9 @@ def _crop_note(whole: GeoBox, part: GeoBox) -> str:
 
 
 def _text(area: GeoBox) -> str:
-    (south, west), (north, east) = _origin((area.south, area.west)), _origin((area.north, area.east))
-    return f"{south:.2f} to {north:.2f} N, {west:.2f} to {east:.2f} E"
+    west, east = (area.west + 180.0) % 360.0 - 180.0, 180.0 - (180.0 - area.east) % 360.0
+    texts = [f"{round(degrees, 4):.7g}" for degrees in (area.south, area.north, west, east)]  # within 10 m
+    return "{} to {} N, {} to {} E".format(*texts)
 
 
 def _require_local(area: GeoBox) -> None:

@@ -25,6 +25,8 @@ from hil.common.text import clean
 MAX_BYTES = 64 << 20  # of a file; the ENC product specification allows 5 MB
 MAX_SECONDS = 120  # for one chart; a large one takes 2 s
 HEAD_BYTES = 1 << 16
+# Denominators by the navigational purpose, the third character of a cell's name (IHO S-65 annex A)
+USUAL_SCALES = {"1": 1_500_000, "2": 350_000, "3": 90_000, "4": 22_000, "5": 12_000, "6": 4000}
 _DOWNLOAD_HINT = (
     "NOAA's charts are free at https://charts.noaa.gov/ENCs/ENCs.shtml: unpack one, and give the file in it that ends "
     "in .000"
@@ -61,13 +63,17 @@ class Feature(NamedTuple):
 
 
 class Cell(NamedTuple):
-    """One chart: name, edition, number of the last update applied, denominator of the scale, and objects."""
+    """One chart: name, edition, number of the last update applied, denominator of the scale, and objects.
+
+    `notes`: what was assumed, because the file does not state it.
+    """
 
     name: str
     edition: int
     update: int
     scale: int
     features: tuple[Feature, ...]
+    notes: tuple[str, ...] = ()
 
     def select(self, *kinds: str) -> list[Feature]:
         """Return the objects of these classes."""
@@ -88,7 +94,17 @@ def read_cell(path: str, updates: bool = True) -> Cell:
         _check_updates(path, head["update"])
     features = _features(head["features"], np.frombuffer(data))
     name = os.path.splitext(os.path.basename(path))[0]
-    return Cell(name, head["edition"], head["update"], head["scale"], features)
+    scale = head["scale"] or _usual_scale(name)
+    notes = [] if head["scale"] else [f"{path}: states no scale: read as 1:{scale}, the usual one of its purpose"]
+    if head["unclosed"]:
+        areas = ", ".join(f"{count} {kind}" for kind, count in head["unclosed"].items())
+        notes.append(f"{path}: areas with edges that form no ring, closed by straight lines: {areas}")
+    return Cell(name, head["edition"], head["update"], scale, features, tuple(notes))
+
+
+def _usual_scale(name: str) -> int:
+    """Return the denominator of the largest scale of a chart of the purpose that its name states (third character)."""
+    return USUAL_SCALES.get(name[2:3], USUAL_SCALES["5"])
 
 
 def _head(path: str) -> bytes:

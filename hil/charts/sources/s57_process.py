@@ -69,7 +69,8 @@ def _read_updated(path: str) -> tuple[dict[str, Any], bytes]:
         try:
             contents = _read(cell)
         except Exception as error:  # noqa: BLE001 - as in main
-            raise _UpdateError(str(error).replace(cell, path)) from None
+            kind = _UpdateError if len(os.listdir(folder)) > 1 else RuntimeError  # without updates, the cell's own
+            raise kind(str(error).replace(cell, path)) from None
     for warning in caught:
         if str(warning.message).startswith(UNFIT):
             raise _UpdateError(str(warning.message))
@@ -125,28 +126,38 @@ def _read(path: str) -> tuple[dict[str, Any], bytes]:
     dataset = _dataset(path)
     rows: list[dict[str, Any]] = []
     data: list[bytes] = []
-    for kind in OBJECTS:
-        if kind in layers:
-            _read_layer(path, kind, rows, data)
+    unclosed = {kind: _read_layer(path, kind, rows, data) for kind in OBJECTS if kind in layers}
     head = {
         "edition": int(dataset["DSID_EDTN"]),
         "update": _update_of(dataset),
         "scale": int(dataset["DSPM_CSCL"]),
         "units": [int(dataset["DSPM_DUNI"]), int(dataset["DSPM_COUN"])],
+        "unclosed": {kind: count for kind, count in unclosed.items() if count},
         "features": rows,
     }
     return head, b"".join(data)
 
 
-def _read_layer(path: str, kind: str, rows: list[dict[str, Any]], data: list[bytes]) -> None:
-    """Append the objects of a class to `rows`, and their coordinates to `data`."""
+def _read_layer(path: str, kind: str, rows: list[dict[str, Any]], data: list[bytes]) -> int:
+    """Append the objects of a class to `rows`, and their coordinates to `data`.
+
+    Return the number of areas with edges that form no ring. Each chain of their edges is closed by a straight line.
+    Areas are filled by counting crossings, so the straight lines between the same two ends cancel each other.
+    """
     import numpy as np
     import shapely
     from pyogrio import raw
 
     meta, _, wkb, columns = raw.read(path, layer=kind, columns=["PRIM", NAME, *LISTS, *ATTRIBUTES])
     fields = dict(zip(meta["fields"], columns, strict=True))
-    for number, shape in enumerate(shapely.from_wkb(wkb)):
+    unclosed = 0
+    try:
+        shapes = shapely.from_wkb(wkb)
+    except shapely.errors.GEOSException:
+        unclosed = int(shapely.is_missing(shapely.from_wkb(wkb, on_invalid="ignore")).sum())
+        shapes = shapely.from_wkb(wkb, on_invalid="fix")
+        unclosed -= int(shapely.is_missing(shapes).sum())
+    for number, shape in enumerate(shapes):
         numbers = {name: float(fields[name][number]) for name in ATTRIBUTES if name in fields}
         points, lines = np.empty((0, 3)), []
         if shape is not None and shapely.get_type_id(shape) in (POINT, MULTI_POINT):
@@ -166,6 +177,7 @@ def _read_layer(path: str, kind: str, rows: list[dict[str, Any]], data: list[byt
         })  # fmt: skip
         data.append(points.tobytes())
         data.extend(np.ascontiguousarray(line).tobytes() for line in lines)
+    return unclosed
 
 
 def _numbers(value: Any) -> list[int]:

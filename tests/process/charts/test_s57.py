@@ -6,6 +6,7 @@ import resource
 import subprocess
 import sys
 from contextlib import suppress
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -238,6 +239,26 @@ def test_the_edges_of_an_area_may_be_in_any_order(tmp_path: Path) -> None:
     assert found.select("DEPARE")[0].is_area
 
 
+def test_an_area_with_edges_that_form_no_ring_is_closed_and_named(tmp_path: Path) -> None:
+    """GEOS refuses it as a ring, which made the whole chart unusable."""
+    cell = bay()
+    nodes = [cell.node(place) for place in square(54.0, 10.0, 54.1, 10.1)]
+    edges = [cell.edge(*ends) for ends in pairwise(nodes)]  # without the last side
+    cell.feature(42, 3, [(name(130, edge), 1, 1, 255) for edge in edges], DRVAL1=1, DRVAL2=2)
+    for updates in (True, False):
+        found = read_cell(cell.write(tmp_path / "C.000"), updates)
+        assert enclosed(found._replace(features=tuple(found.select("DEPARE")[-1:])), "DEPARE") == pytest.approx(0.01)
+        assert "areas with edges that form no ring, closed by straight lines: 1 DEPARE" in found.notes[0]
+
+
+def test_a_chart_without_a_scale_has_the_usual_one_of_its_purpose(tmp_path: Path) -> None:
+    cell = bay(scale=0)
+    assert [read_cell(cell.write(tmp_path / f"{stem}.000")).scale for stem in ("XX3TEST", "XX5TEST", "T")] == [
+        90_000, 12_000, 12_000
+    ]  # fmt: skip
+    assert "states no scale: read as 1:12000" in read_cell(str(tmp_path / "T.000")).notes[0]
+
+
 def test_mutated_cells_are_read_or_refused(tmp_path: Path) -> None:
     """The 15 inputs of `tools/stress/fuzz_charts.py` give no hang, no traceback, and at most one line of error."""
     command = [sys.executable, str(ROOT / "tools" / "stress" / "fuzz_charts.py"), "--count", "15", "--seed", "7"]
@@ -250,7 +271,10 @@ def test_mutated_cells_are_read_or_refused(tmp_path: Path) -> None:
 
 
 def test_an_invalid_geometry_is_reported_as_damage(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """GEOS refuses it with an error that is no RuntimeError, which was a traceback in the process that reads."""
+    """GEOS refuses it with an error that is no RuntimeError, which was a traceback in the process that reads.
+
+    It is blamed on an update only if there is one beside the cell.
+    """
 
     def refuse(*_: object) -> None:
         raise shapely.errors.GEOSException("Points of LinearRing do not form a closed linestring")
@@ -258,5 +282,8 @@ def test_an_invalid_geometry_is_reported_as_damage(tmp_path: Path, monkeypatch: 
     monkeypatch.setattr(s57_process, "_read", refuse)
     monkeypatch.setattr(resource, "setrlimit", lambda *_: None)
     monkeypatch.setattr(s57_process, "die_with_parent", lambda: None)
-    for updates, code in (("IGNORE", s57_process.DAMAGED), ("APPLY", s57_process.UNFIT_UPDATE)):
-        assert s57_process.main(bay().write(tmp_path / "C.000"), updates) == code
+    base = bay()
+    cell = base.write(tmp_path / "C.000")
+    assert [s57_process.main(cell, updates) for updates in ("IGNORE", "APPLY")] == [s57_process.DAMAGED] * 2
+    update_of(base).write(tmp_path / "C.001")
+    assert s57_process.main(cell, "APPLY") == s57_process.UNFIT_UPDATE

@@ -180,12 +180,24 @@ def test_the_chart_of_larger_scale_is_used_where_charts_overlap(tmp_path: Path) 
 def test_a_chart_without_soundings_or_coverage_is_refused(tmp_path: Path) -> None:
     empty = Encoder()
     empty.area(302, square(SOUTH, WEST, NORTH, EAST), CATCOV=1)
-    with pytest.raises(ConfigError, match="E: no soundings: use a chart of a larger scale"):
+    with pytest.raises(ConfigError, match="E: no soundings: use another chart of the place"):
         read_sources([empty.write(tmp_path / "E.000")], None, 20.0)
     encoder = Encoder()
     encoder.soundings([(54.0, 10.0, 1.0)])
-    with pytest.raises(ConfigError, match="does not state its coverage"):
+    with pytest.raises(ConfigError, match=r"neither its coverage .* nor areas of water and land"):
         read_sources([encoder.write(tmp_path / "B.000")], None, 20.0)
+
+
+def test_a_chart_that_states_no_coverage_covers_its_water_and_land(tmp_path: Path) -> None:
+    stated, extent = read_sources([bay().write(tmp_path / "S.000")], None, 20.0)
+    cell = bay()
+    cell.records = [fields for fields in cell.records if fields.get("FRID", [(0,) * 7])[0][4] != 302]  # M_COVR
+    bare, found = read_sources([cell.write(tmp_path / "B.000")], None, 20.0)
+    assert found == pytest.approx(extent, abs=0.1)
+    assert bare.notes == ("B: states no coverage: that of its areas of water and land is used",)
+    assert not stated.notes
+    one, other = (build(survey, extent, 20.0).model.grid.depths for survey in (stated, bare))
+    np.testing.assert_allclose(one, other, atol=1e-3)
 
 
 def test_an_area_of_a_chart_is_built_and_must_have_water(tmp_path: Path) -> None:
@@ -193,13 +205,27 @@ def test_an_area_of_a_chart_is_built_and_must_have_water(tmp_path: Path) -> None
     survey, extent = read_sources([path], GeoBox(54.001, 10.002, 54.004, 10.008), 10.0)
     built = build(survey, extent, 10.0)
     assert built.model.grid.extent[1] - built.model.grid.extent[0] == pytest.approx(334.0, abs=20.0)
-    for area, output in (
-        (GeoBox(SHORE + 0.0005, 10.002, 54.0095, 10.008), "no water"),
-        (GeoBox(60.0, 10.0, 60.01, 10.02), "no water"),
-    ):
-        survey, extent = read_sources([path], area, 10.0)
-        with pytest.raises(ConfigError, match=f"{output} in the area.*--area"):
-            build(survey, extent, 10.0)
+    survey, extent = read_sources([path], GeoBox(SHORE + 0.0005, 10.002, 54.0095, 10.008), 10.0)
+    with pytest.raises(ConfigError, match=r"no water in the area.*--area"):
+        build(survey, extent, 10.0)
+
+
+@pytest.mark.parametrize(
+    "area", [GeoBox(60.0, 10.0, 60.01, 10.02), GeoBox(54.0, 10.02, 54.01, 10.03), GeoBox(54.0, -10.0, 54.01, -9.9)]
+)
+def test_an_area_outside_the_data_is_refused_with_their_extent(tmp_path: Path, area: GeoBox) -> None:
+    with pytest.raises(ConfigError, match=r"--area: .* outside the data, which cover 54 to 54\.01 N, 10 to 10\.016 E"):
+        read_sources([bay().write(tmp_path / "BAY.000")], area, 10.0)
+
+
+def test_an_area_is_compared_with_the_data_across_the_180th_meridian(tmp_path: Path) -> None:
+    file = tmp_path / "pacific.csv"
+    rows = [((359.99 + 0.005 * i) % 360.0 - 180.0, -0.01 + 0.005 * j, 10 + i) for i in range(5) for j in range(5)]
+    file.write_text("longitude,latitude,depth\n" + "".join(f"{x},{y},{z}\n" for x, y, z in rows))
+    for west in (179.995, -179.999, 180.001):
+        assert read_sources([str(file)], GeoBox(-0.005, west, 0.005, west + 0.004))[0].source
+    with pytest.raises(ConfigError, match=r"which cover -0\.01 to 0\.01 N, 179\.99 to -179\.99 E"):
+        read_sources([str(file)], GeoBox(-0.005, 179.9, 0.005, 179.98))
 
 
 def test_unusable_files_are_refused(tmp_path: Path) -> None:
