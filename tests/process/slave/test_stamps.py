@@ -32,7 +32,7 @@ class LoopBench:
         self.simulation = SimpleNamespace(time_ns=0, step=self._step, vehicle=vehicle, events=None)
         self.stamps = Stamps(0, WALL_OFFSET_NS)
         self.output: list[int] = []  # stamps
-        sample_publisher = SimpleNamespace(stamps=self.stamps, sample=self._sample, wake_publisher=lambda: None)
+        sample_publisher = SimpleNamespace(stamps=self.stamps, publish_sample=self._sample, wake_publisher=lambda: None)
         driver: Any = SimpleNamespace(pwm_us=(), descriptors=list)
         ends = cast(Any, None), cast(Any, sample_publisher)
         self.loop = Loop(cast(Any, self.simulation), driver, None, *ends, step_ns, 1, print)
@@ -92,7 +92,7 @@ def test_the_clock_topic_has_the_same_time(monkeypatch: pytest.MonkeyPatch) -> N
     output: dict[str, bytes] = {}
     bed = LoopBench(2_500_000)
     bed.stamps.begin(0, 7 * NS_PER_S)
-    sample_publisher = SimpleNamespace(stamps=bed.stamps, put=output.__setitem__)
+    sample_publisher = SimpleNamespace(stamps=bed.stamps, publish=output.__setitem__)
     node: Any = SimpleNamespace(
         _loop=SimpleNamespace(sample_publisher=sample_publisher),
         _clock=SimpleNamespace(passes=lambda _: True, due_ns=1),
