@@ -11,7 +11,7 @@ from typing import Any, Literal, NamedTuple
 from hil.bench.record import Better, Figure, Record
 from hil.bench.statistics import Interval, median, median_interval, ratio_interval
 
-FEWEST = 5  # values, or starts, on each side; intervals of fewer values mean nothing
+MIN_VALUES = 5  # values, or starts, on each side; intervals of fewer values mean nothing
 A_START_A_VALUE = ("table", "startup")  # benchmarks in which every value is from a separate start
 LOADED = 1.0  # a difference of the machine's load that is reported: one busy processor
 Verdict = Literal["same", "better", "worse", "changed", "too few", "few starts"]
@@ -41,20 +41,20 @@ def compare(before: Record, after: Record, least: float = 0.05, confidence: floa
 
 def difference(name: str, before: Figure, after: Figure, least: float, confidence: float) -> Difference:
     """Return one figure, judged: real if the ratio's interval does not contain 1, and it differs by `least`."""
-    few = min(len(before.runs), len(after.runs)) < FEWEST
+    few = min(len(before.runs), len(after.runs)) < MIN_VALUES
     sides = [figure.values if few else [median(run) for run in figure.by_run] for figure in (before, after)]
     old, new = map(median, sides)
     ratio = new / old if old > 0.0 else nan
     interval = ratio_interval(sides[0], sides[1], confidence, block=few)
     verdict: Verdict = "same"
-    if min(map(len, sides)) < FEWEST:
+    if min(map(len, sides)) < MIN_VALUES:
         verdict = "too few"
     elif abs(new - old) >= least * abs(old) and _apart(sides, interval, confidence, few):
         verdict = "few starts" if few else _direction(before.better, new > old)
     return Difference(name, before.unit, old, new, ratio, interval, verdict)
 
 
-def unlike(before: Record, after: Record) -> list[str]:
+def different_conditions(before: Record, after: Record) -> list[str]:
     """Return the differences of the conditions: machine, its state, labels, settings."""
     differences = []
     if before.kind != after.kind:

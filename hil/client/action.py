@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from hil.autonomy.control.controller import VelocityCommand, wrap
 from hil.autonomy.paths.pursuit import PurePursuit
-from hil.autonomy.paths.trajectory import Limits, Trajectory, track
+from hil.autonomy.paths.trajectory import Limits, Trajectory, track_setpoint
 from hil.client.client import VehicleClient
 from hil.client.samples import State
 from hil.common.clock import NS_PER_S
@@ -128,7 +128,7 @@ class _Run:
             self._end.step(client, state)
             return
         setpoint = self._trajectory.at(elapsed)
-        client.command(track(setpoint, state.position, state.heading, self._limits, TRACKING_GAIN))
+        client.command(track_setpoint(setpoint, state.position, state.heading, self._limits, TRACKING_GAIN))
 
     def reached(self, state: State) -> bool:
         return self._elapsed(state) > self._trajectory.duration and self._end.done

@@ -96,13 +96,13 @@ def unit(tree: Tree, service: Service, board: Board | None) -> str:
     """Return the service's unit for systemd."""
     scenario = service.scenario
     recording = scenario.recording.folder if scenario.recording.slave else ""
-    kinds = drivers(tree, serial_device(scenario, board))
+    kinds = serial_drivers(tree, serial_device(scenario, board))
     needs = [f"modprobe@{USB_DRIVERS[kind]}.service" for kind in kinds if kind in USB_DRIVERS]
     needs += ["network-online.target"] if waits_for_network(service) else []
     needs += [os.path.basename(CAN_UNIT)] if _can_interface(scenario) else []
     version = systemd_version(tree)
     values = {
-        "description": prose(scenario.description) or prose(service.name),
+        "description": single_line(scenario.description) or single_line(service.name),
         "wants": f"Wants={' '.join(needs)}" if needs else "",
         "after": " ".join(["network.target", "time-sync.target", *needs]),
         "command": " ".join(escape_word(part).replace("$", "$$") for part in command(service)),
@@ -124,7 +124,7 @@ def can_unit(scenario: Scenario, module: str = "") -> str:
     name = _can_interface(scenario)
     values = {
         "interface": name,
-        "device": f"sys-subsystem-net-devices-{escaped(name)}.device",
+        "device": f"sys-subsystem-net-devices-{escape_unit_name(name)}.device",
         "module": f"Wants={os.path.basename(MODULE_UNIT)}" if module else "",
         "bitrate": str(scenario.link.bitrate),
         "ip": "/sbin/ip",
@@ -170,7 +170,7 @@ def serial_device(scenario: Scenario, board: Board | None) -> str:
     return board.uart if board and scenario.stm32 == "device" and scenario.link.port == "pty:" else ""
 
 
-def drivers(tree: Tree, device: str) -> tuple[str, ...]:
+def serial_drivers(tree: Tree, device: str) -> tuple[str, ...]:
     """Return the kinds of serial devices that a name may refer to: one if it exists, else all that are possible."""
     if not device.startswith("/dev/"):
         return ()
@@ -222,13 +222,13 @@ def escape_word(text: str) -> str:
     return f'"{text}"' if re.search(r"[\s'\\;]", text) else text
 
 
-def prose(text: str) -> str:
+def single_line(text: str) -> str:
     """Return text for a unit: one line, without a backslash at its end, which would join the next line."""
     printable = "".join(character if character.isprintable() else " " for character in text)
     return " ".join(printable.split()).rstrip("\\ ").replace("%", "%%")
 
 
-def escaped(text: str) -> str:
+def escape_unit_name(text: str) -> str:
     """Return a part of a path escaped for the name of a unit, see systemd-escape(1)."""
     return re.sub(r"[^A-Za-z0-9:_.]", lambda match: f"\\x{ord(match[0]):02x}", text)
 

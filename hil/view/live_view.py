@@ -17,7 +17,7 @@ from hil.view.panels.panels import Panels
 from hil.view.panels.playback import PlaybackPanel
 from hil.view.panels.recording import RecordingPanel
 from hil.view.scene.fleet import FleetScene, Hunt
-from hil.view.scene.following import CAMERA_OFFSET, follow
+from hil.view.scene.following import CAMERA_OFFSET, move_camera
 from hil.view.scene.sensors import SensorScene
 from hil.view.scene.server import SceneServer
 from hil.view.scene.vehicle import VehicleScene
@@ -209,7 +209,7 @@ class LiveView:
         self._last_place = place
         for client in self._server.get_clients().values():
             with client.atomic():
-                follow(client.camera, place)
+                move_camera(client.camera, place)
 
     def _on_stick(self, person: int, message: Mapping[str, Any] | None) -> Mapping[str, Any]:
         """Handle a message of a browser's stick; return what the bar of its page shows."""

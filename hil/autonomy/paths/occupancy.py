@@ -21,7 +21,7 @@ LARGEST_IMAGE = 1 << 28  # bytes: 16,384 x 16,384 cells
 STRIP = 1 << 17  # cells that are processed together, to limit intermediate results to some MB
 LONGEST_HEADER = 1 << 16  # bytes, most of which may be comments
 FINEST, COARSEST = 1e-3, 1e3  # m, limits of the cell size
-FARTHEST = 1e5  # m north and east, as for a world
+MAX_ORIGIN = 1e5  # m north and east, as for a world
 _PGM_HEADER = re.compile(rb"P5" + 2 * rb"(?:\s|#[^\n]*\n)+([0-9]{1,9})" + rb"(?:\s|#[^\n]*\n)+255\s")
 
 _GREY = np.array((254, 0), np.uint8)  # values of free and occupied cells, as written by ROS map_saver
@@ -212,8 +212,10 @@ class OccupancyGrid:
                 f"{path}: a turned map or a resolution of {resolution} m cannot be used; give an origin without a turn "
                 f"and a resolution of {FINEST:g} to {COARSEST:g} m"
             )
-        if not (abs(north) <= FARTHEST and abs(east) <= FARTHEST and 0.0 <= threshold <= 1.0):
-            raise ConfigError(f"{path}: an origin beyond {FARTHEST:g} m or a free_thresh that is no share: {threshold}")
+        if not (abs(north) <= MAX_ORIGIN and abs(east) <= MAX_ORIGIN and 0.0 <= threshold <= 1.0):
+            raise ConfigError(
+                f"{path}: an origin beyond {MAX_ORIGIN:g} m or a free_thresh that is no share: {threshold}"
+            )
         occupancy = (image if negate else 255.0 - image) / 255.0
         return cls(np.ascontiguousarray(occupancy[::-1] >= threshold), resolution, (north, east))
 

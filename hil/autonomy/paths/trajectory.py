@@ -72,7 +72,7 @@ class Trajectory:
     def __init__(self, curve: Curve, speed: float, limits: Limits) -> None:
         if not 0.0 < speed <= limits.speed * (1.0 + _SLACK):
             raise MissionError(f"a speed of {speed:g} m/s is not between 0 and the vehicle's {limits.speed:g} m/s")
-        check(curve, speed, limits)
+        require_feasible(curve, speed, limits)
         self.curve = curve
         self._limits = limits
         self._legs: list[_Leg] = []
@@ -130,7 +130,7 @@ class Trajectory:
         return leg.speed * (time - 0.5 * leg.ramp), leg.speed
 
 
-def check(curve: Curve, speed: float, limits: Limits) -> None:
+def require_feasible(curve: Curve, speed: float, limits: Limits) -> None:
     """Raise MissionError for the first place where traversing `curve` at `speed` m/s breaks a limit.
 
     The curve is checked every 5 cm and at 200 places or more, so the sharpest bend of a spline may be missed by less
@@ -162,14 +162,14 @@ def _validate_place(place: Place, speed: float, limits: Limits) -> str | None:
     if not limits.shallowest - _SLACK <= depth <= limits.deepest + _SLACK:
         return f"outside of the depths allowed, {limits.shallowest:g} to {limits.deepest:g} m; move the path"
     if abs(slope) > limits.climb_angle + _SLACK:
-        steep, most = degrees(abs(slope)), degrees(limits.climb_angle)
-        return f"{steep:.1f} deg steep, and the vehicle climbs at most {most:.1f} deg; make the path longer"
+        steep, limit = degrees(abs(slope)), degrees(limits.climb_angle)
+        return f"{steep:.1f} deg steep, and the vehicle climbs at most {limit:.1f} deg; make the path longer"
     radius = cos(slope) / abs(turn) if turn else inf  # seen from above
     if radius < limits.turn_radius * (1.0 - _SLACK):
         return f"bends with a radius of {radius:.2f} m, and the vehicle needs {limits.turn_radius:g} m; widen it"
-    most = _fastest(slope, turn, limits)
-    if speed > most * (1.0 + _SLACK):
-        return f"too steep or sharp for {speed:g} m/s; go at {most:.3g} m/s or widen it"
+    limit = _fastest(slope, turn, limits)
+    if speed > limit * (1.0 + _SLACK):
+        return f"too steep or sharp for {speed:g} m/s; go at {limit:.3g} m/s or widen it"
     return None
 
 
@@ -184,7 +184,7 @@ def _fastest(slope: float, turn: float, limits: Limits) -> float:
     return min(speeds)
 
 
-def track(
+def track_setpoint(
     setpoint: Setpoint, position: Sequence[float], heading: float, limits: Limits, gain: float
 ) -> VelocityCommand:
     """Return the command that leads a vehicle at `position` (m, NED) and `heading` (rad) to its setpoint.

@@ -28,7 +28,7 @@ _DEPTH = {"z", "depth", "bathymetry", "elevation", "height", "altitude", "soundi
 LARGEST = 1 << 30  # bytes of a file, and characters of its uncompressed text
 MAX_LINES = 20_000_000  # of one file; a sounding takes 24 bytes
 LONGEST_LINE = 10_000  # characters
-FARTHEST = 1e5  # m from the origin of a world
+MAX_DISTANCE = 1e5  # m from the origin of a world
 COMMENTS = ("#", "%", ">", "!", "//")  # of GMT, MATLAB, Surfer and others
 COMPRESSED = (".gz", ".xz", ".bz2")
 ENDINGS = (".xyz", ".csv", ".txt", ".tsv", ".dat")
@@ -199,5 +199,5 @@ def _check_degrees(rows: Array, geographic: bool, path: str) -> None:
             '"latitude,longitude,depth" to the file; if they are metres "east,north,depth", and name their coordinate '
             "system, for example --crs EPSG:32605"
         )
-    if not geographic and np.abs(rows[:, :2]).max() > FARTHEST:
+    if not geographic and np.abs(rows[:, :2]).max() > MAX_DISTANCE:
         raise ConfigError(f"{path}: has metres of an unknown coordinate system: name it, for example --crs EPSG:32605")

@@ -19,14 +19,14 @@ _UP = {"elevation", "height", "altitude", "topo", "topography"}
 _DOWN = {"depth", "sounding", "soundings"}
 _NEUTRAL = {"bathymetry", "topobathy", "bathy", "z"}
 _METRES = {"m": 1.0, "metre": 1.0, "meter": 1.0, "metres": 1.0, "meters": 1.0}
-_OTHERS = {
+_NOT_METRES = {
     **dict.fromkeys(("ft", "foot", "feet", "us survey foot", "us-ft"), 0.3048),
     **dict.fromkeys(("fm", "fathom", "fathoms"), 1.8288), **dict.fromkeys(("cm", "centimeters", "centimetres"), 0.01),
     **dict.fromkeys(("km", "kilometers", "kilometres"), 1000.0), **dict.fromkeys(("mm",), 0.001),
     **dict.fromkeys(("dm", "decimeters", "decimetres"), 0.1),
 }  # fmt: skip
-_UNITS = {**_METRES, **_OTHERS}
-FARTHEST = 12_000.0  # m above or below sea level: more than any place on the earth
+_UNITS = {**_METRES, **_NOT_METRES}
+MAX_MAGNITUDE = 12_000.0  # m above or below sea level: more than any place on the earth
 NO_DATA_MARK = 9999.0  # m: in many files this means "no value" although they do not state it
 
 
@@ -73,14 +73,14 @@ def metres_per_unit(path: str, unit: str) -> float:
 
 def metres_in_name(name: str) -> float:
     """Return the length in m of the unit in the name of a column or band (depth_ft: feet); 1 if it has none."""
-    return next((_OTHERS[word] for word in re.split(r"[^a-z]+", name.lower()) if word in _OTHERS), 1.0)
+    return next((_NOT_METRES[word] for word in re.split(r"[^a-z]+", name.lower()) if word in _NOT_METRES), 1.0)
 
 
 def require_possible(path: str, values: NDArray[np.float64]) -> None:
     """Raise ConfigError for depths or heights (m) that no place on the earth has, or if NO_DATA_MARK occurs twice."""
-    sizes = np.abs(values)
-    worst = float(sizes.max()) if len(values) else 0.0
-    if worst > FARTHEST or (worst >= NO_DATA_MARK and np.count_nonzero(sizes == (worst := NO_DATA_MARK)) > 1):
+    magnitudes = np.abs(values)
+    worst = float(magnitudes.max()) if len(values) else 0.0
+    if worst > MAX_MAGNITUDE or (worst >= NO_DATA_MARK and np.count_nonzero(magnitudes == (worst := NO_DATA_MARK)) > 1):
         raise ConfigError(
             f"{path}: has values of {worst:g} m, which cannot be depths: if they mean no data, mark them in the file, "
             "for example with gdal_translate -a_nodata"

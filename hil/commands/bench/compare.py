@@ -5,7 +5,7 @@ from collections import Counter
 from math import isfinite
 from typing import Any
 
-from hil.bench.comparison import FEWEST, Difference, Verdict, compare, unlike
+from hil.bench.comparison import MIN_VALUES, Difference, Verdict, compare, different_conditions
 from hil.bench.record import load
 from hil.common.columns import aligned
 from hil.common.errors import ConfigError
@@ -24,9 +24,9 @@ examples:
 """
 REGRESSION = 1
 UNDECIDED: dict[Verdict, str] = {
-    "too few": f"too few: fewer than {FEWEST} values on a side; measure with more repetitions",
-    "few starts": f"few starts: the two differ, but with fewer than {FEWEST} starts on a side that may be a difference "
-    "between two starts rather than two programs; measure with --repeat 5",
+    "too few": f"too few: fewer than {MIN_VALUES} values on a side; measure with more repetitions",
+    "few starts": f"few starts: the two differ, but with fewer than {MIN_VALUES} starts on a side that may be a "
+    "difference between two starts rather than two programs; measure with --repeat 5",
 }
 
 
@@ -64,7 +64,7 @@ def main(arguments: list[str]) -> int:
         raise ConfigError(
             f"{options.before} and {options.after} have no figure in common; measure both with the same options"
         )
-    warnings = unlike(before, after)
+    warnings = different_conditions(before, after)
     print(json_text(_record(differences, warnings), indent=1) if options.json else _text(differences, confidence))
     for warning in warnings:
         print(f"different conditions: {warning}", file=sys.stderr)

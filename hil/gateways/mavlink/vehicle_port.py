@@ -1,4 +1,7 @@
-"""The vehicle of the gateway over the network, a `VehiclePort`: what waits for answers has a thread of its own."""
+"""The vehicle of the gateway over the network: an implementation of `VehiclePort`.
+
+Requests that wait for answers run in a thread of their own.
+"""
 
 import threading
 from collections import deque
@@ -18,13 +21,13 @@ from sim.sensors.extra_samples import BatterySample, FixSample
 
 TOPICS = ("odom", "pressure", "battery", "gps", "altitude", "altimeter", "leak", "motors")
 STALE_S = 1.0  # after which a vehicle whose position does not come counts as lost
-SLOW_STALE_S = 3.0  # the same of what comes once a second
-DVL_REACH = 0.05, 200.0  # m: its messages do not say it
+SLOW_STALE_S = 3.0  # the same for samples that come once a second
+DVL_REACH = 0.05, 200.0  # m: its messages do not state it
 REFRESH_S = 5.0  # between two queries of the slave's sensors and parameters
 
 
 class NetworkVehicle:
-    """One vehicle by its client. Use as a context; leaving it ends the thread, not the client.
+    """One vehicle, through its client. Use as a context manager; leaving it ends the thread, not the client.
 
     `report` gets a line when the vehicle is there for the first time.
     """
@@ -37,7 +40,7 @@ class NetworkVehicle:
         self._ending = threading.Event()
         self._settled: deque[tuple[str, str]] = deque()
         self._sensors: frozenset[str] = frozenset()
-        self._is_known = False  # what the slave has was asked for since it appeared
+        self._is_known = False  # whether its sensors and parameters were queried since it appeared
         client.watch(*TOPICS)
         self._thread = threading.Thread(target=self._work, name="mavlink requests", daemon=True)
         self._thread.start()
@@ -51,7 +54,7 @@ class NetworkVehicle:
         self._thread.join(5.0)
 
     def snapshot(self) -> Snapshot | None:
-        """Return its newest samples; None while it is not there, or has not reported what it has."""
+        """Return its newest samples; None while it is absent, or its sensors and parameters are not known yet."""
         client = self._client
         odometry = client.latest.get("odom")
         if not client.contact.present or odometry is None or odometry.age_s > STALE_S or not self._is_known:

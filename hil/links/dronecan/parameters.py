@@ -20,7 +20,7 @@ class Parameter(NamedTuple):
     default: int | float | bool
     limits: tuple[float, float] | None = None
 
-    def accept(self, value: Value) -> int | float | bool | None:
+    def convert(self, value: Value) -> int | float | bool | None:
         """Return a value converted to the parameter's type; None if it is invalid."""
         if isinstance(value, str) or value is None or not isfinite(value):
             return None
@@ -56,7 +56,7 @@ class ParameterStore:
         parameter = self._parameters.get(name)
         if parameter is None:
             return Description()
-        accepted = parameter.accept(request.value)
+        accepted = parameter.convert(request.value)
         if accepted is not None:
             self._values[name] = accepted
         least, most = parameter.limits or (None, None)
@@ -97,7 +97,7 @@ class ParameterStore:
         accepted = {}
         for name, value in found.items() if isinstance(found, dict) else ():
             parameter = self._parameters.get(name)
-            own = parameter.accept(value) if parameter and isinstance(value, (int, float)) else None
+            own = parameter.convert(value) if parameter and isinstance(value, (int, float)) else None
             if own is None:
                 raise ConfigError(
                     f"stored: {self._path}: {name} cannot be {value!r}; correct the value, or delete the file"

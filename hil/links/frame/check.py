@@ -129,16 +129,16 @@ def _lost(reader: Reader, data: bytes, start: int, end: int) -> Iterator[Part]:
 
 def _is_sound_at(reader: SyncReader, data: bytes, place: int) -> bool:
     _, size = reader.frame_at(data, place) if data.startswith(reader.sync, place) else (None, 0)
-    return 0 < size <= len(data) - place and reader.seal.is_sound(data, place, size)
+    return 0 < size <= len(data) - place and reader.trailer.is_sound(data, place, size)
 
 
 def damage(reader: Reader, form: Form, frame: bytes) -> str:
     """Return what is wrong with a frame whose checksum does not match, and the wrong byte if only one explains it."""
-    seal = reader.seal
-    end = len(frame) - seal.size
-    digits = 2 * seal.stored.size
-    stored = seal.stored.unpack_from(frame, end)[0]
-    computed = seal.update(frame[seal.start : end - seal.omit_last], seal.empty)
+    trailer = reader.trailer
+    end = len(frame) - trailer.size
+    digits = 2 * trailer.stored.size
+    stored = trailer.stored.unpack_from(frame, end)[0]
+    computed = trailer.update(frame[trailer.start : end - trailer.omit_last], trailer.empty)
     text = f"{form.name}: checksum 0x{stored:0{digits}X}, its bytes give 0x{computed:0{digits}X}"
     suspects = list(_suspects(reader, frame))
     if len(suspects) != 1:
@@ -153,7 +153,7 @@ def _suspects(reader: Reader, frame: bytes) -> Iterator[tuple[int, int]]:
     for place, own in enumerate(frame):
         for value in range(256):
             trial[place] = value
-            if value != own and reader.seal.is_sound(bytes(trial), 0, len(trial)):
+            if value != own and reader.trailer.is_sound(bytes(trial), 0, len(trial)):
                 yield place, value
         trial[place] = own
 

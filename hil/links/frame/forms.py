@@ -19,8 +19,8 @@ from hil.links.frame.layout import (
 NAMES: dict[Kind | None, str] = {ThrusterCommand: "command", ThrusterTelemetry: "telemetry"}
 
 
-class Seal:
-    """End of a frame: its checksum and tail, `size` bytes."""
+class Trailer:
+    """The end of a frame: its checksum and the constant bytes after it, together `size` bytes."""
 
     def __init__(self, layout: FrameLayout) -> None:
         rule = layout.checksum
@@ -46,7 +46,7 @@ class Form:
     """
 
     def __init__(
-        self, layout: FrameLayout, message: MessageLayout | Other, kind: Kind | None, channels: int, seal: Seal
+        self, layout: FrameLayout, message: MessageLayout | Other, kind: Kind | None, channels: int, trailer: Trailer
     ) -> None:
         self.kind, self.channels = kind, channels
         self.name = message.name if isinstance(message, Other) else NAMES[kind]
@@ -54,9 +54,10 @@ class Form:
         start = self.head.index(None) if None in self.head else len(self.head)
         self.prefix = bytes(byte or 0 for byte in self.head[:start])
         end = layout.payload_start + fields_size(message.fields, channels)
-        self.size = end + seal.size
-        self.checksum = seal.update(self.prefix[seal.start :], seal.empty)  # of the prefix alone
-        self.covered = slice(max(0, seal.start - start), max(0, end - start - seal.omit_last))  # rest of what it covers
+        self.size = end + trailer.size
+        self.checksum = trailer.update(self.prefix[trailer.start :], trailer.empty)  # of the prefix alone
+        # The rest of the bytes that the checksum covers.
+        self.covered = slice(max(0, trailer.start - start), max(0, end - start - trailer.omit_last))
         self.start = start  # offset of the body
         self._made_of = (layout, message, kind, channels, start - len(layout.sync))
         self._body: Body | None = None

@@ -18,7 +18,7 @@ from hil.links.contract import (
     ThrusterTelemetry,
 )
 from hil.links.frame.bodies import Kind
-from hil.links.frame.forms import Form, Seal
+from hil.links.frame.forms import Form, Trailer
 from hil.links.frame.layout import FrameLayout, MessageLayout, Other
 from hil.links.frame.readers import Reader, SyncReader
 from hil.links.frame.rules import load_layout
@@ -40,7 +40,7 @@ class FrameProtocol(Protocol):
     """
 
     def __init__(self, path: str, role: Role | None = None, channels: int = MAX_THRUSTERS) -> None:
-        layout, self._seal, commands, reports = _compile(path)
+        layout, self._trailer, commands, reports = _compile(path)
         self.counters = Counters()
         self.layout, self.role = layout, role
         self._stuffer = _stuffer(layout)
@@ -89,15 +89,15 @@ class FrameProtocol(Protocol):
 
     def _finish(self, form: Form, packed: bytes) -> bytes:
         """Return the bytes for the wire: with prefix, checksum, tail and stuffing."""
-        seal = self._seal
-        checksum = seal.update(packed[form.covered], form.checksum)
-        frame = form.prefix + packed + seal.stored.pack(checksum) + seal.tail
+        trailer = self._trailer
+        checksum = trailer.update(packed[form.covered], form.checksum)
+        frame = form.prefix + packed + trailer.stored.pack(checksum) + trailer.tail
         return self._stuffer.wrap(frame) if self._stuffer else frame
 
     def _other_forms(self, other: Other) -> list[Form]:
         """Return one form, or one for each number of thrusters if the message counts them."""
         counts = range(1, MAX_THRUSTERS + 1) if any(field.name == "count" for field in other.fields) else range(1)
-        return [Form(self.layout, other, None, channels, self._seal) for channels in counts]
+        return [Form(self.layout, other, None, channels, self._trailer) for channels in counts]
 
     def _open_reader(self, commands: list[Form], reports: list[Form], others: list[tuple[Other, list[Form]]]) -> Reader:
         """Return the reader: for both messages, to skip our own echo; without an id only for the other end's."""
@@ -108,8 +108,8 @@ class FrameProtocol(Protocol):
         if self._stuffer:
             from hil.links.frame.stuffing import StuffedReader
 
-            return StuffedReader(self._stuffer, forms, self._seal, self.counters)
-        return SyncReader(self.layout, forms, self._seal, self.counters)
+            return StuffedReader(self._stuffer, forms, self._trailer, self.counters)
+        return SyncReader(self.layout, forms, self._trailer, self.counters)
 
     def _open_keep_alives(self, others: list[tuple[Other, list[Form]]], channels: int) -> list["KeepAlive"]:
         mine = [row for row in others if row[0].period and self.role and row[0].sent_by in ("both", self.role)]
@@ -140,7 +140,7 @@ class _Compiled(NamedTuple):
     """A compiled frame file; immutable."""
 
     layout: FrameLayout
-    seal: Seal
+    trailer: Trailer
     commands: list[Form]
     reports: list[Form]
 
@@ -157,16 +157,18 @@ def _compile(path: str) -> _Compiled:
         key = (path, 0, 0)
     if key not in _compiled:
         layout = load_layout(path)
-        seal = Seal(layout)
-        commands = _forms(layout, layout.command, ThrusterCommand, seal)
-        _compiled[key] = _Compiled(layout, seal, commands, _forms(layout, layout.telemetry, ThrusterTelemetry, seal))
+        trailer = Trailer(layout)
+        commands = _forms(layout, layout.command, ThrusterCommand, trailer)
+        _compiled[key] = _Compiled(
+            layout, trailer, commands, _forms(layout, layout.telemetry, ThrusterTelemetry, trailer)
+        )
     return _compiled[key]
 
 
-def _forms(layout: FrameLayout, message: MessageLayout, kind: Kind, seal: Seal) -> list[Form]:
+def _forms(layout: FrameLayout, message: MessageLayout, kind: Kind, trailer: Trailer) -> list[Form]:
     only = next(field.channels for field in message.fields if field.name == "pwm_us")
     counts = range(only, only + 1) if only else range(1, MAX_THRUSTERS + 1)
-    return [Form(layout, message, kind, channels, seal) for channels in counts]
+    return [Form(layout, message, kind, channels, trailer) for channels in counts]
 
 
 def _stuffer(layout: FrameLayout) -> "Stuffer | None":

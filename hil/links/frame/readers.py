@@ -12,7 +12,7 @@ from operator import and_
 
 from hil.common.errors import ConfigError
 from hil.links.contract import Counters, Message
-from hil.links.frame.forms import Form, Seal
+from hil.links.frame.forms import Form, Trailer
 from hil.links.frame.layout import BYTE_ORDERS, TYPES, FrameLayout, type_size
 from hil.links.search import find_frames
 
@@ -22,9 +22,9 @@ MAX_FOREIGN_PAYLOAD = 255  # bytes; a longer frame of an unknown message counts 
 class Reader(ABC):
     """Decode the frames of one end; `unfinished` is the start of a frame whose end was not received yet."""
 
-    def __init__(self, seal: Seal, counters: Counters) -> None:
+    def __init__(self, trailer: Trailer, counters: Counters) -> None:
         self.unfinished = b""
-        self.seal, self.counters = seal, counters
+        self.trailer, self.counters = trailer, counters
 
     @abstractmethod
     def feed(self, data: bytes) -> list[Message]:
@@ -59,8 +59,8 @@ class Reader(ABC):
 class SyncReader(Reader):
     """Find frames by their sync. Their heads are known byte strings, so this is a table look-up."""
 
-    def __init__(self, layout: FrameLayout, forms: Iterable[Form], seal: Seal, counters: Counters) -> None:
-        super().__init__(seal, counters)
+    def __init__(self, layout: FrameLayout, forms: Iterable[Form], trailer: Trailer, counters: Counters) -> None:
+        super().__init__(trailer, counters)
         self.sync = bytes(layout.sync)
         self._header_end = layout.payload_start
         self._keys = _Keys(list(forms), layout.payload_start)
@@ -71,7 +71,7 @@ class SyncReader(Reader):
         buffer = self.unfinished + data
         messages: list[Message] = []
         form = self._keys.form_at(buffer, 0)
-        if form and form.size == len(buffer) and self.seal.is_sound(buffer, 0, form.size):  # the usual case
+        if form and form.size == len(buffer) and self.trailer.is_sound(buffer, 0, form.size):  # the usual case
             self.read_frame(form, buffer, 0, messages)
             self.unfinished = b""
         else:
@@ -96,7 +96,7 @@ class SyncReader(Reader):
 
     def is_sound(self, buffer: bytes, start: int, size: int) -> bool:
         """Return whether the checksum of the whole frame at `start` is right."""
-        return self.seal.is_sound(buffer, start, size)
+        return self.trailer.is_sound(buffer, start, size)
 
     def unwrapped(self, data: bytes) -> bytes | None:
         """Return the bytes unchanged: there is no stuffing."""
@@ -128,7 +128,7 @@ class SyncReader(Reader):
             offset, packer, adds = self._length
             payload: int = packer.unpack_from(buffer, start + offset)[0] - adds
             if 0 <= payload <= MAX_FOREIGN_PAYLOAD:
-                return self._header_end + payload + self.seal.size
+                return self._header_end + payload + self.trailer.size
         return 0
 
 
@@ -165,10 +165,10 @@ class _Keys:
 
     def may_begin(self, seen: bytes) -> bool:
         """Return whether these bytes are the start of a head, but not a whole head."""
-        return any(len(seen) < len(head) and begins_like(head, seen) for head in self._heads)
+        return any(len(seen) < len(head) and matches_head(head, seen) for head in self._heads)
 
 
-def begins_like(head: tuple[int | None, ...], frame: bytes) -> bool:
+def matches_head(head: tuple[int | None, ...], frame: bytes) -> bool:
     """Return whether the frame and the head agree over their common length."""
     return all(wanted in (None, byte) for wanted, byte in zip(head, frame, strict=False))
 

@@ -7,9 +7,9 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator
 
 from hil.links.contract import Counters, Message
-from hil.links.frame.forms import Form, Seal
+from hil.links.frame.forms import Form, Trailer
 from hil.links.frame.layout import Stuffing
-from hil.links.frame.readers import Reader, begins_like
+from hil.links.frame.readers import Reader, matches_head
 
 COBS_RUN = 254  # the longest run without a zero that one code byte can encode
 
@@ -33,11 +33,11 @@ class Stuffer(ABC):
         """Return the frame between two delimiters; None if it is invalid."""
 
     @abstractmethod
-    def longest(self, size: int) -> int:
+    def max_stuffed_size(self, size: int) -> int:
         """Return the largest stuffed size of a frame of `size` bytes."""
 
     @abstractmethod
-    def endings(self, piece: bytes, size: int) -> Iterator[bytes]:
+    def frames_at_end(self, piece: bytes, size: int) -> Iterator[bytes]:
         """Yield the frames of `size` bytes that `piece` may end with; noise may come before them."""
 
 
@@ -70,13 +70,13 @@ class Cobs(Stuffer):
                 out.append(0)
         return bytes(out) if place == end else None
 
-    def longest(self, size: int) -> int:
+    def max_stuffed_size(self, size: int) -> int:
         """Return the size with one code byte for each run."""
         return size + 1 + size // COBS_RUN
 
-    def endings(self, piece: bytes, size: int) -> Iterator[bytes]:
+    def frames_at_end(self, piece: bytes, size: int) -> Iterator[bytes]:
         """Yield the few frames that are possible."""
-        for length in range(size + 1, min(self.longest(size), len(piece)) + 1):
+        for length in range(size + 1, min(self.max_stuffed_size(size), len(piece)) + 1):
             frame = self.unstuff(piece[-length:])
             if frame is not None and len(frame) == size:
                 yield frame
@@ -103,11 +103,11 @@ class Escapes(Stuffer):
             piece = piece.replace(pair, byte)
         return piece
 
-    def longest(self, size: int) -> int:
+    def max_stuffed_size(self, size: int) -> int:
         """Return the size with every byte escaped."""
         return 2 * size
 
-    def endings(self, piece: bytes, size: int) -> Iterator[bytes]:
+    def frames_at_end(self, piece: bytes, size: int) -> Iterator[bytes]:
         """Yield the last `size` bytes, unescaped."""
         frame = self.unstuff(piece)
         if frame is not None and len(frame) >= size:
@@ -117,13 +117,13 @@ class Escapes(Stuffer):
 class StuffedReader(Reader):
     """Find frames between delimiters, and by their known sizes after noise without a delimiter."""
 
-    def __init__(self, stuffer: Stuffer, forms: Iterable[Form], seal: Seal, counters: Counters) -> None:
-        super().__init__(seal, counters)
+    def __init__(self, stuffer: Stuffer, forms: Iterable[Form], trailer: Trailer, counters: Counters) -> None:
+        super().__init__(trailer, counters)
         self._stuffer = stuffer
         self._by_size: dict[int, list[Form]] = {}
         for form in forms:
             self._by_size.setdefault(form.size, []).append(form)
-        self._longest = stuffer.longest(max(self._by_size))
+        self._longest = stuffer.max_stuffed_size(max(self._by_size))
 
     def feed(self, data: bytes) -> list[Message]:
         """Return the frames in `data`: see `Reader`."""
@@ -144,15 +144,15 @@ class StuffedReader(Reader):
     def form_of(self, frame: bytes) -> Form | None:
         """Return the form by size and first bytes."""
         for form in self._by_size.get(len(frame), ()):
-            if begins_like(form.head, frame):
+            if matches_head(form.head, frame):
                 return form
         return None
 
     def _read(self, piece: bytes, messages: list[Message]) -> None:
         frame = self._stuffer.unstuff(piece)
-        if frame is None or len(frame) <= self.seal.size or not self.seal.is_sound(frame, 0, len(frame)):
+        if frame is None or len(frame) <= self.trailer.size or not self.trailer.is_sound(frame, 0, len(frame)):
             known = self._at_end(piece)
-            self.counters.checksum_errors += known is None and frame is not None and len(frame) > self.seal.size
+            self.counters.checksum_errors += known is None and frame is not None and len(frame) > self.trailer.size
             self.counters.dropped_bytes += max(0, len(piece) - (len(self._stuffer.stuff(known)) if known else 0))
             if known is None:
                 return
@@ -162,8 +162,8 @@ class StuffedReader(Reader):
     def _at_end(self, piece: bytes) -> bytes | None:
         """Return the known valid frame that `piece` ends with; None if there is none."""
         for size in self._by_size:
-            for frame in self._stuffer.endings(piece, size):
-                if self.form_of(frame) and self.seal.is_sound(frame, 0, size):
+            for frame in self._stuffer.frames_at_end(piece, size):
+                if self.form_of(frame) and self.trailer.is_sound(frame, 0, size):
                     return frame
         return None
 

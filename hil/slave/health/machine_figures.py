@@ -20,12 +20,12 @@ def add_machine_figures(figures: Diagnostics, tree: Tree, board: "Board | None")
     Throttling is read from the kernel only. To ask the firmware of a Raspberry Pi takes a new process, which a
     real-time process should not start every second (`uuv-hil doctor` does ask).
     """
-    slow = throttling(tree, board, ask_firmware=False)
-    warm = temperature(tree, board)
-    if warm is not None:
-        figures.temperature_c = warm
-    if slow.now or slow.known:
-        figures.throttled = "; ".join(slow.now) or "no"
+    throttle = throttling(tree, board, ask_firmware=False)
+    celsius = temperature(tree, board)
+    if celsius is not None:
+        figures.temperature_c = celsius
+    if throttle.now or throttle.known:
+        figures.throttled = "; ".join(throttle.now) or "no"
     kilohertz = tree.number("/sys/devices/system/cpu/cpu0/cpufreq/scaling_cur_freq")
     if kilohertz:
         figures.cpu_mhz = kilohertz / 1000.0

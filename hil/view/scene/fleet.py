@@ -35,8 +35,8 @@ class FleetScene:
         self._scene.add_label("/target/name", "target", position=(0.0, 0.0, 0.6))
         for number, node in enumerate(hunt.nodes):
             clocks = np.linspace(0.0, hunt.plan.duration, PATH_POINTS)
-            way = [hunt.plan.position_at(number, float(clock)) for clock in clocks]
-            world.draw_path(way, hunt.depth, f"path/{node}")
+            path = [hunt.plan.position_at(number, float(clock)) for clock in clocks]
+            world.draw_path(path, hunt.depth, f"path/{node}")
 
     def draw(self, latest: Mapping[str, Mapping[str, Any]], places: Mapping[str, Any]) -> None:
         """Draw links and target positions, from the newest samples of each vehicle and its `places` in the scene (m).

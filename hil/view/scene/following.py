@@ -9,7 +9,7 @@ CAMERA_OFFSET = (-1.8, -3.0, 1.8)  # m, from the vehicle to a camera that follow
 MIN_DISTANCE = 1e-3  # m
 
 
-def follow(camera: Any, place: Sequence[float]) -> None:
+def move_camera(camera: Any, place: Sequence[float]) -> None:
     """Point the camera at a vehicle's `place`, and keep the direction and distance that a person has chosen.
 
     A slow browser reports its camera late. The reported position may be old, but its offset from the reported point

@@ -15,7 +15,7 @@ from hil.view.sources.source import OfflineSource
 LARGEST = 2 << 30  # bytes of messages in memory
 
 
-class _Column:
+class _TopicMessages:
     """The messages of one topic of one vehicle, in the order of their times."""
 
     def __init__(self) -> None:
@@ -45,7 +45,7 @@ class RecordedSource(OfflineSource):
     recorder = None
 
     def __init__(self, path: str) -> None:
-        self._columns: dict[str, dict[str, _Column]] = {}
+        self._messages: dict[str, dict[str, _TopicMessages]] = {}
         first, last, size = 0, 0, 0
         for message in read_messages(path):
             _, node, *rest = message.topic.split("/", 2)
@@ -55,8 +55,10 @@ class RecordedSource(OfflineSource):
             if size > LARGEST:
                 raise ConfigError(f"{path}: more than {LARGEST >> 30} GiB of messages; cut it, or show a part of it")
             first, last = first or message.logged_ns, max(last, message.logged_ns)
-            self._columns.setdefault(node, {}).setdefault(rest[0], _Column()).append(message.logged_ns, message.data)
-        if not self._columns:
+            self._messages.setdefault(node, {}).setdefault(rest[0], _TopicMessages()).append(
+                message.logged_ns, message.data
+            )
+        if not self._messages:
             raise ConfigError(f"{path}: no messages of a vehicle in it")
         self._first_ns = first
         self.playback = PacedTime((last - first) / NS_PER_S)
@@ -64,22 +66,22 @@ class RecordedSource(OfflineSource):
     @property
     def names(self) -> list[str]:
         """Names of the vehicles that were recorded."""
-        return sorted(self._columns)
+        return sorted(self._messages)
 
     def is_present(self, name: str) -> bool:
         """Return True if the vehicle has sent a sample by the shown time."""
-        return any(column.times[0] <= self._now_ns for column in self._columns[name].values())
+        return any(messages.times[0] <= self._now_ns for messages in self._messages[name].values())
 
     def latest(self, name: str) -> Mapping[str, Any]:
         """Return the newest sample of each topic at the shown time."""
         now_ns = self._now_ns
-        values = {topic: column.at(topic, now_ns) for topic, column in self._columns[name].items()}
+        values = {topic: messages.at(topic, now_ns) for topic, messages in self._messages[name].items()}
         return {topic: value for topic, value in values.items() if value is not None}
 
     def diagnostics(self, name: str) -> Diagnostics:
         """Return the diagnostics at the shown time."""
-        column = self._columns[name].get("diagnostics")
-        value = column.at("diagnostics", self._now_ns) if column else None
+        messages = self._messages[name].get("diagnostics")
+        value = messages.at("diagnostics", self._now_ns) if messages else None
         return Diagnostics(value[0][3] if value else {})
 
     @property

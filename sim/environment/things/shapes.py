@@ -18,7 +18,7 @@ from hil.common.errors import ConfigError
 from hil.common.schema import Range, nearest, parse, shortened
 from sim.environment.mesh import MAX_TRIANGLES, MeshKeys, MeshObstacle, Share, place_triangles
 from sim.environment.obstacles import Coordinate, Heading
-from sim.environment.things import primitives as made
+from sim.environment.things import primitives
 from sim.environment.things.primitives import Triangle
 
 Size = Annotated[float, Range(0.01, 1000.0, "m")]
@@ -75,7 +75,7 @@ class Pipe(NamedTuple):
         """Return the parts it consists of."""
         half, radius = 0.5 * self.length, 0.5 * self.diameter
         line = [(-half, 0.0, -radius), (half, 0.0, -radius)]
-        return [Part(made.tube(line, (0.0, 0.0, 1.0), radius, self.sides), STEEL, 3.0)]
+        return [Part(primitives.tube(line, (0.0, 0.0, 1.0), radius, self.sides), STEEL, 3.0)]
 
 
 class Pile(NamedTuple):
@@ -88,7 +88,7 @@ class Pile(NamedTuple):
     def parts(self) -> list[Part]:
         """Return the parts it consists of."""
         line = [(0.0, 0.0, 0.0), (0.0, 0.0, -self.height)]
-        return [Part(made.tube(line, (0.0, 1.0, 0.0), 0.5 * self.diameter, self.sides), CONCRETE)]
+        return [Part(primitives.tube(line, (0.0, 1.0, 0.0), 0.5 * self.diameter, self.sides), CONCRETE)]
 
 
 class Rope(NamedTuple):
@@ -105,8 +105,8 @@ class Rope(NamedTuple):
 
     def parts(self) -> list[Part]:
         """Return the parts it consists of."""
-        line = made.hanging(self.span, self.drop, self.length, _POINTS if self.length else 2)
-        return [Part(made.tube(line, (0.0, 1.0, 0.0), 0.5 * self.diameter, self.sides), BLACK)]
+        line = primitives.hanging(self.span, self.drop, self.length, _POINTS if self.length else 2)
+        return [Part(primitives.tube(line, (0.0, 1.0, 0.0), 0.5 * self.diameter, self.sides), BLACK)]
 
 
 class Chain(NamedTuple):
@@ -122,8 +122,8 @@ class Chain(NamedTuple):
 
     def parts(self) -> list[Part]:
         """Return the parts it consists of."""
-        line = made.hanging(self.span, self.drop, self.length, _POINTS if self.length else 2)
-        return [Part(made.links(line, self.bar), RUST, 6.0)]
+        line = primitives.hanging(self.span, self.drop, self.length, _POINTS if self.length else 2)
+        return [Part(primitives.links(line, self.bar), RUST, 6.0)]
 
     def validate(self) -> str | None:
         """Return what is wrong with the combination of the keys, or None."""
@@ -147,9 +147,9 @@ class NetPanel(NamedTuple):
         width, height = (_multiple_of(size, self.mesh) for size in (self.width, self.height))
         ends = [(0.0, 0.0, 0.0), (width, 0.0, 0.0), (width, 0.0, height), (0.0, 0.0, height)]
         line = [(0.0, 0.0, 0.0), (width, 0.0, 0.0)]
-        head = made.tube(line, (0.0, 0.0, 1.0), max(0.012, 2.0 * self.twine), 6)
+        head = primitives.tube(line, (0.0, 0.0, 1.0), max(0.012, 2.0 * self.twine), 6)
         return [
-            Part(made.quad(*ends), TWINE, 0.0, (self.mesh, self.twine)),
+            Part(primitives.quad(*ends), TWINE, 0.0, (self.mesh, self.twine)),
             Part(head, BLACK),
         ]
 
@@ -174,12 +174,12 @@ class NetPen(NamedTuple):
     def parts(self) -> list[Part]:
         """Return the parts it consists of."""
         radius, upright = 0.5 * self.diameter, (0.0, 0.0, 1.0)
-        top, foot = (made.ring(radius, down, self.sides) for down in (0.0, _multiple_of(self.height, self.mesh)))
-        net = [t for k in range(self.sides) for t in made.quad(top[k - 1], top[k], foot[k], foot[k - 1])]
-        net += made.disc(foot, (0.0, 0.0, foot[0][2]))
-        outer = made.ring(radius + 2.0 * self.collar, 0.0, self.sides)
-        tubes = [t for line in (top, outer) for t in made.tube(line, upright, 0.5 * self.collar, 8, closed=True)]
-        tubes += made.tube(foot, upright, 0.25 * self.collar, 6, closed=True)
+        top, foot = (primitives.ring(radius, down, self.sides) for down in (0.0, _multiple_of(self.height, self.mesh)))
+        net = [t for k in range(self.sides) for t in primitives.quad(top[k - 1], top[k], foot[k], foot[k - 1])]
+        net += primitives.disc(foot, (0.0, 0.0, foot[0][2]))
+        outer = primitives.ring(radius + 2.0 * self.collar, 0.0, self.sides)
+        tubes = [t for line in (top, outer) for t in primitives.tube(line, upright, 0.5 * self.collar, 8, closed=True)]
+        tubes += primitives.tube(foot, upright, 0.25 * self.collar, 6, closed=True)
         return [Part(net, TWINE, 0.0, (self.mesh, self.twine)), Part(tubes, BLACK)]
 
     def validate(self) -> str | None:
@@ -203,16 +203,16 @@ class BoxWreck(NamedTuple):
         plan = [(-x, -y), (0.5 * x, -y), (x, 0.0), (0.5 * x, y), (-x, y)]
         rail = [(a, b, deck) for a, b in plan]
         keel = [(0.88 * a, 0.7 * b, 0.0) for a, b in plan]
-        hull = made.prism(rail, keel, with_rim=False)
+        hull = primitives.prism(rail, keel, with_rim=False)
         half = 0.5 * y
         for low, high in (((-x, -y), (0.0, y)), ((0.0, -y), (0.4 * x, -half)), ((0.0, half), (0.4 * x, y)),
                           ((0.4 * x, -y), (0.5 * x, y))):  # fmt: skip
             (a, b), (c, d) = low, high
-            hull += made.quad((a, b, deck), (c, b, deck), (c, d, deck), (a, d, deck))
+            hull += primitives.quad((a, b, deck), (c, b, deck), (c, d, deck), (a, d, deck))
         hull.append(((0.5 * x, -y, deck), (x, 0.0, deck), (0.5 * x, y, deck)))
-        house = made.cuboid((-0.8 * x, -0.6 * y, 1.7 * deck), (-0.35 * x, 0.6 * y, deck))
+        house = primitives.cuboid((-0.8 * x, -0.6 * y, 1.7 * deck), (-0.35 * x, 0.6 * y, deck))
         line = [(0.6 * x, 0.0, deck), (0.75 * x, 0.0, 2.4 * deck)]
-        mast = made.tube(line, (0.0, 1.0, 0.0), 0.02 * self.width, 8)
+        mast = primitives.tube(line, (0.0, 1.0, 0.0), 0.02 * self.width, 8)
         return [Part(hull + house + mast, RUST, 5.0)]
 
 

@@ -316,5 +316,5 @@ def test_a_python_that_the_user_cannot_execute_is_refused(
 def test_the_default_serial_port_of_a_board_has_its_drivers(tmp_path: Path) -> None:
     """The port is the board's when the scenario names none: Raspberry Pis call it serial0."""
     board = load_board("raspberry_pi_4b")
-    assert board_install.drivers(Tree(str(tmp_path)), board.uart) == ("ttyS", "ttyAMA")
-    assert board_install.drivers(Tree(str(tmp_path)), "") == ()
+    assert board_install.serial_drivers(Tree(str(tmp_path)), board.uart) == ("ttyS", "ttyAMA")
+    assert board_install.serial_drivers(Tree(str(tmp_path)), "") == ()

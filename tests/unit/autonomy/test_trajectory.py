@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from hil.autonomy.paths.curves import Chain, Curve, circle, helix, polyline, straight
 from hil.autonomy.paths.dubins import Pose, dubins
 from hil.autonomy.paths.spline import Spline
-from hil.autonomy.paths.trajectory import Limits, Setpoint, Trajectory, track
+from hil.autonomy.paths.trajectory import Limits, Setpoint, Trajectory, track_setpoint
 from hil.autonomy.paths.waypoints import read_waypoints
 from hil.common.errors import ConfigError, MissionError
 from tests.support.examples import examples
@@ -263,7 +263,7 @@ def test_a_vehicle_that_follows_the_commands_stays_on_the_curve(name: str) -> No
     north, errors = north + 1.0, []
     surge = sway = heave = yaw_rate = 0.0
     for number in range(int((run.duration + 10.0) / step)):
-        command = track(run.at(number * step), (north, east, down), heading, limits, gain=0.8)
+        command = track_setpoint(run.at(number * step), (north, east, down), heading, limits, gain=0.8)
         assert math.hypot(command.surge, command.sway) <= 1.0 + 1e-9
         assert abs(command.yaw_rate) <= 1.0
         surge += (command.surge - surge) * step / 0.3
@@ -282,7 +282,7 @@ def test_a_vehicle_that_follows_the_commands_stays_on_the_curve(name: str) -> No
 def test_the_tracking_command_has_the_value_worked_out_by_hand() -> None:
     """A vehicle bound north at 0.4 m/s, bow to the east, 1 m too far west, goes half ahead, half to port."""
     wanted = Setpoint((5.0, 5.0, 3.0), (0.4, 0.0, 0.1), 0.0, 0.2)
-    command = track(wanted, (5.0, 4.0, 3.5), math.pi / 2.0, Limits(), 0.5)
+    command = track_setpoint(wanted, (5.0, 4.0, 3.5), math.pi / 2.0, Limits(), 0.5)
     assert (command.surge, command.sway, command.heave) == pytest.approx((0.5, -0.4, -0.15))
     assert command.yaw_rate == pytest.approx(-0.5)  # 0.2 - 0.5 x 1.57, held at the limit
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from hil.bench.comparison import compare, difference, unlike
+from hil.bench.comparison import compare, difference, different_conditions
 from hil.bench.record import Better, Figure, Record, load, new_record, save
 from hil.cli import main
 from hil.common.errors import ConfigError
@@ -250,16 +250,18 @@ def test_differences_between_machines_are_listed() -> None:
             "packages": {"eclipse-zenoh": "1.3", "numpy": "2.0"},
         },
     )  # fmt: skip
-    assert unlike(one, one) == []
-    assert unlike(one, other) == [
+    assert different_conditions(one, one) == []
+    assert different_conditions(one, other) == [
         "governors of the machine: performance (4) and powersave (4)",
         "load of the machine: 0.4 and 3.1",
         "eclipse-zenoh: 1.2 and 1.3",
         "numpy: none and 2.0",
         "labels: none and virtual machine",
     ]
-    assert unlike(one, one._replace(machine={**one.machine, "load": 0.9})) == [], "values always vary a little"
-    assert unlike(one, one._replace(machine={**one.machine, "load": "much"})) == []
+    assert different_conditions(one, one._replace(machine={**one.machine, "load": 0.9})) == [], (
+        "values always vary a little"
+    )
+    assert different_conditions(one, one._replace(machine={**one.machine, "load": "much"})) == []
 
 
 def test_few_starts_are_noted_and_do_not_fail(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hil.view.scene.following import CAMERA_OFFSET, follow
+from hil.view.scene.following import CAMERA_OFFSET, move_camera
 
 STEP = np.array([0.04, 0.02, 0.0])  # m a frame: 0.9 m/s
 
@@ -38,7 +38,7 @@ def test_the_camera_does_not_fall_behind(frames_late: int) -> None:
     shown = deque([(camera.position, camera.look_at)] * (frames_late + 1))
     for _ in range(1000):
         place = place + STEP
-        follow(camera, place.tolist())
+        move_camera(camera, place.tolist())
         shown.append((camera.position, camera.look_at))
         last = shown[-1]
         camera.report(*shown.popleft())
@@ -49,11 +49,11 @@ def test_the_camera_does_not_fall_behind(frames_late: int) -> None:
 def test_the_camera_keeps_the_chosen_side_and_distance() -> None:
     camera = Camera(np.zeros(3), np.array(CAMERA_OFFSET))
     camera.report(np.array([0.0, 8.0, 1.0]), np.zeros(3))
-    follow(camera, STEP.tolist())
+    move_camera(camera, STEP.tolist())
     assert np.allclose(camera.position, STEP + np.array([0.0, 8.0, 1.0]))
 
 
 def test_a_camera_inside_the_vehicle_moves_out() -> None:
     camera = Camera(np.zeros(3), np.zeros(3))
-    follow(camera, STEP.tolist())
+    move_camera(camera, STEP.tolist())
     assert np.allclose(camera.position, STEP + np.array(CAMERA_OFFSET))

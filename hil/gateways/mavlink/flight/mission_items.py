@@ -61,7 +61,7 @@ def read_item(packet: Any) -> Item | None:
     return Item(packet.frame, packet.command, params, x, y, z if isfinite(z) else 0.0, packet.autocontinue != 0)
 
 
-def problem_of(item: Item, index: int, count: int, origin: Origin | None) -> int | None:
+def validate_item(item: Item, index: int, count: int, origin: Origin | None) -> int | None:
     """Return why an item cannot be flown as a MAV_MISSION_RESULT, None if it can."""
     if item.command in WAYPOINTS:
         if item.frame != LOCAL and item.frame not in GLOBAL_FRAMES:

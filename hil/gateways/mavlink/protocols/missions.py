@@ -6,7 +6,7 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from hil.common.clock import NS_PER_MS
-from hil.gateways.mavlink.flight.mission_items import Item, encode_item, problem_of, read_item
+from hil.gateways.mavlink.flight.mission_items import Item, encode_item, read_item, validate_item
 from hil.gateways.mavlink.snapshot import Origin
 
 MAX_ITEMS = 500
@@ -31,7 +31,8 @@ class _Upload:
 class MissionProtocol:
     """The mission, and its exchange with ground stations, one upload at a time.
 
-    `on_new` is called with the new items. `keeps_home`: item 0 is home, as ArduPilot has it, `home` returns it.
+    `on_new` is called with the new items, `origin` returns the origin of local coordinates. With `home`, which returns
+    the home position as an item, item 0 is always that, as in ArduPilot.
     Each method returns the messages to send to the partner.
     """
 
@@ -87,7 +88,7 @@ class MissionProtocol:
         return [self._request()]
 
     def receive_item(self, packet: Any, partner: Partner, now: int) -> list[Any]:
-        """Take MISSION_ITEM_INT or MISSION_ITEM."""
+        """Store the item of MISSION_ITEM_INT or MISSION_ITEM, and request the next one."""
         upload = self._upload
         if upload is None or partner != upload.partner or packet.mission_type != MISSION:
             return [_ack(dialect.MAV_MISSION_INVALID_SEQUENCE, packet.mission_type, partner)]
@@ -98,7 +99,7 @@ class MissionProtocol:
         is_home = self._home is not None and index == 0
         problem = dialect.MAV_MISSION_INVALID if item is None else None
         if item and not is_home:
-            problem = problem_of(item, index, upload.count, self._origin())
+            problem = validate_item(item, index, upload.count, self._origin())
         if item is None or problem is not None:
             self._upload = None
             return [_ack(problem or dialect.MAV_MISSION_INVALID, MISSION, partner)]

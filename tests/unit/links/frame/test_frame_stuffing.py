@@ -61,7 +61,7 @@ def test_any_bytes_survive_a_round_trip(name: str, frame: bytes) -> None:
     stuffed = codec.stuff(frame)
     assert codec.delimiter not in stuffed
     assert codec.unstuff(stuffed) == frame
-    assert len(stuffed) <= codec.longest(len(frame))
+    assert len(stuffed) <= codec.max_stuffed_size(len(frame))
 
 
 @pytest.mark.parametrize("name", RULES)
@@ -75,4 +75,4 @@ def test_noise_between_delimiters_never_hides_a_frame(name: str, frame: bytes, n
     found = codec.unstuff(before)
     assert found is None or len(found) <= len(before)
     if frame:
-        assert frame in codec.endings(before + codec.stuff(frame), len(frame))
+        assert frame in codec.frames_at_end(before + codec.stuff(frame), len(frame))
