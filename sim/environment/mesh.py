@@ -25,7 +25,7 @@ from hil.common.tables import check_file
 from hil.common.vectors import Vector3, off_line
 from sim.environment.obstacles import Coordinate, Heading, Separation
 from sim.rotations import from_euler, matrix
-from sim.vehicle.mesh_files import MAX_BYTES, load_mesh
+from sim.vehicle.mesh_files import MAX_BYTES, load_parts
 
 MAX_TRIANGLES = 200_000
 MIN_SIZE = 1e-3  # m
@@ -36,9 +36,9 @@ Triangle = tuple[Vector3, Vector3, Vector3]
 class MeshKeys(NamedTuple):
     """The keys of a `[[mesh]]`: see the top of this module.
 
-    `colour` is its reflectance for red, green and blue (white: 1), a common paint if left out. `echo` (dB) is how much
-    stronger than other objects it reflects a sonar's sound. If `hidden` it is not on any planner's map; `name` is for
-    reports.
+    `colour` is its reflectance for red, green and blue (white: 1). If left out, it is the mean of the file's materials,
+    textures and colours of corners, or a common paint if there are none. `echo` (dB) is how much stronger than other
+    objects it reflects a sonar's sound. If `hidden` it is not on any planner's map; `name` is for reports.
     """
 
     file: str
@@ -126,7 +126,8 @@ def load_obstacle(keys: MeshKeys, folder: str, where: str = "mesh") -> MeshObsta
     file = os.path.join(folder, keys.file)
     check_file(file, MAX_BYTES)
     up = keys.up or ("y" if file.lower().endswith((".glb", ".gltf")) else "z")
-    return place_triangles(keys, _read(file, os.stat(file).st_mtime_ns, keys.scale, up, where))
+    triangles, colour = _read(file, os.stat(file).st_mtime_ns, keys.scale, up, where)
+    return place_triangles(keys._replace(colour=keys.colour or colour), triangles)
 
 
 def place_triangles(
@@ -154,8 +155,10 @@ def place_triangles(
 
 
 @lru_cache(maxsize=32)
-def _read(file: str, _mtime_ns: int, scale: float, up: str, where: str) -> tuple[Triangle, ...]:
-    """Return the triangles of a file in m, forward, right and down."""
+def _read(
+    file: str, _mtime_ns: int, scale: float, up: str, where: str
+) -> tuple[tuple[Triangle, ...], tuple[float, float, float] | None]:
+    """Return the triangles of a file in m, forward, right and down, and its colour, None if it has none."""
     try:
         import numpy as np
         import trimesh  # noqa: F401 - imported here to name the missing extra
@@ -164,7 +167,11 @@ def _read(file: str, _mtime_ns: int, scale: float, up: str, where: str) -> tuple
     ending = os.path.splitext(file)[1]
     _check_count(_declared_count(file), file, where)  # before reading takes seconds and a gigabyte
     try:
-        triangles = np.asarray(load_mesh(file, clean=False).triangles, float) * scale
+        parts = [part for part in load_parts(file) if hasattr(part, "triangles")]  # also lines and points
+        triangles = (
+            np.concatenate([np.empty((0, 3, 3)), *(np.asarray(part.triangles, float) for part in parts)]) * scale
+        )
+        colour = _colour(parts, file)
     except ConfigError:
         raise
     except Exception as error:  # noqa: BLE001 - readers raise any exception for damaged files
@@ -181,7 +188,17 @@ def _read(file: str, _mtime_ns: int, scale: float, up: str, where: str) -> tuple
         raise ConfigError(f"{where}: file: {file}: is {size:.3g} m large, less than {MIN_SIZE:g} m: set scale")
     order, signs = ([2, 0, 1], (1.0, -1.0, -1.0)) if up == "y" else ([0, 1, 2], (1.0, -1.0, -1.0))
     own = (triangles[..., order] * np.array(signs)).tolist()
-    return tuple((tuple(a), tuple(b), tuple(c)) for a, b, c in own)
+    return tuple((tuple(a), tuple(b), tuple(c)) for a, b, c in own), colour
+
+
+def _colour(parts: Sequence[Any], file: str) -> tuple[float, float, float] | None:
+    """Return the mean colour of the meshes of a file; None if it has none, or damaged textures."""
+    from sim.vehicle.mesh_materials import mean_reflectance
+
+    try:
+        return mean_reflectance(parts, is_linear=file.lower().endswith((".glb", ".gltf")))
+    except Exception:  # noqa: BLE001 - readers of images raise any exception for damaged ones
+        return None
 
 
 def _check_count(count: int, file: str, where: str) -> None:

@@ -16,17 +16,32 @@ def load_mesh(file: str, clean: bool = True) -> Any:
     """Return all meshes of a file as one `trimesh.Trimesh`, in the file's axes; COLLADA in m, others in their own unit.
 
     With `clean` equal corners become one, and triangles with corners that are no numbers are left out. The up axis of
-    a COLLADA file is ignored, as Gazebo does. Raises ConfigError for a file that is missing, too large,
-    of an unknown format, or that declares XML entities; ImportError without trimesh; and the errors of trimesh's
-    readers for damaged files.
+    a COLLADA file is ignored, as Gazebo does. No materials or textures are read from other files. Raises ConfigError
+    for a file that is missing, too large, of an unknown format, or that declares XML entities; ImportError without
+    trimesh; and the errors of trimesh's readers for damaged files.
     """
+    return _load(file, None, force="mesh", process=clean)
+
+
+def load_parts(file: str) -> list[Any]:
+    """Return the meshes of a file, each with its material; axes, unit and errors as of `load_mesh`.
+
+    Materials and textures in other files are read if these are in the file's folder or below it.
+    """
+    from sim.vehicle.mesh_materials import FolderResolver
+
+    loaded = _load(file, FolderResolver(file), process=False)
+    return list(loaded.dump()) if hasattr(loaded, "dump") else [loaded]
+
+
+def _load(file: str, resolver: Any, **options: Any) -> Any:
     import trimesh
 
     check_file(file, MAX_BYTES)
     check_kind(file)
     ending = os.path.splitext(file)[1].lower()
     if ending == ".gltf":  # its vertices are in a file beside it
-        return trimesh.load(file, force="mesh", process=clean)
+        return trimesh.load(file, **options)
     with open(file, "rb") as stream:
         factor = 1.0
         if ending == ".dae":
@@ -37,8 +52,8 @@ def load_mesh(file: str, clean: bool = True) -> Any:
             match = re.search(rb"<unit\b[^>]*\bmeter=[\"']([0-9.eE+-]+)[\"']", data[:_HEAD])
             factor = float(match[1]) if match else 1.0
             stream.seek(0)
-        # From a stream trimesh opens no further files: no materials, no textures.
-        loaded: Any = trimesh.load(stream, file_type=ending[1:], force="mesh", process=clean)
+        # From a stream without a resolver trimesh opens no further files.
+        loaded: Any = trimesh.load(stream, file_type=ending[1:], resolver=resolver, **options)
     if factor != 1.0:
         loaded.apply_scale(factor)
     return loaded

@@ -57,6 +57,71 @@ def test_every_file_format_gives_the_same_orientation(tmp_path: Path, name: str)
     assert (mesh.top, mesh.bottom) == pytest.approx((6.5, 8.5))
 
 
+MTL = "newmtl red\nKd 0.6 0.1 0.05\nnewmtl painted\nKd 0.5 1 1\nmap_Kd paint.png\n"
+OBJ = """mtllib plates.mtl
+v 0 0 0
+v 1 0 0
+v 1 0 3
+v 0 0 3
+v 1 0 4
+v 0 0 4
+vt 0.25 0.9
+vt 0.3 0.8
+usemtl red
+f 1 2 3
+f 1 3 4
+"""
+
+
+def test_an_obj_has_the_mean_colour_of_its_materials(tmp_path: Path) -> None:
+    """By area: a painted square meter counts a third of three red ones."""
+    from PIL import Image
+
+    (tmp_path / "plates.mtl").write_text(MTL)
+    (tmp_path / "red.obj").write_text(OBJ)
+    assert world_with(tmp_path, "red.obj").mesh[0].keys.colour == pytest.approx((0.6, 0.1, 0.05), abs=0.003)
+    picture = np.zeros((10, 10, 3), np.uint8)
+    picture[:5, :5] = (188, 255, 0)  # of sRGB 188, 0.503 is reflected
+    Image.fromarray(picture).save(tmp_path / "paint.png")
+    (tmp_path / "both.obj").write_text(OBJ + "usemtl painted\nf 4/1 3/2 5/1\nf 4/1 5/2 6/1\n")
+    mean = (0.75 * 0.6 + 0.25 * 0.5 * 0.503, 0.75 * 0.1 + 0.25, 0.75 * 0.05)
+    assert world_with(tmp_path, "both.obj").mesh[0].keys.colour == pytest.approx(mean, abs=0.003)
+    assert world_with(tmp_path, "both.obj", colour=(0.1, 0.2, 0.3)).mesh[0].keys.colour == (0.1, 0.2, 0.3)
+    assert [look[1] for look in world_with(tmp_path, "red.obj").appearances()] == [
+        pytest.approx((0.6, 0.1, 0.05), abs=0.003)
+    ]
+
+
+def test_a_glb_has_its_base_colour_or_that_of_its_corners(tmp_path: Path) -> None:
+    plate: Any = trimesh.creation.box(SIZES)
+    plate.visual = trimesh.visual.TextureVisuals(
+        material=trimesh.visual.material.PBRMaterial(baseColorFactor=[51, 102, 204, 255])
+    )
+    plate.export(str(tmp_path / "base.glb"))
+    assert world_with(tmp_path, "base.glb").mesh[0].keys.colour == pytest.approx((0.2, 0.4, 0.8), abs=0.003)
+    corners: Any = trimesh.creation.box(SIZES)
+    corners.visual.vertex_colors = [188, 0, 255, 255]
+    corners.export(str(tmp_path / "corners.glb"))  # linear in glTF
+    corners.export(str(tmp_path / "corners.ply"))  # sRGB in others
+    assert world_with(tmp_path, "corners.glb").mesh[0].keys.colour == pytest.approx((0.737, 0.0, 1.0), abs=0.003)
+    assert world_with(tmp_path, "corners.ply").mesh[0].keys.colour == pytest.approx((0.503, 0.0, 1.0), abs=0.003)
+
+
+def test_files_without_or_with_unreadable_colours_have_the_common_paint(tmp_path: Path) -> None:
+    """A texture outside the folder is not read, and one that is missing or damaged leaves the mesh usable."""
+    folder = tmp_path / "inner"
+    folder.mkdir()
+    (folder / "plates.mtl").write_text("newmtl red\nmap_Kd ../outside.png\n")
+    (tmp_path / "outside.png").write_bytes(b"no picture")
+    (folder / "red.obj").write_text(OBJ)
+    (folder / "bare.obj").write_text(OBJ.replace("plates", "missing"))
+    block(folder)
+    for name in ("red.obj", "bare.obj", "block.stl"):
+        mesh = world_with(folder, name).mesh[0]
+        assert len(mesh.triangles) >= 2
+        assert mesh.keys.colour is None, name
+
+
 def test_yaw_turns_a_mesh_clockwise_and_pitch_raises_its_front(tmp_path: Path) -> None:
     block(tmp_path)
     corners = np.array(world_with(tmp_path, orientation=(0.0, 0.0, 0.5 * pi)).mesh[0].placed).reshape(-1, 3)
