@@ -66,7 +66,7 @@ def survey_charts(cells: list[Cell], plane: LocalPlane) -> Survey:
     if not len(soundings):
         names = ", ".join(cell.name for cell in cells)
         raise ConfigError(
-            f"{names}: no soundings: use another chart of the place, of a larger scale (third letter of its name: 4 or 5)"
+            f"{names}: no soundings: use another chart of the place, of a larger scale (third letter of the name: 4, 5)"
         )
     return Survey(
         source="; ".join(_label(cell) for cell in cells),
