@@ -52,6 +52,7 @@ EQUIPMENT = (
     "fins", "lift", "cross_flow", "forward_speed_damping", "fading_damping", "buoyancy_engine", "drop_weights",
 )  # fmt: skip
 OTHER_KEYS = (*EQUIPMENT, "control", "battery", "meshes", "collision", "every_thruster", "every_fin")
+DENSITIES = (50.0, 20_000.0)  # kg/m³: outside of these, mass or volume is in another unit
 
 
 class Vehicle(NamedTuple):
@@ -127,6 +128,12 @@ class Vehicle(NamedTuple):
                 return f"{key}: {bad:g} is not finite: write a finite number"
         if min(self.mass, self.volume, *self.dimensions) <= 0.0:
             return "mass, volume and dimensions must be above 0"
+        density = self.mass / self.volume
+        if not DENSITIES[0] <= density <= DENSITIES[1]:
+            return (
+                f"volume: {self.volume:g} m³ with a mass of {self.mass:g} kg makes {density:.3g} kg/m³, which is no "
+                "vehicle: write the volume in cubic metres (11 litres are 0.011) and the mass in kg"
+            )
         if not all(0.0 <= share <= 1.0 for share in self.munk_share):
             return "munk_share: each share is from 0 to 1"
         if not 0.0 < self.capsize_tilt <= TILT_NEVER:

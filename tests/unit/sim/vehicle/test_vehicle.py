@@ -76,6 +76,8 @@ def test_the_control_table_and_common_thruster_keys_are_read(tmp_path: Path) -> 
         ({"thrusters": [{**TABLE["thrusters"][0], "direction": [1e300, 0, 0]}]}, "direction[0]: 1e+300 is outside"),
         ({"thrusters": [{**TABLE["thrusters"][0], "pwm_max_us": 1400}]}, "leave no pulse"),
         ({"mass": -1.0}, "mass: -1 kg is outside"),
+        ({"mass": 11.0, "volume": 11.0}, "write the volume in cubic metres (11 litres are 0.011)"),
+        ({"mass": 11_000.0, "volume": 0.011}, "and the mass in kg"),
     ],
 )
 def test_wrong_vehicles_are_reported(changes: dict[str, Any], message: str) -> None:
