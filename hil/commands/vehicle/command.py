@@ -1,6 +1,7 @@
 """`uuv-hil vehicle`: describe a vehicle and what it can do, from its file alone."""
 
 import argparse
+from collections.abc import Sequence
 from typing import Any
 
 from hil.autonomy.control.allocation import pseudo_inverse
@@ -9,7 +10,7 @@ from hil.common.errors import ConfigError
 from hil.common.options import Number, add_json, add_output, add_plot, new_parser
 from hil.common.schema import preset_names
 from hil.common.text import json_text
-from sim.matrices import Matrix, square
+from sim.matrices import square
 from sim.vehicle.terminal_speed import AXES, AxisCapability, axis_capabilities
 from sim.vehicle.thrusters.bank import wrench_matrix
 from sim.vehicle.vehicle import Vehicle, displaced_volume, load_vehicle
@@ -111,13 +112,14 @@ def describe(vehicle: Vehicle, density: float = 1000.0) -> str:
         f"{vehicle.name}\n{paragraph(f'source: {vehicle.source}', '  ')}",
         _columns(_body_rows(vehicle, density)),
         "surge to yaw, about the origin\n" + _columns(_coefficient_rows(vehicle)),
-        f"thrusters: {len(names)} (m, FRD)\n" + _columns(_thruster_rows(vehicle)),
+        f"thrusters: {len(names)} (m, FRD)\n" + _columns(_place_rows(vehicle)),
+        _columns(_limit_rows(vehicle)),
         *equipment,
         paragraph(f"wrench of 1 N of each thruster (N, N m), rank {rank} of 6")
         + "\n"
         + paragraph(f"cannot be driven alone: {', '.join(idle)}" if idle else "every axis can be driven")
         + "\n"
-        + _columns([("", *names), *_number_rows(list("XYZKMN"), matrix)]),
+        + _columns([("", *"XYZKMN"), *_number_rows(names, list(zip(*matrix, strict=True)))]),
         paragraph("one axis at a time, thrusters within their limits (roll and pitch: against damping alone)")
         + "\n"
         + _columns(_capability_rows(capabilities)),
@@ -184,12 +186,18 @@ def _coefficient_rows(vehicle: Vehicle) -> list[tuple[str, ...]]:
     return rows
 
 
-def _thruster_rows(vehicle: Vehicle) -> list[tuple[str, ...]]:
-    rows: list[tuple[str, ...]] = [("name", "position", "direction", "ahead", "astern", "dead band", "lag")]
+def _place_rows(vehicle: Vehicle) -> list[tuple[str, ...]]:
+    rows: list[tuple[str, ...]] = [("name", "position", "direction")]
+    rows += [(t.name, _point(t.position), " ".join(f"{x:.3f}" for x in t.unit_direction)) for t in vehicle.thrusters]
+    return rows
+
+
+def _limit_rows(vehicle: Vehicle) -> list[tuple[str, ...]]:
+    rows: list[tuple[str, ...]] = [("name", "ahead", "astern", "dead band", "lag")]
     rows += [
         (
-            t.name, _point(t.position), " ".join(f"{x:.3f}" for x in t.unit_direction), f"{t.max_forward:.4g} N",
-            f"{t.max_reverse:.4g} N", f"±{t.dead_band_us:g} us", f"{t.time_constant * 1e3:.4g} ms",
+            t.name, f"{t.max_forward:.4g} N", f"{t.max_reverse:.4g} N", f"±{t.dead_band_us:g} us",
+            f"{t.time_constant * 1e3:.4g} ms",
         )
         for t in vehicle.thrusters
     ]  # fmt: skip
@@ -228,7 +236,7 @@ def _capability_rows(capabilities: tuple[AxisCapability, ...]) -> list[tuple[str
     return rows
 
 
-def _number_rows(names: list[str], matrix: Matrix) -> list[tuple[str, ...]]:
+def _number_rows(names: Sequence[str], matrix: Sequence[Sequence[float]]) -> list[tuple[str, ...]]:
     return [(name, *(f"{x + 0.0:.4f}" for x in row)) for name, row in zip(names, matrix, strict=True)]
 
 

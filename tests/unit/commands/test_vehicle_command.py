@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from hil.cli import main
-from hil.commands.vehicle.command import top
+from hil.commands.vehicle.command import describe, top
 from hil.common.schema import preset_names
 from sim.vehicle.vehicle import load_vehicle
 
@@ -138,3 +138,13 @@ def test_a_vehicle_written_as_urdf_can_be_imported(tmp_path: Path, capsys: pytes
     urdf.write_text(capsys.readouterr().out)
     assert main(["vehicle", "--import", str(urdf), "-o", str(tmp_path / "back.toml")]) == 0
     assert load_vehicle(str(tmp_path / "back.toml"))[0].added_mass == load_vehicle("paper_six")[0].added_mass
+
+
+def test_tables_of_thrusters_with_long_names_fit_80_columns(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every thruster has one line in each table: no name or number is broken over two lines."""
+    monkeypatch.setenv("COLUMNS", "80")
+    vehicle, _ = load_vehicle("bluerov2_heavy")
+    lines = describe(vehicle).splitlines()
+    assert max(map(len, lines)) <= 80
+    names = [thruster.name for thruster in vehicle.thrusters]
+    assert [line.split()[0] for line in lines if line.split()[:1] and line.split()[0] in names] == names * 3
