@@ -1,14 +1,14 @@
 """Export a world for Gazebo (gz-sim): SDF, a height map of 16 bits, and a ground texture."""
 
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
 from numpy.typing import NDArray
 
 from hil.charts.exports.png import write_png
-from hil.charts.grid import Grid, write_file
+from hil.charts.grid import STRIP_ROWS, Grid, write_file
 from sim.environment.obstacles import Box, Cylinder
 from sim.environment.world import World
 
@@ -27,7 +27,7 @@ def write_gazebo(world: World, grid: Grid, path: str) -> float:
     x is east, y north, z up, and the water's surface is at 0. Unknown depths become a wall, as high as the highest land
     or shoal. The world has buoyancy but no current, which is part of a vehicle's plugin in Gazebo. Raises ConfigError.
     """
-    image, low, high = height_map(grid)
+    image, low, high = height_map(grid, world.terrain.unmap if world.terrain else None)
     stem = os.path.splitext(path)[0]
     write_png(image, f"{stem}_heights.png")
     write_png(np.full((8, 8, 3), (194, 178, 128), np.uint8), f"{stem}_sand.png")
@@ -36,17 +36,25 @@ def write_gazebo(world: World, grid: Grid, path: str) -> float:
     return (high - low) / LEVELS / 2.0
 
 
-def height_map(grid: Grid) -> tuple[NDArray[np.uint16], float, float]:
-    """Return a square image with 2^n + 1 nodes along a side, north first, and the heights (m) of its 0 and 65535."""
+def height_map(grid: Grid, unmap: Callable[[], None] | None = None) -> tuple[NDArray[np.uint16], float, float]:
+    """Return a square image with 2^n + 1 nodes along a side, north first, and the heights (m) of its 0 and 65535.
+
+    `unmap` releases the pages of a memory-mapped grid. It is called after each strip of rows.
+    """
     side = _side(grid)
     south, north, west, east = grid.extent
     columns = np.clip(np.linspace(west, east, side), west, east)
-    rows = np.clip(np.linspace(south, north, side), south, north)
-    heights = np.array([-grid.at(np.column_stack([np.full(side, row), columns])) for row in rows])
+    heights = np.empty((side, side), np.float32)
+    for index, row in enumerate(np.clip(np.linspace(south, north, side), south, north)):
+        heights[index] = -grid.at(np.column_stack([np.full(side, row), columns]))
+        if unmap and index % STRIP_ROWS == 0:
+            unmap()
     low, high = float(np.nanmin(heights)), float(np.nanmax(heights))
     high = max(high, low + 0.01)  # a flat bed needs a range other than 0
-    levels = np.rint((np.nan_to_num(heights, nan=high) - low) / (high - low) * LEVELS)
-    return levels[::-1].astype(np.uint16), low, high
+    levels = np.empty((side, side), np.uint16)
+    for index, line in enumerate(heights[::-1]):
+        levels[index] = np.rint((np.nan_to_num(line.astype(float), nan=high) - low) / (high - low) * LEVELS)
+    return levels, low, high
 
 
 def height_map_spacing(grid: Grid) -> float:
