@@ -19,7 +19,7 @@ from hil.charts.build import Report, build
 from hil.charts.grid import Extent, grid_of, write_file
 from hil.charts.gridding import Progress
 from hil.charts.hazards import SeabedModel
-from hil.charts.sources.combine import read_sources
+from hil.charts.sources.combine import ReadOptions, read_sources
 from hil.charts.sources.sign import Positive
 from hil.charts.world_file import write_world
 from hil.common.errors import ConfigError
@@ -56,7 +56,9 @@ def load_or_build_seabed(
     cached = _load(of_whole) or _load(of_part)
     if cached is not None:
         return cached
-    survey, extent = read_sources([path], None, resolution, positive=positive, crs=crs, crop=True, near=near)
+    survey, extent = read_sources(
+        [path], None, resolution, ReadOptions(positive=positive, crs=crs, crop=True, near=near)
+    )
     built = build(survey, extent, resolution, progress)
     seabed = WholeSeabed(built.model, survey.source, survey.origin, built.report)
     with suppress(OSError, ConfigError):  # the disk is full or the folder not writable: it is not cached

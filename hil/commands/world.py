@@ -103,7 +103,7 @@ def _build(options: argparse.Namespace) -> int:
     from hil.charts.build import build
     from hil.charts.chart_survey import GeoBox
     from hil.charts.describe import describe
-    from hil.charts.sources.combine import read_sources
+    from hil.charts.sources.combine import ReadOptions, read_sources
     from hil.charts.world_file import write_world
 
     path = (
@@ -113,12 +113,9 @@ def _build(options: argparse.Namespace) -> int:
         options.files,
         GeoBox(*options.area) if options.area else None,
         options.resolution,
-        options.updates,
-        options.positive,
-        options.reach,
-        options.crs,
-        options.newest,
-        dict(options.priority),
+        ReadOptions(
+            options.updates, options.positive, options.reach, options.crs, options.newest, dict(options.priority)
+        ),
     )
     try:
         built = build(survey, extent, options.resolution, show_progress)

@@ -3,6 +3,8 @@
 import os
 from collections.abc import Mapping
 from functools import partial
+from types import MappingProxyType
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,15 +27,9 @@ MAX_SIZE = 1.7  # degrees of latitude: greatest width of a world, whose coordina
 POINTS_REACH = 4.0  # distance around soundings in which the bed counts as known, as a multiple of their mean spacing
 
 
-def read_sources(
-    paths: list[str], area: GeoBox | None, resolution: float | None = None, updates: bool = True,
-    positive: Positive = "auto", reach: float | None = None, crs: str | None = None, newest: bool = False,
-    priorities: Mapping[str, int] | None = None, crop: bool = False, near: tuple[float, float] | None = None,
-) -> tuple[Survey, Extent]:  # fmt: skip
-    """Return the combined data of the files, and the extent of `area` on their plane (m).
+class ReadOptions(NamedTuple):
+    """How files of depths are read and combined.
 
-    - `area`: by default the coverage of all files.
-    - `resolution`: m, of the grid that will be made, by default that of the data.
     - `updates`: apply the updates of S-57 charts.
     - `positive`: whether values count "up" or "down", "auto" to detect it; `crs`: coordinate system of files that
       state none.
@@ -43,27 +39,42 @@ def read_sources(
     - `priorities`: of files, where sources overlap (hil.charts.sources.priority).
     - `crop`: of an area that is too large for a world, use the part around `near` (latitude, longitude in degrees), by
       default around its centre; the survey's notes say so.
-
-    Raises ConfigError, MissingExtraError.
     """
-    cells: list[Cell] = []
-    loose: list[Points] = []
-    rasters: list[Raster] = []
-    ranks: dict[str, list[int]] = {"cells": [], "loose": [], "rasters": []}
-    priorities = priorities or {}
-    require_named(priorities, paths)
-    for path in paths:
-        rank = priorities.get(path, OTHER)
-        if path.lower().endswith(".000"):
-            cells.append(read_cell(path, updates))
-            ranks["cells"].append(rank)
-        elif is_points(path):
-            loose.append(read_points(path, positive, crs))
-            ranks["loose"].append(rank)
-        else:
-            rasters.append(_open(path, positive, crs))
-            ranks["rasters"].append(priorities.get(path, RASTER))
-    order = sorted(range(len(rasters)), key=lambda k: rasters[k].date, reverse=True) if newest else range(len(rasters))
+
+    updates: bool = True
+    positive: Positive = "auto"
+    reach: float | None = None
+    crs: str | None = None
+    newest: bool = False
+    priorities: Mapping[str, int] = MappingProxyType({})
+    crop: bool = False
+    near: tuple[float, float] | None = None
+
+
+class _Files(NamedTuple):
+    """The content of the files by kind, each with its priority in `ranks`: cells, loose soundings, rasters."""
+
+    cells: list[Cell]
+    loose: list[Points]
+    rasters: list[Raster]
+    ranks: dict[str, list[int]]
+
+
+def read_sources(
+    paths: list[str], area: GeoBox | None, resolution: float | None = None, options: ReadOptions = ReadOptions()
+) -> tuple[Survey, Extent]:
+    """Return the combined data of the files, and the extent of `area` on their plane (m).
+
+    `area` is by default the coverage of all files, `resolution` (m) of the grid that will be made by default that of
+    the data. Raises ConfigError, MissingExtraError.
+    """
+    cells, loose, rasters, ranks = _read_files(paths, options)
+    reach = options.reach
+    order = (
+        sorted(range(len(rasters)), key=lambda k: rasters[k].date, reverse=True)
+        if options.newest
+        else range(len(rasters))
+    )
     order = sorted(order, key=lambda k: -ranks["rasters"][k])
     if any(not points.geographic for points in loose):
         return _on_a_plane(loose, bool(cells or rasters or area), resolution, reach)
@@ -71,7 +82,7 @@ def read_sources(
     if area and not any(_overlap(area, box) for box in boxes):
         raise ConfigError(f"--area: {_text(area)} is outside the data, which cover {_text(_around(boxes))}")
     area = area or _around(boxes)
-    whole, area = area, _cropped(area, near) if crop else area
+    whole, area = area, _cropped(area, options.near) if options.crop else area
     _require_local(area)
     plane = LocalPlane(*_origin(area.centre))
     parts = [survey_charts(cells, plane)] if cells else []
@@ -85,6 +96,24 @@ def read_sources(
     if area != whole:
         together = together._replace(notes=(*together.notes, _crop_note(whole, area)), is_cropped=True)
     return together._replace(beds=tuple(beds[:first]), fillers=tuple(beds[first:])), _extent(area, plane)
+
+
+def _read_files(paths: list[str], options: ReadOptions) -> _Files:
+    files = _Files([], [], [], {"cells": [], "loose": [], "rasters": []})
+    priorities = options.priorities
+    require_named(priorities, paths)
+    for path in paths:
+        rank = priorities.get(path, OTHER)
+        if path.lower().endswith(".000"):
+            files.cells.append(read_cell(path, options.updates))
+            files.ranks["cells"].append(rank)
+        elif is_points(path):
+            files.loose.append(read_points(path, options.positive, options.crs))
+            files.ranks["loose"].append(rank)
+        else:
+            files.rasters.append(_open(path, options.positive, options.crs))
+            files.ranks["rasters"].append(priorities.get(path, RASTER))
+    return files
 
 
 def _open(path: str, positive: Positive, crs: str | None) -> Raster:

@@ -9,7 +9,7 @@ import pytest
 from hil.charts.build import build
 from hil.charts.chart_survey import GeoBox
 from hil.charts.projection import LocalPlane
-from hil.charts.sources.combine import read_sources
+from hil.charts.sources.combine import ReadOptions, read_sources
 from hil.charts.sources.points import read_points
 from hil.charts.sources.rasters import Raster, open_raster
 from hil.common.errors import ConfigError
@@ -152,12 +152,12 @@ def test_of_a_raster_too_large_for_a_world_a_part_can_be_used(tmp_path: Path) ->
     rasterio = pytest.importorskip("rasterio", reason="rasters need rasterio: pip install 'uuv-hil[raster]'")
     where = rasterio.Affine(9.0, 0.0, -180.0, 0.0, -6.0, 90.0)
     path = write(tmp_path / "earth.tif", -DEPTHS, crs="EPSG:4326", transform=where)
-    survey, extent = read_sources([path], None, 1000.0, crop=True, near=(60.0, 20.0))
+    survey, extent = read_sources([path], None, 1000.0, ReadOptions(crop=True, near=(60.0, 20.0)))
     assert survey.origin == pytest.approx((60.0, 20.0))
     assert survey.is_cropped
     assert "59.167 to 60.833 N" in survey.notes[-1]
     assert max(map(abs, extent)) < 1e5
-    assert read_sources([path], None, 1000.0, crop=True)[0].origin == pytest.approx((0.0, 0.0))
-    assert not read_sources([path], GeoBox(10.0, 20.0, 10.1, 20.1), 1000.0, crop=True)[0].is_cropped
+    assert read_sources([path], None, 1000.0, ReadOptions(crop=True))[0].origin == pytest.approx((0.0, 0.0))
+    assert not read_sources([path], GeoBox(10.0, 20.0, 10.1, 20.1), 1000.0, ReadOptions(crop=True))[0].is_cropped
     with pytest.raises(ConfigError, match=r"--start 95,20: is not on the chart, which covers -90 to 90 N"):
-        read_sources([path], None, 1000.0, crop=True, near=(95.0, 20.0))
+        read_sources([path], None, 1000.0, ReadOptions(crop=True, near=(95.0, 20.0)))

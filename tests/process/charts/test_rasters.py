@@ -12,7 +12,7 @@ from hil.charts.chart_survey import GeoBox
 from hil.charts.exports.geotiff import write_geotiff
 from hil.charts.grid import Grid
 from hil.charts.projection import LocalPlane
-from hil.charts.sources.combine import read_sources
+from hil.charts.sources.combine import ReadOptions, read_sources
 from hil.charts.sources.points import read_points
 from hil.charts.sources.rasters import open_raster
 from hil.commands import world as command
@@ -193,7 +193,7 @@ def test_the_newer_s102_survey_is_used_on_request(tmp_path: Path) -> None:
     sloping[:, 30:] = np.nan
     s102(Path(new), sloping + 1.5, 54.0, 10.0, "20240301")
     for files, newest, first in (([old, new], False, 0.0), ([new, old], False, 1.5), ([old, new], True, 1.5)):
-        survey, extent = read_sources(files, None, newest=newest)
+        survey, extent = read_sources(files, None, options=ReadOptions(newest=newest))
         built = build(survey, extent)
         plane = LocalPlane(*survey.origin or (0.0, 0.0))
         places = np.column_stack(plane.to_local(np.full(2, 54.006), np.array([10.005, 10.0175])))

@@ -15,7 +15,7 @@ from hil.charts.build import build
 from hil.charts.chart_survey import GeoBox
 from hil.charts.projection import LocalPlane
 from hil.charts.sources import points
-from hil.charts.sources.combine import read_sources
+from hil.charts.sources.combine import ReadOptions, read_sources
 from hil.charts.sources.points import read_points
 from hil.common.errors import ConfigError
 from sim.environment.obstacles import STANDING
@@ -252,5 +252,5 @@ def test_soundings_in_local_metres_make_a_world_without_origin(tmp_path: Path) -
     grid = build(survey, extent, 5.0).model.grid
     inside = grid.depths[2:-2, 2:-2]
     assert np.abs(inside - (10.0 + 0.05 * grid.north[2:-2, None])).max() < 0.15
-    near, extent = read_sources([str(path)], None, 5.0, reach=2.0)
+    near, extent = read_sources([str(path)], None, 5.0, ReadOptions(reach=2.0))
     assert build(near, extent, 5.0).report.unknown > 0.3
