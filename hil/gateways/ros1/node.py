@@ -17,7 +17,7 @@ from hil.gateways.ros1.messages import Kind, Service
 from hil.gateways.ros1.publication import Publication
 from hil.gateways.ros1.services import serve_calls
 from hil.gateways.ros1.subscription import Caller, Report, Subscription
-from hil.gateways.ros1.tcpros import PeerError, encode_header, peer_name, read_header, required, set_options
+from hil.gateways.ros1.tcpros import Connection, PeerError, encode_header, peer_name, read_header, required, set_options
 
 MAX_CONNECTIONS = 256
 MAX_TOPICS = 2000
@@ -105,7 +105,7 @@ class Node:
             if self._connections > MAX_CONNECTIONS:
                 raise PeerError(f"{MAX_CONNECTIONS} connections are open already")
             set_options(writer)
-            await self._serve(await read_header(reader), reader, writer)
+            await self._serve(Connection(await read_header(reader), reader, writer))
         except PeerError as error:
             self.refused += 1
             self._report("refused", f"a connection from {peer_name(writer)} was refused: {error}")
@@ -120,19 +120,20 @@ class Node:
             with suppress(OSError):
                 await writer.wait_closed()
 
-    async def _serve(self, header: dict[str, str], reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+    async def _serve(self, connection: Connection) -> None:
+        header = connection.header
         if "service" in header:
             name = header["service"]
             service = self.services.get(name)
             if service is None or self._commanding is None:
                 raise PeerError(f"{self.name} has no service {name[:256]!r}")
-            await serve_calls(name, service, self._commanding.call, self.name, header, reader, writer)
+            await serve_calls(name, service, self._commanding.call, self.name, connection)
             return
         topic, _ = required(header, "topic", "callerid")
         publication = self.publications.get(topic)
         if publication is None:
             raise PeerError(f"{self.name} does not publish {topic[:256]!r}")
-        await publication.serve(self.name, header, reader, writer)
+        await publication.serve(self.name, connection)
 
     def _set_publishers(self, topic: str, uris: list[str]) -> None:
         subscription = self.subscriptions.get(topic)

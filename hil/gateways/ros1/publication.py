@@ -5,7 +5,7 @@ from collections import deque
 from collections.abc import Callable
 
 from hil.gateways.ros1.messages import Kind, UnreadableError, to_ros1
-from hil.gateways.ros1.tcpros import encode_header, frame, require_type
+from hil.gateways.ros1.tcpros import Connection, encode_header, frame, require_type
 from hil.recording.mcap_file import Message
 
 MAX_WAITING, MAX_BYTES = 100, 8 << 20  # messages and bytes that wait for a subscriber; then the oldest are dropped
@@ -64,10 +64,9 @@ class Publication:
             for subscriber in self.subscribers if data else ():
                 subscriber.put(data)
 
-    async def serve(
-        self, node: str, header: dict[str, str], reader: asyncio.StreamReader, writer: asyncio.StreamWriter
-    ) -> None:
+    async def serve(self, node: str, connection: Connection) -> None:
         """Serve a connection whose header named this topic, until it ends. Raises PeerError."""
+        header, reader, writer = connection
         require_type(header, self.topic, self.kind.name, self.kind.md5sum)
         reply = {
             "callerid": node,

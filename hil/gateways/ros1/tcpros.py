@@ -6,6 +6,7 @@ http://wiki.ros.org/ROS/TCPROS, ROS/Connection Header. All that comes is bounded
 import asyncio
 from collections.abc import Mapping
 from struct import Struct, pack
+from typing import NamedTuple
 
 from hil.gateways.json_lines.connection import SOCKET_OPTIONS, tcp_options
 
@@ -14,6 +15,14 @@ HEADER_S = 5.0  # within which a header must have come
 UNREAD_MS = 30_000  # for which a peer may leave what is sent to it unread, or not be there
 ANY = "*"  # for a type or md5 sum: whatever it is
 _LENGTH = Struct("<I")
+
+
+class Connection(NamedTuple):
+    """A connection whose header was received: its fields, and both directions of the stream."""
+
+    header: dict[str, str]
+    reader: asyncio.StreamReader
+    writer: asyncio.StreamWriter
 
 
 class PeerError(Exception):
