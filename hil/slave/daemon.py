@@ -19,7 +19,7 @@ from hil.slave.log import Log
 from hil.slave.loop import Loop
 from hil.slave.pilot import build_pilot
 from hil.slave.publishing import DEPTH, RECORDED_DEPTH, PublishingThread
-from hil.slave.sample_publisher import SamplePublisher
+from hil.slave.sample_publisher import MessageContent, SamplePublisher
 from sim.environment.world import load_world
 from sim.sensors.variances import error_variances
 from sim.vehicle.vehicle import load_vehicle
@@ -158,9 +158,9 @@ def _assemble(
     excluded_topics = () if scenario.ros.transforms else ("/tf",)
     thread = PublishingThread(RECORDED_DEPTH if recorder else DEPTH)
     stack.callback(thread.close)
-    names = slave.node, epoch_ns, scenario.ros.frame_prefix, excluded_topics
+    content = MessageContent(scenario.ros.frame_prefix, excluded_topics, error_variances(scenario.sensors, world))
     sample_publisher = (recorder.make_sample_publisher if recorder else SamplePublisher)(
-        session, *names, variances=error_variances(scenario.sensors, world), thread=thread
+        session, slave.node, epoch_ns, content, thread=thread
     )
     pilot = None
     if builtin:

@@ -4,7 +4,7 @@ import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from types import MappingProxyType
-from typing import Any
+from typing import Any, NamedTuple
 
 from hil.common.clock import now_ns, to_wall_ns
 from hil.common.errors import ConfigError
@@ -25,12 +25,22 @@ def _call(call: Callable[..., None], *arguments: Any) -> None:
     call(*arguments)
 
 
+class MessageContent(NamedTuple):
+    """What messages contain: `prefix` begins the frame names, `variances` are those of `sim.sensors.variances`.
+
+    `excluded_topics` are not published.
+    """
+
+    prefix: str = ""
+    excluded_topics: Sequence[str] = ()
+    variances: Mapping[str, tuple[float, ...]] = MappingProxyType({})
+
+
 class SamplePublisher:
     """Publish the samples of the slave as one node.
 
     `epoch_ns` is the initial wall time (ns since 1970) of simulation time 0; `stamps` converts simulation time to
-    message stamps. `prefix` begins the frame names. `excluded_topics` are not published. `variances` are those of
-    `sim.sensors.variances`. `of` is the identity of a node in another process, whose samples this one publishes.
+    message stamps. `of` is the identity of a node in another process, whose samples this one publishes.
     `graph` is the node in the ROS graph.
 
     With a `thread`, that thread publishes, and no method waits for the network except `diagnostics`, which the loop
@@ -47,10 +57,8 @@ class SamplePublisher:
         session: Session,
         node: str,
         epoch_ns: int,
-        prefix: str = "",
-        excluded_topics: Sequence[str] = (),
+        content: MessageContent = MessageContent(),
         waits: bool = False,
-        variances: Mapping[str, tuple[float, ...]] = MappingProxyType({}),
         of: Identity | None = None,
         thread: PublishingThread | None = None,
     ) -> None:
@@ -58,9 +66,7 @@ class SamplePublisher:
         self._defer: Callable[..., None] = thread.append if thread else _call
         self._session = session
         self._node = node
-        self._prefix = prefix
-        self._excluded_topics = excluded_topics
-        self._variances = variances
+        self._content = content
         self._whole = sys.maxsize if waits else LARGE  # bytes; longer messages are sent in the background
         self.stamps = Stamps(epoch_ns)
         self.graph = Node(session, node, of)
@@ -158,12 +164,12 @@ class SamplePublisher:
     def _messages(self, topic: str, sample: Any, stamp_ns: int) -> list[tuple[str, bytes]]:
         # Same result as sample._replace(time_ns=...), in half the time: the first field of each sample is time_ns.
         stamped = tuple.__new__(type(sample), (stamp_ns, *sample[1:]))
-        messages = ros.encoder(topic)(stamped, self._prefix, *self._variances.get(topic, ()))
-        return [message for message in messages if message[0] not in self._excluded_topics]
+        messages = ros.encoder(topic)(stamped, self._content.prefix, *self._content.variances.get(topic, ()))
+        return [message for message in messages if message[0] not in self._content.excluded_topics]
 
     def _declare_outlets(self, samples: tuple[str, ...]) -> None:
         for sample in samples:
-            names = [name for name in sample_topics(sample) if name not in self._excluded_topics]
+            names = [name for name in sample_topics(sample) if name not in self._content.excluded_topics]
             if names:
                 self._outlets[sample] = [self._publishers.get(name) or self._declare(name) for name in names]
 

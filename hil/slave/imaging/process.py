@@ -34,7 +34,7 @@ from hil.ros.topics import FAN, first_of
 from hil.scenario.config import Scenario, build_simulation
 from hil.slave.imaging.neighbours import Neighbours
 from hil.slave.imaging.sensors import DONE, REQUEST
-from hil.slave.sample_publisher import SamplePublisher
+from hil.slave.sample_publisher import MessageContent, SamplePublisher
 from sim.environment.world import load_world
 from sim.sensors.samples import Sample
 from sim.sensors.sensor_set import Slot
@@ -106,7 +106,9 @@ def _serve(scenario: Scenario, node: Identity, answers: int, stop_fd: int) -> No
     studio = Studio(scenario)
     slave = scenario.slave
     with join(scenario) as session, studio.neighbours.subscribe():
-        sample_publisher = SamplePublisher(session, slave.node, 0, scenario.ros.frame_prefix, waits=True, of=node)
+        sample_publisher = SamplePublisher(
+            session, slave.node, 0, MessageContent(scenario.ros.frame_prefix), waits=True, of=node
+        )
         delayed: list[tuple[int, Message]] = []  # monotonic time (ns) to publish at, message
         outlets: dict[int, list[str]] = {}  # sensor number -> topics of its messages so far
         while True:

@@ -8,7 +8,7 @@ from hil.network.roles import open_master_session
 from hil.ros import encoders as ros
 from hil.ros import graph
 from hil.ros.topics import TYPE_HASHES
-from hil.slave.sample_publisher import SamplePublisher
+from hil.slave.sample_publisher import MessageContent, SamplePublisher
 from sim.sensors import extra_samples, own, samples
 from sim.sensors.extra_samples import FixSample, FlagSample, PositionSample
 from sim.sensors.imaging import samples as imaging_samples
@@ -50,7 +50,7 @@ def test_topics_are_declared_before_the_first_sample() -> None:
     """ROS can discover the publisher of a slow sensor at once."""
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     with listen(endpoint) as slave, open_master_session(endpoint) as master:
-        sample_publisher = SamplePublisher(slave, "uuv1", EPOCH_NS, excluded_topics=("/tf",))
+        sample_publisher = SamplePublisher(slave, "uuv1", EPOCH_NS, MessageContent(excluded_topics=("/tf",)))
         sample_publisher.declare(["gps", "dvl", "odom"])
 
         def published() -> set[str]:
@@ -75,7 +75,7 @@ def test_excluded_topics_are_not_published_and_frames_have_their_prefix() -> Non
     endpoint, received = f"tcp/127.0.0.1:{free_port()}", dict[str, bytes]()
     with listen(endpoint) as slave, open_master_session(endpoint) as master:
         master.subscribe_keys("0/**", lambda key, payload, _: received.update({key: payload}), depth=64)
-        sample_publisher = SamplePublisher(slave, "uuv1", EPOCH_NS, prefix="uuv1/", excluded_topics=("/tf",))
+        sample_publisher = SamplePublisher(slave, "uuv1", EPOCH_NS, MessageContent("uuv1/", ("/tf",)))
         deadline = time.monotonic() + 60.0
         while not received and time.monotonic() < deadline:
             sample_publisher.publish_sample(

@@ -15,7 +15,7 @@ from hil.network.roles import open_master_session
 from hil.network.session import Session
 from hil.network.settings import Network
 from hil.ros import encoders as ros
-from hil.slave.sample_publisher import SamplePublisher
+from hil.slave.sample_publisher import MessageContent, SamplePublisher
 from sim.sensors.samples import DvlSample, ImuSample, OdometrySample, PressureSample
 from tests.support.processes import Program, free_port, wait_for
 
@@ -46,12 +46,12 @@ class Vehicle:
     def stops_sending(self) -> bool:
         """Return True if sending stops soon."""
 
-        def excluded_topics() -> bool:
+        def is_silent() -> bool:
             before = self.sample_publisher.sent
             self.step()
             return self.sample_publisher.sent == before
 
-        return bool(wait_for(excluded_topics))
+        return bool(wait_for(is_silent))
 
     def run(self, count: int) -> None:
         for _ in range(count):
@@ -143,7 +143,7 @@ def test_an_excluded_topic_does_not_cause_sending(endpoint: str) -> None:
     """A subscriber to /tf gets no odometry where transforms are switched off."""
     with listen(endpoint) as session, open_master_session(endpoint) as other:
         other.subscribe_keys("0/tf/*/*", lambda *_: None, 8)
-        sample_publisher = SamplePublisher(session, "uuv1", 0, excluded_topics=("/tf",))
+        sample_publisher = SamplePublisher(session, "uuv1", 0, MessageContent(excluded_topics=("/tf",)))
         sample = OdometrySample(1, (0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0), (0.0,) * 6)
         assert wait_for(session.watch_keys("0/tf/*/*"))
         sample_publisher.publish_sample("odom", sample)
