@@ -16,7 +16,7 @@ Roughness of the reflecting surface is included only in its loss. Not modelled: 
 between the paths, objects smaller than the spacing of the reflected rays.
 """
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -59,38 +59,33 @@ def second_echoes(
     if not echoing.any():
         return []
     returned = chosen[echoing]
+    hit_normals = np.frombuffer(hits.normals).reshape(-1, 3)[echoing]
     reflected = _ReflectedRays(
-        rays.weights[returned],
-        rays.beam[returned],
-        length[echoing],
-        factors[echoing],
-        strengths[objects[echoing]],
-        objects[echoing],
-        np.frombuffer(hits.points).reshape(-1, 3)[echoing],
-        np.frombuffer(hits.normals).reshape(-1, 3)[echoing],
-        outgoing[echoing],
+        weights=rays.weights[returned],
+        beam=rays.beam[returned],
+        length=length[echoing],
+        factors=factors[echoing],
+        strength=strengths[objects[echoing]],
+        objects=objects[echoing],
+        points=np.frombuffer(hits.points).reshape(-1, 3)[echoing],
+        normals=hit_normals,
+        cos_incidence=np.maximum(-(hit_normals * outgoing[echoing]).sum(axis=1), 0.0),
     )
     return [_reflected_twice(reflected, absorption), _reflected_once(reflected, scene, pose, absorption)]
 
 
-class _ReflectedRays:
+class _ReflectedRays(NamedTuple):
     """Reflected rays (n): weights, beams, lengths (m), factors of the reflection's loss, and what they hit."""
 
-    def __init__(
-        self,
-        weights: Any,
-        beam: Any,
-        length: Any,
-        factors: Any,
-        strength: Any,
-        objects: Any,
-        points: Any,
-        normals: Any,
-        incoming: Any,
-    ) -> None:
-        self.weights, self.beam, self.length, self.factors = weights, beam, length, factors
-        self.strength, self.objects, self.points, self.normals = strength, objects, points, normals
-        self.cos_incidence = np.maximum(-(normals * incoming).sum(axis=1), 0.0)
+    weights: Any
+    beam: Any
+    length: Any
+    factors: Any
+    strength: Any
+    objects: Any
+    points: Any
+    normals: Any
+    cos_incidence: Any
 
     def half_depth_of(self, cos_incidence: Floats, ranges: Floats) -> Floats:
         """Return half the length (m) of a plane patch along the ray, limited at grazing incidence."""

@@ -51,6 +51,20 @@ class Imported(NamedTuple):
     notes: list[str]
 
 
+class _Model(NamedTuple):
+    """A model being imported: its `<robot>`, the pose of each link, its file, and the keys that the user gave.
+
+    `measure` measures mesh files; `notes` collects what was assumed.
+    """
+
+    robot: Element
+    poses: dict[str, Pose]
+    path: str
+    user_keys: dict[str, Any]
+    measure: Measure
+    notes: list[str]
+
+
 def _no_measure(meshes: Sequence[MeshKey]) -> Mapping[MeshKey, Solid]:
     return {}
 
@@ -77,7 +91,7 @@ def read_robot(
     notes: list[str] = []
     poses = _link_poses(robot, path)
     user_keys = dict(extra or {})
-    table = _table(robot, poses, path, user_keys, measure, notes)
+    table = _table(_Model(robot, poses, path, user_keys, measure, notes))
     common = user_keys.pop("every_thruster", {})
     meshes = list(_meshes(robot, poses, path))
     thrusters = [thruster | common for thruster in read_thrusters(robot, poses, path, notes)]
@@ -94,10 +108,9 @@ def read_robot(
     return Imported(vehicle, read_sensors(robot, poses, path, notes), notes)
 
 
-def _table(
-    robot: Element, poses: dict[str, Pose], path: str, user_keys: dict[str, Any], measure: Measure, notes: list[str]
-) -> dict[str, Any]:
+def _table(model: _Model) -> dict[str, Any]:
     """Return the keys of the model, except thrusters and fins."""
+    robot, poses, path, user_keys, _, notes = model
     table: dict[str, Any] = {
         "name": plain(robot.get("name") or "vehicle"),
         "source": f"imported from {plain(os.path.basename(path))}",
@@ -111,7 +124,7 @@ def _table(
         notes.append("The mass is the one given, the inertia still that of the URDF.")
     by_shapes = _is_of_gazebo(robot)
     if by_shapes or robot.find(".//hydrodynamic_model") is not None:
-        _add_shapes(table, robot, poses, path, user_keys, measure, notes, by_shapes)
+        _add_shapes(table, model, by_shapes)
         lost = [key for key in _ZERO if key not in table and key not in user_keys]
         if lost and len(lost) < len(_ZERO):
             table |= dict.fromkeys(lost, [0.0] * 6)
@@ -125,11 +138,9 @@ def _is_of_gazebo(robot: Element) -> bool:
     return any("hydrodynamics" in file or "buoyancy-system" in file for file in files)
 
 
-def _add_shapes(
-    table: dict[str, Any], robot: Element, poses: dict[str, Pose], path: str, user_keys: dict[str, Any],
-    measure: Measure, notes: list[str], with_volume: bool,
-) -> None:  # fmt: skip
+def _add_shapes(table: dict[str, Any], model: _Model, with_volume: bool) -> None:
     """Add what follows from the shapes of the model: volume, centre of buoyancy, and bounding box."""
+    robot, poses, path, user_keys, measure, notes = model
     known = table.keys() | user_keys.keys()
     if with_volume and not {"volume", "center_of_buoyancy"} <= known:
         shape_keys = from_collisions(robot, poses, path, measure, notes)
