@@ -5,7 +5,7 @@ import shutil
 import signal
 import subprocess
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -13,11 +13,11 @@ import pytest
 from firmware_stub import mavlink_headers
 from firmware_stub.native import NAME, NativeStm32, build_native, cache_folder
 from hil.common.errors import DeviceError
-from hil.links.contract import Protocol, ThrusterCommand, ThrusterLink, ThrusterTelemetry
+from hil.links.contract import Protocol, ThrusterCommand, ThrusterLink
 from hil.links.protocols import open_protocol
 from hil.links.wires.terminal import PtyHostWire
 from tests.support.busy import retry_when_busy
-from tests.support.links.link_contract import nothing_leaks, uuv_hil, wait_readable
+from tests.support.links.link_contract import nothing_leaks, uuv_hil, wait_telemetry
 
 FULL = (1900, 1100, 1600, 1400, 1500, 1501)
 NEUTRAL = (1500,) * 6
@@ -49,28 +49,18 @@ def stm32(device: str) -> Iterator[NativeStm32]:
         stm32.close()
 
 
-def wait(link: ThrusterLink, condition: Callable[[ThrusterTelemetry], bool]) -> ThrusterTelemetry:
-    deadline = time.monotonic() + PATIENCE_S
-    while time.monotonic() < deadline:
-        wait_readable(link.wire, 0.1)
-        for message in link.receive():
-            if isinstance(message, ThrusterTelemetry) and condition(message):
-                return message
-    pytest.fail("no such telemetry")
-
-
 def host(device: str, protocol: Protocol | None = None) -> ThrusterLink:
     return ThrusterLink(PtyHostWire(device), protocol or uuv_hil())
 
 
 def test_the_native_stm32_answers_commands_and_trips_its_watchdog(stm32: NativeStm32, device: str) -> None:
     link = host(device)
-    first = wait(link, lambda report: True)
+    first = wait_telemetry(link, lambda report: True)
     assert (first.armed, first.frames, first.pwm_us) == (False, 0, NEUTRAL)
     link.send(ThrusterCommand(41, True, FULL))
-    answer = wait(link, lambda report: report.sequence == 41)
+    answer = wait_telemetry(link, lambda report: report.sequence == 41)
     assert (answer.armed, answer.timed_out, answer.pwm_us, answer.frames, answer.age_us) == (True, False, FULL, 1, 0)
-    silent = wait(link, lambda report: report.timed_out)
+    silent = wait_telemetry(link, lambda report: report.timed_out)
     assert (silent.armed, silent.pwm_us, silent.watchdog_trips, silent.errors) == (False, NEUTRAL, 1, 0)
     assert 150_000 <= silent.age_us < 60_000_000
     counters = link.counters
@@ -80,13 +70,13 @@ def test_the_native_stm32_answers_commands_and_trips_its_watchdog(stm32: NativeS
 
 def test_telemetry_is_sent_fifty_times_a_second(stm32: NativeStm32, device: str) -> None:
     link = host(device)
-    wait(link, lambda report: True)
+    wait_telemetry(link, lambda report: True)
 
     def reports() -> None:
         link.receive()  # what came before
         start = time.monotonic()
         for _ in range(15):
-            wait(link, lambda report: True)
+            wait_telemetry(link, lambda report: True)
         assert 0.25 < time.monotonic() - start < 0.6
 
     retry_when_busy(reports, "a process of its own", attempts=20)
@@ -99,12 +89,12 @@ def test_the_native_stm32_is_commanded_by_mavlink(stm32: NativeStm32, device: st
     link = host(device, open_protocol("mavlink", "host", 6))
     for sequence in range(1, 10):
         link.send(ThrusterCommand(sequence, True, FULL))
-        if wait(link, lambda report: True).armed:
+        if wait_telemetry(link, lambda report: True).armed:
             break
     link.send(ThrusterCommand(20, True, (1555, *FULL[1:])))
-    answer = wait(link, lambda report: report.sequence == 20)
+    answer = wait_telemetry(link, lambda report: report.sequence == 20)
     assert (answer.armed, answer.pwm_us[0]) == (True, 1555)
-    silent = wait(link, lambda report: report.timed_out)
+    silent = wait_telemetry(link, lambda report: report.timed_out)
     assert (silent.armed, silent.pwm_us, silent.watchdog_trips) == (False, NEUTRAL, 1)
     link.close()
 
@@ -113,7 +103,7 @@ def test_the_native_stm32_is_commanded_by_mavlink(stm32: NativeStm32, device: st
 def test_a_signal_ends_it_with_neutral_outputs(stm32: NativeStm32, device: str, number: signal.Signals) -> None:
     link = host(device)
     link.send(ThrusterCommand(1, True, FULL))
-    wait(link, lambda report: report.armed)
+    wait_telemetry(link, lambda report: report.armed)
     os.kill(stm32.pid, number)
     assert stm32.close().endswith("1 commands, 0 refused, 0 checksum errors, 0 malformed, 0 bytes dropped, "
                                   "0 watchdog trips; disarmed, pwm 1500 1500 1500 1500 1500 1500")  # fmt: skip
@@ -132,7 +122,7 @@ def test_unread_telemetry_does_not_block_it(stm32: NativeStm32, device: str) -> 
     waiting = os.read(fd, 65536)
     assert len(waiting) < 4096
     link = host(device)
-    assert wait(link, lambda report: report.sequence == 399).frames == 400
+    assert wait_telemetry(link, lambda report: report.sequence == 399).frames == 400
     os.close(fd)
     link.close()
 
@@ -141,7 +131,7 @@ def test_a_second_process_on_the_same_path_is_refused(stm32: NativeStm32, device
     with pytest.raises(DeviceError, match="already served by another process"):
         NativeStm32(device, 6, 0.2)
     link = host(device)
-    wait(link, lambda report: True)
+    wait_telemetry(link, lambda report: True)
     link.close()
 
 
@@ -151,7 +141,7 @@ def test_a_new_process_starts_after_a_kill(stm32: NativeStm32, device: str) -> N
     assert os.path.islink(device)
     second = NativeStm32(device, 2, 0.2)
     link = host(device)
-    assert wait(link, lambda report: True).pwm_us == (1500, 1500)
+    assert wait_telemetry(link, lambda report: True).pwm_us == (1500, 1500)
     link.close()
     second.close()
 
@@ -214,7 +204,7 @@ def test_without_pymavlink_the_frame_protocol_works(device: str, monkeypatch: py
     stm32 = NativeStm32(device, 6, 0.2)
     link = host(device)
     link.send(ThrusterCommand(3, True, FULL))
-    assert wait(link, lambda report: report.sequence == 3).pwm_us == FULL
+    assert wait_telemetry(link, lambda report: report.sequence == 3).pwm_us == FULL
     link.close()
     stm32.close()
 

@@ -84,6 +84,17 @@ def wait_readable(wire: Wire, seconds: float = PATIENCE_S) -> bool:
     return bool(select.select([wire.fileno()], [], [], seconds)[0])
 
 
+def wait_telemetry(link: ThrusterLink, condition: Callable[[ThrusterTelemetry], bool]) -> ThrusterTelemetry:
+    """Return the first telemetry that meets the condition; fail if none does in time."""
+    deadline = time.monotonic() + PATIENCE_S
+    while time.monotonic() < deadline:
+        wait_readable(link.wire, 0.1)
+        for message in link.receive():
+            if isinstance(message, ThrusterTelemetry) and condition(message):
+                return message
+    pytest.fail("no such telemetry")
+
+
 def read_bytes(wire: Wire, count: int, patience_s: float = PATIENCE_S) -> bytes:
     """Return the next `count` bytes, or as many as arrive in time."""
     data = b""

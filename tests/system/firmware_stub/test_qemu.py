@@ -5,7 +5,7 @@ import shutil
 import signal
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import psutil
@@ -16,10 +16,10 @@ from firmware_stub.image import CHIPS
 from firmware_stub.qemu import PROGRAM, QemuStm32
 from hil.cli import main
 from hil.common.errors import DeviceError
-from hil.links.contract import Protocol, ThrusterCommand, ThrusterLink, ThrusterTelemetry
+from hil.links.contract import Protocol, ThrusterCommand, ThrusterLink
 from hil.links.protocols import open_protocol
 from tests.support.busy import retry_when_busy
-from tests.support.links.link_contract import nothing_leaks, uuv_hil, wait_readable
+from tests.support.links.link_contract import nothing_leaks, uuv_hil, wait_telemetry
 
 PATIENCE_S = 60.0
 NEUTRAL = (1500,) * 8
@@ -45,16 +45,6 @@ def stm32(request: pytest.FixtureRequest, cpu: int) -> Iterator[QemuStm32]:
     assert not psutil.pid_exists(stm32.pid)
 
 
-def wait(link: ThrusterLink, wanted: Callable[[ThrusterTelemetry], bool]) -> ThrusterTelemetry:
-    deadline = time.monotonic() + PATIENCE_S
-    while time.monotonic() < deadline:
-        wait_readable(link.wire, 0.1)
-        for message in link.receive():
-            if isinstance(message, ThrusterTelemetry) and wanted(message):
-                return message
-    pytest.fail("no such telemetry")
-
-
 def assert_pulses(stm32: QemuStm32, pulses: tuple[int, ...]) -> None:
     """Assert the pulses in the timers, where the emulated machine has some."""
     assert stm32.pwm_us() == (pulses if stm32.machine.has_timers else (0,) * 8)
@@ -71,22 +61,22 @@ class TestQemu:
         link = link_to(stm32)
         assert_pulses(stm32, NEUTRAL)
         link.send(ThrusterCommand(7, True, FULL))
-        answer = wait(link, lambda report: report.sequence == 7)
+        answer = wait_telemetry(link, lambda report: report.sequence == 7)
         assert (answer.pwm_us, answer.armed, answer.frames, answer.errors) == (FULL, True, 1, 0)
         assert_pulses(stm32, FULL)
         link.send(ThrusterCommand(8, True, (700, *FULL[1:])))
-        wait(link, lambda report: report.sequence == 8)
+        wait_telemetry(link, lambda report: report.sequence == 8)
         assert_pulses(stm32, (0, *FULL[1:]))
 
     def test_the_watchdog_sets_the_timers_to_neutral(self, stm32: QemuStm32) -> None:
         link = link_to(stm32)
         link.send(ThrusterCommand(7, True, FULL))
-        silent = wait(link, lambda report: report.timed_out)
+        silent = wait_telemetry(link, lambda report: report.timed_out)
         assert 200_000 <= silent.age_us < 210_000, "of its own time"
         assert (silent.armed, silent.pwm_us, silent.watchdog_trips) == (False, NEUTRAL, 1)
         assert_pulses(stm32, NEUTRAL)
         link.send(ThrusterCommand(1, True, FULL))
-        assert not wait(link, lambda report: report.sequence == 1).timed_out
+        assert not wait_telemetry(link, lambda report: report.sequence == 1).timed_out
         assert_pulses(stm32, FULL)
 
     def test_a_damaged_frame_moves_nothing_and_is_counted(self, stm32: QemuStm32) -> None:
@@ -94,7 +84,7 @@ class TestQemu:
         frame = bytearray(uuv_hil().encode(ThrusterCommand(7, True, FULL)))
         frame[10] ^= 1
         link.wire.write(bytes(range(256)) + frame)
-        assert wait(link, lambda report: report.errors > 0).frames == 0
+        assert wait_telemetry(link, lambda report: report.errors > 0).frames == 0
         assert_pulses(stm32, NEUTRAL)
 
     def test_every_command_is_answered(self, stm32: QemuStm32) -> None:
@@ -102,7 +92,7 @@ class TestQemu:
         for sequence in range(1, 101):
             pulses = tuple(1400 + (sequence * 7 + i) % 200 for i in range(8))
             link.send(ThrusterCommand(sequence, True, pulses))
-            answer = wait(link, lambda report, wanted=sequence: report.sequence == wanted)  # type: ignore[misc]
+            answer = wait_telemetry(link, lambda report, wanted=sequence: report.sequence == wanted)  # type: ignore[misc]
             assert (answer.pwm_us, answer.frames) == (pulses, sequence)
         assert link.counters.checksum_errors == link.counters.dropped_bytes == 0
 
@@ -111,17 +101,17 @@ class TestQemu:
         link = link_to(stm32, open_protocol("mavlink", "host", 8))
         for sequence in range(1, 10):
             link.send(ThrusterCommand(sequence, True, FULL))
-            if wait(link, lambda report: True).armed:
+            if wait_telemetry(link, lambda report: True).armed:
                 break
         link.send(ThrusterCommand(20, True, (1555, *FULL[1:])))
-        assert wait(link, lambda report: report.sequence == 20).armed
+        assert wait_telemetry(link, lambda report: report.sequence == 20).armed
         assert_pulses(stm32, (1555, *FULL[1:]))
 
     def test_every_byte_value_is_transmitted_unchanged(self, stm32: QemuStm32) -> None:
         """QEMU's multiplexer uses the byte 0x01 for its own commands."""
         link = link_to(stm32)
         link.send(ThrusterCommand(0x0101, True, (0x0401, 0x0501, 0x0601, 0x0701, 0x0101, 0x0401, 0x0501, 0x0601)))
-        answer = wait(link, lambda report: report.frames > 0)
+        answer = wait_telemetry(link, lambda report: report.frames > 0)
         assert (answer.sequence, answer.errors) == (0x0101, 0)
         assert answer.pwm_us[:4] == (0x0401, 0x0501, 0x0601, 0x0701)
 
@@ -142,11 +132,11 @@ class TestQemu:
         """
         link = link_to(stm32)
         link.send(ThrusterCommand(1, True, FULL))
-        first = wait(link, lambda report: report.sequence == 1)
+        first = wait_telemetry(link, lambda report: report.sequence == 1)
 
         def check_clock_rate() -> None:
-            before, began = wait(link, lambda report: report.age_us > first.age_us), time.monotonic()
-            later = wait(link, lambda report: report.age_us > before.age_us + 500_000)
+            before, began = wait_telemetry(link, lambda report: report.age_us > first.age_us), time.monotonic()
+            later = wait_telemetry(link, lambda report: report.age_us > before.age_us + 500_000)
             ratio = (later.age_us - before.age_us) / 1e6 / (time.monotonic() - began) / stm32.machine.speed
             assert 0.3 < ratio < 1.1
 

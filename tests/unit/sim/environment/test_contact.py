@@ -17,6 +17,7 @@ from sim.sensors.sensor_set import SensorSet
 from sim.simulation import Simulation
 from sim.vehicle.collision_shape import Collision
 from sim.vehicle.vehicle import Vehicle, load_vehicle
+from tests.support.collisions import check_collisions_add_no_energy, total_energy
 
 VEHICLE, _ = load_vehicle("paper_six")
 SEA = World(
@@ -27,23 +28,9 @@ QUIET: SensorSet = {}
 STEP_NS = 5_000_000  # twice the usual step: harder for collisions, and half the steps
 
 
-def kinetic(mass: list[list[float]], nu: Sequence[float]) -> float:
-    return 0.5 * sum(v * sum(m * x for m, x in zip(row, nu, strict=True)) for row, v in zip(mass, nu, strict=True))
-
-
 def test_a_collision_never_adds_energy() -> None:
     """Energy falls or stays in random states inside things, with an uneven mass matrix."""
-    skewed = VEHICLE._replace(center_of_gravity=(0.03, -0.02, 0.05))
-    dynamics = Dynamics(skewed, 1025.0, 9.8)
-    random, contacts = Random(1), 0
-    for _ in range(2000):
-        contact = Contact(skewed, SEA, dynamics.inverse_mass)
-        place = (random.uniform(-8, 8), random.uniform(-8, 8), random.uniform(4, 10.5))
-        state = State(place, normalise([random.gauss(0, 1) for _ in range(4)]), [random.gauss(0, 2) for _ in range(6)])
-        before = kinetic(dynamics.mass, state.nu)
-        contacts += contact.resolve(state)
-        assert kinetic(dynamics.mass, state.nu) <= before * (1.0 + 1e-12)
-    assert contacts > 200
+    assert check_collisions_add_no_energy(VEHICLE, SEA, 2000) > 200
 
 
 def closing_speed(touch: Touch, nu: Sequence[float]) -> float:
@@ -100,16 +87,11 @@ def test_a_falling_vehicle_never_gains_energy(place: tuple[float, float, float])
     dynamics = make_dynamics(vehicle, SEA.density, SEA.gravity, "rk4")
     contact = Contact(vehicle, SEA, dynamics.inverse_mass)
     state = State(place, nu=(0.3, -0.4, 0.0, 0.0, 0.0, 0.0))
-    offloaded = dynamics.weight - dynamics.hull.full
-
-    def energy() -> float:
-        return kinetic(dynamics.mass, state.nu) - offloaded * state.position[2]
-
-    last, touched = energy(), 0
+    last, touched = total_energy(dynamics, state), 0
     for _ in range(2000):
         dynamics.step(state, (0.0,) * 6, (0.0, 0.0, 0.0), STEP_NS * 1e-9)
         touched += contact.resolve(state)
-        now = energy()
+        now = total_energy(dynamics, state)
         assert now <= last + 1e-5  # of some hundred joules
         last = now
     assert touched > 0

@@ -1,7 +1,6 @@
 """A vehicle on relief: it does not enter slopes and steps, slides, and gains no energy."""
 
 from array import array
-from collections.abc import Sequence
 from math import atan, cos, nan, pi, sin, sqrt
 from random import Random
 
@@ -18,6 +17,7 @@ from sim.rotations import normalise, rotate, to_euler
 from sim.simulation import Simulation
 from sim.vehicle.collision_shape import Collision
 from sim.vehicle.vehicle import Vehicle, load_vehicle
+from tests.support.collisions import check_collisions_add_no_energy, total_energy
 
 VEHICLE, _ = load_vehicle("paper_six")
 HALF_HEIGHT = 0.5 * VEHICLE.dimensions[2]
@@ -31,10 +31,6 @@ def world_of(rule: Slope | Ridge | Sinusoid | Fractal | Step, holes: int = 0) ->
     for _ in range(holes):
         depths[chance.randrange(len(depths))] = nan
     return World("relief", "test", EXTENT, 8.0, terrain=Terrain(grid, depths, 8.0))
-
-
-def kinetic(mass: list[list[float]], nu: Sequence[float]) -> float:
-    return 0.5 * sum(v * sum(m * x for m, x in zip(row, nu, strict=True)) for row, v in zip(mass, nu, strict=True))
 
 
 def deepest(contact: Contact, state: State) -> float:
@@ -53,17 +49,7 @@ def sinking() -> Vehicle:
 
 def test_a_collision_never_adds_kinetic_energy() -> None:
     """The states are random in rough ground, with an uneven mass matrix."""
-    skewed = VEHICLE._replace(center_of_gravity=(0.03, -0.02, 0.05))
-    world, dynamics = world_of(Fractal(8.0, 1.0, seed=2)), Dynamics(skewed, 1025.0, 9.8)
-    rng, contacts = Random(1), 0
-    for _ in range(500):
-        contact = Contact(skewed, world, dynamics.inverse_mass)
-        place = (rng.uniform(-8, 8), rng.uniform(-8, 8), rng.uniform(4, 10.5))
-        state = State(place, normalise([rng.gauss(0, 1) for _ in range(4)]), [rng.gauss(0, 2) for _ in range(6)])
-        before = kinetic(dynamics.mass, state.nu)
-        contacts += contact.resolve(state)
-        assert kinetic(dynamics.mass, state.nu) <= before * (1.0 + 1e-12)
-    assert contacts > 100
+    assert check_collisions_add_no_energy(VEHICLE, world_of(Fractal(8.0, 1.0, seed=2)), 500) > 100
 
 
 @pytest.mark.parametrize("heading", [0.0, 0.7, -2.2])
@@ -121,20 +107,16 @@ def test_a_run_over_relief_gains_no_energy(rule: Slope, holes: int) -> None:
     dynamics = make_dynamics(vehicle, world.density, world.gravity, "rk4")
     contact = Contact(vehicle, world, dynamics.inverse_mass)
     state = State((1.3, -2.1, 2.0), nu=(0.7, -0.9, 0.0, 0.0, 0.0, 0.0))
-    offloaded = dynamics.weight - dynamics.hull.full
-
-    def energy() -> float:
-        return kinetic(dynamics.mass, state.nu) - offloaded * state.position[2]
-
-    first = last = energy()
+    weight_in_water = dynamics.weight - dynamics.hull.full
+    first = last = total_energy(dynamics, state)
     touched, gained = 0, 0.0
     for step in range(2000):
         before = state.position
         dynamics.step(state, (0.0,) * 6, (0.0, 0.0, 0.0), 0.0025)
         touched += contact.resolve(state)
         way = sum((a - b) ** 2 for a, b in zip(state.position, before, strict=True)) ** 0.5
-        gain = energy() - last
-        assert gain <= offloaded * way + 1e-3
+        gain = total_energy(dynamics, state) - last
+        assert gain <= weight_in_water * way + 1e-3
         gained += max(0.0, gain)
         last += gain
         assert step % 4 or deepest(contact, state) < 2e-3

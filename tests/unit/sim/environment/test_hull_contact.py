@@ -18,6 +18,7 @@ from sim.rotations import from_euler, to_euler
 from sim.simulation import Simulation
 from sim.vehicle.collision_shape import Collision, make_shape
 from sim.vehicle.vehicle import Vehicle, load_vehicle
+from tests.support.collisions import total_energy
 
 TORPEDO, _ = load_vehicle("remus100")
 FRAME, _ = load_vehicle("bluerov2_heavy")
@@ -155,12 +156,6 @@ def test_friction_stops_a_slide_on_the_seabed() -> None:
     Simulation(vehicle, SEA, {}, position=place)  # it may start where it came to rest
 
 
-def energy(dynamics: Dynamics, state: State) -> float:
-    rows = zip(dynamics.mass, state.nu, strict=True)
-    kinetic = 0.5 * sum(v * sum(m * x for m, x in zip(row, state.nu, strict=True)) for row, v in rows)
-    return kinetic - (dynamics.weight - dynamics.hull.full) * state.position[2]
-
-
 ATTITUDES = ((0.0, 0.0, 0.0), (0.4, 0.3, 0.2), (1.2, -0.9, 2.0))
 # Each restitution with each friction, each attitude three times: a Latin square.
 TUMBLES = [
@@ -181,12 +176,12 @@ def test_tumbling_on_the_seabed_gains_no_energy(restitution: float, friction: fl
     dynamics = make_dynamics(vehicle, SEA.density, SEA.gravity, "rk4")
     contact = Contact(vehicle, SEA, dynamics.inverse_mass, DT)
     state = State((0.0, 0.0, 19.0), from_euler(*attitude), (0.5, -0.3, 0.2, 0.4, 0.7, -0.2))
-    first = last = energy(dynamics, state)
+    first = last = total_energy(dynamics, state)
     most = gained = 0.0
     for _ in range(4000):
         dynamics.step(state, (0.0,) * 6, (0.0, 0.0, 0.0), DT)
         contact.resolve(state)
-        now = energy(dynamics, state)
+        now = total_energy(dynamics, state)
         most, gained, last = max(most, now - last), gained + max(0.0, now - last), now
     assert contact.count > 0
     assert last < first - 35.0
