@@ -167,6 +167,7 @@ def call(
         raise NetworkError(f"{name} ({type_name}) refuses: {reasons[0]}")
     if response is None:
         raise NetworkError(
-            f"{name} ({type_name}) did not answer within {seconds:g} s; `uuv-hil topic list` shows what is there"
+            f"{name} ({type_name}) did not answer within {seconds:g} s; `uuv-hil topic list` shows what is there; "
+            "if the vehicle's scenario sets [ros] domain or distro, use that scenario here too"
         )
     return response
