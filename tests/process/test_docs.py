@@ -135,10 +135,10 @@ def test_the_documentation_has_toml_of_the_main_sections() -> None:
     }  # fmt: skip
 
 
-def fly_example(**place: float) -> Any:
+def fly_example(**position: float) -> Any:
     """Return the tutorial's planner in the reference field."""
     (text,) = [block for block in TOML if "straight:Straight" in block.text]
-    planner = parse_toml(text.text)["planner"] | place
+    planner = parse_toml(text.text)["planner"] | position
     scenario = load_scenario("paper_field", {"planner": planner, "master": {"time_limit": 60.0}})
     outcome, _ = fly(scenario, prepare(scenario))
     return outcome
@@ -198,25 +198,25 @@ def examples() -> list[tuple[str, str]]:
     modules = [(name, module) for name, (module, _) in COMMANDS.items() if name != "bench"]
     modules += [(f"bench {name}", module) for name, (module, _) in BENCHMARKS.items()]
     texts = [(name, find_parser(module).epilog or "") for name, module in modules]
-    found = []
+    problems = []
     for name, text in [*texts, ("uuv-hil", command_help()), ("bench", bench_help())]:
         lines = re.findall(r"^ +(?:.*[|/ ])?uuv-hil (.*)$", text.replace("\\\n", " "), flags=re.MULTILINE)
         # What follows two spaces is a remark.
-        found += [(f"{name} --help", re.sub(r"\s{2,}.*$|\s+[&>].*$", "", line)) for line in lines]
-    return found
+        problems += [(f"{name} --help", re.sub(r"\s{2,}.*$|\s+[&>].*$", "", line)) for line in lines]
+    return problems
 
 
 @pytest.mark.usefixtures("parse_only")
 def test_the_arguments_of_commands_are_accepted(capsys: pytest.CaptureFixture[str]) -> None:
-    for where, line in [*commands(), *examples()]:
+    for location, line in [*commands(), *examples()]:
         name, *arguments = shlex.split(line.partition(" > ")[0])
-        assert name in COMMANDS, f"{where}: {name}"
+        assert name in COMMANDS, f"{location}: {name}"
         try:
             with pytest.raises(Parsed):
                 importlib.import_module(COMMANDS[name][0]).main(arguments)
         except SystemExit as refusal:
             if refusal.code:  # not --help
-                pytest.fail(f"{where}: uuv-hil {line}\n{capsys.readouterr().err}")
+                pytest.fail(f"{location}: uuv-hil {line}\n{capsys.readouterr().err}")
 
 
 def test_commands_of_pages_and_help_texts_are_found() -> None:

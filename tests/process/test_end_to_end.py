@@ -210,19 +210,19 @@ def test_the_master_continues_after_the_slave_was_restarted(tmp_path: Path) -> N
 
 def test_a_failed_thruster_changes_the_flight(tmp_path: Path) -> None:
     scenario, _ = write_scenario(tmp_path)
-    whole = scenario.read_text()
-    scenario.write_text(whole + '\n[[failure]]\nthruster = "front_left"\nkind = "off"\ntime = 1\n')
+    text = scenario.read_text()
+    scenario.write_text(text + '\n[[failure]]\nthruster = "front_left"\nkind = "off"\ntime = 1\n')
     with Program(tmp_path, "sim", scenario, "--fast") as lame:
         lame.wait()
-    scenario.write_text(whole)
+    scenario.write_text(text)
     with Program(tmp_path, "sim", scenario, "--fast") as sound:
         assert sound.wait() == 0
     assert lame.output.splitlines()[-1] != sound.output.splitlines()[-1]
-    scenario.write_text(whole + '\n[[failure]]\nthruster = "front_lft"\nkind = "off"\ntime = 1\n')
-    with Program(tmp_path, "sim", scenario, "--fast") as wrong:
-        assert wrong.wait() == 2
-    assert "front_left" in wrong.output
-    assert "Traceback" not in wrong.output
+    scenario.write_text(text + '\n[[failure]]\nthruster = "front_lft"\nkind = "off"\ntime = 1\n')
+    with Program(tmp_path, "sim", scenario, "--fast") as wrong_run:
+        assert wrong_run.wait() == 2
+    assert "front_left" in wrong_run.output
+    assert "Traceback" not in wrong_run.output
 
 
 def test_a_goal_outside_the_world_is_reported(tmp_path: Path) -> None:
@@ -289,7 +289,7 @@ def test_ctrl_c_ends_the_demo(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "words"),
+    ("text", "messages"),
     [
         ("vehicle = 3\n", ["vehicle", "text"]),
         ('vehicel = "paper_six"\n', ["vehicel", "vehicle"]),
@@ -314,17 +314,17 @@ def test_ctrl_c_ends_the_demo(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_a_wrong_scenario_is_one_clear_line(tmp_path: Path, text: str, words: list[str]) -> None:
+def test_a_wrong_scenario_is_one_clear_line(tmp_path: Path, text: str, messages: list[str]) -> None:
     path = tmp_path / "wrong.toml"
     path.write_text(text)
     code, output = run_here("slave", str(path))
     assert code == 2, output
     (line,) = output.strip().splitlines()
-    assert all(word in line for word in words), line
+    assert all(word in line for word in messages), line
 
 
 @pytest.mark.parametrize(
-    ("arguments", "code", "word"),
+    ("arguments", "code", "message"),
     [
         (["slave", "nowhere.toml"], 2, "nowhere.toml: no such file"),
         (["slave", "nowhere"], 2, "paper_field"),
@@ -340,10 +340,10 @@ def test_a_wrong_scenario_is_one_clear_line(tmp_path: Path, text: str, words: li
         (["sim", "--help"], 0, "examples"),
     ],
 )
-def test_command_lines_give_their_exit_code_and_message(arguments: list[str], code: int, word: str) -> None:
+def test_command_lines_give_their_exit_code_and_message(arguments: list[str], code: int, message: str) -> None:
     found, output = run_here(*arguments)
     assert found == code, output
-    assert word in output
+    assert message in output
 
 
 def test_an_error_of_a_process_is_one_line_and_its_exit_code(tmp_path: Path) -> None:

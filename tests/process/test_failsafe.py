@@ -164,11 +164,11 @@ def assert_running_again(bench: Bench, slave: Program, within: float) -> None:
 
 @retry_when_late
 def test_the_thrusters_stop_when_the_master_is_silent(slave: Program, bench: Bench, master: Master) -> None:
-    for turn in (1, 2):
+    for attempt in (1, 2):
         master.is_commanding = False
         silent = time.monotonic()
         assert bench.neutral_after(silent) < DEADMAN_S + SLACK_S
-        assert slave.output.count("deadman: no command in time, stopping the thrusters") == turn
+        assert slave.output.count("deadman: no command in time, stopping the thrusters") == attempt
         master.is_commanding = True
         assert_running_again(bench, slave, 0.5)
 
@@ -219,11 +219,11 @@ def test_the_thrusters_start_again_after_a_reset_of_the_stm32(slave: Program, be
 def test_noise_from_the_stm32_is_counted_and_commands_still_work(slave: Program, bench: Bench, master: Master) -> None:
     """A broken driver sends a second of noise at 921 600 bit/s: it is counted, and commands still work."""
     noise, end = random.Random(1), time.monotonic() + 1.0
-    written = 0
+    written_bytes = 0
     while time.monotonic() < end:
-        written += bench.end.link.wire.write(noise.randbytes(900))
+        written_bytes += bench.end.link.wire.write(noise.randbytes(900))
         time.sleep(0.01)
-    assert written > 40_000
+    assert written_bytes > 40_000
     assert_running_again(bench, slave, 0.5)
 
     def dropped() -> bool:
@@ -253,13 +253,13 @@ def test_the_thrusters_start_again_after_the_port_was_unplugged(slave: Program, 
     def reported(text: str, times: int) -> bool:
         return bool(wait_for(lambda: slave.output.count(text) == times))
 
-    for turn in (1, 2):
+    for attempt in (1, 2):
         bench.unplug()
         assert bench.end.stm32.pwm_us == NEUTRAL
-        assert reported("thruster link lost, the STM32's watchdog stops the thrusters", turn), slave.output
+        assert reported("thruster link lost, the STM32's watchdog stops the thrusters", attempt), slave.output
         time.sleep(0.7)
         bench.replug()
         assert_running_again(bench, slave, 1.0)
-        assert reported("thruster link back after", turn), slave.output
+        assert reported("thruster link back after", attempt), slave.output
     assert f"{bench.path}: went away" in slave.output
     assert wait_for(lambda: master.client.diagnostics().link_losses == 2)

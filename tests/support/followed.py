@@ -74,18 +74,18 @@ class Follower:
     def follow(self) -> None:
         """Execute the whole page. Fails with the line whose result differs from the page."""
         for block in blocks("shell", "text", "toml", "python", "xml", page=ROOT / self.page):
-            where = f"{self.page}:{block.line}"
+            location = f"{self.page}:{block.line}"
             if block.language == "text":
                 if not is_fenced(block):
                     continue
-                self._compare(block, where)
+                self._compare(block, location)
             elif block.language == "shell":
                 for line in block.text.replace("\\\n", " ").splitlines():
-                    self._type(re.sub(r"\s{2,}#\s.*$", "", line).strip(), where)
+                    self._type(re.sub(r"\s{2,}#\s.*$", "", line).strip(), location)
             elif name := file_of(block):
                 self._save(name, block)
             elif block.language == "python":
-                self._run_python(block.text, where)
+                self._run_python(block.text, location)
 
     def _save(self, name: str, block: Block) -> None:
         path = self.cwd / name
@@ -97,12 +97,12 @@ class Follower:
         text = re.sub(r"192\.168\.3\.11[67]|ADDRESS-OF-THE-BOARD|\b0\.0\.0\.0\b", "127.0.0.1", text)
         return text.replace("127.0.0.1:7447", f"127.0.0.1:{self.port}")
 
-    def _compare(self, block: Block, where: str) -> None:
+    def _compare(self, block: Block, location: str) -> None:
         """Treat a block of text as a replacement of a line, or compare it with the output of the command before it."""
         reported = re.search(r"In `(\w+\.toml)`, replace the line `([^`]+)`:\s*$", block.before)
         if reported:
             path = self.cwd / reported[1]
-            assert reported[2] in path.read_text(), f"{where}: {reported[1]} has no line {reported[2]!r}"
+            assert reported[2] in path.read_text(), f"{location}: {reported[1]} has no line {reported[2]!r}"
             path.write_text(path.read_text().replace(reported[2], self._with_local_addresses(block.text.strip())))
             return
         if not self.steps:
@@ -111,9 +111,9 @@ class Follower:
         for line in filter(None, map(str.strip, block.text.splitlines())):
             if line != "...":
                 found = any(pattern_of(line).search(output) for output in outputs)
-                assert found, f"{where}: no line like {line!r} in\n" + "\n".join(outputs)
+                assert found, f"{location}: no line like {line!r} in\n" + "\n".join(outputs)
 
-    def _type(self, line: str, where: str) -> None:
+    def _type(self, line: str, location: str) -> None:
         line = {"make demo": "uuv-hil demo"}.get(line, line)
         if not line:
             return
@@ -132,7 +132,7 @@ class Follower:
             self.cwd = self.cwd / re.findall(r"cd (\w+)", line)[-1]
             return
         if arguments[0] == "uuv-hil":
-            self._command(self._addressed(line), where)
+            self._command(self._addressed(line), location)
             return
         process = subprocess.run(
             ["bash", "-c", re.sub("^python ", f"{sys.executable} ", line)],
@@ -142,7 +142,7 @@ class Follower:
             timeout=60,
             check=False,
         )
-        assert process.returncode == 0, f"{where}: {line}\n{process.stderr}"
+        assert process.returncode == 0, f"{location}: {line}\n{process.stderr}"
 
     def _addressed(self, line: str) -> str:
         line = re.sub(r"--seeds \d+", "--seeds 2", self._with_local_addresses(line)).replace(
@@ -162,7 +162,7 @@ class Follower:
             line += f" --endpoint tcpin:127.0.0.1:{free_port()}"
         return line
 
-    def _command(self, line: str, where: str) -> None:
+    def _command(self, line: str, location: str) -> None:
         arguments = line.removesuffix("&").split()[1:]
         names = [word for word in arguments if word == "--view"] + [" ".join(arguments[:2]), arguments[0]]
         name = next((n for n in names if n in UNTIL_CTRL_C), "")
@@ -192,22 +192,22 @@ class Follower:
             else:
                 wait_for(lambda: program.process.poll() is not None, 1.5)  # it works for a while
                 codes = (0, 6, 130) if name == "--view" else (0, 130)  # 6: a mission that did not arrive
-                assert program.stop(signal.SIGINT) in codes, f"{where}: {line}\n{program.output}"
+                assert program.stop(signal.SIGINT) in codes, f"{location}: {line}\n{program.output}"
         else:
             code = program.wait(SECONDS)
             late = "goal reached" in program.output and "link lost" in program.output  # as on a machine that is busy
             wanted = (0, 6) if late else expected_code(arguments)
-            assert code in wanted, f"{where}: {line}: exit code {code}\n{program.output}"
-        assert "Traceback" not in program.output, f"{where}: {line}\n{program.output}"
+            assert code in wanted, f"{location}: {line}: exit code {code}\n{program.output}"
+        assert "Traceback" not in program.output, f"{location}: {line}\n{program.output}"
         self.steps.append(Step(line, program.output))
 
-    def _run_python(self, text: str, where: str) -> None:
+    def _run_python(self, text: str, location: str) -> None:
         code = self._with_local_addresses(text)
         process = subprocess.run(
             [sys.executable, "-c", code], cwd=self.cwd, capture_output=True, text=True, timeout=120, check=False,
             env={**os.environ, **package_environment()},
         )  # fmt: skip
-        assert process.returncode == 0, f"{where}: {process.stderr}"
+        assert process.returncode == 0, f"{location}: {process.stderr}"
         self.steps.append(Step("python", process.stdout))
 
 

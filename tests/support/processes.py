@@ -133,10 +133,10 @@ def run_here(*arguments: str) -> tuple[int, str]:
 
 
 @contextmanager
-def running_slave(folder: Path, more: str = "") -> Iterator[tuple[Program, str]]:
+def running_slave(folder: Path, extra_keys: str = "") -> Iterator[tuple[Program, str]]:
     """Provide a slave of the short mission, with `more` at the end of its scenario, that is ready; and its endpoint."""
     scenario, port = write_scenario(folder)
-    scenario.write_text(scenario.read_text() + more)
+    scenario.write_text(scenario.read_text() + extra_keys)
     with Program(folder, "slave", scenario) as program:
         program.expect("ready")
         yield program, f"tcp/127.0.0.1:{port}"

@@ -28,10 +28,10 @@ def text_without_encoding(source: str) -> Iterator[int]:
         if name == "write_text" and not owner and isinstance(function, ast.Name):  # hil.bench.record's own
             continue
         place = 0 if name == "open" and isinstance(function, ast.Attribute) and owner not in PACKED else PLACES[name]
-        modes = [word.value for word in node.keywords if word.arg == "mode"]
+        modes = [keyword.value for keyword in node.keywords if keyword.arg == "mode"]
         modes += node.args[place : place + 1] if place >= 0 else []
         mode = modes[0].value if modes and isinstance(modes[0], ast.Constant) else "r" if owner not in PACKED else "rb"
-        if "b" not in str(mode) and not any(word.arg == "encoding" for word in node.keywords):
+        if "b" not in str(mode) and not any(keyword.arg == "encoding" for keyword in node.keywords):
             yield node.lineno
 
 
@@ -51,10 +51,10 @@ def test_calls_without_an_encoding_are_found(source: str, is_found: bool) -> Non
 
 
 def test_no_file_is_opened_with_the_locales_encoding() -> None:
-    found = [
+    problems = [
         f"{path.relative_to(ROOT)}:{line}"
         for package in PACKAGES
         for path in sorted((ROOT / package).rglob("*.py"))
         for line in text_without_encoding(path.read_text(encoding="utf-8"))
     ]
-    assert not found, f"give encoding= to {', '.join(found)}"
+    assert not problems, f"give encoding= to {', '.join(problems)}"

@@ -113,11 +113,11 @@ def test_no_module_has_the_name_of_a_dependency() -> None:
 
 def test_the_command_and_sample_paths_follow_the_imports() -> None:
     """One of two rooms in a row imports the other, or the slave reaches it by a table of names."""
-    known = rooms.arrows() | {("hil.slave", "firmware_stub")}
+    known_arrows = rooms.arrows() | {("hil.slave", "firmware_stub")}
     for way in (rooms.COMMAND, rooms.SAMPLE):
         for one, other in pairwise(way):
-            met = {(one, other), (other, one)} & known
-            by_slave = {("hil.slave", one), ("hil.slave", other)} <= known
+            met = {(one, other), (other, one)} & known_arrows
+            by_slave = {("hil.slave", one), ("hil.slave", other)} <= known_arrows
             assert met or by_slave, f"{one} -> {other}"
 
 

@@ -63,7 +63,7 @@ def imports(path: Path) -> Iterator[str]:
 
 
 def test_the_rviz_view_shows_topics_of_the_vehicle_with_their_types() -> None:
-    shown = {}
+    published = {}
     for display in displays():
         topic = display.get("Topic") or display.get("Description Topic")
         if topic:
@@ -71,8 +71,8 @@ def test_the_rviz_view_shows_topics_of_the_vehicle_with_their_types() -> None:
             row = TOPICS[topic["Value"].removeprefix("/uuv1/")]
             assert row.type == KINDS[kind]
             assert topic["Durability Policy"] == ("Transient Local" if row.qos.latched else "Volatile")
-            shown[row.name] = kind
-    assert set(shown) == {"robot_description", "map", "obstacles", "odom", "plan", "laser"}
+            published[row.name] = kind
+    assert set(published) == {"robot_description", "map", "obstacles", "odom", "plan", "laser"}
 
 
 # --- the node, with stand-ins for ROS
@@ -123,17 +123,17 @@ class Odometry:
 
 @pytest.fixture
 def node(monkeypatch: pytest.MonkeyPatch) -> Any:
-    def put(name: str, **members: Any) -> None:
+    def publish(name: str, **members: Any) -> None:
         module = ModuleType(name)
         vars(module).update(members)
         monkeypatch.setitem(sys.modules, name, module)
 
     for package in ("rclpy", "geometry_msgs", "nav_msgs", "std_msgs"):
-        put(package)
-    put("rclpy.node", Node=StandIn)
-    put("geometry_msgs.msg", Twist=Twist)
-    put("nav_msgs.msg", Odometry=Odometry)
-    put("std_msgs.msg", Float64=Float64)
+        publish(package)
+    publish("rclpy.node", Node=StandIn)
+    publish("geometry_msgs.msg", Twist=Twist)
+    publish("nav_msgs.msg", Odometry=Odometry)
+    publish("std_msgs.msg", Float64=Float64)
     monkeypatch.syspath_prepend(str(PACKAGE))
     for name in ("follow_course", "steering", ""):
         monkeypatch.delitem(sys.modules, f"{NAME}.{name}".rstrip("."), raising=False)
@@ -167,18 +167,18 @@ def test_the_node_follows_its_course(node: Any) -> None:
     """The vehicle, in the slave's messages, turns at 0.5 rad/s at most and at the commanded speed."""
     north, east, heading = 0.0, 0.0, 3.0
     visited: list[tuple[float, float]] = []
-    wanted = list(node.points)
+    expected = list(node.points)
     for _ in range(4000):
         sample = sample_at(north, east, heading)
         payload = ros.encode_odometry(sample)
         node.on_odometry(namespace(ros_message.decode("nav_msgs/msg/Odometry", payload)))
         for timer in node.timers:
             timer()
-        if len(node.points) < len(wanted) - len(visited):
+        if len(node.points) < len(expected) - len(visited):
             visited.append((east, north))
-        north, east, heading = moved(north, east, heading, node.sent)
-    assert len(visited) == len(wanted)
-    assert all(dist(one, other) < 1.0 for one, other in zip(visited, wanted, strict=True))
+        north, east, heading = pose_after(north, east, heading, node.sent)
+    assert len(visited) == len(expected)
+    assert all(dist(one, other) < 1.0 for one, other in zip(visited, expected, strict=True))
     assert node.sent["/uuv1/cmd_depth"].data == 3.0
 
 
@@ -186,7 +186,7 @@ def sample_at(north: float, east: float, heading: float) -> Any:
     return OdometrySample(1, (north, east, 3.0), from_euler(0.0, 0.0, heading), (0.0,) * 6)
 
 
-def moved(north: float, east: float, heading: float, sent: dict[str, Any]) -> tuple[float, float, float]:
+def pose_after(north: float, east: float, heading: float, sent: dict[str, Any]) -> tuple[float, float, float]:
     off = remainder(sent["/uuv1/cmd_heading"].data - heading, tau)
     heading += max(-0.025, min(0.025, off))
     ahead = 0.05 * sent["/uuv1/cmd_vel"].linear.x

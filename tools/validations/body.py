@@ -14,7 +14,7 @@ from sim.rotations import Rotation, from_euler
 from sim.simulation import Simulation
 from sim.vehicle.vehicle import load_vehicle
 from tests.unit.sim.environment import test_contact as contacts
-from tests.unit.sim.test_dynamics import DEEP, HEAVY, NOTHING, STILL, bare
+from tests.unit.sim.test_dynamics import DEEP, HEAVY, NOTHING, STILL, undamped
 from tests.unit.sim.vehicle import test_surfaces as surfaces
 from tools.validations.sheet import SHADES, Finding, Sheet, above, below, label, near, ours, theirs, ticks, wrong
 
@@ -57,7 +57,7 @@ def energy(panels: Sequence[Axes]) -> list[Finding]:
 
 def _turning(integrator: Integrator, dt: float, forces: Sequence[Force] = ()) -> Energies:
     """Return kinetic energy over that of the start, every 0.1 s for 10 s, or until it has grown a hundredfold."""
-    dynamics = Dynamics(bare(UNEVEN), 1000.0, 9.8, integrator, forces)
+    dynamics = Dynamics(undamped(UNEVEN), 1000.0, 9.8, integrator, forces)
     state = State((0.0, 0.0, DEEP), from_euler(0.3, 0.2, 0.1), (1.5, -0.3, 0.7, 0.4, -0.9, 1.4))
     start, shares = kinetic(dynamics.mass, state.nu), [1.0]
     for _ in range(100):

@@ -99,7 +99,7 @@ def test_px4_boots_by_the_wall_clock_and_then_runs_in_lockstep(tmp_path: Path) -
         assert {later.time_usec - sooner.time_usec for sooner, later in itertools.pairwise(booting)} == {4000}
         for _ in range(500):
             sensor = peer.sensor()
-            peer.answer(sensor, (0.5, 0.5, -0.5, -0.5))  # ahead, with von Benzon's directions
+            peer.send_reply(sensor, (0.5, 0.5, -0.5, -0.5))  # ahead, with von Benzon's directions
         last = peer.sensor()
         time.sleep(0.2)
         assert not peer._sensors  # it waits for the answer
@@ -116,7 +116,7 @@ def test_outputs_of_a_disarmed_px4_are_neutral(tmp_path: Path) -> None:
     with bench(tmp_path) as b:
         peer = Px4Peer(b.port)
         for _ in range(20):
-            peer.answer(peer.sensor(), (1.0,) * 8, armed=False)
+            peer.send_reply(peer.sensor(), (1.0,) * 8, armed=False)
         peer.sensor()
         assert b.run.pwm_us == (1500,) * 8
         peer.close()
@@ -128,7 +128,7 @@ def test_gps_has_a_fix_at_the_surface_only(tmp_path: Path) -> None:
         with bench(tmp_path, sensors=gps, depth=depth) as b:
             peer = Px4Peer(b.port)
             while "HIL_GPS" not in peer.last:
-                peer.answer(peer.sensor(), ())
+                peer.send_reply(peer.sensor(), ())
             assert peer.last["HIL_GPS"].fix_type == fix
             peer.close()
 
@@ -137,14 +137,14 @@ def test_rc_channels_are_sent_when_configured(tmp_path: Path) -> None:
     with bench(tmp_path) as b:
         peer = Px4Peer(b.port)
         for _ in range(20):
-            peer.answer(peer.sensor(), ())
+            peer.send_reply(peer.sensor(), ())
         assert "RC_CHANNELS" not in peer.received
         peer.close()
     port = free_ports(1)[0]
     with bench(tmp_path, f'address = "tcp://127.0.0.1:{port}"\nrc = [1600, 1400]'):
         peer = Px4Peer(port)
         for _ in range(50):
-            peer.answer(peer.sensor(), ())
+            peer.send_reply(peer.sensor(), ())
         channels = peer.last["RC_CHANNELS"]
         assert (channels.chancount, channels.chan1_raw, channels.chan2_raw) == (2, 1600, 1400)
         assert channels.chan3_raw == channels.chan18_raw == 65_535  # unused
@@ -155,11 +155,11 @@ def test_rc_channels_are_sent_when_configured(tmp_path: Path) -> None:
 def test_a_stalled_px4_and_a_disconnected_one_are_distinguished(tmp_path: Path) -> None:
     with bench(tmp_path) as b:
         peer = Px4Peer(b.port)
-        peer.answer(peer.sensor(), ())
-        peer.answer(peer.sensor(), ())
+        peer.send_reply(peer.sensor(), ())
+        peer.send_reply(peer.sensor(), ())
         sensor = peer.sensor()
         b.wait_report("lockstep stalls")
-        peer.answer(sensor, ())
+        peer.send_reply(sensor, ())
         b.wait_report("it replies again")
         peer.close()
         b.wait_report("PX4 has disconnected; it does not connect again by itself")
@@ -173,9 +173,9 @@ def test_a_sensor_time_that_goes_back_is_reported_once(tmp_path: Path) -> None:
     with bench(tmp_path) as b:
         peer = Px4Peer(b.port)
         sensor = peer.sensor()
-        peer.answer(sensor, ())
+        peer.send_reply(sensor, ())
         sensor.time_usec -= 500_000
-        peer.answer(sensor, ())
+        peer.send_reply(sensor, ())
         b.wait_report("its time went back by 0.500 s")
         assert sum("went back" in report for report in b.reports) == 1, "once is enough"
         peer.close()

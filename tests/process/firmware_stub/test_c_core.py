@@ -29,7 +29,7 @@ def test_the_core_matches_the_specification_on_a_bad_line(core: str, seed: int) 
 @pytest.mark.parametrize("seed", range(100, 102))
 def test_the_core_matches_the_specification_for_pieces_of_any_size(core: str, seed: int) -> None:
     script = frame_script(seed, 400, noisy=False)
-    c, python = run_c(core, script), run_python(script, uuv_hil(), Clock(), piece=4096)
+    c, python = run_c(core, script), run_python(script, uuv_hil(), Clock(), chunk_size=4096)
     assert first_difference(script, c, python) is None
 
 

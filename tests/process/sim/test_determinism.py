@@ -30,11 +30,11 @@ def fingerprint(steps: int) -> str:
     simulation = Simulation(vehicle, world, sensors, seed=11, position=(4.0, 5.0, 3.0), heading=0.7)
     digest = sha256()
     pulses = cycle([(1560, 1540, 1545, 1555, 1510, 1490), (1440, 1462, 1455, 1450, 1490, 1510), (1500,) * 6])
-    held = next(pulses)
+    pwm_us = next(pulses)
     for step in range(steps):
         if step % 3000 == 0:
-            held = next(pulses)
-        for topic, sample in simulation.step(held):
+            pwm_us = next(pulses)
+        for topic, sample in simulation.step(pwm_us):
             digest.update(f"{topic} {sample!r}".encode())
     digest.update(repr((simulation.truth(), simulation.contacts)).encode())
     return f"{choose()[0].__name__} {digest.hexdigest()}"
@@ -43,14 +43,14 @@ def fingerprint(steps: int) -> str:
 def check_repeats(steps: int) -> None:
     """Assert that two processes, one without C and with another hash seed, have the same bits after so many steps."""
     code = f"from tests.process.sim.test_determinism import fingerprint; print(fingerprint({steps}))"
-    both = [
+    processes = [
         subprocess.Popen(
             [sys.executable, "-c", code], cwd=ROOT, stdout=subprocess.PIPE, text=True,
             env={**os.environ, "PYTHONPATH": str(ROOT), "PYTHONHASHSEED": seed, "UUV_HIL_NATIVE": native},
         )
         for seed, native in (("1", "0"), ("2", ""))
     ]  # fmt: skip
-    (python, one), (quickest, other) = (process.communicate()[0].split() for process in both)
+    (python, one), (quickest, other) = (process.communicate()[0].split() for process in processes)
     assert python == "Dynamics"
     assert quickest == choose()[0].__name__  # the C, where it was compiled
     assert one == other

@@ -232,17 +232,17 @@ def test_a_diverged_slave_ends_with_neutral_thrusters(tmp_path: Path) -> None:
 # -- vehicles that cannot be ------------------------------------------------------------------------------------------
 
 
-def changed(folder: Path, key: str, numbers: Sequence[float], name: str = "paper_six") -> str:
+def write_vehicle(folder: Path, key: str, numbers: Sequence[float], name: str = "paper_six") -> str:
     """Return a copy of a preset in which `key` has these numbers."""
     from hil.common.schema import find_preset
     from hil.common.tables import parse_toml
 
     text = Path(find_preset("sim/vehicles", name)).read_text()
-    top, cut, rest = text.partition("\n[")
+    top, cut, tail = text.partition("\n[")
     table = {k: v for k, v in parse_toml(top).items() if k != key}
     lines = [f"{k} = {_toml(v)}" for k, v in {**table, key: list(numbers)}.items()]
     path = folder / "mine.toml"
-    path.write_text("\n".join(lines) + cut + rest)
+    path.write_text("\n".join(lines) + cut + tail)
     return str(path)
 
 
@@ -252,7 +252,7 @@ def _toml(value: Any) -> str:
     return str(value).lower() if isinstance(value, bool) else repr(value).replace("'", '"')
 
 
-def _full(diagonal: float, **entries: float) -> list[float]:
+def _matrix(diagonal: float, **entries: float) -> list[float]:
     """Return 36 numbers: `diagonal`, and entries such as e16, row 1 and column 6."""
     numbers = [diagonal if i % 7 == 0 else 0.0 for i in range(36)]
     for key, value in entries.items():
@@ -261,13 +261,13 @@ def _full(diagonal: float, **entries: float) -> list[float]:
 
 
 @pytest.mark.parametrize(
-    ("key", "numbers", "words"),
+    ("key", "numbers", "reason"),
     [
-        ("linear_damping", _full(1.0, e26=-3.0), "makes energy in some motions"),
-        ("linear_damping", _full(1.0, e26=1.5, e62=1.5), "makes energy in some motions"),
+        ("linear_damping", _matrix(1.0, e26=-3.0), "makes energy in some motions"),
+        ("linear_damping", _matrix(1.0, e26=1.5, e62=1.5), "makes energy in some motions"),
         ("linear_damping", [1.0, 1.0, -0.1, 1.0, 1.0, 1.0], "negative on its diagonal"),
         ("forward_speed_damping", [-5.0, 1.0, 1.0, 1.0, 1.0, 1.0], "negative on its diagonal"),
-        ("forward_speed_damping", _full(1.0, e35=2.5), "makes energy in some motions"),
+        ("forward_speed_damping", _matrix(1.0, e35=2.5), "makes energy in some motions"),
         ("forward_speed_damping", [1.0, 2.0], "needs 6 numbers (diagonal) or 36 (full), found 2"),
         ("quadratic_damping", [1.0, 1.0, nan, 1.0, 1.0, 1.0], "quadratic_damping[2]: nan is outside"),
         ("added_mass", [inf, 1.0, 1.0, 0.1, 0.1, 0.1], "added_mass[0]: inf is outside"),
@@ -276,27 +276,27 @@ def _full(diagonal: float, **entries: float) -> list[float]:
     ],
 )
 def test_coefficients_that_generate_energy_are_refused(
-    key: str, numbers: list[float], words: str, tmp_path: Path
+    key: str, numbers: list[float], reason: str, tmp_path: Path
 ) -> None:
-    path = changed(tmp_path, key, numbers)
+    path = write_vehicle(tmp_path, key, numbers)
     with pytest.raises(ConfigError) as caught:
         load_vehicle(path)
     message = str(caught.value)
     assert message.startswith(f"{path}: {key}")
-    assert words in message
+    assert reason in message
     assert "\n" not in message
 
 
 @pytest.mark.parametrize(
     ("key", "numbers"),
     [
-        ("linear_damping", _full(1.0, e26=1.9, e62=-3.0)),  # what is not symmetric does no work
+        ("linear_damping", _matrix(1.0, e26=1.9, e62=-3.0)),  # what is not symmetric does no work
         ("linear_damping", [0.0] * 6),
-        ("forward_speed_damping", _full(1.0, e26=-7.0, e62=7.0)),
+        ("forward_speed_damping", _matrix(1.0, e26=-7.0, e62=7.0)),
         ("inertia", [0.1, 0.2, 0.3]),  # a plate
         ("inertia", [0.2, 0.1, 0.0, 0.1, 0.2, 0.0, 0.0, 0.0, 0.3]),
     ],
 )
 def test_coefficients_at_the_limit_are_accepted(key: str, numbers: list[float], tmp_path: Path) -> None:
-    vehicle: Vehicle = load_vehicle(changed(tmp_path, key, numbers))[0]
+    vehicle: Vehicle = load_vehicle(write_vehicle(tmp_path, key, numbers))[0]
     assert getattr(vehicle, key) == tuple(numbers)

@@ -53,7 +53,7 @@ def rays(*directions: Vector3) -> "array[float]":
     return array("d", [x for direction in directions for x in direction])
 
 
-def around(count: int, seed: int = 1) -> list[Vector3]:
+def random_directions(count: int, seed: int = 1) -> list[Vector3]:
     """Return directions all around, and along the axes."""
     chance = random.Random(seed)
     axes = [(1.0, 0.0, 0.0), (-1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, 1.0), (0.0, 0.0, -1.0)]
@@ -64,7 +64,7 @@ def around(count: int, seed: int = 1) -> list[Vector3]:
 
 
 def test_a_flat_seabed_gives_exact_ranges(make: Make) -> None:
-    directions = around(200)
+    directions = random_directions(200)
     found = make(DEEP._replace(depth=12.5)).ranges((3.0, 4.0, 2.5), rays(*directions), 300.0)
     expected = [10.0 / z if z > 0.0 and 10.0 / z <= 300.0 else inf for _, _, z in directions]
     assert list(found) == pytest.approx(expected, abs=1e-9)
@@ -73,17 +73,17 @@ def test_a_flat_seabed_gives_exact_ranges(make: Make) -> None:
 def test_a_plane_gives_exact_ranges(make: Make) -> None:
     """The depth is 10 + n / 4, which 32-bit floats hold exactly; cells have 2 m, and the grid's edge is far away."""
     world = by_rule(Slope(10.0, 0.25, resolution=2.0))
-    directions = [d for d in around(400) if 0.25 * d[0] < d[2]]
-    found = make(world).hits((1.3, -2.7, 5.0), rays(*directions), 12.0)
+    directions = [d for d in random_directions(400) if 0.25 * d[0] < d[2]]
+    hits = make(world).hits((1.3, -2.7, 5.0), rays(*directions), 12.0)
     for i, (x, _, z) in enumerate(directions):
         distance = (10.0 + 0.25 * 1.3 - 5.0) / (z - 0.25 * x)
         if distance > 12.0:
-            assert found.distances[i] == inf
+            assert hits.distances[i] == inf
             continue
-        assert found.distances[i] == pytest.approx(distance, abs=1e-9)
-        assert found.objects[i] == SEABED
-        assert found.normals[3 * i : 3 * i + 3].tolist() == pytest.approx(unit(0.25, 0.0, -1.0), abs=1e-12)
-    assert sum(x < inf for x in found.distances) > 100
+        assert hits.distances[i] == pytest.approx(distance, abs=1e-9)
+        assert hits.objects[i] == SEABED
+        assert hits.normals[3 * i : 3 * i + 3].tolist() == pytest.approx(unit(0.25, 0.0, -1.0), abs=1e-12)
+    assert sum(x < inf for x in hits.distances) > 100
 
 
 def test_a_step_gives_exact_ranges(make: Make) -> None:
@@ -100,7 +100,7 @@ def test_a_step_gives_exact_ranges(make: Make) -> None:
 def test_ranges_to_rough_ground_match_marching_in_small_steps(make: Make) -> None:
     """The reference marches in steps of 5 mm until the ray is below the seabed, then bisects."""
     world = by_rule(Fractal(15.0, 1.5, 0.7, seed=3))
-    origin, directions = (0.3, 0.7, 9.0), [d for d in around(150, 5) if d[2] > -0.1]
+    origin, directions = (0.3, 0.7, 9.0), [d for d in random_directions(150, 5) if d[2] > -0.1]
 
     def march(x: float, y: float, z: float) -> float:
         def below(t: float) -> bool:
@@ -125,17 +125,17 @@ def test_ranges_to_a_single_twisted_cell_are_exact(make: Make, seed: int) -> Non
     chance = random.Random(seed)
     corners = array("f", [chance.uniform(5.0, 9.0) for _ in range(4)])
     world = relief(Terrain(Grid(0.0, 0.0, 8.0, 2, 2), corners, 9.0))
-    origin, directions = (3.0, 5.0, 4.0), [d for d in around(100, seed) if d[2] > 0.05]
-    found = make(world).hits(origin, rays(*directions), 100.0)
+    origin, directions = (3.0, 5.0, 4.0), [d for d in random_directions(100, seed) if d[2] > 0.05]
+    hits = make(world).hits(origin, rays(*directions), 100.0)
     inside = 0
     for i, (x, y, z) in enumerate(directions):
-        north, east, down = found.points[3 * i : 3 * i + 3]
+        north, east, down = hits.points[3 * i : 3 * i + 3]
         if not (0.0 < north < 8.0 and 0.0 < east < 8.0):
             continue
         inside += 1
         assert down == pytest.approx(world.seabed(north, east), abs=1e-9)
         for share in [i / 50 for i in range(50)]:
-            t = share * found.distances[i]
+            t = share * hits.distances[i]
             assert origin[2] + t * z < world.seabed(origin[0] + t * x, origin[1] + t * y)
     assert inside > 15
 
@@ -165,7 +165,7 @@ def test_cells_without_data_are_a_wall(make: Make) -> None:
 
 def test_the_range_from_inside_an_object_is_zero(make: Make) -> None:
     scene = make(by_rule(Slope(10.0, 0.25))._replace(cylinder=(Cylinder(5.0, 5.0, 2.0),)))
-    directions = rays(*around(20))
+    directions = rays(*random_directions(20))
     assert set(scene.ranges((0.0, 0.0, 11.0), directions, 50.0)) == {0.0}
     assert set(scene.ranges((5.5, 5.0, 3.0), directions, 50.0)) == {0.0}
     assert set(scene.ranges((100.0, 0.0, 31.0), directions, 50.0)) == {0.0}
@@ -177,12 +177,12 @@ def test_the_range_from_inside_an_object_is_zero(make: Make) -> None:
 def test_a_sphere_gives_exact_ranges(make: Make) -> None:
     scene = make(DEEP)
     number = scene.add(solids.sphere((7.0, -3.0, 20.0), 2.5))
-    for direction in around(60):
+    for direction in random_directions(60):
         origin = [c - 9.0 * d for c, d in zip((7.0, -3.0, 20.0), direction, strict=True)]  # aims at its middle
-        found = scene.hits(origin, rays(direction), 100.0)
-        assert found.distances[0] == pytest.approx(6.5, abs=1e-9), direction
-        assert found.objects[0] == number == 1, direction
-        assert found.normals.tolist() == pytest.approx([-d for d in direction], abs=1e-9), direction
+        hits = scene.hits(origin, rays(direction), 100.0)
+        assert hits.distances[0] == pytest.approx(6.5, abs=1e-9), direction
+        assert hits.objects[0] == number == 1, direction
+        assert hits.normals.tolist() == pytest.approx([-d for d in direction], abs=1e-9), direction
 
 
 def test_rays_off_the_centre_of_a_sphere_give_exact_ranges(make: Make) -> None:
@@ -229,7 +229,7 @@ def test_a_rotated_box_and_the_same_mesh_give_equal_ranges(make: Make) -> None:
     meshed.add(cube(1.5), state)
     boxed.add(solids.box(state.position, (3.0, 3.0, 3.0), matrix(state.quaternion)))
     origin = (-1.0, 0.0, 5.0)
-    directions = rays(*[unit(9.0 + d[0], 3.0 * d[1], 3.0 * d[2]) for d in around(300)])
+    directions = rays(*[unit(9.0 + d[0], 3.0 * d[1], 3.0 * d[2]) for d in random_directions(300)])
     one, other = meshed.hits(origin, directions, 50.0), boxed.hits(origin, directions, 50.0)
     assert sum(x < inf for x in one.distances) > 80
     assert list(one.distances) == pytest.approx(list(other.distances), abs=1e-9)
@@ -245,14 +245,14 @@ def test_another_vehicle_is_hit_at_its_present_position(make: Make) -> None:
     length, width, _ = vehicle.dimensions
     scene, state = make(DEEP), State((10.0, 0.0, 5.0))
     number = scene.add(solids.hull(vehicle), state)
-    ahead = rays((1.0, 0.0, 0.0))
-    assert scene.ranges((0.0, 0.0, 5.0), ahead, 50.0)[0] == pytest.approx(10.0 - 0.5 * length)
+    forward = rays((1.0, 0.0, 0.0))
+    assert scene.ranges((0.0, 0.0, 5.0), forward, 50.0)[0] == pytest.approx(10.0 - 0.5 * length)
     state.position, state.quaternion = [20.0, 0.1, 5.0], list(from_euler(0.0, 0.0, pi / 2.0))
-    found = scene.hits((0.0, 0.0, 5.0), ahead, 50.0)
+    found = scene.hits((0.0, 0.0, 5.0), forward, 50.0)
     assert found.distances[0] == pytest.approx(20.0 - 0.5 * width)
     assert found.objects[0] == number
     state.position = [20.0, 0.0, 15.0]
-    assert scene.ranges((0.0, 0.0, 5.0), ahead, 50.0)[0] == inf
+    assert scene.ranges((0.0, 0.0, 5.0), forward, 50.0)[0] == inf
 
 
 def test_walls_boxes_and_the_surface_give_exact_ranges(make: Make) -> None:
@@ -260,16 +260,16 @@ def test_walls_boxes_and_the_surface_give_exact_ranges(make: Make) -> None:
     scene = make(world)
     surface = scene.add(solids.half_space((0.0, 0.0, 1.0), 0.0))
     directions = rays((1.0, 0.0, 0.0), (-1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, -1.0, 0.0), (0.0, 0.0, -1.0))
-    found = scene.hits((0.0, 0.0, 4.0), directions, 100.0)
-    assert list(found.distances) == pytest.approx([4.0, 20.0, 25.0, 25.0, 4.0])
-    assert found.objects.tolist() == [1, 2, 5, 4, surface]
-    assert found.normals[-3:].tolist() == [0.0, 0.0, 1.0]
+    hits = scene.hits((0.0, 0.0, 4.0), directions, 100.0)
+    assert list(hits.distances) == pytest.approx([4.0, 20.0, 25.0, 25.0, 4.0])
+    assert hits.objects.tolist() == [1, 2, 5, 4, surface]
+    assert hits.normals[-3:].tolist() == [0.0, 0.0, 1.0]
 
 
 def test_directions_are_rotated_from_sensor_axes(make: Make) -> None:
     """The result equals that of directions that were rotated one by one."""
     world = by_rule(Fractal(15.0, 1.0, seed=2))._replace(cylinder=(Cylinder(4.0, 5.0, 1.0),))
-    attitude, directions = from_euler(0.3, -0.2, 2.0), around(100)
+    attitude, directions = from_euler(0.3, -0.2, 2.0), random_directions(100)
     turned = [rotate(attitude, direction) for direction in directions]
     one = make(world).ranges((0.0, 0.0, 8.0), rays(*directions), 40.0, matrix(attitude))
     assert list(one) == pytest.approx(list(make(world).ranges((0.0, 0.0, 8.0), rays(*turned), 40.0)), abs=1e-9)

@@ -42,18 +42,18 @@ def fingerprint(seed: int, steps: int = 1200, integrator: str = "verlet") -> str
 
 
 def test_the_same_seed_gives_the_same_bits_in_another_process() -> None:
-    here = fingerprint(7)
-    assert fingerprint(7) == here
-    assert fingerprint(8) != here
-    assert fingerprint(7, integrator="rk4") != here
+    local = fingerprint(7)
+    assert fingerprint(7) == local
+    assert fingerprint(8) != local
+    assert fingerprint(7, integrator="rk4") != local
     root = Path(__file__).parents[3]
     code = "import sys; sys.path.insert(0, 'tests/process/sim')\nfrom test_simulation import fingerprint\n"
     code += "print(fingerprint(7))"
     environment = {**os.environ, "PYTHONHASHSEED": "123", "PYTHONPATH": str(root)}
-    there = subprocess.run(
+    elsewhere = subprocess.run(
         [sys.executable, "-c", code], cwd=root, env=environment, capture_output=True, text=True, check=True
     )  # fmt: skip
-    assert there.stdout.strip() == here
+    assert elsewhere.stdout.strip() == local
 
 
 def test_a_sensor_does_not_change_the_samples_of_others() -> None:

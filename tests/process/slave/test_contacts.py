@@ -63,27 +63,27 @@ def ping(ident: bytes, ahead_ns: int) -> bytes:
 def test_pings_with_impossible_times_are_malformed_and_later_ones_are_answered(slave: Slave, key: str) -> None:
     send = slave.other.sender(key)
 
-    def tell() -> int:
+    def counted() -> int:
         for instants in ((LAST, FIRST, LAST), (FIRST, 0, 0), (0, LAST, 0)):
             send(PING.pack(b"x" * 16, *instants))
         return slave.command_receiver.malformed >= 3
 
-    assert wait_for(tell)
+    assert wait_for(counted)
     assert not slave.command_receiver.clocks
     with VehicleClient(slave.endpoint, "uuv1", part="observer") as observer:
         assert observer.contact.known.wait(60)
 
 
 def test_only_clocks_of_masters_are_stored(slave: Slave) -> None:
-    answers: list[bytes] = []
-    slave.other.receive(PONG_KEY, answers.append, 16)
+    replies: list[bytes] = []
+    slave.other.receive(PONG_KEY, replies.append, 16)
     with VehicleClient(slave.endpoint, "uuv1") as master, VehicleClient(slave.endpoint, "uuv1", part="observer") as one:
         ident, ask = master._commands.gid, slave.other.sender(PING_KEY)
         assert one.contact.known.wait(60)
         assert wait_for(lambda: ident in slave.command_receiver.clocks and master.contact.reported)
-        assert wait_for(lambda: ask(ping(ident, 3600 * NS_PER_S)) or len(answers) > 20)
+        assert wait_for(lambda: ask(ping(ident, 3600 * NS_PER_S)) or len(replies) > 20)
         assert {known: clock.steps for known, clock in slave.command_receiver.clocks.items()} == {ident: 0}
-        printed = [PONG.unpack(answer)[-3:-1] for answer in answers if answer.startswith(ident)]
+        printed = [PONG.unpack(answer)[-3:-1] for answer in replies if answer.startswith(ident)]
     assert all(abs(offset) < NS_PER_S for offset, _ in printed)
 
 

@@ -80,12 +80,12 @@ def test_no_python_thread_has_a_lower_scheduling_class_than_the_loop(tmp_path: P
 
         def classes() -> dict[int, int]:
             """Return the scheduling class of each thread that runs our code: the library renames its own."""
-            process, found = psutil.Process(pid), {}
+            process, figures = psutil.Process(pid), {}
             for thread, *_ in process.threads():
                 with suppress(psutil.Error, OSError):  # it has just ended
                     if psutil.Process(thread).name() == process.name():
-                        found[thread] = os.sched_getscheduler(thread)
-            return found
+                        figures[thread] = os.sched_getscheduler(thread)
+            return figures
 
         assert wait_for(lambda: len(classes()) >= 4 and len(set(classes().values())) == 1), classes()
         below = [os.sched_getparam(thread).sched_priority for thread in classes()]
@@ -95,7 +95,7 @@ def test_no_python_thread_has_a_lower_scheduling_class_than_the_loop(tmp_path: P
 def test_recent_lateness_covers_only_the_last_period() -> None:
     lateness, recent = Histogram(), RecentLateness()
 
-    def looked(now: int) -> tuple[float, float, float]:
+    def figures_at(now: int) -> tuple[float, float, float]:
         output = Diagnostics()
         recent.add_figures(output, lateness, now)
         figures = output.lateness_recent_p50_us, output.lateness_recent_p99_us, output.lateness_recent_max_us
@@ -104,15 +104,15 @@ def test_recent_lateness_covers_only_the_last_period() -> None:
     for _ in range(400):
         lateness.add(29 * NS_PER_MS)
     began = NS_PER_S
-    assert looked(began)[1] >= 29_000
+    assert figures_at(began)[1] >= 29_000
     for _ in range(400):
         lateness.add(50_000)
-    assert looked(began + 100 * NS_PER_MS)[1] >= 29_000, "there was news: the same second still"
-    p50, _, worst = looked(began + NS_PER_S)
+    assert figures_at(began + 100 * NS_PER_MS)[1] >= 29_000, "there was news: the same second still"
+    p50, _, worst = figures_at(began + NS_PER_S)
     assert 50 <= p50 <= worst <= 63
     for _ in range(400):
         lateness.add(71 * NS_PER_MS)
-    assert looked(began + 2 * NS_PER_S)[2] >= 71_000
+    assert figures_at(began + 2 * NS_PER_S)[2] >= 71_000
 
 
 def test_an_unknown_board_is_named_by_its_architecture_and_host() -> None:
@@ -139,11 +139,11 @@ def test_a_silent_stm32_is_an_error(tmp_path: Path) -> None:
 
     No master needs to command for that: while the slave waits for commands, it sends neutral ones.
     """
-    ours, theirs = os.openpty()
-    tty.setraw(theirs)
+    near_end, far_end = os.openpty()
+    tty.setraw(far_end)
     # A name of its own: once the pty is closed, the next pty of any program gets its number.
     port = tmp_path / "adapter"
-    port.symlink_to(os.ttyname(theirs))
+    port.symlink_to(os.ttyname(far_end))
     changes = {"slave.realtime": False, "stm32": "device", "link.port": str(port)}
     try:
         with Bench("paper_field", changes) as bench, open_master_session(bench.endpoint) as session:
@@ -159,11 +159,11 @@ def test_a_silent_stm32_is_an_error(tmp_path: Path) -> None:
             assert wait_for(lambda: NO_ANSWER in slave.output)
             assert slave.output.count(NO_ANSWER) == 1
             port.unlink()
-            os.close(theirs)
-            os.close(ours)  # as if the adapter were pulled out
+            os.close(far_end)
+            os.close(near_end)  # as if the adapter were pulled out
             assert wait_for(lambda: any("is lost" in status.message for status in watch.statuses()))
     finally:
-        for descriptor in (ours, theirs):
+        for descriptor in (near_end, far_end):
             with suppress(OSError):
                 os.close(descriptor)
 

@@ -85,11 +85,11 @@ def test_the_depth_image_shows_the_floor_below(watched: VehicleClient) -> None:
 def test_the_point_cloud_matches_the_depth_image(watched: VehicleClient) -> None:
     """A cloud and a depth image of one instant agree through the camera's pinhole, in its frame: z ahead, y down."""
 
-    def both() -> tuple[Any, Any] | None:
+    def both_pictures() -> tuple[Any, Any] | None:
         cloud, picture = (watched.latest[f"camera/depth/{name}"].value for name in ("points", "image_raw"))
         return (cloud, picture) if cloud.time_ns == picture.time_ns else None
 
-    found = wait_for(both)
+    found = wait_for(both_pictures)
     assert found
     cloud, picture = found
     assert (cloud.width, cloud.height) == (WIDTH, HEIGHT)
@@ -97,11 +97,11 @@ def test_the_point_cloud_matches_the_depth_image(watched: VehicleClient) -> None
     depth = np.frombuffer(picture.data, "<f4").reshape(HEIGHT, WIDTH)
     fx, fy, cx, cy = watched.latest["camera/camera_info"].value.intrinsics
     columns, rows = np.meshgrid(np.arange(WIDTH), np.arange(HEIGHT))
-    seen = np.isfinite(depth)
-    assert seen.sum() > 1000
-    assert (np.isnan(z) == ~seen).all()
+    has_depth = np.isfinite(depth)
+    assert has_depth.sum() > 1000
+    assert (np.isnan(z) == ~has_depth).all()
     for axis, expected in ((x, (columns - cx) / fx * depth), (y, (rows - cy) / fy * depth), (z, depth)):
-        assert axis[seen] == pytest.approx(expected[seen], abs=1e-4)
+        assert axis[has_depth] == pytest.approx(expected[has_depth], abs=1e-4)
 
 
 def test_picture_stamps_are_those_of_the_simulation(watched: VehicleClient) -> None:

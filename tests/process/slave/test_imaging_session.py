@@ -37,8 +37,8 @@ def stack() -> Iterator[ExitStack]:
 
 def arrives(imaging: Session, *masters: Session) -> list[set[int]]:
     """Return the sizes of pictures that each of the masters gets."""
-    got: list[set[int]] = [set() for _ in masters]
-    for sizes, master in zip(got, masters, strict=True):
+    received: list[set[int]] = [set() for _ in masters]
+    for sizes, master in zip(received, masters, strict=True):
         master.subscribe("uuv1", "camera/image_raw", lambda _, data, __, sizes=sizes: sizes.add(len(data)), 2)  # type: ignore[misc]
     publisher = imaging.publisher("uuv1", TOPICS["camera/image_raw"])
 
@@ -47,27 +47,27 @@ def arrives(imaging: Session, *masters: Session) -> list[set[int]]:
     def spoken() -> bool:
         publisher.put(PICTURE, 0)
         time.sleep(next(pause))
-        return bool(got[0])
+        return bool(received[0])
 
     wait_for(spoken)
-    return got
+    return received
 
 
 def test_masters_receive_pictures_through_the_slave(stack: ExitStack) -> None:
-    given = scenario(f"tcp/0.0.0.0:{free_port()}")
-    stack.enter_context(listen(given.slave.listen, pictures=True))
-    master = stack.enter_context(open_master_session(given.slave.listen.replace("0.0.0.0", "127.0.0.1")))
-    assert arrives(stack.enter_context(join(given)), master) == [{len(PICTURE)}]
+    loaded = scenario(f"tcp/0.0.0.0:{free_port()}")
+    stack.enter_context(listen(loaded.slave.listen, pictures=True))
+    master = stack.enter_context(open_master_session(loaded.slave.listen.replace("0.0.0.0", "127.0.0.1")))
+    assert arrives(stack.enter_context(join(loaded)), master) == [{len(PICTURE)}]
 
 
 def test_masters_receive_pictures_through_a_router(stack: ExitStack) -> None:
     router = f"tcp/127.0.0.1:{free_port()}"
     network = Network(mode="routed", router=router)
-    given = scenario(f"tcp/127.0.0.1:{free_port()}", network)
+    loaded = scenario(f"tcp/127.0.0.1:{free_port()}", network)
     stack.enter_context(open_router_session(router, network))
-    stack.enter_context(listen(given.slave.listen, network))
+    stack.enter_context(listen(loaded.slave.listen, network))
     master = stack.enter_context(open_master_session(router, network=network))
-    assert arrives(stack.enter_context(join(given)), master) == [{len(PICTURE)}]
+    assert arrives(stack.enter_context(join(loaded)), master) == [{len(PICTURE)}]
 
 
 def test_only_permitted_listeners_receive_pictures(stack: ExitStack, tmp_path: Path) -> None:
@@ -78,34 +78,34 @@ def test_only_permitted_listeners_receive_pictures(stack: ExitStack, tmp_path: P
     def security(master: str) -> Security:
         return Security(str(tmp_path / "uuv1"), str(tmp_path / master), ("laptop",))
 
-    given = scenario(f"tcp/127.0.0.1:{free_port()}", security=security("laptop"))
-    stack.enter_context(listen(given.slave.listen, security=given.security, pictures=True))
+    loaded = scenario(f"tcp/127.0.0.1:{free_port()}", security=security("laptop"))
+    stack.enter_context(listen(loaded.slave.listen, security=loaded.security, pictures=True))
     masters = [
-        stack.enter_context(open_master_session(given.slave.listen, security=security(name)))
+        stack.enter_context(open_master_session(loaded.slave.listen, security=security(name)))
         for name in ("laptop", "outsider")
     ]
-    assert arrives(stack.enter_context(join(given)), *masters) == [{len(PICTURE)}, set()]
+    assert arrives(stack.enter_context(join(loaded)), *masters) == [{len(PICTURE)}, set()]
 
 
 def test_subscribers_are_known_after_an_unread_link(stack: ExitStack) -> None:
     """The library never reads a link whose time limit for opening ends while it calls a slow listener."""
-    given = scenario(f"tcp/127.0.0.1:{free_port()}")
+    loaded = scenario(f"tcp/127.0.0.1:{free_port()}")
     opened: list[str] = []
 
     def be_slow(event: zenoh.LinkEvent) -> None:
-        if event.kind == zenoh.SampleKind.PUT and event.link.dst.startswith(given.slave.listen):
+        if event.kind == zenoh.SampleKind.PUT and event.link.dst.startswith(loaded.slave.listen):
             opened.append(event.link.dst)
             if len(opened) == 1:
                 time.sleep(0.7)  # the limit is 0.3 s
 
-    with listen(given.slave.listen, pictures=True):
-        imaging = stack.enter_context(join(given))
+    with listen(loaded.slave.listen, pictures=True):
+        imaging = stack.enter_context(join(loaded))
         handler = zenoh.handlers.Callback(be_slow, indirect=False)
         listener = imaging._session.info.declare_link_events_listener(handler)
-    stack.enter_context(listen(given.slave.listen, pictures=True))
+    stack.enter_context(listen(loaded.slave.listen, pictures=True))
     assert wait_for(lambda: len(opened) > 1), "the first was cut"
     listener.undeclare()  # type: ignore[no-untyped-call]
-    master = stack.enter_context(open_master_session(given.slave.listen))
+    master = stack.enter_context(open_master_session(loaded.slave.listen))
     assert arrives(imaging, master) == [{len(PICTURE)}]
 
 

@@ -70,8 +70,8 @@ def write(folder: Path, network: str = "") -> tuple[Path, int, int]:
 class Viewer:
     """A viewer of vehicle one, which can move vehicle two."""
 
-    def __init__(self, client: VehicleClient, hand: Session, two: Program) -> None:
-        self.client, self._hand, self.two = client, hand, two
+    def __init__(self, client: VehicleClient, mover: Session, two: Program) -> None:
+        self.client, self._mover, self.two = client, mover, two
         client.watch(*TOPICS)
 
     def middle(self) -> float:
@@ -81,11 +81,11 @@ class Viewer:
             return float("inf")
         return float(np.frombuffer(latest.value.data, "<f4").reshape(HEIGHT, WIDTH)[HEIGHT // 2, WIDTH // 2])
 
-    def move(self, north: float, east: float, depth: float) -> None:
+    def send_position(self, north: float, east: float, depth: float) -> None:
         """Put vehicle two somewhere, its bow to the north."""
         pose = {"position": {"x": east, "y": north, "z": -depth}, "orientation": {"z": 0.5**0.5, "w": 0.5**0.5}}
         request = {"state": {"pose": pose}}
-        answer = call(self._hand, "/two/set_pose", "simulation_interfaces/srv/SetEntityState", request)
+        answer = call(self._mover, "/two/set_pose", "simulation_interfaces/srv/SetEntityState", request)
         assert answer["result"]["result"] == 1, answer
 
 
@@ -99,13 +99,13 @@ def viewer(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFact
             network, text = Network(mode="routed", router=router), f'[network]\nmode = "routed"\nrouter = "{router}"'
             stack.enter_context(open_router_session(router, network))
         path, one, two = write(folder, text)
-        ends = [network.router] * 2 if network.router else [f"tcp/127.0.0.1:{port}" for port in (one, two)]
+        endpoints = [network.router] * 2 if network.router else [f"tcp/127.0.0.1:{port}" for port in (one, two)]
         slaves = [stack.enter_context(Program(folder, "slave", path, "--member", name)) for name in ("one", "two")]
         for slave in slaves:
             slave.expect("ready")
-        hand = stack.enter_context(open_master_session(ends[1], network=network))
-        seeing = stack.enter_context(open_master_session(ends[0], network=network))
-        yield Viewer(stack.enter_context(VehicleClient(seeing, "one", network=network)), hand, slaves[1])
+        mover = stack.enter_context(open_master_session(endpoints[1], network=network))
+        seeing = stack.enter_context(open_master_session(endpoints[0], network=network))
+        yield Viewer(stack.enter_context(VehicleClient(seeing, "one", network=network)), mover, slaves[1])
 
 
 def test_the_camera_shows_the_other_vehicle_at_its_position(viewer: Viewer) -> None:
@@ -113,7 +113,7 @@ def test_the_camera_shows_the_other_vehicle_at_its_position(viewer: Viewer) -> N
     assert wait_for(lambda: abs(viewer.middle() - (2.0 - LENGTH / 2.0)) < 0.1), viewer.middle()
     assert wait_for(lambda: {"camera/labels", "camera/camera_info"} <= set(viewer.client.latest))
     focal = viewer.client.latest["camera/camera_info"].value.intrinsics.fx
-    wanted = [focal * size / (2.0 - LENGTH / 2.0) for size in (BREADTH, TALL)]
+    expected = [focal * size / (2.0 - LENGTH / 2.0) for size in (BREADTH, TALL)]
 
     def sizes() -> list[int]:
         """Return breadth and height (pixels) in the picture of labels, which may come later than that of depths."""
@@ -121,7 +121,7 @@ def test_the_camera_shows_the_other_vehicle_at_its_position(viewer: Viewer) -> N
         on_it = labels == labels[HEIGHT // 2, WIDTH // 2]
         return [int(on_it.any(axis).sum()) for axis in (0, 1)]
 
-    assert wait_for(lambda: sizes() == pytest.approx(wanted, abs=1.0)), (sizes(), wanted)
+    assert wait_for(lambda: sizes() == pytest.approx(expected, abs=1.0)), (sizes(), expected)
 
 
 def test_the_sonar_detects_the_other_vehicle(viewer: Viewer) -> None:
@@ -139,11 +139,11 @@ def test_the_sonar_detects_the_other_vehicle(viewer: Viewer) -> None:
 
 
 def test_the_other_vehicle_moves_and_disappears_with_its_slave(viewer: Viewer) -> None:
-    viewer.move(2.5, 0.0, 5.0)
+    viewer.send_position(2.5, 0.0, 5.0)
     assert wait_for(lambda: abs(viewer.middle() - (2.5 - LENGTH / 2.0)) < 0.1), viewer.middle()
-    viewer.move(-3.0, 0.0, 5.0)
+    viewer.send_position(-3.0, 0.0, 5.0)
     assert wait_for(lambda: viewer.middle() > 6.0), viewer.middle()
-    viewer.move(3.0, 0.0, 5.0)
+    viewer.send_position(3.0, 0.0, 5.0)
     assert wait_for(lambda: abs(viewer.middle() - (3.0 - LENGTH / 2.0)) < 0.1), viewer.middle()
     assert viewer.two.stop(2) == 0
     assert wait_for(lambda: viewer.middle() > 6.0), "a silent vehicle is not shown"

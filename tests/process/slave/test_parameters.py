@@ -48,12 +48,12 @@ class ParameterClient:
     def call(self, name: str, kind: str, **request: Any) -> Any:
         return call(self.session, f"/uuv1/{name}", f"rcl_interfaces/srv/{kind}", request, 30.0)
 
-    def get(self, name: str) -> str:
+    def get_value(self, name: str) -> str:
         (value,) = self.call("get_parameters", "GetParameters", names=[name])["values"]
         assert value["type"] == STRING
         return str(value["string_value"])
 
-    def set(self, *pairs: tuple[str, Any], atomically: bool = False) -> Any:
+    def set_values(self, *pairs: tuple[str, Any], atomically: bool = False) -> Any:
         """Return the results of `name, text` pairs; a value that is no text is a ParameterValue."""
         parameters = [
             {"name": name, "value": {"type": STRING, "string_value": value} if isinstance(value, str) else value}
@@ -92,14 +92,14 @@ def flown(tmp_path_factory: pytest.TempPathFactory) -> Iterator[CommandedSlave]:
 @pytest.fixture
 def asker(flown: CommandedSlave) -> ParameterClient:
     """Provide a client, with a vehicle in which all is well."""
-    results = flown.asker.set(*[(name, "") for name in PARAMETERS])
+    results = flown.asker.set_values(*[(name, "") for name in PARAMETERS])
     assert results == [{"successful": True, "reason": ""}] * len(PARAMETERS)
     return flown.asker
 
 
 def test_failures_of_the_scenario_are_parameters_from_the_start(flown: CommandedSlave) -> None:
-    assert flown.asker.get("failures.vertical_left") == 'kind = "noisy", noise = 0.25'
-    assert flown.asker.get("failures.front_left") == ""
+    assert flown.asker.get_value("failures.vertical_left") == 'kind = "noisy", noise = 0.25'
+    assert flown.asker.get_value("failures.front_left") == ""
 
 
 @pytest.mark.parametrize(
@@ -124,7 +124,7 @@ def test_gains_of_the_cascade_are_numbers_that_can_be_set(asker: ParameterClient
     assert [name for name in names if name not in gains] == PARAMETERS
     assert {"gains.surge.p", "gains.yaw_rate.i", "gains.depth.limit"} <= set(gains)
 
-    def change(**values: float) -> list[bool]:
+    def set_gains(**values: float) -> list[bool]:
         rows = [
             {"name": name.replace("__", "."), "value": {"type": 3, "double_value": value}}
             for name, value in values.items()
@@ -138,9 +138,9 @@ def test_gains_of_the_cascade_are_numbers_that_can_be_set(asker: ParameterClient
         return float(value["double_value"])
 
     before = read("gains.surge.p")
-    assert change(gains__surge__p=before + 0.5, gains__surge__i=2.5) == [True, True]
+    assert set_gains(gains__surge__p=before + 0.5, gains__surge__i=2.5) == [True, True]
     assert (read("gains.surge.p"), read("gains.surge.i")) == (before + 0.5, 2.5)
-    assert change(gains__surge__p=-1.0, gains__surge__none=1.0, gains__depth__p=float("nan")) == [False] * 3
+    assert set_gains(gains__surge__p=-1.0, gains__surge__none=1.0, gains__depth__p=float("nan")) == [False] * 3
     assert read("gains.surge.p") == before + 0.5
 
 
@@ -157,7 +157,7 @@ def test_types_values_and_descriptions_are_in_the_requested_order(asker: Paramet
 
 
 @pytest.mark.parametrize(
-    ("text", "reads"),
+    ("text", "expected"),
     [
         ('kind = "off"', 'kind = "off"'),
         ("kind = off", 'kind = "off"'),
@@ -174,15 +174,15 @@ def test_types_values_and_descriptions_are_in_the_requested_order(asker: Paramet
         ("", ""),
     ],
 )
-def test_every_kind_of_failure_is_set_and_cleared(asker: ParameterClient, text: str, reads: str) -> None:
-    (result,) = asker.set(("failures.rear_left", text))
+def test_every_kind_of_failure_is_set_and_cleared(asker: ParameterClient, text: str, expected: str) -> None:
+    (result,) = asker.set_values(("failures.rear_left", text))
     assert result == {"successful": True, "reason": ""}
-    assert asker.get("failures.rear_left") == reads
-    assert asker.set(("failures.rear_left", reads)) == [result]
-    assert asker.get("failures.rear_left") == reads
-    assert asker.get("failures.rear_right") == ""
-    asker.set(("failures.rear_left", ""))
-    assert asker.get("failures.rear_left") == ""
+    assert asker.get_value("failures.rear_left") == expected
+    assert asker.set_values(("failures.rear_left", expected)) == [result]
+    assert asker.get_value("failures.rear_left") == expected
+    assert asker.get_value("failures.rear_right") == ""
+    asker.set_values(("failures.rear_left", ""))
+    assert asker.get_value("failures.rear_left") == ""
 
 
 @pytest.mark.parametrize(
@@ -206,32 +206,32 @@ def test_every_kind_of_failure_is_set_and_cleared(asker: ParameterClient, text: 
 )
 def test_wrong_values_are_refused_with_the_reason(asker: ParameterClient, name: str, value: Any, message: str) -> None:
     before = 'kind = "efficiency", efficiency = 0.25'
-    good = ("failures.front_left", "kind = off")
-    asker.set(("failures.rear_left", before))
-    first, second = asker.set((name, value), good)
+    valid = ("failures.front_left", "kind = off")
+    asker.set_values(("failures.rear_left", before))
+    first, second = asker.set_values((name, value), valid)
     assert not first["successful"]
     assert message in first["reason"]
     assert second["successful"], "the others are set"
-    assert asker.get("failures.rear_left") == before
-    asker.set(("failures.front_left", ""))
-    refused = asker.set(good, (name, value), atomically=True)
+    assert asker.get_value("failures.rear_left") == before
+    asker.set_values(("failures.front_left", ""))
+    refused = asker.set_values(valid, (name, value), atomically=True)
     assert refused == first
-    assert asker.get("failures.front_left") == "", "all or none"
+    assert asker.get_value("failures.front_left") == "", "all or none"
 
 
 def test_all_parameters_are_set_atomically(asker: ParameterClient) -> None:
     texts = {name: f'kind = "efficiency", efficiency = 0.{digit}' for digit, name in enumerate(PARAMETERS, 1)}
-    assert asker.set(*texts.items(), atomically=True) == {"successful": True, "reason": ""}
-    assert {name: asker.get(name) for name in PARAMETERS} == texts
+    assert asker.set_values(*texts.items(), atomically=True) == {"successful": True, "reason": ""}
+    assert {name: asker.get_value(name) for name in PARAMETERS} == texts
 
 
 def test_a_failure_set_by_the_service_is_read_as_a_parameter(asker: ParameterClient) -> None:
     fail = "/uuv1/thrusters/front_right/fail"
-    asker.set(("failures.front_right", "kind = delayed, delay = 1"))
+    asker.set_values(("failures.front_right", "kind = delayed, delay = 1"))
     call(asker.session, fail, "std_srvs/srv/SetBool", {"data": True})
-    assert asker.get("failures.front_right") == 'kind = "delayed", delay = 1.0; kind = "off"'
+    assert asker.get_value("failures.front_right") == 'kind = "delayed", delay = 1.0; kind = "off"'
     call(asker.session, fail, "std_srvs/srv/SetBool", {"data": False})
-    assert asker.get("failures.front_right") == ""
+    assert asker.get_value("failures.front_right") == ""
 
 
 def test_parameter_changes_are_recorded_and_repeated_bit_for_bit(flown: CommandedSlave, asker: ParameterClient) -> None:
@@ -243,7 +243,7 @@ def test_parameter_changes_are_recorded_and_repeated_bit_for_bit(flown: Commande
     flown.fly()
     for name in ("failures.front_right", "failures.vertical_left"):
         for text in kinds:
-            assert asker.set((name, text))[0]["successful"]
+            assert asker.set_values((name, text))[0]["successful"]
             flown.fly()
     assert flown.slave.stop(signal.SIGINT) == 0
     assert 'parameter: failures.front_right: kind = "efficiency", efficiency = 0.3' in flown.slave.output

@@ -74,11 +74,11 @@ def session() -> Session:
 
 @pytest.fixture
 def thread(session: Session) -> Iterator[PublishingThread]:
-    made = PublishingThread(DEPTH)
-    yield made
+    thread = PublishingThread(DEPTH)
+    yield thread
     session.free.set()
-    made.close()
-    assert not made._thread.is_alive()
+    thread.close()
+    assert not thread._thread.is_alive()
 
 
 @pytest.fixture
@@ -123,10 +123,10 @@ def test_messages_are_sent_in_order_with_the_time_of_their_measurement(
     released = now_ns()
     session.free.set()
     assert wait_for(lambda: len(session.sent) == 3)
-    (pressure, _, came), (trace, payload, left), (clock, output, _) = session.sent
+    (pressure, _, arrived), (trace, payload, left), (clock, output, _) = session.sent
     assert (pressure, trace, clock, output) == ("pressure", "trace", "/clock", b"clock")
     assert ros.decode_int64_array(payload) == (7, 1, 2, 3, 4, 5, 6)
-    assert left - came >= released - after, "a sample is as old as it is; a trace compares clocks when it leaves"
+    assert left - arrived >= released - after, "a sample is as old as it is; a trace compares clocks when it leaves"
 
 
 def test_samples_without_subscribers_do_not_wake_the_thread(

@@ -40,7 +40,7 @@ class Vehicle:
         self.sample_publisher.publish_sample("imu", imu(self.steps))
         self.sample_publisher.publish_sample("pressure", pressure(self.steps))
 
-    def sent(self, topic: str) -> int:
+    def sent_count(self, topic: str) -> int:
         return self.sample_publisher._publishers[topic].sequence
 
     def stops_sending(self) -> bool:
@@ -74,9 +74,9 @@ class Received(defaultdict[str, list[int]]):
     def __init__(self, session: Session, *topics: str) -> None:
         super().__init__(list)
         for topic in topics:
-            session.subscribe("uuv1", topic, self._take, depth=1000)
+            session.subscribe("uuv1", topic, self._on_sample, depth=1000)
 
-    def _take(self, topic: str, _: bytes, attachment: bytes) -> None:
+    def _on_sample(self, topic: str, _: bytes, attachment: bytes) -> None:
         stamp = ros.unpack_attachment(attachment)
         assert stamp
         self[topic].append(stamp.sequence)
@@ -108,11 +108,11 @@ def test_only_topics_with_subscribers_are_sent(vehicle: Vehicle, endpoint: str) 
     assert vehicle.stops_sending()
     with listening(endpoint, "pressure") as received:
         assert vehicle.until(lambda: "pressure" in received)
-        before = vehicle.sent("imu"), vehicle.sent("pressure")
+        before = vehicle.sent_count("imu"), vehicle.sent_count("pressure")
         vehicle.run(50)
-        assert vehicle.sent("imu") == before[0]
-        assert vehicle.sent("pressure") == before[1] + 50
-        assert received.all_of("pressure", vehicle.sent("pressure"))
+        assert vehicle.sent_count("imu") == before[0]
+        assert vehicle.sent_count("pressure") == before[1] + 50
+        assert received.all_of("pressure", vehicle.sent_count("pressure"))
     assert vehicle.stops_sending()
 
 
@@ -121,9 +121,9 @@ def test_all_subscribers_get_the_same_samples(vehicle: Vehicle, endpoint: str) -
     with listening(endpoint, "imu") as one, listening(endpoint, "*") as other:
         assert vehicle.until(lambda: "imu" in one and "imu" in other and "pressure" in other)
         vehicle.run(20)
-        assert one.all_of("imu", vehicle.sent("imu"))
-        assert other.all_of("imu", vehicle.sent("imu"))
-        assert other.all_of("pressure", vehicle.sent("pressure"))
+        assert one.all_of("imu", vehicle.sent_count("imu"))
+        assert other.all_of("imu", vehicle.sent_count("imu"))
+        assert other.all_of("pressure", vehicle.sent_count("pressure"))
 
 
 def test_one_subscriber_of_one_of_its_messages_is_enough(endpoint: str) -> None:
@@ -161,7 +161,7 @@ def test_a_late_subscriber_gets_the_newest_sample_though_it_was_never_sent(vehic
     vehicle.run(10)
     before = to_wall_ns(now_ns())
     vehicle.step()
-    after, sent = to_wall_ns(now_ns()), vehicle.sample_publisher.sent
+    after, sent_counts = to_wall_ns(now_ns()), vehicle.sample_publisher.sent
     last: dict[str, tuple[bytes, bytes]] = {}
     with open_master_session(endpoint) as late:
 
@@ -178,7 +178,7 @@ def test_a_late_subscriber_gets_the_newest_sample_though_it_was_never_sent(vehic
         assert stamp is not None
         assert before <= stamp.time_ns <= after, "it is as old as it is"
         assert ask("pressure") == {"pressure"}, "only what was queried"
-    assert vehicle.sample_publisher.sent == sent
+    assert vehicle.sample_publisher.sent == sent_counts
 
 
 def test_a_stored_sample_does_not_replace_a_sent_one(vehicle: Vehicle, endpoint: str) -> None:
@@ -217,7 +217,7 @@ def test_a_subscriber_behind_a_router_counts(tmp_path: Path, endpoint: str) -> N
             with open_master_session(router, network=network) as master:
                 received = Received(master, "imu")
                 assert vehicle.until(lambda: "imu" in received)
-                before = vehicle.sent("pressure")
+                before = vehicle.sent_count("pressure")
                 vehicle.run(20)
-                assert vehicle.sent("pressure") == before
+                assert vehicle.sent_count("pressure") == before
             assert vehicle.stops_sending()

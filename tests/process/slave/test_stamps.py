@@ -119,12 +119,12 @@ def test_stamps_are_right_again_after_the_slave_was_stopped(tmp_path: Path) -> N
             def smallest_lag_s() -> float:
                 return min(lags, default=1e9)
 
-            def take(topic: str, payload: bytes, _: bytes) -> None:
+            def on_sample(topic: str, payload: bytes, _: bytes) -> None:
                 found: Any = ros.decode_imu(payload) if topic == TOPICS["imu"].name else None
                 if found:
                     lags.append((time.time_ns() - found.time_ns) / NS_PER_S)
 
-            session.subscribe("uuv1", "imu", take, 64)
+            session.subscribe("uuv1", "imu", on_sample, 64)
             assert wait_for(lambda: smallest_lag_s() < 0.2)
             slave.process.send_signal(signal.SIGSTOP)
             time.sleep(1.5)

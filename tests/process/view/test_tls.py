@@ -30,12 +30,12 @@ def test_page_joystick_and_scene_are_encrypted(tmp_path: Path) -> None:
         assert address.startswith("https://")
         trusting = ssl.create_default_context(cafile=str(keys / "ca.pem"))
 
-        async def look(client: aiohttp.ClientSession) -> list[str]:
+        async def read_replies(client: aiohttp.ClientSession) -> list[str]:
             async with client.get(f"{address}?token={token}") as page:
                 assert "STOP" in await page.text()
             return await offered(client, address)
 
-        assert with_session(look, trusting) == ["uuv1"]
+        assert with_session(read_replies, trusting) == ["uuv1"]
 
 
 def test_a_view_for_other_machines_without_certificates_warns(tmp_path: Path) -> None:
@@ -46,15 +46,15 @@ def test_a_view_for_other_machines_without_certificates_warns(tmp_path: Path) ->
 
 
 @pytest.mark.parametrize(
-    ("words", "reason"),
+    ("options", "reason"),
     [
         (("--cert", "cert.pem"), "--cert and --key go together"),
         (("--cert", "none.pem", "--key", "none.pem"), "cannot be read"),
         (("--cert", __file__, "--key", __file__), "not a certificate and its private key"),
     ],
 )
-def test_wrong_certificates_are_one_line(words: tuple[str, ...], reason: str) -> None:
-    code, output = run_here("view", *words)
+def test_wrong_certificates_are_one_line(options: tuple[str, ...], reason: str) -> None:
+    code, output = run_here("view", *options)
     assert code == 2
     assert reason in output
     assert "Traceback" not in output

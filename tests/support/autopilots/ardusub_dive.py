@@ -61,11 +61,11 @@ class Dive:
         self.reports: list[str] = []
         self.run = AutopilotRun(load_scenario(str(path)), self.reports.append)
         self.station = GroundStation(("127.0.0.1", 5760 + 10 * instance))
-        self.began = time.monotonic()
+        self.start = time.monotonic()
 
     def close(self) -> None:
         self.station.close()
-        simulated, took = self.run.simulation.time_ns / 1e9, time.monotonic() - self.began
+        simulated, took = self.run.simulation.time_ns / 1e9, time.monotonic() - self.start
         print(
             f"{simulated:.0f} s simulated in {took:.1f} s: {simulated / took:.1f} times real time; {self.reports[1:]}"
         )

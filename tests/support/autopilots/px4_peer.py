@@ -48,7 +48,7 @@ class Px4Peer:
                     self._sensors.append(message)
         return self._sensors.pop(0)
 
-    def answer(self, sensor: Any, controls: Sequence[float], armed: bool = True) -> None:
+    def send_reply(self, sensor: Any, controls: Sequence[float], armed: bool = True) -> None:
         """Answer it in lockstep."""
         filled = [*controls, *[0.0] * (16 - len(controls))]
         mode = 0x81 if armed else 0x01

@@ -56,8 +56,8 @@ def files(root: Path) -> dict[str, str]:
     return {str(path.relative_to(root)): path.read_text() for path in sorted(root.rglob("*")) if path.is_file()}
 
 
-def install(root: Path, scenario: str, *more: str) -> int:
-    return cli.main(["board", "install", scenario, "--root", str(root), "--user", "uuv", *more])
+def install(root: Path, scenario: str, *options: str) -> int:
+    return cli.main(["board", "install", scenario, "--root", str(root), "--user", "uuv", *options])
 
 
 def settings(text: str) -> Iterator[tuple[str, str, str]]:

@@ -57,14 +57,14 @@ def pack(tag: str, rows: Sequence[Row]) -> bytes:
 
 def record(fields: list[tuple[str, bytes]], leader: str) -> bytes:
     area = b"".join(data for _, data in fields)
-    directory, at = b"", 0
+    directory, offset = b"", 0
     for tag, data in fields:
-        directory += f"{tag}{len(data):05d}{at:05d}".encode()
-        at += len(data)
+        directory += f"{tag}{len(data):05d}{offset:05d}".encode()
+        offset += len(data)
     directory += FT
     base = 24 + len(directory)
     interchange = "3LE1 09" if leader == "L" else " D     "
-    head = f"{base + at:05d}{interchange}{base:05d}{' ! ' if leader == 'L' else '   '}5504".encode()
+    head = f"{base + offset:05d}{interchange}{base:05d}{' ! ' if leader == 'L' else '   '}5504".encode()
     assert len(head) == 24
     return head + directory + area
 

@@ -101,9 +101,9 @@ class GroundStation:
             self._remote = sender if self._datagrams else None
             for message in self._stream.unpack(data):
                 if message.get_srcComponent() == 1:
-                    self._take(message)
+                    self._on_message(message)
 
-    def _take(self, message: Any) -> None:
+    def _on_message(self, message: Any) -> None:
         name = message.get_type() if hasattr(message, "get_type") else "SERVO_OUTPUT_RAW"
         self.latest[name] = message
         if name == "STATUSTEXT":

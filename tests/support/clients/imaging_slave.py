@@ -72,13 +72,13 @@ def newest(client: VehicleClient) -> Diagnostics:
 
 def kill_and_wait(program: Program, client: VehicleClient, restarts: int) -> tuple[Diagnostics, Diagnostics]:
     """Kill the imaging process and wait for the next one's pictures; return the diagnostics before and after."""
-    then = newest(client)
-    os.kill(then.imaging_pid or 0, signal.SIGKILL)
+    previous = newest(client)
+    os.kill(previous.imaging_pid or 0, signal.SIGKILL)
     program.expect(rf"(?s)(WARNING: the imaging process ended, signal 9; started again in .*){{{restarts}}}")
     before = client.received["camera/image_raw"], client.received["imu"]
     assert wait_for(lambda: client.received["camera/image_raw"] > before[0] + 3)
     assert client.received["imu"] > before[1] + 50, "the loop goes on"
     now = newest(client)
     assert now.imaging_restarts == restarts
-    assert now.imaging_pid != then.imaging_pid
-    return then, now
+    assert now.imaging_pid != previous.imaging_pid
+    return previous, now

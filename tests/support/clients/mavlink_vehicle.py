@@ -153,7 +153,7 @@ class Partner:
         self._bench, self._system = bench, system
         self._in = MavlinkStream(system, 190, Counters())
         self._out = MavlinkStream(system, 190, Counters())
-        self.peer = Peer(number, f"partner {number}", 1, self._take, may_command)
+        self.peer = Peer(number, f"partner {number}", 1, self._on_message, may_command)
 
     def send(self, message: Any) -> None:
         """Send a message to the vehicle."""
@@ -165,7 +165,7 @@ class Partner:
         for packet in self.peer.unpack(data):
             self._bench.dispatcher.handle(self.peer, packet, self._bench.now)
 
-    def take(self, kind: str) -> list[Any]:
+    def take_messages(self, kind: str) -> list[Any]:
         """Return and remove the received messages of a kind."""
         found = [message for message in self.received if _kind(message) == kind]
         self.received = [message for message in self.received if _kind(message) != kind]
@@ -174,9 +174,9 @@ class Partner:
     def command(self, command: int, *params: float) -> int | None:
         """Send a COMMAND_LONG; return its result, None if there is none yet."""
         values = [*params, *[0.0] * (7 - len(params))]
-        self.take("COMMAND_ACK")
+        self.take_messages("COMMAND_ACK")
         self.send(dialect.MAVLink_command_long_message(1, 1, command, 0, *values))
-        acks = [ack.result for ack in self.take("COMMAND_ACK") if ack.command == command]
+        acks = [ack.result for ack in self.take_messages("COMMAND_ACK") if ack.command == command]
         assert len(acks) <= 1
         return acks[0] if acks else None
 
@@ -190,9 +190,9 @@ class Partner:
 
     def texts(self) -> str:
         """Return the texts that it received."""
-        return " | ".join([text.text for text in self.take("STATUSTEXT")])
+        return " | ".join([text.text for text in self.take_messages("STATUSTEXT")])
 
-    def _take(self, packet: bytes, message: Any) -> None:
+    def _on_message(self, packet: bytes, message: Any) -> None:
         decoded = self._in.unpack(packet)
         self.received += decoded or [message]  # what pymavlink does not know yet is taken as it was
 

@@ -139,17 +139,17 @@ def unpack(content: bytes) -> dict[str, float]:
     assert magic in (0x671B, 0x671C)
     assert count == total
     parameters: dict[str, float] = {}
-    at, last = 6, ""
-    while at < len(content):
-        if not content[at]:  # padding
-            at += 1
+    offset, last = 6, ""
+    while offset < len(content):
+        if not content[offset]:  # padding
+            offset += 1
             continue
-        kind, lengths = content[at] & 0x0F, content[at + 1]
-        assert not content[at] >> 4, "no default follows where none was promised"
+        kind, lengths = content[offset] & 0x0F, content[offset + 1]
+        assert not content[offset] >> 4, "no default follows where none was promised"
         suffix_length = (lengths >> 4) + 1
-        last = last[: lengths & 0x0F] + content[at + 2 : at + 2 + suffix_length].decode()
+        last = last[: lengths & 0x0F] + content[offset + 2 : offset + 2 + suffix_length].decode()
         assert 0 < len(last) <= 16
-        (parameters[last],) = struct.unpack_from(WIDTHS[kind], content, at + 2 + suffix_length)
-        at += 2 + suffix_length + struct.calcsize(WIDTHS[kind])
+        (parameters[last],) = struct.unpack_from(WIDTHS[kind], content, offset + 2 + suffix_length)
+        offset += 2 + suffix_length + struct.calcsize(WIDTHS[kind])
     assert len(parameters) == count
     return parameters

@@ -67,8 +67,8 @@ class SmallMaster(XmlServer):
         return {name for each, name in self.items if each == kind}
 
     def _registering(self, kind: str) -> Any:
-        def register(_: str, name: str, *more: str) -> Any:
-            self.items[kind, name] = more
+        def register(_: str, name: str, *arguments: str) -> Any:
+            self.items[kind, name] = arguments
             return [1, "", self.publishers if kind == "Subscriber" else []]
 
         return register
@@ -113,10 +113,10 @@ class Peer:
     def read(self, count: int) -> bytes:
         data = b""
         while len(data) < count:
-            piece = self.socket.recv(count - len(data))
-            if not piece:
+            chunk = self.socket.recv(count - len(data))
+            if not chunk:
                 raise ConnectionError(f"closed after {len(data)} of {count} bytes")
-            data += piece
+            data += chunk
         return data
 
     def header(self) -> dict[str, str]:
@@ -148,7 +148,7 @@ class Publisher(XmlServer):
         self._reply = {"callerid": name, "type": type_name, "md5sum": md5sum, "latching": "0"}
         self._connection: Peer | None = None
         port = self._listening.getsockname()[1]
-        super().__init__({"requestTopic": lambda _caller, _topic, _ways: [1, "", ["TCPROS", "127.0.0.1", port]]})
+        super().__init__({"requestTopic": lambda _caller, _topic, _protocols: [1, "", ["TCPROS", "127.0.0.1", port]]})
 
     def close(self) -> None:
         super().close()

@@ -72,10 +72,10 @@ class ViewPage:
     def wait_until_drawn(self) -> None:
         """Wait until there is a seabed: many colours on the screen."""
 
-        def drawn() -> bool:
+        def is_drawn() -> bool:
             return len(np.unique((self.pixels() // 16).reshape(-1, 3), axis=0)) > DRAWN_COLOURS
 
-        assert self.wait_until(drawn, 180.0), "nothing is drawn"
+        assert self.wait_until(is_drawn, 180.0), "nothing is drawn"
 
     def open_tab(self, name: str) -> None:
         """Open a tab of the panels."""
@@ -92,19 +92,19 @@ class ViewPage:
 
     def tick(self, label: str) -> None:
         """Change a tick box."""
-        self._beside(label, "input[type=checkbox]").click()
+        self._control_beside(label, "input[type=checkbox]").click()
 
     def write(self, label: str, value: float) -> None:
         """Enter a number into its box."""
-        box = self._beside(label, "input")
+        box = self._control_beside(label, "input")
         box.fill(f"{value:g}")
         box.press("Enter")
 
     def text_of(self, label: str) -> str:
         """Return the text that a box of the panels shows."""
-        return str(self._beside(label, "input").input_value())
+        return str(self._control_beside(label, "input").input_value())
 
-    def _beside(self, label: str, kind: str) -> Any:
+    def _control_beside(self, label: str, kind: str) -> Any:
         """Return the first element of that kind after a label."""
         return self.frame.get_by_text(label, exact=True).locator(f"xpath=following::{_xpath(kind)}").first
 
@@ -125,10 +125,10 @@ def viewed_slave(folder: Path, *options: object, script: str = "") -> Iterator[t
     `script` is run in the page before its own.
     """
     scenario, port = write_scenario(folder)
-    words = ("view", "--scenario", scenario, "--listen", "127.0.0.1:0", "--no-browser", *options)
+    command = ("view", "--scenario", scenario, "--listen", "127.0.0.1:0", "--no-browser", *options)
     with (
         Program(folder, "slave", scenario) as slave,
-        Program(folder, *words) as view,
+        Program(folder, *command) as view,
         hil.connect(f"tcp/127.0.0.1:{port}", observe=True, wait=PATIENCE_S) as fleet,
         open_page() as browser_page,
     ):
@@ -146,10 +146,10 @@ def steer_by_keyboard(page: ViewPage, vehicle: LastSamples) -> None:
     page.page.keyboard.down("Space")
     page.page.keyboard.down("KeyW")
 
-    def moved() -> bool:
+    def has_moved() -> bool:
         return bool(np.hypot(*np.subtract(vehicle.ground_truth.position, start)[:2]) > 0.8)
 
-    assert page.wait_until(moved), "the keys do not move the vehicle"
+    assert page.wait_until(has_moved), "the keys do not move the vehicle"
     assert np.abs(page.pixels() - before).mean() > 1.0, "it moves, but not on the screen"
     page.page.keyboard.up("KeyW")
     page.page.keyboard.up("Space")

@@ -69,13 +69,13 @@ def run_c(program: str, script: Script, stop: bool = False) -> list[StepOutput]:
 def _results(output: bytes, channels: int) -> Iterator[StepOutput]:
     file, steps = io.BytesIO(output), 0
 
-    def take(code: str) -> tuple[Any, ...]:
+    def read_items(code: str) -> tuple[Any, ...]:
         return struct.unpack(code, file.read(struct.calcsize(code)))
 
     while file.tell() < len(output):
-        sent_bytes = file.read(*take("<H"))
-        reported = [take("<IB8s") for _ in range(*take("<H"))]
-        *pulses, kicks, deadline_us = take("<16HIQ")
+        sent_bytes = file.read(*read_items("<H"))
+        reported = [read_items("<IB8s") for _ in range(*read_items("<H"))]
+        *pulses, kicks, deadline_us = read_items("<16HIQ")
         steps += 1
         assert kicks <= steps, "the watchdog is kicked once in each service"
         can = tuple(CanFrame(number, data[:size]) for number, size, data in reported)
@@ -85,16 +85,16 @@ def _results(output: bytes, channels: int) -> Iterator[StepOutput]:
 class _Line(Wire):
     """A wire in memory that reads at most `piece` bytes at a time."""
 
-    def __init__(self, piece: int) -> None:
+    def __init__(self, chunk_size: int) -> None:
         self.name = "memory"
         self.incoming = self.outgoing = b""
-        self._piece = piece
+        self._chunk_size = chunk_size
 
     def fileno(self) -> int:
         return -1
 
     def read(self) -> bytes:
-        data, self.incoming = self.incoming[: self._piece], self.incoming[self._piece :]
+        data, self.incoming = self.incoming[: self._chunk_size], self.incoming[self._chunk_size :]
         return data
 
     def write(self, data: bytes) -> int:
@@ -115,9 +115,9 @@ class Clock:
         return self.now_ns
 
 
-def run_python(script: Script, protocol: Protocol, clock: Clock, piece: int = 1) -> list[StepOutput]:
+def run_python(script: Script, protocol: Protocol, clock: Clock, chunk_size: int = 1) -> list[StepOutput]:
     """Return the specification's output; it gets bytes as a UART does, one by one, or in larger pieces."""
-    wire = _Line(piece)
+    wire = _Line(chunk_size)
     stm32 = Stm32(script.channels, script.watchdog_us * US)
     end = Stm32End(stm32, ThrusterLink(wire, protocol))
     results = []
@@ -154,11 +154,11 @@ def instants(rng: random.Random) -> Iterator[int]:
         now_us += rng.choice(RARE_STEPS_US if rng.random() < 0.01 else STEPS_US)
 
 
-def cut(rng: random.Random, pieces: Iterator[bytes], count: int) -> list[Step]:
+def cut(rng: random.Random, chunks: Iterator[bytes], count: int) -> list[Step]:
     """Return `count` steps; most pieces are whole, some are in two parts."""
     steps, remainder = [], b""
     for now_us, _ in zip(instants(rng), range(count), strict=False):
-        data = remainder + b"".join(next(pieces) for _ in range(rng.choice((0, 0, 1, 1, 1, 2, 4))))
+        data = remainder + b"".join(next(chunks) for _ in range(rng.choice((0, 0, 1, 1, 1, 2, 4))))
         at = rng.randrange(len(data) + 1) if rng.random() < 0.2 else len(data)
         steps.append(Step(now_us, data[:at]))
         remainder = data[at:]
@@ -172,12 +172,12 @@ def pulses(rng: random.Random, channels: int) -> tuple[int, ...]:
 
 def damaged(rng: random.Random, packet: bytes) -> bytes:
     """Return a packet after a bad line: a byte wrong, missing or doubled, or the end cut off."""
-    at = rng.randrange(len(packet))
+    position = rng.randrange(len(packet))
     kinds = (
-        packet[:at] + bytes([packet[at] ^ rng.randint(1, 255)]) + packet[at + 1 :],
-        packet[:at] + packet[at + 1 :],
-        packet[: at + 1] + packet[at:],
-        packet[:at],
+        packet[:position] + bytes([packet[position] ^ rng.randint(1, 255)]) + packet[position + 1 :],
+        packet[:position] + packet[position + 1 :],
+        packet[: position + 1] + packet[position:],
+        packet[:position],
     )
     return rng.choice(kinds)
 
@@ -211,11 +211,11 @@ def _noise(rng: random.Random, command: bytes) -> bytes:
     return rng.choice(kinds)
 
 
-def sealed(beginning: bytes, rng: random.Random) -> bytes:
+def sealed(start: bytes, rng: random.Random) -> bytes:
     """Return a valid frame with this beginning, of the length that it declares."""
     import binascii
 
-    body = (beginning + rng.randbytes(256))[: 4 + beginning[2]]
+    body = (start + rng.randbytes(256))[: 4 + start[2]]
     return body + binascii.crc_hqx(body[2:], 0xFFFF).to_bytes(2, "little")
 
 

@@ -35,14 +35,14 @@ class Host:
     """A packer of messages from several components, most of them from the vehicle's computer."""
 
     def __init__(self, rng: random.Random) -> None:
-        self._chance = rng
+        self._rng = rng
         self._senders = [
             dialect.MAVLink(None, *ids) for ids in ((1, 191), (1, 191), (1, 190), (255, 190), (2, 1), (1, 1))
         ]
 
     def pack(self, message: Any) -> bytes:
         """Return the packet, with the sender's next number, or one a little off."""
-        rng = self._chance
+        rng = self._rng
         sender = self._senders[0] if rng.random() < 0.8 else rng.choice(self._senders)
         sender.signing.secret_key = b"k" * 32 if rng.random() < 0.05 else None
         sender.signing.sign_outgoing = sender.signing.secret_key is not None
@@ -110,8 +110,8 @@ def _file_request(rng: random.Random) -> list[int]:
     return list(bytes((*head, *rng.randbytes(rng.choice((0, 8, 247))))).ljust(251, b"\0"))
 
 
-def _mostly(rng: random.Random, ordinary: float, odd: tuple[float, ...]) -> float:
-    return ordinary if rng.random() < 0.6 else rng.choice(odd)
+def _mostly(rng: random.Random, ordinary: float, odd_values: tuple[float, ...]) -> float:
+    return ordinary if rng.random() < 0.6 else rng.choice(odd_values)
 
 
 def _target(rng: random.Random) -> tuple[int, int]:

@@ -49,15 +49,15 @@ class Stm32Contract:
     def command(self, driver: ThrusterDriver, armed: bool, pulses: tuple[int, ...]) -> ThrusterTelemetry:
         """Send a command until a report shows it: some of the first bytes after power-up may be lost."""
         deadline = now_ns() + PATIENCE_NS
-        wanted, wait_s = pulses if armed else NEUTRAL, 0.05
+        expected, wait_s = pulses if armed else NEUTRAL, 0.05
         while now_ns() < deadline:
             self.sequence += 1
             driver.send(ThrusterCommand(self.sequence, armed, pulses))
             wait_s *= 1.2  # it may answer late, where others use the machine too
             for telemetry in self.listen(driver, wait_s):
-                if telemetry.pwm_us == wanted and telemetry.armed == armed and telemetry.sequence == self.sequence:
+                if telemetry.pwm_us == expected and telemetry.armed == armed and telemetry.sequence == self.sequence:
                     return telemetry
-        pytest.fail(f"no answer that shows {wanted}; the thrusters have {driver.pwm_us}")
+        pytest.fail(f"no answer that shows {expected}; the thrusters have {driver.pwm_us}")
 
     def listen(self, driver: ThrusterDriver, seconds: float) -> Iterator[ThrusterTelemetry]:
         """Return the reports of the next `seconds`, without a command."""

@@ -66,8 +66,8 @@ class Bench:
         return self.simulation.truth()
 
     def _receive(self, command: Callable[[State], object]) -> bool:
-        over = command(self.state) is True
+        has_ended = command(self.state) is True
         taken = self.command_receiver.take_latest()
         if taken:
             self.pilot.set_command(taken.command, self.simulation.time_ns)
-        return over
+        return has_ended

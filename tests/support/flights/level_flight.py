@@ -68,7 +68,7 @@ def fly_level(name: str, speed: float, scenario: str = FIELD, seconds: float = i
 
 def check_level(name: str, share: float, scenario: str = FIELD, seconds: float = inf) -> None:
     """Fly a preset at this share of its top speed, and check attitude, depth, and reached speed."""
-    found = fly_level(name, share * top_speed(name), scenario, seconds)
-    assert found.tilt < MAX_TILT
-    assert found.depth_error < MAX_OFF_DEPTH
-    assert found.speed > 0.8 * min(share, 1.0) * top_speed(name)  # which the controller's limits may keep it from
+    flight = fly_level(name, share * top_speed(name), scenario, seconds)
+    assert flight.tilt < MAX_TILT
+    assert flight.depth_error < MAX_OFF_DEPTH
+    assert flight.speed > 0.8 * min(share, 1.0) * top_speed(name)  # which the controller's limits may keep it from

@@ -36,7 +36,7 @@ class BenchLink:
     def close(self) -> None:
         self.closed = True
 
-    def ends(self) -> Ends:
+    def bench_ends(self) -> Ends:
         return Ends("/dev/bench", cast(Any, self))
 
 
@@ -44,4 +44,4 @@ def link_with_reports(reports: list[ThrusterTelemetry]) -> Callable[[], Ends]:
     """Open a link that receives one of `reports` at each call."""
     link = BenchLink()
     cast(Any, link).receive = lambda: [reports.pop(0)]
-    return link.ends
+    return link.bench_ends

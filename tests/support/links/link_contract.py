@@ -190,10 +190,10 @@ class WireContract:
         """Write until the wire refuses; return the accepted bytes, always whole records."""
         sent_count = 0
         for _ in range(20_000 if self.refuses_when_full else 400):
-            taken = sender.write(self.sample)
-            assert taken % self.record_size == 0
-            sent_count += taken
-            if taken < len(self.sample):
+            written = sender.write(self.sample)
+            assert written % self.record_size == 0
+            sent_count += written
+            if written < len(self.sample):
                 return sent_count
         assert not self.refuses_when_full, "took 5 MB that nobody read"
         return sent_count

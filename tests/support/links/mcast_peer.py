@@ -20,7 +20,7 @@ def main(url: str) -> None:
     node.mode = uavcan.protocol.NodeStatus().MODE_OPERATIONAL
     monitor: Any = import_module("dronecan.app.node_monitor").NodeMonitor(node)
     speeds: dict[int, int] = {}
-    answers: list[Any] = []
+    responses: list[Any] = []
     node.add_handler(
         uavcan.equipment.esc.Status, lambda event: speeds.update({event.message.esc_index: event.message.rpm})
     )
@@ -28,22 +28,22 @@ def main(url: str) -> None:
     def command() -> None:
         node.broadcast(uavcan.equipment.safety.ArmingStatus(status=255))
         node.broadcast(uavcan.equipment.esc.RawCommand(cmd=[8191, -8191, 0, 0, 0, 0]))
-        if len(answers) < 1:
-            node.request(uavcan.protocol.param.GetSet.Request(name="ESC_INDEX"), 20, answers.append)
+        if len(responses) < 1:
+            node.request(uavcan.protocol.param.GetSet.Request(name="ESC_INDEX"), 20, responses.append)
 
     node.periodic(0.05, command)
     deadline = time.monotonic() + PATIENCE_S
     while time.monotonic() < deadline:
         node.spin(0.02)
-        answers[:] = [each for each in answers if each is not None]  # None: no answer in time
-        named = [entry for entry in monitor.find_all(lambda _: True) if entry.info]
-        if speeds.get(0) == 3500 and answers and named:
+        responses[:] = [each for each in responses if each is not None]  # None: no answer in time
+        named_nodes = [entry for entry in monitor.find_all(lambda _: True) if entry.info]
+        if speeds.get(0) == 3500 and responses and named_nodes:
             break
     node.can_driver.proc.terminate()  # which never ends by itself
-    parameter = answers[0].response
+    parameter = responses[0].response
     results = {
         "speeds": speeds,
-        "nodes": {entry.node_id: bytes(entry.info.name).decode() for entry in named},
+        "nodes": {entry.node_id: bytes(entry.info.name).decode() for entry in named_nodes},
         "parameter": [bytes(parameter.name).decode(), parameter.value.integer_value],
     }
     print(json.dumps(results), flush=True)

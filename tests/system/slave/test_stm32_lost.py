@@ -83,7 +83,7 @@ class SlowReopening:
             self.requested.set()
             self.may_open.wait()
         self.opened.append(BenchLink())
-        return self.opened[-1].ends()
+        return self.opened[-1].bench_ends()
 
 
 def test_a_slow_reopening_does_not_delay_the_loop() -> None:
@@ -96,7 +96,7 @@ def test_a_slow_reopening_does_not_delay_the_loop() -> None:
     assert now_ns() < slow.driver.deadline_ns, "or the loop would spin"
     slow.may_open.set()
     assert wait_for(lambda: slow.driver.service(now_ns()) or not slow.driver.lost)
-    assert slow.driver._ends == slow.opened[-1].ends() != first.ends()
+    assert slow.driver._ends == slow.opened[-1].bench_ends() != first.bench_ends()
     slow.driver.close()
     assert slow.closed == slow.opened
 

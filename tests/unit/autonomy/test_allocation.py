@@ -115,14 +115,14 @@ def test_saturated_horizontal_force_keeps_its_direction(force: Vector, yaw: floa
 
 
 def test_moments_come_before_heave_and_heave_before_horizontal_force() -> None:
-    plain = make_allocator(HEAVY, 10.0, 10.0)
+    unlimited = make_allocator(HEAVY, 10.0, 10.0)
     # a yaw moment that takes all of the horizontal thrusters leaves nothing for surge
     most = 4 * 10.0 * S * (0.156 + 0.111)
-    thrusts, residual = plain.allocate((100.0, 0.0, 0.0, 0.0, 0.0, most))
+    thrusts, residual = unlimited.allocate((100.0, 0.0, 0.0, 0.0, 0.0, most))
     assert wrench_of(HEAVY, thrusts) == pytest.approx([0.0, 0.0, 0.0, 0.0, 0.0, most], abs=1e-9)
     assert residual == pytest.approx([100.0, 0.0, 0.0, 0.0, 0.0, 0.0], abs=1e-9)
     # too much heave is cut at the vertical thrusters' limit and does not touch surge
-    thrusts, residual = plain.allocate((10.0, 0.0, 100.0, 0.0, 0.0, 0.0))
+    thrusts, residual = unlimited.allocate((10.0, 0.0, 100.0, 0.0, 0.0, 0.0))
     assert residual[2] > 55.0
     assert wrench_of(HEAVY, thrusts)[5] == pytest.approx(0.0, abs=1e-9)
 

@@ -37,28 +37,28 @@ def random_grid(seed: int) -> tuple[OccupancyGrid, list[tuple[int, int]]]:
 
 def shortest_length(grid: OccupancyGrid, start: tuple[int, int], goal: tuple[int, int]) -> float:
     """Return the length of the shortest path over centres of cells: Dijkstra over every free line between two cells."""
-    made: nx.Graph[tuple[int, int]] = nx.Graph()
+    graph: nx.Graph[tuple[int, int]] = nx.Graph()
     sight = Sight(~grid.cells)
     nodes = [(int(row), int(column)) for row, column in np.argwhere(~grid.cells)]
     for a, b in combinations(nodes, 2):
         if sight.is_free(a, b):
-            made.add_edge(a, b, weight=math.dist(grid.centre(a), grid.centre(b)))
-    return float(nx.dijkstra_path_length(made, start, goal))
+            graph.add_edge(a, b, weight=math.dist(grid.centre(a), grid.centre(b)))
+    return float(nx.dijkstra_path_length(graph, start, goal))
 
 
 @given(SEEDS)
 def test_the_path_is_free_and_no_longer_than_the_grid_path(seed: int) -> None:
     grid, (start, goal) = random_grid(seed)
-    ends = grid.centre(start), grid.centre(goal)
+    endpoints = grid.centre(start), grid.centre(goal)
     try:
-        straight = plan(grid, *ends)
+        straight = plan(grid, *endpoints)
     except MissionError:
         with pytest.raises(MissionError, match="no path"):
-            plan_any_angle(grid, *ends)
+            plan_any_angle(grid, *endpoints)
         return
-    path = plan_any_angle(grid, *ends)
-    assert path[0] == ends[0]
-    assert path[-1] == ends[1]
+    path = plan_any_angle(grid, *endpoints)
+    assert path[0] == endpoints[0]
+    assert path[-1] == endpoints[1]
     assert all(grid.line_is_free(a, b) for a, b in pairwise(path))
     assert path_length(path) <= path_length(straight) + 1e-9
 
@@ -71,14 +71,14 @@ def test_the_path_is_nearly_as_short_as_the_true_shortest() -> None:
         grid, (start, goal) = random_grid(seed)
         if grid.cells.size > 150 or math.dist(start, goal) < 5.0:
             continue
-        ends = grid.centre(start), grid.centre(goal)
+        endpoints = grid.centre(start), grid.centre(goal)
         try:
-            length = path_length(plan(grid, *ends))
+            length = path_length(plan(grid, *endpoints))
         except MissionError:
             continue
         best = shortest_length(grid, start, goal)
         straight.append(length / best)
-        ratios.append(path_length(plan_any_angle(grid, *ends)) / best)
+        ratios.append(path_length(plan_any_angle(grid, *endpoints)) / best)
     assert len(ratios) > 15
     assert min(ratios) > 0.96  # smoothing bends between centres too
     assert max(ratios) < 1.08

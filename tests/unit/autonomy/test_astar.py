@@ -83,16 +83,16 @@ def test_the_path_and_its_smoothed_form_touch_no_obstacle(seed: int) -> None:
     start = random_free(grid, generator)
     goals = sorted(distances(grid.cells, start))
     goal = goals[int(generator.integers(len(goals)))]
-    ends = [
+    endpoints = [
         (north + generator.uniform(-0.49, 0.49), east + generator.uniform(-0.49, 0.49))
         for north, east in map(grid.centre, (start, goal))
     ]
-    path = plan(grid, *ends)
+    path = plan(grid, *endpoints)
     smoothed = smooth(grid, path)
-    for way in (path, smoothed):
-        assert [way[0], way[-1]] == [ends[0], ends[-1]] or ends[0] == ends[1]
-        assert all(grid.line_is_free(a, b) for a, b in pairwise(way))
-        assert all(a != b for a, b in pairwise(way))
+    for route in (path, smoothed):
+        assert [route[0], route[-1]] == [endpoints[0], endpoints[-1]] or endpoints[0] == endpoints[1]
+        assert all(grid.line_is_free(a, b) for a, b in pairwise(route))
+        assert all(a != b for a, b in pairwise(route))
     assert path_length(smoothed) <= path_length(path) + 1e-9
 
 

@@ -19,15 +19,15 @@ else:
 
 def graph(cells: np.ndarray[tuple[int, int], np.dtype[np.bool_]]) -> "nx.Graph[tuple[int, int]]":
     """Return the graph of free cells, joined to their 8 neighbours; a diagonal needs both cells beside it free."""
-    made: nx.Graph[tuple[int, int]] = nx.Graph()
+    graph: nx.Graph[tuple[int, int]] = nx.Graph()
     free = {(int(row), int(column)) for row, column in np.argwhere(~cells)}
-    made.add_nodes_from(free)
+    graph.add_nodes_from(free)
     for row, column in free:
         for down, right in ((0, 1), (1, 0), (1, 1), (1, -1)):
             around = {(row + down, column + right), (row + down, column), (row, column + right)}
             if around <= free:
-                made.add_edge((row, column), (row + down, column + right), weight=float(np.hypot(down, right)))
-    return made
+                graph.add_edge((row, column), (row + down, column + right), weight=float(np.hypot(down, right)))
+    return graph
 
 
 @pytest.mark.parametrize("batch", range(10))
@@ -39,17 +39,17 @@ def test_path_cost_is_optimal_on_200_random_maps(batch: int) -> None:
         free = [(int(row), int(column)) for row, column in np.argwhere(~cells)]
         start, goal = (free[int(generator.integers(len(free)))] for _ in "ab")
         grid = OccupancyGrid(cells, 0.5, (-3.0, 7.0))
-        ends = grid.centre(start), grid.centre(goal)
+        endpoints = grid.centre(start), grid.centre(goal)
         try:
             expected = nx.dijkstra_path_length(graph(cells), start, goal)
         except nx.NetworkXNoPath:
             for planner in (plan, DStarLite().plan):
                 with pytest.raises(MissionError, match="no path"):
-                    planner(grid, *ends)
+                    planner(grid, *endpoints)
             continue
         path_count += 1
-        assert path_length(plan(grid, *ends)) == pytest.approx(0.5 * expected, abs=1e-9)
-        assert path_length(DStarLite().plan(grid, *ends)) == pytest.approx(0.5 * expected, abs=1e-9)
+        assert path_length(plan(grid, *endpoints)) == pytest.approx(0.5 * expected, abs=1e-9)
+        assert path_length(DStarLite().plan(grid, *endpoints)) == pytest.approx(0.5 * expected, abs=1e-9)
     assert path_count > 10
 
 

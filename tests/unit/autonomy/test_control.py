@@ -133,11 +133,11 @@ def test_a_tilted_vehicle_corrects_depth_along_the_vertical(roll: float, pitch: 
     assert rotate(orientation, (0.3, 0.1, heave))[2] == pytest.approx(0.5 * 0.2)
 
 
-@pytest.mark.parametrize(("heading", "wanted", "rate"), [(0.0, 0.2, 0.3), (3.1, -3.1, 0.5), (-3.1, 3.1, -0.5)])
-def test_heading_turns_the_short_way_within_its_rate_limit(heading: float, wanted: float, rate: float) -> None:
+@pytest.mark.parametrize(("heading", "target", "rate"), [(0.0, 0.2, 0.3), (3.1, -3.1, 0.5), (-3.1, 3.1, -0.5)])
+def test_heading_turns_the_short_way_within_its_rate_limit(heading: float, target: float, rate: float) -> None:
     navigation = AT_REST._replace(orientation=from_euler(0.0, 0.0, heading))
-    turn = first_wrench(P_ONLY, VelocityCommand(heading=wanted), navigation)[5] / (2.0 * INERTIA[5])
-    assert turn == pytest.approx(max(-0.5, min(0.5, 1.5 * wrap(wanted - heading))))
+    turn = first_wrench(P_ONLY, VelocityCommand(heading=target), navigation)[5] / (2.0 * INERTIA[5])
+    assert turn == pytest.approx(max(-0.5, min(0.5, 1.5 * wrap(target - heading))))
     assert turn * rate > 0.0
 
 

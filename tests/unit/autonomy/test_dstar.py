@@ -27,18 +27,18 @@ def length(planner: DStarLite | None, grid: OccupancyGrid, start: Point, goal: P
 def test_paths_stay_as_short_as_a_star_while_map_and_vehicle_change(seed: int) -> None:
     generator = np.random.default_rng(seed)
     cells = generator.random(generator.integers(4, 18, 2)) < 0.25
-    keep = [tuple(int(i) for i in generator.integers(0, cells.shape)) for _ in range(4)]
-    for cell in keep:
+    free_cells = [tuple(int(i) for i in generator.integers(0, cells.shape)) for _ in range(4)]
+    for cell in free_cells:
         cells[cell] = False
     planner = DStarLite()
-    for start in (*keep[1:], *keep[1:]):
+    for start in (*free_cells[1:], *free_cells[1:]):
         grid = OccupancyGrid(cells.copy(), 1.0, (5.0, -2.0))
-        ends = grid.centre((start[0], start[1])), grid.centre((keep[0][0], keep[0][1]))
+        ends = grid.centre((start[0], start[1])), grid.centre((free_cells[0][0], free_cells[0][1]))
         assert length(planner, grid, *ends) == pytest.approx(length(None, grid, *ends), abs=1e-9)
         for _ in range(int(generator.integers(0, 6))):
             changed = tuple(generator.integers(0, cells.shape))
             cells[changed] = not cells[changed]
-        for cell in keep:
+        for cell in free_cells:
             cells[cell] = False
 
 

@@ -32,12 +32,12 @@ def test_four_fins_produce_any_small_moment(name: str) -> None:
     matrix = fin_matrix(fins, 1025.0)
     allocator = FinAllocator(matrix, [fin.max_deflection for fin in fins], 0.5)
     for speed in (0.8, 2.0, -1.0):
-        wanted = (7.0, 0.0, 0.0, 0.02, -0.3, 0.4)
-        angles, residual = allocator.allocate(wanted, speed)
+        expected = (7.0, 0.0, 0.0, 0.02, -0.3, 0.4)
+        angles, residual = allocator.allocate(expected, speed)
         assert residual == (7.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # the propeller's residual is not that of the fins
         pressure = copysign(speed * speed, speed)
         made = [pressure * sum(a * b for a, b in zip(row, angles, strict=True)) for row in matrix]
-        assert made[3:] == pytest.approx(wanted[3:], rel=1e-4)
+        assert made[3:] == pytest.approx(expected[3:], rel=1e-4)
 
 
 def test_moments_that_fins_cannot_produce_are_the_residual() -> None:

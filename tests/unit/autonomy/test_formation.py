@@ -26,9 +26,9 @@ POINTS = st.tuples(METRES, METRES)
 ORIGIN = (0.0, 0.0)
 
 
-def negative_gradient(potential: Callable[[Vector], float], at: Vector, step: float = 1e-5) -> Vector:
+def negative_gradient(potential: Callable[[Vector], float], position: Vector, step: float = 1e-5) -> Vector:
     """Return minus the gradient, by central differences."""
-    north, east = at
+    north, east = position
     return (
         (potential((north - step, east)) - potential((north + step, east))) / (2.0 * step),
         (potential((north, east - step)) - potential((north, east + step))) / (2.0 * step),
@@ -63,24 +63,24 @@ def test_communication_has_the_value_worked_out_by_hand() -> None:
 
 
 @given(POINTS, POINTS)
-def test_attraction_is_the_gradient_of_its_potential(position: Vector, place: Vector) -> None:
+def test_attraction_is_the_gradient_of_its_potential(position: Vector, target: Vector) -> None:
     def potential(at: Vector) -> float:
-        distance = math.dist(at, place)
+        distance = math.dist(at, target)
         return 0.3 * distance**2 if distance < 0.5 else 0.3 * (distance - 0.25)
 
-    assume(math.dist(position, place) > 1e-3)
-    assert attraction(position, place, 0.6, 0.5) == pytest.approx(negative_gradient(potential, position), abs=1e-5)
+    assume(math.dist(position, target) > 1e-3)
+    assert attraction(position, target, 0.6, 0.5) == pytest.approx(negative_gradient(potential, position), abs=1e-5)
 
 
 @given(POINTS, POINTS, st.floats(0.6, 2.4), st.floats(-math.pi, math.pi))
-def test_repulsion_is_the_gradient_of_its_potential(body: Vector, place: Vector, away: float, bearing: float) -> None:
+def test_repulsion_is_the_gradient_of_its_potential(body: Vector, target: Vector, away: float, bearing: float) -> None:
     def potential(at: Vector) -> float:
         rho = math.dist(at, body) - 0.5
-        return 0.05 * (1.0 / rho - 1.0 / 2.0) ** 2 * math.dist(at, place) ** 2 if rho < 2.0 else 0.0
+        return 0.05 * (1.0 / rho - 1.0 / 2.0) ** 2 * math.dist(at, target) ** 2 if rho < 2.0 else 0.0
 
     position = body[0] + away * math.cos(bearing), body[1] + away * math.sin(bearing)
     expected = negative_gradient(potential, position, 1e-6)
-    assert repulsion(position, place, Body(body, 0.5), 0.1, 2.0) == pytest.approx(expected, rel=1e-4, abs=1e-4)
+    assert repulsion(position, target, Body(body, 0.5), 0.1, 2.0) == pytest.approx(expected, rel=1e-4, abs=1e-4)
 
 
 @given(POINTS, st.floats(0.1, 5.9), st.floats(-math.pi, math.pi))
@@ -97,21 +97,21 @@ def test_communication_is_the_gradient_of_its_potential(position: Vector, away: 
 
 @given(POINTS, POINTS, st.lists(POINTS, max_size=4), st.lists(POINTS, max_size=2))
 def test_the_resultant_is_the_sum_limited_to_top_speed(
-    position: Vector, place: Vector, neighbours: list[Vector], obstacles: list[Vector]
+    position: Vector, target: Vector, neighbours: list[Vector], obstacles: list[Vector]
 ) -> None:
     settings = FieldSettings()
     bodies, rocks = [Body(n, 0.5) for n in neighbours], [Body(o, 0.8) for o in obstacles]
     moving = 0.1, -0.05
-    north, east = resultant(position, place, moving, bodies, rocks, settings)
+    north, east = resultant(position, target, moving, bodies, rocks, settings)
     assert math.hypot(north, east) <= settings.max_speed + 1e-9
     s = settings
-    parts = [moving, attraction(position, place, s.attraction, s.conic)]
+    terms = [moving, attraction(position, target, s.attraction, s.conic)]
     for body in bodies:
         if math.dist(body.position, position) < s.communication_range:
-            parts.append(repulsion(position, place, body, s.repulsion, s.repulsion_range))
-            parts.append(communication(position, body.position, s.communication, s.comfortable, s.communication_range))
-    parts += [repulsion(position, place, rock, s.repulsion, s.repulsion_range) for rock in rocks]
-    whole = math.fsum(part[0] for part in parts), math.fsum(part[1] for part in parts)
+            terms.append(repulsion(position, target, body, s.repulsion, s.repulsion_range))
+            terms.append(communication(position, body.position, s.communication, s.comfortable, s.communication_range))
+    terms += [repulsion(position, target, rock, s.repulsion, s.repulsion_range) for rock in rocks]
+    whole = math.fsum(part[0] for part in terms), math.fsum(part[1] for part in terms)
     size = math.hypot(*whole)
     share = min(1.0, s.max_speed / size) if size > 1e-3 else 1.0
     assert (north, east) == pytest.approx((share * whole[0], share * whole[1]), rel=1e-6, abs=1e-6)
@@ -129,48 +129,48 @@ def test_neighbours_out_of_range_have_no_effect(position: Vector, neighbours: li
 
 @given(POINTS, POINTS, st.lists(POINTS, max_size=3), st.floats(-math.pi, math.pi), POINTS)
 def test_the_resultant_rotates_and_shifts_with_the_world(
-    position: Vector, place: Vector, neighbours: list[Vector], turn: float, shift: Vector
+    position: Vector, target: Vector, neighbours: list[Vector], angle: float, shift: Vector
 ) -> None:
     """A world that is turned and moved turns the velocity with it."""
     assume(all(abs(math.dist(position, n) - edge) > 1e-6 for n in neighbours for edge in (0.0, 0.5, 1.4, 4.0, 5.0)))
 
-    def turned(vector: Vector) -> Vector:
-        c, s = math.cos(turn), math.sin(turn)
+    def rotate(vector: Vector) -> Vector:
+        c, s = math.cos(angle), math.sin(angle)
         return c * vector[0] - s * vector[1], s * vector[0] + c * vector[1]
 
-    def moved(point: Vector) -> Vector:
-        north, east = turned(point)
+    def transform(point: Vector) -> Vector:
+        north, east = rotate(point)
         return north + shift[0], east + shift[1]
 
     settings = FieldSettings()
-    wanted = resultant(position, place, (0.1, 0.0), [Body(n, 0.5) for n in neighbours], [], settings)
-    bodies = [Body(moved(n), 0.5) for n in neighbours]
-    found = resultant(moved(position), moved(place), turned((0.1, 0.0)), bodies, [], settings)
-    assert found == pytest.approx(turned(wanted), rel=1e-6, abs=1e-6)
+    expected = resultant(position, target, (0.1, 0.0), [Body(n, 0.5) for n in neighbours], [], settings)
+    bodies = [Body(transform(n), 0.5) for n in neighbours]
+    found = resultant(transform(position), transform(target), rotate((0.1, 0.0)), bodies, [], settings)
+    assert found == pytest.approx(rotate(expected), rel=1e-6, abs=1e-6)
 
 
 @given(POINTS, st.floats(0.0, 4.9), st.floats(0.01, 5.0), st.floats(-math.pi, math.pi))
 def test_fields_attract_to_the_target_and_repel_from_bodies(
-    position: Vector, near: float, more: float, bearing: float
+    position: Vector, near: float, extra: float, bearing: float
 ) -> None:
     """The fields attract to the target and to a neighbour near the range limit, more with distance, and repel from a
     body.
     """
 
-    def ahead(distance: float) -> Vector:
+    def resultant_at(distance: float) -> Vector:
         return position[0] + distance * math.cos(bearing), position[1] + distance * math.sin(bearing)
 
     def along(vector: Vector) -> float:
         return vector[0] * math.cos(bearing) + vector[1] * math.sin(bearing)
 
-    far, rounding = near + more, 1e-9
-    draws = [along(attraction(position, ahead(d), 0.6, 0.5)) for d in (near, far)]
+    far, rounding = near + extra, 1e-9
+    draws = [along(attraction(position, resultant_at(d), 0.6, 0.5)) for d in (near, far)]
     assert 0.0 <= draws[0] <= draws[1] + rounding
-    behind = ahead(-3.0)  # the target
-    pushes = [along(repulsion(position, behind, Body(ahead(d), 0.5), 0.12, 0.9)) for d in (near, far) if d > 0.6]
+    behind = resultant_at(-3.0)  # the target
+    pushes = [along(repulsion(position, behind, Body(resultant_at(d), 0.5), 0.12, 0.9)) for d in (near, far) if d > 0.6]
     assert all(push <= rounding for push in pushes)
     assert len(pushes) < 2 or pushes[0] <= pushes[1] + rounding
-    pulls = [along(communication(position, ahead(d), 0.05, 4.0, 5.0)) for d in (near, far) if d < 5.0]
+    pulls = [along(communication(position, resultant_at(d), 0.05, 4.0, 5.0)) for d in (near, far) if d < 5.0]
     assert min(pulls) >= -rounding
     assert len(pulls) < 2 or pulls[0] <= pulls[1] + rounding
 
@@ -195,7 +195,7 @@ def test_four_vehicles_that_swap_corners_do_not_collide(seed: int) -> None:
     least = math.inf
     for _ in range(1500):
         measured = [noise.measured(position) for position in positions]
-        wanted = [
+        expected = [
             resultant(
                 here,
                 goals[k],
@@ -206,7 +206,7 @@ def test_four_vehicles_that_swap_corners_do_not_collide(seed: int) -> None:
             )
             for k, here in enumerate(measured)
         ]
-        positions = [(p[0] + v[0] * step, p[1] + v[1] * step) for p, v in zip(positions, wanted, strict=True)]
+        positions = [(p[0] + v[0] * step, p[1] + v[1] * step) for p, v in zip(positions, expected, strict=True)]
         least = min(least, separation(positions))
     assert least > min_separation
     assert max(math.dist(p, q) for p, q in zip(positions, goals, strict=True)) < 0.2
@@ -226,11 +226,11 @@ def test_a_vehicle_stays_within_the_range_of_its_neighbour() -> None:
 
 def test_formation_error_and_separation_have_the_values_worked_out_by_hand() -> None:
     """A formation moved as a whole has no error; one vehicle 0.4 m off leaves 0.3 m at best by the middle."""
-    places = [(0.0, 0.0), (3.0, 0.0), (6.0, 0.0), (9.0, 0.0)]
-    moved = [(n + 5.0, e - 2.0) for n, e in places]
-    assert formation_error(moved, places) == pytest.approx(0.0, abs=1e-12)
-    moved[0] = (5.0, -2.4)
-    assert formation_error(moved, places) == pytest.approx(0.3)
+    targets = [(0.0, 0.0), (3.0, 0.0), (6.0, 0.0), (9.0, 0.0)]
+    shifted = [(n + 5.0, e - 2.0) for n, e in targets]
+    assert formation_error(shifted, targets) == pytest.approx(0.0, abs=1e-12)
+    shifted[0] = (5.0, -2.4)
+    assert formation_error(shifted, targets) == pytest.approx(0.3)
     assert separation([(0.0, 0.0), (3.0, 4.0), (3.0, 3.0)]) == pytest.approx(1.0)
     assert separation([(0.0, 0.0)]) == math.inf
 

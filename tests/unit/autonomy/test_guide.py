@@ -48,7 +48,7 @@ class PointMass:
         self.position, self.heading = position, heading
         self.surge = self.turn = 0.0
 
-    def move(self, command: VelocityCommand) -> None:
+    def advance(self, command: VelocityCommand) -> None:
         self.surge += (command.surge - self.surge) * STEP / 0.3
         self.turn += (command.yaw_rate - self.turn) * STEP / 0.3
         self.heading += self.turn * STEP
@@ -63,13 +63,13 @@ def clearance(discs: list[Disc], position: Point) -> float:
     return min((math.dist(position, disc[:2]) - disc[2] for disc in discs), default=math.inf)
 
 
-def obstacles(seed: int, count: int, keep: tuple[Point, ...]) -> list[Disc]:
+def obstacles(seed: int, count: int, kept_free: tuple[Point, ...]) -> list[Disc]:
     """Return discs 2 m or more apart, and 2.5 m from the points to keep free."""
     generator, discs = random.Random(seed), list[Disc]()
     while len(discs) < count:
         disc = generator.uniform(1.0, 24.0), generator.uniform(1.0, 24.0), generator.uniform(0.4, 1.5)
         if all(math.dist(disc[:2], other[:2]) > disc[2] + other[2] + 2.0 for other in discs) and all(
-            math.dist(disc[:2], point) > disc[2] + 2.5 for point in keep
+            math.dist(disc[:2], point) > disc[2] + 2.5 for point in kept_free
         ):
             discs.append(disc)
     return discs
@@ -89,7 +89,7 @@ def test_vfh_alone_avoids_obstacles_that_are_not_on_the_map(seed: int) -> None:
         command = vfh.command(seen, boat.heading, bearing, 0.5, 0.6, remaining)
         assert 0.0 <= command.surge <= 0.5
         assert abs(command.yaw_rate) <= 0.6
-        boat.move(command)
+        boat.advance(command)
         least = min(least, clearance(discs, boat.position))
     assert least > RADIUS
     assert math.dist(boat.position, goal) < 0.6
@@ -101,7 +101,7 @@ def run_guide(guide: Guide, discs: list[Disc], start: Point, seconds: float = 25
         command = guide.update(boat.position, boat.heading, scan(discs, boat.position, boat.heading))
         assert 0.0 <= command.surge <= SETTINGS.speed
         assert abs(command.yaw_rate) <= SETTINGS.max_yaw_rate
-        boat.move(command)
+        boat.advance(command)
         least = min(least, clearance(discs, boat.position))
         if guide.done:
             break
@@ -141,7 +141,7 @@ def test_the_guide_leaves_a_dead_end_that_traps_vfh_alone() -> None:
     boat, vfh = PointMass(start, 0.7), Vfh(VFH)
     for _ in range(800):
         bearing = math.atan2(goal[1] - boat.position[1], goal[0] - boat.position[0])
-        boat.move(vfh.command(scan(discs, boat.position, boat.heading), boat.heading, bearing, 0.5))
+        boat.advance(vfh.command(scan(discs, boat.position, boat.heading), boat.heading, bearing, 0.5))
     assert math.dist(boat.position, (12.0, 12.0)) < 6.0  # the reason for the map
 
 
@@ -160,7 +160,7 @@ def test_an_enclosed_guide_stops_and_reports_that_there_is_no_path() -> None:
 def test_a_map_from_scans_has_the_obstacles_at_their_positions() -> None:
     """The map shows two discs, arranged without symmetry, from several places; cells that a beam passed are free."""
     discs: list[Disc] = [(6.0, 2.0, 1.0), (2.0, 7.0, 0.5)]
-    drawn = LaserMap(OccupancyGrid.empty(Extent(-2.0, -2.0, 10.0, 12.0), 0.1), 7.0)
+    laser_map = LaserMap(OccupancyGrid.empty(Extent(-2.0, -2.0, 10.0, 12.0), 0.1), 7.0)
     poses: list[Any] = [
         ((0.0, 0.0), 0.7),
         ((0.0, 10.0), -0.8),
@@ -169,9 +169,9 @@ def test_a_map_from_scans_has_the_obstacles_at_their_positions() -> None:
         ((4.0, 4.5), -1.6),
     ]
     for position, heading in poses:
-        fresh = drawn.add(position, heading, scan(discs, position, heading))
+        fresh = laser_map.add(position, heading, scan(discs, position, heading))
         assert len(fresh) > 0 or heading < -1.5
-    occupied = (np.argwhere(drawn.grid.cells) + 0.5) * 0.1 + drawn.grid.origin
+    occupied = (np.argwhere(laser_map.grid.cells) + 0.5) * 0.1 + laser_map.grid.origin
     assert len(occupied) > 30
     errors = [clearance(discs, (float(north), float(east))) for north, east in occupied]
     assert max(map(abs, errors)) < 0.11  # on the rims, to one cell
@@ -185,11 +185,11 @@ def test_a_map_from_scans_has_the_obstacles_at_their_positions() -> None:
 
 
 def test_occupied_cells_of_the_given_map_are_retained() -> None:
-    known = OccupancyGrid.empty(Extent(0.0, 0.0, 5.0, 5.0), 0.5)
-    known.cells[4, 0] = True
-    drawn = LaserMap(known, 6.0)
+    occupancy = OccupancyGrid.empty(Extent(0.0, 0.0, 5.0, 5.0), 0.5)
+    occupancy.cells[4, 0] = True
+    laser_map = LaserMap(occupancy, 6.0)
     for _ in range(5):
-        assert len(drawn.add((0.25, 0.25), 0.0, Scan(0.0, 0.1, [math.nan]))) == 0
-    assert drawn.grid.cells.sum() == 1
-    drawn.add((0.25, 0.25), math.pi / 2.0, Scan(0.0, 0.1, [2.0]))
-    assert known.cells.sum() == 1  # the caller's own map is left alone
+        assert len(laser_map.add((0.25, 0.25), 0.0, Scan(0.0, 0.1, [math.nan]))) == 0
+    assert laser_map.grid.cells.sum() == 1
+    laser_map.add((0.25, 0.25), math.pi / 2.0, Scan(0.0, 0.1, [2.0]))
+    assert occupancy.cells.sum() == 1  # the caller's own map is left alone

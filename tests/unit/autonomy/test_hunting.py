@@ -33,14 +33,14 @@ class Hunt:
         self._velocities: list[Vector] = [(0.0, 0.0)] * 4
         self._noise = LocalisationNoise(deviation, seed)
 
-    def step(self, holds: int = -1) -> None:
-        seen = [self._noise.measured(position) for position in self.positions]
-        reports = [Report(here, hunter.clock) for here, hunter in zip(seen, self.hunters, strict=True)]
+    def step(self, held_number: int = -1) -> None:
+        measured_positions = [self._noise.measured(position) for position in self.positions]
+        reports = [Report(here, hunter.clock) for here, hunter in zip(measured_positions, self.hunters, strict=True)]
         for k, hunter in enumerate(self.hunters):
-            wanted = hunter.update(seen[k], [*reports[:k], *reports[k + 1 :]], STEP)
+            wanted = hunter.update(measured_positions[k], [*reports[:k], *reports[k + 1 :]], STEP)
             assert math.hypot(*wanted) <= FIELDS.max_speed + 1e-9
             north, east = (v + (w - v) * STEP / LAG for v, w in zip(self._velocities[k], wanted, strict=True))
-            self._velocities[k] = (0.0, 0.0) if k == holds else (north, east)
+            self._velocities[k] = (0.0, 0.0) if k == held_number else (north, east)
         self.positions = [
             (p[0] + v[0] * STEP, p[1] + v[1] * STEP) for p, v in zip(self.positions, self._velocities, strict=True)
         ]
@@ -87,7 +87,7 @@ def test_all_vehicles_slow_down_for_one_that_is_held_up() -> None:
     """A vehicle stands still for 20 s: those who receive its reports, directly or through others, slow down with it."""
     hunt, free = Hunt("line", 3), Hunt("line", 3)
     for _ in range(int(20.0 / STEP)):
-        hunt.step(holds=0)
+        hunt.step(held_number=0)
         free.step()
     clocks = [hunter.clock for hunter in hunt.hunters]
     assert max(clocks) < 0.6 * min(hunter.clock for hunter in free.hunters)
@@ -98,15 +98,15 @@ def test_all_vehicles_slow_down_for_one_that_is_held_up() -> None:
 
 def test_a_vehicle_without_reports_follows_its_own_clock() -> None:
     """Reports from beyond the range, their clocks far behind, change nothing; the same from within hold it back."""
-    alone, far, near = (Hunter(plan_of("diamond"), 0, FIELDS, SEPARATION) for _ in range(3))
+    lone_hunter, far, near = (Hunter(plan_of("diamond"), 0, FIELDS, SEPARATION) for _ in range(3))
     position = FORMATIONS["diamond"][0]
     for _ in range(20):
-        wanted = alone.update(position, [], STEP)
+        wanted = lone_hunter.update(position, [], STEP)
         assert far.update(position, [Report((40.0, 40.0), 0.0)], STEP) == wanted
         near.update(position, [Report((4.5, 0.0), 0.0)], STEP)
-        position = alone._plan.position_at(0, alone.clock)
-    assert alone.clock == pytest.approx(20 * STEP, rel=0.1)
-    assert near.clock < 0.5 * alone.clock
+        position = lone_hunter._plan.position_at(0, lone_hunter.clock)
+    assert lone_hunter.clock == pytest.approx(20 * STEP, rel=0.1)
+    assert near.clock < 0.5 * lone_hunter.clock
 
 
 REPORTS = st.lists(

@@ -158,11 +158,11 @@ needs = ["acquisition"]
 """
     with open(path, "w", encoding="utf-8") as file:
         file.write(text)
-    read, made = World(Scheduler(load(path, Mission)), drain=0.008), World(Scheduler(MISSION), drain=0.008)
+    read, from_record = World(Scheduler(load(path, Mission)), drain=0.008), World(Scheduler(MISSION), drain=0.008)
     assert read.scheduler.signals == {"battery", "data"}
     read.run()
-    made.run()
-    assert read.scheduler.log == made.scheduler.log
+    from_record.run()
+    assert read.scheduler.log == from_record.scheduler.log
     with open(path, "w", encoding="utf-8") as file:
         file.write(text.replace('"acquisition"]', '"aquisition"]'))
     with pytest.raises(ConfigError, match=r"needs 'aquisition', which is not another task; did you mean"):

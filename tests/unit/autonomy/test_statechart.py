@@ -75,10 +75,10 @@ def chart(tmp_path: Any) -> Chart:
     with open(path, "w", encoding="utf-8") as file:
         file.write(TEXT)
     parts = load(path, Parts)
-    made = Chart(parts.initial, parts.state, parts.transition, path)
-    assert made.state == ""
-    assert made.start(0) == Change((), ("dive",))
-    return made
+    chart = Chart(parts.initial, parts.state, parts.transition, path)
+    assert chart.state == ""
+    assert chart.start(0) == Change((), ("dive",))
+    return chart
 
 
 def test_entering_a_composite_state_enters_its_initial_state(chart: Chart) -> None:

@@ -33,9 +33,9 @@ def last_third(moments: list[Moment]) -> list[Moment]:
     return moments[-len(moments) // 3 :]
 
 
-def surge_error(moments: list[Moment], wanted: float) -> float:
+def surge_error(moments: list[Moment], setpoint: float) -> float:
     """Return the mean error of surge over the last third."""
-    return fmean(moment.nu[0] for moment in last_third(moments)) - wanted
+    return fmean(moment.nu[0] for moment in last_third(moments)) - setpoint
 
 
 def force_variation(moments: list[Moment]) -> float:
@@ -50,16 +50,16 @@ def force_variation(moments: list[Moment]) -> float:
 def test_steps_of_speed_depth_and_heading_are_reached(family: str, name: str) -> None:
     vehicle = make_rig(family, name)
     vehicle.fly(4.0, lambda time: STILL)
-    ahead = vehicle.fly(8.0, lambda time: STILL._replace(surge=0.3))
-    assert abs(surge_error(ahead, 0.3)) < 0.01
-    assert max(moment.nu[0] for moment in ahead) < 1.15 * 0.3
-    assert min(moment.time for moment in ahead if moment.nu[0] > 0.27) < 1.5
-    both = vehicle.fly(15.0, lambda time: STILL._replace(surge=0.3, depth=START_DEPTH + 1.0, heading=1.0))
-    assert max(moment.position[2] for moment in both) < START_DEPTH + 1.05
-    assert last_third(both)[-1].position[2] == pytest.approx(START_DEPTH + 1.0, abs=0.03)
-    assert max(moment.attitude[2] for moment in both) < 1.06
-    assert last_third(both)[-1].attitude[2] == pytest.approx(1.0, abs=GYRO)
-    assert max(abs(angle) for moment in last_third(both) for angle in moment.attitude[:2]) < 0.05
+    surge_only = vehicle.fly(8.0, lambda time: STILL._replace(surge=0.3))
+    assert abs(surge_error(surge_only, 0.3)) < 0.01
+    assert max(moment.nu[0] for moment in surge_only) < 1.15 * 0.3
+    assert min(moment.time for moment in surge_only if moment.nu[0] > 0.27) < 1.5
+    all_axes = vehicle.fly(15.0, lambda time: STILL._replace(surge=0.3, depth=START_DEPTH + 1.0, heading=1.0))
+    assert max(moment.position[2] for moment in all_axes) < START_DEPTH + 1.05
+    assert last_third(all_axes)[-1].position[2] == pytest.approx(START_DEPTH + 1.0, abs=0.03)
+    assert max(moment.attitude[2] for moment in all_axes) < 1.06
+    assert last_third(all_axes)[-1].attitude[2] == pytest.approx(1.0, abs=GYRO)
+    assert max(abs(angle) for moment in last_third(all_axes) for angle in moment.attitude[:2]) < 0.05
 
 
 @pytest.mark.parametrize("name", VEHICLES)
@@ -68,12 +68,12 @@ def test_an_unmeasured_current_is_rejected(family: str, left: float, name: str) 
     """Controllers that integrate leave no error; the PD law leaves what its page states: the current's drag."""
     vehicle = make_rig(family, name, current=CURRENT)
     vehicle.fly(6.0, lambda time: STILL)
-    ahead = vehicle.fly(10.0, lambda time: STILL._replace(surge=0.3))
-    assert abs(surge_error(ahead, 0.3)) < left
-    assert (abs(surge_error(ahead, 0.3)) > 0.03) == (family == "restoring_pd")
-    assert max(moment.nu[0] for moment in ahead[50:]) < 0.3 * 1.2 + left
-    assert last_third(ahead)[-1].position[2] == pytest.approx(START_DEPTH, abs=0.03)
-    assert last_third(ahead)[-1].attitude[2] == pytest.approx(0.0, abs=GYRO if family != "restoring_pd" else 0.06)
+    moments = vehicle.fly(10.0, lambda time: STILL._replace(surge=0.3))
+    assert abs(surge_error(moments, 0.3)) < left
+    assert (abs(surge_error(moments, 0.3)) > 0.03) == (family == "restoring_pd")
+    assert max(moment.nu[0] for moment in moments[50:]) < 0.3 * 1.2 + left
+    assert last_third(moments)[-1].position[2] == pytest.approx(START_DEPTH, abs=0.03)
+    assert last_third(moments)[-1].attitude[2] == pytest.approx(0.0, abs=GYRO if family != "restoring_pd" else 0.06)
 
 
 @pytest.mark.parametrize("share", [-0.2, 0.3])
@@ -84,11 +84,11 @@ def test_a_wrong_mass_leaves_small_errors(family: str, name: str, share: float) 
     flown = heavier(vehicle._replace(neutrally_buoyant=False, volume=vehicle.mass / 1025.0), share)
     flight = make_rig(family, name, flown=flown)
     flight.fly(4.0, lambda time: STILL)
-    ahead = flight.fly(8.0, lambda time: STILL._replace(surge=0.3))
-    assert abs(surge_error(ahead, 0.3)) < 0.01
-    assert max(moment.nu[0] for moment in ahead) < 1.2 * 0.3
+    moments = flight.fly(8.0, lambda time: STILL._replace(surge=0.3))
+    assert abs(surge_error(moments, 0.3)) < 0.01
+    assert max(moment.nu[0] for moment in moments) < 1.2 * 0.3
     # a PD law compensates its model's weight on a vehicle without weight
-    assert last_third(ahead)[-1].position[2] == pytest.approx(
+    assert last_third(moments)[-1].position[2] == pytest.approx(
         START_DEPTH, abs=0.03 if family != "restoring_pd" else 0.08
     )
 
@@ -116,10 +116,10 @@ def test_a_saturated_vehicle_recovers_within_seconds(family: str, name: str) -> 
     beyond = vehicle.fly(10.0, lambda time: STILL._replace(sway=4.0))
     assert max(moment.nu[1] for moment in beyond) < 2.0
     assert all(abs(moment.position[2] - START_DEPTH) < 0.6 for moment in beyond)
-    back = vehicle.fly(6.0, lambda time: STILL._replace(sway=0.1))
-    assert all(abs(moment.nu[1] - 0.1) < 0.04 for moment in back if moment.time > 3.0)
+    recovery = vehicle.fly(6.0, lambda time: STILL._replace(sway=0.1))
+    assert all(abs(moment.nu[1] - 0.1) < 0.04 for moment in recovery if moment.time > 3.0)
     jump = beyond[-1].nu[1] - 0.1
-    assert min(moment.nu[1] for moment in back) > 0.1 - 0.35 * jump
+    assert min(moment.nu[1] for moment in recovery) > 0.1 - 0.35 * jump
 
 
 THRUSTER_DRIVEN = [name for name in preset_names("sim/vehicles") if not load_vehicle(name)[0].fins]

@@ -46,12 +46,12 @@ def test_direction_turn_and_length_agree_with_the_position(name: str) -> None:
         along = curve.length * number / 200
         if any(abs(along - corner) < 2.0 * step for corner in corners):
             continue
-        before, here, after = (curve.at(along + side * step) for side in (-1.0, 0.0, 1.0))
+        before, middle, after = (curve.at(along + side * step) for side in (-1.0, 0.0, 1.0))
         north, east, down = ((b - a) / (2.0 * step) for a, b in zip(before.position, after.position, strict=True))
         assert math.hypot(north, east, down) == pytest.approx(1.0, abs=1e-6)  # measured along the curve
-        assert math.atan2(down, math.hypot(north, east)) == pytest.approx(here.slope, abs=1e-6)
-        assert wrap_angle(math.atan2(east, north) - here.heading) == pytest.approx(0.0, abs=1e-6)
-        assert wrap_angle(after.heading - before.heading) / (2.0 * step) == pytest.approx(here.turn, abs=1e-5)
+        assert math.atan2(down, math.hypot(north, east)) == pytest.approx(middle.slope, abs=1e-6)
+        assert wrap_angle(math.atan2(east, north) - middle.heading) == pytest.approx(0.0, abs=1e-6)
+        assert wrap_angle(after.heading - before.heading) / (2.0 * step) == pytest.approx(middle.turn, abs=1e-5)
 
 
 @pytest.mark.parametrize("name", CURVES)
@@ -139,7 +139,7 @@ def test_a_splines_length_is_that_of_its_chords(points: list[tuple[float, float,
     numpy = pytest.importorskip("numpy")
     curve, length = Spline(points), 0.0
     chords = [math.dist(a, b) for a, b in pairwise(points)]
-    for (_, cubics), chord in zip(groupby(curve._parts, key=lambda part: id(part.cubics)), chords, strict=True):
+    for (_, cubics), chord in zip(groupby(curve._parts, key=lambda piece: id(piece.cubics)), chords, strict=True):
         t = numpy.linspace(0.0, chord, 200_001)
         axes = [cubic.value(t) for cubic in next(cubics).cubics]
         length += numpy.sqrt(sum(numpy.diff(axis) ** 2 for axis in axes)).sum()
@@ -189,8 +189,8 @@ def test_no_other_three_segments_are_shorter_than_dubins(
     if math.hypot(north, east) < 0.1:
         return
     goal = Pose((north, east, 0.0), toward)
-    best = dubins(Pose((0.0, 0.0, 0.0), heading), goal, 1.0).length
-    assert best >= math.hypot(north, east) - 1e-9
+    shortest = dubins(Pose((0.0, 0.0, 0.0), heading), goal, 1.0).length
+    assert shortest >= math.hypot(north, east) - 1e-9
     for turn in (-1.0, 0.0, 1.0):
         for length in (0.3, 1.0, 2.5):
             on = (
@@ -200,7 +200,7 @@ def test_no_other_three_segments_are_shorter_than_dubins(
                 .at(length)
             )
             if math.dist(on.position[:2], (north, east)) > 1e-3:
-                assert best <= length + dubins(Pose(on.position, on.heading), goal, 1.0).length + 1e-6
+                assert shortest <= length + dubins(Pose(on.position, on.heading), goal, 1.0).length + 1e-6
 
 
 def test_dubins_paths_have_the_lengths_worked_out_by_hand() -> None:
@@ -297,10 +297,10 @@ def test_curves_just_within_turn_radius_and_climb_angle_are_allowed(name: str) -
 
 def test_a_dubins_path_stays_within_its_own_limits() -> None:
     limits = WIDE._replace(turn_radius=4.0, climb_angle=0.25, vertical_speed=1.0)
-    way = dubins(Pose((0.0, 0.0, 2.0), 1.0), Pose((10.0, -6.0, 30.0), 2.5), limits.turn_radius, limits.climb_angle)
-    assert Trajectory(way, 0.5, limits).at(1e9).position == pytest.approx((10.0, -6.0, 30.0), abs=1e-6)
+    curve = dubins(Pose((0.0, 0.0, 2.0), 1.0), Pose((10.0, -6.0, 30.0), 2.5), limits.turn_radius, limits.climb_angle)
+    assert Trajectory(curve, 0.5, limits).at(1e9).position == pytest.approx((10.0, -6.0, 30.0), abs=1e-6)
     with pytest.raises(MissionError, match="bends with a radius"):
-        Trajectory(way, 0.5, limits._replace(turn_radius=12.0))
+        Trajectory(curve, 0.5, limits._replace(turn_radius=12.0))
 
 
 def test_a_waypoint_file_is_read(tmp_path: Any) -> None:
@@ -325,10 +325,10 @@ def write(path: str, text: str) -> str:
 def test_a_csv_waypoint_file_is_read(tmp_path: Any) -> None:
     """The file has columns in any order, a comment, an empty line, a byte order mark and numbers with their unit."""
     rows = "".join(f"{d} m, {n},{e}\n" for n, e, d in WAY)
-    way = read_waypoints(write(os.path.join(tmp_path, "way.csv"), f"\ufeffdepth,north, east\n# my way\n\n{rows}"))
-    assert way.length == polyline(WAY).length
-    assert way.at(0.0).position == WAY[0]
-    assert way.at(way.length).position == pytest.approx(WAY[-1])
+    waypoints = read_waypoints(write(os.path.join(tmp_path, "way.csv"), f"\ufeffdepth,north, east\n# my way\n\n{rows}"))
+    assert waypoints.length == polyline(WAY).length
+    assert waypoints.at(0.0).position == WAY[0]
+    assert waypoints.at(waypoints.length).position == pytest.approx(WAY[-1])
 
 
 @pytest.mark.parametrize(

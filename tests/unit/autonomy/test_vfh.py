@@ -21,9 +21,9 @@ def scan_with_echo(bearing: float, distance: float) -> Scan:
     return scan_with_echoes({bearing: distance})
 
 
-def scan_with_echoes(where: dict[float, float]) -> Scan:
+def scan_with_echoes(ranges_by_bearing: dict[float, float]) -> Scan:
     ranges = [math.inf] * 360
-    for bearing, distance in where.items():
+    for bearing, distance in ranges_by_bearing.items():
         ranges[int(bearing + 180) % 360] = distance
     return Scan(-math.pi, DEGREE, ranges)
 
@@ -91,10 +91,10 @@ def test_a_sector_changes_state_with_hysteresis() -> None:
 def test_sectors_out_of_view_keep_their_state() -> None:
     vfh = Vfh(SETTINGS)
     vfh.steer(scan_with_echo(0, 1.0), 0.0, 0.0)
-    ahead = Scan(-30.0 * DEGREE, DEGREE, [math.inf] * 61)
-    vfh.steer(ahead, math.pi, 0.0)
+    open_scan = Scan(-30.0 * DEGREE, DEGREE, [math.inf] * 61)
+    vfh.steer(open_scan, math.pi, 0.0)
     assert vfh.blocked[0]
-    vfh.steer(ahead, 0.0, 0.0)
+    vfh.steer(open_scan, 0.0, 0.0)
     assert not vfh.blocked[0]
 
 

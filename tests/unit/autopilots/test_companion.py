@@ -82,14 +82,14 @@ class Bench:
 
 @pytest.fixture
 def bench(tmp_path: Path) -> Iterator[Callable[[str], Bench]]:
-    made: list[Bench] = []
+    benches: list[Bench] = []
 
     def make(positions: str) -> Bench:
-        made.append(Bench(tmp_path, positions))
-        return made[-1]
+        benches.append(Bench(tmp_path, positions))
+        return benches[-1]
 
     yield make
-    for one in made:
+    for one in benches:
         one.close()
 
 

@@ -32,11 +32,11 @@ def wrench(vehicle: Vehicle, outputs: tuple[int, ...]) -> list[float]:
     return [sum(a * b for a, b in zip(row, thrusts, strict=True)) for row in wrench_matrix(vehicle, torque=False)]
 
 
-def assert_along(found: list[float], axis: int, sign: int) -> None:
+def assert_along(values: list[float], axis: int, sign: int) -> None:
     """Assert a motion along one axis, with at most a fifth of it in the others: astern a thruster gives less."""
-    assert found[axis] * sign > 1.0
+    assert values[axis] * sign > 1.0
     kind = range(3) if axis < 3 else range(3, 6)
-    assert all(abs(found[other]) < 0.25 * abs(found[axis]) for other in kind if other != axis), found
+    assert all(abs(values[other]) < 0.25 * abs(values[axis]) for other in kind if other != axis), values
 
 
 @pytest.mark.parametrize(("name", "frame"), FRAMES.items())

@@ -38,13 +38,13 @@ def test_a_state_is_read_by_a_parser_like_ardupilots() -> None:
     assert text[0] == text[-1] == "\n"
     assert " " not in text
     assert json.loads(text)["imu"]["gyro"] == [0.1, -0.2, 0.3]
-    wanted = {
+    expected = {
         ("", "timestamp"): "1.5", ("imu", "gyro"): "[0.1", ("imu", "accel_body"): "[0.0", ("", "position"): "[1.0",
         ("", "velocity"): "[0.0", ("", "quaternion"): "[1.0", ("", "rng_1"): "4.25", ("rc", "rc_2"): "1600",
         ("battery", "voltage"): "16.1", ("battery", "current"): "2.5",
         ("", "latitude"): "50.0", ("", "longitude"): "8.0", ("", "altitude"): "-3.0",
     }  # fmt: skip
-    for (section, key), value in wanted.items():
+    for (section, key), value in expected.items():
         assert scan(text, section, key).startswith(value), key
     assert "attitude" not in text  # a quaternion is sent, and the parser would find this name inside others
 

@@ -29,10 +29,10 @@ def test_parameter_files_are_read_and_wrong_lines_reported(tmp_path: Path) -> No
 @pytest.mark.parametrize(("name", "frame"), [("bluerov2", 1), ("bluerov2_heavy", 2)])
 def test_ardusub_gets_its_frame_and_the_installed_parameter_file(name: str, frame: int) -> None:
     vehicle, _ = load_vehicle(name)
-    found = all_parameters(AutopilotSettings(), "ardupilot", vehicle, map_motors("auto", vehicle))
-    assert found["FRAME_CONFIG"] == frame
-    assert found["SIM_BARO_RND"] == 0
-    assert f"FRAME_CONFIG {frame}\n" in format_parameters(found)
+    parameters = all_parameters(AutopilotSettings(), "ardupilot", vehicle, map_motors("auto", vehicle))
+    assert parameters["FRAME_CONFIG"] == frame
+    assert parameters["SIM_BARO_RND"] == 0
+    assert f"FRAME_CONFIG {frame}\n" in format_parameters(parameters)
 
 
 # Old name -> the name in ArduSub 4.7 and its factor: AC_PosControl::convert_parameters and AP_RangeFinder_Params. It

@@ -28,10 +28,10 @@ def figure_of_runs(seed: str, count: int, size: int, middle: float = 20.0) -> Fi
     """Return a figure of starts that differ, each with correlated values of commands: AR(1), 0.5."""
     generator, samples = random.Random(seed), []
     for _ in range(count):
-        at, offset = 0.0, generator.gauss(0.0, 1.0)
+        state, offset = 0.0, generator.gauss(0.0, 1.0)
         for _ in range(size):
-            at = 0.5 * at + generator.gauss(0.0, 1.0)
-            samples.append(middle + offset + at)
+            state = 0.5 * state + generator.gauss(0.0, 1.0)
+            samples.append(middle + offset + state)
     return Figure(samples, "ms", "lower", (size,) * count)
 
 
@@ -53,10 +53,10 @@ def write(path: Path, kind: str = "table", **figures: Figure) -> str:
 )
 def test_a_difference_has_the_expected_verdict(after: float, better: Better, verdict: str) -> None:
     before = figure_of_starts(values(1.0, 1), "ms", better)
-    found = difference("x", before, before._replace(values=values(after, 2)), 0.05, 0.95)
-    assert found.verdict == verdict
-    assert found.interval.holds(found.ratio)
-    assert found.ratio == pytest.approx(after, rel=0.1)
+    change = difference("x", before, before._replace(values=values(after, 2)), 0.05, 0.95)
+    assert change.verdict == verdict
+    assert change.interval.holds(change.ratio)
+    assert change.ratio == pytest.approx(after, rel=0.1)
 
 
 def test_a_real_difference_below_the_threshold_is_reported_as_same() -> None:
@@ -112,10 +112,10 @@ def test_few_values_give_no_verdict() -> None:
 
 
 def test_differences_from_a_median_of_zero_have_a_direction() -> None:
-    nothing, something = figure_of_starts([0.0] * 9), figure_of_starts([2.0] * 9)
-    assert difference("losses", nothing, something, 0.05, 0.95).verdict == "worse"
-    assert difference("losses", something, nothing, 0.05, 0.95).verdict == "better"
-    assert difference("losses", nothing, nothing, 0.05, 0.95).verdict == "same"
+    unused, used = figure_of_starts([0.0] * 9), figure_of_starts([2.0] * 9)
+    assert difference("losses", unused, used, 0.05, 0.95).verdict == "worse"
+    assert difference("losses", used, unused, 0.05, 0.95).verdict == "better"
+    assert difference("losses", unused, unused, 0.05, 0.95).verdict == "same"
 
 
 @pytest.mark.parametrize(("before", "after"), [(-2.0, -1.0), (-1.0, 1.0), (-1.0, -0.5)])
@@ -215,9 +215,9 @@ def test_a_malformed_figure_is_refused(tmp_path: Path, key: str, value: object) 
         load(path)
 
 
-def damage(path: str, key: str, value: object, *way: str) -> None:
+def damage(path: str, key: str, value: object, *parents: str) -> None:
     root = table = json.loads(Path(path).read_text())
-    for name in way:
+    for name in parents:
         table = table[name]
     table[key] = value
     Path(path).write_text(json.dumps(root))
@@ -232,7 +232,7 @@ def test_older_files_without_run_counts_are_read(tmp_path: Path) -> None:
 
 
 def test_differences_between_machines_are_listed() -> None:
-    one = Record(
+    record = Record(
         "table",
         {"repeat": 5},
         {},
@@ -250,18 +250,18 @@ def test_differences_between_machines_are_listed() -> None:
             "packages": {"eclipse-zenoh": "1.3", "numpy": "2.0"},
         },
     )  # fmt: skip
-    assert different_conditions(one, one) == []
-    assert different_conditions(one, other) == [
+    assert different_conditions(record, record) == []
+    assert different_conditions(record, other) == [
         "governors of the machine: performance (4) and powersave (4)",
         "load of the machine: 0.4 and 3.1",
         "eclipse-zenoh: 1.2 and 1.3",
         "numpy: none and 2.0",
         "labels: none and virtual machine",
     ]
-    assert different_conditions(one, one._replace(machine={**one.machine, "load": 0.9})) == [], (
+    assert different_conditions(record, record._replace(machine={**record.machine, "load": 0.9})) == [], (
         "values always vary a little"
     )
-    assert different_conditions(one, one._replace(machine={**one.machine, "load": "much"})) == []
+    assert different_conditions(record, record._replace(machine={**record.machine, "load": "much"})) == []
 
 
 def test_few_starts_are_noted_and_do_not_fail(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -74,11 +74,11 @@ def test_the_interval_of_equal_values_is_that_value() -> None:
 def test_the_interval_contains_the_true_median_at_its_stated_rate(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("hil.bench.statistics.RESAMPLES", 400)  # for speed
     generator = random.Random(5)
-    trials, held = 120, 0
+    trials, covered = 120, 0
     for seed in range(trials):
         values = [generator.expovariate(1.0) for _ in range(25)]
-        held += median_interval(values, 0.9, seed).holds(math.log(2.0))
-    assert 0.82 <= held / trials <= 0.98
+        covered += median_interval(values, 0.9, seed).holds(math.log(2.0))
+    assert 0.82 <= covered / trials <= 0.98
 
 
 def test_more_values_narrow_the_interval() -> None:
@@ -88,12 +88,12 @@ def test_more_values_narrow_the_interval() -> None:
     assert narrow < wide / 3
 
 
-def autoregressive_series(generator: random.Random, count: int, alike: float) -> list[float]:
+def autoregressive_series(generator: random.Random, count: int, correlation: float) -> list[float]:
     """Return a first-order autoregressive series (AR(1)) around 20."""
-    at, series = generator.gauss(0.0, 1.0) / math.sqrt(1.0 - alike**2), []
+    state, series = generator.gauss(0.0, 1.0) / math.sqrt(1.0 - correlation**2), []
     for _ in range(count):
-        at = alike * at + generator.gauss(0.0, 1.0)
-        series.append(20.0 + at)
+        state = correlation * state + generator.gauss(0.0, 1.0)
+        series.append(20.0 + state)
     return series
 
 
@@ -101,13 +101,13 @@ def test_correlated_values_are_resampled_in_blocks(monkeypatch: pytest.MonkeyPat
     """Two series of one process seem to differ in some five of a hundred pairs, not in a quarter."""
     monkeypatch.setattr("hil.bench.statistics.RESAMPLES", 150)  # for speed
     generator, trials = random.Random(7), 60
-    wrong = {True: 0, False: 0}
+    false_counts = {True: 0, False: 0}
     for _ in range(trials):
         one, other = (autoregressive_series(generator, 200, 0.54) for _ in range(2))
-        for block in wrong:
-            wrong[block] += not ratio_interval(one, other, block=block).holds(1.0)
-    assert wrong[False] / trials > 0.15, "the fault"
-    assert wrong[True] / trials <= 0.12
+        for block in false_counts:
+            false_counts[block] += not ratio_interval(one, other, block=block).holds(1.0)
+    assert false_counts[False] / trials > 0.15, "the fault"
+    assert false_counts[True] / trials <= 0.12
 
 
 def test_block_intervals_of_equal_and_of_few_values_are_defined() -> None:

@@ -55,15 +55,15 @@ def test_throttling_is_decoded(tmp_path: Path, name: str, slow: Throttling) -> N
 
 
 @pytest.mark.parametrize("kind", ["thermal-cpufreq-0", "cpufreq-cpu0"])  # of Linux 4.9, and of later ones
-@pytest.mark.parametrize(("state", "known"), [("0\n", True), ("", False), ("\xff\n", False)])
-def test_an_idle_cooling_device_means_no_throttling(tmp_path: Path, kind: str, state: str, known: bool) -> None:
+@pytest.mark.parametrize(("state", "is_known"), [("0\n", True), ("", False), ("\xff\n", False)])
+def test_an_idle_cooling_device_means_no_throttling(tmp_path: Path, kind: str, state: str, is_known: bool) -> None:
     tree = tree_of("jetson_nano", tmp_path)
     recorded.plant(tmp_path, "sys/class/thermal/cooling_device0/type", "pwm-fan\n")
     recorded.plant(tmp_path, "sys/class/thermal/cooling_device0/cur_state", "2\n")
     assert not throttling(tree).known
     recorded.plant(tmp_path, "sys/class/thermal/cooling_device1/type", kind)
     recorded.plant(tmp_path, "sys/class/thermal/cooling_device1/cur_state", state)
-    assert throttling(tree) == Throttling(known=known)
+    assert throttling(tree) == Throttling(known=is_known)
 
 
 @pytest.mark.parametrize("name", REAL)
@@ -76,7 +76,7 @@ def test_the_boards_limit_is_not_above_the_firmwares(tmp_path: Path, name: str) 
 
 
 def test_unreadable_files_give_unknown_health(tmp_path: Path) -> None:
-    odd = b"\xff\xfe\x80 \xc3"
+    undecodable = b"\xff\xfe\x80 \xc3"
     for name in (
         "sys/class/thermal/thermal_zone0/temp", "sys/class/thermal/thermal_zone0/type",
         "sys/class/thermal/cooling_device0/type", "sys/class/thermal/cooling_device0/cur_state",
@@ -84,7 +84,7 @@ def test_unreadable_files_give_unknown_health(tmp_path: Path) -> None:
         "proc/cpuinfo", "proc/sys/kernel/arch", "proc/device-tree/model", "commands/vcgencmd_get_throttled",
     ):  # fmt: skip
         recorded.plant(tmp_path, name, "")
-        (tmp_path / name).write_bytes(odd)
+        (tmp_path / name).write_bytes(undecodable)
     tree = Tree(str(tmp_path))
     assert (temperatures(tree), recognise(tree), governors(tree)) == ({}, None, {})
     assert throttling(tree, boards.load_board("raspberry_pi_4b")) == Throttling(known=False)

@@ -91,9 +91,9 @@ def test_reports_from_out_of_range_change_nothing() -> None:
         first._awaited.clear()
         receive = first.on_report
 
-        def receive_some(node: str, *rest: Any, receive: Any = receive, deaf: str | None = unreceived) -> None:
+        def receive_some(node: str, *arguments: Any, receive: Any = receive, deaf: str | None = unreceived) -> None:
             if node != deaf:
-                receive(node, *rest)
+                receive(node, *arguments)
 
         first.on_report = receive_some  # type: ignore[method-assign,assignment]
         run(simulated, 4.0)
@@ -105,12 +105,12 @@ def test_reports_from_out_of_range_change_nothing() -> None:
 def test_reported_positions_have_independent_zero_mean_noise() -> None:
     """The noise of each axis of each vehicle has mean 0, the stated 5 cm, and no relation to any other."""
     simulated, _ = hunt("line")
-    still = {ODOMETRY: OdometrySample(0, (1.0, 2.0, 2.0), (1.0, 0.0, 0.0, 0.0), (0.0,) * 6)}
+    samples = {ODOMETRY: OdometrySample(0, (1.0, 2.0, 2.0), (1.0, 0.0, 0.0, 0.0), (0.0,) * 6)}
     columns: list[list[float]] = []
     for planner in simulated.planners:
         reports = []
         for step in range(3000):
-            planner.command(0.1 * step, still)
+            planner.command(0.1 * step, samples)
             found = decode_formation(planner.report())
             assert found is not None
             reports.append(found.position)

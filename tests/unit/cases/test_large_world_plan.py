@@ -70,13 +70,13 @@ def test_a_part_of_the_map_has_the_cells_of_the_whole_map(tmp_path: Path) -> Non
     world = load_world(loaded.world)
     small = world._replace(extent=(-500.0, 500.0, -600.0, 600.0))
     vehicle = load_vehicle(loaded.vehicle)[0]
-    part, whole = make_request(loaded, vehicle, world).map, make_request(loaded, vehicle, small).map
-    rows, columns = np.indices(part.cells.shape)[:, ::7, ::7].reshape(2, -1)
-    places = [part.centre((int(row), int(column))) for row, column in zip(rows, columns, strict=True)]
-    inside = [place for place in places if whole.contains(place)]
+    map_part, whole_map = make_request(loaded, vehicle, world).map, make_request(loaded, vehicle, small).map
+    rows, columns = np.indices(map_part.cells.shape)[:, ::7, ::7].reshape(2, -1)
+    places = [map_part.centre((int(row), int(column))) for row, column in zip(rows, columns, strict=True)]
+    inside = [position for position in places if whole_map.contains(position)]
     assert len(inside) > 2000
-    assert {part.is_free(place) for place in inside} == {True, False}
-    assert all(part.is_free(place) == whole.is_free(place) for place in inside)
+    assert {map_part.is_free(position) for position in inside} == {True, False}
+    assert all(map_part.is_free(position) == whole_map.is_free(position) for position in inside)
 
 
 def test_a_detour_beyond_the_first_part_is_found(tmp_path: Path) -> None:

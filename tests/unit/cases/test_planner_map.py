@@ -76,12 +76,12 @@ def test_every_worlds_map_agrees_with_its_clearance() -> None:
 def test_clearance_over_relief_is_the_distance_to_its_contour() -> None:
     """The distance to the straight contours of a plane is known. Beyond `within` the clearance is infinite."""
     slope = load_world("slope")
-    (to_north, to_east), here = slope.terrain.gradient(3.3, -7.1), slope.seabed(3.3, -7.1)  # type: ignore[union-attr]
+    (to_north, to_east), depth = slope.terrain.gradient(3.3, -7.1), slope.seabed(3.3, -7.1)  # type: ignore[union-attr]
     steep = hypot(to_north, to_east)
     for up in (0.2, 1.0, 2.5):
-        assert slope.clearance(3.3, -7.1, here - up) == pytest.approx(up / steep, rel=1e-4)
-        assert slope.clearance(3.3, -7.1, here - up, within=0.9 * up / steep) == inf
-    assert slope.clearance(3.3, -7.1, here + 2.0) == pytest.approx(-2.0)
+        assert slope.clearance(3.3, -7.1, depth - up) == pytest.approx(up / steep, rel=1e-4)
+        assert slope.clearance(3.3, -7.1, depth - up, within=0.9 * up / steep) == inf
+    assert slope.clearance(3.3, -7.1, depth + 2.0) == pytest.approx(-2.0)
     assert slope.clearance(3.3, -7.1) == inf
 
 
@@ -102,14 +102,14 @@ def test_no_shallow_point_is_nearer_than_the_reported_distance(
     """
     terrain = Terrain(Grid(0.0, 0.0, 2.0, 5, 6), array("f", depths), outside)
     reported = distance_to_shallows(terrain, north, east, depth, 6.0)
-    around = [
+    neighbours = [
         (n, e) for n in np.arange(north - 6.0, north + 6.1, 0.25) for e in np.arange(east - 6.0, east + 6.1, 0.25)
     ] + [(2.0 * row, 2.0 * column) for row in range(5) for column in range(6)]
-    found = min((hypot(n - north, e - east) for n, e in around if terrain.depth(n, e) <= depth), default=inf)
+    nearest = min((hypot(n - north, e - east) for n, e in neighbours if terrain.depth(n, e) <= depth), default=inf)
     if terrain.depth(north, east) <= depth:
         assert reported == terrain.depth(north, east) - depth
-    elif found <= 4.0:  # beyond, the other may be out of reach
-        assert found - 2.0 * sqrt(2.0) - 1e-6 < reported <= found + 2.0  # a cell
+    elif nearest <= 4.0:  # beyond, the other may be out of reach
+        assert nearest - 2.0 * sqrt(2.0) - 1e-6 < reported <= nearest + 2.0  # a cell
 
 
 def test_a_path_goes_round_a_hill(tmp_path: Path) -> None:
@@ -134,11 +134,11 @@ def test_a_path_goes_round_a_hill(tmp_path: Path) -> None:
 def test_hidden_obstacles_are_not_on_the_map() -> None:
     pile, block = Cylinder(5.0, 5.0, 1.0, hidden=True), Box(15.0, 5.0, 2.0, 2.0)
     world = World("some", "made up", (0.0, 20.0, 0.0, 10.0), 10.0, cylinder=(pile,), box=(block,))
-    known, unknown = (known_map(Master(depth=5.0, map=text), SIX, world) for text in ("known", "unknown"))
-    assert known.is_free((5.0, 5.0))
-    assert not known.is_free((15.0, 5.0))
+    known_grid, unknown = (known_map(Master(depth=5.0, map=text), SIX, world) for text in ("known", "unknown"))
+    assert known_grid.is_free((5.0, 5.0))
+    assert not known_grid.is_free((15.0, 5.0))
     assert not unknown.cells.any()
-    assert known.cells.shape == unknown.cells.shape
+    assert known_grid.cells.shape == unknown.cells.shape
     assert world.clearance(5.0, 5.0, 5.0) == -1.0  # it exists in the world
 
 

@@ -89,16 +89,16 @@ def test_commands_stay_within_limits_for_any_input(cylinders: list[Cylinder], re
         for number, (place, heading, echoes) in enumerate(reported):
             scan = LaserSample(number * NS // 10, -1.5, 3.0 / (len(echoes) - 1), tuple(echoes), (0.1, 30.0))
             samples = {"odom": odometry(place, heading, number * NS // 10), "laser": scan}
-            answer = planner.command(0.1 * number, samples)
-            if isinstance(answer, Done):
-                assert answer.reason
+            command = planner.command(0.1 * number, samples)
+            if isinstance(command, Done):
+                assert command.reason
                 break
-            assert math.hypot(answer.surge, answer.sway) <= SPEED + 1e-9
-            assert answer.surge >= 0.0 or isinstance(planner, Tasks)  # which holds its position
-            assert abs(answer.yaw_rate) <= 0.5 + 1e-9
-            assert answer.depth == 5.0
+            assert math.hypot(command.surge, command.sway) <= SPEED + 1e-9
+            assert command.surge >= 0.0 or isinstance(planner, Tasks)  # which holds its position
+            assert abs(command.yaw_rate) <= 0.5 + 1e-9
+            assert command.depth == 5.0
             assert 0.0 <= planner.progress <= 1.0
-            resolved = held(answer, samples["odom"])  # type: ignore[arg-type]
+            resolved = held(command, samples["odom"])  # type: ignore[arg-type]
             assert resolved.depth is None
             assert abs(resolved.heave) <= 0.8
 
@@ -151,22 +151,22 @@ def gap(a: Cylinder, b: Cylinder) -> float:
 class SentPlanner(Planner):
     """A planner that encodes and decodes each sample as on the network, and compares both planners' commands."""
 
-    def __init__(self, here: Planner, there: Planner) -> None:
-        self.here, self.there = here, there
+    def __init__(self, planner: Planner, reference: Planner) -> None:
+        self.here, self.reference = planner, reference
         self.commands = 0
 
     def begin(self, request: PlanRequest) -> None:
         self.here.begin(request)
-        self.there.begin(request)
+        self.reference.begin(request)
 
     def command(self, time: float, samples: Samples) -> VelocityCommand | Done:
-        over, listened = {}, ("odom", *self.there.subscriptions)
+        received, topics = {}, ("odom", *self.reference.subscriptions)
         for topic, sample in samples.items():
             for name, payload in ros.encoder(topic)(sample, ""):
                 decode = ros.decoder(name)
-                if name in listened:
-                    over[name] = decode(payload) if decode else None
-        answer, other = self.here.command(time, samples), self.there.command(time, over)
+                if name in topics:
+                    received[name] = decode(payload) if decode else None
+        answer, other = self.here.command(time, samples), self.reference.command(time, received)
         if isinstance(answer, VelocityCommand):
             assert isinstance(other, VelocityCommand)
             assert other[:4] == pytest.approx(answer[:4], abs=2e-3)
@@ -195,43 +195,43 @@ def test_a_planner_gives_the_same_commands_over_the_network(name: str) -> None:
     """One planner gets the simulator's records, another of its class the same decoded from ROS 2 messages."""
     scenario = load_scenario(name, {"master.time_limit": 40.0})
     plan, other = prepare(scenario), prepare(scenario)
-    both = SentPlanner(plan.planner, other.planner)
-    flight, vehicle = Flight(scenario, plan._replace(planner=both)), SimulatedVehicle(scenario)
+    compared = SentPlanner(plan.planner, other.planner)
+    flight, vehicle = Flight(scenario, plan._replace(planner=compared)), SimulatedVehicle(scenario)
     while not flight.reason:
         for _ in range(20):
             vehicle.step()
         vehicle.command(flight.command(vehicle.time_ns / NS, vehicle.samples, vehicle.simulation.truth()))
     assert flight.reason == "time limit"
-    assert both.commands > 700
+    assert compared.commands > 700
 
 
 def test_a_planner_without_scans_commands_zero_speed() -> None:
     planner = Avoid()
     planner.begin(request(pool([])))
-    still = VelocityCommand(depth=5.0)
-    assert planner.command(0.0, {"odom": odometry((1.0, 1.0, 5.0), 0.0, 0)}) == still
+    command = VelocityCommand(depth=5.0)
+    assert planner.command(0.0, {"odom": odometry((1.0, 1.0, 5.0), 0.0, 0)}) == command
     free = LaserSample(NS, -1.0, 0.5, (math.inf,) * 5, (0.1, 30.0))
     moving = planner.command(1.0, {"odom": odometry((1.0, 1.0, 5.0), 0.7, NS), "laser": free})
     assert isinstance(moving, VelocityCommand)
     assert moving.surge > 0.5
-    assert planner.command(3.0, {"odom": odometry((1.0, 1.0, 5.0), 0.7, 3 * NS), "laser": free}) == still
+    assert planner.command(3.0, {"odom": odometry((1.0, 1.0, 5.0), 0.7, 3 * NS), "laser": free}) == command
 
 
 def test_an_enclosed_planner_gives_up_with_a_reason() -> None:
     planner = Avoid()
     planner.begin(request(pool([]), "unknown"))
     ring = (1.0,) * 120
-    answer: VelocityCommand | Done = VelocityCommand()
+    command: VelocityCommand | Done = VelocityCommand()
     for tick in range(400):
         now = tick * NS // 10
         scan = LaserSample(now, -math.pi, math.tau / 120, ring, (0.1, 30.0))
-        answer = planner.command(0.1 * tick, {"odom": odometry((10.0, 10.0, 5.0), 0.7, now), "laser": scan})
-        if isinstance(answer, Done):
+        command = planner.command(0.1 * tick, {"odom": odometry((10.0, 10.0, 5.0), 0.7, now), "laser": scan})
+        if isinstance(command, Done):
             break
-        assert answer.surge < 0.2
-    assert isinstance(answer, Done)
-    assert not answer.reached
-    assert "no path" in answer.reason
+        assert command.surge < 0.2
+    assert isinstance(command, Done)
+    assert not command.reached
+    assert "no path" in command.reason
     assert 190 < tick < 260
 
 
@@ -240,7 +240,7 @@ def test_an_urgent_task_interrupts_another() -> None:
     planner = Tasks(home=[1.0, 1.0], task=TASKS)
     planner.begin(request(pool([])))
     position, heading, charge = [1.0, 1.0], 0.0, 7.0
-    answer: VelocityCommand | Done = VelocityCommand()
+    command: VelocityCommand | Done = VelocityCommand()
     for tick in range(4000):
         now = tick * NS // 10
         samples = {
@@ -248,14 +248,14 @@ def test_an_urgent_task_interrupts_another() -> None:
             "laser": LaserSample(now, -math.pi, math.tau / 60, (math.inf,) * 60, (0.1, 30.0)),
             "battery": BatterySample(now, 15.0, 1.0, charge, 10.0, False),
         }
-        answer = planner.command(0.1 * tick, samples)
-        if isinstance(answer, Done):
+        command = planner.command(0.1 * tick, samples)
+        if isinstance(command, Done):
             break
         charge = 10.0 if planner.status == "charge work" else charge - 0.02
-        heading += 0.1 * answer.yaw_rate
-        position[0] += 0.1 * (answer.surge * math.cos(heading) - answer.sway * math.sin(heading))
-        position[1] += 0.1 * (answer.surge * math.sin(heading) + answer.sway * math.cos(heading))
-    assert answer == Done(f"home after {', '.join(planner.finished)}")
+        heading += 0.1 * command.yaw_rate
+        position[0] += 0.1 * (command.surge * math.cos(heading) - command.sway * math.sin(heading))
+        position[1] += 0.1 * (command.surge * math.sin(heading) + command.sway * math.cos(heading))
+    assert command == Done(f"home after {', '.join(planner.finished)}")
     assert planner.finished.count("look") == 1
     assert "charge" in planner.finished
     states = [state for _, state in planner.log]
@@ -278,13 +278,13 @@ def test_hold_position_commands_towards_the_position(north: float, east: float, 
 
 
 def test_depth_and_heading_holds_become_heave_and_yaw_rate_before_sending() -> None:
-    here = odometry((0.0, 0.0, 4.0), 1.0, 0)
-    command = held(VelocityCommand(surge=0.3, yaw_rate=0.1, depth=5.0, heading=1.2), here)
+    samples = odometry((0.0, 0.0, 4.0), 1.0, 0)
+    command = held(VelocityCommand(surge=0.3, yaw_rate=0.1, depth=5.0, heading=1.2), samples)
     assert command[:4] == pytest.approx((0.3, 0.0, 0.4, 0.3))
     assert command[4:] == (None, None)
-    assert held(VelocityCommand(heading=-2.0), here).yaw_rate == -HEADING_HOLD.limit
+    assert held(VelocityCommand(heading=-2.0), samples).yaw_rate == -HEADING_HOLD.limit
     plain = VelocityCommand(0.1, 0.2, 0.3, 0.4)
-    assert held(plain, here) == plain
+    assert held(plain, samples) == plain
 
 
 def test_distance_to_a_path_has_the_value_worked_out_by_hand() -> None:

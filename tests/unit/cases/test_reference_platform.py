@@ -54,10 +54,10 @@ def test_the_stations_of_task_scheduling_are_as_published() -> None:
 
 
 def test_table_1_is_as_published() -> None:
-    found = {board.title: board[2:] for board in PAPER_BOARDS}
-    assert found == {"Jetson Nano": (0.42, 3.2, 0.37, 2.0), "Raspberry Pi 4B": (0.42, 3.6, 0.59, 1.9)}
+    rows = {board.title: board[2:] for board in PAPER_BOARDS}
+    assert rows == {"Jetson Nano": (0.42, 3.2, 0.37, 2.0), "Raspberry Pi 4B": (0.42, 3.6, 0.59, 1.9)}
     page = PAGE.read_text()
-    for title, (cpu, startup, memory, delay) in found.items():
+    for title, (cpu, startup, memory, delay) in rows.items():
         row = next(line for line in page.splitlines() if line.startswith(f"| table 1, {title} |"))
         printed = f"master CPU {cpu:.0%}, start-up {startup} s, slave memory {memory:.0%}, command delay {delay:g} s"
         assert printed.replace("%", " %") in row
@@ -84,11 +84,11 @@ def equation_13_as_printed(angle: float, radius: float, surge: float, sway: floa
 def test_equation_13_at_45_degrees_has_our_patterns(axis: int) -> None:
     motion = [float(axis == number) for number in range(3)]
     front_right, front_left, rear_right, rear_left = four_vectored(motion[0], motion[1], motion[2], 0.2)
-    ours = (rear_right, rear_left, front_right, front_left)
-    theirs = equation_13_as_printed(pi / 4.0, 0.2, *motion)
-    scale = ours[0] / theirs[0]
+    thrusts = (rear_right, rear_left, front_right, front_left)
+    printed = equation_13_as_printed(pi / 4.0, 0.2, *motion)
+    scale = thrusts[0] / printed[0]
     assert scale > 0.0
-    assert [scale * value for value in theirs] == pytest.approx(ours)
+    assert [scale * value for value in printed] == pytest.approx(thrusts)
 
 
 def test_equation_12_contradicts_equation_13() -> None:
@@ -122,13 +122,13 @@ def test_equation_8_is_discontinuous_as_printed_and_ours_is_not() -> None:
     settings = FieldSettings()
     reach, at = settings.communication_range, settings.comfortable
 
-    def ours(distance: float) -> float:
+    def repulsion_at(distance: float) -> float:
         return communication((0.0, 0.0), (distance, 0.0), settings.communication, at, reach)[0]
 
-    assert ours(at - 1e-9) == 0.0
-    assert ours(at + 1e-6) == pytest.approx(0.0, abs=1e-6)
-    assert ours(at + 0.2) < ours(at + 0.5) < ours(reach - 0.1)
-    assert ours(reach + 1e-9) == 0.0, "a neighbour out of range has no effect"
+    assert repulsion_at(at - 1e-9) == 0.0
+    assert repulsion_at(at + 1e-6) == pytest.approx(0.0, abs=1e-6)
+    assert repulsion_at(at + 0.2) < repulsion_at(at + 0.5) < repulsion_at(reach - 0.1)
+    assert repulsion_at(reach + 1e-9) == 0.0, "a neighbour out of range has no effect"
 
 
 def test_the_bias_is_a_gauss_markov_process_unlike_equation_2() -> None:

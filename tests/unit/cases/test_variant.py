@@ -14,10 +14,10 @@ from hil.common.tables import parse_toml
 from hil.scenario.config import load_scenario
 from sim.environment.world import load_world
 
-words = st.text(st.characters(blacklist_categories=["Cs", "Cc"]), max_size=12)
+WORDS = st.text(st.characters(blacklist_categories=["Cs", "Cc"]), max_size=12)
 keys = st.text("abcdefghij_", min_size=1, max_size=6)
 plain = st.one_of(
-    words, st.booleans(), st.integers(-(2**60), 2**60), st.floats(allow_nan=False), st.lists(st.floats(-9, 9))
+    WORDS, st.booleans(), st.integers(-(2**60), 2**60), st.floats(allow_nan=False), st.lists(st.floats(-9, 9))
 )
 tables = st.recursive(
     st.dictionaries(keys, plain, max_size=4),
@@ -38,13 +38,13 @@ def test_any_table_is_read_back_equal(tmp_path_factory: pytest.TempPathFactory, 
 def test_a_variant_equals_the_scenario_except_for_its_changes(tmp_path: Path) -> None:
     pile = {"north": 1.0, "east": 9.0, "radius": 0.5, "hidden": True}
     path = write_variant("task_scheduling", str(tmp_path), {"seed": 7, "slave.node": "other"}, {"cylinder": [pile]})
-    whole, varied = load_scenario("task_scheduling"), load_scenario(path)
+    preset, varied = load_scenario("task_scheduling"), load_scenario(path)
     assert varied.seed == 7
     assert varied.slave.node == "other"
-    same = {"seed": 1, "path": whole.path, "world": whole.world, "slave": whole.slave, "sensors": whole.sensors}
-    assert varied._replace(**same) == whole  # type: ignore[arg-type]
-    assert varied.sensors["laser"].model == whole.sensors["laser"].model
-    before, after = load_world(whole.world), load_world(varied.world)
+    same = {"seed": 1, "path": preset.path, "world": preset.world, "slave": preset.slave, "sensors": preset.sensors}
+    assert varied._replace(**same) == preset  # type: ignore[arg-type]
+    assert varied.sensors["laser"].model == preset.sensors["laser"].model
+    before, after = load_world(preset.world), load_world(varied.world)
     assert after.cylinder[:-1] == before.cylinder
     assert (after.cylinder[-1].north, after.cylinder[-1].hidden) == (1.0, True)
     assert after.box == before.box

@@ -61,8 +61,8 @@ def test_the_distance_to_an_edge_is_that_to_its_nearest_segment() -> None:
     start, end = segments([np.vstack([star[:1], star])])
     north, east = np.arange(-10.0, 44.0, 3.0), np.arange(5.0, 74.0, 3.0)
     part, found = edge_distance(start, end, north, east)
-    away = np.full((18, 23), np.inf)
-    away[part] = found
+    distances = np.full((18, 23), np.inf)
+    distances[part] = found
     nodes = np.stack(np.meshgrid(north, east, indexing="ij"), axis=-1)
     true = np.full((18, 23), np.inf)
     for one, other in zip(start, end, strict=True):
@@ -70,8 +70,8 @@ def test_the_distance_to_an_edge_is_that_to_its_nearest_segment() -> None:
         true = np.minimum(true, np.hypot(*np.moveaxis(nodes - places, -1, 0)).min(axis=0) / 3.0)
     near = true < 2.49
     assert 100 < near.sum() < near.size - 50
-    assert away[near] == pytest.approx(true[near], abs=0.01)
-    assert (away[~near] > 2.48).all()
+    assert distances[near] == pytest.approx(true[near], abs=0.01)
+    assert (distances[~near] > 2.48).all()
     (rows, columns), nothing = edge_distance(start + 1e3, end + 1e3, north, east)
     assert (rows, columns, nothing.size) == (slice(0, 0), slice(0, 0), 0)
 

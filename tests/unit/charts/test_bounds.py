@@ -63,10 +63,10 @@ def test_areas_off_the_grid_contain_no_nodes() -> None:
 
 
 def test_a_finer_sheet_overrides_a_coarser_one() -> None:
-    everywhere = (box(-1.0, -1.0, 101.0, 101.0),)
+    whole_area = (box(-1.0, -1.0, 101.0, 101.0),)
     middle = (box(30.0, 30.0, 60.0, 60.0),)
-    coarse = Sheet("coarse", everywhere, (DepthArea(everywhere, 5.0, 10.0),), (middle,))
-    fine = Sheet("fine", middle, (DepthArea(everywhere, 20.0, 30.0),), (), ((box(30.0, 30.0, 40.0, 40.0),),))
+    coarse = Sheet("coarse", whole_area, (DepthArea(whole_area, 5.0, 10.0),), (middle,))
+    fine = Sheet("fine", middle, (DepthArea(whole_area, 20.0, 30.0),), (), ((box(30.0, 30.0, 40.0, 40.0),),))
     axis = np.arange(0.0, 101.0, 5.0)
     bounds = rasterise_bounds(Survey("", None, np.zeros((3, 3)), sheets=(coarse, fine)), axis, axis)
     inside = filled(middle, axis, axis)
@@ -141,10 +141,10 @@ def test_between_the_nodes_no_sounding_is_shoaler_than_the_grid() -> None:
         [random.uniform(-9.0, 27.0, 60), random.uniform(6.0, 62.0, 60), random.uniform(12.0, 25.0, 60)]
     )
     limits = np.full(60, 8.0)
-    kept = raise_to_soundings(grid, soundings, limits, np.full((20, 30), 8.0), passes=200)
-    assert (kept.at(soundings[:, :2]) <= soundings[:, 2] + 0.01).all()
-    assert kept.depths.max() == 20.0
-    assert kept.depths.min() >= 8.0
+    raised = raise_to_soundings(grid, soundings, limits, np.full((20, 30), 8.0), passes=200)
+    assert (raised.at(soundings[:, :2]) <= soundings[:, 2] + 0.01).all()
+    assert raised.depths.max() == 20.0
+    assert raised.depths.min() >= 8.0
     hard = raise_to_soundings(grid, soundings, np.full(60, 19.0), np.full((20, 30), 19.0))
     assert hard.depths.min() == 19.0
 
@@ -224,10 +224,10 @@ def test_a_hazard_of_unknown_depth_has_the_least_height() -> None:
 
 def test_lines_are_resampled_and_points_averaged_by_block() -> None:
     line = np.array([[0.0, 0.0], [30.0, 0.0], [30.0, 40.0]])
-    found = resample(line, 8.0)
-    assert (found[0] == line[0]).all()
-    assert (found[-1] == line[-1]).all()
-    assert np.hypot(*np.diff(found, axis=0).T).max() <= 8.0
+    resampled = resample(line, 8.0)
+    assert (resampled[0] == line[0]).all()
+    assert (resampled[-1] == line[-1]).all()
+    assert np.hypot(*np.diff(resampled, axis=0).T).max() <= 8.0
     points = np.array([[1.0, 1.0, 5.0], [3.0, 1.0, 7.0], [11.0, 1.0, 1.0]])
     assert block_means(points, 10.0).tolist() == [[2.0, 1.0, 6.0], [11.0, 1.0, 1.0]]
     assert first_in_cell(points, 10.0).tolist() == [0, 2]

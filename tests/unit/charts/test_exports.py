@@ -75,11 +75,11 @@ def test_an_stl_file_has_the_depths(tmp_path: Path) -> None:
     path = tmp_path / "bed.stl"
     grid = sloping()
     write_stl(grid, str(path))
-    faces = read_stl(str(path))
-    assert len(faces) == 2 * (11 * 16) - 6, "a node without a depth takes six triangles with it"
-    corners = faces.reshape(-1, 3)
+    triangles = read_stl(str(path))
+    assert len(triangles) == 2 * (11 * 16) - 6, "a node without a depth takes six triangles with it"
+    corners = triangles.reshape(-1, 3)
     assert sloping(hole=False).at(corners[:, 1::-1]) == pytest.approx(-corners[:, 2], abs=1e-4)
-    normals = np.cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0])
+    normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     assert (normals[:, 2] > 0.0).all(), "seen from above"
     area = 0.5 * np.linalg.norm(normals, axis=1).sum()
     assert area == pytest.approx((11 * 16 * 25.0 - 6 * 12.5) * np.sqrt(1.0 + 0.3**2 + 0.2**2), rel=1e-6)
@@ -214,10 +214,10 @@ def test_free_water_is_deep_enough_and_clear_of_obstacles(tmp_path: Path) -> Non
         for column in range(0, columns, 2):
             position = occupancy.centre((row, column))
             depth = grid.at(np.array([position]))[0]
-            away = min(pile.separation(*position)[0], mole.separation(*position)[0])
-            if not depth > 8.0 or away <= 0.7:
+            separation = min(pile.separation(*position)[0], mole.separation(*position)[0])
+            if not depth > 8.0 or separation <= 0.7:
                 assert occupancy.cells[row, column], position
-            elif away > 0.72:
+            elif separation > 0.72:
                 assert not occupancy.cells[row, column], position
     assert occupancy.is_free((30.5, 45.5)), "the sunken pile ends 7 m below"
     assert not build_occupancy(world, grid, 15.5, 1.0).is_free((30.5, 45.5))

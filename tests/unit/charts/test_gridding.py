@@ -54,10 +54,10 @@ def test_there_are_no_creases_between_patches() -> None:
     for east in centres:
         fine = np.linspace(20.0, 80.0, 6001)  # 1 cm apart
         section = surface.evaluate(fine, np.array([east]), np.ones((6001, 1), bool))[:, 0]
-        away = (
+        distances = (
             np.min(np.hypot(fine[:, None] - points[:, 0], east - points[:, 1]), axis=1) > 0.3
         )  # cones of the linear kernel
-        bends = np.abs(np.diff(section, 2))[away[1:-1]]
+        bends = np.abs(np.diff(section, 2))[distances[1:-1]]
         assert np.abs(np.diff(section)).max() < 0.02
         assert bends.max() < 4e-4
 
@@ -71,11 +71,11 @@ def test_held_out_errors_equal_those_of_fits_without_the_points() -> None:
     errors, uncertainty = Surface(points, depths).cross_validate(folds)
     assert np.isnan(errors[-4:]).all()
     for fold in range(5):
-        rest = Surface(points[folds != fold], depths[folds != fold])
+        base = Surface(points[folds != fold], depths[folds != fold])
         for index in np.flatnonzero(folds == fold):
-            truth = rest.evaluate(points[index : index + 1, 0], points[index : index + 1, 1], np.ones((1, 1), bool))
+            truth = base.evaluate(points[index : index + 1, 0], points[index : index + 1, 1], np.ones((1, 1), bool))
             assert errors[index] == pytest.approx(truth[0, 0], abs=1e-7)
-            there = rest.uncertainty(points[index : index + 1, 0], points[index : index + 1, 1], np.ones((1, 1), bool))
+            there = base.uncertainty(points[index : index + 1, 0], points[index : index + 1, 1], np.ones((1, 1), bool))
             assert uncertainty.variance[index] == pytest.approx(there.variance[0, 0], rel=1e-5)
             assert uncertainty.roughness[index] == pytest.approx(there.roughness[0, 0], rel=1e-5)
 
@@ -133,10 +133,10 @@ def test_a_known_bed_is_reproduced_better_than_by_triangles() -> None:
     nodes = np.column_stack([axis.ravel() for axis in np.meshgrid(AXIS, AXIS, indexing="ij")])
     linear = LinearNDInterpolator(soundings[:, :2], soundings[:, 2])(nodes).reshape(SIDE, SIDE)
     inside = np.isfinite(linear)
-    plain = Surface(soundings[:, :2], soundings[:, 2]).evaluate(AXIS, AXIS, ALL)
+    reference = Surface(soundings[:, :2], soundings[:, 2]).evaluate(AXIS, AXIS, ALL)
     survey = Survey("known", None, soundings, guides=contoured(bed, [10.0, 20.0, 30.0, 40.0, 50.0, 60.0]), reach=1e4)
     built = build(survey, (0.0, AXIS[-1], 0.0, AXIS[-1]), STEP)
-    errors = [rms((found - bed)[inside]) for found in (linear, plain, built.model.grid.depths.astype(float))]
+    errors = [rms((found - bed)[inside]) for found in (linear, reference, built.model.grid.depths.astype(float))]
     assert errors[1] < 0.97 * errors[0]
     assert errors[2] < 0.7 * errors[0]
     assert built.report.rmse < 0.97 * built.report.linear_rmse, "which has the contours too"
@@ -148,10 +148,10 @@ def test_several_divisions_into_folds_give_what_each_gives_alone() -> None:
     points, depths = scattered(60)
     divisions = np.column_stack([np.arange(50) % 5, np.arange(50) // 10])
     surface = Surface(points, depths)
-    found, uncertainty = surface.cross_validate(divisions)
+    errors, uncertainty = surface.cross_validate(divisions)
     for column, division in enumerate(divisions.T):
         alone, of_it = surface.cross_validate(np.append(division, [-1] * 10))
-        assert found[:, column] == pytest.approx(alone[:50], rel=1e-9)
+        assert errors[:, column] == pytest.approx(alone[:50], rel=1e-9)
         assert uncertainty.variance[:, column] == pytest.approx(of_it.variance[:50], rel=1e-9)
 
 

@@ -45,10 +45,10 @@ def test_soundings_just_below_the_limit_of_their_area_make_the_bed_shoaler() -> 
 
 
 def test_a_shift_stays_within_the_limits_and_leaves_what_is_known() -> None:
-    found = expected_depths(np.full(COUNT, 12.0), np.linspace(0.0, 4.0, COUNT), limits(10.0, 20.0), -3.0)
-    assert found[0] == 12.0
-    assert found.min() == 10.0
-    assert (np.diff(found) <= 1e-9).all()
+    depths = expected_depths(np.full(COUNT, 12.0), np.linspace(0.0, 4.0, COUNT), limits(10.0, 20.0), -3.0)
+    assert depths[0] == 12.0
+    assert depths.min() == 10.0
+    assert (np.diff(depths) <= 1e-9).all()
 
 
 def test_statistics_of_few_soundings_are_not_estimated() -> None:

@@ -83,12 +83,12 @@ def test_an_area_that_is_not_a_rectangle_retains_its_outline() -> None:
     boxes = place_structures("PONTON", comb, True).boxes
     assert len(boxes) == 8
 
-    def apart(north: float, east: float) -> float:
+    def distance_to(north: float, east: float) -> float:
         return min(box.separation(north, east)[0] for box in boxes)
 
-    assert apart(30.0, 26.0) > 10.0
-    assert all(apart(north, 11.0) <= 0.0 for north in (11.0, 25.0, 39.0))
-    assert apart(11.0, 25.0) <= 0.0
+    assert distance_to(30.0, 26.0) > 10.0
+    assert all(distance_to(north, 11.0) <= 0.0 for north in (11.0, 25.0, 39.0))
+    assert distance_to(11.0, 25.0) <= 0.0
 
 
 def test_a_line_with_many_corners_is_simplified() -> None:

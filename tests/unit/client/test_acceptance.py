@@ -36,7 +36,7 @@ class Vehicle(VehicleClient):
 
 
 @pytest.fixture
-def started(monkeypatch: pytest.MonkeyPatch) -> "type[Vehicle]":
+def vehicle_class(monkeypatch: pytest.MonkeyPatch) -> "type[Vehicle]":
     vehicles: list[Vehicle] = []
     monkeypatch.setattr(module, "now_ns", lambda: vehicles[-1].now)
 
@@ -48,28 +48,28 @@ def started(monkeypatch: pytest.MonkeyPatch) -> "type[Vehicle]":
     return Started
 
 
-def test_a_short_refusal_is_not_reported(started: type[Vehicle]) -> None:
-    vehicle = started(REFUSED_NS - NS_PER_S)
+def test_a_short_refusal_is_not_reported(vehicle_class: type[Vehicle]) -> None:
+    vehicle = vehicle_class(REFUSED_NS - NS_PER_S)
     vehicle.require_acceptance(pause=vehicle.pass_time)
     assert REFUSED_NS - NS_PER_S <= vehicle.now < REFUSED_NS
 
 
-def test_a_lasting_refusal_is_raised_with_its_reason(started: type[Vehicle]) -> None:
-    vehicle = started(10 * REFUSED_NS)
+def test_a_lasting_refusal_is_raised_with_its_reason(vehicle_class: type[Vehicle]) -> None:
+    vehicle = vehicle_class(10 * REFUSED_NS)
     with pytest.raises(NetworkError, match="is commanded by another master"):
         vehicle.require_acceptance(pause=vehicle.pass_time)
     assert REFUSED_NS <= vehicle.now < REFUSED_NS + NS_PER_S
 
 
-def test_a_client_that_has_commanded_reports_a_refusal_at_once(started: type[Vehicle]) -> None:
-    vehicle = started(10 * REFUSED_NS, commanded=True)
+def test_a_client_that_has_commanded_reports_a_refusal_at_once(vehicle_class: type[Vehicle]) -> None:
+    vehicle = vehicle_class(10 * REFUSED_NS, commanded=True)
     with pytest.raises(NetworkError):
         vehicle.require_acceptance(pause=vehicle.pass_time)
     assert vehicle.now == 0
 
 
-def test_other_reasons_and_interrupts_end_the_wait(started: type[Vehicle]) -> None:
-    vehicle = started(0)
+def test_other_reasons_and_interrupts_end_the_wait(vehicle_class: type[Vehicle]) -> None:
+    vehicle = vehicle_class(0)
     with pytest.raises(NetworkError, match="of its own"):
         vehicle.require_acceptance(lambda: "a reason of its own", vehicle.pass_time)
 
@@ -77,4 +77,4 @@ def test_other_reasons_and_interrupts_end_the_wait(started: type[Vehicle]) -> No
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        started(REFUSED_NS).require_acceptance(pause=interrupt)
+        vehicle_class(REFUSED_NS).require_acceptance(pause=interrupt)

@@ -54,9 +54,9 @@ def fly_until_done(client: DirectClient, reported: Action, seconds: float) -> li
     return track
 
 
-def farthest(track: list[State], way: list[Position]) -> float:
+def farthest(track: list[State], path: list[Position]) -> float:
     """Return the largest distance (m) of the vehicle from the nearest of some points of the path."""
-    return max(min(dist(state.position, point) for point in way) for state in track)
+    return max(min(dist(state.position, point) for point in path) for state in track)
 
 
 def test_depth_and_heading_actions_end_when_both_are_reached(client: DirectClient) -> None:
@@ -146,12 +146,12 @@ def test_a_done_action_can_still_fail(client: DirectClient) -> None:
 
 
 def test_an_action_can_be_awaited(client: DirectClient) -> None:
-    async def both() -> Action:
+    async def run_both() -> Action:
         reported = actions.repeat("cmd_thrusters", encode_thrusts((1.0,) * 6))
         asyncio.get_running_loop().call_later(0.05, reported.step, client, client.bench.state)
         return await reported
 
-    assert asyncio.run(both()).done
+    assert asyncio.run(run_both()).done
 
     async def fail() -> None:
         reported = endless_action()

@@ -39,13 +39,13 @@ def test_two_clocks_are_distinguished_from_delay(offset: int) -> None:
 
 
 def test_only_the_newest_samples_are_stored() -> None:
-    meter, whole = DelayMeter(min_commands=10), DelayMeter(min_commands=0)
+    meter, unlimited = DelayMeter(min_commands=10), DelayMeter(min_commands=0)
     for number in range(1005):
-        for one in (meter, whole):
+        for one in (meter, unlimited):
             one.add(trace(number, number * MS, 200_000 + number, 0), 0, 0)
-    assert len(meter) == len(whole) == 1005
+    assert len(meter) == len(unlimited) == 1005
     assert 10 <= len(meter.samples) < 20
-    assert meter.samples == whole.samples[-len(meter.samples) :]
+    assert meter.samples == unlimited.samples[-len(meter.samples) :]
 
 
 def test_malformed_traces_are_counted() -> None:

@@ -25,7 +25,7 @@ class Clock:
         self.now_s = 1000.0
         self.ends_s = self.now_s
         self.held_up: dict[float, float] = {}
-        self.every: Callable[[], None] = lambda: None
+        self.every_tick: Callable[[], None] = lambda: None
 
     def now_ns(self) -> int:
         return round(self.now_s * NS_PER_S)
@@ -36,7 +36,7 @@ class Clock:
         late = [at_s for at_s in self.held_up if at_s <= self.now_s]
         self.now_s += sum(self.held_up.pop(at_s) for at_s in late)
         if not late and seconds > STALL_S:
-            self.every()
+            self.every_tick()
         return self.now_s >= self.ends_s
 
     def is_set(self) -> bool:
@@ -80,7 +80,7 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> Clock:
 def run(
     clock: Clock,
     seconds: float,
-    answers: Callable[[], bool],
+    has_replies: Callable[[], bool],
     samples: Callable[[], bool] = lambda: True,
     session: FakeSession | None = None,
     is_there: bool = True,
@@ -106,7 +106,7 @@ def run(
 
     def reply_to_pings() -> None:
         """Reply to the pings that were sent, while this process waits for the next."""
-        if sent and answers():
+        if sent and has_replies():
             sent.clear()
             monitor._received_ns = clock.now_ns()
             monitor._answers += 1
@@ -116,7 +116,7 @@ def run(
     monitor._received_ns = clock.now_ns()
     monitor._set_present(is_there)
     monitor.known.set()
-    clock.every, clock.ends_s = reply_to_pings, clock.now_s + seconds
+    clock.every_tick, clock.ends_s = reply_to_pings, clock.now_s + seconds
     monitor._ping()
     return reported
 
@@ -154,18 +154,18 @@ def test_replies_without_samples_reopen_the_session(clock: Clock) -> None:
 def test_samples_without_replies_reopen_the_session(clock: Clock) -> None:
     """The peer has lost a part of the declarations: the key of the replies, and perhaps those of other topics."""
     session, silent_s = FakeSession("slave"), clock.now_s + 30.0
-    gone, opened, *_ = run(clock, 60.0, lambda: clock.now_s < silent_s, session=session)
-    assert "is lost" in gone[1]
+    lost, opened, *_ = run(clock, 60.0, lambda: clock.now_s < silent_s, session=session)
+    assert "is lost" in lost[1]
     assert "had a link, but no answer came of it" in opened[1]
-    assert opened[0] - gone[0] < 2 * LEASE_S + 4.0
+    assert opened[0] - lost[0] < 2 * LEASE_S + 4.0
     assert session.reopened
 
 
-@pytest.mark.parametrize(("known", "reopens"), [("uuv1", True), ("uuv2", False), ("", True)])
-def test_a_silent_vehicle_behind_a_router_reopens_the_session(clock: Clock, known: str, reopens: bool) -> None:
+@pytest.mark.parametrize(("known_as", "reopens"), [("uuv1", True), ("uuv2", False), ("", True)])
+def test_a_silent_vehicle_behind_a_router_reopens_the_session(clock: Clock, known_as: str, reopens: bool) -> None:
     """A router has a link to us whether the vehicle runs or not; a router without its token may have lost it."""
     session, silent_s = FakeSession("router"), clock.now_s + 30.0
-    session.reported = [presence_key(Presence(known, "slave", 0, "ab", "board:1"))] if known else []
+    session.reported = [presence_key(Presence(known_as, "slave", 0, "ab", "board:1"))] if known_as else []
     run(clock, 90.0, lambda: clock.now_s < silent_s, lambda: clock.now_s < silent_s, session)
     assert (session.reopened > 0) == reopens
 

@@ -172,20 +172,20 @@ def test_the_same_option_has_the_same_name_everywhere() -> None:
 
 def test_the_same_name_has_the_same_meaning_everywhere() -> None:
     """Two commands with an option of one name read its value alike, and show it alike."""
-    found: dict[str, dict[object, list[str]]] = defaultdict(lambda: defaultdict(list))
+    usage: dict[str, dict[object, list[str]]] = defaultdict(lambda: defaultdict(list))
     for parser in LEAVES:
         for name, action in options(parser).items():
             if (parser.prog, name) not in OTHER_MEANINGS and name not in ("--help", *COMMAND_SPECIFIC):
-                found[name][(type(action).__name__.lstrip("_"), action.metavar, action.nargs)].append(parser.prog)
-    several = {name: dict(kinds) for name, kinds in found.items() if len(kinds) > 1}
+                usage[name][(type(action).__name__.lstrip("_"), action.metavar, action.nargs)].append(parser.prog)
+    ambiguous = {name: dict(kinds) for name, kinds in usage.items() if len(kinds) > 1}
     for name in ALLOWED:
-        several.pop(name, None)
-    assert not several
+        ambiguous.pop(name, None)
+    assert not ambiguous
 
 
 def test_each_shared_option_is_defined_once() -> None:
     """An option that several commands offer with one meaning is defined once, in a function that adds it."""
-    places: dict[tuple[str, str], list[str]] = defaultdict(list)
+    commands_of_text: dict[tuple[str, str], list[str]] = defaultdict(list)
     for path in sorted(FOLDER.rglob("*.py")):
         for call in ast.walk(ast.parse(path.read_text())):
             if not (isinstance(call, ast.Call) and ast.unparse(call.func).rpartition(".")[2].startswith("add")):
@@ -193,19 +193,19 @@ def test_each_shared_option_is_defined_once() -> None:
             names = [word.value for word in call.args if isinstance(word, ast.Constant) and str(word.value)[:2] == "--"]
             texts = [ast.unparse(keyword.value) for keyword in call.keywords if keyword.arg == "help"]
             if names and texts:
-                places[str(names[0]), texts[0]].append(f"{path.name}:{call.lineno}")
-    assert len(places) > 100
-    assert {option: where for option, where in places.items() if len(where) > 1} == {}
+                commands_of_text[str(names[0]), texts[0]].append(f"{path.name}:{call.lineno}")
+    assert len(commands_of_text) > 100
+    assert {option: where for option, where in commands_of_text.items() if len(where) > 1} == {}
 
 
 def test_the_scenario_argument_is_defined_once() -> None:
     """SCENARIO, the argument of most commands, is defined in one place."""
-    found = [
+    problems = [
         path.relative_to(FOLDER.parent).as_posix()
         for path in sorted(FOLDER.parent.rglob("*.py"))
         for _ in re.findall(r'add_argument\(\s*"scenario"', path.read_text(encoding="utf-8"))
     ]
-    assert found == ["common/options.py"]
+    assert problems == ["common/options.py"]
 
 
 # Lists of values in a benchmark that measures every combination, where another command has one value.

@@ -45,14 +45,14 @@ def test_tables_show_bytes_and_transmission_times(capsys: pytest.CaptureFixture[
     code, text = run_frame(capsys, "check", "aa55", "--thrusters", "2", "--rate", "100")
     assert code == 0
     assert "sum8 from byte 2 up to itself" in text
-    for words in (
+    for message in (
         "command, 11 bytes", "6 i16[2] pwm_us 0.001 normalised, 1900 us is 1 normalised", "3 u8 id 0x10",
         "telemetry, 20 bytes", "5 u8 flags bit 0 armed, bit 7 timed_out", "8 u16 supply_voltage 0.001 V, ignored",
         "15 i16 pwm_us[1] rpm, 1900 us is 3000 rpm", "keep-alive, from the host after 100 ms of silence, 5 bytes",
         "at 100 Hz: 1100 bytes/s of commands, 2000 of telemetry; 8N1:",
         "115200 0.95 ms 9.5 % 1.74 ms 17.4 %",
     ):  # fmt: skip
-        assert words in " ".join(text.split()), words
+        assert message in " ".join(text.split()), message
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -90,10 +90,10 @@ def test_a_single_wrong_byte_is_located(capsys: pytest.CaptureFixture[str]) -> N
 
 def test_noise_cut_frames_and_unknown_messages_are_distinguished(capsys: pytest.CaptureFixture[str]) -> None:
     protocol = open_frame_protocol("uuv_hil")
-    good = protocol.encode(ThrusterCommand(9, True, (1500,)))
+    valid = protocol.encode(ThrusterCommand(9, True, (1500,)))
     unknown = bytes.fromhex("a5 5a 03 7f 01 02 03 74 08")
     code, text = run_frame(
-        capsys, "check", "uuv_hil", (b"\x00\x01" + good + good[:5] + unknown + good + good[:3]).hex()
+        capsys, "check", "uuv_hil", (b"\x00\x01" + valid + valid[:5] + unknown + valid + valid[:3]).hex()
     )
     assert code == 1
     kinds = [line.strip() for line in text.splitlines() if line[:6].strip()]
@@ -113,17 +113,17 @@ def test_every_byte_belongs_to_exactly_one_part(name: str) -> None:
     good = open_frame_protocol(name).encode(ThrusterCommand(9, True, (1500, 1600)))
     damaged = bytes([*good[:-3], good[-3] ^ 0x10, *good[-2:]])
     data = b"\xff\xaa" + good + damaged + good[:4] + good + b"\x00\x00" + good + good[:5]
-    parts = split_bytes(open_frame_protocol(name), data)
-    assert b"".join(part.data for part in parts) == data
-    assert [part.start for part in parts] == [sum(len(p.data) for p in parts[:i]) for i in range(len(parts))]
-    received = [part.message for part in parts if part.message]
+    pieces = split_bytes(open_frame_protocol(name), data)
+    assert b"".join(piece.data for piece in pieces) == data
+    assert [piece.start for piece in pieces] == [sum(len(p.data) for p in pieces[:i]) for i in range(len(pieces))]
+    received = [piece.message for piece in pieces if piece.message]
     assert received == open_frame_protocol(name).feed(data)
     assert len(received) == 3
-    assert "damaged" in {part.kind for part in parts}
+    assert "damaged" in {piece.kind for piece in pieces}
 
 
 @pytest.mark.parametrize(
-    ("arguments", "words"),
+    ("arguments", "messages"),
     [
         (["check", "aa56"], ["no frame 'aa56'", "did you mean 'aa55'"]),
         (["check", "nowhere.toml"], ["nowhere.toml", "no such file"]),
@@ -132,7 +132,7 @@ def test_every_byte_belongs_to_exactly_one_part(name: str) -> None:
         (["check", "aa55", "--rate", "0"], ["--rate"]),
     ],
 )
-def test_wrong_arguments_are_reported(arguments: list[str], words: list[str], tmp_path: Path) -> None:
+def test_wrong_arguments_are_reported(arguments: list[str], messages: list[str], tmp_path: Path) -> None:
     with pytest.raises(ConfigError) as caught:
         frame.main(arguments)
-    assert all(word in str(caught.value) for word in words), caught.value
+    assert all(word in str(caught.value) for word in messages), caught.value

@@ -50,17 +50,17 @@ def test_grafanas_types_accept_every_key_and_unit() -> None:
     assert {panel.unit for panel in PANELS} - {unit for unit in units if isinstance(unit, str)} == set()
 
 
-def lost_values(written: Any, read: Any, where: str = "") -> list[str]:
+def lost_values(exported: Any, read: Any, path: str = "") -> list[str]:
     """Return the keys whose values are missing after the round trip."""
-    if isinstance(written, dict):
+    if isinstance(exported, dict):
         return [
-            place for key, value in written.items()
-            for place in (lost_values(value, read[key], f"{where}.{key}") if key in read else [f"{where}.{key}"])
+            key_path for key, value in exported.items()
+            for key_path in (lost_values(value, read[key], f"{path}.{key}") if key in read else [f"{path}.{key}"])
         ]  # fmt: skip
-    if isinstance(written, list) and len(written) == len(read):
+    if isinstance(exported, list) and len(exported) == len(read):
         return [
-            place
-            for row, (one, other) in enumerate(zip(written, read, strict=True))
-            for place in lost_values(one, other, f"{where}[{row}]")
+            key_path
+            for row, (one, other) in enumerate(zip(exported, read, strict=True))
+            for key_path in lost_values(one, other, f"{path}[{row}]")
         ]
-    return [] if written == read else [where]
+    return [] if exported == read else [path]

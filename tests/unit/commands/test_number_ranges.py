@@ -22,12 +22,12 @@ HOSTILE = (math.inf, -math.inf, math.nan, 1e300, -1e300, 10**400, -(10**400))
 def records() -> Iterator[type[Any]]:
     """Yield the records with at least one range, which are read from files or messages."""
     for package in PACKAGES:
-        for found in pkgutil.walk_packages(importlib.import_module(package).__path__, f"{package}."):
-            if found.name in EXCLUDED or ".native._" in found.name or ".images" in found.name:
+        for module in pkgutil.walk_packages(importlib.import_module(package).__path__, f"{package}."):
+            if module.name in EXCLUDED or ".native._" in module.name or ".images" in module.name:
                 continue
-            for record in vars(importlib.import_module(found.name)).values():
+            for record in vars(importlib.import_module(module.name)).values():
                 is_record = isinstance(record, type) and issubclass(record, tuple) and hasattr(record, "_fields")
-                if is_record and record.__module__ == found.name and any(map(has_range, annotations(record).values())):
+                if is_record and record.__module__ == module.name and any(map(has_range, annotations(record).values())):
                     yield record
 
 
@@ -41,14 +41,14 @@ def has_range(annotation: Any) -> bool:
 
 def numbers(annotation: Any) -> Iterator[Range | None]:
     """Yield the range of each number in an annotation, None for one without."""
-    origin, parts = get_origin(annotation), get_args(annotation)
+    origin, arguments = get_origin(annotation), get_args(annotation)
     if origin is Annotated:
-        yield next((part for part in parts[1:] if isinstance(part, Range)), None)
+        yield next((argument for argument in arguments[1:] if isinstance(argument, Range)), None)
     elif annotation in (int, float):
         yield None
     elif origin in (tuple, dict, Union, types.UnionType):
-        for part in parts:
-            yield from numbers(part)
+        for argument in arguments:
+            yield from numbers(argument)
 
 
 @pytest.fixture(scope="module")
@@ -69,28 +69,28 @@ def test_the_records_with_ranges_are_found(keys: list[tuple[type[Any], str]]) ->
 
 
 def test_every_number_of_a_file_has_a_range(keys: list[tuple[type[Any], str]]) -> None:
-    bare = {
+    unlimited = {
         f"{record.__module__}.{record.__name__}.{key}"
         for record, key in keys
         for limit in numbers(annotations(record)[key])
         if limit is None or not (-HUGEST <= limit.low <= limit.high <= HUGEST or key == "seed")
     }
-    assert not bare, f"give it an Annotated[float, Range(low, high)]: {', '.join(sorted(bare))}"
+    assert not unlimited, f"give it an Annotated[float, Range(low, high)]: {', '.join(sorted(unlimited))}"
 
 
 def value_of_type(annotation: Any, value: Any) -> Any:
     """Return a value of that kind whose every number is `value`."""
-    origin, parts = get_origin(annotation), get_args(annotation)
+    origin, arguments = get_origin(annotation), get_args(annotation)
     if origin is tuple:
         return (
-            [value_of_type(parts[0], value)] * 3
-            if parts[-1] is Ellipsis
-            else [value_of_type(part, value) for part in parts]
+            [value_of_type(arguments[0], value)] * 3
+            if arguments[-1] is Ellipsis
+            else [value_of_type(argument, value) for argument in arguments]
         )
     if origin is dict:
-        return {"x": value_of_type(parts[1], value)}
+        return {"x": value_of_type(arguments[1], value)}
     if origin in (Union, types.UnionType):
-        return value_of_type(next(part for part in parts if part is not type(None)), value)
+        return value_of_type(next(argument for argument in arguments if argument is not type(None)), value)
     return value
 
 

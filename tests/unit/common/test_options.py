@@ -36,7 +36,7 @@ class AcceptedError(Exception):
 class Option(NamedTuple):
     """An option and the command that has it."""
 
-    words: tuple[str, ...]
+    arguments: tuple[str, ...]
     parser: argparse.ArgumentParser
     action: argparse.Action
 
@@ -88,10 +88,10 @@ NUMBERS = [
 def test_every_option_is_text_a_choice_or_has_a_checked_type() -> None:
     for option in OPTIONS:
         kind = option.action.type
-        assert kind not in (int, float), f"{option.words} {option.name}: use a type of hil/common/options.py"
+        assert kind not in (int, float), f"{option.arguments} {option.name}: use a type of hil/common/options.py"
         if kind is None and not option.action.choices:
             known = option.action.metavar in TEXTS
-            assert known, f"{option.words} {option.name}: a text? then add its metavar here; else give it a type"
+            assert known, f"{option.arguments} {option.name}: a text? then add its metavar here; else give it a type"
     assert len(NUMBERS) > 60, "the parsers were not found"
 
 
@@ -99,11 +99,11 @@ def command_line(option: Option, value: str) -> list[str]:
     """Return a command line with that option, and a value for every required argument."""
     inner = option.parser
     required = [action for action in inner._actions if action.required and action is not option.action]
-    words = [*option.words, f"{option.name}={value}"]
+    arguments = [*option.arguments, f"{option.name}={value}"]
     for action in required:
         dummy = next(iter(action.choices)) if action.choices else "tcp/127.0.0.1:1"
-        words += [action.option_strings[-1], dummy] if action.option_strings else [dummy]
-    return words
+        arguments += [action.option_strings[-1], dummy] if action.option_strings else [dummy]
+    return arguments
 
 
 def accept(self: Parser, *arguments: Any) -> None:
@@ -195,17 +195,17 @@ def test_invalid_texts_are_refused_in_a_short_message(kind: Any, text: str) -> N
     assert len(str(error.value)) < 300
 
 
-@pytest.mark.parametrize("more", [[], ["--member="]], ids=["without argparse", "with argparse"])
+@pytest.mark.parametrize("arguments", [[], ["--member="]], ids=["without argparse", "with argparse"])
 def test_the_slave_checks_its_endpoint_with_and_without_argparse(
-    more: list[str], capsys: pytest.CaptureFixture[str]
+    arguments: list[str], capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert cli.main(["slave", "paper_field", "--listen", "tcp/127.0.0.1:99999", *more]) == 2
+    assert cli.main(["slave", "paper_field", "--listen", "tcp/127.0.0.1:99999", *arguments]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith("uuv-hil slave: --listen: endpoint 'tcp/127.0.0.1:99999' is not of the form tcp/HOST:PORT")
 
 
 @pytest.mark.parametrize(
-    ("arguments", "meant"),
+    ("arguments", "suggestion"),
     [
         (["slav"], "slave"),
         (["bench", "tabel"], "table"),
@@ -225,10 +225,10 @@ def test_the_slave_checks_its_endpoint_with_and_without_argparse(
         (["bench", "delay", "--stm32", "pyton"], "python"),
     ],
 )
-def test_a_similar_name_is_suggested(arguments: list[str], meant: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_similar_name_is_suggested(arguments: list[str], suggestion: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(arguments) == 2
     (line,) = capsys.readouterr().err.splitlines()
-    assert f"did you mean '{meant}'?" in line
+    assert f"did you mean '{suggestion}'?" in line
     assert len(re.findall("uuv-hil", line.partition("; see ")[0])) == 1, "a prefix twice"
 
 
@@ -278,9 +278,9 @@ def test_help_does_not_wrap_tables_as_prose() -> None:
 
 def test_every_output_file_is_checked_first() -> None:
     """The metavar of an option shows that it names a file to write."""
-    written = [
+    texts = [
         option for option in OPTIONS if option.action.dest in ("output", "plot", "csv", "markdown")
         and str(option.action.metavar).startswith("FILE") and option.action.metavar != "FILE|DIR"
     ]  # fmt: skip
-    assert len(written) >= 12
-    assert {option.name for option in written if option.action.type is not parser.OUTPUT_FILE} == set()
+    assert len(texts) >= 12
+    assert {option.name for option in texts if option.action.type is not parser.OUTPUT_FILE} == set()

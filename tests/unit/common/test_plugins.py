@@ -59,21 +59,21 @@ def test_a_class_without_an_abstract_method_is_reported_with_the_remedy(kind: st
 
 
 def test_nothing_is_imported_while_loading_is_refused() -> None:
-    here = f"{__name__}:Good"
-    reported = re.escape(f"mine.toml: force: class {here!r} is not loaded: because")
+    name = f"{__name__}:Good"
+    reported = re.escape(f"mine.toml: force: class {name!r} is not loaded: because")
     with refusing("because"):
         with refusing("of another reason"):
             pass
         with pytest.raises(ConfigError, match=reported):
-            load(here)
+            load(name)
         with pytest.raises(ConfigError, match="is not loaded: because"):
             load("no_such_module:Good")
-        made: list[Any] = []
-        thread = threading.Thread(target=lambda: made.append(load(here, size=3)))  # which reads a file of its own
+        objects: list[Any] = []
+        thread = threading.Thread(target=lambda: objects.append(load(name, size=3)))  # which reads a file of its own
         thread.start()
         thread.join()
-        assert made[0].size == 3
-    assert isinstance(load(here), Good)
+        assert objects[0].size == 3
+    assert isinstance(load(name), Good)
 
 
 @pytest.mark.parametrize(

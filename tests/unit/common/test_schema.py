@@ -40,14 +40,14 @@ def test_numbers_text_units_tables_and_arrays_are_read() -> None:
         "limit": 4,
         "on": False,
     }
-    thing = parse(table, Thing, "x")
-    assert thing.link.watchdog == 0.5
-    assert thing.link.angle == pytest.approx(math.pi / 2)
-    assert thing.offset == (1.0, 2.5, 3.0)
-    assert [link.baud for link in thing.links] == [9600, 115_200]
-    assert thing.gains == {"p": 1.0}
-    assert thing.limit == 4.0
-    assert thing.on is False
+    parsed = parse(table, Thing, "x")
+    assert parsed.link.watchdog == 0.5
+    assert parsed.link.angle == pytest.approx(math.pi / 2)
+    assert parsed.offset == (1.0, 2.5, 3.0)
+    assert [link.baud for link in parsed.links] == [9600, 115_200]
+    assert parsed.gains == {"p": 1.0}
+    assert parsed.limit == 4.0
+    assert parsed.on is False
 
 
 @pytest.mark.parametrize(
@@ -92,13 +92,13 @@ def test_unreadable_files_are_reported(tmp_path: Path) -> None:
     broken.write_text("name = \n")
     binary = tmp_path / "binary.toml"
     binary.write_bytes(b"\xff\xfe\x00")
-    for path, word in [
+    for path, message in [
         (tmp_path / "no.toml", "no such file"),
         (tmp_path, "folder"),
         (broken, "TOML"),
         (binary, "TOML"),
     ]:
-        with pytest.raises(ConfigError, match=word) as caught:
+        with pytest.raises(ConfigError, match=message) as caught:
             load(str(path), Thing)
         assert str(path) in str(caught.value)
 

@@ -102,10 +102,10 @@ def test_a_deleted_file_is_reported_although_cached(file: Path) -> None:
 
 
 def test_checking_an_output_file_leaves_no_file_behind(tmp_path: Path) -> None:
-    there = tmp_path / "there.json"
-    there.write_text("earlier")
-    assert [output_file(str(path)) for path in (tmp_path / "new.json", there)]
-    assert there.read_text() == "earlier"
+    cache = tmp_path / "there.json"
+    cache.write_text("earlier")
+    assert [output_file(str(path)) for path in (tmp_path / "new.json", cache)]
+    assert cache.read_text() == "earlier"
     assert not (tmp_path / "new.json").exists()
 
 

@@ -10,7 +10,7 @@ from hil.slave.log import Log
 
 
 @pytest.mark.parametrize(
-    ("text", "shown"),
+    ("text", "cleaned"),
     [
         ("uuv1", "uuv1"),
         ("Prüfstand 5 µm", "Prüfstand 5 µm"),
@@ -20,16 +20,16 @@ from hil.slave.log import Log
         ("x" * 300, "x" * 197 + "..."),
     ],
 )
-def test_text_from_others_is_cleaned(text: str, shown: str) -> None:
-    assert clean(text) == shown
-    assert aligned([[text]], width=300) == [shown]
+def test_text_from_others_is_cleaned(text: str, cleaned: str) -> None:
+    assert clean(text) == cleaned
+    assert aligned([[text]], width=300) == [cleaned]
 
 
 def test_a_log_message_is_one_line(capsys: pytest.CaptureFixture[str]) -> None:
-    written = Log("slave")
-    written.write_line("master evil\n[    0.000] slave: ready\x1b]0;owned\x07 is there")
-    written.write_line("y" * 5000)
-    written.flush()
+    log = Log("slave")
+    log.write_line("master evil\n[    0.000] slave: ready\x1b]0;owned\x07 is there")
+    log.write_line("y" * 5000)
+    log.flush()
     first, second = capsys.readouterr().err.splitlines()
     assert first.endswith("slave: master evil?[    0.000] slave: ready?]0;owned? is there")
     assert len(second) < 1100

@@ -101,7 +101,7 @@ def test_a_timeout_stops_the_thrusters_in_the_timer_registers(chip: str, watchdo
 def test_a_hung_program_is_reset_by_the_watchdog_and_starts_neutral(board: UnicornBoard) -> None:
     board.run_until(30 * MS)
     board.receive(encode(1))
-    hangs_at, whole = board.pc, board.read_memory(board.pc, 2)
+    hangs_at, instruction = board.pc, board.read_memory(board.pc, 2)
     board.write_memory(hangs_at, FOREVER)
     board.run_until(130 * MS)
     assert (board.resets, board.pwm_us) == (0, list(FULL)), "nothing else stops it"
@@ -109,7 +109,7 @@ def test_a_hung_program_is_reset_by_the_watchdog_and_starts_neutral(board: Unico
     assert (board.resets, board.pwm_us) == (1, NEUTRAL)
     board.run_until(500 * MS)
     assert board.resets == 4, "the program hangs and is reset repeatedly"
-    board.write_memory(hangs_at, whole)
+    board.write_memory(hangs_at, instruction)
     board.run_until(1000 * MS)
     assert (board.resets, board.pwm_us) == (4, NEUTRAL)
     board.transmitted()
@@ -259,10 +259,10 @@ def test_the_image_behaves_as_its_python_specification(chip: str, seed: int) -> 
 def test_the_result_does_not_depend_on_how_time_is_sliced(chip: str) -> None:
     events = list(host_history(9))
     end_ms = round(events[-1].at_ms) + 300
-    whole = run_image(chip, events, end_ms)
-    assert len(whole[0]) > 2000
-    assert run_image(chip, events, end_ms) == whole
-    assert run_image(chip, events, end_ms, slice_ms=0.37) == whole
+    run = run_image(chip, events, end_ms)
+    assert len(run[0]) > 2000
+    assert run_image(chip, events, end_ms) == run
+    assert run_image(chip, events, end_ms, slice_ms=0.37) == run
 
 
 def test_paced_bytes_delay_the_reply_by_their_transmission_time(chip: str) -> None:
@@ -307,15 +307,15 @@ def pin_modes(board: UnicornBoard) -> dict[str, str]:
     """Return what each pin of ports A to C is, of those that the program has set: "driven", "read" with a pull-up."""
     modes = {}
     for port in "ABC":
-        words = board._chip.peripherals[f"GPIO{port}"].words
+        registers = board._chip.peripherals[f"GPIO{port}"].words
         for pin in range(16):
             if board._chip.model.family == "f1":
-                mode = words.get(4 * (pin // 8), 0) >> 4 * (pin % 8) & 15
+                mode = registers.get(4 * (pin // 8), 0) >> 4 * (pin % 8) & 15
                 name = {10: "driven", 8: "read"}.get(mode, "")
             else:
-                alternate = words.get(0, 0) >> 2 * pin & 3 == 2
-                pulled = words.get(0x0C, 0) >> 2 * pin & 3 == 1
-                function = words.get(0x20 + 4 * (pin // 8), 0) >> 4 * (pin % 8) & 15
+                alternate = registers.get(0, 0) >> 2 * pin & 3 == 2
+                pulled = registers.get(0x0C, 0) >> 2 * pin & 3 == 1
+                function = registers.get(0x20 + 4 * (pin // 8), 0) >> 4 * (pin % 8) & 15
                 name = f"{'read' if pulled else 'driven'}, function {function}" if alternate else ""
             if name:
                 modes[f"P{port}{pin}"] = name

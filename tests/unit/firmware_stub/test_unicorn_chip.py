@@ -138,7 +138,7 @@ def test_pulse_widths_follow_the_timer_registers(program: Program) -> None:
 
 
 @pytest.mark.parametrize(
-    ("offset", "value", "why"),
+    ("offset", "value", "reason"),
     [
         (0x00, 0, "the counter stands"),
         (0x20, 0x1110, "the output is off"),
@@ -148,11 +148,11 @@ def test_pulse_widths_follow_the_timer_registers(program: Program) -> None:
         (0x34, 0, "always low"),
     ],
 )
-def test_disabled_timers_give_no_pulses(program: Program, offset: int, value: int, why: str) -> None:
+def test_disabled_timers_give_no_pulses(program: Program, offset: int, value: int, reason: str) -> None:
     start_pwm(program)
     assert program.chip.timers["TIM3"].pulse_us(0) > 0
     program.put(TIM3 + offset, value)
-    assert program.chip.timers["TIM3"].pulse_us(0) == 0, why
+    assert program.chip.timers["TIM3"].pulse_us(0) == 0, reason
 
 
 def test_an_advanced_timer_needs_main_output_enable(program: Program) -> None:

@@ -69,20 +69,20 @@ def board(main: bytes, **handlers: bytes) -> UnicornBoard:
     return UnicornBoard(struct.pack("<98I", *table).ljust(CODE - 0x0800_0000, b"\0") + code)
 
 
-def words(board: UnicornBoard, address: int, count: int) -> tuple[int, ...]:
+def read_words(board: UnicornBoard, address: int, count: int) -> tuple[int, ...]:
     return struct.unpack(f"<{count}I", board.read_memory(address, 4 * count))
 
 
 def trace(board: UnicornBoard) -> int:
     """Return the recorded marks as a number, a hexadecimal digit each."""
-    return words(board, RAM, 1)[0]
+    return read_words(board, RAM, 1)[0]
 
 
 def test_systick_wakes_a_sleeping_core_every_millisecond() -> None:
     sleeper = board(SETUP + SYSTICK_1MS + COUNT_WAKES, systick=NOTE_1 + RETURN)
     for end_ns, wakes in ((MS - 1, 0), (MS, 1), (10 * MS + 1, 10), (1000 * MS, 1000)):
         sleeper.run_until(end_ns)
-        assert words(sleeper, RAM + 4, 1) == (wakes,)
+        assert read_words(sleeper, RAM + 4, 1) == (wakes,)
     assert sleeper.now_ns == 1000 * MS
 
 
@@ -121,30 +121,30 @@ def test_a_higher_priority_exception_preempts_and_an_equal_one_waits(priority: b
 @pytest.mark.parametrize(("before", "stack"), [(b"", STACK_TOP), (SUB_SP_4, STACK_TOP - 4)])
 def test_an_exception_preserves_the_interrupted_programs_registers(before: bytes, stack: int) -> None:
     interrupted = board(SETUP + before + KEEP_REGISTERS, systick=CLOBBER_REGISTERS)
-    *registers, flags, sp = words(interrupted, RAM, 8)
+    *registers, flags, sp = read_words(interrupted, RAM, 8)
     assert registers == [10, 11, 12, 13, 14, 15]
     assert flags & 0xF000_0000 == 0x6000_0000, "zero and carry"
     assert sp == stack
-    assert words(interrupted, RAM + 0x40, 2) == (SYSTICK, 0xFFFF_FFF9)
+    assert read_words(interrupted, RAM + 0x40, 2) == (SYSTICK, 0xFFFF_FFF9)
 
 
 def test_an_exception_in_an_it_block_skips_and_repeats_nothing() -> None:
     conditional = board(SETUP + PEND_IN_IT_BLOCK + WFI, systick=NOTE_2 + RETURN)
     conditional.run_until(2 * MS)
-    assert words(conditional, RAM + 8, 1) == (3,)
+    assert read_words(conditional, RAM + 8, 1) == (3,)
     assert trace(conditional) == 2
 
 
 @pytest.mark.parametrize(("before", "returns_with"), [(b"", 0xFFFF_FFF9), (USE_PROCESS_STACK, 0xFFFF_FFFD)])
 def test_a_supervisor_call_uses_the_callers_stack(before: bytes, returns_with: int) -> None:
     caller = board(SETUP + before + SVC_5, svcall=ANSWER_SVC)
-    assert words(caller, RAM + 12, 2) == (105, returns_with)
+    assert read_words(caller, RAM + 12, 2) == (105, returns_with)
 
 
 def test_float_registers_survive_a_handler_that_uses_them() -> None:
     interrupted = board(SETUP + KEEP_FLOATS, systick=CLOBBER_FLOATS)
-    assert words(interrupted, RAM + 4, 3) == (7, 7, STACK_TOP)
-    assert words(interrupted, RAM + 0x40, 2) == (0xFFFF_FFE9, STACK_TOP - 0x68)
+    assert read_words(interrupted, RAM + 4, 3) == (7, 7, STACK_TOP)
+    assert read_words(interrupted, RAM + 0x40, 2) == (0xFFFF_FFE9, STACK_TOP - 0x68)
 
 
 def test_sleep_on_exit_does_not_return_to_the_program() -> None:
@@ -165,10 +165,10 @@ def test_a_wait_for_an_event_ends_with_the_next_exception() -> None:
 def test_a_program_can_reset_itself() -> None:
     restarted = board(SETUP + COUNT_BOOTS + ASK_FOR_RESET)
     restarted.run_until(10 * MS)
-    assert words(restarted, RAM + 4, 1) == (3,)
+    assert read_words(restarted, RAM + 4, 1) == (3,)
     assert restarted.resets == 0, "only the watchdog's are counted"
     restarted.reset()
-    assert words(restarted, RAM + 4, 1) == (4,), "RAM keeps its content"
+    assert read_words(restarted, RAM + 4, 1) == (4,), "RAM keeps its content"
 
 
 def test_time_advances_in_a_program_that_never_sleeps() -> None:

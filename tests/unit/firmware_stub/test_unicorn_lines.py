@@ -176,9 +176,9 @@ def test_a_filter_selects_the_fifo(program: Program) -> None:
 
 
 @pytest.mark.parametrize(
-    ("btr", "out", "back"), [(0, 1, 0), (1 << 30, 1, 1), (3 << 30, 0, 1), (1 << 31, 0, 0)], ids=str
+    ("btr", "out", "is_received"), [(0, 1, 0), (1 << 30, 1, 1), (3 << 30, 0, 1), (1 << 31, 0, 0)], ids=str
 )
-def test_frames_are_sent_from_three_mailboxes(program: Program, btr: int, out: int, back: int) -> None:
+def test_frames_are_sent_from_three_mailboxes(program: Program, btr: int, out: int, is_received: int) -> None:
     open_can(program, 1, 0, 0, btr=btr)
     sent = [EXTENDED, STANDARD, CanFrame(7, b"")]
     assert program.get(CAN1 + 8) >> 26 & 7 == 7
@@ -191,7 +191,7 @@ def test_frames_are_sent_from_three_mailboxes(program: Program, btr: int, out: i
         program.put(base, (frame.id << 3 | 4 if frame.extended else frame.id << 21) | 1)
     assert program.chip.can.take_output() == sent * out
     program.chip.can.deliver()
-    assert read_fifo(program) == sent * back
+    assert read_fifo(program) == sent * is_received
     assert program.is_pending(CAN1_TX_IRQ)
     assert program.get(CAN1 + 8) & 0x030303 == 0x030303, "three completed, three well"
     program.put(CAN1 + 8, 0x010101)

@@ -48,12 +48,12 @@ def test_texts_may_be_lists_of_characters() -> None:
 
 
 def test_invalid_input_gives_no_packet_and_no_exception() -> None:
-    good = encode_message((1, 1, 0), plain_fields(MESSAGES[0]), MESSAGES[0])
+    valid = encode_message((1, 1, 0), plain_fields(MESSAGES[0]), MESSAGES[0])
     for bad in (b"", b"[]", b"null", b"{}", b"[" * 100_000, b'{"header":{},"message":{"type":"HEARTBEAT"}}'):
         assert decode_message(bad) is None
     numbers = random.Random(1)
     for _ in range(5000):
-        cut = bytearray(good)
+        cut = bytearray(valid)
         for _ in range(numbers.randrange(1, 4)):
             cut[numbers.randrange(len(cut))] = numbers.randrange(256)
         packet = decode_message(bytes(cut))

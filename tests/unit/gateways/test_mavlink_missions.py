@@ -19,15 +19,15 @@ def test_a_mission_is_uploaded_and_downloaded_equal() -> None:
     rows = [HOME_ROW, (LOCAL, 16, 5.0, 0.0, 3.0), (LOCAL, 16, 5.0, -5.0, 3.0, 2.0), (LOCAL, 20, 0.0, 0.0, 0.0)]
     assert upload_mission(bench.partner, rows) == dialect.MAV_MISSION_ACCEPTED
     bench.partner.send(dialect.MAVLink_mission_request_list_message(1, 1, 0))
-    assert bench.partner.take("MISSION_COUNT")[0].count == 4
+    assert bench.partner.take_messages("MISSION_COUNT")[0].count == 4
     for index in range(4):
         bench.partner.send(dialect.MAVLink_mission_request_int_message(1, 1, index, 0))
-    items = bench.partner.take("MISSION_ITEM_INT")
+    items = bench.partner.take_messages("MISSION_ITEM_INT")
     assert [item.seq for item in items] == [0, 1, 2, 3]
     assert (items[2].x, items[2].y, items[2].z, items[2].param1) == (50_000, -50_000, 3.0, 2.0)
     assert (items[0].x, items[0].y) == (round(45e7), round(10e7))  # item 0 is home, whatever the upload had there
     bench.partner.send(dialect.MAVLink_mission_request_message(1, 1, 1, 0))
-    assert bench.partner.take("MISSION_ITEM")[0].x == pytest.approx(5.0)
+    assert bench.partner.take_messages("MISSION_ITEM")[0].x == pytest.approx(5.0)
 
 
 def test_item_zero_is_a_waypoint_for_a_generic_autopilot() -> None:
@@ -66,32 +66,32 @@ def test_global_positions_need_an_origin() -> None:
 def test_a_stalled_upload_is_requested_again_and_then_abandoned() -> None:
     bench = Bench()
     bench.partner.send(dialect.MAVLink_mission_count_message(1, 1, 2, 0))
-    assert len(bench.partner.take("MISSION_REQUEST_INT")) == 1
+    assert len(bench.partner.take_messages("MISSION_REQUEST_INT")) == 1
     bench.run(2.0)
-    assert 3 <= len(bench.partner.take("MISSION_REQUEST_INT")) <= 5
+    assert 3 <= len(bench.partner.take_messages("MISSION_REQUEST_INT")) <= 5
     bench.run(3.0)
-    assert [ack.type for ack in bench.partner.take("MISSION_ACK")] == [dialect.MAV_MISSION_OPERATION_CANCELLED]
+    assert [ack.type for ack in bench.partner.take_messages("MISSION_ACK")] == [dialect.MAV_MISSION_OPERATION_CANCELLED]
     assert upload_mission(bench.partner, [HOME_ROW]) == dialect.MAV_MISSION_ACCEPTED
 
 
 def test_unsupported_mission_requests_are_answered() -> None:
     bench = Bench()
     other = bench.add_partner(system=254)
-    send, take = bench.partner.send, bench.partner.take
+    send, take_messages = bench.partner.send, bench.partner.take_messages
     for kind, count in ((0, 1), (1, 0), (2, 0)):  # home, no fence, no rally points
         send(dialect.MAVLink_mission_request_list_message(1, 1, kind))
-        assert take("MISSION_COUNT")[0].count == count
+        assert take_messages("MISSION_COUNT")[0].count == count
     send(dialect.MAVLink_mission_request_int_message(1, 1, 0, 0))
-    assert len(take("MISSION_ITEM_INT")) == 1
+    assert len(take_messages("MISSION_ITEM_INT")) == 1
     send(dialect.MAVLink_mission_request_message(1, 1, 1, 0))
-    assert take("MISSION_ACK")[0].type == dialect.MAV_MISSION_INVALID_SEQUENCE
+    assert take_messages("MISSION_ACK")[0].type == dialect.MAV_MISSION_INVALID_SEQUENCE
     send(dialect.MAVLink_mission_count_message(1, 1, 3, dialect.MAV_MISSION_TYPE_FENCE))
-    assert take("MISSION_ACK")[0].type == dialect.MAV_MISSION_UNSUPPORTED
+    assert take_messages("MISSION_ACK")[0].type == dialect.MAV_MISSION_UNSUPPORTED
     send(dialect.MAVLink_mission_count_message(1, 1, 60_000, 0))
-    assert take("MISSION_ACK")[0].type == dialect.MAV_MISSION_NO_SPACE
+    assert take_messages("MISSION_ACK")[0].type == dialect.MAV_MISSION_NO_SPACE
     send(dialect.MAVLink_mission_count_message(1, 1, 2, 0))
     other.send(dialect.MAVLink_mission_count_message(1, 1, 2, 0))
-    assert other.take("MISSION_ACK")[0].type == dialect.MAV_MISSION_DENIED
+    assert other.take_messages("MISSION_ACK")[0].type == dialect.MAV_MISSION_DENIED
 
 
 def test_a_mission_is_flown_item_by_item() -> None:
@@ -108,13 +108,13 @@ def test_a_mission_is_flown_item_by_item() -> None:
     assert upload_mission(bench.partner, rows) == dialect.MAV_MISSION_ACCEPTED
     bench.arm(Mode.AUTO)
     bench.run(120.0)
-    reached = [message.seq for message in bench.partner.take("MISSION_ITEM_REACHED")]
+    reached = [message.seq for message in bench.partner.take_messages("MISSION_ITEM_REACHED")]
     assert reached == [1, 3, 1, 3, 6]
     assert bench.core.flight.status == COMPLETE
     assert abs(bench.vehicle.north) < 0.6
     assert abs(bench.vehicle.depth - 0.2) < 0.5
     assert "mission complete" in bench.partner.texts()
-    assert bench.partner.take("MISSION_CURRENT")[-1].mission_state == COMPLETE
+    assert bench.partner.take_messages("MISSION_CURRENT")[-1].mission_state == COMPLETE
 
 
 def test_a_mission_pauses_continues_and_jumps() -> None:
@@ -125,13 +125,13 @@ def test_a_mission_pauses_continues_and_jumps() -> None:
     bench.run(4.0)
     assert bench.partner.command(dialect.MAV_CMD_DO_PAUSE_CONTINUE, 0) == ACCEPTED
     bench.run(5.0)
-    held = bench.vehicle.north
-    assert 1.0 < held < 4.0
+    north = bench.vehicle.north
+    assert 1.0 < north < 4.0
     bench.run(5.0)
-    assert bench.vehicle.north == pytest.approx(held, abs=0.05)
+    assert bench.vehicle.north == pytest.approx(north, abs=0.05)
     assert bench.partner.command(dialect.MAV_CMD_DO_PAUSE_CONTINUE, 1) == ACCEPTED
     bench.partner.send(dialect.MAVLink_mission_set_current_message(1, 1, 2))
-    assert bench.partner.take("MISSION_CURRENT")[-1].seq == 2
+    assert bench.partner.take_messages("MISSION_CURRENT")[-1].seq == 2
     bench.run(60.0)
     assert abs(bench.vehicle.east - 5.0) < 0.6
     assert bench.partner.command(dialect.MAV_CMD_DO_SET_MISSION_CURRENT, 77) == DENIED

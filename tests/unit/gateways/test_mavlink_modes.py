@@ -60,11 +60,11 @@ def test_the_first_of_two_joysticks_commands_until_it_is_silent() -> None:
     other = bench.add_partner(system=254)
     bench.arm()
 
-    def both() -> None:
+    def tick_both() -> None:
         bench.partner.sticks(x=1000)
         other.sticks(x=-1000)
 
-    bench.run(1.0, both)
+    bench.run(1.0, tick_both)
     assert bench.vehicle.pushed()[0] > 0.0
     assert bench.core.pilot.joystick.refused > 40
     bench.run(1.0, lambda: other.sticks(x=-1000))
@@ -174,7 +174,7 @@ def test_arming_waits_for_the_slave_and_fails_with_a_reason() -> None:
     assert bench.partner.command(ARM, 1) is None
     assert bench.vehicle.armed_calls == [True]
     bench.run(2.5)
-    assert [ack.result for ack in bench.partner.take("COMMAND_ACK")] == [FAILED]
+    assert [ack.result for ack in bench.partner.take_messages("COMMAND_ACK")] == [FAILED]
     assert "is commanded by another master" in bench.partner.texts()
     assert not bench.core.pilot.armed
 
@@ -186,7 +186,7 @@ def test_delayed_arming_is_acknowledged_once_the_slave_accepts() -> None:
     bench.run(0.5)
     bench.vehicle.refused = ""
     bench.run(0.2)
-    assert [ack.result for ack in bench.partner.take("COMMAND_ACK")] == [ACCEPTED]
+    assert [ack.result for ack in bench.partner.take_messages("COMMAND_ACK")] == [ACCEPTED]
     assert bench.core.pilot.armed
 
 
@@ -238,7 +238,7 @@ def test_a_lost_vehicle_sends_no_heartbeat_and_is_disarmed() -> None:
     bench.run(1.0)
     bench.partner.received.clear()
     bench.run(4.0)
-    assert bench.partner.take("HEARTBEAT") == []
+    assert bench.partner.take_messages("HEARTBEAT") == []
     assert not bench.core.pilot.armed
 
 
@@ -262,7 +262,7 @@ def test_an_unknown_mode_is_refused() -> None:
 def test_all_modes_are_listed() -> None:
     bench = Bench()
     assert bench.partner.command(dialect.MAV_CMD_REQUEST_MESSAGE, 435, 0) == ACCEPTED
-    listed = bench.partner.take("AVAILABLE_MODES")
+    listed = bench.partner.take_messages("AVAILABLE_MODES")
     assert {message.custom_mode for message in listed} == set(MODES)
     assert {message.number_modes for message in listed} == {len(MODES)}
     assert [message.mode_index for message in listed] == list(range(1, len(MODES) + 1))

@@ -27,7 +27,7 @@ def test_every_command_is_acknowledged() -> None:
             assert bench.partner.command(number) is not None, number
     assert bench.partner.command(2999) == UNSUPPORTED
     bench.partner.send(dialect.MAVLink_command_int_message(1, 1, 0, 2999, 0, 0, 0, 0, 0, 0, 0, 0, 0))
-    assert [ack.result for ack in bench.partner.take("COMMAND_ACK")] == [UNSUPPORTED]
+    assert [ack.result for ack in bench.partner.take_messages("COMMAND_ACK")] == [UNSUPPORTED]
 
 
 def test_commands_to_other_systems_are_not_acknowledged() -> None:
@@ -42,7 +42,7 @@ def test_all_parameters_are_sent_once_with_their_indices() -> None:
     bench = Bench()
     bench.partner.send(dialect.MAVLink_param_request_list_message(1, 1))
     bench.run(0.2)
-    values = bench.partner.take("PARAM_VALUE")
+    values = bench.partner.take_messages("PARAM_VALUE")
     assert [value.param_index for value in values] == list(range(len(values)))
     assert {value.param_count for value in values} == {len(values)}
     names = [value.param_id for value in values]
@@ -53,13 +53,13 @@ def test_all_parameters_are_sent_once_with_their_indices() -> None:
 def test_parameters_are_read_by_name_and_index_and_unknown_ones_ignored() -> None:
     bench = Bench()
     bench.partner.send(dialect.MAVLink_param_request_read_message(1, 1, b"WP_SPEED", -1))
-    (value,) = bench.partner.take("PARAM_VALUE")
+    (value,) = bench.partner.take_messages("PARAM_VALUE")
     assert (value.param_id, value.param_value, value.param_type) == ("WP_SPEED", 0.5, dialect.MAV_PARAM_TYPE_REAL32)
     bench.partner.send(dialect.MAVLink_param_request_read_message(1, 1, b"", value.param_index))
-    assert bench.partner.take("PARAM_VALUE")[0].param_id == "WP_SPEED"
+    assert bench.partner.take_messages("PARAM_VALUE")[0].param_id == "WP_SPEED"
     for name, index in ((b"NONE", -1), (b"", 9999), (b"_HASH_CHECK", -1)):
         bench.partner.send(dialect.MAVLink_param_request_read_message(1, 1, name, index))
-    assert bench.partner.take("PARAM_VALUE") == []
+    assert bench.partner.take_messages("PARAM_VALUE") == []
 
 
 def test_a_set_parameter_is_reported_to_all_ground_stations() -> None:
@@ -69,10 +69,10 @@ def test_a_set_parameter_is_reported_to_all_ground_stations() -> None:
     def set_one(name: bytes, value: float) -> list[float]:
         bench.partner.send(dialect.MAVLink_param_set_message(1, 1, name, value, dialect.MAV_PARAM_TYPE_REAL32))
         bench.run(0.1)
-        return [value.param_value for value in bench.partner.take("PARAM_VALUE")]
+        return [value.param_value for value in bench.partner.take_messages("PARAM_VALUE")]
 
     assert set_one(b"WP_SPEED", 1.5) == [1.5]
-    assert len(other.take("PARAM_VALUE")) == 1
+    assert len(other.take_messages("PARAM_VALUE")) == 1
     assert set_one(b"WP_SPEED", 1e9) == [1.5]
     assert "not between" in bench.partner.texts()
     assert set_one(b"WP_SPEED", float("nan")) == [1.5]
@@ -102,12 +102,12 @@ def _ftp(
     payload = ftp.HEADER.pack(number, session, opcode, length, 0, 0, offset) + text
     bench.partner.send(ftp.ftp_message(payload, 1, 1))
     bench.run(0.2)
-    answers = []
-    for message in bench.partner.take("FILE_TRANSFER_PROTOCOL"):
+    replies = []
+    for message in bench.partner.take_messages("FILE_TRANSFER_PROTOCOL"):
         data = bytes(message.payload)
         head = ftp.HEADER.unpack_from(data)
-        answers.append((head[2], head[1], head[6], data[ftp.HEADER.size : ftp.HEADER.size + head[3]]))
-    return answers
+        replies.append((head[2], head[1], head[6], data[ftp.HEADER.size : ftp.HEADER.size + head[3]]))
+    return replies
 
 
 def test_parameters_can_be_read_as_one_file() -> None:
@@ -127,14 +127,14 @@ def _unpacked(data: bytes) -> dict[str, float]:
     """Read param.pck as its description says: type, shared beginning, rest of the name, value."""
     magic, count, _ = struct.unpack_from("<HHH", data)
     assert magic == 0x671B
-    values, last, at = {}, "", 6
-    while at < len(data):
-        kind, lengths = data[at] & 15, data[at + 1]
-        common, rest = lengths & 15, (lengths >> 4) + 1
-        last = last[:common] + data[at + 2 : at + 2 + rest].decode()
+    values, last, offset = {}, "", 6
+    while offset < len(data):
+        kind, lengths = data[offset] & 15, data[offset + 1]
+        common, suffix = lengths & 15, (lengths >> 4) + 1
+        last = last[:common] + data[offset + 2 : offset + 2 + suffix].decode()
         form = {1: "<b", 2: "<h", 3: "<i", 4: "<f"}[kind]
-        (values[last],) = struct.unpack_from(form, data, at + 2 + rest)
-        at += 2 + rest + struct.calcsize(form)
+        (values[last],) = struct.unpack_from(form, data, offset + 2 + suffix)
+        offset += 2 + suffix + struct.calcsize(form)
     assert len(values) == count
     return values
 
@@ -181,15 +181,15 @@ def test_logs_are_read_by_the_log_protocol(tmp_path: Path) -> None:
     (tmp_path / "a.mcap").write_bytes(bytes(1000))
     bench = Bench(folder=str(tmp_path))
     bench.partner.send(dialect.MAVLink_log_request_list_message(1, 1, 0, 0xFFFF))
-    (entry,) = bench.partner.take("LOG_ENTRY")
+    (entry,) = bench.partner.take_messages("LOG_ENTRY")
     assert (entry.id, entry.num_logs, entry.size) == (1, 1, 1000)
     bench.partner.send(dialect.MAVLink_log_request_data_message(1, 1, 1, 0, 0xFFFFFFFF))
     bench.run(1.0)
-    data = bench.partner.take("LOG_DATA")
+    data = bench.partner.take_messages("LOG_DATA")
     assert sum(part.count for part in data) == 1000
     assert [part.ofs for part in data] == list(range(0, 1000, 90))
     bench.partner.send(dialect.MAVLink_log_request_data_message(1, 1, 9, 0, 100))
-    assert bench.partner.take("LOG_DATA")[0].count == 0
+    assert bench.partner.take_messages("LOG_DATA")[0].count == 0
 
 
 def test_message_intervals_can_be_set() -> None:
@@ -198,18 +198,18 @@ def test_message_intervals_can_be_set() -> None:
     command = bench.partner.command
     for hertz in (25.0, 5.0):
         assert command(dialect.MAV_CMD_SET_MESSAGE_INTERVAL, number, 1e6 / hertz) == ACCEPTED
-        bench.partner.take("ATTITUDE")
+        bench.partner.take_messages("ATTITUDE")
         bench.run(2.0)
-        assert abs(len(bench.partner.take("ATTITUDE")) - 2 * hertz) <= 1
+        assert abs(len(bench.partner.take_messages("ATTITUDE")) - 2 * hertz) <= 1
     assert command(dialect.MAV_CMD_GET_MESSAGE_INTERVAL, number) == ACCEPTED
-    assert bench.partner.take("MESSAGE_INTERVAL")[0].interval_us == 200_000
+    assert bench.partner.take_messages("MESSAGE_INTERVAL")[0].interval_us == 200_000
     assert command(dialect.MAV_CMD_SET_MESSAGE_INTERVAL, number, -1) == ACCEPTED
-    bench.partner.take("ATTITUDE")
+    bench.partner.take_messages("ATTITUDE")
     bench.run(1.0)
-    assert bench.partner.take("ATTITUDE") == []
+    assert bench.partner.take_messages("ATTITUDE") == []
     assert command(dialect.MAV_CMD_SET_MESSAGE_INTERVAL, number, 0) == ACCEPTED
     bench.run(2.0)
-    assert abs(len(bench.partner.take("ATTITUDE")) - 2 * DEFAULT_HZ[number]) <= 1
+    assert abs(len(bench.partner.take_messages("ATTITUDE")) - 2 * DEFAULT_HZ[number]) <= 1
     assert command(dialect.MAV_CMD_SET_MESSAGE_INTERVAL, 9999, 1000) == DENIED
     assert command(dialect.MAV_CMD_SET_MESSAGE_INTERVAL, number, float("nan")) == DENIED
 
@@ -219,11 +219,11 @@ def test_esc_reports_cover_all_thrusters() -> None:
     bench.vehicle.battery = BatterySample(0, 15.9, 2.0, 100.0, 50.0, False)
     bench.run(2.0)
     status, first, second = (
-        bench.partner.take(kind) for kind in ("ESC_STATUS", "ESC_TELEMETRY_1_TO_4", "ESC_TELEMETRY_5_TO_8")
+        bench.partner.take_messages(kind) for kind in ("ESC_STATUS", "ESC_TELEMETRY_1_TO_4", "ESC_TELEMETRY_5_TO_8")
     )
     assert {message.index for message in status} == {0, 4}, "six thrusters: two messages"
     assert list(first[0].voltage) == list(second[0].voltage) == [1590] * 4
-    assert not bench.partner.take("ESC_TELEMETRY_9_TO_12")
+    assert not bench.partner.take_messages("ESC_TELEMETRY_9_TO_12")
 
 
 def test_esc_reports_have_speed_and_current_where_known() -> None:
@@ -231,12 +231,12 @@ def test_esc_reports_have_speed_and_current_where_known() -> None:
     known, astern = MotorState(1700.0, 200.0, 3.25), MotorState(1400.0, -100.0, 1.5)
     bench.vehicle.motors = (known, astern, *[MotorState(1500.0, math.nan, math.nan)] * 3)
     bench.run(2.0)
-    first, second = bench.partner.take("ESC_STATUS")[:2]
+    first, second = bench.partner.take_messages("ESC_STATUS")[:2]
     assert (first.index, second.index) == (0, 4)
     assert first.rpm == [1910, -955, 0, 0]
     assert first.current[:2] == [3.25, 1.5]
     assert all(math.isnan(value) for value in (*first.current[2:], *first.voltage, *second.current))
-    telemetry = bench.partner.take("ESC_TELEMETRY_1_TO_4")[0]
+    telemetry = bench.partner.take_messages("ESC_TELEMETRY_1_TO_4")[0]
     assert (list(telemetry.rpm), list(telemetry.current)) == ([1910, 955, 0, 0], [325, 150, 0, 0])
     assert list(telemetry.voltage) == [0] * 4
 
@@ -245,8 +245,8 @@ def test_escs_without_data_are_not_reported() -> None:
     bench = Bench()
     bench.vehicle.motors = (MotorState(1500.0, math.nan, math.nan),) * 6
     bench.run(2.0)
-    assert not bench.partner.take("ESC_STATUS")
-    assert not bench.partner.take("ESC_TELEMETRY_1_TO_4")
+    assert not bench.partner.take_messages("ESC_STATUS")
+    assert not bench.partner.take_messages("ESC_TELEMETRY_1_TO_4")
 
 
 def test_each_stream_of_the_camera_is_described() -> None:
@@ -254,12 +254,12 @@ def test_each_stream_of_the_camera_is_described() -> None:
     streams = (camera.h264(5600), camera.mjpeg("http://127.0.0.1:8090/"))
     bench.dispatcher.picture = camera.CameraInfo(streams, 640, 480, 5.0, 60.0)
     assert bench.partner.command(dialect.MAV_CMD_REQUEST_MESSAGE, 269) == ACCEPTED
-    found = bench.partner.take("VIDEO_STREAM_INFORMATION")
+    found = bench.partner.take_messages("VIDEO_STREAM_INFORMATION")
     assert [(one.stream_id, one.count, one.uri) for one in found] == [(1, 2, "5600"), (2, 2, "http://127.0.0.1:8090/")]
     assert (found[0].type, found[0].encoding) == (dialect.VIDEO_STREAM_TYPE_RTPUDP, dialect.VIDEO_STREAM_ENCODING_H264)
     assert (found[0].resolution_h, found[0].framerate, found[0].hfov) == (640, 5.0, 60)
     assert bench.partner.command(dialect.MAV_CMD_REQUEST_MESSAGE, 270) == ACCEPTED
-    assert [one.stream_id for one in bench.partner.take("VIDEO_STREAM_STATUS")] == [1, 2]
+    assert [one.stream_id for one in bench.partner.take_messages("VIDEO_STREAM_STATUS")] == [1, 2]
 
 
 def test_camera_requests_are_answered_by_the_camera_component() -> None:
@@ -278,10 +278,10 @@ def test_camera_requests_are_answered_by_the_camera_component() -> None:
         message = dialect.MAVLink_command_long_message(1, camera.COMPONENT, command, 0, 1, 0, 0, 0, 0, 0, 0)
         bench.partner.received.clear()
         bench.partner.send(message)
-        ack, *answers = bench.partner.received
+        ack, *replies = bench.partner.received
         assert (ack.command, ack.result) == (command, ACCEPTED if kind else UNSUPPORTED)
-        assert [answer.get_type() for answer in answers] == ([kind] if kind else [])
-        assert {found.get_srcComponent() for found in (ack, *answers)} == {camera.COMPONENT}
+        assert [answer.get_type() for answer in replies] == ([kind] if kind else [])
+        assert {found.get_srcComponent() for found in (ack, *replies)} == {camera.COMPONENT}
 
 
 @pytest.mark.parametrize("text", ["5600", "host", "host:0", "host:70000", ":5600"])
@@ -299,12 +299,12 @@ def test_message_groups_and_single_messages_can_be_requested() -> None:
     bench.partner.received.clear()
     bench.partner.send(dialect.MAVLink_request_data_stream_message(1, 1, dialect.MAV_DATA_STREAM_EXTRA2, 10, 1))
     bench.run(1.0)
-    assert 9 <= len(bench.partner.take("VFR_HUD")) <= 11
-    assert bench.partner.take("ATTITUDE") == []
+    assert 9 <= len(bench.partner.take_messages("VFR_HUD")) <= 11
+    assert bench.partner.take_messages("ATTITUDE") == []
     assert bench.partner.command(dialect.MAV_CMD_REQUEST_MESSAGE, 30) == ACCEPTED
-    assert len(bench.partner.take("ATTITUDE")) == 1
+    assert len(bench.partner.take_messages("ATTITUDE")) == 1
     assert bench.partner.command(dialect.MAV_CMD_REQUEST_MESSAGE, 148) == ACCEPTED
-    (version,) = bench.partner.take("AUTOPILOT_VERSION")
+    (version,) = bench.partner.take_messages("AUTOPILOT_VERSION")
     assert version.capabilities & dialect.MAV_PROTOCOL_CAPABILITY_FTP
     assert bench.partner.command(dialect.MAV_CMD_REQUEST_MESSAGE, 147) == UNSUPPORTED  # it has no battery
 
@@ -313,21 +313,21 @@ def test_depth_is_negative_altitude_and_positive_down() -> None:
     bench = Bench()
     bench.vehicle.depth = 7.5
     bench.run(0.6)
-    place = bench.partner.take("GLOBAL_POSITION_INT")[-1]
+    place = bench.partner.take_messages("GLOBAL_POSITION_INT")[-1]
     assert (place.relative_alt, place.alt) == (-7500, -7500)
-    assert bench.partner.take("VFR_HUD")[-1].alt == -7.5
-    assert bench.partner.take("LOCAL_POSITION_NED")[-1].z == 7.5
+    assert bench.partner.take_messages("VFR_HUD")[-1].alt == -7.5
+    assert bench.partner.take_messages("LOCAL_POSITION_NED")[-1].z == 7.5
 
 
 def test_timesync_and_ping_requests_are_answered() -> None:
     bench = Bench()
     bench.partner.send(dialect.MAVLink_timesync_message(0, 1234))
-    (answer,) = bench.partner.take("TIMESYNC")
+    (answer,) = bench.partner.take_messages("TIMESYNC")
     assert (answer.ts1, answer.tc1) == (1234, bench.now)
     bench.partner.send(dialect.MAVLink_timesync_message(5, 1234))
-    assert bench.partner.take("TIMESYNC") == []
+    assert bench.partner.take_messages("TIMESYNC") == []
     bench.partner.send(dialect.MAVLink_ping_message(1, 2, 0, 0))
-    assert bench.partner.take("PING")[0].target_system == 255
+    assert bench.partner.take_messages("PING")[0].target_system == 255
 
 
 def test_an_observer_cannot_change_anything() -> None:
@@ -337,7 +337,7 @@ def test_an_observer_cannot_change_anything() -> None:
     assert guest.command(dialect.MAV_CMD_DO_SET_MODE, 1, 2) == DENIED
     guest.send(dialect.MAVLink_set_mode_message(1, 1, 2))
     guest.send(dialect.MAVLink_param_set_message(1, 1, b"WP_SPEED", 3.0, 9))
-    assert guest.take("PARAM_VALUE")[0].param_value == 0.5
+    assert guest.take_messages("PARAM_VALUE")[0].param_value == 0.5
     assert upload_mission(guest, [HOME_ROW]) == dialect.MAV_MISSION_DENIED
     bench.arm(Mode.GUIDED)
     before = bench.core.pilot.target
@@ -351,4 +351,4 @@ def test_an_observer_cannot_change_anything() -> None:
     assert guest.command(dialect.MAV_CMD_REQUEST_MESSAGE, 30) == ACCEPTED
     guest.send(dialect.MAVLink_param_request_list_message(1, 1))
     bench.run(0.2)
-    assert len(guest.take("PARAM_VALUE")) == len(bench.table.names())
+    assert len(guest.take_messages("PARAM_VALUE")) == len(bench.table.names())

@@ -45,13 +45,13 @@ def _fields(kind: type, payload: bytearray) -> list[object]:
     """Return the fields of random bytes, as pymavlink has them."""
     values = kind.unpacker.unpack(payload)  # type: ignore[attr-defined]
     fields: list[object] = []
-    at = 0
+    position = 0
     in_order: dict[str, object] = {}
     for name, length in zip(kind.ordered_fieldnames, kind.array_lengths, strict=True):  # type: ignore[attr-defined]
-        if length == 0 or isinstance(values[at], bytes):
-            in_order[name], at = values[at], at + 1
+        if length == 0 or isinstance(values[position], bytes):
+            in_order[name], position = values[position], position + 1
         else:
-            in_order[name], at = list(values[at : at + length]), at + length
+            in_order[name], position = list(values[position : position + length]), position + length
     fields += [in_order[name] for name in kind.fieldnames]  # type: ignore[attr-defined]
     return fields
 
@@ -71,7 +71,7 @@ def test_random_frames_never_raise() -> None:
             bench.run(0.02)
             bench.partner.received.clear()
     bench.run(1.0)
-    assert bench.partner.take("HEARTBEAT")
+    assert bench.partner.take_messages("HEARTBEAT")
 
 
 def test_random_bytes_never_raise() -> None:

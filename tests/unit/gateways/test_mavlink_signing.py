@@ -41,9 +41,9 @@ def test_a_key_applies_to_all_and_is_saved_until_zeroed(tmp_path: Path) -> None:
     bench = bench_with(SigningKey(str(path)))
     other = bench.add_partner(254)
     bench.partner.send(setup_message(KEY))
-    plain, right = MavlinkStream(255, 190, Counters()), signed_stream()
+    unsigned, right = MavlinkStream(255, 190, Counters()), signed_stream()
     for partner in (bench.partner, other):
-        assert not is_received(partner, plain.pack(BEAT)), "an unsigned packet was accepted"
+        assert not is_received(partner, unsigned.pack(BEAT)), "an unsigned packet was accepted"
         assert is_received(partner, right.pack(BEAT))
         assert not is_received(partner, signed_stream(bytes(32 * [7])).pack(BEAT)), (
             "a packet signed with another key was accepted"
@@ -52,7 +52,7 @@ def test_a_key_applies_to_all_and_is_saved_until_zeroed(tmp_path: Path) -> None:
     assert SigningKey(str(path)).secret == KEY
     for packet in bench.partner.peer.unpack(right.pack(setup_message(bytes(32)))):
         bench.dispatcher.handle(bench.partner.peer, packet, bench.now)
-    assert is_received(other, plain.pack(BEAT)), "a key of zeros ends signing"
+    assert is_received(other, unsigned.pack(BEAT)), "a key of zeros ends signing"
     assert not path.exists()
     assert SigningKey(str(path)).secret == b""
 

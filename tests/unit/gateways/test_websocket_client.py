@@ -25,7 +25,7 @@ class Socket:
 
 
 @pytest.fixture(autouse=True)
-def _small(monkeypatch: pytest.MonkeyPatch) -> None:
+def _small_queue(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(websocket_client, "MAX_BYTES", 10)
 
 
@@ -36,11 +36,11 @@ def test_a_client_that_does_not_read_replies_is_not_read_from() -> None:
         writer = asyncio.create_task(queue.send_waiting())
         for _ in range(4):
             queue.put("12345", keep=True)
-        room = asyncio.create_task(queue.wait_for_room())
+        waiting = asyncio.create_task(queue.wait_for_room())
         await asyncio.sleep(0)
-        assert not room.done()
+        assert not waiting.done()
         socket.read.set()
-        await asyncio.gather(writer, room)
+        await asyncio.gather(writer, waiting)
         assert socket.sent == ["12345"] * 4
         await queue.wait_for_room()
 

@@ -100,7 +100,7 @@ class TestDamagedBytes:
         assert first != other
 
     def test_faults_of_one_direction_do_not_depend_on_the_other(self, opened: ExitStack) -> None:
-        alone = send_chunks(opened, Faults(drop=0.5))[0]
+        single = send_chunks(opened, Faults(drop=0.5))[0]
         far, near = instant_pair(opened, Faults(drop=0.5))
         received = []
         for chunk in CHUNKS:
@@ -108,7 +108,7 @@ class TestDamagedBytes:
             near.read()
             near.write(chunk)
             received.append(far.read())
-        assert received == alone
+        assert received == single
 
 
 class TestLostWire:
@@ -177,12 +177,12 @@ class TestOnCan:
         """An extended frame with 8 bytes, 131 bits, takes 6.55 ms at 20 kbit/s, and a standard empty one 2.35 ms."""
         far, near = can_pair(opened, Faults(baud=20_000))
         for frame, wire_time_ms in ((CanFrame(1, bytes(8)), 6.55), (CanFrame(1, b"", extended=False), 2.35)):
-            took = cross(near, far, pack_frame(frame))[1] / 1e6
+            seconds = cross(near, far, pack_frame(frame))[1] / 1e6
             for _ in range(100):
-                assert took > wire_time_ms - Timer.MAX_LEAD_NS / 1e6
-                if took < wire_time_ms + 0.2:  # any further delay is the machine's lateness
+                assert seconds > wire_time_ms - Timer.MAX_LEAD_NS / 1e6
+                if seconds < wire_time_ms + 0.2:  # any further delay is the machine's lateness
                     break
-                took = cross(near, far, pack_frame(frame))[1] / 1e6
+                seconds = cross(near, far, pack_frame(frame))[1] / 1e6
             else:
                 pytest.fail(f"never in {wire_time_ms} ms")
 

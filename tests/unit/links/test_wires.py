@@ -146,12 +146,12 @@ def test_the_device_reads_the_speed_that_the_host_set(baud: int) -> None:
 
 def test_programs_may_open_and_close_the_port_repeatedly() -> None:
     wire = PtyWire()
-    for word in (b"one", b"two"):
+    for chunk in (b"one", b"two"):
         with serial.Serial(wire.path, 115_200, timeout=PATIENCE_S) as program:
-            program.write(word)
-            assert read_bytes(wire, 3) == word
-            wire.write(word)
-            assert program.read(3) == word
+            program.write(chunk)
+            assert read_bytes(wire, 3) == chunk
+            wire.write(chunk)
+            assert program.read(3) == chunk
         assert wire.read() == b""
     wire.close()
 
@@ -170,12 +170,12 @@ def wait_for_unread(wire: PtyWire, count: int) -> None:
 
 def fill(wire: PtyWire) -> int:
     """Write until the wire refuses, each time after the last bytes have arrived; return the bytes it took."""
-    written = 0
+    written_bytes = 0
     while taken := wire.write(b"o" * 32):
-        written += taken
-        assert written < 4096, "what a terminal holds"
-        wait_for_unread(wire, written)
-    return written
+        written_bytes += taken
+        assert written_bytes < 4096, "what a terminal holds"
+        wait_for_unread(wire, written_bytes)
+    return written_bytes
 
 
 @pytest.mark.parametrize("open_host", [PtyHostWire, UartWire])
@@ -198,22 +198,22 @@ def test_a_terminal_without_bytes_is_not_read(
 def test_bytes_that_arrive_during_a_read_wake_the_reader_again(open_host: Callable[[str], Wire]) -> None:
     with closing(PtyWire()) as device, closing(open_host(device.path)) as host:
         sent = bytes(range(256)) * 16
-        received, written = bytearray(), 0
+        received, written_bytes = bytearray(), 0
         while len(received) < len(sent):
-            written += host.write(sent[written : written + 7])
-            received += device.read() if written < len(sent) else read_bytes(device, 1)
+            written_bytes += host.write(sent[written_bytes : written_bytes + 7])
+            received += device.read() if written_bytes < len(sent) else read_bytes(device, 1)
         assert bytes(received) == sent
 
 
 def test_all_received_bytes_are_discarded_even_if_one_read_cannot_return_them() -> None:
     with closing(PtyWire()) as device, closing(PtyHostWire(device.path)) as host:
-        link, written = ThrusterLink(device, uuv_hil()), 0
+        link, written_bytes = ThrusterLink(device, uuv_hil()), 0
         while taken := host.write(bytes(1000)):
-            written += taken
-        assert written > 2 * READ_SIZE
+            written_bytes += taken
+        assert written_bytes > 2 * READ_SIZE
         device._arrivals.unregister(device.terminal)  # as if the kernel's thread had not delivered them yet
         link.discard_received()
-        assert link.counters.dropped_bytes == written
+        assert link.counters.dropped_bytes == written_bytes
 
 
 @pytest.mark.parametrize("open_host", [PtyHostWire, UartWire])
@@ -292,11 +292,11 @@ class TestCannotOpen:
         assert "dialout" in message
 
 
-@pytest.mark.parametrize("when", ["__init__", "_reset_input_buffer"])
-def test_a_device_unplugged_while_it_is_opened_is_reported(when: str, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("call", ["__init__", "_reset_input_buffer"])
+def test_a_device_unplugged_while_it_is_opened_is_reported(call: str, monkeypatch: pytest.MonkeyPatch) -> None:
     """Pyserial's set-up finds no terminal any more, and so do we behind it; both give an error of their own."""
     device = PtyWire()
-    step = getattr(serial.Serial, when)
+    step = getattr(serial.Serial, call)
 
     def write_and_unplug(port: serial.Serial, *arguments: Any, **options: Any) -> None:
         device.close()
@@ -306,7 +306,7 @@ def test_a_device_unplugged_while_it_is_opened_is_reported(when: str, monkeypatc
         step(port, *arguments, **options)
         device.close()
 
-    monkeypatch.setattr(serial.Serial, when, open_and_unplug if when == "__init__" else write_and_unplug)
+    monkeypatch.setattr(serial.Serial, call, open_and_unplug if call == "__init__" else write_and_unplug)
     with pytest.raises(DeviceError, match=rf"^{device.path}: no device answers; is it plugged in"):
         UartWire(device.path)
 

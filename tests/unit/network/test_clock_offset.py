@@ -23,10 +23,10 @@ class OtherClock:
         return self.offset + round(self.drift * time_ns)
 
 
-def exchange(clock: ClockOffset, other: OtherClock, sent: int, there: int, back: int, thinking: int = 100_000) -> None:
+def exchange(clock: ClockOffset, other: OtherClock, sent: int, out: int, back: int, thinking: int = 100_000) -> None:
     """Do one exchange that takes `there` ns to the peer and `back` ns back."""
-    received = sent + there + thinking + back
-    clock.add(sent, other.read(sent + there), other.read(sent + there + thinking), received)
+    received = sent + out + thinking + back
+    clock.add(sent, other.read(sent + out), other.read(sent + out + thinking), received)
 
 
 def compare(other: OtherClock, seconds: int, seed: int, least: int = 300_000, jitter_ms: float = 5.0) -> ClockOffset:
@@ -77,12 +77,12 @@ def test_the_shortest_round_trip_gives_the_estimate() -> None:
 def test_drift_is_measured_and_extrapolated(drift: float) -> None:
     other = OtherClock(S, drift)
     clock = compare(other, 60, seed=3, jitter_ms=1.0)
-    found = estimate(clock, 60 * S)
-    assert found.drift == pytest.approx(drift, abs=10e-6)
+    offset = estimate(clock, 60 * S)
+    assert offset.drift == pytest.approx(drift, abs=10e-6)
     later = 90 * S
-    found = estimate(clock, later)
-    assert abs(found.offset_ns - other.error(later)) <= found.uncertainty_ns
-    assert found.uncertainty_ns < round(MAX_DRIFT * 30 * S) / 2 + MS, "less than without the measured drift"
+    offset = estimate(clock, later)
+    assert abs(offset.offset_ns - other.error(later)) <= offset.uncertainty_ns
+    assert offset.uncertainty_ns < round(MAX_DRIFT * 30 * S) / 2 + MS, "less than without the measured drift"
 
 
 def test_uncertainty_grows_without_exchanges() -> None:
@@ -102,12 +102,12 @@ def test_a_clock_step_is_detected_at_once(step: int) -> None:
 
 
 @pytest.mark.parametrize(
-    ("sent", "there", "answered", "received"),
+    ("sent", "arrived", "answered", "received"),
     [(0, 10, 5, 20), (100, 10, 20, 90), (0, 0, 11 * S, 12 * S), (0, 0, 30, 20)],
 )
-def test_impossible_exchanges_are_counted(sent: int, there: int, answered: int, received: int) -> None:
+def test_impossible_exchanges_are_counted(sent: int, arrived: int, answered: int, received: int) -> None:
     clock = ClockOffset()
-    clock.add(sent, there, answered, received)
+    clock.add(sent, arrived, answered, received)
     assert clock.malformed == 1
     assert clock.at(0) is None
 

@@ -13,16 +13,16 @@ class Bed:
     def __init__(self) -> None:
         self.detector = StallDetector(LEASE_S)
         self.now_ms = 1000
-        self.answers = self.samples = 0
+        self.replies = self.samples = 0
 
-    def run(self, seconds: float, samples: int = 0, answers: int = 1, is_unanswered: bool = False) -> list[float]:
+    def run(self, seconds: float, samples: int = 0, replies: int = 1, is_unanswered: bool = False) -> list[float]:
         """Add so many of each before each check; return when (s from now on) the detector reports a stall."""
         start, reported = self.now_ms, []
         while self.now_ms < start + 1000 * seconds:
             self.now_ms += CHECK_MS
-            self.answers += answers
+            self.replies += replies
             self.samples += samples
-            if self.detector.is_stalled(self.now_ms * NS_PER_MS, self.answers, self.samples, is_unanswered):
+            if self.detector.is_stalled(self.now_ms * NS_PER_MS, self.replies, self.samples, is_unanswered):
                 reported.append((self.now_ms - start) / 1000)
         return reported
 
@@ -52,13 +52,13 @@ def test_the_wait_grows_with_each_attempt_until_a_sample_arrives() -> None:
 def test_a_vehicle_without_any_messages_is_not_a_stall() -> None:
     bed = Bed()
     bed.run(10.0, samples=4)
-    assert bed.run(600.0, answers=0) == []
+    assert bed.run(600.0, replies=0) == []
 
 
 def test_a_link_without_replies_is_a_stall() -> None:
     bed = Bed()
     bed.run(10.0, samples=4)
-    first, second, *_ = bed.run(60.0, answers=0, is_unanswered=True)
+    first, second, *_ = bed.run(60.0, replies=0, is_unanswered=True)
     least_s = 2 * LEASE_S + GAPS * FIRST_GAP_NS / NS_PER_S
     assert least_s <= first <= least_s + 0.5, "a router needs some time until it has found all vehicles again"
     assert second - first > 1.8 * first

@@ -64,10 +64,10 @@ def test_forces_in_contact_add_up_to_mass_times_acceleration(tmp_path: Path) -> 
         for axis, line in zip(AXES, mass, strict=True):
             columns = [row[f"{term}_{axis}"] for term in Forces._fields if term != "total"]
             assert row[f"total_{axis}"] == pytest.approx(sum(columns), rel=1e-6, abs=1e-6)
-            moved = sum(a * b for a, b in zip(line, felt[number], strict=True))
+            along = sum(a * b for a, b in zip(line, felt[number], strict=True))
             # The other forces are those after the step, without the speed that the contact has taken.
             slack = max(0.5, (0.05 if number == touched[0] else 0.005) * abs(row["contact_x_n"]))
-            assert sum(columns) == pytest.approx(moved, abs=slack), (number, axis)
+            assert sum(columns) == pytest.approx(along, abs=slack), (number, axis)
     apply_impulses, pressed = rows[touched[0]], rows[-1]
     assert apply_impulses["contact_x_n"] < -1000.0, "the mean of one step of 2.5 ms"
     assert pressed["contact_x_n"] == pytest.approx(-pressed["thrusters_x_n"], rel=0.05)

@@ -76,8 +76,8 @@ def test_the_vehicle_picture_shows_its_mesh(tmp_path: Path) -> None:
     stl = tmp_path / "hull.stl"
     stl.write_bytes(binary())
     vehicle, _ = load_vehicle("paper_six")
-    plain, dressed = tmp_path / "plain.png", tmp_path / "dressed.png"
-    vehicle_picture.draw(vehicle, (), str(plain))
+    plain_picture, dressed = tmp_path / "plain.png", tmp_path / "dressed.png"
+    vehicle_picture.draw(vehicle, (), str(plain_picture))
     meshes = (Mesh(str(tmp_path / "hull.dae"), scale=(0.1, 0.1, 0.1)), Mesh("nowhere.stl"))  # the .stl beside the .dae
     vehicle_picture.draw(vehicle._replace(meshes=meshes), (), str(dressed))
-    assert dressed.read_bytes() != plain.read_bytes()
+    assert dressed.read_bytes() != plain_picture.read_bytes()

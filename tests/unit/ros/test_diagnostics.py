@@ -28,11 +28,11 @@ SAMPLES: dict[str, Any] = {
 def test_every_diagnostic_survives_a_round_trip_in_its_type() -> None:
     output = reported(**{name: SAMPLES[figure.kind] for name, figure in Diagnostics.FIGURES.items()})
     statuses = ros.decode_diagnostics(ros.encode_diagnostics(0, [("slave", 0, "running", output.raw)]))
-    back = Diagnostics(statuses[0][3] if statuses else {})
+    decoded = Diagnostics(statuses[0][3] if statuses else {})
     for name, figure in Diagnostics.FIGURES.items():
-        assert getattr(back, name) == back[name] == SAMPLES[figure.kind], name
-        assert type(back[name]) is type(SAMPLES[figure.kind]), name
-    assert list(back.as_dict()) == list(Diagnostics.FIGURES)
+        assert getattr(decoded, name) == decoded[name] == SAMPLES[figure.kind], name
+        assert type(decoded[name]) is type(SAMPLES[figure.kind]), name
+    assert list(decoded.as_dict()) == list(Diagnostics.FIGURES)
 
 
 def test_a_name_that_is_not_in_the_table_is_an_error() -> None:

@@ -26,10 +26,10 @@ def test_horizontal_points_get_the_depth_in_the_axes_of_ros() -> None:
 
 def test_a_long_path_is_subsampled_and_keeps_its_end() -> None:
     path = [(float(number), 0.0) for number in range(3 * MAX_POINTS)]
-    places = decode_plan(encode_plan(0, path, 1.0))
-    assert places
-    assert len(places) <= MAX_POINTS
-    assert (places[0][0], places[-1][0]) == (0.0, path[-1][0])
+    positions = decode_plan(encode_plan(0, path, 1.0))
+    assert positions
+    assert len(positions) <= MAX_POINTS
+    assert (positions[0][0], positions[-1][0]) == (0.0, path[-1][0])
 
 
 @pytest.mark.parametrize("data", [b"", b"\0\1\0\0", encode_plan(0, [(1.0, 2.0)], 3.0)[:-3]])

@@ -221,13 +221,13 @@ def test_odometry_survives_a_round_trip(time_ns: int, position: Any, attitude: A
 
 @given(st.lists(st.tuples(st.text(), st.integers(0, 255), st.text(), st.dictionaries(st.text(), st.text()))))
 def test_diagnostics_survive_a_round_trip(statuses: list[Any]) -> None:
-    def plain(message: str) -> str:
+    def strip_prefix(message: str) -> str:
         return message.encode(errors="replace").decode().rstrip("\0")
 
     decoded = ros.decode_diagnostics(ros.encode_diagnostics(TIME_NS, statuses))
     assert decoded is not None
     assert [status[:3] for status in decoded] == [
-        (plain(name), level, plain(words)) for name, level, words, _ in statuses
+        (strip_prefix(name), level, strip_prefix(words)) for name, level, words, _ in statuses
     ]
 
 
@@ -262,11 +262,11 @@ def test_corrupted_messages_never_raise(index: int, data: st.DataObject) -> None
             assert isinstance(decode(name, bytes(payload)), tuple | list | dict | bool | int | float | None)
 
 
-@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
-@pytest.mark.parametrize("place", range(6))
-def test_a_command_that_is_not_finite_is_malformed(place: int, bad: float) -> None:
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+@pytest.mark.parametrize("index", range(6))
+def test_a_command_that_is_not_finite_is_malformed(index: int, value: float) -> None:
     values = [0.0] * 6
-    values[place] = bad
+    values[index] = value
     assert ros.decode_twist(ros.encode_twist(values[:3], values[3:])) is None
 
 

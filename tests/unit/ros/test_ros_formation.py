@@ -34,10 +34,10 @@ def test_a_report_is_encoded_in_enu_as_the_definition_states() -> None:
 @given(st.tuples(METRES, METRES, METRES), st.floats(-math.pi, math.pi), st.integers(0, 10**15))
 def test_a_report_survives_a_round_trip(position: tuple[float, float, float], heading: float, clock_ns: int) -> None:
     sample = FormationSample(position, (math.cos(heading / 2), 0.0, 0.0, math.sin(heading / 2)), clock_ns)
-    found = decode_formation(encode_formation(sample))
-    assert found is not None
-    assert (found.position, found.clock_ns) == (position, clock_ns)
-    assert found.orientation == pytest.approx(sample.orientation, abs=1e-12)
+    decoded = decode_formation(encode_formation(sample))
+    assert decoded is not None
+    assert (decoded.position, decoded.clock_ns) == (position, clock_ns)
+    assert decoded.orientation == pytest.approx(sample.orientation, abs=1e-12)
 
 
 @given(st.binary(max_size=200))

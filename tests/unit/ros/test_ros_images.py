@@ -51,23 +51,23 @@ def read(messages: ros.Encoded) -> dict[str, Any]:
 
 
 def test_a_raw_image_comes_with_camera_info_depth_and_labels() -> None:
-    found = read(ros.encoder("camera")(CAMERA, "uuv1/"))
-    assert set(found) == {
+    messages = read(ros.encoder("camera")(CAMERA, "uuv1/"))
+    assert set(messages) == {
         "camera/camera_info", "camera/image_raw", "camera/depth/camera_info", "camera/depth/image_raw", "camera/labels"
     }  # fmt: skip
-    for message in found.values():
+    for message in messages.values():
         assert message.header.frame_id == "uuv1/camera_optical_frame"
         assert (message.header.stamp.sec, message.header.stamp.nanosec) == (7, 9)
         assert (message.height, message.width) == (HEIGHT, WIDTH)
-    image = found["camera/image_raw"]
+    image = messages["camera/image_raw"]
     assert (image.encoding, image.step, image.is_bigendian) == ("rgb8", 3 * WIDTH, 0)
     pixels = image.data.reshape(HEIGHT, WIDTH, 3)
     assert pixels[10, 20].tolist() == [100, 70, 40]
-    depth = found["camera/depth/image_raw"]
+    depth = messages["camera/depth/image_raw"]
     assert depth.encoding == "32FC1"
     assert depth.data.view("<f4").reshape(HEIGHT, WIDTH)[1, 2] == pytest.approx(1.5)
     assert depth.data.view("<f4")[-1] == inf
-    assert found["camera/labels"].data.view("<i4")[:3].tolist() == [-1, 0, 1]
+    assert messages["camera/labels"].data.view("<i4")[:3].tolist() == [-1, 0, 1]
 
 
 def test_camera_info_has_the_lens_model() -> None:
@@ -128,21 +128,21 @@ def test_a_point_cloud_with_other_fields_is_none() -> None:
         {"height": 2},
     )
     for changes in others:
-        changed = STORE.deserialize_cdr(payload, kind)
+        message = STORE.deserialize_cdr(payload, kind)
         for name, value in changes.items():
-            setattr(changed, name, value)
-        assert ros_clouds.decode_cloud(bytes(STORE.serialize_cdr(changed, kind))) is None
+            setattr(message, name, value)
+        assert ros_clouds.decode_cloud(bytes(STORE.serialize_cdr(message, kind))) is None
 
 
 def test_a_sonar_image_has_its_beams_and_bins() -> None:
-    found = read(ros.encoder("forward_sonar")(SONAR, "uuv1/"))["forward_sonar/image"]
-    assert found.header.frame_id == "uuv1/forward_sonar_fan"
-    assert found.ranges.tolist() == [1.25, 1.75, 2.25, 2.75]
-    assert [(b.x, b.y, b.z) for b in found.beam_directions] == [(0.0, sin(a), cos(a)) for a in BEAMS]
-    assert (found.image.dtype, found.image.beam_count, found.image.is_bigendian) == (0, 3, False)
-    assert found.image.data.reshape(4, 3).tolist() == [[0, 1, 2], [3, 4, 5], [6, 7, 8], [9, 10, 11]]
-    assert found.ping_info.frequency == 750e3
-    assert found.ping_info.rx_beamwidths.tolist() == pytest.approx([0.02] * 3)
+    image = read(ros.encoder("forward_sonar")(SONAR, "uuv1/"))["forward_sonar/image"]
+    assert image.header.frame_id == "uuv1/forward_sonar_fan"
+    assert image.ranges.tolist() == [1.25, 1.75, 2.25, 2.75]
+    assert [(b.x, b.y, b.z) for b in image.beam_directions] == [(0.0, sin(a), cos(a)) for a in BEAMS]
+    assert (image.image.dtype, image.image.beam_count, image.image.is_bigendian) == (0, 3, False)
+    assert image.image.data.reshape(4, 3).tolist() == [[0, 1, 2], [3, 4, 5], [6, 7, 8], [9, 10, 11]]
+    assert image.ping_info.frequency == 750e3
+    assert image.ping_info.rx_beamwidths.tolist() == pytest.approx([0.02] * 3)
 
 
 def test_a_sonar_fan_is_drawn_as_an_image() -> None:
@@ -162,11 +162,11 @@ def test_a_sonar_fan_is_drawn_as_an_image() -> None:
 
 
 def test_a_side_scan_ping_has_its_two_sides() -> None:
-    found = read(ros.encoder("side_scan")(SIDES, ""))["side_scan/image"]
-    assert found.sample_rate == 1500.0, "half a metre there and back"
-    assert found.samples_per_beam == 4
-    assert found.image.data.reshape(4, 2).tolist() == [[1, 101], [2, 102], [3, 103], [4, 104]]
-    assert found.rx_angles.tolist() == pytest.approx([-pi / 2, pi / 2])
+    image = read(ros.encoder("side_scan")(SIDES, ""))["side_scan/image"]
+    assert image.sample_rate == 1500.0, "half a metre there and back"
+    assert image.samples_per_beam == 4
+    assert image.image.data.reshape(4, 2).tolist() == [[1, 101], [2, 102], [3, 103], [4, 104]]
+    assert image.rx_angles.tolist() == pytest.approx([-pi / 2, pi / 2])
 
 
 @pytest.mark.parametrize(("name", "axes"), [
@@ -194,11 +194,11 @@ def test_images_and_sonars_survive_a_round_trip() -> None:
     assert (sonar.bins, sonar.first_range, sonar.range_step, sonar.intensities) == (4, 1.0, 0.5, ECHOES)
     assert (sonar.beam_width, sonar.beam_height) == pytest.approx((SONAR.beam_width, SONAR.beam_height))
     floats = SIDES._replace(encoding="float32", port=DEPTH[:16], starboard=DEPTH[16:32])
-    for sides in (SIDES, floats):
-        again = ros_images.decode_side_scan(ros_images.encode_side_scan(sides))
+    for sample in (SIDES, floats):
+        again = ros_images.decode_side_scan(ros_images.encode_side_scan(sample))
         assert again is not None
-        assert (again.port, again.starboard, again.range_step) == (sides.port, sides.starboard, sides.range_step)
-        assert (again.beam_width, again.beam_height) == pytest.approx((sides.beam_width, sides.beam_height))
+        assert (again.port, again.starboard, again.range_step) == (sample.port, sample.starboard, sample.range_step)
+        assert (again.beam_width, again.beam_height) == pytest.approx((sample.beam_width, sample.beam_height))
 
 
 @pytest.mark.parametrize("topic", list(ros_images.DECODERS))

@@ -47,7 +47,7 @@ def golden(type_name: str, index: int = 0) -> bytes:
     return bytes.fromhex(found[index])
 
 
-def theirs(type_name: str, time_ns: int, frame: str, **fields: Any) -> bytes:
+def encode(type_name: str, time_ns: int, frame: str, **fields: Any) -> bytes:
     """Return the bytes rosbags makes of a stamped message."""
     header = {"stamp": {"sec": time_ns // 10**9, "nanosec": time_ns % 10**9}, "frame_id": frame}
     return bytes(STORE.serialize_cdr(_build(STORE, type_name, {"header": header, **fields}), type_name))
@@ -67,17 +67,17 @@ def flu(vector: Any) -> dict[str, float]:
 
 def test_messages_have_the_golden_bytes() -> None:
     fix = FixSample(TIME_NS, 57.70889, 11.97456, 36.25, (4.5, 10.25), True)
-    place = PositionSample(TIME_NS, (-30.25, 120.5, 8.0), (2.0, 0.5, -0.125, 0.5, 4.0, 0.25, -0.125, 0.25, 1.0))
+    sample = PositionSample(TIME_NS, (-30.25, 120.5, 8.0), (2.0, 0.5, -0.125, 0.5, 4.0, 0.25, -0.125, 0.25, 1.0))
     field = FieldSample(TIME_NS, (2.0e-5, 1.5e-6, 4.5e-5))
     velocity = VelocitySample(TIME_NS, (-0.5, -0.25, -0.125))
     battery = BatterySample(TIME_NS, 15.5, 12.25, 4.5, 18.0, False)
     assert ros_sensors.encode_fix(fix) == golden("sensor_msgs/msg/NavSatFix")
-    assert ros_sensors.encode_position(place) == golden("geometry_msgs/msg/PoseWithCovarianceStamped")
+    assert ros_sensors.encode_position(sample) == golden("geometry_msgs/msg/PoseWithCovarianceStamped")
     assert ros_sensors.encode_field(field, variance=1e-12) == golden("sensor_msgs/msg/MagneticField")
     assert ros_sensors.encode_velocity(velocity) == golden("geometry_msgs/msg/TwistStamped")
     assert ros_sensors.encode_battery(battery) == golden("sensor_msgs/msg/BatteryState")
     assert ros_sensors.decode_fix(golden("sensor_msgs/msg/NavSatFix")) == fix
-    assert ros_sensors.decode_position(golden("geometry_msgs/msg/PoseWithCovarianceStamped")) == place
+    assert ros_sensors.decode_position(golden("geometry_msgs/msg/PoseWithCovarianceStamped")) == sample
     assert ros_sensors.decode_field(golden("sensor_msgs/msg/MagneticField")) == field
     assert ros_sensors.decode_velocity(golden("geometry_msgs/msg/TwistStamped")) == velocity
     assert ros_sensors.decode_battery(golden("sensor_msgs/msg/BatteryState")) == battery
@@ -119,11 +119,11 @@ def test_a_disconnected_battery_is_in_the_message() -> None:
 def test_magnetic_fields_and_velocities_equal_those_of_rosbags(time_ns: int, vector: Any) -> None:
     field, velocity = FieldSample(time_ns, vector), VelocitySample(time_ns, vector)
     name, zero = "sensor_msgs/msg/MagneticField", {"x": 0.0, "y": 0.0, "z": 0.0}
-    data = theirs(name, time_ns, "magnetometer_link", magnetic_field=flu(vector), magnetic_field_covariance=[0.0] * 9)
+    data = encode(name, time_ns, "magnetometer_link", magnetic_field=flu(vector), magnetic_field_covariance=[0.0] * 9)
     assert ros_sensors.encode_field(field) == data
     assert ros_sensors.decode_field(data) == field
     twist = {"linear": flu(vector), "angular": zero}
-    data = theirs("geometry_msgs/msg/TwistStamped", time_ns, "current_meter_link", twist=twist)
+    data = encode("geometry_msgs/msg/TwistStamped", time_ns, "current_meter_link", twist=twist)
     assert ros_sensors.encode_velocity(velocity) == data
     assert ros_sensors.decode_velocity(data) == velocity
 
@@ -137,7 +137,7 @@ def test_fixes_equal_those_of_rosbags(
 ) -> None:
     sample = FixSample(time_ns, north, east, up, (level, steep), True)
     frame = frame.encode(errors="replace").decode()
-    data = theirs(
+    data = encode(
         "sensor_msgs/msg/NavSatFix", time_ns, frame, status={"status": 0, "service": 1}, latitude=north,
         longitude=east, altitude=up, position_covariance=[level, 0.0, 0.0, 0.0, level, 0.0, 0.0, 0.0, steep],
         position_covariance_type=2,
@@ -148,21 +148,21 @@ def test_fixes_equal_those_of_rosbags(
 
 @FEW
 @given(TIMES, VECTORS, st.tuples(*[NUMBERS] * 6))
-def test_positions_equal_those_of_rosbags(time_ns: int, place: Any, terms: Any) -> None:
+def test_positions_equal_those_of_rosbags(time_ns: int, position: Any, terms: Any) -> None:
     """The covariance is transformed as P C P' with the matrix P that swaps NED and ENU."""
     a, b, c, d, e, f = terms
     ned = np.array([[a, b, c], [b, d, e], [c, e, f]])
     swap = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
     covariance = np.diag([0.0, 0.0, 0.0, -1.0, -1.0, -1.0])
     covariance[:3, :3] = swap @ ned @ swap.T + 0.0
-    pose = {"position": xyz(swap @ place), "orientation": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}}
-    data = theirs(
+    pose = {"position": xyz(swap @ position), "orientation": {"x": 0.0, "y": 0.0, "z": 0.0, "w": 1.0}}
+    data = encode(
         "geometry_msgs/msg/PoseWithCovarianceStamped",
         time_ns,
         "map",
         pose={"pose": pose, "covariance": covariance.ravel()},
     )
-    sample = PositionSample(time_ns, place, tuple(ned.ravel().tolist()))
+    sample = PositionSample(time_ns, position, tuple(ned.ravel().tolist()))
     assert ros_sensors.decode_position(data) == sample
     ours, head = ros_sensors.encode_position(sample), len(data) - 43 * 8
     assert ours[:head] == data[:head]
@@ -174,7 +174,7 @@ def test_positions_equal_those_of_rosbags(time_ns: int, place: Any, terms: Any) 
 def test_batteries_equal_those_of_rosbags(time_ns: int, values: Any, capacity: float, off: bool) -> None:
     voltage, current, charge = values
     sample = BatterySample(time_ns, voltage, current, charge, capacity, off)
-    data = theirs(
+    data = encode(
         "sensor_msgs/msg/BatteryState", time_ns, "battery_link", voltage=voltage, temperature=math.nan,
         current=-current, charge=charge, capacity=capacity, design_capacity=capacity, percentage=charge / capacity,
         power_supply_status=3 if off else 2, power_supply_health=3 if off else 1, power_supply_technology=2,
@@ -185,7 +185,7 @@ def test_batteries_equal_those_of_rosbags(time_ns: int, values: Any, capacity: f
 
 
 def test_a_battery_message_with_cells_is_decoded() -> None:
-    data = theirs(
+    data = encode(
         "sensor_msgs/msg/BatteryState", TIME_NS, "b", voltage=16.0, temperature=20.0, current=-2.0, charge=1.0,
         capacity=2.0, design_capacity=2.5, percentage=0.5, power_supply_status=2, power_supply_health=1,
         power_supply_technology=3, present=True, cell_voltage=[4.0] * 4, cell_temperature=[20.0] * 3,
@@ -198,7 +198,7 @@ def test_a_battery_message_with_cells_is_decoded() -> None:
 @given(TIMES, SINGLES, st.floats(0, 1, width=32), st.floats(1, 1000, width=32))
 def test_ranges_equal_those_of_rosbags(time_ns: int, distance: float, near: float, far: float) -> None:
     sample = RangeSample(time_ns, distance, (near, far))
-    data = theirs(
+    data = encode(
         "sensor_msgs/msg/Range", time_ns, "altimeter_link", radiation_type=0, field_of_view=0.0, min_range=near,
         max_range=far, range=distance, variance=0.0,
     )  # fmt: skip
@@ -223,10 +223,10 @@ SAMPLES = {
 
 
 def test_every_sensor_has_a_sample_here() -> None:
-    elsewhere = {"imu", "dvl", "dvl_water", "pressure", "odometry", "ground_truth"}  # test_ros and test_ros_dvl
+    tested_elsewhere = {"imu", "dvl", "dvl_water", "pressure", "odometry", "ground_truth"}  # test_ros and test_ros_dvl
     scans = {"laser", "profiler", "scanning_sonar", "echosounder"}  # test_ros_scans
     pictures = {"camera", "forward_sonar", "side_scan"}  # test_ros_images
-    assert set(SAMPLES) == set(SENSORS) - elsewhere - scans - pictures
+    assert set(SAMPLES) == set(SENSORS) - tested_elsewhere - scans - pictures
     assert set(SAMPLES) == set(ros_sensors.ENCODERS) == set(ros_sensors.DECODERS)
 
 

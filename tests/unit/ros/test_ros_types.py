@@ -65,17 +65,17 @@ marine_acoustic_msgs: Dvl SonarImageData ProjectedSonarImage SonarRanges
 
 def _register() -> None:
     """Register in rosbags the definitions it lacks, from our files; the halves of services as messages."""
-    found: dict[str, Any] = {}
+    definitions: dict[str, Any] = {}
     for name in [*MESSAGES, *HALVES]:
         if name not in STORE.types:
-            found |= get_types_from_msg(types.definition(name).text, name)
-    STORE.register(found)
+            definitions |= get_types_from_msg(types.definition(name).text, name)
+    STORE.register(definitions)
 
 
 _register()
 
 
-def theirs(name: str) -> str:
+def definition_of_rosbags(name: str) -> str:
     """Return the name of the type in rosbags."""
     return name if name in STORE.types else name.replace("/srv/", "/srv/msg/")
 
@@ -105,11 +105,11 @@ def random_value(field: Field, source: random.Random) -> tuple[Any, Any]:
         return random_one(field.type, source)
     count = field.length or source.choice(range(field.most + 1) if field.most else [0, 1, 2, 3, 7])
     pairs = [random_one(field.type, source) for _ in range(count)]
-    ours, others = [pair[0] for pair in pairs], [pair[1] for pair in pairs]
+    values, others = [pair[0] for pair in pairs], [pair[1] for pair in pairs]
     code = PRIMITIVES.get(field.type, "")
     if code:
-        return bytes(ours) if code == "B" else tuple(ours), np.array(others, dtype=f"<{code}".replace("<?", "?"))
-    return ours, others
+        return bytes(values) if code == "B" else tuple(values), np.array(others, dtype=f"<{code}".replace("<?", "?"))
+    return values, others
 
 
 def random_one(kind: str, source: random.Random) -> tuple[Any, Any]:
@@ -124,7 +124,7 @@ def random_one(kind: str, source: random.Random) -> tuple[Any, Any]:
 
 def random_message(name: str, source: random.Random) -> tuple[dict[str, Any], Any]:
     pairs = {field.name: random_value(field, source) for field in types.definition(name).fields}
-    made = STORE.types[theirs(name)](**{key: pair[1] for key, pair in pairs.items()})
+    made = STORE.types[definition_of_rosbags(name)](**{key: pair[1] for key, pair in pairs.items()})
     return {key: pair[0] for key, pair in pairs.items()}, made
 
 
@@ -132,10 +132,10 @@ def test_random_messages_equal_those_of_rosbags_both_ways() -> None:
     for name in [*MESSAGES, *HALVES]:
         source = random.Random(name)
         for _ in range(12):
-            ours, other = random_message(name, source)
-            data = bytes(STORE.serialize_cdr(other, theirs(name)))
-            assert ros_message.encode(name, ours) == data, name
-            assert ros_message.decode(name, data) == ours, name
+            encoded, other = random_message(name, source)
+            data = bytes(STORE.serialize_cdr(other, definition_of_rosbags(name)))
+            assert ros_message.encode(name, encoded) == data, name
+            assert ros_message.decode(name, data) == encoded, name
 
 
 # --- definitions

@@ -20,13 +20,13 @@ from sim.vehicle.vehicle import load_vehicle
 STORE = get_typestore(Stores.ROS2_JAZZY)
 
 
-def theirs(payload: bytes, kind: str) -> Any:
+def decode_by_rosbags(payload: bytes, kind: str) -> Any:
     return STORE.deserialize_cdr(payload, kind)
 
 
 def test_a_map_has_rows_from_the_south_and_columns_from_the_west() -> None:
     payload = encode_map(3 * 10**9 + 5, GridMap(bytes([0, 1, 0, 0, 0, 1]), 3, 0.5, south=-2.0, west=7.0))
-    grid = theirs(payload, "nav_msgs/msg/OccupancyGrid")
+    grid = decode_by_rosbags(payload, "nav_msgs/msg/OccupancyGrid")
     assert (grid.header.frame_id, grid.header.stamp.sec, grid.header.stamp.nanosec) == ("map", 3, 5)
     assert (grid.info.width, grid.info.height, grid.info.resolution) == (3, 2, 0.5)
     origin = grid.info.origin
@@ -39,7 +39,7 @@ def test_obstacles_reach_from_top_to_seabed_and_hidden_ones_are_omitted() -> Non
         cylinder=(Cylinder(2.0, 3.0, 0.5, top=1.0, name="post"), Cylinder(1.0, 1.0, 0.5, hidden=True)),
         box=(Box(4.0, 5.0, 2.0, 1.0, heading=pi / 2),),
     )
-    markers = theirs(encode_obstacles(1, world), "visualization_msgs/msg/MarkerArray").markers
+    markers = decode_by_rosbags(encode_obstacles(1, world), "visualization_msgs/msg/MarkerArray").markers
     assert [(marker.type, marker.ns, marker.id, marker.action) for marker in markers] == [
         (3, "obstacles", 0, 0),
         (1, "obstacles", 1, 0),
@@ -57,14 +57,14 @@ def test_obstacles_reach_from_top_to_seabed_and_hidden_ones_are_omitted() -> Non
 def test_every_description_is_made_from_a_pickled_scenario() -> None:
     scenario = pickle.loads(pickle.dumps(load_scenario("paper_field")))
     assert set(MAKERS) == set(DESCRIPTIONS)
-    text = theirs(MAKERS["robot_description"](scenario), "std_msgs/msg/String").data
+    text = decode_by_rosbags(MAKERS["robot_description"](scenario), "std_msgs/msg/String").data
     assert text.startswith("<?xml")
     assert '<link name="base_link">' in text
-    grid = theirs(MAKERS["map"](scenario), "nav_msgs/msg/OccupancyGrid")
+    grid = decode_by_rosbags(MAKERS["map"](scenario), "nav_msgs/msg/OccupancyGrid")
     planner = known_map(scenario.master, load_vehicle(scenario.vehicle)[0], load_world(scenario.world))
     assert ((grid.data == 100).reshape(grid.info.height, grid.info.width) == planner.cells).all()
     assert planner.cells.any()
-    assert theirs(MAKERS["obstacles"](scenario), "visualization_msgs/msg/MarkerArray").markers
+    assert decode_by_rosbags(MAKERS["obstacles"](scenario), "visualization_msgs/msg/MarkerArray").markers
 
 
 def test_a_mesh_is_a_triangle_list_marker() -> None:
@@ -74,7 +74,7 @@ def test_a_mesh_is_a_triangle_list_marker() -> None:
     mesh = MeshObstacle(keys, (triangle,), (), (triangle,), 2.0, 7.0, 9.0)
     world = World("w", "", (-50.0, 50.0, -50.0, 50.0), 30.0, box=(Box(0.0, 0.0, 1.0, 1.0),))
     world = world._replace(mesh=(mesh, mesh._replace(keys=keys._replace(hidden=True))))
-    markers = theirs(encode_obstacles(1, world), "visualization_msgs/msg/MarkerArray").markers
+    markers = decode_by_rosbags(encode_obstacles(1, world), "visualization_msgs/msg/MarkerArray").markers
     assert [marker.type for marker in markers] == [1, 11]
     assert [(p.x, p.y, p.z) for p in markers[1].points] == [(1.0, 12.0, -7.0), (2.0, 10.0, -8.0), (3.0, 11.0, -9.0)]
     assert (markers[1].text, markers[1].id, markers[1].pose.orientation.w) == ("the wreck", 1, 1.0)

@@ -55,12 +55,12 @@ def copy(value: Any) -> Any:
     return [copy(item) for item in value] if isinstance(value, list) else value
 
 
-def changed(table: Any, place: tuple[Any, ...], value: Any) -> Any:
+def change_value(table: Any, key_path: tuple[Any, ...], value: Any) -> Any:
     table = copy(table)
     inner = table
-    for key in place[:-1]:
+    for key in key_path[:-1]:
         inner = inner[key]
-    inner[place[-1]] = value
+    inner[key_path[-1]] = value
     return table
 
 
@@ -73,13 +73,13 @@ def test_a_wrong_value_of_any_key_is_refused_by_its_key(
 ) -> None:
     """A preset's value, replaced by an invalid one, is accepted as meant, or refused by file and key."""
     path = os.path.join(preset_folder(folder), f"{name}.toml")
-    whole, read = read_table(path), tables.read_table
-    bad: list[Any] = []
+    table, read = read_table(path), tables.read_table
+    failures: list[Any] = []
     compiled: dict[Any, Any] = {}  # the stored frames, by path
     monkeypatch.setattr("hil.links.frame.protocol._compiled", compiled)
 
     def read_changed(requested: str) -> dict[str, Any]:
-        return copy(bad[0]) if requested == path else read(requested)
+        return copy(failures[0]) if requested == path else read(requested)
 
     for module in (
         "hil.common.schema",
@@ -91,9 +91,9 @@ def test_a_wrong_value_of_any_key_is_refused_by_its_key(
     ):
         monkeypatch.setattr(f"{module}.read_table", read_changed)
     first = PRESETS.index((folder, name))
-    for number, place in enumerate(key_paths(whole), first):  # each with a different one of them
+    for number, key_path in enumerate(key_paths(table), first):  # each with a different one of them
         value = BAD_VALUES[number % len(BAD_VALUES)]
-        bad[:] = [changed(whole, place, value)]
+        failures[:] = [change_value(table, key_path, value)]
         compiled.clear()
         output = path
         try:
@@ -101,8 +101,8 @@ def test_a_wrong_value_of_any_key_is_refused_by_its_key(
         except ConfigError as error:
             output = str(error)
         except Exception as error:
-            raise AssertionError(f"{place} = {value!r:.60}: {type(error).__name__}: {error}") from error
-        assert path in output, f"{place} = {value!r:.60}"
+            raise AssertionError(f"{key_path} = {value!r:.60}: {type(error).__name__}: {error}") from error
+        assert path in output, f"{key_path} = {value!r:.60}"
         assert "\n" not in output
 
 
@@ -182,11 +182,11 @@ def test_pipes_devices_folders_and_oversized_files_are_refused(tmp_path: Path) -
     with huge.open("wb") as file:
         file.truncate(1 << 40)
     start = time.monotonic()
-    for path, words in (
+    for path, message in (
         (pipe, "no regular file"), (zero, "no regular file"), (huge, "at most 16 MiB"), (tmp_path, "is a folder"),
         (tmp_path / ("x" * 300), "File name too long"), (Path("a\0b"), "cannot be read"),
     ):  # fmt: skip
-        with pytest.raises(ConfigError, match=words):
+        with pytest.raises(ConfigError, match=message):
             read_table(str(path))
     assert time.monotonic() - start < 60.0, "it waited"
 

@@ -43,24 +43,24 @@ def test_distant_points_are_shown_in_larger_cells() -> None:
     st.sampled_from([0.3, 1.0, 2.5, 7.0]),
 )
 def test_every_part_contains_the_points_and_the_cells_of_the_whole_map(
-    places: list[tuple[float, float]], resolution: float
+    points: list[tuple[float, float]], resolution: float
 ) -> None:
     before = None
-    for shown in map_parts(WIDE, resolution, places):
-        part, size = shown
+    for map_part in map_parts(WIDE, resolution, points):
+        extent, size = map_part
         assert size / resolution in {2.0**k for k in range(12)}
-        assert cells(shown) <= MAX_GROWN
+        assert cells(map_part) <= MAX_GROWN
         margin = MIN_MARGIN_CELLS * resolution
-        for north, east in places:
-            assert part.south <= max(north - margin + 1e-6, WIDE.south)
-            assert part.north >= min(north + margin - 1e-6, WIDE.north)
-            assert part.west <= max(east - margin + 1e-6, WIDE.west)
-            assert part.east >= min(east + margin - 1e-6, WIDE.east)
-        for low, first in ((part.south, WIDE.south), (part.west, WIDE.west)):
+        for north, east in points:
+            assert extent.south <= max(north - margin + 1e-6, WIDE.south)
+            assert extent.north >= min(north + margin - 1e-6, WIDE.north)
+            assert extent.west <= max(east - margin + 1e-6, WIDE.west)
+            assert extent.east >= min(east + margin - 1e-6, WIDE.east)
+        for low, first in ((extent.south, WIDE.south), (extent.west, WIDE.west)):
             whole = (low - first) / size
             assert abs(whole - round(whole)) < 1e-6
-        assert WIDE.south <= part.south < part.north <= WIDE.north
-        assert before is None or part.north - part.south >= before.north - before.south - 1e-6
-        before = part
-    assert part == WIDE
+        assert WIDE.south <= extent.south < extent.north <= WIDE.north
+        assert before is None or extent.north - extent.south >= before.north - before.south - 1e-6
+        before = extent
+    assert extent == WIDE
     assert cells(MapPart(WIDE, resolution)) > MAX_CELLS

@@ -29,13 +29,13 @@ def test_a_report_has_16_bytes_and_centimetre_resolution(
     position: tuple[float, float, float], velocity: tuple[float, float], ms: int
 ) -> None:
     data = encode_report(ModemReport(position, velocity, ms * MS))
-    back = decode_report(data)
+    decoded = decode_report(data)
     assert len(data) == 16
-    assert back
-    assert back.position[:2] == pytest.approx(position[:2], abs=0.00501)
-    assert back.position[2] == pytest.approx(position[2], abs=0.0501)
-    assert back.velocity == pytest.approx(velocity, abs=0.0101)
-    assert back.clock_ns == ms * MS
+    assert decoded
+    assert decoded.position[:2] == pytest.approx(position[:2], abs=0.00501)
+    assert decoded.position[2] == pytest.approx(position[2], abs=0.0501)
+    assert decoded.velocity == pytest.approx(velocity, abs=0.0101)
+    assert decoded.clock_ns == ms * MS
 
 
 def test_a_report_has_the_expected_bytes() -> None:
@@ -44,11 +44,11 @@ def test_a_report_has_the_expected_bytes() -> None:
 
 
 def test_values_out_of_range_are_limited_and_malformed_reports_are_none() -> None:
-    back = decode_report(encode_report(ModemReport((nan, inf, -4.0), (9.0, -9.0), -5)))
-    assert back
-    assert back.position[2] == 0.0
-    assert back.velocity == pytest.approx((2.54, -2.54))
-    assert back.clock_ns == 0
+    decoded = decode_report(encode_report(ModemReport((nan, inf, -4.0), (9.0, -9.0), -5)))
+    assert decoded
+    assert decoded.position[2] == 0.0
+    assert decoded.velocity == pytest.approx((2.54, -2.54))
+    assert decoded.clock_ns == 0
     assert decode_report(b"") is None
     assert decode_report(bytes(17)) is None
 
@@ -69,13 +69,13 @@ def test_a_modem_message_is_read_by_ros() -> None:
 
 def test_time_slots_never_overlap() -> None:
     scenario = load_scenario(SCENARIO)
-    turns = [TdmaSchedule(scenario, number) for number in range(4)]
-    starts = sorted(turn.after(time * 10 * MS) for turn in turns for time in range(300))
+    schedules = [TdmaSchedule(scenario, number) for number in range(4)]
+    starts = sorted(schedule.after(time * 10 * MS) for schedule in schedules for time in range(300))
     apart = {later - earlier for earlier, later in pairwise(starts)}
     assert apart == {0, 250 * MS}
-    assert [turn.after(0) for turn in turns] == [1000 * MS, 250 * MS, 500 * MS, 750 * MS]
-    assert turns[1].after(250 * MS - 1) == 250 * MS
-    assert turns[1].after(250 * MS) == 1250 * MS
+    assert [schedule.after(0) for schedule in schedules] == [1000 * MS, 250 * MS, 500 * MS, 750 * MS]
+    assert schedules[1].after(250 * MS - 1) == 250 * MS
+    assert schedules[1].after(250 * MS) == 1250 * MS
 
 
 def test_without_slots_reports_are_sent_at_random_times() -> None:

@@ -62,17 +62,17 @@ def test_tls_without_certificates_is_an_error_of_the_file(
 
 
 @pytest.mark.parametrize(
-    "words",
+    "arguments",
     [
         ["master", "paper_field", "--connect"], ["demo", "--listen"], ["topic", "list", "--connect"],
         ["top", "--connect"], ["router", "--listen"], ["record", "--connect"],
     ],
 )  # fmt: skip
 def test_tls_without_certificates_is_an_error_of_the_option(
-    words: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    arguments: list[str], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """The error comes before planning, and is not reported as a fault of the network."""
     monkeypatch.chdir(tmp_path)
-    assert main([*words, "tls/127.0.0.1:7447"]) == 2
+    assert main([*arguments, "tls/127.0.0.1:7447"]) == 2
     (line,) = capsys.readouterr().err.splitlines()
     assert "certificates: make them with `uuv-hil keys add NAME`" in line

@@ -71,17 +71,17 @@ def whole_blocks() -> Iterator[tuple[str, str, dict[str, Any]]]:
             yield f"{block.page}:{block.line}", kind, table
 
 
-@pytest.mark.parametrize(("where", "kind", "table"), list(whole_blocks()), ids=lambda value: str(value)[:40])
-def test_files_shown_in_docs_fit_their_schema(where: str, kind: str, table: dict[str, Any]) -> None:
+@pytest.mark.parametrize(("location", "kind", "table"), list(whole_blocks()), ids=lambda value: str(value)[:40])
+def test_files_shown_in_docs_fit_their_schema(location: str, kind: str, table: dict[str, Any]) -> None:
     assert faults(kind, table) == []
 
 
 def test_every_block_shown_in_docs_fits_a_scenario() -> None:
-    wholes = {where for where, _, _ in whole_blocks()}
+    whole_files = {where for where, _, _ in whole_blocks()}
     field = {"vehicle": "paper_six", "world": "paper_field", "master": {"goal": [1.0, 2.0]}}
     count = 0
     for block in blocks("toml"):
-        if f"{block.page}:{block.line}" not in wholes:
+        if f"{block.page}:{block.line}" not in whole_files:
             table = parse_toml(block.text)
             assert faults("scenario", field | table | {"master": field["master"] | table.get("master", {})}) == []
             count += 1

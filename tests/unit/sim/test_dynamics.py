@@ -19,7 +19,7 @@ DEEP = 1000.0
 HEAVY, _ = load_vehicle("bluerov2_heavy_vonbenzon2022")
 
 
-def bare(matrix: list[float], **changes: Any) -> Vehicle:
+def undamped(matrix: list[float], **changes: Any) -> Vehicle:
     """Return a weightless, frictionless body whose whole mass matrix is `matrix` (6 or 36 numbers)."""
     rigid = square([0.5] * 6, 6)
     added = [m - r for row in zip(square(matrix, 6), rigid, strict=True) for m, r in zip(*row, strict=True)]
@@ -47,7 +47,7 @@ def test_the_coriolis_matrix_has_the_values_worked_out_by_hand() -> None:
         [4, -1, 0, 25, -16, 0],
     ]
     nu = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]
-    mine = coriolis(bare([1.0, 2.0, 3.0, 4.0, 5.0, 6.0]), nu)
+    mine = coriolis(undamped([1.0, 2.0, 3.0, 4.0, 5.0, 6.0]), nu)
     assert mine == pytest.approx([sum(c * x for c, x in zip(row, nu, strict=True)) for row in C])
     assert sum(c * x for c, x in zip(mine, nu, strict=True)) == pytest.approx(0.0, abs=1e-12)
 
@@ -143,7 +143,7 @@ def test_off_diagonal_damping_has_an_effect() -> None:
     """A sway velocity that brakes yaw through one entry of the full matrix."""
     linear = [0.0] * 36
     linear[5 * 6 + 1] = 2.0
-    vehicle = bare([1.0] * 6, linear_damping=tuple(linear))
+    vehicle = undamped([1.0] * 6, linear_damping=tuple(linear))
     nu_dot = Dynamics(vehicle, 1000.0, 9.8).acceleration(DEEP, LEVEL, (0, 3.0, 0, 0, 0, 0), NOTHING, STILL)
     assert nu_dot == pytest.approx([0, 0, 0, 0, 0, -6.0])
 
@@ -152,7 +152,7 @@ def test_a_free_body_conserves_energy_and_momentum() -> None:
     """A body without force or drag, with an uneven mass matrix, keeps its kinetic energy and its world momentum."""
     matrix = [10, 1, 0, 0, 0, 0.5, 1, 20, 2, 0, 0, 0, 0, 2, 30, 0, 0, 0,
               0, 0, 0, 5, 0.3, 0, 0, 0, 0, 0.3, 15, 1, 0.5, 0, 0, 0, 1, 25]  # fmt: skip
-    dynamics = Dynamics(bare([float(x) for x in matrix]), 1000.0, 9.8, "rk4")
+    dynamics = Dynamics(undamped([float(x) for x in matrix]), 1000.0, 9.8, "rk4")
     state = State((0, 0, DEEP), from_euler(0.3, 0.2, 0.1), (1.5, -0.3, 0.7, 0.4, -0.9, 1.4))
 
     def momentum() -> tuple[float, tuple[float, float, float]]:
@@ -188,7 +188,7 @@ def test_no_share_of_the_munk_moment_adds_energy(shares: tuple[float, float, flo
     """The moments' and forces' work on a free body cancels, without drag and with coupled added mass."""
     matrix = [10, 1, 0, 0, 0, 0.5, 1, 20, 2, 0, 0, 0, 0, 2, 30, 0, 0, 0,
               0, 0, 0, 5, 0.3, 0, 0, 0, 0, 0.3, 15, 1, 0.5, 0, 0, 0, 1, 25]  # fmt: skip
-    dynamics = Dynamics(bare([float(x) for x in matrix], munk_share=shares), 1000.0, 9.8, "rk4")
+    dynamics = Dynamics(undamped([float(x) for x in matrix], munk_share=shares), 1000.0, 9.8, "rk4")
     state = State((0, 0, DEEP), from_euler(0.3, 0.2, 0.1), (1.5, -0.3, 0.7, 0.4, -0.9, 1.4))
 
     def energy() -> float:

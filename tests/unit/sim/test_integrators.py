@@ -19,7 +19,7 @@ from sim.matrices import product
 from sim.sensors.sensor_set import select_sensors
 from sim.simulation import Simulation
 from sim.vehicle.vehicle import load_vehicle
-from tests.unit.sim.test_dynamics import DEEP, HEAVY, NOTHING, STILL, bare
+from tests.unit.sim.test_dynamics import DEEP, HEAVY, NOTHING, STILL, undamped
 
 AHEAD, TURNING = (40.0, 0.0, 0.0, 0.0, 0.0, 0.0), (40.0, 0.0, 0.0, 0.0, 0.0, 3.0)
 WATER = 1025.0, 9.81
@@ -52,21 +52,21 @@ class Deviation(NamedTuple):
 
 def simulate(dynamics: Dynamics, wrench: Sequence[float], dt: float) -> list[tuple[list[float], list[float]]]:
     """Return position and quaternion after each step of `dt`, from rest."""
-    state, found = State((0.0, 0.0, 50.0)), []
+    state, states = State((0.0, 0.0, 50.0)), []
     for _ in range(round(SECONDS / dt)):
         dynamics.step(state, wrench, STILL, dt)
-        found.append((list(state.position), list(state.quaternion)))
-    return found
+        states.append((list(state.position), list(state.quaternion)))
+    return states
 
 
 def errors(dynamics: Dynamics, wrench: Sequence[float], dt: float) -> Deviation:
     """Return the greatest errors against Runge-Kutta with half the step."""
     true = simulate(RK4, wrench, 0.5 * dt)[1::2]
-    apart = [
+    deviations = [
         [max(abs(a - b) for a, b in zip(mine[i], theirs[i], strict=True)) for i in (0, 1)]
         for mine, theirs in zip(simulate(dynamics, wrench, dt), true, strict=True)
     ]
-    return Deviation(*(max(column) for column in zip(*apart, strict=True)))
+    return Deviation(*(max(column) for column in zip(*deviations, strict=True)))
 
 
 @pytest.mark.parametrize(
@@ -92,22 +92,22 @@ def test_the_errors_equal_those_of_the_table(
 
 def test_position_from_rest_is_that_of_a_constant_acceleration() -> None:
     """The position without drag is a t² / 2, to rounding; semi-implicit Euler has a dt t / 2 more."""
-    vehicle, dt, seconds, acceleration = bare([10.0] * 3 + [1.0] * 3), 0.0025, 2.0, 0.4
-    ends = []
+    vehicle, dt, seconds, acceleration = undamped([10.0] * 3 + [1.0] * 3), 0.0025, 2.0, 0.4
+    final_states = []
     for kind in (Dynamics, Euler):
         dynamics, state = kind(vehicle, 1000.0, 9.8), State((0.0, 0.0, DEEP))
         for _ in range(round(seconds / dt)):
             dynamics.step(state, (4.0, 0.0, 0.0, 0.0, 0.0, 0.0), STILL, dt)
-        ends.append(state.position[0])
-    assert ends[0] == pytest.approx(0.5 * acceleration * seconds**2, rel=1e-12)
-    assert ends[1] - ends[0] == pytest.approx(0.5 * acceleration * dt * seconds, rel=1e-6)
+        final_states.append(state.position[0])
+    assert final_states[0] == pytest.approx(0.5 * acceleration * seconds**2, rel=1e-12)
+    assert final_states[1] - final_states[0] == pytest.approx(0.5 * acceleration * dt * seconds, rel=1e-6)
 
 
 def test_a_tumbling_body_conserves_its_energy() -> None:
     """An uneven body without drag conserves it for ten seconds at 2.5 ms: semi-implicit Euler adds 13 %."""
     gains = []
     for kind in (Dynamics, Euler):
-        dynamics = kind(bare([10.0, 20.0, 30.0, 5.0, 15.0, 25.0]), 1000.0, 9.8)
+        dynamics = kind(undamped([10.0, 20.0, 30.0, 5.0, 15.0, 25.0]), 1000.0, 9.8)
         state = State((0.0, 0.0, DEEP), nu=(1.5, -0.3, 0.7, 0.4, -0.9, 1.4))
 
         def energy(dynamics: Dynamics = dynamics, state: State = state) -> float:
@@ -126,7 +126,7 @@ def test_a_tumbling_body_conserves_its_energy() -> None:
 def test_damping_faster_than_a_step_stays_stable(rate: float) -> None:
     """A terminal speed is held, not oscillated about, to a rate of 2 / dt, where Euler's step begins to diverge too."""
     inertia, dt = 1.0, 0.01
-    dynamics = Dynamics(bare([inertia] * 6, linear_damping=(rate,) * 6), 1000.0, 9.8)
+    dynamics = Dynamics(undamped([inertia] * 6, linear_damping=(rate,) * 6), 1000.0, 9.8)
     state, speeds = State((0.0, 0.0, DEEP)), []
     for _ in range(400):
         dynamics.step(state, (rate, 0.0, 0.0, 0.0, 0.0, 0.0), STILL, dt)

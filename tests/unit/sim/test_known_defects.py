@@ -57,7 +57,7 @@ def test_coriolis_is_skew_symmetric() -> None:
     """gz-sim before April 2026 had a sign and an index wrong in C, and took abs() of whole numbers: below 1 m/s
     quadratic drag vanished. Coriolis forces do no work, and drag does at any speed."""
     nu = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]
-    wrong: Matrix = [
+    wrong_matrix: Matrix = [
         [0, 0, 0, 0, 9, 4],  # (0, 5) with the other sign
         [0, 0, 0, -9, 0, 1],
         [0, 0, 0, 4, -1, 0],
@@ -65,7 +65,7 @@ def test_coriolis_is_skew_symmetric() -> None:
         [-9, 0, 1, -36, 0, 16],
         [4, -1, 0, 25, -16, 0],
     ]
-    assert abs(sum(a * b for a, b in zip(times(wrong, nu), nu, strict=True))) > 40.0
+    assert abs(sum(a * b for a, b in zip(times(wrong_matrix, nu), nu, strict=True))) > 40.0
     force = coriolis(HEAVY, nu)
     assert sum(a * b for a, b in zip(force, nu, strict=True)) == pytest.approx(0.0, abs=1e-9)
     assert [int(abs(x)) * x for x in (0.5, -0.9)] == [0.0, 0.0]  # the drag of others at half a knot
@@ -105,10 +105,10 @@ def test_each_axis_has_its_own_added_mass() -> None:
         forces.step(state, (10.0, 10.0, 10.0, 0.0, 0.0, 0.0), STILL, 1e-6)
         return list(state.nu_dot)
 
-    ours, theirs = start(HEAVY), start(averaged)
+    own_step, averaged_step = start(HEAVY), start(averaged)
     weight = (13.5 - 13.4) * 9.82
-    assert ours[:3] == pytest.approx([10.0 / 19.86, 10.0 / 20.62, (10.0 + weight) / 32.18])
-    assert theirs[2] > 1.3 * ours[2]
+    assert own_step[:3] == pytest.approx([10.0 / 19.86, 10.0 / 20.62, (10.0 + weight) / 32.18])
+    assert averaged_step[2] > 1.3 * own_step[2]
 
 
 METRE, KILOGRAM, SECOND = 3.7, 0.21, 1.9  # of a metre, kilogram and second, in units of some other system
@@ -203,15 +203,15 @@ def test_the_coriolis_matrix_of_von_benzon_has_errors_in_print() -> None:
 def test_the_third_thruster_of_von_benzon_has_a_misprint() -> None:
     """Table A1 turns thruster 3 by 3 pi/4, a misprint of 3 pi/2: it would push sideways alone."""
 
-    def turned(angle: float) -> tuple[float, float]:
+    def rates_at(angle: float) -> tuple[float, float]:
         x, y = 1.0 / sqrt(2.0), -1.0 / sqrt(2.0)
         return cos(angle) * x - sin(angle) * y, sin(angle) * x + cos(angle) * y
 
     directions = {thruster.name: thruster.unit_direction[:2] for thruster in HEAVY.thrusters}
-    assert turned(0.75 * pi) == pytest.approx((0.0, 1.0))
-    assert turned(1.5 * pi) == pytest.approx(directions["rear_right"])
+    assert rates_at(0.75 * pi) == pytest.approx((0.0, 1.0))
+    assert rates_at(1.5 * pi) == pytest.approx(directions["rear_right"])
     for name, angle in (("front_right", 0.0), ("front_left", 0.5 * pi), ("rear_left", pi)):
-        assert turned(angle) == pytest.approx(directions[name])
+        assert rates_at(angle) == pytest.approx(directions[name])
 
 
 def test_forces_are_finite_astern() -> None:

@@ -24,25 +24,25 @@ SLOWER_BELOW = WaterColumn(Profile((0.0, 200.0), (1025.0, 1027.0), (1520.0, 1480
 
 
 def test_a_message_travels_along_the_refracted_ray() -> None:
-    places = {"a": (0.0, 0.0, 60.0), "b": (600.0, 0.0, 90.0)}
+    positions = {"a": (0.0, 0.0, 60.0), "b": (600.0, 0.0, 90.0)}
     ray = SoundRays((0.0, 200.0), (1520.0, 1480.0)).between(600.0, 60.0, 90.0)
     assert ray is not None
     channel = AcousticChannel(EXACT, 150.0, seed=1, column=SLOWER_BELOW)
-    through = channel.send(0, "a", b"x", places)
+    through = channel.send(0, "a", b"x", positions)
     (packet,) = run(channel)
     assert packet.received_ns == through + round(ray.time * NS)
     assert packet.distance == pytest.approx(ray.time * 1500.0, abs=1e-5)
 
 
-@pytest.mark.parametrize(("bounces", "fate"), [(0, "shadowed"), (1, "delivered")])
-def test_only_a_reflection_reaches_a_shadow_zone(bounces: int, fate: str) -> None:
+@pytest.mark.parametrize(("bounces", "result"), [(0, "shadowed"), (1, "delivered")])
+def test_only_a_reflection_reaches_a_shadow_zone(bounces: int, result: str) -> None:
     """The modems are both 3 m deep, 550 m apart, under sound that bends down."""
-    places = {"a": (0.0, 0.0, 3.0), "b": (550.0, 0.0, 3.0)}
+    positions = {"a": (0.0, 0.0, 3.0), "b": (550.0, 0.0, 3.0)}
     model = EXACT._replace(bounces=bounces, source_level=190.0)
     channel = AcousticChannel(model, 100.0, seed=1, column=SLOWER_BELOW)
-    channel.send(0, "a", b"x", places)
+    channel.send(0, "a", b"x", positions)
     assert len(run(channel)) == bounces
-    assert channel.counts == {"sent": 1, fate: 1}
+    assert channel.counts == {"sent": 1, result: 1}
 
 
 def run(channel: AcousticChannel, until_s: float = 10.0) -> list[Packet]:
@@ -114,14 +114,14 @@ def test_one_message_at_a_time_is_sent_and_too_long_ones_refused() -> None:
 
 
 def test_the_first_of_two_colliding_messages_is_received_with_interference() -> None:
-    places = {"near": (0.0, 0.0, 5.0), "ear": (30.0, 0.0, 5.0), "far": (900.0, 0.0, 5.0)}
+    positions = {"near": (0.0, 0.0, 5.0), "ear": (30.0, 0.0, 5.0), "far": (900.0, 0.0, 5.0)}
     channel = AcousticChannel(EXACT, 50.0, seed=1)
-    channel.send(0, "near", b"x" * 16, places)
-    channel.send(1, "far", b"y" * 2, places)  # reaches the ear at 0.58 s; near's is over at 0.25 s
+    channel.send(0, "near", b"x" * 16, positions)
+    channel.send(1, "far", b"y" * 2, positions)  # reaches the ear at 0.58 s; near's is over at 0.25 s
     assert [(p.sender, p.receiver) for p in run(channel, 0.3)] == [("near", "ear")]
     alone = AcousticChannel(EXACT, 50.0, seed=1)
-    alone.send(0, "near", b"x" * 16, places | {"far": (150.0, 0.0, 5.0)})
-    alone.send(1, "far", b"y" * 16, places | {"far": (150.0, 0.0, 5.0)})  # at 0.08 s, over near's
+    alone.send(0, "near", b"x" * 16, positions | {"far": (150.0, 0.0, 5.0)})
+    alone.send(1, "far", b"y" * 16, positions | {"far": (150.0, 0.0, 5.0)})  # at 0.08 s, over near's
     received = [p for p in run(alone) if p.receiver == "ear"]
     assert [p.sender for p in received] == ["near"]
     assert alone.counts["collided"] == 1
@@ -130,10 +130,10 @@ def test_the_first_of_two_colliding_messages_is_received_with_interference() -> 
 
 
 def test_a_longer_message_that_came_first_occupies_the_receiver() -> None:
-    places = {"a": (0.0, 0.0, 5.0), "b": (30.0, 0.0, 5.0), "c": (60.0, 0.0, 5.0)}
+    positions = {"a": (0.0, 0.0, 5.0), "b": (30.0, 0.0, 5.0), "c": (60.0, 0.0, 5.0)}
     channel = AcousticChannel(EXACT, 50.0, seed=1)
-    channel.send(0, "a", b"x" * 60, places)
-    channel.send(round(0.1 * NS), "c", b"y", places)
+    channel.send(0, "a", b"x" * 60, positions)
+    channel.send(round(0.1 * NS), "c", b"y", positions)
     assert [p.sender for p in run(channel, 0.5) if p.receiver == "b"] == []
     assert channel.counts["collided"] == 1
 
@@ -160,13 +160,13 @@ def test_packets_are_lost_at_the_rate_of_the_formula() -> None:
 
 
 def test_sound_paths_have_the_lengths_worked_out_by_hand() -> None:
-    ways = paths(100.0, 10.0, 20.0, 50.0, bounces=1)
+    rays = paths(100.0, 10.0, 20.0, 50.0, bounces=1)
     # direct; over the surface, 10 up and 20 down; over the bottom, 40 down and 30 up
-    assert [way.length for way in ways] == pytest.approx([hypot(100.0, across) for across in (10.0, 30.0, 70.0)])
-    assert [(way.surface, way.bottom) for way in ways] == [(0, 0), (1, 0), (0, 1)]
+    assert [ray.length for ray in rays] == pytest.approx([hypot(100.0, across) for across in (10.0, 30.0, 70.0)])
+    assert [(ray.surface, ray.bottom) for ray in rays] == [(0, 0), (1, 0), (0, 1)]
     twice = paths(100.0, 10.0, 20.0, 50.0, bounces=2)
     # surface then bottom, 10 + 50 + 30; bottom then surface, 40 + 50 + 20
-    assert [way.length for way in twice[3:]] == pytest.approx([hypot(100.0, 90.0), hypot(100.0, 110.0)])
+    assert [ray.length for ray in twice[3:]] == pytest.approx([hypot(100.0, 90.0), hypot(100.0, 110.0)])
 
 
 def test_echoes_reduce_reception() -> None:
@@ -190,12 +190,12 @@ def test_echoes_reduce_reception() -> None:
 )
 def test_every_message_is_counted_under_exactly_one_result(calls: list[tuple[int, int, int]], bounces: int) -> None:
     names = "abcd"
-    places = {name: (120.0 * i, 40.0 * i * i, 3.0 + i) for i, name in enumerate(names)}
+    positions = {name: (120.0 * i, 40.0 * i * i, 3.0 + i) for i, name in enumerate(names)}
     channel = AcousticChannel(EXACT._replace(bounces=bounces), 20.0, seed=5)
     time_ns, received = 0, 0
     for sender, wait, size in calls:
         time_ns += wait
-        channel.send(time_ns, names[sender], bytes(size), places)
+        channel.send(time_ns, names[sender], bytes(size), positions)
         received += len(channel.receive(time_ns))
     received += len(channel.receive(time_ns + 100 * NS))
     counts = channel.counts
@@ -219,13 +219,13 @@ def test_light_has_its_stated_reach() -> None:
 
 
 def test_optical_modems_must_face_each_other() -> None:
-    modem, here, there = OpticalModem(), (0.0, 0.0, 5.0), (5.0, 0.0, 5.0)
-    assert bit_error(modem, here, AHEAD, there, BACK) < 1e-12
-    assert bit_error(modem, here, BACK, there, BACK) == 0.5
-    assert bit_error(modem, here, AHEAD, there, AHEAD) == 0.5
+    modem, tx, rx = OpticalModem(), (0.0, 0.0, 5.0), (5.0, 0.0, 5.0)
+    assert bit_error(modem, tx, AHEAD, rx, BACK) < 1e-12
+    assert bit_error(modem, tx, BACK, rx, BACK) == 0.5
+    assert bit_error(modem, tx, AHEAD, rx, AHEAD) == 0.5
     aside = (0.0, 1.0, 0.0)
-    assert bit_error(modem, here, AHEAD, there, aside) == 0.5
-    weak = bit_error(modem, here, AHEAD, (16.0, 8.0, 5.0), BACK), bit_error(modem, here, AHEAD, (17.9, 0.0, 5.0), BACK)
+    assert bit_error(modem, tx, AHEAD, rx, aside) == 0.5
+    weak = (bit_error(modem, tx, AHEAD, (16.0, 8.0, 5.0), BACK), bit_error(modem, tx, AHEAD, (17.9, 0.0, 5.0), BACK))
     assert weak[0] > weak[1], "off its axis the lamp is weaker"
 
 
@@ -266,10 +266,10 @@ def test_four_optical_heads_cover_all_directions_and_worst_between_them() -> Non
 
 
 def test_optical_modems_are_half_duplex_and_report_signal_quality() -> None:
-    places = {name: Pose((float(north), 0.0, 5.0), LEVEL) for name, north in (("a", 0), ("b", 12))}
+    poses = {name: Pose((float(north), 0.0, 5.0), LEVEL) for name, north in (("a", 0), ("b", 12))}
     channel = OpticalChannel(OpticalModem(), seed=2)
-    assert channel.send(0, "a", bytes(16), places)
-    assert channel.send(1, "a", bytes(16), places) == 0
+    assert channel.send(0, "a", bytes(16), poses)
+    assert channel.send(1, "a", bytes(16), poses) == 0
     assert channel.counts["busy"] == 1
     (packet,) = channel.receive(NS)
     assert (packet.sender, packet.receiver, packet.sent_ns) == ("a", "b", 0)

@@ -18,10 +18,10 @@ EXACT = 1e-9
 HEAVY, _ = load_vehicle("bluerov2_heavy_vonbenzon2022")  # whose Munk moment is that of an ideal fluid
 
 
-def body(whole: list[list[float]], **changes: Any) -> Vehicle:
+def body(mass_matrix: list[list[float]], **changes: Any) -> Vehicle:
     """Return a weightless body without drag whose whole mass matrix is `whole`."""
     rigid = square([0.01] * 6, 6)
-    added = [m - r for row in zip(whole, rigid, strict=True) for m, r in zip(*row, strict=True)]
+    added = [m - r for row in zip(mass_matrix, rigid, strict=True) for m, r in zip(*row, strict=True)]
     return HEAVY._replace(
         mass=0.01, inertia=(0.01,) * 3, added_mass=tuple(added), neutrally_buoyant=True,
         center_of_buoyancy=(0.0, 0.0, 0.0), linear_damping=(0.0,) * 6, quadratic_damping=(0.0,) * 6,

@@ -120,10 +120,10 @@ class Sample:
         """Return our derivative with their rate of the current, which omits the effect of roll and pitch on it."""
         place = (0.0, 0.0, 100.0)
         pushed = dynamics.add_forces(place, self.rotation, self.nu, wrench, self.current)
-        found = dynamics.acceleration(100.0, self.rotation, self.nu, pushed, self.current)
+        acceleration = dynamics.acceleration(100.0, self.rotation, self.nu, pushed, self.current)
         p, q, _ = self.nu[3:]
         x, y, z = self.flow
-        return add(found, [q * z, -p * z, p * y - q * x, 0.0, 0.0, 0.0])
+        return add(acceleration, [q * z, -p * z, p * y - q * x, 0.0, 0.0, 0.0])
 
 
 SAMPLES = [Sample(row) for row in rows_of("xdot_samples")]
@@ -203,20 +203,20 @@ def test_each_common_term_equals_mss() -> None:
         ahead = [speed, 0.0, 0.0, 0.0, 0.0, 0.0]
         for rudder, planes in ((0.349, 0.0), (-0.1, 0.2), (0.0, -0.349)):
             fins.servos.values = [rudder, planes]
-            ours = list(fins.wrench((0.0, 0.0, 9.0), SAMPLES[0].rotation, ahead))
-            assert ours == pytest.approx(their_fins(rudder, planes, ahead), rel=1e-12, abs=1e-12)
+            computed = list(fins.wrench((0.0, 0.0, 9.0), SAMPLES[0].rotation, ahead))
+            assert computed == pytest.approx(their_fins(rudder, planes, ahead), rel=1e-12, abs=1e-12)
         for n in (10.0, 25.0):
-            ours, theirs = our_propeller(n, ahead), their_propeller(n, ahead)
-            assert ours[0] == pytest.approx(theirs[0], rel=1e-12)
+            computed, theirs = our_propeller(n, ahead), their_propeller(n, ahead)
+            assert computed[0] == pytest.approx(theirs[0], rel=1e-12)
             if speed < 0.5 * n * 0.14:
-                assert ours[3] == pytest.approx(theirs[3], rel=0.1)
+                assert computed[3] == pytest.approx(theirs[3], rel=0.1)
     assert REMUS.cross_flow
     drag = CrossFlowDrag(REMUS.cross_flow, REMUS.dimensions, 1026.0)
     for v, r in ((0.05, 0.0), (0.1, 0.2), (0.21, -0.3), (0.0, 0.3)):
-        for aside, nu in ((1, [1.5, v, 0.0, 0.0, 0.0, r]), (2, [1.5, 0.0, v, 0.0, -r, 0.0])):
-            ours = list(drag.wrench((0.0, 0.0, 9.0), SAMPLES[0].rotation, nu))
-            assert ours == pytest.approx(their_cross_flow(nu), rel=0.02, abs=0.01)
-            assert abs(ours[aside]) >= 0.0
+        for axis, nu in ((1, [1.5, v, 0.0, 0.0, 0.0, r]), (2, [1.5, 0.0, v, 0.0, -r, 0.0])):
+            computed = list(drag.wrench((0.0, 0.0, 9.0), SAMPLES[0].rotation, nu))
+            assert computed == pytest.approx(their_cross_flow(nu), rel=0.02, abs=0.01)
+            assert abs(computed[axis]) >= 0.0
 
 
 def test_our_derivatives_differ_from_mss_by_the_stated_amount() -> None:
@@ -295,7 +295,7 @@ def test_a_surge_step_follows_mss() -> None:
 def their_coast(speed: float, seconds: float) -> tuple[float, float]:
     """Return the distance (m) theirs coasts from `speed` m/s, straight ahead, and its last speed (m/s)."""
     dynamics = Dynamics(REMUS, 1026.0, GRAVITY, forces=[hull_of(REMUS)])
-    way, dt = 0.0, 0.01
+    distance, dt = 0.0, 0.01
 
     def slope(u: float) -> float:
         nu = [u, 0.0, 0.0, 0.0, 0.0, 0.0]
@@ -304,9 +304,9 @@ def their_coast(speed: float, seconds: float) -> tuple[float, float]:
 
     for _ in range(round(seconds / dt)):
         middle = speed + 0.5 * dt * slope(speed)
-        way += dt * middle
+        distance += dt * middle
         speed += dt * slope(middle)
-    return way, speed
+    return distance, speed
 
 
 @pytest.mark.parametrize("start", [0.5, 1.5, 2.5])
@@ -364,16 +364,16 @@ def test_a_zigzag_follows_mss() -> None:
     """
     run, rows = Run(1200.0, 1.5), rows_of("zigzag20_20")
     run.step(20.0)
-    side, swings, headings, away = 20.0, 0, [0.0], 0.0
+    side, swings, headings, deviation = 20.0, 0, [0.0], 0.0
     for k in range(1, 2501):
         run.step(0.04, rudder=side)
         headings.append(run.euler[2])
         if k % 25 == 0:
             theirs = rows[20 + k // 25]
-            away = max(away, dist(run.position[:2], (theirs["x"], theirs["y"])))
+            deviation = max(deviation, dist(run.position[:2], (theirs["x"], theirs["y"])))
         if headings[-1] * side > radians(20.0) * 20.0:
             side, swings = -side, swings + 1
     assert swings == sum(a["delta_r"] * b["delta_r"] < 0.0 for a, b in pairwise(rows))
     assert max(headings) == pytest.approx(0.3876, abs=0.006)
     assert min(headings) == pytest.approx(-0.3929, abs=0.007)
-    assert away < 1.5
+    assert deviation < 1.5

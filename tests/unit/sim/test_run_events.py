@@ -125,11 +125,11 @@ def sliding(**world: Any) -> Simulation:
 
 
 def test_a_collision_names_the_obstacle_and_position() -> None:
-    (hit, *_) = sliding(cylinder=(Cylinder(4.0, 0.2, 0.5, name="the north buoy"),)).events.events()
-    assert (hit.kind, hit.what) == ("collision", "the north buoy")
-    assert hit.position[0] == pytest.approx(3.5 - hypot(*SIX.dimensions[:2]) / 2, abs=0.1)
-    assert hit.start_ns > S
-    assert "collision with the north buoy" in hit.describe()
+    (event, *_) = sliding(cylinder=(Cylinder(4.0, 0.2, 0.5, name="the north buoy"),)).events.events()
+    assert (event.kind, event.what) == ("collision", "the north buoy")
+    assert event.position[0] == pytest.approx(3.5 - hypot(*SIX.dimensions[:2]) / 2, abs=0.1)
+    assert event.start_ns > S
+    assert "collision with the north buoy" in event.describe()
     assert "the pile at (4, 0.2)" in sliding(cylinder=(Cylinder(4.0, 0.2, 0.5),)).events.events()[0].describe()
     assert sliding(box=(Box(6.0, 0.0, 1.0, 9.0),)).events.events()[0].what == "the block at (6, 0)"
     assert sliding(extent=(-4.0, 4.0, -4.0, 4.0), walls=True).events.events()[0].what == "the north wall"
@@ -141,15 +141,15 @@ def test_each_contact_is_recorded_to_the_step() -> None:
     world = World("some", "made up", (-20.0, 20.0, -20.0, 20.0), 10.0)
     simulation = Simulation(SIX, world, {}, position=(0.0, 0.0, 10.0 - 0.5 * SIX.dimensions[2] - 1e-4))
     simulation.state.nu = [0.0, 0.0, 0.1, 0.0, 0.0, 0.0]
-    seen = []
+    reported = []
     for _ in range(400):
         simulation.step((1500,) * 6)
         if simulation.touching:
-            seen.append(simulation.time_ns)
+            reported.append(simulation.time_ns)
     (event,) = simulation.events.events()
     assert event.what == "the seabed"
-    assert event.end_ns == seen[-1]
-    assert event.start_ns == seen[0] - 2_500_000
+    assert event.end_ns == reported[-1]
+    assert event.start_ns == reported[0] - 2_500_000
 
 
 def test_new_events_are_returned_once() -> None:

@@ -79,11 +79,11 @@ def test_a_command_wakes_the_loop_and_is_returned_once(command_receiver: Command
     assert command_receiver.take_latest() is None
     deliver(command_receiver, 1, surge=0.7)
     assert select.select((command_receiver,), (), (), 0)[0]
-    taken = command_receiver.take_latest()
-    assert taken is not None
-    assert isinstance(taken.command, VelocityCommand)
-    assert taken.command.surge == pytest.approx(0.7)
-    assert taken.sequence == 1
+    latest = command_receiver.take_latest()
+    assert latest is not None
+    assert isinstance(latest.command, VelocityCommand)
+    assert latest.command.surge == pytest.approx(0.7)
+    assert latest.sequence == 1
     assert command_receiver.take_latest() is None
     assert not select.select((command_receiver,), (), (), 0)[0]
 
@@ -163,12 +163,12 @@ def test_a_flood_makes_the_reader_sleep(command_receiver: CommandReceiver, clock
 
 
 @pytest.mark.parametrize("rate", [300, 20_000])
-@pytest.mark.parametrize("known", [False, True], ids=["outsiders", "masters"])
+@pytest.mark.parametrize("is_known", [False, True], ids=["outsiders", "masters"])
 def test_a_flood_of_a_refused_sender_neither_blocks_nor_replaces_the_master(
-    command_receiver: CommandReceiver, clock: Clock, rate: int, known: bool
+    command_receiver: CommandReceiver, clock: Clock, rate: int, is_known: bool
 ) -> None:
     """Messages that arrive while the reader sleeps wait in a ring of eight, as on the network."""
-    if known:
+    if is_known:
         command_receiver.ranks.update({GID: 0, OTHER: 0})
     ring: deque[tuple[int, bytes]] = deque(maxlen=8)
     sent = dict.fromkeys((GID, OTHER), 0)
@@ -298,11 +298,11 @@ def test_ages_follow_drifting_clocks() -> None:
 
 
 def commands(
-    command_receiver: CommandReceiver, clock: Clock, first: int, seconds: float, age_ms: float, each: int = 1
+    command_receiver: CommandReceiver, clock: Clock, first: int, seconds: float, age_ms: float, per_instant: int = 1
 ) -> list[bool]:
     """Return which of the commands that come 20 times a second are accepted; `each` is the step of their numbers."""
     accepted = []
-    for sequence in range(first, first + round(20 * seconds) * each, each):
+    for sequence in range(first, first + round(20 * seconds) * per_instant, per_instant):
         clock.wait(50)
         accepted.append(clock.deliver(command_receiver, sequence, age_ms=age_ms + sequence % 3 * 5))
     return accepted
@@ -333,7 +333,7 @@ def test_delayed_commands_are_not_mistaken_for_a_clock_set_back(
             age_ms = 3000 * (1 - step / 20 / draining_s)
             sequence = round(500 + 2000 * draining_s + step)
             assert not clock.deliver(command_receiver, sequence, age_ms=age_ms) or age_ms < 103
-    assert not any(commands(command_receiver, clock, 200_000, 20, 3000, each=2)), (
+    assert not any(commands(command_receiver, clock, 200_000, 20, 3000, per_instant=2)), (
         "a full queue that loses every second command"
     )
 

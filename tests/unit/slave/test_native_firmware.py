@@ -54,7 +54,7 @@ class MemoryLine(Wire):
         self.closed = True
 
 
-def ends() -> tuple[MemoryLine, FirmwareEnd, MemoryLine, Stm32End]:
+def firmware_and_stub() -> tuple[MemoryLine, FirmwareEnd, MemoryLine, Stm32End]:
     quick, plain = MemoryLine(), MemoryLine()
     stub = Stm32End(Stm32(CHANNELS, WATCHDOG_NS), ThrusterLink(plain, open_frame("device", CHANNELS)))
     return quick, FirmwareEnd(quick, CHANNELS, WATCHDOG_NS), plain, stub
@@ -76,21 +76,21 @@ RECEIVED = st.one_of(
 @given(st.lists(st.tuples(st.integers(0, 120_000), RECEIVED), min_size=1, max_size=30))
 def test_the_c_equals_python_for_any_hour_of_commands(hour: list[tuple[int, bytes]]) -> None:
     """The commands are valid, late and too long, with noise and pauses, at whole microseconds."""
-    quick, end, plain, stub = ends()
+    quick, end, stub_line, stub = firmware_and_stub()
     now = 0
     for pause_us, data in hour:
         now += pause_us * 1000
-        quick.coming = plain.coming = data
+        quick.coming = stub_line.coming = data
         end.service(now)
         stub.service(now)
-        assert quick.output == plain.output
+        assert quick.output == stub_line.output
         assert list(end.pwm_us) == stub.pwm_us
         assert end.deadline_ns == stub.deadline_ns
         assert (end.command_ns > 0) == (stub.command_ns > 0)
 
 
 def test_the_command_time_is_that_of_the_last_executed_command() -> None:
-    quick, end, _, _ = ends()
+    quick, end, _, _ = firmware_and_stub()
     before = now_ns()
     quick.coming = FRAME.encode(ThrusterCommand(9, True, (1600,) * CHANNELS))
     end.service(NS_PER_MS)
@@ -104,7 +104,7 @@ def test_the_command_time_is_that_of_the_last_executed_command() -> None:
 
 
 def test_closing_sets_the_outputs_to_neutral() -> None:
-    quick, end, _, _ = ends()
+    quick, end, _, _ = firmware_and_stub()
     quick.coming = FRAME.encode(ThrusterCommand(9, True, (1600,) * CHANNELS))
     end.service(NS_PER_MS)
     assert end.pwm_us == (1600,) * CHANNELS
@@ -134,16 +134,16 @@ def test_the_c_is_used_with_its_own_frame_only(monkeypatch: pytest.MonkeyPatch) 
 
 
 def test_without_c_the_slaves_stm32_behaves_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
-    answers = []
+    reports = []
     for wish in ("1", "0"):
         monkeypatch.setenv("UUV_HIL_NATIVE", wish)
         with nothing_leaks():
             driver = open_driver("python", load_scenario("paper_field").link, 6, True, 1, lambda _: None)
             driver.send(ThrusterCommand(7, True, (1600, 1400, 1500, 700, 2300, 1501)))
-            answers.append([report._replace(age_us=0) for report in await_answer(driver, 7)])
+            reports.append([report._replace(age_us=0) for report in await_answer(driver, 7)])
             driver.close()
-    assert answers[0]
-    assert answers[0] == answers[1]
+    assert reports[0]
+    assert reports[0] == reports[1]
 
 
 def test_invalid_arguments_are_refused() -> None:

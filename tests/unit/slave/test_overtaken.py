@@ -18,8 +18,8 @@ NEUTRAL, PUSHING, OTHER = (1500,) * 6, (1600,) * 6, (1700,) * 6
 STARTED = ThrusterTelemetry(0, False, False, NEUTRAL, 0, 0, 0, 0)
 
 
-def report(sequence: int, frames: int, pwm_us: tuple[int, ...] = PUSHING, **more: Any) -> ThrusterTelemetry:
-    return ThrusterTelemetry(sequence & 0xFFFF, True, False, pwm_us, 100, frames & 0xFFFF, 0, 0)._replace(**more)
+def report(sequence: int, frames: int, pwm_us: tuple[int, ...] = PUSHING, **fields: Any) -> ThrusterTelemetry:
+    return ThrusterTelemetry(sequence & 0xFFFF, True, False, pwm_us, 100, frames & 0xFFFF, 0, 0)._replace(**fields)
 
 
 @pytest.mark.parametrize("begin", [5, 500, 40_000, 65_530])
@@ -27,11 +27,11 @@ def report(sequence: int, frames: int, pwm_us: tuple[int, ...] = PUSHING, **more
 def test_an_older_report_is_recognised_as_overtaken(begin: int, sent_before: int) -> None:
     """The slave may have sent more commands than the STM32 has counted; both wrap."""
     reports = [report(begin + sent_before + number, begin + number) for number in range(20)]
-    for newest, later in pairwise(reports):
-        assert is_overtaken(newest, later)
-        assert not is_overtaken(later, newest)
-        assert not is_overtaken(later, later)
-        assert not has_restarted(later, newest)
+    for newest, newer in pairwise(reports):
+        assert is_overtaken(newest, newer)
+        assert not is_overtaken(newer, newest)
+        assert not is_overtaken(newer, newer)
+        assert not has_restarted(newer, newest)
     lost = report(begin + sent_before + 3000, begin + 2000)
     assert not has_restarted(lost, reports[0]), "some of a minute's commands were lost"
     assert not is_overtaken(lost, reports[0])
@@ -46,14 +46,14 @@ def test_a_restart_is_recognised_by_its_counts(counted: int) -> None:
     assert not has_restarted(report(7001, 1), STARTED), "it was reported before"
 
 
-@pytest.mark.parametrize("ahead", [0, 3, 40_000])
+@pytest.mark.parametrize("lead", [0, 3, 40_000])
 @pytest.mark.parametrize("counted", [2, 500, 40_000, 65_000])
-def test_a_report_before_the_first_command_is_a_restart(counted: int, ahead: int) -> None:
+def test_a_report_before_the_first_command_is_a_restart(counted: int, lead: int) -> None:
     """Its sequence and count begin at 0: the slave has sent as many commands as were counted, or more."""
-    newest = report(counted + ahead, counted)
+    newest = report(counted + lead, counted)
     assert has_restarted(STARTED, newest)
     assert not has_restarted(STARTED, STARTED)
-    assert not has_restarted(report(counted + ahead + 1, 1), STARTED)
+    assert not has_restarted(report(counted + lead + 1, 1), STARTED)
 
 
 def make_driver(received: list[ThrusterTelemetry]) -> ExternalDriver:
@@ -62,19 +62,19 @@ def make_driver(received: list[ThrusterTelemetry]) -> ExternalDriver:
 
 def test_the_outputs_are_those_of_the_newest_report() -> None:
     driver = make_driver([report(1, 1, PUSHING), report(3, 3, NEUTRAL), report(2, 2, OTHER), STARTED])
-    seen = []
+    results = []
     for _ in range(4):
         driver.service(now_ns())
-        seen.append(tuple(driver.pwm_us))
-    assert seen == [PUSHING, NEUTRAL, NEUTRAL, NEUTRAL]
+        results.append(tuple(driver.pwm_us))
+    assert results == [PUSHING, NEUTRAL, NEUTRAL, NEUTRAL]
 
 
 def make_loop(driver: ExternalDriver) -> tuple[Loop, list[str]]:
     """Return a loop on that driver that only reads its link, and the lines that it reports."""
-    nobody: Any = None
+    unused: Any = None
     lines: list[str] = []
     simulation = Simulation(load_vehicle("paper_six")[0], load_world("pool"))
-    return Loop(simulation, driver, nobody, nobody, nobody, 2_500_000, 20_000_000, lines.append), lines
+    return Loop(simulation, driver, unused, unused, unused, 2_500_000, 20_000_000, lines.append), lines
 
 
 class Pilot:

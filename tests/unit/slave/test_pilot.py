@@ -78,7 +78,7 @@ def test_a_rotated_imu_gives_the_vehicles_attitude_and_rates() -> None:
 
 
 @pytest.mark.parametrize(
-    ("wanted", "axis"),
+    ("command", "axis"),
     [
         (VelocityCommand(surge=0.6), 0),
         (VelocityCommand(surge=-0.4), 0),
@@ -87,7 +87,7 @@ def test_a_rotated_imu_gives_the_vehicles_attitude_and_rates() -> None:
         (VelocityCommand(yaw_rate=0.4), 5),
     ],
 )
-def test_the_vehicle_follows_the_commands(wanted: VelocityCommand, axis: int) -> None:
+def test_the_vehicle_follows_the_commands(command: VelocityCommand, axis: int) -> None:
     pilot = new_pilot(10_000)
     simulation = Simulation(VEHICLE, WORLD, seed=3, position=(0.0, 0.0, 2.0))
     pulses: tuple[int, ...] = NEUTRAL
@@ -95,9 +95,9 @@ def test_the_vehicle_follows_the_commands(wanted: VelocityCommand, axis: int) ->
         for topic, sample in simulation.step(pulses):
             pilot.update_sensor(topic, sample)
         if step % 8 == 0:
-            pilot.set_command(wanted, simulation.time_ns)
+            pilot.set_command(command, simulation.time_ns)
             pulses = pilot.update(simulation.time_ns, 0.02)[0].pwm_us
-    target = (wanted.surge, wanted.sway, wanted.heave, 0.0, 0.0, wanted.yaw_rate)
+    target = (command.surge, command.sway, command.heave, 0.0, 0.0, command.yaw_rate)
     nu = simulation.truth().nu
     assert nu[axis] == pytest.approx(target[axis], abs=0.05)
     others = [abs(nu[i]) for i in (0, 1, 2, 5) if i != axis]

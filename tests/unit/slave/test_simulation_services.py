@@ -26,8 +26,8 @@ def call(vehicle: Vehicle, name: str, **request: Any) -> Any:
     return vehicle.server.call(f"/uuv1/{name}", request)
 
 
-def code(answer: Any) -> int:
-    return int(answer["result"]["result"])
+def code(response: Any) -> int:
+    return int(response["result"]["result"])
 
 
 def set_state(vehicle: Vehicle, state: int) -> int:

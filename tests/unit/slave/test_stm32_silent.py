@@ -49,7 +49,7 @@ class Bed:
 
     def __init__(self) -> None:
         self.bench, self.output = BenchLink(), list[str]()
-        self.driver = ExternalDriver(self.bench.ends, 6, WATCHDOG_NS, self.output.append)
+        self.driver = ExternalDriver(self.bench.bench_ends, 6, WATCHDOG_NS, self.output.append)
 
     def check_after(self, seconds: float) -> None:
         self.driver.service(now_ns() + round(seconds * NS_PER_S))
@@ -164,16 +164,16 @@ def loop(tmp_path: Path) -> Iterator[Loop]:
     scenario = load_scenario("paper_field")
     vehicle, control = load_vehicle(scenario.vehicle)
     world = load_world(scenario.world)
-    ours, theirs = os.openpty()
-    driver = open_driver("device", Link(port=os.ttyname(theirs)), len(vehicle.channels), True, 1, print)
-    nobody: Any = None
+    near_end, far_end = os.openpty()
+    driver = open_driver("device", Link(port=os.ttyname(far_end)), len(vehicle.channels), True, 1, print)
+    unused: Any = None
     master: Any = Master()
     pilot = build_pilot(scenario, vehicle, control, world)
-    made = Loop(Simulation(vehicle, world), driver, pilot, master, nobody, 2_500_000, 20_000_000, print)
+    made = Loop(Simulation(vehicle, world), driver, pilot, master, unused, 2_500_000, 20_000_000, print)
     yield made
     driver.close()
-    os.close(ours)
-    os.close(theirs)
+    os.close(near_end)
+    os.close(far_end)
 
 
 @pytest.mark.usefixtures("stop_clock")

@@ -58,16 +58,16 @@ class RecordedServer:
     def __init__(self) -> None:
         self.offered: dict[str, tuple[str, Answer]] = {}
 
-    def offer(self, name: str, type_name: str, answer: Answer) -> None:
-        self.offered[name] = type_name, answer
+    def offer(self, name: str, type_name: str, handler: Answer) -> None:
+        self.offered[name] = type_name, handler
 
     def call(self, name: str, request: Any = None) -> Any:
         """Return the response; request and response are encoded and decoded in between."""
-        type_name, answer = self.offered[name]
+        type_name, handler = self.offered[name]
         request_type, response_type = f"{type_name}_Request", f"{type_name}_Response"
         requested = ros_message.decode(request_type, ros_message.encode(request_type, request or {}))
         assert requested is not None
-        return ros_message.decode(response_type, ros_message.encode(response_type, answer(requested)))
+        return ros_message.decode(response_type, ros_message.encode(response_type, handler(requested)))
 
 
 class Vehicle:
@@ -117,10 +117,10 @@ def vehicle() -> Iterator[Vehicle]:
     made.close()
 
 
-def pose(x: float, y: float, z: float, yaw: float = 0.0, **more: Any) -> dict[str, Any]:
+def pose(x: float, y: float, z: float, yaw: float = 0.0, **fields: Any) -> dict[str, Any]:
     """Return a request of set_pose, ENU."""
     orientation = {"z": math.sin(yaw / 2), "w": math.cos(yaw / 2)}
-    return {"state": {"pose": {"position": {"x": x, "y": y, "z": z}, "orientation": orientation}, **more}}
+    return {"state": {"pose": {"position": {"x": x, "y": y, "z": z}, "orientation": orientation}, **fields}}
 
 
 def test_the_offered_services_are_complete(vehicle: Vehicle) -> None:
@@ -207,19 +207,19 @@ def test_a_parameter_makes_a_thruster_fail(vehicle: Vehicle) -> None:
 
     def thrust_with(text: str) -> float:
         value = {"type": 4, "string_value": text}
-        answer = vehicle.server.call(
+        response = vehicle.server.call(
             "/uuv1/set_parameters", {"parameters": [{"name": f"failures.{name}", "value": value}]}
         )
-        assert answer == {"results": [{"successful": True, "reason": ""}]}
+        assert response == {"results": [{"successful": True, "reason": ""}]}
         for _ in range(400):  # until the lag has passed
             vehicle.simulation.step((1700,) * len(vehicle.simulation.vehicle.channels))
         return vehicle.simulation.thrusts[0]
 
-    whole = thrust_with("")
-    assert whole > 1.0
-    assert thrust_with("kind = efficiency, efficiency = 0.5") == pytest.approx(0.5 * whole)
+    full_thrust = thrust_with("")
+    assert full_thrust > 1.0
+    assert thrust_with("kind = efficiency, efficiency = 0.5") == pytest.approx(0.5 * full_thrust)
     assert thrust_with("kind = off") == pytest.approx(0.0, abs=1e-6)
-    assert thrust_with("") == pytest.approx(whole)
+    assert thrust_with("") == pytest.approx(full_thrust)
     assert vehicle.output[-2:] == [
         f'parameter: failures.{name}: kind = "off"', f"parameter: failures.{name}: nothing is wrong"
     ]  # fmt: skip
@@ -254,10 +254,10 @@ def test_set_pose_accepts_any_heading(vehicle: Vehicle) -> None:
 def test_the_fastest_motion_of_set_pose_stays_stable(name: str) -> None:
     """The motion stays bounded at full thrust, about any axis and along any other, also with long steps."""
     vehicle, _ = load_vehicle(name)
-    ways = [[sign * (axis == i) for i in range(3)] for axis in range(3) for sign in (1.0, -1.0)]
+    directions = [[sign * (axis == i) for i in range(3)] for axis in range(3) for sign in (1.0, -1.0)]
     for step_ns in (STEP_NS, 20_000_000):
         most = services._MAX_PATH * 1e9 / step_ns
-        for linear, angular in product(ways, ways):
+        for linear, angular in product(directions, directions):
             simulation = Simulation(vehicle, load_world("pool"), sensors={}, dt_ns=step_ns, position=(5.0, 5.0, 2.0))
             simulation.state.nu = [most * x for x in linear + angular]
             for _ in range(40):

@@ -23,16 +23,16 @@ def test_every_page_is_current(name: str) -> None:
 
 
 def test_every_description_belongs_to_a_key(monkeypatch: pytest.MonkeyPatch) -> None:
-    shown: list[Section] = []
+    sections: list[Section] = []
 
     def collect(section: Section) -> str:
-        shown.append(section)
+        sections.append(section)
         return describe(section)
 
     monkeypatch.setattr(files, "describe", collect)
     for page in files.PAGES.values():
         page()
-    fields = {section.record.__name__: set(section.record._fields) for section in shown}
+    fields = {section.record.__name__: set(section.record._fields) for section in sections}
     for record, keys in meanings().items():
         if record != "common":
             assert record in fields, f"no page shows {record}"

@@ -122,12 +122,12 @@ def test_a_result_beyond_its_bound_ends_the_run(
 def test_clipping_each_thrust_turns_the_force() -> None:
     """A clipped 200 N of thrusters of 50 N turns by more than 20 degrees. The allocator's keeps its direction."""
     inverse, _ = pseudo_inverse(sharing.HEAVY)
-    turned = []
+    rotated = []
     for heading in range(0, 360, 2):
         x, y = 200.0 * cos(radians(heading)), 200.0 * sin(radians(heading))
         force = sharing.wrench_of(sharing.HEAVY, clip(inverse, [x, y, 0.0, 0.0, 0.0, 0.0]))
-        turned.append(abs(degrees(atan2(force[0] * y - force[1] * x, force[0] * x + force[1] * y))))
-    assert 20.0 < max(turned) < 23.0
+        rotated.append(abs(degrees(atan2(force[0] * y - force[1] * x, force[0] * x + force[1] * y))))
+    assert 20.0 < max(rotated) < 23.0
 
 
 def test_runge_kutta_is_of_fourth_order_with_linear_drag() -> None:

@@ -46,11 +46,11 @@ def test_a_second_order_system_has_its_known_overshoot(damping: float) -> None:
     """The overshoot is exp(-pi z / sqrt(1 - z²)), as in any textbook."""
     root = math.sqrt(1.0 - damping * damping)
 
-    def share(t: float) -> float:
+    def curve(t: float) -> float:
         swing = math.cos(2.0 * root * t) + damping / root * math.sin(2.0 * root * t)
         return 1.0 - math.exp(-2.0 * damping * t) * swing
 
-    assert make_response(share).figures().overshoot == pytest.approx(math.exp(-math.pi * damping / root), abs=2e-3)
+    assert make_response(curve).figures().overshoot == pytest.approx(math.exp(-math.pi * damping / root), abs=2e-3)
 
 
 def test_a_response_that_never_settles_has_no_settling_time() -> None:

@@ -42,13 +42,13 @@ def relief(rows: int, columns: int) -> Terrain:
 def test_a_seabed_is_drawn_with_holes_contours_and_a_limited_number_of_nodes() -> None:
     world = World("bay", "", (-10.0, 90.0, 20.0, 120.0), 9.0, terrain=relief(1001, 901))
     recorder = Recorder()
-    drawn = world_scene.WorldScene(recorder, world)
+    scene = world_scene.WorldScene(recorder, world)
     kind, (mesh,), _ = recorder.added["/seabed"]
     assert kind == "add_mesh_trimesh"
     assert len(mesh.vertices) <= world_scene.MAX_NODES**2
     east, north, up = mesh.vertices[-1]
     assert (east, north) == (20.0 + 900.0, -10.0 + 999.0)
-    assert up == pytest.approx(-drawn.seabed(north, east), abs=1e-4)
+    assert up == pytest.approx(-scene.seabed(north, east), abs=1e-4)
     levels = [name for name in recorder.added if name.startswith("/contours") and name.endswith("depth")]
     assert 4 <= len(levels) <= world_scene.CONTOURS + 1
     assert recorder.added[levels[0]][1][0].endswith(" m")
@@ -80,10 +80,10 @@ def test_obstacles_current_path_and_goal_are_drawn() -> None:
 
 def test_arrows_are_drawn_for_any_direction_and_length() -> None:
     along = np.array([(1.0, 0.0, 0.0), (0.0, 0.0, -2.0), (0.0, 0.0, 0.0)])
-    drawn = world_scene.arrows(np.zeros((3, 3)), along)
-    assert drawn.shape == (9, 2, 3)
-    assert np.isfinite(drawn).all()
-    assert drawn[:3, 1].tolist() == along.tolist()
+    tips = world_scene.arrows(np.zeros((3, 3)), along)
+    assert tips.shape == (9, 2, 3)
+    assert np.isfinite(tips).all()
+    assert tips[:3, 1].tolist() == along.tolist()
 
 
 def sonar(echoes: np.ndarray[Any, Any]) -> SonarImageSample:
@@ -100,10 +100,10 @@ def test_a_sonar_target_has_its_position_in_the_fan() -> None:
     ahead = (pictures.FAN_SIZE - 1 - rows.mean()) * 10.0 / pictures.FAN_SIZE
     right = (columns.mean() - 0.5 * picture.shape[1]) * 10.0 / pictures.FAN_SIZE
     assert (ahead, right) == (pytest.approx(5.05 * np.cos(0.5), abs=0.1), pytest.approx(5.05 * np.sin(0.5), abs=0.15))
-    places, strengths = pictures.fan_points(sonar(np.full((100, 65), 255, np.uint8)), 3.0)
-    assert len(places) == len(strengths)
-    assert places[:, 2].max() == 3.0
-    assert np.linalg.norm(places, axis=1).max() <= 10.0
+    points, strengths = pictures.fan_points(sonar(np.full((100, 65), 255, np.uint8)), 3.0)
+    assert len(points) == len(strengths)
+    assert points[:, 2].max() == 3.0
+    assert np.linalg.norm(points, axis=1).max() <= 10.0
 
 
 def test_a_side_scan_scrolls() -> None:
@@ -142,8 +142,8 @@ def test_instruments_are_an_svg_image_with_escaped_text() -> None:
     now = instruments.Reading(
         0.1, -0.2, 1.0, 3.456, float("nan"), 0.5, (1.0, 2.0, 3.0), 15.5, (1500, 1700), (0.0, 12.5), ("<left>", "right")
     )
-    drawn = ElementTree.fromstring(instruments.draw(now))
-    words = " ".join(text.strip() for text in drawn.itertext() if text.strip())
+    svg = ElementTree.fromstring(instruments.draw(now))
+    texts = " ".join(text.strip() for text in svg.itertext() if text.strip())
     for shown in (
         "roll +6°",
         "pitch -11°",
@@ -155,8 +155,8 @@ def test_instruments_are_an_svg_image_with_escaped_text() -> None:
         "1700 us",
         "+12.5 N",
     ):
-        assert shown in words
-    bars = [each for each in drawn.iter() if each.get("fill") == "#dc2626" and each.tag == "rect"]
+        assert shown in texts
+    bars = [each for each in svg.iter() if each.get("fill") == "#dc2626" and each.tag == "rect"]
     assert [float(each.get("width", "")) for each in bars] == [0.0, 20.0]
 
 
@@ -165,7 +165,7 @@ def test_large_coordinates_and_long_names_fit_their_cells() -> None:
     now = instruments.Reading(
         0.0, 0.0, 0.0, 1.0, 2.0, 0.5, (2003.394, -584.08, 1.0), float("nan"), (1500,), (0.0,), (name,)
     )
-    words = " ".join(ElementTree.fromstring(instruments.draw(now)).itertext())
-    assert "2003 m" in words
-    assert "-584.08 m" in words
-    assert name in words
+    texts = " ".join(ElementTree.fromstring(instruments.draw(now)).itertext())
+    assert "2003 m" in texts
+    assert "-584.08 m" in texts
+    assert name in texts

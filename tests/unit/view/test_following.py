@@ -14,8 +14,8 @@ STEP = np.array([0.04, 0.02, 0.0])  # m a frame: 0.9 m/s
 class Camera:
     """A camera as in viser: setting its position also moves the point that it looks at."""
 
-    def __init__(self, place: Any, offset: Any) -> None:
-        self._position, self.look_at = place + offset, place
+    def __init__(self, position: Any, offset: Any) -> None:
+        self._position, self.look_at = position + offset, position
 
     @property
     def position(self) -> Any:
@@ -33,17 +33,17 @@ class Camera:
 
 @pytest.mark.parametrize("frames_late", [0, 1, 20])
 def test_the_camera_does_not_fall_behind(frames_late: int) -> None:
-    place, offset = np.zeros(3), np.array(CAMERA_OFFSET)
-    camera = Camera(place, offset)
-    shown = deque([(camera.position, camera.look_at)] * (frames_late + 1))
+    position, offset = np.zeros(3), np.array(CAMERA_OFFSET)
+    camera = Camera(position, offset)
+    views = deque([(camera.position, camera.look_at)] * (frames_late + 1))
     for _ in range(1000):
-        place = place + STEP
-        move_camera(camera, place.tolist())
-        shown.append((camera.position, camera.look_at))
-        last = shown[-1]
-        camera.report(*shown.popleft())
-    assert np.allclose(last[0], place + offset)
-    assert np.allclose(last[1], place)
+        position = position + STEP
+        move_camera(camera, position.tolist())
+        views.append((camera.position, camera.look_at))
+        last = views[-1]
+        camera.report(*views.popleft())
+    assert np.allclose(last[0], position + offset)
+    assert np.allclose(last[1], position)
 
 
 def test_the_camera_keeps_the_chosen_side_and_distance() -> None:

@@ -10,20 +10,20 @@ from hil.view.teleop.gamepad import UNPLUGGED, Gamepad
 
 
 def gamepad(axes: Sequence[float], buttons: Sequence[int]) -> Gamepad:
-    made = Gamepad.__new__(Gamepad)
-    made._pygame = SimpleNamespace(event=SimpleNamespace(get=list))
-    made._known, made.problem = None, ""
-    made._pad = SimpleNamespace(
+    gamepad = Gamepad.__new__(Gamepad)
+    gamepad._pygame = SimpleNamespace(event=SimpleNamespace(get=list))
+    gamepad._known, gamepad.problem = None, ""
+    gamepad._pad = SimpleNamespace(
         get_numaxes=lambda: len(axes),
         get_axis=axes.__getitem__,
         get_numbuttons=lambda: len(buttons),
         get_button=buttons.__getitem__,
     )
-    return made
+    return gamepad
 
 
 @pytest.mark.parametrize(
-    ("axes", "wanted"),
+    ("axes", "expected"),
     [
         ((0.5, -1.0, 0.25, 0.75), (1.0, 0.25, 0.75, 0.5)),  # two sticks alone
         ((0.5, -1.0, -1.0, 0.25, 0.75, -1.0), (1.0, 0.25, 0.75, 0.5)),  # a trigger behind each stick
@@ -31,9 +31,9 @@ def gamepad(axes: Sequence[float], buttons: Sequence[int]) -> Gamepad:
         ((0.5, -1.0), (1.0, 0.0, 0.0, 0.5)),  # one stick
     ],
 )
-def test_the_axes_are_mapped_without_triggers(axes: Sequence[float], wanted: Sequence[float]) -> None:
+def test_the_axes_are_mapped_without_triggers(axes: Sequence[float], expected: Sequence[float]) -> None:
     found: dict[str, Any] = gamepad(axes, [0] * 4 + [1]).message()
-    assert tuple(found["axes"][name] for name in ("surge", "sway", "heave", "yaw")) == wanted
+    assert tuple(found["axes"][name] for name in ("surge", "sway", "heave", "yaw")) == expected
     assert found["held"]
 
 

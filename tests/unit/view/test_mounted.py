@@ -42,11 +42,11 @@ def test_the_fan_of_a_sonar_starts_at_its_mounting() -> None:
     echoes = np.full((20, 3), 255, np.uint8)
     sample = SonarImageSample(1, (-0.5, 0.0, 0.5), 20, 0.0, 0.5, 7e5, 1500.0, 0.02, 0.3, "uint8", echoes.tobytes())
     sits = Mounting(position=(0.5, 0.0, 1.0), orientation=(0.0, 0.0, 0.5 * pi))
-    places, _ = pictures.fan_points(sample, 3.0, sits)
-    middle = places[1::3]
+    points, _ = pictures.fan_points(sample, 3.0, sits)
+    middle = points[1::3]
     assert middle[:, 0] == pytest.approx(np.full(len(middle), 0.5)), "it looks to starboard"
     assert (middle[:, 1] > 0.0).all()
-    on_bed = places[places[:, 2] == 3.0]
+    on_bed = points[points[:, 2] == 3.0]
     assert len(on_bed) > 30
     ranges = np.linalg.norm(on_bed - (0.5, 0.0, 1.0), axis=1)
     assert ranges.max() == pytest.approx(9.75)

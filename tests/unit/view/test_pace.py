@@ -12,23 +12,23 @@ PERIOD = 50 * NS_PER_MS
 
 def drawing_times(samples: list[int], end: int) -> list[int]:
     """Return the times (ns) of drawing when samples come at these times."""
-    pace, now, drawn, waiting = Pace(0), 0, list[int](), sorted(samples)
+    pace, now, drawn_times, waiting = Pace(0), 0, list[int](), sorted(samples)
     while now < end:
         if pace.draws(now):
-            drawn.append(now)
+            drawn_times.append(now)
         now = min([pace.due_ns, *waiting[:1]])
         while waiting and waiting[0] <= now:
             pace.on_sample(waiting.pop(0))
-    return drawn
+    return drawn_times
 
 
 @pytest.mark.parametrize("phase_ms", range(0, 50, 7))
 def test_a_sample_is_drawn_soon_at_any_phase(phase_ms: int) -> None:
     samples = [phase_ms * NS_PER_MS + number * PERIOD for number in range(40)]
-    drawn = drawing_times(samples, samples[-1] + PERIOD)
+    times = drawing_times(samples, samples[-1] + PERIOD)
     for sample in samples[8:]:  # once the beat is found
-        assert min(time - sample for time in drawn if time >= sample) == GATHER_NS
-    assert len(drawn) <= len(samples) + 3
+        assert min(time - sample for time in times if time >= sample) == GATHER_NS
+    assert len(times) <= len(samples) + 3
 
 
 def test_simultaneous_samples_are_drawn_together() -> None:

@@ -45,11 +45,11 @@ def test_a_recording_is_shown_like_its_simulation(vehicle: Any, monkeypatch: pyt
     for topic in ("odom", "dvl", "altitude"):
         assert type(simulated[topic]) is type(replayed[topic]), topic
     assert simulated["altitude"] == replayed["altitude"] == (5, 4.0)
-    shown, again = (reading(newest, (), ()) for newest in (simulated, replayed))
-    assert shown
+    simulated_reading, again = (reading(newest, (), ()) for newest in (simulated, replayed))
+    assert simulated_reading
     assert again
-    assert shown[:6] == pytest.approx(again[:6])
-    assert (shown.depth, shown.altitude, shown.speed) == (3.0, 4.0, 0.5)
+    assert simulated_reading[:6] == pytest.approx(again[:6])
+    assert (simulated_reading.depth, simulated_reading.altitude, simulated_reading.speed) == (3.0, 4.0, 0.5)
 
 
 def test_a_simulated_dvl_without_lock_gives_no_seabed(vehicle: Any) -> None:

@@ -63,11 +63,11 @@ def test_a_current_of_the_world_moves_the_vehicle() -> None:
 
 def test_one_row_of_layers_is_the_steady_current() -> None:
     """The result is that of `current` to the last bit, as one layer means the same."""
-    there = at_sea(Ocean(layers=Layers((5.0,), north=(0.3,), east=(-0.1,))))
-    here = Simulation(VEHICLE, SEA._replace(current=(0.3, -0.1, 0.0)), QUIET, 1, position=(0, 0, 6.0), heading=0.7)
-    run(there, 5.0)
-    run(here, 5.0)
-    assert there.truth() == here.truth()
+    vehicle = at_sea(Ocean(layers=Layers((5.0,), north=(0.3,), east=(-0.1,))))
+    constant = Simulation(VEHICLE, SEA._replace(current=(0.3, -0.1, 0.0)), QUIET, 1, position=(0, 0, 6.0), heading=0.7)
+    run(vehicle, 5.0)
+    run(constant, 5.0)
+    assert vehicle.truth() == constant.truth()
 
 
 def test_a_current_follows_its_time_series() -> None:
@@ -91,15 +91,15 @@ def test_a_vehicle_without_net_weight_or_drag_follows_the_water() -> None:
     body = body._replace(center_of_gravity=(0.0, 0.0, 0.0), center_of_buoyancy=(0.0, 0.0, 0.0))
     simulation = at_sea(Ocean(waves=SWELL), body)
     wave_field = WaveField(SWELL, SEA.depth, G, 1)
-    place = [0.0, 0.0, 6.0]
-    simulation.state.nu = [*rotate(from_euler(0.0, 0.0, -0.7), wave_field.motion(0.0, *place).velocity), 0.0, 0.0, 0.0]
+    point = [0.0, 0.0, 6.0]
+    simulation.state.nu = [*rotate(from_euler(0.0, 0.0, -0.7), wave_field.motion(0.0, *point).velocity), 0.0, 0.0, 0.0]
     largest = 0.0
     for step in range(400 * 27):
-        middle = [x + 0.00125 * v for x, v in zip(place, wave_field.motion(step / 400.0, *place).velocity, strict=True)]
+        middle = [x + 0.00125 * v for x, v in zip(point, wave_field.motion(step / 400.0, *point).velocity, strict=True)]
         velocity = wave_field.motion((step + 0.5) / 400.0, *middle).velocity
-        place = [x + 0.0025 * v for x, v in zip(place, velocity, strict=True)]
+        point = [x + 0.0025 * v for x, v in zip(point, velocity, strict=True)]
         simulation.step((1500,) * 8)
-        gap = max(abs(a - b) for a, b in zip(simulation.truth().position, place, strict=True))
+        gap = max(abs(a - b) for a, b in zip(simulation.truth().position, point, strict=True))
         largest = max(largest, gap)
     assert largest < 0.02  # of a motion of a metre; without the v . grad v of the water 2 m
     assert simulation.truth().orientation == pytest.approx(from_euler(0.0, 0.0, 0.7), abs=1e-3)
@@ -150,39 +150,39 @@ def test_accelerated_mass_of_a_trimmed_vehicle() -> None:
 def test_sampled_waves_are_exact_at_their_rate_and_close_between() -> None:
     """The error between two samples is the stated fraction of the wave."""
     waves = SWELL._replace(hold=0.05)
-    held, sea = SampledWaves(waves, SEA, 1), WaveField(waves, SEA.depth, G, 1)
+    sampled, sea = SampledWaves(waves, SEA, 1), WaveField(waves, SEA.depth, G, 1)
     (wave,) = sea.components
     most = 0.5 * (wave.omega * waves.hold) ** 2
     speed = wave.amplitude * wave.omega
     for step in range(401):
         time, exact = step * 0.0025, sea.motion(step * 0.0025, 0.0, 0.0, 3.0)
-        motion = held.motion(step * 2_500_000, (0.0, 0.0, 3.0))
+        motion = sampled.motion(step * 2_500_000, (0.0, 0.0, 3.0))
         if step % 20 == 0:
             assert motion == exact
         steep = wave.wave_number * wave.amplitude * wave.omega * waves.hold  # of (v . grad) v
         assert motion.velocity == pytest.approx(exact.velocity, abs=(most + steep) * speed)
-        assert held.wave_field.surface(time, 0.0, 0.0) == pytest.approx(exact.surface[0], abs=most * wave.amplitude)
+        assert sampled.wave_field.surface(time, 0.0, 0.0) == pytest.approx(exact.surface[0], abs=most * wave.amplitude)
         assert exact.surface[0] == pytest.approx(sea.elevation(time, 0.0, 0.0), abs=1e-15)
 
 
 def test_a_moved_vehicle_gets_the_waves_of_its_new_position_at_once() -> None:
     waves = SWELL._replace(hold=0.1, peak_period=5.0)
-    held, sea = SampledWaves(waves, SEA, 1), WaveField(waves, SEA.depth, G, 1)
-    held.motion(0, (0.0, 0.0, 3.0))
-    assert held.motion(2_500_000, (20.0, 5.0, 1.0)) == sea.motion(0.0025, 20.0, 5.0, 1.0)
-    assert held.wave_field.surface(0.0025, 20.0, 5.0) == pytest.approx(sea.elevation(0.0025, 20.0, 5.0))
+    sampled, sea = SampledWaves(waves, SEA, 1), WaveField(waves, SEA.depth, G, 1)
+    sampled.motion(0, (0.0, 0.0, 3.0))
+    assert sampled.motion(2_500_000, (20.0, 5.0, 1.0)) == sea.motion(0.0025, 20.0, 5.0, 1.0)
+    assert sampled.wave_field.surface(0.0025, 20.0, 5.0) == pytest.approx(sea.elevation(0.0025, 20.0, 5.0))
     far = sea.elevation(0.0025, -30.0, 5.0)
-    assert held.wave_field.surface(0.0025, -30.0, 5.0) == far, "away from what is held it is the sea itself"
+    assert sampled.wave_field.surface(0.0025, -30.0, 5.0) == far, "away from what is held it is the sea itself"
 
 
 def test_the_sampled_surface_follows_rate_and_slopes() -> None:
     waves = SWELL._replace(components=50, hold=0.025, peak_period=6.0, spread=0.3)
-    held, sea = SampledWaves(waves, SEA, 1), WaveField(waves, SEA.depth, G, 1)
+    sampled, sea = SampledWaves(waves, SEA, 1), WaveField(waves, SEA.depth, G, 1)
     for number in range(200):
         time_ns = number * 1_000_000_000
-        held.motion(time_ns, (0.0, 0.0, 3.0))
+        sampled.motion(time_ns, (0.0, 0.0, 3.0))
         exact = sea.elevation(time_ns * 1e-9 + 0.02, 0.03, -0.02)
-        assert held.wave_field.surface(time_ns * 1e-9 + 0.02, 0.03, -0.02) == pytest.approx(exact, abs=0.002)
+        assert sampled.wave_field.surface(time_ns * 1e-9 + 0.02, 0.03, -0.02) == pytest.approx(exact, abs=0.002)
 
 
 def test_the_same_seed_gives_the_same_waves() -> None:

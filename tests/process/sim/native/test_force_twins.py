@@ -59,10 +59,10 @@ def twins(
     depth: float = 4.0,
 ) -> tuple[Simulation, Simulation]:
     """Return the same simulation in Python and in C."""
-    both = []
+    pair = []
     for switch in "01":
         monkeypatch.setenv("UUV_HIL_NATIVE", switch)
-        both.append(
+        pair.append(
             Simulation(
                 vehicle,
                 world,
@@ -74,33 +74,33 @@ def twins(
                 integrator=integrator,
             )
         )
-    return both[0], both[1]
+    return pair[0], pair[1]
 
 
 def bits(simulation: Simulation) -> bytes:
     """Return every bit of state, thrusts, forces and servos."""
     state, forces = simulation.state, simulation.forces()
-    parts = [state.position, state.quaternion, state.nu, state.nu_dot, simulation.thrusts, *forces]
+    values = [state.position, state.quaternion, state.nu, state.nu_dot, simulation.thrusts, *forces]
     equipment = simulation.equipment
-    parts += [part.servos.values for part in ((equipment.fins, equipment.bladder) if equipment else ()) if part]
-    numbers = [x for part in parts for x in part]
+    values += [part.servos.values for part in ((equipment.fins, equipment.bladder) if equipment else ()) if part]
+    numbers = [x for part in values for x in part]
     return pack(f"{len(numbers)}d", *numbers)
 
 
 def run_and_compare(
-    both: tuple[Simulation, Simulation], steps: int, seed: int = 1, pulses: Sequence[int] = PULSES
+    pair: tuple[Simulation, Simulation], steps: int, seed: int = 1, pulses: Sequence[int] = PULSES
 ) -> None:
     """Change the pulses now and then, and compare all numbers after each step."""
     rng = random.Random(seed)
     for step in range(steps):
         if step % 40 == 0:
-            given = tuple(rng.choice(pulses) for _ in both[0].vehicle.channels)
-        found = []
-        for switch, simulation in zip("01", both, strict=True):
+            pwm_us = tuple(rng.choice(pulses) for _ in pair[0].vehicle.channels)
+        outputs = []
+        for switch, simulation in zip("01", pair, strict=True):
             os.environ["UUV_HIL_NATIVE"] = switch  # one that drops a weight is built again
-            found.append(repr(simulation.step(given)))
-        assert found[0] == found[1]
-        assert bits(both[0]) == bits(both[1])
+            outputs.append(repr(simulation.step(pwm_us)))
+        assert outputs[0] == outputs[1]
+        assert bits(pair[0]) == bits(pair[1])
 
 
 VEHICLES = ("bluerov2", "eca_a9", "lauv", "remus100", "tethys")
@@ -118,35 +118,35 @@ def test_whole_steps_in_c_and_python_are_equal(
     name: str, world: str, integrator: Integrator, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Steps are equal at depth, half out of the water, and among waves, each as one call of C."""
-    both = twins(monkeypatch, WORLDS[world], load_vehicle(name)[0], integrator)
-    assert both[1]._fused
-    assert not both[0]._fused
+    pair = twins(monkeypatch, WORLDS[world], load_vehicle(name)[0], integrator)
+    assert pair[1]._fused
+    assert not pair[0]._fused
     for depth in (4.0, 0.05, -0.2, 1.5):
-        for simulation in both:
+        for simulation in pair:
             simulation.state.position = [0.0, 0.0, depth]
-        run_and_compare(both, 80, seed=round(10 * depth))
+        run_and_compare(pair, 80, seed=round(10 * depth))
 
 
 def test_steps_after_a_failure_among_waves_are_equal(monkeypatch: pytest.MonkeyPatch) -> None:
     """Python continues from the states of fins, waves and propeller that C had computed."""
-    both = twins(monkeypatch, MIXED, REMUS, depth=1.0)
-    run_and_compare(both, 133)
-    for simulation in both:
+    pair = twins(monkeypatch, MIXED, REMUS, depth=1.0)
+    run_and_compare(pair, 133)
+    for simulation in pair:
         simulation.fail(Failure("propeller", "efficiency", 0.0, efficiency=0.5))
-    assert both[1]._fused is None
-    assert bits(both[0]) == bits(both[1])
-    run_and_compare(both, 200, seed=2)
+    assert pair[1]._fused is None
+    assert bits(pair[0]) == bits(pair[1])
+    run_and_compare(pair, 200, seed=2)
 
 
 def test_steps_after_a_dropped_weight_are_equal(monkeypatch: pytest.MonkeyPatch) -> None:
-    both = twins(monkeypatch, ROUGH, TETHYS)
-    run_and_compare(both, 100, pulses=(1500, 1600))
-    assert both[1].equipment
-    assert both[1].equipment.weights_aboard
-    run_and_compare(both, 100, seed=2, pulses=(1900,))
-    assert not both[1].equipment.weights_aboard
-    assert both[1]._fused
-    run_and_compare(both, 100, seed=3)
+    pair = twins(monkeypatch, ROUGH, TETHYS)
+    run_and_compare(pair, 100, pulses=(1500, 1600))
+    assert pair[1].equipment
+    assert pair[1].equipment.weights_aboard
+    run_and_compare(pair, 100, seed=2, pulses=(1900,))
+    assert not pair[1].equipment.weights_aboard
+    assert pair[1]._fused
+    run_and_compare(pair, 100, seed=3)
 
 
 class Tether:
@@ -162,13 +162,13 @@ class Tether:
 
 @pytest.mark.parametrize("integrator", ["verlet", "rk4"])
 def test_a_user_defined_force_is_computed_in_python(integrator: Integrator, monkeypatch: pytest.MonkeyPatch) -> None:
-    both = []
+    pair = []
     for switch in "01":
         monkeypatch.setenv("UUV_HIL_NATIVE", switch)
         place = (0.0, 0.0, 2.0)
-        both.append(Simulation(REMUS, ROUGH, {}, 3, position=place, integrator=integrator, forces=[Tether()]))
-    assert both[1]._fused is None
-    run_and_compare((both[0], both[1]), 200)
+        pair.append(Simulation(REMUS, ROUGH, {}, 3, position=place, integrator=integrator, forces=[Tether()]))
+    assert pair[1]._fused is None
+    run_and_compare((pair[0], pair[1]), 200)
 
 
 def some_forces(rng: random.Random) -> list[Force]:
@@ -217,18 +217,18 @@ def test_wave_fields_are_equal(depth: float) -> None:
     python, c = WaveField(SWELL, depth, 9.81, 4), NativeWaveField(SWELL, depth, 9.81, 4)
     rng = random.Random(6)
     for _ in range(200):
-        place = rng.uniform(0.0, 1e4), rng.uniform(-900, 900), rng.uniform(-900, 900)
+        point = rng.uniform(0.0, 1e4), rng.uniform(-900, 900), rng.uniform(-900, 900)
         down = rng.uniform(-1.0, 1.2 * min(depth, 100.0))
-        assert python.elevation(*place) == c.elevation(*place)
-        assert python.pressure_depth(*place, down) == c.pressure_depth(*place, down)
-        assert repr(python.motion(*place, down)) == repr(c.motion(*place, down))
-    held, quick = SampledWaves(SWELL, CALM, 4), NativeSampledWaves(SWELL, CALM, 4)
+        assert python.elevation(*point) == c.elevation(*point)
+        assert python.pressure_depth(*point, down) == c.pressure_depth(*point, down)
+        assert repr(python.motion(*point, down)) == repr(c.motion(*point, down))
+    sampled, quick = SampledWaves(SWELL, CALM, 4), NativeSampledWaves(SWELL, CALM, 4)
     for step in range(500):  # a walk, and now and then a jump
         jump = rng.uniform(-5.0, 5.0) if step % 50 == 0 else 0.0
         here = (0.004 * step + jump, -0.002 * step, 2.0 + jump * jump)
-        assert repr(held.motion(step * 2_500_000, here)) == repr(quick.motion(step * 2_500_000, here))
+        assert repr(sampled.motion(step * 2_500_000, here)) == repr(quick.motion(step * 2_500_000, here))
         time, north, east = 0.0025 * step + 0.001, here[0] + 0.003, here[1]
-        assert held.wave_field.surface(time, north, east) == quick.wave_field.surface(time, north, east)
+        assert sampled.wave_field.surface(time, north, east) == quick.wave_field.surface(time, north, east)
 
 
 @pytest.mark.parametrize("name", preset_names("sim/vehicles"))

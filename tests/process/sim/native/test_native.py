@@ -115,11 +115,11 @@ def leave_unchanged(state: State) -> None:
     """Do not change the state."""
 
 
-def fly(dynamics: Dynamics, path: Flight, keep: Callable[[State], None] = leave_unchanged) -> tuple[bytes, int]:
+def fly(dynamics: Dynamics, path: Flight, change_state: Callable[[State], None] = leave_unchanged) -> tuple[bytes, int]:
     """Return all 19 numbers of each step as bytes, and in how many steps the hull stood partly out of the water."""
     state, chunks, crossing = path.state(), [], 0
     for wrench, current in path.inputs:
-        keep(state)
+        change_state(state)
         lift = dynamics.hull.buoyancy(state.position[2], rotations.matrix(state.quaternion))[0]
         crossing += 0.0 < lift < dynamics.hull.full
         dynamics.step(state, wrench, current, DT)
@@ -196,14 +196,14 @@ def test_a_step_does_not_change_earlier_state_lists() -> None:
 def test_invalid_step_arguments_are_refused(dynamics: type[Dynamics]) -> None:
     """Both raise the same error for too few numbers, no numbers, and no attitude."""
     for integrator in INTEGRATORS:
-        one = dynamics(VEHICLES[0], 1025.0, 9.81, integrator)
+        instance = dynamics(VEHICLES[0], 1025.0, 9.81, integrator)
         for wrench, current in (([0.0] * 5, (0.0,) * 3), ([0.0] * 7, (0.0,) * 3), ([0.0] * 6, (0.0,) * 2)):
             with pytest.raises(ValueError, match=r"\d"):
-                one.step(State(), wrench, current, DT)
+                instance.step(State(), wrench, current, DT)
         with pytest.raises(TypeError):
-            one.step(State(), ["x"] * 6, (0.0,) * 3, DT)  # type: ignore[list-item]
+            instance.step(State(), ["x"] * 6, (0.0,) * 3, DT)  # type: ignore[list-item]
         with pytest.raises(FloatingPointError):
-            one.step(State(quaternion=(0.0,) * 4), [0.0] * 6, (0.0,) * 3, DT)
+            instance.step(State(quaternion=(0.0,) * 4), [0.0] * 6, (0.0,) * 3, DT)
 
 
 @pytest.mark.usefixtures("native")
@@ -351,12 +351,12 @@ def test_required_c_with_a_missing_extension_is_an_error(name: str) -> None:
 @pytest.mark.usefixtures("native")
 def test_every_extension_is_loaded_through_has_native() -> None:
     """All use `has_native`, so that Python never replaces a demanded C silently."""
-    found = {"sim.native._native"}
+    names = {"sim.native._native"}
     for path in (ROOT / name for name in ("sim/assembly.py", "sim/native/__init__.py", "hil/slave/native/firmware.py")):
         text = path.read_text()
-        found |= set(re.findall(r'has_native\("([\w.]+)"\)', text))
+        names |= set(re.findall(r'has_native\("([\w.]+)"\)', text))
         assert text.count("except ImportError") <= 2, path
-    assert found == {c_extensions.module(path) for path in c_extensions.SOURCES} == {"sim.native._native", *EXTENSIONS}
+    assert names == {c_extensions.module(path) for path in c_extensions.SOURCES} == {"sim.native._native", *EXTENSIONS}
 
 
 def test_the_build_reports_what_is_missing(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

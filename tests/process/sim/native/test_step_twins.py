@@ -52,16 +52,16 @@ def twins(
     failures: Sequence[Failure] = (),
 ) -> tuple[Simulation, Simulation]:
     """Return the same simulation in Python and in C."""
-    both = []
+    pair = []
     for native in "01":
         monkeypatch.setenv("UUV_HIL_NATIVE", native)
         start = (0.0, 0.0, 3.0)
-        both.append(
+        pair.append(
             Simulation(
                 vehicle, world, sensors, 3, position=start, heading=0.4, integrator=integrator, failures=failures
             )
         )
-    python, quick = both
+    python, quick = pair
     assert type(python.state) is State
     assert type(quick.state) is not State
     return python, quick
@@ -70,7 +70,7 @@ def twins(
 def all_of(simulation: Simulation) -> bytes:
     """Return every bit that can be read: == would take -0.0 for 0.0."""
     state, forces = simulation.state, simulation.forces()
-    parts = (
+    values = (
         state.position,
         state.quaternion,
         state.nu,
@@ -79,18 +79,18 @@ def all_of(simulation: Simulation) -> bytes:
         forces.thrusters,
         forces.total,
     )
-    numbers = [x for part in parts for x in part]
+    numbers = [x for part in values for x in part]
     return pack(f"{len(numbers)}d?q", *numbers, simulation.touching, simulation.contacts)
 
 
 class Ride:
     """Two simulations with the same pulses, which change now and then; they are compared after each step."""
 
-    def __init__(self, both: tuple[Simulation, Simulation], seed: int = 1) -> None:
-        self.both = both
+    def __init__(self, pair: tuple[Simulation, Simulation], seed: int = 1) -> None:
+        self.pair = pair
         self.rng = random.Random(seed)
         self.samples = self.touches = 0
-        self._pulses = [1500] * len(both[0].thrusts)
+        self._pulses = [1500] * len(pair[0].thrusts)
 
     def run_and_compare(self, steps: int) -> None:
         for step in range(steps):
@@ -98,17 +98,17 @@ class Ride:
                 self._pulses[:] = [self.rng.choice(PULSES) for _ in self._pulses]
             held = tuple(self._pulses)
             given: Sequence[int] = self._pulses if step % 7 else held
-            first, second = (simulation.step(given) for simulation in self.both)
+            first, second = (simulation.step(given) for simulation in self.pair)
             assert repr(first) == repr(second)
-            assert all_of(self.both[0]) == all_of(self.both[1])
+            assert all_of(self.pair[0]) == all_of(self.pair[1])
             self.samples += len(first)
-            self.touches += self.both[0].touching
+            self.touches += self.pair[0].touching
 
-    def place(self, position: Sequence[float]) -> None:
+    def set_position(self, position: Sequence[float]) -> None:
         """Place both, as the slave's loop does, with random attitude and velocity."""
         quaternion = normalise([self.rng.uniform(-1.0, 1.0) for _ in range(4)])
         nu = [self.rng.uniform(-2.0, 2.0) for _ in range(6)]
-        for simulation in self.both:
+        for simulation in self.pair:
             state = simulation.state
             state.position, state.quaternion, state.nu = list(position), list(quaternion), list(nu)
             state.nu_dot = [0.0] * 6
@@ -118,12 +118,12 @@ class Ride:
 def test_steps_are_equal_among_obstacles(integrator: Integrator, monkeypatch: pytest.MonkeyPatch) -> None:
     """The vehicle is pushed against walls, piles, a block and the seabed, and put elsewhere, also into something."""
     ride = Ride(twins(monkeypatch, FIELD, integrator=integrator))
-    assert ride.both[1]._fused
+    assert ride.pair[1]._fused
     for _ in range(40):
         ride.run_and_compare(80)
-        ride.place([ride.rng.uniform(-6.5, 6.5), ride.rng.uniform(-6.5, 6.5), ride.rng.uniform(-0.2, 6.2)])
+        ride.set_position([ride.rng.uniform(-6.5, 6.5), ride.rng.uniform(-6.5, 6.5), ride.rng.uniform(-0.2, 6.2)])
     assert 50 < ride.touches < 2400
-    assert ride.both[0].contacts > 10
+    assert ride.pair[0].contacts > 10
     assert ride.samples > 500
 
 
@@ -132,7 +132,7 @@ def test_steps_are_equal_above_a_bare_seabed(monkeypatch: pytest.MonkeyPatch) ->
     ride.run_and_compare(500)
     assert not ride.touches
     for depth in (5.9, 0.0, 5.0, 6.5):
-        ride.place((1.0, 2.0, depth))
+        ride.set_position((1.0, 2.0, depth))
         ride.run_and_compare(500)
     assert 5 < ride.touches < 1500
 
@@ -154,7 +154,7 @@ def test_steps_are_equal_over_relief(monkeypatch: pytest.MonkeyPatch) -> None:
     relief = Terrain(grid, Sinusoid(5.0, 0.5, 5.0, 0.3).depths(grid), 5.0)
     ride = Ride(twins(monkeypatch, FLAT._replace(terrain=relief)))
     for depth in (3.0, 4.0, 4.5, 4.7, 4.8, 5.0, 5.5):
-        ride.place((0.0, 0.0, depth))
+        ride.set_position((0.0, 0.0, depth))
         ride.run_and_compare(300)
     assert 20 < ride.touches < 2000
 
@@ -163,30 +163,30 @@ def test_a_failure_during_the_run_takes_effect_alike(monkeypatch: pytest.MonkeyP
     """The failure is immediate or planned, with earlier pulses still held and other failures before it."""
     ride = Ride(twins(monkeypatch, FIELD))
     ride.run_and_compare(333)
-    wrench = ride.both[1].forces().thrusters
+    wrench = ride.pair[1].forces().thrusters
     failures = [Failure("front_left", "efficiency", 0.0, efficiency=0.5), Failure("front_right", "stuck", 1.5)]
     failures.append(Failure("rear_left", "noisy", 1.2, noise=0.3))
-    for simulation in ride.both:
+    for simulation in ride.pair:
         simulation.fail(*failures)
         assert simulation.forces().thrusters == wrench
         assert simulation.failures("front_left") == (failures[0],)
-    assert all_of(ride.both[0]) == all_of(ride.both[1])
-    assert ride.both[1]._fused is None
+    assert all_of(ride.pair[0]) == all_of(ride.pair[1])
+    assert ride.pair[1]._fused is None
     ride.run_and_compare(600)
-    for simulation in ride.both:
+    for simulation in ride.pair:
         simulation.fail(*[Failure(failure.thruster, "repaired") for failure in failures])
     ride.run_and_compare(300)
 
 
 def test_failures_from_the_start_are_equal(monkeypatch: pytest.MonkeyPatch) -> None:
     ride = Ride(twins(monkeypatch, FIELD, failures=[Failure("front_left", "delayed", 0.2, delay=0.1)]))
-    assert ride.both[1]._fused is None
+    assert ride.pair[1]._fused is None
     ride.run_and_compare(500)
 
 
 def test_wrong_pulses_and_failures_are_refused_in_both(monkeypatch: pytest.MonkeyPatch) -> None:
     ride = Ride(twins(monkeypatch, FLAT))
-    for simulation in ride.both:
+    for simulation in ride.pair:
         with pytest.raises(ConfigError, match="5 pulses for a vehicle of 8 thrusters"):
             simulation.step([1500] * 5)
         with pytest.raises(ConfigError, match="pwm_us = 1500: give a list of pulses"):
@@ -215,16 +215,16 @@ def test_the_fields_of_a_state_in_c_are_assigned_as_a_whole() -> None:
 
 
 @pytest.mark.parametrize("position", [(0.0, 0.0, 0.0), (0.3, -0.2, 0.1), (0.0, 0.0, -0.5)])
-@pytest.mark.parametrize("turn", [(0.0, 0.0, 0.0), (0.0, pi, 0.2)])
+@pytest.mark.parametrize("angles", [(0.0, 0.0, 0.0), (0.0, pi, 0.2)])
 def test_every_imu_sample_is_equal(
-    position: tuple[float, float, float], turn: tuple[float, float, float], monkeypatch: pytest.MonkeyPatch
+    position: tuple[float, float, float], angles: tuple[float, float, float], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """The state may be one of Python or of C."""
     scenes = twins(monkeypatch, FLAT, sensors={})
     units = []
     for native, scene in zip("01", scenes, strict=True):
         monkeypatch.setenv("UUV_HIL_NATIVE", native)
-        units.append(Imu(ImuModel(), Mounting(position, turn), 5, scene))
+        units.append(Imu(ImuModel(), Mounting(position, angles), 5, scene))
     rng = random.Random(2)
     for step in range(1000):
         quaternion = normalise([rng.gauss(0.0, 1.0) for _ in range(4)])

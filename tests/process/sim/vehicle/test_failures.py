@@ -56,11 +56,11 @@ def test_efficiency_is_reduced_until_the_repair() -> None:
 
 
 def test_a_thruster_is_stuck_at_a_given_pulse_or_at_the_last_one() -> None:
-    here = steady_thrust(VEHICLE.thrusters[0], 1700)
+    thrust = steady_thrust(VEHICLE.thrusters[0], 1700)
     thrusters = failing({"thruster": "front_left", "kind": "stuck", "pwm_us": 1700})
-    assert thrusts_of(thrusters, [1900, 0, 1100]) == pytest.approx([here] * 3)
+    assert thrusts_of(thrusters, [1900, 0, 1100]) == pytest.approx([thrust] * 3)
     thrusters = failing({"thruster": "front_left", "kind": "stuck", "time": 2 * DT})
-    assert thrusts_of(thrusters, [1500, 1700, 1900, 0]) == pytest.approx([0.0, here, here, here])
+    assert thrusts_of(thrusters, [1500, 1700, 1900, 0]) == pytest.approx([0.0, thrust, thrust, thrust])
 
 
 def test_pulses_are_delayed_by_whole_steps() -> None:
@@ -98,7 +98,7 @@ def test_the_thruster_lag_continues_during_a_failure() -> None:
 
 def test_a_failure_at_run_time_turns_the_vehicle() -> None:
     """The bow goes to port when the front left thruster is lost on the way; the same failure later does the same."""
-    ends = []
+    final_states = []
     for planned in (True, False):
         failure = Failure("front_left", "off", time=0.5)
         simulation = Simulation(
@@ -108,9 +108,9 @@ def test_a_failure_at_run_time_turns_the_vehicle() -> None:
             if step == 200 and not planned:
                 simulation.fail(failure)
             simulation.step((1600, 1600, 1600, 1600, 1500, 1500))
-        ends.append(simulation.truth())
-    assert ends[0] == ends[1]
-    assert ends[0].nu[5] < -0.05
+        final_states.append(simulation.truth())
+    assert final_states[0] == final_states[1]
+    assert final_states[0].nu[5] < -0.05
     assert simulation.thrusts[1] == pytest.approx(0.0, abs=0.01)
 
 

@@ -90,8 +90,8 @@ def test_our_allocator_gives_our_device_a_number(preferred: int) -> None:
 
 def test_the_allocatee_follows_the_allocation_rules() -> None:
     unique_id = bytes(range(16))
-    drawn = [0.0]
-    asking = Allocatee(unique_id, 5, lambda: drawn[0])
+    random_value = [0.0]
+    asking = Allocatee(unique_id, 5, lambda: random_value[0])
 
     def next_request(now_ns: int) -> tuple[int, Allocation]:
         request = asking.request(now_ns)
@@ -103,7 +103,7 @@ def test_the_allocatee_follows_the_allocation_rules() -> None:
         return at_ns, request
 
     assert next_request(0) == (REQUEST_PERIOD_NS[0], Allocation(5, True, unique_id[:6]))
-    drawn[0] = 0.5
+    random_value[0] = 0.5
     asking.on_allocation(0, Allocation(0, True, b"other!"))  # rule C
     assert next_request(1000) == (1000 + sum(REQUEST_PERIOD_NS) // 2, Allocation(5, True, unique_id[:6]))
     asking.on_allocation(99, Allocation(0, False, unique_id[:6]))  # rule D

@@ -82,15 +82,15 @@ def test_many_commands_are_received_without_loss(bench: Bench) -> None:
 def test_get_node_info_is_answered(bench: Bench) -> None:
     bench.device(unique_id="00112233445566778899aabbccddeeff")
     host, node = bench.host(), bench.node(99)
-    answers: list[Any] = []
+    responses: list[Any] = []
     bench.run(0.5)
     for number in (20, 10):
-        node.request(uavcan.protocol.GetNodeInfo.Request(), number, answers.append)
+        node.request(uavcan.protocol.GetNodeInfo.Request(), number, responses.append)
     bench.run()
     host.tick(bench.now_ns)
     host.receive()
     bench.run()
-    stm32, master = (event.response for event in answers)
+    stm32, master = (event.response for event in responses)
     assert bytes(stm32.name).decode() == "org.uuv-hil.stm32"
     assert bytes(master.name).decode() == "org.uuv-hil.host"
     assert stm32.hardware_version.unique_id.to_bytes().hex() == "00112233445566778899aabbccddeeff"
@@ -130,12 +130,12 @@ def test_our_host_commands_reference_controllers(bench: Bench) -> None:
         node = bench.node(50 + number)
         armings.append(listen(node, uavcan.equipment.safety.ArmingStatus))
 
-        def answer(event: Any, first: int = 3 * number) -> None:
+        def on_command(event: Any, first: int = 3 * number) -> None:
             for index in range(first, first + 3):
                 rpm = round(event.message.cmd[index] * 3500 / 8191)
                 event.node.broadcast(uavcan.equipment.esc.Status(esc_index=index, rpm=rpm, error_count=first))
 
-        node.add_handler(uavcan.equipment.esc.RawCommand, answer)
+        node.add_handler(uavcan.equipment.esc.RawCommand, on_command)
     for sequence in range(1, 21):
         pulses = tuple(pulse if pulse == 1500 else 1100 + (pulse + 31 * sequence) % 800 for pulse in PULSES)
         host.send(ThrusterCommand(sequence, True, pulses))
@@ -194,21 +194,21 @@ def test_an_exchange_costs_a_fraction_of_the_reference_implementation() -> None:
     report = ThrusterTelemetry(0, True, False, PULSES, 0, 0, 0, 0)
     master.encode(command)
 
-    def ours() -> None:
+    def run_ours() -> None:
         end.feed(master.encode(command))
         master.feed(end.encode(report))
 
     def transfer(payload: Any) -> list[Any]:
         return list(dronecan.transport.Transfer(payload=payload, source_node_id=9, transfer_priority=8).to_frames())
 
-    def theirs() -> None:
+    def run_pydronecan() -> None:
         dronecan.transport.Transfer().from_frames(transfer(uavcan.equipment.esc.RawCommand(cmd=RAW)))
         for index in range(6):
             status = uavcan.equipment.esc.Status(esc_index=index, rpm=100, voltage=16.0, current=1.0, temperature=290.0)
             dronecan.transport.Transfer().from_frames(transfer(status))
 
-    ours()
-    theirs()  # what is made once
-    own, package = count_calls(ours), count_calls(theirs)
+    run_ours()
+    run_pydronecan()  # what is made once
+    own, package = count_calls(run_ours), count_calls(run_pydronecan)
     print(f"\nexchange of 6: ours {own} calls, package {package}")
     assert 0 < own < package / 5

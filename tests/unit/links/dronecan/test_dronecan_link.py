@@ -52,12 +52,12 @@ def test_sequence_and_frame_count_are_inferred() -> None:
         pulses = (1600 + sequence % 100, *PULSES[1:])
         (command,) = exchange(master, ThrusterCommand(sequence, True, pulses), end)
         assert isinstance(command, ThrusterCommand)
-        (answer,) = exchange(end, report(command.pwm_us), master)
-        assert isinstance(answer, ThrusterTelemetry)
-        assert (answer.sequence, answer.pwm_us) == (sequence, pulses)
-        assert answer.frames == (sequence + 3) & 0xFFFF
+        (telemetry,) = exchange(end, report(command.pwm_us), master)
+        assert isinstance(telemetry, ThrusterTelemetry)
+        assert (telemetry.sequence, telemetry.pwm_us) == (sequence, pulses)
+        assert telemetry.frames == (sequence + 3) & 0xFFFF
     (again,) = exchange(end, report(command.pwm_us), master)
-    assert again == answer, "the same report does not acknowledge a new command"
+    assert again == telemetry, "the same report does not acknowledge a new command"
 
 
 def test_clamped_commands_are_acknowledged() -> None:

@@ -36,14 +36,14 @@ def _bench() -> Any:
 
 
 def send_request(bench: Bench, node: Any, request: Any, number: int = 20) -> Any:
-    answers: list[Any] = []
-    node.request(request, number, answers.append)
+    responses: list[Any] = []
+    node.request(request, number, responses.append)
     bench.run()
-    assert answers[0] is not None, "no answer came"
-    return answers[0].response
+    assert responses[0] is not None, "no answer came"
+    return responses[0].response
 
 
-def get(bench: Bench, node: Any, name: str = "", index: int = 0, **value: Any) -> Any:
+def get_parameter(bench: Bench, node: Any, name: str = "", index: int = 0, **value: Any) -> Any:
     request = protocol.param.GetSet.Request(index=index, name=name)
     for field, given in value.items():
         setattr(request.value, field, given)
@@ -53,11 +53,11 @@ def get(bench: Bench, node: Any, name: str = "", index: int = 0, **value: Any) -
 def test_a_reference_node_lists_our_parameters(bench: Bench) -> None:
     bench.device()
     node = bench.node(99)
-    found: list[tuple[str, Any]] = []
-    while name := bytes((answer := get(bench, node, index=len(found))).name).decode():
-        found.append((name, answer))
-    assert [name for name, _ in found] == ["CAN_NODE", "ESC_INDEX", "FULL_RPM", "REQUIRE_ARMING"]
-    number, first, rpm, arming = (answer for _, answer in found)
+    parameters: list[tuple[str, Any]] = []
+    while name := bytes((response := get_parameter(bench, node, index=len(parameters))).name).decode():
+        parameters.append((name, response))
+    assert [name for name, _ in parameters] == ["CAN_NODE", "ESC_INDEX", "FULL_RPM", "REQUIRE_ARMING"]
+    number, first, rpm, arming = (response for _, response in parameters)
     assert (number.value.integer_value, number.min_value.integer_value, number.max_value.integer_value) == (20, 0, 127)
     assert (first.value.integer_value, first.max_value.integer_value) == (0, 14)
     assert (rpm.value.real_value, rpm.default_value.real_value, rpm.min_value.real_value) == (3500.0, 3500.0, 800.0)
@@ -69,13 +69,13 @@ def test_a_set_value_applies_at_once_within_its_limits(bench: Bench) -> None:
     end = bench.device()
     node = bench.node(99)
     status, extended = listen(node, esc.Status), listen(node, esc.StatusExtended)
-    assert get(bench, node, "ESC_INDEX", integer_value=4).value.integer_value == 4
-    assert get(bench, node, "ESC_INDEX", integer_value=15).value.integer_value == 4, "beyond its limit"
-    assert get(bench, node, "ESC_INDEX", string_value="five").value.integer_value == 4
-    assert get(bench, node, "FULL_RPM", real_value=float("nan")).value.real_value == 3500.0
-    assert get(bench, node, "FULL_RPM", real_value=4000.0).value.real_value == 4000.0
-    assert get(bench, node, "REQUIRE_ARMING", boolean_value=0).value.boolean_value == 0
-    assert bytes(get(bench, node, "NOTHING").name) == b""
+    assert get_parameter(bench, node, "ESC_INDEX", integer_value=4).value.integer_value == 4
+    assert get_parameter(bench, node, "ESC_INDEX", integer_value=15).value.integer_value == 4, "beyond its limit"
+    assert get_parameter(bench, node, "ESC_INDEX", string_value="five").value.integer_value == 4
+    assert get_parameter(bench, node, "FULL_RPM", real_value=float("nan")).value.real_value == 3500.0
+    assert get_parameter(bench, node, "FULL_RPM", real_value=4000.0).value.real_value == 4000.0
+    assert get_parameter(bench, node, "REQUIRE_ARMING", boolean_value=0).value.boolean_value == 0
+    assert bytes(get_parameter(bench, node, "NOTHING").name) == b""
     status.clear()
     arm(node, 0)  # which nothing requires any more
     node.broadcast(esc.RawCommand(cmd=[8191] * 4 + [-8191, 0, 0, 0, 0, 8191]))
@@ -94,12 +94,12 @@ def test_saved_values_survive_a_restart_and_others_do_not(bench: Bench, tmp_path
     node = bench.node(99)
     nodes = listen(node, protocol.NodeStatus)
     bench.run(3.0)
-    get(bench, node, "ESC_INDEX", integer_value=2)
-    get(bench, node, "CAN_NODE", integer_value=21)
+    get_parameter(bench, node, "ESC_INDEX", integer_value=2)
+    get_parameter(bench, node, "CAN_NODE", integer_value=21)
     stored = send_request(bench, node, protocol.param.ExecuteOpcode.Request(opcode=SAVE))
     assert (stored.ok, stored.argument) == (True, 0)
     assert not send_request(bench, node, protocol.param.ExecuteOpcode.Request(opcode=7)).ok
-    get(bench, node, "FULL_RPM", real_value=5000.0)  # and not stored
+    get_parameter(bench, node, "FULL_RPM", real_value=5000.0)  # and not stored
     arm(node)
     node.broadcast(esc.RawCommand(cmd=[0, 0, 8191]))
     bench.run()
@@ -135,10 +135,10 @@ def test_a_device_without_a_set_number_requests_one_after_a_restart(bench: Bench
     assert send_request(bench, node, protocol.RestartNode.Request(magic_number=0xACCE551B1E), 33).ok
     bench.run(0.1)
     assert protocol_end.node_id == 0
-    answers: list[Any] = []
-    node.request(protocol.GetNodeInfo.Request(), 33, answers.append, timeout=0.0)
+    responses: list[Any] = []
+    node.request(protocol.GetNodeInfo.Request(), 33, responses.append, timeout=0.0)
     bench.run()
-    assert answers in ([], [None]), "the old node number no longer answers"
+    assert responses in ([], [None]), "the old node number no longer answers"
 
 
 def test_transport_statistics_are_counted(bench: Bench) -> None:
@@ -158,17 +158,17 @@ def test_transport_statistics_are_counted(bench: Bench) -> None:
 
 def test_the_host_node_answers_services_and_does_not_restart(bench: Bench) -> None:
     link, node = bench.host(), bench.node(99)
-    answers: list[Any] = []
+    responses: list[Any] = []
     link.tick(bench.now_ns)
     for request in (
         protocol.GetTransportStats.Request(), protocol.param.GetSet.Request(),
         protocol.RestartNode.Request(magic_number=0xACCE551B1E), protocol.param.ExecuteOpcode.Request(opcode=SAVE),
     ):  # fmt: skip
-        node.request(request, 10, answers.append)
+        node.request(request, 10, responses.append)
         bench.run()
         link.receive()
         bench.run()
-    stats, parameter, restart, opcode = (event.response for event in answers)
+    stats, parameter, restart, opcode = (event.response for event in responses)
     assert stats.transfers_tx > 0
     assert bytes(parameter.name) == b""
     assert (restart.ok, opcode.ok) == (False, True)
@@ -189,11 +189,11 @@ def test_our_host_sends_rpm_commands_to_controllers_with_higher_indices(bench: B
     link, node = bench.host(own_device=False, command="rpm", esc_index=8), bench.node(50)
     received = listen(node, esc.RPMCommand)
 
-    def answer(event: Any) -> None:
+    def on_command(event: Any) -> None:
         for index, rpm in enumerate(event.message.rpm):
             event.node.broadcast(esc.Status(esc_index=index, rpm=rpm))
 
-    node.add_handler(esc.RPMCommand, answer)
+    node.add_handler(esc.RPMCommand, on_command)
     node.broadcast(esc.StatusExtended(esc_index=9, motor_temperature_degC=-7, status_flags=0x7FFFF))
     link.send(ThrusterCommand(3, True, PULSES))
     bench.run()
@@ -229,23 +229,23 @@ def test_signatures_and_sizes_equal_those_of_the_reference_implementation() -> N
         "RESTART_NODE": protocol.RestartNode, "GET_TRANSPORT_STATS": protocol.GetTransportStats,
     }  # fmt: skip
     for name, kind in kinds.items():
-        ours = getattr(services, name)
-        theirs = data_type(kind.default_dtid, kind.get_data_type_signature(), ours.max_size)
-        assert ours == theirs
-        assert ours.max_size == (kind.get_max_bitlen_request() + 7) // 8
+        function = getattr(services, name)
+        theirs = data_type(kind.default_dtid, kind.get_data_type_signature(), function.max_size)
+        assert function == theirs
+        assert function.max_size == (kind.get_max_bitlen_request() + 7) // 8
 
 
 def test_any_bytes_are_decoded_as_a_request_or_refused() -> None:
     source = random.Random(3)
-    ends: list[Any] = [host(), device()]
+    protocols: list[Any] = [host(), device()]
     for _ in range(3000):
         data = source.randbytes(source.randrange(30))
-        found = services.unpack_get_set(data)
-        assert found is None or isinstance(found, GetSet)
+        unpacked = services.unpack_get_set(data)
+        assert unpacked is None or isinstance(unpacked, GetSet)
         assert services.unpack_opcode(data) in (None, *range(256))
-        for end in ends:
-            if found:
-                services.pack_description(end.parameters.answer(found))
+        for end in protocols:
+            if unpacked:
+                services.pack_description(end.parameters.answer(unpacked))
     assert services.unpack_get_set(b"\x00\x01" + struct.pack("<q", -2) + b"AB") == GetSet(0, -2, "AB")
 
 

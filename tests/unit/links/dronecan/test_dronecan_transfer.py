@@ -43,8 +43,8 @@ def transfer(transfer_id: int, payload: bytes = PAYLOAD, can_id: int = CAN_ID) -
     return frames(pack_transfer(can_id, payload, transfer_id, ESC_STATUS.seed))
 
 
-def received(receiver: Receiver, kept: list[CanFrame], now_ns: int = 0) -> list[bytes]:
-    taken = [receiver.feed_frame(frame, now_ns) for frame in kept]
+def received(receiver: Receiver, frames: list[CanFrame], now_ns: int = 0) -> list[bytes]:
+    taken = [receiver.feed_frame(frame, now_ns) for frame in frames]
     return [whole.payload for whole in taken if whole is not None]
 
 
@@ -119,11 +119,11 @@ def test_a_duplicated_single_frame_transfer_is_dropped(receiver: Receiver) -> No
 
 
 def test_a_wrong_crc_is_counted(receiver: Receiver) -> None:
-    for place in range(3):
-        cut = transfer(place)
-        data = bytearray(cut[place].data)
+    for index in range(3):
+        cut = transfer(index)
+        data = bytearray(cut[index].data)
         data[0] ^= 1
-        cut[place] = CanFrame(CAN_ID, bytes(data))
+        cut[index] = CanFrame(CAN_ID, bytes(data))
         assert received(receiver, cut) == []
     assert counted(receiver) == (0, 3)
     assert received(receiver, transfer(3)) == [PAYLOAD]
@@ -167,11 +167,11 @@ def test_malformed_frames_are_counted(receiver: Receiver) -> None:
 
 
 def test_frames_of_other_types_are_ignored_and_not_counted(receiver: Receiver) -> None:
-    others = [
+    other_frames = [
         frame_id(message_key(GET_NODE_INFO_RESPONSE) + 8, 8, 42),
         frame_id(service_key(ESC_STATUS, 5, True), 8, 42),
     ]
-    for can_id in others:
+    for can_id in other_frames:
         assert received(receiver, transfer(1, can_id=can_id)) == []
     assert counted(receiver) == (0, 0)
     assert not receiver._sessions

@@ -132,14 +132,14 @@ def test_a_valid_frame_is_decoded_with_its_last_byte(stream: list[tuple[bytes, T
 @pytest.mark.parametrize("vector", GOLDEN["sound"], ids=lambda vector: vector["name"])
 def test_a_frame_with_one_wrong_byte_is_never_accepted(vector: dict[str, Any]) -> None:
     """Every byte of a frame is replaced by every other value; the frame after it is always decoded at once."""
-    data, good = bytes.fromhex(vector["hex"]), command(77)
-    behind = uuv_hil().encode(good)
+    data, valid = bytes.fromhex(vector["hex"]), command(77)
+    next_frame = uuv_hil().encode(valid)
     protocol = uuv_hil()
-    for place in range(len(data)):
-        for value in set(range(256)) - {data[place]}:
-            damaged = data[:place] + bytes([value]) + data[place + 1 :]
-            assert protocol.feed(damaged) == [], (place, value)
-            assert protocol.feed(behind) == [good], (place, value)
+    for index in range(len(data)):
+        for value in set(range(256)) - {data[index]}:
+            damaged = data[:index] + bytes([value]) + data[index + 1 :]
+            assert protocol.feed(damaged) == [], (index, value)
+            assert protocol.feed(next_frame) == [valid], (index, value)
     assert protocol.counters.checksum_errors > 0
 
 
@@ -157,10 +157,10 @@ def test_a_truncated_frame_loses_only_itself() -> None:
 def test_the_frame_after_a_duplicated_or_lost_byte_is_decoded() -> None:
     protocol = uuv_hil()
     data = protocol.encode(command(1))
-    for place in range(len(data)):
-        lost, doubled = data[:place] + data[place + 1 :], data[: place + 1] + data[place:]
-        assert protocol.feed(lost + data) == [command(1)], place
-        assert command(1) in protocol.feed(doubled + data), place
+    for index in range(len(data)):
+        lost, doubled = data[:index] + data[index + 1 :], data[: index + 1] + data[index:]
+        assert protocol.feed(lost + data) == [command(1)], index
+        assert command(1) in protocol.feed(doubled + data), index
 
 
 def test_a_frame_that_lies_inside_a_damaged_one_is_found() -> None:

@@ -89,17 +89,17 @@ def test_a_valid_frame_is_decoded_with_its_last_byte(
 @pytest.mark.parametrize("name", NAMES)
 def test_a_frame_with_one_wrong_byte_is_never_accepted(name: str) -> None:
     """Every byte of a frame is replaced by every other value; the frame after it is always decoded at once."""
-    protocol, good = opened(name), ThrusterCommand(77, True, (1400, 1500, 1600))
-    behind = protocol.encode(good)
+    protocol, valid = opened(name), ThrusterCommand(77, True, (1400, 1500, 1600))
+    next_frame = protocol.encode(valid)
     for message in (
         ThrusterCommand(3, True, (1200, 1801)),
         ThrusterTelemetry(3, True, False, (1200, 1801), 500, 1, 2, 3),
     ):
         data = protocol.encode(message)
-        for place in range(len(data)):
-            for value in set(range(256)) - {data[place]}:
-                received = protocol.feed(data[:place] + bytes([value]) + data[place + 1 :]) + protocol.feed(behind)
-                assert [m.pwm_us for m in received] == [good.pwm_us], (place, value)
+        for index in range(len(data)):
+            for value in set(range(256)) - {data[index]}:
+                received = protocol.feed(data[:index] + bytes([value]) + data[index + 1 :]) + protocol.feed(next_frame)
+                assert [m.pwm_us for m in received] == [valid.pwm_us], (index, value)
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -84,7 +84,7 @@ def test_every_shipped_frame_loads(name: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "words"),
+    ("old", "new", "messages"),
     [
         ("byte_order", "byteorder", ["'byteorder'", "did you mean 'byte_order'"]),
         ('"little"', '"middle"', ["byte_order", "'middle'", "little, big"]),
@@ -113,14 +113,14 @@ def test_every_shipped_frame_loads(name: str) -> None:
         ),
     ],
 )
-def test_an_invalid_file_is_reported_with_its_key(tmp_path: Path, old: str, new: str, words: list[str]) -> None:
+def test_an_invalid_file_is_reported_with_its_key(tmp_path: Path, old: str, new: str, messages: list[str]) -> None:
     text = OURS[OURS.index("byte_order =") :]
     assert old in text
     with pytest.raises(ConfigError) as caught:
         protocol(tmp_path, text.replace(old, new, 1))
     message = str(caught.value)
     assert message.startswith(str(tmp_path / "lab.toml"))
-    assert all(word in message for word in words), message
+    assert all(word in message for word in messages), message
 
 
 def test_a_length_field_too_small_for_the_longest_message_is_refused(tmp_path: Path) -> None:

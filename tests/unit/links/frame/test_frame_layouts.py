@@ -97,13 +97,13 @@ def test_a_crc_can_be_given_by_its_parameters(tmp_path: Path) -> None:
 
 def test_lists_may_be_consecutive_or_alternating(tmp_path: Path) -> None:
     lists = '{ name = "pwm_us", type = "u16" }, { name = "current", extra = true, per_channel = true }'
-    plain = lab(tmp_path, frame_file(PULSES, '{ name = "pad" }, ' + lists), "host")
+    reference = lab(tmp_path, frame_file(PULSES, '{ name = "pad" }, ' + lists), "host")
     report = ThrusterTelemetry(0, True, False, (0x0102, 0x0304), 0, 0, 0, 0)
-    assert plain.encode(report)[:-2].hex(" ") == "7b 07 00 02 01 04 03 00 00"
+    assert reference.encode(report)[:-2].hex(" ") == "7b 07 00 02 01 04 03 00 00"
     text = frame_file(PULSES, '{ name = "pad" }, ' + lists).replace("[telemetry]", "[telemetry]\ninterleaved = true")
     mixed = lab(tmp_path, text, "host")
     assert mixed.encode(report)[:-2].hex(" ") == "7b 07 00 02 01 00 04 03 00"
-    assert plain.feed(plain.encode(report)) == mixed.feed(mixed.encode(report)) == [report]
+    assert reference.feed(reference.encode(report)) == mixed.feed(mixed.encode(report)) == [report]
 
 
 @pytest.mark.parametrize(
@@ -166,16 +166,16 @@ MISTAKES = [
 ]
 
 
-@pytest.mark.parametrize(("field", "words"), MISTAKES)
-def test_a_mistake_in_a_field_is_reported(tmp_path: Path, field: str, words: list[str]) -> None:
+@pytest.mark.parametrize(("field", "messages"), MISTAKES)
+def test_a_mistake_in_a_field_is_reported(tmp_path: Path, field: str, messages: list[str]) -> None:
     with pytest.raises(ConfigError) as caught:
         lab(tmp_path, frame_file(f"{PULSES}, {field}"), "host")
     assert str(caught.value).startswith(f"{tmp_path}/lab.toml: ")
-    assert all(word in str(caught.value) for word in words), caught.value
+    assert all(word in str(caught.value) for word in messages), caught.value
 
 
 @pytest.mark.parametrize(
-    ("top", "words"),
+    ("top", "messages"),
     [
         ("sync = []", ["sync", "no stuffing"]),
         ('checksum = { type = "sum8", polynomial = 7 }', ["sum8 has no polynomial"]),
@@ -187,14 +187,14 @@ def test_a_mistake_in_a_field_is_reported(tmp_path: Path, field: str, words: lis
         ("[[other]]\nid = 3\n[dummy]", ["no key 'dummy'"]),
     ],
 )
-def test_a_mistake_at_the_top_level_is_reported(tmp_path: Path, top: str, words: list[str]) -> None:
+def test_a_mistake_at_the_top_level_is_reported(tmp_path: Path, top: str, messages: list[str]) -> None:
     with pytest.raises(ConfigError) as caught:
         lab(tmp_path, frame_file(PULSES, top=top), "host")
-    assert all(word in str(caught.value) for word in words), caught.value
+    assert all(word in str(caught.value) for word in messages), caught.value
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "words"),
+    ("old", "new", "messages"),
     [
         ('unit = "rpm"', 'unit = "rps"', ["'rps' is not one of us, normalised, rpm, N"]),
         ('type = "u16" }', 'type = "u16", unit = "rpm" }', ["unit rpm needs full_scale", "in rpm"]),
@@ -204,9 +204,9 @@ def test_a_mistake_at_the_top_level_is_reported(tmp_path: Path, top: str, words:
         ("[telemetry]", "[[other]]\nperiod = 5e-4\n[telemetry]", ["period", "0.001 to 3600 s"]),
     ],
 )
-def test_a_mistake_in_a_message_is_reported(tmp_path: Path, old: str, new: str, words: list[str]) -> None:
+def test_a_mistake_in_a_message_is_reported(tmp_path: Path, old: str, new: str, messages: list[str]) -> None:
     text = frame_file('{ name = "pwm_us", type = "i16", unit = "rpm", full_scale = 1000 }')
     assert old in text
     with pytest.raises(ConfigError) as caught:
         lab(tmp_path, text.replace(old, new, 1), "host")
-    assert all(word in str(caught.value) for word in words), caught.value
+    assert all(word in str(caught.value) for word in messages), caught.value

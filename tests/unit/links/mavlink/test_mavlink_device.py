@@ -28,10 +28,10 @@ class Ground(Peer):
 
     def send_command(self, command: int, *params: float) -> int:
         """Send COMMAND_LONG; return the result of its one acknowledgement, which must be addressed to us."""
-        answers = self.exchange(self.long(command, *params))
-        acks = [m for m in answers if m.get_type() == "COMMAND_ACK"]
+        replies = self.exchange(self.long(command, *params))
+        acks = [m for m in replies if m.get_type() == "COMMAND_ACK"]
         assert [(m.command, m.target_system, m.target_component) for m in acks] == [(command, 255, 190)]
-        assert all(m.get_type() != "BAD_DATA" for m in answers)
+        assert all(m.get_type() != "BAD_DATA" for m in replies)
         return int(acks[0].result)
 
     def set_servo(self, channel: float, width: float) -> int:

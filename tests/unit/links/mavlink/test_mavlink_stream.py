@@ -81,10 +81,10 @@ def test_a_false_length_delays_no_packet() -> None:
 def test_a_damaged_packet_is_counted_and_the_next_one_received() -> None:
     whole = b"".join(packets(3))
     second = len(packets(1)[0])
-    for at in range(second + 10, second + 20):
+    for position in range(second + 10, second + 20):
         parser, counters = stream()
         damaged = bytearray(whole)
-        damaged[at] ^= 0x10
+        damaged[position] ^= 0x10
         assert numbers(parser.unpack(bytes(damaged))) == [0, 2]
         assert (counters.checksum_errors, counters.dropped_bytes) == (1, len(packets(2)[1]))
 
@@ -114,16 +114,16 @@ def mutated(rng: random.Random, packet: bytes) -> bytes:
     """Return the packet with bytes changed, removed, doubled or inserted; half of them with a correct checksum."""
     data = bytearray(packet)
     for _ in range(rng.randint(1, 4)):
-        at = rng.randrange(len(data)) if data else 0
+        position = rng.randrange(len(data)) if data else 0
         match rng.randrange(4):
             case 0 if data:
-                data[at] = rng.randrange(256)
+                data[position] = rng.randrange(256)
             case 1:
-                del data[at : at + rng.randint(1, 5)]
+                del data[position : position + rng.randint(1, 5)]
             case 2:
-                data[at:at] = data[at : at + rng.randint(1, 20)]
+                data[position:position] = data[position : position + rng.randint(1, 20)]
             case _:
-                data[at:at] = rng.randbytes(rng.randint(1, 5))
+                data[position:position] = rng.randbytes(rng.randint(1, 5))
     return repaired(bytes(data)) if rng.random() < 0.5 else bytes(data)
 
 
@@ -149,10 +149,10 @@ def test_no_input_raises_or_fills_memory() -> None:
     rng = random.Random(1)
     mix = [[0.5, 0.5, 0.5, 0.5]] * 4
     guarded = device_end(signing_key="k")
-    ends: list[MavlinkEnd] = [device_end(mix=mix), host_end(), guarded]
+    protocols: list[MavlinkEnd] = [device_end(mix=mix), host_end(), guarded]
     peer = Peer(1, 191)
     seeds = [peer.servos([1600] * 8), *(peer.long(command, 1.0, 1500.0) for command in (400, 183, 209, 512))]
-    seeds += [ends[1].encode(ThrusterCommand(0, True, (1500,) * 4)), ends[0].tick(0)]
+    seeds += [protocols[1].encode(ThrusterCommand(0, True, (1500,) * 4)), protocols[0].tick(0)]
     for i in range(40_000):
         match i % 4:
             case 0:
@@ -161,11 +161,11 @@ def test_no_input_raises_or_fills_memory() -> None:
                 data = every_message(rng)
             case _:
                 data = mutated(rng, rng.choice(seeds))
-        for end in (ends[0], ends[1 + i // 4 % 2]):
+        for end in (protocols[0], protocols[1 + i // 4 % 2]):
             end.feed(data)
             end.replies()
             assert len(end._stream._rest) < LONGEST
-    for end in ends:
+    for end in protocols:
         assert min(end.counters.dropped_bytes, end.counters.checksum_errors) > 400
     assert guarded.counters.malformed > 400
     assert not guarded._outputs.armed, "a sender without the key cannot arm it"
@@ -271,14 +271,14 @@ def test_the_minute_for_new_senders_is_counted_from_the_current_time() -> None:
 def test_our_timestamps_increase_with_every_packet() -> None:
     wall = Clock(NOW_NS)
     host = host_end(signing_key=KEY.hex(), wall_clock=wall)
-    seen: list[int] = []
+    received: list[int] = []
     for step_ns in (0, 0, 10**9, -(10**15), 0, 5 * 10**9, TIMESTAMP_NS):
         wall.now += step_ns
         packet = host.tick(0)
-        seen.append(int.from_bytes(packet[-12:-6], "little"))
-    assert seen[0] == NOW
-    assert seen == sorted(set(seen))
-    assert seen[2] == NOW + 100_000
+        received.append(int.from_bytes(packet[-12:-6], "little"))
+    assert received[0] == NOW
+    assert received == sorted(set(received))
+    assert received[2] == NOW + 100_000
     ahead = signed_peer(timestamp=NOW + 10**7, component=1)
     host.feed(ahead.pack(dialect.MAVLink_heartbeat_message(12, 0, 0, 0, 3, 3)))
     assert int.from_bytes(host.tick(0)[-12:-6], "little") >= NOW + 10**7, "ours follow the newest received"
@@ -287,23 +287,23 @@ def test_our_timestamps_increase_with_every_packet() -> None:
 def test_pymavlinks_own_check_is_blocked_by_a_forged_timestamp() -> None:
     """We check signatures for this reason: this test fails once pymavlink is corrected, and ours can be removed."""
     receiver = signed_peer()
-    good = signed_peer()
-    assert receiver.names(good.arm()) == ["COMMAND_LONG"]
+    signer = signed_peer()
+    assert receiver.names(signer.arm()) == ["COMMAND_LONG"]
     assert receiver.names(signed_peer(b"x" * 32, timestamp=2**47).arm()) == ["BAD_DATA"]
-    assert receiver.names(good.arm()) == ["BAD_DATA"], "a good packet"
+    assert receiver.names(signer.arm()) == ["BAD_DATA"], "a good packet"
 
 
 def test_our_check_is_not_blocked_by_a_forged_timestamp() -> None:
-    board, good = signed_board(), signed_peer()
-    board.take(good.arm())
+    board, signer = signed_board(), signed_peer()
+    board.take(signer.arm())
     for attempt in (2**47, 2**48 - 1):
         assert board.take(signed_peer(b"x" * 32, timestamp=attempt).arm(False)) == b""
-    board.take(good.servos([1600] * 4))
+    board.take(signer.servos([1600] * 4))
     assert board.pwm_us == [1600] * 4
-    fresh = signed_board()
-    fresh.take(signed_peer(b"x" * 32, timestamp=2**47).arm())
-    fresh.take(signed_peer().arm())
-    assert fresh.stm32.armed, "a sender not received before cannot be blocked either"
+    restarted = signed_board()
+    restarted.take(signed_peer(b"x" * 32, timestamp=2**47).arm())
+    restarted.take(signed_peer().arm())
+    assert restarted.stm32.armed, "a sender not received before cannot be blocked either"
 
 
 def test_a_key_is_digits_or_a_passphrase() -> None:

@@ -49,21 +49,21 @@ def mackenzie(temperature: float, salinity: float, depth: float) -> float:
 def test_temperature_and_salinity_give_density_and_speed_of_sound(tmp_path: Path, origin: str) -> None:
     rows = [(0.0, 14.0, 30.0), (20.0, 11.0, 31.5), (100.0, 9.0, 33.0), (800.0, 4.0, 34.5)]
     lines = ["# cast 7", "Salinity (PSU);Depth (m);Temperature (deg C);Oxygen", *(f"{s};{d};{t};x" for d, t, s in rows)]
-    found = profile(tmp_path, "\n".join(lines), origin)
-    assert found.depth == tuple(row[0] for row in rows)
-    for speed, (depth, temperature, salinity) in zip(found.sound_speed, rows, strict=True):
+    layers = profile(tmp_path, "\n".join(lines), origin)
+    assert layers.depth == tuple(row[0] for row in rows)
+    for speed, (depth, temperature, salinity) in zip(layers.sound_speed, rows, strict=True):
         assert speed == pytest.approx(mackenzie(temperature, salinity, depth), abs=0.4)
     # UNESCO's equation of state (Fofonoff and Millard 1983): 1022.3 at 14 deg C and 30; the weight adds 3.7 at 800 m
-    assert found.density[0] == pytest.approx(1022.34, abs=0.1)
-    assert found.density[3] == pytest.approx(1027.38 + 3.7, abs=0.15)
+    assert layers.density[0] == pytest.approx(1022.34, abs=0.1)
+    assert layers.density[3] == pytest.approx(1027.38 + 3.7, abs=0.15)
 
 
 def test_pressure_is_converted_to_depth_and_long_casts_are_averaged(tmp_path: Path) -> None:
     rows = [f"{0.5 * k:.1f},{15.0 - 0.005 * k:.3f},34.0" for k in (*range(1600), *range(1599, 0, -1))]
-    found = profile(tmp_path, "\n".join(["pressure,temperature,salinity", *rows]))
-    assert len(found.depth) == MAX_ROWS
-    assert all(b > a for a, b in pairwise(found.depth))
-    assert found.depth[-1] == pytest.approx(786.0, abs=3.0), "799.5 dbar less half a bin are 786 m"
+    layers = profile(tmp_path, "\n".join(["pressure,temperature,salinity", *rows]))
+    assert len(layers.depth) == MAX_ROWS
+    assert all(b > a for a, b in pairwise(layers.depth))
+    assert layers.depth[-1] == pytest.approx(786.0, abs=3.0), "799.5 dbar less half a bin are 786 m"
 
 
 def test_decimal_commas_are_read_where_commas_separate_no_columns(tmp_path: Path) -> None:

@@ -80,13 +80,13 @@ def sinking(**changes: object) -> Vehicle:
     return vehicle._replace(**{"collision": Collision(restitution=0.0), **changes})  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("place", [(-8.0, -8.0, 2.0), (-5.0, 0.1, 2.0), (-5.0, 1.6, 2.0), (0.0, 4.9, 2.0)])
-def test_a_falling_vehicle_never_gains_energy(place: tuple[float, float, float]) -> None:
+@pytest.mark.parametrize("position", [(-8.0, -8.0, 2.0), (-5.0, 0.1, 2.0), (-5.0, 1.6, 2.0), (0.0, 4.9, 2.0)])
+def test_a_falling_vehicle_never_gains_energy(position: tuple[float, float, float]) -> None:
     """Total energy falls step by step on the seabed, on top of a stump, on its edge and down along a box."""
     vehicle = sinking()
     dynamics = make_dynamics(vehicle, SEA.density, SEA.gravity, "rk4")
     contact = Contact(vehicle, SEA, dynamics.inverse_mass)
-    state = State(place, nu=(0.3, -0.4, 0.0, 0.0, 0.0, 0.0))
+    state = State(position, nu=(0.3, -0.4, 0.0, 0.0, 0.0, 0.0))
     last, touched = total_energy(dynamics, state), 0
     for _ in range(2000):
         dynamics.step(state, (0.0,) * 6, (0.0, 0.0, 0.0), STEP_NS * 1e-9)
@@ -120,17 +120,17 @@ def test_a_vehicle_passes_below_a_pontoon_and_stops_at_its_underside() -> None:
     pontoon = Box(0.0, 0.0, 6.0, 6.0, top=-1.0, bottom=2.0)
     world = World("harbour", "test", (-20.0, 20.0, -20.0, 20.0), 10.0, box=(pontoon,))
     inverse = Dynamics(VEHICLE, 1025.0, 9.8).inverse_mass
-    half, ahead = 0.5 * VEHICLE.dimensions[2], 0.5 * VEHICLE.dimensions[0]
-    for place, free in (((0.0, 0.0, 2.01 + half), True), ((0.0, 0.0, 1.9 + half), False), ((3.1, 0.0, 1.0), False)):
-        contact, state = Contact(VEHICLE._replace(collision=Collision(restitution=0.0)), world, inverse), State(place)
+    half, front = 0.5 * VEHICLE.dimensions[2], 0.5 * VEHICLE.dimensions[0]
+    for point, free in (((0.0, 0.0, 2.01 + half), True), ((0.0, 0.0, 1.9 + half), False), ((3.1, 0.0, 1.0), False)):
+        contact, state = Contact(VEHICLE._replace(collision=Collision(restitution=0.0)), world, inverse), State(point)
         state.nu = [0.0, 0.0, -0.5, 0.0, 0.0, 0.0]
         assert contact.resolve(state) != free
-        assert starts_inside(VEHICLE, world, place) != free
-        if place[2] > 2.0 and not free:
+        assert starts_inside(VEHICLE, world, point) != free
+        if point[2] > 2.0 and not free:
             assert state.position == pytest.approx((0.0, 0.0, 2.0 + half), abs=1e-5)
             assert state.nu[2] == pytest.approx(0.0, abs=1e-4)
         elif not free:
-            assert state.position == pytest.approx((3.0 + ahead, 0.0, 1.0), abs=1e-5)
+            assert state.position == pytest.approx((3.0 + front, 0.0, 1.0), abs=1e-5)
     assert world.clearance(0.0, 0.0, 5.0, height=1.0) == float("inf")
     assert world.clearance(0.0, 0.0, 5.0) == -3.0
     assert world.foot(pontoon, 0.0, 0.0) == 2.0
@@ -145,8 +145,8 @@ def test_contacts_do_not_depend_on_earlier_positions() -> None:
     inverse = Dynamics(VEHICLE, 1025.0, 9.8).inverse_mass
     contact, touched = Contact(VEHICLE, world, inverse), 0
     for step in range(4000):
-        place = (0.1 * step - 200.0, 150.0 * (step / 4000.0) - 60.0, 5.0)
-        state, fresh = State(place), State(place)
+        position = (0.1 * step - 200.0, 150.0 * (step / 4000.0) - 60.0, 5.0)
+        state, fresh = State(position), State(position)
         assert contact.resolve(state) == Contact(VEHICLE, world, inverse).resolve(fresh)
         assert state.position == fresh.position
         touched += contact.touching

@@ -62,11 +62,11 @@ def test_a_vehicle_in_a_slope_is_moved_out_along_the_normal(heading: float) -> N
     )
     before = list(state.position)
     assert contact.resolve(state)
-    moved = [a - b for a, b in zip(state.position, before, strict=True)]
+    displacement = [a - b for a, b in zip(state.position, before, strict=True)]
     out = [x / sqrt(1.25) for x in (0.5 * cos(heading), 0.5 * sin(heading), -1.0)]
-    across = sum(a * b for a, b in zip(moved, out, strict=True))
+    across = sum(a * b for a, b in zip(displacement, out, strict=True))
     assert across > 0.1
-    assert sqrt(sum(x * x for x in moved)) == pytest.approx(across, abs=1e-4)  # nodes are 32-bit floats
+    assert sqrt(sum(x * x for x in displacement)) == pytest.approx(across, abs=1e-4)  # nodes are 32-bit floats
     assert deepest(contact, state) < 1e-5
     velocity = rotate(state.quaternion, state.nu[:3])
     assert sum(v * n for v, n in zip(velocity, out, strict=True)) >= 0.0

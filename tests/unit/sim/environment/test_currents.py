@@ -185,17 +185,17 @@ def test_two_constituents_across_make_a_tidal_ellipse() -> None:
 def test_currents_add_up() -> None:
     layers, tide = Layers((0.0, 10.0), north=(0.4, 0.0)), Tide("M2", 0.3, 1.0)
     series = Series((0.0, HOUR / SECOND), east=(0.0, 0.2))
-    both = ocean_current(Ocean(layers, MODEL, (tide,), series), (0.05, -0.05, 0.01), 9)
+    combined = ocean_current(Ocean(layers, MODEL, (tide,), series), (0.05, -0.05, 0.01), 9)
     for time, depth in pairwise((0, 3 * SECOND, 9 * SECOND)):
-        parts = (
+        currents = (
             layered(layers),
             GaussMarkovCurrent(MODEL, 9),
             tidal([tide]),
             recorded(series),
             lambda *_: (0.05, -0.05, 0.01),
         )
-        expected = [sum(axis) for axis in zip(*(part(time, depth * 1e-9) for part in parts), strict=True)]
-        assert both(time, depth * 1e-9) == pytest.approx(expected, abs=1e-15)
+        expected = [sum(axis) for axis in zip(*(part(time, depth * 1e-9) for part in currents), strict=True)]
+        assert combined(time, depth * 1e-9) == pytest.approx(expected, abs=1e-15)
     assert ocean_current(Ocean(), STILL, 1)(5, 5.0) == STILL
 
 

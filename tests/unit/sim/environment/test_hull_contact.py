@@ -30,12 +30,12 @@ DT = 0.0025
 def ball(collision: Collision, **changes: object) -> Vehicle:
     """Return a ball of 10 kg and 0.2 m radius in water of negligible drag, with a buoyancy of at most 4.7 kg."""
     keys = collision._replace(shape="spheres", spheres=((0.0, 0.0, 0.0, 0.2),))
-    plain: dict[str, object] = {
+    defaults: dict[str, object] = {
         "neutrally_buoyant": False, "mass": 10.0, "volume": 4.7 / 1025.0, "collision": keys,
         "center_of_buoyancy": (0.0, 0.0, 0.0), "center_of_gravity": (0.0, 0.0, 0.0), "inertia": (0.2, 0.2, 0.2),
         "added_mass": (3.0, 3.0, 3.0, 0.1, 0.1, 0.1), "linear_damping": (0.0,) * 6, "quadratic_damping": (0.0,) * 6,
     }  # fmt: skip
-    return FRAME._replace(**{**plain, **changes})  # type: ignore[arg-type]
+    return FRAME._replace(**{**defaults, **changes})  # type: ignore[arg-type]
 
 
 def test_torpedoes_are_capsules_and_frames_are_boxes() -> None:
@@ -145,15 +145,15 @@ def test_friction_stops_a_slide_on_the_seabed() -> None:
     simulation.state.nu = (1.0, 0.0, 0.0, 0.0, 0.0, 0.0)
     for _ in range(6000):
         simulation.step((1500,) * 8)
-    place = tuple(simulation.state.position)
+    position = tuple(simulation.state.position)
     excess = (vehicle.mass - vehicle.volume * SEA.density) * SEA.gravity
     way = 0.5 * (vehicle.mass + 6.0) / (0.3 * excess)
-    assert place[0] == pytest.approx(way, rel=0.05)
+    assert position[0] == pytest.approx(way, rel=0.05)
     for _ in range(400):
         simulation.step((1500,) * 8)
-    assert simulation.state.position == pytest.approx(place, abs=1e-5)
+    assert simulation.state.position == pytest.approx(position, abs=1e-5)
     assert simulation.touching
-    Simulation(vehicle, SEA, {}, position=place)  # it may start where it came to rest
+    Simulation(vehicle, SEA, {}, position=position)  # it may start where it came to rest
 
 
 ATTITUDES = ((0.0, 0.0, 0.0), (0.4, 0.3, 0.2), (1.2, -0.9, 2.0))
@@ -195,13 +195,13 @@ def test_a_vehicle_that_lies_on_the_seabed_stays_at_rest() -> None:
     simulation.state.quaternion = from_euler(0.3, 0.2, 0.5)
     for _ in range(6000):
         simulation.step((1500,) * 8)
-    contacts, place = simulation.contacts, tuple(simulation.state.position)
+    contacts, position = simulation.contacts, tuple(simulation.state.position)
     for _ in range(800):
         simulation.step((1500,) * 8)
         assert simulation.touching
         assert max(map(abs, simulation.state.nu)) < 1e-3
     assert simulation.contacts == contacts
-    assert simulation.state.position == pytest.approx(place, abs=1e-4)
+    assert simulation.state.position == pytest.approx(position, abs=1e-4)
     assert max(abs(x) for x in to_euler(simulation.state.quaternion)[:2]) < 0.01 * pi
 
 

@@ -31,11 +31,11 @@ def block(folder: Path, name: str = "block.stl", scale: float = 1.0) -> str:
     """Return a block of SIZES with a mast of 1 m on its front left top corner, which no mirror image of it has."""
     parts = [trimesh.creation.box(SIZES), trimesh.creation.box((0.2, 0.2, 1.0))]
     parts[1].apply_translation((1.9, 0.9, 1.0))
-    whole: Any = trimesh.util.concatenate(parts)
+    combined: Any = trimesh.util.concatenate(parts)
     if name.endswith(".glb"):  # its axes: x left, y up, z forward
-        whole.apply_transform(np.array([[0, 1, 0, 0], [0, 0, 1, 0], [1, 0, 0, 0], [0, 0, 0, 1.0]]))
-    whole.apply_scale(scale)
-    whole.export(str(folder / name))
+        combined.apply_transform(np.array([[0, 1, 0, 0], [0, 0, 1, 0], [1, 0, 0, 0], [0, 0, 0, 1.0]]))
+    combined.apply_scale(scale)
+    combined.export(str(folder / name))
     return name
 
 
@@ -151,15 +151,15 @@ def test_rays_hit_a_mesh_like_a_block(tmp_path: Path) -> None:
 def test_a_vehicle_stops_at_a_mesh_slides_below_it_and_cannot_start_in_it(tmp_path: Path) -> None:
     world = world_with(tmp_path, block(tmp_path), name="the wreck")
     inverse = Dynamics(VEHICLE, 1025.0, 9.8).inverse_mass
-    contact, ahead, below = Contact(VEHICLE, world, inverse), 0.5 * VEHICLE.dimensions[0], 0.5 * VEHICLE.dimensions[2]
-    state = State((8.0 - ahead - 0.005, 0.0, 8.0))
+    contact, front, below = (Contact(VEHICLE, world, inverse), 0.5 * VEHICLE.dimensions[0], 0.5 * VEHICLE.dimensions[2])
+    state = State((8.0 - front - 0.005, 0.0, 8.0))
     assert not contact.resolve(state)
     for _ in range(40):  # ahead by 5 mm a step
         state.nu = [1.0, 0.0, 0.0, 0.0, 0.0, 0.0]
         state.position = [state.position[0] + 0.005, *state.position[1:]]
         contact.resolve(state)
     assert contact.what == "the wreck"
-    assert state.position[0] == pytest.approx(8.0 - ahead, abs=0.006)
+    assert state.position[0] == pytest.approx(8.0 - front, abs=0.006)
     assert state.nu[0] <= 1e-4
     under = (10.0, 0.0, 8.5 + below + 0.05)
     assert not contact.resolve(State(under))

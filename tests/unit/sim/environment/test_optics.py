@@ -21,10 +21,10 @@ def test_a_picture_has_the_values_worked_out_by_hand() -> None:
     """Each term of the equation counts on its own, for two pixels at 2 m and at 10 m."""
     picture, ways = np.array([[[0.8, 0.6, 0.4], [1.0, 0.5, 0.0]]]), np.array([[2.0, 10.0]])
     wet = underwater(picture, ways, WATER)
-    for column, way in enumerate((2.0, 10.0)):
+    for column, distance in enumerate((2.0, 10.0)):
         for channel in range(3):
-            scene = picture[0, column, channel] * exp(-WATER.attenuation[channel] * way)
-            veil = WATER.veil[channel] * (1.0 - exp(-WATER.backscatter[channel] * way))
+            scene = picture[0, column, channel] * exp(-WATER.attenuation[channel] * distance)
+            veil = WATER.veil[channel] * (1.0 - exp(-WATER.backscatter[channel] * distance))
             assert wet[0, column, channel] == pytest.approx(scene + veil, rel=1e-6)
     assert wet[0, 0, 0] == pytest.approx(0.8 * 0.36787944 + 0.02 * (1.0 - 0.44932896), rel=1e-6)
 
@@ -41,9 +41,9 @@ def test_jaffe_mcglamery_is_the_case_of_equal_coefficients() -> None:
 
 
 @pytest.mark.parametrize("water", [WATER, CLEAR])
-@pytest.mark.parametrize("nothing", [np.inf, np.nan])
-def test_infinite_or_undefined_ranges_give_the_veiling_light(water: Water, nothing: float) -> None:
-    wet = underwater([[0.9, 0.9, 0.9], [0.9, 0.9, 0.9]], [nothing, 0.0], water)
+@pytest.mark.parametrize("no_range", [np.inf, np.nan])
+def test_infinite_or_undefined_ranges_give_the_veiling_light(water: Water, no_range: float) -> None:
+    wet = underwater([[0.9, 0.9, 0.9], [0.9, 0.9, 0.9]], [no_range, 0.0], water)
     assert wet[0] == pytest.approx(water.veil)
     assert wet[1] == pytest.approx([0.9, 0.9, 0.9])
 

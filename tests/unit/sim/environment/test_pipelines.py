@@ -86,10 +86,10 @@ def test_only_the_near_part_of_a_long_pipeline_is_computed() -> None:
         return 20.0
 
     cable = Pipeline(((-50_000.0, 0.0), (50_000.0, 0.0)), 0.1, kind="cable")
-    pieces = list(cable.pieces(seabed, 5.0, 1000.0, 3.0, 60.0))
+    segments = list(cable.pieces(seabed, 5.0, 1000.0, 3.0, 60.0))
     assert len(requested) < 40
-    assert min(one[0] for one, _ in pieces) <= 940.0
-    assert max(other[0] for _, other in pieces) >= 1060.0
+    assert min(one[0] for one, _ in segments) <= 940.0
+    assert max(other[0] for _, other in segments) >= 1060.0
 
 
 def test_a_pipeline_is_an_obstacle_only_near_the_bed() -> None:
@@ -117,17 +117,17 @@ def test_a_step_above_a_long_pipeline_computes_its_near_part_only(monkeypatch: p
         VEHICLE, FLAT._replace(pipeline=(Pipeline(line, 1.0),)), Dynamics(VEHICLE, 1025.0, 9.8).inverse_mass
     )
     assert not contact.resolve(State((0.0, 0.0, 15.0)))
-    looked: list[float] = []
+    queried: list[float] = []
 
     def counted(*numbers: float) -> tuple[float, float]:
-        looked.append(numbers[0])
+        queried.append(numbers[0])
         return off_line(*numbers)
 
     monkeypatch.setattr(pipelines, "off_line", counted)
     monkeypatch.setattr(MeshContact, "touches", None)
     for step in range(20):
         assert not contact.resolve(State((0.01 * step, 0.0, 15.0)))
-    assert 20 <= len(looked) < 20 * 60
+    assert 20 <= len(queried) < 20 * 60
 
 
 def test_a_distant_pipeline_gives_the_free_distance_to_it() -> None:

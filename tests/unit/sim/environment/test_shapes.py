@@ -83,10 +83,10 @@ def test_rays_pass_a_net_in_the_share_of_its_openings(tmp_path: Path) -> None:
     chance = np.random.default_rng(1)
     toward = np.column_stack([np.full(20_000, 5.0), chance.uniform(-4.0, 4.0, 20_000), chance.uniform(-3, 3, 20_000)])
     rays = (toward / np.linalg.norm(toward, axis=1)[:, None]).ravel()
-    met = np.isfinite(np.array(RayScene(world).ranges((0.0, 0.0, 5.0), rays, 9.0)))
-    assert met.mean() == pytest.approx(1.0 - 0.8**2, abs=0.01)
+    is_hit = np.isfinite(np.array(RayScene(world).ranges((0.0, 0.0, 5.0), rays, 9.0)))
+    assert is_hit.mean() == pytest.approx(1.0 - 0.8**2, abs=0.01)
     again = RayScene(world).hits((0.0, 0.0, 5.0), rays, 9.0)
-    assert np.array(again.points).reshape(-1, 3)[met][:, 0] == pytest.approx(5.0, abs=1e-6)
+    assert np.array(again.points).reshape(-1, 3)[is_hit][:, 0] == pytest.approx(5.0, abs=1e-6)
 
 
 def test_a_net_pen_has_a_bottom_with_the_same_lattice(tmp_path: Path) -> None:

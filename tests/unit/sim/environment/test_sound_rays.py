@@ -45,15 +45,15 @@ def test_a_linear_gradient_bends_rays_to_circles(gradient: float, level: float, 
 @given(st.floats(1.0, 8000.0), st.floats(0.0, 3000.0), st.floats(0.0, 3000.0))
 def test_rays_follow_snells_law_and_are_reversible(level: float, start: float, end: float) -> None:
     rays = SoundRays(*CHANNEL, 5000.0)
-    ray, back = rays.between(level, start, end), rays.between(level, end, start)
-    assert (ray is None) == (back is None)
-    if ray is None or back is None:
+    ray, reverse = rays.between(level, start, end), rays.between(level, end, start)
+    assert (ray is None) == (reverse is None)
+    if ray is None or reverse is None:
         return
     speed = WaterColumn(Profile(tuple(CHANNEL[0]), (1025.0,) * 6, tuple(CHANNEL[1])), 9.8).sound_speed
     snell = [sqrt(max(0.0, 1.0 - s * s)) / speed(z) for s, z in ((ray.departure, start), (ray.arrival, end))]
     assert snell[0] == pytest.approx(snell[1], rel=1e-9)
-    assert (back.time, back.length) == pytest.approx((ray.time, ray.length), rel=1e-6)
-    assert (back.departure, back.arrival) == pytest.approx((-ray.arrival, -ray.departure), abs=1e-5)
+    assert (reverse.time, reverse.length) == pytest.approx((ray.time, ray.length), rel=1e-6)
+    assert (reverse.departure, reverse.arrival) == pytest.approx((-ray.arrival, -ray.departure), abs=1e-5)
     straight = hypot(level, end - start)
     assert straight * (1.0 - 1e-9) <= ray.length < 1.05 * straight
     assert straight / 1550.0 < ray.time < ray.length / 1500.0 * (1.0 + 1e-9)
@@ -72,10 +72,10 @@ def test_a_ray_ends_at_its_target(level: float, start: float, end: float) -> Non
     along = 0.0
     for _ in range(20_000):
         slope = sine / sqrt(1.0 - sine * sine)
-        here, gradient = speed(depth), (speed(depth + 0.01) - speed(depth - 0.01)) / 0.02
-        angle_rate = -gradient / here  # dθ/dx of a ray: its curvature over its cosine
+        speed_here, gradient = speed(depth), (speed(depth + 0.01) - speed(depth - 0.01)) / 0.02
+        angle_rate = -gradient / speed_here  # dθ/dx of a ray: its curvature over its cosine
         along += step * sqrt(1.0 + slope * slope)
-        time += step * sqrt(1.0 + slope * slope) / here
+        time += step * sqrt(1.0 + slope * slope) / speed_here
         depth += step * slope
         sine += step * angle_rate * sqrt(1.0 - sine * sine)
     assert depth == pytest.approx(end, abs=0.02 * max(1.0, level / 1000.0))

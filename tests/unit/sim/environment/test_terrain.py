@@ -77,15 +77,15 @@ def test_rules_give_the_depths_of_their_formulas(heading: float) -> None:
     common = {"heading": heading, "north": 3.0, "east": -2.0}
     slope, ridge = Slope(12.0, 0.2, **common), Ridge(12.0, 3.0, 4.0, **common)
     waves, step = Sinusoid(12.0, 0.5, 7.0, **common), Step(12.0, 5.0, **common)
-    made = [Terrain(grid, rule.depths(grid), 12.0) for rule in (slope, ridge, waves, step)]
+    terrains = [Terrain(grid, rule.depths(grid), 12.0) for rule in (slope, ridge, waves, step)]
     for i in range(41):
         for j in range(41):
             north, east = i - 20.0, j - 20.0
             x = cos(heading) * (north - 3.0) + sin(heading) * (east + 2.0)
             expected = [12.0 + 0.2 * x, 12.0 - 3.0 * exp(-x * x / 32.0), 12.0 - 0.5 * sin(2.0 * pi * x / 7.0)]
-            assert [terrain.depth(north, east) for terrain in made[:3]] == pytest.approx(expected, abs=1e-5)
+            assert [terrain.depth(north, east) for terrain in terrains[:3]] == pytest.approx(expected, abs=1e-5)
             if abs(x) > 1e-9:
-                assert made[3].depth(north, east) == (7.0 if x > 0.0 else 12.0)
+                assert terrains[3].depth(north, east) == (7.0 if x > 0.0 else 12.0)
 
 
 def test_fractal_ground_has_its_mean_and_size_and_depends_on_its_seed() -> None:

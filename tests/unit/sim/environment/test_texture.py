@@ -15,10 +15,10 @@ NORTH, EAST = np.random.default_rng(1).uniform(-200.0, 200.0, (2, 20_000)).astyp
 
 def test_the_texture_of_a_point_does_not_depend_on_the_viewpoint() -> None:
     one, other = Texture(Bottom()), Texture(Bottom())
-    whole, part = one.slopes(NORTH, EAST, 0.1), other.slopes(NORTH[5:9], EAST[5:9], 0.1)
-    assert (whole[0][5:9] == part[0]).all()
-    assert (whole[1][5:9] == part[1]).all()
-    assert (Texture(Bottom(seed=2)).slopes(NORTH, EAST, 0.1)[0] != whole[0]).mean() > 0.9
+    all_slopes, part = one.slopes(NORTH, EAST, 0.1), other.slopes(NORTH[5:9], EAST[5:9], 0.1)
+    assert (all_slopes[0][5:9] == part[0]).all()
+    assert (all_slopes[1][5:9] == part[1]).all()
+    assert (Texture(Bottom(seed=2)).slopes(NORTH, EAST, 0.1)[0] != all_slopes[0]).mean() > 0.9
 
 
 def test_slopes_are_the_derivative_of_a_relief_of_the_keyed_roughness() -> None:

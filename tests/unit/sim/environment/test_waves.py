@@ -65,16 +65,16 @@ def test_pierson_moskowitz_agrees_with_its_original_form() -> None:
 def test_the_components_have_the_energy_of_the_spectrum(count: int, gamma: float) -> None:
     """The elevation's sum of a²/2 is Hs²/16; its rate's sum of (a omega)²/2 is the second moment of the spectrum."""
     waves = Waves(1.5, 7.0, gamma=gamma, components=count)
-    made = components(waves, 50.0, G, 3)
-    assert len(made) == count
-    assert sum(0.5 * wave.amplitude**2 for wave in made) == pytest.approx(1.5**2 / 16.0, rel=1e-12)
+    generated = components(waves, 50.0, G, 3)
+    assert len(generated) == count
+    assert sum(0.5 * wave.amplitude**2 for wave in generated) == pytest.approx(1.5**2 / 16.0, rel=1e-12)
     cell = 1e-3
     omegas = [cell * i for i in range(260, 5386)]  # 0.3 to 6 times the peak
     values = [spectral_density(waves, omega) for omega in omegas]
     moment = sum(v * w * w for v, w in zip(values, omegas, strict=True)) / sum(values)
-    rate = sum(0.5 * (wave.amplitude * wave.omega) ** 2 for wave in made) / (1.5**2 / 16.0)
+    rate = sum(0.5 * (wave.amplitude * wave.omega) ** 2 for wave in generated) / (1.5**2 / 16.0)
     assert rate == pytest.approx(moment, rel=2e-3)
-    assert all(b.omega > a.omega * (1.0 + 1e-5) for a, b in pairwise(made))  # no two swing alike
+    assert all(b.omega > a.omega * (1.0 + 1e-5) for a, b in pairwise(generated))  # no two swing alike
 
 
 def test_waves_of_zero_height_give_no_motion() -> None:
@@ -151,13 +151,13 @@ def test_velocity_is_the_gradient_of_the_potential(depth: float) -> None:
 def test_the_flow_is_free_of_divergence_and_rotation(depth: float) -> None:
     """Divergence and curl of the velocity are zero, by central differences; single gradients are not."""
     wave_field, step = WaveField(SEA, depth, G, 3), 1e-3
-    place = (2.0, -3.0, 1.2)
+    point = (2.0, -3.0, 1.2)
 
     def difference(axis: int) -> list[float]:
-        ahead, behind = list(place), list(place)
-        ahead[axis] += step
-        behind[axis] -= step
-        pair = wave_field.motion(9.0, *ahead).velocity, wave_field.motion(9.0, *behind).velocity
+        upper, lower = list(point), list(point)
+        upper[axis] += step
+        lower[axis] -= step
+        pair = wave_field.motion(9.0, *upper).velocity, wave_field.motion(9.0, *lower).velocity
         return [(a - b) / (2.0 * step) for a, b in zip(*pair, strict=True)]
 
     by_north, by_east, by_down = (difference(axis) for axis in range(3))
@@ -172,18 +172,18 @@ def test_the_flow_is_free_of_divergence_and_rotation(depth: float) -> None:
 def test_the_acceleration_is_that_of_a_fluid_particle(depth: float) -> None:
     """The acceleration is that of a particle that moves along; at a fixed point it differs."""
     wave_field, step = WaveField(SEA._replace(peak_period=4.0), depth, G, 4), 1e-4
-    place = (5.0, 6.0, 1.0)
+    point = (5.0, 6.0, 1.0)
     for time in (0.0, 12.0, 100.0):
-        velocity, acceleration, _ = wave_field.motion(time, *place)
-        ahead = [x + step * v for x, v in zip(place, velocity, strict=True)]
-        behind = [x - step * v for x, v in zip(place, velocity, strict=True)]
+        velocity, acceleration, _ = wave_field.motion(time, *point)
+        next_point = [x + step * v for x, v in zip(point, velocity, strict=True)]
+        previous_point = [x - step * v for x, v in zip(point, velocity, strict=True)]
         later, earlier = (
-            wave_field.motion(time + step, *ahead).velocity,
-            wave_field.motion(time - step, *behind).velocity,
+            wave_field.motion(time + step, *next_point).velocity,
+            wave_field.motion(time - step, *previous_point).velocity,
         )
         rate = [(b - a) / (2.0 * step) for a, b in zip(earlier, later, strict=True)]
         assert acceleration == pytest.approx(rate, abs=1e-6)
-        fixed = wave_field.motion(time + step, *place).velocity[0] - wave_field.motion(time - step, *place).velocity[0]
+        fixed = wave_field.motion(time + step, *point).velocity[0] - wave_field.motion(time - step, *point).velocity[0]
         assert abs(fixed / (2.0 * step) - acceleration[0]) > 1e-4
 
 

@@ -59,11 +59,11 @@ def random_world(seed: int) -> World:
 def random_scene(seed: int, engine: Engine) -> RayScene:
     rng, scene = random.Random(f"{seed}/solids"), RayScene(random_world(seed), engine)
     for _ in range(2):
-        place = [rng.uniform(-15.0, 15.0), rng.uniform(-15.0, 15.0), rng.uniform(0.0, 12.0)]
-        turned = matrix(attitude(rng))
-        scene.add(solids.sphere(place, rng.uniform(0.3, 3.0)))
-        scene.add(solids.box((place[1], place[0], place[2]), (1.0, 2.0, 3.0), turned))
-        scene.add(solids.cylinder((-place[0], place[1], place[2]), 0.7, 2.0, turned))
+        origin = [rng.uniform(-15.0, 15.0), rng.uniform(-15.0, 15.0), rng.uniform(0.0, 12.0)]
+        rotation = matrix(attitude(rng))
+        scene.add(solids.sphere(origin, rng.uniform(0.3, 3.0)))
+        scene.add(solids.box((origin[1], origin[0], origin[2]), (1.0, 2.0, 3.0), rotation))
+        scene.add(solids.cylinder((-origin[0], origin[1], origin[2]), 0.7, 2.0, rotation))
     crumpled = [[[rng.gauss(0.0, 1.0) for _ in range(3)] for _ in range(3)] for _ in range(60)]
     scene.add(solids.mesh(crumpled), State((5.0, 5.0, 5.0), attitude(rng)))
     net = solids.mesh(quad(*[(7.0 * x, 7.0 * y, 0.0) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))]))
@@ -92,19 +92,19 @@ def test_hits_in_c_and_python_are_equal(seed: int) -> None:
     """Distances, points, normals and objects are equal from points in water, in obstacles, on nodes, off the grid."""
     rng = random.Random(f"{seed}/rays")
     engines: tuple[Engine, ...] = ("C", "python")
-    scenes, seen = [random_scene(seed, engine) for engine in engines], set[int]()
+    scenes, kinds = [random_scene(seed, engine) for engine in engines], set[int]()
     for shot in range(4):
         origin = [rng.uniform(-30.0, 30.0), rng.uniform(-30.0, 30.0), rng.uniform(-2.0, 14.0)]
         if shot == 1:
             origin = [float(round(x)) for x in origin]
         rotation = matrix(attitude(rng)) if shot else UPRIGHT
         rays, reach = random_rays(rng), rng.choice([5.0, 50.0, 1000.0])
-        native, plain = (scene.hits(origin, rays, reach, rotation) for scene in scenes)
-        for values, expected in zip(native, plain, strict=True):
+        native, python = (scene.hits(origin, rays, reach, rotation) for scene in scenes)
+        for values, expected in zip(native, python, strict=True):
             np.testing.assert_array_equal(np.array(values), np.array(expected))
         assert native.distances == scenes[0].ranges(origin, rays, reach, rotation)
-        seen.update(plain.objects)
-    assert len(seen) > 1
+        kinds.update(python.objects)
+    assert len(kinds) > 1
 
 
 def rows_of_pixels(width: float, across: int, down: int) -> "array[float]":
@@ -122,12 +122,12 @@ def rows_of_pixels(width: float, across: int, down: int) -> "array[float]":
 def test_skipping_free_space_for_bundles_of_rays_changes_nothing(seed: int) -> None:
     """The C begins narrow bundles of rays where none of them can have met anything, wide ones not."""
     rng = random.Random(f"{seed}/pixels")
-    native, plain = random_scene(seed, "C"), random_scene(seed, "python")
+    native, python = random_scene(seed, "C"), random_scene(seed, "python")
     for shot in range(6):
         origin = [rng.uniform(-22.0, 22.0), rng.uniform(-27.0, 30.0), rng.uniform(0.5, 11.0)]
         rotation = matrix(attitude(rng)) if shot else UPRIGHT
         rays, reach = rows_of_pixels((0.02, 0.8, 3.0)[shot % 3], 33, 9), rng.choice([6.0, 30.0, 500.0])
-        hits, expected = (scene.hits(origin, rays, reach, rotation) for scene in (native, plain))
+        hits, expected = (scene.hits(origin, rays, reach, rotation) for scene in (native, python))
         for values, others in zip(hits, expected, strict=True):
             np.testing.assert_array_equal(np.array(values), np.array(others))
 
@@ -139,12 +139,12 @@ def test_rays_from_the_edge_of_the_world_are_equal(depth: float) -> None:
     grid = covering((0.0, 40.0, 0.0, 40.0), 1.0)
     terrain = Terrain(grid, Fractal(12.0, 1.0, 0.5, seed=2).depths(grid), 12.0)
     world = World("edge", "test", (0.0, 40.0, 0.0, 40.0), 12.0, terrain=terrain)
-    native, plain = RayScene(world, "C"), RayScene(world, "python")
+    native, python = RayScene(world, "C"), RayScene(world, "python")
     for origin in ((40.0, 20.0, depth), (0.0, 0.0, depth), (20.0, 40.0, depth), (20.0, 20.0, depth)):
         for reach in (0.0, 1e-9, 30.0):
             for half_turn in (UPRIGHT, (-1.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 1.0)):
                 rays = rows_of_pixels(0.02, 16, 4)
-                hits, expected = (scene.hits(origin, rays, reach, half_turn) for scene in (native, plain))
+                hits, expected = (scene.hits(origin, rays, reach, half_turn) for scene in (native, python))
                 for values, others in zip(hits, expected, strict=True):
                     np.testing.assert_array_equal(np.array(values), np.array(others))
 
@@ -174,11 +174,11 @@ def test_skipping_blocks_of_a_large_grid_changes_nothing() -> None:
     rng = random.Random(4)
     for depths, down in ((deep, 9.0), (land, 0.4)):
         world = World("large", "test", EXTENT, 20.0, terrain=Terrain(grid, depths, 20.0))
-        native, plain = RayScene(world, "C"), RayScene(world, "python")
+        native, python = RayScene(world, "C"), RayScene(world, "python")
         for _ in range(4):
             origin = (rng.uniform(0.0, 333.0), rng.uniform(0.0, 275.0), down)
             rays = random_rays(rng)
-            assert native.ranges(origin, rays, 500.0) == plain.ranges(origin, rays, 500.0)
+            assert native.ranges(origin, rays, 500.0) == python.ranges(origin, rays, 500.0)
 
 
 @pytest.mark.usefixtures("native")
@@ -187,14 +187,14 @@ def test_obstacles_out_of_reach_change_nothing() -> None:
     rng = random.Random(7)
     piles = tuple(Cylinder(rng.uniform(-200.0, 200.0), rng.uniform(-200.0, 200.0), 3.0) for _ in range(400))
     world = World("piles", "test", (-200.0, 200.0, -200.0, 200.0), 20.0, cylinder=piles)
-    native, plain = RayScene(world, "C"), RayScene(world, "python")
-    met = set[int]()
+    native, python = RayScene(world, "C"), RayScene(world, "python")
+    hit_kinds = set[int]()
     for _ in range(5):
         origin, rays = (rng.uniform(-150.0, 150.0), rng.uniform(-150.0, 150.0), 5.0), random_rays(rng)
-        hits, expected = native.hits(origin, rays, 15.0), plain.hits(origin, rays, 15.0)
+        hits, expected = native.hits(origin, rays, 15.0), python.hits(origin, rays, 15.0)
         assert (hits.distances, hits.objects) == (expected.distances, expected.objects)
-        met.update(hits.objects)
-    assert len(met) > 5
+        hit_kinds.update(hits.objects)
+    assert len(hit_kinds) > 5
 
 
 @pytest.mark.usefixtures("native")
@@ -216,12 +216,12 @@ def test_casting_rays_leaks_no_memory() -> None:
 @pytest.mark.usefixtures("native")
 def test_the_c_module_checks_its_buffers() -> None:
     caster = sys.modules["sim.native._rays"].Caster
-    flat, empty = (0, 0, 0.0, 0.0, 1.0, 10.0), array("d")
+    bounds, empty = (0, 0, 0.0, 0.0, 1.0, 10.0), array("d")
     with pytest.raises(ValueError, match="depths: 8 bytes are not 2 x 2 of 4"):
         caster((2, 2, 0.0, 0.0, 1.0, 10.0), array("f", [1.0, 2.0]), empty, empty, empty)
     with pytest.raises(ValueError, match="solids: 8 bytes are no records of 168 bytes"):
-        caster(flat, b"", pack("d", 1.0), empty, empty)
-    cast = caster(flat, b"", empty, empty, empty).cast
+        caster(bounds, b"", pack("d", 1.0), empty, empty)
+    cast = caster(bounds, b"", empty, empty, empty).cast
     down, out = array("d", (0.0, 0.0, 1.0)), array("d", (0.0,))
     cast((0.0, 0.0, 1.0), UPRIGHT, down, 100.0, out)
     assert out[0] == 9.0

@@ -45,15 +45,15 @@ def test_limits_of_a_speed_controlled_thruster_become_thrusts() -> None:
 
 def test_hydrodynamic_derivatives_have_our_signs() -> None:
     """Negative values brake there, positive here; y and r change their direction both, y alone does against x."""
-    found = imported()
-    added = square(found.vehicle.added_mass, 6)
+    model = imported()
+    added = square(model.vehicle.added_mass, 6)
     assert [added[i][i] for i in range(6)] == [1.5, 18.0, 19.0, 0.0, 2.0, 2.1]
     assert added[1][5] == added[5][1] == -0.4
-    assert found.vehicle.linear_damping == (2.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    assert found.vehicle.quadratic_damping == (4.0, 90.0, 0.0, 0.0, 0.0, 8.0)
-    assert found.vehicle.forward_speed_damping == (0.0, 0.0, 0.0, 0.0, 0.0, 3.0)
-    assert "Left out: the damping yVabsR, by the product of two different speeds." in found.notes
-    assert any("xUU" in note for note in found.notes)
+    assert model.vehicle.linear_damping == (2.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+    assert model.vehicle.quadratic_damping == (4.0, 90.0, 0.0, 0.0, 0.0, 8.0)
+    assert model.vehicle.forward_speed_damping == (0.0, 0.0, 0.0, 0.0, 0.0, 3.0)
+    assert "Left out: the damping yVabsR, by the product of two different speeds." in model.notes
+    assert any("xUU" in note for note in model.notes)
 
 
 def test_buoyancy_is_from_collisions_and_size_from_visuals() -> None:
@@ -65,15 +65,15 @@ def test_buoyancy_is_from_collisions_and_size_from_visuals() -> None:
 
 def test_a_fin_turns_about_its_joint_axis() -> None:
     """The link is rolled by 90 degrees, so its y is up: ours is down. The keel has no joint that turns it."""
-    found = imported()
-    (rudder,) = found.vehicle.fins
+    model = imported()
+    (rudder,) = model.vehicle.fins
     assert rudder.name == "rudder"
     assert rudder.position == pytest.approx((-0.61, 0.0, 0.0))
     assert rudder.axis == pytest.approx((0.0, 0.0, -1.0), abs=1e-9)
     assert rudder.chord == pytest.approx((1.0, 0.0, 0.0), abs=1e-9)
     assert (rudder.area, rudder.max_deflection, rudder.polar.lift_slope, rudder.stall_angle) == (0.02, 0.3, 4.0, 0.2)
     assert rudder.polar.induced_drag == pytest.approx(1.25 * 0.2 / (16.0 * 0.2))
-    assert any("fin 'keel' (no joint turns it)" in note for note in found.notes)
+    assert any("fin 'keel' (no joint turns it)" in note for note in model.notes)
 
 
 @pytest.mark.parametrize("version", ["1.5", "1.10", "1.12"])
@@ -86,9 +86,9 @@ def test_an_axis_is_in_the_joint_frame_since_version_1_5(version: str) -> None:
 
 
 def test_sensors_become_scenario_sections() -> None:
-    found = imported()
-    assert set(found.sensors) == {"imu", "laser", "dvl"}
-    imu, laser, dvl = (found.sensors[name] for name in ("imu", "laser", "dvl"))
+    model = imported()
+    assert set(model.sensors) == {"imu", "laser", "dvl"}
+    imu, laser, dvl = (model.sensors[name] for name in ("imu", "laser", "dvl"))
     assert imu["rate"] == 50.0
     assert imu["angular_velocity"] == {"noise": 0.001, "bias": pytest.approx(0.0001 * sqrt(100.0)), "bias_time": 200.0}
     assert laser["position"] == [0.5, -0.1, -0.05]
@@ -96,7 +96,7 @@ def test_sensors_become_scenario_sections() -> None:
     assert (laser["min_range"], laser["max_range"]) == (0.2, 25.0)
     assert dvl["tilt"] == pytest.approx(0.43633, abs=1e-5)
     assert (dvl["min_range"], dvl["max_range"], dvl["velocity"]) == (0.7, 90.0, {"noise": 0.015})
-    assert "Left out: the sensor 'nose' (thermal), of a kind that there is not." in found.notes
+    assert "Left out: the sensor 'nose' (thermal), of a kind that there is not." in model.notes
 
 
 def test_further_sensors_of_a_kind_have_their_own_names() -> None:
@@ -105,19 +105,19 @@ def test_further_sensors_of_a_kind_have_their_own_names() -> None:
     start = text.index('<sensor name="scan"')
     laser = text[start : text.index("</sensor>", start) + len("</sensor>")]
     more = [laser.replace('"scan"', f'"{name}"') for name in ("stern scan", "dvl")]
-    found = imported(text=text.replace(laser, laser + "".join(more)))
-    assert set(found.sensors) == {"imu", "laser", "dvl", "stern_scan", "laser_2"}
-    assert found.sensors["stern_scan"] == {"sensor": "laser", **found.sensors["laser"]}
-    assert any("is [sensors.stern_scan], one more laser." in note for note in found.notes)
-    assert read_sensors(found.sensors, "flight.toml")["laser_2"].sensor.topic == "laser"
+    model = imported(text=text.replace(laser, laser + "".join(more)))
+    assert set(model.sensors) == {"imu", "laser", "dvl", "stern_scan", "laser_2"}
+    assert model.sensors["stern_scan"] == {"sensor": "laser", **model.sensors["laser"]}
+    assert any("is [sensors.stern_scan], one more laser." in note for note in model.notes)
+    assert read_sensors(model.sensors, "flight.toml")["laser_2"].sensor.topic == "laser"
 
 
 def test_the_vehicle_of_a_world_may_be_included() -> None:
     """The only model with thrusters is the vehicle; what cannot be found is reported."""
-    found = imported(OTTER / "bay.sdf")
-    assert found.vehicle.name == "swimmer"
-    assert found.vehicle.added_mass == imported().vehicle.added_mass
-    assert any("models/Sun" in note and "GZ_SIM_RESOURCE_PATH" in note for note in found.notes)
+    model = imported(OTTER / "bay.sdf")
+    assert model.vehicle.name == "swimmer"
+    assert model.vehicle.added_mass == imported().vehicle.added_mass
+    assert any("models/Sun" in note and "GZ_SIM_RESOURCE_PATH" in note for note in model.notes)
     with pytest.raises(ConfigError, match="does not say mass"):
         imported(OTTER / "bay.sdf", model="drifter")
     with pytest.raises(ConfigError, match=r"give --model NAME, one of: ground, sea, .*swimmer"):

@@ -24,7 +24,7 @@ def generator(seed: int = 1) -> np.random.Generator:
     return np.random.default_rng(seed)
 
 
-def former(side_lobes: float = 20.0, floor: float = 0.0, seed: int = 1, beams: int = 201) -> BeamFormer:
+def make_former(side_lobes: float = 20.0, floor: float = 0.0, seed: int = 1, beams: int = 201) -> BeamFormer:
     return BeamFormer(beams, SPACING, WIDTH, side_lobes, floor, generator(seed))
 
 
@@ -37,11 +37,11 @@ def lone(direction: int, bins: int, beams: int = 201) -> Any:
 
 @pytest.mark.parametrize("side_lobes", [13.26, 20.0])
 def test_a_beam_receives_by_its_pattern(side_lobes: float) -> None:
-    found = former(side_lobes).receive(lone(MIDDLE, 1))[:, 0]
+    levels = make_former(side_lobes).receive(lone(MIDDLE, 1))[:, 0]
     angles = (np.arange(201) - MIDDLE) * SPACING
-    assert found == pytest.approx(array_pattern(angles, WIDTH, side_lobes), abs=1e-6)
+    assert levels == pytest.approx(array_pattern(angles, WIDTH, side_lobes), abs=1e-6)
     null = first_null(WIDTH)
-    first = found[(np.abs(angles) > null) & (np.abs(angles) < 2.0 * null)].max()
+    first = levels[(np.abs(angles) > null) & (np.abs(angles) < 2.0 * null)].max()
     assert 10.0 * np.log10(first) == pytest.approx(-side_lobes, abs=0.6)  # beams stand beside its peak
 
 
@@ -53,25 +53,25 @@ def test_element_errors_give_a_constant_side_lobe_floor() -> None:
     assert 2.0 * asin(half) == pytest.approx(radians(1.0), rel=0.01)
     floors = []
     for seed in range(40):
-        powers = former(100.0, 33.0, seed).receive(lone(MIDDLE, 1))[:, 0]
+        powers = make_former(100.0, 33.0, seed).receive(lone(MIDDLE, 1))[:, 0]
         floors.append([powers[:40].mean(), powers[40:80].mean(), powers[160:].mean()])
     levels = 10.0 * np.log10(np.mean(floors, axis=0))
     assert levels == pytest.approx([-33.0] * 3, abs=0.7)
-    one, again = (former(100.0, 33.0, 3).receive(lone(MIDDLE, 1)) for _ in range(2))
+    one, again = (make_former(100.0, 33.0, 3).receive(lone(MIDDLE, 1)) for _ in range(2))
     assert (one == again).all(), "they are the array's own"
-    assert former(0.0, 33.0).receive(lone(MIDDLE, 1))[0, 0] == 0.0, "none without side lobes"
+    assert make_former(0.0, 33.0).receive(lone(MIDDLE, 1))[0, 0] == 0.0, "none without side lobes"
 
 
 def test_a_side_lobe_arc_fluctuates_with_its_target() -> None:
     """All beams at its range share one amplitude, so arcs are unbroken lines; other ranges have others."""
-    found = former(20.0, 33.0).receive_speckled(lone(MIDDLE, 4000), 0.0, 1.0, generator())
-    bright = found.mean(axis=1) > 1e-6
+    intensities = make_former(20.0, 33.0).receive_speckled(lone(MIDDLE, 4000), 0.0, 1.0, generator())
+    bright = intensities.mean(axis=1) > 1e-6
     assert bright.sum() > 180
-    alike = np.corrcoef(found[bright])[0]
+    alike = np.corrcoef(intensities[bright])[0]
     assert alike.min() > 0.999
-    assert abs(np.corrcoef(found[MIDDLE, :-1], found[MIDDLE, 1:])[0, 1]) < 0.05
-    mean = former(20.0, 33.0).receive(lone(MIDDLE, 1))[:, 0]
-    assert found.mean(axis=1)[bright] == pytest.approx(mean[bright], rel=0.05)
+    assert abs(np.corrcoef(intensities[MIDDLE, :-1], intensities[MIDDLE, 1:])[0, 1]) < 0.05
+    mean = make_former(20.0, 33.0).receive(lone(MIDDLE, 1))[:, 0]
+    assert intensities.mean(axis=1)[bright] == pytest.approx(mean[bright], rel=0.05)
 
 
 @pytest.mark.parametrize("looks", [1.0, 3.0])
@@ -80,41 +80,41 @@ def test_overlapping_beams_have_correlated_speckle(looks: float) -> None:
 
     The pattern is that of a line of even strength, over a seabed that is the same in all directions.
     """
-    even = former(13.2615)
-    found = even.receive_speckled(np.ones((201, 20_000), np.float32), 0.0, looks, generator())[20:-20]
+    even = make_former(13.2615)
+    intensities = even.receive_speckled(np.ones((201, 20_000), np.float32), 0.0, looks, generator())[20:-20]
     mean = even.receive(np.ones((201, 1), np.float32))[20:-20]
-    found /= mean
-    assert found.mean() == pytest.approx(1.0, rel=0.01)
-    assert found.var(axis=1) == pytest.approx(1.0 / looks, rel=0.12)
-    assert np.quantile(found, 0.99) == pytest.approx({1.0: log(100.0), 3.0: 2.802}[looks], rel=0.01)
-    amplitude = np.sqrt(found)
+    intensities /= mean
+    assert intensities.mean() == pytest.approx(1.0, rel=0.01)
+    assert intensities.var(axis=1) == pytest.approx(1.0 / looks, rel=0.12)
+    assert np.quantile(intensities, 0.99) == pytest.approx({1.0: log(100.0), 3.0: 2.802}[looks], rel=0.01)
+    amplitude = np.sqrt(intensities)
     if looks == 1.0:
         assert amplitude.mean() / amplitude.std() == pytest.approx(sqrt(pi / (4.0 - pi)), rel=0.01)
     null = first_null(WIDTH) / SPACING
     for apart in (1, 2, 4, 9):
-        alike = np.mean([np.corrcoef(found[k], found[k + apart])[0, 1] for k in range(0, 140, 20)])
+        alike = np.mean([np.corrcoef(intensities[k], intensities[k + apart])[0, 1] for k in range(0, 140, 20)])
         assert alike == pytest.approx(np.sinc(apart / null) ** 2, abs=0.05)
 
 
 @pytest.mark.parametrize("beams", [1, 2, 201])
 def test_every_beam_has_the_same_noise(beams: int) -> None:
     """Beams at the edge of the fan have as much as those in the middle."""
-    found = former(20.0, 33.0, beams=beams).receive_speckled(
+    intensities = make_former(20.0, 33.0, beams=beams).receive_speckled(
         np.zeros((beams, 20_000), np.float32), 3.0, 1.0, generator()
     )
-    assert found.mean(axis=1) == pytest.approx(3.0, rel=0.08)
+    assert intensities.mean(axis=1) == pytest.approx(3.0, rel=0.08)
 
 
 def test_side_lobes_fill_a_shadow() -> None:
     """A shadow of 30 deg in an even seabed is as dark as the pattern's side lobes and floor add up to."""
     echoes = np.ones((512, 1), np.float32)
     echoes[196:316] = 0.0
-    wide = former(20.0, 33.0, beams=512)
-    found = wide.receive(echoes)[:, 0]
+    wide = make_former(20.0, 33.0, beams=512)
+    levels = wide.receive(echoes)[:, 0]
     away = np.abs(np.arange(512) - 256) >= 60
     pattern = array_pattern((np.arange(512) - 256) * SPACING, WIDTH, 20.0)
     wanted = (pattern + 10.0**-3.3)[away].sum() / pattern.sum()
-    level = found[246:266].mean() / found[80:160].mean()
+    level = levels[246:266].mean() / levels[80:160].mean()
     assert 10.0 * np.log10(level) == pytest.approx(10.0 * np.log10(wanted), abs=2.0)
     assert -16.0 < 10.0 * np.log10(level) < -9.0
 
@@ -139,10 +139,10 @@ def echoes_of_ball(radius: float, seed: int, model: ForwardSonarModel, floor: Wo
 def test_a_ball_between_rays_is_always_detected(radius: float) -> None:
     """Every ping of the usual fan of 32 rays a beam shows it, about as bright, and nothing comes before it."""
     model = TRUE._replace(rays=32, beams=256)
-    found = [echoes_of_ball(radius, seed, model) for seed in range(25)]
-    echoes = np.array(found)[:, 0]
+    measured = [echoes_of_ball(radius, seed, model) for seed in range(25)]
+    echoes = np.array(measured)[:, 0]
     assert echoes.min() > 0.25 * np.median(echoes)
-    assert max(before for _, before in found) < 1e-6 * np.median(echoes)
+    assert max(before for _, before in measured) < 1e-6 * np.median(echoes)
 
 
 @pytest.mark.parametrize("radius", [0.12, 0.5])
@@ -160,15 +160,15 @@ def test_nothing_comes_from_behind_a_ball(radius: float) -> None:
 def test_a_split_cell_is_counted_once() -> None:
     """A ball takes from a wall behind it what it hides, no more; beams beside it receive the wall as before."""
     sonar = forward(facing_wall(25.0), TRUE._replace(rays=32))
-    alone = image(sonar.sample(0, AHEAD))
+    ball_only = image(sonar.sample(0, AHEAD))
     sonar.add(solids.sphere((0.0, 0.0, 0.0), 0.2), State((15.0, 0.0, 10.0)))
-    both = image(sonar.sample(0, AHEAD))
+    with_wall = image(sonar.sample(0, AHEAD))
     wall = slice(245, 400)
-    assert both[wall].sum() < alone[wall].sum()
-    assert both[wall].sum() == pytest.approx(alone[wall].sum(), rel=0.01)
-    assert both[wall, :20] == pytest.approx(alone[wall, :20], rel=1e-5)
-    hidden = alone[wall, 32].sum() - both[wall, 32].sum()
-    assert 0.0 < hidden < 0.2 * alone[wall, 32].sum()
+    assert with_wall[wall].sum() < ball_only[wall].sum()
+    assert with_wall[wall].sum() == pytest.approx(ball_only[wall].sum(), rel=0.01)
+    assert with_wall[wall, :20] == pytest.approx(ball_only[wall, :20], rel=1e-5)
+    hidden = ball_only[wall, 32].sum() - with_wall[wall, 32].sum()
+    assert 0.0 < hidden < 0.2 * ball_only[wall, 32].sum()
 
 
 def test_a_thin_rope_is_detected_in_every_beam_that_crosses_it() -> None:

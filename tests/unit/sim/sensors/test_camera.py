@@ -187,11 +187,11 @@ def test_the_picture_follows_the_underwater_image_model() -> None:
     )
     dry, wet = camera(world, RAW._replace(water="clear")), camera(world, RAW._replace(water="1C"))
     scene, ranges, objects = dry._renderer.render(0, HERE)
-    seen, _, _ = wet._renderer.render(0, HERE)
+    picture, _, _ = wet._renderer.render(0, HERE)
     water, below = jerlov("1C", 8.0), objects != wet._renderer._surface
     expected = underwater(scene * np.array(water.light, np.float32), ranges, water)
-    assert seen[below] == pytest.approx(expected[below], abs=1e-6)
-    assert np.abs(seen - scene).mean() > 0.05
+    assert picture[below] == pytest.approx(expected[below], abs=1e-6)
+    assert np.abs(picture - scene).mean() > 0.05
 
 
 @pytest.mark.parametrize("water", ["IB", "II", "1C"])
@@ -241,16 +241,16 @@ def test_fixed_exposure_scales_and_automatic_exposure_adapts() -> None:
 def test_noise_follows_the_electron_count() -> None:
     """The variance is signal / full well + (read noise / full well)², in shares of white."""
     model = RAW._replace(full_well=1000.0, read_noise=20.0)
-    eye = camera(FLAT, model)
+    sensor = camera(FLAT, model)
     for signal in (0.0, 0.25, 0.5):
         light = np.full((61 * 81, 3), signal, np.float32)
-        rgb, _ = eye._image_sensor.develop(light, np.ones(61 * 81))
-        found = decode(np.frombuffer(rgb, np.uint8))
+        rgb, _ = sensor._image_sensor.develop(light, np.ones(61 * 81))
+        decoded = decode(np.frombuffer(rgb, np.uint8))
         if signal:
-            assert found.std() == pytest.approx(sqrt(signal / 1000.0 + 0.02**2), rel=0.05)
-            assert found.mean() == pytest.approx(signal, rel=0.01)
+            assert decoded.std() == pytest.approx(sqrt(signal / 1000.0 + 0.02**2), rel=0.05)
+            assert decoded.mean() == pytest.approx(signal, rel=0.01)
         else:
-            assert 0.3 < (found > 0.0).mean() < 0.55  # half of the noise is below black
+            assert 0.3 < (decoded > 0.0).mean() < 0.55  # half of the noise is below black
 
 
 def test_vignetting_darkens_the_corners() -> None:
@@ -338,17 +338,17 @@ def test_each_point_projects_to_its_pixel(distortion: Any) -> None:
     model = TRUE._replace(points=True, distortion=distortion, max_range=20.0)
     sample = camera(FLAT._replace(cylinder=(Cylinder(9.0, 3.0, 1.0),)), model).sample(0, HERE)
     assert sample.points is not None
-    ahead, right, down = np.frombuffer(sample.points, np.float32).reshape(61, 81, 3).transpose(2, 0, 1)
-    seen = np.isfinite(depths(sample))
-    assert 1000 < seen.sum() < seen.size
-    assert (np.isnan(ahead) == ~seen).all()
-    assert (np.isnan(down) == ~seen).all()
-    assert ahead[seen] == pytest.approx(depths(sample)[seen], abs=1e-5)
+    forward, right, down = np.frombuffer(sample.points, np.float32).reshape(61, 81, 3).transpose(2, 0, 1)
+    has_depth = np.isfinite(depths(sample))
+    assert 1000 < has_depth.sum() < has_depth.size
+    assert (np.isnan(forward) == ~has_depth).all()
+    assert (np.isnan(down) == ~has_depth).all()
+    assert forward[has_depth] == pytest.approx(depths(sample)[has_depth], abs=1e-5)
     fx, fy, cx, cy = sample.intrinsics
-    x, y = distort((right / ahead).astype(float), (down / ahead).astype(float), distortion)
+    x, y = distort((right / forward).astype(float), (down / forward).astype(float), distortion)
     columns, rows = np.meshgrid(np.arange(81), np.arange(61))
-    assert (fx * x + cx)[seen] == pytest.approx(columns[seen], abs=1e-4)
-    assert (fy * y + cy)[seen] == pytest.approx(rows[seen], abs=1e-4)
+    assert (fx * x + cx)[has_depth] == pytest.approx(columns[has_depth], abs=1e-4)
+    assert (fy * y + cy)[has_depth] == pytest.approx(rows[has_depth], abs=1e-4)
     on_seabed = labels(sample) == SEABED
     assert down[on_seabed] == pytest.approx(np.full(on_seabed.sum(), 4.0), abs=1e-5)
 

@@ -84,16 +84,16 @@ def test_shadows_and_backscatter_need_lamps_beside_the_camera() -> None:
 def test_backscatter_is_the_integral_of_single_scattering(water: str, distance: float) -> None:
     kind = jerlov(water, 30.0)
     lamps = Lamps(0.4, 2.0, False, 1.0, 30.0)
-    found = lamps.veil(np.array([distance], np.float32), np.zeros(1, np.float32), kind)[0]
+    veil = lamps.veil(np.array([distance], np.float32), np.zeros(1, np.float32), kind)[0]
     for channel in range(3):
         c, b = kind.attenuation[channel], kind.scattering[channel]
 
-        def recorded_picture(way: float, c: float = c, b: float = b) -> float:
-            squared = way * way + 0.16
-            return pi * 2.0 * exp(-c * (way + squared**0.5)) / squared * b * _BACKWARD_SHARE
+        def recorded_picture(distance: float, c: float = c, b: float = b) -> float:
+            squared = distance * distance + 0.16
+            return pi * 2.0 * exp(-c * (distance + squared**0.5)) / squared * b * _BACKWARD_SHARE
 
         expected = integrate.quad(recorded_picture, 0.4, distance)[0]
-        assert found[channel] == pytest.approx(expected, rel=0.03)
+        assert veil[channel] == pytest.approx(expected, rel=0.03)
 
 
 def test_backscatter_brightens_the_picture_in_proportion_to_its_key() -> None:
@@ -103,12 +103,12 @@ def test_backscatter_brightens_the_picture_in_proportion_to_its_key() -> None:
 
 def test_marine_snow_is_fixed_in_the_water_and_seeded() -> None:
     snow = MarineSnow(400.0, (80, 60), 40.0, 5)
-    here, _ = snow._particles(np.array([0.0, 0.0, 10.0]))
+    points, _ = snow._particles(np.array([0.0, 0.0, 10.0]))
     there, _ = snow._particles(np.array([0.4, -0.3, 10.2]))
-    both = {tuple(row) for row in here.round(6).tolist()} & {tuple(row) for row in there.round(6).tolist()}
-    assert len(both) > 0.5 * len(here)
+    both = {tuple(row) for row in points.round(6).tolist()} & {tuple(row) for row in there.round(6).tolist()}
+    assert len(both) > 0.5 * len(points)
     volume = 4.0 / 3.0 * pi * 2.5**3
-    within = (np.linalg.norm(here - (0.0, 0.0, 10.0), axis=1) < 2.5).sum()
+    within = (np.linalg.norm(points - (0.0, 0.0, 10.0), axis=1) < 2.5).sum()
     assert within == pytest.approx(400.0 * volume, rel=0.1)
     pictures = [take_picture(snow=400.0, lamps=1.0, seed=seed).rgb for seed in (1, 1, 2)]
     assert pictures[0] == pictures[1] != pictures[2]
@@ -128,16 +128,16 @@ def test_marine_snow_behind_objects_is_hidden() -> None:
 
 def test_caustics_preserve_the_mean_light_and_fade_with_depth() -> None:
     caustics = Caustics(1.0, 7)
-    side = 200
-    north, east = np.meshgrid(np.linspace(0.0, 4.0, side, endpoint=False), np.linspace(0.0, 4.0, side, endpoint=False))
+    size = 200
+    north, east = np.meshgrid(np.linspace(0.0, 4.0, size, endpoint=False), np.linspace(0.0, 4.0, size, endpoint=False))
     contrast = {}
     for depth in (0.1, 1.2, 5.0, 20.0):
-        points = np.stack([north.ravel(), east.ravel(), np.full(side * side, depth)]).astype(np.float32)
+        points = np.stack([north.ravel(), east.ravel(), np.full(size * size, depth)]).astype(np.float32)
         up = np.zeros_like(points)
         up[2] = -1.0
-        ranges = np.ones(side * side, np.float32)
-        seen = SurfaceHits(points, up, np.zeros(side * side, np.int32), ranges, ranges, ranges)
-        daylight_factor = caustics.daylight_factor(seen, 0)
+        ranges = np.ones(size * size, np.float32)
+        surfaces = SurfaceHits(points, up, np.zeros(size * size, np.int32), ranges, ranges, ranges)
+        daylight_factor = caustics.daylight_factor(surfaces, 0)
         assert daylight_factor.mean() == pytest.approx(1.0, abs=0.02)
         assert daylight_factor.min() >= 0.0
         contrast[depth] = float(daylight_factor.std())
@@ -145,8 +145,8 @@ def test_caustics_preserve_the_mean_light_and_fade_with_depth() -> None:
     assert contrast[0.1] < 0.2 * contrast[1.2]
     assert contrast[1.2] > contrast[5.0] > contrast[20.0]
     assert contrast[20.0] < 0.1 * contrast[1.2]
-    later = caustics.daylight_factor(seen, 200_000_000)
-    assert not np.array_equal(later, caustics.daylight_factor(seen, 0)), "they move"
+    later = caustics.daylight_factor(surfaces, 200_000_000)
+    assert not np.array_equal(later, caustics.daylight_factor(surfaces, 0)), "they move"
 
 
 def test_caustics_appear_on_a_shallow_seabed() -> None:
@@ -189,7 +189,7 @@ def test_a_rolling_shutter_captures_each_row_at_its_own_time() -> None:
     state = State(HERE.position, from_euler(0.0, 0.0, 0.0))
     state.nu = [0.0, 0.0, 0.0, 0.0, 0.0, rate]
     rolled = colours(take_picture(state=state, readout_time=readout, water="clear")).sum(axis=2)
-    still = colours(take_picture(water="clear")).sum(axis=2)
+    sharp = colours(take_picture(water="clear")).sum(axis=2)
     for row in (2, 57):
         late = ((row + 0.5) / 60 - 0.5) * readout
         then = State(HERE.position, turn((1.0, 0.0, 0.0, 0.0), (0.0, 0.0, rate), late))
@@ -197,7 +197,7 @@ def test_a_rolling_shutter_captures_each_row_at_its_own_time() -> None:
         true = colours(take_picture(state=then, water="clear")).sum(axis=2)
         inner = slice(5, 75)
         error = np.abs(rolled[row, inner] - true[row, inner]).mean()
-        assert error < 0.7 * np.abs(still[row, inner] - true[row, inner]).mean()
+        assert error < 0.7 * np.abs(sharp[row, inner] - true[row, inner]).mean()
 
 
 def test_bottom_ripples_are_visible_across_their_heading(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -211,7 +211,7 @@ def test_bottom_ripples_are_visible_across_their_heading(monkeypatch: pytest.Mon
 
 
 def test_ground_truth_pictures_have_no_effects() -> None:
-    everything: dict[str, Any] = {
+    settings: dict[str, Any] = {
         "snow": 500.0,
         "caustics": 1.0,
         "exposure_time": 0.1,
@@ -219,7 +219,7 @@ def test_ground_truth_pictures_have_no_effects() -> None:
         "backscatter": 1.0,
     }
     truth = take_picture(ground_truth=True, **LAMPS)
-    assert take_picture(ground_truth=True, **everything, **LAMPS).rgb == truth.rgb
+    assert take_picture(ground_truth=True, **settings, **LAMPS).rgb == truth.rgb
 
 
 @pytest.mark.parametrize("kind", ["mud", "rock"])
@@ -242,56 +242,56 @@ def test_the_compiled_pass_gives_the_same_light(
     )  # fmt: skip
     scene = Simulation(VEHICLE, world, {}, position=(0.0, 0.0, 2.0))
     for angles in ((0.0, -0.6, 0.2), (0.1, 0.5, 1.0), (0.0, -1.5, 2.0)):
-        eye = Camera(KEYS._replace(**keys), Mounting(orientation=angles), 1, scene)._renderer
-        here = State((0.3, -0.2, 5.0))
-        assert eye._shading
-        at_once, ranges, objects = eye.render(0, here)
-        monkeypatch.setattr(eye._rays, "compiled", lambda *_: None)
-        later = eye.render(0, here)[0]
-        monkeypatch.setattr(eye, "_shading", None)
-        expected, *met = eye.render(0, here)
-        for light in (at_once, later):
+        renderer = Camera(KEYS._replace(**keys), Mounting(orientation=angles), 1, scene)._renderer
+        state = State((0.3, -0.2, 5.0))
+        assert renderer._shading
+        at_once, ranges, objects = renderer.render(0, state)
+        monkeypatch.setattr(renderer._rays, "compiled", lambda *_: None)
+        in_numpy = renderer.render(0, state)[0]
+        monkeypatch.setattr(renderer, "_shading", None)
+        expected, *surfaces = renderer.render(0, state)
+        for light in (at_once, in_numpy):
             assert np.isclose(light, expected, rtol=2e-3, atol=1e-4).mean() > 0.999
-        assert np.array_equal(ranges, met[0])
-        assert np.array_equal(objects, met[1])
+        assert np.array_equal(ranges, surfaces[0])
+        assert np.array_equal(objects, surfaces[1])
         assert expected.std() > 0.01
 
 
 def test_the_compiled_pass_is_made_only_with_caustics(monkeypatch: pytest.MonkeyPatch) -> None:
-    made: list[float] = []
+    pictures: list[float] = []
     monkeypatch.setattr(picture, "load_picture", lambda: print)
-    monkeypatch.setattr(picture, "Shading", lambda *_: made.append(1.0))
+    monkeypatch.setattr(picture, "Shading", lambda *_: pictures.append(1.0))
     scene = Simulation(VEHICLE, PILED, {}, position=(0.0, 0.0, 2.0))
     for caustics in (0.5, 0.0):
         Camera(KEYS._replace(caustics=caustics), Mounting(), 1, scene)
-    assert len(made) == 1
+    assert len(pictures) == 1
 
 
 def test_the_compiled_pass_refuses_mismatched_buffers() -> None:
     compiled = load_picture()
     if compiled is None:
         pytest.skip("no C compiler here")
-    none = np.zeros(0, np.float32)
+    empty = np.zeros(0, np.float32)
     grain, decays, settings = np.zeros(513 * 513, np.float32), np.zeros(1025 * 6, np.float32), [1.0] * 42
     with pytest.raises(ValueError, match="numbers are needed"):
-        compiled.shade([0.0], *[none] * 10)
+        compiled.shade([0.0], *[empty] * 10)
     with pytest.raises(ValueError, match="a buffer of the surfaces' appearance has a wrong size"):
-        compiled.shade(settings, *[none] * 10)
-    colours, one, objects = np.zeros(3, np.float32), np.zeros(1, np.float32), np.zeros(1, np.int32)
-    appearance = colours, grain, decays, none, none
+        compiled.shade(settings, *[empty] * 10)
+    colours, single, objects = np.zeros(3, np.float32), np.zeros(1, np.float32), np.zeros(1, np.int32)
+    appearance = colours, grain, decays, empty, empty
     vectors = np.zeros(3, np.float32)
-    compiled.shade(settings, *appearance, one, vectors, objects, vectors, vectors.copy())
+    compiled.shade(settings, *appearance, single, vectors, objects, vectors, vectors.copy())
     with pytest.raises(ValueError, match="a buffer has not the size of 1 pixels, or an object no colour"):
-        compiled.shade(settings, *appearance, one, vectors, objects + 1, vectors, vectors.copy())
+        compiled.shade(settings, *appearance, single, vectors, objects + 1, vectors, vectors.copy())
     with pytest.raises(ValueError, match="a buffer has not the size of 1 pixels"):
-        compiled.shade(settings, *appearance, none, vectors, objects, vectors, vectors.copy())
+        compiled.shade(settings, *appearance, empty, vectors, objects, vectors, vectors.copy())
     geometry = RayScene(PILED, "C").compiled((0.0, 0.0, 0.0), 5.0)
     with pytest.raises(ValueError, match="or an object no colour"):
         compiled.picture(geometry, settings, *appearance, np.zeros(3), vectors, np.zeros(1), objects)
     with pytest.raises(ValueError, match="PyCapsule"):
         compiled.picture(print, settings, *appearance, np.zeros(3), vectors, np.zeros(1), objects)
     with pytest.raises(ValueError, match="a buffer has not the size of 1 pixels"):
-        compiled.develop(1, (1.0,) * 5, none, one, *[none] * 6)
+        compiled.develop(1, (1.0,) * 5, empty, single, *[empty] * 6)
 
 
 def test_the_compiled_sensor_gives_the_same_picture() -> None:

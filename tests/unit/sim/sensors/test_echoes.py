@@ -52,35 +52,35 @@ def test_the_beam_pattern_has_its_half_power_width_and_nulls() -> None:
 
 def test_side_lobes_have_the_keyed_level_and_decrease() -> None:
     angles = np.linspace(0.0, 0.5 * pi, 200_001)
-    found = array_pattern(angles, radians(1.0), 25.0)
+    gains = array_pattern(angles, radians(1.0), 25.0)
     main = angles < first_null(radians(1.0))
-    assert (found[main] == beam_pattern(angles[main], radians(1.0))).all()
-    assert 10.0 * np.log10(found[~main].max()) == pytest.approx(-25.0, abs=0.1)
-    assert found[~main].argmax() * 2.0e-6 < radians(1.0)
+    assert (gains[main] == beam_pattern(angles[main], radians(1.0))).all()
+    assert 10.0 * np.log10(gains[~main].max()) == pytest.approx(-25.0, abs=0.1)
+    assert gains[~main].argmax() * 2.0e-6 < radians(1.0)
     far = angles > radians(30.0)
-    assert 10.0 * np.log10(found[far].max()) < -45.0
+    assert 10.0 * np.log10(gains[far].max()) < -45.0
 
 
 def test_an_echo_is_shared_between_bins_like_that_of_a_plane() -> None:
     """The shares follow the fifth power of the range, and absorption; what is before or beyond all bins is lost."""
     near, far = np.array([[10.3, 40.5, 19.0, 5.0]]), np.array([[30.7, 40.5, 80.0, 11.0]])
     energy = np.array([[9.0, 0.5, 3.0, 2.0]])
-    found = Bins(10.0, 0.1, 500, 0.2).distribute(echoes_of(near, far, energy), 1)[0]
+    by_bin = Bins(10.0, 0.1, 500, 0.2).distribute(echoes_of(near, far, energy), 1)[0]
 
-    def share(low: float, high: float, first: float, last: float) -> float:
+    def energy_share(low: float, high: float, first: float, last: float) -> float:
         def integral(a: float, b: float) -> float:
             r = np.linspace(a, b, 2001)
             return float(np.trapezoid(r**-5 * 10.0 ** (-0.04 * r), r))
 
         return integral(low, high) / integral(first, last)
 
-    assert found[:60].sum() == pytest.approx(
-        9.0 * share(10.3, 16.0, 10.3, 30.7) + 2.0 * share(10.0, 11.0, 5.0, 11.0), rel=1e-3
+    assert by_bin[:60].sum() == pytest.approx(
+        9.0 * energy_share(10.3, 16.0, 10.3, 30.7) + 2.0 * energy_share(10.0, 11.0, 5.0, 11.0), rel=1e-3
     )
-    assert found[60:90].sum() == pytest.approx(9.0 * share(16.0, 19.0, 10.3, 30.7), rel=1e-3)
-    assert found[250:310].sum() == pytest.approx(0.5 + 3.0 * share(35.0, 41.0, 19.0, 80.0), rel=1e-3)
-    assert found[305] - found[304] == pytest.approx(0.5, rel=1e-3)
-    assert found[310:].sum() == pytest.approx(3.0 * share(41.0, 60.0, 19.0, 80.0), rel=1e-3)
+    assert by_bin[60:90].sum() == pytest.approx(9.0 * energy_share(16.0, 19.0, 10.3, 30.7), rel=1e-3)
+    assert by_bin[250:310].sum() == pytest.approx(0.5 + 3.0 * energy_share(35.0, 41.0, 19.0, 80.0), rel=1e-3)
+    assert by_bin[305] - by_bin[304] == pytest.approx(0.5, rel=1e-3)
+    assert by_bin[310:].sum() == pytest.approx(3.0 * energy_share(41.0, 60.0, 19.0, 80.0), rel=1e-3)
 
 
 def test_an_echo_without_length_is_in_one_bin() -> None:
@@ -92,12 +92,12 @@ def test_an_echo_without_length_is_in_one_bin() -> None:
 
 def test_speckle_is_rayleigh_distributed() -> None:
     """Intensity is exponential: as much deviation as mean; amplitude has sqrt(pi / (4 - pi)) times its deviation."""
-    found = add_speckle(np.full(400_000, 3.0, np.float32), 1.0, np.random.default_rng(1))
-    assert found.mean() == pytest.approx(3.0, rel=0.01)
-    assert found.std() == pytest.approx(3.0, rel=0.01)
-    assert (found > 9.0).mean() == pytest.approx(exp(-3.0), rel=0.03)
-    amplitude = np.sqrt(found)
+    intensities = add_speckle(np.full(400_000, 3.0, np.float32), 1.0, np.random.default_rng(1))
+    assert intensities.mean() == pytest.approx(3.0, rel=0.01)
+    assert intensities.std() == pytest.approx(3.0, rel=0.01)
+    assert (intensities > 9.0).mean() == pytest.approx(exp(-3.0), rel=0.03)
+    amplitude = np.sqrt(intensities)
     assert amplitude.mean() / amplitude.std() == pytest.approx(sqrt(pi / (4.0 - pi)), rel=0.01)
     many = add_speckle(np.full(400_000, 3.0, np.float32), 4.0, np.random.default_rng(1))
     assert (many.mean(), many.std()) == pytest.approx((3.0, 1.5), rel=0.01)
-    assert (add_speckle(found, 0.0, np.random.default_rng(1)) == found).all()
+    assert (add_speckle(intensities, 0.0, np.random.default_rng(1)) == intensities).all()

@@ -79,12 +79,12 @@ def test_a_slope_has_exact_ranges() -> None:
     echoes = sonar._pinger.ping(0, state)
     assert echoes is not None
     ranges = echoes.ranges.reshape(65, 60)
-    hit = np.isfinite(ranges)
-    assert hit.sum() > 1000
+    is_hit = np.isfinite(ranges)
+    assert is_hit.sum() > 1000
     place = mounting.world_position(state)
-    turned = sonar._pinger._aperture.directions[hit] @ np.array(matrix(mounting.attitude(state))).reshape(3, 3).T
+    turned = sonar._pinger._aperture.directions[is_hit] @ np.array(matrix(mounting.attitude(state))).reshape(3, 3).T
     expected = (20.0 + 0.25 * place[0] - place[2]) / (turned[:, 2] - 0.25 * turned[:, 0])
-    assert ranges[hit] == pytest.approx(expected, abs=1e-6)
+    assert ranges[is_hit] == pytest.approx(expected, abs=1e-6)
 
 
 def test_a_sphere_and_a_cylinder_have_exact_ranges() -> None:
@@ -101,10 +101,10 @@ def test_a_sphere_and_a_cylinder_have_exact_ranges() -> None:
         pile = (to_pile - np.sqrt(to_pile**2 - (20.0**2 + 8.0**2 - 2.0**2))) / level
     expected = np.fmin(np.where(np.isnan(ball), inf, ball), np.where(np.isnan(pile), inf, pile))
     ranges = echoes.ranges[: expected.size].reshape(expected.shape)
-    seen = np.isfinite(ranges)
-    assert (seen == np.isfinite(expected) & (10.0 + expected * rays[..., 2] > 0.0)).all()
-    assert seen.sum() > 200
-    assert ranges[seen] == pytest.approx(expected[seen], abs=1e-6)
+    is_hit = np.isfinite(ranges)
+    assert (is_hit == np.isfinite(expected) & (10.0 + expected * rays[..., 2] > 0.0)).all()
+    assert is_hit.sum() > 200
+    assert ranges[is_hit] == pytest.approx(expected[is_hit], abs=1e-6)
 
 
 def test_an_object_appears_in_the_bin_of_its_range() -> None:
@@ -254,15 +254,15 @@ def test_the_surface_reflects_a_pile_at_the_range_of_the_reflected_path() -> Non
         sonar.add(solids.sphere((0.0, 0.0, 0.0), 0.6), State((15.6, 0.0, 4.0)))
         return image(sonar.sample(0, deep))[:, 15]
 
-    plain, ghosts = picture(model._replace(multipath=False)), picture(model)
-    bent = (15.6**2 + 8.0**2) ** 0.5 - 0.6
-    extra = ghosts - plain
+    direct, ghosts = picture(model._replace(multipath=False)), picture(model)
+    path_length = (15.6**2 + 8.0**2) ** 0.5 - 0.6
+    extra = ghosts - direct
     assert not extra[:150].any()
     found = np.flatnonzero(extra > 0.01 * extra.max()) * 0.1
-    for way in (0.5 * (15.0 + bent), bent):
+    for way in (0.5 * (15.0 + path_length), path_length):
         assert np.abs(found - way).min() < 0.25
-    assert ghosts.argmax() == plain.argmax()
-    lossy = picture(model._replace(surface_loss=23.0)) - plain
+    assert ghosts.argmax() == direct.argmax()
+    lossy = picture(model._replace(surface_loss=23.0)) - direct
     middle = slice(152, 160)
     assert lossy[middle].sum() == pytest.approx(0.01 * extra[middle].sum(), rel=0.01)
 

@@ -26,16 +26,16 @@ def test_shading_by_curvature_equals_that_of_the_whole_grid() -> None:
     nodes = np.asarray(world.terrain.depths, float).reshape(grid.rows, grid.columns)
     padded = np.pad(nodes, 1, mode="edge")
     mean = 0.25 * (padded[:-2, 1:-1] + padded[2:, 1:-1] + padded[1:-1, :-2] + padded[1:-1, 2:])
-    whole = np.clip(1.0 + 3.0 * (mean - nodes), 0.7, 1.3)
-    places = np.random.default_rng(1).uniform((-3.0, -3.0, 0.0), (63.0, 43.0, 9.0), (400, 3))
+    brightness = np.clip(1.0 + 3.0 * (mean - nodes), 0.7, 1.3)
+    points = np.random.default_rng(1).uniform((-3.0, -3.0, 0.0), (63.0, 43.0, 9.0), (400, 3))
     rows, columns = (
-        np.clip(np.floor(places[:, k] + 0.5).astype(int), 0, count - 1)
+        np.clip(np.floor(points[:, k] + 0.5).astype(int), 0, count - 1)
         for k, count in enumerate((grid.rows, grid.columns))
     )
     scenery = Scenery(world, 2)
     for part in (slice(None), slice(0, 1), rows > grid.rows - 6):
-        found = scenery._curvature_brightness(places[part].T.astype(np.float32))
-        np.testing.assert_allclose(found, whole[rows[part], columns[part]], atol=2e-4)
+        found = scenery._curvature_brightness(points[part].T.astype(np.float32))
+        np.testing.assert_allclose(found, brightness[rows[part], columns[part]], atol=2e-4)
 
 
 def resident_mb() -> float:
@@ -74,8 +74,8 @@ def test_a_world_of_100_million_nodes_is_not_loaded_completely(tmp_path: Path) -
     tracemalloc.start()
     scenery = Scenery(world, 2)
     points = np.random.default_rng(1).uniform(-30.0, 30.0, (3, 10_000)).astype(np.float32)
-    bent = scenery._curvature_brightness(points)
+    bend = scenery._curvature_brightness(points)
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
-    assert (bent == 1.0).all()
+    assert (bend == 1.0).all()
     assert peak < 32 << 20, "400 MB of depths are mapped, and no other array is as large"

@@ -126,14 +126,14 @@ def test_the_surface_reflects_echoes_of_a_scanning_sonar() -> None:
     model = HEAD._replace(
         angle_min=-0.01, angle_max=0.01, step=0.01, multipath=True, beam_height=radians(50.0), rays=400
     )
-    sonar, plain = (make_sensor(ScanningSonar, m) for m in (model, model._replace(multipath=False)))
-    for each in (sonar, plain):
+    sonar, direct = (make_sensor(ScanningSonar, m) for m in (model, model._replace(multipath=False)))
+    for each in (sonar, direct):
         each.add(solids.sphere((0.0, 0.0, 0.0), 0.3), State((10.0, 0.0, 1.5)))
-    more = picture(sonar.sample(0, at_depth(1.5)).echoes) - picture(plain.sample(0, at_depth(1.5)).echoes)
-    found = np.flatnonzero(more[:, 0] > 1e-3 * more.max()) * 0.05
+    more = picture(sonar.sample(0, at_depth(1.5)).echoes) - picture(direct.sample(0, at_depth(1.5)).echoes)
+    ghost_ranges = np.flatnonzero(more[:, 0] > 1e-3 * more.max()) * 0.05
     bent = sqrt(10.0**2 + 3.0**2)
-    assert found.min() == pytest.approx(0.5 * (bent + 10.0) - 0.3, abs=0.15)
-    assert bent - 0.3 < found.max() < bent + 0.3
+    assert ghost_ranges.min() == pytest.approx(0.5 * (bent + 10.0) - 0.3, abs=0.15)
+    assert bent - 0.3 < ghost_ranges.max() < bent + 0.3
 
 
 def test_scanning_sonar_intensities_need_a_beam_width() -> None:
@@ -171,10 +171,10 @@ def test_an_approaching_sonar_measures_shorter_ranges() -> None:
     sonar = make_sensor(ForwardSonar, FORWARD._replace(max_range=60.0))
     sonar._pinger.add(solids.half_space((-1.0, 0.0, 0.0), -50.0), State())
     still, moving = (sonar._pinger.ping(0, at_depth(10.0, v, 0.0, 0.0, 0.0, 0.0, 0.0)) for v in (0.0, 15.0))
-    hit = np.isfinite(still.ranges)
-    toward = sonar._pinger._directions[hit, 0]
-    assert hit.sum() > 1000
-    assert moving.ranges[hit] / still.ranges[hit] == pytest.approx(1.0 - 15.0 / SOUND_SPEED * toward, abs=1e-9)
+    is_hit = np.isfinite(still.ranges)
+    toward = sonar._pinger._directions[is_hit, 0]
+    assert is_hit.sum() > 1000
+    assert moving.ranges[is_hit] / still.ranges[is_hit] == pytest.approx(1.0 - 15.0 / SOUND_SPEED * toward, abs=1e-9)
 
 
 @pytest.mark.parametrize("rate", [0.5, -0.8])
@@ -196,20 +196,20 @@ def test_a_turning_side_scan_receives_less_from_far_ranges() -> None:
     """A turn of 8 deg/s moves the beam of 0.8 deg by 0.64 deg until 60 m, 80 ms away: it receives less of it."""
     rate, width = radians(8.0), SCAN.beam_width
     scan = make_sensor(SideScan, SCAN, FLAT)
-    still, turning = (
+    resting, turning = (
         np.frombuffer(scan.sample(0, at_depth(10.0, 0.0, 0.0, 0.0, 0.0, 0.0, r)).starboard, np.float32)
         for r in (0.0, rate)
     )
     along = np.linspace(-radians(0.95), radians(0.95), 2001)
-    sent = array_pattern(along, width, 1e3)
+    sent_pattern = array_pattern(along, width, 1e3)
     for number in (200, 400, 590):
         ranges = (number + 0.5) * 0.1
         # The beam is turned about the vertical: less so for what lies below.
         late = rate * 2.0 * ranges / SOUND_SPEED * sqrt(1.0 - (10.0 / ranges) ** 2)
-        wanted = (sent * array_pattern(along + late, width, 1e3)).sum() / (sent**2).sum()
+        wanted = (sent_pattern * array_pattern(along + late, width, 1e3)).sum() / (sent_pattern**2).sum()
         window = slice(number - 10, number + 10)
-        assert turning[window].sum() / still[window].sum() == pytest.approx(wanted, abs=0.03)
-    assert turning[590] < 0.5 * still[590]
+        assert turning[window].sum() / resting[window].sum() == pytest.approx(wanted, abs=0.03)
+    assert turning[590] < 0.5 * resting[590]
 
 
 def test_a_scanning_head_applies_motion_along_its_own_axes() -> None:

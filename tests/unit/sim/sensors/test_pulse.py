@@ -67,11 +67,11 @@ def test_neighbouring_bins_are_alike_within_a_pulse() -> None:
         assert correlation(received[10:-lag], received[10 + lag :]) == pytest.approx(expected, abs=0.05)
 
 
-@pytest.mark.parametrize("turn", [0.0, 0.45, 0.9, 1.3, 1.8, 3.6])
-def test_pings_are_alike_as_far_as_their_beams_overlap(turn: float) -> None:
+@pytest.mark.parametrize("angle", [0.0, 0.45, 0.9, 1.3, 1.8, 3.6])
+def test_pings_are_alike_as_far_as_their_beams_overlap(angle: float) -> None:
     sonar = receiver(1.0)
-    first, second = (sonar.receive(np.ones(BINS), 0.0, SILENT, radians(a), HERE) for a in (40.2, 40.2 + turn))
-    x = 2.0 * pi * sin(radians(turn)) * 0.4429464 / sin(0.5 * WIDTH)
+    first, second = (sonar.receive(np.ones(BINS), 0.0, SILENT, radians(a), HERE) for a in (40.2, 40.2 + angle))
+    x = 2.0 * pi * sin(radians(angle)) * 0.4429464 / sin(0.5 * WIDTH)
     amplitude = 6.0 * (1.0 - sin(x) / x) / x**2 if x else 1.0
     assert correlation(first, second) == pytest.approx(amplitude**2, abs=0.05)
 

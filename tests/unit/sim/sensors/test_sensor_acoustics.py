@@ -89,27 +89,27 @@ def test_a_usbl_is_exact_without_errors() -> None:
     assert sample.position == pytest.approx(ASKEW.world_position(state), rel=1e-13)
 
 
-@pytest.mark.parametrize("place", [(300.0, 0.0, 100.0), (-200.0, 150.0, 4.0), (0.0, 0.0, 400.0), (50.0, -60.0, 7.0)])
-def test_usbl_errors_have_their_reported_covariance(place: tuple[float, float, float]) -> None:
+@pytest.mark.parametrize("position", [(300.0, 0.0, 100.0), (-200.0, 150.0, 4.0), (0.0, 0.0, 400.0), (50.0, -60.0, 7.0)])
+def test_usbl_errors_have_their_reported_covariance(position: tuple[float, float, float]) -> None:
     """The scatter of 3000 fixes is the covariance in the sample: thin along the line of sight, wide across it."""
     model = UsblModel(range=ErrorModel(noise=0.5), angle=ErrorModel(noise=0.01), station=(0.0, 0.0, 1.0))
-    usbl, state = Usbl(model, Mounting(), 1, scene(DEEP)), State(place)
+    usbl, state = Usbl(model, Mounting(), 1, scene(DEEP)), State(position)
     samples = [usbl.sample(i, state) for i in range(3000)]
-    found = np.array([sample.position for sample in samples if sample])
+    fixes = np.array([sample.position for sample in samples if sample])
     stated = np.array(samples[0].covariance if samples[0] else ()).reshape(3, 3)
     root = np.linalg.inv(np.linalg.cholesky(stated))
-    assert len(found) == 3000
-    assert np.mean(found, axis=0) == pytest.approx(place, abs=0.3)
-    assert root @ np.cov(found.T) @ root.T == pytest.approx(np.eye(3), abs=0.12)
-    line = np.array(place) - (0.0, 0.0, 1.0)
+    assert len(fixes) == 3000
+    assert np.mean(fixes, axis=0) == pytest.approx(position, abs=0.3)
+    assert root @ np.cov(fixes.T) @ root.T == pytest.approx(np.eye(3), abs=0.12)
+    line = np.array(position) - (0.0, 0.0, 1.0)
     line /= np.linalg.norm(line)
     assert line @ stated @ line == pytest.approx(0.25)
 
 
-@pytest.mark.parametrize("place", [(0.0, 0.0, -1.0), (1200.0, 0.0, 5.0), (10.0, -20.0, 2.0)])
-def test_a_usbl_has_no_fix_in_air_out_of_reach_or_at_its_station(place: tuple[float, float, float]) -> None:
+@pytest.mark.parametrize("position", [(0.0, 0.0, -1.0), (1200.0, 0.0, 5.0), (10.0, -20.0, 2.0)])
+def test_a_usbl_has_no_fix_in_air_out_of_reach_or_at_its_station(position: tuple[float, float, float]) -> None:
     """There is no fix in the air, out of reach, and at the station itself."""
-    assert Usbl(USBL, Mounting(), 1, scene(DEEP)).sample(0, State(place)) is None
+    assert Usbl(USBL, Mounting(), 1, scene(DEEP)).sample(0, State(position)) is None
 
 
 @pytest.mark.parametrize("latency", [0.0, 0.25])
@@ -135,9 +135,9 @@ SLOWER_BELOW = Ocean(profile=Profile((0.0, 200.0), (1025.0, 1027.0), (1520.0, 14
 
 def test_a_usbl_measures_range_and_direction_along_the_refracted_ray() -> None:
     """The range is the station's speed of sound times the travel time; the position is off by the ray's curvature."""
-    place, station = (600.0, 80.0, 90.0), (0.0, 0.0, 40.0)
+    position, station = (600.0, 80.0, 90.0), (0.0, 0.0, 40.0)
     world = DEEP._replace(ocean=SLOWER_BELOW)
-    sample = Usbl(USBL._replace(station=station), Mounting(), 1, scene(world)).sample(0, State(place))
+    sample = Usbl(USBL._replace(station=station), Mounting(), 1, scene(world)).sample(0, State(position))
     ray = SoundRays((0.0, 200.0), (1520.0, 1480.0)).between(hypot(600.0, 80.0), 40.0, 90.0)
     assert sample is not None
     assert ray is not None
@@ -147,7 +147,7 @@ def test_a_usbl_measures_range_and_direction_along_the_refracted_ray() -> None:
     assert off[1] / off[0] == pytest.approx(80.0 / 600.0)
     assert sample.position[2] < 85.0, "sound that leaves more level comes down to it"
     assumed = Usbl(USBL._replace(station=station, assumed_speed=1500.0), Mounting(), 1, scene(world))
-    sample = assumed.sample(0, State(place))
+    sample = assumed.sample(0, State(position))
     assert sample is not None
     assert dist(sample.position, station) == pytest.approx(ray.time * 1500.0)
 

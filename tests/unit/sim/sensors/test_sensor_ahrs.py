@@ -105,10 +105,10 @@ def test_default_errors_equal_those_of_the_data_sheet() -> None:
     field = AhrsModel().magnetic_field._replace(noise=0.0)  # which at 100 Hz and over 10 s is nearly averaged out
     model = AhrsModel(rate=5.0, level_time=2.0, heading_time=2.0, magnetic_field=field)
     state = State((0.0, 0.0, 5.0), from_euler(0.0, 0.0, 1.0))
-    found = [
+    errors = [
         to_euler(run_filter(Ahrs(model, Mounting(), seed, scene), state, 15.0, 5.0).orientation) for seed in range(250)
     ]
-    rolls, pitches, yaws = zip(*found, strict=True)
+    rolls, pitches, yaws = zip(*errors, strict=True)
     assert degrees(pstdev(rolls)) == pytest.approx(0.4, rel=0.15)
     assert degrees(pstdev(pitches)) == pytest.approx(0.4, rel=0.15)
     assert degrees(pstdev(yaws)) == pytest.approx(1.0, rel=0.2)

@@ -40,11 +40,11 @@ PROJ = [
 ]
 
 
-@pytest.mark.parametrize(("origin", "place", "expected"), PROJ)
+@pytest.mark.parametrize(("origin", "position", "expected"), PROJ)
 def test_geodetic_positions_equal_those_of_proj(
-    origin: tuple[float, float, float], place: tuple[float, float, float], expected: tuple[float, float, float]
+    origin: tuple[float, float, float], position: tuple[float, float, float], expected: tuple[float, float, float]
 ) -> None:
-    latitude, longitude, altitude = TangentPlane(*origin).geodetic(place)
+    latitude, longitude, altitude = TangentPlane(*origin).geodetic(position)
     assert latitude == pytest.approx(expected[0], abs=2e-12)
     assert longitude == pytest.approx(expected[1], abs=2e-12)
     assert altitude == pytest.approx(expected[2], abs=1e-6)
@@ -53,11 +53,11 @@ def test_geodetic_positions_equal_those_of_proj(
 @pytest.mark.parametrize("latitude", [-90.0, -60.0, -1e-9, 0.0, 12.3, 45.0, 89.99999, 90.0])
 @pytest.mark.parametrize("altitude", [-11_000.0, 0.0, 9000.0])
 def test_geodetic_coordinates_survive_a_round_trip(latitude: float, altitude: float) -> None:
-    found = geodetic(*earth_centred(latitude, 33.3, altitude))
-    assert found[0] == pytest.approx(latitude, abs=1e-13)
-    assert found[2] == pytest.approx(altitude, abs=5e-9)
+    computed = geodetic(*earth_centred(latitude, 33.3, altitude))
+    assert computed[0] == pytest.approx(latitude, abs=1e-13)
+    assert computed[2] == pytest.approx(altitude, abs=5e-9)
     if abs(latitude) < 90.0:
-        assert found[1] == pytest.approx(33.3, abs=1e-8)
+        assert computed[1] == pytest.approx(33.3, abs=1e-8)
 
 
 def test_the_meridian_has_its_radii_of_curvature() -> None:

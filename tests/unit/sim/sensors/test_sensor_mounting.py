@@ -51,10 +51,10 @@ def test_a_rotated_imu_measures_the_same_in_other_axes() -> None:
     straight = Imu(EXACT_IMU, Mounting(ASKEW.position), 1, SCENE).sample(0, state)
     askew = Imu(EXACT_IMU, ASKEW, 1, SCENE).sample(0, state)
     assert straight.acceleration == pytest.approx(specific_force(state, ASKEW.position, 9.8))
-    turn = from_euler(*ASKEW.orientation)
-    assert rotate(turn, askew.acceleration) == pytest.approx(straight.acceleration)
-    assert rotate(turn, askew.angular_velocity) == pytest.approx(NU[3:])
-    assert askew.orientation == pytest.approx(multiply(state.quaternion, turn))
+    rotation = from_euler(*ASKEW.orientation)
+    assert rotate(rotation, askew.acceleration) == pytest.approx(straight.acceleration)
+    assert rotate(rotation, askew.angular_velocity) == pytest.approx(NU[3:])
+    assert askew.orientation == pytest.approx(multiply(state.quaternion, rotation))
 
 
 @pytest.mark.parametrize("orientation", [(0.0, 0.0, pi / 4.0), (0.1, -0.15, 2.5), (0.0, 0.0, -1.0)])

@@ -44,9 +44,9 @@ def scene(world: World = FLAT) -> Simulation:
     return Simulation(VEHICLE, world, {}, position=(0.0, 0.0, 5.0))
 
 
-def distance_to_slope(place: tuple[float, ...], direction: tuple[float, ...]) -> float:
+def distance_to_slope(position: tuple[float, ...], direction: tuple[float, ...]) -> float:
     """Return the distance from a place to the plane depth = 20 + north / 4, by hand."""
-    return (20.0 + 0.25 * place[0] - place[2]) / (direction[2] - 0.25 * direction[0])
+    return (20.0 + 0.25 * position[0] - position[2]) / (direction[2] - 0.25 * direction[0])
 
 
 # --- laser
@@ -127,11 +127,11 @@ def test_a_profiler_measures_a_slope(mounting: Mounting) -> None:
     model = ProfilerModel(beams=61, ground_truth=True)
     state = State((1.0, 2.0, 5.0), from_euler(0.1, -0.15, 0.9), NU)
     sample = Profiler(model, mounting, 1, scene(sloping_world())).sample(3, state)
-    attitude, place = mounting.attitude(state), mounting.world_position(state)
+    attitude, position = mounting.attitude(state), mounting.world_position(state)
     assert sample.angle_min == pytest.approx(radians(-60))
     for i, distance in enumerate(sample.ranges):
         angle = sample.angle_min + i * sample.angle_increment
-        expected = distance_to_slope(place, rotate(attitude, (0.0, sin(angle), cos(angle))))
+        expected = distance_to_slope(position, rotate(attitude, (0.0, sin(angle), cos(angle))))
         assert distance == pytest.approx(expected, abs=1e-6)
 
 
@@ -241,11 +241,11 @@ def test_scanning_sonar_intensities_show_a_pile_at_its_range() -> None:
     """A pile to starboard is in the ping of that direction, at its range; distances are as without intensities."""
     world = FLAT._replace(cylinder=(Cylinder(0.0, 12.0, 0.5),), depth=500.0)
     model = ScanningSonarModel(bins=1000, max_range=30.0, min_range=0.5, ground_truth=True, surface_strength=-200.0)
-    sonar, plain = (ScanningSonar(m, Mounting(), 1, scene(world)) for m in (model, model._replace(bins=0)))
+    sonar, reference = (ScanningSonar(m, Mounting(), 1, scene(world)) for m in (model, model._replace(bins=0)))
     state, sums = State((0.0, 0.0, 10.0)), {}
     for ping in range(400):
         time_ns, scan, echoes = sonar.sample(ping, state)
-        assert scan == plain.sample(ping, state)
+        assert scan == reference.sample(ping, state)
         assert (time_ns, echoes.beams, echoes.bins) == (ping, (scan.angle_min,), 1000)
         values = np.frombuffer(echoes.intensities, np.float32)
         sums[scan.angle_min] = values.sum()
@@ -289,13 +289,13 @@ def test_a_dvl_over_a_slope_has_exact_velocity_and_altitude(mounting: Mounting) 
     """The beams' ranges are those to the slope; velocity is exact; altitude is at right angles to the slope."""
     state = State((1.0, 2.0, 5.0), from_euler(0.1, -0.15, 0.9), NU)
     dvl = Dvl(DVL, mounting, 1, scene(sloping_world()))
-    place, attitude = mounting.world_position(state), mounting.attitude(state)
-    for i, found in enumerate(dvl._ranges(state)):
+    position, attitude = mounting.world_position(state), mounting.attitude(state)
+    for i, distance in enumerate(dvl._ranges(state)):
         angle, tilt = pi / 4.0 + i * pi / 2.0, DVL.tilt
         beam = rotate(attitude, (sin(tilt) * cos(angle), sin(tilt) * sin(angle), cos(tilt)))
-        assert found == pytest.approx(distance_to_slope(place, beam), abs=1e-6)
+        assert distance == pytest.approx(distance_to_slope(position, beam), abs=1e-6)
     sample = dvl.sample(0, state)
-    height = (20.0 + 0.25 * place[0] - place[2]) / sqrt(1.0 + 0.25**2)
+    height = (20.0 + 0.25 * position[0] - position[2]) / sqrt(1.0 + 0.25**2)
     assert sample.locked
     assert sample.altitude == pytest.approx(height, abs=1e-6)
     swing = mounting.velocity(NU)
@@ -343,18 +343,18 @@ def test_clearance_is_seldom_computed_without_changing_the_result(monkeypatch: p
     clearance = World.clearance
     ground = Dvl(DVL, Mounting(), 1, scene(world))._ground
 
-    def watched(world: World, *place: float) -> float:
-        measured.append(place)
-        return clearance(world, *place)
+    def watched(world: World, *position: float) -> float:
+        measured.append(position)
+        return clearance(world, *position)
 
     monkeypatch.setattr(World, "clearance", watched)
-    random, north, east, answers = Random(4), 0.0, 0.0, []
+    random, north, east, readings = Random(4), 0.0, 0.0, []
     for _ in range(2000):
         north, east = north + random.uniform(-0.1, 0.11), east + random.uniform(-0.1, 0.1)
         across = random.uniform(2.0, 3.0)
-        answers.append(ground.is_flat(State((north, east, 5.0)), across))
-        assert answers[-1] == (clearance(world, north, east) > across)
-    assert 100 < sum(answers) < 1900
+        readings.append(ground.is_flat(State((north, east, 5.0)), across))
+        assert readings[-1] == (clearance(world, north, east) > across)
+    assert 100 < sum(readings) < 1900
     assert len(measured) < 500
 
 

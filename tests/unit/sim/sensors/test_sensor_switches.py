@@ -96,18 +96,18 @@ def test_a_contact_switch_reports_every_contact() -> None:
     """A contact with a wall at full speed is reported although it is over when the switch is read."""
     slow = SensorSpec(ContactSwitch, ContactModel(rate=1.0))
     simulation = Simulation(VEHICLE, POOL, {"contact": slow}, position=(6.0, 0.0, 2.0))
-    found: list[tuple[bool, int]] = []
+    received: list[tuple[bool, int]] = []
     for step in range(4800):
         ahead = 1900 if step < 1000 else 1100 if step < 1500 else 1500
         before = simulation.contacts
         for _, sample in simulation.step((ahead,) * 4 + (1500, 1500)):
             assert isinstance(sample, FlagSample)
-            found.append((sample.on, before))
+            received.append((sample.on, before))
     assert simulation.contacts > 0
-    on = [pressed for pressed, _ in found]
+    on = [pressed for pressed, _ in received]
     assert on[0] is False
     assert any(on)
     first = on.index(True)
-    assert found[first][1] > found[first - 1][1]
+    assert received[first][1] > received[first - 1][1]
     assert not simulation.touching
     assert not on[-1]  # off again once it has backed away

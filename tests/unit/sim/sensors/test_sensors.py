@@ -46,10 +46,10 @@ def test_specific_force_is_the_acceleration_of_the_sensors_position() -> None:
     """The specific force is the second difference of the sensor's position, in fast motion in a current."""
     vehicle, _ = load_vehicle("bluerov2_heavy")
     dynamics = Dynamics(vehicle, 1025.0, 9.8, "rk4")
-    state, place, dt = State((0, 0, 50.0), from_euler(0.3, -0.2, 0.7), NU), (0.2, -0.1, 0.3), 0.001
+    state, position, dt = State((0, 0, 50.0), from_euler(0.3, -0.2, 0.7), NU), (0.2, -0.1, 0.3), 0.001
 
     def world() -> list[float]:
-        return [a + b for a, b in zip(state.position, rotate(state.quaternion, place), strict=True)]
+        return [a + b for a, b in zip(state.position, rotate(state.quaternion, position), strict=True)]
 
     def step() -> None:
         dynamics.step(state, (40.0, -20.0, 30.0, 2.0, -3.0, 4.0), (0.3, -0.2, 0.1), dt)
@@ -65,7 +65,7 @@ def test_specific_force_is_the_acceleration_of_the_sensors_position() -> None:
     felt.nu_dot = [(b - a) / dt for a, b in zip(at[1], state.nu, strict=True)]
     seen = [(a - 2.0 * b + c) / dt**2 for a, b, c in zip(before, middle, after, strict=True)]
     expected = rotate_inverse(at[0], (seen[0], seen[1], seen[2] - 9.8))
-    assert specific_force(felt, place, 9.8) == pytest.approx(expected, abs=0.02)
+    assert specific_force(felt, position, 9.8) == pytest.approx(expected, abs=0.02)
 
 
 def test_imu_noise_is_on_by_default_with_its_stated_size() -> None:
@@ -81,14 +81,14 @@ def test_imu_noise_is_on_by_default_with_its_stated_size() -> None:
 
 def test_a_dvl_is_exact_without_errors() -> None:
     """The velocity of a tilted, turning DVL off the origin is that of its position; its altitude is over the seabed."""
-    q, place = from_euler(0.15, -0.2, 2.0), (0.3, -0.1, 0.2)
+    q, position = from_euler(0.15, -0.2, 2.0), (0.3, -0.1, 0.2)
     state = State((1.0, 2.0, 3.0), q, NU)
-    sample = Dvl(EXACT_DVL, Mounting(place), 1, SCENE).sample(9, state)
+    sample = Dvl(EXACT_DVL, Mounting(position), 1, SCENE).sample(9, state)
     u, v, w, p, q_, r = NU
-    x, y, z = place
+    x, y, z = position
     assert sample.locked
     assert sample.velocity == pytest.approx((u + q_ * z - r * y, v + r * x - p * z, w + p * y - q_ * x))
-    assert sample.altitude == pytest.approx(20.0 - 3.0 - rotate(q, place)[2])
+    assert sample.altitude == pytest.approx(20.0 - 3.0 - rotate(q, position)[2])
     slant = 17.0 / cos(EXACT_DVL.tilt)  # what the mean of the beams would be, level
     assert abs(sample.altitude - slant) > 1.0
 

@@ -36,8 +36,8 @@ def scene(world: World = FLAT) -> Simulation:
     return Simulation(VEHICLE, world, {}, position=(0.0, 0.0, 5.0))
 
 
-def side(sample: SideScanSample, which: str) -> Any:
-    return np.frombuffer(getattr(sample, which), sample.encoding)
+def one_side(sample: SideScanSample, side: str) -> Any:
+    return np.frombuffer(getattr(sample, side), sample.encoding)
 
 
 SCAN = SideScanModel(ground_truth=True, max_range=60.0, rays=3000, surface_strength=-200.0)
@@ -48,18 +48,18 @@ def test_the_first_bottom_return_is_at_the_altitude() -> None:
     sample = scan.sample(0, AHEAD)
     assert sample.altitude == pytest.approx(10.0, abs=1e-4)
     for which in ("port", "starboard"):
-        column = side(sample, which)
+        column = one_side(sample, which)
         assert len(column) == sample.bins == 600
         assert not column[:99].any()
         assert column[101:].all()
-    assert side(sample, "port") == pytest.approx(side(sample, "starboard"), rel=1e-6)
+    assert one_side(sample, "port") == pytest.approx(one_side(sample, "starboard"), rel=1e-6)
 
 
 def test_a_block_to_starboard_has_its_shadow() -> None:
     """A block from 18 to 22 m aside and 4 m high, 10 m above the seabed: its top's far edge shades to 22 * 10 / 6 m."""
     world = FLAT._replace(box=(Box(0.0, 20.0, 6.0, 4.0, top=16.0),))
     sample = SideScan(SCAN, Mounting(), 1, scene(world)).sample(0, AHEAD)
-    starboard, port = side(sample, "starboard"), side(sample, "port")
+    starboard, port = one_side(sample, "starboard"), one_side(sample, "port")
     front = sqrt(18.0**2 + 6.0**2), sqrt(18.0**2 + 10.0**2)  # the face, from its upper edge on
     shade = sqrt(22.0**2 + 6.0**2), sqrt((22.0 / 0.6) ** 2 + 10.0**2)
     face = slice(int(front[0] / 0.1) + 1, int(front[1] / 0.1) - 1)
@@ -75,7 +75,7 @@ def test_a_block_to_starboard_has_its_shadow() -> None:
 def test_a_side_scan_receives_nothing_out_of_the_water() -> None:
     ping = SideScan(SideScanModel(ground_truth=True), Mounting(), 1, scene()).sample(0, State((0.0, 0.0, -0.5)))
     assert isinf(ping.altitude)
-    assert not side(ping, "port").any()
+    assert not one_side(ping, "port").any()
 
 
 def test_a_side_scan_turns_with_the_vehicle() -> None:
@@ -83,8 +83,8 @@ def test_a_side_scan_turns_with_the_vehicle() -> None:
     world = FLAT._replace(box=(Box(0.0, 20.0, 6.0, 4.0, top=16.0),))
     scan = SideScan(SCAN, Mounting(), 1, scene(world))
     north, south = (scan.sample(0, State((0.0, 0.0, 10.0), from_euler(0.0, 0.0, yaw))) for yaw in (0.0, pi))
-    assert side(north, "starboard") == pytest.approx(side(south, "port"), rel=1e-3, abs=1e-15)
-    assert side(north, "port") != pytest.approx(side(south, "port"), rel=0.1, abs=1e-15)
+    assert one_side(north, "starboard") == pytest.approx(one_side(south, "port"), rel=1e-3, abs=1e-15)
+    assert one_side(north, "port") != pytest.approx(one_side(south, "port"), rel=0.1, abs=1e-15)
 
 
 def test_a_side_scan_picture_is_noisy_and_seeded() -> None:
@@ -92,7 +92,7 @@ def test_a_side_scan_picture_is_noisy_and_seeded() -> None:
     one, other = (SideScan(model, Mounting(), 5, scene()).sample(0, AHEAD) for _ in range(2))
     assert one == other
     assert one.encoding == "uint8"
-    grey = side(one, "port")
+    grey = one_side(one, "port")
     assert grey[110:600].mean() > 4.0 * grey[:90].mean()
 
 
@@ -138,13 +138,13 @@ def test_the_surface_echoes_to_a_side_scan_below() -> None:
     state = State((0.0, 0.0, 8.0))
     model = SCAN._replace(beam_height=radians(170.0), surface_strength=-30.0)
     wide = SideScan(model, Mounting(), 1, scene()).sample(0, state)
-    without = SideScan(model._replace(surface_strength=-200.0), Mounting(), 1, scene()).sample(0, state)
-    port, dry = side(wide, "port"), side(without, "port")
+    no_surface = SideScan(model._replace(surface_strength=-200.0), Mounting(), 1, scene()).sample(0, state)
+    port, dry = one_side(wide, "port"), one_side(no_surface, "port")
     first = int(port.nonzero()[0][0])
     assert first == pytest.approx(80.0 / sin(radians(60.0)), abs=1)
     assert (port[first:119] > 0.0).all()
     assert not dry[:119].any()
-    assert wide.altitude == without.altitude == pytest.approx(12.0, abs=0.01)
+    assert wide.altitude == no_surface.altitude == pytest.approx(12.0, abs=0.01)
 
 
 def test_the_far_edge_of_an_oblique_walls_shadow_is_a_line() -> None:
@@ -156,7 +156,7 @@ def test_the_far_edge_of_an_oblique_walls_shadow_is_a_line() -> None:
     middles = (np.arange(1000) + 0.5) * model.range_step
     errors = []
     for north in np.arange(-10.0, 10.0, 0.1):
-        echoes = side(sonar.sample(0, State((north, 0.0, 20.0 - altitude))), "starboard")
+        echoes = one_side(sonar.sample(0, State((north, 0.0, 20.0 - altitude))), "starboard")
         away = 30.0 + north * np.tan(askew) + 0.1 / np.cos(askew)
         edge = np.hypot(away * altitude / (altitude - height), altitude)
         lit = echoes > 0.2 * np.median(echoes[(middles > edge + 3.0) & (middles < edge + 8.0)])

@@ -91,18 +91,18 @@ def test_the_battery_energy_is_balanced(resistance: float) -> None:
     battery = parse({**TABLE, "capacity_wh": 20.0, "resistance": resistance, "hotel_current": 1.0}, Battery, "test")
     pack = BatteryPack(battery)
     amperes = [performance(1700, volts).current * 2.0 for volts in VOLTS]
-    dt, given, load, heat, drawn = 0.05, 0.0, 0.0, 0.0, 0.0
+    dt, energy, load, heat, charge = 0.05, 0.0, 0.0, 0.0, 0.0
     while not pack.state.cut_off:
         before = pack.open_circuit
         pack.step(VOLTS, amperes, dt)
         voltage, current, *_ = pack.state
-        given += before * current * dt
+        energy += before * current * dt
         load += voltage * current * dt
         heat += resistance * current * current * dt
-        drawn += current * dt
-    assert given == pytest.approx(load + heat, rel=1e-12)
-    assert given / 3600.0 == pytest.approx(20.0, rel=2e-4)
-    assert drawn / 3600.0 == pytest.approx(battery.capacity_ah, rel=2e-4)
+        charge += current * dt
+    assert energy == pytest.approx(load + heat, rel=1e-12)
+    assert energy / 3600.0 == pytest.approx(20.0, rel=2e-4)
+    assert charge / 3600.0 == pytest.approx(battery.capacity_ah, rel=2e-4)
     assert pack.state.fraction == 0.0
 
 
@@ -148,12 +148,12 @@ def test_the_charge_falls_during_a_run(tmp_path: Path) -> None:
     rides = []
     for _ in range(2):
         simulation = Simulation(vehicle, load_world("paper_field"), position=(0.0, 0.0, 3.0))
-        seen = []
+        voltages = []
         for _ in range(2000):
             simulation.step((1700,) * 6)
             assert simulation.battery is not None
-            seen.append(simulation.battery)
-        rides.append(seen)
+            voltages.append(simulation.battery)
+        rides.append(voltages)
     assert rides[0] == rides[1]
     fractions = [state.fraction for state in rides[0]]
     assert all(b < a for a, b in pairwise(fractions))

@@ -30,12 +30,12 @@ def energy(dynamics: Dynamics, state: State) -> float:
     """Return the energy: kinetic, of the weight, and of the displaced water, each point's lift over its depth."""
     zx, zy, zz = rotations.matrix(state.quaternion)[6:]
     hull = dynamics.hull
-    heights, share = [z for _, _, z in hull.points], hull.full / len(hull.points)
+    heights, volume_share = [z for _, _, z in hull.points], hull.full / len(hull.points)
     h = 0.5 * (max(heights) - min(heights))  # half the height of a point's column
     lifted = 0.0
     for x, y, z in hull.points:
         depth = state.position[2] + zx * x + zy * y + zz * z
-        lifted += share * (0.0 if depth <= -h else depth if depth >= h else (depth + h) ** 2 / (4.0 * h))
+        lifted += volume_share * (0.0 if depth <= -h else depth if depth >= h else (depth + h) ** 2 / (4.0 * h))
     pairs = zip(dynamics.mass, state.nu, strict=True)
     kinetic = 0.5 * sum(v * sum(m * x for m, x in zip(row, state.nu, strict=True)) for row, v in pairs)
     return kinetic + lifted - dynamics.weight * state.position[2]
@@ -117,12 +117,12 @@ def test_the_energy_of_bobbing_does_not_grow(start: float) -> None:
     """
     dynamics = Dynamics(float_(linear_damping=(0.0, 0.0, 0.0, 0.5, 0.5, 0.5)), RHO, G)
     state = State((0.0, 0.0, start))
-    rest = energy(dynamics, State())
-    first = energy(dynamics, state) - rest
+    rest_energy = energy(dynamics, State())
+    first = energy(dynamics, state) - rest_energy
     for _ in range(100):
         for _ in range(400):
             dynamics.step(state, NOTHING, STILL, 0.0025)
-        assert energy(dynamics, state) - rest == pytest.approx(first, rel=0.001)
+        assert energy(dynamics, state) - rest_energy == pytest.approx(first, rel=0.001)
 
 
 def test_rolling_at_the_surface_conserves_energy() -> None:

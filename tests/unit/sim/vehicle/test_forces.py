@@ -86,10 +86,10 @@ def test_wrong_forces_are_reported(force: str, message: str, tmp_path: Path, mon
 @pytest.mark.parametrize("integrator", ["verlet", "rk4"])
 def test_c_and_python_agree_with_a_users_force(integrator: str) -> None:
     vehicle, _ = load_vehicle("bluerov2_heavy")
-    both = [kind(vehicle, 1025.0, 9.81, integrator, [Crosswind()]) for kind in (Dynamics, make_dynamics)]  # type: ignore[arg-type]
-    states = [State((1.0, 2.0, 9.0), from_euler(0.3, -0.2, 1.0), [0.4, -0.3, 0.2, 0.1, -0.2, 0.3]) for _ in both]
+    pair = [kind(vehicle, 1025.0, 9.81, integrator, [Crosswind()]) for kind in (Dynamics, make_dynamics)]  # type: ignore[arg-type]
+    states = [State((1.0, 2.0, 9.0), from_euler(0.3, -0.2, 1.0), [0.4, -0.3, 0.2, 0.1, -0.2, 0.3]) for _ in pair]
     for step in range(500):
-        for dynamics, state in zip(both, states, strict=True):
+        for dynamics, state in zip(pair, states, strict=True):
             dynamics.step(state, [10.0, 0.01 * step, 0.0, 0.0, 0.5, 0.0], (0.1, -0.1, 0.0), 0.01)
     python, native = ([*state.position, *state.quaternion, *state.nu, *state.nu_dot] for state in states)
     assert python == native

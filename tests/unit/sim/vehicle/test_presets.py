@@ -57,23 +57,23 @@ def test_every_preset_stays_still_and_stable_under_thrust(name: str) -> None:
     """Neutral pulses leave it within its trim; full thrust on every channel keeps its motion bounded."""
     vehicle, _ = load_vehicle(name)
     world = load_world("paper_field")._replace(cylinder=(), box=())
-    still = Simulation(vehicle, world, position=(5.0, 5.0, 4.0))
+    resting = Simulation(vehicle, world, position=(5.0, 5.0, 4.0))
     for _ in range(400):
-        still.step([1500] * len(vehicle.channels))
-    assert all(abs(x) < 0.3 for x in still.state.nu)
+        resting.step([1500] * len(vehicle.channels))
+    assert all(abs(x) < 0.3 for x in resting.state.nu)
     for pulses in ([1900] * len(vehicle.channels), [1100] * len(vehicle.channels)):
-        busy = Simulation(vehicle, world, position=(5.0, 5.0, 4.0))
+        thrusting = Simulation(vehicle, world, position=(5.0, 5.0, 4.0))
         for _ in range(800):
-            busy.step(pulses)
-        assert all(abs(x) < 20.0 for x in busy.state.nu)
+            thrusting.step(pulses)
+        assert all(abs(x) < 20.0 for x in thrusting.state.nu)
 
 
 def test_von_benzons_published_matrix_agrees_with_the_thruster_poses() -> None:
     """The same eight columns stand in another order, some with the other sign of thrust."""
-    ours = columns(matrix_of("bluerov2_heavy"))
+    columns_heavy = columns(matrix_of("bluerov2_heavy"))
     for published in columns(TAM_VON_BENZON):
         flipped = tuple(-x for x in published)
-        assert any(column == pytest.approx(same, abs=1e-6) for column in ours for same in (published, flipped))
+        assert any(column == pytest.approx(same, abs=1e-6) for column in columns_heavy for same in (published, flipped))
 
 
 def test_rexrovs_published_matrix_agrees_with_the_thruster_poses() -> None:
@@ -85,14 +85,14 @@ def test_rexrovs_published_matrix_agrees_with_the_thruster_poses() -> None:
 
 def test_blues_published_matrix_disagrees_with_its_thruster_poses() -> None:
     """Forces agree; the levers are another vehicle's. What blue gives as roll is twice what the thrusters have."""
-    ours = matrix_of("bluerov2_blue")
-    for row, published in zip(ours[:3], TAM_BLUE_CLASSIC[:3], strict=True):
+    matrix = matrix_of("bluerov2_blue")
+    for row, published in zip(matrix[:3], TAM_BLUE_CLASSIC[:3], strict=True):
         assert row == pytest.approx(published, abs=2e-4)
-    assert [abs(x) for x in ours[3][4:]] == [0.109, 0.109]
+    assert [abs(x) for x in matrix[3][4:]] == [0.109, 0.109]
     assert [abs(x) for x in TAM_BLUE_CLASSIC[3][4:]] == [0.21805, 0.21805]
-    assert ours[4] == pytest.approx([0.0] * 6, abs=1e-12)  # no thruster makes pitch, but blue's matrix says -0.12
+    assert matrix[4] == pytest.approx([0.0] * 6, abs=1e-12)  # no thruster makes pitch, but blue's matrix says -0.12
     expected = [0.164, -0.164, -0.171, 0.171]
-    assert ours[5][:4] == pytest.approx(expected, abs=5e-4)
+    assert matrix[5][:4] == pytest.approx(expected, abs=5e-4)
     assert all(
         abs(a / b) == pytest.approx(1.13, abs=0.03) for a, b in zip(TAM_BLUE_CLASSIC[5][:4], expected, strict=True)
     )

@@ -69,17 +69,17 @@ def test_the_angle_of_attack_is_relative_to_the_local_flow() -> None:
 
 def test_a_fin_stalls_beyond_its_angle() -> None:
     polar = RUDDER.polar
-    before, at, after = (polar.at(angle)[0] for angle in (0.29, 0.3, 0.55))
-    assert before < at == pytest.approx(0.3 * polar.lift_slope)
+    before, stalled, after = (polar.at(angle)[0] for angle in (0.29, 0.3, 0.55))
+    assert before < stalled == pytest.approx(0.3 * polar.lift_slope)
     assert after == pytest.approx(0.5 * 1.17 * sin(1.1))
-    assert after < 0.7 * at
+    assert after < 0.7 * stalled
     assert polar.at(0.5 * pi) == pytest.approx((0.0, 0.01 + 1.17), abs=1e-12)
     angles = [0.001 * k for k in range(-3500, 3501)]
-    found = [polar.at(angle) for angle in angles]
-    steps = [abs(b - a) for one, two in pairwise(found) for a, b in zip(one, two, strict=True)]
+    coefficients = [polar.at(angle) for angle in angles]
+    steps = [abs(b - a) for one, two in pairwise(coefficients) for a, b in zip(one, two, strict=True)]
     assert max(steps) < 0.001 * 10.0  # no jump anywhere, nor from ahead to behind
-    assert max(lift for lift, _ in found) == pytest.approx(at)
-    assert min(drag for _, drag in found) >= 0.01
+    assert max(lift for lift, _ in coefficients) == pytest.approx(stalled)
+    assert min(drag for _, drag in coefficients) >= 0.01
 
 
 def test_a_rudder_acts_in_reverse_going_astern() -> None:
@@ -135,10 +135,10 @@ def test_no_surface_adds_energy(make: Callable[[Random], Force]) -> None:
     for _ in range(2000):
         scale = 10.0 ** random.uniform(-6.0, 1.0)
         nu = [scale * random.gauss(0.0, 1.0) for _ in range(6)]
-        found = make(random).wrench(DEEP, LEVEL, nu)
-        power = sum(a * b for a, b in zip(found, nu, strict=True))
-        size = sum(abs(a * b) for a, b in zip(found, nu, strict=True))
-        assert all(map(isfinite, found))
+        actual = make(random).wrench(DEEP, LEVEL, nu)
+        power = sum(a * b for a, b in zip(actual, nu, strict=True))
+        size = sum(abs(a * b) for a, b in zip(actual, nu, strict=True))
+        assert all(map(isfinite, actual))
         assert power <= 1e-12 * size
     assert all(x == 0.0 for x in make(random).wrench(DEEP, LEVEL, (0.0,) * 6))
 
@@ -171,12 +171,12 @@ def test_hull_lift_has_its_value_at_an_angle() -> None:
     lift = Lift(0.2, aspect_ratio=0.2, parasitic_drag=0.05, position=(-0.3, 0.0, 0.0))
     size, slope, angle = 0.5 * RHO * 4.0 * 0.2, lift_slope(0.2), 0.1
     up, drag = size * slope * angle, size * (0.05 + (slope * angle) ** 2 / (pi * 0.3 * 0.2))
-    ahead, aside = -drag * cos(angle) + up * sin(angle), -drag * sin(angle) - up * cos(angle)
+    axial, lateral = -drag * cos(angle) + up * sin(angle), -drag * sin(angle) - up * cos(angle)
     u, across = 2.0 * cos(angle), 2.0 * sin(angle)
-    found = wrench(HullLift(lift, RHO), u, 0.0, across)
-    assert found == pytest.approx([ahead, 0.0, aside, 0.0, 0.3 * aside, 0.0])
-    found = wrench(HullLift(lift, RHO), u, 0.6 * across, 0.8 * across)  # rolled: a hull is round
-    assert found[:3] == pytest.approx([ahead, 0.6 * aside, 0.8 * aside])
+    actual = wrench(HullLift(lift, RHO), u, 0.0, across)
+    assert actual == pytest.approx([axial, 0.0, lateral, 0.0, 0.3 * lateral, 0.0])
+    actual = wrench(HullLift(lift, RHO), u, 0.6 * across, 0.8 * across)  # rolled: a hull is round
+    assert actual[:3] == pytest.approx([axial, 0.6 * lateral, 0.8 * lateral])
     flat = HullLift(lift._replace(plane="vertical"), RHO)
     assert wrench(flat, u, across)[1] == 0.0
 
@@ -296,10 +296,10 @@ def test_mistakes_are_reported(right: str, wrong: str, message: str, tmp_path: P
 def test_a_vehicle_has_at_most_16_channels(tmp_path: Path) -> None:
     text = (Path(__file__).parents[4] / "sim/vehicles/tethys.toml").read_text()
     weight = '[[drop_weights]]\nname = "w{}"\nmass = 0.1\nposition = [0.0, 0.0, 0.0]\n'
-    for count, fits in ((11, True), (12, False)):
+    for count, is_valid in ((11, True), (12, False)):
         path = tmp_path / f"{count}.toml"
         path.write_text(text + "".join(weight.format(i) for i in range(count)))
-        if fits:
+        if is_valid:
             assert len(load_vehicle(str(path))[0].channels) == 16
         else:
             with pytest.raises(ConfigError, match="an STM32 has 16 outputs, found 17"):

@@ -84,18 +84,18 @@ def allocated_thrusts(vehicle: Vehicle, axis: int, force: float) -> list[float]:
     return thrusts
 
 
-@pytest.mark.parametrize("way", [0, 1])
+@pytest.mark.parametrize("direction", [0, 1])
 @pytest.mark.parametrize("axis", [0, 1, 2, 5])
 @pytest.mark.parametrize("name", ["paper_six", "paper_seven", "bluerov2_heavy"])
-def test_a_run_settles_at_the_terminal_speed(name: str, axis: int, way: int) -> None:
+def test_a_run_settles_at_the_terminal_speed(name: str, axis: int, direction: int) -> None:
     """A run in six degrees of freedom settles there under what the allocated thrusts of all thrusters make together."""
     vehicle, _ = load_vehicle(name)
     if axis != 2:  # weight would sink it meanwhile
         vehicle = vehicle._replace(neutrally_buoyant=True)
     reach = top_speeds(vehicle)[axis]
-    thrusts = allocated_thrusts(vehicle, axis, reach.force[way])
+    thrusts = allocated_thrusts(vehicle, axis, reach.force[direction])
     wrench = [sum(a * f for a, f in zip(row, thrusts, strict=True)) for row in wrench_matrix(vehicle)]
-    assert settled_speed(vehicle, axis, lambda: wrench) == pytest.approx(reach.speed[way], rel=0.001)
+    assert settled_speed(vehicle, axis, lambda: wrench) == pytest.approx(reach.speed[direction], rel=0.001)
 
 
 @pytest.mark.parametrize("axis", [0, 2])
@@ -143,10 +143,10 @@ def test_torpedoes_reach_the_speeds_of_their_sources() -> None:
 
 def test_a_single_thruster_off_the_middle_drives_no_axis_alone() -> None:
     thruster = HEAVY.thrusters[0]._replace(position=(0.0, 0.3, 0.0), direction=(1.0, 0.0, 0.0))
-    found = top_speeds(HEAVY._replace(thrusters=(thruster,)))
-    assert [reach.axis for reach in found if reach.driven] == []
-    assert all(reach.speed == (0.0, 0.0) for reach in found)
-    assert tuple(reach.axis for reach in found) == AXES
+    speeds = top_speeds(HEAVY._replace(thrusters=(thruster,)))
+    assert [reach.axis for reach in speeds if reach.driven] == []
+    assert all(reach.speed == (0.0, 0.0) for reach in speeds)
+    assert tuple(reach.axis for reach in speeds) == AXES
 
 
 def test_weight_raises_the_speed_down_and_lowers_it_up() -> None:

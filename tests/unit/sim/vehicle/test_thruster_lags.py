@@ -32,7 +32,7 @@ def run(dynamics: dict[str, Any], dt: float, pulses: list[tuple[int, float]]) ->
     return speeds
 
 
-def reference_speed(rates: tuple[float, float], wanted: float, dt: float, end: float, since_start: bool) -> float:
+def reference_speed(rates: tuple[float, float], target: float, dt: float, end: float, since_start: bool) -> float:
     """Return the speed by uuv_simulator's Euler step (Dynamics.cc, commit of 2020-06). As published it never updates
     its previous time, so each step is as long as all the time `since_start`.
     """
@@ -41,7 +41,7 @@ def reference_speed(rates: tuple[float, float], wanted: float, dt: float, end: f
     while time < end and abs(speed) < 1e6:
         time += dt
         step = time if since_start else dt
-        speed += step * (k1 * (wanted - speed) + k2 * (wanted * abs(wanted) - speed * abs(speed)))
+        speed += step * (k1 * (target - speed) + k2 * (target * abs(target) - speed * abs(speed)))
     return speed
 
 
@@ -57,13 +57,13 @@ def test_the_published_euler_step_diverges(rates: tuple[float, float]) -> None:
 @pytest.mark.parametrize("dt", [0.0005, 0.0025, 0.01, 0.05])
 def test_yoerger_has_its_analytic_step_response(dt: float) -> None:
     """The speed from rest is s = S tanh(alpha S t); then off, s = s0 / (1 + alpha s0 t); then reverse through zero."""
-    up, off, back = run(YOERGER, dt, [(1900, 0.05), (1500, 0.1), (1100, 0.1)])
+    up, off, reversed_thrust = run(YOERGER, dt, [(1900, 0.05), (1500, 0.1), (1100, 0.1)])
     s_up = FULL * tanh(0.05 * FULL * 0.05)
     s_off = s_up / (1.0 + 0.05 * s_up * 0.1)
     braking = atan(s_off / FULL) / (0.05 * FULL)  # s' = -alpha (S² + s²) until it stands
     assert up == pytest.approx(s_up, rel=1e-12)
     assert off == pytest.approx(s_off, rel=1e-12)
-    assert back == pytest.approx(-FULL * tanh(0.05 * FULL * (0.1 - braking)), rel=1e-12)
+    assert reversed_thrust == pytest.approx(-FULL * tanh(0.05 * FULL * (0.1 - braking)), rel=1e-12)
 
 
 def test_yoerger_has_its_response_while_braking() -> None:

@@ -32,7 +32,7 @@ def hydra() -> Vehicle:
 def test_masses_of_all_links_add_up() -> None:
     """The sum equals numpy's: two bodies, parallel axes, the second turned by 90 degrees; then half a turn about x."""
     vehicle = hydra()
-    turn = np.diag([1.0, -1.0, -1.0])
+    ned_from_enu = np.diag([1.0, -1.0, -1.0])
     quarter = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
     base, battery = np.array([0.0, 0.0, -0.02]), np.array([0.1, 0.1, -0.1]) + quarter @ [0.05, 0.0, 0.0]
     centre = (24.0 * base + 6.0 * battery) / 30.0
@@ -41,8 +41,8 @@ def test_masses_of_all_links_add_up() -> None:
     for mass, place in ((24.0, base - centre), (6.0, battery - centre)):
         inertia += mass * (place @ place * np.eye(3) - np.outer(place, place))
     assert vehicle.mass == 30.0
-    assert vehicle.center_of_gravity == pytest.approx(turn @ centre)
-    assert np.array(square(vehicle.inertia, 3)) == pytest.approx(turn @ inertia @ turn)
+    assert vehicle.center_of_gravity == pytest.approx(ned_from_enu @ centre)
+    assert np.array(square(vehicle.inertia, 3)) == pytest.approx(ned_from_enu @ inertia @ ned_from_enu)
 
 
 def test_every_thruster_applies_also_to_given_thrusters() -> None:
@@ -108,11 +108,11 @@ def without_inertia() -> bytes:
 
 def test_a_urdf_without_inertia_uses_the_given_one() -> None:
     """Mass and inertia are requested by name, and those given are used."""
-    path, given = str(VECTORS / "hydra.urdf"), {"mass": "31 kg", "inertia": [0.8, 1.1, 1.4]}
+    path, inertial = str(VECTORS / "hydra.urdf"), {"mass": "31 kg", "inertia": [0.8, 1.1, 1.4]}
     for missing, rest in ((["mass", "inertia"], {}), (["inertia"], {"mass": 31.0}), (["mass"], {"inertia": [1.0] * 3})):
         with pytest.raises(ConfigError, match=f"does not say {', '.join(missing)}: write"):
             read_urdf(path, rest, without_inertia())
-    vehicle, notes = read_urdf(path, given, without_inertia())
+    vehicle, notes = read_urdf(path, inertial, without_inertia())
     assert (vehicle.mass, vehicle.inertia, notes) == (31.0, (0.8, 1.1, 1.4), [])
     massive = (VECTORS / "hydra.urdf").read_text().replace("<inertia ", "<no_inertia ").encode()
     with pytest.raises(ConfigError, match="does not say inertia: write"):

@@ -14,10 +14,10 @@ HYDRA = (Path(__file__).parents[3] / "vectors" / "hydra.urdf").read_text()
 START, END = HYDRA.index("<hydrodynamic_model>"), HYDRA.index("</hydrodynamic_model>")
 
 
-def imported(model: str = "", more: str = "", **extra: Any) -> Imported:
+def imported(model: str = "", extra_xml: str = "", **extra: Any) -> Imported:
     """Return the vehicle of the vectors with another hydrodynamic model, and with more in its robot."""
     text = HYDRA[:START] + f"<hydrodynamic_model>{model}" + HYDRA[END:] if model else HYDRA
-    text = text.replace("</robot>", f"{more}</robot>")
+    text = text.replace("</robot>", f"{extra_xml}</robot>")
     return read_robot(read_xml("hydra.urdf", text.encode()), "hydra.urdf", extra)
 
 
@@ -28,21 +28,21 @@ def test_a_sphere_has_its_added_mass_and_drag() -> None:
     assert vehicle.quadratic_damping == pytest.approx((drag, drag, drag, 0.0, 0.0, 0.0))
 
 
-@pytest.mark.parametrize(("axis", "place"), [("i", 0), ("j", 1), ("k", 2)])
-def test_a_cylinder_has_its_added_mass_and_drag(axis: str, place: int) -> None:
+@pytest.mark.parametrize(("axis", "index"), [("i", 0), ("j", 1), ("k", 2)])
+def test_a_cylinder_has_its_added_mass_and_drag(axis: str, index: int) -> None:
     """The cylinder is five diameters long: end 0.99, side 0.74. Additional values of the file are added."""
-    found = imported(
+    vehicle = imported(
         f"<type>cylinder</type><radius>0.1</radius><length>1</length><axis>{axis}</axis>"
         "<linear_damping>-1 -2 -3 0 0 0</linear_damping>"
     )
     disc = 1028.0 * pi * 0.1**2
-    along = [disc if n == place else disc * 1.0 for n in range(3)]
-    turning = [0.0 if n == place else disc / 12.0 for n in range(3)]
-    drag = [0.5 * 0.99 * disc if n == place else 0.5 * 0.74 * 1028.0 * 0.1 for n in range(3)]
-    assert found.vehicle.added_mass == pytest.approx((*along, *turning))
-    assert found.vehicle.quadratic_damping == pytest.approx((*drag, 0.0, 0.0, 0.0))
-    assert found.vehicle.linear_damping == (1.0, 2.0, 3.0, 0.0, 0.0, 0.0)
-    assert any("lacks a length" in note for note in found.notes)
+    along = [disc if n == index else disc * 1.0 for n in range(3)]
+    turning = [0.0 if n == index else disc / 12.0 for n in range(3)]
+    drag = [0.5 * 0.99 * disc if n == index else 0.5 * 0.74 * 1028.0 * 0.1 for n in range(3)]
+    assert vehicle.vehicle.added_mass == pytest.approx((*along, *turning))
+    assert vehicle.vehicle.quadratic_damping == pytest.approx((*drag, 0.0, 0.0, 0.0))
+    assert vehicle.vehicle.linear_damping == (1.0, 2.0, 3.0, 0.0, 0.0, 0.0)
+    assert any("lacks a length" in note for note in vehicle.notes)
 
 
 @pytest.mark.parametrize("kind", ["spheroid", "ellipsoid"])
@@ -60,11 +60,11 @@ def test_a_spheroid_has_lambs_added_mass(kind: str) -> None:
 
 
 def test_a_box_has_drag_and_no_added_mass() -> None:
-    found = imported("<type>box</type><cd>1.2</cd><length>1</length><width>0.5</width><height>0.2</height>")
+    vehicle = imported("<type>box</type><cd>1.2</cd><length>1</length><width>0.5</width><height>0.2</height>")
     faces = 0.5 * 0.2, 1.0 * 0.2, 1.0 * 0.5
-    assert found.vehicle.quadratic_damping[:3] == pytest.approx([0.5 * 1.2 * 1028.0 * face for face in faces])
-    assert found.vehicle.added_mass == (0.0,) * 6
-    assert "The box has no added mass, as in uuv_simulator: --add one." in found.notes
+    assert vehicle.vehicle.quadratic_damping[:3] == pytest.approx([0.5 * 1.2 * 1028.0 * face for face in faces])
+    assert vehicle.vehicle.added_mass == (0.0,) * 6
+    assert "The box has no added mass, as in uuv_simulator: --add one." in vehicle.notes
 
 
 @pytest.mark.parametrize(
@@ -107,20 +107,20 @@ def thruster(inside: str) -> str:
 )  # fmt: skip
 def test_thruster_conversions_become_limits(conversion: str, limits: tuple[float, float]) -> None:
     dynamics = "<dynamics><type>FirstOrder</type><timeConstant>0.2</timeConstant></dynamics>"
-    found = imported(more=thruster(f"<jointName>t</jointName>{dynamics}{conversion}")).vehicle.thrusters[-1]
+    found = imported(extra_xml=thruster(f"<jointName>t</jointName>{dynamics}{conversion}")).vehicle.thrusters[-1]
     assert (found.max_forward, found.max_reverse, found.time_constant) == pytest.approx((*limits, 0.2))
 
 
 def test_a_quadratic_fin_is_converted_to_a_lift_slope() -> None:
     """The lift of such a fin is constant speed² angle: that is 1/2 rho A slope of ours."""
-    more = (
+    extra_xml = (
         '<link name="f"/><joint name="fj" type="revolute"><origin xyz="-1 0 0" rpy="0 0 0"/>'
         '<parent link="hydra/base_link"/><child link="f"/><axis xyz="0 0 1"/><limit lower="-0.5" upper="0.4"/></joint>'
         '<gazebo><plugin filename="libuuv_fin_ros_plugin.so"><link_name>f</link_name><joint_name>fj</joint_name>'
         "<dynamics><timeConstant>0.3</timeConstant></dynamics><liftdrag><type>Quadratic</type>"
         "<lift_constant>26</lift_constant><drag_constant>13</drag_constant></liftdrag></plugin></gazebo>"
     )
-    (fin,) = imported(more=more).vehicle.fins
+    (fin,) = imported(extra_xml=extra_xml).vehicle.fins
     assert 0.5 * 1000.0 * fin.area * fin.polar.lift_slope == pytest.approx(26.0)
     lift, drag = fin.polar.at(0.1)
     assert 0.5 * 1000.0 * fin.area * drag == pytest.approx(13.0 * 0.1**2)
@@ -131,7 +131,7 @@ def test_a_quadratic_fin_is_converted_to_a_lift_slope() -> None:
 def test_sensors_of_plugins_and_tags_are_imported() -> None:
     """A DVL of uuv_simulator points along its link's x; its beams are not lasers. One beam is an echosounder."""
     down = 'rpy="0 1.5707963267948966 0"'
-    more = (
+    extra_xml = (
         f'<link name="dvl"/><joint name="d"><origin xyz="0.1 0.2 0" {down}/><parent link="hydra/base_link"/>'
         '<child link="dvl"/></joint><link name="beam"/><joint name="b"><parent link="dvl"/><child link="beam"/></joint>'
         '<gazebo><plugin filename="libuuv_gazebo_ros_dvl_plugin.so"><link_name>dvl</link_name>'
@@ -143,11 +143,11 @@ def test_sensors_of_plugins_and_tags_are_imported() -> None:
         "<noise_sigma>3</noise_sigma></plugin></gazebo>"
         '<gazebo><plugin name="cpc" filename="libuuv_gazebo_ros_cpc_plugin.so"/></gazebo>'
     )
-    found = imported(more=more)
-    assert set(found.sensors) == {"dvl", "echosounder", "pressure"}
+    vehicle = imported(extra_xml=extra_xml)
+    assert set(vehicle.sensors) == {"dvl", "echosounder", "pressure"}
     for name in ("dvl", "echosounder"):
-        assert found.sensors[name]["position"] == [0.1, -0.2, 0.0]
-        assert "orientation" not in found.sensors[name]  # straight down
-    assert found.sensors["echosounder"]["max_range"] == 60.0
-    assert found.sensors["pressure"]["error"] == {"noise": 3000.0}
-    assert "Left out: the sensor cpc, of a kind that there is not." in found.notes
+        assert vehicle.sensors[name]["position"] == [0.1, -0.2, 0.0]
+        assert "orientation" not in vehicle.sensors[name]  # straight down
+    assert vehicle.sensors["echosounder"]["max_range"] == 60.0
+    assert vehicle.sensors["pressure"]["error"] == {"noise": 3000.0}
+    assert "Left out: the sensor cpc, of a kind that there is not." in vehicle.notes

@@ -32,18 +32,18 @@ def imported(vehicle: Vehicle, prefix: str = "") -> Vehicle:
 @pytest.mark.parametrize("prefix", ["", "uuv1/"])
 def test_our_importer_reads_the_same_vehicle(name: str, prefix: str) -> None:
     vehicle, _ = load_vehicle(name)
-    back = imported(vehicle, prefix)
-    assert {key: getattr(back, key) for key in SAME} == {key: getattr(vehicle, key) for key in SAME}
-    for ours, theirs in zip(vehicle.thrusters, back.thrusters, strict=True):
-        assert (theirs.name, theirs.position) == (ours.name, ours.position)
-        assert theirs.unit_direction == pytest.approx(ours.unit_direction, abs=1e-12)
-        limits = ours.max_forward, ours.max_reverse, ours.time_constant
+    written = imported(vehicle, prefix)
+    assert {key: getattr(written, key) for key in SAME} == {key: getattr(vehicle, key) for key in SAME}
+    for thruster, theirs in zip(vehicle.thrusters, written.thrusters, strict=True):
+        assert (theirs.name, theirs.position) == (thruster.name, thruster.position)
+        assert theirs.unit_direction == pytest.approx(thruster.unit_direction, abs=1e-12)
+        limits = thruster.max_forward, thruster.max_reverse, thruster.time_constant
         assert (theirs.max_forward, theirs.max_reverse, theirs.time_constant) == limits
-    assert len(back.fins) == len(vehicle.fins)
-    for own, found in zip(vehicle.fins, back.fins, strict=True):
-        assert found._asdict().keys() == own._asdict().keys()
-        assert found._replace(chord=own.chord, axis=own.axis) == own
-        for one, other in zip(own.frame, found.frame, strict=True):
+    assert len(written.fins) == len(vehicle.fins)
+    for fin, written_fin in zip(vehicle.fins, written.fins, strict=True):
+        assert written_fin._asdict().keys() == fin._asdict().keys()
+        assert written_fin._replace(chord=fin.chord, axis=fin.axis) == fin
+        for one, other in zip(fin.frame, written_fin.frame, strict=True):
             assert other == pytest.approx(one, abs=1e-12)
 
 
@@ -53,22 +53,22 @@ def test_independent_parsers_read_it(name: str) -> None:
     text = urdf_of(vehicle, "uuv1/").encode()
     parts = [thruster.name for thruster in vehicle.thrusters] + [fin.name for fin in vehicle.fins]
     links = {"uuv1/base_link", *[f"uuv1/{part}_link" for part in parts]}
-    theirs = yourdfpy.URDF.load(io.BytesIO(text), load_meshes=False)
-    assert theirs.validate()
-    assert set(theirs.link_map) == links
-    assert set(theirs.joint_map) == set(parts)
+    robot = yourdfpy.URDF.load(io.BytesIO(text), load_meshes=False)
+    assert robot.validate()
+    assert set(robot.link_map) == links
+    assert set(robot.joint_map) == set(parts)
     assert {link.name for link in URDF.from_xml_string(text).links} == links
 
 
 def test_thrusters_push_along_x_and_fins_turn_with_their_deflection() -> None:
     vehicle, _ = load_vehicle("remus100")
-    theirs = yourdfpy.URDF.load(io.BytesIO(urdf_of(vehicle).encode()), load_meshes=False)
-    propeller = theirs.get_transform("propeller_link", "base_link")
+    robot = yourdfpy.URDF.load(io.BytesIO(urdf_of(vehicle).encode()), load_meshes=False)
+    propeller = robot.get_transform("propeller_link", "base_link")
     assert propeller[:3, 0] == pytest.approx([1.0, 0.0, 0.0])
     rudder = next(fin for fin in vehicle.fins if fin.name == "rudder")
-    theirs.update_cfg({"rudder": 0.2})
+    robot.update_cfg({"rudder": 0.2})
     chord, normal = (np.array([x, -y, -z]) for x, y, z in rudder.frame)  # to FLU
-    turned = theirs.get_transform("rudder_link", "base_link")[:3, :3] @ chord
+    turned = robot.get_transform("rudder_link", "base_link")[:3, :3] @ chord
     assert turned == pytest.approx(cos(0.2) * chord + sin(0.2) * normal)
 
 

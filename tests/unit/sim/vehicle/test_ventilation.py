@@ -59,13 +59,13 @@ def test_a_vehicle_in_the_air_has_no_thrust() -> None:
 def test_each_thruster_loses_thrust_by_its_own_position() -> None:
     """A vehicle rolled by a quarter turn has the thrusters of one side in the air; those below have full thrust."""
     deep, _ = thrust_at_depth(5.0)
-    shares = [a / b for a, b in zip(thrust_at_depth(0.0, 0.5 * pi)[0], deep, strict=True)]
+    ratios = [a / b for a, b in zip(thrust_at_depth(0.0, 0.5 * pi)[0], deep, strict=True)]
     up = [i for i, thruster in enumerate(HEAVY.thrusters) if thruster.position[1] < -0.1]
     down = [i for i, thruster in enumerate(HEAVY.thrusters) if thruster.position[1] > 0.1]
     assert up
     assert down
-    assert [shares[i] for i in up] == [0.0] * len(up)
-    assert [shares[i] for i in down] == pytest.approx([1.0] * len(down))
+    assert [ratios[i] for i in up] == [0.0] * len(up)
+    assert [ratios[i] for i in down] == pytest.approx([1.0] * len(down))
 
 
 def test_waves_change_the_thrust_share() -> None:
@@ -76,11 +76,11 @@ def test_waves_change_the_thrust_share() -> None:
     assert wave_field is not None
     surface = Ventilation(HEAVY, wave_field)
     calm = Ventilation(HEAVY, None)
-    place, level = (3.0, -2.0, 0.0), (1.0, 0.0, 0.0, 0.0)
+    position, level = (3.0, -2.0, 0.0), (1.0, 0.0, 0.0, 0.0)
     for time in (0.0, 0.7, 1.9, 3.1):
         height = wave_field.elevation(time, 3.0, -2.0)
-        assert surface.shares(place, level, time) == calm.shares((3.0, -2.0, height), level, time)
-    assert {0.0, 1.0} <= {share for step in range(100) for share in surface.shares(place, level, 0.1 * step)}
+        assert surface.shares(position, level, time) == calm.shares((3.0, -2.0, height), level, time)
+    assert {0.0, 1.0} <= {share for step in range(100) for share in surface.shares(position, level, 0.1 * step)}
     assert surface.reach > calm.reach + 1.0
 
 
@@ -103,6 +103,6 @@ def test_c_and_python_agree_at_the_surface(monkeypatch: pytest.MonkeyPatch) -> N
     """The two agree for a vehicle that leaves the water, tumbles, and dives again."""
     ride = Ride(twins(monkeypatch, FLAT))
     for depth in (0.05, -0.3, 0.2, 3.0, 0.0):
-        ride.place((0.0, 0.0, depth))
+        ride.set_position((0.0, 0.0, depth))
         ride.run_and_compare(400)
-    assert all_of(ride.both[0]) == all_of(ride.both[1])
+    assert all_of(ride.pair[0]) == all_of(ride.pair[1])

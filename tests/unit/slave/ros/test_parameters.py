@@ -47,14 +47,14 @@ def test_a_tethers_length_can_be_set_and_its_pull_read() -> None:
 
 def test_invalid_values_are_refused_with_a_reason() -> None:
     call, reports = call_services(FakeTether())
-    for wrong, words in (
+    for value, message in (
         (parameter("tether.tension", 1.0), "tether.tension: it is measured"),
         (parameter("tether.length", "long"), "tether.length: expected a number like 20.0"),
         (parameter("tether.lenght", 1.0), "did you mean 'tether.length'"),
     ):
-        (result,) = call("set_parameters", parameters=[wrong])["results"]
+        (result,) = call("set_parameters", parameters=[value])["results"]
         assert not result["successful"]
-        assert words in result["reason"]
+        assert message in result["reason"]
     assert not reports
 
 
