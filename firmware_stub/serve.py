@@ -18,6 +18,7 @@ from hil.links.address import incompatibility, open_address
 from hil.links.contract import MAX_THRUSTERS, ThrusterLink
 from hil.links.options import add_link
 from hil.links.protocols import open_protocol
+from hil.links.wires.suspension import SuspendableWire
 
 NAME = "uuv-hil stm32"
 WATCHDOG = Quantity(0.01, 60.0, "s")
@@ -74,21 +75,13 @@ def start(options: dict[str, Any]) -> None:
 def serve(end: Stm32End, stop_fd: int, report: Callable[[Stm32End], None] | None = None) -> None:
     """Run the STM32 until `stop_fd` becomes readable, then put its outputs to neutral and close it.
 
-    After the process was suspended for longer than the watchdog's time, it discards the bytes received meanwhile, as a
-    UART does. `report` is called every 5 s. Raises DeviceError when the wire is lost.
+    `report` is called every 5 s. Raises DeviceError when the wire is lost.
     """
-    read_ns = now_ns()
-    report_ns = read_ns + REPORT_PERIOD_NS
+    report_ns = now_ns() + REPORT_PERIOD_NS
     try:
         while True:
-            # The time is taken after the read: a pause between the two would hide how old the bytes are.
-            data, now = end.wire.read(), now_ns()
-            if now - read_ns > end.stm32.watchdog_ns:
-                end.link.counters.dropped_bytes += len(data)
-                end.link.discard_received()
-                data = b""
-            end.process(data, now)
-            read_ns = now
+            now = now_ns()
+            end.service(now)
             if report and now >= report_ns:
                 report(end)
                 report_ns = now + REPORT_PERIOD_NS
@@ -105,8 +98,9 @@ def _run(options: Options, stop_fd: int) -> None:
     if options.protocol == "frame":
         chosen["frame"] = options.frame
     protocol = open_protocol(options.protocol, "device", options.channels, **chosen)
-    wire = open_address(options.port, "device", options.baud, options.bitrate)
     stm32 = Stm32(options.channels, round(options.watchdog * NS_PER_S))
+    opened = open_address(options.port, "device", options.baud, options.bitrate)
+    wire = SuspendableWire(opened, stm32.watchdog_ns, protocol.counters)
     protocol_text = f"frame {options.frame}" if options.protocol == "frame" else options.protocol
     _print_line(
         f"STM32 with {options.channels} thrusters on {wire.name}: {protocol_text}, "

@@ -151,12 +151,8 @@ class Stm32End:
         Commands are read before the watchdog is checked. So the watchdog does not trip because this process was woken
         late. Raises DeviceError when the wire is lost.
         """
-        return self.process(self.link.wire.read(), now_ns)
-
-    def process(self, data: bytes, now_ns: int) -> int:
-        """Do the same as `service` with `data`, which was read from the wire."""
         applied = 0
-        for message in self.link.decode(data):
+        for message in self.link.receive():
             if self._apply(message, now_ns):
                 self.command_ns = clock.now_ns()
                 applied += 1

@@ -5,7 +5,9 @@ the thrusters (the *device* end). Both ends use the same `Wire` and `Protocol`. 
 they are decoded, or counted in `Counters` and dropped.
 """
 
+import itertools
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from typing import NamedTuple
 
 from hil.common.clock import NEVER_NS, NS_PER_MS, now_ns
@@ -48,7 +50,7 @@ class ThrusterTelemetry(NamedTuple):
 Message = ThrusterCommand | ThrusterTelemetry
 
 _WRAP = 0x10000  # modulus of `sequence` and `frames`
-_MAX_READS = 256  # reads in `discard_received`: more than any wire buffers, yet limited in a flood
+_MAX_READS = 256  # reads to discard what was received: more than any wire buffers, yet limited in a flood
 _AHEAD = 100  # commands by which `frames` may be ahead of `sequence`, where the two come in different messages
 
 
@@ -95,7 +97,12 @@ class Counters:
         self.replaced = 0  # commands that were not sent, because a newer one came while the wire was busy
         self.checksum_errors = 0  # frames with a wrong checksum
         self.malformed = 0  # frames with a right checksum but invalid content (unknown message, impossible count)
-        self.dropped_bytes = 0  # bytes between frames, or refused by a full wire
+        self.dropped_bytes = 0  # bytes between frames, refused by a full wire, or discarded because they had waited
+
+
+def count_read(read: Callable[[], bytes]) -> int:
+    """Call `read` until it returns no byte, but only so often that a flood ends it too; return how many bytes came."""
+    return sum(map(len, itertools.islice(iter(read, b""), _MAX_READS)))
 
 
 class Wire(ABC):
@@ -112,9 +119,12 @@ class Wire(ABC):
     def read(self) -> bytes:
         """Return the received bytes, b"" if there are none. Raises DeviceError if the device is lost."""
 
-    def read_all(self) -> bytes:
-        """Return as `read` does, but b"" only if the kernel too holds no received byte; may wait for the kernel."""
-        return self.read()
+    def discard_received(self) -> int:
+        """Discard all that arrived and was not read, wherever it waits; return how many bytes.
+
+        May wait for the kernel. Raises DeviceError if the device is lost.
+        """
+        return count_read(self.read)
 
     @abstractmethod
     def write(self, data: bytes) -> int:
@@ -227,26 +237,15 @@ class ThrusterLink:
 
     def receive(self) -> list[Message]:
         """Return all received messages. Raises DeviceError if the wire is lost."""
-        return self.decode(self.wire.read())  # decoded even if empty, because a protocol may act by time
-
-    def decode(self, data: bytes) -> list[Message]:
-        """Return the messages in `data`, which was read from the wire. Raises DeviceError if the wire is lost."""
         counters, protocol = self.counters, self.protocol
+        data = self.wire.read()
         counters.bytes_in += len(data)
-        messages = protocol.feed(data)
+        messages = protocol.feed(data)  # even if empty, because a protocol may act by time
         counters.messages_in += len(messages)
         replies = protocol.replies()
         if replies:
             self._write(replies)
         return messages
-
-    def discard_received(self) -> None:
-        """Discard and count received bytes that were not read. Raises DeviceError if the wire is lost."""
-        for _ in range(_MAX_READS):
-            data = self.wire.read_all()
-            if not data:
-                return
-            self.counters.dropped_bytes += len(data)
 
     def tick(self, now: int) -> None:
         """Send what is due at `now` (monotonic ns), a stored command first. Raises DeviceError if the wire is lost."""

@@ -130,12 +130,10 @@ class SlcanWire(Wire):
         self._flush()
         return self._records(self._line.read())
 
-    def read_all(self) -> bytes:
-        """Return as `read` does, but skip answers of the adapter that arrived before a frame."""
-        records = b""
-        while not records and (text := self._line.read_all()):
-            records = self._records(text)
-        return records
+    def discard_received(self) -> int:
+        """Discard the received lines; return the number of their characters."""
+        self._unread = b""
+        return self._line.discard_received()
 
     def write(self, data: bytes) -> int:
         """Send whole records; return the bytes that the line accepted. Raises DeviceError when the adapter is lost."""

@@ -148,6 +148,12 @@ class FaultyWire(Wire):
         self._settle(now)
         return b"".join(due)
 
+    def discard_received(self) -> int:
+        """Discard the bytes that wait here, due or not, and those of the inner wire; return how many."""
+        discarded = self._inward.discard_all() + self._wire.discard_received()
+        self._settle(now_ns())
+        return discarded
+
     def write(self, data: bytes) -> int:
         """Send `data`; return the bytes accepted, lost ones included. Raises DeviceError if the device is lost."""
         self._check_plugged()
@@ -251,6 +257,13 @@ class _Lane:
             on_the_line = None  # a stalled line carries nothing
         self._waiting = deque([*carried, on_the_line] if on_the_line else carried)
         self._line_free_ns = max(now, self._stalled_until_ns, on_the_line[1] if on_the_line else 0)
+
+    def discard_all(self) -> int:
+        """Discard all bytes that wait; return how many."""
+        discarded = sum([len(piece) for *_, piece in self._waiting]) + (len(self._swapped[1]) if self._swapped else 0)
+        self._waiting.clear()
+        self._swapped, self._line_free_ns = None, self._stalled_until_ns
+        return discarded
 
     def offer(self, data: bytes, now: int) -> None:
         """Add bytes for the line to carry."""

@@ -62,6 +62,13 @@ class PythonCanWire(Wire):
             raise self._lost_error(self._reader.failure)
         return b"".join(records)
 
+    def discard_received(self) -> int:
+        """Discard the received frames, also those that the reading thread has not taken from the bus yet."""
+        if not self._reader:
+            return super().discard_received()
+        self._opened()
+        return self._reader.discard_messages() * RECORD_SIZE
+
     def write(self, data: bytes) -> int:
         """Send whole records; return the bytes that the bus accepted. Raises DeviceError if the bus is lost."""
         bus = self._opened()
@@ -125,7 +132,8 @@ class PythonCanWire(Wire):
 class _Reader:
     """Thread that reads a bus without a descriptor and provides one, `fd`. `failure` is the error that ended it."""
 
-    PERIOD_S = 0.02  # polling period for `stop`
+    PERIOD_S = 0.02  # polling period for `stop` and for `discard_messages`
+    EMPTY_WITHIN_S = 0.5  # a bus with so much traffic that it is never empty is left to `pop_messages`
 
     def __init__(self, bus: "BusABC") -> None:
         self.fd = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
@@ -133,6 +141,8 @@ class _Reader:
         self._bus = bus
         self._messages: queue.Queue[Message] = queue.Queue(MAX_FRAMES)
         self._stopped = threading.Event()
+        self._emptied: threading.Event | None = None  # while the thread empties the bus: set when it has done so
+        self._discarded = 0  # messages, since that began
         self._thread = threading.Thread(target=self._run, name=f"reader of {bus}", daemon=True)
         self._thread.start()
 
@@ -141,6 +151,19 @@ class _Reader:
         with contextlib.suppress(BlockingIOError):
             os.eventfd_read(self.fd)
         return [self._messages.get_nowait() for _ in range(self._messages.qsize())]
+
+    def discard_messages(self) -> int:
+        """Discard the messages that wait here and in the bus; return how many. Waits for the thread.
+
+        The bus may be read by one thread only. Its queue, of the driver or of the adapter, may hold more messages than
+        the thread has room for.
+        """
+        self._discarded = 0
+        self._emptied = emptied = threading.Event()
+        if self._thread.is_alive():
+            emptied.wait(self.EMPTY_WITHIN_S)
+        self._emptied = None
+        return self._discarded + len(self.pop_messages())
 
     def stop(self) -> None:
         """End the thread and close the descriptor."""
@@ -153,6 +176,10 @@ class _Reader:
 
         try:
             while not self._stopped.is_set():
+                if emptied := self._emptied:
+                    self._empty_bus()
+                    self._emptied = None
+                    emptied.set()
                 message = self._bus.recv(self.PERIOD_S)
                 if message:
                     self._store(message)
@@ -160,14 +187,19 @@ class _Reader:
             self.failure = error
             os.eventfd_write(self.fd, 1)
 
+    def _empty_bus(self) -> None:
+        while self._emptied and self._bus.recv(0.0):
+            self._discarded += 1
+
     def _store(self, message: "Message") -> None:
-        while not self._stopped.is_set():
+        while not (self._stopped.is_set() or self._emptied):
             try:
                 self._messages.put(message, timeout=self.PERIOD_S)
             except queue.Full:  # nobody reads: then the bus's own queue fills and refuses frames
                 continue
             os.eventfd_write(self.fd, 1)
             return
+        self._discarded += 1
 
 
 def _open_bus(name: str, interface: str, channel: str, bitrate: int) -> "BusABC":

@@ -17,7 +17,7 @@ import termios
 import tty
 
 from hil.common.errors import DeviceError, MissingExtraError
-from hil.links.contract import Wire
+from hil.links.contract import Wire, count_read
 from hil.links.wires.pty_name import PtyName
 
 READ_SIZE = 4096  # size of a terminal's input buffer, and so the most that one read can return
@@ -123,9 +123,9 @@ class TerminalWire(DescriptorWire):
                 self._arrivals.modify(self._fd, select.EPOLLIN)
         return super().read()
 
-    def read_all(self) -> bytes:
+    def discard_received(self) -> int:
         """Read the terminal itself: a terminal with more than 4096 bytes delivers the rest after it was read."""
-        return super().read()
+        return count_read(super().read)
 
     def close(self) -> None:
         """Close the device. May be called twice."""

@@ -3,7 +3,7 @@
 from hil.common.clock import NS_PER_US, now_ns, seconds_ns
 from hil.common.errors import HilError
 from hil.links.address import open_address, parse_address
-from hil.links.contract import ThrusterLink, ThrusterTelemetry, Wire
+from hil.links.contract import Counters, ThrusterLink, ThrusterTelemetry, Wire
 from hil.scenario.records import Link
 from hil.slave.drivers.driver import ThrusterDriver
 from hil.slave.drivers.ends import DeviceEnd, Ends, end_protocol, host_end, telemetry_of, with_faults
@@ -51,8 +51,9 @@ class InProcessDriver(ThrusterDriver):
 
 def open_python(link: Link, channels: int, seed: int, host: bool) -> Ends:
     """Open the firmware in Python with its watchdog, or in C if possible. Raises DeviceError, MissingExtraError."""
-    wire, faulty = _device_wire(link, seed, host)
-    watchdog_ns, protocol = seconds_ns(link.watchdog), end_protocol(link, "device", channels)
+    protocol = end_protocol(link, "device", channels)
+    wire, faulty = _device_wire(link, seed, host, protocol.counters)
+    watchdog_ns = seconds_ns(link.watchdog)
     end: DeviceEnd | None = open_firmware(protocol, faulty, channels, watchdog_ns)
     if end is None:
         from firmware_stub.stub import Stm32, Stm32End
@@ -66,7 +67,7 @@ def open_unicorn(link: Link, channels: int, seed: int, host: bool) -> Ends:
     from firmware_stub.unicorn_board import UnicornBoard, UnicornEnd, shipped_image
 
     board = UnicornBoard(shipped_image(), channels, seconds_ns(link.watchdog))
-    wire, faulty = _device_wire(link, seed, host)
+    wire, faulty = _device_wire(link, seed, host, Counters())
     end = UnicornEnd(board, faulty, can=parse_address(link.port).carries_can)
     return _in_slave(end, wire, link, channels, seed, host)
 
@@ -80,10 +81,18 @@ def _in_slave(end: DeviceEnd, wire: Wire, link: Link, channels: int, seed: int, 
         raise
 
 
-def _device_wire(link: Link, seed: int, host: bool) -> tuple[Wire, Wire]:
-    """Return the device's wire without and with faults; the second has none if our host end applies them."""
+def _device_wire(link: Link, seed: int, host: bool, counters: Counters) -> tuple[Wire, Wire]:
+    """Return the device's wire, and how the device's end reads it.
+
+    Our host end applies the link's faults itself, and is suspended together with the device's end. Another program goes
+    on sending meanwhile.
+    """
     wire = open_address(link.port, "device", link.baud, link.bitrate)
-    return wire, wire if host else with_faults(wire, link, seed)
+    if host:
+        return wire, wire
+    from hil.links.wires.suspension import SuspendableWire  # most slaves do not need it
+
+    return wire, SuspendableWire(with_faults(wire, link, seed), seconds_ns(link.watchdog), counters)
 
 
 def _host(link: Link, channels: int, seed: int, device: Wire) -> ThrusterLink:

@@ -1,6 +1,5 @@
 """The STM32 as a process, commanded by a program that uses only the serial port and the frame format."""
 
-import contextlib
 import os
 import re
 import signal
@@ -20,7 +19,7 @@ from hil.common.errors import DeviceError
 from hil.links.contract import ThrusterCommand, ThrusterLink, ThrusterTelemetry
 from hil.links.wires.terminal import PtyHostWire, PtyWire, UartWire
 from tests.support.busy import retried_when_busy, retry_when_busy
-from tests.support.links.link_contract import nothing_leaks, read_messages, uuv_hil, wait_readable
+from tests.support.links.link_contract import nothing_leaks, read_messages, uuv_hil
 
 ROOT = Path(__file__).parents[3]
 PATIENCE_S = 60.0
@@ -225,29 +224,6 @@ def test_quiet_mode_does_not_wake_up_for_reports(monkeypatch: pytest.MonkeyPatch
     os.close(read_fd)
     os.close(write_fd)
     assert duration < 0.1
-
-
-def test_serve_discards_commands_when_it_was_suspended_just_before_its_read(monkeypatch: pytest.MonkeyPatch) -> None:
-    time_ns = 0
-    monkeypatch.setattr("firmware_stub.serve.now_ns", lambda: time_ns)
-    with nothing_leaks():
-        wire, stop = PtyWire(), os.eventfd(1)  # so it serves once
-        end = Stm32End(Stm32(6), ThrusterLink(wire, uuv_hil()))
-        with contextlib.closing(ThrusterLink(PtyHostWire(wire.path), uuv_hil())) as host:
-            host.send(ThrusterCommand(1, True, FULL))
-            assert wait_readable(wire)
-            read = wire.read
-
-            def read_after_pause() -> bytes:
-                nonlocal time_ns
-                time_ns += end.stm32.watchdog_ns + 1
-                return read()
-
-            monkeypatch.setattr(wire, "read", read_after_pause)
-            serve(end, stop)
-            assert end.stm32.frames == 0
-            assert end.link.counters.dropped_bytes == host.counters.bytes_out
-        os.close(stop)
 
 
 def test_serve_ends_when_its_uart_is_removed() -> None:

@@ -127,14 +127,13 @@ class TestSlcan:
         wire.close()
         adapter.close()
 
-    def test_all_received_frames_are_read_at_once_even_if_one_read_cannot_return_them(self) -> None:
+    def test_all_received_frames_are_discarded_even_if_one_read_cannot_return_them(self) -> None:
         line = PtyWire()
         wire, adapter = SlcanWire(line), PtyHostWire(line.path)
         text = b"z\r" * 2048 + b"T%08X8%016X\r" % (7, 0) * 200
         assert adapter.write(text) == len(text)
         line._arrivals.unregister(line.terminal)  # as if the kernel's thread had not delivered it yet
-        received = b"".join(iter(wire.read_all, b""))
-        assert len(received) == 200 * 16
+        assert wire.discard_received() == len(text)
         adapter.close()
         wire.close()
 
@@ -237,6 +236,22 @@ class TestPythonCan:
 
         retry_when_busy(wakes_at_once, "threads of one process", attempts=20)
         assert receives_all_accepted_frames(device, host, frames=2000)
+        device.close()
+        host.close()
+
+    def test_all_frames_are_discarded_on_a_bus_without_descriptor(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        """Its thread has room for fewer frames than the bus."""
+        monkeypatch.setattr("hil.links.wires.virtual_bus.VirtualBus.fileno", can.BusABC.fileno)
+        device, host = virtual_pair()
+        old, taken = records(bytes(8 * 400), 0), 0
+        until(lambda: device._reader._messages.full() or not host.write(old[:16]))  # type: ignore[attr-defined]
+        taken += host.write(old)
+        assert taken
+        assert device.discard_received() >= taken
+        new = pack_frame(EXTENDED)
+        assert host.write(new) == len(new)
+        assert read_bytes(device, len(new)) == new
+        assert device.read() == b""
         device.close()
         host.close()
 

@@ -16,9 +16,11 @@ import pytest
 import serial
 
 from hil.common.errors import DeviceError
-from hil.links.contract import ThrusterLink, Wire
+from hil.links.contract import Counters, Wire
+from hil.links.wires.faults import Faults, FaultyWire
+from hil.links.wires.suspension import SuspendableWire
 from hil.links.wires.terminal import READ_SIZE, UNREAD_LIMIT, PtyHostWire, PtyWire, UartWire, queued_bytes
-from tests.support.links.link_contract import PATIENCE_S, nothing_leaks, read_bytes, uuv_hil
+from tests.support.links.link_contract import PATIENCE_S, nothing_leaks, read_bytes, wait_readable
 
 
 @pytest.fixture(autouse=True)
@@ -207,13 +209,39 @@ def test_bytes_that_arrive_during_a_read_wake_the_reader_again(open_host: Callab
 
 def test_all_received_bytes_are_discarded_even_if_one_read_cannot_return_them() -> None:
     with closing(PtyWire()) as device, closing(PtyHostWire(device.path)) as host:
-        link, written_bytes = ThrusterLink(device, uuv_hil()), 0
+        written_bytes = 0
         while taken := host.write(bytes(1000)):
             written_bytes += taken
         assert written_bytes > 2 * READ_SIZE
         device._arrivals.unregister(device.terminal)  # as if the kernel's thread had not delivered them yet
-        link.discard_received()
-        assert link.counters.dropped_bytes == written_bytes
+        assert device.discard_received() == written_bytes
+
+
+@pytest.mark.parametrize("delay", [0.0, 60.0])
+def test_bytes_that_waited_while_their_reader_was_suspended_are_discarded(
+    delay: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The reader was suspended just before its read; with a delay, the bytes are still in the simulated line then."""
+    time_ns = 0
+    monkeypatch.setattr("hil.links.wires.suspension.now_ns", lambda: time_ns)
+    with closing(PtyWire()) as device, closing(PtyHostWire(device.path)) as host:
+        faulty, counters = FaultyWire(device), Counters()
+        with closing(SuspendableWire(faulty, 200, counters)) as wire:
+            time_ns += 200
+            host.write(b"in time")
+            assert read_bytes(wire, 7) == b"in time"
+            faulty.faults = Faults(delay=delay)
+            host.write(b"before")
+            assert wait_readable(wire)
+            wire.read()
+            host.write(b"meanwhile")
+            assert wait_readable(wire)
+            time_ns += 201
+            assert wire.read() == b""
+            assert counters.dropped_bytes == len(b"meanwhile") + (len(b"before") if delay else 0)
+            faulty.faults = Faults()
+            host.write(b"after")
+            assert read_bytes(wire, 5) == b"after"
 
 
 @pytest.mark.parametrize("open_host", [PtyHostWire, UartWire])
