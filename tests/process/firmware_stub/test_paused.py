@@ -119,12 +119,12 @@ def test_commands_that_arrived_while_it_was_stopped_are_discarded(
             time.sleep(1.5 * WATCHDOG_S)  # at least: it is stopped for longer than its watchdog waits
         finally:
             os.kill(pid, signal.SIGCONT)
-        seen: set[tuple[int, ...]] = set()
+        reported_pulses: set[tuple[int, ...]] = set()
 
         def stops() -> bool:
-            seen.update(pulses_of(host))
-            return NEUTRAL in seen
+            reported_pulses.update(pulses_of(host))
+            return NEUTRAL in reported_pulses
 
         assert wait_for(stops)
-        assert WHILE_STOPPED not in seen
+        assert WHILE_STOPPED not in reported_pulses
         assert wait_for(executes), "and new commands count"
