@@ -2,6 +2,14 @@
 
 Public: `choose`, `load`, `NativeDynamics`. It must not compute anything that Python does not specify.
 
+Each extension is one .c file that includes its headers, all in this folder:
+
+    _native     a step, its forces and scalar sensors. Without Python: body, kernel, forces, waves, errors. For Python:
+                force_types, step_types, fused, sensor_types, impulses
+    _rays       rays, rays_bundle, rays_seabed
+    _picture    a camera's light: shading, exposure, and the headers of _rays
+    all         numbers, buffer, check_doubles
+
 The environment variable `UUV_HIL_NATIVE=0` selects Python. With `UUV_HIL_NATIVE=1` a missing C extension is an error.
 """
 

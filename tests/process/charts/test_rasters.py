@@ -53,7 +53,7 @@ def test_a_written_geotiff_is_read_back(tmp_path: Path) -> None:
     assert built.model.grid.at(places) == pytest.approx(10.0 + 0.01 * (north + 100.0) - 0.02 * (east + 200.0), abs=0.05)
     hole = np.column_stack(centre.to_local(*geographic(np.array([160.0]), np.array([160.0]))))
     assert np.isnan(built.model.grid.at(hole)).all()
-    with pytest.raises(ConfigError, match="--area: .* is outside the data, which cover 53.9"):
+    with pytest.raises(ConfigError, match=r"--area: .* is outside the data, which cover 53\.9"):
         read_sources([str(path)], GeoBox(60.0, 10.0, 60.1, 10.1), 10.0)
 
 
