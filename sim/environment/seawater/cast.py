@@ -6,8 +6,9 @@ depth,temperature,salinity
 
 The first line names the columns, in any order; other columns are ignored. Needed are `depth` (m) or `pressure` (dbar,
 of the water), and `temperature` (deg C, ITS-90) with `salinity` (practical), or instead of these `sound_speed` (m/s)
-with `density` (kg/m³). Units after a name, as in `depth (m)`, are ignored, as are lines that begin with #. Density and
-speed of sound are computed by TEOS-10 (gsw) and cached, so that a slave's next start does not need that library.
+with `density` (kg/m³). Units after a name, as in `depth (m)`, are ignored, as are lines that begin with # or %. Density
+and speed of sound are computed by TEOS-10 (gsw) and cached, so that a slave's next start does not need that library.
+A .cnv of Sea-Bird is read as well, with the names in its header; rows with its `bad_flag` are left out.
 """
 
 import csv
@@ -28,6 +29,7 @@ _NAMES = {
     "depth": "depth", "depsm": "depth", "pressure": "pressure", "pres": "pressure", "prdm": "pressure",
     "temperature": "temperature", "temp": "temperature", "t090c": "temperature", "salinity": "salinity",
     "sal": "salinity", "sal00": "salinity", "sound_speed": "sound_speed", "density": "density",
+    "tv290c": "temperature", "prde": "pressure", "t068c": "temperature_68",
 }  # fmt: skip
 _LATITUDE = 45.0  # deg, for a world without an origin: gravity depends on it
 
@@ -58,15 +60,7 @@ def read_cast(path: str, origin: Origin | None) -> dict[str, Any]:
 
 def _read(path: str) -> Columns:
     """Return the columns with known names. Raises ConfigError."""
-    try:
-        text = read_bytes(path, MAX_BYTES).decode("utf-8-sig")
-    except UnicodeDecodeError:
-        raise ConfigError(f"{path}: is not UTF-8 text; save it as UTF-8") from None
-    lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith("#")]
-    if len(lines) < 2:
-        raise ConfigError(f"{path}: holds no row: give names of columns and a row for each depth")
-    separator = max(",;\t", key=lines[0].count)
-    header, *rows = csv.reader(lines, delimiter=separator)
+    header, rows = _table(path)
     words = [re.split(r"[^a-z0-9_]+", name.strip().lower())[0] for name in header]
     column_of = {_NAMES[word]: k for k, word in enumerate(words) if word in _NAMES}
     if not column_of.keys() & {"depth", "pressure"}:
@@ -81,11 +75,50 @@ def _read(path: str) -> Columns:
             if not isfinite(value):
                 raise ConfigError(f"{path}: row {number} has no number for {name}: leave the row out")
             columns[name].append(value)
+    if "temperature_68" in columns:
+        columns.setdefault("temperature", [value / 1.00024 for value in columns.pop("temperature_68")])
     along = "depth" if "depth" in columns else "pressure"
     if min(columns[along]) < -MAX_ABOVE:
         raise ConfigError(f"{path}: column {along}: {min(columns[along]):g} is above the surface: it counts downwards")
     columns[along] = [max(0.0, value) for value in columns[along]]
     return columns
+
+
+def _table(path: str) -> tuple[list[str], list[list[str]]]:
+    """Return names of columns and rows of a CSV file or a .cnv. Raises ConfigError."""
+    data = read_bytes(path, MAX_BYTES)
+    if path.lower().endswith(".cnv"):
+        return _seabird_table(data.decode("latin-1"), path)
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise ConfigError(f"{path}: is not UTF-8 text; save it as UTF-8") from None
+    lines = [line for line in text.splitlines() if line.strip() and not line.lstrip().startswith(("#", "%"))]
+    if len(lines) < 2:
+        raise ConfigError(f"{path}: holds no row: give names of columns and a row for each depth")
+    separator = max(",;\t", key=lines[0].count)
+    header, *rows = csv.reader(lines, delimiter=separator)
+    return header, rows
+
+
+def _seabird_table(text: str, path: str) -> tuple[list[str], list[list[str]]]:
+    """Return names of columns and rows of a .cnv, without rows that have its value for bad data."""
+    head, _, body = text.partition("*END*")
+    header = [name.strip() for name in re.findall(r"^# name \d+ = ([^:\r\n]+)", head, re.M)]
+    bad = re.search(r"^# bad_flag = (\S+)", head, re.M)
+    flag = float(bad[1]) if bad else None
+    rows = [line.split() for line in body.splitlines() if line.strip()]
+    rows = [row for row in rows if flag is None or flag not in [_number(cell) for cell in row[:-1]]]
+    if not header or not rows:
+        raise ConfigError(f"{path}: no .cnv of Sea-Bird with names of columns and rows: save the cast as CSV")
+    return header, rows
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError:
+        return float("nan")
 
 
 def _thinned(columns: Columns) -> Columns:

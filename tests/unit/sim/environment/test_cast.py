@@ -102,3 +102,44 @@ def test_rows_and_a_file_cannot_both_be_given(tmp_path: Path, rows: str) -> None
     (tmp_path / "bay.toml").write_text(WORLD.format(origin="") + rows)
     with pytest.raises(ConfigError, match="leave depth, density and sound_speed out"):
         load_world(str(tmp_path / "bay.toml"))
+
+
+def test_comments_of_a_castaway_are_skipped(tmp_path: Path) -> None:
+    text = (
+        "% Device,CC1\n% Cast time (UTC),x\n% \nPressure (Decibar),Depth (Meter),Temperature (Celsius),Salinity (P)\n"
+    )
+    assert profile(tmp_path, text + "0.1,0.1,12.0,30.0\n20.2,20.0,10.0,31.0\n").depth == (0.1, 20.0)
+
+
+CNV = """\
+* Sea-Bird SBE 9 Data File:
+# nquan = 4
+# name 0 = prDM: Pressure, Digiquartz [db]
+# name 1 = {temperature} [deg C]
+# name 2 = sal00: Salinity, Practical [PSU]
+# name 3 = sigma-é00: Density [sigma-theta, Kg/m^3]
+# bad_flag = -9.990e-29
+*END*
+      1.000    14.0000    30.0000    22.3
+     20.000    11.0000 -9.990e-29    24.0
+    100.000     9.0000    33.0000    25.5
+"""
+
+
+@pytest.mark.parametrize("temperature", ["t090C: Temperature [ITS-90", "t068C: Temperature [ITS-68"])
+def test_a_cnv_of_sea_bird_is_read_without_its_bad_rows(tmp_path: Path, temperature: str) -> None:
+    (tmp_path / "ctd.cnv").write_bytes(CNV.format(temperature=temperature).encode("latin-1"))
+    (tmp_path / "bay.toml").write_text(WORLD.format(origin="").replace("ctd.csv", "ctd.cnv"))
+    ocean = load_world(str(tmp_path / "bay.toml")).ocean
+    assert ocean is not None
+    assert ocean.profile is not None
+    assert ocean.profile.depth == pytest.approx((0.99, 99.1), abs=0.1)
+    for speed, (t, s, d) in zip(ocean.profile.sound_speed, ((14.0, 30.0, 1.0), (9.0, 33.0, 99.1)), strict=True):
+        assert speed == pytest.approx(mackenzie(t, s, d), abs=0.4)
+
+
+def test_a_cnv_without_names_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "ctd.cnv").write_text("1 2 3\n")
+    (tmp_path / "bay.toml").write_text(WORLD.format(origin="").replace("ctd.csv", "ctd.cnv"))
+    with pytest.raises(ConfigError, match=r"no \.cnv of Sea-Bird with names of columns and rows"):
+        load_world(str(tmp_path / "bay.toml"))
