@@ -28,6 +28,7 @@ _DEPTH = {"z", "depth", "bathymetry", "elevation", "height", "altitude", "soundi
 LARGEST = 1 << 30  # bytes of a file, and characters of its uncompressed text
 MAX_LINES = 20_000_000  # of one file; a sounding takes 24 bytes
 LONGEST_LINE = 10_000  # characters
+MAX_REPEATED = 0.05  # share of places with several depths, above which a note says so
 MAX_DISTANCE = 1e5  # m from the origin of a world
 COMMENTS = ("#", "%", ">", "!", "//")  # of GMT, MATLAB, Surfer and others
 COMPRESSED = (".gz", ".xz", ".bz2")
@@ -82,10 +83,25 @@ def read_points(path: str, positive: Positive = "auto", crs: str | None = None) 
     rows[:, 2] *= metres_in_name(name[0]) if name else 1.0
     require_possible(path, rows[:, 2])
     up, note = detect_direction(path, positive, name, float(rows[:, 2].min()), float(rows[:, 2].max()))
+    note = _several_depths(rows, path, note)
     if not has_names:
         order = "longitude, latitude and depth" if crs is None else "east, north and depth"
         note = f"{path}: names no columns: read as {order}" + (f"; {note}" if note else "")
     return Points(os.path.basename(path), rows[:, 1::-1], -rows[:, 2] if up else rows[:, 2], geographic, note)
+
+
+def _several_depths(rows: Array, path: str, note: str) -> str:
+    """Return `note`, with a note on places that have several depths: a file of measurements in the water has these."""
+    _, place, counts = np.unique(rows[:, :2], axis=0, return_inverse=True, return_counts=True)
+    place = place.ravel()
+    low, high = np.full(len(counts), np.inf), np.full(len(counts), -np.inf)
+    np.minimum.at(low, place, rows[:, 2])
+    np.maximum.at(high, place, rows[:, 2])
+    share, spread = float((counts > 1).mean()), float((high - low).max())
+    if share < MAX_REPEATED or spread < 1.0:
+        return note
+    found = f"{path}: {share:.0%} of its places have several depths, up to {spread:.3g} m apart: are these soundings?"
+    return f"{note}; {found}" if note else found
 
 
 def _degrees(rows: Array, crs: str) -> Array:
