@@ -14,7 +14,7 @@ from hil.charts.grid import Extent
 from hil.charts.projection import LocalPlane
 from hil.charts.sources.points import Points, is_points, read_points
 from hil.charts.sources.priority import OTHER, RASTER, remove_outranked, require_named
-from hil.charts.sources.rasters import DRIVERS, Raster, open_raster
+from hil.charts.sources.rasters import Raster, is_raster, open_raster
 from hil.charts.sources.s57 import Cell, read_cell
 from hil.charts.sources.sign import Positive
 from hil.charts.sources.survey import Survey, block_means
@@ -118,13 +118,13 @@ def _read_files(paths: list[str], options: ReadOptions) -> _Files:
 
 def _open(path: str, positive: Positive, crs: str | None) -> Raster:
     ending = os.path.splitext(path)[1].lower()
-    if ending in DRIVERS:
+    if is_raster(path):
         return open_raster(path, positive, crs)
     if ending[1:].isdigit():
         raise ConfigError(f"{path}: is an update; give the cell (.000), whose updates are found beside it")
     raise ConfigError(
-        f"{path}: unknown format {ending or 'without an ending'}: use .000 (S-57), .tif, .bag, .nc, .h5 (S-102), "
-        ".xyz or .csv"
+        f"{path}: unknown format {ending or 'without an ending'}: use .000 (S-57), .tif, .bag, .nc, .grd, .asc, "
+        ".h5 (S-102), .xyz or .csv"
     )
 
 

@@ -1,4 +1,4 @@
-"""Read and resample depths from rasters with GDAL: GeoTIFF, BAG, GEBCO's NetCDF, S-102 and Esri ASCII grids."""
+"""Read and resample depths from rasters with GDAL: GeoTIFF, BAG, NetCDF, S-102; grids of Esri, GMT, Surfer."""
 
 import os
 import re
@@ -31,6 +31,7 @@ WGS84 = "EPSG:4326"
 # The driver is set by the ending. Otherwise GDAL detects the format from the contents, and some formats (WMS, VRT) make
 # it read other files and hosts.
 DRIVERS = {".tif": "GTiff", ".tiff": "GTiff", ".bag": "BAG", ".nc": "netCDF", ".asc": "AAIGrid", ".h5": "S102"}
+GRIDS = {b"DSAA": "GSAG", b"DSBB": "GSBG", b"DSRB": "GS7BG"}  # .grd of Surfer by first bytes; GMT's is NetCDF
 # Metadata with the date of a survey: of S-102, BAG, NetCDF (by the CF and ACDD conventions) and TIFF
 DATES = ("issuedate", "bag_datetime", "time_coverage_end", "date_issued", "date_created", "tifftag_datetime")
 FINEST = {"MODE": "RESAMPLED_GRID"}  # for a BAG of variable resolution, whose default band is a coarse overview
@@ -115,8 +116,8 @@ def open_raster(path: str, positive: Positive = "auto", crs: str | None = None) 
     """Return the raster of the band of `path` that is named as depths or heights, else of the first band.
 
     `crs` (for example EPSG:32605) applies to a file that states no coordinate system. Without either, positions in
-    degrees are WGS 84. No shift between vertical datums is applied. The format follows from the ending of the name, one
-    of DRIVERS. Raises ConfigError, MissingExtraError.
+    degrees are WGS 84. No shift between vertical datums is applied. The format follows from the ending of the name, of
+    a .grd also from its first bytes. Raises ConfigError, MissingExtraError.
     """
     try:
         import rasterio.io
@@ -124,8 +125,8 @@ def open_raster(path: str, positive: Positive = "auto", crs: str | None = None) 
         from rasterio.errors import NotGeoreferencedWarning, RasterioError
     except ImportError:
         raise MissingExtraError(f"{path}: rasters need rasterio: pip install 'uuv-hil[raster]'") from None
-    driver = DRIVERS[os.path.splitext(path)[1].lower()]
     check_file(path, sys.maxsize)  # no limit: only the needed part is read
+    driver = _driver(path)
     try:
         with warnings.catch_warnings():
             # A NetCDF as a whole has no position; _describe_raster checks that of the variable.
@@ -141,8 +142,21 @@ def open_raster(path: str, positive: Positive = "auto", crs: str | None = None) 
                 return _describe_raster(path, file, source, positive, crs)._replace(options=options, memory=memory)
     except (RasterioError, CPLE_BaseError, OSError) as error:
         raise ConfigError(
-            f"{path}: cannot be read as a raster, use a whole file of the format that its ending names: {_cause(error)}"
+            f"{path}: cannot be read as a raster of {driver}, use a whole file of that format: {_cause(error)}"
         ) from None
+
+
+def is_raster(path: str) -> bool:
+    """Return whether the ending of a file's name is that of a raster."""
+    return os.path.splitext(path)[1].lower() in (*DRIVERS, ".grd")
+
+
+def _driver(path: str) -> str:
+    ending = os.path.splitext(path)[1].lower()
+    if ending != ".grd":
+        return DRIVERS[ending]
+    with open(path, "rb") as file:
+        return GRIDS.get(file.read(4), DRIVERS[".nc"])
 
 
 def _cause(error: BaseException) -> str:
@@ -271,7 +285,8 @@ def _detect_direction(
         return counted == "up", ""
     if positive == "auto" and source.driver in ("BAG", "S102"):  # BAG has elevations; GDAL returns depths of S-102
         return bool(source.driver == "BAG"), ""
-    named = [tags.get("standard_name"), tags.get("long_name"), source.descriptions[band - 1], file.rpartition(":")[2]]
+    name = tags.get("netcdf_varname") or os.path.basename(file)
+    named = [tags.get("standard_name"), tags.get("long_name"), source.descriptions[band - 1], name]
     shape = min(SAMPLED, source.height), min(SAMPLED, source.width)
     values = source.read(band, out_shape=shape, masked=True)
     known = unit * (values.compressed() * source.scales[band - 1] + source.offsets[band - 1])

@@ -27,6 +27,7 @@ _NOT_METRES = {
 }  # fmt: skip
 _UNITS = {**_METRES, **_NOT_METRES}
 MAX_MAGNITUDE = 12_000.0  # m above or below sea level: more than any place on the earth
+MAX_DRYING = 50.0  # m of land above the water in data that are named as depths
 NO_DATA_MARK = 9999.0  # m: in many files this means "no value" although they do not state it
 
 
@@ -45,6 +46,11 @@ def detect_direction(path: str, positive: Positive, names: Iterable[str], low: f
         return True, note if words & _DOWN and not words & _UP else ""
     if words & _UP:
         return True, ""
+    if words & _DOWN and -low > max(high, MAX_DRYING):
+        raise ConfigError(
+            f"{path}: named as depths, but values from {low:g} to {high:g} m would be more land than water: use "
+            "--positive down if that is so, --positive up if they are heights"
+        )
     if words & _DOWN:
         return False, ""
     if low >= 0.0:

@@ -106,7 +106,7 @@ def test_metres_declared_as_degrees_are_refused_with_the_remedy(tmp_path: Path) 
 def test_a_truncated_file_is_refused_with_the_cause_and_the_remedy(tmp_path: Path) -> None:
     path = Path(write(tmp_path / "half.tif", -DEPTHS))
     path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
-    with pytest.raises(ConfigError, match=r"half\.tif: cannot be read as a raster, use a whole file .*got 2220 bytes"):
+    with pytest.raises(ConfigError, match=r"half\.tif: cannot be read as a raster of GTiff, .*got 2220 bytes"):
         open_raster(str(path))
 
 
@@ -161,3 +161,38 @@ def test_of_a_raster_too_large_for_a_world_a_part_can_be_used(tmp_path: Path) ->
     assert not read_sources([path], GeoBox(10.0, 20.0, 10.1, 20.1), 1000.0, ReadOptions(crop=True))[0].is_cropped
     with pytest.raises(ConfigError, match=r"--start 95,20: is not on the chart, which covers -90 to 90 N"):
         read_sources([path], None, 1000.0, ReadOptions(crop=True, near=(95.0, 20.0)))
+
+
+@pytest.mark.parametrize("driver", ["netCDF", "GSAG", "GSBG", "GS7BG"])
+def test_a_grd_is_read_as_a_grid_of_gmt_or_of_surfer(driver: str, tmp_path: Path) -> None:
+    rasterio = pytest.importorskip("rasterio", reason="rasters need rasterio: pip install 'uuv-hil[raster]'")
+    from rasterio.shutil import copy
+
+    where = {"crs": "EPSG:4326", "transform": rasterio.Affine(1e-4, 0, 10.0, 0, -1e-4, 54.0)}
+    copy(write(tmp_path / "bed.tif", -DEPTHS, **where), str(tmp_path / "bed.grd"), driver=driver)
+    assert depth_of(open_raster(str(tmp_path / "bed.grd"), "up")) == MIDDLE
+
+
+def test_heights_named_as_depths_are_not_made_land(tmp_path: Path) -> None:
+    """Mostly below zero and named as depths, they may be heights. Folders and variables of a file name nothing."""
+    folder = tmp_path / "depth maps"
+    folder.mkdir()
+    heights = 500.0 - 20.0 * DEPTHS  # from -230 to 100 m
+    for name in ("depth_chart.tif", "chart.tif"):
+        with pytest.raises(ConfigError, match=r"--positive down.*--positive up|--positive up or --positive down"):
+            open_raster(write(folder / name, heights))
+    assert depth_of(open_raster(write(folder / "depth.tif", heights), "up")) == pytest.approx(
+        20.0 * 28.25 - 500.0, abs=1.0
+    )
+    drying = open_raster(write(folder / "depth.tif", DEPTHS - 25.0))
+    assert depth_of(drying) == pytest.approx(28.25 - 25.0, abs=0.2), "a shore that dries has depths below zero"
+
+
+def test_places_with_several_depths_are_reported(tmp_path: Path) -> None:
+    """Such as those of temperatures in the water, which make no bed."""
+    path = tmp_path / "casts.csv"
+    levels = [(10.0 + 1e-3 * i, 54.0 + 1e-3 * j, z) for i in range(5) for j in range(5) for z in (0.0, 10.0, 40.0)]
+    path.write_text("longitude,latitude,depth\n" + "".join(f"{x},{y},{z}\n" for x, y, z in levels))
+    assert "100% of its places have several depths, up to 40 m apart" in read_points(str(path)).note
+    path.write_text("longitude,latitude,depth\n" + "".join(f"{x},{y},{z}\n" for x, y, z in levels[::3]))
+    assert not read_points(str(path)).note
