@@ -15,17 +15,17 @@ from hil.gateways.mavlink.protocols.streams import DEFAULT_HZ
 HEAD = """\
 # MAVLink vehicle
 
-The protocol of [`uuv-hil mavlink`](../how-to/qgroundcontrol.md): MAVLink 2, component 1, type submarine. This page is
-made by `python -m tools.reference` from `hil/gateways/mavlink/`.
+What [`uuv-hil mavlink`](../how-to/qgroundcontrol.md) sends and accepts: MAVLink 2, component 1, vehicle type
+submarine. This page is made by `python -m tools.reference` from `hil/gateways/mavlink/`.
 
 """
 SLAVE = """
-These parameters of the slave have an effect until it ends:
+These parameters belong to the slave. They are lost when it ends.
 
-- `G_LOOP_KEY`: gains of its controller. Loops: `SURGE`, `SWAY`, `HEAVE`, `RLLR`, `PITR`, `YAWR`, `DEPTH`, `HDG`,
-  `ROLL`, `PITCH`. Keys: `P`, `I`, `D`, `LIM`, `FF`, `FILT`, `SLEW`.
+- `G_LOOP_KEY`: gains of its controller. Values of `LOOP`: `SURGE`, `SWAY`, `HEAVE`, `RLLR`, `PITR`, `YAWR`, `DEPTH`,
+  `HDG`, `ROLL`, `PITCH`. Values of `KEY`: `P`, `I`, `D`, `LIM`, `FF`, `FILT`, `SLEW`.
 - `FAIL1_KIND`: failure of thruster 1 (0 none, 1 off, 2 efficiency, 3 stuck, 4 delayed, 5 noisy).
-- `FAIL1_VALUE`: size of that failure: a share (2), µs (3), s (4), a share (5).
+- `FAIL1_VALUE`: size of that failure. Its unit depends on the kind: a share (2, 5), µs (3), s (4).
 """
 TYPES = {getattr(dialect, f"MAV_PARAM_TYPE_{word}"): word.lower() for word in ("INT8", "INT16", "INT32", "REAL32")}
 NEWER = {kind.id: kind.name for kind in (newer.EscStatus, newer.CurrentMode, newer.AvailableModesMonitor)}
@@ -46,10 +46,12 @@ def _messages() -> str:
     ordered = sorted(DEFAULT_HZ.items(), key=lambda row: names[row[0]])
     rows = [f"| {names[number]} | {rate:g} |\n" for number, rate in ordered]
     text = (
-        "## Messages that are streamed\n\nA ground station may request other rates, up to 50 Hz. What the vehicle does "
-        "not\nmeasure is not sent. Pulse widths are updated at `[ros] joints`, 10 Hz. Speeds and currents "
-        "of ESCs are\nsent if the thruster's model has them: both with the T200's `curve`, speeds with a rotor's "
-        "`dynamics`.\nThe water's temperature is not measured.\n\n"
+        "## Messages that are streamed\n\nThe table has the default rates. A ground station may request other rates, "
+        "up to 50 Hz. Quantities that the\nvehicle does not measure are not sent; water temperature is one of them. "
+        "Pulse widths are updated at the\nrate `[ros] joints`, 10 Hz by default. Speeds and currents of ESCs are sent "
+        "if the model of the thruster\nhas them: both with the `curve` of the T200, speeds with the `dynamics` of a "
+        "rotor."
+        "\n\n"
     )
     return text + "| message | Hz |\n|---|---|\n" + "".join(rows)
 
@@ -59,24 +61,24 @@ def _commands() -> str:
     numbers = [*Commands(none).numbers(), *dispatch.ASKING]
     words = sorted({_command_name(number) for number in numbers})
     listed = "\n".join([f"- `{word}`" for word in words])
-    return f"## Commands\n\nAll others are acknowledged as unsupported.\n\n{listed}\n"
+    return f"## Commands\n\nAll other commands are acknowledged as unsupported.\n\n{listed}\n"
 
 
 def _mission() -> str:
     listed = "\n".join([f"- `{_command_name(number)}`" for number in (*WAYPOINTS, *WITHOUT_PLACE)])
-    text = "Frames: global, relative to home, local NED. Commands for cameras and mounts are skipped."
+    text = "Positions may be global, relative to home, or local NED. Commands for cameras and mounts are skipped."
     return f"## Items of a mission\n\n{text}\n\n{listed}\n"
 
 
 def _parameters() -> str:
     rows = [
-        f"| `{name}` | {TYPES[p.kind]} | {p.default:g} | {p.least:g} to {p.most:g} | {p.meaning} |\n"
+        f"| `{name}` | {TYPES[p.kind]} | {p.unit} | {p.default:g} | {p.least:g} to {p.most:g} | {p.meaning} |\n"
         for name, p in sorted(GATEWAY.items())
     ]
     text = (
-        "## Parameters\n\nStored on the machine that serves MAVLink. If a scenario names the vehicle, forces and "
-        "`NAV_STEER`\nare set for it.\n\n"
-        "| name | type | default | range | meaning |\n|---|---|---|---|---|\n"
+        "## Parameters\n\nThey are stored on the machine that runs the gateway. If the gateway has a "
+        "scenario, the defaults of\nthe forces, the moments and `NAV_STEER` follow from its vehicle.\n\n"
+        "| name | type | unit | default | range | meaning |\n|---|---|---|---|---|---|\n"
     )
     return text + "".join(rows) + SLAVE
 

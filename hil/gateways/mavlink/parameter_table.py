@@ -23,43 +23,44 @@ INT8, INT16, INT32, REAL32 = (
 
 
 class Parameter(NamedTuple):
-    """One parameter of the gateway: its type, default and range, and what it means."""
+    """One parameter of the gateway: its type, default and range, its unit ("": none), and what it means."""
 
     kind: int
     default: float
     least: float
     most: float
+    unit: str
     meaning: str
 
 
-def _real(default: float, least: float, most: float, meaning: str) -> Parameter:
-    return Parameter(REAL32, default, least, most, meaning)
+def _real(default: float, least: float, most: float, unit: str, meaning: str) -> Parameter:
+    return Parameter(REAL32, default, least, most, unit, meaning)
 
 
 GATEWAY: dict[str, Parameter] = {
-    "SYSID_THISMAV": Parameter(INT16, 1, 1, 250, "MAVLink system id, from the next start on"),
-    "PILOT_SPEED": _real(0.5, 0.0, 5.0, "m/s ahead at full stick"),
-    "PILOT_SPEED_SIDE": _real(0.4, 0.0, 5.0, "m/s sideways at full stick"),
-    "PILOT_SPEED_UP": _real(0.3, 0.0, 5.0, "m/s up and down at full stick"),
-    "PILOT_YAW_RATE": _real(30.0, 0.0, 360.0, "degrees/s at full stick"),
-    "MAN_FORCE_X": _real(40.0, 0.0, 1e5, "N ahead at full stick in Manual"),
-    "MAN_FORCE_Y": _real(40.0, 0.0, 1e5, "N to starboard at full stick in Manual"),
-    "MAN_FORCE_Z": _real(40.0, 0.0, 1e5, "N up at full stick in Manual"),
-    "MAN_MOMENT_K": _real(5.0, 0.0, 1e5, "N m about the roll axis at full stick in Manual"),
-    "MAN_MOMENT_M": _real(5.0, 0.0, 1e5, "N m about the pitch axis at full stick in Manual"),
-    "MAN_MOMENT_N": _real(8.0, 0.0, 1e5, "N m about the yaw axis at full stick in Manual"),
-    "JS_DEADZONE": _real(0.03, 0.0, 0.5, "share of a stick's way that counts as its middle"),
-    "WP_SPEED": _real(0.5, 0.05, 5.0, "m/s between waypoints and to guided positions"),
-    "WP_RADIUS": _real(0.5, 0.1, 100.0, "m from a waypoint that count as reached"),
-    "WP_YAW_BEHAVE": Parameter(INT8, 1, 0, 1, "0 keep the heading, 1 bow to the next waypoint"),
-    "NAV_STEER": Parameter(INT8, 0, 0, 1, "0 vehicle that can stop and move sideways, 1 one that turns by fins"),
-    "DEPTH_MAX": _real(100.0, 0.0, 11_000.0, "m: deeper targets are limited to it"),
-    "SURFACE_DEPTH": _real(0.2, 0.0, 10.0, "m that mode Surface rises to"),
-    "FS_PILOT_TOUT": _real(0.5, 0.1, 10.0, "s of silence of the joystick until sticks count as centred"),
-    "FS_GCS_TIMEOUT": _real(3.0, 1.0, 120.0, "s of silence of all ground stations until FS_GCS_ENABLE acts"),
-    "FS_GCS_ENABLE": Parameter(INT8, 2, 0, 4, "0 nothing, 1 warn, 2 disarm, 3 depth hold, 4 surface"),
-    "FS_LEAK_ENABLE": Parameter(INT8, 1, 0, 2, "0 nothing, 1 warn, 2 surface"),
-    "GUIDED_TIMEOUT": _real(3.0, 0.1, 60.0, "s after which a velocity target ends, and the place is held"),
+    "SYSID_THISMAV": Parameter(INT16, 1, 1, 250, "", "MAVLink system id; takes effect at the next start"),
+    "PILOT_SPEED": _real(0.5, 0.0, 5.0, "m/s", "speed ahead at full stick"),
+    "PILOT_SPEED_SIDE": _real(0.4, 0.0, 5.0, "m/s", "speed sideways at full stick"),
+    "PILOT_SPEED_UP": _real(0.3, 0.0, 5.0, "m/s", "speed up and down at full stick"),
+    "PILOT_YAW_RATE": _real(30.0, 0.0, 360.0, "deg/s", "turn rate at full stick"),
+    "MAN_FORCE_X": _real(40.0, 0.0, 1e5, "N", "force ahead at full stick in Manual"),
+    "MAN_FORCE_Y": _real(40.0, 0.0, 1e5, "N", "force to starboard at full stick in Manual"),
+    "MAN_FORCE_Z": _real(40.0, 0.0, 1e5, "N", "force up at full stick in Manual"),
+    "MAN_MOMENT_K": _real(5.0, 0.0, 1e5, "N m", "moment about the roll axis at full stick in Manual"),
+    "MAN_MOMENT_M": _real(5.0, 0.0, 1e5, "N m", "moment about the pitch axis at full stick in Manual"),
+    "MAN_MOMENT_N": _real(8.0, 0.0, 1e5, "N m", "moment about the yaw axis at full stick in Manual"),
+    "JS_DEADZONE": _real(0.03, 0.0, 0.5, "-", "dead zone of a stick, as a share of its deflection"),
+    "WP_SPEED": _real(0.5, 0.05, 5.0, "m/s", "speed between waypoints and to guided positions"),
+    "WP_RADIUS": _real(0.5, 0.1, 100.0, "m", "a waypoint is reached within this distance"),
+    "WP_YAW_BEHAVE": Parameter(INT8, 1, 0, 1, "", "0: the heading is held; 1: the bow points to the next waypoint"),
+    "NAV_STEER": Parameter(INT8, 0, 0, 1, "", "0: the vehicle can stop and move sideways; 1: it turns by fins"),
+    "DEPTH_MAX": _real(100.0, 0.0, 11_000.0, "m", "deeper targets are limited to this depth"),
+    "SURFACE_DEPTH": _real(0.2, 0.0, 10.0, "m", "depth to which the mode Surface rises"),
+    "FS_PILOT_TOUT": _real(0.5, 0.1, 10.0, "s", "sticks count as centred if the joystick is silent for this long"),
+    "FS_GCS_TIMEOUT": _real(3.0, 1.0, 120.0, "s", "FS_GCS_ENABLE acts if all ground stations are silent for this long"),
+    "FS_GCS_ENABLE": Parameter(INT8, 2, 0, 4, "", "0: nothing; 1: warn; 2: disarm; 3: depth hold; 4: surface"),
+    "FS_LEAK_ENABLE": Parameter(INT8, 1, 0, 2, "", "action at a leak. 0: nothing; 1: warn; 2: surface"),
+    "GUIDED_TIMEOUT": _real(3.0, 0.1, 60.0, "s", "a velocity target ends after this time; then the position is held"),
 }  # fmt: skip
 
 

@@ -31,12 +31,18 @@ class ModeText(NamedTuple):
 NON_STANDARD = dialect.MAV_STANDARD_MODE_NON_STANDARD
 MODES: dict[Mode, ModeText] = {
     Mode.MANUAL: ModeText("Manual", NON_STANDARD, "sticks are forces and moments"),
-    Mode.STABILIZE: ModeText("Stabilize", NON_STANDARD, "sticks are velocities; roll and pitch level, heading held"),
-    Mode.ALT_HOLD: ModeText("Depth hold", dialect.MAV_STANDARD_MODE_ALTITUDE_HOLD, "as Stabilize, and depth held"),
-    Mode.POSHOLD: ModeText("Position hold", dialect.MAV_STANDARD_MODE_POSITION_HOLD, "as Depth hold, and place held"),
-    Mode.GUIDED: ModeText("Guided", NON_STANDARD, "position and velocity targets of companion software"),
-    Mode.AUTO: ModeText("Auto", dialect.MAV_STANDARD_MODE_MISSION, "the mission"),
-    Mode.SURFACE: ModeText("Surface", NON_STANDARD, "rises to the surface, heading held"),
+    Mode.STABILIZE: ModeText(
+        "Stabilize", NON_STANDARD, "sticks are velocities; roll and pitch are level, the heading is held"
+    ),
+    Mode.ALT_HOLD: ModeText(
+        "Depth hold", dialect.MAV_STANDARD_MODE_ALTITUDE_HOLD, "as Stabilize; the depth is held, too"
+    ),
+    Mode.POSHOLD: ModeText(
+        "Position hold", dialect.MAV_STANDARD_MODE_POSITION_HOLD, "as Depth hold; the position is held, too"
+    ),
+    Mode.GUIDED: ModeText("Guided", NON_STANDARD, "follows position and velocity targets of companion software"),
+    Mode.AUTO: ModeText("Auto", dialect.MAV_STANDARD_MODE_MISSION, "flies the mission"),
+    Mode.SURFACE: ModeText("Surface", NON_STANDARD, "rises to the surface and holds the heading"),
 }
 PILOTED = frozenset((Mode.MANUAL, Mode.STABILIZE, Mode.ALT_HOLD, Mode.POSHOLD))
 _SELF_DRIVEN = 4  # MAV_MODE_PROPERTY_AUTO_MODE: newer than pymavlink's dialect
