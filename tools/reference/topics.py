@@ -5,9 +5,10 @@ from hil.ros.topics import COMMANDS, FAN, TOPICS, Qos, Topic
 HEAD = """\
 # Topics
 
-Every topic is a ROS 2 message. `NODE` is the name of the vehicle, `[slave] node`. A fitted sensor has
-its topic, at the rate of its section; the table has the default rate. Frames are ENU and FLU (REP 103).
-Where the table gives no quality of service, it is reliable with a depth of 10.
+All topics carry ROS 2 messages in the frames ENU and FLU (REP 103). `NODE` is the name of the vehicle
+(`[slave] node`). A vehicle has the topics of the sensors that are fitted to it. The tables list default
+rates; the key `rate` of a sensor changes the rate of its topics. An empty quality of service means
+reliable with a depth of 10.
 
 This page is made by `python -m tools.reference` from `hil/ros/topics.py`.
 
@@ -15,22 +16,22 @@ This page is made by `python -m tools.reference` from `hil/ros/topics.py`.
 TABLE = "| topic | type | rate (Hz) | quality of service | content |\n|---|---|---|---|---|\n"
 # The content of a topic, by its name.
 CONTENT = {
-    "cmd_vel": "speeds (m/s) along the body, and its turn rate (rad/s)",
-    "cmd_vel_stamped": "the same, with a time and a frame; the frame of the world is refused",
-    "cmd_depth": "depth (m), positive down; replaces the vertical speed of `cmd_vel` while that is 0",
-    "cmd_heading": "heading (rad), clockwise from north; replaces the turn rate of `cmd_vel` while that is 0",
+    "cmd_vel": "speeds (m/s) along the axes of the body, and turn rate (rad/s)",
+    "cmd_vel_stamped": "the same with a time and a frame; world frames are refused",
+    "cmd_depth": "depth (m), positive down; replaces the vertical speed of `cmd_vel` while that speed is 0",
+    "cmd_heading": "heading (rad), clockwise from north; replaces the turn rate of `cmd_vel` while that rate is 0",
     "cmd_pose": "target position (m) and heading, in `map` or `odom`",
     "cmd_wrench": "force (N) and moment (N m) about the body's origin",
-    "cmd_thrusters": "thrust (N) of each thruster, in the order of the vehicle's file",
+    "cmd_thrusters": "thrust (N) of each thruster, in the order of the vehicle file",
     "formation": "the planner's estimate of position and attitude in `map`, and the time on the plan's clock",
     "plan": "planned path, in `map`",
-    "modem_tx": "bytes for the modem; the label of the dimension names the sender",
-    "modem_rx": "bytes that the modem received; the label names the sender",
-    "modem_range": "distance (m) by the travel time; the frame names the sender",
+    "modem_tx": "bytes for the modem; the label of the array's dimension is the name of the sender",
+    "modem_rx": "bytes that the modem received; the label of the array's dimension is the name of the sender",
+    "modem_range": "distance (m), computed from the travel time; `frame_id` is the name of the sender",
     "trace": "sequence number of a command, and its time (ns) at each hop, for the command delay",
     "imu": "angular rates (rad/s) and specific force (m/s²)",
     "dvl": "velocity (m/s) over the seabed, and each beam",
-    "dvl_twist": "the same velocity, with its covariance, for filters",
+    "dvl_twist": "the velocity of `dvl` with its covariance, for navigation filters",
     "altitude": "distance (m) to the seabed by the DVL; inf without bottom lock",
     "pressure": "absolute pressure (Pa)",
     "odom": "the navigation's estimate: position and attitude in `odom`, velocity of the body",
@@ -38,41 +39,41 @@ CONTENT = {
     "ahrs": "attitude by the sensor's own filter, with rates and specific force",
     "altimeter": "distance (m) along a narrow sonar beam",
     "battery": "voltage (V), current (A, negative while it discharges), charge",
-    "contact": "whether the hull touches something",
-    "current_meter": "velocity (m/s) of the water at the sensor, along the body",
-    "dvl_water": "velocity (m/s) through a layer of water, and each beam",
+    "contact": "true while the hull touches the seabed or an obstacle",
+    "current_meter": "velocity (m/s) of the water at the sensor, along the axes of the body",
+    "dvl_water": "velocity (m/s) relative to a layer of water, and each beam",
     "gps": "latitude, longitude (deg), altitude (m); no fix under water",
-    "laser": "distances (m) of a fan of beams about z",
-    "profiler": "distances (m) of a fan of beams about x, down to the seabed",
+    "laser": "distances (m) of a horizontal fan of beams (about z)",
+    "profiler": "distances (m) of a fan of beams across the track (about x), down to the seabed",
     "profiler/points": "the same as points (m), with strengths (dB)",
     "scanning_sonar": "distance (m) of the first echo of a ping, with the angle of the head",
     "echosounder": "distance (m) to the first echo below",
-    "leak": "whether water is in the hull",
-    "magnetometer": "magnetic field (T) along the body",
-    "usbl": "position (m) by the acoustic station, with its covariance",
+    "leak": "true if there is water in the hull",
+    "magnetometer": "magnetic field (T) along the axes of the body",
+    "usbl": "position (m) that the acoustic station measures, with its covariance",
     "camera/image_raw": "picture, `rgb8`",
     "camera/image_raw/compressed": "picture, JPEG",
     "camera/camera_info": "focal lengths, principal point and distortion of the lens",
     "camera/depth/image_raw": "distance (m) along the optical axis of each pixel",
     "camera/depth/camera_info": "the same for the depth picture",
     "camera/depth/points": "the depth picture as points (m)",
-    "camera/labels": "number of the object in each pixel; with `ground_truth`",
-    "forward_sonar/image": "a row for each range bin, a column for each beam",
-    f"forward_sonar/{FAN}": "the same as a fan, ahead upwards",
-    "scanning_sonar/image": "intensities of a ping by range; with `bins`",
+    "camera/labels": "number of the object in each pixel; only if the camera has `ground_truth`",
+    "forward_sonar/image": "intensities, one row for each range bin, one column for each beam",
+    f"forward_sonar/{FAN}": "the same drawn as a fan; ahead is up",
+    "scanning_sonar/image": "intensities of a ping by range; only if the sensor has the key `bins`",
     "side_scan/image": "intensities of a ping by range, to port and to starboard",
     "thruster_wrench": "force (N) and moment (N m) of all thrusters about the body's origin",
-    "joint_states": "thrusts (N) as efforts, deflections of fins (rad) as positions",
+    "joint_states": "thrust (N) of each thruster as `effort`, deflection (rad) of each fin as `position`",
     "motors": "a row for each channel: pulse width (µs), speed (rad/s), current (A)",
     "tether": "path from the anchor to the vehicle, in `map`",
-    "diagnostics": "[figures of health](diagnostics.md) of the slave",
+    "diagnostics": "[diagnostics](diagnostics.md) of the slave",
     "robot_description": "URDF of the vehicle",
-    "map": "map of a planner, 0 free and 100 occupied",
+    "map": "map of a planner: 0 free, 100 occupied",
     "obstacles": "markers of the obstacles of the world, in `map`",
-    "/diagnostics": "the same figures of health, on the topic that ROS tools read",
+    "/diagnostics": "the same diagnostics, on the topic that ROS tools read",
     "/parameter_events": "changes of parameters",
-    "/tf": "`odom` to `base_link`, by the navigation",
-    "/tf_static": "`base_link` to each sensor",
+    "/tf": "transform from `odom` to `base_link`, estimated by the navigation",
+    "/tf_static": "transforms from `base_link` to each sensor",
     "/clock": "time of the samples",
 }
 
