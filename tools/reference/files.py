@@ -37,8 +37,8 @@ TABLES = ("tether",
     "mavlink",
 )  # fmt: skip
 NUMBERS = (
-    "A number in a unit of [this table](scenario.md#units) is written as an SI number (`0.2`) or as text with its unit "
-    '(`"200 ms"`), a number in any other unit as a number only. '
+    "A number whose unit is in [this table](scenario.md#units) is written as an SI number (`0.2`) or as text with a "
+    'unit (`"200 ms"`). All other numbers are written without a unit. '
     "A key that is not in these tables is an error. A path is relative to the file that names it."
 )
 
