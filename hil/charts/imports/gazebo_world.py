@@ -53,7 +53,10 @@ def import_world(path: str, output: str, surface: float | None = None, text: byt
     root = read_xml(path, text, "sdf")
     world = root.find("world")
     if world is None:
-        raise ConfigError(f"{path}: has no <world>: use `uuv-hil vehicle --import` to import a model")
+        raise ConfigError(
+            f"{path}: has no <world>: import a vehicle with `uuv-hil vehicle --import`, and any other model with a world "
+            "that has an <include> of it"
+        )
     notes: list[str] = []
     files = SdfFiles(path)
     level = _surface(world, path) if surface is None else surface

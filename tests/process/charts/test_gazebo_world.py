@@ -142,7 +142,7 @@ def test_a_file_without_a_usable_world_is_refused(tmp_path: Path) -> None:
         '<link name="l">', '<pose>1e8 0 -3 0 0 0</pose><link name="l">'
     ))  # fmt: skip
     assert import_world(str(far_world), str(tmp_path / "x.toml")).notes[0].startswith("Left out: more than 90000 m")
-    with pytest.raises(ConfigError, match="has no <world>"):
+    with pytest.raises(ConfigError, match=r"has no <world>: import a vehicle with .* an <include> of it"):
         import_world(str(model), str(tmp_path / "x.toml"))
     with pytest.raises(ConfigError, match="give --surface M"):
         import_world(str(floor), str(tmp_path / "x.toml"))
