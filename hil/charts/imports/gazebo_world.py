@@ -54,7 +54,7 @@ def import_world(path: str, output: str, surface: float | None = None, text: byt
     world = root.find("world")
     if world is None:
         raise ConfigError(
-            f"{path}: has no <world>: import a vehicle with `uuv-hil vehicle --import`, and any other model with a world "
+            f"{path}: has no <world>: import a vehicle with `uuv-hil vehicle --import`, and another model with a world "
             "that has an <include> of it"
         )
     notes: list[str] = []
