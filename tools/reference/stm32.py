@@ -5,14 +5,19 @@ from firmware_stub.image import CHIPS, Image, load_image
 HEAD = """\
 # STM32 boards
 
-The package has a firmware image for each of these chips (`firmware_stub/images`). `uuv-hil stm32 flash` writes it to a
-chip, see [A real STM32](../tutorials/real_stm32.md#4-flash-the-board). No image has run on hardware yet. Each runs in
-Unicorn with a model of its chip, and in QEMU, where the F103 runs on an F100, and the F411 and F446 on an F405.
+The package has a firmware image for each of these chips (`firmware_stub/images`). `uuv-hil stm32 flash` writes an image
+to a chip ([A real STM32](../tutorials/real_stm32.md#4-flash-the-board)). No image has run on hardware yet. Each image
+runs in two emulators: in Unicorn with a model of its chip, and in QEMU. QEMU has no model of some chips: it runs the
+image for the F103 on an F100, and those for the F411 and F446 on an F405.
 
-All images have eight outputs, 50 Hz by default, and support the frame and MAVLink on the serial port, 115200 bit/s 8N1.
-Images for chips with CAN also support the protocol of VESCs on it, 500 kbit/s. After 200 ms without a command all
-outputs are neutral (1500 us). The independent watchdog restarts a program that hangs within about 100 ms. While the
-chip starts there are no pulses.
+| property of all images | value |
+|---|---|
+| outputs | eight pins, 50 Hz by default |
+| serial port | 115200 bit/s 8N1 by default; protocols `frame` and `mavlink` |
+| CAN, if the chip has it | 500 kbit/s by default; protocol `vesc` |
+| no command for 200 ms (default) | all outputs are neutral (1500 µs) |
+| the program hangs | the chip's independent watchdog restarts it within about 100 ms |
+| while the chip starts | no pulses |
 
 This page is made by `python -m tools.reference` from `firmware_stub/images/*.toml`.
 """
