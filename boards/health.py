@@ -107,9 +107,9 @@ def governors(tree: Tree) -> dict[str, int]:
     return counts
 
 
-def _firmware_bits(answer: str | None) -> int | None:
+def _firmware_bits(output: str | None) -> int | None:
     try:
-        return int((answer or "").rpartition("=")[2], 16)
+        return int((output or "").rpartition("=")[2], 16)
     except ValueError:
         return None
 

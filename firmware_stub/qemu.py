@@ -94,7 +94,7 @@ class QemuStm32:
         """Return the pulses (us), read by QEMU from the timers' compare registers; 0 without timers."""
         if self._qmp is None:
             self._qmp = _Qmp(self._connect_monitor())
-        words = [word for address in PULSE_REGISTERS for word in self._qmp.words(address, 4)]
+        words = [word for address in PULSE_REGISTERS for word in self._qmp.read_words(address, 4)]
         return tuple(words[: self._channels])
 
     def close(self) -> None:
@@ -187,7 +187,7 @@ class _Qmp:
         self._lines.readline()  # its greeting
         self._ask("qmp_capabilities")
 
-    def words(self, address: int, count: int) -> list[int]:
+    def read_words(self, address: int, count: int) -> list[int]:
         """Return words of the machine's memory. The answer to `xp` is "40000434: 0x000005dc 0x000005dc ..."."""
         answer = self._ask("human-monitor-command", **{"command-line": f"xp /{count}wx {address:#x}"})
         return [int(word, 16) for word in str(answer).split()[1:]]

@@ -173,11 +173,11 @@ def _print_own_traceback(name: str, error: Exception) -> bool:
     return True
 
 
-def _dispatch(words: list[str]) -> int:
+def _dispatch(arguments: list[str]) -> int:
     """Return one subcommand's exit code, or that of --help and --version. Raises HilError, OSError."""
-    if words[:1] == ["help"]:  # `uuv-hil help scenario check` is `uuv-hil scenario check --help`
-        words = [*words[1:], "--help"]
-    name = words[0] if words else "--help"
+    if arguments[:1] == ["help"]:  # `uuv-hil help scenario check` is `uuv-hil scenario check --help`
+        arguments = [*arguments[1:], "--help"]
+    name = arguments[0] if arguments else "--help"
     if name in ("-h", "--help"):
         print(_help())
         return 0
@@ -190,7 +190,7 @@ def _dispatch(words: list[str]) -> int:
         from hil.common.schema import nearest
 
         raise ConfigError(f"no command {name!r}{nearest(name, list(COMMANDS))}; there are: {', '.join(COMMANDS)}")
-    return _run(name, words[1:])
+    return _run(name, arguments[1:])
 
 
 def _run(name: str, arguments: list[str]) -> int:

@@ -28,8 +28,8 @@ class Chain(NamedTuple):
 
     `loads` are the forces on the nodes besides the springs, and `drags` their decrease with the speed (N s/m). `mass`
     is that of a node between the ends, `inertia` that of the last node, or None if its velocity is constant, too.
-    `rest` is the unstretched length of a segment, `pulls` are those of the last step. The ground carries the nodes that
-    are `lying` as long as they press on it.
+    `rest_length` is the unstretched length of a segment, `pulls` are those of the last step. The ground carries the
+    nodes that are `lying` as long as they press on it.
     """
 
     positions: Sequence[Sequence[float]]
@@ -38,7 +38,7 @@ class Chain(NamedTuple):
     drags: Sequence[float]
     mass: float
     inertia: Symmetric | None
-    rest: float
+    rest_length: float
     stiffness: float
     damping: float
     pulls: Sequence[float]
@@ -84,7 +84,7 @@ def step_chain(chain: Chain, dt: float) -> tuple[list[list[float]], list[float],
 def _make_spring(a: Sequence[float], b: Sequence[float], chain: Chain, dt: float) -> _Spring:
     x, y, z = b[0] - a[0], b[1] - a[1], b[2] - a[2]
     size = (x * x + y * y + z * z) ** 0.5 or 1e-9
-    stretch = size - chain.rest
+    stretch = size - chain.rest_length
     slope = chain.stiffness * dt + chain.damping
     return _Spring((x / size, y / size, z / size), size, stretch, chain.stiffness * stretch, slope)
 

@@ -84,7 +84,7 @@ class BxCan(Peripheral):
         if offset in (RF0R, RF1R):
             held = len(self._fifos[offset == RF1R])
             return held | (FULL if held == FIFO_DEPTH else 0)
-        return self.words.get(offset, 0)
+        return self.registers.get(offset, 0)
 
     def write(self, offset: int, value: int) -> None:
         """Write a register; some bits request an action."""
@@ -95,42 +95,42 @@ class BxCan(Peripheral):
         elif offset in (RF0R, RF1R):
             self._release(offset == RF1R, value)
         elif offset not in (MSR, ESR) and not RECEIVE <= offset < RECEIVE_END:
-            self.words[offset] = value
+            self.registers[offset] = value
             if TRANSMIT <= offset < RECEIVE and offset % MAILBOX_SIZE == 0 and value & TXRQ and self._is_on():
                 self._send((offset - TRANSMIT) // MAILBOX_SIZE)
         self._update()
 
     def _is_on(self) -> bool:
-        return not self.words[MCR] & (INRQ | SLEEP)
+        return not self.registers[MCR] & (INRQ | SLEEP)
 
     def _set_mode(self, value: int) -> None:
         """Set the mode; initialisation and sleep are acknowledged at once."""
         if value & ABOM_RESET:
             self.reset()
             return
-        self.words[MCR] = value
+        self.registers[MCR] = value
         acknowledged = INRQ if value & INRQ else value & SLEEP
-        self.words[MSR] = self.words[MSR] & ~3 | acknowledged
+        self.registers[MSR] = self.registers[MSR] & ~3 | acknowledged
         if self._is_on():
             self._send_waiting()
 
     def _send_waiting(self) -> None:
         for mailbox in range(MAILBOXES):
-            if self.words.get(TRANSMIT + mailbox * MAILBOX_SIZE, 0) & TXRQ:
+            if self.registers.get(TRANSMIT + mailbox * MAILBOX_SIZE, 0) & TXRQ:
                 self._send(mailbox)
 
     def _send(self, mailbox: int) -> None:
         base = TRANSMIT + mailbox * MAILBOX_SIZE
-        marked_id = self.words[base] & ~TXRQ
-        self.words[base] = marked_id
-        self.words[TSR] |= (RQCP | TXOK) << 8 * mailbox
+        marked_id = self.registers[base] & ~TXRQ
+        self.registers[base] = marked_id
+        self.registers[TSR] |= (RQCP | TXOK) << 8 * mailbox
         if marked_id & REMOTE:
             return
-        size = min(self.words.get(base + 4, 0) & 15, 8)
-        data = b"".join(self.words.get(base + place, 0).to_bytes(4, "little") for place in (8, 12))[:size]
+        size = min(self.registers.get(base + 4, 0) & 15, 8)
+        data = b"".join(self.registers.get(base + place, 0).to_bytes(4, "little") for place in (8, 12))[:size]
         extended = bool(marked_id & EXTENDED)
         frame = CanFrame(marked_id >> 3 if extended else marked_id >> 21, data, extended)
-        mode = self.words[BTR]
+        mode = self.registers[BTR]
         if not mode & SILENT:
             self._sent.append(frame)
         if mode & LOOPBACK:
@@ -140,29 +140,29 @@ class BxCan(Peripheral):
         """Write TSR: a 1 to a mailbox's "completed" clears its four results."""
         for mailbox in range(MAILBOXES):
             if value >> 8 * mailbox & RQCP:
-                self.words[TSR] &= ~(0xF << 8 * mailbox)
+                self.registers[TSR] &= ~(0xF << 8 * mailbox)
             if value >> 8 * mailbox & ABRQ:
-                self.words[TRANSMIT + mailbox * MAILBOX_SIZE] = 0
+                self.registers[TRANSMIT + mailbox * MAILBOX_SIZE] = 0
 
     def _release(self, fifo: int, value: int) -> None:
         if value & RFOM and self._fifos[fifo]:
             self._fifos[fifo].popleft()
             self.deliver()
 
-    def _read_frame(self, fifo: int, place: int) -> int:
+    def _read_frame(self, fifo: int, register: int) -> int:
         if not self._fifos[fifo]:
             return 0
         frame, index = self._fifos[fifo][0]
-        if place == 0:
+        if register == 0:
             return _identifier(frame)
-        if place == 4:
+        if register == 4:
             return index << 8 | len(frame.data)
-        return int.from_bytes(frame.data.ljust(8, b"\0")[place - 8 : place - 4], "little")
+        return int.from_bytes(frame.data.ljust(8, b"\0")[register - 8 : register - 4], "little")
 
     def _match(self, frame: CanFrame) -> tuple[int, int] | None:
         """Return FIFO and filter index of the first filter that accepts the frame (RM0090 32.7.4)."""
-        active, fifos = self.words.get(FA1R, 0), self.words.get(FFA1R, 0)
-        if self.words[FMR] & 1:  # in filter initialisation mode no frame is received
+        active, fifos = self.registers.get(FA1R, 0), self.registers.get(FFA1R, 0)
+        if self.registers[FMR] & 1:  # in filter initialisation mode no frame is received
             return None
         indices = [0, 0]
         for bank in range(BANKS):
@@ -176,12 +176,12 @@ class BxCan(Peripheral):
         return None
 
     def _is_narrow(self, bank: int) -> bool:
-        return not self.words.get(FS1R, 0) >> bank & 1
+        return not self.registers.get(FS1R, 0) >> bank & 1
 
     def _rules(self, bank: int) -> list[tuple[int, int]]:
         """Return the wanted bits and the mask of each filter in a bank (RM0090, figure 342)."""
-        first, second = (self.words.get(FILTERS + 8 * bank + place, 0) for place in (0, 4))
-        is_list = self.words.get(FM1R, 0) >> bank & 1
+        first, second = (self.registers.get(FILTERS + 8 * bank + place, 0) for place in (0, 4))
+        is_list = self.registers.get(FM1R, 0) >> bank & 1
         if not self._is_narrow(bank):
             return [(first, WORD), (second, WORD)] if is_list else [(first, second)]
         halves = [half for word in (first, second) for half in (word & 0xFFFF, word >> 16)]
@@ -191,10 +191,10 @@ class BxCan(Peripheral):
 
     def _update(self) -> None:
         """Update the flags of empty mailboxes, and the interrupt lines."""
-        tsr = self.words[TSR] & ~0x1F00_0000
-        empty = [n for n in range(MAILBOXES) if not self.words.get(TRANSMIT + n * MAILBOX_SIZE, 0) & TXRQ]
-        self.words[TSR] = tsr | sum(1 << 26 + n for n in empty) | (empty[0] if empty else 0) << 24
-        enabled = self.words.get(IER, 0)
+        tsr = self.registers[TSR] & ~0x1F00_0000
+        empty = [n for n in range(MAILBOXES) if not self.registers.get(TRANSMIT + n * MAILBOX_SIZE, 0) & TXRQ]
+        self.registers[TSR] = tsr | sum(1 << 26 + n for n in empty) | (empty[0] if empty else 0) << 24
+        enabled = self.registers.get(IER, 0)
         self._transmit(bool(enabled & TMEIE and tsr & (RQCP | RQCP << 8 | RQCP << 16)))
         for fifo, interrupt in enumerate(self._receive):
             held, wanted = len(self._fifos[fifo]), enabled >> 3 * fifo

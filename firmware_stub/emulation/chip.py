@@ -43,9 +43,9 @@ class Chip:
         self.can = BxCan(*(self._line(number) for number in CAN1_INTERRUPTS))
         self.usarts = {name: self._make_usart(name, paced) for name in model.usarts}
         self.timers = {name: self._make_timer(name) for name in model.timers}
-        self.peripherals: dict[str, Peripheral] = {name: Peripheral() for name in model.places}
+        self.peripherals: dict[str, Peripheral] = {name: Peripheral() for name in model.peripherals}
         self.peripherals |= self.usarts | self.timers | {"RCC": self.rcc, "IWDG": self.iwdg}
-        if "CAN1" in model.places:
+        if "CAN1" in model.peripherals:
             self.peripherals["CAN1"] = self.can
         self._timed = [self.system, self.iwdg, *self.usarts.values(), *self.timers.values()]
         self._blocks = self._map_blocks()
@@ -78,7 +78,7 @@ class Chip:
         if block is None:
             raise _no_register_error(address)
         peripheral, start, register, mask = block
-        if register and not self.rcc.words.get(register, 0) & mask:
+        if register and not self.rcc.registers.get(register, 0) & mask:
             return 0
         if size == 4:
             return peripheral.read(address - start)
@@ -90,22 +90,22 @@ class Chip:
         if block is None:
             raise _no_register_error(address)
         peripheral, start, register, mask = block
-        if register and not self.rcc.words.get(register, 0) & mask:
+        if register and not self.rcc.registers.get(register, 0) & mask:
             return
         offset = (address & ~3) - start
         if size < 4:
             shift, mask = 8 * (address & 3), (1 << 8 * size) - 1
-            value = peripheral.words.get(offset, 0) & ~(mask << shift) | (value & mask) << shift
+            value = peripheral.registers.get(offset, 0) & ~(mask << shift) | (value & mask) << shift
         peripheral.write(offset, value)
 
     def _map_blocks(self) -> dict[int, tuple[Peripheral, int, int, int]]:
         """Return by block number the peripheral, its base address, and the register and mask of its clock enable."""
         debug = Peripheral()  # trace, cycle counter: plain registers
-        debug.words[DEVICE_ID] = self.model.device_id
+        debug.registers[DEVICE_ID] = self.model.device_id
         blocks: dict[int, tuple[Peripheral, int, int, int]] = {}
         blocks |= dict.fromkeys(_numbers(CORE_REGISTERS, CORE_REGISTERS_SIZE), (debug, CORE_REGISTERS, 0, 0))
         blocks |= dict.fromkeys(_numbers(SYSTEM_CONTROL, 4 * BLOCK), (self.system, SYSTEM_CONTROL, 0, 0))
-        for name, (address, register, bit) in self.model.places.items():
+        for name, (address, register, bit) in self.model.peripherals.items():
             blocks[address // BLOCK] = (self.peripherals[name], address, register, 1 << bit)
         return blocks
 
@@ -113,7 +113,7 @@ class Chip:
         return partial(self.nvic.set_line, FIRST_INTERRUPT + interrupt)
 
     def _make_usart(self, name: str, paced: bool) -> Usart:
-        fast = self.model.places[name].register == self.model.apb2_enable
+        fast = self.model.peripherals[name].register == self.model.apb2_enable
         return Usart(
             self.time,
             (lambda: self.rcc.apb2_hz) if fast else (lambda: self.rcc.apb1_hz),
@@ -122,7 +122,7 @@ class Chip:
         )
 
     def _make_timer(self, name: str) -> Timer:
-        fast = self.model.places[name].register == self.model.apb2_enable
+        fast = self.model.peripherals[name].register == self.model.apb2_enable
         return Timer(
             self.time,
             (lambda: self.rcc.apb2_timer_hz) if fast else (lambda: self.rcc.apb1_timer_hz),
@@ -136,7 +136,7 @@ class Chip:
             peripheral.retime()
 
     def _reset_blocks(self, register: int, bits: int) -> None:
-        for name, place in self.model.places.items():
+        for name, place in self.model.peripherals.items():
             if place.register == register and bits >> place.bit & 1:
                 self.peripherals[name].reset()
 

@@ -33,14 +33,14 @@ class Iwdg(Peripheral):
 
     def read(self, offset: int) -> int:
         """Return a register. Key and status read as 0; the status because updates take no time."""
-        return self.words.get(offset, 0) if offset in (PR, RLR) else 0
+        return self.registers.get(offset, 0) if offset in (PR, RLR) else 0
 
     def write(self, offset: int, value: int) -> None:
         """Write a key, or a setting if unlocked. Settings take effect at the next reload."""
         if offset == KR:
             self._write_key(value & 0xFFFF)
         elif self._unlocked:
-            self.words[offset] = value & (7 if offset == PR else 0xFFF)
+            self.registers[offset] = value & (7 if offset == PR else 0xFFF)
 
     def tick(self) -> None:
         """Handle the expiry of the counter."""
@@ -52,5 +52,5 @@ class Iwdg(Peripheral):
         if key == START:
             self._runs = True
         if self._runs and key in (START, RELOAD):
-            prescaler = 4 << min(self.words.get(PR, 0), 6)
-            self.due_ns = Ticks(self._time, LSI_HZ).instant_ns((self.words[RLR] + 1) * prescaler)
+            prescaler = 4 << min(self.registers.get(PR, 0), 6)
+            self.due_ns = Ticks(self._time, LSI_HZ).instant_ns((self.registers[RLR] + 1) * prescaler)

@@ -29,7 +29,7 @@ class Model(NamedTuple):
     name: str
     family: str
     device_id: int
-    places: dict[str, Place]
+    peripherals: dict[str, Place]
     usarts: dict[str, int]
     timers: dict[str, int]
     apb2_enable: int
@@ -81,7 +81,9 @@ F411 = Model(
     ),
     {"USART1": 37, "USART2": 38, "USART6": 71}, TIMERS, APB2ENR, 512 * KIB, {RAM: 128 * KIB},
 )  # fmt: skip
-F446 = F405._replace(name="f446", device_id=0x421, places=_without("GPIOI"), flash_size=512 * KIB, ram={RAM: 128 * KIB})
+F446 = F405._replace(
+    name="f446", device_id=0x421, peripherals=_without("GPIOI"), flash_size=512 * KIB, ram={RAM: 128 * KIB}
+)
 F103_PLACES = {
     **{f"TIM{2 + i}": Place(0x4000_0000 + BLOCK * i, F1_APB1ENR, i) for i in range(3)},
     "RTC": Place(0x4000_2800), "WWDG": Place(0x4000_2C00, F1_APB1ENR, 11), "IWDG": Place(0x4000_3000),

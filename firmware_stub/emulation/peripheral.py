@@ -26,20 +26,20 @@ class Peripheral:
     due_ns = NEVER_NS
 
     def __init__(self) -> None:
-        self.words = dict(self.RESET)
+        self.registers = dict(self.RESET)
 
     def reset(self) -> None:
         """Reset the registers."""
-        self.words = dict(self.RESET)
+        self.registers = dict(self.RESET)
         self.due_ns = NEVER_NS
 
     def read(self, offset: int) -> int:
         """Return the register at this offset."""
-        return self.words.get(offset, 0)
+        return self.registers.get(offset, 0)
 
     def write(self, offset: int, value: int) -> None:
         """Write the register at this offset."""
-        self.words[offset] = value
+        self.registers[offset] = value
 
     def tick(self) -> None:
         """Handle the event that is due now."""

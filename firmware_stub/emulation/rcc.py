@@ -36,9 +36,9 @@ class Rcc(Peripheral):
 
     def reset_by(self, causes: int) -> None:
         """Reset all registers, but not the flags in CSR; add `causes` to these flags."""
-        flags = self.words.get(self.csr, 0) & 0xFE00_0000
+        flags = self.registers.get(self.csr, 0) & 0xFE00_0000
         super().reset()
-        self.words[self.csr] = flags | causes | PIN_RESET  # every reset drives the reset pin low: RM0090 6.1.1
+        self.registers[self.csr] = flags | causes | PIN_RESET  # every reset drives the reset pin low: RM0090 6.1.1
         self._compute_clocks()
 
     def write(self, offset: int, value: int) -> None:
@@ -50,9 +50,9 @@ class Rcc(Peripheral):
         elif offset == self.bdcr:
             value = value & ~2 | (value & 1) << 1
         elif offset == self.csr:
-            flags = 0 if value & REMOVE_FLAGS else self.words[self.csr] & 0xFE00_0000
+            flags = 0 if value & REMOVE_FLAGS else self.registers[self.csr] & 0xFE00_0000
             value = flags | value & 1 | (value & 1) << 1
-        self.words[offset] = value
+        self.registers[offset] = value
         if value and offset in self.enabled_by:
             self._reset_blocks(self.enabled_by[offset], value)
         if offset in (CR, PLLCFGR, self.cfgr):
@@ -61,7 +61,7 @@ class Rcc(Peripheral):
 
     def _compute_clocks(self) -> None:
         """Compute the clocks' frequencies, in Hz."""
-        cfgr = self.words.get(self.cfgr, 0)
+        cfgr = self.registers.get(self.cfgr, 0)
         hpre, ppre1, ppre2 = cfgr >> 4 & 15, cfgr >> self.ppre1_place & 7, cfgr >> self.ppre2_place & 7
         source = (self.hsi_hz, HSE_HZ, self._pll_hz(), self.hsi_hz)[cfgr & 3]
         shift = 0 if hpre < 8 else hpre - 7 if hpre < 12 else hpre - 6  # 2, 4, 8, 16, then 64 to 512
@@ -78,7 +78,7 @@ class Rcc(Peripheral):
         return hz, 2 * hz
 
     def _pll_hz(self) -> int:
-        pll = self.words.get(PLLCFGR, 0)
+        pll = self.registers.get(PLLCFGR, 0)
         source = HSE_HZ if pll >> 22 & 1 else HSI_HZ
         divider = max(pll & 63, 1)
         return source * (pll >> 6 & 511) // divider // (2 * (pll >> 16 & 3) + 2)
@@ -93,6 +93,6 @@ class RccF1(Rcc):
     RESET: ClassVar[dict[int, int]] = {CR: 0x83, F1_AHBENR: 0x14, F1_CSR: POWER_RESET | PIN_RESET}
 
     def _pll_hz(self) -> int:
-        cfgr = self.words.get(F1_CFGR, 0)
+        cfgr = self.registers.get(F1_CFGR, 0)
         source = HSE_HZ >> (cfgr >> 17 & 1) if cfgr >> 16 & 1 else self.hsi_hz // 2
         return source * min((cfgr >> 18 & 15) + 2, 16)

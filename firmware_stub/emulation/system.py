@@ -41,12 +41,12 @@ class SystemControl(Peripheral):
     @property
     def vector_table(self) -> int:
         """Address of the vector table."""
-        return self.words.get(VTOR, 0)
+        return self.registers.get(VTOR, 0)
 
     @property
     def sleep_on_exit(self) -> bool:
         """True if the core goes to sleep after its last pending exception (SLEEPONEXIT of the SCR)."""
-        return bool(self.words.get(SCR, 0) & SLEEPONEXIT)
+        return bool(self.registers.get(SCR, 0) & SLEEPONEXIT)
 
     def read(self, offset: int) -> int:
         """Return a register of the core."""
@@ -56,7 +56,7 @@ class SystemControl(Peripheral):
             return self._read_csr()
         word = (offset & 0x7F) // 4
         if offset < ISER or offset >= IPR:
-            return self._read_icsr() if offset == ICSR else self.words.get(offset, 0)
+            return self._read_icsr() if offset == ICSR else self.registers.get(offset, 0)
         if offset >= IABR:
             return self._nvic.active_word(word)
         bits = self._nvic.enabled if offset < ISPR else self._nvic.pending
@@ -87,17 +87,17 @@ class SystemControl(Peripheral):
     def _write_systick(self, offset: int, value: int) -> None:
         count = self._count()
         if offset == SYST_CSR:
-            was_on = self.words.get(SYST_CSR, 0) & SYST_ENABLE
-            self.words[SYST_CSR] = value & 7
+            was_on = self.registers.get(SYST_CSR, 0) & SYST_ENABLE
+            self.registers[SYST_CSR] = value & 7
             self._restart(count if was_on else 0)
         elif offset == SYST_RVR:
-            self.words[SYST_RVR] = value & 0xFF_FFFF
+            self.registers[SYST_RVR] = value & 0xFF_FFFF
             self._restart(min(count, self._wrap_length() - 1))
         elif offset == SYST_CVR:
             self._restart(0)
 
     def _restart(self, count: int) -> None:
-        source = self.words.get(SYST_CSR, 0)
+        source = self.registers.get(SYST_CSR, 0)
         hz = self._core_hz() if source & SYST_CLKSOURCE else self._core_hz() // 8
         self._ticks = Ticks(self._time, hz)
         self._offset = count
@@ -105,21 +105,21 @@ class SystemControl(Peripheral):
         self._schedule(1)
 
     def _schedule(self, wrap: int) -> None:
-        runs = self.words.get(SYST_CSR, 0) & (SYST_ENABLE | SYST_TICKINT) == SYST_ENABLE | SYST_TICKINT
+        runs = self.registers.get(SYST_CSR, 0) & (SYST_ENABLE | SYST_TICKINT) == SYST_ENABLE | SYST_TICKINT
         length = self._wrap_length()
         self.due_ns = self._ticks.instant_ns(wrap * length - self._offset) if runs and length > 1 else NEVER_NS
 
     def _wrap_length(self) -> int:
-        return self.words.get(SYST_RVR, 0) + 1
+        return self.registers.get(SYST_RVR, 0) + 1
 
     def _count(self) -> int:
         """Return the clock ticks since the counter was last at its reload value."""
-        if not self.words.get(SYST_CSR, 0) & SYST_ENABLE:
+        if not self.registers.get(SYST_CSR, 0) & SYST_ENABLE:
             return 0
         return (self._offset + self._ticks.count()) % self._wrap_length()
 
     def _wraps(self) -> int:
-        if not self.words.get(SYST_CSR, 0) & SYST_ENABLE:
+        if not self.registers.get(SYST_CSR, 0) & SYST_ENABLE:
             return 0
         return (self._offset + self._ticks.count()) // self._wrap_length()
 
@@ -130,7 +130,7 @@ class SystemControl(Peripheral):
         wraps = self._wraps()
         counted = wraps > self._wraps_seen
         self._wraps_seen = wraps
-        return self.words.get(SYST_CSR, 0) | (SYST_COUNTFLAG if counted else 0)
+        return self.registers.get(SYST_CSR, 0) | (SYST_COUNTFLAG if counted else 0)
 
     def _write_bits(self, offset: int, bits: int) -> None:
         if offset < ISPR:
@@ -141,7 +141,7 @@ class SystemControl(Peripheral):
             self._nvic.unpend(bits)
 
     def _write_priorities(self, offset: int, value: int, first: int) -> None:
-        self.words[offset] = value & 0xF0F0_F0F0
+        self.registers[offset] = value & 0xF0F0_F0F0
         for i in range(4):
             self._nvic.set_priority(first + i, value >> 8 * i & 0xFF)
 
@@ -172,10 +172,10 @@ class SystemControl(Peripheral):
             self._nvic.pend(1 << FIRST_INTERRUPT + (value & 0x1FF))
         elif offset == AIRCR:
             if value >> 16 == AIRCR_KEY:
-                self.words[AIRCR] = 0xFA05_0000 | value & 0x700
+                self.registers[AIRCR] = 0xFA05_0000 | value & 0x700
                 if value & SYSRESETREQ:
                     self._request_reset()
         elif offset == VTOR:
-            self.words[VTOR] = value & 0xFFFF_FE00
+            self.registers[VTOR] = value & 0xFFFF_FE00
         elif offset != CPUID:
-            self.words[offset] = value
+            self.registers[offset] = value

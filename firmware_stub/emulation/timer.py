@@ -51,13 +51,13 @@ class Timer(Peripheral):
     def reset(self) -> None:
         """Stop the timer, and reset its registers."""
         super().reset()
-        self.words[ARR] = self._mask
+        self.registers[ARR] = self._mask
         self._restart(0)
         self._interrupt(False)
 
     def pulse_us(self, channel: int) -> int:
         """Return the rounded width (us) of the pulses on an output, 0 to 3; 0 without pulses."""
-        words = self.words
+        words = self.registers
         if not words.get(CR1, 0) & CEN or (self._gated and not words.get(BDTR, 0) & MOE):
             return 0
         if not words.get(CCER, 0) >> 4 * channel & 1:
@@ -74,25 +74,25 @@ class Timer(Peripheral):
     def read(self, offset: int) -> int:
         """Return a register, with the present counter and update flag."""
         if offset == CNT:
-            return self._count() % (self.words[ARR] + 1)
+            return self._count() % (self.registers[ARR] + 1)
         if offset == SR:
             self._set_update_flag()
-        return self.words.get(offset, 0)
+        return self.registers.get(offset, 0)
 
     def write(self, offset: int, value: int) -> None:
         """Write a register. If it changes how the timer counts, counting continues from the present value."""
         if offset == SR:
             self._set_update_flag()
-            self.words[SR] = self.words.get(SR, 0) & value
+            self.registers[SR] = self.registers.get(SR, 0) & value
         elif offset == EGR:
             self._generate(value)
         elif offset in (CR1, PSC, ARR, CNT):
-            count = self._count() % (self.words[ARR] + 1)
+            count = self._count() % (self.registers[ARR] + 1)
             self._set_update_flag()
-            self.words[offset] = value & self._mask
+            self.registers[offset] = value & self._mask
             self._restart(value if offset == CNT else count)
         else:
-            self.words[offset] = value
+            self.registers[offset] = value
             if CCR1 <= offset <= CCR4:
                 self.width_set_ns = now_ns()
                 return  # counting does not change
@@ -105,7 +105,7 @@ class Timer(Peripheral):
 
     def retime(self) -> None:
         """Continue at the new frequency from the present count."""
-        count = self._count() % (self.words[ARR] + 1)
+        count = self._count() % (self.registers[ARR] + 1)
         self._set_update_flag()
         self._restart(count)
         self._schedule()
@@ -113,8 +113,8 @@ class Timer(Peripheral):
     def _generate(self, value: int) -> None:
         if value & UG:
             self._restart(0)
-            if not self.words.get(CR1, 0) & 4:  # URS: only overflows count
-                self.words[SR] = self.words.get(SR, 0) | UIF
+            if not self.registers.get(CR1, 0) & 4:  # URS: only overflows count
+                self.registers[SR] = self.registers.get(SR, 0) | UIF
 
     def _restart(self, count: int) -> None:
         self._first = count & self._mask
@@ -123,19 +123,19 @@ class Timer(Peripheral):
 
     def _count(self) -> int:
         """Return the count since the last restart, without wrapping at the period."""
-        if not self.words.get(CR1, 0) & CEN:
+        if not self.registers.get(CR1, 0) & CEN:
             return self._first
-        return self._first + self._ticks.count() // (self.words.get(PSC, 0) + 1)
+        return self._first + self._ticks.count() // (self.registers.get(PSC, 0) + 1)
 
     def _set_update_flag(self) -> None:
-        updates = self._count() // (self.words[ARR] + 1)
+        updates = self._count() // (self.registers[ARR] + 1)
         if updates > self._updates_seen:
             self._updates_seen = updates
-            self.words[SR] = self.words.get(SR, 0) | UIF
+            self.registers[SR] = self.registers.get(SR, 0) | UIF
 
     def _schedule(self) -> None:
         """Set the interrupt line, and the time of the next event."""
-        words = self.words
+        words = self.registers
         is_enabled = bool(words.get(DIER, 0) & UIE)
         self._interrupt(is_enabled and bool(words.get(SR, 0) & UIF))
         if is_enabled and words.get(CR1, 0) & CEN and words[ARR]:

@@ -92,7 +92,7 @@ class Usart(Peripheral):
             return self._read_data()
         if offset == SR:
             self._clears = True
-        return self.words.get(offset, 0)
+        return self.registers.get(offset, 0)
 
     def write(self, offset: int, value: int) -> None:
         """Write a register; a write to the data register sends the byte."""
@@ -101,9 +101,9 @@ class Usart(Peripheral):
             if not self._paced:
                 return  # the byte is sent at once, and no flag changes
         elif offset == SR:
-            self.words[SR] &= value | ~(RXNE | TC)  # these two are cleared by writing 0
+            self.registers[SR] &= value | ~(RXNE | TC)  # these two are cleared by writing 0
         else:
-            self.words[offset] = value
+            self.registers[offset] = value
         self._update()
 
     def tick(self) -> None:
@@ -117,16 +117,16 @@ class Usart(Peripheral):
             self._idle_ns = NEVER_NS if self._on_line else now + self._byte_ns()
         if self._idle_ns <= now:
             self._idle_ns = NEVER_NS
-            self.words[SR] |= IDLE
+            self.registers[SR] |= IDLE
         self._update()
 
     def _read_data(self) -> int:
-        data, fresh = self._data, self.words[SR] & RXNE
+        data, fresh = self._data, self.registers[SR] & RXNE
         if self._at_once > 1 and self._on_line and self._stays_ready():
             self._at_once -= 1
             self._data = self._on_line.popleft()
             return data
-        self.words[SR] &= ~(RXNE | ORE | IDLE if self._clears else RXNE)
+        self.registers[SR] &= ~(RXNE | ORE | IDLE if self._clears else RXNE)
         self._clears = False
         if fresh and not self._paced:
             self._deliver_next()
@@ -135,63 +135,63 @@ class Usart(Peripheral):
 
     def _stays_ready(self) -> bool:
         """Return True if no flag changes when the next byte follows at once (unpaced)."""
-        status, enabled = self.words[SR], self.words.get(CR1, 0)
+        status, enabled = self.registers[SR], self.registers.get(CR1, 0)
         return status & (RXNE | ORE | IDLE) == RXNE and enabled & (UE | RE) == UE | RE
 
     def _deliver_next(self) -> None:
         """Deliver the next byte after the program has read one (unpaced), or report an idle line."""
         if not self._on_line:
-            self.words[SR] |= IDLE
+            self.registers[SR] |= IDLE
         elif self._at_once > 1:
             self._at_once -= 1
             self._take_byte()
 
     def _take_byte(self) -> None:
         byte = self._on_line.popleft()
-        if self.words.get(CR1, 0) & (UE | RE) != UE | RE:
+        if self.registers.get(CR1, 0) & (UE | RE) != UE | RE:
             self.lost += 1
-        elif self.words[SR] & RXNE:
+        elif self.registers[SR] & RXNE:
             self.lost += 1
-            self.words[SR] |= ORE
+            self.registers[SR] |= ORE
         else:
             self._data = byte
-            self.words[SR] |= RXNE
+            self.registers[SR] |= RXNE
 
     def _send(self, byte: int) -> None:
-        if self.words.get(CR1, 0) & (UE | TE) != UE | TE:
+        if self.registers.get(CR1, 0) & (UE | TE) != UE | TE:
             return
         if not self._paced:
             self._sent.append(byte)
         elif self._shifted is None:
             self._shifted = byte
             self._sent_ns = self._time.now_ns + self._byte_ns()
-            self.words[SR] &= ~TC
+            self.registers[SR] &= ~TC
         else:
             self._next = byte
-            self.words[SR] &= ~(TXE | TC)
+            self.registers[SR] &= ~(TXE | TC)
 
     def _finish_sending(self) -> None:
         if self._shifted is not None:
             self._sent.append(self._shifted)
         self._shifted, self._next = self._next, None
-        self.words[SR] |= TXE
+        self.registers[SR] |= TXE
         if self._shifted is None:
             self._sent_ns = NEVER_NS
-            self.words[SR] |= TC
+            self.registers[SR] |= TC
         else:
             self._sent_ns = self._time.now_ns + self._byte_ns()
 
     def _byte_ns(self) -> int:
         """Return the duration of a byte (ns), from the bus's frequency and the divider in BRR (RM0090, 30.3.4)."""
-        cr1, divider = self.words.get(CR1, 0), self.words.get(BRR, 0)
-        bits = 10 + bool(cr1 & M) + bool(self.words.get(CR2, 0) & TWO_STOP_BITS)
+        cr1, divider = self.registers.get(CR1, 0), self.registers.get(BRR, 0)
+        bits = 10 + bool(cr1 & M) + bool(self.registers.get(CR2, 0) & TWO_STOP_BITS)
         if cr1 & OVER8:
             divider = (divider & 0xFFF0) // 2 + (divider & 7)
         return max(1, bits * divider * NS_PER_S // self._bus_hz())
 
     def _update(self) -> None:
         """Update the interrupt line and, if paced, the time of the next event."""
-        status, enabled = self.words[SR], self.words.get(CR1, 0)
+        status, enabled = self.registers[SR], self.registers.get(CR1, 0)
         # each flag has the same bit as its enable; an overrun uses the enable of RXNE
         flags = status & enabled & (IDLEIE | RXNEIE | TCIE | TXEIE)
         self._interrupt(bool(enabled & UE and (flags or (status & ORE and enabled & RXNEIE))))

@@ -205,10 +205,10 @@ def _listen(address: str) -> socket.socket:
     parsed = parse_address(address)
     if parsed.kind != "udp":
         raise ConfigError(f"[autopilot] address: {address!r}: ArduPilot's JSON interface is on udp://host:port")
-    family = socket.AF_INET6 if ":" in parsed.place else socket.AF_INET
+    family = socket.AF_INET6 if ":" in parsed.target else socket.AF_INET
     opened = socket.socket(family, socket.SOCK_DGRAM)
     try:
-        opened.bind((parsed.place, parsed.port))
+        opened.bind((parsed.target, parsed.port))
     except OSError as error:
         opened.close()
         raise DeviceError(

@@ -90,12 +90,12 @@ def encode_odometry(time_us: int, sample: OdometrySample, frame: int = LOCAL_NED
 
 
 def encode_truth(time_us: int, truth: OdometrySample, velocity: Sequence[float], acceleration: Sequence[float],
-                place: Sequence[float]) -> Any:  # fmt: skip
+                geodetic: Sequence[float]) -> Any:  # fmt: skip
     """Return the HIL_STATE_QUATERNION message of the true state, for PX4's log.
 
-    `velocity`: NED, m/s. `acceleration`: m/s². `place`: latitude, longitude (degrees), altitude (m).
+    `velocity`: NED, m/s. `acceleration`: m/s². `geodetic`: latitude, longitude (degrees), altitude (m).
     """
-    latitude, longitude, altitude = place
+    latitude, longitude, altitude = geodetic
     north, east, down = (_limited(100.0 * x, 32_767) for x in velocity)
     milli_g = [_limited(1000.0 * x / 9.80665, 32_767) for x in acceleration]
     return dialect.MAVLink_hil_state_quaternion_message(

@@ -94,7 +94,7 @@ class Program:
         address = parse_address(settings.own_address("ardupilot"))
         latitude, longitude = world.origin or HOME
         home = f"{latitude:.7f},{longitude:.7f},0,{degrees(scenario.start.heading):.1f}"
-        own = ["--model", f"JSON:{address.place}", "--speedup", str(SPEEDUP), "-I", str(settings.instance), "--wipe"]
+        own = ["--model", f"JSON:{address.target}", "--speedup", str(SPEEDUP), "-I", str(settings.instance), "--wipe"]
         own += ["--serial0", "tcp:0"]  # the default port, but without waiting for a connection
         ports = ["--sim-port-out", str(address.port), "--home", home, "--defaults", defaults]
         return [program, *own, *ports, *settings.arguments], {}

@@ -182,12 +182,12 @@ def _pace(link: Link) -> int:
     return link.faults.baud if link.faults else 0
 
 
-def _link_of(ours: Link, slave: Diagnostics) -> Link:
+def _link_of(own_link: Link, slave: Diagnostics) -> Link:
     """Return the UART of a slave elsewhere. Its frame layout is taken to be ours if the protocol is the same."""
-    protocol: Any = slave.link_protocol or ours.protocol
-    baud, port = slave.link_baud or ours.baud, slave.link_port or ours.port
-    link = ours._replace(protocol=protocol, baud=baud, port=port, faults=None)
-    return link if protocol == ours.protocol else link._replace(options={})
+    protocol: Any = slave.link_protocol or own_link.protocol
+    baud, port = slave.link_baud or own_link.baud, slave.link_port or own_link.port
+    link = own_link._replace(protocol=protocol, baud=baud, port=port, faults=None)
+    return link if protocol == own_link.protocol else link._replace(options={})
 
 
 def _command(

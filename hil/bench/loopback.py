@@ -80,14 +80,14 @@ class _DeviceEnd(ABC):
 
     @abstractmethod
     def deadline_ns(self) -> int:
-        """Return when `answers` has to be called even without received bytes."""
+        """Return when `read_answered` has to be called even without received bytes."""
 
     @abstractmethod
     def send(self, command: ThrusterCommand) -> None:
         """Send a command."""
 
     @abstractmethod
-    def answers(self, now: int) -> Iterator[int]:
+    def read_answered(self, now: int) -> Iterator[int]:
         """Return the sequence numbers of the commands that have been answered."""
 
     @abstractmethod
@@ -116,7 +116,7 @@ class _Stm32(_DeviceEnd):
     def send(self, command: ThrusterCommand) -> None:
         self._driver.send(command)
 
-    def answers(self, now: int) -> Iterator[int]:
+    def read_answered(self, now: int) -> Iterator[int]:
         return (telemetry.sequence for telemetry in self._driver.service(now))
 
     def close(self) -> None:
@@ -149,7 +149,7 @@ class _Jumper(_DeviceEnd):
         self._sent[command.pwm_us] = command.sequence
         self._link.send(command)
 
-    def answers(self, now: int) -> Iterator[int]:
+    def read_answered(self, now: int) -> Iterator[int]:
         data = self._link.wire.read()
         self._receiver.counters.bytes_in += len(data)
         commands = [m.pwm_us for m in self._receiver.feed(data) if isinstance(m, ThrusterCommand)]
@@ -215,7 +215,7 @@ class _Test:
         self._far.send(ThrusterCommand(sequence, self._plan.spin, pulses))
 
     def _receive(self) -> None:
-        answered = list(self._far.answers(now_ns()))
+        answered = list(self._far.read_answered(now_ns()))
         now = now_ns()
         for sequence in answered:
             if sequence in self._waiting:

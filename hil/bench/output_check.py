@@ -77,7 +77,7 @@ def check_outputs(
     try:
         check.settle()
         for output in range(plan.channels):
-            findings.append(check.turn(output))
+            findings.append(check.turn_output(output))
             on_finding(findings[-1])
     except StoppedError:
         return None
@@ -105,7 +105,7 @@ class _Check:
             if now_ns() > deadline:
                 raise DeviceError(f"{self._driver.port}: {self._why_silent()}; nothing was turned")
 
-    def turn(self, output: int) -> Finding:
+    def turn_output(self, output: int) -> Finding:
         """Turn one output for the plan's time, longer if it is not confirmed by then; then neutral for a moment."""
         pulse_us = PWM_NEUTRAL_US + self._plan.offset_us
         pulses = (*self._neutral[:output], pulse_us, *self._neutral[output + 1 :])

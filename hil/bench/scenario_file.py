@@ -54,12 +54,12 @@ def _change(table: dict[str, Any], key: str, value: Any) -> None:
         del table[last]
 
 
-def _lines(table: dict[str, Any], place: str) -> Iterator[str]:
+def _lines(table: dict[str, Any], section: str) -> Iterator[str]:
     """Yield a table as TOML: its values, then its sections."""
     sections = {key: value for key, value in table.items() if _is_section(value)}
     yield from (f"{_key(key)} = {_value(value)}" for key, value in table.items() if key not in sections)
     for key, value in sections.items():
-        name = f"{place}.{_key(key)}" if place else _key(key)
+        name = f"{section}.{_key(key)}" if section else _key(key)
         for item in value if isinstance(value, list) else [value]:
             yield from ("", f"[[{name}]]" if isinstance(value, list) else f"[{name}]", *_lines(item, name))
 

@@ -64,8 +64,8 @@ class Listener:
         node, network, security = scenario.slave.node, scenario.network, scenario.security
         self._expected = expected(scenario)
         self._session = open_master_session(endpoint, network=network, security=security)
-        self.client = VehicleClient(self._session, node, part="observer", security=security, topics=("odom",))
-        self._seen: dict[str, _TopicCount] = {}
+        self.client = VehicleClient(self._session, node, role="observer", security=security, topics=("odom",))
+        self._counts: dict[str, _TopicCount] = {}
         self._counting = threading.Event()
         self._began = self._ended = 0.0
         self._session.subscribe_keys(f"{dialect.domain()}/{node}/*/*/*", self._on_message, QUEUE)
@@ -93,8 +93,8 @@ class Listener:
         self._counting.clear()
         self._ended = time.monotonic()
         check_end(self.client, slave)
-        topics = sorted({*self._seen, *self._expected})
-        ages = {topic: sorted(self._ages(self._seen[topic])) for topic in topics if topic in self._seen}
+        topics = sorted({*self._counts, *self._expected})
+        ages = {topic: sorted(self._ages(self._counts[topic])) for topic in topics if topic in self._counts}
         streams = [self._stream(topic, ages.get(topic, [])) for topic in topics]
         if not ages:
             raise NetworkError(
@@ -109,24 +109,24 @@ class Listener:
         stamp = ros.unpack_attachment(attachment)
         if stamp is None or not self._counting.is_set():
             return
-        seen = self._seen.setdefault(key.split("/", 3)[2], _TopicCount())
+        seen = self._counts.setdefault(key.split("/", 3)[2], _TopicCount())
         first, _ = seen.numbers.get(stamp.gid, (stamp.sequence, 0))
         seen.numbers[stamp.gid] = first, stamp.sequence
         seen.messages += 1
         seen.bytes += len(payload) + len(attachment)
         seen.stamps.append((stamp.time_ns, received_ns))
 
-    def _ages(self, seen: _TopicCount) -> list[float]:
+    def _ages(self, count: _TopicCount) -> list[float]:
         """Return the ages from publish to receipt in ms by the clocks; negative where a clock is wrong."""
         delays, same = self.client.delays, self.client.contact.same_clock
         if not same and not delays.clock.exchanges:
             return []
         delays.same_clock = same
-        return [(came - sent + delays.clock_at(came).offset_ns) / NS_PER_MS for sent, came in seen.stamps]
+        return [(came - sent + delays.clock_at(came).offset_ns) / NS_PER_MS for sent, came in count.stamps]
 
     def _stream(self, topic: str, ages: list[float]) -> Stream:
         seconds = self._ended - self._began
-        seen, nominal = self._seen.get(topic, _TopicCount()), self._expected.get(topic, nan)
+        seen, nominal = self._counts.get(topic, _TopicCount()), self._expected.get(topic, nan)
         sent = sum(last - first + 1 for first, last in seen.numbers.values())
         loss = 1.0 - min(seen.messages / sent, 1.0) if sent else nan
         short = missing(seen.messages, nominal, seconds)

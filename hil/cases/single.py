@@ -38,13 +38,13 @@ START_SPREAD_M = 1.0
 FINE_M = 0.1  # cells of the map for the shortest path
 
 
-def random_start(seed: str, heading: float, spread: float) -> dict[str, float]:
-    """Return a start up to 1 m north and east of the origin, its heading (rad) within `spread` rad of `heading`."""
+def random_start(seed: str, heading: float, max_turn: float) -> dict[str, float]:
+    """Return a start up to 1 m north and east of the origin, its heading (rad) within `max_turn` rad of `heading`."""
     random = Random(seed)
     return {
         "start.north": random.uniform(-START_SPREAD_M, START_SPREAD_M),
         "start.east": random.uniform(-START_SPREAD_M, START_SPREAD_M),
-        "start.heading": heading + random.uniform(-spread, spread),
+        "start.heading": heading + random.uniform(-max_turn, max_turn),
     }
 
 
@@ -123,13 +123,13 @@ def radius_of(vehicle: Vehicle) -> float:
     return hypot(*vehicle.dimensions[:2]) / 2
 
 
-def shortest(world: World, vehicle: Vehicle, depth: float, places: Sequence[Point]) -> float:
-    """Return the length (m) of the shortest any-angle path through `places` that the vehicle's size allows.
+def shortest(world: World, vehicle: Vehicle, depth: float, waypoints: Sequence[Point]) -> float:
+    """Return the length (m) of the shortest any-angle path through `waypoints` that the vehicle's size allows.
 
     It is computed on cells of 0.1 m, so it is too long by some parts in a thousand (hil/autonomy/paths/any_angle.py).
     """
     inflated = map_at(world, depth, 0.5 * vehicle.dimensions[2], FINE_M).inflate(radius_of(vehicle))
-    return sum(path_length(plan_any_angle(inflated, a, b)) for a, b in pairwise(places))
+    return sum(path_length(plan_any_angle(inflated, a, b)) for a, b in pairwise(waypoints))
 
 
 def _simulate(scenario: Scenario, plan: Plan, folder: str, show: Callable[[str], None], viewer: Viewer) -> Measured:

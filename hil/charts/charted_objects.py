@@ -45,7 +45,7 @@ class Nature(NamedTuple):
     """One charted nature of the bed: S-57 code (NATSUR), at points (n, 2) or within edges."""
 
     code: int
-    places: Array
+    positions: Array
     edges: Edges = ()
 
 
@@ -128,8 +128,8 @@ def rasterise_natures(natures: tuple[Nature, ...], grid: Grid, detail: float) ->
 
     north, east = grid.north[::BOTTOM_STEP], grid.east[::BOTTOM_STEP]
     codes = np.full((len(north), len(east)), UNKNOWN, np.uint8)
-    places = np.concatenate([np.empty((0, 2)), *(nature.places for nature in natures)])
-    numbers = np.concatenate([[], *(np.full(len(nature.places), nature.code) for nature in natures)])
+    places = np.concatenate([np.empty((0, 2)), *(nature.positions for nature in natures)])
+    numbers = np.concatenate([[], *(np.full(len(nature.positions), nature.code) for nature in natures)])
     if len(places):
         nodes = np.stack(np.meshgrid(north, east, indexing="ij"), axis=-1)
         distance, nearest = cKDTree(places).query(nodes, distance_upper_bound=NATURE_REACH * detail)

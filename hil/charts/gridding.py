@@ -108,31 +108,31 @@ class Surface:
         self._patches = [_widen_box(points, order, *box) for box in boxes]
         self.model = model
 
-    def evaluate(self, north: Array, east: Array, wanted: Mask, report: Progress = lambda share: None) -> Array:
+    def evaluate(self, north: Array, east: Array, mask: Mask, report: Progress = lambda share: None) -> Array:
         """Return the depths at the crossings of the increasing arrays `north` and `east` (m): (len(north), len(east)).
 
-        Only where `wanted` (same shape) is true; nan elsewhere.
+        Only where `mask` (same shape) is true; nan elsewhere.
         """
-        return self._blend(north, east, wanted, lambda fit, nodes: fit.at(nodes)[:, None], 1, report=report)[..., 0]
+        return self._blend(north, east, mask, lambda fit, nodes: fit.at(nodes)[:, None], 1, report=report)[..., 0]
 
-    def uncertainty(self, north: Array, east: Array, wanted: Mask) -> Uncertainty:
-        """Return the expected error of `evaluate` with the same arguments, nan where `wanted` is false."""
-        found = self._blend(north, east, wanted, _PatchFit.uncertainties, 2, least=MIN_ERROR_WEIGHT)
+    def uncertainty(self, north: Array, east: Array, mask: Mask) -> Uncertainty:
+        """Return the expected error of `evaluate` with the same arguments, nan where `mask` is false."""
+        found = self._blend(north, east, mask, _PatchFit.uncertainties, 2, least=MIN_ERROR_WEIGHT)
         return Uncertainty(found[..., 0], found[..., 1], self.model.power)
 
     def _blend(
-        self, north: Array, east: Array, wanted: Mask, find: Callable[["_PatchFit", Array], Array], count: int,
+        self, north: Array, east: Array, mask: Mask, find: Callable[["_PatchFit", Array], Array], count: int,
         least: float = MIN_WEIGHT, report: Progress = lambda share: None,
     ) -> Array:  # fmt: skip
         """Return the values that `find` computes at the nodes, blended over the patches: (rows, columns, `count`).
 
         `find` is called with the fit of a patch and nodes (n, 2), and returns (n, `count`) values.
         """
-        total, weights = np.zeros((*wanted.shape, count)), np.zeros(wanted.shape)
+        total, weights = np.zeros((*mask.shape, count)), np.zeros(mask.shape)
         for done, patch in enumerate(self._patches):
             report(done / len(self._patches))
             part = self._nodes_of_patch(north, 0, patch), self._nodes_of_patch(east, 1, patch)
-            rows, columns = np.nonzero(wanted[part])
+            rows, columns = np.nonzero(mask[part])
             if not len(rows):
                 continue
             rows, columns = rows + part[0].start, columns + part[1].start
@@ -146,14 +146,14 @@ class Surface:
         weights[weights == 0.0] = np.nan
         return np.asarray(total / weights[..., None])
 
-    def at(self, places: Array) -> Array:
-        """Return the depths (m) at `places` (n, 2)."""
-        total, weights = np.zeros(len(places)), np.zeros(len(places))
+    def at(self, points: Array) -> Array:
+        """Return the depths (m) at `points` (n, 2)."""
+        total, weights = np.zeros(len(points)), np.zeros(len(points))
         for patch in self._patches:
-            weight = self._weight(places, patch)
+            weight = self._weight(points, patch)
             near = np.flatnonzero(weight)
             if len(near):
-                total[near] += weight[near] * self._fit(patch).at(places[near])
+                total[near] += weight[near] * self._fit(patch).at(points[near])
                 weights[near] += weight[near]
         return np.asarray(total / weights)
 

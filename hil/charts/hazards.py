@@ -166,9 +166,9 @@ def _raise_bed(hazard: Hazard, grid: Grid, shoal_limit: Array) -> bool:
     return True
 
 
-def _top_at(hazard: Hazard, place: Array, grid: Grid, limit: Grid) -> float | None:
-    """Return the depth of the hazard's top at `place` (2,), None where there is no water or the bed is above it."""
-    bed, shoal = (float(g.at(place[None])[0]) for g in (grid, limit))
+def _top_at(hazard: Hazard, position: Array, grid: Grid, limit: Grid) -> float | None:
+    """Return the depth of the hazard's top at `position` (2,), None where there is no water or the bed is above it."""
+    bed, shoal = (float(g.at(position[None])[0]) for g in (grid, limit))
     if not bed > 0.0:  # also true for nan
         return None
     if hazard.top is not None:

@@ -67,18 +67,18 @@ def choose_model(surface: Surface, depths: Array, limits: Limits, borders: Array
     return min((model for model in trials if model.power == power), key=trials.__getitem__)
 
 
-def hold_out(surface: Surface, points: Array, wanted: Mask, limits: Limits, borders: Array) -> HeldOut:
+def hold_out(surface: Surface, points: Array, mask: Mask, limits: Limits, borders: Array) -> HeldOut:
     """Return the errors at soundings. Each is compared with a fit that leaves out its fold, a tenth of the soundings.
 
-    The first n of `points` (m, 3) are soundings; `wanted` (n,) selects those to hold out. Contours are never held out.
+    The first n of `points` (m, 3) are soundings; `mask` (n,) selects those to hold out. Contours are never held out.
     Linear interpolation is over the triangulation of soundings and contours. Both are clipped to the `limits`, (n,)
     each, and the surface is moved off them as in the grid. `borders` (n,): distance (m) from the borders of areas.
     """
-    count = len(wanted)
+    count = len(mask)
     folds = np.random.default_rng(0).permutation(count) % FOLDS
-    if wanted.sum() > MANY:
+    if mask.sum() > MANY:
         folds = np.where(folds == 0, 0, -1)
-    folds = np.where(wanted, folds, -1)
+    folds = np.where(mask, folds, -1)
     estimates, uncertainty = surface.cross_validate(folds)
     linear = limits.clip(_linear(points, folds))
     expected = expected_depths(estimates, uncertainty.deviation(borders), limits, surface.model.shift)

@@ -120,11 +120,11 @@ def _strips(rows: int) -> list[slice]:
     return [slice(start, min(start + STRIP_ROWS, rows)) for start in range(0, rows, STRIP_ROWS)]
 
 
-def _slopes(depths: Depths, resolution: float, part: slice) -> list[Depths]:
-    """Return the slope of the bed to the north and to the east in the rows `part`; 0 where it is unknown."""
-    first, last = max(0, min(part.start - 1, len(depths) - 2)), part.stop + 1
+def _slopes(depths: Depths, resolution: float, rows: slice) -> list[Depths]:
+    """Return the slope of the bed to the north and to the east in the rows `rows`; 0 where it is unknown."""
+    first, last = max(0, min(rows.start - 1, len(depths) - 2)), rows.stop + 1
     slopes: Any = np.gradient(-depths[first:last], resolution)
-    return [np.nan_to_num(slope[part.start - first : part.stop - first]) for slope in slopes]
+    return [np.nan_to_num(slope[rows.start - first : rows.stop - first]) for slope in slopes]
 
 
 def _shaded(grid: Grid, plt: Any) -> tuple[NDArray[np.uint8], Any]:

@@ -156,7 +156,7 @@ def pursue(points: "list[Position]", speed: float, lookahead: float, tolerance: 
         command = pursuit.update(state.position, state.heading)
         client.command(command._replace(depth=depths(pursuit.progress)))
 
-    return Action(send, lambda _: pursuit.done)
+    return Action(send, lambda _: pursuit.has_arrived)
 
 
 def _depths(points: "list[Position]") -> Callable[[float], float]:

@@ -69,7 +69,7 @@ def _ignore(_topic: str, _: Stamped) -> None:
 class VehicleClient:
     """One vehicle, over a session. Use as a context manager; leaving it stops the vehicle and closes what it opened.
 
-    `where` is the endpoint of the slave or of a router, or a session that several clients share. With `part` "observer"
+    `where` is the endpoint of the slave or of a router, or a session that several clients share. With `role` "observer"
     the client never commands. A master with a higher `rank` (0 to 9) takes the vehicle over from another. `report` gets
     a line when the vehicle appears or is lost; the session reconnects by itself. `on_sample` gets each message, in
     several threads. `topics` are subscribed at the start; `watch` adds others. Topics without a subscriber are not
@@ -85,7 +85,7 @@ class VehicleClient:
         where: str | Session,
         node: str,
         *,
-        part: Literal["master", "observer"] = "master",
+        role: Literal["master", "observer"] = "master",
         rank: int = 0,
         network: Network = Network(),
         security: Security | None = None,
@@ -118,12 +118,12 @@ class VehicleClient:
         self.opened_wall_ns = to_wall_ns(now_ns())
         self._commands = self.session.publisher(node, TOPICS["cmd_vel"])
         self._publishers = {"cmd_vel": self._commands}
-        self._others: dict[str, Publisher] = {}  # publishers of topics other than commands
-        self._graph = Node(self.session, f"{node}_{part}")  # this client in the ROS graph
+        self._other_publishers: dict[str, Publisher] = {}  # publishers of topics other than commands
+        self._graph = Node(self.session, f"{node}_{role}")  # this client in the ROS graph
         self.contact = LivenessMonitor(self.session, node, self.delays.clock, self._fetch_last, report, network.lease)
         self.watch(*topics, *OWN)
-        self.contact.begin(part, self._commands.gid, rank)
-        if part == "master":
+        self.contact.begin(role, self._commands.gid, rank)
+        if role == "master":
             self._graph.publishes(TOPICS["cmd_vel"], node)
 
     def __enter__(self) -> "Self":
@@ -175,9 +175,9 @@ class VehicleClient:
 
     def publish(self, topic: str, payload: bytes) -> None:
         """Publish a message that is not a command on a topic of the vehicle, for observers."""
-        publisher = self._others.get(topic)
+        publisher = self._other_publishers.get(topic)
         if publisher is None:
-            publisher = self._others[topic] = self.session.publisher(self.node, TOPICS[topic])
+            publisher = self._other_publishers[topic] = self.session.publisher(self.node, TOPICS[topic])
             self._graph.publishes(TOPICS[topic], self.node)
         publisher.put(payload, to_wall_ns(now_ns()))
 

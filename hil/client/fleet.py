@@ -68,7 +68,7 @@ class Fleet:
         self._how = how
         self.network, self.security = how[2:]
         self._wait = wait
-        self._there: dict[str, set[str]] = {}  # vehicle name -> idents of its slaves that are present
+        self._present_slaves: dict[str, set[str]] = {}  # vehicle name -> idents of its slaves that are present
         self._known: dict[str, Vehicle] = {}
         self._changed = threading.Condition()
         self._closed = False
@@ -97,7 +97,7 @@ class Fleet:
     def names(self) -> list[str]:
         """Names of the vehicles that are present, sorted."""
         with self._changed:
-            return sorted(name for name, idents in self._there.items() if idents)
+            return sorted(name for name, idents in self._present_slaves.items() if idents)
 
     @property
     def vehicles(self) -> dict[str, Vehicle]:
@@ -155,10 +155,10 @@ class Fleet:
         self._session.close()
 
     def _on_presence(self, presence: Presence, alive: bool) -> None:
-        if presence.part != "slave":
+        if presence.role != "slave":
             return
         with self._changed:
-            idents = self._there.setdefault(presence.node, set())
+            idents = self._present_slaves.setdefault(presence.node, set())
             (idents.add if alive else idents.discard)(presence.ident)
             self._changed.notify_all()
 

@@ -82,7 +82,7 @@ class HealthWatch:
             return {name: len(there) for name, there in sorted(self._present.items()) if len(there) > 1}
 
     def _on_presence(self, presence: Presence, alive: bool) -> None:
-        if presence.part == "slave":
+        if presence.role == "slave":
             with self._lock:
                 there = self._present.setdefault(presence.node, set())
                 (there.add if alive else there.discard)(presence.ident)

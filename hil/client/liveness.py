@@ -11,7 +11,7 @@ from hil.network.stall import StallDetector, is_linked
 from hil.network.tokens import (
     PING,
     PONG,
-    Part,
+    NodeRole,
     Presence,
     clock_keys,
     presence_keys,
@@ -67,7 +67,7 @@ class LivenessMonitor:
         self._pinger = threading.Thread(target=self._ping, name="clock", daemon=True)
         self._stall = StallDetector(lease)
         self._openings = session.openings
-        self._answers = 0
+        self._replies = 0
         self.samples = self._counted = 0
         self.reconnections = 0
         self.known = threading.Event()  # set once the clocks have been compared
@@ -76,15 +76,15 @@ class LivenessMonitor:
         self.losses = 0
         self.reported: Estimate | None = None  # our clock minus the vehicle's, as the vehicle estimates it
 
-    def begin(self, part: Part, gid: bytes, rank: int) -> None:
-        """Announce this process as `part`; `gid` is the id in its commands."""
+    def begin(self, role: NodeRole, gid: bytes, rank: int) -> None:
+        """Announce this process as `role`; `gid` is the id in its commands."""
         self._gid = gid
         ping, pong, masters_ping = clock_keys(self._node)
         self._send = self._session.sender(ping)
-        if part == "master":
+        if role == "master":
             self._send_as_master = self._session.sender(masters_ping)
         self._session.receive(pong, self._on_pong, WAITING)
-        self._withdraw = declare_presence(self._session, self._node, part, gid.hex(), rank)
+        self._withdraw = declare_presence(self._session, self._node, role, gid.hex(), rank)
         watch_presence(self._session, self._node, self._on_presence)
         self._pinger.start()
 
@@ -183,7 +183,7 @@ class LivenessMonitor:
         is_unanswered = self._is_unanswered()
         if not is_unanswered:  # else a sample is no proof: some of the session's declarations may be lost
             self._counted = self.samples
-        is_stalled = self._stall.is_stalled(now_ns(), self._answers, self._counted, is_unanswered)
+        is_stalled = self._stall.is_stalled(now_ns(), self._replies, self._counted, is_unanswered)
         if is_stalled and (not is_unanswered or self._may_be_running()) and self._session.reopen(openings):
             does = "had a link, but no answer came" if is_unanswered else "answered, but nothing else came"
             text = f"of it for {self._stall.lasted_s:.1f} s; the session was opened again"
@@ -220,14 +220,14 @@ class LivenessMonitor:
         if self._send_as_master:
             self._send_as_master(PING.pack(self._gid, to_wall_ns(now_ns()), answered, received_ns))
         self._received_ns = now_ns()
-        self._answers += 1
+        self._replies += 1
         self.reported = Estimate(*reported) if reported[1] >= 0 else None
         self._clock.add(sent, there, answered, received_ns)
         self.known.set()
         self._set_present(True)
 
     def _on_presence(self, presence: Presence, alive: bool) -> None:
-        if presence.part != "slave":
+        if presence.role != "slave":
             return
         if alive:
             self._slaves[presence.ident] = presence.process

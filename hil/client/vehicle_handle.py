@@ -181,7 +181,7 @@ class Vehicle(VehicleState):
 
     def _start_action(self, new: Action) -> Action:
         """Start an action at once. Raises NetworkError if the vehicle would refuse it."""
-        if self._part == "observer":
+        if self._role == "observer":
             raise NetworkError(f"{self.name} is only observed here; connect without observe=True to command it")
         self._require_presence()
         self.client.require_acceptance(pause=self._pause)

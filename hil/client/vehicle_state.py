@@ -102,13 +102,13 @@ class VehicleState:
         self,
         session: Session,
         name: str,
-        part: Literal["master", "observer"],
+        role: Literal["master", "observer"],
         rank: int,
         network: Network,
         security: Security | None,
     ) -> None:
         self.name = name
-        self._part = part
+        self._role = role
         self._session = session
         self._streams: dict[str, weakref.WeakSet[Stream]] = {}
         self._listeners: list[Callable[[str], None]] = []
@@ -117,7 +117,7 @@ class VehicleState:
         self.client = VehicleClient(
             session,
             name,
-            part=part,
+            role=role,
             rank=rank,
             network=network,
             security=security,

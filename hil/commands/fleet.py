@@ -74,7 +74,7 @@ def main(arguments: list[str]) -> int:
     return DeviceError.exit_code if failed else 0
 
 
-def _hosts(name: str, places: list[str], changes: dict[str, Any]) -> dict[str, str]:
+def _hosts(name: str, assignments: list[str], changes: dict[str, Any]) -> dict[str, str]:
     """Return member -> host. Raises ConfigError."""
     scenario = load_scenario(name, changes)
     if not scenario.member:
@@ -82,7 +82,7 @@ def _hosts(name: str, places: list[str], changes: dict[str, Any]) -> dict[str, s
             f"{scenario.path}: has no [[member]], so it is not a fleet; start it with: uuv-hil slave {name}"
         )
     hosts = {member.node: "" for member in scenario.member}
-    for place in places:
+    for place in assignments:
         node, equals, host = place.partition("=")
         if not equals or not host or host.startswith("-"):
             raise ConfigError(f"--on {place!r}: write NODE=HOST")

@@ -88,15 +88,15 @@ def module_command(module: str, *arguments: str) -> list[str]:
     return python_command("-m", module, *arguments)
 
 
-def python_command(*words: str) -> list[str]:
-    """Return the command that runs this interpreter with `words`: options, then -c CODE or -m MODULE, then arguments.
+def python_command(*command_line: str) -> list[str]:
+    """Return the command that runs this interpreter with `command_line`: options, -c CODE or -m MODULE, arguments.
 
     Modules are not imported from the current folder. With -m no word has a line break: a unit of systemd cannot.
     """
     if sys.version_info >= (3, 11):
-        return [sys.executable, "-P", *words]
-    at = next(number for number, word in enumerate(words) if word in ("-c", "-m"))
-    options, (kind, code), arguments = words[:at], words[at : at + 2], words[at + 2 :]
+        return [sys.executable, "-P", *command_line]
+    at = next(number for number, word in enumerate(command_line) if word in ("-c", "-m"))
+    options, (kind, code), arguments = command_line[:at], command_line[at : at + 2], command_line[at + 2 :]
     if kind == "-c":
         code = f"import sys\ndel sys.path[0]\n{code}"
     else:

@@ -202,13 +202,13 @@ class Number:
     """An argparse type: a number in [low, high], or one of the values in `also`.
 
     With a `unit` of hil.common.schema.UNITS, text with a unit is allowed too, such as "200 ms". Returns an int if
-    `whole`. Values in `also` may lie outside the range. Refuses nan and inf.
+    `integer`. Values in `also` may lie outside the range. Refuses nan and inf.
     """
 
     def __init__(
-        self, low: float, high: float, unit: str = "", *, whole: bool = False, also: tuple[float, ...] = ()
+        self, low: float, high: float, unit: str = "", *, integer: bool = False, also: tuple[float, ...] = ()
     ) -> None:
-        self.low, self.high, self.unit, self.whole, self.also = low, high, unit, whole, also
+        self.low, self.high, self.unit, self.integer, self.also = low, high, unit, integer, also
 
     def __call__(self, text: str) -> Any:
         """Return the number in `text`. Raises argparse.ArgumentTypeError, to which argparse adds the option."""
@@ -219,7 +219,7 @@ class Number:
 
     def _value(self, text: str) -> float | None:
         try:
-            if self.whole:
+            if self.integer:
                 return int(text)
             value = with_unit(text, self.unit, "") if " " in text and self.unit in UNITS else float(text)
         except (ValueError, ConfigError):  # ValueError also for more digits than Python reads
@@ -230,7 +230,7 @@ class Number:
     def permitted(self) -> str:
         """Text that describes the permitted values."""
         unit = f" {self.unit}" if self.unit else ""
-        words = f"a {'whole ' * self.whole}number from {_plain(self.low)} to {_plain(self.high)}{unit}"
+        words = f"a {'whole ' * self.integer}number from {_plain(self.low)} to {_plain(self.high)}{unit}"
         return ", or ".join([words, *map(_plain, self.also)])
 
 
@@ -278,7 +278,7 @@ class List:
 
 def integer(low: int, high: int, *, also: tuple[int, ...] = (), unit: str = "") -> Number:
     """Return the type of a whole number from `low` to `high`."""
-    return Number(low, high, unit, whole=True, also=also)
+    return Number(low, high, unit, integer=True, also=also)
 
 
 PORT = integer(0, 65_535)  # 0: any free port

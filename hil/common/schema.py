@@ -60,15 +60,15 @@ def load(path: str, record: type[Record]) -> Record:
     return parse(read_table(path), record, path)
 
 
-def parse(table: dict[str, Any], record: type[Record], where: str, others: Sequence[str] = ()) -> Record:
+def parse(table: dict[str, Any], record: type[Record], where: str, other_keys: Sequence[str] = ()) -> Record:
     """Return `table` as a `record`; `where` (file and section) begins every error message.
 
-    `others`: keys that the caller has taken out of the table. An error about an unknown key suggests them too.
+    `other_keys`: keys that the caller has taken out of the table. An error about an unknown key suggests them too.
     """
     annotations, defaults = _fields(record)
     for key in table:
         if key not in annotations:
-            raise ConfigError(f"{where}: no key {shortened(key)}{nearest(key, [*annotations, *others])}")
+            raise ConfigError(f"{where}: no key {shortened(key)}{nearest(key, [*annotations, *other_keys])}")
     values: dict[str, Any] = {}
     for key, annotation in annotations.items():
         if key in table:

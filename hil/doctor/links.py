@@ -94,7 +94,7 @@ def check_can_bus(case: Case) -> Iterator[Finding]:
     address = parse_address(case.scenario.link.port) if case.scenario else None
     if not case.scenario or not address or address.interface != "socketcan":
         return
-    name, rate = address.place, case.scenario.link.bitrate
+    name, rate = address.target, case.scenario.link.bitrate
     if not case.tree.exists(f"/sys/class/net/{name}"):
         steps = [bus.needs for bus in case.board.can if bus.interface == name] if case.board else []
         yield Finding(

@@ -23,8 +23,8 @@ class SendQueue:
         self._waiting: deque[tuple[str | bytes, bool]] = deque()
         self._bytes = 0
         self._wake = asyncio.Event()
-        self._room = asyncio.Event()
-        self._room.set()
+        self._has_room = asyncio.Event()
+        self._has_room.set()
         self.dropped = 0
 
     def put(self, message: str | bytes, keep: bool) -> None:
@@ -38,12 +38,12 @@ class SendQueue:
             self._bytes -= len(self._waiting.pop()[0])
             self.dropped += 1
         if self._bytes > MAX_BYTES:
-            self._room.clear()
+            self._has_room.clear()
         self._wake.set()
 
     async def wait_for_room(self) -> None:
         """Wait while too much waits that may not be dropped."""
-        await self._room.wait()
+        await self._has_room.wait()
 
     async def send_waiting(self) -> None:
         """Wait for something, and send all there is; a client that does not read holds up nobody but itself.
@@ -57,7 +57,7 @@ class SendQueue:
             message = self._waiting.popleft()[0]
             self._bytes -= len(message)
             if self._bytes <= MAX_BYTES:
-                self._room.set()
+                self._has_room.set()
             send = self._socket.send_str(message) if isinstance(message, str) else self._socket.send_bytes(message)
             await asyncio.wait_for(send, STALLED_S)
 

@@ -86,7 +86,7 @@ def firewall_missing(tree: Tree, service: Service) -> str:
 def unknown_device(scenario: Scenario) -> str:
     """Return the manual step that permits the service to open its device; empty if there is none."""
     address = parse_address(scenario.link.port)
-    if address.kind != "can" or address.interface in (*WITHOUT_DEVICE, "gs_usb") or address.place.startswith("/dev/"):
+    if address.kind != "can" or address.interface in (*WITHOUT_DEVICE, "gs_usb") or address.target.startswith("/dev/"):
         return ""
     remedy = "permit it with: sudo systemctl edit uuv-hil, [Service] DeviceAllow=/dev/... rw"
     return f"the device that {scenario.link.port} opens is known only to python-can; {remedy}"
@@ -111,7 +111,7 @@ def unit(tree: Tree, service: Service, board: Board | None) -> str:
         "rtprio": str(LOOP_PRIORITY if scenario.slave.realtime else 0),
         "memory_max": f"{MEMORY_MARGIN * (board.recommended.memory if board else 64):.0f}M",
         # With a private /tmp, other programs would not find a pty in /tmp.
-        "private_tmp": "no" if parse_address(scenario.link.port).place.startswith("/tmp/") else "yes",
+        "private_tmp": "no" if parse_address(scenario.link.port).target.startswith("/tmp/") else "yes",
         "system_calls": "SystemCallFilter=@system-service" if version is None or version >= SYSTEM_SERVICE else "",
         "devices": "\n".join(_devices(scenario, kinds)),
         "writable": f"ReadWritePaths={escape_word('-' + recording)}" if os.path.isabs(recording) else "",
@@ -163,10 +163,10 @@ def limits(service: Service) -> str:
 def serial_device(scenario: Scenario, board: Board | None) -> str:
     """Return the serial port that a scenario's link uses on a board; empty if it uses none."""
     address = parse_address(scenario.link.port)
-    if address.interface in WITH_BAUD and address.place.startswith("/dev/"):
-        return address.place.partition("@")[0]
-    if address.kind in ("uart", "rs485") or (address.kind == "can" and address.place.startswith("/dev/")):
-        return address.place
+    if address.interface in WITH_BAUD and address.target.startswith("/dev/"):
+        return address.target.partition("@")[0]
+    if address.kind in ("uart", "rs485") or (address.kind == "can" and address.target.startswith("/dev/")):
+        return address.target
     return board.uart if board and scenario.stm32 == "device" and scenario.link.port == "pty:" else ""
 
 
@@ -243,13 +243,13 @@ def _devices(scenario: Scenario, kinds: tuple[str, ...]) -> list[str]:
 
 def _can_interface(scenario: Scenario) -> str:
     address = parse_address(scenario.link.port)
-    if address.interface != "socketcan" or address.place.startswith("vcan"):
+    if address.interface != "socketcan" or address.target.startswith("vcan"):
         return ""
-    if not NAME.fullmatch(address.place):
+    if not NAME.fullmatch(address.target):
         raise ConfigError(
-            f"{scenario.link.port}: {address.place!r} is not valid in a unit: use only letters, digits, _ . -"
+            f"{scenario.link.port}: {address.target!r} is not valid in a unit: use only letters, digits, _ . -"
         )
-    return address.place
+    return address.target
 
 
 def _fill(template: str, values: dict[str, str]) -> str:

@@ -28,10 +28,10 @@ Kind = Literal["pty", "uart", "rs485", "tcp", "udp", "can"]
 
 
 class Address(NamedTuple):
-    """The parts of an address. `place` is a path, a host or a CAN channel; `interface` is the CAN interface."""
+    """The parts of an address. `target` is a path, a host or a CAN channel; `interface` is the CAN interface."""
 
     kind: Kind
-    place: str
+    target: str
     port: int = 0
     interface: str = ""
 
@@ -44,7 +44,7 @@ class Address(NamedTuple):
 def parse_address(text: str) -> Address:
     """Return the parts of an address. Raises ConfigError, which lists the forms, or says where to set a speed."""
     address = _parts(text)
-    device, _, speed = address.place.rpartition("@")
+    device, _, speed = address.target.rpartition("@")
     serial = address.kind in ("uart", "rs485") or address.interface == "slcan"
     # python-can accepts such a suffix as a speed. Outside /dev it may be part of a pty's name that a user chose.
     if serial and device.startswith("/dev/") and speed.isascii() and speed.isdigit():
@@ -71,7 +71,7 @@ def wire_kind(name: str) -> Kind:
     """Return the kind of an open wire from its name; the path of a pty gives "pty". Raises ConfigError."""
     address = parse_address(name)
     is_path = address.kind in ("pty", "uart", "rs485")
-    return "pty" if is_path and os.path.realpath(address.place).startswith("/dev/pts/") else address.kind
+    return "pty" if is_path and os.path.realpath(address.target).startswith("/dev/pts/") else address.kind
 
 
 def open_address(text: str, role: Role, baud: int = 115_200, bitrate: int = 1_000_000) -> Wire:
@@ -89,12 +89,12 @@ def open_address(text: str, role: Role, baud: int = 115_200, bitrate: int = 1_00
     from hil.links.wires.terminal import PtyHostWire, PtyWire, UartWire
 
     if address.kind != "pty":
-        return UartWire(address.place, baud, rs485=address.kind == "rs485")
+        return UartWire(address.target, baud, rs485=address.kind == "rs485")
     if role == "device":
-        return PtyWire(address.place)
-    if not address.place:
+        return PtyWire(address.target)
+    if not address.target:
         raise ConfigError(f"{text!r}: the host's end of a pty needs its path, as in pty:/tmp/name")
-    return PtyHostWire(address.place)
+    return PtyHostWire(address.target)
 
 
 def _parts(text: str) -> Address:
@@ -120,24 +120,24 @@ def _open_net(address: Address, role: Role) -> Wire:
     from hil.links.wires.net import TcpHostWire, TcpWire, UdpHostWire, UdpWire
 
     if address.kind == "tcp":
-        return (TcpWire if role == "device" else TcpHostWire)(address.place, address.port)
-    return (UdpWire if role == "device" else UdpHostWire)(address.place, address.port)
+        return (TcpWire if role == "device" else TcpHostWire)(address.target, address.port)
+    return (UdpWire if role == "device" else UdpHostWire)(address.target, address.port)
 
 
 def _open_can(address: Address, baud: int, bitrate: int) -> Wire:
     if address.interface == "socketcan":
         from hil.links.wires.can_bus import open_socketcan
 
-        return open_socketcan(address.place)
+        return open_socketcan(address.target)
     if address.interface == "slcan":
         from hil.links.wires.can_bus import SlcanWire
         from hil.links.wires.terminal import UartWire
 
-        return SlcanWire(UartWire(address.place, baud), bitrate)
+        return SlcanWire(UartWire(address.target, baud), bitrate)
     if address.interface == "mcast":
         from hil.links.wires.multicast_bus import MulticastCanWire
 
-        return MulticastCanWire(address.place)
+        return MulticastCanWire(address.target)
     from hil.links.wires.python_can_bus import PythonCanWire
 
-    return PythonCanWire(address.interface, address.place, bitrate)
+    return PythonCanWire(address.interface, address.target, bitrate)

@@ -139,7 +139,7 @@ class _Agent:
         self._is_silent = False
         vehicle, _ = load_vehicle(scenario.vehicle)
         self._allow = scenario.master.allow
-        self._place: Sequence[float] = (0.0, 0.0, 0.0)
+        self._position: Sequence[float] = (0.0, 0.0, 0.0)
         self._monitor = RunMonitor(
             EventLog(), vehicle.capsize_tilt, 0.5 * vehicle.dimensions[2], scenario.master.depth_margin
         )
@@ -177,7 +177,7 @@ class _Agent:
         command = self._planner.command(time, {"odom": odometry.value})
         assert isinstance(command, VelocityCommand)
         seen = odometry.value
-        self._place = seen.position
+        self._position = seen.position
         self._monitor.observe(seconds_ns(time), seen.position, seen.orientation, command.depth)
         for event in self._monitor.log.new_events():
             self._report(f"{time:6.1f} s  {event.name}, at {position_text(event.position)}")
@@ -198,5 +198,5 @@ class _Agent:
         if self._is_silent:
             now = now_ns() - self._began
             what = f"no odometry from {self._client.node}"
-            self._monitor.log.record("link_lost", max(now - seconds_ns(age_s), 0), now, self._place, what)
+            self._monitor.log.record("link_lost", max(now - seconds_ns(age_s), 0), now, self._position, what)
         return self._is_silent

@@ -64,11 +64,11 @@ class Sight:
         self.guide: Guide | None = None
         self.plans = 0
 
-    def begin(self, here: Point, goal: Point) -> None:
-        """Plan a path from `here` to `goal` (m north, m east). Raises MissionError if the map shows no path."""
+    def begin(self, start: Point, goal: Point) -> None:
+        """Plan a path from `start` to `goal` (m north, m east). Raises MissionError if the map shows no path."""
         if self.guide:
             self._map = self.guide.map.grid
-        self.guide = Guide(self._map, here, goal, self._settings, self._search)
+        self.guide = Guide(self._map, start, goal, self._settings, self._search)
         self._command = VelocityCommand()
 
     def command(self, samples: Samples) -> VelocityCommand:
@@ -104,7 +104,7 @@ class Avoid(Planner):
         """Return the command along the path and around obstacles: standstill, later `Done`, if there is no free way."""
         command = self._sight.command(samples)
         guide = self._follow()
-        if guide.done:
+        if guide.has_arrived:
             return Done("goal reached")
         self._stuck_since = (time if self._stuck_since is None else self._stuck_since) if guide.stuck else None
         if self._stuck_since is not None and time - self._stuck_since > _GIVE_UP_S:

@@ -121,7 +121,7 @@ def _begin(scenario: Scenario, vehicle: Vehicle, world: World) -> tuple[Planner,
     """Return the planner after its `begin`, and the request. If no path is found, larger parts of the map are tried."""
     planner = make_planner(scenario)
     topics_of(planner)  # raises ConfigError for an unknown topic
-    parts = parts_of(world, scenario.master, scenario.start, planner.places)
+    parts = parts_of(world, scenario.master, scenario.start, planner.destinations)
     failed: MissionError | None = None
     for part in parts:
         is_coarse = part.resolution > scenario.master.resolution
@@ -153,15 +153,15 @@ def make_planner(scenario: Scenario) -> Planner:
     return planner
 
 
-def make_request(scenario: Scenario, vehicle: Vehicle, world: World, part: MapPart | None = None) -> PlanRequest:
-    """Return the request for the scenario's planner, with the map of a `part` of the world. Raises ConfigError.
+def make_request(scenario: Scenario, vehicle: Vehicle, world: World, map_part: MapPart | None = None) -> PlanRequest:
+    """Return the request for the scenario's planner, with the map of a `map_part` of the world. Raises ConfigError.
 
-    Without `part`, the map shows the first part that `parts_of` returns.
+    Without `map_part`, the map shows the first part that `parts_of` returns.
     """
     length, width = vehicle.dimensions[:2]
     clearance = hypot(length, width) / 2 + scenario.master.margin
-    part = part or parts_of(world, scenario.master, scenario.start)[0]
-    grid = known_map(scenario.master, vehicle, world, part)
+    map_part = map_part or parts_of(world, scenario.master, scenario.start)[0]
+    grid = known_map(scenario.master, vehicle, world, map_part)
     return PlanRequest(scenario.slave.node, vehicle, scenario.start, scenario.master, grid, clearance)
 
 
@@ -185,7 +185,7 @@ class Flight:
         self._planner_cpu_s = 0.0
         self._off_track = _Spread()
         self._least_clearance = inf
-        self._place: Sequence[float] = (scenario.start.north, scenario.start.east, scenario.start.depth)
+        self._position: Sequence[float] = (scenario.start.north, scenario.start.east, scenario.start.depth)
         self._last: Point | None = None
         self.log = EventLog()
         vehicle = plan.request.vehicle
@@ -213,7 +213,7 @@ class Flight:
 
     def lose_link(self, since: float, until: float, what: str) -> None:
         """Add an event: no odometry from `since` to `until` (s after the start)."""
-        self.log.record("link_lost", seconds_ns(since), seconds_ns(until), self._place, what)
+        self.log.record("link_lost", seconds_ns(since), seconds_ns(until), self._position, what)
 
     def outcome(self, duration: float, cpu_s: float, reason: str = "", events: Sequence[RunEvent] = ()) -> Outcome:
         """Return the result of a flight of `duration` s and `cpu_s` s of processor time.
@@ -244,7 +244,7 @@ class Flight:
         return ReceivedSamples({topic: samples[topic] for topic in samples if ALL in wanted or topic in wanted})
 
     def _add_truth(self, truth: OdometrySample) -> None:
-        self._place = north, east, depth = truth.position
+        self._position = north, east, depth = truth.position
         here = north, east
         self._travelled += dist(here, self._last or here)
         self._last = here
@@ -304,11 +304,11 @@ def require_success(outcome: Outcome) -> None:
         raise MissionError(ended)
 
 
-def _is_command(answer: object) -> bool:
-    """Return whether `answer` is a VelocityCommand of finite numbers; a user's own planner may return anything."""
-    if not isinstance(answer, VelocityCommand):
+def _is_command(value: object) -> bool:
+    """Return whether `value` is a VelocityCommand of finite numbers; a user's own planner may return anything."""
+    if not isinstance(value, VelocityCommand):
         return False
     try:
-        return all(number is None or isfinite(number) for number in answer)
+        return all(number is None or isfinite(number) for number in value)
     except TypeError:  # a text, an array
         return False

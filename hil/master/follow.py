@@ -28,7 +28,7 @@ class Follow(Planner):
         odometry = samples["odom"]
         command = self._pursuit.update(odometry.position, heading_of(odometry.orientation))
         self.progress = self._pursuit.progress
-        if self._pursuit.done:
+        if self._pursuit.has_arrived:
             return Done("goal reached")
         return command._replace(depth=self._depth)
 

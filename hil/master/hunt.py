@@ -56,7 +56,7 @@ class HuntPlanner(Planner):
         }
         self._reports: dict[str, _StoredReport] = {}  # by node
         self._confirmed: set[str] = set()  # neighbours that have been within the comfortable distance
-        self._here: FormationSample | None = None
+        self._own_sample: FormationSample | None = None
         self._odometry: OdometrySample | None = None
         self._time = 0.0
         self._duration = plan.duration
@@ -94,7 +94,7 @@ class HuntPlanner(Planner):
         odometry = samples["odom"]
         position = self._noise.measured(odometry.position[:2])
         self._odometry = odometry
-        self._here = FormationSample((*position, odometry.position[2]), odometry.orientation, 0)
+        self._own_sample = FormationSample((*position, odometry.position[2]), odometry.orientation, 0)
         dt, self._time = min(time - self._time, LONGEST_STEP_S), time
         near = self.neighbours
         self._confirmed.intersection_update(near)
@@ -111,16 +111,16 @@ class HuntPlanner(Planner):
 
     def report(self) -> bytes:
         """Return the report for the neighbours; b"" before the first command."""
-        return encode_formation(self._here._replace(clock_ns=seconds_ns(self.clock))) if self._here else b""
+        return encode_formation(self._own_sample._replace(clock_ns=seconds_ns(self.clock))) if self._own_sample else b""
 
     def modem_report(self) -> bytes:
         """Return the report in the short format for a modem; b"" before the first command."""
         from hil.scenario.modem import ModemReport, encode_report
 
-        if self._here is None or self._odometry is None:
+        if self._own_sample is None or self._odometry is None:
             return b""
         north, east, _ = rotate(self._odometry.orientation, self._odometry.nu[:3])
-        return encode_report(ModemReport(self._here.position, (north, east), seconds_ns(self.clock)))
+        return encode_report(ModemReport(self._own_sample.position, (north, east), seconds_ns(self.clock)))
 
     def _store_report(
         self, node: str, time: float, sample: "FormationSample | ModemReport | None", velocity: Vector
@@ -142,10 +142,10 @@ class HuntPlanner(Planner):
         return Report(place, report.clock + age, node in self._confirmed)
 
     def _is_comfortable(self, report: Report) -> bool:
-        assert self._here is not None
-        return dist(report.position, self._here.position[:2]) < self._hunting.fields.comfortable
+        assert self._own_sample is not None
+        return dist(report.position, self._own_sample.position[:2]) < self._hunting.fields.comfortable
 
     def _in_range(self, sample: "FormationSample | ModemReport") -> bool:
-        if self._here is None:
+        if self._own_sample is None:
             return False
-        return dist(sample.position[:2], self._here.position[:2]) < self._hunting.fields.communication_range
+        return dist(sample.position[:2], self._own_sample.position[:2]) < self._hunting.fields.communication_range

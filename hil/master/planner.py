@@ -49,9 +49,9 @@ class PlanRequest(NamedTuple):
 
     `node` is the vehicle's name. `master` is the scenario's section with goal, depth, speed and so on. `map` shows the
     known obstacles at that depth in their true size; none if the scenario says `map = "unknown"`. Of a world of more
-    than a million cells, it shows only the part around start, goal and the planner's places. If these are far apart,
-    its cells are larger than the scenario's, and a cell is occupied if any part of it may be. `clearance` (m) is the
-    distance that the vehicle's centre must keep from obstacles: its own size plus the scenario's margin.
+    than a million cells, it shows only the part around start, goal and the planner's destinations. If these are far
+    apart, its cells are larger than the scenario's, and a cell is occupied if any part of it may be. `clearance` (m) is
+    the distance that the vehicle's centre must keep from obstacles: its own size plus the scenario's margin.
     """
 
     node: str
@@ -67,13 +67,13 @@ class Planner(ABC):
 
     It may set three attributes for display: `path`, the planned path (m north, m east); `progress`, the share of the
     path already covered (0 to 1); `status`, a few words on what it is doing. `subscriptions` are the sensor topics that
-    it needs besides "odom"; only these are sent and given to it. `ALL` means all topics except images. `places` (m
-    north, m east) are the places that it goes to besides the scenario's goal: the map of a large world shows only their
-    surroundings.
+    it needs besides "odom"; only these are sent and given to it. `ALL` means all topics except images. `destinations`
+    (m north, m east) are the places that it goes to besides the scenario's goal: the map of a large world shows only
+    their surroundings.
     """
 
     subscriptions: Sequence[str] = (ALL,)
-    places: Sequence[Point] = ()
+    destinations: Sequence[Point] = ()
     path: Sequence[Point] = ()
     progress: float = 0.0
     status: str = ""

@@ -8,7 +8,7 @@ from contextlib import suppress
 from hil.client.client import VehicleClient
 from hil.client.delay import quantiles
 from hil.common.columns import fit_to_terminal, shorten_status
-from hil.ros.diagnostics import shown
+from hil.ros.diagnostics import to_text
 from sim.sensors.samples import OdometrySample
 
 TERMINAL_PERIOD_S = 0.2
@@ -82,8 +82,8 @@ def _line(elapsed: float, truth: OdometrySample, share: float, client: VehicleCl
     totals = client.delays.totals_ns(newest=100)
     delay = f"{quantiles(totals).p50_ms:.2f} ms" if totals else "-"
     errors = (health.link_checksum_errors or 0) + (health.link_malformed or 0)
-    frames = f"{shown(health.link_messages_out)} out {shown(health.link_messages_in)} in {errors} bad"
+    frames = f"{to_text(health.link_messages_out)} out {to_text(health.link_messages_in)} in {errors} bad"
     return (
         f"{elapsed:6.1f} s  {share:4.0%}  N {north:5.1f} E {east:5.1f} depth {depth:4.2f} m  {truth.nu[0]:4.2f} m/s  "
-        f"delay {delay}  real time x{shown(health.real_time_factor, '.4f')}  link {frames}"
+        f"delay {delay}  real time x{to_text(health.real_time_factor, '.4f')}  link {frames}"
     )

@@ -40,7 +40,7 @@ class Tasks(Planner):
         self.mission = parse(mission, Mission, "Tasks")
         self._scheduler = Scheduler(self.mission, "Tasks")
         self.subscriptions = (self._settings.scan, *SIGNALS)
-        self.places = (self.mission.home, *(task.at for task in self.mission.task))
+        self.destinations = (self.mission.home, *(task.at for task in self.mission.task))
         self._vfh = vfh or {}
         self._goal: Point | None = None
 
@@ -65,7 +65,7 @@ class Tasks(Planner):
         here = odometry.position[0], odometry.position[1]
         task_goal = self._scheduler.step(round(time * _NS_PER_S), here, signals_of(samples))
         self.status = task_goal.state
-        if self._scheduler.done:
+        if self._scheduler.is_finished:
             return Done(f"home after {', '.join(self.finished)}")
         self.progress = len(self.finished) / (len(self.mission.task) + 1)
         if task_goal.goal is not None and task_goal.goal != self._goal:
@@ -78,16 +78,16 @@ class Tasks(Planner):
         if task_goal.goal is None or guide is None:
             return VelocityCommand(depth=self._depth)
         self.path = guide.path
-        if guide.done or task_goal.state.endswith(" work"):
+        if guide.has_arrived or task_goal.state.endswith(" work"):
             return hold_position(here, heading_of(odometry.orientation), task_goal.goal)._replace(depth=self._depth)
         return self._sight.command(samples)
 
 
-def hold_position(here: Point, heading: float, place: Point) -> VelocityCommand:
+def hold_position(position: Point, heading: float, target: Point) -> VelocityCommand:
     """Return the velocity that holds a vehicle at a place (m north, m east). The vehicle must be able to sway."""
-    away = max(dist(here, place), 1e-9)
+    away = max(dist(position, target), 1e-9)
     speed = clamp(_HOLD_GAIN * away, _HOLD_LIMIT) / away
-    north, east = speed * (place[0] - here[0]), speed * (place[1] - here[1])
+    north, east = speed * (target[0] - position[0]), speed * (target[1] - position[1])
     c, s = cos(heading), sin(heading)
     return VelocityCommand(surge=c * north + s * east, sway=c * east - s * north)
 

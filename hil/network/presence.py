@@ -7,19 +7,19 @@ from contextlib import suppress
 import zenoh
 
 from hil.network.session import ANSWER_WITHIN_S, Deliver, Session
-from hil.network.tokens import Part, Presence, last_key, presence_key, presence_keys, read_presence
+from hil.network.tokens import NodeRole, Presence, last_key, presence_key, presence_keys, read_presence
 
 Watch = Callable[[Presence, bool], None]
 
 
-def declare_presence(session: Session, node: str, part: Part, ident: str = "", rank: int = 0) -> Callable[[], None]:
+def declare_presence(session: Session, node: str, role: NodeRole, ident: str = "", rank: int = 0) -> Callable[[], None]:
     """Announce this process as present for a node, until the returned function is called or the session is lost.
 
     `ident` and `rank`: see `hil.network.tokens.Presence`; by default a random ident and rank 0.
     """
     name = os.uname().nodename if hasattr(os, "uname") else os.environ.get("COMPUTERNAME", "")  # Windows has no uname
     process = f"{name}:{os.getpid()}"
-    return session.declare_token(presence_key(Presence(node, part, rank, ident or os.urandom(16).hex(), process)))
+    return session.declare_token(presence_key(Presence(node, role, rank, ident or os.urandom(16).hex(), process)))
 
 
 def watch_presence(session: Session, node: str, deliver: Watch) -> None:

@@ -72,14 +72,17 @@ def open_peer_session(
 
 
 def open_router_session(
-    endpoint: str, network: Network = Network(), security: "Security | None" = None, others: tuple[str, ...] = ()
+    endpoint: str,
+    network: Network = Network(),
+    security: "Security | None" = None,
+    other_endpoints: tuple[str, ...] = (),
 ) -> Session:
     """Open the session of a router at `endpoint`, which forwards between all that connect. Raises NetworkError.
 
-    `others`: endpoints of further routers. It connects to them once they are present, and forwards to everything
-    behind them.
+    `other_endpoints`: endpoints of further routers. It connects to them once they are present, and forwards to
+    everything behind them.
     """
-    session = open_session("listen on", endpoint, settings("router", (endpoint,), others, network, security))
+    session = open_session("listen on", endpoint, settings("router", (endpoint,), other_endpoints, network, security))
     session.free_links()
     session.declare_token(router_key(session.zid))
     if security:

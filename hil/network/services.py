@@ -57,13 +57,13 @@ class Server:
         self.oversized = 0
         self.dropped = 0
 
-    def offer(self, name: str, type_name: str, answer: Answer) -> None:
-        """Offer the service with the full name `name` ("/uuv1/arm"); `answer` returns the response to a request.
+    def offer(self, name: str, type_name: str, handler: Answer) -> None:
+        """Offer the service with the full name `name` ("/uuv1/arm"); `handler` returns the response to a request.
 
         Both are messages of hil.ros.message. Raises ConfigError for an unknown type.
         """
         key = ros.data_key(dialect.domain(), name, type_name, hash_of(type_name))
-        self._offered[key] = (f"{type_name}_Request", f"{type_name}_Response", answer)
+        self._offered[key] = (f"{type_name}_Request", f"{type_name}_Response", handler)
         ros_message.empty(f"{type_name}_Request")  # loads the definition now, not at the first call
         ros_message.empty(f"{type_name}_Response")
         self._session.answer_queries(key, lambda query: self._answer_query(key, query))

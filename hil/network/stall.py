@@ -31,14 +31,14 @@ class StallDetector:
     def __init__(self, lease: float) -> None:
         self._least_ns = round(LEASES * lease * NS_PER_S)
         self._updated_ns = 0
-        self._answers = self._samples = 0
+        self._replies = self._samples = 0
         self._silent_ns = 0  # time with answers, or a link, but without samples
         self._gap_ns = FIRST_GAP_NS
         self.attempts = 0
         self.lasted_s = 0.0
 
-    def is_stalled(self, now: int, answers: int, samples: int, is_unanswered: bool = False) -> bool:
-        """Return whether to connect again; `answers` and `samples` are the numbers received so far.
+    def is_stalled(self, now: int, replies: int, samples: int, is_unanswered: bool = False) -> bool:
+        """Return whether to connect again; `replies` and `samples` are the numbers received so far.
 
         `is_unanswered`: there is a link to the vehicle, but not even answers arrive.
         """
@@ -48,9 +48,9 @@ class StallDetector:
             usual_ns = max(self._silent_ns, round(FORGOTTEN * self._gap_ns))
             self._gap_ns = min(usual_ns, FIRST_GAP_NS)
             self._silent_ns = self.attempts = 0
-        elif answers != self._answers or is_unanswered:
+        elif replies != self._replies or is_unanswered:
             self._silent_ns += passed_ns
-        self._answers, self._samples = answers, samples
+        self._replies, self._samples = replies, samples
         gap_ns = FIRST_GAP_NS if is_unanswered else self._gap_ns
         patience_ns = min((self._least_ns + GAPS * gap_ns) << min(self.attempts, 10), LONGEST_PAUSE_NS)
         if self._silent_ns < patience_ns:

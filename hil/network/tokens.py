@@ -6,9 +6,9 @@ from typing import Any, Literal, NamedTuple
 PING = Struct("<16s3q")  # sender; send time; last pong's send time (slave's clock) and receive time (sender's), or 0
 PONG = Struct("<16s3q2qd")  # receiver; the ping's send time; times it came and was answered; offset, uncertainty, drift
 Role = Literal["slave", "master", "planner", "client", "router", "imaging"]  # of a process
-Part = Literal["slave", "master", "observer"]
+NodeRole = Literal["slave", "master", "observer"]
 
-_PARTS: dict[str, Part] = {"slave": "slave", "master": "master", "observer": "observer"}
+_PARTS: dict[str, NodeRole] = {"slave": "slave", "master": "master", "observer": "observer"}
 _RANKS = frozenset("0123456789")
 _LONGEST_NAME = 64  # characters of a process name
 _LONGEST_NODE = 255  # characters of a node name
@@ -24,7 +24,7 @@ class Presence(NamedTuple):
     """
 
     node: str
-    part: Part
+    role: NodeRole
     rank: int
     ident: str
     process: str
@@ -36,9 +36,9 @@ def presence_key(presence: Presence) -> str:
     return f"uuv_hil/{node}/alive/{part}/{rank}/{ident}/{_plain(process)}"
 
 
-def presence_keys(node: str, part: str) -> str:
-    """Return the key expression for the tokens of all participants of a node with role `part` ("*": any)."""
-    return f"uuv_hil/{node}/alive/{part}/**"
+def presence_keys(node: str, role: str) -> str:
+    """Return the key expression for the tokens of all participants of a node with role `role` ("*": any)."""
+    return f"uuv_hil/{node}/alive/{role}/**"
 
 
 def read_presence(key: str) -> Presence | None:

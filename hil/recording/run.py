@@ -59,6 +59,6 @@ def _read(path: str, facts: dict[str, str]) -> Run:
     changes: dict[str, Any] = {"vehicle": "vehicle.toml", "world": "world.toml", "link.frame": "uuv_hil"}
     if facts.get("seed", "").isdigit():
         changes["seed"] = int(facts["seed"])
-    scenario = load_scenario(path, changes, given="")
+    scenario = load_scenario(path, changes, option="")
     vehicle, _ = load_vehicle(scenario.vehicle)
     return Run(scenario, vehicle, load_world(scenario.world))

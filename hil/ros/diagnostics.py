@@ -131,7 +131,7 @@ def or_nan(value: float | None) -> float:
     return float("nan") if value is None else float(value)
 
 
-def shown(value: float | str | None, form: str = "") -> str:
+def to_text(value: float | str | None, form: str = "") -> str:
     """Return a figure as text for a person; "-" if it was not reported."""
     return "-" if value is None else f"{value:{form}}"
 

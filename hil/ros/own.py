@@ -35,18 +35,18 @@ def announce(sensors: "SensorSet", where: str) -> None:
             add_further(name, fitted.sensor.topic)
 
 
-def _full_name(message: str, place: str) -> str:
+def _full_name(message: str, section: str) -> str:
     """Return a message type's full name, "std_msgs/msg/Float64" also for "std_msgs/Float64". Raises ConfigError."""
     package, _, last = message.rpartition("/")
     whole = message if "/" in package else f"{package}/msg/{last}"
     try:
         definition(whole)
     except ConfigError as error:
-        raise ConfigError(f"{place}: message: {error}") from None
+        raise ConfigError(f"{section}: message: {error}") from None
     return whole
 
 
-def _encoder(name: str, kind: str, place: str) -> ros.Encoder:
+def _encoder(name: str, kind: str, section: str) -> ros.Encoder:
     stamped = _has_header(kind)
 
     def encode(sample: OwnSample, prefix: str) -> Iterable[tuple[str, bytes]]:
@@ -56,7 +56,7 @@ def _encoder(name: str, kind: str, place: str) -> ros.Encoder:
         try:
             return [(name, ros_message.encode(kind, values))]
         except ConfigError as error:
-            raise ConfigError(f"{place}: what it measures is no {error}") from None
+            raise ConfigError(f"{section}: what it measures is no {error}") from None
 
     return encode
 

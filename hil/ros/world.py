@@ -116,14 +116,14 @@ def _zone_marker(time_ns: int, number: int, zone: Zone) -> Message:
 
 
 def _drawn(
-    time_ns: int, space: str, number: int, kind: int, places: Sequence[Vector3], size: float,
+    time_ns: int, space: str, number: int, kind: int, points: Sequence[Vector3], size: float,
     colour: dict[str, float], text: str,
 ) -> Message:  # fmt: skip
     """Return a marker of positions (NED, m); lines are `size` m wide."""
     return {
         "header": header(time_ns, FRAME), "ns": space, "id": number, "type": kind, "color": colour, "text": text,
         "scale": {"x": size, "y": 1.0, "z": 1.0},
-        "points": [{"x": east, "y": north, "z": -down} for north, east, down in places],
+        "points": [{"x": east, "y": north, "z": -down} for north, east, down in points],
         "pose": {"position": {"x": 0.0, "y": 0.0, "z": 0.0}, "orientation": {"w": 1.0}},
     }  # fmt: skip
 

@@ -127,13 +127,13 @@ class Scenario(NamedTuple):
         return f"protocol = {link.protocol!r}"
 
 
-def load_scenario(name: str, changes: dict[str, Any] | None = None, given: str = "--set") -> Scenario:
+def load_scenario(name: str, changes: dict[str, Any] | None = None, option: str = "--set") -> Scenario:
     """Return the scenario at a path that ends in `.toml`, or an installed one by its name.
 
     Paths in the file (vehicle, world) are relative to it. `changes` replace values before they are checked:
     {"master.speed": 0.5}; a path in them is first looked for in the current folder. The scenario's ROS domain and
     release become those of this process. Raises ConfigError. If a change causes the error, the error names its key and
-    `given`, the option that made the change; with `given` "" it names the file only.
+    `option`, the option that made the change; with `option` "" it names the file only.
     """
     if not name.endswith(".toml") and (os.path.sep in name or os.path.exists(name)):
         names = ", ".join(preset_names(SCENARIOS))
@@ -142,22 +142,22 @@ def load_scenario(name: str, changes: dict[str, Any] | None = None, given: str =
     try:
         scenario = _load(path, changes or {})
     except ConfigError as error:
-        key = _key_at_fault(path, changes, str(error)) if changes and given else ""
+        key = _key_at_fault(path, changes, str(error)) if changes and option else ""
         if not key:
             raise
-        raise ConfigError(f"{given} {key}: {_without(key, str(error).removeprefix(f'{path}: '))}") from None
+        raise ConfigError(f"{option} {key}: {_without(key, str(error).removeprefix(f'{path}: '))}") from None
     dialect.select(scenario.ros.domain, scenario.ros.distro)
     return scenario
 
 
-def _key_at_fault(path: str, changes: dict[str, Any], words: str) -> str:
+def _key_at_fault(path: str, changes: dict[str, Any], message: str) -> str:
     """Return the change that causes this error, or all if only several together do; "" if the file itself does."""
 
     def fails_with(some: dict[str, Any]) -> bool:
         try:
             _load(path, some)
         except ConfigError as error:
-            return str(error) == words
+            return str(error) == message
         return False
 
     if fails_with({}):
@@ -166,12 +166,12 @@ def _key_at_fault(path: str, changes: dict[str, Any], words: str) -> str:
     return ", ".join(alone or changes)
 
 
-def _without(key: str, words: str) -> str:
+def _without(key: str, message: str) -> str:
     """Return an error's text without the sections of `key`, which the caller puts before it."""
-    words = words.removeprefix(f"{key}: ")
+    message = message.removeprefix(f"{key}: ")
     for part in key.split("."):
-        words = words.removeprefix(f"{part}: ")
-    return words
+        message = message.removeprefix(f"{part}: ")
+    return message
 
 
 def _load(path: str, changes: dict[str, Any]) -> Scenario:
@@ -240,12 +240,12 @@ def _check_certificates(scenario: Scenario) -> None:
             raise ConfigError(f"{scenario.path}: {key}: {problem}")
 
 
-def load_single(name: str, changes: dict[str, Any] | None = None, remedy: str = "", given: str = "--set") -> Scenario:
+def load_single(name: str, changes: dict[str, Any] | None = None, remedy: str = "", option: str = "--set") -> Scenario:
     """Return the scenario of a single vehicle; see `load_scenario`.
 
     Raises ConfigError, also if the scenario is of a fleet; `remedy` replaces the end of that error's text.
     """
-    scenario = load_scenario(name, changes, given)
+    scenario = load_scenario(name, changes, option)
     if not scenario.member:
         return scenario
     nodes = [member.node for member in scenario.member]

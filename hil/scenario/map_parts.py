@@ -19,10 +19,10 @@ class MapPart(NamedTuple):
     resolution: float
 
 
-def map_parts(extent: Extent, resolution: float, places: Sequence[Point]) -> list[MapPart]:
+def map_parts(extent: Extent, resolution: float, points: Sequence[Point]) -> list[MapPart]:
     """Return the parts of `extent` (m) that a map with cells of `resolution` m may show, smallest first; at least one.
 
-    A map of up to MAX_CELLS shows everything. Otherwise the first part contains `places` (north, east) with a margin,
+    A map of up to MAX_CELLS shows everything. Otherwise the first part contains `points` (north, east) with a margin,
     and each further part has twice the margin, up to the whole extent or MAX_GROWN cells. A part with more cells has
     cells that are 2, 4 ... times as large; this concerns the first part if the places are far apart, and the last one,
     which is the whole extent.
@@ -30,8 +30,8 @@ def map_parts(extent: Extent, resolution: float, places: Sequence[Point]) -> lis
     if _cells(extent, resolution) <= MAX_CELLS:
         return [MapPart(extent, resolution)]
     parts: list[MapPart] = []
-    if places:
-        norths, easts = zip(*places, strict=True)
+    if points:
+        norths, easts = zip(*points, strict=True)
         box = Extent(min(norths), min(easts), max(norths), max(easts))
         margin = max(MIN_MARGIN_CELLS * resolution, MARGIN * max(box.north - box.south, box.east - box.west))
         while not parts or (parts[-1].extent != extent and parts[-1].resolution == resolution):

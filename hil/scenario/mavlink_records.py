@@ -15,10 +15,10 @@ Kind = Literal["udpout", "udpin", "tcpin", "tcpout", "serial", "zenoh"]
 
 
 class MavlinkEndpoint(NamedTuple):
-    """The parts of an endpoint; `place` is a host, a device or the endpoint of a zenoh router."""
+    """The parts of an endpoint; `target` is a host, a device or the endpoint of a zenoh router."""
 
     kind: Kind
-    place: str
+    target: str
     port: int = 0  # for a serial device its speed in bit/s
 
 

@@ -108,8 +108,8 @@ class Channel(Protocol):
 
     counts: Counter[str]
 
-    def send(self, time_ns: int, sender: str, payload: bytes, places: Mapping[str, Pose]) -> int:
-        """Send to all others in `places` (true poses); return the end of the transmission (ns), 0 if impossible."""
+    def send(self, time_ns: int, sender: str, payload: bytes, poses: Mapping[str, Pose]) -> int:
+        """Send to all others in `poses` (true poses); return the end of the transmission (ns), 0 if impossible."""
 
     def receive(self, time_ns: int) -> list[Packet]:
         """Return the messages received up to `time_ns`."""
@@ -133,6 +133,6 @@ class _Acoustic:
         self.counts = self._channel.counts
         self.receive = self._channel.receive
 
-    def send(self, time_ns: int, sender: str, payload: bytes, places: Mapping[str, Pose]) -> int:
+    def send(self, time_ns: int, sender: str, payload: bytes, poses: Mapping[str, Pose]) -> int:
         """Send a message: see `Channel.send`."""
-        return self._channel.send(time_ns, sender, payload, {name: pose.position for name, pose in places.items()})
+        return self._channel.send(time_ns, sender, payload, {name: pose.position for name, pose in poses.items()})

@@ -23,25 +23,25 @@ Array = NDArray[np.float64]
 HALF_DIAGONAL = 0.7072  # cells; distance from the centre of a cell to its corner
 
 
-def parts_of(world: World, master: Master, start: Start, places: Sequence[Point] = ()) -> list[MapPart]:
+def parts_of(world: World, master: Master, start: Start, points: Sequence[Point] = ()) -> list[MapPart]:
     """Return the parts of the world that the map may show, in growing order: from the area of start and goal to all.
 
-    `places` are further positions (north, east) of the planner's task.
+    `points` are further positions (north, east) of the planner's task.
     """
-    wanted = [(start.north, start.east), *([master.goal] if master.goal else []), *places]
+    wanted = [(start.north, start.east), *([master.goal] if master.goal else []), *points]
     return map_parts(_extent(world), master.resolution, wanted)
 
 
-def known_map(master: Master, vehicle: Vehicle, world: World, part: MapPart | None = None) -> OccupancyGrid:
+def known_map(master: Master, vehicle: Vehicle, world: World, map_part: MapPart | None = None) -> OccupancyGrid:
     """Return the map that the scenario's `map` names: of the world, empty, or from a file. Raises ConfigError.
 
-    It shows `part` of the world with that part's cell size; by default all, with the scenario's. Obstacles with
+    It shows `map_part` of the world with that part's cell size; by default all, with the scenario's. Obstacles with
     `hidden` are not on it.
     """
     below = 0.5 * vehicle.dimensions[2] + master.seabed_margin
-    part = part or MapPart(_extent(world), master.resolution)
+    map_part = map_part or MapPart(_extent(world), master.resolution)
     if master.map == "unknown":
-        return OccupancyGrid.empty(*part)
+        return OccupancyGrid.empty(*map_part)
     if master.map != "known":
         return OccupancyGrid.read(master.map)
     seen = world._replace(
@@ -56,7 +56,12 @@ def known_map(master: Master, vehicle: Vehicle, world: World, part: MapPart | No
             f"{world.name}, which is {world.depth:g} m deep; go higher, or lessen seabed_margin"
         )
     grid = map_at(
-        seen, master.depth, below, part.resolution, part.extent, is_coarse=part.resolution > master.resolution
+        seen,
+        master.depth,
+        below,
+        map_part.resolution,
+        map_part.extent,
+        is_coarse=map_part.resolution > master.resolution,
     )
     for zone in world.all_zones() if master.avoid_zones else ():
         if zone.kind in master.avoid_zones:
@@ -65,11 +70,11 @@ def known_map(master: Master, vehicle: Vehicle, world: World, part: MapPart | No
 
 
 def map_at(
-    world: World, depth: float, below: float, resolution: float, part: Extent | None = None, is_coarse: bool = False
+    world: World, depth: float, below: float, resolution: float, extent: Extent | None = None, is_coarse: bool = False
 ) -> OccupancyGrid:
     """Return the map of `world`, with cells of `resolution` m, for a vehicle at `depth` m that needs `below` m below.
 
-    It shows the whole world, or a `part`. A cell is occupied if an obstacle at its centre reaches into the layer from
+    It shows the whole world, or a `extent`. A cell is occupied if an obstacle at its centre reaches into the layer from
     `depth` - `below` to `depth`, or the seabed there is shallower than `depth` + `below`. An obstacle so thin that it
     may miss all centres is enlarged until it cannot. If `is_coarse`, a cell is occupied if any part of it may be.
     Raises ConfigError.
@@ -92,7 +97,7 @@ def map_at(
             world.terrain.unmap()  # the kernel has mapped far more than what was read
         return np.where(is_deep, free, -1.0)
 
-    return OccupancyGrid.rasterise(clearance, part or _extent(world), resolution, vectorised=True)
+    return OccupancyGrid.rasterise(clearance, extent or _extent(world), resolution, vectorised=True)
 
 
 def _extent(world: World) -> Extent:

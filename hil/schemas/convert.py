@@ -51,12 +51,12 @@ class Converter:
             self.definitions[name] = table(self.keys(record), required(record))
         return {"$ref": f"#/definitions/{name}"}
 
-    def keys(self, record: Any, given: Mapping[str, Schema | None] | None = None) -> dict[str, Schema]:
-        """Return the schemas of a record's keys; those of `given` are used unchanged, and left out if None."""
-        given = given or {}
+    def keys(self, record: Any, overrides: Mapping[str, Schema | None] | None = None) -> dict[str, Schema]:
+        """Return the schemas of a record's keys; those of `overrides` are used unchanged, and left out if None."""
+        overrides = overrides or {}
         schemas: dict[str, Schema] = {}
         for key, annotation in record.__annotations__.items():
-            schema = given[key] if key in given else self.of(annotation)
+            schema = overrides[key] if key in overrides else self.of(annotation)
             if schema is not None:
                 unit = unit_of(record, key) or _unit(annotation)
                 meaning = meaning_of(record, key) + (f" Unit: {unit}." if unit not in ("", "-") else "")
@@ -92,9 +92,9 @@ def number(kind: type, limit: Range) -> Schema:
     return {"anyOf": [plain, text]}
 
 
-def table(keys: dict[str, Schema], needed: list[str] | None = None, others: Any = False) -> Schema:
-    """Return the schema of a table with these keys; `others`: the schema of other keys, False to permit none."""
-    schema: Schema = {"type": "object", "properties": keys, "additionalProperties": others}
+def table(keys: dict[str, Schema], needed: list[str] | None = None, other_keys: Any = False) -> Schema:
+    """Return the schema of a table with these keys; `other_keys`: the schema of other keys, False to permit none."""
+    schema: Schema = {"type": "object", "properties": keys, "additionalProperties": other_keys}
     return schema | ({"required": needed} if needed else {})
 
 

@@ -73,13 +73,13 @@ def _fleet(converter: Converter) -> Schema:
 
 
 def _scenario_keys(converter: Converter) -> dict[str, Schema]:
-    user_class = table({"class": OWN_CLASS}, ["class"], others=True)
+    user_class = table({"class": OWN_CLASS}, ["class"], other_keys=True)
     faults = {"options": OPEN, "faults": converter.reference(Faults)}
     avoid = converter.keys(AvoidSettings, {"search": {"type": "string"}})
     return converter.keys(config.Scenario, _sections(converter) | {
         "path": None,
         "link": table(converter.keys(records.Link, faults)),
-        "planner": table({"class": OWN_CLASS, **avoid}, ["class"], others=True),
+        "planner": table({"class": OWN_CLASS, **avoid}, ["class"], other_keys=True),
         "sensors": _sensors(converter, user_class),
         "force": tables(user_class),
         "member": tables(converter.reference(fleet_records.Member)),
@@ -114,7 +114,7 @@ def _sensors(converter: Converter, user_class: Schema) -> Schema:
         if name not in ONLY_ONE:
             kind = {"enum": [name], "description": "Kind of this additional sensor."}
             further.append(table(keys | {"device": device, "sensor": kind}, ["sensor"]))
-    return table(sections, others={"anyOf": [user_class, *further]})
+    return table(sections, other_keys={"anyOf": [user_class, *further]})
 
 
 def _vehicle(converter: Converter) -> Schema:

@@ -16,7 +16,7 @@ from hil.network.clock_offset import ClockOffset
 from hil.network.presence import declare_presence, serve_last, watch_presence
 from hil.network.session import Session
 from hil.network.settings import Network
-from hil.network.tokens import PING, PONG, Part, Presence, clock_keys, read_clock
+from hil.network.tokens import PING, PONG, NodeRole, Presence, clock_keys, read_clock
 from hil.network.unread_links import UnreadLinks
 from hil.ros.diagnostics import Diagnostics
 from hil.slave.command_receiver import CommandReceiver
@@ -53,7 +53,7 @@ class Contacts:
         self._session, self._unread = session, UnreadLinks(lease)
         self._security = security
         self._report = report
-        self._peers: dict[Part, dict[str, Presence]] = {"master": {}, "observer": {}}
+        self._peers: dict[NodeRole, dict[str, Presence]] = {"master": {}, "observer": {}}
         # The ident begins with the start time: of two slaves that start together, the younger has the larger ident.
         self._node, self._ident = node, f"{time.time_ns():016x}{os.urandom(8).hex()}"
         self._twins: set[str] = set()  # idents of other slaves with our name
@@ -103,17 +103,17 @@ class Contacts:
             figures.clock_steps = clock.steps
 
     def _on_presence(self, presence: Presence, alive: bool) -> None:
-        if presence.part == "slave":
+        if presence.role == "slave":
             self._on_slave(presence, alive)
             return
-        peers = self._peers[presence.part]
+        peers = self._peers[presence.role]
         if alive:
             known = len(peers) < MAX_PEERS or presence.ident in peers
             if known:
                 peers[presence.ident] = presence
         else:
             known = peers.pop(presence.ident, None) is not None
-        if known and presence.part == "master":
+        if known and presence.role == "master":
             self._on_master(presence, alive)
 
     def _on_slave(self, presence: Presence, alive: bool) -> None:

@@ -25,13 +25,13 @@ def notify(state: str) -> bool:
 class Heartbeat:
     """Feed systemd's watchdog while the loop advances; if the loop hangs, the watchdog expires."""
 
-    __slots__ = ("_seen",)
+    __slots__ = ("_last_progress",)
 
     def __init__(self) -> None:
-        self._seen = -1
+        self._last_progress = -1
 
     def beat(self, progress: int) -> None:
         """Notify systemd if `progress`, any number that changes while the loop runs, has changed."""
-        if progress != self._seen:
-            self._seen = progress
+        if progress != self._last_progress:
+            self._last_progress = progress
             notify("WATCHDOG=1")

@@ -67,12 +67,14 @@ class SamplePublisher:
         self._session = session
         self._node = node
         self._content = content
-        self._whole = sys.maxsize if waits else LARGE  # bytes; longer messages are sent in the background
+        self._max_foreground_bytes = (
+            sys.maxsize if waits else LARGE
+        )  # bytes; longer messages are sent in the background
         self.stamps = Stamps(epoch_ns)
         self.graph = Node(session, node, of)
         self._publishers: dict[str, Publisher] = {}  # topic -> publisher, for topics used so far
         self._outlets: dict[str, list[Publisher]] = {}  # the simulator's name of a sample -> its publishers
-        self._made: set[str] = set()  # names of samples that have been encoded at least once
+        self._encoded: set[str] = set()  # names of samples that have been encoded at least once
         self._unsent: dict[str, tuple[Any, int]] = {}  # newest sample without subscribers, and its time (ns)
 
     def declare(self, names: Iterable[str]) -> None:
@@ -87,7 +89,7 @@ class SamplePublisher:
             if publisher.has_subscribers:
                 break
         else:
-            if topic in self._made:  # the first sample is always encoded, to find errors of a user's own sensor
+            if topic in self._encoded:  # the first sample is always encoded, to find errors of a user's own sensor
                 self._unsent[topic] = sample, received_ns
                 return False
         self._unsent.pop(topic, None)
@@ -143,7 +145,7 @@ class SamplePublisher:
     def _send_sample(self, topic: str, sample: Any, stamp_ns: int, received_ns: int) -> None:
         """Send the messages of a sample. `stamp_ns`: ns since 1970. `received_ns`: monotonic time of the sample."""
         messages = self._messages(topic, sample, stamp_ns)
-        self._made.add(topic)
+        self._encoded.add(topic)
         if topic not in self._outlets:  # not declared: the first messages show its topics
             self._outlets[topic] = [self._publishers.get(name) or self._declare(name) for name, _ in messages]
         for name, payload in messages:
@@ -154,7 +156,7 @@ class SamplePublisher:
 
     def _send(self, name: str, payload: bytes, received_ns: int) -> None:
         publisher = self._publishers.get(name) or self._declare(name)
-        if len(payload) > self._whole and not publisher.background:
+        if len(payload) > self._max_foreground_bytes and not publisher.background:
             self._session.publish_in_background(publisher)
         if publisher.has_subscribers:
             publisher.put(payload, to_wall_ns(received_ns))

@@ -39,9 +39,9 @@ def spawn(arguments: Sequence[str], environment: Mapping[str, str], ends: Sequen
     return pid.value
 
 
-def _texts(words: Sequence[str]) -> "ctypes.Array[ctypes.c_char_p]":
+def _texts(texts: Sequence[str]) -> "ctypes.Array[ctypes.c_char_p]":
     """Return an array of C strings that ends with a null pointer."""
-    return (ctypes.c_char_p * (len(words) + 1))(*map(os.fsencode, words), None)
+    return (ctypes.c_char_p * (len(texts) + 1))(*map(os.fsencode, texts), None)
 
 
 def start_program(*arguments: str) -> Callable[[], None]:

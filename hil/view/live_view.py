@@ -115,7 +115,7 @@ class LiveView:
                 self._recording.update()
                 if self._fleet:
                     present = [name for name in names if self._source.is_present(name)]
-                    places = {name: self._drawn[name].place for name in present if self._drawn[name].is_placed}
+                    places = {name: self._drawn[name].position for name in present if self._drawn[name].is_placed}
                     self._fleet.draw({name: self._source.latest(name) for name in present}, places)
                 if self._name in names:
                     self._draw_panels(self._name)
@@ -191,7 +191,7 @@ class LiveView:
 
     def _place_camera(self, client: Any) -> None:
         """Move a browser's camera to the chosen vehicle, above it or beside it as chosen in the panel."""
-        place = self._drawn[self._name].place if self._name in self._drawn else (0.0, 0.0, 0.0)
+        place = self._drawn[self._name].position if self._name in self._drawn else (0.0, 0.0, 0.0)
         if self._panels.camera.value == "top":
             client.camera.position = (place[0], place[1] - 0.01, place[2] + TOP_HEIGHT)
         else:
@@ -203,7 +203,7 @@ class LiveView:
         """Move all cameras along with the chosen vehicle, and keep the direction to which a person has turned them."""
         if self._name not in self._drawn:
             return
-        place = tuple(self._drawn[self._name].place)
+        place = tuple(self._drawn[self._name].position)
         if self._last_place is not None and dist(place, self._last_place) < MOVED:
             return
         self._last_place = place

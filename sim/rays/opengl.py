@@ -93,11 +93,11 @@ class PictureScene(RayScene):
         points += at.astype(np.float32)[:, None]
         return Hits(distances, points.T, drawn[:, :3], objects)
 
-    def _draw(self, geometry: Geometry, at: Floats, turned: Floats, reach: float) -> None:
-        """Draw the view from `at` into both textures of the frame; `turned` is from camera to world axes."""
+    def _draw(self, geometry: Geometry, at: Floats, rotation: Floats, reach: float) -> None:
+        """Draw the view from `at` into both textures of the frame; `rotation` is from camera to world axes."""
         context = self._context
         for program in (self._planes, self._seabed, self._primitive, self._mesh):
-            program["rotation"], program["reach"] = tuple(turned.T.ravel()), reach
+            program["rotation"], program["reach"] = tuple(rotation.T.ravel()), reach
             program["size"], program["focal"] = self._size, self._focal
         rows = np.frombuffer(geometry.solids).reshape(-1, ROW).copy()
         rows[:, POSITION:ROTATION] -= at
@@ -107,7 +107,7 @@ class PictureScene(RayScene):
         self._draw_planes(geometry, rows, at)
         context.depth_func = "<"
         if geometry.terrain:
-            self._draw_seabed(geometry, geometry.terrain, at, turned, reach)
+            self._draw_seabed(geometry, geometry.terrain, at, rotation, reach)
         self._draw_meshes(rows)
         chosen = np.flatnonzero((rows[:, KIND] != HALF_SPACE) & (rows[:, KIND] != MESH))
         owners = rows[chosen, ROOT].astype(np.int64)  # of pieces
@@ -127,10 +127,10 @@ class PictureScene(RayScene):
         texture.use()
         self._context.vertex_array(self._planes, []).render(vertices=3)
 
-    def _draw_seabed(self, geometry: Geometry, terrain: Terrain, at: Floats, turned: Floats, reach: float) -> None:
+    def _draw_seabed(self, geometry: Geometry, terrain: Terrain, at: Floats, rotation: Floats, reach: float) -> None:
         """Draw the visible part of the grid and the flat seabed around it; cells without data are drawn as solids."""
         grid, context = terrain.grid, self._context
-        low, high = self._bounds(turned, reach)
+        low, high = self._bounds(rotation, reach)
         x, y = terrain.coordinates(at[0], at[1])
         rows, north = nodes(x, grid.rows, grid.resolution, low[0], high[0], 2.0 * reach)
         columns, east = nodes(y, grid.columns, grid.resolution, low[1], high[1], 2.0 * reach)
@@ -149,11 +149,11 @@ class PictureScene(RayScene):
         walls = columns_without_data(unknown, north, east, 2.0 * reach)
         self._draw_solids(walls, np.full(len(walls), SEABED))
 
-    def _bounds(self, turned: Floats, reach: float) -> tuple[Floats, Floats]:
+    def _bounds(self, rotation: Floats, reach: float) -> tuple[Floats, Floats]:
         """Return the lower and upper bounds (m from the camera, NED) of the points that it may see."""
         right, down = 0.5 * self._size[0] / self._focal, 0.5 * self._size[1] / self._focal
         corners = [(1.0, x * right, y * down) for x, y in product((-1.0, 1.0), repeat=2)]
-        places = reach * np.array([(0.0, 0.0, 0.0), *corners]) @ turned.T
+        places = reach * np.array([(0.0, 0.0, 0.0), *corners]) @ rotation.T
         return places.min(axis=0).clip(-reach), places.max(axis=0).clip(max=reach)
 
     def _draw_meshes(self, rows: Floats) -> None:

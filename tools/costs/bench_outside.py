@@ -72,15 +72,15 @@ class Row(NamedTuple):
     """One figure: this project's value, and the independent one."""
 
     name: str
-    ours: float
-    theirs: float
+    project_value: float
+    independent_value: float
     unit: str
     witness: str
 
     @property
     def off(self) -> float:
         """The relative difference."""
-        return self.ours / self.theirs - 1.0
+        return self.project_value / self.independent_value - 1.0
 
 
 def capture() -> None:
@@ -336,7 +336,10 @@ def main() -> int:
         sys.exit("needs root: nobody else sees packets and executions")
     rows = [*mission(options.seconds), *commands(options.seconds)]
     table = [["figure", "ours", "outside", "unit", "off", "measured by"]]
-    table += [[r.name, f"{r.ours:.4g}", f"{r.theirs:.4g}", r.unit, f"{r.off:+.1%}", r.witness] for r in rows]
+    table += [
+        [r.name, f"{r.project_value:.4g}", f"{r.independent_value:.4g}", r.unit, f"{r.off:+.1%}", r.witness]
+        for r in rows
+    ]
     print("\n".join(aligned(table, rule=True)))
     off = [row.name for row in rows if not abs(row.off) <= AGREES]
     print(f"off by more than {AGREES:.0%}: {', '.join(off)}" if off else f"all agree within {AGREES:.0%}")

@@ -107,7 +107,7 @@ def balls(world: World) -> list[tuple[Place, float]]:
     return [((*at, world.seabed(*at) - 0.5 * radius), radius) for at, radius in SPHERES]
 
 
-def ours(world: World, engine: Engine) -> Prepare:
+def prepare_own(world: World, engine: Engine) -> Prepare:
     """Return a caster with one of our engines."""
     scene = RayScene(world, engine)
     for center, radius in balls(world):
@@ -267,10 +267,10 @@ def picture_figures(size: tuple[int, int], world: World, rounds: int) -> str:
     return line
 
 
-def _cast(camera: Camera, place: Place) -> Hits:
+def _cast(camera: Camera, position: Place) -> Hits:
     """Return what a camera's picture begins with: what each of its pixels looks at, 35 degrees down."""
     eye = camera._renderer
-    return eye._rays.hits(place, eye._directions, 30.0, matrix(from_euler(0.0, -radians(35.0), 0.0)))
+    return eye._rays.hits(position, eye._directions, 30.0, matrix(from_euler(0.0, -radians(35.0), 0.0)))
 
 
 def pictures(world: World, rounds: int) -> None:
@@ -299,8 +299,8 @@ def main() -> int:
         pictures(world, rounds)
         return 0
     engines: dict[str, Prepare] = {
-        "C": ours(world, "C"),
-        "python": ours(world, "python"),
+        "C": prepare_own(world, "C"),
+        "python": prepare_own(world, "python"),
     }
     if peer := embree(world):
         engines["Embree"] = peer

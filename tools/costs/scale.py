@@ -160,7 +160,7 @@ def _start_all(
     for number, port in enumerate(free_ports(len(received))):
         own = received[number]
         client = VehicleClient(
-            shared, f"uuv{number}", part="observer", network=network, topics=TOPICS, on_sample=own.add
+            shared, f"uuv{number}", role="observer", network=network, topics=TOPICS, on_sample=own.add
         )
         stack.enter_context(client)
         path = folder / f"{number}.toml"
@@ -189,10 +189,12 @@ def _joined(ends: list[str], end: str) -> list[str]:
     return ["--connect", ends[0]] if end != ends[0] else []
 
 
-def start(stack: ExitStack, words: list[str]) -> psutil.Process:
+def start(stack: ExitStack, arguments: list[str]) -> psutil.Process:
     """Return a command of ours as a process, which ends with the stack."""
     quiet = subprocess.DEVNULL
-    child = start_child(module_command("hil", *words), environment=package_environment(), stdout=quiet, stderr=quiet)
+    child = start_child(
+        module_command("hil", *arguments), environment=package_environment(), stdout=quiet, stderr=quiet
+    )
     stack.callback(child.wait)
     stack.callback(child.kill)  # many processes that end in order at once take minutes
     return psutil.Process(child.pid)

@@ -251,8 +251,8 @@ def _open_page(address: str, seconds: float) -> Iterator[None]:
         browser.close()
 
 
-def _rounded(place: Any) -> Place:
-    return tuple([round(float(value), 6) for value in place])
+def _rounded(position: Any) -> Place:
+    return tuple([round(float(value), 6) for value in position])
 
 
 def main() -> int:

@@ -138,18 +138,18 @@ RUNS: dict[str, Callable[[str], Any]] = {
 }  # fmt: skip
 
 
-def measure(part: str, small: str, world: str) -> str:
+def measure(name: str, small: str, world: str) -> str:
     """Run a part in a small world, which loads its modules, then in the large one; return a line of the table."""
-    RUNS[part](small)
+    RUNS[name](small)
     own, mapped = _memory_mb()
     with Peak() as peak:
         began = time.perf_counter()
-        result = RUNS[part](world)
+        result = RUNS[name](world)
         took = time.perf_counter() - began
     own_then, mapped_then = _memory_mb()
     figures = own_then - own, peak.most_mb - own, mapped_then - mapped
     del result
-    return f"{part:16}{took:8.3f}" + "".join(f"{max(0.0, figure):8.1f}" for figure in figures)
+    return f"{name:16}{took:8.3f}" + "".join(f"{max(0.0, figure):8.1f}" for figure in figures)
 
 
 class Peak:

@@ -25,7 +25,7 @@ class BadFile(NamedTuple):
     """
 
     name: str
-    words: str
+    message: str
     suffix: str
     make: Callable[[random.Random], bytes]
     command: tuple[str, ...]
@@ -104,8 +104,8 @@ def measure_file(bad: BadFile, folder: Path) -> Row:
         problems.append(f"exit code {code}, not 2")
     if "Traceback" in output or len(lines) > 3:
         problems.append(f"{len(lines)} lines instead of a clear one")
-    if bad.words not in output:
-        problems.append(f"refused for another reason than {bad.words!r}")
+    if bad.message not in output:
+        problems.append(f"refused for another reason than {bad.message!r}")
     path.unlink()
     left = sorted(name for name in os.listdir(folder) if name.startswith(("bad", "built")))
     reported = lines[-1].replace(str(folder), "...")[:200]

@@ -30,7 +30,7 @@ class Pins:
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._seen: list[OutputState] = [OutputState(time.monotonic(), "neutral", 0)]
+        self._states: list[OutputState] = [OutputState(time.monotonic(), "neutral", 0)]
 
     def report(self, pulses: Sequence[int], sequence: int) -> None:
         """Record a report of the STM32."""
@@ -43,14 +43,14 @@ class Pins:
     @property
     def state(self) -> State:
         """Return the newest state."""
-        return self._seen[-1].state
+        return self._states[-1].state
 
     def await_state(self, state: State, seconds: float, poll: Callable[[], object] = lambda: None) -> float:
         """Return when (monotonic s) the outputs reached `state`, also before the call; nan if not within `seconds`."""
         deadline = time.monotonic() + seconds
         while True:
             with self._lock:
-                newest = self._seen[-1]
+                newest = self._states[-1]
             if newest.state == state:
                 return newest.at_s
             if time.monotonic() > deadline:
@@ -61,10 +61,10 @@ class Pins:
     def executed(self, state: State, begin_s: float) -> int:
         """Return the number of commands with this state of the outputs that were executed after `begin_s`."""
         with self._lock:
-            return sum(seen.state == state and seen.at_s > begin_s for seen in self._seen)
+            return sum(seen.state == state and seen.at_s > begin_s for seen in self._states)
 
     def _add(self, state: State, sequence: int) -> None:
         with self._lock:
-            newest = self._seen[-1]
+            newest = self._states[-1]
             if newest.state != state or (state != "neutral" and newest.sequence != sequence):
-                self._seen.append(OutputState(time.monotonic(), state, sequence))
+                self._states.append(OutputState(time.monotonic(), state, sequence))

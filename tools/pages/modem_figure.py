@@ -82,10 +82,10 @@ def lost_by_light(modem: OpticalModem, distance: float) -> float:
     return _lost(OpticalChannel(modem, seed=1), places, NS)
 
 
-def _lost(channel: Any, places: Mapping[str, Any], period_ns: int) -> float:
+def _lost(channel: Any, poses: Mapping[str, Any], period_ns: int) -> float:
     """Send messages from a to b, one each period; return the share that was not received."""
     for number in range(MESSAGES):
-        channel.send(number * period_ns, "a", bytes(SIZE), places)
+        channel.send(number * period_ns, "a", bytes(SIZE), poses)
         channel.receive((number + 1) * period_ns - 1)
     return float(1.0 - channel.counts["delivered"] / MESSAGES)
 

@@ -36,12 +36,12 @@ def main() -> None:
     take_picture("camera_lamps", DEEP, (0.0, 0.0, 158.0), 0.0, LAMPS)
 
 
-def take_picture(name: str, world: World, place: tuple[float, float, float], yaw: float, model: CameraModel) -> None:
+def take_picture(name: str, world: World, position: tuple[float, float, float], yaw: float, model: CameraModel) -> None:
     """Write the picture of a camera at a place (m, NED) with a heading of `yaw` rad, tilted down by 18 degrees."""
-    scene = Simulation(load_vehicle("bluerov2_heavy")[0], world, {}, position=place)
+    scene = Simulation(load_vehicle("bluerov2_heavy")[0], world, {}, position=position)
     down = Mounting(orientation=(0.0, radians(-18.0), 0.0))
     model = model._replace(width=WIDTH, height=HEIGHT)
-    sample = Camera(model, down, 1, scene).sample(10**9, State(place, from_euler(0.0, 0.0, yaw)))
+    sample = Camera(model, down, 1, scene).sample(10**9, State(position, from_euler(0.0, 0.0, yaw)))
     pixels = np.frombuffer(sample.rgb, np.uint8).reshape(sample.height, sample.width, 3)
     Image.fromarray(pixels).save(FOLDER / f"{name}.jpg", quality=85)
 

@@ -80,20 +80,20 @@ def save(figure: Figure, path: Path) -> None:
     Image.open(buffer).convert("RGB").quantize(COLOURS).save(path, optimize=True)
 
 
-def page(found: dict[Sheet, list[Finding]]) -> str:
+def page(by_sheet: dict[Sheet, list[Finding]]) -> str:
     """Return the text of validation.md."""
-    rows = [_row(sheet, findings[0]) for sheet, findings in found.items()]
-    return HEAD + "\n".join(rows) + "\n" + "".join(_section(sheet, findings) for sheet, findings in found.items())
+    rows = [_row(sheet, findings[0]) for sheet, findings in by_sheet.items()]
+    return HEAD + "\n".join(rows) + "\n" + "".join(_section(sheet, findings) for sheet, findings in by_sheet.items())
 
 
 def _row(sheet: Sheet, main: Finding) -> str:
     title = f"[{sheet.title}](#{_anchor(sheet.title)})"
-    return f"| {title} | {main.what} | {main.found} | {main.bound} | {_link(main)} |"
+    return f"| {title} | {main.what} | {main.result} | {main.bound} | {_link(main)} |"
 
 
 def _section(sheet: Sheet, findings: list[Finding]) -> str:
     text = " ".join((sheet.draw.__doc__ or "").split())
-    rows = [f"| {f.what} | {f.found} | {f.bound} | {_link(f)} |" for f in findings]
+    rows = [f"| {f.what} | {f.result} | {f.bound} | {_link(f)} |" for f in findings]
     lines = ["| figure | found | bound | test |", "|---|---|---|---|", *rows]
     picture = f"![{sheet.title}](validation/{sheet.name}.png)"
     return "\n".join(["", f"## {sheet.title}", "", text, "", *lines, "", picture, ""])
@@ -127,7 +127,7 @@ def main(arguments: list[str] | None = None) -> None:
         by_sheet[sheet] = draw(sheet, options.out / "validation" / f"{sheet.name}.png")
         print(f"{sheet.name} ({time.perf_counter() - start:.1f} s)", flush=True)
         for finding in by_sheet[sheet]:
-            print(f"  {'' if finding.holds else 'BEYOND: '}{finding.what}: {finding.found}, bound {finding.bound}")
+            print(f"  {'' if finding.holds else 'BEYOND: '}{finding.what}: {finding.result}, bound {finding.bound}")
     beyond = sum(not finding.holds for findings in by_sheet.values() for finding in findings)
     if beyond:
         sys.exit(f"{beyond} beyond the bounds: the page is not written")

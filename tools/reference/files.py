@@ -63,7 +63,7 @@ def _presets(folder: str) -> str:
 
 def scenario() -> str:
     """Return the page of the scenario file."""
-    top = Section("Top level", config.Scenario, hidden=("path",), shown={
+    top = Section("Top level", config.Scenario, hidden=("path",), shown_types={
         **{key: f"tables, [`{key}`](#{key})" for key in config.MANY},
         "sensors": "tables, [`sensors.NAME`](sensor_keys.md)",
         **{key: f"table, [`{key}`](#{key})" for key in TABLES},
@@ -72,22 +72,22 @@ def scenario() -> str:
         top,
         Section("slave", records.Slave),
         Section("start", records.Start),
-        Section("master", records.Master, shown={"allow": "array of events"}),
+        Section("master", records.Master, shown_types={"allow": "array of events"}),
         Section("planner", AvoidSettings, "`class` names the planner, `\"module:Class\"`. Its other keys are the "
                 "class's own. `hil.master.follow:Follow` is the default and has none. These are the keys of "
-                "`hil.master.avoid:Avoid` and `hil.master.tasks:Tasks`.", shown={"search": "text"}),
+                "`hil.master.avoid:Avoid` and `hil.master.tasks:Tasks`.", shown_types={"search": "text"}),
         Section(
             "planner.vfh", VfhSettings, "Settings of VFH+ for `Avoid` and `Tasks`.",
             defaults={"radius": "the vehicle's"},
         ),
-        Section("planner.mission", Mission, "The tasks of `hil.master.tasks:Tasks`.", shown={
+        Section("planner.mission", Mission, "The tasks of `hil.master.tasks:Tasks`.", shown_types={
             "task": "tables, [`planner.mission.task`](#plannermissiontask)"}),
         Section("planner.mission.task", Task),
-        Section("link", records.Link, shown={
+        Section("link", records.Link, shown_types={
             "options": "table, `[link.options]`", "faults": "table, [`link.faults`](#linkfaults)"}),
         Section("link.options of mavlink", MavlinkSettings),
         Section("link.options of dronecan, the host", dronecan.HostSettings),
-        Section("link.options of dronecan, the STM32 side", dronecan.DeviceSettings, shown={
+        Section("link.options of dronecan, the STM32 side", dronecan.DeviceSettings, shown_types={
             "battery": "table, fields of DroneCAN's BatteryInfo"}),
         Section("link.options of vesc", VescSettings),
         Section("link.faults", Faults),
@@ -99,14 +99,14 @@ def scenario() -> str:
         Section("release", ballast.Release, "Each `[[release]]` drops a weight of the vehicle."),
         Section("tether", tether.TetherKeys),
         Section("member", fleet_records.Member, "Each `[[member]]` is one vehicle of a fleet."),
-        Section("hunting", fleet_records.Hunting, shown={"fields": "table, [`hunting.fields`](#huntingfields)"}),
+        Section("hunting", fleet_records.Hunting, shown_types={"fields": "table, [`hunting.fields`](#huntingfields)"}),
         Section("hunting.fields", FieldSettings),
         Section("mavlink", mavlink_records.Mavlink),
         Section("modem", modem_records.Modem, hidden=("model",)),
         Section("autopilot", autopilot_records.AutopilotSettings, "The flight controller, where `controller` is one. "
                 "The section may be left out. Installed frames: "
                 f"{', '.join(f'`{name}`' for name in preset_names('hil/autopilots/frames'))}."),
-        Section("modem, acoustic", AcousticModem, shown={
+        Section("modem, acoustic", AcousticModem, shown_types={
             "range_error": "table, [ErrorModel](sensor_keys.md#errormodel)"}),
         Section("modem, optical", OpticalModem),
     ]  # fmt: skip
@@ -143,21 +143,21 @@ def vehicle_file() -> str:
         "collision": "table, [`collision`](#collision)", "thrusters": "tables, [`thrusters`](#thrusters)",
     }  # fmt: skip
     sections = [
-        Section("Top level", vehicle.Vehicle, shown=linked),
+        Section("Top level", vehicle.Vehicle, shown_types=linked),
         Section("thrusters", Thruster, "Each `[[thrusters]]` is one thruster. Keys that all have in common may be "
-                "in `[every_thruster]`.", shown={"curve": "table with `kind`", "dynamics": "table with `kind`"}),
+                "in `[every_thruster]`.", shown_types={"curve": "table with `kind`", "dynamics": "table with `kind`"}),
         *[Section(f"curve {kind}", record, f"`curve = {{ kind = \"{kind}\", ... }}` of a thruster.",
-                  shown={"table": "table"}) for kind, record in curves.CURVES.items()],
+                  shown_types={"table": "table"}) for kind, record in curves.CURVES.items()],
         *[Section(f"dynamics {kind}", record, f"`dynamics = {{ kind = \"{kind}\", ... }}` of a thruster.")
           for kind, record in lags.DYNAMICS.items()],
         Section("fins", fins.Fin, "Each `[[fins]]` is one fin. Keys that all have in common may be in `[every_fin]`."),
         Section("lift", body_lift.Lift),
-        Section("cross_flow", body_lift.CrossFlow, shown={"drag": "number, or array of numbers"}),
+        Section("cross_flow", body_lift.CrossFlow, shown_types={"drag": "number, or array of numbers"}),
         Section("fading_damping", body_lift.FadingDamping),
         Section("buoyancy_engine", ballast.BuoyancyEngine),
         Section("drop_weights", ballast.DropWeight),
         Section("battery", battery.Battery),
-        Section("collision", collision_shape.Collision, shown={"spheres": "array of arrays of 4 numbers, in m"}),
+        Section("collision", collision_shape.Collision, shown_types={"spheres": "array of arrays of 4 numbers, in m"}),
         Section("meshes", meshes.Mesh),
         Section("control", controller.Gains, "Gains of the cascade. `family` chooses another law: `\"sliding_mode\"`, "
                 "`\"restoring_pd\"`, or `\"module:Class\"` with its keys in `[control.options]`."),
@@ -185,7 +185,7 @@ def world_file() -> str:
         "zone": "tables, [`zone`](#zone)",
     }
     sections = [
-        Section("Top level", world.World, shown=linked),
+        Section("Top level", world.World, shown_types=linked),
         Section("Cylinder", obstacles.Cylinder, "Each `[[cylinder]]` is a pile."),
         Section("Box", obstacles.Box, "Each `[[box]]` is a block."),
         Section("mesh", mesh.MeshKeys, "Each `[[mesh]]` is a file: OBJ, STL, DAE, GLB, PLY or OFF."),

@@ -23,7 +23,7 @@ class Section(NamedTuple):
     record: Any
     text: str = ""
     hidden: tuple[str, ...] = ()
-    shown: dict[str, str] = {}  # noqa: RUF012 - never changed
+    shown_types: dict[str, str] = {}  # noqa: RUF012 - never changed
     defaults: dict[str, str] = {}  # noqa: RUF012 - never changed
 
 
@@ -48,7 +48,7 @@ def _rows(section: Section) -> Iterator[str]:
     for key, annotation in record.__annotations__.items():
         if key in section.hidden:
             continue
-        kind = kind_of(annotation) if key not in section.shown else Kind(section.shown[key])
+        kind = kind_of(annotation) if key not in section.shown_types else Kind(section.shown_types[key])
         default = section.defaults.get(key) or _default(record, key)
         meaning = meaning_of(record, key)
         unit = kind.unit or (unit_of(record, key) if "number" in kind.type else "")

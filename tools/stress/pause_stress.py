@@ -77,7 +77,7 @@ def run(pauses: int, count: int, seed: int, repaired: bool) -> int:
         stack.callback(slave.terminate)
 
         def connect() -> VehicleClient:
-            client = VehicleClient(f"tcp/127.0.0.1:{port}", "uuv1", part="observer", topics=("odom",))
+            client = VehicleClient(f"tcp/127.0.0.1:{port}", "uuv1", role="observer", topics=("odom",))
             return stack.enter_context(client)
 
         clients = [connect() for _ in range(count)]

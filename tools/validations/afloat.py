@@ -10,7 +10,7 @@ from sim.dynamics import Dynamics, State
 from sim.rotations import from_euler, matrix
 from sim.vehicle.buoyancy import Hull
 from tests.unit.sim.vehicle import test_buoyancy as floats
-from tools.validations.sheet import SHADES, WRONG, Finding, Sheet, above, below, label, ours, theirs
+from tools.validations.sheet import SHADES, WRONG, Finding, Sheet, above, below, label, plot_own, plot_ref
 
 HEIGHT, AMPLITUDE, DT = 0.234, 0.02, 0.001
 
@@ -48,14 +48,16 @@ def _bobbing(trace: Axes, periods: Axes) -> list[Finding]:
     runs = {added: _bob(added) for added in masses}
     measured = {added: _period(depths) for added, depths in runs.items()}
     for added, color in ((9.24, SHADES[0]), (60.0, SHADES[2])):
-        ours(trace, [i * DT for i in range(2501)], [1e3 * z for z in runs[added][:2501]], f"ours, {added:g} kg", color)
+        plot_own(
+            trace, [i * DT for i in range(2501)], [1e3 * z for z in runs[added][:2501]], f"ours, {added:g} kg", color
+        )
         times = [0.05 * i for i in range(51)]
         cosine = [1e3 * AMPLITUDE * cos(2.0 * pi * t / _theory(added)) for t in times]
-        theirs(trace, times, cosine, "theory" if added == 60.0 else "_")
+        plot_ref(trace, times, cosine, "theory" if added == 60.0 else "_")
     trace.set_ylim(-24.0, 40.0)
     label(trace, "time (s)", "depth (mm)", "bobbing, by added mass", legend="upper right")
-    ours(periods, masses, list(measured.values()))
-    theirs(periods, masses, [_theory(added) for added in masses], "theory", size=8.0)
+    plot_own(periods, masses, list(measured.values()))
+    plot_ref(periods, masses, [_theory(added) for added in masses], "theory", size=8.0)
     label(periods, "added mass (kg)", "period (s)")
     away = max(abs(measured[added] / _theory(added) - 1.0) for added in (0.0, 9.24, 60.0))
     test = "unit/sim/vehicle/test_buoyancy.py::test_bobbing_has_its_period"
@@ -86,7 +88,7 @@ def _lift(axes: Axes) -> list[Finding]:
         (matrix(from_euler(0.7, -0.4, 0.2)), "ours, heeled 40°", SHADES[2]),
     ):
         shares = [hull.buoyancy(depth, attitude)[0] / hull.full for depth in depths]
-        ours(axes, depths, shares, name, color)
+        plot_own(axes, depths, shares, name, color)
         jumps.append(floats.largest_jump(shares))
     axes.set_xlim(-0.25, 0.25)
     label(axes, "depth of the middle (m)", "lift (share of full)", "lift", legend="upper left")

@@ -8,7 +8,7 @@ from matplotlib.axes import Axes
 
 from hil.autonomy.control.allocation import pseudo_inverse
 from tests.unit.autonomy import test_allocation as sharing
-from tools.validations.sheet import OURS, WRONG, Finding, Sheet, above, below, label, theirs
+from tools.validations.sheet import OURS, WRONG, Finding, Sheet, above, below, label, plot_ref
 
 FILE = "unit/autonomy/test_allocation.py"
 DEMAND = 200.0  # N: more than the thrusters can produce
@@ -31,8 +31,8 @@ def allocation(panels: Sequence[Axes]) -> list[Finding]:
             headings, [_heading_error(m, h) for m, h in zip(made, headings, strict=True)], color=color, label=name
         )
     requested = [_requested_wrench(heading) for heading in headings[10:180:20]]
-    theirs(rays, [0.9 * w[1] for w in requested], [0.9 * w[0] for w in requested], "demanded direction", size=7.0)
-    theirs(turn, headings[::6], [0.0] * 31, "demanded")
+    plot_ref(rays, [0.9 * w[1] for w in requested], [0.9 * w[0] for w in requested], "demanded direction", size=7.0)
+    plot_ref(turn, headings[::6], [0.0] * 31, "demanded")
     rays.set_aspect("equal", "datalim")
     turn.set_ylim(-26.0, 45.0)
     label(rays, "sway force (N)", "surge force (N)", legend="")

@@ -12,7 +12,7 @@ from sim.vehicle.battery import Battery, BatteryPack
 from sim.vehicle.thrusters.t200 import VOLTS, performance
 from sim.vehicle.vehicle import Vehicle, load_vehicle
 from tests.unit.sim.vehicle import test_battery as supply
-from tools.validations.sheet import SHADES, Finding, Sheet, below, label, near, ours, theirs
+from tools.validations.sheet import SHADES, Finding, Sheet, below, label, near, plot_own, plot_ref
 
 FILE = "unit/sim/vehicle/test_battery.py"
 
@@ -39,11 +39,11 @@ def _sag(voltage: Axes, thrust: Axes, vehicle: Vehicle) -> list[Finding]:
             thrusts.append(thrusters.thrusts[0])
             solved.append(16.8 - 0.05 * count * performance(pulse, state.voltage).current)
         away = max(away, *(abs(a / b - 1.0) for a, b in zip(volts, solved, strict=True)))
-        ours(voltage, pulses, volts, f"ours, {count} thrusters", color)
-        theirs(voltage, pulses[::4], solved[::4], "16.8 V - 0.05 Ω × table's current" if count == 6 else "_")
-        ours(thrust, pulses, thrusts, f"ours, {count} thrusters", color)
+        plot_own(voltage, pulses, volts, f"ours, {count} thrusters", color)
+        plot_ref(voltage, pulses[::4], solved[::4], "16.8 V - 0.05 Ω × table's current" if count == 6 else "_")
+        plot_own(thrust, pulses, thrusts, f"ours, {count} thrusters", color)
     full = [performance(pulse, 16.8).thrust for pulse in pulses]
-    theirs(thrust, pulses[::2], full[::2], "table, 16.8 V")
+    plot_ref(thrust, pulses[::2], full[::2], "table, 16.8 V")
     label(voltage, "pulse (µs)", "voltage (V)", legend="lower left")
     label(thrust, "pulse (µs)", "thrust of each (N)", legend="upper left")
     test = f"{FILE}::test_the_voltage_solves_the_circuit"
@@ -66,8 +66,8 @@ def _emptied(axes: Axes) -> Finding:
         volts.append(pack.state.voltage)
         open_circuit.append(before)
         given += before * pack.state.current * dt
-    ours(axes, times[:-1:20], volts[:-1:20], "ours, at the terminals")
-    theirs(axes, times[::600], open_circuit[::600], "open circuit, by the charge left")
+    plot_own(axes, times[:-1:20], volts[:-1:20], "ours, at the terminals")
+    plot_ref(axes, times[::600], open_circuit[::600], "open circuit, by the charge left")
     label(axes, "time (min)", "voltage (V)", "two T200 at 1700 µs", legend="lower left")
     what = "energy of the cells from full to empty"
     return near(what, given / 3600.0, 20.0, f"{FILE}::test_the_battery_energy_is_balanced", "Wh", rel=2e-4)

@@ -12,16 +12,16 @@ from sim.rotations import from_euler, to_euler
 from sim.vehicle.vehicle import Vehicle
 from tests.unit.sim.test_dynamics import Tow
 from tests.unit.sim.test_von_benzon import CASES, CURRENT, DEEP, DENSITY, GRAVITY, HEAVY, LeftOut, Row, pick, rows_of
-from tools.validations.sheet import SHADES, WRONG, Finding, Sheet, above, below, label, near, ours, theirs, ticks
+from tools.validations.sheet import SHADES, WRONG, Finding, Sheet, above, below, label, near, plot_own, plot_ref, ticks
 
 STILL, NOTHING = (0.0, 0.0, 0.0), (0.0,) * 6
 REFERENCE = "others' code, Octave"
 VON_BENZON = "unit/sim/test_von_benzon.py"
 
 
-def difference(found: Sequence[float], expected: Sequence[float]) -> float:
+def difference(values: Sequence[float], expected: Sequence[float]) -> float:
     """Return the largest difference; for expected values above 1, as a share of them. The tests use the same."""
-    return max(abs(a - b) / max(1.0, abs(b)) for a, b in zip(found, expected, strict=True))
+    return max(abs(a - b) / max(1.0, abs(b)) for a, b in zip(values, expected, strict=True))
 
 
 # -- derivatives ------------------------------------------------------------------------------------------------------
@@ -133,14 +133,14 @@ def trajectories(panels: Sequence[Axes]) -> list[Finding]:
 def _panel(axes: Axes, name: str, title: str, key: str, flown: list[tuple[float, dict[str, float]]]) -> None:
     rows = reference(name)
     if key == TRACK:
-        ours(axes, [s["y"] for _, s in flown], [s["x"] for _, s in flown])
-        theirs(axes, [float(row["y"]) for row in rows], [float(row["x"]) for row in rows], REFERENCE)
+        plot_own(axes, [s["y"] for _, s in flown], [s["x"] for _, s in flown])
+        plot_ref(axes, [float(row["y"]) for row in rows], [float(row["x"]) for row in rows], REFERENCE)
         axes.set_aspect("equal", "datalim")
         label(axes, "east (m)", "north (m)", title, legend="")
         return
     scale = degrees(1.0) if key == "phi" else 1.0
-    ours(axes, [t for t, _ in flown], [scale * s[key] for _, s in flown])
-    theirs(axes, [float(row["t"]) for row in rows], [scale * float(row[key]) for row in rows], REFERENCE)
+    plot_own(axes, [t for t, _ in flown], [scale * s[key] for _, s in flown])
+    plot_ref(axes, [float(row["t"]) for row in rows], [scale * float(row[key]) for row in rows], REFERENCE)
     shown = {"phi": "roll"}.get(key, key)
     label(axes, "time (s)", f"{shown} ({UNITS[key]})", title, legend="center" if key == "r" else "")
 
@@ -156,8 +156,8 @@ def published_speeds(panels: Sequence[Axes]) -> list[Finding]:
     rows = (("surge", 85.0, 0.72, 0.015), ("sway", 85.0, 0.63, 0.01), ("heave", 120.0, 0.71, 0.01))
     for axis, (name, force, published, rel) in enumerate(rows):
         times, speeds = _speeds(axis, force)
-        ours(axes, times, speeds, f"ours, {name} {force:g} N", SHADES[axis])
-        theirs(axes, [1.7 + 0.1 * axis], [published], "_" if axis else "table 4", size=10.0)
+        plot_own(axes, times, speeds, f"ours, {name} {force:g} N", SHADES[axis])
+        plot_ref(axes, [1.7 + 0.1 * axis], [published], "_" if axis else "table 4", size=10.0)
         axes.annotate(name, (1.7 + 0.1 * axis, published), (0, -13), textcoords="offset points", ha="center")
         what = f"{name} at {force:g} N"
         test = f"{VON_BENZON}::test_top_speeds_equal_the_published_ones"
@@ -198,12 +198,12 @@ def convergence(panels: Sequence[Axes]) -> list[Finding]:
         errors = errors_by_step(HEAVY, integrator)
         axes.loglog(steps, errors, "o-", color=color, markersize=3, label=f"ours, {name}")
         guide = [errors[2] * (step / steps[2]) ** order for step in steps]
-        theirs(axes, steps, guide, "theory: step², step⁴" if order == 2 else "_")
+        plot_ref(axes, steps, guide, "theory: step², step⁴" if order == 2 else "_")
         ratio = errors[1] / errors[2]
         what = f"{name}: error over that by half the step (order {log2(ratio):.2f})"
         findings.append(above(what, ratio, 0.75 * 2**order, test))
     linear = errors_by_step(LINEAR, "rk4")
-    ours(axes, steps, linear, "ours, RK4, linear drag alone", SHADES[2])
+    plot_own(axes, steps, linear, "ours, RK4, linear drag alone", SHADES[2])
     ticks(axes.xaxis, steps)
     label(axes, "step (ms)", "error after 2 s (m, m/s, rad/s)")
     four = "unit/tools/test_validation.py::test_runge_kutta_is_of_fourth_order_with_linear_drag"

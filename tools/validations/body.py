@@ -16,7 +16,7 @@ from sim.vehicle.vehicle import load_vehicle
 from tests.unit.sim.environment import test_contact as contacts
 from tests.unit.sim.test_dynamics import DEEP, HEAVY, NOTHING, STILL, undamped
 from tests.unit.sim.vehicle import test_surfaces as surfaces
-from tools.validations.sheet import SHADES, Finding, Sheet, above, below, label, near, ours, theirs, ticks, wrong
+from tools.validations.sheet import SHADES, Finding, Sheet, above, below, label, near, plot_own, plot_ref, ticks, wrong
 
 Energies = list[float]
 
@@ -72,9 +72,9 @@ def _turning(integrator: Integrator, dt: float, forces: Sequence[Force] = ()) ->
 def _free_body(axes: Axes) -> list[Finding]:
     times = [0.1 * i for i in range(101)]
     energies = _turning("rk4", 0.01)
-    ours(axes, times, energies, "ours, RK4, 10 ms", SHADES[0])
-    ours(axes, times, _turning("verlet", 0.0025), "ours, Verlet, 2.5 ms", SHADES[2])
-    theirs(axes, times[::5], [1.0] * len(times[::5]), "theory")
+    plot_own(axes, times, energies, "ours, RK4, 10 ms", SHADES[0])
+    plot_own(axes, times, _turning("verlet", 0.0025), "ours, Verlet, 2.5 ms", SHADES[2])
+    plot_ref(axes, times[::5], [1.0] * len(times[::5]), "theory")
     red = _turning("rk4", 0.01, [WrongSign(19.5)])
     wrong(axes, times[: len(red)], red, "a wrong sign in C")
     axes.set_ylim(0.4, 2.2)
@@ -141,10 +141,10 @@ def added_mass(panels: Sequence[Axes]) -> list[Finding]:
         wrong(acceleration, steps, red[added], f"as a force, {added:g} kg", style)
     accelerations, speeds = _pushed()
     acceleration.set_yscale("log")
-    ours(acceleration, steps, accelerations[:15], "ours, 60 kg")
-    theirs(acceleration, [1], [10.0 / 70.0], "theory: 10 N / 70 kg", size=9.0)
+    plot_own(acceleration, steps, accelerations[:15], "ours, 60 kg")
+    plot_ref(acceleration, [1], [10.0 / 70.0], "theory: 10 N / 70 kg", size=9.0)
     label(acceleration, "step", "size of the acceleration (m/s²)", legend="upper left")
-    ours(speed, [0.01 * i for i in range(1, 1501)], speeds)
+    plot_own(speed, [0.01 * i for i in range(1, 1501)], speeds)
     settled = sqrt(10.0 / 30.0 + (1.0 / 60.0) ** 2) - 1.0 / 60.0
     speed.axhline(settled, color="k", linestyle=":", label="theory: where drag is 10 N")
     label(speed, "time (s)", "speed ahead (m/s)", legend="lower right")
@@ -192,7 +192,7 @@ def _largest_speed() -> float:
 
 # -- collisions --------------------------------------------------------------------------------------------------------
 
-PLACES = {
+POSITIONS = {
     "on the seabed": (-8.0, -8.0, 2.0), "on a stump": (-5.0, 0.1, 2.0), "on its edge": (-5.0, 1.6, 2.0),
     "along a box": (0.0, 4.9, 2.0),
 }  # fmt: skip
@@ -203,11 +203,11 @@ def collisions(panels: Sequence[Axes]) -> list[Finding]:
     contact never adds energy, whatever the time step, because it is computed by impulses and not by a stiff spring."""
     depth, total = panels
     rise = -inf
-    for (name, place), color in zip(PLACES.items(), SHADES, strict=True):
+    for (name, place), color in zip(POSITIONS.items(), SHADES, strict=True):
         depths, energies = _fall(place)
         times = [0.0025 * i for i in range(len(depths))]
-        ours(depth, times, depths, f"ours, {name}", color)
-        ours(total, times, energies, color=color)
+        plot_own(depth, times, depths, f"ours, {name}", color)
+        plot_own(total, times, energies, color=color)
         rise = max(rise, *(after - before for before, after in pairwise(energies)))
     depth.invert_yaxis()
     label(depth, "time (s)", "depth of the middle (m)", legend="upper right")
@@ -216,11 +216,11 @@ def collisions(panels: Sequence[Axes]) -> list[Finding]:
     return [below("largest rise of energy in a step", rise, 1e-5, test, "J")]
 
 
-def _fall(place: Sequence[float]) -> tuple[list[float], Energies]:
+def _fall(position: Sequence[float]) -> tuple[list[float], Energies]:
     vehicle, world = contacts.sinking(), contacts.SEA
     dynamics = Dynamics(vehicle, world.density, world.gravity, "rk4")
     contact = Contact(vehicle, world, dynamics.inverse_mass, 0.0025)
-    state, depths, energies = State(place, nu=(0.3, -0.4, 0.0, 0.0, 0.0, 0.0)), [], []
+    state, depths, energies = State(position, nu=(0.3, -0.4, 0.0, 0.0, 0.0, 0.0)), [], []
     excess = dynamics.weight - dynamics.hull.full
     for _ in range(4000):
         dynamics.step(state, NOTHING, STILL, 0.0025)

@@ -11,7 +11,7 @@ from sim.dynamics import Dynamics, State
 from sim.sensors.error import ErrorModel, ErrorProcess
 from sim.vehicle.vehicle import Vehicle
 from tests.unit.sim.test_known_defects import DEEP, HEAVY, NOTHING, STILL
-from tools.validations.sheet import OURS, SHADES, WRONG, Finding, Sheet, above, label, near, ours, theirs, wrong
+from tools.validations.sheet import OURS, SHADES, WRONG, Finding, Sheet, above, label, near, plot_own, plot_ref, wrong
 
 FILE = "unit/sim/test_known_defects.py"
 
@@ -49,8 +49,8 @@ def _drag(axes: Axes) -> Finding:
         return -dynamics.forces(State((0.0, 0.0, DEEP), nu=[u] + [0.0] * 5), NOTHING, STILL).quadratic_damping[0]
 
     wrong(axes, speeds, [141.0 * int(abs(u)) * u for u in speeds], "gz-sim, abs() of whole numbers")
-    ours(axes, speeds, [quadratic(u) for u in speeds])
-    theirs(axes, speeds[::10], [141.0 * u * u for u in speeds[::10]], "theory: 141 u²")
+    plot_own(axes, speeds, [quadratic(u) for u in speeds])
+    plot_ref(axes, speeds[::10], [141.0 * u * u for u in speeds[::10]], "theory: 141 u²")
     label(axes, "speed ahead (m/s)", "quadratic drag (N)", "BlueROV2 Heavy", legend="upper left")
     test = f"{FILE}::test_coriolis_is_skew_symmetric"
     return near("quadratic drag at 0.5 m/s", quadratic(0.5), 141.0 * 0.25, test, "N", rel=1e-6)
@@ -61,7 +61,7 @@ def _start(axes: Axes) -> list[Finding]:
     averaged = HEAVY._replace(added_mass=(mean,) * 3 + HEAVY.added_mass[3:])
     times = [0.02 * i for i in range(51)]
     for axis, name, color in ((0, "surge", SHADES[2]), (2, "heave", SHADES[0])):
-        ours(axes, times, _run(HEAVY, axis), f"ours, {name}", color)
+        plot_own(axes, times, _run(HEAVY, axis), f"ours, {name}", color)
         wrong(axes, times, _run(averaged, axis), f"one mean, {name}", "-" if axis else "--")
     label(axes, "time (s)", "speed (m/s)", "10 N, from rest", legend="lower right")
     weight = (13.5 - 13.4) * 9.82

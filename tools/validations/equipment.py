@@ -13,7 +13,7 @@ from sim.vehicle.vehicle import Vehicle, load_vehicle
 from tests.unit.sim.vehicle import test_ballast as ballast
 from tests.unit.sim.vehicle import test_surfaces as held
 from tests.unit.sim.vehicle.test_surfaces import RHO, RUDDER, wrench
-from tools.validations.sheet import SHADES, Finding, Sheet, below, label, near, ours, theirs
+from tools.validations.sheet import SHADES, Finding, Sheet, below, label, near, plot_own, plot_ref
 
 FILE, BALLAST = "unit/sim/vehicle/test_surfaces.py", "unit/sim/vehicle/test_ballast.py"
 BROADSIDE = 1.17  # Hoerner's square plate
@@ -34,14 +34,14 @@ def _polar(axes: Axes) -> list[Finding]:
     polar = RUDDER.polar
     angles = [0.005 * i for i in range(315)]
     coefficients = [polar.at(angle) for angle in angles]
-    ours(axes, [degrees(a) for a in angles], [lift for lift, _ in coefficients], "ours, lift", SHADES[0])
-    ours(axes, [degrees(a) for a in angles], [drag for _, drag in coefficients], "ours, drag", SHADES[2])
+    plot_own(axes, [degrees(a) for a in angles], [lift for lift, _ in coefficients], "ours, lift", SHADES[0])
+    plot_own(axes, [degrees(a) for a in angles], [drag for _, drag in coefficients], "ours, drag", SHADES[2])
     wing, plate = [0.05 * i for i in range(7)], [0.5 + 0.05 * i for i in range(22)]
     lift = [polar.lift_slope * a for a in wing] + [0.5 * BROADSIDE * sin(2.0 * a) for a in plate]
     drag = [0.01 + (polar.lift_slope * a) ** 2 / (pi * 0.9 * 2.0) for a in wing]
     drag += [0.01 + BROADSIDE * sin(a) ** 2 for a in plate]
-    theirs(axes, [degrees(a) for a in wing + plate], lift, "theory: wing, flat plate")
-    theirs(axes, [degrees(a) for a in wing + plate], drag, "_")
+    plot_ref(axes, [degrees(a) for a in wing + plate], lift, "theory: wing, flat plate")
+    plot_ref(axes, [degrees(a) for a in wing + plate], drag, "_")
     label(axes, "angle of attack (deg)", "coefficient", legend="upper left")
     test, highest = f"{FILE}::test_a_fin_stalls_beyond_its_angle", 0.6 * pi / (1.0 + sqrt(2.0))
     return [
@@ -52,10 +52,10 @@ def _polar(axes: Axes) -> list[Finding]:
 
 def _slopes(axes: Axes) -> list[Finding]:
     ratios = [0.05 * 1.15**i for i in range(72)]
-    ours(axes, ratios, [lift_slope(ratio) for ratio in ratios])
+    plot_own(axes, ratios, [lift_slope(ratio) for ratio in ratios])
     stubs, wings = [r for r in ratios[::3] if r < 0.5], [r for r in ratios[::3] if r > 200.0]
-    theirs(axes, stubs, [0.5 * pi * ratio for ratio in stubs], "theory: short (Jones), thin aerofoil")
-    theirs(axes, wings, [2.0 * pi for _ in wings], "_")
+    plot_ref(axes, stubs, [0.5 * pi * ratio for ratio in stubs], "theory: short (Jones), thin aerofoil")
+    plot_ref(axes, wings, [2.0 * pi for _ in wings], "_")
     axes.set_xscale("log")
     label(axes, "aspect ratio", "lift slope (1/rad)", legend="upper left")
     test = f"{FILE}::test_known_wings_have_their_lift_slope"
@@ -94,12 +94,12 @@ def hull(panels: Sequence[Axes]) -> list[Finding]:
 def _lift(axes: Axes) -> list[Finding]:
     angles = [0.01 * i for i in range(90)]
     across, along = zip(*(_hull_force(angle) for angle in angles), strict=True)
-    ours(axes, [degrees(a) for a in angles], across, "ours, lift", SHADES[0])
-    ours(axes, [degrees(a) for a in angles], along, "ours, drag", SHADES[2])
+    plot_own(axes, [degrees(a) for a in angles], across, "ours, lift", SHADES[0])
+    plot_own(axes, [degrees(a) for a in angles], along, "ours, drag", SHADES[2])
     dots = [0.06 * i for i in range(11)]
     expected = [_hull_theory(angle) for angle in dots]
     for values, name in zip(zip(*expected, strict=True), ("theory, before stall", "_"), strict=True):
-        theirs(axes, [degrees(a) for a in dots], values, name)
+        plot_ref(axes, [degrees(a) for a in dots], values, name)
     label(axes, "angle of the flow (deg)", "force (N)", "hull lift", legend="upper left")
     force, (up, drag) = _hull_force(0.1), _hull_theory(0.1)
     test = f"{FILE}::test_hull_lift_has_its_value_at_an_angle"
@@ -131,8 +131,8 @@ def _munk(axes: Axes) -> Finding:
         moments = [_moment_to_broadside(dynamics, 1.5, sway) for sway in sways]
         theory = [share * ideal * 1.5 * sway for sway in sways]
         worst = max(worst, *(abs(a - b) / (ideal * 1.5 * sways[-1]) for a, b in zip(moments, theory, strict=True)))
-        ours(axes, sways, moments, f"ours, share {share:g}", color)
-        theirs(axes, sways, theory, "theory" if share == 0.0 else "_")
+        plot_own(axes, sways, moments, f"ours, share {share:g}", color)
+        plot_ref(axes, sways, theory, "theory" if share == 0.0 else "_")
     label(axes, "sway at 1.5 m/s ahead (m/s)", "moment to broadside (N m)", "Munk moment", legend="upper left")
     test = "unit/sim/test_dynamics.py::test_the_munk_moment_scales_with_its_share"
     return below("Munk moment away from its share of the ideal one (share)", worst, 1e-6, test)
@@ -149,12 +149,12 @@ def _cross_flow(axes: Axes) -> list[Finding]:
     rates = [0.05 * i for i in range(21)]
     yaw = [-wrench(drag, 0.0, 0.0, 0.0, 0.0, 0.0, r)[5] for r in rates]
     side = [-wrench(drag, 1.0, v)[1] for v in rates]
-    ours(axes, rates, yaw, "ours, moment by yaw rate", SHADES[0])
-    ours(axes, rates, [0.1 * y for y in side], "ours, force by sway / 10", SHADES[2])
+    plot_own(axes, rates, yaw, "ours, moment by yaw rate", SHADES[0])
+    plot_own(axes, rates, [0.1 * y for y in side], "ours, force by sway / 10", SHADES[2])
     theory = [0.5 * RHO * 1.1 * 0.3 * r * r * 2.0**4 / 32.0 for r in rates]
     sideways = [0.5 * RHO * 1.1 * 0.3 * 2.0 * v * v for v in rates]
-    theirs(axes, rates[::2], theory[::2], "theory")
-    theirs(axes, rates[::2], [0.1 * y for y in sideways[::2]], "_")
+    plot_ref(axes, rates[::2], theory[::2], "theory")
+    plot_ref(axes, rates[::2], [0.1 * y for y in sideways[::2]], "_")
     label(axes, "yaw rate (rad/s) or sway (m/s)", "drag (N m or N / 10)", "cross flow", legend="upper left")
     test = f"{FILE}::test_cross_flow_drag_acts_on_sway_and_yaw"
     return [
@@ -196,7 +196,7 @@ def _drop(axes: Axes) -> list[Finding]:
     vehicle = ballast.BARE._replace(drop_weights=(weight,))
     times, speeds = _heave(vehicle, [(1500, 5.0), (1900, 85.0)], "keel")
     terminal = sqrt(2.0 * 9.8 / DRAG)
-    ours(axes, times[:151], [-w for w in speeds[:151]])
+    plot_own(axes, times[:151], [-w for w in speeds[:151]])
     axes.axhline(terminal, color="k", linestyle=":", label="theory: √(2 kg g / drag)")
     label(axes, "time (s)", "speed up (m/s)", "2 kg dropped at 5 s", legend="lower right")
     test = f"{BALLAST}::test_a_vehicle_rises_after_release_as_its_remaining_mass_allows"
@@ -212,7 +212,7 @@ def _drop(axes: Axes) -> list[Finding]:
 def _engine(axes: Axes) -> list[Finding]:
     vehicle = ballast.BARE._replace(buoyancy_engine=ballast.ENGINE._replace(rate=1e-4))
     times, speeds = _heave(vehicle, [(1900, 120.0), (1100, 120.0)], "buoyancy_engine")
-    ours(axes, times, [-w for w in speeds])
+    plot_own(axes, times, [-w for w in speeds])
     test = f"{BALLAST}::test_a_buoyancy_engine_gives_the_speed_of_its_lift"
     findings = []
     for volume, sign, second, name in ((455e-6, 1.0, 120, "full"), (420e-6, -1.0, 240, "empty")):
@@ -239,10 +239,10 @@ def _bobbing(axes: Axes) -> Finding:
             crossings.append(times[-1])
     inertia, plane = vehicle.mass + vehicle.added_mass[2], vehicle.mass / 1025.0 / height
     theory = 2.0 * pi * sqrt(inertia / (WATER * plane))
-    ours(axes, times[:601], [1e3 * z for z in depths[:601]])
+    plot_own(axes, times[:601], [1e3 * z for z in depths[:601]])
     dots = [crossings[0] + 0.15 * i for i in range(-8, 31)]
     size = 1e3 * max(depths)
-    theirs(axes, dots, [size * sin(2.0 * pi * (t - crossings[0]) / theory) for t in dots], "theory")
+    plot_ref(axes, dots, [size * sin(2.0 * pi * (t - crossings[0]) / theory) for t in dots], "theory")
     axes.set_ylim(-12.0, 17.0)
     label(axes, "time (s)", "depth about its draught (mm)", "afloat on 30 l", legend="upper right")
     period = (crossings[-1] - crossings[0]) / (len(crossings) - 1)

@@ -11,7 +11,7 @@ from sim.vehicle.body_lift import CrossFlowDrag, SlowDamping
 from sim.vehicle.fins import FinSet
 from tests.unit.sim import test_remus as held
 from tests.unit.sim.test_remus import GRAVITY, REMUS, SAMPLES, Run, Six, add, rows_of
-from tools.validations.sheet import OURS, Finding, Sheet, below, label, near, ours, theirs
+from tools.validations.sheet import OURS, Finding, Sheet, below, label, near, plot_own, plot_ref
 
 AXES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
 SHARES = (0.013, 0.098, 0.072, 0.010, 0.096, 0.139)  # as in the test
@@ -90,8 +90,8 @@ def _surge_step(axes: Axes) -> list[Finding]:
     for _ in range(10 * (len(rows) - 1)):
         run.step(0.1)
         speeds.append(run.nu[0])
-    ours(axes, [0.1 * i for i in range(101)], speeds[:101])
-    theirs(axes, [row["t"] for row in rows[:11]], [row["u"] for row in rows[:11]], MSS)
+    plot_own(axes, [0.1 * i for i in range(101)], speeds[:101])
+    plot_ref(axes, [row["t"] for row in rows[:11]], [row["u"] for row in rows[:11]], MSS)
     label(axes, "time (s)", "u (m/s)", "1525 rpm from rest", legend="lower right")
     test = f"{FILE}::test_a_surge_step_follows_mss"
     away = max(abs(a - row["u"]) for a, row in zip(speeds[::10], rows, strict=True))
@@ -108,8 +108,8 @@ def _turning_circle(axes: Axes) -> list[Finding]:
         track.append((run.position[0], run.position[1]))
     last = rows[-1]
     shown = slice(15, 65)
-    ours(axes, [east for _, east in track[shown]], [north for north, _ in track[shown]])
-    theirs(axes, [row["y"] for row in rows[shown]], [row["x"] for row in rows[shown]], MSS)
+    plot_own(axes, [east for _, east in track[shown]], [north for north, _ in track[shown]])
+    plot_ref(axes, [row["y"] for row in rows[shown]], [row["x"] for row in rows[shown]], MSS)
     axes.set_aspect("equal", "datalim")
     label(axes, "east (m)", "north (m)", "20° of rudder at 1200 rpm", legend="center")
     test = f"{FILE}::test_a_turning_circle_follows_mss"
@@ -134,8 +134,8 @@ def _zigzag(axes: Axes) -> list[Finding]:
             away = max(away, dist(run.position[:2], (row["x"], row["y"])))
         if headings[-1] * side > radians(20.0) * 20.0:
             side = -side
-    ours(axes, times[:1251], [degrees(x) for x in headings[:1251]])
-    theirs(axes, [row["t"] for row in rows[20:71]], [degrees(row["psi"]) for row in rows[20:71]], MSS)
+    plot_own(axes, times[:1251], [degrees(x) for x in headings[:1251]])
+    plot_ref(axes, [row["t"] for row in rows[20:71]], [degrees(row["psi"]) for row in rows[20:71]], MSS)
     label(axes, "time (s)", "heading (deg)", "zig-zag 20/20", legend="")
     test = f"{FILE}::test_a_zigzag_follows_mss"
     return [
@@ -149,8 +149,8 @@ def _dive(axes: Axes) -> list[Finding]:
     for second in range(80):
         run.step(1.0, planes=5.0 if second >= 20 else 0.0)
         depths.append(run.position[2] - 50.0)
-    ours(axes, list(range(81)), depths)
-    theirs(axes, [row["t"] for row in rows[::4]], [row["z"] for row in rows[::4]], MSS)
+    plot_own(axes, list(range(81)), depths)
+    plot_ref(axes, [row["t"] for row in rows[::4]], [row["z"] for row in rows[::4]], MSS)
     axes.invert_yaxis()
     label(axes, "time (s)", "depth (m)", "5° of planes", legend="")
     test = f"{FILE}::test_a_dive_follows_mss"

@@ -27,8 +27,8 @@ from tools.validations.sheet import (
     below,
     label,
     near,
-    ours,
-    theirs,
+    plot_own,
+    plot_ref,
     ticks,
     wrong,
 )
@@ -54,7 +54,7 @@ def _bias(axes: Axes) -> list[Finding]:
     axes.loglog(rates, grown, "s--", color=WRONG, markersize=3, label="uuv_simulator (over that at 10 Hz)")
     axes.loglog(rates, hector, "o-", color=WRONG, markersize=3, label="hector_gazebo")
     axes.loglog(rates, own, "o-", color=OURS, markersize=3, label="ours")
-    theirs(axes, rates, [1.0] * 5, "demanded", size=3.0)
+    plot_ref(axes, rates, [1.0] * 5, "demanded", size=3.0)
     axes.set_ylim(0.02, 60.0)
     label(axes, "sampling rate (Hz)", "sd of the bias over the demanded one", legend="upper left")
     test = f"{ERROR}::test_a_bias_has_its_size_at_every_rate"
@@ -73,7 +73,7 @@ def _density(axes: Axes) -> Finding:
         values = errors.series(ErrorModel(noise_density=0.3), rate, 300.0)
         deviations.append(pstdev(values))
     axes.loglog(rates, deviations, "o-", color=OURS, markersize=3, label="ours")
-    theirs(axes, rates, [0.3 * sqrt(rate) for rate in rates], "theory: density × √rate", size=3.0)
+    plot_ref(axes, rates, [0.3 * sqrt(rate) for rate in rates], "theory: density × √rate", size=3.0)
     ticks(axes.yaxis, (1.0, 2.0, 5.0, 10.0))
     label(axes, "sampling rate (Hz)", "sd of a sample, density 0.3 /√Hz", legend="upper left")
     away = max(abs(x / (0.3 * sqrt(rate)) - 1.0) for x, rate in zip(deviations, rates, strict=True))
@@ -92,14 +92,14 @@ def allan(panels: Sequence[Axes]) -> list[Finding]:
     white, bias = panels
     taus = [0.04 * 1.5**i for i in range(22)]
     deviations = _deviation(ErrorModel(noise_density=DENSITY), taus)
-    ours(white, taus, deviations)
-    theirs(white, taus, [_white(tau) for tau in taus], "theory: N / √τ")
+    plot_own(white, taus, deviations)
+    plot_ref(white, taus, [_white(tau) for tau in taus], "theory: N / √τ")
     away = {"white": [abs(a / _white(tau) - 1.0) for a, tau in zip(deviations, taus, strict=True) if 0.08 < tau < 11.0]}
     for density, color, name in ((0.0, SHADES[0], "bias"), (0.05, SHADES[2], "bias and noise")):
         deviations = _deviation(ErrorModel(bias=SIZE, bias_time=TIME, noise_density=density), taus)
         theory = [sqrt(_gauss_markov(tau) ** 2 + density**2 / tau) for tau in taus]
-        ours(bias, taus, deviations, f"ours, {name}", color)
-        theirs(bias, taus, theory, "_" if density else "theory: Gauss-Markov, and N / √τ")
+        plot_own(bias, taus, deviations, f"ours, {name}", color)
+        plot_ref(bias, taus, theory, "_" if density else "theory: Gauss-Markov, and N / √τ")
         away[name] = [abs(a / b - 1.0) for a, b, tau in zip(deviations, theory, taus, strict=True) if 0.5 < tau < 60.0]
     for axes in panels:
         axes.loglog()
@@ -144,8 +144,8 @@ def dvl(panels: Sequence[Axes]) -> list[Finding]:
     red = [_mean_slant(log, _tilted(tilt, 0.0)) for tilt in tilts]
     altitudes = [log.sample(0, _tilted(tilt, 0.0)).altitude for tilt in tilts]
     wrong(axes, [degrees(tilt) for tilt in tilts], red, "mean slant range (uuv_simulator)")
-    ours(axes, [degrees(tilt) for tilt in tilts], altitudes, "ours, altitude")
-    theirs(axes, [degrees(tilt) for tilt in tilts[::4]], [20.0] * 16, "true height")
+    plot_own(axes, [degrees(tilt) for tilt in tilts], altitudes, "ours, altitude")
+    plot_ref(axes, [degrees(tilt) for tilt in tilts[::4]], [20.0] * 16, "true height")
     slant = 20.0 / cos(radians(25.0))
     axes.axhline(slant, color="k", linestyle=":", linewidth=0.8, label="20 m / cos 25°")
     axes.set_ylim(18.0, 34.0)

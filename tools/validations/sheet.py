@@ -19,7 +19,7 @@ class Finding(NamedTuple):
     """
 
     what: str
-    found: str
+    result: str
     bound: str
     test: str
     holds: bool
@@ -67,12 +67,12 @@ def _text(value: float, unit: str, digits: int = 3) -> str:
     return f"{value:.{digits}g} {unit}".rstrip()
 
 
-def ours(axes: Axes, x: Sequence[float], y: Sequence[float], label: str = "ours", color: str = OURS) -> None:
+def plot_own(axes: Axes, x: Sequence[float], y: Sequence[float], label: str = "ours", color: str = OURS) -> None:
     """Plot values of this simulator as a line."""
     axes.plot(x, y, color=color, label=label)
 
 
-def theirs(axes: Axes, x: Sequence[float], y: Sequence[float], label: str, size: float = 4.0) -> None:
+def plot_ref(axes: Axes, x: Sequence[float], y: Sequence[float], label: str, size: float = 4.0) -> None:
     """Plot reference values, others' numbers or theory, as black dots."""
     axes.plot(x, y, "k.", markersize=size, label=label)
 

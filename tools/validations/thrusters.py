@@ -11,7 +11,7 @@ from sim.vehicle.vehicle import load_vehicle
 from tests.unit.sim import test_remus as remus
 from tests.unit.sim.vehicle import test_thruster_curves as curves
 from tests.unit.sim.vehicle.test_thruster_lags import BESSA, FULL, PI, YOERGER, reference_speed, run
-from tools.validations.sheet import SHADES, Finding, Sheet, above, below, label, ours, theirs, wrong
+from tools.validations.sheet import SHADES, Finding, Sheet, above, below, label, plot_own, plot_ref, wrong
 
 CURVES, LAGS = "unit/sim/vehicle/test_thruster_curves.py", "unit/sim/vehicle/test_thruster_lags.py"
 
@@ -27,12 +27,12 @@ def t200(panels: Sequence[Axes]) -> list[Finding]:
     for volts, color in zip((10, 14, 16, 20), reversed(SHADES), strict=True):
         pulses = list(range(1100, 1901, 2))
         performances = [performance(pulse, volts) for pulse in pulses]
-        ours(thrust, pulses, [p.thrust for p in performances], f"ours, {volts} V", color)
-        ours(current, pulses, [p.current for p in performances], f"ours, {volts} V", color)
+        plot_own(thrust, pulses, [p.thrust for p in performances], f"ours, {volts} V", color)
+        plot_own(current, pulses, [p.current for p in performances], f"ours, {volts} V", color)
         points = sorted(pulse for v, pulse in held_out if v == volts)[::4]
         name = "held-out points" if volts == 20 else "_"
-        theirs(thrust, points, [held_out[volts, pulse][0] for pulse in points], name)
-        theirs(current, points, [held_out[volts, pulse][1] for pulse in points], name)
+        plot_ref(thrust, points, [held_out[volts, pulse][0] for pulse in points], name)
+        plot_ref(current, points, [held_out[volts, pulse][1] for pulse in points], name)
     label(thrust, "pulse (µs)", "thrust (N)", legend="upper left")
     label(current, "pulse (µs)", "current (A)", legend="upper center")
     return _t200_findings(held_out)
@@ -70,8 +70,8 @@ def _remus_propeller(axes: Axes) -> Finding:
         ahead = [[speed, 0.0, 0.0, 0.0, 0.0, 0.0] for speed in speeds]
         thrusts = [remus.our_propeller(n, nu)[0] for nu in ahead]
         expected = [remus.their_propeller(n, nu)[0] for nu in ahead]
-        ours(axes, speeds, thrusts, f"ours, {n:g} rev/s", color)
-        theirs(axes, speeds[::3], expected[::3], "MSS" if n == 25.0 else "_")
+        plot_own(axes, speeds, thrusts, f"ours, {n:g} rev/s", color)
+        plot_ref(axes, speeds[::3], expected[::3], "MSS" if n == 25.0 else "_")
         worst = max(worst, *(abs(a / b - 1.0) for a, b in zip(thrusts, expected, strict=True)))
     label(axes, "speed ahead (m/s)", "thrust (N)", "REMUS 100", legend="upper right")
     test = "unit/sim/test_remus.py::test_each_common_term_equals_mss"
@@ -91,8 +91,8 @@ def _open_water(axes: Axes) -> Finding:
             coefficients.append(thrusters.thrusts[0] / (1025.0 * diameter**4 * n * abs(n)))
             expected.append(kt - 0.5 * ratios[-1])
         worst = max(worst, *(abs(a / b - 1.0) for a, b in zip(coefficients, expected, strict=True)))
-        ours(axes, ratios, coefficients, "ours, forward" if n > 0.0 else "ours, reverse", color)
-        theirs(axes, ratios[::2], expected[::2], "KT0 - α J" if n > 0.0 else "_")
+        plot_own(axes, ratios, coefficients, "ours, forward" if n > 0.0 else "ours, reverse", color)
+        plot_ref(axes, ratios[::2], expected[::2], "KT0 - α J" if n > 0.0 else "_")
     label(axes, "advance ratio J", "thrust coefficient KT", "0.076 m, 58.9 rev/s")
     test = f"{CURVES}::test_thrust_falls_with_the_advance_speed"
     return below("thrust coefficient away from KT0 - alpha J (share)", worst, 1e-6, test)
@@ -135,8 +135,8 @@ def _lag(
 ) -> list[Finding]:
     """Draw and check one of the models that uuv_simulator has too."""
     times = [0.005 * i for i in range(61)]
-    ours(axes, times, [0.0, *run(model, 0.0025, [(1900, 0.005)] * 60)])
-    theirs(axes, times[::3], [theory(t) for t in times[::3]], "theory")
+    plot_own(axes, times, [0.0, *run(model, 0.0025, [(1900, 0.005)] * 60)])
+    plot_ref(axes, times[::3], [theory(t) for t in times[::3]], "theory")
     red = [reference_speed(rates, FULL, 0.01, 0.01 * i - 0.005, since_start=True) for i in range(31)]
     wrong(axes, [0.01 * i for i in range(31)], red, "uuv_simulator as published")
     axes.set_ylim(-500.0, 1300.0)
@@ -153,9 +153,9 @@ def _lag(
 
 def _pi_rotor(axes: Axes) -> None:
     times = [0.01 * i for i in range(51)]
-    ours(axes, times, [0.0, *run({**PI, "load": 0.0}, 0.0025, [(1900, 0.01)] * 50)], "ours, no load", SHADES[0])
-    ours(axes, times, [0.0, *run(PI, 0.0025, [(1900, 0.01)] * 50)], "ours, load", SHADES[2])
-    theirs(axes, times[::2], [_pi(t) for t in times[::2]], "theory, no load")
+    plot_own(axes, times, [0.0, *run({**PI, "load": 0.0}, 0.0025, [(1900, 0.01)] * 50)], "ours, no load", SHADES[0])
+    plot_own(axes, times, [0.0, *run(PI, 0.0025, [(1900, 0.01)] * 50)], "ours, load", SHADES[2])
+    plot_ref(axes, times[::2], [_pi(t) for t in times[::2]], "theory, no load")
     label(axes, "time (s)", "rotor (rad/s)", "PI speed control", legend="lower right")
 
 

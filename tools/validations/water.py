@@ -26,8 +26,8 @@ from tools.validations.sheet import (
     below,
     label,
     near,
-    ours,
-    theirs,
+    plot_own,
+    plot_ref,
     ticks,
     wrong,
 )
@@ -53,7 +53,7 @@ def _sizes(axes: Axes) -> list[Finding]:
     measured = {dt: pstdev(_path(dt, time)) for dt, time in seconds.items()}
     for sizes, color, name in ((red, WRONG, "uuv_simulator, DAVE"), (measured, OURS, "ours")):
         axes.loglog([1e3 * dt for dt in sizes], list(sizes.values()), "o-", color=color, markersize=3, label=name)
-    theirs(axes, [1.0, 3.0, 10.0, 30.0, 100.0], [flows.SD] * 5, "demanded, ours")
+    plot_ref(axes, [1.0, 3.0, 10.0, 30.0, 100.0], [flows.SD] * 5, "demanded, ours")
     axes.set_ylim(0.1, 5.0)
     ticks(axes.yaxis, (0.1, 0.2, 0.5, 1.0, 2.0))
     ticks(axes.xaxis, (1.0, 3.0, 10.0, 30.0, 100.0))
@@ -77,7 +77,7 @@ def _means(axes: Axes) -> list[Finding]:
     red = flows.gazebo_path(0.1, 0.1, 0.1, 1.0, 20_000.0)
     path = _path(0.1, 1500.0)
     wrong(axes, times, red[:600], "others, mean 1 m/s")
-    ours(axes, times, path[:600], "ours, mean 0.5 m/s")
+    plot_own(axes, times, path[:600], "ours, mean 0.5 m/s")
     axes.axhline(1.0, color=WRONG, linestyle=":", linewidth=0.8)
     axes.axhline(flows.MEAN, color=OURS, linestyle=":", linewidth=0.8)
     axes.set_ylim(-1.2, 2.2)
@@ -101,8 +101,8 @@ def _tide(axes: Axes) -> list[Finding]:
     levels = [0.6 * cos(radians(TIDAL_SPEEDS["M2"] * hour)) for hour in hours]
     speeds = [along(current(round(hour * flows.HOUR), 0.0), heading) for hour in hours]
     wrong(axes, hours, [along(flows.dave_tide(level, 255.0, 69.0), heading) for level in levels], "DAVE")
-    ours(axes, hours, speeds)
-    theirs(axes, hours[::3], levels[::3], "M2, 0.6 m/s")
+    plot_own(axes, hours, speeds)
+    plot_ref(axes, hours[::3], levels[::3], "M2, 0.6 m/s")
     axes.set_ylim(-0.7, 1.0)
     label(axes, "time (h)", "along the flood (m/s)", legend="upper right")
     flood, ebb = flows.dave_tide(1.0, 255.0, 69.0), flows.dave_tide(-1.0, 255.0, 69.0)
@@ -172,8 +172,8 @@ def _adrift(axes: Axes) -> Finding:
         speeds.append(rotate(state.quaternion, state.nu[:3]))
     times = [0.5 * i for i in range(121)]
     for axis, name, color in ((0, "ours, north", SHADES[0]), (1, "ours, east", SHADES[2])):
-        ours(axes, times, [speed[axis] for speed in speeds], name, color)
-        theirs(axes, times[::8], [current[axis]] * len(times[::8]), "the water" if axis else "_")
+        plot_own(axes, times, [speed[axis] for speed in speeds], name, color)
+        plot_ref(axes, times[::8], [current[axis]] * len(times[::8]), "the water" if axis else "_")
     wrong(axes, times, [0.0] * len(times), "HoloOcean")
     axes.set_ylim(-0.25, 0.6)
     label(axes, "time (s)", "speed over ground (m/s)", legend="upper right")
@@ -197,9 +197,9 @@ def _spectrum(axes: Axes) -> list[Finding]:
     waves = swell.SEA
     wave_field = WaveField(waves._replace(components=400), 30.0, swell.G, 5)
     omegas, density = _estimate([wave_field.elevation(0.5 * i, 3.0, -4.0) for i in range(16_384)], 0.5)
-    ours(axes, omegas, density, "ours, 2.3 h of elevation")
+    plot_own(axes, omegas, density, "ours, 2.3 h of elevation")
     dots = [0.3 + 0.05 * i for i in range(50)]
-    theirs(axes, dots, [spectral_density(waves, omega) for omega in dots], "JONSWAP")
+    plot_ref(axes, dots, [spectral_density(waves, omega) for omega in dots], "JONSWAP")
     axes.set_xlim(0.0, 2.6)
     label(axes, "angular frequency (rad/s)", "spectrum (m² s/rad)", legend="upper right")
     tested = WaveField(waves, 30.0, swell.G, 5)
@@ -235,8 +235,8 @@ def _orbits(axes: Axes) -> list[Finding]:
         name = "deep" if depth > 100.0 else "5 m"
         axes.plot([h for h, _ in orbits], places, color=color, label=f"ours, {name}, level")
         axes.plot([v for _, v in orbits], places, "--", color=color, label=f"ours, {name}, upright")
-        theirs(axes, [h for h, _ in theory[::2]], places[::2], "_")
-        theirs(axes, [v for _, v in theory[::2]], places[::2], "Airy" if depth < 100.0 else "_")
+        plot_ref(axes, [h for h, _ in theory[::2]], places[::2], "_")
+        plot_ref(axes, [v for _, v in theory[::2]], places[::2], "Airy" if depth < 100.0 else "_")
     axes.invert_yaxis()
     label(axes, "greatest orbital speed (m/s)", "depth (m)", legend="lower right")
     deep = f"{WAVES}::test_orbits_decay_exponentially_in_deep_water"
@@ -263,7 +263,7 @@ def _dispersion(axes: Axes) -> Finding:
         squares = [swell.G * k * tanh(k * depth) for k in numbers]
         worst = max(worst, *(abs(square / w**2 - 1.0) for square, w in zip(squares, omegas, strict=True)))
         axes.loglog(omegas, numbers, color=color, label=f"ours, {depth:g} m")
-    theirs(axes, omegas[::4], [w * w / swell.G for w in omegas[::4]], "deep: ω² / g")
+    plot_ref(axes, omegas[::4], [w * w / swell.G for w in omegas[::4]], "deep: ω² / g")
     shallow = [w for w in omegas[::4] if w < 2.5]
     axes.plot(shallow, [w / (swell.G * 0.1) ** 0.5 for w in shallow], "k+", label="0.1 m: ω / √(g h)")
     label(axes, "angular frequency (rad/s)", "wave number (rad/m)", legend="lower right")

@@ -60,9 +60,9 @@ def _do(options: argparse.Namespace) -> int:
     return _become(board.command(*words))
 
 
-def parse(words: list[str]) -> argparse.Namespace:
+def parse(arguments: list[str]) -> argparse.Namespace:
     """Return the options. Words after -- are removed first, because argparse mixes them up with options before it."""
-    end = words.index("--") if "--" in words else len(words)
+    end = arguments.index("--") if "--" in arguments else len(arguments)
     parser = argparse.ArgumentParser(
         prog="python -m tools.virtual_board", usage="%(prog)s VERB [options] [-- WORD ...]", description=__doc__,
         epilog="After -- come the arguments of uuv-hil (run), of Python (python), or a shell command (boot).",
@@ -72,7 +72,7 @@ def parse(words: list[str]) -> argparse.Namespace:
     parser.add_argument("--folder", default="", help="where the board is [in the user's cache]")
     parser.add_argument("--package", action="append", default=[], help="build: another package, such as numpy")
     parser.add_argument("--port", action="append", default=[], metavar="HERE:THERE", help="boot: forward a TCP port")
-    options = parser.parse_args(words[:end], argparse.Namespace(arguments=words[end + 1 :]))
+    options = parser.parse_args(arguments[:end], argparse.Namespace(arguments=arguments[end + 1 :]))
     if options.verb == "boot" and not options.arguments:
         parser.error("boot needs a job after --, such as -- 'ip link'")
     return options

@@ -1,16 +1,16 @@
 """Formation control: artificial potential fields on a virtual structure, computed by each vehicle for itself.
 
-A vehicle knows its own position, its place in the structure, and the neighbours within communication range. Its target
-velocity is the sum of four terms; the numbers are the equations of the reference platform (Zhang et al. 2022):
+A vehicle knows its own position, its slot (place in the structure), and the neighbours within communication range. Its
+target velocity is the sum of four terms; the numbers are the equations of the reference platform (Zhang et al. 2022):
 
-    attraction     (4, 5) to its place in the structure
-    repulsion      (6, 7) from neighbours, the target and obstacles nearby; zero at the place itself
+    attraction     (4, 5) to its slot
+    repulsion      (6, 7) from neighbours, the target and obstacles nearby; zero at the slot itself
     communication  (8) to a neighbour that is about to leave the range
-    structure      the velocity of the place, for a moving structure (`hil.autonomy.fleets.hunting`)
+    structure      the velocity of the slot, for a moving structure (`hil.autonomy.fleets.hunting`)
 
 Their sum is its (9). docs/explanation/reference_platform.md explains where the code differs from the printed formulas.
 Attraction is after Khatib (IJRR 5, 1986), conic far away, as (5) below `conic`. Repulsion is after Ge & Cui (IEEE
-Trans. Robotics and Automation 16, 2000), because (7) has its equilibrium beside the place. Communication is the mirror
+Trans. Robotics and Automation 16, 2000), because (7) has its equilibrium beside the slot. Communication is the mirror
 image of Khatib's repulsion at the edge of the range, a barrier (compare Ji & Egerstedt, IEEE Trans. Robotics 23, 2007),
 because (8) attracts vehicles that are out of range. The virtual structure is after Lewis & Tan (Autonomous Robots 4,
 1997). A "force" here is a velocity in m/s, which the vehicle's own controller follows.
@@ -32,7 +32,7 @@ _NEAREST = 1e-3  # m; smaller distances are replaced by this, to bound the field
 class FieldSettings(NamedTuple):
     """The gains and ranges of the fields.
 
-    `attraction` in 1/s, up to `conic` m from the place, constant beyond. `repulsion` in m²/s acts within
+    `attraction` in 1/s, up to `conic` m from the slot, constant beyond. `repulsion` in m²/s acts within
     `repulsion_range` m of the rim of a neighbour or obstacle. `communication` in m³/s acts toward a neighbour from
     `comfortable` m up to `communication_range` m. Choose these two away from the formation's own distances; otherwise
     pairs that are just within range contract the formation. `max_speed` in m/s limits the sum.
@@ -67,18 +67,18 @@ class Body(NamedTuple):
     stays_in_range: bool = True
 
 
-def attraction(position: Vector, place: Vector, gain: float, conic: float) -> Vector:
-    """Return gain x (place - position), constant beyond `conic` m from the place."""
-    north, east = place[0] - position[0], place[1] - position[1]
+def attraction(position: Vector, slot: Vector, gain: float, conic: float) -> Vector:
+    """Return gain x (slot - position), constant beyond `conic` m from the slot."""
+    north, east = slot[0] - position[0], slot[1] - position[1]
     distance = hypot(north, east)
     pull = gain * min(1.0, conic / distance) if distance else 0.0
     return pull * north, pull * east
 
 
-def repulsion(position: Vector, place: Vector, body: Body, gain: float, reach: float) -> Vector:
-    """Return minus the gradient of ½ gain (1/rho - 1/reach)² d², with distances rho from the rim and d from the place.
+def repulsion(position: Vector, slot: Vector, body: Body, gain: float, reach: float) -> Vector:
+    """Return minus the gradient of ½ gain (1/rho - 1/reach)² d², with distances rho from the rim and d from the slot.
 
-    It has two parts: away from the body, gain (1/rho - 1/reach) d² / rho², and to the place, gain (1/rho - 1/reach)² d
+    It has two parts: away from the body, gain (1/rho - 1/reach) d² / rho², and to the slot, gain (1/rho - 1/reach)² d
     (Ge & Cui's n = 2). Beyond `reach` m it is zero.
     """
     north, east = position[0] - body.position[0], position[1] - body.position[1]
@@ -86,7 +86,7 @@ def repulsion(position: Vector, place: Vector, body: Body, gain: float, reach: f
     rho = max(between - body.radius, _NEAREST)
     if rho >= reach:
         return 0.0, 0.0
-    to_north, to_east = place[0] - position[0], place[1] - position[1]
+    to_north, to_east = slot[0] - position[0], slot[1] - position[1]
     left = hypot(to_north, to_east)
     steep = 1.0 / rho - 1.0 / reach
     away = gain * steep * left * left / (rho * rho) / max(between, _NEAREST)
@@ -111,21 +111,21 @@ def communication(position: Vector, neighbour: Vector, gain: float, comfortable:
 
 def resultant(
     position: Vector,
-    place: Vector,
-    place_velocity: Vector,
+    slot: Vector,
+    slot_velocity: Vector,
     neighbours: Sequence[Body],
     obstacles: Sequence[Body],
     settings: FieldSettings,
 ) -> Vector:
     """Return the target velocity (m/s) of a vehicle at `position`: the sum of all fields, limited to `max_speed`.
 
-    `place` and its velocity are those of its place in the structure. Only neighbours within communication range count;
+    `slot` and its velocity are those of its slot. Only neighbours within communication range count;
     their `radius` is the least distance between centres, m.
     """
     s = settings
     known = [body for body in neighbours if _distance(position, body.position) < s.communication_range]
-    parts = [place_velocity, attraction(position, place, s.attraction, s.conic)]
-    parts += [repulsion(position, place, body, s.repulsion, s.repulsion_range) for body in (*known, *obstacles)]
+    parts = [slot_velocity, attraction(position, slot, s.attraction, s.conic)]
+    parts += [repulsion(position, slot, body, s.repulsion, s.repulsion_range) for body in (*known, *obstacles)]
     parts += [
         communication(position, body.position, s.communication, s.comfortable, s.communication_range)
         for body in known
@@ -142,15 +142,15 @@ def separation(positions: Sequence[Vector]) -> float:
     return min((_distance(a, b) for a, b in pairs), default=inf)
 
 
-def formation_error(positions: Sequence[Vector], places: Sequence[Vector]) -> float:
-    """Return the largest distance (m) of a vehicle from its place, after the structure was moved to fit best.
+def formation_error(positions: Sequence[Vector], slots: Sequence[Vector]) -> float:
+    """Return the largest distance (m) of a vehicle from its slot, after the structure was moved to fit best.
 
     The structure is moved to the vehicles' centroid, not rotated. So only the formation's shape and orientation count.
     """
     north, east = (
-        sum(p[axis] - q[axis] for p, q in zip(positions, places, strict=True)) / len(positions) for axis in (0, 1)
+        sum(p[axis] - q[axis] for p, q in zip(positions, slots, strict=True)) / len(positions) for axis in (0, 1)
     )
-    return max(_distance(p, (q[0] + north, q[1] + east)) for p, q in zip(positions, places, strict=True))
+    return max(_distance(p, (q[0] + north, q[1] + east)) for p, q in zip(positions, slots, strict=True))
 
 
 def _distance(a: Vector, b: Vector) -> float:

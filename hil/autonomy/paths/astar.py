@@ -64,14 +64,14 @@ def smooth(grid: OccupancyGrid, path: Sequence[Point]) -> list[Point]:
     return smoothed
 
 
-def _last_visible(grid: OccupancyGrid, points: list[Point], here: int) -> int:
-    """Return a point visible from `here` whose successor is not; found by doubling, then by bisection."""
-    seen, first_hidden = here + 1, len(points)  # the next point needs no check, as it is on the path
+def _last_visible(grid: OccupancyGrid, points: list[Point], start: int) -> int:
+    """Return a point visible from `start` whose successor is not; found by doubling, then by bisection."""
+    seen, first_hidden = start + 1, len(points)  # the next point needs no check, as it is on the path
     while first_hidden - seen > 1:
         candidate = (
-            min(2 * seen - here, first_hidden - 1) if first_hidden == len(points) else (seen + first_hidden) // 2
+            min(2 * seen - start, first_hidden - 1) if first_hidden == len(points) else (seen + first_hidden) // 2
         )
-        if grid.line_is_free(points[here], points[candidate]):
+        if grid.line_is_free(points[start], points[candidate]):
             seen = candidate
         else:
             first_hidden = candidate

@@ -22,17 +22,17 @@ _STRAIGHT = 1e-9
 _CORNER = 1e-6
 
 
-class Place(NamedTuple):
+class PathPoint(NamedTuple):
     """A point of a curve.
 
-    `position` m, NED; `heading` and `slope` rad; `turn` rad/m: change of heading along the curve, positive to
+    `position` m, NED; `heading` and `slope` rad; `heading_rate` rad/m: change of heading along the curve, positive to
     starboard. At v m/s a vehicle turns at v x turn rad/s.
     """
 
     position: Position
     heading: float
     slope: float
-    turn: float
+    heading_rate: float
 
 
 class Curve(Protocol):
@@ -43,7 +43,7 @@ class Curve(Protocol):
         """Length in m."""
         ...
 
-    def at(self, along: float) -> Place:
+    def at(self, along: float) -> PathPoint:
         """Return the place at this distance (m) from the start."""
         ...
 
@@ -53,23 +53,23 @@ class Curve(Protocol):
 
 
 class Piece(NamedTuple):
-    """Part of a helix: `length` m from `start` on, at a constant `slope` and `turn` (rad/m; 0: straight)."""
+    """Part of a helix: `length` m from `start` on, at a constant `slope` and `heading_rate` (rad/m; 0: straight)."""
 
     start: Position
     heading: float
     slope: float
-    turn: float
+    heading_rate: float
     length: float
 
-    def at(self, along: float) -> Place:
+    def at(self, along: float) -> PathPoint:
         """Return the place at this distance (m) from the start."""
         north, east, down = self.start
-        level, turned = along * cos(self.slope), along * self.turn
+        level, turned = along * cos(self.slope), along * self.heading_rate
         # length of the chord: that of the arc times sinc of half the turn; its direction is off by half the turn
         chord = level * (sin(turned / 2.0) / (turned / 2.0) if abs(turned) > _STRAIGHT else 1.0)
         course = self.heading + turned / 2.0
         position = north + chord * cos(course), east + chord * sin(course), down + along * sin(self.slope)
-        return Place(position, self.heading + turned, self.slope, self.turn)
+        return PathPoint(position, self.heading + turned, self.slope, self.heading_rate)
 
 
 class Chain:
@@ -82,7 +82,7 @@ class Chain:
         self._ends = list(accumulate(piece.length for piece in pieces))
         self.length = self._ends[-1]
 
-    def at(self, along: float) -> Place:
+    def at(self, along: float) -> PathPoint:
         """Return the place at this distance (m) from the start, 0 to `length`."""
         number = min(bisect_right(self._ends, along), len(self.pieces) - 1)
         begins = self._ends[number - 1] if number else 0.0
@@ -94,7 +94,7 @@ class Chain:
         return [end for (piece, after), end in joints if _bent(piece.at(piece.length), after)]
 
 
-def _bent(before: Place, after: Piece) -> bool:
+def _bent(before: PathPoint, after: Piece) -> bool:
     """Return whether the directions of two pieces differ where they join."""
     heading = abs(remainder(after.heading - before.heading, 2.0 * pi))
     return max(heading, abs(after.slope - before.slope)) > _CORNER

@@ -44,7 +44,7 @@ class Guide:
 
     `search` finds the path on an inflated map: `astar.plan`, `any_angle.plan_any_angle` or the `plan` of a
     `dstar.DStarLite`. Raises MissionError if the map at the start shows no path. Attributes: `path`: the present path;
-    `plans`: number of plans made; `progress`: share of the path that is done; `done`: whether the goal is reached;
+    `plans`: number of plans made; `progress`: share of the path covered; `has_arrived`: whether the goal is reached;
     `stuck`: why there is no path any more, else "". While stuck, it replans as the map changes.
     """
 
@@ -53,7 +53,7 @@ class Guide:
     ) -> None:
         self.map = LaserMap(known, settings.vfh.range)
         self.plans = 0
-        self.done = False
+        self.has_arrived = False
         self.stuck = ""
         self._settings = settings
         self._goal = goal
@@ -69,8 +69,8 @@ class Guide:
         if (len(fresh) and self._is_blocked_by(fresh)) or self._may_be_free():
             self._replan(here)
         self._pursuit.update(here, heading)
-        self.done = self._pursuit.done
-        if self.done or self.stuck:
+        self.has_arrived = self._pursuit.has_arrived
+        if self.has_arrived or self.stuck:
             return VelocityCommand()
         left = dist(here, self._goal)
         speed = self._settings.speed * min(1.0, left / self._settings.lookahead)
@@ -103,12 +103,12 @@ class Guide:
             self._settings.tolerance,
         )
 
-    def _replan(self, here: Point) -> None:
+    def _replan(self, position: Point) -> None:
         """Replan, with a smaller margin if there is no path with the full one; without any path the vehicle stops."""
         vfh, margin = self._settings.vfh, self._settings.margin
         for clearance in (vfh.radius + margin, vfh.radius + 0.5 * margin):
             try:
-                self._plan(here, clearance)
+                self._plan(position, clearance)
             except MissionError as error:
                 self.stuck = str(error)
             else:

@@ -53,19 +53,19 @@ class PurePursuit:
         self._along = 0.0
         self.aim = 0.0
         self.progress = 0.0
-        self.done = False
+        self.has_arrived = False
 
     def update(self, position: Sequence[float], heading: float) -> VelocityCommand:
         """Return the command at `position` (m north, m east; other values are ignored) and `heading` (rad from north).
 
         Sets `aim`, the heading (rad) to the point ahead; `progress`, the share of the path that is done, 0 to 1; and
-        `done`, which stays true once the end is reached.
+        `has_arrived`, which stays true once the end is reached.
         """
         here = position[0], position[1]
         self._locate(here)
-        if not self.done:
+        if not self.has_arrived:
             self._pass_stops(here)
-        if self.done:
+        if self.has_arrived:
             self.progress = 1.0
             return VelocityCommand(depth=self._depth)
         self.progress = max(self.progress, self._along / self._path.length if self._path.length else 0.0)
@@ -76,21 +76,21 @@ class PurePursuit:
         turn = min(self._max_yaw_rate, max(-self._max_yaw_rate, gain * error))
         return VelocityCommand(surge=self._surge(here, error), yaw_rate=turn, depth=self._depth)
 
-    def _locate(self, here: Point) -> None:
+    def _locate(self, position: Point) -> None:
         """Find the nearest point of the path, not far from the last one, as a path may come near itself."""
         low = max(self._passed, self._along - self._lookahead)
         high = min(self._stop, self._along + self._lookahead)
-        self._along = self._path.nearest(here, low, high)
+        self._along = self._path.nearest(position, low, high)
 
-    def _pass_stops(self, here: Point) -> None:
+    def _pass_stops(self, position: Point) -> None:
         near_in_path = self._along >= self._stop - max(self._lookahead, self._tolerance)
-        if near_in_path and dist(here, self._path.at(self._stop)) <= self._tolerance:
+        if near_in_path and dist(position, self._path.at(self._stop)) <= self._tolerance:
             self._passed = self._along = self._stop
-            self.done = not self._stops
+            self.has_arrived = not self._stops
             self._stop = self._stops.pop(0) if self._stops else self._stop
 
-    def _surge(self, here: Point, error: float) -> float:
-        remaining = max(self._stop - self._along, dist(here, self._path.at(self._stop)))
+    def _surge(self, position: Point, error: float) -> float:
+        remaining = max(self._stop - self._along, dist(position, self._path.at(self._stop)))
         return self._speed * max(0.0, cos(error)) * min(1.0, remaining / self._lookahead)
 
 

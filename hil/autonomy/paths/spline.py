@@ -6,7 +6,7 @@ from itertools import accumulate, pairwise
 from math import atan2, dist, hypot
 from typing import NamedTuple
 
-from hil.autonomy.paths.curves import Place, Position
+from hil.autonomy.paths.curves import PathPoint, Position
 from hil.common.errors import MissionError
 
 # Gauss-Legendre quadrature on [-1, 1]: node and weight.
@@ -45,11 +45,11 @@ class Spline:
         self._begins = [0.0, *accumulate(part.measure(part.size) for part in self._parts)]
         self.length = self._begins[-1]
 
-    def at(self, along: float) -> Place:
+    def at(self, along: float) -> PathPoint:
         """Return the place at this distance (m) from the start, 0 to `length`."""
         number = min(max(bisect_right(self._begins, along) - 1, 0), len(self._parts) - 1)
         part = self._parts[number]
-        return part.place(part.find(along - self._begins[number], self._begins[number + 1] - self._begins[number]))
+        return part.point_at(part.find(along - self._begins[number], self._begins[number + 1] - self._begins[number]))
 
     def corners(self) -> list[float]:
         """Return an empty list: the direction is continuous."""
@@ -106,16 +106,16 @@ class _Part(NamedTuple):
         for part in halves:
             yield from part.split(precision)
 
-    def find(self, wanted: float, length: float) -> float:
-        """Return the parameter (after the beginning) at which this part, `length` m long, has a length of `wanted` m.
+    def find(self, target_length: float, length: float) -> float:
+        """Return the parameter (after the beginning) at which this part, `length` m long, is `target_length` m long.
 
         It uses Newton's method, which converges at once where the speed hardly changes. A step that leaves the bracket
         of the solution, as near a cusp, is replaced by a bisection.
         """
         low, high = 0.0, self.size
-        t = self.size * wanted / length
+        t = self.size * target_length / length
         for _ in range(_MAX_STEPS):
-            excess, speed = self.measure(t) - wanted, self.speed(t)
+            excess, speed = self.measure(t) - target_length, self.speed(t)
             low, high = (low, t) if excess > 0.0 else (t, high)
             following = t - excess / speed if speed else -1.0
             if not low <= following <= high:
@@ -125,14 +125,14 @@ class _Part(NamedTuple):
             t = following
         return t
 
-    def place(self, t: float) -> Place:
+    def point_at(self, t: float) -> PathPoint:
         t += self.begin
         position = tuple(cubic.value(t) for cubic in self.cubics)
         north, east, down = (cubic.slope(t) for cubic in self.cubics)
         bend_north, bend_east, _ = (cubic.bend(t) for cubic in self.cubics)
         level, whole = hypot(north, east), hypot(north, east, down)
         turn = (north * bend_east - east * bend_north) / (level * level * whole) if level > _LEVEL else 0.0
-        return Place((position[0], position[1], position[2]), atan2(east, north), atan2(down, level), turn)
+        return PathPoint((position[0], position[1], position[2]), atan2(east, north), atan2(down, level), turn)
 
 
 def _natural(values: Sequence[float], chords: Sequence[float]) -> list[_Cubic]:

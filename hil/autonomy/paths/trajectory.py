@@ -11,7 +11,7 @@ from math import copysign, cos, degrees, inf, pi, sin, sqrt
 from typing import Annotated, NamedTuple
 
 from hil.autonomy.control.controller import VelocityCommand, wrap
-from hil.autonomy.paths.curves import Curve, Place, Position
+from hil.autonomy.paths.curves import Curve, PathPoint, Position
 from hil.common.errors import MissionError
 from hil.common.schema import Range
 
@@ -91,7 +91,7 @@ class Trajectory:
         place = self.curve.at(min(leg.begin + along, leg.begin + leg.length - _BEFORE))
         level = speed * cos(place.slope)
         velocity = level * cos(place.heading), level * sin(place.heading), speed * sin(place.slope)
-        return Setpoint(place.position, velocity, place.heading, speed * place.turn)
+        return Setpoint(place.position, velocity, place.heading, speed * place.heading_rate)
 
     def _leg(self, begin: float, end: float, speed: float) -> _Leg:
         length, acceleration = end - begin, self._limits.acceleration
@@ -146,19 +146,19 @@ def require_feasible(curve: Curve, speed: float, limits: Limits) -> None:
     for number in range(count + 1):
         along = curve.length * number / count
         place = curve.at(along)
-        problem = _validate_place(place, speed, limits)
+        problem = _validate_point(place, speed, limits)
         if problem:
             raise MissionError(f"{_where(place, along)}: {problem}")
 
 
-def _where(place: Place, along: float) -> str:
-    north, east, depth = place.position
+def _where(point: PathPoint, along: float) -> str:
+    north, east, depth = point.position
     return f"{along:.1f} m along the path, at ({north:.1f} m north, {east:.1f} m east, {depth:.1f} m deep)"
 
 
-def _validate_place(place: Place, speed: float, limits: Limits) -> str | None:
-    """Return which limit is broken at `place` at `speed` m/s, with the remedy; None if none is."""
-    (_, _, depth), _, slope, turn = place
+def _validate_point(point: PathPoint, speed: float, limits: Limits) -> str | None:
+    """Return which limit is broken at `point` at `speed` m/s, with the remedy; None if none is."""
+    (_, _, depth), _, slope, turn = point
     if not limits.shallowest - _SLACK <= depth <= limits.deepest + _SLACK:
         return f"outside of the depths allowed, {limits.shallowest:g} to {limits.deepest:g} m; move the path"
     if abs(slope) > limits.climb_angle + _SLACK:
@@ -173,14 +173,14 @@ def _validate_place(place: Place, speed: float, limits: Limits) -> str | None:
     return None
 
 
-def _fastest(slope: float, turn: float, limits: Limits) -> float:
+def _fastest(slope: float, heading_rate: float, limits: Limits) -> float:
     """Return the speed (m/s) within all limits on a path with this slope (rad) and turn (rad/m)."""
     speeds = [limits.speed]
     if slope:
         speeds.append(limits.vertical_speed / abs(sin(slope)))
-    if turn:
-        speeds.append(limits.yaw_rate / abs(turn))
-        speeds.append(sqrt(limits.lateral_acceleration / abs(turn) / cos(slope)))
+    if heading_rate:
+        speeds.append(limits.yaw_rate / abs(heading_rate))
+        speeds.append(sqrt(limits.lateral_acceleration / abs(heading_rate) / cos(slope)))
     return min(speeds)
 
 

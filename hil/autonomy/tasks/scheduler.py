@@ -68,7 +68,7 @@ class TaskGoal(NamedTuple):
 
 
 class Scheduler:
-    """Run a mission. `log` has the time (ns) and name of every state entered. `done` is true at home after all tasks.
+    """Run a mission. `log` has the time (ns) and name of every state entered. `is_finished`: at home after all tasks.
 
     Raises ConfigError whose text begins with `where`.
     """
@@ -84,7 +84,7 @@ class Scheduler:
         self._began = 0
 
     @property
-    def done(self) -> bool:
+    def is_finished(self) -> bool:
         """True once the mission is over."""
         return self._chart.state == "done"
 
@@ -120,11 +120,11 @@ class Scheduler:
         task = self._tasks.get(self._task())
         return task.at if task else None
 
-    def _choice(self, time: int, here: Point, signals: Mapping[str, float]) -> str:
+    def _choice(self, time: int, position: Point, signals: Mapping[str, float]) -> str:
         """Return the event that starts the next task or the return home; "" if there is neither."""
         ready = [task for task in self._mission.task if self._is_ready(task, time, signals)]
         if ready:
-            return _start(min(ready, key=lambda task: (-task.priority, dist(here, task.at))).name)
+            return _start(min(ready, key=lambda task: (-task.priority, dist(position, task.at))).name)
         waiting = [task.name for task in self._mission.task if not task.repeat and task.name not in self.finished]
         return "" if waiting else "go home"
 

@@ -18,7 +18,7 @@ from hil.common.clock import boot_id
 from hil.common.columns import aligned
 from hil.common.text import json_value
 from hil.master.flight import Outcome
-from hil.ros.diagnostics import Diagnostics, or_nan, shown
+from hil.ros.diagnostics import Diagnostics, or_nan, to_text
 
 
 class PaperBoard(NamedTuple):
@@ -195,12 +195,12 @@ def _details(table: HilTable) -> list[str]:
     clock = "one clock" if not table.clock_uncertainty_ms else "two clocks, offset estimated"
     lines = [
         f"delay by hop (medians of {table.commands} commands, {clock}): {hops}",
-        f"loop: {shown(slave.loop_rate_hz, '.0f')} Hz, late by p50 {shown(slave.lateness_p50_us, '.0f')} us, "
-        f"p99 {shown(slave.lateness_p99_us, '.0f')} us, max {shown(slave.lateness_max_us, '.0f')} us; "
-        f"real time x{shown(slave.real_time_factor, '.4f')}",
+        f"loop: {to_text(slave.loop_rate_hz, '.0f')} Hz, late by p50 {to_text(slave.lateness_p50_us, '.0f')} us, "
+        f"p99 {to_text(slave.lateness_p99_us, '.0f')} us, max {to_text(slave.lateness_max_us, '.0f')} us; "
+        f"real time x{to_text(slave.real_time_factor, '.4f')}",
         f"wire: {_wire(slave)}",
         f"bytecode compiled before the start: {'yes' if table.bytecode_compiled else 'NO (python -m compileall)'}; "
-        f"slave: {shown(slave.board)}, Python {shown(slave.python)}",
+        f"slave: {to_text(slave.board)}, Python {to_text(slave.python)}",
     ]
     if slave.labels:
         lines.append(f"label: {'; '.join(slave.labels)}")
@@ -210,7 +210,7 @@ def _details(table: HilTable) -> list[str]:
 
 def _wire(slave: Diagnostics) -> str:
     """Return the link, and where its wire has no speed, what a UART would add to each delay."""
-    port = shown(slave.link_port)
+    port = to_text(slave.link_port)
     name, frames, baud = NO_SPEED.get(slave.link_wire or ""), slave.link_messages_out, slave.link_baud
     if name is None or slave.link_held_baud or not frames or not baud or slave.link_bytes_out is None:
         return port

@@ -166,8 +166,8 @@ def _requested_sites(grid: Grid, origin: tuple[float, float] | None, options: Di
     yield Site(start, goal, depth_between(grid, start, goal) if options.depth is None else options.depth)
 
 
-def _local(plane: LocalPlane, place: Point) -> Point:
-    north, east = plane.to_local(np.array(place[0]), np.array(place[1]))
+def _local(plane: LocalPlane, position: Point) -> Point:
+    north, east = plane.to_local(np.array(position[0]), np.array(position[1]))
     return float(north), float(east)
 
 

@@ -16,7 +16,7 @@ from hil.common.errors import MissionError
 from hil.common.palette import GRID, TRACK
 from hil.plots.plotting import add_legend, pyplot, save_figure
 from hil.plots.run_picture import draw_goal, draw_start
-from hil.ros.diagnostics import Diagnostics, shown
+from hil.ros.diagnostics import Diagnostics, to_text
 from hil.scenario.config import Scenario
 from sim.environment.world import World, load_world
 from sim.rotations import to_euler
@@ -82,7 +82,7 @@ def _figures(
             (counts or {}).get(name, 0) for counts in (health.imaging_requested, health.imaging_dropped)
         )
         rows.append((name.replace("_", " "), f"{requested - dropped:.0f} of {requested:.0f} pictures in time"))
-    return [*rows, ("loop late, 99 %", f"{shown(health.lateness_p99_us, '.0f')} us")]
+    return [*rows, ("loop late, 99 %", f"{to_text(health.lateness_p99_us, '.0f')} us")]
 
 
 def _travelled(observations: Sequence[Observation]) -> float:
@@ -135,8 +135,8 @@ def draw_seabed(axes: Any, world: World, track: Any) -> tuple[Any, Any]:
     return image, lines
 
 
-def _near(places: Any, low: float, high: float) -> slice:
-    first, last = np.searchsorted(places, (low, high))
+def _near(coordinates: Any, low: float, high: float) -> slice:
+    first, last = np.searchsorted(coordinates, (low, high))
     return slice(max(0, int(first) - 1), int(last) + 1)
 
 

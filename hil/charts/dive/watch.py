@@ -32,7 +32,7 @@ class DiveWatch:
         self._client = VehicleClient(
             slave.listen,
             slave.node,
-            part="observer",
+            role="observer",
             network=scenario.network,
             security=scenario.security,
             topics=TOPICS,

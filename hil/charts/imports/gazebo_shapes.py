@@ -111,16 +111,16 @@ def _numbers(element: Element, tag: str, path: str) -> list[float]:
     return [number_of(word, path) for word in (element.findtext(tag) or "").split()]
 
 
-def _opacity(part: Element, path: str) -> float:
+def _opacity(visual: Element, path: str) -> float:
     """Return the opacity of a visual, 0 to 1; 1 by default."""
-    words = (part.findtext("material/diffuse") or "").split()
+    words = (visual.findtext("material/diffuse") or "").split()
     alpha = number_of(words[3], path) if len(words) == 4 else 1.0
-    return min(alpha, 1.0 - number_of(part.findtext("transparency") or "0", path))
+    return min(alpha, 1.0 - number_of(visual.findtext("transparency") or "0", path))
 
 
-def _colour(part: Element, path: str) -> tuple[float, ...] | None:
+def _colour(visual: Element, path: str) -> tuple[float, ...] | None:
     """Return the diffuse (else ambient) colour of a visual's material, None if it has none or is white."""
-    text = part.findtext("material/diffuse") or part.findtext("material/ambient")
+    text = visual.findtext("material/diffuse") or visual.findtext("material/ambient")
     words = (text or "").split()
     if len(words) not in (3, 4):
         return None

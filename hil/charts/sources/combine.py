@@ -82,7 +82,7 @@ def read_sources(
     if area and not any(_overlap(area, box) for box in boxes):
         raise ConfigError(f"--area: {_text(area)} is outside the data, which cover {_text(_around(boxes))}")
     area = area or _around(boxes)
-    whole, area = area, _cropped(area, options.near) if options.crop else area
+    whole_box, area = area, _cropped(area, options.near) if options.crop else area
     _require_local(area)
     plane = LocalPlane(*_origin(area.centre))
     parts = [survey_charts(cells, plane)] if cells else []
@@ -93,8 +93,8 @@ def read_sources(
     beds = [(rasters[k].label, partial(rasters[k].depths, plane)) for k in order]
     first = sum(ranks["rasters"][k] >= max(surface, default=OTHER) for k in order)
     together = _combine(parts, _origin(area.centre))
-    if area != whole:
-        together = together._replace(notes=(*together.notes, _crop_note(whole, area)), is_cropped=True)
+    if area != whole_box:
+        together = together._replace(notes=(*together.notes, _crop_note(whole_box, area)), is_cropped=True)
     return together._replace(beds=tuple(beds[:first]), fillers=tuple(beds[first:])), _extent(area, plane)
 
 
@@ -140,21 +140,21 @@ def _on_a_plane(
             f"{loose[0].name}: has positions in metres without a coordinate system, so it cannot be combined with "
             "--area or with files in degrees: name the coordinate system, for example --crs EPSG:32605"
         )
-    survey = _combine([_survey(points, points.places, resolution, reach) for points in loose], None)
+    survey = _combine([_survey(points, points.positions, resolution, reach) for points in loose], None)
     north, east = survey.soundings[:, 0], survey.soundings[:, 1]
     return survey, (float(north.min()), float(north.max()), float(east.min()), float(east.max()))
 
 
 def _box(points: Points) -> GeoBox:
-    latitudes, longitudes = points.places.T
+    latitudes, longitudes = points.positions.T
     if np.ptp(longitudes) > 180.0:  # on both sides of the 180th meridian
         longitudes = longitudes % 360.0
     return GeoBox(*map(float, (latitudes.min(), longitudes.min(), latitudes.max(), longitudes.max())))
 
 
-def _origin(place: tuple[float, float]) -> tuple[float, float]:
+def _origin(position: tuple[float, float]) -> tuple[float, float]:
     """Return a position (latitude, longitude) with its longitude from -180 to 180."""
-    return place[0], (place[1] + 180.0) % 360.0 - 180.0
+    return position[0], (position[1] + 180.0) % 360.0 - 180.0
 
 
 def _around(boxes: list[GeoBox]) -> GeoBox:
@@ -192,8 +192,9 @@ def _cropped(area: GeoBox, near: tuple[float, float] | None) -> GeoBox:
     return GeoBox(south, west, north, east)
 
 
-def _crop_note(whole: GeoBox, part: GeoBox) -> str:
-    return f"too large for a world ({_text(whole)}): {_text(part)} is used; choose another part with --start and --goal"
+def _crop_note(survey_box: GeoBox, cropped_box: GeoBox) -> str:
+    cropped = f"{_text(cropped_box)} is used; choose another part with --start and --goal"
+    return f"too large for a world ({_text(survey_box)}): {cropped}"
 
 
 def _text(area: GeoBox) -> str:
@@ -213,13 +214,13 @@ def _require_local(area: GeoBox) -> None:
 
 
 def _local(points: Points, plane: LocalPlane) -> Array:
-    return np.column_stack(plane.to_local(points.places[:, 0], points.places[:, 1]))
+    return np.column_stack(plane.to_local(points.positions[:, 0], points.positions[:, 1]))
 
 
-def _survey(points: Points, places: Array, resolution: float | None, reach: float | None) -> Survey:
+def _survey(points: Points, positions: Array, resolution: float | None, reach: float | None) -> Survey:
     """Return the survey of soundings; several in one cell of the grid are replaced by their mean."""
-    detail = max(0.01, POINTS_DETAIL * _mean_spacing(places))
-    soundings = block_means(np.column_stack([places, points.depths]), resolution or detail)
+    detail = max(0.01, POINTS_DETAIL * _mean_spacing(positions))
+    soundings = block_means(np.column_stack([positions, points.depths]), resolution or detail)
     reach = POINTS_REACH * _mean_spacing(soundings) if reach is None else reach
     return Survey(points.name, None, soundings, detail=detail, reach=reach, notes=_notes(points))
 
@@ -228,9 +229,9 @@ def _notes(source: Points | Raster) -> tuple[str, ...]:
     return (source.note,) if source.note else ()
 
 
-def _mean_spacing(places: Array) -> float:
-    """Return the mean spacing (m) of `places` (n, 2 or more): the root of the area per place."""
-    return float(np.sqrt(np.ptp(places[:, :2], axis=0).prod() / len(places)))
+def _mean_spacing(points: Array) -> float:
+    """Return the mean spacing (m) of `positions` (n, 2 or more): the root of the area per place."""
+    return float(np.sqrt(np.ptp(points[:, :2], axis=0).prod() / len(points)))
 
 
 def _combine(parts: list[Survey], origin: tuple[float, float] | None) -> Survey:

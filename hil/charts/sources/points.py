@@ -36,13 +36,13 @@ ENDINGS = (".xyz", ".csv", ".txt", ".tsv", ".dat")
 
 
 class Points(NamedTuple):
-    """Soundings. `places`: (n, 2) latitude, longitude in degrees if `geographic`, else north, east in m.
+    """Soundings. `positions`: (n, 2) latitude, longitude in degrees if `geographic`, else north, east in m.
 
     `depths`: (n,) m, positive down. `note`: what was assumed when reading, "" for nothing.
     """
 
     name: str
-    places: Array
+    positions: Array
     depths: Array
     geographic: bool
     note: str = ""
@@ -181,8 +181,8 @@ def _columns(names: Sequence[str], path: str) -> tuple[int, int, int, bool]:
     """Return the columns of longitude (east), latitude (north) and depth, and whether the first two are degrees."""
     short = [name.strip().lower().partition("(")[0].partition("_")[0].strip() for name in names]
 
-    def find(wanted: set[str]) -> int | None:
-        return next((index for index, name in enumerate(short) if name in wanted), None)
+    def find(accepted: set[str]) -> int | None:
+        return next((index for index, name in enumerate(short) if name in accepted), None)
 
     depth = find(_DEPTH)
     if depth is None:  # for example water_depth

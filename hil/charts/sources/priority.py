@@ -43,14 +43,14 @@ def remove_outranked(parts: Sequence[Survey], ranks: Sequence[int]) -> list[Surv
     return remaining
 
 
-def _known(surveys: Sequence[Survey], places: NDArray[np.float64]) -> NDArray[np.bool_]:
+def _known(surveys: Sequence[Survey], positions: NDArray[np.float64]) -> NDArray[np.bool_]:
     """Return the mask of the places (n, 2) where one of the surveys has data."""
     from scipy.spatial import KDTree
 
-    known = np.zeros(len(places), bool)
+    known = np.zeros(len(positions), bool)
     for survey in surveys:
         for sheet in survey.sheets:
-            known |= contains(sheet.coverage, places)
+            known |= contains(sheet.coverage, positions)
         if survey.reach and len(survey.soundings):
-            known |= KDTree(survey.soundings[:, :2]).query(places, distance_upper_bound=survey.reach)[0] < np.inf
+            known |= KDTree(survey.soundings[:, :2]).query(positions, distance_upper_bound=survey.reach)[0] < np.inf
     return known

@@ -108,13 +108,13 @@ def _bench(rate: float, options: Any, limits: Limits, stack: ExitStack) -> Bench
     return bench
 
 
-def _measure(bench: Bench, seconds: float, place: str) -> RateResult:
+def _measure(bench: Bench, seconds: float, progress: str) -> RateResult:
     def watch(share: float) -> None:
-        show(f"{place}: slave {share:4.0%}")
+        show(f"{progress}: slave {share:4.0%}")
 
-    show(f"{place}: cyclictest")
+    show(f"{progress}: cyclictest")
     kernel = cyclictest(bench, seconds / 2)
-    show(f"{place}: bare loop")
+    show(f"{progress}: bare loop")
     bare = bare_loop(bench, seconds / 2)
     return RateResult(kernel, bare, slave_loop(bench, seconds, watch))
 

@@ -102,11 +102,11 @@ def _plan(options: Any) -> tuple[list[Setting], dict[str, str]]:
     return [s for s in wanted if not reasons[s.name]], {name: reason for name, reason in reasons.items() if reason}
 
 
-def _run(setting: Setting, options: Any, place: str) -> Course:
+def _run(setting: Setting, options: Any, progress: str) -> Course:
     """Run one setting and return its result. A failure is a result too, so that the others still run."""
 
     def watch(share: float) -> None:
-        show(f"{place} {share:4.0%}")
+        show(f"{progress} {share:4.0%}")
 
     watch(0.0)
     try:

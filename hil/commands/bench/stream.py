@@ -95,16 +95,16 @@ def _parser() -> Any:
     return parser
 
 
-def _listen(options: Any, place: str) -> tuple[Listening, tuple[str, ...]]:
+def _listen(options: Any, progress: str) -> tuple[Listening, tuple[str, ...]]:
     """Run once; return the result and the labels of its figures."""
 
     def watch(share: float) -> None:
-        show(f"{place}: listening for {options.seconds:g} s {min(share, 1.0):4.0%}")
+        show(f"{progress}: listening for {options.seconds:g} s {min(share, 1.0):4.0%}")
 
     with ExitStack() as stack:
         stack.callback(show, "")
         if options.connect:
-            show(f"{place}: waiting for {options.connect}")
+            show(f"{progress}: waiting for {options.connect}")
             listener = stack.enter_context(Listener(options.connect, load_single(options.scenario, remedy=ONE_VEHICLE)))
             received = listener.listen(options.seconds, None, watch)
             return received, labels_of(listener.client.diagnostics())

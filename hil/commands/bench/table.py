@@ -35,7 +35,7 @@ from hil.common.options import (
     new_parser,
 )
 from hil.common.schema import preset_names
-from hil.ros.diagnostics import Diagnostics, shown
+from hil.ros.diagnostics import Diagnostics, to_text
 
 EXAMPLES = """\
 Each repetition flies the scenario for --seconds with a master process of its own, and without --connect with a slave
@@ -194,8 +194,8 @@ def _description(record: Record) -> list[str]:
         slave = Diagnostics(detail["slave"])
         compiled = "" if slave.bytecode_compiled else ", bytecode NOT compiled before the start"
         lines.append(
-            f"slave {name}: {shown(slave.board)}, Python {shown(slave.python)}, "
-            f"{shown(slave.loop_rate_hz, '.0f')} Hz, link {shown(slave.link_port)}{compiled}"
+            f"slave {name}: {to_text(slave.board)}, Python {to_text(slave.python)}, "
+            f"{to_text(slave.loop_rate_hz, '.0f')} Hz, link {to_text(slave.link_port)}{compiled}"
         )
         lines += [f"note: {note}" for note in detail["notes"]]
         lines += [f"WARNING: (!) marks an unreliable figure: {text}" for text in detail["warnings"]]

@@ -67,7 +67,7 @@ def main(arguments: list[str]) -> int:
             "runs: give fewer, or several campaigns"
         )
     for changes in sets:  # find a wrong key before the first run
-        load_single(options.scenario, fixed | changes, given="--set or --vary")
+        load_single(options.scenario, fixed | changes, option="--set or --vary")
     with every_end_like_ctrl_c():
         rows = run_all(
             options.scenario, [fixed | changes for changes in sets], options.seeds, options.jobs, options.backend
@@ -100,7 +100,7 @@ def run_one(scenario_name: str, changes: Changes, seed: int) -> Row:
     """Run once; return parameters and outcome, with the reason of a failure. Raises no HilError."""
     row: Row = {**changes, "seed": seed, "success": False, "reached": False, "reason": ""}
     try:
-        scenario = load_scenario(scenario_name, {**changes, "seed": seed}, given="--set or --vary")
+        scenario = load_scenario(scenario_name, {**changes, "seed": seed}, option="--set or --vary")
         outcome, _ = fly(scenario, prepare(scenario))
     except HilError as error:
         return row | {"reason": str(error)}

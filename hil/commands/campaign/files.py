@@ -28,7 +28,7 @@ class Bundle(NamedTuple):
     """Files that a worker needs besides this project: `scenario` as it was named, `files` by their absolute paths.
 
     `modules` are names of modules of the user's own, and `folders` where they are found. `version` is ours. Names of
-    files are those of the folder `here`, where the bundle was made.
+    files are those of `current_folder`, where the bundle was made.
     """
 
     scenario: str
@@ -36,21 +36,21 @@ class Bundle(NamedTuple):
     modules: tuple[str, ...]
     folders: tuple[str, ...]
     version: str
-    here: str
+    current_folder: str
 
     @property
     def digest(self) -> str:
         """Digest of the content; equal for bundles of equal content."""
         parts = [
             self.scenario,
-            self.here,
+            self.current_folder,
             *[f"{path}\0{hashlib.sha256(data).hexdigest()}" for path, data in self.files.items()],
         ]
         return hashlib.sha256("\0".join([*parts, *self.modules, *self.folders]).encode()).hexdigest()
 
     def bundled_path(self, name: str) -> str:
-        """Return the absolute path of a bundled file, by its name in the folder `here`; "" if it is not bundled."""
-        path = os.path.normpath(os.path.join(self.here, name))
+        """Return the absolute path of a bundled file, by its name in `current_folder`; "" if it is not bundled."""
+        path = os.path.normpath(os.path.join(self.current_folder, name))
         return path if path in self.files else ""
 
 

@@ -60,20 +60,22 @@ def fly_autopilot(scenario: Scenario, options: Namespace) -> int:
     return STOPPED if interrupted else 0
 
 
-def _format_result(run: AutopilotRun, took: float, faults: list[Any], as_json: bool) -> str:
+def _format_result(run: AutopilotRun, duration: float, faults: list[Any], as_json: bool) -> str:
     figures = run.autopilot.figures
     counts = {name: getattr(figures, name) for name in figures.__slots__}
     simulated = run.simulation.time_ns / NS_PER_S
     position = run.simulation.truth().position
     if as_json:
         return json.dumps({
-            "duration_s": simulated, "took_s": took, "position_m": position, "silences": run.motors.silences,
+            "duration_s": simulated, "took_s": duration, "position_m": position, "silences": run.motors.silences,
             "events": [event.describe() for event in faults], **counts,
         })  # fmt: skip
     where = ", ".join(f"{x:.2f}" for x in position)
     listed = ", ".join(f"{number} {name}" for name, number in counts.items())
-    speed = f"{simulated / took:.3g} times real time" if took else ""
-    return f"{simulated:.1f} s simulated in {took:.2f} s: {speed}\n{run.autopilot.name}: {listed}\nends at {where} m"
+    speed = f"{simulated / duration:.3g} times real time" if duration else ""
+    return (
+        f"{simulated:.1f} s simulated in {duration:.2f} s: {speed}\n{run.autopilot.name}: {listed}\nends at {where} m"
+    )
 
 
 def _progress_watch(line: ProgressLine) -> Any:

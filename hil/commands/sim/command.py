@@ -128,13 +128,13 @@ def _pace(step_ns: int) -> Watch:
     return wait
 
 
-def _as_text(outcome: Outcome, digest: str, took: float, cpu: float) -> str:
-    speed = f"{outcome.duration / took:.3g} times real time, {cpu / took:.1%} of a core"
-    first = f"{outcome.verdict} after {outcome.duration:.1f} s simulated in {took:.2f} s: {speed}"
+def _as_text(outcome: Outcome, digest: str, duration: float, cpu: float) -> str:
+    speed = f"{outcome.duration / duration:.3g} times real time, {cpu / duration:.1%} of a core"
+    first = f"{outcome.verdict} after {outcome.duration:.1f} s simulated in {duration:.2f} s: {speed}"
     return "\n".join([first, outcome.summary, *outcome.event_lines, f"final state {digest}"])
 
 
-def _as_json(outcome: Outcome, digest: str, took: float, cpu: float) -> str:
+def _as_json(outcome: Outcome, digest: str, duration: float, cpu: float) -> str:
     from hil.bench.table.hil_table import plain_outcome
 
-    return json_text({**plain_outcome(outcome), "took_s": took, "cpu_s": cpu, "final_state": digest})
+    return json_text({**plain_outcome(outcome), "took_s": duration, "cpu_s": cpu, "final_state": digest})

@@ -18,7 +18,7 @@ from hil.common.text import json_text
 from hil.network.roles import open_client_session, open_master_session
 from hil.network.session import Session
 from hil.ros.diagnostics import Diagnostics as Health
-from hil.ros.diagnostics import Figure, shown
+from hil.ros.diagnostics import Figure, to_text
 
 EXAMPLES = """\
 Reads the diagnostics that each slave publishes once a second (diagnostic_msgs/DiagnosticArray) and nothing else, as an
@@ -143,25 +143,25 @@ def _remarks(watch: HealthWatch, unanswered: Unanswered) -> list[str]:
     return [*mixed, *unanswered.lines]
 
 
-def fit_lines(lines: list[str], room: int, last: int) -> list[str]:
-    """Return at most `room` lines: the first ones, how many are left out, and the `last` ones."""
-    if len(lines) <= room:
+def fit_lines(lines: list[str], max_lines: int, last: int) -> list[str]:
+    """Return at most `max_lines` lines: the first ones, how many are left out, and the `last` ones."""
+    if len(lines) <= max_lines:
         return lines
-    count = max(room - last - 1, 0)
+    count = max(max_lines - last - 1, 0)
     end = lines[len(lines) - last :]
-    return [*lines[:count], f"... {len(lines) - last - count} more lines in a higher window", *end][: max(room, 1)]
+    return [*lines[:count], f"... {len(lines) - last - count} more lines in a higher window", *end][: max(max_lines, 1)]
 
 
 def _figure(figure: Figure[float], form: str = ".0f") -> Callable[[Status], str]:
-    return lambda status: shown(figure.read(status.figures), form)
+    return lambda status: to_text(figure.read(status.figures), form)
 
 
 def _pace(counter: Figure[int] | Figure[float], form: str = ".1f") -> Callable[[Status], str]:
-    return lambda status: shown(status.pace(counter), form)
+    return lambda status: to_text(status.pace(counter), form)
 
 
 def _counts(*figures: Figure[int]) -> Callable[[Status], str]:
-    return lambda status: ", ".join([shown(figure.read(status.figures)) for figure in figures])
+    return lambda status: ", ".join([to_text(figure.read(status.figures)) for figure in figures])
 
 
 def _text(figure: Figure[str]) -> Callable[[Status], str]:
@@ -175,7 +175,7 @@ def _memory(status: Status) -> str:
 
 def _several(*figures: Figure[float]) -> Callable[[Status], str]:
     def cell(status: Status) -> str:
-        values = [shown(figure.read(status.figures), ".0f") for figure in figures]
+        values = [to_text(figure.read(status.figures), ".0f") for figure in figures]
         return " / ".join(values) if set(values) != {"-"} else "-"
 
     return cell
@@ -183,12 +183,12 @@ def _several(*figures: Figure[float]) -> Callable[[Status], str]:
 
 def _traffic(status: Status) -> str:
     paces = [status.pace(figure) for figure in (Health.network_received_bytes, Health.network_sent_bytes)]
-    return " / ".join([shown(None if pace is None else pace * 1e-3, ".1f") for pace in paces])
+    return " / ".join([to_text(None if pace is None else pace * 1e-3, ".1f") for pace in paces])
 
 
 def _run_events(status: Status) -> str:
     """Return the number of the vehicle's events since the start of its slave, and the latest one."""
-    events, count = status.figures.run_event_list, shown(status.figures.run_events)
+    events, count = status.figures.run_event_list, to_text(status.figures.run_events)
     if not events:
         return count
     return f"{count}, last {max(events, key=lambda event: event.end_ns).name}"
@@ -212,7 +212,7 @@ ROWS: dict[str, Callable[[Status], str]] = {
     "temperature (°C)": _figure(Health.temperature_c, ".1f"),
     "throttled": _text(Health.throttled),
     "load of the machine": _figure(Health.load_1min, ".2f"),
-    "link": lambda status: f"{shown(status.figures.link_protocol)} {status.figures.link_port or ''}",
+    "link": lambda status: f"{to_text(status.figures.link_protocol)} {status.figures.link_port or ''}",
     "link losses, damaged frames": _counts(Health.link_losses, Health.link_checksum_errors),
     "events of the run": _run_events,
     "watchdog, deadman trips": _counts(Health.watchdog_trips, Health.deadman_trips),

@@ -35,22 +35,22 @@ def new_token() -> str:
 @contextmanager
 def open_view(
     source: "Source",
-    shown: "SceneContent",
-    place: tuple[str, int] = ANY_PORT,
+    content: "SceneContent",
+    listen_at: tuple[str, int] = ANY_PORT,
     browser: bool = True,
     token: str = "",
     tls: "SSLContext | None" = None,
 ) -> Iterator["LiveView"]:
-    """Serve a live view at `place` (host, port), print its address, and open it in a browser if there is a screen.
+    """Serve a live view at `listen_at` (host, port), print its address, and open it in a browser if there is a screen.
 
     A browser needs `token`; by default it is a new one. A page beyond this machine without `tls` is not encrypted:
     this is reported. Raises NetworkError, MissingExtraError.
     """
     from hil.view.live_view import LiveView
 
-    host, port = place
+    host, port = listen_at
     token = token or new_token()
-    with LiveView(source, shown, host, port, token, tls) as view:
+    with LiveView(source, content, host, port, token, tls) as view:
         seen = "127.0.0.1" if host in ("0.0.0.0", "::") else host
         address = f"{'https' if tls else 'http'}://{seen}:{view.port}/?token={token}"
         if tls is None and not is_local(host):
@@ -101,13 +101,13 @@ def _hunt_of(scenario: Scenario) -> "Hunt | None":
 
 
 @contextmanager
-def view_process(scenario: Sequence[str], endpoints: Sequence[str], wanted: bool) -> Iterator[None]:
-    """Serve a view of the slaves at `endpoints` in a process of its own, if it is `wanted`.
+def view_process(scenario: Sequence[str], endpoints: Sequence[str], is_enabled: bool) -> Iterator[None]:
+    """Serve a view of the slaves at `endpoints` in a process of its own, if it is `is_enabled`.
 
     It prints the address when the view is ready. `scenario` are the words of a command that name it. Raises
     NetworkError when the view cannot start.
     """
-    if not wanted:
+    if not is_enabled:
         yield
         return
     connections = [word for endpoint in endpoints for word in ("--connect", endpoint)]

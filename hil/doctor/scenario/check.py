@@ -235,7 +235,7 @@ def _check_places(
 
     is_builtin = isinstance(planner, Tasks)  # a user's planner may reach its places differently
     inflated = grid.inflate(clearance)
-    for north, east in planner.places:
+    for north, east in planner.destinations:
         if not inflated.is_free((north, east)):
             where = "inside an obstacle" if grid.contains((north, east)) else "outside the map"
             nearest = inflated.nearest_free((north, east))

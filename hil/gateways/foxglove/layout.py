@@ -66,8 +66,8 @@ def _images(sensors: SensorSet, format_of_camera: str) -> dict[str, str]:
     }  # fmt: skip
 
 
-def _tab(title: str, shown: Any) -> dict[str, Any]:
-    return {"title": title, "layout": shown}
+def _tab(title: str, layout: Any) -> dict[str, Any]:
+    return {"title": title, "layout": layout}
 
 
 def _health() -> Any:

@@ -96,16 +96,16 @@ def _zone(m: Any, zone: Zone) -> Any:
     return _line(m, m.LinePrimitiveLineType.LineLoop, corners, ZONE_WIDTH, ZONE)
 
 
-def _line(m: Any, kind: Any, places: Any, width: float, colour: Any) -> Any:
+def _line(m: Any, kind: Any, points: Any, width: float, colour: Any) -> Any:
     """Return a line through places (NED, m), `width` m wide."""
     return m.LinePrimitive(
-        type=kind, pose=_pose(m, (0.0, 0.0, 0.0)), thickness=width, scale_invariant=False, points=_points(m, places),
+        type=kind, pose=_pose(m, (0.0, 0.0, 0.0)), thickness=width, scale_invariant=False, points=_points(m, points),
         color=m.Color(**_rgba(colour)),
     )  # fmt: skip
 
 
-def _points(m: Any, places: Any) -> Any:
-    return [m.Point3(x=east, y=north, z=-down) for north, east, down in places]
+def _points(m: Any, points: Any) -> Any:
+    return [m.Point3(x=east, y=north, z=-down) for north, east, down in points]
 
 
 def _cube(m: Any, middle: Any, size: Any, colour: Any, yaw: float = 0.0) -> Any:
@@ -113,8 +113,8 @@ def _cube(m: Any, middle: Any, size: Any, colour: Any, yaw: float = 0.0) -> Any:
     return m.CubePrimitive(pose=_pose(m, middle, yaw), size=m.Vector3(x=x, y=y, z=z), color=m.Color(**_rgba(colour)))
 
 
-def _pose(m: Any, place: Any, yaw: float = 0.0) -> Any:
-    x, y, z = (float(value) for value in place)
+def _pose(m: Any, position: Any, yaw: float = 0.0) -> Any:
+    x, y, z = (float(value) for value in position)
     turn = m.Quaternion(x=0.0, y=0.0, z=sin(0.5 * yaw), w=cos(0.5 * yaw))
     return m.Pose(position=m.Vector3(x=x, y=y, z=z), orientation=turn)
 

@@ -8,7 +8,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from hil.gateways.mavlink.core import Core
 from hil.gateways.mavlink.flight.modes import Mode
-from hil.gateways.mavlink.flight.targets import GLOBAL_FRAMES, Target, TargetError, depth_of, earth_place
+from hil.gateways.mavlink.flight.targets import GLOBAL_FRAMES, Target, TargetError, depth_of, earth_position
 from hil.gateways.mavlink.snapshot import Origin
 
 ACCEPTED: int = dialect.MAV_RESULT_ACCEPTED
@@ -101,7 +101,7 @@ class Commands:
             return ACCEPTED
         if not all(isfinite(value) for value in (latitude, longitude, altitude)):
             return DENIED
-        core.set_home(earth_place(latitude * 1e7, longitude * 1e7, 0.0, core.origin))
+        core.set_home(earth_position(latitude * 1e7, longitude * 1e7, 0.0, core.origin))
         return ACCEPTED
 
     def _reposition(self, request: CommandRequest, now: int) -> int:
@@ -119,7 +119,7 @@ class Commands:
             core.set_mode(Mode.GUIDED)
         north, east, depth = snapshot.state.position
         if isfinite(latitude) and isfinite(longitude):
-            north, east, _ = earth_place(latitude * 1e7, longitude * 1e7, 0.0, core.origin)
+            north, east, _ = earth_position(latitude * 1e7, longitude * 1e7, 0.0, core.origin)
         if isfinite(altitude):
             depth = max(0.0, depth_of(altitude, relative, core.origin, core.home[2]))
         heading = radians(yaw) if isfinite(yaw) else None
@@ -143,7 +143,7 @@ class Commands:
             return DENIED
         turn = radians(angle)
         heading = snapshot.state.heading + (-turn if direction < 0.0 else turn) if relative == 1.0 else turn
-        place = core.pilot.place or snapshot.state.position
+        place = core.pilot.target_position or snapshot.state.position
         core.pilot.set_target(Target(place, None, heading), now)
         return ACCEPTED
 

@@ -71,9 +71,9 @@ class Core:
         self._origin_is_given = True
         return True
 
-    def set_home(self, place: Point) -> None:
+    def set_home(self, position: Point) -> None:
         """Set home (m, NED)."""
-        self.home, self._has_home = place, True
+        self.home, self._has_home = position, True
 
     def on_ground_station_heartbeat(self, now: int) -> None:
         """Record the time of a ground station's heartbeat."""
@@ -130,7 +130,7 @@ class Core:
         pilot = self.pilot
         return Context(
             now - self.start_ns, wall_ns, self.home, self.origin, self.plane, pilot.mode, pilot.armed, self.is_ready(),
-            pilot.place,
+            pilot.target_position,
         )  # fmt: skip
 
     def tick(self, now: int) -> None:

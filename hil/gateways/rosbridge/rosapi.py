@@ -17,11 +17,11 @@ Answer = dict[str, Any]
 
 
 class RosApi:
-    """Answers from what is in the graph now, and from `seen`, the topics on which messages came, with their types."""
+    """Answers from what is in the graph now, and from `received_types`: topics with messages, and their types."""
 
-    def __init__(self, commanding: Commanding, seen: Mapping[str, str]) -> None:
+    def __init__(self, commanding: Commanding, received_types: Mapping[str, str]) -> None:
         self._commanding = commanding
-        self._seen = seen
+        self._received_types = received_types
         self._answers: dict[str, Callable[[Mapping[str, Any]], Answer]] = {
             "topics": lambda _: self._topics(),
             "topics_and_raw_types": lambda _: self._raw_types(),
@@ -55,13 +55,13 @@ class RosApi:
 
     def type_of(self, topic: str) -> str:
         """Return the type of a topic; "" for an unknown one."""
-        return self._seen.get(topic) or self._types(("MP", "MS")).get(topic, "")
+        return self._received_types.get(topic) or self._types(("MP", "MS")).get(topic, "")
 
     def _entities(self) -> list[Entity]:
         return self._commanding.entities()
 
     def _types(self, kinds: tuple[str, ...]) -> dict[str, str]:
-        found = dict(self._seen) if "MP" in kinds else {}
+        found = dict(self._received_types) if "MP" in kinds else {}
         return found | {entity.topic: entity.type for entity in self._entities() if entity.kind in kinds}
 
     def _topics(self) -> Answer:
@@ -110,9 +110,9 @@ def text(of: Mapping[str, Any], name: str) -> str:
     return value if isinstance(value, str) else ""
 
 
-def names_of(types_by_name: Mapping[str, str], wanted: str, kind: str = "msg") -> list[str]:
+def names_of(types_by_name: Mapping[str, str], type_name: str, kind: str = "msg") -> list[str]:
     """Return the names that are of a type."""
-    return sorted([name for name, each in types_by_name.items() if each == whole_type(wanted, kind)])
+    return sorted([name for name, each in types_by_name.items() if each == whole_type(type_name, kind)])
 
 
 def raw_type(kind: str) -> str:

@@ -19,9 +19,9 @@ class RosbridgeServer(WebSocketServer[Client]):
 
     def __init__(self, host: str, port: int, commanding: Commanding) -> None:
         self._commanding = commanding
-        self._seen: dict[str, str] = {}
+        self._received_types: dict[str, str] = {}
         self._latched: dict[str, Message] = {}
-        self._api = RosApi(commanding, self._seen)
+        self._api = RosApi(commanding, self._received_types)
         super().__init__(host, port, "rosbridge")
 
     def show(self, messages: Iterable[Message]) -> None:
@@ -32,10 +32,10 @@ class RosbridgeServer(WebSocketServer[Client]):
 
     def _show(self, messages: list[Message]) -> None:
         for message in messages:
-            if message.topic in self._seen or len(self._seen) < MAX_SEEN:
-                self._seen[message.topic] = message.type
+            if message.topic in self._received_types or len(self._received_types) < MAX_SEEN:
+                self._received_types[message.topic] = message.type
             row = TOPICS.get(message.topic) or TOPICS.get(message.topic.rpartition("/")[2])
-            if row and row.qos.latched and message.topic in self._seen:
+            if row and row.qos.latched and message.topic in self._received_types:
                 self._latched[message.topic] = message
             for client in tuple(self._clients):
                 client.show(message)

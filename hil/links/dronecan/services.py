@@ -91,10 +91,10 @@ def _packed(value: Value) -> bytes:
     return bytes((_STRING, len(text))) + text
 
 
-def pack_description(answer: Description) -> bytes:
+def pack_description(description: Description) -> bytes:
     """Pack the answer to GetSet."""
-    values = (answer.value, answer.default, answer.most, answer.least)
-    return b"".join([_packed(value) for value in values]) + answer.name.encode("ascii")
+    values = (description.value, description.default, description.most, description.least)
+    return b"".join([_packed(value) for value in values]) + description.name.encode("ascii")
 
 
 def unpack_opcode(payload: bytes) -> int | None:
@@ -102,9 +102,9 @@ def unpack_opcode(payload: bytes) -> int | None:
     return payload[0] if len(payload) == EXECUTE_OPCODE.max_size else None
 
 
-def pack_opcode_result(done: bool) -> bytes:
+def pack_opcode_result(ok: bool) -> bytes:
     """Pack the answer to ExecuteOpcode."""
-    return bytes(6) + pack_done(done)
+    return bytes(6) + pack_done(ok)
 
 
 def is_restart(payload: bytes) -> bool:
@@ -112,9 +112,9 @@ def is_restart(payload: bytes) -> bool:
     return payload == RESTART_MAGIC.to_bytes(5, "little")
 
 
-def pack_done(done: bool) -> bytes:
+def pack_done(ok: bool) -> bytes:
     """Pack the bool that is the answer to RestartNode."""
-    return bytes((done << 7,))
+    return bytes((ok << 7,))
 
 
 def pack_transport_stats(stats: TransportStats) -> bytes:

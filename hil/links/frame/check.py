@@ -127,9 +127,9 @@ def _lost(reader: Reader, data: bytes, start: int, end: int) -> Iterator[Part]:
         place = last
 
 
-def _is_sound_at(reader: SyncReader, data: bytes, place: int) -> bool:
-    _, size = reader.frame_at(data, place) if data.startswith(reader.sync, place) else (None, 0)
-    return 0 < size <= len(data) - place and reader.trailer.is_sound(data, place, size)
+def _is_sound_at(reader: SyncReader, data: bytes, offset: int) -> bool:
+    _, size = reader.frame_at(data, offset) if data.startswith(reader.sync, offset) else (None, 0)
+    return 0 < size <= len(data) - offset and reader.trailer.is_sound(data, offset, size)
 
 
 def damage(reader: Reader, form: Form, frame: bytes) -> str:
@@ -158,12 +158,12 @@ def _suspects(reader: Reader, frame: bytes) -> Iterator[tuple[int, int]]:
         trial[place] = own
 
 
-def _name_at(form: Form, place: int) -> str:
+def _name_at(form: Form, position: int) -> str:
     offset = len(form.prefix)
-    if place < offset:
+    if position < offset:
         return "sync or header"
     for field in form.body.fields:
         offset += type_size(field.type)
-        if place < offset:
+        if position < offset:
             return field.name
     return "checksum"

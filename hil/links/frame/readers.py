@@ -163,9 +163,9 @@ class _Keys:
                 return form
         return None
 
-    def may_begin(self, seen: bytes) -> bool:
+    def may_begin(self, data: bytes) -> bool:
         """Return whether these bytes are the start of a head, but not a whole head."""
-        return any(len(seen) < len(head) and matches_head(head, seen) for head in self._heads)
+        return any(len(data) < len(head) and matches_head(head, data) for head in self._heads)
 
 
 def matches_head(head: tuple[int | None, ...], frame: bytes) -> bool:

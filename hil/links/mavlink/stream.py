@@ -89,7 +89,7 @@ class MavlinkStream:
         self._mavlink = _SafeMavlink(None, system, component)
         self._counters = counters
         self._signs = False
-        self._rest = b""  # start of an incomplete packet
+        self._incomplete = b""  # start of an incomplete packet
 
     def sign(self, secret: bytes, wall_clock: Callable[[], int]) -> None:
         """Sign packets and require signatures from now on; without a secret stop doing so.
@@ -141,9 +141,9 @@ class MavlinkStream:
 
     def _cut(self, data: bytes) -> list[bytes]:
         """Return the packets with a right checksum among the received bytes."""
-        buffer = self._rest + data
+        buffer = self._incomplete + data
         packets, rest = find_frames(self, buffer, self._counters)
-        self._rest = buffer[rest:]
+        self._incomplete = buffer[rest:]
         return [buffer[start:end] for start, end in packets]
 
     def find_start(self, buffer: bytes, position: int) -> int:

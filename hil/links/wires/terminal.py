@@ -155,7 +155,7 @@ class PtyWire(TerminalWire):
             raise DeviceError(f"pty: {error.strerror}; raise kernel.pty.max or close other terminals") from None
         self.path = os.ttyname(self._slave)
         self._second_name: PtyName | None = None
-        self._room = 0  # bytes that can be written before `UNREAD_LIMIT` may be reached
+        self._free_bytes = 0  # bytes that can be written before `UNREAD_LIMIT` may be reached
         super().__init__(master, link_path or self.path)
         os.set_blocking(master, False)
         tty.setraw(self._slave)  # both ends share these settings
@@ -174,11 +174,13 @@ class PtyWire(TerminalWire):
 
     def write(self, data: bytes) -> int:
         """Send `data`, or nothing if the other end has stopped reading; return the number of bytes accepted."""
-        if self._room <= 0 <= self._fd:
-            self._room = UNREAD_LIMIT - self._unread()  # the query costs as much as a write, so once for many frames
-            if self._room <= 0:
+        if self._free_bytes <= 0 <= self._fd:
+            self._free_bytes = (
+                UNREAD_LIMIT - self._unread()
+            )  # the query costs as much as a write, so once for many frames
+            if self._free_bytes <= 0:
                 return 0
-        self._room -= len(data)
+        self._free_bytes -= len(data)
         return super().write(data)
 
     def close(self) -> None:

@@ -90,7 +90,7 @@ def open_native(link: Link, channels: int, seed: int, host: bool) -> Ends:
     """Start the firmware in C as a process of this machine, and open the link to it on a pty. Raises DeviceError."""
     from firmware_stub.native import NativeStm32
 
-    port, stm32 = _start_at(link.port, lambda port: NativeStm32(parse_address(port).place, channels, link.watchdog))
+    port, stm32 = _start_at(link.port, lambda port: NativeStm32(parse_address(port).target, channels, link.watchdog))
     return _reached(stm32, lambda: open_address(port, "host"), link, channels, seed)
 
 
@@ -114,7 +114,7 @@ def _reached(stm32: Process, open_wire: Callable[[], Wire], link: Link, channels
 
 def _start_at(port: str, start: Callable[[str], Process]) -> tuple[str, Process]:
     """Start the simulated STM32 at the address `port`; without a path in it, on a pty in a new scratch folder."""
-    if parse_address(port).place:
+    if parse_address(port).target:
         return port, start(port)
     runtime = os.environ.get("XDG_RUNTIME_DIR", "")
     folder = ScratchFolder("stm32", runtime if os.access(runtime, os.W_OK) else "")

@@ -102,7 +102,7 @@ def _read_exactly(count: int) -> bytes:
     return received
 
 
-def _serve(scenario: Scenario, node: Identity, answers: int, stop_fd: int) -> None:
+def _serve(scenario: Scenario, node: Identity, reply_fd: int, stop_fd: int) -> None:
     studio = Studio(scenario)
     slave = scenario.slave
     with join(scenario) as session, studio.neighbours.subscribe():
@@ -131,7 +131,7 @@ def _serve(scenario: Scenario, node: Identity, answers: int, stop_fd: int) -> No
                     if messages:  # there are none if the sample was dropped
                         outlets[number] = [*{*outlets.get(number, ()), *[name for name, _ in messages]}]
                     took_ns = now_ns() - began
-                os.write(answers, DONE.pack(number, took_ns))
+                os.write(reply_fd, DONE.pack(number, took_ns))
             delayed.sort(key=_due)
             _publish(sample_publisher, delayed)
 
@@ -201,19 +201,19 @@ class Studio:
         return self._slots[number].delay_ns
 
     def encode(
-        self, taken: tuple[str, Any] | None, epoch_ns: int, wanted: Callable[[Sequence[str]], bool]
+        self, taken_sample: tuple[str, Any] | None, epoch_ns: int, has_subscribers: Callable[[Sequence[str]], bool]
     ) -> Iterator[Message]:
-        """Yield the messages of a sample, each with its topic; costly ones only if `wanted` is true for their topic."""
-        if taken is None:
+        """Yield the messages of a sample, each with its topic; costly ones only if their topic `has_subscribers`."""
+        if taken_sample is None:
             return
-        topic, sample = taken
+        topic, sample = taken_sample
         stamped = sample._replace(time_ns=sample.time_ns + epoch_ns)
         prefix, settings = self._settings.frame_prefix, self._settings
         if first_of(topic) == "camera":
             yield from ros.encoder(topic)(stamped, prefix, settings.images, settings.jpeg_quality)
         else:
             yield from ros.encoder(topic)(stamped, prefix)
-        if first_of(topic) == "forward_sonar" and wanted((f"{topic}/{FAN}",)):
+        if first_of(topic) == "forward_sonar" and has_subscribers((f"{topic}/{FAN}",)):
             from hil.ros.images import encode_fan
 
             yield f"{topic}/{FAN}", encode_fan(stamped, f"{prefix}{topic}_link")

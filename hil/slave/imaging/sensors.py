@@ -64,7 +64,7 @@ class Imaging:
         self._busy = [False] * len(offloaded)
         self._stamps: Stamps | None = None
         self._requests: FileIO | None = None
-        self._answers: FileIO | None = None
+        self._replies: FileIO | None = None
         self._closing = threading.Event()
         self._thread: threading.Thread | None = None
 
@@ -79,7 +79,7 @@ class Imaging:
     def close(self) -> None:
         """End the process."""
         self._closing.set()
-        self._requests = self._answers = None
+        self._requests = self._replies = None
         pid, self.pid = self.pid, 0
         if pid:
             _signal(pid, signal.SIGTERM)
@@ -129,7 +129,7 @@ class Imaging:
         return true._replace(sensor=type(f"Asking{true.sensor.__name__}", (_Asking,), members))
 
     def _read_answers(self) -> None:
-        pipe = self._answers
+        pipe = self._replies
         if pipe is None:
             return
         try:
@@ -179,7 +179,7 @@ class Imaging:
                 os.close(end)
         self._connect(pid, begin, requests[1], answers[0])
         last = _last_line(errors[0], self._report)
-        self._requests = self._answers = None
+        self._requests = self._replies = None
         self.pid = 0
         code = os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])
         words = f"signal {-code}" if code < 0 else f"exit code {code}"
@@ -193,9 +193,9 @@ class Imaging:
         os.set_blocking(request_fd, False)
         os.set_blocking(answer_fd, False)
         self._busy = [False] * len(self._names)
-        self._requests, self._answers, self.pid = requests, answers, pid
+        self._requests, self._replies, self.pid = requests, answers, pid
         if self._closing.is_set():
-            self._requests = self._answers = None
+            self._requests = self._replies = None
             _signal(pid, signal.SIGTERM)
 
 

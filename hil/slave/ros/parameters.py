@@ -233,8 +233,8 @@ class Parameters:
         """Return the group of a parameter; None if the name is unknown."""
         return next((group for group in self._groups if name in group.names()), None)
 
-    def _each(self, request: Message, answer: Callable[[str], Any]) -> list[Any]:
-        return [answer(name) for name in request["names"][:MAX]]
+    def _each(self, request: Message, function: Callable[[str], Any]) -> list[Any]:
+        return [function(name) for name in request["names"][:MAX]]
 
     def _value(self, name: str) -> dict[str, Any]:
         """Return a ParameterValue; one of type "not set" for an unknown name."""

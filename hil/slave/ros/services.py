@@ -104,9 +104,9 @@ def _failing(loop: Loop, name: str, report: Report) -> Answer:
     return lambda request: _answer(report, "thruster", fail_thruster(loop, name, request["data"]))
 
 
-def _answer(report: Report, name: str, done: str) -> Mapping[str, Any]:
-    report(f"{name}: {done}")
-    return {"success": True, "message": done}
+def _answer(report: Report, name: str, message: str) -> Mapping[str, Any]:
+    report(f"{name}: {message}")
+    return {"success": True, "message": message}
 
 
 def _result(code: int, message: str) -> dict[str, Any]:

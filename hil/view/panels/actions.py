@@ -13,7 +13,7 @@ from hil.common.errors import HilError, NetworkError
 from hil.view.scene.frames import from_scene, to_scene
 
 HANDLE_PIXELS = 60.0  # size of the arrows that drag a waypoint, at any distance of the camera
-PLACE = "click: nothing", "click: go there", "click: add a waypoint"
+CLICK_ACTIONS = "click: nothing", "click: go there", "click: add a waypoint"
 
 
 class ActionsPanel:
@@ -63,7 +63,9 @@ class ActionsPanel:
     def _add_places(self) -> None:
         gui = self._server.gui
         with gui.add_folder("places"):
-            self._place = gui.add_dropdown("in the scene", PLACE, hint="on the level at which the vehicle is")
+            self._click_action = gui.add_dropdown(
+                "in the scene", CLICK_ACTIONS, hint="on the level at which the vehicle is"
+            )
             self._speed = gui.add_number("speed (m/s)", 0.4, min=0.05, max=5.0, step=0.05)
             self._button("fly the waypoints", self._fly)
             clear = gui.add_button("remove the waypoints")
@@ -124,7 +126,7 @@ class ActionsPanel:
 
     def _on_click(self, event: Any) -> None:
         vehicle = self._chosen()
-        chosen = PLACE.index(self._place.value)
+        chosen = CLICK_ACTIONS.index(self._click_action.value)
         if vehicle is None or not chosen or event.ray_origin is None:
             return
         try:

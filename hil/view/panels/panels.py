@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from hil.ros.diagnostics import Diagnostics, shown
+from hil.ros.diagnostics import Diagnostics, to_text
 from hil.view.scene import colours
 
 LOG_LINES = 12
@@ -114,24 +114,27 @@ def health_rows(figures: Diagnostics) -> list[tuple[str, str]]:
     """Return the diagnostics that the panel shows, as pairs of name and text."""
     return [
         ("armed", "-" if figures.armed is None else "yes" if figures.armed else "no"),
-        ("controller", shown(figures.controller)),
+        ("controller", to_text(figures.controller)),
         ("commanded by", figures.commander or "nobody"),
         ("STM32", "silent" if figures.stm32_silent else "answers"),
-        ("link", f"{shown(figures.link_protocol)} over {shown(figures.link_wire)}"),
-        ("messages out, in", f"{shown(figures.link_messages_out)}, {shown(figures.link_messages_in)}"),
-        ("checksum errors", shown(figures.link_checksum_errors)),
-        ("commands taken", shown(figures.commands_taken)),
-        ("commands stale, refused", f"{shown(figures.commands_stale)}, {shown(figures.commands_refused)}"),
-        ("deadman, watchdog", f"{shown(figures.deadman_trips)}, {shown(figures.watchdog_trips)} trips"),
+        ("link", f"{to_text(figures.link_protocol)} over {to_text(figures.link_wire)}"),
+        ("messages out, in", f"{to_text(figures.link_messages_out)}, {to_text(figures.link_messages_in)}"),
+        ("checksum errors", to_text(figures.link_checksum_errors)),
+        ("commands taken", to_text(figures.commands_taken)),
+        (
+            "commands stale, refused",
+            f"{to_text(figures.commands_stale)}, {to_text(figures.commands_refused)}",
+        ),
+        ("deadman, watchdog", f"{to_text(figures.deadman_trips)}, {to_text(figures.watchdog_trips)} trips"),
         (
             "loop",
-            f"{shown(figures.loop_rate_hz, '.0f')} Hz, late p99 {shown(figures.lateness_recent_p99_us, '.0f')} us",
+            f"{to_text(figures.loop_rate_hz, '.0f')} Hz, late p99 {to_text(figures.lateness_recent_p99_us, '.0f')} us",
         ),
-        ("memory", f"{shown(figures.pss_mib, '.1f')} MiB"),
-        ("processor time", f"{shown(figures.cpu_s, '.1f')} s of {shown(figures.uptime_s, '.0f')} s"),
-        ("temperature", f"{shown(figures.temperature_c, '.1f')} °C"),
-        ("contacts", shown(figures.contacts)),
-        ("board", shown(figures.board)),
+        ("memory", f"{to_text(figures.pss_mib, '.1f')} MiB"),
+        ("processor time", f"{to_text(figures.cpu_s, '.1f')} s of {to_text(figures.uptime_s, '.0f')} s"),
+        ("temperature", f"{to_text(figures.temperature_c, '.1f')} °C"),
+        ("contacts", to_text(figures.contacts)),
+        ("board", to_text(figures.board)),
     ]
 
 

@@ -38,16 +38,16 @@ class FleetScene:
             path = [hunt.plan.position_at(number, float(clock)) for clock in clocks]
             world.draw_path(path, hunt.depth, f"path/{node}")
 
-    def draw(self, latest: Mapping[str, Mapping[str, Any]], places: Mapping[str, Any]) -> None:
-        """Draw links and target positions, from the newest samples of each vehicle and its `places` in the scene (m).
+    def draw(self, latest: Mapping[str, Mapping[str, Any]], positions: Mapping[str, Any]) -> None:
+        """Draw links and target positions, from each vehicle's newest samples and its `positions` in the scene (m).
 
         Two vehicles are linked if they are within range. A target position is for the plan's clock that the vehicle
         itself reports.
         """
         pairs = [
-            (places[a], places[b])
-            for a, b in combinations([node for node in self._hunt.nodes if node in places], 2)
-            if np.linalg.norm((places[a] - places[b])[:2]) < self._hunt.reach
+            (positions[a], positions[b])
+            for a, b in combinations([node for node in self._hunt.nodes if node in positions], 2)
+            if np.linalg.norm((positions[a] - positions[b])[:2]) < self._hunt.reach
         ]
         if pairs:
             segments = np.array(pairs, np.float32)

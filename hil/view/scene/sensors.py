@@ -74,11 +74,11 @@ def _profiler_points(scan: Any) -> Any:
     return _fan(scan, lambda r, a: (np.zeros_like(r), r * np.sin(a), r * np.cos(a)))
 
 
-def _fan(scan: Any, place: Any) -> Any:
+def _fan(scan: Any, position: Any) -> Any:
     ranges = np.asarray(scan.ranges, float)
     angles = scan.angle_min + scan.angle_increment * np.arange(len(ranges))
     there = np.isfinite(ranges)
-    return np.stack(place(ranges[there], angles[there]), axis=1)
+    return np.stack(position(ranges[there], angles[there]), axis=1)
 
 
 SCANS = {"laser": (colours.LASER, _laser_points), "profiler": (colours.PROFILER, _profiler_points)}

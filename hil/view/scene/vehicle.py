@@ -33,10 +33,10 @@ class Track:
         self._points: list[Any] = []
         self._drawn = 0
 
-    def add(self, place: Any) -> None:
+    def add(self, point: Any) -> None:
         """Add a point of the scene, unless it is within TRACK_STEP of the last."""
-        if not self._points or np.linalg.norm(place - self._points[-1]) >= TRACK_STEP:
-            self._points.append(place)
+        if not self._points or np.linalg.norm(point - self._points[-1]) >= TRACK_STEP:
+            self._points.append(point)
         if len(self._points) > MAX_POINTS:
             del self._points[1:-1:2]
             self._drawn = 0
@@ -59,7 +59,7 @@ class VehicleScene:
         self._scene = server.scene
         self._vehicle = vehicle
         self._root = f"/vehicles/{name}"
-        self.place, self.is_placed = np.zeros(3), False
+        self.position, self.is_placed = np.zeros(3), False
         self._frame = self._scene.add_frame(self._root, axes_length=AXES, axes_radius=0.01)
         self._scene.add_label(f"{self._root}/name", name, position=(0.0, 0.0, 0.8), anchor="bottom-center")
         self.sensors = SensorScene(self._scene, self._root, carried)
@@ -74,10 +74,10 @@ class VehicleScene:
         state = latest.get("ground_truth") or latest.get("odom")
         if state is None:
             return
-        self.place = to_scene([state.position])[0]
+        self.position = to_scene([state.position])[0]
         self.is_placed = True
-        self._frame.position, self._frame.wxyz = self.place, swap_attitude(state.orientation)
-        self._track.add(self.place)
+        self._frame.position, self._frame.wxyz = self.position, swap_attitude(state.orientation)
+        self._track.add(self.position)
         if "ground_truth" in latest and "odom" in latest:
             self._navigation.add(to_scene([latest["odom"].position])[0])
         if tether := latest.get("tether"):

@@ -20,7 +20,7 @@ from hil.view.sources.recording import ViewRecorder
 
 PICTURES = ("camera/image_raw/compressed", "camera/image_raw", "forward_sonar/image", "side_scan/image")
 DISCOVERED_EVERY_NS = 2_000_000_000  # between two searches for further topics with pictures
-PLACES = ("ground_truth", "odom")
+POSITION_TOPICS = ("ground_truth", "odom")
 NEWEST = 400  # commands whose delays are shown: the last 20 s of a master that sends 20 a second
 LOG_LINES = 200
 CONNECT_S = 5.0  # longest wait for a vehicle
@@ -58,7 +58,7 @@ class LiveSource:
         self._lock = threading.Lock()
         self._waking = threading.Lock()
         self._is_closed = False
-        self._places = Wakeup()
+        self._position_wakeup = Wakeup()
         self._discovery_ns = 0
 
     def __enter__(self) -> "LiveSource":
@@ -72,21 +72,21 @@ class LiveSource:
         self._fleet.close()
         with self._waking:
             self._is_closed = True
-            self._places.close()
+            self._position_wakeup.close()
 
     def fileno(self) -> int:
         """Return a file descriptor that becomes readable when a vehicle's position was received."""
-        return self._places.fileno()
+        return self._position_wakeup.fileno()
 
     def clear(self) -> None:
         """Make the file descriptor unreadable until the next position is received."""
-        self._places.clear()
+        self._position_wakeup.clear()
 
     def _on_sample(self, topic: str) -> None:
-        if topic in PLACES:
+        if topic in POSITION_TOPICS:
             with self._waking:
                 if not self._is_closed:
-                    self._places.set()
+                    self._position_wakeup.set()
 
     @property
     def names(self) -> list[str]:
@@ -144,15 +144,15 @@ class LiveSource:
                 vehicle.client.watch(ALL)
         self._show_pictures(viewed and with_pictures)
 
-    def _show_pictures(self, wanted: bool) -> None:
+    def _show_pictures(self, is_shown: bool) -> None:
         with self._lock:
             pictures, self._pictures = self._pictures, None
-            if wanted:
+            if is_shown:
                 self._pictures = pictures or self._connect(observe=True)
                 pictures = None
         if pictures:
             pictures.close()
-        elif wanted and self._pictures:
+        elif is_shown and self._pictures:
             for name in self._pictures.names:
                 self._pictures[name].client.watch(*PICTURES)
             if now_ns() >= self._discovery_ns:
@@ -177,7 +177,7 @@ class LiveSource:
             vehicle = self._fleet.wait_for(name, seconds=0.0)[0]
         except NetworkError:  # it is present, but has sent nothing yet; the next update tries again
             return
-        vehicle.client.watch(*PLACES)  # for the tracks, which are drawn without a browser too
+        vehicle.client.watch(*POSITION_TOPICS)  # for the tracks, which are drawn without a browser too
         vehicle.notify(self._on_sample)
         self._known[name] = vehicle
 

@@ -25,7 +25,7 @@ def flying_slave(folder: Path, stm32: str, extra_keys: str = "") -> Iterator[tup
         slave.expect("waiting for ArduPilot on udp")
         flyer = Flyer(udp)
         try:
-            with VehicleClient(f"tcp/127.0.0.1:{port}", "uuv1", part="observer") as client:
+            with VehicleClient(f"tcp/127.0.0.1:{port}", "uuv1", role="observer") as client:
                 assert client.wait_for_vehicle(60)
                 yield slave, flyer, client
         finally:

@@ -42,11 +42,11 @@ def test_a_neighbour_is_extrapolated_from_its_last_report() -> None:
     simulated, _ = hunt({"hunting.noise": 0.0}, 12.0)
     planner, neighbour = simulated.planners[:2]
     output, report = planner._present("uuv2"), planner._reports["uuv2"].report
-    assert neighbour._here
+    assert neighbour._own_sample
     assert 0.2 < output.clock - report.clock < 1.4
     assert output.clock == pytest.approx(neighbour.clock, abs=0.4)
-    assert math.dist(output.position, neighbour._here.position[:2]) < 0.06
-    assert math.dist(report.position, neighbour._here.position[:2]) > 0.08
+    assert math.dist(output.position, neighbour._own_sample.position[:2]) < 0.06
+    assert math.dist(report.position, neighbour._own_sample.position[:2]) > 0.08
 
 
 def test_messages_collide_without_tdma_slots() -> None:

@@ -138,11 +138,11 @@ def test_soundings_in_metres_need_a_named_coordinate_system(tmp_path: Path) -> N
         read_points(str(path))
     points = read_points(str(path), crs="EPSG:32632")
     assert points.geographic
-    assert points.places[0] == pytest.approx([54.0, 10.0], abs=0.01)
+    assert points.positions[0] == pytest.approx([54.0, 10.0], abs=0.01)
     bare = tmp_path / "bare.csv"
     bare.write_text("565000,5984000,5\n565100,5984000,6\n")
     assert "names no columns: read as east, north and depth" in read_points(str(bare), crs="EPSG:32632").note
-    north, east = LocalPlane(*points.places[0]).to_local(*points.places[1:].T)
+    north, east = LocalPlane(*points.positions[0]).to_local(*points.positions[1:].T)
     assert np.hypot(north, east) == pytest.approx([100.0, 100.0], abs=0.1)
     with pytest.raises(ConfigError, match="--crs: EPSG:1: unknown coordinate system"):
         read_points(str(path), crs="EPSG:1")

@@ -46,7 +46,7 @@ def test_text_formats_of_soundings_are_read(tmp_path: Path, name: str, text: str
     path.write_text(text)
     points = read_points(str(path))
     assert points.geographic
-    assert points.places.tolist() == [[54.25, 10.5], [54.5, 10.6]]
+    assert points.positions.tolist() == [[54.25, 10.5], [54.5, 10.6]]
     assert points.depths.tolist() == [7.5, 9.0]
 
 
@@ -65,7 +65,7 @@ def test_compressed_soundings_in_metres_are_read_with_a_given_sign(tmp_path: Pat
         read_points(str(path))
     points = read_points(str(path), "up")
     assert not points.geographic
-    assert points.places[0].tolist() == [200.0, 100.0]
+    assert points.positions[0].tolist() == [200.0, 100.0]
     assert read_points(str(path), "down").depths.tolist() == [-5.0, 2.0, -6.0]
     assert read_points(str(path), "up").depths.tolist() == [5.0, -2.0, 6.0]
 

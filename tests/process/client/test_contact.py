@@ -16,7 +16,7 @@ from hil.network.opening import listen
 from hil.network.presence import declare_presence
 from hil.network.roles import open_master_session
 from hil.network.session import Session
-from hil.network.tokens import PING, PONG, Part, clock_keys
+from hil.network.tokens import PING, PONG, NodeRole, clock_keys
 from hil.ros.encoders import encode_diagnostics, pack_attachment
 from tests.support.processes import free_port, wait_for
 
@@ -35,7 +35,7 @@ class Vehicle:
 
     def __init__(self, session: Session) -> None:
         self.pings: list[tuple[int, ...]] = []
-        self.ping_roles: list[Part] = []
+        self.ping_roles: list[NodeRole] = []
         self.reported: list[tuple[int, ...]] = []
         self.reply_sender = session.sender(PONG_KEY)
         session.receive(PING_KEY, lambda payload: self._on_ping(payload, "observer"), 16)
@@ -52,7 +52,7 @@ class Vehicle:
         else:
             self._on_ping(payload, "master")
 
-    def _on_ping(self, payload: bytes, role: Part) -> None:
+    def _on_ping(self, payload: bytes, role: NodeRole) -> None:
         self.ping_roles.append(role)
         self.pings.append(PING.unpack(payload)[1:])
         self.reply_sender(self.pong(self.pings[-1][0], to_wall_ns(time.monotonic_ns()) + self.ahead_ns))
@@ -65,7 +65,7 @@ def peers() -> Iterator[tuple[Vehicle, Session]]:
         yield Vehicle(slave), session
 
 
-def begin_monitor(session: Session, role: Part) -> tuple[LivenessMonitor, ClockOffset]:
+def begin_monitor(session: Session, role: NodeRole) -> tuple[LivenessMonitor, ClockOffset]:
     clock = ClockOffset()
     contact = LivenessMonitor(session, "uuv1", clock, lambda: None, lambda _: None, 0.8)
     contact.begin(role, GID, 0)
@@ -75,7 +75,7 @@ def begin_monitor(session: Session, role: Part) -> tuple[LivenessMonitor, ClockO
 
 @pytest.mark.parametrize(("role", "reports_replies"), [("master", True), ("observer", False)])
 def test_only_a_master_reports_when_each_reply_arrived(
-    peers: tuple[Vehicle, Session], role: Part, reports_replies: bool
+    peers: tuple[Vehicle, Session], role: NodeRole, reports_replies: bool
 ) -> None:
     vehicle, session = peers
     contact, _ = begin_monitor(session, role)
@@ -137,7 +137,7 @@ def test_a_restarted_vehicle_with_another_clock_stays_present(peers: tuple[Vehic
     """Its first messages come before the clocks have been compared again."""
     _, session = peers
     values = {"boot_id": boot_id() if is_here else "another"}
-    with VehicleClient(session, "uuv1", part="observer") as client:
+    with VehicleClient(session, "uuv1", role="observer") as client:
 
         def compare(ahead_ns: int) -> None:
             sent = to_wall_ns(now_ns())

@@ -61,7 +61,7 @@ def test_a_client_without_a_choice_of_topics_gets_all(endpoint: str) -> None:
 @pytest.mark.parametrize("topics", [("odom",), (ALL,)])
 def test_a_late_client_gets_the_existing_map(endpoint: str, topics: tuple[str, ...]) -> None:
     for _ in range(2):
-        with VehicleClient(endpoint, "uuv1", part="observer", topics=topics) as client:
+        with VehicleClient(endpoint, "uuv1", role="observer", topics=topics) as client:
             client.watch("map")
             assert wait_for(lambda: client.received["map"])
 
@@ -139,7 +139,7 @@ def test_an_unknown_topic_of_a_planner_is_reported(subscriptions: str | tuple[st
 
 def test_two_clients_with_different_topics_get_their_own(endpoint: str) -> None:
     with open_master_session(endpoint) as session, VehicleClient(session, "uuv1", topics=("imu",)) as client:
-        with VehicleClient(endpoint, "uuv1", part="observer", topics=("pressure",)) as other:
+        with VehicleClient(endpoint, "uuv1", role="observer", topics=("pressure",)) as other:
             assert wait_for(lambda: "imu" in client.latest and "pressure" in other.latest)
             assert "imu" not in other.latest
             assert "pressure" not in client.latest

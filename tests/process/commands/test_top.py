@@ -71,7 +71,7 @@ def test_slaves_behind_a_router_are_shown(tmp_path: Path) -> None:
 @retried_when_busy("rates by the wall clock", attempts=5)
 def test_the_message_rate_with_a_client_of_all_topics(slave: int, tmp_path: Path) -> None:
     """The rates are IMU 100, DVL 8, its twist and altitude, pressure 20, odometry and truth 20: about 184 a second."""
-    with VehicleClient(f"tcp/127.0.0.1:{slave}", "uuv1", part="observer") as client:
+    with VehicleClient(f"tcp/127.0.0.1:{slave}", "uuv1", role="observer") as client:
         assert wait_for(lambda: client.received["imu"] > 150)  # for longer than a second
         assert 150.0 < float(row(print_once(tmp_path, slave), "messages sent (1/s)")) < 220.0
 

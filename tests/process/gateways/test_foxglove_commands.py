@@ -123,7 +123,7 @@ def test_topics_that_no_vehicle_subscribes_to_are_refused(foxglove: Foxglove) ->
 
 
 def test_services_are_called(foxglove: Foxglove, vehicle: tuple[str, str]) -> None:
-    with VehicleClient(vehicle[1], "uuv1", part="observer") as client:
+    with VehicleClient(vehicle[1], "uuv1", role="observer") as client:
         for number, is_armed in enumerate((False, True)):
             foxglove.call("/uuv1/arm", number, ros_message.encode(f"{SET_BOOL}_Request", {"data": is_armed}))
             answer = foxglove.until(lambda number=number: foxglove.responses.get(number))

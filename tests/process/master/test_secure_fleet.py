@@ -70,7 +70,7 @@ def test_planners_exchange_reports_only_and_others_cannot_report(first: tuple[Se
 def test_a_client_of_a_planner_can_only_appear_as_an_observer(first: tuple[Session, str, str], keys: Path) -> None:
     session, endpoint, _ = first
     presences: list[str] = []
-    watch_presence(session, "uuv1", lambda presence, _: presences.append(presence.part))
+    watch_presence(session, "uuv1", lambda presence, _: presences.append(presence.role))
     with open_master_session(endpoint, security=security(keys, PLANNERS[1])) as other_session:
         declare_presence(other_session, "uuv1", "slave")
         declare_presence(other_session, "uuv1", "master")

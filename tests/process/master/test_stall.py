@@ -48,7 +48,7 @@ def test_samples_arrive_again_when_the_library_does_not_read_a_link(tmp_path: Pa
     reports, opened_links = list[str](), list[str]()
     with (
         slow_session(port, opened_links) as session,
-        VehicleClient(session, "uuv1", part="observer", report=reports.append) as client,
+        VehicleClient(session, "uuv1", role="observer", report=reports.append) as client,
         Program(tmp_path, "slave", scenario),
     ):
         assert wait_for(lambda: client.contact.reconnections)
@@ -69,7 +69,7 @@ def test_samples_arrive_again_without_a_client_too(tmp_path: Path) -> None:
 def test_a_client_reconnects_when_the_vehicle_never_appears() -> None:
     """The first declaration may be lost, as happens now and then on a busy machine."""
     endpoint, reports = f"tcp/127.0.0.1:{free_port()}", list[str]()
-    with listen(endpoint), VehicleClient(endpoint, "uuv1", part="observer", report=reports.append) as client:
+    with listen(endpoint), VehicleClient(endpoint, "uuv1", role="observer", report=reports.append) as client:
         assert wait_for(lambda: client.contact.reconnections)
         assert [line for line in reports if "had a link, but no answer came of it" in line]
         assert wait_for(lambda: len(client.session.links()) > 0)

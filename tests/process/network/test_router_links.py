@@ -74,7 +74,7 @@ def test_links_of_slaves_clients_and_joined_routers_are_not_cut() -> None:
     with (
         open_router_session(endpoint) as session,
         listen(f"tcp/127.0.0.1:{free_port()}", network),
-        open_router_session(further, others=(endpoint,)),
+        open_router_session(further, other_endpoints=(endpoint,)),
         open_client_session(endpoint, network),
     ):
         assert wait_for(lambda: len(session.links()) == 3)

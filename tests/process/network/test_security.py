@@ -90,7 +90,7 @@ def test_presence_is_sent_only_to_those_who_may_listen(slave: tuple[Session, str
         open_master_session(endpoint, security=security(keys, "outsider")) as outsider,
     ):
         seen, unseen = watch_node(viewer), watch_node(outsider)
-        assert wait_for(lambda: [presence.part for presence in seen]) == ["slave"]
+        assert wait_for(lambda: [presence.role for presence in seen]) == ["slave"]
         assert not unseen
 
 

@@ -42,7 +42,7 @@ def test_one_master_commands_at_a_time_beside_any_number_of_observers(slave: tup
     with (
         VehicleClient(endpoint, "uuv1") as first,
         VehicleClient(endpoint, "uuv1") as second,
-        VehicleClient(endpoint, "uuv1", part="observer") as watching,
+        VehicleClient(endpoint, "uuv1", role="observer") as watching,
     ):
         assert all(client.wait_for_vehicle(60) for client in (first, second, watching))
         assert command_until(lambda: len(first.delays) > 5, first)
@@ -124,7 +124,7 @@ with open_master_session(sys.argv[1]) as session:
 
 def test_a_flood_of_pings_by_a_listener_does_not_hide_the_vehicle(slave: tuple[Program, str]) -> None:
     program, endpoint = slave
-    with VehicleClient(endpoint, "uuv1") as master, VehicleClient(endpoint, "uuv1", part="observer") as observer:
+    with VehicleClient(endpoint, "uuv1") as master, VehicleClient(endpoint, "uuv1", role="observer") as observer:
         assert wait_for(lambda: master.contact.reported and observer.contact.present)
 
         def is_there() -> None:

@@ -32,7 +32,7 @@ FOUND_S = 4.0  # usually 0.1 s
 
 
 class PresenceRecorder:
-    """A session that records the appearance and loss of parts, in order, with the time of `clock`."""
+    """A session that records the appearance and loss of participants, in order, with the time of `clock`."""
 
     def __init__(self, session: Session, role: str, clock: RunClock) -> None:
         self.session = session
@@ -42,10 +42,10 @@ class PresenceRecorder:
         declare_presence(session, "uuv1", role)  # type: ignore[arg-type]
 
     def _on_presence(self, presence: Presence, alive: bool) -> None:
-        self.events.append((self._clock.seconds, presence.part, alive))
+        self.events.append((self._clock.seconds, presence.role, alive))
 
     def time_of(self, role: str, alive: bool, start: int = 0) -> float | None:
-        """Return when a part appeared or was lost, as event number `start` or later; None if it did not."""
+        """Return when a participant appeared or was lost, as event number `start` or later; None if it did not."""
         return next((at for at, *event in self.events[start:] if event == [role, alive]), None)
 
 

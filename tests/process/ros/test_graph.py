@@ -195,7 +195,7 @@ def test_masters_and_observers_are_nodes_until_they_close(routed: bool) -> None:
         vehicle = {("NN", "/uuv1", ""), ("MS", "/uuv1", "/uuv1/cmd_vel")}
         clients = [
             VehicleClient(session, "uuv1"),
-            VehicleClient(session, "uuv2", part="observer"),
+            VehicleClient(session, "uuv2", role="observer"),
             VehicleClient(session, "uuv3"),
         ]
         third = {("NN", "/uuv3_master", ""), ("MP", "/uuv3_master", "/uuv3/cmd_vel")}

@@ -70,14 +70,14 @@ def test_pings_with_impossible_times_are_malformed_and_later_ones_are_answered(s
 
     assert wait_for(counted)
     assert not slave.command_receiver.clocks
-    with VehicleClient(slave.endpoint, "uuv1", part="observer") as observer:
+    with VehicleClient(slave.endpoint, "uuv1", role="observer") as observer:
         assert observer.contact.known.wait(60)
 
 
 def test_only_clocks_of_masters_are_stored(slave: Slave) -> None:
     replies: list[bytes] = []
     slave.other.receive(PONG_KEY, replies.append, 16)
-    with VehicleClient(slave.endpoint, "uuv1") as master, VehicleClient(slave.endpoint, "uuv1", part="observer") as one:
+    with VehicleClient(slave.endpoint, "uuv1") as master, VehicleClient(slave.endpoint, "uuv1", role="observer") as one:
         ident, ask = master._commands.gid, slave.other.sender(PING_KEY)
         assert one.contact.known.wait(60)
         assert wait_for(lambda: ident in slave.command_receiver.clocks and master.contact.reported)

@@ -145,7 +145,7 @@ def test_pictures_are_rendered_only_for_subscribers(tmp_path: Path) -> None:
         program.expect("ready")
         assert wait_for(lambda: or_nan(client.diagnostics().imaging_cpu_s) > 0.0)
         assert wait_for(lambda: takes(client, 0.9) < IDLE), "nobody watches"
-        with VehicleClient(endpoint, "uuv1", part="observer") as onlooker:
+        with VehicleClient(endpoint, "uuv1", role="observer") as onlooker:
             onlooker.watch("camera/depth/image_raw")
             assert wait_for(lambda: onlooker.received["camera/depth/image_raw"] > 3)
             assert wait_for(lambda: takes(client, 0.9) > 2.0 * IDLE)
@@ -237,7 +237,7 @@ def test_pictures_are_in_recordings_of_clients_but_not_of_the_slave(tmp_path: Pa
     program, endpoint = start(tmp_path, f'{SENSORS}\n[recording]\nslave = true\nfolder = "{folder}"\n')
     with program:
         program.expect("ready")
-        with VehicleClient(endpoint, "uuv1", part="observer") as onlooker:
+        with VehicleClient(endpoint, "uuv1", role="observer") as onlooker:
             onlooker.watch(*PICTURES)
             assert wait_for(lambda: has_all(onlooker)), "they take their time to begin"
         with Program(tmp_path, "record", "--connect", endpoint, "-o", tmp_path / "bag", "--seconds", "3") as recorder:

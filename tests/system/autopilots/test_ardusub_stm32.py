@@ -97,7 +97,7 @@ def flying_vehicle(folder: Path, stm32: str) -> Iterator[Vehicle]:
     path.write_text(SCENARIO.format(world=world, stm32=stm32, port=port, program=PROGRAM))
     with Program(folder, "slave", path) as slave:
         slave.expect("waiting for ArduPilot on udp")
-        with VehicleClient(f"tcp/127.0.0.1:{port}", "uuv1", part="observer") as client:
+        with VehicleClient(f"tcp/127.0.0.1:{port}", "uuv1", role="observer") as client:
             assert client.wait_for_vehicle(60)
             vehicle = Vehicle(slave, client)
             try:

@@ -173,7 +173,7 @@ def test_a_killed_slave_gives_an_error_and_no_result() -> None:
 
         def kill() -> None:
             assert wait_for(lambda: bench.processes and "ready" in bench.processes[0].output)
-            with VehicleClient(bench.endpoint, "uuv1", part="observer") as onlooker:
+            with VehicleClient(bench.endpoint, "uuv1", role="observer") as onlooker:
                 assert wait_for(lambda: (onlooker.diagnostics().commands_taken or 0) > 20)
                 os.kill(bench.processes[0].pid, signal.SIGKILL)
 
@@ -192,7 +192,7 @@ def test_a_killed_slave_on_another_machine_gives_an_error(tmp_path: Path) -> Non
         with Process([*command, "1"], str(tmp_path / "whole")) as whole:
             assert whole.wait(120.0) == 0, whole.output
             assert "no floor" in whole.output
-        with VehicleClient(bench.endpoint, "uuv1", part="observer") as onlooker:
+        with VehicleClient(bench.endpoint, "uuv1", role="observer") as onlooker:
             before = wait_for(onlooker.diagnostics)
             assert before
             with Process([*command, "120"], str(tmp_path / "log")) as delay:

@@ -55,7 +55,7 @@ def test_the_planner_leads_a_vehicle_with_external_software(tmp_path: Path) -> N
         slave.expect("waiting for your software")
         network = load_scenario(str(path)).network
         with (
-            VehicleClient(router, "uuv1", part="observer", network=network) as client,
+            VehicleClient(router, "uuv1", role="observer", network=network) as client,
             Program(tmp_path, "master", path, "--connect", router, "--output", folder) as master,
         ):
             assert client.wait_for_vehicle(60)

@@ -37,7 +37,7 @@ def test_pamoja_reads_and_commands_the_vehicle(tmp_path: Path, release: Release)
     with Program(tmp_path, "slave", scenario) as slave:
         slave.expect("ready")
         with (
-            VehicleClient(f"tcp/127.0.0.1:{port}", "uuv1", part="observer") as client,
+            VehicleClient(f"tcp/127.0.0.1:{port}", "uuv1", role="observer") as client,
             subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as peer,
         ):
             assert wait_for(lambda: "ground_truth" in client.latest and client.latest["ground_truth"].value.nu[0] > 0.3)

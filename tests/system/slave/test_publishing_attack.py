@@ -64,7 +64,7 @@ def late_shares(folder: Path, scenario: Path, endpoint: str) -> tuple[float, flo
     """Return the share of late steps in a quiet time, and under attack."""
     with (
         Program(folder, "slave", scenario) as slave,
-        VehicleClient(endpoint, "uuv1", part="observer") as client,
+        VehicleClient(endpoint, "uuv1", role="observer") as client,
     ):
         slave.expect("idle processors")  # its start is over
         quiet = next_figures(client)

@@ -103,7 +103,7 @@ def run_guide(guide: Guide, discs: list[Disc], start: Point, seconds: float = 25
         assert abs(command.yaw_rate) <= SETTINGS.max_yaw_rate
         boat.advance(command)
         least = min(least, clearance(discs, boat.position))
-        if guide.done:
+        if guide.has_arrived:
             break
     return boat, least
 
@@ -121,7 +121,7 @@ def test_the_guide_reaches_its_goal_with_all_half_or_no_obstacles_on_the_map(
     discs = obstacles(100 + seed, 14, (start, goal))
     guide = Guide(map_of(discs[: int(share * len(discs))]), start, goal, SETTINGS, search)
     boat, least = run_guide(guide, discs, start)
-    assert guide.done
+    assert guide.has_arrived
     assert not guide.stuck
     assert least > RADIUS
     assert math.dist(boat.position, goal) <= SETTINGS.tolerance + 0.1
@@ -135,7 +135,7 @@ def test_the_guide_leaves_a_dead_end_that_traps_vfh_alone() -> None:
     start, goal = (10.0, 10.0), (25.0, 25.0)
     guide = Guide(OccupancyGrid.empty(FIELD, 0.25), start, goal, SETTINGS)
     _, least = run_guide(guide, discs, start, 400.0)
-    assert guide.done
+    assert guide.has_arrived
     assert guide.plans > 1
     assert least > RADIUS
     boat, vfh = PointMass(start, 0.7), Vfh(VFH)
@@ -150,7 +150,7 @@ def test_an_enclosed_guide_stops_and_reports_that_there_is_no_path() -> None:
     guide = Guide(OccupancyGrid.empty(FIELD, 0.25), (10.0, 10.0), (25.0, 25.0), SETTINGS)
     boat, least = run_guide(guide, ring, (10.0, 10.0), 120.0)
     assert "no path" in guide.stuck
-    assert not guide.done
+    assert not guide.has_arrived
     assert least > RADIUS
     assert guide.update(boat.position, boat.heading, scan(ring, boat.position, boat.heading)) == VelocityCommand()
     with pytest.raises(MissionError, match="inside an obstacle"):

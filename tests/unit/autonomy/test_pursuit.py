@@ -48,7 +48,7 @@ def follow(
         track.surges.append(command.surge)
         track.turns.append(command.yaw_rate)
         track.progress.append(pursuit.progress)
-        if pursuit.done:
+        if pursuit.has_arrived:
             break
         track.offsets.append(math.dist(measured, pursuit._path.at(pursuit._along)))
     return track
@@ -57,7 +57,7 @@ def follow(
 def test_a_straight_path_is_followed_to_its_end() -> None:
     pursuit = PurePursuit([(0.0, 0.0), (30.0, 0.0)], lookahead=2.0, speed=0.8, tolerance=0.3)
     track = follow(pursuit, (0.0, 0.0), 0.0)
-    assert pursuit.done
+    assert pursuit.has_arrived
     assert math.dist(track.points[-1], (30.0, 0.0)) <= 0.3
     assert max(track.offsets) < 1e-9
     assert max(track.surges) == pytest.approx(0.8)
@@ -80,7 +80,7 @@ def test_the_command_stays_stop_once_done_even_if_the_vehicle_drifts() -> None:
     pursuit = PurePursuit([(0.0, 0.0), (1.0, 0.0)], lookahead=1.0, speed=0.5, depth=4.0)
     assert pursuit.update((0.0, 0.0), 0.0).depth == 4.0
     assert pursuit.update((0.9, 0.1), 0.0) == VelocityCommand(depth=4.0)
-    assert pursuit.done
+    assert pursuit.has_arrived
     assert pursuit.progress == 1.0
     assert pursuit.update((-9.0, 5.0), 2.0) == VelocityCommand(depth=4.0)
 
@@ -90,7 +90,7 @@ def test_the_command_stays_stop_once_done_even_if_the_vehicle_drifts() -> None:
 def test_a_vehicle_beside_the_path_converges_without_oscillation(offset: float, heading: float) -> None:
     pursuit = PurePursuit([(0.0, 0.0), (60.0, 0.0)], lookahead=2.5, speed=0.7)
     track = follow(pursuit, (0.0, offset), heading)
-    assert pursuit.done
+    assert pursuit.has_arrived
     side = math.copysign(1.0, offset)
     easts = [east for _, east in track.points]
     assert min(east * side for east in easts) > -0.35  # hardly beyond the path
@@ -111,7 +111,7 @@ def test_a_right_angle_is_cut_by_at_most_a_third_of_the_lookahead() -> None:
     path = [(0.0, 0.0), (20.0, 0.0), (20.0, 20.0)]
     pursuit = PurePursuit(path, lookahead=2.0, speed=0.6)
     track = follow(pursuit, (0.0, 0.0), 0.0)
-    assert pursuit.done
+    assert pursuit.has_arrived
     assert max(track.offsets) < 2.0 / 3.0
     assert max(north for north, _ in track.points) < 20.3  # no swing wide of the bend
     assert track.progress == sorted(track.progress)
@@ -121,7 +121,7 @@ def test_a_hairpin_is_followed_to_its_end() -> None:
     """The vehicle follows the same line out and back without a short cut, although both legs coincide."""
     pursuit = PurePursuit([(0.0, 0.0), (15.0, 0.0), (0.0, 0.0)], lookahead=2.0, speed=0.6, tolerance=0.4)
     track = follow(pursuit, (0.0, 0.0), 0.0)
-    assert pursuit.done
+    assert pursuit.has_arrived
     assert max(north for north, _ in track.points) == pytest.approx(15.0, abs=0.5)
     assert max(track.offsets) < 0.7
     assert math.dist(track.points[-1], (0.0, 0.0)) <= 0.4
@@ -132,7 +132,7 @@ def test_a_lawn_mower_pattern_narrower_than_the_lookahead_is_followed() -> None:
     path = [(0.0, 0.0), (12.0, 0.0), (12.0, 1.5), (0.0, 1.5), (0.0, 3.0), (12.0, 3.0)]
     pursuit = PurePursuit(path, lookahead=2.0, speed=0.5, tolerance=0.4)
     track = follow(pursuit, (0.0, 0.0), 0.0)
-    assert pursuit.done
+    assert pursuit.has_arrived
     length = sum(map(math.dist, track.points, track.points[1:]))
     assert length > 0.85 * 39.0  # all legs, with the corners cut
     assert max(track.offsets) < 1.0
@@ -142,9 +142,9 @@ def test_closed_and_crossing_paths_are_followed_completely() -> None:
     eight = [(0.0, 0.0), (10.0, 10.0), (10.0, 0.0), (0.0, 10.0), (0.0, 0.0)]
     pursuit = PurePursuit(eight, lookahead=1.5, speed=0.5, tolerance=0.4)
     assert pursuit.update((0.0, 0.0), 0.8).surge > 0.0
-    assert not pursuit.done
+    assert not pursuit.has_arrived
     track = follow(pursuit, (0.0, 0.0), 0.8)
-    assert pursuit.done
+    assert pursuit.has_arrived
     assert sum(map(math.dist, track.points, track.points[1:])) > 40.0
 
 
@@ -154,7 +154,7 @@ def test_the_vehicle_turns_towards_the_path_before_it_advances() -> None:
     assert behind.surge == 0.0
     assert behind.yaw_rate == -0.3
     track = follow(pursuit, (0.0, 0.0), math.pi - 0.1)
-    assert pursuit.done
+    assert pursuit.has_arrived
     assert max(map(abs, track.turns)) <= 0.3
     assert min(track.surges) >= 0.0
     assert min(north for north, _ in track.points) > -0.2
@@ -166,17 +166,17 @@ def test_any_path_is_finished_with_a_noisy_position(seed: int) -> None:
     path = [(generator.uniform(0.0, 30.0), generator.uniform(0.0, 30.0)) for _ in range(6)]
     pursuit = PurePursuit(path, lookahead=2.0, speed=0.7, tolerance=0.5)
     follow(pursuit, (0.0, 0.0), generator.uniform(-3.0, 3.0), 600.0, lambda: generator.gauss(0.0, 0.05))
-    assert pursuit.done
+    assert pursuit.has_arrived
 
 
 def test_paths_of_one_point_or_repeated_points_are_followed() -> None:
     pursuit = PurePursuit([(5.0, 5.0)], lookahead=1.0, speed=0.5)
     track = follow(pursuit, (0.0, 0.0), 0.0)
-    assert pursuit.done
+    assert pursuit.has_arrived
     assert math.dist(track.points[-1], (5.0, 5.0)) <= 0.5
     pursuit = PurePursuit([(0.0, 0.0), (0.0, 0.0), (4.0, 0.0), (4.0, 0.0)], lookahead=1.0, speed=0.5)
     follow(pursuit, (0.0, 0.0), 0.0)
-    assert pursuit.done
+    assert pursuit.has_arrived
 
 
 def test_empty_paths_and_zero_speed_are_refused() -> None:

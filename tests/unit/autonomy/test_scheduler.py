@@ -44,7 +44,7 @@ class World:
         return order
 
     def run(self, seconds: int = 2000) -> None:
-        while not self.scheduler.done and seconds:
+        while not self.scheduler.is_finished and seconds:
             self.step()
             seconds -= 1
 

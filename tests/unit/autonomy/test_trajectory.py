@@ -51,7 +51,7 @@ def test_direction_turn_and_length_agree_with_the_position(name: str) -> None:
         assert math.hypot(north, east, down) == pytest.approx(1.0, abs=1e-6)  # measured along the curve
         assert math.atan2(down, math.hypot(north, east)) == pytest.approx(middle.slope, abs=1e-6)
         assert wrap_angle(math.atan2(east, north) - middle.heading) == pytest.approx(0.0, abs=1e-6)
-        assert wrap_angle(after.heading - before.heading) / (2.0 * step) == pytest.approx(middle.turn, abs=1e-5)
+        assert wrap_angle(after.heading - before.heading) / (2.0 * step) == pytest.approx(middle.heading_rate, abs=1e-5)
 
 
 @pytest.mark.parametrize("name", CURVES)
@@ -175,7 +175,7 @@ def test_a_dubins_path_arrives_within_turn_radius_and_slope(
     assert curve.corners() == []
     for piece in curve.pieces:
         assert abs(piece.slope) <= 0.4 + 1e-9
-        assert abs(piece.turn) <= math.cos(piece.slope) / radius + 1e-9
+        assert abs(piece.heading_rate) <= math.cos(piece.slope) / radius + 1e-9
     again = curve.at(0.0)
     assert again.position == start
     assert wrap_angle(again.heading - heading) == pytest.approx(0.0, abs=1e-9)
@@ -196,7 +196,7 @@ def test_no_other_three_segments_are_shorter_than_dubins(
             on = (
                 circle((0.0, 0.0, 0.0), 1.0)
                 .pieces[0]
-                ._replace(start=(0.0, 0.0, 0.0), heading=heading, turn=turn, length=length)
+                ._replace(start=(0.0, 0.0, 0.0), heading=heading, heading_rate=turn, length=length)
                 .at(length)
             )
             if math.dist(on.position[:2], (north, east)) > 1e-3:
@@ -215,7 +215,7 @@ def test_dubins_paths_have_the_lengths_worked_out_by_hand() -> None:
     steep = dubins(Pose((0.0, 0.0, 0.0), 0.0), Pose((10.0, 0.0, 40.0), 0.0), 2.0, math.pi / 4.0)
     assert steep.pieces[-1].slope == pytest.approx(math.pi / 4.0)  # rounds just wide enough
     assert steep.length == pytest.approx(40.0 * math.sqrt(2.0))
-    assert steep.pieces[-1].length * abs(steep.pieces[-1].turn) == pytest.approx(2 * 2 * math.pi)
+    assert steep.pieces[-1].length * abs(steep.pieces[-1].heading_rate) == pytest.approx(2 * 2 * math.pi)
 
 
 @pytest.mark.parametrize(

@@ -109,7 +109,7 @@ def run(
         if sent and has_replies():
             sent.clear()
             monitor._received_ns = clock.now_ns()
-            monitor._answers += 1
+            monitor._replies += 1
             monitor._set_present(True)
         monitor.samples += samples()
 

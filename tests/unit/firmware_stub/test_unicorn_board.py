@@ -307,7 +307,7 @@ def pin_modes(board: UnicornBoard) -> dict[str, str]:
     """Return what each pin of ports A to C is, of those that the program has set: "driven", "read" with a pull-up."""
     modes = {}
     for port in "ABC":
-        registers = board._chip.peripherals[f"GPIO{port}"].words
+        registers = board._chip.peripherals[f"GPIO{port}"].registers
         for pin in range(16):
             if board._chip.model.family == "f1":
                 mode = registers.get(4 * (pin // 8), 0) >> 4 * (pin % 8) & 15
@@ -326,7 +326,7 @@ def test_the_emulated_chip_agrees_with_its_description(chip: str, board: Unicorn
     image, model = load_image(chip), board._chip.model
     assert model.device_id in image.device_ids
     assert model.flash_size == image.flash_kib * 1024
-    assert ("CAN1" in model.places) == bool(image.can)
+    assert ("CAN1" in model.peripherals) == bool(image.can)
 
 
 def test_the_configured_pins_equal_the_documented_wiring(chip: str, board: UnicornBoard) -> None:
@@ -349,7 +349,7 @@ def test_all_clocks_are_right_with_and_without_the_crystal(
 
         def never_ready(rcc: Rcc, offset: int, value: int) -> None:
             write(rcc, offset, value)
-            rcc.words[0] &= ~ready
+            rcc.registers[0] &= ~ready
 
         monkeypatch.setattr(Rcc, "write", never_ready)
     board = power_up(chip)
@@ -359,7 +359,7 @@ def test_all_clocks_are_right_with_and_without_the_crystal(
     assert board.pwm_us == NEUTRAL
     assert board._port._byte_ns() == pytest.approx(10e9 / 115_200, rel=0.005)
     if chip in WITH_CAN:
-        timing = board._chip.can.words[0x1C]
+        timing = board._chip.can.registers[0x1C]
         quanta = 3 + (timing >> 16 & 15) + (timing >> 20 & 7)
         assert rcc.apb1_hz / ((timing & 0x3FF) + 1) / quanta == 500_000
 

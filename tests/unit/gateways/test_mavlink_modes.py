@@ -296,6 +296,6 @@ def test_local_targets_are_read_in_their_frames() -> None:
     vehicle.heading, vehicle.north = pi / 2, 10.0
     message = dialect.MAVLink_set_position_target_local_ned_message
     body = local_target(message(0, 1, 1, 9, POSITION_ONLY, 2.0, 0, -1.0, 0, 0, 0, 0, 0, 0, 0, 0), vehicle.state)
-    assert body.place == pytest.approx((10.0, 2.0, 1.0))
+    assert body.position == pytest.approx((10.0, 2.0, 1.0))
     world = local_target(message(0, 1, 1, 1, VELOCITY_ONLY, 0, 0, 0, 0.3, 0, 0, 0, 0, 0, 0, 0), vehicle.state)
     assert world.velocity == pytest.approx((0.0, -0.3, 0.0))

@@ -11,7 +11,7 @@ from hil.autopilots.contract import AutopilotCounters
 from hil.links.address import wire_kind
 from hil.links.contract import Counters
 from hil.ros import encoders as ros
-from hil.ros.diagnostics import Diagnostics, or_nan, shown
+from hil.ros.diagnostics import Diagnostics, or_nan, to_text
 from sim.run_events import RunEvent
 from tests.support.diagnostics import reported
 
@@ -55,7 +55,7 @@ def test_missing_and_malformed_diagnostics_are_none() -> None:
     output = Diagnostics(wrong)
     assert set(output.as_dict().values()) == {None}
     assert str(or_nan(output.cpu_s)) == "nan"
-    assert (shown(output.cpu_s), shown(2.5, ".2f"), shown("x")) == ("-", "2.50", "x")
+    assert (to_text(output.cpu_s), to_text(2.5, ".2f"), to_text("x")) == ("-", "2.50", "x")
 
 
 def test_each_link_counter_has_its_diagnostic() -> None:

@@ -91,8 +91,8 @@ def test_a_finding_holds_within_its_bounds_only(finding: Finding, holds: bool) -
 
 def test_a_finding_is_printed_with_its_bound() -> None:
     found = near("", 10.953, 10.95, "", "m", within=0.02)
-    assert (found.found, found.bound) == ("10.95 m", "10.95 m ± 0.02 m")
-    assert below("", 1.8765e-9, 1e-8, "").found == "1.88e-09"
+    assert (found.result, found.bound) == ("10.95 m", "10.95 m ± 0.02 m")
+    assert below("", 1.8765e-9, 1e-8, "").result == "1.88e-09"
 
 
 def test_a_result_beyond_its_bound_ends_the_run(

@@ -33,7 +33,7 @@ class Holds:
         """Hold nothing: each is found again."""
         self.depth: float | None = None
         self.heading: float | None = None
-        self.place: tuple[float, float] | None = None
+        self.position: tuple[float, float] | None = None
 
     def hold(self, state: State) -> None:
         """Hold depth, heading and place as they are now."""
@@ -52,10 +52,10 @@ class Holds:
         elif self.depth is None:
             self.depth = max(0.0, state.depth + COAST_S * down)
         if sticks.x or sticks.y or not holds_place:
-            self.place = None
-        elif self.place is None:
+            self.position = None
+        elif self.position is None:
             north, east = level_velocity(state)
-            self.place = state.position[0] + COAST_S * north, state.position[1] + COAST_S * east
+            self.position = state.position[0] + COAST_S * north, state.position[1] + COAST_S * east
         return sticks
 
 
@@ -63,8 +63,8 @@ def piloted(sticks: Sticks, state: State, holds: Holds, parameters: ParameterTab
     """Return the command of sticks in the modes that hold something."""
     surge = sticks.x * parameters["PILOT_SPEED"]
     sway = sticks.y * parameters["PILOT_SPEED_SIDE"]
-    if holds.place:
-        held = approach((*holds.place, 0.0), 0.0, state.position, state.heading, _gains(parameters["WP_SPEED"]))
+    if holds.position:
+        held = approach((*holds.position, 0.0), 0.0, state.position, state.heading, _gains(parameters["WP_SPEED"]))
         surge, sway = held.surge, held.sway
     heave = -sticks.z * parameters["PILOT_SPEED_UP"] if holds.depth is None else 0.0
     yaw_rate = radians(sticks.r * parameters["PILOT_YAW_RATE"]) if holds.heading is None else 0.0

@@ -13,7 +13,7 @@ from hil.gateways.mavlink.flight.mission_items import (
     WAYPOINTS,
     Item,
     heading_of_item,
-    place_of,
+    position_of,
     radius_of,
     wait_of,
 )
@@ -102,7 +102,7 @@ class MissionFlight:
                     return target
                 if self.status != ACTIVE:
                     break
-        if self._stay is None or self._stay.place is None:
+        if self._stay is None or self._stay.position is None:
             self._stay = Target(state.position, None, state.heading)
         return self._stay
 
@@ -133,25 +133,25 @@ class MissionFlight:
 
     def _fly_to(self, item: Item, state: State, now: int) -> Target | None:
         try:
-            place = place_of(item, self._origin(), self._home()[2])
+            position = position_of(item, self._origin(), self._home()[2])
         except TargetError as error:
             self.status = PAUSED
             self.texts.append((3, f"mission item {self.current}: {error}"))
             return None
         radius = radius_of(item, self._parameters["WP_RADIUS"])
-        return self._approach(place, radius, wait_of(item), heading_of_item(item), state, now)
+        return self._approach(position, radius, wait_of(item), heading_of_item(item), state, now)
 
     def _approach(
-        self, place: Point, radius: float | None, wait: float, heading: float | None, state: State, now: int
+        self, position: Point, radius: float | None, wait: float, heading: float | None, state: State, now: int
     ) -> Target | None:
         if self._arrived_ns is None:
-            if not is_reached(place, state, radius or self._parameters["WP_RADIUS"]):
-                return Target(place, None, heading, 0.0, self._speed)
+            if not is_reached(position, state, radius or self._parameters["WP_RADIUS"]):
+                return Target(position, None, heading, 0.0, self._speed)
             self._arrived_ns = now
             self.reached.append(self.current)
         if (now - self._arrived_ns) / NS_PER_S < wait:
-            return Target(place, None, heading, 0.0, self._speed)
-        self._stay = Target(place, None, state.heading if heading is None else heading, 0.0, self._speed)
+            return Target(position, None, heading, 0.0, self._speed)
+        self._stay = Target(position, None, state.heading if heading is None else heading, 0.0, self._speed)
         self._next()
         return None
 
@@ -170,8 +170,8 @@ class MissionFlight:
         if self._stay is None or self._arrived_ns is None:
             turn = radians(angle) if isfinite(angle) else 0.0
             heading = state.heading + (-turn if direction < 0.0 else turn) if relative == 1.0 else turn
-            place = self._stay.place if self._stay and self._stay.place else state.position
-            self._stay, self._arrived_ns = Target(place, None, wrap(heading)), 0
+            position = self._stay.position if self._stay and self._stay.position else state.position
+            self._stay, self._arrived_ns = Target(position, None, wrap(heading)), 0
         heading = self._stay.heading or 0.0
         if abs(wrap(heading - state.heading)) > HEADING_REACHED:
             return self._stay

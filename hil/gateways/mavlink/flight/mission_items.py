@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from hil.gateways.mavlink.flight.guidance import Point
-from hil.gateways.mavlink.flight.targets import GLOBAL_FRAMES, TargetError, depth_of, earth_place
+from hil.gateways.mavlink.flight.targets import GLOBAL_FRAMES, TargetError, depth_of, earth_position
 from hil.gateways.mavlink.snapshot import Origin
 from hil.ros.commands import MAX_DEPTH, MAX_PLACE
 
@@ -67,7 +67,7 @@ def validate_item(item: Item, index: int, count: int, origin: Origin | None) -> 
         if item.frame != LOCAL and item.frame not in GLOBAL_FRAMES:
             return int(dialect.MAV_MISSION_UNSUPPORTED_FRAME)
         try:
-            place_of(item, origin, 0.0)
+            position_of(item, origin, 0.0)
         except TargetError:
             return int(dialect.MAV_MISSION_INVALID_PARAM5_X)
         return None
@@ -82,16 +82,16 @@ def validate_item(item: Item, index: int, count: int, origin: Origin | None) -> 
     return int(dialect.MAV_MISSION_UNSUPPORTED)
 
 
-def place_of(item: Item, origin: Origin | None, home_depth: float) -> Point:
+def position_of(item: Item, origin: Origin | None, home_depth: float) -> Point:
     """Return where an item lies (m, NED). Raises TargetError without an origin for a place on the earth."""
     if item.frame == LOCAL:
-        place = item.x * 1e-4, item.y * 1e-4, item.z
+        position = item.x * 1e-4, item.y * 1e-4, item.z
     else:
         depth = depth_of(item.z, GLOBAL_FRAMES[item.frame], origin, home_depth)
-        place = earth_place(item.x, item.y, depth, origin)
-    if not (max(abs(place[0]), abs(place[1])) <= MAX_PLACE and abs(place[2]) <= MAX_DEPTH):
+        position = earth_position(item.x, item.y, depth, origin)
+    if not (max(abs(position[0]), abs(position[1])) <= MAX_PLACE and abs(position[2]) <= MAX_DEPTH):
         raise TargetError("further than any vehicle goes")
-    return place[0], place[1], max(0.0, place[2])
+    return position[0], position[1], max(0.0, position[2])
 
 
 def heading_of_item(item: Item) -> float | None:

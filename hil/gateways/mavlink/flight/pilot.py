@@ -51,9 +51,9 @@ class Pilot:
         return seconds_ns(self._parameters["FS_PILOT_TOUT"])
 
     @property
-    def place(self) -> guidance.Point | None:
+    def target_position(self) -> guidance.Point | None:
         """Place (m, NED) that it steers to; None without one."""
-        return self.target.place if self.target and self.mode in (Mode.GUIDED, Mode.AUTO) else None
+        return self.target.position if self.target and self.mode in (Mode.GUIDED, Mode.AUTO) else None
 
     def arm(self) -> None:
         """Let the modes drive the vehicle. The caller has checked that it accepts commands."""
@@ -132,13 +132,13 @@ class Pilot:
             self.texts.append((4, "velocity target timed out: holding"))
             self.hold_here(state)
             target = None
-        if target and target.place:
+        if target and target.position:
             self._holds.release()
-            if guidance.is_reached(target.place, state, 0.3) and not self._parameters["NAV_STEER"]:
+            if guidance.is_reached(target.position, state, 0.3) and not self._parameters["NAV_STEER"]:
                 heading = self._held_heading(state) if target.heading is None else target.heading
-                depth = min(target.place[2], self._parameters["DEPTH_MAX"])
-                return PoseCommand((target.place[0], target.place[1], depth), heading)
-            return guidance.go_to(target.place, target.heading, state, self._parameters, target.speed)
+                depth = min(target.position[2], self._parameters["DEPTH_MAX"])
+                return PoseCommand((target.position[0], target.position[1], depth), heading)
+            return guidance.go_to(target.position, target.heading, state, self._parameters, target.speed)
         if target and target.velocity:
             return self._at_velocity(target, target.velocity, state)
         self._holds.drive(CENTRED, state, True, True)

@@ -23,13 +23,13 @@ LOCAL_FRAMES = (dialect.MAV_FRAME_LOCAL_NED, dialect.MAV_FRAME_LOCAL_OFFSET_NED,
 
 
 class Target(NamedTuple):
-    """Request of companion software: a `place` (m, NED) or a velocity (m/s, FRD), each with heading or turn rate."""
+    """Request of companion software: a `position` (m, NED) or a velocity (m/s, FRD), each with heading or turn rate."""
 
-    place: Point | None = None
+    position: Point | None = None
     velocity: tuple[float, float, float] | None = None
     heading: float | None = None
     yaw_rate: float = 0.0
-    speed: float | None = None  # m/s at most on the way to `place`
+    speed: float | None = None  # m/s at most on the way to `position`
 
 
 class TargetError(Exception):
@@ -43,15 +43,15 @@ def local_target(packet: Any, state: State) -> Target:
         raise TargetError(f"frame {frame} is not supported")
     _require_finite(packet, (packet.x, packet.y, packet.z))
     mask = packet.type_mask
-    place = None
+    position = None
     if not mask & NO_POSITION or not mask & NO_DEPTH:
         north, east, depth = packet.x, packet.y, packet.z
         if frame in BODY_FRAMES:
             north, east = in_world(north, east, state.heading)
         if frame != dialect.MAV_FRAME_LOCAL_NED:
             north, east, depth = [a + b for a, b in zip((north, east, depth), state.position, strict=True)]
-        place = _fill_ignored(mask, (north, east, depth), state)
-    return _target(packet, place, state, frame in BODY_FRAMES)
+        position = _fill_ignored(mask, (north, east, depth), state)
+    return _target(packet, position, state, frame in BODY_FRAMES)
 
 
 def global_target(packet: Any, state: State, origin: Origin | None, home_depth: float) -> Target:
@@ -60,18 +60,18 @@ def global_target(packet: Any, state: State, origin: Origin | None, home_depth: 
     if relative is None:
         raise TargetError(f"frame {packet.coordinate_frame} is not supported")
     _require_finite(packet, (packet.alt,))
-    place = None
+    target_position = None
     if not packet.type_mask & NO_POSITION or not packet.type_mask & NO_DEPTH:
         position = state.position
         if not packet.type_mask & NO_POSITION:
-            position = earth_place(packet.lat_int, packet.lon_int, 0.0, origin)
-        place = _fill_ignored(
+            position = earth_position(packet.lat_int, packet.lon_int, 0.0, origin)
+        target_position = _fill_ignored(
             packet.type_mask, (position[0], position[1], depth_of(packet.alt, relative, origin, home_depth)), state
         )
-    return _target(packet, place, state, False)
+    return _target(packet, target_position, state, False)
 
 
-def earth_place(latitude_e7: float, longitude_e7: float, depth: float, origin: Origin | None) -> Point:
+def earth_position(latitude_e7: float, longitude_e7: float, depth: float, origin: Origin | None) -> Point:
     """Return the place (m, NED) of a latitude and longitude (1e-7 degrees). Raises TargetError without an origin."""
     if origin is None:
         raise TargetError("the vehicle has no origin: its world has none, or send SET_GPS_GLOBAL_ORIGIN")
@@ -92,24 +92,24 @@ def depth_of(altitude: float, relative: bool, origin: Origin | None, home_depth:
     return (origin.altitude if origin else 0.0) - altitude
 
 
-def _fill_ignored(mask: int, place: Point, state: State) -> Point:
+def _fill_ignored(mask: int, position: Point, state: State) -> Point:
     """Return a place whose ignored parts are those of now. Raises TargetError."""
-    north, east = state.position[:2] if mask & NO_POSITION else place[:2]
-    depth = state.depth if mask & NO_DEPTH else place[2]
+    north, east = state.position[:2] if mask & NO_POSITION else position[:2]
+    depth = state.depth if mask & NO_DEPTH else position[2]
     if not (abs(north) <= MAX_PLACE and abs(east) <= MAX_PLACE and -MAX_DEPTH <= depth <= MAX_DEPTH):
         raise TargetError("the place is further than any vehicle goes")
     return north, east, max(0.0, depth)
 
 
-def _target(packet: Any, place: Point | None, state: State, in_body_frame: bool) -> Target:
+def _target(packet: Any, position: Point | None, state: State, in_body_frame: bool) -> Target:
     mask = packet.type_mask
     if mask & NO_ACCELERATION != NO_ACCELERATION:
         raise TargetError("accelerations and forces are not supported: ignore them in type_mask")
     has_velocity = mask & NO_VELOCITY != NO_VELOCITY
     heading = None if mask & NO_YAW else packet.yaw + (state.heading if in_body_frame else 0.0)
     yaw_rate = 0.0 if mask & NO_YAW_RATE else packet.yaw_rate
-    if place is not None:
-        return Target(place, None, heading, 0.0)
+    if position is not None:
+        return Target(position, None, heading, 0.0)
     if not has_velocity:
         if heading is None and not yaw_rate:
             raise TargetError("type_mask ignores everything")
@@ -120,11 +120,11 @@ def _target(packet: Any, place: Point | None, state: State, in_body_frame: bool)
     return Target(None, (x, y, z), heading, yaw_rate)
 
 
-def _require_finite(packet: Any, place: tuple[float, ...]) -> None:
+def _require_finite(packet: Any, position: tuple[float, ...]) -> None:
     """Raise TargetError for invalid numbers; those that the mask ignores are not checked."""
     mask = packet.type_mask
     used = [
-        *(place if not mask & NO_POSITION or not mask & NO_DEPTH else ()),
+        *(position if not mask & NO_POSITION or not mask & NO_DEPTH else ()),
         *((packet.vx, packet.vy, packet.vz) if mask & NO_VELOCITY != NO_VELOCITY else ()),
         *(() if mask & NO_YAW else (packet.yaw,)),
         *(() if mask & NO_YAW_RATE else (packet.yaw_rate,)),

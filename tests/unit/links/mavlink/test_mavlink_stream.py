@@ -164,7 +164,7 @@ def test_no_input_raises_or_fills_memory() -> None:
         for end in (protocols[0], protocols[1 + i // 4 % 2]):
             end.feed(data)
             end.replies()
-            assert len(end._stream._rest) < LONGEST
+            assert len(end._stream._incomplete) < LONGEST
     for end in protocols:
         assert min(end.counters.dropped_bytes, end.counters.checksum_errors) > 400
     assert guarded.counters.malformed > 400
@@ -176,7 +176,7 @@ def test_noise_never_raises_and_every_byte_is_counted(first: bytes, second: byte
     parser, counters = stream()
     parser.unpack(first)
     parser.unpack(second)
-    kept = len(parser._rest)
+    kept = len(parser._incomplete)
     assert kept < LONGEST
     assert counters.dropped_bytes + kept == len(first) + len(second)
 
