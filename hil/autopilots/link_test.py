@@ -54,7 +54,7 @@ def measure_link(scenario: Scenario, seconds: float, report: Report) -> LinkResu
         start_ns, began = run.simulation.time_ns, time.monotonic()
         while run.simulation.time_ns < start_ns + seconds_ns(seconds):
             run.step()
-        took = time.monotonic() - began
+        duration = time.monotonic() - began
         trip = run.round_trip.since(trips)
         return LinkResult(
             figures.states - states,
@@ -64,8 +64,8 @@ def measure_link(scenario: Scenario, seconds: float, report: Report) -> LinkResu
             trip.quantile(0.5) / NS_PER_MS,
             trip.quantile(0.99) / NS_PER_MS,
             trip.maximum / NS_PER_MS,
-            (figures.outputs - outputs) / took,
-            seconds / took,
+            (figures.outputs - outputs) / duration,
+            seconds / duration,
             line_rate(scenario),
         )
 

@@ -32,7 +32,7 @@ class MotorResult(NamedTuple):
 
 def test_motors(scenario: Scenario, vehicle: Vehicle, motors: MotorMap) -> list[MotorResult]:
     """Return the result of each motor. Raises ConfigError."""
-    rest = _velocity_after(scenario, vehicle, motors.neutral)
+    at_rest = _velocity_after(scenario, vehicle, motors.neutral)
     rows = None if motors.frame == CUSTOM else load_frame(motors.frame).wrenches()
     results = []
     for output, channel, sign in motors.motors:
@@ -41,7 +41,7 @@ def test_motors(scenario: Scenario, vehicle: Vehicle, motors: MotorMap) -> list[
         widths = [PWM_NEUTRAL_US] * OUTPUTS
         widths[output] = WIDTH_US
         moved = _velocity_after(scenario, vehicle, motors.pulses(widths))
-        push = [a - b for a, b in zip(moved, rest, strict=True)]
+        push = [a - b for a, b in zip(moved, at_rest, strict=True)]
         row = rows[output] if rows else None
         results.append(
             MotorResult(

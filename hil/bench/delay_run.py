@@ -339,11 +339,11 @@ def _losses(name: str, round_trip: RoundTrips) -> Iterator[str]:
 
 def _published(meter: DelayMeter, spans: Sequence[tuple[int, int]]) -> Iterator[tuple[int, int]]:
     """Yield (time of publication, end of its put) of each command that has a trace; both are in order."""
-    rest = iter(spans)
-    span = next(rest, None)
+    remaining = iter(spans)
+    span = next(remaining, None)
     for sample in meter.samples:
         while span and span[1] < sample.published_ns:
-            span = next(rest, None)
+            span = next(remaining, None)
         if span and span[0] <= sample.published_ns:
             yield sample.published_ns, span[1]
 

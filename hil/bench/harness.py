@@ -174,12 +174,12 @@ class Bench:
         self._scratch = ScratchFolder("bench")
         self.folder = self._scratch.path
         self.path = self.file("scenario.toml")
-        ours: dict[str, Any] = {"slave.listen": self.endpoint}
+        own_changes: dict[str, Any] = {"slave.listen": self.endpoint}
         if limits.cpu_share:
-            ours["slave.realtime"] = False
+            own_changes["slave.realtime"] = False
         try:
             load_single(scenario, remedy=ONE_VEHICLE)
-            write_changed(scenario, ours | (changes or {}), self.path)
+            write_changed(scenario, own_changes | (changes or {}), self.path)
             self.scenario: Scenario = load_scenario(self.path)
         except BaseException:
             self._scratch.close()

@@ -149,16 +149,16 @@ class Confinement:
         options = [word for name in _properties(self.limits) for word in ("-p", name)]
         self._prefix = ("systemd-run", *manager, "--scope", "--quiet", "--collect", *options, "--")
         try:
-            seen = subprocess.run(self.command(["sh", "-c", LOOK]), capture_output=True, text=True, check=False)
+            completed = subprocess.run(self.command(["sh", "-c", LOOK]), capture_output=True, text=True, check=False)
         except OSError as error:
             raise ConfigError(
                 f"--cpu-quota, --memory: systemd-run: {error.strerror}; be root, or install systemd"
             ) from None
-        if seen.returncode:
-            reason = (seen.stderr.strip().splitlines() or ["systemd starts no scope"])[-1]
+        if completed.returncode:
+            reason = (completed.stderr.strip().splitlines() or ["systemd starts no scope"])[-1]
             raise ConfigError(f"--cpu-quota, --memory: {reason}; {LINGER}")
         for name in self.limits.controllers:
-            if f"{name}.max" not in seen.stdout.split():
+            if f"{name}.max" not in completed.stdout.split():
                 raise ConfigError(f"{OPTIONS[name]}: systemd keeps the {name} controller from users; {DELEGATE}")
 
 

@@ -91,8 +91,8 @@ def run(setting: Setting, scenario: str, seconds: float, limits: Limits, watch: 
         ]
         slaves = [bench.start_slave() for bench in benches]
         clients = [stack.enter_context(bench.client()) for bench in benches]
-        there = list(zip(clients, slaves, strict=True))
-        for client, slave in there:
+        pairs = list(zip(clients, slaves, strict=True))
+        for client, slave in pairs:
             await_vehicle(client, slave)
             client.watch(*PICTURES)  # which are only made for subscribers
         names: dict[int, str] = {}
@@ -102,10 +102,10 @@ def run(setting: Setting, scenario: str, seconds: float, limits: Limits, watch: 
                 client.command(VelocityCommand(surge=0.3))
 
         def read_all() -> Threads:
-            for client, slave in there:
+            for client, slave in pairs:
                 check_present(client, slave)
-            for client, slave in there:
-                _name(slave, f"{client.node} " if len(there) > 1 else "", names)
+            for client, slave in pairs:
+                _name(slave, f"{client.node} " if len(pairs) > 1 else "", names)
             return read_threads(list(names))
 
         _pace(EVERY_S, command)  # the first second is that of the start
@@ -114,7 +114,7 @@ def run(setting: Setting, scenario: str, seconds: float, limits: Limits, watch: 
             _pace(EVERY_S, command)
             readings.append(read_all())
             watch((len(readings) - 1) * EVERY_S / seconds)
-        for client, slave in there:
+        for client, slave in pairs:
             check_end(client, slave)
         return course(setting, readings, names)._replace(labels=benches[0].labels)
 

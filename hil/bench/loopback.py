@@ -192,7 +192,7 @@ class _Test:
         period = round(NS_PER_S / self._plan.rate) if self._plan.rate else 1
         self._began = now_ns()
         schedule, end = RateKeeper(period, self._began), self._began + round(self._plan.seconds * NS_PER_S)
-        shown = self._began
+        shown_ns = self._began
         while (now := now_ns()) < end or (self._waiting and now < end + LOST_NS):
             if now < end and (schedule.due(now) if self._plan.rate else not self._waiting):
                 self._send()
@@ -202,8 +202,8 @@ class _Test:
                 wake = min(now + LOST_NS, self._far.deadline_ns())
             select.select(self._far.descriptors(), (), (), max(0, wake - now_ns()) / NS_PER_S)
             self._receive()
-            if progress and now - shown > NS_PER_S:
-                shown = now
+            if progress and now - shown_ns > NS_PER_S:
+                shown_ns = now
                 progress(self._sent, len(self._trips_ns))
 
     def _send(self) -> None:

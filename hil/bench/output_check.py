@@ -111,7 +111,7 @@ class _Check:
         pulses = (*self._neutral[:output], pulse_us, *self._neutral[output + 1 :])
         began, confirmed_ns = now_ns(), None
         reported_us: int | None = None
-        others: set[int] = set()
+        other_outputs: set[int] = set()
         for seconds in (self._plan.seconds, MORE_S):
             if confirmed_ns is not None:
                 break
@@ -123,12 +123,12 @@ class _Check:
                 if confirmed_ns is None and abs(reported_us - pulse_us) <= SLACK_US:
                     confirmed_ns = received_ns
                 moved = enumerate(telemetry.pwm_us)
-                others |= {i + 1 for i, us in moved if i != output and abs(us - PWM_NEUTRAL_US) > SLACK_US}
+                other_outputs |= {i + 1 for i, us in moved if i != output and abs(us - PWM_NEUTRAL_US) > SLACK_US}
         host = self._driver.host
         motor = host.protocol.motor_values(output) if host else {}
         self._hold(self._neutral, PAUSE_S)
         confirmed_ms = None if confirmed_ns is None else (confirmed_ns - began) / NS_PER_MS
-        return Finding(output + 1, pulse_us, confirmed_ms, reported_us, tuple(sorted(others)), motor)
+        return Finding(output + 1, pulse_us, confirmed_ms, reported_us, tuple(sorted(other_outputs)), motor)
 
     def _hold(self, pulses: tuple[int, ...], seconds: float) -> list[tuple[int, ThrusterTelemetry]]:
         """Command these pulses for that time; return the reports that answer them, and when they came.

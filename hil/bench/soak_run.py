@@ -129,14 +129,15 @@ class Soaking:
 
     def _observe(self, client: VehicleClient) -> Observation:
         """Return the present state of the slave."""
-        seen, diagnostics = read_threads(self._slave.family()), Diagnostics() if self._quiet else client.diagnostics()
+        usage = read_threads(self._slave.family())
+        diagnostics = Diagnostics() if self._quiet else client.diagnostics()
         delays = sorted(client.delays.totals_ns(200)) if diagnostics else []
         return Observation(
             time.monotonic() - self._began,
-            seen.pss_mib,
-            seen.private_mib,
-            len(seen.cpu_s),
-            seen.descriptors,
+            usage.pss_mib,
+            usage.private_mib,
+            len(usage.cpu_s),
+            usage.descriptors,
             or_nan(diagnostics.real_time_factor),
             or_nan(diagnostics.steps_skipped),
             quantile(delays, 0.5) / NS_PER_MS if delays else nan,

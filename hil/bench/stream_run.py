@@ -109,12 +109,12 @@ class Listener:
         stamp = ros.unpack_attachment(attachment)
         if stamp is None or not self._counting.is_set():
             return
-        seen = self._counts.setdefault(key.split("/", 3)[2], _TopicCount())
-        first, _ = seen.numbers.get(stamp.gid, (stamp.sequence, 0))
-        seen.numbers[stamp.gid] = first, stamp.sequence
-        seen.messages += 1
-        seen.bytes += len(payload) + len(attachment)
-        seen.stamps.append((stamp.time_ns, received_ns))
+        count = self._counts.setdefault(key.split("/", 3)[2], _TopicCount())
+        first, _ = count.numbers.get(stamp.gid, (stamp.sequence, 0))
+        count.numbers[stamp.gid] = first, stamp.sequence
+        count.messages += 1
+        count.bytes += len(payload) + len(attachment)
+        count.stamps.append((stamp.time_ns, received_ns))
 
     def _ages(self, count: _TopicCount) -> list[float]:
         """Return the ages from publish to receipt in ms by the clocks; negative where a clock is wrong."""
@@ -126,11 +126,11 @@ class Listener:
 
     def _stream(self, topic: str, ages: list[float]) -> Stream:
         seconds = self._ended - self._began
-        seen, nominal = self._counts.get(topic, _TopicCount()), self._expected.get(topic, nan)
-        sent = sum(last - first + 1 for first, last in seen.numbers.values())
-        loss = 1.0 - min(seen.messages / sent, 1.0) if sent else nan
-        short = missing(seen.messages, nominal, seconds)
-        rate, bytes_s = seen.messages / seconds, seen.bytes / seconds
+        count, nominal = self._counts.get(topic, _TopicCount()), self._expected.get(topic, nan)
+        sent = sum(last - first + 1 for first, last in count.numbers.values())
+        loss = 1.0 - min(count.messages / sent, 1.0) if sent else nan
+        short = missing(count.messages, nominal, seconds)
+        rate, bytes_s = count.messages / seconds, count.bytes / seconds
         return Stream(topic, rate, nominal, loss, short, quantile(ages, 0.5), quantile(ages, 0.99), bytes_s)
 
     def _doubts(self, ages: list[float]) -> list[str]:

@@ -54,21 +54,21 @@ def rasterise_bounds(survey: Survey, north: Array, east: Array) -> Bounds:
 
 
 def _rasterise_sheet(sheet: Sheet, north: Array, east: Array, bounds: Bounds) -> None:
-    part, valid = fill(sheet.coverage, north, east)
+    window, valid = fill(sheet.coverage, north, east)
     covered = np.zeros(bounds.known.shape, bool)
-    covered[part] = valid
+    covered[window] = valid
     bounds.low[covered], bounds.high[covered] = -np.inf, np.inf
     bounds.land[covered], bounds.known[covered], bounds.shore[covered] = False, True, np.inf
     for area in sheet.areas:
-        part, inside = fill(area.edges, north, east)
-        inside &= covered[part]
-        bounds.low[part][inside], bounds.high[part][inside] = area.low, area.high
+        window, inside = fill(area.edges, north, east)
+        inside &= covered[window]
+        bounds.low[window][inside], bounds.high[window][inside] = area.low, area.high
     for mask, value, many in ((bounds.land, True, sheet.land), (bounds.known, False, sheet.unsurveyed)):
         for edges in many:
-            part, inside = fill(edges, north, east)
-            mask[part][inside & covered[part]] = value
-    part, away = edge_distance(*_outer_edges(sheet.land), north, east)
-    np.copyto(bounds.shore[part], away, where=covered[part])
+            window, inside = fill(edges, north, east)
+            mask[window][inside & covered[window]] = value
+    window, away = edge_distance(*_outer_edges(sheet.land), north, east)
+    np.copyto(bounds.shore[window], away, where=covered[window])
 
 
 def _outer_edges(areas: tuple[Edges, ...]) -> tuple[Array, Array]:
@@ -124,14 +124,14 @@ def move_within_limits(grid: Grid, low: Array, high: Array, soundings: Array) ->
     low, high = low.astype(np.float32), high.astype(np.float32)
     need = np.nan_to_num(np.clip(bed, low, high) - bed)
     if need.any():
-        known, here = nodes_around(soundings, grid), need.copy()
+        known, bounds = nodes_around(soundings, grid), need.copy()
         for _ in range(SPREAD_PASSES):
             edge = np.pad(need, 1, mode="edge")
             mean = np.float32(0.25 * SPREAD_PER_CELL) * (
                 edge[:-2, 1:-1] + edge[2:, 1:-1] + edge[1:-1, :-2] + edge[1:-1, 2:]
             )
             need = np.nan_to_num(np.clip(bed + mean, low, high) - bed)
-            need[known] = here[known]
+            need[known] = bounds[known]
     return np.asarray(np.clip(bed + need, low, high), np.float32)
 
 

@@ -128,11 +128,11 @@ def rasterise_natures(natures: tuple[Nature, ...], grid: Grid, detail: float) ->
 
     north, east = grid.north[::BOTTOM_STEP], grid.east[::BOTTOM_STEP]
     codes = np.full((len(north), len(east)), UNKNOWN, np.uint8)
-    places = np.concatenate([np.empty((0, 2)), *(nature.positions for nature in natures)])
+    positions = np.concatenate([np.empty((0, 2)), *(nature.positions for nature in natures)])
     numbers = np.concatenate([[], *(np.full(len(nature.positions), nature.code) for nature in natures)])
-    if len(places):
+    if len(positions):
         nodes = np.stack(np.meshgrid(north, east, indexing="ij"), axis=-1)
-        distance, nearest = cKDTree(places).query(nodes, distance_upper_bound=NATURE_REACH * detail)
+        distance, nearest = cKDTree(positions).query(nodes, distance_upper_bound=NATURE_REACH * detail)
         found = np.isfinite(distance)
         codes[found] = numbers[nearest[found]]
     for nature in natures:

@@ -69,15 +69,15 @@ def move_off_limits(grid: Grid, limits: Limits, surface: Surface, known: Mask, d
         for part in (coarse.variance, coarse.roughness)
     ]
     distance = grid.resolution * distance_transform_edt(~known) if known.any() else np.full(known.shape, np.inf)
-    found = np.empty(grid.depths.shape, np.float32)
+    depths = np.empty(grid.depths.shape, np.float32)
     for row, place in enumerate(grid.north):
         after = min(int(np.searchsorted(north, place, "right")), len(north) - 1)
         share = (place - north[after - 1]) / (north[after] - north[after - 1])
         variance, roughness = ((1.0 - share) * part[after - 1] + share * part[after] for part in across)
         deviation = Uncertainty(variance, roughness, surface.model.power).deviation(distance[row])
         here = Limits(limits.low[row], limits.high[row])
-        found[row] = expected_depths(grid.depths[row].astype(float), deviation, here, surface.model.shift)
-    return found
+        depths[row] = expected_depths(grid.depths[row].astype(float), deviation, here, surface.model.shift)
+    return depths
 
 
 def known_nodes(bounds: Bounds, grid: Grid, points: Array) -> Mask:
@@ -94,8 +94,8 @@ def distance_to_borders(survey: Survey, points: Array) -> Array:
     """Return the distance (m) of `points` (n, 2) from the borders of depth areas: contours, coasts and chart edges."""
     from scipy.spatial import KDTree
 
-    places = np.empty((0, 2))
+    positions = np.empty((0, 2))
     for sheet in survey.sheets:
         lines = [resample(line, survey.detail) for area in sheet.areas for line in area.edges if len(line) > 1]
-        places = np.concatenate([places[~contains(sheet.coverage, places)], *lines])
-    return np.asarray(KDTree(places).query(points)[0]) if len(places) else np.full(len(points), np.inf)
+        positions = np.concatenate([positions[~contains(sheet.coverage, positions)], *lines])
+    return np.asarray(KDTree(positions).query(points)[0]) if len(positions) else np.full(len(points), np.inf)

@@ -97,12 +97,12 @@ def read_rows(world: World, frame: Grid, rows: slice) -> Depths:
     """Return the depths of some rows of the grid of `world`; `frame`: its `frame_of`. Releases mapped pages."""
     if world.terrain is None:
         return frame.depths[rows]
-    whole, columns = frame_of(world), frame.depths.shape[1]
-    if frame.resolution == whole.resolution:
+    whole_grid, columns = frame_of(world), frame.depths.shape[1]
+    if frame.resolution == whole_grid.resolution:
         depths = np.array(frame.depths[rows])
     else:
         places = (np.column_stack([np.full(columns, north), frame.east]) for north in frame.north[rows])
-        depths = np.array([whole.at(row) for row in places], np.float32)
+        depths = np.array([whole_grid.at(row) for row in places], np.float32)
     world.terrain.unmap()
     return depths
 
@@ -121,17 +121,17 @@ def overview(world: World, most: int, resolution: float | None = None) -> Grid:
     terrain = world.terrain
     if terrain is None or resolution not in (None, terrain.grid.resolution):
         return grid_of(world, resolution and max(resolution, max(north - south, east - west) / (most - 1)))
-    whole = grid_of(world)
-    step = thinning_step(whole, most)
+    whole_grid = grid_of(world)
+    step = thinning_step(whole_grid, most)
     if step == 1:
-        return whole
-    thin = np.empty(whole.depths[::step, ::step].shape, np.float32)
+        return whole_grid
+    thin = np.empty(whole_grid.depths[::step, ::step].shape, np.float32)
     for row in range(len(thin)):
-        thin[row] = whole.depths[row * step, ::step]
+        thin[row] = whole_grid.depths[row * step, ::step]
         if row % STRIP_ROWS == 0:
             terrain.unmap()
     terrain.unmap()
-    return whole._replace(depths=thin, resolution=whole.resolution * step)
+    return whole_grid._replace(depths=thin, resolution=whole_grid.resolution * step)
 
 
 def round_up(value: float, slack: float = 1e-9) -> float:

@@ -131,11 +131,11 @@ class Surface:
         total, weights = np.zeros((*mask.shape, count)), np.zeros(mask.shape)
         for done, patch in enumerate(self._patches):
             report(done / len(self._patches))
-            part = self._nodes_of_patch(north, 0, patch), self._nodes_of_patch(east, 1, patch)
-            rows, columns = np.nonzero(mask[part])
+            patch_nodes = self._nodes_of_patch(north, 0, patch), self._nodes_of_patch(east, 1, patch)
+            rows, columns = np.nonzero(mask[patch_nodes])
             if not len(rows):
                 continue
-            rows, columns = rows + part[0].start, columns + part[1].start
+            rows, columns = rows + patch_nodes[0].start, columns + patch_nodes[1].start
             nodes = np.column_stack([north[rows], east[columns]])
             weight = self._weight(nodes, patch, least)
             heavy = weight > 0.0
@@ -301,7 +301,7 @@ class _PatchFit:
         """Return depth, variance and roughness at each point, fitted without the points of its fold: (n, 3)."""
         inverse = self._inverse
         solution, diagonal = inverse @ self._right, np.diag(inverse)
-        found = np.column_stack([self._depths, np.zeros((len(self._points), 2))])
+        results = np.column_stack([self._depths, np.zeros((len(self._points), 2))])
         for fold in np.unique(folds[folds >= 0]):
             left_out, some = np.flatnonzero(folds == fold), self._representative(np.flatnonzero(folds != fold))
             variances = np.linalg.inv(inverse[np.ix_(left_out, left_out)])
@@ -310,10 +310,10 @@ class _PatchFit:
             sill = self._sill(
                 solution[some] - across @ errors, diagonal[some] - (across @ variances * across).sum(axis=1)
             )
-            found[left_out, 0] -= errors
-            found[left_out, 1] = sill * np.maximum(0.0, np.diag(variances))
-            found[left_out, 2] = sill * self._unit**self._power
-        return found
+            results[left_out, 0] -= errors
+            results[left_out, 1] = sill * np.maximum(0.0, np.diag(variances))
+            results[left_out, 2] = sill * self._unit**self._power
+        return results
 
     def _representative(self, points: Indices) -> Indices:
         """Return those of `points` by which the variogram is scaled: the soundings, or all if they are too few."""

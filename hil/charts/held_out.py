@@ -57,11 +57,11 @@ def choose_model(surface: Surface, depths: Array, limits: Limits, borders: Array
         deviation = uncertainty.deviation(borders)
         for spread in SPREADS:
             errors = expected_depths(estimates, spread * deviation, limits) - depths[:, None]
-            found = np.isfinite(errors)
-            if not found.any():  # no sounding is in the patches that were used
+            has_error = np.isfinite(errors)
+            if not has_error.any():  # no sounding is in the patches that were used
                 return Model()
-            shift = -float(errors[found].mean() / max(spread * deviation[found].mean(), 1e-9))
-            trials[Model(power, spread, min(0.0, shift))] = _rms(errors[found])
+            shift = -float(errors[has_error].mean() / max(spread * deviation[has_error].mean(), 1e-9))
+            trials[Model(power, spread, min(0.0, shift))] = _rms(errors[has_error])
     least = EQUAL_ERROR * min(trials.values())
     power = max(model.power for model, error in trials.items() if error <= least)
     return min((model for model in trials if model.power == power), key=trials.__getitem__)

@@ -121,7 +121,7 @@ def _strips(rows: int) -> list[slice]:
 
 
 def _slopes(depths: Depths, resolution: float, rows: slice) -> list[Depths]:
-    """Return the slope of the bed to the north and to the east in the rows `rows`; 0 where it is unknown."""
+    """Return the slope of the bed to the north and to the east in `rows`; 0 where it is unknown."""
     first, last = max(0, min(rows.start - 1, len(depths) - 2)), rows.stop + 1
     slopes: Any = np.gradient(-depths[first:last], resolution)
     return [np.nan_to_num(slope[rows.start - first : rows.stop - first]) for slope in slopes]

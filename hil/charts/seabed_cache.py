@@ -75,20 +75,20 @@ def cut_seabed(model: SeabedModel, extent: Extent) -> SeabedModel:
         first = max(0, min(int(np.searchsorted(axis, low, "right")) - 1, len(axis) - 2))
         last = max(first + 1, min(int(np.searchsorted(axis, high)), len(axis) - 1))
         slices.append(slice(first, last + 1))
-    part = grid._replace(
+    cut = grid._replace(
         depths=np.array(grid.depths[slices[0], slices[1]]),
         north_min=float(grid.north[slices[0].start]),
         east_min=float(grid.east[slices[1].start]),
     )
-    south, north, west, east = part.extent
+    south, north, west, east = cut.extent
 
     def within(thing: Cylinder | Box) -> bool:
         return south <= thing.north <= north and west <= thing.east <= east
 
     return SeabedModel(
-        part, tuple(filter(within, model.cylinders)), tuple(filter(within, model.boxes)),
-        charted_objects.clip_charted(model.charted, part.extent),
-        charted_objects.cut_bottom_grid(model.bottom, part.extent),
+        cut, tuple(filter(within, model.cylinders)), tuple(filter(within, model.boxes)),
+        charted_objects.clip_charted(model.charted, cut.extent),
+        charted_objects.cut_bottom_grid(model.bottom, cut.extent),
     )  # fmt: skip
 
 

@@ -41,12 +41,12 @@ def find_sites(grid: Grid, length: float, depth: float | None = None) -> Iterato
     A path is good where the bed below has relief, and where ground beside it rises to the vehicle's depth, so that
     laser and sonar detect it. All of it is in known water. Paths below MAX_DEPTH are used only if there are no others.
     """
-    found = False
+    is_found = False
     for deepest in (MAX_DEPTH, np.inf) if depth is None else (np.inf,):
         for site in _sites_above(grid, length, depth, deepest):
-            found = True
+            is_found = True
             yield site
-        if found:
+        if is_found:
             return
     deep = f" at {depth:g} m" if depth is not None else ""
     raise ConfigError(

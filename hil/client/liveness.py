@@ -216,13 +216,13 @@ class LivenessMonitor:
         pong = read_clock(PONG, payload)
         if pong is None or pong[0] != self._gid or pong[1] not in self._ping_times:  # answers another client's ping
             return
-        _, sent, there, answered, *reported = pong
+        _, sent, arrived, answered, *reported = pong
         if self._send_as_master:
             self._send_as_master(PING.pack(self._gid, to_wall_ns(now_ns()), answered, received_ns))
         self._received_ns = now_ns()
         self._replies += 1
         self.reported = Estimate(*reported) if reported[1] >= 0 else None
-        self._clock.add(sent, there, answered, received_ns)
+        self._clock.add(sent, arrived, answered, received_ns)
         self.known.set()
         self._set_present(True)
 

@@ -230,13 +230,13 @@ class VehicleState:
                 f"{self.name} has sent no {topic!r} for {waited:.1f} s: the process that makes the pictures of its "
                 f"{sensor} is still starting; ask again, or see the slave's log if it does not come up"
             )
-        there = ", ".join(sorted({name for name in self.client.offers() if name.isidentifier()} | pictures))
+        available = ", ".join(sorted({name for name in self.client.offers() if name.isidentifier()} | pictures))
         other = topic.removesuffix(COMPRESSED) if topic.endswith(COMPRESSED) else topic + COMPRESSED
         if other in pictures - {topic}:
             remedy = f"its pictures are {other!r}, as [ros] images in the slave's scenario says"
         else:
             remedy = "other sensors are sections [sensors.NAME] of the slave's scenario"
-        return f"{self.name} has sent no {topic!r} for {waited:.1f} s; it sends {there}; {remedy}"
+        return f"{self.name} has sent no {topic!r} for {waited:.1f} s; it sends {available}; {remedy}"
 
     def pictures(self) -> set[str]:
         """Return the topics of its pictures, from the ROS graph, because pictures are sent only on subscription.

@@ -82,11 +82,11 @@ def _hosts(name: str, assignments: list[str], changes: dict[str, Any]) -> dict[s
             f"{scenario.path}: has no [[member]], so it is not a fleet; start it with: uuv-hil slave {name}"
         )
     hosts = {member.node: "" for member in scenario.member}
-    for place in assignments:
-        node, equals, host = place.partition("=")
+    for assignment in assignments:
+        node, equals, host = assignment.partition("=")
         if not equals or not host or host.startswith("-"):
-            raise ConfigError(f"--on {place!r}: write NODE=HOST")
+            raise ConfigError(f"--on {assignment!r}: write NODE=HOST")
         if node not in hosts:
-            raise ConfigError(f"--on {place!r}: no member {node!r}; there are {', '.join(hosts)}")
+            raise ConfigError(f"--on {assignment!r}: no member {node!r}; there are {', '.join(hosts)}")
         hosts[node] = host
     return hosts

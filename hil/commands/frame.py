@@ -111,11 +111,11 @@ def read_hex(words: list[str]) -> bytes:
 
 
 def _channels(protocol: FrameProtocol, options: argparse.Namespace) -> int:
-    wanted: int = options.thrusters or (6 if 6 in protocol.channels else protocol.channels[0])
-    if wanted not in protocol.channels:
+    count: int = options.thrusters or (6 if 6 in protocol.channels else protocol.channels[0])
+    if count not in protocol.channels:
         carried = " to ".join(map(str, sorted({protocol.channels[0], protocol.channels[-1]})))
-        raise ConfigError(f"--thrusters: this frame carries {carried} thrusters, not {wanted}")
-    return wanted
+        raise ConfigError(f"--thrusters: this frame carries {carried} thrusters, not {count}")
+    return count
 
 
 def _size(protocol: FrameProtocol, kind: type[Message], channels: int) -> int:
@@ -161,12 +161,12 @@ def _meaning(row: Row) -> str:
         return f"0x{row.value:02X}" + (f" = {row.value}" if field and row.name != "id" else "")
     if field is None:
         return ""
-    words = [f"bit {bit} {name}" for name, bit in field.bits._asdict().items() if bit is not None]
+    texts = [f"bit {bit} {name}" for name, bit in field.bits._asdict().items() if bit is not None]
     if field.name in ("pwm_us", "age_us") or field.extra:
-        words.append(_quantity(row))
+        texts.append(_quantity(row))
     if field.full_scale or field.unit == "normalised":
-        words.append(f"1900 us is {field.full_scale or 1:g} {field.unit}")
-    return ", ".join(words)
+        texts.append(f"1900 us is {field.full_scale or 1:g} {field.unit}")
+    return ", ".join(texts)
 
 
 def _quantity(row: Row) -> str:

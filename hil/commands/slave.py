@@ -46,12 +46,12 @@ def main(arguments: list[str]) -> int:
 
 def _parse_plain(arguments: list[str]) -> Options | None:
     """Return the options of a plain command line, without argparse (8 ms of a start of 40); None for any other."""
-    words, values = list(arguments), dict[str, Any]()
-    while len(words) > 1 and words[-2] in PLAIN_OPTIONS:
-        value, name = words.pop(), words.pop()
+    remaining, values = list(arguments), dict[str, Any]()
+    while len(remaining) > 1 and remaining[-2] in PLAIN_OPTIONS:
+        value, name = remaining.pop(), remaining.pop()
         values.setdefault(name[2:], value)  # the last value of an option counts, as in argparse
-    plain = len(words) == 1 and not any(word.startswith("-") for word in (*words, *values.values()))
-    return Options(words[0], **values) if plain else None
+    plain = len(remaining) == 1 and not any(word.startswith("-") for word in (*remaining, *values.values()))
+    return Options(remaining[0], **values) if plain else None
 
 
 def _parse(arguments: list[str]) -> Options:

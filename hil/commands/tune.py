@@ -108,12 +108,12 @@ def _check_vehicle(name: str) -> None:
 
 def _progress(count: int) -> Callable[[str], None]:
     """Return a function that shows on a terminal which of `count` axes is being tuned."""
-    done = 0
+    runs = 0
 
     def report_axis(axis: str) -> None:
-        nonlocal done
-        done += 1
+        nonlocal runs
+        runs += 1
         if sys.stderr.isatty():
-            print(f"\r\x1b[K{axis} ({done} of {count})", end="\r" if done == count else "", file=sys.stderr, flush=True)
+            print(f"\r\x1b[K{axis} ({runs} of {count})", end="\r" if runs == count else "", file=sys.stderr, flush=True)
 
     return report_axis

@@ -70,11 +70,11 @@ def load_class(table: dict[str, Any], contract: type, where: str) -> Any:
 
 def own_traceback(error: BaseException) -> "TracebackType | None":
     """Return the traceback of an exception from the first line of a user's class on; None if none was running."""
-    here = error.__traceback__
+    frame = error.__traceback__
     own = {module for module in loaded if module.partition(".")[0] not in OURS}
-    while here and here.tb_frame.f_globals.get("__name__") not in own:
-        here = here.tb_next
-    return here
+    while frame and frame.tb_frame.f_globals.get("__name__") not in own:
+        frame = frame.tb_next
+    return frame
 
 
 def _find(name: str, where: str) -> Any:

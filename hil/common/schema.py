@@ -75,12 +75,12 @@ def parse(table: dict[str, Any], record: type[Record], where: str, other_keys: S
             values[key] = _convert(table[key], annotation, f"{where}: {key}")
         elif key not in defaults:
             raise ConfigError(f"{where}: key {key!r} is missing")
-    made = record(**values)
-    validate = getattr(made, "validate", None)
+    parsed = record(**values)
+    validate = getattr(parsed, "validate", None)
     problem = validate() if validate else None
     if problem:
         raise ConfigError(f"{where}: {problem}")
-    return made
+    return parsed
 
 
 # data folder -> what its presets are called in messages

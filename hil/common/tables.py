@@ -89,12 +89,12 @@ def output_file(text: str) -> str:
     Its folder has to exist: it may be mistyped, so it is not created. Named pipes are refused, as they wait for a
     reader.
     """
-    there = os.path.exists(text)
+    exists = os.path.exists(text)
     try:
-        if there and stat.S_ISFIFO(os.stat(text).st_mode) and not os.path.realpath(text).startswith("/proc/"):
+        if exists and stat.S_ISFIFO(os.stat(text).st_mode) and not os.path.realpath(text).startswith("/proc/"):
             raise OSError(0, "it is a pipe")
         os.close(os.open(text, os.O_WRONLY | os.O_APPEND | os.O_CREAT | getattr(os, "O_NONBLOCK", 0), 0o666))
-        if not there:
+        if not exists:
             os.remove(text)
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else "a zero byte is in its name"

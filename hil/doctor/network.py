@@ -18,13 +18,13 @@ def check_network_ports(case: Case) -> Iterator[Finding]:
     except NetworkError as error:
         yield Finding("problem", "network", str(error))
         return
-    taken = find_listeners(case.tree)
-    if taken is None:
+    listeners = find_listeners(case.tree)
+    if listeners is None:
         yield Finding("note", "network", f"whether port {first} is free cannot be determined: no /proc/net/tcp")
         return
-    ports = [port for port in (first, first + 1) if port in taken]
+    ports = [port for port in (first, first + 1) if port in listeners]
     for port in ports:
-        pid = taken[port]
+        pid = listeners[port]
         owner = "" if pid is None else f" by {describe_process(case.tree, pid)}"
         remedy = "end it (if the slave runs already, see: systemctl status uuv-hil), or use other ports: --listen"
         yield Finding("problem", "network", f"port {port} is used{owner}", remedy)

@@ -65,21 +65,21 @@ def check(tree: Tree, service: Service) -> None:
 
 def _check_as_user(service: Service) -> None:
     entry = pwd.getpwnam(service.user)
-    words = command(service)
-    name = words[words.index("slave") + 1]
+    arguments = command(service)
+    name = arguments[arguments.index("slave") + 1]
     # The same XDG_CACHE_HOME as in the unit.
     environment = {"PATH": os.environ.get("PATH", ""), "PYTHONPATH": python_path(), "XDG_CACHE_HOME": "/var/cache"}
-    words = python_command("-c", CODE, name, service.listen or "", service.member or "", *service.changes)
+    arguments = python_command("-c", CODE, name, service.listen or "", service.member or "", *service.changes)
     try:
-        done = subprocess.run(
-            words, user=entry.pw_uid, group=entry.pw_gid, extra_groups=os.getgrouplist(service.user, entry.pw_gid),
+        completed = subprocess.run(
+            arguments, user=entry.pw_uid, group=entry.pw_gid, extra_groups=os.getgrouplist(service.user, entry.pw_gid),
             cwd="/", env=environment, capture_output=True, text=True, check=False,
         )  # fmt: skip
     except OSError as error:
         text = f"{service.user} may not execute it ({error.strerror}); install the project elsewhere, such as in /opt"
         raise ConfigError(f"{sys.executable}: {text}") from None
-    if done.returncode:
-        last = (done.stderr.strip() or f"exit code {done.returncode}").splitlines()[-1]
+    if completed.returncode:
+        last = (completed.stderr.strip() or f"exit code {completed.returncode}").splitlines()[-1]
         raise ConfigError(f"the slave would not start as {service.user}: {last}")
 
 

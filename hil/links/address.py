@@ -98,19 +98,19 @@ def open_address(text: str, role: Role, baud: int = 115_200, bitrate: int = 1_00
 
 
 def _parts(text: str) -> Address:
-    scheme, _, rest = text.partition(":")
+    scheme, _, parameters = text.partition(":")
     if text.startswith("/"):
         return Address("uart", text)
-    if scheme == "pty" and rest[:1] in ("", "/"):
-        return Address("pty", rest)
-    if scheme == "rs485" and rest.startswith("/"):
-        return Address("rs485", rest)
-    if scheme in ("tcp", "udp") and rest.startswith("//"):
-        host, _, port = rest[2:].rpartition(":")
+    if scheme == "pty" and parameters[:1] in ("", "/"):
+        return Address("pty", parameters)
+    if scheme == "rs485" and parameters.startswith("/"):
+        return Address("rs485", parameters)
+    if scheme in ("tcp", "udp") and parameters.startswith("//"):
+        host, _, port = parameters[2:].rpartition(":")
         if host and port.isascii() and port.isdigit() and int(port) < 65_536:
             return Address("tcp" if scheme == "tcp" else "udp", host.strip("[]"), int(port))
     if scheme == "can":
-        interface, _, channel = rest.partition(":")
+        interface, _, channel = parameters.partition(":")
         if interface and channel:
             return Address("can", channel, interface=interface)
     raise ConfigError(f"{text!r} is not the address of a wire; there are {FORMS}")

@@ -123,9 +123,9 @@ def _begin(scenario: Scenario, vehicle: Vehicle, world: World) -> tuple[Planner,
     topics_of(planner)  # raises ConfigError for an unknown topic
     parts = parts_of(world, scenario.master, scenario.start, planner.destinations)
     failed: MissionError | None = None
-    for part in parts:
-        is_coarse = part.resolution > scenario.master.resolution
-        request = make_request(scenario, vehicle, world, part)
+    for area in parts:
+        is_coarse = area.resolution > scenario.master.resolution
+        request = make_request(scenario, vehicle, world, area)
         try:
             planner.begin(request)
             return planner, request
@@ -139,8 +139,8 @@ def _begin(scenario: Scenario, vehicle: Vehicle, world: World) -> tuple[Planner,
     assert failed is not None
     if len(parts) == 1 and not is_coarse:
         raise failed
-    size = f"{part.extent.north - part.extent.south:.0f} m x {part.extent.east - part.extent.west:.0f} m"
-    raise type(failed)(f"{failed}; the largest map shows {size} in cells of {part.resolution:g} m") from None
+    size = f"{area.extent.north - area.extent.south:.0f} m x {area.extent.east - area.extent.west:.0f} m"
+    raise type(failed)(f"{failed}; the largest map shows {size} in cells of {area.resolution:g} m") from None
 
 
 def make_planner(scenario: Scenario) -> Planner:
@@ -194,22 +194,22 @@ class Flight:
     def command(self, elapsed: float, samples: Samples, truth: OdometrySample) -> VelocityCommand:
         """Return the command, only velocities, `elapsed` s after the start. `truth` serves only to evaluate the run."""
         began = time.thread_time()
-        answer = self.planner.command(elapsed, self._subscribed(samples))
+        command = self.planner.command(elapsed, self._subscribed(samples))
         self._planner_cpu_s += time.thread_time() - began
-        if isinstance(answer, Done):
-            self.reason, self._reached = answer.reason, answer.reached
-            answer = VelocityCommand()
-        if not _is_command(answer):
+        if isinstance(command, Done):
+            self.reason, self._reached = command.reason, command.reached
+            command = VelocityCommand()
+        if not _is_command(command):
             name = f"{type(self.planner).__module__}:{type(self.planner).__qualname__}"
             raise MissionError(
-                f"planner {name}: command() returned {shortened(str(answer))} {elapsed:.1f} s after the start: "
+                f"planner {name}: command() returned {shortened(str(command))} {elapsed:.1f} s after the start: "
                 "it returns a VelocityCommand of finite numbers, or Done"
             )
         self._add_truth(truth)
-        self._monitor.observe(seconds_ns(elapsed), truth.position, truth.orientation, answer.depth)
+        self._monitor.observe(seconds_ns(elapsed), truth.position, truth.orientation, command.depth)
         if not self.reason and elapsed > self._master.time_limit:
             self.reason = "time limit"
-        return held(answer, samples["odom"])
+        return held(command, samples["odom"])
 
     def lose_link(self, since: float, until: float, what: str) -> None:
         """Add an event: no odometry from `since` to `until` (s after the start)."""
@@ -245,11 +245,11 @@ class Flight:
 
     def _add_truth(self, truth: OdometrySample) -> None:
         self._position = north, east, depth = truth.position
-        here = north, east
-        self._travelled += dist(here, self._last or here)
-        self._last = here
+        point = north, east
+        self._travelled += dist(point, self._last or point)
+        self._last = point
         if len(self.planner.path) > 1:
-            self._off_track.add(distance_to_path(here, self.planner.path))
+            self._off_track.add(distance_to_path(point, self.planner.path))
         least, deep = self._least_clearance, depth + self._below
         clearance = self._world.clearance(north, east, deep, min(least, RELIEF_WITHIN_M), 2.0 * self._below)
         self._least_clearance = min(least, clearance)

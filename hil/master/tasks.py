@@ -62,15 +62,15 @@ class Tasks(Planner):
     def command(self, time: float, samples: Samples) -> VelocityCommand | Done:
         """Return the command to the place of the present task, or to hold station there during the work."""
         odometry = samples["odom"]
-        here = odometry.position[0], odometry.position[1]
-        task_goal = self._scheduler.step(round(time * _NS_PER_S), here, signals_of(samples))
+        point = odometry.position[0], odometry.position[1]
+        task_goal = self._scheduler.step(round(time * _NS_PER_S), point, signals_of(samples))
         self.status = task_goal.state
         if self._scheduler.is_finished:
             return Done(f"home after {', '.join(self.finished)}")
         self.progress = len(self.finished) / (len(self.mission.task) + 1)
         if task_goal.goal is not None and task_goal.goal != self._goal:
             try:
-                self._sight.begin(here, task_goal.goal)
+                self._sight.begin(point, task_goal.goal)
             except MissionError as error:
                 return Done(f"{task_goal.state}: {error}", reached=False)
             self._goal = task_goal.goal
@@ -79,7 +79,7 @@ class Tasks(Planner):
             return VelocityCommand(depth=self._depth)
         self.path = guide.path
         if guide.has_arrived or task_goal.state.endswith(" work"):
-            return hold_position(here, heading_of(odometry.orientation), task_goal.goal)._replace(depth=self._depth)
+            return hold_position(point, heading_of(odometry.orientation), task_goal.goal)._replace(depth=self._depth)
         return self._sight.command(samples)
 
 

@@ -140,7 +140,7 @@ def _thrusters(plt: Any, node: str, data: VehicleData, run: Run | None) -> Any:
 
 def _delays(plt: Any, node: str, data: VehicleData) -> Any:
     """Return a figure of the hops' delays over time, stacked, and of the distribution of the total."""
-    figure, (over_time, spread) = plt.subplots(
+    figure, (over_time, histogram) = plt.subplots(
         1, 2, figsize=(11, 4.5), width_ratios=(2, 1), sharey=True, layout="constrained"
     )
     hops = [[max(value, 0) / 1e6 for value in data.delays.hop_ns(hop)] for hop in range(len(HOPS))]
@@ -157,15 +157,15 @@ def _delays(plt: Any, node: str, data: VehicleData) -> Any:
     figure.legend(loc="outside lower center", fontsize=9, ncols=len(HOPS))
     over_time.grid(color=GRID, linewidth=0.6)
     over_time.set_axisbelow(True)
-    spread.hist([total / 1e6 for total in totals], bins=60, range=(0.0, max(1.25 * summary.p99_ms, 0.01)),
+    histogram.hist([total / 1e6 for total in totals], bins=60, range=(0.0, max(1.25 * summary.p99_ms, 0.01)),
                 orientation="horizontal", color="#94a3b8")  # fmt: skip
     for share, value in (("median", summary.p50_ms), ("99 %", summary.p99_ms)):
-        spread.axhline(value, color="black", linewidth=0.9, linestyle="--")
-        spread.annotate(f"{share}: {value:.2f} ms", (0.98, value), xycoords=("axes fraction", "data"), fontsize=9,
+        histogram.axhline(value, color="black", linewidth=0.9, linestyle="--")
+        histogram.annotate(f"{share}: {value:.2f} ms", (0.98, value), xycoords=("axes fraction", "data"), fontsize=9,
                         xytext=(0, 6), textcoords="offset points", ha="right",
                         bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.85, "pad": 1.5})  # fmt: skip
     clocks = "one clock" if data.delays.same_clock else "two clocks"
-    spread.set(xlabel=f"commands, of {len(totals)}", title=f"{clocks}; longest {summary.max_ms:.2f} ms")
+    histogram.set(xlabel=f"commands, of {len(totals)}", title=f"{clocks}; longest {summary.max_ms:.2f} ms")
     return figure
 
 

@@ -176,11 +176,11 @@ def _draw_thruster(axes: Any, vehicle: Vehicle, view: View, number: int, reach: 
 
 def _draw_speeds(axes: Any, capabilities: tuple[AxisCapability, ...]) -> None:
     """Draw bars for the four commanded axes, with m/s and rad/s on one scale."""
-    shown = [capability for capability in capabilities if capability.axis in ("surge", "sway", "heave", "yaw")]
+    drawn = [capability for capability in capabilities if capability.axis in ("surge", "sway", "heave", "yaw")]
     ticks = {"surge": ("ahead", "astern"), "sway": ("starboard", "port"), "heave": ("down", "up"),
              "yaw": ("to starboard", "to port")}  # fmt: skip
     names, speeds, units = [], [], []
-    for capability in shown:
+    for capability in drawn:
         for way, speed in zip(ticks[capability.axis], capability.speed, strict=True):
             names.append(f"{capability.axis} {way}")
             speeds.append(abs(speed) if capability.driven and abs(speed) < float("inf") else 0.0)

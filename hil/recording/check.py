@@ -54,15 +54,15 @@ class _Repetition:
     def __init__(self, about: About, path: str, own_classes: bool) -> None:
         run = require_run(about, path, own_classes)
         self._path = path
-        seen = {
+        sensors = {
             name: fitted for name, fitted in run.scenario.sensors.items() if not fitted.offloaded
         }  # pictures are not
-        self._simulation = build_simulation(run.scenario._replace(sensors=seen), run.vehicle, run.world)
+        self._simulation = build_simulation(run.scenario._replace(sensors=sensors), run.vehicle, run.world)
         self._stamps = Stamps(int(about.facts["epoch_ns"]), 0)
         self._step_ns = int(about.facts["step_ns"])
         self._lacks_files = about.facts.get("file", "0") != "0"  # the first are removed when there are too many
         self._prefix = run.scenario.ros.frame_prefix
-        self._variances = error_variances(seen, run.world)
+        self._variances = error_variances(sensors, run.world)
         node = run.scenario.slave.node
         others = NOT_SAMPLES if run.scenario.ros.transforms else NOT_SAMPLES | {"/tf"}
         self._samples = {topic.full_name(node): name for name, topic in TOPICS.items() if name not in others}

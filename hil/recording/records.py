@@ -32,16 +32,16 @@ def read_records(file: IO[bytes], path: str, emit_chunks: bool = False) -> Itera
     }  # fmt: skip
     if file.read(len(MAGIC)) != MAGIC:
         raise ValueError("it does not begin as one does")
-    taken = unpacked = 0
+    size = unpacked = 0
     for kind, data in _framed(file, kinds):
         record = _parse(kind, data)
         if not isinstance(record, Chunk) or emit_chunks:
             yield record
             continue
-        taken += len(data)
+        size += len(data)
         inside = _unpack(record, path)
         unpacked += len(inside)
-        if unpacked > UNPACKED_FREE + MAX_TIMES * taken:
+        if unpacked > UNPACKED_FREE + MAX_TIMES * size:
             raise ConfigError(f"{path}: unpacks to more than {MAX_TIMES} times its size, which no recording does")
         for inner, content in _framed(BytesIO(inside), kinds):
             yield _parse(inner, content)

@@ -59,14 +59,14 @@ def decode_pose(data: bytes) -> PoseCommand:
 
     A pose in another frame than the world's is malformed.
     """
-    _, _, _, _, frame, *place, x, y, z, w = _POSE.unpack(data)
+    _, _, _, _, frame, *position, x, y, z, w = _POSE.unpack(data)
     if text(frame).rpartition("/")[2] not in WORLD_FRAMES:
         raise MalformedError("not in the world's frame")
     w, x, y, z = swap_attitude(_bounded((w, x, y, z), 2.0))
     if w * w + x * x + y * y + z * z < _MIN_NORM:
         raise MalformedError("not an attitude")
     heading = atan2(2.0 * (w * z + x * y), w * w + x * x - y * y - z * z)
-    return PoseCommand(swap_world(_bounded(place, MAX_PLACE)), heading)
+    return PoseCommand(swap_world(_bounded(position, MAX_PLACE)), heading)
 
 
 @tolerant

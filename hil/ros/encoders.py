@@ -207,12 +207,12 @@ def encode_diagnostics(time_ns: int, statuses: Sequence[Status], hardware_id: st
     writer.numbers("I", len(statuses))
     for name, level, message, values in statuses:
         writer.numbers("B", level)
-        for words in (name, message, hardware_id):
-            writer.string(words)
+        for text in (name, message, hardware_id):
+            writer.string(text)
         writer.numbers("I", len(values))
         for pair in values.items():
-            for words in pair:
-                writer.string(words)
+            for text in pair:
+                writer.string(text)
     return bytes(writer.data)
 
 

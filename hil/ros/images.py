@@ -181,14 +181,14 @@ def encode_side_scan(sample: SideScanSample, frame: str = "side_scan_link") -> b
     The beams' angles are about the sensor's x axis, from down to starboard.
     """
     code = "B" if sample.encoding == "uint8" else "f"
-    both = array(code, bytes(len(sample.port) + len(sample.starboard)))
-    both[0::2], both[1::2] = array(code, sample.port), array(code, sample.starboard)
+    samples = array(code, bytes(len(sample.port) + len(sample.starboard)))
+    samples[0::2], samples[1::2] = array(code, sample.port), array(code, sample.starboard)
     port_and_starboard = -0.5 * pi, 0.5 * pi
     return encode(_SIDE_SCAN, {
         "header": header(sample.time_ns, frame), "ping_info": _ping(sample, 2),
         "sample_rate": 0.5 * sample.sound_speed / sample.range_step, "samples_per_beam": sample.bins,
         "tx_delays": (0.0, 0.0), "tx_angles": (0.0, 0.0), "rx_angles": port_and_starboard,
-        "image": _echoes(sample.encoding, 2, both.tobytes()),
+        "image": _echoes(sample.encoding, 2, samples.tobytes()),
     })  # fmt: skip
 
 
@@ -198,11 +198,11 @@ def decode_side_scan(data: bytes) -> SideScanSample:
     message = read(_SIDE_SCAN, data)
     rate, bins = message["sample_rate"], message["samples_per_beam"]
     encoding, count, echoes = _read_echoes(message["image"])
-    both = array("B" if encoding == "uint8" else "f")
-    if count != 2 or len(echoes) != 2 * bins * both.itemsize or rate <= 0.0:
+    samples = array("B" if encoding == "uint8" else "f")
+    if count != 2 or len(echoes) != 2 * bins * samples.itemsize or rate <= 0.0:
         raise MalformedError("not two sides of as many samples")
-    both.frombytes(echoes)
-    sides = both[0::2].tobytes(), both[1::2].tobytes()
+    samples.frombytes(echoes)
+    sides = samples[0::2].tobytes(), samples[1::2].tobytes()
     ping = _read_ping(message["ping_info"])
     return SideScanSample(time_of(message), bins, 0.5 * ping[1] / rate, *ping, inf, encoding, *sides)
 

@@ -18,19 +18,19 @@ HEADER = "std_msgs/msg/Header"
 
 def announce(sensors: "SensorSet", where: str) -> None:
     """Register the topics of users' own and additional sensors in this process. Raises ConfigError."""
-    taken = {*OURS}
+    names = {*OURS}
     for name, fitted in sensors.items():
-        place, own = f"{where}: {name}", fitted.sensor if isinstance(fitted.sensor, OwnKind) else None
+        section, own = f"{where}: {name}", fitted.sensor if isinstance(fitted.sensor, OwnKind) else None
         if not (own or fitted.name):
             continue
         added = {name, *([] if own else further_topics(name, fitted.sensor.topic))}
-        if common := sorted(added & taken):
-            raise ConfigError(f"{place}: the topic {common[0]!r} is taken: give the sensor another name")
-        taken |= added
+        if common := sorted(added & names):
+            raise ConfigError(f"{section}: the topic {common[0]!r} is taken: give the sensor another name")
+        names |= added
         if own:
-            kind = _full_name(own.message, place)
+            kind = _full_name(own.message, section)
             TOPICS[name] = Topic(name, kind, fitted.model.rate, "data")
-            ros.introduce(name, _encoder(name, kind, place), _decoder(kind))
+            ros.introduce(name, _encoder(name, kind, section), _decoder(kind))
         else:
             add_further(name, fitted.sensor.topic)
 
@@ -38,12 +38,12 @@ def announce(sensors: "SensorSet", where: str) -> None:
 def _full_name(message: str, section: str) -> str:
     """Return a message type's full name, "std_msgs/msg/Float64" also for "std_msgs/Float64". Raises ConfigError."""
     package, _, last = message.rpartition("/")
-    whole = message if "/" in package else f"{package}/msg/{last}"
+    full_name = message if "/" in package else f"{package}/msg/{last}"
     try:
-        definition(whole)
+        definition(full_name)
     except ConfigError as error:
         raise ConfigError(f"{section}: message: {error}") from None
-    return whole
+    return full_name
 
 
 def _encoder(name: str, kind: str, section: str) -> ros.Encoder:

@@ -200,12 +200,12 @@ def learn(topic: str, type_name: str, published: Mapping[str, str] = MappingProx
     """
     if topic in TOPICS:
         return True
-    name, _, rest = topic.partition("/")
+    name, _, suffix = topic.partition("/")
     kinds = []
     for row in [TOPICS[each] for each in OURS if TOPICS[each].type == type_name]:
         first, _, end = row.name.partition("/")
         is_own = end or row.name not in _FURTHER or topic.endswith(f"_{row.name}")
-        if end == rest and first and is_own and not row.from_master and row.priority != "real_time":
+        if end == suffix and first and is_own and not row.from_master and row.priority != "real_time":
             kinds.append(first)
     if not kinds:
         return False

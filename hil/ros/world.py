@@ -56,11 +56,11 @@ def encode_map(time_ns: int, grid: GridMap) -> bytes:
 def decode_map(data: bytes) -> GridMap:
     """Return the map; cells that are not known to be free are occupied. Rotated maps are not supported."""
     message = read("nav_msgs/msg/OccupancyGrid", data)
-    info, place = message["info"], message["info"]["origin"]["position"]
+    info, position = message["info"], message["info"]["origin"]["position"]
     if len(message["data"]) != info["width"] * info["height"] or not info["width"]:
         raise MalformedError("not a map of its size")
     cells = bytes([value != 0 for value in message["data"]])
-    return GridMap(cells, info["width"], info["resolution"], place["y"], place["x"])
+    return GridMap(cells, info["width"], info["resolution"], position["y"], position["x"])
 
 
 def encode_obstacles(time_ns: int, world: World) -> bytes:
@@ -86,12 +86,12 @@ def _marker(time_ns: int, number: int, obstacle: Cylinder | Box, world: World) -
         kind, across, along, yaw = _CYLINDER, 2.0 * obstacle.radius, 2.0 * obstacle.radius, 0.0
     else:
         kind, across, along, yaw = _CUBE, obstacle.size_east, obstacle.size_north, -obstacle.heading
-    turn = {"x": 0.0, "y": 0.0, "z": sin(0.5 * yaw), "w": cos(0.5 * yaw)}
+    attitude = {"x": 0.0, "y": 0.0, "z": sin(0.5 * yaw), "w": cos(0.5 * yaw)}
     marker: dict[str, Any] = {
         "header": header(time_ns, FRAME), "ns": OBSTACLES, "id": number, "type": kind, "color": _COLOUR,
         "scale": {"x": across, "y": along, "z": height}, "text": obstacle.label,
         "pose": {
-            "position": {"x": obstacle.east, "y": obstacle.north, "z": 0.5 * height - bottom}, "orientation": turn
+            "position": {"x": obstacle.east, "y": obstacle.north, "z": 0.5 * height - bottom}, "orientation": attitude
         },
     }  # fmt: skip
     return marker

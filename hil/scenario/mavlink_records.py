@@ -24,17 +24,17 @@ class MavlinkEndpoint(NamedTuple):
 
 def parse_endpoint(text: str) -> MavlinkEndpoint:
     """Return the parts of an endpoint. Raises ConfigError, which lists the valid forms."""
-    kind, _, rest = text.partition(":")
-    if kind == "serial" and rest.startswith("/"):
-        device, _, baud = rest.rpartition(":")
+    kind, _, address = text.partition(":")
+    if kind == "serial" and address.startswith("/"):
+        device, _, baud = address.rpartition(":")
         if device and baud.isdecimal() and 1200 <= int(baud) <= 12_000_000:
             return MavlinkEndpoint("serial", device, int(baud))
-        if ":" not in rest:
-            return MavlinkEndpoint("serial", rest, BAUD)
-    elif kind == "zenoh" and validate_endpoint("zenoh", rest) is None:
-        return MavlinkEndpoint("zenoh", rest)
+        if ":" not in address:
+            return MavlinkEndpoint("serial", address, BAUD)
+    elif kind == "zenoh" and validate_endpoint("zenoh", address) is None:
+        return MavlinkEndpoint("zenoh", address)
     elif kind in ("udpout", "udpin", "tcpin", "tcpout"):
-        host, _, port = rest.rpartition(":")
+        host, _, port = address.rpartition(":")
         if host and port.isascii() and port.isdecimal() and int(port) < 65_536 and (int(port) or kind.endswith("in")):
             words: dict[str, Kind] = {"udpout": "udpout", "udpin": "udpin", "tcpin": "tcpin", "tcpout": "tcpout"}
             return MavlinkEndpoint(words[kind], host.strip("[]"), int(port))

@@ -44,7 +44,7 @@ def known_map(master: Master, vehicle: Vehicle, world: World, map_part: MapPart 
         return OccupancyGrid.empty(*map_part)
     if master.map != "known":
         return OccupancyGrid.read(master.map)
-    seen = world._replace(
+    visible_world = world._replace(
         cylinder=tuple(o for o in world.cylinder if not o.hidden),
         box=tuple(o for o in world.box if not o.hidden),
         mesh=tuple(o for o in world.mesh if not o.hidden),
@@ -56,7 +56,7 @@ def known_map(master: Master, vehicle: Vehicle, world: World, map_part: MapPart 
             f"{world.name}, which is {world.depth:g} m deep; go higher, or lessen seabed_margin"
         )
     grid = map_at(
-        seen,
+        visible_world,
         master.depth,
         below,
         map_part.resolution,

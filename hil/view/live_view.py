@@ -191,25 +191,25 @@ class LiveView:
 
     def _place_camera(self, client: Any) -> None:
         """Move a browser's camera to the chosen vehicle, above it or beside it as chosen in the panel."""
-        place = self._drawn[self._name].position if self._name in self._drawn else (0.0, 0.0, 0.0)
+        position = self._drawn[self._name].position if self._name in self._drawn else (0.0, 0.0, 0.0)
         if self._panels.camera.value == "top":
-            client.camera.position = (place[0], place[1] - 0.01, place[2] + TOP_HEIGHT)
+            client.camera.position = (position[0], position[1] - 0.01, position[2] + TOP_HEIGHT)
         else:
-            client.camera.position = tuple(a + b for a, b in zip(place, CAMERA_OFFSET, strict=True))
-        client.camera.look_at = tuple(place)
-        self._last_place = tuple(place)
+            client.camera.position = tuple(a + b for a, b in zip(position, CAMERA_OFFSET, strict=True))
+        client.camera.look_at = tuple(position)
+        self._last_place = tuple(position)
 
     def _follow(self) -> None:
         """Move all cameras along with the chosen vehicle, and keep the direction to which a person has turned them."""
         if self._name not in self._drawn:
             return
-        place = tuple(self._drawn[self._name].position)
-        if self._last_place is not None and dist(place, self._last_place) < MOVED:
+        position = tuple(self._drawn[self._name].position)
+        if self._last_place is not None and dist(position, self._last_place) < MOVED:
             return
-        self._last_place = place
+        self._last_place = position
         for client in self._server.get_clients().values():
             with client.atomic():
-                move_camera(client.camera, place)
+                move_camera(client.camera, position)
 
     def _on_stick(self, person: int, message: Mapping[str, Any] | None) -> Mapping[str, Any]:
         """Handle a message of a browser's stick; return what the bar of its page shows."""

@@ -99,23 +99,23 @@ class PageServer(ServerThread):
         origin = request.headers.get("Origin")
         if origin and origin.partition("://")[2] != request.host:
             raise web.HTTPForbidden(text="this page is not of the live view\n")
-        given = request.query.get("token", "")
+        token = request.query.get("token", "")
         known = request.cookies.get(self._cookie, "")
-        if self._is_token(given) or self._is_token(known):
+        if self._is_token(token) or self._is_token(known):
             self._admitted.add(request.protocol)
-        if self._is_token(given):
-            answer: web.StreamResponse = web.Response(status=302, headers={"Location": "/"})
+        if self._is_token(token):
+            response: web.StreamResponse = web.Response(status=302, headers={"Location": "/"})
             if request.path != "/":
-                answer = await handler(request)
-            if not answer.prepared:
-                answer.set_cookie(self._cookie, given, httponly=True, samesite="Strict", secure=request.secure)
-            return answer
+                response = await handler(request)
+            if not response.prepared:
+                response.set_cookie(self._cookie, token, httponly=True, samesite="Strict", secure=request.secure)
+            return response
         if not self._is_token(known):
             raise web.HTTPForbidden(text="open the address that `uuv-hil view` printed, with its token\n")
-        answer = await handler(request)
-        if not answer.prepared:
-            answer.headers["Content-Security-Policy"] = "frame-ancestors 'self'"
-        return answer
+        response = await handler(request)
+        if not response.prepared:
+            response.headers["Content-Security-Policy"] = "frame-ancestors 'self'"
+        return response
 
     @property
     def _cookie(self) -> str:

@@ -182,14 +182,14 @@ def _rates(command: VelocityCommand, orientation: Quaternion, gains: Gains, leve
     roll, pitch = atan2(down[1], down[2]), -asin(clamp(down[0], 1.0))
     roll_rate = clamp(-gains.roll.p * roll, gains.roll.limit)
     pitch_rate = clamp(gains.pitch.p * (level - pitch), gains.pitch.limit)
-    turn = command.yaw_rate
+    yaw_rate = command.yaw_rate
     if command.heading is not None:
         error = wrap(command.heading - heading_of(orientation))
-        turn = clamp(turn + gains.heading.p * error, gains.heading.limit)
+        yaw_rate = clamp(yaw_rate + gains.heading.p * error, gains.heading.limit)
     return (
-        roll_rate + turn * down[0],
-        pitch_rate * cos(roll) + turn * down[1],
-        -pitch_rate * sin(roll) + turn * down[2],
+        roll_rate + yaw_rate * down[0],
+        pitch_rate * cos(roll) + yaw_rate * down[1],
+        -pitch_rate * sin(roll) + yaw_rate * down[2],
     )
 
 
@@ -229,11 +229,11 @@ class _Loop:
         if not (abs(measured) < ABSURD and abs(target) < ABSURD):  # without a valid measurement the integral holds
             return self._slewed(self._integral, dt)
         error = target - measured
-        wanted = p * error + feedforward * target
+        without_integral = p * error + feedforward * target
         if d:  # zero in most loops
-            wanted -= d * self._damped(measured, dt, time_constant)
+            without_integral -= d * self._damped(measured, dt, time_constant)
         integral = self._integral + i * error * dt
-        output = wanted + integral
+        output = without_integral + integral
         if not (  # anti-windup: at the limit of the loop, of the thrusters or of the rate
             (abs(output) > limit and output * error > 0.0)
             or (abs(residual) > _ROUNDING and residual * error > 0.0)
@@ -242,7 +242,7 @@ class _Loop:
             self._integral = clamp(integral, limit)
         if self._drag:
             self._integral = clamp(self._integral, self._drag.at(abs(target) + current))
-        output = clamp(wanted + self._integral, limit)
+        output = clamp(without_integral + self._integral, limit)
         return output if slew == inf else self._slewed(output, dt)
 
     def _damped(self, measured: float, dt: float, time_constant: float) -> float:

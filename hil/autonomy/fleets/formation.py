@@ -119,8 +119,8 @@ def resultant(
 ) -> Vector:
     """Return the target velocity (m/s) of a vehicle at `position`: the sum of all fields, limited to `max_speed`.
 
-    `slot` and its velocity are those of its slot. Only neighbours within communication range count;
-    their `radius` is the least distance between centres, m.
+    `slot` and `slot_velocity` are its position and velocity in the structure. Only neighbours within communication
+    range count; their `radius` is the least distance between centres, m.
     """
     s = settings
     known = [body for body in neighbours if _distance(position, body.position) < s.communication_range]

@@ -106,13 +106,13 @@ class Sight:
     def is_free(self, start: Cell, end: Cell) -> bool:
         """Return whether the line between two free cells touches only free cells; corners of occupied cells count."""
         (row, column), (to_row, to_column) = start, end
-        here = (row + 1) * self._width + column + 1
+        index = (row + 1) * self._width + column + 1
         along, across = abs(to_row - row), abs(to_column - column)
         ahead = self._width if to_row > row else -self._width
         lateral = 1 if to_column > column else -1
         if across > along:
             along, across, ahead, lateral = across, along, lateral, ahead
-        return self._walk(here, along, across, ahead, lateral)
+        return self._walk(index, along, across, ahead, lateral)
 
     def _walk(self, origin: int, along: int, across: int, ahead: int, lateral: int) -> bool:
         """Check `along` cells from `origin` in steps of `ahead`, and `across` (fewer) in steps of `lateral`."""

@@ -66,16 +66,16 @@ def smooth(grid: OccupancyGrid, path: Sequence[Point]) -> list[Point]:
 
 def _last_visible(grid: OccupancyGrid, points: list[Point], start: int) -> int:
     """Return a point visible from `start` whose successor is not; found by doubling, then by bisection."""
-    seen, first_hidden = start + 1, len(points)  # the next point needs no check, as it is on the path
-    while first_hidden - seen > 1:
+    last, first_hidden = start + 1, len(points)  # the next point needs no check, as it is on the path
+    while first_hidden - last > 1:
         candidate = (
-            min(2 * seen - start, first_hidden - 1) if first_hidden == len(points) else (seen + first_hidden) // 2
+            min(2 * last - start, first_hidden - 1) if first_hidden == len(points) else (last + first_hidden) // 2
         )
         if grid.line_is_free(points[start], points[candidate]):
-            seen = candidate
+            last = candidate
         else:
             first_hidden = candidate
-    return seen
+    return last
 
 
 def path_length(path: Sequence[Point]) -> float:
@@ -184,11 +184,11 @@ class Jumps:
         numbers = np.broadcast_to(first, free.shape), np.broadcast_to(np.arange(self.width, dtype=np.int32), free.shape)
         for view in _VIEWS:
             table = np.zeros(free.shape, np.int32)
-            seen, turns, (row_numbers, column_numbers) = view(free), view(table), map(view, numbers)
-            for start in range(1, len(seen) - 1, STRIP_ROWS):  # in strips, to limit memory for intermediate results
-                end = min(start + STRIP_ROWS, len(seen) - 1)
+            cells, turns, (row_numbers, column_numbers) = view(free), view(table), map(view, numbers)
+            for start in range(1, len(cells) - 1, STRIP_ROWS):  # in strips, to limit memory for intermediate results
+                end = min(start + STRIP_ROWS, len(cells) - 1)
                 index = row_numbers[start - 1 : end + 1] + column_numbers[start - 1 : end + 1]
-                turns[start:end] = _next_turns(seen[start - 1 : end + 1], index, self._goal)[1:-1]
+                turns[start:end] = _next_turns(cells[start - 1 : end + 1], index, self._goal)[1:-1]
             self._straight.append(table.ravel().data)
         self._diagonal = []
         for direction in range(1, 8, 2):
@@ -226,12 +226,12 @@ def _next_turns(free: NDArray[np.bool_], index: NDArray[np.int32], goal: int) ->
     """
     wall = ~free
     opening = [_ahead(free, side, 0) & _ahead(wall, side, -1) for side in (-1, 1)]
-    turn = free & (opening[0] | opening[1] | (index == goal))
+    is_turn = free & (opening[0] | opening[1] | (index == goal))
     columns = np.arange(free.shape[1], dtype=np.int32)
-    stops = np.where(turn | wall, columns, columns[-1])
+    stops = np.where(is_turn | wall, columns, columns[-1])
     at_or_after = np.minimum.accumulate(stops[:, ::-1], axis=1)[:, ::-1]
     after = np.append(at_or_after[:, 1:], at_or_after[:, -1:], axis=1)
-    turns: NDArray[np.int32] = np.take_along_axis(index * turn, after, axis=1)
+    turns: NDArray[np.int32] = np.take_along_axis(index * is_turn, after, axis=1)
     return turns
 
 

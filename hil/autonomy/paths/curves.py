@@ -64,12 +64,12 @@ class Piece(NamedTuple):
     def at(self, along: float) -> PathPoint:
         """Return the place at this distance (m) from the start."""
         north, east, down = self.start
-        level, turned = along * cos(self.slope), along * self.heading_rate
+        level, angle = along * cos(self.slope), along * self.heading_rate
         # length of the chord: that of the arc times sinc of half the turn; its direction is off by half the turn
-        chord = level * (sin(turned / 2.0) / (turned / 2.0) if abs(turned) > _STRAIGHT else 1.0)
-        course = self.heading + turned / 2.0
+        chord = level * (sin(angle / 2.0) / (angle / 2.0) if abs(angle) > _STRAIGHT else 1.0)
+        course = self.heading + angle / 2.0
         position = north + chord * cos(course), east + chord * sin(course), down + along * sin(self.slope)
-        return PathPoint(position, self.heading + turned, self.slope, self.heading_rate)
+        return PathPoint(position, self.heading + angle, self.slope, self.heading_rate)
 
 
 class Chain:

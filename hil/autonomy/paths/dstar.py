@@ -36,14 +36,14 @@ class DStarLite:
         """
         check_ends(grid, start, goal)
         self._width = int(grid.cells.shape[1]) + 2
-        here, target = (self._index(*grid.cell(point)) for point in (start, goal))
+        start_index, target = (self._index(*grid.cell(point)) for point in (start, goal))
         if target != self._goal or grid.cells.shape != self._cells.shape:
-            self._begin(grid, here, target)
-        self._shift += self._octile(self._start, here)
-        self._start = here
+            self._begin(grid, start_index, target)
+        self._shift += self._octile(self._start, start_index)
+        self._start = start_index
         self._repair(grid)
         self._search()
-        if self._costs.get(here, inf) == inf:
+        if self._costs.get(start_index, inf) == inf:
             raise no_path_error(start, goal)
         cells = [(index // self._width - 1, index % self._width - 1) for index in self._trace_path()]
         return without_repeats([start, *map(grid.centre, cells), goal])

@@ -64,15 +64,15 @@ class Guide:
 
     def update(self, position: Sequence[float], heading: float, scan: Scan) -> VelocityCommand:
         """Return the command at `position` (m north, m east) and `heading` (rad), where the vehicle measured `scan`."""
-        here = position[0], position[1]
-        fresh = self.map.add(here, heading, scan)
+        point = position[0], position[1]
+        fresh = self.map.add(point, heading, scan)
         if (len(fresh) and self._is_blocked_by(fresh)) or self._may_be_free():
-            self._replan(here)
-        self._pursuit.update(here, heading)
+            self._replan(point)
+        self._pursuit.update(point, heading)
         self.has_arrived = self._pursuit.has_arrived
         if self.has_arrived or self.stuck:
             return VelocityCommand()
-        left = dist(here, self._goal)
+        left = dist(point, self._goal)
         speed = self._settings.speed * min(1.0, left / self._settings.lookahead)
         reach = left + self._settings.vfh.radius
         return self._vfh.command(scan, heading, self._pursuit.aim, speed, self._settings.max_yaw_rate, reach)

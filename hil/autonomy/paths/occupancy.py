@@ -128,7 +128,7 @@ class OccupancyGrid:
 
     def nearest_free(self, point: Point) -> Point | None:
         """Return the centre of the free cell nearest to `point`; None if there is none."""
-        least, found = np.inf, None
+        least, nearest_cell = np.inf, None
         for part in _strips(*self.cells.shape):
             free = np.argwhere(~self.cells[part]) + np.array((part.start, 0))
             if not len(free):
@@ -136,8 +136,8 @@ class OccupancyGrid:
             distances = np.hypot(*(free + 0.5 - self._scaled(point)).T)
             nearest = int(np.argmin(distances))
             if distances[nearest] < least:
-                least, found = distances[nearest], (int(free[nearest][0]), int(free[nearest][1]))
-        return self.centre(found) if found else None
+                least, nearest_cell = distances[nearest], (int(free[nearest][0]), int(free[nearest][1]))
+        return self.centre(nearest_cell) if nearest_cell else None
 
     def line_is_free(self, start: Point, end: Point) -> bool:
         """Return whether the straight line touches only free cells; corners of occupied cells count."""

@@ -69,7 +69,7 @@ def edge_distance(start: Array, end: Array, north: Array, east: Array) -> tuple[
         return (slice(0, 0), slice(0, 0)), np.zeros((0, 0), np.float32)
     start, along, near = start[on], along[on], near[on]
     first, last = near.min(axis=0) - 2, near.max(axis=0) + 4
-    found = np.full(last - first, np.inf, np.float32)
+    distances = np.full(last - first, np.inf, np.float32)
     lengths = np.maximum((along * along).sum(axis=1), 1e-12)
     for row in range(-2, 4):
         for column in range(-2, 4):
@@ -77,10 +77,10 @@ def edge_distance(start: Array, end: Array, north: Array, east: Array) -> tuple[
             apart = node - start
             share = np.clip((apart * along).sum(axis=1) / lengths, 0.0, 1.0)
             away = np.hypot(*(apart - share[:, None] * along).T).astype(np.float32)
-            np.minimum.at(found, tuple((node - first).T), away)
+            np.minimum.at(distances, tuple((node - first).T), away)
     low, high = np.maximum(first, 0), np.minimum(last, (len(north), len(east)))
     rows, columns = (slice(int(a), int(b)) for a, b in zip(low, high, strict=True))
-    return (rows, columns), found[tuple(slice(a, b) for a, b in zip(low - first, high - first, strict=True))]
+    return (rows, columns), distances[tuple(slice(a, b) for a, b in zip(low - first, high - first, strict=True))]
 
 
 def contains(edges: Edges, points: Array) -> Mask:

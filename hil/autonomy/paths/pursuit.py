@@ -61,20 +61,20 @@ class PurePursuit:
         Sets `aim`, the heading (rad) to the point ahead; `progress`, the share of the path that is done, 0 to 1; and
         `has_arrived`, which stays true once the end is reached.
         """
-        here = position[0], position[1]
-        self._locate(here)
+        point = position[0], position[1]
+        self._locate(point)
         if not self.has_arrived:
-            self._pass_stops(here)
+            self._pass_stops(point)
         if self.has_arrived:
             self.progress = 1.0
             return VelocityCommand(depth=self._depth)
         self.progress = max(self.progress, self._along / self._path.length if self._path.length else 0.0)
         aim_north, aim_east = self._path.at(min(self._along + self._lookahead, self._stop))
-        self.aim = atan2(aim_east - here[1], aim_north - here[0])
+        self.aim = atan2(aim_east - point[1], aim_north - point[0])
         error = wrap(self.aim - heading)
         gain = 2.0 * self._speed / self._lookahead
         turn = min(self._max_yaw_rate, max(-self._max_yaw_rate, gain * error))
-        return VelocityCommand(surge=self._surge(here, error), yaw_rate=turn, depth=self._depth)
+        return VelocityCommand(surge=self._surge(point, error), yaw_rate=turn, depth=self._depth)
 
     def _locate(self, position: Point) -> None:
         """Find the nearest point of the path, not far from the last one, as a path may come near itself."""

@@ -97,14 +97,14 @@ class _Part(NamedTuple):
         """
         half = 0.5 * self.size
         halves = [self._replace(size=half), self._replace(begin=self.begin + half, size=half)]
-        length = sum(part.measure(half) for part in halves)
+        length = sum(piece.measure(half) for piece in halves)
         speeds = [self.speed(half * (1.0 + node)) for node in (-1.0, *(node for node, _ in _NODES), 1.0)]
         even = max(speeds) <= 2.0 * min(speeds) and abs(length - self.measure(self.size)) <= precision
         if even or length <= precision:
             yield self
             return
-        for part in halves:
-            yield from part.split(precision)
+        for piece in halves:
+            yield from piece.split(precision)
 
     def find(self, target_length: float, length: float) -> float:
         """Return the parameter (after the beginning) at which this part, `length` m long, is `target_length` m long.

@@ -158,16 +158,16 @@ def _where(point: PathPoint, along: float) -> str:
 
 def _validate_point(point: PathPoint, speed: float, limits: Limits) -> str | None:
     """Return which limit is broken at `point` at `speed` m/s, with the remedy; None if none is."""
-    (_, _, depth), _, slope, turn = point
+    (_, _, depth), _, slope, heading_rate = point
     if not limits.shallowest - _SLACK <= depth <= limits.deepest + _SLACK:
         return f"outside of the depths allowed, {limits.shallowest:g} to {limits.deepest:g} m; move the path"
     if abs(slope) > limits.climb_angle + _SLACK:
         steep, limit = degrees(abs(slope)), degrees(limits.climb_angle)
         return f"{steep:.1f} deg steep, and the vehicle climbs at most {limit:.1f} deg; make the path longer"
-    radius = cos(slope) / abs(turn) if turn else inf  # seen from above
+    radius = cos(slope) / abs(heading_rate) if heading_rate else inf  # seen from above
     if radius < limits.turn_radius * (1.0 - _SLACK):
         return f"bends with a radius of {radius:.2f} m, and the vehicle needs {limits.turn_radius:g} m; widen it"
-    limit = _fastest(slope, turn, limits)
+    limit = _fastest(slope, heading_rate, limits)
     if speed > limit * (1.0 + _SLACK):
         return f"too steep or sharp for {speed:g} m/s; go at {limit:.3g} m/s or widen it"
     return None
@@ -196,10 +196,10 @@ def track_setpoint(
         rate + gain * (wanted - here) for rate, wanted, here in zip(setpoint[1], setpoint[0], position, strict=True)
     )
     share = min(1.0, limits.speed / max(1e-12, sqrt(north * north + east * east)))
-    turn = setpoint.yaw_rate + gain * wrap(setpoint.heading - heading)
+    yaw_rate = setpoint.yaw_rate + gain * wrap(setpoint.heading - heading)
     return VelocityCommand(
         surge=share * (north * cos(heading) + east * sin(heading)),
         sway=share * (east * cos(heading) - north * sin(heading)),
         heave=min(max(down, -limits.vertical_speed), limits.vertical_speed),
-        yaw_rate=min(max(turn, -limits.yaw_rate), limits.yaw_rate),
+        yaw_rate=min(max(yaw_rate, -limits.yaw_rate), limits.yaw_rate),
     )

@@ -116,11 +116,11 @@ class Vfh:
         """
         free = self.steer(scan, heading, target, reach)
         error = wrap((target if free is None else free) - heading)
-        turn = min(max(error, -max_yaw_rate), max_yaw_rate)  # a gain of 1/s
+        yaw_rate = min(max(error, -max_yaw_rate), max_yaw_rate)  # a gain of 1/s
         if free is None:
-            return VelocityCommand(yaw_rate=turn)
+            return VelocityCommand(yaw_rate=yaw_rate)
         room = (self._ahead(scan) - self._clearance) / (self._settings.block_within - self._clearance)
-        return VelocityCommand(surge=speed * max(0.0, cos(error)) * min(1.0, max(0.0, room)), yaw_rate=turn)
+        return VelocityCommand(surge=speed * max(0.0, cos(error)) * min(1.0, max(0.0, room)), yaw_rate=yaw_rate)
 
     def _fill(self, scan: Scan, echoes: list[tuple[float, float]], heading: float) -> None:
         """Update the polar histogram: the magnitude of each visible sector is that of its nearest widened obstacle."""

@@ -95,12 +95,12 @@ class Scheduler:
 
     def step(self, time: int, position: Sequence[float], signals: Mapping[str, float]) -> TaskGoal:
         """Return the goal at `time` (ns, increasing) and `position` (m north, m east; other values are ignored)."""
-        here = position[0], position[1]
+        point = position[0], position[1]
         if not self._chart.active:
             self._began = time
             self._log_states(time, self._chart.start(time).entered)
-        events = {self._choice(time, here, signals)}
-        if self._goal() is not None and dist(here, self._goal() or here) <= self._mission.tolerance:
+        events = {self._choice(time, point, signals)}
+        if self._goal() is not None and dist(point, self._goal() or point) <= self._mission.tolerance:
             events.add("arrived")
         change = self._chart.step(time, signals, events)
         if change.exited and change.entered == ("idle",):

@@ -52,12 +52,12 @@ class Condition:
 
     def __init__(self, text: str, where: str) -> None:
         self._parts: list[tuple[str, Callable[[float, float], bool], float]] = []
-        for part in text.split(" and ") if text else ():
+        for term in text.split(" and ") if text else ():
             try:
-                name, sign, number = part.split()
+                name, sign, number = term.split()
                 self._parts.append((name, _COMPARISONS[sign], float(number)))
             except (ValueError, KeyError):
-                raise ConfigError(f'{where}: {part!r} is no comparison; write "battery < 0.2 and depth > 3"') from None
+                raise ConfigError(f'{where}: {term!r} is no comparison; write "battery < 0.2 and depth > 3"') from None
         self.signals = frozenset(name for name, _, _ in self._parts)
 
     def holds(self, signals: Mapping[str, float]) -> bool:
@@ -152,11 +152,11 @@ def _check(initial: str, states: Sequence[State], transitions: Sequence[Transiti
 
 def _check_family(state: State, states: Mapping[str, State], where: str) -> None:
     """Raise ConfigError if parents form a circle, or if a state with parts has no initial part."""
-    above, seen = state.parent, {state.name}
+    above, visited = state.parent, {state.name}
     while above:
-        if above in seen:
+        if above in visited:
             raise ConfigError(f"{where}: the state {state.name!r} is part of itself; give it another parent, or none")
-        seen.add(above)
+        visited.add(above)
         above = states[above].parent
     parts = [part.name for part in states.values() if part.parent == state.name]
     if (parts or state.initial) and state.initial not in parts:

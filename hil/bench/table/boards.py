@@ -172,20 +172,20 @@ def _draw_row(panel: Any, row: Row, columns: Sequence[Column]) -> None:
     """Draw one figure of each column: its median, the middle half, and its number above."""
     panel.set(xscale="log", title=f"{row.title} ({row.unit})")
     panel.grid(axis="x", alpha=0.3)
-    shown = []
-    for place, column in enumerate(columns):
+    plotted = []
+    for index, column in enumerate(columns):
         figure = column.figures.get(row.name)
         number = _number(row, column)
         if figure and figure.median > 0.0:
             middle = figure.median
             ends = [[middle - figure.at(0.25)], [figure.at(0.75) - middle]]
-            panel.errorbar(middle, place, xerr=ends, fmt="o", color=f"C{place % 10}", capsize=3)
-            label = {"xy": (middle, place), "xytext": (0, 5), "textcoords": "offset points", "ha": "center"}
-            shown += [value for value in (figure.at(0.25), figure.at(0.75)) if value > 0.0]
+            panel.errorbar(middle, index, xerr=ends, fmt="o", color=f"C{index % 10}", capsize=3)
+            label = {"xy": (middle, index), "xytext": (0, 5), "textcoords": "offset points", "ha": "center"}
+            plotted += [value for value in (figure.at(0.25), figure.at(0.75)) if value > 0.0]
         else:  # a logarithmic scale has no zero
-            label = {"xy": (0.02, place), "xycoords": panel.get_yaxis_transform(), "va": "center"}
+            label = {"xy": (0.02, index), "xycoords": panel.get_yaxis_transform(), "va": "center"}
         panel.annotate(number or "not measured", fontsize="small", **label)
-    low, high = floor(log10(min(shown, default=1.0))), ceil(log10(max(shown, default=1.0)))
+    low, high = floor(log10(min(plotted, default=1.0))), ceil(log10(max(plotted, default=1.0)))
     panel.set_xlim(10 ** (low - MARGIN), 10 ** (max(high, low + 1) + MARGIN))
 
 

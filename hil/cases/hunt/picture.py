@@ -76,12 +76,12 @@ def _draw_ring(axes: Any, plan: HuntPlan) -> None:
 def _draw_snapshot(axes: Any, tracks: Sequence[Track], plan: HuntPlan, at: int, age: float) -> None:
     """Draw the positions at one time, joined in their order on the ring; `age`, 0 to 1, makes them darker."""
     shade = str(0.75 - 0.6 * age)
-    places = [(track.north[at], track.east[at]) for track in tracks]
+    positions = [(track.north[at], track.east[at]) for track in tracks]
     order = _order_on_ring(plan)
-    outline = [places[number] for number in (*order, order[0])]
+    outline = [positions[number] for number in (*order, order[0])]
     axes.plot(*zip(*outline, strict=True), color=shade, linewidth=0.8, linestyle=":")
-    axes.plot(*zip(*places, strict=True), "s", color=shade, markersize=6, zorder=3)
-    axes.annotate(f"{tracks[0].time[at]:.0f} s", max(places), xytext=(7, 3), textcoords="offset points", fontsize=8)
+    axes.plot(*zip(*positions, strict=True), "s", color=shade, markersize=6, zorder=3)
+    axes.annotate(f"{tracks[0].time[at]:.0f} s", max(positions), xytext=(7, 3), textcoords="offset points", fontsize=8)
 
 
 def _order_on_ring(plan: HuntPlan) -> list[int]:

@@ -254,19 +254,19 @@ def _echo_positions(observation: Observation) -> tuple[list[float], list[float]]
 
 def _markdown(title: str, rows: Sequence[tuple[str, str]], pictures: Sequence[tuple[str, str]]) -> str:
     table = "\n".join(f"| {name} | {value} |" for name, value in rows)
-    shown = "\n\n".join(f"![{caption}]({file})\n\n{caption}" for file, caption in pictures)
-    return f"# {title}\n\n| | |\n|---|---|\n{table}\n\n{shown}\n\nNot for navigation.\n"
+    figures = "\n\n".join(f"![{caption}]({file})\n\n{caption}" for file, caption in pictures)
+    return f"# {title}\n\n| | |\n|---|---|\n{table}\n\n{figures}\n\nNot for navigation.\n"
 
 
 def _html(title: str, rows: Sequence[tuple[str, str]], pictures: Sequence[tuple[str, str]]) -> str:
     table = "".join(f"<tr><th>{escape(name)}</th><td>{escape(value)}</td></tr>" for name, value in rows)
-    shown = "".join(
+    figures = "".join(
         f'<figure><img src="{file}" alt="{escape(caption)}"><figcaption>{escape(caption)}</figcaption></figure>'
         for file, caption in pictures
     )
     style = "body{font-family:sans-serif;max-width:70em;margin:2em auto}img{max-width:100%}th{text-align:left}"
     return (
         f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>{escape(title)}</title>'
-        f"<style>{style}</style></head><body><h1>{escape(title)}</h1><table>{table}</table>{shown}"
+        f"<style>{style}</style></head><body><h1>{escape(title)}</h1><table>{table}</table>{figures}"
         "<p>Not for navigation.</p></body></html>\n"
     )

@@ -61,8 +61,8 @@ def write_stl(grid: Grid, path: str) -> None:
 def write_glb(grid: Grid, path: str) -> None:
     """Write a binary glTF 2.0, whose axes are x east, y up, z south, in m. Raises ConfigError."""
     corners, triangles = triangulate(grid)
-    turned = np.column_stack([corners[:, 0], corners[:, 2], -corners[:, 1]]).astype("<f4")
-    points, indices = turned.tobytes(), triangles.astype("<u4").tobytes()
+    vertices = np.column_stack([corners[:, 0], corners[:, 2], -corners[:, 1]]).astype("<f4")
+    points, indices = vertices.tobytes(), triangles.astype("<u4").tobytes()
     scene = {
         "asset": {"version": "2.0", "generator": "uuv-hil"},
         "scene": 0,
@@ -72,8 +72,8 @@ def write_glb(grid: Grid, path: str) -> None:
         "materials": [{"pbrMetallicRoughness": _SAND, "doubleSided": True}],
         "accessors": [
             {
-                "bufferView": 0, "componentType": 5126, "type": "VEC3", "count": len(turned),
-                "min": turned.min(axis=0).tolist(), "max": turned.max(axis=0).tolist(),
+                "bufferView": 0, "componentType": 5126, "type": "VEC3", "count": len(vertices),
+                "min": vertices.min(axis=0).tolist(), "max": vertices.max(axis=0).tolist(),
             },
             {"bufferView": 1, "componentType": 5125, "type": "SCALAR", "count": triangles.size},
         ],

@@ -151,7 +151,7 @@ def _floors(
     placed: list[_PlacedShape], shapes: Sequence[Shape], output: str, level: float, path: str, notes: list[str]
 ) -> tuple[list[_PlacedShape], dict[str, Any] | None, float | None]:
     """Return the shapes that are neither floor nor water, the `[terrain]` of a heightmap, and the floor's z (m)."""
-    terrain, floors, rest = None, [], []
+    terrain, floors, others = None, [], []
     for shape in shapes:
         if shape.kind == "plane":
             height = shape.pose.position[2] - level
@@ -175,8 +175,8 @@ def _floors(
             floors.append(each.high[2])
             notes.append(f"{each.shape.name} is used as the floor.")
         else:
-            rest.append(each)
-    return rest, terrain, min(floors, default=None) if terrain is None else None
+            others.append(each)
+    return others, terrain, min(floors, default=None) if terrain is None else None
 
 
 def _area(placed: Sequence[_PlacedShape]) -> float:
@@ -245,12 +245,12 @@ def _obstacle(each: _PlacedShape, level: float, folder: str) -> tuple[str, dict[
     vertical = {"top": max(-each.high[2], _HIGHEST), "bottom": -each.low[2]}
     if each.mesh:
         rotation = Pose([[a * b for a, b in zip(row, (1.0, -1.0, -1.0), strict=True)] for row in shape.pose.rotation])
-        turned = Pose(
+        rotated = Pose(
             [[sum(a * r[j] for a, r in zip(row, rotation.rotation, strict=True)) for j in range(3)] for row in _NED]
         )
         keys: dict[str, Any] = {
             "file": os.path.relpath(each.mesh, folder), "north": _round(north), "east": _round(east),
-            "depth": _round(level - up), "orientation": tuple(_round(angle) for angle in turned.angles()), "up": "z",
+            "depth": _round(level - up), "orientation": tuple(_round(angle) for angle in rotated.angles()), "up": "z",
             "name": shape.name,
         }  # fmt: skip
         return "mesh", keys | ({"colour": tuple(_round(x) for x in shape.colour)} if shape.colour else {})
@@ -276,12 +276,12 @@ def _heightmap(shape: Shape, output: str, level: float, path: str, notes: list[s
     element = shape.element
     assert element is not None
     size = numbers_of(text_of(element, "size") or "1 1 1", path, 3)
-    place = shape.pose.transform(numbers_of(text_of(element, "pos") or "0 0 0", path, 3))
+    position = shape.pose.transform(numbers_of(text_of(element, "pos") or "0 0 0", path, 3))
     depths = os.path.splitext(output)[0] + ".f32"
     if abs(shape.pose.angles()[2]) > 1e-6 or abs(shape.pose.rotation[2][2]) < _UPRIGHT:
         notes.append(f"Left out: {shape.name}, a heightmap that is rotated.")
         return None
-    job = {"kind": "heightmap", "sizes": [*size, *place[:2], place[2] - level]}
+    job = {"kind": "heightmap", "sizes": [*size, *position[:2], position[2] - level]}
     (result,) = read_meshes([MeshJob(shape.file, output=depths, shape=job)])
     if "error" in result:
         notes.append(f"Left out: {shape.name}: {clean(os.path.basename(shape.file))}: {result['error']}.")

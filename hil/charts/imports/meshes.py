@@ -49,14 +49,14 @@ def measure(meshes: Sequence[MeshKey], notes: list[str]) -> dict[MeshKey, Solid]
     """Return volume and bounding box of each mesh (file, scale); errors are appended to `notes`."""
     if not meshes:
         return {}
-    found = {}
+    solids = {}
     for key, result in zip(meshes, read_meshes([MeshJob(file, scale) for file, scale in meshes]), strict=True):
         if "error" in result:
             notes.append(f"The mesh {clean(key[0])} cannot be measured: {clean(result['error'])}.")
         else:
             centre, low, high = (tuple(result[corner]) for corner in ("centre", "low", "high"))
-            found[key] = Solid(result["volume"], centre, low, high, result["is_closed"])
-    return found
+            solids[key] = Solid(result["volume"], centre, low, high, result["is_closed"])
+    return solids
 
 
 def _run(jobs: Sequence[MeshJob]) -> tuple[list[str], int]:

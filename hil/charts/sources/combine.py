@@ -230,7 +230,7 @@ def _notes(source: Points | Raster) -> tuple[str, ...]:
 
 
 def _mean_spacing(points: Array) -> float:
-    """Return the mean spacing (m) of `positions` (n, 2 or more): the root of the area per place."""
+    """Return the mean spacing (m) of `points` (n, 2 or more): the root of the area per point."""
     return float(np.sqrt(np.ptp(points[:, :2], axis=0).prod() / len(points)))
 
 

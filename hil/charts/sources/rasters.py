@@ -132,11 +132,11 @@ def open_raster(path: str, positive: Positive = "auto", crs: str | None = None) 
             # A NetCDF as a whole has no position; _describe_raster checks that of the variable.
             warnings.simplefilter("ignore", NotGeoreferencedWarning)
             memory = _readable_s102(path) if driver == "S102" else None
-            whole = memory.name if memory else path
-            with rasterio.open(whole, driver=driver) as source:
+            source_path = memory.name if memory else path
+            with rasterio.open(source_path, driver=driver) as source:
                 # BAG and S-102 have depths in bands of the file; their subdatasets hold other data.
                 parts = () if source.count else source.subdatasets
-                file = _select_variable(path, driver, parts) if parts else whole
+                file = _select_variable(path, driver, parts) if parts else source_path
                 options = FINEST if float(source.tags().get("MIN_RESOLUTION_X", 0.0)) > 0.0 else {}
             with rasterio.open(file, driver=driver, **options) as source:
                 return _describe_raster(path, file, source, positive, crs)._replace(options=options, memory=memory)

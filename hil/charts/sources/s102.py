@@ -28,10 +28,10 @@ def with_uncertainty(path: str) -> bytes | None:
 def _copy(source: Any, target: Any) -> None:
     """Copy the attributes, groups and values of group `source` to group `target`, with an uncertainty of no value."""
     target.attrs.update(source.attrs)
-    for name, part in source.items():
-        if hasattr(part, "items"):
-            _copy(part, target.create_group(name))
-        elif name == "values" and part.dtype.names and "depth" in part.dtype.names:
-            values = np.empty(part.shape, [("depth", "<f4"), ("uncertainty", "<f4")])
-            values["depth"], values["uncertainty"] = part["depth"], NO_VALUE
+    for name, group in source.items():
+        if hasattr(group, "items"):
+            _copy(group, target.create_group(name))
+        elif name == "values" and group.dtype.names and "depth" in group.dtype.names:
+            values = np.empty(group.shape, [("depth", "<f4"), ("uncertainty", "<f4")])
+            values["depth"], values["uncertainty"] = group["depth"], NO_VALUE
             target.create_dataset(name, data=values)

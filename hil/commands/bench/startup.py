@@ -71,7 +71,7 @@ def _measure(options: Any, failures: PartialFailures) -> tuple[dict[str, Series]
     """Measure each kind of start; return the figures, how the cold start was made, and labels."""
     rows: dict[str, list[Row]] = {}
     labels: tuple[str, ...] = ()
-    words = ""
+    text = ""
     with failures.caught(), Bench(options.scenario, changes_of(options), limits_of(options)) as bench:
         labels = bench.labels
         show("the first start")
@@ -79,7 +79,7 @@ def _measure(options: Any, failures: PartialFailures) -> tuple[dict[str, Series]
         files = files_of_a_start(bench)
         kinds = {"warm": _leave}
         if not options.warm_only:
-            kinds["cold"], words = coldness(files, options.drop_caches)
+            kinds["cold"], text = coldness(files, options.drop_caches)
         for kind, before in kinds.items():
             for number in range(options.repeat):
                 failures.current = f"{kind}: {number + 1} of {options.repeat}"
@@ -88,7 +88,7 @@ def _measure(options: Any, failures: PartialFailures) -> tuple[dict[str, Series]
                 rows.setdefault(kind, []).append(row)
     show("")
     by_kind = {kind: {name: [row[name] for row in of_kind] for name in of_kind[0]} for kind, of_kind in rows.items()}
-    return by_kind, [f"cold: {words}"] if "cold" in by_kind else [], labels
+    return by_kind, [f"cold: {text}"] if "cold" in by_kind else [], labels
 
 
 def _start(bench: Bench, before: Callable[[], None]) -> Row:

@@ -73,11 +73,11 @@ def main(arguments: list[str]) -> int:
     board = _board(options)
     failures = PartialFailures()
     record = _measure(options, failures)
-    ours = board_table.columns_of(record)
-    columns = [*board_table.paper(), *earlier, *(_named(column) for column in ours)]
+    own_columns = board_table.columns_of(record)
+    columns = [*board_table.paper(), *earlier, *(_named(column) for column in own_columns)]
     print(board_table.text(columns))
     print(paragraph(PAPER_NOTE))
-    for line in filter(None, (_ratios(_named(column), record) for column in ours)):
+    for line in filter(None, (_ratios(_named(column), record) for column in own_columns)):
         print(fit_to_terminal(line))
     runs = f"medians of {failures.most(options.repeat)} runs of {options.seconds:g} s"
     print(fit_to_terminal(f"{runs}; (range of the middle half)"))
@@ -85,7 +85,7 @@ def main(arguments: list[str]) -> int:
         print(fit_to_terminal(line))
     save_record(record, options)
     _write(columns, options)
-    broken = _check(ours, record, board) if options.check else 0
+    broken = _check(own_columns, record, board) if options.check else 0
     failures.raise_first()
     return broken
 

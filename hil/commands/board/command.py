@@ -52,11 +52,11 @@ def main(arguments: list[str]) -> int:
     if options.action == "list":
         print(json.dumps(boards_json()) if options.json else listing())
         return 0
-    here = load_board(options.board) if options.board else recognise(tree)
+    board = load_board(options.board) if options.board else recognise(tree)
     if options.json:
-        print(json.dumps(to_json(tree, here)))
+        print(json.dumps(to_json(tree, board)))
     else:
-        print(describe(tree, here) + (sources(here) if here and options.sources else ""))
+        print(describe(tree, board) + (sources(board) if board and options.sources else ""))
     return 0
 
 

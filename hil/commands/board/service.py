@@ -36,12 +36,12 @@ def install(tree: Tree, options: argparse.Namespace) -> int:
         raise ConfigError("install: which scenario is the service to run? Give its file or name")
     user = options.user or os.environ.get("SUDO_USER") or getpass.getuser()
     check_user(tree, user)
-    here = load_board(options.board) if options.board else recognise(tree)
+    board = load_board(options.board) if options.board else recognise(tree)
     scenario = board_check.load_slave_scenario(options.scenario, options.listen, options.member, options.set)
     service = Service(scenario, options.scenario, user, options.listen, options.board, options.member, (*options.set,))
-    plan = board_changes.plan_install(tree, board_install.file_contents(tree, service, here))
+    plan = board_changes.plan_install(tree, board_install.file_contents(tree, service, board))
     board_check.check(tree, service)
-    for finding in check_memory_limit(Case(tree, here, scenario, User(user, 0, ()))):
+    for finding in check_memory_limit(Case(tree, board, scenario, User(user, 0, ()))):
         print(f"note: {finding.text} -> {finding.remedy}")
     for manual_step in (board_install.unknown_device(scenario), board_install.firewall_missing(tree, service)):
         if manual_step:
@@ -132,9 +132,9 @@ def _run(tree: Tree, commands: list[Command]) -> None:
             tree.run(*command)  # fails for a unit that has not failed, which is harmless
             continue
         try:
-            done = subprocess.run(command, check=False)
+            completed = subprocess.run(command, check=False)
         except OSError as error:
             print(f"{' '.join(command)}: {error.strerror}", file=sys.stderr)
             continue
-        if done.returncode:
-            print(f"{' '.join(command)}: exit code {done.returncode}", file=sys.stderr)
+        if completed.returncode:
+            print(f"{' '.join(command)}: exit code {completed.returncode}", file=sys.stderr)

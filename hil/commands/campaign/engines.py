@@ -78,11 +78,11 @@ def run_on_cluster(
     except (HilError, KeyboardInterrupt, GeneratorExit):
         raise
     except Exception as error:  # of the cluster, each in a class of its own  # noqa: BLE001
-        words = (str(error).strip() or "no reason given").splitlines()
+        reason = (str(error).strip() or "no reason given").splitlines()
         remedy = "its log says more; every worker needs the same version of uuv-hil and Python"
         if backend == "ray" and "RAY_AUTH_MODE" not in os.environ:
             remedy += "; a cluster with a token needs RAY_AUTH_MODE=token and its head's ~/.ray/auth_token"
-        raise NetworkError(f"--backend {backend}: {type(error).__name__}: {words[0]}; {remedy}") from None
+        raise NetworkError(f"--backend {backend}: {type(error).__name__}: {reason[0]}; {remedy}") from None
 
 
 class _Engine(NamedTuple):

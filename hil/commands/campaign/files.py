@@ -208,11 +208,11 @@ def _own_modules() -> dict[str, str]:
     """Return the modules in the folders of the classes that scenarios named, with files: those import others."""
     roots = {name.partition(".")[0] for name in loaded}
     files = {name: os.path.abspath(getattr(module, "__file__", None) or "") for name, module in sys.modules.items()}
-    places = {os.path.dirname(files[root]) for root in roots if root in files and not _is_installed(files[root])}
+    folders = {os.path.dirname(files[root]) for root in roots if root in files and not _is_installed(files[root])}
     return {
         name: path
         for name, path in files.items()
-        if name != "__main__" and any(path.startswith(f"{place}/") for place in places) and not _is_installed(path)
+        if name != "__main__" and any(path.startswith(f"{place}/") for place in folders) and not _is_installed(path)
     }
 
 

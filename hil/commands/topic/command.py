@@ -207,12 +207,12 @@ def _there_is(name: str, known: Collection[str]) -> str:
 
 def _echo(session: Session, options: argparse.Namespace, stop_fd: int) -> None:
     arrivals, received = _first(session, options, stop_fd)
-    shown = 0
+    count = 0
     while True:
         for _, key, payload in received:
             print("\n".join(_message(key, payload, options.json)), flush=True)
-            shown += 1
-            if shown == options.count:
+            count += 1
+            if count == options.count:
                 return
         received = arrivals.receive(stop_fd, 1.0)
 

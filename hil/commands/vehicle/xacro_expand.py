@@ -28,18 +28,18 @@ def expand(path: str, arguments: Iterable[str] = ()) -> bytes:
     """
     command = module_command("hil.commands.vehicle.xacro_process", path, *map(_pair, arguments))
     try:
-        done = finish_child(command, MAX_SECONDS)
+        completed = finish_child(command, MAX_SECONDS)
     except subprocess.TimeoutExpired:
         raise ConfigError(f"{path}: not expanded within {MAX_SECONDS:g} s") from None
-    code = done.returncode
+    code = completed.returncode
     if code == NO_LIBRARY:
         raise MissingExtraError("a xacro file needs the package xacro: pip install 'uuv-hil[master]'")
     if code < 0:  # ended by a signal: at the time limit
         raise ConfigError(f"{path}: cannot be expanded: one of its expressions takes too long")
     if code:
-        reason = done.stderr.decode(errors="replace").strip().splitlines()[-1:] or [f"exit code {code}"]
+        reason = completed.stderr.decode(errors="replace").strip().splitlines()[-1:] or [f"exit code {code}"]
         raise ConfigError(f"{path}: cannot be expanded: {clean(reason[0])}")
-    return done.stdout
+    return completed.stdout
 
 
 def _pair(argument: str) -> str:

@@ -102,7 +102,7 @@ def _hunt_of(scenario: Scenario) -> "Hunt | None":
 
 @contextmanager
 def view_process(scenario: Sequence[str], endpoints: Sequence[str], is_enabled: bool) -> Iterator[None]:
-    """Serve a view of the slaves at `endpoints` in a process of its own, if it is `is_enabled`.
+    """Serve a view of the slaves at `endpoints` in a process of its own, if `is_enabled`.
 
     It prints the address when the view is ready. `scenario` are the words of a command that name it. Raises
     NetworkError when the view cannot start.

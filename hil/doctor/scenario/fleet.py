@@ -59,20 +59,20 @@ def _check_distances(scenario: Scenario, vehicle: Vehicle) -> Iterator[ScenarioF
 
 def _check_endpoints(scenario: Scenario) -> Iterator[ScenarioFinding]:
     """Find endpoints of one host that share a port; each uses two ports."""
-    taken: dict[tuple[str, int], str] = {}
+    users: dict[tuple[str, int], str] = {}
     for number, member in enumerate(scenario.member):
         for key, endpoint in (("listen", member.listen), ("agent", member.agent)):
             _, host, port = split_endpoint(endpoint)
             name = f"member[{number}]: {key}"
             ports = [(host, port + step) for step in range(PORTS)]
-            other = next((taken[one] for one in ports if one in taken), None)
+            other = next((users[one] for one in ports if one in users), None)
             if other:
                 yield ScenarioFinding(
                     "problem",
                     f"{name}: {endpoint} uses ports {port} and {port + 1}, and {other} uses one of them: use "
                     "another port",
                 )
-            taken |= dict.fromkeys(ports, name)
+            users |= dict.fromkeys(ports, name)
 
 
 def _check_modem(scenario: Scenario, hunting: Hunting) -> Iterator[ScenarioFinding]:

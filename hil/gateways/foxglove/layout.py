@@ -92,7 +92,7 @@ def _three_d(node: str, frame: str, sensors: SensorSet) -> dict[str, Any]:
     visible = {"visible": True}
     # Without a field Foxglove chooses one, and colours by it.
     points = {**visible, "pointSize": 4, "colorMode": "flat", "colorField": "intensity"}
-    found = {name: POINTS[each.sensor.topic] for name, each in sensors.items() if each.sensor.topic in POINTS}
+    topics = {name: POINTS[each.sensor.topic] for name, each in sensors.items() if each.sensor.topic in POINTS}
     return {
         "followTf": frame,
         "followMode": "follow-position",
@@ -101,7 +101,7 @@ def _three_d(node: str, frame: str, sensors: SensorSet) -> dict[str, Any]:
         "transforms": {},
         "topics": {
             "/scene": visible, f"/{node}/odom": visible, f"/{node}/plan": visible,
-            **{f"/{node}/{name}": {**points, "flatColor": colour} for name, colour in found.items()},
+            **{f"/{node}/{name}": {**points, "flatColor": colour} for name, colour in topics.items()},
         },
         "layers": {"grid": {"layerId": "foxglove.Grid", "visible": True, "size": 100, "divisions": 20}},
     }  # fmt: skip

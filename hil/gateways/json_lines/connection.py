@@ -160,14 +160,14 @@ class Connection:
 
     def _do(self, request: Request) -> Request:
         what = str(request.pop("do", ""))
-        others: dict[str, Callable[[Request], Request]] = {
+        handlers: dict[str, Callable[[Request], Request]] = {
             "login": self._login, "vehicles": self._vehicles, "get": self._get, "subscribe": self._subscribe,
             "unsubscribe": self._unsubscribe, "status": self._status,
         }  # fmt: skip
-        if what in others:
-            return others[what](request)
+        if what in handlers:
+            return handlers[what](request)
         if what not in COMMANDS and what not in SERVICES:
-            names = [*COMMANDS, *SERVICES, *others]
+            names = [*COMMANDS, *SERVICES, *handlers]
             raise ConfigError(f"do: {what!r} is none of {', '.join(names)}{nearest(what, names)}")
         if not self._may_command:
             where = self._access.path or "what the gateway showed when it started"

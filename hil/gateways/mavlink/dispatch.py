@@ -136,13 +136,13 @@ class Dispatcher:
         return build(core.snapshot, context) if build and core.snapshot else None
 
     def _send_streams(self, now: int, context: telemetry.Context) -> None:
-        made: dict[int, list[Any]] = {}  # a message is made once for all peers
+        messages: dict[int, list[Any]] = {}  # a message is made once for all peers
         for peer in self.peers.values():
             for number in peer.rates.due(now):
-                if number not in made:
-                    made[number] = self.messages(number, context)
-                if made[number]:
-                    peer.send(*made[number])
+                if number not in messages:
+                    messages[number] = self.messages(number, context)
+                if messages[number]:
+                    peer.send(*messages[number])
                     if number == HEARTBEAT and self.picture:
                         peer.send_as_camera(camera.heartbeat())
             peer.flush()
@@ -260,12 +260,12 @@ class Dispatcher:
 
     def _version(self) -> Any:
         kind = "MAV_PROTOCOL_CAPABILITY_"
-        words = (
+        texts = (
             "MISSION_INT", "COMMAND_INT", "PARAM_FLOAT", "FTP", "MAVLINK2", "SET_POSITION_TARGET_LOCAL_NED",
             "SET_POSITION_TARGET_GLOBAL_INT", "FLIGHT_TERMINATION", "PARAM_ENCODE_C_CAST",
         )  # fmt: skip
         capabilities = 0
-        for word in words:
+        for word in texts:
             capabilities |= getattr(dialect, kind + word)
         numbers = [int(part) for part in __version__.split(".") if part.isdigit()] + [0, 0, 0]
         version = numbers[0] << 24 | numbers[1] << 16 | numbers[2] << 8 | dialect.FIRMWARE_VERSION_TYPE_DEV

@@ -57,22 +57,22 @@ class SlaveParameters:
     def set(self, name: str, value: float) -> str:
         """Set one; return why it was not set, "" if it was."""
         ros = self._names.get(name)
-        wanted: dict[str, Any] = {"type": DOUBLE, "double_value": value}
+        requested: dict[str, Any] = {"type": DOUBLE, "double_value": value}
         if ros is None:
-            number, _, part = name.removeprefix("FAIL").partition("_")
+            number, _, key = name.removeprefix("FAIL").partition("_")
             self._wished[name] = value
-            kind = int(value if part == "KIND" else self.values.get(f"FAIL{number}_KIND", 0.0))
+            kind = int(value if key == "KIND" else self.values.get(f"FAIL{number}_KIND", 0.0))
             if not 0 <= kind < len(KINDS):
                 return f"{name}: {value:g} is none of 0 to {len(KINDS) - 1}"
-            if part == "VALUE" and kind < 2:
+            if key == "VALUE" and kind < 2:
                 self.values = {**self.values, name: value}
                 return ""
-            amount = value if part == "VALUE" else self.values.get(f"FAIL{number}_VALUE", 0.0)
-            ros, wanted = (
+            amount = value if key == "VALUE" else self.values.get(f"FAIL{number}_VALUE", 0.0)
+            ros, requested = (
                 self._thrusters[int(number) - 1],
                 {"type": STRING, "string_value": failure_text(kind, amount)},
             )
-        request = {"parameters": [{"name": ros, "value": wanted}]}
+        request = {"parameters": [{"name": ros, "value": requested}]}
         result = self._call("set_parameters", "SetParameters", request)["results"][0]
         self.refresh()
         return "" if result["successful"] else f"{name}: {result['reason']}"

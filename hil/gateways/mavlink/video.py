@@ -95,12 +95,12 @@ class _Handler(BaseHTTPRequestHandler):
         self.send_header("Content-Type", f"multipart/x-mixed-replace; boundary={BOUNDARY}")
         self.send_header("Cache-Control", "no-store")
         self.end_headers()
-        shown = 0
+        number = 0
         while True:
             with video.changed:
-                video.changed.wait_for(lambda last=shown: video.count != last or video.is_ending, SILENT_S)  # type: ignore[misc]
-                if video.is_ending or video.count == shown:
+                video.changed.wait_for(lambda last=number: video.count != last or video.is_ending, SILENT_S)  # type: ignore[misc]
+                if video.is_ending or video.count == number:
                     return
-                picture, shown = video.picture, video.count
+                picture, number = video.picture, video.count
             head = f"--{BOUNDARY}\r\nContent-Type: image/jpeg\r\nContent-Length: {len(picture)}\r\n\r\n"
             self.wfile.write(head.encode() + picture + b"\r\n")

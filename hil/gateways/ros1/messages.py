@@ -130,15 +130,15 @@ def _ros1(type_name: str) -> Typestore:
 
 def _with(store: Typestore, type_name: str) -> Typestore:
     """Return a store with a type, and those in it, taken from our definitions where it has them not."""
-    found: dict[str, Any] = {}
+    definitions: dict[str, Any] = {}
     waiting = [type_name]
     while waiting:
         name = waiting.pop()
-        if _known_as(name) not in store.fielddefs and name not in found and name not in TIMES:
-            found |= get_types_from_msg(definition(name).text, name)
+        if _known_as(name) not in store.fielddefs and name not in definitions and name not in TIMES:
+            definitions |= get_types_from_msg(definition(name).text, name)
             waiting += [field.type for field in definition(name).fields if field.type not in PRIMITIVES]
-    if found:
-        store.register(found)
+    if definitions:
+        store.register(definitions)
     return store
 
 

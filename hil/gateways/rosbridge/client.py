@@ -165,12 +165,12 @@ class Client(SocketClient):
 
     async def _subscribe(self, message: dict[str, Any], ident: Any) -> None:
         topic, options = _name(message, "topic"), read_options(message)
-        wanted = whole_type(_name(message, "type")) if message.get("type") else ""
+        type_name = whole_type(_name(message, "type")) if message.get("type") else ""
         if len(self._subscriptions) >= MAX_TOPICS:
             raise ConfigError(f"no more than {MAX_TOPICS} topics")
         kind = await asyncio.to_thread(self._api.type_of, topic)
-        if wanted and kind and wanted != kind:
-            raise ConfigError(f"{topic} has the type {kind}, not {wanted}")
+        if type_name and kind and type_name != kind:
+            raise ConfigError(f"{topic} has the type {kind}, not {type_name}")
         subscription = self._subscriptions.setdefault(topic, Subscription())
         subscription.add("" if ident is None else str(ident)[:LONGEST_NAME], options)
         await asyncio.to_thread(self._commanding.subscribe, topic)

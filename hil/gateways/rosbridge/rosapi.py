@@ -131,15 +131,15 @@ def time_now() -> Answer:
 
 def typedefs(name: str) -> list[Answer]:
     """Return a type and all that it is made of, as rosapi/TypeDef. Raises ConfigError for an unknown one."""
-    waiting, done = [name], list[Answer]()
+    waiting, described = [name], list[Answer]()
     while waiting:
         each = waiting.pop(0)
-        if any(one["type"] == each for one in done):
+        if any(one["type"] == each for one in described):
             continue
         fields = definition(each).fields
         waiting += [field.type for field in fields if field.type not in PRIMITIVES]
-        done.append({"type": each, **describe(fields), "constnames": [], "constvalues": []})
-    return done
+        described.append({"type": each, **describe(fields), "constnames": [], "constvalues": []})
+    return described
 
 
 def describe(fields: Iterable[Field]) -> Answer:

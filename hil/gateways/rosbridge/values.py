@@ -75,12 +75,12 @@ def _message(type_name: str, values: Any, path: str, deepest: int) -> dict[str, 
         raise ConfigError(f"{path}: too many messages in each other")
     fields = {field.name: field for field in definition(type_name).fields}
     message = {}
-    for given, value in values.items():
-        name = OLD_NAMES.get(given, given) if given not in fields else given
+    for given_name, value in values.items():
+        name = OLD_NAMES.get(given_name, given_name) if given_name not in fields else given_name
         if name not in fields:
-            if given in OLD_ONLY.get(type_name, ()):
+            if given_name in OLD_ONLY.get(type_name, ()):
                 continue
-            raise ConfigError(f"{path}: {type_name} has no field {given[:60]!r}")
+            raise ConfigError(f"{path}: {type_name} has no field {given_name[:60]!r}")
         message[name] = _field(fields[name], value, f"{path}.{name}", deepest - 1)
     return message
 

@@ -89,13 +89,13 @@ class ParameterStore:
     def _read(self) -> dict[str, int | float | bool]:
         try:
             with open(self._path, encoding="utf-8") as file:
-                found = json.load(file)
+                stored = json.load(file)
         except FileNotFoundError:
             return {}
         except (OSError, ValueError, RecursionError) as error:
             raise ConfigError(f"stored: {self._path}: {error}; delete it, or name another file") from None
         accepted = {}
-        for name, value in found.items() if isinstance(found, dict) else ():
+        for name, value in stored.items() if isinstance(stored, dict) else ():
             parameter = self._parameters.get(name)
             own = parameter.convert(value) if parameter and isinstance(value, (int, float)) else None
             if own is None:

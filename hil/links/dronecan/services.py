@@ -54,14 +54,14 @@ def unpack_get_set(payload: bytes) -> GetSet | None:
     """Return a GetSet request; None for invalid bytes."""
     if len(payload) < 2:
         return None
-    number, tag, rest = payload[0] | payload[1] >> 3 << 8, payload[1] & 7, payload[2:]
+    number, tag, remainder = payload[0] | payload[1] >> 3 << 8, payload[1] & 7, payload[2:]
     try:
-        value, size = _value(tag, rest)
+        value, size = _value(tag, remainder)
     except (error, IndexError):
         return None
-    if tag > _STRING or size > len(rest):
+    if tag > _STRING or size > len(remainder):
         return None
-    return GetSet(number, value, rest[size:].decode("ascii", "replace"))
+    return GetSet(number, value, remainder[size:].decode("ascii", "replace"))
 
 
 def _value(tag: int, data: bytes) -> tuple[Value, int]:

@@ -75,11 +75,11 @@ class Body:
         known = [(names.index(name), kind._fields.index(name), lines[name]) for name in kind._fields if name in names]
         single = [row for row in known if kind._fields[row[1]] != "pwm_us"]
         self._lined = [(place, index, line) for place, index, line in single if line]
-        both = list(range(len(names) + len(kind._fields)))  # numbers, then values; those in `single` are swapped
+        swapped = list(range(len(names) + len(kind._fields)))  # numbers, then values; those in `single` are swapped
         for place, index, _ in single:
-            both[place], both[len(names) + index] = len(names) + index, place
-        self._numbers_of = _picker(both[: len(names)])  # picks from template + message
-        self._values_of = _picker(both[len(names) :])  # picks from numbers + defaults
+            swapped[place], swapped[len(names) + index] = len(names) + index, place
+        self._numbers_of = _picker(swapped[: len(names)])  # picks from template + message
+        self._values_of = _picker(swapped[len(names) :])  # picks from numbers + defaults
         self._flags = names.index("flags") if "flags" in names else 0
         bits = self.fields[self._flags].bits._asdict() if "flags" in names else {}
         self._bits = [

@@ -67,19 +67,19 @@ def split_bytes(protocol: FrameProtocol, data: bytes) -> list[Part]:
 
 def _split(protocol: FrameProtocol, data: bytes) -> Iterator[Part]:
     reader, counters = protocol.reader, protocol.counters
-    done = 0
+    used = 0
     for end in range(1, len(data) + 1):
         before = counters.dropped_bytes, counters.malformed
         messages = reader.feed(data[end - 1 : end])
         dropped, malformed = counters.dropped_bytes - before[0], counters.malformed - before[1]
         if dropped:
-            yield from _lost(reader, data, done, done + dropped)
-            done += dropped
-        if end - len(reader.unfinished) > done:
-            yield _received(reader, done, data[done : end - len(reader.unfinished)], messages, malformed > 0)
-            done = end - len(reader.unfinished)
-    if done < len(data):
-        yield Part(done, data[done:], "unfinished", "the beginning of a frame whose end is not there")
+            yield from _lost(reader, data, used, used + dropped)
+            used += dropped
+        if end - len(reader.unfinished) > used:
+            yield _received(reader, used, data[used : end - len(reader.unfinished)], messages, malformed > 0)
+            used = end - len(reader.unfinished)
+    if used < len(data):
+        yield Part(used, data[used:], "unfinished", "the beginning of a frame whose end is not there")
 
 
 def _received(reader: Reader, start: int, data: bytes, messages: list[Message], malformed: bool) -> Part:
@@ -112,19 +112,19 @@ def _lost(reader: Reader, data: bytes, start: int, end: int) -> Iterator[Part]:
         else:
             yield Part(start, data[start:end], "dropped", "no frame of a size there is, or its stuffing is damaged")
         return
-    place = start
-    while place < end:
-        form, size = reader.frame_at(data, place) if data.startswith(reader.sync, place) else (None, 0)
-        is_cut = place + size > (end if _is_sound_at(reader, data, end) else len(data))
+    offset = start
+    while offset < end:
+        form, size = reader.frame_at(data, offset) if data.startswith(reader.sync, offset) else (None, 0)
+        is_cut = offset + size > (end if _is_sound_at(reader, data, end) else len(data))
         if form and not is_cut:
-            last = min(place + size, end)
-            yield Part(place, data[place:last], "damaged", damage(reader, form, data[place : place + size]))
-            place = last
+            last = min(offset + size, end)
+            yield Part(offset, data[offset:last], "damaged", damage(reader, form, data[offset : offset + size]))
+            offset = last
             continue
-        last = data.find(reader.sync, place + 1, end)
+        last = data.find(reader.sync, offset + 1, end)
         last = end if last < 0 else last
-        yield Part(place, data[place:last], "dropped", CUT if size else "no frame")
-        place = last
+        yield Part(offset, data[offset:last], "dropped", CUT if size else "no frame")
+        offset = last
 
 
 def _is_sound_at(reader: SyncReader, data: bytes, offset: int) -> bool:
@@ -150,12 +150,12 @@ def damage(reader: Reader, form: Form, frame: bytes) -> str:
 def _suspects(reader: Reader, frame: bytes) -> Iterator[tuple[int, int]]:
     """Yield each byte that alone, with another value, would make the checksum match: its index and that value."""
     trial = bytearray(frame)
-    for place, own in enumerate(frame):
+    for offset, own in enumerate(frame):
         for value in range(256):
-            trial[place] = value
+            trial[offset] = value
             if value != own and reader.trailer.is_sound(bytes(trial), 0, len(trial)):
-                yield place, value
-        trial[place] = own
+                yield offset, value
+        trial[offset] = own
 
 
 def _name_at(form: Form, position: int) -> str:

@@ -199,14 +199,14 @@ def limits(type_name: str) -> tuple[float, float]:
 
 def unrolled(fields: tuple[Field, ...], channels: int, interleaved: bool = False) -> Iterator[tuple[Field, int]]:
     """Yield the numbers of a message in their order on the wire: field, and index in its list."""
-    place = 0
-    while place < len(fields):
-        end = place + 1
-        while interleaved and end < len(fields) and fields[place].is_list and fields[end].is_list:
+    offset = 0
+    while offset < len(fields):
+        end = offset + 1
+        while interleaved and end < len(fields) and fields[offset].is_list and fields[end].is_list:
             end += 1
-        for channel in range(channels if fields[place].is_list else 1):
-            yield from ((field, channel) for field in fields[place:end])
-        place = end
+        for channel in range(channels if fields[offset].is_list else 1):
+            yield from ((field, channel) for field in fields[offset:end])
+        offset = end
 
 
 def fields_size(fields: tuple[Field, ...], channels: int) -> int:

@@ -112,13 +112,13 @@ class FrameProtocol(Protocol):
         return SyncReader(self.layout, forms, self._trailer, self.counters)
 
     def _open_keep_alives(self, others: list[tuple[Other, list[Form]]], channels: int) -> list["KeepAlive"]:
-        mine = [row for row in others if row[0].period and self.role and row[0].sent_by in ("both", self.role)]
-        if not mine:
+        sent_here = [row for row in others if row[0].period and self.role and row[0].sent_by in ("both", self.role)]
+        if not sent_here:
             return []
         from hil.links.frame.ends import KeepAlive
 
-        data = [self._unchanging(forms[min(channels, len(forms)) - 1]) for _, forms in mine]
-        return [KeepAlive(other, frame) for (other, _), frame in zip(mine, data, strict=True)]
+        data = [self._unchanging(forms[min(channels, len(forms)) - 1]) for _, forms in sent_here]
+        return [KeepAlive(other, frame) for (other, _), frame in zip(sent_here, data, strict=True)]
 
     def _unchanging(self, form: Form) -> bytes:
         return self._finish(form, form.body.packer.pack(*form.body.template))

@@ -119,11 +119,11 @@ class SyncReader(Reader):
 
     def _unknown_size(self, buffer: bytes, start: int) -> int:
         """Return the size of a frame without a known form: an incomplete one, or one whose header has its length."""
-        seen = len(buffer) - start
-        if self._length and seen < self._header_end:
+        length = len(buffer) - start
+        if self._length and length < self._header_end:
             return self._header_end
         if self._keys.may_begin(buffer[start : start + self._keys.longest]):
-            return seen + 1
+            return length + 1
         if self._length:
             offset, packer, adds = self._length
             payload: int = packer.unpack_from(buffer, start + offset)[0] - adds

@@ -102,7 +102,7 @@ def _ids(layout: FrameLayout) -> Iterator[str]:
     field = next((field for field in layout.header if field.name == "id"), None)
     messages = [("command", "host", layout.command.id), ("telemetry", "device", layout.telemetry.id)]
     messages += [(f"other[{number}]", other.sent_by, other.id) for number, other in enumerate(layout.other)]
-    for place, (name, sender, own) in enumerate(messages):
+    for index, (name, sender, own) in enumerate(messages):
         if (own is None) != (field is None):
             has = "an id, but the header has no 'id'" if field is None else "no id, but the header has an 'id'"
             yield f"{name}: has {has}: give both or none"
@@ -110,7 +110,7 @@ def _ids(layout: FrameLayout) -> Iterator[str]:
             continue
         if own > limits(field.type)[1]:
             yield f"header: id must hold {own}, which {field.type} cannot"
-        for other, its_sender, its_own in messages[:place]:
+        for other, its_sender, its_own in messages[:index]:
             # A request and its answer may share an id: the receiver's role distinguishes them.
             if own == its_own and (name == "telemetry" or sender == its_sender or "both" in (sender, its_sender)):
                 yield f"{other} and {name} have the same id"

@@ -61,14 +61,14 @@ class Cobs(Stuffer):
     def unstuff(self, piece: bytes) -> bytes | None:
         """Return the frame; None if a code byte points beyond the end."""
         out = bytearray()
-        place, end = 0, len(piece)
-        while place < end:
-            code = piece[place]
-            out += piece[place + 1 : place + code]
-            place += code
-            if place < end and code <= COBS_RUN:
+        position, end = 0, len(piece)
+        while position < end:
+            code = piece[position]
+            out += piece[position + 1 : position + code]
+            position += code
+            if position < end and code <= COBS_RUN:
                 out.append(0)
-        return bytes(out) if place == end else None
+        return bytes(out) if position == end else None
 
     def max_stuffed_size(self, size: int) -> int:
         """Return the size with one code byte for each run."""
@@ -128,13 +128,13 @@ class StuffedReader(Reader):
     def feed(self, data: bytes) -> list[Message]:
         """Return the frames in `data`: see `Reader`."""
         messages: list[Message] = []
-        *pieces, rest = (self.unfinished + data).split(self._stuffer.delimiter)
+        *pieces, remainder = (self.unfinished + data).split(self._stuffer.delimiter)
         for piece in pieces:
             if piece:
                 self._read(piece, messages)
-        surplus = max(0, len(rest) - self._longest)
+        surplus = max(0, len(remainder) - self._longest)
         self.counters.dropped_bytes += surplus
-        self.unfinished = rest[surplus:]
+        self.unfinished = remainder[surplus:]
         return messages
 
     def unwrapped(self, data: bytes) -> bytes | None:

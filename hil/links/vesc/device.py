@@ -88,17 +88,17 @@ class VescDevice(VescProtocol):
 
     def _on_frame(self, command: int, controller: int, data: bytes) -> list[Message]:
         thruster = controller - self._settings.first_id
-        mine = range(self._channels) if controller == EVERY_ID else (thruster,)
-        if mine[0] not in range(self._channels):
+        addressed = range(self._channels) if controller == EVERY_ID else (thruster,)
+        if addressed[0] not in range(self._channels):
             return []
         if command == PING:
-            self._answer(mine, data)
+            self._answer(addressed, data)
             return []
         pulse = self._pulse(command, data)
         if pulse is None:
             self.counters.malformed += 1
             return []
-        return [message for each in mine for message in self._set_thruster(each, pulse)]
+        return [message for each in addressed for message in self._set_thruster(each, pulse)]
 
     def _pulse(self, command: int, data: bytes) -> int | None:
         """Return the pulse width (us) of a command, 0 to release the motor; None if the command is not supported."""
@@ -113,12 +113,12 @@ class VescDevice(VescProtocol):
         return PWM_NEUTRAL_US + round(min(max(argument * us, -SPAN_US), SPAN_US))
 
     def _set_thruster(self, thruster: int, pulse: int) -> list[ThrusterCommand]:
-        whole = [self._apply()] if thruster in self._waiting else []
+        applied = [self._apply()] if thruster in self._waiting else []
         self._waiting[thruster] = pulse
         self._received_ns[thruster] = self._now_ns
         if len(self._waiting) == self._channels:
-            whole.append(self._apply())
-        return whole
+            applied.append(self._apply())
+        return applied
 
     def _apply(self) -> ThrusterCommand:
         """Return one command made from all that were received since the last."""

@@ -163,13 +163,13 @@ class FaultyWire(Wire):
             return taken_now
         now = now_ns()
         room = max(0, BACKLOG - self._outward.backlog(now))
-        taken = data[: room - room % self.record_size]
-        if taken:
-            self._outward.offer(taken, now)
+        accepted = data[: room - room % self.record_size]
+        if accepted:
+            self._outward.offer(accepted, now)
             self._share_disconnect()
         self._flush(now)
         self._settle(now)
-        return len(taken)
+        return len(accepted)
 
     def unsent(self) -> int:
         """Return the bytes that the slow line has not carried yet, and those that wait in the inner wire."""
@@ -204,12 +204,12 @@ class FaultyWire(Wire):
         if self._epoll.closed:
             return
         self._timer.arm(now if self._faults.unplugged else min(self._inward.next_ns, self._outward.next_ns))
-        wanted = self._inward.backlog(now) < BACKLOG and not self._faults.unplugged
-        if wanted and not self._listening:
+        is_reading = self._inward.backlog(now) < BACKLOG and not self._faults.unplugged
+        if is_reading and not self._listening:
             self._epoll.register(self._wire.fileno(), select.EPOLLIN)
-        elif self._listening and not wanted:
+        elif self._listening and not is_reading:
             self._epoll.unregister(self._wire.fileno())
-        self._listening = wanted
+        self._listening = is_reading
 
 
 class _Lane:

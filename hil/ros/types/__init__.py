@@ -69,11 +69,11 @@ def full_text(name: str) -> str:
 
     Raises ConfigError.
     """
-    parts, seen, waiting = [definition(name).text], {name}, [name]
+    parts, described, waiting = [definition(name).text], {name}, [name]
     while waiting:
         for field in definition(waiting.pop(0)).fields:
-            if field.type not in PRIMITIVES and field.type not in seen:
-                seen.add(field.type)
+            if field.type not in PRIMITIVES and field.type not in described:
+                described.add(field.type)
                 waiting.append(field.type)
                 parts.append(f"{_RULE}\nMSG: {field.type.replace('/msg/', '/')}\n{definition(field.type).text}")
     return "".join(parts)

@@ -54,14 +54,14 @@ Message = tuple[str, bytes]
 def main() -> int:
     """Serve requests until the input ends or a signal arrives; return the exit code."""
     die_with_parent()
-    answers = os.dup(OUT)
+    reply_fd = os.dup(OUT)
     os.dup2(ERRORS, OUT)  # so that a library that prints does not write into our answers
     _lower_priority()
     try:
         with StopSignals() as stop_fd:
             scenario, node = pickle.loads(_read_exactly(int.from_bytes(_read_exactly(4), "little")))
             dialect.select(scenario.ros.domain, scenario.ros.distro)
-            _serve(scenario, node, answers, stop_fd)
+            _serve(scenario, node, reply_fd, stop_fd)
     except HilError as error:
         print(error, file=sys.stderr)
         return error.exit_code

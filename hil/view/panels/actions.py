@@ -79,11 +79,11 @@ class ActionsPanel:
                 box.on_update(lambda _, name=name, box=box: self._fail(name, box))
                 self._buttons.append(box)
             self._button("back to the start", lambda vehicle: self._report(services.reset(vehicle)))
-            place = gui.add_vector3("north, east, depth (m)", (0.0, 0.0, 1.0), step=0.1)
+            position = gui.add_vector3("north, east, depth (m)", (0.0, 0.0, 1.0), step=0.1)
             heading = gui.add_number("at heading (°)", 0.0, min=-180.0, max=360.0, step=1.0)
 
             def put(vehicle: Vehicle) -> None:
-                north, east, depth = place.value
+                north, east, depth = position.value
                 self._report(services.set_pose(vehicle, north, east, depth, radians(heading.value)))
 
             self._button("put it there", put)

@@ -111,16 +111,16 @@ class WorldScene:
         bottom = self.world.foot(obstacle, obstacle.north, obstacle.east)
         top = max(obstacle.top, -0.5)  # cut off above the water, where it would hide the vehicles
         height, middle = max(bottom - top, 0.1), (obstacle.north, obstacle.east, 0.5 * (bottom + top))
-        name, place = f"/obstacles/{number}", to_scene([middle])[0]
+        name, point = f"/obstacles/{number}", to_scene([middle])[0]
         if isinstance(obstacle, Cylinder):
             self._scene.add_cylinder(
-                name, obstacle.radius, height, color=colours.OBSTACLE, position=place, opacity=OPACITY
+                name, obstacle.radius, height, color=colours.OBSTACLE, position=point, opacity=OPACITY
             )
             return
         half = -0.5 * obstacle.heading
         size = (obstacle.size_east, obstacle.size_north, height)
         turn = (float(np.cos(half)), 0.0, 0.0, float(np.sin(half)))
-        self._scene.add_box(name, color=colours.OBSTACLE, dimensions=size, position=place, wxyz=turn, opacity=OPACITY)
+        self._scene.add_box(name, color=colours.OBSTACLE, dimensions=size, position=point, wxyz=turn, opacity=OPACITY)
 
     def _draw_pipeline(self, number: int, pipeline: Pipeline) -> None:
         pieces = list(pipeline.drawn(self.world.seabed, self.world.spacing()))
@@ -142,7 +142,7 @@ class WorldScene:
 
     def _draw_current(self) -> None:
         south, north, west, east = self.world.extent
-        places = [
+        points = [
             (n, e, 0.5 * self.world.seabed(n, e))
             for n in np.linspace(south, north, CURRENT_ARROWS + 2)[1:-1]
             for e in np.linspace(west, east, CURRENT_ARROWS + 2)[1:-1]
@@ -150,7 +150,7 @@ class WorldScene:
         reach = 0.6 * min(north - south, east - west) / CURRENT_ARROWS
         speed = max(float(np.linalg.norm(self.world.current)), 1e-9)
         along = np.array(self.world.current) * reach / speed
-        segments = arrows(to_scene(places), to_scene([along])[0])
+        segments = arrows(to_scene(points), to_scene([along])[0])
         self._scene.add_line_segments("/current", segments, colours.CURRENT, thickness=2.0, thickness_units="screen")
 
 
@@ -171,12 +171,12 @@ def _length(vectors: Any) -> Any:
 def triangles(norths: Any, easts: Any, depths: Any) -> tuple[Any, Any]:
     """Return the nodes of the seabed (n x 3, NED, m), and the triangles without unknown depths (m x 3 node indices)."""
     rows, columns = depths.shape
-    places = np.stack(np.broadcast_arrays(norths[:, None], easts[None, :], depths), axis=2).reshape(-1, 3)
+    points = np.stack(np.broadcast_arrays(norths[:, None], easts[None, :], depths), axis=2).reshape(-1, 3)
     index = np.arange(rows * columns).reshape(rows, columns)
     a, b, c, d = index[:-1, :-1], index[:-1, 1:], index[1:, :-1], index[1:, 1:]
     faces = np.concatenate([np.stack(corners, axis=2).reshape(-1, 3) for corners in ((a, b, d), (a, d, c))])
-    faces = faces[np.isfinite(places[faces, 2]).all(axis=1)]
-    return np.nan_to_num(places), faces
+    faces = faces[np.isfinite(points[faces, 2]).all(axis=1)]
+    return np.nan_to_num(points), faces
 
 
 def nodes(world: World, most: int = MAX_NODES) -> tuple[Any, Any, Any]:

@@ -48,14 +48,14 @@ class RecordedSource(OfflineSource):
         self._messages: dict[str, dict[str, _TopicMessages]] = {}
         first, last, size = 0, 0, 0
         for message in read_messages(path):
-            _, node, *rest = message.topic.split("/", 2)
-            if not rest or ros.decoder(rest[0]) is None:
+            _, node, *suffix = message.topic.split("/", 2)
+            if not suffix or ros.decoder(suffix[0]) is None:
                 continue
             size += len(message.data)
             if size > LARGEST:
                 raise ConfigError(f"{path}: more than {LARGEST >> 30} GiB of messages; cut it, or show a part of it")
             first, last = first or message.logged_ns, max(last, message.logged_ns)
-            self._messages.setdefault(node, {}).setdefault(rest[0], _TopicMessages()).append(
+            self._messages.setdefault(node, {}).setdefault(suffix[0], _TopicMessages()).append(
                 message.logged_ns, message.data
             )
         if not self._messages:

@@ -66,15 +66,15 @@ class Steering:
         """Return the command of the person who steers. If nobody steers, the first who holds the switch begins to."""
         with self._lock:
             now = now_ns()
-            wanted = {person: stick.command(now) for person, stick in self._sticks.items()}
-            if self._steers is not None and wanted.get(self._steers) is None:
+            commands = {person: stick.command(now) for person, stick in self._sticks.items()}
+            if self._steers is not None and commands.get(self._steers) is None:
                 self._let_go()
             if self._steers is None:
-                self._steers = next((person for person, command in wanted.items() if command), None)
+                self._steers = next((person for person, command in commands.items() if command), None)
                 if self._steers is not None:
                     self.error = ""
                     self._report(f"{self._vehicle.name} is steered by hand")
-            return wanted.get(self._steers) if self._steers is not None else None
+            return commands.get(self._steers) if self._steers is not None else None
 
     def _drive(self, command: StickCommand) -> None:
         try:

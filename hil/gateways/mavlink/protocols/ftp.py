@@ -87,13 +87,13 @@ class FtpServer:
             return [known[1]]  # it has come twice: nothing is done twice
         self._close_idle(now)
         try:
-            answers = list(self._answer(request, partner, now))
+            replies = list(self._answer(request, partner, now))
         except OSError:
-            answers = [_nak(request, FAIL)]
+            replies = [_nak(request, FAIL)]
         if len(self._last) > 4 * MAX_SESSIONS:
             self._last.clear()
-        self._last[partner] = sequence, answers[0]
-        return answers
+        self._last[partner] = sequence, replies[0]
+        return replies
 
     def close(self) -> None:
         """Close all files."""
@@ -174,13 +174,13 @@ class FtpServer:
             yield _ack(request, data, offset=request.offset) if data else _nak(request, END_OF_FILE)
             return
         offset, number = request.offset, request.sequence
-        for turn in range(BURST_AT_ONCE):
+        for packet_number in range(BURST_AT_ONCE):
             data = session.read(offset, size)
             step = request._replace(sequence=number)
             if not data:
                 yield _nak(step, END_OF_FILE)
                 return
-            is_last = turn == BURST_AT_ONCE - 1
+            is_last = packet_number == BURST_AT_ONCE - 1
             yield _ack(step, data, offset=offset, complete=is_last)
             offset += len(data)
             number = number + 1 & 0xFFFF
