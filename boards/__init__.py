@@ -123,11 +123,11 @@ def model(root: str = "/") -> str:
 
 def detect(root: str = "/") -> Board | None:
     """Return the board of this machine, by its model name below `root`; None if it is not known."""
-    here = model(root)
-    if not here:
+    this_model = model(root)
+    if not this_model:
         return None
     for name in preset_names(FOLDER):
         path = find_preset(FOLDER, name)
-        if here.startswith(tuple(read_table(path).get("models", ()))):
+        if this_model.startswith(tuple(read_table(path).get("models", ()))):
             return load(path, Board)
     return None

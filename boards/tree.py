@@ -87,22 +87,22 @@ class Tree:
 
     def _inside(self, name: str, follow_last: bool) -> str:
         """Return the path on this machine of a recorded name. Links are followed within the root, as by chroot(2)."""
-        left, place, links = name.split("/"), list[str](), 0
+        left, resolved, links = name.split("/"), list[str](), 0
         while left:
-            part, *left = left
-            if part in ("", ".", ".."):
-                place = place[:-1] if part == ".." else place
+            name_part, *left = left
+            if name_part in ("", ".", ".."):
+                resolved = resolved[:-1] if name_part == ".." else resolved
                 continue
-            target = _link(os.path.join(self.root, *place, part)) if left or follow_last else ""
+            target = _link(os.path.join(self.root, *resolved, name_part)) if left or follow_last else ""
             if not target:
-                place.append(part)
+                resolved.append(name_part)
                 continue
             links += 1
             if links > LINKS:
                 return NOWHERE
-            place = [] if target.startswith("/") else place
+            resolved = [] if target.startswith("/") else resolved
             left = target.split("/") + left
-        return os.path.join(self.root, *place)
+        return os.path.join(self.root, *resolved)
 
 
 def _link(path: str) -> str:

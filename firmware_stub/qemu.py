@@ -168,13 +168,13 @@ class _Usart(DescriptorWire):
 
     def read(self) -> bytes:
         """Return the received bytes, or b"". Raises DeviceError if QEMU has ended, as detected by a write."""
-        taken = bytearray()
-        while len(taken) < READ_SIZE:
+        received = bytearray()
+        while len(received) < READ_SIZE:
             byte = super().read()
             if not byte:
                 break
-            taken += byte
-        return bytes(taken)
+            received += byte
+        return bytes(received)
 
 
 class _Qmp:

@@ -288,23 +288,23 @@ class Dynamics:
         """Return position (m, NED), rotation, predicted nu and quaternion in the middle of a Verlet step of `dt` s."""
         half = 0.5 * dt
         nu = state.nu
-        turned = rotations.integrate(state.quaternion, nu[3:], half)
-        rotation = rotations.matrix(turned)
+        attitude = rotations.integrate(state.quaternion, nu[3:], half)
+        rotation = rotations.matrix(attitude)
         position = [x + half * dx for x, dx in zip(state.position, _over_ground(rotation, nu), strict=True)]
         rows = zip(nu, state.nu_dot, self._rates, self._slopes, strict=True)
         predicted = [x + half * max(0.0, 1.0 - dt * (rate + slope * abs(x))) * dx for x, dx, rate, slope in rows]
-        return position, rotation, predicted, turned
+        return position, rotation, predicted, attitude
 
     def _verlet(self, state: State, wrench: Sequence[float], current: Sequence[float], dt: float) -> None:
         """Move half a step at the old velocities, accelerate there, move the other half at the new velocities."""
-        position, rotation, predicted, turned = self.predict_midpoint(state, dt)
+        position, rotation, predicted, attitude = self.predict_midpoint(state, dt)
         if self.others:
             wrench = self.add_forces(position, rotation, predicted, wrench, current)
         nu_dot = self.acceleration(position[2], rotation, predicted, wrench, current)
         half = 0.5 * dt
         nu = [x + dt * dx for x, dx in zip(state.nu, nu_dot, strict=True)]
         moved = [x + half * dx for x, dx in zip(position, _over_ground(rotation, nu), strict=True)]
-        _set_state(state, moved, list(rotations.integrate(turned, nu[3:], half)), nu, nu_dot)
+        _set_state(state, moved, list(rotations.integrate(attitude, nu[3:], half)), nu, nu_dot)
 
     def _rk4(self, state: State, wrench: Sequence[float], current: Sequence[float], dt: float) -> None:
         """Step by the classical Runge-Kutta method of fourth order."""

@@ -164,11 +164,11 @@ def _solve(
 def _eliminate(block: Symmetric, p: Symmetric, t: Sequence[float], across: float, more: float) -> Symmetric:
     """Return block - e p e, with the coupling e = across + more t t'."""
     q = _times(p, t)
-    square, both = across * across, across * more
+    square, product = across * across, across * more
     own = more * more * (q[0] * t[0] + q[1] * t[1] + q[2] * t[2])
     pairs = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
     xx, xy, xz, yy, yz, zz = [
-        a - square * b - both * (q[i] * t[j] + q[j] * t[i]) - own * t[i] * t[j]
+        a - square * b - product * (q[i] * t[j] + q[j] * t[i]) - own * t[i] * t[j]
         for a, b, (i, j) in zip(block, p, pairs, strict=True)
     ]
     return xx, xy, xz, yy, yz, zz

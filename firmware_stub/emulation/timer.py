@@ -57,19 +57,19 @@ class Timer(Peripheral):
 
     def pulse_us(self, channel: int) -> int:
         """Return the rounded width (us) of the pulses on an output, 0 to 3; 0 without pulses."""
-        words = self.registers
-        if not words.get(CR1, 0) & CEN or (self._gated and not words.get(BDTR, 0) & MOE):
+        registers = self.registers
+        if not registers.get(CR1, 0) & CEN or (self._gated and not registers.get(BDTR, 0) & MOE):
             return 0
-        if not words.get(CCER, 0) >> 4 * channel & 1:
+        if not registers.get(CCER, 0) >> 4 * channel & 1:
             return 0
-        mode = words.get(CCMR1 + 4 * (channel // 2), 0) >> 8 * (channel % 2)
-        width, period = words.get(CCR1 + 4 * channel, 0), words[ARR] + 1
+        mode = registers.get(CCMR1 + 4 * (channel // 2), 0) >> 8 * (channel % 2)
+        width, period = registers.get(CCR1 + 4 * channel, 0), registers[ARR] + 1
         if mode & 3 or width >= period or mode >> 4 & 7 not in (PWM_MODE_1, PWM_MODE_2):
             return 0  # an input, a level that is always high, or no PWM
         if mode >> 4 & 7 == PWM_MODE_2:
             width = period - width
         hz = self._clock_hz()
-        return (width * (words.get(PSC, 0) + 1) * US_PER_S + hz // 2) // hz
+        return (width * (registers.get(PSC, 0) + 1) * US_PER_S + hz // 2) // hz
 
     def read(self, offset: int) -> int:
         """Return a register, with the present counter and update flag."""
@@ -135,11 +135,11 @@ class Timer(Peripheral):
 
     def _schedule(self) -> None:
         """Set the interrupt line, and the time of the next event."""
-        words = self.registers
-        is_enabled = bool(words.get(DIER, 0) & UIE)
-        self._interrupt(is_enabled and bool(words.get(SR, 0) & UIF))
-        if is_enabled and words.get(CR1, 0) & CEN and words[ARR]:
-            steps = (self._updates_seen + 1) * (words[ARR] + 1) - self._first
-            self.due_ns = self._ticks.instant_ns(steps * (words.get(PSC, 0) + 1))
+        registers = self.registers
+        is_enabled = bool(registers.get(DIER, 0) & UIE)
+        self._interrupt(is_enabled and bool(registers.get(SR, 0) & UIF))
+        if is_enabled and registers.get(CR1, 0) & CEN and registers[ARR]:
+            steps = (self._updates_seen + 1) * (registers[ARR] + 1) - self._first
+            self.due_ns = self._ticks.instant_ns(steps * (registers.get(PSC, 0) + 1))
         else:
             self.due_ns = NEVER_NS

@@ -50,12 +50,12 @@ def choose_image(device_id: int, chip: str | None) -> Image:
     images = [load_image(name) for name in CHIPS]
     own = next((image for image in images if device_id in image.device_ids), None)
     name = own.chip if own else OTHERS.get(device_id, "unknown chip")
-    found = f"the board has an {name} (device id {device_id:#05x})"
+    description = f"the board has an {name} (device id {device_id:#05x})"
     if own is None:
         names = ", ".join(image.chip for image in images)
-        raise ConfigError(f"{found}, and there is no image for it; there are images for {names}")
+        raise ConfigError(f"{description}, and there is no image for it; there are images for {names}")
     if chip is not None and chip != own.name:
-        raise ConfigError(f"{found}, and the image is for an {load_image(chip).chip}: --chip {own.name}")
+        raise ConfigError(f"{description}, and the image is for an {load_image(chip).chip}: --chip {own.name}")
     return own
 
 

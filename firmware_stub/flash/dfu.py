@@ -64,11 +64,11 @@ def parse_list(text: str) -> list[DfuBoard]:
     """Return the boards with ST's bootloader in the output of `dfu-util -l`: one line for each memory of each board."""
     boards = []
     for line in text.splitlines():
-        found = LISTED.search(line)
-        if found:
-            size = sum(int(count) * int(each) * UNITS[unit] for count, each, unit in SECTORS.findall(found["layout"]))
+        entry = LISTED.search(line)
+        if entry:
+            size = sum(int(count) * int(each) * UNITS[unit] for count, each, unit in SECTORS.findall(entry["layout"]))
             serial = SERIAL.search(line)
-            boards.append(DfuBoard(found["path"], serial[1] if serial else "", size // 1024))
+            boards.append(DfuBoard(entry["path"], serial[1] if serial else "", size // 1024))
     return boards
 
 
@@ -78,13 +78,13 @@ def choose_image(board: DfuBoard, chip: str | None) -> Image:
         raise ConfigError("an STM32F103 has no USB bootloader in its ROM: use a debug probe: --by probe")
     images = {name: load_image(name) for name in WITH_DFU}
     fitting = [name for name, image in images.items() if image.flash_kib == board.flash_kib]
-    found = f"the board in DFU mode at {board.path} has {board.flash_kib} KiB of flash"
+    prefix = f"the board in DFU mode at {board.path} has {board.flash_kib} KiB of flash"
     if chip is not None and chip not in fitting:
-        raise ConfigError(f"{found}, and an {images[chip].chip} has {images[chip].flash_kib}: not the image for it")
+        raise ConfigError(f"{prefix}, and an {images[chip].chip} has {images[chip].flash_kib}: not the image for it")
     if chip is None and len(fitting) != 1:
         names = " or ".join(f"--chip {name}" for name in fitting)
         raise ConfigError(
-            f"{found}: " + (f"say which chip it is, as DFU does not: {names}" if names else "there is no image for it")
+            f"{prefix}: " + (f"say which chip it is, as DFU does not: {names}" if names else "there is no image for it")
         )
     return images[chip or fitting[0]]
 
@@ -98,11 +98,11 @@ def write(board: DfuBoard, content: Content, report: Callable[[str], None]) -> N
                 file.write(data)
             is_last = i == len(content.pieces) - 1
             where = f"{address:#010x}" + (":leave" if is_last else "")
-            done = _run(["-d", ROM, "-p", board.path, "-a", "0", "-s", where, "-D", path])
+            run = _run(["-d", ROM, "-p", board.path, "-a", "0", "-s", where, "-D", path])
             # When the board leaves the bootloader, its last status may be lost; dfu-util reports that as an error.
-            if "File downloaded successfully" not in done.stdout:
-                words = [line for line in (done.stderr + done.stdout).splitlines() if line.strip()]
-                raise DeviceError(f"{PROGRAM}: {words[-1] if words else f'ended with {done.returncode}'}")
+            if "File downloaded successfully" not in run.stdout:
+                words = [line for line in (run.stderr + run.stdout).splitlines() if line.strip()]
+                raise DeviceError(f"{PROGRAM}: {words[-1] if words else f'ended with {run.returncode}'}")
             report(f"{len(data)} bytes at {address:#010x} written")
     report("the board starts the program; set BOOT0 low before the next reset")
 

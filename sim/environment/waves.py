@@ -88,12 +88,12 @@ def components(waves: Waves, depth: float, gravity: float, seed: int) -> list[Co
     """
     random = Random(f"{seed}/ocean.waves")
     amplitude = 0.25 * waves.significant_height * sqrt(2.0 / waves.components)
-    made = []
+    generated = []
     for omega in _frequencies(waves):
         heading = waves.direction + random.gauss(0.0, waves.spread)
         phase = random.uniform(0.0, 2.0 * pi)
-        made.append(Component(amplitude, omega, wave_number(omega, depth, gravity), heading, phase))
-    return made
+        generated.append(Component(amplitude, omega, wave_number(omega, depth, gravity), heading, phase))
+    return generated
 
 
 def _frequencies(waves: Waves) -> list[float]:

@@ -77,8 +77,8 @@ class PictureScene(RayScene):
         terrain, at = geometry.terrain, np.array(origin)
         if (terrain.shallowest(at[0], at[1], 0.0) if terrain else geometry.depth) < at[2]:  # from under the triangles
             return super().hits(origin, directions, reach, rotation)
-        turned = np.array(rotation).reshape(3, 3)
-        self._draw(geometry, at, turned, reach)
+        axes = np.array(rotation).reshape(3, 3)
+        self._draw(geometry, at, axes, reach)
         drawn: Any = np.empty((self._toward.shape[1], 4), np.float32)
         objects: Any = np.empty(len(drawn), np.int32)
         self._frame.read_into(drawn, components=4, attachment=0, dtype="f4")
@@ -86,9 +86,9 @@ class PictureScene(RayScene):
         toward = self._toward
         if self._lens is not None:
             toward, drawn, objects = self._lens, drawn[self._nearest], objects[self._nearest]
-            drawn[:, 3] *= along_plane(drawn[:, :3] @ turned.astype(np.float32), self._toward[:, self._nearest], toward)
+            drawn[:, 3] *= along_plane(drawn[:, :3] @ axes.astype(np.float32), self._toward[:, self._nearest], toward)
         distances = drawn[:, 3].copy()
-        points: Any = turned.astype(np.float32) @ toward
+        points: Any = axes.astype(np.float32) @ toward
         points *= np.where(objects == NOTHING, np.float32(np.nan), distances)
         points += at.astype(np.float32)[:, None]
         return Hits(distances, points.T, drawn[:, :3], objects)

@@ -49,13 +49,13 @@ def read_cast(path: str, origin: Origin | None) -> dict[str, Any]:
     ConfigError, MissingExtraError.
     """
     stamp = (*check_file(path, MAX_BYTES), origin)
-    made: dict[str, Any] | None = read_cached(f"{path}.profile", stamp)
-    if made is None:
+    cached: dict[str, Any] | None = read_cached(f"{path}.profile", stamp)
+    if cached is None:
         columns = _thinned(_read(path))
         water = _by_teos10(columns, origin, path) if "temperature" in columns else _given(columns, path)
-        made = water._asdict()
-        write_cached(f"{path}.profile", stamp, made)
-    return made
+        cached = water._asdict()
+        write_cached(f"{path}.profile", stamp, cached)
+    return cached
 
 
 def _read(path: str) -> Columns:

@@ -179,14 +179,14 @@ def _sums(pieces: Sequence[Piece], vertex: float) -> tuple[float, float, float]:
     for height, near, far in pieces:
         if height == 0.0:
             continue
-        a, b, both = _sine(near, vertex), _sine(far, vertex), near + far
+        a, b, total = _sine(near, vertex), _sine(far, vertex), near + far
         if a + b == 0.0:  # a level ray in a layer of constant speed never leaves it
             return inf, inf, inf
         gradient = (far - near) / height
-        level += constant * both * height / (a + b)
-        part = both * height * (1.0 + a * b) / ((a + b) * (near * near + far * far - (constant * near * far) ** 2))
+        level += constant * total * height / (a + b)
+        part = total * height * (1.0 + a * b) / ((a + b) * (near * near + far * far - (constant * near * far) ** 2))
         time += _over(part * gradient, atanh) * part
-        part = height * both / (far * a + near * b)
+        part = height * total / (far * a + near * b)
         length += _over(constant * gradient * part, asin) * part
     return level, time, length
 

@@ -238,15 +238,15 @@ def _by_plugin(plugin: Element, path: str) -> Keys:
 def _imu_plugin(plugin: Element, path: str) -> Keys:
     """Return the keys of uuv_simulator's IMU. Its random walk settles at a deviation of sqrt(tau / 2) times that."""
     keys = _by_plugin(plugin, path)
-    for ours, theirs in (("angular_velocity", "gyroscope"), ("acceleration", "accelerometer")):
-        density = _number(plugin, path, f"{theirs}_noise_density")
-        walk = _number(plugin, path, f"{theirs}_bias_random_walk", f"{theirs}_random_walk")
-        tau = _number(plugin, path, f"{theirs}_bias_correlation_time")
-        turn_on = _number(plugin, path, f"{theirs}_turn_on_bias_sigma")
+    for quantity, urdf_name in (("angular_velocity", "gyroscope"), ("acceleration", "accelerometer")):
+        density = _number(plugin, path, f"{urdf_name}_noise_density")
+        walk = _number(plugin, path, f"{urdf_name}_bias_random_walk", f"{urdf_name}_random_walk")
+        tau = _number(plugin, path, f"{urdf_name}_bias_correlation_time")
+        turn_on = _number(plugin, path, f"{urdf_name}_turn_on_bias_sigma")
         error = {"noise_density": density, "turn_on": turn_on}
         if walk and tau:
             error |= {"bias": walk * sqrt(0.5 * tau), "bias_time": tau}
-        keys[ours] = {key: value for key, value in error.items() if value}
+        keys[quantity] = {key: value for key, value in error.items() if value}
     return keys
 
 
