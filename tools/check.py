@@ -97,13 +97,13 @@ def run_tests(
 
 def run_part(name: str, jobs: int | None, seed: int) -> Outcome:
     """Run a part by its name; `jobs`: number of tests at a time, if they do not run one after the other."""
-    part, began = PARTS[name], time.monotonic()
-    failed = [" ".join(command) for command in part.modules if run(command)]
+    check, began = PARTS[name], time.monotonic()
+    failed = [" ".join(command) for command in check.modules if run(command)]
     passed_alone: list[str] = []
-    if part.tests:
-        apart = ["-n", str(jobs or part.at_once * (os.cpu_count() or 1)), *PARALLEL] if part.at_once else []
+    if check.tests:
+        apart = ["-n", str(jobs or check.at_once * (os.cpu_count() or 1)), *PARALLEL] if check.at_once else []
         random = [f"--hypothesis-seed={seed}"] if name == "search" else []
-        failed, passed_alone = run_tests([*part.tests, *random], apart, again=part.again)
+        failed, passed_alone = run_tests([*check.tests, *random], apart, again=check.again)
     return Outcome(time.monotonic() - began, failed, passed_alone)
 
 

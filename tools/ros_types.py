@@ -62,13 +62,13 @@ def service(name: str) -> list[Description]:
     """Return a service, its two halves, and the event that ROS makes of a call."""
     request, response, event = f"{name}_Request", f"{name}_Response", f"{name}_Event"
     halves = [("request_message", request), ("response_message", response), ("event_message", event)]
-    seen = [_described("info", NESTED, 0, "service_msgs/msg/ServiceEventInfo")]
-    seen += [_described(key, NESTED + BOUNDED, 1, half) for key, half in (("request", request), ("response", response))]
+    rows = [_described("info", NESTED, 0, "service_msgs/msg/ServiceEventInfo")]
+    rows += [_described(key, NESTED + BOUNDED, 1, half) for key, half in (("request", request), ("response", response))]
     return [
         {"type_name": name, "fields": [_described(key, NESTED, 0, half) for key, half in halves]},
         message(request),
         message(response),
-        {"type_name": event, "fields": seen},
+        {"type_name": event, "fields": rows},
     ]
 
 

@@ -170,13 +170,13 @@ class Witness:
         return (after - before) / (last - first)
 
     def _watch(self) -> None:
-        turn = 0
+        number = 0
         while not self._done.wait(TICK_S):
-            turn += 1
+            number += 1
             for pid in list(self._watched):
                 try:
                     self.cpu.setdefault(pid, []).append((time.time_ns(), _scheduled(pid)))
-                    if turn % 10 == 0:
+                    if number % 10 == 0:
                         self.memory.setdefault(pid, []).append(_memory(pid))
                 except (OSError, ValueError, subprocess.CalledProcessError):
                     continue  # it has ended
@@ -237,17 +237,17 @@ def mission(seconds: float) -> list[Row]:
     first = next(packet for packet in witness.packets if packet.sample and packet.source in (port, port + 1))
     sent = commands_to(witness.packets, port)
     begin, end = sent[0].time_ns + 10**9, sent[-1].time_ns
-    ours = run.values
+    own = run.values
     memory = [row for row in witness.memory[slave] if row.time_ns <= end][-1]  # then the master no longer shares
     start, ready = ((instant - witness.made[slave]) / 1e9 for instant in (first.time_ns, witness.ready[0]))
     return [
-        Row("start-up", ours["startup"], start, "s", "process connector, packet capture"),
-        Row("ready", ours["ready"], ready, "s", "process connector, sd_notify"),
-        Row("slave memory", ours["memory"], memory.pss, "MiB", "smaps_rollup"),
-        Row("slave memory", ours["memory"], memory.pss_by_ps, "MiB", "ps -o pss"),
-        Row("slave memory, alone", ours["memory_alone"], memory.rss, "MiB", "ps -o rss"),
-        Row("slave CPU", ours["slave_cpu"], 100 * witness.share(slave, begin, end), "%", "scheduler (schedstat)"),
-        Row("master CPU", ours["master_cpu"], 100 * witness.share(master, begin, end), "%", "scheduler (schedstat)"),
+        Row("start-up", own["startup"], start, "s", "process connector, packet capture"),
+        Row("ready", own["ready"], ready, "s", "process connector, sd_notify"),
+        Row("slave memory", own["memory"], memory.pss, "MiB", "smaps_rollup"),
+        Row("slave memory", own["memory"], memory.pss_by_ps, "MiB", "ps -o pss"),
+        Row("slave memory, alone", own["memory_alone"], memory.rss, "MiB", "ps -o rss"),
+        Row("slave CPU", own["slave_cpu"], 100 * witness.share(slave, begin, end), "%", "scheduler (schedstat)"),
+        Row("master CPU", own["master_cpu"], 100 * witness.share(master, begin, end), "%", "scheduler (schedstat)"),
     ]
 
 
@@ -296,13 +296,13 @@ def commands(seconds: float) -> list[Row]:
                 os.kill(slave.family()[1], signal.SIGTERM)
                 slave.wait(10.0)
                 time.sleep(0.3)
-                ours = statistics.median(client.delays.totals_ns()) / 1e6
+                own = statistics.median(client.delays.totals_ns()) / 1e6
                 cpu_s = or_nan(client.diagnostics().cpu_s)
             by_time = sum(map(float, Path(used).read_text(encoding="utf-8").split()))
     sent = set(commands_to(witness.packets, int(bench.endpoint.rpartition(":")[2])))
     theirs = statistics.median(_delays(witness.packets, sent, port)) / 1e6
     return [
-        Row("command delay p50", ours, theirs, "ms", "packet capture: before the publish, STM32's answer"),
+        Row("command delay p50", own, theirs, "ms", "packet capture: before the publish, STM32's answer"),
         Row("slave CPU, in all", cpu_s, by_time, "s", "/usr/bin/time"),
     ]
 

@@ -140,16 +140,16 @@ def frame_sizes(channels: int) -> tuple[int, int]:
 
 def time_in_turn(kinds: dict[str, Callable[[], None]], frames: int) -> dict[str, Cost]:
     """Return the round trips of each kind, after a round to warm up."""
-    took: dict[str, list[float]] = {name: [] for name in kinds}
-    for turn in range(frames // ROUND + 1):
+    spent: dict[str, list[float]] = {name: [] for name in kinds}
+    for number in range(frames // ROUND + 1):
         for name, exchange in kinds.items():
             for _ in range(ROUND):
                 began = time.perf_counter_ns()
                 exchange()
-                if turn:
-                    took[name].append((time.perf_counter_ns() - began) / 1e6)
+                if number:
+                    spent[name].append((time.perf_counter_ns() - began) / 1e6)
     return {
-        name: Cost(statistics.median(times), statistics.quantiles(times, n=100)[98]) for name, times in took.items()
+        name: Cost(statistics.median(times), statistics.quantiles(times, n=100)[98]) for name, times in spent.items()
     }
 
 

@@ -108,7 +108,7 @@ def ask(endpoint: str, bare: bool, seconds: float) -> dict[str, float]:
     one_way: list[float] = []
     round_trip: list[float] = []
     ages: list[float] = []
-    here = threading.Event()
+    ready = threading.Event()
     began_ns = 0
 
     def on_answer(payload: bytes) -> None:
@@ -117,7 +117,7 @@ def ask(endpoint: str, bare: bool, seconds: float) -> dict[str, float]:
         if sent >= began_ns:  # not one that waited for the sessions to connect
             one_way.append((there - sent) / 1e6)
             round_trip.append((now - sent) / 1e6)
-        here.set()
+        ready.set()
 
     subscribe("trace", on_answer)
     subscribe("camera", lambda payload: ages.append((now_ns() - int.from_bytes(payload[:8], "little")) / 1e6))
@@ -125,7 +125,7 @@ def ask(endpoint: str, bare: bool, seconds: float) -> dict[str, float]:
     def command() -> None:
         put["cmd_vel"](now_ns().to_bytes(8, "little") + bytes(56))
 
-    while not here.wait(0.1):
+    while not ready.wait(0.1):
         command()
     began_ns = now_ns()
     for values in (one_way, round_trip, ages):
@@ -174,11 +174,11 @@ def imu_cost(count: int = 500) -> tuple[float, float]:
 
     endpoint = f"tcp/127.0.0.1:{7447 + 2 * (os.getpid() % 5000)}"
     sample = ImuSample(5, (1.0, 0.0, 0.0, 0.0), (0.1, 0.2, 0.3), (0.0, 0.0, 9.8))
-    ours, *others = sorted(os.sched_getaffinity(0))
-    os.sched_setaffinity(0, {ours})  # the listener is elsewhere, as a master is
+    own_core, *other_cores = sorted(os.sched_getaffinity(0))
+    os.sched_setaffinity(0, {own_core})  # the listener is elsewhere, as a master is
     command = foreign_command(sys.executable, __file__, "--listen", endpoint)
     with listen(endpoint) as session, start_child(command) as listener:
-        os.sched_setaffinity(listener.pid, others or [ours])
+        os.sched_setaffinity(listener.pid, other_cores or [own_core])
         sample_publisher = SamplePublisher(session, NODE, to_wall_ns(now_ns()))
         has_subscribers = session.watch_keys(f"{dialect.domain()}/**")
         while not has_subscribers():
@@ -194,7 +194,7 @@ def imu_cost(count: int = 500) -> tuple[float, float]:
         tight = [once(0.0 if number % BURST else 0.01) for number in range(count * 4)]
         paced = [once(0.01) for _ in range(count)]
         listener.kill()
-    os.sched_setaffinity(0, {ours, *others})
+    os.sched_setaffinity(0, {own_core, *other_cores})
     return statistics.median(tight), statistics.median(paced)
 
 

@@ -196,11 +196,11 @@ def figures(rays: Rays, rounds: int, engines: dict[str, Prepare], origin: Place)
     """Return a line of the table."""
     count, few = len(rays[0]) // 3, thinned(rays)
     quick = [engines[name](origin, rays) for name in ("C", "Embree") if name in engines]
-    took = race(quick, rounds, max(1, 4000 // count))
+    cost = race(quick, rounds, max(1, 4000 // count))
     (plain,) = race([engines["python"](origin, few)], 3)
-    line = f"{count:7}{took[0] * 1e-3:9.3f}{took[0] / count:9.3f}{plain / (len(few[0]) // 3):10.2f}"
-    if len(took) > 1:
-        line += f"{took[1] / count:10.3f}{took[0] / took[1]:9.2f}   {agreement(quick[0](), quick[1](), rays[1])}"
+    line = f"{count:7}{cost[0] * 1e-3:9.3f}{cost[0] / count:9.3f}{plain / (len(few[0]) // 3):10.2f}"
+    if len(cost) > 1:
+        line += f"{cost[1] / count:10.3f}{cost[0] / cost[1]:9.2f}   {agreement(quick[0](), quick[1](), rays[1])}"
     return line
 
 
@@ -233,18 +233,18 @@ def sensor_figures(name: str, make: Callable[[Scene], Sensor], world: World, rou
     """Return one line of the table of whole sensors."""
     import numpy as np
 
-    place = (*PLACE, world.seabed(*PLACE) - ALTITUDE)
-    sensor = make(Simulation(load_vehicle("bluerov2_heavy")[0], world, {}, position=place))
+    position = (*PLACE, world.seabed(*PLACE) - ALTITUDE)
+    sensor = make(Simulation(load_vehicle("bluerov2_heavy")[0], world, {}, position=position))
     maker = sensor._renderer if isinstance(sensor, Camera) else getattr(sensor, "_pinger")  # noqa: B009 - of sonars
     scene = maker._rays = RecordedScene(world, "C")
     scene.add(half_space((0.0, 0.0, 1.0), 0.0))
-    state = State(place)
+    state = State(position)
     sensor.sample(0, state)
     directions, reach, rotation = scene.last
     turned = directions @ np.array(rotation).reshape(3, 3).T
-    casts: list[Cast] = [lambda: (sensor.sample(0, state), [])[1], lambda: scene.hits(place, *scene.last).distances]
+    casts: list[Cast] = [lambda: (sensor.sample(0, state), [])[1], lambda: scene.hits(position, *scene.last).distances]
     if peer:
-        casts.append(peer(place, (array("d", turned.ravel().tolist()), reach)))
+        casts.append(peer(position, (array("d", turned.ravel().tolist()), reach)))
     took = race(casts, rounds)
     line = f"{name:38}{len(directions):7}{took[0] * 1e-3:9.2f}{took[1] / took[0]:9.0%}"
     return line + (f"{took[0] / took[2]:9.2f}{took[1] / took[2]:9.2f}" if peer else "")
@@ -252,13 +252,13 @@ def sensor_figures(name: str, make: Callable[[Scene], Sensor], world: World, rou
 
 def picture_figures(size: tuple[int, int], world: World, rounds: int) -> str:
     """Return one line of the table of a camera's renderers. Raises HilError where there is no OpenGL."""
-    place = (*PLACE, world.seabed(*PLACE) - ALTITUDE)
-    scene = Simulation(load_vehicle("bluerov2_heavy")[0], world, {}, position=place)
-    tilted, state = Mounting(orientation=(0.0, -radians(35.0), 0.0)), State(place)
+    position = (*PLACE, world.seabed(*PLACE) - ALTITUDE)
+    scene = Simulation(load_vehicle("bluerov2_heavy")[0], world, {}, position=position)
+    tilted, state = Mounting(orientation=(0.0, -radians(35.0), 0.0)), State(position)
     models = [CameraModel(width=size[0], height=size[1], renderer=renderer) for renderer in ("rays", "opengl")]
     cameras = [Camera(model, tilted, 1, scene) for model in models]
     casts: list[Cast] = [lambda camera=camera: (camera.sample(0, state), [])[1] for camera in cameras]  # type: ignore[misc]
-    eyes: list[Cast] = [lambda camera=camera: (_cast(camera, place), [])[1] for camera in cameras]  # type: ignore[misc]
+    eyes: list[Cast] = [lambda camera=camera: (_cast(camera, position), [])[1] for camera in cameras]  # type: ignore[misc]
     line = f"{f'camera with depth, {size[0]} x {size[1]}':38}"
     for clock in (time.perf_counter, time.process_time):
         rays, opengl = (took * 1e-3 for took in race(casts, rounds, clock=clock))

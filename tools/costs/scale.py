@@ -110,27 +110,27 @@ def measure(
             own.clear()
         first, begun = use(processes), time.monotonic()
         time.sleep(seconds)
-        last, took = use(processes), time.monotonic() - begun
+        last, span = use(processes), time.monotonic() - begun
     except (HilError, psutil.Error) as error:
         return _broken(received, routers, step, f"then {str(error).splitlines()[0]}")
     finally:
         for process in processes:  # without peers clients close at once, otherwise it takes minutes
             process.kill()
-    found = [own for own in received if own.stamps]
-    ages = sorted(age for own in found for age in own.ages)
-    if len(found) < slaves:
-        rate = f"{len(found)} were found, {len(ages) / took / len(found):.1f} Hz each" if found else ""
-        none = f"none was found any more after {begun + took - began:.0f} s"
+    heard = [own for own in received if own.stamps]
+    ages = sorted(age for own in heard for age in own.ages)
+    if len(heard) < slaves:
+        rate = f"{len(heard)} were found, {len(ages) / span / len(heard):.1f} Hz each" if heard else ""
+        none = f"none was found any more after {begun + span - began:.0f} s"
         return _broken(received, routers, step, rate or none)
-    cpu = [100.0 * (b - a) / took for a, b in zip(first.cpu, last.cpu, strict=True)]
-    sent = sum(own.sent() for own in found)
+    cpu = [100.0 * (b - a) / span for a, b in zip(first.cpu, last.cpu, strict=True)]
+    sent = sum(own.sent() for own in heard)
     figures = (
-        len(ages) / took / slaves, 100.0 * (1.0 - len(ages) / sent) if sent else nan,
+        len(ages) / span / slaves, 100.0 * (1.0 - len(ages) / sent) if sent else nan,
         quantile(ages, 0.5), quantile(ages, 0.99), sum(cpu[routers:]) / slaves, sum(cpu[:routers]) / routers,
         sum(last.resident[routers:]) / slaves / 2**20, sum(last.resident[:routers]) / routers / 2**20,
     )  # fmt: skip
     cells = " | ".join(f"{value:.1f}" for value in figures)
-    return f"| {slaves} | {routers} | {sessions} | {len(found)} | {cells} |"
+    return f"| {slaves} | {routers} | {sessions} | {len(heard)} | {cells} |"
 
 
 def _broken(received: Sequence[Received], routers: int, step: float, result: str) -> str:
@@ -189,12 +189,10 @@ def _joined(ends: list[str], end: str) -> list[str]:
     return ["--connect", ends[0]] if end != ends[0] else []
 
 
-def start(stack: ExitStack, arguments: list[str]) -> psutil.Process:
+def start(stack: ExitStack, words: list[str]) -> psutil.Process:
     """Return a command of ours as a process, which ends with the stack."""
     quiet = subprocess.DEVNULL
-    child = start_child(
-        module_command("hil", *arguments), environment=package_environment(), stdout=quiet, stderr=quiet
-    )
+    child = start_child(module_command("hil", *words), environment=package_environment(), stdout=quiet, stderr=quiet)
     stack.callback(child.wait)
     stack.callback(child.kill)  # many processes that end in order at once take minutes
     return psutil.Process(child.pid)
@@ -206,9 +204,9 @@ def use(processes: list[psutil.Process]) -> Use:
     return Use([each.user + each.system for each in times], [process.memory_info().rss for process in processes])
 
 
-def main(arguments: list[str]) -> int:
+def main(words: list[str]) -> int:
     """Measure and print; the exit code."""
-    options = _parser().parse_args(arguments)
+    options = _parser().parse_args(words)
     if options.folder:  # a run of its own
         os.nice(LESS_URGENT)
         of = options.slaves[0], options.routers[0], options.seconds, options.sessions, options.step
@@ -254,13 +252,13 @@ def _run(slaves: int, routers: int, options: argparse.Namespace) -> str:
     try:
         with tempfile.TemporaryDirectory() as folder:
             command = module_command("tools.costs.scale", *words, f"--folder={folder}")
-            done = finish_child(command, options.limit)
+            run = finish_child(command, options.limit)
     except subprocess.TimeoutExpired:
         return f"{start} no result within {options.limit:g} s |"
-    if done.returncode:
-        last = (done.stderr.decode().strip() or f"exit code {done.returncode}").splitlines()[-1]
+    if run.returncode:
+        last = (run.stderr.decode().strip() or f"exit code {run.returncode}").splitlines()[-1]
         return f"{start} ended: {last} |"
-    return done.stdout.decode().strip()
+    return run.stdout.decode().strip()
 
 
 def _rule(header: str) -> str:

@@ -73,15 +73,15 @@ def main() -> int:
     floor: list[float] = []
     with tempfile.TemporaryDirectory() as folder:
         for number in range(runs + 1):  # the first pair warms the caches and is not counted
-            ours, theirs = time_slave(slave_command(folder)), time_floor()
+            slave_s, floor_s = time_slave(slave_command(folder)), time_floor()
             if number:
-                slave.append(ours)
-                floor.append(theirs)
+                slave.append(slave_s)
+                floor.append(floor_s)
             print(f"\r{number}/{runs}", end="", file=sys.stderr, flush=True)
     print(file=sys.stderr)
     ready, base = statistics.median(seconds for seconds, _ in slave), statistics.median(floor)
     memory = statistics.median(mib for _, mib in slave)
-    ratio = statistics.median(ours / theirs for (ours, _), theirs in zip(slave, floor, strict=True))
+    ratio = statistics.median(slave_s / floor_s for (slave_s, _), floor_s in zip(slave, floor, strict=True))
     print(f"slave ready       {ready * 1e3:6.1f} ms  (median of {runs})")
     print(f"numpy and zenoh   {base * 1e3:6.1f} ms")
     print(f"ratio             {ratio:6.2f}     budget {MAX_OF_FLOOR}")

@@ -38,12 +38,12 @@ class PlainNumpy:
     def __init__(self, vehicle: Vehicle, integrator: Integrator) -> None:
         import numpy as np
 
-        ours = Dynamics(vehicle, DENSITY, GRAVITY)
+        dynamics = Dynamics(vehicle, DENSITY, GRAVITY)
         self.np: Any = np
-        self.M = np.array(ours.mass)
+        self.M = np.array(dynamics.mass)
         self.M_inv = np.linalg.inv(self.M)
         self.D, self.Q = (self._square(x) for x in (vehicle.linear_damping, vehicle.quadratic_damping))
-        self.W, self.B = ours.weight, ours.hull.full
+        self.W, self.B = dynamics.weight, dynamics.hull.full
         self.r_g, self.r_b = np.array(vehicle.center_of_gravity), np.array(vehicle.center_of_buoyancy)
         self.A11, self.lost = self._square(vehicle.added_mass)[:3, :3], 1.0 - np.array(vehicle.munk_share)
         self.integrator = integrator

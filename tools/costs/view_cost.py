@@ -209,27 +209,27 @@ def measure(folder: Path, viewers: int | None, seconds: float, browser: bool, ra
         client = stack.enter_context(bench.client(topics=("ground_truth", "trace")))
         client.session.subscribe("uuv1", "ground_truth", clock.on_truth, 64)
         await_vehicle(client, slave)
-        view = seen = relay = None
+        view = watching = relay = None
         if viewers is not None:
             view, address, token = stack.enter_context(viewed(bench.path))
             address, relay = stack.enter_context(slowed(address, rate))
             if browser:
                 stack.enter_context(_open_page(f"{address}?token={token}", seconds))
-            seen = stack.enter_context(Viewers(viewers, address, token, clock))
+            watching = stack.enter_context(Viewers(viewers, address, token, clock))
         fly(client, SLOW_SETTLE_S if rate else SETTLE_S)
         first = len(client.delays.totals_ns())
-        noted, updates = (len(seen.latency_ms), seen.updates) if seen else (0, 0)
+        noted, updates = (len(watching.latency_ms), watching.updates) if watching else (0, 0)
         passed = relay.passed if relay else 0
         began, slave_s, view_s = time.monotonic(), cpu_s([slave.pid]), cpu_s([view]) if view else 0.0
         middles, worst = fly(client, seconds)
-        took = time.monotonic() - began
+        duration = time.monotonic() - began
         delays = sorted(client.delays.totals_ns()[first:])
         return Measured(
             quantile(delays, 0.5) / 1e6, quantile(delays, 0.99) / 1e6, quantile(middles, 0.5), quantile(worst, 0.5),
-            (cpu_s([slave.pid]) - slave_s) / took, (cpu_s([view]) - view_s) / took if view else 0.0,
-            read_threads([view]).pss_mib if view else 0.0, seen.latency_ms[noted:] if seen else [],
-            (seen.updates - updates) / took if seen else 0.0,
-            8e-6 * (relay.passed - passed) / took if relay else 0.0,
+            (cpu_s([slave.pid]) - slave_s) / duration, (cpu_s([view]) - view_s) / duration if view else 0.0,
+            read_threads([view]).pss_mib if view else 0.0, watching.latency_ms[noted:] if watching else [],
+            (watching.updates - updates) / duration if watching else 0.0,
+            8e-6 * (relay.passed - passed) / duration if relay else 0.0,
         )  # fmt: skip
 
 

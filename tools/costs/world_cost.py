@@ -47,13 +47,13 @@ def make_world(folder: str, side: int, resolution: float, obstacles: int) -> str
         for north in (np.arange(side) * resolution).tolist():
             row = 30.0 + 8.0 * np.sin(north / 300.0) + 6.0 * np.cos(east / 210.0) + 0.5 * np.sin((east + north) / 7.0)
             row.astype("<f4").tofile(file)
-    places = np.random.default_rng(1).uniform(-half, half, (obstacles, 2)).tolist()
+    positions = np.random.default_rng(1).uniform(-half, half, (obstacles, 2)).tolist()
     path = os.path.join(folder, "large.toml")
     Path(path).write_text(
         f'name = "large"\nsource = "made up"\nextent = [{-half}, {half}, {-half}, {half}]\ndepth = 40.0\n'
         f'[terrain]\nfile = "large.f32"\nnorth_min = {-half}\neast_min = {-half}\nresolution = {resolution}\n'
         f"rows = {side}\ncolumns = {side}\n"
-        + "".join(f"[[cylinder]]\nnorth = {n:.2f}\neast = {e:.2f}\nradius = 1.0\n" for n, e in places),
+        + "".join(f"[[cylinder]]\nnorth = {n:.2f}\neast = {e:.2f}\nradius = 1.0\n" for n, e in positions),
         encoding="utf-8",
     )
     return path
@@ -119,11 +119,11 @@ def _picture(world: str) -> None:
     from hil.charts.grid import grid_of
     from hil.charts.picture import MapMarks, draw
 
-    place: World = load_world(world)
+    loaded: World = load_world(world)
     draw(
-        grid_of(place),
-        place.cylinder,
-        place.box,
+        grid_of(loaded),
+        loaded.cylinder,
+        loaded.box,
         MapMarks(),
         "large",
         os.path.join(os.path.dirname(world), "large.png"),
@@ -145,11 +145,11 @@ def measure(name: str, small: str, world: str) -> str:
     with Peak() as peak:
         began = time.perf_counter()
         result = RUNS[name](world)
-        took = time.perf_counter() - began
+        duration = time.perf_counter() - began
     own_then, mapped_then = _memory_mb()
     figures = own_then - own, peak.most_mb - own, mapped_then - mapped
     del result
-    return f"{name:16}{took:8.3f}" + "".join(f"{max(0.0, figure):8.1f}" for figure in figures)
+    return f"{name:16}{duration:8.3f}" + "".join(f"{max(0.0, figure):8.1f}" for figure in figures)
 
 
 class Peak:
@@ -199,11 +199,11 @@ def main() -> int:
             make_world(large, options.side, options.resolution, options.obstacles),
         )
         print(f"{'part':16}{'s':>8}{'MB':>8}{'peak':>8}{'depths':>8}")
-        for part in options.parts or PARTS:
-            command = [sys.executable, __file__, "--run", part, *paths]
+        for name in options.parts or PARTS:
+            command = [sys.executable, __file__, "--run", name, *paths]
             done = subprocess.run(command, env=package_environment(), capture_output=True, text=True, check=False)
             print(
-                done.stdout.rstrip() or f"{part}: {(done.stderr.strip().splitlines() or ['no message'])[-1]}",
+                done.stdout.rstrip() or f"{name}: {(done.stderr.strip().splitlines() or ['no message'])[-1]}",
                 flush=True,
             )
     return 0

@@ -205,15 +205,15 @@ def _input(rng: random.Random, sound: bytes) -> bytes:
         return rng.randbytes(rng.randrange(LONGEST))
     data = bytearray(sound)
     for _ in range(rng.randrange(1, 4)):
-        place = rng.randrange(len(data) + 1)
+        offset = rng.randrange(len(data) + 1)
         kind = rng.randrange(4)
-        if kind == 0 and place < len(data):
-            data[place] ^= 1 << rng.randrange(8)
+        if kind == 0 and offset < len(data):
+            data[offset] ^= 1 << rng.randrange(8)
         elif kind == 1:
-            del data[place:]
+            del data[offset:]
         elif kind == 2:
-            data[place:place] = data[: rng.randrange(len(data) + 1)]
+            data[offset:offset] = data[: rng.randrange(len(data) + 1)]
         else:
-            data[place : place + 4] = rng.choice((b"\xff\xff\xff\xff", b"\x00\x00\xf0\x7f", b"\xff\xff\xff\x7f"))
+            data[offset : offset + 4] = rng.choice((b"\xff\xff\xff\xff", b"\x00\x00\xf0\x7f", b"\xff\xff\xff\x7f"))
         del data[4 * LONGEST :]
     return bytes(data)

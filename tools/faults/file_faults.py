@@ -87,14 +87,14 @@ def measure_file(bad: BadFile, folder: Path) -> Row:
     """Run the program with the file; return a row without outputs, whose recovery is the time until it ended."""
     path = folder / f"bad{bad.suffix}"
     path.write_bytes(bad.make(random.Random(1)))
-    words = [word.format(file=path, folder=folder) for word in bad.command]
+    command = [word.format(file=path, folder=folder) for word in bad.command]
     began = time.monotonic()
     try:
-        done = subprocess.run(
-            module_command("hil.cli", *words), env=package_environment(), capture_output=True, text=True, check=False,
+        completed = subprocess.run(
+            module_command("hil.cli", *command), env=package_environment(), capture_output=True, text=True, check=False,
             timeout=PATIENCE_S, preexec_fn=_limit_memory, cwd=folder,
         )  # fmt: skip
-        code, output = done.returncode, (done.stderr + done.stdout).strip()
+        code, output = completed.returncode, (completed.stderr + completed.stdout).strip()
     except subprocess.TimeoutExpired:
         code, output = None, "still running"
     took_s = time.monotonic() - began

@@ -120,10 +120,10 @@ def _leaked(rig: Rig, descriptors: int, files: set[str]) -> str:
 
 def _strays(rig: Rig) -> list[int]:
     """Return processes that name a file of the rig in their command line but do not belong to it."""
-    ours = {process.pid for process in rig.processes.values()} | {rig.stm32.pid if rig.stm32 else 0, os.getpid()}
+    own_pids = {process.pid for process in rig.processes.values()} | {rig.stm32.pid if rig.stm32 else 0, os.getpid()}
     pids = []
     for process in psutil.process_iter(["cmdline", "ppid"]):
         named = any(str(rig.folder) in word for word in process.info["cmdline"] or ())
-        if named and process.pid not in ours and process.info["ppid"] not in ours:
+        if named and process.pid not in own_pids and process.info["ppid"] not in own_pids:
             pids.append(process.pid)
     return pids

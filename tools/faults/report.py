@@ -68,7 +68,7 @@ def draw(rows: Sequence[Row], path: Path) -> None:
     marks = "osD^v<>PX*hp"
     for number, link in enumerate(links):
         own = [row for row in moving if row.link == link]
-        places = [faults.index((row.room, row.fault)) for row in own]
+        indices = [faults.index((row.room, row.fault)) for row in own]
         style = {
             "marker": marks[number % len(marks)],
             "alpha": 0.75,
@@ -76,8 +76,8 @@ def draw(rows: Sequence[Row], path: Path) -> None:
             "label": link,
             "color": plot.cm.tab20(number),
         }
-        left.scatter([row.neutral_s for row in own], places, **style)
-        right.scatter([max(row.recovery_s, 0.005) for row in own], places, **style)
+        left.scatter([row.neutral_s for row in own], indices, **style)
+        right.scatter([max(row.recovery_s, 0.005) for row in own], indices, **style)
     for place, fault in enumerate(faults):
         limit = min(row.limit_s for row in moving if (row.room, row.fault) == fault)
         left.plot([limit, limit], [place - 0.4, place + 0.4], color="black", linewidth=1.2)

@@ -126,13 +126,13 @@ def _mutate(rng: random.Random, data: bytearray, unit: int) -> None:
     """Make one fault of a line; on CAN, frames are lost, doubled and swapped, not bytes."""
     if not data:
         return
-    place = rng.randrange(len(data))
-    start = place - place % unit
+    offset = rng.randrange(len(data))
+    start = offset - offset % unit
     kind = rng.randrange(5)
     if kind == 0:
-        data[place] ^= 1 << rng.randrange(8)
+        data[offset] ^= 1 << rng.randrange(8)
     elif kind == 1:
-        data[place] = rng.randrange(256)
+        data[offset] = rng.randrange(256)
     elif kind == 2:
         del data[start : start + unit * rng.randrange(1, 4)]
     elif kind == 3:

@@ -68,12 +68,12 @@ def _bobbing_energy() -> Finding:
     """Return the largest change of a bobbing vehicle's energy within 100 s, with the default integrator."""
     vehicle = floats.float_(linear_damping=(0.0, 0.0, 0.0, 0.5, 0.5, 0.5))
     dynamics, state, worst = Dynamics(vehicle, floats.RHO, floats.G), State((0.0, 0.0, 0.08)), 0.0
-    rest = floats.energy(dynamics, State())
-    first = floats.energy(dynamics, state) - rest
+    rest_energy = floats.energy(dynamics, State())
+    first = floats.energy(dynamics, state) - rest_energy
     for _ in range(100):
         for _ in range(400):
             dynamics.step(state, floats.NOTHING, floats.STILL, 0.0025)
-        worst = max(worst, abs((floats.energy(dynamics, state) - rest) / first - 1.0))
+        worst = max(worst, abs((floats.energy(dynamics, state) - rest_energy) / first - 1.0))
     test = "unit/sim/vehicle/test_buoyancy.py::test_the_energy_of_bobbing_does_not_grow"
     return below("energy gained or lost in 100 s (share)", worst, 0.001, test)
 

@@ -56,7 +56,7 @@ def _sag(voltage: Axes, thrust: Axes, vehicle: Vehicle) -> list[Finding]:
 def _emptied(axes: Axes) -> Finding:
     pack = BatteryPack(parse({**supply.TABLE, "capacity_wh": 20.0, "hotel_current": 1.0}, Battery, "battery"))
     amperes, dt = [performance(1700, volts).current * 2.0 for volts in VOLTS], 0.05
-    given = 0.0
+    energy = 0.0
     times: list[float] = []
     volts, open_circuit = [], []
     while not pack.state.cut_off:
@@ -65,12 +65,12 @@ def _emptied(axes: Axes) -> Finding:
         times.append(dt * len(times) / 60.0)
         volts.append(pack.state.voltage)
         open_circuit.append(before)
-        given += before * pack.state.current * dt
+        energy += before * pack.state.current * dt
     plot_own(axes, times[:-1:20], volts[:-1:20], "ours, at the terminals")
     plot_ref(axes, times[::600], open_circuit[::600], "open circuit, by the charge left")
     label(axes, "time (min)", "voltage (V)", "two T200 at 1700 µs", legend="lower left")
     what = "energy of the cells from full to empty"
-    return near(what, given / 3600.0, 20.0, f"{FILE}::test_the_battery_energy_is_balanced", "Wh", rel=2e-4)
+    return near(what, energy / 3600.0, 20.0, f"{FILE}::test_the_battery_energy_is_balanced", "Wh", rel=2e-4)
 
 
 SHEETS = [Sheet("Battery", battery, columns=3, size=(9.5, 2.8))]

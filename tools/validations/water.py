@@ -227,16 +227,16 @@ def _orbits(axes: Axes) -> list[Finding]:
     worst = []
     for depth, deepest, color in ((4000.0, 25.0, SHADES[0]), (5.0, 5.0, SHADES[2])):
         wave_field = swell.single(depth)
-        places = [deepest * i / 25.0 for i in range(26)]
-        orbits = [swell.orbit(wave_field, z) for z in places]
-        theory = [_airy(wave_field, z) for z in places]
+        distances = [deepest * i / 25.0 for i in range(26)]
+        orbits = [swell.orbit(wave_field, z) for z in distances]
+        theory = [_airy(wave_field, z) for z in distances]
         differences = [dist(f, t) for f, t in zip(orbits, theory, strict=True)]
         worst.append(max(differences) / theory[0][0])
         name = "deep" if depth > 100.0 else "5 m"
-        axes.plot([h for h, _ in orbits], places, color=color, label=f"ours, {name}, level")
-        axes.plot([v for _, v in orbits], places, "--", color=color, label=f"ours, {name}, upright")
-        plot_ref(axes, [h for h, _ in theory[::2]], places[::2], "_")
-        plot_ref(axes, [v for _, v in theory[::2]], places[::2], "Airy" if depth < 100.0 else "_")
+        axes.plot([h for h, _ in orbits], distances, color=color, label=f"ours, {name}, level")
+        axes.plot([v for _, v in orbits], distances, "--", color=color, label=f"ours, {name}, upright")
+        plot_ref(axes, [h for h, _ in theory[::2]], distances[::2], "_")
+        plot_ref(axes, [v for _, v in theory[::2]], distances[::2], "Airy" if depth < 100.0 else "_")
     axes.invert_yaxis()
     label(axes, "greatest orbital speed (m/s)", "depth (m)", legend="lower right")
     deep = f"{WAVES}::test_orbits_decay_exponentially_in_deep_water"

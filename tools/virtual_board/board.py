@@ -110,19 +110,19 @@ def replace_interpreters(folder: str) -> None:
     """Replace this machine's Python by the board's in the first line of scripts that pip wrote."""
     for path in glob.glob(os.path.join(folder, "*")):
         with open(path, "rb") as file:
-            first, _, rest = file.read().partition(b"\n")
+            first, _, remainder = file.read().partition(b"\n")
         # The second form is that of long paths: a line for the shell, which is text to Python.
-        if first.startswith(b"#!") and (b"python" in first or rest.startswith(b"'''exec'")):
+        if first.startswith(b"#!") and (b"python" in first or remainder.startswith(b"'''exec'")):
             with open(path, "wb") as file:
-                file.write(f"#!{PYTHON_THERE}\n".encode() + rest)
+                file.write(f"#!{PYTHON_THERE}\n".encode() + remainder)
 
 
 def _unpack(package: str, folder: str) -> None:
     """Unpack a package's files. dpkg-deb -x would put folders in the place of the links /bin, /lib, /sbin."""
     with subprocess.Popen(["dpkg-deb", "--fsys-tarfile", package], stdout=subprocess.PIPE) as archive:
-        done = subprocess.run(
+        completed = subprocess.run(
             ["tar", "-x", "--keep-directory-symlink", "-C", folder],
             stdin=archive.stdout, capture_output=True, text=True, check=False,
         )  # fmt: skip
-    if done.returncode or archive.returncode:
-        raise DeviceError(f"{package}: cannot be unpacked: {done.stderr.strip() or 'damaged'}")
+    if completed.returncode or archive.returncode:
+        raise DeviceError(f"{package}: cannot be unpacked: {completed.stderr.strip() or 'damaged'}")

@@ -141,13 +141,13 @@ def _below(folder: str, prefix: str) -> Iterator[tuple[str, str]]:
             yield os.path.join(prefix, os.path.relpath(path, folder)), path
 
 
-def _write(file: BinaryIO, number: int, name: str, place: str) -> None:
-    status = os.lstat(place)
+def _write(file: BinaryIO, number: int, name: str, path: str) -> None:
+    status = os.lstat(path)
     data = b""
     if stat.S_ISLNK(status.st_mode):
-        data = os.readlink(place).encode()
+        data = os.readlink(path).encode()
     elif stat.S_ISREG(status.st_mode):
-        with open(place, "rb") as source:
+        with open(path, "rb") as source:
             data = source.read()
     elif not stat.S_ISDIR(status.st_mode):
         return

@@ -89,23 +89,23 @@ class Booted:
         images = [self._folder.file(name) for name in ("system", "job")]
         write_image(board, images[0])
         write_job(_script(job, self._mark), images[1])
-        whole = self._folder.file("whole")
-        with open(whole, "wb") as file:
+        output_file = self._folder.file("whole")
+        with open(output_file, "wb") as file:
             for path in images:
                 with open(path, "rb") as part:
                     shutil.copyfileobj(part, file)
-        return whole
+        return output_file
 
     def _read(self) -> None:
         assert self._process.stdout
         begun = False
         for line in self._process.stdout:
             text = line.decode("utf-8", "replace").rstrip()
-            before, mark, rest = text.partition(self._mark)
-            if mark and rest.strip() == "begin":
+            before, mark, remainder = text.partition(self._mark)
+            if mark and remainder.strip() == "begin":
                 begun = True
             elif mark:
-                self.status, begun = int(rest), False
+                self.status, begun = int(remainder), False
             elif begun:
                 self._lines.append(text)
                 if self._report:
