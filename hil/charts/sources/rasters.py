@@ -227,6 +227,8 @@ def _describe_raster(path: str, file: str, source: Any, positive: Positive, crs:
     local = np.column_stack(LocalPlane(float(latitude[0]), float(longitude[0])).to_local(latitude, longitude))
     spacing = float(np.hypot(*(local[1:] - local[0]).T).max())
     band = _band(source)
+    if source.colorinterp[band - 1].name in ("red", "palette") and source.dtypes[band - 1] == "uint8":
+        raise ConfigError(f"{path}: is a picture, whose colours are no depths: use the raster that it was drawn from")
     unit = _unit(path, source, band)
     is_upwards, note = _detect_direction(path, file, source, positive, band, unit)
     sign = -unit if is_upwards else unit

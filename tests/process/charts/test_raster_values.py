@@ -173,6 +173,16 @@ def test_a_grd_is_read_as_a_grid_of_gmt_or_of_surfer(driver: str, tmp_path: Path
     assert depth_of(open_raster(str(tmp_path / "bed.grd"), "up")) == MIDDLE
 
 
+def test_a_picture_with_a_position_is_refused(tmp_path: Path) -> None:
+    rasterio = pytest.importorskip("rasterio", reason="rasters need rasterio: pip install 'uuv-hil[raster]'")
+    where = {"crs": "EPSG:32632", "transform": rasterio.Affine(10, 0, 5e5, 0, -10, 6e6), "dtype": "uint8"}
+    path = str(tmp_path / "chart.tif")
+    with rasterio.open(path, "w", driver="GTiff", height=9, width=9, count=3, photometric="RGB", **where) as file:
+        file.write(np.full((3, 9, 9), 90, np.uint8))
+    with pytest.raises(ConfigError, match="is a picture, whose colours are no depths"):
+        open_raster(path)
+
+
 def test_heights_named_as_depths_are_not_made_land(tmp_path: Path) -> None:
     """Mostly below zero and named as depths, they may be heights. Folders and variables of a file name nothing."""
     folder = tmp_path / "depth maps"
