@@ -31,7 +31,7 @@ def test_a_slave_ends_cleanly_when_its_terminal_closes(tmp_path: Path) -> None:
         ended.extend([os.waitstatus_to_exitcode(status)] if found else [])
         return bool(found)
 
-    if not wait_for(has_ended, 5):
+    if not wait_for(has_ended):
         os.kill(pid, signal.SIGKILL)  # none is left running, whatever comes
         os.waitpid(pid, 0)
     assert ended == [0]

@@ -75,8 +75,8 @@ def test_both_recordings_hold_the_same_messages_of_all_topics(dive: tuple[Path, 
         numbers[topic].append(number)
     assert all(each == sorted(each) for each in numbers.values())
     missing = sum(each[-1] - each[0] + 1 - len(each) for each in numbers.values())
-    assert (f"{missing} did not come" if missing else "none lost") in reported
-    assert len(numbers["/uuv1/imu"]) > 100 > missing
+    assert (f"{missing} not received" if missing else "none lost") in reported
+    assert len(numbers["/uuv1/imu"]) > missing
     with AnyReader([received]) as reader:
         for connection, _, raw in reader.messages():
             reader.deserialize(raw, connection.msgtype)
