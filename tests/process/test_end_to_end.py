@@ -125,7 +125,7 @@ def test_external_vehicle_software_commands_the_thrusters(tmp_path: Path) -> Non
     scenario, port = write_scenario(tmp_path, top='controller = "external"', link=f'port = "pty:{device}"')
     with Program(tmp_path, "slave", scenario) as slave:
         slave.expect("waiting for your software")
-        ours = protocol()
+        own = protocol()
         client = VehicleClient(f"tcp/127.0.0.1:{port}", "uuv1")
         with client, serial.Serial(str(device), 115_200, timeout=0.1, exclusive=True) as wire:
             assert client.wait_for_vehicle(60)
@@ -134,9 +134,9 @@ def test_external_vehicle_software_commands_the_thrusters(tmp_path: Path) -> Non
 
             def moves_forward() -> bool:
                 command = ThrusterCommand(next(sequences), True, (1600, 1600, 1600, 1600, 1500, 1500))
-                wire.write(ours.encode(command))
+                wire.write(own.encode(command))
                 time.sleep(0.03)
-                received.extend(m for m in ours.feed(wire.read(wire.in_waiting)) if isinstance(m, ThrusterTelemetry))
+                received.extend(m for m in own.feed(wire.read(wire.in_waiting)) if isinstance(m, ThrusterTelemetry))
                 return surge_of(client) > 0.3 and received[-1].sequence >= 58 and received[-1].armed
 
             assert wait_for(moves_forward)

@@ -10,12 +10,12 @@ ROOT = Path(__file__).parents[2]
 PACKAGES = ("hil", "sim", "boards", "firmware_stub", "tools")
 ELSEWHERE = {"os", "memory", "webbrowser", "zenoh", "rasterio", "Image", "av"}  # whose `open` is of other things
 PACKED = {"gzip", "lzma", "bz2"}  # binary by default
-PLACES = {"open": 1, "fdopen": 1, "read_text": -1, "write_text": -1}  # function -> where its mode is, -1: no mode
+MODES = {"open": 1, "fdopen": 1, "read_text": -1, "write_text": -1}  # function -> where its mode is, -1: no mode
 
 
 def text_without_encoding(source: str) -> Iterator[int]:
     """Yield the lines of a module that open a file as text and leave the encoding to the locale."""
-    if not any(f"{place}(" in source for place in PLACES):  # parsing all modules takes seconds
+    if not any(f"{place}(" in source for place in MODES):  # parsing all modules takes seconds
         return
     for node in ast.walk(ast.parse(source)):
         if not isinstance(node, ast.Call):
@@ -23,11 +23,11 @@ def text_without_encoding(source: str) -> Iterator[int]:
         function = node.func
         name = function.attr if isinstance(function, ast.Attribute) else getattr(function, "id", "")
         owner = getattr(function.value, "id", "") if isinstance(function, ast.Attribute) else ""
-        if name not in PLACES or (name == "open" and owner in ELSEWHERE):
+        if name not in MODES or (name == "open" and owner in ELSEWHERE):
             continue
         if name == "write_text" and not owner and isinstance(function, ast.Name):  # hil.bench.record's own
             continue
-        place = 0 if name == "open" and isinstance(function, ast.Attribute) and owner not in PACKED else PLACES[name]
+        place = 0 if name == "open" and isinstance(function, ast.Attribute) and owner not in PACKED else MODES[name]
         modes = [keyword.value for keyword in node.keywords if keyword.arg == "mode"]
         modes += node.args[place : place + 1] if place >= 0 else []
         mode = modes[0].value if modes and isinstance(modes[0], ast.Constant) else "r" if owner not in PACKED else "rb"

@@ -34,14 +34,14 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 @pytest.fixture
 def builds(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
     """Record the resolution of each seabed that is gridded, not read from the cache."""
-    made: list[Any] = []
+    built: list[Any] = []
 
     def build_and_record(survey: Any, extent: Any, resolution: Any, progress: Any) -> Any:
-        made.append(resolution)
+        built.append(resolution)
         return build(survey, extent, resolution, progress)
 
     monkeypatch.setattr(module, "build", build_and_record)
-    return made
+    return built
 
 
 def test_a_chart_is_gridded_once_and_then_cached(tmp_path: Path, cache: Path, builds: list[Any]) -> None:

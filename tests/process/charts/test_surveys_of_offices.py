@@ -26,7 +26,7 @@ AXES = "".join(
 </gmd:MD_Dimension></gmd:axisDimensionProperties>"""
     for name in ("row", "column")
 )
-PLACE = f"""<gmi:MI_Metadata xmlns:gmi="http://www.isotc211.org/2005/gmi" xmlns:gmd="http://www.isotc211.org/2005/gmd"
+METADATA = f"""<gmi:MI_Metadata xmlns:gmi="http://www.isotc211.org/2005/gmi" xmlns:gmd="http://www.isotc211.org/2005/gmd"
  xmlns:gco="http://www.isotc211.org/2005/gco" xmlns:gml="http://www.opengis.net/gml/3.2">
 <gmd:spatialRepresentationInfo><gmd:MD_Georectified>{AXES}<gmd:cornerPoints>
 <gml:Point gml:id="id1"><gml:coordinates decimal="." cs="," ts=" ">500000,6000000 500150,6000150</gml:coordinates>
@@ -97,7 +97,7 @@ def varying_bag(path: Path) -> str:
         "uncertainty": (coarse, {"Minimum Uncertainty Value": 0.0, "Maximum Uncertainty Value": 0.0}),
         "varres_metadata": (table, {f"{end}_resolution_{axis}": step for end in ("min", "max") for axis in "xy"}),
         "varres_refinements": (refined, {"min_depth": -99.0, "max_depth": 0.0}),
-        "metadata": (np.frombuffer(PLACE.encode(), "S1"), {}),
+        "metadata": (np.frombuffer(METADATA.encode(), "S1"), {}),
     }
     with h5py.File(path, "w") as file:
         root = file.create_group("BAG_root")

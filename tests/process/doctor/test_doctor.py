@@ -63,11 +63,11 @@ def test_each_finding_is_one_line() -> None:
 
 
 def test_an_invalid_setting_is_a_problem() -> None:
-    done = run("paper_field", UUV_HIL_NATIVE="maybe")
-    assert done.returncode == 1
-    assert "problem  step" in done.stdout
-    assert "UUV_HIL_NATIVE='maybe'" in done.stdout
-    assert "-> unset UUV_HIL_NATIVE" in done.stdout
+    completed = run("paper_field", UUV_HIL_NATIVE="maybe")
+    assert completed.returncode == 1
+    assert "problem  step" in completed.stdout
+    assert "UUV_HIL_NATIVE='maybe'" in completed.stdout
+    assert "-> unset UUV_HIL_NATIVE" in completed.stdout
     assert run(UUV_HIL_NATIVE="maybe").returncode == 0  # nothing is needed yet
 
 
@@ -189,7 +189,7 @@ class Sour:
 
 
 @pytest.mark.parametrize(
-    ("old", "new", "topic", "words"),
+    ("old", "new", "topic", "message"),
     [
         ("[slave]", f"{NOWHERE}\n[slave]", "slave", "keys/a/ca.pem is not there; `uuv-hil keys add a`"),
         ("goal = [8, 7]", "goal = [800, 7]", "planner", "the goal (800.00 m north, 7.00 m east) is outside the map"),
@@ -202,7 +202,7 @@ class Sour:
     ],
 )  # fmt: skip
 def test_what_the_slave_or_the_planner_would_refuse_is_a_problem(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, topics: None, old: str, new: str, topic: str, words: str
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, topics: None, old: str, new: str, topic: str, message: str
 ) -> None:
     """Each is one problem with what to do about it, and nothing is raised."""
     (tmp_path / "wild.py").write_text(FAILING_PLANNER)
@@ -220,7 +220,7 @@ def test_what_the_slave_or_the_planner_would_refuse_is_a_problem(
     ]
     (finding,) = problems
     assert finding.topic == topic
-    assert words in finding.text
+    assert message in finding.text
     assert str(path) in finding.remedy or "uuv-hil keys" in finding.text or "correct the sensor" in finding.remedy
 
 

@@ -47,12 +47,12 @@ class Foxglove:
             self.services |= {service["name"]: service for service in text["services"]}
         return True
 
-    def until(self, found: Any) -> Any:
-        """Receive until `found()` is true; its value."""
-        value = found()
+    def until(self, find_value: Any) -> Any:
+        """Receive until `find_value()` is true; its value."""
+        value = find_value()
         while not value:
             self.receive()
-            value = found()
+            value = find_value()
         return value
 
     def receive_op(self, op: str) -> dict[str, Any]:

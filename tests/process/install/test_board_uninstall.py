@@ -113,7 +113,7 @@ def test_a_full_disk_leaves_every_file_unchanged(
 ) -> None:
     """The disk is full in the first file or in a later one, or the file size of the user is limited."""
     plant(root, LIMITS[1:], "uuv - rtprio 10\n")
-    before = [(found, found.read_bytes() if found.is_file() else None) for found in sorted(root.rglob("*"))]
+    before = [(file, file.read_bytes() if file.is_file() else None) for file in sorted(root.rglob("*"))]
     _, hard = limit = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (size, hard))
     try:
@@ -121,7 +121,7 @@ def test_a_full_disk_leaves_every_file_unchanged(
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, limit)
     assert capsys.readouterr().err.startswith(f"uuv-hil board: {path}: cannot be written: File too large; ")
-    assert [(found, found.read_bytes() if found.is_file() else None) for found in sorted(root.rglob("*"))] == before
+    assert [(file, file.read_bytes() if file.is_file() else None) for file in sorted(root.rglob("*"))] == before
     assert uninstall(root) == 2
     assert "nothing is installed on this machine" in capsys.readouterr().err
 

@@ -240,11 +240,11 @@ class TestPythonCan:
         """Its thread has room for fewer frames than the bus."""
         monkeypatch.setattr("hil.links.wires.virtual_bus.VirtualBus.fileno", can.BusABC.fileno)
         device, host = virtual_pair()
-        old, taken = records(bytes(8 * 400), 0), 0
+        old, written = records(bytes(8 * 400), 0), 0
         until(lambda: device._reader._messages.full() or not host.write(old[:16]))  # type: ignore[attr-defined]
-        taken += host.write(old)
-        assert taken
-        assert device.discard_received() >= taken
+        written += host.write(old)
+        assert written
+        assert device.discard_received() >= written
         new = pack_frame(EXTENDED)
         assert host.write(new) == len(new)
         assert read_bytes(device, len(new)) == new

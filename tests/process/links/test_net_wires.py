@@ -11,7 +11,7 @@ from hil.links.wires.net import TcpHostWire, TcpWire, UdpHostWire, UdpWire
 from tests.support.links.link_contract import EVERY_BYTE, nothing_leaks, read_bytes, wait_readable
 from tests.support.processes import free_port
 
-HERE = "127.0.0.1"
+HOST = "127.0.0.1"
 
 
 @pytest.fixture(autouse=True)
@@ -39,7 +39,7 @@ class TestTcp:
         descriptor = tcp.fileno()
         for chunk in (b"one", b"two", b"three"):
             assert tcp.write(b"nobody is there") == 0
-            host = TcpHostWire(HERE, tcp.port)
+            host = TcpHostWire(HOST, tcp.port)
             host.write(chunk)
             assert read_bytes(tcp, len(chunk)) == chunk
             tcp.write(chunk)
@@ -51,7 +51,7 @@ class TestTcp:
         assert tcp.fileno() == descriptor, "a loop may have registered it"
 
     def test_a_second_peer_is_disconnected(self, tcp: TcpWire) -> None:
-        first, second = TcpHostWire(HERE, tcp.port), TcpHostWire(HERE, tcp.port)
+        first, second = TcpHostWire(HOST, tcp.port), TcpHostWire(HOST, tcp.port)
         first.write(b"mine")
         assert read_bytes(tcp, 4) == b"mine"
         assert wait_readable(tcp)
@@ -66,14 +66,14 @@ class TestTcp:
         second.close()
 
     def test_writing_to_a_closed_peer_writes_nothing(self, tcp: TcpWire) -> None:
-        host = TcpHostWire(HERE, tcp.port)
+        host = TcpHostWire(HOST, tcp.port)
         host.write(b"x")
         assert read_bytes(tcp, 1) == b"x"
         host.close()
         assert [tcp.write(b"telemetry") for _ in range(3)][-1] == 0
 
     def test_socket_options_send_at_once_and_limit_retries(self, tcp: TcpWire) -> None:
-        host = TcpHostWire(HERE, tcp.port)
+        host = TcpHostWire(HOST, tcp.port)
         with socket.socket(fileno=socket.dup(host.fileno())) as same:
             assert same.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)
             assert same.getsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT) == 2000
@@ -85,20 +85,20 @@ class TestTcp:
 
     def test_a_missing_listener_is_reported(self) -> None:
         port = free_port()
-        with pytest.raises(DeviceError, match=rf"^tcp://{HERE}:{port}: .*refused; start the end that listens first"):
-            TcpHostWire(HERE, port)
+        with pytest.raises(DeviceError, match=rf"^tcp://{HOST}:{port}: .*refused; start the end that listens first"):
+            TcpHostWire(HOST, port)
 
     def test_a_port_in_use_is_reported(self, tcp: TcpWire) -> None:
-        with pytest.raises(DeviceError, match=rf"^tcp://{HERE}:{tcp.port}: cannot listen: Address already in use"):
-            TcpWire(HERE, tcp.port)
+        with pytest.raises(DeviceError, match=rf"^tcp://{HOST}:{tcp.port}: cannot listen: Address already in use"):
+            TcpWire(HOST, tcp.port)
 
     def test_the_port_is_free_again_at_once(self) -> None:
         first = TcpWire()
-        host = TcpHostWire(HERE, first.port)
+        host = TcpHostWire(HOST, first.port)
         wait_readable(first)
         first.read()
         first.close()
-        again = TcpWire(HERE, first.port)
+        again = TcpWire(HOST, first.port)
         assert again.name == first.name
         again.close()
         host.close()
@@ -112,7 +112,7 @@ class TestUdp:
     def test_one_write_is_one_datagram(self, udp: UdpWire) -> None:
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as peer:
             peer.settimeout(60.0)
-            peer.sendto(b"hello", (HERE, udp.port))
+            peer.sendto(b"hello", (HOST, udp.port))
             assert read_bytes(udp, 5) == b"hello"
             for data in (b"one", EVERY_BYTE):
                 udp.write(data)
@@ -120,7 +120,7 @@ class TestUdp:
 
     def test_nothing_is_sent_before_a_peer_has_sent(self, udp: UdpWire) -> None:
         assert udp.write(b"telemetry") == 0
-        host = UdpHostWire(HERE, udp.port)
+        host = UdpHostWire(HOST, udp.port)
         assert wait_readable(udp)
         assert udp.read() == b"", "the greeting is empty"
         assert udp.write(b"telemetry") == 9
@@ -130,7 +130,7 @@ class TestUdp:
     def test_another_sender_is_ignored_until_the_first_times_out(
         self, udp: UdpWire, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        first, second = UdpHostWire(HERE, udp.port), UdpHostWire(HERE, udp.port)
+        first, second = UdpHostWire(HOST, udp.port), UdpHostWire(HOST, udp.port)
         first.write(b"a")
         assert read_bytes(udp, 1) == b"a"
         second.write(b"b")
@@ -148,7 +148,7 @@ class TestUdp:
         second.close()
 
     def test_the_host_receives_only_from_its_device(self, udp: UdpWire) -> None:
-        host = UdpHostWire(HERE, udp.port)
+        host = UdpHostWire(HOST, udp.port)
         wait_readable(udp)
         udp.read()
         with (
@@ -162,12 +162,12 @@ class TestUdp:
 
     def test_a_restarted_device_is_received_again(self) -> None:
         device = UdpWire()
-        host = UdpHostWire(HERE, device.port)
+        host = UdpHostWire(HOST, device.port)
         device.close()
         for _ in range(5):
             assert host.write(b"anybody?") in (0, 8)
             assert host.read() == b""
-        second_wire = UdpWire(HERE, device.port)
+        second_wire = UdpWire(HOST, device.port)
         while host.write(b"there") == 0:
             pass
         assert read_bytes(second_wire, 5) == b"there"
@@ -175,20 +175,20 @@ class TestUdp:
         second_wire.close()
 
     def test_many_datagrams_are_read_at_once(self, udp: UdpWire) -> None:
-        host = UdpHostWire(HERE, udp.port)
+        host = UdpHostWire(HOST, udp.port)
         for byte in EVERY_BYTE[:20]:
             host.write(bytes([byte]))
         assert udp.read() == EVERY_BYTE[:20]
         host.close()
 
     def test_a_datagram_that_is_too_long_is_not_sent(self, udp: UdpWire) -> None:
-        host = UdpHostWire(HERE, udp.port)
+        host = UdpHostWire(HOST, udp.port)
         assert host.write(bytes(70_000)) == 0
         host.close()
 
     def test_a_port_in_use_is_reported(self, udp: UdpWire) -> None:
-        with pytest.raises(DeviceError, match=rf"^udp://{HERE}:{udp.port}: cannot listen: Address already in use"):
-            UdpWire(HERE, udp.port)
+        with pytest.raises(DeviceError, match=rf"^udp://{HOST}:{udp.port}: cannot listen: Address already in use"):
+            UdpWire(HOST, udp.port)
 
     def test_an_unknown_host_is_reported(self) -> None:
         with pytest.raises(DeviceError, match=r"^udp://no\.such\.host\.invalid:1: "):

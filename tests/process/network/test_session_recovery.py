@@ -62,8 +62,8 @@ class Peers(NamedTuple):
 
         def times() -> list[float] | None:
             meanwhile()
-            found = self.slave.time_of("master", alive, starts[0]), self.master.time_of("slave", alive, starts[1])
-            return None if None in found else [at for at in found if at is not None]
+            times = self.slave.time_of("master", alive, starts[0]), self.master.time_of("slave", alive, starts[1])
+            return None if None in times else [at for at in times if at is not None]
 
         found = wait_for(times)
         assert found, f"not seen as {'present' if alive else 'lost'}: {self.slave.events}, {self.master.events}"
@@ -123,12 +123,12 @@ def test_both_ends_detect_a_silent_link_and_recover() -> None:
         peers.relay.release()
         assert wait_for(lambda: command() > executed + 5)
         commanded = peers.clock.seconds
-        found = peers.await_events(True, events)
+        times = peers.await_events(True, events)
         peers.slave.session.close()
         # Its reader may still handle a command, which needs the receiver's descriptor.
         assert wait_for(lambda: "reader cmd_vel" not in {thread.name for thread in threading.enumerate()})
     assert lost - start < LOSS_S
-    assert max(found, commanded) - end < FOUND_S
+    assert max(times, commanded) - end < FOUND_S
     # The age is measured against the fastest command so far; a drift of the clocks is allowed for.
     ages_ns = [delay - fastest for delay, fastest in zip(delays_ns, accumulate(delays_ns, min), strict=True)]
     assert max(ages_ns) < (AGE_LIMIT_S + 0.01) * 1e9

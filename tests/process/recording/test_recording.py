@@ -171,16 +171,16 @@ def test_the_scenario_is_read_from_a_recording(tmp_path: Path) -> None:
     with Recorder(str(tmp_path / "bag"), SMALL, about, files) as recorder:
         recorder.put(imu(1))
     before = set(os.listdir(cache)) if cache.exists() else set()
-    found = read_about(str(tmp_path / "bag"))
-    assert found.facts["board"] == "raspberry_pi_4b"
-    assert {"uuv_hil_version", "python_version", "scenario", "node", "seed", "vehicle", "world"} <= set(found.facts)
-    run = read_run(found, "bag")
+    info = read_about(str(tmp_path / "bag"))
+    assert info.facts["board"] == "raspberry_pi_4b"
+    assert {"uuv_hil_version", "python_version", "scenario", "node", "seed", "vehicle", "world"} <= set(info.facts)
+    run = read_run(info, "bag")
     assert run
     assert run.scenario.seed == 42
     assert run.scenario.start == scenario.start
     assert (run.vehicle.name, run.world.name) == ("paper_six", "paper_field")
     assert not {name for name in os.listdir(cache) if "uuv-hil-" in name} - before, "no litter"
-    damaged = found._replace(attachments=found.attachments | {"vehicle.toml": "mass = 3"})
+    damaged = info._replace(attachments=info.attachments | {"vehicle.toml": "mass = 3"})
     with pytest.raises(ConfigError, match="bag: what it says of its run"):
         read_run(damaged, "bag")
 
@@ -211,12 +211,12 @@ def test_classes_of_a_recording_are_loaded_only_on_request(
     files["scenario.toml"] += "\n" + section.format(name)
     with Recorder(str(tmp_path / "bag"), SMALL, about, files) as recorder:
         recorder.put(imu(1))
-    found = read_about(str(tmp_path / "bag"))
+    info = read_about(str(tmp_path / "bag"))
     with pytest.raises(ConfigError, match=rf"'{name}:\w+' is not loaded: .*--own-classes, only if you trust"):
-        read_run(found, "bag")
+        read_run(info, "bag")
     assert not (tmp_path / "trace").exists()
     monkeypatch.setattr(sys, "path", [*sys.path])
-    run = read_run(found, "bag", own_classes=True)
+    run = read_run(info, "bag", own_classes=True)
     assert run
     assert run.scenario.force or "mine" in run.scenario.sensors
     assert (tmp_path / "trace").exists()

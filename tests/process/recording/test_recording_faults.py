@@ -31,17 +31,17 @@ def test_a_truncated_file_is_read_up_to_its_end(tmp_path: Path) -> None:
     for message in messages:
         file.write(message)
     file.close()
-    whole, torn = path.read_bytes(), tmp_path / "torn.mcap"
+    content, torn = path.read_bytes(), tmp_path / "torn.mcap"
     rng, max_lost = random.Random(5), 0
     for _ in range(60):
-        cut = rng.randrange(1500, len(whole))
+        cut = rng.randrange(1500, len(content))
         garbage = bytes(rng.randrange(256) for _ in range(rng.choice((0, 4096))))
-        torn.write_bytes(whole[:cut] + garbage)
+        torn.write_bytes(content[:cut] + garbage)
         found = list(read_messages(str(torn)))
         assert found == messages[: len(found)]
         max_lost = max(max_lost, len(found))
     assert max_lost > 600
-    for broken in (b"", b"\x89MCAP0\r\n", b"not a recording", whole[:20]):
+    for broken in (b"", b"\x89MCAP0\r\n", b"not a recording", content[:20]):
         torn.write_bytes(broken)
         with pytest.raises(ConfigError, match=r"torn\.mcap"):
             list(read_messages(str(torn)))

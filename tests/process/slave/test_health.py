@@ -44,13 +44,13 @@ def test_a_histogram_counts_since_an_earlier_state() -> None:
 
 
 def test_skipped_steps_are_reported_at_once_and_then_once_a_minute() -> None:
-    skipped, began = SkippedSteps(), 5 * NS_PER_S
-    assert not skipped.line(0, 0, began)
-    assert "651 steps skipped, 651 since the start, at most 917 ms late" in skipped.line(651, 917 * NS_PER_MS, began)
-    assert not skipped.line(651, 917 * NS_PER_MS, began + SKIPPED_PERIOD_NS)
-    assert skipped.line(700, 917 * NS_PER_MS, began + SKIPPED_PERIOD_NS)
-    assert not skipped.line(710, 917 * NS_PER_MS, began + SKIPPED_PERIOD_NS + NS_PER_S)
-    assert "30 steps skipped, 730" in skipped.line(730, 917 * NS_PER_MS, began + 2 * SKIPPED_PERIOD_NS)
+    skipped, start_ns = SkippedSteps(), 5 * NS_PER_S
+    assert not skipped.line(0, 0, start_ns)
+    assert "651 steps skipped, 651 since the start, at most 917 ms late" in skipped.line(651, 917 * NS_PER_MS, start_ns)
+    assert not skipped.line(651, 917 * NS_PER_MS, start_ns + SKIPPED_PERIOD_NS)
+    assert skipped.line(700, 917 * NS_PER_MS, start_ns + SKIPPED_PERIOD_NS)
+    assert not skipped.line(710, 917 * NS_PER_MS, start_ns + SKIPPED_PERIOD_NS + NS_PER_S)
+    assert "30 steps skipped, 730" in skipped.line(730, 917 * NS_PER_MS, start_ns + 2 * SKIPPED_PERIOD_NS)
 
 
 def test_a_paused_slave_reports_its_skipped_steps(tmp_path: Path) -> None:
@@ -103,16 +103,16 @@ def test_recent_lateness_covers_only_the_last_period() -> None:
 
     for _ in range(400):
         lateness.add(29 * NS_PER_MS)
-    began = NS_PER_S
-    assert figures_at(began)[1] >= 29_000
+    start_ns = NS_PER_S
+    assert figures_at(start_ns)[1] >= 29_000
     for _ in range(400):
         lateness.add(50_000)
-    assert figures_at(began + 100 * NS_PER_MS)[1] >= 29_000, "there was news: the same second still"
-    p50, _, worst = figures_at(began + NS_PER_S)
+    assert figures_at(start_ns + 100 * NS_PER_MS)[1] >= 29_000, "there was news: the same second still"
+    p50, _, worst = figures_at(start_ns + NS_PER_S)
     assert 50 <= p50 <= worst <= 63
     for _ in range(400):
         lateness.add(71 * NS_PER_MS)
-    assert figures_at(began + 2 * NS_PER_S)[2] >= 71_000
+    assert figures_at(start_ns + 2 * NS_PER_S)[2] >= 71_000
 
 
 def test_an_unknown_board_is_named_by_its_architecture_and_host() -> None:

@@ -54,7 +54,7 @@ class Bench:
     def __init__(self) -> None:
         self.bus = MemoryBus()
         self.nodes: list[Any] = []
-        self.ends: list[Any] = []
+        self.link_ends: list[Any] = []
         self.now_ns = 0
 
     def __enter__(self) -> "Bench":
@@ -75,7 +75,7 @@ class Bench:
     def device(self, channels: int = 6, **settings: Any) -> Stm32End:
         link = ThrusterLink(self.bus.wire(), open_dronecan("device", channels, **settings))
         end = Stm32End(Stm32(channels), link)
-        self.ends.append(end)
+        self.link_ends.append(end)
         return end
 
     def host(self, channels: int = 6, **settings: Any) -> ThrusterLink:
@@ -85,7 +85,7 @@ class Bench:
         for _ in range(round(seconds * 200)):
             self.now_ns += 5 * MS
             for _ in range(2):  # there and back
-                for end in self.ends:
+                for end in self.link_ends:
                     end.service(self.now_ns)
                 for node in self.nodes:
                     node.spin(0)

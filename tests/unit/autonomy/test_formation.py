@@ -197,14 +197,14 @@ def test_four_vehicles_that_swap_corners_do_not_collide(seed: int) -> None:
         measured = [noise.measured(position) for position in positions]
         expected = [
             resultant(
-                here,
+                own_position,
                 goals[k],
                 ORIGIN,
                 [Body(p, min_separation) for p in (*measured[:k], *measured[k + 1 :])],
                 [],
                 settings,
             )
-            for k, here in enumerate(measured)
+            for k, own_position in enumerate(measured)
         ]
         positions = [(p[0] + v[0] * step, p[1] + v[1] * step) for p, v in zip(positions, expected, strict=True)]
         least = min(least, separation(positions))

@@ -27,18 +27,18 @@ VFH = VfhSettings(radius=RADIUS)
 SETTINGS = GuideSettings(VFH)
 FIELD = Extent(-3.0, -3.0, 28.0, 28.0)
 BEAMS = 91
-SPREAD = math.radians(240.0)
+FOV = math.radians(240.0)
 
 
 def scan(discs: list[Disc], position: Point, heading: float, noise: Callable[[], float] = lambda: 0.0) -> Scan:
     """Return what a laser with 240 degrees and 91 beams measures up to 8 m."""
     north, east, radius = np.array(discs or [(1e6, 1e6, 1.0)]).T
-    angles = heading - SPREAD / 2.0 + SPREAD / (BEAMS - 1) * np.arange(BEAMS)
+    angles = heading - FOV / 2.0 + FOV / (BEAMS - 1) * np.arange(BEAMS)
     along = np.outer(np.cos(angles), north - position[0]) + np.outer(np.sin(angles), east - position[1])
     aside = np.hypot(north - position[0], east - position[1]) ** 2 - along**2
     hit = (aside < radius**2) & (along > 0.0)
     ranges = np.where(hit, along - np.sqrt(np.maximum(radius**2 - aside, 0.0)), np.inf).min(axis=1)
-    return Scan(-SPREAD / 2.0, SPREAD / (BEAMS - 1), [float(d) + noise() if d < 8.0 else math.inf for d in ranges])
+    return Scan(-FOV / 2.0, FOV / (BEAMS - 1), [float(d) + noise() if d < 8.0 else math.inf for d in ranges])
 
 
 class PointMass:
@@ -46,12 +46,12 @@ class PointMass:
 
     def __init__(self, position: Point, heading: float) -> None:
         self.position, self.heading = position, heading
-        self.surge = self.turn = 0.0
+        self.surge = self.turn_rate = 0.0
 
     def advance(self, command: VelocityCommand) -> None:
         self.surge += (command.surge - self.surge) * STEP / 0.3
-        self.turn += (command.yaw_rate - self.turn) * STEP / 0.3
-        self.heading += self.turn * STEP
+        self.turn_rate += (command.yaw_rate - self.turn_rate) * STEP / 0.3
+        self.heading += self.turn_rate * STEP
         north, east = self.position
         self.position = (
             north + self.surge * math.cos(self.heading) * STEP,

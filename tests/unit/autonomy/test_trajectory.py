@@ -22,14 +22,14 @@ WIDE = Limits(speed=2.0, vertical_speed=2.0, yaw_rate=2.0, acceleration=0.3, lat
 COORDINATES = st.floats(-20.0, 20.0)
 POINTS = st.tuples(COORDINATES, COORDINATES, st.floats(1.0, 10.0))
 HEADINGS = st.floats(-math.pi, math.pi)
-WAY = [(0.0, 0.0, 3.0), (10.0, 2.0, 4.0), (14.0, 12.0, 6.0), (5.0, 15.0, 5.0), (0.0, 25.0, 5.0)]
+WAYPOINTS = [(0.0, 0.0, 3.0), (10.0, 2.0, 4.0), (14.0, 12.0, 6.0), (5.0, 15.0, 5.0), (0.0, 25.0, 5.0)]
 CURVES: dict[str, Curve] = {
     "straight": Chain([straight((1.0, 2.0, 3.0), (9.0, -4.0, 5.0))]),
-    "spline": Spline(WAY),
+    "spline": Spline(WAYPOINTS),
     "dubins": dubins(Pose((0.0, 0.0, 2.0), 1.0), Pose((15.0, 5.0, 6.0), -2.0), 2.0),
     "helix": helix((5.0, 5.0, 2.0), 3.0, -2.5, 6.0, 0.7),
     "circle": circle((5.0, 5.0, 2.0), 3.0),
-    "polyline": polyline(WAY),
+    "polyline": polyline(WAYPOINTS),
 }
 
 
@@ -133,7 +133,7 @@ def test_a_spline_passes_through_its_points_without_jumps(points: list[tuple[flo
     assert all(math.dist(a.position, b.position) <= step * (1.0 + 1e-6) for a, b in pairwise(samples))
 
 
-@pytest.mark.parametrize("points", [WAY, OUT_AND_BACK, STRAIGHT_BACK], ids=["open", "narrow bends", "cusps"])
+@pytest.mark.parametrize("points", [WAYPOINTS, OUT_AND_BACK, STRAIGHT_BACK], ids=["open", "narrow bends", "cusps"])
 def test_a_splines_length_is_that_of_its_chords(points: list[tuple[float, float, float]]) -> None:
     """The length is that of the chords between 200,000 points, which quadrature with a few nodes misses near a cusp."""
     numpy = pytest.importorskip("numpy")
@@ -149,10 +149,10 @@ def test_a_splines_length_is_that_of_its_chords(points: list[tuple[float, float,
 def test_a_spline_agrees_with_scipy() -> None:
     interpolate = importlib.import_module("scipy.interpolate")  # it has no type information
     knots = [0.0]
-    for a, b in pairwise(WAY):
+    for a, b in pairwise(WAYPOINTS):
         knots.append(knots[-1] + math.dist(a, b))
-    reference = interpolate.CubicSpline(knots, WAY, bc_type="natural")
-    curve = Spline(WAY)
+    reference = interpolate.CubicSpline(knots, WAYPOINTS, bc_type="natural")
+    curve = Spline(WAYPOINTS)
     fine = [reference(knots[-1] * number / 20000) for number in range(20001)]
     along = [0.0]
     for a, b in pairwise(fine):
@@ -191,12 +191,12 @@ def test_no_other_three_segments_are_shorter_than_dubins(
     goal = Pose((north, east, 0.0), toward)
     shortest = dubins(Pose((0.0, 0.0, 0.0), heading), goal, 1.0).length
     assert shortest >= math.hypot(north, east) - 1e-9
-    for turn in (-1.0, 0.0, 1.0):
+    for heading_rate in (-1.0, 0.0, 1.0):
         for length in (0.3, 1.0, 2.5):
             on = (
                 circle((0.0, 0.0, 0.0), 1.0)
                 .pieces[0]
-                ._replace(start=(0.0, 0.0, 0.0), heading=heading, heading_rate=turn, length=length)
+                ._replace(start=(0.0, 0.0, 0.0), heading=heading, heading_rate=heading_rate, length=length)
                 .at(length)
             )
             if math.dist(on.position[:2], (north, east)) > 1e-3:
@@ -305,8 +305,8 @@ def test_a_dubins_path_stays_within_its_own_limits() -> None:
 
 def test_a_waypoint_file_is_read(tmp_path: Any) -> None:
     path = os.path.join(tmp_path, "way.toml")
-    text = "".join(f"[[waypoint]]\nnorth = {n}\neast = {e}\ndepth = {d}\n" for n, e, d in WAY)
-    for smooth, length in (("", polyline(WAY).length), ("smooth = true\n", Spline(WAY).length)):
+    text = "".join(f"[[waypoint]]\nnorth = {n}\neast = {e}\ndepth = {d}\n" for n, e, d in WAYPOINTS)
+    for smooth, length in (("", polyline(WAYPOINTS).length), ("smooth = true\n", Spline(WAYPOINTS).length)):
         with open(path, "w", encoding="utf-8") as file:
             file.write(smooth + text)
         assert read_waypoints(path).length == pytest.approx(length)
@@ -324,11 +324,11 @@ def write(path: str, text: str) -> str:
 
 def test_a_csv_waypoint_file_is_read(tmp_path: Any) -> None:
     """The file has columns in any order, a comment, an empty line, a byte order mark and numbers with their unit."""
-    rows = "".join(f"{d} m, {n},{e}\n" for n, e, d in WAY)
+    rows = "".join(f"{d} m, {n},{e}\n" for n, e, d in WAYPOINTS)
     waypoints = read_waypoints(write(os.path.join(tmp_path, "way.csv"), f"\ufeffdepth,north, east\n# my way\n\n{rows}"))
-    assert waypoints.length == polyline(WAY).length
-    assert waypoints.at(0.0).position == WAY[0]
-    assert waypoints.at(waypoints.length).position == pytest.approx(WAY[-1])
+    assert waypoints.length == polyline(WAYPOINTS).length
+    assert waypoints.at(0.0).position == WAYPOINTS[0]
+    assert waypoints.at(waypoints.length).position == pytest.approx(WAYPOINTS[-1])
 
 
 @pytest.mark.parametrize(

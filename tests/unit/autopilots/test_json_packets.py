@@ -11,7 +11,7 @@ from hil.autopilots.json_packets import JsonState, ServoPacket, decode_servos, e
 from tests.support.autopilots.ardupilot_peer import MAGICS, encode_servos
 from tests.support.autopilots.captured import needs_captures, rows
 
-REST = JsonState(1.5, (0.1, -0.2, 0.3), (0.0, 0.0, -9.80665), (1.0, 2.0, 3.0), (0.0, 0.0, 0.1), (1.0, 0.0, 0.0, 0.0))
+AT_REST = JsonState(1.5, (0.1, -0.2, 0.3), (0.0, 0.0, -9.80665), (1.0, 2.0, 3.0), (0.0, 0.0, 0.1), (1.0, 0.0, 0.0, 0.0))
 
 
 @pytest.mark.parametrize("channels", MAGICS)
@@ -33,7 +33,7 @@ def scan(text: str, section: str, key: str) -> str:
 
 
 def test_a_state_is_read_by_a_parser_like_ardupilots() -> None:
-    full = REST._replace(ranges=(4.25,), rc=(1500, 1600), battery=(16.1, 2.5), geodetic=(50.0, 8.0, -3.0))
+    full = AT_REST._replace(ranges=(4.25,), rc=(1500, 1600), battery=(16.1, 2.5), geodetic=(50.0, 8.0, -3.0))
     text = encode_state(full).decode()
     assert text[0] == text[-1] == "\n"
     assert " " not in text
@@ -50,7 +50,7 @@ def test_a_state_is_read_by_a_parser_like_ardupilots() -> None:
 
 
 def test_sensors_that_are_not_fitted_are_omitted() -> None:
-    assert set(json.loads(encode_state(REST))) == {"timestamp", "imu", "position", "velocity", "quaternion"}
+    assert set(json.loads(encode_state(AT_REST))) == {"timestamp", "imu", "position", "velocity", "quaternion"}
 
 
 @given(st.binary(max_size=100))
@@ -83,4 +83,4 @@ def test_recorded_packets_are_decoded(frame: str) -> None:
     assert 0 in pulses  # no output while it boots
     assert {1400, 1600} <= pulses
     names = [set(json.loads(row.data)) for row in rows(f"ardusub_{frame}_physics") if row.direction == "sim>ap"]
-    assert all(found <= set(json.loads(encode_state(REST))) for found in names)
+    assert all(found <= set(json.loads(encode_state(AT_REST))) for found in names)

@@ -70,7 +70,7 @@ def test_the_slaves_label_is_printed_below_the_figures() -> None:
 def test_the_table_is_rendered_as_text() -> None:
     text = table.render(build())
     joined_text = " ".join(text.split())  # cells are broken into lines where the terminal is narrow
-    for word in (
+    for expected in (
         "2.0% of a core",
         "0.080 s",
         "20.0 MiB, 0.98% of 2 GiB (12.0 MiB PSS)",
@@ -79,7 +79,7 @@ def test_the_table_is_rendered_as_text() -> None:
         "wire: /dev/pts/9, a pseudo terminal, which carries a frame of 22 bytes at once;",
         "; a UART at 115200 baud would add 1.9 ms",
     ):
-        assert word in joined_text
+        assert expected in joined_text
     assert not re.search(r"\d x|better", text), "loopback here, a wlan there: no ratio"
     lines = [line for line in text.split("\n\n")[0].splitlines()[2:] if line[:13].strip()]
     rows = {line[:13].strip(): re.split("  +", line)[1:3] for line in lines[:4]}

@@ -39,7 +39,7 @@ TASKS = [
 
 numbers = st.floats(-1e3, 1e3)
 ranges = st.one_of(st.floats(0.0, 30.0), st.sampled_from([math.inf, -math.inf, math.nan, -1.0]))
-places = st.tuples(st.floats(-5.0, 25.0), st.floats(-5.0, 25.0), st.floats(0.0, 10.0))
+points = st.tuples(st.floats(-5.0, 25.0), st.floats(-5.0, 25.0), st.floats(0.0, 10.0))
 piles = st.lists(
     st.builds(
         Cylinder,
@@ -78,7 +78,7 @@ def planners() -> list[Planner]:
 
 
 @examples(40)
-@given(piles, st.lists(st.tuples(places, st.floats(-4.0, 4.0), st.lists(ranges, min_size=2, max_size=40)), max_size=6))
+@given(piles, st.lists(st.tuples(points, st.floats(-4.0, 4.0), st.lists(ranges, min_size=2, max_size=40)), max_size=6))
 def test_commands_stay_within_limits_for_any_input(cylinders: list[Cylinder], reported: list[Any]) -> None:
     """Any position, heading and scan comes, in any order, with non-finite echoes among them."""
     for planner in planners():
@@ -152,11 +152,11 @@ class SentPlanner(Planner):
     """A planner that encodes and decodes each sample as on the network, and compares both planners' commands."""
 
     def __init__(self, planner: Planner, reference: Planner) -> None:
-        self.here, self.reference = planner, reference
+        self.tested, self.reference = planner, reference
         self.commands = 0
 
     def begin(self, request: PlanRequest) -> None:
-        self.here.begin(request)
+        self.tested.begin(request)
         self.reference.begin(request)
 
     def command(self, time: float, samples: Samples) -> VelocityCommand | Done:
@@ -166,15 +166,15 @@ class SentPlanner(Planner):
                 decode = ros.decoder(name)
                 if name in topics:
                     received[name] = decode(payload) if decode else None
-        answer, other = self.here.command(time, samples), self.reference.command(time, received)
-        if isinstance(answer, VelocityCommand):
+        command, other = self.tested.command(time, samples), self.reference.command(time, received)
+        if isinstance(command, VelocityCommand):
             assert isinstance(other, VelocityCommand)
-            assert other[:4] == pytest.approx(answer[:4], abs=2e-3)
-            assert other.depth == answer.depth
+            assert other[:4] == pytest.approx(command[:4], abs=2e-3)
+            assert other.depth == command.depth
             self.commands += 1
         else:
-            assert other == answer
-        return answer
+            assert other == command
+        return command
 
 
 def test_a_missing_sample_is_reported_by_name() -> None:

@@ -7,10 +7,10 @@ from hypothesis import strategies as st
 from hil.ros import message as ros_message
 from hil.ros.plan import MAX_POINTS, TYPE, decode_plan, encode_plan
 
-PLACES = st.tuples(*[st.floats(-1e4, 1e4)] * 3)
+POINTS = st.tuples(*[st.floats(-1e4, 1e4)] * 3)
 
 
-@given(st.lists(PLACES, max_size=20))
+@given(st.lists(POINTS, max_size=20))
 def test_a_path_survives_a_round_trip(path: list[tuple[float, float, float]]) -> None:
     assert decode_plan(encode_plan(0, path, 2.0)) == tuple(path)
 

@@ -19,13 +19,13 @@ def test_samples_are_encoded_for_their_declared_topics() -> None:
     world = load_world("paper_field")._replace(origin=(57.7, 11.9))
     simulation = Simulation(load_vehicle("bluerov2")[0], world, position=(0.0, 0.0, 3.0), sensors=sensors)
     variances = error_variances(sensors, world)
-    found: dict[str, tuple[str, ...]] = {}
+    by_name: dict[str, tuple[str, ...]] = {}
     while simulation.time_ns < 2_000_000_000:
         for name, sample in simulation.step((1500,) * 6):
-            found[name] = tuple(topic for topic, _ in ros.encoder(name)(sample, "", *variances.get(name, ())))
-    assert set(found) >= {each.sensor.topic for name, each in sensors.items() if name != "usbl"}
-    assert found == {name: sample_topics(name) for name in found}
-    assert {topic for topics in found.values() for topic in topics} <= set(TOPICS)
+            by_name[name] = tuple(topic for topic, _ in ros.encoder(name)(sample, "", *variances.get(name, ())))
+    assert set(by_name) >= {each.sensor.topic for name, each in sensors.items() if name != "usbl"}
+    assert by_name == {name: sample_topics(name) for name in by_name}
+    assert {topic for topics in by_name.values() for topic in topics} <= set(TOPICS)
 
 
 def test_image_topics_are_declared_with_the_first_sample() -> None:

@@ -10,9 +10,9 @@ from tests.support.examples import examples
 WIDE = Extent(-25_000.0, -25_000.0, 25_000.0, 25_000.0)
 
 
-def cells(part: MapPart) -> float:
-    extent = part.extent
-    return (extent.north - extent.south) * (extent.east - extent.west) / part.resolution**2
+def cells(map_part: MapPart) -> float:
+    extent = map_part.extent
+    return (extent.north - extent.south) * (extent.east - extent.west) / map_part.resolution**2
 
 
 def test_a_small_world_or_one_without_points_is_shown_completely() -> None:

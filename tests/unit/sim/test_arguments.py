@@ -58,9 +58,9 @@ class NoWrench:
     ],
 )
 def test_a_simulation_refuses_other_types(arguments: dict[str, Any], message: str) -> None:
-    given = {"vehicle": SIX, "world": POOL, "position": PLACE, **arguments}
+    vehicle = {"vehicle": SIX, "world": POOL, "position": PLACE, **arguments}
     with pytest.raises(ConfigError, match=f"^{message}"):
-        Simulation(**given)
+        Simulation(**vehicle)
 
 
 def test_a_failure_of_another_type_is_refused_during_a_run() -> None:

@@ -28,7 +28,7 @@ from tests.support.processes import wait_for
 NEUTRAL = (1500,) * 6
 WATCHDOG_NS = NS_PER_S
 COMMAND = ThrusterCommand(1, True, NEUTRAL)
-ANSWER = ThrusterTelemetry(1, True, False, NEUTRAL, 0, 1, 0, 0)
+TELEMETRY = ThrusterTelemetry(1, True, False, NEUTRAL, 0, 1, 0, 0)
 SILENT = "/dev/bench: the STM32 has not answered for 0.5 s; check wiring, baud, protocol"
 
 
@@ -64,14 +64,14 @@ class Bed:
         assert wait_for(output), self.output
 
     def receive(self, seconds: float) -> None:
-        self.bench.reports = [ANSWER]
+        self.bench.reports = [TELEMETRY]
         self.check_after(seconds)
 
 
 @pytest.mark.usefixtures("stop_clock")
 def test_a_silent_stm32_is_reported_once_and_so_is_its_return() -> None:
     bed = Bed()
-    for began in (0.0, 10.0):
+    for start_s in (0.0, 10.0):
         bed.driver.send(COMMAND)
         bed.check_after(0.4)
         assert not bed.driver.is_silent
@@ -79,7 +79,7 @@ def test_a_silent_stm32_is_reported_once_and_so_is_its_return() -> None:
         for later in (0.6, 0.8, 5.0):
             bed.driver.send(COMMAND)
             bed.check_after(later)
-        assert bed.output == [SILENT], began
+        assert bed.output == [SILENT], start_s
         assert bed.driver.is_silent
         bed.receive(6.0)
         bed.receive(6.1)
@@ -124,10 +124,10 @@ def test_a_silent_or_lost_stm32_confirms_no_stop(monkeypatch: pytest.MonkeyPatch
         monkeypatch.setattr(stm32, name, NS_PER_S // 100)
     bed = Bed()
     bed.driver.descriptors = []  # a bench has none to wait on
-    bed.bench.reports = [ANSWER]
+    bed.bench.reports = [TELEMETRY]
     assert stop_thrusters(bed.driver, 2)
     assert not stop_thrusters(bed.driver, 2), "an earlier report does not confirm it"
-    bed.bench.reports = [ANSWER._replace(pwm_us=(1500, 1600, 1500, 1500, 1500, 1500))]
+    bed.bench.reports = [TELEMETRY._replace(pwm_us=(1500, 1600, 1500, 1500, 1500, 1500))]
     assert not stop_thrusters(bed.driver, 2)
     bed.bench.broken = True
     bed.check_after(2.0)
@@ -144,7 +144,7 @@ def test_neutral_is_repeated_until_it_is_confirmed(monkeypatch: pytest.MonkeyPat
 
     def lose_two_replies(command: ThrusterCommand) -> None:
         sent.append(command)
-        bed.bench.reports = [ANSWER] * (len(sent) > 2)
+        bed.bench.reports = [TELEMETRY] * (len(sent) > 2)
 
     monkeypatch.setattr(bed.bench, "send", lose_two_replies)
     assert stop_thrusters(bed.driver, 0xFFFF)

@@ -144,7 +144,7 @@ def test_instruments_are_an_svg_image_with_escaped_text() -> None:
     )
     svg = ElementTree.fromstring(instruments.draw(now))
     texts = " ".join(text.strip() for text in svg.itertext() if text.strip())
-    for shown in (
+    for expected in (
         "roll +6°",
         "pitch -11°",
         "heading 57°",
@@ -155,7 +155,7 @@ def test_instruments_are_an_svg_image_with_escaped_text() -> None:
         "1700 us",
         "+12.5 N",
     ):
-        assert shown in texts
+        assert expected in texts
     bars = [each for each in svg.iter() if each.get("fill") == "#dc2626" and each.tag == "rect"]
     assert [float(each.get("width", "")) for each in bars] == [0.0, 20.0]
 

@@ -18,13 +18,13 @@ from hil.view.sources.simulated import SimulatedSource
 from sim.sensors.samples import DvlSample, OdometrySample
 
 LOCKED = DvlSample(5, (0.1, 0.0, 0.0), 4.0, locked=True)
-PLACE = OdometrySample(7, (1.0, 2.0, 3.0), (1.0, 0.0, 0.0, 0.0), (0.5, 0.0, 0.0, 0.0, 0.0, 0.0))
+ODOMETRY = OdometrySample(7, (1.0, 2.0, 3.0), (1.0, 0.0, 0.0, 0.0), (0.5, 0.0, 0.0, 0.0, 0.0, 0.0))
 
 
 @pytest.fixture
 def vehicle() -> Any:
     simulation = SimulatedVehicle(load_scenario("paper_field")).simulation
-    return SimpleNamespace(simulation=simulation, samples={"dvl": LOCKED, "odom": PLACE}, pwm_us=(1500,) * 8)
+    return SimpleNamespace(simulation=simulation, samples={"dvl": LOCKED, "odom": ODOMETRY}, pwm_us=(1500,) * 8)
 
 
 def recording(monkeypatch: pytest.MonkeyPatch, samples: dict[str, Any]) -> RecordedSource:

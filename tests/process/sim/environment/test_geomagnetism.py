@@ -11,7 +11,7 @@ from sim.environment.geomagnetism import DEFAULT, field_at, field_of
 from sim.environment.world import World
 from sim.sensors.magnetometer import earth_field
 
-PLACE = (54.005, 10.008)
+POSITION = (54.005, 10.008)
 SEA = World("sea", "test", (-100.0, 100.0, -100.0, 100.0), 20.0)
 
 # WMM2025_TEST_VALUES.txt of NOAA's National Centers for Environmental Information and the British Geological Survey:
@@ -44,9 +44,9 @@ def test_published_test_values_are_met(
 
 def test_the_field_follows_from_the_origin_unless_it_is_given() -> None:
     """The field is that of the middle of the model's years, so that runs repeat; a value in the file overrides it."""
-    field = field_at(*PLACE, altitude=40.0)
+    field = field_at(*POSITION, altitude=40.0)
     assert (field.model, field.year) == ("WMM-2025", 2027.5)
-    world = SEA._replace(origin=PLACE, origin_altitude=40.0)
+    world = SEA._replace(origin=POSITION, origin_altitude=40.0)
     assert field_of(world) == field.angles != DEFAULT
     north, east, down = earth_field(world)
     assert (north**2 + east**2 + down**2) ** 0.5 == pytest.approx(field.angles[0])
@@ -57,8 +57,8 @@ def test_the_field_follows_from_the_origin_unless_it_is_given() -> None:
 
 
 def test_a_time_outside_the_model_is_limited_to_it() -> None:
-    assert field_at(*PLACE, year=1990.0) == field_at(*PLACE, year=2025.0)
-    assert field_at(*PLACE, year=2044.4) == field_at(*PLACE, year=2030.0)
+    assert field_at(*POSITION, year=1990.0) == field_at(*POSITION, year=2025.0)
+    assert field_at(*POSITION, year=2044.4) == field_at(*POSITION, year=2030.0)
 
 
 @pytest.mark.parametrize("latitude", [90.0, -90.0])
@@ -71,7 +71,7 @@ def test_a_world_without_field_and_model_names_the_remedy(monkeypatch: pytest.Mo
     monkeypatch.setitem(sys.modules, "pygeomag", None)
     assert field_of(SEA) == DEFAULT
     with pytest.raises(MissingExtraError) as caught:
-        field_of(SEA._replace(origin=PLACE))
+        field_of(SEA._replace(origin=POSITION))
     assert str(caught.value) == (
         "sea: has an origin, but no magnetic_field: give it there, or else the World Magnetic Model needs "
         "pygeomag: pip install 'uuv-hil[chart]'"

@@ -87,13 +87,13 @@ def test_noise_is_seeded_and_independent_of_the_step() -> None:
 
 def test_the_thruster_lag_continues_during_a_failure() -> None:
     """Half efficiency of a lagged thruster is half of its lagged thrust, not a lag of halves."""
-    half, whole = make_thrusters(LAGGED, DT), make_thrusters(LAGGED, DT)
+    half, full = make_thrusters(LAGGED, DT), make_thrusters(LAGGED, DT)
     half.fail([Failure("front_left", "efficiency", efficiency=0.5)])
     for pulse in [1900] * 30 + [1200] * 30:
         half.step((pulse,) * 6)
-        whole.step((pulse,) * 6)
-        assert half.thrusts[1] == pytest.approx(0.5 * whole.thrusts[1], rel=1e-15)
-        assert half.thrusts[0] == whole.thrusts[0]
+        full.step((pulse,) * 6)
+        assert half.thrusts[1] == pytest.approx(0.5 * full.thrusts[1], rel=1e-15)
+        assert half.thrusts[0] == full.thrusts[0]
 
 
 def test_a_failure_at_run_time_turns_the_vehicle() -> None:

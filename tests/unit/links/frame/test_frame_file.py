@@ -10,7 +10,7 @@ from hil.links.contract import ThrusterCommand, ThrusterTelemetry
 from hil.links.frame.protocol import FrameProtocol
 
 FRAMES = preset_folder("firmware_stub/frames")
-OURS = (Path(FRAMES) / "uuv_hil.toml").read_text()
+LAYOUT = (Path(FRAMES) / "uuv_hil.toml").read_text()
 
 # Fixed size, big-endian, id only, checksum over everything and low byte first, a signed age, padding.
 FIXED = """
@@ -114,7 +114,7 @@ def test_every_shipped_frame_loads(name: str) -> None:
     ],
 )
 def test_an_invalid_file_is_reported_with_its_key(tmp_path: Path, old: str, new: str, messages: list[str]) -> None:
-    text = OURS[OURS.index("byte_order =") :]
+    text = LAYOUT[LAYOUT.index("byte_order =") :]
     assert old in text
     with pytest.raises(ConfigError) as caught:
         protocol(tmp_path, text.replace(old, new, 1))

@@ -40,12 +40,12 @@ def numbers(messages: list[Any]) -> list[int]:
 
 @given(st.data())
 def test_the_result_does_not_depend_on_how_reads_are_split(data: st.DataObject) -> None:
-    whole = EVERY_BYTE.join(packets())
-    cuts = sorted(data.draw(st.lists(st.integers(0, len(whole)), max_size=12)))
+    joined = EVERY_BYTE.join(packets())
+    cuts = sorted(data.draw(st.lists(st.integers(0, len(joined)), max_size=12)))
     parser, counters = stream()
     received = []
-    for start, end in zip([0, *cuts], [*cuts, len(whole)], strict=True):
-        received += parser.unpack(whole[start:end])
+    for start, end in zip([0, *cuts], [*cuts, len(joined)], strict=True):
+        received += parser.unpack(joined[start:end])
     assert numbers(received) == list(range(8))
     assert (counters.dropped_bytes, counters.checksum_errors, counters.malformed) == (7 * 256, 0, 0)
 
@@ -79,11 +79,11 @@ def test_a_false_length_delays_no_packet() -> None:
 
 
 def test_a_damaged_packet_is_counted_and_the_next_one_received() -> None:
-    whole = b"".join(packets(3))
+    joined = b"".join(packets(3))
     second = len(packets(1)[0])
     for position in range(second + 10, second + 20):
         parser, counters = stream()
-        damaged = bytearray(whole)
+        damaged = bytearray(joined)
         damaged[position] ^= 0x10
         assert numbers(parser.unpack(bytes(damaged))) == [0, 2]
         assert (counters.checksum_errors, counters.dropped_bytes) == (1, len(packets(2)[1]))

@@ -31,7 +31,7 @@ VEHICLE, _ = load_vehicle("bluerov2_heavy")
 FLAT = World("flat", "test", EXTENT, 12.0)
 DEEP = World("deep", "test", EXTENT, 500.0)
 TRUE = CameraModel(ground_truth=True, width=81, height=61)
-HERE = State((0.0, 0.0, 8.0))
+POSE = State((0.0, 0.0, 8.0))
 DOWN = Mounting(orientation=(0.0, radians(-90.0), 0.0))
 
 
@@ -63,7 +63,7 @@ def tangents(sample: CameraSample) -> tuple[Any, Any]:
 
 
 def test_a_plane_across_the_axis_has_constant_depth() -> None:
-    sample = camera(FLAT, mounting=DOWN).sample(5, HERE)
+    sample = camera(FLAT, mounting=DOWN).sample(5, POSE)
     assert (sample.time_ns, sample.width, sample.height) == (5, 81, 61)
     assert depths(sample) == pytest.approx(np.full((61, 81), 4.0), abs=1e-6)
     assert (labels(sample) == SEABED).all()
@@ -71,7 +71,7 @@ def test_a_plane_across_the_axis_has_constant_depth() -> None:
 
 def test_a_plane_below_has_exact_depths() -> None:
     """A level camera has at row t the seabed 4 m below at depth 4 / t, and above the horizon the surface at 8 / -t."""
-    sample = camera(FLAT, TRUE._replace(max_range=1000.0)).sample(0, HERE)
+    sample = camera(FLAT, TRUE._replace(max_range=1000.0)).sample(0, POSE)
     _, down = tangents(sample)
     below, above = down[31:, 0], down[:30, 0]
     assert depths(sample)[31:, 7] == pytest.approx(4.0 / below, rel=1e-6)
@@ -83,7 +83,7 @@ def test_a_step_has_exact_depths() -> None:
     """A camera that looks down on a cliff 2 m high from north 0.5 to 1 has the plateau up in the picture."""
     grid = covering(EXTENT, 0.5)
     world = FLAT._replace(terrain=Terrain(grid, Step(12.0, 2.0, north=1.0, resolution=0.5).depths(grid), 12.0))
-    sample = camera(world, mounting=DOWN).sample(0, HERE)
+    sample = camera(world, mounting=DOWN).sample(0, POSE)
     _, down = tangents(sample)
     north = -down[:, 0]
     expected = np.where(north * 4.0 < 0.5, 4.0, np.where(north * 2.0 > 1.0, 2.0, (4.0 + 2.0) / (1.0 + 4.0 * north)))
@@ -95,7 +95,7 @@ def test_a_sphere_and_a_cylinder_have_exact_depths() -> None:
     world = DEEP._replace(cylinder=(Cylinder(9.0, 3.0, 1.0),))
     eye = camera(world)
     eye.add(solids.sphere((0.0, 0.0, 0.0), 1.2), State((6.0, -2.0, 8.5)))
-    sample = eye.sample(0, HERE)
+    sample = eye.sample(0, POSE)
     right, down = np.broadcast_arrays(*tangents(sample))
     a, b = 1.0 + right**2 + down**2, 6.0 - 2.0 * right + 0.5 * down
     c = 6.0**2 + 2.0**2 + 0.5**2 - 1.2**2
@@ -115,7 +115,7 @@ def test_a_sphere_and_a_cylinder_have_exact_depths() -> None:
 
 def test_right_in_the_picture_is_starboard_and_below_is_down() -> None:
     world = FLAT._replace(cylinder=(Cylinder(8.0, 3.0, 0.5, top=6.0),))
-    sample = camera(world).sample(0, HERE)
+    sample = camera(world).sample(0, POSE)
     rows, columns = np.nonzero(labels(sample) == 1)
     assert columns.min() > 40
     assert columns.mean() == pytest.approx(sample.intrinsics.cx + sample.intrinsics.fx * 3.0 / 8.0, abs=1.0)
@@ -127,7 +127,7 @@ def test_right_in_the_picture_is_starboard_and_below_is_down() -> None:
 
 
 def test_the_field_of_view_is_that_of_the_key() -> None:
-    sample = camera(DEEP, TRUE._replace(field_of_view=radians(90.0), width=100)).sample(0, HERE)
+    sample = camera(DEEP, TRUE._replace(field_of_view=radians(90.0), width=100)).sample(0, POSE)
     assert sample.intrinsics == pytest.approx((50.0, 50.0, 49.5, 30.0))
     assert sample.distortion == (0.0,) * 5
 
@@ -143,7 +143,7 @@ def test_a_distorting_lens_maps_pixels_to_its_rays() -> None:
     rays = pixel_rays(3, 1, Intrinsics(2.0, 2.0, 1.0, 0.0), lens)
     assert np.linalg.norm(rays, axis=1) == pytest.approx([1.0] * 3)
     assert rays[2, 1] / rays[2, 0] > 0.5  # barrel distortion: the view is wider than a pinhole's
-    sample = camera(FLAT, TRUE._replace(distortion=lens), DOWN).sample(0, HERE)
+    sample = camera(FLAT, TRUE._replace(distortion=lens), DOWN).sample(0, POSE)
     assert depths(sample) == pytest.approx(np.full((61, 81), 4.0), abs=1e-6)
     assert sample.distortion == lens
 
@@ -166,7 +166,7 @@ def test_k1_distorts_as_worked_out_by_hand() -> None:
 
 
 def test_depths_are_infinite_beyond_reach_and_in_air() -> None:
-    assert np.isinf(depths(camera(FLAT, TRUE._replace(max_range=3.0), DOWN).sample(0, HERE))).all()
+    assert np.isinf(depths(camera(FLAT, TRUE._replace(max_range=3.0), DOWN).sample(0, POSE))).all()
     sample = camera(FLAT).sample(0, State((0.0, 0.0, -0.5)))
     assert np.isinf(depths(sample)).all()
     assert not colours(sample).any()
@@ -186,8 +186,8 @@ def test_the_picture_follows_the_underwater_image_model() -> None:
         terrain=Terrain(grid, Fractal(12.0, 0.6, seed=2).depths(grid), 12.0), box=(Box(6.0, 1.0, 1.0, 1.0, top=7.0),)
     )
     dry, wet = camera(world, RAW._replace(water="clear")), camera(world, RAW._replace(water="1C"))
-    scene, ranges, objects = dry._renderer.render(0, HERE)
-    picture, _, _ = wet._renderer.render(0, HERE)
+    scene, ranges, objects = dry._renderer.render(0, POSE)
+    picture, _, _ = wet._renderer.render(0, POSE)
     water, below = jerlov("1C", 8.0), objects != wet._renderer._surface
     expected = underwater(scene * np.array(water.light, np.float32), ranges, water)
     assert picture[below] == pytest.approx(expected[below], abs=1e-6)
@@ -198,7 +198,7 @@ def test_the_picture_follows_the_underwater_image_model() -> None:
 def test_distant_objects_fade_into_the_veiling_light(water: Any) -> None:
     world = DEEP._replace(walls=True, extent=(-50.0, 25.0, -500.0, 500.0))
     near, far = (
-        camera(world._replace(extent=(-50.0, d, -500.0, 500.0)), RAW._replace(water=water))._renderer.render(0, HERE)[0]
+        camera(world._replace(extent=(-50.0, d, -500.0, 500.0)), RAW._replace(water=water))._renderer.render(0, POSE)[0]
         for d in (1.0, 29.0)
     )
     middle = 30 * 81 + 40
@@ -211,7 +211,7 @@ def test_lamp_light_falls_with_the_square_of_the_distance() -> None:
     for distance in (1.0, 3.0):
         world = DEEP._replace(walls=True, extent=(-50.0, distance, -500.0, 500.0))
         lit, unlit = (
-            camera(world, RAW._replace(water="clear", lamps=lamps, max_range=5.0))._renderer.render(0, HERE)[0]
+            camera(world, RAW._replace(water="clear", lamps=lamps, max_range=5.0))._renderer.render(0, POSE)[0]
             for lamps in (2.0, 0.0)
         )
         tone = unlit / 0.6  # of a wall in full daylight
@@ -225,7 +225,7 @@ def test_lamp_light_falls_with_the_square_of_the_distance() -> None:
 def test_fixed_exposure_scales_and_automatic_exposure_adapts() -> None:
     """A fixed exposure scales the light; automatic exposure makes bright parts nearly white in any light."""
     wall = DEEP._replace(walls=True, extent=(-50.0, 2.0, -500.0, 500.0))
-    linear = [decode(colours(camera(wall, RAW._replace(exposure=e)).sample(0, HERE))) for e in (0.5, 1.0)]
+    linear = [decode(colours(camera(wall, RAW._replace(exposure=e)).sample(0, POSE))) for e in (0.5, 1.0)]
     assert linear[1].mean() == pytest.approx(2.0 * linear[0].mean(), rel=0.02)
     light = np.random.default_rng(1).random((10_000, 3)) * 1e-3
     factor = automatic_exposure(light)
@@ -272,7 +272,7 @@ def test_depth_noise_grows_with_the_square_of_depth() -> None:
 
 def test_the_same_seed_gives_the_same_picture_also_without_depth() -> None:
     model = TRUE._replace(ground_truth=False, depth=False)
-    one, other, third = (camera(FLAT, model, seed=seed).sample(0, HERE) for seed in (3, 3, 4))
+    one, other, third = (camera(FLAT, model, seed=seed).sample(0, POSE) for seed in (3, 3, 4))
     assert one == other
     assert one.rgb != third.rgb
     assert one.depth is None
@@ -300,7 +300,7 @@ def test_shading_follows_the_direction_of_a_face(monkeypatch: pytest.MonkeyPatch
     picture, rows = colours(sample), np.nonzero(labels(sample)[:, 80] == 1)[0]
     top, wall = picture[rows[0] + 1 : rows[0] + 5, 70:91], picture[rows[-1] - 8 : rows[-1], 70:91]
     assert decode(top).mean() == pytest.approx(decode(wall).mean() / 0.6, rel=0.02)
-    up = camera(FLAT, TRUE._replace(exposure=1.0), Mounting(orientation=(0.0, radians(90.0), 0.0))).sample(0, HERE)
+    up = camera(FLAT, TRUE._replace(exposure=1.0), Mounting(orientation=(0.0, radians(90.0), 0.0))).sample(0, POSE)
     assert (colours(up)[15:46, 20:61] == 255).all()
     assert depths(up) == pytest.approx(np.full((61, 81), 8.0), abs=1e-6)
 
@@ -308,19 +308,19 @@ def test_shading_follows_the_direction_of_a_face(monkeypatch: pytest.MonkeyPatch
 def test_the_sky_is_visible_within_snells_window_only() -> None:
     """The sky within 45 deg of the vertical is as bright as overhead; beyond 52 deg there is the water, here none."""
     wide = TRUE._replace(exposure=0.5, field_of_view=radians(130.0))
-    up = camera(FLAT, wide, Mounting(orientation=(0.0, radians(90.0), 0.0))).sample(0, HERE)
+    up = camera(FLAT, wide, Mounting(orientation=(0.0, radians(90.0), 0.0))).sample(0, POSE)
     across, down = tangents(up)
     slope, light = np.hypot(across, down), decode(colours(up)).mean(axis=-1)
     assert light[slope < tan(radians(44.0))] == pytest.approx(0.5, abs=0.01)
     assert light[slope > tan(radians(53.0))].max() == 0.0
     wet = camera(FLAT, wide._replace(ground_truth=False, water="IB", vignetting=0.0, exposure=1.0, full_well=1e7))
-    level = decode(colours(wet.sample(0, HERE)))
+    level = decode(colours(wet.sample(0, POSE)))
     assert level[20] == pytest.approx(level[30], abs=0.03), "the surface far ahead is as dark as the water there"
 
 
 def test_a_tilted_plane_has_exact_depths() -> None:
     """A camera pitched down by 30 deg over a flat seabed has depth = 4 / (sin 30 + t cos 30)."""
-    sample = camera(FLAT, mounting=Mounting(orientation=(0.0, radians(-30.0), 0.0))).sample(0, HERE)
+    sample = camera(FLAT, mounting=Mounting(orientation=(0.0, radians(-30.0), 0.0))).sample(0, POSE)
     _, down = tangents(sample)
     steep = sin(radians(30.0)) + down * cos(radians(30.0))
     expected = np.where(steep > 0.15, 4.0 / steep, inf)
@@ -336,7 +336,7 @@ def test_a_tilted_plane_has_exact_depths() -> None:
 def test_each_point_projects_to_its_pixel(distortion: Any) -> None:
     """Each is as deep as its pixel, and comes back to it through the lens; what is not seen is no number."""
     model = TRUE._replace(points=True, distortion=distortion, max_range=20.0)
-    sample = camera(FLAT._replace(cylinder=(Cylinder(9.0, 3.0, 1.0),)), model).sample(0, HERE)
+    sample = camera(FLAT._replace(cylinder=(Cylinder(9.0, 3.0, 1.0),)), model).sample(0, POSE)
     assert sample.points is not None
     forward, right, down = np.frombuffer(sample.points, np.float32).reshape(61, 81, 3).transpose(2, 0, 1)
     has_depth = np.isfinite(depths(sample))
@@ -355,11 +355,11 @@ def test_each_point_projects_to_its_pixel(distortion: Any) -> None:
 
 def test_points_have_the_measured_depths() -> None:
     model = CameraModel(width=81, height=61, points=True, depth_noise=0.01)
-    sample = camera(FLAT, model, DOWN).sample(0, HERE)
+    sample = camera(FLAT, model, DOWN).sample(0, POSE)
     assert sample.points is not None
     assert np.frombuffer(sample.points, np.float32)[::3] == pytest.approx(depths(sample).ravel(), abs=1e-5)
     assert depths(sample).std() > 0.01
-    assert camera(FLAT, model._replace(points=False)).sample(0, HERE).points is None
+    assert camera(FLAT, model._replace(points=False)).sample(0, POSE).points is None
 
 
 @pytest.mark.parametrize(

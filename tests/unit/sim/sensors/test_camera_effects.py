@@ -37,13 +37,13 @@ VEHICLE, _ = load_vehicle("bluerov2_heavy")
 PILED = World("piled", "test", EXTENT, 60.0, cylinder=(Cylinder(3.0, 0.0, 0.2, top=50.0),),
               box=(Box(6.0, 0.0, 0.5, 20.0, 0.0, top=50.0),))  # fmt: skip
 SHALLOW = World("shallow", "test", EXTENT, 3.0)
-HERE = State((0.0, 0.0, 58.0))
+POSE = State((0.0, 0.0, 58.0))
 KEYS = CameraModel(width=80, height=60, read_noise=0.0, full_well=1e7, depth_noise=0.0, vignetting=0.0, exposure=1.0)
 DOWN = Mounting(orientation=(0.0, radians(-90.0), 0.0))
 
 
 def take_picture(
-    world: World = PILED, state: State = HERE, mounting: Mounting = Mounting(), seed: int = 1, time_ns: int = 0,
+    world: World = PILED, state: State = POSE, mounting: Mounting = Mounting(), seed: int = 1, time_ns: int = 0,
     **keys: Any,
 ) -> CameraSample:  # fmt: skip
     scene = Simulation(VEHICLE, world, {}, position=(0.0, 0.0, 2.0))
@@ -186,13 +186,13 @@ def test_blur_is_along_the_motion() -> None:
 def test_a_rolling_shutter_captures_each_row_at_its_own_time() -> None:
     """A row of a turning camera equals that of a camera that captures all rows at the row's time."""
     rate, readout = 0.8, 0.1
-    state = State(HERE.position, from_euler(0.0, 0.0, 0.0))
+    state = State(POSE.position, from_euler(0.0, 0.0, 0.0))
     state.nu = [0.0, 0.0, 0.0, 0.0, 0.0, rate]
     rolled = colours(take_picture(state=state, readout_time=readout, water="clear")).sum(axis=2)
     sharp = colours(take_picture(water="clear")).sum(axis=2)
     for row in (2, 57):
         late = ((row + 0.5) / 60 - 0.5) * readout
-        then = State(HERE.position, turn((1.0, 0.0, 0.0, 0.0), (0.0, 0.0, rate), late))
+        then = State(POSE.position, turn((1.0, 0.0, 0.0, 0.0), (0.0, 0.0, rate), late))
         then.nu = [0.0] * 6
         true = colours(take_picture(state=then, water="clear")).sum(axis=2)
         inner = slice(5, 75)

@@ -20,7 +20,7 @@ VEHICLE, _ = load_vehicle("bluerov2_heavy")
 DEEP = World("deep", "test", (-60.0, 60.0, -60.0, 60.0), 500.0)
 BINS = 20_000
 WIDTH = radians(2.0)
-HERE = np.ones(3)
+POSITION = np.ones(3)
 SILENT = np.zeros(BINS, np.float32)
 
 
@@ -46,22 +46,22 @@ def test_a_pulse_is_two_and_a_half_samples_at_least() -> None:
 
 def test_intensities_are_those_of_all_that_the_pulse_covers_and_of_noise() -> None:
     mean = np.full(BINS, 2.0)
-    received = receiver(4.5).receive(mean, 3.0, SILENT, 0.0, HERE)
+    received = receiver(4.5).receive(mean, 3.0, SILENT, 0.0, POSITION)
     assert received[10:].mean() == pytest.approx(4.5 * 2.0 + 3.0, rel=0.03)
     assert received[10:].std() == pytest.approx(received[10:].mean(), rel=0.06), "one look: exponential"
-    exact = receiver(4.5, looks=0.0).receive(mean, 3.0, SILENT, 0.0, HERE)
+    exact = receiver(4.5, looks=0.0).receive(mean, 3.0, SILENT, 0.0, POSITION)
     assert exact[10:] == pytest.approx(12.0)
 
 
 def test_a_point_echoes_from_its_range_on_as_long_as_the_pulse() -> None:
     point = np.zeros(BINS)
     point[100] = 1.0
-    received = receiver(4.5, looks=0.0).receive(point, 0.0, SILENT, 0.0, HERE)
+    received = receiver(4.5, looks=0.0).receive(point, 0.0, SILENT, 0.0, POSITION)
     assert received[99:106] == pytest.approx([0.0, 1.0, 1.0, 1.0, 1.0, 0.5, 0.0])
 
 
 def test_neighbouring_bins_are_alike_within_a_pulse() -> None:
-    received = receiver(5.0).receive(np.ones(BINS), 0.0, SILENT, 0.0, HERE)
+    received = receiver(5.0).receive(np.ones(BINS), 0.0, SILENT, 0.0, POSITION)
     for lag in range(1, 8):
         expected = max(1.0 - lag / 5.0, 0.0) ** 2
         assert correlation(received[10:-lag], received[10 + lag :]) == pytest.approx(expected, abs=0.05)
@@ -70,7 +70,7 @@ def test_neighbouring_bins_are_alike_within_a_pulse() -> None:
 @pytest.mark.parametrize("angle", [0.0, 0.45, 0.9, 1.3, 1.8, 3.6])
 def test_pings_are_alike_as_far_as_their_beams_overlap(angle: float) -> None:
     sonar = receiver(1.0)
-    first, second = (sonar.receive(np.ones(BINS), 0.0, SILENT, radians(a), HERE) for a in (40.2, 40.2 + angle))
+    first, second = (sonar.receive(np.ones(BINS), 0.0, SILENT, radians(a), POSITION) for a in (40.2, 40.2 + angle))
     x = 2.0 * pi * sin(radians(angle)) * 0.4429464 / sin(0.5 * WIDTH)
     amplitude = 6.0 * (1.0 - sin(x) / x) / x**2 if x else 1.0
     assert correlation(first, second) == pytest.approx(amplitude**2, abs=0.05)
@@ -78,9 +78,9 @@ def test_pings_are_alike_as_far_as_their_beams_overlap(angle: float) -> None:
 
 def test_noise_differs_from_ping_to_ping_and_so_does_all_after_half_an_aperture() -> None:
     sonar = receiver(1.0)
-    first, second = (sonar.receive(np.zeros(BINS), 1.0, SILENT, 0.0, HERE) for _ in range(2))
+    first, second = (sonar.receive(np.zeros(BINS), 1.0, SILENT, 0.0, POSITION) for _ in range(2))
     assert correlation(first, second) == pytest.approx(0.0, abs=0.03)
-    first, second = (sonar.receive(np.ones(BINS), 0.0, SILENT, 0.0, HERE + x) for x in (0.0, 0.03))
+    first, second = (sonar.receive(np.ones(BINS), 0.0, SILENT, 0.0, POSITION + x) for x in (0.0, 0.03))
     assert correlation(first, second) == pytest.approx(0.0, abs=0.03)
 
 

@@ -13,7 +13,7 @@ from sim.environment.world import load_world
 from sim.rotations import Rotation, from_euler
 from sim.vehicle.vehicle import load_vehicle
 
-MINE = """
+FORCE_FILE = """
 class Tether:
     def __init__(self, pull, limit=1e9):
         if pull < 0:
@@ -43,7 +43,7 @@ class Crosswind:
 
 
 def scenario_file(folder: Path, force: str) -> str:
-    (folder / "my_forces.py").write_text(MINE)
+    (folder / "my_forces.py").write_text(FORCE_FILE)
     path = folder / "mine.toml"
     path.write_text(
         f'vehicle = "paper_six"\nworld = "pool"\n[master]\ngoal = [1.0, 1.0]\n[start]\ndepth = 2.0\n{force}'

@@ -15,7 +15,7 @@ from sim.vehicle.urdf.importer import read_urdf
 from sim.vehicle.vehicle import Vehicle, load_vehicle
 
 VECTORS = Path(__file__).parents[3] / "vectors"
-REST: dict[str, Any] = {
+KEYS: dict[str, Any] = {
     "volume": 0.024,
     "dimensions": [0.6, 0.4, 0.35],
     "center_of_buoyancy": [0.0, 0.0, -0.05],
@@ -48,7 +48,7 @@ def test_masses_of_all_links_add_up() -> None:
 def test_every_thruster_applies_also_to_given_thrusters() -> None:
     """A URDF without thrusters is completed by a file that has them: their common keys apply to these."""
     row = {"name": "only", "position": [0.0, 0.0, 0.0], "direction": [1, 0, 0], "max_reverse": 30}
-    vehicle, _ = read_urdf(str(VECTORS / "hydra.urdf"), {**REST, "thrusters": [row]})
+    vehicle, _ = read_urdf(str(VECTORS / "hydra.urdf"), {**KEYS, "thrusters": [row]})
     (thruster,) = vehicle.thrusters
     assert (thruster.name, thruster.max_forward, thruster.max_reverse) == ("only", 60.0, 30.0)
 
@@ -83,7 +83,7 @@ def test_the_model_in_turned_axes_has_the_same_physics() -> None:
 
 
 def test_gazebo_tags_give_the_same_vehicle() -> None:
-    vehicle, _ = read_urdf(str(VECTORS / "hydra_gz.urdf"), REST)
+    vehicle, _ = read_urdf(str(VECTORS / "hydra_gz.urdf"), KEYS)
     added = square(vehicle.added_mass, 6)
     assert [added[i][i] for i in range(6)] == [12.0, 20.0, 32.0, 0.5, 0.7, 0.6]
     assert added[1][3] == added[3][1] == 0.6  # -0.6 in FLU
@@ -151,7 +151,7 @@ def test_a_plain_urdf_needs_only_names(tmp_path: Path) -> None:
         '</inertial></link><link name="thruster_a"/><joint name="j" type="continuous"><parent link="base"/>'
         '<child link="thruster_a"/></joint></robot>'
     )
-    extra = REST | {"linear_damping": [1.0] * 6, "quadratic_damping": [2.0] * 6}
+    extra = KEYS | {"linear_damping": [1.0] * 6, "quadratic_damping": [2.0] * 6}
     vehicle, notes = read_urdf(str(path), extra)
     assert notes == ["No thruster plugin: every turning joint of a link named thruster is one."]
     assert vehicle.thrusters[0].direction == (1.0, 0.0, 0.0)  # the axis of a URDF joint that gives none

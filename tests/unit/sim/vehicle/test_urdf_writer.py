@@ -34,11 +34,11 @@ def test_our_importer_reads_the_same_vehicle(name: str, prefix: str) -> None:
     vehicle, _ = load_vehicle(name)
     written = imported(vehicle, prefix)
     assert {key: getattr(written, key) for key in SAME} == {key: getattr(vehicle, key) for key in SAME}
-    for thruster, theirs in zip(vehicle.thrusters, written.thrusters, strict=True):
-        assert (theirs.name, theirs.position) == (thruster.name, thruster.position)
-        assert theirs.unit_direction == pytest.approx(thruster.unit_direction, abs=1e-12)
+    for thruster, copy in zip(vehicle.thrusters, written.thrusters, strict=True):
+        assert (copy.name, copy.position) == (thruster.name, thruster.position)
+        assert copy.unit_direction == pytest.approx(thruster.unit_direction, abs=1e-12)
         limits = thruster.max_forward, thruster.max_reverse, thruster.time_constant
-        assert (theirs.max_forward, theirs.max_reverse, theirs.time_constant) == limits
+        assert (copy.max_forward, copy.max_reverse, copy.time_constant) == limits
     assert len(written.fins) == len(vehicle.fins)
     for fin, written_fin in zip(vehicle.fins, written.fins, strict=True):
         assert written_fin._asdict().keys() == fin._asdict().keys()
@@ -51,12 +51,12 @@ def test_our_importer_reads_the_same_vehicle(name: str, prefix: str) -> None:
 def test_independent_parsers_read_it(name: str) -> None:
     vehicle, _ = load_vehicle(name)
     text = urdf_of(vehicle, "uuv1/").encode()
-    parts = [thruster.name for thruster in vehicle.thrusters] + [fin.name for fin in vehicle.fins]
-    links = {"uuv1/base_link", *[f"uuv1/{part}_link" for part in parts]}
+    names = [thruster.name for thruster in vehicle.thrusters] + [fin.name for fin in vehicle.fins]
+    links = {"uuv1/base_link", *[f"uuv1/{part}_link" for part in names]}
     robot = yourdfpy.URDF.load(io.BytesIO(text), load_meshes=False)
     assert robot.validate()
     assert set(robot.link_map) == links
-    assert set(robot.joint_map) == set(parts)
+    assert set(robot.joint_map) == set(names)
     assert {link.name for link in URDF.from_xml_string(text).links} == links
 
 
