@@ -32,39 +32,47 @@ MAX_CPU = 0.1  # of a core, of the master in the first case
 HEAD = """\
 # The reference platform's cases, flown again
 
-`python tools/pages/cases.py` makes this page. It flies each case with {seeds} seeds in simulated time (SIL) and with
-{hil} against real processes (HIL): slaves with an emulated STM32 each, and this project's masters over zenoh.
+`python tools/pages/cases.py` makes this page. It flies each case of the reference platform (Zhang et al. 2022):
+
+- SIL, software in the loop: {seeds} seeds, in one process and in simulated time;
+- HIL, as with real hardware: {hil} of the seeds, with slaves and masters as processes that communicate over zenoh. Each
+  slave has an emulated STM32.
+
 `uuv-hil case NAME` flies one case.
 
 - Planner, controller, allocation, thrusters, dynamics, sensors and noise are the same code in SIL and HIL. Both read
   the same files.
-- Seed 1 is the case of its scenario file unchanged. The other seeds have other noise, other starts, and, where the map
-  leaves them open, other obstacles.
-- The paper prints neither the positions of obstacles nor the durations of tasks. The scenario files have our values.
-- [reference_platform.md](reference_platform.md) compares the paper with this project equation by equation.
+- Seed 1 is the scenario file unchanged. Other seeds change the noise, the start, and those obstacles that are not in
+  the map.
+- The paper gives neither the positions of obstacles nor the durations of tasks. We chose the values in the scenario
+  files.
+- [The reference platform](reference_platform.md) compares each equation of the paper with this project.
 
 | Row | Meaning |
 | --- | --- |
-| collisions | flights with a distance to an obstacle of at most the vehicle's radius ({radius:.2f} m), or a contact |
-| events | what `sim/run_events.py` recorded, such as a contact or a capsize; a flight with any event fails |
+| collisions | flights in which the distance to an obstacle was at most the vehicle's radius ({radius:.2f} m), or in \
+which the hull touched something |
+| events | number of events that `sim/run_events.py` recorded, such as a contact or a capsize; a flight with an \
+event fails |
 | travelled | length of the true path |
-| over optimum | that length over the length of the shortest path that the vehicle's size allows, without a margin |
-| energy | electrical energy of the thrusters, \
-computed from their pulse widths as T200s of the same thrust at 16 V, \
-without electronics (the paper prints no power); in HIL from the telemetry of 1 Hz |
-| off path | true distance from the path; in target hunting from the assigned place |
+| over optimum | that length divided by the length of the shortest path for a vehicle of this size, without a safety \
+margin |
+| energy | electrical energy of the thrusters, without electronics. It is computed from the pulse widths, as for \
+T200 thrusters of the same thrust at 16 V, because the paper gives no power. In HIL the pulse widths are those of \
+the telemetry at 1 Hz |
+| off path | true distance from the path; in target hunting from the assigned place in the formation |
 | goal error | true distance from the goal at the end |
-| least clearance | from the vehicle's middle to the nearest obstacle; \
-in target hunting to the hull of the nearest vehicle or to the target |
-| master CPU | processor time of the master's process while it flies, as a share of one core; \
-in target hunting of all four agents together |
-| planner CPU | the same of the planner alone; in SIL per second of simulated time |
+| least clearance | least distance from the vehicle's centre to an obstacle; in target hunting to the hull of \
+another vehicle or to the target |
+| master CPU | processor time of the master's process during the flight, as a share of one core; in target hunting \
+of all four agents together |
+| planner CPU | the same for the planner alone; in SIL divided by the simulated time |
 | delay | from publishing a command to applying its pulse widths at the STM32 end |
 
-Rows with ± give the mean and the standard deviation, the other rows the worst flight.
+Rows with ± give the mean and the standard deviation. The other rows give the worst flight.
 
-The HIL figures are from {cores} cores of a shared x86-64 server with {ram:.0f} GiB. Master and slaves all ran on it,
-over loopback: no claim about a board or a wireless network."""
+The HIL figures are from {cores} cores of a shared x86-64 server with {ram:.0f} GiB. Master and slaves all ran on it
+and communicated over loopback. So these figures do not apply to a board or a wireless network."""
 
 
 def main() -> int:
