@@ -17,9 +17,10 @@ from sim.vehicle.vehicle import Point
 class ImuModel(NamedTuple):
     """Rate in Hz (0: none) and errors.
 
-    Rates and accelerations: ADIS16448 as set in uuv_simulator (Manhães 2016), whose random walks are
-    turned into the sd they settle at, random walk * sqrt(tau / 2). Attitude: the 0.01 rad that
-    uuv_simulator gives it, here wandering slowly as a filter's error does (our choice) under a little noise.
+    The errors of rates and accelerations are those of an ADIS16448 as in uuv_simulator (Manhães 2016). Its random walks
+    are converted to the standard deviations that they settle at, random walk * sqrt(tau / 2). The error of the attitude
+    is the 0.01 rad of uuv_simulator. By our choice it varies slowly, as the error of a filter does, with a little
+    noise.
     """
 
     rate: Annotated[float, Range(0.0, 2000.0, "Hz")] = 100.0
@@ -29,7 +30,7 @@ class ImuModel(NamedTuple):
 
 
 class Imu:
-    """One unit; what it measures is along its own axes."""
+    """An inertial measurement unit; it measures along its own axes."""
 
     Model = ImuModel
     topic = IMU

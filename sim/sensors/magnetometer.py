@@ -26,8 +26,8 @@ class MagnetometerModel(NamedTuple):
     """Rate in Hz (0: none), effect of the vehicle's iron on the field, and errors in T.
 
     The field at the sensor is `soft_iron` (3 x 3, row after row) times the earth's field plus `hard_iron` (T), both
-    along its own axes. Errors: Bosch BMX055 as set in uuv_simulator (Manhães 2016), with 1 µT of noise along x and y,
-    1.4 µT along z, and 2 µT that remain after a calibration.
+    along the axes of the sensor. The errors are those of a Bosch BMX055 as in uuv_simulator (Manhães 2016): noise of 1
+    µT along x and y and 1.4 µT along z, and 2 µT that remain after a calibration.
     """
 
     rate: Annotated[float, Range(0.0, 1000.0, "Hz")] = 50.0

@@ -49,7 +49,7 @@ def forward_sonar(figure: Figure) -> None:
     tilted down by 10 deg. Left: the measured picture. It has bright piles, each with its shadow on the seabed and
     the arc of its side lobes, a quay to port, speckle, and the texture of the seabed. It is dark before the beam
     first meets the seabed. Right: the ground truth, as mean echoes in dB re the source, at 1 m. With `multipath =
-    true` there are echoes by way of surface and seabed behind strong echoes."""
+    true` there are also echoes reflected by surface and seabed, behind strong echoes."""
     scene = make_simulation(_add_blocks(harbour()))
     measured, true = figure.subplots(1, 2)
     sample = ForwardSonar(ForwardSonarModel(), TILTED, SEED, scene).sample(0, BETWEEN_PILES)
@@ -133,7 +133,7 @@ def camera_waters(figure: Figure) -> None:
 
 
 def camera_lamps(figure: Figure) -> None:
-    """Before a wall, at 24.5 m depth, where daylight is weak and blue. Left: without lamps. Right: with lamps, which
+    """A wall ahead, at 24.5 m depth, where daylight is weak and blue. Left: without lamps. Right: with lamps, which
     bring back the colours of near objects."""
     world = harbour()._replace(box=(Box(8.0, 0.0, 1.0, 30.0, 0.3, top=22.0),), cylinder=(), depth=26.5, terrain=None)
     scene = make_simulation(world)

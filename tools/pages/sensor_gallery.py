@@ -28,12 +28,16 @@ COLOURS = 256
 HEAD = """\
 # What the sensors give
 
-Made by `python -m tools.pages.sensor_gallery`. Each picture is what the simulator's sensor gives at that place. Values
-that are not named are the defaults. In pictures up is up. In plans ahead is up, and starboard is to the right.
+Made by `python -m tools.pages.sensor_gallery`. This page describes the models of the sensors and shows their output.
+The pictures are made by the simulator's sensors with default values, unless the text gives others. In plans ahead is
+up, and starboard is to the right.
 
-A section of the scenario fits a sensor. Every sensor has the keys `rate`, `position`, `orientation`, `latency` and
-`drop_out`. With `ground_truth = true`, where a sensor has it, the values are the true ones. Sensors that make images
-run in a process of their own. `device` gives the values of a product (`sim/sensors/devices/`):
+A table `[sensors.NAME]` in the scenario fits a sensor to the vehicle:
+
+- Every sensor has the keys `rate`, `position`, `orientation`, `latency` and `drop_out`.
+- Some sensors have `ground_truth`. With `ground_truth = true` they give true values.
+- `device` sets the values of a product (`sim/sensors/devices/`).
+- Sensors that make pictures run in a separate process.
 
 ```toml
 [sensors.forward_sonar]
@@ -44,7 +48,8 @@ orientation = [0.0, "-10 deg", 0.0]
 
 ## Water on other pictures
 
-The camera's model of the water also works on other pictures with depths, of any renderer or dataset:
+The camera's model of the water also works on pictures from elsewhere, of any renderer or dataset. It needs the distance
+of each pixel:
 
 ```python
 import numpy as np

@@ -46,13 +46,13 @@ class ForwardSonarModel(NamedTuple):
     Kongsberg's M3); echoes that are not well above the noise are lost. With `ground_truth` the picture is the mean
     intensity, echo / source, without noise, speckle and error.
 
-    Defaults: Blueprint Subsea Oculus M750d at 750 kHz (130 x 20 deg, 512 beams of 1 deg, 0.1 to 120 m, 40 Hz at most;
-    sources in sim/sensors/devices/oculus_m750d.toml), set to 50 m and bins of 10 cm; levels, looks, losses and the
-    picture are our choice. Side lobes: those of the transmitted beam of a Reson SeaBat 7125 were measured to be below
-    -17 dB (Lanzoni & Weber 2010, OCEANS). Their floor: errors of 1 dB and 10 deg, our choice, in a line of 102
-    elements, which has beams of 1 deg. Comparison with pictures of real devices: docs/how-to/imaging.md. Seabed:
-    Mackenzie 1961; objects 7 dB more and the surface 3 dB less, our choice. Scale: an error of the speed of sound of 7
-    m/s.
+    The defaults are those of a Blueprint Subsea Oculus M750d at 750 kHz: 130 x 20 deg, 512 beams of 1 deg, 0.1 to 120
+    m, 40 Hz at most (sources in sim/sensors/devices/oculus_m750d.toml). The range is set to 50 m, with bins of 10 cm.
+    The backscatter of the seabed is from Mackenzie 1961. The side lobes of the transmitted beam of a Reson SeaBat 7125
+    were measured to be below -17 dB (Lanzoni & Weber 2010, OCEANS). The error of the scale is that of an error of 7 m/s
+    in the speed of sound. All other values are our choice: levels, looks, losses and the picture; objects 7 dB above
+    the seabed and the surface 3 dB below; the floor of the side lobes, which follows from errors of 1 dB and 10 deg in
+    a line of 102 elements with beams of 1 deg. docs/how-to/imaging.md compares the pictures with those of real devices.
     """
 
     rate: Annotated[float, Range(0.0, 100.0, "Hz")] = 5.0
@@ -98,7 +98,7 @@ class ForwardSonar:
     """Beams about the sensor's x axis in its x-y plane, each as tall as the beam's main lobe.
 
     Echoes of the same range and bearing are at the same position in the picture, whatever their height, as with a real
-    sonar. Not modelled: what sim.sensors.imaging.echoes leaves out.
+    sonar. Not modelled: refraction, Doppler shift.
     """
 
     Model = ForwardSonarModel

@@ -39,9 +39,10 @@ class ScanningSonarModel(NamedTuple):
     sim.sensors.imaging.pulse); speckle is correlated within a pulse and between pings that overlap. With `ground_truth`
     the distances are the true ones, and the intensities are the mean ones of a pulse as short as a bin.
 
-    Blue Robotics Ping360 (data sheet): 2 x 25 deg, steps of 0.9 deg (1 grad), 0.75 to 50 m with 1200 samples a ping,
-    35 s a turn at full reach; 750 kHz, 8 bits (Ping protocol, device_data); one pulse of one element is one look.
-    Scale: an error of the speed of sound of 7 m/s; levels and the picture are our choice.
+    The defaults are those of a Blue Robotics Ping360. From its data sheet: a beam of 2 x 25 deg, steps of 0.9 deg (1
+    grad), 0.75 to 50 m with 1200 samples per ping, 35 s for a turn at full range. From the Ping protocol (device_data):
+    750 kHz, 8 bits. A pulse of one element is one look. The error of the scale is that of an error of 7 m/s in the
+    speed of sound. Levels and the picture are our choice.
     """
 
     rate: Annotated[float, Range(0.0, 1000.0, "Hz")] = 11.0

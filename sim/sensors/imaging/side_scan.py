@@ -25,9 +25,9 @@ class SideScanModel(NamedTuple):
     axis is `depression` rad below the horizontal. `slices` x `rays` represent the beam of each side. The other keys are
     those of sim.sensors.imaging.forward_sonar.ForwardSonarModel.
 
-    Defaults: StarFish 450 (its maker: 450 kHz, transducers 30 deg down, beams 60 deg high; 0.8 deg and 100 m a side are
-    commonly given; not read in a source); one ping needs 133 ms for 100 m both ways. Levels, looks, bins and the
-    picture are our choice.
+    The defaults are those of a StarFish 450. From its maker: 450 kHz, transducers 30 deg down, beams 60 deg high. A
+    beam width of 0.8 deg and a range of 100 m on each side are commonly stated, but we have no source for them. A ping
+    needs 133 ms for 100 m and back. Levels, looks, bins and the picture are our choice.
     """
 
     rate: Annotated[float, Range(0.0, 100.0, "Hz")] = 5.0
@@ -62,8 +62,8 @@ class SideScanModel(NamedTuple):
 class SideScan:
     """Two beams in the sensor's y-z plane, to port (-y) and to starboard (+y), from above the horizontal to nadir.
 
-    A receiver makes a picture of the lines of successive pings. Not modelled: what sim.sensors.imaging.echoes
-    leaves out, the near field of the array, echoes of one side that the other receives.
+    The receiver of the samples makes a picture of successive pings, one line for each ping. Not modelled: refraction,
+    Doppler shift, the near field of the array, and echoes of one side that the other side receives.
     """
 
     Model = SideScanModel

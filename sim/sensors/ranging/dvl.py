@@ -38,8 +38,8 @@ class _Fit(NamedTuple):
 class DvlModel(NamedTuple):
     """Rate in Hz (0: none), slant of the beams from straight down, reach and errors.
 
-    Nortek DVL1000 300 m as set in DAVE (Field Robotics Lab): 8 Hz, 25 deg, 0.2 to 75 m, 0.015 m/s; here
-    that is the noise of each beam. Range noise: uuv_simulator's 0.005 m.
+    The defaults are those of a Nortek DVL1000 300 m as in DAVE (Field Robotics Lab): 8 Hz, 25 deg, 0.2 to 75 m, and
+    0.015 m/s, which is the noise of each beam here. The noise of the ranges is the 0.005 m of uuv_simulator.
     """
 
     rate: Annotated[float, Range(0.0, 100.0, "Hz")] = 8.0
@@ -59,7 +59,7 @@ class Dvl:
 
     A beam is locked while the seabed or an obstacle is within its reach and the sensor is under water. Velocity is the
     least-squares solution of three or four locked beams. Altitude is the distance to the plane that fits the ends of
-    the beams. Neither needs the attitude.
+    the beams. Neither uses the attitude.
     """
 
     Model = DvlModel

@@ -18,8 +18,9 @@ _DEGREE = pi / 180.0
 class EchosounderModel(NamedTuple):
     """Rate in Hz (0: none), width of the beam (rad), the rings of rays that represent it, reach, error of the distance.
 
-    With `ground_truth` the distance is the true one. Blue Robotics Ping2 (user manual): 25 deg, 0.3 to 100 m. Noise:
-    the 5 mm of uuv_simulator's sonar beams; scale: an error of the speed of sound of 7 m/s, our choice.
+    With `ground_truth` the distance is the true one. The defaults are those of a Blue Robotics Ping2 (user manual): 25
+    deg, 0.3 to 100 m. The noise is the 5 mm of uuv_simulator's sonar beams. The error of the scale is that of an error
+    of 7 m/s in the speed of sound, our choice.
     """
 
     rate: Annotated[float, Range(0.0, 100.0, "Hz")] = 10.0

@@ -21,12 +21,12 @@ _MIN_SHARE = 1e-6  # of the intensity of the seabed at normal incidence: strengt
 class ProfilerModel(NamedTuple):
     """Rate in Hz (0: none), number of beams, angles of the first and the last (rad), reach (m), error of the distances.
 
-    A beam is `beam_width` rad wide in both directions, represented by `rings` of rays; with 0 it is one ray.
-    `seabed_strength` and `object_strength` are 10 lg mu in dB (see sim.sensors.imaging.echoes). The strength of an echo
-    has the speckle of the mean of `looks`; 0 looks: no speckle. With `ground_truth` distances and strengths are the
-    true ones. Reach: the longest setting of the Imagenex 837B in LSTS's driver for it (DUNE). Noise: uuv_simulator's
-    5 mm for sonar beams. Scale: an error of the speed of sound of 7 m/s. The others are our choice, as usual for such
-    devices.
+    A beam is `beam_width` rad wide in both directions and represented by `rings` of rays; with a width of 0 it is one
+    ray. `seabed_strength` and `object_strength` are 10 lg mu in dB (see sim.sensors.imaging.echoes). The strength of an
+    echo has the speckle of the mean of `looks`; 0 looks: no speckle. With `ground_truth` distances and strengths are
+    the true ones. The longest range is the longest setting of the Imagenex 837B in its driver by LSTS (DUNE). The noise
+    is the 5 mm of uuv_simulator's sonar beams. The error of the scale is that of an error of 7 m/s in the speed of
+    sound. The other defaults are our choice, usual values of such devices.
     """
 
     rate: Annotated[float, Range(0.0, 100.0, "Hz")] = 5.0
