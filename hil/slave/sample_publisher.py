@@ -26,7 +26,7 @@ def _call(call: Callable[..., None], *arguments: Any) -> None:
 
 
 class MessageContent(NamedTuple):
-    """What messages contain: `prefix` begins the frame names, `variances` are those of `sim.sensors.variances`.
+    """Contents of messages: `prefix` begins the frame names, `variances` are those of `sim.sensors.variances`.
 
     `excluded_topics` are not published.
     """

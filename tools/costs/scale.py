@@ -116,21 +116,21 @@ def measure(
     finally:
         for process in processes:  # without peers clients close at once, otherwise it takes minutes
             process.kill()
-    heard = [own for own in received if own.stamps]
-    ages = sorted(age for own in heard for age in own.ages)
-    if len(heard) < slaves:
-        rate = f"{len(heard)} were found, {len(ages) / span / len(heard):.1f} Hz each" if heard else ""
+    active = [own for own in received if own.stamps]
+    ages = sorted(age for own in active for age in own.ages)
+    if len(active) < slaves:
+        rate = f"{len(active)} were found, {len(ages) / span / len(active):.1f} Hz each" if active else ""
         none = f"none was found any more after {begun + span - began:.0f} s"
         return _broken(received, routers, step, rate or none)
     cpu = [100.0 * (b - a) / span for a, b in zip(first.cpu, last.cpu, strict=True)]
-    sent = sum(own.sent() for own in heard)
+    sent = sum(own.sent() for own in active)
     figures = (
         len(ages) / span / slaves, 100.0 * (1.0 - len(ages) / sent) if sent else nan,
         quantile(ages, 0.5), quantile(ages, 0.99), sum(cpu[routers:]) / slaves, sum(cpu[:routers]) / routers,
         sum(last.resident[routers:]) / slaves / 2**20, sum(last.resident[:routers]) / routers / 2**20,
     )  # fmt: skip
     cells = " | ".join(f"{value:.1f}" for value in figures)
-    return f"| {slaves} | {routers} | {sessions} | {len(heard)} | {cells} |"
+    return f"| {slaves} | {routers} | {sessions} | {len(active)} | {cells} |"
 
 
 def _broken(received: Sequence[Received], routers: int, step: float, result: str) -> str:

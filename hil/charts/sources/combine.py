@@ -28,7 +28,7 @@ POINTS_REACH = 4.0  # distance around soundings in which the bed counts as known
 
 
 class ReadOptions(NamedTuple):
-    """How files of depths are read and combined.
+    """Options of reading and combining files of depths.
 
     - `updates`: apply the updates of S-57 charts.
     - `positive`: whether values count "up" or "down", "auto" to detect it; `crs`: coordinate system of files that

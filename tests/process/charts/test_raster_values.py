@@ -199,7 +199,7 @@ def test_heights_named_as_depths_are_not_made_land(tmp_path: Path) -> None:
 
 
 def test_places_with_several_depths_are_reported(tmp_path: Path) -> None:
-    """Such as those of temperatures in the water, which make no bed."""
+    """A file of temperatures in the water has several depths at each place; such depths make no bed."""
     path = tmp_path / "casts.csv"
     levels = [(10.0 + 1e-3 * i, 54.0 + 1e-3 * j, z) for i in range(5) for j in range(5) for z in (0.0, 10.0, 40.0)]
     path.write_text("longitude,latitude,depth\n" + "".join(f"{x},{y},{z}\n" for x, y, z in levels))

@@ -74,7 +74,7 @@ f 1 3 4
 
 
 def test_an_obj_has_the_mean_colour_of_its_materials(tmp_path: Path) -> None:
-    """By area: a painted square meter counts a third of three red ones."""
+    """The mean is weighted by area: a painted square meter counts a third of three red ones."""
     from PIL import Image
 
     (tmp_path / "plates.mtl").write_text(MTL)
