@@ -135,11 +135,10 @@ def test_soak_reports_a_slave_that_ends(victim: SlaveUnderTest) -> None:
 
 
 @pytest.mark.parametrize("leave_every", [1.5, 60.0])
-@retried_when_busy("a slave, and who watches it, in processes of their own")
 def test_soak_can_be_ended_while_its_slave_hangs(leave_every: float, victim: SlaveUnderTest) -> None:
     began = time.monotonic()
     found = soak(victim, signal.SIGSTOP, 60.0, leave_every, stop_after_s=2.5)
-    assert time.monotonic() - began < 9.0  # start, three looks, 2.5 s and one
+    assert time.monotonic() - began < 40.0, "usually 6 s: it ends before the 60 s that it was to last"
     assert len(found.observations) >= 3
     assert len(found.silences) == 1
 
