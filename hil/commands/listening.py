@@ -73,12 +73,15 @@ def scenario_and_endpoints(options: Any) -> tuple[Scenario | None, list[str]]:
     scenario = load_scenario(name, changes_of(options))
     if connect:
         return scenario, connect
-    if scenario.network.router:
-        return scenario, [scenario.network.router]
-    if scenario.member:
+    if scenario.member and not scenario.network.router:
         choices = " ".join([f"--connect {member.listen}" for member in scenario.member])
         load_single(name, remedy=f"and each vehicle has an endpoint of its own: name those to listen to, {choices}")
-    return scenario, [scenario.slave.listen]
+    return scenario, [own_endpoint(scenario)]
+
+
+def own_endpoint(scenario: Scenario) -> str:
+    """Return the endpoint at which a scenario's vehicle is reached: its router's, else its slave's."""
+    return scenario.network.router or scenario.slave.listen
 
 
 def connect_arguments(options: Any) -> tuple[Scenario | None, ConnectArguments]:

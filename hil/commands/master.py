@@ -6,7 +6,7 @@ import select
 
 from hil.bench.table import hil_table as table
 from hil.client.client import VehicleClient
-from hil.commands.listening import add_take_over, add_wait, is_routed, keys_of
+from hil.commands.listening import add_take_over, add_wait, is_routed, keys_of, own_endpoint
 from hil.commands.view.opening import view_process
 from hil.common.clock import NS_PER_S, now_ns
 from hil.common.endpoint import no_certificates
@@ -40,6 +40,7 @@ EXAMPLES = """\
 Start it before the slave and the start-up time is measured too.
 
 examples:
+  uuv-hil master paper_field                           its slave runs on this machine
   uuv-hil master paper_field --connect tcp/192.168.3.116:7447
   uuv-hil master mine.toml --connect tcp/127.0.0.1:7447 --output runs/today
   uuv-hil master mine.toml --connect lan               a slave with [network] discovery = true
@@ -53,7 +54,10 @@ def main(arguments: list[str]) -> int:
     parser = new_parser("master", __doc__, EXAMPLES)
     add_scenario(parser)
     parser.add_argument(
-        "--connect", metavar="ENDPOINT", type=endpoint_or_lan, required=True, help="slave or router, HOST:PORT; or lan"
+        "--connect",
+        metavar="ENDPOINT",
+        type=endpoint_or_lan,
+        help="a slave or a router, HOST:PORT, or lan [the scenario's]",
     )
     add_view(parser)
     add_take_over(parser)
@@ -64,7 +68,8 @@ def main(arguments: list[str]) -> int:
     )
     options = parser.parse_args(arguments)
     scenario = load_single(options.scenario, changes_of(options))
-    if options.connect != "lan" and not scenario.security and (problem := no_certificates(options.connect)):
+    connect = options.connect or own_endpoint(scenario)
+    if connect != "lan" and not scenario.security and (problem := no_certificates(connect)):
         raise ConfigError(f"--connect: {problem}")
     if scenario.recording.master:
         require_library()
@@ -76,7 +81,7 @@ def main(arguments: list[str]) -> int:
     cells = f", in cells of {size:g} m" if size > scenario.master.resolution and scenario.master.map == "known" else ""
     path = f"planned {len(planner.path)} points" if planner.path else "began, without a path to show,"
     progress.print_line(f"{type(planner).__name__} {path} in {plan.duration:.2f} s{cells}")
-    endpoint = options.connect if options.connect != "lan" else _discover_slave(options.wait)
+    endpoint = connect if connect != "lan" else _discover_slave(options.wait)
     words = scenario_words(options)
     with (
         view_process(words, [endpoint], options.view),

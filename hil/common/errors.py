@@ -6,7 +6,7 @@
     ├── DeviceError           a serial port, pty or bus cannot be opened, is busy, or was lost
     ├── NetworkError          a session cannot listen or connect, or the peer was lost
     ├── MissingExtraError     a package that this feature needs is not installed
-    └── MissionError          the run ended without reaching the scenario's goal
+    └── MissionError          the run did not reach the goal, or an event such as a collision failed it
         ├── NoPathError       the present map shows no path; a larger map may
         └── DivergenceError   the simulated motion is no longer finite
 
@@ -58,7 +58,7 @@ class MissingExtraError(HilError):
 
 
 class MissionError(HilError):
-    """The mission ended without reaching the scenario's goal.
+    """The mission did not reach the scenario's goal, or an event such as a collision failed it.
 
     `subject` is "start", "goal" or "path" if one of these is the reason.
     """

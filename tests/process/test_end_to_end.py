@@ -177,9 +177,7 @@ def test_a_slave_reconnects_to_a_device_on_a_serial_port(tmp_path: Path) -> None
 def test_the_master_reports_when_no_slave_answers(tmp_path: Path) -> None:
     scenario, port = write_scenario(tmp_path)
     endpoint = f"tcp/127.0.0.1:{port}"
-    with Program(
-        tmp_path, "master", scenario, "--connect", endpoint, "--wait", 2, "--output", tmp_path / "r"
-    ) as master:
+    with Program(tmp_path, "master", scenario, "--wait", 2, "--output", tmp_path / "r") as master:
         assert master.wait() == 4
     assert endpoint in master.output
     assert "uuv-hil slave" in master.output
@@ -187,10 +185,9 @@ def test_the_master_reports_when_no_slave_answers(tmp_path: Path) -> None:
 
 
 def test_the_master_continues_after_the_slave_was_restarted(tmp_path: Path) -> None:
-    scenario, port = write_scenario(tmp_path, allow="")
+    scenario, _ = write_scenario(tmp_path, allow="")
     folder = tmp_path / "run"
-    arguments = ("master", scenario, "--connect", f"tcp/127.0.0.1:{port}", "--output", folder)
-    with Program(tmp_path, *arguments) as master:
+    with Program(tmp_path, "master", scenario, "--output", folder) as master:  # at the endpoint of its scenario
         with Program(tmp_path, "slave", scenario) as slave:
             master.expect("flying")
             time.sleep(1)

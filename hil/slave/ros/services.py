@@ -58,7 +58,7 @@ def arm(loop: Loop, on: bool) -> str:
     loop.armed = on
     if not on:
         loop.set_neutral()
-    return "armed: commands are taken" if on else "disarmed: the thrusters are stopped, commands are not taken"
+    return "armed: commands are executed" if on else "disarmed: the thrusters are stopped, commands are ignored"
 
 
 def reset(loop: Loop, start: Start) -> str:

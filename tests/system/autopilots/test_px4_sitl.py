@@ -76,7 +76,7 @@ class Dive:
         yield lambda: "ATTITUDE" in self.station.latest
         self.locked = self.run.simulation.time_ns / 1e9, time.monotonic()
         yield 3.0
-        yield from self.mode(ALTITUDE)  # in MANUAL PX4 1.18 arms with the stick for motion ahead at full astern only
+        yield from self.mode(ALTITUDE)  # in MANUAL PX4 1.18 arms only with the stick's z at its lowest value
         yield from command(self.station, ARM, 1)
         yield from self.mode(MANUAL)
         self.station.sticks = (-500, 0, 250, 0)  # down is one of these: the first until PX4 1.17, the second since

@@ -60,8 +60,8 @@ def test_the_vehicle_follows_commands_of_the_client(seen: dict[str, Any]) -> Non
 
 
 def test_services_of_the_vehicle_are_called(seen: dict[str, Any]) -> None:
-    assert seen["disarmed"] == [True, "disarmed: the thrusters are stopped, commands are not taken"]
-    assert seen["armed"] == [True, "armed: commands are taken"]
+    assert seen["disarmed"] == [True, "disarmed: the thrusters are stopped, commands are ignored"]
+    assert seen["armed"] == [True, "armed: commands are executed"]
 
 
 def test_a_thruster_failure_is_set_by_a_parameter(seen: dict[str, Any]) -> None:
