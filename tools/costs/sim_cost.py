@@ -97,6 +97,8 @@ def print_table(rounds: int) -> None:
     for _ in range(rounds):
         for number, kind in best:
             best[number, kind] = min(best[number, kind], case_seconds(CASES[number], kind))
+    print("| vehicle, depth, step rate | Verlet, µs | ratio | Runge-Kutta, µs | ratio | ratio to Verlet |")
+    print("|---|---|---|---|---|---|")
     for number, (name, world, depth, step_ns) in enumerate(CASES):
         times = "".join(
             f" {best[number, kind] * 1e6:.2f} | {best[number, kind] / best[0, kind]:.1f} |" for kind in kinds
