@@ -277,9 +277,9 @@ def test_ros_settings_of_the_scenario_select_topics_and_services(tmp_path: Path)
 def test_call_prints_the_reply_of_a_service(user: User) -> None:
     assert user.run("call", "/uuv1/arm", "{data: false}").startswith("success: true\n")
     user.slave.expect("arm: disarmed")
-    assert "armed: commands are taken" in user.run("call", "/uuv1/arm", "{data: on}")
+    assert "armed: commands are executed" in user.run("call", "/uuv1/arm", "{data: on}")
     assert "disarmed" in user.run("call", "/uuv1/arm", "{data: OFF}")
-    assert "armed: commands are taken" in user.run("call", "/uuv1/arm", "data = true")
+    assert "armed: commands are executed" in user.run("call", "/uuv1/arm", "data = true")
     assert read_yaml(user.run("call", "/uuv1/reset"))["message"] == "at (4, 4, 2) m, heading 0 rad, at rest"
 
 

@@ -161,7 +161,7 @@ def test_services_answer_on_a_persistent_connection(served: Served) -> None:
     assert wait_for(lambda: "/uuv1/arm" in served.master.names("Service"))
     with Peer(served.tcpros, service("/uuv1/arm", SET_BOOL, persistent="1")) as peer:
         assert peer.header()["type"] == "std_srvs/SetBool"
-        for wanted, message in ((b"\x00", b"disarmed"), (b"\x01", b"armed: commands are taken")):
+        for wanted, message in ((b"\x00", b"disarmed"), (b"\x01", b"armed: commands are executed")):
             peer.send(pack("<I", 1) + wanted)
             assert peer.read(1) == b"\x01"
             answer = peer.receive()

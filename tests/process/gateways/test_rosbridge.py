@@ -125,7 +125,7 @@ def test_commands_move_the_vehicle_and_services_answer(bridge: Bridge) -> None:
     answer = bridge.call("/uuv1/arm", data=False)
     assert answer["result"]
     assert answer["values"]["success"]
-    assert bridge.call("/uuv1/arm", data=True)["values"]["message"] == "armed: commands are taken"
+    assert bridge.call("/uuv1/arm", data=True)["values"]["message"] == "armed: commands are executed"
     state = bridge.call("/uuv1/get_entity_state", entity="uuv1")["values"]
     assert state["result"]["result"] == 1
     assert state["state"]["header"]["frame_id"] == "map"

@@ -201,7 +201,7 @@ def test_a_rospy_node_reads_and_commands_the_vehicle(ros: Ros) -> None:
     assert results["image"] == [64, 48, "rgb8", 9216, True]
     assert results["depth"] < -1.0
     assert results["speed"] > 0.3
-    assert results["armed"] == [True, "armed: commands are taken"]
+    assert results["armed"] == [True, "armed: commands are executed"]
     assert results["reset"]
     assert results["gain"] > 0.0
     assert "<robot" in results["urdf"]
