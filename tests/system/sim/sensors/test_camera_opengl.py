@@ -246,7 +246,7 @@ def test_light_effects_are_equal_in_both_renderers(context: Any, keys: dict[str,
 
 def test_rays_are_the_default_and_load_no_opengl() -> None:
     code = (
-        "import sys; from tests.unit.sim.sensors.test_camera import camera, FLAT, HERE; camera(FLAT).sample(0, HERE)\n"
+        "import sys; from tests.unit.sim.sensors.test_camera import camera, FLAT, POSE; camera(FLAT).sample(0, POSE)\n"
         "print(*({'moderngl', 'sim.rays.opengl'} & set(sys.modules)))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT)
