@@ -8,7 +8,7 @@ PONG = Struct("<16s3q2qd")  # receiver; the ping's send time; times it came and 
 Role = Literal["slave", "master", "planner", "client", "router", "imaging"]  # of a process
 NodeRole = Literal["slave", "master", "observer"]
 
-_PARTS: dict[str, NodeRole] = {"slave": "slave", "master": "master", "observer": "observer"}
+_ROLES: dict[str, NodeRole] = {"slave": "slave", "master": "master", "observer": "observer"}
 _RANKS = frozenset("0123456789")
 _LONGEST_NAME = 64  # characters of a process name
 _LONGEST_NODE = 255  # characters of a node name
@@ -44,12 +44,12 @@ def presence_keys(node: str, role: str) -> str:
 def read_presence(key: str) -> Presence | None:
     """Return the presence in a key of `presence_key`; None for any other key."""
     parts = key.split("/")
-    if len(parts) != 7 or parts[2] != "alive" or parts[3] not in _PARTS:
+    if len(parts) != 7 or parts[2] != "alive" or parts[3] not in _ROLES:
         return None
     _, node, _, part, rank, ident, process = parts
     if rank not in _RANKS or len(ident) > _LONGEST_IDENT or not _hexadecimal(ident):
         return None
-    return Presence(_plain(node, _LONGEST_NODE), _PARTS[part], int(rank), ident, _plain(process))
+    return Presence(_plain(node, _LONGEST_NODE), _ROLES[part], int(rank), ident, _plain(process))
 
 
 def router_key(zid: str) -> str:

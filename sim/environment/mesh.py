@@ -126,7 +126,7 @@ def load_obstacle(keys: MeshKeys, folder: str, where: str = "mesh") -> MeshObsta
     file = os.path.join(folder, keys.file)
     check_file(file, MAX_BYTES)
     up = keys.up or ("y" if file.lower().endswith((".glb", ".gltf")) else "z")
-    triangles, colour = _read(file, os.stat(file).st_mtime_ns, keys.scale, up, where)
+    triangles, colour = _read(file, os.stat(file).st_mtime_ns, keys.scale, up, where, keys.colour is None)
     return place_triangles(keys._replace(colour=keys.colour or colour), triangles)
 
 
@@ -156,9 +156,9 @@ def place_triangles(
 
 @lru_cache(maxsize=32)
 def _read(
-    file: str, _mtime_ns: int, scale: float, up: str, where: str
+    file: str, _mtime_ns: int, scale: float, up: str, where: str, with_colour: bool
 ) -> tuple[tuple[Triangle, ...], tuple[float, float, float] | None]:
-    """Return the triangles of a file in m, forward, right and down, and its colour, None if it has none."""
+    """Return the triangles of a file in m, forward, right and down, and its colour: None without, or if not wanted."""
     try:
         import numpy as np
         import trimesh  # noqa: F401 - imported here to name the missing extra
@@ -167,11 +167,11 @@ def _read(
     ending = os.path.splitext(file)[1]
     _check_count(_declared_count(file), file, where)  # before reading takes seconds and a gigabyte
     try:
-        parts = [part for part in load_parts(file) if hasattr(part, "triangles")]  # also lines and points
+        parts = [part for part in load_parts(file, with_colour) if hasattr(part, "triangles")]  # also lines and points
         triangles = (
             np.concatenate([np.empty((0, 3, 3)), *(np.asarray(part.triangles, float) for part in parts)]) * scale
         )
-        colour = _colour(parts, file)
+        colour = _colour(parts, file) if with_colour else None
     except ConfigError:
         raise
     except Exception as error:  # noqa: BLE001 - readers raise any exception for damaged files

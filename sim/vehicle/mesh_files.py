@@ -23,14 +23,17 @@ def load_mesh(file: str, clean: bool = True) -> Any:
     return _load(file, None, force="mesh", process=clean)
 
 
-def load_parts(file: str) -> list[Any]:
-    """Return the meshes of a file, each with its material; axes, unit and errors as of `load_mesh`.
+def load_parts(file: str, with_materials: bool) -> list[Any]:
+    """Return the meshes of a file; axes, unit and errors as of `load_mesh`.
 
-    Materials and textures in other files are read if these are in the file's folder or below it.
+    With materials, materials and textures in other files are read if these are in the file's folder or below it.
     """
-    from sim.vehicle.mesh_materials import FolderResolver
+    resolver = None
+    if with_materials:
+        from sim.vehicle.mesh_materials import FolderResolver
 
-    loaded = _load(file, FolderResolver(file), process=False)
+        resolver = FolderResolver(file)
+    loaded = _load(file, resolver, process=False)
     return list(loaded.dump()) if hasattr(loaded, "dump") else [loaded]
 
 
