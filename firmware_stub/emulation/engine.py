@@ -261,10 +261,8 @@ class Engine:
             uc.mem_map_ptr(start, size, rights, host_address)
         # `Uc.mmio_map` adds two calls to each access, which would take a quarter of the time of a command.
         binding = importlib.import_module("unicorn.unicorn_py3.unicorn")
-        self._accesses = (
-            binding.MMIO_READ_CFUNC(self._load),
-            binding.MMIO_WRITE_CFUNC(self._store),
-        )  # stored, so that they are not freed
+        # Stored, so that they are not freed.
+        self._accesses = binding.MMIO_READ_CFUNC(self._load), binding.MMIO_WRITE_CFUNC(self._store)
         load, store = self._accesses
         for start, size in ((PERIPHERALS, PERIPHERALS_SIZE), (CORE_REGISTERS, CORE_REGISTERS_SIZE)):
             error = binding.uclib.uc_mmio_map(uc._uch, start, size, load, start, store, start)

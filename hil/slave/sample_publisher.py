@@ -67,9 +67,7 @@ class SamplePublisher:
         self._session = session
         self._node = node
         self._content = content
-        self._max_foreground_bytes = (
-            sys.maxsize if waits else LARGE
-        )  # bytes; longer messages are sent in the background
+        self._max_foreground_bytes = sys.maxsize if waits else LARGE  # longer messages are sent in the background
         self.stamps = Stamps(epoch_ns)
         self.graph = Node(session, node, of)
         self._publishers: dict[str, Publisher] = {}  # topic -> publisher, for topics used so far

@@ -69,9 +69,7 @@ class Usbl:
         self._rays = self._column.rays(scene.world.depth) if self._column else None
         at_station = self._column.sound_speed(model.station[2]) if self._column else SOUND_SPEED
         self._assumed_speed = model.assumed_speed or at_station
-        self._range_factor = (
-            self._assumed_speed / at_station
-        )  # factor of a range in water with a constant speed of sound
+        self._range_factor = self._assumed_speed / at_station  # in water with a constant speed of sound
         self.delay_ns = 0
 
     def sample(self, time_ns: int, state: State) -> PositionSample | None:

@@ -175,9 +175,8 @@ class PtyWire(TerminalWire):
     def write(self, data: bytes) -> int:
         """Send `data`, or nothing if the other end has stopped reading; return the number of bytes accepted."""
         if self._free_bytes <= 0 <= self._fd:
-            self._free_bytes = (
-                UNREAD_LIMIT - self._unread()
-            )  # the query costs as much as a write, so once for many frames
+            # The query costs as much as a write, so once for many frames.
+            self._free_bytes = UNREAD_LIMIT - self._unread()
             if self._free_bytes <= 0:
                 return 0
         self._free_bytes -= len(data)
