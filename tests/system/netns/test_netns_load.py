@@ -25,25 +25,25 @@ def test_pictures_do_not_delay_commands(tmp_path: Path) -> None:
 
     Other load of the machine affects both measurements.
     """
-    alone, beside = (measure_command_times(tmp_path / f"{len(camera)}", camera) for camera in ((), ("--camera",)))
+    alone, beside = (measure_command_times(tmp_path / f"{len(camera)}", camera) for camera in ((), ("camera",)))
     print(alone, beside)
     assert beside["round_trip_p50"] < 15 + 3 * alone["round_trip_p50"]
     assert beside["round_trip_p95"] < 30 + 3 * alone["round_trip_p95"]
     assert beside["frame_age_p50"] < 60 + 3 * alone["round_trip_p95"]
     assert beside["frames_per_s"] > 10, "37 of 50 on a quiet machine"
-    assert beside["answered"] > 0.98 * beside["sent"]
+    assert beside["answered"] > 0.98
 
 
 def measure_command_times(folder: Path, camera: tuple[str, ...]) -> dict[str, float]:
     """Return the times (ms) of commands and their answers between two machines."""
     folder.mkdir(exist_ok=True)
-    tool = "tools/costs/network_cost.py"
+    side = "tests/system/netns/pictures.py"
     with Network("slave", "master") as network, closing(Lines(folder / "asked.txt")) as requested:
         for machine in ("slave", "master"):
             network.slow(machine, 20)
         endpoint = ENDPOINT.format(network.address("slave"))
-        network.start("slave", tool, "--answer", endpoint, *camera, "--seconds", 60)
-        network.start("master", tool, "--ask", endpoint, "--seconds", 5, output=requested.file).wait(60)
+        network.start("slave", side, "answer", endpoint, *camera)
+        network.start("master", side, "ask", endpoint, output=requested.file).wait(60)
         requested.first("round_trip", 0.0, time.monotonic() + 60)
         figures: dict[str, float] = json.loads(requested.seen[-1][1])
     return figures
