@@ -1,8 +1,8 @@
 """Find and read files that an SDF file names: models by `model://`, and files beside it. It never uses the network.
 
-A name is searched in the folders of Gazebo's environment variables, then as ROS packages are (see
-`sim.vehicle.urdf.ros_packages`). A model of Gazebo Fuel is also searched in the folder of `gz fuel download`. Files
-outside of those folders and of `_LEVELS_UP` folders above the file are not opened.
+The folder of a model is searched as `sim.vehicle.urdf.ros_packages` says. A model of Gazebo Fuel is also searched in
+the folder of `gz fuel download`. Files outside of those folders and of `_LEVELS_UP` folders above the file are not
+opened.
 """
 
 import os
@@ -14,12 +14,9 @@ from urllib.parse import unquote
 
 from hil.common.errors import ConfigError
 from hil.common.tables import read_bytes
-from sim.vehicle.urdf.ros_packages import find_packages
+from sim.vehicle.urdf.ros_packages import find_packages, resource_folders
 from sim.vehicle.urdf.text import Element, read_xml
 
-VARIABLES = (
-    "GZ_SIM_RESOURCE_PATH", "IGN_GAZEBO_RESOURCE_PATH", "SDF_PATH", "GAZEBO_MODEL_PATH", "GAZEBO_RESOURCE_PATH",
-)  # fmt: skip
 MAX_FILES = 500  # included files, in total
 _LEVELS_UP = 2
 _FUEL = re.compile(
@@ -35,9 +32,8 @@ class SdfFiles:
         top = os.path.dirname(os.path.realpath(path))
         for _ in range(_LEVELS_UP):
             top = os.path.dirname(top)
-        shared = [entry for name in VARIABLES for entry in os.environ.get(name, "").split(os.pathsep) if entry]
-        self._shared = shared
-        self._roots = [os.path.realpath(folder) for folder in (top, *shared)]
+        self._shared = resource_folders()
+        self._roots = [os.path.realpath(folder) for folder in (top, *self._shared)]
         self._find = cache(self._search)
         self._read = cache(self._read_model)
         self._count = 0
@@ -90,8 +86,6 @@ class SdfFiles:
 
     def _of_package(self, location: str) -> Iterator[str]:
         name, _, inside = location.partition("/")
-        for top in self._shared:
-            yield from _inside(os.path.join(top, name), inside)
         for package in find_packages(name, self.path):
             yield from _inside(package, inside)
 

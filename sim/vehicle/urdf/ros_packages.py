@@ -1,11 +1,17 @@
-"""Find a ROS package without ROS: by ROS's environment variables, or near a file."""
+"""Find a ROS package or a Gazebo model without ROS and Gazebo: by their environment variables, or near a file."""
 
 import os
 import re
 from collections import deque
 from collections.abc import Iterator
+from urllib.parse import unquote
 
+# Folders of models, by Gazebo's variables.
+RESOURCE_VARIABLES = (
+    "GZ_SIM_RESOURCE_PATH", "IGN_GAZEBO_RESOURCE_PATH", "SDF_PATH", "GAZEBO_MODEL_PATH", "GAZEBO_RESOURCE_PATH",
+)  # fmt: skip
 _LEVELS_UP = 4  # folders above the file that are searched
+_ABOVE_PACKAGE = 2  # folders above the file's own package that are searched, however deep in it the file is
 _MAX_FOLDERS = 20_000  # that are searched below those, the nearest first: more than a workspace has, less than a disk
 
 
@@ -15,12 +21,17 @@ def find_package(name: str, path: str) -> str | None:
 
 
 def find_packages(name: str, path: str) -> Iterator[str]:
-    """Yield the folders that may be the package `name`, the likeliest first.
+    """Yield the folders that may be the package or model `name`, the likeliest first.
 
-    The search is that of ROS: `share/NAME` in the folders of AMENT_PREFIX_PATH, and all folders below those of
+    The folder NAME in those of Gazebo's variables comes first, or such a folder itself or the one above it. Then the
+    search is that of ROS: `share/NAME` in the folders of AMENT_PREFIX_PATH, and all folders below those of
     ROS_PACKAGE_PATH. Then it continues in the parents of the file at `path` and all folders below them. A folder is the
     package if its package.xml, or without one its name, says so.
     """
+    for top in resource_folders():
+        if os.path.isdir(os.path.join(top, name)):
+            yield os.path.join(top, name)
+        yield from (folder for folder in (top, os.path.dirname(top)) if _package_name(folder) == name)
     for prefix in _variable("AMENT_PREFIX_PATH"):
         folder = os.path.join(prefix, "share", name)
         if os.path.isdir(folder):
@@ -32,15 +43,36 @@ def find_packages(name: str, path: str) -> Iterator[str]:
                 yield folder
 
 
+def find_file(uri: str, path: str) -> str | None:
+    """Return the file of a `package://` or `model://` address in the file at `path`, None if it is not found.
+
+    Without the package, the same path is searched in the folders above that file.
+    """
+    name, _, inside = unquote(uri.partition("://")[2]).partition("/")
+    candidates = (os.path.join(folder, inside) for folder in (*find_packages(name, path), *_ancestors(path)))
+    return next((file for file in candidates if os.path.exists(file)), None)
+
+
+def resource_folders() -> list[str]:
+    """Return the folders of Gazebo's environment variables."""
+    return [os.path.abspath(entry) for name in RESOURCE_VARIABLES for entry in _variable(name)]
+
+
 def _variable(name: str) -> list[str]:
     return [entry for entry in os.environ.get(name, "").split(os.pathsep) if entry]
 
 
-def _parents(path: str) -> Iterator[str]:
-    folder = os.path.dirname(os.path.abspath(path))
-    for _ in range(_LEVELS_UP):
+def _ancestors(path: str) -> Iterator[str]:
+    folder, last = os.path.dirname(os.path.abspath(path)), ""
+    while folder != last:
         yield folder
-        folder = os.path.dirname(folder)
+        folder, last = os.path.dirname(folder), folder
+
+
+def _parents(path: str) -> list[str]:
+    folders = list(_ancestors(path))
+    own = next((i for i, folder in enumerate(folders) if os.path.isfile(os.path.join(folder, "package.xml"))), 0)
+    return folders[: max(_LEVELS_UP, own + 1 + _ABOVE_PACKAGE)]
 
 
 def _below(top: str, visited: set[str]) -> Iterator[str]:

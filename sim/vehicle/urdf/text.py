@@ -12,7 +12,7 @@ from xml.parsers import expat
 from hil.common.errors import ConfigError
 from hil.common.tables import read_bytes
 from sim.matrices import Matrix
-from sim.vehicle.urdf.ros_packages import find_package
+from sim.vehicle.urdf.ros_packages import find_file
 
 Element = ElementTree.Element
 _FRD = (1.0, -1.0, -1.0)
@@ -146,18 +146,10 @@ def plain(name: str) -> str:
 def find_mesh(name: str, path: str) -> str:
     """Return the path of a mesh that the file at `path` names.
 
-    package:// is searched in the folders above that file, then as sim/vehicle/urdf/ros_packages.py does. A name that
-    cannot be found is returned unchanged.
+    package:// and model:// are searched as sim/vehicle/urdf/ros_packages.py does. A name that cannot be found is
+    returned unchanged.
     """
-    if name.startswith("package://"):
-        package, _, inside = name.removeprefix("package://").partition("/")
-        folder = os.path.dirname(os.path.abspath(path))
-        while folder != os.path.dirname(folder):
-            if os.path.exists(os.path.join(folder, inside)):
-                return os.path.join(folder, inside)
-            folder = os.path.dirname(folder)
-        package_folder = find_package(package, path)
-        mesh = os.path.join(package_folder, inside) if package_folder else ""
-        return mesh if os.path.exists(mesh) else name
+    if name.startswith(("package://", "model://")):
+        return find_file(name, path) or name
     plain_name = name.removeprefix("file://")
     return plain_name if os.path.isabs(plain_name) else os.path.join(os.path.dirname(os.path.abspath(path)), plain_name)

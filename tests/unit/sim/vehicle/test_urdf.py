@@ -10,8 +10,10 @@ import pytest
 from hil.commands.vehicle.import_urdf import to_toml
 from hil.common.errors import ConfigError
 from sim.matrices import square
+from sim.sdf.files import SdfFiles
 from sim.vehicle.thrusters.bank import wrench_matrix
 from sim.vehicle.urdf.importer import read_urdf
+from sim.vehicle.urdf.text import find_mesh
 from sim.vehicle.vehicle import Vehicle, load_vehicle
 
 VECTORS = Path(__file__).parents[3] / "vectors"
@@ -234,3 +236,30 @@ def test_wrong_files_are_reported(text: str, message: str, tmp_path: Path) -> No
 def test_a_missing_file_is_reported() -> None:
     with pytest.raises(ConfigError, match=r"nowhere\.urdf: no such file"):
         read_urdf("nowhere.urdf")
+
+
+@pytest.mark.parametrize(
+    ("variable", "value", "place"),
+    [
+        ("", "", "src/b_description"),  # beside the package of the file
+        ("", "", "src/a/a_description"),  # no such package: the same path in the folders above the file
+        ("AMENT_PREFIX_PATH", "far", "far/share/b_description"),
+        ("ROS_PACKAGE_PATH", "far", "far/deep/er/b_description"),
+        ("GZ_SIM_RESOURCE_PATH", "far", "far/b_description"),
+        ("IGN_GAZEBO_RESOURCE_PATH", "far/b_description/models", "far/b_description"),
+    ],
+)
+@pytest.mark.parametrize("scheme", ["package", "model"])
+def test_a_mesh_of_another_package_is_found(
+    variable: str, value: str, place: str, scheme: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    robot, mesh = tmp_path / "src/a/a_description/urdf/robots/v1/x.urdf", tmp_path / place / "meshes/my hull.stl"
+    for file in (robot, mesh, tmp_path / "src/a/a_description/package.xml"):
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text("<package><name>a_description</name></package>")
+    if variable:
+        monkeypatch.setenv(variable, str(tmp_path / value))
+    uri = f"{scheme}://b_description/meshes/my%20hull.stl"
+    assert find_mesh(uri, str(robot)) == str(mesh)
+    if variable or place == "src/b_description":
+        assert SdfFiles(str(robot)).find(uri, str(robot.parent)) == str(mesh)
