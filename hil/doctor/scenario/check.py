@@ -9,8 +9,8 @@ from hil.autonomy.control.allocation import pseudo_inverse
 from hil.autonomy.paths.occupancy import OccupancyGrid
 from hil.common.endpoint import split_endpoint
 from hil.common.errors import ConfigError, MissingExtraError, MissionError, StartPositionError
-from hil.doctor.scenario.finding import ScenarioFinding
 from hil.doctor.scenario.sections import check_sections
+from hil.doctor.vehicle.finding import Finding
 from hil.master.flight import Plan, prepare
 from hil.master.planner import Planner
 from hil.scenario.attitude_warning import attitude_warning, requested_speed
@@ -28,23 +28,23 @@ SCANS = ("laser", "scanning_sonar")  # a planner that needs one of these topics 
 KEYS = {"goal": "master: goal: ", "start": "start: ", "path": "master: margin: "}
 
 
-def check_scenario(scenario: Scenario) -> Iterator[ScenarioFinding]:
+def check_scenario(scenario: Scenario) -> Iterator[Finding]:
     """Yield the problems that a flight of a loaded scenario would have; nothing if there are none.
 
     Raises ConfigError if the vehicle's or the world's file is invalid.
     """
     for level, text in _check(scenario):
-        yield ScenarioFinding(level, text if scenario.path in text else f"{scenario.path}: {text}")
+        yield Finding(level, text if scenario.path in text else f"{scenario.path}: {text}")
 
 
-def _check(scenario: Scenario) -> Iterator[ScenarioFinding]:
+def _check(scenario: Scenario) -> Iterator[Finding]:
     vehicle, _ = load_vehicle(scenario.vehicle)
     world = load_world(scenario.world)
     surge = axis_capabilities(vehicle, pseudo_inverse(wrench_matrix(vehicle))[0], world.density, world.gravity)[0]
     top_speed = surge.speed[0] if surge.driven else 0.0
     attitude = attitude_warning(scenario, vehicle)
     if attitude:
-        yield ScenarioFinding("warning", attitude)
+        yield Finding("warning", attitude)
     else:
         yield from _check_speed(scenario, vehicle, top_speed)
     yield from _check_current(world, vehicle, top_speed)
@@ -65,114 +65,114 @@ def _check(scenario: Scenario) -> Iterator[ScenarioFinding]:
         return
     yield from _check_start(scenario, vehicle, world, "start")
     if scenario.modem:
-        yield ScenarioFinding("warning", "modem: has no effect: only a fleet has modems, and there is no [[member]]")
+        yield Finding("warning", "modem: has no effect: only a fleet has modems, and there is no [[member]]")
     if scenario.controller in AUTOPILOTS:  # the autopilot flies its own mission
         return
     try:
         plan = prepare(scenario, world)
     except ConfigError as error:
-        yield ScenarioFinding("problem", str(error))
+        yield Finding("problem", str(error))
         return
     except MissionError as error:
-        yield ScenarioFinding("problem", f"{KEYS.get(error.subject, '')}{error}")
+        yield Finding("problem", f"{KEYS.get(error.subject, '')}{error}")
         return
     yield from _check_plan(scenario, plan, min(scenario.master.speed, top_speed or scenario.master.speed))
 
 
-def _check_speed(scenario: Scenario, vehicle: Vehicle, top_speed: float) -> Iterator[ScenarioFinding]:
+def _check_speed(scenario: Scenario, vehicle: Vehicle, top_speed: float) -> Iterator[Finding]:
     """Compare the requested speed with the vehicle's top speed."""
     key, speed = requested_speed(scenario)
     if top_speed and speed > top_speed:
-        yield ScenarioFinding(
+        yield Finding(
             "warning",
             f"{key}: {speed:g} m/s, but {vehicle.name} reaches {top_speed:.2f} m/s: request a lower speed, or "
             "use another vehicle",
         )
 
 
-def _check_current(world: World, vehicle: Vehicle, top_speed: float) -> Iterator[ScenarioFinding]:
+def _check_current(world: World, vehicle: Vehicle, top_speed: float) -> Iterator[Finding]:
     """Compare the steady current with the speed that the vehicle reaches."""
     current = hypot(*world.current[:2])
     if top_speed and current >= top_speed:
-        yield ScenarioFinding(
+        yield Finding(
             "warning",
             f"world: {world.name}: current: {current:.2f} m/s is faster than {vehicle.name}, which reaches "
             f"{top_speed:.2f} m/s: reduce current in the world's file",
         )
 
 
-def _check_periods(scenario: Scenario) -> Iterator[ScenarioFinding]:
+def _check_periods(scenario: Scenario) -> Iterator[Finding]:
     """Compare the period of the commands with the slave's deadman and its limit of the command rate."""
     period, slave = scenario.master.command_period, scenario.slave
     if slave.deadman < 2.0 * period:
         level, when = (
             ("problem", "between commands") if slave.deadman <= period else ("warning", "after a lost command")
         )
-        yield ScenarioFinding(
+        yield Finding(
             level,
             f"slave: deadman: {slave.deadman:g} s, but commands are {period:g} s apart, so the thrusters go to neutral "
             f"{when}: use at least {2.0 * period:g} s, or a shorter command_period in [master]",
         )
     if scenario.network.command_rate * period < 1.0 - 1e-9:
-        yield ScenarioFinding(
+        yield Finding(
             "warning",
             f"network: command_rate: the slave accepts {scenario.network.command_rate:g} commands a second, but "
             f"command_period of [master] sends {1.0 / period:g}: use at least {1.0 / period:g} Hz",
         )
     if slave.control_period < slave.step:
-        yield ScenarioFinding(
+        yield Finding(
             "warning",
             f"slave: control_period: {slave.control_period:g} s is shorter than step, {slave.step:g} s: use a "
             "shorter step, or increase control_period to the same",
         )
 
 
-def _check_event_times(scenario: Scenario) -> Iterator[ScenarioFinding]:
+def _check_event_times(scenario: Scenario) -> Iterator[Finding]:
     """Find failures and releases whose time is after the end of the run."""
     times = [(f"failure[{number}]", one.time) for number, one in enumerate(scenario.failure)]
     times += [(f"release[{number}]", one.time) for number, one in enumerate(scenario.release)]
     for key, time in times:
         if time > scenario.master.time_limit:
-            yield ScenarioFinding(
+            yield Finding(
                 "warning",
                 f"{key}: time: {time:g} s is after the end of the run, time_limit of [master], "
                 f"{scenario.master.time_limit:g} s: use an earlier time, or increase time_limit",
             )
 
 
-def _check_mavlink(scenario: Scenario) -> Iterator[ScenarioFinding]:
+def _check_mavlink(scenario: Scenario) -> Iterator[Finding]:
     """Find duplicate endpoints, and a video stream without a camera."""
     mavlink = scenario.mavlink
     if mavlink is None:
         return
     duplicates = {one for one in mavlink.endpoints if mavlink.endpoints.count(one) > 1}
     for endpoint in sorted(duplicates):
-        yield ScenarioFinding("problem", f"mavlink: endpoints: {endpoint!r} is listed twice: remove one")
+        yield Finding("problem", f"mavlink: endpoints: {endpoint!r} is listed twice: remove one")
     _, _, port = split_endpoint(scenario.slave.listen)
     for endpoint in mavlink.endpoints:
         if endpoint.startswith("tcpin:") and endpoint.rpartition(":")[2] in (str(port), str(port + 1)):
-            yield ScenarioFinding(
+            yield Finding(
                 "problem",
                 f"mavlink: endpoints: {endpoint!r}: [slave] listen uses ports {port} and {port + 1}: use another port",
             )
     key = "video_port" if mavlink.video_port else "rtp" if mavlink.rtp else ""
     if key and mavlink.camera not in scenario.sensors:
-        yield ScenarioFinding(
+        yield Finding(
             "warning", f"mavlink: {key}: there is no camera {mavlink.camera!r}: add [sensors.{mavlink.camera}]"
         )
 
 
-def _check_link(scenario: Scenario, vehicle: Vehicle) -> Iterator[ScenarioFinding]:
+def _check_link(scenario: Scenario, vehicle: Vehicle) -> Iterator[Finding]:
     """Check whether the thruster link can be opened, and whether its line rate is sufficient for the commands."""
     try:
         with suppress(MissingExtraError):  # the slave may run on another machine; `uuv-hil doctor` checks it there
             end_protocol(scenario.link, "host", len(vehicle.channels))
         check_line_rate(scenario.link, len(vehicle.channels), 1.0 / scenario.slave.control_period)
     except ConfigError as error:
-        yield ScenarioFinding("problem", str(error))
+        yield Finding("problem", str(error))
 
 
-def _check_autopilot_link(scenario: Scenario) -> Iterator[ScenarioFinding]:
+def _check_autopilot_link(scenario: Scenario) -> Iterator[Finding]:
     """Check whether the line rate to PX4 is sufficient for the samples."""
     from hil.autopilots.link_test import line_rate
     from hil.autopilots.opening import settings_of
@@ -180,19 +180,19 @@ def _check_autopilot_link(scenario: Scenario) -> Iterator[ScenarioFinding]:
     carried, settings = line_rate(scenario), settings_of(scenario)
     if 0.0 < carried < settings.rate:
         least = ceil(settings.baud * settings.rate / carried)
-        yield ScenarioFinding(
+        yield Finding(
             "problem",
             f"autopilot: baud: {settings.baud} bit/s transmits {carried:.0f} HIL_SENSOR messages a second, but rate is "
             f"{settings.rate:g} Hz: use at least {least} bit/s, or a lower rate",
         )
 
 
-def _check_start(scenario: Scenario, vehicle: Vehicle, world: World, key: str) -> Iterator[ScenarioFinding]:
+def _check_start(scenario: Scenario, vehicle: Vehicle, world: World, key: str) -> Iterator[Finding]:
     """Check whether the start position is free, and whether the simulation can be built."""
     start, tether = scenario.start, scenario.tether
     distance = dist(tether.anchor, (start.north, start.east, start.depth)) if tether else 0.0
     if tether and distance > tether.length:
-        yield ScenarioFinding(
+        yield Finding(
             "problem",
             f"tether: length: {tether.length:g} m, but the anchor is {distance:.1f} m away from {key}: use at least "
             f"{ceil(distance)} m, or move the anchor",
@@ -201,17 +201,17 @@ def _check_start(scenario: Scenario, vehicle: Vehicle, world: World, key: str) -
     try:
         build_simulation(scenario, vehicle, world)
     except StartPositionError as error:
-        yield ScenarioFinding("problem", f"{key}: {error}")
+        yield Finding("problem", f"{key}: {error}")
     except ConfigError as error:
-        yield ScenarioFinding("problem", str(error))
+        yield Finding("problem", str(error))
 
 
-def _check_plan(scenario: Scenario, plan: Plan, speed: float) -> Iterator[ScenarioFinding]:
+def _check_plan(scenario: Scenario, plan: Plan, speed: float) -> Iterator[Finding]:
     """Check a planner with a path: the time that it takes, the sensors that it needs, and its other places."""
     planner, grid, master = plan.planner, plan.request.map, scenario.master
     length = sum(dist(a, b) for a, b in pairwise(planner.path))
     if length / speed > master.time_limit:
-        yield ScenarioFinding(
+        yield Finding(
             "problem",
             f"master: time_limit: the path of {length:.0f} m takes at least {length / speed:.0f} s at {speed:.2f} m/s, "
             f"but the run ends after {master.time_limit:g} s: increase time_limit",
@@ -219,7 +219,7 @@ def _check_plan(scenario: Scenario, plan: Plan, speed: float) -> Iterator[Scenar
     published = {spec.topic for spec in scenario.sensors.values()}
     for topic in planner.subscriptions:
         if topic in SCANS and topic not in published:
-            yield ScenarioFinding(
+            yield Finding(
                 "problem",
                 f"planner: {type(planner).__name__} needs the topic {topic!r}, but no sensor publishes it: add "
                 f"[sensors.{topic}] with a rate above 0",
@@ -227,9 +227,7 @@ def _check_plan(scenario: Scenario, plan: Plan, speed: float) -> Iterator[Scenar
     yield from _check_places(planner, grid, plan.request.clearance, master.time_limit)
 
 
-def _check_places(
-    planner: Planner, grid: OccupancyGrid, clearance: float, time_limit: float
-) -> Iterator[ScenarioFinding]:
+def _check_places(planner: Planner, grid: OccupancyGrid, clearance: float, time_limit: float) -> Iterator[Finding]:
     """Check whether the planner's places besides the goal are free, and whether there is time for its tasks."""
     from hil.master.tasks import Tasks
 
@@ -242,14 +240,14 @@ def _check_places(
             remedy = (
                 f"; the nearest free point is ({nearest[0]:.2f} m north, {nearest[1]:.2f} m east)" if nearest else ""
             )
-            yield ScenarioFinding(
+            yield Finding(
                 "problem" if is_builtin else "warning",
                 f"planner: the place ({north:g} m north, {east:g} m east) is {where}{remedy}",
             )
     if isinstance(planner, Tasks):
         least = sum(task.duration for task in planner.mission.task if not task.when)
         if least > time_limit:
-            yield ScenarioFinding(
+            yield Finding(
                 "problem",
                 f"master: time_limit: the tasks take {least:g} s, without the travel between them, but the run ends "
                 f"after {time_limit:g} s: increase time_limit",

@@ -4,7 +4,7 @@ import os
 from collections.abc import Iterator
 
 from hil.common.errors import NetworkError
-from hil.doctor.scenario.finding import ScenarioFinding
+from hil.doctor.vehicle.finding import Finding
 from hil.network.security import tls
 from hil.scenario.config import Scenario
 from sim.vehicle.failures import Failure
@@ -18,7 +18,7 @@ MIN_ODOMETRY_HZ = 2.0
 HORIZONTAL = 1e-3  # a thruster counts as horizontal from this share of its thrust along x or y
 
 
-def check_sections(scenario: Scenario, vehicle: Vehicle) -> Iterator[ScenarioFinding]:
+def check_sections(scenario: Scenario, vehicle: Vehicle) -> Iterator[Finding]:
     """Yield findings about [master], [sensors], [[failure]] and [security]."""
     yield from _check_depth_margin(scenario)
     yield from _check_odometry(scenario)
@@ -26,29 +26,29 @@ def check_sections(scenario: Scenario, vehicle: Vehicle) -> Iterator[ScenarioFin
     yield from _check_security(scenario)
 
 
-def _check_depth_margin(scenario: Scenario) -> Iterator[ScenarioFinding]:
+def _check_depth_margin(scenario: Scenario) -> Iterator[Finding]:
     """Find a depth margin that is smaller than the overshoot of any controller."""
     margin = scenario.master.depth_margin
     if margin < MIN_DEPTH_MARGIN_M and "too_deep" not in scenario.master.allow:
-        yield ScenarioFinding(
+        yield Finding(
             "warning",
             f"master: depth_margin: {margin:g} m is less than the overshoot of the depth control, and the run fails as "
             f'too deep: use at least {MIN_DEPTH_MARGIN_M:g} m, or add "too_deep" to allow',
         )
 
 
-def _check_odometry(scenario: Scenario) -> Iterator[ScenarioFinding]:
+def _check_odometry(scenario: Scenario) -> Iterator[Finding]:
     """Find an odometry rate that is too low for the slave's controller."""
     odometry = scenario.sensors.get("odometry")
     if scenario.controller == "builtin" and odometry and odometry.model.rate < MIN_ODOMETRY_HZ:
-        yield ScenarioFinding(
+        yield Finding(
             "warning",
             f"sensors: odometry: rate: {odometry.model.rate:g} Hz is too slow for the controller, which reads speed "
             f"and depth from it: use at least {MIN_ODOMETRY_HZ:g} Hz",
         )
 
 
-def _check_failures(scenario: Scenario, vehicle: Vehicle) -> Iterator[ScenarioFinding]:
+def _check_failures(scenario: Scenario, vehicle: Vehicle) -> Iterator[Finding]:
     """Find a vehicle without horizontal thrust from the start."""
     x, y, *_ = wrench_matrix(vehicle)
     pairs = zip(vehicle.thrusters, x, y, strict=True)
@@ -56,7 +56,7 @@ def _check_failures(scenario: Scenario, vehicle: Vehicle) -> Iterator[ScenarioFi
     repaired = {one.thruster for one in scenario.failure if one.kind == "repaired"}
     dead = {one.thruster for one in scenario.failure if _is_dead_at_start(one)} - repaired
     if horizontal and horizontal <= dead:
-        yield ScenarioFinding(
+        yield Finding(
             "problem",
             f"failure: all horizontal thrusters fail at 0 s ({', '.join(sorted(horizontal))}), so the vehicle cannot "
             "leave its start: remove one failure, or set a later time",
@@ -68,7 +68,7 @@ def _is_dead_at_start(failure: Failure) -> bool:
     return failure.time == 0.0 and has_no_thrust
 
 
-def _check_security(scenario: Scenario) -> Iterator[ScenarioFinding]:
+def _check_security(scenario: Scenario) -> Iterator[Finding]:
     """Find folders of certificates that do not exist, or lack a file. Each machine needs only its own folder."""
     if scenario.security is None:
         return
@@ -80,15 +80,15 @@ def _check_security(scenario: Scenario) -> Iterator[ScenarioFinding]:
             try:
                 tls(folder)
             except NetworkError as error:
-                yield ScenarioFinding("problem", f"security: {key}: {error}")
+                yield Finding("problem", f"security: {key}: {error}")
         elif existing:
-            yield ScenarioFinding(
+            yield Finding(
                 "warning",
                 f"security: {key}: there is no folder {folder}: create it with `uuv-hil keys add NAME`, unless the "
                 f"{key} runs on another machine",
             )
         else:
-            yield ScenarioFinding(
+            yield Finding(
                 "problem",
                 f"security: {key}: there is no folder {folder}, nor another folder of [security]: create it with "
                 "`uuv-hil keys add NAME`",
