@@ -7,7 +7,7 @@ from typing import Any
 
 from aiohttp import WSMsgType, web
 
-from hil.common.server_thread import STALLED_S
+from hil.common.web.server_thread import STALLED_S
 
 MAX_BYTES = 32 << 20  # that wait for a client; beyond it the oldest messages are dropped
 

@@ -9,7 +9,9 @@ from typing import Any, Generic, TypeVar
 
 from aiohttp import web
 
-from hil.common.server_thread import STALLED_S, ServerThread, cut_when_stalled, http_log
+from hil.common.web.access import WebAccess
+from hil.common.web.http_server import HttpServer
+from hil.common.web.server_thread import STALLED_S, ServerThread, cut_when_stalled
 from hil.gateways.access import Access
 from hil.gateways.websocket_client import SocketClient
 
@@ -34,7 +36,7 @@ class WebSocketServer(ServerThread, Generic[T]):
         self._name = name
         self._protocols = tuple(protocols)
         self._clients: set[T] = set()
-        self._runner: web.AppRunner | None = None
+        self._server: HttpServer | None = None
         super().__init__(name, host, port)
 
     def __enter__(self) -> "Any":
@@ -51,24 +53,20 @@ class WebSocketServer(ServerThread, Generic[T]):
     async def _start(self, host: str, port: int) -> int:
         app = web.Application()
         app.router.add_get("/", self._serve)
-        self._runner = web.AppRunner(app, access_log=None, shutdown_timeout=1.0, logger=http_log())
-        await self._runner.setup()
-        await web.TCPSite(self._runner, host, port).start()
-        listening = int(self._runner.addresses[0][1])
+        self._server = HttpServer(app, WebAccess(host), self._may_command)
+        listening = await self._server.start(host, port)
         self.access = Access(listening)
         return listening
 
     async def _stop(self) -> None:
-        if self._runner:
-            await self._runner.cleanup()
+        if self._server:
+            await self._server.stop()
+
+    def _may_command(self, request: web.Request) -> bool:
+        return self.access.admits(request.query.get("token"))
 
     async def _serve(self, request: web.Request) -> web.StreamResponse:
         """Serve one client until its connection closes."""
-        may_command = self.access.admits(request.query.get("token"))
-        if request.headers.get("Origin") and not may_command:
-            raise web.HTTPForbidden(
-                text=f"a page needs the token: open the address that `uuv-hil {self._name}` printed\n"
-            )
         socket = web.WebSocketResponse(
             protocols=self._protocols, max_msg_size=LARGEST, heartbeat=HEARTBEAT_S, autoping=False, compress=False
         )
@@ -81,7 +79,7 @@ class WebSocketServer(ServerThread, Generic[T]):
         transport = request.transport
         if transport is None:  # the client has disconnected meanwhile
             return socket
-        client = self._make_client(socket, may_command)
+        client = self._make_client(socket, self._may_command(request))
         self._clients.add(client)
         try:
             with cut_when_stalled(socket, transport):

@@ -74,7 +74,10 @@ def network_sockets() -> Iterator[tuple[tuple[int, int], socket]]:
     """
     if sys.platform != "linux":
         return
-    for name in os.listdir("/proc/self/fd"):
+    names: list[str] = []
+    with suppress(OSError):  # this process has no descriptor left for the list; it is read again at the next check
+        names = os.listdir("/proc/self/fd")
+    for name in names:
         with suppress(OSError):
             if os.readlink(f"/proc/self/fd/{name}").startswith("socket:"):
                 descriptor = os.dup(int(name))

@@ -7,26 +7,25 @@ this server as a client, which sends it a secret. This server requires a token a
 import asyncio
 import json
 import secrets
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import Callable, Mapping
 from importlib.resources import files
 from ssl import SSLContext
 from typing import Any
 
 from aiohttp import ClientSession, WSMsgType, web
 
-from hil.common.server_thread import STALLED_S, ServerThread, cut_when_stalled, http_log
+from hil.common.web.access import WebAccess
+from hil.common.web.http_server import Handler, HttpServer
+from hil.common.web.server_thread import STALLED_S, ServerThread, cut_when_stalled
 
 COOKIE = "uuv_hil_view"
 SECRET_HEADER = "X-Uuv-Hil-Secret"
 MAX_STICK_BYTES = 4096  # in one message of the stick
 MAX_CLIENTS = 32
-MAX_CONNECTIONS = 256  # open at once; a browser needs several, for the page, the stick and the scene
-TOKEN_WITHIN_S = 10.0  # a connection that has not sent the token by then is closed
 HEARTBEAT_S = 10.0  # period of websocket pings; a connection without a pong is closed after half of it
 LARGEST_MESSAGE = 256 << 20  # bytes from the scene to the browser
 
 StickMessage = Mapping[str, Any]
-Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 # Called with a client's number and its stick message, or None when the client has closed; returns what it then shows.
 OnStick = Callable[[int, StickMessage | None], Mapping[str, Any]]
 
@@ -51,9 +50,7 @@ class PageServer(ServerThread):
         self._scene = f"http://127.0.0.1:{scene_port}"
         self._secret, self._token, self._on_stick = secret, token, on_stick
         self._clients = 0
-        self._admitted: set[asyncio.Protocol] = set()  # open connections on which the token was shown
-        self._listener: asyncio.Server | None = None
-        self._runner: web.AppRunner | None = None
+        self._server: HttpServer | None = None
         self._tls = tls
         super().__init__("view page", host, port)
 
@@ -65,44 +62,19 @@ class PageServer(ServerThread):
         app.router.add_get("/", self._page)
         app.router.add_get("/stick", self._stick)
         app.router.add_get("/scene{path:(/.*)?}", self._pass_on)
-        self._runner = web.AppRunner(app, access_log=None, shutdown_timeout=1.0, logger=http_log())
-        await self._runner.setup()
-        self._listener = await self._loop.create_server(self._accept, host, port, ssl=self._tls)
-        return int(self._listener.sockets[0].getsockname()[1])
-
-    def _accept(self) -> asyncio.BaseProtocol:
-        """Return the protocol for a new connection: aiohttp's, or one that closes it if too many are open."""
-        assert self._runner
-        server = self._runner.server
-        assert server
-        opened = {connection for connection in server.connections if connection.transport}
-        self._admitted &= opened
-        if len(opened) >= MAX_CONNECTIONS:
-            return _Refusal()
-        connection = server()
-        self._loop.call_later(TOKEN_WITHIN_S, self._close_unless_admitted, connection)
-        return connection
-
-    def _close_unless_admitted(self, connection: web.RequestHandler) -> None:
-        if connection not in self._admitted:
-            connection.force_close()
+        self._server = HttpServer(app, WebAccess(host, "own"), self._has_token)
+        return await self._server.start(host, port, self._tls)
 
     async def _stop(self) -> None:
-        if self._listener:
-            self._listener.close()
-        if self._runner:
-            await self._runner.cleanup()
+        if self._server:
+            await self._server.stop()
 
     @web.middleware
     async def _admit(self, request: web.Request, handler: Handler) -> web.StreamResponse:
-        """Refuse requests without the token, and those from pages of other origins."""
-        origin = request.headers.get("Origin")
-        if origin and origin.partition("://")[2] != request.host:
-            raise web.HTTPForbidden(text="this page is not of the live view\n")
+        """Refuse requests without the token; keep a token of the address in a cookie."""
+        if not self._has_token(request):
+            raise web.HTTPForbidden(text="open the address that `uuv-hil view` printed, with its token\n")
         token = request.query.get("token", "")
-        known = request.cookies.get(self._cookie, "")
-        if self._is_token(token) or self._is_token(known):
-            self._admitted.add(request.protocol)
         if self._is_token(token):
             response: web.StreamResponse = web.Response(status=302, headers={"Location": "/"})
             if request.path != "/":
@@ -110,8 +82,6 @@ class PageServer(ServerThread):
             if not response.prepared:
                 response.set_cookie(self._cookie, token, httponly=True, samesite="Strict", secure=request.secure)
             return response
-        if not self._is_token(known):
-            raise web.HTTPForbidden(text="open the address that `uuv-hil view` printed, with its token\n")
         response = await handler(request)
         if not response.prepared:
             response.headers["Content-Security-Policy"] = "frame-ancestors 'self'"
@@ -120,6 +90,9 @@ class PageServer(ServerThread):
     @property
     def _cookie(self) -> str:
         return f"{COOKIE}_{self.port}"  # browsers do not distinguish the ports of a host
+
+    def _has_token(self, request: web.Request) -> bool:
+        return self._is_token(request.query.get("token", "")) or self._is_token(request.cookies.get(self._cookie, ""))
 
     def _is_token(self, text: str) -> bool:
         return secrets.compare_digest(text.encode(errors="surrogatepass"), self._token.encode())
@@ -175,13 +148,6 @@ class PageServer(ServerThread):
                 await _first_done(_pump(outside, inside), _pump(inside, outside))
                 await outside.close()
         return outside
-
-
-class _Refusal(asyncio.Protocol):
-    """Closes a connection at once."""
-
-    def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        transport.close()
 
 
 async def _pump(source: Any, sink: Any) -> None:

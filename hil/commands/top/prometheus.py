@@ -4,14 +4,12 @@ prometheus_client would replace 60 of these lines. Its import takes twice the pr
 more, and it would be one more extra to install.
 """
 
-import socket
-import threading
 from collections.abc import Iterable
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
 
 from hil.client.health_watch import HealthWatch, Status
 from hil.common.errors import NetworkError
+from hil.common.web.plain_server import PlainHandler, PlainHttpServer
 from hil.ros.diagnostics import Diagnostics as Health
 from hil.ros.diagnostics import Figure
 
@@ -85,41 +83,31 @@ def _labels(status: Status) -> str:
     return f'{{node="{status.node}",board="{board}"}}'
 
 
-class _Server6(ThreadingHTTPServer):
-    address_family = socket.AF_INET6
-
-
 class Endpoint:
     """Serves `http://HOST:PORT/metrics`, `where` being HOST and PORT. Use as a context. Raises NetworkError."""
 
     def __init__(self, where: tuple[str, int], watch: HealthWatch) -> None:
         try:
-            self._server = (_Server6 if ":" in where[0] else ThreadingHTTPServer)(where, _handler(watch))
+            self._server = PlainHttpServer("prometheus", where, _handler(watch))
         except OSError as error:
             name = f"{where[0]}:{where[1]}"
             raise NetworkError(f"cannot serve at {name}: {error.strerror}; choose another with --prometheus") from None
-        self._server.daemon_threads = True
         address = str(self._server.server_address[0])
         self.address = f"http://{f'[{address}]' if ':' in address else address}:{self._server.server_port}/metrics"
-        self._thread = threading.Thread(target=self._server.serve_forever, name="prometheus", daemon=True)
 
     def __enter__(self) -> "Endpoint":
-        self._thread.start()
+        self._server.start()
         return self
 
     def __exit__(self, *_: object) -> None:
-        self._server.shutdown()
-        self._server.server_close()
-        self._thread.join(2.0)
+        self._server.stop()
 
 
-def _handler(watch: HealthWatch) -> type[BaseHTTPRequestHandler]:
-    class Handler(BaseHTTPRequestHandler):
+def _handler(watch: HealthWatch) -> type[PlainHandler]:
+    class Handler(PlainHandler):
         """HTTP handler of /metrics; other paths get a hint."""
 
-        timeout = 5.0
-
-        def do_GET(self) -> None:
+        def answer(self) -> None:
             """Answer a request with the metrics."""
             known = self.path.partition("?")[0] == "/metrics"
             body = (exposition(watch.statuses()) if known else "see /metrics\n").encode()
@@ -128,8 +116,5 @@ def _handler(watch: HealthWatch) -> type[BaseHTTPRequestHandler]:
             self.send_header("Content-Length", str(len(body)))
             self.end_headers()
             self.wfile.write(body)
-
-        def log_message(self, *_: object) -> None:
-            """Log nothing: one line a request would fill the terminal."""
 
     return Handler

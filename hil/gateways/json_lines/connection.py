@@ -91,6 +91,7 @@ class Connection:
         self._wanted: dict[tuple[str, str], tuple[int, int]] = {}  # vehicle and sensor: period, when next (ns)
         self._deadman_ns = round(DEADMAN_S * NS_PER_S)
         self._received_ns = now_ns()
+        self._has_sent = False
         self._changed = threading.Condition()
         self._ended = False
         self._threads = [threading.Thread(target=work, daemon=True) for work in (self._send_samples, self._serve)]
@@ -104,6 +105,10 @@ class Connection:
     def is_alive(self) -> bool:
         """True until the connection has ended."""
         return not self._ended
+
+    def silent_since(self, time_ns: int) -> bool:
+        """Return whether the client was there at that time and has sent no line until now."""
+        return not self._has_sent and self._received_ns <= time_ns
 
     def close(self) -> None:
         """End it; commanded vehicles stop."""
@@ -119,7 +124,7 @@ class Connection:
         try:
             with self._socket, self._socket.makefile("rb") as lines, suppress(OSError, NotJsonError):
                 while line := lines.readline(LONGEST_LINE):
-                    self._received_ns = now_ns()
+                    self._received_ns, self._has_sent = now_ns(), True
                     if _is_whole(line):
                         self._answer(line)
                     else:

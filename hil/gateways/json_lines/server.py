@@ -4,7 +4,9 @@ import socket
 import threading
 
 from hil.client.fleet import Fleet
+from hil.common.clock import NS_PER_S, now_ns
 from hil.common.errors import NetworkError
+from hil.common.web.access import REQUEST_S
 from hil.gateways.access import Access
 from hil.gateways.json_lines.connection import Connection
 from hil.gateways.json_lines.requests import encode
@@ -16,7 +18,8 @@ ACCEPT_S = 0.2  # between two checks for the end
 class JsonGateway:
     """Serves a fleet at `host`:`port` (0: any free one; see `port`). Use as a context. Raises NetworkError.
 
-    `access` holds the token without which nobody commands. More than 32 connections at a time are refused.
+    `access` holds the token without which nobody commands. More than 32 connections at a time are refused, unless one
+    of them has sent no line within `REQUEST_S`: then the oldest of these is closed.
     """
 
     def __init__(self, fleet: Fleet, host: str, port: int) -> None:
@@ -48,15 +51,28 @@ class JsonGateway:
         while not self._ending.is_set():
             try:
                 opened, _ = self._socket.accept()
-            except OSError:  # no client within ACCEPT_S
+            except TimeoutError:
                 continue
-            self._connections = [connection for connection in self._connections if connection.is_alive]
-            if len(self._connections) < MAX_CONNECTIONS:
+            except OSError:  # the client has closed already, or this process has no descriptor left for it
+                self._ending.wait(ACCEPT_S)
+                continue
+            if self._has_room():
                 connection = Connection(self._fleet, self.access, opened)
                 self._connections.append(connection)
                 connection.start()
             else:
                 _refuse(opened)
+
+    def _has_room(self) -> bool:
+        self._connections = [connection for connection in self._connections if connection.is_alive]
+        if len(self._connections) < MAX_CONNECTIONS:
+            return True
+        overdue_ns = now_ns() - round(REQUEST_S * NS_PER_S)
+        silent = next((each for each in self._connections if each.silent_since(overdue_ns)), None)
+        if silent:
+            silent.close()
+            self._connections.remove(silent)
+        return silent is not None
 
 
 def _refuse(opened: socket.socket) -> None:

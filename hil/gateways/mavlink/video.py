@@ -2,15 +2,13 @@
 
 import threading
 from collections.abc import Callable
-from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
-from typing import Any
 
 from hil.common.errors import NetworkError
+from hil.common.web.plain_server import PlainHandler, PlainHttpServer
 
 BOUNDARY = "uuv-hil-picture"
 SILENT_S = 10.0  # after which a stream without a new picture ends
 MAX_VIEWERS = 8
-HOSTS = ("127.0.0.1", "localhost", "[::1]")  # a page of another name must not see it
 
 
 class VideoServer:
@@ -28,13 +26,11 @@ class VideoServer:
         self.is_ending = False
         handler = type("Handler", (_Handler,), {"video": self})
         try:
-            self._server = ThreadingHTTPServer(("127.0.0.1", port), handler)
+            self._server = PlainHttpServer("video", ("127.0.0.1", port), handler)
         except OSError as error:
             raise NetworkError(f"video: 127.0.0.1:{port}: {error.strerror}; choose another video_port") from None
-        self._server.daemon_threads = True
-        self.port: int = self._server.server_address[1]
-        self._thread = threading.Thread(target=self._server.serve_forever, name="video", daemon=True)
-        self._thread.start()
+        self.port: int = self._server.server_port
+        self._server.start()
 
     def __enter__(self) -> "VideoServer":
         return self
@@ -43,9 +39,7 @@ class VideoServer:
         with self.changed:
             self.is_ending = True
             self.changed.notify_all()
-        self._server.shutdown()
-        self._server.server_close()
-        self._thread.join(2.0)
+        self._server.stop()
 
     @property
     def address(self) -> str:
@@ -59,17 +53,12 @@ class VideoServer:
             self.changed.notify_all()
 
 
-class _Handler(BaseHTTPRequestHandler):
+class _Handler(PlainHandler):
     video: VideoServer
-    timeout = 10.0
 
-    def do_GET(self) -> None:  # http.server's name
+    def answer(self) -> None:
         """Answer with a stream of pictures."""
         video = self.video
-        host = self.headers.get("Host", "").rpartition(":")[0] or self.headers.get("Host", "")
-        if host not in HOSTS:
-            self.send_error(403)
-            return
         if self.path != "/":
             self.send_error(404)
             return
@@ -86,9 +75,6 @@ class _Handler(BaseHTTPRequestHandler):
         finally:
             with video.changed:
                 video.viewers -= 1
-
-    def log_message(self, *_: Any) -> None:
-        """Log nothing."""
 
     def _stream(self, video: VideoServer) -> None:
         self.send_response(200)

@@ -10,8 +10,8 @@ from urllib.parse import urlsplit
 
 from hil.common.clock import NS_PER_S, now_ns
 from hil.common.errors import ConfigError, HilError, NetworkError
-from hil.common.server_thread import ServerThread
 from hil.common.text import clean
+from hil.common.web.server_thread import ServerThread
 from hil.gateways.commanding import Commanding
 from hil.gateways.ros1.messages import kind_of, service_of
 from hil.gateways.ros1.node import Node

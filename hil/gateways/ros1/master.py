@@ -48,6 +48,13 @@ class Master:
             self._wanted.append(item)
             self._changed.set()
 
+    def ask_publishers(self, topic: str) -> None:
+        """Ask the master for the publishers of a topic that is registered: registering again returns them."""
+        items = {item for item in self._registered if item.kind == "Subscriber" and item.name == topic}
+        self._registered -= items
+        if items:
+            self._changed.set()
+
     async def call(self, method: str, *arguments: Any) -> Any:
         """Call a method of the master in the name of this node. Raises NetworkError."""
         return await call(self._caller.session, self.uri, method, self._caller.name, *arguments)

@@ -9,7 +9,9 @@ from typing import Any
 import aiohttp
 from aiohttp import web
 
-from hil.common.server_thread import http_log
+from hil.common.errors import NetworkError
+from hil.common.web.access import MAX_CONNECTIONS, WebAccess
+from hil.common.web.http_server import HttpServer
 from hil.gateways.commanding import Commanding
 from hil.gateways.ros1 import xmlrpc
 from hil.gateways.ros1.master import Item, Master
@@ -19,7 +21,6 @@ from hil.gateways.ros1.services import serve_calls
 from hil.gateways.ros1.subscription import Caller, Report, Subscription
 from hil.gateways.ros1.tcpros import Connection, PeerError, encode_header, peer_name, read_header, required, set_options
 
-MAX_CONNECTIONS = 256
 MAX_TOPICS = 2000
 
 
@@ -50,13 +51,11 @@ class Node:
         """
         self._session = aiohttp.ClientSession(auto_decompress=False)
         app = web.Application(client_max_size=xmlrpc.LARGEST)
-        app.router.add_post("/{path:.*}", lambda request: xmlrpc.answer(request, self._methods()))
-        self._runner = web.AppRunner(app, access_log=None, shutdown_timeout=1.0, logger=http_log())
-        await self._runner.setup()
+        app.router.add_post("/{path:.*}", self._answer)
+        self._interface = HttpServer(app, WebAccess(listen, names=(self._host,)))
         self._server: asyncio.Server | None = None
-        await web.TCPSite(self._runner, listen, port).start()
+        interface = await self._interface.start(listen, port)
         self._server = await asyncio.start_server(self._connected, listen, port + 1 if port else 0)
-        interface = int(self._runner.addresses[0][1])
         self.api = f"http://{self._host}:{interface}/"
         self._port = int(self._server.sockets[0].getsockname()[1])
         self.caller = Caller(self.name, self._session)
@@ -75,7 +74,7 @@ class Node:
         for subscription in self.subscriptions.values():
             await subscription.close()
         await self._session.close()
-        await self._runner.cleanup()
+        await self._interface.stop()
 
     def publish(self, topic: str, kind: Kind, latched: int, on_subscriber: Callable[[str], None]) -> Publication | None:
         """Return the publication of a topic, which is registered if it is new; None for one too many."""
@@ -97,6 +96,9 @@ class Node:
         if name not in self.services:
             self.services[name] = service
             self.master.add(Item("Service", name, service.name))
+
+    async def _answer(self, request: web.Request) -> web.Response:
+        return await xmlrpc.answer(request, self._methods())
 
     async def _connected(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         """Serve a connection; one that sends nothing proper gets the reason in a header, and is closed."""
@@ -172,12 +174,17 @@ class Node:
         into = [(uri, "i", each.topic) for each in self.subscriptions.values() for uri in each.publishers]
         return [[number, peer, way, "TCPROS", topic, True] for number, (peer, way, topic) in enumerate(out + into)]
 
-    def _update_parameter(self, _: str, key: str, value: Any) -> int:
-        self.on_parameter(str(key), value)
+    async def _update_parameter(self, _: str, key: str, _value: Any) -> int:
+        """Take a parameter as the master has it: everyone who reaches this port can send this."""
+        try:
+            self.on_parameter(str(key), await self.master.call("getParam", str(key)))
+        except NetworkError as error:
+            raise xmlrpc.RefusedError(str(error)) from None
         return 0
 
-    def _update_publishers(self, _: str, topic: str, uris: list[str]) -> int:
-        self._set_publishers(str(topic), [uri for uri in uris if isinstance(uri, str)])
+    def _update_publishers(self, _: str, topic: str, _uris: list[str]) -> int:
+        """Ask the master who publishes: everyone who reaches this port can send this."""
+        self.master.ask_publishers(str(topic))
         return 0
 
     def _request_topic(self, _: str, topic: str, protocols: list[Any]) -> list[Any]:
@@ -187,6 +194,13 @@ class Node:
             raise xmlrpc.RefusedError("only TCPROS is spoken here")
         return ["TCPROS", self._host, self._port]
 
-    def _shutdown(self, _: str, reason: str = "") -> int:
+    async def _shutdown(self, _: str, reason: str = "") -> int:
+        """End if the master has given this node's name to another one, which is when a master sends this."""
+        try:
+            holder = await self.master.call("lookupNode", self.name)
+        except NetworkError as error:
+            raise xmlrpc.RefusedError(f"only the master ends this node, and it gives no answer: {error}") from None
+        if holder == self.api:
+            raise xmlrpc.RefusedError("only the master ends this node, and it lists it; end its process in its place")
         self.on_shutdown(str(reason)[:200])
         return 0

@@ -5,6 +5,7 @@ Every answer is [code, message, value]; a code of 1 is success.
 
 import asyncio
 from collections.abc import Callable, Mapping
+from inspect import isawaitable
 from typing import Any
 from xmlrpc import client as xml
 
@@ -16,6 +17,8 @@ from hil.common.errors import NetworkError
 CALL_S = 5.0  # for an answer
 LARGEST = 1 << 20  # bytes of a request or an answer
 SUCCESS, FAILURE, ERROR = 1, 0, -1
+
+CONTENT_TYPE = "text/xml"
 
 Method = Callable[..., Any]
 
@@ -30,7 +33,7 @@ async def call(session: aiohttp.ClientSession, uri: str, method: str, *arguments
     timeout = aiohttp.ClientTimeout(total=CALL_S)
     try:
         async with session.post(
-            uri, data=body.encode(), headers={"Content-Type": "text/xml"}, timeout=timeout
+            uri, data=body.encode(), headers={"Content-Type": CONTENT_TYPE}, timeout=timeout
         ) as response:
             reply: Any = xml.loads(await _read(response.content))[0]
         code, message, value = reply[0]
@@ -54,27 +57,30 @@ async def _read(content: aiohttp.StreamReader) -> bytes:
 
 async def answer(request: web.Request, methods: Mapping[str, Method]) -> web.Response:
     """Answer a request by the method it names. An invalid request is answered with an error; nothing is raised."""
+    if request.content_type != CONTENT_TYPE:  # a page in a browser cannot send this type without being asked first
+        raise web.HTTPUnsupportedMediaType(text=f"XML-RPC has the content type {CONTENT_TYPE}\n")
     try:
         body = await asyncio.wait_for(request.read(), CALL_S)
     except asyncio.TimeoutError:
         raise web.HTTPRequestTimeout from None
-    return web.Response(body=_answer(body, methods), content_type="text/xml")
+    return web.Response(body=await _answer(body, methods), content_type=CONTENT_TYPE)
 
 
-def _answer(body: bytes, methods: Mapping[str, Method]) -> bytes:
+async def _answer(body: bytes, methods: Mapping[str, Method]) -> bytes:
     try:
         arguments, name = xml.loads(body)
     except Exception:  # noqa: BLE001 - bytes of others; the parser raises many kinds
         return xml.dumps(xml.Fault(1, "this is no request of XML-RPC")).encode()
-    return xml.dumps((_call(name, arguments, methods),), methodresponse=True).encode()
+    return xml.dumps((await _call(name, arguments, methods),), methodresponse=True).encode()
 
 
-def _call(name: Any, arguments: tuple[Any, ...], methods: Mapping[str, Method]) -> list[Any]:
+async def _call(name: Any, arguments: tuple[Any, ...], methods: Mapping[str, Method]) -> list[Any]:
     method = methods.get(name)
     if method is None:
         return [ERROR, f"no method {str(name)[:60]!r}; there are: {', '.join(sorted(methods))}", 0]
     try:
-        return [SUCCESS, "", method(*arguments)]
+        value = method(*arguments)
+        return [SUCCESS, "", await value if isawaitable(value) else value]
     except TypeError:
         return [ERROR, f"{name} does not take these arguments", 0]
     except RefusedError as error:

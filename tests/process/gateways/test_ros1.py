@@ -9,6 +9,8 @@ from typing import Any
 import pytest
 from rosbags.typesys import Stores, get_typestore
 
+import hil
+from hil.gateways.commanding import Commanding
 from tests.support.clients.ros1 import Peer, Publisher, Served, SmallMaster, served_to_ros1
 from tests.support.processes import wait_for
 
@@ -122,7 +124,7 @@ def test_a_publisher_commands_the_vehicle_until_it_is_unregistered(served: Serve
         Publisher("/driver", "geometry_msgs/Twist", TWIST) as driver,
         subscribed(served, "/uuv1/ground_truth", "nav_msgs/Odometry", ODOMETRY) as truth,
     ):
-        served.node.publisherUpdate("/master", "/uuv1/cmd_vel", [driver.uri])
+        served.master.announce(served.node, "/uuv1/cmd_vel", [driver.uri])
         header = driver.accept()
         assert (header["type"], header["md5sum"], header["topic"]) == ("geometry_msgs/Twist", TWIST, "/uuv1/cmd_vel")
 
@@ -132,7 +134,7 @@ def test_a_publisher_commands_the_vehicle_until_it_is_unregistered(served: Serve
 
         assert wait_for(is_driven)
         with Publisher("/second", "geometry_msgs/Twist", TWIST) as second:
-            served.node.publisherUpdate("/master", "/uuv1/cmd_vel", [driver.uri, second.uri])
+            served.master.announce(served.node, "/uuv1/cmd_vel", [driver.uri, second.uri])
             second.accept()
 
             def is_refused() -> bool:
@@ -144,17 +146,39 @@ def test_a_publisher_commands_the_vehicle_until_it_is_unregistered(served: Serve
             assert speed(truth) > 0.1
         driver.publish(b"short")  # is counted
         driver.leave()
-        served.node.publisherUpdate("/master", "/uuv1/cmd_vel", [])
+        served.master.announce(served.node, "/uuv1/cmd_vel", [])
         assert wait_for(lambda: abs(speed(truth)) < 0.1)  # its deadman: nothing is repeated here
 
 
 def test_a_publisher_of_another_type_is_refused(served: Served) -> None:
     assert wait_for(lambda: "/uuv1/cmd_vel" in served.master.names("Subscriber"))
     with Publisher("/wrong", "std_msgs/String", "992ce8a1687cec8c8bd883ec73ca41d1") as wrong:
-        served.node.publisherUpdate("/master", "/uuv1/cmd_vel", [wrong.uri])
+        served.master.announce(served.node, "/uuv1/cmd_vel", [wrong.uri])
         wrong.accept()
         served.gateway.expect("/uuv1/cmd_vel from .* has the type geometry_msgs/Twist .* std_msgs/String came with")
-        served.node.publisherUpdate("/master", "/uuv1/cmd_vel", [])
+        served.master.announce(served.node, "/uuv1/cmd_vel", [])
+
+
+def test_what_only_the_ros_master_may_send_is_asked_of_it(served: Served) -> None:
+    """Everyone who reaches the port can send it."""
+    key = "/uuv1/gains/surge/i"
+    assert wait_for(lambda: key in served.master.parameters and "/uuv1/cmd_vel" in served.master.names("Subscriber"))
+    value = served.master.parameters[key]
+    with Publisher("/attacker", "geometry_msgs/Twist", TWIST) as attacker:
+        served.node.publisherUpdate("/master", "/uuv1/cmd_vel", [attacker.uri])
+        served.node.paramUpdate("/master", key, 99.0)
+        refused: Any = served.node.shutdown("/master", "Reason: new node registered with same name")
+        assert refused[:2] == [0, "only the master ends this node, and it lists it; end its process in its place"]
+        with Publisher("/driver", "geometry_msgs/Twist", TWIST) as driver:
+            served.master.announce(served.node, "/uuv1/cmd_vel", [driver.uri])
+            driver.accept()
+        answer: Any = served.node.getBusInfo("/test")
+        assert attacker.uri not in str(answer)
+    served.master.announce(served.node, "/uuv1/cmd_vel", [])
+    assert served.gateway.process.poll() is None
+    with hil.connect(f"tcp/127.0.0.1:{served.slave_port}") as fleet:
+        fleet.wait_for("uuv1")
+        assert Commanding(fleet).parameters(["/uuv1/gains.surge.i"]) == {"/uuv1/gains.surge.i": value}
 
 
 def test_services_answer_on_a_persistent_connection(served: Served) -> None:
@@ -182,7 +206,9 @@ def test_parameters_are_set_at_the_ros_master_and_updated_from_it(served: Served
     assert wait_for(lambda: key in served.master.parameters)
     before = served.master.parameters[key]
     assert wait_for(lambda: served.master.watched.get("/uuv1/gains/surge"))
+    served.master.parameters[key] = before + 1.0
     served.node.paramUpdate("/master", f"{key}/", before + 1.0)
+    served.master.parameters["/uuv1/gains/surge"] = {"d": "much", "nothing": 3}
     served.node.paramUpdate("/master", "/uuv1/gains/surge", {"d": "much", "nothing": 3})
     served.gateway.expect("gains.surge.d")
     assert wait_for(lambda: served.master.parameters["/uuv1/gains/surge/d"] == 0.0)
@@ -196,7 +222,7 @@ def test_unknown_requests_of_xmlrpc_get_an_error(served: Served) -> None:
     ]  # fmt: skip
     assert [answer[0] for answer in responses] == [-1, -1, 0, 0]
     with Peer(int(served.api.rstrip("/").rpartition(":")[2])) as peer:
-        peer.send(b"POST / HTTP/1.0\r\nContent-Length: 5\r\n\r\n<a><b")
+        peer.send(b"POST / HTTP/1.0\r\nHost: 127.0.0.1\r\nContent-Type: text/xml\r\nContent-Length: 5\r\n\r\n<a><b")
         assert b"no request of XML-RPC" in b"".join(iter(lambda: peer.socket.recv(4096), b""))
 
 
@@ -211,6 +237,7 @@ def test_a_restarted_ros_master_receives_all_registrations(tmp_path: Any) -> Non
         with SmallMaster(port, pid=2) as second:
             assert wait_for(lambda: "/uuv1/odom" in second.names("Publisher"))
             assert wait_for(lambda: "/uuv1/gains/surge/p" in second.parameters)
+            second.nodes["/uuv_hil"] = "http://127.0.0.1:1/"  # another node has taken the name
             served.node.shutdown("/test", "[/test] Reason: new node registered with same name")
             assert served.gateway.wait() == 0
             assert "ended: [/test] Reason: new node" in served.gateway.output

@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 
+from hil.common.web import http_server
 from hil.view import page_server
 from hil.view.page_server import PageServer
 from tests.support.processes import free_port, wait_for
@@ -19,8 +20,8 @@ TOKEN = "a-token"
 
 @pytest.fixture
 def served(monkeypatch: pytest.MonkeyPatch) -> Iterator[PageServer]:
-    monkeypatch.setattr(page_server, "TOKEN_WITHIN_S", 1.0)
-    monkeypatch.setattr(page_server, "MAX_CONNECTIONS", 8)
+    monkeypatch.setattr(http_server, "REQUEST_S", 1.0)
+    monkeypatch.setattr(http_server, "MAX_CONNECTIONS", 8)
     with PageServer("127.0.0.1", 0, free_port(), "secret", TOKEN, answer_stick) as served:
         yield served
 

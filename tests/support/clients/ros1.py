@@ -54,22 +54,31 @@ class SmallMaster(XmlServer):
         self.items: dict[tuple[str, str], tuple[Any, ...]] = {}
         self.parameters: dict[str, Any] = {}
         self.watched: dict[str, str] = {}  # key -> API of who watches
-        self.publishers: list[str] = []  # addresses given to each subscriber
+        self.publishers: dict[str, list[str]] = {}  # by topic: addresses given to each subscriber
+        self.nodes: dict[str, str] = {}  # name of a node -> its API
         methods: dict[str, Any] = {"getPid": lambda _: [1, "", pid]}
         for kind in ("Publisher", "Subscriber", "Service"):
             methods[f"register{kind}"] = self._registering(kind)
             methods[f"unregister{kind}"] = self._unregistering(kind)
+        methods["lookupNode"] = lambda _, name: [1, "", self.nodes[name]] if name in self.nodes else [-1, "unknown", ""]
+        methods["getParam"] = lambda _, key: [1, "", self.parameters[key.rstrip("/")]]
         methods["setParam"] = self._set_parameter
         methods["subscribeParam"] = self._watch
         super().__init__(methods, port)
+
+    def announce(self, node: ServerProxy, topic: str, uris: list[str]) -> None:
+        """Tell a node that these nodes publish a topic now."""
+        self.publishers[topic] = uris
+        node.publisherUpdate("/master", topic, uris)
 
     def names(self, kind: str) -> set[str]:
         return {name for each, name in self.items if each == kind}
 
     def _registering(self, kind: str) -> Any:
-        def register(_: str, name: str, *arguments: str) -> Any:
+        def register(node: str, name: str, *arguments: str) -> Any:
             self.items[kind, name] = arguments
-            return [1, "", self.publishers if kind == "Subscriber" else []]
+            self.nodes[node] = arguments[-1]
+            return [1, "", self.publishers.get(name, []) if kind == "Subscriber" else []]
 
         return register
 

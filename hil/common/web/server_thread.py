@@ -11,11 +11,14 @@ from socket import SO_LINGER, SOL_SOCKET
 from struct import pack
 from typing import Any
 
+from hil.common.clock import NS_PER_S, now_ns
 from hil.common.errors import NetworkError
 from hil.common.stop import cancel_tasks
+from hil.common.text import clean
 
 STOP_WITHIN_S = 10.0
 STALLED_S = 10.0  # a client that does not read for this time is disconnected
+REPEAT_NS = 60 * NS_PER_S  # between two log lines about the same fault
 ABNORMAL_CLOSURE = 1006  # close code of a websocket whose peer answered no heartbeat (RFC 6455, 7.4.1)
 
 
@@ -27,6 +30,7 @@ class ServerThread(ABC):
 
     def __init__(self, name: str, host: str, port: int) -> None:
         self._loop = asyncio.new_event_loop()
+        self._loop.set_exception_handler(_LoopFaults())
         try:
             self.port: int = self._loop.run_until_complete(self._start(host, port))
         except OSError as error:
@@ -60,6 +64,21 @@ class ServerThread(ABC):
         await cancel_tasks()
 
 
+class _LoopFaults:
+    """Log what fails in the loop itself as one line, once a minute a kind: without descriptors it fails many times."""
+
+    def __init__(self) -> None:
+        self._logged_ns: dict[tuple[type, int | None], int] = {}
+
+    def __call__(self, _: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+        error = context.get("exception")
+        kind = type(error), getattr(error, "errno", None)
+        now = now_ns()
+        if now - self._logged_ns.get(kind, -REPEAT_NS) >= REPEAT_NS:
+            self._logged_ns[kind] = now
+            logging.getLogger(__name__).error("%s: %s", clean(str(context["message"]), 200), error)
+
+
 @contextmanager
 def cut_when_stalled(websocket: Any, transport: asyncio.Transport) -> Iterator[None]:
     """Abort the connection of aiohttp's `websocket` if the body ends with TimeoutError or ConnectionError.
@@ -76,16 +95,3 @@ def cut_when_stalled(websocket: Any, transport: asyncio.Transport) -> Iterator[N
         with suppress(OSError):  # already closed
             transport.get_extra_info("socket").setsockopt(SOL_SOCKET, SO_LINGER, linger)
         transport.abort()
-
-
-def http_log() -> logging.Logger:
-    """Return a logger for aiohttp that logs our own errors only, not a traceback for bytes that are not HTTP."""
-    logger = logging.getLogger(__name__)
-    logger.addFilter(_is_ours)
-    return logger
-
-
-def _is_ours(record: logging.LogRecord) -> bool:
-    from aiohttp.http_exceptions import HttpProcessingError
-
-    return not (record.exc_info and isinstance(record.exc_info[1], HttpProcessingError))
