@@ -8,7 +8,7 @@ from typing import Any
 
 from hil.commands.gridding import RESOLUTION, add_reading, show_progress
 from hil.common.columns import aligned
-from hil.common.errors import ConfigError, MissingExtraError
+from hil.common.errors import ConfigError, HilError, MissingExtraError
 from hil.common.options import Number, add_json, add_output, add_plot, lat_lon, new_parser
 from hil.common.schema import preset_names, shortened
 from hil.common.tables import output_file
@@ -209,7 +209,7 @@ def _import(options: argparse.Namespace) -> int:
 
     path = options.output if options.output.endswith(".toml") else f"{options.output}.toml"
     text = expand(options.file) if is_xacro(options.file) else None
-    world, notes = import_world(options.file, output_file(path), options.surface, text)
+    world, notes, missing = import_world(options.file, output_file(path), options.surface, text)
     parts = [f"{len(world.cylinder)} piles", f"{len(world.box)} blocks", f"{len(world.mesh)} meshes"]
     bed = "a relief" if world.terrain else "a flat seabed"
     south, north, west, east = world.extent
@@ -218,6 +218,8 @@ def _import(options: argparse.Namespace) -> int:
     )
     for note in notes:
         print(f"note: {note}")
+    if missing:
+        raise HilError(f"{options.file}: {path} lacks its ground: {missing}")
     return 0
 
 

@@ -156,6 +156,7 @@ def _world(converter: Converter) -> Schema:
     ground = {"anyOf": [converter.reference(terrain.StoredKeys), *by_rule["anyOf"]]}
     keys = converter.keys(world.World, {
         "ocean": converter.reference(Ocean), "terrain": ground, "mesh": tables(converter.reference(mesh.MeshKeys)),
+        "visual": tables(converter.reference(mesh.MeshKeys)),
         "pipeline": tables(converter.reference(pipelines.Pipeline)), "zone": tables(converter.reference(zones.Zone)),
         "bottom_map": converter.reference(bottom_map.BottomMapKeys),
     })  # fmt: skip

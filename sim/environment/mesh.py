@@ -110,13 +110,13 @@ class MeshObstacle(NamedTuple):
         return min((_to_triangle(north, east, triangle) for triangle in self.between(highest, lowest)), default=inf)
 
 
-def read_meshes(section: Any, path: str) -> tuple[MeshObstacle, ...]:
-    """Return the `[[mesh]]` tables of the world in the file `path`. Raises ConfigError, MissingExtraError."""
+def read_meshes(section: Any, path: str, name: str = "mesh") -> tuple[MeshObstacle, ...]:
+    """Return the `[[name]]` tables of the world in the file `path`. Raises ConfigError, MissingExtraError."""
     if not isinstance(section, list) or not all(isinstance(row, dict) for row in section):
-        raise ConfigError(f"{path}: mesh: expected tables, each under [[mesh]]")
+        raise ConfigError(f"{path}: {name}: expected tables, each under [[{name}]]")
     folder = os.path.dirname(path)
     return tuple(
-        load_obstacle(parse(row, MeshKeys, f"{path}: mesh[{i}]"), folder, f"{path}: mesh[{i}]")
+        load_obstacle(parse(row, MeshKeys, f"{path}: {name}[{i}]"), folder, f"{path}: {name}[{i}]")
         for i, row in enumerate(section)
     )
 

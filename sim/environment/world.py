@@ -33,7 +33,7 @@ _RELIEF_WITHIN = 50.0  # m
 _CACHE_FROM = 100
 _CACHE_SUFFIX = ".obstacles"  # of the cache's name, after the world's file
 _MAX_MESH_RADIUS = 5.0  # of a mesh, in lengths of the longer side of its world
-_SECTIONS = ("mesh", "shape", "pipeline", "bottom_map", "zone", "terrain", "ocean")
+_SECTIONS = ("mesh", "visual", "shape", "pipeline", "bottom_map", "zone", "terrain", "ocean")
 
 
 class World(NamedTuple):
@@ -51,6 +51,7 @@ class World(NamedTuple):
     `bottom` is the material of the seabed, for sonars and cameras; if left out the seabed is uniform, and smooth below
     the resolution of the grid.
     `zones` names a file with `[[zone]]` tables beside this one: see sim.environment.things.zones.
+    `visual` are meshes that only cameras and views show: nothing touches them, and they have no echo.
     Not modelled: eddies, the lee of an obstacle.
     """
 
@@ -72,6 +73,7 @@ class World(NamedTuple):
     ocean: "Ocean | None" = None  # load_world reads this and the following sections, each by its own schema
     terrain: "Terrain | None" = None
     mesh: "tuple[MeshObstacle, ...]" = ()
+    visual: "tuple[MeshObstacle, ...]" = ()
     pipeline: "tuple[Pipeline, ...]" = ()
     bottom_map: "BottomMap | None" = None
     zone: "tuple[Zone, ...]" = ()
@@ -97,6 +99,10 @@ class World(NamedTuple):
     def obstacles(self) -> tuple[Obstacle, ...]:
         """Return all obstacles in the water, walls included."""
         return (*self.upright(), *self.mesh, *self.pipeline)
+
+    def as_seen(self) -> "World":
+        """Return the world as a camera sees it: with its `visual` meshes among the others."""
+        return self._replace(mesh=(*self.mesh, *self.visual), visual=()) if self.visual else self
 
     def upright(self) -> tuple[Obstacle, ...]:
         """Return the obstacles with a horizontal outline, walls included: all except meshes and pipelines."""
@@ -230,10 +236,10 @@ def _terrain_stamp(terrain: "dict[str, Any] | None", path: str) -> "Stamp | None
 
 def _with_sections(world: World, sections: dict[str, Any], path: str) -> World:
     """Return the world with the sections that have their own schema; each module is imported only if it is needed."""
-    if "mesh" in sections:
+    if meshes := {key: sections[key] for key in ("mesh", "visual") if key in sections}:
         from sim.environment.mesh import read_meshes
 
-        world = world._replace(mesh=read_meshes(sections["mesh"], path))
+        world = world._replace(**{key: read_meshes(section, path, key) for key, section in meshes.items()})
     if "pipeline" in sections:
         from sim.environment.things.pipelines import read_pipelines
 

@@ -17,6 +17,12 @@ from hil.common.tables import read_bytes
 from sim.vehicle.urdf.ros_packages import find_packages, resource_folders
 from sim.vehicle.urdf.text import Element, read_xml
 
+# Models of Gazebo that every installation has, used if they are not found.
+_BUILT_IN = {
+    "sun": b'<sdf><light name="sun" type="directional"/></sdf>',
+    "ground_plane": b'<sdf version="1.9"><model name="ground_plane"><static>1</static><link name="link"><collision '
+    b'name="collision"><geometry><plane><size>100 100</size></plane></geometry></collision></link></model></sdf>',
+}
 MAX_FILES = 500  # included files, in total
 _LEVELS_UP = 2
 _FUEL = re.compile(
@@ -37,6 +43,7 @@ class SdfFiles:
         self._find = cache(self._search)
         self._read = cache(self._read_model)
         self._count = 0
+        self.missing: list[str] = []  # what was not found, for reports
 
     def find(self, uri: str, folder: str, is_model: bool = False) -> str | None:
         """Return the path of a file, or of a model's folder, that a file in `folder` names; None if it is not found."""
@@ -52,9 +59,16 @@ class SdfFiles:
             raise ConfigError(f"{self.path}: includes more than {MAX_FILES} models")
         found = self.find(uri, folder, is_model=True)
         if found is None:
-            return None
+            name = unquote(uri.rstrip("/").rpartition("/")[2]).lower().replace(" ", "_")
+            built_in = _BUILT_IN.get(name)
+            return (read_xml(name, built_in, "sdf"), folder) if built_in else None
         file = _model_file(found) if os.path.isdir(found) else found
         return deepcopy(self._read(file)), os.path.dirname(file)
+
+    def places(self) -> str:
+        """Return the folders that are searched, for messages."""
+        around = f"the folders around {os.path.dirname(os.path.abspath(self.path))}"
+        return ", ".join([*self._shared, around])
 
     def _read_model(self, file: str) -> Element:
         return read_xml(file, root="sdf")
@@ -83,6 +97,9 @@ class SdfFiles:
             yield from self._allowed(os.path.join(folder, unquote(location if separator else uri)))
             for top in self._shared:
                 yield from self._allowed(os.path.join(top, unquote(location if separator else uri)))
+            if (location if separator else uri)[:1] not in ("", ".", os.sep):
+                for package_file in self._of_package(unquote(location if separator else uri)):
+                    yield from self._allowed(package_file)
 
     def _of_package(self, location: str) -> Iterator[str]:
         name, _, inside = location.partition("/")
@@ -118,11 +135,11 @@ def _number(text: str) -> int:
 
 
 def _has_model(folder: str) -> bool:
-    return any(os.path.isfile(os.path.join(folder, name)) for name in ("model.config", "model.sdf"))
+    return bool(_model_file(folder))
 
 
 def _model_file(folder: str) -> str:
-    """Return the SDF file of a model's folder: that of the newest version in its model.config, or model.sdf."""
+    """Return the SDF file of a model's folder: that of the newest version in its model.config, or model.sdf, or ""."""
     config = os.path.join(folder, "model.config")
     if os.path.isfile(config):
         text = read_bytes(config).decode("utf-8", "replace")
@@ -131,6 +148,5 @@ def _model_file(folder: str) -> str:
             for path in _inside(folder, name):
                 if os.path.isfile(path):
                     return path
-    if os.path.isfile(os.path.join(folder, "model.sdf")):
-        return os.path.join(folder, "model.sdf")
-    raise ConfigError(f"{folder}: no SDF file that its model.config names")
+    file = os.path.join(folder, "model.sdf")
+    return file if os.path.isfile(file) else ""

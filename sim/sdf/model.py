@@ -90,10 +90,18 @@ def read_model(
 
 
 def models_of(parent: Element, folder: str, files: SdfFiles, notes: list[str], version: str) -> list[Model]:
-    """Return the top-level models of a world or a file, then the included ones. Raises ConfigError."""
+    """Return the top-level models of a world or a file, then the included ones. Raises ConfigError.
+
+    In a saved world the poses are those of its `<state>`.
+    """
     own = [read_model(child, folder, files, notes, 0, version) for child in parent.findall("model")]
     others = [_included(child, folder, files, notes) for child in parent.findall("include")]
-    return own + [model for model in others if model is not None]
+    models = own + [model for model in others if model is not None]
+    saved = {state.get("name"): state for state in parent.findall("state/model") if state.find("pose") is not None}
+    return [
+        model._replace(pose=own_pose(saved[model.name], files.path)) if model.name in saved else model
+        for model in models
+    ]
 
 
 def _included(include: Element, folder: str, files: SdfFiles, notes: list[str], depth: int = 0) -> Model | None:
@@ -102,10 +110,12 @@ def _included(include: Element, folder: str, files: SdfFiles, notes: list[str], 
     read = files.read_model(uri, folder) if uri else None
     if read is None:
         shown, word = uri[:100] or "without a <uri>", "there" if uri.startswith("http") else "near the file"
-        notes.append(
+        note = (
             f"Left out: the included {shown!r}, which is not {word}: download it, and name the folder that it is in "
             "by GZ_SIM_RESOURCE_PATH."
         )
+        notes += [note] if note not in notes else []
+        files.missing.append(shown)
         return None
     root, own_folder = read
     element = root.find("model")

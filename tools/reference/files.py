@@ -180,6 +180,7 @@ def world_file() -> str:
         "ocean": "table, [`ocean`](#ocean)",
         "terrain": "table, [`terrain`](#terrain-from-a-file)",
         "mesh": "tables, [`mesh`](#mesh)",
+        "visual": "tables, [`mesh`](#mesh)",
         "pipeline": "tables, [`pipeline`](#pipeline)",
         "bottom_map": "table, [`bottom_map`](#bottom_map)",
         "zone": "tables, [`zone`](#zone)",

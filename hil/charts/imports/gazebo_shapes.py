@@ -19,7 +19,8 @@ _CLEAR = 0.9  # opacity below which a shape is transparent
 class Shape(NamedTuple):
     """One shape: kind ("box", "mesh", "plane", "heightmap" ...), sizes in m (of a mesh: scale factors), pose, file.
 
-    `is_solid`: its link has collisions. `is_clear`: it is transparent. `colour`: red, green and blue, 0 to 1.
+    A plane without a size has 0 m. `is_solid`: its link has collisions; what has none is seen, not touched. `is_clear`:
+    it is transparent. `colour`: red, green and blue, 0 to 1.
     """
 
     name: str
@@ -86,6 +87,7 @@ def _shape(name: str, element: Element, pose: Pose, folder: str, files: SdfFiles
         uri = (element.findtext("uri") or "").strip()
         file = files.find(uri, folder)
         if file is None:
+            files.missing.append(f"{name}: {kind} {plain(uri)[:100]}")
             return f"the file of the {kind}, {plain(uri)[:100]!r}, was not found"
         scale = numbers_of(element.findtext("scale") or "1 1 1", path, 3) if kind == "mesh" else []
         if kind == "mesh" and element.find("submesh") is not None:
@@ -93,7 +95,7 @@ def _shape(name: str, element: Element, pose: Pose, folder: str, files: SdfFiles
         return Shape(name, kind, tuple(scale), pose, os.path.abspath(file), element=element)
     if kind == "plane":
         normal = numbers_of(element.findtext("normal") or "0 0 1", path, 3)
-        size = numbers_of(element.findtext("size") or "1 1", path, 2)
+        size = numbers_of(element.findtext("size") or "0 0", path, 2)
         level = abs(pose.rotate(normal)[2]) > 0.999
         return Shape(name, kind, tuple(size), pose) if level else "a plane that is not horizontal"
     if kind == "empty":

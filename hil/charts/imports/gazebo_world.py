@@ -21,7 +21,14 @@ _UPRIGHT = 0.9999  # cosine of the greatest tilt at which a shape counts as upri
 _DEFAULT_DEPTH = 50.0  # m, of a world that gives none
 _THIN, _WIDE = 1.5, 20.0  # m: a shape that shows the water's surface is within _THIN of it and wider than _WIDE
 _NEAR = 500.0  # m: a world of this size around the file's origin is extended to contain the origin
-_EMPTY_HALF_SIZE = 50.0  # m, of a world without shapes
+_SMALLEST = 100.0  # m, of a world whose file gives no floor with a size
+_ENDLESS = 1e4  # m: a plane is taken to be no larger
+_SHALLOW = 2.0  # m: no seabed is put just below shapes that reach no deeper
+# Parts of the names of shapes and files that are the ground: without one that is missing, a world is not complete.
+_GROUND = (
+    "heightmap", "height_map", "terrain", "seabed", "sea_bed", "seafloor", "sea_floor", "ocean_floor", "sea_bottom",
+    "bathymetry", "ground", "sand", "model://ocean", "model://lake",
+)  # fmt: skip
 _FARTHEST = 9e4  # m from the file's origin: greatest coordinate of a world
 _COVERS = 0.9  # least share of the world's area that a floor covers
 _HIGHEST, _MIN_SIDE = -100.0, 0.01  # m: limits of an obstacle's top and of its sides
@@ -38,10 +45,11 @@ class _PlacedShape(NamedTuple):
 
 
 class ImportedWorld(NamedTuple):
-    """Result of an import: the loaded world, and notes on what was assumed or left out."""
+    """Result of an import: the loaded world, notes on what was assumed or left out, and what ground is `missing`."""
 
     world: World
     notes: list[str]
+    missing: str = ""
 
 
 def import_world(path: str, output: str, surface: float | None = None, text: bytes | None = None) -> ImportedWorld:
@@ -62,8 +70,8 @@ def import_world(path: str, output: str, surface: float | None = None, text: byt
     level = _surface(world, path) if surface is None else surface
     shapes = read_shapes(world, os.path.dirname(os.path.abspath(path)), files, notes, root.get("version", "1.12"))
     placed = _near(_placed(shapes, output, level, notes), notes)
-    placed, terrain, floor = _floors(placed, shapes, output, level, path, notes)
-    extent = _extent(placed, terrain)
+    placed, floors, terrain, floor = _floors(placed, shapes, output, level, path, notes)
+    extent = _extent(placed, floors, terrain)
     stem = os.path.splitext(os.path.basename(output))[0]
     table: dict[str, Any] = {
         "name": plain(world.get("name") or stem), "source": f"imported from {plain(os.path.basename(path))}",
@@ -78,7 +86,9 @@ def import_world(path: str, output: str, surface: float | None = None, text: byt
         kind, keys = _obstacle(each, level, os.path.dirname(os.path.abspath(output)))
         lines += ["", f"[[{kind}]]", *keys_of(keys)]
     write_file(output, ("\n".join(lines) + "\n").encode())
-    return ImportedWorld(load_world(output), notes)
+    lost = [name for name in files.missing if any(word in name.lower() for word in _GROUND)]
+    missing = f"{'; '.join(dict.fromkeys(lost))}: not found in {files.places()}" if lost else ""
+    return ImportedWorld(load_world(output), notes, missing)
 
 
 def _surface(world: Element, path: str) -> float:
@@ -126,7 +136,11 @@ def _placed(shapes: Sequence[Shape], output: str, level: float, notes: list[str]
 
 
 def _is_simple(shape: Shape) -> bool:
-    """True for an upright box or cylinder, which is an obstacle of its own kind in a world."""
+    """True for an upright, solid box or cylinder, which is an obstacle of its own kind in a world."""
+    return shape.is_solid and _is_upright(shape)
+
+
+def _is_upright(shape: Shape) -> bool:
     return shape.kind in ("box", "cylinder") and abs(shape.pose.rotation[2][2]) > _UPRIGHT
 
 
@@ -149,12 +163,14 @@ def _near(placed: Sequence[_PlacedShape], notes: list[str]) -> list[_PlacedShape
 
 def _floors(
     placed: list[_PlacedShape], shapes: Sequence[Shape], output: str, level: float, path: str, notes: list[str]
-) -> tuple[list[_PlacedShape], dict[str, Any] | None, float | None]:
-    """Return the shapes that are neither floor nor water, the `[terrain]` of a heightmap, and the floor's z (m)."""
-    terrain, floors, others = None, [], []
+) -> tuple[list[_PlacedShape], list[_PlacedShape], dict[str, Any] | None, float | None]:
+    """Return the shapes that are neither floor nor water, those that are, the `[terrain]`, and the floor's z (m)."""
+    terrain, floors, others, flat = None, [], [], []
     for shape in shapes:
         if shape.kind == "plane":
-            height = shape.pose.position[2] - level
+            height, (long, wide) = shape.pose.position[2] - level, (0.5 * min(x, _ENDLESS) for x in shape.sizes)
+            if long and wide:
+                flat.append(_boxed(shape, (-long, -wide, 0.0), (long, wide, 0.0), level))
             if shape.is_water or (not shape.is_solid and abs(height) < _THIN):
                 notes.append(f"Left out: {shape.name}, which shows the water.")
             else:
@@ -171,12 +187,14 @@ def _floors(
         is_surface = is_wide and not each.shape.is_solid and max(abs(each.low[2]), abs(each.high[2])) < _THIN
         if is_surface or (each.shape.is_water and each.shape.is_clear):
             notes.append(f"Left out: {each.shape.name}, which shows the water.")
-        elif is_wide and _is_simple(each.shape) and each.high[2] < 0.0 and sides[0] * sides[1] > _COVERS * area:
+            flat.append(each)
+        elif is_wide and _is_upright(each.shape) and each.high[2] < 0.0 and sides[0] * sides[1] > _COVERS * area:
             floors.append(each.high[2])
+            flat.append(each)
             notes.append(f"{each.shape.name} is used as the floor.")
         else:
             others.append(each)
-    return others, terrain, min(floors, default=None) if terrain is None else None
+    return others, flat, terrain, min(floors, default=None) if terrain is None else None
 
 
 def _area(placed: Sequence[_PlacedShape]) -> float:
@@ -187,18 +205,23 @@ def _area(placed: Sequence[_PlacedShape]) -> float:
     return sides[0] * sides[1]
 
 
-def _extent(placed: Sequence[_PlacedShape], terrain: dict[str, Any] | None) -> tuple[float, float, float, float]:
-    """Return south, north, west and east (m) of the world: around all shapes, rounded to 0.1 m."""
-    norths = [x for p in placed for x in (p.low[1] - MARGIN, p.high[1] + MARGIN)]
-    easts = [x for p in placed for x in (p.low[0] - MARGIN, p.high[0] + MARGIN)]
+def _extent(
+    placed: Sequence[_PlacedShape], floors: Sequence[_PlacedShape], terrain: dict[str, Any] | None
+) -> tuple[float, float, float, float]:
+    """Return south, north, west and east (m) of the world: that of its floors, and around all shapes, to 0.1 m."""
+    margins = [(p, MARGIN) for p in placed] + [(p, 0.0) for p in floors]
+    norths = [x for p, margin in margins for x in (p.low[1] - margin, p.high[1] + margin)]
+    easts = [x for p, margin in margins for x in (p.low[0] - margin, p.high[0] + margin)]
     if terrain is not None:
         step, south, west = terrain["resolution"], terrain["north_min"], terrain["east_min"]
         norths += [south, south + step * (terrain["rows"] - 1)]
         easts += [west, west + step * (terrain["columns"] - 1)]
-    if not norths:
-        norths, easts = [-_EMPTY_HALF_SIZE, _EMPTY_HALF_SIZE], [-_EMPTY_HALF_SIZE, _EMPTY_HALF_SIZE]
-    if max(map(abs, (*norths, *easts))) < _NEAR:  # the vehicles of the file start near its origin
+    if max(map(abs, (*norths, *easts)), default=0.0) < _NEAR:  # the vehicles of the file start near its origin
         norths, easts = [*norths, -MARGIN, MARGIN], [*easts, -MARGIN, MARGIN]
+    if not floors and terrain is None:
+        for ends in (norths, easts):
+            middle = 0.5 * (min(ends) + max(ends))
+            ends += [middle - 0.5 * _SMALLEST, middle + 0.5 * _SMALLEST]
     south, north, west, east = (round(end, 1) for end in (min(norths), max(norths), min(easts), max(easts)))
     return south, north, west, east
 
@@ -211,7 +234,8 @@ def _depth(
 
     Raises ConfigError for a floor above the water's surface.
     """
-    lowest = min((p.low[2] for p in placed), default=0.0)
+    wide_or_solid = [p for p in placed if p.shape.is_solid or min(p.high[0] - p.low[0], p.high[1] - p.low[1]) > _WIDE]
+    lowest = min((p.low[2] for p in wide_or_solid), default=0.0)
     if terrain is not None:
         return round(max(float(terrain.pop("deepest")), 0.1), 3)
     if floor is not None:
@@ -221,7 +245,7 @@ def _depth(
                 "give --surface M, the height of the surface in the file"
             )
         return round(-floor, 3)
-    if lowest < -0.1:
+    if lowest < -_SHALLOW:
         notes.append("The file gives no depth: the world has a flat seabed just below its lowest shape.")
         return round(-lowest + 0.1, 3)
     notes.append(f"The file gives no depth: the world is {_DEFAULT_DEPTH:g} m deep.")
@@ -253,7 +277,8 @@ def _obstacle(each: _PlacedShape, level: float, folder: str) -> tuple[str, dict[
             "depth": _round(level - up), "orientation": tuple(_round(angle) for angle in rotated.angles()), "up": "z",
             "name": shape.name,
         }  # fmt: skip
-        return "mesh", keys | ({"colour": tuple(_round(x) for x in shape.colour)} if shape.colour else {})
+        keys |= {"colour": tuple(_round(x) for x in shape.colour)} if shape.colour else {}
+        return "mesh" if shape.is_solid else "visual", keys
     rounded = {key: _round(value) for key, value in vertical.items()}
     if shape.kind == "cylinder":
         radius = max(shape.sizes[0], _MIN_SIDE)

@@ -37,7 +37,7 @@ def encode_scene(scenario: Scenario, world: World, vehicle: Vehicle) -> bytes:
     m = _messages()
     obstacles = [_obstacle(m, obstacle, world) for obstacle in (*world.cylinder, *world.box)]
     placed = m.SceneEntity(
-        frame_id=MAP, id="world", triangles=[_seabed(m, world), *(_mesh(m, mesh) for mesh in world.mesh)],
+        frame_id=MAP, id="world", triangles=[_seabed(m, world), *(_mesh(m, mesh) for mesh in world.as_seen().mesh)],
         lines=[*(_pipeline(m, one, world) for one in world.pipeline), *(_zone(m, one) for one in world.all_zones())],
         cylinders=[one for one in obstacles if isinstance(one, m.CylinderPrimitive)],
         cubes=[one for one in obstacles if isinstance(one, m.CubePrimitive)],

@@ -36,7 +36,7 @@ class WorldScene:
         placed: tuple[Cylinder | Box, ...] = (*world.cylinder, *world.box)
         for number, obstacle in enumerate(placed):
             self._draw_obstacle(number, obstacle)
-        for number, mesh in enumerate(world.mesh):
+        for number, mesh in enumerate(world.as_seen().mesh):
             corners = np.array(mesh.placed).reshape(-1, 3)
             faces = np.arange(len(corners)).reshape(-1, 3)
             colour = colours.bytes_of(mesh.keys.colour) if mesh.keys.colour else colours.OBSTACLE

@@ -2,6 +2,7 @@
 
 import re
 import shutil
+from array import array
 from math import pi, radians
 from pathlib import Path
 from typing import Any
@@ -9,11 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hil.charts.imports.gazebo_world import import_world
+from hil.charts.imports.gazebo_world import ImportedWorld, import_world
 from hil.charts.imports.meshes import MeshJob, read_meshes
 from hil.cli import main
 from hil.common.errors import ConfigError
 from sim.environment.world import World, load_world
+from sim.rays.scene import RayScene
 from sim.vehicle.vehicle import load_vehicle
 from tests.support.lazy import import_lazily
 
@@ -33,7 +35,8 @@ def bay(tmp_path: Path) -> Path:
 
 def test_an_imported_world_keeps_its_positions_and_water(bay: Path, tmp_path: Path) -> None:
     """The file has east, north, up with the water at 2 m: north is y, east is x, depth is 2 - z."""
-    world, notes = import_world(str(bay), str(tmp_path / "bay.toml"))
+    world, notes, missing = import_world(str(bay), str(tmp_path / "bay.toml"))
+    assert not missing
     assert (world.name, world.depth, world.density, world.gravity) == ("bay", 10.0, 1010.0, 9.8)
     assert world.origin == (54.1, 12.1)
     assert world.current == (0.0, 0.5, 0.0)
@@ -53,7 +56,7 @@ def test_an_imported_world_keeps_its_positions_and_water(bay: Path, tmp_path: Pa
     assert (wreck.north, wreck.east) == (-5.0, 15.0)
     for message in (
         "that can move: drifter, swimmer", "sea/surface, which shows the water", "sea/water_volume, which shows",
-        "'model://nowhere/a.dae'", "models/Sun", "cloud/v",
+        "'model://nowhere/a.dae'", "models/Moon", "cloud/v",
     ):  # fmt: skip
         assert any(message in note for note in notes), message
 
@@ -68,10 +71,10 @@ def test_a_rotated_mesh_stays_rotated(tmp_path: Path) -> None:
     trimesh.creation.box((4.0, 0.1, 0.1)).export(str(tmp_path / "plank.stl"))
     (tmp_path / "w.sdf").write_text(
         '<sdf version="1.9"><world name="w"><model name="plank"><static>true</static>'
-        f'<pose>0 0 -10 0 {-pi / 6} {pi / 2}</pose><link name="l"><visual name="v"><geometry><mesh><uri>plank.stl</uri>'
-        "</mesh></geometry></visual></link></model></world></sdf>"
+        f'<pose>0 0 -10 0 {-pi / 6} {pi / 2}</pose><link name="l"><collision name="v"><geometry><mesh><uri>'
+        "plank.stl</uri></mesh></geometry></collision></link></model></world></sdf>"
     )
-    world, notes = import_world(str(tmp_path / "w.sdf"), str(tmp_path / "w.toml"))
+    world, notes, _ = import_world(str(tmp_path / "w.sdf"), str(tmp_path / "w.toml"))
     places = np.array(world.mesh[0].placed).reshape(-1, 3)
     north = places[np.argmax(places[:, 0])]
     assert north == pytest.approx((2.0 * np.cos(pi / 6), 0.0, 9.0), abs=0.1)
@@ -128,6 +131,94 @@ def test_an_exported_world_is_imported_unchanged(tmp_path: Path, capsys: pytest.
         assert theirs[:4] == pytest.approx(ours[:4])
         assert theirs.top == pytest.approx(ours.top, abs=1e-3)
     assert after.box[0].heading == pytest.approx(0.5, abs=1e-5)
+
+
+def _model(name: str, pose: str, shapes: str) -> str:
+    return f'<model name="{name}"><static>1</static><pose>{pose}</pose><link name="l">{shapes}</link></model>'
+
+
+def _solid(shape: str) -> str:
+    return f'<collision name="c"><geometry>{shape}</geometry></collision>'
+
+
+def _imported(tmp_path: Path, content: str) -> ImportedWorld:
+    (tmp_path / "w.sdf").write_text(f'<sdf version="1.6"><world name="w">{content}</world></sdf>')
+    return import_world(str(tmp_path / "w.sdf"), str(tmp_path / "w.toml"))
+
+
+@pytest.mark.parametrize(
+    ("floor", "extent"),
+    [
+        (_solid('<box><size>2000 1200 1</size></box>'), (-600, 600, -1000, 1000)),
+        (_solid('<plane><size>300 80</size></plane>'), (-40, 40, -150, 150)),
+        (_solid('<plane/>'), (-47.8, 52.2, -48.2, 51.8)),
+        (_solid('<plane><size>1e9 1e9</size></plane>'), (-5e3, 5e3, -5e3, 5e3)),
+    ],
+)  # fmt: skip
+def test_a_world_is_as_large_as_its_floor(tmp_path: Path, floor: str, extent: tuple[float, ...]) -> None:
+    """A pile of 1 m stands on the floor, which is not an obstacle; a plane without a size gives 100 m."""
+    pile = _solid("<cylinder><radius>0.5</radius><length>4</length></cylinder>")
+    world = _imported(tmp_path, _model("bed", "0 0 -20 0 0 0", floor) + _model("pile", "3 4 -18 0 0 0", pile)).world
+    assert world.extent == extent
+    assert world.depth == pytest.approx(20.0, abs=0.5)
+    assert len(world.cylinder) == 1
+
+
+def test_a_shape_without_collision_is_seen_but_not_hit(tmp_path: Path) -> None:
+    """Axes are drawn at the origin: a camera sees them; contact, maps and sonars do not."""
+    axis = "<geometry><box><size>2 0.1 0.1</size></box></geometry>"
+    solid = f'<visual name="v">{axis}</visual><collision name="c">{axis}</collision>'
+    world = _imported(
+        tmp_path,
+        _model("axes", "0 0 -2 0 0 0", f'<visual name="v">{axis}</visual>') + _model("rail", "9 0 -2 0 0 0", solid),
+    ).world
+    assert [box.name for box in world.box] == ["rail/v"]
+    assert not world.mesh
+    (axes,) = world.visual
+    assert axes.label == "axes/v"
+    ahead = array("d", (0.0, 1.0, 0.0))
+    assert RayScene(world).ranges((0.0, -5.0, 2.0), ahead, 50.0)[0] == pytest.approx(13.0)
+    assert RayScene(world.as_seen()).ranges((0.0, -5.0, 2.0), ahead, 50.0)[0] == pytest.approx(4.0)
+    assert world.clearance(0.0, 0.0, 3.0) == pytest.approx(8.0)
+
+
+def test_a_saved_world_has_the_poses_of_its_state(tmp_path: Path) -> None:
+    box = _solid("<box><size>1 1 1</size></box>")
+    state = '<state world_name="w"><model name="crate"><pose>7 -3 -9 0 0 0</pose></model></state>'
+    (crate,) = _imported(tmp_path, _model("crate", "1 2 -5 0 0 0", box) + state).world.box
+    assert (crate.north, crate.east, crate.top, crate.bottom) == (-3.0, 7.0, 8.5, 9.5)
+
+
+def test_missing_ground_is_an_error_and_other_missing_models_are_notes(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Sun and ground plane need no files. The message names what is missing, and where it was searched."""
+    uris = ("model://sun", "https://fuel.gazebosim.org/1.0/OpenRobotics/models/Ground%20Plane", "boat", "boat")
+    includes = "".join(f"<include><uri>{uri}</uri></include>" for uri in uris)
+    buoyancy = (
+        '<plugin filename="b"><graded_buoyancy><density_change><above_depth>30</above_depth></density_change>'
+        "</graded_buoyancy></plugin>"
+    )
+    world, notes, missing = _imported(tmp_path, buoyancy + includes)
+    assert (world.extent, world.depth, missing) == ((-50.0, 50.0, -50.0, 50.0), 30.0, "")
+    assert [note.split(":")[0] for note in notes] == ["Left out"]
+    assert "'boat'" in notes[0]
+    for content in (
+        "<include><uri>model://sand_heightmap</uri></include>",
+        _model(
+            "m", "0 0 0 0 0 0", '<visual name="terrain"><geometry><mesh><uri>a/b.obj</uri></mesh></geometry></visual>'
+        ),
+        _model(
+            "m",
+            "0 0 0 0 0 0",
+            _solid("<heightmap><uri>h.png</uri></heightmap>"),
+        ),
+    ):
+        _imported(tmp_path, content)
+        assert main(["world", "import", str(tmp_path / "w.sdf"), "-o", str(tmp_path / "out")]) == 1
+        error = capsys.readouterr().err
+        assert "lacks its ground" in error
+        assert str(tmp_path) in error
 
 
 def test_a_file_without_a_usable_world_is_refused(tmp_path: Path) -> None:

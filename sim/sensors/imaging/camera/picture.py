@@ -41,9 +41,9 @@ class PictureRenderer:
         self._directions = directions
         self._toward = directions.astype(np.float32)
         self._pixel = 1.0 / intrinsics.fx  # rad in the middle
-        self._rays = _rays(model, intrinsics.fx, scene.world, directions)
+        self._rays = _rays(model, intrinsics.fx, scene.world.as_seen(), directions)
         self._surface = self._rays.add(half_space((0.0, 0.0, 1.0), 0.0))
-        self._scenery = Scenery(scene.world, self._surface)
+        self._scenery = Scenery(scene.world.as_seen(), self._surface)
         self._water, self._water_depth = CLEAR, -1.0
         self._effects = Effects(model, intrinsics.fx, self._toward, seed)
         can_shade = self._scenery.bottom_map is None and not self._effects.changes_light

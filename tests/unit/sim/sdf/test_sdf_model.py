@@ -117,7 +117,7 @@ def test_the_vehicle_of_a_world_may_be_included() -> None:
     model = imported(OTTER / "bay.sdf")
     assert model.vehicle.name == "swimmer"
     assert model.vehicle.added_mass == imported().vehicle.added_mass
-    assert any("models/Sun" in note and "GZ_SIM_RESOURCE_PATH" in note for note in model.notes)
+    assert any("models/Moon" in note and "GZ_SIM_RESOURCE_PATH" in note for note in model.notes)
     with pytest.raises(ConfigError, match="does not say mass"):
         imported(OTTER / "bay.sdf", model="drifter")
     with pytest.raises(ConfigError, match=r"give --model NAME, one of: ground, sea, .*swimmer"):
