@@ -108,9 +108,7 @@ def _hops(results: Mapping[str, Result]) -> list[str]:
 
 
 def _notes(results: Mapping[str, Result]) -> list[str]:
-    lines = [
-        "floor: half a round trip of bare TCP in the same seconds, and the frame's time on its line, or a bare QEMU's"
-    ]
+    lines = ["floor: half a round trip of bare TCP in the same seconds, and the frame's time on its line"]
     if all(not result.tcp for result in results.values()):
         lines = ["no floor: let `uuv-hil bench echo` run beside the slave, and name its output with --echo"]
     for name, result in results.items():

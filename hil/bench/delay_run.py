@@ -14,7 +14,7 @@ from hil.bench.presence import check_end, check_present
 from hil.bench.statistics import median
 from hil.client.client import VehicleClient
 from hil.client.delay import DelayMeter, find_doubts
-from hil.common.children import foreign_command, module_command, start_child
+from hil.common.children import foreign_command, start_child
 from hil.common.clock import NS_PER_MS, NS_PER_S, RateKeeper, from_wall_ns, now_ns, to_wall_ns
 from hil.common.quantiles import quantile
 from hil.links.address import parse_address
@@ -56,8 +56,8 @@ Echo = tuple[str, int, int]  # host, UDP port, TCP port of a `hil.bench.floors.n
 class Result(NamedTuple):
     """Result of one run in ms; `hops` and `delay` have one value a command, `at_s` is when it was published.
 
-    `udp` and `tcp` are empty where there is no echo beside the slave. `wire` is the least time on the line: that of the
-    bits (`wire_ms`), or the shortest answer of QEMU. `rate` is the rate at which commands were sent, Hz. `warnings` are
+    `udp` and `tcp` are empty where there is no echo beside the slave. `wire` is the least time on the line, that of the
+    bits (`wire_ms`). `rate` is the rate at which commands were sent, Hz. `warnings` are
     reasons to doubt the figures, `labels` are what a slave elsewhere reports of its machine.
     """
 
@@ -128,7 +128,6 @@ def measure(bench: Bench, plan: Plan, endpoint: str = "", echo: Echo | None = No
 
     Without `echo` a slave elsewhere has no floor, and there can be no payload. Raises HilError.
     """
-    bare = 0.0 if endpoint or bench.scenario.stm32 != "qemu" else _bare_qemu_ms(bench)
     slave = None if endpoint else bench.start_slave()
     with ExitStack() as stack:
         echo = echo or (None if endpoint else stack.enter_context(_own_echo(bench)))
@@ -146,11 +145,7 @@ def measure(bench: Bench, plan: Plan, endpoint: str = "", echo: Echo | None = No
         result = _result(client.delays, spans, motion, floor, counted)
         paced = not endpoint and _pace(bench.scenario.link) > 0
         result.warnings.extend(_doubts(result, plan, floor, load, client.contact.losses, paced))
-        # If the slave's QEMU was faster, at a calmer time, the bare QEMU is not a lower limit.
-        return result._replace(
-            wire=min([bare, *result.hops["STM32"]]) if bare else counted,
-            labels=labels_of(client.diagnostics()) if endpoint else (),
-        )
+        return result._replace(wire=counted, labels=labels_of(client.diagnostics()) if endpoint else ())
 
 
 def wire_ms(scenario: Scenario, slave: Diagnostics, elsewhere: bool = False) -> float:
@@ -362,13 +357,6 @@ def _own_echo(bench: Bench) -> Iterator[Echo]:
     with bench.start("echo", [*program(), "bench", "echo"]) as process:
         host, udp, tcp = process.expect(":", READY_S).split(":")
         yield host, int(udp), int(tcp)
-
-
-def _bare_qemu_ms(bench: Bench) -> float:
-    """Measure bare QEMU under the slave's limits, in ms. Raises NetworkError with its output."""
-    command = module_command("hil.bench.floors.bare_qemu", bench.path)
-    with bench.start("bare-qemu", command, limited=True) as process:
-        return float(process.expect("answer_ms", READY_S).split()[1])
 
 
 @contextmanager

@@ -54,8 +54,8 @@ class Scenario(NamedTuple):
     """One run. `stm32` selects what acts as the STM32, `controller` what sends it commands.
 
     stm32: "python": the firmware in Python inside the slave, or for its own frame the firmware in C, if compiled;
-    "process": the firmware in Python in its own process; "native": the firmware in C in its own process; "unicorn"
-    (inside the slave) and "qemu": its binary image on an emulated processor; "device": a real STM32.
+    "process": the firmware in Python in its own process; "native": the firmware in C in its own process; "unicorn":
+    its binary image on an emulated processor inside the slave; "device": a real STM32.
 
     controller: "builtin"; "external": the link's host end is left to the user's own vehicle software; "ardupilot" or
     "px4": a flight controller, with the settings of [autopilot] (hil/scenario/autopilot_records.py).
@@ -73,7 +73,7 @@ class Scenario(NamedTuple):
     master: Master
     description: str = ""
     seed: Annotated[int, Range(0, 2**63 - 1)] = 1
-    stm32: Literal["python", "process", "native", "unicorn", "qemu", "device"] = "python"
+    stm32: Literal["python", "process", "native", "unicorn", "device"] = "python"
     controller: Literal["builtin", "external", "ardupilot", "px4"] = "builtin"
     slave: Slave = Slave()
     link: Link = Link()
@@ -118,7 +118,7 @@ class Scenario(NamedTuple):
     def _unsupported_link(self) -> str:
         """Return the part of [link] that the firmware in C does not support; "" if it supports all."""
         link = self.link
-        if self.stm32 not in ("native", "unicorn", "qemu"):
+        if self.stm32 not in ("native", "unicorn"):
             return ""
         if link.protocol == "frame":
             return "" if link.frame == "uuv_hil" else f"frame = {link.frame!r}"

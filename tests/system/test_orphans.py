@@ -52,7 +52,7 @@ def scratch(monkeypatch: pytest.MonkeyPatch) -> Iterator[Path]:
 
 
 @pytest.mark.parametrize(
-    ("kind", "more"), [("process", ""), ("native", ""), ("qemu", ""), ("python", CAMERA)], ids=lambda word: word[:8]
+    ("kind", "more"), [("process", ""), ("native", ""), ("python", CAMERA)], ids=lambda word: word[:8]
 )
 def test_a_killed_slave_leaves_no_process(tmp_path: Path, scratch: Path, kind: str, more: str) -> None:
     scenario, port = write_scenario(tmp_path, top=f'stm32 = "{kind}"')

@@ -10,7 +10,6 @@ from tools.faults.rows import Fault
 
 CUTTABLE = tuple(link for link in LINKS if link.wire != "can")
 TERMINALS = tuple(link for link in LINKS if link.wire == "pty")
-IN_PROCESSES = tuple(link for link in LINKS if link.stm32 != "qemu")
 # The slowest line that carries 50 commands a second; a scenario with a slower one is refused.
 CARRIES_BYTES_A_S = {"frame": 1920.0, "mavlink": 3840.0}
 PAUSE_S = 1.5
@@ -65,7 +64,7 @@ FAULTS = (
     Fault("link", "slowest permitted line", _slow, _clear, cuts=False, links=TERMINALS),
     Fault("process", "STM32 killed", lambda rig: rig.kill_stm32(), lambda rig: rig.revive_stm32(), links=LINKS,
           hold_s=RESET_S),
-    Fault("process", "STM32 paused for 2 s", _pause_stm32, _signal("stm32", signal.SIGCONT), links=IN_PROCESSES,
+    Fault("process", "STM32 paused for 2 s", _pause_stm32, _signal("stm32", signal.SIGCONT), links=LINKS,
           hold_s=0.0, after_removal=True),
     Fault("process", "slave killed", _signal("slave", signal.SIGKILL), _restart_slave, links=LINKS, hold_s=0.2,
           quick=True),

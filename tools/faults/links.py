@@ -42,6 +42,5 @@ LINKS = (
     Link("python", "dronecan", "can"),
     Link("unicorn", "frame", "pty", thorough=True),
     Link("unicorn", "mavlink", "pty", thorough=True),
-    Link("qemu", "frame", "pty", thorough=True),
 )
 USUAL = LINKS[0]

@@ -137,11 +137,6 @@ class Rig:
     def start_stm32(self) -> None:
         """Start the STM32, with neutral outputs."""
         kind, channels = self.link.stm32, str(THRUSTERS)
-        if kind == "qemu":
-            from firmware_stub.qemu import QemuStm32
-
-            self.stm32 = QemuStm32(THRUSTERS, WATCHDOG_S)
-            return
         if kind == "native":
             from firmware_stub.native import NativeStm32
 
@@ -235,9 +230,6 @@ class Rig:
 
     def _open_far(self) -> Wire:
         """Open the far wire; some exist a little later than the listening process reports."""
-        if self.link.stm32 == "qemu":
-            wire: Wire = self.stm32.wire
-            return wire
         deadline = time.monotonic() + START_S
         while True:
             try:

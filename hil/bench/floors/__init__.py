@@ -1,5 +1,5 @@
-"""Lower limits of this machine: bare network, bare QEMU, bare loop.
+"""Lower limits of this machine: bare network, bare loop.
 
-Public: `network.serve` and `network.Floor`, `bare_slave`, `bare_qemu`. They must not use the slave's loop: what they
+Public: `network.serve` and `network.Floor`, `bare_slave`. They must not use the slave's loop: what they
 measure is the cost without it.
 """

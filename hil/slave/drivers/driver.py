@@ -5,7 +5,6 @@ Kinds of STM32, as named in the scenario:
 "unicorn"  the firmware's binary image on an emulated STM32F405 in this process
 "process"  the Python version in its own process
 "native"   the firmware in C, compiled for this machine, in its own process
-"qemu"     the firmware's binary image on QEMU's STM32F405
 "device"   a real STM32; its telemetry reports the pulse widths that it applies
 """
 
@@ -28,10 +27,9 @@ DRIVERS = {
     "unicorn": ("hil.slave.drivers.in_process", "InProcessDriver", "open_unicorn"),
     "process": ("hil.slave.drivers.external", "ExternalDriver", "open_process"),
     "native": ("hil.slave.drivers.external", "ExternalDriver", "open_native"),
-    "qemu": ("hil.slave.drivers.external", "ExternalDriver", "open_qemu"),
     "device": ("hil.slave.drivers.external", "ExternalDriver", "open_device"),
 }
-STARTED = ("process", "native", "qemu")  # kinds for which a process is started
+STARTED = ("process", "native")  # kinds for which a process is started
 # At shutdown, the neutral command is repeated at this period until the STM32 confirms it or a timeout ends. The long
 # timeout is for a busy machine, where the pty's carrier or the simulated STM32 waits for the processor. The short one
 # is for an STM32 that does not answer.

@@ -39,7 +39,7 @@ class DeviceEnd(Protocol):
 
 
 class Process(Protocol):
-    """A process that simulates an STM32: `Child`, `NativeStm32` or `QemuStm32` of firmware_stub."""
+    """A process that simulates an STM32: `Child` or `NativeStm32` of firmware_stub."""
 
     pid: int
 

@@ -94,14 +94,6 @@ def open_native(link: Link, channels: int, seed: int, host: bool) -> Ends:
     return _reached(stm32, lambda: open_address(port, "host"), link, channels, seed)
 
 
-def open_qemu(link: Link, channels: int, seed: int, host: bool) -> Ends:
-    """Start the firmware's binary image on QEMU's STM32F405, and open the link to it. Raises DeviceError."""
-    from firmware_stub.qemu import QemuStm32
-
-    stm32 = QemuStm32(channels, link.watchdog)
-    return _reached(stm32, lambda: stm32.wire, link, channels, seed)
-
-
 def _reached(stm32: Process, open_wire: Callable[[], Wire], link: Link, channels: int, seed: int) -> Ends:
     """Open the link to a process that simulates the STM32; end the process if that fails."""
     try:

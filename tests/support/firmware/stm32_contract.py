@@ -25,9 +25,7 @@ class Stm32Contract:
     kind: ClassVar[str]
     link: ClassVar[Link] = Link(watchdog=WATCHDOG_S)
     reports_time_out: ClassVar[bool] = True  # VESC's status has no word for it
-    slack_s: ClassVar[float] = (
-        0.15  # of processes that take turns, and of QEMU's clock, which runs behind when it is busy
-    )
+    slack_s: ClassVar[float] = 0.15  # of processes that take turns
 
     stall_ns = 0  # the longest that `listen` neither slept as it meant to nor had the processor
 

@@ -2,23 +2,17 @@
 
 import os
 import shutil
-import signal
-import tempfile
 import time
 from collections.abc import Iterator
-from pathlib import Path
 
 import psutil
 import pytest
 
-from firmware_stub import qemu
 from firmware_stub.image import CHIPS
-from firmware_stub.qemu import PROGRAM, QemuStm32
-from hil.cli import main
-from hil.common.errors import DeviceError
 from hil.links.contract import Protocol, ThrusterCommand, ThrusterLink
 from hil.links.protocols import open_protocol
 from tests.support.busy import retry_when_busy
+from tests.support.firmware.qemu import PROGRAM, QemuStm32
 from tests.support.links.link_contract import nothing_leaks, uuv_hil, wait_telemetry
 
 PATIENCE_S = 60.0
@@ -115,16 +109,6 @@ class TestQemu:
         assert (answer.sequence, answer.errors) == (0x0101, 0)
         assert answer.pwm_us[:4] == (0x0401, 0x0501, 0x0601, 0x0701)
 
-    def test_writing_to_a_killed_qemu_is_an_error(self, stm32: QemuStm32) -> None:
-        def talk() -> None:
-            while True:
-                stm32.wire.write(b"?")
-                time.sleep(0.001)  # on a busy processor it has to get to its end first
-
-        os.kill(stm32.pid, signal.SIGKILL)
-        with pytest.raises(DeviceError, match=r"udp://127.0.0.2.*went away"):
-            talk()
-
     def test_the_emulated_clock_runs_at_about_real_time(self, stm32: QemuStm32) -> None:
         """The clock is compared from one report to the next; QEMU loses ticks and never adds any.
 
@@ -141,64 +125,3 @@ class TestQemu:
             assert 0.3 < ratio < 1.1
 
         retry_when_busy(check_clock_rate, "an emulator in a process of its own", attempts=10)
-
-
-@pytest.mark.qemu
-@pytest.mark.skipif(not shutil.which(PROGRAM), reason=f"needs {PROGRAM}")
-@pytest.mark.parametrize("protocol", ["frame", "mavlink"])
-def test_each_output_is_turned_and_confirmed(protocol: str, capsys: pytest.CaptureFixture[str]) -> None:
-    words = ["--stm32", "qemu", "--protocol", protocol, "--yes", "--seconds", "0.5", "--settle", "0.5 s"]
-    assert main(["stm32", "check", *words, "--channels", "8"]) == 0
-    output = capsys.readouterr().out
-    assert output.count("1560 us confirmed after") == 8
-    assert "8 of 8 outputs confirmed" in output
-
-
-@pytest.mark.qemu
-@pytest.mark.skipif(not shutil.which(PROGRAM), reason=f"needs {PROGRAM}")
-def test_an_image_that_qemu_refuses_is_reported(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(qemu, "image_path", lambda _: "/no/such/image.bin")
-    with nothing_leaks(), pytest.raises(DeviceError, match=r"did not start: .*/no/such/image\.bin"):
-        QemuStm32()
-
-
-def test_a_missing_qemu_is_reported_with_the_package(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(qemu, "PROGRAM", "no-such-emulator")
-    with pytest.raises(DeviceError, match="no no-such-emulator: sudo apt install"):
-        QemuStm32()
-
-
-@pytest.fixture
-def folders(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    """Return a folder in which temporary folders are made from now on."""
-    folders = tmp_path / "temporary"
-    folders.mkdir()
-    monkeypatch.setattr(tempfile, "tempdir", str(folders))
-    return folders
-
-
-@pytest.mark.parametrize(
-    ("program", "reason"),
-    [
-        ("\x7fELF of another processor", "cannot be started: Exec format error"),
-        ("#!/bin/sh\nkill -KILL $$\n", "did not start: no error message"),
-    ],
-)
-def test_a_qemu_that_does_not_start_leaves_nothing(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, folders: Path, program: str, reason: str
-) -> None:
-    path = tmp_path / "qemu"
-    path.write_text(program)
-    path.chmod(0o755)
-    monkeypatch.setattr(qemu, "PROGRAM", str(path))
-    with nothing_leaks(), pytest.raises(DeviceError, match=f"^{path}: {reason}$"):
-        QemuStm32()
-    assert not os.listdir(folders)
-
-
-def test_a_usart_that_cannot_be_made_leaves_nothing(monkeypatch: pytest.MonkeyPatch, folders: Path) -> None:
-    monkeypatch.setattr(qemu, "PROGRAM", "sh")
-    monkeypatch.setattr(qemu, "QEMU_ADDRESS", "255.255.255.255")  # where a socket needs to be asked for broadcasts
-    with nothing_leaks(), pytest.raises(PermissionError):
-        QemuStm32()
-    assert not os.listdir(folders)

@@ -1,7 +1,5 @@
 """The contract of an STM32, for each kind of emulated STM32 and each protocol."""
 
-import shutil
-
 import pytest
 
 from firmware_stub.build import native_compiler
@@ -9,7 +7,6 @@ from hil.scenario.records import Link
 from tests.support.firmware.stm32_contract import WATCHDOG_S, Stm32Contract
 
 needs_cc = pytest.mark.skipif(not native_compiler(), reason="no C compiler: sudo apt install gcc")
-needs_qemu = pytest.mark.skipif(not shutil.which("qemu-system-arm"), reason="no qemu-system-arm")
 
 MAVLINK = Link(protocol="mavlink", watchdog=WATCHDOG_S)
 VESC = Link(port="can:virtual:contract", protocol="vesc", watchdog=WATCHDOG_S)
@@ -73,18 +70,3 @@ class TestNative(Stm32Contract):
 class TestNativeMavlink(Stm32Contract):
     kind = "native"
     link = MAVLINK
-
-
-@needs_qemu
-@pytest.mark.qemu
-class TestQemu(Stm32Contract):
-    kind = "qemu"
-    slack_s = 0.4
-
-
-@needs_qemu
-@pytest.mark.qemu
-class TestQemuMavlink(Stm32Contract):
-    kind = "qemu"
-    link = MAVLINK
-    slack_s = 0.4

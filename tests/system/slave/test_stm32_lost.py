@@ -1,7 +1,6 @@
 """A lost link is reopened in a thread beside the loop, and an emulated STM32 is ended after every failure."""
 
 import os
-import shutil
 import signal
 import socket
 import threading
@@ -36,9 +35,6 @@ AT_ONCE_S = 1.5  # for what takes some microseconds; what waits for the other en
 PROCESSES = [
     "process",
     pytest.param("native", marks=pytest.mark.skipif(not native_compiler(), reason="no C compiler")),
-    pytest.param("qemu", marks=[
-        pytest.mark.qemu, pytest.mark.skipif(not shutil.which("qemu-system-arm"), reason="no qemu-system-arm")
-    ]),
 ]  # fmt: skip
 
 

@@ -12,18 +12,12 @@ of these machines have a different clock frequency, so the firmware's time runs 
 import json
 import os
 import select
-import shutil
 import socket
 import subprocess
-import time
-from contextlib import ExitStack
+import tempfile
 from typing import Any, NamedTuple
 
-from firmware_stub.image import DEFAULT_CHIP, PARAMETERS_ADDRESS, image_path, parameters
-from hil.common.children import foreign_command, start_child
-from hil.common.errors import DeviceError
-from hil.common.lifeline import NO_PROGRAM
-from hil.common.scratch import ScratchFolder
+from firmware_stub.image import PARAMETERS_ADDRESS, image_path, parameters
 from hil.links.wires.terminal import READ_SIZE, DescriptorWire
 
 PROGRAM = "qemu-system-arm"
@@ -61,59 +55,38 @@ class QemuStm32:
     cpu: the only processor it may run on. chip: the image's chip, of firmware_stub.image.CHIPS.
 
     `wire` is the host's end of its USART. Beyond some hundred unread bytes, further ones are lost.
-
-    Raises DeviceError without QEMU, if it does not start, or if the firmware sends nothing.
     """
 
-    def __init__(
-        self, channels: int = 6, watchdog: float = 0.2, cpu: int | None = None, chip: str = DEFAULT_CHIP
-    ) -> None:
-        if not shutil.which(PROGRAM):
-            raise DeviceError(f"no {PROGRAM}: sudo apt install --no-install-recommends {PROGRAM}")
+    def __init__(self, channels: int, watchdog: float, cpu: int, chip: str) -> None:
         in_flash = parameters(channels, watchdog)
         self._channels = channels
         self._image = image_path(chip)
         self.machine = MACHINES[chip]
         self._qmp: _Qmp | None = None
-        with ExitStack() as held:  # if a step fails, all before it is undone
-            folder = held.enter_context(ScratchFolder("qemu"))
-            self._monitor = folder.file("qmp")
-            with open(folder.file("parameters"), "wb") as file:
-                file.write(in_flash)
-            self.wire = _Usart()
-            held.callback(self.wire.close)
-            self._process = self._start(file.name)
-            held.callback(self._end)
-            self.pid = self._process.pid
-            if cpu is not None:
-                os.sched_setaffinity(self.pid, {cpu})
-            self._wait_for_first_byte()
-            self._held = held.pop_all()
+        self._folder = tempfile.TemporaryDirectory(prefix="qemu")
+        self._monitor = f"{self._folder.name}/qmp"
+        with open(f"{self._folder.name}/parameters", "wb") as file:
+            file.write(in_flash)
+        self.wire = _Usart()
+        self._process = subprocess.Popen(self._command(file.name), stdout=subprocess.DEVNULL)
+        self.pid = self._process.pid
+        os.sched_setaffinity(self.pid, {cpu})
+        assert select.select([self.wire], (), (), PATIENCE_S)[0], "the firmware sends nothing"
 
     def pwm_us(self) -> tuple[int, ...]:
         """Return the pulses (us), read by QEMU from the timers' compare registers; 0 without timers."""
         if self._qmp is None:
-            self._qmp = _Qmp(self._connect_monitor())
+            self._qmp = _Qmp(self._monitor)
         words = [word for address in PULSE_REGISTERS for word in self._qmp.read_words(address, 4)]
         return tuple(words[: self._channels])
 
     def close(self) -> None:
-        """Stop QEMU and remove its files. Closing twice is harmless."""
-        self._held.close()
-
-    def _start(self, parameters_path: str) -> subprocess.Popen[bytes]:
-        command = foreign_command(*self._command(parameters_path))
-        try:
-            return start_child(command, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE)
-        except OSError as error:
-            raise DeviceError(f"{PROGRAM}: cannot be started: {error.strerror}") from None
-
-    def _end(self) -> None:
         if self._qmp is not None:
             self._qmp.close()
-            self._qmp = None
         self._process.kill()  # it has no data that could be lost
-        self._process.communicate()
+        self._process.wait()
+        self.wire.close()
+        self._folder.cleanup()
 
     def _command(self, parameters_path: str) -> list[str]:
         # Multiplexed, because QEMU then reads ahead, and delivers the next byte when the firmware has read one;
@@ -127,31 +100,6 @@ class QemuStm32:
             "-chardev", f"udp,id=usart,{usart}", *["-serial", "null"] * self.machine.usart,
             "-serial", "chardev:usart", "-echr", NO_ESCAPE,
         ]  # fmt: skip
-
-    def _connect_monitor(self) -> socket.socket:
-        connection = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-        try:
-            connection.connect(self._monitor)
-        except OSError as error:
-            connection.close()
-            raise DeviceError(f"{PROGRAM}: its monitor does not answer: {error.strerror}") from None
-        return connection
-
-    def _wait_for_first_byte(self) -> None:
-        deadline = time.monotonic() + PATIENCE_S
-        while not select.select([self.wire], (), (), 0.01)[0]:
-            if self._process.poll() == NO_PROGRAM:
-                raise DeviceError(self._error_text())
-            if self._process.poll() is not None:
-                raise DeviceError(f"{PROGRAM}: did not start: {self._error_text()}")
-            if time.monotonic() > deadline:
-                raise DeviceError(f"{PROGRAM}: the firmware sends nothing; is {self._image} complete?")
-
-    def _error_text(self) -> str:
-        """Return the error messages of the process, which has ended."""
-        assert self._process.stderr
-        lines = self._process.stderr.read().decode(errors="replace").splitlines()
-        return "; ".join(lines) or "no error message"
 
 
 class _Usart(DescriptorWire):
@@ -167,7 +115,7 @@ class _Usart(DescriptorWire):
             super().__init__(usart.detach(), f"udp://{QEMU_ADDRESS}:{self.port}")
 
     def read(self) -> bytes:
-        """Return the received bytes, or b"". Raises DeviceError if QEMU has ended, as detected by a write."""
+        """Return the received bytes, or b"". A datagram has one of them."""
         received = bytearray()
         while len(received) < READ_SIZE:
             byte = super().read()
@@ -180,10 +128,11 @@ class _Usart(DescriptorWire):
 class _Qmp:
     """Client of QMP, one JSON object per line: https://www.qemu.org/docs/master/interop/qmp-spec.html."""
 
-    def __init__(self, connection: socket.socket) -> None:
-        connection.settimeout(PATIENCE_S)
-        self._connection = connection
-        self._lines = connection.makefile("r")
+    def __init__(self, path: str) -> None:
+        self._connection = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        self._connection.settimeout(PATIENCE_S)
+        self._connection.connect(path)
+        self._lines = self._connection.makefile("r")
         self._lines.readline()  # its greeting
         self._ask("qmp_capabilities")
 
@@ -203,4 +152,4 @@ class _Qmp:
             if "return" in message:
                 return message["return"]
             if "error" in message:
-                raise DeviceError(f"{PROGRAM}: {command}: {message['error']['desc']}")
+                raise RuntimeError(message["error"]["desc"])
