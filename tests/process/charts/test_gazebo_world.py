@@ -142,8 +142,10 @@ def _solid(shape: str) -> str:
 
 
 def _imported(tmp_path: Path, content: str) -> ImportedWorld:
-    (tmp_path / "w.sdf").write_text(f'<sdf version="1.6"><world name="w">{content}</world></sdf>')
-    return import_world(str(tmp_path / "w.sdf"), str(tmp_path / "w.toml"))
+    file = tmp_path / "a" / "b" / "w.sdf"  # four folders above it are searched
+    file.parent.mkdir(parents=True, exist_ok=True)
+    file.write_text(f'<sdf version="1.6"><world name="w">{content}</world></sdf>')
+    return import_world(str(file), str(tmp_path / "w.toml"))
 
 
 @pytest.mark.parametrize(
@@ -204,7 +206,7 @@ def test_missing_ground_is_an_error_and_other_missing_models_are_notes(
     assert [note.split(":")[0] for note in notes] == ["Left out"]
     assert "'boat'" in notes[0]
     for content in (
-        "<include><uri>model://sand_heightmap</uri></include>",
+        "<include><uri>model://missing_heightmap</uri></include>",
         _model(
             "m", "0 0 0 0 0 0", '<visual name="terrain"><geometry><mesh><uri>a/b.obj</uri></mesh></geometry></visual>'
         ),
@@ -215,7 +217,7 @@ def test_missing_ground_is_an_error_and_other_missing_models_are_notes(
         ),
     ):
         _imported(tmp_path, content)
-        assert main(["world", "import", str(tmp_path / "w.sdf"), "-o", str(tmp_path / "out")]) == 1
+        assert main(["world", "import", str(tmp_path / "a/b/w.sdf"), "-o", str(tmp_path / "out")]) == 1
         error = capsys.readouterr().err
         assert "lacks its ground" in error
         assert str(tmp_path) in error
