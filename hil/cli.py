@@ -88,6 +88,7 @@ EXTRAS = {
     "joblib": "master",
     "matplotlib": "master",
     "xacro": "master",
+    "yaml": "master",
     "argcomplete": "master",
     "cryptography": "security",
     "mcap": "recording",

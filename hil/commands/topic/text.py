@@ -3,6 +3,7 @@
 import json
 import re
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from typing import Any
 
 from hil.common.errors import ConfigError
@@ -10,7 +11,6 @@ from hil.common.schema import shortened
 
 LONGEST = 64  # elements of an array that are shown
 MAX_MESSAGES, FEW_MESSAGES = 128, 4  # a longer array of messages is cut to a few
-_STRING = re.compile(r'"(?:[^"\\]|\\.)*"')
 _BARE = re.compile(r"[^,:\[\]{}\"']+")
 _WORDS = {"true": True, "false": False, "null": None, "~": None, "": None}
 _WORDS |= {"yes": True, "on": True, "no": False, "off": False}  # as in YAML 1.1, and in ROS's own tools
@@ -38,104 +38,29 @@ def parse_values(text: str) -> dict[str, Any]:
 
 
 def _parse_flow(text: str) -> dict[str, Any]:
-    flow = _Flow(text)
+    with suppress(ValueError, RecursionError):
+        fields: dict[str, Any] = json.loads(text)
+        return fields
+    import yaml
+
     try:
-        value = flow.mapping()
+        value: dict[str, Any] = _value_of(yaml.compose(text, yaml.BaseLoader))
     except RecursionError:
         raise ConfigError("braces within braces, too deep for any message") from None
-    if flow.unread_text():
-        raise flow.error("nothing more was expected")
+    except yaml.YAMLError as error:
+        mark = getattr(error, "problem_mark", None)
+        at = f" at {text[mark.index : mark.index + 20]!r}" if mark else ""
+        raise ConfigError(f"{getattr(error, 'problem', None) or error}{at} of {shortened(text)}") from None
     return value
 
 
-class _Flow:
-    """Parser of YAML's flow style, which includes JSON."""
-
-    def __init__(self, text: str) -> None:
-        self._text = text
-        self._at = 0
-
-    def error(self, words: str) -> ConfigError:
-        """Return an error with its position in the text."""
-        return ConfigError(f"{words} at {self._text[self._at : self._at + 20]!r} of {self._text!r}")
-
-    def unread_text(self) -> str:
-        """Return the text that has not been read."""
-        return self._text[self._at :].strip()
-
-    def mapping(self) -> dict[str, Any]:
-        """Return a mapping in braces."""
-        fields: dict[str, Any] = {}
-        self._expect("{")
-        while not self._skip_mark("}"):
-            key = self._scalar(plain=True)
-            self._expect(":")
-            fields[str(key)] = self._value()
-            if not self._skip_mark(",") and self._peek() != "}":
-                raise self.error("expected , or }")
-        return fields
-
-    def _list(self) -> list[Any]:
-        items = []
-        self._expect("[")
-        while not self._skip_mark("]"):
-            items.append(self._value())
-            if not self._skip_mark(",") and self._peek() != "]":
-                raise self.error("expected , or ]")
-        return items
-
-    def _value(self) -> Any:
-        first = self._peek()
-        if first == "{":
-            return self.mapping()
-        if first == "[":
-            return self._list()
-        return None if first in ("", ",", "}", "]") else self._scalar()  # an empty value is null
-
-    def _scalar(self, plain: bool = False) -> Any:
-        """Return a text in quotes, or a word; with `plain` always a text."""
-        first = self._peek()
-        if first == '"':
-            return self._quoted()
-        if first == "'":
-            self._at += 1
-            end = self._text.find("'", self._at)
-            if end < 0:
-                raise self.error("no closing '")
-            text, self._at = self._text[self._at : end], end + 1
-            return text
-        word = self._match(_BARE).strip()
-        return word if plain else plain_value(word)
-
-    def _quoted(self) -> Any:
-        """Return a text in double quotes."""
-        start = self._at
-        try:
-            return json.loads(self._match(_STRING), strict=False)  # a text may have line breaks in it
-        except json.JSONDecodeError as error:
-            self._at = start
-            raise self.error(error.msg) from None
-
-    def _match(self, pattern: re.Pattern[str]) -> str:
-        match = pattern.match(self._text, self._at)
-        if match is None:
-            raise self.error("expected a value")
-        self._at = match.end()
-        return match.group()
-
-    def _peek(self) -> str:
-        while self._text[self._at : self._at + 1].isspace():
-            self._at += 1
-        return self._text[self._at : self._at + 1]
-
-    def _skip_mark(self, mark: str) -> bool:
-        is_next = self._peek() == mark
-        self._at += is_next
-        return is_next
-
-    def _expect(self, mark: str) -> None:
-        if not self._skip_mark(mark):
-            raise self.error(f"expected {mark}")
+def _value_of(node: Any) -> Any:
+    """Return the value of a YAML node; keys are texts, also those that look like numbers or words such as `no`."""
+    if isinstance(node.value, str):
+        return plain_value(node.value) if node.style is None else node.value
+    if node.id == "mapping":
+        return {str(key.value): _value_of(value) for key, value in node.value}
+    return [_value_of(item) for item in node.value]
 
 
 def plain_value(word: str) -> Any:

@@ -69,10 +69,6 @@ def test_yaml_1_1_booleans_are_parsed_and_quoted_texts_are_not() -> None:
     assert lines({"a": "off"}) == ['a: "off"']
 
 
-def test_a_quoted_text_may_have_two_lines() -> None:
-    assert parse_values('{a: "b\nc"}') == {"a": "b\nc"}
-
-
 def test_nan_is_parsed() -> None:
     assert math.isnan(parse_values("{x: .nan}")["x"])
 
@@ -84,17 +80,13 @@ def test_toml_is_read() -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "message"),
-    [("{a: 1", "expected , or }"), ("{a 1}", "expected :"), ("{a: }}", "nothing more"), ("{a: 'b}", "no closing '"),
-     ('{a: "\\q"}', "escape at '\"\\\\q"), ("{a: " + "[" * 5000, "too deep"),
-     ("{a: [1 2]}", ""), ("{: 1}", "expected a value"), ("hello", "not a message"), ("{a: {b: 1}", "expected , or }")],
+    ("text", "at"),
+    [("{a: }}", "at '}'"), ('{a: "\\q"}', "at 'q"), ("{a: " + "[" * 5000, "too deep"),
+     ("hello", "hello"), ("{a: {b: 1}", "{a")],
 )  # fmt: skip
-def test_syntax_errors_are_reported(text: str, message: str) -> None:
-    if message:
-        with pytest.raises(ConfigError, match=re.escape(message)):
-            parse_values(text)
-    else:
-        assert parse_values(text) == {"a": ["1 2"]}  # as YAML: one text
+def test_syntax_errors_are_reported_with_their_position(text: str, at: str) -> None:
+    with pytest.raises(ConfigError, match=re.escape(at)):
+        parse_values(text)
 
 
 @given(st.text(max_size=30))
