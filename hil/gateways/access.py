@@ -25,7 +25,7 @@ class Access:
         self.token = secrets.token_urlsafe(24)
         self.path = token_path(port)
         try:
-            _write_private(self.path, self.token + "\n")
+            write_private(self.path, self.token + "\n")
         except OSError:
             self.path = ""
 
@@ -44,9 +44,9 @@ class Access:
                 os.unlink(self.path)
 
 
-def _write_private(path: str, text: str) -> None:
-    """Write a file that nobody else can read at any time: what lay there is replaced, also a link."""
-    os.makedirs(os.path.dirname(path), mode=0o700, exist_ok=True)
+def write_private(path: str, text: str) -> None:
+    """Write a file that nobody else can read at any time: what lay there is replaced, also a link. Raises OSError."""
+    os.makedirs(os.path.dirname(path) or ".", mode=0o700, exist_ok=True)
     new = f"{path}.{os.getpid()}"
     with suppress(FileNotFoundError):
         os.unlink(new)

@@ -362,7 +362,7 @@ class Dispatcher:
         reason = self.signing.set(bytes(packet.secret_key))
         self.core.texts.append((4, reason) if reason else (6, f"signing {'on' if self.signing.secret else 'off'}"))
         for each in self.peers.values():
-            each.sign(self.signing.secret)
+            each.sign(self.signing)
 
 
 def _partner(peer: Peer, packet: Any) -> tuple[int, int, int]:

@@ -85,6 +85,7 @@ class Gateway:
             self.core.disarm()
             self.core.tick(self._clock() + NS_PER_S)
         self._ftp.close()
+        self.dispatcher.signing.close()
         for link in self._links:
             link.close()
 
@@ -117,7 +118,7 @@ class Gateway:
             name = ":".join(map(str, address[:2])) if isinstance(address, tuple) else str(address)
             peer = self._peers[number, address] = Peer(
                 self._numbers, name, settings.system, lambda data, message: link.send(address, data, message),
-                may_command, link.burst, self.dispatcher.signing.secret, self._wall_clock, is_local,
+                may_command, link.burst, self.dispatcher.signing, self._wall_clock, is_local,
             )  # fmt: skip
             self.dispatcher.peers[peer.number] = peer
             self._report(f"{link.name}: sends to {name}{'' if may_command else ' (can only read)'}")

@@ -13,7 +13,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from hil.common.clock import NS_PER_S, now_ns
 from hil.common.errors import NetworkError
-from hil.gateways.mavlink.endpoints.links import MAX_PARTNERS, TcpIn, TcpOut, UdpIn, UdpOut
+from hil.gateways.mavlink.endpoints.links import MAX_PARTNERS, SILENT_NS, TcpIn, TcpOut, UdpIn, UdpOut
 from hil.gateways.mavlink.endpoints.zenoh_link import ZenohLink
 from hil.gateways.mavlink.video import BOUNDARY, VideoServer
 from tests.support.processes import PATIENCE_S, free_port, wait_for
@@ -71,6 +71,26 @@ def test_partners_beyond_the_limit_are_refused_and_counted() -> None:
         for call in links:
             call.close()
         datagrams.close()
+        stream.close()
+
+
+def test_a_silent_tcp_connection_makes_room_for_another() -> None:
+    """One that sends stays, however long the others are there."""
+    stream, now = TcpIn("127.0.0.1", 0), 0
+    calls: list[socket.socket] = []
+    try:
+        calls += [socket.create_connection(("127.0.0.1", stream.port), PATIENCE_S) for _ in range(MAX_PARTNERS)]
+        assert wait_for(lambda: stream.receive(now) or len(stream.partners()) == MAX_PARTNERS or None)
+        now = SILENT_NS + 1
+        calls[0].sendall(PACKET)
+        assert wait_for(lambda: stream.receive(now) or None)
+        calls.append(socket.create_connection(("127.0.0.1", stream.port), PATIENCE_S))
+        assert wait_for(lambda: stream.receive(now) or calls[-1].getsockname() in stream.partners() or None)
+        assert calls[0].getsockname() in stream.partners()
+        assert (len(stream.partners()), stream.refused) == (MAX_PARTNERS, 0)
+    finally:
+        for call in calls:
+            call.close()
         stream.close()
 
 

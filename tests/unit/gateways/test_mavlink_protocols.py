@@ -173,6 +173,9 @@ def test_file_sessions_are_limited_and_expire() -> None:
     opened = [_ftp(bench, ftp.OPEN_READ, b"@PARAM/param.pck\0", session=n)[0] for n in range(40, 49)]
     assert [session for _, session, _, _ in opened] == list(range(40, 49))  # MAVProxy numbers its sessions itself
     assert opened[-1][3] == bytes((ftp.NO_SESSIONS,))
+    first, bench.partner = bench.partner, bench.add_partner(254)
+    assert _ftp(bench, ftp.OPEN_READ, b"@PARAM/param.pck\0")[0][0] == ftp.ACK, "another peer has sessions of its own"
+    bench.partner = first
     bench.run(61.0)
     assert _ftp(bench, ftp.OPEN_READ, b"@PARAM/param.pck\0")[0][0] == ftp.ACK
 

@@ -14,6 +14,7 @@ from hil.gateways.mavlink.flight.modes import Mode
 from hil.gateways.mavlink.gateway import Gateway
 from hil.gateways.mavlink.parameter_table import ParameterTable
 from hil.gateways.mavlink.protocols.ftp import ACK, HEADER, OPEN_READ, FtpServer
+from hil.gateways.mavlink.protocols.signing import SigningKey
 from hil.links.contract import Counters
 from hil.links.mavlink.stream import MavlinkStream, signing_secret
 from hil.scenario.mavlink_records import Mavlink
@@ -133,7 +134,13 @@ def test_own_definitions_of_newer_messages_have_the_right_checksum(kind: type[ne
 
 def _signed_peer(key: str, wall: list[int], sent: list[bytes]) -> Peer:
     return Peer(
-        1, "signed", 1, lambda data, _: sent.append(data), True, secret=signing_secret(key), wall_clock=lambda: wall[0]
+        1,
+        "signed",
+        1,
+        lambda data, _: sent.append(data),
+        True,
+        signing=SigningKey(given=key),
+        wall_clock=lambda: wall[0],
     )
 
 

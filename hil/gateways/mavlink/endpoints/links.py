@@ -174,15 +174,16 @@ class _Stream:
 
     MAX_UNSENT = 1 << 18  # bytes
 
-    def __init__(self, opened: socket.socket) -> None:
+    def __init__(self, opened: socket.socket, now: int = 0) -> None:
         opened.setblocking(False)
         opened.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self.socket = opened
         self.unsent = b""
         self.is_mavlink = False
         self.is_open = True
+        self.received_ns = now
 
-    def receive(self) -> bytes:
+    def receive(self, now: int) -> bytes:
         """Return the bytes that have come. A connection whose first byte begins no packet is closed: a web page's."""
         try:
             data = self.socket.recv(READ_SIZE)
@@ -193,7 +194,7 @@ class _Stream:
         if not data or not (self.is_mavlink or data[0] in MARKERS):
             self.close()
             return b""
-        self.is_mavlink = True
+        self.is_mavlink, self.received_ns = True, now
         return data
 
     def send(self, data: bytes) -> None:
@@ -215,7 +216,7 @@ class _Stream:
 
 
 class TcpIn(Link):
-    """Listens for several. Raises NetworkError for a taken port."""
+    """Listens for several; one that has sent nothing for 30 s makes room. Raises NetworkError for a taken port."""
 
     def __init__(self, host: str, port: int) -> None:
         self.name = f"tcpin:{host}:{port}"
@@ -239,12 +240,12 @@ class TcpIn(Link):
                 opened, caller = self._listener.accept()
             except OSError:
                 break
-            if len(self._open()) >= MAX_PARTNERS:
+            if self._has_room(now):
+                self._streams[caller] = _Stream(opened, now)
+            else:
                 self.refused += 1
                 opened.close()
-            else:
-                self._streams[caller] = _Stream(opened)
-        received = [(address, stream.receive()) for address, stream in self._open().items()]
+        received = [(address, stream.receive(now)) for address, stream in self._open().items()]
         return [(address, data) for address, data in received if data]
 
     def send(self, address: Address, data: bytes, message: Any) -> None:
@@ -266,6 +267,16 @@ class TcpIn(Link):
         for stream in self._streams.values():
             stream.close()
         self._listener.close()
+
+    def _has_room(self, now: int) -> bool:
+        """Return whether one more is served; of those that are silent for long, the longest silent one is closed."""
+        if len(self._open()) < MAX_PARTNERS:
+            return True
+        longest = min(self._streams.values(), key=lambda stream: stream.received_ns)
+        if now - longest.received_ns <= SILENT_NS:
+            return False
+        longest.close()
+        return True
 
     def _open(self) -> dict[Address, _Stream]:
         if not all(stream.is_open for stream in self._streams.values()):
@@ -290,7 +301,7 @@ class TcpOut(Link):
 
     def receive(self, now: int) -> Received:
         """Return what has come."""
-        data = self._stream.receive() if self._stream and self._stream.is_open else b""
+        data = self._stream.receive(now) if self._stream and self._stream.is_open else b""
         return [(self._where, data)] if data else []
 
     def send(self, address: Address, data: bytes, message: Any) -> None:

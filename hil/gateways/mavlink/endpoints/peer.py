@@ -5,6 +5,7 @@ from collections.abc import Callable
 from typing import Any
 
 from hil.gateways.mavlink.camera import COMPONENT as CAMERA
+from hil.gateways.mavlink.protocols.signing import SigningKey
 from hil.gateways.mavlink.protocols.streams import StreamRates
 from hil.links.contract import Counters
 from hil.links.mavlink.stream import MavlinkStream
@@ -19,7 +20,7 @@ class Peer:
     """A partner, known by `number`; packets go out by `write`, `burst` bytes of lists at most a turn.
 
     `counters` counts what came damaged, unsigned or cut; `may_command` whether it may change anything, `is_local`
-    whether it is on this machine or a wire of it. With a `secret` packets are signed.
+    whether it is on this machine or a wire of it. With a secret in `signing` packets are signed.
     """
 
     def __init__(
@@ -30,7 +31,7 @@ class Peer:
         write: Write,
         may_command: bool,
         burst: int = 20_000,
-        secret: bytes = b"",
+        signing: SigningKey | None = None,
         wall_clock: Callable[[], int] = lambda: 0,
         is_local: bool = True,
     ) -> None:
@@ -43,13 +44,13 @@ class Peer:
         self._stream = MavlinkStream(system, COMPONENT, self.counters)
         self._camera = MavlinkStream(system, CAMERA, Counters())
         self._wall_clock = wall_clock
-        self.sign(secret)
+        self.sign(signing or SigningKey())
         self._waiting: deque[Any] = deque(maxlen=MAX_WAITING)
 
-    def sign(self, secret: bytes) -> None:
-        """Sign what is sent, and refuse what is not signed with this secret; without one do neither."""
+    def sign(self, key: SigningKey) -> None:
+        """Sign what is sent, and refuse what is not signed with this key; without a secret do neither."""
         for stream in (self._stream, self._camera):
-            stream.sign(secret, self._wall_clock)
+            stream.sign(key.secret, self._wall_clock, key.stamps, self.number)
 
     def unpack(self, data: bytes) -> list[Any]:
         """Return the messages that bytes complete. Never raises."""

@@ -24,7 +24,7 @@ MAX_DATA = PAYLOAD - HEADER.size
 ACK, NAK = 128, 129
 FAIL, BAD_SIZE, BAD_SESSION, NO_SESSIONS, END_OF_FILE, UNKNOWN, PROTECTED, NOT_FOUND = 1, 3, 4, 5, 6, 7, 9, 10
 WRITING = (CREATE, WRITE, REMOVE, MAKE_FOLDER, REMOVE_FOLDER, OPEN_WRITE, TRUNCATE, RENAME)
-MAX_SESSIONS = 8
+MAX_SESSIONS = 8  # of a peer, whatever names its clients give themselves
 IDLE_NS = 60 * NS_PER_S  # after which a session that nobody uses is closed
 BURST_AT_ONCE = 40  # packets of one burst; the client asks for the next
 MAX_CRC = 1 << 28  # bytes
@@ -148,7 +148,7 @@ class FtpServer:
         before = self._sessions.pop((partner, request.session), None)
         if before:
             before.close()
-        if len(self._sessions) >= MAX_SESSIONS:
+        if sum(client[0] == partner[0] for client, _ in self._sessions) >= MAX_SESSIONS:
             return _nak(request, NO_SESSIONS)
         if path.split("?")[0].strip("/") == PARAMETERS:
             content = pack_parameters(self._parameters)
