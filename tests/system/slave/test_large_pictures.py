@@ -17,10 +17,18 @@ from hil.scenario.config import load_scenario
 from hil.slave.imaging.process import Studio
 from tests.support.clients.imaging_slave import newest, wait_for
 from tests.support.processes import Program, write_scenario
-from tools.costs.imaging_cost import LARGE
 
 pytestmark = pytest.mark.timeout(280)
-SENSORS = LARGE.replace("RENDERER", "rays")
+SENSORS = """
+[sensors.camera]
+rate = 15
+width = 640
+height = 480
+orientation = ["0 deg", "-30 deg", "0 deg"]
+[sensors.forward_sonar]
+orientation = ["0 deg", "-15 deg", "0 deg"]
+[sensors.side_scan]
+"""
 TOPICS = ("camera/image_raw/compressed", "forward_sonar/image", "side_scan/image")  # by the number of the sensor
 MOVING = [0.0, 0.0, 5.0, 1.0, *[0.0] * 15]
 PIXELS = 640 * 480

@@ -6,8 +6,7 @@ from pathlib import Path
 import pytest
 
 from hil.common.schema import preset_names
-from sim.native import SWITCH
-from tools.costs import sim_cost, step_cost
+from tools.costs import step_cost
 
 TOOLS = Path(__file__).parents[3] / "tools"
 VEHICLES = preset_names("sim/vehicles")
@@ -15,19 +14,7 @@ VEHICLES = preset_names("sim/vehicles")
 
 def test_all_tools_that_accept_a_vehicle_are_tested() -> None:
     found = {path.name for path in TOOLS.rglob("*.py") if '"--vehicle"' in path.read_text()}
-    assert found == {"sim_cost.py", "step_cost.py"}
-
-
-@pytest.mark.parametrize("name", VEHICLES)
-def test_the_cost_of_a_simulation_is_measured(
-    name: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setattr(sys, "argv", ["sim_cost.py", "--vehicle", name, "--rounds", "1"])
-    monkeypatch.setattr(sim_cost, "ROUND_STEPS", 5)
-    monkeypatch.setattr(sim_cost, "REAL_TIME_S", 0.005)
-    monkeypatch.setenv(SWITCH, "")
-    assert sim_cost.main() == 0
-    assert capsys.readouterr().out.count("us a step") == 2
+    assert found == {"step_cost.py"}
 
 
 @pytest.mark.parametrize("name", VEHICLES)
