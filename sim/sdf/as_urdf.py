@@ -1,7 +1,7 @@
 """Convert a vehicle's SDF model to a URDF robot in memory, so that one importer serves both formats.
 
-The root is the link on which the hydrodynamics act, because the coefficients are about its origin, which becomes the
-vehicle's. All other links are joined to it, at their positions with all joints at zero.
+The root is the hull, the heaviest link on which the hydrodynamics act: its frame becomes the vehicle's. All other links
+are joined to it, at their positions with all joints at zero.
 """
 
 import os
@@ -10,11 +10,11 @@ from collections.abc import Iterable
 from hil.common.errors import ConfigError
 from sim.sdf.files import SdfFiles
 from sim.sdf.model import Joint, Link, Model, models_of
+from sim.vehicle.urdf.importer import tree_of
 from sim.vehicle.urdf.pose import Pose
 from sim.vehicle.urdf.sdf_pose import own_pose
 from sim.vehicle.urdf.text import Element, plain, read_xml
 
-_WATER = ("hydrodynamics", "underwater_object", "buoyancy")  # in the file names of plugins that act on a link
 _SIZES = {"box": ("size",), "cylinder": ("radius", "length"), "sphere": ("radius",), "capsule": ("radius", "length")}
 _INERTIA = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
 
@@ -62,20 +62,8 @@ def _is_of_vehicle(plugin: Element) -> bool:
     return any(word in text for word in ("thruster", "hydrodynamic", "motormodel", "underwater_object"))
 
 
-def _base(model: Model) -> str:
-    """Return the name of the link on which the hydrodynamics act: its frame is the vehicle's."""
-    for plugin in model.plugins:
-        if any(word in plugin.get("filename", "").lower() for word in _WATER):
-            link = plugin.find("link")
-            named = plugin.findtext("link_name") or (link.get("name") if link is not None else None)
-            if named and named.strip() in model.links:
-                return named.strip()
-    return model.canonical if model.canonical in model.links else next(iter(model.links))
-
-
 def _robot(model: Model, files: SdfFiles, notes: list[str]) -> Element:
-    robot, base = Element("robot", name=model.name), _base(model)
-    to_base = model.links[base].pose.inverse()
+    robot = Element("robot", name=model.name)
     bare = [name for name, link in model.links.items() if link.element.find("inertial") is None]
     if bare:
         notes.append(
@@ -87,17 +75,21 @@ def _robot(model: Model, files: SdfFiles, notes: list[str]) -> Element:
             holder = Element("gazebo", reference=name)
             holder.append(sensor)
             robot.append(holder)
+    for plugin in model.plugins:
+        holder = Element("gazebo")
+        holder.append(plugin)
+        robot.append(holder)
     joints = {joint.child: (name, joint) for name, joint in model.joints.items() if joint.parent != "world"}
+    parents = {child: (joint.parent, joint.kind == "fixed") for child, (_, joint) in joints.items()}
+    usual = model.canonical if model.canonical in model.links else next(iter(model.links))
+    base = tree_of(robot, files.path)._replace(parents=parents).hull(usual)
+    to_base = model.links[base].pose.inverse()
     for name, link in model.links.items():
         if name != base:
             robot.append(_joint(name, to_base.then(link.pose), link, joints.get(name), base))
     own = joints.get(base)
     if own and own[1].axis is not None and own[1].kind != "fixed":  # relative to the base, the other link turns
         notes.append(f"The joint {own[0]!r} holds the link {base!r}, on which the water acts: taken as fixed.")
-    for plugin in model.plugins:
-        holder = Element("gazebo")
-        holder.append(plugin)
-        robot.append(holder)
     return robot
 
 

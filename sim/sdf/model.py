@@ -111,8 +111,8 @@ def _included(include: Element, folder: str, files: SdfFiles, notes: list[str], 
     if read is None:
         shown, word = uri[:100] or "without a <uri>", "there" if uri.startswith("http") else "near the file"
         note = (
-            f"Left out: the included {shown!r}, which is not {word}: download it, and name the folder that it is in "
-            "by GZ_SIM_RESOURCE_PATH."
+            f"Left out: {shown!r}, included by a file in {folder}, which is not {word}: download it, and name the "
+            "folder that it is in by GZ_SIM_RESOURCE_PATH."
         )
         notes += [note] if note not in notes else []
         files.missing.append(shown)

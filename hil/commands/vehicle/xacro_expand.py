@@ -11,6 +11,7 @@ from hil.common.tables import read_bytes
 from hil.common.text import clean
 
 MAX_SECONDS = 60.0
+_MAX_MACROS = 4  # of a file that are named
 
 
 def is_xacro(path: str) -> bool:
@@ -39,7 +40,22 @@ def expand(path: str, arguments: Iterable[str] = ()) -> bytes:
     if code:
         reason = completed.stderr.decode(errors="replace").strip().splitlines()[-1:] or [f"exit code {code}"]
         raise ConfigError(f"{path}: cannot be expanded: {clean(reason[0])}")
+    if b"<link" not in completed.stdout and (macros := _macros(path)):
+        raise ConfigError(
+            f"{path}: only defines macros, which another file calls: import that file, or write one that includes this "
+            f"one and calls {' or '.join(macros)}"
+        )
     return completed.stdout
+
+
+def _macros(path: str) -> list[str]:
+    """Return the calls of the first macros that a file defines, each with the parameters that have no default."""
+    calls = []
+    for attributes in re.findall(r"<xacro:macro\b([^>]*)>", read_bytes(path).decode("utf-8", "replace"))[:_MAX_MACROS]:
+        values = dict(re.findall(r"""(name|params)\s*=\s*["']([^"']*)["']""", attributes))
+        needed = [word for word in values.get("params", "").split() if "=" not in word]
+        calls.append(f"<xacro:{clean(' '.join([values.get('name', ''), *needed]))}/>")
+    return calls
 
 
 def _pair(argument: str) -> str:

@@ -32,7 +32,10 @@ def main(path: str, *arguments: str) -> int:
         text: bytes = xacro.process_file(path, mappings=dict(each.split(":=", 1) for each in arguments)).toxml("utf-8")
     except Exception as error:  # noqa: BLE001 - what an expression of the file raises
         reason = getattr(error, "exc", None) or error  # xacro wraps an expression's error and repeats its text
-        print(" ".join(str(reason).split()) or type(reason).__name__, file=sys.stderr)
+        *outer, inner = xacro.filestack or [path]  # the file that was being read, after those that include it
+        where = f" (in {inner}, which {outer[-1]} includes)" if outer else ""
+        problem = " ".join(str(reason).split()).removeprefix("[Errno 2] ")
+        print((problem or type(reason).__name__) + where, file=sys.stderr)
         return DAMAGED
     sys.stdout.buffer.write(text)
     return 0

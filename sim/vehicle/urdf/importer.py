@@ -12,7 +12,8 @@ A URDF without such tags has no hydrodynamics. Missing values are never guessed:
 
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from math import asin, atan2
+from functools import partial
+from math import asin, atan2, degrees
 from typing import Annotated, Any, NamedTuple
 
 from hil.common.errors import ConfigError
@@ -20,12 +21,13 @@ from hil.common.schema import Range, parse
 from sim.matrices import Matrix, cross_matrix, product, square, total, transpose
 from sim.vehicle.meshes import Mesh
 from sim.vehicle.urdf.fins import read_fins
+from sim.vehicle.urdf.hull import Tree, add_up
 from sim.vehicle.urdf.pose import Pose
 from sim.vehicle.urdf.sensors import read_sensors
-from sim.vehicle.urdf.shapes import Measure, MeshKey, Solid, extent_of, from_collisions, mesh_key, origin_of
+from sim.vehicle.urdf.shapes import Measure, MeshKey, Solid, box_of, extent_of, from_collisions, mesh_key, origin_of
 from sim.vehicle.urdf.text import Element, attribute, number_of, plain, read_xml, to_frd, to_frd_matrix
 from sim.vehicle.urdf.thrusters import read_thrusters, target
-from sim.vehicle.urdf.water import read_buoyancy_engine, read_water
+from sim.vehicle.urdf.water import read_buoyancy_engine, read_water, water_elements
 from sim.vehicle.vehicle import EQUIPMENT, Vehicle, with_equipment
 
 _REQUIRED = (
@@ -90,8 +92,12 @@ def read_robot(
     """
     notes: list[str] = []
     poses = _link_poses(robot, path)
+    tree = tree_of(robot, path)
+    root = next(iter(poses))
+    hull = tree.hull(root)
+    poses = _about(poses, root, hull, notes)
     user_keys = dict(extra or {})
-    table = _table(_Model(robot, poses, path, user_keys, measure, notes))
+    table = _table(_Model(robot, poses, path, user_keys, measure, notes), tree, hull)
     common = user_keys.pop("every_thruster", {})
     meshes = list(_meshes(robot, poses, path))
     thrusters = [thruster | common for thruster in read_thrusters(robot, poses, path, notes)]
@@ -108,14 +114,34 @@ def read_robot(
     return Imported(vehicle, read_sensors(robot, poses, path, notes), notes)
 
 
-def _table(model: _Model) -> dict[str, Any]:
+def _about(poses: dict[str, Pose], root: str, hull: str, notes: list[str]) -> dict[str, Pose]:
+    """Return the links' poses relative to the origin of the hull, in the axes of the root."""
+    at = poses[hull]
+    turned = [round(degrees(angle), 3) + 0.0 for angle in at.angles()]
+    if any(at.position) or any(turned):
+        where = f"{_list(at.position)} m in {plain(root)!r}, whose axes (here FLU) are the vehicle's"
+        notes.append(
+            f"The origin is that of {plain(hull)!r}, the hull, at {where}"
+            + (f"; the hull is turned by roll, pitch, yaw {_list(turned)} deg." if any(turned) else ".")
+        )
+    back = Pose(position=tuple(-x for x in at.position))
+    return {link: back.then(pose) for link, pose in poses.items()}
+
+
+def _list(numbers: Sequence[float]) -> str:
+    return "[" + ", ".join(f"{x:.6g}" for x in numbers) + "]"
+
+
+def _table(model: _Model, tree: Tree, hull: str) -> dict[str, Any]:
     """Return the keys of the model, except thrusters and fins."""
-    robot, poses, path, user_keys, _, notes = model
+    robot, poses, path, user_keys, measure, notes = model
     table: dict[str, Any] = {
         "name": plain(robot.get("name") or "vehicle"),
         "source": f"imported from {plain(os.path.basename(path))}",
     }
-    table |= _mass(robot, poses, path) | read_water(robot, path, notes) | read_buoyancy_engine(robot, poses, path)
+    waters = read_water(robot, hull, partial(box_of, robot, path, measure), path, notes)
+    table |= _mass(robot, poses, path) | add_up(waters, poses, tree, hull, notes)
+    table |= read_buoyancy_engine(robot, poses, path)
     neutral, mass = table.pop("neutral", False), _given_mass(user_keys, path) or table.get("mass")
     if neutral and mass is not None:
         table["neutrally_buoyant"] = True
@@ -181,6 +207,20 @@ def _link_poses(robot: Element, path: str) -> dict[str, Pose]:
     return poses
 
 
+def tree_of(robot: Element, path: str) -> Tree:
+    """Return the tree of a robot's links."""
+    masses = {}
+    for link in robot.findall("link"):
+        where = f"{path}: link {link.get('name', '')!r}: <inertial>: <mass value>"
+        masses[link.get("name", "")] = number_of(attribute(link, "inertial/mass", "value", "0"), where)
+    wet = frozenset(masses.keys() & {link for link, _, _ in water_elements(robot)})
+    parents = {
+        target(joint, "child"): (target(joint, "parent"), joint.get("type") == "fixed")
+        for joint in robot.findall("joint")
+    }
+    return Tree(masses, wet, parents)
+
+
 def _mass(robot: Element, poses: dict[str, Pose], path: str) -> dict[str, Any]:
     """Return mass, centre of gravity and inertia about it, of all links together; missing ones are left out."""
     masses = []
@@ -191,6 +231,7 @@ def _mass(robot: Element, poses: dict[str, Pose], path: str) -> dict[str, Any]:
             at = poses[link.get("name", "")].then(origin_of(inertial, where))
             mass = number_of(attribute(inertial, "mass", "value"), f"{where}: <mass value>")
             masses.append((mass, at.position, _rotate_inertia(_inertia(inertial, f"{where}: <inertia>"), at.rotation)))
+    masses.sort()  # so that the order of the links changes no rounding
     mass = sum(part[0] for part in masses)
     if mass <= 0.0:
         return {}

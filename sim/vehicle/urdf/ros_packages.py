@@ -23,11 +23,12 @@ def find_package(name: str, path: str) -> str | None:
 def find_packages(name: str, path: str) -> Iterator[str]:
     """Yield the folders that may be the package or model `name`, the likeliest first.
 
-    The folder NAME in those of Gazebo's variables comes first, or such a folder itself or the one above it. Then the
-    search is that of ROS: `share/NAME` in the folders of AMENT_PREFIX_PATH, and all folders below those of
-    ROS_PACKAGE_PATH. Then it continues in the parents of the file at `path` and all folders below them. A folder is the
-    package if its package.xml, or without one its name, says so.
+    The package that the file at `path` is in comes first. Then comes the folder NAME in those of Gazebo's variables, or
+    such a folder itself or the one above it. Then the search is that of ROS: `share/NAME` in the folders of
+    AMENT_PREFIX_PATH, and all folders below those of ROS_PACKAGE_PATH. Then it continues in the parents of the file and
+    all folders below them. A folder is the package if its package.xml, or without one its name, says so.
     """
+    yield from (folder for folder in _parents(path) if _package_name(folder) == name)
     for top in resource_folders():
         if os.path.isdir(os.path.join(top, name)):
             yield os.path.join(top, name)

@@ -64,6 +64,13 @@ def extent_of(robot: Element, poses: Mapping[str, Pose], path: str, measure: Mea
     return {}
 
 
+def box_of(robot: Element, path: str, measure: Measure, link: str) -> list[float] | None:
+    """Return the sides (m) of the box around one link's shapes in its own axes, None if it has none."""
+    alone = Element("robot")
+    alone.extend(each for each in robot.findall("link") if each.get("name") == link)
+    return extent_of(alone, {link: Pose()}, path, measure).get("dimensions")
+
+
 def _solids(
     robot: Element, poses: Mapping[str, Pose], path: str, measure: Measure, kind: str
 ) -> Iterator[tuple[Solid, Pose]]:

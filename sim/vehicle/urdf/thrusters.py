@@ -1,6 +1,7 @@
 """Read the thrusters of a model: their poses from the joints, their limits from the plugins of simulators."""
 
 from collections.abc import Mapping
+from itertools import pairwise
 from math import inf
 from typing import Any
 
@@ -9,16 +10,19 @@ from sim.vehicle.urdf.pose import Pose
 from sim.vehicle.urdf.text import Element, attribute, child_text, number_of, numbers_of, plain, to_frd
 
 _DENSITY, _DIAMETER, _COEFFICIENT = "1000", "0.02", "1"  # gz-sim's defaults of a thruster
+_DEAD_BANDS = ("deadband", "conversion/deltaL", "conversion/deltaR")  # tags of gz-sim (N) and uuv_simulator (of speed²)
 
 
 def read_thrusters(robot: Element, poses: Mapping[str, Pose], path: str, notes: list[str]) -> list[dict[str, Any]]:
     """Return a thruster for each thruster plugin; without such plugins, for each turning joint of a link "thruster".
 
+    Where a negative gain or constant turns the thrust of a positive command around, the direction is turned around.
     Raises ConfigError for a plugin whose joint does not exist.
     """
     joints = {joint.get("name", ""): joint for joint in robot.findall("joint")}
     controls = {child_text(each, "jointName"): each for each in robot.iter("control")}
-    thrusters = []
+    thrusters: list[dict[str, Any]] = []
+    without_band: list[str] = []
     for plugin in robot.iter("plugin"):
         name, file = child_text(plugin, "jointName", "joint_name"), plugin.get("filename", "").lower()
         link = child_text(plugin, "linkName", "link_name")
@@ -33,7 +37,13 @@ def read_thrusters(robot: Element, poses: Mapping[str, Pose], path: str, notes: 
         if is_motor:  # its thrust is along the link's z axis, for any axis of the joint
             pose["direction"] = to_frd(poses[target(joints[name], "child")].rotate((0.0, 0.0, 1.0)))
         limits = _motor_limits(plugin, path) if is_motor else _limits(plugin, controls.get(name), path)
+        if limits.pop("sign", 1.0) < 0.0:
+            pose["direction"] = [0.0 - x for x in pose["direction"]]
         thrusters.append(pose | limits)
+        if any(number_of(plugin.findtext(tag) or "0", path) for tag in _DEAD_BANDS):
+            without_band.append(pose["name"])
+    if without_band:
+        notes.append(f"Left out: the dead band of {', '.join(without_band)}; dead_band_us gives one in pulse widths.")
     if not thrusters:
         turning = [joint for joint in joints.values() if joint.get("type") in ("continuous", "revolute")]
         named = [joint for joint in turning if "thruster" in target(joint, "child")]
@@ -61,26 +71,33 @@ def _pose(joint: Element, poses: Mapping[str, Pose], path: str) -> dict[str, Any
 
 
 def _limits(plugin: Element, control: Element | None, path: str) -> dict[str, float]:
-    """Return the given ones of limits (N), lag (s) and diameter (m) of uuv_simulator's or gz-sim's thruster."""
+    """Return the given ones of limits (N), lag (s) and diameter (m) of uuv_simulator's or gz-sim's thruster.
+
+    `sign` is negative if a positive command pushes against the joint's axis.
+    """
     if plugin.find("conversion") is not None:
         return _uuv_limits(plugin, path)
     max_thrust = child_text(plugin, "thrust_max", "max_thrust_cmd")
     min_thrust = child_text(plugin, "thrust_min", "min_thrust_cmd")
     lag, diameter = child_text(plugin, "dynamics/timeConstant"), child_text(plugin, "propeller_diameter")
-    if control is not None and max_thrust is None and min_thrust is None:
-        min_thrust, max_thrust = _of_autopilot(control, path)
-    limits = {"max_forward": max_thrust, "max_reverse": min_thrust, "time_constant": lag, "diameter": diameter}
-    values = {key: abs(number_of(text, path)) for key, text in limits.items() if text is not None}
+    sign = 1.0
+    if control is not None:
+        sign = number_of(child_text(control, "multiplier") or "1", path)
+        if max_thrust is None and min_thrust is None:
+            min_thrust, max_thrust = _of_autopilot(control, path)
+    texts = {"max_forward": max_thrust, "max_reverse": min_thrust, "time_constant": lag, "diameter": diameter}
+    values = {key: abs(number_of(text, path)) for key, text in texts.items() if text is not None}
     if (child_text(plugin, "use_angvel_cmd") or "").lower() in ("1", "true"):
         coefficient, density, size = (
-            abs(number_of(child_text(plugin, key) or usual, path))
+            number_of(child_text(plugin, key) or usual, path)
             for key, usual in (
                 ("thrust_coefficient", _COEFFICIENT), ("fluid_density", _DENSITY), ("propeller_diameter", _DIAMETER),
             )
         )  # fmt: skip
         for key in values.keys() & {"max_forward", "max_reverse"}:
-            values[key] = coefficient * density * size**4 * values[key] ** 2  # of a speed in rad/s
-    return values
+            values[key] = abs(coefficient * density) * size**4 * values[key] ** 2  # of a speed in rad/s
+        sign *= coefficient
+    return values | {"sign": sign}
 
 
 def _of_autopilot(control: Element, path: str) -> tuple[str | None, str | None]:
@@ -104,31 +121,43 @@ def _uuv_limits(plugin: Element, path: str) -> dict[str, float]:
             values.pop(least, None)
             values.pop(most, None)
     gain, efficiency = (number_of(child_text(plugin, key) or "1", path) for key in ("gain", "thrust_efficiency"))
-    ahead, astern = _converted(plugin, gain * values.get("clampMin", -inf), gain * values.get("clampMax", inf), path)
-    ends = {"max_forward": min(ahead, values.get("thrustMax", inf))}
-    ends["max_reverse"] = min(-astern, -values.get("thrustMin", -inf))
-    found = {key: efficiency * end for key, end in ends.items() if 0.0 < end < inf}
+    ahead = _thrust(plugin, gain * values.get("clampMax", inf), path)
+    astern = _thrust(plugin, gain * values.get("clampMin", -inf), path)
+    high, low = values.get("thrustMax", inf), values.get("thrustMin", -inf)
+    sign = -1.0 if ahead < astern else 1.0
+    if sign < 0.0:
+        ahead, astern, high, low = -ahead, -astern, -low, -high
+    ends = {"max_forward": min(ahead, high), "max_reverse": min(-astern, -low)}
+    found = {key: efficiency * end for key, end in ends.items() if 0.0 < end < inf} | {"sign": sign}
     lag = child_text(plugin, "dynamics/timeConstant")
     return found | ({"time_constant": abs(number_of(lag, path))} if lag is not None else {})
 
 
-def _converted(plugin: Element, lowest: float, highest: float, path: str) -> tuple[float, float]:
-    """Return the largest and the least thrust (N) for commands from `lowest` to `highest`."""
-    kind = child_text(plugin, "conversion/type")
+def _thrust(plugin: Element, speed: float, path: str) -> float:
+    """Return the thrust (N) of uuv_simulator's propeller at a speed, which may be infinite."""
+    kind, square = child_text(plugin, "conversion/type"), speed * abs(speed)
 
     def number(key: str) -> float:
         return number_of(child_text(plugin, f"conversion/{key}") or "0", path)
 
     if kind == "Basic" and (factor := number("rotorConstant")):
-        return factor * highest * abs(highest), factor * lowest * abs(lowest)
+        return factor * square
     if kind == "Bessa":
-        right, left = number("deltaR"), number("deltaL")
-        ahead = number("rotorConstantR") * (highest * abs(highest) - right)
-        return ahead, number("rotorConstantL") * (lowest * abs(lowest) - left)
+        side = "R" if speed > 0.0 else "L"
+        return number(f"rotorConstant{side}") * (square - number(f"delta{side}"))
     if kind == "LinearInterp":
-        thrusts = [number_of(word, path) for word in (child_text(plugin, "conversion/outputValues") or "").split()]
-        return (max(thrusts), min(thrusts)) if thrusts else (inf, -inf)
-    return inf, -inf
+        inputs, thrusts = (
+            [number_of(word, path) for word in (child_text(plugin, f"conversion/{key}Values") or "").split()]
+            for key in ("input", "output")
+        )
+        points = sorted(zip(inputs, thrusts, strict=False))
+        if points:
+            (low, start), (high, end) = next(
+                (pair for pair in pairwise(points) if speed <= pair[1][0]), (points[-1], points[-1])
+            )
+            share = min(max((speed - low) / (high - low), 0.0), 1.0) if high > low else 0.0
+            return start + share * (end - start)
+    return speed
 
 
 def _motor_limits(plugin: Element, path: str) -> dict[str, float]:

@@ -1,14 +1,18 @@
 """Read the hydrodynamics in the tags of simulators: volume, box, added mass and damping."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from math import log, pi, sqrt
 from typing import Any
 
 from hil.common.errors import ConfigError
 from sim.matrices import Matrix, square, total
 from sim.vehicle.urdf.pose import Pose
-from sim.vehicle.urdf.text import Element, child_text, number_of, numbers_of, plain, to_frd, to_frd_matrix
+from sim.vehicle.urdf.text import Element, child_text, number_of, numbers_of, plain, to_frd
 
+Box = Callable[[], list[float] | None]  # returns the sides (m) of the box around a link, None if it has no shape
+BoxOf = Callable[[str], list[float] | None]
+_SUMS = {"added_mass", "linear_damping", "quadratic_damping", "forward_speed_damping"}
 _ROWS, _COLUMNS, _ADDED = "xyzkmn", "UVWPQR", "xyzpqr"
 _DENSITY = "1028"  # kg/m³: default of uuv_simulator
 _MODELS = ("fossen", "sphere", "cylinder", "spheroid", "ellipsoid", "box")
@@ -20,22 +24,43 @@ _SIDE_DRAG_LONG = 0.98
 _SPHERE_DRAG = 0.5
 
 
-def read_water(robot: Element, path: str, notes: list[str]) -> dict[str, Any]:
-    """Return the keys of a vehicle's file that the tags give, and `neutral`; `notes` gets what cannot be imported."""
-    keys: dict[str, Any] = {}
-    for inertial in robot.iter("inertial"):
-        added = inertial.find("fluid_added_mass")
+def water_elements(robot: Element) -> Iterator[tuple[str, int, Element]]:
+    """Yield each element with hydrodynamics: its link ("" if it names none), its place in `_READERS`, the element."""
+    for holder in (*robot.findall("link"), *robot.findall("gazebo")):
+        added = holder.find("inertial/fluid_added_mass")
         if added is not None:
-            keys["added_mass"] = to_frd_matrix(_fluid_added_mass(added, path))
+            yield holder.get("name") or holder.get("reference") or "", 2, added
     for element in robot.iter():
         file = element.get("filename", "").lower()
         if element.tag == "hydrodynamics" or "hydrodynamics" in file:
-            keys = _gazebo_water(element, path, notes) | keys
+            yield child_text(element, "link_name") or "", 1, element
         elif element.tag == "link" and element.find("hydrodynamic_model") is not None:
-            keys |= _uuv_water(element, path, notes)
+            yield element.get("name", ""), 3, element
         elif "libbuoyancyplugin" in file:
-            keys = _classic_buoyancy(element, path) | keys
-    return keys
+            yield from ((link.get("name", ""), 0, link) for link in element.findall("link"))
+
+
+def read_water(robot: Element, hull: str, box_of: BoxOf, path: str, notes: list[str]) -> dict[str, dict[str, Any]]:
+    """Return the keys of each link that the tags give, in its axes (FLU) about its origin, and `neutral`.
+
+    Tags without a link, or of one that is not there, are the hull's. What several tags of one simulator give for a link
+    is added up; of different simulators, the last one in `_READERS` counts. `box_of` returns the box around a link.
+    `notes` gets what cannot be imported.
+    """
+    links = {link.get("name", "") for link in robot.findall("link")}
+    found: dict[tuple[str, int], dict[str, Any]] = {}
+    for name, kind, element in water_elements(robot):
+        if name and name not in links:
+            notes.append(f"The water of {plain(name)[:80]!r}, which is not there, is that of {plain(hull)!r}.")
+        link = name if name in links else hull
+        keys, earlier = _READERS[kind](element, partial(box_of, link), path, notes), found.get((link, kind), {})
+        for key in keys.keys() & earlier.keys() & _SUMS:
+            keys[key] = total(earlier[key], keys[key])
+        found[link, kind] = earlier | keys
+    waters: dict[str, dict[str, Any]] = {}
+    for (link, _), keys in sorted(found.items(), key=lambda item: item[0]):
+        waters[link] = waters.get(link, {}) | keys
+    return waters
 
 
 def read_buoyancy_engine(robot: Element, poses: Mapping[str, Pose], path: str) -> dict[str, Any]:
@@ -52,16 +77,16 @@ def read_buoyancy_engine(robot: Element, poses: Mapping[str, Pose], path: str) -
     return {}
 
 
-def _fluid_added_mass(added: Element, path: str) -> Matrix:
-    """Return added mass of SDFormat 1.10: the upper triangle as <xx> <xy> ... <rr>, positive."""
+def _fluid_added_mass(added: Element, box: Box, path: str, notes: list[str]) -> dict[str, Any]:
+    """Return added mass of SDFormat 1.10: the upper triangle as <xx> <xy> ... <rr>, positive, in the link's frame."""
 
     def entry(i: int, j: int) -> float:
         return number_of(added.findtext(_ADDED[min(i, j)] + _ADDED[max(i, j)]) or "0", path)
 
-    return [[entry(i, j) for j in range(6)] for i in range(6)]
+    return {"added_mass": [[entry(i, j) for j in range(6)] for i in range(6)]}
 
 
-def _gazebo_water(element: Element, path: str, notes: list[str]) -> dict[str, Any]:
+def _gazebo_water(element: Element, box: Box, path: str, notes: list[str]) -> dict[str, Any]:
     """Return the keys for Gazebo's stability derivatives; a key without any derivative is left out.
 
     The derivatives have Fossen's names and are negative where they damp. `xUabsV` multiplies U |V|. A vehicle's file
@@ -71,7 +96,7 @@ def _gazebo_water(element: Element, path: str, notes: list[str]) -> dict[str, An
     for key, form in (("added_mass", "{0}Dot{1}"), ("linear_damping", "{0}{1}")):
         texts = [[element.findtext(form.format(row, column)) for column in _COLUMNS] for row in _ROWS]
         if any(text is not None for row in texts for text in row):
-            keys[key] = to_frd_matrix([[-number_of(text or "0", path) for text in row] for row in texts])
+            keys[key] = [[-number_of(text or "0", path) for text in row] for row in texts]
     if "added_mass" in keys and (element.findtext("disable_added_mass") or "").strip() in ("1", "true"):
         del keys["added_mass"]
     squares, by_surge = square([0.0] * 6, 6), square([0.0] * 6, 6)
@@ -87,9 +112,9 @@ def _gazebo_water(element: Element, path: str, notes: list[str]) -> dict[str, An
         elif value:
             lost.append(name)
     if has_hydrodynamics:
-        keys["quadratic_damping"] = to_frd_matrix(squares)
+        keys["quadratic_damping"] = squares
     if any(x for row in by_surge for x in row):
-        keys["forward_speed_damping"] = to_frd_matrix(by_surge)
+        keys["forward_speed_damping"] = by_surge
     if lost:
         notes.append(f"Left out: the damping {', '.join(lost)}, by the product of two different speeds.")
     if without_sign:
@@ -109,47 +134,51 @@ def _squares(element: Element) -> Iterator[tuple[int, int, int, str, str, bool]]
                         yield i, j, k, name, text, bool(middle)
 
 
-def _classic_buoyancy(element: Element, path: str) -> dict[str, Any]:
-    """Return volume and centre of buoyancy of the first link in Gazebo classic's buoyancy plugin."""
+def _classic_buoyancy(link: Element, box: Box, path: str, notes: list[str]) -> dict[str, Any]:
+    """Return volume and centre of buoyancy of a link in Gazebo classic's buoyancy plugin."""
+    return _numbers(link, {"volume": ("volume", 1), "center_of_buoyancy": ("center_of_volume", 3)}, path)
+
+
+def _numbers(element: Element, tags: Mapping[str, tuple[str, int]], path: str) -> dict[str, Any]:
+    """Return a number, or a list of several, for each key whose tag is there."""
     keys: dict[str, Any] = {}
-    if (volume := element.findtext("link/volume")) is not None:
-        keys["volume"] = number_of(volume, path)
-    if (centre := element.findtext("link/center_of_volume")) is not None:
-        keys["center_of_buoyancy"] = to_frd(numbers_of(centre, path, 3))
+    for key, (tag, count) in tags.items():
+        if (text := element.findtext(tag)) is not None:
+            numbers = numbers_of(text, path, count)
+            keys[key] = numbers if count > 1 else numbers[0]
     return keys
 
 
-def _uuv_water(link: Element, path: str, notes: list[str]) -> dict[str, Any]:
+def _uuv_water(link: Element, box: Box, path: str, notes: list[str]) -> dict[str, Any]:
     """Return the water keys of uuv_simulator: added mass positive, damping negative, each as 6 or 36 numbers."""
     model = link.find("hydrodynamic_model")
     if model is None:
         return {}
-    keys: dict[str, Any] = {}
-    matrices = {}
-    for key, sign in (("added_mass", 1.0), ("linear_damping", -1.0), ("quadratic_damping", -1.0)):
-        text = model.findtext(key)
+    keys = _numbers(link, {"volume": ("volume", 1), "center_of_buoyancy": ("center_of_buoyancy", 3)}, path)
+    for key, tag, sign in (
+        ("added_mass", "added_mass", 1.0), ("linear_damping", "linear_damping", -1.0),
+        ("quadratic_damping", "quadratic_damping", -1.0),
+        ("forward_speed_damping", "linear_damping_forward_speed", -1.0),
+    ):  # fmt: skip
+        text = model.findtext(tag)
         if text is not None:
-            matrices[key] = square([sign * number for number in numbers_of(text, path, 6, 36)], 6)
-    if (ahead := model.findtext("linear_damping_forward_speed")) is not None:
-        matrices["forward_speed_damping"] = square([-number for number in numbers_of(ahead, path, 6, 36)], 6)
-    for key, matrix in _of_shape(link, model, path, notes).items():
-        matrices[key] = total(matrices.get(key, square([0.0] * 6, 6)), matrix)
-    keys |= {key: to_frd_matrix(matrix) for key, matrix in matrices.items()}
-    if not any(keys.get("forward_speed_damping", ())):
+            keys[key] = square([sign * number for number in numbers_of(text, path, 6, 36)], 6)
+    if not any(x for row in keys.get("forward_speed_damping", ()) for x in row):
         keys.pop("forward_speed_damping", None)
-    box = [link.findtext(f"box/{side}") for side in ("length", "width", "height")]
-    if None not in box:
-        keys["dimensions"] = [number_of(text or "", path) for text in box]
-    volume, centre = link.findtext("volume"), link.findtext("center_of_buoyancy")
-    if volume is not None:
-        keys["volume"] = number_of(volume, path)
-    if centre is not None:
-        keys["center_of_buoyancy"] = to_frd(numbers_of(centre, path, 3))
+    sides = [link.findtext(f"box/{side}") for side in ("length", "width", "height")]
+    if None not in sides:
+        keys["dimensions"] = [number_of(text or "", path) for text in sides]
+    for key, matrix in _of_shape(link, model, lambda: keys.get("dimensions") or box(), path, notes).items():
+        keys[key] = total(keys[key], matrix) if key in keys else matrix
     keys["neutral"] = (link.findtext("neutrally_buoyant") or "0").strip() in ("1", "true")
     return keys
 
 
-def _of_shape(link: Element, model: Element, path: str, notes: list[str]) -> dict[str, Matrix]:
+# By place in the order of priority. Each returns keys of one element of a link.
+_READERS = (_classic_buoyancy, _gazebo_water, _fluid_added_mass, _uuv_water)
+
+
+def _of_shape(link: Element, model: Element, box: Box, path: str, notes: list[str]) -> dict[str, Matrix]:
     """Return added mass and drag of a `<hydrodynamic_model>` with a shape's type, by uuv_simulator's formulas."""
     kind = (model.findtext("type") or "fossen").strip().lower()
     if kind not in _MODELS:
@@ -157,12 +186,20 @@ def _of_shape(link: Element, model: Element, path: str, notes: list[str]) -> dic
     if kind == "fossen":
         return {}
     plugin = (model.findtext("fluid_density") or link.findtext("fluid_density") or _DENSITY).strip()
-    density = number_of(plugin, path)
-    sizes = {key: _size(model, key, kind, path) for key in _NEEDED[kind]}
+    density, name = number_of(plugin, path), plain(link.get("name", ""))
+    sizes = {key: _size(model, key, kind, box, path) for key in _NEEDED[kind]}
+    derived = [f"{key} {sizes[key]:g} m" for key in sizes if model.find(key) is None]
+    if derived:
+        notes.append(
+            f"The {kind} of {name} fills the box around it: {', '.join(derived)}. (uuv_simulator takes a whole side of "
+            "the box for a radius.)"
+        )
     if kind == "sphere":
         added, drag = _sphere(density, **sizes)
     elif kind == "cylinder":
-        added, drag = _cylinder(density, (model.findtext("axis") or "i").strip(), path, **sizes)
+        sides = box() if derived and model.find("axis") is None else None
+        usual = "ijk"[sides.index(max(sides))] if sides else "i"
+        added, drag = _cylinder(density, (model.findtext("axis") or usual).strip(), path, **sizes)
         notes.append("The cylinder's added mass along its axis is uuv_simulator's rho pi r², which lacks a length.")
     elif kind == "box":
         added, drag = _box(density, number_of(model.findtext("cd") or "1", path), **sizes)
@@ -181,11 +218,18 @@ _NEEDED = {
 }  # fmt: skip
 
 
-def _size(model: Element, key: str, kind: str, path: str) -> float:
-    text = model.findtext(key)
-    if text is None:
+def _size(model: Element, key: str, kind: str, box: Box, path: str) -> float:
+    """Return a size (m) of a shape, from the box around the link if the file does not say it."""
+    text, sides = model.findtext(key), None if model.find(key) is not None else box()
+    if text is None and sides is None:
         raise ConfigError(f"{path}: hydrodynamic_model of type {kind}: does not say <{key}>: write it there")
-    size = number_of(text, path)
+    if sides is None:
+        size = number_of(text or "", path)
+    elif kind == "box":
+        size = sides[_NEEDED[kind].index(key)]
+    else:  # of a spheroid, radius and length are both half of what they are called
+        half = key == "radius" or kind != "cylinder"
+        size = (min(sides) if key == "radius" else max(sides)) * (0.5 if half else 1.0)
     if size <= 0.0:
         raise ConfigError(f"{path}: hydrodynamic_model: <{key}> must be above 0, found {size:g}")
     return size

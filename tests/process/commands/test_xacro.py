@@ -94,6 +94,13 @@ def test_the_command_imports_a_xacro_with_arguments(
             "no package 'moon' by AMENT_PREFIX_PATH, by ROS_PACKAGE_PATH or in the folders",
         ),
         ("<a b='${1/0}'/>", [], "division by zero"),
+        ('<xacro:include filename="part.xacro"/>', [], "nowhere.xacro' (in "),
+        (
+            '<xacro:macro name="rov" params="name mass:=3 *origin"><link name="x"/></xacro:macro>',
+            [],
+            "only defines macros, which another file calls: import that file, or write one that includes this one and "
+            "calls <xacro:rov name *origin/>",
+        ),
         ("<a b='$(arg depth)'/>", [], "depth"),
         ("<a", [], "not well-formed"),
         ("<a/>", ["depth"], "xacro argument 'depth': write NAME=VALUE"),
@@ -103,6 +110,7 @@ def test_the_command_imports_a_xacro_with_arguments(
 def test_an_error_in_a_xacro_is_one_line(text: str, arguments: list[str], message: str, tmp_path: Path) -> None:
     path = tmp_path / "m.xacro"
     path.write_text(f"<robot {NAMESPACE}>{text}</robot>")
+    (tmp_path / "part.xacro").write_text(f'<robot {NAMESPACE}><xacro:include filename="nowhere.xacro"/></robot>')
     with pytest.raises(ConfigError) as caught:
         expand(str(path), arguments)
     assert message in str(caught.value)

@@ -71,7 +71,6 @@ def test_a_box_has_drag_and_no_added_mass() -> None:
     ("model", "message"),
     [
         ("<type>torus</type>", "no type 'torus'; there are: fossen, sphere, cylinder"),
-        ("<type>sphere</type>", "type sphere: does not say <radius>"),
         ("<type>sphere</type><radius>-1</radius>", "<radius> must be above 0, found -1"),
         ("<type>cylinder</type><radius>1</radius><length>1</length><axis>x</axis>", "'x' is none of i, j, k"),
     ],
@@ -109,6 +108,41 @@ def test_thruster_conversions_become_limits(conversion: str, limits: tuple[float
     dynamics = "<dynamics><type>FirstOrder</type><timeConstant>0.2</timeConstant></dynamics>"
     found = imported(extra_xml=thruster(f"<jointName>t</jointName>{dynamics}{conversion}")).vehicle.thrusters[-1]
     assert (found.max_forward, found.max_reverse, found.time_constant) == pytest.approx((*limits, 0.2))
+
+
+@pytest.mark.parametrize(
+    ("inside", "limits"),
+    [
+        ("<gain>-1</gain>{basic}0.1</rotorConstant></conversion>", (90.0, 40.0, -1.0)),
+        ("{basic}-0.1</rotorConstant></conversion>", (90.0, 40.0, -1.0)),
+        ("<gain>-2</gain>{basic}-0.1</rotorConstant></conversion>", (360.0, 160.0, 1.0)),
+        ("<gain>-1</gain><thrustMin>-30</thrustMin><thrustMax>80</thrustMax>{basic}0.1</rotorConstant></conversion>",
+         (30.0, 40.0, -1.0)),
+        ("<conversion><type>LinearInterp</type><inputValues>-40 0 40</inputValues>"
+         "<outputValues>60 0 -100</outputValues></conversion>", (75.0, 30.0, -1.0)),
+        ("<use_angvel_cmd>true</use_angvel_cmd><thrust_coefficient>-0.01</thrust_coefficient><propeller_diameter>0.1"
+         "</propeller_diameter><max_thrust_cmd>200</max_thrust_cmd><min_thrust_cmd>-100</min_thrust_cmd>",
+         (40.0, 10.0, -1.0)),
+        ("<control><jointName>t</jointName><multiplier>-100</multiplier><offset>-0.5</offset></control>",
+         (50.0, 50.0, -1.0)),
+    ],
+)  # fmt: skip
+def test_a_negative_gain_turns_the_thruster_around(inside: str, limits: tuple[float, float, float]) -> None:
+    """The direction is that of the thrust for a positive command, which may be the stronger or the weaker one."""
+    clamps = "<clampMin>-20</clampMin><clampMax>30</clampMax>"
+    text = inside.format(basic=f"{clamps}<conversion><type>Basic</type><rotorConstant>")
+    text = clamps + text if "LinearInterp" in text else text
+    found = imported(extra_xml=thruster(f"<jointName>t</jointName>{text}")).vehicle.thrusters[-1]
+    assert (found.max_forward, found.max_reverse, found.direction[0]) == pytest.approx(limits)
+
+
+def test_a_dead_band_that_is_left_out_is_noted() -> None:
+    bessa = "<conversion><type>Bessa</type><rotorConstantL>1</rotorConstantL><rotorConstantR>1</rotorConstantR>"
+    bessa += "<deltaL>-1</deltaL><deltaR>1</deltaR></conversion><clampMin>-9</clampMin><clampMax>9</clampMax>"
+    gazebo = "<deadband>2</deadband><max_thrust_cmd>9</max_thrust_cmd><min_thrust_cmd>-9</min_thrust_cmd>"
+    for inside in (bessa, gazebo):
+        notes = imported(extra_xml=thruster(f"<jointName>t</jointName>{inside}")).notes
+        assert notes == ["Left out: the dead band of t; dead_band_us gives one in pulse widths."]
 
 
 def test_a_quadratic_fin_is_converted_to_a_lift_slope() -> None:

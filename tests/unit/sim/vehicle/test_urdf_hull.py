@@ -1,0 +1,191 @@
+"""Models whose root is not the hull, and models with several links in the water: the same physics in either case."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from sim.matrices import square
+from sim.sdf.as_urdf import as_urdf
+from sim.vehicle.urdf.hull import moved
+from sim.vehicle.urdf.importer import Imported, read_robot
+from sim.vehicle.urdf.pose import pose_at
+from sim.vehicle.urdf.text import read_xml
+from sim.vehicle.vehicle import Vehicle
+
+HULL = """<link name="base_link"><collision><origin xyz="0 0 0.02"/><geometry><box size="0.8 0.5 0.05"/></geometry>
+</collision><inertial><mass value="20"/><inertia ixx="0.4" iyy="0.8" izz="0.9"/></inertial></link>
+<gazebo reference="base_link"><sensor name="imu" type="imu"><pose>0.1 0.2 0.3 0 0 0</pose></sensor></gazebo>"""
+THRUSTER = """<link name="thruster"/><joint name="tj" type="continuous"><origin xyz="-0.3 0.2 0"/>
+<parent link="base_link"/><child link="thruster"/></joint><gazebo><plugin filename="libuuv_thruster_ros_plugin.so">
+<jointName>tj</jointName><conversion><type>Basic</type><rotorConstant>0.0004</rotorConstant></conversion>
+<clampMin>-300</clampMin><clampMax>300</clampMax></plugin></gazebo>"""
+UUV = """<gazebo><plugin filename="libuuv_underwater_object_ros_plugin.so"><link name="base_link">
+<volume>0.0195</volume><center_of_buoyancy>0 0 0.05</center_of_buoyancy>
+<box><length>0.8</length><width>0.5</width><height>0.3</height></box>
+<hydrodynamic_model><type>fossen</type><added_mass>10 15 20 0.3 0.5 0.6</added_mass>
+<linear_damping>-10 -11 -12 -2 -3 -4</linear_damping><quadratic_damping>-40 -60 -80 -2 -3 -4</quadratic_damping>
+</hydrodynamic_model></link></plugin></gazebo>"""
+GAZEBO = """<gazebo><plugin filename="gz-sim-hydrodynamics-system"><link_name>base_link</link_name><xDotU>-10</xDotU>
+<yDotV>-15</yDotV><xU>-10</xU><nR>-4</nR><xUabsU>-40</xUabsU></plugin></gazebo>"""
+ARM = """<link name="arm"><inertial><mass value="2"/><inertia ixx="0.01" iyy="0.01" izz="0.01"/></inertial></link>
+<joint name="aj" type="revolute"><origin xyz="0.5 0 -0.1"/><parent link="base_link"/><child link="arm"/></joint>"""
+ARM_WATER = """<gazebo><plugin filename="libuuv_underwater_object_ros_plugin.so"><link name="arm">
+<volume>0.0015</volume><hydrodynamic_model><type>fossen</type><added_mass>1 2 2 0 0 0</added_mass>
+<quadratic_damping>-5 -9 -9 0 0 0</quadratic_damping></hydrodynamic_model></link></plugin></gazebo>"""
+MATRICES = {"inertia": 3, "added_mass": 6, "linear_damping": 6, "quadratic_damping": 6}
+
+
+def imported(*parts: str) -> Imported:
+    return read_robot(read_xml("box.urdf", f"<robot name='box'>{''.join(parts)}</robot>".encode()), "box.urdf")
+
+
+def on(root: str, origin: str) -> str:
+    ends = f'<parent link="{root}"/><child link="base_link"/>'
+    return f'<link name="{root}"/><joint type="fixed"><origin {origin}/>{ends}</joint>'
+
+
+def matrix(vehicle: Vehicle, key: str) -> NDArray[np.float64]:
+    return np.array(square(getattr(vehicle, key), MATRICES[key]))
+
+
+@pytest.mark.parametrize("water", [UUV, GAZEBO])
+def test_an_empty_root_below_the_hull_changes_nothing(water: str) -> None:
+    """Vehicle and sensors are those of the hull alone, and a note says where the origin is."""
+    plain = imported(HULL, THRUSTER, water)
+    raised = imported(on("base_footprint", 'xyz="0 0 0.5" rpy="0 0 0"'), HULL, THRUSTER, water)
+    assert raised.vehicle == plain.vehicle
+    assert raised.sensors == plain.sensors
+    assert not any("origin" in note for note in plain.notes)
+    assert "The origin is that of 'base_link', the hull, at [0, 0, 0.5] m in 'base_footprint'" in raised.notes[0]
+
+
+def test_a_turned_hull_turns_everything() -> None:
+    """The hull is turned to port by 90 degrees in the root: to starboard is negative in our axes."""
+    plain = imported(HULL, THRUSTER, UUV)
+    turned = imported(on("world", 'xyz="0 0 -2" rpy="0 0 1.5707963"'), HULL, THRUSTER, UUV)
+    turn = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    six = np.kron(np.eye(2), turn)
+    for key, size in MATRICES.items():
+        by = turn if size == 3 else six
+        assert matrix(turned.vehicle, key) == pytest.approx(by @ matrix(plain.vehicle, key) @ by.T, abs=1e-6), key
+    assert turned.vehicle.dimensions == pytest.approx((0.5, 0.8, 0.3))
+    assert turned.vehicle.center_of_buoyancy == pytest.approx((0.0, 0.0, -0.05))
+    one, other = plain.vehicle.thrusters[0], turned.vehicle.thrusters[0]
+    assert other.position == pytest.approx(turn @ one.position)
+    assert other.direction == pytest.approx(turn @ one.direction, abs=1e-6)
+    assert turned.sensors["imu"]["position"] == pytest.approx(turn @ plain.sensors["imu"]["position"])
+    assert "turned by roll, pitch, yaw [0, 0, 90] deg" in turned.notes[0]
+
+
+def test_a_matrix_about_another_origin_has_the_same_energy_and_force() -> None:
+    """Energy and power of every motion are those in the link's frame; forces of squares those of one axis alone."""
+    pose = pose_at((0.3, -0.2, 0.5), (0.4, -0.7, 2.0))
+    random = np.random.default_rng(1)
+    inner = random.normal(size=(6, 6))
+    rotation, place = np.array(pose.rotation), np.array(pose.position)
+    outer = np.array(moved(inner.tolist(), pose))
+    squares = np.array(moved(inner.tolist(), pose, of_squares=True))
+
+    def in_link(nu: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.concatenate([rotation.T @ (nu[:3] + np.cross(nu[3:], place)), rotation.T @ nu[3:]])
+
+    for nu in random.normal(size=(5, 6)):
+        assert nu @ outer @ nu == pytest.approx(in_link(nu) @ inner @ in_link(nu))
+    for axis in np.eye(6):
+        force = inner @ (in_link(axis) * abs(in_link(axis)))
+        push, moment = rotation @ force[:3], rotation @ force[3:]
+        assert squares @ axis == pytest.approx(np.concatenate([push, moment + np.cross(place, push)]))
+
+
+def test_links_in_the_water_add_up_in_any_order() -> None:
+    first = imported(HULL, ARM, THRUSTER, UUV, ARM_WATER)
+    vehicle = first.vehicle
+    assert vehicle == imported(ARM, ARM_WATER, THRUSTER, UUV, HULL).vehicle
+    assert (vehicle.mass, vehicle.volume, vehicle.dimensions) == (22.0, pytest.approx(0.021), (0.8, 0.5, 0.3))
+    assert vehicle.center_of_buoyancy == pytest.approx(
+        (0.5 * 0.0015 / 0.021, 0.0, (0.1 * 0.0015 - 0.05 * 0.0195) / 0.021)
+    )
+    assert np.diag(matrix(vehicle, "added_mass"))[:3] == pytest.approx([11.0, 17.0, 22.0])
+    assert matrix(vehicle, "added_mass")[5, 5] == pytest.approx(0.6 + 2.0 * 0.5**2)
+    assert matrix(vehicle, "quadratic_damping")[1, 1] == pytest.approx(69.0)
+    assert "On joints that move, taken at zero: the water on arm." in first.notes
+    fixed = imported(HULL, ARM.replace("revolute", "fixed"), THRUSTER, UUV, ARM_WATER)
+    assert fixed.vehicle == vehicle
+    assert not any("joints" in note for note in fixed.notes)
+
+
+def test_neutral_buoyancy_is_that_of_the_link() -> None:
+    neutral = "<neutrally_buoyant>1</neutrally_buoyant>"
+    arm = ARM_WATER.replace("<volume>0.0015</volume>", neutral)
+    model = imported(HULL, ARM, THRUSTER, UUV, arm)
+    assert not model.vehicle.neutrally_buoyant
+    assert model.vehicle.volume == pytest.approx(0.0195 + 2.0 / 1025.0)
+    assert "Neutrally buoyant by themselves, in sea water: arm." in model.notes
+    hull = UUV.replace("<volume>0.0195</volume>", neutral)
+    assert imported(HULL, ARM, THRUSTER, hull, arm).vehicle.neutrally_buoyant
+    assert imported(HULL, ARM.replace("revolute", "fixed"), THRUSTER, hull).vehicle.neutrally_buoyant
+    loose = imported(HULL, ARM, THRUSTER, hull).vehicle  # the arm has a mass, but no water
+    assert (loose.neutrally_buoyant, loose.volume) == (False, pytest.approx(20.0 / 1025.0))
+
+
+@pytest.mark.parametrize(
+    ("shape", "sizes"),
+    [('<cylinder radius="0.03" length="0.5"/>', (0.03, 0.5, 2)), ('<box size="0.4 0.1 0.1"/>', (0.05, 0.4, 0))],
+)
+def test_a_cylinder_without_sizes_fills_the_box_around_it(shape: str, sizes: tuple[float, float, int]) -> None:
+    radius, length, along = sizes
+    arm = ARM.replace("<inertial>", f"<collision><geometry>{shape}</geometry></collision><inertial>")
+    water = "<volume>0.0015</volume><hydrodynamic_model><type>cylinder</type></hydrodynamic_model>"
+    water = f'<gazebo><plugin><link name="arm">{water}</link></plugin></gazebo>'
+    model = imported(HULL, arm, THRUSTER, UUV, water)
+    disc = 1028.0 * np.pi * radius**2
+    expected = [disc if axis == along else disc * length for axis in range(3)]
+    added = np.diag(matrix(model.vehicle, "added_mass"))[:3] - [10.0, 15.0, 20.0]
+    assert added == pytest.approx(expected, rel=1e-6)
+    assert f"The cylinder of arm fills the box around it: radius {radius:g} m, length {length:g} m" in " ".join(
+        model.notes
+    )
+
+
+PROPELLER = "<fluid_added_mass><xx>0.01</xx><yy>0.01</yy><zz>0.01</zz></fluid_added_mass>"
+DAMPING = "<xU>-8</xU><yV>-12</yV><zW>-15</zW><kP>-1</kP><mQ>-2</mQ><nR>-2</nR><xUabsU>-30</xUabsU>"
+
+
+def sdf(hull: str, propeller: str, plugins: dict[str, str]) -> Vehicle:
+    """Return the vehicle of a hull of 18 kg with a thruster at its stern, and a pod of 5 kg 0.2 m below it."""
+    size = "<geometry><box><size>0.6 0.3 0.1</size></box></geometry>"
+    inertia = "<inertia><ixx>0.3</ixx><iyy>0.6</iyy><izz>0.7</izz></inertia>"
+    systems = "".join(
+        f'<plugin filename="gz-sim-hydrodynamics-system"><link_name>{link}</link_name>{text}</plugin>'
+        for link, text in plugins.items()
+    )
+    text = (
+        f'<sdf version="1.10"><model name="m"><link name="pod"><pose>0 0 -0.2 0 0 0</pose><inertial><mass>5</mass>'
+        f'{inertia}</inertial></link><link name="hull"><inertial><mass>18</mass>{inertia}{hull}</inertial>'
+        f'<collision name="c">{size}</collision></link><link name="left"><pose>-0.3 0.2 0 0 0 0</pose><inertial>'
+        f'<mass>0.1</mass>{propeller}</inertial></link><joint name="lj" type="revolute"><parent>hull</parent>'
+        f'<child>left</child><axis><xyz>1 0 0</xyz></axis></joint><joint name="pj" type="fixed"><parent>hull</parent>'
+        f'<child>pod</child></joint>{systems}<plugin filename="gz-sim-thruster-system"><joint_name>lj</joint_name>'
+        f"<max_thrust_cmd>40</max_thrust_cmd><min_thrust_cmd>-30</min_thrust_cmd></plugin></model></sdf>"
+    )
+    return read_robot(as_urdf("m.sdf", [], None, text.encode()), "m.sdf").vehicle
+
+
+def test_added_mass_of_propellers_is_added_to_that_of_the_hull() -> None:
+    own = "<fluid_added_mass><xx>6</xx><yy>12</yy><zz>16</zz><pp>0.2</pp><qq>0.3</qq><rr>0.3</rr></fluid_added_mass>"
+    added = matrix(sdf(own, PROPELLER, {"hull": DAMPING}), "added_mass")
+    assert np.diag(added) == pytest.approx([6.01, 12.01, 16.01, 0.2 + 4e-4, 0.3 + 9e-4, 0.3 + 13e-4])
+
+
+def test_two_plugins_of_hydrodynamics_add_up_at_the_hull() -> None:
+    """The pod's force acts 0.2 m below the hull, so its surge makes a moment about the hull; plugins have any order."""
+    plugins: dict[str, Any] = {"hull": f"<xDotU>-6</xDotU><yDotV>-12</yDotV>{DAMPING}"}
+    plugins["pod"] = "<xDotU>-3</xDotU><xUabsU>-20</xUabsU>"
+    vehicle = sdf("", "", plugins)
+    assert vehicle == sdf("", "", dict(reversed(plugins.items())))
+    added, damping = matrix(vehicle, "added_mass"), matrix(vehicle, "quadratic_damping")
+    assert (added[0, 0], added[1, 1], added[0, 4], added[4, 4]) == pytest.approx((9.0, 12.0, 0.6, 0.12))
+    assert (damping[0, 0], damping[4, 0]) == pytest.approx((50.0, 4.0))
+    assert vehicle.thrusters[0].position == pytest.approx((-0.3, -0.2, 0.0))
