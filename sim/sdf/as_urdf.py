@@ -1,7 +1,7 @@
 """Convert a vehicle's SDF model to a URDF robot in memory, so that one importer serves both formats.
 
-The root is the hull, the heaviest link on which the hydrodynamics act: its frame becomes the vehicle's. All other links
-are joined to it, at their positions with all joints at zero.
+The root is the hull, on which the hydrodynamics act (see `sim.vehicle.urdf.hull`): its frame becomes the vehicle's. All
+other links are joined to it, at their positions with all joints at zero.
 """
 
 import os

@@ -6,7 +6,8 @@ from typing import Any, NamedTuple
 
 from hil.charts.grid import write_files
 from hil.charts.imports.meshes import measure
-from hil.commands.vehicle.xacro_expand import expand, is_xacro
+from hil.commands.vehicle.xacro_expand import expand, hint, is_xacro
+from hil.common.errors import ConfigError
 from hil.common.tables import read_bytes, read_table
 from hil.common.text import toml_text
 from sim.sdf.as_urdf import as_urdf
@@ -70,7 +71,11 @@ def read(request: Request) -> Imported:
         solids.update(dict.fromkeys(fresh) | dict(measure(fresh, notes)))
         return {mesh: solid for mesh in meshes if (solid := solids[mesh]) is not None}
 
-    imported = read_robot(robot, path, given, measured)
+    try:
+        imported = read_robot(robot, path, given, measured)
+    except ConfigError as error:
+        is_incomplete = text is not None and str(error).endswith("--add it")
+        raise ConfigError(f"{error}{hint(path) if is_incomplete else ''}") from None
     return imported._replace(notes=list(dict.fromkeys(notes + imported.notes)))
 
 

@@ -51,11 +51,22 @@ def expand(path: str, arguments: Iterable[str] = ()) -> bytes:
 def _macros(path: str) -> list[str]:
     """Return the calls of the first macros that a file defines, each with the parameters that have no default."""
     calls = []
-    for attributes in re.findall(r"<xacro:macro\b([^>]*)>", read_bytes(path).decode("utf-8", "replace"))[:_MAX_MACROS]:
-        values = dict(re.findall(r"""(name|params)\s*=\s*["']([^"']*)["']""", attributes))
+    for values in _tags(path, "macro")[:_MAX_MACROS]:
         needed = [word for word in values.get("params", "").split() if "=" not in word]
         calls.append(f"<xacro:{clean(' '.join([values.get('name', ''), *needed]))}/>")
     return calls
+
+
+def hint(path: str) -> str:
+    """Return a text that names the arguments of a xacro file, "" if it has none: they may select parts of a model."""
+    given = [clean(f"{each.get('name', '')}={each.get('default', '')}") for each in _tags(path, "arg")]
+    return f"; or try its arguments by --xacro: {', '.join(given)}" if given else ""
+
+
+def _tags(path: str, tag: str) -> list[dict[str, str]]:
+    """Return the attributes of each of xacro's elements `tag` in a file."""
+    found = re.findall(rf"<xacro:{tag}\b([^>]*)>", read_bytes(path).decode("utf-8", "replace"))
+    return [dict(re.findall(r"""(\w+)\s*=\s*["']([^"']*)["']""", attributes)) for attributes in found]
 
 
 def _pair(argument: str) -> str:

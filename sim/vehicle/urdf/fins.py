@@ -10,7 +10,7 @@ from typing import Any
 
 from sim.vehicle.fins import Fin
 from sim.vehicle.urdf.pose import Pose
-from sim.vehicle.urdf.text import Element, attribute, child_text, number_of, numbers_of, plain, to_frd
+from sim.vehicle.urdf.text import Element, attribute, child_text, listed, number_of, numbers_of, plain, to_frd
 from sim.vehicle.urdf.thrusters import target
 
 # uuv_simulator's libuuv_fin_ros_plugin.so, Gazebo's libLiftDragPlugin.so, gz-sim's gz-sim-lift-drag-system.
@@ -125,11 +125,9 @@ def _left_out(name: str, plugin: Element, pose: Pose | None, lacks: str) -> str:
     where = ""
     if pose is not None:
         axis, chord = pose.rotate((0.0, 0.0, 1.0)), pose.rotate((1.0, 0.0, 0.0))
-        where = f", position {_list(pose.position)}, axis {_list(axis)}, chord {_list(chord)}"
+        where = (
+            f", position {listed(to_frd(pose.position))}, axis {listed(to_frd(axis))}, chord {listed(to_frd(chord))}"
+        )
     area = child_text(plugin, "area", "liftdrag/area")
     where += f", area {plain(area)} m²" if area else ""
     return f"Left out: the fin {name!r} ({lacks}){where}. Write it under [[fins]] with this name and --add it."
-
-
-def _list(vector: tuple[float, ...]) -> str:
-    return "[" + ", ".join(f"{x:.6g}" for x in (round(x, 9) + 0.0 for x in to_frd(vector))) + "]"

@@ -3,8 +3,9 @@
 A link's numbers are in its own axes (FLU) and about its own origin. The vehicle's origin is that of the hull.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from functools import reduce
+from operator import mul
 from typing import Any, NamedTuple
 
 from sim.matrices import Matrix, cross_matrix, product, total, transpose
@@ -26,11 +27,21 @@ class Tree(NamedTuple):
     parents: Mapping[str, tuple[str, bool]]
 
     def hull(self, usual: str) -> str:
-        """Return the link with water that carries the greatest mass; without water `usual`, or the heaviest link."""
-        carried = {link: self.carried_mass(link) for link in self.wet}
-        if not carried and not self.masses.get(usual):
-            carried = {link: mass for link, mass in self.masses.items() if mass > 0.0}
-        return max(carried, key=lambda link: (carried[link], link == usual, link), default=usual)
+        """Return, of the heaviest body of links that are fixed together, the link with water that carries most of it.
+
+        Without water in that body it is `usual`, if that has a mass, or the heaviest link.
+        """
+        bodies = {link: self._above(link)[-1] for link in self.masses}
+        sizes = {
+            body: sum(mass for link, mass in self.masses.items() if bodies[link] == body) for body in bodies.values()
+        }
+
+        def rank(link: str) -> tuple[Any, ...]:
+            is_wet, mass = link in self.wet, self.masses[link]
+            carried = self.carried_mass(link) if is_wet else 0.0
+            return sizes[bodies[link]], is_wet, carried, link == usual and mass > 0.0, mass, link == usual, link
+
+        return max(self.masses, key=rank)
 
     def carried_mass(self, link: str, is_hull: bool = False) -> float:
         """Return the mass (kg) of a link with water and of those without that are fixed to it; below it, if no hull."""
@@ -105,17 +116,12 @@ def _volume(waters: Mapping[str, Keys], poses: Mapping[str, Pose], tree: Tree, h
         volumes |= {link: mass / _DENSITY for link, mass in weights.items()}
         notes.append(f"Neutrally buoyant by themselves, in sea water: {', '.join(map(plain, sorted(weights)))}.")
     keys: Keys = {"neutral": neutral} | ({"volume": sum(volumes.values())} if volumes else {})
-    if any("center_of_buoyancy" in keys for keys in waters.values()):
-        places = {
-            link: poses[link].transform(waters[link].get("center_of_buoyancy", (0.0, 0.0, 0.0))) for link in waters
-        }
-        volumes = volumes or dict.fromkeys([hull if hull in waters else next(iter(waters))], 1.0)
-        if len(volumes) == 1:  # exactly as it is written
-            centre: Sequence[float] = places[next(iter(volumes))]
-        else:
-            whole = sum(volumes.values()) or 1.0
-            centre = [sum(size * places[link][axis] for link, size in volumes.items()) / whole for axis in range(3)]
-        keys["center_of_buoyancy"] = to_frd(centre)
+    if any("center_of_buoyancy" in of_link for of_link in waters.values()):
+        sizes = volumes or {min(waters, key=lambda link: (link != hull, link)): 1.0}
+        whole = sum(sizes.values()) or 1.0
+        places = [poses[link].transform(waters[link].get("center_of_buoyancy", (0.0, 0.0, 0.0))) for link in sizes]
+        shares = [size / whole for size in sizes.values()]
+        keys["center_of_buoyancy"] = to_frd(sum(map(mul, shares, along)) for along in zip(*places, strict=True))
     return keys
 
 

@@ -13,7 +13,7 @@ A URDF without such tags has no hydrodynamics. Missing values are never guessed:
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
-from math import asin, atan2, degrees
+from math import degrees
 from typing import Annotated, Any, NamedTuple
 
 from hil.common.errors import ConfigError
@@ -25,7 +25,7 @@ from sim.vehicle.urdf.hull import Tree, add_up
 from sim.vehicle.urdf.pose import Pose
 from sim.vehicle.urdf.sensors import read_sensors
 from sim.vehicle.urdf.shapes import Measure, MeshKey, Solid, box_of, extent_of, from_collisions, mesh_key, origin_of
-from sim.vehicle.urdf.text import Element, attribute, number_of, plain, read_xml, to_frd, to_frd_matrix
+from sim.vehicle.urdf.text import Element, attribute, listed, number_of, plain, read_xml, to_frd, to_frd_matrix
 from sim.vehicle.urdf.thrusters import read_thrusters, target
 from sim.vehicle.urdf.water import read_buoyancy_engine, read_water, water_elements
 from sim.vehicle.vehicle import EQUIPMENT, Vehicle, with_equipment
@@ -43,6 +43,7 @@ _REQUIRED = (
 
 
 _ZERO = ("added_mass", "linear_damping", "quadratic_damping")
+_MOST = 0.999  # of the sum of two moments of inertia, for the third one
 
 
 class Imported(NamedTuple):
@@ -75,7 +76,7 @@ def read_urdf(path: str, extra: dict[str, Any] | None = None, text: bytes | None
     """Return the vehicle of the URDF at `path`, and notes on what was assumed.
 
     `extra` has further keys of a vehicle file; they have priority over the URDF, `[every_thruster]` for each thruster.
-    `text` is read in place of the file, for example after xacro has expanded it. The origin is that of the root link.
+    `text` is read in place of the file, for example after xacro has expanded it. The origin is that of the hull.
     Raises ConfigError if the file is no URDF, still contains xacro, declares entities, or if keys are missing from
     both: it lists them.
     """
@@ -119,17 +120,13 @@ def _about(poses: dict[str, Pose], root: str, hull: str, notes: list[str]) -> di
     at = poses[hull]
     turned = [round(degrees(angle), 3) + 0.0 for angle in at.angles()]
     if any(at.position) or any(turned):
-        where = f"{_list(at.position)} m in {plain(root)!r}, whose axes (here FLU) are the vehicle's"
+        where = f"{listed(at.position)} m in {plain(root)!r}, whose axes (here FLU) are the vehicle's"
         notes.append(
             f"The origin is that of {plain(hull)!r}, the hull, at {where}"
-            + (f"; the hull is turned by roll, pitch, yaw {_list(turned)} deg." if any(turned) else ".")
+            + (f"; the hull is turned by roll, pitch, yaw {listed(turned)} deg." if any(turned) else ".")
         )
     back = Pose(position=tuple(-x for x in at.position))
     return {link: back.then(pose) for link, pose in poses.items()}
-
-
-def _list(numbers: Sequence[float]) -> str:
-    return "[" + ", ".join(f"{x:.6g}" for x in numbers) + "]"
 
 
 def _table(model: _Model, tree: Tree, hull: str) -> dict[str, Any]:
@@ -140,7 +137,7 @@ def _table(model: _Model, tree: Tree, hull: str) -> dict[str, Any]:
         "source": f"imported from {plain(os.path.basename(path))}",
     }
     waters = read_water(robot, hull, partial(box_of, robot, path, measure), path, notes)
-    table |= _mass(robot, poses, path) | add_up(waters, poses, tree, hull, notes)
+    table |= _mass(robot, poses, path, notes) | add_up(waters, poses, tree, hull, notes)
     table |= read_buoyancy_engine(robot, poses, path)
     neutral, mass = table.pop("neutral", False), _given_mass(user_keys, path) or table.get("mass")
     if neutral and mass is not None:
@@ -221,7 +218,7 @@ def tree_of(robot: Element, path: str) -> Tree:
     return Tree(masses, wet, parents)
 
 
-def _mass(robot: Element, poses: dict[str, Pose], path: str) -> dict[str, Any]:
+def _mass(robot: Element, poses: dict[str, Pose], path: str, notes: list[str]) -> dict[str, Any]:
     """Return mass, centre of gravity and inertia about it, of all links together; missing ones are left out."""
     masses = []
     for link in robot.findall("link"):
@@ -240,9 +237,22 @@ def _mass(robot: Element, poses: dict[str, Pose], path: str) -> dict[str, Any]:
     for part_mass, position, own in masses:
         lever = cross_matrix([a - b for a, b in zip(position, centre, strict=True)])
         inertia = total(total(inertia, own), product(lever, lever), -part_mass)  # parallel axes
+    _lower_impossible(inertia, notes)
     keys: dict[str, Any] = {"mass": mass, "center_of_gravity": to_frd(centre)}
     given = any(x for _, _, own in masses for row in own for x in row)
     return keys | {"inertia": to_frd_matrix(inertia)} if given else keys
+
+
+def _lower_impossible(inertia: Matrix, notes: list[str]) -> None:
+    """Lower a moment of inertia that is greater than the other two together, which simulators accept."""
+    axis = max(range(3), key=lambda i: inertia[i][i])
+    most = _MOST * sum(inertia[i][i] for i in range(3) if i != axis)
+    if inertia[axis][axis] * _MOST > most > 0.0:
+        notes.append(
+            f"The inertia about {'xyz'[axis]} is {most:.6g} kg m²: that of the model, {inertia[axis][axis]:.6g}, is "
+            "more than those about the other two axes together, as in no body."
+        )
+        inertia[axis][axis] = most
 
 
 class _Mass(NamedTuple):
@@ -277,14 +287,10 @@ def _meshes(robot: Element, poses: dict[str, Pose], path: str) -> Iterator[Mesh]
             if shape is None:
                 continue
             pose = poses[link.get("name", "")].then(origin_of(visual, path))
-            (xx, _, _), (yx, _, _), (zx, zy, zz) = pose.rotation  # to FLU; with the last two rows negated, to FRD
+            ahead, *others = pose.rotation  # to FLU; with the last two rows negated, to FRD
+            angles = Pose([ahead, *([-x for x in row] for row in others)]).angles()
             file, scale = mesh_key(shape, path)
-            yield Mesh(
-                file,
-                _three(to_frd(pose.position)),
-                (atan2(-zy, -zz), asin(max(-1.0, min(1.0, zx))), atan2(-yx, xx)),
-                _three(scale),
-            )
+            yield Mesh(file, _three(to_frd(pose.position)), angles, _three(scale))
 
 
 def _three(numbers: Sequence[float]) -> tuple[float, float, float]:

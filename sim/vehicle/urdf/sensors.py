@@ -213,7 +213,7 @@ def _dvl(sensor: Element, path: str) -> Keys:
     tilt = _number(_inner(sensor, "beam"), path, "tilt")
     if tilt is not None and arrangement is not None and (arrangement.get("degrees") or "").lower() in ("1", "true"):
         tilt = radians(tilt)
-    near, far = (_number(sensor_part, path, key) for sensor_part, key in _dvl_limits(sensor))
+    near, far = (_number(_holder(sensor, tag), path, tag) for tag in ("minimum_range", "maximum_range"))
     return {
         "tilt": min(max(tilt, 0.087), 1.05) if tilt is not None else None,
         "min_range": min(near, 10.0) if near is not None else None,
@@ -222,13 +222,9 @@ def _dvl(sensor: Element, path: str) -> Keys:
     }
 
 
-def _dvl_limits(sensor: Element) -> list[tuple[Element | None, str]]:
-    """Return the elements that hold the least and the largest range."""
-    holders = {
-        tag: next((each for each in sensor.iter() if any(c.tag.rpartition("}")[2] == tag for c in each)), None)
-        for tag in ("minimum_range", "maximum_range")
-    }
-    return [(holders["minimum_range"], "minimum_range"), (holders["maximum_range"], "maximum_range")]
+def _holder(sensor: Element, tag: str) -> Element | None:
+    """Return the first element that has a child `tag`."""
+    return next((each for each in sensor.iter() if each.find(tag) is not None), None)
 
 
 def _by_plugin(plugin: Element, path: str) -> Keys:

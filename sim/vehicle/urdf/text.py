@@ -143,6 +143,11 @@ def plain(name: str) -> str:
     return "".join(letter for letter in name if letter.isprintable())
 
 
+def listed(vector: Iterable[float]) -> str:
+    """Return numbers as a list of a vehicle file, without rounding errors."""
+    return "[" + ", ".join(f"{round(x, 9) + 0.0:.6g}" for x in vector) + "]"
+
+
 def find_mesh(name: str, path: str) -> str:
     """Return the path of a mesh that the file at `path` names.
 

@@ -1,11 +1,11 @@
 """Read the thrusters of a model: their poses from the joints, their limits from the plugins of simulators."""
 
 from collections.abc import Mapping
-from itertools import pairwise
 from math import inf
 from typing import Any
 
 from hil.common.errors import ConfigError
+from sim.interpolation import interpolate
 from sim.vehicle.urdf.pose import Pose
 from sim.vehicle.urdf.text import Element, attribute, child_text, number_of, numbers_of, plain, to_frd
 
@@ -85,6 +85,8 @@ def _limits(plugin: Element, control: Element | None, path: str) -> dict[str, fl
         sign = number_of(child_text(control, "multiplier") or "1", path)
         if max_thrust is None and min_thrust is None:
             min_thrust, max_thrust = _of_autopilot(control, path)
+        elif sign < 0.0:
+            min_thrust, max_thrust = max_thrust, min_thrust
     texts = {"max_forward": max_thrust, "max_reverse": min_thrust, "time_constant": lag, "diameter": diameter}
     values = {key: abs(number_of(text, path)) for key, text in texts.items() if text is not None}
     if (child_text(plugin, "use_angvel_cmd") or "").lower() in ("1", "true"):
@@ -101,29 +103,20 @@ def _limits(plugin: Element, control: Element | None, path: str) -> dict[str, fl
 
 
 def _of_autopilot(control: Element, path: str) -> tuple[str | None, str | None]:
-    """Return the least and the largest command that Gazebo's ArduPilot plugin sends to a joint."""
+    """Return the commands of Gazebo's ArduPilot plugin to a joint for the shortest and for the longest pulse."""
     multiplier = child_text(control, "multiplier")
     if multiplier is None:
         return None, None
     factor, offset = number_of(multiplier, path), number_of(child_text(control, "offset") or "0", path)
-    ends = sorted((factor * offset, factor * (1.0 + offset)))
-    return (repr(ends[0]), repr(ends[1])) if ends[0] < 0.0 < ends[1] else (None, None)
+    ends = factor * offset, factor * (1.0 + offset)
+    return (repr(ends[0]), repr(ends[1])) if ends[0] * ends[1] < 0.0 else (None, None)
 
 
 def _uuv_limits(plugin: Element, path: str) -> dict[str, float]:
     """Return the limits of uuv_simulator's thruster: its clamped commands converted to thrust, and limits of thrust."""
-    texts = {key: child_text(plugin, key) for key in ("clampMin", "clampMax", "thrustMin", "thrustMax")}
-    texts["thrustMin"] = texts["thrustMin"] or child_text(plugin, "thrust_min")
-    texts["thrustMax"] = texts["thrustMax"] or child_text(plugin, "thrust_max")
-    values = {key: number_of(text, path) for key, text in texts.items() if text is not None}
-    for least, most in (("clampMin", "clampMax"), ("thrustMin", "thrustMax")):
-        if values.get(least, -inf) >= values.get(most, inf):
-            values.pop(least, None)
-            values.pop(most, None)
     gain, efficiency = (number_of(child_text(plugin, key) or "1", path) for key in ("gain", "thrust_efficiency"))
-    ahead = _thrust(plugin, gain * values.get("clampMax", inf), path)
-    astern = _thrust(plugin, gain * values.get("clampMin", -inf), path)
-    high, low = values.get("thrustMax", inf), values.get("thrustMin", -inf)
+    low, high = _range(plugin, ("thrustMin", "thrust_min"), ("thrustMax", "thrust_max"), path)
+    astern, ahead = (_thrust(plugin, gain * end, path) for end in _range(plugin, ("clampMin",), ("clampMax",), path))
     sign = -1.0 if ahead < astern else 1.0
     if sign < 0.0:
         ahead, astern, high, low = -ahead, -astern, -low, -high
@@ -131,6 +124,15 @@ def _uuv_limits(plugin: Element, path: str) -> dict[str, float]:
     found = {key: efficiency * end for key, end in ends.items() if 0.0 < end < inf} | {"sign": sign}
     lag = child_text(plugin, "dynamics/timeConstant")
     return found | ({"time_constant": abs(number_of(lag, path))} if lag is not None else {})
+
+
+def _range(plugin: Element, least: tuple[str, ...], most: tuple[str, ...], path: str) -> tuple[float, float]:
+    """Return the numbers of the first tags that are there; no limits if they are in the wrong order."""
+    low, high = (
+        number_of(text, path) if (text := child_text(plugin, *tags)) is not None else end
+        for tags, end in ((least, -inf), (most, inf))
+    )
+    return (low, high) if low < high else (-inf, inf)
 
 
 def _thrust(plugin: Element, speed: float, path: str) -> float:
@@ -150,13 +152,8 @@ def _thrust(plugin: Element, speed: float, path: str) -> float:
             [number_of(word, path) for word in (child_text(plugin, f"conversion/{key}Values") or "").split()]
             for key in ("input", "output")
         )
-        points = sorted(zip(inputs, thrusts, strict=False))
-        if points:
-            (low, start), (high, end) = next(
-                (pair for pair in pairwise(points) if speed <= pair[1][0]), (points[-1], points[-1])
-            )
-            share = min(max((speed - low) / (high - low), 0.0), 1.0) if high > low else 0.0
-            return start + share * (end - start)
+        if points := dict(sorted(zip(inputs, thrusts, strict=False))):
+            return interpolate(list(points), list(points.values()), speed)
     return speed
 
 

@@ -1,5 +1,6 @@
 """Read the hydrodynamics in the tags of simulators: volume, box, added mass and damping."""
 
+import re
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from math import log, pi, sqrt
@@ -14,6 +15,7 @@ Box = Callable[[], list[float] | None]  # returns the sides (m) of the box aroun
 BoxOf = Callable[[str], list[float] | None]
 _SUMS = {"added_mass", "linear_damping", "quadratic_damping", "forward_speed_damping"}
 _ROWS, _COLUMNS, _ADDED = "xyzkmn", "UVWPQR", "xyzpqr"
+_SQUARE = re.compile(f"([{_ROWS}])([{_COLUMNS}])(abs)?([{_COLUMNS}])")  # a quadratic term's tag
 _DENSITY = "1028"  # kg/m³: default of uuv_simulator
 _MODELS = ("fossen", "sphere", "cylinder", "spheroid", "ellipsoid", "box")
 # Drag coefficients of a cylinder, axial and transverse, by length over diameter, as in uuv_simulator's
@@ -100,38 +102,26 @@ def _gazebo_water(element: Element, box: Box, path: str, notes: list[str]) -> di
     if "added_mass" in keys and (element.findtext("disable_added_mass") or "").strip() in ("1", "true"):
         del keys["added_mass"]
     squares, by_surge = square([0.0] * 6, 6), square([0.0] * 6, 6)
-    has_hydrodynamics, lost, without_sign = False, [], False
-    for i, j, k, name, text, has_sign in _squares(element):
-        value = -number_of(text, path)
-        without_sign |= not has_sign
-        has_hydrodynamics = True
+    terms = [(child, match) for child in element if (match := _SQUARE.fullmatch(child.tag))]
+    lost = []
+    for child, match in terms:
+        i, value = _ROWS.index(match[1]), -number_of(child.text or "0", path)
+        j, k = map(_COLUMNS.index, match.group(2, 4))
         if j == k:
             squares[i][j] += value
         elif k == 0 and i != 0:
             by_surge[i][j] += value
         elif value:
-            lost.append(name)
-    if has_hydrodynamics:
+            lost.append(child.tag)
+    if terms:
         keys["quadratic_damping"] = squares
     if any(x for row in by_surge for x in row):
         keys["forward_speed_damping"] = by_surge
     if lost:
         notes.append(f"Left out: the damping {', '.join(lost)}, by the product of two different speeds.")
-    if without_sign:
+    if not all(match[3] for _, match in terms):
         notes.append("Damping such as xUU, which newer Gazebo takes without the sign of the speed, is read as xUabsU.")
     return keys
-
-
-def _squares(element: Element) -> Iterator[tuple[int, int, int, str, str, bool]]:
-    """Yield each quadratic term of an element: row, both columns, name, text, and whether its name contains "abs"."""
-    for i, row in enumerate(_ROWS):
-        for j, one in enumerate(_COLUMNS):
-            for k, other in enumerate(_COLUMNS):
-                for middle in ("abs", ""):
-                    name = f"{row}{one}{middle}{other}"
-                    text = element.findtext(name)
-                    if text is not None:
-                        yield i, j, k, name, text, bool(middle)
 
 
 def _classic_buoyancy(link: Element, box: Box, path: str, notes: list[str]) -> dict[str, Any]:

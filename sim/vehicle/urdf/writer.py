@@ -7,14 +7,15 @@ plugin of Gazebo; keys for which it has no tags are in its tag `uuv_hil`, which 
 """
 
 from collections.abc import Sequence
-from math import acos, asin, atan2, cos, hypot, sin
+from math import acos, asin, atan2, hypot
 from xml.etree import ElementTree
 
-from sim.matrices import Matrix, square
+from sim.matrices import square, transpose
 from sim.vehicle.fins import Fin
 from sim.vehicle.meshes import Mesh
 from sim.vehicle.thrusters.model import Thruster
 from sim.vehicle.urdf.fins import OWN
+from sim.vehicle.urdf.pose import Pose, pose_at
 from sim.vehicle.urdf.text import Element, to_frd, to_frd_matrix
 from sim.vehicle.vehicle import Vehicle
 
@@ -60,10 +61,8 @@ def _hull(vehicle: Vehicle, name: str) -> Element:
 
 def _mesh(mesh: Mesh) -> Element:
     """Return the `<visual>` of a mesh, whose orientation is relative to FRD axes."""
-    roll, pitch, yaw = mesh.orientation
-    cr, sr, cp, sp, cy, sy = cos(roll), sin(roll), cos(pitch), sin(pitch), cos(yaw), sin(yaw)
-    xx, yx, zx, zy, zz = cy * cp, -sy * cp, sp, -cp * sr, -cp * cr  # the two lower rows negated: in FLU
-    angles = atan2(zy, zz), asin(max(-1.0, min(1.0, -zx))), atan2(yx, xx)
+    ahead, *others = pose_at((0.0, 0.0, 0.0), mesh.orientation).rotation
+    angles = Pose([ahead, *([-x for x in row] for row in others)]).angles()  # in FLU
     visual = Element("visual")
     _inside(visual, "origin", xyz=_words(to_flu(mesh.position)), rpy=_words(angles))
     file = mesh.file if "://" in mesh.file else f"file://{mesh.file}"
@@ -171,12 +170,7 @@ def _inside(parent: Element, tag: str, **attributes: str) -> Element:
 
 def _angles(x: Sequence[float], y: Sequence[float], z: Sequence[float]) -> tuple[float, float, float]:
     """Return roll, pitch and yaw of three axes, which are perpendicular unit vectors."""
-    columns: Matrix = [list(x), list(y), list(z)]
-    return (
-        atan2(columns[1][2], columns[2][2]),
-        asin(max(-1.0, min(1.0, -columns[0][2]))),
-        atan2(columns[0][1], columns[0][0]),
-    )
+    return Pose(transpose([list(x), list(y), list(z)])).angles()
 
 
 def _words(numbers: Sequence[float]) -> str:

@@ -85,6 +85,14 @@ def test_the_command_imports_a_xacro_with_arguments(
     assert "hydra, 31 kg" in capsys.readouterr().out
 
 
+def test_an_incomplete_vehicle_names_the_arguments(
+    hydra: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "hydra_water" / "urdf" / "water.xacro").write_text(f"<robot {NAMESPACE}/>")
+    assert main(["vehicle", "--import", str(hydra)]) == 2
+    assert "--add it; or try its arguments by --xacro: mass=24.0" in capsys.readouterr().err
+
+
 @pytest.mark.parametrize(
     ("text", "arguments", "message"),
     [
