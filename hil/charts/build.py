@@ -2,7 +2,6 @@
 
 import time
 from collections.abc import Sequence
-from importlib.util import find_spec
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -25,7 +24,7 @@ from hil.charts.gridding import Progress, Surface
 from hil.charts.hazards import SeabedModel, beds_under, place_hazards
 from hil.charts.held_out import HeldOut, choose_model, hold_out
 from hil.charts.sources.survey import Bed, Survey, first_in_cell
-from hil.common.errors import ConfigError, MissingExtraError
+from hil.common.errors import ConfigError
 
 Array = NDArray[np.float64]
 
@@ -96,11 +95,8 @@ def build(
     """Grid `survey` over `extent` (m) at `resolution` (m), by default the resolution of the data.
 
     The surface is fitted to all data of the survey, not only to those in `extent`, so that any part has the same bed
-    as the whole. Raises ConfigError, MissingExtraError.
+    as the whole. Raises ConfigError.
     """
-    missing = [name for name in ("scipy", "pygeomag") if find_spec(name) is None]  # write_world needs pygeomag
-    if missing:
-        raise MissingExtraError(f"a world of charts needs {' and '.join(missing)}: pip install 'uuv-hil[chart]'")
     begin = time.perf_counter()
     resolution = resolution or default_resolution(survey, extent)
     north, east = _node_axes(extent, resolution)
@@ -186,10 +182,11 @@ def _report(grid: Grid, data: _SurfaceData | None, clamped: float, begin: float)
 
 def default_resolution(survey: Survey, extent: Extent) -> float:
     """Return the node spacing (m) that the data resolve, rounded to two digits; coarser if it needs too many nodes."""
-    return round_up(max(survey.detail, (_size(extent) / MAX_OWN_NODES) ** 0.5), 0.05)
+    return round_up(max(survey.detail, (size_of(extent) / MAX_OWN_NODES) ** 0.5), 0.05)
 
 
-def _size(extent: Extent) -> float:
+def size_of(extent: Extent) -> float:
+    """Return the area of `extent`, m^2."""
     return (extent[1] - extent[0]) * (extent[3] - extent[2])
 
 
@@ -206,7 +203,7 @@ def _node_axes(extent: Extent, resolution: float) -> tuple[Array, Array]:
             f"--resolution: {resolution:g} m is larger than the area: use {suggested:g} m or a larger area"
         )
     if rows * columns > MAX_NODES:
-        suggested = round_up((_size(extent) / MAX_NODES) ** 0.5 * 1.001)
+        suggested = round_up((size_of(extent) / MAX_NODES) ** 0.5 * 1.001)
         raise ConfigError(
             f"--resolution: {resolution:g} m makes {rows} x {columns} nodes, more than {MAX_NODES}: "
             f"use {suggested:g} m or coarser, or a smaller area"

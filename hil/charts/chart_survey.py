@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.autonomy.paths.polygons import Edges, contains
+from hil.charts.chart_check import check_chart
 from hil.charts.charted_objects import DIAMETERS, ZONES, ChartedObjects, Nature, nature_of, pipelines_of, zones_of
 from hil.charts.hazards import hazards_of
 from hil.charts.projection import LocalPlane
@@ -51,6 +52,8 @@ def coverage_box(cells: list[Cell]) -> GeoBox:
         raise ConfigError(
             f"{cells[0].name}: the chart has neither its coverage (M_COVR) nor areas of water and land: get another ENC"
         )
+    for cell in cells:
+        check_chart(cell, _coverage(cell))
     corners = np.concatenate(lines)
     if np.ptp(corners[:, 0]) > 180.0:  # on both sides of the 180th meridian
         corners = np.column_stack([corners[:, 0] % 360.0, corners[:, 1]])

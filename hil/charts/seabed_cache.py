@@ -15,11 +15,12 @@ from typing import NamedTuple
 import numpy as np
 
 from hil.charts import charted_objects
-from hil.charts.build import Report, build
+from hil.charts.build import Report
+from hil.charts.build_process import read_and_build
 from hil.charts.grid import Extent, grid_of, write_file
 from hil.charts.gridding import Progress
 from hil.charts.hazards import SeabedModel
-from hil.charts.sources.combine import ReadOptions, read_sources
+from hil.charts.sources.combine import ReadOptions
 from hil.charts.sources.sign import Positive
 from hil.charts.world_file import write_world
 from hil.common.errors import ConfigError
@@ -56,10 +57,8 @@ def load_or_build_seabed(
     cached = _load(of_whole) or _load(of_part)
     if cached is not None:
         return cached
-    survey, extent = read_sources(
-        [path], None, resolution, ReadOptions(positive=positive, crs=crs, crop=True, near=near)
-    )
-    built = build(survey, extent, resolution, progress)
+    options = ReadOptions(positive=positive, crs=crs, crop=True, near=near)
+    survey, built = read_and_build([path], None, resolution, options, progress)
     seabed = WholeSeabed(built.model, survey.source, survey.origin, built.report)
     with suppress(OSError, ConfigError):  # the disk is full or the folder not writable: it is not cached
         folder = of_part if survey.is_cropped else of_whole

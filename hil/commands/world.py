@@ -100,25 +100,25 @@ def _add_world(parser: argparse.ArgumentParser) -> None:
 
 
 def _build(options: argparse.Namespace) -> int:
-    from hil.charts.build import build
+    from hil.charts.build_process import read_and_build
     from hil.charts.chart_survey import GeoBox
     from hil.charts.describe import describe
-    from hil.charts.sources.combine import ReadOptions, read_sources
+    from hil.charts.sources.combine import ReadOptions
     from hil.charts.world_file import write_world
 
     path = (
         os.path.splitext(options.output)[0] + ".toml" if options.output.endswith(".toml") else f"{options.output}.toml"
     )
-    survey, extent = read_sources(
-        options.files,
-        GeoBox(*options.area) if options.area else None,
-        options.resolution,
-        ReadOptions(
-            options.updates, options.positive, options.reach, options.crs, options.newest, dict(options.priority)
-        ),
-    )
     try:
-        built = build(survey, extent, options.resolution, show_progress)
+        survey, built = read_and_build(
+            options.files,
+            GeoBox(*options.area) if options.area else None,
+            options.resolution,
+            ReadOptions(
+                options.updates, options.positive, options.reach, options.crs, options.newest, dict(options.priority)
+            ),
+            show_progress,
+        )
     finally:
         show_progress(1.0)  # remove the progress line, also on Ctrl-C
     lines = aligned([(f"  {name}", text) for name, text in describe(survey, built)])

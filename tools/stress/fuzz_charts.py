@@ -2,11 +2,13 @@
 
     python tools/stress/fuzz_charts.py                                 10,000 mutations of a small cell of the tests
     python tools/stress/fuzz_charts.py --charts DIR --count 1000       of the cells below a folder, such as NOAA's
+    python tools/stress/fuzz_charts.py --charts DIR --count 100 --build     also grid them, within limits
 
 Bytes are changed, inserted, cut out, doubled or swapped, digits of lengths and positions replaced, in the cell or in an
 update beside it. These are faults: an exception that is not a HilError, in the reading process or in its parent; an
-end of the parent by a signal; a duration above `SLOWEST_S`; an error of several lines. The exit code is 1 if there was
-a fault, and the mutated cell is then stored.
+end of the parent by a signal; a duration above `SLOWEST_S`; an error of several lines. With --build also: more than
+twice the processor time or memory of the sound cell, or more than 1 GB. The exit code is 1 if there was a fault, and
+the mutated cell is then stored.
 
 The modules are loaded once, and each cell is read by a copy of this process (fork) that has the limits of the real one:
 a process that is started again takes 0.3 s.
@@ -25,11 +27,12 @@ import time
 import traceback
 from collections import Counter
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT))
 
+from hil.charts.build_process import read_and_build  # noqa: E402
 from hil.charts.sources import s57_process  # noqa: E402
 from hil.charts.sources.combine import read_sources  # noqa: E402
 from hil.common import children  # noqa: E402
@@ -38,7 +41,17 @@ from hil.common.errors import HilError  # noqa: E402
 SLOWEST_S = 100.0  # of which the reading process has s57_process.CPU_SECONDS
 MEMORY_BYTES = 4 << 30  # of address space, of the process that asks
 RESOLUTION_M = 50.0
+MOST_MIB = 1000.0  # to build a cell
+GROWTH = 2.0  # greatest ratio of a mutated cell's time and memory to those of the sound one
+SLACK_S = 1.0  # by which a busy machine may lengthen a short build
 READ, REFUSED, RAISED = 0, 2, 1  # exit codes of the copy
+
+
+class Cost(NamedTuple):
+    """Processor time (s) and memory (MiB) of a process and those that it started."""
+
+    seconds: float
+    mebibytes: float
 
 
 class ForkedReader:
@@ -62,7 +75,7 @@ class ForkedReader:
 
     def communicate(self, timeout: float) -> list[bytes]:
         """Return its output and its errors when it has ended. Raises subprocess.TimeoutExpired."""
-        self.returncode = _wait(self._pid, timeout)
+        self.returncode = _wait(self._pid, timeout)[0]
         output = []
         for file in self._files:
             file.seek(0)
@@ -93,13 +106,14 @@ def _end(work: Any) -> None:
         os._exit(code)
 
 
-def _wait(pid: int, seconds: float) -> int:
-    """Return the exit code, negative for a signal. Raises subprocess.TimeoutExpired."""
+def _wait(pid: int, seconds: float) -> tuple[int, "Cost"]:
+    """Return the exit code, negative for a signal, and what it cost. Raises subprocess.TimeoutExpired."""
     deadline = time.monotonic() + seconds
     while True:
-        ended, status = os.waitpid(pid, os.WNOHANG)
+        ended, status, usage = os.wait4(pid, os.WNOHANG)
         if ended:
-            return os.waitstatus_to_exitcode(status)
+            cost = Cost(usage.ru_utime + usage.ru_stime, usage.ru_maxrss / 1024)
+            return os.waitstatus_to_exitcode(status), cost
         if time.monotonic() > deadline:
             raise subprocess.TimeoutExpired(["reader"], seconds)
         time.sleep(0.001)
@@ -130,11 +144,14 @@ def mutated(data: bytes, chance: random.Random) -> bytes:
     return bytes(changed)
 
 
-def read(path: str) -> int:
-    """Read the cell as for a world, in this copy of the process; return its exit code."""
-    resource.setrlimit(resource.RLIMIT_AS, (MEMORY_BYTES, MEMORY_BYTES))
+def read(path: str, build: bool) -> int:
+    """Read the cell as for a world, and grid it if `build`, in this copy of the process; return its exit code."""
     try:
-        read_sources([path], None, RESOLUTION_M)
+        if build:
+            read_and_build([path])
+        else:
+            resource.setrlimit(resource.RLIMIT_AS, (MEMORY_BYTES, MEMORY_BYTES))
+            read_sources([path], None, RESOLUTION_M)
     except HilError as error:
         output = str(error)
         assert output.startswith(path[:-4]) or "C:" in output, output
@@ -144,21 +161,25 @@ def read(path: str) -> int:
     return READ
 
 
-def examine(path: str) -> tuple[str, float]:
-    """Return the verdict of a cell ("read", "refused", or a fault), and its duration in s."""
-    began = time.monotonic()
+def examine(path: str, build: bool, sound: Cost | None = None) -> tuple[str, Cost]:
+    """Return the verdict of a cell ("read", "refused", or a fault), and its cost; `sound`: cost of the sound cell."""
     pid = os.fork()
     if not pid:
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
-        _end(lambda: read(path))
+        _end(lambda: read(path, build))
     try:
-        code = _wait(pid, SLOWEST_S)
+        code, cost = _wait(pid, SLOWEST_S)
     except subprocess.TimeoutExpired:
         os.kill(pid, signal.SIGKILL)
         os.waitpid(pid, 0)
-        return "HANGS", time.monotonic() - began
+        return "HANGS", Cost(SLOWEST_S, 0.0)
     words = {READ: "read", REFUSED: "refused", RAISED: "RAISES"}
-    return words.get(code, f"ENDS WITH {code}"), time.monotonic() - began
+    verdict = words.get(code, f"ENDS WITH {code}")
+    if sound and cost.seconds > GROWTH * sound.seconds + SLACK_S:
+        verdict = "TAKES LONG"
+    if sound and cost.mebibytes > min(MOST_MIB, GROWTH * sound.mebibytes):
+        verdict = "TAKES MEMORY"
+    return verdict, cost
 
 
 def cells_of(folder: str) -> list[tuple[bytes, bytes]]:
@@ -183,17 +204,24 @@ def main() -> int:
     parser.add_argument("--count", type=int, default=10_000, metavar="N")
     parser.add_argument("--seed", type=int, default=1, metavar="N")
     parser.add_argument("--charts", default="", metavar="DIR")
+    parser.add_argument("--build", action="store_true", help="grid the cells that can be read")
     parser.add_argument("--keep", default="mutated_cells", metavar="DIR", help="folder of the cells with a fault")
     options = parser.parse_args()
     cells = cells_of(options.charts)
-    children.start_child = ForkedReader  # type: ignore[assignment]
+    if not options.build:
+        children.start_child = ForkedReader  # type: ignore[assignment]
     import pyogrio  # noqa: F401 - loaded once, for all copies
     import shapely  # noqa: F401
 
     verdicts: Counter[str] = Counter()
-    slowest = 0.0
+    slowest = most = 0.0
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "C.000"
+        sound: dict[bytes, Cost] = {}
+        for cell, _ in cells if options.build else ():
+            path.write_bytes(cell)
+            sound[cell] = examine(str(path), True)[1]
+            print(f"sound cell of {len(cell)} bytes: {sound[cell].seconds:.1f} s, {sound[cell].mebibytes:.0f} MiB")
         for number in range(options.count):
             chance = random.Random(f"{options.seed}/{number}")
             cell, update = chance.choice(cells)
@@ -202,14 +230,15 @@ def main() -> int:
             path.with_suffix(".001").unlink(missing_ok=True)
             if of_update:
                 path.with_suffix(".001").write_bytes(mutated(update, chance))
-            verdict, seconds = examine(str(path))
+            verdict, cost = examine(str(path), options.build, sound.get(cell))
             verdicts[verdict] += 1
-            slowest = max(slowest, seconds)
+            slowest, most = max(slowest, cost.seconds), max(most, cost.mebibytes)
             if verdict not in ("read", "refused"):
                 shutil.copytree(folder, Path(options.keep) / str(number), dirs_exist_ok=True)
-                print(f"{number}: {verdict}, stored in {options.keep}/{number}", flush=True)
-    # psutil has no peak memory, and no figures of ended processes.
-    most = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
+                print(
+                    f"{number}: {verdict}, {cost.seconds:.1f} s, {cost.mebibytes:.0f} MiB: {options.keep}/{number}",
+                    flush=True,
+                )
     print(", ".join([f"{count} {verdict}" for verdict, count in sorted(verdicts.items())]), end="")
     print(f" of {options.count}; slowest {slowest:.2f} s, most memory {most:.0f} MiB")
     return int(bool(verdicts.keys() - {"read", "refused"}))

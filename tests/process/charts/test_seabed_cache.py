@@ -10,6 +10,7 @@ import pytest
 
 from hil.charts import seabed_cache as module
 from hil.charts.build import MAX_OWN_NODES, build, default_resolution
+from hil.charts.build_process import read_and_build
 from hil.charts.chart_survey import LINE_ACCURACY, GeoBox
 from hil.charts.dive.prepare import DiveOptions, prepare_dive
 from hil.charts.grid import Grid, grid_of
@@ -36,11 +37,11 @@ def builds(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
     """Record the resolution of each seabed that is gridded, not read from the cache."""
     built: list[Any] = []
 
-    def build_and_record(survey: Any, extent: Any, resolution: Any, progress: Any) -> Any:
+    def build_and_record(paths: Any, area: Any, resolution: Any, *more: Any) -> Any:
         built.append(resolution)
-        return build(survey, extent, resolution, progress)
+        return read_and_build(paths, area, resolution, *more)
 
-    monkeypatch.setattr(module, "build", build_and_record)
+    monkeypatch.setattr(module, "read_and_build", build_and_record)
     return built
 
 

@@ -7,8 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hil.charts.gridding import Progress
-from hil.charts.sources.survey import Survey
 from hil.cli import main
 from hil.commands import world as command
 from hil.common.errors import ConfigError, MissingExtraError
@@ -133,18 +131,18 @@ def test_an_interrupted_build_leaves_the_old_world(tmp_path: Path, monkeypatch: 
     command.main(["build", path, "--resolution", "25", "-o", str(tmp_path / "w")])
     before = {name: (tmp_path / name).read_bytes() for name in os.listdir(tmp_path)}
 
-    def interrupted(survey: Survey, extent: object, resolution: float, progress: Progress) -> None:
-        progress(0.4)
-        raise KeyboardInterrupt
+    def interrupt(share: float) -> None:
+        if 0.0 < share < 1.0:
+            raise KeyboardInterrupt
 
-    monkeypatch.setattr("hil.charts.build.build", interrupted)
+    monkeypatch.setattr(command, "show_progress", interrupt)
     with pytest.raises(KeyboardInterrupt):
         command.main(["build", path, "--resolution", "20", "-o", str(tmp_path / "w")])
     assert {name: (tmp_path / name).read_bytes() for name in os.listdir(tmp_path)} == before
 
 
 def test_a_build_without_scipy_names_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("hil.charts.build.find_spec", lambda name: None)
+    monkeypatch.setattr("hil.charts.build_process.find_spec", lambda name: None)
     with pytest.raises(MissingExtraError, match=r"pip install 'uuv-hil\[chart\]'"):
         command.main(["build", chart(tmp_path), "-o", str(tmp_path / "w")])
 
