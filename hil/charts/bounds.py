@@ -20,6 +20,7 @@ LAND_TOP = 30.0  # m
 EDGE_SLOPE_CELLS = 1.5
 # Outside of the edge the slope runs out over at most so many cells: a bend would be a facet in a side scan.
 FOOT_CELLS = 2.5
+SOUNDED = 20.0  # distance from a sounding up to which an unsurveyed bed counts as known: 1 cm on paper, in details
 BORDER_ERROR = 2.0  # greatest error of the border of a depth area, as a multiple of the chart's detail
 SPREAD_PER_CELL = 0.98  # factor by which a correction fades from one cell to the next
 SPREAD_PASSES = 24
@@ -50,6 +51,10 @@ def rasterise_bounds(survey: Survey, north: Array, east: Array) -> Bounds:
         bounds.low[:], bounds.high[:] = survey.soundings[:, 2].min(), survey.soundings[:, 2].max()
     for sheet in survey.sheets:
         _rasterise_sheet(sheet, north, east, bounds)
+    for edges in (edges for sheet in survey.sheets for edges in sheet.unsurveyed):
+        track = survey.soundings[contains(edges, survey.soundings[:, :2])]
+        if len(track):  # of a ship on passage
+            bounds.known[_near(track, north, east, SOUNDED * survey.detail)] = True
     return bounds
 
 

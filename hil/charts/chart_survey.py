@@ -24,7 +24,10 @@ LINE_ACCURACY = 0.0005  # m on paper: accuracy of a drawn line (IHO S-4), and so
 # Spacing of points on contours and coasts, as a share of the distance between soundings. Denser points would outweigh
 # the soundings.
 GUIDE_SPACING = 0.35
-GUIDE_SPACING_ON_PAPER = 0.002  # m on paper, used for a chart that has fewer than two soundings
+GUIDE_SPACING_ON_PAPER = 0.004  # m on paper, used for a chart that has fewer than two soundings
+PARALLEL_STEP = 0.25  # degrees of longitude, over which a parallel departs from a straight line by 7 m at most
+LEAST_DEPTHS = 3  # of soundings and guides
+BARE = "has no soundings: its bed is that of its contours, coasts and depth areas"
 # Objects that cover all of a chart without overlap (S-57 appendix B.1, 3.10.1)
 GROUP_1 = ("DEPARE", "DRGARE", "LNDARE", "UNSARE", "PONTON", "HULKES", "FLODOC")
 # Greatest height of a coast, m above the water: the slope of a beach says little about the bed in front of it.
@@ -61,21 +64,23 @@ def coverage_box(cells: list[Cell]) -> GeoBox:
 
 
 def survey_charts(cells: list[Cell], plane: LocalPlane) -> Survey:
-    """Return the contents of `cells` on `plane`. Raises ConfigError if they have no soundings."""
+    """Return the contents of `cells` on `plane`. Raises ConfigError if they have no depths."""
     layers = [_ChartLayer(cell, plane) for cell in sorted(cells, key=lambda cell: -cell.scale)]
     finer: list[list[Edges]] = [[other.coverage for other in layers[i + 1 :]] for i in range(len(layers))]
     pairs = list(zip(layers, finer, strict=True))
     soundings = np.concatenate([_outside(layer.soundings(), covers) for layer, covers in pairs])
-    if not len(soundings):
-        names = ", ".join(cell.name for cell in cells)
+    guides = np.concatenate([_outside(layer.guides(), covers) for layer, covers in pairs])
+    names = ", ".join(cell.name for cell in cells)
+    if len(soundings) + len(guides) < LEAST_DEPTHS:
         raise ConfigError(
-            f"{names}: no soundings: use another chart of the place, of a larger scale (third letter of the name: 4, 5)"
+            f"{names}: no soundings or contours: use another chart of the place, of a larger scale "
+            "(third letter of the name: 4, 5)"
         )
     return Survey(
         source="; ".join(_label(cell) for cell in cells),
         origin=(plane.latitude, plane.longitude),
         soundings=soundings,
-        guides=np.concatenate([_outside(layer.guides(), covers) for layer, covers in pairs]),
+        guides=guides,
         strikes=np.concatenate([_outside(layer.strikes(), covers) for layer, covers in pairs]),
         detail=LINE_ACCURACY * min(cell.scale for cell in cells),
         sheets=tuple(layer.sheet() for layer in layers),
@@ -90,7 +95,7 @@ def survey_charts(cells: list[Cell], plane: LocalPlane) -> Survey:
         ),
         shore=_cut_lines(pairs, "COALNE", "SLCONS"),
         bridges=_cut_lines(pairs, "BRIDGE"),
-        notes=tuple(note for cell in cells for note in _notes(cell)),
+        notes=(*(note for cell in cells for note in _notes(cell)), *([] if len(soundings) else [f"{names}: {BARE}"])),
         charted=ChartedObjects(
             tuple(pipeline for layer, covers in pairs for pipeline in layer.pipelines(covers)),
             tuple(zone for layer in layers for zone in layer.zones()),
@@ -122,6 +127,18 @@ def _notes(cell: Cell) -> tuple[str, ...]:
     if _stated_coverage(cell):
         return cell.notes
     return (*cell.notes, f"{cell.name}: states no coverage: that of its areas of water and land is used")
+
+
+def _along_parallels(line: Array) -> Array:
+    """Return `line` (n, 2; longitude, latitude) with corners at most PARALLEL_STEP apart: a parallel is curved."""
+    along = np.diff(line, axis=0)
+    along[:, 0] = (along[:, 0] + 180.0) % 360.0 - 180.0
+    counts = np.maximum(1, np.ceil(np.abs(along[:, 0]) / PARALLEL_STEP)).astype(np.intp)
+    if (counts <= 1).all():
+        return line
+    which = np.repeat(np.arange(len(along)), counts)
+    share = (np.arange(len(which)) - np.repeat(np.cumsum(counts) - counts, counts)) / counts[which]
+    return np.asarray(np.vstack([line[which] + share[:, None] * along[which], line[-1:]]))
 
 
 def _outside(points: Array, covers: list[Edges]) -> Array:
@@ -268,7 +285,7 @@ class _ChartLayer:
         return [self._edges(feature) for feature in self._cell.select(kind) if feature.is_area]
 
     def _edges(self, feature: Feature) -> Edges:
-        return tuple(self._local(line) for line in feature.lines)
+        return tuple(self._local(_along_parallels(line)) for line in feature.lines)
 
     def _local(self, positions: Array) -> Array:
         return np.column_stack(self._plane.to_local(positions[:, 1], positions[:, 0]))

@@ -62,7 +62,10 @@ def facts(grid: Grid, report: Report) -> Facts:
     size = ("grid", f"{rows} x {columns} nodes of {grid.resolution:g} m, deepest {grid.deepest:.1f} m")
     notes = tuple(("note", note) for note in report.notes)
     if not report.soundings:
-        return (size, ("data", "rasters only: nothing is interpolated between them, no soundings held out"), *notes)
+        data = "rasters only: nothing is interpolated between them"
+        if report.guides:
+            data = f"{report.guides} points on contours and coasts"
+        return (size, ("data", f"{data}, no soundings held out"), *notes)
     return (
         size,
         *notes,

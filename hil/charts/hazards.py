@@ -144,7 +144,7 @@ def beds_under(survey: Survey, soundings: Array, surface: Surface) -> Array:
     tops = np.array(known)
     tops = tops[np.argsort(-tops[:, 2], kind="stable")]  # of several at one position, use the deepest
     tops = tops[first_in_cell(tops, max(survey.detail, BURIED))]
-    sounded = cdist(tops[:, :2], soundings[:, :2]).min(axis=1) < survey.detail
+    sounded = cdist(tops[:, :2], soundings[:, :2]).min(axis=1, initial=np.inf) < survey.detail
     low, _ = limits_at(survey, tops[:, :2])
     bed = np.maximum(surface.at(tops[:, :2]), low)
     buried = tops[~sounded & (bed < tops[:, 2] + BURIED)]

@@ -75,6 +75,8 @@ def hold_out(surface: Surface, points: Array, mask: Mask, limits: Limits, border
     each, and the surface is moved off them as in the grid. `borders` (n,): distance (m) from the borders of areas.
     """
     count = len(mask)
+    if not mask.any():
+        return HeldOut(np.nan, np.nan, np.nan, np.nan, 0)
     folds = np.random.default_rng(0).permutation(count) % FOLDS
     if mask.sum() > MANY:
         folds = np.where(folds == 0, 0, -1)

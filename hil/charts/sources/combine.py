@@ -23,6 +23,7 @@ from hil.common.errors import ConfigError
 Array = NDArray[np.float64]
 
 POINTS_DETAIL = 0.5  # detail of soundings, as a multiple of their mean spacing
+CROP_TRIALS = 500  # number of soundings around which the number of others is counted
 MAX_SIZE = 1.7  # degrees of latitude: greatest width of a world, whose coordinates are up to 100 km from its origin
 POINTS_REACH = 4.0  # distance around soundings in which the bed counts as known, as a multiple of their mean spacing
 
@@ -38,7 +39,7 @@ class ReadOptions(NamedTuple):
       come last.
     - `priorities`: of files, where sources overlap (hil.charts.sources.priority).
     - `crop`: of an area that is too large for a world, use the part around `near` (latitude, longitude in degrees), by
-      default around its centre; the survey's notes say so.
+      default where most soundings are, or around its centre; the survey's notes say so.
     """
 
     updates: bool = True
@@ -82,8 +83,9 @@ def read_sources(
     if area and not any(_overlap(area, box) for box in boxes):
         raise ConfigError(f"--area: {_text(area)} is outside the data, which cover {_text(_around(boxes))}")
     area = area or _around(boxes)
-    whole_box, area = area, _cropped(area, options.near) if options.crop else area
-    _require_local(area)
+    near = options.near or _most_sounded(area, _positions(cells, loose))
+    whole_box, area = area, _cropped(area, near) if options.crop else area
+    _require_local(area, near)
     plane = LocalPlane(*_origin(area.centre))
     parts = [survey_charts(cells, plane)] if cells else []
     parts += [_survey(points, _local(points, plane), resolution, reach) for points in loose]
@@ -94,6 +96,7 @@ def read_sources(
     first = sum(ranks["rasters"][k] >= max(surface, default=OTHER) for k in order)
     together = _combine(parts, _origin(area.centre))
     if area != whole_box:
+        together = _around_crop(together, _extent(area, plane))
         together = together._replace(notes=(*together.notes, _crop_note(whole_box, area)), is_cropped=True)
     return together._replace(beds=tuple(beds[:first]), fillers=tuple(beds[first:])), _extent(area, plane)
 
@@ -177,19 +180,53 @@ def _size(area: GeoBox) -> tuple[float, float]:
     return area.north - area.south, (area.east - area.west) * float(np.cos(np.radians(area.centre[0])))
 
 
-def _cropped(area: GeoBox, near: tuple[float, float] | None) -> GeoBox:
+def _positions(cells: list[Cell], loose: list[Points]) -> Array:
+    """Return latitude and longitude of all soundings, (n, 2)."""
+    charted = [feature.points[:, 1::-1] for cell in cells for feature in cell.select("SOUNDG")]
+    return np.concatenate([np.empty((0, 2)), *charted, *(points.positions for points in loose)])
+
+
+def _most_sounded(area: GeoBox, positions: Array) -> tuple[float, float]:
+    """Return the sounding of `area` that has most others around it in a world; without soundings its centre.
+
+    The centre of a general chart may be far inland.
+    """
+    turned = np.column_stack([positions[:, 0], area.west + (positions[:, 1] - area.west) % 360.0])
+    inside = turned[(turned[:, 0] >= area.south) & (turned[:, 0] <= area.north) & (turned[:, 1] <= area.east)]
+    if not len(inside) or max(_size(area)) <= MAX_SIZE:
+        return area.centre
+    some = inside[:: 1 + len(inside) // CROP_TRIALS]
+    half = np.stack([np.full(len(some), 0.5 * MAX_SIZE), 0.5 * MAX_SIZE / np.cos(np.radians(some[:, 0]))], axis=1)
+    counts = [(np.abs(inside - place) < reach).all(axis=1).sum() for place, reach in zip(some, half, strict=True)]
+    best = some[int(np.argmax(counts))]
+    return float(best[0]), float(best[1])
+
+
+def _cropped(area: GeoBox, near: tuple[float, float]) -> GeoBox:
     """Return `area`, or of one that is too large for a world the part around `near`."""
     if max(_size(area)) <= MAX_SIZE:
         return area
-    latitude, longitude = near or area.centre
+    latitude, longitude = near
     longitude = area.west + (longitude - area.west) % 360.0
     half = 0.49 * MAX_SIZE, 0.49 * MAX_SIZE / float(np.cos(np.radians(latitude)))
     south, west = max(area.south, latitude - half[0]), max(area.west, longitude - half[1])
     north, east = min(area.north, latitude + half[0]), min(area.east, longitude + half[1])
     if south >= north or west >= east:
-        place = ",".join(f"{value:g}" for value in near or ())
+        place = ",".join(f"{value:g}" for value in near)
         raise ConfigError(f"--start {place}: is not on the chart, which covers {_text(area)}")
     return GeoBox(south, west, north, east)
+
+
+def _around_crop(survey: Survey, extent: Extent) -> Survey:
+    """Return `survey` with only the depths in a rectangle twice as wide as `extent`: a chart may cover an ocean."""
+    low, high = np.array(extent).reshape(2, 2).T
+    reach, middle = high - low, 0.5 * (low + high)
+    near = {
+        key: rows[(np.abs(rows[:, :2] - middle) < reach).all(axis=1)]
+        for key in ("soundings", "guides", "strikes")
+        if len(rows := getattr(survey, key))
+    }
+    return survey._replace(**near)
 
 
 def _crop_note(survey_box: GeoBox, cropped_box: GeoBox) -> str:
@@ -203,9 +240,9 @@ def _text(area: GeoBox) -> str:
     return "{} to {} N, {} to {} E".format(*texts)
 
 
-def _require_local(area: GeoBox) -> None:
+def _require_local(area: GeoBox, near: tuple[float, float]) -> None:
     if max(_size(area)) > MAX_SIZE:
-        south, west = (np.floor(10.0 * value) / 10.0 for value in _origin(area.centre))
+        south, west = (np.floor(10.0 * value) / 10.0 for value in _origin(near))
         raise ConfigError(
             f"the area is {area.north - area.south:.0f} x {area.east - area.west:.0f} degrees, too large for a "
             f"world: give a part of at most {MAX_SIZE:g} degrees of latitude ({MAX_SIZE * 111.2:.0f} km), for example "

@@ -13,6 +13,7 @@ import pytest
 
 from hil.charts.build import build
 from hil.charts.chart_survey import GeoBox
+from hil.charts.describe import describe
 from hil.charts.projection import LocalPlane
 from hil.charts.sources import points
 from hil.charts.sources.combine import ReadOptions, read_sources
@@ -177,10 +178,68 @@ def test_the_chart_of_larger_scale_is_used_where_charts_overlap(tmp_path: Path) 
     assert grid.at(at) == pytest.approx([bed(54.0035, 10.008), bed(54.0035, WEST) + 25.0], abs=3.0)
 
 
-def test_a_chart_without_soundings_or_coverage_is_refused(tmp_path: Path) -> None:
+def overview() -> Encoder:
+    """Return a general chart of 9 x 20 degrees: land from 200 km around its middle, and soundings in the far south."""
+    cell = Encoder(scale=1_500_000)
+    cell.area(302, square(60.0, 170.0, 69.0, 190.0), CATCOV=1)
+    cell.area(42, square(60.0, 170.0, 62.0, 190.0), DRVAL1=0, DRVAL2=200)
+    cell.area(71, square(62.0, 170.0, 69.0, 190.0))
+    cell.soundings([(60.1 + 0.15 * i, 172.0 + 0.2 * j, 20.0 + 5.0 * i + j) for i in range(12) for j in range(20)])
+    cell.soundings([(61.0, 188.0, 7.0)])
+    return cell
+
+
+def test_a_general_chart_is_cropped_to_where_most_soundings_are(tmp_path: Path) -> None:
+    """Its middle is far inland. Without a crop the refusal names a place with soundings."""
+    path = overview().write(tmp_path / "US1XX00M.000")
+    survey, extent = read_sources([path], None, options=ReadOptions(crop=True))
+    built = build(survey, extent)
+    assert built.report.soundings > 60
+    assert built.report.water > 0.95
+    assert 60.5 < (survey.origin or (0.0, 0.0))[0] < 61.5
+    with pytest.raises(ConfigError, match=r"for example --area=(6[01]\.\d),17[2-5]\.\d,") as caught:
+        read_sources([path], None)
+    area = GeoBox(*map(float, str(caught.value).partition("--area=")[2].split(",")))
+    assert build(*read_sources([path], area)).report.water == 1.0
+
+
+def test_water_around_soundings_in_unsurveyed_areas_is_known(tmp_path: Path) -> None:
+    cell = Encoder(scale=10_000)
+    for code, keys in ((302, {"CATCOV": 1}), (154, {})):
+        cell.area(code, square(SOUTH, WEST, NORTH, EAST), **keys)
+    cell.soundings([(54.002 + 0.001 * i, 10.008, 5.0 + i) for i in range(6)])
+    survey, extent = read_sources([cell.write(tmp_path / "TRACK.000")], None)
+    built = build(survey, extent, 20.0)
+    assert 0.05 < built.report.water < 0.3
+    assert built.report.unknown > 0.7
+
+
+def test_a_chart_without_soundings_is_gridded_from_contours_and_areas(tmp_path: Path) -> None:
+    """The bed of the small chart, whose depth areas are divided by contours, within 1.5 m of the truth."""
+    cell, shores = Encoder(scale=10_000), [54.0, 54.002, 54.004, 54.006, SHORE]
+    cell.area(302, square(SOUTH, WEST, NORTH, EAST), CATCOV=1)
+    cell.area(71, square(SHORE, WEST, NORTH, EAST))
+    depths = [round(20.0 * (SHORE - latitude) / (SHORE - SOUTH)) for latitude in shores]
+    for south, north, deep, shoal in zip(shores, shores[1:], depths, depths[1:], strict=False):
+        cell.area(42, square(south, WEST, north, EAST), DRVAL1=shoal, DRVAL2=deep)
+        cell.line(43, [(north, WEST), (north, EAST)], VALDCO=shoal)
+    survey, extent = read_sources([cell.write(tmp_path / "BARE.000")], None)
+    assert not len(survey.soundings)
+    assert survey.notes == ("BARE: has no soundings: its bed is that of its contours, coasts and depth areas",)
+    built = build(survey, extent, 20.0)
+    assert ("data", f"{built.report.guides} points on contours and coasts, no soundings held out") in describe(
+        survey, built
+    )
+    for latitude in (54.001, 54.003, 54.005, 54.007):
+        north = (latitude - 0.5 * (SOUTH + NORTH)) * 111_260.0
+        truth = 20.0 * (SHORE - latitude) / (SHORE - SOUTH)
+        assert built.model.grid.at(np.array([[north, 0.0]]))[0] == pytest.approx(truth, abs=1.5)
+
+
+def test_a_chart_without_depths_or_coverage_is_refused(tmp_path: Path) -> None:
     empty = Encoder()
     empty.area(302, square(SOUTH, WEST, NORTH, EAST), CATCOV=1)
-    with pytest.raises(ConfigError, match="E: no soundings: use another chart of the place"):
+    with pytest.raises(ConfigError, match="E: no soundings or contours: use another chart of the place"):
         read_sources([empty.write(tmp_path / "E.000")], None, 20.0)
     encoder = Encoder()
     encoder.soundings([(54.0, 10.0, 1.0)])
