@@ -2,9 +2,8 @@
 
     python tools/pages/validation.py [--out docs/explanation] [--only NAME ...]
 
-Each run computes every figure again. The page names the test that checks the figure. A figure outside the bound of its
-test ends the run with exit code 1. Set-ups and formulas are those of the tests. Needs the packages of `pip install -e
-'.[dev]'`.
+Each run computes every figure again. A figure outside its bound ends the run with exit code 1, and
+tests/unit/tools/test_validation.py does the same. Needs the packages of `pip install -e '.[dev]'`.
 """
 
 import argparse
@@ -47,8 +46,9 @@ COLOURS = 64
 HEAD = """\
 # The simulator compared with published data and theory
 
-Made by `python tools/pages/validation.py`, which computes every figure again. A test checks each figure against
-its bound. The tool needs the packages of the tests: `pip install -e '.[dev]'`.
+Made by `python tools/pages/validation.py`, which computes every figure again. `tests/unit/tools/test_validation.py`
+checks each figure against its bound, and `tests/system/sim/test_level_flight.py` those of level flight. The tool needs
+the packages of the tests: `pip install -e '.[dev]'`.
 
 | in the pictures | is |
 |---|---|
@@ -58,8 +58,8 @@ its bound. The tool needs the packages of the tests: `pip install -e '.[dev]'`.
 
 The first figure of each section:
 
-| validation | figure | found | bound | test |
-|---|---|---|---|---|
+| validation | figure | found | bound |
+|---|---|---|---|
 """
 
 
@@ -88,13 +88,13 @@ def page(by_sheet: dict[Sheet, list[Finding]]) -> str:
 
 def _row(sheet: Sheet, main: Finding) -> str:
     title = f"[{sheet.title}](#{_anchor(sheet.title)})"
-    return f"| {title} | {main.what} | {main.result} | {main.bound} | {_link(main)} |"
+    return f"| {title} | {main.what} | {main.result} | {main.bound} |"
 
 
 def _section(sheet: Sheet, findings: list[Finding]) -> str:
     text = " ".join((sheet.draw.__doc__ or "").split())
-    rows = [f"| {f.what} | {f.result} | {f.bound} | {_link(f)} |" for f in findings]
-    lines = ["| figure | found | bound | test |", "|---|---|---|---|", *rows]
+    rows = [f"| {f.what} | {f.result} | {f.bound} |" for f in findings]
+    lines = ["| figure | found | bound |", "|---|---|---|", *rows]
     picture = f"![{sheet.title}](validation/{sheet.name}.png)"
     return "\n".join(["", f"## {sheet.title}", "", text, "", *lines, "", picture, ""])
 
@@ -102,11 +102,6 @@ def _section(sheet: Sheet, findings: list[Finding]) -> str:
 def _anchor(title: str) -> str:
     """Return the anchor that GitHub makes of a heading."""
     return "".join(c for c in title.lower().replace(" ", "-") if c.isalnum() or c in "-_")
-
-
-def _link(finding: Finding) -> str:
-    file, test = finding.test.split("::")
-    return f"[{test}](../../tests/{file})"
 
 
 def main(arguments: list[str] | None = None) -> None:

@@ -60,8 +60,7 @@ def _bobbing(trace: Axes, periods: Axes) -> list[Finding]:
     plot_ref(periods, masses, [_theory(added) for added in masses], "theory", size=8.0)
     label(periods, "added mass (kg)", "period (s)")
     away = max(abs(measured[added] / _theory(added) - 1.0) for added in (0.0, 9.24, 60.0))
-    test = "unit/sim/vehicle/test_buoyancy.py::test_bobbing_has_its_period"
-    return [below("bobbing: period away from theory (share)", away, 1e-4, test)]
+    return [below("bobbing: period away from theory (share)", away, 1e-4)]
 
 
 def _bobbing_energy() -> Finding:
@@ -74,8 +73,7 @@ def _bobbing_energy() -> Finding:
         for _ in range(400):
             dynamics.step(state, floats.NOTHING, floats.STILL, 0.0025)
         worst = max(worst, abs((floats.energy(dynamics, state) - rest_energy) / first - 1.0))
-    test = "unit/sim/vehicle/test_buoyancy.py::test_the_energy_of_bobbing_does_not_grow"
-    return below("energy gained or lost in 100 s (share)", worst, 0.001, test)
+    return below("energy gained or lost in 100 s (share)", worst, 0.001)
 
 
 def _lift(axes: Axes) -> list[Finding]:
@@ -92,10 +90,9 @@ def _lift(axes: Axes) -> list[Finding]:
         jumps.append(floats.largest_jump(shares))
     axes.set_xlim(-0.25, 0.25)
     label(axes, "depth of the middle (m)", "lift (share of full)", "lift", legend="upper left")
-    test = "unit/sim/vehicle/test_buoyancy.py::test_lift_is_continuous"
     return [
-        below("largest jump of lift in 0.1 mm, ours (share of full)", max(jumps), 0.002, test),
-        above("the same, others", floats.largest_jump(red), 0.49, test),
+        below("largest jump of lift in 0.1 mm, ours (share of full)", max(jumps), 0.002),
+        above("the same, others", floats.largest_jump(red), 0.49),
     ]
 
 

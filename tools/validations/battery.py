@@ -14,8 +14,6 @@ from sim.vehicle.vehicle import Vehicle, load_vehicle
 from tests.unit.sim.vehicle import test_battery as supply
 from tools.validations.sheet import SHADES, Finding, Sheet, below, label, near, plot_own, plot_ref
 
-FILE = "unit/sim/vehicle/test_battery.py"
-
 
 def battery(panels: Sequence[Axes]) -> list[Finding]:
     """Two and six T200 on one pack of 16.8 V and 0.05 Ω. First: the voltage under the currents of all thrusters.
@@ -46,10 +44,9 @@ def _sag(voltage: Axes, thrust: Axes, vehicle: Vehicle) -> list[Finding]:
     plot_ref(thrust, pulses[::2], full[::2], "table, 16.8 V")
     label(voltage, "pulse (µs)", "voltage (V)", legend="lower left")
     label(thrust, "pulse (µs)", "thrust of each (N)", legend="upper left")
-    test = f"{FILE}::test_the_voltage_solves_the_circuit"
     return [
-        below("voltage away from that of the circuit (share)", away, 1e-12, test),
-        below("thrust of six at full pulse, of that without sag", thrusts[-1] / full[-1], 0.8, test),
+        below("voltage away from that of the circuit (share)", away, 1e-12),
+        below("thrust of six at full pulse, of that without sag", thrusts[-1] / full[-1], 0.8),
     ]
 
 
@@ -70,7 +67,7 @@ def _emptied(axes: Axes) -> Finding:
     plot_ref(axes, times[::600], open_circuit[::600], "open circuit, by the charge left")
     label(axes, "time (min)", "voltage (V)", "two T200 at 1700 µs", legend="lower left")
     what = "energy of the cells from full to empty"
-    return near(what, energy / 3600.0, 20.0, f"{FILE}::test_the_battery_energy_is_balanced", "Wh", rel=2e-4)
+    return near(what, energy / 3600.0, 20.0, "Wh", rel=2e-4)
 
 
 SHEETS = [Sheet("Battery", battery, columns=3, size=(9.5, 2.8))]

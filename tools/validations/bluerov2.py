@@ -16,7 +16,6 @@ from tools.validations.sheet import SHADES, WRONG, Finding, Sheet, above, below,
 
 STILL, NOTHING = (0.0, 0.0, 0.0), (0.0,) * 6
 REFERENCE = "others' code, Octave"
-VON_BENZON = "unit/sim/test_von_benzon.py"
 
 
 def difference(values: Sequence[float], expected: Sequence[float]) -> float:
@@ -55,10 +54,9 @@ def derivatives(panels: Sequence[Axes]) -> list[Finding]:
         axes.semilogy(shares, values, ".", color=color, markersize=4, label=name)
     axes.axhline(1e-8, color="k", linewidth=0.8, linestyle=":", label="bound of the test")
     label(axes, "states, sorted (%)", "difference from theirs\n(m/s², rad/s², or share)", legend="center right")
-    test = f"{VON_BENZON}::test_state_derivatives_equal_those_of_von_benzon"
     return [
-        below(f"worst of {len(still)} in still water", still[-1], 1e-8, test),
-        below(f"worst of {len(same)} in a current, turning left out", same[-1], 1e-8, test),
+        below(f"worst of {len(still)} in still water", still[-1], 1e-8),
+        below(f"worst of {len(same)} in a current, turning left out", same[-1], 1e-8),
     ]
 
 
@@ -123,10 +121,9 @@ def trajectories(panels: Sequence[Axes]) -> list[Finding]:
         same_steps = max(same_steps, furthest(name, flown))
         fine = max(fine, furthest(name, [(t, numbers(state)) for t, state in fly(name, "verlet", 8)]))
         _panel(axes, name, title, key, flown)
-    test = f"{VON_BENZON}::test_trajectories_equal_those_of_von_benzon"
     return [
-        below("Runge-Kutta, the same steps", same_steps, 1e-4, test),
-        below("Verlet, the default, 2.5 ms", fine, 2e-4, test),
+        below("Runge-Kutta, the same steps", same_steps, 1e-4),
+        below("Verlet, the default, 2.5 ms", fine, 2e-4),
     ]
 
 
@@ -160,8 +157,7 @@ def published_speeds(panels: Sequence[Axes]) -> list[Finding]:
         plot_ref(axes, [1.7 + 0.1 * axis], [published], "_" if axis else "table 4", size=10.0)
         axes.annotate(name, (1.7 + 0.1 * axis, published), (0, -13), textcoords="offset points", ha="center")
         what = f"{name} at {force:g} N"
-        test = f"{VON_BENZON}::test_top_speeds_equal_the_published_ones"
-        findings.append(near(what, speeds[-1], published, test, "m/s", rel))
+        findings.append(near(what, speeds[-1], published, "m/s", rel))
     axes.set(xlim=(0.0, 2.0), ylim=(0.4, 0.78))
     label(axes, "time (s)", "speed (m/s)", legend="lower right")
     return findings
@@ -193,7 +189,6 @@ def convergence(panels: Sequence[Axes]) -> list[Finding]:
     (axes,) = panels
     findings, steps = [], [2e3 / count for count in COUNTS]
     orders: dict[Integrator, tuple[int, str]] = {"verlet": (2, "Verlet"), "rk4": (4, "RK4")}
-    test = "unit/sim/test_dynamics.py::test_a_users_force_is_integrated_with_the_methods_order"
     for (integrator, (order, name)), color in zip(orders.items(), SHADES, strict=False):
         errors = errors_by_step(HEAVY, integrator)
         axes.loglog(steps, errors, "o-", color=color, markersize=3, label=f"ours, {name}")
@@ -201,14 +196,13 @@ def convergence(panels: Sequence[Axes]) -> list[Finding]:
         plot_ref(axes, steps, guide, "theory: step², step⁴" if order == 2 else "_")
         ratio = errors[1] / errors[2]
         what = f"{name}: error over that by half the step (order {log2(ratio):.2f})"
-        findings.append(above(what, ratio, 0.75 * 2**order, test))
+        findings.append(above(what, ratio, 0.75 * 2**order))
     linear = errors_by_step(LINEAR, "rk4")
     plot_own(axes, steps, linear, "ours, RK4, linear drag alone", SHADES[2])
     ticks(axes.xaxis, steps)
     label(axes, "step (ms)", "error after 2 s (m, m/s, rad/s)")
-    four = "unit/tools/test_validation.py::test_runge_kutta_is_of_fourth_order_with_linear_drag"
     what = "RK4, linear drag alone: least order of all halvings"
-    return [*findings, above(what, min(log2(a / b) for a, b in pairwise(linear)), 3.95, four)]
+    return [*findings, above(what, min(log2(a / b) for a, b in pairwise(linear)), 3.95)]
 
 
 def errors_by_step(vehicle: Vehicle, integrator: Integrator) -> list[float]:

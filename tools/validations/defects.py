@@ -13,8 +13,6 @@ from sim.vehicle.vehicle import Vehicle
 from tests.unit.sim.test_known_defects import DEEP, HEAVY, NOTHING, STILL
 from tools.validations.sheet import OURS, SHADES, WRONG, Finding, Sheet, above, label, near, plot_own, plot_ref, wrong
 
-FILE = "unit/sim/test_known_defects.py"
-
 
 def defects(panels: Sequence[Axes]) -> list[Finding]:
     """Left: position noise of the reference paper, a exp(µ²/(2 c²)), is never below a. Middle: quadratic drag with
@@ -33,11 +31,10 @@ def _noise(axes: Axes) -> list[Finding]:
     axes.hist(red, bins, color=WRONG, alpha=0.6, label="the paper's eq. 10")
     axes.hist(green, bins, color=OURS, histtype="step", label="ours")
     label(axes, "error of position (m)", "samples", "noise of 0.1 m", legend="upper right")
-    test = f"{FILE}::test_position_noise_has_zero_mean"
     return [
-        near("noise of 0.1 m: sd of ours", pstdev(green), a, test, "m", rel=0.02),
-        near("its mean", fmean(green), 0.0, test, "m", within=4.0 * a / 20_000**0.5),
-        above("the paper's: largest error", max(red), 50.0 * a, test, "m"),
+        near("noise of 0.1 m: sd of ours", pstdev(green), a, "m", rel=0.02),
+        near("its mean", fmean(green), 0.0, "m", within=4.0 * a / 20_000**0.5),
+        above("the paper's: largest error", max(red), 50.0 * a, "m"),
     ]
 
 
@@ -52,8 +49,7 @@ def _drag(axes: Axes) -> Finding:
     plot_own(axes, speeds, [quadratic(u) for u in speeds])
     plot_ref(axes, speeds[::10], [141.0 * u * u for u in speeds[::10]], "theory: 141 u²")
     label(axes, "speed ahead (m/s)", "quadratic drag (N)", "BlueROV2 Heavy", legend="upper left")
-    test = f"{FILE}::test_coriolis_is_skew_symmetric"
-    return near("quadratic drag at 0.5 m/s", quadratic(0.5), 141.0 * 0.25, test, "N", rel=1e-6)
+    return near("quadratic drag at 0.5 m/s", quadratic(0.5), 141.0 * 0.25, "N", rel=1e-6)
 
 
 def _start(axes: Axes) -> list[Finding]:
@@ -65,11 +61,10 @@ def _start(axes: Axes) -> list[Finding]:
         wrong(axes, times, _run(averaged, axis), f"one mean, {name}", "-" if axis else "--")
     label(axes, "time (s)", "speed (m/s)", "10 N, from rest", legend="lower right")
     weight = (13.5 - 13.4) * 9.82
-    test = f"{FILE}::test_each_axis_has_its_own_added_mass"
     own, other = _first(HEAVY), _first(averaged)
     return [
-        near("heave: first acceleration", own, (10.0 + weight) / 32.18, test, "m/s²", rel=1e-6),
-        above("with one mean added mass, of that", other / own, 1.3, test),
+        near("heave: first acceleration", own, (10.0 + weight) / 32.18, "m/s²", rel=1e-6),
+        above("with one mean added mass, of that", other / own, 1.3),
     ]
 
 

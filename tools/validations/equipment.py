@@ -15,7 +15,6 @@ from tests.unit.sim.vehicle import test_surfaces as held
 from tests.unit.sim.vehicle.test_surfaces import RHO, RUDDER, wrench
 from tools.validations.sheet import SHADES, Finding, Sheet, below, label, near, plot_own, plot_ref
 
-FILE, BALLAST = "unit/sim/vehicle/test_surfaces.py", "unit/sim/vehicle/test_ballast.py"
 BROADSIDE = 1.17  # Hoerner's square plate
 
 
@@ -43,10 +42,10 @@ def _polar(axes: Axes) -> list[Finding]:
     plot_ref(axes, [degrees(a) for a in wing + plate], lift, "theory: wing, flat plate")
     plot_ref(axes, [degrees(a) for a in wing + plate], drag, "_")
     label(axes, "angle of attack (deg)", "coefficient", legend="upper left")
-    test, highest = f"{FILE}::test_a_fin_stalls_beyond_its_angle", 0.6 * pi / (1.0 + sqrt(2.0))
+    highest = 0.6 * pi / (1.0 + sqrt(2.0))
     return [
-        near("lift coefficient at 0.3 rad", polar.at(0.3)[0], highest, test, rel=1e-6),
-        near("stalled, at 0.55 rad", polar.at(0.55)[0], 0.5 * BROADSIDE * sin(1.1), test, rel=1e-6),
+        near("lift coefficient at 0.3 rad", polar.at(0.3)[0], highest, rel=1e-6),
+        near("stalled, at 0.55 rad", polar.at(0.55)[0], 0.5 * BROADSIDE * sin(1.1), rel=1e-6),
     ]
 
 
@@ -58,10 +57,9 @@ def _slopes(axes: Axes) -> list[Finding]:
     plot_ref(axes, wings, [2.0 * pi for _ in wings], "_")
     axes.set_xscale("log")
     label(axes, "aspect ratio", "lift slope (1/rad)", legend="upper left")
-    test = f"{FILE}::test_known_wings_have_their_lift_slope"
     return [
-        near("lift slope of aspect ratio 10 000 (2π)", lift_slope(1e4), 2.0 * pi, test, "1/rad", rel=1e-3),
-        near("lift slope of aspect ratio 0.1 (Jones)", lift_slope(0.1), 0.05 * pi, test, "1/rad", rel=1e-2),
+        near("lift slope of aspect ratio 10 000 (2π)", lift_slope(1e4), 2.0 * pi, "1/rad", rel=1e-3),
+        near("lift slope of aspect ratio 0.1 (Jones)", lift_slope(0.1), 0.05 * pi, "1/rad", rel=1e-2),
     ]
 
 
@@ -75,7 +73,7 @@ def _power() -> Finding:
             parts = [a * b for a, b in zip(wrench(make(random), *nu), nu, strict=True)]
             worst = max(worst, sum(parts) / sum(map(abs, parts)))
     what = "power of fins, hulls and cross flow in 2000 random flows, largest (share; never above 0)"
-    return below(what, worst, 1e-12, f"{FILE}::test_no_surface_adds_energy")
+    return below(what, worst, 1e-12)
 
 
 # -- hull -------------------------------------------------------------------------------------------------------------
@@ -102,10 +100,9 @@ def _lift(axes: Axes) -> list[Finding]:
         plot_ref(axes, [degrees(a) for a in dots], values, name)
     label(axes, "angle of the flow (deg)", "force (N)", "hull lift", legend="upper left")
     force, (up, drag) = _hull_force(0.1), _hull_theory(0.1)
-    test = f"{FILE}::test_hull_lift_has_its_value_at_an_angle"
     return [
-        near("lift of the hull at 0.1 rad", force[0], up, test, "N", rel=1e-6),
-        near("its drag", force[1], drag, test, "N", rel=1e-6),
+        near("lift of the hull at 0.1 rad", force[0], up, "N", rel=1e-6),
+        near("its drag", force[1], drag, "N", rel=1e-6),
     ]
 
 
@@ -134,8 +131,7 @@ def _munk(axes: Axes) -> Finding:
         plot_own(axes, sways, moments, f"ours, share {share:g}", color)
         plot_ref(axes, sways, theory, "theory" if share == 0.0 else "_")
     label(axes, "sway at 1.5 m/s ahead (m/s)", "moment to broadside (N m)", "Munk moment", legend="upper left")
-    test = "unit/sim/test_dynamics.py::test_the_munk_moment_scales_with_its_share"
-    return below("Munk moment away from its share of the ideal one (share)", worst, 1e-6, test)
+    return below("Munk moment away from its share of the ideal one (share)", worst, 1e-6)
 
 
 def _moment_to_broadside(dynamics: Dynamics, surge: float, sway: float) -> float:
@@ -156,10 +152,9 @@ def _cross_flow(axes: Axes) -> list[Finding]:
     plot_ref(axes, rates[::2], theory[::2], "theory")
     plot_ref(axes, rates[::2], [0.1 * y for y in sideways[::2]], "_")
     label(axes, "yaw rate (rad/s) or sway (m/s)", "drag (N m or N / 10)", "cross flow", legend="upper left")
-    test = f"{FILE}::test_cross_flow_drag_acts_on_sway_and_yaw"
     return [
-        near("yaw drag of the strips at 0.7 rad/s", yaw[14], theory[14], test, "N m", rel=0.005),
-        near("sway drag at 0.4 m/s", side[8], sideways[8], test, "N", rel=1e-6),
+        near("yaw drag of the strips at 0.7 rad/s", yaw[14], theory[14], "N m", rel=0.005),
+        near("sway drag at 0.4 m/s", side[8], sideways[8], "N", rel=1e-6),
     ]
 
 
@@ -199,13 +194,12 @@ def _drop(axes: Axes) -> list[Finding]:
     plot_own(axes, times[:151], [-w for w in speeds[:151]])
     axes.axhline(terminal, color="k", linestyle=":", label="theory: √(2 kg g / drag)")
     label(axes, "time (s)", "speed up (m/s)", "2 kg dropped at 5 s", legend="lower right")
-    test = f"{BALLAST}::test_a_vehicle_rises_after_release_as_its_remaining_mass_allows"
     simulation = ballast.at_sea(vehicle, 50.0)
     simulation.step(ballast.idle(vehicle, keel=1701))
     start = -2.0 * 9.8 / (vehicle.mass - 2.0 + vehicle.added_mass[2])
     return [
-        near("2 kg dropped: speed of rising", -speeds[-1], terminal, test, "m/s", rel=0.01),
-        near("acceleration at once", simulation.state.nu_dot[2], start, test, "m/s²", rel=1e-6),
+        near("2 kg dropped: speed of rising", -speeds[-1], terminal, "m/s", rel=0.01),
+        near("acceleration at once", simulation.state.nu_dot[2], start, "m/s²", rel=1e-6),
     ]
 
 
@@ -213,12 +207,11 @@ def _engine(axes: Axes) -> list[Finding]:
     vehicle = ballast.BARE._replace(buoyancy_engine=ballast.ENGINE._replace(rate=1e-4))
     times, speeds = _heave(vehicle, [(1900, 120.0), (1100, 120.0)], "buoyancy_engine")
     plot_own(axes, times, [-w for w in speeds])
-    test = f"{BALLAST}::test_a_buoyancy_engine_gives_the_speed_of_its_lift"
     findings = []
     for volume, sign, second, name in ((455e-6, 1.0, 120, "full"), (420e-6, -1.0, 240, "empty")):
         theory = sign * sqrt(WATER * volume / DRAG)
         axes.plot([second - 70, second], [theory, theory], "k:", label="theory: √(lift / drag)" if sign > 0 else "_")
-        findings.append(near(f"bladder {name}: speed up", -speeds[5 * second], theory, test, "m/s", rel=1e-3))
+        findings.append(near(f"bladder {name}: speed up", -speeds[5 * second], theory, "m/s", rel=1e-3))
     label(axes, "time (s)", "speed up (m/s)", "bladder full, then empty", legend="upper right")
     axes.set_ylim(-0.11, 0.15)
     return findings
@@ -246,8 +239,7 @@ def _bobbing(axes: Axes) -> Finding:
     axes.set_ylim(-12.0, 17.0)
     label(axes, "time (s)", "depth about its draught (mm)", "afloat on 30 l", legend="upper right")
     period = (crossings[-1] - crossings[0]) / (len(crossings) - 1)
-    test = f"{BALLAST}::test_bobbing_at_the_surface_has_the_period_of_the_water_plane"
-    return near("period of bobbing", period, theory, test, "s", rel=0.01)
+    return near("period of bobbing", period, theory, "s", rel=0.01)
 
 
 SHEETS = [

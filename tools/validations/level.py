@@ -10,7 +10,6 @@ from tests.support.flights.level_flight import FIELD, MAX_TILT, OPEN, LevelFligh
 from tools.validations.sheet import Finding, Sheet, label
 
 SHARES = (0.5, 0.75, 1.0)
-TEST = "system/sim/test_level_flight.py::{}"
 
 
 def level_flight(panels: Sequence[Axes]) -> list[Finding]:
@@ -42,13 +41,10 @@ def _finding(name: str, limit: float | None, swims: bool, flown: list[LevelFligh
     angles = f"pitch {pitch}°; roll {roll}°"
     worst = max(one.tilt for one in flown)
     if limit:
-        test = TEST.format("test_a_vehicle_stays_level_up_to_the_speed_in_its_file")
-        return Finding(what, angles, f"level to {limit:g} m/s", test, worst > MAX_TILT)
+        return Finding(what, angles, f"level to {limit:g} m/s", worst > MAX_TILT)
     if swims:
-        test = TEST.format("test_a_torpedo_stays_level_at_its_top_speed")
-        return Finding(what, angles, "tilt < 20°", test, worst < 20.0)
-    test = TEST.format("test_a_vehicle_stays_level_up_to_its_top_speed_among_obstacles")
-    return Finding(what, angles, f"tilt < {MAX_TILT:g}°", test, worst < MAX_TILT)
+        return Finding(what, angles, "tilt < 20°", worst < 20.0)
+    return Finding(what, angles, f"tilt < {MAX_TILT:g}°", worst < MAX_TILT)
 
 
 SHEETS = [Sheet("Level flight", level_flight, size=(9.0, 3.6))]

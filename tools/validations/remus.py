@@ -15,7 +15,6 @@ from tools.validations.sheet import OURS, Finding, Sheet, below, label, near, pl
 
 AXES = ("surge", "sway", "heave", "roll", "pitch", "yaw")
 SHARES = (0.013, 0.098, 0.072, 0.010, 0.096, 0.139)  # as in the test
-FILE = "unit/sim/test_remus.py"
 MSS = "MSS, Octave"
 
 
@@ -60,9 +59,7 @@ def remus_derivatives(panels: Sequence[Axes]) -> list[Finding]:
     differs by the shares below. Most of it is cross-flow drag: ours combines sway and heave, MSS computes each
     separately."""
     slopes = _with_ours()
-    test = f"{FILE}::test_our_derivatives_differ_from_mss_by_the_stated_amount"
-    agree = f"{FILE}::test_derivatives_equal_mss_except_for_five_terms"
-    findings = [below("with their five terms in place of ours", _with_their_terms(), 1e-8, agree)]
+    findings = [below("with their five terms in place of ours", _with_their_terms(), 1e-8)]
     for axis, (axes, name, share) in enumerate(zip(panels, AXES, SHARES, strict=True)):
         x, y = [sample.slope[axis] for sample in SAMPLES[:100]], [row[axis] for row in slopes]
         ends = [min(x), max(x)]
@@ -71,7 +68,7 @@ def remus_derivatives(panels: Sequence[Axes]) -> list[Finding]:
         unit = "m/s²" if axis < 3 else "rad/s²"
         label(axes, f"MSS ({unit})", f"ours ({unit})", name, legend="")
         away = sqrt(sum((a - b) ** 2 for a, b in zip(x, y, strict=True)) / sum(a * a for a in x))
-        findings.append(near(f"{name}, all terms ours: share away from MSS", away, share, test, within=0.001))
+        findings.append(near(f"{name}, all terms ours: share away from MSS", away, share, within=0.001))
     return findings[::-1]
 
 
@@ -93,11 +90,10 @@ def _surge_step(axes: Axes) -> list[Finding]:
     plot_own(axes, [0.1 * i for i in range(101)], speeds[:101])
     plot_ref(axes, [row["t"] for row in rows[:11]], [row["u"] for row in rows[:11]], MSS)
     label(axes, "time (s)", "u (m/s)", "1525 rpm from rest", legend="lower right")
-    test = f"{FILE}::test_a_surge_step_follows_mss"
     away = max(abs(a - row["u"]) for a, row in zip(speeds[::10], rows, strict=True))
     return [
-        near("speed at 1525 rpm", speeds[-1], rows[-1]["u"], test, "m/s", within=0.001),
-        below("surge step: furthest in a minute", away, 0.015, test, "m/s"),
+        near("speed at 1525 rpm", speeds[-1], rows[-1]["u"], "m/s", within=0.001),
+        below("surge step: furthest in a minute", away, 0.015, "m/s"),
     ]
 
 
@@ -112,12 +108,11 @@ def _turning_circle(axes: Axes) -> list[Finding]:
     plot_ref(axes, [row["y"] for row in rows[shown]], [row["x"] for row in rows[shown]], MSS)
     axes.set_aspect("equal", "datalim")
     label(axes, "east (m)", "north (m)", "20° of rudder at 1200 rpm", legend="center")
-    test = f"{FILE}::test_a_turning_circle_follows_mss"
     radius, mss = sqrt(sum(x * x for x in run.nu[:3])) / run.nu[5], last["U"] / last["r"]
     what = f"radius of the circle, {100.0 * (radius / mss - 1.0):.1f} % wider than the {mss:.2f} m of MSS"
     return [
-        near(what, radius, 10.95, test, "m", within=0.02),
-        near("its sway speed, of theirs", run.nu[1] / last["v"], 1.0, test, rel=0.01),
+        near(what, radius, 10.95, "m", within=0.02),
+        near("its sway speed, of theirs", run.nu[1] / last["v"], 1.0, rel=0.01),
     ]
 
 
@@ -137,10 +132,9 @@ def _zigzag(axes: Axes) -> list[Finding]:
     plot_own(axes, times[:1251], [degrees(x) for x in headings[:1251]])
     plot_ref(axes, [row["t"] for row in rows[20:71]], [degrees(row["psi"]) for row in rows[20:71]], MSS)
     label(axes, "time (s)", "heading (deg)", "zig-zag 20/20", legend="")
-    test = f"{FILE}::test_a_zigzag_follows_mss"
     return [
-        near("zig-zag: greatest heading", degrees(max(headings)), degrees(0.3876), test, "deg", within=degrees(0.006)),
-        below("its place after 230 m", away, 1.5, test, "m"),
+        near("zig-zag: greatest heading", degrees(max(headings)), degrees(0.3876), "deg", within=degrees(0.006)),
+        below("its place after 230 m", away, 1.5, "m"),
     ]
 
 
@@ -153,8 +147,7 @@ def _dive(axes: Axes) -> list[Finding]:
     plot_ref(axes, [row["t"] for row in rows[::4]], [row["z"] for row in rows[::4]], MSS)
     axes.invert_yaxis()
     label(axes, "time (s)", "depth (m)", "5° of planes", legend="")
-    test = f"{FILE}::test_a_dive_follows_mss"
-    return [near("depth after a dive of 60 s", depths[-1], rows[-1]["z"], test, "m", rel=0.005)]
+    return [near("depth after a dive of 60 s", depths[-1], rows[-1]["z"], "m", rel=0.005)]
 
 
 SHEETS = [

@@ -13,15 +13,11 @@ SHADES = ("#08306b", "#2171b5", "#6baed6", "#9ecae1")
 
 
 class Finding(NamedTuple):
-    """A figure of this run: description, value, bound, the test that checks it, and whether it is within the bound.
-
-    `test` is a pytest address below tests/: "unit/sim/vehicle/test_buoyancy.py::test_bobbing_has_its_period".
-    """
+    """A figure of this run: description, value, bound, and whether it is within the bound."""
 
     what: str
     result: str
     bound: str
-    test: str
     holds: bool
 
 
@@ -43,24 +39,22 @@ class Sheet(NamedTuple):
         return self.draw.__name__
 
 
-def below(what: str, value: float, bound: float, test: str, unit: str = "") -> Finding:
+def below(what: str, value: float, bound: float, unit: str = "") -> Finding:
     """Return a finding, such as an error, that has to be below `bound`."""
-    return Finding(what, _text(value, unit), f"< {_text(bound, unit)}", test, value < bound)
+    return Finding(what, _text(value, unit), f"< {_text(bound, unit)}", value < bound)
 
 
-def above(what: str, value: float, bound: float, test: str, unit: str = "") -> Finding:
+def above(what: str, value: float, bound: float, unit: str = "") -> Finding:
     """Return a finding that has to be above `bound`."""
-    return Finding(what, _text(value, unit), f"> {_text(bound, unit)}", test, value > bound)
+    return Finding(what, _text(value, unit), f"> {_text(bound, unit)}", value > bound)
 
 
-def near(
-    what: str, value: float, expected: float, test: str, unit: str = "", rel: float = 0.0, within: float = 0.0
-) -> Finding:
+def near(what: str, value: float, expected: float, unit: str = "", rel: float = 0.0, within: float = 0.0) -> Finding:
     """Return a finding that has to equal `expected` to a share of `rel` or to `within`, in its unit."""
     most = max(rel * abs(expected), within)
     margin = _text(within, unit) if within else f"{100.0 * rel:g} %"
     shown = _text(value, unit, 4)
-    return Finding(what, shown, f"{_text(expected, unit, 4)} ± {margin}", test, abs(value - expected) <= most)
+    return Finding(what, shown, f"{_text(expected, unit, 4)} ± {margin}", abs(value - expected) <= most)
 
 
 def _text(value: float, unit: str, digits: int = 3) -> str:

@@ -32,9 +32,6 @@ from tools.validations.sheet import (
     wrong,
 )
 
-CURRENTS, WAVES = "unit/sim/environment/test_currents.py", "unit/sim/environment/test_waves.py"
-
-
 # -- currents ---------------------------------------------------------------------------------------------------------
 
 
@@ -58,13 +55,11 @@ def _sizes(axes: Axes) -> list[Finding]:
     ticks(axes.yaxis, (0.1, 0.2, 0.5, 1.0, 2.0))
     ticks(axes.xaxis, (1.0, 3.0, 10.0, 30.0, 100.0))
     label(axes, "step (ms)", "sd of the current (m/s)", legend="upper right")
-    test = f"{CURRENTS}::test_the_formula_of_other_simulators_depends_on_the_step"
-    own = f"{CURRENTS}::test_a_wandering_current_has_its_mean_and_size_at_every_step"
     return [
-        near("Gauss-Markov current: sd at 10 ms", measured[0.01], flows.SD, own, "m/s", rel=0.07),
-        near("sd at 100 ms", measured[0.1], flows.SD, own, "m/s", rel=0.07),
-        near("others' formula: sd at 1 ms", red[0.001], 2.04, test, "m/s", rel=0.005),
-        near("the same at 100 ms", red[0.1], 0.205, test, "m/s", rel=0.005),
+        near("Gauss-Markov current: sd at 10 ms", measured[0.01], flows.SD, "m/s", rel=0.07),
+        near("sd at 100 ms", measured[0.1], flows.SD, "m/s", rel=0.07),
+        near("others' formula: sd at 1 ms", red[0.001], 2.04, "m/s", rel=0.005),
+        near("the same at 100 ms", red[0.1], 0.205, "m/s", rel=0.005),
     ]
 
 
@@ -82,11 +77,9 @@ def _means(axes: Axes) -> list[Finding]:
     axes.axhline(flows.MEAN, color=OURS, linestyle=":", linewidth=0.8)
     axes.set_ylim(-1.2, 2.2)
     label(axes, "time (s)", "current (m/s)", legend="upper right")
-    test = f"{CURRENTS}::test_the_formula_of_other_simulators_depends_on_the_step"
-    own = f"{CURRENTS}::test_a_wandering_current_has_its_mean_and_size_at_every_step"
     return [
-        near("mean of ours", fmean(path), flows.MEAN, own, "m/s", within=0.03),
-        below("mean of others', demanded: 1 m/s", abs(fmean(red)), 0.05, test, "m/s"),
+        near("mean of ours", fmean(path), flows.MEAN, "m/s", within=0.03),
+        below("mean of others', demanded: 1 m/s", abs(fmean(red)), 0.05, "m/s"),
     ]
 
 
@@ -108,10 +101,9 @@ def _tide(axes: Axes) -> list[Finding]:
     flood, ebb = flows.dave_tide(1.0, 255.0, 69.0), flows.dave_tide(-1.0, 255.0, 69.0)
     half = round(180.0 / TIDAL_SPEEDS["M2"] * flows.HOUR)
     turned = max(abs(a + b) for a, b in zip(current(0, 3.0), current(half, 3.0), strict=True))
-    test = f"{CURRENTS}::test_the_tidal_current_reverses_its_direction"
     return [
-        below("tide and that of half a period later, added", turned, 1e-9, test, "m/s"),
-        above("DAVE: cosine between flood and ebb", flood[0] * ebb[0] + flood[1] * ebb[1], 0.99, test),
+        below("tide and that of half a period later, added", turned, 1e-9, "m/s"),
+        above("DAVE: cosine between flood and ebb", flood[0] * ebb[0] + flood[1] * ebb[1], 0.99),
     ]
 
 
@@ -137,10 +129,9 @@ def carried(panels: Sequence[Axes]) -> list[Finding]:
         apart.semilogy([0.1 * (i + 1) for i in range(len(away))], away, color=color, label=name)
         ends[name] = away[-1]
     label(apart, "time (s)", "distance of the two (m)", legend="center right")
-    test = "unit/sim/test_dynamics.py::test_motion_in_a_current_equals_motion_in_still_water"
     return [
-        below("seen from the water, RK4, 4 s: distance", ends["ours, RK4, 2 ms"], 1e-8, test, "m"),
-        below("the same, Verlet", ends["ours, Verlet, 2 ms"], 5e-5, test, "m"),
+        below("seen from the water, RK4, 4 s: distance", ends["ours, RK4, 2 ms"], 1e-8, "m"),
+        below("the same, Verlet", ends["ours, Verlet, 2 ms"], 5e-5, "m"),
         _adrift(adrift),
     ]
 
@@ -178,8 +169,7 @@ def _adrift(axes: Axes) -> Finding:
     axes.set_ylim(-0.25, 0.6)
     label(axes, "time (s)", "speed over ground (m/s)", legend="upper right")
     away = max(abs(a - b) for a, b in zip(speeds[-1], current, strict=True))
-    test = "unit/sim/test_known_defects.py::test_a_current_moves_a_drifting_vehicle"
-    return below("adrift for a minute: speed away from the water's", away, 0.02, test, "m/s")
+    return below("adrift for a minute: speed away from the water's", away, 0.02, "m/s")
 
 
 # -- waves ------------------------------------------------------------------------------------------------------------
@@ -205,11 +195,9 @@ def _spectrum(axes: Axes) -> list[Finding]:
     tested = WaveField(waves, 30.0, swell.G, 5)
     heights = [tested.elevation(0.7 * i, 3.0, -4.0) for i in range(10_000)]
     energy = sum(0.5 * wave.amplitude**2 for wave in components(waves, 50.0, swell.G, 3)) / (1.5**2 / 16.0)
-    size = f"{WAVES}::test_the_elevation_has_its_variance_and_zero_mean"
-    share = f"{WAVES}::test_the_components_have_the_energy_of_the_spectrum"
     return [
-        near("significant height of two hours", 4.0 * pstdev(heights), 1.5, size, "m", rel=0.04),
-        below("energy of the components away from Hs²/16 (share)", abs(energy - 1.0), 1e-12, share),
+        near("significant height of two hours", 4.0 * pstdev(heights), 1.5, "m", rel=0.04),
+        below("energy of the components away from Hs²/16 (share)", abs(energy - 1.0), 1e-12),
     ]
 
 
@@ -239,11 +227,9 @@ def _orbits(axes: Axes) -> list[Finding]:
         plot_ref(axes, [v for _, v in theory[::2]], distances[::2], "Airy" if depth < 100.0 else "_")
     axes.invert_yaxis()
     label(axes, "greatest orbital speed (m/s)", "depth (m)", legend="lower right")
-    deep = f"{WAVES}::test_orbits_decay_exponentially_in_deep_water"
-    near_seabed = f"{WAVES}::test_orbits_are_flat_at_a_near_seabed"
     return [
-        below("orbital speed in deep water away from Airy (share of the surface's)", worst[0], 1e-3, deep),
-        below("over a seabed at 5 m", worst[1], 1e-3, near_seabed),
+        below("orbital speed in deep water away from Airy (share of the surface's)", worst[0], 1e-3),
+        below("over a seabed at 5 m", worst[1], 1e-3),
     ]
 
 
@@ -267,8 +253,7 @@ def _dispersion(axes: Axes) -> Finding:
     shallow = [w for w in omegas[::4] if w < 2.5]
     axes.plot(shallow, [w / (swell.G * 0.1) ** 0.5 for w in shallow], "k+", label="0.1 m: ω / √(g h)")
     label(axes, "angular frequency (rad/s)", "wave number (rad/m)", legend="lower right")
-    test = f"{WAVES}::test_every_component_follows_the_dispersion_relation"
-    return below("dispersion away from g k tanh(k h) (share)", worst, 1e-12, test)
+    return below("dispersion away from g k tanh(k h) (share)", worst, 1e-12)
 
 
 SHEETS = [
