@@ -83,12 +83,7 @@ def _free_body(axes: Axes) -> list[Finding]:
     power = abs(WrongSign(2.0).wrench((), (0.0,) * 9, nu)[0] * nu[0])
     return [
         below("free body, RK4: energy gained or lost in 10 s (share)", abs(energies[-1] - 1.0), 1e-8),
-        above(
-            "power made by the wrong sign, M_A = diag(1..6), nu = (1..6)",
-            power,
-            40.0,
-            "W",
-        ),
+        above("power made by the wrong sign, M_A = diag(1..6), nu = (1..6)", power, 40.0, "W"),
     ]
 
 

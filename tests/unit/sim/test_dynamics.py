@@ -94,24 +94,6 @@ def test_added_mass_six_times_the_mass_is_stable(integrator: Integrator) -> None
         assert max(map(abs, state.nu)) < 1.0
 
 
-@pytest.mark.parametrize("integrator", ["verlet", "rk4"])
-def test_motion_in_a_current_equals_motion_in_still_water(integrator: Integrator) -> None:
-    """The motion in a steady current equals that in still water, relative to the water, turning included (Galileo)."""
-    current, dt, steps = (0.4, -0.3, 0.1), 0.002, 2000
-    q, nu = from_euler(0.3, -0.2, 0.9), [0.5, -0.2, 0.1, 0.4, -0.3, 0.8]
-    moving = [a + b for a, b in zip(nu[:3], rotate_inverse(q, current), strict=True)] + nu[3:]
-    calm, carried = State((0.0, 0.0, DEEP), q, nu), State((0.0, 0.0, DEEP), q, moving)
-    dynamics = Dynamics(HEAVY, 1000.0, 9.82, integrator)
-    for _ in range(steps):
-        dynamics.step(calm, (20.0, 5.0, 0.0, 0.0, 0.0, 1.0), STILL, dt)
-        dynamics.step(carried, (20.0, 5.0, 0.0, 0.0, 0.0, 1.0), current, dt)
-    drift = [c * dt * steps for c in current]
-    expected = [a + d for a, d in zip(calm.position, drift, strict=True)]
-    within = 1e-8 if integrator == "rk4" else 5e-5
-    assert carried.position == pytest.approx(expected, abs=within)
-    assert carried.quaternion == pytest.approx(calm.quaternion, abs=within)
-
-
 def test_a_drifting_vehicle_reaches_the_speed_of_the_current() -> None:
     dynamics = Dynamics(HEAVY._replace(neutrally_buoyant=True), 1000.0, 9.82)
     state = State((0.0, 0.0, DEEP), from_euler(0.0, 0.0, 1.0))

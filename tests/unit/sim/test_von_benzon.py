@@ -2,15 +2,15 @@
 
 import csv
 from collections.abc import Callable, Iterator, Sequence
-from math import pi, sin
+from math import sin
 from pathlib import Path
 
 import pytest
 
 from sim import rotations
-from sim.dynamics import Dynamics, Integrator, State
+from sim.dynamics import Dynamics
 from sim.matrices import cross_matrix, product, square
-from sim.rotations import Rotation, from_euler, rotate, to_euler
+from sim.rotations import Rotation, from_euler, rotate
 from sim.vehicle.vehicle import load_vehicle
 
 VECTORS = Path(__file__).parents[2] / "vectors"
@@ -95,56 +95,3 @@ CASES: dict[str, Callable[[float], Wrench]] = {
     "sway_85N": from_one_second(0, 85, 0, 0, 0, 0),
     "yaw_10Nm": from_one_second(0, 0, 0, 0, 0, 10),
 }
-
-
-def fly(name: str, integrator: Integrator, splits: int) -> Iterator[tuple[State, Row]]:
-    """Yield the state after each second and theirs; their steps of 0.02 s with constant inputs are divided."""
-    current = CURRENT if name.startswith("current") else (0.0, 0.0, 0.0)
-    dynamics = Dynamics(HEAVY, DENSITY, GRAVITY, integrator, [LeftOut(current)] if any(current) else [])
-    rows = [row for row in rows_of("vonbenzon_fossen_trajectories.csv") if row["case"] == name]
-    state = State((0.0, 0.0, DEEP), from_euler(*pick(rows[0], "phi theta psi")), pick(rows[0], "u v w p q r"))
-    for second, row in enumerate(rows[1:]):
-        for step in range(50):
-            wrench = CASES[name](second + 0.02 * step)
-            for _ in range(splits):
-                dynamics.step(state, wrench, current, 0.02 / splits)
-        yield state, row
-
-
-@pytest.mark.parametrize(
-    ("integrator", "splits", "within"), [("rk4", 1, 1e-4), ("verlet", 8, 2e-4)], ids=["rk4", "verlet"]
-)
-@pytest.mark.parametrize("name", CASES)
-def test_trajectories_equal_those_of_von_benzon(name: str, integrator: Integrator, splits: int, within: float) -> None:
-    """Positions, attitudes and speeds (m, rad, m/s, rad/s) agree each second for 15 to 40 s.
-
-    Step for step with their Runge-Kutta to 1e-4: 1e-7 but for the sines, 5e-5. With the default integrator and
-    step, 2.5 ms, to 9e-5.
-    """
-    seconds = 0
-    for state, row in fly(name, integrator, splits):
-        seconds += 1
-        north, east, down = state.position
-        assert [north, east, down - DEEP] == pytest.approx(pick(row, "x y z"), rel=within, abs=within)
-        assert state.nu == pytest.approx(pick(row, "u v w p q r"), rel=within, abs=within)
-        turned = [a - b for a, b in zip(to_euler(state.quaternion), pick(row, "phi theta psi"), strict=True)]
-        assert [(angle + pi) % (2.0 * pi) - pi for angle in turned] == pytest.approx([0.0] * 3, abs=within)
-    assert seconds >= 15
-
-
-@pytest.mark.parametrize(
-    ("axis", "force", "published", "within"),
-    [(0, 85.0, 0.72, 0.015), (1, 85.0, 0.63, 0.01), (2, 120.0, 0.71, 0.01)],
-    ids=["surge", "sway", "heave"],
-)
-def test_top_speeds_equal_the_published_ones(axis: int, force: float, published: float, within: float) -> None:
-    """The speeds are those of table 4 of the paper, within 1 %; the vehicle is 1 N heavy, which it includes. Surge is
-    within 1.5 %: the paper's own damping, (13.7 + 141 u) u = 85, gives 0.729 where it prints 0.72.
-    """
-    dynamics = Dynamics(HEAVY._replace(neutrally_buoyant=axis != 2), DENSITY, GRAVITY)
-    wrench = [force if i == axis else 0.0 for i in range(6)]
-    state = State((0.0, 0.0, DEEP))
-    for _ in range(4000):
-        dynamics.step(state, wrench, (0.0, 0.0, 0.0), 0.0025)
-        state.quaternion = [1.0, 0.0, 0.0, 0.0]
-    assert state.nu[axis] == pytest.approx(published, rel=within)

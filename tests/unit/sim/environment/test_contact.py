@@ -6,7 +6,6 @@ from random import Random
 
 import pytest
 
-from sim.assembly import make_dynamics
 from sim.dynamics import Dynamics, State
 from sim.environment.collision import Contact, starts_inside
 from sim.environment.contact.impulses import Touch
@@ -17,7 +16,7 @@ from sim.sensors.sensor_set import SensorSet
 from sim.simulation import Simulation
 from sim.vehicle.collision_shape import Collision
 from sim.vehicle.vehicle import Vehicle, load_vehicle
-from tests.support.collisions import check_collisions_add_no_energy, total_energy
+from tests.support.collisions import check_collisions_add_no_energy
 
 VEHICLE, _ = load_vehicle("paper_six")
 SEA = World(
@@ -78,24 +77,6 @@ def sinking(**changes: object) -> Vehicle:
         linear_damping=(0.0,) * 6, quadratic_damping=(0.0,) * 6,
     )  # fmt: skip
     return vehicle._replace(**{"collision": Collision(restitution=0.0), **changes})  # type: ignore[arg-type]
-
-
-@pytest.mark.parametrize("position", [(-8.0, -8.0, 2.0), (-5.0, 0.1, 2.0), (-5.0, 1.6, 2.0), (0.0, 4.9, 2.0)])
-def test_a_falling_vehicle_never_gains_energy(position: tuple[float, float, float]) -> None:
-    """Total energy falls step by step on the seabed, on top of a stump, on its edge and down along a box."""
-    vehicle = sinking()
-    dynamics = make_dynamics(vehicle, SEA.density, SEA.gravity, "rk4")
-    contact = Contact(vehicle, SEA, dynamics.inverse_mass)
-    state = State(position, nu=(0.3, -0.4, 0.0, 0.0, 0.0, 0.0))
-    last, touched = total_energy(dynamics, state), 0
-    for _ in range(2000):
-        dynamics.step(state, (0.0,) * 6, (0.0, 0.0, 0.0), STEP_NS * 1e-9)
-        touched += contact.resolve(state)
-        now = total_energy(dynamics, state)
-        assert now <= last + 1e-5  # of some hundred joules
-        last = now
-    assert touched > 0
-    assert contact.count >= 1
 
 
 def test_a_vehicle_rests_on_top_of_a_stump() -> None:

@@ -64,14 +64,6 @@ def sampled(current: Current, dt_ns: int, seconds: float) -> list[float]:
     return [current(i * dt_ns, 0.0)[0] for i in range(round(seconds * SECOND / dt_ns))]
 
 
-def test_the_formula_of_other_simulators_depends_on_the_step() -> None:
-    """The same current has an sd of 2.04, 0.646 and 0.205 m/s at steps of 1, 10 and 100 ms by the formula of others."""
-    sizes = [gazebo_spread(0.1, 0.1, dt) for dt in (0.001, 0.01, 0.1)]
-    assert sizes == pytest.approx([2.04, 0.646, 0.205], rel=0.005)
-    assert pstdev(gazebo_path(0.1, 0.1, 0.1, 0.0, 20_000.0)) == pytest.approx(sizes[2], rel=0.1)
-    assert abs(fmean(gazebo_path(0.1, 0.1, 0.1, 1.0, 20_000.0))) < 0.05  # and it was to have mean 1
-
-
 def test_a_wandering_current_has_its_mean_and_size_at_every_step() -> None:
     """The same seed gives the same current, whatever the step, and its mean and size are the requested ones."""
     paths = {

@@ -36,16 +36,6 @@ def uuv_simulator(rate: float, seconds: float) -> list[float]:
     return values
 
 
-def test_a_bias_has_its_size_at_every_rate() -> None:
-    """The formulae of others give a size that depends on the rate; the exact process does not."""
-    assert pstdev(hector(100.0, 400.0)) == pytest.approx(0.103 * SD, rel=0.15)
-    assert pstdev(hector(1000.0, 200.0)) == pytest.approx(0.032 * SD, rel=0.15)
-    others = [pstdev(uuv_simulator(rate, 200.0)) for rate in (10.0, 100.0)]
-    assert others[1] > 2.5 * others[0]
-    for rate in RATES:
-        assert pstdev(series(ErrorModel(bias=SD, bias_time=TAU), rate, 300.0)) == pytest.approx(SD, rel=0.1)
-
-
 @pytest.mark.parametrize("rate", RATES)
 def test_a_bias_wanders_equally_fast_at_every_rate(rate: float) -> None:
     """The change over 0.1 s has the variance 2 sd² (1 - exp(-0.1 / tau))."""

@@ -1,6 +1,6 @@
 """Buoyancy engine, drop weights, layers of density and waves at the surface."""
 
-from math import pi, sqrt
+from math import sqrt
 from pathlib import Path
 
 import pytest
@@ -54,16 +54,6 @@ def test_a_buoyancy_engine_pumps_at_its_rate_between_its_limits() -> None:
         assert bladder.volume == pytest.approx(volume, rel=1e-9)
 
 
-def test_a_buoyancy_engine_gives_the_speed_of_its_lift() -> None:
-    """The lift of 455 cm³ of sea water is 4.57 N; the hull drags 601 N at 1 m/s."""
-    vehicle = BARE._replace(buoyancy_engine=ENGINE._replace(rate=1e-4))
-    simulation = at_sea(vehicle, 200.0)
-    for pulse, volume, sign in ((1900, 455e-6, -1.0), (1100, 420e-6, 1.0)):
-        for _ in range(12_000):
-            simulation.step(idle(vehicle, buoyancy_engine=pulse))
-        assert simulation.state.nu[2] == pytest.approx(sign * sqrt(1025.0 * 9.8 * volume / 601.27), rel=1e-3)
-
-
 def test_a_buoyancy_engine_off_the_middle_pitches_the_vehicle() -> None:
     vehicle = BARE._replace(
         buoyancy_engine=ENGINE._replace(position=(0.2, 0.0, 0.0), rate=1.0),
@@ -76,28 +66,6 @@ def test_a_buoyancy_engine_off_the_middle_pitches_the_vehicle() -> None:
     assert to_euler(simulation.state.quaternion)[1] == pytest.approx(
         0.2 * 1025.0 * 9.8 * 455e-6 / stiffness, rel=0.1
     )  # bow up
-
-
-def test_bobbing_at_the_surface_has_the_period_of_the_water_plane() -> None:
-    """The period with a full bladder is 2 pi sqrt((m + m_a) / (rho g A)), A that of the box."""
-    engine = ENGINE._replace(rate=1.0, max_volume=30_500e-6)  # 30 l, so that it floats about a fifth out of the water
-    vehicle = BARE._replace(buoyancy_engine=engine, quadratic_damping=(0.0,) * 6)
-    simulation = at_sea(vehicle, 0.0)
-    height = vehicle.dimensions[2]
-    plane = vehicle.mass / 1025.0 / height  # the box has the volume displaced, not length x width x height
-    afloat = height * (0.5 - 30e-3 * 1025.0 / vehicle.mass) + 0.007
-    simulation.state.position = [0.0, 0.0, afloat + 0.01]
-    crossings, before = [], 0.01
-    for _ in range(1500):
-        simulation.step(idle(vehicle, buoyancy_engine=1900))
-        now = simulation.state.position[2] - afloat
-        if before < 0.0 <= now:
-            crossings.append(simulation.time_ns * 1e-9)
-        before = now
-    period = (crossings[-1] - crossings[0]) / (len(crossings) - 1)
-    inertia = vehicle.mass + vehicle.added_mass[2]
-    assert len(crossings) > 5
-    assert period == pytest.approx(2.0 * pi * sqrt(inertia / (1025.0 * 9.8 * plane)), rel=0.01)
 
 
 # -- weights ------------------------------------------------------------------------------------------------------
