@@ -330,11 +330,6 @@ def test_a_wrong_scenario_is_one_clear_line(tmp_path: Path, text: str, messages:
         (["fly"], 2, "slave"),
         ([], 0, "usage"),
         (["--version"], 0, "uuv-hil"),
-        (["slave", "--help"], 0, "examples"),
-        (["master", "--help"], 0, "examples"),
-        (["demo", "--help"], 0, "examples"),
-        (["stm32", "--help"], 0, "examples"),
-        (["sim", "--help"], 0, "examples"),
     ],
 )
 def test_command_lines_give_their_exit_code_and_message(arguments: list[str], code: int, message: str) -> None:

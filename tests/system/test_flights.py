@@ -78,7 +78,6 @@ def test_the_mission_succeeds_over_every_link(tmp_path: Path) -> None:
             "'unicorn' does not speak [link] protocol = 'dronecan'",
         ),
         ('controller = "external"\nstm32 = "native"', "", "'native' would hide"),
-        ("", "[link.faults]\ndrop = 2", "link.faults: drop: 2 is outside 0 to 1"),
         ("", 'protocol = "mavlink"\noptions = { sistem = 2 }', "no key 'sistem'; did you mean 'system'?"),
     ],
 )

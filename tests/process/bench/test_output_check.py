@@ -14,9 +14,7 @@ from typing import Any
 import pytest
 
 from hil.bench import output_check
-from hil.bench.output_check import MAX_OFFSET_US, Finding
 from hil.cli import main
-from hil.commands.stm32.check import OFFSET, text
 from hil.common.children import module_command, package_environment
 from hil.links.contract import ThrusterCommand
 from hil.slave.drivers.driver import ThrusterDriver
@@ -195,7 +193,6 @@ def test_a_lost_link_ends_the_check(emulated_stm32: tuple[str, "subprocess.Popen
     [
         ([], "no device: name it with --port"),
         (["--port", "/dev/ttyUSB0", "--offset", "0"], "--offset: 0 turns nothing"),
-        (["--port", "/dev/ttyUSB0", "--offset", "300"], "--offset: expected a whole number from -150 to 150"),
         (["--stm32", "unicrn"], "--stm32"),
         (["--port", "/dev/ttyUSB0"], "nobody can be asked here: if the propellers are free, give --yes"),
     ],
@@ -213,18 +210,3 @@ def test_a_wrong_number_of_outputs_is_reported_and_nothing_turns(
 ) -> None:
     assert main(["stm32", "check", *QUICK, "--port", emulated_stm32[0]]) == 3
     assert "check --channels, --baud, --protocol and --frame; nothing was turned" in capsys.readouterr().err
-
-
-def test_the_pulse_offset_is_limited() -> None:
-    assert (OFFSET.low, OFFSET.high) == (-MAX_OFFSET_US, MAX_OFFSET_US)
-
-
-def test_a_finding_is_formatted_as_one_line() -> None:
-    finding = Finding(2, 1560, 12.34, 1560, (), {"rpm": 120, "A": 0.4})
-    assert text(finding, ("PA6", "PA7")) == "  output 2 (PA7): 1560 us confirmed after 12.3 ms; 120 rpm, 0.4 A"
-    assert text(finding._replace(confirmed_ms=None, reported_us=None, motor={}), ()) == (
-        "  output 2: NOT CONFIRMED: no telemetry while it was to turn"
-    )
-    assert "telemetry shows 1530 us instead of 1560 us" in text(
-        finding._replace(confirmed_ms=None, reported_us=1530), ()
-    )

@@ -64,7 +64,6 @@ def test_mistakes_of_a_planner_are_reported(tmp_path: Path, scenario: Path, monk
         ({"class": "straight:Strait"}, "straight has no 'Strait'"),
         ({"class": "hil.common.clock:Histogram"}, "has no method 'begin'"),
         ({"class": "hil.master.avoid:Avoid", "serch": "astar"}, "no key 'serch'; did you mean 'search'"),
-        ({"class": "hil.master.follow:Follow"}, "key 'goal' is missing"),
         ({"north": 1.0}, 'expected a table with class = "module:Class"'),
     ):
         with pytest.raises(ConfigError, match=re.escape(messages)):

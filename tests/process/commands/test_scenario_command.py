@@ -43,18 +43,6 @@ def test_a_copy_is_the_same_scenario_and_replaces_no_file(capsys: pytest.Capture
     assert (code, "paper_field" in error) == (2, True)
 
 
-@pytest.mark.parametrize(("name", "command"), [("paper_field", "sim {} --fast"), ("target_hunting", "fleet up {}")])
-def test_a_copied_scenario_names_a_command_that_flies_it(
-    capsys: pytest.CaptureFixture[str], tmp_path: Path, name: str, command: str
-) -> None:
-    path = str(tmp_path / "mine.toml")
-    assert f"then uuv-hil {command.format(path)}\n" in run(capsys, "scenario", "new", path, "--copy", name)[1]
-
-
-def test_a_check_names_the_scenario_as_on_the_command_line(capsys: pytest.CaptureFixture[str]) -> None:
-    assert run(capsys, "scenario", "check", "paper_field") == (0, "paper_field: no problem found\n", "")
-
-
 @pytest.mark.parametrize(
     ("change", "level", "message"),
     [
@@ -251,15 +239,6 @@ def test_an_error_of_the_file_names_the_file_and_not_a_change(
     assert (code, error) == (2, f"uuv-hil sim: {path}: seed: -5 is outside 0 to 9.22337e+18\n")
     code, _, error = run(capsys, "campaign", "paper_field", "--vary", "master.speed=0.5,9")
     assert (code, "--set or --vary master.speed: 9 m/s is outside" in error) == (2, True), error
-
-
-@pytest.mark.parametrize(
-    ("change", "message"), [("master.sped=1", "did you mean 'speed'"), ("master", "is not NAME=VALUE")]
-)
-def test_an_unknown_key_is_one_line(capsys: pytest.CaptureFixture[str], change: str, message: str) -> None:
-    code, _, error = run(capsys, "scenario", "check", "paper_field", "--set", change)
-    assert (code, error.count("\n")) == (2, 1)
-    assert message in error
 
 
 def test_a_scenario_is_changed_for_one_flight(capsys: pytest.CaptureFixture[str]) -> None:

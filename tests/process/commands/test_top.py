@@ -12,7 +12,6 @@ import pytest
 
 from boards import Board, load_board
 from boards.tree import Tree
-from hil.cli import main
 from hil.client.client import VehicleClient
 from hil.client.health_watch import PACED, HealthWatch, Status
 from hil.commands.top.command import fit_lines, table
@@ -104,12 +103,6 @@ def test_lines_below_the_window_are_counted_and_remarks_stay() -> None:
     assert len(fit_lines(lines, 1, 1)) == 1
 
 
-@pytest.mark.parametrize("seconds", ["nan", "inf", "-1"])
-def test_an_invalid_waiting_time_is_refused(seconds: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["top", "--wait", seconds, "--once"]) == 2
-    assert f"--wait: expected a number from 0 to 86400 s, found '{seconds}'" in capsys.readouterr().err
-
-
 def test_a_missing_slave_is_reported_with_one_remedy(tmp_path: Path) -> None:
     with Program(tmp_path, "top", "--connect", f"tcp/127.0.0.1:{free_port()}", "--once", "--wait", "0.5") as top:
         assert top.process.wait(60) == 4, top.output
@@ -123,13 +116,6 @@ def test_prometheus_listens_at_an_ipv6_address() -> None:
         assert endpoint.address.startswith("http://[::1]:")
         with urllib.request.urlopen(endpoint.address, timeout=60) as answer:
             assert answer.status == 200
-
-
-@pytest.mark.parametrize("address", ["here", "127.0.0.1:99999"])
-def test_a_wrong_address_is_reported(address: str, tmp_path: Path) -> None:
-    with Program(tmp_path, "top", "--prometheus", address) as top:
-        assert top.process.wait(60) != 0
-    assert "expected [HOST:]PORT" in top.output
 
 
 def test_prometheus_shows_a_real_slave_until_it_ends(tmp_path: Path) -> None:
@@ -175,14 +161,6 @@ def test_every_figure_of_the_table_is_reported_by_a_slave(slave: int) -> None:
 
 def printed(**values: Any) -> Status:
     return Status("uuv1", 0, "running", reported(**values), {}, now_ns(), True)
-
-
-def test_faults_are_coloured() -> None:
-    text = table([printed(steps_skipped=3, throttled="the clock is capped")], ["uuv2"], colour=True)
-    assert "\x1b[33msteps skipped" in text
-    assert "\x1b[31mthrottled" in text
-    assert "silent: uuv2" in text
-    assert "\x1b" not in table([printed(steps_skipped=3)], [])
 
 
 def test_metrics_are_in_base_units() -> None:

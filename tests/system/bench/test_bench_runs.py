@@ -20,7 +20,6 @@ from hil.bench.load_run import Cost, Course, Setting
 from hil.bench.record import load
 from hil.bench.soak_run import RETURN_S
 from hil.cli import main
-from hil.commands.bench import jitter as bench_jitter
 from hil.common.clock import RateKeeper
 from hil.common.errors import NetworkError
 from tests.support.busy import retried_when_busy
@@ -96,23 +95,6 @@ def test_jitter_measures_a_real_slave(tmp_path: Path, capsys: pytest.CaptureFixt
         assert (late_us < 2000.0) == (share > 50.0), "half of the cycles are as late as the median or less"
     assert record.settings["scenario"] == "paper_field"
     assert record.settings["set"] == ["sensors.imu.rate=50"]
-
-
-@pytest.mark.parametrize(
-    ("arguments", "text"),
-    [
-        (["--cpus", "99"], "no processor 99"),
-        (["nowhere"], "no scenario 'nowhere'"),
-        (["--rates", "400,50"], "sensor 'imu'"),
-        (["--repeat", "0"], "--repeat"),
-    ],
-)
-def test_wrong_input_of_jitter_is_refused_before_measuring(
-    arguments: list[str], text: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setattr(bench_jitter, "cyclictest", lambda *_: pytest.fail("measured first"))
-    assert main(["bench", "jitter", *arguments]) == 2
-    assert text in capsys.readouterr().err
 
 
 def test_stream_measures_a_real_slave(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -202,16 +184,8 @@ def test_a_master_after_another_is_not_refused() -> None:
 @pytest.mark.parametrize(
     ("arguments", "text"),
     [
-        (["jitter", "--rates", "fast"], "--rates: expected a number from 50 to 5000 Hz, found 'fast'"),
-        (["jitter", "--seconds", "0"], "--seconds"),
-        (["load", "--vehicles", "1.5"], "--vehicles: expected a whole number from 1 to 64, found '1.5'"),
-        (["load", "--rates", "1e9"], "--rates"),
-        (["stream", "--seconds", "-1"], "--seconds"),
         (["soak", "--every", "10", "--leave-every", "10"], "--leave-every"),
         (["soak", "--hours", "0.001"], "--every"),
-        (["soak", "--leak", "nan"], "--leak"),
-        (["load", "--vehicles", "nan"], "--vehicles: expected"),
-        (["load", "--vehicles", "inf"], "--vehicles: expected"),
         (["stream", "target_hunting"], "this is a fleet (uuv1, uuv2, uuv3, uuv4), and a benchmark is of one vehicle"),
         (["table", "--plot", "table.xyz"], "unknown picture format"),
         (
@@ -221,14 +195,9 @@ def test_a_master_after_another_is_not_refused() -> None:
         (["table", "--set", "link.port=/dev/ttyNONE", "--set", "stm32=device"], "/dev/ttyNONE"),
         (["startup", "--set", "link.port=/dev/ttyNONE", "--set", "stm32=device"], "/dev/ttyNONE"),
         (["stream", "nowhere"], "no scenario 'nowhere'"),
-        (["stream", "--repeat", "0"], "--repeat"),
         (["stream", "--connect", "tcp/127.0.0.1:1", "--cpus", "0"], "start that slave with its own options"),
         (["stream", "--connect", "tcp/127.0.0.1:1", "--set", "seed=2"], "start that slave with its own options"),
-        (["stream", "--output", "/proc/no/file"], "cannot be written"),
-        (["load", "--plot", "/proc/no/file"], "cannot be written"),
         (["load", "--rates", "50", "--set", "slave.step=0.02"], "sensor 'imu'"),
-        (["soak", "--output", "/proc/no/file"], "cannot be written"),
-        (["jitter", "--output", "/proc/no/file"], "cannot be written"),
     ],
 )
 def test_wrong_input_is_reported(arguments: list[str], text: str, capsys: pytest.CaptureFixture[str]) -> None:

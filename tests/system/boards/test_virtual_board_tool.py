@@ -42,24 +42,6 @@ def test_the_documented_examples_are_parsed() -> None:
     assert options[-1].port == ["7447:7447"]
 
 
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ([], "VERB"),
-        (["fly"], "invalid choice"),
-        (["run", "slave"], "unrecognized arguments: slave"),
-        (["boot"], "boot needs a job after --"),
-        (["boot", "--port"], "expected one argument"),
-    ],
-)
-def test_a_wrong_command_line_is_refused(
-    capsys: pytest.CaptureFixture[str], arguments: list[str], message: str
-) -> None:
-    with pytest.raises(SystemExit):
-        tool.parse(arguments)
-    assert message in capsys.readouterr().err
-
-
 def test_words_after_the_dashes_are_passed_on_unchanged() -> None:
     words = ["-m", "x", "--", "--port"]
     assert tool.parse(["python", "--folder", "here", "--", *words]).arguments == words

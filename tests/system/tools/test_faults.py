@@ -6,10 +6,12 @@ import subprocess
 import sys
 from math import nan
 from pathlib import Path
+from typing import get_args
 
 import pytest
 
 from firmware_stub import build
+from hil.links.protocols import PROTOCOLS, Role
 from tests.support.busy import retry_when_busy
 from tools.faults import campaign, decoders, report
 from tools.faults.links import LINKS, USUAL
@@ -117,6 +119,14 @@ def test_decoders_of_the_network_and_the_slave_survive_noise() -> None:
         assert outcome.fault == "", f"{name}: {outcome.fault}"
         sound_ones += decode(sound) is not None
     assert sound_ones > 30, "an empty message is not sound to all of them"
+
+
+@pytest.mark.parametrize("role", get_args(Role))
+@pytest.mark.parametrize("kind", PROTOCOLS)
+def test_links_survive_noise_and_decode_what_follows(kind: str, role: Role) -> None:
+    outcome = decoders.feed_link(kind, role, 5000, 1)
+    assert outcome.fault == ""
+    assert int(outcome.remark.split()[0]) > 500, "many of the inputs are valid"
 
 
 def test_a_decoder_that_raises_is_a_fault() -> None:

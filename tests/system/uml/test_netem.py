@@ -4,23 +4,19 @@ import select
 import time
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
-from pathlib import Path
 from statistics import median
 from typing import NamedTuple
 
 import pytest
 
 from firmware_stub.stub import Stm32, Stm32End
-from hil.autonomy.control.controller import VelocityCommand
-from hil.client.client import VehicleClient
 from hil.common.clock import NS_PER_S, now_ns
-from hil.common.errors import DeviceError, NetworkError
+from hil.common.errors import DeviceError
 from hil.links.address import open_address
 from hil.links.contract import ThrusterCommand, ThrusterLink, ThrusterTelemetry
 from hil.links.protocols import open_protocol
 from tests.support.busy import retried_when_busy, retry_when_busy
 from tests.support.links.link_contract import wait_readable
-from tests.support.processes import Program, wait_for, write_scenario
 from tests.system.uml.network import interface, ip, namespace, shaped, within
 
 pytestmark = pytest.mark.usefixtures("guest")
@@ -171,36 +167,3 @@ def test_a_tcp_link_without_a_peer_ends_and_can_be_reopened() -> None:
             again_bench.run(0.5, first=500)
             assert stm32.pwm_us == list(PULSES)
             assert again_bench.received[-1][1].sequence >= 500
-
-
-@retried_when_busy(BUSY_GUEST)
-def test_a_vehicle_is_commanded_over_a_poor_network_and_again_after_an_interruption(tmp_path: Path) -> None:
-    """Messages over zenoh are late but not lost. The vehicle stops during an interruption of 3 s."""
-    scenario, port = write_scenario(tmp_path)
-    with Program(tmp_path, "slave", scenario) as slave:
-        slave.expect("ready")
-        with VehicleClient(f"tcp/127.0.0.1:{port}", "uuv1") as client:
-            with shaped("lo", POOR):
-                assert client.wait_for_vehicle(60)
-                drive(client, 3.0)
-                assert client.get("ground_truth").nu[0] > 0.3, "the vehicle moves forward"
-                assert 0.018 < median(client.delays.totals_ns()) / NS_PER_S < 0.1, "the delay of one way"
-                assert client.malformed == 0
-            with shaped("lo", ALL_LOST):
-                drive(client, INTERRUPTION_S)
-                slave.expect("deadman: no command in time, stopping the thrusters")
-                with pytest.raises(NetworkError, match="is lost: no ground_truth for"):
-                    client.get("ground_truth")
-            assert wait_for(lambda: client.latest["ground_truth"].age_s < 0.3), "they have met again"
-            drive(client, 2.0)
-            assert client.get("ground_truth").nu[0] > 0.3
-            assert client.diagnostics().deadman_trips == 1
-            assert client.diagnostics().link_checksum_errors == 0
-
-
-def drive(client: VehicleClient, seconds: float) -> None:
-    """Command 0.5 m/s forward at 20 Hz."""
-    end = time.monotonic() + seconds
-    while time.monotonic() < end:
-        client.command(VelocityCommand(surge=0.5))
-        time.sleep(0.05)

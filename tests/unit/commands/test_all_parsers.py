@@ -15,7 +15,7 @@ from hil.cli import COMMANDS, GROUPS, main
 from hil.commands.bench.command import BENCHMARKS
 from hil.commands.completion import find_parser
 from hil.common.errors import EXIT_CODES
-from hil.common.options import OUTPUT_FILE, subparsers
+from hil.common.options import subparsers
 
 FOLDER = Path(hil.commands.__file__).parent
 MODULES = [module for name, (module, _) in COMMANDS.items() if name != "bench"]
@@ -79,44 +79,6 @@ def test_help_fits_a_terminal(width: int, monkeypatch: pytest.MonkeyPatch) -> No
         assert " ".join(text.split()).endswith(" ".join(EXIT_CODES.split())), "the exit codes are in every help"
 
 
-def test_a_narrow_usage_does_not_separate_an_option_from_its_value(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("COLUMNS", "40")
-    usage = find_parser("hil.commands.tune").format_usage()
-    assert " ".join(usage.split()).replace(", ", ",") == (
-        "usage: uuv-hil tune [-h] [--axis {surge,sway,heave,roll,pitch,yaw,depth,heading}] [--seed N] "
-        "[-o FILE.toml] [--plot FILE.png] VEHICLE"
-    )
-    assert re.search(r"^ +.*\[--seed N\]$", usage, flags=re.MULTILINE)
-    assert re.search(r"\[-o FILE.toml\] \[--plot FILE.png\]$", usage, flags=re.MULTILINE)
-
-
-def test_help_of_an_output_file_states_that_its_folder_must_exist() -> None:
-    for parser in LEAVES:
-        for name, option in options(parser).items():
-            is_checked = option.type is OUTPUT_FILE
-            assert str(option.help).endswith("; its folder must be there") == is_checked, f"{parser.prog} {name}"
-            assert is_checked or name not in ("--plot", "--csv", "--markdown")
-
-
-@pytest.mark.parametrize("arguments", [["--help"], ["help"], ["bench", "--help"]])
-def test_lists_of_commands_fit_a_terminal(
-    arguments: list[str], monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setenv("COLUMNS", "80")
-    assert main(arguments) == 0
-    text = capsys.readouterr().out
-    assert [line for line in text.splitlines() if len(line) > 80] == []
-    assert " ".join(EXIT_CODES.split()) in " ".join(text.split())
-
-
-@pytest.mark.parametrize("command", ["sim", "bench delay", "scenario check", "topic"])
-def test_help_of_a_command_is_printed(command: str, capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit) as ended:
-        main(["help", *command.split()])
-    assert ended.value.code == 0
-    assert capsys.readouterr().out.startswith(f"usage: uuv-hil {command} ")
-
-
 def test_every_help_has_a_purpose_and_its_examples() -> None:
     for parser in ALL_PARSERS:
         text = parser.format_help()
@@ -139,29 +101,6 @@ def test_every_example_is_accepted(monkeypatch: pytest.MonkeyPatch) -> None:
         roots[" ".join(words[:depth])].parse_args(words[depth:])
         understood += 1
     assert understood > 150
-
-
-def test_every_option_has_a_description() -> None:
-    for parser in LEAVES:
-        for action in parser._actions:
-            assert action.help, f"{parser.prog} {action.option_strings or action.metavar or action.dest}"
-            if action.option_strings:
-                assert action.nargs == 0 or action.metavar or action.choices, f"{parser.prog} {action.option_strings}"
-
-
-def test_no_option_repeats_its_name_as_its_value() -> None:
-    """Help has `--role {host,device}`, `--host ADDRESS`; only SCENARIO is called the same where it is an argument."""
-    for parser in LEAVES:
-        for name, action in options(parser).items():
-            words = " ".join(action.metavar) if isinstance(action.metavar, tuple) else action.metavar or ""
-            assert words == "SCENARIO" or words != name.lstrip("-").replace("-", "_").upper(), f"{parser.prog} {name}"
-
-
-def test_every_default_is_in_the_help() -> None:
-    for parser in LEAVES:
-        for action in parser._actions:
-            if action.default not in (None, False, True, "", 0, 0.0, argparse.SUPPRESS, [], ()):
-                assert "[" in (action.help or ""), f"{parser.prog} {action.dest}: [{action.default}]"
 
 
 def test_the_same_option_has_the_same_name_everywhere() -> None:

@@ -25,13 +25,6 @@ def run_frame(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int,
     return code, capsys.readouterr().out
 
 
-def test_help_has_examples(capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit) as end:
-        frame.main(["--help"])
-    assert end.value.code == 0
-    assert "uuv-hil frame check aa55" in capsys.readouterr().out
-
-
 def test_frames_are_listed_with_their_sizes(capsys: pytest.CaptureFixture[str]) -> None:
     code, text = run_frame(capsys, "list")
     assert code == 0

@@ -12,7 +12,7 @@ from hil import cli
 from hil.commands.bench import command as bench
 from hil.commands.world import area
 from hil.common import options as parser
-from hil.common.options import List, Number, Parser, Share, new_parser, subparsers
+from hil.common.options import List, Number, Parser, Share, subparsers
 
 # Metavars of options that are not numbers. Any other option needs a type of hil/common/options.py.
 TEXTS = {
@@ -244,36 +244,6 @@ def test_a_similar_name_is_suggested(arguments: list[str], suggestion: str, caps
 def test_an_unknown_name_is_reported_once(arguments: list[str], line: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert cli.main(arguments) == 2
     assert capsys.readouterr().err.startswith(f"uuv-hil {arguments[0]}: {line}")
-
-
-def test_long_examples_are_wrapped_as_a_shell_reads_them(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setenv("COLUMNS", "62")
-    examples = "examples:\n  uuv-hil topic pub /uuv1/cmd_vel geometry_msgs/msg/Twist '{linear: {x: 0.5}}'    drive\n"
-    text = new_parser("x", "", examples).format_help()
-    lines = text[text.index("examples:") : text.index("exit codes")].strip().splitlines()[1:]
-    assert lines == [
-        "  uuv-hil topic pub /uuv1/cmd_vel geometry_msgs/msg/Twist \\",
-        "      '{linear: {x: 0.5}}'",
-        "      # drive",
-    ]
-
-
-def test_help_does_not_break_words_at_hyphens(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A file name or a command that goes over two lines cannot be copied."""
-    monkeypatch.setenv("COLUMNS", "60")
-    about = "Write what each member of the fleet says to ~/.cache/uuv-hil/fleet.log."
-    command = new_parser("x", about, "Before it is called the first time, do pip install 'uuv-hil[cluster]'.")
-    command.add_argument("--logs", help="as the page says, docs/how-to/qgroundcontrol.md")
-    text = command.format_help()
-    for word in ("~/.cache/uuv-hil/fleet.log.", "'uuv-hil[cluster]'", "docs/how-to/qgroundcontrol.md"):
-        assert word in text
-
-
-def test_help_does_not_wrap_tables_as_prose() -> None:
-    """A paragraph of an epilog is wrapped; rows with columns in it would run together."""
-    for words, module in commands():
-        prose = [line for line in (parser_of(module).epilog or "").splitlines() if line[:1] not in ("", " ")]
-        assert not [line for line in prose if re.search(r"\w   *\w", line)], words
 
 
 def test_every_output_file_is_checked_first() -> None:

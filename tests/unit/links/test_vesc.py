@@ -15,7 +15,7 @@ from hil.links.vesc.device import VescDevice
 from hil.links.vesc.host import VescHost
 from hil.links.vesc.link import open_vesc
 from hil.links.wires.can_frame import CanFrame
-from tests.support.links.can_bench import MemoryBus, VirtualCanContract, exchange, frames, noise, records
+from tests.support.links.can_bench import MemoryBus, VirtualCanContract, exchange, frames, records
 from tests.support.links.can_pairs import socket_pair
 from tests.support.links.link_contract import CanLinkContract
 
@@ -276,27 +276,6 @@ def test_wrong_settings_are_refused_with_a_reason(
 ) -> None:
     with pytest.raises(ConfigError, match=message):
         open_vesc(role, channels, **settings)
-
-
-def test_noise_neither_stops_the_ends_nor_fills_memory() -> None:
-    end, master = device(), host()
-    sound = frames(host().encode(ThrusterCommand(1, True, PULSES)) + device().encode(report()) + device().tick(0))
-    sound += frames(frame_record(17, 1, b"\xfe") + frame_record(0, 255, 7))
-    received, answered = 0, 0
-    for count, record in enumerate(noise(25_000, sound)):
-        received += len(end.feed(record)) + len(master.feed(record))
-        answered += len(end.replies())
-        if count % 20 == 0:
-            end.tick(count * MS)
-            end.encode(report(tuple(end._held)))
-    assert received > 1000
-    assert answered > 1000
-    assert end.counters.malformed > 100
-    assert master.counters.malformed > 50
-    assert len(end._waiting) <= 6
-    assert len(master._rounds._pulses) <= 6
-    end.feed(b"\0" * 17)
-    assert end.counters.dropped_bytes == 1
 
 
 def test_the_tachometer_wraps_around() -> None:

@@ -63,9 +63,3 @@ def test_thrusters_come_first_then_fins_with_their_deflections() -> None:
     states = joint_states(7, vehicle, (12.5,), (0.1, -0.2))
     assert states == JointStates(7, ("propeller", "rudder", "stern planes"), (12.5, 0.0, 0.0), (0.0, 0.1, -0.2))
     assert decode_joints(encode_joints(states)) == states
-
-
-@given(st.binary(max_size=80))
-def test_any_bytes_are_decoded_without_an_exception(payload: bytes) -> None:
-    found = decode_joints(payload)
-    assert found is None or len(found.names) == len(found.efforts)

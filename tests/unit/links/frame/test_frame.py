@@ -5,18 +5,16 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from hil.common.schema import find_preset
 from hil.links.contract import Counters, Message, ThrusterCommand, ThrusterTelemetry
 from hil.links.frame.protocol import FrameProtocol
-from tests.support.examples import examples
 from tests.support.links.link_contract import command
 
 GOLDEN: dict[str, Any] = json.loads((Path(__file__).parents[3] / "vectors" / "uuv_hil_frames.json").read_text())
 SYNC = b"\xa5\x5a"
-MAX_FRAME = 4 + 255 + 2  # header, the longest payload of a foreign message, checksum
 
 
 def uuv_hil() -> FrameProtocol:
@@ -99,48 +97,6 @@ def test_numbers_too_large_for_their_field_wrap_or_saturate() -> None:
 def test_a_number_of_channels_out_of_range_is_refused(channels: int) -> None:
     with pytest.raises(ValueError, match=f"not {channels}"):
         uuv_hil().encode(ThrusterCommand(0, True, (1500,) * channels))
-
-
-@examples(200)
-@given(st.lists(st.one_of(st.binary(max_size=600), noise), max_size=12))
-def test_any_input_is_counted_and_never_raises(chunks: list[bytes]) -> None:
-    protocol = uuv_hil()
-    understood = 0
-    for chunk in chunks:
-        for message in protocol.feed(chunk):
-            understood += len(protocol.encode(message))
-        assert len(protocol.reader.unfinished) < MAX_FRAME
-    counters = protocol.counters
-    if not counters.malformed:  # these are valid frames of a size that this test does not compute
-        assert understood + counters.dropped_bytes + len(protocol.reader.unfinished) == sum(map(len, chunks))
-
-
-@settings(max_examples=200, derandomize=True)  # one noise in 65536 has the right checksum by chance
-@given(st.lists(st.tuples(noise, commands), min_size=1, max_size=5), st.integers(1, 40))
-def test_a_valid_frame_is_decoded_with_its_last_byte(stream: list[tuple[bytes, ThrusterCommand]], chunk: int) -> None:
-    """A frame is decoded with its last byte, whatever came before and however the bytes were split."""
-    protocol, sender = uuv_hil(), uuv_hil()
-    for before, message in stream:
-        data = before + sender.encode(message)
-        received = [m for i in range(0, len(data), chunk) for m in protocol.feed(data[i : i + chunk])]
-        assert received == [message]
-    noise_size = sum(len(before) for before, _ in stream)
-    assert protocol.counters.dropped_bytes == noise_size
-    assert protocol.reader.unfinished == b""
-
-
-@pytest.mark.parametrize("vector", GOLDEN["sound"], ids=lambda vector: vector["name"])
-def test_a_frame_with_one_wrong_byte_is_never_accepted(vector: dict[str, Any]) -> None:
-    """Every byte of a frame is replaced by every other value; the frame after it is always decoded at once."""
-    data, valid = bytes.fromhex(vector["hex"]), command(77)
-    next_frame = uuv_hil().encode(valid)
-    protocol = uuv_hil()
-    for index in range(len(data)):
-        for value in set(range(256)) - {data[index]}:
-            damaged = data[:index] + bytes([value]) + data[index + 1 :]
-            assert protocol.feed(damaged) == [], (index, value)
-            assert protocol.feed(next_frame) == [valid], (index, value)
-    assert protocol.counters.checksum_errors > 0
 
 
 def test_a_truncated_frame_loses_only_itself() -> None:

@@ -73,7 +73,6 @@ def test_walls_bound_the_clearance() -> None:
         ("extent = [0, 0, 0, 1]\ndepth = 5", "each pair growing"),
         ("extent = [0, 1, 0, 1]\ndepth = 5\n[[cylinder]]\nnorth = 2\neast = 0\nradius = 1", "(2, 0) is outside"),
         ("extent = [0, 9, 0, 9]\ndepth = 5\n[[cylinder]]\nnorth = 2\neast = 0\nradius = 1\ntop = 6", "in the seabed"),
-        ("extent = [0, 9, 0, 9]\ndepth = 5\n[[cylinder]]\nnorth = 2\neast = 0\nradios = 1", "did you mean 'radius'"),
         ("extent = [0, 9, 0, 9]\ndepth = 5\ncurrent = [0.1, 0.2]", "expected 3 values"),
     ],
 )

@@ -169,7 +169,6 @@ def test_the_charge_falls_during_a_run(tmp_path: Path) -> None:
         ({"charge": [0.1, 0.2, 1.0]}, "begins with 0"),
         ({"charge": [0.0, 0.0, 1.0]}, "charge: each must be greater"),
         ({"open_circuit": [12.0, 11.0, 16.0]}, "open_circuit: falls"),
-        ({"resistance": -0.1}, "resistance: -0.1 is outside"),
     ],
 )
 def test_wrong_batteries_are_reported(changes: dict[str, Any], message: str) -> None:
