@@ -24,6 +24,7 @@ _END_DRAG = ((1.0, 0.91), (2.0, 0.85), (4.0, 0.87), (7.0, 0.99))
 _SIDE_DRAG = ((1.0, 0.63), (2.0, 0.68), (5.0, 0.74), (10.0, 0.82))
 _SIDE_DRAG_LONG = 0.98
 _SPHERE_DRAG = 0.5
+_MAX_SIZE = 100.0  # m, of a shape
 
 
 def water_elements(robot: Element) -> Iterator[tuple[str, int, Element]]:
@@ -220,8 +221,8 @@ def _size(model: Element, key: str, kind: str, box: Box, path: str) -> float:
     else:  # of a spheroid, radius and length are both half of what they are called
         half = key == "radius" or kind != "cylinder"
         size = (min(sides) if key == "radius" else max(sides)) * (0.5 if half else 1.0)
-    if size <= 0.0:
-        raise ConfigError(f"{path}: hydrodynamic_model: <{key}> must be above 0, found {size:g}")
+    if not 0.0 < size <= _MAX_SIZE:
+        raise ConfigError(f"{path}: hydrodynamic_model: <{key}> must be above 0, at most {_MAX_SIZE:g}, found {size:g}")
     return size
 
 
