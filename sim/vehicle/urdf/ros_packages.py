@@ -4,6 +4,7 @@ import os
 import re
 from collections import deque
 from collections.abc import Iterator
+from functools import cache
 from urllib.parse import unquote
 
 # Folders of models, by Gazebo's variables.
@@ -37,11 +38,18 @@ def find_packages(name: str, path: str) -> Iterator[str]:
         folder = os.path.join(prefix, "share", name)
         if os.path.isdir(folder):
             yield folder
-    seen: set[str] = set()
-    for top in (*_variable("ROS_PACKAGE_PATH"), *_parents(path)):
-        for folder in _below(top, seen):
-            if _package_name(folder) == name:
-                yield folder
+    yield from _packages_below((*_variable("ROS_PACKAGE_PATH"), *_parents(path))).get(name, ())
+
+
+@cache
+def _packages_below(tops: tuple[str, ...]) -> dict[str, list[str]]:
+    """Return the folders below `tops` by their names as packages; searched once in a process."""
+    found: dict[str, list[str]] = {}
+    visited: set[str] = set()
+    for top in tops:
+        for folder in _below(top, visited):
+            found.setdefault(_package_name(folder), []).append(folder)
+    return found
 
 
 def find_file(uri: str, path: str) -> str | None:
