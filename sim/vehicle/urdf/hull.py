@@ -16,7 +16,7 @@ Keys = dict[str, Any]
 _DENSITY = 1025.0  # kg/m³: of the sea, for the volume of a link that is neutrally buoyant by itself
 _NEARLY_ALL = 0.98  # share of the mass from which a vehicle with neutrally buoyant links is so as a whole
 _DUST = 1e-7  # share of the largest entry below which others are rounding errors: angles often have seven digits
-_MATRICES = ("added_mass", "linear_damping", "quadratic_damping", "forward_speed_damping")
+MATRICES = ("added_mass", "linear_damping", "quadratic_damping", "forward_speed_damping")
 
 
 class Tree(NamedTuple):
@@ -73,7 +73,7 @@ def add_up(waters: Mapping[str, Keys], poses: Mapping[str, Pose], tree: Tree, hu
     if moving:
         notes.append(f"On joints that move, taken at zero: the water on {', '.join(map(plain, moving))}.")
     keys = _volume(waters, poses, tree, hull, notes)
-    for key in _MATRICES:
+    for key in MATRICES:
         parts = [(link, waters[link][key]) for link in links if key in waters[link]]
         if key == "forward_speed_damping":
             turned = [link for link, _ in parts if abs(poses[link].rotation[0][0]) < 1.0 - _DUST]
