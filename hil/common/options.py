@@ -144,6 +144,11 @@ def add_json(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--json", action="store_true", help="print JSON, for other programs")
 
 
+def add_strict(parser: argparse.ArgumentParser) -> None:
+    """Add --strict, which makes findings errors."""
+    parser.add_argument("--strict", action="store_true", help="exit with 1 for a problem and for a warning")
+
+
 def add_plot(parser: argparse.ArgumentParser, about: str) -> None:
     """Add --plot, the picture that the command draws."""
     add_file(parser, "--plot", metavar="FILE.png", help=about)

@@ -66,7 +66,7 @@ class Recorder:
 
 
 class Rig:
-    """Simulation of `vehicle` with its `control` table, at rest 50 m deep, heading north.
+    """Simulation of `vehicle` with its `control` table, at rest in `world` at `depth` (m), heading north.
 
     `name`: of the vehicle, for errors. `flown`: a different vehicle to simulate with the controller of `vehicle`.
     `current`: m/s, NED. `tilt`: initial roll and pitch, rad. Sensors are the default ones with their errors. Raises
@@ -82,26 +82,29 @@ class Rig:
         current: tuple[float, float, float] = (0.0, 0.0, 0.0),
         tilt: Sequence[float] = (0.0, 0.0),
         seed: int = 1,
+        world: World = DEEP,
+        depth: float = START_DEPTH,
     ) -> None:
-        world = DEEP._replace(current=current)
+        world = world._replace(current=current)
         sensors = select_sensors()
         scenario = Scenario(vehicle=name, world=world.name, master=Master(goal=(0.0, 0.0)), sensors=sensors)
-        self.simulation = Simulation(flown or vehicle, world, sensors, seed, position=(0.0, 0.0, START_DEPTH))
+        self.simulation = Simulation(flown or vehicle, world, sensors, seed, position=(0.0, 0.0, depth))
         self.simulation.state.quaternion = list(from_euler(tilt[0], tilt[1], 0.0))
         self._pilot = build_pilot(scenario, vehicle, control, world)
         self.recorder = Recorder(self._pilot.controller)
         self._pilot.controller = self.recorder
 
-    def fly(self, seconds: float, commands: CommandFunction) -> list[Moment]:
+    def fly(self, seconds: float, commands: CommandFunction | None) -> list[Moment]:
         """Continue for `seconds`; return the state at each control period.
 
-        `commands` returns the command for the time (s) since this call.
+        `commands` returns the command for the time (s) since this call. Without commands the vehicle is adrift.
         """
         simulation, pilot = self.simulation, self._pilot
         moments = []
         for number in range(round(seconds / CONTROL_PERIOD_S)):
             time = number * CONTROL_PERIOD_S
-            pilot.set_command(commands(time), simulation.time_ns)
+            if commands is not None:
+                pilot.set_command(commands(time), simulation.time_ns)
             pulses, _ = pilot.update(simulation.time_ns, CONTROL_PERIOD_S)
             moments.append(self._moment(time))
             for _ in range(_STEPS):

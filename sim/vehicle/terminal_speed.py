@@ -64,7 +64,7 @@ def axis_capabilities(
         shares = [row[axis] for row in inverse]
         ahead, astern = _max_forces(vehicle, matrix, shares, axis)
         own_weight = sinks if name == "heave" else 0.0
-        drag = quadratic[axis][axis] + _equipment_drag(vehicle, density, axis)
+        drag = quadratic[axis][axis] + equipment_drag(vehicle, density, axis)
         losses = [linear[axis][axis] + _loss(vehicle, matrix, shares, force, axis) for force in (ahead, astern)]
         speeds = (
             terminal_speed(ahead + own_weight, losses[0], drag),
@@ -99,8 +99,8 @@ def _loss(vehicle: Vehicle, matrix: Matrix, shares: list[float], force: float, a
     return lost
 
 
-def _equipment_drag(vehicle: Vehicle, density: float, axis: int) -> float:
-    """Return the quadratic damping (N s²/m²) that equipment adds in surge, sway or heave."""
+def equipment_drag(vehicle: Vehicle, density: float, axis: int) -> float:
+    """Return the quadratic damping (N s²/m²) that equipment adds in surge, sway or heave; 0 for the other axes."""
     if axis == 0:
         damping = square(vehicle.forward_speed_damping or (0.0,) * 6, 6)[0][0]
         areas = sum(fin.area * fin.parasitic_drag for fin in vehicle.fins)

@@ -8,6 +8,7 @@ from hil.autonomy.fleets.formation import FieldSettings
 from hil.autonomy.paths.vfh import VfhSettings
 from hil.autonomy.tasks.scheduler import Mission, Task
 from hil.common.schema import NOUNS, UNITS, preset_names
+from hil.doctor.vehicle.rules import RULES, words
 from hil.links.dronecan import settings as dronecan
 from hil.links.frame import layout
 from hil.links.mavlink.settings import MavlinkSettings
@@ -133,6 +134,20 @@ def sensor_keys() -> str:
     return _page("Sensors in a scenario", text, sections)
 
 
+def _findings() -> str:
+    rows = "".join(
+        f"| {rule.key} | {rule.quantity} | {words(rule.sane, rule.unit)} | {rule.level} | "
+        f"{words(rule.absurd, rule.unit)} | {rule.remedy} |\n"
+        for rule in RULES
+    )
+    return (
+        "## Findings\n\n`uuv-hil vehicle`, `vehicle --import` and `scenario check` measure these values. One outside "
+        "its bounds is told; outside the wider bounds it is a problem. The flights take 10 s of simulated time.\n\n"
+        "| key | measured | expected | else a | a problem unless | what to change |\n|---|---|---|---|---|---|\n"
+        f"{rows}"
+    )
+
+
 def vehicle_file() -> str:
     """Return the page of the vehicle file."""
     linked = {
@@ -170,7 +185,7 @@ def vehicle_file() -> str:
         Section("control.fins", fin_control.FinGains),
     ]  # fmt: skip
     return _page("Vehicle file", "A vehicle file has the mass of a vehicle, its hydrodynamics, and its thrusters and "
-                 "fins. Body axes are FRD. " + _presets("sim/vehicles"), sections)  # fmt: skip
+                 "fins. Body axes are FRD. " + _presets("sim/vehicles"), sections, _findings())  # fmt: skip
 
 
 def world_file() -> str:

@@ -6,7 +6,7 @@ from typing import Any
 
 from hil.common.columns import aligned
 from hil.common.errors import ConfigError
-from hil.common.options import add_json, add_scenario, add_scenario_name, changes_of, new_parser
+from hil.common.options import add_json, add_scenario, add_scenario_name, add_strict, changes_of, new_parser
 from hil.common.schema import find_preset, preset_names, shortened
 from hil.common.tables import read_bytes
 from hil.scenario.config import SCENARIOS, Scenario, load_scenario
@@ -14,8 +14,9 @@ from hil.scenario.config import SCENARIOS, Scenario, load_scenario
 EXAMPLES = """\
 `check` finds the problems that a flight would have: wrong keys and values, a rate that the link's baud cannot carry, a
 start, a goal or a task inside an obstacle, a speed that the vehicle cannot reach or that tilts it too far, a path that
-takes longer than time_limit, overlapping members of a fleet, missing folders of certificates. Its exit code is 1 if
-there is a problem, 2 if the file cannot be read; a warning alone is not a problem.
+takes longer than time_limit, overlapping members of a fleet, missing folders of certificates, and what `uuv-hil
+vehicle` finds about the vehicle. Its exit code is 1 if
+there is a problem, with --strict also if there is a warning; 2 if the file cannot be read.
 
 examples:
   uuv-hil scenario list
@@ -24,7 +25,6 @@ examples:
   uuv-hil scenario check mine.toml
   uuv-hil scenario check mine.toml --set master.speed=1.5 --set "start.depth='2 m'"
 """
-PROBLEM = 1
 
 
 def main(arguments: list[str]) -> int:
@@ -37,7 +37,7 @@ def main(arguments: list[str]) -> int:
         return 0
     if options.action == "new":
         return _new(options.file, options.copy)
-    return _check(options.scenario, changes_of(options), options.json)
+    return _check(options.scenario, changes_of(options), options.json, options.strict)
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -53,6 +53,7 @@ def _parser() -> argparse.ArgumentParser:
     checked = actions.add_parser("check", help="check a scenario without flying it")
     add_scenario(checked, None)
     add_json(checked)
+    add_strict(checked)
     return parser
 
 
@@ -109,15 +110,13 @@ def _new(path: str, name: str) -> int:
     return 0
 
 
-def _check(name: str, changes: dict[str, Any], as_json: bool) -> int:
+def _check(name: str, changes: dict[str, Any], as_json: bool, strict: bool) -> int:
     from hil.doctor.scenario.check import check_scenario
+    from hil.doctor.vehicle.finding import exit_code
 
-    scenario = load_scenario(name, changes)
-    findings = list(check_scenario(scenario))
+    findings = list(check_scenario(load_scenario(name, changes)))
     if as_json:
         print(json.dumps([finding._asdict() for finding in findings]))
-    elif findings:
-        print("\n".join([f"{finding.level}: {finding.text}" for finding in findings]))
     else:
-        print(f"{name}: no problem found")
-    return PROBLEM if any(finding.level == "problem" for finding in findings) else 0
+        print("\n".join(map(str, findings)) or f"{name}: no problem found")
+    return exit_code(findings, strict)

@@ -7,7 +7,7 @@ from typing import Any
 from hil.autonomy.control.allocation import pseudo_inverse
 from hil.common.columns import aligned, paragraph
 from hil.common.errors import ConfigError
-from hil.common.options import Number, add_json, add_output, add_plot, new_parser
+from hil.common.options import Number, add_json, add_output, add_plot, add_strict, new_parser
 from hil.common.schema import preset_names
 from hil.common.text import json_text
 from sim.matrices import square
@@ -19,6 +19,7 @@ EXAMPLES = """\
 examples:
   uuv-hil vehicle                                     list the presets
   uuv-hil vehicle bluerov2 --plot bluerov2.png        print its numbers, and draw it
+  uuv-hil vehicle mine.toml --strict                  exit with 1 if its findings have a problem or a warning
   uuv-hil vehicle mine.toml --json                    as JSON, for other programs
   uuv-hil vehicle mine.toml --urdf > mine.urdf        for tools of ROS, and simulators
   uuv-hil vehicle --import robot.urdf -o mine.toml    from a URDF or xacro, FLU there, FRD here
@@ -40,23 +41,35 @@ def main(arguments: list[str]) -> int:
         from hil.commands.vehicle.import_urdf import Request, convert
 
         return convert(
-            Request(options.urdf, options.add, options.output, options.scenario, options.model, options.xacro)
-        )
+            Request(
+                options.urdf, options.add, options.output, options.scenario, options.model, options.xacro,
+                options.strict,
+            )
+        )  # fmt: skip
     if options.vehicle is None:
         print(json_text(presets()) if options.json else listing())
         return 0
-    vehicle, _ = load_vehicle(options.vehicle)
+    vehicle, control = load_vehicle(options.vehicle)
     if options.write_urdf:
         from sim.vehicle.urdf.writer import urdf_of
 
         print(urdf_of(vehicle, options.prefix), end="")
         return 0
-    print(json_text(to_json(vehicle, options.density)) if options.json else describe(vehicle, options.density))
+    from hil.doctor.vehicle.finding import exit_code
+    from hil.doctor.vehicle.rules import check_vehicle
+    from hil.doctor.vehicle.subject import Subject
+
+    findings = list(check_vehicle(Subject(vehicle, control, options.density, name=options.vehicle)))
+    if options.json:
+        print(json_text(to_json(vehicle, options.density) | {"findings": [each._asdict() for each in findings]}))
+    else:
+        found = [paragraph(str(each), "  ") for each in findings] or ["  none"]
+        print(describe(vehicle, options.density), "", "findings", *found, sep="\n")
     if options.plot:
         from hil.plots.vehicle_picture import draw
 
         draw(vehicle, top(vehicle, options.density), options.plot)
-    return 0
+    return exit_code(findings, True) if options.strict else 0
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -64,6 +77,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("vehicle", metavar="NAME|FILE", nargs="?", help="a preset, or a .toml file")
     add_plot(parser, "draw it from three sides, with its top speeds")
     add_json(parser)
+    add_strict(parser)
     parser.add_argument("--urdf", dest="write_urdf", action="store_true", help="print it as URDF, for tools of ROS")
     parser.add_argument("--prefix", metavar="TEXT", default="", help="with --urdf: before the names of links []")
     parser.add_argument("--density", metavar="KG/M3", type=DENSITY, default=1000.0, help="density of the water [1000]")

@@ -1,15 +1,18 @@
 """`uuv-hil vehicle --import`: make a vehicle file from a URDF or SDF, also in xacro."""
 
-import os
-from collections.abc import Iterator, Mapping, Sequence
+import sys
+from collections.abc import Iterator, Sequence
 from typing import Any, NamedTuple
 
 from hil.charts.grid import write_files
 from hil.charts.imports.meshes import measure
+from hil.commands.vehicle.flight_file import check_files, scenario_of, to_text
 from hil.commands.vehicle.xacro_expand import expand, hint, is_xacro
 from hil.common.errors import ConfigError
 from hil.common.tables import read_bytes, read_table
-from hil.common.text import toml_text
+from hil.doctor.vehicle.finding import exit_code
+from hil.doctor.vehicle.rules import check_vehicle
+from hil.doctor.vehicle.subject import Subject
 from sim.sdf.as_urdf import as_urdf
 from sim.vehicle.urdf.importer import Imported, read_robot
 from sim.vehicle.urdf.shapes import MeshKey, Solid
@@ -18,7 +21,10 @@ from sim.vehicle.vehicle import EQUIPMENT, Vehicle
 
 
 class Request(NamedTuple):
-    """The values of `--import` and its options: the model's file, keys to add, files to write, arguments of xacro."""
+    """The values of `--import` and its options: the model's file, keys to add, files to write, arguments of xacro.
+
+    With `strict` a warning among the findings is an error, as a problem is.
+    """
 
     file: str
     add: str | None = None
@@ -26,33 +32,42 @@ class Request(NamedTuple):
     scenario: str | None = None
     model: str | None = None
     arguments: Sequence[str] = ()
+    strict: bool = False
 
 
 def convert(request: Request) -> int:
-    """Write the vehicle of a URDF or SDF file, completed by a TOML file, to its output or the screen; return 0.
+    """Write the vehicle of a URDF or SDF file, completed by a TOML file, to its output or the screen; print findings.
 
-    A xacro file is expanded first. Raises ConfigError, MissingExtraError.
+    A xacro file is expanded first. A scenario that nothing can fly is not written. Return the exit code. Raises
+    ConfigError, MissingExtraError.
     """
-    imported = read(request)
-    vehicle, sensors, notes = imported
+    vehicle, sensors, notes = read(request)
+    subject = Subject(vehicle, {})
+    text, findings = to_toml(vehicle, notes), list(check_vehicle(subject))
     if request.output is None:
-        print(to_toml(vehicle, notes), end="")
-        return 0
-    files = {request.output: to_toml(vehicle, notes)}
+        print(text, end="")
+        print(*findings, sep="\n", end="\n" if findings else "", file=sys.stderr)
+        return exit_code(findings, True) if request.strict else 0
+    files, code = {request.output: text}, 0
     if request.scenario is not None:
-        files[request.scenario] = scenario_of(request.output, request.scenario, vehicle.name, sensors)
+        flight = scenario_of(request.output, request.scenario, subject, sensors, notes)
+        found = check_files((text, flight), (request.output, request.scenario))
+        findings = [*(each for each in findings if each.level == "note"), *found]
+        code = exit_code(findings, False)
+        if not code:
+            files[request.scenario] = flight
     write_files({path: text.encode() for path, text in files.items()})
     fins = f", {len(vehicle.fins)} fins" if vehicle.fins else ""
     print(f"{request.output}: {vehicle.name}, {vehicle.mass:g} kg, {len(vehicle.thrusters)} thrusters{fins}")
-    if request.scenario is not None:
+    if request.scenario in files:
         print(f"{request.scenario}: a scenario with it, with {', '.join(sensors) or 'the usual sensors'}")
-    for note in notes:
-        print(f"note: {note}")
-    if sensors and request.scenario is None:
-        print(
-            f"note: It has sensors, which belong in a scenario ({', '.join(sensors)}): --flight FILE.toml writes one."
-        )
-    return 0
+    elif request.scenario is not None:
+        print(f"{request.scenario}: not written, as no flight of it succeeds: see the problems")
+    elif sensors:
+        names = ", ".join(sensors)
+        notes.append(f"It has sensors, which belong in a scenario ({names}): --flight FILE.toml writes one.")
+    print("".join([f"note: {note}\n" for note in notes] + [f"{finding}\n" for finding in findings]), end="")
+    return exit_code(findings, True) if request.strict else code
 
 
 def read(request: Request) -> Imported:
@@ -79,26 +94,6 @@ def read(request: Request) -> Imported:
     return imported._replace(notes=list(dict.fromkeys(notes + imported.notes)))
 
 
-def scenario_of(vehicle: str, scenario: str, name: str, sensors: Mapping[str, Mapping[str, Any]]) -> str:
-    """Return a scenario with the file `vehicle`, whose path is written relative to that of `scenario`."""
-    folder = os.path.dirname(os.path.abspath(scenario))
-    relative = os.path.relpath(os.path.abspath(vehicle), folder)
-    lines = [
-        f"description = {_toml(f'{name}, imported')}", f"vehicle = {_toml(relative)}", 'world = "open_water"', "",
-        "[start]", 'depth = "5 m"', "", "[master]", "goal = [20.0, 20.0]", 'depth = "5 m"',
-    ]  # fmt: skip
-    for sensor, keys in sensors.items():
-        own = [f"[sensors.{sensor}]"]
-        own += [f"{key} = {_toml(value)}" for key, value in keys.items() if not isinstance(value, dict)]
-        for key, value in keys.items():
-            if isinstance(value, dict):
-                own += ["", f"[sensors.{sensor}.{key}]", *(f"{k} = {_toml(v)}" for k, v in value.items())]
-        if keys.get("sensor", sensor) == "gps":
-            own = ["# It needs a world with an origin:", *(f"# {line}".rstrip() for line in own)]
-        lines += ["", *own]
-    return "\n".join(lines) + "\n"
-
-
 def to_toml(vehicle: Vehicle, notes: list[str]) -> str:
     """Return `vehicle` as the text of a vehicle file; `notes` become comments at its start."""
     head = [f"# {note}" for note in ("Body axes: x forward, y starboard, z down.", *notes)]
@@ -107,7 +102,7 @@ def to_toml(vehicle: Vehicle, notes: list[str]) -> str:
     tables = {
         key: value for key, value in equipment.items() if hasattr(value, "_asdict") or hasattr(value[0], "_asdict")
     }
-    lines += [f"{key} = {_toml(value)}" for key, value in equipment.items() if key not in tables]
+    lines += [f"{key} = {to_text(value)}" for key, value in equipment.items() if key not in tables]
     for key, value in tables.items():
         single = hasattr(value, "_asdict")
         for record in (value,) if single else value:
@@ -123,9 +118,4 @@ def _toml_keys(record: Any, skip: tuple[str, ...]) -> Iterator[str]:
     defaults = record._field_defaults
     for key, value in record._asdict().items():
         if key not in skip and (key not in defaults or value != defaults[key]):
-            yield f"{key} = {_toml(value)}"
-
-
-def _toml(value: Any) -> str:
-    """Return a value as TOML, without the rounding errors of sines and cosines."""
-    return toml_text(value, lambda number: repr(round(float(f"{number:.12g}"), 15) + 0.0))
+            yield f"{key} = {to_text(value)}"

@@ -11,6 +11,8 @@ from hil.common.endpoint import split_endpoint
 from hil.common.errors import ConfigError, MissingExtraError, MissionError, StartPositionError
 from hil.doctor.scenario.sections import check_sections
 from hil.doctor.vehicle.finding import Finding
+from hil.doctor.vehicle.rules import CONTROLLED, check_vehicle
+from hil.doctor.vehicle.subject import Subject
 from hil.master.flight import Plan, prepare
 from hil.master.planner import Planner
 from hil.scenario.attitude_warning import attitude_warning, requested_speed
@@ -38,8 +40,12 @@ def check_scenario(scenario: Scenario) -> Iterator[Finding]:
 
 
 def _check(scenario: Scenario) -> Iterator[Finding]:
-    vehicle, _ = load_vehicle(scenario.vehicle)
+    vehicle, control = load_vehicle(scenario.vehicle)
     world = load_world(scenario.world)
+    speed = None if vehicle.fins else requested_speed(scenario)[1]
+    for level, text in check_vehicle(Subject(vehicle, control, world.density, world.gravity, scenario.vehicle, speed)):
+        if level != "note" or text.startswith(CONTROLLED):  # a note on a flight is a warning for who flies
+            yield Finding(level.replace("note", "warning"), f"vehicle: {scenario.vehicle}: {text}")
     surge = axis_capabilities(vehicle, pseudo_inverse(wrench_matrix(vehicle))[0], world.density, world.gravity)[0]
     top_speed = surge.speed[0] if surge.driven else 0.0
     attitude = attitude_warning(scenario, vehicle)

@@ -49,10 +49,16 @@ def _check_odometry(scenario: Scenario) -> Iterator[Finding]:
 
 
 def _check_failures(scenario: Scenario, vehicle: Vehicle) -> Iterator[Finding]:
-    """Find a vehicle without horizontal thrust from the start."""
+    """Find a vehicle without horizontal thrust, by its file or by its failures from the start."""
     x, y, *_ = wrench_matrix(vehicle)
     pairs = zip(vehicle.thrusters, x, y, strict=True)
     horizontal = {thruster.name for thruster, *push in pairs if max(map(abs, push)) > HORIZONTAL}
+    if max(map(abs, x)) < HORIZONTAL and scenario.master.goal is not None:
+        yield Finding(
+            "problem",
+            f"vehicle: {vehicle.name} has no thruster that pushes ahead, so it cannot reach the goal: correct the "
+            "directions in its file, or use another vehicle (a glider moves by its buoyancy engine alone)",
+        )
     repaired = {one.thruster for one in scenario.failure if one.kind == "repaired"}
     dead = {one.thruster for one in scenario.failure if _is_dead_at_start(one)} - repaired
     if horizontal and horizontal <= dead:

@@ -1,5 +1,6 @@
 """The record of a finding about a vehicle or a scenario."""
 
+from collections.abc import Iterable
 from typing import NamedTuple
 
 
@@ -12,3 +13,12 @@ class Finding(NamedTuple):
 
     level: str
     text: str
+
+    def __str__(self) -> str:
+        """Return the finding as a line of a command's output."""
+        return f"{self.level}: {self.text}"
+
+
+def exit_code(findings: Iterable[Finding], strict: bool) -> int:
+    """Return the exit code of a check: 1 if a problem was found, with `strict` also for a warning, else 0."""
+    return int(any(finding.level == "problem" or (strict and finding.level == "warning") for finding in findings))

@@ -1,7 +1,6 @@
 """Scenarios written to files: what is written is read back."""
 
 import math
-import os
 from pathlib import Path
 from typing import Any
 
@@ -9,10 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from hil.cases.variant import write_toml, write_variant
 from hil.common.errors import ConfigError
 from hil.common.tables import parse_toml
 from hil.scenario.config import load_scenario
-from hil.scenario.variant import write_toml, write_variant
 from sim.environment.world import load_world
 
 WORDS = st.text(st.characters(blacklist_categories=["Cs", "Cc"]), max_size=12)
@@ -52,29 +51,3 @@ def test_a_variant_equals_the_scenario_except_for_its_changes(tmp_path: Path) ->
     assert not any(math.isnan(edge) for edge in after.extent)
     with pytest.raises(ConfigError, match="cannot be written as TOML"):
         write_toml(str(tmp_path / "x.toml"), {"a": object()})
-
-
-def test_paths_are_resolved_and_keys_removed(tmp_path: Path) -> None:
-    (tmp_path / "mine").mkdir()
-    (tmp_path / "mine/world.toml").write_text(Path("sim/worlds/pool.toml").read_text())
-    source = tmp_path / "mine/mine.toml"
-    source.write_text(
-        'vehicle = "paper_six"\nworld = "world.toml"\n[start]\nnorth = 4\neast = 4\n[master]\ngoal = [8, 7]\n'
-        "[sensors.imu]\nacceleration = {}\n[link.faults]\ndrop = 0.25\n"
-    )
-    changes = {"link.faults.drop": None, "description": 'a "b"\n\\\x7f'}
-    before, after = load_scenario(str(source)), load_scenario(write_variant(str(source), str(tmp_path), changes))
-    assert (after.description, after.sensors) == (changes["description"], before.sensors)
-    assert after.link.faults is not None
-    assert after.link.faults.drop == 0.0
-    assert os.path.samefile(after.world, before.world)
-
-
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [({"link.baud": 3}, "baud"), ({"vehicle.name": "x"}, "is a value"), ({"slave.setp": 1}, "did you mean 'step'")],
-)
-def test_an_invalid_change_is_refused_by_its_key(tmp_path: Path, changes: dict[str, object], message: str) -> None:
-    with pytest.raises(ConfigError, match=message) as error:
-        write_variant("paper_field", str(tmp_path), changes)
-    assert str(tmp_path) not in str(error.value), "a file that nobody knows"

@@ -1,0 +1,130 @@
+"""What the rules measure: a vehicle in its water, and how it moves in 10 s of simulated time."""
+
+from functools import cached_property
+from math import acos, cos, degrees, hypot, inf
+from typing import Any, NamedTuple
+
+from hil.autonomy.control.allocation import pseudo_inverse
+from hil.autonomy.control.controller import VelocityCommand, wrap
+from hil.common.errors import DivergenceError
+from hil.tuning.rig import DEEP, START_DEPTH, Rig
+from sim.matrices import square
+from sim.vehicle.terminal_speed import AxisCapability, axis_capabilities, equipment_drag
+from sim.vehicle.thrusters.bank import wrench_matrix
+from sim.vehicle.vehicle import Vehicle, displaced_volume, mass_matrix
+
+SECONDS, SETTLED_S = 10.0, 7.0  # of each flight; when it has to hold depth and heading
+TILT = 0.1  # rad, of roll and pitch at the start, so that an unstable vehicle leaves its equilibrium
+AFLOAT = 1.03  # buoyancy over weight, up to which a vehicle without vertical thrust dives by its fins
+CRUISE, HURRY = 0.6, 0.5  # cruising speed as a share of the top speed, and at most (m/s) without fins
+
+
+class Motion(NamedTuple):
+    """Largest tilt (deg) and turn rate (deg/s) of a flight, and errors of depth (m) and heading (deg) at its end."""
+
+    tilt: float
+    rate: float
+    depth: float
+    heading: float
+
+
+class Subject:
+    """A vehicle with its `[control]` table in water of `density` kg/m³ under `gravity` m/s²; `name` is for errors.
+
+    It is to fly at `speed` m/s; without one, at a share of its top speed.
+    """
+
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        control: dict[str, Any],
+        density: float = 1000.0,
+        gravity: float = 9.80665,
+        name: str = "",
+        speed: float | None = None,
+    ) -> None:
+        self.vehicle, self.density, self.gravity = vehicle, density, gravity
+        self._control, self._name, self._speed = control, name or vehicle.name, speed
+        self.weight = vehicle.mass * gravity
+        self.volume = displaced_volume(vehicle, density)
+        self.buoyancy_ratio = density * self.volume / vehicle.mass
+        self.net_weight = self.weight * (1.0 - self.buoyancy_ratio)  # N, positive if it sinks
+
+    @cached_property
+    def capabilities(self) -> tuple[AxisCapability, ...]:
+        """Forces and speeds along each axis."""
+        inverse = pseudo_inverse(wrench_matrix(self.vehicle))[0]
+        return axis_capabilities(self.vehicle, inverse, self.density, self.gravity)
+
+    @property
+    def floats(self) -> bool:
+        """True for a surface craft: its thrusters cannot hold it under water."""
+        return self.buoyancy_ratio > AFLOAT and -self.net_weight > self.capabilities[2].force[0]
+
+    @cached_property
+    def inertia(self) -> list[float]:
+        """Mass and inertia of each axis with added mass (kg, kg m²)."""
+        matrix = mass_matrix(self.vehicle)
+        return [matrix[axis][axis] for axis in range(6)]
+
+    @cached_property
+    def damping(self) -> list[tuple[float, float]]:
+        """Linear and quadratic damping of each axis, with the drag of equipment."""
+        linear, quadratic = (square(one, 6) for one in (self.vehicle.linear_damping, self.vehicle.quadratic_damping))
+        drags = [equipment_drag(self.vehicle, self.density, axis) for axis in range(6)]
+        return [(linear[i][i], quadratic[i][i] + drags[i]) for i in range(6)]
+
+    @property
+    def stability(self) -> float:
+        """Height (m) of the centre of buoyancy, or of a surface craft's metacentre, above the centre of gravity.
+
+        A surface craft is taken as a box of its dimensions (Fossen 2021, section 4.2), its height as the most.
+        """
+        vehicle = self.vehicle
+        above = vehicle.center_of_gravity[2] - vehicle.center_of_buoyancy[2]
+        if not self.floats:
+            return above
+        _, width, height = vehicle.dimensions
+        draught = height / self.buoyancy_ratio
+        return min(above - 0.5 * (height - draught) + width * width / (12.0 * draught), height)
+
+    @cached_property
+    def adrift(self) -> Motion:
+        """Motion without thrust."""
+        return self._fly(None)
+
+    @cached_property
+    def controlled(self) -> Motion:
+        """Motion under its own controller, which holds depth and heading, at cruising speed."""
+        return self.fly(self.cruise)
+
+    @property
+    def cruise(self) -> float:
+        """Speed (m/s) of its flight; 0 for a vehicle that cannot go ahead alone."""
+        top, limit = self.capabilities[0].speed[0], self.vehicle.attitude_limit_speed or inf
+        if self._speed is not None:
+            return min(self._speed, top, limit)
+        return CRUISE * top if self.vehicle.fins else min(CRUISE * top, HURRY, limit)
+
+    def fly(self, speed: float) -> Motion:
+        """Return the motion ahead at `speed` m/s under its own controller, which holds depth and heading."""
+        return self._fly(VelocityCommand(surge=speed, depth=self._depth, heading=0.0))
+
+    @property
+    def _depth(self) -> float:
+        return 0.0 if self.floats else START_DEPTH
+
+    def _fly(self, command: VelocityCommand | None) -> Motion:
+        water = DEEP._replace(density=self.density, gravity=self.gravity)
+        rig = Rig(self._name, self.vehicle, self._control, tilt=(TILT, TILT), world=water, depth=self._depth)
+        try:
+            moments = rig.fly(SECONDS, None if command is None else lambda time: command)
+        except DivergenceError:
+            return Motion(inf, inf, inf, inf)
+        end = moments[-1:] if command is None else [m for m in moments if m.time >= SETTLED_S]
+        return Motion(
+            tilt=degrees(max(acos(cos(m.attitude[0]) * cos(m.attitude[1])) for m in moments)),
+            rate=degrees(max(hypot(*m.nu[3:]) for m in moments)),
+            depth=max(abs(m.position[2] - self._depth) for m in end),
+            heading=degrees(max(abs(wrap(m.attitude[2])) for m in end)),
+        )
