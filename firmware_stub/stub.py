@@ -25,7 +25,7 @@ from hil.links.contract import (
 )
 
 WATCHDOG_NS = 200_000_000  # four commands missed at 20 Hz, ten at 50 Hz
-TELEMETRY_PERIOD_NS = 20_000_000
+TELEMETRY_PERIOD_NS = 200_000_000  # a command is answered at once; more would fill a slow line
 LATE_WINDOW = 32  # sequence numbers
 NO_PULSE_US = 0
 NEVER_US = 0xFFFF_FFFF  # age before the first command

@@ -13,7 +13,7 @@
  *                 get its pulse widths, otherwise 1500 us
  *     watchdog    no command applied for watchdog_us, armed or not: all outputs 1500 us, disarmed, timed_out,
  *                 reported at once. The next command clears timed_out and is applied like any other
- *     report      after each applied command, and at least every 20 ms
+ *     report      after each applied command, and at least every 200 ms
  *
  * A command whose sequence number is 1 to 32 behind the last is late (it was overtaken) and is refused. The same
  * number, or one further behind (the host has restarted), is applied. After a watchdog trip every number is applied.
@@ -36,7 +36,7 @@
 #define UUV_HIL_PWM_MAX_US 2200u
 #define UUV_HIL_NO_PULSE_US 0u
 #define UUV_HIL_WATCHDOG_US 200000u
-#define UUV_HIL_TELEMETRY_PERIOD_US 20000u
+#define UUV_HIL_TELEMETRY_PERIOD_US 200000u
 #define UUV_HIL_LATE_WINDOW 32u          /* sequence numbers */
 #define UUV_HIL_NEVER_US UINT32_MAX      /* the age if there was no command, or none for too long */
 #define UUV_HIL_NEVER_DUE_US UINT64_MAX

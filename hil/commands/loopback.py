@@ -119,9 +119,14 @@ def _text(result: Result, plan: Plan, broken: list[str]) -> str:
     out, back = result.bytes_per_second
     counters = result.counters
     wire = f", of which the wire takes {result.wire_ms:.2f} ms" if result.wire_ms == result.wire_ms else ""
+    replaced = counters["replaced"]
+    slow = (
+        f"line slow   {replaced} commands were dropped in favour of newer ones; use a lower --rate" if replaced else ""
+    )
     lines = [
         f"{plan.link.protocol} on {result.port}, {plan.stm32}, {plan.channels} thrusters, {result.seconds:.1f} s",
         f"commands    {result.sent} sent, {result.answered} answered, {result.lost} lost ({result.loss:.2%})",
+        *([slow] if slow else []),
         f"received    {counters['messages_in']} messages, {counters['checksum_errors']} with a wrong checksum, "
         f"{counters['malformed']} malformed, {counters['dropped_bytes']} bytes dropped",
         f"throughput  {out:.0f} B/s out, {back:.0f} B/s in, {result.answered / result.seconds:.0f} round trips/s",

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from typing import NamedTuple
 
 from hil.common.clock import NEVER_NS, NS_PER_MS, now_ns
+from hil.links.pace import EchoPace
 
 MAX_THRUSTERS = 16
 PWM_NEUTRAL_US = 1500
@@ -207,17 +208,19 @@ class SentCommands:
 
 
 class ThrusterLink:
-    """One end of a thruster link: a protocol on a wire.
+    """One end of a thruster link: a protocol on a wire; at the host's end with a `pace` for its commands.
 
-    At most one command is unsent at any time. While the wire is still sending a command, the newest further one is
-    stored here and replaces any before it; `tick` sends it when the wire is free. A command that disarms goes first:
-    unsent bytes are discarded. So an old command never resets the STM32's watchdog.
+    At most one command is unsent at any time. While the wire is still sending a command, or the line has as many
+    unanswered ones as it carries (`pace`), the newest further one is stored here and replaces any before it; it is sent
+    when there is room. A command that disarms goes first: unsent bytes are discarded. So an old command never resets
+    the STM32's watchdog.
     """
 
-    def __init__(self, wire: Wire, protocol: Protocol) -> None:
+    def __init__(self, wire: Wire, protocol: Protocol, pace: EchoPace | None = None) -> None:
         self.wire = wire
         self.protocol = protocol
         self.counters = protocol.counters
+        self.pace = pace
         self._held: ThrusterCommand | None = None
         self._retry_ns = NEVER_NS  # when to check again whether the wire is free for the stored command
         self._is_armed = False  # `armed` of the last command that was written
@@ -229,9 +232,12 @@ class ThrusterLink:
 
     def send(self, message: Message) -> None:
         """Encode and write `message`; store a command instead while an older one is unsent. Raises DeviceError."""
-        if isinstance(message, ThrusterCommand) and not self._may_send(message):
-            self._held, self._retry_ns = message, now_ns() + RETRY_NS
-            return
+        if isinstance(message, ThrusterCommand):
+            now = now_ns()
+            if not self._may_send(message, now):
+                return
+            if self.pace:
+                self.pace.add_sent(message.sequence, now)
         self.counters.messages_out += 1
         self._write(self.protocol.encode(message))
 
@@ -242,6 +248,8 @@ class ThrusterLink:
         counters.bytes_in += len(data)
         messages = protocol.feed(data)  # even if empty, because a protocol may act by time
         counters.messages_in += len(messages)
+        if self.pace and messages:
+            self._count_answers(self.pace, messages)
         replies = protocol.replies()
         if replies:
             self._write(replies)
@@ -258,13 +266,25 @@ class ThrusterLink:
         """Close the wire."""
         self.wire.close()
 
-    def _may_send(self, command: ThrusterCommand) -> bool:
-        """Return whether `command` can be written now; discard unsent bytes if it disarms."""
+    def _count_answers(self, pace: EchoPace, messages: list[Message]) -> None:
+        now = now_ns()
+        for message in messages:
+            if isinstance(message, ThrusterTelemetry):
+                pace.add_answer(message.sequence, now)
+        if self._held:
+            self.send(self._held)
+
+    def _may_send(self, command: ThrusterCommand, now: int) -> bool:
+        """Return whether `command` can be written now, or store it; discard unsent bytes if it disarms."""
         if command is not self._held:
             self._drop_held()
+            if self.pace:
+                self.pace.add_offered(now)
+        due_ns = self.pace.due_ns(now) if self.pace else now
         if self._is_armed and not command.armed:
             self.wire.discard_unsent()
-        elif self.wire.unsent():
+        elif due_ns > now or self.wire.unsent():
+            self._held, self._retry_ns = command, max(due_ns, now + RETRY_NS)
             return False
         self._is_armed, self._held, self._retry_ns = command.armed, None, NEVER_NS
         return True

@@ -256,6 +256,8 @@ class Diagnostics:
         "faults that [link.faults] caused in sent data since the link was opened: number of chunks or bytes"
     )
     link_faults_received = _by_fault("the same for received data")
+    link_slow = _flag("true if the line carries fewer commands than are to be sent; then the newest are sent")
+    link_rate_hz = _number("Hz", 1, "commands a second that the line answers")
     stm32_silent = _flag("true if the link is open but the STM32 does not answer")
     pwm_us = _integers("us", "pulse widths in effect, one for each channel")
     # The autopilot; with our own controller none of these

@@ -221,6 +221,9 @@ class Loop:
         if received is None or self.pilot is None or not self.armed:
             return
         self.commands += 1
+        if self.driver.arming_refusal:
+            self.set_neutral()
+            return
         if not self.pilot.active:
             self._report("commands arrive: thrusters armed")
         self.pilot.set_command(received.command, now)

@@ -18,6 +18,7 @@ from importlib import import_module
 from hil.common.clock import NS_PER_S, now_ns, seconds_ns
 from hil.common.errors import DeviceError, HilError
 from hil.links.contract import PWM_NEUTRAL_US, ThrusterCommand, ThrusterTelemetry, Wire
+from hil.links.pace import LEAST_RATE, EchoPace
 from hil.scenario.records import Link
 from hil.slave.drivers.ends import Ends
 
@@ -99,13 +100,16 @@ class ThrusterDriver(ABC):
     when the link is lost or back. `port`, `host`: those of the current or last link, see `Ends`. `children`: ids of the
     link's processes. `losses`: how often the link was lost; `lost`: whether it is lost now. `is_silent`: whether the
     STM32 does not answer although the link is open. `command_ns`: when (monotonic) the outputs of an STM32 in this
-    process last applied a command; 0 for any other STM32.
+    process last applied a command; 0 for any other STM32. `arming_refusal`: why commands must not arm the thrusters
+    while the line is too slow for them; "" if they may.
     """
 
     command_ns = 0
     losses = 0
     lost = False
     is_silent = False
+    is_slow = False
+    arming_refusal = ""
     children: tuple[int, ...]
     descriptors: list[int]
     pwm_us: tuple[int, ...]
@@ -157,6 +161,8 @@ class ThrusterDriver(ABC):
             self._report(
                 f"{self.port}: the STM32 has not answered for {SILENT_NS / NS_PER_S:g} s; check wiring, baud, protocol"
             )
+        if self.host and self.host.pace and self.host.pace.is_slow != self.is_slow:
+            self._report_pace(self.host.pace)
         return telemetry
 
     def send(self, command: ThrusterCommand) -> None:
@@ -200,6 +206,23 @@ class ThrusterDriver(ABC):
         assert self.host is not None
         self.host.send(command)
 
+    def _report_pace(self, pace: EchoPace) -> None:
+        """Report that the line has become slower than the commands, or fast enough."""
+        self.is_slow, self.arming_refusal = pace.is_slow, ""
+        if not pace.is_slow:
+            self._report(f"{self.port}: the line carries all commands again")
+            return
+        self._report(
+            f"{self.port}: the line carries {pace.rate:.0f} commands a second and not all: the newest are sent, others "
+            "dropped; use a faster line or a longer control_period in [slave]"
+        )
+        if pace.rate < LEAST_RATE:
+            self.arming_refusal = (
+                f"{self.port}: the line carries {pace.rate:.0f} commands a second; at least {LEAST_RATE:g} are needed "
+                "to arm the thrusters"
+            )
+            self._report(self.arming_refusal)
+
     def _answers(self, now: int) -> None:
         self.is_silent = False
         self._report(f"{self.port}: the STM32 answers, after {(now - self._requested_ns) / NS_PER_S:.1f} s")
@@ -207,6 +230,7 @@ class ThrusterDriver(ABC):
     def _lose(self, error: DeviceError, now: int) -> None:
         self._report(f"thruster link lost, the STM32's watchdog stops the thrusters: {error}")
         self.lost, self.is_silent, self._requested_ns = True, False, 0
+        self.is_slow, self.arming_refusal = False, ""
         self.losses += 1
         self.children, self.descriptors, self.pwm_us = (), [], self._neutral
         self._lost_ns, self._check_ns = now, now + CHECK_NS

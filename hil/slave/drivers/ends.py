@@ -7,6 +7,7 @@ from hil.common.errors import ConfigError, HilError
 from hil.links.address import parse_address
 from hil.links.contract import Protocol as LinkProtocol
 from hil.links.contract import ThrusterLink, ThrusterTelemetry, Wire
+from hil.links.pace import EchoPace
 from hil.links.protocols import Role, open_protocol
 from hil.scenario.records import Link
 
@@ -110,7 +111,7 @@ def host_end(wire: Wire, link: Link, channels: int, seed: int) -> ThrusterLink:
     Raises ConfigError, DeviceError, MissingExtraError.
     """
     try:
-        return ThrusterLink(with_faults(wire, link, seed), end_protocol(link, "host", channels))
+        return ThrusterLink(with_faults(wire, link, seed), end_protocol(link, "host", channels), EchoPace())
     except HilError:
         wire.close()
         raise

@@ -192,6 +192,8 @@ class Health:
         figures.stm32_silent = driver.is_silent
         figures.pwm_us = driver.pwm_us
         if driver.host:
+            if driver.host.pace:
+                figures.link_slow, figures.link_rate_hz = driver.is_slow, driver.host.pace.rate
             counters = driver.host.counters
             for name in counters.__slots__:
                 figures[f"link_{name}"] = getattr(counters, name)

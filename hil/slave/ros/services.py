@@ -42,7 +42,7 @@ def offer_services(server: Server, node: str, loop: Loop, start: Start, report: 
         "set_pose": (SET_STATE, lambda request: set_pose(loop, node, request, report)),
     }
     if loop.pilot or loop.autopilot:
-        offered["arm"] = (SET_BOOL, lambda request: _answer(report, "arm", arm(loop, request["data"])))
+        offered["arm"] = (SET_BOOL, lambda request: _arm(loop, request["data"], report))
     thrusters = {plain_name(thruster.name): thruster.name for thruster in loop.simulation.vehicle.thrusters}
     for plain, name in thrusters.items():
         offered[f"thrusters/{plain}/fail"] = (SET_BOOL, _failing(loop, name, report))
@@ -59,6 +59,13 @@ def arm(loop: Loop, on: bool) -> str:
     if not on:
         loop.set_neutral()
     return "armed: commands are executed" if on else "disarmed: the thrusters are stopped, commands are ignored"
+
+
+def _arm(loop: Loop, on: bool, report: Report) -> Mapping[str, Any]:
+    if on and loop.driver.arming_refusal:
+        report(f"arm: refused: {loop.driver.arming_refusal}")
+        return {"success": False, "message": loop.driver.arming_refusal}
+    return _answer(report, "arm", arm(loop, on))
 
 
 def reset(loop: Loop, start: Start) -> str:

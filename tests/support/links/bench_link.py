@@ -13,6 +13,7 @@ class BenchLink:
     """A link that receives the content of `reports`; `broken` is a pulled cable; `closed` is true once it is closed."""
 
     deadline_ns = NEVER_NS
+    pace = None
 
     def __init__(self) -> None:
         self.reports: list[ThrusterTelemetry] = []

@@ -49,11 +49,11 @@ def board(chip: str) -> UnicornBoard:
     return power_up(chip)
 
 
-def test_the_image_starts_neutral_and_reports_each_20_ms(board: UnicornBoard) -> None:
+def test_the_image_starts_neutral_and_reports_each_200_ms(board: UnicornBoard) -> None:
     assert board.pwm_us == NEUTRAL
     board.run_until(1000 * MS)
     reports = decode(board.transmitted())
-    assert len(reports) == 51
+    assert len(reports) == 6
     assert {(r.armed, r.timed_out, r.pwm_us, r.frames, r.errors) for r in reports} == {
         (False, False, (1500,) * 6, 0, 0)
     }
@@ -260,7 +260,7 @@ def test_the_result_does_not_depend_on_how_time_is_sliced(chip: str) -> None:
     events = list(host_history(9))
     end_ms = round(events[-1].at_ms) + 300
     run = run_image(chip, events, end_ms)
-    assert len(run[0]) > 2000
+    assert len(run[0]) > 1000
     assert run_image(chip, events, end_ms) == run
     assert run_image(chip, events, end_ms, slice_ms=0.37) == run
 

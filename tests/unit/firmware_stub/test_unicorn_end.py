@@ -90,8 +90,8 @@ def test_a_command_does_not_wait_until_the_board_has_caught_up(bench: Bench) -> 
     assert wait_readable(bench.end.wire)
     bench.now_ns += 80 * MS
     bench.end.service(bench.now_ns)
-    reports = bench.received(5)
-    assert [(report.sequence, report.age_us) for report in reports] == [(3, 20_000 * i) for i in range(5)]
+    (report,) = bench.received(1)
+    assert (report.sequence, report.age_us) == (3, 0)
 
 
 def test_reports_and_the_watchdog_follow_the_callers_clock(bench: Bench) -> None:
@@ -101,9 +101,8 @@ def test_reports_and_the_watchdog_follow_the_callers_clock(bench: Bench) -> None
     assert bench.end.pwm_us == list(FULL)
     bench.pass_time(5)
     assert bench.end.pwm_us == NEUTRAL
-    reports = bench.received(10)
-    assert [report.age_us for report in reports] == [20_000 * i for i in range(1, 11)]
-    assert reports[-1].timed_out
+    (report,) = bench.received(1)
+    assert (report.age_us, report.timed_out) == (200_000, True)
 
 
 def test_the_deadline_is_every_5_ms(bench: Bench) -> None:
@@ -118,7 +117,7 @@ def test_a_pause_of_the_machine_does_not_trip_the_watchdog(bench: Bench) -> None
     bench.send(command(2))
     assert bench.end.board.now_ns - began_ns == UnicornEnd.PATIENCE_NS, "the pause is not emulated completely"
     assert bench.end.pwm_us == list(FULL)
-    assert bench.received(7)[-1].watchdog_trips == 0
+    assert bench.received(2)[-1].watchdog_trips == 0
 
 
 def test_a_flood_is_processed_in_portions(bench: Bench) -> None:

@@ -19,6 +19,7 @@ from hil.slave.drivers.driver import open_driver, stop_thrusters
 from hil.slave.drivers.external import ExternalDriver
 from hil.slave.loop import Loop
 from hil.slave.pilot import build_pilot
+from hil.slave.ros.services import _arm
 from sim.environment.world import load_world
 from sim.simulation import Simulation
 from sim.vehicle.vehicle import load_vehicle
@@ -202,3 +203,26 @@ def test_a_link_lost_while_sending_is_no_longer_waited_on(loop: Loop) -> None:
     assert loop._link_fds == []
     assert loop.pwm_us == NEUTRAL
     assert loop._link_due_ns == loop.driver.deadline_ns
+
+
+@pytest.mark.usefixtures("stop_clock")
+def test_a_line_that_is_too_slow_does_not_arm(loop: Loop, capsys: pytest.CaptureFixture[str]) -> None:
+    assert loop.driver.host
+    assert loop.pilot
+    assert loop.driver.host.pace
+    pace = loop.driver.host.pace
+    loop._apply_command(now_ns())
+    assert loop.pilot.active
+    pace.rate, pace.is_slow = 7.0, True
+    loop._service_link(now_ns())
+    loop._apply_command(now_ns())
+    assert not loop.pilot.active
+    assert "carries 7 commands a second; at least 10 are needed" in capsys.readouterr().out
+    lines = list[str]()
+    answer = _arm(loop, True, lines.append)
+    assert (answer["success"], lines) == (False, [f"arm: refused: {loop.driver.arming_refusal}"])
+    pace.is_slow = False
+    loop._service_link(now_ns())
+    loop._apply_command(now_ns())
+    assert loop.pilot.active
+    assert _arm(loop, True, lines.append)["success"]

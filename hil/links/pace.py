@@ -1,0 +1,98 @@
+"""Pace commands by their answers: never more of them on the line than it carries.
+
+A line that is slower than the commands stores them: a serial bridge, a radio or a USB adapter has buffers that the
+kernel does not know. Without pacing, thousands of bytes wait there, and the STM32 executes commands that are seconds
+old. Telemetry echoes the sequence number of a command, so the number of unanswered commands is known.
+
+The window is what the line carries in one round trip without waiting (the bandwidth-delay product, as in BBR, Cardwell
+et al. 2016), plus one report. While no answer comes at all, a command is sent every 0.15 s: that is less than the
+STM32's usual watchdog time, so a lost report does not stop the thrusters.
+"""
+
+from collections import deque
+
+from hil.common.clock import NEVER_NS, NS_PER_MS, NS_PER_S
+
+FIRST_WINDOW = 4  # commands; before the line's rate is known
+LEAST_TRIP_NS = 60 * NS_PER_MS  # shorter round trips count as this: on a fast line some reports may be lost
+LONGEST_PAUSE_NS = 150 * NS_PER_MS  # between two commands while no answer comes
+PROBE = 1.25  # the window is that much larger than what was answered, to find out whether the line carries more
+MEASURED_NS = NS_PER_S // 2  # period of one measurement of the rate
+UNANSWERED_NS = NS_PER_S  # after this time without any answer since the start, the line counts as one without telemetry
+SILENT_NS = 2 * NS_PER_S  # after this time without an answer the line is not slow: the STM32 is silent
+SLOW_SHARE = 0.8  # of the commands; a line that carries less counts as slow
+LEAST_RATE = 10.0  # commands a second that a line must carry for the vehicle to be armed
+
+
+class EchoPace:
+    """The commands that are on the line.
+
+    `rate`: commands that the line answers a second; `is_slow`: whether that has been less than what was to be sent for
+    two measurements; then commands are dropped in favour of newer ones.
+    """
+
+    def __init__(self) -> None:
+        self.rate = 0.0
+        self.is_slow = False
+        self._flight: deque[tuple[int, int]] = deque()  # sequence number, when it was sent (monotonic ns)
+        self._window = FIRST_WINDOW
+        self._first_ns = self._sent_ns = self._answer_ns = 0
+        self._fastest_ns = NEVER_NS  # shortest round trip
+        self._batch = 1.0  # commands that one report answers
+        self._measured_ns = 0
+        self._offered = self._answered = 0  # since `_measured_ns`
+        self._slow_before = False
+
+    def due_ns(self, now: int) -> int:
+        """Return when the next command may be sent if no answer comes; `now` (monotonic ns) or earlier: now."""
+        if len(self._flight) < self._window or not self._has_telemetry(now):
+            return now
+        return max(self._sent_ns, self._answer_ns) + LONGEST_PAUSE_NS
+
+    def add_offered(self, now: int) -> None:
+        """Count a command that is to be sent at `now`, whether or not the line takes it."""
+        self._offered += 1
+        if now - self._measured_ns >= MEASURED_NS:
+            self._measure(now)
+
+    def add_sent(self, sequence: int, now: int) -> None:
+        """Record a command that was written at `now` (monotonic ns)."""
+        self._first_ns = self._first_ns or now
+        self._sent_ns = now
+        if len(self._flight) < 2 * self._window + FIRST_WINDOW or self._has_telemetry(now):
+            self._flight.append((sequence, now))
+
+    def add_answer(self, sequence: int, now: int) -> None:
+        """Record a report at `now` (monotonic ns) that echoes a command: this and all before it are answered."""
+        self._answer_ns = now
+        place = next((i for i, (sent, _) in enumerate(self._flight) if sent == sequence), None)
+        if place is None:  # echoed before, or sent before the link was opened
+            return
+        self._fastest_ns = min(self._fastest_ns, now - self._flight[place][1])
+        for _ in range(place + 1):
+            self._flight.popleft()
+        self._answered += place + 1
+        self._batch = max(place + 1.0, 0.9 * self._batch)
+        self._adjust()
+
+    def _has_telemetry(self, now: int) -> bool:
+        """Return whether answers are to be expected: some came, or it is too early to know."""
+        return self._answer_ns > 0 or now - (self._first_ns or now) < UNANSWERED_NS
+
+    def _adjust(self) -> None:
+        trip_s = max(self._fastest_ns, LEAST_TRIP_NS) / NS_PER_S
+        if self.rate:
+            self._window = max(2, round(PROBE * self.rate * trip_s) + round(self._batch))
+
+    def _measure(self, now: int) -> None:
+        """Compute the rate of the last period, and whether the line is slow."""
+        passed_s = (now - self._measured_ns) / NS_PER_S
+        if self._measured_ns and passed_s < 4 * MEASURED_NS / NS_PER_S:  # a longer one has a pause of this process
+            self.rate = self._answered / passed_s
+            is_answered = now - self._answer_ns < SILENT_NS
+            is_slow = is_answered and self._answered < SLOW_SHARE * self._offered
+            if is_slow == self._slow_before:
+                self.is_slow = is_slow
+            self._slow_before = is_slow
+        self._measured_ns, self._offered, self._answered = now, 0, 0
+        self._adjust()
