@@ -83,7 +83,7 @@ def add_up(waters: Mapping[str, Keys], poses: Mapping[str, Pose], tree: Tree, hu
             parts = [part for part in parts if part[0] not in turned]
         if parts:
             moved_parts = [moved(matrix, poses[link], key == "quadratic_damping") for link, matrix in parts]
-            keys[key] = to_frd_matrix(_without_dust(reduce(total, moved_parts)))
+            keys[key] = to_frd_matrix(without_dust(reduce(total, moved_parts)))
     boxed = next((link for link in links if "dimensions" in waters[link]), None)
     if boxed is not None:
         size, rows = waters[boxed]["dimensions"], poses[boxed].rotation
@@ -125,7 +125,7 @@ def _volume(waters: Mapping[str, Keys], poses: Mapping[str, Pose], tree: Tree, h
     return keys
 
 
-def _without_dust(matrix: Matrix) -> Matrix:
+def without_dust(matrix: Matrix) -> Matrix:
     """Return a matrix with zeros where rounding has left small numbers beside its diagonal."""
     least = _DUST * max(abs(x) for row in matrix for x in row)
     return [[x if i == j or abs(x) > least else 0.0 for j, x in enumerate(row)] for i, row in enumerate(matrix)]

@@ -13,7 +13,7 @@ A URDF without such tags has no hydrodynamics. Missing values are never guessed:
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
-from math import degrees
+from math import degrees, hypot
 from typing import Annotated, Any, NamedTuple
 
 from hil.common.errors import ConfigError
@@ -21,7 +21,7 @@ from hil.common.schema import Range, parse
 from sim.matrices import Matrix, cross_matrix, product, square, total, transpose
 from sim.vehicle.meshes import Mesh
 from sim.vehicle.urdf.fins import read_fins
-from sim.vehicle.urdf.hull import Tree, add_up
+from sim.vehicle.urdf.hull import Tree, add_up, without_dust
 from sim.vehicle.urdf.pose import Pose
 from sim.vehicle.urdf.sensors import read_sensors
 from sim.vehicle.urdf.shapes import Measure, MeshKey, Solid, box_of, extent_of, from_collisions, mesh_key, origin_of
@@ -44,6 +44,7 @@ _REQUIRED = (
 
 _ZERO = ("added_mass", "linear_damping", "quadratic_damping")
 _MOST = 0.999  # of the sum of two moments of inertia, for the third one
+_STEPS = 200  # of a power iteration
 
 
 class Imported(NamedTuple):
@@ -237,22 +238,27 @@ def _mass(robot: Element, poses: dict[str, Pose], path: str, notes: list[str]) -
     for part_mass, position, own in masses:
         lever = cross_matrix([a - b for a, b in zip(position, centre, strict=True)])
         inertia = total(total(inertia, own), product(lever, lever), -part_mass)  # parallel axes
-    _lower_impossible(inertia, notes)
     keys: dict[str, Any] = {"mass": mass, "center_of_gravity": to_frd(centre)}
     given = any(x for _, _, own in masses for row in own for x in row)
-    return keys | {"inertia": to_frd_matrix(inertia)} if given else keys
+    return keys | {"inertia": to_frd_matrix(without_dust(_possible(inertia, notes)))} if given else keys
 
 
-def _lower_impossible(inertia: Matrix, notes: list[str]) -> None:
-    """Lower a moment of inertia that is greater than the other two together, which simulators accept."""
-    axis = max(range(3), key=lambda i: inertia[i][i])
-    most = _MOST * sum(inertia[i][i] for i in range(3) if i != axis)
-    if inertia[axis][axis] * _MOST > most > 0.0:
-        notes.append(
-            f"The inertia about {'xyz'[axis]} is {most:.6g} kg m²: that of the model, {inertia[axis][axis]:.6g}, is "
-            "more than those about the other two axes together, as in no body."
-        )
-        inertia[axis][axis] = most
+def _possible(inertia: Matrix, notes: list[str]) -> Matrix:
+    """Return an inertia whose greatest principal moment is below the other two together; simulators accept any."""
+    axis = [[1.0], [0.9], [0.8]]
+    for _ in range(_STEPS):  # converges to the axis of the greatest moment
+        axis = product(inertia, axis)
+        length = hypot(*(x for (x,) in axis)) or 1.0
+        axis = [[x / length] for (x,) in axis]
+    moment = product(transpose(axis), product(inertia, axis))[0][0]
+    most = _MOST * (sum(inertia[i][i] for i in range(3)) - moment)
+    if moment * _MOST <= most or most <= 0.0:
+        return inertia
+    notes.append(
+        f"The greatest moment of inertia is {most:.6g} kg m²: that of the model, {moment:.6g}, is more than the other "
+        "two together, as in no body."
+    )
+    return total(inertia, product(axis, transpose(axis)), most - moment)
 
 
 class _Mass(NamedTuple):

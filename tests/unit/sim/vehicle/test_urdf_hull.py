@@ -118,9 +118,12 @@ def test_links_in_the_water_add_up_in_any_order() -> None:
 
 def test_an_inertia_of_no_body_is_lowered() -> None:
     """As in the public ECA A9, of 0.6, 30 and 35 kg m²: the greatest is that of no body."""
-    model = imported(HULL.replace('izz="0.9"', 'izz="1.5"'), THRUSTER, UUV)
+    hull = HULL.replace('izz="0.9"', 'izz="1.5"')
+    model = imported(hull, THRUSTER, UUV)
     assert model.vehicle.inertia == pytest.approx((0.4, 0.8, 0.999 * 1.2))
-    assert any("The inertia about z is 1.1988 kg m²: that of the model, 1.5," in note for note in model.notes)
+    assert any("The greatest moment of inertia is 1.1988 kg m²: that of the model, 1.5," in n for n in model.notes)
+    turned = imported(on("root", 'rpy="0.3 -0.2 1"'), hull, THRUSTER, UUV).vehicle
+    assert np.linalg.eigvalsh(matrix(turned, "inertia")) == pytest.approx([0.4, 0.8, 0.999 * 1.2])
 
 
 def test_neutral_buoyancy_is_that_of_the_link() -> None:
