@@ -12,7 +12,7 @@ import subprocess
 import sys
 from collections.abc import Sequence
 from importlib.util import find_spec
-from typing import Any
+from typing import IO, Any, cast
 
 from hil.charts.build import MAX_NODES, BuiltSeabed, build, default_resolution, size_of
 from hil.charts.chart_survey import GeoBox
@@ -52,8 +52,8 @@ def read_and_build(
         stdin=subprocess.PIPE, stdout=subprocess.PIPE,
     ) as process:  # fmt: skip
         try:
-            process.stdin.write(job)
-            process.stdin.close()
+            with cast(IO[bytes], process.stdin) as stdin:
+                stdin.write(job)
             kind, result = _receive(process.stdout, progress)
         finally:
             process.kill()  # has no effect if the process has ended

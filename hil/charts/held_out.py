@@ -43,7 +43,7 @@ def choose_model(surface: Surface, depths: Array, limits: Limits, borders: Array
 
     `depths` (m), `limits` and `borders` (m, distances from the borders of areas) are those of the n soundings, (n,)
     each. Of powers that predict about equally well the greatest is taken, for the smoothest bed. The shift makes the
-    mean error zero if the bed would be too deep: charts show the shoal soundings of an area first.
+    mean error zero: a chart shows the shoal soundings of an area first, but draws contours on their deep side.
     """
     if len(depths) < SELECTION_FOLDS:
         return Model()
@@ -61,7 +61,7 @@ def choose_model(surface: Surface, depths: Array, limits: Limits, borders: Array
             if not has_error.any():  # no sounding is in the patches that were used
                 return Model()
             shift = -float(errors[has_error].mean() / max(spread * deviation[has_error].mean(), 1e-9))
-            trials[Model(power, spread, min(0.0, shift))] = _rms(errors[has_error])
+            trials[Model(power, spread, shift)] = _rms(errors[has_error])
     least = EQUAL_ERROR * min(trials.values())
     power = max(model.power for model, error in trials.items() if error <= least)
     return min((model for model in trials if model.power == power), key=trials.__getitem__)

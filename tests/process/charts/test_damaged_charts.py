@@ -52,8 +52,9 @@ def test_a_damaged_chart_is_refused_with_what_is_wrong(tmp_path: Path, damage: A
 
 def test_a_chart_across_the_180th_meridian_is_sound(tmp_path: Path) -> None:
     cell = Encoder()
-    for code, keys in ((302, {"CATCOV": 1}), (42, {"DRVAL1": 0, "DRVAL2": 20})):
-        cell.area(code, [(0.0, 179.99), (0.02, 179.99), (0.02, -179.99), (0.0, -179.99)], **keys)
+    around = [(0.0, 179.99), (0.02, 179.99), (0.02, -179.99), (0.0, -179.99)]
+    cell.area(302, around, CATCOV=1)
+    cell.area(42, around, DRVAL1=0, DRVAL2=20)
     cell.soundings([(0.01, 179.995, 5.0), (0.012, -179.995, 6.0), (0.015, 180.0, 9.0)])
     assert len(read_sources([cell.write(tmp_path / "DATE.000")], None)[0].soundings) == 3
 

@@ -205,8 +205,8 @@ def test_a_general_chart_is_cropped_to_where_most_soundings_are(tmp_path: Path) 
 
 def test_water_around_soundings_in_unsurveyed_areas_is_known(tmp_path: Path) -> None:
     cell = Encoder(scale=10_000)
-    for code, keys in ((302, {"CATCOV": 1}), (154, {})):
-        cell.area(code, square(SOUTH, WEST, NORTH, EAST), **keys)
+    cell.area(302, square(SOUTH, WEST, NORTH, EAST), CATCOV=1)
+    cell.area(154, square(SOUTH, WEST, NORTH, EAST))
     cell.soundings([(54.002 + 0.001 * i, 10.008, 5.0 + i) for i in range(6)])
     survey, extent = read_sources([cell.write(tmp_path / "TRACK.000")], None)
     built = build(survey, extent, 20.0)
