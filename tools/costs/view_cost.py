@@ -1,19 +1,17 @@
 """Measure the cost of the live view: the vehicle's delays with and without it, and how late a sample is shown.
 
-    python tools/costs/view_cost.py [--seconds 20] [--browser] [--rate 20]
+    python tools/costs/view_cost.py [--seconds 20] [--rate 20]
 
 One slave over a seabed of 1,000 x 1,000 nodes, commanded 20 times a second, and a view with no, one and ten viewers:
 clients that receive the scene as a browser does. A sample's latency is from its measurement until a viewer has
-received the vehicle's new place; the drawing of the browser, one more picture, is not included. `--browser` also opens
-the page in Debian's Chromium and counts the pictures that it draws a second: without a graphics card, on the processor
-that the slave needs. `--rate` limits the network between the view and its viewers (Mbit/s). Exit code 1 if the median
-latency is above 60 ms. Needs the extra dev.
+received the vehicle's new place; the drawing of the browser, one more picture, is not included. `--rate` limits the
+network between the view and its viewers (Mbit/s). Exit code 1 if the median latency is above 60 ms. Needs the extra
+dev.
 """
 
 import argparse
 import asyncio
 import re
-import shutil
 import subprocess
 import sys
 import tempfile
@@ -64,11 +62,6 @@ goal = [8, 7]
 depth = 5
 """
 Place = tuple[float, ...]
-OPTIONS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-background-networking"]
-COUNT_PICTURES = """seconds => new Promise(done => {
-  let count = 0; const end = performance.now() + 1000 * seconds;
-  const next = now => { count += 1; now < end ? requestAnimationFrame(next) : done(count / seconds); };
-  requestAnimationFrame(next); })"""
 
 
 class Measured(NamedTuple):
@@ -197,7 +190,7 @@ def slowed(address: str, rate: float) -> Iterator[tuple[str, Relay | None]]:
         yield f"http://127.0.0.1:{relay.port}/", relay
 
 
-def measure(folder: Path, viewers: int | None, seconds: float, browser: bool, rate: float = 0.0) -> Measured:
+def measure(folder: Path, viewers: int | None, seconds: float, rate: float = 0.0) -> Measured:
     """Measure one round with that number of viewers (None: no view), behind a network of `rate` Mbit/s if not 0."""
     (folder / "wide.toml").write_text(WORLD, encoding="utf-8")
     scenario = folder / "scenario.toml"
@@ -213,8 +206,6 @@ def measure(folder: Path, viewers: int | None, seconds: float, browser: bool, ra
         if viewers is not None:
             view, address, token = stack.enter_context(viewed(bench.path))
             address, relay = stack.enter_context(slowed(address, rate))
-            if browser:
-                stack.enter_context(_open_page(f"{address}?token={token}", seconds))
             watching = stack.enter_context(Viewers(viewers, address, token, clock))
         fly(client, SLOW_SETTLE_S if rate else SETTLE_S)
         first = len(client.delays.totals_ns())
@@ -233,24 +224,6 @@ def measure(folder: Path, viewers: int | None, seconds: float, browser: bool, ra
         )  # fmt: skip
 
 
-@contextmanager
-def _open_page(address: str, seconds: float) -> Iterator[None]:
-    """Show the page in a browser, and print how many pictures a second it draws."""
-    from playwright.sync_api import sync_playwright
-
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=OPTIONS)
-        page = browser.new_page(viewport={"width": 1280, "height": 800})
-        page.set_default_timeout(240_000)
-        page.goto(address)
-        page.frame_locator("#scene").get_by_text("Pictures").first.wait_for()
-        page.wait_for_timeout(10_000)
-        frame: Any = next(frame for frame in page.frames if "/scene/" in frame.url)
-        print(f"browser: {frame.evaluate(COUNT_PICTURES, seconds):.1f} pictures a second", flush=True)
-        yield
-        browser.close()
-
-
 def _rounded(position: Any) -> Place:
     return tuple([round(float(value), 6) for value in position])
 
@@ -259,23 +232,19 @@ def main() -> int:
     """Measure all rounds; return the exit code."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seconds", type=float, default=20.0, help="of each round [%(default)s]")
-    parser.add_argument("--browser", action="store_true", help="and a real browser")
     parser.add_argument("--rate", type=float, default=0.0, metavar="MBIT/S", help="of the viewers' network [no limit]")
     options = parser.parse_args()
     print(
         "viewers  delay p50, p99 ms  late p50, p99 us  CPU slave, view  view MiB  latency p50, p95 ms  updates/s Mbit/s"
     )
     failed = False
-    rounds: list[tuple[int | None, bool]] = [(None, False), (0, False), (1, False), (10, False)]
-    if options.browser:
-        rounds.append((1, True))
-    for viewers, browser in rounds:
+    for viewers in (None, 0, 1, 10):
         with tempfile.TemporaryDirectory() as folder:
-            measured = measure(Path(folder), viewers, options.seconds, browser, options.rate)
+            measured = measure(Path(folder), viewers, options.seconds, options.rate)
         late = sorted(measured.latency_ms)
         p50, p95 = (quantile(late, 0.5), quantile(late, 0.95)) if late else (float("nan"), float("nan"))
         failed |= p50 > MAX_LATENCY_MS
-        name = "no view" if viewers is None else f"{viewers}{' + browser' if browser else ''}"
+        name = "no view" if viewers is None else str(viewers)
         print(
             f"{name:8} {measured.delay_p50_ms:8.3f} {measured.delay_p99_ms:8.3f} {measured.late_p50_us:9.1f}"
             f" {measured.late_p99_us:7.1f} {measured.slave_cpu:9.1%} {measured.view_cpu:7.1%} {measured.view_mib:8.0f}"

@@ -20,7 +20,7 @@ RATE_MBIT_S = 20.0
 def test_the_shown_position_does_not_fall_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Three viewers see a seabed of 1,000 x 1,000: a sample shown at the end is as new as one at the start."""
     monkeypatch.setattr(view_cost, "SLOW_SETTLE_S", 8.0)  # the seabed has gone through by then
-    measured = view_cost.measure(tmp_path, 3, 15.0, browser=False, rate=RATE_MBIT_S)
+    measured = view_cost.measure(tmp_path, 3, 15.0, rate=RATE_MBIT_S)
     third = len(measured.latency_ms) // 3
     begin, end = (quantile(sorted(part), 0.5) for part in (measured.latency_ms[:third], measured.latency_ms[-third:]))
     print(f"{measured.updates_hz:.1f} updates/s, {measured.traffic_mbit_s:.2f} Mbit/s, {begin:.0f} then {end:.0f} ms")
