@@ -10,6 +10,7 @@ import os
 import stat
 import sys
 from collections.abc import Iterable
+from contextlib import suppress
 from types import ModuleType
 from typing import Any
 
@@ -23,6 +24,8 @@ MAX_CACHED = 500
 MAX_CACHED_BYTES = 32 << 20
 LARGEST_CACHED = 1 << 20  # bytes of one cached file
 PROGRAM = "uuv-hil-stm32-native"  # programs of firmware_stub.native in the same folder, which that removes itself
+
+PRIVATE = 0o600  # permissions of a file for this user alone
 
 Stamp = tuple[int, int]  # time of change in ns, size in bytes
 
@@ -199,6 +202,25 @@ def write_cached(path: str, stamp: Any, value: Any) -> None:
         _prune(os.path.dirname(cache))
     except (OSError, ValueError):  # a read-only folder, or a date, which marshal cannot store
         return
+
+
+def write_atomically(path: str, text: str, mode: int = 0o666) -> None:
+    """Write a text file that others read whole or not at all; its folder is made, and a link is replaced by the file.
+
+    `mode`: its permissions, less the umask; with PRIVATE nobody else can read it at any time. Raises OSError.
+    """
+    new = f"{path}.{os.getpid()}"
+    os.makedirs(os.path.dirname(path) or ".", mode=0o700 if mode == PRIVATE else 0o777, exist_ok=True)
+    with suppress(FileNotFoundError):
+        os.unlink(new)
+    try:
+        with open(os.open(new, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode), "w", encoding="utf-8") as file:
+            file.write(text)
+        os.replace(new, path)
+    except OSError:
+        with suppress(OSError):
+            os.unlink(new)
+        raise
 
 
 def _prune(folder: str) -> None:

@@ -8,6 +8,8 @@ import os
 import secrets
 from contextlib import suppress
 
+from hil.common.tables import PRIVATE, write_atomically
+
 
 def token_path(port: int) -> str:
     """Return where the token of the gateway at that port lies on this machine."""
@@ -25,7 +27,7 @@ class Access:
         self.token = secrets.token_urlsafe(24)
         self.path = token_path(port)
         try:
-            write_private(self.path, self.token + "\n")
+            write_atomically(self.path, self.token + "\n", PRIVATE)
         except OSError:
             self.path = ""
 
@@ -42,15 +44,3 @@ class Access:
                 own = file.read().strip() == self.token
             if own:
                 os.unlink(self.path)
-
-
-def write_private(path: str, text: str) -> None:
-    """Write a file that nobody else can read at any time: what lay there is replaced, also a link. Raises OSError."""
-    os.makedirs(os.path.dirname(path) or ".", mode=0o700, exist_ok=True)
-    new = f"{path}.{os.getpid()}"
-    with suppress(FileNotFoundError):
-        os.unlink(new)
-    descriptor = os.open(new, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
-    with os.fdopen(descriptor, "w", encoding="utf-8") as file:
-        file.write(text)
-    os.replace(new, path)

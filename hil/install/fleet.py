@@ -14,6 +14,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 from hil.common.errors import ConfigError, DeviceError
+from hil.common.tables import PRIVATE, write_atomically
 
 SSH = "ssh -o BatchMode=yes -o ConnectTimeout=10"
 HOST_TIMEOUT_S = 60.0  # longest wait for a command on a host, more than GRACE_S
@@ -212,9 +213,7 @@ def _load(path: str) -> dict[str, Any]:
 def _save_started(scenario: str, members: Sequence[Started], ssh: str) -> None:
     path = state_file(scenario)
     try:
-        os.makedirs(os.path.dirname(path), mode=0o700, exist_ok=True)
-        with open(f"{path}.new", "w", encoding="utf-8") as file:
-            json.dump({"scenario": scenario, "ssh": ssh, "members": [one._asdict() for one in members]}, file, indent=1)
-        os.replace(f"{path}.new", path)
+        table = {"scenario": scenario, "ssh": ssh, "members": [one._asdict() for one in members]}
+        write_atomically(path, json.dumps(table, indent=1), PRIVATE)
     except OSError as error:
         raise DeviceError(f"{path}: cannot be written: {error.strerror}") from None

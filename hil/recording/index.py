@@ -6,6 +6,7 @@ Version 5 of the format, which every ROS 2 since Humble reads (rosbag2_storage/m
 import os
 from collections.abc import Iterable, Sequence
 
+from hil.common.tables import write_atomically
 from hil.recording.mcap_file import FileSummary, qos_profile
 
 NAME = "metadata.yaml"
@@ -13,11 +14,7 @@ NAME = "metadata.yaml"
 
 def write_index(folder: str, files: Sequence[FileSummary]) -> None:
     """Write the index of `files`, in the order of their recording; it replaces an older index. Raises OSError."""
-    path = os.path.join(folder, NAME)
-    fresh = f"{path}.new"
-    with open(fresh, "w", encoding="utf-8") as file:
-        file.write(_text(files))
-    os.replace(fresh, path)
+    write_atomically(os.path.join(folder, NAME), _text(files))
 
 
 def _text(files: Sequence[FileSummary]) -> str:

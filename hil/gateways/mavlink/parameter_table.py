@@ -7,12 +7,11 @@ the slave (gains of its controller, failures of its thrusters) belong to the sla
 import math
 import os
 from collections.abc import Callable, Mapping
-from contextlib import suppress
 from typing import NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from hil.common.tables import parse_toml
+from hil.common.tables import parse_toml, write_atomically
 
 INT8, INT16, INT32, REAL32 = (
     dialect.MAV_PARAM_TYPE_INT8,
@@ -140,14 +139,8 @@ class ParameterTable:
             return ""
         changed = [(name, value) for name, value in sorted(self._values.items()) if value != self._defaults[name]]
         text = "".join([f"{name} = {value!r}\n" for name, value in changed])
-        new = f"{self._path}.{os.getpid()}"
         try:
-            os.makedirs(os.path.dirname(self._path) or ".", exist_ok=True)
-            with open(new, "w", encoding="utf-8") as file:
-                file.write(text)
-            os.replace(new, self._path)
+            write_atomically(self._path, text)
         except OSError as error:
-            with suppress(OSError):
-                os.unlink(new)
             return f"not stored: {error.strerror}"
         return ""

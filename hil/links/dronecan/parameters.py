@@ -5,11 +5,11 @@ stored in a file, or without one in memory as long as the process runs.
 """
 
 import json
-import os
 from math import isfinite
 from typing import NamedTuple
 
 from hil.common.errors import ConfigError
+from hil.common.tables import write_atomically
 from hil.links.dronecan.services import ERASE, SAVE, Description, GetSet, Value
 
 
@@ -77,11 +77,8 @@ class ParameterStore:
         return True
 
     def _write(self, stored: dict[str, int | float | bool]) -> bool:
-        new = f"{self._path}.new"
         try:
-            with open(new, "w", encoding="utf-8") as file:
-                json.dump(stored, file)
-            os.replace(new, self._path)
+            write_atomically(self._path, json.dumps(stored))
         except OSError:
             return False
         return True

@@ -11,7 +11,7 @@ import hashlib
 import os
 from contextlib import suppress
 
-from hil.gateways.access import write_private
+from hil.common.tables import PRIVATE, write_atomically
 from hil.links.mavlink.stream import Stamps, signing_secret
 
 SECRET_SIZE = 32
@@ -48,7 +48,7 @@ class SavedStamps(Stamps):
     def _save(self, stamps: dict[tuple[int, int, int], int]) -> None:
         rows = [f"{link} {system} {component} {stamp}" for (link, system, component), stamp in stamps.items()]
         with suppress(OSError):
-            write_private(self._path, "\n".join([self._key, *rows]))
+            write_atomically(self._path, "\n".join([self._key, *rows]), PRIVATE)
 
     def _load(self) -> None:
         """Read the stamps of this key; other keys' and damaged ones are none."""
@@ -94,7 +94,7 @@ class SigningKey:
                 with suppress(FileNotFoundError):
                     os.unlink(self._path)
                 return ""
-            write_private(self._path, self.secret.hex())
+            write_atomically(self._path, self.secret.hex(), PRIVATE)
         except OSError as error:
             return f"signing: not stored: {error.strerror}"
         return ""
