@@ -100,13 +100,14 @@ def read_robot(
     poses = _about(poses, root, hull, notes)
     user_keys = dict(extra or {})
     table = _table(_Model(robot, poses, path, user_keys, measure, notes), tree, hull)
-    common = user_keys.pop("every_thruster", {})
+    given_thrusters, given_fins = (_rows(user_keys.pop(key, []), key, path) for key in ("thrusters", "fins"))
+    (common,) = _rows([user_keys.pop("every_thruster", {})], "every_thruster", path)
     meshes = list(_meshes(robot, poses, path))
     thrusters = [thruster | common for thruster in read_thrusters(robot, poses, path, notes)]
-    thrusters = [common | thruster for thruster in user_keys.pop("thrusters", ())] or thrusters
-    fins = read_fins(robot, poses, path, _names(user_keys.get("fins")), notes)
-    if fins or "fins" in user_keys:
-        user_keys["fins"] = [*fins, *user_keys.get("fins", ())]
+    thrusters = [common | thruster for thruster in given_thrusters] or thrusters
+    fins = read_fins(robot, poses, path, {str(fin.get("name")) for fin in given_fins}, notes) + given_fins
+    if fins:
+        user_keys["fins"] = fins
     table = {**table, **user_keys, "thrusters": thrusters}
     _refuse_missing(table, path)
     equipment = {key: table.pop(key) for key in EQUIPMENT if key in table}
@@ -180,9 +181,11 @@ def _add_shapes(table: dict[str, Any], model: _Model, with_volume: bool) -> None
             notes.append("The dimensions are those of the box around what is visible.")
 
 
-def _names(fins: Any) -> set[str]:
-    rows = fins if isinstance(fins, list) else []
-    return {str(row.get("name")) for row in rows if isinstance(row, dict)}
+def _rows(rows: Any, key: str, path: str) -> list[dict[str, Any]]:
+    """Return the tables that are given under a key. Raises ConfigError."""
+    if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
+        raise ConfigError(f"{path}: {key}: expected a table or tables")
+    return rows
 
 
 def _link_poses(robot: Element, path: str) -> dict[str, Pose]:

@@ -149,22 +149,9 @@ def _no_keys(sensor: Element, path: str) -> Keys:
     return {}
 
 
-def _imu(sensor: Element, path: str) -> Keys:
-    rates, forces = _inner(sensor, "angular_velocity"), _inner(sensor, "linear_acceleration")
-    return {"angular_velocity": _error(rates, path), "acceleration": _error(forces, path)}
-
-
-def _pressure(sensor: Element, path: str) -> Keys:
-    return {"error": _error(_inner(sensor, "pressure"), path)}
-
-
-def _barometer(sensor: Element, path: str) -> Keys:
-    return {"error": _error(_inner(sensor, "vertical_position"), path, _PASCAL)}
-
-
-def _magnetometer(sensor: Element, path: str) -> Keys:
-    error = _error(_inner(sensor, "magnetometer"), path)
-    return {"error_xy": error, "error_z": error}
+def _errors(tags: Mapping[str, str], factor: float = 1.0) -> Callable[[Element, str], Keys]:
+    """Return a reader of the error models under these tags; `factor` converts their unit to ours."""
+    return lambda sensor, path: {key: _error(_inner(sensor, tag), path, factor) for key, tag in tags.items()}
 
 
 def _gps(sensor: Element, path: str) -> Keys:
@@ -253,8 +240,10 @@ def _pressure_plugin(plugin: Element, path: str) -> Keys:
 
 # Type of a `<sensor>` -> our sensor, whether its beam is along x there and along z here, and the reading function.
 _KINDS: dict[str, tuple[str, bool, Callable[[Element, str], Keys]]] = {
-    "imu": ("imu", False, _imu), "air_pressure": ("pressure", False, _pressure),
-    "altimeter": ("pressure", False, _barometer), "magnetometer": ("magnetometer", False, _magnetometer),
+    "imu": ("imu", False, _errors({"angular_velocity": "angular_velocity", "acceleration": "linear_acceleration"})),
+    "air_pressure": ("pressure", False, _errors({"error": "pressure"})),
+    "altimeter": ("pressure", False, _errors({"error": "vertical_position"}, _PASCAL)),
+    "magnetometer": ("magnetometer", False, _errors({"error_xy": "magnetometer", "error_z": "magnetometer"})),
     "navsat": ("gps", False, _gps), "gps": ("gps", False, _gps), "dvl": ("dvl", False, _dvl),
     "gpu_lidar": ("laser", False, _laser), "lidar": ("laser", False, _laser), "ray": ("laser", False, _laser),
     "gpu_ray": ("laser", False, _laser), "sonar": ("echosounder", True, _ranges), "camera": ("camera", False, _camera),

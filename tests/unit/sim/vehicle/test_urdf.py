@@ -197,6 +197,12 @@ def test_fins_are_reported_and_given_ones_retained(tmp_path: Path) -> None:
     assert again.channels[-1] == "fin0"
 
 
+@pytest.mark.parametrize("given", [{"fins": 3}, {"thrusters": [1]}, {"every_thruster": 3}])
+def test_given_keys_that_are_no_tables_are_reported(given: dict[str, Any]) -> None:
+    with pytest.raises(ConfigError, match=f"{next(iter(given))}: expected a table"):
+        read_urdf(str(VECTORS / "hydra.urdf"), given)
+
+
 BASE = '<link name="b"><inertial><mass value="1"/></inertial></link>'
 
 
