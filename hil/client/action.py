@@ -7,10 +7,12 @@ followed here, by velocity commands.
 import threading
 from collections.abc import Callable, Generator
 from itertools import pairwise
-from math import dist
+from math import atan2, dist
 from typing import TYPE_CHECKING, Any
 
 from hil.autonomy.control.controller import VelocityCommand, wrap
+from hil.autonomy.paths.dubins import Pose
+from hil.autonomy.paths.line_of_sight import LineOfSight, dubins_legs
 from hil.autonomy.paths.pursuit import PurePursuit
 from hil.autonomy.paths.trajectory import Limits, Trajectory, track_setpoint
 from hil.client.client import VehicleClient
@@ -20,7 +22,7 @@ from hil.common.errors import HilError, MissionError
 from hil.ros.commands import PoseCommand, encode_pose
 
 if TYPE_CHECKING:
-    from hil.autonomy.paths.curves import Position
+    from hil.autonomy.paths.curves import Chain, Position
 
 POLL_S = 0.05  # polling period of a coroutine that awaits an action
 TRACKING_GAIN = 0.5  # 1/s, of the position error along a path
@@ -144,8 +146,29 @@ def run_trajectory(trajectory: Trajectory, limits: Limits, tolerance: float) -> 
     return Action(run.send, run.reached)
 
 
+def follow_legs(
+    points: "list[Position]", start: Pose, speed: float, limits: Limits, lookahead: float, tolerance: float
+) -> Action:
+    """Follow Dubins legs from `start` through `points` (m, NED) with line of sight, for a vehicle that cannot stop.
+
+    Done when it passes the last point within `tolerance` m; until then it approaches that point again.
+    """
+    left = [points]
+
+    def approach(pose: Pose) -> "Chain":
+        return dubins_legs([pose.position, *(left.pop() if left else points[-1:])], pose.heading, limits)
+
+    sight = LineOfSight(approach, start, speed, limits, lookahead, tolerance)
+
+    def send(client: VehicleClient, state: State) -> None:
+        u, v, _ = state.velocity
+        client.command(sight.update(state.position, state.heading, state.heading + atan2(v, u)))
+
+    return Action(send, lambda _: sight.has_arrived)
+
+
 def pursue(points: "list[Position]", speed: float, lookahead: float, tolerance: float) -> Action:
-    """Follow `points` (m, NED) by steering toward a point ahead, as a vehicle with fins has to.
+    """Follow `points` (m, NED) by steering toward a point ahead.
 
     The depth changes linearly along each leg. Done within `tolerance` m of the last point.
     """

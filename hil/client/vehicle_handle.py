@@ -8,6 +8,7 @@ from typing import Any
 
 from hil.autonomy.control.controller import VelocityCommand
 from hil.autonomy.paths.curves import Curve, Position, polyline
+from hil.autonomy.paths.dubins import Pose
 from hil.autonomy.paths.spline import Spline
 from hil.autonomy.paths.trajectory import Limits, Trajectory
 from hil.autonomy.paths.waypoints import read_waypoints
@@ -116,8 +117,8 @@ class Vehicle(VehicleState):
         `path` is one of: points (m, NED), followed from the present position on, with rounded corners if `smooth`; the
         name of a waypoint file; a curve (hil.autonomy.paths: curves, spline, dubins); or a trajectory, which has its
         own speed. Otherwise the speed is at most `speed` m/s, within `limits`. With a `lookahead` (m) points are
-        followed by pure pursuit, as a vehicle with fins needs. Raises ConfigError, MissionError if the path breaks a
-        limit.
+        followed by pure pursuit; if `limits` have a turning radius, as for a vehicle with fins, by line of sight along
+        Dubins legs within their climb angle. Raises ConfigError, MissionError if the path breaks a limit.
         """
         if isinstance(path, Trajectory):
             return self._start_action(actions.run_trajectory(path, limits, tolerance))
@@ -125,6 +126,9 @@ class Vehicle(VehicleState):
             curve = read_waypoints(path)
         elif isinstance(path, Sequence):
             points = self._points(path)
+            if lookahead and limits.turn_radius:
+                start = Pose(self.state.position, self.state.heading)
+                return self._start_action(actions.follow_legs(points[1:], start, speed, limits, lookahead, tolerance))
             if lookahead:
                 return self._start_action(actions.pursue(points, speed, lookahead, tolerance))
             curve = Spline(points) if smooth else polyline(points)

@@ -21,7 +21,7 @@ from hil.autonomy.paths.guide import Guide, GuideSettings, Search
 from hil.autonomy.paths.occupancy import OccupancyGrid, Point
 from hil.autonomy.paths.vfh import Scan, VfhSettings
 from hil.common.schema import Range, parse
-from hil.master.follow import goal_of
+from hil.master.follow import course_of, goal_of
 from hil.master.planner import Done, Planner, PlanRequest, Samples
 
 _NS_PER_S = 1_000_000_000
@@ -49,13 +49,21 @@ class Sight:
         radius, master = hypot(length, width) / 2, request.master
         self._topic = settings.scan
         self._search: Search = {"astar": plan, "any_angle": plan_any_angle, "dstar": DStarLite().plan}[settings.search]
+        circle = request.limits.turn_radius
+        sees = {
+            "turning_radius": circle,
+            "range": 3.0 * circle,
+            "block_within": 2.0 * circle,
+            "free_beyond": 2.2 * circle,
+        }
         self._settings = GuideSettings(
-            parse({"radius": radius, **vfh}, VfhSettings, "[planner.vfh]"),
+            parse({"radius": radius, **(sees if circle else {}), **vfh}, VfhSettings, "[planner.vfh]"),
             speed=master.speed,
             lookahead=master.lookahead,
             max_yaw_rate=settings.max_yaw_rate,
             tolerance=master.tolerance,
             margin=master.margin,
+            limits=request.limits,
         )
         self._map: OccupancyGrid = request.map
         self._depth = master.depth
@@ -64,11 +72,14 @@ class Sight:
         self.guide: Guide | None = None
         self.plans = 0
 
-    def begin(self, start: Point, goal: Point) -> None:
-        """Plan a path from `start` to `goal` (m north, m east). Raises MissionError if the map shows no path."""
+    def begin(self, start: Point, goal: Point, heading: float) -> None:
+        """Plan a path from `start` and `heading` (rad) to `goal` (m north, m east).
+
+        Raises MissionError if the map shows no path.
+        """
         if self.guide:
             self._map = self.guide.map.grid
-        self.guide = Guide(self._map, start, goal, self._settings, self._search)
+        self.guide = Guide(self._map, start, goal, self._settings, self._search, heading)
         self._command = VelocityCommand()
 
     def command(self, samples: Samples) -> VelocityCommand:
@@ -79,7 +90,8 @@ class Sight:
         if scan.time_ns != self._seen_ns:
             self._seen_ns = scan.time_ns
             seen = Scan(scan.angle_min, scan.angle_increment, scan.ranges)
-            self._command = self.guide.update(odometry.position, heading_of(odometry.orientation), seen)
+            course = course_of(odometry) if self._settings.limits.turn_radius else None
+            self._command = self.guide.update(odometry.position, heading_of(odometry.orientation), seen, course)
         return self._command._replace(depth=self._depth)
 
 
@@ -87,6 +99,8 @@ class Avoid(Planner):
     """Planner that avoids obstacles on the path to the scenario's goal.
 
     `[planner.vfh]` takes the keys of hil.autonomy.paths.vfh.VfhSettings except the radius."""
+
+    hovers = "stops in front of obstacles"
 
     def __init__(self, vfh: dict[str, Any] | None = None, **keys: Any) -> None:
         self._settings = parse(keys, AvoidSettings, "Avoid")
@@ -97,7 +111,7 @@ class Avoid(Planner):
     def begin(self, request: PlanRequest) -> None:
         """Plan the path. Raises MissionError, ConfigError."""
         self._sight = Sight(self._settings, self._vfh, request)
-        self._sight.begin((request.start.north, request.start.east), goal_of(request))
+        self._sight.begin((request.start.north, request.start.east), goal_of(request), request.start.heading)
         self._follow()
 
     def command(self, time: float, samples: Samples) -> VelocityCommand | Done:

@@ -16,11 +16,13 @@ from hil.autonomy.control.controller import (
     wrap,
 )
 from hil.autonomy.paths.astar import path_length
+from hil.autonomy.paths.trajectory import Limits
 from hil.common.clock import seconds_ns
 from hil.common.errors import MissionError, NoPathError
 from hil.common.schema import shortened
 from hil.common.vectors import off_line
 from hil.master.follow import Follow
+from hil.master.guidance import guide_by_fins
 from hil.master.planner import Done, Planner, PlanRequest, Point, ReceivedSamples, Samples, topics_of
 from hil.ros.topics import ALL
 from hil.scenario.config import Scenario
@@ -158,11 +160,13 @@ def make_request(scenario: Scenario, vehicle: Vehicle, world: World, map_part: M
 
     Without `map_part`, the map shows the first part that `parts_of` returns.
     """
+    master, limits = guide_by_fins(scenario, vehicle, world) if vehicle.fins else (scenario.master, Limits())
     length, width = vehicle.dimensions[:2]
-    clearance = hypot(length, width) / 2 + scenario.master.margin
-    map_part = map_part or parts_of(world, scenario.master, scenario.start)[0]
-    grid = known_map(scenario.master, vehicle, world, map_part)
-    return PlanRequest(scenario.slave.node, vehicle, scenario.start, scenario.master, grid, clearance)
+    clearance = hypot(length, width) / 2 + master.margin
+    map_part = map_part or parts_of(world, master, scenario.start)[0]
+    grid = known_map(master, vehicle, world, map_part)
+    grid.is_open = not world.walls and world.terrain is None
+    return PlanRequest(scenario.slave.node, vehicle, scenario.start, master, grid, clearance, limits)
 
 
 class Flight:

@@ -41,6 +41,7 @@ class HuntPlanner(Planner):
     """
 
     subscriptions = ()
+    hovers = "waits for the others and holds its place on the ring"
 
     def __init__(self, scenario: Scenario, number: int) -> None:
         self._hunting = hunting_of(scenario)

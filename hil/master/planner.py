@@ -15,6 +15,7 @@ from typing import Any, NamedTuple
 
 from hil.autonomy.control.controller import VelocityCommand
 from hil.autonomy.paths.occupancy import OccupancyGrid
+from hil.autonomy.paths.trajectory import Limits
 from hil.common.errors import ConfigError
 from hil.common.schema import nearest
 from hil.ros.topics import ALL, TOPICS
@@ -51,7 +52,8 @@ class PlanRequest(NamedTuple):
     known obstacles at that depth in their true size; none if the scenario says `map = "unknown"`. Of a world of more
     than a million cells, it shows only the part around start, goal and the planner's destinations. If these are far
     apart, its cells are larger than the scenario's, and a cell is occupied if any part of it may be. `clearance` (m) is
-    the distance that the vehicle's centre must keep from obstacles: its own size plus the scenario's margin.
+    the distance that the vehicle's centre must keep from obstacles: its own size plus the scenario's margin. `limits`
+    are those of a vehicle that steers by fins (hil/master/guidance.py); for others their `turn_radius` is 0.
     """
 
     node: str
@@ -60,6 +62,7 @@ class PlanRequest(NamedTuple):
     master: Master
     map: OccupancyGrid
     clearance: float
+    limits: Limits = Limits()
 
 
 class Planner(ABC):
@@ -70,11 +73,13 @@ class Planner(ABC):
     it needs besides "odom"; only these are sent and given to it. `ALL` means all topics except images. `destinations`
     (m north, m east) are the places that it goes to besides the scenario's goal: the map of a large world shows only
     their surroundings.
+    `hovers` says for what the planner lets a vehicle stop, which one that steers by fins cannot.
     """
 
     subscriptions: Sequence[str] = (ALL,)
     destinations: Sequence[Point] = ()
     path: Sequence[Point] = ()
+    hovers: str = ""
     progress: float = 0.0
     status: str = ""
 

@@ -18,12 +18,15 @@ from math import cos, dist, sin
 from typing import Any
 
 from hil.autonomy.control.controller import VelocityCommand, clamp, heading_of
+from hil.autonomy.paths.line_of_sight import circle_around
 from hil.autonomy.paths.occupancy import Point
 from hil.autonomy.tasks.scheduler import Mission, Scheduler
 from hil.common.errors import MissionError
 from hil.common.schema import parse
 from hil.master.avoid import AvoidSettings, Sight
+from hil.master.follow import course_of
 from hil.master.planner import Done, Planner, PlanRequest, Samples
+from sim.sensors.samples import OdometrySample
 
 _NS_PER_S = 1_000_000_000
 SIGNALS = ("battery", "dvl", "leak")  # topics of the signals that tasks may wait for
@@ -32,10 +35,16 @@ _HOLD_LIMIT = 0.2  # m/s, its greatest speed
 
 
 class Tasks(Planner):
-    """Guide a vehicle through the tasks of a mission and home. `log` has each state with its time of entry (s)."""
+    """Guide a vehicle through the tasks of a mission and home. `log` has each state with its time of entry (s).
+
+    A vehicle that steers by fins works in circles around the place of the task.
+    """
+
+    hovers = "holds a place during a task"
 
     def __init__(self, vfh: dict[str, Any] | None = None, **keys: Any) -> None:
         mission = {key: keys.pop(key) for key in Mission._fields if key in keys}
+        self._has_tolerance = "tolerance" in mission
         self._settings = parse(keys, AvoidSettings, "Tasks")
         self.mission = parse(mission, Mission, "Tasks")
         self._scheduler = Scheduler(self.mission, "Tasks")
@@ -57,6 +66,10 @@ class Tasks(Planner):
     def begin(self, request: PlanRequest) -> None:
         """Prepare the map. Raises ConfigError."""
         self._sight = Sight(self._settings, self._vfh, request)
+        self._master, self._limits = request.master, request.limits
+        if self._limits.turn_radius and not self._has_tolerance:
+            self.mission = self.mission._replace(tolerance=request.master.tolerance)
+            self._scheduler = Scheduler(self.mission, "Tasks")
         self._depth = request.master.depth
 
     def command(self, time: float, samples: Samples) -> VelocityCommand | Done:
@@ -70,7 +83,7 @@ class Tasks(Planner):
         self.progress = len(self.finished) / (len(self.mission.task) + 1)
         if task_goal.goal is not None and task_goal.goal != self._goal:
             try:
-                self._sight.begin(point, task_goal.goal)
+                self._sight.begin(point, task_goal.goal, heading_of(odometry.orientation))
             except MissionError as error:
                 return Done(f"{task_goal.state}: {error}", reached=False)
             self._goal = task_goal.goal
@@ -79,8 +92,16 @@ class Tasks(Planner):
             return VelocityCommand(depth=self._depth)
         self.path = guide.path
         if guide.has_arrived or task_goal.state.endswith(" work"):
-            return hold_position(point, heading_of(odometry.orientation), task_goal.goal)._replace(depth=self._depth)
+            return self._stay(task_goal.goal, odometry)._replace(depth=self._depth)
         return self._sight.command(samples)
+
+    def _stay(self, place: Point, odometry: OdometrySample) -> VelocityCommand:
+        """Return the command to hold station, or with fins to circle around the place."""
+        if not self._limits.turn_radius:
+            return hold_position(odometry.position[:2], heading_of(odometry.orientation), place)
+        return circle_around(
+            place, odometry.position, course_of(odometry), self._master.speed, self._limits, self._master.lookahead
+        )
 
 
 def hold_position(position: Point, heading: float, target: Point) -> VelocityCommand:

@@ -47,6 +47,8 @@ LAZY = {
 }
 MANY = ("failure", "force", "release", "member")  # sections that are arrays of tables, [[table]]
 AUTOPILOTS = ("ardupilot", "px4")  # controllers that are external programs or boards
+HIDDEN = ("path", "derived")  # fields of a Scenario that are no keys of its file
+DERIVED = ("speed", "lookahead", "tolerance", "margin")  # keys of [master] whose defaults a vehicle with fins derives
 FEEDBACK = ("imu", "odometry", "pressure")  # sensors that the builtin controller needs
 
 
@@ -95,6 +97,7 @@ class Scenario(NamedTuple):
     autopilot: "AutopilotSettings | None" = None
     mavlink: "Mavlink | None" = None
     path: str = ""  # path of the scenario file
+    derived: tuple[str, ...] = ()  # those of DERIVED that the file leaves to the vehicle (hil/master/guidance.py)
 
     def validate(self) -> str | None:
         """Return which keys contradict each other, or None."""
@@ -178,8 +181,9 @@ def _load(path: str, changes: dict[str, Any]) -> Scenario:
     table = read_table(path)
     for key, value in changes.items():
         _change(table, key, value, path)
-    if "path" in table:
-        raise ConfigError(f"{path}: no key 'path'")
+    for key in HIDDEN:
+        if key in table:
+            raise ConfigError(f"{path}: no key {key!r}")
     sensors = table.pop("sensors", {})
     planner = _planner(table.pop("planner", {}), f"{path}: planner")
     link = table["link"] = _section(table, "link", path)
@@ -191,6 +195,7 @@ def _load(path: str, changes: dict[str, Any]) -> Scenario:
     folder = os.path.dirname(path)
     scenario = scenario._replace(
         path=path,
+        derived=tuple([key for key in DERIVED if key not in table["master"]]),
         vehicle=_file("vehicle", scenario.vehicle, path),
         world=_file("world", scenario.world, path),
         master=scenario.master._replace(map=_relative(scenario.master.map, folder, ".yaml")),

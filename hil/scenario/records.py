@@ -85,9 +85,11 @@ class Master(NamedTuple):
     "NAME.yaml" a map of map_server. Its cells have size `resolution`. Obstacles are enlarged by half the vehicle's
     horizontal diagonal plus `margin`. The seabed counts as an obstacle if it leaves less than `seabed_margin` below the
     vehicle. A known map shows the world's zones of the kinds in `avoid_zones` as obstacles. `lookahead` and `tolerance`
-    are those of path following. A command is sent every `command_period`. The run fails if the planner is not done
-    within `time_limit`, and for each event of sim/run_events.py that is not in `allow`; the event "too deep" means more
-    than `depth_margin` below the deepest commanded depth.
+    are those of path following. For a vehicle that steers by fins, `speed`, `lookahead`, `tolerance` and `margin` are
+    derived from its turning circle where they are left out (hil/master/guidance.py). A command is sent every
+    `command_period`. The run fails if the planner is not done within `time_limit`, and for each event of
+    sim/run_events.py that is not in `allow`; the event "too deep" means more than `depth_margin` below the deepest
+    commanded depth.
     """
 
     goal: VECTOR_M | None = None

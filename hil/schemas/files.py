@@ -77,7 +77,7 @@ def _scenario_keys(converter: Converter) -> dict[str, Schema]:
     faults = {"options": OPEN, "faults": converter.reference(Faults)}
     avoid = converter.keys(AvoidSettings, {"search": {"type": "string"}})
     return converter.keys(config.Scenario, _sections(converter) | {
-        "path": None,
+        **dict.fromkeys(config.HIDDEN),
         "link": table(converter.keys(records.Link, faults)),
         "planner": table({"class": OWN_CLASS, **avoid}, ["class"], other_keys=True),
         "sensors": _sensors(converter, user_class),

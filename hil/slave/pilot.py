@@ -12,6 +12,7 @@ from hil.autonomy.control.controller import (
     Navigation,
     VelocityCommand,
     Wrench,
+    gains_of,
     heading_of,
 )
 from hil.common.clock import seconds_ns
@@ -33,14 +34,12 @@ if TYPE_CHECKING:
 
 # Pressure gives depth with constants of the vehicle and the world, for water of constant density, as on a real vehicle.
 ATMOSPHERE_PA = 101_325.0
-# Keys of [control] that are not gains of the cascade: the other controller families and their tables.
-OTHERS = ("family", "fins", "options", "sliding_mode", "restoring_pd")
 
 
 def build_pilot(scenario: Scenario, vehicle: Vehicle, control: dict[str, Any], world: World) -> "Pilot":
     """Return the pilot of a scenario; `control` is the vehicle file's [control] table. Raises ConfigError."""
     where = f"{scenario.vehicle}: control"
-    gains = parse({key: value for key, value in control.items() if key not in OTHERS}, Gains, where)
+    gains = gains_of(control, where)
     imu = scenario.sensors["imu"].mounting
     pilot = Pilot(vehicle, gains, world.density * world.gravity, seconds_ns(scenario.slave.deadman), imu)
     if vehicle.fins:

@@ -10,10 +10,8 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 from hil.autonomy.control.allocation import pseudo_inverse
-from hil.autonomy.control.controller import AxisGains, Gains, HoldGains
+from hil.autonomy.control.controller import AxisGains, Gains, HoldGains, gains_of
 from hil.common.errors import ConfigError
-from hil.common.schema import parse
-from hil.slave.pilot import OTHERS
 from hil.tuning.identify import Process, identify_axis
 from hil.tuning.rig import CONTROL_PERIOD_S
 from hil.tuning.step_response import AXES, Response, StepFigures, fly_step, step_size
@@ -65,9 +63,7 @@ class Tuner:
             raise ConfigError(f"{name}: control: family is {family!r}; only the cascade's gains can be tuned")
         self._name, self._vehicle, self._seed = name, vehicle, seed
         self.control = dict(control)
-        self.gains = parse(
-            {key: value for key, value in control.items() if key not in OTHERS}, Gains, f"{name}: control"
-        )
+        self.gains = gains_of(control, f"{name}: control")
         self._reach = axis_capabilities(vehicle, pseudo_inverse(wrench_matrix(vehicle))[0])
         mass = mass_matrix(vehicle)
         self._inertia = [mass[axis][axis] for axis in range(6)]

@@ -64,7 +64,7 @@ def _presets(folder: str) -> str:
 
 def scenario() -> str:
     """Return the page of the scenario file."""
-    top = Section("Top level", config.Scenario, hidden=("path",), shown_types={
+    top = Section("Top level", config.Scenario, hidden=config.HIDDEN, shown_types={
         **{key: f"tables, [`{key}`](#{key})" for key in config.MANY},
         "sensors": "tables, [`sensors.NAME`](sensor_keys.md)",
         **{key: f"table, [`{key}`](#{key})" for key in TABLES},

@@ -16,9 +16,9 @@ by an obstacle does not keep pushing. Other control laws with the same interface
 from collections.abc import Sequence
 from itertools import zip_longest
 from math import asin, atan2, cos, inf, pi, sin
-from typing import Annotated, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
-from hil.common.schema import Range
+from hil.common.schema import Range, parse
 from hil.common.vectors import Quaternion, Vector3
 
 Wrench = tuple[float, float, float, float, float, float]
@@ -26,6 +26,8 @@ Wrench = tuple[float, float, float, float, float, float]
 NO_RESIDUAL: Wrench = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 _ROUNDING = 1e-6  # N, N m; a smaller residual is rounding
 ABSURD = 1e6  # m/s or rad/s; a larger measurement or command is a fault
+# Keys of [control] that are not gains of the cascade: the other controller families and their tables.
+OTHERS = ("family", "fins", "options", "sliding_mode", "restoring_pd")
 # Limit of the division by the share of heave in the vertical direction (1: upright), for strongly tilted vehicles.
 _MIN_UPRIGHT = 0.5
 
@@ -80,6 +82,11 @@ class Gains(NamedTuple):
     heading: HoldGains = HoldGains(p=1.0, limit=0.6)
     roll: HoldGains = HoldGains(p=2.0, limit=1.0)
     pitch: HoldGains = HoldGains(p=2.0, limit=1.0)
+
+
+def gains_of(control: dict[str, Any], where: str) -> Gains:
+    """Return the gains in the `[control]` table of a vehicle's file; `where` is for errors. Raises ConfigError."""
+    return parse({key: value for key, value in control.items() if key not in OTHERS}, Gains, where)
 
 
 class VelocityCommand(NamedTuple):

@@ -14,11 +14,14 @@ from typing import Annotated, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.autonomy.control.controller import VelocityCommand
+from hil.autonomy.control.controller import VelocityCommand, wrap
 from hil.autonomy.paths.astar import plan, smooth
+from hil.autonomy.paths.dubins import Pose
 from hil.autonomy.paths.laser_map import LaserMap
+from hil.autonomy.paths.line_of_sight import LineOfSight, approach_on
 from hil.autonomy.paths.occupancy import OccupancyGrid, Point
 from hil.autonomy.paths.pursuit import PurePursuit
+from hil.autonomy.paths.trajectory import Limits
 from hil.autonomy.paths.vfh import Scan, Vfh, VfhSettings
 from hil.common.errors import MissionError
 from hil.common.schema import Range
@@ -29,7 +32,10 @@ _SCANS_TO_REPLAN = 10  # scans between two attempts while there is no path
 
 
 class GuideSettings(NamedTuple):
-    """Settings of a `Guide` in m, m/s and rad/s. Paths keep `margin` from obstacles besides the vehicle's radius."""
+    """Settings of a `Guide` in m, m/s and rad/s. Paths keep `margin` from obstacles besides the vehicle's radius.
+
+    With a turning radius in `limits`, the vehicle cannot stop: its paths are Dubins legs, followed with line of sight.
+    """
 
     vfh: VfhSettings
     speed: Annotated[float, Range(0.01, 5.0, "m/s")] = 0.5
@@ -37,11 +43,13 @@ class GuideSettings(NamedTuple):
     max_yaw_rate: Annotated[float, Range(0.01, 3.0, "rad/s")] = 0.5
     tolerance: Annotated[float, Range(0.05, 10.0, "m")] = 0.5
     margin: Annotated[float, Range(0.0, 10.0, "m")] = 0.5
+    limits: Limits = Limits()
 
 
 class Guide:
     """Guidance of a vehicle from `start` to `goal` (m north, m east), scan by scan.
 
+    `heading` (rad) is that at the start.
     `search` finds the path on an inflated map: `astar.plan`, `any_angle.plan_any_angle` or the `plan` of a
     `dstar.DStarLite`. Raises MissionError if the map at the start shows no path. Attributes: `path`: the present path;
     `plans`: number of plans made; `progress`: share of the path covered; `has_arrived`: whether the goal is reached;
@@ -49,7 +57,13 @@ class Guide:
     """
 
     def __init__(
-        self, known: OccupancyGrid, start: Point, goal: Point, settings: GuideSettings, search: Search = plan
+        self,
+        known: OccupancyGrid,
+        start: Point,
+        goal: Point,
+        settings: GuideSettings,
+        search: Search = plan,
+        heading: float = 0.0,
     ) -> None:
         self.map = LaserMap(known, settings.vfh.range)
         self.plans = 0
@@ -60,22 +74,34 @@ class Guide:
         self._search = search
         self._waited = 0
         self._vfh = Vfh(settings.vfh)
+        self._heading = heading
         self._plan(start)
 
-    def update(self, position: Sequence[float], heading: float, scan: Scan) -> VelocityCommand:
-        """Return the command at `position` (m north, m east) and `heading` (rad), where the vehicle measured `scan`."""
-        point = position[0], position[1]
+    def update(
+        self, position: Sequence[float], heading: float, scan: Scan, course: float | None = None
+    ) -> VelocityCommand:
+        """Return the command at `position` (m north, m east) and `heading` (rad), where the vehicle measured `scan`.
+
+        `course` (rad) is that over ground, which a vehicle that cannot stop needs in a current.
+        """
+        point, self._heading = (position[0], position[1]), heading
         fresh = self.map.add(point, heading, scan)
         if (len(fresh) and self._is_blocked_by(fresh)) or self._may_be_free():
             self._replan(point)
-        self._pursuit.update(point, heading)
+        off_bow = 0.0 if course is None else wrap(course - heading)
+        try:
+            self._pursuit.update((*point, 0.0), heading, course)
+        except MissionError as error:  # another approach has no free path
+            self.stuck = str(error)
         self.has_arrived = self._pursuit.has_arrived
         if self.has_arrived or self.stuck:
             return VelocityCommand()
         left = dist(point, self._goal)
-        speed = self._settings.speed * min(1.0, left / self._settings.lookahead)
+        slower = 1.0 if self._settings.limits.turn_radius else min(1.0, left / self._settings.lookahead)
+        speed = self._settings.speed * slower
         reach = left + self._settings.vfh.radius
-        return self._vfh.command(scan, heading, self._pursuit.aim, speed, self._settings.max_yaw_rate, reach)
+        aim = self._pursuit.aim - off_bow
+        return self._vfh.command(scan, heading, aim, speed, self._settings.max_yaw_rate, reach)
 
     @property
     def progress(self) -> float:
@@ -93,14 +119,27 @@ class Guide:
         inflated = self.map.grid.inflate(vfh.radius + margin if clearance is None else clearance)
         if clearance is not None:  # the vehicle may be nearer to an obstacle than the clearance
             start = inflated.nearest_free(start) or start
-        self.path = smooth(inflated, self._search(inflated, start, self._goal))
-        self.plans += 1
+        settings, self.plans = self._settings, self.plans + 1
+
+        def search(start: Point) -> list[Point]:
+            return smooth(inflated, self._search(inflated, start, self._goal))
+
+        self._pursuit: PurePursuit | LineOfSight
+        if settings.limits.turn_radius:
+            approach = approach_on(inflated, search, self._goal, 0.0, settings.limits)
+            self._pursuit = LineOfSight(
+                approach,
+                Pose((*start, 0.0), self._heading),
+                settings.speed,
+                settings.limits,
+                settings.lookahead,
+                settings.tolerance,
+            )
+            self.path = self._pursuit.path
+            return
+        self.path = search(start)
         self._pursuit = PurePursuit(
-            self.path,
-            self._settings.lookahead,
-            self._settings.speed,
-            self._settings.max_yaw_rate,
-            self._settings.tolerance,
+            self.path, settings.lookahead, settings.speed, settings.max_yaw_rate, settings.tolerance
         )
 
     def _replan(self, position: Point) -> None:

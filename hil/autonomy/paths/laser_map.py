@@ -27,6 +27,7 @@ class LaserMap:
 
     def __init__(self, known: OccupancyGrid, reach: float) -> None:
         self.grid = OccupancyGrid(known.cells.copy(), known.resolution, known.origin)
+        self.grid.is_open = known.is_open
         self._known = known.cells
         self._odds: NDArray[np.float32] = np.zeros(known.cells.shape, np.float32)
         self._reach = reach

@@ -2,7 +2,7 @@
 
 import os
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from math import ceil, floor, hypot
 from typing import Any, NamedTuple
 
@@ -42,13 +42,15 @@ class OccupancyGrid:
     """Square cells, each free or occupied. Points off the map count as occupied.
 
     `cells`: bool array, True for occupied; row 0 is the southernmost, column 0 the westernmost. `resolution`: size of a
-    cell, m. `origin`: north and east (m) of the map's south-west corner.
+    cell, m. `origin`: north and east (m) of the map's south-west corner. `is_open`: the
+    water goes on beyond the map's edges, for a vehicle that needs room to turn.
     """
 
     def __init__(self, cells: NDArray[np.bool_], resolution: float, origin: Point) -> None:
         self.cells = cells
         self.resolution = resolution
         self.origin = origin
+        self.is_open = False
 
     @classmethod
     def empty(cls, extent: Extent, resolution: float) -> "OccupancyGrid":
@@ -102,7 +104,9 @@ class OccupancyGrid:
             run = floor((reach * reach - shift * shift) ** 0.5)
             hit = sums[:, np.minimum(index + run + 1, columns)] > sums[:, np.maximum(index - run, 0)]
             grown[max(shift, 0) : rows + min(shift, 0)] |= hit[max(-shift, 0) : rows + min(-shift, 0)]
-        return OccupancyGrid(grown, self.resolution, self.origin)
+        inflated = OccupancyGrid(grown, self.resolution, self.origin)
+        inflated.is_open = self.is_open
+        return inflated
 
     def cell(self, point: Point) -> Cell:
         """Return the cell that contains `point`; it may be off the map."""
@@ -125,6 +129,13 @@ class OccupancyGrid:
     def is_free(self, point: Point) -> bool:
         """Return whether `point` is on the map and in a free cell."""
         return self.contains(point) and not bool(self.cells[self.cell(point)])
+
+    def are_free(self, points: Sequence[Point]) -> bool:
+        """Return whether none of these points is occupied. Points off the map are free if the map `is_open`."""
+        cells = np.floor((np.asarray(points) - self.origin) / self.resolution).astype(np.intp)
+        on_map = ((cells >= 0) & (cells < self.cells.shape)).all(axis=1)
+        rows, columns = cells[on_map].T
+        return not self.cells[rows, columns].any() and (self.is_open or bool(on_map.all()))
 
     def nearest_free(self, point: Point) -> Point | None:
         """Return the centre of the free cell nearest to `point`; None if there is none."""

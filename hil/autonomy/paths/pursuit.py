@@ -55,8 +55,10 @@ class PurePursuit:
         self.progress = 0.0
         self.has_arrived = False
 
-    def update(self, position: Sequence[float], heading: float) -> VelocityCommand:
+    def update(self, position: Sequence[float], heading: float, course: float | None = None) -> VelocityCommand:
         """Return the command at `position` (m north, m east; other values are ignored) and `heading` (rad from north).
+
+        The `course` over ground is for a `LineOfSight`; here it is not used.
 
         Sets `aim`, the heading (rad) to the point ahead; `progress`, the share of the path that is done, 0 to 1; and
         `has_arrived`, which stays true once the end is reached.

@@ -9,11 +9,13 @@ from hil.autonomy.control.allocation import pseudo_inverse
 from hil.autonomy.paths.occupancy import OccupancyGrid
 from hil.common.endpoint import split_endpoint
 from hil.common.errors import ConfigError, MissingExtraError, MissionError, StartPositionError
+from hil.doctor.scenario.guidance import check_guidance
 from hil.doctor.scenario.sections import check_sections
 from hil.doctor.vehicle.finding import Finding
 from hil.doctor.vehicle.rules import CONTROLLED, check_vehicle
 from hil.doctor.vehicle.subject import Subject
 from hil.master.flight import Plan, prepare
+from hil.master.hunt import HuntPlanner
 from hil.master.planner import Planner
 from hil.scenario.attitude_warning import attitude_warning, requested_speed
 from hil.scenario.config import AUTOPILOTS, Scenario, build_simulation
@@ -68,6 +70,8 @@ def _check(scenario: Scenario) -> Iterator[Finding]:
         for number, member in enumerate(scenario.member):
             yield from _check_start(as_member(scenario, member.node), vehicle, world, f"member[{number}]")
         yield from check_fleet(scenario, vehicle, world)
+        if vehicle.fins:
+            yield from check_guidance(scenario, vehicle, HuntPlanner)
         return
     yield from _check_start(scenario, vehicle, world, "start")
     if scenario.modem:
@@ -82,7 +86,9 @@ def _check(scenario: Scenario) -> Iterator[Finding]:
     except MissionError as error:
         yield Finding("problem", f"{KEYS.get(error.subject, '')}{error}")
         return
-    yield from _check_plan(scenario, plan, min(scenario.master.speed, top_speed or scenario.master.speed))
+    yield from _check_plan(scenario, plan, min(plan.request.master.speed, top_speed or plan.request.master.speed))
+    if vehicle.fins:
+        yield from check_guidance(scenario, vehicle, plan.planner, plan.request)
 
 
 def _check_speed(scenario: Scenario, vehicle: Vehicle, top_speed: float) -> Iterator[Finding]:

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 from hil.autonomy.control.controller import (
     NO_RESIDUAL,
+    OTHERS,
     AxisGains,
     CascadedController,
     Gains,
@@ -23,7 +24,6 @@ from hil.autonomy.control.model import Plant
 from hil.autonomy.control.restoring_pd import Damper, PdSettings, RestoringPd
 from hil.autonomy.control.sliding_mode import SlidingMode, SlidingSettings, Surface
 from hil.common.errors import ConfigError
-from hil.slave.pilot import OTHERS
 from hil.slave.plant_model import plant_of
 from hil.tuning.rig import Rig
 from sim.dynamics import Dynamics, State

@@ -8,6 +8,7 @@ import pytest
 
 from hil.autonomy.control.controller import VelocityCommand, wrap
 from hil.autonomy.paths.curves import Position, circle, polyline
+from hil.autonomy.paths.dubins import Pose
 from hil.autonomy.paths.spline import Spline
 from hil.autonomy.paths.trajectory import Limits, Trajectory
 from hil.client import action as actions
@@ -108,6 +109,16 @@ def test_a_pursuit_turns_and_moves_ahead(client: DirectClient) -> None:
     half = min(track, key=lambda state: abs(state.position[0] - 5.5))
     assert half.depth == pytest.approx(2.5, abs=0.3), "it dives evenly along the path"
     assert max(abs(state.velocity[1]) for state in track) < 0.15, "never sideways"
+
+
+def test_legs_are_followed_through_every_point_without_a_stop(client: DirectClient) -> None:
+    points = [(7.0, 5.0, 3.0), (8.0, 8.0, 2.0), (5.0, 9.0, 2.0)]
+    limits = Limits(turn_radius=1.2, climb_angle=0.4)
+    reported = actions.follow_legs(points, Pose((4.0, 4.0, 2.0), 0.0), 0.4, limits, 1.2, 0.4)
+    track = fly_until_done(client, reported, 90.0)
+    assert reported.done
+    assert all(min(dist(state.position, point) for state in track) < 0.5 for point in points)
+    assert min(state.velocity[0] ** 2 + state.velocity[1] ** 2 for state in track[100:-1]) > 0.3**2
 
 
 def test_a_thrust_action_is_done_at_once(client: DirectClient) -> None:
