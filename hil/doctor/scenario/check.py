@@ -70,8 +70,7 @@ def _check(scenario: Scenario) -> Iterator[Finding]:
         for number, member in enumerate(scenario.member):
             yield from _check_start(as_member(scenario, member.node), vehicle, world, f"member[{number}]")
         yield from check_fleet(scenario, vehicle, world)
-        if vehicle.fins:
-            yield from check_guidance(scenario, vehicle, HuntPlanner)
+        yield from check_guidance(scenario, vehicle, HuntPlanner)
         return
     yield from _check_start(scenario, vehicle, world, "start")
     if scenario.modem:
@@ -87,8 +86,7 @@ def _check(scenario: Scenario) -> Iterator[Finding]:
         yield Finding("problem", f"{KEYS.get(error.subject, '')}{error}")
         return
     yield from _check_plan(scenario, plan, min(plan.request.master.speed, top_speed or plan.request.master.speed))
-    if vehicle.fins:
-        yield from check_guidance(scenario, vehicle, plan.planner, plan.request)
+    yield from check_guidance(scenario, vehicle, plan.planner, plan.request)
 
 
 def _check_speed(scenario: Scenario, vehicle: Vehicle, top_speed: float) -> Iterator[Finding]:

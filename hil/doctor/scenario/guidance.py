@@ -21,6 +21,8 @@ def check_guidance(
 
     `request` is what the planner has planned for, if it has.
     """
+    if not vehicle.fins:
+        return
     if planner.hovers:
         name = planner.__name__ if isinstance(planner, type) else type(planner).__name__
         yield _warning(
