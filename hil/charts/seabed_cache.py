@@ -21,7 +21,7 @@ from hil.charts.grid import Extent, grid_of, write_file
 from hil.charts.gridding import Progress
 from hil.charts.hazards import SeabedModel
 from hil.charts.sources.combine import ReadOptions
-from hil.charts.sources.sign import Positive
+from hil.charts.sources.sign import Declared
 from hil.charts.world_file import write_world
 from hil.common.errors import ConfigError
 from hil.common.scratch import ScratchFolder
@@ -43,21 +43,21 @@ class WholeSeabed(NamedTuple):
 
 
 def load_or_build_seabed(
-    path: str, resolution: float | None = None, progress: Progress = lambda share: None, positive: Positive = "auto",
-    crs: str | None = None, near: tuple[float, float] | None = None,
+    path: str, resolution: float | None = None, progress: Progress = lambda share: None,
+    declared: Declared = Declared(), near: tuple[float, float] | None = None,
 ) -> WholeSeabed:  # fmt: skip
     """Return the seabed in the file at `path`, from the cache if it was gridded before.
 
-    `resolution`: m, by default that of the data; `positive` and `crs`: see hil.charts.sources.combine. Of a file
+    `resolution`: m, by default that of the data; `declared`: what the user says of its values. Of a file
     that is too large for a world it is the part around `near` (latitude, longitude in degrees). Raises ConfigError,
     MissingExtraError.
     """
-    root, how = os.path.join(os.path.dirname(cache_path(path)), "charts"), (path, resolution, positive, crs)
+    root, how = os.path.join(os.path.dirname(cache_path(path)), "charts"), (path, resolution, *declared)
     of_whole, of_part = (os.path.join(root, _key(*how, *part)) for part in ((), near or ("centre",)))
     cached = _load(of_whole) or _load(of_part)
     if cached is not None:
         return cached
-    options = ReadOptions(positive=positive, crs=crs, crop=True, near=near)
+    options = ReadOptions(**declared._asdict(), crop=True, near=near)
     survey, built = read_and_build([path], None, resolution, options, progress)
     seabed = WholeSeabed(built.model, survey.source, survey.origin, built.report)
     with suppress(OSError, ConfigError):  # the disk is full or the folder not writable: it is not cached

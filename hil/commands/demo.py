@@ -94,6 +94,7 @@ def _dive(options: argparse.Namespace) -> int:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the linear systems are small: more threads only wait
     from hil.charts.dive.prepare import DiveOptions, prepare_dive
     from hil.charts.dive.watch import DiveWatch
+    from hil.charts.sources.sign import Declared
 
     endpoint = options.listen or DiveOptions().listen
     require_free(endpoint)  # checked before the search for a place, which takes long
@@ -106,8 +107,7 @@ def _dive(options: argparse.Namespace) -> int:
         options.length,
         endpoint,
         options.resolution,
-        options.positive,
-        options.crs,
+        Declared(options.positive, options.crs, options.unit, options.layer),
     )
     try:
         path, bed = prepare_dive(options.world, dive, folder, show_progress)

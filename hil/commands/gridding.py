@@ -9,7 +9,7 @@ RESOLUTION = Number(0.05, 10_000.0, "m")
 
 
 def add_reading(parser: argparse._ActionsContainer) -> None:
-    """Add --resolution, --positive and --crs."""
+    """Add --resolution, and what the user says of values that do not say it themselves."""
     parser.add_argument("--resolution", metavar="M", type=RESOLUTION, help="of the grid [what the data resolve]")
     parser.add_argument(
         "--positive",
@@ -18,6 +18,10 @@ def add_reading(parser: argparse._ActionsContainer) -> None:
         help="direction of soundings and rasters [%(default)s: as names and signs say]",
     )
     parser.add_argument("--crs", metavar="EPSG:N", help="coordinate system of files that name none")
+    parser.add_argument("--unit", choices=("m", "ft", "us-ft", "fathom"), help="of the depths, above what files state")
+    parser.add_argument(
+        "--layer", metavar="NAME[:N]", help="variable, band or column with the depths, and of several times the N-th"
+    )
 
 
 def show_progress(share: float) -> None:

@@ -48,7 +48,9 @@ def _parser() -> argparse.ArgumentParser:
     parser = new_parser("world", __doc__, EXAMPLES)
     actions = parser.add_subparsers(metavar="ACTION", required=True)
     build = actions.add_parser("build", help="make a world from charts and soundings")
-    build.add_argument("files", metavar="FILE", nargs="+", help=".000 charts, .tif, .bag, .nc, .xyz, .csv; several")
+    build.add_argument(
+        "files", metavar="FILE", nargs="+", help=".000 charts, .tif, .bag, .nc, .xyz, .csv, .laz; several"
+    )
     add_output(build, "WORLD", "writes WORLD.toml and WORLD.f32; makes their folder", required=True)
     add_reading(build)
     build.add_argument("--area", metavar="S,W,N,E", type=area, help="degrees; --area=-34,... for the south [all data]")
@@ -115,7 +117,14 @@ def _build(options: argparse.Namespace) -> int:
             GeoBox(*options.area) if options.area else None,
             options.resolution,
             ReadOptions(
-                options.updates, options.positive, options.reach, options.crs, options.newest, dict(options.priority)
+                options.updates,
+                options.positive,
+                options.reach,
+                options.crs,
+                options.newest,
+                dict(options.priority),
+                unit=options.unit,
+                layer=options.layer,
             ),
             show_progress,
         )

@@ -13,7 +13,7 @@ from hil.charts.gridding import Progress
 from hil.charts.projection import LocalPlane
 from hil.charts.seabed_cache import WholeSeabed, cut_seabed, load_or_build_seabed
 from hil.charts.site import Point, Site, depth_between, find_sites
-from hil.charts.sources.sign import Positive
+from hil.charts.sources.sign import Declared
 from hil.charts.world_file import write_world
 from hil.common.errors import ConfigError, MissionError
 from hil.master.flight import prepare
@@ -75,7 +75,7 @@ class DiveOptions(NamedTuple):
     """Options of a dive.
 
     `start` and `goal`: latitude and longitude, degrees. `depth`, `length`, and `resolution` of a chart's grid: m.
-    `positive` and `crs` of soundings and rasters: see hil.charts.sources.combine.
+    `declared`: what the user says of the values of soundings and rasters.
     """
 
     start: Point | None = None
@@ -84,8 +84,7 @@ class DiveOptions(NamedTuple):
     length: float = 70.0
     listen: str = "tcp/127.0.0.1:7447"
     resolution: float | None = None
-    positive: Positive = "auto"
-    crs: str | None = None
+    declared: Declared = Declared()
 
     def validate(self) -> str | None:
         """Return the error in the options, None if there is none."""
@@ -113,7 +112,7 @@ def prepare_dive(
         if options.resolution:
             raise ConfigError("--resolution is for charts and soundings: a world already has a grid; leave it out")
         return PreparedDive(_prepare_over_world(world, options, folder))
-    seabed = load_or_build_seabed(world, options.resolution, progress, options.positive, options.crs, options.start)
+    seabed = load_or_build_seabed(world, options.resolution, progress, options.declared, options.start)
     name = os.path.splitext(os.path.basename(world))[0]
     return PreparedDive(_prepare_over_chart(seabed, name, options, folder), facts(seabed.model.grid, seabed.report))
 

@@ -16,7 +16,7 @@ from hil.charts.sources.points import Points, is_points, read_points
 from hil.charts.sources.priority import OTHER, RASTER, remove_outranked, require_named
 from hil.charts.sources.rasters import Raster, is_raster, open_raster
 from hil.charts.sources.s57 import Cell, read_cell
-from hil.charts.sources.sign import Positive
+from hil.charts.sources.sign import Declared, Positive
 from hil.charts.sources.survey import Survey, block_means
 from hil.common.errors import ConfigError
 
@@ -32,8 +32,7 @@ class ReadOptions(NamedTuple):
     """Options of reading and combining files of depths.
 
     - `updates`: apply the updates of S-57 charts.
-    - `positive`: whether values count "up" or "down", "auto" to detect it; `crs`: coordinate system of files that
-      state none.
+    - `positive`, `crs`, `unit` and `layer`: see hil.charts.sources.sign.Declared.
     - `reach`: m around single soundings in which the bed counts as known.
     - `newest`: of overlapping rasters of the same priority use the newest instead of the first; rasters without a date
       come last.
@@ -50,6 +49,8 @@ class ReadOptions(NamedTuple):
     priorities: Mapping[str, int] = MappingProxyType({})
     crop: bool = False
     near: tuple[float, float] | None = None
+    unit: str | None = None
+    layer: str | None = None
 
 
 class _Files(NamedTuple):
@@ -104,6 +105,7 @@ def read_sources(
 def _read_files(paths: list[str], options: ReadOptions) -> _Files:
     files = _Files([], [], [], {"cells": [], "loose": [], "rasters": []})
     priorities = options.priorities
+    declared = Declared(options.positive, options.crs, options.unit, options.layer)
     require_named(priorities, paths)
     for path in paths:
         rank = priorities.get(path, OTHER)
@@ -111,23 +113,23 @@ def _read_files(paths: list[str], options: ReadOptions) -> _Files:
             files.cells.append(read_cell(path, options.updates))
             files.ranks["cells"].append(rank)
         elif is_points(path):
-            files.loose.append(read_points(path, options.positive, options.crs))
+            files.loose.append(read_points(path, *declared))
             files.ranks["loose"].append(rank)
         else:
-            files.rasters.append(_open(path, options.positive, options.crs))
+            files.rasters.append(_open(path, declared))
             files.ranks["rasters"].append(priorities.get(path, RASTER))
     return files
 
 
-def _open(path: str, positive: Positive, crs: str | None) -> Raster:
+def _open(path: str, declared: Declared) -> Raster:
     ending = os.path.splitext(path)[1].lower()
     if is_raster(path):
-        return open_raster(path, positive, crs)
+        return open_raster(path, *declared)
     if ending[1:].isdigit():
         raise ConfigError(f"{path}: is an update; give the cell (.000), whose updates are found beside it")
     raise ConfigError(
         f"{path}: unknown format {ending or 'without an ending'}: use .000 (S-57), .tif, .bag, .nc, .grd, .asc, "
-        ".h5 (S-102), .xyz or .csv"
+        ".h5 (S-102), .las, .laz, .xyz or .csv"
     )
 
 
@@ -284,12 +286,9 @@ def _combine(parts: list[Survey], origin: tuple[float, float] | None) -> Survey:
 
 
 def _extent(area: GeoBox, plane: LocalPlane) -> Extent:
-    """Return the rectangle on the plane around an area's corners and the midpoints of its sides, m."""
+    """Return the rectangle on the plane around an area, m. Around a pole an area reaches all sides of it."""
     south, west, north, east = area
-    latitude, longitude = area.centre
-    corners = np.array([
-        (south, west), (south, east), (north, west), (north, east),
-        (south, longitude), (north, longitude), (latitude, west), (latitude, east),
-    ])  # fmt: skip
-    norths, easts = plane.to_local(corners[:, 0], corners[:, 1])
+    latitude, across = area.centre[0], np.linspace(west, east, 9)
+    border = [*((side, x) for side in (south, north) for x in across), (latitude, west), (latitude, east)]
+    norths, easts = plane.to_local(*np.array(border).T)
     return float(norths.min()), float(norths.max()), float(easts.min()), float(easts.max())

@@ -1,4 +1,4 @@
-"""Read soundings from XYZ and CSV files, also compressed ones."""
+"""Read soundings from XYZ and CSV files, also compressed ones, and from point clouds."""
 
 import bz2
 import csv
@@ -7,15 +7,25 @@ import lzma
 import os
 import zlib
 from array import array
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import chain
-from typing import IO, NamedTuple
+from typing import IO, Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.charts.sources.sign import Positive, detect_direction, is_depth_name, metres_in_name, require_possible
-from hil.common.errors import ConfigError, MissingExtraError
+from hil.charts.sources import las
+from hil.charts.sources.sign import (
+    Declared,
+    Positive,
+    detect_direction,
+    is_depth_name,
+    join_notes,
+    require_possible,
+    unit_in_name,
+)
+from hil.charts.sources.systems import WGS84, depth_unit, parse_crs, vertical_axis
+from hil.common.errors import ConfigError
 from hil.common.tables import check_file
 from hil.common.text import clean
 
@@ -30,8 +40,9 @@ MAX_LINES = 20_000_000  # of one file; a sounding takes 24 bytes
 LONGEST_LINE = 10_000  # characters
 MAX_REPEATED = 0.05  # share of places with several depths, above which a note says so
 MAX_DISTANCE = 1e5  # m from the origin of a world
+SPOT = 2.0  # m: positions in so small an area are degrees, if their numbers could be
 COMMENTS = ("#", "%", ">", "!", "//")  # of GMT, MATLAB, Surfer and others
-COMPRESSED = (".gz", ".xz", ".bz2")
+COMPRESSED: dict[str, Callable[..., IO[str]]] = {".gz": gzip.open, ".xz": lzma.open, ".bz2": bz2.open}
 ENDINGS = (".xyz", ".csv", ".txt", ".tsv", ".dat")
 
 
@@ -49,19 +60,60 @@ class Points(NamedTuple):
 
 
 def is_points(path: str) -> bool:
-    """Return whether the ending of a file's name is that of soundings as text."""
+    """Return whether the ending of a file's name is that of soundings."""
     stem, ending = os.path.splitext(path.lower())
-    return (os.path.splitext(stem)[1] if ending in COMPRESSED else ending) in ENDINGS
+    return (os.path.splitext(stem)[1] if ending in COMPRESSED else ending) in (*ENDINGS, *las.ENDINGS)
 
 
-def read_points(path: str, positive: Positive = "auto", crs: str | None = None) -> Points:
-    """Return the soundings in the text file at `path`. Raises ConfigError; MissingExtraError with `crs`.
+class _Table(NamedTuple):
+    """Rows of east (longitude), north (latitude) and depth as a file has them, and what the file says of them.
 
-    Columns are separated by semicolons, tabs, commas or blanks. Unless they are separated by commas, a comma is a
-    decimal point. The first line may name them: longitude and latitude, or east and north (x and y) in m, and depth,
-    elevation or z. By default they are longitude, latitude, depth. Lines that begin with one of COMMENTS are skipped.
-    `crs`: the coordinate system of east and north, for example EPSG:32605; without it their origin is unknown.
+    `geographic`: whether the first two are degrees; `crs`: their coordinate system, None if not known; `name` and
+    `unit`: of the depths, "" for none.
     """
+
+    rows: Array
+    geographic: bool
+    crs: Any
+    name: str
+    unit: str
+    note: str = ""
+
+
+def read_points(
+    path: str, positive: Positive = "auto", crs: str | None = None, unit: str | None = None, layer: str | None = None
+) -> Points:
+    """Return the soundings in the file at `path`, a text or a point cloud; the options are those of `Declared`.
+
+    Columns of a text are separated by semicolons, tabs, commas or blanks. Unless they are separated by commas, a comma
+    is a decimal point. The first line may name them: longitude and latitude, or east and north (x and y) in m, and
+    depth, elevation or z. By default they are longitude, latitude, depth. Lines that begin with one of COMMENTS are
+    skipped. Without a coordinate system the origin of east and north is unknown. Raises ConfigError, MissingExtraError.
+    """
+    declared = Declared(positive, crs, unit, layer)
+    table = _read_cloud(path, declared) if path.lower().endswith(las.ENDINGS) else _read_text(path, declared)
+    rows, geographic = table.rows, table.geographic
+    length, unit_note = depth_unit(path, table.unit, unit, table.crs)
+    rows[:, 2] *= length
+    if table.crs is not None:
+        rows[:, :2], geographic = _degrees(rows, table.crs), True
+    _check_degrees(rows, geographic, path)
+    if geographic and np.ptp(rows[:, 0]) > 180.0:  # on both sides of the 180th meridian
+        rows[:, 0] %= 360.0
+    require_possible(path, rows[:, 2])
+    low, high, axis = float(rows[:, 2].min()), float(rows[:, 2].max()), vertical_axis(table.crs)[1]
+    up, note = detect_direction(path, positive, [table.name], low, high, axis)
+    note = join_notes(table.note, unit_note, note, _several_depths(rows, path))
+    return Points(os.path.basename(path), rows[:, 1::-1], -rows[:, 2] if up else rows[:, 2], geographic, note)
+
+
+def _read_cloud(path: str, declared: Declared) -> _Table:
+    rows, crs, unit, note = las.read_las(path)
+    crs = crs or (parse_crs(declared.crs) if declared.crs else None)
+    return _Table(rows, False, crs, "" if vertical_axis(crs)[1] else "height", unit, note)
+
+
+def _read_text(path: str, declared: Declared) -> _Table:
     lines = _lines(path)
     head = next(lines, None)
     if head is None:
@@ -69,29 +121,39 @@ def read_points(path: str, positive: Positive = "auto", crs: str | None = None) 
     separator = _separator(head)
     names = _cells(head, separator)
     has_names = not all(map(_is_number, names[:3]))
-    first, second, third, geographic = _columns(names, path) if has_names else (0, 1, 2, True)
+    first, second, third, geographic = _columns(names, path, declared.layer) if has_names else (0, 1, 2, True)
     rows = _numbers(lines if has_names else chain([head], lines), separator, (first, second, third), path, has_names)
     rows = rows[np.isfinite(rows).all(axis=1)]
     if not len(rows):
         raise ConfigError(f"{path}: has no soundings: a line must have longitude, latitude and depth")
-    if crs is not None:
-        rows[:, :2], geographic = _degrees(rows, crs), True
-    _check_degrees(rows, geographic, path)
-    if geographic and np.ptp(rows[:, 0]) > 180.0:  # on both sides of the 180th meridian
-        rows[:, 0] %= 360.0
-    name = [names[third]] if has_names else []
-    rows[:, 2] *= metres_in_name(name[0]) if name else 1.0
-    require_possible(path, rows[:, 2])
-    up, note = detect_direction(path, positive, name, float(rows[:, 2].min()), float(rows[:, 2].max()))
-    note = _several_depths(rows, path, note)
-    if not has_names:
-        order = "longitude, latitude and depth" if crs is None else "east, north and depth"
-        note = f"{path}: names no columns: read as {order}" + (f"; {note}" if note else "")
-    return Points(os.path.basename(path), rows[:, 1::-1], -rows[:, 2] if up else rows[:, 2], geographic, note)
+    note, crs = "", parse_crs(declared.crs) if declared.crs else None
+    if has_names:
+        if not (geographic or crs) and names[first].strip().lower()[0] == "x" and _look_like_degrees(rows):
+            raise ConfigError(
+                f"{path}: {names[first]} and {names[second]} look like degrees: use --crs EPSG:4326; if they are "
+                "metres, name the columns east and north"
+            )
+    elif crs:
+        note = f"{path}: names no columns: read as east, north and depth"
+    else:
+        order = "longitude, latitude and depth (else name them in a first line)"
+        if np.abs(rows[:, 0]).max() <= 90.0 < np.abs(rows[:, 1]).max() <= 360.0:
+            rows, order = rows[:, [1, 0, 2]], "latitude, longitude and depth, as the second is beyond 90"
+        east, north = rows[0, :2]
+        note = f"{path}: names no columns: read as {order}, from {north:g} N {east:g} E"
+    name = names[third] if has_names else ""
+    return _Table(rows, geographic, crs, name, unit_in_name(name), note)
 
 
-def _several_depths(rows: Array, path: str, note: str) -> str:
-    """Return `note`, with a note on places that have several depths: a file of measurements in the water has these."""
+def _look_like_degrees(rows: Array) -> bool:
+    """Return whether positions could be degrees, and would as metres be a spot or steeper than any bed."""
+    size = np.ptp(rows[:, :2], axis=0).max()
+    is_small = np.abs(rows[:, 0]).max() <= 360.0 and np.abs(rows[:, 1]).max() <= 90.0
+    return bool(is_small and size < max(SPOT, np.ptp(rows[:, 2])))
+
+
+def _several_depths(rows: Array, path: str) -> str:
+    """Return a note on places that have several depths, as measurements in the water have; "" for few."""
     places = rows[:, 0] + 1j * rows[:, 1]  # these sort by both columns, ten times as fast as np.unique of rows
     order = np.argsort(places)
     first = np.flatnonzero(np.diff(places[order], prepend=np.nan))
@@ -99,28 +161,24 @@ def _several_depths(rows: Array, path: str, note: str) -> str:
     share = float((np.diff(first, append=len(rows)) > 1).mean())
     spread = float((np.maximum.reduceat(depths, first) - np.minimum.reduceat(depths, first)).max())
     if share < MAX_REPEATED or spread < 1.0:
-        return note
-    found = f"{path}: {share:.0%} of its places have several depths, up to {spread:.3g} m apart: are these soundings?"
-    return f"{note}; {found}" if note else found
+        return ""
+    return f"{path}: {share:.0%} of its places have several depths, up to {spread:.3g} m apart: are these soundings?"
 
 
-def _degrees(rows: Array, crs: str) -> Array:
+def _degrees(rows: Array, crs: Any) -> Array:
     """Return longitude and latitude (degrees), (n, 2), of rows that begin with east and north in `crs`."""
-    try:
-        from rasterio.warp import transform
-    except ImportError:
-        raise MissingExtraError("--crs needs rasterio: pip install 'uuv-hil[raster]'") from None
-    from hil.charts.sources.rasters import WGS84, parse_crs
+    from rasterio.warp import transform
 
-    return np.column_stack(transform(parse_crs(crs), WGS84, rows[:, 0], rows[:, 1]))
+    return np.column_stack(transform(crs, WGS84, rows[:, 0], rows[:, 1]))
 
 
 def _lines(path: str) -> Iterator[str]:
     """Yield the lines that are neither empty nor comments, without surrounding blanks. Raises ConfigError."""
     check_file(path, LARGEST)
     count = size = 0
+    opened = COMPRESSED.get(os.path.splitext(path)[1].lower(), open)
     try:
-        with _open(path) as file:
+        with opened(path, "rt", encoding="utf-8-sig", errors="replace") as file:
             while line := file.readline(LONGEST_LINE + 1):
                 count, size = count + 1, size + len(line)
                 if len(line) > LONGEST_LINE:
@@ -136,17 +194,6 @@ def _lines(path: str) -> Iterator[str]:
                     yield line
     except (OSError, EOFError, zlib.error, lzma.LZMAError) as error:
         raise ConfigError(f"{path}: cannot be read: {error}") from None
-
-
-def _open(path: str) -> IO[str]:
-    ending = os.path.splitext(path)[1].lower()
-    if ending == ".gz":
-        return gzip.open(path, "rt", encoding="utf-8-sig", errors="replace")
-    if ending == ".xz":
-        return lzma.open(path, "rt", encoding="utf-8-sig", errors="replace")
-    if ending == ".bz2":
-        return bz2.open(path, "rt", encoding="utf-8-sig", errors="replace")
-    return open(path, encoding="utf-8-sig", errors="replace")
 
 
 def _separator(line: str) -> str | None:
@@ -177,14 +224,20 @@ def _is_number(text: str) -> bool:
     return True
 
 
-def _columns(names: Sequence[str], path: str) -> tuple[int, int, int, bool]:
-    """Return the columns of longitude (east), latitude (north) and depth, and whether the first two are degrees."""
+def _columns(names: Sequence[str], path: str, layer: str | None) -> tuple[int, int, int, bool]:
+    """Return the columns of longitude (east), latitude (north) and depth, and whether the first two are degrees.
+
+    `layer`: the name of the column with the depths, if the user chose one.
+    """
     short = [name.strip().lower().partition("(")[0].partition("_")[0].strip() for name in names]
 
     def find(accepted: set[str]) -> int | None:
         return next((index for index, name in enumerate(short) if name in accepted), None)
 
-    depth = find(_DEPTH)
+    plain = [name.strip().lower() for name in names]
+    if layer and layer.lower() not in plain:
+        raise ConfigError(f"--layer {layer}: {path} has the columns {', '.join(names)}")
+    depth = plain.index(layer.lower()) if layer else find(_DEPTH)
     if depth is None:  # for example water_depth
         depth = next((index for index, name in enumerate(names) if is_depth_name(name)), None)
     for across, along, geographic in ((_LONGITUDE, _LATITUDE, True), (_EAST, _NORTH, False)):

@@ -4,7 +4,7 @@ import os
 import re
 import sys
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from contextlib import suppress
 from typing import Any, NamedTuple
 
@@ -13,21 +13,23 @@ from numpy.typing import NDArray
 
 from hil.charts.chart_survey import GeoBox
 from hil.charts.projection import LocalPlane
+from hil.charts.sources import netcdf
 from hil.charts.sources.s102 import with_uncertainty
 from hil.charts.sources.sign import (
+    Declared,
     Positive,
     detect_direction,
     is_depth_name,
-    metres_in_name,
-    metres_per_unit,
+    join_notes,
     require_possible,
+    unit_in_name,
 )
+from hil.charts.sources.systems import WGS84, depth_unit, parse_crs, vertical_axis
 from hil.common.errors import ConfigError, MissingExtraError
 from hil.common.tables import check_file
 
 Array = NDArray[np.float64]
 
-WGS84 = "EPSG:4326"
 # The driver is set by the ending. Otherwise GDAL detects the format from the contents, and some formats (WMS, VRT) make
 # it read other files and hosts.
 DRIVERS = {".tif": "GTiff", ".tiff": "GTiff", ".bag": "BAG", ".nc": "netCDF", ".asc": "AAIGrid", ".h5": "S102"}
@@ -36,6 +38,7 @@ GRIDS = {b"DSAA": "GSAG", b"DSBB": "GSBG", b"DSRB": "GS7BG"}  # .grd of Surfer b
 DATES = ("issuedate", "bag_datetime", "time_coverage_end", "date_issued", "date_created", "tifftag_datetime")
 FINEST = {"MODE": "RESAMPLED_GRID"}  # for a BAG of variable resolution, whose default band is a coarse overview
 SAMPLED = 512  # pixels along a side of the sample that shows the sign of the values
+ALIKE = 0.02  # pixels by which two positions of a corner may differ
 AVERAGE_ABOVE = 1.5  # node spacing in pixels above which pixels are averaged instead of interpolated
 
 
@@ -112,12 +115,14 @@ def _no_data(source: Any, band: int) -> float | None:
     return np.nan if declared is None and source.dtypes[band - 1].startswith("float") else declared
 
 
-def open_raster(path: str, positive: Positive = "auto", crs: str | None = None) -> Raster:
-    """Return the raster of the band of `path` that is named as depths or heights, else of the first band.
+def open_raster(
+    path: str, positive: Positive = "auto", crs: str | None = None, unit: str | None = None, layer: str | None = None
+) -> Raster:
+    """Return the raster of the band or variable `layer`, else of the one named as depths or heights, else the first.
 
-    `crs` (for example EPSG:32605) applies to a file that states no coordinate system. Without either, positions in
-    degrees are WGS 84. No shift between vertical datums is applied. The format follows from the ending of the name, of
-    a .grd also from its first bytes. Raises ConfigError, MissingExtraError.
+    The options are those of `Declared`. Without a coordinate system, positions in degrees are WGS 84. No shift between
+    vertical datums is applied. The format follows from the ending of the name, of a .grd also from its first bytes.
+    Raises ConfigError, MissingExtraError.
     """
     try:
         import rasterio.io
@@ -126,24 +131,61 @@ def open_raster(path: str, positive: Positive = "auto", crs: str | None = None) 
     except ImportError:
         raise MissingExtraError(f"{path}: rasters need rasterio: pip install 'uuv-hil[raster]'") from None
     check_file(path, sys.maxsize)  # no limit: only the needed part is read
-    driver = _driver(path)
+    driver, declared = _driver(path), Declared(positive, crs, unit, layer)
     try:
-        with warnings.catch_warnings():
+        with warnings.catch_warnings(), rasterio.Env(GTIFF_REPORT_COMPD_CS=True):  # with their vertical axis
             # A NetCDF as a whole has no position; _describe_raster checks that of the variable.
             warnings.simplefilter("ignore", NotGeoreferencedWarning)
-            memory = _readable_s102(path) if driver == "S102" else None
-            source_path = memory.name if memory else path
-            with rasterio.open(source_path, driver=driver) as source:
-                # BAG and S-102 have depths in bands of the file; their subdatasets hold other data.
-                parts = () if source.count else source.subdatasets
-                file = _select_variable(path, driver, parts) if parts else source_path
+            opened = _open_netcdf(path, declared) if driver == "netCDF" else None
+            file, driver, memory, number, note = opened or (path, driver, None, 0, "")
+            if driver == "S102":
+                memory = _readable_s102(path)
+                file = memory.name if memory else path
+            with rasterio.open(file, driver=driver) as source:
                 options = FINEST if float(source.tags().get("MIN_RESOLUTION_X", 0.0)) > 0.0 else {}
             with rasterio.open(file, driver=driver, **options) as source:
-                return _describe_raster(path, file, source, positive, crs)._replace(options=options, memory=memory)
+                band = number or _band(path, source, declared)
+                found = _describe_raster(path, file, source, band, declared)
+                return found._replace(options=options, memory=memory, note=join_notes(note, found.note))
     except (RasterioError, CPLE_BaseError, OSError) as error:
         raise ConfigError(
             f"{path}: cannot be read as a raster of {driver}, use a whole file of that format: {_cause(error)}"
         ) from None
+
+
+def _open_netcdf(path: str, declared: Declared) -> tuple[str, str, Any, int, str] | None:
+    """Return file, driver, file in memory, band, and note of the layer of depths, None if GDAL has to find it.
+
+    The layer is laid out anew in memory if GDAL does not read it as its axes say.
+    """
+    import rasterio
+
+    with netcdf.open_netcdf(path) as variables:
+        layer = netcdf.find_layer(path, variables, declared)
+        if layer is None:
+            return None
+        file = f'NETCDF:"{path}":{layer.variable.name}'
+        with rasterio.open(file, driver="netCDF") as source:
+            is_projected = source.crs and source.crs.is_projected
+            frame = netcdf.frame_layer(path, layer, source.crs.linear_units_factor[1] if is_projected else 1.0)
+            where = rasterio.Affine(*frame.transform)
+            size = source.width, source.height
+            # The far corner in pixels of either: the same place if GDAL has the axes right
+            off = np.subtract(~where @ (source.transform @ size), size) if layer.band and frame.is_even else np.inf
+            if np.abs(off).max() < ALIKE and np.abs(~where @ (source.transform @ (0.0, 0.0))).max() < ALIKE:
+                return file, "netCDF", None, layer.band, layer.note
+            memory = rasterio.io.MemoryFile(ext=".tif")
+            values = netcdf.read_layer(path, layer, frame)
+            is_wrong = layer.is_geographic and is_projected
+            with memory.open(
+                driver="GTiff", width=values.shape[1], height=values.shape[0], count=1, dtype="float32", nodata=np.nan,
+                transform=where, crs=WGS84 if is_wrong else source.crs,
+            ) as target:  # fmt: skip
+                target.write(values, 1)
+                target.update_tags(**source.tags())
+                target.update_tags(1, **source.tags(layer.band or 1))
+    note = "" if frame.is_even else f"{path}: its positions are uneven: interpolated to even ones"
+    return memory.name, "GTiff", memory, 1, join_notes(layer.note, note)
 
 
 def is_raster(path: str) -> bool:
@@ -176,33 +218,19 @@ def _readable_s102(path: str) -> Any:
     return rasterio.io.MemoryFile(made, ext=".h5") if made else None
 
 
-def _select_variable(path: str, driver: str, parts: Sequence[str]) -> str:
-    """Return GDAL's name of the variable with the depths, by the variables' names, else by their descriptions."""
-    import rasterio
-
-    names = [part.rpartition(":")[2].strip('"/') for part in parts]
-    for part, name in zip(parts, names, strict=True):
-        if is_depth_name(name):
-            return part
-    for part in parts:
-        with rasterio.open(part, driver=driver) as source:
-            tags = source.tags(1)
-        if any(is_depth_name(tags.get(key, "")) for key in ("standard_name", "long_name")):
-            return part
-    raise ConfigError(
-        f"{path}: has {', '.join(names)}, and none is named as depth or elevation: convert the right one to a GeoTIFF, "
-        f"for example gdal_translate {driver.upper()}:{path}:{names[0]} bed.tif"
-    )
-
-
-def _describe_raster(path: str, file: str, source: Any, positive: Positive, crs: str | None) -> Raster:
+def _describe_raster(path: str, file: str, source: Any, band: int, declared: Declared) -> Raster:
     """Return the raster of an open dataset: its position, spacing, and the scale of its depths. Raises ConfigError."""
+    from rasterio.coords import BoundingBox
     from rasterio.crs import CRS
     from rasterio.warp import transform, transform_bounds
 
     if source.transform.is_identity:
         raise ConfigError(f"{path}: has no position on the earth: warp it to longitude and latitude")
-    bounds = source.bounds
+    a, b, c, d, e, f = source.transform[:6]  # from columns and rows to positions
+    width, height, crs = source.width, source.height, declared.crs
+    across = sorted((c, c + a * width, c + b * height, c + a * width + b * height))
+    along = sorted((f, f + d * width, f + e * height, f + d * width + e * height))
+    bounds = BoundingBox(across[0], along[0], across[-1], along[-1])
     own = source.crs if source.crs and (source.crs.is_geographic or source.crs.is_projected) else None
     where = own or (parse_crs(crs) if crs else None)  # a local one, of a building site or a pool, names no place
     if where is None and max(abs(bounds.top), abs(bounds.bottom)) > 90.0:
@@ -216,42 +244,53 @@ def _describe_raster(path: str, file: str, source: Any, positive: Positive, crs:
             "file, for example with gdal_edit.py -a_srs EPSG:32605"
         )
     west, south, east, north = bounds if where.is_geographic else transform_bounds(where, WGS84, *bounds)
-    box = GeoBox(min(south, north), west, max(south, north), east + 360.0 if east < west else east)
-    middle = source.height // 2, source.width // 2
+    box = GeoBox(south, west, north, east + 360.0 if east < west else east)
+    middle = height // 2, width // 2
     if where.is_geographic and max(-west, east) >= 180.0:  # else GDAL omits the part beyond the 180th meridian
         where = CRS.from_dict({**where.to_dict(), "lon_wrap": 0.5 * (west + east)})
-    a, b, c, d, e, f = source.transform[:6]  # from columns and rows to positions
     pixels = [(middle[1] + column, middle[0] + row) for row, column in ((0, 0), (1, 0), (0, 1))]
     corners = [(a * column + b * row + c, d * column + e * row + f) for column, row in pixels]
     longitude, latitude = (np.array(axis) for axis in transform(where, WGS84, *zip(*corners, strict=True)))
     local = np.column_stack(LocalPlane(float(latitude[0]), float(longitude[0])).to_local(latitude, longitude))
     spacing = float(np.hypot(*(local[1:] - local[0]).T).max())
-    band = _band(source)
-    if source.colorinterp[band - 1].name in ("red", "palette") and source.dtypes[band - 1] == "uint8":
-        raise ConfigError(f"{path}: is a picture, whose colours are no depths: use the raster that it was drawn from")
-    unit = _unit(path, source, band)
-    is_upwards, note = _detect_direction(path, file, source, positive, band, unit)
+    unit, unit_note = _unit(path, source, band, declared, where)
+    is_upwards, note = _detect_direction(path, file, source, declared.positive, band, unit)
     sign = -unit if is_upwards else unit
     scale, offset = sign * source.scales[band - 1], sign * source.offsets[band - 1]
-    if own and crs and own != parse_crs(crs):
-        own_note = f"{path}: --crs is not used, because the file has its own coordinate system"
-        note = f"{note}; {own_note}" if note else own_note
+    own_note = f"{path}: --crs is not used, because the file has its own coordinate system"
+    note = join_notes(unit_note, note, own_note if own and crs and own != parse_crs(crs) else "")
     date = _date({**source.tags(), **source.tags(band)})
     return Raster(os.path.basename(path), file, source.driver, where, box, spacing, scale, offset, date, band, note)
 
 
-def _band(source: Any) -> int:
-    """Return the number of the band with the depths: the first with such a name, else 1."""
-    for band, name in enumerate(source.descriptions, 1):
-        if name and is_depth_name(name):
-            return band
-    return 1
+def _band(path: str, source: Any, declared: Declared) -> int:
+    """Return the number of the band that the user chose, else of the first that is named as depths, else 1."""
+    name, number = declared.split_layer()
+    names = [text or "" for text in source.descriptions]
+    if (name and name not in names) or number > source.count:
+        raise ConfigError(
+            f"--layer {declared.layer}: {path} has {source.count} bands: {', '.join(filter(None, names))}"
+        )
+    if name or number:
+        return number or names.index(name) + 1
+    return next((band for band, text in enumerate(names, 1) if is_depth_name(text)), 1)
 
 
-def _unit(path: str, source: Any, band: int) -> float:
-    """Return the length in m of the unit of a band's values, by default 1. Raises ConfigError for an unknown unit."""
-    name = source.units[band - 1] or source.tags(band).get("units") or ""
-    return metres_per_unit(path, name) if name else metres_in_name(source.descriptions[band - 1] or "")
+def _unit(path: str, source: Any, band: int, declared: Declared, where: Any) -> tuple[float, str]:
+    """Return the length in m of the unit of a band's values, and a note. Raises ConfigError for what are no depths."""
+    name, colour = source.descriptions[band - 1] or "", source.colorinterp[band - 1].name
+    tags, whole = source.tags(band), source.dtypes[band - 1] in ("uint8", "int8")
+    stated = source.units[band - 1] or tags.get("units") or unit_in_name(name)
+    if colour in ("red", "palette") or (whole and source.count > 2):
+        raise ConfigError(f"{path}: is a picture, whose colours are no depths: use the raster that it was drawn from")
+    is_named = is_depth_name(name) or is_depth_name(tags.get("NETCDF_VARNAME", ""))
+    is_scaled = (source.scales[band - 1], source.offsets[band - 1]) != (1.0, 0.0)
+    if whole and not (stated or declared.unit or is_named or is_scaled):
+        raise ConfigError(
+            f"{path}: its values of 8 bits may be shades of a picture: if they are whole metres, use --unit m; if they "
+            "are depths on a scale, state it in the file, for example with gdal_edit.py -scale 0.1 -offset 0"
+        )
+    return depth_unit(path, stated, declared.unit, where)
 
 
 def _date(tags: dict[str, str]) -> str:
@@ -262,19 +301,6 @@ def _date(tags: dict[str, str]) -> str:
         if match:
             return "-".join(match.groups())
     return ""
-
-
-def parse_crs(name: str) -> Any:
-    """Return the coordinate system with the name that the user gave. Raises ConfigError for an unknown one."""
-    import rasterio
-    from rasterio.crs import CRS
-    from rasterio.errors import CRSError
-
-    try:
-        with rasterio.Env():  # else PROJ prints a line of its own
-            return CRS.from_user_input(name)
-    except CRSError as error:
-        raise ConfigError(f"--crs: {name}: unknown coordinate system ({error}); use for example EPSG:32605") from None
 
 
 def _detect_direction(
@@ -296,4 +322,5 @@ def _detect_direction(
     if not len(known):
         raise ConfigError(f"{path}: no pixel has a depth: use another file")
     require_possible(path, known)
-    return detect_direction(path, positive, [word for word in named if word], float(known.min()), float(known.max()))
+    low, high, axis = float(known.min()), float(known.max()), vertical_axis(source.crs)[1]
+    return detect_direction(path, positive, [word for word in named if word], low, high, axis)

@@ -5,7 +5,7 @@ Options, names, or signs that all values share distinguish heights from depths; 
 
 import re
 from collections.abc import Iterable
-from typing import Literal
+from typing import Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,32 +15,58 @@ from hil.common.text import clean
 
 Positive = Literal["auto", "up", "down"]
 
-_UP = {"elevation", "height", "altitude", "topo", "topography"}
+_UP = {"elevation", "height", "altitude", "topo", "topography", "dem", "dtm"}
 _DOWN = {"depth", "sounding", "soundings"}
 _NEUTRAL = {"bathymetry", "topobathy", "bathy", "z"}
-_METRES = {"m": 1.0, "metre": 1.0, "meter": 1.0, "metres": 1.0, "meters": 1.0}
-_NOT_METRES = {
-    **dict.fromkeys(("ft", "foot", "feet", "us survey foot", "us-ft"), 0.3048),
+# Words of what is said about a depth, and is none
+_ABOUT = {"uncertainty", "std", "stddev", "error", "sd", "sigma", "count", "counts", "flag", "quality", "mask", "index"}
+UNITS = {
+    **dict.fromkeys(("m", "metre", "meter", "metres", "meters"), 1.0), **dict.fromkeys(("ft", "foot", "feet"), 0.3048),
+    **dict.fromkeys(("us-ft", "us survey foot", "us survey feet", "us_survey_foot", "usft", "ftus"), 1200.0 / 3937.0),
     **dict.fromkeys(("fm", "fathom", "fathoms"), 1.8288), **dict.fromkeys(("cm", "centimeters", "centimetres"), 0.01),
     **dict.fromkeys(("km", "kilometers", "kilometres"), 1000.0), **dict.fromkeys(("mm",), 0.001),
     **dict.fromkeys(("dm", "decimeters", "decimetres"), 0.1),
 }  # fmt: skip
-_UNITS = {**_METRES, **_NOT_METRES}
 MAX_MAGNITUDE = 12_000.0  # m above or below sea level: more than any place on the earth
 MAX_DRYING = 50.0  # m of land above the water in data that are named as depths
 NO_DATA_MARK = 9999.0  # m: in many files this means "no value" although they do not state it
 
 
-def detect_direction(path: str, positive: Positive, names: Iterable[str], low: float, high: float) -> tuple[bool, str]:
+class Declared(NamedTuple):
+    """What the user says of files that do not say it themselves.
+
+    - `positive`: whether values count "up" or "down", "auto" to detect it.
+    - `crs`: coordinate system of files that state none, for example EPSG:32605.
+    - `unit`: of the depths, one of UNITS.
+    - `layer`: the variable, band or column with the depths, as NAME, NUMBER or NAME:NUMBER. A number, from 1, selects a
+      band, or of a variable with several times one of them.
+    """
+
+    positive: Positive = "auto"
+    crs: str | None = None
+    unit: str | None = None
+    layer: str | None = None
+
+    def split_layer(self) -> tuple[str, int]:
+        """Return name and number of `layer`; "" and 0 for what it has not."""
+        name, _, number = (self.layer or "").rpartition(":")
+        return (name, int(number)) if number.isdigit() else (self.layer or "", 0)
+
+
+def detect_direction(
+    path: str, positive: Positive, names: Iterable[str], low: float, high: float, axis: str = ""
+) -> tuple[bool, str]:
     """Return whether values between `low` and `high` m count upwards (heights), and a note on what was assumed.
 
-    `positive` decides, else `names` (of a band or column), else the signs: values that are all below zero are heights,
-    even if named as depths, and values that are all above zero are depths. The note is "" if nothing was assumed.
-    Raises ConfigError if none of these decides.
+    `positive` decides, else `names` (of a band or column), else the name of a vertical `axis`, else the signs: values
+    that are all below zero are heights, even if named as depths, and values that are all above zero are depths. The
+    note is "" if nothing was assumed. Raises ConfigError if none of these decides.
     """
     if positive != "auto":
         return positive == "up", ""
     words = {word for name in names for word in _words(name)}
+    if axis and not words & (_UP | _DOWN):
+        words = {axis}
     if high <= 0.0 and low < 0.0:
         note = f"{path}: named as depths, read as heights, because none is above zero (else use --positive down)"
         return True, note if words & _DOWN and not words & _UP else ""
@@ -62,24 +88,31 @@ def detect_direction(path: str, positive: Positive, names: Iterable[str], low: f
     )
 
 
+def join_notes(*notes: str) -> str:
+    """Return notes as one text; "" for none."""
+    return "; ".join(filter(None, notes))
+
+
 def is_depth_name(name: str) -> bool:
     """Return whether a band with this name contains depths or heights, and not their uncertainty."""
     words = _words(name)
-    return bool(words & (_UP | _DOWN | _NEUTRAL)) and not words & {"uncertainty", "std", "stddev", "error", "sd"}
+    return bool(words & (_UP | _DOWN | _NEUTRAL)) and not words & _ABOUT
 
 
 def metres_per_unit(path: str, unit: str) -> float:
     """Return the length of a unit of depth in m. Raises ConfigError for an unknown unit."""
     name = unit.strip().lower()
-    found = _UNITS.get(name) or _UNITS.get(re.split(r"[^a-z]", name)[0])  # the second for "m above MSL"
+    found = UNITS.get(name) or UNITS.get(re.split(r"[^a-z]", name)[0])  # the second for "m above MSL"
     if found is None:
-        raise ConfigError(f"{path}: its depths are in {clean(unit, 30)!r}; known units: {', '.join(_UNITS)}")
+        raise ConfigError(f"{path}: its depths are in {clean(unit, 30)!r}; known units: {', '.join(UNITS)}")
     return found
 
 
-def metres_in_name(name: str) -> float:
-    """Return the length in m of the unit in the name of a column or band (depth_ft: feet); 1 if it has none."""
-    return next((_NOT_METRES[word] for word in re.split(r"[^a-z]+", name.lower()) if word in _NOT_METRES), 1.0)
+def unit_in_name(name: str) -> str:
+    """Return the unit in the name of a column or band, for example ft of depth_ft; "" if it has none."""
+    words = re.split(r"[^a-z]+", name.lower())
+    unit = next((word for word in words[1:] if word in UNITS), "")
+    return "us-ft" if unit in ("ft", "foot", "feet") and "us" in words else unit
 
 
 def require_possible(path: str, values: NDArray[np.float64]) -> None:

@@ -1,0 +1,94 @@
+"""Read the bed out of point clouds of lidar and multibeam sonars in LAS and LAZ files (ASPRS LAS 1.0 to 1.4)."""
+
+import sys
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.charts.sources.systems import parse_crs
+from hil.common.errors import ConfigError, MissingExtraError
+from hil.common.tables import check_file
+
+Array = NDArray[np.float64]
+
+ENDINGS = (".las", ".laz")
+BED = (2, 8, 40)  # classes: ground, its key points, bathymetric point; not water, plants, noise or buildings
+UNCLASSIFIED = (0, 1)
+CHUNK = 1_000_000  # points that are read at a time
+MAX_POINTS = 300_000  # above which points are replaced by their means in cells
+UNITS = {9001: "m", 9002: "ft", 9003: "us-ft"}  # of GeoTIFF's key of vertical units
+
+
+def read_las(path: str) -> tuple[Array, Any, str, str]:
+    """Return the points of the bed, (n, 3) x, y and height; their coordinate system, their unit of height, and a note.
+
+    The system is None and the unit "" if the file states none. Of a file without classes all points are used. Raises
+    ConfigError, MissingExtraError.
+    """
+    try:
+        import laspy
+    except ImportError:
+        raise MissingExtraError(f"{path}: LAS needs laspy: pip install 'uuv-hil[raster]'") from None
+    check_file(path, sys.maxsize)  # no limit: it is read in parts
+    bed, others, classes, count = np.empty((0, 5)), np.empty((0, 5)), set[int](), 0
+    size = 0.0
+    try:
+        with laspy.open(path) as file:
+            crs, unit = _system(file.header)
+            for chunk in file.chunk_iterator(CHUNK):
+                kind, count = np.asarray(chunk.classification), count + len(chunk)
+                classes |= set(np.unique(kind).tolist())
+                x, y, z = (np.asarray(part) for part in (chunk.x, chunk.y, chunk.z))
+                rows = np.column_stack([x, y, z, np.ones(len(z)), z])
+                is_used = ~np.asarray(chunk.withheld, bool)
+                bed, size = _thin(np.concatenate([bed, rows[is_used & np.isin(kind, BED)]]), size)
+                if not len(bed):
+                    others, size = _thin(np.concatenate([others, rows[is_used & np.isin(kind, UNCLASSIFIED)]]), size)
+    except (laspy.errors.LaspyException, OSError, ValueError, RuntimeError) as error:
+        raise ConfigError(f"{path}: cannot be read as LAS: {error}") from None
+    used = bed if len(bed) else others
+    if not len(used):
+        raise ConfigError(
+            f"{path}: has no point of ground (2) or bathymetry (40), but of the classes {sorted(classes)}"
+        )
+    note = "" if len(bed) else f"{path}: has no classes: all its points are used, water and plants too"
+    if size:
+        lost = float((used[:, 4] - used[:, 2]).max())
+        thinned = f"{path}: {count} points became {len(used)} means of {size:.2g}, up to {lost:.2g} below the highest"
+        note = f"{note}; {thinned}" if note else thinned
+    return used[:, :3], crs, unit, note
+
+
+def _thin(rows: Array, size: float) -> tuple[Array, float]:
+    """Return means of rows in square cells of `size` or more, so that there are at most MAX_POINTS, and that size.
+
+    `rows`: x, y, height, the number of points, and the greatest height of them. `size`: 0 for rows that are points.
+    """
+    if len(rows) > MAX_POINTS:
+        size = size or max(float(np.ptp(rows[:, :2], axis=0).max()), 1.0) / MAX_POINTS**0.5
+    while len(rows) > MAX_POINTS:
+        cells = np.floor(rows[:, :2] / size).astype(np.int64)
+        _, where = np.unique(cells[:, 0] << 32 ^ (cells[:, 1] & 0xFFFFFFFF), return_inverse=True)
+        weights = np.bincount(where, rows[:, 3])
+        means = [np.bincount(where, rows[:, 3] * rows[:, k]) / weights for k in range(3)]
+        highest = np.full(len(weights), -np.inf)
+        np.maximum.at(highest, where, rows[:, 4])
+        rows = np.column_stack([*means, weights, highest])
+        size *= 1.25 if len(rows) > MAX_POINTS else 1.0
+    return rows, size
+
+
+def _system(header: Any) -> tuple[Any, str]:
+    """Return the coordinate system of a file, None if it states none, and the unit of its heights, "" likewise."""
+    records = [*header.vlrs, *(header.evlrs or ())]
+    for text in (record.string for record in records if hasattr(record, "string") and record.record_id == 2112):
+        if text.strip("\0 "):
+            return parse_crs(text.strip("\0 ")), ""
+    for record in records:
+        keys = {key.id: key.value_offset for key in getattr(record, "geo_keys", ()) if key.tiff_tag_location == 0}
+        codes = [keys.get(3072) or keys.get(2048), keys.get(4096)]  # projected or geographic, vertical
+        if codes[0] and codes[0] < 32767:
+            names = "+".join(str(code) for code in codes if code and code < 32767)
+            return parse_crs(f"EPSG:{names}"), UNITS.get(keys.get(4099, 0), "")
+    return None, ""

@@ -1,0 +1,309 @@
+"""Find the depths in a NetCDF file and their axes, by the CF conventions, and lay them out as rasters are.
+
+GDAL takes the last two dimensions as north and east, and their steps as even. Where a file says otherwise, its values
+are laid out anew in memory.
+"""
+
+import re
+import warnings
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.charts.sources.sign import UNITS, Declared, is_depth_name
+from hil.common.errors import ConfigError, MissingExtraError
+
+Array = NDArray[np.float64]
+
+MAX_VALUES = 100_000_000  # of a layer that is laid out anew, 4 bytes each
+UNEVEN = 0.02  # share of a step by which positions of an even axis may be off
+MAX_FINER = 8.0  # even steps for one uneven one, on average
+# What says that a variable is an axis, from the strongest: an attribute or its name, and its words for north and east
+AXES = (
+    ("standard_name", r"latitude|projection_y_coordinate|grid_latitude",
+     r"longitude|projection_x_coordinate|grid_longitude"),
+    ("units", r"degrees?_?n(orth)?", r"degrees?_?e(ast)?"),
+    ("axis", "y", "x"),
+    ("name", r"lat(itude)?s?|y|yc|north(ing)?", r"lon(gitude)?s?|lng|long|x|xc|east(ing)?"),
+)  # fmt: skip
+ROTATED = ("grid_latitude", "grid_longitude")
+
+
+class Variable(NamedTuple):
+    """A variable of a NetCDF file; `data` is read where it is indexed."""
+
+    name: str
+    dimensions: tuple[str, ...]
+    attributes: Mapping[str, Any]
+    data: Any
+
+    def text(self, key: str) -> str:
+        """Return an attribute as text, "" if there is none."""
+        return str(self.attributes.get(key, "")).strip()
+
+
+class Layer(NamedTuple):
+    """A layer of depths: its `variable`, the axes of its columns and rows, and which of several times it is.
+
+    - `place`: index of each dimension, a slice for those of the axes.
+    - `is_transposed`: whether `east` comes before `north`.
+    - `band`: the number that GDAL gives the layer, 0 if GDAL does not read it as it is meant.
+    """
+
+    variable: Variable
+    east: Variable
+    north: Variable
+    place: tuple[int | slice, ...]
+    is_transposed: bool
+    band: int
+    note: str
+
+    @property
+    def is_geographic(self) -> bool:
+        """Whether the axes say that they are longitude and latitude."""
+        return bool(re.fullmatch("latitude", self.north.text("standard_name"))) or any(
+            re.fullmatch(r"degree.*|lat(itude)?s?", word.lower())
+            for word in (self.north.text("units"), self.north.name.rpartition("/")[2])
+        )
+
+
+class Frame(NamedTuple):
+    """Positions of the values of a layer: increasing `east`, and increasing `south`, as they are in the file.
+
+    `columns` and `rows`: their indices in the file; `across` and `along`: the even positions to which they belong, or
+    between them if they are uneven.
+    """
+
+    east: Array
+    south: Array
+    columns: Any
+    rows: Any
+    across: Array
+    along: Array
+
+    @property
+    def is_even(self) -> bool:
+        """Whether the values are in even steps in the file."""
+        return len(self.across) == len(self.east) and len(self.along) == len(self.south)
+
+    @property
+    def transform(self) -> tuple[float, float, float, float, float, float]:
+        """From columns and rows to positions, as an affine transform has it."""
+        x, y = self.across[1] - self.across[0], self.along[1] - self.along[0]
+        return x, 0.0, self.across[0] - 0.5 * x, 0.0, -y, 0.5 * y - self.along[0]
+
+
+@contextmanager
+def open_netcdf(path: str) -> Iterator[dict[str, Variable]]:
+    """Give the variables of a NetCDF file by name, of the classic format or HDF5; none of another format.
+
+    Raises ConfigError, MissingExtraError.
+    """
+    with open(path, "rb") as file:
+        magic = file.read(4)
+    try:
+        if magic == b"CDF\5":  # of 64 bits, which neither library knows
+            yield {}
+        elif magic[:3] == b"CDF":
+            from scipy.io import netcdf_file
+
+            with warnings.catch_warnings(), netcdf_file(path, mmap=True, maskandscale=False) as dataset:
+                warnings.simplefilter("ignore", RuntimeWarning)  # of arrays that are still in use when it closes
+                yield {
+                    name: Variable(name, part.dimensions, _texts(part._attributes), part.data)
+                    for name, part in dataset.variables.items()
+                }
+        else:
+            import h5py
+
+            with h5py.File(path) as dataset:
+                found: dict[str, Variable] = {}
+                dataset.visititems(lambda name, part: found.update(_of_hdf5(name, part)))
+                yield found
+    except ImportError:
+        raise MissingExtraError(f"{path}: NetCDF needs scipy and h5py: pip install 'uuv-hil[chart,raster]'") from None
+    except (OSError, ValueError, TypeError, KeyError, AssertionError) as error:
+        raise ConfigError(f"{path}: cannot be read as NetCDF: {error}") from None
+
+
+def _of_hdf5(name: str, part: Any) -> dict[str, Variable]:
+    if not hasattr(part, "shape") or part.dtype.kind not in "iuf":
+        return {}
+    scales = [[scale.name.lstrip("/") for scale in dimension.values()] for dimension in part.dims]
+    names = [own[0] if own else f"{name} {number}" for number, own in enumerate(scales)]
+    if part.is_scale and part.ndim == 1:
+        names = [name]
+    attributes = {key: value for key, value in part.attrs.items() if key not in ("DIMENSION_LIST", "REFERENCE_LIST")}
+    return {name: Variable(name, tuple(names), _texts(attributes), part)}
+
+
+def _texts(attributes: Mapping[str, Any]) -> dict[str, Any]:
+    """Return attributes with texts instead of bytes, and arrays of one element as that element."""
+    plain = {key: value[0] if np.ndim(value) and len(value) == 1 else value for key, value in attributes.items()}
+    return {k: v.decode("utf-8", "replace") if isinstance(v, bytes) else v for k, v in plain.items()}
+
+
+def find_layer(path: str, variables: Mapping[str, Variable], declared: Declared) -> Layer | None:
+    """Return the layer of depths that the user or the names choose; None if no variable has axes that are known.
+
+    Raises ConfigError if the file leaves open which it is, and for positions that are no raster's.
+    """
+    placed, wanted = {}, declared.split_layer()[0]
+    for name, variable in variables.items():
+        axes = _axes(variable, variables)
+        if {"north", "east"} <= axes.keys() and variable.data.dtype.kind in "iuf":
+            placed[name] = axes
+    if not placed or wanted not in ("", *placed):
+        curved = [v.name for v in variables.values() if len(v.dimensions) == 2 and _kind(v, 3) in ("north", "east")]
+        if curved:
+            raise ConfigError(
+                f"{path}: has positions by {' and '.join(curved)} of two dimensions, a curved or rotated grid: "
+                "warp it to longitude and latitude, or write it as text with longitude, latitude and depth"
+            )
+        if wanted:
+            raise ConfigError(f"--layer {wanted}: {path} has {', '.join(placed) or 'no layer with known axes'}")
+        return None
+    named = [name for name in placed if is_depth_name(name)] or [
+        name for name in placed if any(is_depth_name(variables[name].text(k)) for k in ("standard_name", "long_name"))
+    ]
+    if not (wanted or named or len(placed) == 1):
+        raise ConfigError(
+            f"{path}: has {', '.join(placed)}, and none is named as depth or elevation: choose one, for example "
+            f"--layer {next(iter(placed))}"
+        )
+    name = wanted or min(named or placed, key=lambda name: len(re.split("[^a-z]+", name.lower())))
+    others = [other for other in named if other != name and not wanted]
+    note = f"{path}: {name} is used (--layer for {', '.join(others)})" if others else ""
+    return _at_one_time(path, variables, variables[name], placed[name], declared.split_layer()[1], note)
+
+
+def _axes(variable: Variable, variables: Mapping[str, Variable]) -> dict[str, tuple[int, Variable]]:
+    """Return the dimension and the coordinates of "north" and "east" of a variable, as far as it has them."""
+    own = variable.text("coordinates").split()
+    found: dict[str, tuple[int, Variable]] = {}
+    for rule in range(len(AXES)):
+        for number, dimension in enumerate(variable.dimensions):
+            along = [v for v in variables.values() if v.dimensions == (dimension,) and len(variable.dimensions) > 1]
+            for axis in sorted(along, key=lambda v: (v.name != dimension, v.name.rpartition("/")[2] not in own)):
+                kind = _kind(axis, rule, rule)
+                if kind and kind not in found and number not in [taken for taken, _ in found.values()]:
+                    found[kind] = number, axis
+    return found
+
+
+def _kind(variable: Variable, last: int, first: int = 0) -> str:
+    """Return "north" or "east" of what the rules `first` to `last` of AXES take for such coordinates, else ""."""
+    for key, north, east in AXES[first : last + 1]:
+        word = (variable.name.rpartition("/")[2] if key == "name" else variable.text(key)).lower()
+        for kind, pattern in (("north", north), ("east", east)):
+            if re.fullmatch(pattern, word):
+                return kind
+    return ""
+
+
+def _at_one_time(
+    path: str, variables: Mapping[str, Variable], variable: Variable, axes: dict[str, Any], wanted: int, note: str
+) -> Layer:
+    """Return the layer of a variable with axes: of several times, or of what else, the one `wanted`, from 1."""
+    (row, north), (column, east) = axes["north"], axes["east"]
+    if {north.text("standard_name"), east.text("standard_name")} & set(ROTATED):
+        raise ConfigError(f"{path}: is a grid about a rotated pole: warp it to longitude and latitude")
+    others = [number for number in range(len(variable.dimensions)) if number not in (row, column)]
+    sizes = [variable.data.shape[number] for number in others]
+    count = int(np.prod(sizes, dtype=int))
+    band = wanted or 1
+    if band > count:
+        raise ConfigError(f"--layer :{band}: {variable.name} of {path} has {count}")
+    at = dict(zip(others, np.unravel_index(band - 1, sizes) if sizes else (), strict=True))
+    if count > 1 and not wanted:
+        names = [variable.dimensions[number] for number in others]
+        values = ", ".join(_value(variables.get(name), int(at[k])) for name, k in zip(names, others, strict=True))
+        several = f"{path}: {variable.name} has {count} layers along {', '.join(names)}: the first is used, {values} "
+        note = "; ".join(filter(None, [note, f"{several}(--layer {variable.name}:2 for the next)"]))
+    place = tuple(int(at[k]) if k in at else slice(None) for k in range(len(variable.dimensions)))
+    is_last = others == [*range(len(others))]
+    return Layer(variable, east, north, place, column < row, band if is_last and row < column else 0, note)
+
+
+def _value(axis: Variable | None, number: int) -> str:
+    """Return the position on an axis as text, a time as date and time."""
+    if axis is None:
+        return f"number {number + 1}"
+    value, units = axis.data[number], axis.text("units")
+    unit, _, since = units.partition(" since ")
+    seconds = {"da": 86400.0, "ho": 3600.0, "mi": 60.0, "se": 1.0}.get(unit.strip()[:2].lower())
+    if since and seconds:
+        with suppress(ValueError):
+            start = np.datetime64(re.split(r"[ T]", since.strip())[0], "s")
+            return str(start + np.timedelta64(round(seconds * float(value)), "s"))
+    return f"{axis.name} {value:g} {units}".strip()
+
+
+def frame_layer(path: str, layer: Layer, metres: float) -> Frame:
+    """Return the positions of the values of a layer; `metres`: length of a unit of its coordinate system, not degrees.
+
+    Raises ConfigError for positions that are unknown, and for too many values.
+    """
+    east, north = (_positions(axis, 0.0 if layer.is_geographic else metres) for axis in (layer.east, layer.north))
+    if not (len(east) > 1 and len(north) > 1 and np.isfinite(east).all() and np.isfinite(north).all()):
+        raise ConfigError(f"{path}: {layer.variable.name} needs two or more known positions along each axis")
+    if layer.is_geographic:
+        east = np.unwrap(east, period=360.0)
+    (east, columns), (south, rows) = (np.unique(axis, return_index=True) for axis in (east, -north))
+    across, along = (_even(axis, own.data.dtype) for axis, own in ((east, layer.east), (south, layer.north)))
+    return Frame(east, south, columns, rows, across, along)
+
+
+def _positions(axis: Variable, metres: float) -> Array:
+    """Return the positions on an axis; `metres`: length of the unit in which they are asked for, 0 for degrees."""
+    unit = UNITS.get(axis.text("units").lower(), metres) / metres if metres else 1.0
+    return unit * _decode(axis, np.asarray(axis.data[:])).astype(float)
+
+
+def _even(axis: Array, kind: Any) -> Array:
+    """Return even positions from the first to the last of an increasing axis, at its finest step if it is uneven."""
+    even = np.linspace(axis[0], axis[-1], len(axis))
+    rounding = 2.0 * float(np.finfo(kind).eps) * float(np.abs(axis).max()) if kind.kind == "f" else 0.0
+    if np.abs(axis - even).max() <= UNEVEN * (even[1] - even[0]) + rounding:
+        return even
+    count = min(np.ptp(axis) / np.diff(axis).min(), MAX_FINER * len(axis))
+    return np.linspace(axis[0], axis[-1], int(np.ceil(count)) + 1)
+
+
+def read_layer(path: str, layer: Layer, frame: Frame) -> NDArray[np.float32]:
+    """Return the values of a layer at the even positions of its frame, nan where there are none. Raises ConfigError."""
+    name = layer.variable.name
+    if max(len(frame.across) * len(frame.along), len(frame.east) * len(frame.south)) > MAX_VALUES:
+        raise ConfigError(
+            f"{path}: {name} has its values in an order that needs all of them in memory, and more than {MAX_VALUES}: "
+            "cut out a part"
+        )
+    raw = _decode(layer.variable, np.asarray(layer.variable.data[layer.place])).astype(np.float32)
+    values = (raw.T if layer.is_transposed else raw)[np.ix_(frame.rows, frame.columns)]
+    return np.asarray(_between(_between(values, frame.south, frame.along).T, frame.east, frame.across).T)
+
+
+def _decode(variable: Variable, raw: NDArray[Any]) -> NDArray[np.floating[Any]]:
+    """Return the values that stored ones mean, nan for those that mean none."""
+    attributes = variable.attributes
+    if variable.text("_Unsigned").lower() == "true":
+        raw = raw.view(raw.dtype.str.replace("i", "u"))
+    lowest, highest = attributes.get("valid_range", (-np.inf, np.inf))
+    unknown = (raw < attributes.get("valid_min", lowest)) | (raw > attributes.get("valid_max", highest))
+    for key in ("_FillValue", "missing_value"):
+        if key in attributes:
+            unknown |= np.isin(raw, np.asarray(attributes[key]).astype(raw.dtype))
+    values = raw * float(attributes.get("scale_factor", 1.0)) + float(attributes.get("add_offset", 0.0))
+    return np.asarray(np.where(unknown, np.nan, values))
+
+
+def _between(values: NDArray[np.float32], at: Array, wanted: Array) -> NDArray[np.float32]:
+    """Return rows that lie `at` increasing positions, interpolated to the positions `wanted`."""
+    if len(at) == len(wanted):
+        return values
+    below = np.clip(np.searchsorted(at, wanted, "right") - 1, 0, len(at) - 2)
+    share = ((wanted - at[below]) / (at[below + 1] - at[below])).astype(np.float32)[:, None]
+    return np.asarray(np.where(share == 0.0, values[below], (1.0 - share) * values[below] + share * values[below + 1]))
