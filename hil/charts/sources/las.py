@@ -16,7 +16,7 @@ ENDINGS = (".las", ".laz")
 BED = (2, 8, 40)  # classes: ground, its key points, bathymetric point; not water, plants, noise or buildings
 UNCLASSIFIED = (0, 1)
 CHUNK = 1_000_000  # points that are read at a time
-MAX_POINTS = 300_000  # above which points are replaced by their means in cells
+MAX_POINTS = 200_000  # above which points are replaced by their means in cells
 UNITS = {9001: "m", 9002: "ft", 9003: "us-ft"}  # of GeoTIFF's key of vertical units
 
 

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.charts.sources.sign import UNITS, Declared, is_depth_name
+from hil.charts.sources.sign import UNITS, Declared, is_depth_name, join_notes
 from hil.common.errors import ConfigError, MissingExtraError
 
 Array = NDArray[np.float64]
@@ -29,7 +29,6 @@ AXES = (
     ("axis", "y", "x"),
     ("name", r"lat(itude)?s?|y|yc|north(ing)?", r"lon(gitude)?s?|lng|long|x|xc|east(ing)?"),
 )  # fmt: skip
-ROTATED = ("grid_latitude", "grid_longitude")
 
 
 class Variable(NamedTuple):
@@ -61,39 +60,20 @@ class Layer(NamedTuple):
     band: int
     note: str
 
-    @property
-    def is_geographic(self) -> bool:
-        """Whether the axes say that they are longitude and latitude."""
-        return bool(re.fullmatch("latitude", self.north.text("standard_name"))) or any(
-            re.fullmatch(r"degree.*|lat(itude)?s?", word.lower())
-            for word in (self.north.text("units"), self.north.name.rpartition("/")[2])
-        )
+    def is_geographic(self, is_projected: bool) -> bool:
+        """Return whether the axes are longitude and latitude: they say so, or they fit and nothing else is known."""
+        words = self.north.text("standard_name"), self.north.text("units").partition("_")[0]
+        if is_projected or {"latitude", "degrees", "degree"} & set(words):
+            return bool({"latitude", "degrees", "degree"} & set(words))
+        return bool(np.abs(self.north.data[:]).max() <= 90.0 and np.abs(self.east.data[:]).max() <= 360.0)
 
 
-class Frame(NamedTuple):
-    """Positions of the values of a layer: increasing `east`, and increasing `south`, as they are in the file.
+class Axis(NamedTuple):
+    """Increasing positions `at`, their indices in the file, and the `even` ones to which values are interpolated."""
 
-    `columns` and `rows`: their indices in the file; `across` and `along`: the even positions to which they belong, or
-    between them if they are uneven.
-    """
-
-    east: Array
-    south: Array
-    columns: Any
-    rows: Any
-    across: Array
-    along: Array
-
-    @property
-    def is_even(self) -> bool:
-        """Whether the values are in even steps in the file."""
-        return len(self.across) == len(self.east) and len(self.along) == len(self.south)
-
-    @property
-    def transform(self) -> tuple[float, float, float, float, float, float]:
-        """From columns and rows to positions, as an affine transform has it."""
-        x, y = self.across[1] - self.across[0], self.along[1] - self.along[0]
-        return x, 0.0, self.across[0] - 0.5 * x, 0.0, -y, 0.5 * y - self.along[0]
+    at: Array
+    order: Any
+    even: Array
 
 
 @contextmanager
@@ -151,13 +131,11 @@ def find_layer(path: str, variables: Mapping[str, Variable], declared: Declared)
 
     Raises ConfigError if the file leaves open which it is, and for positions that are no raster's.
     """
-    placed, wanted = {}, declared.split_layer()[0]
-    for name, variable in variables.items():
-        axes = _axes(variable, variables)
-        if {"north", "east"} <= axes.keys() and variable.data.dtype.kind in "iuf":
-            placed[name] = axes
+    wanted = declared.split_layer()[0]
+    numeric = {name: _axes(part, variables) for name, part in variables.items() if part.data.dtype.kind in "iuf"}
+    placed = {name: axes for name, axes in numeric.items() if len(axes) == 2}
     if not placed or wanted not in ("", *placed):
-        curved = [v.name for v in variables.values() if len(v.dimensions) == 2 and _kind(v, 3) in ("north", "east")]
+        curved = [v.name for v in variables.values() if len(v.dimensions) == 2 and any(_kind(v, rule) for rule in AXES)]
         if curved:
             raise ConfigError(
                 f"{path}: has positions by {' and '.join(curved)} of two dimensions, a curved or rotated grid: "
@@ -170,10 +148,7 @@ def find_layer(path: str, variables: Mapping[str, Variable], declared: Declared)
         name for name in placed if any(is_depth_name(variables[name].text(k)) for k in ("standard_name", "long_name"))
     ]
     if not (wanted or named or len(placed) == 1):
-        raise ConfigError(
-            f"{path}: has {', '.join(placed)}, and none is named as depth or elevation: choose one, for example "
-            f"--layer {next(iter(placed))}"
-        )
+        raise ConfigError(f"{path}: has {', '.join(placed)}, none named as depth or elevation: choose one by --layer")
     name = wanted or min(named or placed, key=lambda name: len(re.split("[^a-z]+", name.lower())))
     others = [other for other in named if other != name and not wanted]
     note = f"{path}: {name} is used (--layer for {', '.join(others)})" if others else ""
@@ -182,26 +157,21 @@ def find_layer(path: str, variables: Mapping[str, Variable], declared: Declared)
 
 def _axes(variable: Variable, variables: Mapping[str, Variable]) -> dict[str, tuple[int, Variable]]:
     """Return the dimension and the coordinates of "north" and "east" of a variable, as far as it has them."""
-    own = variable.text("coordinates").split()
-    found: dict[str, tuple[int, Variable]] = {}
-    for rule in range(len(AXES)):
+    own, found = variable.text("coordinates").split(), dict[str, tuple[int, Variable]]()
+    for rule in AXES:
         for number, dimension in enumerate(variable.dimensions):
             along = [v for v in variables.values() if v.dimensions == (dimension,) and len(variable.dimensions) > 1]
             for axis in sorted(along, key=lambda v: (v.name != dimension, v.name.rpartition("/")[2] not in own)):
-                kind = _kind(axis, rule, rule)
+                kind = _kind(axis, rule)
                 if kind and kind not in found and number not in [taken for taken, _ in found.values()]:
                     found[kind] = number, axis
     return found
 
 
-def _kind(variable: Variable, last: int, first: int = 0) -> str:
-    """Return "north" or "east" of what the rules `first` to `last` of AXES take for such coordinates, else ""."""
-    for key, north, east in AXES[first : last + 1]:
-        word = (variable.name.rpartition("/")[2] if key == "name" else variable.text(key)).lower()
-        for kind, pattern in (("north", north), ("east", east)):
-            if re.fullmatch(pattern, word):
-                return kind
-    return ""
+def _kind(variable: Variable, rule: tuple[str, str, str]) -> str:
+    """Return "north" or "east" of what a rule of AXES takes for such coordinates, else ""."""
+    word = (variable.name.rpartition("/")[2] if rule[0] == "name" else variable.text(rule[0])).lower()
+    return "north" if re.fullmatch(rule[1], word) else "east" if re.fullmatch(rule[2], word) else ""
 
 
 def _at_one_time(
@@ -209,7 +179,7 @@ def _at_one_time(
 ) -> Layer:
     """Return the layer of a variable with axes: of several times, or of what else, the one `wanted`, from 1."""
     (row, north), (column, east) = axes["north"], axes["east"]
-    if {north.text("standard_name"), east.text("standard_name")} & set(ROTATED):
+    if "grid_latitude" in north.text("standard_name"):
         raise ConfigError(f"{path}: is a grid about a rotated pole: warp it to longitude and latitude")
     others = [number for number in range(len(variable.dimensions)) if number not in (row, column)]
     sizes = [variable.data.shape[number] for number in others]
@@ -221,8 +191,8 @@ def _at_one_time(
     if count > 1 and not wanted:
         names = [variable.dimensions[number] for number in others]
         values = ", ".join(_value(variables.get(name), int(at[k])) for name, k in zip(names, others, strict=True))
-        several = f"{path}: {variable.name} has {count} layers along {', '.join(names)}: the first is used, {values} "
-        note = "; ".join(filter(None, [note, f"{several}(--layer {variable.name}:2 for the next)"]))
+        several = f"{path}: {variable.name} has {count} layers along {', '.join(names)}: the first is used, {values}"
+        note = join_notes(note, f"{several} (--layer {variable.name}:2 for the next)")
     place = tuple(int(at[k]) if k in at else slice(None) for k in range(len(variable.dimensions)))
     is_last = others == [*range(len(others))]
     return Layer(variable, east, north, place, column < row, band if is_last and row < column else 0, note)
@@ -237,24 +207,24 @@ def _value(axis: Variable | None, number: int) -> str:
     seconds = {"da": 86400.0, "ho": 3600.0, "mi": 60.0, "se": 1.0}.get(unit.strip()[:2].lower())
     if since and seconds:
         with suppress(ValueError):
-            start = np.datetime64(re.split(r"[ T]", since.strip())[0], "s")
+            start = np.datetime64(re.sub(r"(Z| ?\+00:?00| UTC|\.0*)+$", "", since.strip()), "s")
             return str(start + np.timedelta64(round(seconds * float(value)), "s"))
     return f"{axis.name} {value:g} {units}".strip()
 
 
-def frame_layer(path: str, layer: Layer, metres: float) -> Frame:
-    """Return the positions of the values of a layer; `metres`: length of a unit of its coordinate system, not degrees.
+def find_axes(path: str, layer: Layer, metres: float) -> tuple[Axis, Axis]:
+    """Return the axes of a layer to the east and to the south; `metres`: unit of its positions, 0 for degrees.
 
-    Raises ConfigError for positions that are unknown, and for too many values.
+    Raises ConfigError for positions that are unknown.
     """
-    east, north = (_positions(axis, 0.0 if layer.is_geographic else metres) for axis in (layer.east, layer.north))
-    if not (len(east) > 1 and len(north) > 1 and np.isfinite(east).all() and np.isfinite(north).all()):
-        raise ConfigError(f"{path}: {layer.variable.name} needs two or more known positions along each axis")
-    if layer.is_geographic:
-        east = np.unwrap(east, period=360.0)
-    (east, columns), (south, rows) = (np.unique(axis, return_index=True) for axis in (east, -north))
-    across, along = (_even(axis, own.data.dtype) for axis, own in ((east, layer.east), (south, layer.north)))
-    return Frame(east, south, columns, rows, across, along)
+    found = []
+    for variable, sign in ((layer.east, 1.0), (layer.north, -1.0)):
+        at = sign * _positions(variable, metres)
+        if len(at) < 2 or not np.isfinite(at).all():
+            raise ConfigError(f"{path}: {variable.name} needs two or more positions, all of them known")
+        at, order = np.unique(np.unwrap(at, period=360.0) if sign > 0.0 and not metres else at, return_index=True)
+        found.append(Axis(at, order, _even(at, variable.data.dtype)))
+    return found[0], found[1]
 
 
 def _positions(axis: Variable, metres: float) -> Array:
@@ -273,17 +243,16 @@ def _even(axis: Array, kind: Any) -> Array:
     return np.linspace(axis[0], axis[-1], int(np.ceil(count)) + 1)
 
 
-def read_layer(path: str, layer: Layer, frame: Frame) -> NDArray[np.float32]:
-    """Return the values of a layer at the even positions of its frame, nan where there are none. Raises ConfigError."""
-    name = layer.variable.name
-    if max(len(frame.across) * len(frame.along), len(frame.east) * len(frame.south)) > MAX_VALUES:
+def read_layer(path: str, layer: Layer, east: Axis, south: Axis) -> NDArray[np.float32]:
+    """Return the values of a layer at even positions, nan where there are none. Raises ConfigError for too many."""
+    if max(len(east.even) * len(south.even), len(east.at) * len(south.at)) > MAX_VALUES:
         raise ConfigError(
-            f"{path}: {name} has its values in an order that needs all of them in memory, and more than {MAX_VALUES}: "
-            "cut out a part"
+            f"{path}: {layer.variable.name} has more than {MAX_VALUES} values, in an order that needs all of them in "
+            "memory: cut out a part"
         )
     raw = _decode(layer.variable, np.asarray(layer.variable.data[layer.place])).astype(np.float32)
-    values = (raw.T if layer.is_transposed else raw)[np.ix_(frame.rows, frame.columns)]
-    return np.asarray(_between(_between(values, frame.south, frame.along).T, frame.east, frame.across).T)
+    values = (raw.T if layer.is_transposed else raw)[np.ix_(south.order, east.order)]
+    return np.asarray(_between(_between(values, south).T, east).T)
 
 
 def _decode(variable: Variable, raw: NDArray[Any]) -> NDArray[np.floating[Any]]:
@@ -300,10 +269,11 @@ def _decode(variable: Variable, raw: NDArray[Any]) -> NDArray[np.floating[Any]]:
     return np.asarray(np.where(unknown, np.nan, values))
 
 
-def _between(values: NDArray[np.float32], at: Array, wanted: Array) -> NDArray[np.float32]:
-    """Return rows that lie `at` increasing positions, interpolated to the positions `wanted`."""
-    if len(at) == len(wanted):
+def _between(values: NDArray[np.float32], axis: Axis) -> NDArray[np.float32]:
+    """Return rows that lie at the positions of an axis, interpolated to its even positions."""
+    at, even = axis.at, axis.even
+    if len(at) == len(even):
         return values
-    below = np.clip(np.searchsorted(at, wanted, "right") - 1, 0, len(at) - 2)
-    share = ((wanted - at[below]) / (at[below + 1] - at[below])).astype(np.float32)[:, None]
+    below = np.clip(np.searchsorted(at, even, "right") - 1, 0, len(at) - 2)
+    share = ((even - at[below]) / (at[below + 1] - at[below])).astype(np.float32)[:, None]
     return np.asarray(np.where(share == 0.0, values[below], (1.0 - share) * values[below] + share * values[below + 1]))

@@ -166,25 +166,30 @@ def _open_netcdf(path: str, declared: Declared) -> tuple[str, str, Any, int, str
             return None
         file = f'NETCDF:"{path}":{layer.variable.name}'
         with rasterio.open(file, driver="netCDF") as source:
-            is_projected = source.crs and source.crs.is_projected
-            frame = netcdf.frame_layer(path, layer, source.crs.linear_units_factor[1] if is_projected else 1.0)
-            where = rasterio.Affine(*frame.transform)
-            size = source.width, source.height
-            # The far corner in pixels of either: the same place if GDAL has the axes right
-            off = np.subtract(~where @ (source.transform @ size), size) if layer.band and frame.is_even else np.inf
-            if np.abs(off).max() < ALIKE and np.abs(~where @ (source.transform @ (0.0, 0.0))).max() < ALIKE:
+            is_projected = bool(source.crs and source.crs.is_projected)
+            is_geographic = layer.is_geographic(is_projected)
+            metres = source.crs.linear_units_factor[1] if is_projected else 1.0
+            east, south = netcdf.find_axes(path, layer, 0.0 if is_geographic else metres)
+            x, y = (axis.even[1] - axis.even[0] for axis in (east, south))
+            where = rasterio.Affine(x, 0.0, east.even[0] - 0.5 * x, 0.0, -y, 0.5 * y - south.even[0])
+            is_even = len(east.at) == len(east.even) and len(south.at) == len(south.even)
+            # Two corners in pixels: the same places if GDAL has the axes right
+            off = np.subtract(
+                [~where @ (source.transform @ corner) for corner in ((0.0, 0.0), source.shape[::-1])],
+                [(0.0, 0.0), source.shape[::-1]],
+            )
+            if layer.band and is_even and np.abs(off).max() < ALIKE:
                 return file, "netCDF", None, layer.band, layer.note
             memory = rasterio.io.MemoryFile(ext=".tif")
-            values = netcdf.read_layer(path, layer, frame)
-            is_wrong = layer.is_geographic and is_projected
+            values = netcdf.read_layer(path, layer, east, south)
             with memory.open(
                 driver="GTiff", width=values.shape[1], height=values.shape[0], count=1, dtype="float32", nodata=np.nan,
-                transform=where, crs=WGS84 if is_wrong else source.crs,
+                transform=where, crs=WGS84 if is_geographic and is_projected else source.crs,
             ) as target:  # fmt: skip
                 target.write(values, 1)
                 target.update_tags(**source.tags())
                 target.update_tags(1, **source.tags(layer.band or 1))
-    note = "" if frame.is_even else f"{path}: its positions are uneven: interpolated to even ones"
+    note = "" if is_even else f"{path}: its positions are uneven: interpolated to even ones"
     return memory.name, "GTiff", memory, 1, join_notes(layer.note, note)
 
 
@@ -323,4 +328,5 @@ def _detect_direction(
         raise ConfigError(f"{path}: no pixel has a depth: use another file")
     require_possible(path, known)
     low, high, axis = float(known.min()), float(known.max()), vertical_axis(source.crs)[1]
-    return detect_direction(path, positive, [word for word in named if word], low, high, axis)
+    flat = float((known == 0.0).mean())
+    return detect_direction(path, positive, [word for word in named if word], low, high, axis, flat)

@@ -28,6 +28,7 @@ UNITS = {
     **dict.fromkeys(("dm", "decimeters", "decimetres"), 0.1),
 }  # fmt: skip
 MAX_MAGNITUDE = 12_000.0  # m above or below sea level: more than any place on the earth
+MAX_FLAT = 0.02  # share of values that are zero, above which those of no name may be heights of land beside the sea
 MAX_DRYING = 50.0  # m of land above the water in data that are named as depths
 NO_DATA_MARK = 9999.0  # m: in many files this means "no value" although they do not state it
 
@@ -54,13 +55,14 @@ class Declared(NamedTuple):
 
 
 def detect_direction(
-    path: str, positive: Positive, names: Iterable[str], low: float, high: float, axis: str = ""
+    path: str, positive: Positive, names: Iterable[str], low: float, high: float, axis: str = "", flat: float = 0.0
 ) -> tuple[bool, str]:
     """Return whether values between `low` and `high` m count upwards (heights), and a note on what was assumed.
 
     `positive` decides, else `names` (of a band or column), else the name of a vertical `axis`, else the signs: values
-    that are all below zero are heights, even if named as depths, and values that are all above zero are depths. The
-    note is "" if nothing was assumed. Raises ConfigError if none of these decides.
+    that are all below zero are heights, even if named as depths, and values that are all above zero are depths, unless
+    many of them, a share `flat`, are zero: that may be a level sea among heights, or land among depths. The note is ""
+    if nothing was assumed. Raises ConfigError if none of these decides.
     """
     if positive != "auto":
         return positive == "up", ""
@@ -79,8 +81,8 @@ def detect_direction(
         )
     if words & _DOWN:
         return False, ""
-    if low >= 0.0:
-        note = f"{path}: read as depths, because none is below zero and no name states it (else use --positive up)"
+    if low >= 0.0 and flat <= MAX_FLAT:
+        note = f"{path}: read as depths, because none is below zero and no name states it (land heights: --positive up)"
         return False, note
     raise ConfigError(
         f"{path}: values from {low:g} to {high:g} m, and nothing states whether they are heights or depths: use "

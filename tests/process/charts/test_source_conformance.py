@@ -215,6 +215,21 @@ def test_the_vertical_axis_states_unit_and_direction(crs: str, length: float, tm
     assert open_raster(path).scale == pytest.approx(-length)
 
 
+def test_land_heights_without_a_name_beside_a_level_sea_are_asked_about(tmp_path: Path) -> None:
+    step = (10.0, 0.0, 5e5, 0.0, -10.0, 6e6)
+    for name in ("a.tif", "dem.tif"):
+        path = write_tiff(tmp_path / name, "EPSG:32632", step, lambda x, y: np.maximum(0.0, (x - 5e5) / 9.0 - 20.0))
+        with rasterio.open(path, "r+") as file:
+            file.set_band_description(1, "")
+    with pytest.raises(
+        ConfigError, match=r"from 0 to .* nothing states whether they are heights or depths: use --posi"
+    ):
+        open_raster(str(tmp_path / "a.tif"))
+    assert open_raster(path).scale == -1.0
+    with pytest.raises(ConfigError, match="no water in the area"):
+        build(*read_sources([path], None))
+
+
 def test_values_of_8_bits_are_asked_about(tmp_path: Path) -> None:
     path = str(tmp_path / "a.tif")
     where = {"crs": "EPSG:32632", "transform": rasterio.Affine(10.0, 0.0, 5e5, 0.0, -10.0, 6e6)}
