@@ -47,7 +47,7 @@ class PowerMode(NamedTuple):
     command: str
     source: str
     cores: Annotated[int, Range(1, 256)]
-    watts: Annotated[float, Range(0.5, 1000.0)] = 0.0  # 0: unknown
+    watts: Annotated[float, Range(0.5, 1000.0, "W")] = 0.0  # 0: unknown
 
 
 class Recommended(NamedTuple):
@@ -97,7 +97,7 @@ class Board(NamedTuple):
     system: str = ""
     wlan: str = ""
     thermal_zones: tuple[str, ...] = ()
-    throttles_at: Annotated[float, Range(0.0, 150.0)] = 0.0
+    throttles_at: Annotated[float, Range(0.0, 150.0, "°C")] = 0.0
     throttling: Literal["kernel", "vcgencmd"] = "kernel"
     serial: tuple[Serial, ...] = ()
     can: tuple[Can, ...] = ()

@@ -68,8 +68,8 @@ class TetherKeys(NamedTuple):
     anchor_velocity: tuple[Speed, Speed, Speed] = (0.0, 0.0, 0.0)
     attachment: tuple[Coordinate, Coordinate, Coordinate] = (0.0, 0.0, 0.0)
     diameter: Annotated[float, Range(1e-4, 0.5, "m")] = 0.0076
-    mass: Annotated[float, Range(1e-4, 100.0)] = 0.0465
-    stiffness: Annotated[float, Range(1.0, 1e9)] = 20_000.0
+    mass: Annotated[float, Range(1e-4, 100.0, "kg/m")] = 0.0465
+    stiffness: Annotated[float, Range(1.0, 1e9, "N")] = 20_000.0
     drag: Annotated[float, Range(0.0, 10.0)] = 1.2
     drag_along: Annotated[float, Range(0.0, 1.0)] = 0.01
     winch_speed: Annotated[float, Range(0.0, 20.0, "m/s")] = 0.5

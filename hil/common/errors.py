@@ -10,7 +10,8 @@
         ├── NoPathError       the present map shows no path; a larger map may
         └── DivergenceError   the simulated motion is no longer finite
 
-Each message names the file, key or port and ends with the remedy. Bytes from a wire never raise any of these: they are
+Each message names the file, key or port and ends with the remedy. A ConfigError has a line for each problem of a file.
+Bytes from a wire never raise any of these: they are
 decoded, or counted and dropped.
 """
 
@@ -22,17 +23,26 @@ EXIT_CODES = (
     f"package, 6 the run did not end as it should, {STOPPED} Ctrl-C (0 for a command that runs until then)"
 )
 
+SHOWN = 20  # problems of a file that an error lists
+
 
 class HilError(Exception):
-    """Base of all errors of this project. `str(error)` is one line that names the cause and the remedy."""
+    """Base of all errors of this project. `str(error)` names the cause and the remedy."""
 
     exit_code = 1
 
 
 class ConfigError(HilError):
-    """A scenario, vehicle, world, board or frame file, or a command-line option, is wrong."""
+    """A scenario, vehicle, world, board or frame file, or a command-line option, is wrong.
+
+    `args` holds one text for each problem; as text, the error lists them one a line, up to SHOWN.
+    """
 
     exit_code = 2
+
+    def __str__(self) -> str:
+        more = len(self.args) - SHOWN
+        return "\n".join([*map(str, self.args[:SHOWN]), *([f"and {more} more"] if more > 0 else [])])
 
 
 class StartPositionError(ConfigError):

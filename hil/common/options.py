@@ -14,8 +14,9 @@ from typing import Any, NoReturn
 
 from hil.common.endpoint import full_endpoint
 from hil.common.errors import EXIT_CODES, ConfigError, HilError
-from hil.common.schema import UNITS, nearest, shortened, with_unit
+from hil.common.schema import nearest, shortened
 from hil.common.tables import output_file, settings
+from hil.common.units import UNITS, split_unit, with_unit
 
 UNKNOWN = "unrecognized arguments: "  # start of argparse's message about unknown words and options
 LOCAL_SLAVE = "tcp/127.0.0.1:7447"  # default endpoint of a slave on this machine
@@ -206,7 +207,7 @@ def subparsers(parser: argparse.ArgumentParser) -> dict[str, argparse.ArgumentPa
 class Number:
     """An argparse type: a number in [low, high], or one of the values in `also`.
 
-    With a `unit` of hil.common.schema.UNITS, text with a unit is allowed too, such as "200 ms". Returns an int if
+    With a `unit` of hil.common.units.UNITS, text with a unit is allowed too, such as "200 ms". Returns an int if
     `integer`. Values in `also` may lie outside the range. Refuses nan and inf.
     """
 
@@ -226,7 +227,7 @@ class Number:
         try:
             if self.integer:
                 return int(text)
-            value = with_unit(text, self.unit, "") if " " in text and self.unit in UNITS else float(text)
+            value = with_unit(text, self.unit, "") if split_unit(text)[1] and self.unit in UNITS else float(text)
         except (ValueError, ConfigError):  # ValueError also for more digits than Python reads
             return None
         return value if math.isfinite(value) else None
@@ -243,12 +244,12 @@ class Quantity(Number):
     """An argparse type: a number in [low, high] of `unit`, always written with a unit, such as "5 ms"."""
 
     def _value(self, text: str) -> float | None:
-        return super()._value(text) if " " in text else None
+        return super()._value(text) if split_unit(text)[1] else None
 
     @property
     def permitted(self) -> str:
         """Text that describes the permitted values."""
-        return f"{super().permitted}, with its unit after a space"
+        return f"{super().permitted}, with its unit"
 
 
 class Share(Number):

@@ -10,11 +10,11 @@ from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 from hil.common.errors import ConfigError
-from hil.common.stamps import Stamps
 from hil.recording.events import EVENTS, decode_event, repeat
 from hil.recording.mcap_file import EPOCHS, PULSES, Message
 from hil.recording.reader import About, read_about, read_messages
 from hil.recording.run import require_run
+from hil.recording.stamps import Stamps
 from hil.ros import encoders as ros
 from hil.ros.topics import DESCRIPTIONS, TOPICS
 from hil.scenario.config import build_simulation

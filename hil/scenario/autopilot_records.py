@@ -7,7 +7,7 @@ from hil.common.errors import ConfigError
 from hil.common.schema import Range
 from hil.links.address import parse_address
 
-Pulse = Annotated[int, Range(800, 2200)]
+Pulse = Annotated[int, Range(800, 2200, "us")]
 PORTS = {"ardupilot": 9002, "px4": 4560}  # port of the first instance
 STEP = {"ardupilot": 10, "px4": 1}  # difference of ports between instances
 COMPANION_PORT = 5763  # of the first ArduPilot instance: its SERIAL2, MAVLink over TCP
@@ -34,7 +34,7 @@ class AutopilotSettings(NamedTuple):
     frame: str = "auto"
     instance: Annotated[int, Range(0, 9)] = 0
     address: str = ""
-    baud: Annotated[int, Range(1200, 12_000_000)] = 921_600
+    baud: Annotated[int, Range(1200, 12_000_000, "bit/s")] = 921_600
     lockstep: bool = True
     silence: Annotated[float, Range(0.02, 10.0, "s")] = 0.2
     rate: Annotated[float, Range(10.0, 250.0, "Hz")] = 250.0

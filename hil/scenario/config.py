@@ -1,14 +1,26 @@
 """Load the scenario file and build its simulation."""
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 from hil.common.clock import seconds_ns
 from hil.common.endpoint import no_certificates
 from hil.common.errors import ConfigError
-from hil.common.schema import Range, find_preset, parse, preset_names, shortened
+from hil.common.schema import (
+    Range,
+    Reader,
+    check_rows,
+    check_table,
+    convert,
+    find_preset,
+    parse,
+    preset_names,
+    read_each,
+    reader_of,
+    shortened,
+)
 from hil.common.tables import read_table
 from hil.network.settings import Network
 from hil.ros import dialect
@@ -31,11 +43,11 @@ if TYPE_CHECKING:
 
 SCENARIOS = "hil/scenario/presets"
 FOLDERS = {"vehicle": "sim/vehicles", "world": "sim/worlds", "link.frame": "firmware_stub/frames"}
-# Sections that most runs do not have -> what reads them: a record, a class that users' classes follow, or a function.
+# Sections that most runs do not have -> what reads them: a record or a function.
 LAZY = {
     "autopilot": "hil.scenario.autopilot_records:AutopilotSettings",
     "failure": "sim.vehicle.failures:Failure",
-    "force": "sim.forces:Force",
+    "force": "hil.scenario.config:read_forces",
     "release": "sim.vehicle.ballast:Release",
     "tether": "sim.tether:TetherKeys",
     "member": "hil.scenario.fleet_records:read_members",
@@ -145,28 +157,28 @@ def load_scenario(name: str, changes: dict[str, Any] | None = None, option: str 
     try:
         scenario = _load(path, changes or {})
     except ConfigError as error:
-        key = _key_at_fault(path, changes, str(error)) if changes and option else ""
-        if not key:
+        if not (changes and option):
             raise
-        raise ConfigError(f"{option} {key}: {_without(key, str(error).removeprefix(f'{path}: '))}") from None
+        raise ConfigError(*[_with_option(problem, path, changes, option) for problem in error.args]) from None
     dialect.select(scenario.ros.domain, scenario.ros.distro)
     return scenario
 
 
-def _key_at_fault(path: str, changes: dict[str, Any], message: str) -> str:
-    """Return the change that causes this error, or all if only several together do; "" if the file itself does."""
+def _with_option(problem: str, path: str, changes: dict[str, Any], option: str) -> str:
+    """Return a problem with `option` and the change that causes it, or all if only several together do."""
 
-    def fails_with(some: dict[str, Any]) -> bool:
+    def is_there(some: dict[str, Any]) -> bool:
         try:
             _load(path, some)
         except ConfigError as error:
-            return str(error) == message
+            return problem in error.args
         return False
 
-    if fails_with({}):
-        return ""
-    alone = [key for key in changes if not fails_with({k: v for k, v in changes.items() if k != key})]
-    return ", ".join(alone or changes)
+    if is_there({}):
+        return problem  # it is in the file itself
+    alone = [key for key in changes if not is_there({k: v for k, v in changes.items() if k != key})]
+    key = ", ".join(alone or changes)
+    return f"{option} {key}: {_without(key, problem.removeprefix(f'{path}: '))}"
 
 
 def _without(key: str, message: str) -> str:
@@ -181,68 +193,76 @@ def _load(path: str, changes: dict[str, Any]) -> Scenario:
     table = read_table(path)
     for key, value in changes.items():
         _change(table, key, value, path)
-    for key in HIDDEN:
-        if key in table:
-            raise ConfigError(f"{path}: no key {key!r}")
-    sensors = table.pop("sensors", {})
-    planner = _planner(table.pop("planner", {}), f"{path}: planner")
-    link = table["link"] = _section(table, "link", path)
-    options = _section(link, "link.options", path)
-    link.pop("options", None)
-    lazy = {name: _read(name, table.pop(name), path) for name in LAZY if name in table}
-    faults = _read("link.faults", link.pop("faults"), path) if "faults" in link else None
-    scenario = parse(table, Scenario, path)
+    for key in ("sensors", "planner"):  # a process that gets the scenario cannot unpickle their defaults
+        table.setdefault(key, {})
     folder = os.path.dirname(path)
+    scenario = parse(table, Scenario, path, _readers(path))
     scenario = scenario._replace(
         path=path,
         derived=tuple([key for key in DERIVED if key not in table["master"]]),
-        vehicle=_file("vehicle", scenario.vehicle, path),
-        world=_file("world", scenario.world, path),
         master=scenario.master._replace(map=_relative(scenario.master.map, folder, ".yaml")),
-        planner=planner,
-        sensors=read_sensors(sensors, f"{path}: sensors"),
-        link=scenario.link._replace(
-            frame=_file("link.frame", scenario.link.frame, path), options=options, faults=faults
-        ),
-        **lazy,
+        link=scenario.link._replace(options=dict(scenario.link.options)),
     )
+    problems = list(_contradictions(scenario))
+    if problems:
+        raise ConfigError(*[f"{path}: {problem}" for problem in problems])
     if scenario.security:
         scenario = scenario._replace(security=scenario.security.resolve_paths(folder))
-    else:
-        _check_certificates(scenario)
     if scenario.autopilot:
-        if scenario.controller not in AUTOPILOTS:
-            words = f'belongs to controller = "ardupilot" or "px4", not to {scenario.controller!r}'
-            raise ConfigError(f"{path}: autopilot: {words}")
-        positions = scenario.autopilot.positions
-        if positions != "simulated" and scenario.controller != "ardupilot":
-            raise ConfigError(
-                f'{path}: autopilot: positions: {positions!r} is for controller = "ardupilot"; PX4 gets odometry and '
-                "GPS whenever the sensors are fitted"
-            )
-        if positions != "simulated" and positions not in scenario.sensors:
-            raise ConfigError(
-                f"{path}: autopilot: positions: {positions!r} needs that sensor: add [sensors.{positions}]"
-            )
         scenario = scenario._replace(autopilot=scenario.autopilot.resolve_paths(folder))
-    if any("class" in section or "sensor" in section for section in sensors.values()):
+    if any(spec.name or not isinstance(spec.sensor, type) for spec in scenario.sensors.values()):
         from hil.ros.own import announce  # not needed with one sensor of each kind and none of the user's own
 
         announce(scenario.sensors, f"{path}: sensors")
-    blind = [name for name in FEEDBACK if name not in scenario.sensors]
-    if blind and scenario.controller == "builtin":
-        raise ConfigError(f"{path}: sensors: the builtin controller needs {blind[0]}: its rate must be above 0")
     return scenario
 
 
-def _check_certificates(scenario: Scenario) -> None:
-    """Check that a scenario with a TLS endpoint has a [security] section. Raises ConfigError."""
+def _readers(path: str) -> dict[str, Reader]:
+    """Return the readers of the keys whose schema is elsewhere, for the scenario file at `path`."""
+    lazy = {key: reader_of(place, many=key in MANY) for key, place in LAZY.items()}
+    link = {"frame": _file_reader("link.frame", path), "options": check_table, "faults": lazy.pop("link.faults")}
+
+    def refuse(_value: Any, where: str) -> Any:
+        raise ConfigError(f"{path}: no key {where.rpartition(' ')[2]!r}")
+
+    return {
+        **lazy,
+        "vehicle": _file_reader("vehicle", path),
+        "world": _file_reader("world", path),
+        "link": lambda table, where: convert(table, Link, where, link),
+        "planner": _planner,
+        "sensors": read_sensors,
+        **dict.fromkeys(HIDDEN, refuse),
+    }
+
+
+def _contradictions(scenario: Scenario) -> Iterator[str]:
+    """Yield what is wrong with several sections together, and with what is left out."""
+    if not scenario.security:
+        yield from _missing_certificates(scenario)
+    if scenario.autopilot and scenario.controller not in AUTOPILOTS:
+        yield f'autopilot: belongs to controller = "ardupilot" or "px4", not to {scenario.controller!r}'
+    positions = scenario.autopilot.positions if scenario.autopilot else "simulated"
+    if positions != "simulated" and scenario.controller == "px4":
+        yield (
+            f'autopilot: positions: {positions!r} is for controller = "ardupilot"; PX4 gets odometry and GPS whenever '
+            "the sensors are fitted"
+        )
+    elif positions != "simulated" and positions not in scenario.sensors:
+        yield f"autopilot: positions: {positions!r} needs that sensor: add [sensors.{positions}]"
+    blind = [name for name in FEEDBACK if name not in scenario.sensors]
+    if blind and scenario.controller == "builtin":
+        yield f"sensors: the builtin controller needs {blind[0]}: its rate must be above 0"
+
+
+def _missing_certificates(scenario: Scenario) -> Iterator[str]:
+    """Yield each TLS endpoint of a scenario without a [security] section."""
     named = {"slave: listen": scenario.slave.listen, "network: router": scenario.network.router}
     for number, member in enumerate(scenario.member):
         named |= {f"member[{number}]: listen": member.listen, f"member[{number}]: agent": member.agent}
     for key, endpoint in named.items():
         if endpoint and (problem := no_certificates(endpoint)):
-            raise ConfigError(f"{scenario.path}: {key}: {problem}")
+            yield f"{key}: {problem}"
 
 
 def load_single(name: str, changes: dict[str, Any] | None = None, remedy: str = "", option: str = "--set") -> Scenario:
@@ -269,41 +289,20 @@ def with_port(scenario: Scenario, port: str) -> Scenario:
     return changed
 
 
-def _section(table: dict[str, Any], name: str, path: str) -> dict[str, Any]:
-    """Return a copy of the section with that full name; {} if `table` has none. Raises ConfigError."""
-    section = table.get(name.rpartition(".")[2], {})
-    if not isinstance(section, dict):
-        raise ConfigError(f"{path}: {name}: expected a table: write its keys under [{name}], found {section!r}")
-    return dict(section)
-
-
 def _planner(table: Any, where: str) -> dict[str, Any]:
     if not isinstance(table, dict) or ("class" not in table and table):
         raise ConfigError(f'{where}: expected a table with class = "module:Class" and the keys of that class')
     return table
 
 
-def _read(section: str, value: Any, path: str) -> Any:
-    """Return a section of LAZY. Its module is imported only here, so a start without the section is faster."""
-    where = f"{path}: {section}"
-    if section in MANY:
-        if not isinstance(value, list) or not all(isinstance(row, dict) for row in value):
-            raise ConfigError(f"{where}: expected tables, each under [[{section}]]")
-    elif not isinstance(value, dict):
-        raise ConfigError(f"{where}: expected a table")
-    from importlib import import_module
+def read_forces(rows: Any, where: str) -> "tuple[Force, ...]":
+    """Return an object of each [[force]], a class of the user's own. Raises ConfigError."""
+    from hil.common.plugins import load_class
+    from sim.forces import Force
 
-    module, _, name = LAZY[section].partition(":")
-    reader = getattr(import_module(module), name)
-    if not isinstance(reader, type):
-        return reader(value, where)
-    if section == "force":
-        from hil.common.plugins import load_class
-
-        return tuple([load_class(row, reader, f"{where}[{i}]") for i, row in enumerate(value)])
-    if section in MANY:
-        return tuple([parse(row, reader, f"{where}[{i}]") for i, row in enumerate(value)])
-    return parse(value, reader, where)
+    check_rows(rows, where)
+    places = [(row, f"{where}[{i}]") for i, row in enumerate(rows)]
+    return tuple(read_each(places, lambda row, place: load_class(row, Force, place)))
 
 
 def _change(table: dict[str, Any], key: str, value: Any, path: str) -> None:
@@ -334,11 +333,15 @@ def build_simulation(scenario: Scenario, vehicle: Vehicle, world: World) -> Simu
     )
 
 
-def _file(key: str, name: str, path: str) -> str:
-    """Return a preset name, or the path of a file beside the scenario; check that it exists. Raises ConfigError."""
-    resolved = _relative(name, os.path.dirname(path))
-    find_preset(FOLDERS[key], resolved, f"{path}: {key}")
-    return resolved
+def _file_reader(key: str, path: str) -> Reader:
+    """Return the reader of a preset's name, or of the path of a file beside the scenario; it has to exist."""
+
+    def read(value: Any, where: str) -> str:
+        name = _relative(convert(value, str, where), os.path.dirname(path))
+        find_preset(FOLDERS[key], name, f"{path}: {key}")
+        return name
+
+    return read
 
 
 def _relative(name: str, folder: str, ending: str = ".toml") -> str:

@@ -15,7 +15,7 @@ from typing import Annotated, Any, NamedTuple
 from hil.autonomy.fleets.formation import FieldSettings
 from hil.common.endpoint import validate_endpoint
 from hil.common.errors import ConfigError
-from hil.common.schema import Range, parse
+from hil.common.schema import Range, parse_rows
 from hil.scenario.records import VECTOR_M, Slave
 
 
@@ -62,7 +62,7 @@ class Hunting(NamedTuple):
 
 def read_members(tables: list[dict[str, Any]], where: str) -> tuple[Member, ...]:
     """Read the [[member]] tables of a scenario. Raises ConfigError."""
-    members = tuple([parse(table, Member, f"{where}[{i}]") for i, table in enumerate(tables)])
+    members = parse_rows(tables, Member, where)
     for key in ("node", "listen", "agent"):
         values = [getattr(member, key) for member in members]
         twice = next((value for value in values if values.count(value) > 1), None)

@@ -8,9 +8,10 @@ source_level = 168.0          # and any other key of sim.modems.acoustic.Acousti
 Without this table, reports go over the network without delay or rounding.
 """
 
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple, cast
 
-from hil.common.schema import Range, parse
+from hil.common.errors import ConfigError
+from hil.common.schema import Range, check_table, parse_split
 from sim.modems.acoustic import AcousticModem
 from sim.modems.optical import OpticalModem
 
@@ -27,6 +28,8 @@ class Modem(NamedTuple):
 
 def read_modem(table: dict[str, Any], where: str) -> Modem:
     """Read the [modem] table of a scenario. Raises ConfigError."""
-    modem = parse({key: value for key, value in table.items() if key in ("kind", "slot")}, Modem, where)
-    own = {key: value for key, value in table.items() if key not in ("kind", "slot")}
-    return modem._replace(model=parse(own, _MODELS[modem.kind], where))
+    record = _MODELS.get(str(check_table(table, where).get("kind")), AcousticModem)
+    if "model" in table:
+        raise ConfigError(f"{where}: no key 'model': its keys are written in [modem] itself")
+    modem, model = parse_split(table, Modem, record, where)
+    return cast(Modem, modem)._replace(model=model)

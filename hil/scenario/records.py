@@ -34,8 +34,8 @@ class Link(NamedTuple):
     port: str = "pty:"
     protocol: Literal["frame", "mavlink", "dronecan", "vesc"] = "frame"
     frame: str = "uuv_hil"
-    baud: Annotated[int, Range(1200, 12_000_000)] = 115_200
-    bitrate: Annotated[int, Range(10_000, 1_000_000)] = 1_000_000
+    baud: Annotated[int, Range(1200, 12_000_000, "bit/s")] = 115_200
+    bitrate: Annotated[int, Range(10_000, 1_000_000, "bit/s")] = 1_000_000
     watchdog: Annotated[float, Range(0.02, 10.0, "s")] = 0.2
     options: Mapping[str, Any] = MappingProxyType({})  # these two are read by load_scenario
     faults: "Faults | None" = None

@@ -6,8 +6,9 @@ from collections.abc import Mapping
 from math import isfinite
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
-from hil.common.schema import FINITE, UNITS, Range
+from hil.common.schema import FINITE, Range, is_nested
 from hil.common.text import json_value
+from hil.common.units import UNITS, units_of
 from hil.schemas.meanings import meaning_of, unit_of
 
 Schema = dict[str, Any]
@@ -40,8 +41,11 @@ class Converter:
         return {} if annotation is Any else dict(PLAIN[annotation])
 
     def _array(self, items: tuple[Any, ...]) -> Schema:
-        many = {"type": "array", "items": self.of(items[0])}
-        return many if items[-1] is Ellipsis else many | {"minItems": len(items), "maxItems": len(items)}
+        each = [self.of(item) for item in items if item is not Ellipsis]
+        many: Schema = {"type": "array", "items": each[0] if each.count(each[0]) == len(each) else each}
+        if items[-1] is not Ellipsis:
+            return many | {"minItems": len(items), "maxItems": len(items)}
+        return many if is_nested(items[0]) else {"anyOf": [many, each[0]]}
 
     def reference(self, record: Any) -> Schema:
         """Return a reference to a record, which is converted on the first call."""
@@ -83,12 +87,9 @@ def number(kind: type, limit: Range) -> Schema:
     plain: Schema = {"type": "integer" if kind is int else "number"}
     ends = {"minimum": limit.low, "maximum": limit.high} if limit is not FINITE else {}
     plain |= {name: end for name, end in ends.items() if isfinite(end)}  # JSON has no infinity
-    if not limit.unit:
+    if limit.unit not in UNITS:
         return plain
-    units = [unit for unit, (si, _) in UNITS.items() if si == limit.unit]
-    if not units:
-        return plain
-    text = {"type": "string", "pattern": rf"^\s*{NUMBER} +({'|'.join(map(re.escape, units))})\s*$"}
+    text = {"type": "string", "pattern": rf"^\s*{NUMBER}\s*({'|'.join(map(re.escape, units_of(limit.unit)))})\s*$"}
     return {"anyOf": [plain, text]}
 
 

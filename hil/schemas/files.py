@@ -20,8 +20,7 @@ from sim.modems.acoustic import AcousticModem
 from sim.modems.optical import OpticalModem
 from sim.sensors.mounting import Mounting
 from sim.sensors.sensor_set import DEVICES, ONLY_ONE, SENSORS, load_sensor
-from sim.vehicle import battery, collision_shape, meshes, vehicle
-from sim.vehicle.equipment_keys import EquipmentKeys
+from sim.vehicle import ballast, battery, body_lift, collision_shape, meshes, vehicle
 from sim.vehicle.fins import Fin
 from sim.vehicle.thrusters import curves as thruster_curves
 from sim.vehicle.thrusters import lags as thruster_lags
@@ -124,14 +123,17 @@ def _vehicle(converter: Converter) -> Schema:
     models = {"curve": chosen(curves), "dynamics": chosen(dynamics)}
     # Keys may be given once for all thrusters, so none is required in the table of a thruster.
     thruster, fin = table(converter.keys(Thruster, models)), table(converter.keys(Fin))
-    equipment = {key: converter.of(annotation) for key, annotation in EquipmentKeys.__annotations__.items()}
     given: dict[str, Schema | None] = {
-        **equipment,
         "fins": tables(fin),
         "thrusters": tables(thruster),
         "battery": converter.reference(battery.Battery),
         "meshes": tables(converter.reference(meshes.Mesh)),
         "collision": converter.reference(collision_shape.Collision),
+        "lift": converter.reference(body_lift.Lift),
+        "cross_flow": converter.reference(body_lift.CrossFlow),
+        "fading_damping": converter.reference(body_lift.FadingDamping),
+        "buoyancy_engine": converter.reference(ballast.BuoyancyEngine),
+        "drop_weights": tables(converter.reference(ballast.DropWeight)),
     }
     keys = converter.keys(vehicle.Vehicle, given)
     common = {"every_thruster": thruster, "every_fin": fin, "control": _control(converter)}

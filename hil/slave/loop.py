@@ -168,7 +168,7 @@ class Loop:
         self.stamp(instant_ns + self.sample_publisher.stamps.offset_ns - self.simulation.time_ns)
 
     def stamp(self, epoch_ns: int) -> None:
-        """Let simulation time 0 be this time (ns since 1970) from the next step on; see `hil.common.stamps`."""
+        """Let simulation time 0 be this time (ns since 1970) from the next step on; see `hil.recording.stamps`."""
         self.sample_publisher.stamps.begin(self.simulation.time_ns, epoch_ns)
 
     def advance(self, steps: int) -> None:

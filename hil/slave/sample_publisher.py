@@ -8,10 +8,10 @@ from typing import Any, NamedTuple
 
 from hil.common.clock import now_ns, to_wall_ns
 from hil.common.errors import ConfigError
-from hil.common.stamps import Stamps
 from hil.network.publisher import Publisher
 from hil.network.session import Session
 from hil.network.settings import BATCH
+from hil.recording.stamps import Stamps
 from hil.ros import encoders as ros
 from hil.ros.graph import Identity, Node
 from hil.ros.topics import TOPICS, sample_topics

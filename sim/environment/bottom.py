@@ -48,7 +48,7 @@ class Bottom(NamedTuple):
 
     kind: Kind = "sand"
     roughness: Annotated[float, Range(0.0, 1.0, "m")] | None = None
-    patches: Annotated[float, Range(0.0, 20.0)] | None = None
+    patches: Annotated[float, Range(0.0, 20.0, "dB")] | None = None
     ripple_height: Annotated[float, Range(0.0, 1.0, "m")] = 0.0
     ripple_length: Annotated[float, Range(0.05, 20.0, "m")] = 0.4
     ripple_heading: Annotated[float, Range(-2.0 * pi, 2.0 * pi, "rad")] = 0.0

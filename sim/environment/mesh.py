@@ -20,7 +20,7 @@ from math import inf, sqrt
 from typing import Annotated, Any, Literal, NamedTuple
 
 from hil.common.errors import ConfigError, MissingExtraError
-from hil.common.schema import Range, parse
+from hil.common.schema import Range, parse_rows, read_each
 from hil.common.tables import check_file
 from hil.common.vectors import Vector3, off_line
 from sim.environment.obstacles import Coordinate, Heading, Separation
@@ -49,7 +49,7 @@ class MeshKeys(NamedTuple):
     scale: Annotated[float, Range(1e-6, 1e6)] = 1.0
     up: Literal["", "y", "z"] = ""
     colour: tuple[Share, Share, Share] | None = None
-    echo: Annotated[float, Range(-60.0, 60.0)] = 0.0
+    echo: Annotated[float, Range(-60.0, 60.0, "dB")] = 0.0
     hidden: bool = False
     name: str = ""
 
@@ -110,15 +110,14 @@ class MeshObstacle(NamedTuple):
         return min((_to_triangle(north, east, triangle) for triangle in self.between(highest, lowest)), default=inf)
 
 
-def read_meshes(section: Any, path: str, name: str = "mesh") -> tuple[MeshObstacle, ...]:
-    """Return the `[[name]]` tables of the world in the file `path`. Raises ConfigError, MissingExtraError."""
-    if not isinstance(section, list) or not all(isinstance(row, dict) for row in section):
-        raise ConfigError(f"{path}: {name}: expected tables, each under [[{name}]]")
-    folder = os.path.dirname(path)
-    return tuple(
-        load_obstacle(parse(row, MeshKeys, f"{path}: {name}[{i}]"), folder, f"{path}: {name}[{i}]")
-        for i, row in enumerate(section)
-    )
+def read_meshes(rows: Any, where: str) -> tuple[MeshObstacle, ...]:
+    """Return the meshes of an array of tables of a world at `where`, its file and key.
+
+    Raises ConfigError, MissingExtraError.
+    """
+    folder = os.path.dirname(where.rpartition(": ")[0])
+    places = [(keys, f"{where}[{i}]") for i, keys in enumerate(parse_rows(rows, MeshKeys, where))]
+    return tuple(read_each(places, lambda keys, place: load_obstacle(keys, folder, place)))
 
 
 def load_obstacle(keys: MeshKeys, folder: str, where: str = "mesh") -> MeshObstacle:

@@ -45,7 +45,7 @@ Spread = Annotated[float, Range(0.0, 5.0, "m/s")]
 Depth = Annotated[float, Range(0.0, 11_000.0, "m")]
 Angle = Annotated[float, Range(-2.0 * pi, 2.0 * pi, "rad")]
 Time = Annotated[float, Range(0.0, 1e9, "s")]
-Density = Annotated[float, Range(900.0, 1200.0)]
+Density = Annotated[float, Range(900.0, 1200.0, "kg/m³")]
 SoundSpeed = Annotated[float, Range(1300.0, 1800.0, "m/s")]
 
 Constituent = Literal["M2", "S2", "N2", "K1", "O1"]
@@ -172,19 +172,13 @@ class Ocean(NamedTuple):
         return bool(self.layers or self.gauss_markov or self.tide or self.series or self.waves)
 
 
-class _Section(NamedTuple):
-    ocean: Ocean
+def with_cast(ocean: Ocean, where: str, origin: tuple[float, float] | None) -> Ocean:
+    """Return `ocean` with the cast that its profile names, beside the world file `where`.
 
-
-def read_ocean(section: object, where: str, origin: tuple[float, float] | None = None) -> Ocean:
-    """Return the `[ocean]` section of the world file `where`; `origin` is the world's latitude and longitude (degrees).
-
-    Raises ConfigError, and MissingExtraError for a cast if a package is missing.
+    `origin` is the world's latitude and longitude (degrees). Raises ConfigError, and MissingExtraError for a package.
     """
-    ocean = parse({"ocean": section}, _Section, where).ocean
-    if ocean.profile is None or not ocean.profile.file:
-        return ocean
     from sim.environment.seawater.cast import read_cast  # most worlds have no cast
 
+    assert ocean.profile is not None
     path = os.path.join(os.path.dirname(where), ocean.profile.file)
     return ocean._replace(profile=parse(read_cast(path, origin), Profile, path))

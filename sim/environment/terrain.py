@@ -23,13 +23,12 @@ from the seabed to `NO_DATA` m, because it is unknown whether a vehicle can pass
 
 import os
 import sys
-from collections.abc import Mapping
 from contextlib import suppress
 from math import ceil, isnan, sqrt
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from hil.common.errors import ConfigError
-from hil.common.schema import nearest, parse, shortened
+from hil.common.schema import parse, parse_kind
 from hil.common.tables import check_file
 from hil.common.vectors import Vector3
 from sim.environment.terrain_grid import Count, Edge, Grid, Resolution
@@ -136,33 +135,31 @@ class StoredKeys(NamedTuple):
     columns: Count
 
 
-def read_terrain(section: Any, path: str, extent: Extent, depth: float) -> Terrain:
-    """Return the `[terrain]` table of the world in the file `path`; beyond it the seabed is at `depth` m.
-
-    Raises ConfigError for wrong keys, and for a file that is missing or whose size does not match rows and columns.
-    """
-    where = f"{path}: terrain"
+def parse_terrain(section: Any, where: str) -> Any:
+    """Return the keys of a world's `[terrain]`: StoredKeys, or those of a relief. Raises ConfigError at `where`."""
     if not isinstance(section, dict) or ("file" in section) == ("kind" in section):
         raise ConfigError(f'{where}: expected a table with either file = "NAME.f32" or kind = "slope"')
     if "file" in section:
-        stored = parse(section, StoredKeys, where)
-        grid = Grid(*stored[1:])
-        return Terrain(grid, _mapped(os.path.join(os.path.dirname(path), stored.file), grid), depth)
-    return _generate(section, where, extent, depth)
-
-
-def _generate(section: Mapping[str, Any], where: str, extent: Extent, depth: float) -> Terrain:
+        return parse(section, StoredKeys, where)
     from sim.environment.relief import KINDS
 
-    kind = section["kind"]
-    if not isinstance(kind, str) or kind not in KINDS:
-        near, shown = nearest(str(kind), list(KINDS)), shortened(str(kind))
-        raise ConfigError(f"{where}: kind: no relief {shown}{near}; there are: {', '.join(KINDS)}")
-    relief = parse({key: value for key, value in section.items() if key != "kind"}, KINDS[kind], where)
-    grid = covering(extent, relief.resolution)
+    return parse_kind(section, KINDS, where)
+
+
+def make_terrain(keys: Any, path: str, extent: Extent, depth: float) -> Terrain:
+    """Return the terrain of the `keys` in the world's file `path`; beyond it the seabed is at `depth` m.
+
+    Raises ConfigError for a file that is missing or whose size does not match rows and columns, and for a relief of too
+    many nodes.
+    """
+    if isinstance(keys, StoredKeys):
+        grid = Grid(*keys[1:])
+        return Terrain(grid, _mapped(os.path.join(os.path.dirname(path), keys.file), grid), depth)
+    grid = covering(extent, keys.resolution)
     if grid.rows * grid.columns > _MAX_NODES:
-        raise ConfigError(f"{where}: resolution: {grid.rows} x {grid.columns} nodes are too many: make it coarser")
-    return Terrain(grid, relief.depths(grid), depth)
+        problem = f"{grid.rows} x {grid.columns} nodes are too many: make it coarser"
+        raise ConfigError(f"{path}: terrain: resolution: {problem}")
+    return Terrain(grid, keys.depths(grid), depth)
 
 
 def covering(extent: Extent, resolution: float) -> Grid:

@@ -6,7 +6,7 @@ from math import inf, pi
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 from hil.common.errors import ConfigError
-from hil.common.schema import Range, find_preset, parse
+from hil.common.schema import Range, Reader, find_preset, parse, reader_of
 from hil.common.tables import LARGEST, check_file, read_cached, read_table, write_cached
 from sim.environment.bottom import Bottom
 from sim.environment.obstacles import Box, Cylinder, Obstacle, Wall
@@ -33,7 +33,16 @@ _RELIEF_WITHIN = 50.0  # m
 _CACHE_FROM = 100
 _CACHE_SUFFIX = ".obstacles"  # of the cache's name, after the world's file
 _MAX_MESH_RADIUS = 5.0  # of a mesh, in lengths of the longer side of its world
-_SECTIONS = ("mesh", "visual", "shape", "pipeline", "bottom_map", "zone", "terrain", "ocean")
+# Readers of keys that many worlds lack: their modules are imported only for these.
+READERS: dict[str, Reader] = {
+    "mesh": reader_of("sim.environment.mesh:read_meshes"),
+    "visual": reader_of("sim.environment.mesh:read_meshes"),
+    "pipeline": reader_of("sim.environment.things.pipelines:Pipeline", many=True),
+    "bottom_map": reader_of("sim.environment.things.bottom_map:read_bottom_map"),
+    "zone": reader_of("sim.environment.things.zones:Zone", many=True),
+    "terrain": reader_of("sim.environment.terrain:parse_terrain"),
+    "ocean": reader_of("sim.environment.ocean:Ocean"),
+}
 
 
 class World(NamedTuple):
@@ -60,17 +69,19 @@ class World(NamedTuple):
     extent: tuple[Edge, Edge, Edge, Edge]
     depth: Annotated[float, Range(0.1, 11_000.0, "m")]
     walls: bool = False
-    density: Annotated[float, Range(900.0, 1200.0)] = 1025.0
-    gravity: Annotated[float, Range(0.1, 30.0)] = 9.80665
+    density: Annotated[float, Range(900.0, 1200.0, "kg/m³")] = 1025.0
+    gravity: Annotated[float, Range(0.1, 30.0, "m/s²")] = 9.80665
     current: tuple[Speed, Speed, Speed] = (0.0, 0.0, 0.0)
-    origin: tuple[Annotated[float, Range(-90.0, 90.0)], Annotated[float, Range(-180.0, 180.0)]] | None = None
+    origin: tuple[Annotated[float, Range(-90.0, 90.0, "deg")], Annotated[float, Range(-180.0, 180.0, "deg")]] | None = (
+        None
+    )
     origin_altitude: Annotated[float, Range(-500.0, 9000.0, "m")] = 0.0
     magnetic_field: tuple[Annotated[float, Range(0.0, 1e-3)], Angle, Angle] | None = None
     cylinder: tuple[Cylinder, ...] = ()
     box: tuple[Box, ...] = ()
     bottom: Bottom | None = None
     zones: str = ""
-    ocean: "Ocean | None" = None  # load_world reads this and the following sections, each by its own schema
+    ocean: "Ocean | None" = None  # READERS read this and the following sections
     terrain: "Terrain | None" = None
     mesh: "tuple[MeshObstacle, ...]" = ()
     visual: "tuple[MeshObstacle, ...]" = ()
@@ -84,12 +95,15 @@ class World(NamedTuple):
         if north_min >= north_max or east_min >= east_max:
             return "extent: give north_min, north_max, east_min, east_max, each pair growing"
         placed: tuple[Cylinder | Box, ...] = (*self.cylinder, *self.box)
-        for obstacle in placed:
-            north, east = obstacle.north, obstacle.east
-            if obstacle.bottom <= obstacle.top:
-                return f"the obstacle at ({north:g}, {east:g}) has its bottom above its top"
-            if not (north_min <= north <= north_max and east_min <= east <= east_max):
-                return f"the obstacle at ({north:g}, {east:g}) is outside the extent"
+        return "\n".join(filter(None, map(self._validate_obstacle, placed))) or None
+
+    def _validate_obstacle(self, obstacle: Cylinder | Box) -> str | None:
+        north_min, north_max, east_min, east_max = self.extent
+        north, east = obstacle.north, obstacle.east
+        if obstacle.bottom <= obstacle.top:
+            return f"the obstacle at ({north:g}, {east:g}) has its bottom above its top"
+        if not (north_min <= north <= north_max and east_min <= east <= east_max):
+            return f"the obstacle at ({north:g}, {east:g}) is outside the extent"
         return None
 
     def seabed(self, north: float, east: float) -> float:
@@ -210,18 +224,18 @@ def load_world(name_or_path: str) -> World:
     stamp = (*check_file(path, LARGEST), Cylinder._fields, Box._fields)
     cached = read_cached(path + _CACHE_SUFFIX, stamp)
     table, piles, blocks, cached_stamp = cached or (read_table(path), (), (), None)
-    sections = {key: table.pop(key) for key in _SECTIONS if key in table}
-    world = _with_sections(parse(table, World, path), sections, path)
+    world = _read(table, path)
     if cached:
         world = world._replace(cylinder=tuple(map(Cylinder._make, piles)), box=tuple(map(Box._make, blocks)))
-    terrain_stamp = _terrain_stamp(sections.get("terrain"), path)
+    terrain_stamp = _terrain_stamp(table.get("terrain"), path)
     is_checked = bool(cached) and terrain_stamp == cached_stamp
-    if problem := (None if is_checked else world.validate_obstacles()) or world.validate_meshes():
-        raise ConfigError(f"{path}: {problem}")
+    problems = [None if is_checked else world.validate_obstacles(), world.validate_meshes()]
+    if any(problems):
+        raise ConfigError(*[f"{path}: {problem}" for problem in problems if problem])
     if len(world.cylinder) + len(world.box) >= _CACHE_FROM and not is_checked:
         rest = {key: value for key, value in table.items() if key not in ("cylinder", "box")}
         piles, blocks = [*map(tuple, world.cylinder)], [*map(tuple, world.box)]
-        write_cached(path + _CACHE_SUFFIX, stamp, ({**rest, **sections}, piles, blocks, terrain_stamp))
+        write_cached(path + _CACHE_SUFFIX, stamp, (rest, piles, blocks, terrain_stamp))
     if world.terrain is not None:
         world.terrain.unmap()  # release the pages that were read to check the obstacles
     return world
@@ -234,38 +248,27 @@ def _terrain_stamp(terrain: "dict[str, Any] | None", path: str) -> "Stamp | None
     return check_file(os.path.join(os.path.dirname(path), str(terrain["file"])), sys.maxsize)
 
 
-def _with_sections(world: World, sections: dict[str, Any], path: str) -> World:
-    """Return the world with the sections that have their own schema; each module is imported only if it is needed."""
-    if meshes := {key: sections[key] for key in ("mesh", "visual") if key in sections}:
-        from sim.environment.mesh import read_meshes
-
-        world = world._replace(**{key: read_meshes(section, path, key) for key, section in meshes.items()})
-    if "pipeline" in sections:
-        from sim.environment.things.pipelines import read_pipelines
-
-        world = world._replace(pipeline=read_pipelines(sections["pipeline"], path))
-    if "bottom_map" in sections:
-        from sim.environment.things.bottom_map import read_bottom_map
-
-        world = world._replace(bottom_map=read_bottom_map(sections["bottom_map"], path))
-    if "zone" in sections:
-        from sim.environment.things.zones import read_zones
-
-        world = world._replace(zone=read_zones(sections["zone"], path))
+def _read(table: dict[str, Any], path: str) -> World:
+    """Return the world of a file's table: its keys first, then what depends on several of them. Raises ConfigError."""
+    shapes: list[Any] = []
+    read_shapes = reader_of("sim.environment.things.shapes:parse_shapes")
+    readers = {**READERS, "shape": lambda rows, where: shapes.extend(read_shapes(rows, where))}
+    world = parse(table, World, path, readers)
     if world.zones:
         world = world._replace(zones=os.path.join(os.path.dirname(path), world.zones))
-    if "terrain" in sections:
-        from sim.environment.terrain import read_terrain
+    keys: Any = world.terrain
+    if keys:
+        from sim.environment.terrain import make_terrain
 
-        world = world._replace(terrain=read_terrain(sections["terrain"], path, world.extent, world.depth))
-    if "shape" in sections:
-        from sim.environment.things.shapes import read_shapes
+        world = world._replace(terrain=make_terrain(keys, path, world.extent, world.depth))
+    if shapes:
+        from sim.environment.things.shapes import place_shapes
 
-        world = world._replace(mesh=(*world.mesh, *read_shapes(sections["shape"], path, world.seabed)))
-    if "ocean" in sections:
-        from sim.environment.ocean import read_ocean
+        world = world._replace(mesh=(*world.mesh, *place_shapes(shapes, world.seabed)))
+    if world.ocean and world.ocean.profile and world.ocean.profile.file:
+        from sim.environment.ocean import with_cast
 
-        world = world._replace(ocean=read_ocean(sections["ocean"], path, world.origin))
+        world = world._replace(ocean=with_cast(world.ocean, path, world.origin))
     return world
 
 

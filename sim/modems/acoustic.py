@@ -35,17 +35,17 @@ class AcousticModem(NamedTuple):
 
     frequency: Annotated[float, Range(1e3, 1e6, "Hz")] = 28_000.0
     bandwidth: Annotated[float, Range(100.0, 1e6, "Hz")] = 8_000.0
-    bit_rate: Annotated[float, Range(1.0, 1e6)] = 640.0
-    source_level: Annotated[float, Range(100.0, 230.0)] = 168.0
+    bit_rate: Annotated[float, Range(1.0, 1e6, "bit/s")] = 640.0
+    source_level: Annotated[float, Range(100.0, 230.0, "dB")] = 168.0
     longest: Annotated[int, Range(1, 4096)] = 64
     overhead: Annotated[float, Range(0.0, 5.0, "s")] = 0.03
-    detection: Annotated[float, Range(-30.0, 30.0)] = -6.0
+    detection: Annotated[float, Range(-30.0, 30.0, "dB")] = -6.0
     spreading: Annotated[float, Range(1.0, 2.0)] = 1.5
     wind: Annotated[float, Range(0.0, 40.0, "m/s")] = 5.0
     shipping: Annotated[float, Range(0.0, 1.0)] = 0.5
     bounces: Annotated[int, Range(0, 8)] = 0
-    surface_loss: Annotated[float, Range(0.0, 60.0)] = 1.0
-    bottom_loss: Annotated[float, Range(0.0, 60.0)] = 6.0
+    surface_loss: Annotated[float, Range(0.0, 60.0, "dB")] = 1.0
+    bottom_loss: Annotated[float, Range(0.0, 60.0, "dB")] = 6.0
     range_error: ErrorModel = ErrorModel(noise=0.1, resolution=0.047)
     assumed_speed: Annotated[float, Range(1300.0, 1700.0, "m/s")] = 1500.0
 

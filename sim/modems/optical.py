@@ -18,7 +18,7 @@ class OpticalModem(NamedTuple):
     arrive. Rates and angles are in the middle of what manufacturers offer.
     """
 
-    bit_rate: Annotated[float, Range(1.0, 1e9)] = 1e6
+    bit_rate: Annotated[float, Range(1.0, 1e9, "bit/s")] = 1e6
     half_angle: Annotated[float, Range(0.01, 0.5 * pi, "rad")] = 0.6
     view: Annotated[float, Range(0.01, pi, "rad")] = 1.0
     attenuation: Annotated[float, Range(0.0, 20.0)] = 0.15

@@ -15,7 +15,7 @@ from sim.sensors.extra_samples import FieldSample
 from sim.sensors.mounting import Mounting
 from sim.sensors.samples import Scene
 
-Tesla = Annotated[float, Range(-1e-2, 1e-2)]
+Tesla = Annotated[float, Range(-1e-2, 1e-2, "T")]
 Share = Annotated[float, Range(-10.0, 10.0)]
 Matrix3 = tuple[Share, Share, Share, Share, Share, Share, Share, Share, Share]
 

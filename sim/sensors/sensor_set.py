@@ -26,7 +26,7 @@ from typing import Any, NamedTuple
 
 from hil.common.clock import NEVER_NS
 from hil.common.errors import ConfigError, MissingExtraError
-from hil.common.schema import find_preset, nearest, parse
+from hil.common.schema import find_preset, nearest, parse_split, read_each
 from hil.common.tables import read_table
 from sim.sensors.error import sensor_random
 from sim.sensors.mounting import Mounting
@@ -94,18 +94,10 @@ def read_sensors(sections: Any, where: str) -> SensorSet:
     """Return the sensors of the `[sensors]` table, and the default ones. Raises ConfigError."""
     if not isinstance(sections, dict):
         raise ConfigError(f"{where}: expected a table for each sensor, such as [sensors.imu]")
-    for name, section in sections.items():
-        if not isinstance(section, dict):
-            several = f', and one more of it as [sensors.{name}_2] with sensor = "{name}"' if name in SENSORS else ""
-            raise ConfigError(f"{where}: {name}: expected a table, such as [sensors.{name}]{several}")
-        if name not in SENSORS and "class" not in section and "sensor" not in section:
-            known = f"{nearest(name, list(SENSORS))}; there are: {_names()}"
-            raise ConfigError(
-                f'{where}: no sensor {name!r}{known}; one more of a kind needs sensor = "KIND", such as "camera", one '
-                'of your own class = "module:Class"'
-            )
-    names = [*DEFAULT_SENSORS, *(name for name in sections if name not in DEFAULT_SENSORS)]
-    specs = {name: _read_sensor(name, sections.get(name, {}), f"{where}: {name}") for name in names}
+    names = [*sections, *(name for name in DEFAULT_SENSORS if name not in sections)]
+    places = [(name, f"{where}: {name}") for name in names]
+    read = read_each(places, lambda name, place: _read_sensor(name, sections.get(name, {}), place))
+    specs: dict[str, Any] = dict.fromkeys(DEFAULT_SENSORS) | dict(zip(names, read, strict=True))
     return {name: each for name, each in specs.items() if each.model.rate}
 
 
@@ -216,7 +208,16 @@ def _require_numpy(name: str) -> None:
         raise MissingExtraError(f"sensor {name!r} makes pictures, which needs numpy: pip install 'uuv-hil[imaging]'")
 
 
-def _read_sensor(name: str, section: dict[str, Any], where: str) -> SensorSpec:
+def _read_sensor(name: str, section: Any, where: str) -> SensorSpec:
+    if not isinstance(section, dict):
+        several = f', and one more of it as [sensors.{name}_2] with sensor = "{name}"' if name in SENSORS else ""
+        raise ConfigError(f"{where}: expected a table, such as [sensors.{name}]{several}")
+    if name not in SENSORS and "class" not in section and "sensor" not in section:
+        known = f"{nearest(name, list(SENSORS))}; there are: {_names()}"
+        raise ConfigError(
+            f'{where.removesuffix(f": {name}")}: no sensor {name!r}{known}; one more of a kind needs sensor = "KIND", '
+            'such as "camera", one of your own class = "module:Class"'
+        )
     if "sensor" in section and "class" not in section:  # which may have a key of that name
         kind, section = _kind_of(name, section, where)
         return _read_sensor(kind, section, where)._replace(name=name if name != kind else "")
@@ -227,15 +228,12 @@ def _read_sensor(name: str, section: dict[str, Any], where: str) -> SensorSpec:
     if "device" in section:
         section = _with_device(name, section, where)
     sensor = load_sensor(name)
-    common_keys, own_keys = Mounting._fields, sensor.Model._fields
-    for key in section:
-        if key not in (*common_keys, *own_keys):
-            further = f'; one more {name} is a section of its own: [sensors.{name}_{key}] with sensor = "{name}"'
-            remedy = further if isinstance(section[key], dict) else nearest(key, [*own_keys, *common_keys])
-            raise ConfigError(f"{where}: no key {key!r}{remedy}")
-    mounting_keys = {key: value for key, value in section.items() if key in common_keys}
-    sensor_keys = {key: value for key, value in section.items() if key not in common_keys}
-    return SensorSpec(sensor, parse(sensor_keys, sensor.Model, where), parse(mounting_keys, Mounting, where))
+    for key, value in section.items():
+        if isinstance(value, dict) and key not in sensor.Model._fields:
+            several = f'one more {name} is a section of its own: [sensors.{name}_{key}] with sensor = "{name}"'
+            raise ConfigError(f"{where}: no key {key!r}; {several}")
+    mounting, model = parse_split(section, Mounting, sensor.Model, where)
+    return SensorSpec(sensor, model, mounting)
 
 
 def _kind_of(name: str, section: dict[str, Any], where: str) -> tuple[str, dict[str, Any]]:

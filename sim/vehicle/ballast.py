@@ -11,7 +11,7 @@ from sim.vehicle.thrusters.model import PULSE_MAX_US, Point, Pulse, is_pulse
 
 RELEASE_US = 1700  # a longer pulse, up to PULSE_MAX_US, drops a weight
 
-Volume = Annotated[float, Range(0.0, 100.0)]
+Volume = Annotated[float, Range(0.0, 100.0, "m³")]
 
 
 class BuoyancyEngine(NamedTuple):
@@ -27,7 +27,7 @@ class BuoyancyEngine(NamedTuple):
     min_volume: Volume
     neutral_volume: Volume
     max_volume: Volume
-    rate: Annotated[float, Range(1e-9, 10.0)]
+    rate: Annotated[float, Range(1e-9, 10.0, "m³/s")]
     pwm_neutral_us: Pulse = 1500
     pwm_min_us: Pulse = 1100
     pwm_max_us: Pulse = 1900

@@ -7,7 +7,7 @@ from hil.common.schema import Range
 from sim.interpolation import interpolate
 
 Fraction = Annotated[float, Range(0.0, 1.0)]
-Volts = Annotated[float, Range(0.1, 1000.0)]
+Volts = Annotated[float, Range(0.1, 1000.0, "V")]
 
 
 class Battery(NamedTuple):
@@ -22,13 +22,13 @@ class Battery(NamedTuple):
     Not modelled: heat, ageing, relaxation after a load.
     """
 
-    capacity_wh: Annotated[float, Range(0.01, 1e6)]
+    capacity_wh: Annotated[float, Range(0.01, 1e6, "Wh")]
     charge: tuple[Fraction, ...]
     open_circuit: tuple[Volts, ...]
-    resistance: Annotated[float, Range(0.0, 10.0)]
-    cut_off: Annotated[float, Range(0.0, 1000.0)] = 0.0
+    resistance: Annotated[float, Range(0.0, 10.0, "ohm")]
+    cut_off: Annotated[float, Range(0.0, 1000.0, "V")] = 0.0
     cut_off_delay: Annotated[float, Range(0.0, 600.0, "s")] = 1.0
-    hotel_current: Annotated[float, Range(0.0, 1000.0)] = 0.0
+    hotel_current: Annotated[float, Range(0.0, 1000.0, "A")] = 0.0
     start: Fraction = 1.0
 
     def validate(self) -> str | None:

@@ -30,7 +30,7 @@ class Failure(NamedTuple):
     kind: Kind
     time: Annotated[float, Range(0.0, 1e7, "s")] = 0.0
     efficiency: Annotated[float, Range(0.0, 1.0)] = 1.0
-    pwm_us: Annotated[int, Range(0, 2200)] = 0
+    pwm_us: Annotated[int, Range(0, 2200, "us")] = 0
     delay: Annotated[float, Range(0.0, 10.0, "s")] = 0.0
     noise: Annotated[float, Range(0.0, 2.0)] = 0.0
 

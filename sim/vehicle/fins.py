@@ -22,7 +22,7 @@ from sim.rotations import Rotation
 from sim.vehicle.servos import Servos
 from sim.vehicle.thrusters.model import SHORTEST, Direction, Point, Pulse, is_pulse
 
-Area = Annotated[float, Range(1e-6, 100.0)]
+Area = Annotated[float, Range(1e-6, 100.0, "m²")]
 Angle = Annotated[float, Range(0.0, pi / 2.0, "rad")]
 Coefficient = Annotated[float, Range(0.0, 100.0)]
 

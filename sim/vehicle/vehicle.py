@@ -9,7 +9,7 @@ from math import isfinite
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 from hil.common.errors import ConfigError
-from hil.common.schema import Range, find_preset, parse
+from hil.common.schema import Range, Reader, find_preset, parse, parse_rows, reader_of
 from hil.common.tables import read_table
 from sim.matrices import (
     Entry,
@@ -34,8 +34,8 @@ if TYPE_CHECKING:
     from sim.vehicle.meshes import Mesh
 
 __all__ = [
-    "Point", "Thruster", "Vehicle", "displaced_volume", "load_vehicle", "mass_matrix",
-    "rigid_mass_matrix", "validate_drop_weights", "with_equipment", "without_weight",
+    "Point", "Thruster", "Vehicle", "displaced_volume", "load_vehicle", "mass_matrix", "parse_vehicle",
+    "rigid_mass_matrix", "validate_drop_weights", "without_weight",
 ]  # fmt: skip
 
 Size = Annotated[float, Range(0.01, 50.0, "m")]
@@ -51,7 +51,25 @@ POINTS = ("dimensions", "center_of_gravity", "center_of_buoyancy", "munk_share")
 EQUIPMENT = (
     "fins", "lift", "cross_flow", "forward_speed_damping", "fading_damping", "buoyancy_engine", "drop_weights",
 )  # fmt: skip
-OTHER_KEYS = (*EQUIPMENT, "control", "battery", "meshes", "collision", "every_thruster", "every_fin")
+COMMON = {"thrusters": "every_thruster", "fins": "every_fin"}  # tables -> table of the keys that they share
+OTHER_KEYS = ("control", *COMMON.values())
+MODELS = {
+    "curve": reader_of("sim.vehicle.thrusters.tables:read_curve"),
+    "dynamics": reader_of("sim.vehicle.thrusters.tables:read_dynamics"),
+}
+# Readers of keys that few vehicles have: their modules are imported only for these.
+READERS: dict[str, Reader] = {
+    "thrusters": lambda rows, where: parse_rows(rows, Thruster, where, MODELS),
+    "battery": reader_of("sim.vehicle.battery:Battery"),
+    "fins": reader_of("sim.vehicle.fins:Fin", many=True),
+    "lift": reader_of("sim.vehicle.body_lift:Lift"),
+    "cross_flow": reader_of("sim.vehicle.body_lift:CrossFlow"),
+    "fading_damping": reader_of("sim.vehicle.body_lift:FadingDamping"),
+    "buoyancy_engine": reader_of("sim.vehicle.ballast:BuoyancyEngine"),
+    "drop_weights": reader_of("sim.vehicle.ballast:DropWeight", many=True),
+    "meshes": reader_of("sim.vehicle.meshes:Mesh", many=True),
+    "collision": reader_of("sim.vehicle.collision_shape:Collision"),
+}
 DENSITIES = (50.0, 20_000.0)  # kg/m³: outside of these, mass or volume is in another unit
 
 
@@ -79,7 +97,7 @@ class Vehicle(NamedTuple):
     name: str
     source: str
     mass: Annotated[float, Range(0.1, 1e6, "kg")]
-    volume: Annotated[float, Range(1e-4, 1e3)]
+    volume: Annotated[float, Range(1e-4, 1e3, "m³")]
     dimensions: tuple[Size, Size, Size]
     inertia: tuple[Entry, ...]
     center_of_buoyancy: Point
@@ -116,8 +134,9 @@ class Vehicle(NamedTuple):
         return any(getattr(self, key) for key in EQUIPMENT)
 
     def validate(self) -> str | None:
-        """Return what is wrong with the combination of the keys, or None."""
-        return self._validate_numbers() or self._validate_masses() or self._validate_damping() or self._validate_pwm()
+        """Return what is wrong with the combination of the keys, a line for each problem, or None."""
+        others = (self._validate_masses, self._validate_damping, self._validate_pwm)
+        return self._validate_numbers() or "\n".join(filter(None, (check() for check in others))) or None
 
     def _validate_numbers(self) -> str | None:
         for key in ("mass", "volume", *POINTS, *SIZES):
@@ -192,82 +211,54 @@ def load_vehicle(name_or_path: str) -> tuple[Vehicle, dict[str, Any]]:
     path = find_preset("sim/vehicles", name_or_path)
     table = read_table(path)
     control = table.pop("control", {})
-    battery, meshes, collision = table.pop("battery", None), table.pop("meshes", []), table.pop("collision", None)
-    rows = _with_common(table, "thrusters", "every_thruster")
-    _with_common(table, "fins", "every_fin")
-    equipment = {key: table.pop(key) for key in EQUIPMENT if key in table}
-    models: list[dict[str, Any]] = [{key: row.pop(key) for key in ("curve", "dynamics") if key in row} for row in rows]
-    vehicle = parse(table, Vehicle, path, OTHER_KEYS)
-    if any(models):
-        # This import and those below are local, because most vehicles do not need them.
-        from sim.vehicle.thrusters.tables import with_models
-
-        named = zip(vehicle.thrusters, models, strict=True)
-        vehicle = vehicle._replace(thrusters=tuple([with_models(t, m, f"{path}: {t.name}") for t, m in named]))
-    if battery is not None:
-        vehicle = _with_battery(vehicle, battery, path)
-    if meshes:
-        vehicle = vehicle._replace(meshes=_read_meshes(meshes, path))
-    if collision is not None:
-        vehicle = vehicle._replace(collision=_read_collision(collision, path))
-    if equipment:
-        vehicle = with_equipment(vehicle, equipment, path)
-    return vehicle, control
+    shared = {key: _share(table, key, table.pop(every, {})) for key, every in COMMON.items()}
+    try:
+        return parse_vehicle(table, path), control
+    except ConfigError as error:
+        raise ConfigError(*dict.fromkeys([_name_common(problem, path, shared) for problem in error.args])) from None
 
 
-def with_equipment(vehicle: Vehicle, tables: dict[str, Any], where: str) -> Vehicle:
-    """Return `vehicle` with the equipment that these tables of its file `where` describe. Raises ConfigError."""
-    from sim.vehicle.equipment_keys import EquipmentKeys
+def parse_vehicle(table: dict[str, Any], path: str) -> Vehicle:
+    """Return the vehicle of a file's `table`. Raises ConfigError with all problems; `path` begins each."""
+    vehicle = parse(table, Vehicle, path, READERS, OTHER_KEYS)
+    problems = [validate_drop_weights(vehicle), _validate_battery(vehicle)]
+    if any(problems):
+        raise ConfigError(*[f"{path}: {problem}" for problem in problems if problem])
+    if not vehicle.meshes:
+        return vehicle
+    import os  # most vehicles have no meshes
 
-    vehicle = vehicle._replace(**parse(tables, EquipmentKeys, where)._asdict())
-    problem = vehicle.validate() or validate_drop_weights(vehicle)
-    if problem:
-        raise ConfigError(f"{where}: {problem}")
-    return vehicle
+    folder = os.path.dirname(path)
+    return vehicle._replace(meshes=tuple([m._replace(file=os.path.join(folder, m.file)) for m in vehicle.meshes]))
 
 
-def _with_battery(vehicle: Vehicle, table: Any, path: str) -> Vehicle:
-    """Return `vehicle` with the battery of its TOML table. Raises ConfigError."""
-    from sim.vehicle.battery import Battery
+def _validate_battery(vehicle: Vehicle) -> str | None:
+    """Return why nothing draws from the battery of `vehicle`, or None."""
+    if vehicle.battery is None:
+        return None
     from sim.vehicle.thrusters.curves import T200
 
-    if not isinstance(table, dict):
-        raise ConfigError(f"{path}: battery: expected a table, found {table!r}")
-    if not any(isinstance(thruster.curve, T200) for thruster in vehicle.thrusters):
-        raise ConfigError(
-            f'{path}: battery: no thruster draws from it: only curve = {{ kind = "t200" }} knows its current'
-        )
-    return vehicle._replace(battery=parse(table, Battery, f"{path}: battery"))
+    if any(isinstance(thruster.curve, T200) for thruster in vehicle.thrusters):
+        return None
+    return 'battery: no thruster draws from it: only curve = { kind = "t200" } knows its current'
 
 
-def _read_meshes(rows: Any, path: str) -> "tuple[Mesh, ...]":
-    """Return the meshes of the file at `path`; their paths are relative to it and are made complete."""
-    import os
-
-    from sim.vehicle.meshes import Mesh
-
-    if not isinstance(rows, list) or not all(isinstance(row, dict) for row in rows):
-        raise ConfigError(f"{path}: meshes: expected tables, each under [[meshes]]")
-    meshes = [parse(row, Mesh, f"{path}: meshes[{i}]") for i, row in enumerate(rows)]
-    return tuple([mesh._replace(file=os.path.join(os.path.dirname(path), mesh.file)) for mesh in meshes])
-
-
-def _read_collision(table: Any, path: str) -> "Collision":
-    """Return the [collision] table of the file at `path`. Raises ConfigError."""
-    from sim.vehicle.collision_shape import Collision
-
-    if not isinstance(table, dict):
-        raise ConfigError(f"{path}: collision: expected a table, found {table!r}")
-    return parse(table, Collision, f"{path}: collision")
-
-
-def _with_common(table: dict[str, Any], key: str, every: str) -> list[dict[str, Any]]:
-    """Return the tables under `key`, each with the keys of the table `every` added; also store them in `table`."""
-    common, rows = table.pop(every, {}), table.get(key)
+def _share(table: dict[str, Any], key: str, common: Any) -> set[str]:
+    """Add the keys of the table `common` to each table under `key`; return those that no table has of its own."""
+    rows = table.get(key)
     if not (isinstance(rows, list) and isinstance(common, dict) and all(isinstance(row, dict) for row in rows)):
-        return []  # `parse` raises the error
-    table[key] = rows = [{**common, **row} for row in rows]
-    return rows
+        return set()  # `parse` raises the error
+    table[key] = [{**common, **row} for row in rows]
+    return set(common).difference(*rows)
+
+
+def _name_common(problem: str, path: str, shared: dict[str, set[str]]) -> str:
+    """Return the problem of a key that all rows share, named by its common table: one mistake is told once."""
+    for key, names in shared.items():
+        start, _, rest = problem.removeprefix(f"{path}: ").partition(": ")
+        if start.startswith(f"{key}[") and rest.removeprefix("no key '").partition(":")[0].partition("'")[0] in names:
+            return f"{path}: {COMMON[key]}: {rest}"
+    return problem
 
 
 def rigid_mass_matrix(vehicle: Vehicle) -> Matrix:

@@ -7,7 +7,8 @@ from hil.autonomy.control import controller, fin_control, restoring_pd, sliding_
 from hil.autonomy.fleets.formation import FieldSettings
 from hil.autonomy.paths.vfh import VfhSettings
 from hil.autonomy.tasks.scheduler import Mission, Task
-from hil.common.schema import NOUNS, UNITS, preset_names
+from hil.common.schema import NOUNS, preset_names
+from hil.common.units import SPELLINGS, UNITS
 from hil.doctor.vehicle.rules import RULES, words
 from hil.links.dronecan import settings as dronecan
 from hil.links.frame import layout
@@ -39,7 +40,8 @@ TABLES = ("tether",
 )  # fmt: skip
 NUMBERS = (
     "A number whose unit is in [this table](scenario.md#units) is written as an SI number (`0.2`) or as text with a "
-    'unit (`"200 ms"`). All other numbers are written without a unit. '
+    'unit (`"200 ms"`, `"200ms"`). All other numbers are written without a unit. '
+    "Where an array has no fixed length, one value stands for an array of one. "
     "A key that is not in these tables is an error. A path is relative to the file that names it."
 )
 
@@ -47,9 +49,12 @@ NUMBERS = (
 def _units() -> str:
     by_unit: dict[str, list[str]] = {}
     for name, (unit, _) in UNITS.items():
-        by_unit.setdefault(unit, []).append(f"`{name}`")
+        other = f" ({', '.join(f'`{spelling}`' for spelling in SPELLINGS[name])})" if name in SPELLINGS else ""
+        by_unit.setdefault(unit, []).append(f"`{name}`{other}")
     rows = "".join(f"| {unit} | {', '.join(names)} |\n" for unit, names in by_unit.items())
-    return f"## Units\n\n| SI unit | may be written in |\n|---|---|\n{rows}"
+    text = "A space before the unit may be left out. Other spellings of a unit are in brackets. "
+    text += 'The unit is part of the value, not of a new key: write `heading = "30 deg"`, not `heading_deg = 30`.'
+    return f"## Units\n\n{text}\n\n| unit | may be written in |\n|---|---|\n{rows}"
 
 
 def _page(title: str, text: str, sections: list[Section], *more: str) -> str:
@@ -167,7 +172,7 @@ def vehicle_file() -> str:
           for kind, record in lags.DYNAMICS.items()],
         Section("fins", fins.Fin, "Each `[[fins]]` is one fin. Keys that all have in common may be in `[every_fin]`."),
         Section("lift", body_lift.Lift),
-        Section("cross_flow", body_lift.CrossFlow, shown_types={"drag": "number, or array of numbers"}),
+        Section("cross_flow", body_lift.CrossFlow),
         Section("fading_damping", body_lift.FadingDamping),
         Section("buoyancy_engine", ballast.BuoyancyEngine),
         Section("drop_weights", ballast.DropWeight),

@@ -51,7 +51,7 @@ def _rows(section: Section) -> Iterator[str]:
         kind = kind_of(annotation) if key not in section.shown_types else Kind(section.shown_types[key])
         default = section.defaults.get(key) or _default(record, key)
         meaning = meaning_of(record, key)
-        unit = kind.unit or (unit_of(record, key) if "number" in kind.type else "")
+        unit = (unit_of(record, key) if "number" in kind.type else "") or kind.unit
         yield f"| `{key}` | {kind.type} | {unit} | {default} | {kind.range} | {meaning} |\n"
 
 

@@ -45,7 +45,7 @@ class Faults(NamedTuple):
     the affected direction, seen from the end with this wire.
     """
 
-    baud: Annotated[int, Range(0, 12_000_000)] = 0
+    baud: Annotated[int, Range(0, 12_000_000, "bit/s")] = 0
     delay: Annotated[float, Range(0.0, 10.0, "s")] = 0.0
     jitter: Annotated[float, Range(0.0, 10.0, "s")] = 0.0
     drop: Share = 0.0

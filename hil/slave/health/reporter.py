@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 from boards.tree import Tree
 from hil.common.clock import NS_PER_MS, NS_PER_S, NS_PER_US, Histogram, boot_id, now_ns, schedule_below_loop, to_wall_ns
-from hil.common.stamps import wall_offset_ns
 from hil.links.address import wire_kind
 from hil.links.contract import PWM_NEUTRAL_US
+from hil.recording.stamps import wall_offset_ns
 from hil.ros.diagnostics import Diagnostics
 from hil.scenario.records import Link
 from hil.slave import usage

@@ -28,7 +28,7 @@ from sim.dynamics import State
 from sim.sensors.sensor_set import SensorSpec
 
 if TYPE_CHECKING:
-    from hil.common.stamps import Stamps
+    from hil.recording.stamps import Stamps
 
 # A request: number of the sensor; simulation time, epoch (since 1970) and monotonic time (ns); position, quaternion, nu
 # and its rate of change.

@@ -20,7 +20,7 @@ from math import pi, sin
 from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 from hil.common.errors import ConfigError
-from hil.common.schema import Range, parse
+from hil.common.schema import Range, convert
 from hil.common.tables import check_file
 from sim.environment.bottom import PROPERTIES, Bottom
 from sim.environment.terrain_grid import Edge
@@ -189,12 +189,10 @@ def echo_ratios(bottom: Bottom | None) -> list[float]:
     return ratios
 
 
-def read_bottom_map(section: Any, path: str) -> BottomMap:
-    """Return the `[bottom_map]` table of the world in the file `path`. Raises ConfigError."""
-    if not isinstance(section, dict):
-        raise ConfigError(f"{path}: bottom_map: expected a table")
-    keys = parse(section, BottomMapKeys, f"{path}: bottom_map")
-    file = os.path.join(os.path.dirname(path), keys.file)
+def read_bottom_map(section: Any, where: str) -> BottomMap:
+    """Return the `[bottom_map]` table of a world at `where`, its file and key. Raises ConfigError."""
+    keys: BottomMapKeys = convert(section, BottomMapKeys, where)
+    file = os.path.join(os.path.dirname(where.removesuffix(": bottom_map")), keys.file)
     check_file(file, sys.maxsize)
     size, expected = os.path.getsize(file), keys.rows * keys.columns
     if size != expected:

@@ -13,10 +13,9 @@ of interest are computed, so that a cable of 100 km costs no more than one of 10
 from collections.abc import Callable, Iterator
 from itertools import pairwise
 from math import ceil, floor, hypot, inf, sqrt
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Literal, NamedTuple
 
-from hil.common.errors import ConfigError
-from hil.common.schema import Range, parse
+from hil.common.schema import Range
 from hil.common.vectors import Vector3, off_line
 from sim.environment.obstacles import Coordinate, Separation
 
@@ -38,7 +37,7 @@ class Pipeline(NamedTuple):
     height: Annotated[float, Range(-100.0, 1000.0, "m")] = 0.0
     kind: Literal["pipeline", "cable"] = "pipeline"
     colour: tuple[Share, Share, Share] = (0.1, 0.1, 0.1)
-    echo: Annotated[float, Range(-60.0, 60.0)] = 3.0
+    echo: Annotated[float, Range(-60.0, 60.0, "dB")] = 3.0
     hidden: bool = False
     name: str = ""
 
@@ -161,10 +160,3 @@ class Stretch(NamedTuple):
     def separation(self, north: float, east: float) -> Separation:
         """Return the horizontal distance (m) from its side, and the direction away from its axis."""
         return self.pipeline.separation(north, east)
-
-
-def read_pipelines(section: Any, path: str) -> tuple[Pipeline, ...]:
-    """Return the `[[pipeline]]` tables of the world in the file `path`. Raises ConfigError."""
-    if not isinstance(section, list) or not all(isinstance(row, dict) for row in section):
-        raise ConfigError(f"{path}: pipeline: expected tables, each under [[pipeline]]")
-    return tuple(parse(row, Pipeline, f"{path}: pipeline[{i}]") for i, row in enumerate(section))

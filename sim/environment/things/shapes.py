@@ -10,12 +10,12 @@ Sensors, collisions, planners and the view treat them as a `[[mesh]]`. A net is 
 sound pass between the twines, vehicles do not.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from math import hypot
 from typing import Annotated, Any, Literal, NamedTuple, get_args
 
 from hil.common.errors import ConfigError
-from hil.common.schema import Range, nearest, parse, shortened
+from hil.common.schema import Range, check_rows, kind_in, parse_split, read_each
 from sim.environment.mesh import MAX_TRIANGLES, MeshKeys, MeshObstacle, Share, place_triangles
 from sim.environment.obstacles import Coordinate, Heading
 from sim.environment.things import primitives
@@ -59,7 +59,7 @@ class ShapeKeys(NamedTuple):
     orientation: tuple[Heading, Heading, Heading] = (0.0, 0.0, 0.0)
     scale: Annotated[float, Range(1e-3, 1e3)] = 1.0
     colour: tuple[Share, Share, Share] | None = None
-    echo: Annotated[float, Range(-60.0, 60.0)] = 0.0
+    echo: Annotated[float, Range(-60.0, 60.0, "dB")] = 0.0
     hidden: bool = False
     name: str = ""
 
@@ -224,29 +224,30 @@ HANGS = {"rope", "chain", "net", "net_pen"}
 assert set(get_args(ShapeKeys.__annotations__["kind"])) == set(KINDS)
 
 
-def read_shapes(section: Any, path: str, seabed: Callable[[float, float], float]) -> tuple[MeshObstacle, ...]:
-    """Return the meshes of the `[[shape]]` tables of the world in the file `path`. Raises ConfigError."""
-    if not isinstance(section, list) or not all(isinstance(row, dict) for row in section):
-        raise ConfigError(f"{path}: shape: expected tables, each under [[shape]]")
-    return tuple(part for i, row in enumerate(section) for part in _shape(row, f"{path}: shape[{i}]", seabed))
+def parse_shapes(rows: Any, where: str) -> list[tuple[ShapeKeys, Any, str]]:
+    """Return of each `[[shape]]` table its common keys, those of its kind, and its place. Raises ConfigError."""
+    check_rows(rows, where)
+    return read_each([(row, f"{where}[{i}]") for i, row in enumerate(rows)], _parse_shape)
 
 
-def _shape(row: dict[str, Any], where: str, seabed: Callable[[float, float], float]) -> list[MeshObstacle]:
-    kind = row.get("kind")
-    if not isinstance(kind, str) or kind not in KINDS:
-        near, shown = nearest(str(kind), list(KINDS)), shortened(str(kind))
-        raise ConfigError(f"{where}: kind: no shape {shown}{near}; there are: {', '.join(KINDS)}")
-    common = {key: value for key, value in row.items() if key in ShapeKeys._fields}
-    placing = parse(common, ShapeKeys, where)
-    own = parse({key: value for key, value in row.items() if key not in common}, KINDS[kind], f"{where}: {kind}")
-    depth = placing.depth
-    if depth is None:
-        depth = 0.0 if kind in HANGS else seabed(placing.north, placing.east)
-    name = placing.name or f"the {kind.replace('_', ' ')} at ({placing.north:g}, {placing.east:g})"
-    parts = own.parts()
-    if sum(len(part.triangles) for part in parts) > MAX_TRIANGLES:
-        raise ConfigError(f"{where}: more than {MAX_TRIANGLES} triangles: make it shorter, its links or sides larger")
-    return [_place_part(part, placing, depth, name) for part in parts]
+def _parse_shape(row: dict[str, Any], where: str) -> tuple[ShapeKeys, Any, str]:
+    return *parse_split(row, ShapeKeys, KINDS[kind_in(row, KINDS, where)], where), where
+
+
+def place_shapes(
+    shapes: Iterable[tuple[ShapeKeys, Any, str]], seabed: Callable[[float, float], float]
+) -> Iterator[MeshObstacle]:
+    """Yield the meshes of the shapes that `parse_shapes` returned. Raises ConfigError."""
+    for placing, shape, where in shapes:
+        depth = placing.depth
+        if depth is None:
+            depth = 0.0 if placing.kind in HANGS else seabed(placing.north, placing.east)
+        name = placing.name or f"the {placing.kind.replace('_', ' ')} at ({placing.north:g}, {placing.east:g})"
+        parts = shape.parts()
+        if sum(len(part.triangles) for part in parts) > MAX_TRIANGLES:
+            remedy = "make it shorter, its links or sides larger"
+            raise ConfigError(f"{where}: more than {MAX_TRIANGLES} triangles: {remedy}")
+        yield from (_place_part(part, placing, depth, name) for part in parts)
 
 
 def _place_part(part: Part, placing: ShapeKeys, depth: float, name: str) -> MeshObstacle:

@@ -12,10 +12,10 @@ when zones are needed. A zone does not stop a vehicle: planners avoid the kinds 
 
 import os
 from functools import lru_cache
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from hil.common.errors import ConfigError
-from hil.common.schema import parse
+from hil.common.schema import parse_rows
 from hil.common.tables import read_table
 from sim.environment.obstacles import Coordinate, ZoneKind
 
@@ -39,13 +39,6 @@ class Zone(NamedTuple):
         return f"{area}: {self.name or self.rule}" if self.name or self.rule else area
 
 
-def read_zones(section: Any, path: str) -> tuple[Zone, ...]:
-    """Return the `[[zone]]` tables of the file `path`. Raises ConfigError."""
-    if not isinstance(section, list) or not all(isinstance(row, dict) for row in section):
-        raise ConfigError(f"{path}: zone: expected tables, each under [[zone]]")
-    return tuple(parse(row, Zone, f"{path}: zone[{i}]") for i, row in enumerate(section))
-
-
 def read_file(path: str) -> tuple[Zone, ...]:
     """Return the zones in a file, cached until the file changes. Raises ConfigError."""
     try:
@@ -57,4 +50,4 @@ def read_file(path: str) -> tuple[Zone, ...]:
 
 @lru_cache(maxsize=4)
 def _read(path: str, _changed_ns: int) -> tuple[Zone, ...]:
-    return read_zones(read_table(path).get("zone", []), path)
+    return parse_rows(read_table(path).get("zone", []), Zone, f"{path}: zone")

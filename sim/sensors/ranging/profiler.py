@@ -37,8 +37,8 @@ class ProfilerModel(NamedTuple):
     rings: Annotated[int, Range(1, 5)] = 1
     min_range: Annotated[float, Range(0.0, 10.0, "m")] = 0.5
     max_range: Annotated[float, Range(0.1, 1000.0, "m")] = 100.0
-    seabed_strength: Annotated[float, Range(-80.0, 10.0)] = -27.0
-    object_strength: Annotated[float, Range(-80.0, 10.0)] = -20.0
+    seabed_strength: Annotated[float, Range(-80.0, 10.0, "dB")] = -27.0
+    object_strength: Annotated[float, Range(-80.0, 10.0, "dB")] = -20.0
     looks: Annotated[float, Range(0.0, 1000.0)] = 4.0
     error: ErrorModel = ErrorModel(noise=0.005, scale=0.005)
     ground_truth: bool = False

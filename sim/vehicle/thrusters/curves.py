@@ -97,7 +97,7 @@ class Advance(NamedTuple):
     alpha: Annotated[float, Range(0.0, 5.0)]
     kt0_reverse: Annotated[float, Range(0.0, 2.0)] = 0.0
     wake_fraction: Annotated[float, Range(0.0, 0.9)] = 0.0
-    density: Annotated[float, Range(900.0, 1200.0)] = 1025.0
+    density: Annotated[float, Range(900.0, 1200.0, "kg/m³")] = 1025.0
 
     def thrust(self, thruster: Thruster, pwm_us: int) -> float:
         """Return the steady thrust in N in water at rest."""
@@ -132,7 +132,7 @@ class T200(NamedTuple):
     Pulses are those of the table; `dead_band_us` and the other pulse keys are ignored.
     """
 
-    supply: Annotated[float, Range(6.0, 20.0)] = 16.0
+    supply: Annotated[float, Range(6.0, 20.0, "V")] = 16.0
 
     def thrust(self, thruster: Thruster, pwm_us: int) -> float:
         """Return the steady thrust in N."""

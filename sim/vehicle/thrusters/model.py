@@ -15,7 +15,7 @@ Point = tuple[Metres, Metres, Metres]
 Component = Annotated[float, Range(-1e6, 1e6)]
 Direction = tuple[Component, Component, Component]  # of any length from SHORTEST on
 SHORTEST = 1e-6
-Pulse = Annotated[int, Range(800, 2200)]
+Pulse = Annotated[int, Range(800, 2200, "us")]
 
 # A pulse outside of this range is not valid: the motor controller stops the motor. 0 means "output off".
 PULSE_MIN_US, PULSE_MAX_US = 800, 2200
@@ -68,7 +68,7 @@ class Thruster(NamedTuple):
     direction: Direction
     max_forward: Annotated[float, Range(1e-3, 1e5, "N")]
     max_reverse: Annotated[float, Range(1e-3, 1e5, "N")]
-    dead_band_us: Annotated[float, Range(0.0, 300.0)] = 0.0
+    dead_band_us: Annotated[float, Range(0.0, 300.0, "us")] = 0.0
     linear_share: Annotated[float, Range(0.0, 1.0)] = 0.0
     time_constant: Annotated[float, Range(0.0, 10.0, "s")] = 0.0
     pwm_neutral_us: Pulse = 1500
@@ -100,6 +100,8 @@ class Thruster(NamedTuple):
         low, high = self.pwm_min_us + self.dead_band_us, self.pwm_max_us - self.dead_band_us
         if not low < self.pwm_neutral_us < high:
             return f"thruster {self.name!r}: neutral and dead band leave no pulse to drive it both ways"
+        if self.time_constant and self.dynamics:
+            return f"thruster {self.name!r}: give time_constant or dynamics, not both"
         return None
 
     def deflection(self, pwm_us: float) -> float:

@@ -28,7 +28,7 @@ from sim.vehicle.urdf.shapes import Measure, MeshKey, Solid, box_of, extent_of, 
 from sim.vehicle.urdf.text import Element, attribute, listed, number_of, plain, read_xml, to_frd, to_frd_matrix
 from sim.vehicle.urdf.thrusters import read_thrusters, target
 from sim.vehicle.urdf.water import read_buoyancy_engine, read_water, water_elements
-from sim.vehicle.vehicle import EQUIPMENT, Vehicle, with_equipment
+from sim.vehicle.vehicle import Vehicle, parse_vehicle
 
 _REQUIRED = (
     "mass",
@@ -110,10 +110,7 @@ def read_robot(
         user_keys["fins"] = fins
     table = {**table, **user_keys, "thrusters": thrusters}
     _refuse_missing(table, path)
-    equipment = {key: table.pop(key) for key in EQUIPMENT if key in table}
-    vehicle = parse(table, Vehicle, path)._replace(meshes=tuple(meshes))
-    if equipment:
-        vehicle = with_equipment(vehicle, equipment, path)
+    vehicle = parse_vehicle(table, path)._replace(meshes=tuple(meshes))
     return Imported(vehicle, read_sensors(robot, poses, path, notes), notes)
 
 

@@ -101,5 +101,4 @@ def test_values_out_of_range_are_refused_by_their_key(keys: list[tuple[type[Any]
         for value in HOSTILE:
             with pytest.raises(ConfigError, match=rf"^file\.toml: {key}(\[0\]|\.x)*: ") as error:
                 parse({key: value_of_type(annotation, value)}, alone, "file.toml")
-            assert "\n" not in str(error.value)
-            assert len(str(error.value)) < 150
+            assert all(len(line) < 150 and line.startswith("file.toml: ") for line in str(error.value).splitlines())

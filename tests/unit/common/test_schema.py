@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 import pytest
 
-from hil.common.errors import ConfigError
+from hil.common.errors import SHOWN, ConfigError
 from hil.common.schema import Range, find_preset, load, parse
 
 
@@ -64,6 +64,11 @@ def test_numbers_text_units_tables_and_arrays_are_read() -> None:
         ({"name": "a", "link": {"watchdog": "500"}}, ["watchdog", "no unit", "ms"]),
         ({"name": "a", "link": {"watchdog": "5 kg"}}, ["watchdog", "'kg'", "ms"]),
         ({"name": "a", "link": {"watchdog": "soon"}}, ["watchdog", "'soon'", "1 s"]),
+        ({"name": "a", "link": {"watchdog": "1,5 s"}}, ["watchdog", "'1,5 s'", "1 s"]),
+        ({"name": "a", "link": {"at": 1}}, ["link", "no key 'at'; there are: baud, watchdog, wire, angle"]),
+        ({"name": "a", "link": {"angle_deg": 30}}, ["no key 'angle_deg'; write angle = \"30 deg\""]),
+        ({"name": "a", "link": {"watchdog_ms": 5}}, ["no key 'watchdog_ms'; write watchdog = \"5 ms\""]),
+        ({"nmae": "a"}, ["no key 'nmae'; did you mean 'name'?"]),
         ({"name": "a", "link": {"watchdog": math.nan}}, ["watchdog", "outside"]),
         ({"name": "a", "link": {"wire": "usrt"}}, ["wire", "pty, uart", "did you mean 'uart'"]),
         ({"name": "a", "link": {"wire": 3}}, ["wire", "pty, uart", "3"]),
@@ -85,6 +90,39 @@ def test_mistakes_are_reported_with_file_and_key(table: dict[str, Any], expected
     assert message.startswith("thing.toml")
     assert "\n" not in message
     assert all(word in message for word in expected_texts), message
+
+
+def test_all_mistakes_are_listed_in_the_order_of_the_file() -> None:
+    table: dict[str, Any] = {
+        "links": [{"baud": 1}, {"baud": 9600}, {"wire": 3, "watchdg": 1}],
+        "gains": {"p": "x", "d": 1, "i": "y"},
+        "on": 1,
+        "link": {"angle": 9, "speed": 1},
+        "offset": ["x", 1, "y"],
+    }
+    with pytest.raises(ConfigError) as caught:
+        parse(table, Thing, "thing.toml")
+    lines = str(caught.value).splitlines()
+    places = [
+        "links[0]: baud", "links[2]: wire", "links[2]: no key 'watchdg'", "gains.p", "gains.i", "on", "link: angle",
+        "link: no key 'speed'", "offset[0]", "offset[2]", "key 'name' is missing",
+    ]  # fmt: skip
+    assert [line.startswith(f"thing.toml: {place}") for line, place in zip(lines, places, strict=True)] == [True] * 11
+
+
+def test_very_many_mistakes_are_counted() -> None:
+    with pytest.raises(ConfigError) as caught:
+        parse({"name": "a", "links": [{"baud": 1}] * 32}, Thing, "thing.toml")
+    lines = str(caught.value).splitlines()
+    assert len(lines) == SHOWN + 1
+    assert lines[-2:] == [f"thing.toml: links[{SHOWN - 1}]: baud: 1 is outside 1200 to 1.2e+07", "and 12 more"]
+
+
+def test_the_nearest_of_many_keys_are_listed() -> None:
+    fields = [(f"{word}_{side}", float) for word in ("gain", "limit", "slope", "delay", "offset") for side in "abcdef"]
+    many = NamedTuple("many", fields)  # type: ignore[misc]
+    with pytest.raises(ConfigError, match=r"no key 'zz'; the nearest are: (\w+, ){4}\w+$"):
+        parse({"zz": 1.0, **{key: 1.0 for key, _ in fields}}, many, "x")
 
 
 def test_unreadable_files_are_reported(tmp_path: Path) -> None:

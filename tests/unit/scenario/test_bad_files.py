@@ -1,4 +1,4 @@
-"""Any content of a file that a person writes: it is read, or refused in one line that names the file."""
+"""Any content of a file that a person writes: it is read, or refused in lines that name the file."""
 
 import importlib
 import math
@@ -102,8 +102,8 @@ def test_a_wrong_value_of_any_key_is_refused_by_its_key(
             output = str(error)
         except Exception as error:
             raise AssertionError(f"{key_path} = {value!r:.60}: {type(error).__name__}: {error}") from error
-        assert path in output, f"{key_path} = {value!r:.60}"
-        assert "\n" not in output
+        for line in output.splitlines():
+            assert path in line or re.fullmatch(r"and \d+ more", line), f"{key_path} = {value!r:.60}: {line}"
 
 
 def write_scenario(folder: Path, data: bytes) -> str:
@@ -166,7 +166,7 @@ def test_an_unknown_kind_of_seabed_is_refused(tmp_path: Path) -> None:
             f'name = "w"\nsource = "-"\nextent = [0, 10, 0, 10]\ndepth = 5\n[terrain]\nkind = {kind}\n',
             encoding="utf-8",
         )
-        with pytest.raises(ConfigError, match="terrain: kind: no relief") as error:
+        with pytest.raises(ConfigError, match=r"terrain: kind: .* one of slope") as error:
             load_world(str(path))
         assert len(str(error.value)) < len(str(path)) + 250
 

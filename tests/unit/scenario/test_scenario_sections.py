@@ -19,7 +19,9 @@ def test_a_value_in_place_of_a_section_is_refused(tmp_path: Path, name: str, val
     path.write_text(f"{FLOWN}{name} = {value}\n")
     with pytest.raises(ConfigError) as caught:
         load_scenario(str(path))
-    assert str(caught.value).startswith(f"{path}: {name}: expected a table: write its keys under [{name}], found ")
+    assert str(caught.value).startswith(
+        f"{path}: {name.replace('.', ': ')}: expected a table: write its keys under [{name}], found "
+    )
 
 
 @pytest.mark.parametrize(("section", "options"), [("", {}), ("[link]", {}), ("[link.options]\na = 1", {"a": 1})])

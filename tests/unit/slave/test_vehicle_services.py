@@ -10,8 +10,8 @@ import pytest
 
 from hil.autonomy.control.controller import VelocityCommand
 from hil.common.clock import now_ns
-from hil.common.stamps import Stamps
 from hil.network.services import Answer
+from hil.recording.stamps import Stamps
 from hil.ros import message as ros_message
 from hil.ros.graph import plain_name
 from hil.scenario.config import load_scenario

@@ -127,8 +127,8 @@ def test_a_wreck_has_its_attitude_and_an_open_hold(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "output"),
     [
-        ('kind = "net_pan"\n', "no shape 'net_pan'.*net_pen"),
-        ('kind = "pile"\nlength = 3\n', "pile: .*length"),
+        ('kind = "net_pan"\n', "kind: 'net_pan'.*net_pen"),
+        ('kind = "pile"\nlength = 3\n', "no key 'length'.*height"),
         ('kind = "net"\nmesh = 0.01\ntwine = 0.02\n', "twine is not thinner than mesh"),
         ('kind = "chain"\nbar = 0.005\ndrop = 900\n', "links are more than 4000"),
         ('kind = "pile"\nheight = -3\n', "height"),

@@ -150,7 +150,10 @@ def test_a_world_file_can_have_a_terrain_file(tmp_path: Path) -> None:
         ("[terrain]\n", "mine.toml: terrain: expected a table with either file"),
         ('terrain = "bay.f32"\n', "expected a table with either file"),
         ('[terrain]\nfile = "x"\nkind = "slope"\n', "expected a table with either file"),
-        ('[terrain]\nkind = "slop"\n', "no relief 'slop'; did you mean 'slope'?; there are: slope, step, ridge"),
+        (
+            '[terrain]\nkind = "slop"\n',
+            "'slop' is not one of slope, step, ridge, sinusoid, fractal; did",
+        ),
         (
             '[terrain]\nkind = "fractal"\ndepth = 9\ndeviation = 1\nresolution = 0.01\n',
             "4001 x 4001 nodes are too many",

@@ -14,7 +14,7 @@ from sim.vehicle.thrusters.bank import pulse_finder, steady_thrust
 from sim.vehicle.thrusters.curves import Advance
 from sim.vehicle.thrusters.model import Thruster
 from sim.vehicle.thrusters.t200 import performance, pulse_for
-from sim.vehicle.thrusters.tables import with_models
+from sim.vehicle.thrusters.tables import read_curve
 from sim.vehicle.vehicle import load_vehicle
 
 PRESET = Path(__file__).parents[4] / "sim/vehicles/paper_six.toml"
@@ -30,7 +30,7 @@ CURVES: list[dict[str, Any]] = [
 
 
 def curved(**curve: Any) -> Thruster:
-    return with_models(PLAIN, {"curve": curve}, "test.toml")
+    return PLAIN._replace(curve=read_curve(curve, "test.toml: curve"))
 
 
 @pytest.mark.parametrize("curve", CURVES)
@@ -175,5 +175,5 @@ def test_a_vehicle_file_sets_curve_and_dynamics(tmp_path: Path) -> None:
     assert thrusters.thrusts == pytest.approx([33.54] * 3 + [50.0 * (272 / 372) ** 2] + [33.54] * 2, abs=0.01)
     assert 2 * pi * performance(1800, 16.0).rpm / 60 < 370
     path.write_text(text.replace("# no lag", "time_constant = 0.05"))
-    with pytest.raises(ConfigError, match="front_right: give time_constant or dynamics, not both"):
+    with pytest.raises(ConfigError, match="'front_right': give time_constant or dynamics, not both"):
         load_vehicle(str(path))

@@ -8,7 +8,7 @@ import pytest
 from hil.common.errors import ConfigError
 from sim.assembly import make_thrusters
 from sim.vehicle.thrusters.model import Thruster
-from sim.vehicle.thrusters.tables import with_models
+from sim.vehicle.thrusters.tables import read_dynamics
 from sim.vehicle.vehicle import load_vehicle
 
 PAPER, _ = load_vehicle("paper_six")
@@ -21,7 +21,7 @@ PI = {"kind": "rotor_pi", "inertia": 1e-3, "kp": 0.02, "ki": 0.5, "load": 5e-6, 
 
 def run(dynamics: dict[str, Any], dt: float, pulses: list[tuple[int, float]]) -> list[float]:
     """Return the rotor's speed (rad/s) after each of these (pulse, seconds), one after the other."""
-    thruster = with_models(PLAIN, {"dynamics": dynamics}, "test.toml")
+    thruster = PLAIN._replace(dynamics=read_dynamics(dynamics, "test.toml: dynamics"))
     thrusters = make_thrusters(PAPER._replace(thrusters=(thruster,)), dt)
     speeds = []
     for pulse, seconds in pulses:
@@ -108,7 +108,7 @@ def test_long_steps_stay_stable(dynamics: dict[str, Any]) -> None:
 
 def test_reverse_limit_and_time_to_half_thrust_are_exact() -> None:
     """The full speed is at each side's limit; the time to half thrust of Yoerger's rotor is that of tanh² = 1/2."""
-    thruster = with_models(PLAIN._replace(max_reverse=40.0), {"dynamics": YOERGER}, "test.toml")
+    thruster = PLAIN._replace(max_reverse=40.0, dynamics=read_dynamics(YOERGER, "test.toml: dynamics"))
     thrusters = make_thrusters(PAPER._replace(thrusters=(thruster,)), 0.0001)
     half = log(1.0 + sqrt(2.0)) / (0.05 * FULL)
     for _ in range(round(half / 0.0001)):
@@ -117,7 +117,7 @@ def test_reverse_limit_and_time_to_half_thrust_are_exact() -> None:
 
 
 def test_the_present_speed_of_a_rotor_is_reported_without_a_current() -> None:
-    thruster = with_models(PLAIN, {"dynamics": YOERGER}, "test.toml")
+    thruster = PLAIN._replace(dynamics=read_dynamics(YOERGER, "test.toml: dynamics"))
     thrusters = make_thrusters(PAPER._replace(thrusters=(thruster,)), 0.0025)
     for pulse, sign in ((1800, 1.0), (1200, -1.0)):
         for _ in range(200):
@@ -131,8 +131,8 @@ def test_the_present_speed_of_a_rotor_is_reported_without_a_current() -> None:
 def test_wrong_dynamics_are_reported() -> None:
     wrong = {"kind": "bessa", "inertia": 1e-4, "kv1": 0, "kv2": 0, "full_speed": 1}
     with pytest.raises(ConfigError, match="dynamics: kv1 and kv2 are both 0"):
-        with_models(PLAIN, {"dynamics": wrong}, "test.toml")
+        read_dynamics(wrong, "test.toml: dynamics")
     with pytest.raises(ConfigError, match="'bess' is not one of yoerger, bessa, rotor_pi"):
-        with_models(PLAIN, {"dynamics": {"kind": "bess"}}, "test.toml")
+        read_dynamics({"kind": "bess"}, "test.toml: dynamics")
     with pytest.raises(ConfigError, match="expected a table like"):
-        with_models(PLAIN, {"dynamics": "bessa"}, "test.toml")
+        read_dynamics("bessa", "test.toml: dynamics")
