@@ -233,7 +233,7 @@ def _motion(client: Observer, slave: Process | None, steps: int) -> list[float]:
 
 def _applied_ns(meter: DelayMeter, sent: int) -> int:
     """Return when the STM32 applied the newest command (monotonic ns); without a trace its time of publish, `sent`."""
-    if not meter.samples or (published := from_wall_ns(meter.samples[-1].published_ns)) < sent:
+    if not meter.stored or (published := from_wall_ns(meter.samples(1)[-1].published_ns)) < sent:
         return sent
     return published + max(meter.totals_ns(newest=1)[0], 0)
 
@@ -264,7 +264,7 @@ def _result(
     ended = dict(_published(meter, spans))
     hops: dict[str, list[float]] = {name: [] for name in HOPS}
     delay, at_s = [], []
-    for sample, total in zip(meter.samples, meter.totals_ns(), strict=True):
+    for sample, total in zip(meter.samples(), meter.totals_ns(), strict=True):
         if not first <= sample.published_ns <= last:
             continue
         network = sample.hops[0] - meter.clock_at(sample.published_ns).offset_ns
@@ -336,7 +336,7 @@ def _published(meter: DelayMeter, spans: Sequence[tuple[int, int]]) -> Iterator[
     """Yield (time of publication, end of its put) of each command that has a trace; both are in order."""
     remaining = iter(spans)
     span = next(remaining, None)
-    for sample in meter.samples:
+    for sample in meter.samples():
         while span and span[1] < sample.published_ns:
             span = next(remaining, None)
         if span and span[0] <= sample.published_ns:

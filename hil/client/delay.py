@@ -1,5 +1,6 @@
 """Compute command delays from traces: the time of each hop, and the offset between the two machines' clocks."""
 
+from array import array
 from typing import NamedTuple
 
 from hil.common.quantiles import quantile
@@ -7,9 +8,11 @@ from hil.network.clock_offset import ClockOffset, Estimate
 
 HOPS = ("network", "wake-up", "control", "link encode", "wire and STM32")
 INSTANTS = 6, 7  # length of a trace; old recordings lack the time of computation
-HISTORY = 1 << 16  # windows stored for the clock offset; enough for a mission of 18 hours
+HISTORY = 1 << 12  # windows stored for the clock offset, a second each
+LONG_HISTORY = 1 << 16  # for 18 hours of a recording
 UNSURE = 0.75  # share of a delay; a larger uncertainty of the clock offset makes it doubtful
-MIN_COMMANDS = 1 << 15  # least number of commands stored: half an hour at 20 Hz
+MIN_COMMANDS = 1 << 13  # least number of commands stored: 7 minutes at 20 Hz
+WIDTH = 1 + len(HOPS)  # numbers stored for a command
 
 
 class Sample(NamedTuple):
@@ -50,8 +53,8 @@ class DelayMeter:
     def __init__(self, min_commands: int = MIN_COMMANDS) -> None:
         self.min_commands = min_commands
         self._left_out = 0
-        self._samples: list[Sample] = []
-        self.clock = ClockOffset(HISTORY)
+        self._rows = array("q")  # 48 bytes a command, where a list of samples has 370
+        self.clock = ClockOffset(HISTORY if min_commands <= MIN_COMMANDS else LONG_HISTORY)
         self.malformed = 0
         self.same_clock = True
 
@@ -63,14 +66,23 @@ class DelayMeter:
         _, published, received, taken, written, applied, *more = instants
         computed = more[0] if more else written
         hops = (received - published, taken - received, computed - taken, written - computed, applied - written)
-        self._samples.append(Sample(published, hops))
-        if self.min_commands and len(self._samples) >= 2 * self.min_commands:  # rarely, as it copies the list
-            self._samples = self._samples[self.min_commands :]
+        try:
+            self._rows.extend(array("q", (published, *hops)))
+        except OverflowError:  # instants of another program that cannot be times
+            self.malformed += 1
+            return
+        if self.min_commands and len(self._rows) >= 2 * WIDTH * self.min_commands:  # rarely, as it copies
+            del self._rows[: WIDTH * self.min_commands]
             self._left_out += self.min_commands
         self.clock.add(published, received, sent_ns, received_ns)
 
     def __len__(self) -> int:
-        return self._left_out + len(self._samples)
+        return self._left_out + self.stored
+
+    @property
+    def stored(self) -> int:
+        """Number of commands that are stored, the newest ones."""
+        return len(self._rows) // WIDTH
 
     def clock_at(self, time_ns: int) -> Estimate:
         """Return the slave's clock minus the master's at a wall time (ns) of the master; on one machine exactly 0.
@@ -82,26 +94,28 @@ class DelayMeter:
 
     def offset_ns(self) -> tuple[int, int]:
         """Return the slave's clock minus the master's at the newest command, and its uncertainty (ns)."""
-        if not self._samples:
+        if not self._rows:
             return 0, 0
-        offset, uncertainty, _ = self.clock_at(self._samples[-1].published_ns)
+        offset, uncertainty, _ = self.clock_at(self._rows[-WIDTH])
         return offset, uncertainty
 
-    @property
-    def samples(self) -> list[Sample]:
-        """All samples, oldest first."""
-        return self._samples
+    def samples(self, newest: int = 0) -> list[Sample]:
+        """Return the stored samples, or the `newest` only, oldest first."""
+        rows = self._rows[-WIDTH * newest :] if newest else self._rows
+        return [
+            Sample(rows[at], (rows[at + 1], rows[at + 2], rows[at + 3], rows[at + 4], rows[at + 5]))
+            for at in range(0, len(rows), WIDTH)
+        ]
 
     def totals_ns(self, newest: int = 0) -> list[int]:
         """Return the delay (ns) from publish to applied for each command, or for the `newest` only, by one clock."""
-        samples = self._samples[-newest:]
-        return [sample.total_ns - self.clock_at(sample.published_ns).offset_ns for sample in samples]
+        return [sample.total_ns - self.clock_at(sample.published_ns).offset_ns for sample in self.samples(newest)]
 
     def hop_ns(self, hop: int) -> list[int]:
         """Return the time (ns) of one hop, an index of `HOPS`, for each command."""
         if hop:
-            return [sample.hops[hop] for sample in self._samples]
-        return [sample.hops[0] - self.clock_at(sample.published_ns).offset_ns for sample in self._samples]
+            return list(self._rows[1 + hop :: WIDTH])
+        return [sample.hops[0] - self.clock_at(sample.published_ns).offset_ns for sample in self.samples()]
 
 
 def find_doubts(meter: DelayMeter) -> list[str]:
@@ -110,7 +124,7 @@ def find_doubts(meter: DelayMeter) -> list[str]:
     An offset that is not known well enough shows as negative delays, as exchanges that contradict it, or as an
     uncertainty nearly as large as the delay.
     """
-    if not meter.samples:
+    if not meter.stored:
         return ["no command was answered by the STM32"]
     doubts = []
     totals, network = meter.totals_ns(), meter.hop_ns(0)
@@ -118,7 +132,7 @@ def find_doubts(meter: DelayMeter) -> list[str]:
     if negative:
         doubts.append(f"{negative} of {len(totals)} commands arrived before they were sent: a clock is wrong")
     middle_ns = quantile(sorted(totals), 0.5)
-    return doubts + doubts_of(meter.clock, meter.same_clock, meter.samples[-1].published_ns, middle_ns)
+    return doubts + doubts_of(meter.clock, meter.same_clock, meter.samples(1)[-1].published_ns, middle_ns)
 
 
 def doubts_of(clock: ClockOffset, same_clock: bool, at_ns: int, middle_ns: float) -> list[str]:

@@ -118,8 +118,8 @@ def _add_trace(data: VehicleData, message: Message, time: float) -> None:
     if instants and len(instants) in INSTANTS:
         data.delays.add(list(instants), message.published_ns, message.logged_ns)
         data.traced.append(time)
-        if len(data.traced) > len(data.delays.samples):  # the meter has dropped the oldest
-            data.traced = data.traced[-len(data.delays.samples) :]
+        if len(data.traced) > data.delays.stored:  # the meter has dropped the oldest
+            data.traced = data.traced[-data.delays.stored :]
 
 
 def _add_tether(data: VehicleData, message: Message, _time: float) -> None:

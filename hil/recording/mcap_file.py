@@ -149,7 +149,7 @@ class _Stream:
     """Buffer of the bytes that the library writes. `commit` writes them at once, followed by an end."""
 
     def __init__(self, path: str) -> None:
-        self._descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | BINARY, 0o644)
+        self._descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | BINARY, 0o644)
         self._pending = bytearray()
         self.size = 0  # bytes on disk, without the end
         self.total = 0  # bytes on disk and in the buffer
@@ -160,6 +160,10 @@ class _Stream:
 
     def tell(self) -> int:
         return self.total
+
+    def read(self, at: int, size: int) -> bytes:
+        os.lseek(self._descriptor, at, os.SEEK_SET)  # Windows has no pread
+        return os.read(self._descriptor, size)
 
     def commit(self, end: bytes) -> None:
         """Write the buffer and `end`. If it raises OSError, the file is as before this call."""

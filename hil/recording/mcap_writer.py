@@ -4,7 +4,7 @@ This module packs the messages into chunks, which is done thousands of times a s
 record.
 """
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator
 from struct import Struct, pack
 from typing import Any, Protocol
 from zlib import crc32
@@ -17,6 +17,12 @@ SHORTEST_END = pack("<BQI", 0x0F, 4, 0) + pack("<BQQQI", 0x02, 20, 0, 0, 0) + MA
 
 _MESSAGE = Struct("<BQHIQQ")  # 5, length, channel, sequence, log time, publish time
 _MESSAGE_FIELDS = 22  # bytes of these fields that the length includes
+_RECORD = Struct("<BQ")  # opcode, length
+_CHUNK_HEAD = Struct(
+    "<QQQ4xI"
+)  # first and last log time, uncompressed size, checksum, length of the compression's name
+_CHUNK_RECORD, _INDEX_RECORD = 6, 7
+_WINDOW = 65536  # bytes of the file that are read at once to make the index
 _INDEX = Struct("<BQHI")  # 7, length, channel, bytes of the entries, which are log time and offset in the chunk
 
 
@@ -28,6 +34,12 @@ class Output(Protocol):
 
     def tell(self) -> int:
         """Return the number of bytes so far."""
+
+    def read(self, at: int, size: int) -> bytes:
+        """Return up to `size` bytes of what is in the file, from the offset `at` on. Raises OSError."""
+
+    def commit(self, end: bytes) -> None:
+        """Write what was appended to the file, followed by `end`. Raises OSError."""
 
 
 class Channel:
@@ -61,7 +73,7 @@ class McapWriter:
         self._compress = _compressor(compression)
         self._chunk = bytearray()
         self._chunk_channels: list[Channel] = []  # the channels with messages in the chunk
-        self._chunk_indexes: list[Any] = []
+        self._chunks = 0
         self._other_indexes: list[Any] = []
         self._schemas: dict[str, Any] = {}
         self.channels: dict[str, Channel] = {}
@@ -121,34 +133,20 @@ class McapWriter:
         if not self._chunk_channels:
             return
         data = bytes(self._chunk)
-        packed = self._compress(data)
         first = min([min(channel.entries[::2]) for channel in self._chunk_channels])
         last = max([max(channel.entries[::2]) for channel in self._chunk_channels])
-        at = self._output.tell()
-        length = self._write(
+        self._write(
             self._records.Chunk(
                 compression=self._compression,
-                data=packed,
+                data=self._compress(data),
                 message_start_time=first,
                 message_end_time=last,
                 uncompressed_crc=crc32(data),
                 uncompressed_size=len(data),
             )
         )
-        offsets, indexes_length = self._write_message_indexes(at + length)
-        self._chunk_indexes.append(
-            self._records.ChunkIndex(
-                message_start_time=first,
-                message_end_time=last,
-                chunk_start_offset=at,
-                chunk_length=length,
-                message_index_offsets=offsets,
-                message_index_length=indexes_length,
-                compression=self._compression,
-                compressed_size=len(packed),
-                uncompressed_size=len(data),
-            )
-        )
+        self._write_message_indexes()
+        self._chunks += 1
         self.first_ns = min(self.first_ns or first, first)
         self.last_ns = max(self.last_ns, last)
         self._chunk.clear()
@@ -156,9 +154,12 @@ class McapWriter:
     def finish(self) -> None:
         """End the last chunk, and write the index and the end."""
         self.end_chunk()
+        self._output.commit(SHORTEST_END)
+        data_end = self._output.tell()
         self._write(self._records.DataEnd(data_section_crc=0))
         start = self._output.tell()
-        groups = (self._schemas.values(), self._channel_records, [self._statistics()], self._chunk_indexes)
+        indexes = self._chunk_indexes(data_end)
+        groups = (self._schemas.values(), self._channel_records, [self._statistics()], indexes)
         summary = bytearray()
         offsets = bytearray()
         for group in (*groups, *self._others()):
@@ -174,23 +175,49 @@ class McapWriter:
         self._write(self._records.Footer(summary_start=start, summary_offset_start=offset_start, summary_crc=checksum))
         self._output.write(MAGIC)
 
-    def _write_message_indexes(self, at: int) -> tuple[dict[int, int], int]:
-        """Write the message indexes of the chunk `at` this offset of the file.
-
-        Return the offset in the file of each channel's index, and the length of all indexes in bytes.
-        """
-        offsets = {}
+    def _write_message_indexes(self) -> None:
+        """Write the index of each channel's messages in the chunk that was written."""
         indexes = bytearray()
         for channel in self._chunk_channels:
             entries = channel.entries
-            offsets[channel.number] = at + len(indexes)
             indexes += _INDEX.pack(7, 6 + 8 * len(entries), channel.number, 8 * len(entries))
             indexes += pack(f"<{len(entries)}Q", *entries)
             channel.count += len(entries) // 2
             entries.clear()
         self._output.write(bytes(indexes))
         self._chunk_channels.clear()
-        return offsets, len(indexes)
+
+    def _chunk_indexes(self, end: int) -> Iterator[Any]:
+        """Yield the index of each chunk before the offset `end` of the file, read from there.
+
+        In memory the indexes of an hour would take 20 MiB.
+        """
+        read, at, index = _windows(self._output.read), len(MAGIC), None
+        head_size = _CHUNK_HEAD.size + len(self._compression)
+        while at < end:
+            opcode, length = _RECORD.unpack(read(at, _RECORD.size))
+            body = at + _RECORD.size
+            if opcode == _CHUNK_RECORD:
+                if index:
+                    yield index
+                first, last, size, _ = _CHUNK_HEAD.unpack(read(body, _CHUNK_HEAD.size))
+                index = self._records.ChunkIndex(
+                    message_start_time=first,
+                    message_end_time=last,
+                    chunk_start_offset=at,
+                    chunk_length=_RECORD.size + length,
+                    message_index_offsets={},
+                    message_index_length=0,
+                    compression=self._compression,
+                    compressed_size=length - head_size - 8,
+                    uncompressed_size=size,
+                )
+            elif opcode == _INDEX_RECORD and index:
+                index.message_index_offsets[int.from_bytes(read(body, 2), "little")] = at
+                index.message_index_length += _RECORD.size + length
+            at = body + length
+        if index:
+            yield index
 
     def _others(self) -> Iterable[list[Any]]:
         kinds = self._records.AttachmentIndex, self._records.MetadataIndex
@@ -201,7 +228,7 @@ class McapWriter:
         attachments, metadata = self._others()
         return self._records.Statistics(
             attachment_count=len(attachments), metadata_count=len(metadata), schema_count=len(self._schemas),
-            channel_count=len(counts), channel_message_counts=counts, chunk_count=len(self._chunk_indexes),
+            channel_count=len(counts), channel_message_counts=counts, chunk_count=self._chunks,
             message_count=sum(counts.values()), message_start_time=self.first_ns, message_end_time=self.last_ns,
         )  # fmt: skip
 
@@ -215,6 +242,19 @@ class McapWriter:
         record.write(builder)
         data: bytes = builder.end()
         return data
+
+
+def _windows(read: Callable[[int, int], bytes]) -> Callable[[int, int], bytes]:
+    """Return `read` with a window of the file in memory: most calls need no system call."""
+    start, data = 0, b""
+
+    def read_in_window(at: int, size: int) -> bytes:
+        nonlocal start, data
+        if not start <= at <= at + size <= start + len(data):
+            start, data = at, read(at, _WINDOW)
+        return data[at - start : at - start + size]
+
+    return read_in_window
 
 
 def require_library() -> None:

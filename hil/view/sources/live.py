@@ -128,7 +128,7 @@ class LiveSource:
         slave has measured.
         """
         meter: DelayMeter = self._known[name].client.delays
-        samples = meter.samples[-NEWEST:]
+        samples = meter.samples(NEWEST)
         if not samples:
             return [], {}
         offset_ns = round((self.diagnostics(name).clock_offset_ms or 0.0) * 1e6)

@@ -4,6 +4,7 @@ import os
 import sys
 import threading
 import time
+import tracemalloc
 from collections import Counter
 from pathlib import Path
 
@@ -103,6 +104,32 @@ def test_the_index_leads_to_the_messages(tmp_path: Path) -> None:
         assert (
             sum(isinstance(record, McapMessage) for record in StreamReader(stream, validate_crcs=True).records) == 2999
         )
+
+
+def test_a_long_recording_takes_no_memory_for_its_index(tmp_path: Path) -> None:
+    """2,000 flushes with 30 topics: in memory their index takes 5 MB."""
+    path = tmp_path / "long.mcap"
+    written = RecordingFile(str(path), {}, {}, "none")
+    messages = [Message(f"/uuv1/topic{number}", "std_msgs/msg/Float64", 1, 1, 1, bytes(12)) for number in range(30)]
+    tracemalloc.start()
+    try:
+        for time_ns in range(1, 2001):
+            for message in messages:
+                written.write(message._replace(logged_ns=time_ns))
+            written._writer.end_chunk()
+            written._stream.commit(b"")
+        grown, _ = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    written.close()
+    assert grown < 200_000
+    with path.open("rb") as file:
+        summary = make_reader(file).get_summary()
+        assert summary
+        assert summary.statistics
+        assert (len(summary.chunk_indexes), summary.statistics.chunk_count) == (2000, 2000)
+        assert {len(index.message_index_offsets) for index in summary.chunk_indexes} == {30}
+        assert sum(1 for _ in make_reader(file).iter_messages(topics=["/uuv1/topic7"], start_time=1000)) == 1001
 
 
 def test_every_message_type_has_its_schema() -> None:

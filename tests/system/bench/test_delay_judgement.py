@@ -43,7 +43,7 @@ def test_an_uncertain_offset_gives_a_warning() -> None:
 def test_a_clock_that_was_set_during_the_run_gives_a_warning() -> None:
     delay_meter = meter(0, same_clock=False)
     late = meter(900 * MS, same_clock=False, count=70)
-    for sample in late.samples[60:]:
+    for sample in late.samples()[60:]:
         published, received = sample.published_ns, sample.published_ns + sample.hops[0]
         sent = received + 180_000
         instants = [1, published, received, received + 20_000, received + 150_000, received + 160_000]
@@ -149,7 +149,7 @@ def test_a_line_faster_than_its_bits_gives_a_warning_unless_it_is_paced() -> Non
 def test_the_wire_time_includes_bits_sent_during_the_write() -> None:
     """The write ends 50 us after the encoder began, and the pulses are there after 10 more."""
     arrived = meter(0, same_clock=True)
-    spans = [(sample.published_ns, sample.published_ns + 1000) for sample in arrived.samples]
+    spans = [(sample.published_ns, sample.published_ns + 1000) for sample in arrived.samples()]
     result = delay_run._result(arrived, spans, [], None, 0.0)
     assert (result.hops["link encode"][0], result.hops["STM32"][0]) == pytest.approx((0.05, 0.01))
     for wire, expected in ((0.005, (0.05, 0.005, 0.005)), (0.04, (0.02, 0.04, 0.0)), (0.2, (0.0, 0.06, 0.0))):

@@ -124,7 +124,7 @@ def test_the_last_command_gets_its_full_period(monkeypatch: pytest.MonkeyPatch) 
 def test_motion_before_the_pulses_is_not_counted() -> None:
     """The earlier motion continues until then. A command without a trace counts from the time it was sent."""
     received = meter(0, same_clock=True)
-    sent = from_wall_ns(received.samples[-1].published_ns)
+    sent = from_wall_ns(received.samples(1)[-1].published_ns)
     applied = delay_run._applied_ns(received, sent - 1000)
     assert applied - sent == received.totals_ns()[-1] == 660_000
     assert delay_run._applied_ns(received, sent + 1) == sent + 1

@@ -1,6 +1,7 @@
 """Delay by hop, and the offset between two clocks."""
 
 import random
+import tracemalloc
 
 import pytest
 
@@ -43,12 +44,26 @@ def test_only_the_newest_samples_are_stored() -> None:
         for one in (meter, unlimited):
             one.add(trace(number, number * MS, 200_000 + number, 0), 0, 0)
     assert len(meter) == len(unlimited) == 1005
-    assert 10 <= len(meter.samples) < 20
-    assert meter.samples == unlimited.samples[-len(meter.samples) :]
+    assert 10 <= meter.stored < 20
+    assert meter.samples() == unlimited.samples(meter.stored)
+
+
+def test_an_hour_of_commands_takes_less_than_a_mebibyte() -> None:
+    meter = DelayMeter()
+    tracemalloc.start()
+    try:
+        for number in range(72_000):
+            meter.add(trace(number, number * 50 * MS, 200_000 + number, 0), number * 50 * MS, number * 50 * MS + MS)
+        grown, _ = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert grown < 1 << 20
+    assert len(meter) == 72_000
 
 
 def test_malformed_traces_are_counted() -> None:
     meter = DelayMeter()
     meter.add([1, 2, 3], 0, 0)
-    assert meter.malformed == 1
+    meter.add([0, -(1 << 63), (1 << 63) - 1, 0, 0, 0, 0], 0, 0)
+    assert meter.malformed == 2
     assert len(meter) == 0
