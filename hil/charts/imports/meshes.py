@@ -51,7 +51,12 @@ def measure(meshes: Sequence[MeshKey], notes: list[str]) -> dict[MeshKey, Solid]
         return {}
     solids = {}
     for key, result in zip(meshes, read_meshes([MeshJob(file, scale) for file, scale in meshes]), strict=True):
-        if "error" in result:
+        if key[0].startswith(("package://", "model://")):
+            notes.append(
+                f"The mesh {clean(key[0])} is not near the file: name its folder by ROS_PACKAGE_PATH or "
+                "GZ_SIM_RESOURCE_PATH."
+            )
+        elif "error" in result:
             notes.append(f"The mesh {clean(key[0])} cannot be measured: {clean(result['error'])}.")
         else:
             centre, low, high = (tuple(result[corner]) for corner in ("centre", "low", "high"))

@@ -16,7 +16,7 @@ Keys = dict[str, Any]
 _DENSITY = 1025.0  # kg/m³: of the sea, for the volume of a link that is neutrally buoyant by itself
 _NEARLY_ALL = 0.98  # share of the mass from which a vehicle with neutrally buoyant links is so as a whole
 _DUST = 1e-7  # share of the largest entry below which others are rounding errors: angles often have seven digits
-_MATRICES = ("added_mass", "linear_damping", "quadratic_damping", "forward_speed_damping")
+MATRICES = ("added_mass", "linear_damping", "quadratic_damping", "forward_speed_damping")
 
 
 class Tree(NamedTuple):
@@ -27,7 +27,7 @@ class Tree(NamedTuple):
     parents: Mapping[str, tuple[str, bool]]
 
     def hull(self, usual: str) -> str:
-        """Return, of the heaviest body of links that are fixed together, the link with water that carries most of it.
+        """Return, of the heaviest body of links that are fixed together, the heaviest link with water.
 
         Without water in that body it is `usual`, if that has a mass, or the heaviest link.
         """
@@ -37,24 +37,22 @@ class Tree(NamedTuple):
         }
 
         def rank(link: str) -> tuple[Any, ...]:
-            is_wet, mass = link in self.wet, self.masses[link]
-            carried = self.carried_mass(link) if is_wet else 0.0
-            return sizes[bodies[link]], is_wet, carried, link == usual and mass > 0.0, mass, link == usual, link
+            is_wet, mass, is_usual = link in self.wet, self.masses[link], link == usual
+            return sizes[bodies[link]], is_wet, is_usual and mass > 0.0 and not is_wet, mass, is_usual, link
 
         return max(self.masses, key=rank)
 
-    def carried_mass(self, link: str, is_hull: bool = False) -> float:
-        """Return the mass (kg) of a link with water and of those without that are fixed to it; below it, if no hull."""
-        carriers = {
-            other: next((each for each in self._above(other) if each in self.wet), link)
-            for other in self.masses
-            if (is_hull and self.is_fixed_to(other, link)) or link in self._above(other)
-        }
-        return sum(self.masses[other] for other, carrier in carriers.items() if carrier == link)
+    def carried_mass(self, link: str, hull: str) -> float:
+        """Return the mass (kg) of a link with water and of those without that are fixed below it, or to the hull."""
+        return sum(mass for other, mass in self.masses.items() if self._carrier(other, hull) == link)
 
     def is_fixed_to(self, link: str, other: str) -> bool:
         """True if no joint between two links moves."""
         return self._above(link)[-1] == self._above(other)[-1]
+
+    def _carrier(self, link: str, hull: str) -> str:
+        wet = [each for each in self._above(link) if each in self.wet]
+        return wet[0] if wet else hull if self.is_fixed_to(link, hull) else ""
 
     def _above(self, link: str) -> list[str]:
         """Return a link and those above it, up to the first joint that moves."""
@@ -75,7 +73,7 @@ def add_up(waters: Mapping[str, Keys], poses: Mapping[str, Pose], tree: Tree, hu
     if moving:
         notes.append(f"On joints that move, taken at zero: the water on {', '.join(map(plain, moving))}.")
     keys = _volume(waters, poses, tree, hull, notes)
-    for key in _MATRICES:
+    for key in MATRICES:
         parts = [(link, waters[link][key]) for link in links if key in waters[link]]
         if key == "forward_speed_damping":
             turned = [link for link, _ in parts if abs(poses[link].rotation[0][0]) < 1.0 - _DUST]
@@ -109,7 +107,7 @@ def moved(matrix: Matrix, pose: Pose, of_squares: bool = False) -> Matrix:
 
 def _volume(waters: Mapping[str, Keys], poses: Mapping[str, Pose], tree: Tree, hull: str, notes: list[str]) -> Keys:
     """Return the volume of all links, its centre, and whether the vehicle is neutrally buoyant."""
-    weights = {link: tree.carried_mass(link, link == hull) for link, keys in waters.items() if keys.get("neutral")}
+    weights = {link: tree.carried_mass(link, hull) for link, keys in waters.items() if keys.get("neutral")}
     neutral = sum(weights.values()) >= _NEARLY_ALL * sum(tree.masses.values()) and bool(weights)
     volumes = {link: keys["volume"] for link, keys in sorted(waters.items()) if "volume" in keys}
     if weights and not neutral:

@@ -228,7 +228,8 @@ def _mass(robot: Element, poses: dict[str, Pose], path: str, notes: list[str]) -
             where = f"{path}: link {link.get('name', '')!r}: <inertial>"
             at = poses[link.get("name", "")].then(origin_of(inertial, where))
             mass = number_of(attribute(inertial, "mass", "value"), f"{where}: <mass value>")
-            masses.append((mass, at.position, _rotate_inertia(_inertia(inertial, f"{where}: <inertia>"), at.rotation)))
+            moments = product(product(at.rotation, _inertia(inertial, f"{where}: <inertia>")), transpose(at.rotation))
+            masses.append((mass, at.position, moments))
     masses.sort()  # so that the order of the links changes no rounding
     mass = sum(part[0] for part in masses)
     if mass <= 0.0:
@@ -275,10 +276,6 @@ def _inertia(inertial: Element, path: str) -> Matrix:
         number_of(attribute(inertial, "inertia", f"i{key}", "0"), path) for key in ("xx", "yy", "zz", "xy", "xz", "yz")
     )
     return [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
-
-
-def _rotate_inertia(inertia: Matrix, rotation: Matrix) -> Matrix:
-    return product(product(rotation, inertia), transpose(rotation))
 
 
 def _meshes(robot: Element, poses: dict[str, Pose], path: str) -> Iterator[Mesh]:

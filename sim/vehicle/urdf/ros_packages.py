@@ -4,6 +4,7 @@ import os
 import re
 from collections import deque
 from collections.abc import Iterator
+from functools import cache
 from urllib.parse import unquote
 
 # Folders of models, by Gazebo's variables.
@@ -16,8 +17,8 @@ _MAX_FOLDERS = 20_000  # that are searched below those, the nearest first: more 
 
 
 def find_package(name: str, path: str) -> str | None:
-    """Return the first folder that `find_packages` yields, or None."""
-    return next(find_packages(name, path), None)
+    """Return the first folder of `find_packages` that has a package.xml, or else the first one; None without any."""
+    return min(find_packages(name, path), key=lambda folder: not _is_package(folder), default=None)
 
 
 def find_packages(name: str, path: str) -> Iterator[str]:
@@ -28,7 +29,7 @@ def find_packages(name: str, path: str) -> Iterator[str]:
     AMENT_PREFIX_PATH, and all folders below those of ROS_PACKAGE_PATH. Then it continues in the parents of the file and
     all folders below them. A folder is the package if its package.xml, or without one its name, says so.
     """
-    yield from (folder for folder in _parents(path) if _package_name(folder) == name)
+    yield from (folder for folder in _parents(path) if _is_package(folder) and _package_name(folder) == name)
     for top in resource_folders():
         if os.path.isdir(os.path.join(top, name)):
             yield os.path.join(top, name)
@@ -37,11 +38,18 @@ def find_packages(name: str, path: str) -> Iterator[str]:
         folder = os.path.join(prefix, "share", name)
         if os.path.isdir(folder):
             yield folder
-    seen: set[str] = set()
-    for top in (*_variable("ROS_PACKAGE_PATH"), *_parents(path)):
-        for folder in _below(top, seen):
-            if _package_name(folder) == name:
-                yield folder
+    yield from _packages_below((*_variable("ROS_PACKAGE_PATH"), *_parents(path))).get(name, ())
+
+
+@cache
+def _packages_below(tops: tuple[str, ...]) -> dict[str, list[str]]:
+    """Return the folders below `tops` by their names as packages; searched once in a process."""
+    found: dict[str, list[str]] = {}
+    visited: set[str] = set()
+    for top in tops:
+        for folder in _below(top, visited):
+            found.setdefault(_package_name(folder), []).append(folder)
+    return found
 
 
 def find_file(uri: str, path: str) -> str | None:
@@ -72,7 +80,7 @@ def _ancestors(path: str) -> Iterator[str]:
 
 def _parents(path: str) -> list[str]:
     folders = list(_ancestors(path))
-    own = next((i for i, folder in enumerate(folders) if os.path.isfile(os.path.join(folder, "package.xml"))), 0)
+    own = next((i for i, folder in enumerate(folders) if _is_package(folder)), 0)
     return folders[: max(_LEVELS_UP, own + 1 + _ABOVE_PACKAGE)]
 
 
@@ -92,6 +100,10 @@ def _below(top: str, visited: set[str]) -> Iterator[str]:
         except OSError:  # no permission, or removed in the meantime
             continue
         waiting.extend(inner)
+
+
+def _is_package(folder: str) -> bool:
+    return os.path.isfile(os.path.join(folder, "package.xml"))
 
 
 def _package_name(folder: str) -> str:

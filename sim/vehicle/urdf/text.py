@@ -3,8 +3,7 @@
 import os
 import re
 from collections.abc import Iterable
-from contextlib import suppress
-from math import isfinite, nan
+from math import isnan, nan
 from typing import Any
 from xml.etree import ElementTree
 from xml.parsers import expat
@@ -16,6 +15,7 @@ from sim.vehicle.urdf.ros_packages import find_file
 
 Element = ElementTree.Element
 _FRD = (1.0, -1.0, -1.0)
+_LARGEST = 1e60
 MAX_DEPTH = 64  # of nested elements: those of robots have some ten
 
 
@@ -80,14 +80,9 @@ def check_xml(data: bytes) -> None:
 
 
 def root_of(data: bytes) -> str:
-    """Return the name of the root element of a text, "" if it is no XML or declares an entity."""
-    names: list[str] = []
-    guard = expat.ParserCreate()
-    guard.EntityDeclHandler = _refuse_entity
-    guard.StartElementHandler = lambda name, _: names.append(name) if not names else None
-    with suppress(expat.ExpatError, ConfigError):
-        guard.Parse(data, True)
-    return names[0] if names else ""
+    """Return the name of the root element of a text, "" if it has none."""
+    match = re.search(rb"<([A-Za-z_][\w:.-]*)", re.sub(rb"<!--.*?-->", b"", data, flags=re.DOTALL))
+    return match[1].decode() if match else ""
 
 
 def _refuse_entity(name: str, *_: Any) -> None:
@@ -128,14 +123,17 @@ def numbers_of(text: str, path: str, *counts: int) -> list[float]:
 
 
 def number_of(text: str, path: str) -> float:
-    """Return `text` as a finite number. Raises ConfigError."""
+    """Return `text` as a number between 1e-60 and 1e60 of either sign, or 0, so that no power of it fails.
+
+    Smaller and larger numbers, as for joints without limits, become 0 or the bound. Raises ConfigError.
+    """
     try:
         number = float(text)
     except ValueError:
         number = nan
-    if not isfinite(number):
+    if isnan(number):
         raise ConfigError(f"{path}: expected a number, found {text.strip()[:60]!r}")
-    return number
+    return max(-_LARGEST, min(_LARGEST, number)) if abs(number) > 1.0 / _LARGEST else 0.0
 
 
 def plain(name: str) -> str:

@@ -8,12 +8,11 @@ from typing import Any
 
 from hil.common.errors import ConfigError
 from sim.matrices import Matrix, square, total
+from sim.vehicle.urdf.hull import MATRICES
 from sim.vehicle.urdf.pose import Pose
 from sim.vehicle.urdf.text import Element, child_text, number_of, numbers_of, plain, to_frd
 
 Box = Callable[[], list[float] | None]  # returns the sides (m) of the box around a link, None if it has no shape
-BoxOf = Callable[[str], list[float] | None]
-_SUMS = {"added_mass", "linear_damping", "quadratic_damping", "forward_speed_damping"}
 _ROWS, _COLUMNS, _ADDED = "xyzkmn", "UVWPQR", "xyzpqr"
 _SQUARE = re.compile(f"([{_ROWS}])([{_COLUMNS}])(abs)?([{_COLUMNS}])")  # a quadratic term's tag
 _DENSITY = "1028"  # kg/m³: default of uuv_simulator
@@ -24,6 +23,7 @@ _END_DRAG = ((1.0, 0.91), (2.0, 0.85), (4.0, 0.87), (7.0, 0.99))
 _SIDE_DRAG = ((1.0, 0.63), (2.0, 0.68), (5.0, 0.74), (10.0, 0.82))
 _SIDE_DRAG_LONG = 0.98
 _SPHERE_DRAG = 0.5
+_MAX_SIZE = 100.0  # m, of a shape
 
 
 def water_elements(robot: Element) -> Iterator[tuple[str, int, Element]]:
@@ -42,7 +42,9 @@ def water_elements(robot: Element) -> Iterator[tuple[str, int, Element]]:
             yield from ((link.get("name", ""), 0, link) for link in element.findall("link"))
 
 
-def read_water(robot: Element, hull: str, box_of: BoxOf, path: str, notes: list[str]) -> dict[str, dict[str, Any]]:
+def read_water(
+    robot: Element, hull: str, box_of: Callable[[str], list[float] | None], path: str, notes: list[str]
+) -> dict[str, dict[str, Any]]:
     """Return the keys of each link that the tags give, in its axes (FLU) about its origin, and `neutral`.
 
     Tags without a link, or of one that is not there, are the hull's. What several tags of one simulator give for a link
@@ -56,7 +58,7 @@ def read_water(robot: Element, hull: str, box_of: BoxOf, path: str, notes: list[
             notes.append(f"The water of {plain(name)[:80]!r}, which is not there, is that of {plain(hull)!r}.")
         link = name if name in links else hull
         keys, earlier = _READERS[kind](element, partial(box_of, link), path, notes), found.get((link, kind), {})
-        for key in keys.keys() & earlier.keys() & _SUMS:
+        for key in keys.keys() & earlier.keys() & set(MATRICES):
             keys[key] = total(earlier[key], keys[key])
         found[link, kind] = earlier | keys
     waters: dict[str, dict[str, Any]] = {}
@@ -220,8 +222,8 @@ def _size(model: Element, key: str, kind: str, box: Box, path: str) -> float:
     else:  # of a spheroid, radius and length are both half of what they are called
         half = key == "radius" or kind != "cylinder"
         size = (min(sides) if key == "radius" else max(sides)) * (0.5 if half else 1.0)
-    if size <= 0.0:
-        raise ConfigError(f"{path}: hydrodynamic_model: <{key}> must be above 0, found {size:g}")
+    if not 0.0 < size <= _MAX_SIZE:
+        raise ConfigError(f"{path}: hydrodynamic_model: <{key}> must be above 0, at most {_MAX_SIZE:g}, found {size:g}")
     return size
 
 

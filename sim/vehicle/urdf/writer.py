@@ -73,7 +73,7 @@ def _mesh(mesh: Mesh) -> Element:
 def _add_thruster(robot: Element, thruster: Thruster, base: str, prefix: str) -> None:
     """Add a thruster's link, which turns about its own x axis, the direction of its thrust."""
     axis = to_flu(thruster.unit_direction)
-    link = _add_massless_link(robot, f"{prefix}{thruster.name}_link")
+    link = _inside(robot, "link", name=f"{prefix}{thruster.name}_link")  # the hull has the whole mass
     length, radius = PROPELLER[0], 0.5 * thruster.diameter if thruster.diameter else PROPELLER[1]
     visual = _shape(link, "visual", "cylinder", THRUSTER, radius=_word(radius), length=_word(length))
     _inside(visual, "origin", xyz="0 0 0", rpy=_words((0.0, acos(0.0), 0.0)))  # a cylinder's axis is z
@@ -93,7 +93,7 @@ def _add_thruster(robot: Element, thruster: Thruster, base: str, prefix: str) ->
 
 def _add_fin(robot: Element, fin: Fin, base: str, prefix: str) -> None:
     """Add a fin's link, a plate of its area, and its joint, which turns as a positive deflection does."""
-    link = _add_massless_link(robot, f"{prefix}{fin.name}_link")
+    link = _inside(robot, "link", name=f"{prefix}{fin.name}_link")
     chord, normal = (to_flu(vector) for vector in fin.frame)
     axis = [component / hypot(*fin.axis) for component in to_flu(fin.axis)]
     chord_m = max(fin.area, MIN_AREA) ** 0.5 if not fin.aspect_ratio else (fin.area / fin.aspect_ratio) ** 0.5
@@ -142,11 +142,6 @@ def _add_water(robot: Element, vehicle: Vehicle, base: str) -> None:
     for key, sign in (("added_mass", 1.0), ("linear_damping", -1.0), ("quadratic_damping", -1.0)):
         turned = square(to_flu_matrix(square(getattr(vehicle, key), 6)), 6)
         _inside(model, key).text = _words([sign * x for row in turned for x in row])
-
-
-def _add_massless_link(robot: Element, name: str) -> Element:
-    """Add a link without mass: the hull's link has the whole mass."""
-    return _inside(robot, "link", name=name)
 
 
 def _joint(robot: Element, name: str, kind: str, parent: str, child: str) -> Element:

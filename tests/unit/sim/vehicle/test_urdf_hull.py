@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from sim.matrices import square
 from sim.sdf.as_urdf import as_urdf
-from sim.vehicle.urdf.hull import moved
+from sim.vehicle.urdf.hull import Tree, moved
 from sim.vehicle.urdf.importer import Imported, read_robot
 from sim.vehicle.urdf.pose import pose_at
 from sim.vehicle.urdf.text import read_xml
@@ -114,6 +114,15 @@ def test_links_in_the_water_add_up_in_any_order() -> None:
     fixed = imported(HULL, ARM.replace("revolute", "fixed"), THRUSTER, UUV, ARM_WATER)
     assert fixed.vehicle == vehicle
     assert not any("joints" in note for note in fixed.notes)
+
+
+def test_the_hull_is_a_link_of_the_heaviest_body() -> None:
+    """A propeller that turns is never the hull; in the heaviest body it is the link in the water."""
+    masses = {"root": 0.0, "shell": 20.0, "battery": 30.0, "propeller": 2.0}
+    parents = {"shell": ("root", True), "battery": ("shell", True), "propeller": ("root", False)}
+    for wet, hull in (("shell", "shell"), ("battery", "battery"), ("propeller", "battery")):
+        assert Tree(masses, frozenset({wet, "propeller"}), parents).hull("root") == hull
+    assert Tree(masses | {"root": 1.0}, frozenset(), parents).hull("root") == "root"
 
 
 def test_an_inertia_of_no_body_is_lowered() -> None:

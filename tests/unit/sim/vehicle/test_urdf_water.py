@@ -71,7 +71,8 @@ def test_a_box_has_drag_and_no_added_mass() -> None:
     ("model", "message"),
     [
         ("<type>torus</type>", "no type 'torus'; there are: fossen, sphere, cylinder"),
-        ("<type>sphere</type><radius>-1</radius>", "<radius> must be above 0, found -1"),
+        ("<type>sphere</type><radius>-1</radius>", "<radius> must be above 0, at most 100, found -1"),
+        ("<type>sphere</type><radius>1e300</radius>", "at most 100, found 1e+60"),
         ("<type>cylinder</type><radius>1</radius><length>1</length><axis>x</axis>", "'x' is none of i, j, k"),
     ],
 )
