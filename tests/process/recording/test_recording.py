@@ -118,18 +118,20 @@ def test_a_long_recording_takes_no_memory_for_its_index(tmp_path: Path) -> None:
                 written.write(message._replace(logged_ns=time_ns))
             written._writer.end_chunk()
             written._stream.commit(b"")
-        grown, _ = tracemalloc.get_traced_memory()
+            if time_ns == 100:
+                before, _ = tracemalloc.get_traced_memory()
+        grown = tracemalloc.get_traced_memory()[0] - before
     finally:
         tracemalloc.stop()
     written.close()
-    assert grown < 200_000
+    assert grown < 50_000
     with path.open("rb") as file:
         summary = make_reader(file).get_summary()
         assert summary
         assert summary.statistics
         assert (len(summary.chunk_indexes), summary.statistics.chunk_count) == (2000, 2000)
         assert {len(index.message_index_offsets) for index in summary.chunk_indexes} == {30}
-        assert sum(1 for _ in make_reader(file).iter_messages(topics=["/uuv1/topic7"], start_time=1000)) == 1001
+    assert sum(message.topic == "/uuv1/topic7" for message in read_messages(str(path))) == 2000
 
 
 def test_every_message_type_has_its_schema() -> None:
