@@ -105,7 +105,7 @@ def open_netcdf(path: str) -> Iterator[dict[str, Variable]]:
                 yield found
     except ImportError:
         raise MissingExtraError(f"{path}: NetCDF needs scipy and h5py: pip install 'uuv-hil[chart,raster]'") from None
-    except (OSError, ValueError, TypeError, KeyError, AssertionError) as error:
+    except (OSError, ValueError, TypeError, LookupError, RuntimeError, AssertionError) as error:
         raise ConfigError(f"{path}: cannot be read as NetCDF: {error}") from None
 
 

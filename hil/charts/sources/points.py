@@ -142,6 +142,8 @@ def _read_text(path: str, declared: Declared) -> _Table:
         east, north = rows[0, :2]
         note = f"{path}: names no columns: read as {order}, from {north:g} N {east:g} E"
     name = names[third] if has_names else ""
+    others = [text for text in names if is_depth_name(text) and text != name and not declared.layer]
+    note = join_notes(note, f"{path}: {name} is used (--layer for {', '.join(others)})" if others else "")
     return _Table(rows, geographic, crs, name, unit_in_name(name), note)
 
 

@@ -145,6 +145,8 @@ def open_raster(
                 options = FINEST if float(source.tags().get("MIN_RESOLUTION_X", 0.0)) > 0.0 else {}
             with rasterio.open(file, driver=driver, **options) as source:
                 band = number or _band(path, source, declared)
+                if source.count > 1 and not (number or layer or is_depth_name(source.descriptions[band - 1] or "")):
+                    note = f"{path}: the first of its {source.count} bands is used, none has a name of depths (--layer)"
                 found = _describe_raster(path, file, source, band, declared)
                 return found._replace(options=options, memory=memory, note=join_notes(note, found.note))
     except (RasterioError, CPLE_BaseError, OSError) as error:

@@ -50,6 +50,8 @@ def test_the_band_named_as_a_height_is_taken(names: tuple[str, str], tmp_path: P
 def test_the_first_of_three_unnamed_bands_is_taken(tmp_path: Path) -> None:
     path = write(tmp_path / "three.tif", -DEPTHS, np.full((30, 40), 0.5), np.ones((30, 40)))
     assert depth_of(open_raster(path)) == MIDDLE
+    assert "the first of its 3 bands is used" in open_raster(path).note
+    assert open_raster(path, "up", layer="2").band == 2
 
 
 @pytest.mark.parametrize(("name", "unit", "length"), [

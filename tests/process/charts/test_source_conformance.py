@@ -250,6 +250,7 @@ def test_values_of_8_bits_are_asked_about(tmp_path: Path) -> None:
     ("lon,lat,depth_usft\n10,54,10\n", {}, (54.0, 10.0, 12000.0 / 3937.0)),
     ("lon,lat,depth\n10,54,10\n", {"unit": "fathom"}, (54.0, 10.0, 18.288)),
     ("lon,lat,depth,raw\n10,54,10,11\n", {"layer": "raw"}, (54.0, 10.0, 11.0)),
+    ("lon,lat,depth,raw_depth\n10,54,10,11\n", {}, (54.0, 10.0, 10.0)),
     ("lon,lat,depth\n10,54,10\n", {"layer": "raw"}, "has the columns lon, lat, depth"),
     ("east,north,depth\n6400000,1800000,10\n", {"crs": "EPSG:2229"}, "nothing states the unit of its depths"),
 ])  # fmt: skip
@@ -263,6 +264,7 @@ def test_columns_degrees_and_feet_of_texts(
             read_points(str(path), **options)  # type: ignore[arg-type] # any option
         return
     points = read_points(str(path), **options)  # type: ignore[arg-type] # any option
+    assert ("--layer for raw_depth" in points.note) == ("raw_depth" in text)
     assert (*points.positions[0], points.depths[0]) == pytest.approx(found, abs=1e-6)
 
 
