@@ -15,7 +15,6 @@ from typing import Any
 
 from hil.bench.limits import Confinement, Limits
 from hil.bench.processes import family
-from hil.bench.scenario_file import write_changed
 from hil.client.client import VehicleClient
 from hil.common.children import module_command, package_environment, start_child
 from hil.common.clock import NS_PER_S, now_ns
@@ -24,6 +23,7 @@ from hil.common.ports import free_ports
 from hil.common.scratch import ScratchFolder
 from hil.ros.diagnostics import Diagnostics
 from hil.scenario.config import Scenario, load_scenario, load_single
+from hil.scenario.variant import write_variant
 
 GRACE_S = 10.0  # limit until a process ends
 READY_S = 60.0  # limit until a slave starts: on a small emulated board
@@ -173,13 +173,12 @@ class Bench:
         self.endpoint = f"tcp/127.0.0.1:{free_ports(1)[0]}"
         self._scratch = ScratchFolder("bench")
         self.folder = self._scratch.path
-        self.path = self.file("scenario.toml")
         own_changes: dict[str, Any] = {"slave.listen": self.endpoint}
         if limits.cpu_share:
             own_changes["slave.realtime"] = False
         try:
             load_single(scenario, remedy=ONE_VEHICLE)
-            write_changed(scenario, own_changes | (changes or {}), self.path)
+            self.path = write_variant(scenario, self.folder, own_changes | (changes or {}))
             self.scenario: Scenario = load_scenario(self.path)
         except BaseException:
             self._scratch.close()

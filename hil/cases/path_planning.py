@@ -9,11 +9,11 @@ from typing import Any
 from hil.autonomy.paths.occupancy import Point
 from hil.cases.record import Run
 from hil.cases.single import SingleCase, random_start, shortest
-from hil.cases.variant import Table
 from hil.common.errors import ConfigError
 from hil.master.flight import Plan, prepare
 from hil.master.planner import Planner
 from hil.scenario.config import Scenario, load_scenario
+from hil.scenario.variant import Table
 from sim.environment.world import World
 
 PILES = 5  # not on the map

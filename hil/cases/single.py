@@ -17,7 +17,6 @@ from hil.cases.energy import EnergyMeter
 from hil.cases.record import Mode, Result, Run, read_track
 from hil.cases.simulated import SimulatedVehicle, fly, progress_watch
 from hil.cases.slaves import Slaves
-from hil.cases.variant import Table, write_variant
 from hil.cases.viewer import Viewer
 from hil.client.client import VehicleClient
 from hil.client.delay import quantiles
@@ -29,6 +28,7 @@ from hil.master.planner import Planner, topics_of
 from hil.master.progress import Progress
 from hil.master.recorder import TrackWriter
 from hil.scenario.config import Scenario, load_scenario
+from hil.scenario.variant import Table, write_variant
 from hil.scenario.world_map import map_at
 from sim.environment.world import World
 from sim.sensors.samples import OdometrySample

@@ -14,12 +14,12 @@ from hil.cases.hunt.simulated import SimulatedHunt
 from hil.cases.hunt.watch import HuntOutcome, HuntWatch
 from hil.cases.record import Mode, Result, Run, Track
 from hil.cases.single import radius_of
-from hil.cases.variant import Table, write_variant
 from hil.cases.viewer import Viewer
 from hil.client.delay import quantiles
 from hil.common.ports import free_ports
 from hil.master.hunt import HuntPlanner
 from hil.scenario.config import Scenario, load_scenario
+from hil.scenario.variant import Table, write_variant
 from sim.vehicle.vehicle import load_vehicle
 
 

@@ -9,11 +9,11 @@ from hil.autonomy.paths.occupancy import Point
 from hil.autonomy.tasks.scheduler import Mission
 from hil.cases.record import Run
 from hil.cases.single import SingleCase, random_start, shortest
-from hil.cases.variant import Table
 from hil.master.flight import Plan
 from hil.master.planner import Planner
 from hil.master.tasks import Tasks
 from hil.scenario.config import Scenario
+from hil.scenario.variant import Table
 
 
 class TaskScheduling(SingleCase):

@@ -11,58 +11,13 @@ from hil.bench import limits
 from hil.bench.harness import Bench, Process, await_vehicle
 from hil.bench.limits import Confinement, Limits, parse_cpus, parse_memory
 from hil.bench.machine import describe
-from hil.bench.scenario_file import write_changed
 from hil.commands.bench.options import CPU_SHARE
 from hil.common.errors import ConfigError, NetworkError
 from hil.common.ports import free_ports
 from hil.common.scratch import lock_unused
-from hil.common.tables import read_table
-from hil.scenario.config import load_scenario
 from tests.support.boards import recorded
 
 FIRST_CPU = min(os.sched_getaffinity(0))
-
-
-def test_a_changed_scenario_differs_only_in_the_changes(tmp_path: Path) -> None:
-    path = str(tmp_path / "changed.toml")
-    write_changed("paper_field", {"slave.step": 0.005, "link.options": {}, "description": 'a "b"\n\\'}, path)
-    before, after = load_scenario("paper_field"), load_scenario(path)
-    assert after.slave.step == 0.005
-    assert after.description == 'a "b"\n\\'
-    slave = before.slave._replace(step=0.005)
-    assert after == before._replace(slave=slave, description=after.description, path=path)
-
-
-def test_every_kind_of_value_is_written_and_read_back(tmp_path: Path) -> None:
-    (tmp_path / "world.toml").write_text(Path("sim/worlds/pool.toml").read_text())
-    source = tmp_path / "mine.toml"
-    source.write_text(
-        'vehicle = "paper_six"\nworld = "world.toml"\n[start]\nnorth = 4\neast = 4\n[master]\ngoal = [8, 7]\n'
-        '[[failure]]\nthruster = "T1"\ntime = 1.5\nkind = "off"\n[sensors.imu]\nrate = "200 Hz"\nacceleration = {}\n'
-        '[link.faults]\ndrop = 0.25\n'
-    )  # fmt: skip
-    names = read_table("sim/vehicles/paper_six.toml")["thrusters"]
-    source.write_text(source.read_text().replace("T1", names[0]["name"]))
-    folder = tmp_path / "elsewhere"
-    path = str(folder / "changed.toml")
-    before = load_scenario(str(source))
-    write_changed(str(source), {"link.faults.drop": None, "master.time_limit": 9.0}, path)
-    after = load_scenario(path)
-    assert after.failure == before.failure
-    assert after.sensors == before.sensors
-    assert after.link.faults is not None
-    assert after.link.faults.drop == 0.0
-    assert os.path.samefile(after.world, before.world)
-
-
-@pytest.mark.parametrize(
-    ("changes", "message"),
-    [({"link.baud": 3}, "baud"), ({"vehicle.name": "x"}, "is a value"), ({"slave.setp": 1}, "did you mean 'step'")],
-)
-def test_an_invalid_change_is_refused_by_its_key(tmp_path: Path, changes: dict[str, object], message: str) -> None:
-    with pytest.raises(ConfigError, match=message) as error:
-        write_changed("paper_field", changes, str(tmp_path / "changed.toml"))
-    assert str(tmp_path) not in str(error.value), "a file that nobody knows"
 
 
 def test_resource_limits_are_parsed() -> None:

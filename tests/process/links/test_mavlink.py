@@ -14,7 +14,6 @@ from hil.common.errors import ConfigError, MissingExtraError
 from hil.links.contract import MAX_THRUSTERS, ThrusterCommand, ThrusterTelemetry
 from hil.links.mavlink.link import open_mavlink
 from hil.links.mavlink.settings import EscReading
-from hil.links.protocols import open_protocol
 from tests.support.links.mavlink_peer import MS, Board, Clock, Peer, device_end, host_end
 
 COMMANDS = ("servo_output_raw", "hil_actuator_controls", "rc_channels_override")
@@ -319,12 +318,6 @@ def test_ids_can_be_chosen() -> None:
     assert {(m.get_srcSystem(), m.get_srcComponent()) for m in decoder.parse(output)} == {(7, 140)}
     assert reports(host.feed(output))[-1].pwm_us == PULSES
     assert Board().take(packets) == b"", "another system's"
-
-
-def test_the_protocol_table_opens_mavlink() -> None:
-    end = open_protocol("mavlink", "device", 6, component=140)
-    assert isinstance(end, type(device_end()))
-    assert end.component == 140
 
 
 def test_without_pymavlink_the_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:

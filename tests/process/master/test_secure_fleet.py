@@ -5,7 +5,6 @@ from pathlib import Path
 
 import pytest
 
-from hil.cases.variant import write_variant
 from hil.common.errors import ConfigError
 from hil.master.agent import run
 from hil.network.opening import listen
@@ -15,6 +14,7 @@ from hil.network.security import Security
 from hil.network.session import Session
 from hil.ros.topics import TOPICS
 from hil.scenario.config import load_scenario
+from hil.scenario.variant import write_variant
 from tests.support.network.fleet_keys import PLANNERS, keys
 from tests.support.processes import free_port, wait_for
 

@@ -9,8 +9,8 @@ from hil.cases.hunt import processes
 from hil.cases.hunt import watch as hunt_watch
 from hil.cases.hunt.watch import HuntWatch
 from hil.cases.target_hunting import members_on_free_ports
-from hil.cases.variant import write_variant
 from hil.scenario.config import load_scenario
+from hil.scenario.variant import write_variant
 
 SCENARIO = "target_hunting_acoustic"
 STARTS = ((6.2, 7.1), (3.0, 6.4), (3.0, 3.6), (6.2, 2.9))  # half round the target already, 2.4 m from it

@@ -14,9 +14,9 @@ from hil.cases.hunt import watch as hunt_watch
 from hil.cases.hunt.watch import HuntRow, HuntWatch
 from hil.cases.process_group import ProcessGroup
 from hil.cases.target_hunting import members_on_free_ports
-from hil.cases.variant import write_variant
 from hil.common.errors import NetworkError
 from hil.scenario.config import Scenario, load_scenario
+from hil.scenario.variant import write_variant
 from tests.support.processes import Program, command_line, wait_for
 
 STARTS = ((6.2, 7.1), (3.0, 6.4), (3.0, 3.6), (6.2, 2.9))  # half round the target already, 2.4 m from it

@@ -7,8 +7,8 @@ from pathlib import Path
 from hil.cases.case import find_case
 from hil.cases.flights import fly_all, fly_one
 from hil.cases.path_planning import PathPlanning
-from hil.cases.variant import write_variant
 from hil.scenario.config import load_scenario
+from hil.scenario.variant import write_variant
 from sim.environment.world import load_world
 from tests.process.cases.test_cases import RADIUS, check
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from hil.cases import fidelity
 from hil.cases.path_planning import PathPlanning
 from hil.cases.report import write_report
-from hil.cases.variant import write_variant
+from hil.scenario.variant import write_variant
 
 
 def test_sil_and_hil_flights_agree_and_are_reported(tmp_path: Path) -> None:

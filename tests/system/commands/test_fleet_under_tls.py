@@ -5,9 +5,9 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from hil.cases.target_hunting import members_on_free_ports
-from hil.cases.variant import write_variant
 from hil.commands.keys import add_machine
 from hil.scenario.config import load_scenario
+from hil.scenario.variant import write_variant
 from tests.support.network.fleet_keys import PLANNERS, keys
 from tests.support.processes import Program, free_port
 

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 
 from hil.autonomy.paths.astar import path_length
-from hil.cases.variant import write_toml
 from hil.charts.grid import overview
 from hil.common.errors import NoPathError
 from hil.master.flight import make_request, prepare
 from hil.scenario.config import Scenario, load_scenario
 from hil.scenario.map_parts import MAX_GROWN
+from hil.scenario.variant import write_toml
 from hil.view.scene.world import nodes
 from sim.environment.world import load_world
 from sim.vehicle.vehicle import load_vehicle

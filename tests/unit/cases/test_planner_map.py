@@ -11,11 +11,11 @@ from hypothesis import strategies as st
 
 from hil.autonomy.paths.occupancy import OccupancyGrid
 from hil.cases.simulated import SimulatedVehicle, fly
-from hil.cases.variant import write_toml
 from hil.common.errors import ConfigError
 from hil.master.flight import prepare
 from hil.scenario.config import load_scenario
 from hil.scenario.records import Master
+from hil.scenario.variant import write_toml
 from hil.scenario.world_map import known_map, map_at
 from sim.environment.obstacles import Box, Cylinder
 from sim.environment.shallows import distance_to_shallows

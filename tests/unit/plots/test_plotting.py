@@ -6,29 +6,8 @@ from pathlib import Path
 import pytest
 
 from hil.common.errors import ConfigError
-from hil.plots.plotting import add_legend, pyplot, save_figure
+from hil.plots.plotting import pyplot, save_figure
 from hil.plots.run_plots import GAP_S, with_gaps
-
-
-def test_a_legend_lies_beside_the_axes_and_covers_no_curve() -> None:
-    plt = pyplot()
-    figure, axes = plt.subplots(layout="constrained")
-    axes.plot([0.0, 1.0], [0.0, 1.0], label="a curve")
-    add_legend(axes)
-    figure.draw_without_rendering()
-    legend = axes.get_legend().get_window_extent()
-    assert legend.x0 >= axes.get_window_extent().x1
-    assert legend.x1 <= figure.bbox.x1
-    plt.close(figure)
-
-
-def test_there_is_no_legend_where_no_curve_has_a_label() -> None:
-    plt = pyplot()
-    figure, axes = plt.subplots()
-    axes.plot([0.0, 1.0], [0.0, 1.0])
-    add_legend(axes)
-    assert axes.get_legend() is None
-    plt.close(figure)
 
 
 def test_curves_have_gaps_where_data_are_missing() -> None:

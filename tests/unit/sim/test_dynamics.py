@@ -36,22 +36,6 @@ def coriolis(vehicle: Vehicle, nu: list[float]) -> list[float]:
     return [-row[0] for row in product(dynamics.mass, [[x] for x in nu_dot])]
 
 
-def test_the_coriolis_matrix_has_the_values_worked_out_by_hand() -> None:
-    """The matrix is C_A for M_A = diag(1..6) and nu = 1..6 (Fossen 2021, eq. 6.43, by hand)."""
-    C = [
-        [0, 0, 0, 0, 9, -4],
-        [0, 0, 0, -9, 0, 1],
-        [0, 0, 0, 4, -1, 0],
-        [0, 9, -4, 0, 36, -25],
-        [-9, 0, 1, -36, 0, 16],
-        [4, -1, 0, 25, -16, 0],
-    ]
-    nu = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]
-    mine = coriolis(undamped([1.0, 2.0, 3.0, 4.0, 5.0, 6.0]), nu)
-    assert mine == pytest.approx([sum(c * x for c, x in zip(row, nu, strict=True)) for row in C])
-    assert sum(c * x for c, x in zip(mine, nu, strict=True)) == pytest.approx(0.0, abs=1e-12)
-
-
 @pytest.mark.parametrize(
     ("axis", "force", "rate"),
     [(0, 129.2, 0.910), (1, 85.0, sqrt(85.0 / 217.0)), (2, 120.0, 0.7136), (5, 10.0, sqrt(10.0 / 1.5))],

@@ -1,7 +1,6 @@
 """The figure of the modems: its curves agree with messages through the channels."""
 
 from collections import Counter
-from types import ModuleType
 
 import pytest
 
@@ -26,17 +25,6 @@ def test_optical_messages_are_lost_as_the_curve_shows(distance: float) -> None:
     _, lost = modem_figure.by_light(OpticalModem(), distance)
     assert 0.1 < lost < 0.9
     assert modem_figure.lost_by_light(OpticalModem(), distance) == pytest.approx(lost, abs=3.5 * SIGMA)
-
-
-@pytest.mark.parametrize(("tool", "message"), [(modem_hunts, "SEEDS"), (modem_figure, "range.png")])
-def test_the_tools_have_help(
-    tool: ModuleType, message: str, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setattr("sys.argv", ["tool", "--help"])
-    with pytest.raises(SystemExit) as end:
-        tool.main()
-    assert end.value.code == 0
-    assert message in capsys.readouterr().out
 
 
 def test_the_table_counts_every_possible_receiver() -> None:

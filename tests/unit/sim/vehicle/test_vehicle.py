@@ -8,7 +8,7 @@ import pytest
 from hil.common.errors import ConfigError
 from hil.common.schema import parse, preset_names
 from sim.matrices import inverse, is_positive_definite, product
-from sim.vehicle.vehicle import Vehicle, load_vehicle, mass_matrix, rigid_mass_matrix
+from sim.vehicle.vehicle import Vehicle, load_vehicle, mass_matrix
 
 TABLE: dict[str, Any] = {
     "name": "cube",
@@ -86,16 +86,6 @@ def test_wrong_vehicles_are_reported(changes: dict[str, Any], message: str) -> N
 
 def test_a_thruster_direction_may_have_any_length() -> None:
     assert build().thrusters[0].unit_direction == pytest.approx((0.6, 0.8, 0.0))
-
-
-def test_the_mass_matrix_of_an_offset_point_mass_is_exact() -> None:
-    """The kinetic energy of a body that turns about the origin with its mass 1 m away is half (I + m) r²."""
-    vehicle = build(center_of_gravity=[1.0, 0.0, 0.0])
-    nu = [[0.0], [0.0], [0.0], [0.0], [0.0], [2.0]]
-    momentum = product(rigid_mass_matrix(vehicle), nu)
-    assert momentum[5][0] == pytest.approx((0.1 + 10.0) * 2.0)
-    assert momentum[1][0] == pytest.approx(10.0 * 2.0)  # the mass moves to starboard at 2 m/s
-    assert momentum[0][0] == 0.0
 
 
 def test_the_inverse_matrix_is_exact() -> None:

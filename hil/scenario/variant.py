@@ -1,0 +1,120 @@
+"""Write a scenario with changed values, and its world, to files for other processes."""
+
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from copy import deepcopy
+from typing import Any
+
+from hil.common.errors import ConfigError
+from hil.common.schema import find_preset
+from hil.common.tables import read_table
+from hil.scenario.config import SCENARIOS, load_scenario
+
+Table = dict[str, Any]
+FILES = (("", "vehicle"), ("", "world"), ("link", "frame"))
+FOLDERS = ("slave", "master", "router")  # paths in [security]
+
+
+def write_variant(
+    scenario: str, folder: str, changes: Mapping[str, Any], world: Mapping[str, Sequence[Table]] | None = None
+) -> str:
+    """Write the scenario (a preset or a file) with `changes` ({"slave.listen": ...}) to `folder`; return its path.
+
+    A change to None removes its key. `world`: obstacles to add to its world, by kind: {"cylinder": [...]}; the world is
+    then written beside it. Raises ConfigError, also when the changed scenario is invalid.
+    """
+    if None not in changes.values():
+        load_scenario(scenario, dict(changes))  # so that an error names the original or the change
+    source = find_preset(SCENARIOS, scenario)
+    table = deepcopy(read_table(source))
+    _make_paths_absolute(table, os.path.dirname(os.path.abspath(source)))
+    for key, value in changes.items():
+        _change(table, key, value)
+    if world:
+        table["world"] = _write_world(table["world"], folder, world)
+    path = os.path.join(folder, "scenario.toml")
+    write_toml(path, table)
+    try:
+        load_scenario(path)
+    except ConfigError as error:  # a file that nobody knows
+        raise ConfigError(str(error).replace(path, f"{scenario}, as changed")) from None
+    return path
+
+
+def _make_paths_absolute(table: Table, folder: str) -> None:
+    for section, key in FILES:
+        place = table.get(section, {}) if section else table
+        if str(place.get(key, "")).endswith(".toml"):
+            place[key] = os.path.join(folder, place[key])
+    security = table.get("security", {})
+    for key in FOLDERS:
+        if security.get(key):
+            security[key] = os.path.join(folder, security[key])
+
+
+def _change(table: Table, key: str, value: Any) -> None:
+    *sections, last = key.split(".")
+    for section in sections:
+        table = table.setdefault(section, {})
+        if not isinstance(table, dict):
+            raise ConfigError(f"{key}: {section!r} is a value, not a section")
+    table[last] = value
+    if value is None:
+        del table[last]
+
+
+def _write_world(name: str, folder: str, more: Mapping[str, Sequence[Table]]) -> str:
+    table = deepcopy(read_table(find_preset("sim/worlds", name)))
+    for kind, things in more.items():
+        table[kind] = [*table.get(kind, []), *things]
+    write_toml(os.path.join(folder, "world.toml"), table)
+    return "world.toml"
+
+
+def write_toml(path: str, table: Table) -> None:
+    """Write a table as TOML. Raises ConfigError if the file cannot be written, or a value has no form in TOML."""
+    try:
+        os.makedirs(os.path.dirname(os.path.abspath(path)), exist_ok=True)
+        with open(path, "w", encoding="utf-8") as file:
+            file.writelines(f"{line}\n" for line in _lines(table, ""))
+    except OSError as error:
+        raise ConfigError(f"{path}: cannot be written: {error.strerror}") from None
+
+
+def _lines(table: Table, section: str) -> Iterator[str]:
+    """Yield the lines of a table, plain values first, because lines after the header of a section belong to it."""
+    sections = {key: value for key, value in table.items() if _is_section(value)}
+    yield from (f"{_key(key)} = {_text(value)}" for key, value in table.items() if key not in sections)
+    for key, value in sections.items():
+        name = f"{section}.{_key(key)}" if section else _key(key)
+        for item in value if isinstance(value, list) else [value]:
+            yield from ("", f"[[{name}]]" if isinstance(value, list) else f"[{name}]", *_lines(item, name))
+
+
+def _is_section(value: Any) -> bool:
+    rows = isinstance(value, list) and bool(value) and all(isinstance(item, dict) for item in value)
+    return isinstance(value, dict) or rows
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, str):
+        return '"' + "".join(map(_escaped, value)) + '"'
+    if isinstance(value, (list, tuple)):
+        return f"[{', '.join(map(_text, value))}]"
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{_key(key)} = {_text(item)}" for key, item in value.items()) + "}"
+    if isinstance(value, (int, float)):
+        return repr(value)
+    raise ConfigError(f"{value!r} cannot be written as TOML")
+
+
+def _escaped(character: str) -> str:
+    plain = character not in '"\\' and character.isprintable()
+    return character if plain or ord(character) > 127 else f"\\u{ord(character):04X}"
+
+
+def _key(key: str) -> str:
+    bare = key.isascii() and key.replace("_", "").replace("-", "").isalnum()
+    return key if bare else _text(key)
