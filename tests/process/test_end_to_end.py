@@ -288,18 +288,6 @@ def test_ctrl_c_ends_the_demo(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "messages"),
     [
-        ("vehicle = 3\n", ["vehicle", "text"]),
-        ('vehicel = "paper_six"\n', ["vehicel", "vehicle"]),
-        ('vehicle = "paper_sex"\nworld = "pool"\n[master]\ngoal = [1, 1]\n', ["paper_six"]),
-        (
-            'vehicle = "paper_six"\nworld = "pool"\n[master]\ngoal = [1, 1]\n[slave]\ndeadman = 500\n',
-            ["deadman", "500 s"],
-        ),
-        (
-            'vehicle = "paper_six"\nworld = "pool"\n[master]\ngoal = [1, 1]\n[slave]\ndeadman = "x"\n',
-            ["deadman", "1 s"],
-        ),
-        ("vehicle = ", ["TOML"]),
         ('vehicle = "paper_six"\nworld = "pool"\n[master]\ngoal = [1, 1]\n[start]\ndepth = 90\n', ["seabed"]),
         (
             'vehicle = "paper_six"\nworld = "pool"\n[sensors]\nimu = { rate = 0 }\n[master]\ngoal = [1, 1]\n',

@@ -134,21 +134,6 @@ def test_a_mission_is_uploaded_read_back_and_flown(ground: Ground) -> None:
     ground.wait("MISSION_CURRENT", lambda current: current.mission_state == dialect.MISSION_STATE_COMPLETE)
 
 
-def test_logs_are_listed_and_read(ground: Ground) -> None:
-    ground.send.log_request_list_send(1, 1, 0, 0xFFFF)
-    entry = ground.wait("LOG_ENTRY")
-    assert entry.size == 5120
-    ground.send.log_request_data_send(1, 1, entry.id, 0, 0xFFFFFFFF)
-    data: dict[int, bytes] = {}
-
-    def on_part(data_part: Any) -> bool:
-        data[data_part.ofs] = bytes(data_part.data[: data_part.count])
-        return bool(data_part.count < 90)
-
-    ground.wait("LOG_DATA", on_part)
-    assert b"".join(data[at] for at in sorted(data)) == bytes(range(256)) * 20
-
-
 def test_several_ground_stations_connect_and_a_web_page_cannot_arm(ground: Ground, vehicle: Vehicle) -> None:
     other_station = Ground(f"tcp:127.0.0.1:{vehicle.tcp}", system=254)
     other_station.beat()

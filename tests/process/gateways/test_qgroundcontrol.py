@@ -44,34 +44,6 @@ def test_each_request_of_its_connection_is_answered(station: Station) -> None:
     assert not station.plan(dialect.MAV_MISSION_TYPE_RALLY)
 
 
-def test_parameters_are_sent_one_by_one_for_all_components(station: Station) -> None:
-    """QGroundControl requests them of component 0 when the file did not arrive, then each missing one."""
-    station.send.param_request_list_send(1, 0)
-    names: dict[int, str] = {}
-
-    def is_complete(value: object) -> bool:
-        index, name = getattr(value, "param_index", -1), str(getattr(value, "param_id", ""))
-        names[index] = name
-        return len(names) == getattr(value, "param_count", 0)
-
-    station.wait("PARAM_VALUE", is_complete)
-    assert set(names) == set(range(len(names)))
-    station.send.param_request_read_send(1, 1, b"", 3)
-    assert station.wait("PARAM_VALUE", lambda value: value.param_index == 3).param_id == names[3]
-
-
-@pytest.mark.parametrize(
-    ("command", "first"),
-    [
-        (dialect.MAV_CMD_REQUEST_MESSAGE, dialect.MAVLINK_MSG_ID_GIMBAL_MANAGER_INFORMATION),
-        (dialect.MAV_CMD_REQUEST_MESSAGE, 300),  # PROTOCOL_VERSION
-        (dialect.MAV_CMD_DO_SEND_BANNER, 0),
-    ],
-)
-def test_unsupported_requests_are_refused_at_once(station: Station, command: int, first: int) -> None:
-    assert station.command_to(1, command, first) == dialect.MAV_RESULT_UNSUPPORTED
-
-
 def test_manual_control_with_mavlink_extensions_moves_the_vehicle(station: Station) -> None:
     """MANUAL_CONTROL is as QGroundControl sends it to a submarine: all axes, and the extensions for roll and pitch."""
     station.set_mode(Mode.MANUAL)

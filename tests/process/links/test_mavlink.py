@@ -140,19 +140,6 @@ def test_counters_are_sent_with_the_heartbeat() -> None:
     assert (second.frames, second.errors) == (65_535, 65_534)
 
 
-def test_heartbeats_of_both_ends_have_identity_and_state() -> None:
-    decoder = Peer()
-    host, device = host_end(), device_end()
-    (beat,) = decoder.parse(host.tick(0))
-    assert (beat.type, beat.autopilot, beat.get_srcSystem(), beat.get_srcComponent()) == (18, 8, 1, 191)
-    states = []
-    for reported in (report(), report(armed=True), report(timed_out=True)):
-        beat, status, _ = decoder.parse(device.tick(device.deadline_ns) + device.encode(reported))[-3:]
-        assert (beat.type, beat.autopilot, beat.get_srcComponent(), beat.custom_mode) == (12, 0, 1, 0)
-        states.append((beat.base_mode, beat.system_status, status.onboard_control_sensors_health))
-    assert states == [(0, 3, 32768), (128, 4, 32768), (0, 5, 0)]
-
-
 @pytest.mark.parametrize("open_end", [host_end, device_end])
 def test_heartbeats_are_sent_once_a_second_and_missed_ones_are_skipped(open_end: Any) -> None:
     end, decoder, beats = open_end(), Peer(), []

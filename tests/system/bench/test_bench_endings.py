@@ -16,10 +16,7 @@ import psutil
 import pytest
 
 from hil.bench.record import load
-from hil.bench.stream_run import Listening, Stream
-from hil.cli import main
-from hil.commands.bench import stream as bench_stream
-from hil.common.errors import STOPPED, NetworkError
+from hil.common.errors import STOPPED
 from tests.support.busy import retry_when_busy
 from tests.support.processes import ROOT, wait_for
 
@@ -159,25 +156,3 @@ def test_ctrl_c_before_any_result_leaves_no_file(case: Case, tmp_path: Path) -> 
         assert not file.exists()
 
     retry_when_busy(check_no_file_is_left, TOO_LATE)
-
-
-def test_runs_before_a_failed_one_are_saved(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    received = [Listening([Stream("imu", 100.0, 100.0, 0.0, 0.0, 1.0, 2.0, 9.0)], [])]
-
-    def listen(*_: object) -> tuple[Listening, tuple[str, ...]]:
-        if not received:
-            raise NetworkError("the slave is gone")
-        return received.pop(), ("limited: for the test",)
-
-    monkeypatch.setattr(bench_stream, "_listen", listen)
-    file = str(tmp_path / "stream.json")
-    assert main(["bench", "stream", "--repeat", "3", "--output", file]) == NetworkError.exit_code
-    output = capsys.readouterr()
-    assert "label: RUN FAILED: run 2 of 3: the slave is gone" in output.out
-    assert "the slave is gone" in output.err
-    assert load(file).figures["imu rate"].values == [100.0]
-    assert "limited: for the test" in load(file).labels
-    assert main(["bench", "stream", "--repeat", "3"]) == NetworkError.exit_code
-    assert capsys.readouterr().out == ""

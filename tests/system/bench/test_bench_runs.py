@@ -11,9 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from hil.autonomy.control.controller import VelocityCommand
 from hil.bench import load_run
-from hil.bench.harness import Bench, Process, await_vehicle
+from hil.bench.harness import Bench, Process
 from hil.bench.jitter_run import bare_loop, changes_for
 from hil.bench.limits import Limits
 from hil.bench.load_run import Cost, Course, Setting
@@ -168,17 +167,6 @@ def test_soak_measures_a_real_slave(tmp_path: Path, capsys: pytest.CaptureFixtur
     assert {"steps skipped", "threads", "private memory"} < {*figures}
     assert 1.0 < figures["private memory"].median < figures["memory"].median
     assert png.read_bytes().startswith(b"\x89PNG")
-
-
-def test_a_master_after_another_is_not_refused() -> None:
-    with Bench("paper_field") as bench:
-        slave = bench.start_slave()
-        for _ in range(6):
-            with bench.client() as client:
-                await_vehicle(client, slave)
-                for _ in range(3):
-                    client.command(VelocityCommand())
-                assert client.refusal() == ""
 
 
 @pytest.mark.parametrize(

@@ -199,21 +199,6 @@ def failing_second(results: list[Result]) -> Any:
     return run
 
 
-def test_results_are_saved_when_a_later_run_fails(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setattr(bench_delay, "_measure", failing_second([some_result([0.7] * 20, motion=[])]))
-    path = tmp_path / "record.json"
-    assert main(["bench", "delay", "--load", "0,1,2", "--output", str(path)]) == 4
-    output = capsys.readouterr()
-    assert "load 0" in output.out
-    assert "label: limited: for the test" in output.out
-    assert "the slave ended" in output.err
-    figures = json.loads(path.read_text())["figures"]
-    assert figures["delay [load 0]"]["count"] == 20
-    assert "motion [load 0]" not in figures
-
-
 def test_a_failed_picture_does_not_lose_the_figures(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -72,23 +72,10 @@ def test_arming_again_changes_nothing_and_disarming_clears_the_pulses(armed: Gro
     assert (armed.board.stm32.armed, armed.board.pwm_us) == (True, NEUTRAL)
 
 
-def test_pulses_sent_while_disarmed_are_not_applied_after_arming(ground: Ground) -> None:
-    ground.exchange(Peer(1, 191).servos([1700] * 4) + ground.arm())
-    assert (ground.board.stm32.armed, ground.board.pwm_us) == (True, NEUTRAL)
-
-
 @pytest.mark.parametrize("value", [2.0, -1.0, 0.5, math.nan, math.inf, 1e30])
 def test_an_invalid_arming_value_is_denied(ground: Ground, value: float) -> None:
     assert ground.send_command(dialect.MAV_CMD_COMPONENT_ARM_DISARM, value) == DENIED
     assert not ground.board.stm32.armed
-
-
-def test_setting_a_servo_leaves_the_others_unchanged(armed: Ground) -> None:
-    assert armed.set_servo(2, 1650) == ACCEPTED
-    assert armed.set_servo(4, 1200) == ACCEPTED
-    assert armed.board.pwm_us == [1500, 1650, 1500, 1200]
-    assert armed.set_servo(2, 0) == ACCEPTED
-    assert armed.board.pwm_us == [1500, 0, 1500, 1200]
 
 
 @pytest.mark.parametrize(
@@ -108,12 +95,6 @@ def test_setting_a_servo_leaves_the_others_unchanged(armed: Ground) -> None:
 def test_an_unknown_servo_or_an_invalid_pulse_is_denied(armed: Ground, channel: float, width: float) -> None:
     assert armed.set_servo(channel, width) == DENIED
     assert armed.board.pwm_us == NEUTRAL
-
-
-def test_a_servo_is_not_set_while_disarmed(ground: Ground) -> None:
-    assert ground.set_servo(1, 1600) == REJECTED
-    assert ground.send_command(dialect.MAV_CMD_COMPONENT_ARM_DISARM, 1.0) == ACCEPTED
-    assert ground.board.pwm_us == NEUTRAL, "and it is not stored for later either"
 
 
 def test_two_commands_in_one_read_are_both_executed(armed: Ground) -> None:
@@ -157,18 +138,6 @@ def test_the_version_is_reported(ground: Ground, request_version: tuple[int, flo
     reported = version.flight_sw_version.to_bytes(4, "big")[:3]
     assert ".".join(map(str, reported)) == ".".join(__version__.split(".")[:3])
     assert ground.send_command(dialect.MAV_CMD_REQUEST_MESSAGE, 30.0) == DENIED
-
-
-def test_rc_overrides_set_and_release_their_channels() -> None:
-    ground = Ground(channels=10)
-    ground.exchange(ground.arm())
-    override = dialect.MAVLink_rc_channels_override_message
-    ground.exchange(ground.pack(override(1, 1, *range(1601, 1609), 1609, 1610)))
-    assert ground.board.pwm_us == list(range(1601, 1611))
-    ground.exchange(ground.pack(override(1, 1, 65535, 0, *[65535] * 6, 0, 65534)))
-    assert ground.board.pwm_us == [1601, 1500, *range(1603, 1609), 1609, 1500]
-    ground.exchange(ground.pack(override(1, 0, 1700, *[65535] * 7)))
-    assert ground.board.pwm_us[0] == 1700
 
 
 @pytest.mark.parametrize(

@@ -29,14 +29,6 @@ TAM_REXROV = [  # uuv_simulator, uuv_thruster_manager/config/rexrov/TAM.yaml (Ap
     [0.9430935, 0.9430935, -0.9430935, -0.9430935, 0.0912168, 0.0912168, -0.0912167, -0.0912167],
     [0.1368886, -0.1368886, -0.1368884, 0.1368884, -0.6487988, 0.6487988, 0.6487987, -0.6487987],
 ]
-TAM_BLUE_CLASSIC = [  # blue, config/bluerov2/controllers.yaml (MIT)
-    [-0.707, -0.707, 0.707, 0.707, 0.0, 0.0],
-    [0.707, -0.707, 0.707, -0.707, 0.0, 0.0],
-    [0.0, 0.0, 0.0, 0.0, 1.0, 1.0],
-    [0.0, 0.0, 0.0, 0.0, -0.21805, 0.21805],
-    [0.0, 0.0, 0.0, 0.0, -0.12, -0.12],
-    [0.1888, -0.1888, -0.1888, 0.1888, 0.0, 0.0],
-]
 
 
 def columns(matrix: list[list[float]]) -> list[tuple[float, ...]]:
@@ -81,21 +73,6 @@ def test_rexrovs_published_matrix_agrees_with_the_thruster_poses() -> None:
     signs = (1.0, -1.0, -1.0, 1.0, -1.0, -1.0)
     for sign, row, published in zip(signs, matrix_of("rexrov"), TAM_REXROV, strict=True):
         assert row == pytest.approx([sign * x for x in published], abs=2e-6)
-
-
-def test_blues_published_matrix_disagrees_with_its_thruster_poses() -> None:
-    """Forces agree; the levers are another vehicle's. What blue gives as roll is twice what the thrusters have."""
-    matrix = matrix_of("bluerov2_blue")
-    for row, published in zip(matrix[:3], TAM_BLUE_CLASSIC[:3], strict=True):
-        assert row == pytest.approx(published, abs=2e-4)
-    assert [abs(x) for x in matrix[3][4:]] == [0.109, 0.109]
-    assert [abs(x) for x in TAM_BLUE_CLASSIC[3][4:]] == [0.21805, 0.21805]
-    assert matrix[4] == pytest.approx([0.0] * 6, abs=1e-12)  # no thruster makes pitch, but blue's matrix says -0.12
-    expected = [0.164, -0.164, -0.171, 0.171]
-    assert matrix[5][:4] == pytest.approx(expected, abs=5e-4)
-    assert all(
-        abs(a / b) == pytest.approx(1.13, abs=0.03) for a, b in zip(TAM_BLUE_CLASSIC[5][:4], expected, strict=True)
-    )
 
 
 def test_paper_seven_is_paper_six_with_seven_thrusters() -> None:
