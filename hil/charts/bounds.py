@@ -177,7 +177,8 @@ def raise_to_soundings(grid: Grid, soundings: Array, shoal_limits: Array, low: A
 
     `shoal_limits`: the shoal limit of the area that each sounding is in. A shoal smaller than a cell contains no node.
     Around its sounding this limit replaces the limit of the deeper area that the nodes are in. Each pass distributes
-    the error at a sounding over the four nodes around it, in proportion to their bilinear weights.
+    the error at a sounding over the four nodes around it, in proportion to their bilinear weights. None of them becomes
+    shoaler than the sounding.
     """
     depths, low = grid.depths.copy(), low.copy()
     scaled = (soundings[:, :2] - (grid.north_min, grid.east_min)) / grid.resolution
@@ -189,8 +190,13 @@ def raise_to_soundings(grid: Grid, soundings: Array, shoal_limits: Array, low: A
         excess = np.where(inside, grid._replace(depths=depths).at(soundings[:, :2]) - soundings[:, 2], 0.0)
         for index in np.flatnonzero(excess > 1e-3):  # excludes nan, which a sounding beside unknown nodes has
             (i, j), (u, v) = corners[index], scaled[index] - corners[index]
-            weights = np.outer((1 - u, u), (1 - v, v))
-            depths[i : i + 2, j : j + 2] -= (excess[index] * weights / (weights * weights).sum()).astype(np.float32)
+            weights, nodes, top = np.outer((1 - u, u), (1 - v, v)), depths[i : i + 2, j : j + 2], soundings[index, 2]
+            for _ in range(nodes.size):  # until the others have made up for those that are as shoal as the sounding
+                above = float((weights * nodes).sum()) - top  # a sounding before it may have raised some already
+                share = np.where(nodes > top + 1e-3, weights, 0.0)
+                if above < 1e-3 or not share.any():
+                    break
+                nodes -= np.minimum(above * share / (share * share).sum(), np.maximum(nodes - top, 0.0))
         np.maximum(depths, low, out=depths, where=np.isfinite(low))
     return grid._replace(depths=depths)
 

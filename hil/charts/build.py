@@ -23,7 +23,7 @@ from hil.charts.grid import Extent, Grid, round_up
 from hil.charts.gridding import Progress, Surface
 from hil.charts.hazards import SeabedModel, beds_under, place_hazards
 from hil.charts.held_out import HeldOut, choose_model, hold_out
-from hil.charts.sources.survey import Bed, Survey, first_in_cell
+from hil.charts.sources.survey import Bed, Survey, first_in_cell, shoalest_in_cell
 from hil.common.errors import ConfigError
 
 Array = NDArray[np.float64]
@@ -213,8 +213,7 @@ def _node_axes(extent: Extent, resolution: float) -> tuple[Array, Array]:
 
 
 def _surface_data(survey: Survey) -> _SurfaceData:
-    soundings = survey.soundings[np.argsort(survey.soundings[:, 2], kind="stable")]  # of duplicates, use the shoalest
-    soundings = soundings[first_in_cell(soundings, DUPLICATE_DISTANCE)]
+    soundings = shoalest_in_cell(survey.soundings, DUPLICATE_DISTANCE)
     points = _with_guides(soundings, survey)
     surface = Surface(points[:, :2], points[:, 2], survey.strikes, len(soundings))
     limits, borders = Limits(*limits_at(survey, soundings[:, :2])), distance_to_borders(survey, soundings[:, :2])

@@ -17,11 +17,12 @@ from hil.charts.sources.priority import OTHER, RASTER, remove_outranked, require
 from hil.charts.sources.rasters import Raster, is_raster, open_raster
 from hil.charts.sources.s57 import Cell, read_cell
 from hil.charts.sources.sign import Declared, Positive
-from hil.charts.sources.survey import Survey, block_means
+from hil.charts.sources.survey import Survey, shoalest_in_cell
 from hil.common.errors import ConfigError
 
 Array = NDArray[np.float64]
 
+THINNED = 0.5  # share of the soundings that are used, below which the others are told
 POINTS_DETAIL = 0.5  # detail of soundings, as a multiple of their mean spacing
 CROP_TRIALS = 500  # number of soundings around which the number of others is counted
 MAX_SIZE = 1.7  # degrees of latitude: greatest width of a world, whose coordinates are up to 100 km from its origin
@@ -257,11 +258,18 @@ def _local(points: Points, plane: LocalPlane) -> Array:
 
 
 def _survey(points: Points, positions: Array, resolution: float | None, reach: float | None) -> Survey:
-    """Return the survey of soundings; several in one cell of the grid are replaced by their mean."""
+    """Return the survey of soundings; of several in one cell of the grid the shoalest is used."""
     detail = max(0.01, POINTS_DETAIL * _mean_spacing(positions))
-    soundings = block_means(np.column_stack([positions, points.depths]), resolution or detail)
+    cell = resolution or detail
+    soundings = shoalest_in_cell(np.column_stack([positions, points.depths]), cell)
+    notes = _notes(points)
+    if len(soundings) < THINNED * len(positions):
+        rise = float(points.depths.mean() - soundings[:, 2].mean())
+        notes += (
+            f"{points.name}: the shoalest sounding in each {cell:g} m is used, {rise:.2g} m above the mean of all",
+        )
     reach = POINTS_REACH * _mean_spacing(soundings) if reach is None else reach
-    return Survey(points.name, None, soundings, detail=detail, reach=reach, notes=_notes(points))
+    return Survey(points.name, None, soundings, detail=detail, reach=reach, notes=notes)
 
 
 def _notes(source: Points | Raster) -> tuple[str, ...]:

@@ -39,7 +39,7 @@ DATES = ("issuedate", "bag_datetime", "time_coverage_end", "date_issued", "date_
 FINEST = {"MODE": "RESAMPLED_GRID"}  # for a BAG of variable resolution, whose default band is a coarse overview
 SAMPLED = 512  # pixels along a side of the sample that shows the sign of the values
 ALIKE = 0.02  # pixels by which two positions of a corner may differ
-AVERAGE_ABOVE = 1.5  # node spacing in pixels above which pixels are averaged instead of interpolated
+SHOALEST_ABOVE = 1.5  # node spacing in pixels above which a node has the shoalest of its pixels, not an interpolation
 
 
 class Raster(NamedTuple):
@@ -78,7 +78,7 @@ class Raster(NamedTuple):
     def depths(self, plane: LocalPlane, north: Array, east: Array) -> Array:
         """Return depths (m) at the crossings of evenly spaced `north` and `east` (m on `plane`), nan where unknown.
 
-        Resampled by GDAL: bilinear, or the mean of the pixels of a node. Raises ConfigError.
+        Resampled by GDAL: bilinear, or the shoalest pixel of a node, so that no needle is lost. Raises ConfigError.
         """
         import rasterio
         from rasterio.vrt import WarpedVRT
@@ -88,7 +88,9 @@ class Raster(NamedTuple):
         # The orthographic projection is that of LocalPlane.
         local = f"+proj=ortho +lat_0={plane.latitude!r} +lon_0={plane.longitude!r} +datum=WGS84 +units=m"
         where = rasterio.Affine(step, 0.0, east[0] - 0.5 * step, 0.0, -step, north[-1] + 0.5 * step)
-        how = Resampling.average if step > AVERAGE_ABOVE * self.spacing else Resampling.bilinear
+        how = Resampling.bilinear
+        if step > SHOALEST_ABOVE * self.spacing:
+            how = Resampling.max if self.scale < 0.0 else Resampling.min  # heights, depths
         try:
             with (
                 rasterio.open(self.file, driver=self.driver, **self.options) as source,

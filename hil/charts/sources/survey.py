@@ -99,16 +99,14 @@ def resample(line: Array, step: float) -> Array:
     return np.column_stack([np.interp(wanted, along, line[:, k]) for k in (0, 1)])
 
 
+def shoalest_in_cell(points: Array, size: float) -> Array:
+    """Return the shoalest of the soundings (n, 3) in each square cell of `size` m, at its own position."""
+    ordered = points[np.argsort(points[:, 2], kind="stable")]
+    return np.asarray(ordered[first_in_cell(ordered, size)])
+
+
 def first_in_cell(points: Array, size: float) -> Indices:
     """Return the indices, in increasing order, of the first point in each square cell of `size` m."""
     cells = np.floor(points[:, :2] / size).astype(np.int64)
     _, first = np.unique(cells, axis=0, return_index=True)
     return np.sort(first)
-
-
-def block_means(points: Array, size: float) -> Array:
-    """Return the mean of the points (n, k) in each square cell of `size` m, (m, k)."""
-    cells = np.floor(points[:, :2] / size).astype(np.int64)
-    _, where, counts = np.unique(cells, axis=0, return_inverse=True, return_counts=True)
-    sums = [np.bincount(where.ravel(), points[:, k]) for k in range(points.shape[1])]
-    return np.asarray(np.column_stack(sums) / counts[:, None])

@@ -70,21 +70,21 @@ def test_a_missing_update_is_named(tmp_path: Path) -> None:
 # RMSE in m of ours, of linear interpolation, and of the better of scipy's two radial bases (50 neighbours, linear or
 # thin plate), all three with the same contours and limits.
 ERRORS = [
-    ("US5AK5SI", 2.905, 5.591, 3.760), ("US5AK5SJ", 6.686, 8.849, 7.294), ("US5WA22M", 4.805, 7.779, 5.535),
-    ("US4AK4PH", 8.470, 12.41, 9.196), ("US4MD81M", 1.243, 1.812, 1.491),
+    ("US5AK5SI", 2.926, 5.595, 3.760), ("US5AK5SJ", 6.519, 8.849, 7.294), ("US5WA22M", 4.804, 7.779, 5.535),
+    ("US4AK4PH", 8.370, 12.41, 9.196), ("US4MD81M", 1.214, 1.812, 1.491),
 ]  # fmt: skip
 
 
 @pytest.mark.parametrize(("name", "ours", "linear", "radial"), ERRORS)
 def test_soundings_that_were_held_out_are_predicted(name: str, ours: float, linear: float, radial: float) -> None:
-    """The grid is better than linear or radial interpolation, nowhere below a sounding, not too deep on average."""
+    """The grid is better than linear or radial interpolation, nowhere below a sounding, neither too deep nor too shoal."""
     survey, world = built(name)
     report = world.report
     assert report.rmse == pytest.approx(ours, rel=0.02)
     assert report.linear_rmse == pytest.approx(linear, rel=0.02)
     assert report.rmse < 0.95 * min(report.linear_rmse, radial)
     assert report.rmse_all < 1.02 * report.rmse
-    assert report.bias < 0.0
+    assert abs(report.bias) < 0.02 * report.rmse
     grid = world.model.grid
     depths = grid.at(survey.soundings[:, :2]) - survey.soundings[:, 2]
     assert np.nanmax(depths) < 0.2

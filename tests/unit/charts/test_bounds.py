@@ -18,7 +18,7 @@ from hil.charts.bounds import (
 from hil.charts.build import build
 from hil.charts.grid import Grid
 from hil.charts.hazards import MIN_HEIGHT, OUT_OF_WATER, place_hazards
-from hil.charts.sources.survey import DepthArea, Hazard, Sheet, Survey, block_means, first_in_cell, resample
+from hil.charts.sources.survey import DepthArea, Hazard, Sheet, Survey, first_in_cell, resample, shoalest_in_cell
 
 Array = NDArray[np.float64]
 
@@ -222,14 +222,14 @@ def test_a_hazard_of_unknown_depth_has_the_least_height() -> None:
     assert placed.cylinders[0].top == 9.0 - MIN_HEIGHT
 
 
-def test_lines_are_resampled_and_points_averaged_by_block() -> None:
+def test_lines_are_resampled_and_points_thinned_to_the_shoalest() -> None:
     line = np.array([[0.0, 0.0], [30.0, 0.0], [30.0, 40.0]])
     resampled = resample(line, 8.0)
     assert (resampled[0] == line[0]).all()
     assert (resampled[-1] == line[-1]).all()
     assert np.hypot(*np.diff(resampled, axis=0).T).max() <= 8.0
     points = np.array([[1.0, 1.0, 5.0], [3.0, 1.0, 7.0], [11.0, 1.0, 1.0]])
-    assert block_means(points, 10.0).tolist() == [[2.0, 1.0, 6.0], [11.0, 1.0, 1.0]]
+    assert shoalest_in_cell(points[::-1], 10.0).tolist() == [[11.0, 1.0, 1.0], [1.0, 1.0, 5.0]]
     assert first_in_cell(points, 10.0).tolist() == [0, 2]
 
 
