@@ -18,7 +18,7 @@ from hil.links.dronecan.transfer import (
     pack_transfer,
     service_key,
 )
-from hil.links.dronecan.types import ALLOCATION, ESC_STATUS, RAW_COMMAND
+from hil.links.dronecan.types import ALLOCATION, ESC_STATUS, GET_NODE_INFO, RAW_COMMAND
 from hil.links.wires.can_frame import CanFrame
 from tests.support.links.can_bench import frames, noise
 
@@ -146,7 +146,7 @@ def test_malformed_frames_are_counted(receiver: Receiver) -> None:
 
 def test_frames_of_other_types_are_ignored_and_not_counted(receiver: Receiver) -> None:
     other_frames = [
-        frame_id(message_key(GET_NODE_INFO_RESPONSE) + 8, 8, 42),
+        frame_id(message_key(GET_NODE_INFO) + 8, 8, 42),
         frame_id(service_key(ESC_STATUS, 5, True), 8, 42),
     ]
     for can_id in other_frames:
