@@ -4,9 +4,11 @@ import os
 
 from hil.common.errors import ConfigError, MissingExtraError
 from hil.common.options import host, integer, new_parser
+from hil.common.schema import shortened
 from hil.network.security import CA, CERTIFICATE, KEY
 
 DAYS = integer(1, 36_500)  # a century
+NAME_LENGTH = 64  # characters of a name in a certificate (RFC 5280, ub-common-name)
 AUTHORITY = "authority"  # the folder that must not be copied to a vehicle
 EXAMPLES = """\
 DIR/authority/ can make certificates: keep it off the vehicles. DIR/NAME/ is all that the machine NAME needs; copy it
@@ -21,6 +23,7 @@ examples:
   uuv-hil keys init                                    once
   uuv-hil keys add uuv1 --host 192.168.3.116           a board, with each address and name of it that masters use
   uuv-hil keys add laptop
+  uuv-hil keys add bench --host localhost              a vehicle that masters reach on its own machine or by a tunnel
 """
 
 
@@ -66,17 +69,22 @@ def init(directory: str) -> str:
 
 
 def add_machine(directory: str, name: str, hosts: list[str], days: int = 730) -> str:
-    """Make certificates for a machine to which others connect as one of `hosts`, or as localhost; return its folder.
+    """Make certificates for a machine to which others connect by its name or one of `hosts`; return its folder.
+
+    Only the host "localhost" adds the addresses of this machine itself: at the end of a tunnel, where every machine is
+    localhost, a certificate with it passes for the vehicle.
 
     Raises ConfigError when there is no authority, the name cannot be one, or the machine has certificates.
     """
     from hil.network.certificates import Pair, new_machine
 
-    if not all(c.isascii() and (c.isalnum() or c in "-_.") for c in name) or name in ("", ".", "..", AUTHORITY):
-        raise ConfigError(f"{name!r} cannot be a machine's name: letters, digits, - _ . only, and not {AUTHORITY!r}")
+    is_plain = 0 < len(name) <= NAME_LENGTH and all(c.isascii() and (c.isalnum() or c in "-_.") for c in name)
+    if not is_plain or name in (".", "..", AUTHORITY):
+        rule = f"1 to {NAME_LENGTH} letters, digits, - _ . only, and not {AUTHORITY!r}"
+        raise ConfigError(f"{shortened(name)} cannot be a machine's name: {rule}")
     authority = Pair(_read(directory, CA), _read(directory, KEY))
-    hosts = list(dict.fromkeys([name, "localhost", "127.0.0.1", "::1", *hosts]))
-    machine = new_machine(authority, name, hosts, days)
+    here = ["127.0.0.1", "::1"] if "localhost" in hosts else []
+    machine = new_machine(authority, name, list(dict.fromkeys([name, *hosts, *here])), days)
     folder = _new_folder(directory, name, "remove it first to replace it")
     _write(folder, CA, authority.certificate)
     _write(folder, CERTIFICATE, machine.certificate)

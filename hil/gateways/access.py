@@ -39,7 +39,7 @@ class Access:
 
     def close(self) -> None:
         """Remove the file, unless another gateway has written its own there since."""
-        with suppress(OSError):
+        with suppress(OSError, UnicodeDecodeError):
             with open(self.path, encoding="ascii") as file:
                 own = file.read().strip() == self.token
             if own:

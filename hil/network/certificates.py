@@ -8,6 +8,7 @@ import ipaddress
 from typing import NamedTuple
 
 from cryptography import x509
+from cryptography.exceptions import UnsupportedAlgorithm
 from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 
@@ -42,7 +43,7 @@ def new_machine(authority: Pair, name: str, hosts: list[str], days: int) -> Pair
     try:
         issuer = x509.load_pem_x509_certificate(authority.certificate)
         issuer_key = serialization.load_pem_private_key(authority.key, password=None)
-    except ValueError as error:
+    except (ValueError, TypeError, UnsupportedAlgorithm) as error:  # TypeError: its key has a password
         raise ConfigError(f"the authority cannot be read: {error}") from None
     if not isinstance(issuer_key, ec.EllipticCurvePrivateKey):
         raise ConfigError("the authority was not made by `uuv-hil keys init`: its key is of another kind")

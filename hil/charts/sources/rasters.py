@@ -151,6 +151,11 @@ def open_raster(
                     note = f"{path}: the first of its {source.count} bands is used, none has a name of depths (--layer)"
                 found = _describe_raster(path, file, source, band, declared)
                 return found._replace(options=options, memory=memory, note=join_notes(note, found.note))
+    except UnicodeDecodeError as error:
+        raise ConfigError(
+            f"{path}: its coordinate system, in the file or in a .prj beside it, is not UTF-8 text ({error}): correct "
+            "it, or remove the .prj and name the system with --crs"
+        ) from None
     except (RasterioError, CPLE_BaseError, OSError) as error:
         raise ConfigError(
             f"{path}: cannot be read as a raster of {driver}, use a whole file of that format: {_cause(error)}"

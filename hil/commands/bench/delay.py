@@ -235,7 +235,7 @@ def _keys(choice: str) -> Iterator[dict[str, Any]]:
     with ScratchFolder("keys") as folder:
         keys = folder.file("keys")
         init(keys)
-        machines = {f"security.{name}": add_machine(keys, name, []) for name in ("slave", "master")}
+        machines = {f"security.{name}": add_machine(keys, name, ["localhost"]) for name in ("slave", "master")}
         yield {"security": {}, **machines, "security.may_command": ["master"]}
 
 

@@ -105,6 +105,16 @@ def test_metres_declared_as_degrees_are_refused_with_the_remedy(tmp_path: Path) 
         open_raster(path)
 
 
+def test_a_coordinate_system_that_is_not_utf8_is_refused_with_the_remedy(tmp_path: Path) -> None:
+    datum = b'DATUM["D_WGS\xcd\xa4\xb7_1984",SPHEROID["WGS_1984",6378137.0,298.257223563]]'
+    units = b'PRIMEM["Greenwich",0.0],UNIT["Degree",0.0174532925199433]'
+    (tmp_path / "bay.prj").write_bytes(b'GEOGCS["GCS_WGS_1984",' + datum + b"," + units + b"]")
+    path = tmp_path / "bay.asc"
+    path.write_text("ncols 2\nnrows 2\nxllcorner 10\nyllcorner 54\ncellsize 0.1\n-9 -8\n-7 -6\n")
+    with pytest.raises(ConfigError, match=r"bay\.asc: its coordinate system.* \.prj .*not UTF-8 text.*--crs"):
+        open_raster(str(path))
+
+
 def test_a_truncated_file_is_refused_with_the_cause_and_the_remedy(tmp_path: Path) -> None:
     path = Path(write(tmp_path / "half.tif", -DEPTHS))
     path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])

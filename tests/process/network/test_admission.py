@@ -59,7 +59,7 @@ def test_a_new_client_connects_soon_after_an_attack(tmp_path: Path) -> None:
     """Each failed handshake takes the library 0.1 s: a new client had to wait for all 600 in the queue."""
     init(str(tmp_path / "keys"))
     for name in ("uuv1", "laptop"):
-        add_machine(str(tmp_path / "keys"), name, [])
+        add_machine(str(tmp_path / "keys"), name, ["localhost"])
     scenario, port = write_scenario(tmp_path)
     scenario.write_text(scenario.read_text() + SECURITY)
     with Program(tmp_path, "slave", scenario) as slave:

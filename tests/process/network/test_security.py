@@ -29,9 +29,9 @@ def keys(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("keys")
     init(str(folder))
     for name in MACHINES:
-        add_machine(str(folder), name, [])
+        add_machine(str(folder), name, ["localhost"])
     init(str(folder / "other"))
-    add_machine(str(folder / "other"), "laptop", [])
+    add_machine(str(folder / "other"), "laptop", ["localhost"])
     return folder
 
 
@@ -193,6 +193,15 @@ def test_a_host_that_is_not_in_the_certificate_is_reported(keys: Path) -> None:
         assert "not made for '127.0.0.2'" in fault.text
         assert "--host 127.0.0.2" in fault.text
         assert not wait_for(lambda: presences, 0.5)
+
+
+def test_a_machine_that_is_not_made_for_localhost_cannot_pass_for_the_vehicle_over_a_tunnel(keys: Path) -> None:
+    add_machine(str(keys), "visitor", ["10.0.0.9"])
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    with listen(endpoint, security=security(keys)._replace(slave=str(keys / "visitor"))):
+        fault = why_not(endpoint, str(keys / "laptop"))
+        assert fault is not None
+        assert "not made for '127.0.0.1'" in fault.text
 
 
 def test_the_right_certificate_has_no_fault(slave: tuple[Session, str, list[str]], keys: Path) -> None:

@@ -52,8 +52,8 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
     init(str(folder / "keys"))
     init(str(folder / "other"))
     for name in MACHINES:
-        add_machine(str(folder / "keys"), name, [])
-    add_machine(str(folder / "other"), "foreigner", [])
+        add_machine(str(folder / "keys"), name, ["localhost"])
+    add_machine(str(folder / "other"), "foreigner", ["localhost"])
     scenario, _ = write_scenario(folder)
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     for master in ("keys/laptop", "keys/viewer", "keys/outsider", "other/foreigner"):

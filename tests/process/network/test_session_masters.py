@@ -232,7 +232,7 @@ may_listen = ["viewer"]
 def test_a_refused_master_prints_the_reason(tmp_path: Path) -> None:
     init(str(tmp_path / "keys"))
     for name in ("uuv1", "laptop", "viewer", "outsider"):
-        add_machine(str(tmp_path / "keys"), name, [])
+        add_machine(str(tmp_path / "keys"), name, ["localhost"])
     plain, port = write_scenario(tmp_path)
     text = plain.read_text()
     arguments = ("--connect", f"tcp/127.0.0.1:{port}", "--wait", 5, "--output", tmp_path / "run")

@@ -10,6 +10,12 @@ import sys
 from pathlib import Path
 
 import pytest
+from cryptography.hazmat.primitives.serialization import (
+    BestAvailableEncryption,
+    Encoding,
+    PrivateFormat,
+    load_pem_private_key,
+)
 
 from hil.commands.keys import add_machine, init, main
 from hil.common.errors import ConfigError, NetworkError
@@ -197,8 +203,19 @@ def test_keys_are_private_and_never_overwritten(tmp_path: Path, capsys: pytest.C
         init(folder)
     with pytest.raises(ConfigError, match="keys init"):
         add_machine(str(tmp_path), "uuv1", [])
-    for name in ("", "..", "a/b", "authority"):
+    for name in ("", "..", "a/b", "authority", 65 * "a"):
         with pytest.raises(ConfigError, match="name"):
             add_machine(folder, name, [])
     with pytest.raises(ConfigError, match="neither an address nor a name"):
         add_machine(folder, "uuv2", ["ü"])
+    assert len(os.listdir(add_machine(folder, 64 * "a", []))) == 3
+
+
+def test_an_authority_that_cannot_be_read_is_reported(tmp_path: Path) -> None:
+    authority = Path(init(str(tmp_path)))
+    key = load_pem_private_key((authority / "key.pem").read_bytes(), None)
+    locked = key.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, BestAvailableEncryption(b"secret"))
+    for content in (locked, b"", b"\xff"):
+        (authority / "key.pem").write_bytes(content)
+        with pytest.raises(ConfigError, match="authority cannot be read"):
+            add_machine(str(tmp_path), "uuv1", [])

@@ -73,7 +73,7 @@ def test_masters_receive_pictures_through_a_router(stack: ExitStack) -> None:
 def test_only_permitted_listeners_receive_pictures(stack: ExitStack, tmp_path: Path) -> None:
     init(str(tmp_path))
     for name in ("uuv1", "laptop", "outsider"):
-        add_machine(str(tmp_path), name, [])
+        add_machine(str(tmp_path), name, ["localhost"])
 
     def security(master: str) -> Security:
         return Security(str(tmp_path / "uuv1"), str(tmp_path / master), ("laptop",))

@@ -14,7 +14,7 @@ def keys(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("keys")
     init(str(folder))
     for name in ("uuv", *PLANNERS, "viewer", "outsider"):
-        add_machine(str(folder), name, [])
+        add_machine(str(folder), name, ["localhost"])
     init(str(folder / "other"))
-    add_machine(str(folder / "other"), "planner2", [])
+    add_machine(str(folder / "other"), "planner2", ["localhost"])
     return folder

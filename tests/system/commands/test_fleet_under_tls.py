@@ -32,7 +32,7 @@ def hunt(scenario: str, keys: Path, vehicles: list[str], folder: Path) -> list[i
 def test_a_fleet_with_separate_keys_hunts_with_tls(keys: Path, tmp_path: Path) -> None:
     vehicles = [f"vehicle{number}" for number in (1, 2, 3)]
     for name in vehicles:
-        add_machine(str(keys), name, [])
+        add_machine(str(keys), name, ["localhost"])
     changes = {
         "member": members_on_free_ports("target_hunting")[:3],
         "security.slave": str(keys / "uuv"),
@@ -47,7 +47,7 @@ def test_a_fleet_with_tls_hunts_behind_a_router(keys: Path, tmp_path: Path) -> N
     """Each vehicle has its own key, which the router accepts by `vehicles`."""
     vehicles = [f"behind{number}" for number in (1, 2, 3)]
     for name in (*vehicles, "hub"):
-        add_machine(str(keys), name, [])
+        add_machine(str(keys), name, ["localhost"])
     router = f"tcp/127.0.0.1:{free_port()}"
     changes = {
         "member": members_on_free_ports("target_hunting")[:3],
