@@ -110,6 +110,7 @@ EXTRAS = {
     "moderngl": "opengl",
     "rasterio": "raster",
     "h5py": "raster",
+    "laspy": "raster",
     "pymavlink": "mavlink",
     "av": "video",
     "can": "can",
