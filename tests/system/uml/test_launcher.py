@@ -70,23 +70,6 @@ def test_a_command_that_does_not_end_is_killed(tmp_path: Path) -> None:
     pytest.fail(str(caught.value))
 
 
-def test_a_kernel_that_does_not_start_is_reported() -> None:
-    with pytest.raises(DeviceError, match=r"before the command began: .*Too few physical memory"):
-        uml.run(["true"], memory_mib=4)
-
-
-def test_modules_are_loaded_after_their_dependencies() -> None:
-    names = [Path(file).stem for file in uml.module_files(["slcan", "can_raw", "vcan"])]
-    assert names == ["can-dev", "slcan", "can", "can-raw", "vcan"]
-
-
-def test_the_launcher_runs_from_the_command_line() -> None:
-    done = subprocess.run(
-        [sys.executable, uml.__file__, "--", "sh", "-c", "echo hello; exit 3"], capture_output=True, text=True
-    )
-    assert (done.returncode, done.stdout, done.stderr) == (3, "hello\n", "")
-
-
 def test_the_shim_accepts_short_register_buffers() -> None:
     """The processor's registers are set from a buffer that is too short, with the shim and only with it."""
     code = SET_REGISTERS.format(size=LEGACY_SIZE)

@@ -1,12 +1,10 @@
 """The figure of the modems: its curves agree with messages through the channels."""
 
-from collections import Counter
-
 import pytest
 
 from sim.modems.acoustic import AcousticModem
 from sim.modems.optical import OpticalModem
-from tools.pages import modem_figure, modem_hunts
+from tools.pages import modem_figure
 
 SIGMA = 0.025  # of a share of 400 messages at its widest
 
@@ -25,11 +23,3 @@ def test_optical_messages_are_lost_as_the_curve_shows(distance: float) -> None:
     _, lost = modem_figure.by_light(OpticalModem(), distance)
     assert 0.1 < lost < 0.9
     assert modem_figure.lost_by_light(OpticalModem(), distance) == pytest.approx(lost, abs=3.5 * SIGMA)
-
-
-def test_the_table_counts_every_possible_receiver() -> None:
-    outcome, counts = modem_hunts.hunt({"master.time_limit": 6.0})
-    assert counts["delivered"] == 3 * counts["sent"] - 3 or counts["delivered"] == 3 * counts["sent"]
-    text = modem_hunts.row("mine", [outcome, outcome], Counter(sent=10, delivered=15, deaf=6, too_weak=9))
-    assert text.startswith("| mine | 0 of 2 | 6.")
-    assert text.endswith("| 50.0 % | 0.0 % | 20.0 % | 0.0 % | 30.0 % |")
