@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from math import hypot, pi
 from typing import Any
 
+from sim.matrices import cross_matrix
 from sim.vehicle.fins import Fin
 from sim.vehicle.urdf.pose import Pose
 from sim.vehicle.urdf.text import Element, attribute, child_text, listed, number_of, numbers_of, plain, to_frd
@@ -63,12 +64,7 @@ def _fin(
     axis = numbers_of(attribute(joint, "axis", "xyz", _AXIS), path, 3)
     chord = numbers_of(child_text(plugin, "forward") or _CHORD, path, 3)
     centre = numbers_of(child_text(plugin, "cp") or "0 0 0", path, 3)
-    across = hypot(
-        axis[1] * chord[2] - axis[2] * chord[1],
-        axis[2] * chord[0] - axis[0] * chord[2],
-        axis[0] * chord[1] - axis[1] * chord[0],
-    )
-    if across < _PARALLEL:
+    if hypot(*Pose(cross_matrix(axis)).rotate(chord)) < _PARALLEL:
         return None, "its joint turns it about its chord"
     limits = [abs(number_of(attribute(joint, "limit", side) or "1e16", path)) for side in ("lower", "upper")]
     max_deflection = min(limits)

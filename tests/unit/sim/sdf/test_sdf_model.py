@@ -35,6 +35,26 @@ def test_the_origin_is_the_link_with_hydrodynamics() -> None:
     assert propeller.direction == pytest.approx((1.0, 0.0, 0.0))
 
 
+def test_the_water_on_all_links_adds_up_at_the_hull() -> None:
+    """A second plugin acts 0.1 m behind the hull, the propeller's added mass 0.65 m behind; plugins have any order."""
+    more = (
+        '<plugin filename="gz-hydrodynamics"><link_name>keel</link_name><yDotV>-3</yDotV><yVabsV>-20</yVabsV></plugin>'
+    )
+    own = "<inertial><fluid_added_mass><xx>0.01</xx><yy>0.02</yy></fluid_added_mass>"
+    text = MODEL.read_text().replace("<inertial><mass>0.5", f"{own}<mass>0.5")
+    last, first = (
+        imported(text=text.replace(tag, f"{more}{tag}", 1)).vehicle for tag in ("</model>", '<link name="hull">')
+    )
+    assert last == first
+    alone = imported().vehicle
+    for key, added in (
+        ("added_mass", {(0, 0): 0.01, (1, 1): 3.02, (1, 5): -0.3 - 0.02 * 0.65, (5, 5): 0.03 + 0.02 * 0.65**2}),
+        ("quadratic_damping", {(1, 1): 20.0, (5, 1): -2.0, (1, 5): -0.2, (5, 5): 0.02}),
+    ):
+        both, one = square(getattr(last, key), 6), square(getattr(alone, key), 6)
+        assert [both[i][j] - one[i][j] for i, j in added] == pytest.approx(list(added.values()))
+
+
 def test_limits_of_a_speed_controlled_thruster_become_thrusts() -> None:
     """Thrust is coefficient rho D^4 omega^2."""
     (propeller,) = imported().vehicle.thrusters

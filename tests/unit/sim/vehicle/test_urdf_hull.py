@@ -1,13 +1,10 @@
 """Models whose root is not the hull, and models with several links in the water: the same physics in either case."""
 
-from typing import Any
-
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
 from sim.matrices import square
-from sim.sdf.as_urdf import as_urdf
 from sim.vehicle.urdf.hull import Tree, moved
 from sim.vehicle.urdf.importer import Imported, read_robot
 from sim.vehicle.urdf.pose import pose_at
@@ -166,45 +163,3 @@ def test_a_cylinder_without_sizes_fills_the_box_around_it(shape: str, sizes: tup
     assert f"The cylinder of arm fills the box around it: radius {radius:g} m, length {length:g} m" in " ".join(
         model.notes
     )
-
-
-PROPELLER = "<fluid_added_mass><xx>0.01</xx><yy>0.01</yy><zz>0.01</zz></fluid_added_mass>"
-DAMPING = "<xU>-8</xU><yV>-12</yV><zW>-15</zW><kP>-1</kP><mQ>-2</mQ><nR>-2</nR><xUabsU>-30</xUabsU>"
-
-
-def sdf(hull: str, propeller: str, plugins: dict[str, str]) -> Vehicle:
-    """Return the vehicle of a hull of 18 kg with a thruster at its stern, and a pod of 5 kg 0.2 m below it."""
-    size = "<geometry><box><size>0.6 0.3 0.1</size></box></geometry>"
-    inertia = "<inertia><ixx>0.3</ixx><iyy>0.6</iyy><izz>0.7</izz></inertia>"
-    systems = "".join(
-        f'<plugin filename="gz-sim-hydrodynamics-system"><link_name>{link}</link_name>{text}</plugin>'
-        for link, text in plugins.items()
-    )
-    text = (
-        f'<sdf version="1.10"><model name="m"><link name="pod"><pose>0 0 -0.2 0 0 0</pose><inertial><mass>5</mass>'
-        f'{inertia}</inertial></link><link name="hull"><inertial><mass>18</mass>{inertia}{hull}</inertial>'
-        f'<collision name="c">{size}</collision></link><link name="left"><pose>-0.3 0.2 0 0 0 0</pose><inertial>'
-        f'<mass>0.1</mass>{propeller}</inertial></link><joint name="lj" type="revolute"><parent>hull</parent>'
-        f'<child>left</child><axis><xyz>1 0 0</xyz></axis></joint><joint name="pj" type="fixed"><parent>hull</parent>'
-        f'<child>pod</child></joint>{systems}<plugin filename="gz-sim-thruster-system"><joint_name>lj</joint_name>'
-        f"<max_thrust_cmd>40</max_thrust_cmd><min_thrust_cmd>-30</min_thrust_cmd></plugin></model></sdf>"
-    )
-    return read_robot(as_urdf("m.sdf", [], None, text.encode()), "m.sdf").vehicle
-
-
-def test_added_mass_of_propellers_is_added_to_that_of_the_hull() -> None:
-    own = "<fluid_added_mass><xx>6</xx><yy>12</yy><zz>16</zz><pp>0.2</pp><qq>0.3</qq><rr>0.3</rr></fluid_added_mass>"
-    added = matrix(sdf(own, PROPELLER, {"hull": DAMPING}), "added_mass")
-    assert np.diag(added) == pytest.approx([6.01, 12.01, 16.01, 0.2 + 4e-4, 0.3 + 9e-4, 0.3 + 13e-4])
-
-
-def test_two_plugins_of_hydrodynamics_add_up_at_the_hull() -> None:
-    """The pod's force acts 0.2 m below the hull, so its surge makes a moment about the hull; plugins have any order."""
-    plugins: dict[str, Any] = {"hull": f"<xDotU>-6</xDotU><yDotV>-12</yDotV>{DAMPING}"}
-    plugins["pod"] = "<xDotU>-3</xDotU><xUabsU>-20</xUabsU>"
-    vehicle = sdf("", "", plugins)
-    assert vehicle == sdf("", "", dict(reversed(plugins.items())))
-    added, damping = matrix(vehicle, "added_mass"), matrix(vehicle, "quadratic_damping")
-    assert (added[0, 0], added[1, 1], added[0, 4], added[4, 4]) == pytest.approx((9.0, 12.0, 0.6, 0.12))
-    assert (damping[0, 0], damping[4, 0]) == pytest.approx((50.0, 4.0))
-    assert vehicle.thrusters[0].position == pytest.approx((-0.3, -0.2, 0.0))
