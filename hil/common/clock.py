@@ -251,6 +251,9 @@ def schedule_below_loop() -> None:
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(LOOP_PRIORITY - 1))
 
 
+_locked: set[str] = set()  # "memory" if it is locked
+
+
 def lock_memory() -> RealtimeSetting:
     """Lock the process's memory into RAM; return whether that succeeded."""
     import ctypes  # 3 ms, so only here, after the process is ready
@@ -262,7 +265,24 @@ def lock_memory() -> RealtimeSetting:
         reason = os.strerror(ctypes.get_errno())
         remedy = "allow it with `ulimit -l unlimited` or CAP_IPC_LOCK"
         return RealtimeSetting(False, f"memory: not locked; mlockall: {reason} ({remedy})")
+    _locked.add("memory")
     return RealtimeSetting(True, "memory: locked as it is touched")
+
+
+def return_memory() -> None:
+    """Return memory that was freed to the system; the allocator keeps it otherwise. Unlocks memory for that moment.
+
+    Takes milliseconds for tens of MiB, in which another thread that allocates may wait. Only glibc can do it.
+    """
+    import ctypes
+
+    libc = ctypes.CDLL(None)
+    if not hasattr(libc, "malloc_trim"):
+        return
+    libc.munlockall()  # locked pages cannot be returned
+    libc.malloc_trim(0)
+    if _locked:
+        lock_memory()
 
 
 _awake: list[int] = []  # open descriptors that keep the processors awake

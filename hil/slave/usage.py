@@ -8,6 +8,8 @@ import os
 import time
 from math import inf
 
+from hil.common.clock import return_memory
+
 _PAGE_MIB = os.sysconf("SC_PAGE_SIZE") / 2**20
 
 
@@ -78,6 +80,25 @@ class Memory:
         if abs(resident - self._resident_mib) > self.CHANGE_MIB or now - self._read_s >= self.OLDEST_S:
             self._mib, self._resident_mib, self._read_s = own_pss_mib(children), resident, now
         return self._mib
+
+
+class ReturnedMemory:
+    """Return freed memory to the system after a growth of `GROWN_MIB`, as thousands of declarations of a peer cause."""
+
+    GROWN_MIB, LEAST_MIB = 3.0, 0.5
+
+    def __init__(self) -> None:
+        self._least_mib = inf
+
+    def check(self) -> None:
+        """Compare the resident size with the least so far; a growth of which nothing can be returned is in use."""
+        resident = resident_mib()
+        if resident > self._least_mib + self.GROWN_MIB:
+            return_memory()
+            left = resident_mib()
+            if resident - left < self.LEAST_MIB:
+                self._least_mib = left
+        self._least_mib = min(self._least_mib, resident)
 
 
 def ram_mib() -> float:

@@ -102,7 +102,7 @@ class Health:
         self._fixed = _fixed_figures(startup, notes, board, link)
         self._tree, self._board = Tree(), board
         self._recent, self._skipped = RecentLateness(), SkippedSteps()
-        self._memory = usage.Memory()
+        self._memory, self._returned = usage.Memory(), usage.ReturnedMemory()
         self._wakeup = log.wakeup  # the command receiver sets the same event
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="health", daemon=True)
@@ -226,6 +226,7 @@ class Health:
     def _run(self) -> None:
         schedule_below_loop()
         self._add_labels()
+        self._returned.check()
         collect_due_ns, heart = now_ns() + COLLECT_PERIOD_NS, Heartbeat()
         while not self._stop.wait(MIN_PERIOD_S):
             self._wakeup.wait(PERIOD_S - MIN_PERIOD_S)
@@ -241,6 +242,7 @@ class Health:
             self._contacts.close_unread_links()
             if now_ns() >= collect_due_ns:
                 gc.collect()  # the loop has switched automatic collection off
+                self._returned.check()
                 collect_due_ns = now_ns() + COLLECT_PERIOD_NS
 
     def _check_clock(self) -> None:
