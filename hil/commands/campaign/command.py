@@ -11,7 +11,7 @@ from contextlib import closing
 
 from hil.cases.simulated import fly
 from hil.cases.table import write_rows
-from hil.commands.campaign.engines import CLUSTERS, Changes, Row, Task, run_here, run_on_cluster
+from hil.commands.campaign.engines import CLUSTERS, Changes, Row, Task, cluster_of, run_here, run_on_cluster
 from hil.commands.campaign.files import collect
 from hil.common.columns import aligned
 from hil.common.errors import ConfigError, HilError
@@ -36,8 +36,8 @@ examples:
   uuv-hil campaign paper_field --vary sensors.odometry.horizontal.bias=0.1,0.5,1.0 --seeds 5
 
 joblib runs it on this machine. `--backend dask` sends the runs to the cluster whose scheduler DASK_SCHEDULER_ADDRESS
-names, `--backend ray` to that of RAY_ADDRESS, else to one that is made on this machine (pip install
-'uuv-hil[cluster]'). The content of the scenario's files goes along; workers need the same version of uuv-hil.
+names, `--backend ray` to that of RAY_ADDRESS (pip install 'uuv-hil[cluster]'); without an address they are made on this
+machine, which opens no port. The content of the scenario's files goes along; workers need the same version of uuv-hil.
 """
 MAX_COMBINATIONS = 10_000
 MAX_RUNS = 1_000_000
@@ -120,6 +120,9 @@ def run_all(scenario: str, sets: Sequence[Changes], seeds: int, jobs: int, backe
     """Return all runs, in order: each set with each seed, with a line of progress. Raises HilError."""
     pairs = itertools.product(sets, range(1, seeds + 1))
     tasks = [Task(number, changes, seed) for number, (changes, seed) in enumerate(pairs)]
+    if backend in CLUSTERS and not cluster_of(backend):
+        print(f"{CLUSTERS[backend]} names no cluster of {backend}: running on this machine by loky", file=sys.stderr)
+        backend = "loky"
     if backend in CLUSTERS:
         results = run_on_cluster(run_one, collect(scenario, sets), tasks, jobs, backend)
     else:

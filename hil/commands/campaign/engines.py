@@ -7,8 +7,7 @@ the scenario's files; workers need the same version of this project.
 import logging
 import os
 import socket
-import sys
-from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from importlib import import_module
 from typing import Any, NamedTuple
@@ -16,10 +15,11 @@ from typing import Any, NamedTuple
 from hil.commands.campaign.files import Bundle, unpack
 from hil.common.children import worker_options
 from hil.common.errors import ConfigError, HilError, MissingExtraError, NetworkError
+from hil.common.scratch import ScratchFolder
 from hil.common.stop import ctrl_c_held_back, every_end_like_ctrl_c
 
-CLUSTERS = ("dask", "ray")
 DASK_ADDRESS, RAY_ADDRESS = "DASK_SCHEDULER_ADDRESS", "RAY_ADDRESS"
+CLUSTERS = {"dask": DASK_ADDRESS, "ray": RAY_ADDRESS}  # backend -> the variable that names the cluster
 DIAL_S = 3.0  # timeout of the check that a cluster's address answers
 
 Changes = dict[str, Any]
@@ -55,15 +55,24 @@ def run_here(run: Run, scenario: str, tasks: Sequence[Task], jobs: int, backend:
         yield from results
 
 
+def cluster_of(backend: str) -> str:
+    """Return the address of the cluster that the environment names for a backend in CLUSTERS; "" if it names none.
+
+    None is started here: its ports would let other accounts of this machine run programs as this user.
+    """
+    address = os.environ.get(CLUSTERS[backend], "")
+    return "" if address == "local" else address
+
+
 def run_on_cluster(
     run: Run, bundle: Bundle, tasks: Sequence[Task], jobs: int, backend: str
 ) -> Generator[Result, None, None]:
-    """Run the tasks on the cluster that the environment names, or on one of `jobs` processes here; yield the results.
+    """Run the tasks on the cluster that the environment names; yield the results.
 
-    `jobs` -1 are as many as cores. At most `jobs` runs go at once. Raises MissingExtraError, NetworkError, ConfigError.
+    At most `jobs` runs go at once, -1: all. Raises MissingExtraError, NetworkError, ConfigError.
     """
     try:
-        with (_dask if backend == "dask" else _ray)(jobs) as engine:
+        with (_dask if backend == "dask" else _ray)() as engine:
             shared = engine.share(bundle)
             waiting, limit = list(reversed(tasks)), jobs if jobs > 0 else len(tasks)
             running: list[Any] = []
@@ -95,31 +104,19 @@ class _Engine(NamedTuple):
 
 
 @contextmanager
-def _dask(jobs: int) -> Iterator[_Engine]:
+def _dask() -> Iterator[_Engine]:
     distributed = import_module("distributed")
     logging.getLogger("distributed").setLevel(logging.CRITICAL)  # errors are reported in one line
-    address = os.environ.get(DASK_ADDRESS, "")
-    if address:
-        _check_scheduler("dask", DASK_ADDRESS, address, "start it with `dask scheduler`")
-        cluster = None
-        client = distributed.Client(address, timeout=4 * DIAL_S)
-    else:
-        # No dashboard: it would need another free port.
-        cluster = distributed.LocalCluster(
-            n_workers=_processes(jobs),
-            threads_per_worker=1,
-            dashboard_address=None,
-            host="127.0.0.1",
-            silence_logs=logging.CRITICAL,
-        )
-        client = distributed.Client(cluster)
+    address = os.environ[DASK_ADDRESS]
+    _check_scheduler("dask", DASK_ADDRESS, address, "start it with `dask scheduler`")
+    client = distributed.Client(address, timeout=4 * DIAL_S)
 
     def wait(running: list[Any]) -> tuple[list[Any], list[Any]]:
         done, others = distributed.wait(running, return_when="FIRST_COMPLETED")
         return list(done), list(others)
 
     try:
-        if address and not client.scheduler_info()["workers"]:
+        if not client.scheduler_info()["workers"]:
             raise NetworkError(f"{DASK_ADDRESS}={address}: the scheduler has no workers; start `dask worker {address}`")
         yield _Engine(
             share=lambda bundle: client.scatter([bundle], broadcast=True)[0],
@@ -129,38 +126,28 @@ def _dask(jobs: int) -> Iterator[_Engine]:
         )
     finally:
         client.close()
-        if cluster:
-            cluster.close()
 
 
 @contextmanager
-def _ray(jobs: int) -> Iterator[_Engine]:
+def _ray() -> Iterator[_Engine]:
     os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")  # no usage reports to Ray's makers
     ray = import_module("ray")
-    address = os.environ.get(RAY_ADDRESS, "")
-    quiet = {"logging_level": "ERROR", "log_to_driver": False}
-    if address and address != "local":
-        if address != "auto":
-            _check_scheduler("ray", RAY_ADDRESS, address, "start it with `ray start --head`")
-        ray.init(address=address, **quiet)
-    else:
-        _start_ray(ray, {"num_cpus": _processes(jobs), "include_dashboard": False, **quiet})
+    address = os.environ[RAY_ADDRESS]
+    if address != "auto":
+        _check_scheduler("ray", RAY_ADDRESS, address, "start it with `ray start --head`")
+    here = os.getcwd()
+    with ScratchFolder("ray") as empty:
+        try:
+            os.chdir(empty.path)  # workers put the current folder first on their path, before our own modules
+            ray.init(address=address, logging_level="ERROR", log_to_driver=False)
+        finally:
+            os.chdir(here)
     remote = ray.remote(_call)
     try:
         with every_end_like_ctrl_c():  # it has set handlers of its own
             yield _Engine(share=ray.put, submit=remote.remote, wait=ray.wait, result=ray.get)
     finally:
         ray.shutdown()
-
-
-def _start_ray(ray: Any, options: Mapping[str, Any]) -> None:
-    """Start a cluster on this machine. Ray waits 30 s, which is too short on a busy machine: then try once more."""
-    try:
-        ray.init(address="local", **options)
-    except Exception as error:  # noqa: BLE001 - one of its own, or plain ones
-        print(f"ray did not start ({str(error).splitlines()[:1]}); trying once more", file=sys.stderr)
-        ray.shutdown()
-        ray.init(address="local", **options)
 
 
 def _call(function: Callable[..., Result], *arguments: Any) -> Result:
@@ -170,10 +157,6 @@ def _call(function: Callable[..., Result], *arguments: Any) -> Result:
 def _workers(backend: str) -> AbstractContextManager[dict[str, Any]]:
     """Return a context with the arguments of `joblib.Parallel`: worker processes that end with this process."""
     return worker_options() if backend == "loky" else nullcontext({})
-
-
-def _processes(jobs: int) -> int:
-    return jobs if jobs > 0 else os.cpu_count() or 1
 
 
 def _check_scheduler(backend: str, variable: str, address: str, remedy: str) -> None:
@@ -190,7 +173,7 @@ def _check_scheduler(backend: str, variable: str, address: str, remedy: str) -> 
         reason = error.strerror or str(error)
         raise NetworkError(
             f"--backend {backend}: no scheduler answers at {variable}={address}: {reason}; {remedy}, or unset "
-            f"{variable} for a cluster on this machine"
+            f"{variable} to run on this machine"
         ) from None
 
 

@@ -21,10 +21,11 @@ from hil.commands.campaign.engines import Task, _run_unpacked
 from hil.commands.campaign.files import Bundle, collect, unpack
 from hil.common.errors import ConfigError, NetworkError
 from hil.common.schema import preset_folder
-from tests.support.processes import ROOT, Program, children_of, free_port, is_running, wait_for, write_scenario
+from tests.support.processes import ROOT, Program, children_of, free_port, wait_for, write_scenario
 
 ENGINES = ("dask", "ray")
 NO_CLUSTER = {"DASK_SCHEDULER_ADDRESS": "", "RAY_ADDRESS": ""}
+NOWHERE = dict.fromkeys(NO_CLUSTER, "127.0.0.1:1")
 START_S = 240.0  # for engines to start, run and end, whatever else the machine does
 
 PLANNER = """
@@ -197,7 +198,7 @@ def test_a_missing_scheduler_is_reported(
 
 def test_a_refusal_by_ray_is_reported_with_its_token(monkeypatch: pytest.MonkeyPatch) -> None:
     @contextmanager
-    def refused(jobs: int) -> Iterator[None]:
+    def refused() -> Iterator[None]:
         raise ConnectionError("Failed to connect to Ray cluster")
         yield
 
@@ -216,7 +217,7 @@ def test_a_missing_cluster_package_names_the_extra(engine: str, tmp_path: Path) 
     package = {"dask": "distributed", "ray": "ray"}[engine]
     (tmp_path / f"{package}.py").write_text(f"raise ModuleNotFoundError('no {package}', name={package!r})\n")
     arguments = ("campaign", "paper_field", "--seeds", "1", "--backend", engine)
-    with Program(tmp_path, *arguments, environment={**NO_CLUSTER, "PYTHONPATH": str(tmp_path)}) as program:
+    with Program(tmp_path, *arguments, environment={**NOWHERE, "PYTHONPATH": str(tmp_path)}) as program:
         assert program.wait(60) == 5, program.output
     assert "pip install 'uuv-hil[cluster]'" in program.output
 
@@ -240,17 +241,24 @@ def requires_marker(request: pytest.FixtureRequest) -> None:
         pytest.skip("starts clusters, for a minute: pytest -m cluster")
 
 
-@pytest.mark.cluster
-@pytest.mark.usefixtures("requires_marker")
-@pytest.mark.timeout(3 * START_S)
 @pytest.mark.parametrize("engine", ENGINES)
-def test_two_workers_of_each_engine_give_the_rows_of_joblib(engine: str, tmp_path: Path) -> None:
-    """The command itself makes a cluster of two."""
-    scenario = write_own(tmp_path / "user", "campaign_own_engine")
-    rows = campaign(tmp_path, scenario, engine, NO_CLUSTER)
-    assert len(rows) == 4
-    assert {row["reason"] for row in rows} == {"far enough"}
-    assert rows == campaign(tmp_path, scenario, "loky", NO_CLUSTER)
+def test_without_a_cluster_no_port_is_opened_and_no_module_of_the_current_folder_runs(
+    engine: str, tmp_path: Path
+) -> None:
+    for name in ("select", "socket", "hil", "numpy", "distributed", "ray", "joblib"):
+        (tmp_path / f"{name}.py").write_text(f"open({str(tmp_path / 'ran')!r}, 'a').write({name!r})\n")
+    arguments = ("campaign", "paper_field", "--seeds", "40", "--jobs", "2", "--vary", "master.time_limit=2")
+    command = [sys.executable, "-P", "-m", "hil.cli"] if sys.version_info >= (3, 11) else None
+    with Program(
+        tmp_path, *arguments, "--backend", engine, environment=NO_CLUSTER, command=command, cwd=tmp_path
+    ) as run:
+        assert wait_for(lambda: "/40 runs" in run.output, 60), run.output
+        family = [run.process.pid, *children_of(run.process.pid, recursive=True)]
+        listening = subprocess.run(["ss", "-ltnpH"], capture_output=True, text=True, check=True).stdout
+        assert not [line for line in listening.splitlines() if any(f"pid={pid}," in line for pid in family)]
+        assert run.wait(60) == 6, run.output
+    assert "names no cluster" in run.output
+    assert not (tmp_path / "ran").exists(), (tmp_path / "ran").read_text()
 
 
 @contextmanager
@@ -287,19 +295,3 @@ def test_an_existing_cluster_of_dask_is_used(tmp_path: Path) -> None:
     with dask_cluster(elsewhere) as address:
         rows = campaign(tmp_path, scenario, "dask", {"DASK_SCHEDULER_ADDRESS": address})
     assert rows == campaign(tmp_path, scenario, "loky", NO_CLUSTER)
-
-
-@pytest.mark.cluster
-@pytest.mark.usefixtures("requires_marker")
-@pytest.mark.timeout(3 * START_S)
-@pytest.mark.parametrize("engine", ENGINES)
-def test_nothing_of_a_cluster_outlives_the_command(engine: str, tmp_path: Path) -> None:
-    arguments = ("campaign", "paper_field", "--vary", "master.time_limit=2", "--seeds", "10000", "--jobs", "2")
-    with Program(tmp_path, *arguments, "--backend", engine, environment=NO_CLUSTER) as program:
-        assert wait_for(lambda: "/10000" in program.output, START_S), program.output
-        others = children_of(program.process.pid, recursive=True)
-        assert len(others) >= 2
-        program.process.send_signal(signal.SIGTERM)
-        assert program.wait(60) == 130, program.output
-    assert "Traceback" not in program.output, program.output
-    assert wait_for(lambda: not [pid for pid in others if is_running(pid)], 30), others
