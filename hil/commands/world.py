@@ -159,7 +159,7 @@ def _show(options: argparse.Namespace) -> int:
     world = load_world(options.world)
     path = options.output or f"{world.name}.png"
     grid = overview(world, MAX_PIXELS, options.resolution)
-    meshes = tuple(np.array(triangle)[:, :2] for mesh in world.mesh for triangle in mesh.placed)
+    meshes = tuple(triangle for mesh in world.mesh for triangle in np.reshape(mesh.placed, (-1, 3, 3))[..., :2])
     marks = MapMarks(pipelines=world.pipeline, zones=world.all_zones(), meshes=meshes)
     draw(grid, world.cylinder, world.box, marks, f"{world.name}: {world.source}", path)
     print(path)

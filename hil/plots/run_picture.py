@@ -83,6 +83,7 @@ def draw_goal(axes: Any, scenario: Scenario) -> None:
 
 def draw_world(axes: Any, world: World) -> None:
     """Draw the obstacles from above, in their true size and position, and the walls if there are any."""
+    import numpy as np
     from matplotlib.collections import PolyCollection
     from matplotlib.patches import Circle, Polygon, Rectangle
 
@@ -90,7 +91,7 @@ def draw_world(axes: Any, world: World) -> None:
     edge = "black" if world.walls else "0.75"
     axes.add_patch(Rectangle((west, south), east - west, north - south, facecolor=WATER, edgecolor=edge, zorder=0))
     piles = [Circle((pile.east, pile.north), pile.radius) for pile in world.cylinder]
-    triangles = [[(e, n) for n, e, _ in triangle] for mesh in world.mesh for triangle in mesh.placed]
+    triangles = [triangle for mesh in world.mesh for triangle in np.reshape(mesh.placed, (-1, 3, 3))[..., 1::-1]]
     axes.add_collection(PolyCollection(triangles, color=OBSTACLE, zorder=1))
     for pipeline in world.pipeline:
         norths, easts = zip(*pipeline.points, strict=True)

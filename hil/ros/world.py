@@ -100,7 +100,7 @@ def _marker(time_ns: int, number: int, obstacle: Cylinder | Box, world: World) -
 def _mesh_marker(time_ns: int, number: int, mesh: MeshObstacle) -> Message:
     """Return a list of triangles, along the axes of the map."""
     colour = dict(zip("rgba", (*mesh.keys.colour, _COLOUR["a"]), strict=True)) if mesh.keys.colour else _COLOUR
-    corners = [corner for triangle in mesh.placed for corner in triangle]
+    corners = [*mesh.corners()]
     return _drawn(time_ns, OBSTACLES, number, _TRIANGLE_LIST, corners, 1.0, colour, mesh.label)
 
 

@@ -14,21 +14,24 @@ that starts inside of it is in free water.
 """
 
 import os
+import sys
+from array import array
 from collections.abc import Iterator, Sequence
 from functools import lru_cache
-from math import inf, sqrt
+from math import sqrt
 from typing import Annotated, Any, Literal, NamedTuple
 
 from hil.common.errors import ConfigError, MissingExtraError
 from hil.common.schema import Range, parse_rows, read_each
 from hil.common.tables import check_file
-from hil.common.vectors import Vector3, off_line
+from hil.common.vectors import Vector3
 from sim.environment.obstacles import Coordinate, Heading, Separation
 from sim.rotations import from_euler, matrix
 from sim.vehicle.mesh_files import MAX_BYTES, load_parts
 
-MAX_TRIANGLES = 200_000
+MAX_TRIANGLES = 5_000_000
 MIN_SIZE = 1e-3  # m
+_FEW_NUMBERS = 1000  # which numpy does not transform faster
 Share = Annotated[float, Range(0.0, 1.0)]
 Triangle = tuple[Vector3, Vector3, Vector3]
 
@@ -57,15 +60,14 @@ class MeshKeys(NamedTuple):
 class MeshObstacle(NamedTuple):
     """A mesh at its position in a world.
 
-    `triangles` are in its own axes (m; forward, right, down), `rotation` (3 x 3, row after row) converts these to NED,
-    `placed` are the triangles in NED. `radius` (m) is its greatest horizontal distance from `north`, `east`. `net` is
+    `triangles` are in its own axes (m; forward, right, down), nine numbers each, and `rotation` (3 x 3, row after row)
+    converts these to NED. `radius` (m) is its greatest horizontal distance from `north`, `east`. `net` is
     None, or, for a net, the distance of twines along the sides at a triangle's first corner, and their thickness (m).
     """
 
     keys: MeshKeys
-    triangles: tuple[Triangle, ...]
+    triangles: "array[float]"
     rotation: Sequence[float]
-    placed: tuple[Triangle, ...]
     radius: float
     top: float
     bottom: float
@@ -98,16 +100,23 @@ class MeshObstacle(NamedTuple):
         out = (x / distance, y / distance) if distance else (1.0, 0.0)
         return distance - self.radius, *out
 
+    @property
+    def placed(self) -> "array[float]":
+        """The triangles in NED (m), nine numbers each. They are computed each time."""
+        return place(self.keys, self.rotation, self.triangles)
+
+    def corners(self) -> Iterator[Vector3]:
+        """Return the corners of its triangles (NED, m)."""
+        placed = self.placed
+        return zip(placed[0::3], placed[1::3], placed[2::3], strict=True)
+
     def between(self, highest: float, lowest: float) -> Iterator[Triangle]:
         """Yield the triangles (NED) that are at least partly between two depths (m)."""
-        for triangle in self.placed:
+        corners = self.corners()
+        for triangle in zip(corners, corners, corners, strict=True):
             a, b, c = triangle[0][2], triangle[1][2], triangle[2][2]
             if (a < lowest or b < lowest or c < lowest) and (a > highest or b > highest or c > highest):
                 yield triangle
-
-    def distance(self, north: float, east: float, highest: float, lowest: float) -> float:
-        """Return the horizontal distance (m) to the nearest triangle between two depths; 0 above or below one."""
-        return min((_to_triangle(north, east, triangle) for triangle in self.between(highest, lowest)), default=inf)
 
 
 def read_meshes(rows: Any, where: str) -> tuple[MeshObstacle, ...]:
@@ -129,34 +138,40 @@ def load_obstacle(keys: MeshKeys, folder: str, where: str = "mesh") -> MeshObsta
     return place_triangles(keys._replace(colour=keys.colour or colour), triangles)
 
 
-def place_triangles(
-    keys: MeshKeys, triangles: tuple[Triangle, ...], net: tuple[float, float] | None = None
-) -> MeshObstacle:
+def place_triangles(keys: MeshKeys, triangles: "array[float]", net: tuple[float, float] | None = None) -> MeshObstacle:
     """Return the obstacle of `triangles` (in their own axes) at the position of `keys`; `net` as in MeshObstacle."""
     rotation = matrix(from_euler(*keys.orientation))
-    a, b, c, d, e, f, g, h, i = rotation
-    placed = tuple(
-        tuple(
-            (
-                keys.north + a * x + b * y + c * z,
-                keys.east + d * x + e * y + f * z,
-                keys.depth + g * x + h * y + i * z,
-            )
-            for x, y, z in triangle
-        )
-        for triangle in triangles
-    )
-    corners = [corner for triangle in placed for corner in triangle]
-    radius = max(sqrt((n - keys.north) ** 2 + (e - keys.east) ** 2) for n, e, _ in corners)
-    depths = [down for _, _, down in corners]
-    top, bottom = min(depths), max(depths)
-    return MeshObstacle(keys, triangles, rotation, placed, radius, top, bottom, net)  # type: ignore[arg-type]
+    placed = place(keys, rotation, triangles)
+    norths, easts, depths = (placed[axis::3] for axis in range(3))
+    if numpy := _numpy():
+        away: Any = ((numpy.asarray(norths) - keys.north) ** 2 + (numpy.asarray(easts) - keys.east) ** 2).max()
+    else:
+        away = max((n - keys.north) ** 2 + (e - keys.east) ** 2 for n, e in zip(norths, easts, strict=True))
+    return MeshObstacle(keys, triangles, rotation, sqrt(away), min(depths), max(depths), net)
+
+
+def place(keys: MeshKeys, rotation: Sequence[float], triangles: "array[float]") -> "array[float]":
+    """Return triangles at the position of `keys` (NED, m)."""
+    numpy, placed, columns = _numpy(), triangles[:], [triangles[axis::3] for axis in range(3)]
+    for axis, origin in enumerate((keys.north, keys.east, keys.depth)):
+        a, b, c = rotation[3 * axis : 3 * axis + 3]
+        if numpy and len(triangles) > _FEW_NUMBERS:
+            x, y, z = map(numpy.asarray, columns)
+            placed[axis::3] = array("d", (origin + a * x + b * y + c * z).tobytes())
+        else:
+            placed[axis::3] = array("d", [origin + a * x + b * y + c * z for x, y, z in zip(*columns, strict=True)])
+    return placed
+
+
+def _numpy() -> Any:
+    """Return numpy if it is loaded: it is with a mesh's file, but shapes do without its 0.1 s."""
+    return sys.modules.get("numpy")
 
 
 @lru_cache(maxsize=32)
 def _read(
     file: str, _mtime_ns: int, scale: float, up: str, where: str, with_colour: bool
-) -> tuple[tuple[Triangle, ...], tuple[float, float, float] | None]:
+) -> tuple["array[float]", tuple[float, float, float] | None]:
     """Return the triangles of a file in m, forward, right and down, and its colour: None without, or if not wanted."""
     try:
         import numpy as np
@@ -167,10 +182,10 @@ def _read(
     _check_count(_declared_count(file), file, where)  # before reading takes seconds and a gigabyte
     try:
         parts = [part for part in load_parts(file, with_colour) if hasattr(part, "triangles")]  # also lines and points
-        triangles = (
-            np.concatenate([np.empty((0, 3, 3)), *(np.asarray(part.triangles, float) for part in parts)]) * scale
-        )
+        triangles = np.concatenate([np.empty((0, 3, 3)), *(np.asarray(part.triangles, float) for part in parts)])
+        triangles *= scale
         colour = _colour(parts, file) if with_colour else None
+        del parts
     except ConfigError:
         raise
     except Exception as error:  # noqa: BLE001 - readers raise any exception for damaged files
@@ -186,8 +201,9 @@ def _read(
     if size < MIN_SIZE:
         raise ConfigError(f"{where}: file: {file}: is {size:.3g} m large, less than {MIN_SIZE:g} m: set scale")
     order, signs = ([2, 0, 1], (1.0, -1.0, -1.0)) if up == "y" else ([0, 1, 2], (1.0, -1.0, -1.0))
-    own = (triangles[..., order] * np.array(signs)).tolist()
-    return tuple((tuple(a), tuple(b), tuple(c)) for a, b, c in own), colour
+    own = array("d")
+    own.frombytes(np.ascontiguousarray(triangles[..., order] * signs).data.cast("B"))
+    return own, colour
 
 
 def _colour(parts: Sequence[Any], file: str) -> tuple[float, float, float] | None:
@@ -212,14 +228,3 @@ def _declared_count(file: str) -> int:
     with open(file, "rb") as stream:
         count = int.from_bytes(stream.read(84)[80:], "little")
     return count if os.stat(file).st_size == 84 + 50 * count else 0
-
-
-def _to_triangle(north: float, east: float, triangle: Triangle) -> float:
-    """Return the horizontal distance (m) of a position from a triangle; 0 above or below it."""
-    least, turns = inf, []
-    for (x, y, _), (to_x, to_y, _) in zip(triangle, (*triangle[1:], triangle[0]), strict=True):
-        off_x, off_y = off_line(north, east, x, y, to_x, to_y)
-        least = min(least, off_x * off_x + off_y * off_y)
-        turns.append((to_x - x) * (east - y) - (to_y - y) * (north - x))
-    is_inside = min(turns) > 0.0 or max(turns) < 0.0
-    return 0.0 if is_inside else sqrt(least)

@@ -161,7 +161,7 @@ class World(NamedTuple):
                 )
             if not (north_min <= mesh.north <= north_max and east_min <= mesh.east <= east_max):
                 return f"{mesh.label} is outside the extent"
-            if all(down >= self.seabed(north, east) for triangle in mesh.placed for north, east, down in triangle):
+            if all(down >= self.seabed(north, east) for north, east, down in mesh.corners()):
                 return f"{mesh.label} has its top in the seabed"
         return None
 
@@ -194,7 +194,9 @@ class World(NamedTuple):
         least = min(distances, default=inf)
         for mesh in self.mesh:
             if mesh.top < depth and mesh.bottom > highest and mesh.separation(north, east)[0] < least:
-                least = min(least, mesh.distance(north, east, highest, depth))
+                from sim.environment.contact.nearest import distance_to_mesh
+
+                least = min(least, distance_to_mesh(mesh, north, east, highest, depth))
         for pipeline in self.pipeline:
             away = pipeline.separation(north, east)[0]
             if depth < inf and away < min(least, within):

@@ -6,9 +6,10 @@
 
 #include "buffer.h"
 #include "rays_bundle.h"
+#include "rays_tree.h"
 
 /* A caster reads memory of other objects. The buffer interface prevents their resizing as long as it holds them. */
-enum { DEPTHS, SOLIDS, NODES, TRIANGLES, BUFFERS };
+enum { DEPTHS, SOLIDS, NODES, GROUPS, BUFFERS };
 
 typedef struct {
     PyObject_HEAD
@@ -46,7 +47,7 @@ static int allocate_blocks(Ground *ground)
 
 static int fill(Caster *caster, PyObject *const objects[BUFFERS])
 {
-    static const size_t records[BUFFERS] = {sizeof(float), sizeof(Solid), sizeof(Node), sizeof(Triangle)};
+    static const size_t records[BUFFERS] = {sizeof(float), sizeof(Solid), sizeof(Node), sizeof(Group)};
     static const char *const names[BUFFERS] = {"depths", "solids", "nodes", "triangles"};
     Geometry *geometry = &caster->geometry;
     Ground *ground = &geometry->ground;
@@ -65,7 +66,7 @@ static int fill(Caster *caster, PyObject *const objects[BUFFERS])
     geometry->solids = caster->buffers[SOLIDS].buf;
     geometry->count = (long)(caster->buffers[SOLIDS].len / (Py_ssize_t)sizeof(Solid));
     geometry->nodes = caster->buffers[NODES].buf;
-    geometry->triangles = caster->buffers[TRIANGLES].buf;
+    geometry->groups = caster->buffers[GROUPS].buf;
     return allocate_blocks(ground);
 }
 
@@ -76,7 +77,7 @@ static PyObject *caster_new(PyTypeObject *type, PyObject *arguments, PyObject *k
     (void)keywords;
     if (!PyArg_ParseTuple(arguments, "(lldddd)OOOO", &ground.rows, &ground.columns, &ground.north_min, &ground.east_min,
                           &ground.scale, &ground.outside, &objects[DEPTHS], &objects[SOLIDS], &objects[NODES],
-                          &objects[TRIANGLES]))
+                          &objects[GROUPS]))
         return NULL;
     PyObject *self = PyType_GenericAlloc(type, 0);
     if (self == NULL)
@@ -234,6 +235,37 @@ static PyObject *caster_geometry(PyObject *self, PyObject *nothing)
     return capsule;
 }
 
+static PyObject *grow(PyObject *module, PyObject *arguments)
+{
+    Py_buffer mesh = {0}, nodes = {0}, groups = {0};
+    Grower grower = {0};
+    PyObject *result = NULL;
+    Item *items = NULL;
+    (void)module;
+    if (!PyArg_ParseTuple(arguments, "y*w*w*ll", &mesh, &nodes, &groups, &grower.root, &grower.group))
+        return NULL;
+    grower.mesh = mesh.buf, grower.nodes = nodes.buf, grower.groups = groups.buf;
+    const Py_ssize_t count = mesh.len / 72, needed = (count + WIDTH - 1) / WIDTH;
+    if (count < 1 || mesh.len % 72 != 0 || grower.root < 0 || grower.group < 0
+        || nodes.len / (Py_ssize_t)sizeof(Node) - grower.root < needed
+        || groups.len / (Py_ssize_t)sizeof(Group) - grower.group < needed)
+        PyErr_SetString(PyExc_ValueError, "grow(): nine doubles a triangle, and room for a node and a group for four");
+    else if (!(items = malloc((size_t)count * sizeof *items)))
+        PyErr_NoMemory();
+    else {
+        grow_tree(&grower, items, (long)count);
+        result = PyLong_FromLong(grower.root);
+    }
+    free(items);
+    PyBuffer_Release(&mesh), PyBuffer_Release(&nodes), PyBuffer_Release(&groups);
+    return result;
+}
+
+static PyMethodDef module_methods[] = {
+    {"grow", grow, METH_VARARGS, "grow(mesh, nodes, triangles, root, group): as sim.rays.tree.grow."},
+    {NULL, NULL, 0, NULL},
+};
+
 static PyMethodDef caster_methods[] = {
     {"geometry", caster_geometry, METH_NOARGS, "geometry(): a capsule for sim.native._picture, which keeps the caster."},
     {"cast", (PyCFunction)(void (*)(void))caster_cast, METH_FASTCALL,
@@ -261,7 +293,7 @@ static int module_exec(PyObject *module)
 static PyModuleDef_Slot module_slots[] = {{Py_mod_exec, module_exec}, {0, NULL}};
 
 static PyModuleDef module = {
-    PyModuleDef_HEAD_INIT, "sim.native._rays", "Rays in C. " SOURCE_BYTES, 0, NULL, module_slots, NULL, NULL, NULL,
+    PyModuleDef_HEAD_INIT, "sim.native._rays", "Rays in C. " SOURCE_BYTES, 0, module_methods, module_slots, NULL, NULL, NULL,
 };
 
 PyMODINIT_FUNC PyInit__rays(void)

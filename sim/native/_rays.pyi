@@ -3,6 +3,8 @@ from collections.abc import Sequence
 # Whatever the buffer protocol takes: array, memoryview, numpy.
 Buffer = object
 
+def grow(mesh: Buffer, nodes: Buffer, triangles: Buffer, root: int, group: int, /) -> int: ...
+
 class Caster:
     def __new__(
         cls,

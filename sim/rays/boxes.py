@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from sim.rays.geometry import Geometry
 from sim.rays.solids import BOX, CYLINDER, KIND, MESH, POSITION, REACH, ROOT, ROTATION, ROW, SIZES, SPHERE
-from sim.rays.tree import NODE
+from sim.rays.tree import NODE, WIDTH
 
 _MAX_BOXES = 256  # of a mesh
 
@@ -73,14 +73,13 @@ def _extent(
 
 def _parts(nodes: "array[float]", root: int) -> NDArray[np.float64]:
     """Return the boxes of a tree, level by level, down to `_MAX_BOXES` of them or to its leaves."""
-    level, finished = [root], list[int]()
-    while level and len(finished) + 2 * len(level) <= _MAX_BOXES:
-        below = []
-        for node in level:
-            right_or_first, count = nodes[NODE * node + 6], nodes[NODE * node + 7]
-            if count:
-                finished.append(node)
-            else:
-                below += [node + 1, int(right_or_first)]
-        level = below
-    return np.array([nodes[NODE * node : NODE * node + 6] for node in (*finished, *level)])
+    level, finished = [root], list[list[float]]()
+    while True:
+        rows = np.concatenate([nodes[NODE * node : NODE * (node + 1)] for node in level]).reshape(-1, 7, WIDTH)
+        children = rows.transpose(0, 2, 1).reshape(-1, 7)
+        children = children[children[:, 6] != 0.0]
+        below = children[:, 6] > 0.0
+        if not below.any() or len(finished) + (~below).sum() + WIDTH * below.sum() > _MAX_BOXES:
+            return np.array([*finished, *children[:, :6].tolist()])
+        finished += children[~below, :6].tolist()
+        level = children[below, 6].astype(int).tolist()

@@ -169,7 +169,7 @@ class PictureScene(RayScene):
 
     def _load(self, solid: Solid) -> "tuple[VertexArray, int]":
         """Return the vertex array of a mesh (corner, normal, position in a net's lattice) and its number of corners."""
-        corners = np.array(solid.triangles)
+        corners = np.array(solid.triangles).reshape(-1, 3, 3)
         across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
         length = np.sqrt((across * across).sum(axis=1))
         some = length > 0.0

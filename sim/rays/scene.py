@@ -1,14 +1,14 @@
 """The scene for a sensor's rays: the seabed, obstacles, and added solids."""
 
 from array import array
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
 from hil.common.errors import ConfigError
 from sim.assembly import make_caster
 from sim.environment.world import World
 from sim.rays.geometry import NOTHING, SEABED, Geometry, Hits
-from sim.rays.solids import POSITION, ROW, Solid, standing
+from sim.rays.solids import POSITION, ROOT, ROW, Solid, standing
 from sim.rotations import matrix
 
 if TYPE_CHECKING:
@@ -162,35 +162,36 @@ class RayScene:
         return self._added[index - self._standing] if is_added else standing(self._world.obstacles()[index])
 
     def _gather(self) -> Geometry:
-        numbers, nodes, triangles = (array("d", part) for part in _standing(self._world))
-        _append(self._added, numbers, nodes, triangles)
+        standing_numbers, standing_meshes = _standing(self._world)
+        numbers, meshes = array("d", standing_numbers), dict(standing_meshes)
+        for index, solid in enumerate(self._added, self._standing):
+            numbers.extend(solid.numbers(0))
+            if solid.triangles:
+                meshes[index] = solid.triangles
+        nodes, triangles = array("f"), array("d")
+        if meshes:
+            from sim.rays.tree import forest
+
+            nodes, triangles, roots = forest(tuple(meshes.values()))
+            for index, root in zip(meshes, roots, strict=True):
+                numbers[index * ROW + ROOT] = root
         if self._pipes is not None:
             numbers.extend(self._pipes.rows)
         return Geometry(self._world.terrain, self._world.depth, numbers, nodes, triangles)
 
 
-Numbers = tuple["array[float]", "array[float]", "array[float]"]  # of solids, of trees' nodes, of triangles
-_latest: "list[tuple[World, Numbers]]" = []  # cache of the last world
+Standing = tuple["array[float]", "dict[int, array[float]]"]
+_latest: "list[tuple[World, Standing]]" = []  # cache of the last world
 
 
-def _standing(world: World) -> Numbers:
-    """Return the numbers of a world's obstacles, made once for all sensors in it."""
+def _standing(world: World) -> Standing:
+    """Return the rows of a world's obstacles, and the triangles of its meshes by their row: once for all sensors."""
     if not _latest or _latest[0][0] is not world:
-        numbers, nodes, triangles = array("d"), array("d"), array("d")
-        _append((standing(obstacle) for obstacle in world.obstacles()), numbers, nodes, triangles)
-        _latest[:] = [(world, (numbers, nodes, triangles))]
+        solids = [standing(obstacle) for obstacle in world.obstacles()]
+        numbers = array("d", [x for solid in solids for x in solid.numbers(0)])
+        meshes = {index: solid.triangles for index, solid in enumerate(solids) if solid.triangles}
+        _latest[:] = [(world, (numbers, meshes))]
     return _latest[0][1]
-
-
-def _append(solids: Iterable[Solid], numbers: "array[float]", nodes: "array[float]", triangles: "array[float]") -> None:
-    """Append the numbers of `solids` to those of others."""
-    for solid in solids:
-        root = 0
-        if solid.triangles:
-            from sim.rays.tree import append_tree
-
-            root = append_tree(solid.triangles, nodes, triangles)
-        numbers.extend(solid.numbers(root))
 
 
 def _doubles(directions: Any) -> "memoryview[float] | array[float]":

@@ -13,7 +13,9 @@ from hil.common.vectors import Vector3
 from sim.rays.geometry import NOTHING, SEABED, Geometry, Hits
 from sim.rays.seabed import STEP_EAST, STEP_NORTH, TINY, intersect_seabed, slab
 from sim.rays.solids import BOX, CYLINDER, HALF_SPACE, KIND, MESH, POSITION, REACH, ROOT, ROTATION, ROW, SIZES, SPHERE
-from sim.rays.tree import NODE, TRIANGLE
+from sim.rays.tree import GROUP, NODE, WIDTH
+
+_FLAT = 1e-30  # greatest part of a direction that counts as parallel
 
 
 class Hit(NamedTuple):
@@ -196,24 +198,42 @@ def _unit(x: float, y: float, z: float) -> Vector3:
 def _intersect_mesh(
     geometry: Geometry, root: int, net: Sequence[float], at: Vector3, along: Vector3, reach: float
 ) -> tuple[float, int]:
-    nodes, triangles = geometry.nodes, geometry.triangles
-    best, nearest, waiting = inf, 0, [root]
+    """Return the distance to a mesh and the number of the triangle; of equally near ones, the lowest number."""
+    best, nearest, waiting = inf, 0, [(0.0, root)]
+    inverse = [1.0 / (x if abs(x) > _FLAT else _FLAT) for x in along]
     while waiting:
-        offset = waiting.pop() * NODE
-        near, far = 0.0, min(reach, best)
-        for axis in range(3):
-            near, far = slab(at[axis], along[axis], nodes[offset + axis], nodes[offset + 3 + axis], near, far)
-        if near > far:
+        near, child = waiting.pop()
+        if near > min(reach, best):
             continue
-        first, count = int(nodes[offset + 6]), int(nodes[offset + 7])
-        if not count:
-            waiting += (first, offset // NODE + 1)
-        for number in range(first, first + count):
-            corner = triangles[number * TRIANGLE : (number + 1) * TRIANGLE]
+        if child >= 0:
+            waiting += _children(geometry.nodes[child * NODE : (child + 1) * NODE], at, inverse, min(reach, best))
+            continue
+        for number in range(WIDTH * (-1 - child), WIDTH * -child):
+            corner = _triangle(geometry.triangles, number)
             distance = _intersect_triangle(corner, at, along)
-            if distance < best and distance <= reach and not (net[0] and _is_open(corner, net, at, along, distance)):
+            is_nearer = distance < best or (distance == best and number < nearest)
+            if is_nearer and distance <= reach and not (net[0] and _is_open(corner, net, at, along, distance)):
                 best, nearest = distance, number
     return best, nearest
+
+
+def _children(node: Sequence[float], at: Vector3, inverse: Sequence[float], far: float) -> list[tuple[float, int]]:
+    """Return the distance and number of each child that a ray meets within `far` m; the nearest is the last."""
+    met = []
+    for lane in range(WIDTH):
+        near, end = 0.0, far
+        for axis in range(3):
+            one, other = ((node[WIDTH * (axis + 3 * side) + lane] - at[axis]) * inverse[axis] for side in (0, 1))
+            near, end = max(near, min(one, other)), min(end, max(one, other))
+        if near <= end:
+            met.append((near, int(node[WIDTH * 6 + lane])))
+    return sorted(met, key=lambda child: -child[0])
+
+
+def _triangle(triangles: Sequence[float], number: int) -> Sequence[float]:
+    """Return nine numbers: a corner of a triangle and the two edges from there."""
+    first = number // WIDTH * GROUP + number % WIDTH
+    return triangles[first : first + GROUP : WIDTH][:9]
 
 
 def _intersect_triangle(corner: Sequence[float], at: Vector3, along: Vector3) -> float:
@@ -252,6 +272,6 @@ def _is_open(corner: Sequence[float], net: Sequence[float], at: Vector3, along: 
 
 def _triangle_normal(triangles: Sequence[float], number: int, along: Vector3) -> Vector3:
     """Return a triangle's normal on the side of the ray's origin."""
-    _, _, _, ex, ey, ez, fx, fy, fz = triangles[number * TRIANGLE : (number + 1) * TRIANGLE]
+    _, _, _, ex, ey, ez, fx, fy, fz = _triangle(triangles, number)
     x, y, z = _unit(ey * fz - ez * fy, ez * fx - ex * fz, ex * fy - ey * fx)
     return (-x, -y, -z) if x * along[0] + y * along[1] + z * along[2] > 0.0 else (x, y, z)

@@ -3,6 +3,7 @@
 A solid is stored as a row of numbers in one array, which C reads, too.
 """
 
+from array import array
 from collections.abc import Iterable, Sequence
 from math import inf, sqrt
 from typing import TYPE_CHECKING, NamedTuple
@@ -23,11 +24,14 @@ KIND, REACH, POSITION, ROTATION, SIZES, ROOT, ROW = 0, 1, 2, 5, 14, 20, 21
 _UPRIGHT = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
 
 
+_NONE = array("d")
+
+
 class Solid(NamedTuple):
     """One solid. `rotation` (row after row) converts its own axes to the world's, `position` (NED, m) is their origin.
 
     `reach` (m) is its greatest horizontal distance from there. `sizes` depend on `kind`; for a net they are the
-    distance of its twines and their thickness. `triangles` are those of a mesh, in its own axes.
+    distance of its twines and their thickness. `triangles` are those of a mesh, in its own axes: nine numbers each.
     """
 
     kind: int
@@ -35,7 +39,7 @@ class Solid(NamedTuple):
     position: Point
     rotation: Sequence[float]
     sizes: Sequence[float]
-    triangles: tuple[Triangle, ...] = ()
+    triangles: "array[float]" = _NONE
 
     def numbers(self, root: int) -> list[float]:
         """Return the row. `root` is the root node of a mesh's tree; for other solids their object, 0 for itself."""
@@ -70,11 +74,11 @@ def mesh(triangles: Iterable[Triangle]) -> Solid:
 
     Rays hit both sides.
     """
-    corners_of = tuple(tuple(tuple(map(float, corner)) for corner in triangle) for triangle in triangles)
-    if not corners_of:
+    flat = array("d", [x for triangle in triangles for corner in triangle for x in corner])
+    if not flat:
         raise ValueError("a mesh needs at least one triangle")
-    reach = sqrt(max(x * x + y * y + z * z for triangle in corners_of for x, y, z in triangle))
-    return Solid(MESH, reach, (0.0, 0.0, 0.0), _UPRIGHT, (), corners_of)
+    reach = sqrt(max(x * x + y * y + z * z for x, y, z in zip(flat[0::3], flat[1::3], flat[2::3], strict=True)))
+    return Solid(MESH, reach, (0.0, 0.0, 0.0), _UPRIGHT, (), flat)
 
 
 def hull(vehicle: "Vehicle") -> Solid:
@@ -100,9 +104,8 @@ def standing(obstacle: Obstacle) -> Solid:
 
     if isinstance(obstacle, MeshObstacle):
         position = (obstacle.north, obstacle.east, obstacle.keys.depth)
-        return mesh(obstacle.triangles)._replace(
-            position=position, rotation=obstacle.rotation, sizes=obstacle.net or ()
-        )
+        reach = obstacle.radius + 1e-6  # m: that was rounded
+        return Solid(MESH, reach, position, obstacle.rotation, obstacle.net or (), obstacle.triangles)
     if isinstance(obstacle, Pipeline):  # has its number; its pieces come and go: see sim.rays.pipes
         return sphere((1e9, 0.0, 0.0), 0.0)
     raise TypeError(f"rays know no {type(obstacle).__name__}")

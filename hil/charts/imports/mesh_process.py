@@ -3,8 +3,8 @@
     python -P -m hil.charts.imports.mesh_process < JOBS
 
 JOBS is a JSON array of objects with `file`, `scale` (three factors), `matrix` (3 x 4, row by row, or null) and
-`output` (an STL file to write, or null). The result of each is a line of JSON: volume, centre, low, high, triangles,
-or error.
+`output` (an STL file to write, or null). The result of each is a line of JSON: low, high, triangles, and of a mesh
+that is not written also volume, centre and is_closed; or error.
 """
 
 import json
@@ -48,7 +48,7 @@ def _process_job(job: dict[str, Any]) -> dict[str, Any]:
     shape = job.get("shape")
     if shape and shape["kind"] == "heightmap":
         return _heightmap(file, [float(x) for x in shape["sizes"]], job["output"])
-    mesh: Any = _primitive(shape) if shape else load_mesh(file)
+    mesh: Any = _primitive(shape) if shape else load_mesh(file, clean=not job["output"])
     mesh.vertices = np.asarray(mesh.vertices, float) * np.asarray(job["scale"], float)
     if matrix is not None:
         mesh.vertices = mesh.vertices @ np.asarray(matrix, float)[:, :3].T + np.asarray(matrix, float)[:, 3]
@@ -59,6 +59,7 @@ def _process_job(job: dict[str, Any]) -> dict[str, Any]:
             return {"error": f"{len(mesh.faces)} triangles, at most {MAX_TRIANGLES} are allowed: simplify it"}
         plain = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
         plain.export(job["output"], file_type="stl")
+        return {"low": mesh.bounds[0].tolist(), "high": mesh.bounds[1].tolist(), "triangles": len(mesh.faces)}
     closed = bool(mesh.is_watertight)
     solid = mesh if closed else mesh.convex_hull if len(mesh.faces) > 3 else mesh
     return {

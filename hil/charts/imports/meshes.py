@@ -29,8 +29,9 @@ class MeshJob(NamedTuple):
 
 
 def read_meshes(jobs: Sequence[MeshJob]) -> list[dict[str, Any]]:
-    """Return the result of each job: `volume`, `centre`, `low`, `high` (m), `triangles` and `is_closed`, or `error`.
+    """Return the result of each job: `low`, `high` (m), `triangles`, or `error`.
 
+    A mesh that is not written also has `volume`, `centre` and `is_closed`.
     A file that exceeds the limits of the process gets an `error`; the other jobs are continued in a new process.
     Raises MissingExtraError.
     """

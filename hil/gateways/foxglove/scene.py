@@ -79,7 +79,7 @@ def _seabed(m: Any, world: World) -> Any:
 def _mesh(m: Any, mesh: MeshObstacle) -> Any:
     red, green, blue, opacity = (*mesh.keys.colour, 1.0) if mesh.keys.colour else OBSTACLE
     colour = red, green, blue, OBSTACLE[3] if mesh.net else opacity
-    corners = [corner for triangle in mesh.placed for corner in triangle]
+    corners = [*mesh.corners()]
     return m.TriangleListPrimitive(
         pose=_pose(m, (0.0, 0.0, 0.0)), color=m.Color(**_rgba(colour)), indices=list(range(len(corners))),
         points=_points(m, corners),

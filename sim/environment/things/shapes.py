@@ -10,13 +10,14 @@ Sensors, collisions, planners and the view treat them as a `[[mesh]]`. A net is 
 sound pass between the twines, vehicles do not.
 """
 
+from array import array
 from collections.abc import Callable, Iterable, Iterator
 from math import hypot
 from typing import Annotated, Any, Literal, NamedTuple, get_args
 
 from hil.common.errors import ConfigError
 from hil.common.schema import Range, check_rows, kind_in, parse_split, read_each
-from sim.environment.mesh import MAX_TRIANGLES, MeshKeys, MeshObstacle, Share, place_triangles
+from sim.environment.mesh import MeshKeys, MeshObstacle, Share, place_triangles
 from sim.environment.obstacles import Coordinate, Heading
 from sim.environment.things import primitives
 from sim.environment.things.primitives import Triangle
@@ -220,6 +221,7 @@ KINDS: dict[str, Any] = {
     "pipe": Pipe, "pile": Pile, "rope": Rope, "chain": Chain, "net": NetPanel, "net_pen": NetPen,
     "box_wreck": BoxWreck,
 }  # fmt: skip
+MAX_TRIANGLES = 200_000
 HANGS = {"rope", "chain", "net", "net_pen"}
 assert set(get_args(ShapeKeys.__annotations__["kind"])) == set(KINDS)
 
@@ -253,13 +255,13 @@ def place_shapes(
 def _place_part(part: Part, placing: ShapeKeys, depth: float, name: str) -> MeshObstacle:
     """Return one part as a mesh at the position of its shape."""
     scale = placing.scale
-    triangles = tuple(tuple((scale * x, scale * y, scale * z) for x, y, z in triangle) for triangle in part.triangles)
+    triangles = array("d", [scale * x for triangle in part.triangles for corner in triangle for x in corner])
     net = (scale * part.net[0], scale * part.net[1]) if part.net else None
     keys = MeshKeys(
         "", placing.north, placing.east, depth, placing.orientation, colour=placing.colour or part.colour,
         echo=part.echo + placing.echo, hidden=placing.hidden, name=name,
     )  # fmt: skip
-    return place_triangles(keys, triangles, net)  # type: ignore[arg-type]
+    return place_triangles(keys, triangles, net)
 
 
 def _multiple_of(size: float, mesh: float) -> float:

@@ -1,6 +1,7 @@
 """Meshes of a world: axes and scale of a file, rays, contact and sensors on them, and invalid files."""
 
 import struct
+from array import array
 from math import cos, inf, nan, pi, sin
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,9 @@ from hil.common.errors import ConfigError
 from hil.scenario.world_map import map_at
 from sim.dynamics import Dynamics, State
 from sim.environment.collision import Contact, starts_inside
-from sim.environment.mesh import MeshKeys, load_obstacle
+from sim.environment.contact import nearest
+from sim.environment.contact.nearest import distance_to_mesh
+from sim.environment.mesh import MeshKeys, load_obstacle, place_triangles
 from sim.environment.obstacles import Box
 from sim.environment.world import World, load_world
 from sim.rays.scene import RayScene
@@ -118,7 +121,7 @@ def test_files_without_or_with_unreadable_colours_have_the_common_paint(tmp_path
     block(folder)
     for name in ("red.obj", "bare.obj", "block.stl"):
         mesh = world_with(folder, name).mesh[0]
-        assert len(mesh.triangles) >= 2
+        assert len(mesh.triangles) >= 2 * 9
         assert mesh.keys.colour is None, name
 
 
@@ -202,7 +205,7 @@ def test_a_world_file_names_mesh_files_relative_to_itself(tmp_path: Path) -> Non
         HEAD + '[[mesh]]\nfile = "block.stl"\nnorth = 10\neast = 0\ndepth = "8 m"\norientation = [0, 0, "90 deg"]\n'
     )
     (mesh,) = load_world(str(tmp_path / "w.toml")).mesh
-    assert len(mesh.triangles) == 24
+    assert len(mesh.triangles) == 24 * 9
     assert mesh.label == "the mesh at (10, 0)"
     assert load_world(str(tmp_path / "w.toml")).obstacles() == (mesh,)
 
@@ -219,7 +222,7 @@ def test_a_world_file_names_mesh_files_relative_to_itself(tmp_path: Path) -> Non
         ),
         ('[[mesh]]\nfile = "nan.stl"\nnorth = 0\neast = 0\n', r"nan.stl: no triangles, or corners that are no numbers"),
         ('[[mesh]]\nfile = "block.xyz"\nnorth = 0\neast = 0\n', r"block.xyz: its ending is that of no mesh .* .stl"),
-        ('[[mesh]]\nfile = "large.stl"\nnorth = 0\neast = 0\n', r"300000 triangles are more than 200000: simplify"),
+        ('[[mesh]]\nfile = "large.stl"\nnorth = 0\neast = 0\n', r"5200000 triangles are more than 5000000: simplify"),
         ('[[mesh]]\nfile = "block.stl"\nnorth = 0\neast = 0\nup = "x"\n', "'x' is not one of"),
         ('[[mesh]]\nfile = "block.stl"\nnorth = 90\neast = 0\n', r"the mesh at \(90, 0\) is outside the extent"),
         (
@@ -239,8 +242,22 @@ def test_invalid_meshes_are_refused(tmp_path: Path, text: str, output: str) -> N
     (tmp_path / "nan.stl").write_bytes(whole[:first_corner] + struct.pack("<f", nan) + whole[first_corner + 4 :])
     (tmp_path / "block.xyz").write_bytes((tmp_path / "block.stl").read_bytes())
     with (tmp_path / "large.stl").open("wb") as large:
-        large.write(bytes(80) + (300_000).to_bytes(4, "little"))
-        large.truncate(84 + 50 * 300_000)
+        large.write(bytes(80) + (5_200_000).to_bytes(4, "little"))
+        large.truncate(84 + 50 * 5_200_000)
     (tmp_path / "w.toml").write_text(HEAD + text)
     with pytest.raises(ConfigError, match=output):
         load_world(str(tmp_path / "w.toml"))
+
+
+def test_a_large_mesh_has_the_distance_of_its_nearest_triangle(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The search in the tree gives what all triangles between two depths give; numpy places them to the last bit."""
+    rng = np.random.default_rng(1)
+    corners = rng.uniform(-20.0, 20.0, (300, 1, 3)) + rng.normal(0.0, 1.0, (300, 3, 3))
+    keys = MeshKeys("", 3.0, -4.0, 25.0, (0.3, -0.2, 1.0))
+    mesh = place_triangles(keys, array("d", corners.ravel()))
+    for north, east, low in rng.uniform(0.0, 40.0, (40, 3)):
+        expected = min(nearest._to_triangle(north, east, each) for each in mesh.between(low, low + 3.0))
+        assert distance_to_mesh(mesh, north, east, low, low + 3.0) == pytest.approx(expected, abs=1e-9)
+    monkeypatch.setattr("sim.environment.mesh._numpy", lambda: None)
+    assert place_triangles(keys, mesh.triangles) == mesh
+    assert place_triangles(keys, mesh.triangles).placed == mesh.placed

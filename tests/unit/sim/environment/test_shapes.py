@@ -28,7 +28,7 @@ def world_of(folder: Path, text: str) -> World:
 
 
 def corners(world: World) -> Any:
-    return np.array([corner for mesh in world.mesh for triangle in mesh.placed for corner in triangle])
+    return np.array([corner for mesh in world.mesh for corner in mesh.corners()])
 
 
 @pytest.mark.parametrize("kind", KINDS)

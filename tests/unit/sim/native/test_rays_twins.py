@@ -19,8 +19,9 @@ from sim.environment.terrain import Terrain, covering
 from sim.environment.things.pipelines import Pipeline
 from sim.environment.things.primitives import quad
 from sim.environment.world import World
-from sim.rays import solids
+from sim.rays import single, solids
 from sim.rays.scene import Engine, RayScene
+from sim.rays.tree import GROUP, NODE, grow
 from sim.rotations import matrix, normalise
 from tests.support.flights.twins import taken_from
 
@@ -105,6 +106,44 @@ def test_hits_in_c_and_python_are_equal(seed: int) -> None:
         assert native.distances == scenes[0].ranges(origin, rays, reach, rotation)
         kinds.update(python.objects)
     assert len(kinds) > 1
+
+
+@pytest.mark.usefixtures("native")
+def test_trees_in_c_and_python_are_equal() -> None:
+    """Random triangles, rows of equal ones, and a mesh that shrinks geometrically, of one to some hundred."""
+    rng = random.Random(1)
+    for count in (1, 4, 5, 9, 17, 250):
+        free = [rng.gauss(0.0, 1.0) for _ in range(9 * count)]
+        for mesh in (free, [round(x) for x in free], [0.5 ** (i // 9) for i in range(9 * count)], [1.0] * 9 * count):
+            made = []
+            for engine in ("", "python"):
+                nodes, triangles = array("f", (0.0,)) * (NODE * count), array("d", (0.0,)) * (GROUP * count)
+                made.append((grow(array("d", mesh), nodes, triangles, 0, 0, engine), nodes, triangles))
+            assert made[0] == made[1]
+
+
+@pytest.mark.usefixtures("native")
+def test_a_ray_hits_the_nearest_of_all_triangles() -> None:
+    """The answer is that of trying each triangle, for rays along the axes and through edges too."""
+    rng = random.Random(2)
+    step = 0.25
+    squares = [
+        [
+            [(step * (i + a), step * (j + b), 3.0 + (i * j % 3)) for a, b in corners]
+            for corners in (((0, 0), (1, 0), (1, 1)), ((0, 0), (1, 1), (0, 1)))
+        ]
+        for i in range(-9, 9)
+        for j in range(-9, 9)
+    ]
+    mesh = solids.mesh([triangle for square in squares for triangle in square])
+    scene = RayScene(World("w", "test", EXTENT, 100.0), "C")
+    scene.add(mesh)
+    origin, rays = (0.0, 0.0, 0.0), random_rays(rng)
+    flat = mesh.triangles
+    edges = [[*flat[i : i + 3], *(flat[i + 3 + k] - flat[i + k % 3] for k in range(6))] for i in range(0, len(flat), 9)]
+    for ray, distance in enumerate(scene.ranges(origin, rays, 50.0)):
+        along = tuple(rays[3 * ray : 3 * ray + 3])
+        assert distance == min(single._intersect_triangle(corner, origin, along) for corner in edges)
 
 
 def rows_of_pixels(width: float, across: int, down: int) -> "array[float]":
