@@ -13,10 +13,8 @@ from typing import Any
 import pytest
 
 from hil.bench import delay_report, delay_run
-from hil.bench.delay_report import draw
 from hil.bench.delay_run import HOPS, Plan, Result, first_motion, measure, pooled
 from hil.bench.harness import Bench, Process, program
-from hil.bench.record import Record
 from hil.cli import main
 from hil.client.client import VehicleClient
 from hil.client.delay import DelayMeter
@@ -199,6 +197,21 @@ def failing_second(results: list[Result]) -> Any:
     return run
 
 
+def test_results_are_saved_when_a_later_run_fails(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr(bench_delay, "_measure", failing_second([some_result([0.7] * 20, motion=[])]))
+    path = tmp_path / "record.json"
+    assert main(["bench", "delay", "--load", "0,1,2", "--output", str(path)]) == 4
+    output = capsys.readouterr()
+    assert "load 0" in output.out
+    assert "label: limited: for the test" in output.out
+    assert "the slave ended" in output.err
+    figures = json.loads(path.read_text())["figures"]
+    assert figures["delay [load 0]"]["count"] == 20
+    assert "motion [load 0]" not in figures
+
+
 def test_a_failed_picture_does_not_lose_the_figures(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -259,49 +272,3 @@ def test_load_processes_do_not_receive_ctrl_c(monkeypatch: pytest.MonkeyPatch) -
     with delay_run._burners(2):
         assert len({os.getpgid(process.pid) for process in started} - {os.getpgid(0)}) == 2
     assert [process.poll() for process in started] == [-signal.SIGKILL] * 2
-
-
-def record_of(**changes: Any) -> Record:
-    machine = {"name": "vessel", "board": "", "cpu": "Cortex-A72", "usable_cores": 4}
-    return Record("delay", {}, {}, ("limited: 25%",), {}, machine, "2022-10-20T12:00:00+0000")._replace(**changes)
-
-
-def test_the_picture_has_a_title_with_machine_and_labels(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The picture has one outlier far away, many configurations, and one without answers."""
-    figures = keep_figure(monkeypatch)
-    far = some_result([0.7] * 99 + [150.0])
-    many = {f"rate {number}": some_result([0.5 + number / 10] * 20) for number in range(12)}
-    draw({"far": far, "none": some_result([], tcp=[]), **many}, record_of(), str(tmp_path / "a.png"))
-    figure = figures[0]
-    title = figure.get_suptitle()
-    for words in ("Command delay", "vessel", "Cortex-A72", "2022-10-20", "limited: 25%"):
-        assert words in title
-    histogram, series, hops = figure.axes
-    assert histogram.get_xlim()[1] < 5.0
-    assert "1 more beyond, up to 150.0 ms" in histogram.get_xlabel()
-    assert series.get_yscale() == "log"
-    assert len({line.get_color() for line in series.lines}) == 14
-    assert hops.get_legend() is None  # which would lie on the bars
-    assert len(figure.legends) == 2
-
-
-def keep_figure(monkeypatch: pytest.MonkeyPatch) -> list[Any]:
-    """Return a list to which all figures drawn from now on are added."""
-    from matplotlib.figure import Figure
-
-    figures = []
-
-    def savefig(figure: Figure, *_: Any, **__: Any) -> None:
-        figures.append(figure)
-
-    monkeypatch.setattr(Figure, "savefig", savefig)
-    return figures
-
-
-def test_a_picture_of_a_steady_run_has_linear_axes(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    figures = keep_figure(monkeypatch)
-    warned = record_of(details={"calm": {"warnings": ["a clock"]}})
-    draw({"calm": some_result([0.5, 0.6, 0.7] * 10)}, warned, str(tmp_path / "a.png"))
-    assert figures[0].axes[0].get_xlabel() == "command delay (ms)"
-    assert figures[0].axes[1].get_yscale() == "linear"
-    assert "with WARNINGS" in figures[0].get_suptitle()
