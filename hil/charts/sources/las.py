@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.charts.sources.sign import join_notes
 from hil.charts.sources.systems import parse_crs
 from hil.common.errors import ConfigError, MissingExtraError
 from hil.common.tables import check_file
@@ -56,7 +57,7 @@ def read_las(path: str) -> tuple[Array, Any, str, str]:
     if size:
         lost = float((used[:, 4] - used[:, 2]).max())
         thinned = f"{path}: {count} points became {len(used)} means of {size:.2g}, up to {lost:.2g} below the highest"
-        note = f"{note}; {thinned}" if note else thinned
+        note = join_notes(note, thinned)
     return used[:, :3], crs, unit, note
 
 

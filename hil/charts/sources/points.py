@@ -65,19 +65,9 @@ def is_points(path: str) -> bool:
     return (os.path.splitext(stem)[1] if ending in COMPRESSED else ending) in (*ENDINGS, *las.ENDINGS)
 
 
-class _Table(NamedTuple):
-    """Rows of east (longitude), north (latitude) and depth as a file has them, and what the file says of them.
-
-    `geographic`: whether the first two are degrees; `crs`: their coordinate system, None if not known; `name` and
-    `unit`: of the depths, "" for none.
-    """
-
-    rows: Array
-    geographic: bool
-    crs: Any
-    name: str
-    unit: str
-    note: str = ""
+# Rows of east (longitude), north (latitude) and depth as a file has them; whether the first two are degrees; their
+# coordinate system, None if not known; name and unit of the depths, "" for none; a note
+_Table = tuple[Array, bool, Any, str, str, str]
 
 
 def read_points(
@@ -91,26 +81,26 @@ def read_points(
     skipped. Without a coordinate system the origin of east and north is unknown. Raises ConfigError, MissingExtraError.
     """
     declared = Declared(positive, crs, unit, layer)
-    table = _read_cloud(path, declared) if path.lower().endswith(las.ENDINGS) else _read_text(path, declared)
-    rows, geographic = table.rows, table.geographic
-    length, unit_note = depth_unit(path, table.unit, unit, table.crs)
+    read = _read_cloud if path.lower().endswith(las.ENDINGS) else _read_text
+    rows, geographic, system, name, stated, reading_note = read(path, declared)
+    length, unit_note = depth_unit(path, stated, unit, system)
     rows[:, 2] *= length
-    if table.crs is not None:
-        rows[:, :2], geographic = _degrees(rows, table.crs), True
+    if system is not None:
+        rows[:, :2], geographic = _degrees(rows, system), True
     _check_degrees(rows, geographic, path)
     if geographic and np.ptp(rows[:, 0]) > 180.0:  # on both sides of the 180th meridian
         rows[:, 0] %= 360.0
     require_possible(path, rows[:, 2])
-    low, high, axis = float(rows[:, 2].min()), float(rows[:, 2].max()), vertical_axis(table.crs)[1]
-    up, note = detect_direction(path, positive, [table.name], low, high, axis)
-    note = join_notes(table.note, unit_note, note, _several_depths(rows, path))
+    low, high, axis = float(rows[:, 2].min()), float(rows[:, 2].max()), vertical_axis(system)[1]
+    up, note = detect_direction(path, positive, [name], low, high, axis)
+    note = join_notes(reading_note, unit_note, note, _several_depths(rows, path))
     return Points(os.path.basename(path), rows[:, 1::-1], -rows[:, 2] if up else rows[:, 2], geographic, note)
 
 
 def _read_cloud(path: str, declared: Declared) -> _Table:
     rows, crs, unit, note = las.read_las(path)
     crs = crs or (parse_crs(declared.crs) if declared.crs else None)
-    return _Table(rows, False, crs, "" if vertical_axis(crs)[1] else "height", unit, note)
+    return rows, False, crs, "" if vertical_axis(crs)[1] else "height", unit, note
 
 
 def _read_text(path: str, declared: Declared) -> _Table:
@@ -144,7 +134,7 @@ def _read_text(path: str, declared: Declared) -> _Table:
     name = names[third] if has_names else ""
     others = [text for text in names if is_depth_name(text) and text != name and not declared.layer]
     note = join_notes(note, f"{path}: {name} is used (--layer for {', '.join(others)})" if others else "")
-    return _Table(rows, geographic, crs, name, unit_in_name(name), note)
+    return rows, geographic, crs, name, unit_in_name(name), note
 
 
 def _look_like_degrees(rows: Array) -> bool:

@@ -85,13 +85,13 @@ def write_netcdf(
 
 def at_places(path: str, shift: float = 0.0, truth: Callable[[Array, Array], Array] = truth, **options: Any) -> str:
     """Hold the depths at 20 places, whose positions come from PROJ, against the truth; return the notes."""
-    step = np.arange(-3000.0, 3001.0, 250.0)
-    north, east = (part.ravel() for part in np.meshgrid(step[::6], step[::8], indexing="ij"))
+    step = np.arange(-3000.0, 3001.0, 125.0)
+    north, east = (part.ravel() for part in np.meshgrid(step[::12], step[::16], indexing="ij"))
     local = f"+proj=ortho +lat_0={MIDDLE[0]} +lon_0={MIDDLE[1]} +datum=WGS84"
     longitude, latitude = (np.array(part) for part in warp.transform(local, "EPSG:4326", east, north))
     found = open_raster(path, **options)
     plane = LocalPlane(MIDDLE[0], (MIDDLE[1] + shift + 180.0) % 360.0 - 180.0)
-    depths = found.depths(plane, step, step)[::6, ::8].ravel()
+    depths = found.depths(plane, step, step)[::12, ::16].ravel()
     assert depths == pytest.approx(truth(latitude, longitude), abs=0.06)
     return found.note
 
