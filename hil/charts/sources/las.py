@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.charts.sources.sign import join_notes
+from hil.charts.sources.survey import shoalest_in_cell
 from hil.charts.sources.systems import parse_crs
 from hil.common.errors import ConfigError, MissingExtraError
 from hil.common.tables import check_file
@@ -17,7 +18,8 @@ ENDINGS = (".las", ".laz")
 BED = (2, 8, 40)  # classes: ground, its key points, bathymetric point; not water, plants, noise or buildings
 UNCLASSIFIED = (0, 1)
 CHUNK = 1_000_000  # points that are read at a time
-MAX_POINTS = 200_000  # above which points are replaced by their means in cells
+MAX_POINTS = 200_000  # above which the highest in each cell is used
+DOWN = (1.0, 1.0, -1.0)  # from heights to depths
 UNITS = {9001: "m", 9002: "ft", 9003: "us-ft"}  # of GeoTIFF's key of vertical units
 
 
@@ -32,7 +34,7 @@ def read_las(path: str) -> tuple[Array, Any, str, str]:
     except ImportError:
         raise MissingExtraError(f"{path}: LAS needs laspy: pip install 'uuv-hil[raster]'") from None
     check_file(path, sys.maxsize)  # no limit: it is read in parts
-    bed, others, classes, count = np.empty((0, 5)), np.empty((0, 5)), set[int](), 0
+    bed, others, classes, count = np.empty((0, 3)), np.empty((0, 3)), set[int](), 0
     size = 0.0
     try:
         with laspy.open(path) as file:
@@ -40,8 +42,7 @@ def read_las(path: str) -> tuple[Array, Any, str, str]:
             for chunk in file.chunk_iterator(CHUNK):
                 kind, count = np.asarray(chunk.classification), count + len(chunk)
                 classes |= set(np.unique(kind).tolist())
-                x, y, z = (np.asarray(part) for part in (chunk.x, chunk.y, chunk.z))
-                rows = np.column_stack([x, y, z, np.ones(len(z)), z])
+                rows = np.column_stack([np.asarray(part) for part in (chunk.x, chunk.y, chunk.z)])
                 is_used = ~np.asarray(chunk.withheld, bool)
                 bed, size = _thin(np.concatenate([bed, rows[is_used & np.isin(kind, BED)]]), size)
                 if not len(bed):
@@ -55,27 +56,19 @@ def read_las(path: str) -> tuple[Array, Any, str, str]:
         )
     note = "" if len(bed) else f"{path}: has no classes: all its points are used, water and plants too"
     if size:
-        lost = float((used[:, 4] - used[:, 2]).max())
-        thinned = f"{path}: {count} points became {len(used)} means of {size:.2g}, up to {lost:.2g} below the highest"
-        note = join_notes(note, thinned)
-    return used[:, :3], crs, unit, note
+        note = join_notes(note, f"{path}: of {count} points {len(used)} are used, the highest in each {size:.2g}")
+    return used, crs, unit, note
 
 
 def _thin(rows: Array, size: float) -> tuple[Array, float]:
-    """Return means of rows in square cells of `size` or more, so that there are at most MAX_POINTS, and that size.
+    """Return the highest of the rows (n, 3) in each square cell, so that there are at most MAX_POINTS, and its size.
 
-    `rows`: x, y, height, the number of points, and the greatest height of them. `size`: 0 for rows that are points.
+    Cells are of `size` or more; 0 as long as all rows are used.
     """
     if len(rows) > MAX_POINTS:
         size = size or max(float(np.ptp(rows[:, :2], axis=0).max()), 1.0) / MAX_POINTS**0.5
     while len(rows) > MAX_POINTS:
-        cells = np.floor(rows[:, :2] / size).astype(np.int64)
-        _, where = np.unique(cells[:, 0] << 32 ^ (cells[:, 1] & 0xFFFFFFFF), return_inverse=True)
-        weights = np.bincount(where, rows[:, 3])
-        means = [np.bincount(where, rows[:, 3] * rows[:, k]) / weights for k in range(3)]
-        highest = np.full(len(weights), -np.inf)
-        np.maximum.at(highest, where, rows[:, 4])
-        rows = np.column_stack([*means, weights, highest])
+        rows = shoalest_in_cell(rows * DOWN, size) * DOWN
         size *= 1.25 if len(rows) > MAX_POINTS else 1.0
     return rows, size
 

@@ -107,6 +107,6 @@ def shoalest_in_cell(points: Array, size: float) -> Array:
 
 def first_in_cell(points: Array, size: float) -> Indices:
     """Return the indices, in increasing order, of the first point in each square cell of `size` m."""
-    cells = np.floor(points[:, :2] / size).astype(np.int64)
-    _, first = np.unique(cells, axis=0, return_index=True)
+    cells = np.floor(points[:, :2] / size)
+    _, first = np.unique(cells[:, 0] + 1j * cells[:, 1], return_index=True)  # ten times as fast as of rows
     return np.sort(first)

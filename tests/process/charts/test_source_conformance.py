@@ -290,8 +290,8 @@ def test_point_clouds_become_the_bed(tmp_path: Path, monkeypatch: pytest.MonkeyP
     monkeypatch.setattr("hil.charts.sources.las.MAX_POINTS", 500)
     thinned = read_points(path)
     assert 100 < len(thinned.depths) <= 500
-    assert thinned.depths.mean() == pytest.approx(22.95, abs=0.1)
-    assert "3600 points became" in thinned.note
+    assert 22.6 < thinned.depths.mean() < 22.95, "the highest in each cell"
+    assert "of 3600 points" in thinned.note
     cloud.classification = np.full(3600, 41)
     cloud.write(path)
     with pytest.raises(ConfigError, match=r"no point of ground \(2\) or bathymetry \(40\), but of the classes \[41\]"):
