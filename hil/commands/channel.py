@@ -1,12 +1,10 @@
 """`uuv-hil channel`: simulate the channel between the modems of a fleet."""
 
-import select
-
 from hil.commands.listening import is_routed
 from hil.common.clock import NS_PER_S, now_ns
 from hil.common.errors import ConfigError
 from hil.common.options import add_scenario, changes_of, new_parser
-from hil.common.stop import StopSignals
+from hil.common.stop import StopSignals, is_stopped
 from hil.master.acoustic_channel import ModemNetwork, summary
 from hil.network.roles import open_master_session
 from hil.scenario.config import load_scenario
@@ -45,7 +43,7 @@ def main(arguments: list[str]) -> int:
     ):
         network = ModemNetwork(session, scenario)
         print(f"{modem.kind} modems of {len(scenario.member)} vehicles, slots of {modem.slot:g} s", flush=True)
-        while not select.select((stop_fd,), (), (), REPORT_PERIOD_S)[0]:
+        while not is_stopped(stop_fd, REPORT_PERIOD_S):
             print(f"{(now_ns() - began) / NS_PER_S:7.1f} s  {summary(network.counts)}", flush=True)
         print(summary(network.counts), flush=True)
     return 0

@@ -29,7 +29,7 @@ from hil.common.options import (
     scenario_words,
 )
 from hil.common.ports import free_ports
-from hil.common.stop import StopSignals
+from hil.common.stop import StopSignals, is_stopped
 from hil.master.recorder import make_folder
 from hil.recording.recorder import new_folder
 from hil.scenario.attitude_warning import attitude_warning
@@ -213,7 +213,7 @@ def _wait_for_master(
 ) -> int:
     while master.poll() is None:
         observe()
-        if select.select((stop_fd,), (), (), 0.1)[0]:
+        if is_stopped(stop_fd, 0.1):
             raise KeyboardInterrupt
         if slave.poll() is not None and master.poll() is None:
             master.kill()  # ended by SIGTERM, it would print the table of a run that never began
@@ -224,7 +224,7 @@ def _wait_for_master(
             raise NetworkError(f"the slave ended with exit code {slave.returncode}: {last}")
     deadline_ns = now_ns() + FIRST_PICTURE_TIMEOUT_S * NS_PER_S
     while master.returncode == 0 and not observe() and now_ns() < deadline_ns:
-        if select.select((stop_fd,), (), (), 0.1)[0]:
+        if is_stopped(stop_fd, 0.1):
             raise KeyboardInterrupt
     return master.returncode
 

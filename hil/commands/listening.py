@@ -1,11 +1,11 @@
 """Options with which a command reaches vehicles, the endpoints and keys they give, and the loop of a gateway."""
 
 import argparse
-import select
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from hil.common.options import ENDPOINT, LOCAL_SLAVE, WAIT, add_changes, changes_of, endpoint_or_lan
+from hil.common.stop import is_stopped
 from hil.scenario.config import Scenario, load_scenario, load_single
 
 if TYPE_CHECKING:
@@ -119,7 +119,7 @@ def forward(
 ) -> None:
     """Show what vehicles publish until `stop_fd` is readable; print the connected vehicles whenever they change."""
     names: list[str] | None = None
-    while not has_ended() and not select.select((stop_fd,), (), (), POLL_S)[0]:
+    while not has_ended() and not is_stopped(stop_fd, POLL_S):
         show(tap.receive())
         if fleet.names != names:
             names = fleet.names

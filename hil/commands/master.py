@@ -2,7 +2,6 @@
 
 import json
 import os
-import select
 
 from hil.bench.table import hil_table as table
 from hil.client.client import VehicleClient
@@ -21,7 +20,7 @@ from hil.common.options import (
     new_parser,
     scenario_words,
 )
-from hil.common.stop import StopSignals
+from hil.common.stop import StopSignals, is_stopped
 from hil.master.flight import Flight, Outcome, Plan, prepare, require_success
 from hil.master.mission import STOPPED as INTERRUPTED
 from hil.master.mission import Mission
@@ -151,7 +150,7 @@ def _wait(client: VehicleClient, seconds: float, stop_fd: int, progress: Progres
 
 def _pause(stop_fd: int, seconds: float) -> None:
     """Wait; raises KeyboardInterrupt if `stop_fd` becomes readable."""
-    if select.select((stop_fd,), (), (), seconds)[0]:
+    if is_stopped(stop_fd, seconds):
         raise KeyboardInterrupt
 
 

@@ -1,11 +1,9 @@
 """`uuv-hil router`: forward between vehicles and masters that cannot reach each other, or are many."""
 
-import select
-
 from hil.commands.listening import add_settings
 from hil.common.clock import now_ns
 from hil.common.options import ENDPOINT, LOCAL_SLAVE, changes_of, new_parser
-from hil.common.stop import StopSignals
+from hil.common.stop import StopSignals, is_stopped
 from hil.network.roles import open_router_session
 from hil.network.router_links import RouterLinks
 from hil.network.settings import Network
@@ -49,7 +47,7 @@ def main(arguments: list[str]) -> int:
         print(f"forwarding between all peers that connect to {options.listen}", flush=True)
         reported: list[str] = []
         links = RouterLinks(session, lambda line: print(line, flush=True))
-        while not select.select((stop_fd,), (), (), 0.5)[0]:
+        while not is_stopped(stop_fd, 0.5):
             links.check(now_ns())
             connected = session.others()
             if connected != reported:

@@ -1,6 +1,7 @@
 """Descriptors for a loop to wait on: for signals that end the process, and for events in other threads."""
 
 import os
+import select
 import signal
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
@@ -127,6 +128,11 @@ class StopSignals:
             signal.signal(number, handler)
         signal.set_wakeup_fd(self._wakeup_before)
         self._wakeup.close()
+
+
+def is_stopped(stop_fd: int, seconds: float) -> bool:
+    """Wait for so long; return at once, and True, when a signal of `StopSignals` has come."""
+    return bool(select.select((stop_fd,), (), (), seconds)[0])
 
 
 def _ignore(_number: int, _frame: FrameType | None) -> None:

@@ -4,7 +4,6 @@ There is no central process. An agent knows of the other vehicles what their pla
 In a scenario with modems it receives the reports by modem, and `formation` is only for displays.
 """
 
-import select
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
@@ -12,6 +11,7 @@ from hil.autonomy.control.controller import VelocityCommand
 from hil.client.client import VehicleClient
 from hil.common.clock import NS_PER_S, RateKeeper, now_ns, seconds_ns, to_wall_ns
 from hil.common.errors import ConfigError, MissionError, NetworkError
+from hil.common.stop import is_stopped
 from hil.master.flight import held
 from hil.master.hunt import HuntPlanner
 from hil.network.publisher import Publisher
@@ -103,7 +103,7 @@ def _wait(client: VehicleClient, stop_fd: int, seconds: float) -> bool:
     """Wait up to `seconds` for odometry; return False if stopped. Raises NetworkError if none arrives."""
     deadline = now_ns() + seconds_ns(seconds)
     while "odom" not in client.latest:
-        if select.select((stop_fd,), (), (), 0.02)[0]:
+        if is_stopped(stop_fd, 0.02):
             return False
         if now_ns() > deadline:
             raise NetworkError(
@@ -156,7 +156,7 @@ class _Agent:
         while True:
             due = min(self._commands_due.deadline_ns, self._reports_due.deadline_ns)
             due = min(due, self._modem.deadline_ns) if self._modem else due
-            if select.select((stop_fd,), (), (), max(due - now_ns(), 0) / NS_PER_S)[0]:
+            if is_stopped(stop_fd, max(due - now_ns(), 0) / NS_PER_S):
                 self._client.command(VelocityCommand())
                 return
             now = now_ns()

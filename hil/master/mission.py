@@ -1,6 +1,5 @@
 """Let a planner control a vehicle over the network."""
 
-import select
 from typing import Any
 
 import psutil
@@ -9,6 +8,7 @@ from hil.autonomy.control.controller import VelocityCommand
 from hil.client.client import VehicleClient
 from hil.common.clock import NS_PER_S, RateKeeper, now_ns, seconds_ns, to_wall_ns
 from hil.common.errors import NetworkError
+from hil.common.stop import is_stopped
 from hil.master.flight import Flight, Outcome
 from hil.master.progress import Progress
 from hil.master.recorder import TrackWriter
@@ -53,7 +53,7 @@ class Mission:
         reason = ""
         while not reason:
             wait = max(schedule.deadline_ns - now_ns(), 0) / NS_PER_S
-            if select.select((stop_fd,), (), (), wait)[0]:
+            if is_stopped(stop_fd, wait):
                 reason = STOPPED
             elif schedule.due(now_ns()):
                 elapsed = (now_ns() - began) / NS_PER_S
@@ -71,7 +71,7 @@ class Mission:
         while now_ns() < deadline and self._client.diagnostics().run_events is not None:
             if self._client.latest["diagnostics"].sent_ns > ended:
                 return
-            if select.select((stop_fd,), (), (), POLL_S)[0]:
+            if is_stopped(stop_fd, POLL_S):
                 return
         if self._client.diagnostics().run_events is not None:
             age = self._client.latest["diagnostics"].age_s

@@ -1,10 +1,10 @@
 """Play a recording to the network, as if its vehicles were present."""
 
-import select
 from collections.abc import Callable, Iterable
 
 from hil.common.clock import NS_PER_S, now_ns, to_wall_ns
 from hil.common.errors import ConfigError
+from hil.common.stop import is_stopped
 from hil.network.presence import declare_presence
 from hil.network.publisher import Publisher
 from hil.network.session import Session
@@ -24,7 +24,7 @@ def pace(messages: Iterable[Message], speed: float, stop_fd: int, use: Callable[
         first_ns = first_ns or message.logged_ns
         newest_ns = max(newest_ns, message.logged_ns)
         due = began + (round((message.logged_ns - first_ns) / speed) if speed else 0)
-        if select.select((stop_fd,), (), (), max(0, due - now_ns()) / NS_PER_S)[0]:
+        if is_stopped(stop_fd, max(0, due - now_ns()) / NS_PER_S):
             break
         use(message)
     return (newest_ns - first_ns) / NS_PER_S

@@ -4,7 +4,6 @@ There is a slave with an emulated STM32 and an agent for each vehicle. This proc
 agents do not receive. If the vehicles have modems, it also simulates the acoustic channel between them.
 """
 
-import select
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -15,7 +14,7 @@ from hil.cases.process_group import ProcessGroup
 from hil.client.delay import DelayMeter
 from hil.common.clock import NS_PER_S, RateKeeper, from_wall_ns, now_ns, seconds_ns, to_wall_ns
 from hil.common.errors import NetworkError
-from hil.common.stop import StopSignals
+from hil.common.stop import StopSignals, is_stopped
 from hil.network.roles import open_master_session
 from hil.network.session import Session
 from hil.network.stall import reopen_while_no_vehicle
@@ -209,5 +208,5 @@ def _open_modems(session: Session, scenario: Scenario) -> "ModemNetwork | None":
 
 def _pause(stop_fd: int, until_ns: int) -> None:
     """Wait until `until_ns` (monotonic). Raises KeyboardInterrupt when a stop is requested."""
-    if select.select((stop_fd,), (), (), max(until_ns - now_ns(), 0) / NS_PER_S)[0]:
+    if is_stopped(stop_fd, max(until_ns - now_ns(), 0) / NS_PER_S):
         raise KeyboardInterrupt

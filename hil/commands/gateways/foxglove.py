@@ -1,6 +1,5 @@
 """`uuv-hil foxglove`: show vehicles live in Foxglove, and command them from there."""
 
-import select
 from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
@@ -8,7 +7,7 @@ import hil
 from hil.commands.listening import add_connect, add_settings, is_routed, keys_of, scenario_and_endpoints
 from hil.common.errors import MissingExtraError
 from hil.common.options import add_serving, new_parser
-from hil.common.stop import StopSignals
+from hil.common.stop import StopSignals, is_stopped
 from hil.network.settings import Network
 from hil.recording.mcap_file import Message
 from hil.scenario.config import Scenario
@@ -72,7 +71,7 @@ def main(arguments: list[str]) -> int:
         if scenario:
             _show_scene(server, scenario)
         nodes: set[str] = set()
-        while not select.select((stop_fd,), (), (), POLL_S)[0]:
+        while not is_stopped(stop_fd, POLL_S):
             messages = tap.receive()
             server.show(messages)
             for message in messages:

@@ -1,12 +1,11 @@
 """`uuv-hil gateway`: serve vehicles to MATLAB, Octave and whatever else can write lines of JSON to a socket."""
 
 import os
-import select
 
 import hil
 from hil.commands.listening import add_fleet, add_take_over, connect_arguments, presence
 from hil.common.options import add_serving, new_parser
-from hil.common.stop import StopSignals
+from hil.common.stop import StopSignals, is_stopped
 from hil.gateways.json_lines.server import JsonGateway
 
 POLL_S = 0.5  # between two checks of which vehicles are connected
@@ -50,7 +49,7 @@ def main(arguments: list[str]) -> int:
         access = gateway.access
         print(f"token for commands: {access.token}" + (f" (in {access.path})" if access.path else ""), flush=True)
         names: list[str] | None = None
-        while not select.select((stop_fd,), (), (), POLL_S)[0]:
+        while not is_stopped(stop_fd, POLL_S):
             if fleet.names != names:
                 names = fleet.names
                 print(presence(names, endpoints), flush=True)

@@ -1,7 +1,6 @@
 """`uuv-hil record`: record what vehicles publish and receive into files that Foxglove, PlotJuggler and rosbag2 open."""
 
 import os
-import select
 import sys
 from typing import TYPE_CHECKING
 
@@ -9,7 +8,7 @@ from hil.commands.listening import add_connect, add_settings, scenario_and_endpo
 from hil.common.clock import NS_PER_S, now_ns, seconds_ns
 from hil.common.errors import DeviceError, NetworkError
 from hil.common.options import YEAR_S, Number, add_output, new_parser
-from hil.common.stop import StopSignals
+from hil.common.stop import StopSignals, is_stopped
 from hil.network.settings import Network
 from hil.recording.mcap_writer import require_library
 from hil.recording.recorder import Recorder, describe, new_folder
@@ -85,7 +84,7 @@ def _wait(recorder: Recorder, tap: "Tap", seconds: float | None, stop_fd: int) -
     """Wait until the end, and report the progress."""
     end = now_ns() + seconds_ns(seconds) if seconds else None
     reported_ns = now_ns()
-    while not (recorder.failure or (end and now_ns() > end) or select.select((stop_fd,), (), (), POLL_S)[0]):
+    while not (recorder.failure or (end and now_ns() > end) or is_stopped(stop_fd, POLL_S)):
         if text := tap.complaint():
             print(("\r\x1b[K" if sys.stdout.isatty() else "") + text, flush=True)
         if sys.stdout.isatty() and now_ns() - reported_ns > REPORT_PERIOD_NS:

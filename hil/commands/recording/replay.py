@@ -1,7 +1,6 @@
 """`uuv-hil replay`: replay a recording on the network, to another slave, or bit for bit in the simulator."""
 
 import argparse
-import select
 from math import dist
 from typing import TYPE_CHECKING
 
@@ -10,7 +9,7 @@ from hil.commands.recording.options import add_recording
 from hil.common.clock import NS_PER_S, now_ns
 from hil.common.errors import STOPPED, ConfigError, MissionError, NetworkError
 from hil.common.options import ENDPOINT, OUTPUT_FILE, Number, new_parser
-from hil.common.stop import StopSignals
+from hil.common.stop import StopSignals, is_stopped
 from hil.recording.mcap_file import Message
 from hil.recording.reader import read_about, read_messages
 from hil.recording.run import read_run, require_run
@@ -105,7 +104,7 @@ def _play(options: argparse.Namespace, stop_fd: int) -> int:
         deadline = now_ns() + round(options.wait * NS_PER_S)
         has_subscribers = session.watch_keys(f"{dialect.domain()}/**")
         while not has_subscribers() and now_ns() < deadline:
-            if select.select((stop_fd,), (), (), WAIT_STEP_S)[0]:
+            if is_stopped(stop_fd, WAIT_STEP_S):
                 return STOPPED
         player = Player(session)
         began = now_ns()
@@ -128,7 +127,7 @@ def _show(path: str, own_classes: bool, stop_fd: int) -> int:
         master = run.scenario.master
         content = SceneContent(run.world, dict.fromkeys(source.names, run.vehicle), (), master.depth, master.goal)
     with open_view(source, content) as view:
-        while not select.select((stop_fd,), (), (), PERIOD_S)[0]:
+        while not is_stopped(stop_fd, PERIOD_S):
             view.update()
     return 0
 

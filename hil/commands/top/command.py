@@ -1,6 +1,5 @@
 """`uuv-hil top`: show how every slave is doing: its loop, processor, memory, link and network."""
 
-import select
 import shutil
 import sys
 from collections.abc import Callable
@@ -13,7 +12,7 @@ from hil.common.clock import now_ns, seconds_ns
 from hil.common.columns import aligned
 from hil.common.errors import NetworkError
 from hil.common.options import add_json, new_parser, serving_address
-from hil.common.stop import StopSignals
+from hil.common.stop import StopSignals, is_stopped
 from hil.common.text import json_text
 from hil.network.roles import open_client_session, open_master_session
 from hil.network.session import Session
@@ -113,14 +112,14 @@ def _settle(watch: HealthWatch, seconds: float, stop_fd: int) -> None:
 
 
 def _pause(stop_fd: int, seconds: float) -> None:
-    if select.select((stop_fd,), (), (), seconds)[0]:
+    if is_stopped(stop_fd, seconds):
         raise KeyboardInterrupt
 
 
 def _show(watch: HealthWatch, unanswered: Unanswered, endpoints: list[str], stop_fd: int) -> None:
     live = sys.stdout.isatty()
     printed = ""
-    while not select.select((stop_fd,), (), (), REDRAW_S)[0]:
+    while not is_stopped(stop_fd, REDRAW_S):
         statuses, without_answer = watch.statuses(), watch.without_answer()
         text = table(statuses, without_answer, live) if statuses else f"waiting for a slave at {', '.join(endpoints)}"
         remarks = _remarks(watch, unanswered)

@@ -17,7 +17,7 @@ from hil.common.columns import aligned
 from hil.common.errors import ConfigError, NetworkError
 from hil.common.options import Number, add_json, integer, new_parser
 from hil.common.schema import nearest
-from hil.common.stop import StopSignals, Wakeup
+from hil.common.stop import StopSignals, Wakeup, is_stopped
 from hil.common.text import json_text
 from hil.network import services
 from hil.network.presence import fetch_last
@@ -107,7 +107,7 @@ def _settle(session: Session, stop_fd: int) -> None:
 
 
 def _pause(stop_fd: int, seconds: float) -> None:
-    if select.select((stop_fd,), (), (), seconds)[0]:
+    if is_stopped(stop_fd, seconds):
         raise KeyboardInterrupt
 
 

@@ -34,14 +34,14 @@ class Clock:
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.now = 100 * NS_PER_S
         monkeypatch.setattr(module, "now_ns", lambda: self.now)
-        monkeypatch.setattr("hil.master.mission.select.select", self.wait)
+        monkeypatch.setattr("hil.master.mission.is_stopped", self.wait)
         monkeypatch.setattr("hil.client.client.now_ns", lambda: self.now)
         self.at_each: Any = lambda: None
 
-    def wait(self, *arguments: Any) -> tuple[tuple[()], ...]:
+    def wait(self, *arguments: Any) -> bool:
         self.now += 50_000_000
         self.at_each()
-        return (), (), ()
+        return False
 
 
 class Contact:
