@@ -2,6 +2,8 @@
  * It is included after rays.h, and does not use the Python API.
  */
 
+#include <stdint.h>
+
 #define PAD 1e-6
 #define BEYOND 1e30
 #define SMALLEST 1e-300
@@ -66,8 +68,10 @@ static int is_before(const Item *one, const Item *other, int axis)
 static void select_first(Item *items, long count, long wanted, int axis)
 {
     long low = 0, high = count - 1;
+    uint32_t chance = 1; /* a fixed place would be the worst in meshes of several sorted rows */
     while (low < high) {
-        const Item pivot = items[low + (high - low) / 2];
+        chance = chance * 1664525u + 1013904223u;
+        const Item pivot = items[low + (long)((uint64_t)(high - low) * chance >> 32)];
         long i = low, j = high;
         while (i <= j) {
             while (is_before(items + i, &pivot, axis))
