@@ -8,7 +8,8 @@ import pytest
 
 ROOT = Path(__file__).parents[2]
 PACKAGES = ("hil", "sim", "boards", "firmware_stub", "tools")
-ELSEWHERE = {"os", "memory", "webbrowser", "zenoh", "rasterio", "laspy", "Image", "av"}  # whose `open` is of other things
+# Modules whose `open` is of other things
+ELSEWHERE = {"os", "memory", "webbrowser", "zenoh", "rasterio", "laspy", "Image", "av"}
 PACKED = {"gzip", "lzma", "bz2"}  # binary by default
 MODES = {"open": 1, "fdopen": 1, "read_text": -1, "write_text": -1}  # function -> where its mode is, -1: no mode
 

@@ -45,22 +45,18 @@ def depth_unit(path: str, stated: str, declared: str | None, crs: Any) -> tuple[
     """
     stated = stated or vertical_axis(crs)[0]
     if declared:
-        length = UNITS[declared]
-        differs = stated and abs(metres_per_unit(path, stated) / length - 1.0) > 1e-5
-        return length, f"{path}: states depths in {stated}; --unit {declared} is used" if differs else ""
+        differs = stated and UNITS.get(stated.strip().lower()) != UNITS[declared]
+        return UNITS[declared], f"{path}: states depths in {stated}; --unit {declared} is used" if differs else ""
     if stated:
         return metres_per_unit(path, stated), ""
     if not crs or not crs.is_projected:
         return 1.0, ""
-    name, length = crs.linear_units_factor
+    name, title = crs.linear_units_factor[0], crs.to_wkt().split('"')[1]
     if "foot" in name.lower() or "feet" in name.lower():
         raise ConfigError(
             f"{path}: its positions are in {name}, and nothing states the unit of its depths: use --unit us-ft, "
             "--unit ft or --unit m"
         )
-    title = crs.to_wkt().split('"')[1]
-    is_state_plane = (title.startswith("NAD") and "UTM" not in title and "zone" in title.lower()) or "ft" in title
-    return (
-        1.0,
-        f"{path}: depths read as metres, as its positions in {title} (else use --unit)" if is_state_plane else "",
-    )
+    is_state_plane = title.startswith("NAD") and "UTM" not in title and "zone" in title.lower()
+    note = f"{path}: depths read as metres, as its positions in {title} (else use --unit)"
+    return 1.0, note if is_state_plane else ""

@@ -130,6 +130,8 @@ def test_feet_heights_times_and_variables(tmp_path: Path) -> None:
 
     at_places(write_netcdf(tmp_path / "a.nc", units="feet"), truth=feet)
     assert "states depths in m; --unit ft is used" in at_places(write_netcdf(tmp_path / "b.nc"), truth=feet, unit="ft")
+    note = at_places(write_netcdf(tmp_path / "f.nc", units="furlong"), unit="m")
+    assert "states depths in furlong; --unit m is used" in note
     at_places(write_netcdf(tmp_path / "c.nc", name="altitude"), truth=lambda y, x: -truth(y, x))
     times = write_netcdf(tmp_path / "d.nc", dims="ytx")
     assert not at_places(times, truth=lambda y, x: truth(y, x) + 10.0, layer="depth:3")
@@ -253,6 +255,7 @@ def test_values_of_8_bits_are_asked_about(tmp_path: Path) -> None:
     ("lon,lat,depth,raw_depth\n10,54,10,11\n", {}, (54.0, 10.0, 10.0)),
     ("lon,lat,depth\n10,54,10\n", {"layer": "raw"}, "has the columns lon, lat, depth"),
     ("east,north,depth\n6400000,1800000,10\n", {"crs": "EPSG:2229"}, "nothing states the unit of its depths"),
+    ("east,north,depth_m\n0,0,10\n", {"crs": "EPSG:32632"}, (0.0, 4.511256, 10.0)),
 ])  # fmt: skip
 def test_columns_degrees_and_feet_of_texts(
     text: str, options: dict[str, str], found: str | tuple[float, ...], tmp_path: Path
