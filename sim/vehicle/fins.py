@@ -220,12 +220,12 @@ class FinSet:
 def fin_matrix(fins: Sequence[Fin], density: float) -> Matrix:
     """Return the 6 x n matrix of the wrench (N, N m) of each fin per rad of deflection at 1 m/s, below stall.
 
-    The wrench grows with the square of the speed.
+    The wrench grows with the square of the speed. A fin whose chord points astern meets the flow with its other edge.
     """
     columns = []
     for fin in fins:
         chord, normal = fin.frame
-        size = 0.5 * density * fin.area * fin.polar.lift_slope * chord[0] * chord[0]
+        size = 0.5 * density * fin.area * fin.polar.lift_slope * chord[0] * abs(chord[0])
         force = [size * n for n in normal]
         columns.append((*force, *cross(fin.position, force)))
     return [list(row) for row in zip(*columns, strict=True)]

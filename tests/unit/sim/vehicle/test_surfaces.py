@@ -95,12 +95,15 @@ def test_the_hull_straightens_the_flow_at_a_rudder() -> None:
     assert wrench(rudder(0.2, half), 1.0, 0.3) == pytest.approx(wrench(rudder(0.2), 1.0, 0.15))
 
 
-def test_the_fin_matrix_is_the_slope_of_the_wrench() -> None:
+@pytest.mark.parametrize("end", [1.0, -1.0])
+def test_the_fin_matrix_is_the_slope_of_the_wrench(end: float) -> None:
+    """A chord that points astern turns the other edge into the flow, so the force has the other sign."""
     for name in TORPEDOES:
         vehicle, _ = load_vehicle(name)
-        matrix = fin_matrix(vehicle.fins, RHO)
-        for index in range(len(vehicle.fins)):
-            fins = FinSet(vehicle.fins, RHO, 0.01)
+        turned = tuple([fin._replace(chord=(end * fin.chord[0], *fin.chord[1:])) for fin in vehicle.fins])
+        matrix = fin_matrix(turned, RHO)
+        for index in range(len(turned)):
+            fins = FinSet(turned, RHO, 0.01)
             zero = list(wrench(fins, 1.5))
             fins.angles[index] = 1e-5
             slope = [(a - b) / 1e-5 / 1.5**2 for a, b in zip(wrench(fins, 1.5), zero, strict=True)]
