@@ -27,7 +27,7 @@ from sim.vehicle.urdf.sensors import read_sensors
 from sim.vehicle.urdf.shapes import Measure, MeshKey, Solid, box_of, extent_of, from_collisions, mesh_key, origin_of
 from sim.vehicle.urdf.text import Element, attribute, listed, number_of, plain, read_xml, to_frd, to_frd_matrix
 from sim.vehicle.urdf.thrusters import read_thrusters, target
-from sim.vehicle.urdf.water import read_buoyancy_engine, read_water, water_elements
+from sim.vehicle.urdf.water import read_buoyancy_engine, read_munk_share, read_water, water_elements
 from sim.vehicle.vehicle import Vehicle, parse_vehicle
 
 _REQUIRED = (
@@ -42,6 +42,7 @@ _REQUIRED = (
 )
 
 
+ALONG = 0.9  # a thruster pushes along x if so much of its direction does
 _ZERO = ("added_mass", "linear_damping", "quadratic_damping")
 _MOST = 0.999  # of the sum of two moments of inertia, for the third one
 _STEPS = 200  # of a power iteration
@@ -97,7 +98,7 @@ def read_robot(
     tree = tree_of(robot, path)
     root = next(iter(poses))
     hull = tree.hull(root)
-    poses = _about(poses, root, hull, notes)
+    poses = _ahead(robot, _about(poses, root, hull, notes), path, notes)
     user_keys = dict(extra or {})
     table = _table(_Model(robot, poses, path, user_keys, measure, notes), tree, hull)
     given_thrusters, given_fins = (_rows(user_keys.pop(key, []), key, path) for key in ("thrusters", "fins"))
@@ -128,6 +129,17 @@ def _about(poses: dict[str, Pose], root: str, hull: str, notes: list[str]) -> di
     return {link: back.then(pose) for link, pose in poses.items()}
 
 
+def _ahead(robot: Element, poses: dict[str, Pose], path: str, notes: list[str]) -> dict[str, Pose]:
+    """Return the poses with the bow along x: turned if all propellers along x are at that end and push to the other."""
+    rows = [(row["position"][0], row["direction"][0]) for row in read_thrusters(robot, poses, path, [])]
+    along = [(place, push) for place, push in rows if abs(push) > ALONG]
+    if not along or any(place <= 0.0 or push > 0.0 for place, push in along):
+        return poses
+    notes.append("The model faces its own -x, to which its propellers push: it is turned by 180 deg about z.")
+    turn = Pose([[-1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, 1.0]])
+    return {link: turn.then(pose) for link, pose in poses.items()}
+
+
 def _table(model: _Model, tree: Tree, hull: str) -> dict[str, Any]:
     """Return the keys of the model, except thrusters and fins."""
     robot, poses, path, user_keys, measure, notes = model
@@ -137,7 +149,7 @@ def _table(model: _Model, tree: Tree, hull: str) -> dict[str, Any]:
     }
     waters = read_water(robot, hull, partial(box_of, robot, path, measure), path, notes)
     table |= _mass(robot, poses, path, notes) | add_up(waters, poses, tree, hull, notes)
-    table |= read_buoyancy_engine(robot, poses, path)
+    table |= read_buoyancy_engine(robot, poses, path) | read_munk_share(robot, notes)
     neutral, mass = table.pop("neutral", False), _given_mass(user_keys, path) or table.get("mass")
     if neutral and mass is not None:
         table["neutrally_buoyant"] = True

@@ -67,6 +67,15 @@ def read_water(
     return waters
 
 
+def read_munk_share(robot: Element, notes: list[str]) -> dict[str, Any]:
+    """Return a `munk_share` of 0 if the model switches the Coriolis terms of its added mass off; else {}."""
+    off = {"disable_coriolis": ("1", "true"), "enable_coriolis": ("0", "false")}
+    if not any((each.findtext(tag) or "").strip() in words for each in robot.iter() for tag, words in off.items()):
+        return {}
+    notes.append("The model switches its Coriolis terms off: munk_share is 0.")
+    return {"munk_share": [0.0] * 3}
+
+
 def read_buoyancy_engine(robot: Element, poses: Mapping[str, Pose], path: str) -> dict[str, Any]:
     """Return the `buoyancy_engine` of Gazebo's plugin of that name, with the plugin's defaults; {} if there is none."""
     for plugin in robot.iter("plugin"):

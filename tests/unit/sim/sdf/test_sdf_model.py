@@ -3,6 +3,7 @@
 from math import sqrt
 from pathlib import Path
 from typing import Any
+from xml.etree.ElementTree import fromstring
 
 import pytest
 
@@ -74,6 +75,34 @@ def test_hydrodynamic_derivatives_have_our_signs() -> None:
     assert model.vehicle.forward_speed_damping == (0.0, 0.0, 0.0, 0.0, 0.0, 3.0)
     assert "Left out: the damping yVabsR, by the product of two different speeds." in model.notes
     assert any("xUU" in note for note in model.notes)
+
+
+def test_a_model_that_faces_its_own_minus_x_is_turned() -> None:
+    """Its stern is at +x, as that of MBARI's LRAUV in Gazebo; the vehicle is the same one."""
+    text = (
+        '<robot name="r"><link name="hull"><inertial><origin xyz="{0} {1} -0.01"/><mass value="20"/>'
+        '<inertia ixx="0.1" iyy="2" izz="2" ixy="{2}" ixz="0" iyz="0"/></inertial></link><link name="propeller"/>'
+        '<joint name="shaft" type="continuous"><parent link="hull"/><child link="propeller"/>'
+        '<origin xyz="{3} 0 0"/><axis xyz="{4} 0 0"/></joint><gazebo>'
+        '<plugin filename="gz-sim-thruster-system"><joint_name>shaft</joint_name></plugin>'
+        '<plugin filename="gz-sim-hydrodynamics-system">'
+        "<link_name>hull</link_name><yDotV>-18</yDotV><yDotR>{5}</yDotR><nDotV>{5}</nDotV><xUabsU>-4</xUabsU>"
+        "<disable_coriolis>{6}</disable_coriolis></plugin></gazebo></robot>"
+    )
+    water = {"volume": 0.02, "dimensions": [1.0, 0.2, 0.2], "center_of_buoyancy": [0.0, 0.0, 0.0]}
+    limits = {"every_thruster": {"max_forward": 9.0, "max_reverse": 9.0}}
+    vehicles, notes = [], []
+    for values in ((0.1, 0.02, 0.01, -0.5, 1, 0.3, "true"), (-0.1, -0.02, 0.01, 0.5, -1, -0.3, "false")):
+        found = read_robot(fromstring(text.format(*values)), "r.urdf", water | limits)
+        vehicles.append(found.vehicle)
+        notes.append(" ".join(found.notes))
+    ahead, astern = vehicles
+    assert ["faces its own -x" in each for each in notes] == [False, True]
+    assert astern.thrusters[0].position == pytest.approx((-0.5, 0.0, 0.0))
+    assert astern.thrusters[0].direction == pytest.approx((1.0, 0.0, 0.0))
+    for key in ("center_of_gravity", "inertia", "added_mass", "quadratic_damping"):
+        assert getattr(astern, key) == pytest.approx(getattr(ahead, key))
+    assert [each.munk_share for each in vehicles] == [(0.0, 0.0, 0.0), (1.0, 1.0, 1.0)]
 
 
 def test_buoyancy_is_from_collisions_and_size_from_visuals() -> None:
