@@ -1,11 +1,12 @@
 """Derive the guidance of a vehicle that steers by fins, which cannot stop, from what the vehicle can do."""
 
-from math import asin, hypot
+from math import asin, hypot, isfinite
 from typing import Any
 
 from hil.autonomy.control.controller import gains_of
 from hil.autonomy.control.fin_control import FinGains
 from hil.autonomy.paths.trajectory import Limits
+from hil.common.errors import ConfigError
 from hil.common.schema import parse
 from hil.master.manoeuvring import Manoeuvring
 from hil.scenario.config import Scenario
@@ -20,6 +21,7 @@ _DEPTH_RATE = 0.32  # m/s; 80 % of the limit of the depth hold (hil/master/fligh
 LENGTHS = 3.0  # least lookahead in lengths of the vehicle
 _HIT = 0.2  # tolerance as a share of the planned turning radius
 _LEAST_TOLERANCE = 0.5  # m
+_STRAIGHT = 1e4  # m, a turning radius that is none
 _OFF = 0.3  # margin to obstacles as a share of the planned turning radius: so far off the path may a turn begin
 
 
@@ -39,10 +41,14 @@ def guide_by_fins(scenario: Scenario, vehicle: Vehicle, world: World) -> tuple[M
     fins = fin_gains(scenario)
     cruise = Manoeuvring(vehicle, gains, fins, 0.0, world.density, world.gravity)
     master, top = scenario.master, cruise.top_speed
+    if not isfinite(top):
+        raise ConfigError(f"{scenario.vehicle}: nothing brakes it ahead: write linear_damping or quadratic_damping")
     if "speed" in scenario.derived:
         master = master._replace(speed=round(min(max(_CRUISE * top, _STEERABLE * fins.least_speed), top), 2))
     motion = Manoeuvring(vehicle, gains, fins, master.speed, world.density, world.gravity)
     least = motion.turn_radius()
+    if not least < _STRAIGHT:
+        raise ConfigError(f"{scenario.vehicle}: its fins do not turn it: correct their positions, axes and areas")
     radius = ROOM * least * (1.0 + min(1.0, hypot(*world.current[:2]) / motion.speed))
     derived: dict[str, Any] = {
         "lookahead": max(radius, LENGTHS * vehicle.dimensions[0]),

@@ -59,16 +59,17 @@ def main(arguments: list[str]) -> int:
     from hil.doctor.vehicle.rules import check_vehicle
     from hil.doctor.vehicle.subject import Subject
 
+    density = options.density or 1000.0
     findings = list(check_vehicle(Subject(vehicle, control, options.density, name=options.vehicle)))
     if options.json:
-        print(json_text(to_json(vehicle, options.density) | {"findings": [each._asdict() for each in findings]}))
+        print(json_text(to_json(vehicle, density) | {"findings": [each._asdict() for each in findings]}))
     else:
         found = [paragraph(str(each), "  ") for each in findings] or ["  none"]
-        print(describe(vehicle, options.density), "", "findings", *found, sep="\n")
+        print(describe(vehicle, density), "", "findings", *found, sep="\n")
     if options.plot:
         from hil.plots.vehicle_picture import draw
 
-        draw(vehicle, top(vehicle, options.density), options.plot)
+        draw(vehicle, top(vehicle, density), options.plot)
     return exit_code(findings, True) if options.strict else 0
 
 
@@ -80,7 +81,9 @@ def _parser() -> argparse.ArgumentParser:
     add_strict(parser)
     parser.add_argument("--urdf", dest="write_urdf", action="store_true", help="print it as URDF, for tools of ROS")
     parser.add_argument("--prefix", metavar="TEXT", default="", help="with --urdf: before the names of links []")
-    parser.add_argument("--density", metavar="KG/M3", type=DENSITY, default=1000.0, help="density of the water [1000]")
+    parser.add_argument(
+        "--density", metavar="KG/M3", type=DENSITY, help="density of the water [1000, for findings that of its trim]"
+    )
     parser.add_argument(
         "--import", metavar="MODEL", dest="urdf", help="make a vehicle file from a .urdf, .sdf or .xacro"
     )

@@ -45,7 +45,7 @@ def check_guidance(
         ("tolerance", HIT * limits.turn_radius, "m", f"{circle}, and misses so small a goal again and again"),
     )
     for key, least, unit, text in rules:
-        if getattr(master, key) < least:
+        if getattr(master, key) < 0.99 * least:  # derived keys are rounded
             yield _warning(
                 f"master: {key}: {getattr(master, key):g} {unit}, but {text}: use at least {least:.2g} {unit}, or "
                 "leave out the key"

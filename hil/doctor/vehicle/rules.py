@@ -5,7 +5,7 @@ A rule measures one or more values. A value outside `sane` is told at the rule's
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from math import atan2, degrees, hypot, inf, pi, sqrt
+from math import atan2, degrees, inf
 from typing import NamedTuple
 
 from hil.doctor.vehicle.finding import Finding
@@ -17,7 +17,7 @@ from sim.vehicle.terminal_speed import AXES, terminal_speed
 Bounds = tuple[float, float]
 Values = Iterable[tuple[str, float]]  # the part of the vehicle ("" for all of it), and the value
 ANY: Bounds = (-inf, inf)
-ADRIFT, CONTROLLED = FLIGHTS = "adrift for 10 s", "under control for 10 s"  # in place of a key
+ADRIFT, CONTROLLED = FLIGHTS = "adrift for 10 s", "under control"  # in place of a key
 
 
 class Rule(NamedTuple):
@@ -102,10 +102,8 @@ def _speeds(subject: Subject, axes: slice) -> Values:
 
 
 def _turn_time(subject: Subject) -> Values:
-    """Yield about the time (s) to turn by 90 degrees: that without damping and that at the final rate, squared."""
-    yaw = subject.capabilities[5]
-    if yaw.driven:
-        yield "", hypot(sqrt(pi * subject.inertia[5] / yaw.force[0]), 0.5 * pi / yaw.speed[0])
+    if subject.turn_time:
+        yield "", subject.turn_time
 
 
 def _hold(subject: Subject) -> Values:
@@ -203,7 +201,7 @@ RULES = (
         DRAG,
     ),
     Rule(
-        "thrusters", "time to turn by 90 degrees from rest", "s", _turn_time, (0.2, 60.0), (0.02, 600.0),
+        "thrusters", "time to turn by 90 degrees", "s", _turn_time, (0.2, 60.0), (0.02, 600.0),
         "correct the thrusters' positions, or inertia and damping of yaw",
     ),
     Rule(
@@ -235,7 +233,7 @@ RULES = (
     ),
     Rule(
         CONTROLLED, "error of heading", "deg", _held_heading,
-        (-inf, 10.0), ANY, f"{TUNE} check the thrusters' positions and directions",
+        (-inf, 10.0), ANY, f"{TUNE} check the places of thrusters and fins, and munk_share",
     ),
     Rule(
         CONTROLLED, "tilt", "deg", _one(lambda s: s.controlled.tilt), (-inf, 45.0), ANY,

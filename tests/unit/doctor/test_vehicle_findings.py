@@ -119,7 +119,7 @@ def test_flights_tell_what_capsizes_or_leaves_its_depth() -> None:
     tipping = told(vehicle._replace(center_of_buoyancy=(0.0, 0.0, 0.03)))
     assert tipping["adrift for 10 s: tilt"] == "warning"
     sinking = without_vertical_thrust(load_vehicle("paper_six")[0])._replace(volume=0.0094)
-    assert told(sinking)["under control for 10 s: error of depth without vertical thrust"] == "note"
+    assert told(sinking)["under control: error of depth without vertical thrust"] == "note"
 
 
 def test_gliders_landers_and_surface_craft_are_noted_only() -> None:
