@@ -63,7 +63,7 @@ def load_class(table: dict[str, Any], contract: type, where: str) -> Any:
     try:
         return kind(**arguments)
     except ConfigError as error:
-        raise ConfigError(f"{where}: {error}") from None
+        raise ConfigError(*[f"{where}: {problem}" for problem in error.args]) from None
     except (TypeError, ValueError) as error:
         raise ConfigError(f"{where}: {name} does not take these keys: {error}") from error
 

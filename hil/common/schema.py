@@ -24,7 +24,7 @@ from typing import Annotated, Any, Literal, NamedTuple, TypeVar, Union, get_args
 
 from hil.common.errors import ConfigError
 from hil.common.tables import read_table
-from hil.common.units import units_of, with_unit
+from hil.common.units import UNITS, units_of, with_unit
 
 LONGEST = 60  # characters of a value in an error message
 
@@ -250,7 +250,7 @@ def convert(value: Any, annotation: Any, where: str, readers: Mapping[str, Reade
     if origin is dict:
         return _table(value, get_args(annotation)[1], where)
     if isinstance(annotation, type) and issubclass(annotation, tuple):
-        return parse(check_table(value, where), annotation, where, readers)
+        return parse(value if isinstance(value, dict) else check_table(value, where), annotation, where, readers)
     if annotation in (float, int):
         return _number(value, annotation, FINITE, where)
     if annotation is Any:
@@ -285,16 +285,12 @@ def _array(value: Any, items: tuple[Any, ...], where: str) -> tuple[Any, ...]:
         items = (items[0],) * len(value)
     elif len(value) != len(items):
         raise ConfigError(f"{where}: expected {len(items)} values, found {len(value)}")
-    results: list[Any] = []
-    problems: list[str] = []
-    for number, item in enumerate(value):
-        try:
-            results.append(convert(item, items[number], f"{where}[{number}]"))
-        except ConfigError as error:
-            problems += error.args
-    if problems:
-        raise ConfigError(*problems)
-    return tuple(results)
+    pairs = zip(value, items, strict=True)
+    try:
+        return tuple([convert(item, kind, f"{where}[{i}]") for i, (item, kind) in enumerate(pairs)])
+    except ConfigError:  # once more, for the problems of all items
+        places = [((item, items[i]), f"{where}[{i}]") for i, item in enumerate(value)]
+        return tuple(read_each(places, lambda pair, place: convert(pair[0], pair[1], place)))
 
 
 def is_nested(annotation: Any) -> bool:
@@ -303,7 +299,7 @@ def is_nested(annotation: Any) -> bool:
 
 
 def _number(value: Any, kind: Any, limit: Range, where: str) -> Any:
-    if isinstance(value, str) and limit.unit:
+    if isinstance(value, str) and limit.unit in UNITS:
         value = with_unit(value, limit.unit, where)
         if kind is int and abs(value - round(value)) < 1e-6:
             value = round(value)

@@ -37,7 +37,8 @@ SPELLINGS: dict[str, tuple[str, ...]] = {
     "t": ("tonne", "tonnes"), "lb": ("lbs",), "m³": ("m3", "m^3"), "l": ("L", "litre", "litres", "liter", "liters"),
     "cm³": ("cm3", "cm^3", "ml", "mL"), "m³/s": ("m3/s",), "l/min": ("L/min",), "m²": ("m2", "m^2"),
     "cm²": ("cm2", "cm^2"), "kg/m³": ("kg/m3", "kg/m^3"), "g/cm³": ("g/cm3", "kg/l"), "m/s²": ("m/s2", "m/s^2"),
-    "ohm": ("Ω", "Ohm"), "mohm": ("mΩ",), "uT": ("µT",), "°C": ("C", "degC"), "kbit/s": ("kbps",), "Mbit/s": ("Mbps",),
+    "ohm": ("Ω", "Ohm"), "mohm": ("mΩ",), "uT": ("µT",), "°C": ("C", "degC"),
+    "bit/s": ("bps", "baud"), "kbit/s": ("kbps",), "Mbit/s": ("Mbps",),
 }  # fmt: skip
 NAMES = {spelling: name for name, several in SPELLINGS.items() for spelling in (name, *several)}
 
@@ -55,8 +56,9 @@ def units_of(unit: str) -> dict[str, float]:
 
 def split_unit(text: str) -> tuple[str, str]:
     """Return the number and the unit of "200 ms" or "200ms"; the unit is "" if there is none."""
-    unit = text.strip().lstrip("+-.,0123456789eE_ ")
-    return text.strip().removesuffix(unit).strip(), unit
+    text = text.strip()
+    unit = text.lstrip("+-.,0123456789eE_ ")
+    return text[: len(text) - len(unit)], unit
 
 
 def with_unit(text: str, unit: str, where: str) -> float:

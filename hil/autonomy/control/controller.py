@@ -18,7 +18,7 @@ from itertools import zip_longest
 from math import asin, atan2, cos, inf, pi, sin
 from typing import Annotated, Any, NamedTuple
 
-from hil.common.schema import Range, parse
+from hil.common.schema import Range, Reader, check_table, parse, reader_of
 from hil.common.vectors import Quaternion, Vector3
 
 Wrench = tuple[float, float, float, float, float, float]
@@ -26,8 +26,15 @@ Wrench = tuple[float, float, float, float, float, float]
 NO_RESIDUAL: Wrench = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 _ROUNDING = 1e-6  # N, N m; a smaller residual is rounding
 ABSURD = 1e6  # m/s or rad/s; a larger measurement or command is a fault
-# Keys of [control] that are not gains of the cascade: the other controller families and their tables.
-OTHERS = ("family", "fins", "options", "sliding_mode", "restoring_pd")
+# Keys of [control] that are not gains of the cascade: the other controller families and their tables. They are read with
+# the gains, so that their mistakes are told together.
+OTHERS: dict[str, Reader] = {
+    "family": lambda family, _where: family,
+    "options": check_table,
+    "fins": reader_of("hil.autonomy.control.fin_control:FinGains"),
+    "sliding_mode": reader_of("hil.autonomy.control.sliding_mode:SlidingSettings"),
+    "restoring_pd": reader_of("hil.autonomy.control.restoring_pd:PdSettings"),
+}
 # Limit of the division by the share of heave in the vertical direction (1: upright), for strongly tilted vehicles.
 _MIN_UPRIGHT = 0.5
 
@@ -86,7 +93,7 @@ class Gains(NamedTuple):
 
 def gains_of(control: dict[str, Any], where: str) -> Gains:
     """Return the gains in the `[control]` table of a vehicle's file; `where` is for errors. Raises ConfigError."""
-    return parse({key: value for key, value in control.items() if key not in OTHERS}, Gains, where)
+    return parse(control, Gains, where, OTHERS)
 
 
 class VelocityCommand(NamedTuple):

@@ -7,6 +7,7 @@ import pytest
 from hil.common.errors import ConfigError
 from hil.common.schema import find_preset
 from hil.scenario.config import load_scenario
+from hil.slave.pilot import build_pilot
 from sim.environment.world import load_world
 from sim.vehicle.vehicle import load_vehicle
 
@@ -139,3 +140,14 @@ def test_one_number_stands_for_an_array_of_one(tmp_path: Path, drag: str) -> Non
     vehicle, _ = load_vehicle(str(path))
     assert vehicle.cross_flow is not None
     assert (vehicle.cross_flow.drag, vehicle.cross_flow.length) == ((1.1,), 0.6096)
+
+
+def test_mistakes_of_a_controller_are_listed_together() -> None:
+    scenario = load_scenario("paper_field")
+    vehicle, control = load_vehicle(scenario.vehicle)
+    wrong = {**control, "heave": {"p": "x"}, "gain": 1, "fins": {"climb": -1}, "sliding_mode": 3}
+    with pytest.raises(ConfigError) as caught:
+        build_pilot(scenario, vehicle, wrong, load_world(scenario.world))
+    places = [line.split(": ", 2)[2] for line in str(caught.value).splitlines()]
+    starts = ["heave: p: ", "no key 'gain'", "fins: climb: ", "sliding_mode: expected a table"]
+    assert [place.startswith(start) for place, start in zip(places, starts, strict=True)] == [True] * 4, places
