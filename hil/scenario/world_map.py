@@ -127,8 +127,8 @@ def _lower_by_mesh(free: Array, triangles: Iterable[Triangle], norths: Array, ea
         (south, west), (north, east) = corners.min(axis=0) - widen, corners.max(axis=0) + widen
         rows = slice(*np.searchsorted(norths[:, 0], (south, north)))
         columns = slice(*np.searchsorted(easts[0], (west, east)))
-        if rows.start < rows.stop and columns.start < columns.stop:
-            part = free[rows, columns]
+        part = free[rows, columns]
+        if part.size and part.max() > -1.0:  # else other triangles have set all of it
             part[_to_triangle(corners, norths[rows, columns], easts[rows, columns]) <= widen] = -1.0
 
 
