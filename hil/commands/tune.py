@@ -48,7 +48,7 @@ def main(arguments: list[str]) -> int:
     tuner = Tuner(options.vehicle, vehicle, control, options.seed)
     axes = options.axis or tuner.axes()
     tuned = tuner.tune(axes, _progress(len(set(axes))))
-    print(report(tuned))
+    print("\n".join(filter(None, [report(tuned), "" if options.axis else tuner.untuned()])))
     note = "Gains (hil/autonomy/control/controller.py) found by step responses of this model: uuv-hil tune."
     if options.output:
         from hil.tuning.tuned_file import write_tuned

@@ -1,6 +1,6 @@
 """Derive the guidance of a vehicle that steers by fins, which cannot stop, from what the vehicle can do."""
 
-from math import asin, hypot, isfinite
+from math import asin, hypot, inf, isfinite
 from typing import Any
 
 from hil.autonomy.control.controller import gains_of
@@ -30,6 +30,11 @@ def fin_gains(scenario: Scenario) -> FinGains:
     return parse(load_vehicle(scenario.vehicle)[1].get("fins", {}), FinGains, f"{scenario.vehicle}: control.fins")
 
 
+def cruising_speed(top: float, fins: FinGains) -> float:
+    """Return the speed (m/s) at which a vehicle with fins cruises that reaches `top` m/s (0: without thrusters)."""
+    return min(max(_CRUISE * top, _STEERABLE * fins.least_speed), top or inf)
+
+
 def guide_by_fins(scenario: Scenario, vehicle: Vehicle, world: World) -> tuple[Master, Limits]:
     """Return [master] with speed, lookahead and tolerance that fit a `vehicle` with fins, and its limits.
 
@@ -44,7 +49,7 @@ def guide_by_fins(scenario: Scenario, vehicle: Vehicle, world: World) -> tuple[M
     if not isfinite(top):
         raise ConfigError(f"{scenario.vehicle}: nothing brakes it ahead: write linear_damping or quadratic_damping")
     if "speed" in scenario.derived:
-        master = master._replace(speed=round(min(max(_CRUISE * top, _STEERABLE * fins.least_speed), top), 2))
+        master = master._replace(speed=round(cruising_speed(top, fins), 2))
     motion = Manoeuvring(vehicle, gains, fins, master.speed, world.density, world.gravity)
     least = motion.turn_radius()
     if not least < _STRAIGHT:

@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 from hil.common.errors import ConfigError
 from hil.common.vectors import dot
 from hil.tuning.rig import CONTROL_PERIOD_S, Rig
-from hil.tuning.step_response import AXES, HOLD_S, step_command
+from hil.tuning.step_response import REST, Conditions, step_command
 from sim.vehicle.vehicle import Vehicle
 
 _PUSH_S, _TILT_S = 3.0, 0.5  # of the evaluated response; later the righting moment of a tilted vehicle dominates
@@ -28,17 +28,26 @@ class Process(NamedTuple):
 
 
 def identify_axis(
-    name: str, vehicle: Vehicle, control: dict[str, Any], axis: str, force: float, inertia: float, speed: float
+    name: str,
+    vehicle: Vehicle,
+    control: dict[str, Any],
+    axis: str,
+    loop: int,
+    force: float,
+    inertia: float,
+    speed: float,
+    at: Conditions = REST,
 ) -> Process:
     """Return the process of an axis, identified from its response to a step of `force` (N, N m) added to the wrench.
 
-    The response is evaluated for 3 s (roll and pitch: 0.5 s), or until it reaches `speed` (m/s, rad/s). The vehicle's
-    controller holds the other axes meanwhile. `inertia` is the controller's value, kg or kg m².
+    `loop` is the number of the wrench's axis. The response is evaluated for 3 s (roll and pitch: 0.5 s), or until it
+    reaches `speed` (m/s, rad/s). The vehicle's controller holds the other axes meanwhile, in the flight `at` which the
+    step begins. `inertia` is the controller's value, kg or kg m².
     Raises ConfigError if it does not move.
     """
-    rig, loop = Rig(name, vehicle, control), AXES[axis].loop
-    still = step_command(axis if axis in ("heave", "yaw") else "surge", 0.0)
-    rig.fly(HOLD_S, lambda time: still)
+    rig = Rig(name, vehicle, control, depth=at.depth or 0.0)
+    still = step_command(axis if axis in ("heave", "yaw") else "surge", 0.0, at)
+    rig.fly(at.settle, lambda time: still)
     rig.recorder.add_step(loop, force)
     moments = rig.fly(_TILT_S if axis in ("roll", "pitch") else _PUSH_S, lambda time: still)
     values = [moment.nu[loop] - moments[0].nu[loop] for moment in moments]

@@ -7,18 +7,24 @@ the inner loop, so that both together are critically damped.
 """
 
 from collections.abc import Callable, Sequence
+from math import inf, sin
 from typing import Any, NamedTuple
 
 from hil.autonomy.control.allocation import pseudo_inverse
 from hil.autonomy.control.controller import AxisGains, Gains, HoldGains, gains_of
+from hil.autonomy.control.fin_control import FinGains
 from hil.common.errors import ConfigError
+from hil.common.schema import parse
+from hil.master.guidance import cruising_speed
+from hil.master.manoeuvring import Manoeuvring
 from hil.tuning.identify import Process, identify_axis
-from hil.tuning.rig import CONTROL_PERIOD_S
-from hil.tuning.step_response import AXES, Response, StepFigures, fly_step, step_size
+from hil.tuning.rig import CONTROL_PERIOD_S, DEEP, START_DEPTH
+from hil.tuning.step_response import AFLOAT, AXES, REST, Conditions, Response, StepFigures, fly_step, step_size
 from sim.sensors.sensor_set import select_sensors
-from sim.vehicle.terminal_speed import axis_capabilities
+from sim.vehicle.fins import fin_matrix
+from sim.vehicle.terminal_speed import AxisCapability, axis_capabilities
 from sim.vehicle.thrusters.bank import wrench_matrix
-from sim.vehicle.vehicle import Vehicle, mass_matrix
+from sim.vehicle.vehicle import Vehicle, displaced_volume, mass_matrix
 
 LOOPS = ("surge", "sway", "heave", "roll_rate", "pitch_rate", "yaw_rate")
 _OVERSHOOT = 0.10
@@ -28,6 +34,12 @@ _GAIN = 0.97  # gains are changed only if the cost is at least 3 % lower
 # in _TILT_TIME s against a righting moment.
 _PUSH, _PUSH_TIME, _TILT_TIME = 0.3, 0.8, 0.3
 _RATES = (0.3, 0.3)  # speed at which an identification ends: rad/s of yaw or tilt, m/s of depth
+_PITCH, _YAW = 4, 5
+_BY_FINS = ("surge", "yaw", "depth", "heading")
+_UNDER = ("heave", "depth", "roll", "pitch")  # what a vehicle that floats does not control
+_LIGHT = 0.03  # buoyancy beyond the weight, as a share of it, from which a vehicle floats
+_DIVE_BY_PITCH = 3.0  # gain of the pitch hold over that of the depth hold of a vehicle that dives by its pitch
+_SLOW_TURN = 0.4  # turn rate at which an identification with fins ends, as a share of the greatest
 _HOLD_TOP = 0.5  # greatest output of a hold loop, as a share of the top speed
 
 ReportText = Callable[[str], None]
@@ -50,27 +62,62 @@ class Tuned(NamedTuple):
 class Tuner:
     """Tuner of the gains of `vehicle`, whose file is called `name` and has the `[control]` table `control`.
 
-    Raises ConfigError for a vehicle with fins, or with another controller than the cascade.
+    A vehicle with fins is tuned at its cruising speed, a surface craft afloat. Raises ConfigError for another
+    controller than the cascade.
     """
 
     def __init__(self, name: str, vehicle: Vehicle, control: dict[str, Any], seed: int = 1) -> None:
-        if vehicle.fins:
-            raise ConfigError(
-                f"{name}: steers by fins, whose effect depends on speed; only vehicles with thrusters can be tuned"
-            )
         family = control.get("family", "cascade")
         if family != "cascade":
             raise ConfigError(f"{name}: control: family is {family!r}; only the cascade's gains can be tuned")
         self._name, self._vehicle, self._seed = name, vehicle, seed
         self.control = dict(control)
         self.gains = gains_of(control, f"{name}: control")
-        self._reach = axis_capabilities(vehicle, pseudo_inverse(wrench_matrix(vehicle))[0])
+        self._reach = list(axis_capabilities(vehicle, pseudo_inverse(wrench_matrix(vehicle))[0], DEEP.density))
         mass = mass_matrix(vehicle)
         self._inertia = [mass[axis][axis] for axis in range(6)]
+        lift = DEEP.gravity * (DEEP.density * displaced_volume(vehicle, DEEP.density) - vehicle.mass)
+        most = max(self._reach[2].force[0], _LIGHT * vehicle.mass * DEEP.gravity)
+        self._at, self._floats = REST, not vehicle.fins and lift > most
+        if self._floats:
+            self._at = AFLOAT
+        elif vehicle.fins:
+            self._at = self._cruise(parse(control.get("fins", {}), FinGains, f"{name}: control.fins"))
+
+    def _cruise(self, fins: FinGains) -> Conditions:
+        """Return the flight at the cruising speed; set the reach of surge, heave, pitch and yaw to that there."""
+        vehicle, reach, top = self._vehicle, self._reach, self._reach[0].speed[0]
+        if not top:
+            raise ConfigError(f"{self._name}: no thruster drives it ahead, which a vehicle that steers by fins needs")
+        speed = cruising_speed(top, fins)
+        able, rows = self.gains._asdict(), fin_matrix(vehicle.fins, DEEP.density)
+        for key, axis in (("pitch_rate", _PITCH), ("yaw_rate", _YAW)):
+            pairs = zip(rows[axis], vehicle.fins, strict=True)
+            moment = sum(abs(push) * min(fin.max_deflection, fin.stall_angle) for push, fin in pairs)
+            force = max(speed * speed * moment, reach[axis].force[0], 1e-9)
+            reach[axis] = AxisCapability(reach[axis].axis, (force, -force), (inf, -inf))
+            able[key] = able[key]._replace(limit=force / self._inertia[axis])
+        motion = Manoeuvring(vehicle, Gains(**able), fins, speed, DEEP.density, DEEP.gravity)
+        for axis, most in ((0, top - speed), (2, speed * sin(motion.slope())), (_YAW, speed / motion.turn_radius())):
+            reach[axis] = reach[axis]._replace(speed=(most, -most))
+        return Conditions(speed, START_DEPTH, settle=30.0, longer=4.0)
 
     def axes(self) -> list[str]:
-        """Return the axes that this vehicle's thrusters drive."""
-        return [axis for axis in AXES if self._reach[AXES[axis].loop].driven]
+        """Return the axes that this vehicle's thrusters and fins drive, without depth and tilt of one that floats."""
+        if self._vehicle.fins:
+            return list(_BY_FINS)
+        return [axis for axis in AXES if self._reach[AXES[axis].loop].driven and not (self._floats and axis in _UNDER)]
+
+    def untuned(self) -> str:
+        """Return which axes are not tuned and why, as a line of text; "" if all are."""
+        left = ", ".join(axis for axis in AXES if axis not in self.axes())
+        return f"not tuned: {left}: {self._drivers} do not drive them" if left else ""
+
+    @property
+    def _drivers(self) -> str:
+        return (
+            "it floats, and its thrusters" if self._floats else "its thrusters" + " and fins" * bool(self._vehicle.fins)
+        )
 
     def tune(self, axes: Sequence[str], report: ReportText = lambda text: None) -> list[Tuned]:
         """Tune `axes`, inner loops first; return the result of each, and set `control` and `gains` to the new gains.
@@ -80,7 +127,7 @@ class Tuner:
         for axis in axes:
             if axis not in self.axes():
                 raise ConfigError(
-                    f"{self._name}: its thrusters do not drive {axis}; they drive: {', '.join(self.axes())}"
+                    f"{self._name}: {self._drivers} do not drive {axis}; they drive: {', '.join(self.axes())}"
                 )
         old = dict(self.control)
         tuned = []
@@ -106,26 +153,36 @@ class Tuner:
         return best
 
     def _identify(self, axis: str, size: float) -> Process:
-        loop = AXES[axis].loop
+        loop = self._loop(axis)
         speed = size if axis == LOOPS[loop] or axis == "yaw" else _RATES[loop < 3]
+        if self._at.surge and loop >= 3:
+            speed = _SLOW_TURN * self._reach[_YAW].speed[0]
         inertia = self._inertia[loop]
-        time = _TILT_TIME if axis in ("roll", "pitch") else _PUSH_TIME
+        is_tilted = axis in ("roll", "pitch")
+        time = _TILT_TIME if is_tilted else _PUSH_TIME
         force = min(_PUSH * self._force(loop), inertia * speed / time)
-        process = identify_axis(self._name, self._vehicle, self.control, axis, force, inertia, speed)
-        if axis in ("roll", "pitch"):
+        process = identify_axis(self._name, self._vehicle, self.control, axis, loop, force, inertia, speed, self._at)
+        if is_tilted:
             process = process._replace(damping=0.0)  # the righting moment slows it, rather than drag
+        if self._at.surge and loop >= 3:  # a servo's lag looks like damping where the hull turns into its path
+            process = process._replace(delay=max(process.delay, *(fin.time_constant for fin in self._vehicle.fins)))
         return process._replace(delay=process.delay + _sample_age(loop))
+
+    def _loop(self, axis: str) -> int:
+        """Return the number of the axis of the wrench (0 surge .. 5 yaw) that leads `axis`."""
+        return _PITCH if self._at.surge and axis == "depth" else AXES[axis].loop
 
     def _propose(self, axis: str, process: Process, closed: float) -> dict[str, AxisGains | HoldGains]:
         """Return gains by key for a closed loop with a time constant of `closed` delays."""
-        loop = AXES[axis].loop
+        loop = self._loop(axis)
         time = (closed + 1.0) * process.delay
         proposed: dict[str, AxisGains | HoldGains] = {}
         for key in self._keys(axis):
             present = getattr(self.gains, key)
             if isinstance(present, HoldGains):
-                top = _HOLD_TOP * min(self._reach[loop].speed[0], -self._reach[loop].speed[1])
-                proposed[key] = HoldGains(_short(min(20.0, 1.0 / (4.0 * time))), _short(min(present.limit, top)))
+                speeds = self._reach[AXES[key].loop].speed
+                p = min(20.0, 1.0 / (4.0 * time)) / (_DIVE_BY_PITCH if loop == _PITCH and key == "depth" else 1.0)
+                proposed[key] = HoldGains(_short(p), _short(min(present.limit, _HOLD_TOP * min(speeds[0], -speeds[1]))))
             else:
                 proposed[key] = present._replace(**self._pi(process, time, self._force(loop) / self._inertia[loop]))
         return proposed
@@ -139,10 +196,12 @@ class Tuner:
         """Return the keys of the gains that a step along `axis` tests; roll and pitch have no separate rate step."""
         if axis in ("roll", "pitch"):
             return [f"{axis}_rate", axis]
+        if self._loop(axis) == _PITCH:
+            return ["pitch_rate", "pitch", "depth"]
         return [axis if axis in Gains._fields else "yaw_rate"]
 
     def _fly(self, axis: str, size: float, control: dict[str, Any]) -> Response:
-        return fly_step(self._name, self._vehicle, control, axis, size, self._seed)
+        return fly_step(self._name, self._vehicle, control, axis, size, self._seed, self._at)
 
     def _apply_gains(self, gains: dict[str, AxisGains | HoldGains]) -> None:
         self.gains = self.gains._replace(**gains)  # type: ignore[arg-type]

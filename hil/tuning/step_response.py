@@ -9,7 +9,6 @@ from hil.tuning.rig import CONTROL_PERIOD_S, START_DEPTH, Moment, Rig
 from sim.vehicle.terminal_speed import AxisCapability
 from sim.vehicle.vehicle import Vehicle
 
-HOLD_S = 4.0  # at rest before the step, for the integrators to settle
 # Default step sizes (m/s, rad/s, m, rad), and the share of the top speed for a vehicle that is too slow for them.
 _SPEED, _HEAVE, _TURN, _DIVE, _ROUND, _TILT, _SHARE = 0.5, 0.3, 0.4, 1.0, 0.8, 0.15, 0.4
 
@@ -32,6 +31,19 @@ AXES = {
     "depth": Axis("m", 2, 20.0),
     "heading": Axis("rad", 5, 20.0),
 }
+
+
+class Conditions(NamedTuple):
+    """Flight before a step: `surge` m/s, `depth` m (None: afloat), for `settle` s; responses last `longer` times."""
+
+    surge: float = 0.0
+    depth: float | None = START_DEPTH
+    settle: float = 4.0
+    longer: float = 1.0
+
+
+REST = Conditions()
+AFLOAT = Conditions(depth=None, settle=20.0)
 
 
 class StepFigures(NamedTuple):
@@ -85,28 +97,35 @@ def step_size(axis: str, capability: AxisCapability) -> float:
 
 
 def fly_step(
-    name: str, vehicle: Vehicle, control: dict[str, Any], axis: str, size: float, seed: int = 1, **rig: Any
+    name: str,
+    vehicle: Vehicle,
+    control: dict[str, Any],
+    axis: str,
+    size: float,
+    seed: int = 1,
+    at: Conditions = REST,
+    **rig: Any,
 ) -> Response:
     """Return the response of `vehicle` under its `[control]` table to a step of `size` along `axis`.
 
-    Roll and pitch cannot be commanded, so they start at an angle of `size`. `rig` are further arguments of `Rig`.
-    Raises ConfigError.
+    Roll and pitch cannot be commanded, so they start at an angle of `size`. With a speed ahead in `at`, the response is
+    relative to the mean of the last second before the step. `rig` are further arguments of `Rig`. Raises ConfigError.
     """
     tilt = (size if axis == "roll" else 0.0, size if axis == "pitch" else 0.0)
-    flight = Rig(name, vehicle, control, tilt=tilt, seed=seed, **rig)
-    base = step_command(axis, 0.0)
-    if axis not in ("roll", "pitch"):
-        flight.fly(HOLD_S, lambda time: base)
-    command = step_command(axis, size)
-    moments = flight.fly(AXES[axis].seconds, lambda time: command)
-    return Response(axis, size, [m.time for m in moments], [_value(axis, size, m) for m in moments])
+    flight = Rig(name, vehicle, control, tilt=tilt, seed=seed, depth=at.depth or 0.0, **rig)
+    base = step_command(axis, 0.0, at)
+    before = [] if axis in ("roll", "pitch") else flight.fly(at.settle, lambda time: base)
+    command = step_command(axis, size, at)
+    moments = flight.fly(at.longer * AXES[axis].seconds, lambda time: command)
+    zero = fmean(_value(axis, size, m) for m in before[-round(1.0 / CONTROL_PERIOD_S) :]) if at.surge else 0.0
+    return Response(axis, size, [m.time for m in moments], [_value(axis, size, m) - zero for m in moments])
 
 
-def step_command(axis: str, size: float) -> VelocityCommand:
+def step_command(axis: str, size: float, at: Conditions = REST) -> VelocityCommand:
     """Return the command for a step along `axis`; the other axes are held."""
-    base = VelocityCommand(depth=START_DEPTH, heading=0.0)
+    base = VelocityCommand(surge=at.surge, depth=at.depth, heading=0.0)
     return {
-        "surge": base._replace(surge=size),
+        "surge": base._replace(surge=at.surge + size),
         "sway": base._replace(sway=size),
         "heave": base._replace(heave=size, depth=None),
         "yaw": base._replace(yaw_rate=size, heading=None),

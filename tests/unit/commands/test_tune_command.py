@@ -43,7 +43,7 @@ def test_tune_prints_a_table_and_writes_a_vehicle_file_and_a_picture(
         ((), 2, "the following arguments are required: VEHICLE"),
         (("paper_sx",), 2, "no vehicle 'paper_sx'; did you mean 'paper_six'?"),
         (("paper_six", "--axis", "pitch"), 2, "paper_six: its thrusters do not drive pitch"),
-        (("lauv",), 2, "lauv: steers by fins"),
+        (("lauv", "--axis", "sway"), 2, "lauv: its thrusters and fins do not drive sway"),
         (("paper_six", "-o", "gains.txt"), 2, "--output 'gains.txt': a vehicle's file ends in .toml"),
         (("paper_six", "--axis", "yaw", "-o", "/proc/nowhere/x.toml"), 2, "/proc/nowhere/x.toml: cannot be written"),
     ],

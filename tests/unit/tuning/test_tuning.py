@@ -152,8 +152,9 @@ def test_the_identified_process_agrees_with_the_vehicle() -> None:
 
 def test_unsupported_vehicles_and_axes_are_refused() -> None:
     torpedo, control = load_vehicle("remus100")
-    with pytest.raises(ConfigError, match="remus100: steers by fins"):
-        Tuner("remus100", torpedo, control)
+    glider = torpedo._replace(thrusters=tuple([t._replace(direction=(0.0, 1.0, 0.0)) for t in torpedo.thrusters]))
+    with pytest.raises(ConfigError, match="remus100: no thruster drives it ahead"):
+        Tuner("remus100", glider, control)
     six, control = load_vehicle("paper_six")
     with pytest.raises(ConfigError, match="family is 'sliding_mode'; only the cascade"):
         Tuner("six", six, {**control, "family": "sliding_mode"})
@@ -161,6 +162,20 @@ def test_unsupported_vehicles_and_axes_are_refused() -> None:
     assert tuner.axes() == [axis for axis in AXES if axis != "pitch"]
     with pytest.raises(ConfigError, match="six: its thrusters do not drive pitch; they drive: surge, sway"):
         tuner.tune(["surge", "pitch"])
+
+
+def test_a_surface_craft_is_tuned_afloat() -> None:
+    six, control = load_vehicle("paper_six")
+    level = tuple([thruster for thruster in six.thrusters if thruster.direction[2] == 0.0])
+    boat = six._replace(volume=2.0 * six.volume, neutrally_buoyant=False, thrusters=level)
+    tuner = Tuner("boat", boat, {**control, "heading": {"p": 0.2, "limit": 0.6}})
+    assert tuner.axes() == ["surge", "sway", "yaw", "heading"]
+    assert tuner.untuned() == "not tuned: heave, roll, pitch, depth: it floats, and its thrusters do not drive them"
+    (tuned,) = tuner.tune(["heading"])
+    assert tuned.better
+    assert tuned.after.figures().overshoot < 0.1
+    with pytest.raises(ConfigError, match="boat: it floats, and its thrusters do not drive depth; they drive: surge"):
+        tuner.tune(["depth"])
 
 
 # -- the file -----------------------------------------------------------------------------------------------------
