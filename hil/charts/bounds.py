@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from hil.autonomy.paths.polygons import Edges, Mask, contains, edge_distance, fill, segments
 from hil.charts.grid import Depths, Grid
+from hil.charts.quays import clear_behind, find_quays, wall_outline
 from hil.charts.sources.survey import Sheet, Survey
 
 Array = NDArray[np.float64]
@@ -29,7 +30,7 @@ SPREAD_PASSES = 24
 class Bounds(NamedTuple):
     """Limits of the depth at each node, (rows, columns): shoal and deep limit in m, masks of land and known nodes.
 
-    `shore`: distance in cells to the edge of charted land, inf where it is far away.
+    `shore`: distance in cells to the edge of charted land without quays, inf where it is far away.
     """
 
     low: Array
@@ -49,8 +50,9 @@ def rasterise_bounds(survey: Survey, north: Array, east: Array) -> Bounds:
     if survey.reach > 0.0 and len(survey.soundings):
         bounds.known[:] = _near(survey.soundings, north, east, survey.reach)
         bounds.low[:], bounds.high[:] = survey.soundings[:, 2].min(), survey.soundings[:, 2].max()
+    walls = wall_outline(survey)
     for sheet in survey.sheets:
-        _rasterise_sheet(sheet, north, east, bounds)
+        _rasterise_sheet(sheet, north, east, bounds, walls)
     for edges in (edges for sheet in survey.sheets for edges in sheet.unsurveyed):
         track = survey.soundings[contains(edges, survey.soundings[:, :2])]
         if len(track):  # of a ship on passage
@@ -58,7 +60,7 @@ def rasterise_bounds(survey: Survey, north: Array, east: Array) -> Bounds:
     return bounds
 
 
-def _rasterise_sheet(sheet: Sheet, north: Array, east: Array, bounds: Bounds) -> None:
+def _rasterise_sheet(sheet: Sheet, north: Array, east: Array, bounds: Bounds, walls: Any) -> None:
     window, valid = fill(sheet.coverage, north, east)
     covered = np.zeros(bounds.known.shape, bool)
     covered[window] = valid
@@ -72,8 +74,11 @@ def _rasterise_sheet(sheet: Sheet, north: Array, east: Array, bounds: Bounds) ->
         for edges in many:
             window, inside = fill(edges, north, east)
             mask[window][inside & covered[window]] = value
-    window, away = edge_distance(*_outer_edges(sheet.land), north, east)
+    start, end = _outer_edges(sheet.land)
+    is_quay = find_quays(walls, start, end, north, east, bounds.land, bounds.known & ~bounds.land)
+    window, away = edge_distance(start[~is_quay], end[~is_quay], north, east)
     np.copyto(bounds.shore[window], away, where=covered[window])
+    clear_behind(start[is_quay], end[is_quay], north, east, bounds, covered)
 
 
 def _outer_edges(areas: tuple[Edges, ...]) -> tuple[Array, Array]:

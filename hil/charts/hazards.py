@@ -37,6 +37,7 @@ DRAUGHTS = {
 }  # m  # fmt: skip
 DRAUGHT = 1.0  # m, of other floating objects
 STRUCTURES = {"SLCONS", "CAUSWY", "DAMCON", "DYKCON", "GATCON"}
+SLOPES = (8.0, 9.0, 12.0, 13.0, 17.0)  # CATSLC (attribute 60): rip rap, revetment, ramp, slipway, log ramp
 MOORING_BUOY = 7.0  # S-57 appendix A, attribute 40 (CATMOR)
 OUT_OF_WATER = -100.0  # m: depth of a top above the water, as in sim.environment.obstacles
 STANDS_UP = {
@@ -58,6 +59,7 @@ FLOATING = 7.0
 BURIED = 0.01  # m: an object that rises less above the bed is left out
 RECTANGULAR = 0.6  # least share of its bounding rectangle that an area fills to become a rectangle
 SIMPLIFIED = 0.5  # m: greatest deviation of a simplified line from the charted one
+QUAY_DEPTH = 0.5  # m of water on a wall's line, from which it is a quay and not the top of a bank
 MIN_HEIGHT = 1.0  # m above the bed, of objects without a known height
 
 
@@ -84,7 +86,8 @@ def hazards_of(feature: Feature, points: Array, edges: Edges) -> list[Hazard]:
         return [Hazard(feature.kind, line, radius, top, edges, bottom, is_structure)] if edges else []
     lines = [_simplified(line) for line in edges] if is_structure or bottom < STANDING else edges
     places = [points[i : i + 1] for i in range(len(points))]
-    return [Hazard(feature.kind, line, radius, top, (), bottom, is_structure) for line in (*places, *lines)]
+    is_wall = feature.kind == "SLCONS" and top == OUT_OF_WATER and feature.number("CATSLC") not in SLOPES
+    return [Hazard(feature.kind, line, radius, top, (), bottom, is_structure, is_wall) for line in (*places, *lines)]
 
 
 def _simplified(line: Array) -> Array:
@@ -198,7 +201,7 @@ def _boxes(hazard: Hazard, grid: Grid, limit: Grid) -> list[Box]:
         if (
             top is not None
             and length > 0.0
-            and (not hazard.needs_water_both_sides or _is_between_waters(middle, along, hazard, grid))
+            and (not hazard.needs_water_both_sides or _is_in_water(middle, along, hazard, grid))
         ):
             size = length + 2.0 * hazard.radius
             north, east, size, width, heading, top = _rounded(*middle, size, 2.0 * hazard.radius, heading, top)
@@ -206,8 +209,10 @@ def _boxes(hazard: Hazard, grid: Grid, limit: Grid) -> list[Box]:
     return boxes
 
 
-def _is_between_waters(middle: Array, along: Array, hazard: Hazard, grid: Grid) -> bool:
-    """True if there is water on both sides of a segment, at a distance of one cell."""
+def _is_in_water(middle: Array, along: Array, hazard: Hazard, grid: Grid) -> bool:
+    """True if there is water on both sides of a segment, at a distance of one cell, or the water before a quay."""
+    if hazard.is_wall and grid.at(middle[None])[0] > QUAY_DEPTH:
+        return True
     across = np.array([-along[1], along[0]]) / np.hypot(*along) * (hazard.radius + grid.resolution)
     return bool((grid.at(np.stack([middle - across, middle + across])) > 0.0).all())
 

@@ -64,6 +64,9 @@ BAD_FILES = (
     ),
     BadFile("chart of random bytes", "not an ISO 8211", ".000", lambda r: r.randbytes(65_536), BUILD),
     BadFile("chart cut short", "cut off", ".000", lambda r: b"009623LE1 0900201 ! 3404", BUILD),
+    BadFile(
+        "chart, a contour over half the earth", "far outside of its coverage", ".000", lambda r: _far_contour(), BUILD
+    ),
     BadFile("GeoTIFF of random bytes", "cannot be read", ".tif", lambda r: b"II*\0" + r.randbytes(65_536), BUILD),
     BadFile("soundings that are not numbers", "columns", ".xyz", lambda r: b"1 2 three\n" * 100, BUILD),
     BadFile(
@@ -81,6 +84,15 @@ BAD_FILES = (
         ("plot", "-o", "{folder}", "{file}"),
     ),
 )
+
+
+def _far_contour() -> bytes:
+    """Return a chart with one position of a contour off by 45 degrees: 160,000 points to interpolate."""
+    from tests.support.charts.small_cell import bay
+
+    cell = bay()
+    cell.line(43, [(54.004, 10.0), (54.004, 55.0), (54.004, 10.016)], VALDCO=10)
+    return cell.data()
 
 
 def measure_file(bad: BadFile, folder: Path) -> Row:

@@ -28,7 +28,7 @@ OBJECTS = (
 )  # fmt: skip
 NAME = "OBJNAM"
 LISTS = ("NATSUR", "RESTRN")  # attributes that are lists of numbers
-ATTRIBUTES = ("BURDEP", "CATCOV", "CATMOR", "DRVAL1", "DRVAL2", "VALDCO", "VALSOU", "VERCLR", "WATLEV")
+ATTRIBUTES = ("BURDEP", "CATCOV", "CATMOR", "CATSLC", "DRVAL1", "DRVAL2", "VALDCO", "VALSOU", "VERCLR", "WATLEV")
 POINT, MULTI_POINT, AREA = 0, 4, 3  # shapely's type numbers, and S-57's code of an area (PRIM)
 DAMAGED, NO_LIBRARY, UNFIT_UPDATE = 1, 5, 7  # exit codes
 UNFIT = ("Mismatched RVER", "Can't find RCNM")  # GDAL's warnings if an update refers to a record that does not exist

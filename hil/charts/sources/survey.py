@@ -37,7 +37,8 @@ class Hazard(NamedTuple):
 
     `radius`: m, of a point, and half the width of a line. `top`: depth (m) of its upper end, None if not known.
     `bottom`: depth (m) of the lower end of a floating object. With `needs_water_both_sides` only the segments of a line
-    that have water on both sides become obstacles. An area on the bed raises the bed inside its edges.
+    that have water on both sides become obstacles, and of a line that `is_wall` those with deep water on one. An area
+    on the bed raises the bed inside its edges.
     """
 
     kind: str
@@ -47,6 +48,7 @@ class Hazard(NamedTuple):
     edges: Edges = ()
     bottom: float = STANDING
     needs_water_both_sides: bool = False
+    is_wall: bool = False
 
 
 # A function that returns depths (m, nan if unknown) at the crossings of increasing arrays of norths and easts (m)

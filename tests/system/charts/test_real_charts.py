@@ -77,7 +77,7 @@ ERRORS = [
 
 @pytest.mark.parametrize(("name", "ours", "linear", "radial"), ERRORS)
 def test_soundings_that_were_held_out_are_predicted(name: str, ours: float, linear: float, radial: float) -> None:
-    """The grid is better than linear or radial interpolation, nowhere below a sounding, neither too deep nor too shoal."""
+    """The grid is better than linear or radial interpolation, nowhere below a sounding, and has no mean error."""
     survey, world = built(name)
     report = world.report
     assert report.rmse == pytest.approx(ours, rel=0.02)

@@ -8,7 +8,7 @@ from hil.autonomy.paths.polygons import edge_distance, fill, segments
 from hil.charts.bounds import EDGE_SLOPE_CELLS, LAND_RISE, raise_with_slope
 from hil.charts.build import build
 from hil.charts.grid import Grid
-from hil.charts.hazards import OUT_OF_WATER, place_hazards
+from hil.charts.hazards import OUT_OF_WATER, SeabedModel, place_hazards
 from hil.charts.sources.survey import DepthArea, Hazard, Sheet, Survey
 
 Array = NDArray[np.float64]
@@ -26,10 +26,16 @@ def mole(half: float = HALF, start: float = -70.0, end: float = 70.0) -> Array:
 
 def build_grid(*land: Array) -> Grid:
     """Return the grid of a survey of 200 m x 200 m, level except for this land."""
+    return build_model((), *land).grid
+
+
+def build_model(hazards: tuple[Hazard, ...], *land: Array) -> SeabedModel:
+    """Return the seabed of the same survey with these hazards."""
     everywhere = (np.array([(-9.0, -9.0), (-9.0, 209.0), (209.0, 209.0), (209.0, -9.0), (-9.0, -9.0)]),)
     soundings = np.array([(n, e, DEPTH) for n in range(0, 201, 40) for e in range(0, 201, 40)], float)
     sheet = Sheet("", everywhere, (DepthArea(everywhere, 5.0, 10.0),), tuple((ring,) for ring in land))
-    return build(Survey("", None, soundings, sheets=(sheet,)), (0.0, 200.0, 0.0, 200.0), CELL).model.grid
+    survey = Survey("", None, soundings, sheets=(sheet,), hazards=hazards)
+    return build(survey, (0.0, 200.0, 0.0, 200.0), CELL).model
 
 
 def offsets(grid: Grid, level: float, half: float = HALF) -> Array:
@@ -128,3 +134,35 @@ def test_there_is_no_shore_where_two_land_areas_meet() -> None:
     assert (beyond.depths[:8] <= -LAND_RISE).all()
     at_limit = build_grid(np.array([(-4.0, -4.0), (-4.0, 204.0), (48.0, 204.0), (48.0, -4.0), (-4.0, -4.0)]))
     assert (at_limit.depths[:8] == beyond.depths[:8]).all()
+
+
+def quay(degrees: float, length: float, width: float) -> tuple[Array, Array, SeabedModel]:
+    """Return directions along and across a quay (to the land), and the seabed; the corners of `mole` are around it."""
+    along, across = (np.array([np.cos(a), np.sin(a)]) for a in np.radians([degrees, degrees + 90.0]))
+    sides = ((-length, 0.0), (length, 0.0), (length, width), (-length, width), (-length, 0.0))
+    ring = np.array([MIDDLE + a * along + b * across for a, b in sides])
+    wall = Hazard("SLCONS", ring, 1.0, OUT_OF_WATER, needs_water_both_sides=True, is_wall=True)
+    return along, across, build_model((wall,), ring)
+
+
+@pytest.mark.parametrize("degrees", [20.0, 30.0, 45.0])
+def test_a_profile_along_an_oblique_quay_has_no_ripple(degrees: float) -> None:
+    """The bed has its full depth up to the wall, which hides where it ends. As a bank it had ripples of 0.3 m."""
+    along, across, model = quay(degrees, 400.0, 400.0)
+    places = MIDDLE + np.linspace(-80.0, 80.0, 801)[:, None] * along
+    for away in np.arange(0.0, 30.0, 1.0):
+        profile = model.grid.at(places - away * across)
+        assert np.ptp(profile) < 0.01
+        assert profile.mean() == pytest.approx(DEPTH, abs=0.01)
+    assert (model.grid.at(places + 20.0 * across) < 0.0).all(), "land"
+    (wall,) = (box for box in model.boxes if abs(box.north - MIDDLE[0]) + abs(box.east - MIDDLE[1]) < 1.0)
+    assert (wall.size_north, wall.size_east, wall.top) == (802.0, 2.0, OUT_OF_WATER)
+    assert wall.heading == pytest.approx(np.radians(degrees), abs=1e-3)
+
+
+def test_a_wall_around_a_narrow_mole_stays_a_bank() -> None:
+    """No water is left inside of it. Its two ends, with land far behind them, are walls."""
+    along, across, model = quay(30.0, 60.0, 4.0 * CELL)
+    crest = MIDDLE + np.linspace(-50.0, 50.0, 101)[:, None] * along + 2.0 * CELL * across
+    assert (model.grid.at(crest) < 0.0).all()
+    assert [box.size_north for box in model.boxes] == [4.0 * CELL + 2.0] * 2

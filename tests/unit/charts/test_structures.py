@@ -29,11 +29,16 @@ def ring(*corners: tuple[float, float]) -> Lines:
     return ((*corners, corners[0]),)
 
 
-def test_a_pier_stands_in_the_water_and_a_quay_is_the_edge_of_the_land() -> None:
-    """The pier reaches from the shore 40 m to the south; the wall along the shore has water on one side alone."""
+def test_a_pier_stands_in_the_water_and_a_quay_at_its_edge() -> None:
+    """The pier reaches from the shore 40 m to the south; what is along the shore has water on one side alone.
+
+    There a wall is an obstacle if the water before it is deep, a slope of rocks or a dam is the edge of the land.
+    """
     pier, quay = ((58.0, 50.0), (20.0, 50.0)), ((59.0, 10.0), (59.0, 90.0))
-    for kind in ("SLCONS", "CAUSWY", "DAMCON"):
-        (box,) = place_structures(kind, (pier, quay), WATLEV=2.0).boxes
+    (_, wall) = place_structures("SLCONS", (pier, quay), WATLEV=2.0, CATSLC=6.0).boxes
+    assert (wall.north, wall.east, wall.size_north, wall.top) == (59.0, 50.0, 82.0, OUT_OF_WATER)
+    for kind, keys in (("SLCONS", {"CATSLC": 8.0}), ("CAUSWY", {}), ("DAMCON", {})):
+        (box,) = place_structures(kind, (pier, quay), False, WATLEV=2.0, **keys).boxes
         assert (box.north, box.east) == (39.0, 50.0)
         assert box.size_north == pytest.approx(38.0 + box.size_east)
         assert (box.top, box.bottom) == (OUT_OF_WATER, STANDING)

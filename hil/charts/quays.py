@@ -1,0 +1,72 @@
+"""Let the bed reach up to quay walls at its full depth: the wall is an obstacle, and the bed has no bank before it.
+
+A bank over a few cells of a grid, which is straight at the water line, has ripples between its nodes where it is
+oblique to the grid. Land as wide as a few cells behind a wall becomes water, so that the step of the bed up to the land
+is hidden behind the wall.
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from hil.autonomy.paths.polygons import Mask, edge_distance
+from hil.charts.sources.survey import Survey
+
+Array = NDArray[np.float64]
+
+ON_WALL = 0.6  # m: greatest distance of an edge of land from the wall along it, which is simplified
+BEHIND = 2.0  # cells behind a wall that become water
+LAND_DEPTHS = (1.5, 3.0, 4.5)  # cells behind a wall that are land; a narrower mole is a bank
+
+
+def wall_outline(survey: Survey) -> Any:
+    """Return the strip around all walls of `survey`, a prepared geometry; None without walls."""
+    import shapely
+
+    lines = [shapely.LineString(hazard.line) for hazard in survey.hazards if hazard.is_wall and len(hazard.line) > 1]
+    if not lines:
+        return None
+    strip = shapely.union_all([line.buffer(ON_WALL) for line in lines])
+    shapely.prepare(strip)
+    return strip
+
+
+def find_quays(strip: Any, start: Array, end: Array, north: Array, east: Array, land: Mask, water: Mask) -> Mask:
+    """Return which edges of land, (n, 2) each, are quays: in `strip`, with water before them and wide land behind."""
+    import shapely
+
+    if strip is None or not len(start):
+        return np.zeros(len(start), bool)
+    on_wall = shapely.covers(strip, shapely.linestrings(np.stack([start, end], axis=1)))
+    middle, along, cell = 0.5 * (start + end), end - start, north[1] - north[0]
+    across = np.column_stack([-along[:, 1], along[:, 0]]) / np.maximum(np.hypot(*along.T), 1e-9)[:, None]
+
+    def there(mask: Mask, cells: float) -> Mask:
+        nodes = np.rint((middle + cells * cell * across - (north[0], east[0])) / cell).astype(np.intp)
+        inside = ((nodes >= 0) & (nodes < mask.shape)).all(axis=1)
+        return np.asarray(inside & mask[tuple(np.clip(nodes, 0, np.array(mask.shape) - 1).T)])
+
+    either = np.zeros(len(start), bool)
+    for side in (1.0, -1.0):
+        behind = [there(land, side * cells) for cells in LAND_DEPTHS]
+        either |= np.logical_and.reduce(behind) & there(water, -side * LAND_DEPTHS[0])
+    return np.asarray(on_wall & either)
+
+
+def clear_behind(
+    start: Array, end: Array, north: Array, east: Array, bounds: tuple[NDArray[Any], ...], free: Mask
+) -> None:
+    """Make the land behind the quays (edges, (n, 2) each) water within the limits of the water before them.
+
+    `bounds`: limits, masks and distances as hil.charts.bounds has them. Only where `free`, and not near another shore.
+    """
+    from scipy.ndimage import distance_transform_edt
+
+    window, away = edge_distance(start, end, north, east)
+    low, high, land, known, shore = (part[window] for part in bounds)
+    behind = land & (away < BEHIND) & (shore > BEHIND) & free[window]
+    if behind.any():
+        rows, columns = distance_transform_edt(land | ~known, return_distances=False, return_indices=True)
+        nearest = rows[behind], columns[behind]
+        low[behind], high[behind], land[behind] = low[nearest], high[nearest], False
