@@ -9,12 +9,11 @@ import pytest
 from hil.charts import build_process
 from hil.charts.build import MAX_OWN_NODES
 from hil.charts.build_process import read_and_build
-from hil.charts.chart_survey import GeoBox
 from hil.charts.sources.combine import read_sources
 from hil.common.children import python_command
 from hil.common.errors import ConfigError
 from tests.support.charts.s57_encoder import Encoder
-from tests.support.charts.small_cell import EAST, NORTH, SHORE, SOUTH, WEST, bay
+from tests.support.charts.small_cell import EAST, NORTH, SOUTH, WEST, bay
 
 
 def far_contour(cell: Encoder) -> None:
@@ -82,16 +81,3 @@ def test_a_build_that_was_ended_is_told(tmp_path: Path, monkeypatch: pytest.Monk
     path = bay().write(tmp_path / "BAY.000")
     with pytest.raises(ConfigError, match=re.escape(f"{path}: gridding was ended, as it took too much time or memory")):
         read_and_build([path])
-
-
-def test_the_process_returns_the_seabed_and_its_progress(tmp_path: Path) -> None:
-    shares: list[float] = []
-    path = bay().write(tmp_path / "BAY.000")
-    survey, built = read_and_build([path], GeoBox(SOUTH, WEST, SHORE, EAST), 20.0, progress=shares.append)
-    assert shares == sorted(shares)
-    assert shares[-1] == 1.0
-    assert len(shares) > 5
-    assert built.model.grid.resolution == 20.0
-    assert len(survey.soundings) == built.report.soundings > 40
-    with pytest.raises(ConfigError, match=r"no water in the area"):
-        read_and_build([path], GeoBox(SHORE + 0.0005, 10.002, 54.0095, 10.008), 10.0)
