@@ -26,6 +26,7 @@ from hil.master.planner import Done, Planner, PlanRequest, Samples
 
 _NS_PER_S = 1_000_000_000
 _BLIND_AFTER_NS = _NS_PER_S  # the vehicle stops if the newest scan is older
+_FAR_M = 100.0  # most for the circles in which a vehicle with fins looks for obstacles
 _GIVE_UP_S = 20.0  # the run ends if there is no free way for so long
 
 
@@ -49,13 +50,8 @@ class Sight:
         radius, master = hypot(length, width) / 2, request.master
         self._topic = settings.scan
         self._search: Search = {"astar": plan, "any_angle": plan_any_angle, "dstar": DStarLite().plan}[settings.search]
-        circle = request.limits.turn_radius
-        sees = {
-            "turning_radius": circle,
-            "range": 3.0 * circle,
-            "block_within": 2.0 * circle,
-            "free_beyond": 2.2 * circle,
-        }
+        circle, shares = request.limits.turn_radius, {"range": 3.0, "free_beyond": 2.2, "block_within": 2.0}
+        sees = {key: min(share * circle, _FAR_M) for key, share in {"turning_radius": 1.0, **shares}.items()}
         self._settings = GuideSettings(
             parse({"radius": radius, **(sees if circle else {}), **vfh}, VfhSettings, "[planner.vfh]"),
             speed=master.speed,

@@ -119,28 +119,25 @@ class Guide:
         inflated = self.map.grid.inflate(vfh.radius + margin if clearance is None else clearance)
         if clearance is not None:  # the vehicle may be nearer to an obstacle than the clearance
             start = inflated.nearest_free(start) or start
-        settings, self.plans = self._settings, self.plans + 1
+        settings = self._settings
 
         def search(start: Point) -> list[Point]:
             return smooth(inflated, self._search(inflated, start, self._goal))
 
         self._pursuit: PurePursuit | LineOfSight
         if settings.limits.turn_radius:
+            pose = Pose((*start, 0.0), self._heading)
             approach = approach_on(inflated, search, self._goal, 0.0, settings.limits)
             self._pursuit = LineOfSight(
-                approach,
-                Pose((*start, 0.0), self._heading),
-                settings.speed,
-                settings.limits,
-                settings.lookahead,
-                settings.tolerance,
+                approach, pose, settings.speed, settings.limits, settings.lookahead, settings.tolerance
             )
             self.path = self._pursuit.path
-            return
-        self.path = search(start)
-        self._pursuit = PurePursuit(
-            self.path, settings.lookahead, settings.speed, settings.max_yaw_rate, settings.tolerance
-        )
+        else:
+            self.path = search(start)
+            self._pursuit = PurePursuit(
+                self.path, settings.lookahead, settings.speed, settings.max_yaw_rate, settings.tolerance
+            )
+        self.plans += 1
 
     def _replan(self, position: Point) -> None:
         """Replan, with a smaller margin if there is no path with the full one; without any path the vehicle stops."""

@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from hil.autonomy.paths.occupancy import OccupancyGrid  # numpy, which a client does not need
 
 Point = tuple[float, float]  # north, east in m
-IsFree = Callable[[Sequence[Point]], bool]
 Search = Callable[[Point], list[Point]]  # returns the corners of a way from a point on
 Approach = Callable[[Pose], Chain]  # returns the path from a pose on
 
@@ -34,18 +33,12 @@ _BEND = pi / 12.0  # rad between two points of a curve's outline
 
 
 def dubins_legs(
-    points: Sequence[Position],
-    heading: float,
-    limits: Limits,
-    is_free: IsFree = lambda points: True,
-    spacing: float = inf,
-    skipped: int = 0,
+    points: Sequence[Position], heading: float, limits: Limits, grid: "OccupancyGrid | None" = None
 ) -> Chain:
     """Return the shortest chain of Dubins legs from `points[0]` and `heading` (rad) to the last of `points` (m, NED).
 
-    It passes each point in the best of some directions. A leg may leave out up to `skipped` points, where they are only
-    corners of a way around obstacles. `is_free` returns whether all of some points (m north, m east) on the path, at
-    most `spacing` m apart, are free. Raises NoPathError if there is no such chain.
+    It passes each point in the best of some directions. With a `grid` it stays on free cells, and a leg may leave out
+    points, as they are only corners of a way around obstacles. Raises NoPathError if there is no such chain.
     """
     radius, steepest = limits.turn_radius, min(limits.climb_angle, 0.49 * pi)
     order = count()  # so that the heap never compares legs
@@ -54,12 +47,12 @@ def dubins_legs(
     done: set[tuple[int, float]] = set()
     while heap:
         _, _, length, number, course, pieces, new = heappop(heap)
-        if (number, course) in done or (new and not is_free(outline(pieces[-new:], spacing))):
+        if (number, course) in done or (grid and new and not grid.are_free(outline(pieces[-new:], grid.resolution))):
             continue
         if number == len(points) - 1:
             return Chain(pieces)
         done.add((number, course))
-        for after in range(number + 1, min(number + 2 + skipped, len(points))):
+        for after in range(number + 1, min(number + 2 + (_SKIPPED if grid else 0), len(points))):
             for next_course in _courses(points, number, after):
                 try:
                     leg = dubins(Pose(points[number], course), Pose(points[after], next_course), radius, steepest)
@@ -69,7 +62,8 @@ def dubins_legs(
                 left = total + sum(dist(a[:2], b[:2]) for a, b in pairwise(points[after:]))
                 legs = (*pieces, *leg.pieces)
                 heappush(heap, (left, next(order), total, after, next_course, legs, len(leg.pieces)))
-    raise NoPathError(f"no free path with turns of {radius:.1f} m leads to the goal")
+    remedy = "lessen the margin or the speed, or start with another heading or in more room"
+    raise NoPathError(f"no free path with turns of {radius:.1f} m leads to the goal: {remedy}")
 
 
 def approach_on(grid: "OccupancyGrid", search: Search, goal: Point, depth: float, limits: Limits) -> Approach:
@@ -81,7 +75,7 @@ def approach_on(grid: "OccupancyGrid", search: Search, goal: Point, depth: float
     def approach(pose: Pose) -> Chain:
         def legs(corners: Sequence[Point]) -> Chain:
             points = depths_along(corners, pose.position[2], depth, limits.climb_angle)
-            return dubins_legs(points, pose.heading, limits, grid.are_free, grid.resolution, _SKIPPED)
+            return dubins_legs(points, pose.heading, limits, grid)
 
         here = pose.position[:2]
         try:

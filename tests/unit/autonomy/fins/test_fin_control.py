@@ -127,7 +127,7 @@ def test_idle_channels_are_neutral_and_drop_weights_are_not_released() -> None:
 def test_a_wrong_gain_is_reported() -> None:
     scenario = load_scenario("open_water")
     vehicle, control = load_vehicle("remus100")
-    with pytest.raises(ConfigError, match=r"remus100: control.fins: no key 'pich_limit'; did you mean 'pitch_limit'"):
+    with pytest.raises(ConfigError, match=r"remus100: control: fins: no key 'pich_limit'; did you mean 'pitch_limit'"):
         build_pilot(scenario, vehicle, {**control, "fins": {"pich_limit": 0.1}}, OPEN)
 
 
