@@ -91,7 +91,10 @@ class Tasks(Planner):
         if task_goal.goal is None or guide is None:
             return VelocityCommand(depth=self._depth)
         self.path = guide.path
-        if guide.has_arrived or task_goal.state.endswith(" work"):
+        works = task_goal.state.endswith(" work")
+        if guide.has_arrived and self._limits.turn_radius and not works:
+            self._goal = None  # it passed the place, but not near enough: another approach follows
+        if guide.has_arrived or works:
             return self._stay(task_goal.goal, odometry)._replace(depth=self._depth)
         return self._sight.command(samples)
 

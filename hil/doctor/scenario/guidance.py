@@ -10,7 +10,7 @@ from hil.master.planner import Planner, PlanRequest
 from hil.scenario.config import Scenario
 from sim.vehicle.vehicle import Vehicle
 
-HIT = 0.06  # greatest distance from the goal, in turning radii, of 192 flights in still water and in 0.3 m/s across
+HIT = 0.06  # greatest distance from the goal, in turning radii, of 48 flights of torpedoes in still water
 DETOUR = 2.0  # a path so many times as long as the straight line is a circle back
 
 
@@ -35,12 +35,7 @@ def check_guidance(
     radius = limits.turn_radius / ROOM
     circle = f"{vehicle.name} turns in circles of {radius:.1f} m in radius at {limits.speed:.2f} m/s"
     rules = (
-        (
-            "speed",
-            fin_gains(scenario).least_speed,
-            "m/s",
-            f"{vehicle.name} steers from a higher speed on, and goes at it",
-        ),
+        ("speed", fin_gains(scenario).least_speed, "m/s", f"{vehicle.name} goes at a higher speed, at which it steers"),
         ("lookahead", max(radius, LENGTHS * vehicle.dimensions[0]), "m", f"{circle}, and would swing about the path"),
         ("tolerance", HIT * limits.turn_radius, "m", f"{circle}, and misses so small a goal again and again"),
     )

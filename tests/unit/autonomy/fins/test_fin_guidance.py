@@ -97,7 +97,7 @@ def test_given_keys_are_respected_and_others_derived() -> None:
     [
         ({"master_lookahead": 1.5}, "master: lookahead: 1.5 m, but remus100 turns in circles of"),
         ({"master_tolerance": 0.3}, "master: tolerance: 0.3 m, but remus100 turns in circles of"),
-        ({"master_speed": 0.4}, "master: speed: 0.4 m/s, but remus100 steers from"),
+        ({"master_speed": 0.4}, "master: speed: 0.4 m/s, but remus100 goes at a higher"),
         ({"master_goal": (0.0, 9.0)}, "master: goal: 9.0 m away, but remus100 turns in circles of"),
         ({"master_depth": 28.0}, "master: depth: remus100 changes its depth by at most"),
         ({"master_time_limit": 50.0}, "master: time_limit: the path of"),
