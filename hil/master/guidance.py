@@ -1,6 +1,6 @@
 """Derive the guidance of a vehicle that steers by fins, which cannot stop, from what the vehicle can do."""
 
-from math import asin, hypot, inf, isfinite
+from math import asin, hypot, inf
 from typing import Any
 
 from hil.autonomy.control.controller import gains_of
@@ -21,7 +21,7 @@ _DEPTH_RATE = 0.32  # m/s; 80 % of the limit of the depth hold (hil/master/fligh
 LENGTHS = 3.0  # least lookahead in lengths of the vehicle
 _HIT = 0.2  # tolerance as a share of the planned turning radius
 _LEAST_TOLERANCE = 0.5  # m
-_STRAIGHT = 1e4  # m, a turning radius that is none
+_SLOWEST, _STRAIGHT = 0.01, 1e4  # m/s, m: a top speed below it and a turning radius above it are none
 _OFF = 0.3  # margin to obstacles as a share of the planned turning radius: so far off the path may a turn begin
 
 
@@ -46,8 +46,8 @@ def guide_by_fins(scenario: Scenario, vehicle: Vehicle, world: World) -> tuple[M
     fins = fin_gains(scenario)
     cruise = Manoeuvring(vehicle, gains, fins, 0.0, world.density, world.gravity)
     master, top = scenario.master, cruise.top_speed
-    if not isfinite(top):
-        raise ConfigError(f"{scenario.vehicle}: nothing brakes it ahead: write linear_damping or quadratic_damping")
+    if not _SLOWEST <= top < inf:
+        raise ConfigError(f"{scenario.vehicle}: its top speed is {top:.3g} m/s: correct its thrusters and its damping")
     if "speed" in scenario.derived:
         master = master._replace(speed=round(cruising_speed(top, fins), 2))
     motion = Manoeuvring(vehicle, gains, fins, master.speed, world.density, world.gravity)

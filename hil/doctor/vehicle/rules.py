@@ -78,9 +78,10 @@ def _inertia(subject: Subject) -> Values:
         yield AXES[3 + axis], matrix[axis][axis] / (vehicle.mass * (sum(squares) - squares[axis]) / 12.0)
 
 
-def _outside(subject: Subject, points: Iterable[tuple[str, tuple[float, float, float]]]) -> Values:
+def _outside(subject: Subject) -> Values:
     """Yield how far points are outside the hull's box about the origin or the centre of buoyancy, in its sizes."""
     vehicle = subject.vehicle
+    points = [("centre of gravity", vehicle.center_of_gravity), *((t.name, t.position) for t in vehicle.thrusters)]
     for name, point in points:
         centres = (0.0, 0.0, 0.0), vehicle.center_of_buoyancy
         rows = [zip(point, centre, vehicle.dimensions, strict=True) for centre in centres]
@@ -174,13 +175,8 @@ RULES = (
         f"{WEIGHTS}; or correct the damping of heave",
     ),
     Rule(
-        "center_of_gravity", "distance outside the hull's box, in its sizes", "",
-        lambda s: _outside(s, [("", s.vehicle.center_of_gravity)]), (-inf, 0.5), (-inf, 2.0), CENTRES,
-    ),
-    Rule(
-        "position", "distance outside the hull's box, in its sizes", "",
-        lambda s: _outside(s, [(t.name, t.position) for t in s.vehicle.thrusters]),
-        (-inf, 0.5), (-inf, 2.0), "write metres from the origin of the body axes, or correct dimensions",
+        "position", "distance outside the hull's box, in its sizes", "", _outside, (-inf, 0.5), (-inf, 2.0),
+        "write metres from the origin of the body axes, or correct dimensions",
     ),
     Rule(
         "center_of_buoyancy", "height above the centre of gravity, in heights of the hull", "",

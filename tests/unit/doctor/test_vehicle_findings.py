@@ -94,7 +94,7 @@ WRONG: dict[str, tuple[str, Callable[[Vehicle], Vehicle]]] = {
     "heavier than its thrust": ("volume: net weight", lambda v: v._replace(mass=20.0, neutrally_buoyant=False)),
     "thrust in grams": ("thrusters: sum", lambda v: with_thrusters(v, 1000.0)),
     "thrust in tons": ("thrusters: top speed ahead", lambda v: with_thrusters(v, 0.001)),
-    "gravity far ahead": ("center_of_gravity: dist", lambda v: v._replace(center_of_gravity=(1.0, 0.0, 0.0))),
+    "gravity far ahead": ("position: dist", lambda v: v._replace(center_of_gravity=(1.0, 0.0, 0.0))),
     "buoyancy ahead": ("center_of_buoyancy: static tilt", lambda v: v._replace(center_of_buoyancy=(0.1, 0.0, -0.02))),
     "no damping of roll": (
         "linear_damping: sum",
