@@ -46,7 +46,10 @@ def _check(scenario: Scenario) -> Iterator[Finding]:
     world = load_world(scenario.world)
     speed = None if vehicle.fins else requested_speed(scenario)[1]
     for level, text in check_vehicle(Subject(vehicle, control, world.density, world.gravity, scenario.vehicle, speed)):
-        if level != "note" or text.startswith(CONTROLLED):  # a note on a flight is a warning for who flies
+        is_flown = text.startswith(CONTROLLED)
+        if is_flown and scenario.controller != "builtin":
+            continue
+        if is_flown or level != "note":  # who flies has to know also what is right for some vehicles
             yield Finding(level.replace("note", "warning"), f"vehicle: {scenario.vehicle}: {text}")
     surge = axis_capabilities(vehicle, pseudo_inverse(wrench_matrix(vehicle))[0], world.density, world.gravity)[0]
     top_speed = surge.speed[0] if surge.driven else 0.0

@@ -229,10 +229,10 @@ RULES = (
     ),
     Rule(
         CONTROLLED, "error of heading", "deg", _held_heading,
-        (-inf, 10.0), ANY, f"{TUNE} check the places of thrusters and fins, and munk_share",
+        (-inf, 10.0), (-inf, 60.0), f"{TUNE} check the places of thrusters and fins, and munk_share",
     ),
     Rule(
-        CONTROLLED, "tilt", "deg", _one(lambda s: s.controlled.tilt), (-inf, 45.0), ANY,
+        CONTROLLED, "tilt", "deg", _one(lambda s: s.controlled.tilt), (-inf, 45.0), (-inf, 90.0),
         f"{TUNE} check the thrusters' directions and the centres",
     ),
 )  # fmt: skip
