@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from contextlib import suppress
 from itertools import pairwise
 from math import ceil, dist, hypot
+from typing import Any
 
 from hil.autonomy.control.allocation import pseudo_inverse
 from hil.autonomy.paths.occupancy import OccupancyGrid
@@ -44,13 +45,7 @@ def check_scenario(scenario: Scenario) -> Iterator[Finding]:
 def _check(scenario: Scenario) -> Iterator[Finding]:
     vehicle, control = load_vehicle(scenario.vehicle)
     world = load_world(scenario.world)
-    speed = None if vehicle.fins else requested_speed(scenario)[1]
-    for level, text in check_vehicle(Subject(vehicle, control, world.density, world.gravity, scenario.vehicle, speed)):
-        is_flown = text.startswith(CONTROLLED)
-        if is_flown and scenario.controller != "builtin":
-            continue
-        if is_flown or level != "note":  # who flies has to know also what is right for some vehicles
-            yield Finding(level.replace("note", "warning"), f"vehicle: {scenario.vehicle}: {text}")
+    yield from _check_vehicle(scenario, vehicle, control, world)
     surge = axis_capabilities(vehicle, pseudo_inverse(wrench_matrix(vehicle))[0], world.density, world.gravity)[0]
     top_speed = surge.speed[0] if surge.driven else 0.0
     attitude = attitude_warning(scenario, vehicle)
@@ -90,6 +85,17 @@ def _check(scenario: Scenario) -> Iterator[Finding]:
         return
     yield from _check_plan(scenario, plan, min(plan.request.master.speed, top_speed or plan.request.master.speed))
     yield from check_guidance(scenario, vehicle, plan.planner, plan.request)
+
+
+def _check_vehicle(scenario: Scenario, vehicle: Vehicle, control: dict[str, Any], world: World) -> Iterator[Finding]:
+    """Find what is wrong with the vehicle's file; only the builtin controller is judged by its flight."""
+    speed = None if vehicle.fins else requested_speed(scenario)[1]
+    for level, text in check_vehicle(Subject(vehicle, control, world.density, world.gravity, scenario.vehicle, speed)):
+        is_flown = text.startswith(CONTROLLED)
+        if is_flown and scenario.controller != "builtin":
+            continue
+        if is_flown or level != "note":  # who flies has to know also what is right for some vehicles
+            yield Finding(level.replace("note", "warning"), f"vehicle: {scenario.vehicle}: {text}")
 
 
 def _check_speed(scenario: Scenario, vehicle: Vehicle, top_speed: float) -> Iterator[Finding]:
