@@ -11,6 +11,7 @@ import pickle
 import subprocess
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from importlib.util import find_spec
 from typing import IO, Any, cast
 
@@ -52,7 +53,7 @@ def read_and_build(
         stdin=subprocess.PIPE, stdout=subprocess.PIPE,
     ) as process:  # fmt: skip
         try:
-            with cast(IO[bytes], process.stdin) as stdin:
+            with suppress(BrokenPipeError), cast(IO[bytes], process.stdin) as stdin:  # it has ended already
                 stdin.write(job)
             kind, result = _receive(process.stdout, progress)
         finally:

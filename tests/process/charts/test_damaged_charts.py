@@ -73,10 +73,14 @@ def test_a_build_is_limited_to_what_its_nodes_and_points_need(tmp_path: Path, mo
     assert limits[-1][0] < build_process._memory(MAX_OWN_NODES, 10_000)
 
 
-@pytest.mark.parametrize("end", ["os.kill(os.getpid(), 9)", "print('built', flush=True)"])
+@pytest.mark.parametrize(
+    "end",
+    ["os.kill(os.getpid(), 9)", "sys.stdin.buffer.read(); print('built', flush=True)"],
+    ids=["at once", "at last"],
+)
 def test_a_build_that_was_ended_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, end: str) -> None:
     """It has exceeded a limit, before or while it wrote its result."""
-    command = python_command("-c", f"import os, sys; sys.stdin.buffer.read(); {end}")
+    command = python_command("-c", f"import os, sys; {end}")
     monkeypatch.setattr(build_process, "module_command", lambda name: command)
     path = bay().write(tmp_path / "BAY.000")
     with pytest.raises(ConfigError, match=re.escape(f"{path}: gridding was ended, as it took too much time or memory")):
