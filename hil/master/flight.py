@@ -161,12 +161,15 @@ def make_request(scenario: Scenario, vehicle: Vehicle, world: World, map_part: M
     Without `map_part`, the map shows the first part that `parts_of` returns.
     """
     master, limits = guide_by_fins(scenario, vehicle, world) if vehicle.fins else (scenario.master, Limits())
-    length, width = vehicle.dimensions[:2]
-    clearance = hypot(length, width) / 2 + master.margin
+    reach = hypot(*vehicle.dimensions[:2]) / 2
     map_part = map_part or parts_of(world, master, scenario.start)[0]
     grid = known_map(master, vehicle, world, map_part)
     grid.is_open = not world.walls and world.terrain is None
-    return PlanRequest(scenario.slave.node, vehicle, scenario.start, master, grid, clearance, limits)
+    ends = [(scenario.start.north, scenario.start.east), *([master.goal] if master.goal else [])]
+    least = scenario.master.margin
+    while master.margin > least and not all(map(grid.inflate(reach + master.margin).is_free, ends)):
+        master = master._replace(margin=max(0.5 * master.margin, least))  # a derived one gives way to start and goal
+    return PlanRequest(scenario.slave.node, vehicle, scenario.start, master, grid, reach + master.margin, limits)
 
 
 class Flight:

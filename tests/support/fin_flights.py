@@ -4,7 +4,8 @@ from typing import Any
 
 from hil.cases import simulated
 from hil.master.flight import Outcome, Plan, prepare
-from hil.scenario.config import Scenario, load_scenario
+from hil.scenario.config import DERIVED, Scenario, load_scenario
+from hil.scenario.records import Master
 from sim.environment.world import World, load_world
 
 TORPEDOES = ("remus100", "lauv", "tethys", "eca_a9")
@@ -19,8 +20,9 @@ def fin_scenario(vehicle: str, goal: tuple[float, float] = GOALS["north"], **cha
         "open_water", {"vehicle": vehicle, "slave.step": 0.01, "start.heading": 0.0, "master.goal": list(goal), **keys}
     )
     given = {key.partition("_")[2] for key in changes if key.startswith("master_")}
-    derived = tuple([key for key in ("speed", "lookahead", "tolerance", "margin") if key not in given])
-    return scenario._replace(derived=derived)
+    derived = tuple([key for key in DERIVED if key not in given])
+    master = scenario.master._replace(**{key: Master._field_defaults[key] for key in derived})
+    return scenario._replace(derived=derived, master=master)
 
 
 def fly_fins(scenario: Scenario, world: World = OPEN) -> tuple[Outcome, Plan, simulated.SimulatedVehicle]:

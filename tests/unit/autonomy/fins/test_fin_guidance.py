@@ -13,6 +13,7 @@ from hil.master.flight import make_request
 from hil.master.manoeuvring import Manoeuvring
 from hil.scenario.config import build_simulation
 from hil.slave.pilot import build_pilot
+from sim.environment.obstacles import Cylinder
 from sim.sensors.samples import GROUND_TRUTH
 from sim.vehicle.vehicle import load_vehicle
 from tests.support.fin_flights import GOALS, OPEN, TORPEDOES, fin_scenario, fly_fins
@@ -86,10 +87,13 @@ def test_given_keys_are_respected_and_others_derived() -> None:
     assert 0.7 < derived.master.speed < 2.5
     assert (given.master.lookahead, given.master.speed) == (5.0, 1.0)
     assert given.master.tolerance > 1.0
+    pile = OPEN._replace(cylinder=(Cylinder(106.0, 0.0, 3.0, 0.0, False, bottom=30.0),))
+    near = make_request(fin_scenario("remus100"), vehicle, pile)
+    assert near.clearance < 3.0 < derived.clearance  # the goal is 3 m from the pile
     six, _ = load_vehicle("paper_six")
     hovering = make_request(fin_scenario("paper_six"), six, OPEN)
     assert hovering.limits.turn_radius == 0.0
-    assert (hovering.master.lookahead, hovering.master.speed) == (16.0, 1.5)  # of the file
+    assert (hovering.master.lookahead, hovering.master.speed) == (1.5, 0.5)
 
 
 @pytest.mark.parametrize(
