@@ -153,6 +153,7 @@ class Protocol(ABC):
 
     counters: Counters
     deadline_ns = NEVER_NS  # monotonic time at which `tick` has to be called
+    echoes_sequence = True  # False: reports carry no sequence number; the answered command is found by its pulses
 
     @abstractmethod
     def encode(self, message: Message) -> bytes:

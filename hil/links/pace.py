@@ -13,12 +13,14 @@ from collections import deque
 
 from hil.common.clock import NEVER_NS, NS_PER_MS, NS_PER_S
 
-FIRST_WINDOW = 4  # commands; before the line's rate is known
+FIRST_WINDOW = 2  # commands; before the line's rate is known
 LEAST_TRIP_NS = 60 * NS_PER_MS  # shorter round trips count as this: on a fast line some reports may be lost
 LONGEST_PAUSE_NS = 150 * NS_PER_MS  # between two commands while no answer comes
 PROBE = 1.25  # the window is that much larger than what was answered, to find out whether the line carries more
 MEASURED_NS = NS_PER_S // 2  # period of one measurement of the rate
 UNANSWERED_NS = NS_PER_S  # after this time without any answer since the start, the line counts as one without telemetry
+EACH_SHARE = 0.9  # reports for so many of the commands: the STM32 reports each
+FORGOTTEN_NS = NS_PER_S // 2  # after this time a command without an answer counts as answered by a lost report
 SILENT_NS = 2 * NS_PER_S  # after this time without an answer the line is not slow: the STM32 is silent
 SLOW_SHARE = 0.8  # of the commands; a line that carries less counts as slow
 LEAST_RATE = 10.0  # commands a second that a line must carry for the vehicle to be armed
@@ -29,9 +31,14 @@ class EchoPace:
 
     `rate`: commands that the line answers a second; `is_slow`: whether that has been less than what was to be sent for
     two measurements; then commands are dropped in favour of newer ones.
+
+    Reports without sequence numbers (`has_sequence` false) name a command by its pulses, which may be equal for many.
+    If the STM32 sends a report for each command (`by_count`, or found out while the line carries all), each report
+    answers one; a command without an answer for long was answered by a lost report.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, has_sequence: bool = True, by_count: bool = False) -> None:
+        self._has_sequence, self._by_count = has_sequence, by_count and not has_sequence
         self.rate = 0.0
         self.is_slow = False
         self._flight: deque[tuple[int, int]] = deque()  # sequence number, when it was sent (monotonic ns)
@@ -40,7 +47,7 @@ class EchoPace:
         self._fastest_ns = NEVER_NS  # shortest round trip
         self._batch = 1.0  # commands that one report answers
         self._measured_ns = 0
-        self._offered = self._answered = 0  # since `_measured_ns`
+        self._offered = self._answered = self._reports = 0  # since `_measured_ns`
         self._slow_before = False
 
     def due_ns(self, now: int) -> int:
@@ -65,7 +72,8 @@ class EchoPace:
     def add_answer(self, sequence: int, now: int) -> None:
         """Record a report at `now` (monotonic ns) that echoes a command: this and all before it are answered."""
         self._answer_ns = now
-        place = next((i for i, (sent, _) in enumerate(self._flight) if sent == sequence), None)
+        self._reports += 1
+        place = self._find(sequence, now)
         if place is None:  # echoed before, or sent before the link was opened
             return
         self._fastest_ns = min(self._fastest_ns, now - self._flight[place][1])
@@ -74,6 +82,14 @@ class EchoPace:
         self._answered += place + 1
         self._batch = max(place + 1.0, 0.9 * self._batch)
         self._adjust()
+
+    def _find(self, sequence: int, now: int) -> int | None:
+        """Return the place of the command that a report answers, in the order of sending; None if it is not there."""
+        if not self._by_count:
+            return next((i for i, (sent, _) in enumerate(self._flight) if sent == sequence), None)
+        while len(self._flight) > 1 and now - self._flight[0][1] > FORGOTTEN_NS:
+            self._flight.popleft()
+        return 0 if self._flight else None
 
     def _has_telemetry(self, now: int) -> bool:
         """Return whether answers are to be expected: some came, or it is too early to know."""
@@ -89,10 +105,13 @@ class EchoPace:
         passed_s = (now - self._measured_ns) / NS_PER_S
         if self._measured_ns and passed_s < 4 * MEASURED_NS / NS_PER_S:  # a longer one has a pause of this process
             self.rate = self._answered / passed_s
+            if self._reports >= EACH_SHARE * self._offered > 0:
+                self._by_count = not self._has_sequence
             is_answered = now - self._answer_ns < SILENT_NS
             is_slow = is_answered and self._answered < SLOW_SHARE * self._offered
             if is_slow == self._slow_before:
                 self.is_slow = is_slow
             self._slow_before = is_slow
         self._measured_ns, self._offered, self._answered = now, 0, 0
+        self._reports = 0
         self._adjust()

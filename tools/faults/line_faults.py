@@ -12,6 +12,7 @@ CUTTABLE = tuple(link for link in LINKS if link.wire != "can")
 TERMINALS = tuple(link for link in LINKS if link.wire == "pty")
 # The slowest line that carries 50 commands a second; a scenario with a slower one is refused.
 CARRIES_BYTES_A_S = {"frame": 1920.0, "mavlink": 3840.0}
+SLOW_BYTES_A_S = {"frame": 500.0, "mavlink": 1000.0}  # 12 commands a second and their reports
 PAUSE_S = 1.5
 RESET_S = 0.3  # between the end of an STM32 and its power-up
 
@@ -24,8 +25,8 @@ def _set(**values: object) -> Callable[[Rig], None]:
     return change
 
 
-def _slow(rig: Rig) -> None:
-    rig.line.bytes_a_s = CARRIES_BYTES_A_S[rig.link.protocol]
+def _slow(bytes_a_s: dict[str, float]) -> Callable[[Rig], None]:
+    return lambda rig: setattr(rig.line, "bytes_a_s", bytes_a_s[rig.link.protocol])
 
 
 def _clear(rig: Rig) -> None:
@@ -61,7 +62,8 @@ FAULTS = (
     Fault("link", "half of each frame", _set(halves=True), _clear, links=CUTTABLE),
     Fault("link", "commands lost", _set(down=False), _clear, links=CUTTABLE),
     Fault("link", "reports lost", _set(up=False), _clear, cuts=False, links=CUTTABLE),
-    Fault("link", "slowest permitted line", _slow, _clear, cuts=False, links=TERMINALS),
+    Fault("link", "slowest permitted line", _slow(CARRIES_BYTES_A_S), _clear, cuts=False, links=TERMINALS),
+    Fault("link", "line slower than the commands", _slow(SLOW_BYTES_A_S), _clear, cuts=False, links=TERMINALS),
     Fault("process", "STM32 killed", lambda rig: rig.kill_stm32(), lambda rig: rig.revive_stm32(), links=LINKS,
           hold_s=RESET_S),
     Fault("process", "STM32 paused for 2 s", _pause_stm32, _signal("stm32", signal.SIGCONT), links=LINKS,

@@ -36,6 +36,8 @@ from hil.links.dronecan.types import (
 class DroneCanHost(DroneCanNode):
     """Host end. `battery` is the last BatteryInfo of any node, `extended` the last StatusExtended by ESC index."""
 
+    echoes_sequence = False
+
     def __init__(self, channels: int, settings: HostSettings) -> None:
         info = NodeInfo("org.uuv-hil.host", bytes.fromhex(settings.unique_id), SOFTWARE, (0, 0))
         super().__init__(settings.node_id, info)

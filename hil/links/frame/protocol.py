@@ -55,6 +55,7 @@ class FrameProtocol(Protocol):
         self._to_send = {(form.kind, form.channels): form for form in commands + reports}
         self._keep_alives = self._open_keep_alives(others, channels)
         self._echoes = self._open_echoes(commands, reports)
+        self.echoes_sequence = layout.sequence_bits > 0
         self.deadline_ns = 0 if self._keep_alives else Protocol.deadline_ns
 
     def encode(self, message: Message) -> bytes:

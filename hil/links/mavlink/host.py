@@ -33,6 +33,8 @@ IGNORED = 0xFFFF  # in RC_CHANNELS_OVERRIDE: leave the channel unchanged
 class MavlinkHost(MavlinkEnd):
     """Host end. `esc` has the last reading of each ESC, None before the first."""
 
+    echoes_sequence = False
+
     def __init__(
         self, channels: int, settings: MavlinkSettings, clock: Callable[[], int], wall_clock: Callable[[], int]
     ) -> None:

@@ -32,6 +32,8 @@ class Motor(NamedTuple):
 class VescHost(VescProtocol):
     """Host end. `motors` are the thrusters' last values."""
 
+    echoes_sequence = False
+
     def __init__(self, channels: int, settings: VescSettings) -> None:
         super().__init__(channels, settings)
         self.motors = [Motor()] * channels

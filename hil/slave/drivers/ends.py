@@ -105,13 +105,15 @@ def with_faults(wire: Wire, link: Link, seed: int) -> Wire:
     return FaultyWire(wire, link.faults, seed)
 
 
-def host_end(wire: Wire, link: Link, channels: int, seed: int) -> ThrusterLink:
+def host_end(wire: Wire, link: Link, channels: int, seed: int, reports_each: bool = True) -> ThrusterLink:
     """Return the host's end of the link on `wire`, with the link's faults. On an error `wire` is closed.
 
+    `reports_each`: whether the STM32 is known to report each command, as our firmware does.
     Raises ConfigError, DeviceError, MissingExtraError.
     """
     try:
-        return ThrusterLink(with_faults(wire, link, seed), end_protocol(link, "host", channels), EchoPace())
+        protocol = end_protocol(link, "host", channels)
+        return ThrusterLink(with_faults(wire, link, seed), protocol, EchoPace(protocol.echoes_sequence, reports_each))
     except HilError:
         wire.close()
         raise

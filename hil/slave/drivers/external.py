@@ -69,7 +69,7 @@ def open_device(link: Link, channels: int, seed: int, host: bool) -> Ends:
     if parse_address(link.port).kind == "pty":
         raise ConfigError('no device: set [link] port = "/dev/..." or another address, or name the board with --board')
     wire = open_address(link.port, "host", link.baud, link.bitrate)
-    return Ends(wire.name, host_end(wire, link, channels, seed))
+    return Ends(wire.name, host_end(wire, link, channels, seed, reports_each=False))
 
 
 def open_process(link: Link, channels: int, seed: int, host: bool) -> Ends:

@@ -10,9 +10,10 @@ from hil.common.clock import NS_PER_MS, NS_PER_S
 from hil.links.contract import Message, ThrusterCommand, ThrusterLink, ThrusterTelemetry, Wire
 from hil.links.frame.protocol import open_frame
 from hil.links.pace import LEAST_RATE, EchoPace
+from hil.scenario.records import Link
+from hil.slave.drivers.ends import end_protocol
 
 CHANNELS, HZ, NEUTRAL = 6, 50, 1500
-FRAME = len(open_frame("host", CHANNELS, "uuv_hil").encode(ThrusterCommand(1, True, (1600,) * CHANNELS)))
 REPORT = len(
     open_frame("device", CHANNELS, "uuv_hil").encode(ThrusterTelemetry(1, True, False, (1600,) * CHANNELS, 0, 0, 0, 0))
 )
@@ -61,13 +62,18 @@ class Bridge(Wire):
 class Simulated:
     """Host, line and STM32, in steps of 1 ms. `lost`: share of the reports that are lost; 1: no telemetry."""
 
-    def __init__(self, monkeypatch: pytest.MonkeyPatch, rate: float, delay_ns: int = 0, lost: float = 0.0) -> None:
+    def __init__(
+        self, monkeypatch: pytest.MonkeyPatch, rate: float, delay_ns: int = 0, lost: float = 0.0,
+        protocol: str = "frame", periodic: bool = False,
+    ) -> None:  # fmt: skip
         self.now, self._lost, self._random = NS_PER_S, lost, Random(1)
         self.out, self.back = Line(rate, delay_ns), Line(rate, delay_ns)
         self.stm32 = Stm32(CHANNELS)
-        self.pace = EchoPace()
-        self._device = open_frame("device", CHANNELS, "uuv_hil")
-        self._host = ThrusterLink(Bridge(self), open_frame("host", CHANNELS, "uuv_hil"), self.pace)
+        link = Link()._replace(protocol=protocol)  # type: ignore[arg-type]
+        self._device, host = end_protocol(link, "device", CHANNELS), end_protocol(link, "host", CHANNELS)
+        self.pace = EchoPace(host.echoes_sequence, by_count=not periodic)
+        self._periodic = periodic
+        self._host = ThrusterLink(Bridge(self), host, self.pace)
         self._sequence = self.applied = 0
         monkeypatch.setattr("hil.links.contract.now_ns", lambda: self.now)
 
@@ -95,9 +101,13 @@ class Simulated:
         for command in received:
             assert isinstance(command, ThrusterCommand)
             self.applied += self.stm32.command(command, self.now)
+            if not self._periodic:
+                self._report()
+        if self.now % (NS_PER_S // 10) == 0 if self._periodic else self.stm32.tick(self.now):
             self._report()
-        if self.stm32.tick(self.now):
-            self._report()
+        own = self._device.replies() + (self._device.tick(self.now) if self.now >= self._device.deadline_ns else b"")
+        if own:
+            self.back.put(own, self.now)
 
     def _report(self) -> None:
         report = self._device.encode(self.stm32.telemetry(self.now))
@@ -105,15 +115,25 @@ class Simulated:
             self.back.put(report, self.now)
 
 
-@pytest.mark.parametrize("rate", [1e6, 5000, 2000, 1000, 700, 500, 11 * REPORT])
-@pytest.mark.parametrize("moment", [0.3, 1.0, 7.35])
+RATES = [1e6, 5000, 2000, 1000, 700, 500, 11 * REPORT]
+MOMENTS = [0.3, 1.0, 7.35]
+ARMING = 69  # bytes of a MAVLink command that requests arming, too, as the first ones do
+
+
+@pytest.mark.parametrize(
+    ("protocol", "rate", "moment"),
+    [
+        *(("frame", rate, moment) for rate in RATES for moment in MOMENTS),
+        *(("mavlink", rate, moment) for rate in RATES for moment in MOMENTS if rate >= 10 * ARMING or moment > 0.5),
+    ],
+)
 def test_the_thrusters_stop_in_time_on_every_line_that_carries_ten_frames(
-    monkeypatch: pytest.MonkeyPatch, rate: float, moment: float
+    monkeypatch: pytest.MonkeyPatch, protocol: str, rate: float, moment: float
 ) -> None:
     """The watchdog needs 0.2 s of it. Without pacing it takes 3 s at 1000 B/s and 9 s at 500 B/s."""
-    simulated = Simulated(monkeypatch, rate)
+    simulated = Simulated(monkeypatch, rate, protocol=protocol)
     simulated.run(moment)
-    assert simulated.seconds_to_neutral() <= 0.5 + max(FRAME, REPORT) / rate
+    assert simulated.seconds_to_neutral() <= 0.5 + (ARMING if protocol == "mavlink" else REPORT) / rate
 
 
 @pytest.mark.parametrize("rate", [11 * REPORT, 500, 1000])
@@ -146,6 +166,15 @@ def test_a_fast_line_carries_all_commands(monkeypatch: pytest.MonkeyPatch, delay
     simulated.run(4.0)
     assert simulated.applied - before >= 0.95 * 4 * HZ
     assert not simulated.pace.is_slow
+
+
+def test_a_foreign_stm32_with_periodic_reports_gets_all_commands(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its reports, 10 a second, have no sequence numbers."""
+    simulated = Simulated(monkeypatch, 1e6, protocol="mavlink", periodic=True)
+    simulated.run(5.0)
+    before = simulated.applied
+    simulated.run(4.0)
+    assert simulated.applied - before >= 0.95 * 4 * HZ
 
 
 def test_a_line_that_becomes_slow_and_fast_again_is_followed(monkeypatch: pytest.MonkeyPatch) -> None:
