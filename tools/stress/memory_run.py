@@ -50,7 +50,7 @@ def _start(stack: ExitStack, folder: Path) -> tuple[dict[str, psutil.Process], "
     }
     processes = {}
     for name, words in commands.items():
-        with (folder / f"{name}.log").open("w") as log:
+        with (folder / f"{name}.log").open("w", encoding="utf-8") as log:
             started = subprocess.Popen([*module_command("hil.cli"), *words], stdout=log, stderr=log, cwd=folder)
         stack.callback(started.wait)
         stack.callback(started.terminate)
