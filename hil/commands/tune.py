@@ -16,7 +16,7 @@ from hil.tuning.step_response import AXES
 from sim.vehicle.vehicle import load_vehicle
 
 EXAMPLES = """\
-Each axis that the thrusters drive gets a step input; lag and delay are identified from the response, and gains are
+Each axis that thrusters or fins drive gets a step input; lag and delay are identified from the response, and gains are
 computed and flown. Gains that are no better than the present ones are not used. The table shows a step of each axis
 before and after: its size, the rise time from 10 to 90 %, overshoot, settling time to 5 %, and the steady error.
 
@@ -34,7 +34,10 @@ def main(arguments: list[str]) -> int:
     parser = new_parser("tune", __doc__, EXAMPLES)
     parser.add_argument("vehicle", metavar="VEHICLE", help="a preset, or a .toml file")
     parser.add_argument(
-        "--axis", action="append", choices=list(AXES), help="axis to tune; repeatable [all that its thrusters drive]"
+        "--axis",
+        action="append",
+        choices=list(AXES),
+        help="axis to tune; repeatable [all that its thrusters and fins drive]",
     )
     parser.add_argument("--seed", type=SEED, default=1, metavar="N", help="seed of the sensors' noise [1]")
     add_output(parser, "FILE.toml", "the vehicle with the new gains")
