@@ -90,6 +90,9 @@ def read_cell(path: str, updates: bool = True) -> Cell:
     head = json.loads(line)
     if head["units"] != [1, 1]:
         raise ConfigError(f"{path}: depths are not in metres or positions not in degrees, as in an ENC: convert it")
+    for factor in head["factors"]:
+        if str(factor).rstrip("0") != "1":
+            raise ConfigError(f"{path}: positions and depths count in parts of {factor}, no power of ten: damaged")
     if updates:
         _check_updates(path, head["update"])
     features = _features(head["features"], np.frombuffer(data))

@@ -132,6 +132,7 @@ def _read(path: str) -> tuple[dict[str, Any], bytes]:
         "update": _update_of(dataset),
         "scale": int(dataset["DSPM_CSCL"]),
         "units": [int(dataset["DSPM_DUNI"]), int(dataset["DSPM_COUN"])],
+        "factors": [int(dataset["DSPM_COMF"]), int(dataset["DSPM_SOMF"])],
         "unclosed": {kind: count for kind, count in unclosed.items() if count},
         "features": rows,
     }
