@@ -43,6 +43,7 @@ _REQUIRED = (
 
 
 ALONG = 0.9  # a thruster pushes along x if so much of its direction does
+USUAL_SPEED = 1.5  # m/s; of an underwater vehicle whose thrust is not known
 _ZERO = ("added_mass", "linear_damping", "quadratic_damping")
 _MOST = 0.999  # of the sum of two moments of inertia, for the third one
 _STEPS = 200  # of a power iteration
@@ -110,6 +111,7 @@ def read_robot(
     if fins:
         user_keys["fins"] = fins
     table = {**table, **user_keys, "thrusters": thrusters}
+    _derive_limits(table, notes)
     _refuse_missing(table, path)
     vehicle = parse_vehicle(table, path)._replace(meshes=tuple(meshes))
     return Imported(vehicle, read_sensors(robot, poses, path, notes), notes)
@@ -311,6 +313,33 @@ def _meshes(robot: Element, poses: dict[str, Pose], path: str) -> Iterator[Mesh]
 def _three(numbers: Sequence[float]) -> tuple[float, float, float]:
     x, y, z = numbers
     return x, y, z
+
+
+def _derive_limits(table: dict[str, Any], notes: list[str]) -> None:
+    """Give thrusters without limits those that reach `USUAL_SPEED` ahead and hold the depth; `notes` says so.
+
+    Simulators have no limit where a model gives none. Nothing is derived if the hull's drag or volume is not known.
+    """
+    thrusters = table["thrusters"]
+    lacking = [row for row in thrusters if "max_forward" not in row]
+    if any(key not in table for key in _REQUIRED) or not thrusters:
+        return
+    ahead, down = (sum(abs(row["direction"][axis]) / hypot(*row["direction"]) for row in thrusters) for axis in (0, 2))
+    values = [table[key][0] for key in ("linear_damping", "quadratic_damping")] + [table["mass"], table["volume"]]
+    if lacking and ahead > 0.1 and all(isinstance(value, (int, float)) for value in values):
+        linear, quadratic, mass, volume = values
+        surge = (linear + quadratic * USUAL_SPEED) * USUAL_SPEED / ahead
+        heave = 2.0 * abs(mass - 1000.0 * volume) * 9.81 / down if down > 0.1 else 0.0
+        limit = float(f"{max(surge, heave):.3g}")
+        for row in lacking:
+            row["max_forward"] = limit
+        notes.append(
+            f"The model does not say max_forward of {len(lacking)} thrusters: {limit:g} N, for {USUAL_SPEED:g} m/s "
+            "ahead; give yours in [every_thruster] of --add."
+        )
+    for row in thrusters:
+        if "max_reverse" not in row and "max_forward" in row:
+            row["max_reverse"] = row["max_forward"]
 
 
 def _refuse_missing(table: dict[str, Any], path: str) -> None:

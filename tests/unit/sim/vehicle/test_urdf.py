@@ -103,6 +103,18 @@ def test_missing_values_are_listed_and_not_guessed() -> None:
     assert f"does not say {listed}: write them" in str(caught.value)
 
 
+def test_thrust_that_a_model_lacks_reaches_a_usual_speed() -> None:
+    """Its simulator has no limit then."""
+    text = re.sub(r"<thrust_m..>.*?</thrust_m..>", "", (VECTORS / "hydra.urdf").read_text())
+    vehicle, notes = read_urdf("hydra.urdf", {}, text.encode())
+    (limit,) = {thruster.max_forward for thruster in vehicle.thrusters}
+    assert {thruster.max_reverse for thruster in vehicle.thrusters} == {limit}
+    ahead = sum(abs(thruster.unit_direction[0]) for thruster in vehicle.thrusters) * limit
+    drag = 1.5 * vehicle.linear_damping[0] + 1.5**2 * vehicle.quadratic_damping[0]
+    assert ahead == pytest.approx(drag, rel=0.01)
+    assert any(f"max_forward of 3 thrusters: {limit:g} N, for 1.5 m/s ahead" in note for note in notes)
+
+
 def without_inertia() -> bytes:
     text = (VECTORS / "hydra.urdf").read_text()
     return re.sub(r"<inertial>.*?</inertial>", "", text, flags=re.DOTALL).encode()
