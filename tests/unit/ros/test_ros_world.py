@@ -1,6 +1,7 @@
 """A world as map and markers, compared with an independent codec, and with the planner's own map."""
 
 import pickle
+from array import array
 from math import pi
 from typing import Any
 
@@ -12,7 +13,7 @@ from hil.ros.world import GridMap, encode_map, encode_obstacles
 from hil.scenario.config import load_scenario
 from hil.scenario.world_map import known_map
 from hil.slave.ros.describe import MAKERS
-from sim.environment.mesh import MeshKeys, MeshObstacle
+from sim.environment.mesh import MeshKeys, place_triangles
 from sim.environment.obstacles import Box, Cylinder
 from sim.environment.world import World, load_world
 from sim.vehicle.vehicle import load_vehicle
@@ -69,9 +70,8 @@ def test_every_description_is_made_from_a_pickled_scenario() -> None:
 
 def test_a_mesh_is_a_triangle_list_marker() -> None:
     """The axes are x east, y north and z up; a mesh that is hidden is left out."""
-    triangle = ((12.0, 1.0, 7.0), (10.0, 2.0, 8.0), (11.0, 3.0, 9.0))
-    keys = MeshKeys("wreck.stl", 10.0, 1.0, name="the wreck")
-    mesh = MeshObstacle(keys, (triangle,), (), (triangle,), 2.0, 7.0, 9.0)
+    keys = MeshKeys("wreck.stl", 10.0, 1.0, depth=7.0, name="the wreck")
+    mesh = place_triangles(keys, array("d", (2.0, 0.0, 0.0, 0.0, 1.0, 1.0, 1.0, 2.0, 2.0)))
     world = World("w", "", (-50.0, 50.0, -50.0, 50.0), 30.0, box=(Box(0.0, 0.0, 1.0, 1.0),))
     world = world._replace(mesh=(mesh, mesh._replace(keys=keys._replace(hidden=True))))
     markers = decode_by_rosbags(encode_obstacles(1, world), "visualization_msgs/msg/MarkerArray").markers
