@@ -36,7 +36,7 @@ bluerov2_heavy_vonbenzon2022, compared with semi-implicit Euler (tests/unit/sim/
       steps of 2.5 ms: position (m)    1.2e-3          2.6e-6    2.2e-11
                        quaternion      1.5e-3          1.2e-6    1.5e-11
       steps of 10 ms: position (m)     4.7e-3          3.7e-5    5.5e-9
-    time of a step in C, relative to semi-implicit Euler (tools/costs/step_cost.py)
+    time of a step in C, relative to semi-implicit Euler
                                        1.0             1.1       1.9
 
 The step uses only + - * / and sqrt, in an order that the C twin (sim/native/kernel.h) repeats, so that both give the
