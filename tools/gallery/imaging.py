@@ -1,21 +1,33 @@
-"""Pictures of the imaging sensors: forward-looking and side-scan sonar, and the camera."""
+"""Pictures of the imaging sensors: forward-looking, side-scan and scanning sonar, and the camera."""
 
-from math import radians
+from math import cos, isfinite, pi, radians, sin
 from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from sim.environment.obstacles import Box
-from sim.environment.optics import jerlov, underwater
 from sim.environment.world import World
+from sim.sensors.extra_samples import LaserSample
 from sim.sensors.imaging.camera.model import CameraModel
 from sim.sensors.imaging.camera.sensor import Camera
 from sim.sensors.imaging.forward_sonar import ForwardSonar, ForwardSonarModel
 from sim.sensors.imaging.samples import CameraSample, SonarImageSample
+from sim.sensors.imaging.scanning_sonar import ScanningSonar, ScanningSonarModel
 from sim.sensors.imaging.side_scan import SideScan, SideScanModel
 from sim.sensors.mounting import Mounting
-from tools.gallery.places import ECHO, MARK, SEED, Entry, at, harbour, make_simulation, rough_ground
+from tools.gallery.places import (
+    ECHO,
+    INK,
+    MARK,
+    SEED,
+    Entry,
+    at,
+    harbour,
+    make_simulation,
+    rough_ground,
+    set_axes_ahead_up,
+)
 
 TILTED = Mounting((0.2, 0.0, 0.0), (0.0, radians(-10.0), 0.0))
 CAMERA = Mounting((0.2, 0.0, 0.0), (0.0, radians(-20.0), 0.0))
@@ -62,18 +74,6 @@ def forward_sonar(figure: Figure) -> None:
         _draw_fan(true, sample, np.maximum(10.0 * np.log10(_intensities(sample)), -150.0))
     figure.colorbar(true.collections[0], ax=true, label="dB", shrink=0.7)
     true.set_title("ground truth")
-
-
-def forward_sonar_rows(figure: Figure) -> None:
-    """The same picture as in the message: a row is a range bin, a column is a beam, port is left."""
-    axes = figure.add_subplot()
-    sample = ForwardSonar(ForwardSonarModel(), TILTED, SEED, make_simulation(harbour())).sample(0, BETWEEN_PILES)
-    first, last = (np.degrees(sample.beams[i]) for i in (0, -1))
-    far = sample.first_range + sample.bins * sample.range_step
-    axes.imshow(
-        _intensities(sample), ECHO, aspect="auto", origin="lower", extent=(first, last, sample.first_range, far)
-    )
-    axes.set(xlabel="beam, deg to starboard", ylabel="range, m")
 
 
 def side_scan(figure: Figure) -> None:
@@ -133,36 +133,97 @@ def camera_waters(figure: Figure) -> None:
 
 
 def camera_lamps(figure: Figure) -> None:
-    """A wall ahead, at 24.5 m depth, where daylight is weak and blue. Left: without lamps. Right: with lamps, which
-    bring back the colours of near objects."""
+    """A wall ahead, at 24.5 m depth, where daylight is weak and blue. Left: without lamps. Right: with lamps 0.4 m
+    beside the camera, which bring back the colours of near objects, with backscatter and particles in the water."""
     world = harbour()._replace(box=(Box(8.0, 0.0, 1.0, 30.0, 0.3, top=22.0),), cylinder=(), depth=26.5, terrain=None)
     scene = make_simulation(world)
-    for axes, (title, lamps) in zip(figure.subplots(1, 2), (("daylight", 0.0), ("lamps", 8.0)), strict=True):
-        eye = Camera(CameraModel(water="IB", lamps=lamps), Mounting(), SEED, scene)
+    lamps = {"lamps": 8.0, "lamp_offset": 0.4, "backscatter": 0.3, "snow": 300.0}
+    for axes, (title, keys) in zip(figure.subplots(1, 2), (("daylight", {}), ("lamps", lamps)), strict=True):
+        eye = Camera(CameraModel(water="IB")._replace(**keys), Mounting(), SEED, scene)
         _show(axes, _pixels(eye.sample(0, at(4.5, 0.0, 24.5))), title)
 
 
-def others_pictures(figure: Figure) -> None:
-    """`sim.environment.optics.underwater` on a picture with depths from elsewhere. Left: a test chart at 2, 4, 8 and
-    16 m. Then: the same through three waters, at 5 m depth."""
-    patches = np.array([[230, 230, 230], [200, 40, 40], [40, 170, 60], [50, 70, 200], [220, 190, 40]], np.uint8)
-    chart = np.repeat(np.repeat(np.tile(patches, (4, 1, 1)), 24, axis=0), 24, axis=1)
-    depth = np.repeat([2.0, 4.0, 8.0, 16.0], 24)[:, None] * np.ones((1, 120))
-    panels = figure.subplots(1, 4)
-    _show(panels[0], chart, "in air")
-    for axes, water in zip(panels[1:], ("I", "IB", "1C"), strict=True):
-        _show(axes, underwater(chart, depth, jerlov(water, depth=5.0)), f"Jerlov {water}")
-    panels[0].set(yticks=[12, 36, 60, 84], yticklabels=["2 m", "4 m", "8 m", "16 m"])
+def camera_caustics(figure: Figure) -> None:
+    """The shallow end of the harbour, 18 deg down, at 3.2 m depth: waves focus the daylight on the seabed."""
+    tilted = Mounting(orientation=(0.0, radians(-18.0), 0.0))
+    eye = Camera(CameraModel(water="IB", caustics=0.9), tilted, SEED, make_simulation(harbour()))
+    _show(figure.subplots(), _pixels(eye.sample(10**9, at(8.0, 3.0, 3.2, heading=28.6))), "caustics 0.9")
+
+
+PLACE = at(20.0, -8.0, 3.0, heading=30.0)
+
+
+def _points(sample: LaserSample) -> "np.ndarray[tuple[int, int], np.dtype[np.float64]]":
+    """Return the end (m to starboard, m ahead) of each beam with an echo."""
+    points = []
+    for i, distance in enumerate(sample.ranges):
+        angle = sample.angle_min + i * sample.angle_increment
+        if isfinite(distance):
+            points.append((distance * sin(angle), distance * cos(angle)))
+    return np.array(points)
+
+
+def scanning_sonar(figure: Figure) -> None:
+    """In the world `harbour`, between the two piers, at 3 m depth. The ring is the seabed, which the lower edge of the
+    beam (25 deg tall) meets. It is nearer where the water is shallower. Within the ring are the piles of the west
+    pier. A turn of 400 pings takes 36 s. Left: the vehicle is at rest. Right: it moves ahead at 0.3 m/s, so the ring
+    does not close astern, where the turn begins and ends."""
+    scene = make_simulation(harbour())
+    for place, speed in enumerate((0.0, 0.3), 1):
+        axes = figure.add_subplot(1, 2, place)
+        sonar = ScanningSonar(ScanningSonarModel(), Mounting(), SEED, scene)
+        points = []
+        for ping in range(400):
+            distance = speed * ping / 11.0
+            heading = radians(30.0)
+            state = at(20.0 + distance * cos(heading), -8.0 + distance * sin(heading), 3.0, heading=30.0)
+            points += _points(sonar.sample(ping, state)).tolist()
+        axes.plot(*np.array(points).T, ".", color=INK, markersize=2.5)
+        set_axes_ahead_up(axes, 32.0)
+        axes.set_title("at rest" if not speed else f"at {speed} m/s")
+
+
+def scanning_sonar_echoes(figure: Figure) -> None:
+    """With `bins`, as the device `ping360`: a turn at rest at the same place, 40 m around, with a block on the
+    seabed. The middle is white while the transducer rings. Piles and quays have shadows, and faint arcs of side
+    lobes. The seabed begins where the beam first meets it. Oblique surfaces look thicker at a larger distance, because
+    the beam is 2 deg wide. Behind the quay there is only noise."""
+    world = harbour()
+    world = world._replace(box=(*world.box, Box(30.0, -9.0, 3.0, 1.0, 0.5, top=7.2)))
+    sonar = ScanningSonar(
+        ScanningSonarModel(bins=600, min_range=0.0, max_range=40.0, ringing=0.75),
+        Mounting(),
+        SEED,
+        make_simulation(world),
+    )
+    pings = [sonar.sample(ping, PLACE).echoes for ping in range(400)]
+    grey = np.array([np.frombuffer(echoes.intensities, np.uint8) for echoes in pings]).T
+    step = pings[0].range_step
+    angles = np.append([echoes.beams[0] for echoes in pings], pi) - 0.5 * step / 40.0
+    angle, distance = np.meshgrid(angles, np.arange(601) * step)
+    axes = figure.add_subplot()
+    places = distance * np.sin(angle), distance * np.cos(angle)
+    axes.pcolormesh(*places, grey, cmap=ECHO, rasterized=True)
+    set_axes_ahead_up(axes, 41.0)
 
 
 ENTRIES = (
-    Entry("forward_sonar", "Forward-looking sonar", (forward_sonar, forward_sonar_rows), (8.0, 2.5), (3.2,)),
+    Entry("forward_sonar", "Forward-looking sonar", (forward_sonar,), (8.0, 2.5)),
     Entry("side_scan", "Side-scan sonar", (side_scan,), (8.0, 6.0)),
     Entry(
         "camera",
         "Camera and depth camera",
-        (camera, camera_waters, camera_lamps, others_pictures),
+        (camera, camera_waters, camera_lamps, camera_caustics),
         (8.0, 5.6),
-        (5.9, 3.2, 1.9),
+        (5.9, 3.2, 3.2),
     ),
+    Entry("laser", "Scanning laser"),
+    Entry("scanning_sonar", "Mechanically scanned sonar", (scanning_sonar, scanning_sonar_echoes), (8.0, 4.2), (6.0,)),
+    Entry("profiler", "Multibeam profiler"),
+    Entry("echosounder", "Single-beam echosounder"),
+    Entry("dvl", "Doppler velocity log"),
+    Entry("imu", "Inertial measurement unit"),
+    Entry("pressure", "Pressure"),
+    Entry("magnetometer", "Magnetometer"),
+    Entry("altimeter", "Altimeter"),
 )

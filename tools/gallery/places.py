@@ -14,7 +14,7 @@ from sim.simulation import Simulation
 from sim.vehicle.vehicle import load_vehicle
 
 VEHICLE, _ = load_vehicle("bluerov2_heavy")
-INK, SOFT, MARK = "#1f2937", "#94a3b8", "#b45309"
+INK, MARK = "#1f2937", "#b45309"
 ECHO = "copper"  # colour map of echo strength
 SEED = 1
 
@@ -24,7 +24,7 @@ class Entry(NamedTuple):
 
     sensor: str
     title: str
-    pictures: tuple[Callable[[Figure], None], ...]
+    pictures: tuple[Callable[[Figure], None], ...] = ()
     size: tuple[float, float] = (8.0, 4.0)  # of the first picture, in inches; `heights` has the heights of the others
     heights: tuple[float, ...] = ()
 

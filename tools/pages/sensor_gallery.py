@@ -1,4 +1,4 @@
-"""Draw the output of every sensor: docs/reference/sensors.md and its pictures.
+"""Describe every sensor, and draw the output of the imaging ones: docs/reference/sensors.md and its pictures.
 
     python -m tools.pages.sensor_gallery [--out docs/reference] [--only NAME ...]
 
@@ -18,19 +18,18 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from sim.sensors.sensor_set import SENSORS, select_sensors
-from tools.gallery import imaging, moving, ranging
+from tools.gallery.imaging import ENTRIES
 from tools.gallery.places import Entry
 
 ROOT = Path(__file__).parents[2]
-ENTRIES: tuple[Entry, ...] = (*imaging.ENTRIES, *ranging.ENTRIES, *moving.ENTRIES)
 STYLE: Any = {"font.size": 8, "axes.titlesize": 8, "legend.fontsize": 7, "savefig.dpi": 110}
 COLOURS = 256
 HEAD = """\
 # What the sensors give
 
-Made by `python -m tools.pages.sensor_gallery`. This page describes the models of the sensors and shows their output.
-The pictures are made by the simulator's sensors with default values, unless the text gives others. In plans ahead is
-up, and starboard is to the right.
+Made by `python -m tools.pages.sensor_gallery`. This page describes the models of the sensors, and shows pictures of the
+imaging ones. The pictures are made with default values, unless the text gives others. In plans ahead is up, and
+starboard is to the right.
 
 A table `[sensors.NAME]` in the scenario fits a sensor to the vehicle:
 
@@ -120,7 +119,7 @@ def main() -> int:
     folder.mkdir(parents=True, exist_ok=True)
     for entry in ENTRIES:
         heights = (entry.size[1], *entry.heights)
-        for picture, height in zip(entry.pictures, heights, strict=True):
+        for picture, height in zip(entry.pictures, heights, strict=False):
             if not arguments.only or picture.__name__ in arguments.only:
                 print(picture.__name__, flush=True)
                 with mpl.rc_context(STYLE):

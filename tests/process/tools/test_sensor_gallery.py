@@ -35,7 +35,7 @@ def test_the_code_of_the_page_runs() -> None:
 
 
 def test_a_picture_is_drawn(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("sys.argv", ["sensor_gallery", "--out", str(tmp_path), "--only", "dvl"])
+    monkeypatch.setattr("sys.argv", ["sensor_gallery", "--out", str(tmp_path), "--only", "camera_lamps"])
     assert sensor_gallery.main() == 0
     (made,) = (tmp_path / "sensors").iterdir()
     assert made.read_bytes()[:8] == b"\x89PNG\r\n\x1a\n"
