@@ -1,6 +1,6 @@
 """Measure the time of rays against the seabed: in C, in plain Python, and in Embree, in one run.
 
-    python tools/costs/ray_cost.py [--rounds 15] [--pictures]
+    python tools/costs/ray_cost.py [--rounds 15]
 
 The world is 512 m x 512 m of rough seabed in cells of 1 m, with three spheres, three boxes and three cylinders; the
 sensors are 5 m above the seabed. Embree, where `embreex` and `trimesh` are installed, gets the same seabed as 522 242
@@ -9,13 +9,9 @@ time of the best round, as other processes can only add. Ratios are what to comp
 
 After the rays come whole sensors: what one sample costs with the rays in C, which share of that is rays, and how many
 times the whole sample, and our rays with their normals, take what Embree takes for the distances of the same rays.
-
-Last come whole samples of a camera by its `renderer`, in the picture's sizes: the time until it is there, and the
-processor time of all threads. Without a graphics card OpenGL is Mesa's software, which takes every core it may have.
 """
 
 import argparse
-import os
 import sys
 import time
 from array import array
@@ -27,7 +23,6 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
-from hil.common.errors import HilError
 from sim.dynamics import State
 from sim.environment.obstacles import Box, Cylinder
 from sim.environment.relief import Fractal
@@ -35,7 +30,6 @@ from sim.environment.terrain import Terrain, covering
 from sim.environment.world import World
 from sim.rays.scene import ALONG_AXES, Engine, Hits, RayScene
 from sim.rays.solids import half_space, sphere
-from sim.rotations import from_euler, matrix
 from sim.sensors.imaging.camera.model import CameraModel
 from sim.sensors.imaging.camera.sensor import Camera
 from sim.sensors.imaging.forward_sonar import ForwardSonar, ForwardSonarModel
@@ -52,7 +46,6 @@ CYLINDERS = [((265.0, 270.0), 1.0), ((245.0, 250.0), 2.0), ((280.0, 250.0), 1.5)
 BOXES = [((275.0, 270.0), 4.0, 0.3), ((240.0, 265.0), 6.0, 1.0), ((262.0, 225.0), 5.0, -0.7)]
 PLACE = (256.0, 256.0)
 FEW = 400  # rays of a case that plain Python casts
-SIZES = ((320, 240), (640, 480), (1280, 720), (1920, 1080))
 
 Place = tuple[float, float, float]
 Rays = tuple["array[float]", float]  # directions, reach in m
@@ -250,54 +243,12 @@ def sensor_figures(name: str, make: Callable[[Scene], Sensor], world: World, rou
     return line + (f"{took[0] / took[2]:9.2f}{took[1] / took[2]:9.2f}" if peer else "")
 
 
-def picture_figures(size: tuple[int, int], world: World, rounds: int) -> str:
-    """Return one line of the table of a camera's renderers. Raises HilError where there is no OpenGL."""
-    position = (*PLACE, world.seabed(*PLACE) - ALTITUDE)
-    scene = Simulation(load_vehicle("bluerov2_heavy")[0], world, {}, position=position)
-    tilted, state = Mounting(orientation=(0.0, -radians(35.0), 0.0)), State(position)
-    models = [CameraModel(width=size[0], height=size[1], renderer=renderer) for renderer in ("rays", "opengl")]
-    cameras = [Camera(model, tilted, 1, scene) for model in models]
-    casts: list[Cast] = [lambda camera=camera: (camera.sample(0, state), [])[1] for camera in cameras]  # type: ignore[misc]
-    eyes: list[Cast] = [lambda camera=camera: (_cast(camera, position), [])[1] for camera in cameras]  # type: ignore[misc]
-    line = f"{f'camera with depth, {size[0]} x {size[1]}':38}"
-    for clock in (time.perf_counter, time.process_time):
-        rays, opengl = (took * 1e-3 for took in race(casts, rounds, clock=clock))
-        bare_rays, bare_opengl = (took * 1e-3 for took in race(eyes, rounds, clock=clock))
-        line += f"{rays:10.1f}{bare_rays:8.1f}{opengl:9.1f}{bare_opengl:8.1f}{rays / opengl:7.2f}"
-    return line
-
-
-def _cast(camera: Camera, position: Place) -> Hits:
-    """Return what a camera's picture begins with: what each of its pixels looks at, 35 degrees down."""
-    eye = camera._renderer
-    return eye._rays.hits(position, eye._directions, 30.0, matrix(from_euler(0.0, -radians(35.0), 0.0)))
-
-
-def pictures(world: World, rounds: int) -> None:
-    """Print the table of a camera's renderers."""
-    heads = f"{'rays':>10}{'(cast)':>8}{'opengl':>9}{'(drawn)':>8}{'ratio':>7}"
-    print(f"\n{'ms a sample: until done, processor':38}{heads}{heads}")
-    try:
-        for size in SIZES:
-            print(picture_figures(size, world, rounds), flush=True)
-    except HilError as error:
-        print(error)
-        return
-    from sim.rays.opengl import open_context
-
-    print(f"OpenGL by {open_context().info['GL_RENDERER']}; {len(os.sched_getaffinity(0))} cores")
-
-
 def main() -> int:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--rounds", type=int, default=15, help="rounds a figure [%(default)s]")
-    parser.add_argument("--pictures", action="store_true", help="only the table of a camera's renderers")
     options = parser.parse_args()
     rounds, world = options.rounds, make_world()
-    if options.pictures:
-        pictures(world, rounds)
-        return 0
     engines: dict[str, Prepare] = {
         "C": prepare_own(world, "C"),
         "python": prepare_own(world, "python"),
@@ -310,7 +261,6 @@ def main() -> int:
     print(f"\n{'ms a sample, all of it':38}   rays       ms     rays  /Embree rays/Embree")
     for name, make in whole_sensors():
         print(sensor_figures(name, make, world, rounds, engines.get("Embree")))
-    pictures(world, max(3, rounds // 3))
     return 0
 
 

@@ -30,8 +30,7 @@ class CameraModel(NamedTuple):
 
     With `ground_truth` there is no water, noise or vignetting, and the sample has labels. `renderer` "rays" casts one
     ray for each pixel. "opengl" (extra `opengl`) rasterises the same scene; distances are equal to 1 part in 10 000,
-    except in a few pixels at outlines. With Mesa's software renderer it is no faster than rays;
-    `python tools/costs/ray_cost.py --pictures` measures it.
+    except in a few pixels at outlines. With Mesa's software renderer it is no faster than rays.
 
     The effects below are off by default, equal with both renderers, and not part of the ground truth. The lamps are at
     the camera, or there are two of them, `lamp_offset` m to each side of it. Only in the latter case `lamp_shadows` are
