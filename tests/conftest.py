@@ -118,3 +118,12 @@ def binaries(tmp_path_factory: pytest.TempPathFactory) -> Path:
             compiled(folder)
             (folder / "done").touch()
     return folder
+
+
+@pytest.fixture
+def native(binaries: Path) -> Iterator[None]:
+    """Let the imports of the C twins find those that were compiled from the present sources."""
+    from tests.support.flights.twins import taken_from
+
+    with taken_from(binaries):
+        yield

@@ -1,8 +1,6 @@
 """The firmware's C in the slave equals its Python twin byte for byte; and which of the two is used."""
 
 import sys
-from collections.abc import Iterator
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -17,17 +15,13 @@ from hil.scenario.config import load_scenario
 from hil.slave.drivers.driver import open_driver
 from hil.slave.drivers.in_process import open_python
 from hil.slave.native.firmware import FirmwareEnd
-from tests.support.flights.twins import EACH, taken_from
+from tests.support.flights.twins import EACH
 from tests.support.links.link_contract import await_answer, nothing_leaks
+
+pytestmark = pytest.mark.usefixtures("native")
 
 CHANNELS = 3
 WATCHDOG_NS = 200 * NS_PER_MS
-
-
-@pytest.fixture(autouse=True)
-def native(binaries: Path) -> Iterator[None]:
-    with taken_from(binaries):
-        yield
 
 
 class MemoryLine(Wire):

@@ -4,8 +4,7 @@ import gc
 import os
 import random
 import weakref
-from collections.abc import Iterator, Sequence
-from pathlib import Path
+from collections.abc import Sequence
 from struct import pack
 
 import pytest
@@ -33,7 +32,8 @@ from sim.vehicle.body_lift import (
 from sim.vehicle.failures import Failure
 from sim.vehicle.fins import FinSet
 from sim.vehicle.vehicle import Vehicle, load_vehicle
-from tests.support.flights.twins import taken_from
+
+pytestmark = pytest.mark.usefixtures("native")
 
 REMUS, TETHYS, BLUEROV = (load_vehicle(name)[0] for name in ("remus100", "tethys", "bluerov2"))
 EXTENT = (-500.0, 500.0, -500.0, 500.0)
@@ -43,12 +43,6 @@ ROUGH = CALM._replace(depth=12.0, ocean=Ocean(waves=SWELL))
 MIXED = ROUGH._replace(ocean=Ocean(waves=SWELL, gauss_markov=GaussMarkov((0.1, 0.1, 0.0), 60.0)))
 PULSES = (0, 1100, 1480, 1500, 1650, 1900, 2500)
 MOTIONS = (0.0, 1e-9, 0.01, 0.5, 3.0, 30.0)
-
-
-@pytest.fixture(autouse=True)
-def native(binaries: Path) -> Iterator[None]:
-    with taken_from(binaries):
-        yield
 
 
 def twins(

@@ -7,7 +7,7 @@ import shutil
 import subprocess
 import sys
 import zipfile
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from struct import pack
 from typing import NamedTuple
@@ -28,19 +28,12 @@ from sim.sensors.error import ErrorBank, ErrorModel
 from sim.vehicle.failures import Failure
 from sim.vehicle.thrusters.bank import ThrusterSet
 from sim.vehicle.vehicle import Vehicle, load_vehicle
-from tests.support.flights.twins import taken_from
 
 ROOT = Path(__file__).parents[4]
 BINARY = "sim.native._native"
 INTEGRATORS: tuple[Integrator, ...] = ("verlet", "rk4")
 STEPS = 600
 DT = 0.0025
-
-
-@pytest.fixture
-def native(binaries: Path) -> Iterator[None]:
-    with taken_from(binaries):
-        yield
 
 
 @pytest.fixture

@@ -1,6 +1,5 @@
 """Extensions that were compiled from other sources than the present ones."""
 
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -9,13 +8,6 @@ import c_extensions
 import sim.native
 from hil.common.errors import ConfigError
 from sim.native import has_native
-from tests.support.flights.twins import taken_from
-
-
-@pytest.fixture
-def native(binaries: Path) -> Iterator[None]:
-    with taken_from(binaries):
-        yield
 
 
 @pytest.mark.usefixtures("native")

@@ -2,10 +2,9 @@
 
 import random
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
 from math import pi
-from pathlib import Path
 from struct import pack
 
 import pytest
@@ -26,7 +25,8 @@ from sim.sensors.sensor_set import SensorSet, SensorSpec, select_sensors
 from sim.simulation import Simulation
 from sim.vehicle.failures import Failure
 from sim.vehicle.vehicle import Vehicle, load_vehicle
-from tests.support.flights.twins import taken_from
+
+pytestmark = pytest.mark.usefixtures("native")
 
 VEHICLE, _ = load_vehicle("bluerov2_heavy")
 EXTENT = (-6.0, 6.0, -6.0, 6.0)
@@ -35,12 +35,6 @@ PILES = Cylinder(3.0, 0.0, 1.0), Cylinder(-4.0, 0.0, 1.5, top=4.0)
 FIELD = FLAT._replace(walls=True, cylinder=PILES, box=(Box(0.0, 4.0, 3.0, 1.0, 0.5),))
 PULSES = (0, 1100, 1480, 1500, 1650, 1900, 2500)
 SENSORS = select_sensors(imu=SensorSpec(Imu, ImuModel(100.0), Mounting((0.1, -0.2, 0.05))))
-
-
-@pytest.fixture(autouse=True)
-def native(binaries: Path) -> Iterator[None]:
-    with taken_from(binaries):
-        yield
 
 
 def twins(

@@ -3,9 +3,7 @@
 import random
 import sys
 from array import array
-from collections.abc import Iterator
 from math import nan, sqrt
-from pathlib import Path
 from struct import pack
 
 import numpy as np
@@ -23,16 +21,9 @@ from sim.rays import single, solids
 from sim.rays.scene import Engine, RayScene
 from sim.rays.tree import GROUP, NODE, grow
 from sim.rotations import matrix, normalise
-from tests.support.flights.twins import taken_from
 
 EXTENT = (-20.0, 20.0, -25.0, 30.0)
 UPRIGHT = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
-
-
-@pytest.fixture
-def native(binaries: Path) -> Iterator[None]:
-    with taken_from(binaries):
-        yield
 
 
 def attitude(rng: random.Random) -> tuple[float, ...]:
