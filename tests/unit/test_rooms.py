@@ -120,8 +120,12 @@ def test_the_command_and_sample_paths_follow_the_imports() -> None:
             assert met or by_slave, f"{one} -> {other}"
 
 
-def test_the_picture_of_the_rooms_is_current() -> None:
-    assert rooms.PICTURE.read_text(encoding="utf-8") == rooms.draw(), "run: python -m tools.pages.rooms"
+def test_the_picture_shows_all_rooms_by_floor_and_both_paths() -> None:
+    picture = rooms.PICTURE.read_text(encoding="utf-8")
+    shown = re.findall(r'class="room">(.*?)</text>\n<text.*?>(.*?)</text>', picture)
+    assert shown == [room for floor in reversed(rooms.FLOORS) for room in floor.items()]
+    steps = [name.removeprefix("hil.") for name in (*rooms.COMMAND, *rooms.SAMPLE)]
+    assert re.findall(r'class="step">(.*?)</text>', picture) == steps
 
 
 LEAN = """
