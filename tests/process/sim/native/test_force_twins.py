@@ -9,7 +9,6 @@ from struct import pack
 
 import pytest
 
-from hil.common.schema import preset_names
 from sim.dynamics import Dynamics, Integrator, State
 from sim.environment.ocean import GaussMarkov, Ocean, Waves
 from sim.environment.water import SampledWaves
@@ -223,12 +222,6 @@ def test_wave_fields_are_equal(depth: float) -> None:
         assert repr(sampled.motion(step * 2_500_000, here)) == repr(quick.motion(step * 2_500_000, here))
         time, north, east = 0.0025 * step + 0.001, here[0] + 0.003, here[1]
         assert sampled.wave_field.surface(time, north, east) == quick.wave_field.surface(time, north, east)
-
-
-@pytest.mark.parametrize("name", preset_names("sim/vehicles"))
-def test_every_vehicle_preset_is_stepped_in_c(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    """No preset needs Python between its steps."""
-    assert twins(monkeypatch, ROUGH, load_vehicle(name)[0])[1]._fused
 
 
 def test_an_unused_simulation_is_freed(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -25,7 +25,6 @@ from sim.dynamics import Dynamics, Integrator, State
 from sim.matrices import square
 from sim.native import NativeDynamics, NativeErrorBank, NativeThrusterSet, choose, has_native
 from sim.sensors.error import ErrorBank, ErrorModel
-from sim.vehicle.failures import Failure
 from sim.vehicle.thrusters.bank import ThrusterSet
 from sim.vehicle.vehicle import Vehicle, load_vehicle
 
@@ -245,22 +244,6 @@ def test_sensor_errors_in_c_and_python_are_equal(drawn: int) -> None:
 
 
 @pytest.mark.usefixtures("native")
-def test_thrusts_in_c_and_python_are_equal() -> None:
-    """The thrusts are equal before and after a failure."""
-    vehicle, _ = load_vehicle("bluerov2_heavy")
-    python, native = (kind(vehicle, DT, 4) for kind in (ThrusterSet, NativeThrusterSet))
-    rng = random.Random(3)
-    for step in range(1000):
-        if step % 40 == 0:
-            pulses = [rng.choice((0, 1100, 1480, 1500, 1650, 1900, 2500)) for _ in vehicle.thrusters]
-        if step == 700:
-            for thrusters in (python, native):
-                thrusters.fail([Failure("front_left", "efficiency", 1.8, efficiency=0.5)])
-        assert packed(python.step(pulses)) == packed(native.step(pulses))
-        assert packed(python.thrusts) == packed(native.thrusts)
-
-
-@pytest.mark.usefixtures("native")
 def test_invalid_arguments_of_the_error_bank_are_refused() -> None:
     bank = NativeErrorBank(MODELS, 0.01, random.Random(1))
     with pytest.raises(ValueError, match="6 numbers are needed, found 2"):
@@ -274,16 +257,6 @@ def test_invalid_arguments_of_the_error_bank_are_refused() -> None:
         module.Errors(bytes(64), bytes(9), None)
     with pytest.raises(ValueError, match="up to 16 records of 144 bytes are needed, found 2448"):
         module.ThrusterBank(bytes(17 * 144))
-
-
-@pytest.mark.usefixtures("native")
-def test_the_implementation_in_c_is_chosen(monkeypatch: pytest.MonkeyPatch) -> None:
-    vehicle, _ = load_vehicle("bluerov2_heavy")
-    assert type(make_thruster_set(vehicle, DT)) is NativeThrusterSet
-    assert type(make_error_bank(MODELS, DT, random.Random(1))) is NativeErrorBank
-    monkeypatch.setenv("UUV_HIL_NATIVE", "0")
-    assert type(make_thruster_set(vehicle, DT)) is ThrusterSet
-    assert type(make_error_bank(MODELS, DT, random.Random(1))) is ErrorBank
 
 
 @pytest.mark.usefixtures("native")
@@ -308,9 +281,13 @@ def test_c_is_used_where_it_is_compiled(monkeypatch: pytest.MonkeyPatch) -> None
     for wish in ("", "1"):
         monkeypatch.setenv("UUV_HIL_NATIVE", wish)
         assert type(make_dynamics(VEHICLES[0], 1025.0, 9.81)) is NativeDynamics
+        assert type(make_thruster_set(VEHICLES[0], DT)) is NativeThrusterSet
+        assert type(make_error_bank(MODELS, DT, random.Random(1))) is NativeErrorBank
         assert choose()[1].startswith("C, ")
     monkeypatch.setenv("UUV_HIL_NATIVE", "0")
     assert type(make_dynamics(VEHICLES[0], 1025.0, 9.81, "rk4")) is Dynamics
+    assert type(make_thruster_set(VEHICLES[0], DT)) is ThrusterSet
+    assert type(make_error_bank(MODELS, DT, random.Random(1))) is ErrorBank
     monkeypatch.setenv("UUV_HIL_NATIVE", "yes")
     with pytest.raises(ConfigError, match="UUV_HIL_NATIVE='yes'"):
         choose()

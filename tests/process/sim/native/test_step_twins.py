@@ -135,6 +135,7 @@ def test_steps_are_equal_above_a_bare_seabed(monkeypatch: pytest.MonkeyPatch) ->
 def test_steps_of_every_vehicle_are_equal(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
     vehicle, _ = load_vehicle(name)
     python, quick = twins(monkeypatch, FLAT._replace(depth=60.0), vehicle)
+    assert quick._fused
     rng = random.Random(7)
     for step in range(240):
         if step % 60 == 0:
