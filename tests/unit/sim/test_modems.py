@@ -1,11 +1,13 @@
 """Acoustic and optical modems against cases worked out by hand."""
 
 from math import exp, hypot, log10, pi
+from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from hil.scenario.modem import ModemReport, encode_report
 from sim.environment.ocean import Profile
 from sim.environment.seawater.sound_rays import SoundRays
 from sim.environment.seawater.water_column import WaterColumn
@@ -17,6 +19,7 @@ from sim.rotations import from_euler
 from sim.sensors.error import ErrorModel
 
 EXACT = AcousticModem(range_error=ErrorModel())
+REPORT = encode_report(ModemReport((0.0, 0.0, 0.0), (0.0, 0.0), 0))
 TWO = {"a": (0.0, 0.0, 10.0), "b": (300.0, 400.0, 10.0)}
 
 
@@ -237,6 +240,31 @@ def test_turbid_water_attenuates_light() -> None:
 
 
 LEVEL = from_euler(0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("modem", "half"),
+    [
+        (AcousticModem(wind=0.0), 6900.0),
+        (AcousticModem(wind=10.0), 4300.0),
+        (AcousticModem(source_level=140.0), 2100.0),
+        (OpticalModem(attenuation=0.056), 36.0),
+        (OpticalModem(attenuation=0.15), 21.0),
+        (OpticalModem(attenuation=0.4), 11.0),
+        (OpticalModem(attenuation=2.2), 3.2),
+    ],
+)
+def test_half_of_the_reports_are_lost_at_the_range_that_the_page_states(modem: Any, half: float) -> None:
+    acoustic, lost = isinstance(modem, AcousticModem), []
+    for distance in (0.95 * half, 1.05 * half):
+        channel: Any = AcousticChannel(modem, 50.0, seed=1) if acoustic else OpticalChannel(modem, seed=1)
+        places = {name: (x, 0.0, 10.0) for name, x in (("a", 0.0), ("b", distance))}
+        poses = places if acoustic else {name: Pose(place, LEVEL) for name, place in places.items()}
+        for number in range(400):
+            channel.send(20 * number * NS, "a", REPORT, poses)
+            channel.receive(20 * (number + 1) * NS - 1)
+        lost.append(1.0 - channel.counts["delivered"] / 400)
+    assert lost[0] < 0.5 < lost[1]
 
 
 def results_of(distance: float, heading: float = 0.0, count: int = 1) -> OpticalChannel:
