@@ -25,7 +25,6 @@ from matplotlib import pyplot as plt  # noqa: E402 - after the backend is chosen
 
 from tools.validations import (  # noqa: E402 - works from a bare checkout too
     afloat,
-    allocation,
     battery,
     bluerov2,
     body,
@@ -39,7 +38,7 @@ from tools.validations import (  # noqa: E402 - works from a bare checkout too
 )
 from tools.validations.sheet import Finding, Sheet  # noqa: E402
 
-PARTS = (bluerov2, level, remus, body, afloat, equipment, thrusters, battery, allocation, water, sensors, defects)
+PARTS = (bluerov2, level, remus, body, afloat, equipment, thrusters, battery, water, sensors, defects)
 SHEETS: list[Sheet] = [sheet for part in PARTS for sheet in part.SHEETS]
 STYLE: Any = {"font.size": 8, "axes.titlesize": 8, "legend.fontsize": 7, "lines.linewidth": 1.2, "savefig.dpi": 120}
 COLOURS = 64

@@ -1,19 +1,17 @@
-"""The rigid body: energy of a turning body, large added mass, collisions with obstacles."""
+"""The rigid body: energy of a turning body, large added mass."""
 
 from collections.abc import Sequence
 from itertools import pairwise
-from math import inf, sqrt
+from math import sqrt
 
 from matplotlib.axes import Axes
 
 from sim.dynamics import Dynamics, Integrator, State
-from sim.environment.collision import Contact
 from sim.forces import Force
 from sim.matrices import Matrix
 from sim.rotations import Rotation, from_euler
 from sim.simulation import Simulation
 from sim.vehicle.vehicle import load_vehicle
-from tests.unit.sim.environment import test_contact as contacts
 from tests.unit.sim.test_dynamics import DEEP, HEAVY, NOTHING, STILL, undamped
 from tests.unit.sim.vehicle import test_surfaces as surfaces
 from tools.validations.sheet import SHADES, Finding, Sheet, above, below, label, near, plot_own, plot_ref, ticks, wrong
@@ -181,47 +179,7 @@ def _largest_speed() -> float:
     return largest
 
 
-# -- collisions --------------------------------------------------------------------------------------------------------
-
-POSITIONS = {
-    "on the seabed": (-8.0, -8.0, 2.0), "on a stump": (-5.0, 0.1, 2.0), "on its edge": (-5.0, 1.6, 2.0),
-    "along a box": (0.0, 4.9, 2.0),
-}  # fmt: skip
-
-
-def collisions(panels: Sequence[Axes]) -> list[Finding]:
-    """A vehicle that is 5 kg too heavy falls on an obstacle without drag, and slides off it with friction. A
-    contact never adds energy, whatever the time step, because it is computed by impulses and not by a stiff spring."""
-    depth, total = panels
-    rise = -inf
-    for (name, place), color in zip(POSITIONS.items(), SHADES, strict=True):
-        depths, energies = _fall(place)
-        times = [0.0025 * i for i in range(len(depths))]
-        plot_own(depth, times, depths, f"ours, {name}", color)
-        plot_own(total, times, energies, color=color)
-        rise = max(rise, *(after - before for before, after in pairwise(energies)))
-    depth.invert_yaxis()
-    label(depth, "time (s)", "depth of the middle (m)", legend="upper right")
-    label(total, "time (s)", "kinetic and potential energy (J)", legend="")
-    return [below("largest rise of energy in a step", rise, 1e-5, "J")]
-
-
-def _fall(position: Sequence[float]) -> tuple[list[float], Energies]:
-    vehicle, world = contacts.sinking(), contacts.SEA
-    dynamics = Dynamics(vehicle, world.density, world.gravity, "rk4")
-    contact = Contact(vehicle, world, dynamics.inverse_mass, 0.0025)
-    state, depths, energies = State(position, nu=(0.3, -0.4, 0.0, 0.0, 0.0, 0.0)), [], []
-    excess = dynamics.weight - dynamics.hull.full
-    for _ in range(4000):
-        dynamics.step(state, NOTHING, STILL, 0.0025)
-        contact.resolve(state)
-        depths.append(state.position[2])
-        energies.append(kinetic(dynamics.mass, state.nu) - excess * (state.position[2] - world.depth))
-    return depths, energies
-
-
 SHEETS = [
     Sheet("Energy of what turns", energy),
     Sheet("Added mass beyond the mass", added_mass),
-    Sheet("Collisions", collisions),
 ]
