@@ -58,33 +58,8 @@ def test_a_test_that_fails_twice_fails(tmp_path: Path) -> None:
     assert outcome(tmp_path, BY_CHANCE, NEVER, TEARDOWN) == expected
 
 
-def test_a_part_may_have_no_second_attempt(tmp_path: Path) -> None:
-    (tmp_path / "test_0.py").write_text(BY_CHANCE)
-    assert check.run_tests(["."], ["-n", "0"], tmp_path, again=False) == (["test_0.py::test_by_chance"], [])
-
-
-def test_many_failures_are_not_repeated(tmp_path: Path) -> None:
-    many = "".join(f"def test_{number}(): assert False\n" for number in range(check.MAX_BY_CHANCE + 1))
-    failed, passed_alone = outcome(tmp_path, many, BY_CHANCE)
-    assert len(failed) == check.MAX_BY_CHANCE + 2
-    assert passed_alone == []
-
-
 @pytest.mark.parametrize("text", ["import nothing_of_that_name\n", ""], ids=["not collected", "no test"])
 def test_an_error_of_collection_fails(tmp_path: Path, text: str) -> None:
     failed, passed_alone = outcome(tmp_path, text)
     assert failed
     assert passed_alone == []
-
-
-def test_every_part_runs_whatever_fails(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> None:
-    monkeypatch.setattr(check, "run", lambda command, folder=None: int(command[0] in ("ruff", "pytest")))
-    assert check.main([]) == 1
-    reported = capfd.readouterr().out
-    assert [line.split()[0] for line in reported.splitlines() if " in " in line] == list(check.PARTS)
-    assert "  failed: ruff format --check ." in reported
-    assert "failed: mypy" not in reported
-    monkeypatch.setattr(check, "run", lambda command, folder=None: 0)
-    assert check.main(["lint", "test"]) == 0
-    with pytest.raises(SystemExit):
-        check.main(["everything"])
