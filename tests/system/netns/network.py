@@ -1,4 +1,4 @@
-"""Machines of a test: network namespaces at one switch, whose links can be unplugged and slowed down."""
+"""Machines of a test: network namespaces at one switch, whose links can be unplugged."""
 
 import os
 import subprocess
@@ -89,12 +89,6 @@ class Network:
     def set_cable(self, machine: str, is_connected: bool) -> None:
         """Disconnect or connect the cable of the machine, whose link goes down or up."""
         ip("-n", self.space("switch"), "link", "set", _port(machine), "up" if is_connected else "down")
-
-    def slow(self, machine: str, megabits: float, queue_ms: int = 50) -> None:
-        """Limit a machine's traffic to so many Mbit/s each way, with a queue of so many ms."""
-        shape = ["root", "tbf", "rate", f"{megabits}mbit", "burst", "16kb", "latency", f"{queue_ms}ms"]
-        for space, device in ((self.space(machine), "eth0"), (self.space("switch"), _port(machine))):
-            subprocess.run(["tc", "-n", space, "qdisc", "add", "dev", device, *shape], check=True, capture_output=True)
 
     def space(self, machine: str) -> str:
         """Return the name of its network namespace."""

@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 
 from hil.common.quantiles import quantile
+from tests.support.busy import retried_when_busy
 from tests.support.clients.browser import PATIENCE_MS
 from tests.support.clients.view_client import ADDRESS
 from tests.support.clients.view_page import steer_by_keyboard, viewed_slave
@@ -17,8 +18,9 @@ pytestmark = pytest.mark.timeout(900)
 RATE_MBIT_S = 20.0
 
 
+@retried_when_busy("a latency of tens of ms")
 def test_the_shown_position_does_not_fall_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Three viewers see a seabed of 1,000 x 1,000: a sample shown at the end is as new as one at the start."""
+    """Three viewers see a seabed of 1,000 x 1,000: a sample is shown soon, and at the end as soon as at the start."""
     monkeypatch.setattr(view_cost, "SLOW_SETTLE_S", 8.0)  # the seabed has gone through by then
     measured = view_cost.measure(tmp_path, 3, 15.0, rate=RATE_MBIT_S)
     third = len(measured.latency_ms) // 3
@@ -26,6 +28,7 @@ def test_the_shown_position_does_not_fall_behind(tmp_path: Path, monkeypatch: py
     print(f"{measured.updates_hz:.1f} updates/s, {measured.traffic_mbit_s:.2f} Mbit/s, {begin:.0f} then {end:.0f} ms")
     assert measured.updates_hz > 5.0
     assert 0.0 < measured.traffic_mbit_s < RATE_MBIT_S
+    assert begin < view_cost.MAX_LATENCY_MS
     assert end < begin + 300.0, "what is shown falls behind"
 
 
