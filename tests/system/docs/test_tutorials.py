@@ -1,4 +1,4 @@
-"""The tutorials for one machine: their commands work when typed in order in an empty folder."""
+"""The tutorials: their commands work when typed in order in an empty folder."""
 
 from pathlib import Path
 
@@ -14,6 +14,10 @@ TYPED = {
     "docs/tutorials/own_planner.md": 4,
     "docs/tutorials/own_sensor.md": 5,
     "docs/tutorials/matlab.md": 2,
+    "docs/tutorials/two_machines.md": 3,
+    "docs/tutorials/real_stm32.md": 9,
+    "docs/tutorials/ros2.md": 5,
+    "docs/tutorials/own_board.md": 5,
 }
 
 

@@ -1,0 +1,50 @@
+"""The how-to pages: their commands work when typed in order in an empty folder. Every page is followed by a test."""
+
+from pathlib import Path
+
+import pytest
+
+from tests.support.followed import follow, pages
+from tests.system.docs import test_tutorials
+
+# How many commands of a page are typed at least, so that a page that is skipped is noticed.
+TYPED = {
+    "docs/how-to/ardusub.md": 1,
+    "docs/how-to/campaigns.md": 4,
+    "docs/how-to/certificates.md": 6,
+    "docs/how-to/charts.md": 0,
+    "docs/how-to/continuous_integration.md": 5,
+    "docs/how-to/control.md": 2,
+    "docs/how-to/disturbances.md": 4,
+    "docs/how-to/editor.md": 1,
+    "docs/how-to/fleets.md": 3,
+    "docs/how-to/foxglove.md": 6,
+    "docs/how-to/gazebo.md": 5,
+    "docs/how-to/imaging.md": 5,
+    "docs/how-to/live_view.md": 5,
+    "docs/how-to/matlab.md": 3,
+    "docs/how-to/pixhawk.md": 0,
+    "docs/how-to/px4.md": 0,
+    "docs/how-to/qgroundcontrol.md": 4,
+    "docs/how-to/record.md": 6,
+    "docs/how-to/ros2.md": 0,
+    "docs/how-to/ros2_humble.md": 1,
+    "docs/how-to/ros2_jazzy.md": 1,
+}
+# Pages whose programs another test runs.
+ELSEWHERE = {
+    "docs/how-to/python.md": "tests/system/docs/test_python_docs.py",
+    "docs/how-to/rosbridge.md": "tests/system/gateways/test_rosbridge_clients.py",
+    "docs/tutorials/ros1.md": "tests/system/gateways/test_ros1_debian.py",
+    "docs/how-to/install.md": "tests/system/boards/test_install_script.py",  # what CI's machine can install
+}
+
+
+def test_every_page_is_followed_by_a_test() -> None:
+    assert sorted(pages()) == sorted([*ELSEWHERE, *TYPED, *test_tutorials.TYPED])
+
+
+@pytest.mark.timeout(1200)
+@pytest.mark.parametrize("page", list(TYPED), ids=lambda page: Path(page).stem)
+def test_a_page_is_followed(page: str, tmp_path: Path) -> None:
+    assert follow(page, tmp_path) >= TYPED[page]
