@@ -15,7 +15,6 @@ from hil.client.client import VehicleClient
 from hil.common.schema import find_preset
 from hil.links.contract import ThrusterCommand, ThrusterTelemetry
 from hil.links.frame.protocol import FrameProtocol
-from sim.native import NativeDynamics, choose
 from tests.support.processes import Program, command_until, run_here, running_slave, surge_of, wait_for, write_scenario
 
 
@@ -59,17 +58,6 @@ def test_a_mission_reaches_its_goal_and_writes_its_results(tmp_path: Path) -> No
     assert (folder / "trajectory.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_the_deadman_stops_the_thrusters(slave: tuple[Program, str]) -> None:
-    program, endpoint = slave
-    with VehicleClient(endpoint, "uuv1") as client:
-        assert client.wait_for_vehicle(60)
-        assert command_until(lambda: abs(surge_of(client) - 0.5) < 0.15, client, surge=0.5)
-        assert any(pulse != 1500 for pulse in pulses(client))
-        program.expect("deadman: no command in time, stopping the thrusters")
-        assert wait_for(lambda: set(pulses(client)) == {1500})
-        assert (client.diagnostics().deadman_trips or 0) >= 1
-
-
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_ends_the_slave_with_neutral_thrusters(slave: tuple[Program, str], number: int) -> None:
     program, endpoint = slave
@@ -78,16 +66,6 @@ def test_a_signal_ends_the_slave_with_neutral_thrusters(slave: tuple[Program, st
         assert program.stop(number) == 0
     assert "thrusters neutral" in program.output.splitlines()[-1]
     assert "Traceback" not in program.output
-
-
-def test_a_second_slave_on_the_same_port_reports_it(slave: tuple[Program, str], tmp_path: Path) -> None:
-    _, endpoint = slave
-    other, _ = write_scenario(tmp_path)
-    with Program(tmp_path, "slave", other, "--listen", endpoint) as second:
-        assert second.wait() == 4
-        assert "in use" in second.output
-        assert endpoint in second.output
-        assert "Traceback" not in second.output
 
 
 def test_a_second_slave_on_the_same_device_reports_it(tmp_path: Path) -> None:
@@ -100,23 +78,6 @@ def test_a_second_slave_on_the_same_device_reports_it(tmp_path: Path) -> None:
             assert other.wait() == 3
             assert str(device) in other.output
             assert "Traceback" not in other.output
-
-
-def test_malformed_commands_from_the_network_are_counted(slave: tuple[Program, str]) -> None:
-    program, endpoint = slave
-    with VehicleClient(endpoint, "uuv1") as client:
-        assert client.wait_for_vehicle(60)
-        assert command_until(lambda: len(client.delays) > 0, client, surge=0.0)
-        for payload in (b"", b"\0\1\0\0", b"\xff" * 52, bytes(100_000)):
-            before = client.diagnostics().commands_malformed or 0
-
-            def is_counted(payload: bytes = payload, before: int = before) -> bool:
-                client._commands.put(payload, 0)  # again and again: what finds others waiting to be sent is dropped
-                time.sleep(0.1)
-                return (client.diagnostics().commands_malformed or 0) > before
-
-            assert wait_for(is_counted), (payload[:60], client.diagnostics())
-    assert program.process.poll() is None
 
 
 def test_external_vehicle_software_commands_the_thrusters(tmp_path: Path) -> None:
@@ -174,16 +135,6 @@ def test_a_slave_reconnects_to_a_device_on_a_serial_port(tmp_path: Path) -> None
             assert "Traceback" not in slave.output
 
 
-def test_the_master_reports_when_no_slave_answers(tmp_path: Path) -> None:
-    scenario, port = write_scenario(tmp_path)
-    endpoint = f"tcp/127.0.0.1:{port}"
-    with Program(tmp_path, "master", scenario, "--wait", 2, "--output", tmp_path / "r") as master:
-        assert master.wait() == 4
-    assert endpoint in master.output
-    assert "uuv-hil slave" in master.output
-    assert "Traceback" not in master.output
-
-
 def test_the_master_continues_after_the_slave_was_restarted(tmp_path: Path) -> None:
     scenario, _ = write_scenario(tmp_path, allow="")
     folder = tmp_path / "run"
@@ -203,67 +154,6 @@ def test_the_master_continues_after_the_slave_was_restarted(tmp_path: Path) -> N
     assert record["outcome"]["reached"]
     assert not record["outcome"]["success"]
     assert record["table"]["startup_s"] > 0, "that of the second slave, by its own first sample"
-
-
-def test_a_failed_thruster_changes_the_flight(tmp_path: Path) -> None:
-    scenario, _ = write_scenario(tmp_path)
-    text = scenario.read_text()
-    scenario.write_text(text + '\n[[failure]]\nthruster = "front_left"\nkind = "off"\ntime = 1\n')
-    with Program(tmp_path, "sim", scenario, "--fast") as lame:
-        lame.wait()
-    scenario.write_text(text)
-    with Program(tmp_path, "sim", scenario, "--fast") as sound:
-        assert sound.wait() == 0
-    assert lame.output.splitlines()[-1] != sound.output.splitlines()[-1]
-    scenario.write_text(text + '\n[[failure]]\nthruster = "front_lft"\nkind = "off"\ntime = 1\n')
-    with Program(tmp_path, "sim", scenario, "--fast") as wrong_run:
-        assert wrong_run.wait() == 2
-    assert "front_left" in wrong_run.output
-    assert "Traceback" not in wrong_run.output
-
-
-def test_a_goal_outside_the_world_is_reported(tmp_path: Path) -> None:
-    scenario, _ = write_scenario(tmp_path)
-    scenario.write_text(scenario.read_text().replace("goal = [8, 7]", "goal = [80, 7]"))
-    with Program(tmp_path, "demo", scenario, "--output", tmp_path / "run") as demo:
-        assert demo.wait() == 6, demo.output
-    assert "80" in demo.output
-    assert "Traceback" not in demo.output
-
-
-def test_a_time_limit_that_is_too_short_fails_the_mission(tmp_path: Path) -> None:
-    scenario, _ = write_scenario(tmp_path)
-    scenario.write_text(scenario.read_text().replace("time_limit = 40", "time_limit = 2"))
-    with Program(tmp_path, "demo", scenario, "--output", tmp_path / "run") as demo:
-        assert demo.wait() == 6, demo.output
-    assert "time limit" in demo.output
-    assert (tmp_path / "run" / "table.json").exists(), "what was measured is not lost"
-
-
-def final_state(folder: Path, scenario: Path, seed: int, native: bool) -> str:
-    environment = {"UUV_HIL_NATIVE": str(int(native))}
-    with Program(folder, "sim", scenario, "--fast", "--seed", seed, environment=environment) as sim:
-        assert sim.wait() == 0, sim.output
-        assert "goal reached" in sim.output
-        return sim.output.splitlines()[-1]
-
-
-@pytest.mark.skipif(choose()[0] is not NativeDynamics, reason="no C step here: python c_extensions.py")
-def test_a_whole_mission_in_c_and_python_is_equal_bit_for_bit(tmp_path: Path) -> None:
-    scenario, _ = write_scenario(tmp_path)
-    assert final_state(tmp_path, scenario, 5, native=True) == final_state(tmp_path, scenario, 5, native=False)
-
-
-def test_ctrl_c_ends_a_planner_with_the_code_of_the_help(tmp_path: Path) -> None:
-    scenario, port = write_scenario(tmp_path)
-    with Program(tmp_path, "slave", scenario) as slave:
-        slave.expect("ready")
-        with Program(
-            tmp_path, "master", scenario, "--connect", f"127.0.0.1:{port}", "--output", tmp_path / "m"
-        ) as master:
-            master.expect(r"\d+ %|\d+%")
-            assert master.stop(signal.SIGINT) == 130, master.output
-    assert "stopped by the user" in master.output
 
 
 def test_ctrl_c_ends_the_demo(tmp_path: Path) -> None:
@@ -316,9 +206,3 @@ def test_command_lines_give_their_exit_code_and_message(arguments: list[str], co
     found, output = run_here(*arguments)
     assert found == code, output
     assert message in output
-
-
-def test_an_error_of_a_process_is_one_line_and_its_exit_code(tmp_path: Path) -> None:
-    with Program(tmp_path, "slave", "nowhere.toml") as program:
-        assert program.wait() == 2
-    assert program.output.splitlines() == [run_here("slave", "nowhere.toml")[1].strip()]

@@ -93,7 +93,13 @@ def test_the_table_is_printed_when_the_disk_is_full(tmp_path: Path, capsys: pyte
 
 
 def test_no_worker_outlives_the_campaign(tmp_path: Path) -> None:
-    check_workers_end(tmp_path, "campaign", signal.SIGTERM)
+    with Program(tmp_path, "campaign", write_scenario(tmp_path)[0], "--seeds", "10000", "--jobs", "2") as program:
+        assert wait_for(lambda: "/10000" in program.output)
+        assert len(workers(program)) == 2
+        program.process.send_signal(signal.SIGTERM)
+        assert program.wait() == 130, program.output
+        assert wait_for(lambda: not workers(program))
+    assert "Traceback" not in program.output
 
 
 def test_ctrl_c_in_a_terminal_while_workers_load_leaves_one_line(tmp_path: Path) -> None:
@@ -104,18 +110,6 @@ def test_ctrl_c_in_a_terminal_while_workers_load_leaves_one_line(tmp_path: Path)
         os.killpg(program.process.pid, signal.SIGINT)
         assert program.wait() == 130
     assert program.output == "ended after 0 of 10000 runs; their results are discarded\n"
-
-
-def check_workers_end(tmp_path: Path, name: str, number: int) -> None:
-    """Start that command with two workers, send it a signal, and see that nothing of it is left."""
-    what = [write_scenario(tmp_path)[0]] if name == "campaign" else ["path_planning", "--output", tmp_path / "out"]
-    with Program(tmp_path, name, *what, "--seeds", "10000", "--jobs", "2") as program:
-        assert wait_for(lambda: "/10000" in program.output or (tmp_path / "out/path_planning-sil-004").exists())
-        assert len(workers(program)) == 2
-        program.process.send_signal(number)
-        assert program.wait() == 130, program.output
-        assert wait_for(lambda: not workers(program))
-    assert "Traceback" not in program.output
 
 
 def workers(program: Program) -> list[str]:
