@@ -1,20 +1,17 @@
 """A client receives the topics that it subscribes to, and the vehicle sends no others."""
 
 import json
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
-import hil
 from hil.autonomy.control.controller import VelocityCommand
 from hil.client.client import VehicleClient
 from hil.common.errors import ConfigError
 from hil.master.follow import Follow
 from hil.master.planner import Planner, topics_of
 from hil.master.tasks import Tasks
-from hil.network.roles import open_master_session
 from hil.ros.topics import ALL
 from tests.support.processes import Program, slave_with, wait_for, write_scenario
 
@@ -53,31 +50,12 @@ def test_a_topic_is_delivered_once_when_all_are_subscribed_later(endpoint: str) 
         assert share < 0.3, "20 of them for 100 of those"
 
 
-def test_a_client_without_a_choice_of_topics_gets_all(endpoint: str) -> None:
-    with VehicleClient(endpoint, "uuv1") as client:
-        assert wait_for(lambda: {"imu", "pressure", "odom", "dvl", "ground_truth"} <= set(client.latest))
-
-
 @pytest.mark.parametrize("topics", [("odom",), (ALL,)])
 def test_a_late_client_gets_the_existing_map(endpoint: str, topics: tuple[str, ...]) -> None:
     for _ in range(2):
         with VehicleClient(endpoint, "uuv1", role="observer", topics=topics) as client:
             client.watch("map")
             assert wait_for(lambda: client.received["map"])
-
-
-def test_the_last_sample_of_a_slow_sensor_is_there_at_once(endpoint: str) -> None:
-    """The sensor sends once in two seconds, and is subscribed to only now."""
-    with hil.connect(endpoint, wait=60.0) as fleet:
-        vehicle = fleet["uuv1"]
-        assert "leak" not in vehicle.client.latest
-        time.sleep(2.1)  # so that it has measured
-        start = time.monotonic()
-        leak = vehicle.leak
-        assert not leak
-        assert leak.age > time.monotonic() - start, "it was measured before it was subscribed to"
-        assert wait_for(lambda: vehicle.imu.age < 0.3), "and what is fast is new"
-        assert "pressure" not in vehicle.client.latest
 
 
 def test_topics_that_a_planner_does_not_use_are_not_sent_in_a_mission(tmp_path: Path) -> None:
@@ -135,13 +113,3 @@ def test_an_unknown_topic_of_a_planner_is_reported(subscriptions: str | tuple[st
     planner.subscriptions = subscriptions
     with pytest.raises(ConfigError, match=f"PlannerWithoutTopics: subscriptions.*{message}"):
         topics_of(planner)
-
-
-def test_two_clients_with_different_topics_get_their_own(endpoint: str) -> None:
-    with open_master_session(endpoint) as session, VehicleClient(session, "uuv1", topics=("imu",)) as client:
-        with VehicleClient(endpoint, "uuv1", role="observer", topics=("pressure",)) as other:
-            assert wait_for(lambda: "imu" in client.latest and "pressure" in other.latest)
-            assert "imu" not in other.latest
-            assert "pressure" not in client.latest
-        before = client.received["imu"]
-        assert wait_for(lambda: client.received["imu"] > before + 50), "one who leaves takes nothing from the other"

@@ -4,8 +4,6 @@ import asyncio
 import functools
 import re
 import signal
-import subprocess
-import sys
 import time
 from collections import Counter
 from collections.abc import Callable
@@ -25,7 +23,7 @@ from hil.common.errors import ConfigError, MissionError, NetworkError
 from hil.recording.reader import read_messages
 from hil.ros.topics import COMMANDS, Topic
 from tests.support.network.python_api import endpoint, fleet, own_slave, vehicle
-from tests.support.processes import ROOT, Program, free_port, slave_with, wait_for, write_scenario
+from tests.support.processes import Program, free_port, slave_with, wait_for, write_scenario
 
 __all__ = ["endpoint", "fleet", "own_slave", "vehicle"]  # the fixtures
 
@@ -216,26 +214,6 @@ def test_a_wrong_vehicle_name_is_reported_with_those_that_exist(endpoint: str) -
         fleet["uuv2"]
 
 
-def test_importing_hil_loads_no_other_modules() -> None:
-    code = "import sys; before = set(sys.modules); import hil; print(sorted(set(sys.modules) - before))"
-    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True)
-    assert done.stdout == "['hil', 'hil.common']\n", "the latter has the version"
-
-
-def test_a_vehicle_is_commanded_through_a_router(tmp_path: Path) -> None:
-    port = free_port()
-    scenario, _ = write_scenario(tmp_path)
-    routed = f'[network]\nmode = "routed"\nrouter = "tcp/127.0.0.1:{port}"\n'
-    scenario.write_text(scenario.read_text() + routed)
-    with Program(tmp_path, "router", "--listen", f"tcp/127.0.0.1:{port}") as router:
-        router.expect("forwarding")
-        with Program(tmp_path, "slave", scenario) as slave:
-            slave.expect("ready")
-            with hil.connect(f"tcp/127.0.0.1:{port}", routed=True, wait=60.0) as fleet:
-                fleet["uuv1"].push(x=20.0)
-                assert wait_for(lambda: fleet["uuv1"].state.velocity[0] > 0.1)
-
-
 def test_a_router_is_distinguished_from_a_slave(tmp_path: Path) -> None:
     """A client that connects to a router gets an error with the option to add; a slave, the command to start."""
     port = free_port()
@@ -312,20 +290,3 @@ def test_two_anonymous_ros_publishers_of_different_topics_command_together(
         with Program(tmp_path, *depths, "{data: 0.5}", *arguments):
             assert wait_for(lambda: (vehicle.diagnostics.commands_refused or 0) > 5)
         assert vehicle.state.depth > 2.1
-
-
-def test_two_vehicles_at_two_endpoints_are_commanded(own_slave: tuple[Program, str], tmp_path: Path) -> None:
-    _, first = own_slave
-    folder = tmp_path / "second"
-    folder.mkdir()
-    scenario, port = write_scenario(folder, slave='node = "uuv2"')
-    with Program(folder, "slave", scenario) as slave:
-        slave.expect("ready")
-        with hil.connect(first, f"tcp/127.0.0.1:{port}", wait=60.0) as fleet:
-            one, second = fleet.wait_for("uuv1", "uuv2", seconds=60)
-            assert sorted(fleet.vehicles) == ["uuv1", "uuv2"]
-            one.push(x=20.0)
-            second.push(x=-20.0)
-            assert wait_for(lambda: one.state.velocity[0] > 0.15 and second.state.velocity[0] < -0.15)
-            fleet.stop()
-            assert wait_for(lambda: abs(one.state.velocity[0]) < 0.08 and abs(second.state.velocity[0]) < 0.08)
