@@ -12,7 +12,6 @@ from pathlib import Path
 import pytest
 
 from boards.tree import Tree
-from hil import cli
 from hil.commands import doctor
 from hil.common.errors import ConfigError
 from hil.doctor import software as doctor_software
@@ -107,13 +106,6 @@ def test_an_extension_of_other_sources_is_reported(monkeypatch: pytest.MonkeyPat
     assert finding.topic == topic
     assert "was compiled from other sources" in finding.text
     assert finding.remedy == native.COMPILE_AGAIN
-
-
-def test_help_is_printed_by_the_main_command(capsys: pytest.CaptureFixture[str]) -> None:
-    with pytest.raises(SystemExit) as end:
-        cli.main(["doctor", "--help"])
-    assert end.value.code == 0
-    assert "usage: uuv-hil doctor" in capsys.readouterr().out
 
 
 def test_the_settings_of_this_process_do_not_change() -> None:

@@ -14,7 +14,6 @@ from firmware_stub import mavlink_headers
 from firmware_stub.native import NAME, NativeStm32, build_native, cache_folder
 from hil.common.errors import DeviceError
 from hil.links.contract import Protocol, ThrusterCommand, ThrusterLink
-from hil.links.protocols import open_protocol
 from hil.links.wires.terminal import PtyHostWire
 from tests.support.busy import retry_when_busy
 from tests.support.links.link_contract import nothing_leaks, uuv_hil, wait_telemetry
@@ -80,22 +79,6 @@ def test_telemetry_is_sent_fifty_times_a_second(stm32: NativeStm32, device: str)
         assert 0.25 < time.monotonic() - start < 0.6
 
     retry_when_busy(reports, "a process of its own", attempts=20)
-    link.close()
-
-
-def test_the_native_stm32_is_commanded_by_mavlink(stm32: NativeStm32, device: str) -> None:
-    if mavlink_headers.version() is None:
-        pytest.skip("without pymavlink it cannot")
-    link = host(device, open_protocol("mavlink", "host", 6))
-    for sequence in range(1, 10):
-        link.send(ThrusterCommand(sequence, True, FULL))
-        if wait_telemetry(link, lambda report: True).armed:
-            break
-    link.send(ThrusterCommand(20, True, (1555, *FULL[1:])))
-    answer = wait_telemetry(link, lambda report: report.sequence == 20)
-    assert (answer.armed, answer.pwm_us[0]) == (True, 1555)
-    silent = wait_telemetry(link, lambda report: report.timed_out)
-    assert (silent.armed, silent.pwm_us, silent.watchdog_trips) == (False, NEUTRAL, 1)
     link.close()
 
 

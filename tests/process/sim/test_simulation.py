@@ -1,11 +1,6 @@
 """The simulation of one vehicle: repeatability, rates of samples, motion, collisions, refused arguments."""
 
-import os
-import subprocess
-import sys
 from collections import Counter
-from hashlib import sha256
-from pathlib import Path
 
 import pytest
 
@@ -23,37 +18,6 @@ from sim.vehicle.vehicle import load_vehicle
 VEHICLE, _ = load_vehicle("paper_six")
 FIELD = load_world("paper_field")
 IDLE = (1500,) * 6
-
-
-def fingerprint(seed: int, steps: int = 1200, integrator: str = "verlet") -> str:
-    """Return every bit of all samples and of the end state, with changing pulses and an obstacle."""
-    simulation = Simulation(
-        VEHICLE, FIELD._replace(current=(0.1, -0.05, 0.0)), seed=seed, position=(4.0, 5.0, 3.0), heading=0.7,
-        integrator=integrator,  # type: ignore[arg-type]
-    )  # fmt: skip
-    digest = sha256()
-    for step in range(steps):
-        a, b = 1500 + step % 300, 1700 - step % 251
-        for topic, sample in simulation.step((a, b, b, a, 1500 + step % 77, 1490)):
-            digest.update(f"{topic} {sample!r}".encode())
-    digest.update(repr(simulation.truth()).encode())
-    digest.update(str(simulation.contacts).encode())
-    return digest.hexdigest()
-
-
-def test_the_same_seed_gives_the_same_bits_in_another_process() -> None:
-    local = fingerprint(7)
-    assert fingerprint(7) == local
-    assert fingerprint(8) != local
-    assert fingerprint(7, integrator="rk4") != local
-    root = Path(__file__).parents[3]
-    code = "import sys; sys.path.insert(0, 'tests/process/sim')\nfrom test_simulation import fingerprint\n"
-    code += "print(fingerprint(7))"
-    environment = {**os.environ, "PYTHONHASHSEED": "123", "PYTHONPATH": str(root)}
-    elsewhere = subprocess.run(
-        [sys.executable, "-c", code], cwd=root, env=environment, capture_output=True, text=True, check=True
-    )  # fmt: skip
-    assert elsewhere.stdout.strip() == local
 
 
 def test_a_sensor_does_not_change_the_samples_of_others() -> None:

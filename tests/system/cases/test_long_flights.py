@@ -1,16 +1,12 @@
 """Cases of one vehicle with long flights in simulated time."""
 
 import math
-from itertools import pairwise
 from pathlib import Path
 
-from hil.cases.case import find_case
 from hil.cases.flights import fly_all, fly_one
 from hil.cases.path_planning import PathPlanning
-from hil.scenario.config import load_scenario
 from hil.scenario.variant import write_variant
-from sim.environment.world import load_world
-from tests.process.cases.test_cases import RADIUS, check
+from tests.process.cases.test_cases import check
 
 
 def test_path_planning_of_two_seeds_is_equal_on_one_and_two_processes(tmp_path: Path) -> None:
@@ -28,32 +24,6 @@ def test_path_planning_of_two_seeds_is_equal_on_one_and_two_processes(tmp_path: 
     assert again.tracks == runs[1].tracks, "alone or with others, a seed is the same to the last bit"
     first, second = again.result, runs[1].result
     assert first[: first.index(first.goal_error) + 1] == second[: second.index(second.goal_error) + 1]
-
-
-def test_obstacles_missing_in_the_map_are_detected_and_passed(tmp_path: Path) -> None:
-    run = find_case("path_planning_unknown").fly("sil", 3, str(tmp_path))
-    check(run.result)
-    world = load_world(load_scenario(run.scenario).world)
-    hidden = [pile for pile in world.cylinder if pile.hidden]
-    assert len(hidden) == 5
-    along = [
-        (a[0] + s / 50 * (b[0] - a[0]), a[1] + s / 50 * (b[1] - a[1]))
-        for a, b in pairwise(run.tracks[0].plan)
-        for s in range(50)
-    ]
-    hit = [pile for pile in hidden if min(pile.separation(*point)[0] for point in along) < RADIUS]
-    assert len(hit) >= 3, "the way that the map shows leads into three of them"
-    assert run.result.extra["plans"] > 1
-
-
-def test_tasks_are_done_in_their_required_order(tmp_path: Path) -> None:
-    result = find_case("task_scheduling").fly("sil", 1, str(tmp_path)).result
-    check(result, at_work=45.0)
-    assert result.reason == "home after charging, acquisition, transmission"
-    times = [result.extra[f"{name} done"] for name in ("charging", "acquisition", "transmission")]
-    assert times == sorted(times)
-    assert times[0] > 20.0 + 6.0  # there, and its duration
-    assert result.duration > times[-1] + 50.0
 
 
 def test_path_planning_without_a_map(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ import aiohttp
 import pytest
 
 from tests.support.clients.view_client import ADDRESS, scene_bytes, stick, with_session
-from tests.support.processes import Program, run_here, write_scenario
+from tests.support.processes import Program, write_scenario
 
 pytest.importorskip("viser", reason="the live view needs the extra view")
 
@@ -131,14 +131,3 @@ def test_an_observer_cannot_steer(tmp_path: Path) -> None:
         assert answer["text"] == "this view only observes"
         assert not answer["may_stop"]
         assert not answer["may_steer"]
-
-
-def test_wrong_options_are_one_line() -> None:
-    for words, reason in (
-        (("--listen", "127.0.0.1:99999"), "a port from 0 to 65535"),
-        (("--scenario", "paper_fiel"), "paper_field"),
-    ):
-        code, output = run_here("view", *words)
-        assert code == 2
-        assert reason in output
-        assert "Traceback" not in output

@@ -173,12 +173,6 @@ def test_a_failure_during_the_run_takes_effect_alike(monkeypatch: pytest.MonkeyP
     ride.run_and_compare(300)
 
 
-def test_failures_from_the_start_are_equal(monkeypatch: pytest.MonkeyPatch) -> None:
-    ride = Ride(twins(monkeypatch, FIELD, failures=[Failure("front_left", "delayed", 0.2, delay=0.1)]))
-    assert ride.pair[1]._fused is None
-    ride.run_and_compare(500)
-
-
 def test_wrong_pulses_and_failures_are_refused_in_both(monkeypatch: pytest.MonkeyPatch) -> None:
     ride = Ride(twins(monkeypatch, FLAT))
     for simulation in ride.pair:
