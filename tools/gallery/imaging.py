@@ -137,9 +137,10 @@ def camera_lamps(figure: Figure) -> None:
     beside the camera, which bring back the colours of near objects, with backscatter and particles in the water."""
     world = harbour()._replace(box=(Box(8.0, 0.0, 1.0, 30.0, 0.3, top=22.0),), cylinder=(), depth=26.5, terrain=None)
     scene = make_simulation(world)
-    lamps = {"lamps": 8.0, "lamp_offset": 0.4, "backscatter": 0.3, "snow": 300.0}
-    for axes, (title, keys) in zip(figure.subplots(1, 2), (("daylight", {}), ("lamps", lamps)), strict=True):
-        eye = Camera(CameraModel(water="IB")._replace(**keys), Mounting(), SEED, scene)
+    dark = CameraModel(water="IB")
+    lit = dark._replace(lamps=8.0, lamp_offset=0.4, backscatter=0.3, snow=300.0)
+    for axes, (title, model) in zip(figure.subplots(1, 2), (("daylight", dark), ("lamps", lit)), strict=True):
+        eye = Camera(model, Mounting(), SEED, scene)
         _show(axes, _pixels(eye.sample(0, at(4.5, 0.0, 24.5))), title)
 
 
