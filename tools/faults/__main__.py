@@ -1,7 +1,7 @@
 """The fault campaign: faults of link, process, network, clock, disk, memory, peer and file, against real processes.
 
     python -m tools.faults --quick                      a selection, 20 s
-    python -m tools.faults --output build/faults        faults.json, faults.md, faults.png
+    python -m tools.faults --output build/faults        faults.json, faults.md
     python -m tools.faults --all                        on the emulated STM32s too
     python -m tools.faults --select "unplugged|noise"   rows whose name "ROOM FAULT LINK" matches
     python -m tools.faults decoders --count 1000000     random and damaged bytes to every decoder

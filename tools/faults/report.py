@@ -1,4 +1,4 @@
-"""The campaign's result: a JSON file, a table in Markdown, a picture."""
+"""The campaign's result: a JSON file, a table in Markdown."""
 
 import json
 from collections.abc import Sequence
@@ -16,13 +16,12 @@ LONGEST_REPORT = 90  # characters of a line in the table
 
 
 def save(rows: Sequence[Row], folder: Path, seconds: float) -> None:
-    """Write faults.json, faults.md and faults.png there; the folder is made."""
+    """Write faults.json and faults.md there; the folder is made."""
     folder.mkdir(parents=True, exist_ok=True)
     machine = {key: value for key, value in describe()[0].items() if key not in PRIVATE}
     result = {"machine": machine, "seconds": round(seconds, 1), "rows": [_as_json(row) for row in rows]}
     (folder / "faults.json").write_text(json.dumps(result, indent=1) + "\n", encoding="utf-8")
     (folder / "faults.md").write_text(markdown(rows), encoding="utf-8")
-    draw(rows, folder / "faults.png")
 
 
 def line_of(row: Row) -> str:
@@ -52,47 +51,6 @@ def summary(rows: Sequence[Row]) -> str:
     neutral = [row.neutral_s for row in rows if not isnan(row.neutral_s)]
     worst = f"; outputs neutral after {median(neutral):.2f} s (median), {max(neutral):.2f} s at most" if neutral else ""
     return f"{len(rows)} rows, {failed} failed, {sum(row.stale for row in rows)} old commands executed{worst}"
-
-
-def draw(rows: Sequence[Row], path: Path) -> None:
-    """Draw a line for each fault and a mark for each link: times until the outputs are neutral, and until recovery."""
-    from hil.plots.plotting import pyplot
-
-    moving = [row for row in rows if not isnan(row.neutral_s)]
-    if not moving:
-        return
-    faults = list(dict.fromkeys((row.room, row.fault) for row in moving))[::-1]
-    links = sorted({row.link for row in moving})
-    plot: Any = pyplot()
-    figure, (left, right) = plot.subplots(1, 2, figsize=(11, 1.6 + 0.26 * len(faults)), sharey=True)
-    marks = "osD^v<>PX*hp"
-    for number, link in enumerate(links):
-        own = [row for row in moving if row.link == link]
-        indices = [faults.index((row.room, row.fault)) for row in own]
-        style = {
-            "marker": marks[number % len(marks)],
-            "alpha": 0.75,
-            "s": 28,
-            "label": link,
-            "color": plot.cm.tab20(number),
-        }
-        left.scatter([row.neutral_s for row in own], indices, **style)
-        right.scatter([max(row.recovery_s, 0.005) for row in own], indices, **style)
-    for place, fault in enumerate(faults):
-        limit = min(row.limit_s for row in moving if (row.room, row.fault) == fault)
-        left.plot([limit, limit], [place - 0.4, place + 0.4], color="black", linewidth=1.2)
-    left.set_yticks(range(len(faults)), [f"{room}: {fault}" for room, fault in faults], fontsize=8)
-    left.set_xlabel("until the outputs are neutral, s (bar: limit)")
-    left.set_xlim(left=-0.02)
-    right.set_xscale("log")
-    right.set_xlabel("from the fault's end until the vehicle executes again, s")
-    for axes in (left, right):
-        axes.grid(axis="x", alpha=0.3)
-        axes.set_ylim(-0.7, len(faults) - 0.3)
-    right.legend(fontsize=7, loc="lower right")
-    figure.tight_layout()
-    figure.savefig(path, dpi=110)
-    plot.close(figure)
 
 
 def _cells(row: Row) -> list[str]:
