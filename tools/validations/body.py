@@ -1,8 +1,7 @@
-"""The rigid body: energy of a turning body, large added mass."""
+"""The rigid body: energy of a turning body."""
 
 from collections.abc import Sequence
 from itertools import pairwise
-from math import sqrt
 
 from matplotlib.axes import Axes
 
@@ -12,9 +11,9 @@ from sim.matrices import Matrix
 from sim.rotations import Rotation, from_euler
 from sim.simulation import Simulation
 from sim.vehicle.vehicle import load_vehicle
-from tests.unit.sim.test_dynamics import DEEP, HEAVY, NOTHING, STILL, undamped
+from tests.unit.sim.test_dynamics import DEEP, NOTHING, STILL, undamped
 from tests.unit.sim.vehicle import test_surfaces as surfaces
-from tools.validations.sheet import SHADES, Finding, Sheet, above, below, label, near, plot_own, plot_ref, ticks, wrong
+from tools.validations.sheet import SHADES, Finding, Sheet, above, below, label, plot_own, plot_ref, ticks, wrong
 
 Energies = list[float]
 
@@ -117,69 +116,6 @@ def _tumble(name: str) -> Energies:
     return energies
 
 
-# -- added mass -------------------------------------------------------------------------------------------------------
-
-
-def added_mass(panels: Sequence[Axes]) -> list[Finding]:
-    """A body of 10 kg with an added mass of 60 kg is pushed with 10 N, in steps of 10 ms. Some simulators treat
-    added mass as a force, from the acceleration of the last step. If the added mass is larger than the mass, the
-    acceleration then grows without bounds. This simulator solves the equation with the complete mass matrix."""
-    acceleration, speed = panels
-    steps = list(range(1, 16))
-    red = {added: _explicit(10.0, added, 15) for added in (14.57, 60.0)}
-    for added, style in ((14.57, "--"), (60.0, "-")):
-        wrong(acceleration, steps, red[added], f"as a force, {added:g} kg", style)
-    accelerations, speeds = _pushed()
-    acceleration.set_yscale("log")
-    plot_own(acceleration, steps, accelerations[:15], "ours, 60 kg")
-    plot_ref(acceleration, [1], [10.0 / 70.0], "theory: 10 N / 70 kg", size=9.0)
-    label(acceleration, "step", "size of the acceleration (m/s²)", legend="upper left")
-    plot_own(speed, [0.01 * i for i in range(1, 1501)], speeds)
-    settled = sqrt(10.0 / 30.0 + (1.0 / 60.0) ** 2) - 1.0 / 60.0
-    speed.axhline(settled, color="k", linestyle=":", label="theory: where drag is 10 N")
-    label(speed, "time (s)", "speed ahead (m/s)", legend="lower right")
-    return [
-        near("acceleration of the first step", accelerations[0], 10.0 / 70.0, "m/s²", rel=1e-3),
-        below("largest speed in 30 s of pushes on all axes", _largest_speed(), 1.0, "m/s"),
-        above("as a force, 14.57 kg: largest acceleration in 1 s", max(_explicit(10.0, 14.57, 100)), 1e6, "m/s²"),
-    ]
-
-
-def _explicit(mass: float, added: float, steps: int) -> list[float]:
-    """Return the magnitude of the acceleration (m/s²) in each step."""
-    acceleration, sizes = 0.0, []
-    for _ in range(steps):
-        acceleration = (10.0 - added * acceleration) / mass
-        sizes.append(abs(acceleration))
-    return sizes
-
-
-def _heavy_water() -> Dynamics:
-    vehicle = HEAVY._replace(
-        mass=10.0, neutrally_buoyant=True, added_mass=(60.0, 60.0, 60.0, 3.0, 3.0, 3.0),
-        linear_damping=(1.0,) * 6, quadratic_damping=(30.0,) * 3 + (1.0,) * 3,
-    )  # fmt: skip
-    return Dynamics(vehicle, 1000.0, 9.8)
-
-
-def _pushed() -> tuple[list[float], list[float]]:
-    dynamics, state, accelerations, speeds = _heavy_water(), State((0.0, 0.0, DEEP)), [], []
-    for _ in range(1500):
-        dynamics.step(state, (10.0, 0.0, 0.0, 0.0, 0.0, 0.0), STILL, 0.01)
-        accelerations.append(state.nu_dot[0])
-        speeds.append(state.nu[0])
-    return accelerations, speeds
-
-
-def _largest_speed() -> float:
-    dynamics, state, largest = _heavy_water(), State((0.0, 0.0, DEEP)), 0.0
-    for _ in range(3000):
-        dynamics.step(state, (10.0, 5.0, -5.0, 0.2, -0.2, 0.3), STILL, 0.01)
-        largest = max(largest, *map(abs, state.nu))
-    return largest
-
-
 SHEETS = [
     Sheet("Energy of what turns", energy),
-    Sheet("Added mass beyond the mass", added_mass),
 ]
