@@ -96,8 +96,6 @@ def run(
     share: str = "",
     environment: Mapping[str, str] | None = None,
     seconds: float = 60.0,
-    memory_mib: int = MEMORY_MIB,
-    cpu: int | None = None,
     cwd: str = "",
     report: Callable[[str], None] = lambda line: None,
     options: Sequence[str] = (),
@@ -105,9 +103,9 @@ def run(
     """Run `command` under User Mode Linux.
 
     modules: kernel modules, loaded first with those they need. share: a folder of this machine that it may write to.
-    environment: variables, besides PATH, HOME and LANG. seconds: limit, after which it is killed. cpu: the processor
-    it runs on [the last of this process]. cwd: its working folder [the present one]. report: called with each line as
-    it is printed. options: of the kernel, such as "cgroup_disable=memory".
+    environment: variables, besides PATH, HOME and LANG. seconds: limit, after which it is killed. cwd: its working
+    folder [the present one]. report: called with each line as it is printed. options: of the kernel, such as
+    "cgroup_disable=memory".
     Raises DeviceError if it does not start, with the kernel's last lines, or does not end in time.
     """
     reason = unavailable_reason()
@@ -119,8 +117,8 @@ def run(
         steps = _steps(command, environment or {}, cwd or os.getcwd())
         init.write_text(_init(mark, steps, modules, share, seconds), encoding="utf-8")
         init.chmod(0o755)
-        cpu = max(os.sched_getaffinity(0)) if cpu is None else cpu
-        kernel = ["taskset", "-c", str(cpu), *_kernel(str(init), memory_mib), *options]
+        cpu = max(os.sched_getaffinity(0))
+        kernel = ["taskset", "-c", str(cpu), *_kernel(str(init)), *options]
         return _Console(mark, report).follow(kernel, seconds)
 
 
@@ -163,21 +161,21 @@ def _init(mark: str, steps: str, modules: Sequence[str], share: str, seconds: fl
     )
 
 
-def _kernel(init: str, memory_mib: int) -> list[str]:
+def _kernel(init: str) -> list[str]:
     """Return the kernel as a command; it prints on its standard output alone."""
     return [
-        *("env", f"LD_PRELOAD={_shim()}", f"TMPDIR={_memory_folder(memory_mib)}"),
-        *("linux.uml", f"mem={memory_mib}M", "rootfstype=hostfs", "rootflags=/", "ro", f"init={init}"),
+        *("env", f"LD_PRELOAD={_shim()}", f"TMPDIR={_memory_folder()}"),
+        *("linux.uml", f"mem={MEMORY_MIB}M", "rootfstype=hostfs", "rootflags=/", "ro", f"init={init}"),
         *("con=null", "con0=null,fd:1", "con1=null", "ssl=null", "quiet", "panic=1"),
         *("umid=guest", f"uml_dir={os.path.dirname(init)}/"),
     ]
 
 
-def _memory_folder(memory_mib: int) -> str:
+def _memory_folder() -> str:
     """Return the folder of the file that is its memory: in RAM if there is enough."""
     if os.path.isdir(SHARED_MEMORY):
         free = os.statvfs(SHARED_MEMORY)
-        if free.f_bavail * free.f_frsize > memory_mib << 20:
+        if free.f_bavail * free.f_frsize > MEMORY_MIB << 20:
             return SHARED_MEMORY
     return tempfile.gettempdir()
 
@@ -275,8 +273,6 @@ def main() -> int:
         "--share", default="", metavar="FOLDER", help="folder of this machine that the command may write to"
     )
     parser.add_argument("--seconds", type=float, default=60.0, help="limit, after which it is killed [%(default)s]")
-    parser.add_argument("--memory", type=int, default=MEMORY_MIB, metavar="MIB", help="[%(default)s]")
-    parser.add_argument("--cpu", type=int, help="[the last]")
     chosen = parser.parse_args()
     try:
         return run(
@@ -284,8 +280,6 @@ def main() -> int:
             chosen.module,
             chosen.share,
             seconds=chosen.seconds,
-            memory_mib=chosen.memory,
-            cpu=chosen.cpu,
             report=lambda line: print(line, flush=True),
         ).status
     except DeviceError as error:

@@ -3,8 +3,7 @@
     python tools/pages/cases.py [--out docs/explanation] [--seeds 50] [--hil 1] [--only NAME ...]
 
 Each set of HIL flights takes about ten minutes, and the simulated flights some minutes. Run nothing else meanwhile:
-otherwise the figures of processor time and delay are those of a busy machine. Exit code 1 if a case succeeds in fewer
-than 98 % of its flights, if a vehicle collides, or if the master takes more than a tenth of a core in the first case.
+otherwise the figures of processor time and delay are those of a busy machine.
 Needs the packages of `pip install -e '.[dev]'`.
 """
 
@@ -23,12 +22,9 @@ sys.path.insert(0, str(ROOT))
 from hil.cases import table  # noqa: E402 - works from a bare checkout too
 from hil.cases.case import CASES  # noqa: E402
 from hil.cases.flights import fly_all  # noqa: E402
-from hil.cases.record import Result  # noqa: E402
 from hil.cases.report import Flights, write_report  # noqa: E402
 
 COLOURS = 64
-MIN_SUCCESS = 0.98
-MAX_CPU = 0.1  # of a core, of the master in the first case
 HEAD = """\
 # The reference platform's cases, flown again
 
@@ -76,7 +72,7 @@ and communicated over loopback. So these figures do not apply to a board or a wi
 
 
 def main() -> int:
-    """Fly the cases, write the page, and check the requirements."""
+    """Fly the cases, and write the page."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--out", metavar="DIR", default=str(ROOT / "docs" / "explanation"))
     parser.add_argument("--seeds", type=int, metavar="N", default=50)
@@ -94,9 +90,8 @@ def main() -> int:
         )
     for path in files[1:]:
         Image.open(path).convert("RGB").quantize(COLOURS).save(path, optimize=True)
-    problems = find_shortfalls([run.result for runs in flights.values() for run in runs])
-    print("\n".join([f"wrote {files[0]} and {len(files) - 1} pictures", *problems]))
-    return 1 if problems else 0
+    print(f"wrote {files[0]} and {len(files) - 1} pictures")
+    return 0
 
 
 def page_head(seeds: int, hil: int) -> str:
@@ -108,23 +103,6 @@ def page_head(seeds: int, hil: int) -> str:
     return HEAD.format(
         seeds=seeds, hil=hil, radius=radius, cores=os.cpu_count(), ram=psutil.virtual_memory().total / 2**30
     )
-
-
-def find_shortfalls(results: list[Result]) -> list[str]:
-    """Return a line for each requirement that the results do not meet."""
-    problems = []
-    for name in dict.fromkeys(result.case for result in results):
-        own = [result for result in results if result.case == name]
-        share = sum(result.success for result in own) / len(own)
-        if share < MIN_SUCCESS:
-            problems.append(f"{name}: {share:.0%} of its flights succeed")
-        problems += [f"{name} {r.mode}, seed {r.seed}: collision" for r in own if r.collided]
-        problems += [
-            f"{name}, seed {r.seed}: the master takes {r.master_cpu:.1%} of a core"
-            for r in own
-            if name.startswith("path_planning") and r.master_cpu > MAX_CPU
-        ]
-    return problems
 
 
 if __name__ == "__main__":
