@@ -1,4 +1,4 @@
-"""Fins, hull lift, cross flow, drop weights and the buoyancy engine, compared with theory."""
+"""Fins, hull lift, cross flow and the buoyancy engine, compared with theory."""
 
 from collections.abc import Sequence
 from math import atan2, cos, degrees, pi, sin, sqrt
@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from sim.dynamics import Dynamics, State
 from sim.vehicle.body_lift import CrossFlow, CrossFlowDrag, HullLift, Lift
 from sim.vehicle.fins import lift_slope
-from sim.vehicle.vehicle import Vehicle, load_vehicle
+from sim.vehicle.vehicle import load_vehicle
 from tests.unit.sim.vehicle import test_ballast as ballast
 from tests.unit.sim.vehicle import test_surfaces as held
 from tests.unit.sim.vehicle.test_surfaces import RHO, RUDDER, wrench
@@ -161,89 +161,38 @@ def _cross_flow(axes: Axes) -> list[Finding]:
 # -- ballast ----------------------------------------------------------------------------------------------------------
 
 DRAG = 601.27  # N s²/m² of Tethys' hull in heave
-WATER = 1025.0 * 9.8
 
 
-def ballast_and_weights(panels: Sequence[Axes]) -> list[Finding]:
-    """Tethys drops 2 kg and rises at the speed at which its drag equals that weight. Then it fills and empties its
-    bladder, and rises and sinks at the speed that follows from this lift. At the surface it bobs with the period that
-    follows from its water plane."""
-    drop, engine, bob = panels
-    return [*_drop(drop), *_engine(engine), _bobbing(bob)]
-
-
-def _heave(vehicle: Vehicle, pulses: Sequence[tuple[int, float]], name: str) -> tuple[list[float], list[float]]:
-    """Return times (s) and speeds down (m/s); `pulses`: widths (us) on the channel `name`, and their durations (s)."""
+def buoyancy_engine(panels: Sequence[Axes]) -> list[Finding]:
+    """Tethys fills and empties its bladder, and rises and sinks at the speed at which its drag equals this lift."""
+    (axes,) = panels
+    vehicle = ballast.BARE._replace(buoyancy_engine=ballast.ENGINE._replace(rate=1e-4))
     simulation = ballast.at_sea(vehicle, 200.0)
-    times, speeds = [0.0], [0.0]
-    for pulse, seconds in pulses:
-        command = ballast.idle(vehicle, **{name: pulse})
-        for _ in range(round(5.0 * seconds)):
+    times, speeds, findings = [0.0], [0.0], []
+    for pulse, volume, sign, name in ((1900, 455e-6, 1.0, "full"), (1100, 420e-6, -1.0, "empty")):
+        command = ballast.idle(vehicle, buoyancy_engine=pulse)
+        for _ in range(600):
             for _ in range(20):
                 simulation.step(command)
             times.append(1e-9 * simulation.time_ns)
-            speeds.append(simulation.state.nu[2])
-    return times, speeds
-
-
-def _drop(axes: Axes) -> list[Finding]:
-    weight = ballast.WEIGHT._replace(position=(0.0, 0.0, 0.0), volume=0.0)
-    vehicle = ballast.BARE._replace(drop_weights=(weight,))
-    times, speeds = _heave(vehicle, [(1500, 5.0), (1900, 85.0)], "keel")
-    terminal = sqrt(2.0 * 9.8 / DRAG)
-    plot_own(axes, times[:151], [-w for w in speeds[:151]])
-    axes.axhline(terminal, color="k", linestyle=":", label="theory: √(2 kg g / drag)")
-    label(axes, "time (s)", "speed up (m/s)", "2 kg dropped at 5 s", legend="lower right")
-    simulation = ballast.at_sea(vehicle, 50.0)
-    simulation.step(ballast.idle(vehicle, keel=1701))
-    start = -2.0 * 9.8 / (vehicle.mass - 2.0 + vehicle.added_mass[2])
-    return [
-        near("2 kg dropped: speed of rising", -speeds[-1], terminal, "m/s", rel=0.01),
-        near("acceleration at once", simulation.state.nu_dot[2], start, "m/s²", rel=1e-6),
-    ]
-
-
-def _engine(axes: Axes) -> list[Finding]:
-    vehicle = ballast.BARE._replace(buoyancy_engine=ballast.ENGINE._replace(rate=1e-4))
-    times, speeds = _heave(vehicle, [(1900, 120.0), (1100, 120.0)], "buoyancy_engine")
-    plot_own(axes, times, [-w for w in speeds])
-    findings = []
-    for volume, sign, second, name in ((455e-6, 1.0, 120, "full"), (420e-6, -1.0, 240, "empty")):
-        theory = sign * sqrt(WATER * volume / DRAG)
-        axes.plot([second - 70, second], [theory, theory], "k:", label="theory: √(lift / drag)" if sign > 0 else "_")
-        findings.append(near(f"bladder {name}: speed up", -speeds[5 * second], theory, "m/s", rel=1e-3))
+            speeds.append(-simulation.state.nu[2])
+        theory = sign * sqrt(1025.0 * 9.8 * volume / DRAG)
+        axes.plot(
+            [times[-350], times[-1]],
+            [theory, theory],
+            "k:",
+            zorder=3,
+            label="theory: √(lift / drag)" if sign > 0 else "_",
+        )
+        findings.append(near(f"bladder {name}: speed up", speeds[-1], theory, "m/s", rel=1e-3))
+    plot_own(axes, times, speeds)
     label(axes, "time (s)", "speed up (m/s)", "bladder full, then empty", legend="upper right")
     axes.set_ylim(-0.11, 0.15)
     return findings
 
 
-def _bobbing(axes: Axes) -> Finding:
-    engine = ballast.ENGINE._replace(rate=1.0, max_volume=30_500e-6)
-    vehicle = ballast.BARE._replace(buoyancy_engine=engine, quadratic_damping=(0.0,) * 6)
-    simulation, height = ballast.at_sea(vehicle, 0.0), vehicle.dimensions[2]
-    afloat = height * (0.5 - 30e-3 * 1025.0 / vehicle.mass) + 0.007
-    simulation.state.position = [0.0, 0.0, afloat + 0.01]
-    times, depths, crossings = [0.0], [0.01], []
-    for _ in range(1500):
-        simulation.step(ballast.idle(vehicle, buoyancy_engine=1900))
-        times.append(1e-9 * simulation.time_ns)
-        depths.append(simulation.state.position[2] - afloat)
-        if depths[-2] < 0.0 <= depths[-1]:
-            crossings.append(times[-1])
-    inertia, plane = vehicle.mass + vehicle.added_mass[2], vehicle.mass / 1025.0 / height
-    theory = 2.0 * pi * sqrt(inertia / (WATER * plane))
-    plot_own(axes, times[:601], [1e3 * z for z in depths[:601]])
-    dots = [crossings[0] + 0.15 * i for i in range(-8, 31)]
-    size = 1e3 * max(depths)
-    plot_ref(axes, dots, [size * sin(2.0 * pi * (t - crossings[0]) / theory) for t in dots], "theory")
-    axes.set_ylim(-12.0, 17.0)
-    label(axes, "time (s)", "depth about its draught (mm)", "afloat on 30 l", legend="upper right")
-    period = (crossings[-1] - crossings[0]) / (len(crossings) - 1)
-    return near("period of bobbing", period, theory, "s", rel=0.01)
-
-
 SHEETS = [
     Sheet("Fins", fins),
     Sheet("Slender hulls", hull, columns=3, size=(9.5, 2.9)),
-    Sheet("Drop weight and buoyancy engine", ballast_and_weights, columns=3, size=(9.5, 2.8)),
+    Sheet("Buoyancy engine", buoyancy_engine, columns=1, size=(5.5, 2.8)),
 ]
