@@ -177,13 +177,7 @@ def buoyancy_engine(panels: Sequence[Axes]) -> list[Finding]:
             times.append(1e-9 * simulation.time_ns)
             speeds.append(-simulation.state.nu[2])
         theory = sign * sqrt(1025.0 * 9.8 * volume / DRAG)
-        axes.plot(
-            [times[-350], times[-1]],
-            [theory, theory],
-            "k:",
-            zorder=3,
-            label="theory: √(lift / drag)" if sign > 0 else "_",
-        )
+        plot_ref(axes, times[-350::50], [theory] * 7, "theory: √(lift / drag)" if sign > 0.0 else "_")
         findings.append(near(f"bladder {name}: speed up", speeds[-1], theory, "m/s", rel=1e-3))
     plot_own(axes, times, speeds)
     label(axes, "time (s)", "speed up (m/s)", "bladder full, then empty", legend="upper right")
