@@ -24,7 +24,6 @@ import os
 import sys
 from collections.abc import Mapping
 from pathlib import Path
-from typing import NoReturn
 
 sys.path.insert(0, str(Path(__file__).parent.parent.parent))
 
@@ -57,7 +56,8 @@ def _do(options: argparse.Namespace) -> int:
         with Booted(board, " ".join(options.arguments), _ports(options.port), print) as booted:
             return booted.wait(float("inf"))
     words = ["-m", "hil.cli", *options.arguments] if options.verb == "run" else options.arguments
-    return _become(board.command(*words))
+    command = board.command(*words)
+    os.execvp(command[0], command)
 
 
 def parse(arguments: list[str]) -> argparse.Namespace:
@@ -83,10 +83,6 @@ def _ports(texts: list[str]) -> Mapping[int, int]:
         return {int(here): int(there) for here, there in (text.split(":") for text in texts)}
     except ValueError:
         raise DeviceError(f"--port {' '.join(texts)}: expected HERE:THERE, such as 7447:7447") from None
-
-
-def _become(command: list[str]) -> NoReturn:
-    os.execvp(command[0], command)
 
 
 if __name__ == "__main__":
