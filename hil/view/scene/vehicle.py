@@ -1,5 +1,6 @@
 """One vehicle in the scene: its shape, thrusts and tracks."""
 
+from array import array
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -30,23 +31,30 @@ class Track:
 
     def __init__(self, scene: Any, name: str, colour: colours.RGB) -> None:
         self._scene, self._name, self._colour = scene, name, colour
-        self._points: list[Any] = []
+        self._points = array("f")  # x, y, z of each: 12 bytes, where an array of its own takes 200
         self._drawn = 0
 
     def add(self, point: Any) -> None:
         """Add a point of the scene, unless it is within TRACK_STEP of the last."""
-        if not self._points or np.linalg.norm(point - self._points[-1]) >= TRACK_STEP:
-            self._points.append(point)
-        if len(self._points) > MAX_POINTS:
-            del self._points[1:-1:2]
+        if not self._points or np.linalg.norm(point - self._points[-3:]) >= TRACK_STEP:
+            self._points.extend(point)
+        if len(self._points) > 3 * MAX_POINTS:
+            points = self._array()
+            keep = np.ones(len(points), bool)
+            keep[1:-1:2] = False
+            self._points = array("f", points[keep].tobytes())
             self._drawn = 0
 
     def draw(self) -> None:
         """Draw the line if points were added."""
-        if len(self._points) < 2 or len(self._points) == self._drawn:
+        if len(self._points) < 6 or len(self._points) == self._drawn:
             return
         self._drawn = len(self._points)
-        draw_line(self._scene, self._name, np.array(self._points, np.float32), self._colour)
+        draw_line(self._scene, self._name, self._array(), self._colour)
+
+    def _array(self) -> Any:
+        """Return the points as rows."""
+        return np.array(self._points, np.float32).reshape(-1, 3)
 
 
 class VehicleScene:
