@@ -57,7 +57,7 @@ def _do(options: argparse.Namespace) -> int:
             return booted.wait(float("inf"))
     words = ["-m", "hil.cli", *options.arguments] if options.verb == "run" else options.arguments
     command = board.command(*words)
-    os.execvp(command[0], command)
+    return os.execvp(command[0], command)
 
 
 def parse(arguments: list[str]) -> argparse.Namespace:
