@@ -67,16 +67,16 @@ def test_the_native_stm32_answers_commands_and_trips_its_watchdog(stm32: NativeS
     link.close()
 
 
-def test_telemetry_is_sent_fifty_times_a_second(stm32: NativeStm32, device: str) -> None:
+def test_telemetry_without_commands_is_sent_five_times_a_second(stm32: NativeStm32, device: str) -> None:
     link = host(device)
     wait_telemetry(link, lambda report: True)
 
     def reports() -> None:
         link.receive()  # what came before
         start = time.monotonic()
-        for _ in range(15):
+        for _ in range(5):
             wait_telemetry(link, lambda report: True)
-        assert 0.25 < time.monotonic() - start < 0.6
+        assert 0.75 < time.monotonic() - start < 1.3
 
     retry_when_busy(reports, "a process of its own", attempts=20)
     link.close()
