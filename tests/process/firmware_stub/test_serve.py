@@ -178,15 +178,15 @@ def test_serve_ends_on_request_and_reports(monkeypatch: pytest.MonkeyPatch) -> N
         thread = threading.Thread(target=serve, args=(end, stop, lambda end: reports.append(end.stm32.frames)))
         thread.start()
 
-        def reports_fifty_times_a_second() -> None:
+        def reports_five_times_a_second() -> None:
             host.receive()  # what came before
             began = time.monotonic()
-            received = read_messages(host, 10)
+            received = read_messages(host, 5)
             took = time.monotonic() - began
-            assert len(received) == 10
-            assert 0.15 < took < 0.4
+            assert len(received) == 5
+            assert 0.75 < took < 1.3
 
-        retry_when_busy(reports_fifty_times_a_second, "two threads of one process", attempts=20)
+        retry_when_busy(reports_five_times_a_second, "two threads of one process", attempts=20)
         os.eventfd_write(stop, 1)
         thread.join(PATIENCE_S)
         assert not thread.is_alive()
