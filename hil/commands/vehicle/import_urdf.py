@@ -19,6 +19,8 @@ from sim.vehicle.urdf.shapes import MeshKey, Solid
 from sim.vehicle.urdf.text import read_xml, root_of
 from sim.vehicle.vehicle import EQUIPMENT, Vehicle
 
+MAX_HEADING_ERROR = 10.0  # deg, as the findings have it
+
 
 class Request(NamedTuple):
     """The values of `--import` and its options: the model's file, keys to add, files to write, arguments of xacro.
@@ -42,6 +44,7 @@ def convert(request: Request) -> int:
     ConfigError, MissingExtraError.
     """
     vehicle, sensors, notes = read(request)
+    vehicle = _steerable(vehicle, notes)
     subject = Subject(vehicle, {})
     text, findings = to_toml(vehicle, notes), list(check_vehicle(subject))
     if request.output is None:
@@ -92,6 +95,20 @@ def read(request: Request) -> Imported:
         is_incomplete = text is not None and str(error).endswith("--add it")
         raise ConfigError(f"{error}{hint(path) if is_incomplete else ''}") from None
     return imported._replace(notes=list(dict.fromkeys(notes + imported.notes)))
+
+
+def _steerable(vehicle: Vehicle, notes: list[str]) -> Vehicle:
+    """Return the vehicle without Munk moments of pitch and yaw if its fins hold its heading then, and not with them.
+
+    Simulators fly such models whose Coriolis terms are off, or have the other sign, as in Gazebo before 2026.
+    """
+    calm = vehicle._replace(munk_share=(vehicle.munk_share[0], 0.0, 0.0))
+    if not vehicle.fins or calm == vehicle or Subject(vehicle, {}).controlled.heading <= MAX_HEADING_ERROR:
+        return vehicle
+    if Subject(calm, {}).controlled.heading > MAX_HEADING_ERROR:
+        return vehicle
+    notes.append("With the whole Munk moment its fins do not hold its heading: munk_share of pitch and yaw is 0.")
+    return calm
 
 
 def to_toml(vehicle: Vehicle, notes: list[str]) -> str:

@@ -325,10 +325,11 @@ def _derive_limits(table: dict[str, Any], notes: list[str]) -> None:
     if any(key not in table for key in _REQUIRED) or not thrusters:
         return
     ahead, down = (sum(abs(row["direction"][axis]) / hypot(*row["direction"]) for row in thrusters) for axis in (0, 2))
-    values = [table[key][0] for key in ("linear_damping", "quadratic_damping")] + [table["mass"], table["volume"]]
-    if lacking and ahead > 0.1 and all(isinstance(value, (int, float)) for value in values):
-        linear, quadratic, mass, volume = values
-        surge = (linear + quadratic * USUAL_SPEED) * USUAL_SPEED / ahead
+    drags = (table[key] for key in ("linear_damping", "quadratic_damping", "forward_speed_damping") if key in table)
+    values = [table["mass"], table["volume"], *(drag[0] for drag in drags)]
+    if lacking and ahead > 0.1 and all(isinstance(value, (int, float)) for value in values) and any(values[2:]):
+        mass, volume, linear, *quadratic = values
+        surge = (linear + sum(quadratic) * USUAL_SPEED) * USUAL_SPEED / ahead
         heave = 2.0 * abs(mass - 1000.0 * volume) * 9.81 / down if down > 0.1 else 0.0
         limit = float(f"{max(surge, heave):.3g}")
         for row in lacking:
