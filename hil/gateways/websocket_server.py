@@ -4,7 +4,7 @@ Programs may observe without the token, web pages may not; commands need the tok
 """
 
 from abc import abstractmethod
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any, Generic, TypeVar
 
 from aiohttp import web
@@ -14,6 +14,7 @@ from hil.common.web.http_server import HttpServer
 from hil.common.web.server_thread import STALLED_S, ServerThread, cut_when_stalled
 from hil.gateways.access import Access
 from hil.gateways.websocket_client import SocketClient
+from hil.recording.mcap_file import Message
 
 MAX_CLIENTS = 32
 LARGEST = 1 << 20  # bytes of a message of a client
@@ -45,6 +46,16 @@ class WebSocketServer(ServerThread, Generic[T]):
     def __exit__(self, *error: object) -> None:
         super().__exit__(*error)
         self.access.close()
+
+    def show(self, messages: Iterable[Message]) -> None:
+        """Pass messages of ROS 2 on to the clients that want them."""
+        batch = list(messages)
+        if batch:
+            self._loop.call_soon_threadsafe(self._show, batch)
+
+    @abstractmethod
+    def _show(self, messages: list[Message]) -> None:
+        """Pass messages on, in the server's thread."""
 
     @abstractmethod
     def _make_client(self, socket: web.WebSocketResponse, may_command: bool) -> T:

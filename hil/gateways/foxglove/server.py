@@ -4,8 +4,6 @@ Its own code and not Foxglove's SDK, because the SDK can refuse neither pages of
 token: everyone who reaches its port could command a vehicle.
 """
 
-from collections.abc import Iterable
-
 from aiohttp import web
 
 from hil.gateways.commanding import Commanding
@@ -25,12 +23,6 @@ class FoxgloveServer(WebSocketServer[Client]):
         self._numbers: dict[str, int] = {}
         self._latched: dict[int, tuple[int, bytes]] = {}  # by channel the last message, for those who come later
         super().__init__(host, port, "foxglove", SUBPROTOCOLS)
-
-    def show(self, messages: Iterable[Message]) -> None:
-        """Pass messages of ROS 2 on, byte for byte, with the times when they were sent."""
-        batch = list(messages)
-        if batch:
-            self._loop.call_soon_threadsafe(self._show, batch)
 
     def publish(self, channel: Channel, time_ns: int, data: bytes, latched: bool = False) -> None:
         """Publish a message of the gateway itself on a channel."""

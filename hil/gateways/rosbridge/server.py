@@ -1,7 +1,5 @@
 """The websocket server for rosbridge: topics out, and what clients with the token publish and call, in."""
 
-from collections.abc import Iterable
-
 from aiohttp import web
 
 from hil.gateways.commanding import Commanding
@@ -23,12 +21,6 @@ class RosbridgeServer(WebSocketServer[Client]):
         self._latched: dict[str, Message] = {}
         self._api = RosApi(commanding, self._received_types)
         super().__init__(host, port, "rosbridge")
-
-    def show(self, messages: Iterable[Message]) -> None:
-        """Pass messages of ROS 2 on to those who have subscribed to their topics."""
-        batch = list(messages)
-        if batch:
-            self._loop.call_soon_threadsafe(self._show, batch)
 
     def _show(self, messages: list[Message]) -> None:
         for message in messages:

@@ -13,9 +13,8 @@ from sim.sensors.sensor_set import select_sensors
 from sim.simulation import Simulation
 from sim.vehicle.vehicle import load_vehicle
 from sim.vehicle.ventilation import Ventilation, thrust_share
-from tests.process.sim.native.test_step_twins import FLAT, Ride, all_of, native, twins
+from tests.process.sim.native.test_step_twins import FLAT, Ride, all_of, twins
 
-__all__ = ["native"]  # the fixture, for the twins
 
 HEAVY, _ = load_vehicle("bluerov2_heavy")
 REMUS, _ = load_vehicle("remus100")
