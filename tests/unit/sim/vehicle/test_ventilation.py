@@ -15,7 +15,6 @@ from sim.vehicle.vehicle import load_vehicle
 from sim.vehicle.ventilation import Ventilation, thrust_share
 from tests.process.sim.native.test_step_twins import FLAT, Ride, all_of, twins
 
-
 HEAVY, _ = load_vehicle("bluerov2_heavy")
 REMUS, _ = load_vehicle("remus100")
 QUIET = select_sensors(imu=None, dvl=None, pressure=None, odometry=None, ground_truth=None)
