@@ -5,8 +5,8 @@ kernel does not know. Without pacing, thousands of bytes wait there, and the STM
 old. Telemetry echoes the sequence number of a command, so the number of unanswered commands is known.
 
 The window is what the line carries in one round trip without waiting (the bandwidth-delay product, as in BBR, Cardwell
-et al. 2016), plus one report. While no answer comes at all, a command is sent every 0.15 s: that is less than the
-STM32's usual watchdog time, so a lost report does not stop the thrusters.
+et al. 2016), plus one report. While no answer comes at all, a command is sent every 0.15 s, or sooner where the STM32's
+watchdog needs it: lost reports do not stop the thrusters.
 """
 
 from collections import deque
@@ -16,6 +16,7 @@ from hil.common.clock import NEVER_NS, NS_PER_MS, NS_PER_S
 FIRST_WINDOW = 2  # commands; before the line's rate is known
 LEAST_TRIP_NS = 60 * NS_PER_MS  # shorter round trips count as this: on a fast line some reports may be lost
 LONGEST_PAUSE_NS = 150 * NS_PER_MS  # between two commands while no answer comes
+MOST = 256  # commands that are remembered
 PROBE = 1.25  # the window is that much larger than what was answered, to find out whether the line carries more
 MEASURED_NS = NS_PER_S // 2  # period of one measurement of the rate
 UNANSWERED_NS = NS_PER_S  # after this time without any answer since the start, the line counts as one without telemetry
@@ -34,14 +35,17 @@ class EchoPace:
 
     Reports without sequence numbers (`has_sequence` false) name a command by its pulses, which may be equal for many.
     If the STM32 sends a report for each command (`by_count`, or found out while the line carries all), each report
-    answers one; a command without an answer for long was answered by a lost report.
+    answers one; a command without an answer for long was answered by a lost report. `watchdog_ns`: that of the STM32.
     """
 
-    def __init__(self, has_sequence: bool = True, by_count: bool = False) -> None:
+    def __init__(
+        self, has_sequence: bool = True, by_count: bool = False, watchdog_ns: int = 2 * LONGEST_PAUSE_NS
+    ) -> None:
+        self._pause_ns = min(LONGEST_PAUSE_NS, 3 * watchdog_ns // 4)
         self._has_sequence, self._by_count = has_sequence, by_count and not has_sequence
         self.rate = 0.0
         self.is_slow = False
-        self._flight: deque[tuple[int, int]] = deque()  # sequence number, when it was sent (monotonic ns)
+        self._flight: deque[tuple[int, int]] = deque(maxlen=MOST)  # sequence number, when it was sent (monotonic ns)
         self._window = FIRST_WINDOW
         self._first_ns = self._sent_ns = self._answer_ns = 0
         self._fastest_ns = NEVER_NS  # shortest round trip
@@ -54,7 +58,7 @@ class EchoPace:
         """Return when the next command may be sent if no answer comes; `now` (monotonic ns) or earlier: now."""
         if len(self._flight) < self._window or not self._has_telemetry(now):
             return now
-        return max(self._sent_ns, self._answer_ns) + LONGEST_PAUSE_NS
+        return max(self._sent_ns, self._answer_ns) + self._pause_ns
 
     def add_offered(self, now: int) -> None:
         """Count a command that is to be sent at `now`, whether or not the line takes it."""
@@ -66,8 +70,7 @@ class EchoPace:
         """Record a command that was written at `now` (monotonic ns)."""
         self._first_ns = self._first_ns or now
         self._sent_ns = now
-        if len(self._flight) < 2 * self._window + FIRST_WINDOW or self._has_telemetry(now):
-            self._flight.append((sequence, now))
+        self._flight.append((sequence, now))
 
     def add_answer(self, sequence: int, now: int) -> None:
         """Record a report at `now` (monotonic ns) that echoes a command: this and all before it are answered."""

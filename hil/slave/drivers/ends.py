@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from typing import NamedTuple, Protocol
 
+from hil.common.clock import seconds_ns
 from hil.common.errors import ConfigError, HilError
 from hil.links.address import parse_address
 from hil.links.contract import Protocol as LinkProtocol
@@ -113,7 +114,8 @@ def host_end(wire: Wire, link: Link, channels: int, seed: int, reports_each: boo
     """
     try:
         protocol = end_protocol(link, "host", channels)
-        return ThrusterLink(with_faults(wire, link, seed), protocol, EchoPace(protocol.echoes_sequence, reports_each))
+        pace = EchoPace(protocol.echoes_sequence, reports_each, seconds_ns(link.watchdog))
+        return ThrusterLink(with_faults(wire, link, seed), protocol, pace)
     except HilError:
         wire.close()
         raise

@@ -1,6 +1,7 @@
 """Commands over lines that store what they cannot carry, such as a serial bridge or a radio; in simulated time."""
 
 from collections import deque
+from itertools import pairwise
 from random import Random
 
 import pytest
@@ -9,7 +10,7 @@ from firmware_stub.stub import Stm32
 from hil.common.clock import NS_PER_MS, NS_PER_S
 from hil.links.contract import Message, ThrusterCommand, ThrusterLink, ThrusterTelemetry, Wire
 from hil.links.frame.protocol import open_frame
-from hil.links.pace import LEAST_RATE, EchoPace
+from hil.links.pace import LEAST_RATE, MOST, EchoPace
 from hil.scenario.records import Link
 from hil.slave.drivers.ends import end_protocol
 
@@ -188,3 +189,18 @@ def test_a_line_that_becomes_slow_and_fast_again_is_followed(monkeypatch: pytest
     before = simulated.applied
     simulated.run(2.0)
     assert (simulated.applied - before, simulated.pace.is_slow) == (2 * HZ, False)
+
+
+def test_lost_reports_do_not_stop_the_thrusters() -> None:
+    """A command comes before the watchdog trips, and memory does not grow."""
+    pace = EchoPace(watchdog_ns=100 * NS_PER_MS)
+    for number in range(10):
+        pace.add_sent(number, number * 20 * NS_PER_MS)
+        pace.add_answer(number, number * 20 * NS_PER_MS + NS_PER_MS)
+    sent = list[int]()
+    for now in range(NS_PER_S, 100 * NS_PER_S, NS_PER_MS):
+        if pace.due_ns(now) <= now:
+            pace.add_sent(10 + len(sent), now)
+            sent.append(now)
+    assert max(later - earlier for earlier, later in pairwise(sent)) < 100 * NS_PER_MS
+    assert len(pace._flight) <= MOST
