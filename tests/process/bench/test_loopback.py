@@ -157,7 +157,7 @@ def test_a_device_is_armed_only_on_request(tmp_path: Any, capsys: pytest.Capture
         (("--fault", "dorp=1"), 2, "no key 'dorp'; did you mean 'drop'?"),
         (("--faults", "dorp=1"), 2, "no key 'dorp'; did you mean 'drop'?"),
         (("--fault", "drop"), 2, "--fault 'drop' is not NAME=VALUE"),
-        (("--max-p99", "5"), 2, "with its unit after a space, found '5'"),
+        (("--max-p99", "5"), 2, "with its unit, found '5'"),
         (("--protocol", "vesc"), 2, "needs a CAN bus"),
         (("--stm32", "device"), 2, "no device"),
         (("--port", "/dev/ttyNOWHERE", "--stm32", "jumper"), 3, "no such device"),

@@ -62,7 +62,7 @@ def test_refused_frames_are_counted_once(core: str, vector: dict[str, Any]) -> N
 
 
 def test_a_million_bytes_of_noise_move_nothing(core: str) -> None:
-    """The bytes are half random, half made of beginnings; nothing moves, and every report is sound."""
+    """The bytes are half random, half made of beginnings; nothing moves, and the reports, five a second, are sound."""
     rng = random.Random(3)
     hints = [b"\xa5\x5a", b"\xa5", b"\xa5\x5a\xff\x07", b"\xa5\x5a\x10\x01", b"\xfd", b"\xfd\xff\0\0", b"\xfd\x21\0\0"]
     steps = []
@@ -74,7 +74,7 @@ def test_a_million_bytes_of_noise_move_nothing(core: str) -> None:
     assert {done.pwm_us for done in results} == {(1500,) * 6}
     host = uuv_hil()
     received = host.feed(b"".join(done.sent for done in results))
-    assert len(received) == len(steps)
+    assert len(received) == len(steps) // 10
     assert (host.counters.checksum_errors, host.counters.malformed, host.counters.dropped_bytes) == (0, 0, 0)
     assert received[-1].frames == 0  # type: ignore[union-attr]
 

@@ -74,9 +74,9 @@ def test_reports_use_the_protocol_of_the_last_valid_packet(core: str) -> None:
     by_mavlink, by_frame = host.encode(order), frames.encode(order)
     only_pulses = open_protocol("mavlink", "host", 2, clock=clock).encode(order)[-49:]
     steps = [
-        Step(0, b""), Step(20_000, by_mavlink), Step(40_000, by_frame), Step(60_000, only_pulses),
-        Step(80_000, by_mavlink),
+        Step(0, b""), Step(200_000, by_mavlink), Step(400_000, by_frame), Step(600_000, only_pulses),
+        Step(800_000, by_mavlink),
     ]  # fmt: skip
-    done = run_c(core, Script(2, 200_000, steps))
+    done = run_c(core, Script(2, 2_000_000, steps))
     assert [each.sent[:1] for each in done] == [b"\xa5", b"\xfd", b"\xa5", b"\xfd", b"\xfd"]
     assert [each.pwm_us for each in done] == [(1500,) * 2, *[(1600, 1400)] * 2, (1500,) * 2, (1600, 1400)]

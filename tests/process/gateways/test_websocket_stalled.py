@@ -15,6 +15,7 @@ from hil.gateways import websocket_client, websocket_server
 from hil.gateways.foxglove.server import FoxgloveServer
 from hil.gateways.websocket_client import SocketClient
 from hil.gateways.websocket_server import WebSocketServer
+from hil.recording.mcap_file import Message
 from tests.support.processes import wait_for
 
 PATIENCE_S = 60.0
@@ -75,6 +76,8 @@ class WritingServer(WebSocketServer[Idle]):
 
     def _make_client(self, socket: web.WebSocketResponse, may_command: bool) -> Idle:
         return Idle(socket)
+
+    def _show(self, messages: list[Message]) -> None: ...
 
 
 def test_a_client_that_does_not_answer_heartbeats_is_disconnected(monkeypatch: pytest.MonkeyPatch) -> None:
