@@ -228,8 +228,9 @@ class _Test:
         trips, counters = sorted(self._trips_ns), self._far.counters
         seconds = max(now_ns() - self._began, 1) / NS_PER_S
         p50, p99, longest = (quantile(trips, share) / NS_PER_MS for share in (0.5, 0.99, 1.0))
+        sent = self._sent - counters.replaced  # what a slow line did not take was never sent
         return Result(
-            self._far.port, self._sent, len(trips), self._sent - len(trips), seconds,
+            self._far.port, sent, len(trips), max(0, sent - len(trips)), seconds,
             p50, p99, longest, wire_ms(self._plan),
             {name: getattr(counters, name) for name in counters.__slots__},
         )  # fmt: skip

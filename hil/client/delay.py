@@ -8,7 +8,7 @@ from hil.network.clock_offset import ClockOffset, Estimate
 
 HOPS = ("network", "wake-up", "control", "link encode", "wire and STM32")
 INSTANTS = 6, 7  # length of a trace; old recordings lack the time of computation
-HISTORY = 1 << 12  # windows stored for the clock offset, a second each
+HISTORY = 1 << 10  # windows stored for the clock offset, a second each
 LONG_HISTORY = 1 << 16  # for 18 hours of a recording
 UNSURE = 0.75  # share of a delay; a larger uncertainty of the clock offset makes it doubtful
 MIN_COMMANDS = 1 << 13  # least number of commands stored: 7 minutes at 20 Hz
