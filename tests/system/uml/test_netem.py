@@ -129,12 +129,13 @@ def test_lost_commands_trip_the_watchdog_and_the_host_is_informed(bench: Bench) 
     with shaped("shore", ALL_LOST):
         attended = time.monotonic()  # the STM32 again: while tc ran nobody did, however long it took
         vanished = bench.run(INTERRUPTION_S, first=len(arrived) + 1)
+        bench.wait(time.monotonic() + 0.05)
     assert stm32.pwm_us == [1500, 1500]
     assert stm32.watchdog_trips == 1
     tripped = min(at for at, report in bench.received if report.timed_out)
     assert tripped == pytest.approx(max(max(arrived.values()) + 0.2, attended), abs=0.05), "the watchdog's time"
     assert all(report.pwm_us == (1500, 1500) for at, report in bench.received if at > tripped)
-    assert bench.received[-1][0] > max(vanished.values()) - 0.1, "reports keep coming"
+    assert bench.received[-1][0] > max(vanished.values()) - 0.3, "reports keep coming, five a second"
     assert stm32.frames == len(arrived)
     back = bench.run(0.3, first=max(vanished) + 1)
     assert stm32.frames - len(arrived) >= len(back) - 1
