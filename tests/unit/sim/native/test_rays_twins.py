@@ -133,7 +133,7 @@ def test_a_ray_hits_the_nearest_of_all_triangles() -> None:
     flat = mesh.triangles
     edges = [[*flat[i : i + 3], *(flat[i + 3 + k] - flat[i + k % 3] for k in range(6))] for i in range(0, len(flat), 9)]
     for ray, distance in enumerate(scene.ranges(origin, rays, 50.0)):
-        along = tuple(rays[3 * ray : 3 * ray + 3])
+        along = rays[3 * ray], rays[3 * ray + 1], rays[3 * ray + 2]
         assert distance == min(single._intersect_triangle(corner, origin, along) for corner in edges)
 
 
