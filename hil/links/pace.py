@@ -115,6 +115,5 @@ class EchoPace:
             if is_slow == self._slow_before:
                 self.is_slow = is_slow
             self._slow_before = is_slow
-        self._measured_ns, self._offered, self._answered = now, 0, 0
-        self._reports = 0
+        self._measured_ns, self._offered, self._answered, self._reports = now, 0, 0, 0
         self._adjust()

@@ -107,7 +107,7 @@ def _handler(watch: HealthWatch) -> type[PlainHandler]:
     class Handler(PlainHandler):
         """HTTP handler of /metrics; other paths get a hint."""
 
-        def answer(self) -> None:
+        def do_GET(self) -> None:  # noqa: N802 - http.server's name
             """Answer a request with the metrics."""
             known = self.path.partition("?")[0] == "/metrics"
             body = (exposition(watch.statuses()) if known else "see /metrics\n").encode()

@@ -87,18 +87,10 @@ class PlainHttpServer(ThreadingHTTPServer):
 
 
 class PlainHandler(BaseHTTPRequestHandler):
-    """Answer one GET. Subclasses define `answer`."""
+    """Answer one GET, which is admitted. Subclasses define `do_GET`."""
 
     server: PlainHttpServer
     timeout = REQUEST_S  # for a part of a request, and for a peer that does not read
-
-    def answer(self) -> None:
-        """Answer the request, which is admitted."""
-        raise NotImplementedError
-
-    def do_GET(self) -> None:  # http.server's name
-        """Answer a GET."""
-        self.answer()
 
     def parse_request(self) -> bool:
         """Return whether the request is well-formed and admitted; if not, it has been answered."""

@@ -56,7 +56,7 @@ class VideoServer:
 class _Handler(PlainHandler):
     video: VideoServer
 
-    def answer(self) -> None:
+    def do_GET(self) -> None:  # noqa: N802 - http.server's name
         """Answer with a stream of pictures."""
         video = self.video
         if self.path != "/":
