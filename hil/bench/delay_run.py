@@ -91,7 +91,7 @@ class Observer(VehicleClient):
     def __init__(self, *arguments: Any, **options: Any) -> None:
         self.surge: list[tuple[int, float]] = []
         super().__init__(*arguments, **options)
-        self.delays.min_commands = 0  # all
+        self.delays.store()
 
     def _deliver(self, topic: str, payload: bytes, attachment: bytes) -> None:
         super()._deliver(topic, payload, attachment)

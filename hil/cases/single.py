@@ -157,6 +157,7 @@ def _fly_slave(scenario: Scenario, plan: Plan, folder: str, show: Callable[[str]
         VehicleClient(scenario.slave.listen, node, network=network, topics=topics) as client,
         _MeteredTrackWriter(folder, meter, lambda: _telemetry(client)) as track,
     ):
+        client.delays.store()
         slaves.wait([client])
         mission = Mission(Flight(scenario, plan), scenario.master.command_period, client, track, progress)
         outcome = mission.fly(stop_fd)

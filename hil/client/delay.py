@@ -8,10 +8,10 @@ from hil.network.clock_offset import ClockOffset, Estimate
 
 HOPS = ("network", "wake-up", "control", "link encode", "wire and STM32")
 INSTANTS = 6, 7  # length of a trace; old recordings lack the time of computation
-HISTORY = 1 << 10  # windows stored for the clock offset, a second each
+HISTORY = 1 << 8  # windows stored for the clock offset, a second each
 LONG_HISTORY = 1 << 16  # for 18 hours of a recording
 UNSURE = 0.75  # share of a delay; a larger uncertainty of the clock offset makes it doubtful
-MIN_COMMANDS = 1 << 13  # least number of commands stored: 7 minutes at 20 Hz
+MIN_COMMANDS = 1 << 11  # least number of commands stored: 100 s at 20 Hz; full within minutes, and so bounded
 WIDTH = 1 + len(HOPS)  # numbers stored for a command
 
 
@@ -54,7 +54,7 @@ class DelayMeter:
         self.min_commands = min_commands
         self._left_out = 0
         self._rows = array("q")  # 48 bytes a command, where a list of samples has 370
-        self.clock = ClockOffset(HISTORY if min_commands <= MIN_COMMANDS else LONG_HISTORY)
+        self.clock = ClockOffset(LONG_HISTORY if min_commands > MIN_COMMANDS else HISTORY)
         self.malformed = 0
         self.same_clock = True
 
@@ -75,6 +75,10 @@ class DelayMeter:
             del self._rows[: WIDTH * self.min_commands]
             self._left_out += self.min_commands
         self.clock.add(published, received, sent_ns, received_ns)
+
+    def store(self, min_commands: int = 0) -> None:
+        """Store at least so many commands from now on, or all, for a measurement whose end is known."""
+        self.min_commands, self.clock.history = min_commands, LONG_HISTORY
 
     def __len__(self) -> int:
         return self._left_out + self.stored

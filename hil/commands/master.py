@@ -33,6 +33,7 @@ from hil.recording.recorder import new_folder
 from hil.ros.topics import ALL
 from hil.scenario.config import Scenario, load_single
 
+MIN_DELAYS = 1 << 13  # commands whose delays the table covers: 7 minutes at 20 Hz
 WAIT_STEP_S = 0.02
 DIAGNOSE_AFTER_S = 2.0  # without a sample, report why none arrives
 EXAMPLES = """\
@@ -172,6 +173,7 @@ def _fly(
     scenario: Scenario, plan: Plan, client: RecordedClient, folder: str, progress: Progress, stop_fd: int
 ) -> tuple[Outcome, table.HilTable]:
     first_cpu = table.mark_cpu(client)
+    client.delays.store(MIN_DELAYS)
     progress.print_line(f"flying: {scenario.description}")
     with TrackWriter(folder, progress.print_line) as track, recorded(client, scenario, folder, progress.print_limited):
         flight = Flight(scenario, plan)

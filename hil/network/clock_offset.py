@@ -42,7 +42,7 @@ class ClockOffset:
     """
 
     def __init__(self, history: int = 64) -> None:
-        self._history = history
+        self.history = history
         self._lock = threading.Lock()
         self._points: list[_Point] = []
         self._best: _Point | None = None  # the best of `_points` for all times after the last
@@ -116,7 +116,7 @@ class ClockOffset:
             return  # older than the present window: the exchange was overtaken
         self._window_ns = point.time_ns
         points.append(point)
-        if len(points) > self._history:
+        if len(points) > self.history:
             del points[0]
         self._find_drift()
 

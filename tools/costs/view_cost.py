@@ -97,9 +97,9 @@ class Clock:
 
 
 class Viewers:
-    """`number` clients of the scene at `address`, in a thread. Use as a context."""
+    """`number` clients of the scene at `address`, in a thread. Use as a context. With `clock` it measures ages."""
 
-    def __init__(self, number: int, address: str, token: str, clock: Clock) -> None:
+    def __init__(self, number: int, address: str, token: str, clock: Clock | None = None) -> None:
         self.latency_ms: list[float] = []
         self.updates = 0
         self._number, self._address, self._token, self._clock = number, address, token, clock
@@ -113,6 +113,11 @@ class Viewers:
     def __exit__(self, *_: object) -> None:
         self._ending.set()
         self._thread.join()
+
+    @property
+    def are_connected(self) -> bool:
+        """True while none of them was disconnected."""
+        return self._thread.is_alive()
 
     async def _receive(self) -> None:
         await asyncio.gather(*[self._view(number == 0) for number in range(self._number)])
@@ -130,10 +135,10 @@ class Viewers:
                     message = await scene.receive(timeout=30.0)
                     if message.type is not aiohttp.WSMsgType.BINARY:
                         return
-                    if is_first:
-                        self._take_ages(message.data, time.time_ns())
+                    if is_first and self._clock:
+                        self._take_ages(self._clock, message.data, time.time_ns())
 
-    def _take_ages(self, data: bytes, now_ns: int) -> None:
+    def _take_ages(self, clock: Clock, data: bytes, now_ns: int) -> None:
         """Record the age of the vehicle's newest place in a message of viser."""
         import msgspec
         import zstandard
@@ -144,7 +149,7 @@ class Viewers:
             if message.get("type") != "SetPositionMessage" or message.get("name") != "/vehicles/uuv1":
                 continue
             self.updates += 1
-            if measured_ns := self._clock.measured_ns.get(_rounded(message["position"])):
+            if measured_ns := clock.measured_ns.get(_rounded(message["position"])):
                 self.latency_ms.append((now_ns - measured_ns) / 1e6)
 
 

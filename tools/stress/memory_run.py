@@ -1,11 +1,12 @@
 """Measure how the memory of long-running processes grows: `python -m tools.stress.memory_run --hours 1`.
 
-A slave is driven over MAVLink, recorded into one file, and viewed for hours. Each minute the private memory of slave,
-MAVLink gateway, recorder and view is read; the slope of the straight line through the figures after the first ten
-minutes is the growth. Writes a table, and exits with 1 if a process grows by more than the limit.
+A slave is driven over MAVLink, recorded into one file, and viewed by one client for hours. Each minute the private
+memory of slave, MAVLink gateway, recorder and view is read; the slope of the straight line through the figures after
+the first ten minutes is the growth. Writes a table, and exits with 1 if a process grows by more than the limit.
 """
 
 import argparse
+import re
 import subprocess
 import sys
 import tempfile
@@ -19,10 +20,13 @@ from pymavlink import mavutil
 
 from hil.common.children import module_command
 from hil.common.ports import free_ports
+from tools.costs.view_cost import Viewers
 
 WARM_UP_S = 600.0
 SAMPLE_S = 60.0
 COMMAND_S = 0.05
+VIEW = "view"
+ADDRESS = re.compile(r"watch at (\S+/)\?token=(\S+)")
 LIMIT_MIB = 1.0  # an hour
 
 
@@ -33,20 +37,21 @@ def main(arguments: list[str]) -> int:
     options = parser.parse_args(arguments)
     with ExitStack() as stack:
         folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
-        processes, vehicle = _start(stack, folder)
+        processes, vehicle, viewers = _start(stack, folder)
         rows = _measure(processes, vehicle, options.hours * 3600.0)
+        assert viewers.are_connected, "the view lost its client"
     times, figures = np.array(rows)[:, 0], np.array(rows)[:, 1:]
     return _report(list(processes), times, figures)
 
 
-def _start(stack: ExitStack, folder: Path) -> tuple[dict[str, psutil.Process], "mavutil.mavudp"]:
+def _start(stack: ExitStack, folder: Path) -> tuple[dict[str, psutil.Process], "mavutil.mavudp", Viewers]:
     slave, link, page = free_ports(3)
     endpoint = f"tcp/127.0.0.1:{slave}"
     commands = {
         "slave": ("slave", "open_water", "--listen", endpoint),
         "mavlink": ("mavlink", "--connect", endpoint, "--endpoint", f"udpin:127.0.0.1:{link}"),
         "record": ("record", "--connect", endpoint, "--output", str(folder / "recording")),
-        "view": ("view", "--connect", endpoint, "--listen", f"127.0.0.1:{page}", "--no-browser"),
+        VIEW: ("view", "--connect", endpoint, "--listen", f"127.0.0.1:{page}", "--no-browser"),
     }
     processes = {}
     for name, words in commands.items():
@@ -56,7 +61,10 @@ def _start(stack: ExitStack, folder: Path) -> tuple[dict[str, psutil.Process], "
         stack.callback(started.terminate)
         processes[name] = psutil.Process(started.pid)
         time.sleep(3.0)
-    return processes, mavutil.mavlink_connection(f"udpout:127.0.0.1:{link}", source_system=255)
+    address = ADDRESS.search((folder / f"{VIEW}.log").read_text(encoding="utf-8"))
+    assert address, "there is no view"
+    viewers = stack.enter_context(Viewers(1, address[1], address[2]))
+    return processes, mavutil.mavlink_connection(f"udpout:127.0.0.1:{link}", source_system=255), viewers
 
 
 def _measure(

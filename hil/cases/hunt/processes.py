@@ -75,6 +75,7 @@ class _VehicleReceiver:
         self.latest: dict[str, Any] = {}
         self.received_ns = dict.fromkeys(_WATCHED, 0)
         self.delays = DelayMeter()
+        self.delays.store()
         for topic in _WATCHED:
             session.subscribe(node, topic, self._on_message, QUEUE)
 

@@ -1,6 +1,5 @@
 """One vehicle in the scene: its shape, thrusts and tracks."""
 
-from array import array
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -15,7 +14,7 @@ from sim.sensors.sensor_set import SensorSet
 from sim.vehicle.vehicle import Vehicle
 
 TRACK_STEP = 0.1  # m between two points of a track
-MAX_POINTS = 4000  # in a track; beyond it every second point is removed
+MAX_POINTS = 4000  # in a track, an even number; beyond it every second point is removed
 THRUST_SCALE = 0.02  # m of an arrow per N
 AXES = 0.6  # m
 
@@ -31,30 +30,25 @@ class Track:
 
     def __init__(self, scene: Any, name: str, colour: colours.RGB) -> None:
         self._scene, self._name, self._colour = scene, name, colour
-        self._points = array("f")  # x, y, z of each: 12 bytes, where an array of its own takes 200
-        self._drawn = 0
+        self._points = np.empty((MAX_POINTS + 1, 3), np.float32)
+        self._count = self._drawn = 0
 
     def add(self, point: Any) -> None:
         """Add a point of the scene, unless it is within TRACK_STEP of the last."""
-        if not self._points or np.linalg.norm(point - self._points[-3:]) >= TRACK_STEP:
-            self._points.extend(point)
-        if len(self._points) > 3 * MAX_POINTS:
-            points = self._array()
-            keep = np.ones(len(points), bool)
-            keep[1:-1:2] = False
-            self._points = array("f", points[keep].tobytes())
+        if not self._count or np.linalg.norm(point - self._points[self._count - 1]) >= TRACK_STEP:
+            self._points[self._count] = point
+            self._count += 1
+        if self._count > MAX_POINTS:
+            self._count = MAX_POINTS // 2 + 1
+            self._points[: self._count] = self._points[::2]
             self._drawn = 0
 
     def draw(self) -> None:
         """Draw the line if points were added."""
-        if len(self._points) < 6 or len(self._points) == self._drawn:
+        if self._count < 2 or self._count == self._drawn:
             return
-        self._drawn = len(self._points)
-        draw_line(self._scene, self._name, self._array(), self._colour)
-
-    def _array(self) -> Any:
-        """Return the points as rows."""
-        return np.array(self._points, np.float32).reshape(-1, 3)
+        self._drawn = self._count
+        draw_line(self._scene, self._name, self._points[: self._count], self._colour)
 
 
 class VehicleScene:
