@@ -17,63 +17,99 @@ from importlib import import_module
 from hil.common import streams
 from hil.common.errors import EXIT_CODES, STOPPED, ConfigError, DeviceError, HilError, MissingExtraError, MissionError
 
-# name -> module with `main(arguments) -> exit code`, and what it does
+# name -> module with `main(arguments) -> exit code`, and what it does. The first word of two names a family.
 COMMANDS = {
     "demo": ("hil.commands.demo", "run slave and master on this machine, then print the HIL table"),
+    "sim": ("hil.commands.sim.command", "fly the same mission in one process, in real time or as fast as it goes"),
     "slave": ("hil.commands.slave", "run the vehicle daemon on the board"),
     "master": ("hil.commands.master", "plan and fly a scenario with a slave somewhere on the network"),
-    "agent": ("hil.commands.agent", "plan for one vehicle of a fleet, beside its neighbours' planners"),
-    "channel": ("hil.commands.channel", "simulate the acoustic or optical channel between the modems of a fleet"),
-    "scenario": ("hil.commands.files.scenario", "list, show, copy and check scenarios"),
-    "schema": (
-        "hil.commands.files.schema",
-        "print JSON Schemas of all files, for editors that complete and check TOML",
-    ),
-    "sim": ("hil.commands.sim.command", "fly the same mission in one process, in real time or as fast as it goes"),
-    "autopilot": ("hil.commands.autopilot", "test motors and connection of an autopilot, show its parameters"),
-    "campaign": (
-        "hil.commands.campaign.command",
-        "run a mission many times, with other seeds and parameters",
-    ),
-    "case": ("hil.commands.case", "repeat the reference platform's experiments, simulated and with slaves"),
-    "record": ("hil.commands.recording.record", "record what vehicles publish, for Foxglove, PlotJuggler and rosbag2"),
-    "replay": ("hil.commands.recording.replay", "replay a recording on the network, or bit for bit without a clock"),
-    "plot": ("hil.commands.recording.plot", "draw the figures of a recording"),
+    "fleet": ("hil.commands.fleet", "start and stop the slaves of a fleet; run its planners and modems"),
+    "router": ("hil.commands.router", "forward between vehicles and masters that cannot reach each other"),
     "view": ("hil.commands.view.command", "show vehicles live in a browser, and steer them"),
     "teleop": ("hil.commands.view.teleop", "steer a vehicle from a terminal, by keys or with a gamepad"),
-    "foxglove": ("hil.commands.gateways.foxglove", "show vehicles live in Foxglove, over a websocket"),
-    "bench": ("hil.commands.bench.command", "measure a board, a link or a network: the HIL table and more"),
-    "rosbridge": ("hil.commands.gateways.rosbridge", "serve vehicles to web pages and tools that speak rosbridge"),
-    "ros1": ("hil.commands.gateways.ros1", "serve vehicles to a ROS 1 network (Noetic), and command them from there"),
-    "gateway": ("hil.commands.gateways.gateway", "serve vehicles to MATLAB, Octave and others: lines of JSON over TCP"),
-    "mavlink": ("hil.commands.gateways.mavlink", "serve a vehicle to QGroundControl and other MAVLink software"),
-    "loopback": ("hil.commands.loopback", "test a thruster link: losses, errors, round trips"),
-    "frame": ("hil.commands.frame", "describe a thruster frame byte by byte; decode bytes of a line"),
-    "stm32": ("hil.commands.stm32.command", "emulate the STM32 alone; flash a real one, and check its outputs"),
-    "top": ("hil.commands.top.command", "show the health of slaves: loop, processor, memory, temperature, links"),
-    "router": ("hil.commands.router", "forward between vehicles and masters that cannot reach each other"),
-    "fleet": ("hil.commands.fleet", "start, show and stop the slaves of a fleet, here and on hosts over ssh"),
-    "keys": ("hil.commands.keys", "make certificates: who may command a vehicle, and who may listen"),
+    "scenario": ("hil.commands.files.scenario", "list, show, copy and check scenarios; print the files' schemas"),
     "vehicle": ("hil.commands.vehicle.command", "describe a vehicle and what it can do; import one from URDF or SDF"),
-    "tune": ("hil.commands.tune", "find gains for a vehicle's controller from step responses"),
+    "world": ("hil.commands.world", "build worlds from charts and soundings; draw and export them"),
+    "recording make": (
+        "hil.commands.recording.record",
+        "record what vehicles publish, for Foxglove, PlotJuggler and rosbag2",
+    ),
+    "recording replay": (
+        "hil.commands.recording.replay",
+        "replay a recording on the network, or bit for bit without a clock",
+    ),
+    "recording plot": ("hil.commands.recording.plot", "draw the figures of a recording"),
+    "top": ("hil.commands.top.command", "show the health of slaves: loop, processor, memory, temperature, links"),
     "topic": (
         "hil.commands.topic.command",
         "list, echo, measure and publish ROS 2 topics, and call services, without ROS",
     ),
-    "world": ("hil.commands.world", "build worlds from charts and soundings; draw and export them"),
-    "board": ("hil.commands.board.command", "identify this board; install the slave as its service"),
-    "completion": ("hil.commands.completion", "let bash, zsh or fish complete commands, options and keys"),
+    "gateway mavlink": ("hil.commands.gateways.mavlink", "QGroundControl and other MAVLink software"),
+    "gateway json": ("hil.commands.gateways.json_lines", "MATLAB, Octave and others: lines of JSON over TCP"),
+    "gateway foxglove": ("hil.commands.gateways.foxglove", "Foxglove, over a websocket"),
+    "gateway rosbridge": ("hil.commands.gateways.rosbridge", "web pages and tools that speak rosbridge"),
+    "gateway ros1": ("hil.commands.gateways.ros1", "a ROS 1 network (Noetic), with commands from there"),
+    "autopilot": ("hil.commands.autopilot", "test motors and connection of an autopilot, show its parameters"),
+    "bench table": (
+        "hil.commands.bench.table",
+        "master CPU, start-up, memory and command delay, beside the reference platform's",
+    ),
+    "bench delay": ("hil.commands.bench.delay", "where a command's time goes, by load, rate, link, STM32"),
+    "bench echo": (
+        "hil.commands.bench.echo",
+        "echo bare messages beside a slave elsewhere, for the floor of the delay",
+    ),
+    "bench startup": ("hil.commands.bench.startup", "what a start costs, cold and warm, phase by phase"),
+    "bench jitter": ("hil.commands.bench.jitter", "how late the loop wakes up, compared with the kernel"),
+    "bench load": ("hil.commands.bench.load", "CPU and memory over time, by sensors, rates and numbers of vehicles"),
+    "bench stream": ("hil.commands.bench.stream", "what reaches the master: rates, loss, age, bandwidth"),
+    "bench soak": ("hil.commands.bench.soak", "hours of running: growth, drift, reconnects"),
+    "bench compare": ("hil.commands.bench.compare", "which differences between two results are real"),
+    "link loopback": ("hil.commands.loopback", "test a thruster link: losses, errors, round trips"),
+    "link frame": ("hil.commands.frame", "describe a thruster frame byte by byte; decode bytes of a line"),
+    "campaign": ("hil.commands.campaign.command", "run a mission many times, with other seeds and parameters"),
+    "case": ("hil.commands.case", "repeat the reference platform's experiments, simulated and with slaves"),
+    "tune": ("hil.commands.tune", "find gains for a vehicle's controller from step responses"),
     "doctor": ("hil.commands.doctor", "check whether this machine can run a scenario, and what to change"),
+    "board": ("hil.commands.board.command", "identify this board; install the slave as its service"),
+    "stm32": ("hil.commands.stm32.command", "emulate the STM32 alone; flash a real one, and check its outputs"),
+    "keys": ("hil.commands.keys", "make certificates: who may command a vehicle, and who may listen"),
+    "completion": ("hil.commands.completion", "let bash, zsh or fish complete commands, options and keys"),
 }
 
-# heading of the help -> its commands
+# first word of the names of a family -> what its commands do
+FAMILIES = {
+    "recording": "record what vehicles publish; replay and draw recordings",
+    "gateway": "serve vehicles to other software: MAVLink, JSON, Foxglove, rosbridge, ROS 1",
+    "bench": "measure a board, a link or a network: the HIL table and more",
+    "link": "test a thruster link, and describe its frames",
+}
+
+# heading of the help -> its commands and families
 GROUPS = {
-    "fly": ("demo", "sim", "slave", "master", "agent", "channel", "fleet", "router", "view", "teleop"),
-    "describe what flies": ("scenario", "vehicle", "world", "frame", "schema"),
-    "record and look": ("record", "replay", "plot", "top", "topic"),
-    "connect other software": ("autopilot", "mavlink", "gateway", "foxglove", "rosbridge", "ros1"),
-    "measure and repeat": ("bench", "loopback", "campaign", "case", "tune"),
+    "fly": ("demo", "sim", "slave", "master", "fleet", "router", "view", "teleop"),
+    "describe what flies": ("scenario", "vehicle", "world"),
+    "record and look": ("recording", "top", "topic"),
+    "connect other software": ("gateway", "autopilot"),
+    "measure and repeat": ("bench", "link", "campaign", "case", "tune"),
     "set up a machine": ("doctor", "board", "stm32", "keys", "completion"),
+}
+
+# former name -> present one
+ALIASES = {
+    "agent": "fleet agent",
+    "channel": "fleet channel",
+    "schema": "scenario schema",
+    "record": "recording make",
+    "replay": "recording replay",
+    "plot": "recording plot",
+    "mavlink": "gateway mavlink",
+    "foxglove": "gateway foxglove",
+    "rosbridge": "gateway rosbridge",
+    "ros1": "gateway ros1",
+    "gateway": "gateway json",
+    "loopback": "link loopback",
+    "frame": "link frame",
 }
 
 EXAMPLES = (
@@ -121,8 +157,9 @@ EXTRAS = {
     "ray": "cluster",
 }
 # What is a board, or measures one: real-time scheduling, pseudo terminals, /proc.
-LINUX_ONLY = ("demo", "slave", "stm32", "loopback", "board", "doctor")
+LINUX_ONLY = ("demo", "slave", "stm32", "link loopback", "board", "doctor", "bench")
 UNIX = ("fcntl", "termios", "pwd")  # modules that Windows lacks
+HELP = {"-h", "--help"}
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 
 
@@ -138,9 +175,10 @@ def main(arguments: list[str] | None = None) -> int:
         if arguments is None:
             streams.prepare()
         words = sys.argv[1:] if arguments is None else arguments
-        name = f"uuv-hil {words[0]}" if words and words[0] in COMMANDS else name
+        command, words = find_command(words)
+        name = f"uuv-hil {command}" if command in COMMANDS else name
         try:
-            return _dispatch(words)
+            return _dispatch(command, words)
         finally:
             sys.stdout.flush()  # we report what cannot be written, not the interpreter as it ends
     except HilError as error:
@@ -175,12 +213,28 @@ def _print_own_traceback(name: str, error: Exception) -> bool:
     return True
 
 
-def _dispatch(arguments: list[str]) -> int:
-    """Return one subcommand's exit code, or that of --help and --version. Raises HilError, OSError."""
-    if arguments[:1] == ["help"]:  # `uuv-hil help scenario check` is `uuv-hil scenario check --help`
-        arguments = [*arguments[1:], "--help"]
-    name = arguments[0] if arguments else "--help"
-    if name in ("-h", "--help"):
+def find_command(words: list[str]) -> tuple[str, list[str]]:
+    """Return the name of the command that `words` begin with, and the other words.
+
+    `help scenario check` is `scenario check --help`. A former name is replaced, and the present one is named on
+    standard error. Without a command, the name is a family's, an option, or unknown; "--help" if there are no words.
+    """
+    if words[:1] == ["help"]:
+        words = [*words[1:], "--help"]
+    first, second = [*words, "", ""][:2]
+    if f"{first} {second}" in COMMANDS:
+        return f"{first} {second}", words[2:]
+    if first in ALIASES and (first not in FAMILIES or not second or (second[0] == "-" and not {second} & HELP)):
+        print(f"`uuv-hil {first}` is now `uuv-hil {ALIASES[first]}`", file=sys.stderr)
+        return find_command([*ALIASES[first].split(), *words[1:]])
+    return first or "--help", words[1:]
+
+
+def _dispatch(name: str, arguments: list[str]) -> int:
+    """Return one command's exit code, or that of --help and --version. Raises HilError, OSError."""
+    if name in COMMANDS:
+        return _run(name, arguments)
+    if name in HELP:
         print(_help())
         return 0
     if name in ("-V", "--version"):
@@ -188,16 +242,25 @@ def _dispatch(arguments: list[str]) -> int:
 
         print(f"uuv-hil {__version__}")
         return 0
-    if name not in COMMANDS:
-        from hil.common.schema import nearest
+    if name in FAMILIES and (not arguments or arguments[0] in HELP):
+        print(_family_help(name))
+        return 0
+    from hil.common.schema import nearest
 
-        raise ConfigError(f"no command {name!r}{nearest(name, list(COMMANDS))}; there are: {', '.join(COMMANDS)}")
-    return _run(name, arguments[1:])
+    family = FAMILIES.get(name) and f"{name} "
+    word = arguments[0] if family else name
+    known = members(name) if family else [one for names in GROUPS.values() for one in names]
+    raise ConfigError(f"no command {(family or '') + word!r}{nearest(word, known)}; there are: {', '.join(known)}")
+
+
+def members(family: str) -> list[str]:
+    """Return the second words of a family's commands."""
+    return [name.partition(" ")[2] for name in COMMANDS if name.startswith(f"{family} ")]
 
 
 def _run(name: str, arguments: list[str]) -> int:
-    """Return one subcommand's exit code. Raises HilError, also for a missing package of an extra."""
-    if name in LINUX_ONLY and sys.platform != "linux":
+    """Return one command's exit code. Raises HilError, also for a missing package of an extra."""
+    if {name, name.partition(" ")[0]} & set(LINUX_ONLY) and name != "bench compare" and sys.platform != "linux":
         from hil.common.errors import require_linux
 
         require_linux(name)
@@ -220,11 +283,11 @@ def _help() -> str:
     from hil.common.columns import aligned, paragraph, terminal_width
     from hil.common.text import wrap_command
 
-    width = max(map(len, COMMANDS))
+    width = max(len(name) for names in GROUPS.values() for name in names)
     rows = ""
     for heading, names in GROUPS.items():
-        lines = aligned([(name.ljust(width), COMMANDS[name][1]) for name in names], indent="  ")
-        rows += "\n".join(["", f"{heading}:", *lines, ""])
+        about = [(name.ljust(width), FAMILIES.get(name) or COMMANDS[name][1]) for name in names]
+        rows += "\n".join(["", f"{heading}:", *aligned(about, indent="  "), ""])
     examples = "\n".join([piece for line in EXAMPLES for piece in wrap_command(line, terminal_width())])
     more = "uuv-hil COMMAND --help, or uuv-hil help COMMAND, shows each command's options, uuv-hil -V the version."
     return f"""usage: uuv-hil COMMAND [OPTIONS]
@@ -235,6 +298,23 @@ examples:
 {examples}
 
 {paragraph(more)}
+
+{paragraph(EXIT_CODES)}"""
+
+
+def _family_help(family: str) -> str:
+    from hil.common.columns import aligned, paragraph
+
+    about = FAMILIES[family]
+    rows = "\n".join(aligned([(name, COMMANDS[f"{family} {name}"][1]) for name in members(family)], indent="  "))
+    return f"""usage: uuv-hil {family} COMMAND [OPTIONS]
+
+{paragraph(f"{about[0].upper()}{about[1:]}.")}
+
+commands:
+{rows}
+
+{paragraph(f"uuv-hil {family} COMMAND --help shows each one's options and examples.")}
 
 {paragraph(EXIT_CODES)}"""
 

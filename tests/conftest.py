@@ -74,7 +74,9 @@ def pytest_sessionstart() -> None:
 
 
 SYSTEM_TESTS = Path(__file__).parent / "system"
-DEFAULT_RECORDINGS = Path(__file__).parent.parent / "recordings"  # where `uuv-hil record` and slaves write by default
+DEFAULT_RECORDINGS = (
+    Path(__file__).parent.parent / "recordings"
+)  # where `uuv-hil recording make` and slaves write by default
 
 
 @pytest.fixture(autouse=True)

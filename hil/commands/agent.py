@@ -1,30 +1,27 @@
-"""`uuv-hil agent`: plan for one vehicle of a fleet, beside its neighbours' planners."""
+"""`uuv-hil fleet agent`: plan for one vehicle of a fleet, beside its neighbours' planners."""
+
+import argparse
+from typing import Any
 
 from hil.commands.listening import add_wait
-from hil.common.options import add_member, add_scenario, changes_of, new_parser
+from hil.common.options import add_member, add_scenario, changes_of
 from hil.common.stop import StopSignals
-from hil.master.agent import run
-from hil.scenario.config import load_scenario
-
-EXAMPLES = """\
-Each vehicle of a fleet has its slave and its agent. The agents find each other at the endpoints that the
-scenario names, and wait for the agents of all vehicles that start nearby. Ctrl-C ends it; the vehicle then stops.
-
-examples:
-  uuv-hil slave target_hunting --member uuv2 &
-  uuv-hil agent target_hunting --member uuv2
-
-All of them at once: uuv-hil case target_hunting --hil
-"""
 
 
-def main(arguments: list[str]) -> int:
-    """Plan for the vehicle until stopped; return the exit code. Raises MissionError if something went wrong with it."""
-    parser = new_parser("agent", __doc__, EXAMPLES)
+def add_to(actions: Any) -> None:
+    """Add the action to those of `uuv-hil fleet`."""
+    parser = actions.add_parser("agent", help="plan for one vehicle, beside its neighbours' planners")
     add_scenario(parser, None)
     add_member(parser)
     add_wait(parser, 60.0)
-    options = parser.parse_args(arguments)
+    parser.set_defaults(run=_run)
+
+
+def _run(options: argparse.Namespace) -> int:
+    """Plan for the vehicle until stopped; return the exit code. Raises MissionError if something went wrong with it."""
+    from hil.master.agent import run
+    from hil.scenario.config import load_scenario
+
     scenario = load_scenario(options.scenario, changes_of(options))
     with StopSignals() as stop_fd:
         run(scenario, options.member, stop_fd, _report, options.wait)

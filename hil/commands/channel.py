@@ -1,35 +1,31 @@
-"""`uuv-hil channel`: simulate the channel between the modems of a fleet."""
+"""`uuv-hil fleet channel`: simulate the channel between the modems of a fleet."""
+
+import argparse
+from typing import Any
 
 from hil.commands.listening import is_routed
 from hil.common.clock import NS_PER_S, now_ns
 from hil.common.errors import ConfigError
-from hil.common.options import add_scenario, changes_of, new_parser
+from hil.common.options import add_scenario, changes_of
 from hil.common.stop import StopSignals, is_stopped
-from hil.master.acoustic_channel import ModemNetwork, summary
-from hil.network.roles import open_master_session
-from hil.scenario.config import load_scenario
-from hil.scenario.modem import modem_of
 
-EXAMPLES = """\
-The agents of a fleet whose scenario has a [modem] report by sound or light instead of the network. This process
-simulates the modem channel: it receives the true positions of all vehicles, and delivers each message to the vehicles
-that it reaches. It connects to all slaves and agents, on whatever machines they are. Ctrl-C ends it.
-
-examples:
-  uuv-hil slave target_hunting_acoustic --member uuv1 &      and so on, one a vehicle
-  uuv-hil agent target_hunting_acoustic --member uuv1 &
-  uuv-hil channel target_hunting_acoustic
-
-All of them at once: uuv-hil case target_hunting_acoustic --hil
-"""
 REPORT_PERIOD_S = 5.0
 
 
-def main(arguments: list[str]) -> int:
-    """Simulate the channel until SIGINT or SIGTERM; return the exit code. Raises ConfigError, NetworkError."""
-    parser = new_parser("channel", __doc__, EXAMPLES)
+def add_to(actions: Any) -> None:
+    """Add the action to those of `uuv-hil fleet`."""
+    parser = actions.add_parser("channel", help="simulate the acoustic or optical channel between the modems")
     add_scenario(parser, None)
-    options = parser.parse_args(arguments)
+    parser.set_defaults(run=_run)
+
+
+def _run(options: argparse.Namespace) -> int:
+    """Simulate the channel until SIGINT or SIGTERM; return the exit code. Raises ConfigError, NetworkError."""
+    from hil.master.acoustic_channel import ModemNetwork, summary
+    from hil.network.roles import open_master_session
+    from hil.scenario.config import load_scenario
+    from hil.scenario.modem import modem_of
+
     scenario = load_scenario(options.scenario, changes_of(options))
     if scenario.security:
         raise ConfigError(f"{scenario.path}: the simulated acoustic channel has no [security]: leave it out")

@@ -52,11 +52,16 @@ def parser_for(words: list[str], commands: dict[str, tuple[str, str]]) -> argpar
     parser = argparse.ArgumentParser(prog="uuv-hil")
     parser.add_argument("-V", "--version", action="store_true")
     actions = parser.add_subparsers()
+    families: dict[str, Any] = {}  # first word -> the actions of its parser
     for name, (module, purpose) in commands.items():
-        actions.add_parser(name, help=purpose)
-        if words[:1] == [name]:
-            actions.choices[name] = _bench_parser(words[1:]) if name == "bench" else find_parser(module)
-            _add_completers(actions.choices[name])
+        *family, last = name.split()
+        if family and family[0] not in families:
+            families[family[0]] = actions.add_parser(family[0]).add_subparsers()
+        beside = families[family[0]] if family else actions
+        beside.add_parser(last, help=purpose)
+        if words[: len(family) + 1] == name.split():
+            beside.choices[last] = find_parser(module)
+            _add_completers(beside.choices[last])
     return parser
 
 
@@ -77,13 +82,6 @@ def find_parser(module: str) -> argparse.ArgumentParser:
         for name, method in real.items():
             setattr(argparse.ArgumentParser, name, method)
     raise RuntimeError(f"{module}: main has created no parser")
-
-
-def _bench_parser(words: list[str]) -> argparse.ArgumentParser:
-    """Return the parser of all benchmarks, which is one more level of commands."""
-    from hil.commands.bench.command import BENCHMARKS
-
-    return parser_for(words, BENCHMARKS)
 
 
 def _add_completers(parser: argparse.ArgumentParser) -> None:

@@ -1,10 +1,13 @@
-"""`uuv-hil fleet`: start, show and stop the slaves of a fleet, on this machine and on hosts over ssh."""
+"""`uuv-hil fleet`: start and stop the slaves of a fleet, here and on hosts over ssh; run its planners and modems."""
 
+import argparse
 import json
 import os
 import sys
+from collections.abc import Callable
 from typing import Any
 
+from hil.commands import agent, channel
 from hil.common.children import module_command
 from hil.common.columns import aligned
 from hil.common.errors import ConfigError, DeviceError
@@ -19,40 +22,66 @@ Each [[member]] of the scenario becomes a slave with a log in ~/.cache/uuv-hil/f
 until `down`, also after this command has ended. A host is a name for `ssh`, with a key that needs no password. The
 scenario's file is copied to it; vehicles and worlds that the scenario names by path must be there already.
 
+Each slave needs its planner, `agent`. The agents find each other at the endpoints that the scenario names, and wait for
+the agents of all vehicles that start nearby. Where the scenario has a [modem], they report by sound or light, and
+`channel` simulates that: it receives the true positions of all vehicles, and delivers each message to the vehicles that
+it reaches. Ctrl-C ends an agent, whose vehicle then stops, and the channel.
+All of it at once on this machine: uuv-hil case target_hunting --hil
+
 examples:
   uuv-hil fleet up mine.toml                                         all on this machine
   uuv-hil fleet up mine.toml --on uuv1=pi@192.168.3.116 --on uuv2=pi@192.168.3.117
   uuv-hil fleet status mine.toml
   uuv-hil fleet down mine.toml
+  uuv-hil fleet agent mine.toml --member uuv2
+  uuv-hil fleet channel mine.toml
 """
 
 
 def main(arguments: list[str]) -> int:
-    """Start, show or stop a fleet; 3 if `status` finds one that does not run. Raises HilError."""
+    """Start, show or stop a fleet, or run its planners and modems; 3 if a slave does not run. Raises HilError."""
+    options = _parser().parse_args(arguments)
+    run: Callable[[argparse.Namespace], int] = options.run
+    return run(options)
+
+
+def _parser() -> argparse.ArgumentParser:
     parser = new_parser("fleet", __doc__, EXAMPLES)
-    parser.add_argument("action", choices=("up", "status", "down"), help="start, show or stop the slaves")
-    add_scenario_name(parser, of="the fleet: ")
-    parser.add_argument("--on", metavar="NODE=HOST", action="append", default=[], help="up: where a member runs [here]")
-    parser.add_argument(
-        "--ssh", metavar="COMMAND", default=fleet.SSH, help="up: command that reaches hosts [%(default)s]"
-    )
-    parser.add_argument("--program", metavar="PATH", default="uuv-hil", help="up: this command on hosts [%(default)s]")
-    add_changes(parser)
-    add_json(parser)
-    options = parser.parse_args(arguments)
-    if options.action == "up":
-        hosts = _hosts(options.scenario, options.on, changes_of(options))
-        programs = {host: [options.program] for host in hosts.values()} | {"": module_command("hil")}
-        path = os.path.abspath(load_scenario(options.scenario).path)
-        changes = [word for change in options.set for word in ("--set", change)]
-        text = read_bytes(path).decode("utf-8-sig")
-        started = fleet.start(path, text, hosts, programs, options.ssh, changes)
-        if options.json:
-            print(json.dumps([one._asdict() for one in started]))
-            return 0
-        for one in started:
-            print(f"{one.member}: started{f' on {one.host}' if one.host else ''}, process {one.pid}")
+    actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
+    up = actions.add_parser("up", help="start the slaves")
+    up.add_argument("--on", metavar="NODE=HOST", action="append", default=[], help="where a member runs [here]")
+    up.add_argument("--ssh", metavar="COMMAND", default=fleet.SSH, help="command that reaches hosts [%(default)s]")
+    up.add_argument("--program", metavar="PATH", default="uuv-hil", help="this command on hosts [%(default)s]")
+    up.set_defaults(run=_up)
+    status = actions.add_parser("status", help="show the slaves; 3 if one does not run")
+    status.set_defaults(run=_query)
+    down = actions.add_parser("down", help="stop the slaves")
+    down.set_defaults(run=_query)
+    for slaves in (up, status, down):
+        add_scenario_name(slaves, of="the fleet: ")
+        add_json(slaves)
+    add_changes(up)
+    agent.add_to(actions)
+    channel.add_to(actions)
+    return parser
+
+
+def _up(options: argparse.Namespace) -> int:
+    hosts = _hosts(options.scenario, options.on, changes_of(options))
+    programs = {host: [options.program] for host in hosts.values()} | {"": module_command("hil")}
+    path = os.path.abspath(load_scenario(options.scenario).path)
+    changes = [word for change in options.set for word in ("--set", change)]
+    text = read_bytes(path).decode("utf-8-sig")
+    started = fleet.start(path, text, hosts, programs, options.ssh, changes)
+    if options.json:
+        print(json.dumps([one._asdict() for one in started]))
         return 0
+    for one in started:
+        print(f"{one.member}: started{f' on {one.host}' if one.host else ''}, process {one.pid}")
+    return 0
+
+
+def _query(options: argparse.Namespace) -> int:
     path = os.path.abspath(find_preset(SCENARIOS, options.scenario))
     members, ssh = fleet.load_started(path, options.scenario)
     if options.action == "down":

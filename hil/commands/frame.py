@@ -1,4 +1,4 @@
-"""`uuv-hil frame`: describe a frame file byte by byte, and decode bytes of a line with it."""
+"""`uuv-hil link frame`: describe a frame file byte by byte, and decode bytes of a line with it."""
 
 import argparse
 import re
@@ -19,11 +19,11 @@ EXAMPLES = """\
 The exit code is 1 if some of the bytes are damaged, dropped, malformed or left over.
 
 examples:
-  uuv-hil frame list
-  uuv-hil frame check aa55                                  its byte tables and wire times
-  uuv-hil frame check my_lab.toml --thrusters 8 --rate 100
-  uuv-hil frame check aa55 AA 55 05 10 07 01 f4 01 12       decode these bytes
-  xxd -p capture.bin | uuv-hil frame check my_lab.toml -    decode the bytes of a file
+  uuv-hil link frame list
+  uuv-hil link frame check aa55                                  its byte tables and wire times
+  uuv-hil link frame check my_lab.toml --thrusters 8 --rate 100
+  uuv-hil link frame check aa55 AA 55 05 10 07 01 f4 01 12       decode these bytes
+  xxd -p capture.bin | uuv-hil link frame check my_lab.toml -    decode the bytes of a file
 """
 FRAMES = "firmware_stub/frames"
 BAUDS = (9_600, 57_600, 115_200, 460_800, 921_600, 2_000_000)
@@ -54,7 +54,7 @@ def main(arguments: list[str]) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = new_parser("frame", __doc__, EXAMPLES)
+    parser = new_parser("link frame", __doc__, EXAMPLES)
     actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
     actions.add_parser("list", help="list the frames")
     check = actions.add_parser("check", help="describe a frame file, or decode bytes with it")

@@ -1,4 +1,4 @@
-"""`uuv-hil loopback`: measure losses and round trips of a thruster link, with both ends here or one."""
+"""`uuv-hil link loopback`: measure losses and round trips of a thruster link, with both ends here or one."""
 
 import json
 import sys
@@ -20,13 +20,13 @@ STM32 (`--stm32 device`), or TX is connected to RX (`--stm32 jumper`). A real ST
 move nothing, unless --spin is given: take the propellers off first.
 
 examples:
-  uuv-hil loopback                                               both ends, a pty
-  uuv-hil loopback --fault baud=115200 --rate 0                  paced as a UART, as many commands as it carries
-  uuv-hil loopback --protocol mavlink --stm32 unicorn            the firmware image, MAVLink
-  uuv-hil loopback --protocol vesc --port can:virtual:bus0
-  uuv-hil loopback --fault drop=0.05 --fault delay="20 ms" --max-loss 0.12
-  uuv-hil loopback --stm32 device --port /dev/ttyUSB0 --baud 921600 --max-p99 "5 ms"
-  uuv-hil loopback --stm32 jumper --port /dev/serial0 --json
+  uuv-hil link loopback                                               both ends, a pty
+  uuv-hil link loopback --fault baud=115200 --rate 0                  paced as a UART, as many commands as it carries
+  uuv-hil link loopback --protocol mavlink --stm32 unicorn            the firmware image, MAVLink
+  uuv-hil link loopback --protocol vesc --port can:virtual:bus0
+  uuv-hil link loopback --fault drop=0.05 --fault delay="20 ms" --max-loss 0.12
+  uuv-hil link loopback --stm32 device --port /dev/ttyUSB0 --baud 921600 --max-p99 "5 ms"
+  uuv-hil link loopback --stm32 jumper --port /dev/serial0 --json
 """
 LIMIT_BROKEN = 1
 RATE = Number(0.01, 10_000.0, "Hz", also=(0,))
@@ -55,7 +55,7 @@ def main(arguments: list[str]) -> int:
 
 
 def _parser() -> Any:
-    parser = new_parser("loopback", __doc__, EXAMPLES)
+    parser = new_parser("link loopback", __doc__, EXAMPLES)
     add_link(parser, "pty:")
     add = parser.add_argument
     kinds = [*DRIVERS, "jumper"]

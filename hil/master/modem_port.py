@@ -1,7 +1,7 @@
 """Connect the planner of one vehicle of a fleet to its modem: send reports in its slot, receive those of others.
 
-On the network a modem consists of two topics, `modem_tx` and `modem_rx`. `uuv-hil channel` connects them: it simulates
-the water.
+On the network a modem consists of two topics, `modem_tx` and `modem_rx`. `uuv-hil fleet channel` connects them: it
+simulates the water.
 """
 
 from hil.common.clock import NS_PER_S, from_wall_ns, now_ns, to_wall_ns

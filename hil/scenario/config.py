@@ -274,7 +274,7 @@ def load_single(name: str, changes: dict[str, Any] | None = None, remedy: str = 
     if not scenario.member:
         return scenario
     nodes = [member.node for member in scenario.member]
-    started = " and ".join([f"`uuv-hil {command} {name} --member {nodes[0]}`" for command in ("slave", "agent")])
+    started = " and ".join([f"`uuv-hil {command} {name} --member {nodes[0]}`" for command in ("slave", "fleet agent")])
     all_at_once = "all at once, for the installed fleets: `uuv-hil case target_hunting --hil`"
     remedy = remedy or f"and this command flies one vehicle; start {started}, and so on for each ({all_at_once})"
     raise ConfigError(f"{scenario.path}: member: this is a fleet ({', '.join(nodes)}), {remedy}")

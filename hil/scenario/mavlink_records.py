@@ -1,4 +1,4 @@
-"""Record of the section [mavlink], and the endpoints that it names; `uuv-hil mavlink` reads both."""
+"""Record of the section [mavlink], and the endpoints that it names; `uuv-hil gateway mavlink` reads both."""
 
 from typing import Annotated, Literal, NamedTuple
 
@@ -62,7 +62,7 @@ class Mavlink(NamedTuple):
     signs all packets and refuses unsigned ones. `parameters` is the file of stored parameters (default: a file of this
     user for the node), `logs` the folder that MAVFTP offers. `video_port` serves the camera's picture as MJPEG over
     HTTP on this machine (0: off); `rtp` ("HOST:PORT") receives it as H.264; `camera` is the name of that camera. With
-    `start` the slave starts this process; otherwise run `uuv-hil mavlink`.
+    `start` the slave starts this process; otherwise run `uuv-hil gateway mavlink`.
     """
 
     endpoints: tuple[str, ...] = ("udpout:127.0.0.1:14550", "tcpin:127.0.0.1:5760")

@@ -117,9 +117,9 @@ class Recording(NamedTuple):
     """Recording of a run, and its limits on the disk.
 
     `slave` and `master` select who records: the slave into `folder`, with the inputs that make its run repeatable to
-    the bit (`uuv-hil replay --check`), the master into the folder of the run. A new file begins at `file_size`. Beyond
-    `total_size` the oldest files of the recording are removed; without the first one the run cannot be repeated.
-    Recording ends if less than `keep_free` is left on the disk.
+    the bit (`uuv-hil recording replay --check`), the master into the folder of the run. A new file begins at
+    `file_size`. Beyond `total_size` the oldest files of the recording are removed; without the first one the run cannot
+    be repeated. Recording ends if less than `keep_free` is left on the disk.
     """
 
     slave: bool = False

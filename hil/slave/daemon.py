@@ -95,7 +95,7 @@ def _start_mavlink(scenario: Scenario) -> Callable[[], None]:
     from hil.slave.spawn import start_program
 
     at = "--connect", scenario.slave.listen, "--vehicle", scenario.slave.node
-    return start_program("mavlink", scenario.path, *at)
+    return start_program("gateway", "mavlink", scenario.path, *at)
 
 
 def _settle_realtime(scenario: Scenario) -> list[str]:

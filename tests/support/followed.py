@@ -15,6 +15,7 @@ from contextlib import ExitStack
 from pathlib import Path
 from typing import NamedTuple
 
+from hil.cli import find_command
 from hil.common.children import package_environment
 from tests.support.documents import ROOT, Block, blocks
 from tests.support.processes import Program, free_port, wait_for
@@ -35,13 +36,16 @@ NOT_TYPED = {
 CHARTS = os.environ.get("UUV_HIL_CHARTS", "")
 # What runs until Ctrl-C, and what it says when it does what it is for.
 UNTIL_CTRL_C = {
-    "--view": r"watch at", "slave": r"ready", "router": r"forwarding", "stm32": r"Ctrl-C", "gateway": r"lines of JSON",
-    "foxglove": r"connected:", "topic hz": r"[1-9]\d*\.\d\d Hz", "topic pub": r"publishing", "top": r"loop \(Hz\)",
-    "record": r"recording", "agent": r"", "channel": r"modems of", "view": r"watch at", "mavlink": r"Ctrl-C ends it",
+    "--view": r"watch at", "slave": r"ready", "router": r"forwarding", "stm32": r"Ctrl-C",
+    "gateway json": r"lines of JSON", "gateway foxglove": r"connected:",
+    "topic hz": r"[1-9]\d*\.\d\d Hz", "topic pub": r"publishing",
+    "top": r"loop \(Hz\)",
+    "recording make": r"recording", "fleet agent": r"", "fleet channel": r"modems of", "view": r"watch at",
+    "gateway mavlink": r"Ctrl-C ends it",
 }  # fmt: skip
 SERVERS = ("slave", "stm32", "router")  # they stay while the rest of the page is followed
-LISTENERS = {"slave", "demo", "replay"}
-CLIENTS = {"topic", "top", "record", "foxglove", "gateway", "view", "mavlink"}
+LISTENERS = {"slave", "demo", "recording replay"}
+CLIENTS = {"topic", "top", "recording make", "gateway foxglove", "gateway json", "view", "gateway mavlink"}
 SECONDS = 400.0
 
 
@@ -148,7 +152,7 @@ class Follower:
         line = re.sub(r"--seeds \d+", "--seeds 2", self._with_local_addresses(line)).replace(
             ":14550", f":{free_port()}"
         )
-        name = line.split()[1]
+        name, _ = find_command(line.split()[1:])
         secured = any("tls/" in file.read_text() for file in self.cwd.glob("*.toml") if file.name in line)
         if name in LISTENERS and not secured and not re.search("--listen|--check|--connect|--foxglove", line):
             line += f" --listen tcp/127.0.0.1:{self.port}"
@@ -156,9 +160,9 @@ class Follower:
             line += f" --connect tcp/127.0.0.1:{self.port}"
         if re.search("topic (echo|hz)", line):
             line += " --wait 60"  # for a camera that starts on a busy machine
-        if name in ("gateway", "foxglove", "view") and "--listen" not in line:
+        if name in ("gateway json", "gateway foxglove", "view") and "--listen" not in line:
             line += " --listen 127.0.0.1:0"
-        if name == "mavlink" and "--endpoint" not in line:
+        if name == "gateway mavlink" and "--endpoint" not in line:
             line += f" --endpoint tcpin:127.0.0.1:{free_port()}"
         return line
 
@@ -179,7 +183,7 @@ class Follower:
         command = ["bash", "-c", f'exec {sys.executable} -m hil "$@"'.replace('"$@"', line.removeprefix("uuv-hil "))]
         path = os.pathsep.join([str(self.cwd), str(ROOT)])
         environment = {**package_environment(), "COLUMNS": "80", "PYTHONPATH": path}
-        listens = arguments[0] in LISTENERS and "--foxglove" not in arguments
+        listens = find_command(arguments)[0] in LISTENERS and "--foxglove" not in arguments
         replaced = "slave" if listens else name if endless else ""  # which listens where this will
         if replaced in self._servers:
             self._servers.pop(replaced).stop(signal.SIGINT)

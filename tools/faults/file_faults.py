@@ -74,14 +74,14 @@ BAD_FILES = (
         "not an MCAP",
         ".mcap",
         lambda r: r.randbytes(65_536),
-        ("replay", "--check", "{file}"),
+        ("recording", "replay", "--check", "{file}"),
     ),
     BadFile(
         "recording cut after its head",
         "not an MCAP",
         ".mcap",
         lambda r: b"\x89MCAP0\r\n",
-        ("plot", "-o", "{folder}", "{file}"),
+        ("recording", "plot", "-o", "{folder}", "{file}"),
     ),
 )
 

@@ -5,8 +5,7 @@ import re
 from collections.abc import Iterator
 from inspect import getdoc
 
-from hil.cli import COMMANDS
-from hil.commands.bench.command import BENCHMARKS
+from hil.cli import COMMANDS, FAMILIES
 from hil.commands.completion import find_parser
 from hil.common import errors
 from hil.common.options import subparsers
@@ -45,21 +44,25 @@ def page() -> str:
     codes = {kind.exit_code: (getdoc(kind) or "").split("\n")[0] for kind in KINDS} | {1: CODE_1} | OTHER_CODES
     rows = "".join(f"| {code} | {text} |\n" for code, text in sorted(codes.items()))
     parts = [HEAD + rows]
+    families = dict(FAMILIES)
     for name, (module, purpose) in COMMANDS.items():
-        parts.append(f"## {name}\n\n{purpose[0].upper()}{purpose[1:]}.\n")
-        if name == "bench":
-            for benchmark, (inner, text) in BENCHMARKS.items():
-                parts.append(f"### bench {benchmark}\n\n{text[0].upper()}{text[1:]}.\n")
-                parts += _describe(find_parser(inner))
-        else:
-            parts += _describe(find_parser(module))
+        family, _, member = name.partition(" ")
+        if member and (about := families.pop(family, "")):
+            parts.append(_heading("##", family, about))
+        parts.append(_heading("###" if member else "##", name, purpose))
+        parts += _describe(find_parser(module))
     return "\n".join(parts)
+
+
+def _heading(marks: str, name: str, about: str) -> str:
+    return f"{marks} {name}\n\n{about[0].upper()}{about[1:]}.\n"
 
 
 def _describe(parser: argparse.ArgumentParser) -> Iterator[str]:
     """Yield the parts of one command: usage, table of options, subcommands, examples."""
     inner = subparsers(parser)
-    is_part = len(parser.prog.split()) > 2 and " bench " not in parser.prog  # its command shows the examples
+    name = parser.prog.removeprefix("uuv-hil ")
+    is_part = name not in COMMANDS  # its command shows the examples
     actions = [a for a in parser._actions if not isinstance(a, (argparse._HelpAction, argparse._SubParsersAction))]
     if actions:
         yield "| argument | meaning |\n|---|---|\n" + "".join(_row(parser, action) for action in actions)

@@ -247,8 +247,8 @@ def frame_file() -> str:
         layout.Stuffing,
     ]
     sections = [Section("Top level", layout.FrameLayout), *[Section(kind.__name__, kind) for kind in kinds]]
-    return _page("Frame file", "A frame file describes the bytes of a thruster protocol. `uuv-hil frame check FILE` "
-                 "explains one. " + _presets("firmware_stub/frames"), sections)  # fmt: skip
+    return _page("Frame file", "A frame file describes the bytes of a thruster protocol. `uuv-hil link frame check "
+                 "FILE` explains one. " + _presets("firmware_stub/frames"), sections)  # fmt: skip
 
 
 PAGES = {

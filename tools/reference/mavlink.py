@@ -15,7 +15,7 @@ from hil.gateways.mavlink.protocols.streams import DEFAULT_HZ
 HEAD = """\
 # MAVLink vehicle
 
-What [`uuv-hil mavlink`](../how-to/qgroundcontrol.md) sends and accepts: MAVLink 2, component 1, vehicle type
+What [`uuv-hil gateway mavlink`](../how-to/qgroundcontrol.md) sends and accepts: MAVLink 2, component 1, vehicle type
 submarine. This page is made by `python -m tools.reference` from `hil/gateways/mavlink/`.
 
 """

@@ -49,8 +49,8 @@ def _start(stack: ExitStack, folder: Path) -> tuple[dict[str, psutil.Process], "
     endpoint = f"tcp/127.0.0.1:{slave}"
     commands = {
         "slave": ("slave", "open_water", "--listen", endpoint),
-        "mavlink": ("mavlink", "--connect", endpoint, "--endpoint", f"udpin:127.0.0.1:{link}"),
-        "record": ("record", "--connect", endpoint, "--output", str(folder / "recording")),
+        "mavlink": ("gateway", "mavlink", "--connect", endpoint, "--endpoint", f"udpin:127.0.0.1:{link}"),
+        "record": ("recording", "make", "--connect", endpoint, "--output", str(folder / "recording")),
         VIEW: ("view", "--connect", endpoint, "--listen", f"127.0.0.1:{page}", "--no-browser"),
     }
     processes = {}

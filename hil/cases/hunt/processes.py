@@ -57,7 +57,7 @@ def fly(scenario: Scenario, folder: str, watch: HuntWatch) -> Costs:
     Raises KeyboardInterrupt on a stop signal, NetworkError if a process ends or stops sending.
     """
     slaves = {f"slave_{m.node}": ["slave", scenario.path, "--member", m.node] for m in scenario.member}
-    agents = {f"agent_{m.node}": ["agent", scenario.path, "--member", m.node] for m in scenario.member}
+    agents = {f"agent_{m.node}": ["fleet", "agent", scenario.path, "--member", m.node] for m in scenario.member}
     with (
         StopSignals() as stop_fd,
         ProcessGroup(slaves, folder) as vehicles,

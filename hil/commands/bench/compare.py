@@ -7,6 +7,7 @@ from typing import Any
 
 from hil.bench.comparison import MIN_VALUES, Difference, Verdict, compare, different_conditions
 from hil.bench.record import load
+from hil.commands.bench.options import benchmark
 from hil.common.columns import aligned
 from hil.common.errors import ConfigError
 from hil.common.options import Share, add_json, new_parser
@@ -30,6 +31,7 @@ UNDECIDED: dict[Verdict, str] = {
 }
 
 
+@benchmark
 def main(arguments: list[str]) -> int:
     """Compare and print; return 0, or 1 with --fail-on-regression when something became worse. Raises ConfigError."""
     parser = new_parser("bench compare", __doc__, EXAMPLES)

@@ -16,6 +16,7 @@ from hil.commands.bench.options import (
     add_repeat,
     add_results,
     add_seconds,
+    benchmark,
     check_plot,
     limits_of,
     save_record,
@@ -90,6 +91,7 @@ class Case(NamedTuple):
         return ", ".join(words) or "as the scenario has it"
 
 
+@benchmark
 def main(arguments: list[str]) -> int:
     """Measure and print; return 0, or 1 when a limit is broken. Raises HilError."""
     options = _parser().parse_args(arguments)

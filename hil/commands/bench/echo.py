@@ -1,6 +1,7 @@
 """`uuv-hil bench echo`: echo packets beside a slave, for the network's share in `uuv-hil bench delay`."""
 
 from hil.bench.floors.network import serve
+from hil.commands.bench.options import benchmark
 from hil.common.options import host, new_parser
 from hil.common.stop import StopSignals
 
@@ -13,6 +14,7 @@ examples:
 """
 
 
+@benchmark
 def main(arguments: list[str]) -> int:
     """Echo packets until a signal to stop. Raises NetworkError."""
     parser = new_parser("bench echo", __doc__, EXAMPLES)

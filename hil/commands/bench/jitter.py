@@ -15,6 +15,7 @@ from hil.commands.bench.options import (
     add_repeat,
     add_results,
     add_seconds,
+    benchmark,
     limits_of,
     save_record,
     show,
@@ -49,6 +50,7 @@ class RateResult(NamedTuple):
     slave: Cycles
 
 
+@benchmark
 def main(arguments: list[str]) -> int:
     """Measure and print; return 0, or 1 with --check when cycles are missed. Raises HilError."""
     options = _parser().parse_args(arguments)

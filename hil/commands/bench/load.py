@@ -12,6 +12,7 @@ from hil.commands.bench.options import (
     add_limits,
     add_results,
     add_seconds,
+    benchmark,
     check_plot,
     limits_of,
     save_record,
@@ -43,6 +44,7 @@ MIN_SHARE = 0.0005  # of a core: threads that take less are not shown
 FAILED = 1
 
 
+@benchmark
 def main(arguments: list[str]) -> int:
     """Measure and print; return 0, or 1 when a setting could not be measured. Raises HilError."""
     options = _parser().parse_args(arguments)

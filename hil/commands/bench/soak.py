@@ -11,6 +11,7 @@ from hil.bench.statistics import median
 from hil.commands.bench.options import (
     add_limits,
     add_results,
+    benchmark,
     check_plot,
     limits_of,
     save_record,
@@ -50,6 +51,7 @@ SERIES = (
 )
 
 
+@benchmark
 def main(arguments: list[str]) -> int:
     """Run and judge; return 0, or 1 when something grows, drifts, hangs or does not reconnect. Raises HilError."""
     options = _parser().parse_args(arguments)

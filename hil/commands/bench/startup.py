@@ -11,6 +11,7 @@ from hil.commands.bench.options import (
     add_limits,
     add_repeat,
     add_results,
+    benchmark,
     limits_of,
     save_record,
     show,
@@ -37,6 +38,7 @@ Row = dict[str, float]  # phase of one start -> its duration, ms
 Series = dict[str, list[float]]
 
 
+@benchmark
 def main(arguments: list[str]) -> int:
     """Measure and print; return 0, or 1 when a limit is broken. Raises HilError."""
     parser = new_parser("bench startup", __doc__, EXAMPLES)

@@ -14,6 +14,7 @@ from hil.commands.bench.options import (
     add_repeat,
     add_results,
     add_seconds,
+    benchmark,
     limits_of,
     save_record,
     show,
@@ -47,6 +48,7 @@ ROWS: tuple[tuple[str, str, str, float, Better], ...] = (
 )
 
 
+@benchmark
 def main(arguments: list[str]) -> int:
     """Measure and print; return the exit code. Raises HilError."""
     options = _parser().parse_args(arguments)

@@ -17,6 +17,7 @@ from hil.commands.bench.options import (
     add_repeat,
     add_results,
     add_seconds,
+    benchmark,
     check_plot,
     limits_of,
     save_record,
@@ -55,6 +56,7 @@ BUDGET_MISSED = 1
 SLAVE_KEYS = ("slave.", "stm32", "link.", "sensors.")  # keys of a scenario that its master does not use
 
 
+@benchmark
 def main(arguments: list[str]) -> int:
     """Measure and print; return 0, or 1 with --check when a budget is missed. Raises HilError.
 

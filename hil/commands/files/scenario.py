@@ -1,9 +1,10 @@
-"""`uuv-hil scenario`: list the installed scenarios, show one, copy one to start from, check one without flying it."""
+"""`uuv-hil scenario`: list the installed scenarios, show, copy and check one, and print the schemas of all files."""
 
 import argparse
 import json
 from typing import Any
 
+from hil.commands.files import schema
 from hil.common.columns import aligned
 from hil.common.errors import ConfigError
 from hil.common.options import add_json, add_scenario, add_scenario_name, add_strict, changes_of, new_parser
@@ -24,11 +25,17 @@ examples:
   uuv-hil scenario new mine.toml --copy task_scheduling
   uuv-hil scenario check mine.toml
   uuv-hil scenario check mine.toml --set master.speed=1.5 --set "start.depth='2 m'"
+  uuv-hil scenario schema scenario -o scenario.schema.json
+  uuv-hil scenario schema -o schemas
+
+The first line of a TOML file then names its schema, for Even Better TOML (VS Code) and taplo:
+
+  #:schema schemas/scenario.schema.json
 """
 
 
 def main(arguments: list[str]) -> int:
-    """Run list, show, new or check; return the exit code. Raises ConfigError."""
+    """Run one action; return the exit code. Raises ConfigError."""
     options = _parser().parse_args(arguments)
     if options.action == "list":
         return _list(options.json)
@@ -37,6 +44,8 @@ def main(arguments: list[str]) -> int:
         return 0
     if options.action == "new":
         return _new(options.file, options.copy)
+    if options.action == "schema":
+        return schema.write_schemas(options)
     return _check(options.scenario, changes_of(options), options.json, options.strict)
 
 
@@ -54,6 +63,7 @@ def _parser() -> argparse.ArgumentParser:
     add_scenario(checked, None)
     add_json(checked)
     add_strict(checked)
+    schema.add_to(actions)
     return parser
 
 

@@ -1,33 +1,27 @@
-"""`uuv-hil schema`: print the JSON Schema of a file, with which an editor completes and checks it."""
+"""`uuv-hil scenario schema`: print the JSON Schema of a file, with which an editor completes and checks it."""
 
+import argparse
 import os
+from typing import Any
 
 from hil.bench.record import write_text
 from hil.common.errors import ConfigError
-from hil.common.options import add_output, new_parser
+from hil.common.options import add_output
 from hil.common.tables import output_file
 from hil.common.text import json_text
-from hil.schemas.files import KINDS, schema
-
-EXAMPLES = f"""\
-KIND is {", ".join(KINDS)}. Without KIND, -o DIR gets one file of each kind.
-
-examples:
-  uuv-hil schema scenario -o scenario.schema.json
-  uuv-hil schema -o schemas
-
-The first line of a TOML file then names its schema, for Even Better TOML (VS Code) and taplo:
-
-  #:schema schemas/scenario.schema.json
-"""
 
 
-def main(arguments: list[str]) -> int:
-    """Print or write schemas; return 0. Raises ConfigError."""
-    parser = new_parser("schema", __doc__, EXAMPLES)
-    parser.add_argument("kind", metavar="KIND", nargs="?", help="kind of file")
+def add_to(actions: Any) -> None:
+    """Add the action to those of `uuv-hil scenario`."""
+    parser = actions.add_parser("schema", help="print the JSON Schema of a kind of file, for editors")
+    parser.add_argument("kind", metavar="KIND", nargs="?", help="scenario, vehicle, world, ... [all, into a folder]")
     add_output(parser, "FILE|DIR", "where to write it [the screen]")
-    options = parser.parse_args(arguments)
+
+
+def write_schemas(options: argparse.Namespace) -> int:
+    """Print or write schemas; return 0. Raises ConfigError."""
+    from hil.schemas.files import KINDS, schema
+
     if options.kind is None and options.output is None:
         raise ConfigError(f"which file? Name one of {', '.join(KINDS)}, or write all into a folder with --output DIR")
     if options.kind is not None:

@@ -1,4 +1,4 @@
-"""`uuv-hil foxglove`: show vehicles live in Foxglove, and command them from there."""
+"""`uuv-hil gateway foxglove`: show vehicles live in Foxglove, and command them from there."""
 
 from contextlib import ExitStack
 from typing import TYPE_CHECKING
@@ -22,11 +22,11 @@ command the vehicles; clients without the token can only read. Web pages need th
 With a scenario the 3-D panel also shows its seabed, its obstacles and the vehicle.
 
 examples:
-  uuv-hil foxglove --connect tcp/192.168.3.116:7447
-  uuv-hil foxglove --scenario mine.toml --command
-  uuv-hil foxglove --layout uuv1 > layout.json       a layout to import in Foxglove, of the usual sensors
-  uuv-hil foxglove --layout uuv1 --scenario mine.toml > layout.json   with its cameras, sonars, laser and battery
-  uuv-hil foxglove --listen 0.0.0.0:9000             for other machines: programs that reach it can read
+  uuv-hil gateway foxglove --connect tcp/192.168.3.116:7447
+  uuv-hil gateway foxglove --scenario mine.toml --command
+  uuv-hil gateway foxglove --layout uuv1 > layout.json       a layout to import in Foxglove, of the usual sensors
+  uuv-hil gateway foxglove --layout uuv1 --scenario mine.toml > layout.json   with its own sensors
+  uuv-hil gateway foxglove --listen 0.0.0.0:9000             for other machines: programs that reach it can read
 """
 LISTEN = "127.0.0.1:8765"
 POLL_S = 0.02
@@ -34,7 +34,7 @@ POLL_S = 0.02
 
 def main(arguments: list[str]) -> int:
     """Show until stopped; return the exit code."""
-    parser = new_parser("foxglove", __doc__, EXAMPLES)
+    parser = new_parser("gateway foxglove", __doc__, EXAMPLES)
     add_connect(parser)
     add_settings(parser)
     add_serving(parser, LISTEN)

@@ -1,4 +1,4 @@
-"""`uuv-hil mavlink`: serve a vehicle to QGroundControl and other MAVLink software."""
+"""`uuv-hil gateway mavlink`: serve a vehicle to QGroundControl and other MAVLink software."""
 
 import argparse
 import os
@@ -25,9 +25,9 @@ An endpoint is udpout:HOST:PORT (a ground station), udpin:HOST:PORT or tcpin:HOS
 tcpout:HOST:PORT (a router), serial:/dev/ttyUSB0:57600, or zenoh:tcp/HOST:PORT (BlueOS' keys).
 
 examples:
-  uuv-hil mavlink paper_field                          QGroundControl on this machine finds it by itself
-  uuv-hil mavlink --connect tcp/192.168.3.116:7447     a slave elsewhere
-  uuv-hil mavlink --endpoint udpin:0.0.0.0:14550 --commands-from network    from other machines too
+  uuv-hil gateway mavlink paper_field                          QGroundControl on this machine finds it by itself
+  uuv-hil gateway mavlink --connect tcp/192.168.3.116:7447     a slave elsewhere
+  uuv-hil gateway mavlink --endpoint udpin:0.0.0.0:14550 --commands-from network    from other machines too
 
 Without --commands-from network, programs on other machines can only read. A section [mavlink] of the scenario has
 the same settings, and more: docs/how-to/qgroundcontrol.md.
@@ -90,7 +90,7 @@ def main(arguments: list[str]) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = new_parser("mavlink", __doc__, EXAMPLES)
+    parser = new_parser("gateway mavlink", __doc__, EXAMPLES)
     add_scenario(parser, None, optional=True)  # not --scenario: this command flies a vehicle
     add_connect(parser)
     parser.add_argument(

@@ -1,4 +1,4 @@
-"""`uuv-hil ros1`: serve vehicles to a ROS 1 network (Noetic), and command them from there."""
+"""`uuv-hil gateway ros1`: serve vehicles to a ROS 1 network (Noetic), and command them from there."""
 
 import argparse
 import re
@@ -20,16 +20,16 @@ A ROS 1 network has no authentication: with --command every node of it commands.
 unless --listen names an address; others reach it by ROS_HOSTNAME or ROS_IP, as with every node of ROS 1.
 
 examples:
-  uuv-hil ros1 --connect tcp/192.168.3.116:7447
-  uuv-hil ros1 --scenario mine.toml --command
-  uuv-hil ros1 --listen 0.0.0.0:0                     nodes on other machines, too; 0 is any free port
+  uuv-hil gateway ros1 --connect tcp/192.168.3.116:7447
+  uuv-hil gateway ros1 --scenario mine.toml --command
+  uuv-hil gateway ros1 --listen 0.0.0.0:0                     nodes on other machines, too; 0 is any free port
 """
 LISTEN = "127.0.0.1:0"
 
 
 def main(arguments: list[str]) -> int:
     """Serve until stopped; return the exit code."""
-    parser = new_parser("ros1", __doc__, EXAMPLES)
+    parser = new_parser("gateway ros1", __doc__, EXAMPLES)
     add_fleet(parser)
     add_serving(parser, LISTEN)
     add_take_over(parser)

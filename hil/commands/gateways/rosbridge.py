@@ -1,4 +1,4 @@
-"""`uuv-hil rosbridge`: serve vehicles to web pages and tools that speak rosbridge."""
+"""`uuv-hil gateway rosbridge`: serve vehicles to web pages and tools that speak rosbridge."""
 
 from contextlib import ExitStack
 
@@ -15,16 +15,16 @@ CBOR if a client requests it. Messages are those of ROS 2. A client that opens t
 the vehicles and call their services. Programs without the token can only read; web pages need it to read, too.
 
 examples:
-  uuv-hil rosbridge --connect tcp/192.168.3.116:7447
-  uuv-hil rosbridge --scenario mine.toml
-  uuv-hil rosbridge --listen 0.0.0.0:9090             for other machines: programs that reach it can read
+  uuv-hil gateway rosbridge --connect tcp/192.168.3.116:7447
+  uuv-hil gateway rosbridge --scenario mine.toml
+  uuv-hil gateway rosbridge --listen 0.0.0.0:9090             for other machines: programs that reach it can read
 """
 LISTEN = "127.0.0.1:9090"
 
 
 def main(arguments: list[str]) -> int:
     """Serve until stopped; return the exit code."""
-    parser = new_parser("rosbridge", __doc__, EXAMPLES)
+    parser = new_parser("gateway rosbridge", __doc__, EXAMPLES)
     add_fleet(parser)
     add_serving(parser, LISTEN)
     add_take_over(parser)

@@ -1,4 +1,4 @@
-"""`uuv-hil plot`: draw the figures of a recording: trajectory, depth, commands and response, thrusters, delays."""
+"""`uuv-hil recording plot`: draw the figures of a recording, such as trajectory, depth, thrusters and delays."""
 
 import os
 
@@ -9,8 +9,8 @@ EXAMPLES = """\
 Pictures are written beside the recording, or into the folder of -o.
 
 examples:
-  uuv-hil plot recordings/dive7
-  uuv-hil plot dive7.mcap -o pictures
+  uuv-hil recording plot recordings/dive7
+  uuv-hil recording plot dive7.mcap -o pictures
 
 A recording made with a scenario contains the world's map. The pulses of the thrusters are complete in a slave's own
 recording; other recordings have one sample of them a second. A recording can name classes for its forces and sensors,
@@ -20,7 +20,7 @@ and loading a class runs its code: this is refused without --own-classes, which 
 
 def main(arguments: list[str]) -> int:
     """Draw; return the exit code."""
-    parser = new_parser("plot", __doc__, EXAMPLES)
+    parser = new_parser("recording plot", __doc__, EXAMPLES)
     add_recording(parser)
     add_output(parser, "DIR", "a folder for the pictures [that of the recording]")
     options = parser.parse_args(arguments)

@@ -1,4 +1,4 @@
-"""`uuv-hil record`: record what vehicles publish and receive into files that Foxglove, PlotJuggler and rosbag2 open."""
+"""`uuv-hil recording make`: record what vehicles publish and receive, for Foxglove, PlotJuggler and rosbag2."""
 
 import os
 import sys
@@ -24,9 +24,9 @@ killed loses at most its last second. A scenario gives the node's name, the keys
 [recording], and is stored in the files, for pictures with a map.
 
 examples:
-  uuv-hil record --connect tcp/192.168.3.116:7447                       until Ctrl-C, into recordings/
-  uuv-hil record --scenario paper_field -o dive7
-  uuv-hil record --connect tcp/10.0.0.1:7447 --connect tcp/10.0.0.2:7447 --seconds 60
+  uuv-hil recording make --connect tcp/192.168.3.116:7447                       until Ctrl-C, into recordings/
+  uuv-hil recording make --scenario paper_field -o dive7
+  uuv-hil recording make --connect tcp/10.0.0.1:7447 --connect tcp/10.0.0.2:7447 --seconds 60
 """
 POLL_S = 0.1
 SECONDS = Number(0.001, YEAR_S, "s")
@@ -35,7 +35,7 @@ REPORT_PERIOD_NS = NS_PER_S
 
 def main(arguments: list[str]) -> int:
     """Record until stopped; return the exit code."""
-    parser = new_parser("record", __doc__, EXAMPLES)
+    parser = new_parser("recording make", __doc__, EXAMPLES)
     add_connect(parser)
     add_settings(parser)
     add_output(parser, "DIR", "a folder for the recording [recordings/NAME-TIME]")

@@ -1,4 +1,4 @@
-"""`uuv-hil replay`: replay a recording on the network, to another slave, or bit for bit in the simulator."""
+"""`uuv-hil recording replay`: replay a recording on the network, to another slave, or bit for bit in the simulator."""
 
 import argparse
 from math import dist
@@ -22,12 +22,12 @@ if TYPE_CHECKING:
 
 EXAMPLES = """\
 examples:
-  uuv-hil replay recordings/dive7                                    for masters that connect to this machine
-  uuv-hil replay dive7.mcap --listen tcp/0.0.0.0:7447 --speed 10     ten times as fast
-  uuv-hil replay dive7 --connect tcp/127.0.0.1:7447                  send its commands to a running slave
-  uuv-hil replay dive7 --view                                        in a browser, with pause, speed and a slider
-  uuv-hil replay dive7 --foxglove dive7_foxglove.mcap                for `uuv-hil foxglove --layout`
-  uuv-hil replay dive7 --check                                       check that the simulator repeats it bit for bit
+  uuv-hil recording replay recordings/dive7                                    for masters that connect to this machine
+  uuv-hil recording replay dive7.mcap --listen tcp/0.0.0.0:7447 --speed 10     ten times as fast
+  uuv-hil recording replay dive7 --connect tcp/127.0.0.1:7447                  send its commands to a running slave
+  uuv-hil recording replay dive7 --view                                        in a browser, with a slider
+  uuv-hil recording replay dive7 --foxglove dive7_foxglove.mcap                for `uuv-hil gateway foxglove --layout`
+  uuv-hil recording replay dive7 --check                                       that the simulator repeats it bit for bit
 
 --check needs a slave's own recording ([recording] slave = true). It runs the simulator with the recorded pulses of
 the thrusters, step by step, and compares every sensor message with the recorded one; exit code 6 at a difference.
@@ -42,7 +42,7 @@ SPEED = Number(0.001, 1000.0, also=(0,))
 
 def main(arguments: list[str]) -> int:
     """Replay in the chosen mode; return the exit code."""
-    parser = new_parser("replay", __doc__, EXAMPLES)
+    parser = new_parser("recording replay", __doc__, EXAMPLES)
     add_recording(parser)
     mode = parser.add_mutually_exclusive_group()
     mode.add_argument(

@@ -27,7 +27,7 @@ def check_fleet(scenario: Scenario, vehicle: Vehicle, world: World) -> Iterator[
     if scenario.security and scenario.modem:
         yield Finding("problem", "modem: the acoustic channel does not support [security]: remove one of them")
     if scenario.hunting is None:
-        yield Finding("warning", "hunting: there is none, so `uuv-hil agent` has no task: add it, with a target")
+        yield Finding("warning", "hunting: there is none, so `uuv-hil fleet agent` has no task: add it, with a target")
         return
     if scenario.modem:
         yield from _check_modem(scenario, scenario.hunting)

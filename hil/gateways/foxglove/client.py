@@ -25,7 +25,7 @@ from hil.gateways.foxglove.protocol import (
 from hil.gateways.websocket_client import SocketClient
 
 MAX_SUBSCRIPTIONS = 1000
-NO_TOKEN = "to command, open the address with the token that `uuv-hil foxglove --command` printed"
+NO_TOKEN = "to command, open the address with the token that `uuv-hil gateway foxglove --command` printed"
 
 Latched = Callable[[int], tuple[int, bytes] | None]
 

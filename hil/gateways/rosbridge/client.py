@@ -25,7 +25,7 @@ from hil.ros.topics import COMMANDS, TOPICS
 MAX_TOPICS = 1000
 MAX_CALLS = 32  # of services at a time
 LONGEST_NAME = 256  # characters
-NO_TOKEN = "to command, open the address with the token that `uuv-hil rosbridge` printed"
+NO_TOKEN = "to command, open the address with the token that `uuv-hil gateway rosbridge` printed"
 NOT_HERE = (
     "advertise_service", "unadvertise_service", "service_response", "advertise_action", "unadvertise_action",
     "send_action_goal", "cancel_action_goal", "action_feedback", "action_result", "fragment", "png", "auth",

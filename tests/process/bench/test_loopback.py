@@ -1,4 +1,4 @@
-"""`uuv-hil loopback`: both ends in this process, an external STM32, or a wire from TX to RX."""
+"""`uuv-hil link loopback`: both ends in this process, an external STM32, or a wire from TX to RX."""
 
 import fcntl
 import json
@@ -27,7 +27,7 @@ from tests.support.processes import Program
 
 
 def loopback(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, dict[str, Any]]:
-    code = main(["loopback", "--json", "--seconds", "0.4", *arguments])
+    code = main(["link", "loopback", "--json", "--seconds", "0.4", *arguments])
     return code, json.loads(capsys.readouterr().out)
 
 
@@ -166,7 +166,7 @@ def test_a_device_is_armed_only_on_request(tmp_path: Any, capsys: pytest.Capture
 def test_wrong_arguments_are_refused_with_the_remedy(
     arguments: tuple[str, ...], code: int, message: str, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    assert main(["loopback", "--seconds", "0.1", *arguments]) == code
+    assert main(["link", "loopback", "--seconds", "0.1", *arguments]) == code
     assert message in capsys.readouterr().err
 
 

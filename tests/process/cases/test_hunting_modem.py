@@ -83,11 +83,11 @@ def test_the_case_reports_the_counts_of_messages() -> None:
 
 def test_the_channel_command_needs_a_modem_in_the_scenario(tmp_path: Path) -> None:
     for scenario in ("target_hunting", "paper_field"):  # with and without a fleet
-        with Program(tmp_path, "channel", scenario) as water:
+        with Program(tmp_path, "fleet", "channel", scenario) as water:
             assert water.wait() == 2
             assert "there is no [modem]" in water.output
             assert "such as target_hunting_acoustic" in water.output
-    with Program(tmp_path, "channel", SCENARIO) as water:
+    with Program(tmp_path, "fleet", "channel", SCENARIO) as water:
         water.expect("acoustic modems of 4 vehicles, slots of 0.25 s")
         assert water.stop(15) == 0, water.output
     assert water.output.strip().endswith("nothing sent")

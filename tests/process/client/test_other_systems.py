@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 from mcap.reader import make_reader
 
+from hil.cli import COMMANDS
 from hil.common.children import ROOT, worker_options
 from tests.support.other_systems import WHOLLY, missing_names
 from tests.support.processes import PATIENCE_S, Program, free_port, write_scenario
@@ -80,7 +81,7 @@ for name in COMMANDS:
     output, wrong = io.StringIO(), io.StringIO()
     with contextlib.redirect_stdout(output), contextlib.redirect_stderr(wrong):
         try:
-            code = main([name, "--help"])
+            code = main([*name.split(), "--help"])
         except SystemExit as end:
             code = end.code
     if code == 3:
@@ -103,7 +104,9 @@ def test_client_gateways_and_planners_import_no_linux_modules() -> None:
 
 
 def test_each_command_runs_or_reports_that_it_needs_linux() -> None:
-    assert run(HELP).split() == ["demo", "slave", "teleop", "loopback", "stm32", "board", "doctor"]
+    benches = [name for name in COMMANDS if name.startswith("bench ") and name != "bench compare"]
+    needing = {"demo", "slave", "teleop", "link loopback", "stm32", "board", "doctor", *benches}
+    assert set(run(HELP).splitlines()) == needing
 
 
 def test_benchmarks_are_compared_but_not_measured_without_linux(tmp_path: Path) -> None:
@@ -125,7 +128,7 @@ def test_a_simulated_flight_with_its_plot_runs_without_linux_modules(tmp_path: P
 
 def test_a_recording_made_without_linux_modules_is_complete(tmp_path: Path) -> None:
     scenario, port = write_scenario(tmp_path)
-    words = ("record", "--connect", f"tcp/127.0.0.1:{port}", "-o", tmp_path / "dive", "--seconds", "2")
+    words = ("recording", "make", "--connect", f"tcp/127.0.0.1:{port}", "-o", tmp_path / "dive", "--seconds", "2")
     with Program(tmp_path, "slave", scenario), Program(tmp_path, *words, command=COMMAND) as recorder:
         assert recorder.wait() == 0, recorder.output
     (file,) = (tmp_path / "dive").glob("*.mcap")
@@ -152,7 +155,7 @@ def test_a_client_without_linux_modules_commands_a_slave(tmp_path: Path) -> None
 def test_the_json_gateway_runs_without_linux_modules(tmp_path: Path) -> None:
     scenario, port = write_scenario(tmp_path)
     with Program(tmp_path, "slave", scenario):
-        words = ("gateway", "--connect", f"tcp/127.0.0.1:{port}", "--listen", f"127.0.0.1:{free_port()}")
+        words = ("gateway", "json", "--connect", f"tcp/127.0.0.1:{port}", "--listen", f"127.0.0.1:{free_port()}")
         with Program(tmp_path, *words, command=COMMAND) as gateway:
             place = gateway.expect(r"JSON at (\S+):(\d+)")
             gateway.expect("connected: uuv1")

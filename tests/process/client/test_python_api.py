@@ -264,7 +264,7 @@ def test_a_recording_of_all_command_kinds_repeats_bit_for_bit(tmp_path: Path) ->
         assert slave.stop(signal.SIGTERM) == 0
         assert "Traceback" not in slave.output
     (recording,) = folder.iterdir()
-    with Program(tmp_path, "replay", recording, "--check") as check:
+    with Program(tmp_path, "recording", "replay", recording, "--check") as check:
         assert check.wait() == 0, check.output
     assert "the same bit for bit" in check.output
     counts = Counter(message.topic.removeprefix("/uuv1/") for message in read_messages(str(recording)))

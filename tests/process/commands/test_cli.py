@@ -45,7 +45,7 @@ def run_without(tmp_path: Path, packages: str, *arguments: object) -> str:
         ["master", "paper_field", "--connect", "tcp/127.0.0.1:1"],
         ["campaign", "paper_field"],
         ["case", "path_planning"],
-        ["agent", "target_hunting"],
+        ["fleet", "agent", "target_hunting"],
         ["bench", "table"],
     ],
 )
@@ -55,7 +55,7 @@ def test_commands_without_numpy_name_the_extra(tmp_path: Path, arguments: list[s
     assert line.endswith("pip install 'uuv-hil[master]'")
 
 
-@pytest.mark.parametrize("arguments", [["plot"], ["replay", "--check"]])
+@pytest.mark.parametrize("arguments", [["recording", "plot"], ["recording", "replay", "--check"]])
 def test_commands_on_recordings_without_mcap_name_the_extra(tmp_path: Path, arguments: list[str]) -> None:
     folder = tmp_path / "recording"
     Recorder(str(folder), Recording(keep_free=0.0), {}).close()

@@ -41,13 +41,14 @@ def completions(line: str, folder: Path) -> list[str]:
 def test_commands_options_and_scenarios_are_completed(tmp_path: Path) -> None:
     (tmp_path / "mine.toml").touch()
     (tmp_path / "other.txt").touch()
-    assert set(completions("uuv-hil s", tmp_path)) == {"slave", "scenario", "schema", "sim", "stm32"}
+    assert set(completions("uuv-hil s", tmp_path)) == {"slave", "scenario", "sim", "stm32"}
     assert {"--fast", "--seed", "--set"} <= set(completions("uuv-hil sim --", tmp_path))
     assert set(completions("uuv-hil slave pa", tmp_path)) == {"paper_field", "path_planning"}
     assert completions("uuv-hil slave mi", tmp_path) == ["mine.toml "]
     assert completions("uuv-hil bench st", tmp_path) == ["startup", "stream"]
     assert "--hours" in completions("uuv-hil bench soak --h", tmp_path)
     assert completions("uuv-hil scenario ch", tmp_path) == ["check "]
+    assert set(completions("uuv-hil gateway ros", tmp_path)) == {"ros1", "rosbridge"}
 
 
 def test_keys_of_a_scenario_are_completed(tmp_path: Path) -> None:

@@ -110,7 +110,7 @@ def test_a_campaign_counts_collisions(
         (["sim", "paper_field", "--fast", "--output", "FOLDER/nope/x.csv"], "there is no folder"),
         (["sim", "paper_field", "--fast", "--output", "FOLDER/pipe.csv"], "it is a pipe"),
         (["sim", "paper_field", "--fast", "--plot", "FOLDER/pipe.png"], "it is a pipe"),
-        (["schema", "scenario", "--output", "FOLDER/pipe.json"], "it is a pipe"),
+        (["scenario", "schema", "scenario", "--output", "FOLDER/pipe.json"], "it is a pipe"),
         (["world", "export", "pool", "FOLDER/pipe.stl"], "it is a pipe"),
         (["world", "show", "pool", "--output", "FOLDER/pipe.png"], "it is a pipe"),
         (["vehicle", "paper_six", "--plot", "FOLDER/pipe.png"], "it is a pipe"),
@@ -123,13 +123,15 @@ def test_output_paths_are_checked_before_the_flight(arguments: list[str], messag
     """The picture is a file, so nothing can be in it."""
     from importlib import import_module
 
-    from hil.cli import COMMANDS
+    from hil.cli import COMMANDS, find_command
     from hil.common.ports import free_ports
 
     (tmp_path / "x.png").write_text("")
     for ending in ("csv", "png", "json", "stl"):
         os.mkfifo(tmp_path / f"pipe.{ending}")
-    name, *rest = [a.replace("FOLDER", str(tmp_path)).replace("PORT", str(free_ports(1)[0])) for a in arguments]
+    name, rest = find_command(
+        [a.replace("FOLDER", str(tmp_path)).replace("PORT", str(free_ports(1)[0])) for a in arguments]
+    )
     with pytest.raises(ConfigError, match=message):
         import_module(COMMANDS[name][0]).main(rest)
 
@@ -202,7 +204,7 @@ def test_a_recorder_does_not_count_as_the_external_controller(tmp_path: Path) ->
     arguments = "master", scenario, "--connect", endpoint, "--output", tmp_path / "run"
     with Program(tmp_path, "slave", scenario) as slave:
         slave.expect("ready")
-        with Program(tmp_path, "record", "--connect", endpoint, "-o", tmp_path / "recording") as recorder:
+        with Program(tmp_path, "recording", "make", "--connect", endpoint, "-o", tmp_path / "recording") as recorder:
             recorder.expect("recording")
             with Program(tmp_path, *arguments) as master:
                 assert master.wait() == 4, master.output

@@ -32,13 +32,13 @@ def test_agent_prints_an_event_and_returns_6(tmp_path: Path) -> None:
     path.write_text(f"{head}depth_margin = 0\n{''.join(rows)}[hunting]\ntarget = [0, 7]\n", encoding="utf-8")
     with (
         Program(tmp_path, "slave", path, "--member", "uuv0") as slave,
-        Program(tmp_path, "agent", path, "--member", "uuv0") as agent,
+        Program(tmp_path, "fleet", "agent", path, "--member", "uuv0") as agent,
     ):
         slave.expect("ready")
         agent.expect("too deep, at")
         assert agent.stop(signal.SIGINT) == 6, agent.output
     assert "EVENT: too deep" in agent.output
-    assert "uuv-hil agent: uuv0: too deep" in agent.output
+    assert "uuv-hil fleet: uuv0: too deep" in agent.output
 
 
 def test_case_prints_an_event_and_returns_6(
@@ -72,7 +72,7 @@ def test_plot_shows_an_event(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) ->
                 recorder.put(Message(f"/uuv1/{name}", TOPICS[name].type, number, time_ns, time_ns, payload))
     drawn_events: list[tuple[RunEvent, ...]] = []
     monkeypatch.setattr(run_plots, "draw_events", lambda _axes, events: drawn_events.append(tuple(events)))
-    assert main(["plot", str(tmp_path / "bag"), "-o", str(tmp_path / "pictures")]) == 0
+    assert main(["recording", "plot", str(tmp_path / "bag"), "-o", str(tmp_path / "pictures")]) == 0
     ((event,),) = drawn_events
     assert (event.kind, event.what, event.position) == ("collision", "the pile", (2.5, 1.5, 2.0))
     assert event.start_ns / 1e9 == pytest.approx(4.0, abs=0.01)

@@ -43,11 +43,11 @@ SENSORS = {"imu", "dvl", "dvl_twist", "altitude", "pressure", "odom", "ground_tr
 
 @pytest.fixture(scope="module")
 def dive(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path, str]:
-    """Record a short dive: the slave's own recording, that of `uuv-hil record`, and the latter's output."""
+    """Record a short dive: the slave's own recording, that of `uuv-hil recording make`, and the latter's output."""
     folder = tmp_path_factory.mktemp("dive")
     scenario, endpoint = recorded_slave(folder, "seed = 5")
     received = folder / "received"
-    with Program(folder, "record", "--scenario", scenario, "-o", received) as record:
+    with Program(folder, "recording", "make", "--scenario", scenario, "-o", received) as record:
         record.expect("recording tcp")
         with Program(folder, "slave", scenario) as slave:
             slave.expect("recording into .*uuv1-")
@@ -96,7 +96,7 @@ def test_every_command_is_recorded_on_its_topic(tmp_path: Path) -> None:
 
     with (
         Program(tmp_path, "slave", scenario) as slave,
-        Program(tmp_path, "record", "--scenario", scenario, "-o", received) as record,
+        Program(tmp_path, "recording", "make", "--scenario", scenario, "-o", received) as record,
     ):
         slave.expect("ready")
         record.expect("recording tcp")
@@ -128,10 +128,10 @@ def test_a_recording_describes_its_run(dive: tuple[Path, Path, str]) -> None:
 
 
 def test_a_replay_check_repeats_the_run_bit_for_bit(tmp_path: Path, dive: tuple[Path, Path, str]) -> None:
-    with Program(tmp_path, "replay", dive[0], "--check") as check:
+    with Program(tmp_path, "recording", "replay", dive[0], "--check") as check:
         assert check.wait() == 0, check.output
     assert "the same bit for bit" in check.output
-    with Program(tmp_path, "replay", dive[1], "--check") as check:
+    with Program(tmp_path, "recording", "replay", dive[1], "--check") as check:
         assert check.wait() == 2
     assert "slave's own recording" in check.output
 
@@ -171,7 +171,7 @@ def test_the_replay_check_reports_what_differs(
     messages: list[str],
 ) -> None:
     path = rewritten(dive[0], tmp_path / "changed", new_facts, kept_pulses, flip)
-    found, output = run_here("replay", str(path), "--check")
+    found, output = run_here("recording", "replay", str(path), "--check")
     assert found == code, output
     assert all(word in output for word in messages), output
 
@@ -189,18 +189,22 @@ def test_no_command_loads_classes_of_a_recording_without_permission(
             recorder.put(message)
     environment = {"PYTHONPATH": str(tmp_path)}
     monkeypatch.syspath_prepend(str(tmp_path))
-    commands = (["plot"], ["replay", "--check"], ["replay", "--connect", f"tcp/127.0.0.1:{free_port()}"])
-    for command, *options in commands:
-        code, output = run_here(command, str(tmp_path / "bag"), *options)
+    commands = (
+        ["recording", "plot"],
+        ["recording", "replay", "--check"],
+        ["recording", "replay", "--connect", f"tcp/127.0.0.1:{free_port()}"],
+    )
+    for family, command, *options in commands:
+        code, output = run_here(family, command, str(tmp_path / "bag"), *options)
         assert code == 2, output
         assert "force[0]: class 'strange:Force' is not loaded" in output
         assert "give --own-classes, only if you trust where this recording comes from" in output
         assert not trace.exists()
     assert "strange" not in sys.modules
     environment = {"PYTHONPATH": str(tmp_path)}
-    for command, *options in commands[:2]:
+    for family, command, *options in commands[:2]:
         with Program(
-            tmp_path, command, tmp_path / "bag", *options, "--own-classes", environment=environment
+            tmp_path, family, command, tmp_path / "bag", *options, "--own-classes", environment=environment
         ) as program:
             assert program.wait() == 0, program.output
         assert trace.exists()
@@ -209,10 +213,12 @@ def test_no_command_loads_classes_of_a_recording_without_permission(
 
 def test_a_replay_to_the_network_sends_what_the_vehicle_sent(tmp_path: Path, dive: tuple[Path, Path, str]) -> None:
     endpoint, copy = f"tcp/127.0.0.1:{free_port()}", tmp_path / "again"
-    with Program(tmp_path, "record", "--connect", endpoint, "-o", copy) as record:
+    with Program(tmp_path, "recording", "make", "--connect", endpoint, "-o", copy) as record:
         record.expect("recording")
         start = time.monotonic()
-        with Program(tmp_path, "replay", dive[1], "--listen", endpoint, "--speed", "4", "--wait", "60") as replay:
+        with Program(
+            tmp_path, "recording", "replay", dive[1], "--listen", endpoint, "--speed", "4", "--wait", "60"
+        ) as replay:
             assert replay.wait() == 0, replay.output
         duration = time.monotonic() - start
         assert record.stop(signal.SIGINT) == 0
@@ -225,7 +231,7 @@ def test_a_replay_to_the_network_sends_what_the_vehicle_sent(tmp_path: Path, div
 
 def test_a_slow_receiver_gets_the_whole_replay(tmp_path: Path) -> None:
     endpoint = f"tcp/127.0.0.1:{free_port()}"
-    with Program(tmp_path, "record", "--connect", endpoint, "-o", tmp_path / "received") as record:
+    with Program(tmp_path, "recording", "make", "--connect", endpoint, "-o", tmp_path / "received") as record:
         with listen(endpoint) as session:
             assert wait_for(session.watch_keys("0/uuv1/trace/**"))
             player = Player(session)
@@ -251,7 +257,7 @@ def test_recorded_commands_are_replayed_to_a_new_slave(tmp_path: Path, dive: tup
     endpoint = f"tcp/127.0.0.1:{port}"
     with Program(tmp_path, "slave", scenario) as slave:
         slave.expect("ready")
-        with Program(tmp_path, "replay", dive[0], "--connect", endpoint) as replay:
+        with Program(tmp_path, "recording", "replay", dive[0], "--connect", endpoint) as replay:
             assert replay.wait() == 0, replay.output
     found = replay.expect(r"(\d+) commands of .* at most ([\d.]+) m")
     assert int(found[1]) > 25
@@ -259,7 +265,7 @@ def test_recorded_commands_are_replayed_to_a_new_slave(tmp_path: Path, dive: tup
 
 
 def test_plot_draws_each_figure(tmp_path: Path, dive: tuple[Path, Path, str]) -> None:
-    with Program(tmp_path, "plot", dive[0], "-o", tmp_path / "figures") as plot:
+    with Program(tmp_path, "recording", "plot", dive[0], "-o", tmp_path / "figures") as plot:
         assert plot.wait() == 0, plot.output
     names = {"trajectory.png", "depth.png", "commands.png", "thrusters.png", "delays.png"}
     assert set(os.listdir(tmp_path / "figures")) == names
@@ -307,7 +313,7 @@ def test_foxglove_receives_the_messages_unchanged(tmp_path: Path) -> None:
     port = free_port()
     with (
         Program(tmp_path, "slave", scenario) as slave,
-        Program(tmp_path, "foxglove", "--scenario", scenario, "--listen", port) as live,
+        Program(tmp_path, "gateway", "foxglove", "--scenario", scenario, "--listen", port) as live,
     ):
         slave.expect("ready")
         live.expect(f"ws://127.0.0.1:{port}")
@@ -328,7 +334,7 @@ def test_foxglove_receives_the_messages_unchanged(tmp_path: Path) -> None:
         imu = next(channel for channel in channels.values() if channel["topic"] == "/uuv1/imu")
         assert (imu["encoding"], imu["schemaName"], imu["schemaEncoding"]) == ("cdr", "sensor_msgs/msg/Imu", "ros2msg")
         assert "geometry_msgs/Quaternion orientation" in imu["schema"]
-        with Program(tmp_path, "foxglove", "--connect", endpoint, "--listen", port) as second:
+        with Program(tmp_path, "gateway", "foxglove", "--connect", endpoint, "--listen", port) as second:
             assert second.wait() == 4
         assert "--listen" in second.output
         assert live.stop(signal.SIGINT) == 0, live.output

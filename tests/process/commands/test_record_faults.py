@@ -23,7 +23,7 @@ from tests.support.processes import ROOT, Program, free_port, run_here, wait_for
 
 def test_a_killed_recorder_leaves_a_readable_recording(tmp_path: Path) -> None:
     scenario, endpoint = recorded_slave(tmp_path)
-    with Program(tmp_path, "record", "--scenario", scenario, "-o", tmp_path / "received") as record:
+    with Program(tmp_path, "recording", "make", "--scenario", scenario, "-o", tmp_path / "received") as record:
         record.expect("recording")
         with Program(tmp_path, "slave", scenario) as slave:
             command_for(endpoint, 1.8)
@@ -36,7 +36,7 @@ def test_a_killed_recorder_leaves_a_readable_recording(tmp_path: Path) -> None:
         assert len(numbers) > 70
         with AnyReader([path]) as reader:
             assert sum(connection.topic == "/uuv1/imu" for connection, _, _ in reader.messages()) == len(numbers)
-    with Program(tmp_path, "replay", own_recording(tmp_path / "recordings"), "--check") as check:
+    with Program(tmp_path, "recording", "replay", own_recording(tmp_path / "recordings"), "--check") as check:
         assert check.wait() == 0, check.output
 
 
@@ -61,26 +61,26 @@ def test_a_vehicle_continues_when_its_disk_is_full(tmp_path: Path) -> None:
         assert slave.stop(signal.SIGTERM) == 0
     assert "thrusters neutral" in slave.output
     assert "Traceback" not in slave.output
-    with Program(tmp_path, "replay", own_recording(tmp_path / "recordings"), "--check") as check:
+    with Program(tmp_path, "recording", "replay", own_recording(tmp_path / "recordings"), "--check") as check:
         assert check.wait() == 0, check.output
 
 
 @pytest.mark.parametrize(
     ("arguments", "code", "message"),
     [
-        (["record", "--connect", "7447"], 2, "tcp/HOST:PORT"),
-        (["replay", "nothing.mcap"], 2, "nothing.mcap: no such file"),
-        (["replay", "hil"], 2, "no .mcap file"),
-        (["replay", "README.md", "--check"], 2, "not an MCAP file"),
-        (["replay", "README.md", "--speed", "-1"], 2, "--speed"),
-        (["plot", "README.md"], 2, "not an MCAP file"),
+        (["recording", "make", "--connect", "7447"], 2, "tcp/HOST:PORT"),
+        (["recording", "replay", "nothing.mcap"], 2, "nothing.mcap: no such file"),
+        (["recording", "replay", "hil"], 2, "no .mcap file"),
+        (["recording", "replay", "README.md", "--check"], 2, "not an MCAP file"),
+        (["recording", "replay", "README.md", "--speed", "-1"], 2, "--speed"),
+        (["recording", "plot", "README.md"], 2, "not an MCAP file"),
     ],
 )
 def test_command_lines_give_their_exit_code_and_message(
     tmp_path: Path, arguments: list[str], code: int, message: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(ROOT)
-    if arguments == ["record", "--connect", "7447"]:
+    if arguments == ["recording", "make", "--connect", "7447"]:
         arguments = [*arguments, "-o", str(tmp_path / "received")]
     found, output = run_here(*arguments)
     assert found == code, output
@@ -91,7 +91,7 @@ def test_a_recorder_that_finds_a_recording_in_its_folder_prints_one_line(tmp_pat
     (tmp_path / "there.mcap").write_text("")
     with listen(endpoint := f"tcp/127.0.0.1:{free_port()}"):
         for _ in range(4):  # a client that had connected already aborted in one case of two
-            with Program(tmp_path, "record", "--connect", endpoint, "-o", tmp_path) as record:
+            with Program(tmp_path, "recording", "make", "--connect", endpoint, "-o", tmp_path) as record:
                 assert record.wait() == 2, record.output
             (line,) = record.output.strip().splitlines()
             assert "there is a recording in it already" in line
@@ -100,7 +100,7 @@ def test_a_recorder_that_finds_a_recording_in_its_folder_prints_one_line(tmp_pat
 def test_ctrl_c_ends_the_gateway_while_no_vehicle_is_connected(tmp_path: Path) -> None:
     endpoint, port = f"tcp/127.0.0.1:{free_port()}", free_port()
     for _ in range(3):
-        with Program(tmp_path, "foxglove", "--connect", endpoint, "--listen", port) as live:
+        with Program(tmp_path, "gateway", "foxglove", "--connect", endpoint, "--listen", port) as live:
             live.expect("ws://")
             assert live.stop(signal.SIGINT) == 0, live.output
         assert len(live.output.strip().splitlines()) == 2, "where it is, and for whom it waits"
@@ -110,7 +110,9 @@ def test_a_recording_without_a_slave_is_an_error(tmp_path: Path, monkeypatch: py
     monkeypatch.setattr(tap, "PATIENCE_NS", NS_PER_S // 10)
     monkeypatch.setattr(tap, "save_processor", lambda: None)  # what this process starts later would inherit it
     endpoint = f"tcp/127.0.0.1:{free_port()}"
-    code, output = run_here("record", "--connect", endpoint, "-o", str(tmp_path / "received"), "--seconds", "1")
+    code, output = run_here(
+        "recording", "make", "--connect", endpoint, "-o", str(tmp_path / "received"), "--seconds", "1"
+    )
     assert code == 4, output
     assert f"still no answer from {endpoint}; waiting" in output
     assert f"nothing was recorded: no answer from {endpoint}" in output
@@ -120,7 +122,7 @@ def test_a_recording_without_a_slave_is_an_error(tmp_path: Path, monkeypatch: py
 def test_a_recording_without_samples_is_an_error(tmp_path: Path) -> None:
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     what = ["--connect", endpoint, "-o", tmp_path / "received", "--seconds", "2"]
-    with listen(endpoint), Program(tmp_path, "record", *what) as record:
+    with listen(endpoint), Program(tmp_path, "recording", "make", *what) as record:
         assert record.wait() == 4, record.output
     assert f"{endpoint} answered but sent no sample" in record.output
 
@@ -128,6 +130,6 @@ def test_a_recording_without_samples_is_an_error(tmp_path: Path) -> None:
 def test_a_recording_without_a_vehicle_cannot_be_plotted(tmp_path: Path) -> None:
     with Recorder(str(tmp_path / "bag"), Recording(keep_free=0.0), {}) as recorder:
         recorder.put(Message("/chat", "std_msgs/msg/String", 1, 1, 1, b"\0\1\0\0\2\0\0\0a\0"))
-    with Program(tmp_path, "plot", tmp_path / "bag") as plot:
+    with Program(tmp_path, "recording", "plot", tmp_path / "bag") as plot:
         assert plot.wait() == 2
     assert "has no vehicle with positions" in plot.output

@@ -247,8 +247,8 @@ def test_a_scenario_is_changed_for_one_flight(capsys: pytest.CaptureFixture[str]
     assert (code, "inside an obstacle" in error) == (6, True)
     code, output, _ = run(capsys, "sim", "paper_field", "--fast", "--set", "master.goal=[3, 0]")
     assert (code, "goal reached" in output) == (0, True)
-    for command in ("demo", "master", "slave", "agent", "doctor"):
-        code, _, error = run(capsys, command, "paper_field", "--set", "master.sped=1")
+    for command in ("demo", "master", "slave", "fleet agent", "doctor"):
+        code, _, error = run(capsys, *command.split(), "paper_field", "--set", "master.sped=1")
         assert (code, "did you mean 'speed'" in error) == (2, True), command
 
 

@@ -10,7 +10,10 @@ from tests.support.processes import Program, write_scenario
 def test_gateway_and_foxglove_report_that_they_wait_for_a_vehicle(tmp_path: Path) -> None:
     path, port = write_scenario(tmp_path)
     address = f"127.0.0.1:{port}"
-    waiting = ("gateway", "--connect", address, "--listen", "0"), ("foxglove", "--connect", address, "--listen", "0")
+    waiting = (
+        ("gateway", "json", "--connect", address, "--listen", "0"),
+        ("gateway", "foxglove", "--connect", address, "--listen", "0"),
+    )
     with Program(tmp_path, *waiting[0]) as gateway, Program(tmp_path, *waiting[1]) as foxglove:
         gateway.expect(f"no vehicle at tcp/{address} yet; waiting for one")
         foxglove.expect(f"waiting for a vehicle at tcp/{address}")
@@ -27,7 +30,9 @@ def test_gateway_and_foxglove_report_that_they_wait_for_a_vehicle(tmp_path: Path
 
 
 @pytest.mark.parametrize(
-    "command", [("mavlink", "--endpoint", "udpin:127.0.0.1:0"), ("view", "--listen", "0", "--no-browser")], ids=" ".join
+    "command",
+    [("gateway", "mavlink", "--endpoint", "udpin:127.0.0.1:0"), ("view", "--listen", "0", "--no-browser")],
+    ids=" ".join,
 )
 def test_mavlink_and_view_report_that_they_wait_for_a_vehicle(tmp_path: Path, command: tuple[str, ...]) -> None:
     path, port = write_scenario(tmp_path)

@@ -104,7 +104,7 @@ def test_ctrl_c_is_an_exception_again_once_all_is_loaded() -> None:
         signal.signal(signal.SIGINT, signal.default_int_handler)
         lifeline.leave_on_ctrl_c()
         assert signal.getsignal(signal.SIGINT) is not signal.default_int_handler
-        assert cli.main(["frame", "list"]) == 0
+        assert cli.main(["link", "frame", "list"]) == 0
         assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
         signal.signal(signal.SIGINT, signal.SIG_IGN)  # nohup, or in the background of a script
         lifeline.leave_on_ctrl_c()
@@ -151,7 +151,7 @@ def test_a_missing_preset_is_reported_by_file_and_key(
 def test_an_empty_recording_is_reported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     empty = tmp_path / "empty.mcap"
     empty.touch()
-    for command in (["replay"], ["replay", "--check"], ["plot"]):
+    for command in (["recording", "replay"], ["recording", "replay", "--check"], ["recording", "plot"]):
         assert cli.main([command[0], str(empty), *command[1:]]) == 2
         out, err = capsys.readouterr()
         assert (out, err) == ("", f"uuv-hil {command[0]}: {empty}: not an MCAP file: it is empty\n")

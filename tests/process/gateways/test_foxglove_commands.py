@@ -77,7 +77,7 @@ def vehicle(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, str
     path, port = write_scenario(folder)
     with (
         Program(folder, "slave", path) as slave,
-        Program(folder, "foxglove", "--scenario", path, "--command", "--listen", free_port()) as gateway,
+        Program(folder, "gateway", "foxglove", "--scenario", path, "--command", "--listen", free_port()) as gateway,
     ):
         slave.expect("ready")
         address = gateway.expect(r"(ws://\S+) shows").group(1)
@@ -183,6 +183,6 @@ def test_the_scene_has_the_world_and_the_vehicle(foxglove: Foxglove) -> None:
 
 
 def test_the_layout_is_printed(tmp_path: Path) -> None:
-    with Program(tmp_path, "foxglove", "--layout", "uuv1", "--scenario", "paper_field") as program:
+    with Program(tmp_path, "gateway", "foxglove", "--layout", "uuv1", "--scenario", "paper_field") as program:
         assert program.process.wait(60) == 0
     assert json.loads(program.output)["configById"]["Teleop!stick"]["topic"] == "/uuv1/cmd_vel"

@@ -65,7 +65,7 @@ def test_each_panel_has_data_of_a_running_vehicle(opened_layout: tuple[Path, Pat
     scenario, folder = opened_layout
     missing = topics_of("uuv1", str(scenario))
     assert {"/scene", "/uuv1/forward_sonar/fan/image_raw", "/uuv1/camera/image_raw/compressed"} < missing
-    with Program(folder, "foxglove", "--scenario", scenario, "--listen", free_port()) as gateway:
+    with Program(folder, "gateway", "foxglove", "--scenario", scenario, "--listen", free_port()) as gateway:
         address = gateway.expect(r"(ws://\S+) shows").group(1)
         topics: dict[int, str] = {}
         with connect(address, subprotocols=[Subprotocol("foxglove.sdk.v1")], max_size=None) as socket:
@@ -83,8 +83,8 @@ def test_each_panel_has_data_of_a_running_vehicle(opened_layout: tuple[Path, Pat
 def test_each_panel_has_data_of_a_recording(opened_layout: tuple[Path, Path]) -> None:
     scenario, folder = opened_layout
     bag, target = folder / "bag", folder / "foxglove.mcap"
-    assert run_here("record", "--scenario", str(scenario), "-o", str(bag), "--seconds", "8")[0] == 0
-    code, output = run_here("replay", str(bag), "--foxglove", str(target))
+    assert run_here("recording", "make", "--scenario", str(scenario), "-o", str(bag), "--seconds", "8")[0] == 0
+    code, output = run_here("recording", "replay", str(bag), "--foxglove", str(target))
     assert code == 0, output
     messages = read(target)
     assert topics_of("uuv1", str(scenario)) - messages.keys() == set()
@@ -92,7 +92,7 @@ def test_each_panel_has_data_of_a_recording(opened_layout: tuple[Path, Path]) ->
     assert [entity.id for entity in scene.entities] == ["world", "vehicle"]
     fan = messages["/uuv1/forward_sonar/fan/image_raw"][0]
     assert (fan.encoding, fan.width * fan.height) == ("mono8", len(fan.data))
-    code, output = run_here("replay", str(bag), "--foxglove", str(target))
+    code, output = run_here("recording", "replay", str(bag), "--foxglove", str(target))
     assert code == 2
     assert "choose another file" in output
 
@@ -100,11 +100,11 @@ def test_each_panel_has_data_of_a_recording(opened_layout: tuple[Path, Path]) ->
 def test_sonar_fans_are_added_to_a_recording_without_them(opened_layout: tuple[Path, Path]) -> None:
     scenario, folder = opened_layout
     bag, target = folder / "bag2", folder / "fans.mcap"
-    assert run_here("record", "--scenario", str(scenario), "-o", str(bag), "--seconds", "5")[0] == 0
+    assert run_here("recording", "make", "--scenario", str(scenario), "-o", str(bag), "--seconds", "5")[0] == 0
     (path,) = bag.glob("*.mcap")
     before = without_fans(path)
     assert before
-    assert run_here("replay", str(bag), "--foxglove", str(target))[0] == 0
+    assert run_here("recording", "replay", str(bag), "--foxglove", str(target))[0] == 0
     assert len(read(target)["/uuv1/forward_sonar/fan/image_raw"]) == before
 
 

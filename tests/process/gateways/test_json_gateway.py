@@ -184,7 +184,7 @@ def test_a_port_in_use_is_reported(gateway: JsonGateway, fleet: Fleet) -> None:
 
 def test_the_command_serves_json(fleet: Fleet, tmp_path: Path) -> None:
     port, endpoint = free_port(), fleet.endpoints[0]
-    with Program(tmp_path, "gateway", "--connect", endpoint, "--listen", f"127.0.0.1:{port}") as program:
+    with Program(tmp_path, "gateway", "json", "--connect", endpoint, "--listen", f"127.0.0.1:{port}") as program:
         program.expect(f"lines of JSON at 127.0.0.1:{port}")
         program.expect(f"(in {token_path(port)})")
         with socket.create_connection(("127.0.0.1", port)) as connection:
@@ -192,6 +192,6 @@ def test_the_command_serves_json(fleet: Fleet, tmp_path: Path) -> None:
             assert b"uuv1" in connection.recv(1000)
             assert program.stop(signal.SIGINT) == 0
         assert "Traceback" not in program.output
-    with Program(tmp_path, "gateway", "--matlab") as program:
+    with Program(tmp_path, "gateway", "json", "--matlab") as program:
         assert program.wait() == 0
         assert os.path.samefile(program.output.strip(), ROOT / "hil" / "gateways" / "matlab")

@@ -75,7 +75,7 @@ def thruster_names() -> list[str]:
 
 
 def test_a_run_with_services_repeats_bit_for_bit(tmp_path: Path, dive: Path) -> None:
-    with Program(tmp_path, "replay", dive, "--check") as check:
+    with Program(tmp_path, "recording", "replay", dive, "--check") as check:
         assert check.wait() == 0, check.output
     assert "the same bit for bit" in check.output
 

@@ -135,7 +135,9 @@ def test_a_slave_publishes_records_and_repeats_an_own_sensor(sensor_folder: Path
     reported = [message for message in read_messages(str(file)) if message.topic == "/uuv1/thermometer"]
     assert len(reported) >= 3
     assert {message.type for message in reported} == {"sensor_msgs/msg/Temperature"}
-    with Program(sensor_folder, "replay", recorder, "--check", "--own-classes", environment=environment) as check:
+    with Program(
+        sensor_folder, "recording", "replay", recorder, "--check", "--own-classes", environment=environment
+    ) as check:
         assert check.wait() == 0, check.output
 
 

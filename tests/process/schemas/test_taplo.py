@@ -24,7 +24,7 @@ PRESETS = {
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Provide a folder with all schemas in `schemas`."""
     folder = tmp_path_factory.mktemp("taplo")
-    assert main(["schema", "-o", str(folder / "schemas")]) == 0
+    assert main(["scenario", "schema", "-o", str(folder / "schemas")]) == 0
     return folder
 
 

@@ -240,14 +240,16 @@ def test_pictures_are_in_recordings_of_clients_but_not_of_the_slave(tmp_path: Pa
         with VehicleClient(endpoint, "uuv1", role="observer") as onlooker:
             onlooker.watch(*PICTURES)
             assert wait_for(lambda: has_all(onlooker)), "they take their time to begin"
-        with Program(tmp_path, "record", "--connect", endpoint, "-o", tmp_path / "bag", "--seconds", "3") as recorder:
+        with Program(
+            tmp_path, "recording", "make", "--connect", endpoint, "-o", tmp_path / "bag", "--seconds", "3"
+        ) as recorder:
             assert recorder.wait() == 0, recorder.output
         assert program.stop(signal.SIGINT) == 0
     topics = {message.topic for message in read_messages(str(tmp_path / "bag"))}
     assert {f"/uuv1/{topic}" for topic in PICTURES} <= topics
     (recording,) = folder.iterdir()
     assert not any("camera" in message.topic for message in read_messages(str(recording)))
-    with Program(tmp_path, "replay", recording, "--check") as check:
+    with Program(tmp_path, "recording", "replay", recording, "--check") as check:
         assert check.wait() == 0, check.output
         assert "the same bit for bit" in check.output
 

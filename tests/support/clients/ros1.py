@@ -204,11 +204,11 @@ class Served:
 
 @contextmanager
 def served_to_ros1(folder: Path, *options: str) -> Iterator[Served]:
-    """Provide the vehicle uuv1, served by `uuv-hil ros1` with these options."""
+    """Provide the vehicle uuv1, served by `uuv-hil gateway ros1` with these options."""
     path, port = write_scenario(folder)
     with SmallMaster() as master, Program(folder, "slave", path) as slave:
         slave.expect("ready")
-        words = ("ros1", "--connect", f"tcp/127.0.0.1:{port}", *options)
+        words = ("gateway", "ros1", "--connect", f"tcp/127.0.0.1:{port}", *options)
         with Program(folder, *words, environment={"ROS_MASTER_URI": master.uri}) as gateway:
             gateway.expect("connected: uuv1")
             served = Served(master, gateway, port)

@@ -1,4 +1,4 @@
-"""A vehicle that is served by `uuv-hil rosbridge`."""
+"""A vehicle that is served by `uuv-hil gateway rosbridge`."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -13,6 +13,8 @@ def served_vehicle(folder: Path) -> Iterator[str]:
     path, port = write_scenario(folder)
     with Program(folder, "slave", path) as slave:
         slave.expect("ready")
-        with Program(folder, "rosbridge", "--connect", f"tcp/127.0.0.1:{port}", "--listen", free_port()) as gateway:
+        with Program(
+            folder, "gateway", "rosbridge", "--connect", f"tcp/127.0.0.1:{port}", "--listen", free_port()
+        ) as gateway:
             gateway.expect("connected: uuv1")
             yield gateway.expect(r"ws://\S+").group()

@@ -21,7 +21,9 @@ def hunt(scenario: str, keys: Path, vehicles: list[str], folder: Path) -> list[i
         for member, vehicle, planner in zip(load_scenario(scenario).member, vehicles, PLANNERS, strict=True):
             own = "--set", f'security.slave="{keys / vehicle}"', "--set", f'security.master="{keys / planner}"'
             stack.enter_context(Program(folder, "slave", scenario, "--member", member.node, *own))
-            agents.append(stack.enter_context(Program(folder, "agent", scenario, "--member", member.node, *own)))
+            agents.append(
+                stack.enter_context(Program(folder, "fleet", "agent", scenario, "--member", member.node, *own))
+            )
         for agent in agents:
             agent.expect(r"[1-9]\d*% of the plan")
         for agent in agents:

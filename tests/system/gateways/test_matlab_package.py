@@ -109,7 +109,7 @@ vehicle.gateway.close();
 attempt(@() vehicle.state());
 """
     expected = [
-        ("uuv:noGateway", "start it there: uuv-hil gateway --connect"),
+        ("uuv:noGateway", "start it there: uuv-hil gateway json --connect"),
         ("uuv:token", "not the token of this gateway; it makes a new one at each start"),
         ("uuv:refused", "no vehicle 'uvu1' came within 5 s; there are: uuv1; did you mean 'uuv1'?"),
         ("uuv:refused", "surge: 1000 is not between -20 and 20 m/s"),
@@ -161,7 +161,7 @@ vehicle.go_to(8, 8, 2);{LOSS}"""
     with Program(tmp_path, "slave", scenario) as slave:
         slave.expect("ready")
         endpoint = f"tcp/127.0.0.1:{port}"
-        with Program(tmp_path, "gateway", "--connect", endpoint, "--listen", f"127.0.0.1:{listen}") as serving:
+        with Program(tmp_path, "gateway", "json", "--connect", endpoint, "--listen", f"127.0.0.1:{listen}") as serving:
             serving.expect("uuv1")
             write_script(tmp_path / "loss.m", script)
             command = ["octave-cli", "--norc", "--quiet"]

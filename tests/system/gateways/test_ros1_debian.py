@@ -94,7 +94,7 @@ def ros(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Ros]:
         Program(folder, "slave", path) as slave,
     ):
         slave.expect("ready")
-        words = ("ros1", "--connect", f"tcp/127.0.0.1:{slave_port}", "--command")
+        words = ("gateway", "ros1", "--connect", f"tcp/127.0.0.1:{slave_port}", "--command")
         with Program(folder, *words, environment={"ROS_MASTER_URI": ros.environment["ROS_MASTER_URI"]}) as gateway:
             gateway.expect("connected: uuv1")
             gateway.expect("the ROS master at .* is connected")

@@ -44,7 +44,7 @@ def test_ros_1_reads_a_converted_recording(tmp_path: Path) -> None:
     folder, bag = tmp_path / "dive7", tmp_path / "dive7.bag"
     with Program(tmp_path, "slave", scenario) as slave:
         slave.expect("ready")
-        with Program(tmp_path, "record", "--connect", f"tcp/127.0.0.1:{port}", "-o", folder) as recorder:
+        with Program(tmp_path, "recording", "make", "--connect", f"tcp/127.0.0.1:{port}", "-o", folder) as recorder:
             assert wait_for(lambda: sum(file.stat().st_size for file in folder.glob("*.mcap")) > 30_000)
             assert recorder.stop(signal.SIGINT) == 0
     convert = Path(sys.executable).with_name("rosbags-convert")

@@ -72,7 +72,7 @@ def test_a_recording_plays_pauses_and_seeks(tmp_path: Path) -> None:
     with record:
         assert record.wait() == 0, record.output
     recording = next(tmp_path.rglob("*.mcap"))
-    with Program(tmp_path, "replay", recording, "--view") as view, open_page() as seen:
+    with Program(tmp_path, "recording", "replay", recording, "--view") as view, open_page() as seen:
         page = ViewPage(seen, view)
         page.wait_until_drawn()
         page.click("pause")

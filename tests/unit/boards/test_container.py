@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from ruamel.yaml import YAML
 
-from hil.cli import COMMANDS
+from hil.cli import COMMANDS, find_command
 from hil.commands.completion import find_parser
 from hil.common.options import changes_of
 from hil.scenario.config import load_scenario
@@ -19,7 +19,7 @@ SERVICES: dict[str, dict[str, Any]] = YAML(typ="safe").load(FOLDER / "compose.ya
 
 def read_command(service: str) -> tuple[str, argparse.Namespace]:
     """Return the command's name, and its options as its own parser reads them; fail the test at an unknown word."""
-    name, *words = shlex.split(SERVICES[service]["command"])
+    name, words = find_command(shlex.split(SERVICES[service]["command"]))
     return name, find_parser(COMMANDS[name][0]).parse_args(words)
 
 

@@ -11,15 +11,13 @@ from pathlib import Path
 import pytest
 
 import hil.commands
-from hil.cli import COMMANDS, GROUPS, main
-from hil.commands.bench.command import BENCHMARKS
+from hil.cli import ALIASES, COMMANDS, FAMILIES, GROUPS, find_command, main, members
 from hil.commands.completion import find_parser
 from hil.common.errors import EXIT_CODES
 from hil.common.options import subparsers
 
 FOLDER = Path(hil.commands.__file__).parent
-MODULES = [module for name, (module, _) in COMMANDS.items() if name != "bench"]
-MODULES += [module for module, _ in BENCHMARKS.values()]
+MODULES = [module for module, _ in COMMANDS.values()]
 # Names that an option may not have, and the name to use.
 OTHER_NAMES = {
     "--out": "--output", "--run-dir": "--output", "--dest": "--output", "--log": "--output", "--slave": "--connect",
@@ -28,11 +26,11 @@ OTHER_NAMES = {
 }  # fmt: skip
 # The same word with another meaning, with the reason.
 OTHER_MEANINGS = {
-    ("uuv-hil foxglove", "--listen"): "a websocket, no zenoh endpoint",
-    ("uuv-hil rosbridge", "--listen"): "a websocket, no zenoh endpoint",
-    ("uuv-hil ros1", "--listen"): "a node of ROS 1, no zenoh endpoint",
+    ("uuv-hil gateway foxglove", "--listen"): "a websocket, no zenoh endpoint",
+    ("uuv-hil gateway rosbridge", "--listen"): "a websocket, no zenoh endpoint",
+    ("uuv-hil gateway ros1", "--listen"): "a node of ROS 1, no zenoh endpoint",
     ("uuv-hil view", "--listen"): "a web page, no zenoh endpoint",
-    ("uuv-hil gateway", "--listen"): "lines of JSON, no zenoh endpoint",
+    ("uuv-hil gateway json", "--listen"): "lines of JSON, no zenoh endpoint",
     ("uuv-hil bench echo", "--listen"): "an address without a port, which is any that is free",
     ("uuv-hil keys add", "--host"): "a machine",
 }
@@ -41,6 +39,8 @@ COMMAND_SPECIFIC = {"--output", "--plot", "--rate", "--seconds", "--repeat", "--
 # Commands that take a scenario without --set, with the reason.
 WITHOUT_SET = {
     "uuv-hil scenario show": "prints the file as it is",
+    "uuv-hil fleet status": "shows what `up` has started",
+    "uuv-hil fleet down": "stops what `up` has started",
 }
 
 ONE_WORD = re.compile(r"\s+(# )?('[^']*'|\S+)( \\)?")  # of a command or a remark
@@ -63,9 +63,27 @@ def options(parser: argparse.ArgumentParser) -> dict[str, argparse.Action]:
 
 
 def test_all_commands_are_checked() -> None:
-    names = {parser.prog.split()[1] for parser in ALL_PARSERS}
+    names = {find_command(parser.prog.split()[1:])[0] for parser in ALL_PARSERS}
     assert names == set(COMMANDS)
     assert len(LEAVES) > 45
+
+
+def test_a_former_name_runs_the_present_command_and_names_it(capsys: pytest.CaptureFixture[str]) -> None:
+    for former, present in ALIASES.items():
+        name, words = find_command([former, "--listen", "0"])
+        assert capsys.readouterr().err == f"`uuv-hil {former}` is now `uuv-hil {present}`\n"
+        assert (name, words) == find_command([*present.split(), "--listen", "0"])
+        assert name in COMMANDS
+
+
+def test_each_family_lists_its_commands(capsys: pytest.CaptureFixture[str]) -> None:
+    for family in FAMILIES:
+        assert main(["help", family]) == 0
+        lines = capsys.readouterr().out.splitlines()
+        assert all(sum(line.startswith(f"  {name} ") for line in lines) == 1 for name in members(family))
+        assert max(map(len, lines)) <= 80
+        assert main([family, "nothing"]) == 2
+        assert f"no command '{family} nothing'; there are: {', '.join(members(family))}" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize("width", [40, 60, 80])
@@ -97,8 +115,8 @@ def test_every_example_is_accepted(monkeypatch: pytest.MonkeyPatch) -> None:
     for command in filter(None, commands):
         words = shlex.split(command, comments=True)
         words = words[: next((at for at, word in enumerate(words) if word in ("|", "&", "&&", ">")), len(words))]
-        depth = 2 if words[0] == "bench" else 1
-        roots[" ".join(words[:depth])].parse_args(words[depth:])
+        name, rest = find_command(words)
+        roots[name].parse_args(rest)
         understood += 1
     assert understood > 150
 
@@ -181,7 +199,7 @@ def test_every_command_that_reads_a_scenario_offers_set() -> None:
         )
 
 
-@pytest.mark.parametrize("command", ["sim", "campaign", "vehicle", "top", "doctor", "loopback", "board"])
+@pytest.mark.parametrize("command", ["sim", "campaign", "vehicle", "top", "doctor", "link loopback", "board"])
 def test_commands_with_results_offer_json(command: str) -> None:
     (parser,) = [parser for parser in LEAVES if parser.prog == f"uuv-hil {command}"]
     assert "--json" in options(parser)
@@ -196,8 +214,9 @@ def test_subcommands_with_results_offer_json(action: str) -> None:
 
 
 def test_the_help_lists_each_command_once(capsys: pytest.CaptureFixture[str]) -> None:
-    assert sorted(name for names in GROUPS.values() for name in names) == sorted(COMMANDS)
+    first_words = {name.split()[0] for name in COMMANDS}
+    assert sorted(name for names in GROUPS.values() for name in names) == sorted(first_words)
     assert main([]) == 0
     lines = capsys.readouterr().out.splitlines()
-    assert all(sum(line.startswith(f"  {name} ") for line in lines) == 1 for name in COMMANDS)
+    assert all(sum(line.startswith(f"  {name} ") for line in lines) == 1 for name in first_words)
     assert max(map(len, lines)) <= 80

@@ -1,4 +1,4 @@
-"""`uuv-hil frame`: byte tables, transmission times, and bytes decoded field by field."""
+"""`uuv-hil link frame`: byte tables, transmission times, and bytes decoded field by field."""
 
 import io
 from pathlib import Path

@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 import pytest
 
 from hil import cli
-from hil.commands.bench import command as bench
 from hil.commands.world import area
 from hil.common import options as parser
 from hil.common.options import List, Number, Parser, Share, subparsers
@@ -47,10 +46,7 @@ class Option(NamedTuple):
 
 def commands() -> Iterator[tuple[tuple[str, ...], str]]:
     for name, (module, _) in cli.COMMANDS.items():
-        if name != "bench":
-            yield (name,), module
-    for name, (module, _) in bench.BENCHMARKS.items():
-        yield ("bench", name), module
+        yield tuple(name.split()), module
 
 
 def parser_of(module: str) -> Parser:
@@ -216,10 +212,10 @@ def test_the_slave_checks_its_endpoint_with_and_without_argparse(
         (["sim", "paper_feild"], "paper_field"),
         (["vehicle", "blurov2"], "bluerov2"),
         (["world", "show", "pol"], "pool"),
-        (["frame", "check", "aa5"], "aa55"),
+        (["link", "frame", "check", "aa5"], "aa55"),
         (["case", "path_planing"], "path_planning"),
-        (["loopback", "--stm32", "unicron"], "unicorn"),
-        (["loopback", "--protocol", "mavlnk"], "mavlink"),
+        (["link", "loopback", "--stm32", "unicron"], "unicorn"),
+        (["link", "loopback", "--protocol", "mavlnk"], "mavlink"),
         (["slave", "paper_field", "--board", "raspbery_pi_4b"], "raspberry_pi_4b"),
         (["doctor", "--board", "raspbery_pi_4b"], "raspberry_pi_4b"),
         (["bench", "delay", "--stm32", "pyton"], "python"),

@@ -40,7 +40,7 @@ def test_an_invalid_endpoint_is_reported_by_file_and_key(
         assert str(error.value).startswith(f"{path}: {key}: endpoint ")
         assert "is not of the form tcp/HOST:PORT" in str(error.value)
         assert len(str(error.value)) < len(str(path)) + 300
-    for command in ("slave FILE", "sim FILE --fast", "agent FILE --member a", "top --scenario FILE"):
+    for command in ("slave FILE", "sim FILE --fast", "fleet agent FILE --member a", "top --scenario FILE"):
         assert main([str(path) if word == "FILE" else word for word in command.split()]) == 2
         (line,) = capsys.readouterr().err.splitlines()
         assert f"{path}: {key}: endpoint" in line
@@ -65,7 +65,7 @@ def test_tls_without_certificates_is_an_error_of_the_file(
     "arguments",
     [
         ["master", "paper_field", "--connect"], ["demo", "--listen"], ["topic", "list", "--connect"],
-        ["top", "--connect"], ["router", "--listen"], ["record", "--connect"],
+        ["top", "--connect"], ["router", "--listen"], ["recording", "make", "--connect"],
     ],
 )  # fmt: skip
 def test_tls_without_certificates_is_an_error_of_the_option(

@@ -175,12 +175,12 @@ def _sensor_names() -> set[str]:
 
 
 def test_the_command_writes_every_schema(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["schema", "-o", str(tmp_path)]) == 0
+    assert main(["scenario", "schema", "-o", str(tmp_path)]) == 0
     assert {path.name for path in tmp_path.glob("*")} == {f"{kind}.schema.json" for kind in KINDS}
     capsys.readouterr()
-    assert main(["schema", "board"]) == 0
+    assert main(["scenario", "schema", "board"]) == 0
     assert capsys.readouterr().out == (tmp_path / "board.schema.json").read_text()
-    assert main(["schema"]) == 2
-    assert main(["schema", "bord"]) == 2
+    assert main(["scenario", "schema"]) == 2
+    assert main(["scenario", "schema", "bord"]) == 2
     assert "did you mean 'board'" in capsys.readouterr().err
     assert (ROOT / "docs/how-to/editor.md").exists()

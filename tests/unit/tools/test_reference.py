@@ -58,7 +58,7 @@ def test_every_key_has_a_unit_a_default_and_a_description(name: str) -> None:
 def test_every_command_is_on_the_page() -> None:
     page = pages()["commands"]
     for name in COMMANDS:
-        assert f"\n## {name}\n" in page
+        assert f"# {name}\n" in page
 
 
 def test_an_array_shows_the_ranges_of_all_its_numbers() -> None:

@@ -1,4 +1,4 @@
-% The connection to `uuv-hil gateway`: what uuv.Vehicle speaks over. For MATLAB (R2020b) and GNU Octave.
+% The connection to `uuv-hil gateway json`: what uuv.Vehicle speaks over. For MATLAB (R2020b) and GNU Octave.
 %
 %   gateway = uuv.Gateway();                                   % the one of this machine, at port 7450
 %   gateway = uuv.Gateway('192.168.3.5', 7450, TOKEN);         % on another one: TOKEN is what it showed at its start
@@ -50,7 +50,7 @@ classdef Gateway < handle
         self.link = tcpclient(host, port);
       catch problem
         error('uuv:noGateway', ['no gateway answers at %s:%d (%s); start it there: ' ...
-          'uuv-hil gateway --connect tcp/BOARD:7447, with --listen %s:%d if it is not the usual place'], ...
+          'uuv-hil gateway json --connect tcp/BOARD:7447, with --listen %s:%d if it is not the usual place'], ...
           host, port, uuv.Gateway.one_line(problem.message), host, port);
       end
       if self.is_octave
@@ -216,7 +216,7 @@ classdef Gateway < handle
     function fail(self, why)
       self.link = [];
       error('uuv:lost', ['the connection to the gateway at %s:%d has ended (%s); vehicles that it commanded stop. ' ...
-        'See that uuv-hil gateway runs there, and connect again'], self.host, self.port, why);
+        'See that uuv-hil gateway json runs there, and connect again'], self.host, self.port, why);
     end
   end
 end

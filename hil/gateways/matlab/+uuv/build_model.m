@@ -2,7 +2,7 @@ function build_model(name)
 % BUILD_MODEL  Make a model of Simulink like figure 7 of the reference platform: planner, plant with sensors, scopes.
 %
 %   addpath(FOLDER); addpath(fullfile(FOLDER, 'template'));
-%   uuv.build_model('uuv_template');          % then press Run, with uuv-hil gateway running
+%   uuv.build_model('uuv_template');          % then press Run, with uuv-hil gateway json running
 %
 % The planner's command goes to the plant one step later. The simulation keeps to real time, and ends when all tasks are
 % done. Written by MathWorks' documentation, and never run: there was no MATLAB where it was made.

@@ -2,7 +2,7 @@ function result = run_template(vehicle, tasks, options)
 % RUN_TEMPLATE  High-level planning as the reference platform has it (Zhang et al. 2022, figure 7): a task scheduler
 % gives the goals, A* plans on the map, pure pursuit follows the path, VFH goes round what the laser sees.
 %
-%   addpath(FOLDER); addpath(fullfile(FOLDER, 'template'));    % FOLDER: what uuv-hil gateway --matlab prints
+%   addpath(FOLDER); addpath(fullfile(FOLDER, 'template'));    % FOLDER: what uuv-hil gateway json --matlab prints
 %   vehicle = uuv.Vehicle('uuv1');
 %   result = run_template(vehicle);                            % the stations of the reference platform
 %   result = run_template(vehicle, struct('name', 'goal', 'at', [50 50], 'duration', 0, 'needs', ''));

@@ -1,4 +1,4 @@
-"""`uuv-hil gateway`: serve vehicles to MATLAB, Octave and whatever else can write lines of JSON to a socket."""
+"""`uuv-hil gateway json`: serve vehicles to MATLAB, Octave and whatever else can write lines of JSON to a socket."""
 
 import os
 
@@ -11,13 +11,13 @@ from hil.gateways.json_lines.server import JsonGateway
 POLL_S = 0.5  # between two checks of which vehicles are connected
 EXAMPLES = """\
 examples:
-  uuv-hil gateway --connect tcp/192.168.3.116:7447
-  uuv-hil gateway --connect tcp/127.0.0.1:7447 --listen 127.0.0.1:7460
+  uuv-hil gateway json --connect tcp/192.168.3.116:7447
+  uuv-hil gateway json --connect tcp/127.0.0.1:7447 --listen 127.0.0.1:7460
   printf '{"do": "get", "sensor": "state"}\\n' | nc 127.0.0.1 7450
 
 A line is a request, {"id": 1, "vehicle": "uuv1", "do": "drive", "surge": 0.4}, and gets one line as its reply;
 docs/how-to/matlab.md lists the requests. For MATLAB and Octave there is a package, +uuv, and a template of high-level
-planning; `uuv-hil gateway --matlab` prints their folder, for addpath. Anybody who reaches the port can read what
+planning; `uuv-hil gateway json --matlab` prints their folder, for addpath. Anybody who reaches the port can read what
 vehicles send. To command them, a client first sends {"do": "login", "token": "..."}. The token is new at each start;
 it is printed, and stored in a file that only this user can read.
 """
@@ -25,7 +25,7 @@ it is printed, and stored in a file that only this user can read.
 
 def main(arguments: list[str]) -> int:
     """Serve until stopped; return the exit code."""
-    parser = new_parser("gateway", __doc__, EXAMPLES)
+    parser = new_parser("gateway json", __doc__, EXAMPLES)
     add_fleet(parser)
     add_serving(parser, "127.0.0.1:7450")
     add_take_over(parser)
