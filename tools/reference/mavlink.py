@@ -5,12 +5,11 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from hil.gateways.mavlink import dispatch
-from hil.gateways.mavlink import newer_messages as newer
 from hil.gateways.mavlink.commands import Commands
 from hil.gateways.mavlink.flight.mission_items import WAYPOINTS, WITHOUT_PLACE
 from hil.gateways.mavlink.flight.modes import MODES
 from hil.gateways.mavlink.parameter_table import GATEWAY
-from hil.gateways.mavlink.protocols.streams import DEFAULT_HZ
+from hil.gateways.mavlink.protocols.streams import STREAMS
 
 HEAD = """\
 # MAVLink vehicle
@@ -28,7 +27,6 @@ These parameters belong to the slave. They are lost when it ends.
 - `FAIL1_VALUE`: size of that failure. Its unit depends on the kind: a share (2, 5), µs (3), s (4).
 """
 TYPES = {getattr(dialect, f"MAV_PARAM_TYPE_{word}"): word.lower() for word in ("INT8", "INT16", "INT32", "REAL32")}
-NEWER = {kind.id: kind.name for kind in (newer.EscStatus, newer.CurrentMode, newer.AvailableModesMonitor)}
 
 
 def page() -> str:
@@ -42,16 +40,14 @@ def _modes() -> str:
 
 
 def _messages() -> str:
-    names = {number: NEWER.get(number) or dialect.mavlink_map[number].msgname for number in DEFAULT_HZ}
-    ordered = sorted(DEFAULT_HZ.items(), key=lambda row: names[row[0]])
-    rows = [f"| {names[number]} | {rate:g} |\n" for number, rate in ordered]
+    rows = [f"| {name} | {f'{rate:g}' if rate else 'on request'} |\n" for name, (rate, _) in sorted(STREAMS.items())]
     text = (
         "## Messages that are streamed\n\nThe table has the default rates. A ground station may request other rates, "
         "up to 50 Hz. Quantities that the\nvehicle does not measure are not sent; water temperature is one of them. "
-        "Pulse widths are updated at the\nrate `[ros] joints`, 10 Hz by default. Speeds and currents of ESCs are sent "
-        "if the model of the thruster\nhas them: both with the `curve` of the T200, speeds with the `dynamics` of a "
-        "rotor."
-        "\n\n"
+        "`SCALED_IMU2` and `SCALED_IMU3` repeat\nthe one IMU, `SCALED_PRESSURE` the one pressure. A serial line slower "
+        "than 230400 bit/s gets each message\nat 1 Hz at most. Pulse widths are updated at the rate `[ros] joints`, "
+        "10 Hz by default. Speeds and\ncurrents of ESCs are sent if the model of the thruster has them: both with the "
+        "`curve` of the T200,\nspeeds with the `dynamics` of a rotor.\n\n"
     )
     return text + "| message | Hz |\n|---|---|\n" + "".join(rows)
 

@@ -15,8 +15,8 @@ from hil.gateways.mavlink.flight.pilot import Pilot
 from hil.gateways.mavlink.parameter_table import ParameterTable
 from hil.gateways.mavlink.protocols.missions import MissionProtocol
 from hil.gateways.mavlink.protocols.parameters import ParameterProtocol
-from hil.gateways.mavlink.snapshot import Origin, Snapshot, VehiclePort
-from hil.gateways.mavlink.telemetry import Context, place_e7
+from hil.gateways.mavlink.snapshot import Context, Origin, Snapshot, VehiclePort
+from hil.gateways.mavlink.telemetry import place_e7
 from hil.scenario.mavlink_records import Mavlink
 from sim.geodesy import TangentPlane
 
@@ -129,8 +129,7 @@ class Core:
         """Return what the messages of the state need."""
         pilot = self.pilot
         return Context(
-            now - self.start_ns, wall_ns, self.home, self.origin, self.plane, pilot.mode, pilot.armed, self.is_ready(),
-            pilot.target_position,
+            now - self.start_ns, wall_ns, self.home, self.origin, self.plane, self.is_ready(), pilot.target_position
         )  # fmt: skip
 
     def tick(self, now: int) -> None:

@@ -6,17 +6,19 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from hil.common import __version__
-from hil.gateways.mavlink import camera, telemetry
+from hil.gateways.mavlink import camera
 from hil.gateways.mavlink.commands import ACCEPTED, DENIED, UNSUPPORTED, Commands, origin_of, read_command
 from hil.gateways.mavlink.core import Core, mission_current
 from hil.gateways.mavlink.endpoints.peer import COMPONENT, Peer
 from hil.gateways.mavlink.flight import modes
 from hil.gateways.mavlink.flight.targets import TargetError, global_target, local_target
-from hil.gateways.mavlink.newer_messages import AvailableModes, AvailableModesMonitor, CurrentMode
+from hil.gateways.mavlink.newer_messages import AvailableModes, AvailableModesMonitor
 from hil.gateways.mavlink.protocols.ftp import FtpServer, ftp_message
 from hil.gateways.mavlink.protocols.logs import LogProtocol
 from hil.gateways.mavlink.protocols.signing import SigningKey
 from hil.gateways.mavlink.protocols.streams import CURRENT_MODE, HEARTBEAT, MISSION_CURRENT, MODES_MONITOR
+from hil.gateways.mavlink.snapshot import Context
+from hil.gateways.mavlink.telemetry import BUILDERS
 from hil.links.mavlink.reports import MAVLINK_VERSION
 
 CAMERA_MESSAGES = (
@@ -114,15 +116,12 @@ class Dispatcher:
                 self.peers[due[0][0]].send(*due[1])
         self._send_streams(now, core.context(now, wall_ns))
 
-    def messages(self, number: int, context: telemetry.Context) -> list[Any]:
-        """Return the message with that id as it is now, nothing if there is none; of ESCs one for each four."""
-        several = telemetry.SEVERAL.get(number)
-        if several:
-            return several(self.core.snapshot, context) if self.core.snapshot else []
+    def messages(self, number: int, context: Context) -> list[Any]:
+        """Return the message with that id as it is now, nothing if there is none; several of ESCs and named values."""
         message = self._message(number, context)
-        return [] if message is None else [message]
+        return message if isinstance(message, list) else [] if message is None else [message]
 
-    def _message(self, number: int, context: telemetry.Context) -> Any:
+    def _message(self, number: int, context: Context) -> Any:
         core = self.core
         if number == HEARTBEAT:
             return self._own_heartbeat() if core.snapshot else None  # without a vehicle there is none
@@ -132,10 +131,10 @@ class Dispatcher:
             return modes.current_mode(core.pilot.mode, core.pilot.intended)
         if number == MODES_MONITOR:
             return AvailableModesMonitor(1)
-        build = telemetry.BUILDERS.get(number)
+        build = BUILDERS.get(number)
         return build(core.snapshot, context) if build and core.snapshot else None
 
-    def _send_streams(self, now: int, context: telemetry.Context) -> None:
+    def _send_streams(self, now: int, context: Context) -> None:
         messages: dict[int, list[Any]] = {}  # a message is made once for all peers
         for peer in self.peers.values():
             for number in peer.rates.due(now):
@@ -238,12 +237,6 @@ class Dispatcher:
             return [self._version()]
         if number == AvailableModes.id:
             return modes.available_modes(int(index) if index == index and 0 <= index < 1000 else 0)
-        if number == CurrentMode.id:
-            return [modes.current_mode(self.core.pilot.mode, self.core.pilot.intended)]
-        if number == dialect.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN and self.core.origin:
-            origin = self.core.origin
-            e7 = round(origin.latitude * 1e7), round(origin.longitude * 1e7)
-            return [dialect.MAVLink_gps_global_origin_message(*e7, round(1000.0 * origin.altitude))]
         if self.picture and number in CAMERA_MESSAGES:
             return self._camera_messages(number, now)
         return self.messages(number, self.core.context(now, now))

@@ -1,13 +1,19 @@
-"""State of the gateway's vehicle at one instant (`Snapshot`), and the requests it takes (`VehiclePort`)."""
+"""State of the gateway's vehicle at one instant (`Snapshot`, `Context`), and the requests it takes (`VehiclePort`)."""
 
 from collections.abc import Mapping
+from math import isfinite
 from typing import NamedTuple, Protocol
 
 from hil.autonomy.control.controller import VelocityCommand
 from hil.client.samples import State
+from hil.common.clock import NS_PER_MS, NS_PER_US
+from hil.common.vectors import Vector3
 from hil.ros.commands import PoseCommand
 from hil.ros.joints import MotorState
+from sim.geodesy import TangentPlane
+from sim.rotations import rotate
 from sim.sensors.extra_samples import BatterySample, FixSample
+from sim.sensors.samples import ImuSample
 
 Wrench = tuple[float, float, float, float, float, float]
 Command = VelocityCommand | PoseCommand | Wrench
@@ -20,6 +26,11 @@ class Echo(NamedTuple):
     distance: float
     least: float
     most: float
+
+    @property
+    def is_valid(self) -> bool:
+        """Whether there was an echo."""
+        return isfinite(self.distance)
 
 
 class Snapshot(NamedTuple):
@@ -40,6 +51,14 @@ class Snapshot(NamedTuple):
     sensors: frozenset[str] = frozenset()
     slave_load: float = 0.0  # share of one processor
     link_silent: bool = False
+    imu: ImuSample | None = None
+    field: Vector3 | None = None  # T
+
+    @property
+    def velocity_ned(self) -> Vector3:
+        """Velocity over ground (m/s, NED)."""
+        north, east, down = rotate(self.state.orientation, self.state.velocity)
+        return north, east, down
 
 
 class Origin(NamedTuple):
@@ -48,6 +67,30 @@ class Origin(NamedTuple):
     latitude: float
     longitude: float
     altitude: float = 0.0
+
+
+class Context(NamedTuple):
+    """Values that messages need beside the snapshot: times (ns), home (m, NED), origin, setpoint, sticks, panel."""
+
+    now: int  # since the gateway started
+    wall_ns: int  # since 1970
+    home: Vector3
+    origin: Origin | None
+    plane: TangentPlane | None
+    ready: bool  # whether arming would be accepted
+    target: Vector3 | None  # m, NED
+    channels: tuple[int, ...] = ()  # pulses (us) of RC channels
+    panel: Mapping[str, float] = {}  # values for the pilot, by their names in NAMED_VALUE_FLOAT
+
+    @property
+    def boot_ms(self) -> int:
+        """Time since the gateway started, ms in 32 bits."""
+        return self.now // NS_PER_MS & 0xFFFF_FFFF
+
+    @property
+    def boot_us(self) -> int:
+        """Time since the gateway started, us."""
+        return self.now // NS_PER_US
 
 
 class VehiclePort(Protocol):

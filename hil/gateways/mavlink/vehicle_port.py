@@ -19,7 +19,7 @@ from hil.ros.commands import PoseCommand, encode_pose, encode_thrusts
 from hil.ros.frames import encode_wrench
 from sim.sensors.extra_samples import BatterySample, FixSample
 
-TOPICS = ("odom", "pressure", "battery", "gps", "altitude", "altimeter", "leak", "motors")
+TOPICS = ("odom", "pressure", "battery", "gps", "altitude", "altimeter", "leak", "motors", "imu", "magnetometer")
 STALE_S = 1.0  # after which a vehicle whose position does not come counts as lost
 SLOW_STALE_S = 3.0  # the same for samples that come once a second
 DVL_REACH = 0.05, 200.0  # m: its messages do not state it
@@ -77,6 +77,8 @@ class NetworkVehicle:
             self._sensors,
             (figures.cpu_s or 0.0) / max(figures.uptime_s or 0.0, 1.0),
             bool(figures.stm32_silent),
+            self._newest("imu", STALE_S),
+            field.field if (field := self._newest("magnetometer", STALE_S)) else None,
         )
 
     def send(self, command: Command) -> None:

@@ -16,7 +16,7 @@ from hil.gateways.mavlink.flight.modes import Mode
 from hil.gateways.mavlink.parameter_table import ParameterTable
 from hil.gateways.mavlink.protocols.ftp import FtpServer
 from hil.gateways.mavlink.protocols.logs import LogProtocol
-from hil.gateways.mavlink.snapshot import Command, Origin, Snapshot, Wrench
+from hil.gateways.mavlink.snapshot import Command, Echo, Origin, Snapshot, Wrench
 from hil.links.contract import Counters
 from hil.links.mavlink.servos import ServoOutputRaw
 from hil.links.mavlink.stream import MavlinkStream
@@ -24,6 +24,7 @@ from hil.ros.commands import PoseCommand
 from hil.ros.joints import MotorState
 from hil.scenario.mavlink_records import Mavlink
 from sim.sensors.extra_samples import BatterySample
+from sim.sensors.samples import ImuSample
 
 TICK_NS = NS_PER_S // 50
 ORIGIN = Origin(45.0, 10.0, 0.0)
@@ -43,6 +44,7 @@ class PointVehicle:
         self.settled: list[tuple[str, str]] = []
         self.leak = False
         self.battery: BatterySample | None = None
+        self.echo: Echo | None = None
         self.motors: tuple[MotorState, ...] = ()
 
     def move(self, seconds: float) -> None:
@@ -81,8 +83,10 @@ class PointVehicle:
             return None
         sensors = frozenset(("imu", "odom", "pressure"))
         return Snapshot(
-            self.state, self.battery, pulses=(1500,) * 6, motors=self.motors, leak=self.leak, sensors=sensors
-        )
+            self.state, self.battery, 121_325.0, self.echo, pulses=(1500,) * 6, motors=self.motors, leak=self.leak,
+            sensors=sensors, imu=ImuSample(0, (1.0, 0.0, 0.0, 0.0), (0.1, 0.0, -0.2), (0.0, 0.0, -9.80665)),
+            field=(20e-6, 0.0, 40e-6),
+        )  # fmt: skip
 
     def send(self, command: Command) -> None:
         self.commands.append(command)

@@ -6,11 +6,12 @@ from typing import Any
 
 from hil.gateways.mavlink.camera import COMPONENT as CAMERA
 from hil.gateways.mavlink.protocols.signing import SigningKey
-from hil.gateways.mavlink.protocols.streams import StreamRates
+from hil.gateways.mavlink.protocols.streams import MAX_HZ, StreamRates
 from hil.links.contract import Counters
 from hil.links.mavlink.stream import MavlinkStream
 
 COMPONENT = 1  # the autopilot's
+SLOW_BURST = 400  # bytes a turn: a serial line that does not carry all streams at their default rates
 MAX_WAITING = 4000  # messages of lists that wait for a slow link
 
 Write = Callable[[bytes, Any], None]  # the packet, and its message
@@ -37,7 +38,7 @@ class Peer:
     ) -> None:
         self.number, self.name, self.may_command, self.is_local = number, name, may_command, is_local
         self.counters = Counters()
-        self.rates = StreamRates()
+        self.rates = StreamRates(1.0 if burst < SLOW_BURST else MAX_HZ)
         self.received_ns = 0
         self.denied = 0
         self._write, self._burst = write, burst

@@ -4,8 +4,6 @@ A ground station asks for a rate a message (SET_MESSAGE_INTERVAL) or for groups 
 Until it does, it has `DEFAULT_HZ`.
 """
 
-from collections.abc import Mapping
-
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from hil.common.clock import NS_PER_S, NS_PER_US
@@ -15,68 +13,65 @@ MAX_HZ = 50.0
 MIN_HZ = 0.05
 OFF = -1  # us, of a message that is not sent
 
-HEARTBEAT = dialect.MAVLINK_MSG_ID_HEARTBEAT
-SYS_STATUS = dialect.MAVLINK_MSG_ID_SYS_STATUS
-SYSTEM_TIME = dialect.MAVLINK_MSG_ID_SYSTEM_TIME
-GPS_RAW_INT = dialect.MAVLINK_MSG_ID_GPS_RAW_INT
-ATTITUDE = dialect.MAVLINK_MSG_ID_ATTITUDE
-ATTITUDE_QUATERNION = dialect.MAVLINK_MSG_ID_ATTITUDE_QUATERNION
-LOCAL_POSITION_NED = dialect.MAVLINK_MSG_ID_LOCAL_POSITION_NED
-GLOBAL_POSITION_INT = dialect.MAVLINK_MSG_ID_GLOBAL_POSITION_INT
-SERVO_OUTPUT_RAW = dialect.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW
-MISSION_CURRENT = dialect.MAVLINK_MSG_ID_MISSION_CURRENT
-NAV_CONTROLLER_OUTPUT = dialect.MAVLINK_MSG_ID_NAV_CONTROLLER_OUTPUT
-VFR_HUD = dialect.MAVLINK_MSG_ID_VFR_HUD
-SCALED_PRESSURE2 = dialect.MAVLINK_MSG_ID_SCALED_PRESSURE2
-BATTERY_STATUS = dialect.MAVLINK_MSG_ID_BATTERY_STATUS
-HOME_POSITION = dialect.MAVLINK_MSG_ID_HOME_POSITION
-EKF_STATUS_REPORT = dialect.MAVLINK_MSG_ID_EKF_STATUS_REPORT
-DISTANCE_SENSOR = dialect.MAVLINK_MSG_ID_DISTANCE_SENSOR
-EXTENDED_SYS_STATE = dialect.MAVLINK_MSG_ID_EXTENDED_SYS_STATE
-ESC_TELEMETRY = dialect.MAVLINK_MSG_ID_ESC_TELEMETRY_1_TO_4
-ESC_STATUS = newer.EscStatus.id
-CURRENT_MODE = newer.CurrentMode.id
-MODES_MONITOR = newer.AvailableModesMonitor.id
-
-DEFAULT_HZ: dict[int, float] = {
-    HEARTBEAT: 1.0, SYS_STATUS: 1.0, SYSTEM_TIME: 1.0, GPS_RAW_INT: 2.0, ATTITUDE: 10.0, LOCAL_POSITION_NED: 5.0,
-    GLOBAL_POSITION_INT: 4.0, SERVO_OUTPUT_RAW: 4.0, MISSION_CURRENT: 1.0, VFR_HUD: 4.0, SCALED_PRESSURE2: 2.0,
-    BATTERY_STATUS: 1.0, HOME_POSITION: 0.2, EKF_STATUS_REPORT: 1.0, DISTANCE_SENSOR: 4.0, EXTENDED_SYS_STATE: 1.0,
-    ESC_STATUS: 1.0, ESC_TELEMETRY: 1.0, CURRENT_MODE: 0.5, MODES_MONITOR: 0.3, NAV_CONTROLLER_OUTPUT: 1.0,
+NONE = 0  # group of what REQUEST_DATA_STREAM does not change
+RAW_SENSORS, EXTENDED_STATUS, RC_CHANNELS, POSITION, EXTRA1, EXTRA2, EXTRA3 = (
+    dialect.MAV_DATA_STREAM_RAW_SENSORS, dialect.MAV_DATA_STREAM_EXTENDED_STATUS, dialect.MAV_DATA_STREAM_RC_CHANNELS,
+    dialect.MAV_DATA_STREAM_POSITION, dialect.MAV_DATA_STREAM_EXTRA1, dialect.MAV_DATA_STREAM_EXTRA2,
+    dialect.MAV_DATA_STREAM_EXTRA3,
+)  # fmt: skip
+# Message -> its rate (Hz) until a ground station requests another one, and its group. Groups and rates are ArduSub's.
+STREAMS: dict[str, tuple[float, int]] = {
+    "HEARTBEAT": (1.0, NONE), "HOME_POSITION": (0.1, NONE), "GPS_GLOBAL_ORIGIN": (0.1, NONE),
+    "CURRENT_MODE": (0.5, NONE), "AVAILABLE_MODES_MONITOR": (0.3, NONE), "EXTENDED_SYS_STATE": (1.0, NONE),
+    "RAW_IMU": (4.0, RAW_SENSORS), "SCALED_IMU2": (4.0, RAW_SENSORS), "SCALED_IMU3": (4.0, RAW_SENSORS),
+    "SCALED_PRESSURE": (4.0, RAW_SENSORS), "SCALED_PRESSURE2": (4.0, RAW_SENSORS),
+    "SYS_STATUS": (4.0, EXTENDED_STATUS), "POWER_STATUS": (4.0, EXTENDED_STATUS),
+    "MISSION_CURRENT": (4.0, EXTENDED_STATUS), "GPS_RAW_INT": (4.0, EXTENDED_STATUS),
+    "NAV_CONTROLLER_OUTPUT": (4.0, EXTENDED_STATUS), "NAMED_VALUE_FLOAT": (4.0, EXTENDED_STATUS),
+    "SERVO_OUTPUT_RAW": (4.0, RC_CHANNELS), "RC_CHANNELS": (4.0, RC_CHANNELS),
+    "LOCAL_POSITION_NED": (4.0, POSITION), "GLOBAL_POSITION_INT": (4.0, POSITION),
+    "ATTITUDE": (10.0, EXTRA1), "AHRS2": (4.0, EXTRA1), "VFR_HUD": (4.0, EXTRA2),
+    "AHRS": (4.0, EXTRA3), "SYSTEM_TIME": (4.0, EXTRA3), "RANGEFINDER": (4.0, EXTRA3),
+    "DISTANCE_SENSOR": (4.0, EXTRA3), "BATTERY_STATUS": (4.0, EXTRA3), "EKF_STATUS_REPORT": (4.0, EXTRA3),
+    "VIBRATION": (4.0, EXTRA3), "ESC_STATUS": (1.0, EXTRA3), "ESC_TELEMETRY_1_TO_4": (1.0, EXTRA3),
+    "ATTITUDE_QUATERNION": (0.0, NONE), "SCALED_IMU": (0.0, NONE), "HIGHRES_IMU": (0.0, NONE),
+    "ODOMETRY": (0.0, NONE), "ALTITUDE": (0.0, NONE),
 }  # fmt: skip
-STREAMED = frozenset(DEFAULT_HZ) | {ATTITUDE_QUATERNION}
 
-# MAV_DATA_STREAM -> the messages of the group, as ArduPilot has them as far as they exist here
-GROUPS: dict[int, tuple[int, ...]] = {
-    dialect.MAV_DATA_STREAM_RAW_SENSORS: (SCALED_PRESSURE2,),
-    dialect.MAV_DATA_STREAM_EXTENDED_STATUS: (SYS_STATUS, GPS_RAW_INT, MISSION_CURRENT, NAV_CONTROLLER_OUTPUT),
-    dialect.MAV_DATA_STREAM_RC_CHANNELS: (SERVO_OUTPUT_RAW,),
-    dialect.MAV_DATA_STREAM_POSITION: (LOCAL_POSITION_NED, GLOBAL_POSITION_INT),
-    dialect.MAV_DATA_STREAM_EXTRA1: (ATTITUDE,),
-    dialect.MAV_DATA_STREAM_EXTRA2: (VFR_HUD,),
-    dialect.MAV_DATA_STREAM_EXTRA3: (
-        BATTERY_STATUS, DISTANCE_SENSOR, EKF_STATUS_REPORT, ESC_STATUS, ESC_TELEMETRY, SYSTEM_TIME,
-    ),
-}  # fmt: skip
-ALL_GROUPS = tuple(number for group in GROUPS.values() for number in group)
+
+def number_of(name: str) -> int:
+    """Return the id of a message."""
+    own = {kind.name: kind.id for kind in (newer.EscStatus, newer.CurrentMode, newer.AvailableModesMonitor)}
+    return own.get(name) or int(getattr(dialect, f"MAVLINK_MSG_ID_{name}"))
+
+
+HEARTBEAT, MISSION_CURRENT, CURRENT_MODE, MODES_MONITOR = [
+    number_of(name) for name in ("HEARTBEAT", "MISSION_CURRENT", "CURRENT_MODE", "AVAILABLE_MODES_MONITOR")
+]
+DEFAULT_HZ = {number_of(name): rate for name, (rate, _) in STREAMS.items()}
 
 
 class StreamRates:
-    """Periods (ns) of one ground station's messages by their ids, 0 for those that are off."""
+    """Periods (ns) of one ground station's messages by their ids, 0 for those that are off.
 
-    def __init__(self, rates: Mapping[int, float] = DEFAULT_HZ) -> None:
-        self._default = {number: round(NS_PER_S / rate) for number, rate in rates.items()}
+    `most_hz` limits the default rates: a slow line does not carry all messages at theirs.
+    """
+
+    def __init__(self, most_hz: float = MAX_HZ) -> None:
+        self._default = {
+            number: round(NS_PER_S / min(rate, most_hz)) if rate else 0 for number, rate in DEFAULT_HZ.items()
+        }
         self._periods = dict(self._default)
         self._due: dict[int, int] = {}
 
     def set_interval(self, number: int, interval_us: float) -> bool:
         """Set the interval of a message: -1 turns it off, 0 is the default; return whether there is such a stream."""
-        if number not in STREAMED or not (interval_us == interval_us and abs(interval_us) < 1e12):
+        if number not in self._default or not (interval_us == interval_us and abs(interval_us) < 1e12):
             return False
         if interval_us < 0:
             self._periods[number] = 0
         elif interval_us == 0:
-            self._periods[number] = self._default.get(number, 0)
+            self._periods[number] = self._default[number]
         else:
             self._set_rate(number, 1e6 / interval_us)
         self._due.pop(number, None)
@@ -84,14 +79,15 @@ class StreamRates:
 
     def interval_us(self, number: int) -> int:
         """Return the interval of a message: -1 if it is off, 0 if there is no such stream."""
-        if number not in STREAMED:
+        if number not in self._default:
             return 0
-        period = self._periods.get(number, 0)
+        period = self._periods[number]
         return period // NS_PER_US if period else OFF
 
     def set_group(self, group: int, rate_hz: int, start: bool) -> bool:
         """Set the rate of a group of messages (MAV_DATA_STREAM); return whether there is such a group."""
-        numbers = ALL_GROUPS if group == dialect.MAV_DATA_STREAM_ALL else GROUPS.get(group, ())
+        is_all = group == dialect.MAV_DATA_STREAM_ALL
+        numbers = [number_of(name) for name, (_, of) in STREAMS.items() if of != NONE and (is_all or of == group)]
         for number in numbers:
             if start and rate_hz:
                 self._set_rate(number, rate_hz)
