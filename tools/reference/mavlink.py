@@ -21,10 +21,11 @@ submarine. This page is made by `python -m tools.reference` from `hil/gateways/m
 SLAVE = """
 These parameters belong to the slave. They are lost when it ends.
 
-- `G_LOOP_KEY`: gains of its controller. Values of `LOOP`: `SURGE`, `SWAY`, `HEAVE`, `RLLR`, `PITR`, `YAWR`, `DEPTH`,
-  `HDG`, `ROLL`, `PITCH`. Values of `KEY`: `P`, `I`, `D`, `LIM`, `FF`, `FILT`, `SLEW`.
-- `FAIL1_KIND`: failure of thruster 1 (0 none, 1 off, 2 efficiency, 3 stuck, 4 delayed, 5 noisy).
-- `FAIL1_VALUE`: size of that failure. Its unit depends on the kind: a share (2, 5), µs (3), s (4).
+- `HIL_G_LOOP_KEY`: gains of its controller. Values of `LOOP`: `SURGE`, `SWAY`, `HEAVE`, `RLLR`, `PITR`, `YAWR`,
+  `DEPTH`, `HDG`, `ROLL`, `PITCH`. Values of `KEY`: `P`, `I`, `D`, `LIM`, `FF`, `FILT`, `SLEW`. The `P` of the last four
+  loops are `PSC_POSZ_P`, `ATC_ANG_YAW_P`, `ATC_ANG_RLL_P` and `ATC_ANG_PIT_P`.
+- `HIL_FAIL1_KIND`: failure of thruster 1 (0 none, 1 off, 2 efficiency, 3 stuck, 4 delayed, 5 noisy).
+- `HIL_FAIL1_VALUE`: size of that failure. Its unit depends on the kind: a share (2, 5), µs (3), s (4).
 """
 TYPES = {getattr(dialect, f"MAV_PARAM_TYPE_{word}"): word.lower() for word in ("INT8", "INT16", "INT32", "REAL32")}
 
@@ -67,16 +68,22 @@ def _mission() -> str:
 
 
 def _parameters() -> str:
-    rows = [
-        f"| `{name}` | {TYPES[p.kind]} | {p.unit} | {p.default:g} | {p.least:g} to {p.most:g} | {p.meaning} |\n"
-        for name, p in sorted(GATEWAY.items())
-    ]
+    rows = {
+        group: [
+            f"| `{name}` | {TYPES[p.kind]} | {p.unit} | {p.default:g} | {p.least:g} to {p.most:g} | {p.meaning} |\n"
+            for name, p in sorted(GATEWAY.items())
+            if (p.group == "stored") == (group == "stored")
+        ]
+        for group in ("effective", "stored")
+    }
+    table = "| name | type | unit | default | range | meaning |\n|---|---|---|---|---|---|\n"
     text = (
-        "## Parameters\n\nThey are stored on the machine that runs the gateway. If the gateway has a "
-        "scenario, the defaults of\nthe forces, the moments and `NAV_STEER` follow from its vehicle.\n\n"
-        "| name | type | unit | default | range | meaning |\n|---|---|---|---|---|---|\n"
+        "## Parameters\n\nNames, types and units are ArduSub's, except those that begin with `HIL_`. They are stored "
+        "on the\nmachine that runs the gateway. If the gateway has a scenario, the defaults of forces, moments, "
+        "`HIL_STEER`,\n`FRAME_CONFIG` and `BATT_MONITOR` follow from its vehicle.\n\n"
     )
-    return text + "".join(rows) + SLAVE
+    stored = "\nGround stations ask for these, too. They are stored, and change nothing in this vehicle.\n\n"
+    return text + table + "".join(rows["effective"]) + SLAVE + stored + table + "".join(rows["stored"])
 
 
 def _command_name(number: int) -> str:

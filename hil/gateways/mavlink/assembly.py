@@ -4,6 +4,7 @@ import os
 from math import degrees
 from typing import Any
 
+from hil.autopilots.frames import AUTO, CUSTOM, MotorMap, load_frame, map_motors
 from hil.common.errors import ConfigError
 from hil.gateways.mavlink.camera import CameraInfo, Stream
 from hil.gateways.mavlink.snapshot import Origin
@@ -30,20 +31,33 @@ def origin_of(scenario: Scenario | None) -> Origin | None:
 
 
 def defaults_of(scenario: Scenario | None) -> dict[str, float]:
-    """Return parameters that differ from one vehicle to the next: system id, forces, steering. Raises ConfigError."""
+    """Return parameters that differ from one vehicle to the next: system id, frame, forces. Raises ConfigError."""
     if scenario is None:
         return {}
     vehicle, _ = load_vehicle(scenario.vehicle)
-    defaults = {"NAV_STEER": float(bool(vehicle.fins))}
+    defaults = {"HIL_STEER": float(bool(vehicle.fins)), "BATT_MONITOR": 4.0 if vehicle.battery else 0.0}
+    motors = motors_of(scenario)
+    if motors.frame != CUSTOM:
+        defaults["FRAME_CONFIG"] = float(load_frame(motors.frame).frame_config)
     if scenario.mavlink:
         defaults["SYSID_THISMAV"] = float(scenario.mavlink.system)
     rows = wrench_matrix(vehicle, torque=False)
     thrusts = [min(thruster.max_forward, thruster.max_reverse) for thruster in vehicle.thrusters]
+    defaults["HIL_THRUST"] = min(thrusts, default=0.0)
     names = ("FORCE_X", "FORCE_Y", "FORCE_Z", "MOMENT_K", "MOMENT_M", "MOMENT_N")
     for name, row in zip(names, rows, strict=True):
         most = sum(abs(share) * thrust for share, thrust in zip(row, thrusts, strict=True))
-        defaults[f"MAN_{name}"] = round(MAX_SHARE * most, 1)
+        defaults[f"HIL_{name}"] = round(MAX_SHARE * most, 1)
     return defaults
+
+
+def motors_of(scenario: Scenario) -> MotorMap:
+    """Return which thruster each motor of the vehicle's frame is, as ArduSub numbers them. Raises ConfigError."""
+    vehicle, _ = load_vehicle(scenario.vehicle)
+    try:
+        return map_motors(AUTO, vehicle)
+    except ConfigError:  # no frame of ArduSub
+        return map_motors(CUSTOM, vehicle)
 
 
 def camera_of(scenario: Scenario | None, streams: tuple[Stream, ...], name: str = "camera") -> CameraInfo:

@@ -131,7 +131,7 @@ class Commands:
         speed = request.params[1]
         if not isfinite(speed) or speed <= 0.0:
             return DENIED
-        return FAILED if self._core.table.set("WP_SPEED", speed) else ACCEPTED
+        return FAILED if self._core.table.set("WPNAV_SPEED", 100.0 * speed) else ACCEPTED
 
     def _turn_to_heading(self, request: CommandRequest, now: int) -> int:
         """Turn on the spot in mode Guided."""
@@ -173,7 +173,7 @@ class Commands:
         result = core.set_mode(Mode.GUIDED)
         if result == ACCEPTED:
             north, east, _down = core.home
-            core.pilot.set_target(Target((north, east, core.table["SURFACE_DEPTH"])), now)
+            core.pilot.set_target(Target((north, east, -core.table["SURFACE_DEPTH"])), now)
         return result
 
     def _terminate(self, request: CommandRequest, _: int) -> int:

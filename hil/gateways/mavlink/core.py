@@ -134,7 +134,10 @@ class Core:
 
     def tick(self, now: int) -> None:
         """Read the vehicle's state, check its failsafes, and send a command when one is due."""
-        snapshot = self.snapshot = self.port.snapshot()
+        snapshot = self.port.snapshot()
+        if snapshot and not self.table["BATT_MONITOR"]:
+            snapshot = snapshot._replace(battery=None)
+        self.snapshot = snapshot
         if snapshot:
             self._seen_ns = now
             self._find_places(snapshot)
@@ -181,7 +184,7 @@ class Core:
         if silence_ns > self.table["FS_GCS_TIMEOUT"] * NS_PER_S and not self._gcs_lost:
             self._gcs_lost = True
             self._act_on_silence()
-        leaks = self.snapshot is not None and self.snapshot.leak
+        leaks = self.snapshot is not None and self.snapshot.leak and self.table["LEAK1_PIN"] >= 0.0
         if leaks and not self._leaks and self.table["FS_LEAK_ENABLE"]:
             self.texts.append((CRITICAL, "Leak detected"))
             if self.table["FS_LEAK_ENABLE"] == 2:

@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from hil.common.tables import parse_toml, write_atomically
+from hil.common.tables import parse_toml, read_table, write_atomically
 
 INT8, INT16, INT32, REAL32 = (
     dialect.MAV_PARAM_TYPE_INT8,
@@ -22,7 +22,10 @@ INT8, INT16, INT32, REAL32 = (
 
 
 class Parameter(NamedTuple):
-    """One parameter of the gateway: its type, default and range, its unit ("": none), and what it means."""
+    """One parameter of the gateway: its type, default and range, its unit ("": none), and what it means.
+
+    `group` is "effective", "fixed" (it cannot be set) or "stored" (it changes nothing in this vehicle).
+    """
 
     kind: int
     default: float
@@ -30,37 +33,37 @@ class Parameter(NamedTuple):
     most: float
     unit: str
     meaning: str
+    group: str
 
 
-def _real(default: float, least: float, most: float, unit: str, meaning: str) -> Parameter:
-    return Parameter(REAL32, default, least, most, unit, meaning)
+KINDS = {"int8": INT8, "int16": INT16, "int32": INT32, "real32": REAL32}
+SI = {"cm": 0.01, "cm/s": 0.01, "deg/s": math.pi / 180.0}  # what a unit is in m, m/s, rad/s
 
 
-GATEWAY: dict[str, Parameter] = {
-    "SYSID_THISMAV": Parameter(INT16, 1, 1, 250, "", "MAVLink system id; takes effect at the next start"),
-    "PILOT_SPEED": _real(0.5, 0.0, 5.0, "m/s", "speed ahead at full stick"),
-    "PILOT_SPEED_SIDE": _real(0.4, 0.0, 5.0, "m/s", "speed sideways at full stick"),
-    "PILOT_SPEED_UP": _real(0.3, 0.0, 5.0, "m/s", "speed up and down at full stick"),
-    "PILOT_YAW_RATE": _real(30.0, 0.0, 360.0, "deg/s", "turn rate at full stick"),
-    "MAN_FORCE_X": _real(40.0, 0.0, 1e5, "N", "force ahead at full stick in Manual"),
-    "MAN_FORCE_Y": _real(40.0, 0.0, 1e5, "N", "force to starboard at full stick in Manual"),
-    "MAN_FORCE_Z": _real(40.0, 0.0, 1e5, "N", "force up at full stick in Manual"),
-    "MAN_MOMENT_K": _real(5.0, 0.0, 1e5, "N m", "moment about the roll axis at full stick in Manual"),
-    "MAN_MOMENT_M": _real(5.0, 0.0, 1e5, "N m", "moment about the pitch axis at full stick in Manual"),
-    "MAN_MOMENT_N": _real(8.0, 0.0, 1e5, "N m", "moment about the yaw axis at full stick in Manual"),
-    "JS_DEADZONE": _real(0.03, 0.0, 0.5, "-", "dead zone of a stick, as a share of its deflection"),
-    "WP_SPEED": _real(0.5, 0.05, 5.0, "m/s", "speed between waypoints and to guided positions"),
-    "WP_RADIUS": _real(0.5, 0.1, 100.0, "m", "a waypoint is reached within this distance"),
-    "WP_YAW_BEHAVE": Parameter(INT8, 1, 0, 1, "", "0: the heading is held; 1: the bow points to the next waypoint"),
-    "NAV_STEER": Parameter(INT8, 0, 0, 1, "", "0: the vehicle can stop and move sideways; 1: it turns by fins"),
-    "DEPTH_MAX": _real(100.0, 0.0, 11_000.0, "m", "deeper targets are limited to this depth"),
-    "SURFACE_DEPTH": _real(0.2, 0.0, 10.0, "m", "depth to which the mode Surface rises"),
-    "FS_PILOT_TOUT": _real(0.5, 0.1, 10.0, "s", "sticks count as centred if the joystick is silent for this long"),
-    "FS_GCS_TIMEOUT": _real(3.0, 1.0, 120.0, "s", "FS_GCS_ENABLE acts if all ground stations are silent for this long"),
-    "FS_GCS_ENABLE": Parameter(INT8, 2, 0, 4, "", "0: nothing; 1: warn; 2: disarm; 3: depth hold; 4: surface"),
-    "FS_LEAK_ENABLE": Parameter(INT8, 1, 0, 2, "", "action at a leak. 0: nothing; 1: warn; 2: surface"),
-    "GUIDED_TIMEOUT": _real(3.0, 0.1, 60.0, "s", "a velocity target ends after this time; then the position is held"),
-}  # fmt: skip
+def expand(text: str) -> list[str]:
+    """Return the names that one of the file stands for: each list in braces is expanded, from the left."""
+    before, brace, rest = text.partition("{")
+    if not brace:
+        return [text]
+    listed, _, after = rest.partition("}")
+    first, _, last = listed.partition("..")
+    words = [str(number) for number in range(int(first), int(last) + 1)] if last else listed.split(",")
+    return [before + word + tail for word in words for tail in expand(after)]
+
+
+def load_parameters() -> dict[str, Parameter]:
+    """Return the parameters in parameters.toml by name."""
+    found = {}
+    for group, rows in read_table(os.path.join(os.path.dirname(__file__), "parameters.toml")).items():
+        for text, (kind, default, least, most, unit, meaning) in rows.items():
+            names = expand(text)
+            defaults = default if isinstance(default, list) else [default] * len(names)
+            for name, value in zip(names, defaults, strict=True):
+                found[name] = Parameter(KINDS[kind], float(value), least, most, unit, meaning, group)
+    return found
+
+
+GATEWAY = load_parameters()
 
 
 class ParameterTable:
@@ -83,12 +86,12 @@ class ParameterTable:
         self._load()
 
     def __getitem__(self, name: str) -> float:
-        """Return the value of a parameter of the gateway."""
-        return self._values[name]
+        """Return the value of a parameter of the gateway in SI units."""
+        return self._values[name] * SI.get(GATEWAY[name].unit, 1.0)
 
     def names(self) -> list[str]:
         """Return the names of all, sorted: their places are their indices."""
-        return sorted([*self._values, *self._slave()])
+        return sorted({*self._values, *self._slave()})
 
     def kind(self, name: str) -> int:
         """Return the MAV_PARAM_TYPE of a parameter."""
@@ -98,19 +101,24 @@ class ParameterTable:
 
     def value(self, name: str) -> float | None:
         """Return the value of any parameter, None if there is none of that name."""
-        own = self._values.get(name)
-        return self._slave().get(name) if own is None else own
+        return self._slave().get(name, self._values.get(name))
+
+    def is_of_slave(self, name: str) -> bool:
+        """Return whether the slave has this parameter, which then counts instead of one of the gateway."""
+        return name in self._slave()
 
     def set(self, name: str, value: float) -> str:
-        """Set a parameter, or begin to; return why that cannot be, "" if it can."""
+        """Set a parameter, or begin to, in its own unit; return why that cannot be, "" if it can."""
         if self.value(name) is None:
             return f"{name}: no such parameter"
         if not math.isfinite(value):
             return f"{name}: not a finite number"
-        parameter = GATEWAY.get(name)
-        if parameter is None:
+        if self.is_of_slave(name):
             self._set_slave(name, value)
             return ""
+        parameter = GATEWAY[name]
+        if parameter.group == "fixed":
+            return f"{name}: cannot be set, as it follows from the vehicle's file"
         if not parameter.least <= value <= parameter.most:
             return f"{name}: {value:g} is not between {parameter.least:g} and {parameter.most:g}"
         self._values[name] = value if parameter.kind == REAL32 else float(round(value))
@@ -128,7 +136,7 @@ class ParameterTable:
         for name, value in stored.items():
             parameter = GATEWAY.get(name)
             is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
-            if parameter and is_number and parameter.least <= value <= parameter.most:
+            if parameter and parameter.group != "fixed" and is_number and parameter.least <= value <= parameter.most:
                 self._values[name] = float(value)
             else:
                 self.faults.append(f"parameters: {self._path}: {name}: {value!r} is left out")

@@ -1,9 +1,10 @@
 """Parameters of the slave (hil.slave.ros.parameters) under MAVLink's short names.
 
-gains.surge.p                    G_SURGE_P; likewise _I, _D, _LIM, _FF, _FILT, _SLEW
-gains.roll_rate.p                G_RLLR_P; pitch_rate PITR, yaw_rate YAWR, heading HDG
-failures.NAME of thruster 1      FAIL1_KIND: 0 none, 1 off, 2 efficiency, 3 stuck, 4 delayed, 5 noisy
-                                 FAIL1_VALUE: share of thrust, us, s, share of noise
+gains.surge.p                    HIL_G_SURGE_P; likewise _I, _D, _LIM, _FF, _FILT, _SLEW
+gains.roll_rate.p                HIL_G_RLLR_P; pitch_rate PITR, yaw_rate YAWR, heading HDG
+gains.heading.p                  ATC_ANG_YAW_P, as ArduSub has the same gain; likewise of roll, pitch and depth
+failures.NAME of thruster 1      HIL_FAIL1_KIND: 0 none, 1 off, 2 efficiency, 3 stuck, 4 delayed, 5 noisy
+                                 HIL_FAIL1_VALUE: share of thrust, us, s, share of noise
 """
 
 from collections.abc import Mapping
@@ -19,7 +20,12 @@ AXES = {
 FIELDS = {
     "p": "P", "i": "I", "d": "D", "limit": "LIM", "feedforward": "FF", "filter": "FILT", "slew": "SLEW",
 }  # fmt: skip
+SAME_AS_ARDUSUB = {
+    "gains.heading.p": "ATC_ANG_YAW_P", "gains.roll.p": "ATC_ANG_RLL_P", "gains.pitch.p": "ATC_ANG_PIT_P",
+    "gains.depth.p": "PSC_POSZ_P",
+}  # fmt: skip
 KINDS = ("", "off", "efficiency", "stuck", "delayed", "noisy")
+FAILURE = "HIL_FAIL"
 KEYS = {"efficiency": "efficiency", "stuck": "pwm_us", "delayed": "delay", "noisy": "noise"}
 DOUBLE, STRING = 3, 4  # rcl_interfaces/ParameterType
 AT_ONCE = 30  # names of one request
@@ -50,8 +56,9 @@ class SlaveParameters:
         for number, name in enumerate(self._thrusters, 1):
             text = values[name]["string_value"] if name in values else ""
             kind, value = read_failure(text)
-            fetched[f"FAIL{number}_KIND"] = float(kind)
-            fetched[f"FAIL{number}_VALUE"] = value if kind > 1 else self._wished.get(f"FAIL{number}_VALUE", 0.0)
+            fetched[f"{FAILURE}{number}_KIND"] = float(kind)
+            amount = f"{FAILURE}{number}_VALUE"
+            fetched[amount] = value if kind > 1 else self._wished.get(amount, 0.0)
         self.values = fetched
 
     def set(self, name: str, value: float) -> str:
@@ -59,15 +66,15 @@ class SlaveParameters:
         ros = self._names.get(name)
         requested: dict[str, Any] = {"type": DOUBLE, "double_value": value}
         if ros is None:
-            number, _, key = name.removeprefix("FAIL").partition("_")
+            number, _, key = name.removeprefix(FAILURE).partition("_")
             self._wished[name] = value
-            kind = int(value if key == "KIND" else self.values.get(f"FAIL{number}_KIND", 0.0))
+            kind = int(value if key == "KIND" else self.values.get(f"{FAILURE}{number}_KIND", 0.0))
             if not 0 <= kind < len(KINDS):
                 return f"{name}: {value:g} is none of 0 to {len(KINDS) - 1}"
             if key == "VALUE" and kind < 2:
                 self.values = {**self.values, name: value}
                 return ""
-            amount = value if key == "VALUE" else self.values.get(f"FAIL{number}_VALUE", 0.0)
+            amount = value if key == "VALUE" else self.values.get(f"{FAILURE}{number}_VALUE", 0.0)
             ros, requested = (
                 self._thrusters[int(number) - 1],
                 {"type": STRING, "string_value": failure_text(kind, amount)},
@@ -86,7 +93,7 @@ def short_name(name: str) -> str:
     parts = name.split(".")
     if len(parts) != 3 or parts[0] != "gains" or parts[1] not in AXES or parts[2] not in FIELDS:
         return ""
-    return f"G_{AXES[parts[1]]}_{FIELDS[parts[2]]}"
+    return SAME_AS_ARDUSUB.get(name) or f"HIL_G_{AXES[parts[1]]}_{FIELDS[parts[2]]}"
 
 
 def read_failure(text: str) -> tuple[int, float]:

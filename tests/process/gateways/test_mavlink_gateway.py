@@ -63,14 +63,15 @@ def test_parameters_are_read_and_set(ground: Ground) -> None:
 
     count = ground.wait("PARAM_VALUE", is_last)
     assert count.param_count > 60
-    assert {"WP_SPEED", "G_SURGE_P", "FAIL1_KIND"} <= names
+    assert {"WPNAV_SPEED", "HIL_G_SURGE_P", "HIL_FAIL1_KIND"} <= names
     parameters = mavparm.MAVParmDict()
-    for name, value in (("WP_SPEED", 0.8), ("G_SURGE_P", 3.5), ("FAIL1_VALUE", 0.5), ("FAIL1_KIND", 2.0)):
+    changes = {"WPNAV_SPEED": 80.0, "HIL_G_SURGE_P": 3.5, "HIL_FAIL1_VALUE": 0.5, "HIL_FAIL1_KIND": 2.0}
+    for name, value in changes.items():
         assert parameters.mavset(ground.link, name, value, retries=10, parm_type=None)
-    ground.send.param_request_read_send(1, 1, b"FAIL1_VALUE", -1)
-    assert ground.wait("PARAM_VALUE", lambda value: value.param_id == "FAIL1_VALUE").param_value == 0.5
-    assert parameters.mavset(ground.link, "FAIL1_KIND", 0.0, retries=10)
-    assert parameters.mavset(ground.link, "WP_SPEED", 0.5, retries=10)
+    ground.send.param_request_read_send(1, 1, b"HIL_FAIL1_VALUE", -1)
+    assert ground.wait("PARAM_VALUE", lambda value: value.param_id == "HIL_FAIL1_VALUE").param_value == 0.5
+    assert parameters.mavset(ground.link, "HIL_FAIL1_KIND", 0.0, retries=10)
+    assert parameters.mavset(ground.link, "WPNAV_SPEED", 50.0, retries=10)
 
 
 @retried_when_busy("seconds of a gateway and a slave in processes of their own")

@@ -37,7 +37,7 @@ def test_each_request_of_its_connection_is_answered(station: Station) -> None:
     assert station.component_information() == [refused, refused]
     assert capabilities & dialect.MAV_PROTOCOL_CAPABILITY_FTP
     assert capabilities & dialect.MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_C_CAST
-    assert {"WP_SPEED", "G_SURGE_P"} <= set(station.parameters())
+    assert {"WPNAV_SPEED", "HIL_G_SURGE_P"} <= set(station.parameters())
     station.plan(dialect.MAV_MISSION_TYPE_MISSION)
     # It asks for fences and rally points where they are announced, or the version never came.
     assert not station.plan(dialect.MAV_MISSION_TYPE_FENCE)

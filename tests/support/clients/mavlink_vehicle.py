@@ -40,7 +40,7 @@ class PointVehicle:
         self.refused = ""
         self.is_present = True
         self.armed_calls: list[bool] = []
-        self.values: dict[str, float] = {"G_SURGE_P": 4.0, "FAIL1_KIND": 0.0}
+        self.values: dict[str, float] = {"HIL_G_SURGE_P": 4.0, "HIL_FAIL1_KIND": 0.0}
         self.settled: list[tuple[str, str]] = []
         self.leak = False
         self.battery: BatterySample | None = None
@@ -183,6 +183,15 @@ class Partner:
         acks = [ack.result for ack in self.take_messages("COMMAND_ACK") if ack.command == command]
         assert len(acks) <= 1
         return acks[0] if acks else None
+
+    def set_parameter(self, name: str, value: float) -> float:
+        """Send PARAM_SET; return the value that is reported."""
+        self.take_messages("PARAM_VALUE")
+        self.send(dialect.MAVLink_param_set_message(1, 1, name.encode(), value, dialect.MAV_PARAM_TYPE_REAL32))
+        self._bench.run(0.1)
+        (reported,) = self.take_messages("PARAM_VALUE")
+        assert reported.param_id == name
+        return float(reported.param_value)
 
     def sticks(self, x: int = 0, y: int = 0, z: int = 500, r: int = 0) -> None:
         """Send MANUAL_CONTROL."""

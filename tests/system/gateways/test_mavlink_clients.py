@@ -52,8 +52,8 @@ def mode(number):
                   confirmation=0, target_system=1, target_component=1)
     direct.send_message(MavlinkMessage("COMMAND_LONG", 0, 0, 1, 1, json.dumps(fields)))
 
-param.set_param_float("WP_SPEED", 0.75)
-found["parameter"] = param.get_param_float("WP_SPEED")
+param.set_param_float("WPNAV_SPEED", 75.0)
+found["parameter"] = param.get_param_float("WPNAV_SPEED")
 found["failsafe"] = param.get_param_int("FS_GCS_ENABLE")
 found["parameters"] = len(param.get_all_params().float_params) + len(param.get_all_params().int_params)
 found["logs"] = [entry.size_bytes for entry in LogFiles(system).get_entries()]
@@ -89,8 +89,9 @@ child.logfile = sys.stdout
 child.expect("online system 1")
 child.expect(r"Received (\\d+) parameters \\(ftp\\)|Received (\\d+) parameters")
 for line, answer in (
-    ("mode ALT_HOLD", "ALT_HOLD>"), ("arm throttle", "ARMED"), ("param set WP_SPEED 0.6", "WP_SPEED|ALT_HOLD>"),
-    ("param fetch WP_SPEED", "WP_SPEED *= *0.6"), ("wp list", "Saved .* waypoints|waypoints"), ("disarm", "DISARMED"),
+    ("mode ALT_HOLD", "ALT_HOLD>"), ("arm throttle", "ARMED"), ("param set WPNAV_SPEED 60", "WPNAV_SPEED|ALT_HOLD>"),
+    ("param fetch WPNAV_SPEED", "WPNAV_SPEED *= *60"), ("wp list", "Saved .* waypoints|waypoints"),
+    ("disarm", "DISARMED"),
 ):
     child.sendline(line)
     child.expect(answer)
@@ -129,7 +130,7 @@ def test_mavsdk_commands_the_vehicle(places: tuple[int, int]) -> None:
     (line,) = [line for line in output.splitlines() if line.startswith("FOUND ")]
     found: dict[str, Any] = json.loads(line.removeprefix("FOUND "))
     assert found.pop("parameters") > 60
-    assert found.pop("parameter") == 0.75
+    assert found.pop("parameter") == 75.0
     assert found == {
         "failsafe": 2, "logs": [5000], "files": ["run.mcap"], "armed": True, "moves": True, "items": 3, "flown": True,
         "disarmed": True,

@@ -28,8 +28,8 @@ def test_manual_mode_turns_sticks_into_forces() -> None:
     bench.run(0.2, lambda: bench.partner.sticks(x=500, y=-500, z=750, r=1000))
     x, y, z, _, _, n = bench.vehicle.pushed()
     table = bench.table
-    assert (x, y) == (0.5 * table["MAN_FORCE_X"], -0.5 * table["MAN_FORCE_Y"])
-    assert (z, n) == (-0.5 * table["MAN_FORCE_Z"], table["MAN_MOMENT_N"])  # z of FRD is down: up is negative
+    assert (x, y) == (0.5 * table["HIL_FORCE_X"], -0.5 * table["HIL_FORCE_Y"])
+    assert (z, n) == (-0.5 * table["HIL_FORCE_Z"], table["HIL_MOMENT_N"])  # z of FRD is down: up is negative
 
 
 @pytest.mark.parametrize("mode", [mode for mode in Mode if mode != Mode.AUTO])
@@ -152,12 +152,12 @@ def test_surface_mode_rises() -> None:
     bench.vehicle.depth = 5.0
     bench.arm(Mode.SURFACE)
     bench.run(15.0)
-    assert bench.vehicle.depth == pytest.approx(bench.table["SURFACE_DEPTH"], abs=0.05)
+    assert bench.vehicle.depth == pytest.approx(-bench.table["SURFACE_DEPTH"], abs=0.05)
 
 
 def test_targets_are_limited_in_depth() -> None:
     bench = Bench()
-    bench.table.set("DEPTH_MAX", 5.0)
+    bench.table.set("HIL_DEPTH_MAX", 5.0)
     bench.arm(Mode.GUIDED)
     bench.partner.send(
         dialect.MAVLink_set_position_target_local_ned_message(

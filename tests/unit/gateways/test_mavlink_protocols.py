@@ -52,11 +52,11 @@ def test_all_parameters_are_sent_once_with_their_indices() -> None:
 
 def test_parameters_are_read_by_name_and_index_and_unknown_ones_ignored() -> None:
     bench = Bench()
-    bench.partner.send(dialect.MAVLink_param_request_read_message(1, 1, b"WP_SPEED", -1))
+    bench.partner.send(dialect.MAVLink_param_request_read_message(1, 1, b"WPNAV_SPEED", -1))
     (value,) = bench.partner.take_messages("PARAM_VALUE")
-    assert (value.param_id, value.param_value, value.param_type) == ("WP_SPEED", 0.5, dialect.MAV_PARAM_TYPE_REAL32)
+    assert (value.param_id, value.param_value, value.param_type) == ("WPNAV_SPEED", 50.0, dialect.MAV_PARAM_TYPE_REAL32)
     bench.partner.send(dialect.MAVLink_param_request_read_message(1, 1, b"", value.param_index))
-    assert bench.partner.take_messages("PARAM_VALUE")[0].param_id == "WP_SPEED"
+    assert bench.partner.take_messages("PARAM_VALUE")[0].param_id == "WPNAV_SPEED"
     for name, index in ((b"NONE", -1), (b"", 9999), (b"_HASH_CHECK", -1)):
         bench.partner.send(dialect.MAVLink_param_request_read_message(1, 1, name, index))
     assert bench.partner.take_messages("PARAM_VALUE") == []
@@ -71,24 +71,24 @@ def test_a_set_parameter_is_reported_to_all_ground_stations() -> None:
         bench.run(0.1)
         return [value.param_value for value in bench.partner.take_messages("PARAM_VALUE")]
 
-    assert set_one(b"WP_SPEED", 1.5) == [1.5]
+    assert set_one(b"WPNAV_SPEED", 150.0) == [150.0]
     assert len(other.take_messages("PARAM_VALUE")) == 1
-    assert set_one(b"WP_SPEED", 1e9) == [1.5]
+    assert set_one(b"WPNAV_SPEED", 1e9) == [150.0]
     assert "not between" in bench.partner.texts()
-    assert set_one(b"WP_SPEED", float("nan")) == [1.5]
+    assert set_one(b"WPNAV_SPEED", float("nan")) == [150.0]
     assert set_one(b"FS_GCS_ENABLE", 3.4) == [3.0]
     assert set_one(b"NONE", 1.0) == []
-    assert set_one(b"G_SURGE_P", 2.5) == [2.5]
-    assert bench.vehicle.values["G_SURGE_P"] == 2.5
+    assert set_one(b"HIL_G_SURGE_P", 2.5) == [2.5]
+    assert bench.vehicle.values["HIL_G_SURGE_P"] == 2.5
 
 
 def test_parameters_are_saved_and_a_broken_file_is_reported(tmp_path: Path) -> None:
     path = str(tmp_path / "deep" / "vehicle.toml")
-    assert ParameterTable(path).set("WP_RADIUS", 2.0) == ""
-    assert ParameterTable(path)["WP_RADIUS"] == 2.0
-    Path(path).write_text('WP_RADIUS = 3.0\nWP_SPEED = "fast"\nNOTHING = 1\n', encoding="utf-8")
+    assert ParameterTable(path).set("WPNAV_RADIUS", 200.0) == ""
+    assert ParameterTable(path)["WPNAV_RADIUS"] == 2.0, "in m here"
+    Path(path).write_text('WPNAV_RADIUS = 300.0\nWPNAV_SPEED = "fast"\nFRAME_CONFIG = 1\n', encoding="utf-8")
     table = ParameterTable(path)
-    assert (table["WP_RADIUS"], table["WP_SPEED"], len(table.faults)) == (3.0, 0.5, 2)
+    assert (table["WPNAV_RADIUS"], table["WPNAV_SPEED"], len(table.faults)) == (3.0, 0.5, 2)
     Path(path).write_text("not toml", encoding="utf-8")
     assert "defaults are used" in ParameterTable(path).faults[0]
 
@@ -339,8 +339,8 @@ def test_an_observer_cannot_change_anything() -> None:
     assert guest.command(dialect.MAV_CMD_COMPONENT_ARM_DISARM, 1) == DENIED
     assert guest.command(dialect.MAV_CMD_DO_SET_MODE, 1, 2) == DENIED
     guest.send(dialect.MAVLink_set_mode_message(1, 1, 2))
-    guest.send(dialect.MAVLink_param_set_message(1, 1, b"WP_SPEED", 3.0, 9))
-    assert guest.take_messages("PARAM_VALUE")[0].param_value == 0.5
+    guest.send(dialect.MAVLink_param_set_message(1, 1, b"WPNAV_SPEED", 3.0, 9))
+    assert guest.take_messages("PARAM_VALUE")[0].param_value == 50.0
     assert upload_mission(guest, [HOME_ROW]) == dialect.MAV_MISSION_DENIED
     bench.arm(Mode.GUIDED)
     before = bench.core.pilot.target

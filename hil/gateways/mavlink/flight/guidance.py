@@ -1,6 +1,6 @@
 """Steering laws of the modes: from what is to be held or reached to a command of the vehicle. Without state of time."""
 
-from math import atan2, cos, dist, hypot, radians, sin
+from math import atan2, cos, dist, hypot, sin
 
 from hil.autonomy.control.controller import HoldGains, VelocityCommand, wrap
 from hil.autonomy.control.position import approach
@@ -9,7 +9,6 @@ from hil.gateways.mavlink.flight.sticks import Sticks
 from hil.gateways.mavlink.parameter_table import ParameterTable
 from hil.gateways.mavlink.snapshot import Wrench
 
-POSITION_P = 0.5  # 1/s
 FAR = 1.0  # m: from there on a vehicle goes bow first
 COAST_S = 0.4  # that a vehicle still moves on once a stick is let go
 Point = tuple[float, float, float]  # m, NED
@@ -19,7 +18,7 @@ def push(sticks: Sticks, parameters: ParameterTable) -> Wrench:
     """Return the wrench (N, N m, FRD) of sticks in Manual."""
     axes = (sticks.x, sticks.y, -sticks.z, sticks.k, sticks.m, sticks.r)
     names = ("FORCE_X", "FORCE_Y", "FORCE_Z", "MOMENT_K", "MOMENT_M", "MOMENT_N")
-    x, y, z, k, m, n = [axis * parameters[f"MAN_{name}"] for axis, name in zip(axes, names, strict=True)]
+    x, y, z, k, m, n = [axis * parameters[f"HIL_{name}"] for axis, name in zip(axes, names, strict=True)]
     return x, y, z, k, m, n
 
 
@@ -62,13 +61,15 @@ class Holds:
 def piloted(sticks: Sticks, state: State, holds: Holds, parameters: ParameterTable) -> VelocityCommand:
     """Return the command of sticks in the modes that hold something."""
     surge = sticks.x * parameters["PILOT_SPEED"]
-    sway = sticks.y * parameters["PILOT_SPEED_SIDE"]
+    sway = sticks.y * parameters["PILOT_SPEED"]
     if holds.position:
-        held = approach((*holds.position, 0.0), 0.0, state.position, state.heading, _gains(parameters["WP_SPEED"]))
+        gains = _gains(parameters, parameters["WPNAV_SPEED"])
+        held = approach((*holds.position, 0.0), 0.0, state.position, state.heading, gains)
         surge, sway = held.surge, held.sway
-    heave = -sticks.z * parameters["PILOT_SPEED_UP"] if holds.depth is None else 0.0
-    yaw_rate = radians(sticks.r * parameters["PILOT_YAW_RATE"]) if holds.heading is None else 0.0
-    depth = None if holds.depth is None else min(holds.depth, parameters["DEPTH_MAX"])
+    most = parameters["PILOT_SPEED_DN" if sticks.z < 0.0 and parameters["PILOT_SPEED_DN"] else "PILOT_SPEED_UP"]
+    heave = -sticks.z * most if holds.depth is None else 0.0
+    yaw_rate = sticks.r * parameters["HIL_YAW_RATE"] if holds.heading is None else 0.0
+    depth = None if holds.depth is None else min(holds.depth, parameters["HIL_DEPTH_MAX"])
     return VelocityCommand(surge, sway, heave, yaw_rate, depth, holds.heading)
 
 
@@ -76,19 +77,19 @@ def go_to(
     target: Point, heading: float | None, state: State, parameters: ParameterTable, speed: float | None = None
 ) -> VelocityCommand:
     """Return the command that leads straight to a place at most at `speed` m/s, bow first unless a heading is given."""
-    speed = parameters["WP_SPEED"] if speed is None else speed
-    depth = min(max(0.0, target[2]), parameters["DEPTH_MAX"])
+    speed = parameters["WPNAV_SPEED"] if speed is None else speed
+    depth = min(max(0.0, target[2]), parameters["HIL_DEPTH_MAX"])
     north, east = target[0] - state.position[0], target[1] - state.position[1]
     bearing, distance = atan2(east, north), hypot(north, east)
-    if parameters["NAV_STEER"]:  # turns by fins: it sails through the place, and round it
-        ahead = speed if distance > parameters["WP_RADIUS"] else 0.5 * speed
+    if parameters["HIL_STEER"]:  # turns by fins: it sails through the place, and round it
+        ahead = speed if distance > parameters["WPNAV_RADIUS"] else 0.5 * speed
         return VelocityCommand(surge=ahead, depth=depth, heading=bearing)
     if heading is None:
-        bow_first = parameters["WP_YAW_BEHAVE"] and distance > FAR
+        bow_first = parameters["WP_YAW_BEHAVIOR"] and distance > FAR
         heading = bearing if bow_first else state.heading
-    command = approach((target[0], target[1], depth), heading, state.position, state.heading, _gains(speed))
+    command = approach((target[0], target[1], depth), heading, state.position, state.heading, _gains(parameters, speed))
     off = abs(wrap(heading - state.heading))
-    if distance > FAR and off > 0.5 and parameters["WP_YAW_BEHAVE"]:
+    if distance > FAR and off > 0.5 and parameters["WP_YAW_BEHAVIOR"]:
         return command._replace(surge=0.3 * command.surge, sway=0.3 * command.sway)  # turn first
     return command
 
@@ -120,5 +121,5 @@ def _down(state: State) -> float:
     return state.velocity[2] - state.pitch * state.velocity[0]
 
 
-def _gains(speed: float) -> HoldGains:
-    return HoldGains(p=POSITION_P, limit=max(speed, 1e-3))
+def _gains(parameters: ParameterTable, speed: float) -> HoldGains:
+    return HoldGains(p=parameters["PSC_POSXY_P"], limit=max(speed, 1e-3))

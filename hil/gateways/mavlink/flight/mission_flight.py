@@ -118,7 +118,7 @@ class MissionFlight:
             return self._fly_to(item, state, now)
         if command in (dialect.MAV_CMD_NAV_RETURN_TO_LAUNCH, dialect.MAV_CMD_NAV_LAND):
             north, east, _ = self._home() if command == dialect.MAV_CMD_NAV_RETURN_TO_LAUNCH else state.position
-            return self._approach((north, east, self._parameters["SURFACE_DEPTH"]), None, 0.0, None, state, now)
+            return self._approach((north, east, -self._parameters["SURFACE_DEPTH"]), None, 0.0, None, state, now)
         if command in (dialect.MAV_CMD_NAV_DELAY, dialect.MAV_CMD_CONDITION_DELAY):
             return self._wait(item.params[0], state, now)
         if command == dialect.MAV_CMD_CONDITION_YAW:
@@ -138,14 +138,14 @@ class MissionFlight:
             self.status = PAUSED
             self.texts.append((3, f"mission item {self.current}: {error}"))
             return None
-        radius = radius_of(item, self._parameters["WP_RADIUS"])
+        radius = radius_of(item, self._parameters["WPNAV_RADIUS"])
         return self._approach(position, radius, wait_of(item), heading_of_item(item), state, now)
 
     def _approach(
         self, position: Point, radius: float | None, wait: float, heading: float | None, state: State, now: int
     ) -> Target | None:
         if self._arrived_ns is None:
-            if not is_reached(position, state, radius or self._parameters["WP_RADIUS"]):
+            if not is_reached(position, state, radius or self._parameters["WPNAV_RADIUS"]):
                 return Target(position, None, heading, 0.0, self._speed)
             self._arrived_ns = now
             self.reached.append(self.current)

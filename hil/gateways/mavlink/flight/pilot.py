@@ -48,7 +48,7 @@ class Pilot:
     @property
     def timeout_ns(self) -> int:
         """Time (ns) for which a stick position stays valid."""
-        return seconds_ns(self._parameters["FS_PILOT_TOUT"])
+        return seconds_ns(self._parameters["FS_PILOT_TIMEOUT"])
 
     @property
     def target_position(self) -> guidance.Point | None:
@@ -110,7 +110,7 @@ class Pilot:
         if self.mode in PILOTED:
             return self._piloted(state, now)
         if self.mode == Mode.SURFACE:
-            return VelocityCommand(depth=self._parameters["SURFACE_DEPTH"], heading=self._held_heading(state))
+            return VelocityCommand(depth=-self._parameters["SURFACE_DEPTH"], heading=self._held_heading(state))
         if self.mode == Mode.AUTO:
             self.target = self._mission.step(state, now)
         return self._steered(state, now)
@@ -118,7 +118,7 @@ class Pilot:
     def _piloted(self, state: State, now: int) -> Command:
         parameters = self._parameters
         self._warn_of_silence(now)
-        sticks = self.joystick.sticks(now, self.timeout_ns, parameters["JS_DEADZONE"])
+        sticks = self.joystick.sticks(now, self.timeout_ns, parameters["HIL_DEADZONE"])
         if self.mode == Mode.MANUAL:
             return guidance.push(sticks, parameters)
         self._holds.drive(sticks, state, self.mode != Mode.STABILIZE, self.mode == Mode.POSHOLD)
@@ -127,16 +127,16 @@ class Pilot:
     def _steered(self, state: State, now: int) -> Command:
         """Return the command of a target, or hold where the vehicle is."""
         target = self.target
-        is_old = now - self._target_ns > self._parameters["GUIDED_TIMEOUT"] * NS_PER_S
+        is_old = now - self._target_ns > self._parameters["HIL_GUIDED_TIME"] * NS_PER_S
         if target and target.velocity and is_old and self.mode == Mode.GUIDED:
             self.texts.append((4, "velocity target timed out: holding"))
             self.hold_here(state)
             target = None
         if target and target.position:
             self._holds.release()
-            if guidance.is_reached(target.position, state, 0.3) and not self._parameters["NAV_STEER"]:
+            if guidance.is_reached(target.position, state, 0.3) and not self._parameters["HIL_STEER"]:
                 heading = self._held_heading(state) if target.heading is None else target.heading
-                depth = min(target.position[2], self._parameters["DEPTH_MAX"])
+                depth = min(target.position[2], self._parameters["HIL_DEPTH_MAX"])
                 return PoseCommand((target.position[0], target.position[1], depth), heading)
             return guidance.go_to(target.position, target.heading, state, self._parameters, target.speed)
         if target and target.velocity:
@@ -151,7 +151,7 @@ class Pilot:
             self._holds.heading = None
         turns = target.heading is None and target.yaw_rate != 0.0
         heading = None if turns else self._held_heading(state) if target.heading is None else target.heading
-        most = self._parameters["DEPTH_MAX"]
+        most = self._parameters["HIL_DEPTH_MAX"]
         if heave > 0.0 and state.depth >= most:
             return VelocityCommand(surge, sway, 0.0, target.yaw_rate, most, heading)
         if heave:
@@ -166,10 +166,14 @@ class Pilot:
         return self._holds.heading
 
     def _warn_of_silence(self, now: int) -> None:
-        """Warn once that the joystick sends nothing any more."""
+        """Act once by FS_PILOT_INPUT if the joystick sends nothing any more."""
         alive = self.joystick.is_alive(now, self.timeout_ns)
         if alive:
             self._stick_warned = False
         elif not self._stick_warned:
             self._stick_warned = True
-            self.texts.append((4, "joystick silent: sticks centred"))
+            action = self._parameters["FS_PILOT_INPUT"]
+            if action:
+                self.texts.append((4, f"joystick silent: {'disarmed' if action == 2 else 'sticks centred'}"))
+            if action == 2:
+                self.disarm()

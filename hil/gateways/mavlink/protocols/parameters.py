@@ -34,14 +34,16 @@ class ParameterProtocol:
         return [self._message(name, names.index(name), len(names))], ""
 
     def request_set(self, packet: Any) -> tuple[list[Any], str]:
-        """Set one; return PARAM_VALUE with what it is now, and why it was not set.
+        """Set one; return PARAM_VALUE with what it is now, and why it was not set or has no effect.
 
         Of one that the slave is to set it follows when that is done (`value_of`).
         """
         name = _text(packet.param_id)
         reason = self._table.set(name, packet.param_value)
-        if not reason and name not in GATEWAY:
+        if not reason and self._table.is_of_slave(name):
             return [], ""
+        if not reason and GATEWAY[name].group == "stored":
+            reason = f"{name} is stored, and changes nothing in this vehicle"
         names = self._table.names()
         return ([self._message(name, names.index(name), len(names))] if name in names else []), reason
 

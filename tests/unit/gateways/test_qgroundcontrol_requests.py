@@ -1,0 +1,37 @@
+"""What a real QGroundControl asks for and does, recorded from outside, against the gateway's vehicle."""
+
+from hil.gateways.mavlink.parameter_table import GATEWAY, INT8, INT16, INT32, expand
+from tests.support.clients.mavlink_vehicle import Bench
+
+# Parameters without which QGroundControl shows "Parameters are missing from firmware", at connection and on its pages.
+NEEDED = (
+    "COMPASS_DEV_ID{,2,3} COMPASS_OFS{,2,3}_{X,Y,Z} COMPASS_DEC INS_ACCOFFS_{X,Y,Z} FLTMODE{1..6} BATT_MONITOR "
+    "FS_{PRESS,TEMP}_{ENABLE,MAX} FS_EKF_{ACTION,THRESH} ARMING_CHECK LEAK1_{PIN,LOGIC} SERVO{5..16}_FUNCTION "
+    "FS_PILOT_{INPUT,TIMEOUT} FRAME_CONFIG COMPASS_USE{,2,3} COMPASS_CAL_FIT AHRS_ORIENTATION MOT_{1..6}_DIRECTION "
+    "ATC_ANG_{PIT,RLL,YAW}_P ATC_RAT_{PIT,RLL,YAW}_{P,I,D,IMAX} LOIT_{ACC_MAX,ANG_MAX,SPEED} "
+    "LOIT_BRK_{ACCEL,DELAY,JERK} WPNAV_{ACCEL,ACCEL_Z,RADIUS,SPEED,SPEED_DN,SPEED_UP} "
+    "PSC_ACCZ_{P,I,D,IMAX,FLTD,FLTE,FLTT} PSC_POS{XY,Z}_P PSC_VELXY_{P,I,IMAX} PSC_VELZ_P JS_LIGHTS_STEPS BRD_PWM_COUNT"
+)
+
+
+def test_every_parameter_that_it_needs_is_there_as_ardusub_has_it() -> None:
+    needed = {name for text in NEEDED.split() for name in expand(text)}
+    assert len(needed) == 100
+    assert not needed - set(GATEWAY)
+    types = {"PILOT_SPEED_UP": INT16, "FRAME_CONFIG": INT8, "ARMING_CHECK": INT32, "BTN0_FUNCTION": INT8}
+    assert {name: GATEWAY[name].kind for name in types} == types
+    units = {"PILOT_SPEED_UP": "cm/s", "SURFACE_DEPTH": "cm", "WPNAV_RADIUS": "cm", "FS_PRESS_MAX": "Pa"}
+    assert {name: GATEWAY[name].unit for name in units} == units
+    assert all(one.least <= one.default <= one.most for one in GATEWAY.values())
+    assert all(GATEWAY[name].default for name in expand("COMPASS_OFS_{X,Y,Z}")), "else it says that setup is required"
+
+
+def test_a_parameter_takes_effect_or_says_that_it_does_not() -> None:
+    bench = Bench()
+    assert bench.partner.set_parameter("ATC_RAT_YAW_P", 0.25) == 0.25
+    assert "changes nothing" in bench.partner.texts()
+    assert bench.partner.set_parameter("FRAME_CONFIG", 1.0) == 7.0
+    assert "vehicle's file" in bench.partner.texts()
+    bench.vehicle.values["ATC_ANG_YAW_P"] = 1.0
+    assert bench.partner.set_parameter("ATC_ANG_YAW_P", 3.0) == 3.0
+    assert bench.vehicle.values["ATC_ANG_YAW_P"] == 3.0, "the slave's gain"
