@@ -9,6 +9,7 @@ import json
 import os
 import re
 import subprocess
+from bisect import bisect_left
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, NamedTuple
@@ -27,6 +28,14 @@ MAX_SECONDS = 120  # for one chart; a large one takes 2 s
 HEAD_BYTES = 1 << 16
 # Denominators by the navigational purpose, the third character of a cell's name (IHO S-65 annex A)
 USUAL_SCALES = {"1": 1_500_000, "2": 350_000, "3": 90_000, "4": 22_000, "5": 12_000, "6": 4000}
+# Scales at which displays hide objects (IHO S-65). Those of a chart begin one step above its own scale.
+STEPS = (
+    999, 1999, 2999, 3999, 7999, 11_999, 17_999, 21_999, 29_999, 44_999, 59_999, 89_999, 119_999, 179_999, 259_999,
+    349_999, 499_999, 699_999, 999_999, 1_499_999, 2_999_999, 4_999_999, 9_999_999, 19_999_999,
+)  # fmt: skip
+COMMON = 0.02  # share of the objects that have a step: a rarer one may be damage
+LEAST_STEPS = 3  # that a chart has in common use; one with fewer hides its objects by another rule
+FINER = 4  # ratio of a purpose's usual scale to the largest that occurs
 _DOWNLOAD_HINT = (
     "NOAA's charts are free at https://charts.noaa.gov/ENCs/ENCs.shtml: unpack one, and give the file in it that ends "
     "in .000"
@@ -65,7 +74,8 @@ class Feature(NamedTuple):
 class Cell(NamedTuple):
     """One chart: name, edition, number of the last update applied, denominator of the scale, and objects.
 
-    `notes`: what was assumed, because the file does not state it.
+    `notes`: what was assumed, because the file does not state it. `finest`: denominator of the largest scale that its
+    objects and its purpose allow.
     """
 
     name: str
@@ -74,6 +84,12 @@ class Cell(NamedTuple):
     scale: int
     features: tuple[Feature, ...]
     notes: tuple[str, ...] = ()
+    finest: int = 0
+
+    @property
+    def detail_scale(self) -> int:
+        """Denominator of the scale of its details. A damaged chart may state one for which its data are too coarse."""
+        return max(self.scale, self.finest)
 
     def select(self, *kinds: str) -> list[Feature]:
         """Return the objects of these classes."""
@@ -102,7 +118,19 @@ def read_cell(path: str, updates: bool = True) -> Cell:
     if head["unclosed"]:
         areas = ", ".join(f"{count} {kind}" for kind, count in head["unclosed"].items())
         notes.append(f"{path}: areas with edges that form no ring, closed by straight lines: {areas}")
-    return Cell(name, head["edition"], head["update"], scale, features, tuple(notes))
+    finest = _finest_scale(head["shown"], head["purpose"])
+    if scale < finest:
+        limited = f"too large for its objects or purpose: read as 1:{finest}; --resolution sets a finer grid"
+        notes.append(f"{path}: states a scale of 1:{scale}, {limited}")
+    return Cell(name, head["edition"], head["update"], scale, features, tuple(notes), finest)
+
+
+def _finest_scale(shown: list[tuple[int, int]], purpose: int) -> int:
+    """Return the denominator of the largest scale of a chart; `shown`: scales that hide objects, and their numbers."""
+    common = [scale for scale, count in shown if count >= COMMON * sum(count for _, count in shown)]
+    if len(common) >= LEAST_STEPS:
+        return STEPS[max(bisect_left(STEPS, common[0]) - 1, 0)] + 1
+    return USUAL_SCALES.get(str(purpose), USUAL_SCALES["5"]) // FINER
 
 
 def _usual_scale(name: str) -> int:

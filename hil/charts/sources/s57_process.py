@@ -11,6 +11,7 @@ import os
 import sys
 import tempfile
 import warnings
+from collections import Counter
 from typing import Any
 
 from hil.common.children import limit_self
@@ -27,6 +28,7 @@ OBJECTS = (
     "DYKCON", "FSHFAC", "GATCON", "LITFLT", "LITVES", "LOGPON", "OFSPLF", "OILBAR", "LNDMRK", "BUISGL",
 )  # fmt: skip
 NAME = "OBJNAM"
+SHOWN_FROM = "SCAMIN"  # denominator of the smallest scale at which a display shows the object
 LISTS = ("NATSUR", "RESTRN")  # attributes that are lists of numbers
 ATTRIBUTES = ("BURDEP", "CATCOV", "CATMOR", "CATSLC", "DRVAL1", "DRVAL2", "VALDCO", "VALSOU", "VERCLR", "WATLEV")
 POINT, MULTI_POINT, AREA = 0, 4, 3  # shapely's type numbers, and S-57's code of an area (PRIM)
@@ -126,11 +128,14 @@ def _read(path: str) -> tuple[dict[str, Any], bytes]:
     dataset = _dataset(path)
     rows: list[dict[str, Any]] = []
     data: list[bytes] = []
-    unclosed = {kind: _read_layer(path, kind, rows, data) for kind in OBJECTS if kind in layers}
+    shown: Counter[int] = Counter()
+    unclosed = {kind: _read_layer(path, kind, rows, data, shown) for kind in OBJECTS if kind in layers}
     head = {
         "edition": int(dataset["DSID_EDTN"]),
         "update": _update_of(dataset),
         "scale": int(dataset["DSPM_CSCL"]),
+        "purpose": int(dataset["DSID_INTU"]),
+        "shown": sorted(shown.items()),
         "units": [int(dataset["DSPM_DUNI"]), int(dataset["DSPM_COUN"])],
         "factors": [int(dataset["DSPM_COMF"]), int(dataset["DSPM_SOMF"])],
         "unclosed": {kind: count for kind, count in unclosed.items() if count},
@@ -139,8 +144,8 @@ def _read(path: str) -> tuple[dict[str, Any], bytes]:
     return head, b"".join(data)
 
 
-def _read_layer(path: str, kind: str, rows: list[dict[str, Any]], data: list[bytes]) -> int:
-    """Append the objects of a class to `rows`, and their coordinates to `data`.
+def _read_layer(path: str, kind: str, rows: list[dict[str, Any]], data: list[bytes], shown: Counter[int]) -> int:
+    """Append the objects of a class to `rows`, their coordinates to `data`, and count in `shown` their SHOWN_FROM.
 
     Return the number of areas with edges that form no ring. Each chain of their edges is closed by a straight line.
     Areas are filled by counting crossings, so the straight lines between the same two ends cancel each other.
@@ -149,8 +154,10 @@ def _read_layer(path: str, kind: str, rows: list[dict[str, Any]], data: list[byt
     import shapely
     from pyogrio import raw
 
-    meta, _, wkb, columns = raw.read(path, layer=kind, columns=["PRIM", NAME, *LISTS, *ATTRIBUTES])
+    meta, _, wkb, columns = raw.read(path, layer=kind, columns=["PRIM", NAME, SHOWN_FROM, *LISTS, *ATTRIBUTES])
     fields = dict(zip(meta["fields"], columns, strict=True))
+    scales = np.asarray(fields.get(SHOWN_FROM, ()), float)
+    shown.update(map(int, scales[scales > 0.0]))
     unclosed = 0
     try:
         shapes = shapely.from_wkb(wkb)

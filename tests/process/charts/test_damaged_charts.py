@@ -55,6 +55,16 @@ def test_a_damaged_chart_is_refused_with_what_is_wrong(tmp_path: Path, damage: A
         read_and_build([cell.write(tmp_path / "BAD.000")])
 
 
+def test_a_scale_too_large_for_the_objects_makes_no_finer_grid(tmp_path: Path) -> None:
+    cell = bay(scale=2000)
+    assert read_sources([cell.write(tmp_path / "BAY.000")], None)[0].detail == pytest.approx(0.0005 * 3000)
+    for step in (29_999, 44_999, 59_999):
+        cell.point(17, (54.006, 10.010), SCAMIN=step)
+    survey, _ = read_sources([cell.write(tmp_path / "BAY.000")], None)
+    assert survey.detail == pytest.approx(0.0005 * 22_000)
+    assert "states a scale of 1:2000, too large for its objects or purpose: read as 1:22000" in survey.notes[0]
+
+
 def test_a_chart_across_the_180th_meridian_is_sound(tmp_path: Path) -> None:
     cell = Encoder()
     around = [(0.0, 179.99), (0.02, 179.99), (0.02, -179.99), (0.0, -179.99)]

@@ -112,7 +112,7 @@ class Encoder:
 
     def feature(self, code: int, primitive: int, pointers: list[Row], **attributes: object) -> int:
         self._last[100] += 1
-        numbers = {"CATCOV": 18, "DRVAL1": 87, "DRVAL2": 88, "VALDCO": 174, "VALSOU": 179, "WATLEV": 187}
+        numbers = {"CATCOV": 18, "DRVAL1": 87, "DRVAL2": 88, "SCAMIN": 133, "VALDCO": 174, "VALSOU": 179, "WATLEV": 187}
         rows: list[Row] = [(numbers[key], value) for key, value in attributes.items()]
         fields: Fields = {"FRID": [(100, self._last[100], primitive, 2, code, 1, 1)]}
         if rows:
