@@ -1,9 +1,12 @@
 """The firmware in C as a process on a pty."""
 
+import fcntl
 import os
 import shutil
 import signal
 import subprocess
+import sys
+import termios
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -17,10 +20,12 @@ from hil.links.contract import Protocol, ThrusterCommand, ThrusterLink
 from hil.links.wires.terminal import PtyHostWire
 from tests.support.busy import retry_when_busy
 from tests.support.links.link_contract import nothing_leaks, uuv_hil, wait_telemetry
+from tests.support.processes import wait_for
 
 FULL = (1900, 1100, 1600, 1400, 1500, 1501)
 NEUTRAL = (1500,) * 6
 PATIENCE_S = 60.0
+UNREAD_LIMIT = 2048  # bytes, of `pty.c`
 
 pytestmark = pytest.mark.skipif(not shutil.which("cc"), reason="needs a C compiler")
 
@@ -98,12 +103,22 @@ def test_unread_telemetry_does_not_block_it(stm32: NativeStm32, device: str) -> 
     """Bytes that are not read are lost, as on a UART: a program that opens the port later reads few old reports."""
     fd = os.open(device, os.O_RDWR | os.O_NOCTTY)
     order = uuv_hil()
-    for sequence in range(400):
+
+    def send(sequence: int) -> None:
         os.write(fd, order.encode(ThrusterCommand(sequence, True, FULL)))
+
+    def unread() -> int:
+        return int.from_bytes(fcntl.ioctl(fd, termios.FIONREAD, bytes(4)), sys.byteorder)
+
+    filling = 0
+    while (before := unread()) < UNREAD_LIMIT:  # one answer at a time, however slow the machine is
+        send(filling)
+        assert wait_for(lambda: unread() > before), "an order is answered"
+        filling += 1
+    for sequence in range(filling, 400):
+        send(sequence)
         time.sleep(0.0005)
-    time.sleep(0.05)
-    waiting = os.read(fd, 65536)
-    assert len(waiting) < 4096
+    assert unread() < 1.5 * UNREAD_LIMIT
     link = host(device)
     assert wait_telemetry(link, lambda report: report.sequence == 399).frames == 400
     os.close(fd)
