@@ -16,6 +16,7 @@ from importlib import import_module
 
 from hil.common import streams
 from hil.common.errors import EXIT_CODES, STOPPED, ConfigError, DeviceError, HilError, MissingExtraError, MissionError
+from hil.common.stop import every_end_like_ctrl_c
 
 # name -> module with `main(arguments) -> exit code`, and what it does. The first word of two names a family.
 COMMANDS = {
@@ -269,7 +270,8 @@ def _run(name: str, arguments: list[str]) -> int:
         run: Callable[[list[str]], int] = import_module(COMMANDS[name][0]).main
         gc.enable()
         lifeline.raise_on_ctrl_c()
-        return run(arguments)
+        with every_end_like_ctrl_c():
+            return run(arguments)
     except ModuleNotFoundError as error:
         if error.name in UNIX:
             raise DeviceError(f"this system has no {error.name}: the command runs on Linux and macOS") from None

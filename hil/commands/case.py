@@ -10,7 +10,6 @@ from hil.commands.view.flights import FlightViewer
 from hil.common.columns import paragraph
 from hil.common.errors import MissingExtraError
 from hil.common.options import JOBS, MAX_SEEDS, SEEDS, add_output, add_view, integer, new_parser
-from hil.common.stop import every_end_like_ctrl_c
 from hil.master.recorder import make_folder
 from hil.recording.recorder import new_folder
 
@@ -58,9 +57,8 @@ def main(arguments: list[str]) -> int:
     flights: Flights = {}
     seeds, hil_seeds = range(1, options.seeds + 1), range(1, options.hil + 1)
     viewer = FlightViewer() if options.view else None
-    with every_end_like_ctrl_c():
-        for name in names:
-            flights[name] = fly_all(name, folder, seeds, hil_seeds, options.jobs, viewer)
+    for name in names:
+        flights[name] = fly_all(name, folder, seeds, hil_seeds, options.jobs, viewer)
     return _report(flights, folder)
 
 

@@ -20,8 +20,12 @@ def stop_signals() -> list[signal.Signals]:
 
 @contextmanager
 def every_end_like_ctrl_c() -> Iterator[None]:
-    """Raise KeyboardInterrupt on every signal that ends us; joblib then ends its workers, which would live on."""
-    before = {number: signal.signal(number, _interrupt) for number in stop_signals()}
+    """Raise KeyboardInterrupt on every signal that ends us and that the parent did not ignore.
+
+    What a command does at its end, as writing its results or ending joblib's workers, does not depend on the signal.
+    """
+    ending = [number for number in stop_signals() if signal.getsignal(number) is not signal.SIG_IGN]
+    before = {number: signal.signal(number, _interrupt) for number in ending}
     try:
         yield
     finally:

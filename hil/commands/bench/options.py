@@ -1,7 +1,6 @@
 """The options that benchmarks share."""
 
 import argparse
-import signal
 import sys
 import time
 from collections.abc import Callable
@@ -11,7 +10,6 @@ from typing import Any
 from hil.bench.limits import Limits, parse_cpus, parse_memory
 from hil.bench.record import Record, save
 from hil.common.options import DAY_S, REPEAT, Number, Share, add_output, add_plot, checked
-from hil.common.stop import stop_signals
 from hil.plots.plotting import check_picture
 
 CPU_SHARE = Share(0.01, 64.0)  # of one core
@@ -96,15 +94,10 @@ show = Progress().show
 
 
 def benchmark(main: Callable[[list[str]], int]) -> Callable[[list[str]], int]:
-    """Let each stop signal raise KeyboardInterrupt in a benchmark's `main`, and remove its line of progress at the end.
-
-    So the processes that it started end, and an error does not follow the progress on the same line.
-    """
+    """Remove the line of progress at the end of a benchmark's `main`, so that no error follows it on the same line."""
 
     @wraps(main)
     def run(arguments: list[str]) -> int:
-        for number in stop_signals():
-            signal.signal(number, signal.default_int_handler)
         try:
             return main(arguments)
         finally:

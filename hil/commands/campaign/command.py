@@ -18,7 +18,6 @@ from hil.common.errors import ConfigError, HilError
 from hil.common.options import JOBS, SEEDS, add_json, add_output, add_scenario, changes_of, new_parser
 from hil.common.plugins import own_traceback
 from hil.common.schema import shortened
-from hil.common.stop import every_end_like_ctrl_c
 from hil.common.streams import ProgressLine
 from hil.common.tables import value_of
 from hil.common.text import json_text
@@ -68,10 +67,9 @@ def main(arguments: list[str]) -> int:
         )
     for changes in sets:  # find a wrong key before the first run
         load_single(options.scenario, fixed | changes, option="--set or --vary")
-    with every_end_like_ctrl_c():
-        rows = run_all(
-            options.scenario, [fixed | changes for changes in sets], options.seeds, options.jobs, options.backend
-        )
+    rows = run_all(
+        options.scenario, [fixed | changes for changes in sets], options.seeds, options.jobs, options.backend
+    )
     print(json_text(rows) if options.json else summary(rows, sets), flush=True)
     if options.output:
         write_rows(options.output, rows)

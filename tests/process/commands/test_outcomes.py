@@ -3,6 +3,7 @@
 import csv
 import os
 import re
+import signal
 from pathlib import Path
 
 import pytest
@@ -47,6 +48,18 @@ def test_sim_prints_a_collision_and_returns_6(into_wall: Path, tmp_path: Path) -
     with Program(tmp_path, "sim", into_wall, "--fast", environment=environment) as sim:
         assert sim.wait() == 0, sim.output
     assert "expected: collision with the north wall" in sim.output
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_sim_writes_its_flight_whatever_signal_ends_it(number: int, into_wall: Path, tmp_path: Path) -> None:
+    planner, output = tmp_path / "blind.py", tmp_path / "flight.csv"
+    ending = f"__import__('signal').raise_signal({number:d}) if time > 3.0"
+    planner.write_text(planner.read_text().replace("Done('there') if time > 12.0", ending))
+    where = {"PYTHONPATH": str(tmp_path)}
+    with Program(tmp_path, "sim", into_wall, "--fast", "--output", output, environment=where) as sim:
+        assert sim.wait() == 130, sim.output
+    assert "interrupted after 3" in sim.output
+    assert 50 < len(output.read_text().splitlines()) < 70  # 20 rows a second
 
 
 @pytest.mark.parametrize("arguments", [("sim", "--fast"), ("demo", "--output", "FOLDER")])
