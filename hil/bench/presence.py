@@ -25,7 +25,7 @@ def wait_for_silence(client: VehicleClient, slave: Process | None = None, patien
     stamped = client.latest.get("diagnostics")
     report_age_s = (now_ns() - stamped.received_ns) / NS_PER_S if stamped else 0.0
     if client.contact.silence_s > patience:
-        return f"{client.node} at {client.endpoint} has not answered for {client.contact.silence_s:.1f} s"
+        return f"{client.node} at {client.endpoint} {client.contact.silence}"
     if report_age_s > max(patience, PATIENCE_S):  # diagnostics come once a second, from a thread of the lowest priority
         return f"{client.node} at {client.endpoint} has sent no diagnostics for {report_age_s:.1f} s"
     return ""
@@ -45,8 +45,7 @@ def check_end(client: VehicleClient, slave: Process | None = None) -> None:
         time.sleep(0.05)
     check_present(client, slave)
     if not client.contact.present:
-        lost_s = client.contact.silence_s
-        raise NetworkError(f"{client.node} at {client.endpoint} is lost: it has not answered for {lost_s:.1f} s")
+        raise NetworkError(f"{client.node} at {client.endpoint} is lost: it {client.contact.silence}")
 
 
 def simulation_of(scenario: Scenario) -> Simulation:

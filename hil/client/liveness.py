@@ -56,7 +56,7 @@ class LivenessMonitor:
         self._slaves: dict[str, str] = {}  # slaves of the node: ident -> machine and process
         self._doubled_ns = 0  # since when there is more than one; 0 if there is not
         self._lost_ns = 0
-        self._received_ns = 0
+        self._received_ns = now_ns()  # until the first message, the silence counts from here
         self._patience_s = lease + GRACE_S
         self._lock = threading.Lock()  # guards `present`, which two threads change
         self._ping_times: tuple[int, ...] = ()  # wall times (ns) of our last pings
@@ -125,8 +125,13 @@ class LivenessMonitor:
 
     @property
     def silence_s(self) -> float:
-        """Seconds since the last message of the vehicle."""
+        """Seconds since the last message of the vehicle, or since this monitor was made."""
         return (now_ns() - self._received_ns) / NS_PER_S
+
+    @property
+    def silence(self) -> str:
+        """For how long the vehicle has not answered, in words."""
+        return f"has not answered {'for' if self._replies else 'yet, within'} {self.silence_s:.1f} s"
 
     def _ping(self) -> None:
         while not self._wait_for_next():

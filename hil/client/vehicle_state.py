@@ -214,10 +214,10 @@ class VehicleState:
         """Raise NetworkError if this was closed, or the vehicle is lost and silent for more than `patience_s`."""
         if self._closing.is_set():
             raise NetworkError(f"{self.name}: the connection was closed; connect again")
-        silence = self.client.contact.silence_s if not self.present else 0.0
-        if silence > patience_s:
+        contact = self.client.contact
+        if not self.present and contact.silence_s > patience_s:
             raise NetworkError(
-                f"{self.name} at {self.client.endpoint} has not answered for {silence:.1f} s: its slave has ended, or "
+                f"{self.name} at {self.client.endpoint} {contact.silence}: its slave has ended, or "
                 "the network between is down; the client reconnects by itself, "
                 f'fleet.wait_for("{self.name}") waits for it'
             )

@@ -113,12 +113,17 @@ def run(
             monitor._set_present(True)
         monitor.samples += samples()
 
-    monitor._received_ns = clock.now_ns()
     monitor._set_present(is_there)
     monitor.known.set()
     clock.every_tick, clock.ends_s = reply_to_pings, clock.now_s + seconds
     monitor._ping()
     return reported
+
+
+def test_the_silence_of_a_vehicle_that_never_answered_counts_from_the_connection(clock: Clock) -> None:
+    monitor = LivenessMonitor(cast(Any, FakeSession()), "uuv1", ClockOffset(), lambda: None, print, LEASE_S)
+    clock.now_s += 5.0
+    assert monitor.silence == "has not answered yet, within 5.0 s"
 
 
 def test_a_silent_vehicle_is_reported_lost_after_the_lease(clock: Clock) -> None:
