@@ -16,7 +16,6 @@ REJECTED: int = dialect.MAV_RESULT_TEMPORARILY_REJECTED
 DENIED: int = dialect.MAV_RESULT_DENIED
 UNSUPPORTED: int = dialect.MAV_RESULT_UNSUPPORTED
 FAILED: int = dialect.MAV_RESULT_FAILED
-FORCE = 21196.0  # param2 of arming and disarming: whatever the checks find
 
 
 class CommandRequest(NamedTuple):
@@ -55,6 +54,7 @@ class Commands:
             dialect.MAV_CMD_NAV_RETURN_TO_LAUNCH: self._return_home,
             dialect.MAV_CMD_NAV_LAND: lambda _, now: core.set_mode(Mode.SURFACE),
             dialect.MAV_CMD_NAV_LOITER_UNLIM: lambda _, now: core.set_mode(Mode.POSHOLD),
+            dialect.MAV_CMD_RUN_PREARM_CHECKS: self._check,
             dialect.MAV_CMD_DO_FLIGHTTERMINATION: self._terminate,
             dialect.MAV_CMD_PREFLIGHT_STORAGE: self._storage,
         }
@@ -80,7 +80,7 @@ class Commands:
         if requested == 1.0:
             self._core.arm(now, settled)
         elif requested == 0.0:
-            self._core.disarm(everybody=request.params[1] == FORCE)
+            self._core.disarm()
             settled(ACCEPTED)
         else:
             settled(DENIED)
@@ -180,6 +180,10 @@ class Commands:
         if request.params[0] != 1.0:
             return DENIED
         self._core.disarm(everybody=True)
+        return ACCEPTED
+
+    def _check(self, _: CommandRequest, now: int) -> int:
+        self._core.forget_obstacle()
         return ACCEPTED
 
     def _storage(self, request: CommandRequest, _: int) -> int:

@@ -10,7 +10,7 @@ from hil.common.clock import NS_PER_S
 from hil.gateways.mavlink.flight.guidance import Point
 from hil.gateways.mavlink.flight.mission_flight import MissionFlight
 from hil.gateways.mavlink.flight.mission_items import Item
-from hil.gateways.mavlink.flight.modes import MODES, Mode, mode_of
+from hil.gateways.mavlink.flight.modes import MODES, Mode, mode_name, mode_of
 from hil.gateways.mavlink.flight.pilot import Pilot
 from hil.gateways.mavlink.parameter_table import ParameterTable
 from hil.gateways.mavlink.protocols.missions import MissionProtocol
@@ -24,6 +24,7 @@ LOST_NS = 3 * NS_PER_S  # a vehicle that is away for longer is disarmed
 DRIVE_NS = NS_PER_S // 20  # between two commands to the vehicle
 URGENT_NS = NS_PER_S // 100  # the same, where a stick has moved
 ARMING_NS = 9 * NS_PER_S // 5  # that the slave may take to report that it is armed
+OBSTACLE_NS = 30 * NS_PER_S  # between two reports of why the vehicle cannot be armed
 WARNING, NOTICE, ERROR, CRITICAL = 4, 5, 3, 2
 Settled = Callable[[int], None]  # gets the MAV_RESULT of arming
 
@@ -61,6 +62,7 @@ class Core:
         self._gcs_ns: int | None = None  # last heartbeat of a ground station
         self._gcs_lost = self._leaks = False
         self._refusal = ""
+        self._obstacle: tuple[str, int] = "", 0  # why the vehicle cannot be armed, and when that was reported (ns)
 
     def set_origin(self, origin: Origin) -> bool:
         """Set the origin of the NED frame on the earth; return whether it could still be set."""
@@ -84,7 +86,7 @@ class Core:
 
     def is_ready(self) -> bool:
         """Return whether arming would be accepted."""
-        return self.snapshot is not None and not self._refusal
+        return self.snapshot is not None and (self.snapshot.disarmed or not self._refusal)
 
     def arm(self, now: int, settled: Settled) -> None:
         """Arm, or begin to: `settled` gets the MAV_RESULT, at once or within ARMING_NS."""
@@ -112,7 +114,7 @@ class Core:
         """Set the mode with that number; return the MAV_RESULT."""
         mode = mode_of(number)
         if mode is None:
-            self.texts.append((WARNING, f"no mode {number:g}"))
+            self.texts.append((WARNING, f"{mode_name(number)} is not a mode of this vehicle"))
             return int(dialect.MAV_RESULT_DENIED)
         reason = self.pilot.set_mode(mode, self.snapshot)
         if reason:
@@ -148,6 +150,8 @@ class Core:
         self._finish_armings(now)
         if self.pilot.armed:
             self._watch(now)
+        else:
+            self._report_obstacle(now)
         if now - self._sent_ns >= (URGENT_NS if self._urgent else DRIVE_NS):
             command = self.pilot.step(snapshot, now)
             self._urgent, self._sent_ns = False, now
@@ -190,6 +194,20 @@ class Core:
             if self.table["FS_LEAK_ENABLE"] == 2:
                 self.set_mode(Mode.SURFACE)
         self._leaks = leaks
+
+    def forget_obstacle(self) -> None:
+        """Report again why the vehicle cannot be armed, if it cannot."""
+        self._obstacle = "", 0
+
+    def _report_obstacle(self, now: int) -> None:
+        """Report why the vehicle cannot be armed when that changes, and every OBSTACLE_NS, as ArduSub does."""
+        reason = "" if self.is_ready() or self.snapshot is None else self._refusal
+        before, when = self._obstacle
+        if reason and (reason != before or now - when > OBSTACLE_NS):
+            self.texts.append((CRITICAL, f"PreArm: {reason}"))
+        elif reason:
+            return
+        self._obstacle = reason, now
 
     def _act_on_silence(self) -> None:
         action = int(self.table["FS_GCS_ENABLE"])

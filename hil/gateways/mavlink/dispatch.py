@@ -40,6 +40,7 @@ OLD_REQUESTS = {  # command -> the message that it asks for
     dialect.MAV_CMD_REQUEST_VIDEO_STREAM_STATUS: dialect.MAVLINK_MSG_ID_VIDEO_STREAM_STATUS,
     dialect.MAV_CMD_REQUEST_CAMERA_SETTINGS: dialect.MAVLINK_MSG_ID_CAMERA_SETTINGS,
 }
+ARDUSUB = 4, 6, 0  # the version whose parameters and behaviour this vehicle follows
 TEXT_SIZE = 50  # bytes of one STATUSTEXT
 Handler = Callable[[Peer, Any, int], None]
 
@@ -260,10 +261,12 @@ class Dispatcher:
         capabilities = 0
         for word in texts:
             capabilities |= getattr(dialect, kind + word)
-        numbers = [int(part) for part in __version__.split(".") if part.isdigit()] + [0, 0, 0]
-        version = numbers[0] << 24 | numbers[1] << 16 | numbers[2] << 8 | dialect.FIRMWARE_VERSION_TYPE_DEV
+        own = [int(part) for part in __version__.split(".") if part.isdigit()] + [0, 0, 0]
+        major, minor, patch, *_ = ARDUSUB if self.core.is_ardupilot else own
+        version = major << 24 | minor << 16 | patch << 8 | dialect.FIRMWARE_VERSION_TYPE_DEV
+        custom = list(__version__.encode().ljust(8, b"\0")[:8])
         return dialect.MAVLink_autopilot_version_message(
-            capabilities, version, 0, 0, 0, [0] * 8, [0] * 8, [0] * 8, 0, 0, self.core.system
+            capabilities, version, 0, 0, 0, custom, [0] * 8, [0] * 8, 0, 0, self.core.system
         )
 
     def _data_stream(self, peer: Peer, packet: Any, _: int) -> None:

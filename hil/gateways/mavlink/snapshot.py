@@ -53,6 +53,7 @@ class Snapshot(NamedTuple):
     link_silent: bool = False
     imu: ImuSample | None = None
     field: Vector3 | None = None  # T
+    disarmed: bool = False  # the slave refuses all commands until it is armed
 
     @property
     def velocity_ned(self) -> Vector3:

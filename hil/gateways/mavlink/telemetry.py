@@ -135,8 +135,9 @@ def system_time(_: Snapshot, c: Context) -> Any:
 
 
 def extended_state(s: Snapshot, _: Context) -> Any:
-    """Return EXTENDED_SYS_STATE: always "in air", as nothing stands on the ground under water."""
-    return dialect.MAVLink_extended_sys_state_message(dialect.MAV_VTOL_STATE_UNDEFINED, dialect.MAV_LANDED_STATE_IN_AIR)
+    """Return EXTENDED_SYS_STATE as ArduSub has it, undefined: QGroundControl does not arm what is "in air"."""
+    undefined = dialect.MAV_VTOL_STATE_UNDEFINED, dialect.MAV_LANDED_STATE_UNDEFINED
+    return dialect.MAVLink_extended_sys_state_message(*undefined)
 
 
 def navigation(s: Snapshot, c: Context) -> Any:

@@ -79,6 +79,7 @@ class NetworkVehicle:
             bool(figures.stm32_silent),
             self._newest("imu", STALE_S),
             field.field if (field := self._newest("magnetometer", STALE_S)) else None,
+            figures.armed is False,
         )
 
     def send(self, command: Command) -> None:

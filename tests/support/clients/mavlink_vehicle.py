@@ -39,6 +39,7 @@ class PointVehicle:
         self.commands: list[Command] = []
         self.refused = ""
         self.is_present = True
+        self.is_disarmed = False
         self.armed_calls: list[bool] = []
         self.values: dict[str, float] = {"HIL_G_SURGE_P": 4.0, "HIL_FAIL1_KIND": 0.0}
         self.settled: list[tuple[str, str]] = []
@@ -85,7 +86,7 @@ class PointVehicle:
         return Snapshot(
             self.state, self.battery, 121_325.0, self.echo, pulses=(1500,) * 6, motors=self.motors, leak=self.leak,
             sensors=sensors, imu=ImuSample(0, (1.0, 0.0, 0.0, 0.0), (0.1, 0.0, -0.2), (0.0, 0.0, -9.80665)),
-            field=(20e-6, 0.0, 40e-6),
+            field=(20e-6, 0.0, 40e-6), disarmed=self.is_disarmed,
         )  # fmt: skip
 
     def send(self, command: Command) -> None:

@@ -1,7 +1,12 @@
 """What a real QGroundControl asks for and does, recorded from outside, against the gateway's vehicle."""
 
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
 from hil.gateways.mavlink.parameter_table import GATEWAY, INT8, INT16, INT32, expand
+from tests.support.clients.mavlink_missions import ACCEPTED, DENIED
 from tests.support.clients.mavlink_vehicle import Bench
+
+PREARM_CHECK = dialect.MAV_SYS_STATUS_PREARM_CHECK
 
 # Parameters without which QGroundControl shows "Parameters are missing from firmware", at connection and on its pages.
 NEEDED = (
@@ -35,3 +40,43 @@ def test_a_parameter_takes_effect_or_says_that_it_does_not() -> None:
     bench.vehicle.values["ATC_ANG_YAW_P"] = 1.0
     assert bench.partner.set_parameter("ATC_ANG_YAW_P", 3.0) == 3.0
     assert bench.vehicle.values["ATC_ANG_YAW_P"] == 3.0, "the slave's gain"
+
+
+def test_it_takes_the_vehicle_for_one_that_can_be_armed() -> None:
+    """It never sends 400 to a vehicle that is "in air", and takes one without a version for an old ArduSub."""
+    bench = Bench()
+    bench.run(3.0)
+    assert not bench.partner.take_messages("EXTENDED_SYS_STATE")
+    request = dialect.MAV_CMD_REQUEST_MESSAGE
+    assert bench.partner.command(request, dialect.MAVLINK_MSG_ID_EXTENDED_SYS_STATE) == ACCEPTED
+    assert bench.partner.take_messages("EXTENDED_SYS_STATE")[0].landed_state == dialect.MAV_LANDED_STATE_UNDEFINED
+    assert bench.partner.command(request, dialect.MAVLINK_MSG_ID_AUTOPILOT_VERSION) == ACCEPTED
+    assert bench.partner.take_messages("AUTOPILOT_VERSION")[0].flight_sw_version >> 8 == 0x040600
+
+
+def test_readiness_and_its_reason_agree_with_the_answer_to_arming() -> None:
+    bench = Bench()
+
+    def health() -> bool:
+        bench.run(1.0)
+        return bool(bench.partner.take_messages("SYS_STATUS")[-1].onboard_control_sensors_health & PREARM_CHECK)
+
+    bench.vehicle.refused, bench.vehicle.is_disarmed = "uuv1 is disarmed", True
+    assert health(), "arming arms the slave, too"
+    assert "PreArm" not in bench.partner.texts()
+    bench.vehicle.refused, bench.vehicle.is_disarmed = "uuv1 is flown by the autopilot ArduSub", False
+    assert not health()
+    assert "PreArm: uuv1 is flown by the autopilot ArduSub" in bench.partner.texts().replace(" | ", "")
+    bench.run(10.0)
+    assert "PreArm" not in bench.partner.texts()
+    assert bench.partner.command(dialect.MAV_CMD_RUN_PREARM_CHECKS) == ACCEPTED
+    bench.run(0.1)
+    assert "PreArm" in bench.partner.texts()
+
+
+def test_modes_that_it_offers_and_this_vehicle_lacks_are_refused_by_name() -> None:
+    bench = Bench()
+    for number, name in ((1, "Acro"), (7, "Circle"), (21, "Surftrak"), (99, "mode 99")):
+        assert bench.partner.command(dialect.MAV_CMD_DO_SET_MODE, 1, number) == DENIED
+        bench.run(0.1)
+        assert f"{name} is not a mode of this vehicle" in bench.partner.texts().replace(" | ", "")

@@ -53,6 +53,12 @@ def mode_of(number: float) -> Mode | None:
     return Mode(int(number)) if number == number and abs(number) < 1e6 and number in list(Mode) else None
 
 
+def mode_name(number: float) -> str:
+    """Return ArduSub's name of a mode that this vehicle lacks; "mode N" for a number that has none."""
+    entry = dialect.enums["SUB_MODE"].get(number)
+    return entry.name.removeprefix("SUB_MODE_").capitalize() if entry else f"mode {number:g}"
+
+
 def available_modes(index: int) -> list[Any]:
     """Return AVAILABLE_MODES of the mode with that index, counted from 1; of all for 0; none for another."""
     chosen = list(enumerate(MODES.items(), 1))
