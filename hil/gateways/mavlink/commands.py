@@ -7,6 +7,13 @@ from typing import Any, NamedTuple
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from hil.gateways.mavlink.core import Core
+from hil.gateways.mavlink.flight.mission_items import (
+    WAYPOINTS,
+    heading_of_item,
+    position_of,
+    read_item,
+    validate_item,
+)
 from hil.gateways.mavlink.flight.modes import Mode
 from hil.gateways.mavlink.flight.targets import GLOBAL_FRAMES, Target, TargetError, depth_of, earth_position
 from hil.gateways.mavlink.snapshot import Origin
@@ -15,6 +22,8 @@ ACCEPTED: int = dialect.MAV_RESULT_ACCEPTED
 REJECTED: int = dialect.MAV_RESULT_TEMPORARILY_REJECTED
 DENIED: int = dialect.MAV_RESULT_DENIED
 UNSUPPORTED: int = dialect.MAV_RESULT_UNSUPPORTED
+ONLY_DEPTH = 3
+GO_TO = 2, ONLY_DEPTH  # MISSION_ITEM.current of an item that is flown at once
 FAILED: int = dialect.MAV_RESULT_FAILED
 
 
@@ -126,6 +135,30 @@ class Commands:
         wanted = min(speed, 5.0) if isfinite(speed) and speed > 0.0 else None
         core.pilot.set_target(Target((north, east, depth), None, heading, 0.0, wanted), now)
         return ACCEPTED
+
+    def go_to(self, packet: Any, now: int) -> int:
+        """Go to the place of a MISSION_ITEM(_INT) with current 2, or to its depth with 3; return a MAV_MISSION_RESULT.
+
+        Ground stations send one on its own, for mode Guided.
+        """
+        core, snapshot, item = self._core, self._core.snapshot, read_item(packet)
+        if item is None or snapshot is None or item.command not in WAYPOINTS:
+            return int(dialect.MAV_MISSION_UNSUPPORTED if item else dialect.MAV_MISSION_INVALID)
+        if core.pilot.mode != Mode.GUIDED:
+            core.texts.append((4, "go to: only in mode Guided"))
+            return int(dialect.MAV_MISSION_DENIED)
+        try:
+            problem = validate_item(item, 0, 1, core.origin)
+            if problem is not None:
+                return problem
+            north, east, depth = position_of(item, core.origin, core.home[2])
+        except TargetError as error:
+            core.texts.append((4, f"go to: {error}"))
+            return int(dialect.MAV_MISSION_INVALID_PARAM5_X)
+        if packet.current == ONLY_DEPTH:
+            north, east, _ = core.pilot.target_position or snapshot.state.position
+        core.pilot.set_target(Target((north, east, depth), None, heading_of_item(item)), now)
+        return int(dialect.MAV_MISSION_ACCEPTED)
 
     def _change_speed(self, request: CommandRequest, _: int) -> int:
         speed = request.params[1]

@@ -7,7 +7,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from hil.common import __version__
 from hil.gateways.mavlink import camera
-from hil.gateways.mavlink.commands import ACCEPTED, DENIED, UNSUPPORTED, Commands, origin_of, read_command
+from hil.gateways.mavlink.commands import ACCEPTED, DENIED, GO_TO, UNSUPPORTED, Commands, origin_of, read_command
 from hil.gateways.mavlink.core import Core, mission_current
 from hil.gateways.mavlink.endpoints.peer import COMPONENT, Peer
 from hil.gateways.mavlink.flight import modes
@@ -295,6 +295,10 @@ class Dispatcher:
         peer.send(*self.core.missions.begin_upload(packet, _partner(peer, packet), now))
 
     def _mission_receive(self, peer: Peer, packet: Any, now: int) -> None:
+        if packet.current in GO_TO:
+            result, partner = self._commands.go_to(packet, now), _partner(peer, packet)
+            peer.send(dialect.MAVLink_mission_ack_message(*partner[1:], result, packet.mission_type))
+            return
         peer.send(*self.core.missions.receive_item(packet, _partner(peer, packet), now))
 
     def _mission_clear(self, peer: Peer, packet: Any, _: int) -> None:

@@ -40,7 +40,7 @@ def test_item_zero_is_a_waypoint_for_a_generic_autopilot() -> None:
 @pytest.mark.parametrize(
     ("row", "result"),
     [
-        ((LOCAL, 22, 0.0, 0.0, 0.0), dialect.MAV_MISSION_UNSUPPORTED),
+        ((LOCAL, 18, 0.0, 0.0, 0.0), dialect.MAV_MISSION_UNSUPPORTED),
         ((10, 16, 0.0, 0.0, 0.0), dialect.MAV_MISSION_UNSUPPORTED_FRAME),
         ((6, 16, 99e3, 0.0, 0.0), dialect.MAV_MISSION_INVALID_PARAM5_X),
         ((LOCAL, 16, 0.0, 0.0, float("nan")), dialect.MAV_MISSION_INVALID),

@@ -1,9 +1,11 @@
 """What a real QGroundControl asks for and does, recorded from outside, against the gateway's vehicle."""
 
+import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from hil.gateways.mavlink.flight.modes import Mode
 from hil.gateways.mavlink.parameter_table import GATEWAY, INT8, INT16, INT32, expand
-from tests.support.clients.mavlink_missions import ACCEPTED, DENIED
+from tests.support.clients.mavlink_missions import ACCEPTED, DENIED, HOME_ROW, upload_mission
 from tests.support.clients.mavlink_vehicle import Bench
 
 PREARM_CHECK = dialect.MAV_SYS_STATUS_PREARM_CHECK
@@ -80,3 +82,38 @@ def test_modes_that_it_offers_and_this_vehicle_lacks_are_refused_by_name() -> No
         assert bench.partner.command(dialect.MAV_CMD_DO_SET_MODE, 1, number) == DENIED
         bench.run(0.1)
         assert f"{name} is not a mode of this vehicle" in bench.partner.texts().replace(" | ", "")
+
+
+def test_missions_that_begin_with_takeoff_are_flown_without_it() -> None:
+    bench = Bench()
+    rows = [HOME_ROW, (3, 22, 45.0e3, 10.0e3, -3.0), (3, 16, 45.00005e3, 10.0e3, -3.0)]
+    assert upload_mission(bench.partner, rows) == dialect.MAV_MISSION_ACCEPTED
+    bench.arm(Mode.AUTO)
+    bench.run(40.0)
+    texts = bench.partner.texts()
+    assert "command 22 is ignored" in texts
+    assert "mission complete" in texts
+    assert (bench.vehicle.north, bench.vehicle.depth) == pytest.approx((5.56, 3.0), abs=0.5)
+
+
+def test_go_to_location_moves_the_vehicle_in_both_of_its_forms() -> None:
+    bench = Bench()
+    bench.arm(Mode.GUIDED)
+    zeros = [0.0] * 4
+    bench.partner.send(dialect.MAVLink_mission_item_message(1, 1, 0, 3, 16, 2, 1, *zeros, 45.00005, 10.0, -3.0))
+    assert bench.partner.take_messages("MISSION_ACK")[0].type == dialect.MAV_MISSION_ACCEPTED
+    bench.run(30.0)
+    assert (bench.vehicle.north, bench.vehicle.depth) == pytest.approx((5.56, 3.0), abs=0.5)
+    bench.partner.send(dialect.MAVLink_mission_item_message(1, 1, 0, 3, 16, 3, 1, *zeros, 45.0, 10.0, -4.0))
+    bench.run(10.0)
+    assert (bench.vehicle.north, bench.vehicle.depth) == pytest.approx((5.56, 4.0), abs=0.5), "only the depth changes"
+    assert bench.partner.command(dialect.MAV_CMD_DO_SET_MODE, 1, Mode.POSHOLD) == ACCEPTED
+    bench.partner.send(dialect.MAVLink_mission_item_message(1, 1, 0, 3, 16, 2, 1, *zeros, 45.0, 10.0, -3.0))
+    assert [ack.type for ack in bench.partner.take_messages("MISSION_ACK")][-1] == dialect.MAV_MISSION_DENIED
+    nan = float("nan")
+    bench.partner.send(
+        dialect.MAVLink_command_int_message(1, 1, 0, 192, 0, 0, -1.0, 1.0, 0.0, nan, 450000000, 100000000, -2.0)
+    )
+    assert [ack.result for ack in bench.partner.take_messages("COMMAND_ACK")][-1] == ACCEPTED
+    bench.run(30.0)
+    assert (bench.vehicle.north, bench.vehicle.depth) == pytest.approx((0.0, 2.0), abs=0.5)

@@ -10,6 +10,7 @@ from hil.client.samples import State
 from hil.common.clock import NS_PER_S
 from hil.gateways.mavlink.flight.guidance import Point, is_reached
 from hil.gateways.mavlink.flight.mission_items import (
+    IDLE_COMMANDS,
     WAYPOINTS,
     Item,
     heading_of_item,
@@ -128,6 +129,8 @@ class MissionFlight:
         elif command == dialect.MAV_CMD_DO_JUMP:
             self._jump(item)
             return None
+        elif command in IDLE_COMMANDS:
+            self.texts.append((4, f"mission item {self.current}: command {command} is ignored"))
         self._next()
         return None
 

@@ -19,9 +19,10 @@ WITHOUT_PLACE = (
     dialect.MAV_CMD_CONDITION_DELAY, dialect.MAV_CMD_CONDITION_YAW, dialect.MAV_CMD_DO_CHANGE_SPEED,
     dialect.MAV_CMD_DO_JUMP,
 )  # fmt: skip
-# Ground stations put these in missions for cameras and mounts; they change nothing here, and are passed over.
+# Ground stations put these in missions: takeoffs, and commands for cameras and mounts. They are passed over.
 IDLE_COMMANDS = frozenset(
     (
+        dialect.MAV_CMD_NAV_TAKEOFF,
         *range(dialect.MAV_CMD_DO_SET_MODE, dialect.MAV_CMD_DO_LAST + 1),
         *range(530, 535),
         1000,
