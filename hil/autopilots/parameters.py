@@ -13,6 +13,7 @@ from sim.vehicle.vehicle import Vehicle
 
 FOLDER = "hil/autopilots/parameters"
 ENDING = ".parm"
+QGROUNDCONTROL_WORDS = 5  # of a line
 UNDERWATER_VEHICLE = 7  # PX4's CA_AIRFRAME for a vehicle with motors in any pose
 MOTOR_1 = 101  # PX4's output function of its first motor
 MAX_ROTORS = 12
@@ -46,21 +47,22 @@ _BY_POSITIONS = ("dvl", "gps")  # sensors sent to ArduPilot only if selected by 
 def read_parameters(path: str) -> dict[str, float]:
     """Return the parameters of a file. A line has a name and a value, separated by blanks or a comma; # is a comment.
 
-    Raises ConfigError, which names the line.
+    It may also be a line of QGroundControl: vehicle, component, name, value, type. A number without a point is an
+    integer. Raises ConfigError, which names the line.
     """
     try:
         with open(path, encoding="utf-8") as file:
             lines = file.read().splitlines()
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigError(f"{path}: cannot be read: {error}") from None
-    parameters = {}
+    parameters: dict[str, float] = {}
     for number, line in enumerate(lines, 1):
         words = line.partition("#")[0].replace(",", " ").split()
         if not words:
             continue
         try:
-            name, value = words
-            parameters[name] = float(value)
+            name, value = words[2:4] if len(words) == QGROUNDCONTROL_WORDS else words
+            parameters[name] = int(value) if value.lstrip("+-").isdecimal() else float(value)
         except ValueError:
             raise ConfigError(f"{path}: line {number}: expected NAME VALUE, found {line.strip()!r}") from None
         if not name.replace("_", "").isalnum() or len(name) > 16:
@@ -72,7 +74,7 @@ def read_parameters(path: str) -> dict[str, float]:
 
 def parameter_file(settings: AutopilotSettings, controller: str, vehicle: Vehicle) -> str:
     """Return the path of the vehicle's parameter file, "" if none is given or installed. Raises ConfigError."""
-    if settings.parameters.endswith(ENDING):
+    if settings.parameters.endswith((ENDING, ".params")):
         return settings.parameters
     name = settings.parameters or f"{controller}_{vehicle.name}"
     path = os.path.join(preset_folder(FOLDER), name + ENDING)
@@ -143,4 +145,9 @@ def px4_geometry(vehicle: Vehicle, motors: MotorMap) -> Parameters:
 
 def format_parameters(parameters: Parameters) -> str:
     """Return the text of a parameter file."""
-    return "".join(f"{name} {value:g}\n" for name, value in parameters.items())
+    return "".join(f"{name} {number_text(value)}\n" for name, value in parameters.items())
+
+
+def number_text(value: float) -> str:
+    """Return the text of a parameter's value: an integer has no point, any other number has one."""
+    return str(value) if isinstance(value, int) else repr(float(f"{value:.8g}"))

@@ -1,20 +1,22 @@
 """Start the program of an autopilot, SITL of ArduSub or PX4, for one simulated vehicle.
 
-It runs in a new, temporary folder, so that every start is the same, and ends with this process. Its output goes to a
-file there; the last lines are reported if it ends by itself.
+It runs in a folder of that vehicle, where its logs, parameters and missions stay, and ends with this process. Its
+output goes to a file there; the last lines are reported if it ends by itself.
 """
 
 import os
 import subprocess
+from contextlib import suppress
 from math import degrees
 
 from hil.autopilots.contract import Report
+from hil.autopilots.flight_folder import OUTPUT, FlightFolder
 from hil.autopilots.frames import AUTO, CUSTOM, map_motors
 from hil.autopilots.inputs import HOME
-from hil.autopilots.parameters import Parameters, all_parameters, format_parameters
+from hil.autopilots.parameters import Parameters, all_parameters, format_parameters, number_text, read_parameters
 from hil.common.children import foreign_command, start_child
 from hil.common.errors import ConfigError, DeviceError
-from hil.common.scratch import ScratchFolder
+from hil.common.tables import state_path
 from hil.links.address import parse_address
 from hil.scenario.autopilot_records import AutopilotSettings
 from hil.scenario.config import Scenario
@@ -25,20 +27,24 @@ SPEEDUP = 100  # faster than any run: this process sets the simulation time, the
 AIRFRAME = "1022"  # PX4's underwater vehicle; parameters then set its geometry
 LAST_LINES = 5
 OFFSET = 1e-5
+END_S = 3.0  # from PX4's SIGTERM, on which it completes its log, to SIGKILL
+LISTED = "listed.parm"  # the parameters of the last start of PX4
 
 
 class Program:
     """A running autopilot program. Raises ConfigError if there is none at its path, DeviceError if it cannot start.
 
-    `log`: path of the file with its output, which exists while it runs.
+    `folder`: path of the folder with its logs, parameters and missions. `log`: path of the file with its output.
     """
 
     def __init__(
         self, scenario: Scenario, settings: AutopilotSettings, vehicle: Vehicle, world: World, report: Report
     ) -> None:
         self._report = report
-        self._folder = ScratchFolder("autopilot")
-        self.log = self._folder.file("output.txt")
+        default = state_path("autopilots", f"{scenario.slave.node}-{vehicle.name}-{scenario.controller}")
+        self._folder = FlightFolder(settings.folder or default, wipe=settings.wipe)
+        self.folder, self.log = self._folder.path, self._folder.file(OUTPUT)
+        self._end_s = END_S if scenario.controller == "px4" else 0.0
         try:
             frame = CUSTOM if scenario.controller == "px4" and settings.frame == AUTO else settings.frame
             motors = map_motors(frame, vehicle)
@@ -47,7 +53,7 @@ class Program:
                 command, variables = self._ardusub(settings, scenario, world, parameters)
             else:
                 command, variables = self._px4(settings, parameters)
-            report(f"starting {' '.join(command)}")
+            report(f"starting {' '.join(command)} in {self.folder}")
             with open(self.log, "wb") as output:
                 self._process = start_child(
                     foreign_command(*command),
@@ -79,7 +85,11 @@ class Program:
         return f"the autopilot's program has ended with status {status}: {' | '.join(last)}"
 
     def close(self) -> None:
-        """End it by SIGKILL: ArduSub ignores other signals while it waits for a state."""
+        """End PX4 by SIGTERM, and by SIGKILL what has not ended; ArduSub ignores others while it waits for a state."""
+        if self._end_s:
+            self._process.terminate()
+        with suppress(subprocess.TimeoutExpired):
+            self._process.wait(self._end_s)
         self._process.kill()
         self._process.wait()
         self._folder.close()
@@ -94,7 +104,7 @@ class Program:
         address = parse_address(settings.own_address("ardupilot"))
         latitude, longitude = world.origin or HOME
         home = f"{latitude:.7f},{longitude:.7f},0,{degrees(scenario.start.heading):.1f}"
-        own = ["--model", f"JSON:{address.target}", "--speedup", str(SPEEDUP), "-I", str(settings.instance), "--wipe"]
+        own = ["--model", f"JSON:{address.target}", "--speedup", str(SPEEDUP), "-I", str(settings.instance)]
         own += ["--serial0", "tcp:0"]  # the default port, but without waiting for a connection
         ports = ["--sim-port-out", str(address.port), "--home", home, "--defaults", defaults]
         return [program, *own, *ports, *settings.arguments], {}
@@ -102,12 +112,31 @@ class Program:
     def _px4(self, settings: AutopilotSettings, parameters: Parameters) -> tuple[list[str], dict[str, str]]:
         build = os.path.abspath(settings.program)
         program = _executable(os.path.join(build, "bin", "px4"))
+        own = self._own_parameters()
+        with open(self._folder.file(LISTED), "w", encoding="utf-8") as file:
+            file.write(format_parameters(parameters))
         variables = {
-            f"PX4_PARAM_{name}": f"{_distinct_from_default(name, value):g}" for name, value in parameters.items()
+            f"PX4_PARAM_{name}": number_text(_distinct_from_default(name, value))
+            for name, value in parameters.items()
+            if name not in own
         }
         variables |= {"PX4_SYS_AUTOSTART": AIRFRAME, "PX4_SIM_HOST_ADDR": "127.0.0.1"}
         command = [program, "-d", "-i", str(settings.instance), "-w", self._folder.path, os.path.join(build, "etc")]
         return [*command, *settings.arguments], variables
+
+    def _own_parameters(self) -> Parameters:
+        """Return the parameters that a person has set in PX4 to other values than were listed; report them."""
+        from hil.autopilots.px4_files import changed_since, decode_bson
+
+        stored, listed = self._folder.file("parameters.bson"), self._folder.file(LISTED)
+        if not (os.path.exists(stored) and os.path.exists(listed)):
+            return {}
+        with open(stored, "rb") as file:
+            own = changed_since(read_parameters(listed), decode_bson(file.read()))
+        if own:
+            values = ", ".join(f"{name} {number_text(value)}" for name, value in own.items())
+            self._report(f"PX4 keeps what was set in earlier runs: {values}; [autopilot] wipe = true forgets it")
+        return own
 
 
 def _distinct_from_default(name: str, value: float) -> float:

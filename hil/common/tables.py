@@ -119,6 +119,12 @@ def settings(texts: Iterable[str], name: str) -> dict[str, Any]:
     return table
 
 
+def state_path(*names: str) -> str:
+    """Return the path of a file or folder in which this user's programs store what outlives them."""
+    home = os.environ.get("XDG_STATE_HOME") or os.path.expanduser("~/.local/state")
+    return os.path.join(home, "uuv-hil", *names)
+
+
 def cache_path(path: str) -> str:
     """Return the path of the cached, parsed version of the file at `path`."""
     folder = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")

@@ -8,13 +8,12 @@ import os
 import secrets
 from contextlib import suppress
 
-from hil.common.tables import PRIVATE, write_atomically
+from hil.common.tables import PRIVATE, state_path, write_atomically
 
 
 def token_path(port: int) -> str:
     """Return where the token of the gateway at that port lies on this machine."""
-    home = os.environ.get("XDG_STATE_HOME") or os.path.join(os.path.expanduser("~"), ".local", "state")
-    return os.path.join(home, "uuv-hil", f"gateway-{port}.token")
+    return state_path(f"gateway-{port}.token")
 
 
 class Access:

@@ -14,7 +14,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
 from hil.common.errors import ConfigError, DeviceError
-from hil.common.tables import PRIVATE, write_atomically
+from hil.common.tables import PRIVATE, state_path, write_atomically
 
 SSH = "ssh -o BatchMode=yes -o ConnectTimeout=10"
 HOST_TIMEOUT_S = 60.0  # longest wait for a command on a host, more than GRACE_S
@@ -84,9 +84,7 @@ class MemberState(NamedTuple):
 
 def state_file(scenario: str) -> str:
     """Return the path of the file that lists the started members of a scenario."""
-    base = os.environ.get("XDG_STATE_HOME") or os.path.expanduser("~/.local/state")
-    name = os.path.splitext(os.path.basename(scenario))[0]
-    return os.path.join(base, "uuv-hil", "fleets", f"{name}.json")
+    return state_path("fleets", f"{os.path.splitext(os.path.basename(scenario))[0]}.json")
 
 
 def start(

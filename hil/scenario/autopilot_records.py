@@ -18,18 +18,22 @@ class AutopilotSettings(NamedTuple):
     """Settings of the autopilot: its address, the motors that it drives, and the pace of simulated time.
 
     `program` is ArduSub's SITL program or PX4's build folder; the slave or `uuv-hil sim` starts it, with additional
-    `arguments`. Without it, the user starts the autopilot. `parameters` is a parameter file (.parm), by default the
-    installed one for the vehicle, if there is one. `frame` is a file of hil/autopilots/frames, "auto" or "custom".
-    `instance` shifts the ports. `address` is where we listen (udp://, tcp://) or a board's device; the default is the
-    interface's own address on this machine. `baud` is for a serial device. With `lockstep` simulated time waits for the
-    autopilot. After `silence` without outputs the thrusters go to neutral. `rate` is the rate of PX4's HIL_SENSOR. `rc`
-    has pulse widths of receiver channels (ArduPilot, PX4's SITL). `positions` is the position source of ArduPilot's
-    estimator: a GPS that it simulates itself from the true position, or messages with samples of our sensors, as from a
-    companion computer.
+    `arguments`. Without it, the user starts the autopilot. It runs in `folder`, where its logs, parameters and
+    missions stay until a start with `wipe`; by default one for each node and vehicle in
+    ~/.local/state/uuv-hil/autopilots. `parameters` is a parameter file (.parm), by default the installed one for
+    the vehicle, if there is one. `frame` is a file of hil/autopilots/frames, "auto" or "custom". `instance` shifts
+    the ports. `address` is where we listen (udp://, tcp://) or a board's device; the default is the interface's own
+    address on this machine. `baud` is for a serial device. With `lockstep` simulated time waits for the autopilot.
+    After `silence` without outputs the thrusters go to neutral. `rate` is the rate of PX4's HIL_SENSOR. `rc` has
+    pulse widths of receiver channels (ArduPilot, PX4's SITL). `positions` is the position source of ArduPilot's
+    estimator: a GPS that it simulates itself from the true position, or messages with samples of our sensors, as
+    from a companion computer.
     """
 
     program: str = ""
     arguments: tuple[str, ...] = ()
+    folder: str = ""
+    wipe: bool = False
     parameters: str = ""
     frame: str = "auto"
     instance: Annotated[int, Range(0, 9)] = 0
@@ -63,8 +67,9 @@ class AutopilotSettings(NamedTuple):
 
         def placed(text: str) -> str:
             path = os.path.expanduser(text)
-            is_path = os.path.sep in path or path.endswith((".parm", ".toml"))
+            is_path = os.path.sep in path or path.endswith((".parm", ".params", ".toml"))
             return os.path.join(folder, path) if is_path else path
 
         program, parameters, frame = map(placed, (self.program, self.parameters, self.frame))
-        return self._replace(program=program, parameters=parameters, frame=frame)
+        own = os.path.join(folder, os.path.expanduser(self.folder)) if self.folder else ""
+        return self._replace(program=program, parameters=parameters, frame=frame, folder=own)

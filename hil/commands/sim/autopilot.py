@@ -65,16 +65,19 @@ def _format_result(run: AutopilotRun, duration: float, faults: list[Any], as_jso
     counts = {name: getattr(figures, name) for name in figures.__slots__}
     simulated = run.simulation.time_ns / NS_PER_S
     position = run.simulation.truth().position
+    folder = run.program.folder if run.program else ""
     if as_json:
         return json.dumps({
             "duration_s": simulated, "took_s": duration, "position_m": position, "silences": run.motors.silences,
-            "events": [event.describe() for event in faults], **counts,
+            "folder": folder, "events": [event.describe() for event in faults], **counts,
         })  # fmt: skip
     where = ", ".join(f"{x:.2f}" for x in position)
     listed = ", ".join(f"{number} {name}" for name, number in counts.items())
     speed = f"{simulated / duration:.3g} times real time" if duration else ""
+    kept = f"\nlogs, parameters and missions in {folder}" if folder else ""
     return (
-        f"{simulated:.1f} s simulated in {duration:.2f} s: {speed}\n{run.autopilot.name}: {listed}\nends at {where} m"
+        f"{simulated:.1f} s simulated in {duration:.2f} s: {speed}\n{run.autopilot.name}: {listed}\n"
+        f"ends at {where} m{kept}"
     )
 
 

@@ -1,11 +1,11 @@
 """Settings of the gateway from a scenario: origin, camera, and parameters that suit the vehicle."""
 
-import os
 from math import degrees
 from typing import Any
 
 from hil.autopilots.frames import AUTO, CUSTOM, MotorMap, load_frame, map_motors
 from hil.common.errors import ConfigError
+from hil.common.tables import state_path
 from hil.gateways.mavlink.camera import CameraInfo, Stream
 from hil.gateways.mavlink.snapshot import Origin
 from hil.scenario.config import Scenario
@@ -18,8 +18,7 @@ MAX_SHARE = 0.8  # of what the thrusters can do together, at full stick
 
 def parameter_file(node: str) -> str:
     """Return where the parameters of a node are stored on this machine."""
-    home = os.environ.get("XDG_STATE_HOME") or os.path.join(os.path.expanduser("~"), ".local", "state")
-    return os.path.join(home, "uuv-hil", f"mavlink-{node}.toml")
+    return state_path(f"mavlink-{node}.toml")
 
 
 def origin_of(scenario: Scenario | None) -> Origin | None:

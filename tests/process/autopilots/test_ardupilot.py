@@ -197,14 +197,17 @@ def test_a_missing_autopilot_program_is_refused(tmp_path: Path) -> None:
     from hil.common.errors import ConfigError
 
     with pytest.raises(ConfigError, match="program: /nowhere/ardusub: not a program"):
-        Bench(tmp_path, autopilot='program = "/nowhere/ardusub"')
+        Bench(tmp_path, autopilot=f'program = "/nowhere/ardusub"\nfolder = "{tmp_path}/files"')
 
 
 def test_an_autopilot_program_that_ends_is_reported_with_its_last_output(tmp_path: Path) -> None:
     program = tmp_path / "ardusub"
     program.write_text("#!/bin/sh\necho cannot find my eeprom\nexit 3\n")
     program.chmod(0o755)
-    with bench(tmp_path, autopilot=f'program = "{program}"') as b, pytest.raises(DeviceError) as caught:
+    with (
+        bench(tmp_path, autopilot=f'program = "{program}"\nfolder = "{tmp_path}/files"') as b,
+        pytest.raises(DeviceError) as caught,
+    ):
         b.run.step()
     assert "ended with status 3: cannot find my eeprom" in str(caught.value)
 

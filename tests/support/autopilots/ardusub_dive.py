@@ -25,6 +25,8 @@ master = {{}}
 depth = 0
 [autopilot]
 program = "{program}"
+folder = "ardusub"
+wipe = true
 instance = {instance}
 positions = "{positions}"
 {autopilot}

@@ -34,6 +34,8 @@ depth = 0
 listen = "tcp/127.0.0.1:{port}"
 [autopilot]
 program = "{program}"
+folder = "ardusub"
+wipe = true
 instance = 6
 [sensors.imu]
 rate = 400

@@ -35,6 +35,8 @@ depth = 0
 step = 0.004
 [autopilot]
 program = "{build}"
+folder = "px4"
+wipe = true
 {autopilot}
 [sensors.imu]
 rate = 250
