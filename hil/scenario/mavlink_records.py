@@ -56,13 +56,14 @@ class Mavlink(NamedTuple):
 
     `endpoints` are its connections: "udpout" sends to a ground station, "udpin" and "tcpin" wait for several, "tcpout"
     connects to a router, "serial" is a radio or a companion computer, "zenoh" offers the keys of BlueOS. `system` is
-    its MAVLink system id. `autopilot` is the firmware whose mode numbers and mission rules it follows: "ardupilot"
-    means ArduSub, which QGroundControl supports best, "generic" the MAVLink standard alone. Ground stations on other
-    machines may only observe unless `commands_from` is "network". `signing_key`, a passphrase or 64 hexadecimal digits,
-    signs all packets and refuses unsigned ones. `parameters` is the file of stored parameters (default: a file of this
-    user for the node), `logs` the folder that MAVFTP offers. `video_port` serves the camera's picture as MJPEG over
-    HTTP on this machine (0: off); `rtp` ("HOST:PORT") receives it as H.264; `camera` is the name of that camera. With
-    `start` the slave starts this process; otherwise run `uuv-hil gateway mavlink`.
+    its MAVLink system id, 2 instead of 1 if an autopilot with that id flies the vehicle. `autopilot` is the firmware
+    whose mode numbers and mission rules it follows: "ardupilot" means ArduSub, which QGroundControl supports best,
+    "generic" the MAVLink standard alone. Ground stations on other machines may only observe unless `commands_from` is
+    "network". `signing_key`, a passphrase or 64 hexadecimal digits, signs all packets and refuses unsigned ones.
+    `parameters` is the file of stored parameters (default: a file of this user for the node), `logs` the folder that
+    MAVFTP offers. `video_port` serves the camera's picture as MJPEG over HTTP on this machine (0: off); `rtp`
+    ("HOST:PORT") receives it as H.264; `camera` is the name of that camera. With `start` the slave starts this process;
+    otherwise run `uuv-hil gateway mavlink`.
     """
 
     endpoints: tuple[str, ...] = ("udpout:127.0.0.1:14550", "tcpin:127.0.0.1:5760")

@@ -42,7 +42,7 @@ def main(arguments: list[str]) -> int:
     scenario, endpoints = scenario_and_endpoints(options)
     settings = _settings(options, scenario)
     network, security = (scenario.network, scenario.security) if scenario else (Network(), None)
-    from hil.gateways.mavlink.assembly import camera_of, defaults_of, origin_of, parameter_file
+    from hil.gateways.mavlink.assembly import camera_of, defaults_of, motors_of, origin_of, parameter_file
     from hil.gateways.mavlink.camera import h264, mjpeg
     from hil.gateways.mavlink.endpoints.opening import open_link
     from hil.gateways.mavlink.gateway import Gateway
@@ -78,7 +78,9 @@ def main(arguments: list[str]) -> int:
         settings = settings._replace(system=int(table["SYSID_THISMAV"]) if not options.system else settings.system)
         streams = [*([h264(rtp.port)] if rtp else []), *([mjpeg(video.address)] if video else [])]
         picture = camera_of(scenario, tuple(streams), settings.camera) if streams else None
-        gateway = Gateway(port, settings, table, links, origin_of(scenario), picture, _print, signing)
+        gateway = Gateway(
+            port, settings, table, links, origin_of(scenario), picture, _print, signing, motors=motors_of(scenario)
+        )
         link_names = ", ".join([link.name for link in links])
         print(
             f"MAVLink system {settings.system} is {node} at {', '.join(endpoints)}: {link_names}; Ctrl-C ends it",

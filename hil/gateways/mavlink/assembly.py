@@ -8,11 +8,12 @@ from hil.common.errors import ConfigError
 from hil.common.tables import state_path
 from hil.gateways.mavlink.camera import CameraInfo, Stream
 from hil.gateways.mavlink.snapshot import Origin
-from hil.scenario.config import Scenario
+from hil.scenario.config import AUTOPILOTS, Scenario
 from sim.environment.world import load_world
 from sim.vehicle.thrusters.bank import wrench_matrix
 from sim.vehicle.vehicle import load_vehicle
 
+AUTOPILOT_SYSTEM = 1  # id of an autopilot that flies the vehicle: ArduSub's and PX4's default
 MAX_SHARE = 0.8  # of what the thrusters can do together, at full stick
 
 
@@ -35,11 +36,12 @@ def defaults_of(scenario: Scenario | None) -> dict[str, float]:
         return {}
     vehicle, _ = load_vehicle(scenario.vehicle)
     defaults = {"HIL_STEER": float(bool(vehicle.fins)), "BATT_MONITOR": 4.0 if vehicle.battery else 0.0}
-    motors = motors_of(scenario)
+    motors = _motors(scenario)
     if motors.frame != CUSTOM:
         defaults["FRAME_CONFIG"] = float(load_frame(motors.frame).frame_config)
-    if scenario.mavlink:
-        defaults["SYSID_THISMAV"] = float(scenario.mavlink.system)
+    system = scenario.mavlink.system if scenario.mavlink else 1
+    is_taken = system == AUTOPILOT_SYSTEM and scenario.controller in AUTOPILOTS
+    defaults["SYSID_THISMAV"] = float(system + is_taken)
     rows = wrench_matrix(vehicle, torque=False)
     thrusts = [min(thruster.max_forward, thruster.max_reverse) for thruster in vehicle.thrusters]
     defaults["HIL_THRUST"] = min(thrusts, default=0.0)
@@ -50,7 +52,12 @@ def defaults_of(scenario: Scenario | None) -> dict[str, float]:
     return defaults
 
 
-def motors_of(scenario: Scenario) -> MotorMap:
+def motors_of(scenario: Scenario | None) -> list[tuple[int, int]]:
+    """Return thruster, from 0, and direction (1, -1) of each motor of the vehicle's frame. Raises ConfigError."""
+    return [(channel, sign) for _, channel, sign in _motors(scenario).motors] if scenario else []
+
+
+def _motors(scenario: Scenario) -> MotorMap:
     """Return which thruster each motor of the vehicle's frame is, as ArduSub numbers them. Raises ConfigError."""
     vehicle, _ = load_vehicle(scenario.vehicle)
     try:

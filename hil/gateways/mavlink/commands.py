@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from hil.gateways.mavlink import calibration
 from hil.gateways.mavlink.core import Core
 from hil.gateways.mavlink.flight.mission_items import (
     WAYPOINTS,
@@ -22,6 +23,7 @@ ACCEPTED: int = dialect.MAV_RESULT_ACCEPTED
 REJECTED: int = dialect.MAV_RESULT_TEMPORARILY_REJECTED
 DENIED: int = dialect.MAV_RESULT_DENIED
 UNSUPPORTED: int = dialect.MAV_RESULT_UNSUPPORTED
+THROTTLE_PERCENT, THROTTLE_PULSE = dialect.MOTOR_TEST_THROTTLE_PERCENT, dialect.MOTOR_TEST_THROTTLE_PWM
 ONLY_DEPTH = 3
 GO_TO = 2, ONLY_DEPTH  # MISSION_ITEM.current of an item that is flown at once
 FAILED: int = dialect.MAV_RESULT_FAILED
@@ -64,6 +66,8 @@ class Commands:
             dialect.MAV_CMD_NAV_LAND: lambda _, now: core.set_mode(Mode.SURFACE),
             dialect.MAV_CMD_NAV_LOITER_UNLIM: lambda _, now: core.set_mode(Mode.POSHOLD),
             dialect.MAV_CMD_RUN_PREARM_CHECKS: self._check,
+            dialect.MAV_CMD_DO_MOTOR_TEST: self._test_motor,
+            **dict.fromkeys(calibration.COMMANDS, self._calibrate),
             dialect.MAV_CMD_DO_FLIGHTTERMINATION: self._terminate,
             dialect.MAV_CMD_PREFLIGHT_STORAGE: self._storage,
         }
@@ -213,6 +217,29 @@ class Commands:
         if request.params[0] != 1.0:
             return DENIED
         self._core.disarm(everybody=True)
+        return ACCEPTED
+
+    def _test_motor(self, request: CommandRequest, now: int) -> int:
+        """Turn one motor of the armed vehicle for a moment, numbered from 0 as the frame's outputs are."""
+        core, (number, kind, throttle, _, _, order, _) = self._core, request.params
+        pulse = {THROTTLE_PERCENT: 1100.0 + 8.0 * throttle, THROTTLE_PULSE: throttle}.get(kind)
+        if not core.pilot.armed:
+            core.texts.append((4, "Arm motors before testing motors."))
+        elif order != dialect.MOTOR_TEST_ORDER_BOARD or pulse is None or not 1100.0 <= pulse <= 1900.0:
+            core.texts.append((4, "motor test: only by outputs of the board, in 0 to 100 % or 1100 to 1900 us"))
+        elif not core.test_motor(number, (pulse - 1500.0) / 400.0, now):
+            core.texts.append((4, f"motor test: no motor {number + 1.0:g}"))
+        else:
+            return ACCEPTED
+        return FAILED
+
+    def _calibrate(self, request: CommandRequest, _: int) -> int:
+        if self._core.pilot.armed:
+            self._core.texts.append((4, "Disarm to allow calibration"))
+            return FAILED
+        texts, messages = calibration.answer(request.command, request.params)
+        self._core.texts.extend([(6, text) for text in texts])
+        self._core.messages.extend(messages)
         return ACCEPTED
 
     def _check(self, _: CommandRequest, now: int) -> int:

@@ -15,7 +15,7 @@ from hil.gateways.mavlink.flight.pilot import Pilot
 from hil.gateways.mavlink.parameter_table import ParameterTable
 from hil.gateways.mavlink.protocols.missions import MissionProtocol
 from hil.gateways.mavlink.protocols.parameters import ParameterProtocol
-from hil.gateways.mavlink.snapshot import Context, Origin, Snapshot, VehiclePort
+from hil.gateways.mavlink.snapshot import Context, Origin, Snapshot, ThrusterTest, VehiclePort
 from hil.gateways.mavlink.telemetry import place_e7
 from hil.scenario.mavlink_records import Mavlink
 from sim.geodesy import TangentPlane
@@ -32,16 +32,25 @@ Settled = Callable[[int], None]  # gets the MAV_RESULT of arming
 class Core:
     """One vehicle. `tick` is called with the time (ns), 50 times a second; nothing else looks at a clock.
 
-    `texts` are messages for ground stations: severity and text.
+    `texts` are messages for ground stations: severity and text. `motors` are thruster, from 0, and direction (1, -1) of
+    each motor of the vehicle's frame; without them the motors are the thrusters.
     """
 
     def __init__(
-        self, port: VehiclePort, settings: Mavlink, table: ParameterTable, origin: Origin | None, start_ns: int
+        self,
+        port: VehiclePort,
+        settings: Mavlink,
+        table: ParameterTable,
+        origin: Origin | None,
+        start_ns: int,
+        motors: Sequence[tuple[int, int]] = (),
     ) -> None:
         self.port, self.table, self.start_ns = port, table, start_ns
         self.is_ardupilot = settings.autopilot == "ardupilot"
         self.system = settings.system
         self.texts: deque[tuple[int, str]] = deque(maxlen=50)
+        self.messages: deque[Any] = deque(maxlen=50)  # for all ground stations
+        self._motors = motors
         self.snapshot: Snapshot | None = None
         self.home: Point = (0.0, 0.0, 0.0)
         self.origin: Origin | None = None
@@ -122,6 +131,15 @@ class Core:
             return int(dialect.MAV_RESULT_TEMPORARILY_REJECTED)
         self._urgent = True
         return int(dialect.MAV_RESULT_ACCEPTED)
+
+    def test_motor(self, number: float, share: float, now: int) -> bool:
+        """Turn one motor, counted from 0, by a share (-1 to 1) of HIL_THRUST; return whether there is such a motor."""
+        motors = self._motors or [(n, 1) for n in range(len(self.snapshot.pulses) if self.snapshot else 0)]
+        if number not in range(len(motors)):
+            return False
+        thruster, direction = motors[int(number)]
+        self.pilot.test(ThrusterTest(thruster, direction * share * self.table["HIL_THRUST"]), now)
+        return True
 
     def expedite(self) -> None:
         """Send the next command soon: somebody has moved a stick, or set a target."""

@@ -14,7 +14,6 @@ from hil.gateways.mavlink.flight import modes
 from hil.gateways.mavlink.flight.targets import TargetError, global_target, local_target
 from hil.gateways.mavlink.newer_messages import AvailableModes, AvailableModesMonitor
 from hil.gateways.mavlink.protocols.ftp import FtpServer, ftp_message
-from hil.gateways.mavlink.protocols.logs import LogProtocol
 from hil.gateways.mavlink.protocols.signing import SigningKey
 from hil.gateways.mavlink.protocols.streams import CURRENT_MODE, HEARTBEAT, MISSION_CURRENT, MODES_MONITOR
 from hil.gateways.mavlink.snapshot import Context
@@ -52,7 +51,6 @@ class Dispatcher:
         self,
         core: Core,
         ftp: FtpServer,
-        logs: LogProtocol,
         picture: camera.CameraInfo | None = None,
         signing: SigningKey | None = None,
     ) -> None:
@@ -60,7 +58,7 @@ class Dispatcher:
         self.signing = signing or SigningKey()
         self.peers: dict[int, Peer] = {}
         self.stale = False  # whether what is being read has waited too long to be executed
-        self._ftp, self._logs = ftp, logs
+        self._ftp = ftp
         self._commands = Commands(core)
         self._text_number = 0
         name = "MAVLINK_MSG_ID_"
@@ -71,7 +69,6 @@ class Dispatcher:
             "PARAM_REQUEST_READ": self._parameter_read, "MISSION_REQUEST_LIST": self._mission_list,
             "MISSION_REQUEST_INT": self._mission_item, "MISSION_REQUEST": self._mission_item,
             "FILE_TRANSFER_PROTOCOL": self._file, "LOG_REQUEST_LIST": self._log_list,
-            "LOG_REQUEST_DATA": self._log_data, "LOG_REQUEST_END": lambda *_: self._logs.end(),
         }  # fmt: skip
         changing: dict[str, Handler] = {
             "SET_MODE": self._set_mode, "PARAM_SET": self._parameter_set, "MANUAL_CONTROL": self._manual_control,
@@ -110,11 +107,13 @@ class Dispatcher:
                 core.texts.append((4, reason))
         while core.texts:
             self._broadcast(self._status_text(*core.texts.popleft()))
+        while core.messages:
+            self._broadcast([core.messages.popleft()])
         reached, core.flight.reached[:] = list(core.flight.reached), []
         self._broadcast([dialect.MAVLink_mission_item_reached_message(index) for index in reached])
-        for due in (core.missions.tick(now), self._logs.tick()):
-            if due and due[0][0] in self.peers:
-                self.peers[due[0][0]].send(*due[1])
+        due = core.missions.tick(now)
+        if due and due[0][0] in self.peers:
+            self.peers[due[0][0]].send(*due[1])
         self._send_streams(now, core.context(now, wall_ns))
 
     def messages(self, number: int, context: Context) -> list[Any]:
@@ -280,10 +279,9 @@ class Dispatcher:
         peer.send(*messages)
 
     def _parameter_set(self, _: Peer, packet: Any, _now: int) -> None:
-        messages, reason = self.core.parameters.request_set(packet)
+        messages, texts = self.core.parameters.request_set(packet)
         self._broadcast(messages)
-        if reason:
-            self.core.texts.append((4, reason))
+        self.core.texts.extend(texts)
 
     def _mission_list(self, peer: Peer, packet: Any, _: int) -> None:
         peer.send(*self.core.missions.request_list(packet, _partner(peer, packet)))
@@ -316,10 +314,9 @@ class Dispatcher:
         peer.send_later([ftp_message(answer, system, component) for answer in answers])
 
     def _log_list(self, peer: Peer, packet: Any, _: int) -> None:
-        peer.send_later(self._logs.list_logs(packet))
-
-    def _log_data(self, peer: Peer, packet: Any, _: int) -> None:
-        peer.send(*self._logs.begin(packet, _partner(peer, packet)))
+        """Answer that there are none: this protocol sends files without names, and its clients take them for .bin."""
+        peer.send(dialect.MAVLink_log_entry_message(0, 0, 0, 0, 0))
+        self.core.texts.append((6, "recordings: by MAVFTP, in /logs, with their names"))
 
     def _set_mode(self, peer: Peer, packet: Any, now: int) -> None:
         result = self.core.set_mode(packet.custom_mode)

@@ -12,7 +12,6 @@ from hil.gateways.mavlink.endpoints.links import MAX_PARTNERS, SILENT_NS, Link
 from hil.gateways.mavlink.endpoints.peer import Peer
 from hil.gateways.mavlink.parameter_table import ParameterTable
 from hil.gateways.mavlink.protocols.ftp import FtpServer
-from hil.gateways.mavlink.protocols.logs import LogProtocol
 from hil.gateways.mavlink.protocols.signing import SigningKey
 from hil.gateways.mavlink.snapshot import Origin, VehiclePort
 from hil.scenario.mavlink_records import Mavlink
@@ -24,7 +23,10 @@ Clock = Callable[[], int]
 
 
 class Gateway:
-    """One MAVLink vehicle on its endpoints. `report` gets a line for each new peer. Closes port and links."""
+    """One MAVLink vehicle on its endpoints. `report` gets a line for each new peer. Closes port and links.
+
+    `motors` are thruster and direction of each motor of the frame (`Core`).
+    """
 
     def __init__(
         self,
@@ -38,14 +40,13 @@ class Gateway:
         signing: SigningKey | None = None,
         clock: Clock = now_ns,
         wall_clock: Clock = lambda: to_wall_ns(now_ns()),
+        motors: Sequence[tuple[int, int]] = (),
     ) -> None:
         self._settings, self._links, self._report = settings, links, report
         self._clock, self._wall_clock = clock, wall_clock
         self._ftp = FtpServer(settings.logs, table)
-        self.core = Core(port, settings, table, origin, clock())
-        self.dispatcher = Dispatcher(
-            self.core, self._ftp, LogProtocol(settings.logs), picture, signing or SigningKey(given=settings.signing_key)
-        )
+        self.core = Core(port, settings, table, origin, clock(), motors)
+        self.dispatcher = Dispatcher(self.core, self._ftp, picture, signing or SigningKey(given=settings.signing_key))
         self._peers: dict[tuple[int, Hashable], Peer] = {}
         self._numbers = self._complaint_ns = 0
         self._due_ns = self._polled_ns = clock()

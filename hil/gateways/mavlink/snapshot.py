@@ -15,8 +15,16 @@ from sim.rotations import rotate
 from sim.sensors.extra_samples import BatterySample, FixSample
 from sim.sensors.samples import ImuSample
 
+
+class ThrusterTest(NamedTuple):
+    """The thrust (N) of one thruster, counted from 0; the others stand still."""
+
+    thruster: int
+    thrust: float
+
+
 Wrench = tuple[float, float, float, float, float, float]
-Command = VelocityCommand | PoseCommand | Wrench
+Command = VelocityCommand | PoseCommand | ThrusterTest | Wrench
 NEUTRAL: Wrench = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 

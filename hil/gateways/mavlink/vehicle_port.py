@@ -13,7 +13,7 @@ from hil.client import samples
 from hil.client.client import VehicleClient
 from hil.common.errors import HilError, NetworkError
 from hil.gateways.mavlink.slave_parameters import SlaveParameters
-from hil.gateways.mavlink.snapshot import Command, Echo, Snapshot
+from hil.gateways.mavlink.snapshot import Command, Echo, Snapshot, ThrusterTest
 from hil.network.services import call
 from hil.ros.commands import PoseCommand, encode_pose, encode_thrusts
 from hil.ros.frames import encode_wrench
@@ -90,8 +90,10 @@ class NetworkVehicle:
                 client.command(command)
             elif isinstance(command, PoseCommand):
                 client.send("cmd_pose", encode_pose(command, 0))
-            elif not any(command):
-                client.send("cmd_thrusters", encode_thrusts((0.0,) * (client.diagnostics().thrusters or 0)))
+            elif isinstance(command, ThrusterTest) or not any(command):
+                number, thrust = command if isinstance(command, ThrusterTest) else (0, 0.0)
+                thrusters = range(client.diagnostics().thrusters or 0)
+                client.send("cmd_thrusters", encode_thrusts([thrust * (n == number) for n in thrusters]))
             else:
                 client.send("cmd_wrench", encode_wrench(0, command))
         except NetworkError:  # several vehicles of its name: `refusal` reports it

@@ -1,6 +1,7 @@
 """A real slave's MAVLink vehicle answers all that QGroundControl requires when it connects."""
 
 from collections.abc import Iterator
+from typing import Any
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
@@ -69,3 +70,20 @@ def test_speeds_and_currents_of_the_motors_are_sent(station: Station) -> None:
         assert min(turning.current) > 0
         assert max(turning.rpm) < 4000
     station.disarm()
+
+
+def test_its_motors_page_turns_one_thruster(station: Station) -> None:
+    assert station.command_to(1, dialect.MAV_CMD_COMPONENT_ARM_DISARM, 1, 0) == 0
+
+    def slide() -> None:
+        assert station.command_to(1, dialect.MAV_CMD_DO_MOTOR_TEST, 2, 0, 70, 0, 0, 2) == 0
+
+    def turns_one(servos: Any) -> bool:
+        return len([pulse for pulse in _pulses(servos) if pulse != 1500]) == 1
+
+    station.wait("SERVO_OUTPUT_RAW", turns_one, slide)
+    station.disarm()
+
+
+def _pulses(servos: Any) -> list[int]:
+    return [getattr(servos, f"servo{number}_raw") for number in range(1, 9)]

@@ -1,6 +1,6 @@
 """A MAVLink vehicle of the gateway without a network: a point as vehicle, and ground stations as partners."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from math import cos, sin
 from typing import Any
 
@@ -15,7 +15,6 @@ from hil.gateways.mavlink.endpoints.peer import Peer
 from hil.gateways.mavlink.flight.modes import Mode
 from hil.gateways.mavlink.parameter_table import ParameterTable
 from hil.gateways.mavlink.protocols.ftp import FtpServer
-from hil.gateways.mavlink.protocols.logs import LogProtocol
 from hil.gateways.mavlink.snapshot import Command, Echo, Origin, Snapshot, Wrench
 from hil.links.contract import Counters
 from hil.links.mavlink.servos import ServoOutputRaw
@@ -116,12 +115,18 @@ class PointVehicle:
 class Bench:
     """A vehicle, its dispatcher and its partners; the test advances the time."""
 
-    def __init__(self, settings: Mavlink = Mavlink(), origin: Origin | None = ORIGIN, folder: str = "") -> None:
+    def __init__(
+        self,
+        settings: Mavlink = Mavlink(),
+        origin: Origin | None = ORIGIN,
+        folder: str = "",
+        motors: Sequence[tuple[int, int]] = (),
+    ) -> None:
         self.now = NS_PER_S
         self.vehicle = PointVehicle()
         self.table = ParameterTable("", self.vehicle.parameters, self.vehicle.set_parameter)
-        self.core = Core(self.vehicle, settings, self.table, origin, self.now)
-        self.dispatcher = Dispatcher(self.core, FtpServer(folder, self.table), LogProtocol(folder))
+        self.core = Core(self.vehicle, settings, self.table, origin, self.now, motors)
+        self.dispatcher = Dispatcher(self.core, FtpServer(folder, self.table))
         self.partners: list[Partner] = []
         self.partner = self.add_partner()
         self.run(0.1)

@@ -180,19 +180,15 @@ def test_file_sessions_are_limited_and_expire() -> None:
     assert _ftp(bench, ftp.OPEN_READ, b"@PARAM/param.pck\0")[0][0] == ftp.ACK
 
 
-def test_logs_are_read_by_the_log_protocol(tmp_path: Path) -> None:
+def test_the_log_protocol_which_has_no_names_refers_to_files(tmp_path: Path) -> None:
     (tmp_path / "a.mcap").write_bytes(bytes(1000))
     bench = Bench(folder=str(tmp_path))
     bench.partner.send(dialect.MAVLink_log_request_list_message(1, 1, 0, 0xFFFF))
     (entry,) = bench.partner.take_messages("LOG_ENTRY")
-    assert (entry.id, entry.num_logs, entry.size) == (1, 1, 1000)
-    bench.partner.send(dialect.MAVLink_log_request_data_message(1, 1, 1, 0, 0xFFFFFFFF))
-    bench.run(1.0)
-    data = bench.partner.take_messages("LOG_DATA")
-    assert sum(part.count for part in data) == 1000
-    assert [part.ofs for part in data] == list(range(0, 1000, 90))
-    bench.partner.send(dialect.MAVLink_log_request_data_message(1, 1, 9, 0, 100))
-    assert bench.partner.take_messages("LOG_DATA")[0].count == 0
+    assert entry.num_logs == 0
+    bench.run(0.1)
+    assert "/logs" in bench.partner.texts()
+    assert _ftp(bench, ftp.LIST, b"@MAV_LOG\0")[0][3] == b"Fa.mcap\t1000\0"
 
 
 def test_message_intervals_can_be_set() -> None:

@@ -3,8 +3,11 @@
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from hil.gateways.mavlink.assembly import defaults_of, motors_of
 from hil.gateways.mavlink.flight.modes import Mode
 from hil.gateways.mavlink.parameter_table import GATEWAY, INT8, INT16, INT32, expand
+from hil.gateways.mavlink.snapshot import ThrusterTest
+from hil.scenario.config import load_scenario
 from tests.support.clients.mavlink_missions import ACCEPTED, DENIED, HOME_ROW, upload_mission
 from tests.support.clients.mavlink_vehicle import Bench
 
@@ -31,6 +34,14 @@ def test_every_parameter_that_it_needs_is_there_as_ardusub_has_it() -> None:
     assert {name: GATEWAY[name].unit for name in units} == units
     assert all(one.least <= one.default <= one.most for one in GATEWAY.values())
     assert all(GATEWAY[name].default for name in expand("COMPASS_OFS_{X,Y,Z}")), "else it says that setup is required"
+
+
+def test_frame_motors_and_system_id_follow_from_the_scenario() -> None:
+    scenario = load_scenario("ardusub")
+    assert defaults_of(scenario)["FRAME_CONFIG"] == 2.0, "vectored 6DOF, eight thrusters"
+    assert len(motors_of(scenario)) == 8
+    assert defaults_of(scenario)["SYSID_THISMAV"] == 2.0, "ArduSub is 1"
+    assert defaults_of(scenario._replace(controller="builtin"))["SYSID_THISMAV"] == 1.0
 
 
 def test_a_parameter_takes_effect_or_says_that_it_does_not() -> None:
@@ -117,3 +128,41 @@ def test_go_to_location_moves_the_vehicle_in_both_of_its_forms() -> None:
     assert [ack.result for ack in bench.partner.take_messages("COMMAND_ACK")][-1] == ACCEPTED
     bench.run(30.0)
     assert (bench.vehicle.north, bench.vehicle.depth) == pytest.approx((0.0, 2.0), abs=0.5)
+
+
+def test_motors_page_turns_the_motor_of_its_slider_while_it_moves() -> None:
+    bench = Bench(motors=[(3, -1), (0, 1)])
+    percent = dialect.MAV_CMD_DO_MOTOR_TEST, 0, dialect.MOTOR_TEST_THROTTLE_PERCENT, 75.0, 0, 0
+    assert bench.partner.command(*percent, dialect.MOTOR_TEST_ORDER_BOARD) == dialect.MAV_RESULT_FAILED
+    bench.arm()
+    bench.run(0.1)
+    assert "Arm motors before testing motors." in bench.partner.texts()
+    assert bench.partner.command(*percent, dialect.MOTOR_TEST_ORDER_BOARD) == ACCEPTED
+    bench.run(0.3)
+    assert bench.vehicle.commands[-1] == ThrusterTest(3, -0.5 * bench.table["HIL_THRUST"]), "of the frame, mirrored"
+    assert bench.partner.command(dialect.MAV_CMD_DO_MOTOR_TEST, 7, *percent[2:], 2) == dialect.MAV_RESULT_FAILED
+    bench.run(0.3)
+    assert not bench.core.pilot.armed
+    assert "Motor test timed out!" in bench.partner.texts()
+
+
+@pytest.mark.parametrize(
+    ("command", "params", "text", "kind"),
+    [
+        (241, (0, 0, 1), "barometer: calibrated", ""),
+        (241, (1,), "gyroscope: calibrated", ""),
+        (241, (0, 0, 0, 0, 2), "level: calibrated", ""),
+        (241, (0, 0, 0, 0, 4), "accelerometer: calibrated", ""),
+        (241, (0, 0, 0, 0, 1), "accelerometer: calibrated", "COMMAND_LONG"),
+        (dialect.MAV_CMD_DO_CANCEL_MAG_CAL, (), "", ""),
+        (dialect.MAV_CMD_DO_START_MAG_CAL, (1,), "compass: calibrated", "MAG_CAL_REPORT"),
+    ],
+)
+def test_calibrations_are_answered_as_done(command: int, params: tuple[float, ...], text: str, kind: str) -> None:
+    bench = Bench()
+    assert bench.partner.command(command, *params) == ACCEPTED
+    bench.run(0.1)
+    assert text in bench.partner.texts()
+    assert not kind or bench.partner.take_messages(kind)
+    bench.arm()
+    assert bench.partner.command(command, *params) == dialect.MAV_RESULT_FAILED

@@ -14,9 +14,10 @@ from hil.gateways.mavlink.flight.modes import MODES, PILOTED, Mode
 from hil.gateways.mavlink.flight.sticks import CENTRED, Joystick
 from hil.gateways.mavlink.flight.targets import Target
 from hil.gateways.mavlink.parameter_table import ParameterTable
-from hil.gateways.mavlink.snapshot import NEUTRAL, Command, Snapshot
+from hil.gateways.mavlink.snapshot import NEUTRAL, Command, Snapshot, ThrusterTest
 from hil.ros.commands import PoseCommand
 
+TEST_NS = NS_PER_S // 2  # after which a motor test ends and disarms, as in ArduSub
 NEUTRALS = 3  # commands of no thrust that follow disarming
 
 
@@ -41,6 +42,7 @@ class Pilot:
         self.texts: list[tuple[int, str]] = []
         self.target: Target | None = None
         self._target_ns = 0
+        self._test: tuple[ThrusterTest, int] | None = None  # and its time (ns)
         self._holds = guidance.Holds()
         self._neutrals = 0
         self._stick_warned = True
@@ -69,6 +71,7 @@ class Pilot:
         if self.armed:
             self.armed = False
             self._neutrals = NEUTRALS
+            self._test = None
             self.target = None
 
     def set_mode(self, mode: Mode, snapshot: Snapshot | None) -> str:
@@ -96,6 +99,10 @@ class Pilot:
         self.target, self._target_ns = target, now
         return True
 
+    def test(self, test: ThrusterTest, now: int) -> None:
+        """Turn one thruster instead of what the mode does, until TEST_NS without a further test."""
+        self._test = test, now
+
     def hold_here(self, state: State) -> None:
         """Stay where the vehicle is, in the modes that steer by themselves."""
         self.target = None
@@ -106,6 +113,13 @@ class Pilot:
         if not self.armed or snapshot is None:
             self._neutrals -= self._neutrals > 0 and snapshot is not None
             return NEUTRAL if self._neutrals and snapshot else None
+        if self._test:
+            test, when = self._test
+            if now - when <= TEST_NS:
+                return test
+            self.texts.append((4, "Motor test timed out!"))
+            self.disarm()
+            return NEUTRAL
         state = snapshot.state
         if self.mode in PILOTED:
             return self._piloted(state, now)

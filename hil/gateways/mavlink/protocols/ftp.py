@@ -29,6 +29,7 @@ IDLE_NS = 60 * NS_PER_S  # after which a session that nobody uses is closed
 BURST_AT_ONCE = 40  # packets of one burst; the client asks for the next
 MAX_CRC = 1 << 28  # bytes
 PARAMETERS = "@PARAM/param.pck"
+STANDARD_LOGS = "@MAV_LOG"  # the standard's name of /logs
 ONLY_A_FILE: int = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_BINARY", 0)  # Linux and macOS; Windows
 PACK_MAGIC = 0x671B
 PACK_TYPES = {INT8: (1, "<b"), INT16: (2, "<h"), INT32: (3, "<i"), REAL32: (4, "<f")}
@@ -197,7 +198,7 @@ class FtpServer:
 
     def _real(self, path: str) -> str | None:
         """Return the file below the folder of logs that a path names, None for one outside it."""
-        plain = path.strip("/")
+        plain = path.strip("/").replace(STANDARD_LOGS, "logs", 1)
         if not self._folder or "\0" in plain or not (plain == "logs" or plain.startswith("logs/")):
             return None
         real = os.path.realpath(os.path.join(self._folder, plain[5:]))

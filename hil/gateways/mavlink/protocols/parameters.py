@@ -33,19 +33,20 @@ class ParameterProtocol:
             return [], "" if name == HASH_NAME else f"no parameter {name}"
         return [self._message(name, names.index(name), len(names))], ""
 
-    def request_set(self, packet: Any) -> tuple[list[Any], str]:
-        """Set one; return PARAM_VALUE with what it is now, and why it was not set or has no effect.
+    def request_set(self, packet: Any) -> tuple[list[Any], list[tuple[int, str]]]:
+        """Set one; return PARAM_VALUE with what it is now, and severity and text of what is to be said about it.
 
         Of one that the slave is to set it follows when that is done (`value_of`).
         """
         name = _text(packet.param_id)
         reason = self._table.set(name, packet.param_value)
         if not reason and self._table.is_of_slave(name):
-            return [], ""
+            return [], []
+        texts = [(4, reason)] if reason else []
         if not reason and GATEWAY[name].group == "stored":
-            reason = f"{name} is stored, and changes nothing in this vehicle"
+            texts = [(6, f"{name} is stored, and changes nothing in this vehicle")]
         names = self._table.names()
-        return ([self._message(name, names.index(name), len(names))] if name in names else []), reason
+        return ([self._message(name, names.index(name), len(names))] if name in names else []), texts
 
     def value_of(self, name: str) -> list[Any]:
         """Return PARAM_VALUE of one, if there is such a parameter."""
