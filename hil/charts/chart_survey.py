@@ -65,7 +65,7 @@ def coverage_box(cells: list[Cell]) -> GeoBox:
 
 def survey_charts(cells: list[Cell], plane: LocalPlane) -> Survey:
     """Return the contents of `cells` on `plane`. Raises ConfigError if they have no depths."""
-    layers = [_ChartLayer(cell, plane) for cell in sorted(cells, key=lambda cell: -cell.detail_scale)]
+    layers = [_ChartLayer(cell, plane) for cell in sorted(cells, key=lambda cell: -cell.scale)]
     finer: list[list[Edges]] = [[other.coverage for other in layers[i + 1 :]] for i in range(len(layers))]
     pairs = list(zip(layers, finer, strict=True))
     soundings = np.concatenate([_outside(layer.soundings(), covers) for layer, covers in pairs])
@@ -82,7 +82,7 @@ def survey_charts(cells: list[Cell], plane: LocalPlane) -> Survey:
         soundings=soundings,
         guides=guides,
         strikes=np.concatenate([_outside(layer.strikes(), covers) for layer, covers in pairs]),
-        detail=LINE_ACCURACY * min(cell.detail_scale for cell in cells),
+        detail=LINE_ACCURACY * min(cell.scale for cell in cells),
         sheets=tuple(layer.sheet() for layer in layers),
         hazards=tuple(
             hazard for layer, covers in pairs for hazard in layer.hazards() if _is_outside_finer(hazard, covers)
@@ -208,9 +208,9 @@ class _ChartLayer:
 
         soundings = self.soundings()[:, :2]
         if len(soundings) < 2:
-            return GUIDE_SPACING_ON_PAPER * self._cell.detail_scale
+            return GUIDE_SPACING_ON_PAPER * self._cell.scale
         nearest = cKDTree(soundings).query(soundings, 2)[0][:, 1]
-        return max(GUIDE_SPACING * float(np.median(nearest)), LINE_ACCURACY * self._cell.detail_scale)
+        return max(GUIDE_SPACING * float(np.median(nearest)), LINE_ACCURACY * self._cell.scale)
 
     def _coast_guides(self, coast: Array) -> Array:
         """Return points along a coast next to depth areas, (n, 3): at 0 m, or above where the area dries."""
@@ -256,7 +256,7 @@ class _ChartLayer:
         ]  # fmt: skip
 
     def zones(self) -> list[Zone]:
-        detail = LINE_ACCURACY * self._cell.detail_scale
+        detail = LINE_ACCURACY * self._cell.scale
         return [
             zone for feature in self._cell.select(*ZONES) for zone in zones_of(feature, self._edges(feature), detail)
         ]  # fmt: skip

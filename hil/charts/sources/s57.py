@@ -26,8 +26,9 @@ from hil.common.text import clean
 MAX_BYTES = 64 << 20  # of a file; the ENC product specification allows 5 MB
 MAX_SECONDS = 120  # for one chart; a large one takes 2 s
 HEAD_BYTES = 1 << 16
-# Denominators by the navigational purpose, the third character of a cell's name (IHO S-65 annex A)
-USUAL_SCALES = {"1": 1_500_000, "2": 350_000, "3": 90_000, "4": 22_000, "5": 12_000, "6": 4000}
+# Denominators by the navigational purpose (IHO S-65 annex A); others as HARBOUR
+USUAL_SCALES = {1: 1_500_000, 2: 350_000, 3: 90_000, 4: 22_000, 5: 12_000, 6: 4000}
+HARBOUR = 5
 # Scales at which displays hide objects (IHO S-65). Those of a chart begin one step above its own scale.
 STEPS = (
     999, 1999, 2999, 3999, 7999, 11_999, 17_999, 21_999, 29_999, 44_999, 59_999, 89_999, 119_999, 179_999, 259_999,
@@ -74,8 +75,7 @@ class Feature(NamedTuple):
 class Cell(NamedTuple):
     """One chart: name, edition, number of the last update applied, denominator of the scale, and objects.
 
-    `notes`: what was assumed, because the file does not state it. `finest`: denominator of the largest scale that its
-    objects and its purpose allow.
+    `notes`: what was assumed, because the file does not state it, or states what the rest of it does not allow.
     """
 
     name: str
@@ -84,12 +84,6 @@ class Cell(NamedTuple):
     scale: int
     features: tuple[Feature, ...]
     notes: tuple[str, ...] = ()
-    finest: int = 0
-
-    @property
-    def detail_scale(self) -> int:
-        """Denominator of the scale of its details. A damaged chart may state one for which its data are too coarse."""
-        return max(self.scale, self.finest)
 
     def select(self, *kinds: str) -> list[Feature]:
         """Return the objects of these classes."""
@@ -113,29 +107,28 @@ def read_cell(path: str, updates: bool = True) -> Cell:
         _check_updates(path, head["update"])
     features = _features(head["features"], np.frombuffer(data))
     name = os.path.splitext(os.path.basename(path))[0]
-    scale = head["scale"] or _usual_scale(name)
-    notes = [] if head["scale"] else [f"{path}: states no scale: read as 1:{scale}, the usual one of its purpose"]
+    usual = USUAL_SCALES.get(head["purpose"], USUAL_SCALES[HARBOUR])
+    scale, notes = max(head["scale"] or usual, _finest_scale(head["shown"], usual)), []
+    if not head["scale"]:
+        notes = [f"{path}: states no scale: read as 1:{scale}, the usual one of its purpose"]
+    elif scale > head["scale"]:
+        limited = f"too large for its objects or purpose: read as 1:{scale}; --resolution sets a finer grid"
+        notes = [f"{path}: states a scale of 1:{head['scale']}, {limited}"]
     if head["unclosed"]:
         areas = ", ".join(f"{count} {kind}" for kind, count in head["unclosed"].items())
         notes.append(f"{path}: areas with edges that form no ring, closed by straight lines: {areas}")
-    finest = _finest_scale(head["shown"], head["purpose"])
-    if scale < finest:
-        limited = f"too large for its objects or purpose: read as 1:{finest}; --resolution sets a finer grid"
-        notes.append(f"{path}: states a scale of 1:{scale}, {limited}")
-    return Cell(name, head["edition"], head["update"], scale, features, tuple(notes), finest)
+    return Cell(name, head["edition"], head["update"], scale, features, tuple(notes))
 
 
-def _finest_scale(shown: list[tuple[int, int]], purpose: int) -> int:
-    """Return the denominator of the largest scale of a chart; `shown`: scales that hide objects, and their numbers."""
+def _finest_scale(shown: list[tuple[int, int]], usual: int) -> int:
+    """Return the denominator of the largest scale that the data of a chart allow: damage may state a larger one.
+
+    `shown`: scales at which displays hide its objects, and numbers of objects; `usual`: the scale of its purpose.
+    """
     common = [scale for scale, count in shown if count >= COMMON * sum(count for _, count in shown)]
     if len(common) >= LEAST_STEPS:
         return STEPS[max(bisect_left(STEPS, common[0]) - 1, 0)] + 1
-    return USUAL_SCALES.get(str(purpose), USUAL_SCALES["5"]) // FINER
-
-
-def _usual_scale(name: str) -> int:
-    """Return the denominator of the largest scale of a chart of the purpose that its name states (third character)."""
-    return USUAL_SCALES.get(name[2:3], USUAL_SCALES["5"])
+    return usual // FINER
 
 
 def _head(path: str) -> bytes:

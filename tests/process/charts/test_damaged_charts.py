@@ -27,9 +27,9 @@ def far_corner(cell: Encoder) -> None:
     cell.area(302, [(SOUTH, WEST), (NORTH, WEST), (NORTH, EAST + 1.0), (SOUTH, EAST)], CATCOV=1)
 
 
-def small_scale(cell: Encoder) -> None:
+def large_denominator(cell: Encoder) -> None:
     header = cell.records[1]["DSPM"][0]
-    cell.records[1]["DSPM"] = [(*header[:5], 20, *header[6:])]
+    cell.records[1]["DSPM"] = [(*header[:5], 2_000_000, *header[6:])]
 
 
 def odd_factor(cell: Encoder) -> None:
@@ -44,7 +44,7 @@ def deep_sounding(cell: Encoder) -> None:
 @pytest.mark.parametrize(("damage", "told"), [
     (far_contour, r"an object DEPCNT reaches to 54\.0040 N, 55\.0000 E, far outside of its coverage"),
     (far_corner, r"one corner of its coverage, at longitude 11\.0160, is far from all other objects"),
-    (small_scale, r"states a scale of 1:20, but covers 1\.78 km"),
+    (large_denominator, r"states a scale of 1:2000000, but covers 1\.78 km"),
     (odd_factor, r"positions and depths count in parts of 9000000, no power of ten"),
     (deep_sounding, r"an object SOUNDG has a depth of 1\.6e\+06 m"),
 ])  # fmt: skip

@@ -252,11 +252,13 @@ def test_an_area_with_edges_that_form_no_ring_is_closed_and_named(tmp_path: Path
 
 
 def test_a_chart_without_a_scale_has_the_usual_one_of_its_purpose(tmp_path: Path) -> None:
-    cell = bay(scale=0)
-    assert [read_cell(cell.write(tmp_path / f"{stem}.000")).scale for stem in ("XX3TEST", "XX5TEST", "T")] == [
-        90_000, 12_000, 12_000
-    ]  # fmt: skip
-    assert "states no scale: read as 1:12000" in read_cell(str(tmp_path / "T.000")).notes[0]
+    cell, found = bay(scale=0), []
+    for purpose in (3, 5, 9):
+        header = cell.records[0]["DSID"][0]
+        cell.records[0]["DSID"] = [(*header[:3], purpose, *header[4:])]
+        found.append(read_cell(cell.write(tmp_path / "C.000")))
+    assert [each.scale for each in found] == [90_000, 12_000, 12_000]
+    assert "states no scale: read as 1:12000" in found[-1].notes[0]
 
 
 def test_mutated_cells_are_read_or_refused(tmp_path: Path) -> None:
