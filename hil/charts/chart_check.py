@@ -39,6 +39,8 @@ def check_chart(cell: Cell, coverage: list[Feature]) -> None:
                 raise _damaged(cell, f"one corner of its coverage, at {name} {edge:.4f}, is far from all other objects")
     margin = MARGIN * (high - low)
     for feature in cell.features:
+        if feature.is_area and not feature.lines:
+            raise _damaged(cell, f"an area {feature.kind} has no edges")
         places = _turned(_positions([feature]), middle)
         outside = places[((places < low - margin) | (places > high + margin)).any(axis=1)]
         if len(outside):

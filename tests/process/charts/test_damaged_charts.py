@@ -41,7 +41,12 @@ def deep_sounding(cell: Encoder) -> None:
     cell.soundings([(54.001, 10.001, 1.6e6)])
 
 
+def bare_area(cell: Encoder) -> None:
+    cell.feature(42, 3, [], DRVAL1=1, DRVAL2=2)
+
+
 @pytest.mark.parametrize(("damage", "told"), [
+    (bare_area, "an area DEPARE has no edges"),
     (far_contour, r"an object DEPCNT reaches to 54\.0040 N, 55\.0000 E, far outside of its coverage"),
     (far_corner, r"one corner of its coverage, at longitude 11\.0160, is far from all other objects"),
     (large_denominator, r"states a scale of 1:2000000, but covers 1\.78 km"),
