@@ -5,9 +5,11 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from hil.gateways.mavlink import dispatch
+from hil.gateways.mavlink.commands import REFUSED as REFUSED_COMMANDS
 from hil.gateways.mavlink.commands import Commands
 from hil.gateways.mavlink.flight.mission_items import WAYPOINTS, WITHOUT_PLACE
 from hil.gateways.mavlink.flight.modes import MODES
+from hil.gateways.mavlink.messages import REFUSED, TAKEN
 from hil.gateways.mavlink.parameter_table import GATEWAY
 from hil.gateways.mavlink.protocols.streams import STREAMS
 
@@ -32,7 +34,7 @@ TYPES = {getattr(dialect, f"MAV_PARAM_TYPE_{word}"): word.lower() for word in ("
 
 def page() -> str:
     """Return the page of the MAVLink vehicle."""
-    return HEAD + "\n".join([_modes(), _messages(), _commands(), _mission(), _parameters()])
+    return HEAD + "\n".join([_modes(), _messages(), _taken(), _commands(), _mission(), _parameters()])
 
 
 def _modes() -> str:
@@ -53,12 +55,29 @@ def _messages() -> str:
     return text + "| message | Hz |\n|---|---|\n" + "".join(rows)
 
 
+def _taken() -> str:
+    rows = [f"| {name} | {row.meaning} |\n" for name, row in TAKEN.items()]
+    refused = [f"| {name} | {reason} |\n" for name, reason in REFUSED.items()]
+    text = (
+        "## Messages that are taken and refused\n\nWithout the right to command, those that change something are "
+        "denied. Sticks and targets that the mode does\nnot follow are refused by a text, once in 10 s.\n\n"
+    )
+    others = (
+        "\nThese are refused with a text. So is every other message that is addressed to this vehicle; one without "
+        "an\naddress is taken for the telemetry of another system.\n\n"
+    )
+    head = "| message | {} |\n|---|---|\n"
+    return text + head.format("meaning") + "".join(rows) + others + head.format("why not") + "".join(refused)
+
+
 def _commands() -> str:
     none: Any = None  # only the table is used
     numbers = [*Commands(none).numbers(), *dispatch.ASKING]
     words = sorted({_command_name(number) for number in numbers})
     listed = "\n".join([f"- `{word}`" for word in words])
-    return f"## Commands\n\nAll other commands are acknowledged as unsupported.\n\n{listed}\n"
+    refused = "".join([f"- `{_command_name(number)}`: {reason}\n" for number, reason in REFUSED_COMMANDS.items()])
+    text = "All other commands are acknowledged as unsupported, with a text"
+    return f"## Commands\n\n{listed}\n\n{text}. Among them:\n\n{refused}"
 
 
 def _mission() -> str:

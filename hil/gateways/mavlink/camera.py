@@ -10,6 +10,11 @@ from hil.links.mavlink.reports import MAVLINK_VERSION
 
 COMPONENT: int = dialect.MAV_COMP_ID_CAMERA
 
+MESSAGES = (
+    dialect.MAVLINK_MSG_ID_CAMERA_INFORMATION, dialect.MAVLINK_MSG_ID_VIDEO_STREAM_INFORMATION,
+    dialect.MAVLINK_MSG_ID_VIDEO_STREAM_STATUS, dialect.MAVLINK_MSG_ID_CAMERA_SETTINGS,
+)  # fmt: skip
+
 
 class Stream(NamedTuple):
     """One stream of the picture: what it is called, its address or (RTP) its UDP port, and MAVLink's words for it."""
@@ -46,6 +51,16 @@ def heartbeat() -> Any:
     return dialect.MAVLink_heartbeat_message(
         dialect.MAV_TYPE_CAMERA, dialect.MAV_AUTOPILOT_INVALID, 0, 0, dialect.MAV_STATE_ACTIVE, MAVLINK_VERSION
     )
+
+
+def messages(info: CameraInfo, number: int, now: int) -> list[Any]:
+    """Return the messages with one of the ids in MESSAGES."""
+    if number == dialect.MAVLINK_MSG_ID_CAMERA_INFORMATION:
+        return [information(info, now)]
+    if number == dialect.MAVLINK_MSG_ID_CAMERA_SETTINGS:
+        return [settings(now)]
+    is_status = number == dialect.MAVLINK_MSG_ID_VIDEO_STREAM_STATUS
+    return stream_status(info) if is_status else stream_information(info)
 
 
 def information(info: CameraInfo, now: int) -> Any:

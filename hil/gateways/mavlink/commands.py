@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from hil.gateways.mavlink import calibration
+from hil.gateways.mavlink.accessories import LEAST_US, MOST_US
 from hil.gateways.mavlink.core import Core
 from hil.gateways.mavlink.flight.mission_items import (
     WAYPOINTS,
@@ -27,6 +28,24 @@ THROTTLE_PERCENT, THROTTLE_PULSE = dialect.MOTOR_TEST_THROTTLE_PERCENT, dialect.
 ONLY_DEPTH = 3
 GO_TO = 2, ONLY_DEPTH  # MISSION_ITEM.current of an item that is flown at once
 FAILED: int = dialect.MAV_RESULT_FAILED
+
+
+GRAB = dialect.GRIPPER_ACTION_GRAB
+PICTURES = "uuv-hil view and uuv-hil record have the camera's pictures"
+REFUSED: dict[int, str] = {
+    **dict.fromkeys(
+        (dialect.MAV_CMD_IMAGE_START_CAPTURE, dialect.MAV_CMD_VIDEO_START_CAPTURE, dialect.MAV_CMD_DO_DIGICAM_CONTROL),
+        PICTURES,
+    ),
+    dialect.MAV_CMD_NAV_TAKEOFF: "a submarine dives by its sticks or by a target",
+    dialect.MAV_CMD_DO_FENCE_ENABLE: "there is no fence",
+}  # fmt: skip
+
+
+def command_name(number: int) -> str:
+    """Return the name of a command, or its number."""
+    entry = dialect.enums["MAV_CMD"].get(number)
+    return str(entry.name).removeprefix("MAV_CMD_") if entry else f"command {number}"
 
 
 class CommandRequest(NamedTuple):
@@ -70,6 +89,12 @@ class Commands:
             **dict.fromkeys(calibration.COMMANDS, self._calibrate),
             dialect.MAV_CMD_DO_FLIGHTTERMINATION: self._terminate,
             dialect.MAV_CMD_PREFLIGHT_STORAGE: self._storage,
+            dialect.MAV_CMD_DO_SET_SERVO: self._set_servo,
+            dialect.MAV_CMD_DO_SET_RELAY: self._set_relay,
+            dialect.MAV_CMD_DO_GRIPPER: self._grip,
+            dialect.MAV_CMD_DO_MOUNT_CONTROL: self._turn_camera,
+            dialect.MAV_CMD_DO_GIMBAL_MANAGER_PITCHYAW: self._turn_camera,
+            dialect.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN: self._restart,
         }
 
     def numbers(self) -> list[int]:
@@ -82,8 +107,13 @@ class Commands:
             self._arm(request, now, settled)
             return
         do = self._table.get(request.command)
+        if do is None:
+            reason = REFUSED.get(request.command, "this vehicle has no use for it")
+            self._core.complain(f"{command_name(request.command)} is not supported: {reason}", now)
+            settled(UNSUPPORTED)
+            return
         try:
-            settled(do(request, now) if do else UNSUPPORTED)
+            settled(do(request, now))
         except TargetError as error:
             self._core.texts.append((4, str(error)))
             settled(DENIED)
@@ -244,6 +274,40 @@ class Commands:
 
     def _check(self, _: CommandRequest, now: int) -> int:
         self._core.forget_obstacle()
+        return ACCEPTED
+
+    def _set_servo(self, request: CommandRequest, now: int) -> int:
+        output, pulse = request.params[:2]
+        if isfinite(output) and self._core.accessories.set_pulse(int(output), pulse):
+            return ACCEPTED
+        self._core.complain(f"no servo at output {output:g}: thrusters turn by sticks and DO_MOTOR_TEST", now)
+        return FAILED
+
+    def _set_relay(self, request: CommandRequest, _: int) -> int:
+        number, on = request.params[:2]
+        return ACCEPTED if isfinite(number) and self._core.accessories.switch(int(number), on > 0.0) else DENIED
+
+    def _grip(self, request: CommandRequest, _: int) -> int:
+        self._core.accessories.set_named("Gripper", LEAST_US if request.params[1] == GRAB else MOST_US)
+        return ACCEPTED
+
+    def _turn_camera(self, request: CommandRequest, _: int) -> int:
+        """Tilt and pan the camera: in degrees, up and to starboard. Angles that are nan stay as they are."""
+        is_mount = request.command == dialect.MAV_CMD_DO_MOUNT_CONTROL
+        tilt, pan = request.params[0], request.params[2 if is_mount else 1]
+        for name, angle in (("CamTilt", tilt), ("CamPan", pan)):
+            if isfinite(angle):
+                self._core.accessories.turn_to(name, angle)
+        return ACCEPTED
+
+    def _restart(self, request: CommandRequest, now: int) -> int:
+        """Begin again with mode Manual, centred accessories and no mission's progress, as after a reboot."""
+        if self._core.pilot.armed:
+            self._core.complain("reboot: disarm first", now)
+            return DENIED
+        if request.params[0] != 1.0:
+            return UNSUPPORTED
+        self._core.restart()
         return ACCEPTED
 
     def _storage(self, request: CommandRequest, _: int) -> int:

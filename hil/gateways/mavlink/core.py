@@ -1,12 +1,15 @@
 """The MAVLink vehicle without its packets: modes, mission, parameters, home and origin, and when it may be armed."""
 
+import math
 from collections import deque
 from collections.abc import Callable, Sequence
 from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from hil.autonomy.control.controller import wrap
 from hil.common.clock import NS_PER_S
+from hil.gateways.mavlink.accessories import OUTPUTS, PANEL, Accessories
 from hil.gateways.mavlink.flight.guidance import Point
 from hil.gateways.mavlink.flight.mission_flight import MissionFlight
 from hil.gateways.mavlink.flight.mission_items import Item
@@ -25,6 +28,8 @@ DRIVE_NS = NS_PER_S // 20  # between two commands to the vehicle
 URGENT_NS = NS_PER_S // 100  # the same, where a stick has moved
 ARMING_NS = 9 * NS_PER_S // 5  # that the slave may take to report that it is armed
 OBSTACLE_NS = 30 * NS_PER_S  # between two reports of why the vehicle cannot be armed
+SAME_PLACE = 1e-6  # degrees and m between two origins that are one
+COMPLAINT_NS, MAX_COMPLAINTS = 10 * NS_PER_S, 100
 WARNING, NOTICE, ERROR, CRITICAL = 4, 5, 3, 2
 Settled = Callable[[int], None]  # gets the MAV_RESULT of arming
 
@@ -65,6 +70,9 @@ class Core:
         home = self._home_item if self.is_ardupilot else None
         self.missions = MissionProtocol(self._on_new_mission, lambda: self.origin, home)
         self.parameters = ParameterProtocol(table)
+        self.accessories = Accessories(port.set_accessory)
+        self._turns = self._heading = 0.0  # turns of the tether, and the heading (rad) at which they were counted
+        self._complaints: dict[str, int] = {}  # text -> when it was sent
         self._arming: list[tuple[int, Settled]] = []  # deadline, and the callback that gets the result
         self._sent_ns = self._seen_ns = 0
         self._urgent = False
@@ -82,6 +90,14 @@ class Core:
         self._origin_is_given = True
         return True
 
+    def change_origin(self, origin: Origin | None) -> str:
+        """Set the origin that a ground station gives; return why it is not taken, "" if it is, or is the one set."""
+        if origin is None:
+            return "origin: no such place"
+        if self.origin and max(abs(a - b) for a, b in zip(origin, self.origin, strict=True)) < SAME_PLACE:
+            return ""
+        return "" if self.set_origin(origin) else "origin: not taken, as the world or an earlier message has set one"
+
     def set_home(self, position: Point) -> None:
         """Set home (m, NED)."""
         self.home, self._has_home = position, True
@@ -96,6 +112,13 @@ class Core:
     def is_ready(self) -> bool:
         """Return whether arming would be accepted."""
         return self.snapshot is not None and (self.snapshot.disarmed or not self._refusal)
+
+    def restart(self) -> None:
+        """Begin again, disarmed: with mode Manual, centred accessories, no target, the mission at its first item."""
+        self.pilot = Pilot(self.table, self.flight)
+        self.flight.restart()
+        self.accessories.reset()
+        self.texts.append((NOTICE, "restarted: mode Manual; parameters, mission and origin are kept"))
 
     def arm(self, now: int, settled: Settled) -> None:
         """Arm, or begin to: `settled` gets the MAV_RESULT, at once or within ARMING_NS."""
@@ -149,8 +172,28 @@ class Core:
         """Return what the messages of the state need."""
         pilot = self.pilot
         return Context(
-            now - self.start_ns, wall_ns, self.home, self.origin, self.plane, self.is_ready(), pilot.target_position
+            now - self.start_ns, wall_ns, self.home, self.origin, self.plane, self.is_ready(),
+            pilot.target_position, self._channels(now), self._panel(), self.accessories.pulses, self.accessories.tilt,
         )  # fmt: skip
+
+    def complain(self, text: str, now: int) -> None:
+        """Send a text about what somebody asked for, once in COMPLAINT_NS: requests of this kind come in streams."""
+        if now - self._complaints.get(text, -COMPLAINT_NS) >= COMPLAINT_NS:
+            if len(self._complaints) >= MAX_COMPLAINTS:
+                self._complaints.clear()
+            self._complaints[text] = now
+            self.texts.append((WARNING, text))
+
+    def _channels(self, now: int) -> tuple[int, ...]:
+        sides = [self.accessories.pulses[OUTPUTS[name].number] for name in ("CamPan", "CamTilt")]
+        return (*self.pilot.joystick.channels(now), *sides)
+
+    def _panel(self) -> dict[str, float]:
+        joystick = self.pilot.joystick
+        return {name: self.accessories.share(name) for name in PANEL} | {
+            "TetherTrn": math.trunc(4.0 * self._turns) / 4.0, "PilotGain": joystick.gain,
+            "InputHold": float(any(joystick.holds)), "RollPitch": float(joystick.turns_hull),
+        }  # fmt: skip
 
     def tick(self, now: int) -> None:
         """Read the vehicle's state, check its failsafes, and send a command when one is due."""
@@ -161,6 +204,8 @@ class Core:
         if snapshot:
             self._seen_ns = now
             self._find_places(snapshot)
+            self._turns += wrap(snapshot.state.heading - self._heading) / math.tau
+            self._heading = snapshot.state.heading
         elif self.pilot.armed and now - self._seen_ns > LOST_NS:
             self.texts.append((CRITICAL, "the vehicle is lost"))
             self.disarm()

@@ -5,25 +5,42 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from hil.autonomy.control.controller import down_in_body
 from hil.common import __version__
+from hil.common.clock import seconds_ns
 from hil.gateways.mavlink import camera
-from hil.gateways.mavlink.commands import ACCEPTED, DENIED, GO_TO, UNSUPPORTED, Commands, origin_of, read_command
+from hil.gateways.mavlink.accessories import CHANNELS, STICK_CHANNELS
+from hil.gateways.mavlink.buttons import Buttons
+from hil.gateways.mavlink.commands import (
+    ACCEPTED,
+    DENIED,
+    GO_TO,
+    REJECTED,
+    UNSUPPORTED,
+    Commands,
+    origin_of,
+    read_command,
+)
 from hil.gateways.mavlink.core import Core, mission_current
 from hil.gateways.mavlink.endpoints.peer import COMPONENT, Peer
 from hil.gateways.mavlink.flight import modes
-from hil.gateways.mavlink.flight.targets import TargetError, global_target, local_target
+from hil.gateways.mavlink.flight.targets import (
+    NO_ATTITUDE,
+    Target,
+    TargetError,
+    attitude_target,
+    global_target,
+    local_target,
+)
+from hil.gateways.mavlink.messages import REFUSED, TAKEN, UNANSWERED
 from hil.gateways.mavlink.newer_messages import AvailableModes, AvailableModesMonitor
 from hil.gateways.mavlink.protocols.ftp import FtpServer, ftp_message
 from hil.gateways.mavlink.protocols.signing import SigningKey
-from hil.gateways.mavlink.protocols.streams import CURRENT_MODE, HEARTBEAT, MISSION_CURRENT, MODES_MONITOR
+from hil.gateways.mavlink.protocols.streams import CURRENT_MODE, HEARTBEAT, MISSION_CURRENT, MODES_MONITOR, number_of
 from hil.gateways.mavlink.snapshot import Context
-from hil.gateways.mavlink.telemetry import BUILDERS
+from hil.gateways.mavlink.telemetry import BUILDERS, status_text
 from hil.links.mavlink.reports import MAVLINK_VERSION
 
-CAMERA_MESSAGES = (
-    dialect.MAVLINK_MSG_ID_CAMERA_INFORMATION, dialect.MAVLINK_MSG_ID_VIDEO_STREAM_INFORMATION,
-    dialect.MAVLINK_MSG_ID_VIDEO_STREAM_STATUS, dialect.MAVLINK_MSG_ID_CAMERA_SETTINGS,
-)  # fmt: skip
 # Commands that change nothing: partners without the right to command may send them.
 ASKING = {
     dialect.MAV_CMD_REQUEST_MESSAGE, dialect.MAV_CMD_SET_MESSAGE_INTERVAL, dialect.MAV_CMD_GET_MESSAGE_INTERVAL,
@@ -40,7 +57,8 @@ OLD_REQUESTS = {  # command -> the message that it asks for
     dialect.MAV_CMD_REQUEST_CAMERA_SETTINGS: dialect.MAVLINK_MSG_ID_CAMERA_SETTINGS,
 }
 ARDUSUB = 4, 6, 0  # the version whose parameters and behaviour this vehicle follows
-TEXT_SIZE = 50  # bytes of one STATUSTEXT
+HOME_POSITION, GPS_GLOBAL_ORIGIN = number_of("HOME_POSITION"), number_of("GPS_GLOBAL_ORIGIN")
+LEVEL = 0.02  # rad: roll and pitch below it count as level
 Handler = Callable[[Peer, Any, int], None]
 
 
@@ -60,32 +78,18 @@ class Dispatcher:
         self.stale = False  # whether what is being read has waited too long to be executed
         self._ftp = ftp
         self._commands = Commands(core)
+        self._buttons = Buttons(core)
         self._text_number = 0
-        name = "MAVLINK_MSG_ID_"
-        table: dict[str, Handler] = {
-            "HEARTBEAT": self._heartbeat, "PING": self._ping, "TIMESYNC": self._timesync,
-            "COMMAND_LONG": self._command, "COMMAND_INT": self._command,
-            "REQUEST_DATA_STREAM": self._data_stream, "PARAM_REQUEST_LIST": self._parameter_list,
-            "PARAM_REQUEST_READ": self._parameter_read, "MISSION_REQUEST_LIST": self._mission_list,
-            "MISSION_REQUEST_INT": self._mission_item, "MISSION_REQUEST": self._mission_item,
-            "FILE_TRANSFER_PROTOCOL": self._file, "LOG_REQUEST_LIST": self._log_list,
-        }  # fmt: skip
-        changing: dict[str, Handler] = {
-            "SET_MODE": self._set_mode, "PARAM_SET": self._parameter_set, "MANUAL_CONTROL": self._manual_control,
-            "SET_POSITION_TARGET_LOCAL_NED": self._local_target,
-            "SET_POSITION_TARGET_GLOBAL_INT": self._global_target, "MISSION_COUNT": self._mission_count,
-            "MISSION_ITEM_INT": self._mission_receive, "MISSION_ITEM": self._mission_receive,
-            "MISSION_CLEAR_ALL": self._mission_clear, "MISSION_SET_CURRENT": self._mission_select,
-            "SET_GPS_GLOBAL_ORIGIN": self._set_origin, "SETUP_SIGNING": self._setup_signing,
-        }  # fmt: skip
-        self._handlers = {getattr(dialect, name + word): handle for word, handle in (table | changing).items()}
-        self._changing = {getattr(dialect, name + word) for word in changing}
+        self._handlers: dict[int, Handler] = {
+            getattr(dialect, f"MAVLINK_MSG_ID_{name}"): getattr(self, f"_{row.handler}") for name, row in TAKEN.items()
+        }
+        self._changing = {getattr(dialect, f"MAVLINK_MSG_ID_{name}") for name, row in TAKEN.items() if row.changes}
 
     def handle(self, peer: Peer, packet: Any, now: int) -> None:
         """Execute a packet, if it is addressed to us and its sender has the right."""
         number = packet.get_msgId()
         handle = self._handlers.get(number)
-        if handle is None or (packet.get_srcSystem() == self.core.system and packet.get_srcComponent() == COMPONENT):
+        if packet.get_srcSystem() == self.core.system and packet.get_srcComponent() == COMPONENT:
             return
         target = getattr(packet, "target_system", getattr(packet, "target", 0))
         if target not in (0, self.core.system):
@@ -96,7 +100,17 @@ class Dispatcher:
         if number in self._changing and not peer.may_command:
             self._deny(peer, packet)
             return
-        handle(peer, packet, now)
+        if handle:
+            handle(peer, packet, now)
+        else:
+            self._refuse(packet, now)
+
+    def _refuse(self, packet: Any, now: int) -> None:
+        """Report a message that asks for something which this vehicle does not do."""
+        name = packet.get_type()
+        reason = REFUSED.get(name)
+        if reason or (getattr(packet, "target_system", 0) == self.core.system and name not in UNANSWERED):
+            self.core.complain(f"{name} is not taken: {reason or 'this vehicle has no use for it'}", now)
 
     def tick(self, now: int, wall_ns: int) -> None:
         """Send each peer the messages that are due, and new ones to all. To be called behind `Core.tick`."""
@@ -106,7 +120,8 @@ class Dispatcher:
             if reason:
                 core.texts.append((4, reason))
         while core.texts:
-            self._broadcast(self._status_text(*core.texts.popleft()))
+            self._text_number = self._text_number % 0xFFFF + 1
+            self._broadcast(status_text(*core.texts.popleft(), self._text_number))
         while core.messages:
             self._broadcast([core.messages.popleft()])
         reached, core.flight.reached[:] = list(core.flight.reached), []
@@ -161,20 +176,6 @@ class Dispatcher:
             for peer in self.peers.values():
                 peer.send(message)
 
-    def _status_text(self, severity: int, text: str) -> list[Any]:
-        """Return STATUSTEXT, several of one number where the text is long."""
-        data = text.encode("ascii", "replace")
-        if len(data) <= TEXT_SIZE:
-            return [dialect.MAVLink_statustext_message(severity, data)]
-        self._text_number = self._text_number % 0xFFFF + 1
-        chunks = [data[start : start + TEXT_SIZE] for start in range(0, len(data), TEXT_SIZE)]
-        if len(chunks[-1]) == TEXT_SIZE:
-            chunks.append(b"")  # a chunk that is full is not the last one
-        return [
-            dialect.MAVLink_statustext_message(severity, chunk, self._text_number, index)
-            for index, chunk in enumerate(chunks)
-        ]
-
     def _deny(self, peer: Peer, packet: Any) -> None:
         """Answer a sender without the right to command that nothing was changed."""
         if not peer.denied:
@@ -211,8 +212,8 @@ class Dispatcher:
         if request.command in ASKING:
             messages, result = self._answer(peer, request.command, request.params, now)
             settled(result)
-            peer.send(*[message for message in messages if message.get_msgId() not in CAMERA_MESSAGES])
-            peer.send_as_camera(*[message for message in messages if message.get_msgId() in CAMERA_MESSAGES])
+            peer.send(*[message for message in messages if message.get_msgId() not in camera.MESSAGES])
+            peer.send_as_camera(*[message for message in messages if message.get_msgId() in camera.MESSAGES])
         elif not peer.may_command:
             self._deny(peer, packet)
             settled(DENIED)
@@ -229,6 +230,9 @@ class Dispatcher:
             return [dialect.MAVLink_message_interval_message(max(0, int(first)) & 0xFFFF, interval)], ACCEPTED
         number = OLD_REQUESTS.get(command, int(first))
         messages = self._requested(number, params[1], now)
+        if not messages and number in (HOME_POSITION, GPS_GLOBAL_ORIGIN):
+            self.core.complain("no origin yet: send SET_GPS_GLOBAL_ORIGIN, or give the world one", now)
+            return [], REJECTED
         return messages, ACCEPTED if messages else UNSUPPORTED
 
     def _requested(self, number: int, index: float, now: int) -> list[Any]:
@@ -237,19 +241,9 @@ class Dispatcher:
             return [self._version()]
         if number == AvailableModes.id:
             return modes.available_modes(int(index) if index == index and 0 <= index < 1000 else 0)
-        if self.picture and number in CAMERA_MESSAGES:
-            return self._camera_messages(number, now)
+        if self.picture and number in camera.MESSAGES:
+            return camera.messages(self.picture, number, now)
         return self.messages(number, self.core.context(now, now))
-
-    def _camera_messages(self, number: int, now: int) -> list[Any]:
-        assert self.picture
-        if number == dialect.MAVLINK_MSG_ID_CAMERA_INFORMATION:
-            return [camera.information(self.picture, now)]
-        if number == dialect.MAVLINK_MSG_ID_CAMERA_SETTINGS:
-            return [camera.settings(now)]
-        if number == dialect.MAVLINK_MSG_ID_VIDEO_STREAM_STATUS:
-            return camera.stream_status(self.picture)
-        return camera.stream_information(self.picture)
 
     def _version(self) -> Any:
         kind = "MAV_PROTOCOL_CAPABILITY_"
@@ -318,6 +312,9 @@ class Dispatcher:
         peer.send(dialect.MAVLink_log_entry_message(0, 0, 0, 0, 0))
         self.core.texts.append((6, "recordings: by MAVFTP, in /logs, with their names"))
 
+    def _ignore(self, *_: Any) -> None:
+        """Do nothing: the message only confirms what was sent."""
+
     def _set_mode(self, peer: Peer, packet: Any, now: int) -> None:
         result = self.core.set_mode(packet.custom_mode)
         command = dialect.MAVLINK_MSG_ID_SET_MODE  # ArduPilot acknowledges the message by its number
@@ -326,30 +323,60 @@ class Dispatcher:
     def _manual_control(self, peer: Peer, packet: Any, now: int) -> None:
         pilot = self.core.pilot
         if pilot.joystick.receive(packet, _partner(peer, packet), now, pilot.timeout_ns, self.stale):
+            self._buttons.receive(packet.buttons | packet.buttons2 << 16, now)
             self.core.expedite()
+        elif not self.stale:
+            self.core.complain("another sender holds the sticks", now)
+
+    def _rc_override(self, peer: Peer, packet: Any, now: int) -> None:
+        core = self.core
+        lasts_ns = seconds_ns(core.table["RC_OVERRIDE_TIME"])
+        changed = core.pilot.joystick.override(packet, _partner(peer, packet), now, lasts_ns, self.stale)
+        if changed is None:
+            core.complain("another sender holds the sticks", now)
+            return
+        for channel, pulse in changed.items():
+            if channel in CHANNELS and pulse:
+                core.accessories.set_named(CHANNELS[channel], pulse)
+            elif channel > STICK_CHANNELS and pulse:
+                core.complain(f"RC channel {channel} moves nothing", now)
+        core.expedite()
 
     def _local_target(self, _: Peer, packet: Any, now: int) -> None:
-        if self.core.snapshot and not self.stale:
-            self._set_target(lambda state: local_target(packet, state), now)
+        self._set_target(lambda state: local_target(packet, state), now)
 
     def _global_target(self, _: Peer, packet: Any, now: int) -> None:
         core = self.core
-        if core.snapshot and not self.stale:
-            self._set_target(lambda state: global_target(packet, state, core.origin, core.home[2]), now)
+        self._set_target(lambda state: global_target(packet, state, core.origin, core.home[2]), now)
 
-    def _set_target(self, read: Callable[[Any], Any], now: int) -> None:
+    def _attitude_target(self, _: Peer, packet: Any, now: int) -> None:
         core = self.core
-        assert core.snapshot
-        try:
-            if core.pilot.set_target(read(core.snapshot.state), now):
-                core.expedite()
-        except TargetError as error:
-            core.texts.append((4, f"target: {error}"))
+        self._set_target(lambda _: attitude_target(packet, core.table["PILOT_SPEED_UP"]), now)
+        down = down_in_body(packet.q)
+        if not packet.type_mask & NO_ATTITUDE and max(abs(down[0]), abs(down[1])) > LEVEL:
+            core.complain("target: roll and pitch stay level, the heading is followed", now)
 
-    def _set_origin(self, _: Peer, packet: Any, _now: int) -> None:
-        origin = origin_of(packet)
-        if origin is None or not self.core.set_origin(origin):
-            self.core.texts.append((4, "the origin is given already, or none"))
+    def _set_target(self, read: Callable[[Any], Target], now: int) -> None:
+        core = self.core
+        if core.snapshot is None or self.stale:
+            return
+        try:
+            reason = core.pilot.set_target(read(core.snapshot.state), now)
+        except TargetError as error:
+            reason = f"target: {error}"
+        if reason:
+            core.complain(reason, now)
+        else:
+            core.expedite()
+
+    def _set_origin(self, _: Peer, packet: Any, now: int) -> None:
+        reason = self.core.change_origin(origin_of(packet))
+        if reason:
+            self.core.texts.append((4, reason))
+            return
+        context = self.core.context(now, now)
+        for number in (GPS_GLOBAL_ORIGIN, HOME_POSITION):
+            self._broadcast(self.messages(number, context))
 
     def _setup_signing(self, peer: Peer, packet: Any, _now: int) -> None:
         reason = self.signing.refusal(peer.is_local, self.core.pilot.armed)

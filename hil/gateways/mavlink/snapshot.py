@@ -90,6 +90,8 @@ class Context(NamedTuple):
     target: Vector3 | None  # m, NED
     channels: tuple[int, ...] = ()  # pulses (us) of RC channels
     panel: Mapping[str, float] = {}  # values for the pilot, by their names in NAMED_VALUE_FLOAT
+    outputs: Mapping[int, int] = {}  # pulses (us) of servo outputs that are no thrusters'
+    tilt: float = 0.0  # of the camera, degrees, up is positive
 
     @property
     def boot_ms(self) -> int:
@@ -119,6 +121,9 @@ class VehiclePort(Protocol):
 
     def disarm(self) -> None:
         """Make the slave refuse all commands."""
+
+    def set_accessory(self, name: str, share: float) -> None:
+        """Move an accessory: "lights" (0 to 1), "camera_tilt" (-1 to 1, up) or "gripper" (-1 to 1, open)."""
 
     def parameters(self) -> Mapping[str, float]:
         """Return the parameters that the slave has, by their MAVLink names; empty until they came."""

@@ -17,6 +17,7 @@ SERVOS = 16
 CHANNELS = 18  # of RC_CHANNELS
 NO_RSSI = 255
 DEGE7 = 1e7
+TEXT_SIZE = 50  # bytes of one STATUSTEXT
 
 
 def place_e7(context: Context, position: tuple[float, float, float]) -> tuple[int, int]:
@@ -93,9 +94,9 @@ def ekf_status(_: Snapshot, c: Context) -> Any:
 
 
 def servo_output(s: Snapshot, c: Context) -> Any:
-    """Return SERVO_OUTPUT_RAW: the pulses in effect."""
-    pulses = [*s.pulses[:SERVOS], *[0] * (SERVOS - len(s.pulses))]
-    return dialect.MAVLink_servo_output_raw_message(c.now // NS_PER_US & U32, 0, *pulses[:SERVOS])
+    """Return SERVO_OUTPUT_RAW: the pulses in effect of thrusters, and from output 9 on of other outputs."""
+    pulses = dict.fromkeys(range(1, SERVOS + 1), 0) | dict(c.outputs) | dict(enumerate(s.pulses, 1))
+    return dialect.MAVLink_servo_output_raw_message(c.boot_us & U32, 0, *[pulses[at + 1] for at in range(SERVOS)])
 
 
 def sys_status(s: Snapshot, c: Context) -> Any:
@@ -196,9 +197,29 @@ def rc_channels(_: Snapshot, c: Context) -> Any:
     return dialect.MAVLink_rc_channels_message(c.boot_ms, len(c.channels), *channels, NO_RSSI)
 
 
+def gimbal_attitude(_: Snapshot, c: Context) -> Any:
+    """Return GIMBAL_DEVICE_ATTITUDE_STATUS: the tilt of the camera relative to the hull."""
+    half, nan = math.radians(c.tilt) / 2.0, math.nan
+    return dialect.MAVLink_gimbal_device_attitude_status_message(
+        0, 0, c.boot_ms, dialect.GIMBAL_DEVICE_FLAGS_YAW_IN_VEHICLE_FRAME,
+        [math.cos(half), 0.0, math.sin(half), 0.0], nan, nan, nan, 0, nan, nan, 1,
+    )  # fmt: skip
+
+
 def named_values(_: Snapshot, c: Context) -> list[Any]:
     """Return NAMED_VALUE_FLOAT of each row of the panel."""
     return [dialect.MAVLink_named_value_float_message(c.boot_ms, name.encode(), row) for name, row in c.panel.items()]
+
+
+def status_text(severity: int, text: str, number: int) -> list[Any]:
+    """Return STATUSTEXT, several with this number where the text is long."""
+    data = text.encode("ascii", "replace")
+    if len(data) <= TEXT_SIZE:
+        return [dialect.MAVLink_statustext_message(severity, data)]
+    chunks = [data[start : start + TEXT_SIZE] for start in range(0, len(data), TEXT_SIZE)]
+    if len(chunks[-1]) == TEXT_SIZE:
+        chunks.append(b"")  # a chunk that is full is not the last one
+    return [dialect.MAVLink_statustext_message(severity, chunk, number, at) for at, chunk in enumerate(chunks)]
 
 
 BUILDERS: dict[int, Callable[[Snapshot, Context], Any]] = {
@@ -208,7 +229,8 @@ BUILDERS: dict[int, Callable[[Snapshot, Context], Any]] = {
         "ATTITUDE_QUATERNION": attitude_quaternion, "BATTERY_STATUS": sensors.battery_status,
         "DISTANCE_SENSOR": sensors.distance_sensor, "EKF_STATUS_REPORT": ekf_status,
         "ESC_STATUS": sensors.esc_status, "ESC_TELEMETRY_1_TO_4": sensors.esc_telemetry,
-        "EXTENDED_SYS_STATE": extended_state, "GLOBAL_POSITION_INT": global_position,
+        "EXTENDED_SYS_STATE": extended_state, "GIMBAL_DEVICE_ATTITUDE_STATUS": gimbal_attitude,
+        "GLOBAL_POSITION_INT": global_position,
         "GPS_GLOBAL_ORIGIN": origin, "GPS_RAW_INT": sensors.gps_raw, "HIGHRES_IMU": sensors.highres_imu,
         "HOME_POSITION": home_position, "LOCAL_POSITION_NED": local_position, "NAMED_VALUE_FLOAT": named_values,
         "NAV_CONTROLLER_OUTPUT": navigation, "ODOMETRY": odometry, "POWER_STATUS": sensors.power_status,

@@ -114,6 +114,9 @@ class NetworkVehicle:
         """Make the slave refuse all commands."""
         self._do(lambda: self._call_arm(False))
 
+    def set_accessory(self, name: str, share: float) -> None:
+        """Leave an accessory as it is: the slave has no topic for them."""
+
     def parameters(self) -> Mapping[str, float]:
         """Return the parameters that the slave has."""
         return self._parameters.values

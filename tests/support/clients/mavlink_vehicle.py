@@ -42,6 +42,7 @@ class PointVehicle:
         self.armed_calls: list[bool] = []
         self.values: dict[str, float] = {"HIL_G_SURGE_P": 4.0, "HIL_FAIL1_KIND": 0.0}
         self.settled: list[tuple[str, str]] = []
+        self.accessories: dict[str, float] = {}
         self.leak = False
         self.battery: BatterySample | None = None
         self.echo: Echo | None = None
@@ -99,6 +100,9 @@ class PointVehicle:
 
     def disarm(self) -> None:
         self.armed_calls.append(False)
+
+    def set_accessory(self, name: str, share: float) -> None:
+        self.accessories[name] = share
 
     def parameters(self) -> Mapping[str, float]:
         return self.values

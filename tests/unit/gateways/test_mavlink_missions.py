@@ -68,7 +68,8 @@ def test_a_stalled_upload_is_requested_again_and_then_abandoned() -> None:
     bench.partner.send(dialect.MAVLink_mission_count_message(1, 1, 2, 0))
     assert len(bench.partner.take_messages("MISSION_REQUEST_INT")) == 1
     bench.run(2.0)
-    assert 3 <= len(bench.partner.take_messages("MISSION_REQUEST_INT")) <= 5
+    for kind in ("MISSION_REQUEST", "MISSION_REQUEST_INT"):  # scripts know one of them
+        assert 2 <= len(bench.partner.take_messages(kind)) <= 3
     bench.run(3.0)
     assert [ack.type for ack in bench.partner.take_messages("MISSION_ACK")] == [dialect.MAV_MISSION_OPERATION_CANCELLED]
     assert upload_mission(bench.partner, [HOME_ROW]) == dialect.MAV_MISSION_ACCEPTED

@@ -60,7 +60,7 @@ class MissionFlight:
     def replace(self, items: Sequence[Item]) -> None:
         """Take a new mission, which begins at its first item."""
         self._items = items
-        self._restart()
+        self.restart()
         self.status = IDLE if len(items) > self._first else int(dialect.MISSION_STATE_NO_MISSION)
 
     def select(self, index: int) -> bool:
@@ -79,7 +79,7 @@ class MissionFlight:
         if len(self._items) <= self._first:
             return "there is no mission"
         if self.status == COMPLETE:
-            self._restart()
+            self.restart()
         self.status = ACTIVE
         self._arrived_ns = self._stay = None
         return ""
@@ -107,7 +107,8 @@ class MissionFlight:
             self._stay = Target(state.position, None, state.heading)
         return self._stay
 
-    def _restart(self) -> None:
+    def restart(self) -> None:
+        """Go back to the first item."""
         self.current = self._first
         self._speed = self._arrived_ns = self._stay = None
         self._jumps = {}

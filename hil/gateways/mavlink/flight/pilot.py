@@ -18,6 +18,7 @@ from hil.gateways.mavlink.snapshot import NEUTRAL, Command, Snapshot, ThrusterTe
 from hil.ros.commands import PoseCommand
 
 TEST_NS = NS_PER_S // 2  # after which a motor test ends and disarms, as in ArduSub
+TARGETED = (Mode.STABILIZE, Mode.ALT_HOLD, Mode.POSHOLD)  # modes beside Guided that take a depth or a heading
 NEUTRALS = 3  # commands of no thrust that follow disarming
 
 
@@ -36,7 +37,7 @@ class Pilot:
 
     def __init__(self, parameters: ParameterTable, mission: Mission) -> None:
         self._parameters, self._mission = parameters, mission
-        self.joystick = Joystick()
+        self.joystick = Joystick(parameters)
         self.mode = self.intended = Mode.MANUAL
         self.armed = False
         self.texts: list[tuple[int, str]] = []
@@ -92,12 +93,26 @@ class Pilot:
             self._holds.hold(snapshot.state)
         return ""
 
-    def set_target(self, target: Target, now: int) -> bool:
-        """Take a target of companion software; return whether the mode takes any."""
-        if self.mode != Mode.GUIDED:
-            return False
-        self.target, self._target_ns = target, now
-        return True
+    def set_target(self, target: Target, now: int) -> str:
+        """Take a target of companion software; return why the mode does not take it, "" if it does.
+
+        The modes that hold depth or heading take those alone, as ArduSub's do.
+        """
+        name = MODES[self.mode].name
+        if self.mode == Mode.GUIDED:
+            self.target, self._target_ns = target, now
+            return ""
+        if self.mode not in TARGETED:
+            return f"target: mode {name} follows none: choose Guided"
+        if not target.is_hold:
+            return f"target: mode {name} takes a depth or an attitude alone: choose Guided"
+        if target.position:
+            if self.mode == Mode.STABILIZE:
+                return f"target: mode {name} holds no depth: choose Depth hold"
+            self._holds.depth = target.position[2]
+        if target.heading is not None:
+            self._holds.heading = target.heading
+        return ""
 
     def test(self, test: ThrusterTest, now: int) -> None:
         """Turn one thruster instead of what the mode does, until TEST_NS without a further test."""
@@ -132,7 +147,7 @@ class Pilot:
     def _piloted(self, state: State, now: int) -> Command:
         parameters = self._parameters
         self._warn_of_silence(now)
-        sticks = self.joystick.sticks(now, self.timeout_ns, parameters["HIL_DEADZONE"])
+        sticks = self.joystick.sticks(now)
         if self.mode == Mode.MANUAL:
             return guidance.push(sticks, parameters)
         self._holds.drive(sticks, state, self.mode != Mode.STABILIZE, self.mode == Mode.POSHOLD)
@@ -181,7 +196,7 @@ class Pilot:
 
     def _warn_of_silence(self, now: int) -> None:
         """Act once by FS_PILOT_INPUT if the joystick sends nothing any more."""
-        alive = self.joystick.is_alive(now, self.timeout_ns)
+        alive = self.joystick.is_alive(now)
         if alive:
             self._stick_warned = False
         elif not self._stick_warned:

@@ -1,10 +1,11 @@
-"""Position and velocity targets of companion software: SET_POSITION_TARGET_LOCAL_NED and _GLOBAL_INT."""
+"""Targets of companion software: SET_POSITION_TARGET_LOCAL_NED and _GLOBAL_INT, SET_ATTITUDE_TARGET."""
 
 from math import isfinite
 from typing import Any, NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from hil.autonomy.control.controller import heading_of
 from hil.client.samples import State
 from hil.gateways.mavlink.flight.guidance import Point, in_body, in_world
 from hil.gateways.mavlink.snapshot import Origin
@@ -13,6 +14,7 @@ from sim.geodesy import TangentPlane
 
 NO_POSITION, NO_DEPTH, NO_VELOCITY, NO_ACCELERATION = 0b11, 0b100, 0b111000, 0b111000000
 FORCE, NO_YAW, NO_YAW_RATE = 1 << 9, 1 << 10, 1 << 11
+NO_BODY_YAW_RATE, NO_THRUST, NO_ATTITUDE = 1 << 2, 1 << 6, 1 << 7
 MAX_SPEED = 20.0  # m/s, rad/s
 GLOBAL_FRAMES = {
     dialect.MAV_FRAME_GLOBAL: False, dialect.MAV_FRAME_GLOBAL_INT: False,
@@ -30,6 +32,7 @@ class Target(NamedTuple):
     heading: float | None = None
     yaw_rate: float = 0.0
     speed: float | None = None  # m/s at most on the way to `position`
+    is_hold: bool = False  # a depth or an attitude alone, which the modes that hold those take, too
 
 
 class TargetError(Exception):
@@ -71,6 +74,23 @@ def global_target(packet: Any, state: State, origin: Origin | None, home_depth: 
     return _target(packet, target_position, state, False)
 
 
+def attitude_target(packet: Any, speed_up: float) -> Target:
+    """Return the target of a SET_ATTITUDE_TARGET: heading or turn rate, and `speed_up` (m/s) at full thrust.
+
+    Raises TargetError.
+    """
+    mask = packet.type_mask
+    used = [*([] if mask & NO_ATTITUDE else packet.q), packet.body_yaw_rate, packet.thrust]
+    if not all(isfinite(value) for value in used) or abs(packet.body_yaw_rate) > MAX_SPEED:
+        raise TargetError("a number is not finite, or faster than the vehicle")
+    if mask & NO_ATTITUDE and mask & NO_BODY_YAW_RATE:
+        raise TargetError("type_mask ignores everything")
+    heading = None if mask & NO_ATTITUDE else heading_of(packet.q)
+    yaw_rate = packet.body_yaw_rate if heading is None else 0.0
+    up = 0.0 if mask & NO_THRUST else (min(max(packet.thrust, 0.0), 1.0) - 0.5) * 2.0 * speed_up
+    return Target(None, (0.0, 0.0, -up), heading, yaw_rate, None, heading is not None)
+
+
 def earth_position(latitude_e7: float, longitude_e7: float, depth: float, origin: Origin | None) -> Point:
     """Return the place (m, NED) of a latitude and longitude (1e-7 degrees). Raises TargetError without an origin."""
     if origin is None:
@@ -109,7 +129,7 @@ def _target(packet: Any, position: Point | None, state: State, in_body_frame: bo
     heading = None if mask & NO_YAW else packet.yaw + (state.heading if in_body_frame else 0.0)
     yaw_rate = 0.0 if mask & NO_YAW_RATE else packet.yaw_rate
     if position is not None:
-        return Target(position, None, heading, 0.0)
+        return Target(position, None, heading, 0.0, None, bool(mask & NO_POSITION) and not has_velocity)
     if not has_velocity:
         if heading is None and not yaw_rate:
             raise TargetError("type_mask ignores everything")

@@ -25,6 +25,7 @@ class _Upload:
         self.partner, self.count = partner, count
         self.items: list[Item] = []
         self.tries = 0
+        self.asks_as_int = True  # scripts that know the old form alone leave MISSION_REQUEST_INT unanswered
         self.due_ns = now + RETRY_NS
 
 
@@ -133,12 +134,15 @@ class MissionProtocol:
         if upload.tries > RETRIES:
             self._upload = None
             return upload.partner, [_ack(dialect.MAV_MISSION_OPERATION_CANCELLED, MISSION, upload.partner)]
+        upload.asks_as_int = not upload.asks_as_int
         return upload.partner, [self._request()]
 
     def _request(self) -> Any:
         assert self._upload
         _, system, component = self._upload.partner
-        return dialect.MAVLink_mission_request_int_message(system, component, len(self._upload.items), MISSION)
+        as_int = self._upload.asks_as_int
+        kind = dialect.MAVLink_mission_request_int_message if as_int else dialect.MAVLink_mission_request_message
+        return kind(system, component, len(self._upload.items), MISSION)
 
     def _replace(self, items: list[Item], partner: Partner) -> list[Any]:
         self._items = items
