@@ -4,7 +4,7 @@ import argparse
 import select
 import sys
 from collections.abc import Callable
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
 from firmware_stub.stub import Stm32, Stm32End
 from hil.common.clock import NS_PER_S, now_ns
@@ -38,7 +38,7 @@ class Options(NamedTuple):
     """Options of the command line, validated like a file."""
 
     port: str
-    protocol: Literal["frame", "mavlink", "dronecan", "vesc"]
+    protocol: str
     frame: str
     baud: Annotated[int, Range(1200, 12_000_000, "bit/s")]
     bitrate: Annotated[int, Range(10_000, 1_000_000, "bit/s")]

@@ -246,8 +246,12 @@ def _dispatch(name: str, arguments: list[str]) -> int:
     if name in FAMILIES and (not arguments or arguments[0] in HELP):
         print(_family_help(name))
         return 0
+    from hil.common.plugins import installed, load_object
     from hil.common.schema import nearest
 
+    if name == "gateway" and (place := installed("gateways").get(arguments[0])):
+        run: Callable[[list[str]], int] = load_object(place, f"gateway {arguments[0]}")
+        return run(arguments[1:])
     family = FAMILIES.get(name) and f"{name} "
     word = arguments[0] if family else name
     known = members(name) if family else [one for names in GROUPS.values() for one in names]
@@ -306,9 +310,12 @@ examples:
 
 def _family_help(family: str) -> str:
     from hil.common.columns import aligned, paragraph
+    from hil.common.plugins import installed
 
     about = FAMILIES[family]
-    rows = "\n".join(aligned([(name, COMMANDS[f"{family} {name}"][1]) for name in members(family)], indent="  "))
+    commands = [(name, COMMANDS[f"{family} {name}"][1]) for name in members(family)]
+    added = sorted(installed("gateways").items()) if family == "gateway" else []
+    rows = "\n".join(aligned([*commands, *[(name, f"added by {place}") for name, place in added]], indent="  "))
     return f"""usage: uuv-hil {family} COMMAND [OPTIONS]
 
 {paragraph(f"{about[0].upper()}{about[1:]}.")}

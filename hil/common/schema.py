@@ -197,14 +197,19 @@ def find_preset(folder: str, name: str, where: str = "") -> str:
     """Return the path of a preset file.
 
     `name` is a path to a TOML file if it ends in `.toml`, else the name of a preset in the installed `folder`
-    ("sim/vehicles"). For an unknown preset, ConfigError lists the known ones. `where` is the file and key with this
-    name; if it is given, a missing file also raises ConfigError.
+    ("sim/vehicles") or one that another package adds. For an unknown preset, ConfigError lists the known ones. `where`
+    is the file and key with this name; if it is given, a missing file also raises ConfigError.
     """
     path, opening = name, f"{where}: " if where else ""
     if not name.endswith(".toml"):
         path = os.path.join(preset_folder(folder), f"{name}.toml")
         if os.path.sep in name or not os.path.exists(path):
-            names, noun = preset_names(folder), NOUNS[folder]
+            from hil.common.plugins import installed, installed_file
+
+            noun = NOUNS[folder]
+            if added := installed_file(f"{noun}s", name):
+                return added
+            names = [*preset_names(folder), *sorted(installed(f"{noun}s"))]
             raise ConfigError(
                 f"{opening}no {noun} {shortened(name)}{nearest(name, names)}; there are: {', '.join(names)}, or the "
                 "path of a .toml file"

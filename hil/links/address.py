@@ -13,6 +13,7 @@ can:virtual:bus0                  a bus within this process
 can:udp_multicast:239.74.163.2    a bus between the processes of this machine
 can:mcast:0                       the same in the form of ArduPilot's SITL and DroneCAN's tools, bus 0 to 255
 can:INTERFACE:CHANNEL             any other interface of the python-can package
+NAME:TARGET                       a wire that another package adds (hil.common.plugins)
 """
 
 import os
@@ -20,15 +21,18 @@ from typing import Literal, NamedTuple
 
 from hil.common.errors import ConfigError
 from hil.links.contract import Wire
-from hil.links.protocols import ON_CAN, Role
+from hil.links.protocols import Role, carries_can
 
 FORMS = "pty:/tmp/name, /dev/ttyUSB0, rs485:/dev/ttyUSB0, tcp://host:port, udp://host:port, can:interface:channel"
 
-Kind = Literal["pty", "uart", "rs485", "tcp", "udp", "can"]
+Kind = Literal["pty", "uart", "rs485", "tcp", "udp", "can", "added"]
 
 
 class Address(NamedTuple):
-    """The parts of an address. `target` is a path, a host or a CAN channel; `interface` is the CAN interface."""
+    """The parts of an address. `target` is a path, a host or a CAN channel.
+
+    `interface` is the CAN interface, or the name of a wire that another package adds.
+    """
 
     kind: Kind
     target: str
@@ -58,12 +62,16 @@ def parse_address(text: str) -> Address:
 def incompatibility(protocol: str, port: str) -> str | None:
     """Return why this protocol cannot run over this address; None if it can."""
     try:
-        carries_can = parse_address(port).carries_can
+        address = parse_address(port)
     except ConfigError as error:
         return f"port: {error}"
-    if carries_can == (protocol in ON_CAN):
+    try:
+        needs_can = carries_can(protocol)
+    except ConfigError as error:
+        return str(error)
+    if address.kind == "added" or address.carries_can == needs_can:
         return None
-    needed = "a CAN bus, can:INTERFACE:CHANNEL" if protocol in ON_CAN else "a wire of bytes, no CAN bus"
+    needed = "a CAN bus, can:INTERFACE:CHANNEL" if needs_can else "a wire of bytes, no CAN bus"
     return f"protocol {protocol!r} needs {needed}, and the port is {port!r}"
 
 
@@ -82,6 +90,11 @@ def open_address(text: str, role: Role, baud: int = 115_200, bitrate: int = 1_00
     MissingExtraError.
     """
     address = parse_address(text)
+    if address.kind == "added":
+        from hil.common.plugins import installed, load_object
+
+        wire: Wire = load_object(installed("wires")[address.interface], f"port {text!r}")(address.target, role)
+        return wire
     if address.kind == "can":
         return _open_can(address, baud, bitrate)
     if address.kind in ("tcp", "udp"):
@@ -113,6 +126,10 @@ def _parts(text: str) -> Address:
         interface, _, channel = parameters.partition(":")
         if interface and channel:
             return Address("can", channel, interface=interface)
+    from hil.common.plugins import installed
+
+    if scheme in installed("wires"):
+        return Address("added", parameters, interface=scheme)
     raise ConfigError(f"{text!r} is not the address of a wire; there are {FORMS}")
 
 

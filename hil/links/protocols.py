@@ -1,5 +1,6 @@
 """Table of the protocols of thruster links, by name; each is imported when a link uses it."""
 
+from collections.abc import Callable
 from typing import Any, Literal
 
 from hil.common.errors import ConfigError
@@ -18,14 +19,30 @@ ON_CAN = ("dronecan", "vesc")  # their data are CAN frames, see `hil.links.wires
 
 
 def open_protocol(kind: str, role: Role, channels: int, **settings: Any) -> Protocol:
-    """Return one end of the protocol `kind`, a key of `PROTOCOLS`, for this number of thrusters.
+    """Return one end of the protocol `kind` for this number of thrusters.
 
-    Raises ConfigError if there is no such protocol or it cannot carry so many thrusters; MissingExtraError.
+    `kind` is a key of `PROTOCOLS`, a name that another package adds, or "module:function" of a factory like ours. The
+    attribute `on_can` of a factory is true if its data are CAN frames. Raises ConfigError if there
+    is no such protocol or it cannot carry so many thrusters; MissingExtraError.
     """
-    if kind not in PROTOCOLS:
-        raise ConfigError(f"protocol: {kind!r} is not one of {', '.join(PROTOCOLS)}")
-    import importlib
-
-    module, _, name = PROTOCOLS[kind].partition(":")
-    protocol: Protocol = getattr(importlib.import_module(module), name)(role, channels, **settings)
+    protocol: Protocol = _factory(kind)(role, channels, **settings)
     return protocol
+
+
+def carries_can(kind: str) -> bool:
+    """Return whether a protocol's data are CAN frames. Raises ConfigError if there is no such protocol."""
+    return kind in ON_CAN or (kind not in PROTOCOLS and bool(getattr(_factory(kind), "on_can", False)))
+
+
+def _factory(kind: str) -> Callable[..., Protocol]:
+    """Return the factory of a protocol: ours, "module:function", or one that another package adds."""
+    from hil.common.plugins import installed, load_object
+
+    place = PROTOCOLS.get(kind) or (kind if ":" in kind else installed("protocols").get(kind))
+    if not place:
+        from hil.common.schema import nearest
+
+        known = [*PROTOCOLS, *sorted(installed("protocols"))]
+        raise ConfigError(f"protocol: {kind!r} is not one of {', '.join(known)}{nearest(kind, known)}")
+    factory: Callable[..., Protocol] = load_object(place, "protocol")
+    return factory

@@ -151,7 +151,7 @@ def make_planner(scenario: Scenario) -> Planner:
         return Follow()
     from hil.common.plugins import load_class
 
-    planner: Planner = load_class(dict(scenario.planner), Planner, f"{scenario.path}: planner")
+    planner: Planner = load_class(dict(scenario.planner), Planner, f"{scenario.path}: planner", "planners")
     return planner
 
 

@@ -302,7 +302,7 @@ def read_forces(rows: Any, where: str) -> "tuple[Force, ...]":
 
     check_rows(rows, where)
     places = [(row, f"{where}[{i}]") for i, row in enumerate(rows)]
-    return tuple(read_each(places, lambda row, place: load_class(row, Force, place)))
+    return tuple(read_each(places, lambda row, place: load_class(row, Force, place, "forces")))
 
 
 def _change(table: dict[str, Any], key: str, value: Any, path: str) -> None:

@@ -27,12 +27,13 @@ class Link(NamedTuple):
     `port` is its address in the form of hil/links/address.py: "pty:" makes a pseudo terminal, "pty:/tmp/name" one with
     a name for other programs; a real STM32 is at "/dev/ttyUSB0" or similar, by default the board's UART. `baud` (bit/s)
     is for a serial device, `bitrate` (bit/s) for a CAN bus whose speed the system does not set. `frame` is the name or
-    file of the layout if the protocol is "frame"; `options` are the settings of any other protocol. `watchdog` is the
+    file of the layout if the `protocol` is "frame"; the others are "mavlink", "dronecan", "vesc", one that another
+    package adds, or "module:function" (`hil.links.protocols`), and `options` are their settings. `watchdog` is the
     STM32's timeout. `faults` are injected into the link.
     """
 
     port: str = "pty:"
-    protocol: Literal["frame", "mavlink", "dronecan", "vesc"] = "frame"
+    protocol: str = "frame"
     frame: str = "uuv_hil"
     baud: Annotated[int, Range(1200, 12_000_000, "bit/s")] = 115_200
     bitrate: Annotated[int, Range(10_000, 1_000_000, "bit/s")] = 1_000_000

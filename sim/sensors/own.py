@@ -110,5 +110,5 @@ def read_own(name: str, section: Mapping[str, Any], where: str) -> tuple[Any, Ow
 
 
 def _build(table: Mapping[str, Any], where: str) -> OwnSensor:
-    sensor: OwnSensor = load_class(dict(table), OwnSensor, where)
+    sensor: OwnSensor = load_class(dict(table), OwnSensor, where, "sensors")
     return sensor

@@ -88,10 +88,15 @@ def test_packages_import_neither_relatively_nor_from_tools_and_tests() -> None:
 
 
 def test_importing_a_module_loads_only_what_it_needs() -> None:
-    """`hil` imports its version, and what `hil.connect` needs only when that is called."""
+    """`hil` and `sim` import a public name only when it is used."""
     body = ast.parse((rooms.ROOT / "hil/__init__.py").read_text(encoding="utf-8")).body
     names = [ast.unparse(node) for node in body if isinstance(node, (ast.Import, ast.ImportFrom))]
-    assert names == ["from hil.common import __version__ as __version__"]
+    assert names == [
+        "import os",
+        "import sys",
+        "from hil.common import __version__ as __version__",
+        "from hil.common.public import public_name",
+    ]
 
 
 def test_no_module_has_the_name_of_a_dependency() -> None:

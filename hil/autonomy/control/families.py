@@ -18,7 +18,7 @@ from typing import Any, Protocol
 from hil.autonomy.control.controller import NO_RESIDUAL, Gains, Navigation, VelocityCommand, Wrench
 from hil.autonomy.control.model import Plant
 from hil.common.errors import ConfigError
-from hil.common.plugins import load_class
+from hil.common.plugins import installed, load_class
 from hil.common.schema import nearest, parse
 
 # family -> class; its arguments are a Plant, the outer loops' Gains and its own `Settings`
@@ -54,9 +54,9 @@ def make_controller(family: Any, control: dict[str, Any], gains: Gains, plant: P
     """
     if not isinstance(family, str):
         raise ConfigError(f"{where}: family: expected text, found {family!r}")
-    if ":" in family:
+    if ":" in family or (family not in FAMILIES and family in installed("controllers")):
         own = {**_table(control, "options", where), "class": family, "plant": plant, "gains": gains}
-        return _Checked(load_class(own, Controller, where), family)
+        return _Checked(load_class(own, Controller, where, "controllers"), family)
     if family not in FAMILIES:
         words = ["cascade", *FAMILIES]
         raise ConfigError(

@@ -9,7 +9,7 @@ import os
 from bisect import bisect_right
 from typing import NamedTuple
 
-import sim
+from hil.common.schema import preset_folder
 from sim.interpolation import interpolate, nearest_pulse
 
 Rows = tuple[list[float], list[float], list[float]]
@@ -26,7 +26,7 @@ class Performance(NamedTuple):
 
 def _read() -> tuple[list[float], list[float], list[list[list[float]]]]:
     """Return voltages, pulses, and thrust, current, rpm as [quantity][pulse][voltage]."""
-    path = os.path.join(os.path.dirname(sim.__file__), "data", "t200.csv")
+    path = os.path.join(preset_folder("sim/data"), "t200.csv")
     with open(path, encoding="ascii") as file:
         lines = [line.split(",") for line in file if not line.startswith("#")]
     volts = [0.0] + [float(name.split("V")[0]) for name in lines[0][1::3]]

@@ -34,7 +34,7 @@ class Good:
 
 
 def load(name: str, **arguments: Any) -> Any:
-    return load_class({"class": name, **arguments}, Contract, "mine.toml: force")
+    return load_class({"class": name, **arguments}, Contract, "mine.toml: force", "forces")
 
 
 @pytest.mark.parametrize(
@@ -55,7 +55,7 @@ def test_a_class_that_does_not_follow_the_contract_is_never_called(tmp_path: Pat
 )
 def test_a_class_without_an_abstract_method_is_reported_with_the_remedy(kind: str, message: str) -> None:
     with pytest.raises(ConfigError, match=message):
-        load_class({"class": f"{__name__}:{kind}"}, Base, "mine.toml: planner")
+        load_class({"class": f"{__name__}:{kind}"}, Base, "mine.toml: planner", "planners")
 
 
 def test_nothing_is_imported_while_loading_is_refused() -> None:
