@@ -33,7 +33,7 @@ from hil.gateways.mavlink.flight.targets import (
     local_target,
 )
 from hil.gateways.mavlink.messages import REFUSED, TAKEN, UNANSWERED
-from hil.gateways.mavlink.newer_messages import AvailableModes, AvailableModesMonitor
+from hil.gateways.mavlink.newer_messages import AvailableModes, AvailableModesMonitor, ProtocolVersion
 from hil.gateways.mavlink.protocols.ftp import FtpServer, ftp_message
 from hil.gateways.mavlink.protocols.signing import SigningKey
 from hil.gateways.mavlink.protocols.streams import CURRENT_MODE, HEARTBEAT, MISSION_CURRENT, MODES_MONITOR, number_of
@@ -45,10 +45,12 @@ from hil.links.mavlink.reports import MAVLINK_VERSION
 ASKING = {
     dialect.MAV_CMD_REQUEST_MESSAGE, dialect.MAV_CMD_SET_MESSAGE_INTERVAL, dialect.MAV_CMD_GET_MESSAGE_INTERVAL,
     dialect.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES, dialect.MAV_CMD_GET_HOME_POSITION,
+    dialect.MAV_CMD_REQUEST_PROTOCOL_VERSION,
     dialect.MAV_CMD_REQUEST_CAMERA_INFORMATION, dialect.MAV_CMD_REQUEST_VIDEO_STREAM_INFORMATION,
     dialect.MAV_CMD_REQUEST_VIDEO_STREAM_STATUS, dialect.MAV_CMD_REQUEST_CAMERA_SETTINGS,
 }  # fmt: skip
 OLD_REQUESTS = {  # command -> the message that it asks for
+    dialect.MAV_CMD_REQUEST_PROTOCOL_VERSION: ProtocolVersion.id,
     dialect.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES: dialect.MAVLINK_MSG_ID_AUTOPILOT_VERSION,
     dialect.MAV_CMD_GET_HOME_POSITION: dialect.MAVLINK_MSG_ID_HOME_POSITION,
     dialect.MAV_CMD_REQUEST_CAMERA_INFORMATION: dialect.MAVLINK_MSG_ID_CAMERA_INFORMATION,
@@ -239,6 +241,8 @@ class Dispatcher:
         """Return the message with that id, asked for once; nothing if there is none."""
         if number == dialect.MAVLINK_MSG_ID_AUTOPILOT_VERSION:
             return [self._version()]
+        if number == ProtocolVersion.id:
+            return [ProtocolVersion(200, 100, 200, bytes(8), bytes(8))]
         if number == AvailableModes.id:
             return modes.available_modes(int(index) if index == index and 0 <= index < 1000 else 0)
         if self.picture and number in camera.MESSAGES:

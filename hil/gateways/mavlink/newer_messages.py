@@ -35,6 +35,16 @@ class _NewerMessage(dialect.MAVLink_message):  # type: ignore[misc]  # pymavlink
         return packet
 
 
+class ProtocolVersion(_NewerMessage):
+    """PROTOCOL_VERSION: the version of MAVLink times 100, its lowest and its highest, and hashes that are not known."""
+
+    id = 300
+    msgname = name = "PROTOCOL_VERSION"
+    crc_extra = 217
+    unpacker = struct.Struct("<HHH8s8s")
+    wire_names = ("version", "min_version", "max_version", "spec_version_hash", "library_version_hash")
+
+
 class AvailableModes(_NewerMessage):
     """AVAILABLE_MODES: one of the vehicle's modes."""
 

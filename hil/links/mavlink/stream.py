@@ -1,4 +1,4 @@
-"""MAVLink 2 packets in a stream of bytes: find, check, sign and pack them.
+"""MAVLink packets in a stream of bytes: find, check, sign and pack them.
 
 pymavlink encodes and decodes, except pulse widths (see servos.py). It is not used for
 
@@ -22,6 +22,7 @@ from hil.links.mavlink.servos import HEADER_SIZE, MARKER
 from hil.links.search import find_frames
 
 CRC_SIZE = 2
+MARKER_1, HEADER_SIZE_1 = b"\xfe", 6  # of MAVLink 1
 SIGNED = 0x01  # the only incompatibility flag
 SIGNATURE_SIZE = 13  # link id, timestamp, hash
 HASH_SIZE = 6
@@ -101,9 +102,14 @@ def _may_be_unsigned(_: Any, message_id: int) -> bool:
 
 
 class MavlinkStream:
-    """Packets of one end; `counters` counts dropped, damaged and refused ones."""
+    """Packets of one end; `counters` counts dropped, damaged and refused ones.
 
-    def __init__(self, system: int, component: int, counters: Counters) -> None:
+    With `takes_version_1` packets of MAVLink 1 are read, too, and answered as such. They cannot be signed.
+    """
+
+    def __init__(self, system: int, component: int, counters: Counters, takes_version_1: bool = False) -> None:
+        self._markers = (MARKER, MARKER_1) if takes_version_1 else (MARKER,)
+        self.is_version_1 = False  # whether the last packet received was of MAVLink 1: so are those that are packed
         self._mavlink = _SafeMavlink(None, system, component)
         self._counters = counters
         self._signs = False
@@ -122,11 +128,13 @@ class MavlinkStream:
             self._mavlink.stop_signing()
 
     def pack(self, message: Any) -> bytes:
-        """Return the packet of a message of the dialect, with the next number."""
+        """Return the packet of a message of the dialect, with the next number; none if MAVLink 1 has no such id."""
         mavlink = self._mavlink
+        if self.is_version_1 and message.get_msgId() > 0xFF:
+            return b""
         if self._signs:
             mavlink.advance()
-        packet: bytes = message.pack(mavlink)
+        packet: bytes = message.pack(mavlink, force_mavlink1=self.is_version_1)
         mavlink.seq = (mavlink.seq + 1) & 0xFF
         return packet
 
@@ -154,8 +162,10 @@ class MavlinkStream:
 
     def _read(self, packet: bytes) -> Any:
         """Return the message in a packet with a right checksum. Raises MAVError for a wrong or missing signature."""
-        has_pulses = packet[7:HEADER_SIZE] == servos.ID_BYTES
+        is_version_1 = packet[:1] == MARKER_1
+        has_pulses = packet[7:HEADER_SIZE] == servos.ID_BYTES and not is_version_1
         message = None if has_pulses and not self._signs else self._mavlink.decode(bytearray(packet))
+        self.is_version_1 = is_version_1
         return servos.decode(packet) if has_pulses else message
 
     def _cut(self, data: bytes) -> list[bytes]:
@@ -167,16 +177,28 @@ class MavlinkStream:
 
     def find_start(self, buffer: bytes, position: int) -> int:
         """Return where the next header may begin, as far as known; the buffer's length if nowhere."""
-        while (start := buffer.find(MARKER, position)) >= 0:
+        while (start := self._find_marker(buffer, position)) >= 0:
             header = buffer[start : start + HEADER_SIZE]
+            if header[:1] == MARKER_1:
+                if len(header) < HEADER_SIZE_1 or header[5] in CRC_EXTRA:
+                    return start
+                position = start + 1
+                continue
             flags_fit = len(header) < 3 or header[2] & ~SIGNED == 0
             if flags_fit and (len(header) < HEADER_SIZE or int.from_bytes(header[7:], "little") in CRC_EXTRA):
                 return start
             position = start + 1
         return len(buffer)
 
+    def _find_marker(self, buffer: bytes, position: int) -> int:
+        """Return where a marker of a packet is, -1 if nowhere."""
+        found = [start for marker in self._markers if (start := buffer.find(marker, position)) >= 0]
+        return min(found, default=-1)
+
     def size_at(self, buffer: bytes, start: int) -> int:
         """Return the size in bytes of the packet at `start`; for an incomplete header, the header's size."""
+        if buffer[start : start + 1] == MARKER_1:
+            return HEADER_SIZE_1 + (buffer[start + 1] + CRC_SIZE if len(buffer) - start >= HEADER_SIZE_1 else 0)
         if len(buffer) - start < HEADER_SIZE:
             return HEADER_SIZE
         signature = SIGNATURE_SIZE if buffer[start + 2] & SIGNED else 0
@@ -184,7 +206,10 @@ class MavlinkStream:
 
     def is_sound(self, buffer: bytes, start: int, size: int) -> bool:
         """Return whether the checksum of the whole packet at `start` is right."""
-        message_id = int.from_bytes(buffer[start + 7 : start + 10], "little")
-        end = start + HEADER_SIZE + buffer[start + 1]
+        if buffer[start : start + 1] == MARKER_1:
+            message_id, end = buffer[start + 5], start + HEADER_SIZE_1 + buffer[start + 1]
+        else:
+            message_id = int.from_bytes(buffer[start + 7 : start + 10], "little")
+            end = start + HEADER_SIZE + buffer[start + 1]
         wanted = int.from_bytes(buffer[end : end + CRC_SIZE], "little")
         return bool(dialect.x25crc(buffer[start + 1 : end] + CRC_EXTRA[message_id]).crc == wanted)

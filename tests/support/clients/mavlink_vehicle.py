@@ -164,6 +164,7 @@ class Partner:
 
     def __init__(self, bench: Bench, number: int, system: int, may_command: bool) -> None:
         self.received: list[Any] = []
+        self.packets: list[bytes] = []
         self._bench, self._system = bench, system
         self._in = MavlinkStream(system, 190, Counters())
         self._out = MavlinkStream(system, 190, Counters())
@@ -216,6 +217,7 @@ class Partner:
         return " | ".join([text.text for text in self.take_messages("STATUSTEXT")])
 
     def _on_message(self, packet: bytes, message: Any) -> None:
+        self.packets.append(packet)
         decoded = self._in.unpack(packet)
         self.received += decoded or [message]  # what pymavlink does not know yet is taken as it was
 

@@ -8,6 +8,7 @@ from hil.gateways.mavlink.flight.modes import Mode
 from hil.gateways.mavlink.parameter_table import GATEWAY, INT8, INT16, INT32, expand
 from hil.gateways.mavlink.snapshot import ThrusterTest
 from hil.scenario.config import load_scenario
+from hil.scenario.mavlink_records import Mavlink
 from tests.support.clients.mavlink_missions import ACCEPTED, DENIED, HOME_ROW, upload_mission
 from tests.support.clients.mavlink_vehicle import Bench
 
@@ -166,3 +167,23 @@ def test_calibrations_are_answered_as_done(command: int, params: tuple[float, ..
     assert not kind or bench.partner.take_messages(kind)
     bench.arm()
     assert bench.partner.command(command, *params) == dialect.MAV_RESULT_FAILED
+
+
+def test_requests_of_mavlink_1_are_answered_in_mavlink_1() -> None:
+    """QGroundControl changes to it if PROTOCOL_VERSION is refused."""
+    bench = Bench(Mavlink(autopilot="generic"))
+    assert bench.partner.command(dialect.MAV_CMD_REQUEST_MESSAGE, 300) == ACCEPTED
+    old = dialect.MAVLink(None, 255, 190)
+    packet = dialect.MAVLink_param_request_list_message(1, 1).pack(old, force_mavlink1=True)
+    bench.partner.packets.clear()
+    bench.partner.feed(packet[:4])
+    bench.partner.feed(packet[4:] + b"noise" + packet)
+    bench.run(3.0)
+    assert {sent[0] for sent in bench.partner.packets} == {0xFE}
+    kinds = [sent[5] for sent in bench.partner.packets]
+    assert kinds.count(dialect.MAVLINK_MSG_ID_PARAM_VALUE) == 2 * len(bench.table.names())
+    assert dialect.MAVLINK_MSG_ID_HEARTBEAT in kinds
+    bench.partner.packets.clear()
+    bench.partner.heartbeat()
+    bench.run(1.0)
+    assert {sent[0] for sent in bench.partner.packets} == {0xFD}

@@ -42,7 +42,7 @@ class Peer:
         self.received_ns = 0
         self.denied = 0
         self._write, self._burst = write, burst
-        self._stream = MavlinkStream(system, COMPONENT, self.counters)
+        self._stream = MavlinkStream(system, COMPONENT, self.counters, takes_version_1=True)
         self._camera = MavlinkStream(system, CAMERA, Counters())
         self._wall_clock = wall_clock
         self.sign(signing or SigningKey())
@@ -55,12 +55,15 @@ class Peer:
 
     def unpack(self, data: bytes) -> list[Any]:
         """Return the messages that bytes complete. Never raises."""
-        return self._stream.unpack(data)
+        messages = self._stream.unpack(data)
+        self._camera.is_version_1 = self._stream.is_version_1
+        return messages
 
     def send(self, *messages: Any) -> None:
         """Send messages now."""
         for message in messages:
-            self._write(self._stream.pack(message), message)
+            if packet := self._stream.pack(message):
+                self._write(packet, message)
 
     def send_as_camera(self, *messages: Any) -> None:
         """Send messages as the camera's component."""
@@ -78,5 +81,6 @@ class Peer:
         while self._waiting and left > 0:
             message = self._waiting.popleft()
             packet = self._stream.pack(message)
-            self._write(packet, message)
+            if packet:
+                self._write(packet, message)
             left -= len(packet)

@@ -46,9 +46,10 @@ class ZenohLink(Link):
         """Publish a packet, and its message as JSON."""
         self._put(f"{RAW}/out", data)
         fields = plain_fields(message)
-        text = encode_message((data[5], data[6], data[4]), fields, message)
+        system, component = message.get_srcSystem(), message.get_srcComponent()
+        text = encode_message((system, component, message.get_seq()), fields, message)
         self._put(f"{TEXT}/out", text)
-        key = f"{TEXT}/{data[5]}/{data[6]}/{message.get_type()}"
+        key = f"{TEXT}/{system}/{component}/{message.get_type()}"
         self._put(key, text)
         for name, value in fields.items():
             self._put(f"{key}/{name}", json.dumps(value).encode())
