@@ -5,13 +5,13 @@ Positions and velocities are NED, body vectors FRD. Source: MAVLink common.xml, 
 """
 
 from collections.abc import Sequence
-from math import atan2, degrees, hypot, isfinite, sqrt
+from math import atan2, degrees, hypot, isfinite, nan, sqrt
 from typing import Any, NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from hil.links.contract import PWM_NEUTRAL_US
-from sim.sensors.samples import OdometrySample
+from sim.sensors.samples import DvlSample, OdometrySample
 
 SPAN_US = 400  # pulse width from neutral to a control of 1 or -1
 ACCELEROMETER, GYROSCOPE, MAGNETOMETER, BAROMETER = 0x007, 0x038, 0x1C0, 0x1A00
@@ -87,6 +87,19 @@ def encode_odometry(time_us: int, sample: OdometrySample, frame: int = LOCAL_NED
         VISION,
         100,
     )
+
+
+def encode_velocity(time_us: int, depth: float, dvl: DvlSample | None) -> Any:
+    """Return the ODOMETRY message with a depth (m) and a DVL's velocity; without a lock it has no velocity."""
+    unknown, pose, twist = [nan] * 3, [0.0] * 21, [0.0] * 21
+    pose[11] = 0.01  # m², of the depth
+    covariance = dvl.covariance if dvl else ()
+    for place, variance in zip((0, 6, 11), covariance[::4] or (1e-4,) * 3, strict=True):
+        twist[place] = variance
+    velocity = dvl.velocity if dvl and dvl.locked else unknown
+    return dialect.MAVLink_odometry_message(
+        time_us, LOCAL_NED, BODY_FRD, 0.0, 0.0, depth, [nan] * 4, *velocity, *unknown, pose, twist, 0, VISION, 100,
+    )  # fmt: skip
 
 
 def encode_truth(time_us: int, truth: OdometrySample, velocity: Sequence[float], acceleration: Sequence[float],

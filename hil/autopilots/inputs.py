@@ -53,7 +53,10 @@ class SensorInputs:
         self.has: Mapping[str, bool] = {
             name: name in fitted for name in ("pressure", "magnetometer", "gps", "odometry")
         }
-        self.plane = TangentPlane(*world.origin, world.origin_altitude) if world.origin else None
+        self.origin = (*world.origin, world.origin_altitude) if world.origin else None  # of NED; degrees, m
+        self.plane = TangentPlane(*self.origin) if self.origin else None
+        mounts = [fitted[name].mounting.position[2] if name in fitted else 0.0 for name in ("dvl", "pressure")]
+        self.dvl_below = mounts[0] - mounts[1]  # m, of the pressure sensor
         # NED in T, used as an ideal magnetometer if the vehicle has none
         self.earth_field = None if "magnetometer" in fitted else earth_field(world)
 

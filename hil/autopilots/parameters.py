@@ -32,6 +32,13 @@ _POSITIONS: dict[str, Parameters] = {
     "dvl": _EXTERNAL,
     "gps": {"SIM_GPS1_ENABLE": 0.0, "GPS1_TYPE": 14.0},  # 14: MAVLink
 }
+# What PX4's estimator uses of ODOMETRY (1 horizontal position, 2 height, 4 velocity, 8 heading) and of HIL_GPS
+# (1 position, 4 velocity). It would read the pressure of water as that of air.
+_HEIGHT_OF_ODOMETRY = {"EKF2_HGT_REF": 3, "EKF2_BARO_CTRL": 0}
+_PX4_POSITIONS: dict[str, Parameters] = {
+    name: {"EKF2_EV_CTRL": odometry, "EKF2_GPS_CTRL": gps, **_HEIGHT_OF_ODOMETRY}
+    for name, (odometry, gps) in {"simulated": (15, 0), "odometry": (15, 0), "dvl": (6, 0), "gps": (2, 5)}.items()
+}
 # Prefixes of the parameters for the position of a sensor, to which X, Y or Z is appended; values in m. ArduPilot's own
 # simulated GPS and a navigation solution are at the body origin. PX4's antenna: before version 1.18, and since.
 _POSITION_PREFIXES: dict[str, dict[str, tuple[str, ...]]] = {
@@ -39,9 +46,9 @@ _POSITION_PREFIXES: dict[str, dict[str, tuple[str, ...]]] = {
         "imu": ("INS_POS1_", "INS_POS2_", "INS_POS3_"), "altimeter": ("RNGFND1_POS_",), "dvl": ("VISO_POS_",),
         "gps": ("GPS1_POS_",),
     },
-    "px4": {"imu": ("EKF2_IMU_POS_",), "gps": ("EKF2_GPS_POS_", "SENS_GPS0_OFF")},
+    "px4": {"imu": ("EKF2_IMU_POS_",), "dvl": ("EKF2_EV_POS_",), "gps": ("EKF2_GPS_POS_", "SENS_GPS0_OFF")},
 }  # fmt: skip
-_BY_POSITIONS = ("dvl", "gps")  # sensors sent to ArduPilot only if selected by [autopilot] positions
+_BY_POSITIONS = {"ardupilot": ("dvl", "gps"), "px4": ("dvl",)}  # sensors sent only if [autopilot] positions is theirs
 
 
 def read_parameters(path: str) -> dict[str, float]:
@@ -96,7 +103,7 @@ def all_parameters(
     if controller == "ardupilot":
         own = {**ardusub_frame(motors), **_POSITIONS[settings.positions]}
     else:
-        own = dict(px4_geometry(vehicle, motors))
+        own = {**px4_geometry(vehicle, motors), **_PX4_POSITIONS[settings.positions]}
     path = parameter_file(settings, controller, vehicle)
     return {**own, **sensor_positions(settings, controller, sensors), **(read_parameters(path) if path else {})}
 
@@ -105,7 +112,7 @@ def sensor_positions(settings: AutopilotSettings, controller: str, sensors: Sens
     """Return the parameters for positions of sensors, m from the body origin; none for sensors at the origin."""
     parameters: dict[str, float] = {}
     for name, prefixes in _POSITION_PREFIXES[controller].items():
-        unused = controller == "ardupilot" and name in _BY_POSITIONS and name != settings.positions
+        unused = name in _BY_POSITIONS[controller] and name != settings.positions
         if name not in sensors or unused or not any(sensors[name].mounting.position):
             continue
         for prefix in prefixes:

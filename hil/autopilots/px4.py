@@ -3,8 +3,13 @@
 PX4's SITL connects to this process and waits for each HIL_SENSOR. While it boots it does not reply, so HIL_SENSOR is
 sent by the clock. From its first HIL_ACTUATOR_CONTROLS on it replies to each HIL_SENSOR, and simulation time waits for
 the reply. A board stamps samples on arrival and waits for nothing, so the simulation runs in real time.
+
+PX4's estimator takes where it starts for the origin of its positions, until SET_GPS_GLOBAL_ORIGIN sets that of the
+world. SITL reads this message at its port for companion computers only.
 """
 
+import socket
+from contextlib import suppress
 from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
@@ -29,7 +34,12 @@ RC_PERIOD_NS = NS_PER_S // 50
 HEARTBEAT_NS = NS_PER_S
 HEARTBEAT_TIMEOUT_NS = 3 * NS_PER_S  # without messages, after which a board is not connected
 UNREADABLE_BYTES = 2000  # received without any packet, after which a wrong baud rate is reported
+BOOT_NS = 30 * NS_PER_S  # without outputs of a connected PX4, after which that is reported; 11 s are usual
 MAX_READS = 64  # of the wire in one call of `receive`
+COMPANION_PORT = 14_580  # of the first SITL instance
+ORIGIN_MESSAGES = 5  # one a second: the first ones are lost if PX4's estimator does not run yet
+DITHER_T = 1e-8  # last digit of a usual magnetometer; PX4 takes a value that never changes for a failed sensor
+TOPICS = {"simulated": "odom", "odometry": "odom", "dvl": "dvl", "gps": "pressure"}  # sent as ODOMETRY
 
 
 class Px4(Autopilot):
@@ -42,6 +52,8 @@ class Px4(Autopilot):
         self.figures = AutopilotCounters()
         self._inputs, self._report = inputs, report
         self._rc = settings.rc if self.is_sitl else ()  # a board has its own receiver
+        self._positions, self._companion_port = TOPICS[settings.positions], COMPANION_PORT + settings.instance
+        self._dither = DITHER_T
         self._wire = open_address(address, "device", settings.baud)
         self.name = f"PX4 on {self._wire.name}"
         self._baud = settings.baud
@@ -57,7 +69,7 @@ class Px4(Autopilot):
         self._due_ns = self._truth_ns = self._rc_ns = self._heartbeat_due_ns = 0  # of simulation time
         self._is_in_lockstep = self._awaiting = self._stalled = self._has_heartbeat = False
         self._heartbeat_received_ns = 0
-        self._actuator_us = -1
+        self._actuator_us, self._system, self._origins_left = -1, 1, ORIGIN_MESSAGES
         self._origin: tuple[int, int] | None = None  # simulation and monotonic time of the first step with it
         self._time_ns = 0
 
@@ -136,7 +148,8 @@ class Px4(Autopilot):
                 f"{self.name}: lockstep stalls, no reply for {(now - self._sent_ns) / NS_PER_S:.1f} s: PX4 is stopped "
                 "in a debugger, or hangs; read its console"
             )
-        if now - self._reported_ns < ABSENT_NS or (self.connected and (self._is_in_lockstep or self._actuator_us >= 0)):
+        limit_ns = BOOT_NS if self.connected else ABSENT_NS
+        if now - self._reported_ns < limit_ns or (self.connected and self._actuator_us >= 0):
             return
         self._reported_ns = now
         problem = self._connection_fault()
@@ -176,7 +189,7 @@ class Px4(Autopilot):
             if self._reported_ns and self._actuator_us >= 0:
                 self.figures.resets += 1
             self._reset_connection()
-            self._report(f"{self.name}: PX4 has connected; it boots for about 7 s of simulated time")
+            self._report(f"{self.name}: PX4 has connected; it boots for 7 to 11 s of simulated time")
         else:
             self._awaiting = False
             self._report(f"{self.name}: PX4 has disconnected; it does not connect again by itself: restart it")
@@ -199,7 +212,7 @@ class Px4(Autopilot):
             )
         elif message.time_usec == self._actuator_us:
             self.figures.duplicates += 1
-        self._actuator_us = message.time_usec
+        self._actuator_us, self._system = message.time_usec, message.get_srcSystem()
         if message.flags & hil_messages.LOCKSTEP and self.lockstep:
             self._is_in_lockstep = True
         if self._stalled:
@@ -213,7 +226,9 @@ class Px4(Autopilot):
         inputs, fresh = self._inputs, self._inputs.fresh
         field = inputs.magnetic_field if "magnetometer" in fresh else None
         if inputs.earth_field is not None:  # the vehicle has no magnetometer, but PX4 needs one
-            field = rotate_inverse(truth.orientation, inputs.earth_field)
+            self._dither = -self._dither
+            x, y, z = rotate_inverse(truth.orientation, inputs.earth_field)
+            field = x + self._dither, y + self._dither, z + self._dither
         has_imu = "imu" in fresh
         return hil_messages.Inertial(
             inputs.acceleration if has_imu else None,
@@ -227,8 +242,8 @@ class Px4(Autopilot):
         inputs, messages = self._inputs, list[Any]()
         if "gps" in inputs.fresh:
             messages.append(hil_messages.encode_gps(time_us, inputs.fix, inputs.antenna_velocity(truth)))
-        if "odom" in inputs.fresh:
-            messages.append(hil_messages.encode_odometry(time_us, inputs.odometry))
+        if self._positions in inputs.fresh:
+            messages.append(self._encode_positions(time_us))
         if inputs.plane is not None and time_ns >= self._truth_ns:
             self._truth_ns = time_ns + TRUTH_PERIOD_NS
             place, velocity = inputs.plane.geodetic(truth.position), rotate(truth.orientation, truth.nu[:3])
@@ -240,4 +255,26 @@ class Px4(Autopilot):
             self._heartbeat_due_ns = time_ns + HEARTBEAT_NS
             kind, autopilot = dialect.MAV_TYPE_GENERIC, dialect.MAV_AUTOPILOT_INVALID
             messages.append(dialect.MAVLink_heartbeat_message(kind, autopilot, 0, 0, dialect.MAV_STATE_ACTIVE, 3))
+            if inputs.origin and self._origins_left and self._actuator_us >= 0:
+                self._origins_left -= 1
+                messages += self._send_origin(*inputs.origin)
         return messages
+
+    def _encode_positions(self, time_us: int) -> Any:
+        inputs = self._inputs
+        if self._positions == "odom":
+            return hil_messages.encode_odometry(time_us, inputs.odometry)
+        if self._positions == "pressure":
+            return hil_messages.encode_velocity(time_us, inputs.depth, None)
+        return hil_messages.encode_velocity(time_us, inputs.depth + inputs.dvl_below, inputs.dvl)
+
+    def _send_origin(self, latitude: float, longitude: float, altitude: float) -> list[Any]:
+        """Send the origin of NED positions to SITL; for a board, return the message."""
+        place = round(1e7 * latitude), round(1e7 * longitude), round(1000.0 * altitude)
+        message = dialect.MAVLink_set_gps_global_origin_message(self._system, *place)
+        if not self.is_sitl:
+            return [message]
+        packet = MavlinkStream(SYSTEM, COMPONENT, Counters()).pack(message)
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as companion, suppress(OSError):
+            companion.sendto(packet, ("127.0.0.1", self._companion_port))
+        return []

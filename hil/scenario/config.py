@@ -243,12 +243,7 @@ def _contradictions(scenario: Scenario) -> Iterator[str]:
     if scenario.autopilot and scenario.controller not in AUTOPILOTS:
         yield f'autopilot: belongs to controller = "ardupilot" or "px4", not to {scenario.controller!r}'
     positions = scenario.autopilot.positions if scenario.autopilot else "simulated"
-    if positions != "simulated" and scenario.controller == "px4":
-        yield (
-            f'autopilot: positions: {positions!r} is for controller = "ardupilot"; PX4 gets odometry and GPS whenever '
-            "the sensors are fitted"
-        )
-    elif positions != "simulated" and positions not in scenario.sensors:
+    if positions != "simulated" and positions not in scenario.sensors:
         yield f"autopilot: positions: {positions!r} needs that sensor: add [sensors.{positions}]"
     blind = [name for name in FEEDBACK if name not in scenario.sensors]
     if blind and scenario.controller == "builtin":

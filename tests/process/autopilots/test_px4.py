@@ -3,10 +3,12 @@
 import itertools
 import os
 import pty
+import socket
 import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from math import isfinite
 from pathlib import Path
 
 import pytest
@@ -152,6 +154,44 @@ def test_rc_channels_are_sent_when_configured(tmp_path: Path) -> None:
         peer.close()
 
 
+def test_positions_by_dvl_are_a_depth_and_a_velocity_while_it_has_lock(tmp_path: Path) -> None:
+    """The world is 30 m deep: 25 m above the bed a DVL with a range of 20 m has none, and says so."""
+    for reach, has_lock in ((50, True), (20, False)):
+        port = free_ports(1)[0]
+        keys = f'address = "tcp://127.0.0.1:{port}"\npositions = "dvl"'
+        dvl = f"[sensors.dvl]\nrate = 10\nmax_range = {reach}\nposition = [0, 0, 0.2]"
+        with bench(tmp_path, keys, dvl):
+            peer = Px4Peer(port)
+            for _ in range(200):
+                peer.send_reply(peer.sensor(), ())
+            odometry = peer.last["ODOMETRY"]
+            assert 5 <= peer.received["ODOMETRY"] <= 12  # as many as DVL samples, not as pressures
+            assert odometry.z == pytest.approx(5.2, abs=0.1)  # the DVL's depth
+            assert isfinite(odometry.vx) == has_lock
+            assert not isfinite(odometry.q[0])
+            peer.close()
+
+
+def test_px4_gets_the_worlds_origin_and_a_field_that_is_not_constant(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as companion:
+        companion.bind(("127.0.0.1", 0))
+        companion.settimeout(10.0)
+        monkeypatch.setattr("hil.autopilots.px4.COMPANION_PORT", companion.getsockname()[1])
+        with bench(tmp_path) as b:
+            peer = Px4Peer(b.port)
+            fields = []
+            for _ in range(300):
+                sensor = peer.sensor()
+                fields.append(sensor.xmag)
+                peer.send_reply(sensor, ())
+            (message,) = peer.stream.unpack(companion.recv(300))
+            peer.close()
+    assert (message.latitude, message.longitude, message.target_system) == (500_000_000, 80_000_000, 1)
+    assert all(1e-5 < abs(a - b) < 1e-3 for a, b in itertools.pairwise(fields))  # gauss
+
+
 def test_a_stalled_px4_and_a_disconnected_one_are_distinguished(tmp_path: Path) -> None:
     with bench(tmp_path) as b:
         peer = Px4Peer(b.port)
@@ -233,8 +273,9 @@ def test_a_board_on_a_serial_line_runs_by_the_wall_clock_without_lockstep(tmp_pa
 
 @pytest.fixture
 def short_report_delay(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Shorten the time after which missing input is reported from ten seconds to a fifth of one."""
-    monkeypatch.setattr("hil.autopilots.px4.ABSENT_NS", 200_000_000)
+    """Shorten the times after which missing input is reported from ten and more seconds to a fifth of one."""
+    for name in ("ABSENT_NS", "BOOT_NS"):
+        monkeypatch.setattr(f"hil.autopilots.px4.{name}", 200_000_000)
 
 
 @pytest.mark.usefixtures("short_report_delay")

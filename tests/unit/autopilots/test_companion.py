@@ -190,8 +190,7 @@ def test_ardusub_parameters_select_the_position_source(tmp_path: Path) -> None:
     assert parameters["gps"]["GPS1_TYPE"] == 14
 
 
-def test_positions_need_their_sensor_and_an_ardupilot_controller(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match=r"positions: 'gps' needs that sensor: add \[sensors.gps\]"):
-        scenario_of(tmp_path, "gps")
-    with pytest.raises(ConfigError, match="positions: 'dvl' is for controller"):
-        scenario_of(tmp_path, "dvl", "px4")
+def test_positions_need_their_sensor(tmp_path: Path) -> None:
+    for controller in ("ardupilot", "px4"):
+        with pytest.raises(ConfigError, match=r"positions: 'gps' needs that sensor: add \[sensors.gps\]"):
+            scenario_of(tmp_path, "gps", controller)
