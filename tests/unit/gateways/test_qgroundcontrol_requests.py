@@ -1,17 +1,51 @@
 """What a real QGroundControl asks for and does, recorded from outside, against the gateway's vehicle."""
 
+from typing import Any
+
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from hil.gateways.mavlink.assembly import defaults_of, motors_of
 from hil.gateways.mavlink.flight.modes import Mode
-from hil.gateways.mavlink.parameter_table import GATEWAY, INT8, INT16, INT32, expand
+from hil.gateways.mavlink.parameter_table import GATEWAY, INT8, INT16, INT32, REAL32, expand
 from hil.gateways.mavlink.snapshot import ThrusterTest
 from hil.scenario.config import load_scenario
 from hil.scenario.mavlink_records import Mavlink
-from tests.support.clients.mavlink_missions import ACCEPTED, DENIED, HOME_ROW, upload_mission
+from tests.support.clients.mavlink_missions import ACCEPTED, DENIED, HOME_ROW, UNSUPPORTED, upload_mission
 from tests.support.clients.mavlink_vehicle import Bench
 
+
+def _command(command: int, *params: float) -> Any:
+    return dialect.MAVLink_command_long_message(1, 1, command, 0, *params, *[0.0] * (7 - len(params)))
+
+
+def _parameter(name: str, value: float, kind: int) -> Any:
+    return dialect.MAVLink_param_set_message(1, 1, name.encode(), value, kind)
+
+
+# Requests as they were recorded, in their order: the message, and kind and fields of the answer to it.
+VERSION = {"flight_sw_version": 0x04060000, "vendor_id": 0}
+RECORDED: list[tuple[Any, str, dict[str, Any]]] = [
+    (_command(512, 148), "AUTOPILOT_VERSION", VERSION),
+    (_command(512, 397), "COMMAND_ACK", {"result": UNSUPPORTED}),  # it goes on without component information
+    (_command(512, 395), "COMMAND_ACK", {"result": UNSUPPORTED}),
+    *[(dialect.MAVLink_mission_request_list_message(1, 1, kind), "MISSION_COUNT", {"count": count})
+      for kind, count in ((0, 1), (1, 0), (2, 0))],
+    (dialect.MAVLink_mission_request_int_message(1, 1, 0, 0), "MISSION_ITEM_INT", {"command": 16, "seq": 0}),
+    (_parameter("PILOT_SPEED", 70.0, INT16), "PARAM_VALUE", {"param_value": 70.0, "param_type": INT16}),
+    (_parameter("PILOT_SPEED", 9999.0, INT16), "PARAM_VALUE", {"param_value": 70.0}),
+    (dialect.MAVLink_param_request_read_message(1, 1, b"COMPASS_OFS_X", -1), "PARAM_VALUE", {"param_type": REAL32}),
+    (_command(176, 1, 2), "COMMAND_ACK", {"result": ACCEPTED}),
+    (_command(400, 1), "COMMAND_ACK", {"result": ACCEPTED}),
+    (_command(176, 1, 4), "COMMAND_ACK", {"result": ACCEPTED}),
+    (dialect.MAVLink_mission_count_message(1, 1, 0, 1), "MISSION_ACK", {"type": 0, "mission_type": 1}),
+    (_command(400, 0, 21196), "COMMAND_ACK", {"result": ACCEPTED}),
+    (_command(400, 1), "COMMAND_ACK", {"result": ACCEPTED}),
+    (_command(400, 0, 21196), "COMMAND_ACK", {"result": ACCEPTED}),
+    (dialect.MAVLink_log_request_list_message(1, 1, 0, 49), "LOG_ENTRY", {"num_logs": 0}),
+    (dialect.MAVLink_serial_control_message(10, 22, 0, 0, 5, [0] * 70), "STATUSTEXT", {"severity": 4}),
+    (_command(241, 0, 0, 1), "COMMAND_ACK", {"result": ACCEPTED}),
+]  # fmt: skip
 PREARM_CHECK = dialect.MAV_SYS_STATUS_PREARM_CHECK
 
 # Parameters without which QGroundControl shows "Parameters are missing from firmware", at connection and on its pages.
@@ -23,6 +57,17 @@ NEEDED = (
     "LOIT_BRK_{ACCEL,DELAY,JERK} WPNAV_{ACCEL,ACCEL_Z,RADIUS,SPEED,SPEED_DN,SPEED_UP} "
     "PSC_ACCZ_{P,I,D,IMAX,FLTD,FLTE,FLTT} PSC_POS{XY,Z}_P PSC_VELXY_{P,I,IMAX} PSC_VELZ_P JS_LIGHTS_STEPS BRD_PWM_COUNT"
 )
+
+
+def test_recorded_requests_get_the_answers_that_it_waits_for() -> None:
+    bench = Bench()
+    for request, kind, expected in RECORDED:
+        bench.partner.received.clear()
+        bench.partner.send(request)
+        bench.run(0.1)
+        answers = bench.partner.take_messages(kind)
+        found = [{key: getattr(answer, key) for key in expected} for answer in answers]
+        assert expected in found, (request.to_dict(), [answer.to_dict() for answer in answers])
 
 
 def test_every_parameter_that_it_needs_is_there_as_ardusub_has_it() -> None:
