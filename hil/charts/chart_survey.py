@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.autonomy.paths.polygons import Edges, contains
+from hil.autonomy.paths.polygons import Edges, Mask, contains
 from hil.charts.chart_check import check_chart
 from hil.charts.charted_objects import DIAMETERS, ZONES, ChartedObjects, Nature, nature_of, pipelines_of, zones_of
 from hil.charts.hazards import hazards_of
@@ -66,8 +66,7 @@ def coverage_box(cells: list[Cell]) -> GeoBox:
 def survey_charts(cells: list[Cell], plane: LocalPlane) -> Survey:
     """Return the contents of `cells` on `plane`. Raises ConfigError if they have no depths."""
     layers = [_ChartLayer(cell, plane) for cell in sorted(cells, key=lambda cell: -cell.scale)]
-    finer: list[list[Edges]] = [[other.coverage for other in layers[i + 1 :]] for i in range(len(layers))]
-    pairs = list(zip(layers, finer, strict=True))
+    pairs = [(layer, [finer.coverage for finer in layers[i + 1 :]]) for i, layer in enumerate(layers)]
     soundings = np.concatenate([_outside(layer.soundings(), covers) for layer, covers in pairs])
     guides = np.concatenate([_outside(layer.guides(), covers) for layer, covers in pairs])
     names = ", ".join(cell.name for cell in cells)
@@ -85,7 +84,10 @@ def survey_charts(cells: list[Cell], plane: LocalPlane) -> Survey:
         detail=LINE_ACCURACY * min(cell.scale for cell in cells),
         sheets=tuple(layer.sheet() for layer in layers),
         hazards=tuple(
-            hazard for layer, covers in pairs for hazard in layer.hazards() if _is_outside_finer(hazard, covers)
+            hazard
+            for layer, covers in pairs
+            for hazard in layer.hazards()
+            if _are_outside(hazard.line[:1], covers).all()
         ),
         contours=tuple(
             (piece, depth)
@@ -141,30 +143,28 @@ def _along_parallels(line: Array) -> Array:
     return np.asarray(np.vstack([line[which] + share[:, None] * along[which], line[-1:]]))
 
 
-def _outside(points: Array, covers: list[Edges]) -> Array:
-    is_outside = np.ones(len(points), bool)
+def _are_outside(points: Array, covers: list[Edges]) -> Mask:
+    mask = np.ones(len(points), bool)
     for edges in covers:
-        is_outside &= ~contains(edges, points[:, :2])
-    return points[is_outside]
+        mask &= ~contains(edges, points[:, :2])
+    return mask
+
+
+def _outside(points: Array, covers: list[Edges]) -> Array:
+    return points[_are_outside(points, covers)]
 
 
 def _cut_line(line: Array, covers: list[Edges]) -> list[Array]:
     """Return the pieces of `line` outside the coverage of finer charts."""
     if not covers:
         return [line]
-    is_outside = np.ones(len(line), bool)
-    for edges in covers:
-        is_outside &= ~contains(edges, line)
+    is_outside = _are_outside(line, covers)
     runs = np.split(np.arange(len(line)), np.flatnonzero(np.diff(is_outside)) + 1)
     return [line[run] for run in runs if is_outside[run[0]] and len(run) > 1]
 
 
 def _cut_lines(pairs: list[tuple["_ChartLayer", list[Edges]]], *kinds: str) -> tuple[Array, ...]:
     return tuple(piece for layer, covers in pairs for line in layer.lines(*kinds) for piece in _cut_line(line, covers))
-
-
-def _is_outside_finer(hazard: Hazard, covers: list[Edges]) -> bool:
-    return bool(len(_outside(hazard.line[:1], covers)))
 
 
 class _ChartLayer:
@@ -185,12 +185,7 @@ class _ChartLayer:
 
     def guides(self) -> Array:
         """Return points on contours and coasts, (n, 3). A coast is at 0 m, or above where the area before it dries."""
-        points = [
-            np.column_stack(
-                [resample(line, self._guide_spacing), np.full(len(resample(line, self._guide_spacing)), depth)]
-            )
-            for line, depth in self.contours()
-        ]
+        points = [np.insert(resample(line, self._guide_spacing), 2, depth, axis=1) for line, depth in self.contours()]
         places = np.concatenate([np.empty((0, 3)), *points, *map(self._coast_guides, self.lines("COALNE"))])
         return np.asarray(places[first_in_cell(places, 0.5 * self._guide_spacing)])
 

@@ -154,9 +154,9 @@ class Viewers:
 
 
 @contextmanager
-def viewed(scenario: str) -> Iterator[tuple[int, str, str]]:
-    """Run a view; yield its process id, address and token."""
-    command = module_command("hil.cli", "view", "--scenario", scenario, "--listen", "127.0.0.1:0", "--no-browser")
+def viewed(*options: str) -> Iterator[tuple[int, str, str]]:
+    """Run a view with these options; yield its process id, address and token."""
+    command = module_command("hil.cli", "view", *options, "--listen", "127.0.0.1:0", "--no-browser")
     process = start_child(command, environment=package_environment(), stdout=subprocess.PIPE, text=True)
     assert process.stdout
     try:
@@ -209,7 +209,7 @@ def measure(folder: Path, viewers: int | None, seconds: float, rate: float = 0.0
         await_vehicle(client, slave)
         view = watching = relay = None
         if viewers is not None:
-            view, address, token = stack.enter_context(viewed(bench.path))
+            view, address, token = stack.enter_context(viewed("--scenario", bench.path))
             address, relay = stack.enter_context(slowed(address, rate))
             watching = stack.enter_context(Viewers(viewers, address, token, clock))
         fly(client, SLOW_SETTLE_S if rate else SETTLE_S)

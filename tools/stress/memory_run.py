@@ -6,7 +6,6 @@ the first ten minutes is the growth. Writes a table, and exits with 1 if a proce
 """
 
 import argparse
-import re
 import subprocess
 import sys
 import tempfile
@@ -20,13 +19,11 @@ from pymavlink import mavutil
 
 from hil.common.children import module_command
 from hil.common.ports import free_ports
-from tools.costs.view_cost import Viewers
+from tools.costs.view_cost import Viewers, viewed
 
 WARM_UP_S = 600.0
 SAMPLE_S = 60.0
 COMMAND_S = 0.05
-VIEW = "view"
-ADDRESS = re.compile(r"watch at (\S+/)\?token=(\S+)")
 LIMIT_MIB = 1.0  # an hour
 
 
@@ -45,13 +42,12 @@ def main(arguments: list[str]) -> int:
 
 
 def _start(stack: ExitStack, folder: Path) -> tuple[dict[str, psutil.Process], "mavutil.mavudp", Viewers]:
-    slave, link, page = free_ports(3)
+    slave, link = free_ports(2)
     endpoint = f"tcp/127.0.0.1:{slave}"
     commands = {
         "slave": ("slave", "open_water", "--listen", endpoint),
         "mavlink": ("gateway", "mavlink", "--connect", endpoint, "--endpoint", f"udpin:127.0.0.1:{link}"),
         "record": ("recording", "make", "--connect", endpoint, "--output", str(folder / "recording")),
-        VIEW: ("view", "--connect", endpoint, "--listen", f"127.0.0.1:{page}", "--no-browser"),
     }
     processes = {}
     for name, words in commands.items():
@@ -61,9 +57,9 @@ def _start(stack: ExitStack, folder: Path) -> tuple[dict[str, psutil.Process], "
         stack.callback(started.terminate)
         processes[name] = psutil.Process(started.pid)
         time.sleep(3.0)
-    address = ADDRESS.search((folder / f"{VIEW}.log").read_text(encoding="utf-8"))
-    assert address, "there is no view"
-    viewers = stack.enter_context(Viewers(1, address[1], address[2]))
+    view, address, token = stack.enter_context(viewed("--connect", endpoint))
+    processes["view"] = psutil.Process(view)
+    viewers = stack.enter_context(Viewers(1, address, token))
     return processes, mavutil.mavlink_connection(f"udpout:127.0.0.1:{link}", source_system=255), viewers
 
 
