@@ -73,7 +73,6 @@ class Mavlink(NamedTuple):
     signing_key: str = ""
     parameters: str = ""
     logs: str = "recordings"
-    video_port: Annotated[int, Range(0, 65_535)] = 0
     rtp: str = ""
     camera: str = "camera"
     start: bool = True

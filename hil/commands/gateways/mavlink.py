@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from hil.client.client import Stamped, VehicleClient
 from hil.commands.listening import add_connect, add_take_over, presence, scenario_and_endpoints
-from hil.common.options import PORT, add_scenario, checked, integer, new_parser
+from hil.common.options import add_scenario, checked, integer, new_parser
 from hil.common.stop import StopSignals
 from hil.network.roles import open_master_session
 from hil.network.settings import Network
@@ -18,7 +18,6 @@ from hil.scenario.mavlink_records import Mavlink, parse_endpoint, rtp_target
 
 if TYPE_CHECKING:
     from hil.gateways.mavlink.rtp import RtpVideo
-    from hil.gateways.mavlink.video import VideoServer
 
 EXAMPLES = """\
 An endpoint is udpout:HOST:PORT (a ground station), udpin:HOST:PORT or tcpin:HOST:PORT (several of them),
@@ -43,31 +42,26 @@ def main(arguments: list[str]) -> int:
     settings = _settings(options, scenario)
     network, security = (scenario.network, scenario.security) if scenario else (Network(), None)
     from hil.gateways.mavlink.assembly import camera_of, defaults_of, motors_of, origin_of, parameter_file
-    from hil.gateways.mavlink.camera import h264, mjpeg
     from hil.gateways.mavlink.endpoints.opening import open_link
     from hil.gateways.mavlink.gateway import Gateway
     from hil.gateways.mavlink.parameter_table import ParameterTable
     from hil.gateways.mavlink.protocols.signing import SigningKey
     from hil.gateways.mavlink.vehicle_port import NetworkVehicle
-    from hil.gateways.mavlink.video import VideoServer
 
     with ExitStack() as stack:
         stop_fd = stack.enter_context(StopSignals())
         links = [open_link(parse_endpoint(text)) for text in settings.endpoints]
         session = stack.enter_context(open_master_session(*endpoints, network=network, security=security))
         node = options.vehicle or (scenario.slave.node if scenario else "uuv1")
-        video = stack.enter_context(VideoServer(settings.video_port)) if settings.video_port else None
-        rtp = _open_rtp(stack, settings.rtp, camera_of(scenario, (), settings.camera).rate)
+        rtp = _open_rtp(stack, settings.rtp, camera_of(scenario, 0, settings.camera).rate)
         pictures = f"{settings.camera}/image_raw/compressed"
         learn(pictures, TOPICS["camera/image_raw/compressed"].type)
         client = stack.enter_context(
             VehicleClient(
                 session, node, rank=int(options.take_over), network=network, security=security, report=_print,
-                on_sample=_shown_by(pictures, video, rtp), topics=("odom",),
+                on_sample=_shown_by(pictures, rtp), topics=("odom",),
             )
         )  # fmt: skip
-        if video:
-            video.on_viewer = lambda: client.watch(pictures)
         client.watch(*([pictures] if rtp else []))
         port = stack.enter_context(NetworkVehicle(client, _print))
         stored = settings.parameters or parameter_file(node)
@@ -76,8 +70,7 @@ def main(arguments: list[str]) -> int:
         for fault in table.faults:
             print(fault, flush=True)
         settings = settings._replace(system=int(table["SYSID_THISMAV"]) if not options.system else settings.system)
-        streams = [*([h264(rtp.port)] if rtp else []), *([mjpeg(video.address)] if video else [])]
-        picture = camera_of(scenario, tuple(streams), settings.camera) if streams else None
+        picture = camera_of(scenario, rtp.port, settings.camera) if rtp else None
         gateway = Gateway(
             port, settings, table, links, origin_of(scenario), picture, _print, signing, motors=motors_of(scenario)
         )
@@ -108,9 +101,6 @@ def _parser() -> argparse.ArgumentParser:
     )
     parser.add_argument(
         "--commands-from", choices=("localhost", "network"), help="machines that may command [localhost]"
-    )
-    parser.add_argument(
-        "--video-port", metavar="PORT", type=PORT, help="port of the camera's picture, MJPEG over HTTP; 0: none [0]"
     )
     parser.add_argument(
         "--rtp",
@@ -144,13 +134,10 @@ def _open_rtp(stack: ExitStack, target: str, rate: float) -> "RtpVideo | None":
     return stack.enter_context(RtpVideo(*host_and_port, rate))
 
 
-def _shown_by(pictures: str, *viewers: "VideoServer | RtpVideo | None") -> Callable[[str, Stamped], None]:
-    opened = [viewer for viewer in viewers if viewer]
-
+def _shown_by(pictures: str, rtp: "RtpVideo | None") -> Callable[[str, Stamped], None]:
     def show(topic: str, stamped: Stamped) -> None:
-        if topic == pictures:
-            for viewer in opened:
-                viewer.show(stamped.value.data)
+        if rtp and topic == pictures:
+            rtp.show(stamped.value.data)
 
     return show
 
@@ -162,7 +149,6 @@ def _settings(options: argparse.Namespace, scenario: Scenario | None) -> Mavlink
         "endpoints": tuple(options.endpoint) if options.endpoint else None,
         "system": options.system,
         "commands_from": options.commands_from,
-        "video_port": options.video_port,
         "rtp": options.rtp,
         "camera": options.camera,
         "logs": options.logs,

@@ -174,11 +174,8 @@ def _check_mavlink(scenario: Scenario) -> Iterator[Finding]:
                 "problem",
                 f"mavlink: endpoints: {endpoint!r}: [slave] listen uses ports {port} and {port + 1}: use another port",
             )
-    key = "video_port" if mavlink.video_port else "rtp" if mavlink.rtp else ""
-    if key and mavlink.camera not in scenario.sensors:
-        yield Finding(
-            "warning", f"mavlink: {key}: there is no camera {mavlink.camera!r}: add [sensors.{mavlink.camera}]"
-        )
+    if mavlink.rtp and mavlink.camera not in scenario.sensors:
+        yield Finding("warning", f"mavlink: rtp: there is no camera {mavlink.camera!r}: add [sensors.{mavlink.camera}]")
 
 
 def _check_link(scenario: Scenario, vehicle: Vehicle) -> Iterator[Finding]:

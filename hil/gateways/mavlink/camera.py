@@ -1,4 +1,4 @@
-"""Camera of the vehicle as a MAVLink camera: a component of its own, whose picture is at an address."""
+"""Camera of the vehicle as a MAVLink camera: a component of its own, whose picture is H.264 in RTP over UDP."""
 
 from typing import Any, NamedTuple
 
@@ -9,6 +9,7 @@ from hil.common.clock import NS_PER_MS
 from hil.links.mavlink.reports import MAVLINK_VERSION
 
 COMPONENT: int = dialect.MAV_COMP_ID_CAMERA
+STREAM = 1  # number of the one stream
 
 MESSAGES = (
     dialect.MAVLINK_MSG_ID_CAMERA_INFORMATION, dialect.MAVLINK_MSG_ID_VIDEO_STREAM_INFORMATION,
@@ -16,34 +17,17 @@ MESSAGES = (
 )  # fmt: skip
 
 
-class Stream(NamedTuple):
-    """One stream of the picture: what it is called, its address or (RTP) its UDP port, and MAVLink's words for it."""
-
-    name: str
-    address: str
-    kind: int
-    encoding: int
-
-
 class CameraInfo(NamedTuple):
-    """Streams and properties of a camera's picture: pixels, rate (Hz), angle of view (degrees); 0 if not known yet."""
+    """A camera's picture: the UDP port to which it is sent, pixels, rate (Hz), angle of view (degrees).
 
-    streams: tuple[Stream, ...]
+    Pixels, rate and angle are 0 if not known.
+    """
+
+    port: int
     width: int = 0
     height: int = 0
     rate: float = 0.0
     angle: float = 0.0
-
-
-def mjpeg(address: str) -> Stream:
-    """Return the stream of MJPEG over HTTP, for which MAVLink has no field: the address has it."""
-    kind, encoding = dialect.VIDEO_STREAM_TYPE_RTSP, dialect.VIDEO_STREAM_ENCODING_UNKNOWN
-    return Stream("MJPEG", address, kind, encoding)
-
-
-def h264(port: int) -> Stream:
-    """Return the stream of H.264 in RTP to this UDP port of the ground station."""
-    return Stream("H.264", str(port), dialect.VIDEO_STREAM_TYPE_RTPUDP, dialect.VIDEO_STREAM_ENCODING_H264)
 
 
 def heartbeat() -> Any:
@@ -53,12 +37,12 @@ def heartbeat() -> Any:
     )
 
 
-def messages(info: CameraInfo, number: int, now: int) -> list[Any]:
-    """Return the messages with one of the ids in MESSAGES."""
+def message(info: CameraInfo, number: int, now: int) -> Any:
+    """Return the message with one of the ids in MESSAGES."""
     if number == dialect.MAVLINK_MSG_ID_CAMERA_INFORMATION:
-        return [information(info, now)]
+        return information(info, now)
     if number == dialect.MAVLINK_MSG_ID_CAMERA_SETTINGS:
-        return [settings(now)]
+        return settings(now)
     is_status = number == dialect.MAVLINK_MSG_ID_VIDEO_STREAM_STATUS
     return stream_status(info) if is_status else stream_information(info)
 
@@ -71,26 +55,20 @@ def information(info: CameraInfo, now: int) -> Any:
     )  # fmt: skip
 
 
-def stream_information(info: CameraInfo) -> list[Any]:
-    """Return a VIDEO_STREAM_INFORMATION of each stream."""
-    return [
-        dialect.MAVLink_video_stream_information_message(
-            number, len(info.streams), stream.kind, dialect.VIDEO_STREAM_STATUS_FLAGS_RUNNING, info.rate, info.width,
-            info.height, 0, 0, round(info.angle), stream.name.encode(), stream.address.encode(), stream.encoding,
-        )
-        for number, stream in enumerate(info.streams, 1)
-    ]  # fmt: skip
+def stream_information(info: CameraInfo) -> Any:
+    """Return VIDEO_STREAM_INFORMATION."""
+    return dialect.MAVLink_video_stream_information_message(
+        STREAM, STREAM, dialect.VIDEO_STREAM_TYPE_RTPUDP, dialect.VIDEO_STREAM_STATUS_FLAGS_RUNNING, info.rate,
+        info.width, info.height, 0, 0, round(info.angle), b"H.264", str(info.port).encode(),
+        dialect.VIDEO_STREAM_ENCODING_H264,
+    )  # fmt: skip
 
 
-def stream_status(info: CameraInfo) -> list[Any]:
-    """Return a VIDEO_STREAM_STATUS of each stream."""
-    return [
-        dialect.MAVLink_video_stream_status_message(
-            number, dialect.VIDEO_STREAM_STATUS_FLAGS_RUNNING, info.rate, info.width, info.height, 0, 0,
-            round(info.angle),
-        )
-        for number, _ in enumerate(info.streams, 1)
-    ]  # fmt: skip
+def stream_status(info: CameraInfo) -> Any:
+    """Return VIDEO_STREAM_STATUS."""
+    return dialect.MAVLink_video_stream_status_message(
+        STREAM, dialect.VIDEO_STREAM_STATUS_FLAGS_RUNNING, info.rate, info.width, info.height, 0, 0, round(info.angle)
+    )
 
 
 def settings(now: int) -> Any:

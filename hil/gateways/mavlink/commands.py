@@ -108,8 +108,9 @@ class Commands:
             return
         do = self._table.get(request.command)
         if do is None:
-            reason = REFUSED.get(request.command, "this vehicle has no use for it")
-            self._core.complain(f"{command_name(request.command)} is not supported: {reason}", now)
+            name, reason = command_name(request.command), REFUSED.get(request.command, "this vehicle has no use for it")
+            if not name.startswith("REQUEST_"):  # ground stations ask everybody when they connect
+                self._core.complain(f"{name} is not supported: {reason}", now)
             settled(UNSUPPORTED)
             return
         try:

@@ -35,7 +35,6 @@ from hil.gateways.mavlink.flight.targets import (
 from hil.gateways.mavlink.messages import REFUSED, TAKEN, UNANSWERED
 from hil.gateways.mavlink.newer_messages import AvailableModes, AvailableModesMonitor, ProtocolVersion
 from hil.gateways.mavlink.protocols.ftp import FtpServer, ftp_message
-from hil.gateways.mavlink.protocols.signing import SigningKey
 from hil.gateways.mavlink.protocols.streams import CURRENT_MODE, HEARTBEAT, MISSION_CURRENT, MODES_MONITOR, number_of
 from hil.gateways.mavlink.snapshot import Context
 from hil.gateways.mavlink.telemetry import BUILDERS, status_text
@@ -72,10 +71,8 @@ class Dispatcher:
         core: Core,
         ftp: FtpServer,
         picture: camera.CameraInfo | None = None,
-        signing: SigningKey | None = None,
     ) -> None:
         self.core, self.picture = core, picture
-        self.signing = signing or SigningKey()
         self.peers: dict[int, Peer] = {}
         self.stale = False  # whether what is being read has waited too long to be executed
         self._ftp = ftp
@@ -246,7 +243,7 @@ class Dispatcher:
         if number == AvailableModes.id:
             return modes.available_modes(int(index) if index == index and 0 <= index < 1000 else 0)
         if self.picture and number in camera.MESSAGES:
-            return camera.messages(self.picture, number, now)
+            return [camera.message(self.picture, number, now)]
         return self.messages(number, self.core.context(now, now))
 
     def _version(self) -> Any:
@@ -381,16 +378,6 @@ class Dispatcher:
         context = self.core.context(now, now)
         for number in (GPS_GLOBAL_ORIGIN, HOME_POSITION):
             self._broadcast(self.messages(number, context))
-
-    def _setup_signing(self, peer: Peer, packet: Any, _now: int) -> None:
-        reason = self.signing.refusal(peer.is_local, self.core.pilot.armed)
-        if reason:
-            self.core.texts.append((4, reason))
-            return
-        reason = self.signing.set(bytes(packet.secret_key))
-        self.core.texts.append((4, reason) if reason else (6, f"signing {'on' if self.signing.secret else 'off'}"))
-        for each in self.peers.values():
-            each.sign(self.signing)
 
 
 def _partner(peer: Peer, packet: Any) -> tuple[int, int, int]:

@@ -46,7 +46,8 @@ class Gateway:
         self._clock, self._wall_clock = clock, wall_clock
         self._ftp = FtpServer(settings.logs, table)
         self.core = Core(port, settings, table, origin, clock(), motors)
-        self.dispatcher = Dispatcher(self.core, self._ftp, picture, signing or SigningKey(given=settings.signing_key))
+        self.dispatcher = Dispatcher(self.core, self._ftp, picture)
+        self._signing = signing or SigningKey(given=settings.signing_key)
         self._peers: dict[tuple[int, Hashable], Peer] = {}
         self._numbers = self._complaint_ns = 0
         self._due_ns = self._polled_ns = clock()
@@ -86,7 +87,7 @@ class Gateway:
             self.core.disarm()
             self.core.tick(self._clock() + NS_PER_S)
         self._ftp.close()
-        self.dispatcher.signing.close()
+        self._signing.stamps.close()
         for link in self._links:
             link.close()
 
@@ -119,7 +120,7 @@ class Gateway:
             name = ":".join(map(str, address[:2])) if isinstance(address, tuple) else str(address)
             peer = self._peers[number, address] = Peer(
                 self._numbers, name, settings.system, lambda data, message: link.send(address, data, message),
-                may_command, link.burst, self.dispatcher.signing, self._wall_clock, is_local,
+                may_command, link.burst, self._signing, self._wall_clock, is_local,
             )  # fmt: skip
             self.dispatcher.peers[peer.number] = peer
             self._report(f"{link.name}: sends to {name}{'' if may_command else ' (can only read)'}")

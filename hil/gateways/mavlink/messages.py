@@ -39,7 +39,6 @@ TAKEN: dict[str, Taken] = {
     "SET_POSITION_TARGET_GLOBAL_INT": Taken("global_target", True, "a target for Guided; a depth for Depth hold"),
     "SET_ATTITUDE_TARGET": Taken("attitude_target", True, "a heading; roll and pitch stay level"),
     "SET_GPS_GLOBAL_ORIGIN": Taken("set_origin", True, "the origin of local coordinates"),
-    "SETUP_SIGNING": Taken("setup_signing", True, "sets a key, from this machine only"),
 }  # fmt: skip
 OWN_SENSORS = "position and sensors are the simulation's own"
 REFUSED: dict[str, str] = {  # messages that others send to an autopilot, and why they change nothing here
@@ -51,6 +50,7 @@ REFUSED: dict[str, str] = {  # messages that others send to an autopilot, and wh
     "SET_ACTUATOR_CONTROL_TARGET": "thrusters are driven by sticks, targets and DO_MOTOR_TEST",
     "MISSION_WRITE_PARTIAL_LIST": "upload the whole mission",
     "LOG_REQUEST_DATA": "recordings are files of MAVFTP, in /logs",
+    "SETUP_SIGNING": "set signing_key in the section [mavlink]",
     "SERIAL_CONTROL": "there is no shell",
     "RALLY_POINT": "there are no rally points", "FENCE_POINT": "there is no fence",
 }  # fmt: skip

@@ -19,7 +19,6 @@ from hil.common.web.access import MAX_CONNECTIONS, WebAccess
 from hil.gateways.commanding import Commanding
 from hil.gateways.foxglove.server import FoxgloveServer
 from hil.gateways.json_lines.server import JsonGateway
-from hil.gateways.mavlink.video import VideoServer
 from hil.gateways.ros1.bridge import Ros1Bridge
 from hil.gateways.rosbridge.server import RosbridgeServer
 from hil.view.page_server import PageServer
@@ -117,9 +116,6 @@ def opened(kind: str) -> Iterator[Server]:
         elif kind == "gateway":
             gateway = stack.enter_context(JsonGateway(fleet, "127.0.0.1", 0))
             yield Server(gateway.port, *GATEWAY)
-        elif kind == "video":
-            video = stack.enter_context(VideoServer(0))
-            yield Server(video.port, get("/", video.port), b"HTTP/1.0 200")
         else:
             endpoint = stack.enter_context(Endpoint(("127.0.0.1", 0), NoSlaves()))
             port = int(endpoint.address.rpartition(":")[2].partition("/")[0])
@@ -141,7 +137,7 @@ def ros1_greeting(port: int) -> bytes:
 
 
 GATEWAY = b'{"id": 1, "do": "nothing"}\n', b'{"id": 1, "ok": false'
-KINDS = ["view", "foxglove", "rosbridge", "ros1", "gateway", "video", "prometheus"]
+KINDS = ["view", "foxglove", "rosbridge", "ros1", "gateway", "prometheus"]
 
 
 def answer_to(port: int, request: bytes) -> bytes:

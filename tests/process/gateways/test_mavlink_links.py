@@ -1,9 +1,7 @@
-"""Endpoints of the MAVLink vehicle: UDP and TCP peers, the zenoh keys of BlueOS, the video server."""
+"""Endpoints of the MAVLink vehicle: UDP and TCP peers, the zenoh keys of BlueOS."""
 
-import http.client
 import json
 import socket
-import threading
 import time
 from typing import Any
 
@@ -15,7 +13,6 @@ from hil.common.clock import NS_PER_S, now_ns
 from hil.common.errors import NetworkError
 from hil.gateways.mavlink.endpoints.links import MAX_PARTNERS, SILENT_NS, TcpIn, TcpOut, UdpIn, UdpOut
 from hil.gateways.mavlink.endpoints.zenoh_link import ZenohLink
-from hil.gateways.mavlink.video import BOUNDARY, VideoServer
 from tests.support.processes import PATIENCE_S, free_port, wait_for
 
 BEAT = dialect.MAVLink_heartbeat_message(12, 3, 0, 19, 3, 3)
@@ -165,23 +162,3 @@ def test_packets_have_the_keys_and_json_of_blueos() -> None:
         "mavlink_version": 3,
     }  # fmt: skip
     assert not link.is_local("zenoh")
-
-
-def test_video_is_served_to_this_machine_only() -> None:
-    requested = threading.Event()
-    with VideoServer(0, requested.set) as video:
-        browser = http.client.HTTPConnection("127.0.0.1", video.port, timeout=PATIENCE_S)
-        browser.request("GET", "/")
-        response = browser.getresponse()
-        assert BOUNDARY in (response.getheader("Content-Type") or "")
-        assert requested.wait(PATIENCE_S)
-        for number in range(3):
-            video.show(b"\xff\xd8" + bytes((number,)) * 500)
-            head = b"".join(response.readline() for _ in range(4))
-            assert b"Content-Length: 502" in head
-            assert response.read(504) == b"\xff\xd8" + bytes((number,)) * 500 + b"\r\n"
-        page = http.client.HTTPConnection("127.0.0.1", video.port, timeout=PATIENCE_S)
-        page.request("GET", "/", headers={"Host": "attacker.example"})
-        assert page.getresponse().status == 403
-        browser.close()
-        page.close()

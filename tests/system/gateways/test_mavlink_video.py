@@ -1,4 +1,4 @@
-"""The video streams of the camera, decoded by ffmpeg: MJPEG over HTTP, and H.264 in RTP joined late."""
+"""The video stream of the camera, H.264 in RTP joined late, decoded by ffmpeg."""
 
 import io
 import shutil
@@ -13,7 +13,6 @@ import pytest
 from PIL import Image
 
 from hil.gateways.mavlink.rtp import RtpVideo
-from hil.gateways.mavlink.video import VideoServer
 from tests.support.processes import PATIENCE_S, free_port
 
 pytestmark = pytest.mark.skipif(not shutil.which("ffmpeg"), reason="ffmpeg is not installed")
@@ -71,11 +70,6 @@ def check(shown: list[Image.Image]) -> None:
             found = image.getpixel(place)
             assert isinstance(found, tuple)
             assert all(abs(a - b) < 40 for a, b in zip(found, wanted, strict=True)), (place, found)
-
-
-def test_mjpeg_over_http_is_decoded(tmp_path: Path) -> None:
-    with VideoServer(0) as video, camera(video.show):
-        check(frames(tmp_path, "-f", "mpjpeg", "-i", video.address))
 
 
 def test_h264_in_rtp_joined_late_is_decoded(tmp_path: Path) -> None:

@@ -21,7 +21,8 @@ class Peer:
     """A partner, known by `number`; packets go out by `write`, `burst` bytes of lists at most a turn.
 
     `counters` counts what came damaged, unsigned or cut; `may_command` whether it may change anything, `is_local`
-    whether it is on this machine or a wire of it. With a secret in `signing` packets are signed.
+    whether it is on this machine or a wire of it. With a secret in `signing` packets are
+    signed, and unsigned ones refused.
     """
 
     def __init__(
@@ -44,14 +45,10 @@ class Peer:
         self._write, self._burst = write, burst
         self._stream = MavlinkStream(system, COMPONENT, self.counters, takes_version_1=True)
         self._camera = MavlinkStream(system, CAMERA, Counters())
-        self._wall_clock = wall_clock
-        self.sign(signing or SigningKey())
-        self._waiting: deque[Any] = deque(maxlen=MAX_WAITING)
-
-    def sign(self, key: SigningKey) -> None:
-        """Sign what is sent, and refuse what is not signed with this key; without a secret do neither."""
+        key = signing or SigningKey()
         for stream in (self._stream, self._camera):
-            stream.sign(key.secret, self._wall_clock, key.stamps, self.number)
+            stream.sign(key.secret, wall_clock, key.stamps, number)
+        self._waiting: deque[Any] = deque(maxlen=MAX_WAITING)
 
     def unpack(self, data: bytes) -> list[Any]:
         """Return the messages that bytes complete. Never raises."""

@@ -1,20 +1,14 @@
-"""The key with which packets are signed: that of the scenario, or one that a ground station sets (SETUP_SIGNING).
+"""The key of the scenario, with which packets are signed, and the timestamps of packets that were accepted.
 
-A key travels in clear, so it is taken from this machine and its wires alone, while disarmed, and never in place of
-the scenario's. It is stored with the parameters, for its owner alone, and used again at the next start; a key of zeros
-ends signing. Who has lost the key removes the file. Source: mavlink.io, guide/message_signing.
-
-Beside it lie the newest timestamps of all senders: what was accepted before a restart is refused after it.
+What was accepted before a restart is refused after it. Source: mavlink.io, guide/message_signing.
 """
 
 import hashlib
-import os
 from contextlib import suppress
 
 from hil.common.tables import PRIVATE, write_atomically
 from hil.links.mavlink.stream import Stamps, signing_secret
 
-SECRET_SIZE = 32
 RESERVE = 1_000_000  # units of a timestamp, 10 s: what is saved is that much newer, so that it is rarely saved
 
 
@@ -61,54 +55,8 @@ class SavedStamps(Stamps):
 
 
 class SigningKey:
-    """`secret` is the key in use, empty without one; `stamps` what was received with it.
-
-    `given` is the scenario's key, `path` the file of one that a ground station set ("": none).
-    """
+    """`secret` signs packets, empty: none; `stamps` are of what was received with it, saved beside `path` ("": not)."""
 
     def __init__(self, path: str = "", given: str = "") -> None:
-        self._path, self.is_given = path, bool(given)
-        self.secret = signing_secret(given) if given else self._load()
-        self.stamps = self._stamps()
-
-    def close(self) -> None:
-        """Save what has to be known at the next start."""
-        self.stamps.close()
-
-    def refusal(self, is_local: bool, armed: bool) -> str:
-        """Return why a ground station may not set the key; "" if it may."""
-        if self.is_given:
-            return "signing: the key is the scenario's"
-        if not is_local:
-            return "signing: a key is taken from this machine alone"
-        return "signing: no key is taken while armed" if armed else ""
-
-    def set(self, secret: bytes) -> str:
-        """Use and store another key; return why it could not be stored, "" if it was."""
-        self.secret = secret if any(secret) else b""
-        self.stamps = self._stamps()
-        if not self._path:
-            return ""
-        try:
-            if not self.secret:
-                with suppress(FileNotFoundError):
-                    os.unlink(self._path)
-                return ""
-            write_atomically(self._path, self.secret.hex(), PRIVATE)
-        except OSError as error:
-            return f"signing: not stored: {error.strerror}"
-        return ""
-
-    def _stamps(self) -> SavedStamps:
-        return SavedStamps(f"{self._path}.stamps" if self._path else "", self.secret)
-
-    def _load(self) -> bytes:
-        """Return the stored key; empty where there is none, or none that can be read."""
-        if not self._path:
-            return b""
-        try:
-            with open(self._path, encoding="ascii") as file:
-                secret = bytes.fromhex(file.read(2 * SECRET_SIZE + 1))
-        except (OSError, ValueError):
-            return b""
-        return secret if len(secret) == SECRET_SIZE else b""
+        self.secret = signing_secret(given) if given else b""
+        self.stamps = SavedStamps(f"{path}.stamps" if path else "", self.secret)
