@@ -6,6 +6,7 @@ from typing import Any
 from hil.commands.listening import add_wait
 from hil.common.options import add_member, add_scenario, changes_of
 from hil.common.stop import StopSignals
+from hil.scenario.config import load_scenario
 
 
 def add_to(actions: Any) -> None:
@@ -20,7 +21,6 @@ def add_to(actions: Any) -> None:
 def _run(options: argparse.Namespace) -> int:
     """Plan for the vehicle until stopped; return the exit code. Raises MissionError if something went wrong with it."""
     from hil.master.agent import run
-    from hil.scenario.config import load_scenario
 
     scenario = load_scenario(options.scenario, changes_of(options))
     with StopSignals() as stop_fd:

@@ -1,7 +1,10 @@
 """`uuv-hil autopilot`: test motors and link of an autopilot, and print its parameters."""
 
 from hil.autopilots.frames import AUTO, CUSTOM, map_motors
+from hil.autopilots.link_test import measure_link
+from hil.autopilots.motor_test import test_motors
 from hil.autopilots.opening import settings_of
+from hil.autopilots.parameters import all_parameters, format_parameters
 from hil.common.errors import ConfigError, DeviceError
 from hil.common.options import Number, add_scenario, changes_of, new_parser
 from hil.scenario.config import AUTOPILOTS, Scenario, load_single
@@ -50,8 +53,6 @@ def _frame(scenario: Scenario) -> str:
 
 
 def _motors(scenario: Scenario, vehicle: Vehicle) -> int:
-    from hil.autopilots.motor_test import test_motors
-
     motors = map_motors(_frame(scenario), vehicle)
     print(f"{vehicle.name}, frame {motors.frame}: each motor at 1700 us for 0.25 s, from rest")
     results = test_motors(scenario, vehicle, motors)
@@ -68,8 +69,6 @@ def _motors(scenario: Scenario, vehicle: Vehicle) -> int:
 
 
 def _link(scenario: Scenario, seconds: float) -> int:
-    from hil.autopilots.link_test import measure_link
-
     result = measure_link(scenario, seconds, lambda text: print(text, flush=True))
     print(f"states sent {result.states}, outputs {result.outputs}, lost {result.lost}, malformed {result.malformed}")
     print(
@@ -90,8 +89,6 @@ def _link(scenario: Scenario, seconds: float) -> int:
 
 
 def _parameters(scenario: Scenario, vehicle: Vehicle) -> int:
-    from hil.autopilots.parameters import all_parameters, format_parameters
-
     motors = map_motors(_frame(scenario), vehicle)
     parameters = all_parameters(settings_of(scenario), scenario.controller, vehicle, motors, scenario.sensors)
     print(format_parameters(parameters), end="")

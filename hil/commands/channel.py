@@ -8,6 +8,8 @@ from hil.common.clock import NS_PER_S, now_ns
 from hil.common.errors import ConfigError
 from hil.common.options import add_scenario, changes_of
 from hil.common.stop import StopSignals, is_stopped
+from hil.scenario.config import load_scenario
+from hil.scenario.modem import modem_of
 
 REPORT_PERIOD_S = 5.0
 
@@ -23,8 +25,6 @@ def _run(options: argparse.Namespace) -> int:
     """Simulate the channel until SIGINT or SIGTERM; return the exit code. Raises ConfigError, NetworkError."""
     from hil.master.acoustic_channel import ModemNetwork, summary
     from hil.network.roles import open_master_session
-    from hil.scenario.config import load_scenario
-    from hil.scenario.modem import modem_of
 
     scenario = load_scenario(options.scenario, changes_of(options))
     if scenario.security:

@@ -6,6 +6,8 @@ from importlib import import_module
 from typing import Any
 
 from hil.common.options import new_parser, subparsers
+from hil.common.schema import preset_names
+from hil.scenario.config import SCENARIOS
 
 EXAMPLES = """\
 examples:
@@ -96,9 +98,6 @@ def _add_completers(parser: argparse.ArgumentParser) -> None:
 
 def _scenarios(prefix: str, **_: Any) -> list[str]:
     from argcomplete.completers import FilesCompleter
-
-    from hil.common.schema import preset_names
-    from hil.scenario.config import SCENARIOS
 
     return [*preset_names(SCENARIOS), *FilesCompleter(allowednames=["toml"])(prefix)]
 

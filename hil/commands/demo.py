@@ -10,6 +10,7 @@ import sys
 from collections.abc import Callable
 from importlib.util import find_spec
 
+from hil.charts.dive.watch import DiveWatch
 from hil.commands.gridding import add_reading, show_progress
 from hil.commands.listening import is_routed
 from hil.commands.view.opening import view_process
@@ -93,7 +94,6 @@ def _dive(options: argparse.Namespace) -> int:
     _require_extras()
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the linear systems are small: more threads only wait
     from hil.charts.dive.prepare import DiveOptions, prepare_dive
-    from hil.charts.dive.watch import DiveWatch
     from hil.charts.sources.sign import Declared
 
     endpoint = options.listen or DiveOptions().listen

@@ -11,6 +11,7 @@ from hil.common.options import DAY_S, SEED, Number, Quantity, Share, add_json, i
 from hil.common.schema import parse
 from hil.common.tables import settings
 from hil.links.options import add_link
+from hil.links.wires.faults import Faults
 from hil.scenario.records import Link
 from hil.slave.drivers.driver import DRIVERS
 
@@ -87,8 +88,6 @@ def _parser() -> Any:
 
 def link_of(options: Any) -> Link:
     """Return the link that the options of hil.links.options.add_link, and --fault, describe. Raises ConfigError."""
-    from hil.links.wires.faults import Faults
-
     table = {key: getattr(options, key) for key in ("port", "protocol", "frame", "baud", "bitrate")}
     link = parse(table, Link, "command line")
     wanted = vars(options).get("fault")

@@ -27,6 +27,8 @@ from hil.master.mission import Mission
 from hil.master.planner import topics_of
 from hil.master.progress import Progress
 from hil.master.recorder import RecordedClient, TrackWriter, make_folder, recorded
+from hil.network.diagnosis import why_not
+from hil.network.discovery import find
 from hil.plots import run_picture as picture
 from hil.recording.mcap_writer import require_library
 from hil.recording.recorder import new_folder
@@ -115,8 +117,6 @@ def _client(endpoint: str, scenario: Scenario, plan: Plan, rank: int, progress: 
 
 def _discover_slave(seconds: float) -> str:
     """Return the endpoint of the slave that multicast finds. Raises NetworkError if it finds none or several."""
-    from hil.network.discovery import find
-
     endpoints = find(seconds)
     if len(endpoints) == 1:
         return endpoints[0]
@@ -157,8 +157,6 @@ def _pause(stop_fd: int, seconds: float) -> None:
 
 def _why_silent(client: VehicleClient, scenario: Scenario) -> str:
     """Return why no sample arrives. Raises NetworkError if waiting longer cannot help."""
-    from hil.network.diagnosis import why_not
-
     security = scenario.security
     fault = why_not(client.endpoint, keys_of(scenario), is_routed(scenario), client.session)
     if fault and fault.lasting:

@@ -7,6 +7,7 @@ from importlib.util import find_spec
 from typing import Any
 
 from hil.commands.gridding import RESOLUTION, add_reading, show_progress
+from hil.commands.vehicle.xacro_expand import expand, is_xacro
 from hil.common.columns import aligned
 from hil.common.errors import ConfigError, HilError, MissingExtraError
 from hil.common.options import Number, add_json, add_output, add_plot, lat_lon, new_parser
@@ -214,7 +215,6 @@ def _write(world: World, path: str, ending: str, resolution: float | None, depth
 
 def _import(options: argparse.Namespace) -> int:
     from hil.charts.imports.gazebo_world import import_world
-    from hil.commands.vehicle.xacro_expand import expand, is_xacro
 
     path = options.output if options.output.endswith(".toml") else f"{options.output}.toml"
     text = expand(options.file) if is_xacro(options.file) else None

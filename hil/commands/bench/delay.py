@@ -23,6 +23,7 @@ from hil.commands.bench.options import (
     show,
 )
 from hil.commands.bench.partial_failures import PartialFailures
+from hil.commands.keys import add_machine, init
 from hil.common.errors import ConfigError
 from hil.common.options import (
     ENDPOINT,
@@ -232,8 +233,6 @@ def _keys(choice: str) -> Iterator[dict[str, Any]]:
     if choice != "on":
         yield {} if not choice else {"security": None}
         return
-    from hil.commands.keys import add_machine, init
-
     with ScratchFolder("keys") as folder:
         keys = folder.file("keys")
         init(keys)

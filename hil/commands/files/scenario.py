@@ -10,6 +10,7 @@ from hil.common.errors import ConfigError
 from hil.common.options import add_json, add_scenario, add_scenario_name, add_strict, changes_of, new_parser
 from hil.common.schema import find_preset, preset_names, shortened
 from hil.common.tables import read_bytes
+from hil.doctor.vehicle.finding import exit_code
 from hil.scenario.config import SCENARIOS, Scenario, load_scenario
 
 EXAMPLES = """\
@@ -122,7 +123,6 @@ def _new(path: str, name: str) -> int:
 
 def _check(name: str, changes: dict[str, Any], as_json: bool, strict: bool) -> int:
     from hil.doctor.scenario.check import check_scenario
-    from hil.doctor.vehicle.finding import exit_code
 
     findings = list(check_scenario(load_scenario(name, changes)))
     if as_json:

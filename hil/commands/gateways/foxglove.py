@@ -5,12 +5,16 @@ from typing import TYPE_CHECKING
 
 import hil
 from hil.commands.listening import add_connect, add_settings, is_routed, keys_of, scenario_and_endpoints
+from hil.common.clock import now_ns, to_wall_ns
 from hil.common.errors import MissingExtraError
 from hil.common.options import add_serving, new_parser
 from hil.common.stop import StopSignals, is_stopped
+from hil.gateways.foxglove.scene import encode_scene, scene_channel
 from hil.network.settings import Network
 from hil.recording.mcap_file import Message
 from hil.scenario.config import Scenario
+from sim.environment.world import load_world
+from sim.vehicle.vehicle import load_vehicle
 
 if TYPE_CHECKING:
     from hil.gateways.foxglove.server import FoxgloveServer
@@ -90,10 +94,5 @@ def _report_vehicle(nodes: set[str], message: Message) -> None:
 
 
 def _show_scene(server: "FoxgloveServer", scenario: Scenario) -> None:
-    from hil.common.clock import now_ns, to_wall_ns
-    from hil.gateways.foxglove.scene import encode_scene, scene_channel
-    from sim.environment.world import load_world
-    from sim.vehicle.vehicle import load_vehicle
-
     scene = encode_scene(scenario, load_world(scenario.world), load_vehicle(scenario.vehicle)[0])
     server.publish(scene_channel(), to_wall_ns(now_ns()), scene, latched=True)

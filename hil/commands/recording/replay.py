@@ -6,16 +6,20 @@ from typing import TYPE_CHECKING
 
 from hil.commands.listening import add_wait
 from hil.commands.recording.options import add_recording
+from hil.commands.view.opening import open_view
 from hil.common.clock import NS_PER_S, now_ns
 from hil.common.errors import STOPPED, ConfigError, MissionError, NetworkError
 from hil.common.options import ENDPOINT, OUTPUT_FILE, Number, new_parser
 from hil.common.stop import StopSignals, is_stopped
+from hil.gateways.foxglove.recording import write_for_foxglove
+from hil.recording.check import check
 from hil.recording.mcap_file import Message
 from hil.recording.reader import read_about, read_messages
 from hil.recording.run import read_run, require_run
 from hil.ros import dialect
 from hil.ros import encoders as ros
 from hil.ros.topics import COMMANDS
+from hil.view.sources.recorded import RecordedSource
 
 if TYPE_CHECKING:
     from hil.client.client import VehicleClient
@@ -73,8 +77,6 @@ def main(arguments: list[str]) -> int:
 
 
 def _write_for_foxglove(path: str, target: str, own_classes: bool) -> int:
-    from hil.gateways.foxglove.recording import write_for_foxglove
-
     written = write_for_foxglove(path, target, own_classes)
     added = ", ".join([f"{count} of {topic}" for topic, count in sorted(written.added.items())])
     print(f"{target}: {written.copied} messages of {path}, and {added}")
@@ -82,8 +84,6 @@ def _write_for_foxglove(path: str, target: str, own_classes: bool) -> int:
 
 
 def _check(path: str, own_classes: bool) -> int:
-    from hil.recording.check import check
-
     began = now_ns()
     compared, steps, difference = check(path, own_classes)
     took = (now_ns() - began) / NS_PER_S
@@ -116,9 +116,7 @@ def _play(options: argparse.Namespace, stop_fd: int) -> int:
 
 
 def _show(path: str, own_classes: bool, stop_fd: int) -> int:
-    from hil.commands.view.opening import open_view
     from hil.view.live_view import PERIOD_S, SceneContent
-    from hil.view.sources.recorded import RecordedSource
 
     source = RecordedSource(path)
     run = read_run(read_about(path), path, own_classes)

@@ -7,12 +7,14 @@ from contextlib import ExitStack
 from typing import Any
 
 from hil.cases.simulated import SimulatedVehicle, Watch, fly, progress_watch
+from hil.commands.view.flights import FlightViewer
 from hil.common.clock import NS_PER_S, RateKeeper, now_ns, seconds_ns
 from hil.common.errors import STOPPED
 from hil.common.options import SEED, add_json, add_output, add_plot, add_scenario, add_view, changes_of, new_parser
 from hil.common.streams import ProgressLine
 from hil.common.text import json_text
 from hil.master.flight import Outcome, Plan, prepare, require_success
+from hil.plots import run_picture as picture
 from hil.plots.plotting import check_picture
 from hil.scenario.attitude_warning import attitude_warning
 from hil.scenario.config import AUTOPILOTS, Scenario, load_single
@@ -98,15 +100,11 @@ def _fly(
 
 def _show(opened: ExitStack, scenario: Scenario, vehicle: SimulatedVehicle) -> Watch:
     """Show the flight in a browser; the view paces it."""
-    from hil.commands.view.flights import FlightViewer
-
     return opened.enter_context(FlightViewer().show_simulated(scenario, {scenario.slave.node: vehicle}))
 
 
 def _draw_field(axes: Any, scenario: Scenario, plan: Plan, outcome: Outcome | None) -> None:
     """Draw obstacles, path, goal and events."""
-    from hil.plots import run_picture as picture
-
     picture.draw_world(axes, plan.world)
     picture.draw_path(axes, plan.planner.path)
     picture.draw_goal(axes, scenario)

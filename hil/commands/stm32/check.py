@@ -5,11 +5,15 @@ import sys
 from typing import TYPE_CHECKING
 
 from firmware_stub.image import CHIPS, load_image
+from hil.bench.output_check import Plan, check_outputs
+from hil.commands.loopback import link_of
 from hil.common.errors import STOPPED, ConfigError
 from hil.common.options import Number, Quantity, integer
+from hil.common.stop import StopSignals
 from hil.common.streams import agreed
 from hil.links.contract import PWM_NEUTRAL_US
 from hil.links.options import add_link
+from hil.slave.drivers.driver import DRIVERS
 
 if TYPE_CHECKING:
     from hil.bench.output_check import Finding
@@ -38,10 +42,6 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Check; return 0 if every output answered, 1 if not, 130 after Ctrl-C. Raises HilError."""
-    from hil.bench.output_check import Plan, check_outputs
-    from hil.commands.loopback import link_of
-    from hil.common.stop import StopSignals
-
     plan = Plan(_kind(options), link_of(options), options.channels, options.offset, options.seconds, options.settle)
     pins = load_image(options.chip).outputs if options.chip else ()
     print(WARNING.format(seconds=options.seconds), file=sys.stderr)
@@ -69,8 +69,6 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _kind(options: argparse.Namespace) -> str:
-    from hil.slave.drivers.driver import DRIVERS
-
     if options.stm32 not in DRIVERS:
         raise ConfigError(f"--stm32: {options.stm32!r} is not one of {', '.join(DRIVERS)}")
     if options.offset == 0:

@@ -4,6 +4,8 @@ import argparse
 import os
 from collections.abc import Callable
 
+from firmware_stub.flash import probe
+from firmware_stub.flash.content import choose_image, load_content, wiring
 from firmware_stub.image import CHIPS, MAX_CHANNELS, Image, describe_image, load_image, parameters
 from hil.common.errors import ConfigError
 from hil.common.options import BAUD, Quantity, integer
@@ -41,8 +43,6 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Recognise the board, show the wiring, write; return the exit code. Raises HilError."""
-    from firmware_stub.flash.content import load_content, wiring
-
     if options.image and not os.path.isfile(options.image):
         fault = "a folder" if os.path.isdir(options.image) else "no such file"
         raise ConfigError(
@@ -91,9 +91,6 @@ def _recognise(options: argparse.Namespace, chip: str | None) -> tuple[Image, Ca
         image = dfu.choose_image(board, chip)
         _report(f"board in DFU mode at {board.path}, {board.flash_kib} KiB of flash")
         return image, lambda content, report: dfu.write(board, content, report)
-    from firmware_stub.flash import probe
-    from firmware_stub.flash.content import choose_image
-
     chosen = probe.find_probe(options.probe)._replace(under_reset=options.under_reset)
     found = probe.identify(chosen)
     image = choose_image(found.device_id, chip)

@@ -8,6 +8,7 @@ from typing import Any
 
 from hil.common.errors import ConfigError
 from hil.common.schema import shortened
+from hil.common.tables import parse_toml
 
 LONGEST = 64  # elements of an array that are shown
 MAX_MESSAGES, FEW_MESSAGES = 128, 4  # a longer array of messages is cut to a few
@@ -27,8 +28,6 @@ def parse_values(text: str) -> dict[str, Any]:
         return {}
     if stripped.startswith("{"):
         return _parse_flow(stripped)
-    from hil.common.tables import parse_toml
-
     try:
         return parse_toml(stripped)
     except (ValueError, RecursionError) as error:  # ValueError also for a number with thousands of digits

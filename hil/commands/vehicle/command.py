@@ -5,11 +5,15 @@ from collections.abc import Sequence
 from typing import Any
 
 from hil.autonomy.control.allocation import pseudo_inverse
+from hil.commands.vehicle.equipment import tables
 from hil.common.columns import aligned, paragraph
 from hil.common.errors import ConfigError
 from hil.common.options import Number, add_json, add_output, add_plot, add_strict, new_parser
 from hil.common.schema import preset_names
 from hil.common.text import json_text
+from hil.doctor.vehicle.finding import exit_code
+from hil.doctor.vehicle.rules import check_vehicle
+from hil.doctor.vehicle.subject import Subject
 from sim.matrices import square
 from sim.vehicle.terminal_speed import AXES, AxisCapability, axis_capabilities
 from sim.vehicle.thrusters.bank import wrench_matrix
@@ -55,10 +59,6 @@ def main(arguments: list[str]) -> int:
 
         print(urdf_of(vehicle, options.prefix), end="")
         return 0
-    from hil.doctor.vehicle.finding import exit_code
-    from hil.doctor.vehicle.rules import check_vehicle
-    from hil.doctor.vehicle.subject import Subject
-
     density = options.density or 1000.0
     findings = list(check_vehicle(Subject(vehicle, control, options.density, name=options.vehicle)))
     if options.json:
@@ -229,8 +229,6 @@ def _drives(vehicle: Vehicle) -> str:
 def _equipment(vehicle: Vehicle) -> list[tuple[str, list[tuple[str, ...]]]]:
     if not vehicle.has_equipment:
         return []
-    from hil.commands.vehicle.equipment import tables
-
     return tables(vehicle)
 
 

@@ -8,6 +8,7 @@ from hil.commands.view.tls import page_tls
 from hil.common.clock import NS_PER_S, now_ns
 from hil.common.options import add_serving, new_parser
 from hil.common.stop import StopSignals
+from hil.view.pace import Pace
 
 EXAMPLES = """\
 Open the address that it prints in any browser; it holds a token that is new at each start. With the scenario of the
@@ -34,7 +35,6 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--no-browser", action="store_true", help="print the address, but open no browser")
     options = parser.parse_args(arguments)
     scenario, (endpoints, routed, keys) = connect_arguments(options)
-    from hil.view.pace import Pace
     from hil.view.sources.live import LiveSource
 
     tls = page_tls(options.listen[0], options.cert, options.key, keys)

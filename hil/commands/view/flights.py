@@ -9,6 +9,7 @@ from hil.cases.viewer import Viewer
 from hil.commands.view.opening import ANY_PORT, new_token, open_view, scene_content, view_process
 from hil.scenario.config import Scenario
 from hil.scenario.fleet import endpoints_of
+from hil.view.sources.simulated import SimulatedSource
 
 if TYPE_CHECKING:
     from hil.view.sources.simulated import SimulatedVehicle
@@ -29,8 +30,6 @@ class FlightViewer(Viewer):
         self, scenario: Scenario, vehicles: "Mapping[str, SimulatedVehicle]"
     ) -> Iterator[Callable[[Any], None]]:
         """Show a flight that the view paces: it can be paused, stepped and sped up."""
-        from hil.view.sources.simulated import SimulatedSource
-
         source = SimulatedSource(vehicles)
         with open_view(source, scene_content(scenario), self._address, token=self._token) as view:
             self._address = self._address[0], view.port

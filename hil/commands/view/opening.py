@@ -12,6 +12,9 @@ from hil.commands.view.tls import is_local
 from hil.common.children import module_command, package_environment, start_child
 from hil.common.errors import HilError, NetworkError
 from hil.scenario.config import Scenario
+from hil.scenario.fleet import hunt_plan
+from sim.environment.world import load_world
+from sim.vehicle.vehicle import load_vehicle
 
 if TYPE_CHECKING:
     from ssl import SSLContext
@@ -66,8 +69,6 @@ def open_view(
 def scene_content(scenario: Scenario | None) -> "SceneContent":
     """Return the world, the shapes and the planned path of a scenario. Raises ConfigError."""
     from hil.view.live_view import SceneContent
-    from sim.environment.world import load_world
-    from sim.vehicle.vehicle import load_vehicle
 
     if scenario is None:
         return SceneContent()
@@ -92,7 +93,6 @@ def _hunt_of(scenario: Scenario) -> "Hunt | None":
     """Return the hunt of a fleet, for the view; None without one."""
     if scenario.hunting is None:
         return None
-    from hil.scenario.fleet import hunt_plan
     from hil.view.scene.fleet import Hunt
 
     nodes = tuple([member.node for member in scenario.member])
