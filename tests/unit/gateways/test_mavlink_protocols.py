@@ -1,7 +1,6 @@
 """Parameters, missions, files, logs, streams and rights of the MAVLink vehicle, packet by packet."""
 
 import math
-import struct
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +17,7 @@ from hil.scenario.mavlink_records import Mavlink
 from sim.sensors.extra_samples import BatterySample
 from tests.support.clients.mavlink_missions import ACCEPTED, DENIED, HOME_ROW, UNSUPPORTED, upload_mission
 from tests.support.clients.mavlink_vehicle import Bench
+from tests.support.clients.qgroundcontrol import unpack
 
 
 def test_every_command_is_acknowledged() -> None:
@@ -118,25 +118,9 @@ def test_parameters_can_be_read_as_one_file() -> None:
     data = b"".join(part for kind, _, _, part in answers if kind == ftp.ACK)
     assert answers[-1][3] == bytes((ftp.END_OF_FILE,))
     assert len(data) == int.from_bytes(size, "little")
-    assert _unpacked(data) == pytest.approx({name: bench.table.value(name) for name in bench.table.names()}, rel=1e-6)
+    assert unpack(data) == pytest.approx({name: bench.table.value(name) for name in bench.table.names()}, rel=1e-6)
     assert _ftp(bench, ftp.TERMINATE, session=session)[0][0] == ftp.ACK
     assert _ftp(bench, ftp.READ, session=session, size=10)[0][3] == bytes((ftp.BAD_SESSION,))
-
-
-def _unpacked(data: bytes) -> dict[str, float]:
-    """Read param.pck as its description says: type, shared beginning, rest of the name, value."""
-    magic, count, _ = struct.unpack_from("<HHH", data)
-    assert magic == 0x671B
-    values, last, offset = {}, "", 6
-    while offset < len(data):
-        kind, lengths = data[offset] & 15, data[offset + 1]
-        common, suffix = lengths & 15, (lengths >> 4) + 1
-        last = last[:common] + data[offset + 2 : offset + 2 + suffix].decode()
-        form = {1: "<b", 2: "<h", 3: "<i", 4: "<f"}[kind]
-        (values[last],) = struct.unpack_from(form, data, offset + 2 + suffix)
-        offset += 2 + suffix + struct.calcsize(form)
-    assert len(values) == count
-    return values
 
 
 def test_only_logs_can_be_read(tmp_path: Path) -> None:
