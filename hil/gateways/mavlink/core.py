@@ -26,6 +26,7 @@ from sim.geodesy import TangentPlane
 LOST_NS = 3 * NS_PER_S  # a vehicle that is away for longer is disarmed
 DRIVE_NS = NS_PER_S // 20  # between two commands to the vehicle
 URGENT_NS = NS_PER_S // 100  # the same, where a stick has moved
+NEVER = 1 << 63
 ARMING_NS = 9 * NS_PER_S // 5  # that the slave may take to report that it is armed
 OBSTACLE_NS = 30 * NS_PER_S  # between two reports of why the vehicle cannot be armed
 SAME_PLACE = 1e-6  # degrees and m between two origins that are one
@@ -78,6 +79,7 @@ class Core:
         self._urgent = False
         self._gcs_ns: int | None = None  # last heartbeat of a ground station
         self._gcs_lost = self._leaks = False
+        self._low_ns: dict[str, int] = {}  # since when the battery is low or critical, NEVER once that is acted on
         self._refusal = ""
         self._obstacle: tuple[str, int] = "", 0  # why the vehicle cannot be armed, and when that was reported (ns)
 
@@ -242,7 +244,7 @@ class Core:
         settled(dialect.MAV_RESULT_ACCEPTED)
 
     def _watch(self, now: int) -> None:
-        """Disarm if another master commands the vehicle; act on silent ground stations and on leaks."""
+        """Disarm if another master commands the vehicle; act on silent ground stations, leaks and an empty battery."""
         if self._refusal:
             self.texts.append((CRITICAL, f"Disarmed: {self._refusal}"))
             self.disarm()
@@ -257,6 +259,24 @@ class Core:
             if self.table["FS_LEAK_ENABLE"] == 2:
                 self.set_mode(Mode.SURFACE)
         self._leaks = leaks
+        self._watch_battery(now)
+
+    def _watch_battery(self, now: int) -> None:
+        """Act once if the voltage has been below BATT_LOW_VOLT or BATT_CRT_VOLT for BATT_LOW_TIMER."""
+        battery = self.snapshot.battery if self.snapshot else None
+        for level in ("LOW", "CRT"):
+            if battery is None or battery.voltage >= self.table[f"BATT_{level}_VOLT"]:
+                self._low_ns.pop(level, None)
+            elif now - self._low_ns.setdefault(level, now) > self.table["BATT_LOW_TIMER"] * NS_PER_S:
+                self._low_ns[level] = NEVER
+                self.texts.append(
+                    (CRITICAL, f"Battery {'low' if level == 'LOW' else 'critical'}: {battery.voltage:.1f} V")
+                )
+                action = self.table[f"BATT_FS_{level}_ACT"]
+                if action == 2:
+                    self.disarm()
+                elif action == 3:
+                    self.set_mode(Mode.SURFACE)
 
     def forget_obstacle(self) -> None:
         """Report again why the vehicle cannot be armed, if it cannot."""

@@ -11,6 +11,7 @@ from hil.gateways.mavlink.parameter_table import GATEWAY, INT8, INT16, INT32, RE
 from hil.gateways.mavlink.snapshot import ThrusterTest
 from hil.scenario.config import load_scenario
 from hil.scenario.mavlink_records import Mavlink
+from sim.sensors.extra_samples import BatterySample
 from tests.support.clients.mavlink_missions import ACCEPTED, DENIED, HOME_ROW, UNSUPPORTED, upload_mission
 from tests.support.clients.mavlink_vehicle import Bench
 
@@ -99,6 +100,21 @@ def test_a_parameter_takes_effect_or_says_that_it_does_not() -> None:
     bench.vehicle.values["ATC_ANG_YAW_P"] = 1.0
     assert bench.partner.set_parameter("ATC_ANG_YAW_P", 3.0) == 3.0
     assert bench.vehicle.values["ATC_ANG_YAW_P"] == 3.0, "the slave's gain"
+
+
+def test_the_battery_failsafe_of_its_power_page_acts_on_the_simulated_battery() -> None:
+    bench = Bench()
+    for name, value in (("BATT_LOW_VOLT", 15.0), ("BATT_LOW_TIMER", 2.0), ("BATT_FS_LOW_ACT", 3.0)):
+        assert bench.partner.set_parameter(name, value) == value
+    bench.vehicle.battery = BatterySample(0, 15.5, 2.0, 100.0, 50.0, False)
+    bench.arm(Mode.ALT_HOLD)
+    bench.run(3.0)
+    bench.vehicle.battery = BatterySample(0, 14.5, 2.0, 100.0, 50.0, False)
+    bench.run(1.0)
+    assert bench.core.pilot.mode == Mode.ALT_HOLD, "a pull of the motors is no empty battery"
+    bench.run(2.0)
+    assert bench.core.pilot.mode == Mode.SURFACE
+    assert bench.partner.texts().count("Battery low: 14.5 V") == 1
 
 
 def test_it_takes_the_vehicle_for_one_that_can_be_armed() -> None:
