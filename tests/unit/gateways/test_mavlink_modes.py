@@ -253,13 +253,6 @@ def test_a_leak_is_reported_and_surfaces_the_vehicle_if_configured() -> None:
     assert bench.core.pilot.mode == Mode.SURFACE
 
 
-def test_an_unknown_mode_is_refused() -> None:
-    bench = Bench()
-    for number in (1.0, 99.0, float("nan"), 1e30):
-        assert bench.partner.command(dialect.MAV_CMD_DO_SET_MODE, 1, number) != ACCEPTED
-    assert bench.partner.command(dialect.MAV_CMD_DO_SET_MODE, 0, 2) != ACCEPTED
-
-
 def test_all_modes_are_listed() -> None:
     bench = Bench()
     assert bench.partner.command(dialect.MAV_CMD_REQUEST_MESSAGE, 435, 0) == ACCEPTED

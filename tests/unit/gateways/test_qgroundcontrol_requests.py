@@ -155,6 +155,8 @@ def test_modes_that_it_offers_and_this_vehicle_lacks_are_refused_by_name() -> No
         assert bench.partner.command(dialect.MAV_CMD_DO_SET_MODE, 1, number) == DENIED
         bench.run(0.1)
         assert f"{name} is not a mode of this vehicle" in bench.partner.texts().replace(" | ", "")
+    for params in ((1, float("nan")), (1, 1e30), (0, 2)):
+        assert bench.partner.command(dialect.MAV_CMD_DO_SET_MODE, *params) == DENIED
 
 
 def test_missions_that_begin_with_takeoff_are_flown_without_it() -> None:
