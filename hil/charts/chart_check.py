@@ -14,11 +14,14 @@ from hil.common.errors import ConfigError
 Array = NDArray[np.float64]
 
 DEEPEST, HIGHEST = 12_000.0, -9_000.0  # m
+DRAWN = ("DEPCNT", "COALNE")  # lines along which the bed is interpolated
 DEPTHS = ("DRVAL1", "DRVAL2", "VALDCO", "VALSOU")
 MARGIN = 1.0  # how far outside the coverage objects may reach, as a multiple of its size; 0.1 occurs in sound charts
 ISOLATED = 0.4  # greatest part of a coverage's height or width which only one of the chart's positions spans
 # Size of the coverage on paper, m. A sheet is 1 m wide, and a cell of a river ten times as long.
 SMALLEST, LARGEST = 0.002, 30.0
+# A corner of a contour or coast, off by so much of the coverage on a line that returns to where it left, is damage.
+SPIKE = 0.1
 METRES_PER_DEGREE = 111_200.0
 
 
@@ -46,10 +49,19 @@ def check_chart(cell: Cell, coverage: list[Feature]) -> None:
         if len(outside):
             place = f"{outside[0, 1]:.4f} N, {(outside[0, 0] + 180.0) % 360.0 - 180.0:.4f} E"
             raise _damaged(cell, f"an object {feature.kind} reaches to {place}, far outside of its coverage")
+        if any(_has_spike(_turned(line, middle) / (high - low)) for line in feature.lines if feature.kind in DRAWN):
+            raise _damaged(cell, f"an object {feature.kind} has a corner far from its neighbours")
     _check_depths(cell)
     size = float((high - low).max() * METRES_PER_DEGREE)
     if not SMALLEST <= size / cell.scale <= LARGEST:
         raise _damaged(cell, f"states a scale of 1:{cell.scale}, but covers {0.001 * size:.3g} km")
+
+
+def _has_spike(line: Array) -> bool:
+    """Return whether one corner of `line` (n, 2; as shares of the coverage) is far from the two beside it."""
+    sides = np.diff(line, axis=0)
+    away = np.minimum(np.hypot(*sides[1:].T), np.hypot(*sides[:-1].T))
+    return bool(((away > SPIKE) & (np.hypot(*(sides[1:] + sides[:-1]).T) < 0.5 * away)).any())
 
 
 def _check_depths(cell: Cell) -> None:

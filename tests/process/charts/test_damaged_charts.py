@@ -45,7 +45,13 @@ def bare_area(cell: Encoder) -> None:
     cell.feature(42, 3, [], DRVAL1=1, DRVAL2=2)
 
 
+def far_vertex(cell: Encoder) -> None:
+    """One position of a contour is off by less than the size of the chart."""
+    cell.line(43, [(54.004, WEST), (54.004, 10.002), (54.016, 10.003), (54.004, 10.004), (54.004, EAST)], VALDCO=10)
+
+
 @pytest.mark.parametrize(("damage", "told"), [
+    (far_vertex, "an object DEPCNT has a corner far from its neighbours"),
     (bare_area, "an area DEPARE has no edges"),
     (far_contour, r"an object DEPCNT reaches to 54\.0040 N, 55\.0000 E, far outside of its coverage"),
     (far_corner, r"one corner of its coverage, at longitude 11\.0160, is far from all other objects"),
