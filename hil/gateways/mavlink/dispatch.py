@@ -32,7 +32,7 @@ from hil.gateways.mavlink.flight.targets import (
     global_target,
     local_target,
 )
-from hil.gateways.mavlink.messages import REFUSED, TAKEN, UNANSWERED
+from hil.gateways.mavlink.messages import GIVEN, GROUND, OWN_SENSORS, REFUSED, TAKEN, UNANSWERED
 from hil.gateways.mavlink.newer_messages import AvailableModes, AvailableModesMonitor, ProtocolVersion
 from hil.gateways.mavlink.protocols.ftp import FtpServer, ftp_message
 from hil.gateways.mavlink.protocols.streams import CURRENT_MODE, HEARTBEAT, MISSION_CURRENT, MODES_MONITOR, number_of
@@ -107,7 +107,7 @@ class Dispatcher:
     def _refuse(self, packet: Any, now: int) -> None:
         """Report a message that asks for something which this vehicle does not do."""
         name = packet.get_type()
-        reason = REFUSED.get(name)
+        reason = REFUSED.get(name) or (OWN_SENSORS if name in GIVEN and packet.get_srcSystem() >= GROUND else "")
         if reason or (getattr(packet, "target_system", 0) == self.core.system and name not in UNANSWERED):
             self.core.complain(f"{name} is not taken: {reason or 'this vehicle has no use for it'}", now)
 
@@ -318,8 +318,9 @@ class Dispatcher:
 
     def _set_mode(self, peer: Peer, packet: Any, now: int) -> None:
         result = self.core.set_mode(packet.custom_mode)
-        command = dialect.MAVLINK_MSG_ID_SET_MODE  # ArduPilot acknowledges the message by its number
-        peer.send(dialect.MAVLink_command_ack_message(command, result, 0, 0, *_partner(peer, packet)[1:]))
+        # ArduPilot acknowledges the message by its number; scripts wait for the command that does the same.
+        for number in (dialect.MAVLINK_MSG_ID_SET_MODE, dialect.MAV_CMD_DO_SET_MODE):
+            peer.send(dialect.MAVLink_command_ack_message(number, result, 0, 0, *_partner(peer, packet)[1:]))
 
     def _manual_control(self, peer: Peer, packet: Any, now: int) -> None:
         pilot = self.core.pilot

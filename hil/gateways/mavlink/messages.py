@@ -54,5 +54,7 @@ REFUSED: dict[str, str] = {  # messages that others send to an autopilot, and wh
     "SERIAL_CONTROL": "there is no shell",
     "RALLY_POINT": "there are no rally points", "FENCE_POINT": "there is no fence",
 }  # fmt: skip
+GIVEN = ("DISTANCE_SENSOR", "ODOMETRY", "OPTICAL_FLOW", "LANDING_TARGET", "OBSTACLE_DISTANCE")
+GROUND = 240  # systems from here on are no vehicles: what they send of GIVEN is meant for us, and refused
 # What routers and ground stations send to everybody and to us without asking for anything
 UNANSWERED = ("COMMAND_ACK", "PARAM_VALUE", "MISSION_CURRENT", "STATUSTEXT")

@@ -136,6 +136,9 @@ REQUESTS: dict[str, tuple[Mode, Any, str, Any]] = {  # mode, what is sent, what 
     "an external position": (
         Mode.MANUAL, dialect.MAVLink_vision_position_estimate_message(0, 0, 0, 0, 0, 0, 0), "text", "simulation's own",
     ),
+    "a distance of a companion": (
+        Mode.MANUAL, dialect.MAVLink_distance_sensor_message(0, 10, 40, 20, 0, 1, 25, 0), "text", "simulation's own",
+    ),
     "a message of no use": (
         Mode.MANUAL, dialect.MAVLink_log_erase_message(1, 1), "text", "LOG_ERASE is not taken",
     ),
@@ -234,3 +237,57 @@ def test_the_panel_has_what_the_pilot_sees() -> None:
     assert rows["Lights1"] == 0.75
     assert {"CamTilt", "CamPan", "Lights2", "PilotGain", "InputHold", "RollPitch", "TetherTrn"} < set(rows)
     assert bench.partner.take_messages("SERVO_OUTPUT_RAW")[-1].pulses[8] == 1700
+
+
+COCKPIT_MESSAGES = (  # whose rates Cockpit sets when it connects, by its file of defaults (2026)
+    "RAW_IMU", "SCALED_IMU2", "SCALED_IMU3", "SCALED_PRESSURE", "SCALED_PRESSURE2", "SYS_STATUS", "POWER_STATUS",
+    "GPS_RAW_INT", "NAV_CONTROLLER_OUTPUT", "GLOBAL_POSITION_INT", "SERVO_OUTPUT_RAW", "RC_CHANNELS", "ATTITUDE",
+    "AHRS2", "VFR_HUD", "AHRS", "SYSTEM_TIME", "RANGEFINDER", "DISTANCE_SENSOR", "BATTERY_STATUS",
+    "GIMBAL_DEVICE_ATTITUDE_STATUS", "EKF_STATUS_REPORT", "VIBRATION",
+)  # fmt: skip
+NOT_OF_A_SUBMARINE = ("MEMINFO", "GPS2_RAW", "FENCE_STATUS", "PID_TUNING", "MAG_CAL_REPORT")
+
+
+def test_cockpit_connects_without_a_remark_and_gets_its_rates() -> None:
+    bench = Bench()
+    bench.partner.heartbeat()
+    bench.partner.send(dialect.MAVLink_param_request_list_message(1, 0))
+    bench.partner.send(dialect.MAVLink_system_time_message(1, 1))
+    bench.partner.send(dialect.MAVLink_timesync_message(0, 5))
+    bench.partner.send(dialect.MAVLink_mission_request_list_message(1, 1, 0))
+    for names, result in ((COCKPIT_MESSAGES, ACCEPTED), (NOT_OF_A_SUBMARINE, dialect.MAV_RESULT_DENIED)):
+        for name in names:
+            number = getattr(dialect, f"MAVLINK_MSG_ID_{name}")
+            assert bench.partner.command(dialect.MAV_CMD_SET_MESSAGE_INTERVAL, number, 500_000) == result, name
+    bench.run(4.0)
+    assert 7 <= len(bench.partner.take_messages("AHRS2")) <= 9
+    assert bench.partner.take_messages("TIMESYNC")[0].ts1 == 5
+    names = {value.param_id for value in bench.partner.take_messages("PARAM_VALUE")}
+    assert {f"BTN{button}_{kind}" for button in range(32) for kind in ("FUNCTION", "SFUNCTION")} < names
+    assert bench.partner.texts() == ""
+
+
+def test_cockpit_flies_a_mission_and_goes_to_a_place() -> None:
+    """It uploads item by item, arms in Depth hold, starts, pauses by Position hold, and goes to places in Guided."""
+    bench = Bench()
+    bench.partner.send(dialect.MAVLink_mission_count_message(1, 1, 2, 0))
+    for seq in range(2):
+        assert [one.seq for one in bench.partner.take_messages("MISSION_REQUEST_INT")] == [seq]
+        frame = dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT
+        bench.partner.send(
+            dialect.MAVLink_mission_item_int_message(1, 1, seq, frame, 16, 0, 1, 0, 5, 0, 0, 450000900, 100000000, -4.0)
+        )
+    assert [ack.type for ack in bench.partner.take_messages("MISSION_ACK")] == [dialect.MAV_MISSION_ACCEPTED]
+    bench.arm(Mode.ALT_HOLD)
+    assert bench.partner.command(dialect.MAV_CMD_MISSION_START) == ACCEPTED
+    bench.run(30.0, bench.partner.heartbeat)
+    assert (bench.core.pilot.mode, round(bench.vehicle.depth)) == (Mode.AUTO, 4)
+    assert bench.partner.command(dialect.MAV_CMD_DO_SET_MODE, 1, Mode.POSHOLD) == ACCEPTED
+    assert bench.partner.command(dialect.MAV_CMD_DO_SET_MODE, 1, Mode.GUIDED) == ACCEPTED
+    command, frame = dialect.MAV_CMD_DO_REPOSITION, dialect.MAV_FRAME_GLOBAL
+    bench.partner.send(
+        dialect.MAVLink_command_int_message(1, 1, frame, command, 0, 0, 0, 0, 0, 0, 450000000, 100000000, -3.0)
+    )
+    assert bench.partner.take_messages("COMMAND_ACK")[-1].result == ACCEPTED
+    bench.run(40.0, bench.partner.heartbeat)
+    assert (bench.vehicle.north, bench.vehicle.depth) == pytest.approx((0.0, 3.0), abs=0.3)
