@@ -7,6 +7,7 @@ from types import MappingProxyType
 from hil.autopilots.frames import CUSTOM, MotorMap, load_frame
 from hil.common.errors import ConfigError
 from hil.common.schema import preset_folder
+from hil.links.address import parse_address
 from hil.scenario.autopilot_records import AutopilotSettings
 from sim.sensors.sensor_set import SensorSet
 from sim.vehicle.vehicle import Vehicle
@@ -103,7 +104,11 @@ def all_parameters(
     if controller == "ardupilot":
         own = {**ardusub_frame(motors), **_POSITIONS[settings.positions]}
     else:
-        own = {**px4_geometry(vehicle, motors), **_PX4_POSITIONS[settings.positions]}
+        is_sitl = parse_address(settings.own_address(controller)).kind == "tcp"
+        own = {
+            **px4_geometry(vehicle, motors, "PWM_MAIN" if is_sitl else "HIL_ACT"),
+            **_PX4_POSITIONS[settings.positions],
+        }
     path = parameter_file(settings, controller, vehicle)
     return {**own, **sensor_positions(settings, controller, sensors), **(read_parameters(path) if path else {})}
 
@@ -126,10 +131,11 @@ def ardusub_frame(motors: MotorMap) -> Parameters:
     return {} if motors.frame == CUSTOM else {"FRAME_CONFIG": load_frame(motors.frame).frame_config}
 
 
-def px4_geometry(vehicle: Vehicle, motors: MotorMap) -> Parameters:
+def px4_geometry(vehicle: Vehicle, motors: MotorMap, outputs: str = "PWM_MAIN") -> Parameters:
     """Return PX4's control allocation of the motors: positions (m from the body origin) and directions (FRD).
 
-    Raises ConfigError for more than MAX_ROTORS thrusters.
+    `outputs`: prefix of the parameters of PX4's outputs, HIL_ACT on a board. Raises ConfigError for more than
+    MAX_ROTORS thrusters.
     """
     if len(vehicle.thrusters) > MAX_ROTORS:
         raise ConfigError(
@@ -146,7 +152,7 @@ def px4_geometry(vehicle: Vehicle, motors: MotorMap) -> Parameters:
             parameters[f"CA_ROTOR{output}_P{axis}"] = round(place, 5)
             parameters[f"CA_ROTOR{output}_A{axis}"] = round(sign * along, 5) + 0.0
         parameters[f"CA_ROTOR{output}_KM"] = 0.0
-        parameters[f"PWM_MAIN_FUNC{output + 1}"] = MOTOR_1 + output
+        parameters[f"{outputs}_FUNC{output + 1}"] = MOTOR_1 + output
     return parameters
 
 
@@ -157,4 +163,4 @@ def format_parameters(parameters: Parameters) -> str:
 
 def number_text(value: float) -> str:
     """Return the text of a parameter's value: an integer has no point, any other number has one."""
-    return str(value) if isinstance(value, int) else repr(float(f"{value:.8g}"))
+    return str(value) if isinstance(value, int) else repr(float(f"{value:.7g}"))

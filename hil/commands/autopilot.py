@@ -5,20 +5,22 @@ from hil.autopilots.link_test import measure_link
 from hil.autopilots.motor_test import test_motors
 from hil.autopilots.opening import settings_of
 from hil.autopilots.parameters import all_parameters, format_parameters
+from hil.autopilots.px4_files import encode_bson, format_for_qgroundcontrol
 from hil.common.errors import ConfigError, DeviceError
-from hil.common.options import Number, add_scenario, changes_of, new_parser
+from hil.common.options import Number, add_output, add_scenario, changes_of, new_parser
 from hil.scenario.config import AUTOPILOTS, Scenario, load_single
 from sim.vehicle.vehicle import Vehicle, load_vehicle
 
 EXAMPLES = """\
 `motors` turns each motor alone in the simulation, and prints in which direction the vehicle moves. `link` exchanges
 states and outputs with the autopilot, thrusters neutral, and measures losses, round trip, jitter and rate.
-`parameters` prints the parameters that the autopilot needs for this vehicle, as a parameter file.
+`parameters` prints the parameters that the autopilot needs for this vehicle: for ArduSub a .parm file, for PX4 the
+.params file that QGroundControl loads. With -o FILE.bson it writes the file that `param import` of PX4 reads.
 
 examples:
   uuv-hil autopilot motors ardusub
   uuv-hil autopilot link ardusub --seconds 20
-  uuv-hil autopilot parameters px4_uuv > bluerov2_heavy.parm
+  uuv-hil autopilot parameters px4_uuv -o bluerov2_heavy.params
 """
 SLOW_MS = 10.0  # round trip beyond which an estimator of 250 Hz works with outdated values
 
@@ -33,6 +35,7 @@ def main(arguments: list[str]) -> int:
     parser.add_argument(
         "--seconds", type=Number(1.0, 3600.0, "s"), default=10.0, metavar="S", help="simulated time of a link test [10]"
     )
+    add_output(parser, "FILE.params", "where to write the parameters; .bson for PX4's shell [the screen]")
     options = parser.parse_args(arguments)
     scenario = load_single(options.scenario, changes_of(options))
     if scenario.controller not in AUTOPILOTS:
@@ -44,7 +47,7 @@ def main(arguments: list[str]) -> int:
         return _motors(scenario, vehicle)
     if options.what == "link":
         return _link(scenario, options.seconds)
-    return _parameters(scenario, vehicle)
+    return _parameters(scenario, vehicle, options.output)
 
 
 def _frame(scenario: Scenario) -> str:
@@ -88,8 +91,13 @@ def _link(scenario: Scenario, seconds: float) -> int:
     return 0
 
 
-def _parameters(scenario: Scenario, vehicle: Vehicle) -> int:
+def _parameters(scenario: Scenario, vehicle: Vehicle, output: str | None) -> int:
     motors = map_motors(_frame(scenario), vehicle)
     parameters = all_parameters(settings_of(scenario), scenario.controller, vehicle, motors, scenario.sensors)
-    print(format_parameters(parameters), end="")
+    text = (format_for_qgroundcontrol if scenario.controller == "px4" else format_parameters)(parameters)
+    if output is None:
+        print(text, end="")
+        return 0
+    with open(output, "wb") as file:
+        file.write(encode_bson(parameters) if output.endswith(".bson") else text.encode())
     return 0

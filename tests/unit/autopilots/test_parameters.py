@@ -6,6 +6,8 @@ import pytest
 
 from hil.autopilots.frames import map_motors
 from hil.autopilots.parameters import all_parameters, format_parameters, px4_geometry, read_parameters, sensor_positions
+from hil.autopilots.px4_files import decode_bson
+from hil.cli import main
 from hil.common.errors import ConfigError
 from hil.scenario.autopilot_records import AutopilotSettings
 from sim.sensors.sensor_set import read_sensors
@@ -63,6 +65,16 @@ def test_px4_gets_the_vehicles_geometry() -> None:
     assert geometry["CA_ROTOR0_AX"] == -geometry["CA_ROTOR0_AY"] == pytest.approx(0.70711)
     assert geometry["CA_ROTOR7_AZ"] == -1.0
     assert geometry["PWM_MAIN_FUNC8"] == 108
+
+
+def test_the_parameters_of_a_board_are_written_as_qgroundcontrol_and_px4s_shell_read_them(tmp_path: Path) -> None:
+    board = ["autopilot", "parameters", "px4_uuv", "--set", "autopilot.address=/dev/ttyACM0", "-o"]
+    text, binary = tmp_path / "board.params", tmp_path / "board.bson"
+    assert [main([*board, str(path)]) for path in (text, binary)] == [0, 0]
+    parameters = decode_bson(binary.read_bytes())
+    assert (parameters["HIL_ACT_FUNC8"], parameters["UUV_MGM_YAW"], parameters["EKF2_EV_CTRL"]) == (108, 0.3, 15)
+    assert "1\t1\tHIL_ACT_FUNC8\t108\t6\n" in text.read_text()
+    assert read_parameters(str(text)) == parameters
 
 
 def test_a_missing_parameter_file_is_reported() -> None:
