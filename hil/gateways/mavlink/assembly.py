@@ -14,6 +14,7 @@ from sim.vehicle.thrusters.bank import wrench_matrix
 from sim.vehicle.vehicle import load_vehicle
 
 AUTOPILOT_SYSTEM = 1  # id of an autopilot that flies the vehicle: ArduSub's and PX4's default
+MAX_MOTORS = 8  # of a frame of ArduSub
 MAX_SHARE = 0.8  # of what the thrusters can do together, at full stick
 
 
@@ -44,6 +45,7 @@ def defaults_of(scenario: Scenario | None) -> dict[str, float]:
     defaults["SYSID_THISMAV"] = float(system + is_taken)
     rows = wrench_matrix(vehicle, torque=False)
     thrusts = [min(thruster.max_forward, thruster.max_reverse) for thruster in vehicle.thrusters]
+    defaults |= {f"SERVO{number}_FUNCTION": 0.0 for number in range(len(thrusts) + 1, MAX_MOTORS + 1)}
     defaults["HIL_THRUST"] = min(thrusts, default=0.0)
     names = ("FORCE_X", "FORCE_Y", "FORCE_Z", "MOMENT_K", "MOMENT_M", "MOMENT_N")
     for name, row in zip(names, rows, strict=True):

@@ -65,7 +65,8 @@ def test_parameters_are_read_and_set(ground: Ground) -> None:
     assert count.param_count > 60
     assert {"WPNAV_SPEED", "HIL_G_SURGE_P", "HIL_FAIL1_KIND"} <= names
     parameters = mavparm.MAVParmDict()
-    changes = {"WPNAV_SPEED": 80.0, "HIL_G_SURGE_P": 3.5, "HIL_FAIL1_VALUE": 0.5, "HIL_FAIL1_KIND": 2.0}
+    changes = {"WPNAV_SPEED": 80.0, "HIL_G_SURGE_P": 3.5, "ATC_ANG_YAW_P": 1.5, "HIL_FAIL1_VALUE": 0.5}
+    changes["HIL_FAIL1_KIND"] = 2.0
     for name, value in changes.items():
         assert parameters.mavset(ground.link, name, value, retries=10, parm_type=None)
     ground.send.param_request_read_send(1, 1, b"HIL_FAIL1_VALUE", -1)

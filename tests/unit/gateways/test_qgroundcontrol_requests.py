@@ -87,6 +87,7 @@ def test_frame_motors_and_system_id_follow_from_the_scenario() -> None:
     scenario = load_scenario("ardusub")
     assert defaults_of(scenario)["FRAME_CONFIG"] == 2.0, "vectored 6DOF, eight thrusters"
     assert len(motors_of(scenario)) == 8
+    assert defaults_of(load_scenario("paper_field"))["SERVO7_FUNCTION"] == 0.0, "six thrusters"
     assert defaults_of(scenario)["SYSID_THISMAV"] == 2.0, "ArduSub is 1"
     assert defaults_of(scenario._replace(controller="builtin"))["SYSID_THISMAV"] == 1.0
 
