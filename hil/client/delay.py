@@ -7,7 +7,7 @@ from hil.common.quantiles import quantile
 from hil.network.clock_offset import ClockOffset, Estimate
 
 HOPS = ("network", "wake-up", "control", "link encode", "wire and STM32")
-INSTANTS = 6, 7  # length of a trace; old recordings lack the time of computation
+INSTANTS = 7  # length of a trace
 HISTORY = 1 << 8  # windows stored for the clock offset, a second each
 LONG_HISTORY = 1 << 16  # for 18 hours of a recording
 UNSURE = 0.75  # share of a delay; a larger uncertainty of the clock offset makes it doubtful
@@ -60,11 +60,10 @@ class DelayMeter:
 
     def add(self, instants: list[int], sent_ns: int, received_ns: int) -> None:
         """Add one trace (see `hil.slave.loop.Trace`), sent and received at these wall times (ns)."""
-        if len(instants) not in INSTANTS:
+        if len(instants) != INSTANTS:
             self.malformed += 1
             return
-        _, published, received, taken, written, applied, *more = instants
-        computed = more[0] if more else written
+        _, published, received, taken, written, applied, computed = instants
         hops = (received - published, taken - received, computed - taken, written - computed, applied - written)
         try:
             self._rows.extend(array("q", (published, *hops)))

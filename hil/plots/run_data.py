@@ -115,7 +115,7 @@ def _add_diagnostics(data: VehicleData, message: Message, time: float) -> None:
 
 def _add_trace(data: VehicleData, message: Message, time: float) -> None:
     instants = ros.decode_int64_array(message.data)
-    if instants and len(instants) in INSTANTS:
+    if instants and len(instants) == INSTANTS:
         data.delays.add(list(instants), message.published_ns, message.logged_ns)
         data.traced.append(time)
         if len(data.traced) > data.delays.stored:  # the meter has dropped the oldest
