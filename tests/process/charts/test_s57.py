@@ -164,9 +164,9 @@ def test_a_chart_that_ends_too_early_is_refused(tmp_path: Path) -> None:
     """The chart is cut at any byte; `test_mutated_cells_are_read_or_refused` has what else can be wrong with one."""
     cell_bytes = bay().data()
     path = tmp_path / "C.000"
-    for size in np.random.default_rng(1).integers(24, len(cell_bytes), 3):
+    for size in (*np.random.default_rng(1).integers(24, len(cell_bytes), 2), len(cell_bytes) - 10):
         path.write_bytes(cell_bytes[:size])
-        with pytest.raises(ConfigError):
+        with pytest.raises(ConfigError, match=r"damaged or cut off .*; copy it again"):
             read_cell(str(path))
 
 
@@ -212,14 +212,6 @@ def test_a_chart_without_gdal_names_the_extra(tmp_path: Path, monkeypatch: pytes
     monkeypatch.setattr(s57, "module_command", lambda *_: [sys.executable, "-c", "import sys; sys.exit(5)"])
     with pytest.raises(MissingExtraError, match=r"pip install 'uuv-hil\[chart\]'"):
         read_cell(bay().write(tmp_path / "C.000"))
-
-
-def test_a_truncated_chart_is_reported_as_damaged(tmp_path: Path) -> None:
-    whole = bay().data()
-    path = tmp_path / "C.000"
-    path.write_bytes(whole[:-10])
-    with pytest.raises(ConfigError, match=r"damaged or cut off .*; copy it again"):
-        read_cell(str(path))
 
 
 def test_depths_that_are_not_in_metres_are_refused(tmp_path: Path) -> None:

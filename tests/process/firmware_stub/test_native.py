@@ -102,21 +102,16 @@ def test_a_signal_ends_it_with_neutral_outputs(stm32: NativeStm32, device: str, 
 def test_unread_telemetry_does_not_block_it(stm32: NativeStm32, device: str) -> None:
     """Bytes that are not read are lost, as on a UART: a program that opens the port later reads few old reports."""
     fd = os.open(device, os.O_RDWR | os.O_NOCTTY)
-    order = uuv_hil()
-
-    def send(sequence: int) -> None:
-        os.write(fd, order.encode(ThrusterCommand(sequence, True, FULL)))
+    orders = [uuv_hil().encode(ThrusterCommand(sequence, True, FULL)) for sequence in range(400)]
 
     def unread() -> int:
         return int.from_bytes(fcntl.ioctl(fd, termios.FIONREAD, bytes(4)), sys.byteorder)
 
-    filling = 0
-    while (before := unread()) < UNREAD_LIMIT:  # one answer at a time, however slow the machine is
-        send(filling)
-        assert wait_for(lambda: unread() > before), "an order is answered"
-        filling += 1
-    for sequence in range(filling, 400):
-        send(sequence)
+    for order in orders:
+        before = unread()
+        os.write(fd, order)
+        if before < UNREAD_LIMIT:  # one answer at a time, however slow the machine is
+            assert wait_for(lambda: unread() > before), "an order is answered"  # noqa: B023
         time.sleep(0.0005)
     assert unread() < 1.5 * UNREAD_LIMIT
     link = host(device)
