@@ -61,8 +61,8 @@ class Mavlink(NamedTuple):
     "generic" the MAVLink standard alone. Ground stations on other machines may only observe unless `commands_from` is
     "network". `signing_key`, a passphrase or 64 hexadecimal digits, signs all packets and refuses unsigned ones.
     `parameters` is the file of stored parameters (default: a file of this user for the node), `logs` the folder that
-    MAVFTP offers. `video_port` serves the camera's picture as MJPEG over HTTP on this machine (0: off); `rtp`
-    ("HOST:PORT") receives it as H.264; `camera` is the name of that camera. With `start` the slave starts this process;
+    MAVFTP offers. `rtp` ("HOST:PORT") receives the picture of the
+    camera that `camera` names, as H.264. With `start` the slave starts this process;
     otherwise run `uuv-hil gateway mavlink`.
     """
 

@@ -41,7 +41,7 @@ def main(arguments: list[str]) -> int:
     scenario, endpoints = scenario_and_endpoints(options)
     settings = _settings(options, scenario)
     network, security = (scenario.network, scenario.security) if scenario else (Network(), None)
-    from hil.gateways.mavlink.assembly import camera_of, defaults_of, motors_of, origin_of, parameter_file
+    from hil.gateways.mavlink.assembly import camera_rate, defaults_of, motors_of, origin_of, parameter_file
     from hil.gateways.mavlink.endpoints.opening import open_link
     from hil.gateways.mavlink.gateway import Gateway
     from hil.gateways.mavlink.parameter_table import ParameterTable
@@ -53,7 +53,7 @@ def main(arguments: list[str]) -> int:
         links = [open_link(parse_endpoint(text)) for text in settings.endpoints]
         session = stack.enter_context(open_master_session(*endpoints, network=network, security=security))
         node = options.vehicle or (scenario.slave.node if scenario else "uuv1")
-        rtp = _open_rtp(stack, settings.rtp, camera_of(scenario, 0, settings.camera).rate)
+        rtp = _open_rtp(stack, settings.rtp, camera_rate(scenario, settings.camera))
         pictures = f"{settings.camera}/image_raw/compressed"
         learn(pictures, TOPICS["camera/image_raw/compressed"].type)
         client = stack.enter_context(
@@ -70,9 +70,8 @@ def main(arguments: list[str]) -> int:
         for fault in table.faults:
             print(fault, flush=True)
         settings = settings._replace(system=int(table["SYSID_THISMAV"]) if not options.system else settings.system)
-        picture = camera_of(scenario, rtp.port, settings.camera) if rtp else None
         gateway = Gateway(
-            port, settings, table, links, origin_of(scenario), picture, _print, signing, motors=motors_of(scenario)
+            port, settings, table, links, origin_of(scenario), _print, signing, motors=motors_of(scenario)
         )
         link_names = ", ".join([link.name for link in links])
         print(

@@ -1,12 +1,10 @@
 """Settings of the gateway from a scenario: origin, camera, and parameters that suit the vehicle."""
 
-from math import degrees
 from typing import Any
 
 from hil.autopilots.frames import AUTO, CUSTOM, MotorMap, load_frame, map_motors
 from hil.common.errors import ConfigError
 from hil.common.tables import state_path
-from hil.gateways.mavlink.camera import CameraInfo
 from hil.gateways.mavlink.snapshot import Origin
 from hil.scenario.config import AUTOPILOTS, Scenario
 from sim.environment.world import load_world
@@ -68,8 +66,8 @@ def _motors(scenario: Scenario) -> MotorMap:
         return map_motors(CUSTOM, vehicle)
 
 
-def camera_of(scenario: Scenario | None, port: int, name: str = "camera") -> CameraInfo:
-    """Return what is known of the camera called `name`, whose picture is sent to this UDP port.
+def camera_rate(scenario: Scenario | None, name: str = "camera") -> float:
+    """Return the rate (Hz) of the camera called `name`, 0 if not known.
 
     Raises ConfigError for one that the scenario has not, unless it is the usual name.
     """
@@ -78,6 +76,6 @@ def camera_of(scenario: Scenario | None, port: int, name: str = "camera") -> Cam
         if scenario and name != "camera":
             there = [each for each, spec in scenario.sensors.items() if spec.sensor.topic == "camera"]
             raise ConfigError(f"mavlink: camera: no camera {name!r}; there are: {', '.join(there) or 'none'}")
-        return CameraInfo(port)
+        return 0.0
     model: Any = fitted.model
-    return CameraInfo(port, model.width, model.height, model.rate, degrees(model.field_of_view))
+    return float(model.rate)

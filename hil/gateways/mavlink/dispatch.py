@@ -8,7 +8,6 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from hil.autonomy.control.controller import down_in_body
 from hil.common import __version__
 from hil.common.clock import seconds_ns
-from hil.gateways.mavlink import camera
 from hil.gateways.mavlink.accessories import CHANNELS, STICK_CHANNELS
 from hil.gateways.mavlink.buttons import Buttons
 from hil.gateways.mavlink.commands import (
@@ -45,17 +44,11 @@ ASKING = {
     dialect.MAV_CMD_REQUEST_MESSAGE, dialect.MAV_CMD_SET_MESSAGE_INTERVAL, dialect.MAV_CMD_GET_MESSAGE_INTERVAL,
     dialect.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES, dialect.MAV_CMD_GET_HOME_POSITION,
     dialect.MAV_CMD_REQUEST_PROTOCOL_VERSION,
-    dialect.MAV_CMD_REQUEST_CAMERA_INFORMATION, dialect.MAV_CMD_REQUEST_VIDEO_STREAM_INFORMATION,
-    dialect.MAV_CMD_REQUEST_VIDEO_STREAM_STATUS, dialect.MAV_CMD_REQUEST_CAMERA_SETTINGS,
 }  # fmt: skip
 OLD_REQUESTS = {  # command -> the message that it asks for
     dialect.MAV_CMD_REQUEST_PROTOCOL_VERSION: ProtocolVersion.id,
     dialect.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES: dialect.MAVLINK_MSG_ID_AUTOPILOT_VERSION,
     dialect.MAV_CMD_GET_HOME_POSITION: dialect.MAVLINK_MSG_ID_HOME_POSITION,
-    dialect.MAV_CMD_REQUEST_CAMERA_INFORMATION: dialect.MAVLINK_MSG_ID_CAMERA_INFORMATION,
-    dialect.MAV_CMD_REQUEST_VIDEO_STREAM_INFORMATION: dialect.MAVLINK_MSG_ID_VIDEO_STREAM_INFORMATION,
-    dialect.MAV_CMD_REQUEST_VIDEO_STREAM_STATUS: dialect.MAVLINK_MSG_ID_VIDEO_STREAM_STATUS,
-    dialect.MAV_CMD_REQUEST_CAMERA_SETTINGS: dialect.MAVLINK_MSG_ID_CAMERA_SETTINGS,
 }
 ARDUSUB = 4, 6, 0  # the version whose parameters and behaviour this vehicle follows
 HOME_POSITION, GPS_GLOBAL_ORIGIN = number_of("HOME_POSITION"), number_of("GPS_GLOBAL_ORIGIN")
@@ -64,15 +57,14 @@ Handler = Callable[[Peer, Any, int], None]
 
 
 class Dispatcher:
-    """Handles the packets of all peers for one vehicle. `picture` is the camera with its streams, None without one."""
+    """Handles the packets of all peers for one vehicle."""
 
     def __init__(
         self,
         core: Core,
         ftp: FtpServer,
-        picture: camera.CameraInfo | None = None,
     ) -> None:
-        self.core, self.picture = core, picture
+        self.core = core
         self.peers: dict[int, Peer] = {}
         self.stale = False  # whether what is being read has waited too long to be executed
         self._ftp = ftp
@@ -94,7 +86,7 @@ class Dispatcher:
         if target not in (0, self.core.system):
             return
         component = getattr(packet, "target_component", 0)
-        if component not in (0, COMPONENT) and not (self.picture and component == camera.COMPONENT):
+        if component not in (0, COMPONENT):
             return
         if number in self._changing and not peer.may_command:
             self._deny(peer, packet)
@@ -156,8 +148,6 @@ class Dispatcher:
                     messages[number] = self.messages(number, context)
                 if messages[number]:
                     peer.send(*messages[number])
-                    if number == HEARTBEAT and self.picture:
-                        peer.send_as_camera(camera.heartbeat())
             peer.flush()
 
     def _own_heartbeat(self) -> Any:
@@ -206,13 +196,12 @@ class Dispatcher:
 
         def settled(result: int) -> None:
             message = dialect.MAVLink_command_ack_message(request.command, result, 0, 0, *partner[1:])
-            (peer.send_as_camera if packet.target_component == camera.COMPONENT else peer.send)(message)
+            peer.send(message)
 
         if request.command in ASKING:
             messages, result = self._answer(peer, request.command, request.params, now)
             settled(result)
-            peer.send(*[message for message in messages if message.get_msgId() not in camera.MESSAGES])
-            peer.send_as_camera(*[message for message in messages if message.get_msgId() in camera.MESSAGES])
+            peer.send(*messages)
         elif not peer.may_command:
             self._deny(peer, packet)
             settled(DENIED)
@@ -242,8 +231,6 @@ class Dispatcher:
             return [ProtocolVersion(200, 100, 200, bytes(8), bytes(8))]
         if number == AvailableModes.id:
             return modes.available_modes(int(index) if index == index and 0 <= index < 1000 else 0)
-        if self.picture and number in camera.MESSAGES:
-            return [camera.message(self.picture, number, now)]
         return self.messages(number, self.core.context(now, now))
 
     def _version(self) -> Any:

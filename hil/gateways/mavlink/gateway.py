@@ -5,7 +5,6 @@ from collections.abc import Callable, Hashable, Sequence
 from contextlib import ExitStack
 
 from hil.common.clock import NS_PER_S, now_ns, to_wall_ns
-from hil.gateways.mavlink.camera import CameraInfo
 from hil.gateways.mavlink.core import Core
 from hil.gateways.mavlink.dispatch import Dispatcher
 from hil.gateways.mavlink.endpoints.links import MAX_PARTNERS, SILENT_NS, Link
@@ -35,7 +34,6 @@ class Gateway:
         table: ParameterTable,
         links: Sequence[Link],
         origin: Origin | None = None,
-        picture: CameraInfo | None = None,
         report: Callable[[str], None] = lambda _: None,
         signing: SigningKey | None = None,
         clock: Clock = now_ns,
@@ -46,7 +44,7 @@ class Gateway:
         self._clock, self._wall_clock = clock, wall_clock
         self._ftp = FtpServer(settings.logs, table)
         self.core = Core(port, settings, table, origin, clock(), motors)
-        self.dispatcher = Dispatcher(self.core, self._ftp, picture)
+        self.dispatcher = Dispatcher(self.core, self._ftp)
         self._signing = signing or SigningKey(given=settings.signing_key)
         self._peers: dict[tuple[int, Hashable], Peer] = {}
         self._numbers = self._complaint_ns = 0
@@ -120,7 +118,7 @@ class Gateway:
             name = ":".join(map(str, address[:2])) if isinstance(address, tuple) else str(address)
             peer = self._peers[number, address] = Peer(
                 self._numbers, name, settings.system, lambda data, message: link.send(address, data, message),
-                may_command, link.burst, self._signing, self._wall_clock, is_local,
+                may_command, link.burst, self._signing, self._wall_clock,
             )  # fmt: skip
             self.dispatcher.peers[peer.number] = peer
             self._report(f"{link.name}: sends to {name}{'' if may_command else ' (can only read)'}")

@@ -1,4 +1,4 @@
-"""Messages of the MAVLink standard that pymavlink's dialect does not have yet: modes, and the state of ESCs.
+"""Messages of the MAVLink standard that pymavlink's dialect does not have yet: those of modes.
 
 Layouts: mavlink/message_definitions, standard.xml and common.xml. Each is packed by pymavlink like its own.
 """
@@ -8,7 +8,6 @@ from typing import Any, ClassVar
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-ESCS = 4  # of one ESC_STATUS
 NAME_SIZE = 35  # bytes of a mode's name
 
 
@@ -73,17 +72,3 @@ class AvailableModesMonitor(_NewerMessage):
     crc_extra = 30
     unpacker = struct.Struct("<B")
     wire_names = ("seq",)
-
-
-class EscStatus(_NewerMessage):
-    """ESC_STATUS: turns, volts and amperes of four ESCs."""
-
-    id = 291
-    msgname = name = "ESC_STATUS"
-    crc_extra = 10
-    unpacker = struct.Struct(f"<Q{ESCS}i{2 * ESCS}fB")
-    wire_names = ("time_usec", "rpm", "voltage", "current", "index")
-
-    def __init__(self, time_usec: int, rpm: list[int], voltage: list[float], current: list[float], index: int) -> None:
-        super().__init__(time_usec, *rpm, *voltage, *current, index)
-        self.time_usec, self.rpm, self.voltage, self.current, self.index = time_usec, rpm, voltage, current, index

@@ -7,7 +7,6 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from hil.common.clock import NS_PER_US
-from hil.gateways.mavlink import newer_messages as newer
 from hil.gateways.mavlink.snapshot import Context, Snapshot
 from hil.ros.joints import MotorState
 
@@ -15,6 +14,7 @@ U16 = 0xFFFF
 DEGE7 = 1e7
 G0 = 9.80665  # m/s^2
 GAUSS_PER_TESLA = 1e4
+ESCS = 4  # of one ESC_TELEMETRY_1_TO_4
 NO_TEMPERATURE = 2000  # cdegC: the water's temperature is not measured
 Builder = Callable[[Snapshot, Context], Any]
 
@@ -129,22 +129,10 @@ def gps_raw(s: Snapshot, c: Context) -> Any:
     )  # fmt: skip
 
 
-def esc_status(s: Snapshot, c: Context) -> list[Any]:
-    """Return ESC_STATUS of each four channels: turns a minute (0 if not known), battery's voltage, currents (nan)."""
-    volts = s.battery.voltage if s.battery else math.nan
-    return [
-        newer.EscStatus(
-            c.now // NS_PER_US, [_turns(motor) for motor in four], [volts] * newer.ESCS,
-            [motor.current for motor in four], newer.ESCS * number,
-        )
-        for number, four in enumerate(_fours(s))
-    ]  # fmt: skip
-
-
 def esc_telemetry(s: Snapshot, _: Context) -> list[Any]:
     """Return ESC_TELEMETRY_1_TO_4 and its like; what is not known is 0, their "none"."""
-    volts = [clip(100.0 * s.battery.voltage, U16) if s.battery else 0] * newer.ESCS
-    none = [0] * newer.ESCS
+    volts = [clip(100.0 * s.battery.voltage, U16) if s.battery else 0] * ESCS
+    none = [0] * ESCS
     kinds = (
         dialect.MAVLink_esc_telemetry_1_to_4_message, dialect.MAVLink_esc_telemetry_5_to_8_message,
         dialect.MAVLink_esc_telemetry_9_to_12_message, dialect.MAVLink_esc_telemetry_13_to_16_message,
@@ -162,8 +150,8 @@ def _fours(s: Snapshot) -> list[list[MotorState]]:
     if not s.battery and all(math.isnan(motor.speed) and math.isnan(motor.current) for motor in motors):
         return []
     blank = MotorState(0.0, math.nan, math.nan)
-    motors += [blank] * (-len(motors) % newer.ESCS)
-    return [motors[first : first + newer.ESCS] for first in range(0, len(motors), newer.ESCS)]
+    motors += [blank] * (-len(motors) % ESCS)
+    return [motors[first : first + ESCS] for first in range(0, len(motors), ESCS)]
 
 
 def _turns(motor: MotorState) -> int:

@@ -228,7 +228,7 @@ BUILDERS: dict[int, Callable[[Snapshot, Context], Any]] = {
         "AHRS": ahrs, "AHRS2": ahrs2, "ALTITUDE": altitude, "ATTITUDE": attitude,
         "ATTITUDE_QUATERNION": attitude_quaternion, "BATTERY_STATUS": sensors.battery_status,
         "DISTANCE_SENSOR": sensors.distance_sensor, "EKF_STATUS_REPORT": ekf_status,
-        "ESC_STATUS": sensors.esc_status, "ESC_TELEMETRY_1_TO_4": sensors.esc_telemetry,
+        "ESC_TELEMETRY_1_TO_4": sensors.esc_telemetry,
         "EXTENDED_SYS_STATE": extended_state, "GIMBAL_DEVICE_ATTITUDE_STATUS": gimbal_attitude,
         "GLOBAL_POSITION_INT": global_position,
         "GPS_GLOBAL_ORIGIN": origin, "GPS_RAW_INT": sensors.gps_raw, "HIGHRES_IMU": sensors.highres_imu,

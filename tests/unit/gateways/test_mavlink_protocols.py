@@ -7,7 +7,6 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from hil.gateways.mavlink import camera
 from hil.gateways.mavlink.flight.modes import Mode
 from hil.gateways.mavlink.parameter_table import GATEWAY, ParameterTable
 from hil.gateways.mavlink.protocols import ftp
@@ -201,10 +200,7 @@ def test_esc_reports_cover_all_thrusters() -> None:
     bench = Bench()
     bench.vehicle.battery = BatterySample(0, 15.9, 2.0, 100.0, 50.0, False)
     bench.run(2.0)
-    status, first, second = (
-        bench.partner.take_messages(kind) for kind in ("ESC_STATUS", "ESC_TELEMETRY_1_TO_4", "ESC_TELEMETRY_5_TO_8")
-    )
-    assert {message.index for message in status} == {0, 4}, "six thrusters: two messages"
+    first, second = (bench.partner.take_messages(f"ESC_TELEMETRY_{four}") for four in ("1_TO_4", "5_TO_8"))
     assert list(first[0].voltage) == list(second[0].voltage) == [1590] * 4
     assert not bench.partner.take_messages("ESC_TELEMETRY_9_TO_12")
 
@@ -214,11 +210,6 @@ def test_esc_reports_have_speed_and_current_where_known() -> None:
     known, astern = MotorState(1700.0, 200.0, 3.25), MotorState(1400.0, -100.0, 1.5)
     bench.vehicle.motors = (known, astern, *[MotorState(1500.0, math.nan, math.nan)] * 3)
     bench.run(2.0)
-    first, second = bench.partner.take_messages("ESC_STATUS")[:2]
-    assert (first.index, second.index) == (0, 4)
-    assert first.rpm == [1910, -955, 0, 0]
-    assert first.current[:2] == [3.25, 1.5]
-    assert all(math.isnan(value) for value in (*first.current[2:], *first.voltage, *second.current))
     telemetry = bench.partner.take_messages("ESC_TELEMETRY_1_TO_4")[0]
     assert (list(telemetry.rpm), list(telemetry.current)) == ([1910, 955, 0, 0], [325, 150, 0, 0])
     assert list(telemetry.voltage) == [0] * 4
@@ -228,42 +219,7 @@ def test_escs_without_data_are_not_reported() -> None:
     bench = Bench()
     bench.vehicle.motors = (MotorState(1500.0, math.nan, math.nan),) * 6
     bench.run(2.0)
-    assert not bench.partner.take_messages("ESC_STATUS")
     assert not bench.partner.take_messages("ESC_TELEMETRY_1_TO_4")
-
-
-def test_the_stream_of_the_camera_is_described() -> None:
-    bench = Bench()
-    bench.dispatcher.picture = camera.CameraInfo(5600, 640, 480, 5.0, 60.0)
-    assert bench.partner.command(dialect.MAV_CMD_REQUEST_MESSAGE, 269) == ACCEPTED
-    found = bench.partner.take_messages("VIDEO_STREAM_INFORMATION")
-    assert [(one.stream_id, one.count, one.uri) for one in found] == [(1, 1, "5600")]
-    assert (found[0].type, found[0].encoding) == (dialect.VIDEO_STREAM_TYPE_RTPUDP, dialect.VIDEO_STREAM_ENCODING_H264)
-    assert (found[0].resolution_h, found[0].framerate, found[0].hfov) == (640, 5.0, 60)
-    assert bench.partner.command(dialect.MAV_CMD_REQUEST_MESSAGE, 270) == ACCEPTED
-    assert [one.stream_id for one in bench.partner.take_messages("VIDEO_STREAM_STATUS")] == [1]
-
-
-def test_camera_requests_are_answered_by_the_camera_component() -> None:
-    """The device answers the old commands of QGroundControl's camera manager, which accepts no other sender's reply."""
-    bench = Bench()
-    bench.dispatcher.picture = camera.CameraInfo(5600, 640, 480, 5.0, 60.0)
-    expected = {
-        dialect.MAV_CMD_REQUEST_CAMERA_INFORMATION: "CAMERA_INFORMATION",
-        dialect.MAV_CMD_REQUEST_CAMERA_SETTINGS: "CAMERA_SETTINGS",
-        dialect.MAV_CMD_REQUEST_VIDEO_STREAM_INFORMATION: "VIDEO_STREAM_INFORMATION",
-        dialect.MAV_CMD_REQUEST_VIDEO_STREAM_STATUS: "VIDEO_STREAM_STATUS",
-        dialect.MAV_CMD_REQUEST_STORAGE_INFORMATION: "",
-        dialect.MAV_CMD_REQUEST_CAMERA_CAPTURE_STATUS: "",
-    }
-    for command, kind in expected.items():
-        message = dialect.MAVLink_command_long_message(1, camera.COMPONENT, command, 0, 1, 0, 0, 0, 0, 0, 0)
-        bench.partner.received.clear()
-        bench.partner.send(message)
-        ack, *replies = bench.partner.received
-        assert (ack.command, ack.result) == (command, ACCEPTED if kind else UNSUPPORTED)
-        assert [answer.get_type() for answer in replies] == ([kind] if kind else [])
-        assert {found.get_srcComponent() for found in (ack, *replies)} == {camera.COMPONENT}
 
 
 @pytest.mark.parametrize("text", ["5600", "host", "host:0", "host:70000", ":5600"])

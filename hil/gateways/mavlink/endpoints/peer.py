@@ -4,7 +4,6 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any
 
-from hil.gateways.mavlink.camera import COMPONENT as CAMERA
 from hil.gateways.mavlink.protocols.signing import SigningKey
 from hil.gateways.mavlink.protocols.streams import MAX_HZ, StreamRates
 from hil.links.contract import Counters
@@ -20,9 +19,8 @@ Write = Callable[[bytes, Any], None]  # the packet, and its message
 class Peer:
     """A partner, known by `number`; packets go out by `write`, `burst` bytes of lists at most a turn.
 
-    `counters` counts what came damaged, unsigned or cut; `may_command` whether it may change anything, `is_local`
-    whether it is on this machine or a wire of it. With a secret in `signing` packets are
-    signed, and unsigned ones refused.
+    `counters` counts what came damaged, unsigned or cut; `may_command` whether it may change anything. With a secret in
+    `signing` packets are signed, and unsigned ones refused.
     """
 
     def __init__(
@@ -35,37 +33,27 @@ class Peer:
         burst: int = 20_000,
         signing: SigningKey | None = None,
         wall_clock: Callable[[], int] = lambda: 0,
-        is_local: bool = True,
     ) -> None:
-        self.number, self.name, self.may_command, self.is_local = number, name, may_command, is_local
+        self.number, self.name, self.may_command = number, name, may_command
         self.counters = Counters()
         self.rates = StreamRates(1.0 if burst < SLOW_BURST else MAX_HZ)
         self.received_ns = 0
         self.denied = 0
         self._write, self._burst = write, burst
         self._stream = MavlinkStream(system, COMPONENT, self.counters, takes_version_1=True)
-        self._camera = MavlinkStream(system, CAMERA, Counters())
         key = signing or SigningKey()
-        for stream in (self._stream, self._camera):
-            stream.sign(key.secret, wall_clock, key.stamps, number)
+        self._stream.sign(key.secret, wall_clock, key.stamps, number)
         self._waiting: deque[Any] = deque(maxlen=MAX_WAITING)
 
     def unpack(self, data: bytes) -> list[Any]:
         """Return the messages that bytes complete. Never raises."""
-        messages = self._stream.unpack(data)
-        self._camera.is_version_1 = self._stream.is_version_1
-        return messages
+        return self._stream.unpack(data)
 
     def send(self, *messages: Any) -> None:
         """Send messages now."""
         for message in messages:
             if packet := self._stream.pack(message):
                 self._write(packet, message)
-
-    def send_as_camera(self, *messages: Any) -> None:
-        """Send messages as the camera's component."""
-        for message in messages:
-            self._write(self._camera.pack(message), message)
 
     def send_later(self, messages: list[Any]) -> None:
         """Send messages as fast as the link takes them, so that a list does not hold up what is urgent."""

@@ -34,7 +34,7 @@ STREAMS: dict[str, tuple[float, int]] = {
     "AHRS": (4.0, EXTRA3), "SYSTEM_TIME": (4.0, EXTRA3), "RANGEFINDER": (4.0, EXTRA3),
     "DISTANCE_SENSOR": (4.0, EXTRA3), "BATTERY_STATUS": (4.0, EXTRA3), "EKF_STATUS_REPORT": (4.0, EXTRA3),
     "VIBRATION": (4.0, EXTRA3), "GIMBAL_DEVICE_ATTITUDE_STATUS": (4.0, EXTRA3),
-    "ESC_STATUS": (1.0, EXTRA3), "ESC_TELEMETRY_1_TO_4": (1.0, EXTRA3),
+    "ESC_TELEMETRY_1_TO_4": (1.0, EXTRA3),
     "ATTITUDE_QUATERNION": (0.0, NONE), "SCALED_IMU": (0.0, NONE), "HIGHRES_IMU": (0.0, NONE),
     "ODOMETRY": (0.0, NONE), "ALTITUDE": (0.0, NONE),
 }  # fmt: skip
@@ -42,7 +42,7 @@ STREAMS: dict[str, tuple[float, int]] = {
 
 def number_of(name: str) -> int:
     """Return the id of a message."""
-    own = {kind.name: kind.id for kind in (newer.EscStatus, newer.CurrentMode, newer.AvailableModesMonitor)}
+    own = {kind.name: kind.id for kind in (newer.CurrentMode, newer.AvailableModesMonitor)}
     return own.get(name) or int(getattr(dialect, f"MAVLINK_MSG_ID_{name}"))
 
 
