@@ -21,7 +21,7 @@ from hil.links.mavlink.stream import MavlinkStream, signing_secret
 from hil.scenario.mavlink_records import Mavlink
 from tests.support.clients.mavlink_vehicle import Bench, PointVehicle
 
-COUNT = int(os.environ.get("UUV_HIL_FUZZ", "8000"))  # frames; 1000000 by hand
+COUNT = int(os.environ.get("UUV_HIL_FUZZ", "4000"))  # frames; 1000000 by hand
 
 
 def _random_packet(generator: random.Random, stream: MavlinkStream, targets: bool) -> bytes:

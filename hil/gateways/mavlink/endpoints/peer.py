@@ -11,6 +11,7 @@ from hil.links.mavlink.stream import MavlinkStream
 
 COMPONENT = 1  # the autopilot's
 SLOW_BURST = 400  # bytes a turn: a serial line that does not carry all streams at their default rates
+AT_ONCE = 60  # messages of lists in one turn: the buffer of a busy receiver takes some 200 datagrams
 MAX_WAITING = 4000  # messages of lists that wait for a slow link
 
 Write = Callable[[bytes, Any], None]  # the packet, and its message
@@ -61,9 +62,11 @@ class Peer:
         self.flush()
 
     def flush(self) -> None:
-        """Send what waits, at most `burst` bytes."""
+        """Send what waits, at most `burst` bytes and AT_ONCE messages."""
         left = self._burst
-        while self._waiting and left > 0:
+        for _ in range(AT_ONCE):
+            if not self._waiting or left <= 0:
+                return
             message = self._waiting.popleft()
             packet = self._stream.pack(message)
             if packet:
