@@ -147,17 +147,13 @@ def cut_bottom_grid(bottom: BottomGrid | None, extent: Extent) -> BottomGrid | N
     """Return the part of `bottom` that covers `extent` (m)."""
     if bottom is None:
         return None
-    slices: list[slice] = []
-    firsts: list[float] = []
-    for axis, (first, low, high) in enumerate(
-        ((bottom.north_min, extent[0], extent[1]), (bottom.east_min, extent[2], extent[3]))
-    ):
-        count = bottom.codes.shape[axis]
-        start = min(max(int(np.floor((low - first) / bottom.resolution)), 0), count - 1)
-        end = max(start + 1, min(int(np.ceil((high - first) / bottom.resolution)) + 1, count))
-        slices.append(slice(start, end))
-        firsts.append(first + start * bottom.resolution)
-    return BottomGrid(np.array(bottom.codes[slices[0], slices[1]]), firsts[0], firsts[1], bottom.resolution)
+    first, counts = np.array((bottom.north_min, bottom.east_min)), np.array(bottom.codes.shape)
+    low, high = (np.array(ends) - first for ends in (extent[::2], extent[1::2]))
+    start = np.clip(np.floor(low / bottom.resolution).astype(int), 0, counts - 1)
+    end = np.clip(np.ceil(high / bottom.resolution).astype(int) + 1, start + 1, counts)
+    codes = bottom.codes[start[0] : end[0], start[1] : end[1]].copy()
+    north, east = (first + start * bottom.resolution).tolist()
+    return BottomGrid(codes, north, east, bottom.resolution)
 
 
 def _rounded(line: Array) -> tuple[tuple[float, float], ...]:

@@ -41,17 +41,9 @@ SLOPES = (8.0, 9.0, 12.0, 13.0, 17.0)  # CATSLC (attribute 60): rip rap, revetme
 MOORING_BUOY = 7.0  # S-57 appendix A, attribute 40 (CATMOR)
 OUT_OF_WATER = -100.0  # m: depth of a top above the water, as in sim.environment.obstacles
 STANDS_UP = {
-    "PILPNT",
-    "PYLONS",
-    "MORFAC",
-    "LNDARE",
-    "OFSPLF",
-    "FSHFAC",
-    "LNDMRK",
-    "BUISGL",
+    "PILPNT", "PYLONS", "MORFAC", "LNDARE", "OFSPLF", "FSHFAC", "LNDMRK", "BUISGL", *STRUCTURES,
     *(kind for kind in RADII if kind.startswith("BCN")),
-    *STRUCTURES,
-}  # their tops are above the water unless WATLEV states otherwise
+}  # their tops are above the water unless WATLEV states otherwise  # fmt: skip
 # Depths of tops by WATLEV (S-57 appendix A, attribute 187): 1 partly submerged at high water, 2 always dry, 4 covers
 # and uncovers, 5 awash. 3, always under water, gives no depth.
 TOPS = {1.0: OUT_OF_WATER, 2.0: OUT_OF_WATER, 4.0: 0.0, 5.0: 0.0}
@@ -134,14 +126,8 @@ def beds_under(survey: Survey, soundings: Array, surface: Surface) -> Array:
     """
     from scipy.spatial.distance import cdist
 
-    known = [
-        (*hazard.line.mean(axis=0), hazard.top)
-        for hazard in survey.hazards
-        if hazard.top is not None
-        and hazard.top > 0.0
-        and hazard.bottom == STANDING
-        and (len(hazard.line) == 1 or hazard.edges)
-    ]
+    standing = [each for each in survey.hazards if each.bottom == STANDING and (len(each.line) == 1 or each.edges)]
+    known = [(*each.line.mean(axis=0), each.top) for each in standing if each.top is not None and each.top > 0.0]
     if not known:
         return np.empty((0, 3))
     tops = np.array(known)
@@ -203,9 +189,8 @@ def _boxes(hazard: Hazard, grid: Grid, limit: Grid) -> list[Box]:
             and length > 0.0
             and (not hazard.needs_water_both_sides or _is_in_water(middle, along, hazard, grid))
         ):
-            size = length + 2.0 * hazard.radius
-            north, east, size, width, heading, top = _rounded(*middle, size, 2.0 * hazard.radius, heading, top)
-            boxes.append(Box(north, east, size, width, heading, top, bottom=hazard.bottom))
+            width = 2.0 * hazard.radius
+            boxes.append(_box(hazard, *middle, length + width, width, heading, top))
     return boxes
 
 
@@ -230,13 +215,17 @@ def _outlined(hazard: Hazard, grid: Grid, limit: Grid) -> list[Box]:
             continue
         corners = np.asarray(rectangle.exterior.coords)
         sides = np.diff(corners[:3], axis=0)
-        size, width = np.hypot(*sides.T)
-        top = _top_at(hazard, corners[:4].mean(axis=0), grid, limit)
+        middle = corners[:4].mean(axis=0)
+        top = _top_at(hazard, middle, grid, limit)
         if top is not None:
             heading = float(np.arctan2(sides[0, 1], sides[0, 0]))
-            north, east, size, width, heading, top = _rounded(*corners[:4].mean(axis=0), size, width, heading, top)
-            boxes.append(Box(north, east, size, width, heading, top, bottom=hazard.bottom))
+            boxes.append(_box(hazard, *middle, *np.hypot(*sides.T), heading, top))
     return boxes
+
+
+def _box(hazard: Hazard, *numbers: float) -> Box:
+    north, east, size, width, heading, top = _rounded(*numbers)
+    return Box(north, east, size, width, heading, top, bottom=hazard.bottom)
 
 
 def _rounded(*values: float) -> tuple[float, ...]:

@@ -73,11 +73,7 @@ def read_sources(
     """
     cells, loose, rasters, ranks = _read_files(paths, options)
     reach = options.reach
-    order = (
-        sorted(range(len(rasters)), key=lambda k: rasters[k].date, reverse=True)
-        if options.newest
-        else range(len(rasters))
-    )
+    order = sorted(range(len(rasters)), key=lambda k: rasters[k].date if options.newest else "", reverse=True)
     order = sorted(order, key=lambda k: -ranks["rasters"][k])
     if any(not points.geographic for points in loose):
         return _on_a_plane(loose, bool(cells or rasters or area), resolution, reach)
