@@ -1,7 +1,7 @@
 """Commands (COMMAND_LONG, COMMAND_INT): a function each. Every command is acknowledged; unknown ones as unsupported."""
 
 from collections.abc import Callable
-from math import isfinite, radians
+from math import isfinite, nan, radians
 from typing import Any, NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
@@ -9,13 +9,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from hil.gateways.mavlink import calibration
 from hil.gateways.mavlink.accessories import LEAST_US, MOST_US
 from hil.gateways.mavlink.core import Core
-from hil.gateways.mavlink.flight.mission_items import (
-    WAYPOINTS,
-    heading_of_item,
-    position_of,
-    read_item,
-    validate_item,
-)
+from hil.gateways.mavlink.flight.mission_items import WAYPOINTS, read_item
 from hil.gateways.mavlink.flight.modes import Mode
 from hil.gateways.mavlink.flight.targets import GLOBAL_FRAMES, Target, TargetError, depth_of, earth_position
 from hil.gateways.mavlink.snapshot import Origin
@@ -161,7 +155,7 @@ class Commands:
             if not (isfinite(flags) and int(flags) & 1):
                 return DENIED
             core.set_mode(Mode.GUIDED)
-        north, east, depth = snapshot.state.position
+        north, east, depth = core.pilot.target_position or snapshot.state.position
         if isfinite(latitude) and isfinite(longitude):
             north, east, _ = earth_position(latitude * 1e7, longitude * 1e7, 0.0, core.origin)
         if isfinite(altitude):
@@ -176,24 +170,20 @@ class Commands:
 
         Ground stations send one on its own, for mode Guided.
         """
-        core, snapshot, item = self._core, self._core.snapshot, read_item(packet)
-        if item is None or snapshot is None or item.command not in WAYPOINTS:
+        item = read_item(packet)
+        if item is None or item.command not in WAYPOINTS:
             return int(dialect.MAV_MISSION_UNSUPPORTED if item else dialect.MAV_MISSION_INVALID)
-        if core.pilot.mode != Mode.GUIDED:
-            core.texts.append((4, "go to: only in mode Guided"))
+        if self._core.pilot.mode != Mode.GUIDED:
+            self._core.texts.append((4, "go to: only in mode Guided"))
             return int(dialect.MAV_MISSION_DENIED)
+        place = (nan, nan) if packet.current == ONLY_DEPTH else (item.x * 1e-7, item.y * 1e-7)
+        request = CommandRequest(0, (-1.0, 0.0, 0.0, item.params[3] or nan, *place, item.z), item.frame)
         try:
-            problem = validate_item(item, 0, 1, core.origin)
-            if problem is not None:
-                return problem
-            north, east, depth = position_of(item, core.origin, core.home[2])
+            is_accepted = self._reposition(request, now) == ACCEPTED
         except TargetError as error:
-            core.texts.append((4, f"go to: {error}"))
+            self._core.texts.append((4, f"go to: {error}"))
             return int(dialect.MAV_MISSION_INVALID_PARAM5_X)
-        if packet.current == ONLY_DEPTH:
-            north, east, _ = core.pilot.target_position or snapshot.state.position
-        core.pilot.set_target(Target((north, east, depth), None, heading_of_item(item)), now)
-        return int(dialect.MAV_MISSION_ACCEPTED)
+        return int(dialect.MAV_MISSION_ACCEPTED if is_accepted else dialect.MAV_MISSION_ERROR)
 
     def _change_speed(self, request: CommandRequest, _: int) -> int:
         speed = request.params[1]

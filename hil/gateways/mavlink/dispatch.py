@@ -257,8 +257,7 @@ class Dispatcher:
         peer.send_later(self.core.parameters.request_list())
 
     def _parameter_read(self, peer: Peer, packet: Any, _: int) -> None:
-        messages, _reason = self.core.parameters.request_read(packet)
-        peer.send(*messages)
+        peer.send(*self.core.parameters.request_read(packet))
 
     def _parameter_set(self, _: Peer, packet: Any, _now: int) -> None:
         messages, texts = self.core.parameters.request_set(packet)

@@ -7,7 +7,6 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from hil.gateways.mavlink.parameter_table import GATEWAY, ParameterTable
 
 LONGEST_NAME = 16
-HASH_NAME = "_HASH_CHECK"  # a parameter that PX4's ground stations request; this vehicle has none
 
 
 class ParameterProtocol:
@@ -21,17 +20,12 @@ class ParameterProtocol:
         names = self._table.names()
         return [self._message(name, index, len(names)) for index, name in enumerate(names)]
 
-    def request_read(self, packet: Any) -> tuple[list[Any], str]:
-        """Return PARAM_VALUE of one by name or index, or nothing and why."""
+    def request_read(self, packet: Any) -> list[Any]:
+        """Return PARAM_VALUE of one by name or index, if there is such a parameter."""
         names = self._table.names()
-        index, name = packet.param_index, _text(packet.param_id)
-        if index >= 0:
-            if index >= len(names):
-                return [], f"no parameter {index}"
-            return [self._message(names[index], index, len(names))], ""
-        if name not in names:
-            return [], "" if name == HASH_NAME else f"no parameter {name}"
-        return [self._message(name, names.index(name), len(names))], ""
+        if packet.param_index < 0:
+            return self.value_of(_text(packet.param_id))
+        return self.value_of(names[packet.param_index]) if packet.param_index < len(names) else []
 
     def request_set(self, packet: Any) -> tuple[list[Any], list[tuple[int, str]]]:
         """Set one; return PARAM_VALUE with what it is now, and severity and text of what is to be said about it.
@@ -45,8 +39,7 @@ class ParameterProtocol:
         texts = [(4, reason)] if reason else []
         if not reason and GATEWAY[name].group == "stored":
             texts = [(6, f"{name} is stored, and changes nothing in this vehicle")]
-        names = self._table.names()
-        return ([self._message(name, names.index(name), len(names))] if name in names else []), texts
+        return self.value_of(name), texts
 
     def value_of(self, name: str) -> list[Any]:
         """Return PARAM_VALUE of one, if there is such a parameter."""
