@@ -263,11 +263,6 @@ class VehicleClient:
                 f'{self.node} is left to software of its own (controller = "external" in its scenario), and none '
                 f'{missing}: start that first, or let the slave have controller = "builtin"'
             )
-        if values.controller == "autopilot":
-            return (
-                f"{self.node} is flown by the autopilot {values.autopilot}, and takes commands from that alone: "
-                "connect to the autopilot's own port"
-            )
         if values.armed is False:
             return f"{self.node} is disarmed: uuv-hil topic call /{self.node}/arm '{{data: true}}'"
         return self.refusal()

@@ -101,7 +101,9 @@ class NetworkVehicle:
 
     def refusal(self) -> str:
         """Return why it does not execute our commands, with the remedy; "" if it does."""
-        client = self._client
+        client, figures = self._client, self._client.diagnostics()
+        if figures.controller == "autopilot":
+            return f"{client.node} is flown by {figures.autopilot}: connect to that autopilot's own port"
         reason = client.unavailable_reason()
         return reason or (f"{client.node} has just named another master" if client.in_doubt else "")
 

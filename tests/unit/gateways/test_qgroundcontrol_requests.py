@@ -140,9 +140,9 @@ def test_readiness_and_its_reason_agree_with_the_answer_to_arming() -> None:
     bench.vehicle.refused, bench.vehicle.is_disarmed = "uuv1 is disarmed", True
     assert health(), "arming arms the slave, too"
     assert "PreArm" not in bench.partner.texts()
-    bench.vehicle.refused, bench.vehicle.is_disarmed = "uuv1 is flown by the autopilot ArduSub", False
+    bench.vehicle.refused, bench.vehicle.is_disarmed = "uuv1 is flown by ArduSub", False
     assert not health()
-    assert "PreArm: uuv1 is flown by the autopilot ArduSub" in bench.partner.texts().replace(" | ", "")
+    assert "PreArm: uuv1 is flown by ArduSub" in bench.partner.texts().replace(" | ", "")
     bench.run(10.0)
     assert "PreArm" not in bench.partner.texts()
     assert bench.partner.command(dialect.MAV_CMD_RUN_PREARM_CHECKS) == ACCEPTED
