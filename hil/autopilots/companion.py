@@ -79,7 +79,8 @@ class Companion:
     def _encode_messages(self, time_us: int, truth: OdometrySample) -> list[Any]:
         inputs = self._inputs
         if self._positions == "odometry":
-            return [hil_messages.encode_odometry(time_us, inputs.odometry, hil_messages.LOCAL_FRD)]
+            solution = inputs.odometry, inputs.odometry_variances
+            return [hil_messages.encode_odometry(time_us, *solution, hil_messages.LOCAL_FRD)]
         if self._positions == "gps":
             return [encode_gps_input(time_us, inputs.fix, inputs.antenna_velocity(truth))]
         dvl, before_ns = inputs.dvl, self._dvl_ns

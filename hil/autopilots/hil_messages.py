@@ -21,6 +21,7 @@ RC_CHANNELS, FULL_STRENGTH = 18, 254
 STANDARD_HPA = 1013.25
 BOX_TEMPERATURE = 20.0  # degC; of sensors in the vehicle's hull
 LOCAL_NED, BODY_FRD, LOCAL_FRD = 1, 12, 20  # MAV_FRAME
+DEPTH_VARIANCE = 0.01  # m², of a depth by pressure
 VISION = 2  # MAV_ESTIMATOR_TYPE: PX4 fuses it as external navigation
 
 
@@ -68,12 +69,14 @@ def encode_gps(time_us: int, fix: Any, velocity: Sequence[float]) -> Any:
     )  # fmt: skip
 
 
-def encode_odometry(time_us: int, sample: OdometrySample, frame: int = LOCAL_NED) -> Any:
-    """Return the ODOMETRY message of a navigation solution, marked as a vision system, which PX4 uses for position."""
-    pose = [0.0] * 21
-    twist = [0.0] * 21
-    for place, variance in ((0, 0.01), (6, 0.01), (11, 0.01), (15, 1e-6), (18, 1e-6), (20, 1e-6)):
-        pose[place] = twist[place] = variance  # the diagonals of upper triangles of 6 x 6
+def encode_odometry(time_us: int, sample: OdometrySample, variances: Sequence[float], frame: int = LOCAL_NED) -> Any:
+    """Return the ODOMETRY message of a navigation solution, marked as a vision system, which PX4 uses for position.
+
+    `variances`: of horizontal position and depth m², attitude rad², velocity (m/s)², angular velocity (rad/s)².
+    """
+    level, depth, angle, velocity, rate = variances
+    pose = _diagonal(level, level, depth, angle, angle, angle)
+    twist = _diagonal(velocity, velocity, velocity, rate, rate, rate)
     return dialect.MAVLink_odometry_message(
         time_us,
         frame,
@@ -91,11 +94,9 @@ def encode_odometry(time_us: int, sample: OdometrySample, frame: int = LOCAL_NED
 
 def encode_velocity(time_us: int, depth: float, dvl: DvlSample | None) -> Any:
     """Return the ODOMETRY message with a depth (m) and a DVL's velocity; without a lock it has no velocity."""
-    unknown, pose, twist = [nan] * 3, [0.0] * 21, [0.0] * 21
-    pose[11] = 0.01  # m², of the depth
+    unknown, pose = [nan] * 3, _diagonal(0.0, 0.0, DEPTH_VARIANCE, 0.0, 0.0, 0.0)
     covariance = dvl.covariance if dvl else ()
-    for place, variance in zip((0, 6, 11), covariance[::4] or (1e-4,) * 3, strict=True):
-        twist[place] = variance
+    twist = _diagonal(*(covariance[::4] or (1e-4,) * 3), 0.0, 0.0, 0.0)
     velocity = dvl.velocity if dvl and dvl.locked else unknown
     return dialect.MAVLink_odometry_message(
         time_us, LOCAL_NED, BODY_FRD, 0.0, 0.0, depth, [nan] * 4, *velocity, *unknown, pose, twist, 0, VISION, 100,
@@ -126,6 +127,14 @@ def encode_rc_channels(time_us: int, pulses_us: Sequence[int]) -> Any:
 def controls_to_pwm(controls: Sequence[float]) -> tuple[int, ...]:
     """Return the pulse widths (us) of HIL_ACTUATOR_CONTROLS; 0, no output, for values that are not finite."""
     return tuple([PWM_NEUTRAL_US + round(SPAN_US * max(-1.0, min(1.0, x))) if isfinite(x) else 0 for x in controls])
+
+
+def _diagonal(*variances: float) -> list[float]:
+    """Return the upper triangle of a 6 x 6 matrix with these six values on its diagonal."""
+    triangle = [0.0] * 21
+    for place, variance in zip((0, 6, 11, 15, 18, 20), variances, strict=True):
+        triangle[place] = variance
+    return triangle
 
 
 def _limited(value: float, most: int) -> int:

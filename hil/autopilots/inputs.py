@@ -13,7 +13,8 @@ from sim.rotations import rotate
 from sim.sensors.magnetometer import earth_field
 from sim.sensors.mounting import Mounting
 from sim.sensors.pressure import STANDARD_ATMOSPHERE
-from sim.sensors.samples import OdometrySample
+from sim.sensors.samples import ODOMETRY, OdometrySample
+from sim.sensors.variances import error_variances
 
 AT_REST: Vector3 = (0.0, 0.0, -9.80665)
 HOME = (50.0, 8.0)  # latitude and longitude, degrees, for a world without an origin
@@ -55,6 +56,7 @@ class SensorInputs:
         }
         self.origin = (*world.origin, world.origin_altitude) if world.origin else None  # of NED; degrees, m
         self.plane = TangentPlane(*self.origin) if self.origin else None
+        self.odometry_variances = error_variances(fitted, world).get(ODOMETRY, (0.0,) * 5)
         mounts = [fitted[name].mounting.position[2] if name in fitted else 0.0 for name in ("dvl", "pressure")]
         self.dvl_below = mounts[0] - mounts[1]  # m, of the pressure sensor
         # NED in T, used as an ideal magnetometer if the vehicle has none

@@ -38,6 +38,9 @@ BOOT_NS = 30 * NS_PER_S  # without outputs of a connected PX4, after which that 
 MAX_READS = 64  # of the wire in one call of `receive`
 COMPANION_PORT = 14_580  # of the first SITL instance
 ORIGIN_MESSAGES = 5  # one a second: the first ones are lost if PX4's estimator does not run yet
+# PX4 takes the errors of samples as independent. Those of a position wander in a minute, and would tilt its attitude by
+# a degree or more if their variance were not multiplied.
+WANDER = 100.0
 DITHER_T = 1e-8  # last digit of a usual magnetometer; PX4 takes a value that never changes for a failed sensor
 TOPICS = {"simulated": "odom", "odometry": "odom", "dvl": "dvl", "gps": "pressure"}  # sent as ODOMETRY
 
@@ -263,7 +266,8 @@ class Px4(Autopilot):
     def _encode_positions(self, time_us: int) -> Any:
         inputs = self._inputs
         if self._positions == "odom":
-            return hil_messages.encode_odometry(time_us, inputs.odometry)
+            horizontal, *others = inputs.odometry_variances
+            return hil_messages.encode_odometry(time_us, inputs.odometry, (WANDER * horizontal, *others))
         if self._positions == "pressure":
             return hil_messages.encode_velocity(time_us, inputs.depth, None)
         return hil_messages.encode_velocity(time_us, inputs.depth + inputs.dvl_below, inputs.dvl)

@@ -55,7 +55,9 @@ def test_hil_gps_reports_fix_and_no_fix() -> None:
 
 def test_odometry_has_the_frames_that_px4_accepts() -> None:
     sample = OdometrySample(0, (1.0, 2.0, 3.0), (1.0, 0.0, 0.0, 0.0), (0.1, 0.2, 0.3, 0.01, 0.02, 0.03))
-    message = encode_odometry(9, sample)
+    message = encode_odometry(9, sample, (1.0, 0.25, 0.01, 0.04, 0.0))
+    assert [message.pose_covariance[i] for i in (0, 6, 11, 20)] == [1.0, 1.0, 0.25, 0.01]
+    assert [message.velocity_covariance[i] for i in (0, 11, 20)] == [0.04, 0.04, 0.0]
     assert (message.frame_id, message.child_frame_id, message.estimator_type, message.quality) == (1, 12, 2, 100)
     assert (message.x, message.y, message.z, message.vz, message.yawspeed) == (1.0, 2.0, 3.0, 0.3, 0.03)
     assert [i for i, x in enumerate(message.pose_covariance) if x] == [0, 6, 11, 15, 18, 20]
@@ -69,7 +71,7 @@ def test_every_message_can_be_packed() -> None:
         map(
             stream.pack,
             [
-                encode_odometry(1, sample),
+                encode_odometry(1, sample, (0.0,) * 5),
                 huge,
                 encode_sensor(1, Inertial(None, None, None, 1e5)),
             ],
