@@ -65,8 +65,8 @@ static int fill(Caster *caster, PyObject *const objects[BUFFERS])
     ground->depths = caster->buffers[DEPTHS].buf;
     geometry->solids = caster->buffers[SOLIDS].buf;
     geometry->count = (long)(caster->buffers[SOLIDS].len / (Py_ssize_t)sizeof(Solid));
-    geometry->nodes = caster->buffers[NODES].buf;
-    geometry->groups = caster->buffers[GROUPS].buf;
+    geometry->trees.nodes = caster->buffers[NODES].buf;
+    geometry->trees.groups = caster->buffers[GROUPS].buf;
     return allocate_blocks(ground);
 }
 
@@ -249,7 +249,7 @@ static PyObject *grow(PyObject *module, PyObject *arguments)
     if (count < 1 || mesh.len % 72 != 0 || grower.root < 0 || grower.group < 0
         || nodes.len / (Py_ssize_t)sizeof(Node) - grower.root < needed
         || groups.len / (Py_ssize_t)sizeof(Group) - grower.group < needed)
-        PyErr_SetString(PyExc_ValueError, "grow(): nine doubles a triangle, and room for a node and a group for four");
+        PyErr_SetString(PyExc_ValueError, "grow(): nine doubles a triangle, and room for a node and a group for eight");
     else if (!(items = malloc((size_t)count * sizeof *items)))
         PyErr_NoMemory();
     else {

@@ -2,9 +2,8 @@
  * It is included after rays.h, and does not use the Python API.
  */
 
-#include <stdint.h>
-
 #define PAD 1e-6
+#define MARGIN 3e-6 /* 45 roundings of a float: the operations of find_candidates have less */
 #define BEYOND 1e30
 #define SMALLEST 1e-300
 enum { BINS = 16, MAX_DEPTH = 10 };
@@ -151,10 +150,17 @@ static long divide(Item *items, long count, int depth)
     return first;
 }
 
+static double length(const double *v)
+{
+    return sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2]);
+}
+
 static void write_group(Grower *grower, Item *items, long count)
 {
     Group *group = grower->groups + grower->group++;
-    for (int lane = 0; lane < count; lane++) {
+    Triangle *triangle = group->triangles;
+    double longest = 0.0, farthest = 0.0;
+    for (int lane = 0; lane < count; lane++, triangle++) {
         for (long i = lane + 1; i < count; i++)
             if (items[i].number < items[lane].number) {
                 Item item = items[i];
@@ -162,11 +168,16 @@ static void write_group(Grower *grower, Item *items, long count)
             }
         const double (*corner)[3] = grower->mesh[items[lane].number];
         for (int axis = 0; axis < 3; axis++) {
-            group->corner[axis][lane] = corner[0][axis];
-            group->one[axis][lane] = corner[1][axis] - corner[0][axis];
-            group->other[axis][lane] = corner[2][axis] - corner[0][axis];
+            triangle->corner[axis] = corner[0][axis];
+            triangle->one[axis] = corner[1][axis] - corner[0][axis];
+            triangle->other[axis] = corner[2][axis] - corner[0][axis];
+            group->corner[axis][lane] = (float)triangle->corner[axis];
+            group->one[axis][lane] = (float)triangle->one[axis], group->other[axis][lane] = (float)triangle->other[axis];
         }
+        farthest = max_of(farthest, length(triangle->corner));
+        longest = max_of(longest, max_of(length(triangle->one), length(triangle->other)));
     }
+    group->margin = (float)(longest * MARGIN), group->extent = (float)(longest + farthest);
 }
 
 static void grow_node(Grower *grower, Item *items, long count, int depth)
@@ -192,8 +203,8 @@ static void grow_node(Grower *grower, Item *items, long count, int depth)
     for (int lane = 0; lane < WIDTH; lane++) {
         long size = lane < parts ? starts[lane + 1] - starts[lane] : 0;
         for (int axis = 0; axis < 3; axis++) {
-            node->low[axis][lane] = (float)(size ? (double)bounds[lane].low[axis] - grower->pad : BEYOND);
-            node->high[axis][lane] = (float)(size ? (double)bounds[lane].high[axis] + grower->pad : BEYOND);
+            node->sides[axis][lane] = (float)(size ? (double)bounds[lane].low[axis] - grower->pad : BEYOND);
+            node->sides[3 + axis][lane] = (float)(size ? (double)bounds[lane].high[axis] + grower->pad : BEYOND);
         }
         if (size > WIDTH) {
             node->child[lane] = (float)grower->root;

@@ -13,7 +13,7 @@ from hil.common.vectors import Vector3
 from sim.rays.geometry import NOTHING, SEABED, Geometry, Hits
 from sim.rays.seabed import STEP_EAST, STEP_NORTH, TINY, intersect_seabed, slab
 from sim.rays.solids import BOX, CYLINDER, HALF_SPACE, KIND, MESH, POSITION, REACH, ROOT, ROTATION, ROW, SIZES, SPHERE
-from sim.rays.tree import GROUP, NODE, WIDTH
+from sim.rays.tree import NODE, WIDTH, triangle
 
 _FLAT = 1e-30  # greatest part of a direction that counts as parallel
 
@@ -198,27 +198,34 @@ def _unit(x: float, y: float, z: float) -> Vector3:
 def _intersect_mesh(
     geometry: Geometry, root: int, net: Sequence[float], at: Vector3, along: Vector3, reach: float
 ) -> tuple[float, int]:
-    """Return the distance to a mesh and the number of the triangle; of equally near ones, the lowest number."""
-    best, nearest, waiting = inf, 0, [(0.0, root)]
+    """Return the distance to a mesh and the number of the triangle; of equally near ones, the lowest number.
+
+    A hit counts if it is in the box of its group: rounding can move that of a triangle seen from its edge anywhere.
+    So hits do not depend on the order of the search, nor on how many boxes are searched in vain.
+    """
+    best, nearest, waiting = inf, 0, [(0.0, inf, root)]
     inverse = [1.0 / (x if abs(x) > _FLAT else _FLAT) for x in along]
     while waiting:
-        near, child = waiting.pop()
+        near, end, child = waiting.pop()
         if near > min(reach, best):
             continue
         if child >= 0:
             waiting += _children(geometry.nodes[child * NODE : (child + 1) * NODE], at, inverse, min(reach, best))
             continue
         for number in range(WIDTH * (-1 - child), WIDTH * -child):
-            corner = _triangle(geometry.triangles, number)
+            corner = triangle(geometry.triangles, number)
             distance = _intersect_triangle(corner, at, along)
             is_nearer = distance < best or (distance == best and number < nearest)
-            if is_nearer and distance <= reach and not (net[0] and _is_open(corner, net, at, along, distance)):
+            is_hit = is_nearer and distance <= reach and near <= distance <= end
+            if is_hit and not (net[0] and _is_open(corner, net, at, along, distance)):
                 best, nearest = distance, number
     return best, nearest
 
 
-def _children(node: Sequence[float], at: Vector3, inverse: Sequence[float], far: float) -> list[tuple[float, int]]:
-    """Return the distance and number of each child that a ray meets within `far` m; the nearest is the last."""
+def _children(
+    node: Sequence[float], at: Vector3, inverse: Sequence[float], far: float
+) -> list[tuple[float, float, int]]:
+    """Return where a ray is in each child that it meets within `far` m (m), and its number; the nearest is the last."""
     met = []
     for lane in range(WIDTH):
         near, end = 0.0, far
@@ -226,14 +233,8 @@ def _children(node: Sequence[float], at: Vector3, inverse: Sequence[float], far:
             one, other = ((node[WIDTH * (axis + 3 * side) + lane] - at[axis]) * inverse[axis] for side in (0, 1))
             near, end = max(near, min(one, other)), min(end, max(one, other))
         if near <= end:
-            met.append((near, int(node[WIDTH * 6 + lane])))
+            met.append((near, end, int(node[WIDTH * 6 + lane])))
     return sorted(met, key=lambda child: -child[0])
-
-
-def _triangle(triangles: Sequence[float], number: int) -> Sequence[float]:
-    """Return nine numbers: a corner of a triangle and the two edges from there."""
-    first = number // WIDTH * GROUP + number % WIDTH
-    return triangles[first : first + GROUP : WIDTH][:9]
 
 
 def _intersect_triangle(corner: Sequence[float], at: Vector3, along: Vector3) -> float:
@@ -272,6 +273,6 @@ def _is_open(corner: Sequence[float], net: Sequence[float], at: Vector3, along: 
 
 def _triangle_normal(triangles: Sequence[float], number: int, along: Vector3) -> Vector3:
     """Return a triangle's normal on the side of the ray's origin."""
-    _, _, _, ex, ey, ez, fx, fy, fz = _triangle(triangles, number)
+    _, _, _, ex, ey, ez, fx, fy, fz = triangle(triangles, number)
     x, y, z = _unit(ey * fz - ez * fy, ez * fx - ex * fz, ex * fy - ey * fx)
     return (-x, -y, -z) if x * along[0] + y * along[1] + z * along[2] > 0.0 else (x, y, z)

@@ -1,11 +1,12 @@
 """A tree of bounding boxes over a mesh, so that a ray tests only few triangles.
 
-A node has four children, and 28 floats of 32 bits, four of each kind: the least x, y, z of the children's boxes, their
-greatest x, y, z, and the children. A child is the number of a node, or -1 - the number of a group, or 0 for none. A
-group has four triangles, and 36 numbers, four of each kind: x, y, z of a corner, and of the two edges from there; the
-last group of a mesh is filled with zeros. Meshes are flat arrays, with nine numbers a triangle.
+A node has eight children, and 56 floats of 32 bits, eight of each kind: the least x, y, z of the children's boxes,
+their greatest x, y, z, and the children. A child is the number of a node, or -1 - the number of a group, or 0 for none.
+A group has eight triangles of nine numbers: x, y, z of a corner, and of the two edges from there; the last group of a
+mesh is filled with zeros. Then follows memory that only C uses, for the same in floats, with which it excludes most
+triangles. Meshes are flat arrays, with nine numbers a triangle.
 
-The triangles of a node are divided, and always the part with the largest box again, until there are four parts. A
+The triangles of a node are divided, and always the part with the largest box again, until there are eight parts. A
 division is where the areas of the boxes of both sides, times their triangles, are least, of the boundaries of equal
 bins along each axis (MacDonald & Booth 1990, Visual Computer 6(3)); but so that all groups except the last are full.
 Below a few levels it is in the middle of the longest axis, so that no mesh has a deep tree.
@@ -19,8 +20,8 @@ from typing import NamedTuple
 from hil.common.vectors import Vector3
 from sim.native import has_native
 
-WIDTH = 4  # children of a node, and triangles of a group
-NODE, GROUP = 28, 36
+WIDTH = 8  # children of a node, and triangles of a group
+NODE, GROUP = 7 * WIDTH, 9 * WIDTH + 37
 _PAD = 1e-6  # of the greatest coordinate, by which boxes are larger, so that no rounding excludes a triangle
 _FAR = 1e30  # position of a box that no ray hits
 _BINS = 16
@@ -76,11 +77,17 @@ def boxes(nodes: "array[float]", number: int) -> Iterator[tuple[int, Vector3, Ve
 def group(triangles: "array[float]", child: int) -> "array[float]":
     """Return the triangles of a child that is a group, nine numbers each."""
     found = array("d")
-    for lane in range(WIDTH):
-        x, y, z, *edges = triangles[GROUP * (-1 - child) + lane : GROUP * -child : WIDTH]
+    for number in range(WIDTH * (-1 - child), WIDTH * -child):
+        x, y, z, *edges = triangle(triangles, number)
         if any(edges):
             found.extend((x, y, z, x + edges[0], y + edges[1], z + edges[2], x + edges[3], y + edges[4], z + edges[5]))
     return found
+
+
+def triangle(triangles: "array[float]", number: int) -> "array[float]":
+    """Return nine numbers: a corner of a triangle and the two edges from there."""
+    first = number // WIDTH * GROUP + number % WIDTH * 9
+    return triangles[first : first + 9]
 
 
 def grow(
@@ -161,9 +168,9 @@ class _Grower:
 
     def _write_group(self, numbers: list[int]) -> None:
         for lane, number in enumerate(numbers):
-            place, corners = GROUP * self._group + lane, self._mesh[9 * number : 9 * number + 9]
+            place, corners = GROUP * self._group + 9 * lane, self._mesh[9 * number : 9 * number + 9]
             for i, x in enumerate(corners):
-                self._triangles[place + WIDTH * i] = x - corners[i % 3] if i > 2 else x
+                self._triangles[place + i] = x - corners[i % 3] if i > 2 else x
         self._group += 1
 
 

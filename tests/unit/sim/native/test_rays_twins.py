@@ -19,7 +19,7 @@ from sim.environment.things.primitives import quad
 from sim.environment.world import World
 from sim.rays import single, solids
 from sim.rays.scene import Engine, RayScene
-from sim.rays.tree import GROUP, NODE, grow
+from sim.rays.tree import GROUP, NODE, grow, triangle
 from sim.rotations import matrix, normalise
 
 EXTENT = (-20.0, 20.0, -25.0, 30.0)
@@ -109,7 +109,8 @@ def test_trees_in_c_and_python_are_equal() -> None:
             made = []
             for engine in ("", "python"):
                 nodes, triangles = array("f", (0.0,)) * (NODE * count), array("d", (0.0,)) * (GROUP * count)
-                made.append((grow(array("d", mesh), nodes, triangles, 0, 0, engine), nodes, triangles))
+                end = grow(array("d", mesh), nodes, triangles, 0, 0, engine)
+                made.append((end, nodes, [triangle(triangles, number) for number in range(count)]))
             assert made[0] == made[1]
 
 
@@ -135,6 +136,31 @@ def test_a_ray_hits_the_nearest_of_all_triangles() -> None:
     for ray, distance in enumerate(scene.ranges(origin, rays, 50.0)):
         along = rays[3 * ray], rays[3 * ray + 1], rays[3 * ray + 2]
         assert distance == min(single._intersect_triangle(corner, origin, along) for corner in edges)
+
+
+@pytest.mark.usefixtures("native")
+def test_a_triangle_seen_from_its_edge_is_hit_in_its_box_or_not_at_all() -> None:
+    """Rays in the plane of a square have a determinant near 0, with which rounding gives any distance."""
+    rng, hits = random.Random(6), 0
+    engines: tuple[Engine, ...] = ("C", "python")
+    for _ in range(20):
+        rotation = matrix(attitude(rng))
+        corners = [single.rotate_to_world(rotation, 5.0 + x, y, 0.0) for x, y in ((0, -1), (1, -1), (1, 1), (0, 1))]
+        scenes = [RayScene(World("w", "test", EXTENT, 100.0), engine) for engine in engines]
+        rays = array("d")
+        for k in range(50):
+            length = sqrt(1.0 + (0.003 * k) ** 2)
+            rays.extend(single.rotate_to_world(rotation, 1.0 / length, 0.003 * k / length, 0.0))
+        for scene in scenes:
+            scene.add(solids.mesh(quad(*corners)))
+        native, python = (scene.ranges((0.0, 0.0, 0.0), rays, 50.0) for scene in scenes)
+        assert native == python
+        along = np.array(rays).reshape(-1, 3)[np.array(native) < 50.0]
+        points = along * np.array(native)[np.array(native) < 50.0, None]
+        assert (points > np.min(corners, axis=0) - 1e-4).all()
+        assert (points < np.max(corners, axis=0) + 1e-4).all()
+        hits += len(points)
+    assert hits
 
 
 def rows_of_pixels(width: float, across: int, down: int) -> "array[float]":
