@@ -9,6 +9,7 @@
 
 enum { NOTHING = -1, SEABED = 0 };
 enum { SPHERE, CYLINDER, BOX, HALF_SPACE, MESH };
+
 /* A row of sim/rays/solids.py: all are doubles. */
 typedef struct {
     double kind, reach, position[3], rotation[9], sizes[6], root;

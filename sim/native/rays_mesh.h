@@ -1,7 +1,7 @@
 /* Rays on the triangles of sim/rays/tree.py: _intersect_mesh of sim/rays/single.py, equal to the last bit.
  *
- * Boxes and triangles are first compared in floats, with margins so that no hit is lost; what remains, exactly. The
- * compiler makes vectors of the loops over lanes. This file does not use the Python API.
+ * Boxes and triangles are first compared in floats, with margins so that no hit is lost, and what remains in doubles.
+ * This file is included after rays_seabed.h, and does not use the Python API.
  */
 
 #include <stdint.h>
@@ -143,8 +143,8 @@ INLINED unsigned find_candidates(const Group *group, const Beam *beam)
     return lanes_of((u >= -margin) & (v >= -margin) & (rest >= -3.0f * margin));
 }
 
-/* Returns 1 if `distance` along a ray is in the box of a child: not so where rounding has moved the hit of a triangle
- * that is seen from its edge. */
+/* Returns 1 if `distance` along a ray is in the box of a child. Rounding can move the hit of a triangle that is seen
+ * from its edge out of it. */
 static int is_in_box(const Node *node, unsigned lane, const double *at, const double *inverse, double distance)
 {
     for (int axis = 0; axis < 3; axis++) {
@@ -187,8 +187,9 @@ INLINED long add_children(const Trees *trees, long number, const Beam *beam, flo
     return count;
 }
 
-FOR_EACH_PROCESSOR static double intersect_mesh(const Trees *trees, long root, const double *net,
-                                                const double *at, const double *along, double reach, long *triangle_number)
+/* The distance to the mesh whose tree begins at node `root`, and the number of the triangle. */
+FOR_EACH_PROCESSOR static double intersect_mesh(const Trees *trees, long root, const double *net, const double *at,
+                                                const double *along, double reach, long *triangle_number)
 {
     double best = INFINITY, inverse[3];
     for (int axis = 0; axis < 3; axis++)

@@ -271,7 +271,7 @@ def _is_open(corner: Sequence[float], net: Sequence[float], at: Vector3, along: 
     return True
 
 
-def _triangle_normal(triangles: Sequence[float], number: int, along: Vector3) -> Vector3:
+def _triangle_normal(triangles: "array[float]", number: int, along: Vector3) -> Vector3:
     """Return a triangle's normal on the side of the ray's origin."""
     _, _, _, ex, ey, ez, fx, fy, fz = triangle(triangles, number)
     x, y, z = _unit(ey * fz - ez * fy, ez * fx - ex * fz, ex * fy - ey * fx)
