@@ -1,12 +1,15 @@
 """A real slave's MAVLink vehicle answers all that QGroundControl requires when it connects."""
 
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from hil.common.ports import free_ports
 from hil.gateways.mavlink.flight.modes import Mode
+from tests.support.clients.mavlink_ground import Ground
 from tests.support.clients.qgroundcontrol import Station
 from tests.support.processes import Program, free_port, write_scenario
 
@@ -87,3 +90,20 @@ def test_its_motors_page_turns_one_thruster(station: Station) -> None:
 
 def _pulses(servos: Any) -> list[int]:
     return [getattr(servos, f"servo{number}_raw") for number in range(1, 9)]
+
+
+def test_beside_an_autopilot_the_vehicle_is_shown_and_not_armed(tmp_path: Path) -> None:
+    udp, (autopilot,) = free_port(), free_ports(1)
+    top = f'controller = "ardupilot"\n[autopilot]\naddress = "udp://127.0.0.1:{autopilot}"\n'
+    scenario, _ = write_scenario(tmp_path, top=top)
+    text = scenario.read_text().replace("paper_six", "bluerov2_heavy")
+    layout = LAYOUT.format(udp=udp, file=tmp_path / "parameters.toml", autopilot="ardupilot")
+    scenario.write_text(text + layout)
+    with Program(tmp_path, "slave", scenario) as slave:
+        slave.expect("MAVLink system 2 is uuv1")
+        ground = Ground(f"udpout:127.0.0.1:{udp}")
+        assert ground.connect().get_srcSystem() == 2
+        ground.send.command_long_send(2, 1, dialect.MAV_CMD_COMPONENT_ARM_DISARM, 0, 1, 0, 0, 0, 0, 0, 0)
+        assert ground.wait("COMMAND_ACK").result == dialect.MAV_RESULT_FAILED
+        assert "is flown by" in ground.wait("STATUSTEXT", lambda text: "flown" in text.text).text
+        ground.link.close()
