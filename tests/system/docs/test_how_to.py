@@ -13,6 +13,7 @@ TYPED = {
     "docs/how-to/campaigns.md": 4,
     "docs/how-to/certificates.md": 6,
     "docs/how-to/charts.md": 0,
+    "docs/how-to/cockpit.md": 0,
     "docs/how-to/continuous_integration.md": 5,
     "docs/how-to/control.md": 2,
     "docs/how-to/disturbances.md": 4,

@@ -29,7 +29,7 @@ class Link(ABC):
     """One endpoint. `burst`: bytes of lists that it takes a turn (1/50 s); `refused`: who came beyond MAX_PARTNERS."""
 
     name: str
-    burst = 20_000
+    burst = 4_000  # of parameters a hundred packets: the socket of a ground station holds some 270
     refused = 0
 
     @abstractmethod

@@ -31,7 +31,7 @@ class Peer:
         system: int,
         write: Write,
         may_command: bool,
-        burst: int = 20_000,
+        burst: int = 4_000,
         signing: SigningKey | None = None,
         wall_clock: Callable[[], int] = lambda: 0,
     ) -> None:
