@@ -245,7 +245,7 @@ static PyObject *grow(PyObject *module, PyObject *arguments)
     if (!PyArg_ParseTuple(arguments, "y*w*w*ll", &mesh, &nodes, &groups, &grower.root, &grower.group))
         return NULL;
     grower.mesh = mesh.buf, grower.nodes = nodes.buf, grower.groups = groups.buf;
-    const Py_ssize_t count = mesh.len / 72, needed = (count + WIDTH - 1) / WIDTH;
+    const Py_ssize_t count = mesh.len / 72, needed = groups_of((long)count);
     if (count < 1 || mesh.len % 72 != 0 || grower.root < 0 || grower.group < 0
         || nodes.len / (Py_ssize_t)sizeof(Node) - grower.root < needed
         || groups.len / (Py_ssize_t)sizeof(Group) - grower.group < needed)

@@ -91,6 +91,11 @@ static void select_first(Item *items, long count, long wanted, int axis)
     }
 }
 
+static long groups_of(long count)
+{
+    return (count + WIDTH - 1) / WIDTH;
+}
+
 /* The axis and the number of items before the best boundary of bins. */
 static long find_split(const Item *items, long count, const double *low, const double *size, int *best_axis)
 {
@@ -121,7 +126,7 @@ static long find_split(const Item *items, long count, const double *low, const d
             before += counts[axis][bin];
             if (before == 0 || before == count)
                 continue;
-            double cost = area(&left) * (double)before + area(&right[bin + 1]) * (double)(count - before);
+            double cost = area(&left) * (double)groups_of(before) + area(&right[bin + 1]) * (double)groups_of(count - before);
             if (cost < least)
                 least = cost, best = before, *best_axis = axis;
         }
@@ -142,7 +147,7 @@ static long divide(Item *items, long count, int depth)
         size[other] = high - low[other];
         axis = size[other] > size[axis] ? other : axis;
     }
-    long groups = (count + WIDTH - 1) / WIDTH, first = groups - groups / 2;
+    long groups = groups_of(count), first = groups - groups / 2;
     if (depth < MAX_DEPTH && size[axis] > 0.0)
         first = (find_split(items, count, low, size, &axis) + WIDTH / 2) / WIDTH;
     first = WIDTH * clamp(first, 1, groups - 1);

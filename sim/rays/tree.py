@@ -7,7 +7,7 @@ mesh is filled with zeros. Then follows memory that only C uses, for the same in
 triangles. Meshes are flat arrays, with nine numbers a triangle.
 
 The triangles of a node are divided, and always the part with the largest box again, until there are eight parts. A
-division is where the areas of the boxes of both sides, times their triangles, are least, of the boundaries of equal
+division is where the areas of the boxes of both sides, times their groups, are least, of the boundaries of equal
 bins along each axis (MacDonald & Booth 1990, Visual Computer 6(3)); but so that all groups except the last are full.
 Below a few levels it is in the middle of the longest axis, so that no mesh has a deep tree.
 """
@@ -51,7 +51,7 @@ def forest(meshes: "Sequence[array[float]]") -> Forest:
     key = tuple(map(id, meshes))
     if key not in _latest:
         distinct = {id(mesh): mesh for mesh in meshes}
-        sizes = [-(-len(mesh) // (9 * WIDTH)) for mesh in distinct.values()]
+        sizes = [_groups(len(mesh) // 9) for mesh in distinct.values()]
         nodes, triangles = (array(kind, (0.0,)) * (count * sum(sizes)) for kind, count in (("f", NODE), ("d", GROUP)))
         roots, root, group = dict[int, int](), 0, 0
         for mesh, size in zip(distinct.values(), sizes, strict=True):
@@ -137,7 +137,7 @@ class _Grower:
         boxes = [self._bounds([number]) for number in numbers]
         centres = [[low[axis] + high[axis] for low, high in boxes] for axis in range(3)]
         sizes = [max(along) - min(along) for along in centres]
-        groups, axis = -(-len(numbers) // WIDTH), sizes.index(max(sizes))
+        groups, axis = _groups(len(numbers)), sizes.index(max(sizes))
         first = groups - groups // 2
         if depth < _MAX_DEPTH and sizes[axis] > 0.0:
             axis, first = self._find_split(numbers, centres, sizes)
@@ -157,7 +157,8 @@ class _Grower:
             for end in range(1, _BINS):
                 one, other = ([number for part in side for number in part] for side in (bins[:end], bins[end:]))
                 if one and other:
-                    cost = _area(self._bounds(one)) * len(one) + _area(self._bounds(other)) * len(other)
+                    costs = [_area(self._bounds(side)) * _groups(len(side)) for side in (one, other)]
+                    cost = costs[0] + costs[1]
                     if cost < least:
                         best, least = (axis, len(one)), cost
         return best
@@ -172,6 +173,11 @@ class _Grower:
             for i, x in enumerate(corners):
                 self._triangles[place + i] = x - corners[i % 3] if i > 2 else x
         self._group += 1
+
+
+def _groups(count: int) -> int:
+    """Return how many groups hold this many triangles."""
+    return -(-count // WIDTH)
 
 
 def _area(bounds: Bounds) -> float:
