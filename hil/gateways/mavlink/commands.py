@@ -162,8 +162,7 @@ class Commands:
             depth = max(0.0, depth_of(altitude, relative, core.origin, core.home[2]))
         heading = radians(yaw) if isfinite(yaw) else None
         wanted = min(speed, 5.0) if isfinite(speed) and speed > 0.0 else None
-        core.pilot.set_target(Target((north, east, depth), None, heading, 0.0, wanted), now)
-        return ACCEPTED
+        return self._follow(Target((north, east, depth), None, heading, 0.0, wanted), now)
 
     def go_to(self, packet: Any, now: int) -> int:
         """Go to the place of a MISSION_ITEM(_INT) with current 2, or to its depth with 3; return a MAV_MISSION_RESULT.
@@ -185,6 +184,13 @@ class Commands:
             return int(dialect.MAV_MISSION_INVALID_PARAM5_X)
         return int(dialect.MAV_MISSION_ACCEPTED if is_accepted else dialect.MAV_MISSION_ERROR)
 
+    def _follow(self, target: Target, now: int) -> int:
+        """Follow a target in mode Guided, if the vehicle is armed."""
+        reason = self._core.pilot.set_target(target, now)
+        if reason:
+            self._core.complain(reason, now)
+        return REJECTED if reason else ACCEPTED
+
     def _change_speed(self, request: CommandRequest, _: int) -> int:
         speed = request.params[1]
         if not isfinite(speed) or speed <= 0.0:
@@ -202,8 +208,7 @@ class Commands:
         turn = radians(angle)
         heading = snapshot.state.heading + (-turn if direction < 0.0 else turn) if relative == 1.0 else turn
         place = core.pilot.target_position or snapshot.state.position
-        core.pilot.set_target(Target(place, None, heading), now)
-        return ACCEPTED
+        return self._follow(Target(place, None, heading), now)
 
     def _start_mission(self, request: CommandRequest, now: int) -> int:
         first = request.params[0]
@@ -231,7 +236,7 @@ class Commands:
         result = core.set_mode(Mode.GUIDED)
         if result == ACCEPTED:
             north, east, _down = core.home
-            core.pilot.set_target(Target((north, east, -core.table["SURFACE_DEPTH"])), now)
+            return self._follow(Target((north, east, -core.table["SURFACE_DEPTH"])), now)
         return result
 
     def _terminate(self, request: CommandRequest, _: int) -> int:

@@ -59,11 +59,7 @@ Handler = Callable[[Peer, Any, int], None]
 class Dispatcher:
     """Handles the packets of all peers for one vehicle."""
 
-    def __init__(
-        self,
-        core: Core,
-        ftp: FtpServer,
-    ) -> None:
+    def __init__(self, core: Core, ftp: FtpServer) -> None:
         self.core = core
         self.peers: dict[int, Peer] = {}
         self.stale = False  # whether what is being read has waited too long to be executed
@@ -321,13 +317,16 @@ class Dispatcher:
         lasts_ns = seconds_ns(core.table["RC_OVERRIDE_TIME"])
         changed = core.pilot.joystick.override(packet, _partner(peer, packet), now, lasts_ns, self.stale)
         if changed is None:
-            core.complain("another sender holds the sticks", now)
+            if not self.stale:
+                core.complain("another sender holds the sticks", now)
             return
         for channel, pulse in changed.items():
             if channel in CHANNELS and pulse:
                 core.accessories.set_named(CHANNELS[channel], pulse)
             elif channel > STICK_CHANNELS and pulse:
                 core.complain(f"RC channel {channel} moves nothing", now)
+            elif pulse and not core.pilot.armed:
+                core.complain("RC channels 1 to 6 move nothing: arm first", now)
         core.expedite()
 
     def _local_target(self, _: Peer, packet: Any, now: int) -> None:

@@ -1,4 +1,4 @@
-"""The camera's picture as H.264 in RTP over UDP, as QGroundControl shows it without an address set by hand.
+"""The camera's picture as H.264 in RTP over UDP, as QGroundControl shows it at its port 5600.
 
 Pictures come as JPEG; FFmpeg's libraries decode and encode them (PyAV), in a thread of their own. Parameter sets are
 repeated with each key picture, once a second, so that a viewer that comes later needs no session description.

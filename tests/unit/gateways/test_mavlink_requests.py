@@ -8,6 +8,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 from pymavlink.quaternion import QuaternionBase
 
+from hil.gateways.mavlink.endpoints.peer import Peer
 from hil.gateways.mavlink.flight.modes import Mode
 from hil.gateways.mavlink.snapshot import Echo
 from sim.sensors.extra_samples import BatterySample
@@ -48,6 +49,13 @@ def test_messages_of_the_sensors_are_sent_when_they_are_requested(name: str) -> 
     (message,) = bench.partner.take_messages(name)
     values = {field: getattr(message, field) for field in MESSAGES[name]}
     assert values == pytest.approx(MESSAGES[name], rel=1e-5)
+
+
+def test_a_slow_line_gets_each_message_once_a_second_at_first() -> None:
+    slow, fast = [Peer(1, "", 1, lambda *_: None, True, burst).rates for burst in (300, 4_000)]
+    for name, usual_us in (("ATTITUDE", 100_000), ("RAW_IMU", 250_000)):
+        number = getattr(dialect, f"MAVLINK_MSG_ID_{name}")
+        assert (slow.interval_us(number), fast.interval_us(number)) == (1_000_000, usual_us)
 
 
 def test_what_is_not_measured_is_not_sent() -> None:
@@ -170,6 +178,17 @@ def test_requests_of_scripts_do_what_they_mean_or_are_refused_in_words(name: str
         assert expected in value.replace(" | ", "")
     else:
         assert value == pytest.approx(expected, abs=0.3 if what == "place" else 0.01)
+
+
+def test_sticks_and_targets_of_a_disarmed_vehicle_are_refused_in_words() -> None:
+    bench = Bench()
+    assert bench.partner.command(dialect.MAV_CMD_DO_SET_MODE, 1, Mode.GUIDED) == ACCEPTED
+    bench.partner.send(_override(c5=1900))
+    bench.partner.send(_depth(-3.0))
+    bench.run(0.1)
+    texts = bench.partner.texts()
+    assert "RC channels 1 to 6 move nothing: arm first" in texts
+    assert "target: arm first" in texts
 
 
 def test_sticks_by_rc_channels_end_after_their_time() -> None:

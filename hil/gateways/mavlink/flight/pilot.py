@@ -99,6 +99,8 @@ class Pilot:
         The modes that hold depth or heading take those alone, as ArduSub's do.
         """
         name = MODES[self.mode].name
+        if not self.armed:
+            return "target: arm first"
         if self.mode == Mode.GUIDED:
             self.target, self._target_ns = target, now
             return ""
