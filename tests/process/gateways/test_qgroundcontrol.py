@@ -37,8 +37,6 @@ def test_each_request_of_its_connection_is_answered(station: Station) -> None:
     capabilities = station.version().capabilities
     modes = station.modes()
     assert {mode.value for mode in Mode} == set(modes.values())
-    refused = dialect.MAV_RESULT_UNSUPPORTED
-    assert station.component_information() == [refused, refused]
     assert capabilities & dialect.MAV_PROTOCOL_CAPABILITY_FTP
     assert capabilities & dialect.MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_C_CAST
     assert {"WPNAV_SPEED", "HIL_G_SURGE_P"} <= set(station.parameters())

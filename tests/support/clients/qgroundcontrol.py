@@ -13,8 +13,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from hil.gateways.mavlink.newer_messages import AvailableModes
 from tests.support.clients.mavlink_ground import Ground
 
-AUTOPILOT, CAMERA = dialect.MAV_COMP_ID_AUTOPILOT1, dialect.MAV_COMP_ID_CAMERA
-COMPONENT_INFORMATION, COMPONENT_METADATA = 395, 397
+AUTOPILOT = dialect.MAV_COMP_ID_AUTOPILOT1
 STREAMS = {  # APMFirmwarePlugin::initializeStreamRates: MAV_DATA_STREAM -> Hz
     dialect.MAV_DATA_STREAM_RAW_SENSORS: 2, dialect.MAV_DATA_STREAM_EXTENDED_STATUS: 2,
     dialect.MAV_DATA_STREAM_RC_CHANNELS: 2, dialect.MAV_DATA_STREAM_POSITION: 3, dialect.MAV_DATA_STREAM_EXTRA1: 10,
@@ -46,12 +45,6 @@ class Station(Ground):
 
         return int(self.wait("COMMAND_ACK", is_answer).result)
 
-    def request(self, number: int, kind: str, component: int = AUTOPILOT) -> Any:
-        """Vehicle::requestMessage: the message after it was accepted, None where it was refused."""
-        if self.command_to(component, dialect.MAV_CMD_REQUEST_MESSAGE, number):
-            return None
-        return self.wait(kind, lambda message: message.get_srcComponent() == component)
-
     def start_streams(self) -> None:
         for stream, rate in STREAMS.items():
             self.send.request_data_stream_send(1, AUTOPILOT, stream, rate, 1)
@@ -59,9 +52,11 @@ class Station(Ground):
             assert self.command_to(AUTOPILOT, dialect.MAV_CMD_SET_MESSAGE_INTERVAL, number, 1e6) == 0
 
     def version(self) -> Any:
-        found = self.request(dialect.MAVLINK_MSG_ID_AUTOPILOT_VERSION, "AUTOPILOT_VERSION")
-        assert found is not None
-        return found
+        """Vehicle::requestMessage: the message after the request for it was accepted."""
+        assert (
+            self.command_to(AUTOPILOT, dialect.MAV_CMD_REQUEST_MESSAGE, dialect.MAVLINK_MSG_ID_AUTOPILOT_VERSION) == 0
+        )
+        return self.wait("AUTOPILOT_VERSION")
 
     def modes(self) -> dict[str, int]:
         """Request all modes at once and wait until the last one has arrived."""
@@ -75,11 +70,6 @@ class Station(Ground):
             if index >= count:
                 assert len(names) == count, "a name that comes twice gets a number behind it"
                 return names
-
-    def component_information(self) -> list[int]:
-        """Return the results of both requests once each is answered."""
-        ask = dialect.MAV_CMD_REQUEST_MESSAGE
-        return [self.command_to(AUTOPILOT, ask, number) for number in (COMPONENT_METADATA, COMPONENT_INFORMATION)]
 
     def parameters(self) -> dict[str, float]:
         """By the file server, as it is announced for ArduPilot."""
