@@ -9,7 +9,7 @@ from hil.gateways.mavlink.commands import REFUSED as REFUSED_COMMANDS
 from hil.gateways.mavlink.commands import Commands
 from hil.gateways.mavlink.flight.mission_items import WAYPOINTS, WITHOUT_PLACE
 from hil.gateways.mavlink.flight.modes import MODES
-from hil.gateways.mavlink.messages import REFUSED, TAKEN
+from hil.gateways.mavlink.messages import GIVEN, GROUND, OWN_SENSORS, REFUSED, TAKEN
 from hil.gateways.mavlink.parameter_table import GATEWAY
 from hil.gateways.mavlink.protocols.streams import STREAMS
 
@@ -57,7 +57,8 @@ def _messages() -> str:
 
 def _taken() -> str:
     rows = [f"| {name} | {row.meaning} |\n" for name, row in TAKEN.items()]
-    refused = [f"| {name} | {reason} |\n" for name, reason in REFUSED.items()]
+    refusals = REFUSED | dict.fromkeys(GIVEN, f"{OWN_SENSORS} (from systems {GROUND} and above)")
+    refused = [f"| {name} | {reason} |\n" for name, reason in refusals.items()]
     text = (
         "## Messages that are taken and refused\n\nWithout the right to command, those that change something are "
         "denied. Sticks and targets that the mode does\nnot follow are refused by a text, once in 10 s.\n\n"

@@ -39,17 +39,16 @@ from hil.gateways.mavlink.snapshot import Context
 from hil.gateways.mavlink.telemetry import BUILDERS, status_text
 from hil.links.mavlink.reports import MAVLINK_VERSION
 
-# Commands that change nothing: partners without the right to command may send them.
-ASKING = {
-    dialect.MAV_CMD_REQUEST_MESSAGE, dialect.MAV_CMD_SET_MESSAGE_INTERVAL, dialect.MAV_CMD_GET_MESSAGE_INTERVAL,
-    dialect.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES, dialect.MAV_CMD_GET_HOME_POSITION,
-    dialect.MAV_CMD_REQUEST_PROTOCOL_VERSION,
-}  # fmt: skip
 OLD_REQUESTS = {  # command -> the message that it asks for
     dialect.MAV_CMD_REQUEST_PROTOCOL_VERSION: ProtocolVersion.id,
     dialect.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES: dialect.MAVLINK_MSG_ID_AUTOPILOT_VERSION,
     dialect.MAV_CMD_GET_HOME_POSITION: dialect.MAVLINK_MSG_ID_HOME_POSITION,
 }
+# Commands that change nothing: partners without the right to command may send them.
+ASKING = {
+    dialect.MAV_CMD_REQUEST_MESSAGE, dialect.MAV_CMD_SET_MESSAGE_INTERVAL, dialect.MAV_CMD_GET_MESSAGE_INTERVAL,
+    *OLD_REQUESTS,
+}  # fmt: skip
 ARDUSUB = 4, 6, 0  # the version whose parameters and behaviour this vehicle follows
 HOME_POSITION, GPS_GLOBAL_ORIGIN = number_of("HOME_POSITION"), number_of("GPS_GLOBAL_ORIGIN")
 LEVEL = 0.02  # rad: roll and pitch below it count as level

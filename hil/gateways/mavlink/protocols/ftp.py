@@ -4,7 +4,6 @@ The layout of a payload: mavlink.io, services/ftp. `@PARAM/param.pck` is packed 
 (AP_Filesystem_Param); logs are below `/logs`.
 """
 
-import binascii
 import os
 import struct
 from collections.abc import Iterator
@@ -27,7 +26,6 @@ WRITING = (CREATE, WRITE, REMOVE, MAKE_FOLDER, REMOVE_FOLDER, OPEN_WRITE, TRUNCA
 MAX_SESSIONS = 8  # of a peer, whatever names its clients give themselves
 IDLE_NS = 60 * NS_PER_S  # after which a session that nobody uses is closed
 BURST_AT_ONCE = 40  # packets of one burst; the client asks for the next
-MAX_CRC = 1 << 28  # bytes
 PARAMETERS = "@PARAM/param.pck"
 STANDARD_LOGS = "@MAV_LOG"  # the standard's name of /logs
 ONLY_A_FILE: int = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_BINARY", 0)  # Linux and macOS; Windows
@@ -120,8 +118,6 @@ class FtpServer:
             yield self._open(request, partner, now)
         elif request.opcode in (READ, BURST):
             yield from self._read(request, partner, now)
-        elif request.opcode == CRC32:
-            yield self._crc(request)
         else:
             yield _nak(request, PROTECTED if request.opcode in WRITING else UNKNOWN)
 
@@ -185,16 +181,6 @@ class FtpServer:
             yield _ack(step, data, offset=offset, complete=is_last)
             offset += len(data)
             number = number + 1 & 0xFFFF
-
-    def _crc(self, request: _Request) -> bytes:
-        real = self._real(_path(request))
-        if real is None or not os.path.isfile(real) or os.path.getsize(real) > MAX_CRC:
-            return _nak(request, NOT_FOUND)
-        crc = 0
-        with open(real, "rb") as file:
-            while data := file.read(1 << 16):
-                crc = binascii.crc32(data, crc)
-        return _ack(request, crc.to_bytes(4, "little"))
 
     def _real(self, path: str) -> str | None:
         """Return the file below the folder of logs that a path names, None for one outside it."""
