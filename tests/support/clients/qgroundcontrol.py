@@ -1,8 +1,7 @@
 """The requests of QGroundControl when it connects, in its order, with the answers that it needs to continue.
 
 Read in its sources of 2025 (mavlink/qgroundcontrol): Vehicle/InitialConnectStateMachine, Vehicle/StandardModes,
-Vehicle/ComponentInformation, Vehicle/FTPManager, FactSystem/ParameterManager, MissionManager/PlanManager,
-FirmwarePlugin/APM, Camera/QGCCameraManager.
+FactSystem/ParameterManager, MissionManager/PlanManager, FirmwarePlugin/APM.
 """
 
 import struct
@@ -19,19 +18,11 @@ STREAMS = {  # APMFirmwarePlugin::initializeStreamRates: MAV_DATA_STREAM -> Hz
     dialect.MAV_DATA_STREAM_RC_CHANNELS: 2, dialect.MAV_DATA_STREAM_POSITION: 3, dialect.MAV_DATA_STREAM_EXTRA1: 10,
     dialect.MAV_DATA_STREAM_EXTRA2: 10, dialect.MAV_DATA_STREAM_EXTRA3: 3,
 }  # fmt: skip
-PARAMETERS = "@PARAM/param.pck?withdefaults=1"
-OPEN_READ, BURST, RESET, ACK, NAK, END_OF_FILE = 4, 15, 2, 128, 129, 6
-HEADER = struct.Struct("<HBBBBBxI")
-MAX_DATA = 239
 WIDTHS = {1: "<b", 2: "<h", 3: "<i", 4: "<f"}
 
 
 class Station(Ground):
     """A ground station that connects as QGroundControl does; each step fails where QGroundControl would stall."""
-
-    def __init__(self, address: str) -> None:
-        super().__init__(address, system=255)
-        self.expected = 0  # number of the file server's next packet
 
     def command_to(self, component: int, command: int, *params: float) -> int:
         """Return the MAV_RESULT of a command; the answer must come from that component and be addressed to us."""
@@ -53,9 +44,8 @@ class Station(Ground):
 
     def version(self) -> Any:
         """Vehicle::requestMessage: the message after the request for it was accepted."""
-        assert (
-            self.command_to(AUTOPILOT, dialect.MAV_CMD_REQUEST_MESSAGE, dialect.MAVLINK_MSG_ID_AUTOPILOT_VERSION) == 0
-        )
+        number = dialect.MAVLINK_MSG_ID_AUTOPILOT_VERSION
+        assert self.command_to(AUTOPILOT, dialect.MAV_CMD_REQUEST_MESSAGE, number) == 0
         return self.wait("AUTOPILOT_VERSION")
 
     def modes(self) -> dict[str, int]:
@@ -70,45 +60,6 @@ class Station(Ground):
             if index >= count:
                 assert len(names) == count, "a name that comes twice gets a number behind it"
                 return names
-
-    def parameters(self) -> dict[str, float]:
-        """By the file server, as it is announced for ArduPilot."""
-        opened, _, data = self.ftp(OPEN_READ, PARAMETERS.encode())
-        assert opened == ACK
-        assert len(data) == 4
-        content = self.read_burst()
-        assert self.ftp(RESET)[0] == ACK
-        return unpack(content)
-
-    def read_burst(self) -> bytes:
-        """FTPManager::_burstReadFileAckOrNak, without lost packets: each in order, then the end of the file."""
-        content, asks = b"", True
-        while True:
-            if asks:
-                self.ftp_send(BURST, b"", len(content), MAX_DATA)
-            answer, asks, data = self.ftp_answer(BURST)
-            if answer == NAK:
-                assert data == bytes((END_OF_FILE,))
-                return content
-            content += data
-            self.expected += 0 if asks else 1
-
-    def ftp(self, opcode: int, data: bytes = b"") -> tuple[int, bool, bytes]:
-        self.ftp_send(opcode, data, 0, len(data))
-        return self.ftp_answer(opcode)
-
-    def ftp_send(self, opcode: int, data: bytes, offset: int, size: int) -> None:
-        """FTPManager::_sendRequestExpectAck."""
-        payload = HEADER.pack(self.expected + 1, 0, opcode, size, 0, 0, offset) + data
-        self.expected += 2
-        self.send.file_transfer_protocol_send(0, 1, AUTOPILOT, list(payload.ljust(HEADER.size + MAX_DATA, b"\0")))
-
-    def ftp_answer(self, opcode: int) -> tuple[int, bool, bytes]:
-        """Return the next answer to us: its kind, whether a burst is complete, and its data."""
-        payload = bytes(self.wait("FILE_TRANSFER_PROTOCOL", lambda packet: packet.target_system == 255).payload)
-        sequence, session, answer, size, requested, complete, _ = HEADER.unpack_from(payload)
-        assert (sequence, session, requested) == (self.expected, 0, opcode)
-        return answer, bool(complete), payload[HEADER.size : HEADER.size + size]
 
     def plan(self, kind: int) -> list[Any]:
         """PlanManager::loadFromVehicle: all items of a mission, of a fence or of rally points."""

@@ -105,6 +105,7 @@ def _ftp(
     for message in bench.partner.take_messages("FILE_TRANSFER_PROTOCOL"):
         data = bytes(message.payload)
         head = ftp.HEADER.unpack_from(data)
+        assert (head[0], head[4]) == (number + 1 + len(replies) & 0xFFFF, opcode), "QGroundControl waits for these"
         replies.append((head[2], head[1], head[6], data[ftp.HEADER.size : ftp.HEADER.size + head[3]]))
     return replies
 
