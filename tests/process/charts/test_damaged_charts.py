@@ -37,14 +37,6 @@ def odd_factor(cell: Encoder) -> None:
     cell.records[1]["DSPM"] = [(*header[:10], 9_000_000, *header[11:])]
 
 
-def deep_sounding(cell: Encoder) -> None:
-    cell.soundings([(54.001, 10.001, 1.6e6)])
-
-
-def bare_area(cell: Encoder) -> None:
-    cell.feature(42, 3, [], DRVAL1=1, DRVAL2=2)
-
-
 def far_vertex(cell: Encoder) -> None:
     """One position of a contour is off by less than the size of the chart."""
     cell.line(43, [(54.004, WEST), (54.004, 10.002), (54.016, 10.003), (54.004, 10.004), (54.004, EAST)], VALDCO=10)
@@ -52,12 +44,12 @@ def far_vertex(cell: Encoder) -> None:
 
 @pytest.mark.parametrize(("damage", "told"), [
     (far_vertex, "an object DEPCNT has a corner far from its neighbours"),
-    (bare_area, "an area DEPARE has no edges"),
+    (lambda cell: cell.feature(42, 3, [], DRVAL1=1, DRVAL2=2), "an area DEPARE has no edges"),
     (far_contour, r"an object DEPCNT reaches to 54\.0040 N, 55\.0000 E, far outside of its coverage"),
     (far_corner, r"one corner of its coverage, at longitude 11\.0160, is far from all other objects"),
     (large_denominator, r"states a scale of 1:2000000, but covers 1\.78 km"),
     (odd_factor, r"positions and depths count in parts of 9000000, no power of ten"),
-    (deep_sounding, r"an object SOUNDG has a depth of 1\.6e\+06 m"),
+    (lambda cell: cell.soundings([(54.001, 10.001, 1.6e6)]), r"an object SOUNDG has a depth of 1\.6e\+06 m"),
 ])  # fmt: skip
 def test_a_damaged_chart_is_refused_with_what_is_wrong(tmp_path: Path, damage: Any, told: str) -> None:
     cell = bay()
