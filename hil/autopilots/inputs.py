@@ -56,6 +56,7 @@ class SensorInputs:
         }
         self.origin = (*world.origin, world.origin_altitude) if world.origin else None  # of NED; degrees, m
         self.plane = TangentPlane(*self.origin) if self.origin else None
+        self.start = (start.north, start.east, 0.0)  # m, NED, at the surface
         self.odometry_variances = error_variances(fitted, world).get(ODOMETRY, (0.0,) * 5)
         mounts = [fitted[name].mounting.position[2] if name in fitted else 0.0 for name in ("dvl", "pressure")]
         self.dvl_below = mounts[0] - mounts[1]  # m, of the pressure sensor

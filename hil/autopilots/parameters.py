@@ -34,12 +34,13 @@ _POSITIONS: dict[str, Parameters] = {
     "gps": {"SIM_GPS1_ENABLE": 0.0, "GPS1_TYPE": 14.0},  # 14: MAVLink
 }
 # What PX4's estimator uses of ODOMETRY (1 horizontal position, 2 height, 4 velocity, 8 heading) and of HIL_GPS
-# (1 position, 4 velocity). It would read the pressure of water as that of air. EKF2_EVV_NOISE: least
-# standard deviation of velocities that it assumes, m/s; a DVL is better than PX4's default.
+# (1 position, 4 velocity). With both position and velocity of a solution whose position errors wander, its attitude
+# tilts by 2 degrees. It would read the pressure of water as that of air. EKF2_EVV_NOISE: least standard deviation of
+# velocities that it assumes, m/s; a DVL is better than PX4's default.
 _HEIGHT_OF_ODOMETRY = {"EKF2_HGT_REF": 3, "EKF2_BARO_CTRL": 0, "EKF2_EVV_NOISE": 0.02}
 _PX4_POSITIONS: dict[str, Parameters] = {
     name: {"EKF2_EV_CTRL": odometry, "EKF2_GPS_CTRL": gps, **_HEIGHT_OF_ODOMETRY}
-    for name, (odometry, gps) in {"simulated": (15, 0), "odometry": (15, 0), "dvl": (6, 0), "gps": (2, 5)}.items()
+    for name, (odometry, gps) in {"simulated": (11, 0), "odometry": (11, 0), "dvl": (6, 0), "gps": (2, 5)}.items()
 }
 # Prefixes of the parameters for the position of a sensor, to which X, Y or Z is appended; values in m. ArduPilot's own
 # simulated GPS and a navigation solution are at the body origin. PX4's antenna: before version 1.18, and since.

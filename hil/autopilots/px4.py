@@ -4,8 +4,8 @@ PX4's SITL connects to this process and waits for each HIL_SENSOR. While it boot
 sent by the clock. From its first HIL_ACTUATOR_CONTROLS on it replies to each HIL_SENSOR, and simulation time waits for
 the reply. A board stamps samples on arrival and waits for nothing, so the simulation runs in real time.
 
-PX4's estimator takes where it starts for the origin of its positions, until SET_GPS_GLOBAL_ORIGIN sets that of the
-world. SITL reads this message at its port for companion computers only.
+With GPS, PX4's estimator takes where it starts for the origin of its positions, unless SET_GPS_GLOBAL_ORIGIN sets that
+of the world. SITL reads this message at its port for companion computers only.
 """
 
 import socket
@@ -38,9 +38,6 @@ BOOT_NS = 30 * NS_PER_S  # without outputs of a connected PX4, after which that 
 MAX_READS = 64  # of the wire in one call of `receive`
 COMPANION_PORT = 14_580  # of the first SITL instance
 ORIGIN_MESSAGES = 5  # one a second: the first ones are lost if PX4's estimator does not run yet
-# PX4 takes the errors of samples as independent. Those of a position wander in a minute, and would tilt its attitude by
-# a degree or more if their variance were not multiplied.
-WANDER = 100.0
 DITHER_T = 1e-8  # last digit of a usual magnetometer; PX4 takes a value that never changes for a failed sensor
 TOPICS = {"simulated": "odom", "odometry": "odom", "dvl": "dvl", "gps": "pressure"}  # sent as ODOMETRY
 
@@ -258,16 +255,18 @@ class Px4(Autopilot):
             self._heartbeat_due_ns = time_ns + HEARTBEAT_NS
             kind, autopilot = dialect.MAV_TYPE_GENERIC, dialect.MAV_AUTOPILOT_INVALID
             messages.append(dialect.MAVLink_heartbeat_message(kind, autopilot, 0, 0, dialect.MAV_STATE_ACTIVE, 3))
-            if inputs.origin and self._origins_left and self._actuator_us >= 0:
+            if inputs.plane and self._origins_left and self._actuator_us >= 0:
                 self._origins_left -= 1
-                messages += self._send_origin(*inputs.origin)
+                # From velocities alone PX4 counts its position from where it starts.
+                messages += self._send_origin(
+                    *inputs.plane.geodetic(inputs.start if self._positions == "dvl" else (0.0, 0.0, 0.0))
+                )
         return messages
 
     def _encode_positions(self, time_us: int) -> Any:
         inputs = self._inputs
         if self._positions == "odom":
-            horizontal, *others = inputs.odometry_variances
-            return hil_messages.encode_odometry(time_us, inputs.odometry, (WANDER * horizontal, *others))
+            return hil_messages.encode_odometry(time_us, inputs.odometry, inputs.odometry_variances)
         if self._positions == "pressure":
             return hil_messages.encode_velocity(time_us, inputs.depth, None)
         return hil_messages.encode_velocity(time_us, inputs.depth + inputs.dvl_below, inputs.dvl)

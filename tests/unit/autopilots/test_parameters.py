@@ -72,7 +72,7 @@ def test_the_parameters_of_a_board_are_written_as_qgroundcontrol_and_px4s_shell_
     text, binary = tmp_path / "board.params", tmp_path / "board.bson"
     assert [main([*board, str(path)]) for path in (text, binary)] == [0, 0]
     parameters = decode_bson(binary.read_bytes())
-    assert (parameters["HIL_ACT_FUNC8"], parameters["UUV_MGM_YAW"], parameters["EKF2_EV_CTRL"]) == (108, 0.3, 15)
+    assert (parameters["HIL_ACT_FUNC8"], parameters["UUV_MGM_YAW"], parameters["EKF2_EV_CTRL"]) == (108, 0.3, 11)
     assert "1\t1\tHIL_ACT_FUNC8\t108\t6\n" in text.read_text()
     assert read_parameters(str(text)) == parameters
 
