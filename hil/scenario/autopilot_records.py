@@ -25,9 +25,9 @@ class AutopilotSettings(NamedTuple):
     the ports. `address` is where we listen (udp://, tcp://) or a board's device; the default is the interface's own
     address on this machine. `baud` is for a serial device. With `lockstep` simulated time waits for the autopilot.
     After `silence` without outputs the thrusters go to neutral. `rate` is the rate of PX4's HIL_SENSOR. `rc` has
-    pulse widths of receiver channels (ArduPilot, PX4's SITL). `positions` is the position source of ArduPilot's
-    estimator: a GPS that it simulates itself from the true position, or messages with samples of our sensors, as
-    from a companion computer.
+    pulse widths of receiver channels (ArduPilot, PX4's SITL). `positions` is the position source of the estimator:
+    a GPS that ArduPilot simulates itself from the true position, or messages with samples of our sensors, as from a
+    companion computer; PX4 gets them in any case.
     """
 
     program: str = ""

@@ -6,15 +6,18 @@ Everything happens in simulated time, in lockstep: the duration depends on the m
 import os
 import time
 from collections.abc import Iterator
+from contextlib import closing
 from itertools import pairwise
-from math import cos, hypot, sin
+from math import cos, degrees, hypot, sin
 from pathlib import Path
+from typing import Any
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from hil.autopilots.run import AutopilotRun
 from hil.scenario.config import load_scenario
+from sim.rotations import to_euler
 from sim.vehicle.failures import Failure
 from tests.support.autopilots.autopilot_dive import ARM, SET_MODE, WORLD, command
 from tests.support.clients.ground_station import GroundStation, Mission, fly
@@ -24,27 +27,6 @@ pytestmark = [
     pytest.mark.skipif(not BUILD, reason="UUV_HIL_PX4 does not name PX4's build folder"),
     pytest.mark.timeout(1200),  # minutes of simulated time, on a machine that others use too
 ]
-SCENARIO = """
-vehicle = "bluerov2_heavy"
-world = "{world}"
-controller = "px4"
-master = {{}}
-[start]
-depth = 0
-[slave]
-step = 0.004
-[autopilot]
-program = "{build}"
-folder = "px4"
-wipe = true
-{autopilot}
-[sensors.imu]
-rate = 250
-[sensors.pressure]
-rate = 50
-[sensors.odometry]
-rate = 50
-"""
 MANUAL, ALTITUDE, POSITION, OFFBOARD = 1, 2, 3, 6
 MODE_AGES_S = 4.0  # PX4 takes as its set-point a position of the mode before, which it refreshes every 2 s
 
@@ -52,11 +34,16 @@ MODE_AGES_S = 4.0  # PX4 takes as its set-point a position of the mode before, w
 class Dive:
     """One PX4 with its vehicle and a ground station."""
 
-    def __init__(self, folder: Path, autopilot: str = "") -> None:
-        world, path = folder / "stream.toml", folder / "dive.toml"
+    def __init__(self, folder: Path, **changes: object) -> None:
+        world = folder / "stream.toml"
         world.write_text(WORLD)
-        path.write_text(SCENARIO.format(world=world, build=BUILD, autopilot=autopilot))
-        self.run = AutopilotRun(load_scenario(str(path)), print)
+        autopilot = {"program": BUILD, "folder": str(folder / "px4"), **changes}
+        seed = autopilot.pop("seed", 1)
+        keys = {f"autopilot.{name}": value for name, value in autopilot.items()}
+        self.reports: list[str] = []
+        self.run = AutopilotRun(
+            load_scenario("px4_uuv", {**keys, "seed": seed, "world": str(world)}), self.reports.append
+        )
         self.station = GroundStation(("127.0.0.1", 14550), datagrams=True)
         self.locked = 0.0, 0.0  # simulated and real time at which it was ready
 
@@ -78,15 +65,19 @@ class Dive:
         yield lambda: "ATTITUDE" in self.station.latest
         self.locked = self.run.simulation.time_ns / 1e9, time.monotonic()
         yield 3.0
-        yield from self.mode(ALTITUDE)  # in MANUAL PX4 1.18 arms only with the stick's z at its lowest value
+        yield from self.mode(POSITION)  # in MANUAL PX4 1.18 arms only with the stick's z at its lowest value
         yield from command(self.station, ARM, 1)
-        yield from self.mode(MANUAL)
-        self.station.sticks = (-500, 0, 250, 0)  # down is one of these: the first until PX4 1.17, the second since
+        self.station.sticks = (0, 0, 0, 0)  # down at 0.5 m/s
         yield lambda: self.position[2] > depth
         self.station.sticks = (0, 0, 500, 0)
         yield MODE_AGES_S
         yield from self.mode(mode)
         yield 15.0
+
+    def attitude_error(self) -> float:
+        """Return the greatest difference between PX4's roll and pitch and the vehicle's, degrees."""
+        estimate, (roll, pitch, _) = self.station.latest["ATTITUDE"], to_euler(self.run.simulation.state.quaternion)
+        return degrees(max(abs(estimate.roll - roll), abs(estimate.pitch - pitch)))
 
     def watch(self, seconds: float, positions: list[list[float]]) -> Mission:
         """Record the position twenty times a second."""
@@ -170,15 +161,13 @@ def test_px4_holds_depth_after_a_thruster_failure(dive: Dive) -> None:
 
 
 def test_px4_receives_rc_channels(tmp_path: Path) -> None:
-    dive = Dive(tmp_path, "rc = [1510, 1520, 1530, 1540, 1550]")
+    dive = Dive(tmp_path, rc=[1510, 1520, 1530, 1540, 1550])
 
     def mission() -> Mission:
         yield lambda: "RC_CHANNELS" in dive.station.latest
 
-    try:
+    with closing(dive):
         fly(dive.run, dive.station, mission(), 60.0)
-    finally:
-        dive.close()
     channels = dive.station.latest["RC_CHANNELS"]
     assert (channels.chancount, channels.chan1_raw, channels.chan5_raw) == (5, 1510, 1550)
 
@@ -214,3 +203,64 @@ def test_px4_follows_attitude_and_thrust_in_offboard_mode(dive: Dive) -> None:
     print("offboard", [round(value, 2) for value in [*began, *dive.position]], dive.station.texts[-5:])
     assert began[3] - began[0] > 2.0
     assert dive.position[1] - began[7] > 2.0
+
+
+@pytest.mark.parametrize("seed", range(1, 6))
+def test_px4_arms_with_every_seed_and_knows_its_attitude(seed: int, tmp_path: Path) -> None:
+    errors: list[float] = []
+
+    def mission(dive: Dive) -> Mission:
+        yield from dive.dive(2.0, POSITION)
+        for _ in range(60):
+            errors.append(dive.attitude_error())
+            yield 1.0
+
+    with closing(Dive(tmp_path, seed=seed)) as dived:
+        fly(dived.run, dived.station, mission(dived), 200.0)
+    print(f"attitude wrong by {max(errors):.2f} degrees at most")
+    assert max(errors) < 1.0
+
+
+def test_px4_finds_its_way_by_dvl_and_knows_the_origin(tmp_path: Path) -> None:
+    dive = Dive(tmp_path, positions="dvl")
+    places: list[tuple[list[float], Any]] = []
+
+    def mission() -> Mission:
+        yield from dive.dive(3.0, POSITION)
+        for sticks in ((1000, 0, 500, 0), (0, 0, 500, 0)):
+            places.append((dive.position, dive.station.latest["LOCAL_POSITION_NED"]))
+            dive.station.sticks = sticks
+            yield 20.0
+        dive.station.command(512, dialect.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN)
+        yield 1.0
+
+    with closing(dive):
+        fly(dive.run, dive.station, mission(), 200.0)
+    ((began, first), (ended, last)), origin = places, dive.station.latest["GPS_GLOBAL_ORIGIN"]
+    error = hypot(last.x - first.x - ended[0] + began[0], last.y - first.y - ended[1] + began[1])
+    print(f"wrong by {error:.2f} m after {hypot(ended[0] - began[0], ended[1] - began[1]):.1f} m")
+    assert error < 0.15 * 10.0  # a heading by magnetometer is within 8 degrees
+    assert abs(last.z - ended[2]) < 0.2
+    assert abs(origin.latitude - 500_001_800) < 100  # the start, 20 m north of the world's origin
+
+
+def test_px4_keeps_what_was_set_and_its_log_until_it_is_wiped(tmp_path: Path) -> None:
+    values: list[float] = []
+
+    def mission(dive: Dive) -> Mission:
+        yield from dive.dive(1.0, POSITION)
+        dive.station.send(dialect.MAVLink_param_request_read_message(1, 1, b"UUV_MGM_YAW", -1))
+        yield 1.0
+        values.append(dive.station.latest["PARAM UUV_MGM_YAW"])
+        dive.station.set_parameter("UUV_MGM_YAW", 0.45)
+        yield from command(dive.station, ARM, 0, 21196)
+        yield 2.0
+
+    logs = []
+    for wipe in (False, False, True):
+        with closing(Dive(tmp_path, wipe=wipe)) as dived:
+            fly(dived.run, dived.station, mission(dived), 200.0)
+        logs.append(len(list(tmp_path.glob("px4/log/*/*.ulg"))))
+        values.append(any("UUV_MGM_YAW 0.45" in report for report in dived.reports))
+    assert values == pytest.approx([0.3, False, 0.45, True, 0.3, False])
+    assert logs == [1, 2, 1]
