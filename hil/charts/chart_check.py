@@ -40,7 +40,7 @@ def check_chart(cell: Cell, coverage: list[Feature]) -> None:
             inner = np.sort(sign * values[sign * values >= sign * edge])[:2]
             if len(inner) == 2 and inner[1] - inner[0] > ISOLATED * (high[axis] - low[axis]):
                 raise _damaged(cell, f"one corner of its coverage, at {name} {edge:.4f}, is far from all other objects")
-    margin = MARGIN * (high - low)
+    margin, longer = MARGIN * (high - low), float((high - low).max())
     for feature in cell.features:
         if feature.is_area and not feature.lines:
             raise _damaged(cell, f"an area {feature.kind} has no edges")
@@ -49,16 +49,16 @@ def check_chart(cell: Cell, coverage: list[Feature]) -> None:
         if len(outside):
             place = f"{outside[0, 1]:.4f} N, {(outside[0, 0] + 180.0) % 360.0 - 180.0:.4f} E"
             raise _damaged(cell, f"an object {feature.kind} reaches to {place}, far outside of its coverage")
-        if any(_has_spike(_turned(line, middle) / (high - low)) for line in feature.lines if feature.kind in DRAWN):
+        if any(_has_spike(_turned(line, middle) / longer) for line in feature.lines if feature.kind in DRAWN):
             raise _damaged(cell, f"an object {feature.kind} has a corner far from its neighbours")
     _check_depths(cell)
-    size = float((high - low).max() * METRES_PER_DEGREE)
+    size = longer * METRES_PER_DEGREE
     if not SMALLEST <= size / cell.scale <= LARGEST:
         raise _damaged(cell, f"states a scale of 1:{cell.scale}, but covers {0.001 * size:.3g} km")
 
 
 def _has_spike(line: Array) -> bool:
-    """Return whether one corner of `line` (n, 2; as shares of the coverage) is far from the two beside it."""
+    """Return whether one corner of `line` (n, 2; shares of the coverage's longer side) is far from its neighbours."""
     sides = np.diff(line, axis=0)
     away = np.minimum(np.hypot(*sides[1:].T), np.hypot(*sides[:-1].T))
     return bool(((away > SPIKE) & (np.hypot(*(sides[1:] + sides[:-1]).T) < 0.5 * away)).any())
