@@ -1,7 +1,7 @@
 """Convert a vehicle's SDF model to a URDF robot in memory, so that one importer serves both formats.
 
-The root is the hull, on which the hydrodynamics act (see `sim.vehicle.urdf.hull`): its frame becomes the vehicle's. All
-other links are joined to it, at their positions with all joints at zero.
+The root is the hull, on which the hydrodynamics act (see `sim.vehicle.urdf.hull`): its frame becomes the vehicle's.
+Other links are joined to it, or to the moving link that carries them, at their positions with all joints at zero.
 """
 
 import os
@@ -82,11 +82,14 @@ def _robot(model: Model, files: SdfFiles, notes: list[str]) -> Element:
     joints = {joint.child: (name, joint) for name, joint in model.joints.items() if joint.parent != "world"}
     parents = {child: (joint.parent, joint.kind == "fixed") for child, (_, joint) in joints.items()}
     usual = model.canonical if model.canonical in model.links else next(iter(model.links))
-    base = tree_of(robot, files.path)._replace(parents=parents).hull(usual)
-    to_base = model.links[base].pose.inverse()
+    tree = tree_of(robot, files.path)._replace(parents=parents)
+    base = tree.hull(usual)
     for name, link in model.links.items():
         if name != base:
-            robot.append(_joint(name, to_base.then(link.pose), link, joints.get(name), base))
+            parent, is_fixed = parents.get(name, (base, True))
+            above = parent if is_fixed and not tree.is_fixed_to(name, base) else base  # what an arm carries moves too
+            pose = model.links[above].pose.inverse().then(link.pose)
+            robot.append(_joint(name, pose, link, joints.get(name), above))
     own = joints.get(base)
     if own and own[1].axis is not None and own[1].kind != "fixed":  # relative to the base, the other link turns
         notes.append(f"The joint {own[0]!r} holds the link {base!r}, on which the water acts: taken as fixed.")
@@ -142,12 +145,12 @@ def _geometry(geometry: Element, folder: str, files: SdfFiles, notes: list[str],
     return element if len(element) else None
 
 
-def _joint(link: str, pose: Pose, of: Link, named_joint: tuple[str, Joint] | None, base: str) -> Element:
-    """Return the joint of a link at `pose` relative to the base; its axis is in the axes of the link, as in URDF."""
+def _joint(link: str, pose: Pose, of: Link, named_joint: tuple[str, Joint] | None, parent: str) -> Element:
+    """Return the joint of a link at `pose` relative to its parent; its axis is in the axes of the link, as in URDF."""
     name, joint = named_joint or (f"{link}_joint", None)
     kind = joint.kind if joint is not None else "fixed"
     element = Element("joint", name=name, type=kind)
-    element.append(Element("parent", link=base))
+    element.append(Element("parent", link=parent))
     element.append(Element("child", link=link))
     element.append(_origin(pose))
     if joint is not None and joint.axis is not None:

@@ -56,6 +56,20 @@ def test_the_water_on_all_links_adds_up_at_the_hull() -> None:
         assert [both[i][j] - one[i][j] for i, j in added] == pytest.approx(list(added.values()))
 
 
+def test_what_a_moving_arm_carries_is_named_as_moving() -> None:
+    """A gripper that is fixed to an arm moves with it; it stays at its place, 0.8 m ahead of the hull and 0.1 below."""
+    text = """<link name="arm"><pose>0.5 0 0 0 0 0</pose></link>
+    <joint name="elbow" type="revolute"><parent>hull</parent><child>arm</child><axis><xyz>0 1 0</xyz></axis></joint>
+    <link name="gripper"><pose>0.9 0 -0.1 0 0 0</pose>
+      <inertial><mass>1</mass><fluid_added_mass><yy>2</yy></fluid_added_mass></inertial></link>
+    <joint name="weld" type="fixed"><parent>arm</parent><child>gripper</child></joint></model>"""
+    model, alone = imported(text=MODEL.read_text().replace("</model>", text, 1)), imported()
+    assert "On joints that move, taken at zero: the water on gripper." in model.notes
+    both, one = (square(each.vehicle.added_mass, 6) for each in (model, alone))
+    assert [both[i][5] - one[i][5] for i in (1, 5)] == pytest.approx([2.0 * 0.8, 2.0 * 0.8**2])
+    assert model.vehicle.mass == alone.vehicle.mass + 1.0
+
+
 def test_limits_of_a_speed_controlled_thruster_become_thrusts() -> None:
     """Thrust is coefficient rho D^4 omega^2."""
     (propeller,) = imported().vehicle.thrusters
