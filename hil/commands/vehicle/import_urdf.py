@@ -11,15 +11,13 @@ from hil.commands.vehicle.xacro_expand import expand, hint, is_xacro
 from hil.common.errors import ConfigError
 from hil.common.tables import read_bytes, read_table
 from hil.doctor.vehicle.finding import exit_code
-from hil.doctor.vehicle.rules import check_vehicle
+from hil.doctor.vehicle.rules import HELD_HEADING, check_vehicle
 from hil.doctor.vehicle.subject import Subject
 from sim.sdf.as_urdf import as_urdf
 from sim.vehicle.urdf.importer import Imported, read_robot
 from sim.vehicle.urdf.shapes import MeshKey, Solid
 from sim.vehicle.urdf.text import read_xml, root_of
 from sim.vehicle.vehicle import EQUIPMENT, Vehicle
-
-MAX_HEADING_ERROR = 10.0  # deg, as the findings have it
 
 
 class Request(NamedTuple):
@@ -103,9 +101,9 @@ def _steerable(vehicle: Vehicle, notes: list[str]) -> Vehicle:
     Simulators fly such models whose Coriolis terms are off, or have the other sign, as in Gazebo before 2026.
     """
     calm = vehicle._replace(munk_share=(vehicle.munk_share[0], 0.0, 0.0))
-    if not vehicle.fins or calm == vehicle or Subject(vehicle, {}).controlled.heading <= MAX_HEADING_ERROR:
+    if not vehicle.fins or calm == vehicle or Subject(vehicle, {}).controlled.heading <= HELD_HEADING[1]:
         return vehicle
-    if Subject(calm, {}).controlled.heading > MAX_HEADING_ERROR:
+    if Subject(calm, {}).controlled.heading > HELD_HEADING[1]:
         return vehicle
     notes.append("With the whole Munk moment its fins do not hold its heading: munk_share of pitch and yaw is 0.")
     return calm

@@ -17,6 +17,7 @@ from sim.vehicle.terminal_speed import AXES, terminal_speed
 Bounds = tuple[float, float]
 Values = Iterable[tuple[str, float]]  # the part of the vehicle ("" for all of it), and the value
 ANY: Bounds = (-inf, inf)
+HELD_HEADING: Bounds = (-inf, 10.0)  # deg
 ADRIFT, CONTROLLED = FLIGHTS = "adrift for 10 s", "under control"  # in place of a key
 
 
@@ -229,7 +230,7 @@ RULES = (
     ),
     Rule(
         CONTROLLED, "error of heading", "deg", _held_heading,
-        (-inf, 10.0), (-inf, 60.0), f"{TUNE} check the places of thrusters and fins, and munk_share",
+        HELD_HEADING, (-inf, 60.0), f"{TUNE} check the places of thrusters and fins, and munk_share",
     ),
     Rule(
         CONTROLLED, "tilt", "deg", _one(lambda s: s.controlled.tilt), (-inf, 45.0), (-inf, 90.0),
