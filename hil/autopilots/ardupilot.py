@@ -120,8 +120,8 @@ class ArduPilot(Autopilot):
         elif self._peer is None and now - self._reported_ns > ABSENT_NS:
             self._reported_ns = now
             self._report(
-                f"{self.name}: no servo packet yet: start ArduSub with --model JSON:127.0.0.1, and -I N for "
-                "[autopilot] instance = N; it may first wait for a ground station on TCP 5760 + 10 N"
+                f"{self.name}: no servo packet yet: is ArduSub started with the options above? It may first wait for a "
+                "ground station on TCP 5760 + 10 * instance"
             )
 
     def close(self) -> None:
@@ -170,6 +170,7 @@ class ArduPilot(Autopilot):
         state, self._state, self._waiting = self._state, b"", False
         if self._peer is None:
             return
+        self.sent_ns = now_ns()  # before sending: the answer may be there when this process runs again
         try:
             self._socket.sendto(state, self._peer)
             self.figures.states += 1
@@ -185,6 +186,7 @@ class ArduPilot(Autopilot):
         the vehicle has one.
         """
         inputs = self._inputs
+        inputs.expire(time_ns)
         north, east, down = truth.position
         ranges = () if inputs.range_m is None else (inputs.range_m,)
         battery = () if inputs.battery is None else (inputs.battery.voltage, inputs.battery.current)

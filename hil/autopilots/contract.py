@@ -53,12 +53,13 @@ class AutopilotCounters:
 class Autopilot(ABC):
     """Connection to one flight controller. `name`: kind and address, for reports. `figures`: its counters.
 
-    `lockstep`: simulation time waits for its replies.
+    `lockstep`: simulation time waits for its replies. `sent_ns`: when the newest state was given to the system to send.
     """
 
     name: str
     lockstep: bool
     figures: AutopilotCounters
+    sent_ns = 0
 
     @abstractmethod
     def fileno(self) -> int:

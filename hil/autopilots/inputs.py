@@ -1,9 +1,10 @@
 """The newest samples of a vehicle's sensors for an autopilot, along the body axes."""
 
 from collections.abc import Mapping
-from math import isfinite
+from math import isfinite, nan
 from typing import Any
 
+from hil.common.clock import seconds_ns
 from hil.common.errors import ConfigError
 from hil.common.vectors import Vector3
 from hil.scenario.config import Scenario
@@ -19,14 +20,16 @@ from sim.sensors.variances import error_variances
 AT_REST: Vector3 = (0.0, 0.0, -9.80665)
 HOME = (50.0, 8.0)  # latitude and longitude, degrees, for a world without an origin
 MIN_IMU_HZ = 50.0
+MISSED = 3  # periods of a sensor without a sample, after which it has no value
 IN_SENSOR_AXES = ("imu", "magnetometer", "dvl")  # sensors whose samples are along their own axes
 
 
 class SensorInputs:
-    """Newest sample of each sensor; a sensor that is missing or sends nothing has its last or initial value.
+    """Newest sample of each sensor. Pressure and IMU have their last or initial value while they send nothing.
 
-    `fresh`: topics with a new sample since the caller cleared the set. Positions are NED in m. Raises ConfigError for a
-    vehicle without an IMU, or with one below MIN_IMU_HZ.
+    The other ones have no value then: after MISSED periods without a sample, the autopilot must not take an old value
+    for a measurement. `fresh`: topics with a new sample since the caller cleared the set. Positions are NED in m.
+    Raises ConfigError for a vehicle without an IMU, or with one below MIN_IMU_HZ.
     """
 
     def __init__(self, scenario: Scenario, world: World) -> None:
@@ -47,8 +50,13 @@ class SensorInputs:
         self.pascal = STANDARD_ATMOSPHERE + self._water(start.depth)
         self.magnetic_field: Vector3 | None = None  # T
         self.fix: Any = None  # the newest FixSample; None without a receiver
-        self.range_m: float | None = None  # to the seabed; None out of range, or without an altimeter
+        self.range_m: float | None = None  # to the seabed; nan without an echo, None without an altimeter
         self.battery: Any = None  # the newest BatterySample
+        # topic -> time (ns) at which its value ends, and how long (ns) one sample counts
+        self._ends = {name: 0 for name in ("altimeter", "battery") if name in fitted}
+        self._lifetimes = {
+            name: seconds_ns(MISSED / fitted[name].model.rate + fitted[name].mounting.latency) for name in self._ends
+        }
         self.odometry: Any = None  # the newest OdometrySample of the navigation
         self.dvl: Any = None  # the newest DvlSample; its velocity is along the body axes
         self.has: Mapping[str, bool] = {
@@ -77,7 +85,7 @@ class SensorInputs:
         elif topic == "gps":
             self.fix = sample
         elif topic == "altimeter":
-            self.range_m = sample.distance if isfinite(sample.distance) else None
+            self.range_m = sample.distance if isfinite(sample.distance) else nan
         elif topic == "battery":
             self.battery = sample
         elif topic == "odom":
@@ -88,6 +96,16 @@ class SensorInputs:
         else:
             return
         self.fresh.add(topic)
+        if topic in self._ends:
+            self._ends[topic] = sample.time_ns + self._lifetimes[topic]
+
+    def expire(self, time_ns: int) -> None:
+        """Remove the values of sensors that have sent nothing for long at simulation time `time_ns`."""
+        ended = [topic for topic, end_ns in self._ends.items() if end_ns <= time_ns]
+        if "altimeter" in ended:
+            self.range_m = nan
+        if "battery" in ended and self.battery:
+            self.battery = self.battery._replace(voltage=0.0, current=0.0)  # as of a monitor without power
 
     def antenna_velocity(self, truth: OdometrySample) -> Vector3:
         """Return the velocity (m/s, NED) of the GPS antenna, which is what a receiver measures."""

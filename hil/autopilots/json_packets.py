@@ -30,7 +30,8 @@ class JsonState(NamedTuple):
     """State for ArduPilot.
 
     `time`: s. `gyro`: rad/s, and `acceleration`: m/s² (specific force), both FRD. `position` and `velocity`: NED, m and
-    m/s. `quaternion`: w x y z, body to NED. Left out if empty: `ranges` (m), `rc` (us), `battery` (V, A), and
+    m/s. `quaternion`: w x y z, body to NED. Left out if empty: `ranges` (m; nan: no echo, which ArduPilot takes for no
+    data, while it keeps the value of a name that is left out), `rc` (us), `battery` (V, A), and
     `geodetic` (latitude and longitude in degrees, m above mean sea level), without which ArduPilot uses `position`.
     """
 
@@ -64,7 +65,10 @@ def encode_state(state: JsonState) -> bytes:
         f'"position":{_vector(state.position)}',
         f'"velocity":{_vector(state.velocity)}',
         f'"quaternion":{_vector(state.quaternion)}',
-        *[f'"rng_{number}":{value:.3f}' for number, value in enumerate(state.ranges[:MAX_RANGES], 1)],
+        *[
+            f'"rng_{number}":{value:.3f}'.replace("nan", "NaN")
+            for number, value in enumerate(state.ranges[:MAX_RANGES], 1)
+        ],
     ]
     if state.geodetic:
         latitude, longitude, altitude = state.geodetic

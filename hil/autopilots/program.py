@@ -7,23 +7,20 @@ output goes to a file there; the last lines are reported if it ends by itself.
 import os
 import subprocess
 from contextlib import suppress
-from math import degrees
 
 from hil.autopilots.contract import Report
 from hil.autopilots.flight_folder import OUTPUT, FlightFolder
 from hil.autopilots.frames import AUTO, CUSTOM, map_motors
-from hil.autopilots.inputs import HOME
+from hil.autopilots.opening import ardusub_options
 from hil.autopilots.parameters import Parameters, all_parameters, format_parameters, number_text, read_parameters
 from hil.common.children import foreign_command, start_child
 from hil.common.errors import ConfigError, DeviceError
 from hil.common.tables import state_path
-from hil.links.address import parse_address
 from hil.scenario.autopilot_records import AutopilotSettings
 from hil.scenario.config import Scenario
 from sim.environment.world import World
 from sim.vehicle.vehicle import Vehicle
 
-SPEEDUP = 100  # faster than any run: this process sets the simulation time, the program waits for it
 AIRFRAME = "1022"  # PX4's underwater vehicle; parameters then set its geometry
 LAST_LINES = 5
 OFFSET = 1e-5
@@ -101,13 +98,7 @@ class Program:
         defaults = self._folder.file("defaults.parm")
         with open(defaults, "w", encoding="utf-8") as file:
             file.write(format_parameters(parameters))
-        address = parse_address(settings.own_address("ardupilot"))
-        latitude, longitude = world.origin or HOME
-        home = f"{latitude:.7f},{longitude:.7f},0,{degrees(scenario.start.heading):.1f}"
-        own = ["--model", f"JSON:{address.target}", "--speedup", str(SPEEDUP), "-I", str(settings.instance)]
-        own += ["--serial0", "tcp:0"]  # the default port, but without waiting for a connection
-        ports = ["--sim-port-out", str(address.port), "--home", home, "--defaults", defaults]
-        return [program, *own, *ports, *settings.arguments], {}
+        return [program, *ardusub_options(scenario, world), "--defaults", defaults, *settings.arguments], {}
 
     def _px4(self, settings: AutopilotSettings, parameters: Parameters) -> tuple[list[str], dict[str, str]]:
         build = os.path.abspath(settings.program)

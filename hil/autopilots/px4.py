@@ -59,7 +59,7 @@ class Px4(Autopilot):
         self._baud = settings.baud
         self._counters = Counters()
         self._period_ns = round(NS_PER_S / settings.rate)
-        self._reported_ns = self._sent_ns = now_ns()
+        self._reported_ns = self.sent_ns = now_ns()
         self._is_peer_connected = False
         self._reset_connection()
 
@@ -101,10 +101,10 @@ class Px4(Autopilot):
         time_us = CLOCK_START_US + time_ns // NS_PER_US
         messages = [hil_messages.encode_sensor(time_us, self._inertial(truth)), *self._extra(time_us, time_ns, truth)]
         packets = b"".join([self._stream.pack(message) for message in messages])
+        self.sent_ns = now_ns()
         if self._wire.write(packets) < len(packets):
             self.figures.lost += 1
         self.figures.states += 1
-        self._sent_ns = now_ns()
         self._awaiting = self._is_in_lockstep
         self._inputs.fresh.clear()
 
@@ -141,11 +141,11 @@ class Px4(Autopilot):
 
     def check(self, now: int) -> None:
         """Report if PX4 is not connected, has stalled in lockstep, or sends data that cannot be read."""
-        if self._awaiting and not self._stalled and now - self._sent_ns > STALL_NS:
+        if self._awaiting and not self._stalled and now - self.sent_ns > STALL_NS:
             self._stalled = True
             self.figures.stalls += 1
             self._report(
-                f"{self.name}: lockstep stalls, no reply for {(now - self._sent_ns) / NS_PER_S:.1f} s: PX4 is stopped "
+                f"{self.name}: lockstep stalls, no reply for {(now - self.sent_ns) / NS_PER_S:.1f} s: PX4 is stopped "
                 "in a debugger, or hangs; read its console"
             )
         limit_ns = BOOT_NS if self.connected else ABSENT_NS

@@ -77,7 +77,7 @@ class AutopilotRun:
         states = autopilot.figures.states
         autopilot.advance(simulation.time_ns, simulation.truth())
         if autopilot.figures.states != states:
-            self._sent_ns = now_ns()
+            self._sent_ns = autopilot.sent_ns
         if simulation.time_ns >= self._monitor_ns:
             self._monitor_ns = simulation.time_ns + PERIOD_NS
             state = simulation.state

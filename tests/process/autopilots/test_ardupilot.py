@@ -150,8 +150,10 @@ def test_a_second_autopilot_is_ignored_and_reported(tmp_path: Path) -> None:
 def test_a_missing_autopilot_is_reported_with_how_to_start_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("hil.autopilots.ardupilot.ABSENT_NS", 200_000_000)
     with bench(tmp_path) as b:
+        assert "--home 50.0000000,8.0000000,0,0.0 --defaults bench.parm" in b.reports[0]  # at once
+        assert "--sim-port-out" in b.reports[0]
         b.steps(1)
-        assert wait_for(lambda: any("no servo packet yet: start ArduSub" in report for report in b.reports))
+        assert wait_for(lambda: any("no servo packet yet" in report for report in b.reports))
         peer = ArdupilotPeer(b.port)
         peer.step(*FORWARD_PWM_US)  # and then it goes on
         b.join()

@@ -1,6 +1,7 @@
 """ArduPilot's JSON interface byte by byte: servo packets in, states out, and what a parser like ArduPilot's reads."""
 
 import json
+from math import nan
 from random import Random
 
 import pytest
@@ -51,6 +52,11 @@ def test_a_state_is_read_by_a_parser_like_ardupilots() -> None:
 
 def test_sensors_that_are_not_fitted_are_omitted() -> None:
     assert set(json.loads(encode_state(AT_REST))) == {"timestamp", "imu", "position", "velocity", "quaternion"}
+
+
+def test_a_range_without_an_echo_is_no_number() -> None:
+    """ArduPilot keeps the last value of a name that is left out, and reads this with atof as no data."""
+    assert scan(encode_state(AT_REST._replace(ranges=(nan,))).decode(), "", "rng_1").startswith("NaN")
 
 
 @given(st.binary(max_size=100))
