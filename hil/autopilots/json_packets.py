@@ -65,10 +65,7 @@ def encode_state(state: JsonState) -> bytes:
         f'"position":{_vector(state.position)}',
         f'"velocity":{_vector(state.velocity)}',
         f'"quaternion":{_vector(state.quaternion)}',
-        *[
-            f'"rng_{number}":{value:.3f}'.replace("nan", "NaN")
-            for number, value in enumerate(state.ranges[:MAX_RANGES], 1)
-        ],
+        *[f'"rng_{number}":{value:.3f}' for number, value in enumerate(state.ranges[:MAX_RANGES], 1)],
     ]
     if state.geodetic:
         latitude, longitude, altitude = state.geodetic
@@ -79,7 +76,7 @@ def encode_state(state: JsonState) -> bytes:
     if state.battery:
         voltage, current = state.battery
         parts.append(f'"battery":{{"voltage":{voltage:.3f},"current":{current:.3f}}}')
-    return f"\n{{{','.join(parts)}}}\n".encode("ascii")
+    return f"\n{{{','.join(parts)}}}\n".replace(":nan", ":NaN").encode("ascii")
 
 
 def _vector(values: Sequence[float]) -> str:
