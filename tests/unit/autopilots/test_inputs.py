@@ -3,6 +3,7 @@
 from math import degrees, isnan
 from pathlib import Path
 from statistics import fmean
+from typing import Any
 
 import pytest
 
@@ -34,7 +35,7 @@ def test_the_imu_of_a_preset_is_calibrated_as_before_a_dive(preset: str, seed: i
     simulation = build_simulation(scenario, load_vehicle(scenario.vehicle)[0], load_world(scenario.world))
     imu = scenario.sensors["imu"].build(seed, simulation)
     period = round(SECOND / scenario.sensors["imu"].model.rate)
-    samples = [imu.sample(i * period, simulation.state) for i in range(2000)]
+    samples: list[Any] = [imu.sample(i * period, simulation.state) for i in range(2000)]
     rates = [fmean(sample.angular_velocity[axis] for sample in samples) for axis in range(3)]
     tilts = [fmean(sample.acceleration[axis] for sample in samples) / 9.81 for axis in range(2)]
     assert max(map(abs, rates)) < 1e-3  # rad/s: within what an estimator finds
