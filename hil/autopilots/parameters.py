@@ -83,13 +83,16 @@ def read_parameters(path: str) -> dict[str, float]:
 
 
 def parameter_file(settings: AutopilotSettings, controller: str, vehicle: Vehicle) -> str:
-    """Return the path of the vehicle's parameter file, "" if none is given or installed. Raises ConfigError."""
+    """Return the path of the parameter file of the vehicle or of its autopilot, "" if none is given or installed.
+
+    Raises ConfigError.
+    """
     if settings.parameters.endswith((ENDING, ".params")):
         return settings.parameters
-    name = settings.parameters or f"{controller}_{vehicle.name}"
-    path = os.path.join(preset_folder(FOLDER), name + ENDING)
-    if os.path.exists(path):
-        return path
+    names = [settings.parameters] if settings.parameters else [f"{controller}_{vehicle.name}", controller]
+    for path in [os.path.join(preset_folder(FOLDER), name + ENDING) for name in names]:
+        if os.path.exists(path):
+            return path
     if not settings.parameters:
         return ""
     known = ", ".join(sorted(entry[: -len(ENDING)] for entry in os.listdir(preset_folder(FOLDER))))
