@@ -69,7 +69,9 @@ class Px4(Autopilot):
         self._due_ns = self._truth_ns = self._rc_ns = self._heartbeat_due_ns = 0  # of simulation time
         self._is_in_lockstep = self._awaiting = self._stalled = self._has_heartbeat = False
         self._heartbeat_received_ns = 0
-        self._actuator_us, self._system, self._origins_left = -1, 1, ORIGIN_MESSAGES
+        self._actuator_us, self._system = -1, 1
+        # By GPS alone PX4 has no position before the first fix; an origin would then move it to latitude 0.
+        self._origins_left = ORIGIN_MESSAGES if self._inputs.plane and self._positions != "pressure" else 0
         self._origin: tuple[int, int] | None = None  # simulation and monotonic time of the first step with it
         self._time_ns = 0
 
