@@ -25,7 +25,7 @@ FAILED: int = dialect.MAV_RESULT_FAILED
 
 
 GRAB = dialect.GRIPPER_ACTION_GRAB
-PICTURES = "uuv-hil view and uuv-hil record have the camera's pictures"
+PICTURES = "pictures are in the view, and in what uuv-hil recording make writes"
 REFUSED: dict[int, str] = {
     **dict.fromkeys(
         (dialect.MAV_CMD_IMAGE_START_CAPTURE, dialect.MAV_CMD_VIDEO_START_CAPTURE, dialect.MAV_CMD_DO_DIGICAM_CONTROL),

@@ -273,7 +273,12 @@ class Dispatcher:
             result, partner = self._commands.go_to(packet, now), _partner(peer, packet)
             peer.send(dialect.MAVLink_mission_ack_message(*partner[1:], result, packet.mission_type))
             return
-        peer.send(*self.core.missions.receive_item(packet, _partner(peer, packet), now))
+        answers = self.core.missions.receive_item(packet, _partner(peer, packet), now)
+        results = [answer.type for answer in answers if answer.get_type() == "MISSION_ACK" and answer.type]
+        for result in results:
+            name = dialect.enums["MAV_MISSION_RESULT"][result].name.removeprefix("MAV_MISSION_")
+            self.core.complain(f"mission: item {packet.seq} is refused: {name}", now)
+        peer.send(*answers)
 
     def _mission_clear(self, peer: Peer, packet: Any, _: int) -> None:
         peer.send(*self.core.missions.clear(packet, _partner(peer, packet)))

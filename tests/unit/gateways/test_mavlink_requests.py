@@ -248,6 +248,17 @@ def test_a_script_that_answers_mission_request_alone_uploads_its_mission() -> No
     assert len(bench.core.missions.items) == 3
 
 
+def test_an_item_that_is_too_far_away_is_refused_in_words() -> None:
+    bench = Bench()
+    bench.partner.send(dialect.MAVLink_mission_count_message(1, 1, 2, 0))
+    for seq in range(2):
+        bench.partner.send(
+            dialect.MAVLink_mission_item_int_message(1, 1, seq, 3, 16, 0, 1, 0, 0, 0, 0, 800000000, 100000000, -2.0)
+        )
+    bench.run(0.1)
+    assert "mission: item 1 is refused: INVALID_PARAM5_X" in bench.partner.texts()
+
+
 def test_the_panel_has_what_the_pilot_sees() -> None:
     bench = Bench()
     bench.partner.send(_command(SERVO, 9, 1700))
