@@ -10,7 +10,7 @@ import struct
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
-from hil.autopilots.contract import ABSENT_NS, STALL_NS, Autopilot, AutopilotCounters, Outputs, Report
+from hil.autopilots.contract import ABSENT_NS, STALL_NS, Autopilot, AutopilotCounters, EstimateError, Outputs, Report
 from hil.autopilots.inputs import SensorInputs
 from hil.autopilots.json_packets import JsonState, decode_servos, encode_state
 from hil.common.clock import NS_PER_S, from_wall_ns, now_ns
@@ -66,6 +66,11 @@ class ArduPilot(Autopilot):
     def connected(self) -> bool:
         """Return whether servo packets are received."""
         return self._peer is not None
+
+    @property
+    def estimate(self) -> EstimateError | None:
+        """The error of its newest estimate, if a companion's port is connected."""
+        return self._companion.estimate if self._companion else None
 
     def update_sensor(self, topic: str, sample: Any) -> None:
         """Store one sensor sample."""

@@ -1,4 +1,6 @@
-"""Send positions to ArduSub as a companion computer does: MAVLink messages on a separate port.
+"""Exchange MAVLink messages with ArduSub on a separate port, as a companion computer does.
+
+Its estimate is read and compared with the truth. Positions are sent if the scenario says so:
 
     odometry   ODOMETRY of the navigation solution: position, attitude, velocity
     dvl        VISION_POSITION_DELTA from the DVL's velocities, by which ArduSub updates its position; none without
@@ -13,18 +15,20 @@ import contextlib
 import errno
 import socket
 from collections.abc import Sequence
-from math import sqrt
+from math import dist, nan, remainder, sqrt, tau
 from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from hil.autopilots import hil_messages
-from hil.autopilots.contract import Report
+from hil.autopilots.contract import EstimateError, Report
 from hil.autopilots.inputs import SensorInputs
 from hil.common.clock import NS_PER_S, NS_PER_US
 from hil.common.vectors import Vector3
 from hil.links.contract import Counters
 from hil.links.mavlink.stream import MavlinkStream
+from sim.geodesy import TangentPlane
+from sim.rotations import to_euler
 from sim.sensors.extra_samples import FixSample
 from sim.sensors.samples import DvlSample, OdometrySample
 
@@ -33,12 +37,15 @@ COMPONENT: int = dialect.MAV_COMP_ID_VISUAL_INERTIAL_ODOMETRY
 HEARTBEAT_NS = NS_PER_S  # simulation time between heartbeats, attempts to connect, and messages with the origin
 MAX_DELTA_NS = NS_PER_S // 2  # greatest time between two DVL samples for a position delta
 FULL_CONFIDENCE = 100.0  # %
-TOPICS = {"odometry": "odom", "dvl": "dvl", "gps": "gps"}
+TOPICS = {"simulated": "", "odometry": "odom", "dvl": "dvl", "gps": "gps"}
+ESTIMATE_US = 50_000  # between two messages of the estimate
+ATTITUDE, POSITION = dialect.MAVLINK_MSG_ID_ATTITUDE, dialect.MAVLINK_MSG_ID_GLOBAL_POSITION_INT
+ABSURD_M = 100.0  # from the truth, beyond which ArduSub was started elsewhere
 GPS_UNKNOWN = dialect.GPS_INPUT_IGNORE_FLAG_HDOP | dialect.GPS_INPUT_IGNORE_FLAG_VDOP
 
 
 class Companion:
-    """Connection that sends one kind of positions to ArduPilot's `port`; `origin`: of NED positions, degrees.
+    """Connection to ArduPilot's `port`; `origin`: of NED positions, degrees. `estimate`: its errors, None until known.
 
     `lost` counts messages that did not fit into the connection's buffer.
     """
@@ -47,6 +54,9 @@ class Companion:
         self, positions: str, inputs: SensorInputs, origin: tuple[float, float], port: int, report: Report
     ) -> None:
         self.lost = 0
+        self.estimate: EstimateError | None = None
+        self._plane = TangentPlane(*(inputs.origin or (*origin, 0.0)))
+        self._is_absurd = False
         self._positions, self._topic = positions, TOPICS[positions]
         self._inputs, self._origin, self._port, self._report = inputs, origin, port, report
         self._socket: socket.socket | None = None
@@ -65,8 +75,11 @@ class Companion:
             self._heartbeat_due_ns = time_ns + HEARTBEAT_NS
             if self._socket is None:
                 self._connect(host)
-            self._send([_encode_heartbeat(), *([] if self._has_origin else [_encode_origin(self._origin)])])
-            self._receive()
+            needs_origin = self._topic and not self._has_origin
+            self._send([_encode_heartbeat(), *([_encode_origin(self._origin)] if needs_origin else [])])
+            if self.estimate is None:
+                self._send([_encode_interval(message) for message in (ATTITUDE, POSITION)])
+        self._receive(truth)
         if is_new and self._socket:
             self._send(self._encode_messages(time_ns // NS_PER_US, truth))
 
@@ -112,8 +125,8 @@ class Companion:
         except OSError:  # the autopilot has ended, or does not listen yet
             self.close()
 
-    def _receive(self) -> None:
-        """Read the received messages; only ArduPilot's confirmation of the origin is used."""
+    def _receive(self, truth: OdometrySample) -> None:
+        """Read the received messages: ArduPilot's estimate, and its confirmation of the origin."""
         with contextlib.suppress(OSError):
             while self._socket:
                 data = self._socket.recv(65_536)
@@ -121,11 +134,29 @@ class Companion:
                     self.close()
                 elif not self._has_answered:
                     self._has_answered = True
-                    self._report(f"sending positions ({self._positions}) to ArduPilot's port {self._port}")
-                if self._has_origin:
-                    continue
-                kinds = [message.get_msgId() for message in self._stream.unpack(data) if hasattr(message, "get_msgId")]
-                self._has_origin = dialect.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN in kinds
+                    if self._topic:
+                        self._report(f"sending positions ({self._positions}) to ArduPilot's port {self._port}")
+                for message in self._stream.unpack(data):
+                    self._take(message, truth)
+
+    def _take(self, message: Any, truth: OdometrySample) -> None:
+        kind = message.get_msgId() if hasattr(message, "get_msgId") else -1
+        if kind == dialect.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN:
+            self._has_origin = True
+        elif kind == ATTITUDE:
+            angles = message.roll, message.pitch, message.yaw
+            errors = [remainder(a - b, tau) for a, b in zip(angles, to_euler(truth.orientation), strict=True)]
+            position = self.estimate.position if self.estimate else nan
+            self.estimate = EstimateError(errors[0], errors[1], errors[2], position)
+        elif kind == POSITION and self.estimate and (message.lat or message.lon):
+            believed = self._plane.local(1e-7 * message.lat, 1e-7 * message.lon, 1e-3 * message.alt)
+            self.estimate = self.estimate._replace(position=dist(believed, truth.position))
+            if self.estimate.position > ABSURD_M and not self._is_absurd:
+                self._is_absurd = True
+                self._report(
+                    f"ArduSub's position is {self.estimate.position:.0f} m from the true one, at an altitude of "
+                    f"{1e-3 * message.alt:.1f} m: start it with the --home of docs/how-to/ardusub.md"
+                )
 
 
 def encode_position_delta(time_us: int, sample: DvlSample, gyro: Vector3, delta_ns: int) -> Any:
@@ -153,6 +184,12 @@ def encode_gps_input(time_us: int, fix: FixSample, velocity: Vector3) -> Any:
 def _encode_heartbeat() -> Any:
     kind, autopilot = dialect.MAV_TYPE_ONBOARD_CONTROLLER, dialect.MAV_AUTOPILOT_INVALID
     return dialect.MAVLink_heartbeat_message(kind, autopilot, 0, 0, dialect.MAV_STATE_ACTIVE, 3)
+
+
+def _encode_interval(message: int) -> Any:
+    return dialect.MAVLink_command_long_message(
+        SYSTEM, 1, dialect.MAV_CMD_SET_MESSAGE_INTERVAL, 0, message, ESTIMATE_US, *[0.0] * 5
+    )
 
 
 def _encode_origin(origin: tuple[float, float]) -> Any:

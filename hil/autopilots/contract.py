@@ -10,10 +10,14 @@ Time in `advance` is simulation time; `now` is always the monotonic clock (ns).
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from math import degrees, isfinite
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from hil.common.clock import NS_PER_S
 from sim.sensors.samples import OdometrySample
+
+if TYPE_CHECKING:
+    from hil.ros.diagnostics import Diagnostics
 
 CHECK_NS = NS_PER_S // 10  # between two calls of `check`
 STALL_NS = NS_PER_S  # without a reply in lockstep, after which a stall is reported
@@ -33,6 +37,23 @@ class Outputs(NamedTuple):
     pwm_us: tuple[int, ...]
     armed: bool | None
     received_ns: int
+
+
+class EstimateError(NamedTuple):
+    """An autopilot's estimate minus the truth: angles in rad, distance of the position in m, nan until it has one."""
+
+    roll: float
+    pitch: float
+    yaw: float
+    position: float
+
+    def add_figures(self, figures: "Diagnostics") -> None:
+        """Add the errors to the diagnostics, those that are known."""
+        figures.autopilot_roll_error_deg = degrees(self.roll)
+        figures.autopilot_pitch_error_deg = degrees(self.pitch)
+        figures.autopilot_yaw_error_deg = degrees(self.yaw)
+        if isfinite(self.position):
+            figures.autopilot_position_error_m = self.position
 
 
 class AutopilotCounters:
@@ -60,6 +81,11 @@ class Autopilot(ABC):
     lockstep: bool
     figures: AutopilotCounters
     sent_ns = 0
+
+    @property
+    def estimate(self) -> EstimateError | None:
+        """The error of the autopilot's newest estimate; None if it is not known."""
+        return None
 
     @abstractmethod
     def fileno(self) -> int:

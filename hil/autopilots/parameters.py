@@ -109,6 +109,7 @@ def all_parameters(
     if controller == "ardupilot":
         own = {**ardusub_frame(motors), **_POSITIONS[settings.positions]}
         # ArduSub would simulate a battery of its own for a vehicle without one; 4: voltage and current
+        own["SERIAL5_PROTOCOL"] = 2.0  # MAVLink, with the simulator as a companion
         own["BATT_MONITOR"] = 4.0 if "battery" in sensors else 0.0
     else:
         is_sitl = parse_address(settings.own_address(controller)).kind == "tcp"

@@ -11,8 +11,8 @@ from contextlib import suppress
 from hil.autopilots.contract import Report
 from hil.autopilots.flight_folder import OUTPUT, FlightFolder
 from hil.autopilots.frames import AUTO, CUSTOM, map_motors
-from hil.autopilots.opening import ardusub_options
 from hil.autopilots.parameters import Parameters, all_parameters, format_parameters, number_text, read_parameters
+from hil.autopilots.start_options import ardusub_options
 from hil.common.children import foreign_command, start_child
 from hil.common.errors import ConfigError, DeviceError
 from hil.common.tables import state_path
@@ -98,7 +98,7 @@ class Program:
         defaults = self._folder.file("defaults.parm")
         with open(defaults, "w", encoding="utf-8") as file:
             file.write(format_parameters(parameters))
-        return [program, *ardusub_options(scenario, world), "--defaults", defaults, *settings.arguments], {}
+        return [program, *ardusub_options(scenario, settings, world), "--defaults", defaults, *settings.arguments], {}
 
     def _px4(self, settings: AutopilotSettings, parameters: Parameters) -> tuple[list[str], dict[str, str]]:
         build = os.path.abspath(settings.program)

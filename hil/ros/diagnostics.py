@@ -275,6 +275,10 @@ class Diagnostics:
     autopilot_steps_held = _counter("simulation steps that were left out because it answered too late")
     autopilot_delay_p50_ms = _number("ms", 3, "delay from its outputs to pulse widths at the STM32, median")
     autopilot_delay_p99_ms = _number("ms", 3, "the same, 99 %")
+    autopilot_roll_error_deg = _number("deg", 2, "roll that it estimates, minus the true one")
+    autopilot_pitch_error_deg = _number("deg", 2, "pitch that it estimates, minus the true one")
+    autopilot_yaw_error_deg = _number("deg", 2, "heading that it estimates, minus the true one")
+    autopilot_position_error_m = _number("m", 2, "distance of the position that it estimates from the true one")
     # The network
     may_command = _texts("names of the certificates that may command; not reported without [security]")
     may_listen = _texts("names of the certificates that may listen; not reported without [security]")

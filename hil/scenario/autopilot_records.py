@@ -10,7 +10,8 @@ from hil.links.address import parse_address
 Pulse = Annotated[int, Range(800, 2200, "us")]
 PORTS = {"ardupilot": 9002, "px4": 4560}  # port of the first instance
 STEP = {"ardupilot": 10, "px4": 1}  # difference of ports between instances
-COMPANION_PORT = 5763  # of the first ArduPilot instance: its SERIAL2, MAVLink over TCP
+GROUND_PORT = 5760  # of the first ArduPilot instance: its SERIAL0, MAVLink over TCP
+COMPANION_PORT = 5765  # of its SERIAL5, the same; ground stations and scripts use 5760, 5762 and 5763
 Positions = Literal["simulated", "odometry", "dvl", "gps"]
 
 

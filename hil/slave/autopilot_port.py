@@ -125,6 +125,8 @@ class AutopilotPort:
         figures.autopilot_steps_held = self.held_steps
         figures.autopilot_delay_p50_ms = self.delay.quantile(0.5) / NS_PER_MS
         figures.autopilot_delay_p99_ms = self.delay.quantile(0.99) / NS_PER_MS
+        if self.autopilot.estimate:
+            self.autopilot.estimate.add_figures(figures)
 
     def state(self) -> str:
         """Return the problem in words; "" if there is none."""

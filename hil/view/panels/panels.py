@@ -134,6 +134,15 @@ def health_rows(figures: Diagnostics) -> list[tuple[str, str]]:
         ("processor time", f"{to_text(figures.cpu_s, '.1f')} s of {to_text(figures.uptime_s, '.0f')} s"),
         ("temperature", f"{to_text(figures.temperature_c, '.1f')} °C"),
         ("contacts", to_text(figures.contacts)),
+        (
+            "autopilot minus truth",
+            " ".join(
+                [
+                    f"{name} {to_text(getattr(figures, f'autopilot_{name}_error_{unit}'), '.2f')} {unit}"
+                    for name, unit in (("roll", "deg"), ("pitch", "deg"), ("yaw", "deg"), ("position", "m"))
+                ]
+            ),
+        ),
         ("board", to_text(figures.board)),
     ]
 

@@ -71,6 +71,9 @@ class SimulatedSource(OfflineSource):
         figures, vehicle = Diagnostics(), self._vehicles[name]
         figures.pwm_us = tuple(vehicle.pwm_us)
         figures.contacts = vehicle.simulation.contacts
+        autopilot = getattr(vehicle, "autopilot", None)
+        if autopilot and autopilot.estimate:
+            autopilot.estimate.add_figures(figures)
         return figures
 
     def pace(self, update: Callable[[], None], wait: Callable[[float], None]) -> Callable[[Any], None]:

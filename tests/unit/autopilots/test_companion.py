@@ -2,7 +2,8 @@
 
 import socket
 from collections.abc import Callable, Iterator
-from math import nan
+from functools import partial
+from math import nan, tau
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,7 @@ from sim.environment.world import load_world
 from sim.sensors.extra_samples import FixSample
 from sim.sensors.samples import DvlSample, OdometrySample
 from sim.vehicle.vehicle import load_vehicle
+from tests.support.processes import wait_for
 
 SCENARIO = """
 vehicle = "bluerov2"
@@ -99,14 +101,14 @@ def names(messages: list[Any]) -> list[str]:
 
 def test_the_origin_is_sent_until_the_autopilot_confirms_it(bench: Callable[[str], Bench]) -> None:
     b = bench("odometry")
-    beat, origin = b.messages(0)
+    beat, origin, *_ = b.messages(0)
     assert (beat.get_type(), beat.type) == ("HEARTBEAT", dialect.MAV_TYPE_ONBOARD_CONTROLLER)
     assert (origin.latitude, origin.longitude, origin.altitude) == (500_000_000, 80_000_000, 0)
-    assert names(b.messages(SECOND)) == ["HEARTBEAT", "SET_GPS_GLOBAL_ORIGIN"]
+    assert names(b.messages(SECOND))[:2] == ["HEARTBEAT", "SET_GPS_GLOBAL_ORIGIN"]
     assert b.peer
     b.peer.sendall(b.stream.pack(dialect.MAVLink_gps_global_origin_message(500_000_000, 80_000_000, 0)))
     b.messages(2 * SECOND)
-    assert names(b.messages(3 * SECOND)) == ["HEARTBEAT"]
+    assert "SET_GPS_GLOBAL_ORIGIN" not in names(b.messages(3 * SECOND))
     assert b.reports == [f"sending positions (odometry) to ArduPilot's port {b.listener.getsockname()[1]}"]
 
 
@@ -167,6 +169,28 @@ def test_the_companion_reconnects_after_a_restart_of_the_autopilot(bench: Callab
     for second in (1, 2, 3):  # until the end of the connection is detected
         b.companion.advance(second * SECOND, TRUTH, "127.0.0.1")
     assert "SET_GPS_GLOBAL_ORIGIN" in names(b.messages(0))
+
+
+def is_off_by(b: Bench, error: float) -> bool:
+    b.messages(SECOND)
+    estimate = b.companion.estimate
+    return estimate is not None and abs(estimate.position - error) < 0.1
+
+
+def test_the_estimate_is_compared_with_the_truth_and_an_absurd_altitude_reported(bench: Callable[[str], Bench]) -> None:
+    b = bench("simulated")
+    assert names(b.messages(0)) == ["HEARTBEAT", "COMMAND_LONG", "COMMAND_LONG"]  # no origin: it has its own GPS
+    assert b.peer
+    where = dialect.MAVLink_global_position_int_message
+    for altitude, error in ((-3000, 2.236), (583_900, 586.9)):
+        attitude = dialect.MAVLink_attitude_message(0, 0.1, 0.0, 6.2, 0, 0, 0)
+        position = where(0, 500_000_000, 80_000_000, altitude, 0, 0, 0, 0, 0)
+        b.peer.sendall(b.stream.pack(attitude) + b.stream.pack(position))
+        assert wait_for(partial(is_off_by, b, error))
+        assert b.companion.estimate
+        assert b.companion.estimate[:3] == pytest.approx((0.1, 0.0, 6.2 - tau), abs=1e-6)
+        assert len(b.reports) == (altitude > 0)
+    assert "at an altitude of 583.9 m: start it with the --home" in b.reports[0]
 
 
 def test_a_receiver_measures_the_velocity_of_its_antenna(tmp_path: Path) -> None:
