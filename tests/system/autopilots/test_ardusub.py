@@ -75,7 +75,9 @@ def test_ardusub_accepts_all_installed_parameters_and_sensor_positions(tmp_path:
 
     def mission() -> Mission:
         yield lambda: dive.station.output("ArduPilot Ready")
-        for name in given:
+        for name in [*given, *given]:  # an answer may come too late for the first request
+            if name in reported_values:
+                continue
             dive.station.send(dialect.MAVLink_param_request_read_message(1, 1, name.encode(), -1))
             yield 0.3
             answer = dive.station.latest.get("PARAM_VALUE")
@@ -96,6 +98,7 @@ def test_ardusub_accepts_all_installed_parameters_and_sensor_positions(tmp_path:
 def test_the_estimated_attitude_stays_within_a_degree_for_five_minutes(tmp_path: Path, seed: int) -> None:
     """In ALT_HOLD, ahead and with turns, with the sensors of the installed scenario."""
     installed = load_scenario("ardusub", {"autopilot.program": PROGRAM, "autopilot.instance": 3, "seed": seed})
+    assert installed.autopilot
     run = AutopilotRun(installed._replace(autopilot=installed.autopilot._replace(folder=str(tmp_path))), print)
     station = GroundStation(("127.0.0.1", 5790))
     errors: list[float] = []
