@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 from hil.common.quantiles import rank
 
+_M_ARENA_MAX = -8  # malloc.h of glibc
 NS_PER_S = 1_000_000_000
 NS_PER_MS = 1_000_000
 NS_PER_US = 1_000
@@ -283,6 +284,18 @@ def return_memory() -> None:
     libc.malloc_trim(0)
     if _locked:
         lock_memory()
+
+
+def use_one_arena() -> None:
+    """Let all threads allocate from one arena, so that what one frees the others use. Only glibc can do it.
+
+    Each arena keeps the memory of its longest queue so far. To be called before other threads start.
+    """
+    import ctypes
+
+    libc = ctypes.CDLL(None)
+    if hasattr(libc, "mallopt"):
+        libc.mallopt(_M_ARENA_MAX, 1)
 
 
 _awake: list[int] = []  # open descriptors that keep the processors awake

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 import zenoh
 from zenoh.ext import HistoryConfig, declare_advanced_subscriber
 
-from hil.common.clock import NS_PER_S, now_ns, to_wall_ns
+from hil.common.clock import NS_PER_S, now_ns, to_wall_ns, use_one_arena
 from hil.network.publisher import close_session
 from hil.network.settings import Network, settings
 from hil.network.sockets import free_sockets
@@ -40,8 +40,12 @@ PATIENCE_NS = 5 * NS_PER_S  # until the first report that an endpoint does not a
 COMPLAINT_PERIOD_NS = 60 * NS_PER_S
 
 
-def save_processor() -> None:
-    """Reduce this process's processor time for receiving by a third. Call it before the first session opens."""
+def save_resources() -> None:
+    """Reduce this process's processor time for receiving by a third, and its memory. Call it before the first session.
+
+    Messages wait in the library while other programs have the processors; it would keep that memory for each thread.
+    """
+    use_one_arena()
     os.environ["ZENOH_RUNTIME"] = ONE_THREAD  # replaces the setting of a slave that started this process
     if hasattr(os, "sched_setscheduler"):  # Linux
         os.sched_setscheduler(0, os.SCHED_BATCH, os.sched_param(0))  # runs less often, and longer each time

@@ -55,9 +55,9 @@ def main(arguments: list[str]) -> int:
         from hil.gateways.foxglove.server import FoxgloveServer
     except ImportError as error:
         raise MissingExtraError(f"Foxglove needs {error.name}: pip install 'uuv-hil[foxglove]'") from None
-    from hil.recording.tap import Tap, save_processor
+    from hil.recording.tap import Tap, save_resources
 
-    save_processor()
+    save_resources()
     network, security = (scenario.network, scenario.security) if scenario else (Network(), None)
     with StopSignals() as stop_fd, ExitStack() as opened:
         commanding = None

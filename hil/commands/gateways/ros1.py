@@ -44,10 +44,10 @@ def main(arguments: list[str]) -> int:
     except ImportError as error:
         raise MissingExtraError(f"ROS 1 needs {error.name}: pip install 'uuv-hil[ros1]'") from None
     from hil.gateways.commanding import Commanding
-    from hil.recording.tap import Tap, save_processor
+    from hil.recording.tap import Tap, save_resources
 
     master = master_uri()
-    save_processor()
+    save_resources()
     network, security = (scenario.network, scenario.security) if scenario else (Network(), None)
     with StopSignals() as stop_fd, ExitStack() as opened:
         fleet = opened.enter_context(hil.connect(*endpoints, routed=routed, keys=keys, take_over=options.take_over))

@@ -44,9 +44,9 @@ def main(arguments: list[str]) -> int:
     scenario, endpoints = scenario_and_endpoints(options)
     recording = scenario.recording if scenario else Recording()
     about, files = _about(scenario, endpoints)
-    from hil.recording.tap import Tap, save_processor
+    from hil.recording.tap import Tap, save_resources
 
-    save_processor()
+    save_resources()
     network, security = (scenario.network, scenario.security) if scenario else (Network(), None)
     tap = Tap(endpoints, network, security)
     require_library()  # before the folder is made

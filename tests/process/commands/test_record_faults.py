@@ -108,7 +108,7 @@ def test_ctrl_c_ends_the_gateway_while_no_vehicle_is_connected(tmp_path: Path) -
 
 def test_a_recording_without_a_slave_is_an_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(tap, "PATIENCE_NS", NS_PER_S // 10)
-    monkeypatch.setattr(tap, "save_processor", lambda: None)  # what this process starts later would inherit it
+    monkeypatch.setattr(tap, "save_resources", lambda: None)  # what this process starts later would inherit it
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     code, output = run_here(
         "recording", "make", "--connect", endpoint, "-o", str(tmp_path / "received"), "--seconds", "1"
