@@ -15,7 +15,7 @@ from hil.gateways.mavlink.endpoints.peer import Peer
 from hil.gateways.mavlink.flight.modes import Mode
 from hil.gateways.mavlink.parameter_table import ParameterTable
 from hil.gateways.mavlink.protocols.ftp import FtpServer
-from hil.gateways.mavlink.snapshot import Command, Echo, Origin, Snapshot, Wrench
+from hil.gateways.mavlink.snapshot import Command, Echo, Origin, Snapshot, ThrusterTest, Wrench
 from hil.links.contract import Counters
 from hil.links.mavlink.servos import ServoOutputRaw
 from hil.links.mavlink.stream import MavlinkStream
@@ -70,7 +70,7 @@ class PointVehicle:
     def pushed(self) -> Wrench:
         """Return the last command, which is a wrench."""
         command = self.commands[-1]
-        assert not isinstance(command, (VelocityCommand, PoseCommand))
+        assert not isinstance(command, (VelocityCommand, PoseCommand, ThrusterTest))
         return command
 
     @property

@@ -101,7 +101,7 @@ def _ftp(
     payload = ftp.HEADER.pack(number, session, opcode, length, 0, 0, offset) + text
     bench.partner.send(ftp.ftp_message(payload, 1, 1))
     bench.run(0.2)
-    replies = []
+    replies: list[tuple[Any, ...]] = []
     for message in bench.partner.take_messages("FILE_TRANSFER_PROTOCOL"):
         data = bytes(message.payload)
         head = ftp.HEADER.unpack_from(data)

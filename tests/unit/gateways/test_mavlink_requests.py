@@ -16,7 +16,7 @@ from tests.support.clients.mavlink_vehicle import Bench
 
 ACCEPTED, UNSUPPORTED = dialect.MAV_RESULT_ACCEPTED, dialect.MAV_RESULT_UNSUPPORTED
 
-MESSAGES = {  # message -> fields, by MAVLink's units
+MESSAGES: dict[str, dict[str, Any]] = {  # message -> fields, by MAVLink's units
     "RAW_IMU": {"xgyro": 100, "zgyro": -200, "zacc": -1000, "xmag": 200, "zmag": 400},
     "SCALED_IMU": {"xgyro": 100, "zacc": -1000, "zmag": 400},
     "SCALED_IMU2": {"zgyro": -200},
@@ -292,8 +292,8 @@ def test_cockpit_connects_without_a_remark_and_gets_its_rates() -> None:
     bench.run(4.0)
     assert 7 <= len(bench.partner.take_messages("AHRS2")) <= 9
     assert bench.partner.take_messages("TIMESYNC")[0].ts1 == 5
-    names = {value.param_id for value in bench.partner.take_messages("PARAM_VALUE")}
-    assert {f"BTN{button}_{kind}" for button in range(32) for kind in ("FUNCTION", "SFUNCTION")} < names
+    received = {value.param_id for value in bench.partner.take_messages("PARAM_VALUE")}
+    assert {f"BTN{button}_{kind}" for button in range(32) for kind in ("FUNCTION", "SFUNCTION")} < received
     assert bench.partner.texts() == ""
 
 

@@ -112,7 +112,8 @@ def test_the_battery_failsafe_of_its_power_page_acts_on_the_simulated_battery() 
     bench.run(3.0)
     bench.vehicle.battery = BatterySample(0, 14.5, 2.0, 100.0, 50.0, False)
     bench.run(1.0)
-    assert bench.core.pilot.mode == Mode.ALT_HOLD, "a pull of the motors is no empty battery"
+    before: Mode = bench.core.pilot.mode
+    assert before == Mode.ALT_HOLD, "a pull of the motors is no empty battery"
     bench.run(2.0)
     assert bench.core.pilot.mode == Mode.SURFACE
     assert bench.partner.texts().count("Battery low: 14.5 V") == 1

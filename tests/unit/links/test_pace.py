@@ -70,7 +70,7 @@ class Simulated:
         self.now, self._lost, self._random = NS_PER_S, lost, Random(1)
         self.out, self.back = Line(rate, delay_ns), Line(rate, delay_ns)
         self.stm32 = Stm32(CHANNELS)
-        link = Link()._replace(protocol=protocol)  # type: ignore[arg-type]
+        link = Link()._replace(protocol=protocol)
         self._device, host = end_protocol(link, "device", CHANNELS), end_protocol(link, "host", CHANNELS)
         self.pace = EchoPace(host.echoes_sequence, by_count=not periodic)
         self._periodic = periodic
