@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from sim.rays.geometry import Geometry
     from sim.sensors.samples import ImuSample
     from sim.tether import Flow, ReadBody, Tether, TetherKeys
+    from sim.vehicle.accessories import Accessories
     from sim.vehicle.ballast import Release
     from sim.vehicle.collision_shape import HullShape
     from sim.vehicle.equipment import Equipment
@@ -215,6 +216,15 @@ def make_tether(keys: "TetherKeys", world: World, dt: float, read_body: "ReadBod
     from sim.tether import Tether
 
     return Tether(keys, world, dt, read_body, flow)
+
+
+def make_accessories(vehicle: Vehicle) -> "Accessories | None":
+    """Return the accessories of `vehicle`, or None if it has none."""
+    if vehicle.accessories is None:
+        return None
+    from sim.vehicle.accessories import Accessories
+
+    return Accessories(vehicle.accessories)
 
 
 def make_equipment(vehicle: Vehicle, world: World, dt: float, releases: "Sequence[Release]") -> "Equipment | None":

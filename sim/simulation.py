@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 from hil.common.errors import ConfigError, DivergenceError, StartPositionError
 from sim.arguments import require_events, require_numbers, require_parts, require_wrenches
 from sim.assembly import (
+    make_accessories,
     make_dynamics,
     make_equipment,
     make_fluid_motion,
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
     from sim.forces import Force
     from sim.native._native import FusedStep
     from sim.tether import TetherKeys
+    from sim.vehicle.accessories import Accessories
     from sim.vehicle.ballast import DropWeight, Release
     from sim.vehicle.battery import BatteryState
     from sim.vehicle.equipment import Equipment
@@ -52,7 +54,8 @@ class Simulation:
 
     `contacts` counts contacts with seabed and obstacles, `touching` is whether there was one in the last step, and
     `events` lists them: with what, when (simulated time), where and for how long. `equipment` is that of
-    sim/vehicle/equipment.py, None for a vehicle that has only hull and thrusters.
+    sim/vehicle/equipment.py, None for a vehicle that has only hull and thrusters; `accessories` are those of
+    sim/vehicle/accessories.py, None if it has none.
 
     Raises ConfigError for impossible numbers, for a start inside an obstacle or the seabed, and for a failure or a
     release that names an unknown thruster or weight.
@@ -85,6 +88,7 @@ class Simulation:
         self._dt = dt_ns * 1e-9
         self._integrator: Integrator = integrator
         self._water = make_fluid_motion(vehicle, world, seed)
+        self.accessories: Accessories | None = make_accessories(vehicle)
         self.equipment = make_equipment(vehicle, world, self._dt, releases)
         self.tether = None if tether is None else make_tether(tether, world, self._dt, self._read_body, self.flow_at)
         self._own_forces = forces if self.tether is None else (*forces, self.tether)

@@ -1,11 +1,15 @@
 """Convert an autopilot's outputs to pulse widths of the thrusters; neutral if disarmed or without new outputs."""
 
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from hil.autopilots.contract import Outputs, Report, is_output
 from hil.autopilots.frames import MotorMap
 from hil.common.clock import NS_PER_S
 from hil.links.contract import PWM_NEUTRAL_US
+
+if TYPE_CHECKING:
+    from hil.autopilots.accessory_outputs import AccessoryOutputs
+    from sim.simulation import Simulation
 
 WRONG_FRAME_NS = 2 * NS_PER_S  # for which outputs must contradict the frame before it is reported
 
@@ -21,13 +25,15 @@ class MotorOutputs:
     """The newest outputs of one autopilot, as pulse widths of its vehicle.
 
     Without outputs for `silence_ns` all channels are neutral until the next outputs; each such timeout is reported.
-    Outputs that contradict the frame, motors without output while others turn, are reported once.
+    Outputs that contradict the frame, motors without output while others turn, are reported once. `accessories` are the
+    outputs for lights, camera tilt and gripper, None if the vehicle has none.
     """
 
     def __init__(self, motor_map: MotorMap, silence_ns: int, name: str, report: Report) -> None:
         self.map = motor_map
         self.silences = 0
         self.outputs: tuple[int, ...] = ()  # all outputs as received, including lights, gripper and camera mount
+        self.accessories: AccessoryOutputs | None = None
         self._silence_ns, self._name, self._report = silence_ns, name, report
         self._pulses = Pulses(motor_map.neutral, False)
         self._received_ns = 0
@@ -46,6 +52,11 @@ class MotorOutputs:
             self._check_frame(outputs)
         self._received_ns, self._silent = outputs.received_ns, False
         return self._pulses
+
+    def move_accessories(self, simulation: "Simulation") -> None:
+        """Command the accessories of the vehicle as the newest outputs say."""
+        if self.accessories and simulation.accessories:
+            self.accessories.move(self.outputs, simulation.accessories, simulation.time_ns)
 
     def at(self, now: int) -> Pulses:
         """Return the pulse widths at `now` (monotonic ns): neutral after `silence_ns` without outputs."""

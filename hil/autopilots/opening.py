@@ -46,6 +46,12 @@ def open_autopilot(
         autopilot = Px4(address, inputs, settings, report)
     try:
         motors = MotorOutputs(map_motors(frame, vehicle), seconds_ns(settings.silence), autopilot.name, report)
+        if vehicle.accessories and scenario.controller == "ardupilot":
+            from hil.autopilots.accessory_outputs import AccessoryOutputs
+            from hil.autopilots.parameters import all_parameters
+
+            started = all_parameters(settings, scenario.controller, vehicle, motors.map, scenario.sensors)
+            motors.accessories = AccessoryOutputs(started)
     except BaseException:
         autopilot.close()
         raise

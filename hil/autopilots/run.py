@@ -74,6 +74,7 @@ class AutopilotRun:
         for topic, sample in simulation.step(self.pwm_us):
             autopilot.update_sensor(topic, sample)
             self.samples[topic] = sample
+        self.motors.move_accessories(simulation)
         states = autopilot.figures.states
         autopilot.advance(simulation.time_ns, simulation.truth())
         if autopilot.figures.states != states:

@@ -24,8 +24,8 @@ LONGEST_SILENCE_S = 20.0  # simulated time without a sample, after which none is
 # Topics that a slave receives, and those that it publishes which are no samples.
 COMMANDS = {topic.name for topic in TOPICS.values() if topic.from_master}
 NOT_SAMPLES = {
-    *COMMANDS, *DESCRIPTIONS, "trace", "diagnostics", "thruster_wrench", "joint_states", "motors", "tether", "/clock",
-    "/tf_static", "/diagnostics", "/parameter_events",
+    *COMMANDS, *DESCRIPTIONS, "trace", "diagnostics", "thruster_wrench", "joint_states", "motors", "tether",
+    "accessories", "/clock", "/tf_static", "/diagnostics", "/parameter_events",
 }  # fmt: skip
 
 

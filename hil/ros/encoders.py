@@ -338,7 +338,7 @@ _ELSEWHERE = {
     ),
     **dict.fromkeys(("/tf", "/tf_static", "/clock", "thruster_wrench"), "frames"),
     **dict.fromkeys(("robot_description", "map", "obstacles", "/parameter_events"), "world"),
-    **dict.fromkeys(("joint_states", "motors"), "joints"),
+    **dict.fromkeys(("joint_states", "motors", "accessories", "cmd_accessories"), "joints"),
     "formation": "formation",
     **dict.fromkeys(("plan", "tether"), "plan"),
     **dict.fromkeys(("modem_tx", "modem_rx", "modem_range"), "modem"),

@@ -1,11 +1,13 @@
-"""Encode and decode the state of actuators: sensor_msgs/JointState, and motors in a Float64MultiArray."""
+"""Encode and decode actuators: joints and accessories in sensor_msgs/JointState, motors in a Float64MultiArray."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from math import isfinite
 from typing import NamedTuple
 
 from hil.ros.cdr import MalformedError, tolerant
 from hil.ros.encoders import Decoder, Encoder
 from hil.ros.message import encode, header, read, time_of
+from sim.vehicle.accessories import NAMES
 from sim.vehicle.vehicle import Vehicle
 
 _TYPE = "sensor_msgs/msg/JointState"
@@ -48,6 +50,21 @@ def decode_joints(data: bytes) -> JointStates:
     return JointStates(time_of(message), tuple(names), efforts, positions)
 
 
+def encode_accessories(time_ns: int, shares: Mapping[str, float]) -> bytes:
+    """Encode sensor_msgs/JointState with the shares of accessories (sim/vehicle/accessories.py) as positions."""
+    return encode(_TYPE, {"header": header(time_ns), "name": tuple(shares), "position": tuple(shares.values())})
+
+
+@tolerant
+def decode_accessories(data: bytes) -> dict[str, float]:
+    """Return the share of each accessory in a message; unknown names count as malformed."""
+    message = read(_TYPE, data)
+    names, shares = message["name"], message["position"]
+    if len(names) != len(shares) or not {*names} <= {*NAMES} or not all(map(isfinite, shares)):
+        raise MalformedError("not a share for each accessory")
+    return dict(zip(names, shares, strict=True))
+
+
 class MotorState(NamedTuple):
     """One channel: its present pulse width (us), rotor speed (rad/s, with the sign of its thrust) and current (A).
 
@@ -79,4 +96,7 @@ def decode_motors(data: bytes) -> tuple[MotorState, ...]:
 
 
 ENCODERS: dict[str, Encoder] = {}  # not samples of sensors
-DECODERS: dict[str, Decoder] = {"joint_states": decode_joints, "motors": decode_motors}
+DECODERS: dict[str, Decoder] = {
+    "joint_states": decode_joints, "motors": decode_motors,
+    **dict.fromkeys(("accessories", "cmd_accessories"), decode_accessories),
+}  # fmt: skip

@@ -52,6 +52,7 @@ TOPICS = {
         Topic("cmd_pose", "geometry_msgs/msg/PoseStamped", 20, "real_time", express=True, from_master=True),
         Topic("cmd_wrench", "geometry_msgs/msg/WrenchStamped", 20, "real_time", express=True, from_master=True),
         Topic("cmd_thrusters", "std_msgs/msg/Float64MultiArray", 20, "real_time", express=True, from_master=True),
+        Topic("cmd_accessories", "sensor_msgs/msg/JointState", 0, "real_time", express=True, from_master=True),
         Topic("trace", "std_msgs/msg/Int64MultiArray", 20, "real_time"),
         Topic("imu", "sensor_msgs/msg/Imu", 100, "data"),
         Topic("dvl", "marine_acoustic_msgs/msg/Dvl", 8, "data"),
@@ -89,6 +90,7 @@ TOPICS = {
         Topic("thruster_wrench", "geometry_msgs/msg/WrenchStamped", 10, "data"),
         Topic("joint_states", "sensor_msgs/msg/JointState", 10, "data"),
         Topic("motors", "std_msgs/msg/Float64MultiArray", 10, "data"),
+        Topic("accessories", "sensor_msgs/msg/JointState", 10, "data"),
         Topic("tether", "nav_msgs/msg/Path", 10, "data"),
         Topic(
             "formation", "trajectory_msgs/msg/MultiDOFJointTrajectoryPoint", 10, "data", express=True, from_master=True

@@ -20,7 +20,7 @@ from sim.modems.acoustic import AcousticModem
 from sim.modems.optical import OpticalModem
 from sim.sensors.mounting import Mounting
 from sim.sensors.sensor_set import DEVICES, ONLY_ONE, SENSORS, load_sensor
-from sim.vehicle import ballast, battery, body_lift, collision_shape, meshes, vehicle
+from sim.vehicle import accessories, ballast, battery, body_lift, collision_shape, meshes, vehicle
 from sim.vehicle.fins import Fin
 from sim.vehicle.thrusters import curves as thruster_curves
 from sim.vehicle.thrusters import lags as thruster_lags
@@ -126,6 +126,7 @@ def _vehicle(converter: Converter) -> Schema:
     given: dict[str, Schema | None] = {
         "fins": tables(fin),
         "thrusters": tables(thruster),
+        "accessories": converter.reference(accessories.AccessoryKeys),
         "battery": converter.reference(battery.Battery),
         "meshes": tables(converter.reference(meshes.Mesh)),
         "collision": converter.reference(collision_shape.Collision),

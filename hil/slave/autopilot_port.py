@@ -101,6 +101,7 @@ class AutopilotPort:
 
     def advance(self, simulation: Simulation) -> None:
         """Report to the autopilot that a step has ended. Raises DeviceError."""
+        self.motors.move_accessories(simulation)
         self.autopilot.advance(simulation.time_ns, simulation.truth())
 
     def next_sequence(self) -> int:

@@ -11,6 +11,7 @@ import os
 import threading
 import time
 from collections import deque
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any
 
 from hil.autonomy.control.controller import VelocityCommand
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
     from hil.slave.command_mux import CommandMux
     from hil.slave.setpoints import Setpoint
 
+ACCESSORIES = "cmd_accessories"
 _DRIFT_PER_S = 50_000  # ns a second: assumed limit of the drift between two clocks (50 ppm)
 # The sender's clock was set back if messages have the same age within _STEADY_NS, at least one every _AGREE_NS, for
 # _STEADY_FOR_NS. In a replay, or in a queue that grows or drains, the age does not stay constant for so long.
@@ -109,8 +111,9 @@ class CommandReceiver:
 
     `hil.slave.contacts` fills in `clocks` and `ranks`, both by sender id. A sender without them (a ROS 2 node) has rank
     0, and the age of its messages is measured against its fastest one. `master` is the id of the active master, b"" at
-    first; `wakeup` is set when it changes. `thrusters` is the number of the vehicle's thrusters. `fault` describes the
-    last command that was decoded but rejected; "" if there was none.
+    first; `wakeup` is set when it changes. `move` gets the shares of accessories at once; None if the vehicle has none.
+    Their commands need the same permission as others, but make nobody the active master. `thrusters` is the number of
+    the vehicle's thrusters. `fault` describes the last command that was decoded but rejected; "" if there was none.
 
     Counters of dropped commands: `malformed`; `stale` (older than the age limit); `disordered` (arrived after a newer
     one of the same sender); `refused` (another master is active); `superseded` (replaced before the loop read it).
@@ -129,6 +132,7 @@ class CommandReceiver:
         self._age_limit_ns = age_limit_ns
         self._hold_ns = hold_ns
         self._period_ns = round(NS_PER_S / rate)
+        self.move: Callable[[Mapping[str, float]], None] | None = None
         self._event = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
         self._newest: deque[Received] = deque(maxlen=1)  # its append and popleft are atomic
         self._senders: dict[tuple[bytes, str], _Sender] = {}
@@ -168,10 +172,14 @@ class CommandReceiver:
         elif not is_active and not self._may_take_over(stamp.gid):
             self.refused += 1
         else:
-            value = decode_velocity(payload) if topic == "cmd_vel" else self._decode(topic, payload)
+            value: Any = decode_velocity(payload) if topic == "cmd_vel" else self._decode(topic, payload)
             if value is None:
                 self.malformed += 1
             elif self._is_new(topic, *stamp, received_ns):
+                if topic == ACCESSORIES and self.move:
+                    self.move(value)
+                    self._limit_rate(received_ns)
+                    return
                 self._accept(topic, stamp.gid, is_active, received_ns)
                 command = self._mux.combine(topic, value, received_ns) if self._mux else value
                 self.superseded += len(self._newest)
@@ -214,6 +222,9 @@ class CommandReceiver:
     def _decode(self, topic: str, payload: bytes) -> Any:
         """Return the decoded message of a topic other than cmd_vel; None if it is malformed or does not fit."""
         if topic not in COMMANDS:
+            return None
+        if topic == ACCESSORIES and self.move is None:
+            self.fault = f"{topic}: the vehicle has no [accessories]"
             return None
         if self._mux is None:
             from hil.slave.command_mux import CommandMux  # not needed by most runs

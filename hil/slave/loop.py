@@ -1,7 +1,7 @@
 """The real-time loop: handle commands as they arrive, step the physics on schedule, publish samples when due."""
 
 import select
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
 from hil.common.clock import NS_PER_MS, NS_PER_S, RateKeeper, now_ns, to_wall_ns
@@ -87,6 +87,8 @@ class Loop:
         self.paused = False
         self.ros: NodeServer | None = None
         self.autopilot: AutopilotPort | None = None
+        if simulation.accessories:
+            command_receiver.move = self.move
         self._control_period_ns = control_period_ns
         # Control at the step nearest to the end of the period, not at the one after it.
         self._control_wait_ns = control_period_ns - step_ns // 2
@@ -205,6 +207,12 @@ class Loop:
     def fail(self, *failures: "Failure") -> None:
         """Set or clear thruster failures from the next step on. Raises ConfigError for an unknown thruster."""
         self.simulation.fail(*failures)
+
+    def move(self, shares: Mapping[str, float]) -> None:
+        """Command accessories, each to its share; called in the reader's thread."""
+        for name, share in shares.items():
+            if accessories := self.simulation.accessories:
+                accessories.command(name, share, self.simulation.time_ns)
 
     def set_neutral(self) -> None:
         """Set the thrusters to neutral until the next command."""

@@ -31,6 +31,11 @@ class Mounting(NamedTuple):
         """True if the sensor's axes are not the vehicle's."""
         return any(self.orientation)
 
+    def tilted(self, angle: float) -> "Mounting":
+        """Return the mounting with the sensor turned up by an angle (rad) about its y axis."""
+        roll, pitch, yaw = self.orientation
+        return self._replace(orientation=(roll, pitch + angle, yaw)) if angle else self
+
     @property
     def quaternion(self) -> Quaternion:
         """Quaternion from the sensor's axes to the body's."""

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from sim.environment.waves import WaveField
     from sim.environment.world import World
     from sim.sensors.mounting import Mounting
+    from sim.vehicle.accessories import Accessories
     from sim.vehicle.battery import BatteryState
     from sim.vehicle.vehicle import Vehicle
 
@@ -81,6 +82,7 @@ class Scene(Protocol):
     state: State
     vehicle: "Vehicle"
     world: "World"
+    accessories: "Accessories | None"
 
     @property
     def wave_field(self) -> "WaveField | None":

@@ -26,6 +26,7 @@ from sim.matrices import (
 from sim.vehicle.thrusters.model import Point, Thruster
 
 if TYPE_CHECKING:
+    from sim.vehicle.accessories import AccessoryKeys
     from sim.vehicle.ballast import BuoyancyEngine, DropWeight
     from sim.vehicle.battery import Battery
     from sim.vehicle.body_lift import CrossFlow, FadingDamping, Lift
@@ -69,6 +70,7 @@ READERS: dict[str, Reader] = {
     "drop_weights": reader_of("sim.vehicle.ballast:DropWeight", many=True),
     "meshes": reader_of("sim.vehicle.meshes:Mesh", many=True),
     "collision": reader_of("sim.vehicle.collision_shape:Collision"),
+    "accessories": reader_of("sim.vehicle.accessories:AccessoryKeys"),
 }
 DENSITIES = (50.0, 20_000.0)  # kg/m³: outside of these, mass or volume is in another unit
 
@@ -90,6 +92,7 @@ class Vehicle(NamedTuple):
     `meshes` are used in pictures only (sim/vehicle/meshes.py). `collision` is the shape for contacts, with friction and
     restitution (sim/vehicle/collision_shape.py); the shape follows from `dimensions` if left out.
     The vehicle counts as capsized if it is tilted from the vertical by more than `capsize_tilt` (rad, pi: never).
+    `accessories` are lights, camera tilt and gripper (sim/vehicle/accessories.py).
     `fins` and the keys of equipment are described in sim/vehicle/equipment.py; mass, volume and inertia include the
     `drop_weights`.
     """
@@ -120,6 +123,7 @@ class Vehicle(NamedTuple):
     drop_weights: "tuple[DropWeight, ...]" = ()
     meshes: "tuple[Mesh, ...]" = ()
     collision: "Collision | None" = None
+    accessories: "AccessoryKeys | None" = None
 
     @property
     def channels(self) -> tuple[str, ...]:

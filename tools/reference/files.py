@@ -27,7 +27,7 @@ from sim.modems.optical import OpticalModem
 from sim.sensors.error import ErrorModel
 from sim.sensors.mounting import Mounting
 from sim.sensors.sensor_set import DEFAULT_SENSORS, DEVICES, SENSORS, load_sensor
-from sim.vehicle import ballast, battery, body_lift, collision_shape, fins, meshes, vehicle
+from sim.vehicle import accessories, ballast, battery, body_lift, collision_shape, fins, meshes, vehicle
 from sim.vehicle.failures import Failure
 from sim.vehicle.thrusters import curves, lags
 from sim.vehicle.thrusters.model import Thruster
@@ -160,6 +160,7 @@ def vehicle_file() -> str:
         "cross_flow": "table, [`cross_flow`](#cross_flow)", "drop_weights": "tables, [`drop_weights`](#drop_weights)",
         "fading_damping": "table, [`fading_damping`](#fading_damping)", "meshes": "tables, [`meshes`](#meshes)",
         "buoyancy_engine": "table, [`buoyancy_engine`](#buoyancy_engine)",
+        "accessories": "table, [`accessories`](#accessories)",
         "collision": "table, [`collision`](#collision)", "thrusters": "tables, [`thrusters`](#thrusters)",
     }  # fmt: skip
     sections = [
@@ -177,6 +178,7 @@ def vehicle_file() -> str:
         Section("buoyancy_engine", ballast.BuoyancyEngine),
         Section("drop_weights", ballast.DropWeight),
         Section("battery", battery.Battery),
+        Section("accessories", accessories.AccessoryKeys),
         Section("collision", collision_shape.Collision, shown_types={"spheres": "array of arrays of 4 numbers, in m"}),
         Section("meshes", meshes.Mesh),
         Section("control", controller.Gains, "Gains of the cascade. `family` chooses another law: `\"sliding_mode\"`, "

@@ -6,6 +6,7 @@ Requests that wait for answers run in a thread of their own.
 import threading
 from collections import deque
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from typing import Any
 
 from hil.autonomy.control.controller import VelocityCommand
@@ -17,6 +18,7 @@ from hil.gateways.mavlink.snapshot import Command, Echo, Snapshot, ThrusterTest
 from hil.network.services import call
 from hil.ros.commands import PoseCommand, encode_pose, encode_thrusts
 from hil.ros.frames import encode_wrench
+from hil.ros.joints import encode_accessories
 from sim.sensors.extra_samples import BatterySample, FixSample
 
 TOPICS = ("odom", "pressure", "battery", "gps", "altitude", "altimeter", "leak", "motors", "imu", "magnetometer")
@@ -117,7 +119,10 @@ class NetworkVehicle:
         self._do(lambda: self._call_arm(False))
 
     def set_accessory(self, name: str, share: float) -> None:
-        """Leave an accessory as it is: the slave has no topic for them."""
+        """Command an accessory, if the vehicle has any."""
+        if "accessories" in self._sensors:
+            with suppress(NetworkError):  # several vehicles of its name: `refusal` reports it
+                self._client.send("cmd_accessories", encode_accessories(0, {name: share}))
 
     def parameters(self) -> Mapping[str, float]:
         """Return the parameters that the slave has."""

@@ -186,12 +186,15 @@ class Studio:
     def take_sample(self, number: int, time_ns: int, moving: list[float]) -> tuple[str, Sample] | None:
         """Return topic and sample of a sensor; None if there is no sample or the sensor drops it.
 
-        `moving` is position (NED), quaternion (body to NED), nu (FRD) and its rate of change: 3 + 4 + 6 + 6 numbers.
+        `moving` is position (NED), quaternion (body to NED), nu (FRD) and its rate of change: 3 + 4 + 6 + 6 numbers;
+        then the share of the lights and the tilt of cameras (rad).
         """
         simulation, slot = self._simulation, self._slots[number]
         state = simulation.state
         state.position, state.quaternion = moving[:3], moving[3:7]
-        state.nu, state.nu_dot = moving[7:13], moving[13:]
+        state.nu, state.nu_dot = moving[7:13], moving[13:19]
+        if simulation.accessories:
+            simulation.accessories.place(*moving[19:])
         simulation.time_ns = time_ns
         sample = slot.sensor.sample(time_ns, state)
         return None if sample is None or slot.drops() else (slot.topic, sample)

@@ -25,14 +25,16 @@ from hil.ros.graph import Identity
 from hil.scenario.config import Scenario
 from hil.slave import usage
 from sim.dynamics import State
+from sim.sensors.samples import Scene
 from sim.sensors.sensor_set import SensorSpec
 
 if TYPE_CHECKING:
     from hil.recording.stamps import Stamps
+    from sim.vehicle.accessories import Accessories
 
 # A request: number of the sensor; simulation time, epoch (since 1970) and monotonic time (ns); position, quaternion, nu
-# and its rate of change.
-REQUEST = Struct("<B3q3d4d6d6d")
+# and its rate of change; share of the lights, tilt of the cameras (rad).
+REQUEST = Struct("<B3q3d4d6d6d2d")
 DONE = Struct("<Bq")  # the answer: number of the sensor; time to make its picture (ns), 0 if nobody subscribes
 FIRST_PAUSE_S, LONGEST_PAUSE_S = 0.5, 30.0
 STEADY_NS = 60 * NS_PER_S  # after a life this long, the pause before the next start is the shortest again
@@ -89,7 +91,7 @@ class Imaging:
                 _signal(pid, signal.SIGKILL)
                 self._thread.join(GRACE_S)
 
-    def request_sample(self, number: int, time_ns: int, state: State) -> None:
+    def request_sample(self, number: int, time_ns: int, state: State, accessories: "Accessories | None") -> None:
         """Request a picture of `state`; called by the loop, never blocks."""
         self.requested[number] += 1
         self._read_answers()
@@ -100,7 +102,9 @@ class Imaging:
         stamps = self._stamps
         assert stamps  # set by `start`, before there is a process
         instants = time_ns, stamps.epoch_ns, stamps.monotonic_ns(time_ns)
-        request = REQUEST.pack(number, *instants, *state.position, *state.quaternion, *state.nu, *state.nu_dot)
+        lights_tilt = (accessories.lights(time_ns), accessories.tilt(time_ns)) if accessories else (1.0, 0.0)
+        moving = *state.position, *state.quaternion, *state.nu, *state.nu_dot
+        request = REQUEST.pack(number, *instants, *moving, *lights_tilt)
         try:
             sent = requests.write(request)
         except OSError:  # the process has ended, which the thread detects too
@@ -208,12 +212,13 @@ class _Asking:
     imaging: Imaging
     number: int
 
-    def __init__(self, *_: object) -> None:
-        """Ignore the arguments: the imaging process builds the sensor."""
+    def __init__(self, _model: object, _mounting: object, _seed: int, scene: Scene) -> None:
+        """Keep the vehicle's accessories only: the imaging process builds the sensor."""
+        self._accessories = scene.accessories
 
     def sample(self, time_ns: int, state: State) -> None:
         """Request a sample; the imaging process publishes it."""
-        self.imaging.request_sample(self.number, time_ns, state)
+        self.imaging.request_sample(self.number, time_ns, state, self._accessories)
 
 
 def _last_line(errors_fd: int, report: Callable[[str], None]) -> str:

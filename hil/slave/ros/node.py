@@ -25,6 +25,7 @@ from sim.sensors.sensor_set import SensorSet
 
 if TYPE_CHECKING:
     from sim.tether import Tether
+    from sim.vehicle.accessories import Accessories
 
 _HALF_SQRT = sqrt(0.5)
 WITHOUT_PLACE = ("odometry", "ground_truth")  # measured at the body's origin, so without a sensor frame
@@ -55,7 +56,8 @@ class RosNode:
         for fitted in [fitted for fitted in scenario.sensors.values() if not fitted.offloaded]:
             ros.encoder(fitted.topic)  # loaded now, not at the first sample
         if loop.pilot:
-            for name in [name for name in COMMANDS if name != "cmd_vel"]:  # cmd_vel was declared at the start
+            others = {*COMMANDS} - {"cmd_vel"}  # which was declared at the start
+            for name in others if loop.simulation.accessories else others - {"cmd_accessories"}:
                 loop.sample_publisher.graph.subscribes(TOPICS[name], node)
         self.server = Server(session, loop.sample_publisher.graph)
         if settings.services:
@@ -88,6 +90,8 @@ class RosNode:
                 self._publish_joints(time_ns)
             if sample_publisher.has_subscribers(("motors",)):
                 self._publish_motors()
+            if self._loop.simulation.accessories and sample_publisher.has_subscribers(("accessories",)):
+                self._publish_accessories(self._loop.simulation.accessories, time_ns)
             if self._loop.simulation.tether and sample_publisher.has_subscribers(("tether",)):
                 self._publish_tether(self._loop.simulation.tether, time_ns)
         self.due_ns = min(self._clock.due_ns, self._wrench.due_ns, self._joints.due_ns)
@@ -109,6 +113,13 @@ class RosNode:
         blank = [(nan, nan)] * (len(loop.pwm_us) - len(found))
         rows = zip(loop.pwm_us, [*found, *blank], strict=True)
         loop.sample_publisher.publish("motors", encode_motors([MotorState(pulse, *motor) for pulse, motor in rows]))
+
+    def _publish_accessories(self, accessories: "Accessories", time_ns: int) -> None:
+        from hil.ros.joints import encode_accessories
+
+        stamp_ns = self._loop.sample_publisher.stamps.stamp(time_ns)
+        payload = encode_accessories(stamp_ns, accessories.positions(time_ns))
+        self._loop.sample_publisher.publish("accessories", payload)
 
     def _publish_tether(self, tether: "Tether", time_ns: int) -> None:
         from hil.ros.plan import encode_plan

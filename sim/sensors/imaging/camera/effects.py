@@ -55,12 +55,19 @@ class Effects:
         """Return the factor (n) by which waves focus daylight on the visible surfaces; None without caustics."""
         return self._caustics.daylight_factor(surfaces, time_ns) if self._caustics else None
 
-    def add_water_effects(self, radiance: Floats, ranges: Any, position: Any, axes: Any, water: Water) -> Floats:
-        """Return the radiance (n x 3) with backscatter of the lamps' light by the water, and with marine snow."""
+    def add_water_effects(
+        self, radiance: Floats, ranges: Any, position: Any, axes: Any, water: Water, lights: float = 1.0
+    ) -> Floats:
+        """Return the radiance (n x 3) with backscatter of the lamps' light by the water, and with marine snow.
+
+        `lights` is the share of their full brightness that the lamps have.
+        """
         if self._lamps and self._has_backscatter:
-            radiance += self._lamps.veil(np.asarray(ranges, np.float32), self._sideways, water)
+            radiance += np.float32(lights) * self._lamps.veil(np.asarray(ranges, np.float32), self._sideways, water)
         if self._snow:
-            radiance = self._snow.add_particles(radiance, ranges, position, axes, water, self._lamps_at)
+            radiance = self._snow.add_particles(
+                radiance, ranges, position, axes, water, (lights * self._lamps_at[0], self._lamps_at[1])
+            )
         return radiance
 
     def apply_motion(self, picture: RawPicture, mounting: Mounting, nu: Any) -> RawPicture:

@@ -23,6 +23,8 @@ class CameraModel(NamedTuple):
     Depth: `depth` enables a depth image up to `max_range` m. `depth_noise` is its standard deviation at 1 m (m), which
     grows with the square of the range, as for a stereo camera. `points` adds the same data as a point cloud.
 
+    With `tilts` the camera turns with the tilt of the vehicle's `[accessories]`, whose lights dim its lamps.
+
     Light: `lamps` is the radiance of a white wall 1 m ahead in the light of the lamps, relative to full daylight.
     `exposure` is the factor from such radiances to the sensor's range; 0: automatic, so that the bright parts of each
     picture are nearly white. `full_well` is the number of electrons that a pixel can hold, `read_noise` the standard
@@ -66,6 +68,7 @@ class CameraModel(NamedTuple):
     full_well: Annotated[float, Range(10.0, 1e7)] = 10_000.0
     read_noise: Annotated[float, Range(0.0, 1e4)] = 8.0
     vignetting: Annotated[float, Range(0.0, 1.0)] = 0.5
+    tilts: bool = True
     ground_truth: bool = False
     renderer: Literal["rays", "opengl"] = "rays"
 

@@ -56,30 +56,37 @@ class PictureRenderer:
 
     def render(self, time_ns: int, state: State) -> tuple[NDArray[np.float32], Floats, NDArray[np.int32]]:
         """Return each pixel's radiance at the lens (n x 3), range (n, m; inf without a hit) and object number (n)."""
-        position = self._mounting.world_position(state)
+        mounting, lights = self._mounting, 1.0
+        if accessories := self._scene.accessories:
+            lights = accessories.lights(time_ns)
+            mounting = mounting.tilted(accessories.tilt(time_ns)) if self._model.tilts else mounting
+        position = mounting.world_position(state)
         count = len(self._directions)
         if position[2] <= 0.0 or submersion(self._scene, time_ns, position) <= 0.0:
             return np.zeros((count, 3), np.float32), np.full(count, np.inf), np.full(count, NOTHING, np.int32)
-        rotation = matrix(self._mounting.attitude(state))
+        rotation = matrix(mounting.attitude(state))
         water, effects, axes = self._water_at(position[2]), self._effects, np.array(rotation).reshape(3, 3)
-        radiance, ranges, objects = self._trace(time_ns, position, rotation, axes, water)
-        radiance = effects.add_water_effects(radiance, ranges, position, axes, water)
-        return effects.apply_motion(RawPicture(radiance, ranges, objects), self._mounting, state.nu)
+        radiance, ranges, objects = self._trace(time_ns, position, rotation, axes, water, lights)
+        radiance = effects.add_water_effects(radiance, ranges, position, axes, water, lights)
+        return effects.apply_motion(RawPicture(radiance, ranges, objects), mounting, state.nu)
 
     def _trace(
-        self, time_ns: int, position: Any, rotation: Any, axes: Any, water: Water
+        self, time_ns: int, position: Any, rotation: Any, axes: Any, water: Water, lights: float
     ) -> tuple[NDArray[np.float32], Floats, NDArray[np.int32]]:
         """Return the same as `render`, without backscatter, particles and motion."""
         m, shading = self._model, self._shading
+        lamps = lights * m.lamps
         if shading and m.renderer == "rays" and (geometry := self._rays.compiled(position, m.max_range)):
-            return shading.cast(geometry, position, rotation, self._directions, m.lamps, water)
+            return shading.cast(geometry, position, rotation, self._directions, lamps, water)
         hits = self._rays.hits(position, self._directions, m.max_range, rotation)
         ranges, objects = np.asarray(hits.distances), np.asarray(hits.objects)
         if shading:
-            return shading.shade(hits, position, rotation, self._toward, m.lamps, water), ranges, objects
-        return self._compute_light(hits, time_ns, position, axes, water), ranges, objects
+            return shading.shade(hits, position, rotation, self._toward, lamps, water), ranges, objects
+        return self._compute_light(hits, time_ns, position, axes, water, lamps), ranges, objects
 
-    def _compute_light(self, hits: Hits, time_ns: int, position: Any, axes: Any, water: Water) -> NDArray[np.float32]:
+    def _compute_light(
+        self, hits: Hits, time_ns: int, position: Any, axes: Any, water: Water, lamps: float
+    ) -> NDArray[np.float32]:
         """Return the radiance at the lens (n x 3) of `hits`, with lamps beside the camera and caustics."""
         ranges, objects = np.asarray(hits.distances), np.asarray(hits.objects)
         points, normals = (_rows(np.asarray(vectors), objects) for vectors in (hits.points, hits.normals))
@@ -88,9 +95,7 @@ class PictureRenderer:
         surfaces = SurfaceHits(points, normals, objects, distances, cos_incidence, distances * np.float32(self._pixel))
         effects = self._effects
         lights = effects.lamp_lights(self._rays, position, axes, surfaces), effects.daylight_factor(surfaces, time_ns)
-        radiance = self._scenery.radiance(
-            surfaces, water.light, self._model.lamps, water.attenuation, *lights, water.veil
-        )
+        radiance = self._scenery.radiance(surfaces, water.light, lamps, water.attenuation, *lights, water.veil)
         return underwater(radiance, ranges, water)
 
     def points(self, depth: bytes) -> bytes:
