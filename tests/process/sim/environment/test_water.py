@@ -1,20 +1,16 @@
 """Currents, waves and layers of the water, and the forces that they have on a vehicle."""
 
-import subprocess
-import sys
 from itertools import pairwise
-from math import cos, pi
-from pathlib import Path
+from math import pi
 
 import pytest
 
-from hil.common.errors import ConfigError
 from sim.dynamics import State
 from sim.environment.ocean import Layers, Ocean, Profile, Series, Waves
 from sim.environment.seawater.water_column import WaterColumn
 from sim.environment.water import FluidMotion, SampledWaves, wave_inertia
 from sim.environment.waves import WaveField
-from sim.environment.world import World, load_world
+from sim.environment.world import World
 from sim.rotations import from_euler, rotate
 from sim.sensors.error import ErrorModel
 from sim.sensors.pressure import STANDARD_ATMOSPHERE, PressureModel
@@ -185,16 +181,6 @@ def test_the_sampled_surface_follows_rate_and_slopes() -> None:
         assert sampled.wave_field.surface(time_ns * 1e-9 + 0.02, 0.03, -0.02) == pytest.approx(exact, abs=0.002)
 
 
-def test_the_same_seed_gives_the_same_waves() -> None:
-    def end(seed: int) -> object:
-        simulation = at_sea(Ocean(waves=SWELL._replace(components=10, peak_period=5.0)), seed=seed)
-        run(simulation, 4.0)
-        return simulation.truth()
-
-    assert end(1) == end(1)
-    assert end(1) != end(2)
-
-
 # -- density and sound speed --------------------------------------------------------------------------------------
 
 PROFILE = Profile((0.0, 20.0, 100.0), (1022.0, 1026.0, 1027.5), (1510.0, 1495.0, 1490.0))
@@ -240,40 +226,3 @@ def test_the_pressure_sensor_uses_the_density_profile() -> None:
     assert isinstance(last, PressureSample)
     assert last.pascal == pytest.approx(STANDARD_ATMOSPHERE + WaterColumn(PROFILE, G).pressure(depth), rel=1e-12)
     assert abs(last.pascal - STANDARD_ATMOSPHERE - 1025.0 * G * depth) > 100.0
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("depth = [0, 9]\ndensity = [1020]", "profile: density: expected 2 values, one for each depth, found 1"),
-        ("depth = [0, 9]\ndensity = []", "profile: density: give one value for each depth"),
-        ("depth = [9, 0]\ndensity = [1020, 1025]", "profile: depth: each must be greater than the one before"),
-    ],
-)
-def test_wrong_profiles_are_named(text: str, message: str, tmp_path: Path) -> None:
-    path = tmp_path / "mine.toml"
-    path.write_text(f'name = "mine"\nsource = "test"\nextent = [0, 9, 0, 9]\ndepth = 30\n[ocean.profile]\n{text}\n')
-    with pytest.raises(ConfigError, match=r"mine\.toml") as caught:
-        load_world(str(path))
-    assert message in str(caught.value)
-
-
-def test_a_world_without_an_ocean_loads_no_ocean_modules() -> None:
-    code = (
-        "import sys; from sim.simulation import Simulation; from sim.vehicle.vehicle import load_vehicle\n"
-        "from sim.environment.world import load_world\n"
-        "Simulation(load_vehicle('paper_six')[0], load_world('pool'), position=(0, 0, 2)).step((1500,) * 6)\n"
-        "print(*[m for m in sys.modules if m in "
-        "{f'sim.environment.{n}' for n in 'ocean water waves currents'.split()}])"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True,
-                          cwd=Path(__file__).parents[4])  # fmt: skip
-    assert done.stdout.strip() == ""
-
-
-def test_the_test_swell_is_one_metre_high() -> None:
-    """The one wave of SWELL is 1 m high from trough to crest, as the limits of the tests above assume."""
-    wave_field = WaveField(SWELL, SEA.depth, G, 1)
-    wave = wave_field.components[0]
-    assert wave.amplitude == pytest.approx(0.5)
-    assert wave_field.elevation(0.0, 0.0, 0.0) == pytest.approx(0.5 * cos(wave.phase))

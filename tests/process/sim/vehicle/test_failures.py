@@ -1,9 +1,6 @@
 """Failures of thrusters, from the scenario and at run time."""
 
-import subprocess
-import sys
 from itertools import pairwise
-from pathlib import Path
 from statistics import pstdev
 from typing import Any
 
@@ -136,22 +133,6 @@ def test_an_unknown_thruster_is_named_with_the_nearest_name() -> None:
         failing({"thruster": "front_lef", "kind": "off"})
     with pytest.raises(ConfigError, match="5 pulses for a vehicle of 6"):
         failing({"thruster": "front_left", "kind": "off"}).step((1500,) * 5)
-
-
-def test_a_vehicle_without_failures_loads_no_failure_modules() -> None:
-    code = """if True:
-    import sys
-    from sim.simulation import Simulation
-    from sim.vehicle.vehicle import load_vehicle
-    from sim.environment.world import load_world
-    Simulation(load_vehicle("paper_six")[0], load_world("paper_field"), position=(0, 0, 3)).step((1600,) * 6)
-    heavy = {"thrusters.curves", "thrusters.lags", "thrusters.t200", "battery", "failures", "thrusters.propulsion"}
-    print(*sorted({f"sim.vehicle.{name}" for name in heavy} & set(sys.modules)))
-    """
-    completed = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=Path(__file__).parents[4]
-    )
-    assert completed.stdout.split() == []
 
 
 def test_failures_are_listed_from_their_time_on() -> None:

@@ -8,7 +8,6 @@ from statistics import fmean, pstdev
 
 import pytest
 
-from hil.common.errors import ConfigError
 from sim.environment.currents import TIDAL_SPEEDS, Current, GaussMarkovCurrent, layered, ocean_current, recorded, tidal
 from sim.environment.ocean import Constituent, GaussMarkov, Layers, Ocean, Series, Tide
 from sim.environment.world import load_world
@@ -229,21 +228,3 @@ def test_a_world_file_can_have_currents(tmp_path: Path) -> None:
         assert world.ocean.tide[1] == Tide("S2", 0.2, radians(75.0), radians(30.0))
         assert world.ocean.series == Series((0.0, 600.0), down=(0.0, 0.1))
         assert world.current == (0.1, 0.0, 0.0)
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("[ocean.layers]\ndepth = []", "ocean: layers: depth: give at least one"),
-        ("[ocean.layers]\ndepth = [0, 5, 5]", "ocean: layers: depth: each must be greater"),
-        ("[ocean.layers]\ndepth = [0, 5]\neast = [1]", "layers: east: expected 2 values, one for each depth, found 1"),
-        ("[ocean.series]\ntime = [0, 5]\nnorth = [1]", "series: north: expected 2 values, one for each time"),
-        ('[[ocean.tide]]\nconstituent = "M2"\namplitude = 1\nheading = "75"', "heading: has no unit"),
-    ],
-)
-def test_wrong_ocean_tables_are_reported(text: str, message: str, tmp_path: Path) -> None:
-    path = tmp_path / "mine.toml"
-    path.write_text(f'name = "mine"\nsource = "test"\nextent = [0, 9, 0, 9]\ndepth = 30\n{text}\n')
-    with pytest.raises(ConfigError, match=r"mine\.toml") as caught:
-        load_world(str(path))
-    assert message in str(caught.value)

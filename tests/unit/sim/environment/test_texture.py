@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from hil.common.errors import ConfigError
 from sim.environment.bottom import PROPERTIES, Bottom
 from sim.environment.relief import Fractal
 from sim.environment.terrain import Terrain, covering
@@ -68,11 +67,3 @@ def test_slopes_are_continuous_between_cells() -> None:
 def test_a_world_file_names_its_bottom() -> None:
     assert load_world("fractal").bottom == Bottom("rock")
     assert load_world("pool").bottom is None
-
-
-def test_an_unknown_kind_is_refused_with_the_known_ones(tmp_path: object) -> None:
-    path = f"{tmp_path}/w.toml"
-    with open(path, "w", encoding="utf-8") as file:
-        file.write('name = "w"\nsource = "t"\nextent = [0, 9, 0, 9]\ndepth = 5\n[bottom]\nkind = "snd"\n')
-    with pytest.raises(ConfigError, match=r"bottom: kind.*sand"):
-        load_world(path)

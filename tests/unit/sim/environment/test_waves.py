@@ -2,15 +2,12 @@
 
 from itertools import pairwise
 from math import cos, cosh, exp, pi, sin, sqrt
-from pathlib import Path
 from statistics import fmean, pstdev
 
 import pytest
 
-from hil.common.errors import ConfigError
 from sim.environment.ocean import Waves
 from sim.environment.waves import WaveField, components, spectral_density, wave_number
-from sim.environment.world import load_world
 
 G = 9.80665
 SEA = Waves(significant_height=1.5, peak_period=7.0, direction=0.6, spread=0.3)
@@ -223,19 +220,3 @@ def test_a_crest_travels_in_the_waves_direction() -> None:
     later = 10.0 * wave.wave_number / wave.omega
     assert wave_field.elevation(4.0 + later, 0.0, 10.0) == pytest.approx(wave_field.elevation(4.0, 0.0, 0.0))
     assert wave_field.elevation(4.0, 77.0, 0.0) == pytest.approx(wave_field.elevation(4.0, 0.0, 0.0))
-
-
-@pytest.mark.parametrize(
-    ("text", "message"),
-    [
-        ("significant_height = 2.1\npeak_period = 3", "they would break; give a longer peak_period"),
-        ('significant_height = 1\npeak_period = 6\ngamma = 2\nspectrum = "pierson_moskowitz"', "gamma is for jonswap"),
-        ('significant_height = 1\npeak_period = "6 m"', "has the unit 'm'"),
-    ],
-)
-def test_wrong_wave_tables_are_reported(text: str, message: str, tmp_path: Path) -> None:
-    path = tmp_path / "mine.toml"
-    path.write_text(f'name = "mine"\nsource = "test"\nextent = [0, 9, 0, 9]\ndepth = 30\n[ocean.waves]\n{text}\n')
-    with pytest.raises(ConfigError, match=r"mine\.toml") as caught:
-        load_world(str(path))
-    assert message in str(caught.value)

@@ -67,6 +67,10 @@ def test_walls_bound_the_clearance() -> None:
     assert pool.clearance(11.0, 0.0) == pytest.approx(-1.0)
 
 
+BOUNDS = "extent = [0, 9, 0, 9]\ndepth = 30\n"
+WAVES = "[ocean.waves]\nsignificant_height = 1\n"
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
@@ -74,11 +78,30 @@ def test_walls_bound_the_clearance() -> None:
         ("extent = [0, 1, 0, 1]\ndepth = 5\n[[cylinder]]\nnorth = 2\neast = 0\nradius = 1", "(2, 0) is outside"),
         ("extent = [0, 9, 0, 9]\ndepth = 5\n[[cylinder]]\nnorth = 2\neast = 0\nradius = 1\ntop = 6", "in the seabed"),
         ("extent = [0, 9, 0, 9]\ndepth = 5\ncurrent = [0.1, 0.2]", "expected 3 values"),
+        ('[bottom]\nkind = "snd"', "bottom: kind: 'snd' is not one of"),
+        ("[ocean.layers]\ndepth = []", "ocean: layers: depth: give at least one"),
+        ("[ocean.layers]\ndepth = [0, 5, 5]", "ocean: layers: depth: each must be greater"),
+        ("[ocean.layers]\ndepth = [0, 5]\neast = [1]", "layers: east: expected 2 values, one for each depth, found 1"),
+        ("[ocean.series]\ntime = [0, 5]\nnorth = [1]", "series: north: expected 2 values, one for each time"),
+        ('[[ocean.tide]]\nconstituent = "M2"\namplitude = 1\nheading = "75"', "heading: has no unit"),
+        (
+            "[ocean.profile]\ndepth = [0, 9]\ndensity = [1020]",
+            "density: expected 2 values, one for each depth, found 1",
+        ),
+        ("[ocean.profile]\ndepth = [0, 9]\ndensity = []", "profile: density: give one value for each depth"),
+        (
+            "[ocean.profile]\ndepth = [9, 0]\ndensity = [1020, 1025]",
+            "profile: depth: each must be greater than the",
+        ),
+        ("[ocean.waves]\nsignificant_height = 2.1\npeak_period = 3", "they would break; give a longer peak_period"),
+        (f'{WAVES}peak_period = 6\ngamma = 2\nspectrum = "pierson_moskowitz"', "gamma is for jonswap"),
+        (f'{WAVES}peak_period = "6 m"', "has the unit 'm'"),
     ],
 )
 def test_wrong_worlds_are_reported(text: str, message: str, tmp_path: Path) -> None:
     path = tmp_path / "mine.toml"
-    path.write_text(f'name = "mine"\nsource = "test"\n{text}\n')
+    bounds = "" if text.startswith("extent") else BOUNDS
+    path.write_text(f'name = "mine"\nsource = "test"\n{bounds}{text}\n')
     with pytest.raises(ConfigError, match=r"mine\.toml") as caught:
         load_world(str(path))
     assert message in str(caught.value)

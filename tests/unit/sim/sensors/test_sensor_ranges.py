@@ -370,19 +370,3 @@ def test_an_altimeter_measures_relief_and_obstacles() -> None:
     ahead = Altimeter(ALTIMETER, Mounting(orientation=(0.0, pi / 2.0, 0.0)), 1, scene(stump))
     assert ahead.sample(0, State((-20.0, 0.0, 13.0))).distance == pytest.approx(18.0)
     assert ahead.sample(0, State((-20.0, 0.0, 11.0))).distance == inf
-
-
-def test_samples_are_equal_in_every_run() -> None:
-    def samples_of_run() -> list[str]:
-        sensors = {
-            "laser": SensorSpec(Laser, LaserModel(rate=20.0)),
-            "profiler": SensorSpec(Profiler, ProfilerModel()),
-            "echosounder": SensorSpec(Echosounder, EchosounderModel()),
-            "scanning_sonar": SensorSpec(ScanningSonar, ScanningSonarModel()),
-        }
-        simulation = Simulation(VEHICLE, sloping_world(), sensors, seed=3, position=(0.0, 0.0, 12.0))
-        return [repr(pair) for _ in range(200) for pair in simulation.step((1600,) * 8)]
-
-    first = samples_of_run()
-    assert first == samples_of_run()
-    assert len(first) == 10 + 2 + 5 + 5

@@ -17,7 +17,7 @@ from sim.simulation import Simulation
 from sim.vehicle.body_lift import CrossFlow, CrossFlowDrag, HullLift, Lift, SpeedDamping
 from sim.vehicle.fins import Fin, FinSet, fin_matrix, lift_slope
 from sim.vehicle.thrusters.bank import ThrusterSet
-from sim.vehicle.vehicle import Vehicle, load_vehicle
+from sim.vehicle.vehicle import load_vehicle
 
 LEVEL: Rotation = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
 DEEP = (0.0, 0.0, 50.0)
@@ -236,26 +236,6 @@ def test_a_servo_without_pulses_keeps_its_angle() -> None:
 
 
 # -- in the simulation --------------------------------------------------------------------------------------------
-
-
-def flight(vehicle: Vehicle, steps: int = 800) -> list[float]:
-    simulation = Simulation(vehicle, SEA._replace(current=(0.1, -0.2, 0.05)), position=DEEP)
-    pulses = [1750] * len(vehicle.thrusters) + [1600, 1450, 1580, 1390][: len(vehicle.fins)]
-    pulses += [1500] * (len(vehicle.channels) - len(pulses))
-    for _ in range(steps):
-        simulation.step(pulses)
-    state = simulation.state
-    return [*state.position, *state.quaternion, *state.nu]
-
-
-@pytest.mark.parametrize("name", TORPEDOES)
-def test_runs_with_fins_are_equal_each_time_and_in_c(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    vehicle, _ = load_vehicle(name)
-    native = flight(vehicle)
-    assert flight(vehicle) == native
-    monkeypatch.setenv("UUV_HIL_NATIVE", "0")
-    assert flight(vehicle) == native
-    assert all(map(isfinite, native))
 
 
 def test_a_step_needs_one_pulse_a_channel() -> None:
