@@ -35,6 +35,8 @@ def defaults_of(scenario: Scenario | None) -> dict[str, float]:
         return {}
     vehicle, _ = load_vehicle(scenario.vehicle)
     defaults = {"HIL_STEER": float(bool(vehicle.fins)), "BATT_MONITOR": 4.0 if vehicle.battery else 0.0}
+    if vehicle.battery:
+        defaults["BATT_CAPACITY"] = float(round(1000.0 * vehicle.battery.capacity_ah))
     motors = _motors(scenario)
     if motors.frame != CUSTOM:
         defaults["FRAME_CONFIG"] = float(load_frame(motors.frame).frame_config)

@@ -31,6 +31,7 @@ ARMING_NS = 9 * NS_PER_S // 5  # that the slave may take to report that it is ar
 OBSTACLE_NS = 30 * NS_PER_S  # between two reports of why the vehicle cannot be armed
 SAME_PLACE = 1e-6  # degrees and m between two origins that are one
 COMPLAINT_NS, MAX_COMPLAINTS = 10 * NS_PER_S, 100
+MINUTE_NS = 60 * NS_PER_S
 WARNING, NOTICE, ERROR, CRITICAL = 4, 5, 3, 2
 Settled = Callable[[int], None]  # gets the MAV_RESULT of arming
 
@@ -178,9 +179,9 @@ class Core:
             pilot.target_position, self._channels(now), self._panel(), self.accessories.pulses, self.accessories.tilt,
         )  # fmt: skip
 
-    def complain(self, text: str, now: int) -> None:
-        """Send a text about what somebody asked for, once in COMPLAINT_NS: requests of this kind come in streams."""
-        if now - self._complaints.get(text, -COMPLAINT_NS) >= COMPLAINT_NS:
+    def complain(self, text: str, now: int, every_ns: int = COMPLAINT_NS) -> None:
+        """Send a text about what somebody asked for, once in `every_ns`: requests of this kind come in streams."""
+        if now - self._complaints.get(text, -every_ns) >= every_ns:
             if len(self._complaints) >= MAX_COMPLAINTS:
                 self._complaints.clear()
             self._complaints[text] = now

@@ -20,9 +20,10 @@ from hil.gateways.mavlink.commands import (
     origin_of,
     read_command,
 )
-from hil.gateways.mavlink.core import Core, mission_current
+from hil.gateways.mavlink.core import MINUTE_NS, Core, mission_current
 from hil.gateways.mavlink.endpoints.peer import COMPONENT, Peer
 from hil.gateways.mavlink.flight import modes
+from hil.gateways.mavlink.flight.sticks import CENTRED
 from hil.gateways.mavlink.flight.targets import (
     NO_ATTITUDE,
     Target,
@@ -245,8 +246,10 @@ class Dispatcher:
             capabilities, version, 0, 0, 0, custom, [0] * 8, [0] * 8, 0, 0, self.core.system
         )
 
-    def _data_stream(self, peer: Peer, packet: Any, _: int) -> None:
-        peer.rates.set_group(packet.req_stream_id, packet.req_message_rate, packet.start_stop == 1)
+    def _data_stream(self, peer: Peer, packet: Any, now: int) -> None:
+        group = packet.req_stream_id
+        if not peer.rates.set_group(group, packet.req_message_rate, packet.start_stop == 1):
+            self.core.complain(f"REQUEST_DATA_STREAM {group}: no such group, see MAV_DATA_STREAM", now, MINUTE_NS)
 
     def _parameter_list(self, peer: Peer, _packet: Any, _now: int) -> None:
         peer.send_later(self.core.parameters.request_list())
@@ -311,6 +314,8 @@ class Dispatcher:
     def _manual_control(self, peer: Peer, packet: Any, now: int) -> None:
         pilot = self.core.pilot
         if pilot.joystick.receive(packet, _partner(peer, packet), now, pilot.timeout_ns, self.stale):
+            if not pilot.armed and pilot.joystick.sticks(now) != CENTRED:
+                self.core.complain("sticks move nothing: arm first", now, MINUTE_NS)
             self._buttons.receive(packet.buttons | packet.buttons2 << 16, now)
             self.core.expedite()
         elif not self.stale:

@@ -118,7 +118,7 @@ def _exchange_packet(client: TcpOut, port: int) -> bool:
 
 def test_a_port_in_use_is_named_in_the_error() -> None:
     link = TcpIn("127.0.0.1", 0)
-    with pytest.raises(NetworkError, match=f"tcpin:127.0.0.1:{link.port}"):
+    with pytest.raises(NetworkError, match=f"tcpin:127.0.0.1:{link.port}.*ArduSub"):
         TcpIn("127.0.0.1", link.port)
     link.close()
     with pytest.raises(NetworkError, match="udpout:no"):

@@ -113,6 +113,9 @@ REQUESTS: dict[str, tuple[Mode, Any, str, Any]] = {  # mode, what is sent, what 
     "channel 4 turns": (Mode.MANUAL, _override(c4=1700), "push", (0.0, 0.0, 0.0, 0.0, 0.0, 4.0)),
     "channel 8 tilts the camera": (Mode.MANUAL, _override(c8=1900), "camera_tilt", 1.0),
     "channel 9 switches lights on": (Mode.MANUAL, _override(c9=1900), "lights", 1.0),
+    "group 99 of messages": (
+        Mode.MANUAL, dialect.MAVLink_request_data_stream_message(1, 1, 99, 4, 1), "text", "REQUEST_DATA_STREAM 99: no",
+    ),
     "channel 14 moves nothing": (Mode.MANUAL, _override(c14=1900), "text", "RC channel 14 moves nothing"),
     "button 2 holds the depth": (Mode.MANUAL, _buttons(2), "mode", Mode.ALT_HOLD),
     "button 3 stabilizes": (Mode.MANUAL, _buttons(3), "mode", Mode.STABILIZE),
@@ -185,8 +188,12 @@ def test_sticks_and_targets_of_a_disarmed_vehicle_are_refused_in_words() -> None
     assert bench.partner.command(dialect.MAV_CMD_DO_SET_MODE, 1, Mode.GUIDED) == ACCEPTED
     bench.partner.send(_override(c5=1900))
     bench.partner.send(_depth(-3.0))
-    bench.run(0.1)
+    bench.run(4.0)
+    for deflection in (0, 900, 900):  # centred sticks ask for nothing, the other ones are refused once a minute
+        bench.partner.send(dialect.MAVLink_manual_control_message(1, deflection, 0, 500, 0, 0))
+        bench.run(15.0)
     texts = bench.partner.texts()
+    assert texts.count("sticks move nothing: arm first") == 1
     assert "RC channels 1 to 6 move nothing: arm first" in texts
     assert "target: arm first" in texts
 

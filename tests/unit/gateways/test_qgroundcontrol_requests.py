@@ -1,10 +1,12 @@
 """What a real QGroundControl asks for and does, recorded from outside, against the gateway's vehicle."""
 
+from pathlib import Path
 from typing import Any
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
+from hil.common.schema import preset_folder
 from hil.gateways.mavlink.assembly import defaults_of, motors_of
 from hil.gateways.mavlink.flight.modes import Mode
 from hil.gateways.mavlink.parameter_table import GATEWAY, INT8, INT16, INT32, REAL32, expand
@@ -83,10 +85,14 @@ def test_every_parameter_that_it_needs_is_there_as_ardusub_has_it() -> None:
     assert all(GATEWAY[name].default for name in expand("COMPASS_OFS_{X,Y,Z}")), "else it says that setup is required"
 
 
-def test_frame_motors_and_system_id_follow_from_the_scenario() -> None:
+def test_frame_motors_and_system_id_follow_from_the_scenario(tmp_path: Path) -> None:
     scenario = load_scenario("ardusub")
     assert defaults_of(scenario)["FRAME_CONFIG"] == 2.0, "vectored 6DOF, eight thrusters"
     assert len(motors_of(scenario)) == 8
+    own = tmp_path / "own.toml"
+    installed = Path(preset_folder("sim/vehicles"), "bluerov2_heavy_t200.toml").read_text(encoding="utf-8")
+    own.write_text(installed.replace("# battery", "battery"), encoding="utf-8")
+    assert defaults_of(scenario._replace(vehicle=str(own)))["BATT_CAPACITY"] == 18_219.0, "mAh: 266 Wh at 14.6 V"
     assert defaults_of(load_scenario("paper_field"))["SERVO7_FUNCTION"] == 0.0, "six thrusters"
     assert defaults_of(scenario)["SYSID_THISMAV"] == 2.0, "ArduSub is 1"
     assert defaults_of(scenario._replace(controller="builtin"))["SYSID_THISMAV"] == 1.0

@@ -224,7 +224,8 @@ class TcpIn(Link):
             family = socket.AF_INET6 if ":" in host else socket.AF_INET
             self._listener = socket.create_server((host, port), family=family)
         except OSError as error:
-            raise NetworkError(f"{self.name}: {error.strerror or error}; choose another endpoint") from None
+            other = ", as by an ArduSub, which listens there too" if error.errno == errno.EADDRINUSE else ""
+            raise NetworkError(f"{self.name}: {error.strerror or error}{other}; choose another endpoint") from None
         self._listener.setblocking(False)
         self.port: int = self._listener.getsockname()[1]
         self._streams: dict[Address, _Stream] = {}
