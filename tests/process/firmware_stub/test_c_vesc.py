@@ -6,13 +6,11 @@ import pytest
 
 from firmware_stub.stub import Stm32
 from hil.links.can_thrusters import MotorValues
-from hil.links.contract import ThrusterCommand, ThrusterTelemetry
+from hil.links.contract import ThrusterCommand
 from hil.links.protocols import open_protocol
-from hil.links.vesc.end import STATUS
 from hil.links.wires.can_frame import CanFrame, pack_frame, unpack_frames
 from tests.support.firmware.c_core import Clock, Script, StepOutput, run_c
 from tests.support.firmware.c_vesc import vesc_script
-from tests.support.links.link_contract import uuv_hil
 
 FULL = (1900, 1100, 1600, 1400, 1501, 1499)
 
@@ -54,28 +52,3 @@ def test_the_core_matches_the_specification(core: str, seed: int) -> None:
         reported, wanted = list(map(decode_frame, c.can)), list(map(decode_frame, python.can))
         assert [row[:2] for row in reported] == [row[:2] for row in wanted], step
         assert all(abs(a[2] - b[2]) <= 1 for a, b in zip(reported, wanted, strict=True)), step
-
-
-def test_vesc_runs_on_the_emulated_chip() -> None:
-    """The shipped image runs with its CAN controller, interrupts, mailboxes and timers."""
-    pytest.importorskip("unicorn")
-    from firmware_stub.unicorn_board import UnicornBoard, shipped_image
-
-    board = UnicornBoard(shipped_image(), 6)
-    host = open_protocol("vesc", "host", 6)
-    received: list[ThrusterTelemetry] = []
-    for ms in range(0, 500, 5):
-        if ms % 20 == 0 and ms < 200:
-            board.receive_can(unpack_frames(host.encode(ThrusterCommand(ms, True, FULL if ms else (1500,) * 6))))
-        board.run_until((ms + 5) * 1_000_000)
-        output = b"".join(map(pack_frame, board.transmitted_can()))
-        received += [message for message in host.feed(output) if isinstance(message, ThrusterTelemetry)]
-        if ms == 180:
-            assert board.pwm_us == list(FULL)
-            assert received[-1].pwm_us == FULL
-    assert board.pwm_us == [1500] * 6
-    assert received[-1].timed_out
-    assert received[-1].watchdog_trips == 1
-    assert board.resets == 0
-    assert uuv_hil().feed(board.transmitted()) != [], "before VESC came it reported by the frame"
-    assert {frame.id >> 8 for frame in unpack_frames(output)} <= {STATUS}

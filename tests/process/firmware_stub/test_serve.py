@@ -109,31 +109,6 @@ def test_a_signal_ends_it_cleanly(stm32: subprocess.Popen[str], device: Path, nu
     assert os.listdir(device.parent) == []
 
 
-def test_a_second_process_on_the_same_path_is_refused(stm32: subprocess.Popen[str], device: Path) -> None:
-    code, out, err = finish(start("--port", f"pty:{device}"))
-    assert code == DeviceError.exit_code
-    assert out == ""
-    (line,) = err.splitlines()
-    assert line.startswith(f"uuv-hil stm32: {device}: already served by another process")
-    with ForeignProgram(device).port:
-        assert stm32.poll() is None
-
-
-def test_a_new_process_starts_after_a_kill(stm32: subprocess.Popen[str], device: Path) -> None:
-    left = os.readlink(device)
-    stm32.kill()
-    stm32.wait(PATIENCE_S)
-    assert os.readlink(device) == left
-    second = start("--port", f"pty:{device}")
-    assert second.stdout is not None
-    assert str(device) in second.stdout.readline()
-    program = ForeignProgram(device)
-    with program.port:
-        program.wait(lambda report: report.frames == 0)
-    second.terminate()
-    assert finish(second)[0] == 0
-
-
 @pytest.mark.parametrize(
     ("options", "code", "messages"),
     [

@@ -12,9 +12,7 @@ from hil.autonomy.control.controller import VelocityCommand
 from hil.client.client import VehicleClient
 from hil.commands.keys import add_machine, init
 from hil.network.roles import open_master_session
-from hil.ros import encoders as ros
 from hil.ros.diagnostics import or_nan
-from hil.ros.topics import TOPICS
 from tests.support.busy import RunClock
 from tests.support.processes import ROOT, Program, command_until, running_slave, surge_of, wait_for, write_scenario
 
@@ -23,14 +21,6 @@ from tests.support.processes import ROOT, Program, command_until, running_slave,
 def slave(tmp_path: Path) -> Iterator[tuple[Program, str]]:
     with running_slave(tmp_path) as started:
         yield started
-
-
-def command(seconds: float, *clients: VehicleClient) -> None:
-    end = time.monotonic() + seconds
-    while time.monotonic() < end:
-        for client in clients:
-            client.command(VelocityCommand(surge=0.1))
-        time.sleep(0.02)
 
 
 def figure(client: VehicleClient, name: str) -> int:
@@ -61,33 +51,6 @@ def test_one_master_commands_at_a_time_beside_any_number_of_observers(slave: tup
         assert command_until(lambda: first.refusal() == "", first), "the vehicle is free again"
         assert command_until(lambda: figure(first, "commands_taken") > taken_commands + 50, first)
         assert command_until(lambda: figure(first, "masters_lost") >= 1, first), "a busy machine may lose one more"
-
-
-def test_a_silent_master_loses_the_right_to_command(slave: tuple[Program, str]) -> None:
-    _, endpoint = slave
-    with VehicleClient(endpoint, "uuv1") as first, VehicleClient(endpoint, "uuv1") as second:
-        assert first.wait_for_vehicle(60)
-        assert second.wait_for_vehicle(60)
-        assert command_until(lambda: len(first.delays) > 5, first)
-        time.sleep(0.6)  # longer than the deadman's 0.5 s
-        before = len(second.delays)
-        assert command_until(lambda: len(second.delays) > before + 15, second)
-
-
-def test_a_flood_of_commands_is_limited(slave: tuple[Program, str]) -> None:
-    program, endpoint = slave
-    with VehicleClient(endpoint, "uuv1") as client:
-        assert client.wait_for_vehicle(60)
-        start, sent_count = time.monotonic(), 0
-        while sent_count < 5000 or not figure(client, "commands_flooded"):
-            sent_count = client.command(VelocityCommand(surge=0.1))
-            assert sent_count < 1_000_000, client.diagnostics()
-        wakeup = client.received["diagnostics"]
-        assert wait_for(lambda: client.received["diagnostics"] > wakeup + 1)
-        received, took_s = figure(client, "commands_received"), time.monotonic() - start
-        assert received < 220 * took_s + 50, "command_rate is 200 Hz"
-        assert sent_count > received
-    assert program.process.poll() is None
 
 
 def test_a_flood_of_a_second_master_does_not_take_the_vehicle_over(slave: tuple[Program, str]) -> None:
@@ -182,27 +145,6 @@ def test_one_session_commands_several_vehicles(tmp_path: Path) -> None:
         assert command_until(lambda: all(len(client.delays) > 15 for client in clients), *clients)
         for client in clients:
             client.close()
-
-
-def test_a_command_from_the_future_or_malformed_changes_nothing(slave: tuple[Program, str]) -> None:
-    _, endpoint = slave
-    with VehicleClient(endpoint, "uuv1") as client, open_master_session(endpoint) as outsider:
-        assert client.wait_for_vehicle(60)
-        command(0.3, client)
-        forged = outsider.publisher("uuv1", TOPICS["cmd_vel"])
-        future = ros.encode_twist((9, 0, 0), (0, 0, 0)), 1 << 62
-        for payload, wall_ns in (future, (b"", 0), (b"x" * 100_000, 0), (b"\xff" * 52, 0)):
-            before = figure(client, "commands_refused")
-
-            def is_refused(payload: bytes = payload, wall_ns: int = wall_ns, before: int = before) -> bool:
-                forged.put(payload, wall_ns)  # again and again: the network may leave out what it cannot send at once
-                return figure(client, "commands_refused") > before
-
-            assert command_until(is_refused, client), payload[:60]
-        command(1.2, client)
-        values = client.diagnostics()
-        assert values.commands_malformed == 0, "a refused command is not decoded"
-        assert abs(client.get("ground_truth").nu[0]) < 0.5
 
 
 SECURITY = """

@@ -1,6 +1,5 @@
 """`bench jitter`, `load`, `stream` and `soak`: their arithmetic, one run of each with a real slave, wrong input."""
 
-import functools
 import json
 import os
 import re
@@ -19,7 +18,6 @@ from hil.bench.load_run import Cost, Course, Setting
 from hil.bench.record import load
 from hil.bench.soak_run import RETURN_S
 from hil.cli import main
-from hil.common.clock import RateKeeper
 from hil.common.errors import NetworkError
 from tests.support.busy import retried_when_busy
 from tests.support.processes import Program, wait_for
@@ -65,16 +63,6 @@ def test_a_bare_loop_has_the_limits_of_the_slave() -> None:
         bench.start = watched  # type: ignore[method-assign]
         bare_loop(bench, 0.2)
     assert requested == [{FIRST_CPU}]
-
-
-def test_a_late_wake_up_counts_for_each_period_it_missed() -> None:
-    keeper = RateKeeper(1000, 0)
-    assert keeper.due(1000) == 1
-    assert keeper.due(4500) == 3  # periods that ended at 2000, 3000 and 4000
-    assert keeper.lateness.count == 4
-    assert keeper.lateness.maximum == 2500
-    assert keeper.lateness.share_within(600) == 0.5  # 0 and 500 of 0, 2500, 1500, 500
-    assert keeper.lateness.share_within(2500) == 1.0
 
 
 def test_jitter_measures_a_real_slave(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -202,15 +190,3 @@ def test_results_before_an_interrupt_are_reported(tmp_path: Path) -> None:
     record = load(str(tmp_path / "table.json"))
     assert 1 <= len(record.figures["startup"].values) < 99
     assert record.labels[-1].startswith("STOPPED: this machine: run")
-
-
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_a_signal_ends_all_started_processes(number: int, tmp_path: Path) -> None:
-    with Program(tmp_path, "bench", "stream", "--seconds", "60", environment={"TMPDIR": str(tmp_path)}) as program:
-        assert wait_for(lambda: list(tmp_path.glob("uuv-hil-scratch-bench-*/slave-*.log")))
-        (log,) = tmp_path.glob("uuv-hil-scratch-bench-*/slave-*.log")
-        assert wait_for(lambda: "ready" in log.read_text())
-        assert program.stop(number) == 130, program.output
-    left = functools.partial(subprocess.run, ["pgrep", "-f", str(tmp_path)], capture_output=True, text=True)
-    assert wait_for(lambda: not left().stdout), left().stdout
-    assert not list(tmp_path.glob("uuv-hil-scratch-bench-*"))
