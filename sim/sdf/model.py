@@ -35,7 +35,7 @@ class Joint(NamedTuple):
 class Model(NamedTuple):
     """A model in its own frame; `pose` is relative to the world or the outer model.
 
-    Names of links and joints in nested models are `MODEL::NAME`.
+    Names of links and joints in nested models are `MODEL::NAME`; `nested` has the poses of those models as `MODEL::`.
     """
 
     name: str
@@ -45,6 +45,7 @@ class Model(NamedTuple):
     joints: dict[str, Joint]
     plugins: list[Element]
     canonical: str
+    nested: dict[str, Pose]
 
 
 class _Scope:
@@ -68,11 +69,13 @@ def read_model(
     links: dict[str, Link] = {}
     joints: dict[str, Joint] = {}
     plugins: list[Element] = []
+    nested: dict[str, Pose] = {}
     for prefix, inner in scope.nested:
         base = resolve(f"{prefix or inner.name + _SEPARATOR}{MODEL}", scope.frames, path)
         links |= {prefix + name: link._replace(pose=base.then(link.pose)) for name, link in inner.links.items()}
         joints |= {prefix + name: _moved(joint, base, prefix) for name, joint in inner.joints.items()}
         plugins += [_renamed(plugin, prefix, inner) for plugin in inner.plugins]
+        nested |= {prefix + name: base.then(pose) for name, pose in {"": Pose(), **inner.nested}.items()}
     for child in element.findall("link"):
         name = child.get("name", "")
         pose = resolve(name, scope.frames, path)
@@ -85,23 +88,48 @@ def read_model(
     first = next(iter(links), "")
     return Model(
         element.get("name", "model"), own_pose(element, path), is_static, links, joints, plugins,
-        element.get("canonical_link") or first,
+        element.get("canonical_link") or first, nested,
     )  # fmt: skip
 
 
 def models_of(parent: Element, folder: str, files: SdfFiles, notes: list[str], version: str) -> list[Model]:
     """Return the top-level models of a world or a file, then the included ones. Raises ConfigError.
 
-    In a saved world the poses are those of its `<state>`.
+    In a saved world the poses of models, nested models and links are those of its `<state>`.
     """
     own = [read_model(child, folder, files, notes, 0, version) for child in parent.findall("model")]
     others = [_included(child, folder, files, notes) for child in parent.findall("include")]
     models = own + [model for model in others if model is not None]
-    saved = {state.get("name"): state for state in parent.findall("state/model") if state.find("pose") is not None}
-    return [
-        model._replace(pose=own_pose(saved[model.name], files.path)) if model.name in saved else model
-        for model in models
-    ]
+    saved = {state.get("name"): state for state in parent.findall("state/model")}
+    return [_placed(model, saved[model.name], files.path) if model.name in saved else model for model in models]
+
+
+def _placed(model: Model, state: Element, path: str) -> Model:
+    """Return a model with the poses of its `<state>`.
+
+    All of them are in the world, those of links too, as Gazebo Classic writes them: of a model at x = 1.22 with a link
+    0.1 m above it, the link has (1.22, -1.11, 0.1). The descriptions of SDF 1.2 to 1.4, "relative to the model", do
+    not hold for any saved world.
+    """
+    in_world: dict[str, Pose] = {}
+    states = [("", state)]
+    for prefix, own in states:
+        parts = [(prefix, own), *((prefix + part.get("name", ""), part) for part in own.findall("link"))]
+        in_world |= {name: own_pose(part, path) for name, part in parts if part.find("pose") is not None}
+        states += [(f"{prefix}{part.get('name')}{_SEPARATOR}", part) for part in own.findall("model")]
+    placed = in_world.get("", model.pose)
+    nested = {"": Pose(), **model.nested}
+    links, joints = dict(model.links), dict(model.joints)
+    for name, link in links.items():
+        around = [prefix for prefix in nested if prefix in in_world and name.startswith(prefix)]
+        group = max(around, key=len, default="")
+        moved = in_world.get(group, placed).then(nested[group].inverse()).then(link.pose)
+        links[name] = link._replace(pose=placed.inverse().then(in_world.get(name, moved)))
+    for name, joint in joints.items():
+        if joint.axis and joint.child in links:
+            turned = model.links[joint.child].pose.inverse().rotate(joint.axis)
+            joints[name] = joint._replace(axis=links[joint.child].pose.rotate(turned))
+    return model._replace(pose=placed, links=links, joints=joints)
 
 
 def _included(include: Element, folder: str, files: SdfFiles, notes: list[str], depth: int = 0) -> Model | None:

@@ -191,6 +191,24 @@ def test_a_saved_world_has_the_poses_of_its_state(tmp_path: Path) -> None:
     assert (crate.north, crate.east, crate.top, crate.bottom) == (-3.0, 7.0, 8.5, 9.5)
 
 
+def test_a_saved_world_has_the_poses_of_its_links_and_nested_models(tmp_path: Path) -> None:
+    """All poses of a `<state>` are in the world: a nested link without one of its own moves with its nested model."""
+    box = _solid("<box><size>1 1 1</size></box>")
+    links = "".join(f'<link name="{name}"><pose>0 0 {up} 0 0 0</pose>{box}</link>' for name, up in (("a", 0), ("b", 4)))
+    inner = f'<model name="in"><pose>3 0 0 0 0 0</pose>{links}</model>'
+    model = f'<model name="rig"><static>1</static><pose>1 2 -9 0 0 0</pose>{links}{inner}</model>'
+    state = (
+        '<state world_name="w"><model name="rig"><pose>10 20 -9 0 0 1.5707963267948966</pose>'
+        '<link name="a"><pose>10 20 -8.5 0 0 1.5707963267948966</pose></link>'
+        '<model name="in"><pose>30 40 -7 0 0 3.141592653589793</pose><link name="a"><pose>31 40 -7 0 0 0</pose></link>'
+        "</model></model></state>"
+    )
+    boxes = _imported(tmp_path, model + state).world.box
+    found = sorted((box.north, box.east, box.top, box.bottom) for box in boxes)
+    expected = [(20, 10, 4.5, 5.5), (20, 10, 8, 9), (40, 30, 2.5, 3.5), (40, 31, 6.5, 7.5)]
+    assert found == [pytest.approx(place) for place in expected]
+
+
 def test_missing_ground_is_an_error_and_other_missing_models_are_notes(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
