@@ -214,8 +214,7 @@ class VehicleState:
         """Raise NetworkError if this was closed, or the vehicle is lost and silent for more than `patience_s`."""
         if self._closing.is_set():
             raise NetworkError(f"{self.name}: the connection was closed; connect again")
-        contact = self.client.contact
-        if not self.present and contact.silence_s > patience_s:
+        if not self.present and (contact := self.client.contact).silence_s > patience_s:
             raise NetworkError(
                 f"{self.name} at {self.client.endpoint} {contact.silence}: its slave has ended, or "
                 "the network between is down; the client reconnects by itself, "

@@ -152,6 +152,6 @@ def test_an_empty_recording_is_reported(tmp_path: Path, capsys: pytest.CaptureFi
     empty = tmp_path / "empty.mcap"
     empty.touch()
     for command in (["recording", "replay"], ["recording", "replay", "--check"], ["recording", "plot"]):
-        assert cli.main([command[0], str(empty), *command[1:]]) == 2
+        assert cli.main([*command[:2], str(empty), *command[2:]]) == 2
         out, err = capsys.readouterr()
-        assert (out, err) == ("", f"uuv-hil {command[0]}: {empty}: not an MCAP file: it is empty\n")
+        assert (out, err) == ("", f"uuv-hil {' '.join(command[:2])}: {empty}: not an MCAP file: it is empty\n")

@@ -126,7 +126,7 @@ def test_plot_takes_little_memory_for_a_small_file(tmp_path: Path) -> None:
     path = write_recording(tmp_path, chunk(packed, size))
     assert Path(path).stat().st_size < 70_000
     code = (
-        "import re, sys; from hil.cli import main; code = main(['plot', sys.argv[1]]); "
+        "import re, sys; from hil.cli import main; code = main(['recording', 'plot', sys.argv[1]]); "
         r"print(re.search(r'VmHWM:\s+(\d+)', open('/proc/self/status').read())[1]); sys.exit(code)"
     )  # ru_maxrss would count the process that has started this one
     completed = subprocess.run([sys.executable, "-c", code, path], capture_output=True, text=True, timeout=250)
