@@ -17,14 +17,21 @@ LAND_RISE = 2.0  # m above the water at a shore, or the height of the chart's be
 # A chart does not give the shape of land: it rises with this slope, up to LAND_TOP.
 LAND_SLOPE = 0.15
 LAND_TOP = 30.0  # m
-# Width of the slope at an edge, in cells. A narrower one is jagged where the edge is oblique to the grid.
-EDGE_SLOPE_CELLS = 1.5
-# Outside of the edge the slope runs out over at most so many cells: a bend would be a facet in a side scan.
-FOOT_CELLS = 2.5
+# Depths between nodes are linear, so along an oblique edge a bend makes ripples of an eighth of BEND. A bank at an edge
+# therefore runs out over several cells, and its slope goes on into the land as far as a cell with water in it reaches.
+BEND = 0.2  # m, change of the slope per cell, in m per cell
+MIN_FOOT_CELLS = 1.5
+FOOT_CELLS = 8.0  # greatest width of a bank outside of its edge
+NARROW_FOOT_CELLS = 2.5  # the same near known depths, which a wide bank would bury, and of a raised area
+SPREAD_CELLS = 12  # on either side, along which a known depth keeps a bank narrow
+STRAIGHT_CELLS = 1.5  # inside of it; more than the diagonal of a cell
+LEAST_SLOPE = 0.01  # of land and bed at a shore
 SOUNDED = 20.0  # distance from a sounding up to which an unsurveyed bed counts as known: 1 cm on paper, in details
 BORDER_ERROR = 2.0  # greatest error of the border of a depth area, as a multiple of the chart's detail
 SPREAD_PER_CELL = 0.98  # factor by which a correction fades from one cell to the next
 SPREAD_PASSES = 24
+PLANE_CELLS = 4  # around a place of a shore, by which the slope of the bed is found there
+PLANE_SPREAD = 1.5  # cells, standard deviation of the weights of its nodes
 
 
 class Bounds(NamedTuple):
@@ -76,7 +83,7 @@ def _rasterise_sheet(sheet: Sheet, north: Array, east: Array, bounds: Bounds, wa
             mask[window][inside & covered[window]] = value
     start, end = _outer_edges(sheet.land)
     is_quay = find_quays(walls, start, end, north, east, bounds.land, bounds.known & ~bounds.land)
-    window, away = edge_distance(start[~is_quay], end[~is_quay], north, east)
+    window, away = edge_distance(start[~is_quay], end[~is_quay], north, east, int(FOOT_CELLS) + 1)
     np.copyto(bounds.shore[window], away, where=covered[window])
     clear_behind(start[is_quay], end[is_quay], north, east, bounds, covered)
 
@@ -206,25 +213,32 @@ def raise_to_soundings(grid: Grid, soundings: Array, shoal_limits: Array, low: A
     return grid._replace(depths=depths)
 
 
-def raise_with_slope(depths: NDArray[np.floating[Any]], tops: Array, inside: Array) -> Array:
+def raise_with_slope(
+    depths: NDArray[np.floating[Any]], tops: Array, inside: Array, at_edge: Array | None = None,
+    foot: Array | float = NARROW_FOOT_CELLS,
+) -> Array:  # fmt: skip
     """Return `depths` (m) raised to `tops` (m) inside an edge, with a slope across the edge; nothing gets deeper.
 
-    `inside`: distance in cells of each place from the edge, negative outside. On the edge, a top above the water has
-    its waterline; a top below the water has its full height.
+    `inside`: distance in cells of each place from the edge, negative outside. `at_edge`: depth (m) on the edge nearest
+    to each place without the slope, by default the same. `foot`: greatest width of the slope outside, cells. On the
+    edge, a top above the water has its waterline; a top below the water has its full height.
     """
-    rise = np.maximum(depths - tops, 0.0)
-    with np.errstate(invalid="ignore", divide="ignore"):  # the rise may be 0
-        at_edge = np.nan_to_num(np.clip((depths - np.maximum(tops, 0.0)) / rise, 0.0, 1.0))
-    reach = np.clip(2.0 * EDGE_SLOPE_CELLS * at_edge, 1e-3, FOOT_CELLS)  # as steep at the edge, if it goes so far
-    outside = at_edge * np.clip(1.0 + inside / reach, 0.0, 1.0) ** 2
-    share = np.where(inside < 0.0, outside, np.minimum(at_edge + inside / EDGE_SLOPE_CELLS, 1.0))
-    return np.asarray(depths - share * rise)
+    rise = np.maximum((depths if at_edge is None else at_edge) - np.maximum(tops, 0.0), 0.0)
+    reach = np.clip(np.sqrt(2.0 * rise / BEND), MIN_FOOT_CELLS, foot)
+    outside = rise * np.clip(1.0 + inside / reach, 0.0, 1.0) ** 2
+    slope = depths - np.where(inside < 0.0, outside, rise * (1.0 + 2.0 * inside / reach))
+    is_top = (inside >= 0.0) & ((tops >= 0.0) | (inside > STRAIGHT_CELLS))
+    return np.asarray(np.where(is_top, np.minimum(depths, tops), slope))
 
 
-def raise_land(depths: Depths, bounds: Bounds, resolution: float) -> Depths:
-    """Return `depths` with land as a slope, which starts LAND_RISE above the water, or at the beach if it is higher."""
+def raise_land(grid: Grid, bounds: Bounds, points: Array) -> Depths:
+    """Return depths with land as a slope, which starts LAND_RISE above the water, or at the beach if it is higher.
+
+    At a shore the slope of the bed goes on into the land. `points`: (n, 3) m, where the depth is known.
+    """
     from scipy.ndimage import distance_transform_edt
 
+    depths, resolution = grid.depths, grid.resolution
     land, water = bounds.land, bounds.known & ~bounds.land
     if not land.any():
         return depths
@@ -233,7 +247,55 @@ def raise_land(depths: Depths, bounds: Bounds, resolution: float) -> Depths:
     slope = np.maximum(shore - LAND_SLOPE * distance, np.minimum(shore, -LAND_TOP))
     raised = np.where(land, slope, depths).astype(np.float32)
     # Where land ends at the edge of its chart there is no shore, so no slope is made.
-    edge = (bounds.shore < FOOT_CELLS) & (land | water) & (distance < (FOOT_CELLS + 1.0) * resolution)
-    before = depths[tuple(part[edge] for part in nearest)]
-    raised[edge] = raise_with_slope(before, slope[edge], np.where(land[edge], 1.0, -1.0) * bounds.shore[edge])
+    near = (distance < (STRAIGHT_CELLS + 1.0) * resolution) & (bounds.shore < STRAIGHT_CELLS)
+    edge = (water & (bounds.shore < FOOT_CELLS)) | (land & near)
+    inside = np.where(land, bounds.shore, -bounds.shore)
+    at_edge, beyond = _continue_bed(depths, water, inside, edge)
+    on_land, within = land[edge], inside[edge]
+    bed = np.where(on_land, beyond, depths[edge])
+    foot = _foot_cells(grid, bounds.shore, points)[edge]
+    bank = raise_with_slope(bed, np.full(len(bed), -LAND_RISE), within, at_edge, foot)
+    least = -LEAST_SLOPE * resolution * within  # water stays water, and land stays land
+    wet = np.maximum(np.minimum(bank, bed), np.minimum(bed, least))
+    raised[edge] = np.where(on_land, np.clip(bank, -LAND_TOP, least), wet)
     return raised
+
+
+def _foot_cells(grid: Grid, shore: Depths, points: Array) -> Depths:
+    """Return the greatest width (cells) of a bank at each node: between the shore and a place of known depth."""
+    from scipy.ndimage import minimum_filter, uniform_filter
+
+    allowed, size = np.full(shore.shape, FOOT_CELLS, np.float32), 2 * SPREAD_CELLS + 1
+    known = nodes_around(points[points[:, 2] > 0.0], grid)
+    allowed[known] = np.clip(shore[known], NARROW_FOOT_CELLS, FOOT_CELLS)
+    return np.asarray(uniform_filter(minimum_filter(allowed, size), size))
+
+
+def _continue_bed(depths: Depths, water: Mask, inside: Depths, edge: Mask) -> tuple[Array, Array]:
+    """Return, for the nodes of `edge`, the depth (m) at the nearest place of the edge and, beyond it, at the node.
+
+    Both are on a plane through the bed around that place. `inside`: distance (cells) inside the edge.
+    """
+    nodes, last = np.argwhere(edge), np.array(edge.shape) - 1
+
+    def at(field: NDArray[Any], places: Indices) -> NDArray[Any]:
+        return np.asarray(field[tuple(np.clip(places, 0, last).T)])
+
+    steps = np.eye(2, dtype=np.intp)
+    with np.errstate(invalid="ignore"):  # the distance may be inf
+        across = np.stack([at(inside, nodes + step) - at(inside, nodes - step) for step in steps], axis=1)
+    across = np.nan_to_num(across, posinf=0.0, neginf=0.0).astype(float)
+    across /= np.maximum(np.hypot(*across.T), 1e-9)[:, None]
+    foot = nodes - inside[edge][:, None] * across
+    middle = np.rint(foot).astype(np.intp)
+    least = np.diag([1e-9, 1e-3, 1e-3])  # makes the plane level where too few nodes give a slope
+    sums, right = np.tile(least, (len(nodes), 1, 1)), np.zeros((len(nodes), 3))
+    for offset in np.ndindex(2 * PLANE_CELLS + 1, 2 * PLANE_CELLS + 1):
+        place = middle + np.array(offset) - PLANE_CELLS
+        apart = np.column_stack([np.ones(len(nodes)), place - foot])
+        found = at(depths, place).astype(float)
+        weight = np.exp(-0.5 * ((apart[:, 1:] / PLANE_SPREAD) ** 2).sum(axis=1)) * at(water, place) * np.isfinite(found)
+        sums += weight[:, None, None] * apart[:, :, None] * apart[:, None, :]
+        right += (weight * np.nan_to_num(found))[:, None] * apart
+    plane = np.linalg.solve(sums, right[:, :, None])[:, :, 0]
+    return plane[:, 0], plane[:, 0] + (plane[:, 1:] * (nodes - foot)).sum(axis=1)

@@ -155,7 +155,7 @@ def _fit_within_limits(
     if survey.sheets:
         known = known_nodes(bounds, grid, data.points)
         grid = grid._replace(depths=move_off_limits(grid, Limits(low, high), data.surface, known, survey.detail))
-    grid = grid._replace(depths=raise_land(grid.depths, bounds, resolution))
+    grid = grid._replace(depths=raise_land(grid, bounds, data.points))
     np.minimum(low, grid.depths, out=low)  # near a shore raise_land made the bed shoaler than its limit
     low[~water] = -np.inf
     return raise_to_soundings(grid, measured, data.limits.low, low), clamped

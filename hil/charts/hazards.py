@@ -4,10 +4,10 @@ A chart gives most of them as points without a size. The radii and draughts here
 chart gives no depth, WATLEV (water level effect) says whether the object is above the water. Of shore constructions,
 causeways and dams only the parts with water on both sides become obstacles (piers and moles); the rest is the edge of
 land. Structures and floating objects have their charted outline; an area becomes a rectangle of about the same size
-where possible.
+where possible. Areas on the bed raise it, except for rectangles with walls, which are blocks.
 """
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -52,6 +52,7 @@ BURIED = 0.01  # m: an object that rises less above the bed is left out
 RECTANGULAR = 0.6  # least share of its bounding rectangle that an area fills to become a rectangle
 SIMPLIFIED = 0.5  # m: greatest deviation of a simplified line from the charted one
 QUAY_DEPTH = 0.5  # m of water on a wall's line, from which it is a quay and not the top of a bank
+FAR_CELLS = 10.0  # from the edge of an area, beyond its slope on either side
 MIN_HEIGHT = 1.0  # m above the bed, of objects without a known height
 
 
@@ -73,12 +74,12 @@ def hazards_of(feature: Feature, points: Array, edges: Edges) -> list[Hazard]:
     floats = feature.number("WATLEV") == FLOATING or feature.number("CATMOR") == MOORING_BUOY
     if floats or feature.kind in DRAUGHTS:
         top, bottom = OUT_OF_WATER, DRAUGHTS.get(feature.kind, DRAUGHT)
+    is_wall = feature.kind == "SLCONS" and top == OUT_OF_WATER and feature.number("CATSLC") not in SLOPES
     if feature.is_area:
         line = np.concatenate([np.empty((0, 2)), *edges])
-        return [Hazard(feature.kind, line, radius, top, edges, bottom, is_structure)] if edges else []
+        return [Hazard(feature.kind, line, radius, top, edges, bottom, is_structure, is_wall)] if edges else []
     lines = [_simplified(line) for line in edges] if is_structure or bottom < STANDING else edges
     places = [points[i : i + 1] for i in range(len(points))]
-    is_wall = feature.kind == "SLCONS" and top == OUT_OF_WATER and feature.number("CATSLC") not in SLOPES
     return [Hazard(feature.kind, line, radius, top, (), bottom, is_structure, is_wall) for line in (*places, *lines)]
 
 
@@ -141,8 +142,11 @@ def beds_under(survey: Survey, soundings: Array, surface: Surface) -> Array:
 
 
 def _raise_bed(hazard: Hazard, grid: Grid, shoal_limit: Array) -> bool:
-    """Raise the bed of `grid` to the top of an area; False for a floating object, or if no node is inside an area."""
-    if hazard.bottom < STANDING:
+    """Raise the bed of `grid` to the top of an area.
+
+    False for a floating object or a block, or if no node is inside an area.
+    """
+    if hazard.bottom < STANDING or _is_block(hazard, grid):
         return False
     (rows, columns), distance = edge_distance(*segments(hazard.edges), grid.north, grid.east)
     inside, (part, held) = np.full(distance.shape, -1.0), fill(hazard.edges, grid.north[rows], grid.east[columns])
@@ -151,7 +155,7 @@ def _raise_bed(hazard: Hazard, grid: Grid, shoal_limit: Array) -> bool:
     inside[part][held] = 1.0
     bed = grid.depths[rows, columns]
     top = np.maximum(shoal_limit[rows, columns] if hazard.top is None else hazard.top, -MIN_HEIGHT)
-    bed[:] = raise_with_slope(bed, top, inside * distance)
+    bed[:] = raise_with_slope(bed, top, inside * np.minimum(distance, FAR_CELLS))
     return True
 
 
@@ -204,23 +208,36 @@ def _is_in_water(middle: Array, along: Array, hazard: Hazard, grid: Grid) -> boo
 
 def _outlined(hazard: Hazard, grid: Grid, limit: Grid) -> list[Box]:
     """Return the obstacles of an area: a rectangle where it nearly is one, else one for each segment of its outline."""
-    from shapely import LineString, polygonize
-
     boxes: list[Box] = []
-    for polygon in polygonize([LineString(edge) for edge in hazard.edges]).geoms:
-        rectangle = polygon.minimum_rotated_rectangle
-        if polygon.area < RECTANGULAR * rectangle.area:
+    for polygon, corners in _polygons(hazard):
+        if corners is None:
             ring = hazard._replace(line=_simplified(np.asarray(polygon.exterior.coords)), needs_water_both_sides=False)
             boxes += _boxes(ring, grid, limit)
             continue
-        corners = np.asarray(rectangle.exterior.coords)
-        sides = np.diff(corners[:3], axis=0)
-        middle = corners[:4].mean(axis=0)
+        sides, middle = np.diff(corners[:3], axis=0), corners.mean(axis=0)
         top = _top_at(hazard, middle, grid, limit)
         if top is not None:
             heading = float(np.arctan2(sides[0, 1], sides[0, 0]))
             boxes.append(_box(hazard, *middle, *np.hypot(*sides.T), heading, top))
     return boxes
+
+
+def _polygons(hazard: Hazard) -> list[tuple[Any, Array | None]]:
+    """Return the polygons of an area, each with the corners (4, 2) of its rectangle where it nearly is one."""
+    from shapely import LineString, polygonize
+
+    polygons = polygonize([LineString(edge) for edge in hazard.edges]).geoms
+    rectangles = [polygon.minimum_rotated_rectangle for polygon in polygons]
+    return [
+        (polygon, np.asarray(rectangle.exterior.coords)[:4] if polygon.area >= RECTANGULAR * rectangle.area else None)
+        for polygon, rectangle in zip(polygons, rectangles, strict=True)
+    ]
+
+
+def _is_block(hazard: Hazard, grid: Grid) -> bool:
+    """Return whether an area with walls consists of rectangles, with water on their middles."""
+    corners = [corners for _, corners in _polygons(hazard)] if hazard.is_wall else []
+    return bool(corners) and all(each is not None and grid.at(each.mean(axis=0)[None])[0] > 0.0 for each in corners)
 
 
 def _box(hazard: Hazard, *numbers: float) -> Box:

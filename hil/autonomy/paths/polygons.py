@@ -50,11 +50,11 @@ def _crossed(start: Array, end: Array, north: Array, east: Array) -> Mask:
     return np.asarray(np.cumsum(flips[:, :-1], axis=1) % 2 == 1)
 
 
-def edge_distance(start: Array, end: Array, north: Array, east: Array) -> tuple[Window, Array]:
+def edge_distance(start: Array, end: Array, north: Array, east: Array, reach: int = 2) -> tuple[Window, Array]:
     """Return the distances of grid nodes from straight segments; the grid spacing is `north[1] - north[0]` m.
 
     `start`, `end`: end points of the segments, (n, 2). The result is the window of rows and columns around them, and
-    the distance of each of its nodes, in spacings, float32: exact below 2.5, larger or inf elsewhere.
+    the distance of each of its nodes, in spacings, float32: exact below `reach` + 0.5, larger or inf elsewhere.
     """
     spacing, corner = north[1] - north[0], np.array([north[0], east[0]])
     start, along = (start - corner) / spacing, (end - start) / spacing
@@ -64,15 +64,15 @@ def edge_distance(start: Array, end: Array, north: Array, east: Array) -> tuple[
     along = (along / counts[:, None])[which]
     start = start[which] + part * along
     near = np.floor(start + 0.5 * along).astype(np.intp)
-    on = ((near >= -3) & (near <= (len(north) + 1, len(east) + 1))).all(axis=1)
+    on = ((near > -reach - 2) & (near < (len(north) + reach, len(east) + reach))).all(axis=1)
     if not on.any():
         return (slice(0, 0), slice(0, 0)), np.zeros((0, 0), np.float32)
     start, along, near = start[on], along[on], near[on]
-    first, last = near.min(axis=0) - 2, near.max(axis=0) + 4
+    first, last = near.min(axis=0) - reach, near.max(axis=0) + reach + 2
     distances = np.full(last - first, np.inf, np.float32)
     lengths = np.maximum((along * along).sum(axis=1), 1e-12)
-    for row in range(-2, 4):
-        for column in range(-2, 4):
+    for row in range(-reach, reach + 2):
+        for column in range(-reach, reach + 2):
             node = near + np.array((row, column))
             apart = node - start
             share = np.clip((apart * along).sum(axis=1) / lengths, 0.0, 1.0)

@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import NDArray
 
 from hil.autonomy.paths.polygons import edge_distance, fill, segments
-from hil.charts.bounds import EDGE_SLOPE_CELLS, LAND_RISE, raise_with_slope
+from hil.charts.bounds import BEND, FOOT_CELLS, LAND_RISE, raise_with_slope
 from hil.charts.build import build
 from hil.charts.grid import Grid
 from hil.charts.hazards import OUT_OF_WATER, SeabedModel, place_hazards
@@ -93,23 +93,19 @@ def test_the_water_line_of_a_mole_is_straight_as_charted(grid: Grid, max_offset:
     assert abs(offsets(teeth, 0.0)).max() > 0.5, "without partly covered nodes the edge is jagged"
     assert np.ptp(offsets(teeth, 0.5 * DEPTH)) > 0.8
     along = MIDDLE + np.linspace(-50.0, 50.0, 101)[:, None] * ALONG
-    beds = [grid.at(along + (HALF + cells * CELL) * ACROSS) for cells in (1.5, 2.6, 3.6)]
-    assert beds[0].min() > 0.75 * DEPTH
-    assert beds[1].min() > 0.98 * DEPTH
-    assert beds[2] == pytest.approx(np.full(101, DEPTH), abs=1e-3), "beyond the foot of its bank the bed is unchanged"
+    beyond = grid.at(along + (HALF + (FOOT_CELLS + 1.0) * CELL) * ACROSS)
+    assert beyond == pytest.approx(np.full(101, DEPTH), abs=1e-3), "beyond the foot of its bank the bed is unchanged"
 
 
 def test_a_bank_runs_out_without_a_bend() -> None:
-    """The slopes of neighbouring cells across a bank differ by half as much as those of a straight one would."""
-    out = np.arange(-4.0, 0.01, 0.01)  # cells
-    bed = raise_with_slope(np.full(len(out), 10.0), np.full(len(out), -2.0), out)
-    slopes = np.gradient(bed, out)
-    assert bed[-1] == pytest.approx(0.0)
-    assert bed[out < -2.5] == pytest.approx(10.0)
-    assert (slopes <= 1e-6).all(), "nowhere deeper towards the edge"
-    assert np.abs(np.diff(slopes)[:-1]).max() < 0.05
-    nodes = raise_with_slope(np.full(8, 10.0), np.full(8, -2.0), np.arange(-7.0, 1.0))
-    assert np.abs(np.diff(nodes, 2)[:6]).max() < 0.5 * 12.0 / EDGE_SLOPE_CELLS
+    """The slopes of neighbouring cells differ by BEND at most, also across the waterline; a low bank is narrow."""
+    out = np.arange(-10.0, 1.01, 0.01)  # cells
+    for depth, foot in ((6.0, FOOT_CELLS), (0.4, 2.1)):
+        bed = raise_with_slope(np.full(len(out), depth), np.full(len(out), -2.0), out, foot=FOOT_CELLS)
+        assert bed[np.argmin(np.abs(out))] == pytest.approx(0.0, abs=1e-6)
+        assert bed[out < -foot] == pytest.approx(depth)
+        assert (np.diff(bed) <= 1e-6).all(), "nowhere deeper towards the edge"
+        assert np.abs(np.diff(bed, 2)).max() < 1.1 * BEND * 0.01**2
 
 
 def test_a_submerged_area_has_its_full_height_up_to_its_edge() -> None:
@@ -136,9 +132,15 @@ def test_there_is_no_shore_where_two_land_areas_meet() -> None:
     assert (at_limit.depths[:8] == beyond.depths[:8]).all()
 
 
+def directions(degrees: float) -> tuple[Array, Array]:
+    """Return the unit vectors along and across (to the right of) a line of this heading."""
+    along, across = (np.array([np.cos(a), np.sin(a)]) for a in np.radians([degrees, degrees + 90.0]))
+    return along, across
+
+
 def quay(degrees: float, length: float, width: float) -> tuple[Array, Array, SeabedModel]:
     """Return directions along and across a quay (to the land), and the seabed; the corners of `mole` are around it."""
-    along, across = (np.array([np.cos(a), np.sin(a)]) for a in np.radians([degrees, degrees + 90.0]))
+    along, across = directions(degrees)
     sides = ((-length, 0.0), (length, 0.0), (length, width), (-length, width), (-length, 0.0))
     ring = np.array([MIDDLE + a * along + b * across for a, b in sides])
     wall = Hazard("SLCONS", ring, 1.0, OUT_OF_WATER, needs_water_both_sides=True, is_wall=True)
@@ -160,9 +162,61 @@ def test_a_profile_along_an_oblique_quay_has_no_ripple(degrees: float) -> None:
     assert wall.heading == pytest.approx(np.radians(degrees), abs=1e-3)
 
 
-def test_a_wall_around_a_narrow_mole_stays_a_bank() -> None:
-    """No water is left inside of it. Its two ends, with land far behind them, are walls."""
-    along, across, model = quay(30.0, 60.0, 4.0 * CELL)
-    crest = MIDDLE + np.linspace(-50.0, 50.0, 101)[:, None] * along + 2.0 * CELL * across
-    assert (model.grid.at(crest) < 0.0).all()
-    assert [box.size_north for box in model.boxes] == [4.0 * CELL + 2.0] * 2
+@pytest.mark.parametrize("width", [0.4 * CELL, 2.0 * CELL, 4.0 * CELL])
+@pytest.mark.parametrize("degrees", [20.0, 45.0])
+def test_a_narrow_mole_with_walls_around_it_has_no_bank(degrees: float, width: float) -> None:
+    """The walls close it on all sides, and a bed without ripples reaches up to them. It was a bank, with 0.3 to 1 m."""
+    along, across, model = quay(degrees, 60.0, width)
+    places = MIDDLE + np.linspace(-50.0, 50.0, 501)[:, None] * along
+    for away in (-5.0, -2.0, -1.0, width + 1.0, width + 2.0, width + 5.0):
+        assert model.grid.at(places + away * across) == pytest.approx(np.full(501, DEPTH), abs=0.01)
+    assert sorted(box.size_north for box in model.boxes) == pytest.approx([width + 2.0] * 2 + [122.0] * 2)
+
+
+def test_a_structure_charted_as_an_area_is_a_block_on_the_bed() -> None:
+    """The bed is not raised, so it has no bank. A slope of rubble, which is no wall, is a bank."""
+    pier = Hazard("SLCONS", mole(), 1.0, OUT_OF_WATER, (mole(),), needs_water_both_sides=True, is_wall=True)
+    model = build_model((pier,))
+    assert model.grid.depths == pytest.approx(np.full((41, 41), DEPTH), abs=0.01)
+    assert sorted((model.boxes[0].size_north, model.boxes[0].size_east)) == pytest.approx([2.0 * HALF, 140.0])
+    assert build_model((pier._replace(is_wall=False),)).grid.at(MIDDLE[None]) < 0.0
+    assert not build_model((pier,), mole(start=-10.0, end=10.0)).boxes, "its middle is on land"
+
+
+def test_a_mole_with_a_wall_on_one_side_stays_land() -> None:
+    """Its other side is a bank, which needs the land."""
+    along, across, _ = quay(30.0, 60.0, CELL)
+    corners = ((-60.0, 0.0), (60.0, 0.0), (60.0, 2.0 * CELL), (-60.0, 2.0 * CELL), (-60.0, 0.0))
+    ring = np.array([MIDDLE + a * along + b * across for a, b in corners])
+    wall = Hazard("SLCONS", ring[:2], 1.0, OUT_OF_WATER, needs_water_both_sides=True, is_wall=True)
+    crest = MIDDLE + np.linspace(-50.0, 50.0, 101)[:, None] * along + CELL * across
+    assert (build_model((wall,), ring).grid.at(crest) < 0.0).all()
+
+
+@pytest.mark.parametrize("degrees", [20.0, 30.0, 45.0])
+@pytest.mark.parametrize("slope", [0.0, 0.05, 0.125, 0.33])
+def test_a_profile_along_a_natural_coast_has_no_ripple(degrees: float, slope: float) -> None:
+    """The bed has this slope up to the coast, or is level and ends in a bank. It had ripples of 0.2 to 0.3 m.
+
+    The level bed has no soundings near the coast, which would make the bank steeper.
+    """
+    along, across = directions(degrees)
+    ring = np.array(
+        [MIDDLE + a * along + b * across for a, b in ((-900, 0), (900, 0), (900, 900), (-900, 900), (-900, 0))]
+    )
+    north, east = (axis.ravel() for axis in np.mgrid[0:201:20, 0:201:20].astype(float))
+    away = (MIDDLE - np.column_stack([north, east])) @ across
+    soundings = np.column_stack([north, east, slope * away if slope else np.full(len(away), DEPTH)])
+    soundings = soundings[away > (2.0 if slope else 45.0)]
+    coast = np.column_stack([MIDDLE + np.linspace(-110.0, 110.0, 23)[:, None] * along, np.zeros(23)])
+    everywhere = (np.array([(-9.0, -9.0), (-9.0, 209.0), (209.0, 209.0), (209.0, -9.0), (-9.0, -9.0)]),)
+    sheet = Sheet("", everywhere, (DepthArea(everywhere, 0.0, 99.0),), ((ring,),))
+    survey = Survey("", None, soundings, sheets=(sheet,), guides=coast if slope else np.empty((0, 3)))
+    grid = build(survey, (0.0, 200.0, 0.0, 200.0), CELL).model.grid
+    places = np.linspace(-60.0, 60.0, 601)
+    for out in (1.0, 2.0, 5.0, 10.0):
+        profile = grid.at(MIDDLE + places[:, None] * along - out * across)
+        ripple = profile - np.polyval(np.polyfit(places, profile, 1), places)
+        assert np.ptp(ripple) < 0.03
+        assert profile.min() > 0.0
+    assert (grid.at(MIDDLE + places[:, None] * along + across) < 0.0).all()

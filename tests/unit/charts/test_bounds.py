@@ -171,13 +171,13 @@ def test_land_rises_from_its_shore() -> None:
     land_to_the_north = Sheet("", (box(-9.0, -9.0, 109.0, 109.0),), (), ((box(55.0, -50.0, 200.0, 150.0),),))
     bounds = rasterise_bounds(Survey("", None, np.zeros((3, 3)), sheets=(land_to_the_north,)), axis, axis)
     assert (bounds.land == land).all()
-    raised = raise_land(depths, bounds, 10.0)
+    raised = raise_land(Grid(depths, 0.0, 0.0, 10.0), bounds, np.empty((0, 3)))
     assert (raised[:3] == depths[:3]).all()
     assert (raised[3:5] > 0.75 * depths[3:5]).all(), "the foot of the bank"
     assert (raised[5] == depths[5]).all()
     assert (raised[6:] <= -4.0).all()
-    assert (np.diff(raised[5:, 3]) < 0.0).all()
-    quay = raise_land(np.full((11, 11), 6.0, np.float32), bounds, 10.0)
+    assert (np.diff(raised[7:, 3]) < 0.0).all()
+    quay = raise_land(Grid(np.full((11, 11), 6.0, np.float32), 0.0, 0.0, 10.0), bounds, np.array([[20.0, 50.0, 6.0]]))
     assert (quay[:3] == 6.0).all()
     assert (quay[3:5] > 0.75 * 6.0).all(), "the foot of its bank"
     assert (quay[7:] <= -LAND_RISE).all()
