@@ -1,6 +1,6 @@
 """Exchange MAVLink messages with ArduSub on a separate port, as a companion computer does.
 
-Its estimate is read and compared with the truth. Positions are sent if the scenario says so:
+Its estimate is read and compared with the truth. A leak is reported to it. Positions are sent if the scenario says so:
 
     odometry   ODOMETRY of the navigation solution: position, attitude, velocity
     dvl        VISION_POSITION_DELTA from the DVL's velocities, by which ArduSub updates its position; none without
@@ -41,6 +41,7 @@ TOPICS = {"simulated": "", "odometry": "odom", "dvl": "dvl", "gps": "gps"}
 ESTIMATE_US = 50_000  # between two messages of the estimate
 ATTITUDE, POSITION = dialect.MAVLINK_MSG_ID_ATTITUDE, dialect.MAVLINK_MSG_ID_GLOBAL_POSITION_INT
 ABSURD_M = 100.0  # from the truth, beyond which ArduSub was started elsewhere
+WATER = 1 << 29  # sensor bit of leaks in SYS_STATUS, which ArduSub takes from a companion: ArduSub/GCS_MAVLink_Sub.cpp
 GPS_UNKNOWN = dialect.GPS_INPUT_IGNORE_FLAG_HDOP | dialect.GPS_INPUT_IGNORE_FLAG_VDOP
 
 
@@ -77,6 +78,8 @@ class Companion:
                 self._connect(host)
             needs_origin = self._topic and not self._has_origin
             self._send([_encode_heartbeat(), *([_encode_origin(self._origin)] if needs_origin else [])])
+            if self._inputs.leaks:
+                self._send([dialect.MAVLink_sys_status_message(WATER, WATER, 0, *[0] * 10)])
             if self.estimate is None:
                 self._send([_encode_interval(message) for message in (ATTITUDE, POSITION)])
         self._receive(truth)

@@ -57,6 +57,7 @@ class SensorInputs:
         self._lifetimes = {
             name: seconds_ns(MISSED / fitted[name].model.rate + fitted[name].mounting.latency) for name in self._ends
         }
+        self.leaks = False  # whether a leak detector is wet
         self.odometry: Any = None  # the newest OdometrySample of the navigation
         self.dvl: Any = None  # the newest DvlSample; its velocity is along the body axes
         self.has: Mapping[str, bool] = {
@@ -88,6 +89,8 @@ class SensorInputs:
             self.range_m = sample.distance if isfinite(sample.distance) else nan
         elif topic == "battery":
             self.battery = sample
+        elif topic == "leak":
+            self.leaks = sample.on
         elif topic == "odom":
             self.odometry = sample
         elif topic == "dvl":

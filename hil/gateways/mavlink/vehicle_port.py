@@ -42,6 +42,7 @@ class NetworkVehicle:
         self._ending = threading.Event()
         self._settled: deque[tuple[str, str]] = deque()
         self._sensors: frozenset[str] = frozenset()
+        self._shares: dict[str, float] = {}  # of accessories, as sent
         self._is_known = False  # whether its sensors and parameters were queried since it appeared
         client.watch(*TOPICS)
         self._thread = threading.Thread(target=self._work, name="mavlink requests", daemon=True)
@@ -119,10 +120,11 @@ class NetworkVehicle:
         self._do(lambda: self._call_arm(False))
 
     def set_accessory(self, name: str, share: float) -> None:
-        """Command an accessory, if the vehicle has any."""
-        if "accessories" in self._sensors:
+        """Command an accessory. RC channels repeat their command, which is sent once."""
+        if self._shares.get(name) != share:
             with suppress(NetworkError):  # several vehicles of its name: `refusal` reports it
                 self._client.send("cmd_accessories", encode_accessories(0, {name: share}))
+                self._shares[name] = share
 
     def parameters(self) -> Mapping[str, float]:
         """Return the parameters that the slave has."""

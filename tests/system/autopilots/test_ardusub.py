@@ -4,6 +4,7 @@ from collections.abc import Iterator
 from math import degrees, hypot
 from pathlib import Path
 
+import numpy as np
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
@@ -264,3 +265,48 @@ def test_two_vehicles_with_an_ardusub_each_dive_together(tmp_path: Path) -> None
     finally:
         for dive in dives:
             dive.close()
+
+
+def test_ardusub_moves_lights_camera_and_gripper_and_hears_of_a_leak(tmp_path: Path) -> None:
+    camera = "width = 32\nheight = 24\nrate = 4\nwater = 'clear'\nlamps = 1000\nexposure = 0.3\nmax_range = 100"
+    dive = Dive(tmp_path, "bluerov2", 7, sensors=f"[sensors.camera]\n{camera}\n[sensors.leak]\nbelow = 2.5")
+    station = dive.station
+    seen: list[dict[str, float]] = []
+    levels: list[float] = []
+    ranges: list[float] = []
+
+    def look() -> None:
+        simulation, picture = dive.run.simulation, dive.run.samples["camera"]
+        assert simulation.accessories
+        seen.append(simulation.accessories.positions(simulation.time_ns))
+        levels.append(float(np.frombuffer(picture.rgb, np.uint8).mean()))
+        ranges.append(float(np.median(np.frombuffer(picture.depth, np.float32))))
+
+    def mission() -> Mission:
+        yield from dive.dive(3.0)
+        yield from dive.command(dialect.MAV_CMD_DO_MOUNT_CONTROL, -45, 0, 0, 0, 0, 0, 2)
+        yield 3.0
+        look()
+        yield from dive.command(dialect.MAV_CMD_DO_SET_SERVO, 9, 1900)
+        yield from dive.command(dialect.MAV_CMD_DO_GRIPPER, 1, dialect.GRIPPER_ACTION_RELEASE)
+        yield 4.0
+        look()
+        yield from dive.command(dialect.MAV_CMD_DO_MOUNT_CONTROL, 45, 0, 0, 0, 0, 0, 2)
+        yield from dive.command(dialect.MAV_CMD_DO_GRIPPER, 1, dialect.GRIPPER_ACTION_GRAB)
+        yield 4.0
+        look()
+        station.sticks = None  # the joystick is lost
+        yield lambda: station.output("Lost manual control")
+
+    try:
+        fly(dive.run, station, mission(), 400.0)
+    finally:
+        dive.close()
+    print(seen, levels, ranges, station.texts[-3:])
+    assert [round(each["lights"], 2) for each in seen] == [0.0, 1.0, 1.0]
+    assert [each["gripper"] for each in seen] == [0.0, 1.0, 0.0]
+    assert [each["camera_tilt"] for each in seen] == pytest.approx([-1.0, -1.0, 1.0], abs=0.15)
+    assert levels[1] > levels[0] + 5.0
+    assert ranges[0] == pytest.approx(ranges[1], rel=0.05)
+    assert ranges[2] < 0.5 * ranges[1]  # the surface above is nearer than the seabed
+    assert station.output("Leak Detected")

@@ -20,7 +20,7 @@ from hil.links.mavlink.stream import MavlinkStream
 from hil.scenario.autopilot_records import AutopilotSettings
 from hil.scenario.config import Scenario, load_scenario
 from sim.environment.world import load_world
-from sim.sensors.extra_samples import FixSample
+from sim.sensors.extra_samples import FixSample, FlagSample
 from sim.sensors.samples import DvlSample, OdometrySample
 from sim.vehicle.vehicle import load_vehicle
 from tests.support.processes import wait_for
@@ -158,6 +158,17 @@ def test_gps_input_reports_fix_and_lost_fix(bench: Callable[[str], Bench]) -> No
     b.inputs.update("gps", FixSample(0, nan, nan, nan, (4.0, 9.0), False))
     (lost,) = b.messages(1)
     assert (lost.get_type(), lost.fix_type, lost.satellites_visible) == ("GPS_INPUT", 1, 0)
+
+
+def test_a_leak_is_reported_once_a_second_as_an_unhealthy_water_sensor(bench: Callable[[str], Bench]) -> None:
+    b = bench("simulated")
+    b.messages(0)
+    assert "SYS_STATUS" not in names(b.messages(SECOND))
+    b.inputs.update("leak", FlagSample(SECOND, True))
+    reported = [message for step in range(4, 8) for message in b.messages(step * SECOND // 2)]
+    statuses = [message for message in reported if message.get_type() == "SYS_STATUS"]
+    water = 0x20000000
+    assert [m.onboard_control_sensors_enabled & ~m.onboard_control_sensors_health for m in statuses] == [water, water]
 
 
 def test_the_companion_reconnects_after_a_restart_of_the_autopilot(bench: Callable[[str], Bench]) -> None:
