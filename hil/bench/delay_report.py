@@ -5,7 +5,6 @@ from math import isfinite
 from typing import Any
 
 from hil.bench.delay_run import HOPS, Result
-from hil.bench.footer import footer
 from hil.bench.record import Record
 from hil.bench.statistics import median
 from hil.common.columns import aligned, fit_to_terminal
@@ -53,7 +52,7 @@ def draw(results: Mapping[str, Result], record: Record, path: str) -> None:
         series.yaxis.set_major_formatter("{x:g}")
     _draw_hops(hops, results)
     doubtful = ", with WARNINGS" if any(details["warnings"] for details in record.details.values()) else ""
-    figure.suptitle(f"Command delay{doubtful}\n{footer(record)}", fontsize="medium")
+    figure.suptitle(f"Command delay{doubtful}\n{record.footer}", fontsize="medium")
     figure.legend(*histogram.get_legend_handles_labels(), loc="outside lower left", fontsize="small", ncols=2)
     figure.legend(*hops.get_legend_handles_labels(), loc="outside lower right", fontsize="small", ncols=4)
     save_figure(figure, path)

@@ -72,6 +72,13 @@ class Record(NamedTuple):
     machine: dict[str, Any] = {}  # noqa: RUF012 - never changed
     made: str = ""
 
+    @property
+    def footer(self) -> str:
+        """Machine, date and labels of the figures, as text below a picture."""
+        machine = self.machine
+        where = f"{machine['name']}: {machine['board'] or machine['cpu']}, {machine['usable_cores']} processors"
+        return "\n".join([f"{where}; {self.made}", "; ".join(self.labels)]).strip()
+
 
 def new_record(
     kind: str,

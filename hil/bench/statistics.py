@@ -1,6 +1,7 @@
 """Medians, quantiles, spread, and the significance of differences."""
 
 import random
+import statistics
 from collections.abc import Sequence
 from math import ceil, isfinite, nan, sqrt
 from typing import NamedTuple
@@ -25,11 +26,7 @@ class Interval(NamedTuple):
 
 def median(values: Sequence[float]) -> float:
     """Return the middle value, or the mean of the two middle ones; nan without values."""
-    ordered = sorted(values)
-    if not ordered:
-        return nan
-    middle = len(ordered) // 2
-    return ordered[middle] if len(ordered) % 2 else (ordered[middle - 1] + ordered[middle]) / 2
+    return statistics.median(values) if values else nan
 
 
 def spread(values: Sequence[float]) -> float:

@@ -3,7 +3,6 @@
 from typing import Any
 
 from hil.bench import load_run
-from hil.bench.footer import footer
 from hil.bench.harness import Bench
 from hil.bench.load_run import Course, Setting, difference, impossible, settings
 from hil.bench.record import Figure, Record, new_record
@@ -204,5 +203,5 @@ def _draw(courses: list[Course], record: Record, path: str) -> None:
     for panel in panels[-1]:
         panel.set(xlabel="time (s)")
     figure.legend(*panels[0][0].get_legend_handles_labels(), loc="outside upper center", fontsize="x-small", ncols=5)
-    figure.supxlabel(footer(record), fontsize="x-small", color="0.4")
+    figure.supxlabel(record.footer, fontsize="x-small", color="0.4")
     save_figure(figure, path)

@@ -3,7 +3,6 @@
 from math import isnan, nan
 from typing import Any
 
-from hil.bench.footer import footer
 from hil.bench.harness import Bench
 from hil.bench.record import Figure, Record, new_record
 from hil.bench.soak_run import Observation, Soak, Soaking, measured, trend
@@ -188,5 +187,5 @@ def _draw(soak: Soak, record: Record, path: str) -> None:
         for at_s, seconds, _ in soak.silences:
             panel.axvspan(at_s / 3600.0, (at_s + seconds) / 3600.0, color="C3", alpha=0.2)
     panels[-1].set(xlabel="time (h)")
-    figure.supxlabel(footer(record), fontsize="x-small", color="0.4")
+    figure.supxlabel(record.footer, fontsize="x-small", color="0.4")
     save_figure(figure, path)

@@ -10,7 +10,6 @@ from random import Random
 
 import pytest
 
-from hil.bench.footer import footer
 from hil.bench.jitter_run import read_cyclictest
 from hil.bench.load_run import Setting, course, difference, groups, of_group, settings
 from hil.bench.processes import read_threads, shares, thread_names
@@ -190,7 +189,7 @@ def test_silences_and_late_reconnections_are_found() -> None:
 
 def test_the_footer_of_a_plot_has_machine_time_and_labels() -> None:
     record = new_record("soak", {}, {}, ("limited: 5% of a core",))
-    text = footer(record)
+    text = record.footer
     assert record.made in text
     assert os.uname().nodename in text
     assert "limited: 5% of a core" in text

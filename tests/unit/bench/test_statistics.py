@@ -2,7 +2,6 @@
 
 import math
 import random
-import statistics
 
 import pytest
 
@@ -40,13 +39,6 @@ def test_all_quantile_functions_agree() -> None:
         counts = [(value, values.count(value)) for value in range(8)]
         assert histogram.quantile(share) == cyclictest_quantile(counts, count, share) == expected
     assert quantiles(list(range(1_000_000, 101_000_000, 1_000_000)))[:3] == (50.0, 90.0, 99.0)
-
-
-def test_the_median_equals_that_of_the_standard_library() -> None:
-    generator = random.Random(4)
-    for size in (1, 2, 3, 10, 101):
-        values = [generator.gauss(0.0, 1.0) for _ in range(size)]
-        assert median(values) == statistics.median(values)
 
 
 def test_spread_is_the_interquartile_range() -> None:
