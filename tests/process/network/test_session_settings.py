@@ -22,12 +22,10 @@ from hil.common.errors import ConfigError, NetworkError
 from hil.common.schema import parse
 from hil.network.discovery import find
 from hil.network.opening import listen
-from hil.network.presence import declare_presence, watch_presence
-from hil.network.roles import open_master_session, open_router_session
+from hil.network.roles import open_master_session
 from hil.network.security import Security
 from hil.network.settings import BATCH, PINGS, Network, endpoints, json5, settings
 from hil.network.tokens import Presence, Role, clock_keys, presence_key, read_presence
-from hil.ros.topics import TOPICS
 from hil.scenario.config import load_scenario
 from tests.support.processes import ROOT, Program, free_port, wait_for, write_scenario
 
@@ -152,23 +150,6 @@ def test_multicast_finds_only_slaves_with_discovery() -> None:
     with listen(hidden), listen(shown, Network(discovery=True)):
         assert wait_for(lambda: shown in find(0.3))
         assert hidden not in find(0.3)
-
-
-def test_a_router_forwards_commands_and_presence() -> None:
-    endpoint, own_endpoint = f"tcp/127.0.0.1:{free_port()}", f"tcp/127.0.0.1:{free_port()}"
-    network = Network(mode="routed", router=endpoint)
-    received: list[str] = []
-    with (
-        listen(own_endpoint, network) as slave,
-        open_router_session(endpoint),
-        open_master_session(endpoint, network=network) as master,
-    ):
-        slave.subscribe("uuv1", "cmd_vel", lambda _, payload, __: received.append(payload.decode()), 8)
-        declare_presence(slave, "uuv1", "slave")
-        presences: list[Presence] = []
-        watch_presence(master, "uuv1", lambda presence, _: presences.append(presence))
-        publisher = master.publisher("uuv1", TOPICS["cmd_vel"])
-        assert wait_for(lambda: publisher.put(b"go", 0) and received and presences)
 
 
 def test_a_master_reports_a_missing_router(monkeypatch: pytest.MonkeyPatch) -> None:
