@@ -177,7 +177,8 @@ class RayScene:
                 numbers[index * ROW + ROOT] = root
         if self._pipes is not None:
             numbers.extend(self._pipes.rows)
-        return Geometry(self._world.terrain, self._world.depth, numbers, nodes, triangles)
+        terrain = self._world.terrain
+        return Geometry(terrain, terrain.outside if terrain else self._world.depth, numbers, nodes, triangles)
 
 
 Standing = tuple["array[float]", "dict[int, array[float]]"]

@@ -4,7 +4,7 @@ A solid is stored as a row of numbers in one array, which C reads, too.
 """
 
 from array import array
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from math import inf, sqrt
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from sim.vehicle.vehicle import Vehicle
 
 Point = Sequence[float]
-Triangle = Sequence[Point]
 
 SPHERE, CYLINDER, BOX, HALF_SPACE, MESH = range(5)
 # The indices at which the parts of a row begin, and the length of a row.
@@ -67,18 +66,6 @@ def box(center: Point, dimensions: Point, rotation: Sequence[float] = _UPRIGHT) 
 def half_space(normal: Point, offset: float) -> Solid:
     """Return the half space of points p (NED) with `normal` . p < `offset` m; `normal` is a unit vector outwards."""
     return Solid(HALF_SPACE, inf, (0.0, 0.0, 0.0), _UPRIGHT, (*normal, offset))
-
-
-def mesh(triangles: Iterable[Triangle]) -> Solid:
-    """Return a mesh of triangles, each with three corners (m) in its own axes (FRD for a vehicle).
-
-    Rays hit both sides.
-    """
-    flat = array("d", [x for triangle in triangles for corner in triangle for x in corner])
-    if not flat:
-        raise ValueError("a mesh needs at least one triangle")
-    reach = sqrt(max(x * x + y * y + z * z for x, y, z in zip(flat[0::3], flat[1::3], flat[2::3], strict=True)))
-    return Solid(MESH, reach, (0.0, 0.0, 0.0), _UPRIGHT, (), flat)
 
 
 def hull(vehicle: "Vehicle") -> Solid:

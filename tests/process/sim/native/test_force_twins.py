@@ -1,7 +1,6 @@
 """Fins, hull lift, damping, ballast and waves in C give bit for bit the numbers of Python."""
 
 import gc
-import os
 import random
 import weakref
 from collections.abc import Sequence
@@ -17,8 +16,6 @@ from sim.forces import Force
 from sim.native import NativeDynamics
 from sim.native.waves import NativeSampledWaves, NativeWaveField
 from sim.rotations import normalise
-from sim.sensors.sensor_set import select_sensors
-from sim.simulation import Simulation
 from sim.vehicle.body_lift import (
     CrossFlow,
     CrossFlowDrag,
@@ -31,6 +28,7 @@ from sim.vehicle.body_lift import (
 from sim.vehicle.failures import Failure
 from sim.vehicle.fins import FinSet
 from sim.vehicle.vehicle import Vehicle, load_vehicle
+from tests.support.flights.ride import PULSES, Ride, all_of, twins
 
 pytestmark = pytest.mark.usefixtures("native")
 
@@ -40,60 +38,18 @@ SWELL = Waves(1.5, 6.0, spread=0.3, components=20)
 CALM = World("calm", "test", EXTENT, 60.0, current=(0.1, -0.05, 0.02))
 ROUGH = CALM._replace(depth=12.0, ocean=Ocean(waves=SWELL))
 MIXED = ROUGH._replace(ocean=Ocean(waves=SWELL, gauss_markov=GaussMarkov((0.1, 0.1, 0.0), 60.0)))
-PULSES = (0, 1100, 1480, 1500, 1650, 1900, 2500)
 MOTIONS = (0.0, 1e-9, 0.01, 0.5, 3.0, 30.0)
 
 
-def twins(
+def ride(
     monkeypatch: pytest.MonkeyPatch,
     world: World,
     vehicle: Vehicle,
     integrator: Integrator = "verlet",
     depth: float = 4.0,
-) -> tuple[Simulation, Simulation]:
-    """Return the same simulation in Python and in C."""
-    pair = []
-    for switch in "01":
-        monkeypatch.setenv("UUV_HIL_NATIVE", switch)
-        pair.append(
-            Simulation(
-                vehicle,
-                world,
-                select_sensors(pressure=None),
-                3,
-                10_000_000,
-                (0.0, 0.0, depth),
-                0.4,
-                integrator=integrator,
-            )
-        )
-    return pair[0], pair[1]
-
-
-def bits(simulation: Simulation) -> bytes:
-    """Return every bit of state, thrusts, forces and servos."""
-    state, forces = simulation.state, simulation.forces()
-    values = [state.position, state.quaternion, state.nu, state.nu_dot, simulation.thrusts, *forces]
-    equipment = simulation.equipment
-    values += [part.servos.values for part in ((equipment.fins, equipment.bladder) if equipment else ()) if part]
-    numbers = [x for part in values for x in part]
-    return pack(f"{len(numbers)}d", *numbers)
-
-
-def run_and_compare(
-    pair: tuple[Simulation, Simulation], steps: int, seed: int = 1, pulses: Sequence[int] = PULSES
-) -> None:
-    """Change the pulses now and then, and compare all numbers after each step."""
-    rng = random.Random(seed)
-    for step in range(steps):
-        if step % 40 == 0:
-            pwm_us = tuple(rng.choice(pulses) for _ in pair[0].vehicle.channels)
-        outputs = []
-        for switch, simulation in zip("01", pair, strict=True):
-            os.environ["UUV_HIL_NATIVE"] = switch  # one that drops a weight is built again
-            outputs.append(repr(simulation.step(pwm_us)))
-        assert outputs[0] == outputs[1]
-        assert bits(pair[0]) == bits(pair[1])
+) -> Ride:
+    position = (0.0, 0.0, depth)
+    return Ride(twins(monkeypatch, world, vehicle, integrator, position=position, dt_ns=10_000_000))
 
 
 VEHICLES = ("bluerov2", "eca_a9", "lauv", "remus100", "tethys")
@@ -111,35 +67,36 @@ def test_whole_steps_in_c_and_python_are_equal(
     name: str, world: str, integrator: Integrator, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Steps are equal at depth, half out of the water, and among waves, each as one call of C."""
-    pair = twins(monkeypatch, WORLDS[world], load_vehicle(name)[0], integrator)
-    assert pair[1]._fused
-    assert not pair[0]._fused
+    flight = ride(monkeypatch, WORLDS[world], load_vehicle(name)[0], integrator)
+    assert flight.pair[1]._fused
+    assert not flight.pair[0]._fused
     for depth in (4.0, 0.05, -0.2, 1.5):
-        for simulation in pair:
+        for simulation in flight.pair:
             simulation.state.position = [0.0, 0.0, depth]
-        run_and_compare(pair, 80, seed=round(10 * depth))
+        flight.run_and_compare(80)
 
 
 def test_steps_after_a_failure_among_waves_are_equal(monkeypatch: pytest.MonkeyPatch) -> None:
     """Python continues from the states of fins, waves and propeller that C had computed."""
-    pair = twins(monkeypatch, MIXED, REMUS, depth=1.0)
-    run_and_compare(pair, 133)
-    for simulation in pair:
+    flight = ride(monkeypatch, MIXED, REMUS, depth=1.0)
+    flight.run_and_compare(133)
+    for simulation in flight.pair:
         simulation.fail(Failure("propeller", "efficiency", 0.0, efficiency=0.5))
-    assert pair[1]._fused is None
-    assert bits(pair[0]) == bits(pair[1])
-    run_and_compare(pair, 200, seed=2)
+    assert flight.pair[1]._fused is None
+    assert all_of(flight.pair[0]) == all_of(flight.pair[1])
+    flight.run_and_compare(200)
 
 
 def test_steps_after_a_dropped_weight_are_equal(monkeypatch: pytest.MonkeyPatch) -> None:
-    pair = twins(monkeypatch, ROUGH, TETHYS)
-    run_and_compare(pair, 100, pulses=(1500, 1600))
-    assert pair[1].equipment
-    assert pair[1].equipment.weights_aboard
-    run_and_compare(pair, 100, seed=2, pulses=(1900,))
-    assert not pair[1].equipment.weights_aboard
-    assert pair[1]._fused
-    run_and_compare(pair, 100, seed=3)
+    flight = ride(monkeypatch, ROUGH, TETHYS)
+    equipment = flight.pair[1].equipment
+    assert equipment
+    flight.run_and_compare(100, (1500, 1600))
+    assert equipment.weights_aboard
+    flight.run_and_compare(100, (1900,))
+    assert not equipment.weights_aboard
+    assert flight.pair[1]._fused
+    flight.run_and_compare(100)
 
 
 class Tether:
@@ -155,13 +112,9 @@ class Tether:
 
 @pytest.mark.parametrize("integrator", ["verlet", "rk4"])
 def test_a_user_defined_force_is_computed_in_python(integrator: Integrator, monkeypatch: pytest.MonkeyPatch) -> None:
-    pair = []
-    for switch in "01":
-        monkeypatch.setenv("UUV_HIL_NATIVE", switch)
-        place = (0.0, 0.0, 2.0)
-        pair.append(Simulation(REMUS, ROUGH, {}, 3, position=place, integrator=integrator, forces=[Tether()]))
-    assert pair[1]._fused is None
-    run_and_compare((pair[0], pair[1]), 200)
+    flight = Ride(twins(monkeypatch, ROUGH, REMUS, integrator, forces=[Tether()]))
+    assert flight.pair[1]._fused is None
+    flight.run_and_compare(200)
 
 
 def some_forces(rng: random.Random) -> list[Force]:

@@ -2,10 +2,8 @@
 
 import random
 import sys
-from collections.abc import Sequence
 from itertools import pairwise
 from math import pi
-from struct import pack
 
 import pytest
 
@@ -21,91 +19,16 @@ from sim.rotations import from_euler, normalise
 from sim.sensors.imu import Imu, ImuModel
 from sim.sensors.mounting import Mounting
 from sim.sensors.samples import ImuSample
-from sim.sensors.sensor_set import SensorSet, SensorSpec, select_sensors
-from sim.simulation import Simulation
 from sim.vehicle.failures import Failure
-from sim.vehicle.vehicle import Vehicle, load_vehicle
+from sim.vehicle.vehicle import load_vehicle
+from tests.support.flights.ride import Ride, all_of, twins
 
 pytestmark = pytest.mark.usefixtures("native")
 
-VEHICLE, _ = load_vehicle("bluerov2_heavy")
 EXTENT = (-6.0, 6.0, -6.0, 6.0)
 FLAT = World("flat", "test", EXTENT, 6.0, current=(0.1, -0.05, 0.02))
 PILES = Cylinder(3.0, 0.0, 1.0), Cylinder(-4.0, 0.0, 1.5, top=4.0)
 FIELD = FLAT._replace(walls=True, cylinder=PILES, box=(Box(0.0, 4.0, 3.0, 1.0, 0.5),))
-PULSES = (0, 1100, 1480, 1500, 1650, 1900, 2500)
-SENSORS = select_sensors(imu=SensorSpec(Imu, ImuModel(100.0), Mounting((0.1, -0.2, 0.05))))
-
-
-def twins(
-    monkeypatch: pytest.MonkeyPatch,
-    world: World,
-    vehicle: Vehicle = VEHICLE,
-    integrator: Integrator = "verlet",
-    sensors: SensorSet = SENSORS,
-    failures: Sequence[Failure] = (),
-) -> tuple[Simulation, Simulation]:
-    """Return the same simulation in Python and in C."""
-    pair = []
-    for native in "01":
-        monkeypatch.setenv("UUV_HIL_NATIVE", native)
-        start = (0.0, 0.0, 3.0)
-        pair.append(
-            Simulation(
-                vehicle, world, sensors, 3, position=start, heading=0.4, integrator=integrator, failures=failures
-            )
-        )
-    python, quick = pair
-    assert type(python.state) is State
-    assert type(quick.state) is not State
-    return python, quick
-
-
-def all_of(simulation: Simulation) -> bytes:
-    """Return every bit that can be read: == would take -0.0 for 0.0."""
-    state, forces = simulation.state, simulation.forces()
-    values = (
-        state.position,
-        state.quaternion,
-        state.nu,
-        state.nu_dot,
-        simulation.thrusts,
-        forces.thrusters,
-        forces.total,
-    )
-    numbers = [x for part in values for x in part]
-    return pack(f"{len(numbers)}d?q", *numbers, simulation.touching, simulation.contacts)
-
-
-class Ride:
-    """Two simulations with the same pulses, which change now and then; they are compared after each step."""
-
-    def __init__(self, pair: tuple[Simulation, Simulation], seed: int = 1) -> None:
-        self.pair = pair
-        self.rng = random.Random(seed)
-        self.samples = self.touches = 0
-        self._pulses = [1500] * len(pair[0].thrusts)
-
-    def run_and_compare(self, steps: int) -> None:
-        for step in range(steps):
-            if step % 60 == 0:  # in place: the same list, with other numbers
-                self._pulses[:] = [self.rng.choice(PULSES) for _ in self._pulses]
-            held = tuple(self._pulses)
-            given: Sequence[int] = self._pulses if step % 7 else held
-            first, second = (simulation.step(given) for simulation in self.pair)
-            assert repr(first) == repr(second)
-            assert all_of(self.pair[0]) == all_of(self.pair[1])
-            self.samples += len(first)
-            self.touches += self.pair[0].touching
-
-    def set_position(self, position: Sequence[float]) -> None:
-        """Place both, as the slave's loop does, with random attitude and velocity."""
-        quaternion = normalise([self.rng.uniform(-1.0, 1.0) for _ in range(4)])
-        nu = [self.rng.uniform(-2.0, 2.0) for _ in range(6)]
-        for simulation in self.pair:
-            state = simulation.state
-            state.position, state.quaternion, state.nu = list(position), list(quaternion), list(nu)
-            state.nu_dot = [0.0] * 6
 
 
 @pytest.mark.parametrize("integrator", ["verlet", "rk4"])
@@ -133,15 +56,9 @@ def test_steps_are_equal_above_a_bare_seabed(monkeypatch: pytest.MonkeyPatch) ->
 
 @pytest.mark.parametrize("name", preset_names("sim/vehicles"))
 def test_steps_of_every_vehicle_are_equal(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    vehicle, _ = load_vehicle(name)
-    python, quick = twins(monkeypatch, FLAT._replace(depth=60.0), vehicle)
-    assert quick._fused
-    rng = random.Random(7)
-    for step in range(240):
-        if step % 60 == 0:
-            pulses = tuple([rng.choice(PULSES) for _ in vehicle.channels])
-        assert repr(python.step(pulses)) == repr(quick.step(pulses))
-        assert all_of(python) == all_of(quick)
+    ride = Ride(twins(monkeypatch, FLAT._replace(depth=60.0), load_vehicle(name)[0]), seed=7)
+    assert ride.pair[1]._fused
+    ride.run_and_compare(240)
 
 
 def test_steps_are_equal_over_relief(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -23,7 +23,7 @@ from sim.environment.world import World
 from sim.rays import opengl
 from sim.rays.geometry import NOTHING, SEABED
 from sim.rays.scene import RayScene
-from sim.rays.solids import BOX, KIND, box, half_space, hull, mesh, sphere
+from sim.rays.solids import BOX, KIND, box, half_space, hull, sphere
 from sim.rotations import from_euler, matrix
 from sim.sensors.imaging.camera.model import CameraModel
 from sim.sensors.imaging.camera.picture import pixel_rays
@@ -32,6 +32,7 @@ from sim.sensors.imaging.samples import CameraSample, Intrinsics
 from sim.sensors.mounting import Mounting
 from sim.simulation import Simulation
 from sim.vehicle.vehicle import load_vehicle
+from tests.support.solids import mesh
 
 ROOT = Path(__file__).parents[4]
 VEHICLE, _ = load_vehicle("bluerov2_heavy")

@@ -21,6 +21,7 @@ from sim.rays import single, solids
 from sim.rays.scene import Engine, RayScene
 from sim.rays.tree import GROUP, NODE, grow, triangle
 from sim.rotations import matrix, normalise
+from tests.support.solids import mesh as mesh_of
 
 EXTENT = (-20.0, 20.0, -25.0, 30.0)
 UPRIGHT = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
@@ -57,8 +58,8 @@ def random_scene(seed: int, engine: Engine) -> RayScene:
         scene.add(solids.box((origin[1], origin[0], origin[2]), (1.0, 2.0, 3.0), rotation))
         scene.add(solids.cylinder((-origin[0], origin[1], origin[2]), 0.7, 2.0, rotation))
     crumpled = [[[rng.gauss(0.0, 1.0) for _ in range(3)] for _ in range(3)] for _ in range(60)]
-    scene.add(solids.mesh(crumpled), State((5.0, 5.0, 5.0), attitude(rng)))
-    net = solids.mesh(quad(*[(7.0 * x, 7.0 * y, 0.0) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))]))
+    scene.add(mesh_of(crumpled), State((5.0, 5.0, 5.0), attitude(rng)))
+    net = mesh_of(quad(*[(7.0 * x, 7.0 * y, 0.0) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))]))
     scene.add(net._replace(sizes=(0.7, 0.2)), State((-5.0, -9.0, 5.0), attitude(rng)))
     scene.add(solids.half_space((0.0, 0.0, 1.0), -2.0))
     return scene
@@ -127,7 +128,7 @@ def test_a_ray_hits_the_nearest_of_all_triangles() -> None:
         for i in range(-9, 9)
         for j in range(-9, 9)
     ]
-    mesh = solids.mesh([triangle for square in squares for triangle in square])
+    mesh = mesh_of([triangle for square in squares for triangle in square])
     scene = RayScene(World("w", "test", EXTENT, 100.0), "C")
     scene.add(mesh)
     origin, rays = (0.0, 0.0, 0.0), random_rays(rng)
@@ -152,7 +153,7 @@ def test_a_triangle_seen_from_its_edge_is_hit_in_its_box_or_not_at_all() -> None
             length = sqrt(1.0 + (0.003 * k) ** 2)
             rays.extend(single.rotate_to_world(rotation, 1.0 / length, 0.003 * k / length, 0.0))
         for scene in scenes:
-            scene.add(solids.mesh(quad(*corners)))
+            scene.add(mesh_of(quad(*corners)))
         native, python = (scene.ranges((0.0, 0.0, 0.0), rays, 50.0) for scene in scenes)
         assert native == python
         along = np.array(rays).reshape(-1, 3)[np.array(native) < 50.0]
