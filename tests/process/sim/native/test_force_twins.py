@@ -99,20 +99,19 @@ def test_steps_after_a_dropped_weight_are_equal(monkeypatch: pytest.MonkeyPatch)
     flight.run_and_compare(100)
 
 
-class Tether:
-    """A user-defined force."""
+class Crosswind:
+    """A user-defined force that depends on all its arguments."""
 
     def begin(self, time_ns: int) -> None:
         """Nothing changes."""
 
     def wrench(self, position: Sequence[float], rotation: Sequence[float], nu_r: Sequence[float]) -> Sequence[float]:
-        """Return a pull towards the start."""
-        return [-x for x in position] + [0.0] * 3
+        return [rotation[1] * 3.0, nu_r[1] * -2.0, position[2] * 0.01, 0.1, nu_r[4] * -0.3, rotation[2]]
 
 
 @pytest.mark.parametrize("integrator", ["verlet", "rk4"])
 def test_a_user_defined_force_is_computed_in_python(integrator: Integrator, monkeypatch: pytest.MonkeyPatch) -> None:
-    flight = Ride(twins(monkeypatch, ROUGH, REMUS, integrator, forces=[Tether()]))
+    flight = Ride(twins(monkeypatch, ROUGH, REMUS, integrator, forces=[Crosswind()]))
     assert flight.pair[1]._fused is None
     flight.run_and_compare(200)
 

@@ -1,16 +1,12 @@
 """Forces of a user's own class, from a scenario."""
 
-from collections.abc import Sequence
 from pathlib import Path
 
 import pytest
 
 from hil.common.errors import ConfigError
 from hil.scenario.config import build_simulation, load_scenario
-from sim.assembly import make_dynamics
-from sim.dynamics import Dynamics, State
 from sim.environment.world import load_world
-from sim.rotations import Rotation, from_euler
 from sim.vehicle.vehicle import load_vehicle
 
 FORCE_FILE = """
@@ -30,16 +26,6 @@ class Deaf:
     def wrench(self, position, rotation, nu_r):
         return [0.0] * 6
 """
-
-
-class Crosswind:
-    """A force that depends on all its arguments."""
-
-    def begin(self, time_ns: int) -> None:
-        """Do nothing: it does not change with time."""
-
-    def wrench(self, position: Sequence[float], rotation: Rotation, nu_r: Sequence[float]) -> list[float]:
-        return [rotation[1] * 3.0, nu_r[1] * -2.0, position[2] * 0.01, 0.1, nu_r[4] * -0.3, rotation[2]]
 
 
 def scenario_file(folder: Path, force: str) -> str:
@@ -81,15 +67,3 @@ def test_wrong_forces_are_reported(force: str, message: str, tmp_path: Path, mon
     with pytest.raises(ConfigError, match=r"mine\.toml: force") as caught:
         load_scenario(scenario_file(tmp_path, force))
     assert message in str(caught.value)
-
-
-@pytest.mark.parametrize("integrator", ["verlet", "rk4"])
-def test_c_and_python_agree_with_a_users_force(integrator: str) -> None:
-    vehicle, _ = load_vehicle("bluerov2_heavy")
-    pair = [kind(vehicle, 1025.0, 9.81, integrator, [Crosswind()]) for kind in (Dynamics, make_dynamics)]  # type: ignore[arg-type]
-    states = [State((1.0, 2.0, 9.0), from_euler(0.3, -0.2, 1.0), [0.4, -0.3, 0.2, 0.1, -0.2, 0.3]) for _ in pair]
-    for step in range(500):
-        for dynamics, state in zip(pair, states, strict=True):
-            dynamics.step(state, [10.0, 0.01 * step, 0.0, 0.0, 0.5, 0.0], (0.1, -0.1, 0.0), 0.01)
-    python, native = ([*state.position, *state.quaternion, *state.nu, *state.nu_dot] for state in states)
-    assert python == native
