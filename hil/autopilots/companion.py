@@ -15,20 +15,20 @@ import contextlib
 import errno
 import socket
 from collections.abc import Sequence
-from math import dist, nan, remainder, sqrt, tau
+from math import sqrt
 from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from hil.autopilots import hil_messages
 from hil.autopilots.contract import EstimateError, Report
+from hil.autopilots.estimate import GLOBAL_POSITION, EstimateReader
 from hil.autopilots.inputs import SensorInputs
 from hil.common.clock import NS_PER_S, NS_PER_US
 from hil.common.vectors import Vector3
 from hil.links.contract import Counters
 from hil.links.mavlink.stream import MavlinkStream
 from sim.geodesy import TangentPlane
-from sim.rotations import to_euler
 from sim.sensors.extra_samples import FixSample
 from sim.sensors.samples import DvlSample, OdometrySample
 
@@ -38,15 +38,13 @@ HEARTBEAT_NS = NS_PER_S  # simulation time between heartbeats, attempts to conne
 MAX_DELTA_NS = NS_PER_S // 2  # greatest time between two DVL samples for a position delta
 FULL_CONFIDENCE = 100.0  # %
 TOPICS = {"simulated": "", "odometry": "odom", "dvl": "dvl", "gps": "gps"}
-ESTIMATE_US = 50_000  # between two messages of the estimate
-ATTITUDE, POSITION = dialect.MAVLINK_MSG_ID_ATTITUDE, dialect.MAVLINK_MSG_ID_GLOBAL_POSITION_INT
 ABSURD_M = 100.0  # from the truth, beyond which ArduSub was started elsewhere
 WATER = 1 << 29  # sensor bit of leaks in SYS_STATUS, which ArduSub takes from a companion: ArduSub/GCS_MAVLink_Sub.cpp
 GPS_UNKNOWN = dialect.GPS_INPUT_IGNORE_FLAG_HDOP | dialect.GPS_INPUT_IGNORE_FLAG_VDOP
 
 
 class Companion:
-    """Connection to ArduPilot's `port`; `origin`: of NED positions, degrees. `estimate`: its errors, None until known.
+    """Connection to ArduPilot's `port`; `origin`: of NED positions, degrees.
 
     `lost` counts messages that did not fit into the connection's buffer.
     """
@@ -55,8 +53,7 @@ class Companion:
         self, positions: str, inputs: SensorInputs, origin: tuple[float, float], port: int, report: Report
     ) -> None:
         self.lost = 0
-        self.estimate: EstimateError | None = None
-        self._plane = TangentPlane(*(inputs.origin or (*origin, 0.0)))
+        self._reader = EstimateReader(TangentPlane(*(inputs.origin or (*origin, 0.0))))
         self._is_absurd = False
         self._positions, self._topic = positions, TOPICS[positions]
         self._inputs, self._origin, self._port, self._report = inputs, origin, port, report
@@ -65,6 +62,11 @@ class Companion:
         self._has_origin = self._has_answered = False  # the autopilot has confirmed the origin, has sent anything
         self._heartbeat_due_ns = 0
         self._dvl_ns: int | None = None  # of the last sample with bottom lock
+
+    @property
+    def estimate(self) -> EstimateError | None:
+        """The error of its newest estimate; None until it is known."""
+        return self._reader.error
 
     def advance(self, time_ns: int, truth: OdometrySample, host: str) -> None:
         """Send the messages due at `time_ns` after the autopilot's start; `host`: where the autopilot runs."""
@@ -80,8 +82,7 @@ class Companion:
             self._send([_encode_heartbeat(), *([_encode_origin(self._origin)] if needs_origin else [])])
             if self._inputs.leaks:
                 self._send([dialect.MAVLink_sys_status_message(WATER, WATER, 0, *[0] * 10)])
-            if self.estimate is None:
-                self._send([_encode_interval(message) for message in (ATTITUDE, POSITION)])
+            self._send(self._reader.requests(SYSTEM))
         self._receive(truth)
         if is_new and self._socket:
             self._send(self._encode_messages(time_ns // NS_PER_US, truth))
@@ -143,23 +144,15 @@ class Companion:
                     self._take(message, truth)
 
     def _take(self, message: Any, truth: OdometrySample) -> None:
-        kind = message.get_msgId() if hasattr(message, "get_msgId") else -1
-        if kind == dialect.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN:
-            self._has_origin = True
-        elif kind == ATTITUDE:
-            angles = message.roll, message.pitch, message.yaw
-            errors = [remainder(a - b, tau) for a, b in zip(angles, to_euler(truth.orientation), strict=True)]
-            position = self.estimate.position if self.estimate else nan
-            self.estimate = EstimateError(errors[0], errors[1], errors[2], position)
-        elif kind == POSITION and self.estimate and (message.lat or message.lon):
-            believed = self._plane.local(1e-7 * message.lat, 1e-7 * message.lon, 1e-3 * message.alt)
-            self.estimate = self.estimate._replace(position=dist(believed, truth.position))
-            if self.estimate.position > ABSURD_M and not self._is_absurd:
-                self._is_absurd = True
-                self._report(
-                    f"ArduSub's position is {self.estimate.position:.0f} m from the true one, at an altitude of "
-                    f"{1e-3 * message.alt:.1f} m: start it with the --home of docs/how-to/ardusub.md"
-                )
+        self._reader.take(message, truth)
+        kind, estimate = message.get_msgId(), self.estimate
+        self._has_origin |= kind == dialect.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN
+        if kind == GLOBAL_POSITION and estimate and estimate.position > ABSURD_M and not self._is_absurd:
+            self._is_absurd = True
+            self._report(
+                f"ArduSub's position is {estimate.position:.0f} m from the true one, at an altitude of "
+                f"{1e-3 * message.alt:.1f} m: start it with the --home of docs/how-to/ardusub.md"
+            )
 
 
 def encode_position_delta(time_us: int, sample: DvlSample, gyro: Vector3, delta_ns: int) -> Any:
@@ -187,12 +180,6 @@ def encode_gps_input(time_us: int, fix: FixSample, velocity: Vector3) -> Any:
 def _encode_heartbeat() -> Any:
     kind, autopilot = dialect.MAV_TYPE_ONBOARD_CONTROLLER, dialect.MAV_AUTOPILOT_INVALID
     return dialect.MAVLink_heartbeat_message(kind, autopilot, 0, 0, dialect.MAV_STATE_ACTIVE, 3)
-
-
-def _encode_interval(message: int) -> Any:
-    return dialect.MAVLink_command_long_message(
-        SYSTEM, 1, dialect.MAV_CMD_SET_MESSAGE_INTERVAL, 0, message, ESTIMATE_US, *[0.0] * 5
-    )
 
 
 def _encode_origin(origin: tuple[float, float]) -> Any:

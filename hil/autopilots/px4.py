@@ -5,7 +5,8 @@ sent by the clock. From its first HIL_ACTUATOR_CONTROLS on it replies to each HI
 the reply. A board stamps samples on arrival and waits for nothing, so the simulation runs in real time.
 
 With GPS, PX4's estimator takes where it starts for the origin of its positions, unless SET_GPS_GLOBAL_ORIGIN sets that
-of the world. SITL reads this message at its port for companion computers only.
+of the world. SITL reads this message, and sends its estimate, at its port for a camera only. It answers the first
+sender there, so the port for companion computers is left to them.
 """
 
 import socket
@@ -15,7 +16,17 @@ from typing import Any
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from hil.autopilots import hil_messages
-from hil.autopilots.contract import ABSENT_NS, CHECK_NS, STALL_NS, Autopilot, AutopilotCounters, Outputs, Report
+from hil.autopilots.contract import (
+    ABSENT_NS,
+    CHECK_NS,
+    STALL_NS,
+    Autopilot,
+    AutopilotCounters,
+    EstimateError,
+    Outputs,
+    Report,
+)
+from hil.autopilots.estimate import EstimateReader
 from hil.autopilots.inputs import SensorInputs
 from hil.common.clock import NS_PER_MS, NS_PER_S, NS_PER_US, now_ns
 from hil.links.address import open_address, parse_address
@@ -36,7 +47,7 @@ HEARTBEAT_TIMEOUT_NS = 3 * NS_PER_S  # without messages, after which a board is 
 UNREADABLE_BYTES = 2000  # received without any packet, after which a wrong baud rate is reported
 BOOT_NS = 30 * NS_PER_S  # without outputs of a connected PX4, after which that is reported; 11 s are usual
 MAX_READS = 64  # of the wire in one call of `receive`
-COMPANION_PORT = 14_580  # of the first SITL instance
+CAMERA_PORT = 14_280  # of the first SITL instance
 ORIGIN_MESSAGES = 5  # one a second: the first ones are lost if PX4's estimator does not run yet
 DITHER_T = 1e-8  # last digit of a usual magnetometer; PX4 takes a value that never changes for a failed sensor
 TOPICS = {"simulated": "odom", "odometry": "odom", "dvl": "dvl", "gps": "pressure"}  # sent as ODOMETRY
@@ -52,9 +63,12 @@ class Px4(Autopilot):
         self.figures = AutopilotCounters()
         self._inputs, self._report = inputs, report
         self._rc = settings.rc if self.is_sitl else ()  # a board has its own receiver
-        self._positions, self._companion_port = TOPICS[settings.positions], COMPANION_PORT + settings.instance
+        self._positions = TOPICS[settings.positions]
+        self._camera_address = "127.0.0.1", CAMERA_PORT + settings.instance
         self._dither = DITHER_T
         self._wire = open_address(address, "device", settings.baud)
+        self._camera = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._camera.setblocking(False)
         self.name = f"PX4 on {self._wire.name}"
         self._baud = settings.baud
         self._counters = Counters()
@@ -66,6 +80,11 @@ class Px4(Autopilot):
     def _reset_connection(self) -> None:
         """Reset the state for an autopilot that has just connected."""
         self._stream = MavlinkStream(SYSTEM, COMPONENT, self._counters)
+        self._camera_stream = MavlinkStream(SYSTEM, COMPONENT, Counters())
+        # From velocities alone PX4 counts its position from where it starts.
+        self._start = self._inputs.start if self._positions == "dvl" else (0.0, 0.0, 0.0)
+        self._reader = EstimateReader(self._inputs.plane, self._start)
+        self._truth: OdometrySample | None = None
         self._due_ns = self._truth_ns = self._rc_ns = self._heartbeat_due_ns = 0  # of simulation time
         self._is_in_lockstep = self._awaiting = self._stalled = self._has_heartbeat = False
         self._heartbeat_received_ns = 0
@@ -86,13 +105,22 @@ class Px4(Autopilot):
             return self._is_peer_connected and not self._stalled
         return self._has_heartbeat and now_ns() - self._heartbeat_received_ns < HEARTBEAT_TIMEOUT_NS
 
+    @property
+    def estimate(self) -> EstimateError | None:
+        """The error of its newest estimate."""
+        return self._reader.error
+
     def update_sensor(self, topic: str, sample: Any) -> None:
         """Store one sensor sample."""
         self._inputs.update(topic, sample)
 
     def advance(self, time_ns: int, truth: OdometrySample) -> None:
         """Send HIL_SENSOR if it is due, with other new data. Raises DeviceError."""
-        self._time_ns = time_ns
+        self._time_ns, self._truth = time_ns, truth
+        with suppress(OSError):  # nothing has come, or SITL does not listen yet
+            while self.is_sitl:
+                for message in self._camera_stream.unpack(self._camera.recv(READ_SIZE)):
+                    self._reader.take(message, truth)
         if self.is_sitl and (not self._is_peer_connected or self._stalled):
             return
         if self._origin is None:
@@ -161,6 +189,7 @@ class Px4(Autopilot):
     def close(self) -> None:
         """Close the wire."""
         self._wire.close()
+        self._camera.close()
 
     def _connection_fault(self) -> str:
         counters = self._counters
@@ -201,6 +230,8 @@ class Px4(Autopilot):
         kind = message.get_msgId()
         if kind == dialect.MAVLINK_MSG_ID_HEARTBEAT and message.autopilot != dialect.MAV_AUTOPILOT_INVALID:
             self._has_heartbeat, self._heartbeat_received_ns = True, now
+        if self._truth and not self.is_sitl:
+            self._reader.take(message, self._truth)
         if kind != dialect.MAVLINK_MSG_ID_HIL_ACTUATOR_CONTROLS:
             return None
         if not self._has_heartbeat and not self.is_sitl:
@@ -257,12 +288,8 @@ class Px4(Autopilot):
             self._heartbeat_due_ns = time_ns + HEARTBEAT_NS
             kind, autopilot = dialect.MAV_TYPE_GENERIC, dialect.MAV_AUTOPILOT_INVALID
             messages.append(dialect.MAVLink_heartbeat_message(kind, autopilot, 0, 0, dialect.MAV_STATE_ACTIVE, 3))
-            if inputs.plane and self._origins_left and self._actuator_us >= 0:
-                self._origins_left -= 1
-                # From velocities alone PX4 counts its position from where it starts.
-                messages += self._send_origin(
-                    *inputs.plane.geodetic(inputs.start if self._positions == "dvl" else (0.0, 0.0, 0.0))
-                )
+            if self._actuator_us >= 0:
+                messages += self._beside()
         return messages
 
     def _encode_positions(self, time_us: int) -> Any:
@@ -273,13 +300,17 @@ class Px4(Autopilot):
             return hil_messages.encode_velocity(time_us, inputs.depth, None)
         return hil_messages.encode_velocity(time_us, inputs.depth + inputs.dvl_below, inputs.dvl)
 
-    def _send_origin(self, latitude: float, longitude: float, altitude: float) -> list[Any]:
-        """Send the origin of NED positions to SITL; for a board, return the message."""
-        place = round(1e7 * latitude), round(1e7 * longitude), round(1000.0 * altitude)
-        message = dialect.MAVLink_set_gps_global_origin_message(self._system, *place)
+    def _beside(self) -> list[Any]:
+        """Send SITL the origin of NED positions and the requests for its estimate; for a board, return them."""
+        messages, plane = self._reader.requests(self._system), self._inputs.plane
+        if plane and self._origins_left:
+            self._origins_left -= 1
+            latitude, longitude, altitude = plane.geodetic(self._start)
+            place = round(1e7 * latitude), round(1e7 * longitude), round(1000.0 * altitude)
+            messages.append(dialect.MAVLink_set_gps_global_origin_message(self._system, *place))
         if not self.is_sitl:
-            return [message]
-        packet = MavlinkStream(SYSTEM, COMPONENT, Counters()).pack(message)
-        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as companion, suppress(OSError):
-            companion.sendto(packet, ("127.0.0.1", self._companion_port))
+            return messages
+        for message in messages:
+            with suppress(OSError):
+                self._camera.sendto(self._camera_stream.pack(message), self._camera_address)
         return []

@@ -8,7 +8,7 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from math import isfinite
+from math import hypot, isfinite
 from pathlib import Path
 
 import pytest
@@ -172,13 +172,13 @@ def test_positions_by_dvl_are_a_depth_and_a_velocity_while_it_has_lock(tmp_path:
             peer.close()
 
 
-def test_px4_gets_the_worlds_origin_and_a_field_that_is_not_constant(
+def test_px4_gets_the_origin_and_a_field_that_is_not_constant_and_its_estimate_is_read(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as companion:
-        companion.bind(("127.0.0.1", 0))
-        companion.settimeout(10.0)
-        monkeypatch.setattr("hil.autopilots.px4.COMPANION_PORT", companion.getsockname()[1])
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as camera:
+        camera.bind(("127.0.0.1", 0))
+        camera.settimeout(10.0)
+        monkeypatch.setattr("hil.autopilots.px4.CAMERA_PORT", camera.getsockname()[1])
         with bench(tmp_path) as b:
             peer = Px4Peer(b.port)
             fields = []
@@ -186,8 +186,21 @@ def test_px4_gets_the_worlds_origin_and_a_field_that_is_not_constant(
                 sensor = peer.sensor()
                 fields.append(sensor.xmag)
                 peer.send_reply(sensor, ())
-            (message,) = peer.stream.unpack(companion.recv(300))
+            received = [camera.recvfrom(300) for _ in range(3)]
+            *wanted, message = [peer.stream.unpack(data)[0] for data, _ in received]
+            for answer in (
+                dialect.MAVLink_attitude_message(0, 0.0, 0.0, 0.1, 0, 0, 0),
+                dialect.MAVLink_global_position_int_message(0, 500_000_000, 80_000_000, 0, 0, 0, 0, 0, 0),
+            ):
+                camera.sendto(peer.stream.pack(answer), received[0][1])
+            for _ in range(3):
+                peer.send_reply(peer.sensor(), ())
+            estimate, truth = b.run.autopilot.estimate, b.run.simulation.truth()
             peer.close()
+    assert [request.param1 for request in wanted] == [30, 33]  # ATTITUDE, GLOBAL_POSITION_INT
+    assert estimate
+    assert estimate.yaw == pytest.approx(0.1, abs=0.01)
+    assert estimate.position == pytest.approx(hypot(*truth.position), abs=0.1)
     assert (message.latitude, message.longitude, message.target_system) == (500_000_000, 80_000_000, 1)
     assert all(1e-5 < abs(a - b) < 1e-3 for a, b in itertools.pairwise(fields))  # gauss
 
