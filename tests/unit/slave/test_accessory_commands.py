@@ -1,0 +1,82 @@
+"""Commands of accessories in the slave: who may give them, and how they reach the imaging process."""
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from hil.common.clock import NS_PER_S, now_ns, to_wall_ns
+from hil.ros import encoders as ros
+from hil.ros.joints import encode_accessories
+from hil.scenario.config import load_scenario
+from hil.slave.command_receiver import CommandReceiver
+from hil.slave.imaging.process import Studio
+
+MASTER, OTHER = b"m" * 16, b"o" * 16
+FORWARD = ros.encode_twist((0.2, 0.0, 0.0), (0.0, 0.0, 0.0))
+
+
+class Sender:
+    """Sends messages to a command receiver, and keeps the accessories that it moves."""
+
+    def __init__(self) -> None:
+        self.receiver = CommandReceiver(NS_PER_S)
+        self.moved: dict[str, float] = {}
+        self.receiver.move = self.moved.update
+        self._sequence = 0
+
+    def send(self, topic: str, payload: bytes, gid: bytes) -> None:
+        self._sequence += 1
+        self.receiver.on_message(topic, payload, ros.pack_attachment(self._sequence, to_wall_ns(now_ns()), gid))
+
+    def light(self, share: float, gid: bytes) -> None:
+        self.send("cmd_accessories", encode_accessories(0, {"lights": share}), gid)
+
+
+@pytest.fixture
+def sender() -> Iterator[Sender]:
+    made = Sender()
+    yield made
+    made.receiver.close()
+
+
+def test_accessories_need_the_permission_of_the_active_master_and_make_none(sender: Sender) -> None:
+    sender.light(0.5, OTHER)  # nobody commands
+    assert (sender.moved, sender.receiver.master, sender.receiver.take_latest()) == ({"lights": 0.5}, b"", None)
+    sender.receiver.ranks[MASTER] = 0
+    sender.send("cmd_vel", FORWARD, MASTER)
+    sender.light(0.1, OTHER)
+    assert (sender.moved, sender.receiver.refused) == ({"lights": 0.5}, 1)
+    sender.light(0.2, MASTER)
+    assert sender.moved == {"lights": 0.2}
+    newest = sender.receiver.take_latest()
+    assert newest, "the velocity still counts"
+    assert newest.sequence == 2
+
+
+def test_a_vehicle_without_accessories_says_so(sender: Sender) -> None:
+    sender.receiver.move = None
+    sender.light(1.0, MASTER)
+    assert sender.receiver.malformed == 1
+    assert sender.receiver.fault == "cmd_accessories: the vehicle has no [accessories]"
+
+
+def test_the_imaging_process_uses_lights_and_tilt_of_a_request(tmp_path: Path) -> None:
+    keys = 'width = 32\nheight = 24\nlamps = 5.0\nexposure = 0.5\nwater = "clear"\nfield_of_view = 0.2'
+    path = tmp_path / "lit.toml"
+    path.write_text(f'vehicle = "bluerov2"\nworld = "pool"\nmaster = {{}}\n[start]\nnorth = 5\neast = 4\ndepth = 2\n[sensors.camera]\n{keys}')
+    scenario = load_scenario(str(path))
+    studio = Studio(scenario._replace(sensors={"camera": scenario.sensors["camera"]}))
+
+    def look(lights: float, tilt: float) -> tuple[float, float]:
+        taken: Any = studio.take_sample(0, 0, [5.0, 4.0, 2.0, 1.0, 0.0, 0.0, 0.0, *[0.0] * 12, lights, tilt])
+        depth = np.frombuffer(taken[1].depth, np.float32)
+        return float(np.frombuffer(taken[1].rgb, np.uint8).mean()), float(np.median(depth))
+
+    bright, ahead = look(1.0, 0.0)
+    dark, _ = look(0.0, 0.0)
+    _, down = look(1.0, -1.2)
+    assert bright > dark + 5.0
+    assert down < 0.7 * ahead
