@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.charts.sources.curvilinear import EvenGrid, resample
 from hil.charts.sources.sign import UNITS, Declared, is_depth_name, join_notes
 from hil.common.errors import ConfigError, MissingExtraError
 
@@ -133,14 +134,9 @@ def find_layer(path: str, variables: Mapping[str, Variable], declared: Declared)
     """
     wanted = declared.split_layer()[0]
     numeric = {name: _axes(part, variables) for name, part in variables.items() if part.data.dtype.kind in "iuf"}
-    placed = {name: axes for name, axes in numeric.items() if len(axes) == 2}
+    curved = {name: _curved_axes(variables[name], axes, variables) for name, axes in numeric.items()}
+    placed = {name: curved[name] or axes for name, axes in numeric.items() if curved[name] or len(axes) == 2}
     if not placed or wanted not in ("", *placed):
-        curved = [v.name for v in variables.values() if len(v.dimensions) == 2 and any(_kind(v, rule) for rule in AXES)]
-        if curved:
-            raise ConfigError(
-                f"{path}: has positions by {' and '.join(curved)} of two dimensions, a curved or rotated grid: "
-                "warp it to longitude and latitude, or write it as text with longitude, latitude and depth"
-            )
         if wanted:
             raise ConfigError(f"--layer {wanted}: {path} has {', '.join(placed) or 'no layer with known axes'}")
         return None
@@ -166,6 +162,25 @@ def _axes(variable: Variable, variables: Mapping[str, Variable]) -> dict[str, tu
                 if kind and kind not in found and number not in [taken for taken, _ in found.values()]:
                     found[kind] = number, axis
     return found
+
+
+def _curved_axes(
+    variable: Variable, axes: Mapping[str, tuple[int, Variable]], variables: Mapping[str, Variable]
+) -> dict[str, tuple[int, Variable]]:
+    """Return the coordinates of two dimensions of a variable, unless its axes are positions on the earth; else {}."""
+    said = [axis.text("standard_name") + axis.text("units") for _, axis in axes.values()]
+    if len(said) == 2 and all(re.match("latitude|longitude|projection|degrees?_", word) for word in said):
+        return {}
+    found: dict[str, Variable] = {}
+    for rule in AXES:
+        for own in variables.values():
+            kind = _kind(own, rule) if len(own.dimensions) == 2 and own.name != variable.name else ""
+            if kind and set(own.dimensions) <= set(variable.dimensions):
+                found.setdefault(kind, own)
+    if len(found) < 2 or found["north"].dimensions != found["east"].dimensions:
+        return {}
+    places = zip(("north", "east"), found["north"].dimensions, strict=True)
+    return {kind: (variable.dimensions.index(dimension), found[kind]) for kind, dimension in places}
 
 
 def _kind(variable: Variable, rule: tuple[str, str, str]) -> str:
@@ -227,6 +242,12 @@ def find_axes(path: str, layer: Layer, metres: float) -> tuple[Axis, Axis]:
     return found[0], found[1]
 
 
+def read_curved(path: str, layer: Layer) -> EvenGrid:
+    """Return a layer with positions of two dimensions at even degrees. Raises ConfigError."""
+    latitude, longitude = (_positions(axis, 0.0) for axis in (layer.north, layer.east))
+    return resample(path, latitude, longitude, _values(layer))
+
+
 def _positions(axis: Variable, metres: float) -> Array:
     """Return the positions on an axis; `metres`: length of the unit in which they are asked for, 0 for degrees."""
     unit = UNITS.get(axis.text("units").lower(), metres) / metres if metres else 1.0
@@ -250,9 +271,13 @@ def read_layer(path: str, layer: Layer, east: Axis, south: Axis) -> NDArray[np.f
             f"{path}: {layer.variable.name} has more than {MAX_VALUES} values, in an order that needs all of them in "
             "memory: cut out a part"
         )
-    raw = _decode(layer.variable, np.asarray(layer.variable.data[layer.place])).astype(np.float32)
-    values = (raw.T if layer.is_transposed else raw)[np.ix_(south.order, east.order)]
+    values = _values(layer)[np.ix_(south.order, east.order)]
     return np.asarray(_between(_between(values, south).T, east).T)
+
+
+def _values(layer: Layer) -> NDArray[np.float32]:
+    raw = _decode(layer.variable, np.asarray(layer.variable.data[layer.place])).astype(np.float32)
+    return np.asarray(raw.T if layer.is_transposed else raw)
 
 
 def _decode(variable: Variable, raw: NDArray[Any]) -> NDArray[np.floating[Any]]:

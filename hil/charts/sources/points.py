@@ -92,7 +92,8 @@ def read_points(
         rows[:, 0] %= 360.0
     require_possible(path, rows[:, 2])
     low, high, axis = float(rows[:, 2].min()), float(rows[:, 2].max()), vertical_axis(system)[1]
-    up, note = detect_direction(path, positive, [name], low, high, axis)
+    names = [name, "bathymetry"]  # points without any name are soundings
+    up, note = detect_direction(path, positive, names, low, high, axis)
     note = join_notes(reading_note, unit_note, note, _several_depths(rows, path))
     return Points(os.path.basename(path), rows[:, 1::-1], -rows[:, 2] if up else rows[:, 2], geographic, note)
 

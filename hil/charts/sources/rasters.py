@@ -19,6 +19,7 @@ from hil.charts.sources.sign import (
     Declared,
     Positive,
     detect_direction,
+    first_hint,
     is_depth_name,
     join_notes,
     require_possible,
@@ -36,6 +37,7 @@ DRIVERS = {".tif": "GTiff", ".tiff": "GTiff", ".bag": "BAG", ".nc": "netCDF", ".
 GRIDS = {b"DSAA": "GSAG", b"DSBB": "GSBG", b"DSRB": "GS7BG"}  # .grd of Surfer by first bytes; GMT's is NetCDF
 # Metadata with the date of a survey: of S-102, BAG, NetCDF (by the CF and ACDD conventions) and TIFF
 DATES = ("issuedate", "bag_datetime", "time_coverage_end", "date_issued", "date_created", "tifftag_datetime")
+ABOUT = ("title", "summary", "description", "tifftag_imagedescription", "tifftag_documentname")  # texts on the file
 FINEST = {"MODE": "RESAMPLED_GRID"}  # for a BAG of variable resolution, whose default band is a coarse overview
 SAMPLED = 512  # pixels along a side of the sample that shows the sign of the values
 ALIKE = 0.02  # pixels by which two positions of a corner may differ
@@ -174,6 +176,14 @@ def _open_netcdf(path: str, declared: Declared) -> tuple[str, str, Any, int, str
         if layer is None:
             return None
         file = f'NETCDF:"{path}":{layer.variable.name}'
+        if layer.north.data.ndim == 2:
+            grid = netcdf.read_curved(path, layer)
+            x, y = grid.east_step, grid.north_step
+            where = rasterio.Affine(x, 0.0, grid.west - 0.5 * x, 0.0, -y, grid.north + 0.5 * y)
+            with rasterio.open(file, driver="netCDF") as source:
+                memory = _in_memory(grid.values, where, WGS84, source, layer.band)
+            note = f"{path}: its positions have two dimensions: interpolated to even ones"
+            return memory.name, "GTiff", memory, 1, join_notes(layer.note, note)
         with rasterio.open(file, driver="netCDF") as source:
             is_projected = bool(source.crs and source.crs.is_projected)
             is_geographic = layer.is_geographic(is_projected)
@@ -189,17 +199,25 @@ def _open_netcdf(path: str, declared: Declared) -> tuple[str, str, Any, int, str
             )
             if layer.band and is_even and np.abs(off).max() < ALIKE:
                 return file, "netCDF", None, layer.band, layer.note
-            memory = rasterio.io.MemoryFile(ext=".tif")
-            values = netcdf.read_layer(path, layer, east, south)
-            with memory.open(
-                driver="GTiff", width=values.shape[1], height=values.shape[0], count=1, dtype="float32", nodata=np.nan,
-                transform=where, crs=WGS84 if is_geographic and is_projected else source.crs,
-            ) as target:  # fmt: skip
-                target.write(values, 1)
-                target.update_tags(**source.tags())
-                target.update_tags(1, **source.tags(layer.band or 1))
+            crs = WGS84 if is_geographic and is_projected else source.crs
+            memory = _in_memory(netcdf.read_layer(path, layer, east, south), where, crs, source, layer.band)
     note = "" if is_even else f"{path}: its positions are uneven: interpolated to even ones"
     return memory.name, "GTiff", memory, 1, join_notes(layer.note, note)
+
+
+def _in_memory(values: Any, where: Any, crs: Any, source: Any, band: int) -> Any:
+    """Return a file in memory with values laid out anew, and the metadata of `source`."""
+    import rasterio
+
+    memory = rasterio.io.MemoryFile(ext=".tif")
+    with memory.open(
+        driver="GTiff", width=values.shape[1], height=values.shape[0], count=1, dtype="float32", nodata=np.nan,
+        transform=where, crs=crs,
+    ) as target:  # fmt: skip
+        target.write(values, 1)
+        target.update_tags(**source.tags())
+        target.update_tags(1, **source.tags(band or 1))
+    return memory
 
 
 def is_raster(path: str) -> bool:
@@ -268,7 +286,7 @@ def _describe_raster(path: str, file: str, source: Any, band: int, declared: Dec
     local = np.column_stack(LocalPlane(float(latitude[0]), float(longitude[0])).to_local(latitude, longitude))
     spacing = float(np.hypot(*(local[1:] - local[0]).T).max())
     unit, unit_note = _unit(path, source, band, declared, where)
-    is_upwards, note = _detect_direction(path, file, source, declared.positive, band, unit)
+    is_upwards, note = _detect_direction(path, source, declared, band, unit)
     sign = -unit if is_upwards else unit
     scale, offset = sign * source.scales[band - 1], sign * source.offsets[band - 1]
     own_note = f"{path}: --crs is not used, because the file has its own coordinate system"
@@ -317,18 +335,19 @@ def _date(tags: dict[str, str]) -> str:
     return ""
 
 
-def _detect_direction(
-    path: str, file: str, source: Any, positive: Positive, band: int, unit: float
-) -> tuple[bool, str]:
+def _detect_direction(path: str, source: Any, declared: Declared, band: int, unit: float) -> tuple[bool, str]:
     """Return whether the values of a band count upwards, and a note on what was assumed, "" for nothing."""
+    positive = declared.positive
     tags = {key.rpartition("#")[2].lower(): str(value) for key, value in source.tags(band).items()}
     counted = tags.get("positive", "").strip().lower()
     if positive == "auto" and counted in ("up", "down"):
         return counted == "up", ""
     if positive == "auto" and source.driver in ("BAG", "S102"):  # BAG has elevations; GDAL returns depths of S-102
         return bool(source.driver == "BAG"), ""
-    name = tags.get("netcdf_varname") or os.path.basename(file)
-    named = [tags.get("standard_name"), tags.get("long_name"), source.descriptions[band - 1], name]
+    own = [tags.get(key) for key in ("standard_name", "long_name", "netcdf_varname")]
+    about = [text for key, text in source.tags().items() if key.rpartition("#")[2].lower() in ABOUT]
+    fathoms = "depth" if (declared.unit or source.units[band - 1] or "").lower() in ("fm", "fathom", "fathoms") else ""
+    named = first_hint([*own, source.descriptions[band - 1]], [os.path.basename(path)], about, [fathoms])
     shape = min(SAMPLED, source.height), min(SAMPLED, source.width)
     values = source.read(band, out_shape=shape, masked=True)
     known = unit * (values.compressed() * source.scales[band - 1] + source.offsets[band - 1])
@@ -337,5 +356,4 @@ def _detect_direction(
         raise ConfigError(f"{path}: no pixel has a depth: use another file")
     require_possible(path, known)
     low, high, axis = float(known.min()), float(known.max()), vertical_axis(source.crs)[1]
-    flat = float((known == 0.0).mean())
-    return detect_direction(path, positive, [word for word in named if word], low, high, axis, flat)
+    return detect_direction(path, positive, named, low, high, axis)

@@ -17,7 +17,8 @@ Positive = Literal["auto", "up", "down"]
 
 _UP = {"elevation", "height", "altitude", "topo", "topography", "dem", "dtm"}
 _DOWN = {"depth", "sounding", "soundings"}
-_NEUTRAL = {"bathymetry", "topobathy", "bathy", "z"}
+_SEABED = {"bathymetry", "bathymetric", "topobathy", "bathy"}
+_NEUTRAL = {*_SEABED, "z"}
 # Words of what is said about a depth, and is none
 _ABOUT = {"uncertainty", "std", "stddev", "error", "sd", "sigma", "count", "counts", "flag", "quality", "mask", "index"}
 UNITS = {
@@ -28,7 +29,6 @@ UNITS = {
     **dict.fromkeys(("dm", "decimeters", "decimetres"), 0.1),
 }  # fmt: skip
 MAX_MAGNITUDE = 12_000.0  # m above or below sea level: more than any place on the earth
-MAX_FLAT = 0.02  # share of values that are zero, above which those of no name may be heights of land beside the sea
 MAX_DRYING = 50.0  # m of land above the water in data that are named as depths
 NO_DATA_MARK = 9999.0  # m: in many files this means "no value" although they do not state it
 
@@ -55,14 +55,14 @@ class Declared(NamedTuple):
 
 
 def detect_direction(
-    path: str, positive: Positive, names: Iterable[str], low: float, high: float, axis: str = "", flat: float = 0.0
+    path: str, positive: Positive, names: Iterable[str], low: float, high: float, axis: str = ""
 ) -> tuple[bool, str]:
     """Return whether values between `low` and `high` m count upwards (heights), and a note on what was assumed.
 
     `positive` decides, else `names` (of a band or column), else the name of a vertical `axis`, else the signs: values
-    that are all below zero are heights, even if named as depths, and values that are all above zero are depths, unless
-    many of them, a share `flat`, are zero: that may be a level sea among heights, or land among depths. The note is ""
-    if nothing was assumed. Raises ConfigError if none of these decides.
+    that are all below zero are heights, even if named as depths, and those of a bathymetry that are all above zero are
+    depths. Without such a name these may be heights of land as well. The note is "" if nothing was assumed. Raises
+    ConfigError if none of these decides.
     """
     if positive != "auto":
         return positive == "up", ""
@@ -81,13 +81,19 @@ def detect_direction(
         )
     if words & _DOWN:
         return False, ""
-    if low >= 0.0 and flat <= MAX_FLAT:
+    if low >= 0.0 and words & _SEABED:
         note = f"{path}: read as depths, because none is below zero and no name states it (land heights: --positive up)"
         return False, note
     raise ConfigError(
         f"{path}: values from {low:g} to {high:g} m, and nothing states whether they are heights or depths: use "
         "--positive up or --positive down"
     )
+
+
+def first_hint(*groups: Iterable[str | None]) -> list[str]:
+    """Return the texts of the first group, from the strongest, with a word of heights, depths or the seabed."""
+    listed = [[text for text in group if text] for group in groups]
+    return next((texts for texts in listed if any(_words(text) & (_UP | _DOWN | _SEABED) for text in texts)), [])
 
 
 def join_notes(*notes: str) -> str:

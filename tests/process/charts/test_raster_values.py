@@ -87,7 +87,7 @@ def test_an_undeclared_no_data_value_out_of_range_is_refused(mark: float, tmp_pa
 
 
 def test_a_local_coordinate_system_is_refused(tmp_path: Path) -> None:
-    path = write(tmp_path / "pool.tif", DEPTHS, crs='LOCAL_CS["pool",UNIT["metre",1]]')
+    path = write(tmp_path / "pool.tif", -DEPTHS, crs='LOCAL_CS["pool",UNIT["metre",1]]')
     with pytest.raises(ConfigError, match=r"pool\.tif: .*no coordinate system: name it, for example --crs EPSG:32605"):
         open_raster(path)
     assert depth_of(open_raster(path, crs="EPSG:32632")) == MIDDLE
@@ -140,13 +140,28 @@ def test_an_undeclared_no_data_value_of_9999_is_refused(tmp_path: Path) -> None:
 
 def test_an_assumption_about_the_sign_of_values_is_reported(tmp_path: Path) -> None:
     named_bands = open_raster(write(tmp_path / "named.tif", DEPTHS, names=("depth",)))
-    unnamed_bands = open_raster(write(tmp_path / "bare.tif", DEPTHS))
+    unnamed_bands = open_raster(write(tmp_path / "bathymetry.tif", DEPTHS))
     negative_depths = open_raster(write(tmp_path / "odd.tif", -DEPTHS, names=("depth",)))
     assert named_bands.note == ""
-    assert "bare.tif: read as depths, because none is below zero" in unnamed_bands.note
+    assert "bathymetry.tif: read as depths, because none is below zero" in unnamed_bands.note
     assert "odd.tif: named as depths, read as heights" in negative_depths.note
     assert [depth_of(raster) for raster in (named_bands, unnamed_bands, negative_depths)] == [MIDDLE] * 3
-    assert open_raster(write(tmp_path / "bare.tif", DEPTHS), "down").note == ""
+
+
+def test_a_raster_that_is_all_positive_needs_a_hint(tmp_path: Path) -> None:
+    """It fits the heights of a land as well as depths; file name, metadata and fathoms can say which it is."""
+    rasterio = pytest.importorskip("rasterio", reason="rasters need rasterio: pip install 'uuv-hil[raster]'")
+    bare = write(tmp_path / "bare.tif", DEPTHS)
+    for path in (bare, write(tmp_path / "metres.tif", DEPTHS, unit="m")):
+        with pytest.raises(ConfigError, match="nothing states whether they are heights or depths: use --positive up"):
+            open_raster(path)
+    assert depth_of(open_raster(bare, "down")) == MIDDLE
+    assert open_raster(write(tmp_path / "lake_depth.tif", DEPTHS)).scale == 1.0
+    assert open_raster(write(tmp_path / "lake_dem.tif", DEPTHS)).scale == -1.0
+    assert open_raster(write(tmp_path / "lake.tif", DEPTHS, unit="fathom")).scale == 1.8288
+    with rasterio.open(bare, "r+") as file:
+        file.update_tags(TIFFTAG_IMAGEDESCRIPTION="Terrain elevation of the island")
+    assert open_raster(bare).scale == -1.0
 
 
 def test_a_raster_of_the_whole_earth_needs_an_area(tmp_path: Path) -> None:

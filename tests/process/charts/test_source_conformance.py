@@ -149,16 +149,47 @@ def test_feet_heights_times_and_variables(tmp_path: Path) -> None:
         open_raster(two, layer="sand")
 
 
-def test_curved_and_rotated_grids_are_refused(tmp_path: Path) -> None:
-    curved = write_netcdf(tmp_path / "a.nc", names="row column", states="")
-    with h5py.File(curved, "a") as file:
-        for name in ("lat", "lon"):
-            file[name] = np.ones((41, 61))
-            file[name].attrs["units"] = np.bytes_("degrees_north" if name == "lat" else "degrees_east")
+def write_curved(path: Path, east: float = 0.0, north: float = 0.0) -> str:
+    """Write a plane of depths on bent rows and columns about MIDDLE, moved by some degrees, with a hole of four."""
+    row, column = np.mgrid[-1.0:1.0:41j, -1.0:1.0:61j]
+    latitude = MIDDLE[0] + north + 0.05 * row + 0.03 * column + 0.01 * row * column
+    longitude = MIDDLE[1] + 0.09 * column - 0.05 * row + 0.01 * column**2
+    depths = truth(latitude - north, longitude)
+    depths[30:32, 10:12] = np.nan
+    with h5py.File(path, "w") as file:
+        for name, size in (("row", 41), ("column", 61)):
+            file[name] = np.arange(float(size))
+            file[name].make_scale(name)
+        wrapped = (longitude + east + 180.0) % 360.0 - 180.0
+        for name, values in (("lat", latitude), ("lon", wrapped), ("depth", depths)):
+            file[name] = values
             for number, axis in enumerate(("row", "column")):
                 file[name].dims[number].attach_scale(file[axis])
-    with pytest.raises(ConfigError, match=r"positions by lat and lon of two dimensions, a curved or rotated grid"):
-        open_raster(curved)
+        for name, unit in (("lat", "degrees_north"), ("lon", "degrees_east"), ("depth", "m")):
+            file[name].attrs["units"] = np.bytes_(unit)
+    return str(path)
+
+
+@pytest.mark.parametrize("east", [0.0, 170.0])
+def test_curved_grids_are_resampled(east: float, tmp_path: Path) -> None:
+    """A plane is exact between the nodes, on both sides of the date line; the hole and the outside have no depth."""
+    raster = open_raster(write_curved(tmp_path / "a.nc", east))
+    assert "a.nc: its positions have two dimensions: interpolated to even ones" in raster.note
+    row, column = np.meshgrid([-0.8, -0.31, 0.013, 0.52, 0.84], [-0.3, 0.011, 0.4, 0.8])
+    latitude = MIDDLE[0] + 0.05 * row + 0.03 * column + 0.01 * row * column
+    longitude = MIDDLE[1] + 0.09 * column - 0.05 * row + 0.01 * column**2
+    for place in zip(latitude.ravel().tolist(), longitude.ravel().tolist(), strict=True):
+        found = raster.depths(LocalPlane(place[0], place[1] + east), np.array([-5.0, 0, 5]), np.array([-5.0, 0, 5]))
+        assert found[1, 1] == pytest.approx(truth(*map(np.array, place)), abs=0.02)
+    hole = MIDDLE[0] + 0.05 * 0.525 - 0.03 * 0.65 - 0.01 * 0.525 * 0.65, MIDDLE[1] - 0.09 * 0.65 - 0.05 * 0.525 + 0.0042
+    for latitude_out, longitude_out in (hole, (MIDDLE[0] + 0.075, MIDDLE[1] - 0.1)):
+        plane = LocalPlane(latitude_out, longitude_out + east)
+        assert np.isnan(raster.depths(plane, np.array([-5.0, 0, 5]), np.array([-5.0, 0, 5]))[1, 1])
+
+
+def test_curved_grids_over_the_pole_and_rotated_ones_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match="curved grid over a pole or around the earth: cut out a part"):
+        open_raster(write_curved(tmp_path / "a.nc", north=35.85))
     with h5py.File(write_netcdf(tmp_path / "b.nc", states="s"), "a") as file:
         file["lat"].attrs["standard_name"] = np.bytes_("grid_latitude")
     with pytest.raises(ConfigError, match="rotated pole"):
