@@ -64,9 +64,9 @@ class RosNode:
             loop.sample_publisher.declare((EVENTS,))
             offer_services(self.server, node, loop, scenario.start, report)
         Descriptions(session, loop.sample_publisher.graph, scenario, report)
+        self._sensors, self._settings, self._tilt = scenario.sensors, settings, 0.0
         if settings.transforms:
-            frames = static_transforms(scenario.sensors, settings, loop.sample_publisher.stamps.epoch_ns)
-            loop.sample_publisher.publish("/tf_static", encode_transforms(frames))
+            self._publish_frames(loop.sample_publisher.stamps.epoch_ns)
 
     def fileno(self) -> int:
         """Return the descriptor to wait on."""
@@ -86,15 +86,28 @@ class RosNode:
             payload = encode_wrench(sample_publisher.stamps.stamp(time_ns), wrench, f"{self._prefix}base_link")
             sample_publisher.publish("thruster_wrench", payload)
         if self._joints.passes(time_ns):
+            accessories = self._loop.simulation.accessories
+            if self._settings.transforms and accessories and accessories.tilt(time_ns) != self._tilt:
+                self._tilt = accessories.tilt(time_ns)
+                self._publish_frames(sample_publisher.stamps.stamp(time_ns))
             if sample_publisher.has_subscribers(("joint_states",)):
                 self._publish_joints(time_ns)
             if sample_publisher.has_subscribers(("motors",)):
                 self._publish_motors()
-            if self._loop.simulation.accessories and sample_publisher.has_subscribers(("accessories",)):
-                self._publish_accessories(self._loop.simulation.accessories, time_ns)
+            if accessories and sample_publisher.has_subscribers(("accessories",)):
+                self._publish_accessories(accessories, time_ns)
             if self._loop.simulation.tether and sample_publisher.has_subscribers(("tether",)):
                 self._publish_tether(self._loop.simulation.tether, time_ns)
         self.due_ns = min(self._clock.due_ns, self._wrench.due_ns, self._joints.due_ns)
+
+    def _publish_frames(self, stamp_ns: int) -> None:
+        """Publish the frames of the sensors, with tilting cameras as they are turned now."""
+        sensors = {
+            name: each._replace(mounting=each.mounting.tilted(self._tilt)) if getattr(each.model, "tilts", 0) else each
+            for name, each in self._sensors.items()
+        }
+        frames = static_transforms(sensors, self._settings, stamp_ns)
+        self._loop.sample_publisher.publish("/tf_static", encode_transforms(frames))
 
     def _publish_joints(self, time_ns: int) -> None:
         from hil.ros.joints import encode_joints, joint_states  # loaded at the first subscriber

@@ -16,6 +16,19 @@ from hil.slave.imaging.process import Studio
 
 MASTER, OTHER = b"m" * 16, b"o" * 16
 FORWARD = ros.encode_twist((0.2, 0.0, 0.0), (0.0, 0.0, 0.0))
+LIT = """
+vehicle = "bluerov2"
+world = "pool"
+master = {}
+start = { north = 5, east = 4, depth = 2 }
+[sensors.camera]
+width = 32
+height = 24
+lamps = 5.0
+exposure = 0.5
+water = "clear"
+field_of_view = 0.2
+"""
 
 
 class Sender:
@@ -64,9 +77,8 @@ def test_a_vehicle_without_accessories_says_so(sender: Sender) -> None:
 
 
 def test_the_imaging_process_uses_lights_and_tilt_of_a_request(tmp_path: Path) -> None:
-    keys = 'width = 32\nheight = 24\nlamps = 5.0\nexposure = 0.5\nwater = "clear"\nfield_of_view = 0.2'
     path = tmp_path / "lit.toml"
-    path.write_text(f'vehicle = "bluerov2"\nworld = "pool"\nmaster = {{}}\n[start]\nnorth = 5\neast = 4\ndepth = 2\n[sensors.camera]\n{keys}')
+    path.write_text(LIT)
     scenario = load_scenario(str(path))
     studio = Studio(scenario._replace(sensors={"camera": scenario.sensors["camera"]}))
 
