@@ -14,8 +14,10 @@ libraries/GCS_MAVLink/GCS_Common.cpp, libraries/AP_VisualOdom, libraries/AP_GPS/
 import contextlib
 import errno
 import socket
+from collections import deque
 from collections.abc import Sequence
-from math import sqrt
+from math import isclose, sqrt
+from types import MappingProxyType
 from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
@@ -24,6 +26,7 @@ from hil.autopilots import hil_messages
 from hil.autopilots.contract import EstimateError, Report
 from hil.autopilots.estimate import GLOBAL_POSITION, EstimateReader
 from hil.autopilots.inputs import SensorInputs
+from hil.autopilots.parameters import Parameters
 from hil.common.clock import NS_PER_S, NS_PER_US
 from hil.common.vectors import Vector3
 from hil.links.contract import Counters
@@ -38,6 +41,9 @@ HEARTBEAT_NS = NS_PER_S  # simulation time between heartbeats, attempts to conne
 MAX_DELTA_NS = NS_PER_S // 2  # greatest time between two DVL samples for a position delta
 FULL_CONFIDENCE = 100.0  # %
 TOPICS = {"simulated": "", "odometry": "odom", "dvl": "dvl", "gps": "gps"}
+SILENT_BEATS = 30  # heartbeats without an answer, after which that is reported
+MAX_LISTED = 8
+MAX_REQUESTS = 10  # of parameters in a second; ArduPilot's queue has 20
 ABSURD_M = 100.0  # from the truth, beyond which ArduSub was started elsewhere
 WATER = 1 << 29  # sensor bit of leaks in SYS_STATUS, which ArduSub takes from a companion: ArduSub/GCS_MAVLink_Sub.cpp
 GPS_UNKNOWN = dialect.GPS_INPUT_IGNORE_FLAG_HDOP | dialect.GPS_INPUT_IGNORE_FLAG_VDOP
@@ -46,13 +52,18 @@ GPS_UNKNOWN = dialect.GPS_INPUT_IGNORE_FLAG_HDOP | dialect.GPS_INPUT_IGNORE_FLAG
 class Companion:
     """Connection to ArduPilot's `port`; `origin`: of NED positions, degrees.
 
+    `expected`: parameters of an autopilot that somebody else has started; those that differ are reported once.
     `lost` counts messages that did not fit into the connection's buffer.
     """
 
     def __init__(
-        self, positions: str, inputs: SensorInputs, origin: tuple[float, float], port: int, report: Report
-    ) -> None:
+        self, positions: str, inputs: SensorInputs, origin: tuple[float, float], port: int, report: Report,
+        expected: Parameters = MappingProxyType({}),
+    ) -> None:  # fmt: skip
         self.lost = 0
+        self._expected, self._unread = expected, deque(expected)
+        self._different: list[str] = []
+        self._silent = 0  # heartbeats without any answer
         self._reader = EstimateReader(TangentPlane(*(inputs.origin or (*origin, 0.0))))
         self._is_absurd = False
         self._positions, self._topic = positions, TOPICS[positions]
@@ -83,6 +94,15 @@ class Companion:
             if self._inputs.leaks:
                 self._send([dialect.MAVLink_sys_status_message(WATER, WATER, 0, *[0] * 10)])
             self._send(self._reader.requests(SYSTEM))
+            if self._has_answered:
+                self._check_parameters()
+            elif self._expected:
+                self._silent += 1
+                if self._silent == SILENT_BEATS:
+                    self._report(
+                        f"ArduSub sends nothing at port {self._port}, so its estimate and parameters are not known: "
+                        "start it with the --serial5 and --defaults of docs/how-to/ardusub.md"
+                    )
         self._receive(truth)
         if is_new and self._socket:
             self._send(self._encode_messages(time_ns // NS_PER_US, truth))
@@ -143,9 +163,26 @@ class Companion:
                 for message in self._stream.unpack(data):
                     self._take(message, truth)
 
+    def _check_parameters(self) -> None:
+        """Request some parameters; report those that differ once all are requested."""
+        if not self._unread and self._different:
+            listed = ", ".join(self._different[:MAX_LISTED])
+            more = f" and {len(self._different) - MAX_LISTED} more" if len(self._different) > MAX_LISTED else ""
+            self._report(
+                f"ArduSub's parameters are not those of this scenario: {listed}{more}: start it with "
+                "--defaults FILE, as `uuv-hil autopilot parameters SCENARIO > FILE` writes it"
+            )
+            self._different.clear()
+        names = [self._unread.popleft().encode() for _ in range(min(len(self._unread), MAX_REQUESTS))]
+        self._send([dialect.MAVLink_param_request_read_message(SYSTEM, 1, name, -1) for name in names])
+
     def _take(self, message: Any, truth: OdometrySample) -> None:
         self._reader.take(message, truth)
         kind, estimate = message.get_msgId(), self.estimate
+        if kind == dialect.MAVLINK_MSG_ID_PARAM_VALUE and message.param_id in self._expected:
+            wanted = self._expected[message.param_id]
+            if not isclose(message.param_value, wanted, rel_tol=1e-5, abs_tol=1e-6):
+                self._different.append(f"{message.param_id} is {message.param_value:g}, not {wanted:g}")
         self._has_origin |= kind == dialect.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN
         if kind == GLOBAL_POSITION and estimate and estimate.position > ABSURD_M and not self._is_absurd:
             self._is_absurd = True

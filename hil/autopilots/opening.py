@@ -7,6 +7,7 @@ from hil.autopilots.contract import Autopilot, Report
 from hil.autopilots.frames import AUTO, CUSTOM, map_motors
 from hil.autopilots.inputs import HOME, SensorInputs
 from hil.autopilots.motors import MotorOutputs
+from hil.autopilots.parameters import Parameters, all_parameters
 from hil.autopilots.start_options import start_hint
 from hil.common.clock import seconds_ns
 from hil.scenario.autopilot_records import COMPANION_PORT, STEP, AutopilotSettings
@@ -37,7 +38,7 @@ def open_autopilot(
     if scenario.controller == "ardupilot":
         from hil.autopilots.ardupilot import ArduPilot
 
-        companion = _companion(settings, inputs, world, report)
+        companion = _companion(scenario, vehicle, inputs, world, report)
         autopilot: Autopilot = ArduPilot(address, inputs, settings.lockstep, settings.rc, report, companion)
     else:
         from hil.autopilots.px4 import Px4
@@ -48,7 +49,6 @@ def open_autopilot(
         motors = MotorOutputs(map_motors(frame, vehicle), seconds_ns(settings.silence), autopilot.name, report)
         if vehicle.accessories and scenario.controller == "ardupilot":
             from hil.autopilots.accessory_outputs import AccessoryOutputs
-            from hil.autopilots.parameters import all_parameters
 
             started = all_parameters(settings, scenario.controller, vehicle, motors.map, scenario.sensors)
             motors.accessories = AccessoryOutputs(started)
@@ -58,13 +58,20 @@ def open_autopilot(
     return autopilot, motors
 
 
-def _companion(settings: AutopilotSettings, inputs: SensorInputs, world: World, report: Report) -> "Companion | None":
+def _companion(
+    scenario: Scenario, vehicle: Vehicle, inputs: SensorInputs, world: World, report: Report
+) -> "Companion | None":
+    settings = settings_of(scenario)
     if settings.positions == "simulated" and not find_spec("pymavlink"):  # nothing to send, only an estimate to read
         return None
     from hil.autopilots.companion import Companion
 
     port = COMPANION_PORT + STEP["ardupilot"] * settings.instance
-    return Companion(settings.positions, inputs, world.origin or HOME, port, report)
+    expected: Parameters = {}
+    if not settings.program:
+        motors = map_motors(settings.frame, vehicle)
+        expected = all_parameters(settings, scenario.controller, vehicle, motors, scenario.sensors)
+    return Companion(settings.positions, inputs, world.origin or HOME, port, report, expected)
 
 
 def start_program(scenario: Scenario, vehicle: Vehicle, world: World, report: Report) -> "Program | None":

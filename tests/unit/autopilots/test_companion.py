@@ -5,6 +5,7 @@ from collections.abc import Callable, Iterator
 from functools import partial
 from math import nan, tau
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 import pytest
@@ -13,7 +14,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from hil.autopilots.companion import Companion, encode_gps_input, encode_position_delta
 from hil.autopilots.frames import map_motors
 from hil.autopilots.inputs import SensorInputs
-from hil.autopilots.parameters import all_parameters
+from hil.autopilots.parameters import Parameters, all_parameters
 from hil.common.errors import ConfigError
 from hil.links.contract import Counters
 from hil.links.mavlink.stream import MavlinkStream
@@ -54,13 +55,13 @@ def scenario_of(folder: Path, positions: str, controller: str = "ardupilot", sen
 class Bench:
     """A companion and the port that it connects to, in one thread."""
 
-    def __init__(self, folder: Path, positions: str) -> None:
+    def __init__(self, folder: Path, positions: str, expected: Parameters = MappingProxyType({})) -> None:
         scenario = scenario_of(folder, positions, sensors="[sensors.gps]")
         self.inputs = SensorInputs(scenario, load_world(scenario.world))
         self.listener = socket.create_server(("127.0.0.1", 0))
         port = self.listener.getsockname()[1]
         self.reports: list[str] = []
-        self.companion = Companion(positions, self.inputs, (50.0, 8.0), port, self.reports.append)
+        self.companion = Companion(positions, self.inputs, (50.0, 8.0), port, self.reports.append, expected)
         self.peer: socket.socket | None = None
         self.stream = MavlinkStream(1, 1, Counters())
 
@@ -169,6 +170,22 @@ def test_a_leak_is_reported_once_a_second_as_an_unhealthy_water_sensor(bench: Ca
     statuses = [message for message in reported if message.get_type() == "SYS_STATUS"]
     water = 0x20000000
     assert [m.onboard_control_sensors_enabled & ~m.onboard_control_sensors_health for m in statuses] == [water, water]
+
+
+def test_parameters_of_an_autopilot_started_by_hand_that_differ_are_reported(tmp_path: Path) -> None:
+    b = Bench(tmp_path, "simulated", {"FRAME_CONFIG": 2.0, "INS_GYR_CAL": 1.0})
+    b.messages(0)
+    for second in range(1, 32):
+        b.messages(second * SECOND)
+    assert "start it with the --serial5" in b.reports.pop()
+    assert b.peer
+    for name, value in ((b"FRAME_CONFIG", 1.0), (b"INS_GYR_CAL", 1.0)):
+        b.peer.sendall(b.stream.pack(dialect.MAVLink_param_value_message(name, value, 9, 2, 0)))
+    for second in range(32, 36):
+        b.messages(second * SECOND)
+    (report,) = b.reports
+    assert "FRAME_CONFIG is 1, not 2: start it with --defaults" in report
+    b.close()
 
 
 def test_the_companion_reconnects_after_a_restart_of_the_autopilot(bench: Callable[[str], Bench]) -> None:
