@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from hil.autonomy.paths.polygons import Edges, Mask, contains, edge_distance, fill, segments
 from hil.charts.grid import Depths, Grid
-from hil.charts.quays import clear_behind, find_quays, wall_outline
+from hil.charts.quays import BEHIND, are_near, clear_behind, find_quays, wall_outline
 from hil.charts.sources.survey import Sheet, Survey
 
 Array = NDArray[np.float64]
@@ -87,6 +87,11 @@ def _rasterise_sheet(sheet: Sheet, north: Array, east: Array, bounds: Bounds, wa
     window, away = edge_distance(start[~is_quay], end[~is_quay], north, east, int(FOOT_CELLS) + 1)
     np.copyto(bounds.shore[window], away, where=covered[window])
     clear_behind(start[is_quay], end[is_quay], north, east, bounds, covered)
+    # Near another shore the land behind a quay stays, so that the quay ends in a bank there.
+    reach = (BEHIND + STRAIGHT_CELLS) * (north[1] - north[0])
+    ends = is_quay & are_near(0.5 * (start + end), start[~is_quay], end[~is_quay], reach)
+    window, away = edge_distance(start[ends], end[ends], north, east, int(FOOT_CELLS) + 1)
+    np.copyto(bounds.shore[window], np.minimum(away, bounds.shore[window]), where=covered[window])
 
 
 def _outer_edges(areas: tuple[Edges, ...]) -> tuple[Array, Array]:

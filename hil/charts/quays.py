@@ -52,9 +52,10 @@ def find_quays(strip: Any, start: Array, end: Array, north: Array, east: Array, 
     def there(mask: Mask, cells: float) -> Mask:
         nodes = np.rint((middle + cells * cell * across - (north[0], east[0])) / cell).astype(np.intp)
         inside = ((nodes >= 0) & (nodes < mask.shape)).all(axis=1)
-        return np.asarray(inside & mask[tuple(np.clip(nodes, 0, np.array(mask.shape) - 1).T)])
+        found = mask[tuple(np.clip(nodes, 0, np.array(mask.shape) - 1).T)]
+        return np.asarray(found | ~inside)  # a quay does not end with the grid
 
-    is_mole = ~_are_near(middle, start[~on_wall], end[~on_wall], LAND_DEPTHS[-1] * cell)
+    is_mole = ~are_near(middle, start[~on_wall], end[~on_wall], LAND_DEPTHS[-1] * cell)
     either = np.zeros(len(start), bool)
     for side in (1.0, -1.0):
         behind = [there(land, side * cells) for cells in LAND_DEPTHS]
@@ -62,7 +63,7 @@ def find_quays(strip: Any, start: Array, end: Array, north: Array, east: Array, 
     return np.asarray(on_wall & either)
 
 
-def _are_near(points: Array, start: Array, end: Array, reach: float) -> Mask:
+def are_near(points: Array, start: Array, end: Array, reach: float) -> Mask:
     """Return which `points`, (n, 2), have one of the segments within `reach` m."""
     import shapely
 
