@@ -9,7 +9,14 @@ from collections.abc import Mapping, Sequence
 from hil.autopilots.contract import is_output
 from sim.vehicle.accessories import LEAST, Accessories
 
-FUNCTIONS = {7: "camera_tilt", 28: "gripper", 59: "lights", 60: "lights", 181: "lights", 182: "lights"}
+FUNCTIONS: dict[float, str] = {
+    7: "camera_tilt",
+    28: "gripper",
+    59: "lights",
+    60: "lights",
+    181: "lights",
+    182: "lights",
+}
 OUTPUTS = 32
 LEAST_US, MOST_US = 1100.0, 1900.0  # of SERVOn_MIN and SERVOn_MAX, if the parameters do not have them
 
@@ -18,11 +25,11 @@ class AccessoryOutputs:
     """The outputs of accessories in ArduSub's `parameters`. The brightest of several lights counts."""
 
     def __init__(self, parameters: Mapping[str, float]) -> None:
-        self._rows = [
-            (number - 1, name, *self._limits(parameters, number))
+        rows = [
+            (number - 1, FUNCTIONS.get(parameters.get(f"SERVO{number}_FUNCTION", 0), ""), *_limits(parameters, number))
             for number in range(1, OUTPUTS + 1)
-            if (name := FUNCTIONS.get(int(parameters.get(f"SERVO{number}_FUNCTION", 0))))
         ]
+        self._rows = [row for row in rows if row[1] and abs(row[3] - row[2]) >= 1.0]  # else it cannot move
         self._pulses: Sequence[int] = ()
 
     def move(self, pulses: Sequence[int], accessories: Accessories, time_ns: int) -> None:
@@ -40,8 +47,8 @@ class AccessoryOutputs:
         for name in changed:
             accessories.command(name, shares[name], time_ns)
 
-    @staticmethod
-    def _limits(parameters: Mapping[str, float], number: int) -> tuple[float, float]:
-        least = parameters.get(f"SERVO{number}_MIN", LEAST_US)
-        most = parameters.get(f"SERVO{number}_MAX", MOST_US)
-        return (most, least) if parameters.get(f"SERVO{number}_REVERSED") else (least, most)
+
+def _limits(parameters: Mapping[str, float], number: int) -> tuple[float, float]:
+    """Return the pulses (us) of an output's least and greatest share."""
+    least, most = (parameters.get(f"SERVO{number}_{key}", us) for key, us in (("MIN", LEAST_US), ("MAX", MOST_US)))
+    return (most, least) if parameters.get(f"SERVO{number}_REVERSED") else (least, most)

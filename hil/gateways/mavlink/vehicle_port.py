@@ -62,6 +62,7 @@ class NetworkVehicle:
         odometry = client.latest.get("odom")
         if not client.contact.present or odometry is None or odometry.age_s > STALE_S or not self._is_known:
             self._is_known &= client.contact.present
+            self._shares.clear()  # a vehicle that was started again has its own
             return None
         figures = client.diagnostics()
         stamped = client.latest.get("motors")

@@ -88,6 +88,10 @@ def test_outputs_of_ardusub_command_what_hangs_at_them(vehicle: str, moving: Acc
     moving.command("camera_tilt", 1.0, 9 * S)  # by another: outputs that stay the same command nothing
     outputs.move((1500,) * 8 + (1100, 1100, 1500, 1100, 0, 0, 0, 0), moving, 10 * S)
     assert moving.positions(19 * S) == {"lights": 0.0, "camera_tilt": 1.0, "gripper": 1.0}
-    parameters = {"SERVO3_FUNCTION": 181, "SERVO3_MIN": 1000, "SERVO3_MAX": 2000, "SERVO3_REVERSED": 1}
+    parameters = {"SERVO3_FUNCTION": 181, "SERVO3_MIN": 1000, "SERVO3_MAX": 2000, "SERVO3_REVERSED": 1} | {
+        "SERVO4_FUNCTION": 7,
+        "SERVO4_MIN": 1500,
+        "SERVO4_MAX": 1500,  # no range
+    }
     AccessoryOutputs(parameters).move((0, 0, 1200, 1100), moving, 0)
     assert moving.lights(0) == pytest.approx(0.8)
