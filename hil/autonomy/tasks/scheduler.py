@@ -12,17 +12,16 @@ A mission is a list of tasks, in Python or in a TOML file:
     urgent = true
     repeat = true
 
-The result is a chart (`hil.autonomy.tasks.statechart`) like the reference platform's template in Stateflow. Its states
-are idle, home, done, and one for each task, with the parts travel and work. Of the tasks that are ready, the one of
-highest priority is next; of tasks with equal priority, the nearest. An urgent task interrupts tasks of lower priority,
-which are restarted later.
+The states are those of the reference platform's template in Stateflow: idle, home, done, and for each task travel and
+work. A step makes at most one transition. Of the tasks that are ready, the one of highest priority is next; of tasks
+with equal priority, the nearest. An urgent task interrupts tasks of lower priority, which are restarted later.
 """
 
-from collections.abc import Mapping, Sequence
+import operator
+from collections.abc import Callable, Mapping, Sequence
 from math import dist
 from typing import Annotated, NamedTuple
 
-from hil.autonomy.tasks.statechart import Chart, Condition, State, Transition
 from hil.common.errors import ConfigError
 from hil.common.schema import Range, nearest
 
@@ -30,6 +29,9 @@ Metres = Annotated[float, Range(-1e5, 1e5, "m")]
 Point = tuple[float, float]
 
 _OWN = ("idle", "home", "done")
+_COMPARISONS: dict[str, Callable[[float, float], bool]] = {
+    "<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge, "==": operator.eq, "!=": operator.ne,
+}  # fmt: skip
 
 
 class Task(NamedTuple):
@@ -67,6 +69,27 @@ class TaskGoal(NamedTuple):
     goal: Point | None
 
 
+class Condition:
+    """Comparisons of signals with numbers, joined by "and": `battery < 0.2 and depth > 3`.
+
+    `signals` has the names of the signals in it. Raises ConfigError whose text begins with `where`.
+    """
+
+    def __init__(self, text: str, where: str) -> None:
+        self._parts: list[tuple[str, Callable[[float, float], bool], float]] = []
+        for term in text.split(" and ") if text else ():
+            try:
+                name, sign, number = term.split()
+                self._parts.append((name, _COMPARISONS[sign], float(number)))
+            except (ValueError, KeyError):
+                raise ConfigError(f'{where}: {term!r} is no comparison; write "battery < 0.2 and depth > 3"') from None
+        self.signals = frozenset(name for name, _, _ in self._parts)
+
+    def holds(self, signals: Mapping[str, float]) -> bool:
+        """Return whether all comparisons are true. A comparison of an unknown signal is false."""
+        return all(name in signals and compare(signals[name], number) for name, compare, number in self._parts)
+
+
 class Scheduler:
     """Run a mission. `log` has the time (ns) and name of every state entered. `is_finished`: at home after all tasks.
 
@@ -78,15 +101,15 @@ class Scheduler:
         self.log: list[tuple[int, str]] = []
         self.finished: list[str] = []
         self._mission = mission
-        self._tasks = {task.name: task for task in mission.task}
         self._ready = {task.name: Condition(task.when, f"{where}: task {task.name!r}") for task in mission.task}
-        self._chart = _chart(mission, where)
-        self._began = 0
+        self._state = ""
+        self._task: Task | None = None
+        self._entered = self._began = 0  # ns
 
     @property
     def is_finished(self) -> bool:
         """True once the mission is over."""
-        return self._chart.state == "done"
+        return self._state == "done"
 
     @property
     def signals(self) -> frozenset[str]:
@@ -95,43 +118,44 @@ class Scheduler:
 
     def step(self, time: int, position: Sequence[float], signals: Mapping[str, float]) -> TaskGoal:
         """Return the goal at `time` (ns, increasing) and `position` (m north, m east; other values are ignored)."""
-        point = position[0], position[1]
-        if not self._chart.active:
+        if not self._state:
             self._began = time
-            self._log_states(time, self._chart.start(time).entered)
-        events = {self._choice(time, point, signals)}
-        if self._goal() is not None and dist(point, self._goal() or point) <= self._mission.tolerance:
-            events.add("arrived")
-        change = self._chart.step(time, signals, events)
-        if change.exited and change.entered == ("idle",):
-            self.finished.append(change.exited[-1])
-        self._log_states(time, change.entered)
-        return TaskGoal(self._task(), self._chart.state, self._goal())
+            self._enter("idle", time)
+        if not self.is_finished:
+            self._transit(time, (position[0], position[1]), signals)
+        return TaskGoal(self._task.name if self._task else "", self._state, self._goal())
 
-    def _log_states(self, time: int, entered: tuple[str, ...]) -> None:
-        self.log += [(time, entered[-1])] if entered else []
+    def _transit(self, time: int, point: Point, signals: Mapping[str, float]) -> None:
+        """Make the transition that is due, if any."""
+        goal, task = self._goal(), self._task
+        has_arrived = goal is not None and dist(point, goal) <= self._mission.tolerance
+        ready = [each for each in self._mission.task if self._is_ready(each, time, signals)]
+        if self._state == "home" and has_arrived:
+            self._enter("done", time)
+        elif ready:
+            following = min(ready, key=lambda each: (-each.priority, dist(point, each.at)))
+            self._enter(f"{following.name} travel", time, following)
+        elif self._state == "idle" and all(each.repeat or each.name in self.finished for each in self._mission.task):
+            self._enter("home", time)
+        elif task and self._state == f"{task.name} travel" and has_arrived:
+            self._enter(f"{task.name} work", time, task)
+        elif task and self._state == f"{task.name} work" and time - self._entered >= round(task.duration * 1e9):
+            self.finished.append(task.name)
+            self._enter("idle", time)
 
-    def _task(self) -> str:
-        return self._chart.active[0] if self._chart.active[0] in self._tasks else ""
+    def _enter(self, state: str, time: int, task: Task | None = None) -> None:
+        self._state, self._task, self._entered = state, task, time
+        self.log.append((time, state))
 
     def _goal(self) -> Point | None:
-        if self._chart.state == "home":
+        if self._state == "home":
             return self._mission.home
-        task = self._tasks.get(self._task())
-        return task.at if task else None
-
-    def _choice(self, time: int, position: Point, signals: Mapping[str, float]) -> str:
-        """Return the event that starts the next task or the return home; "" if there is neither."""
-        ready = [task for task in self._mission.task if self._is_ready(task, time, signals)]
-        if ready:
-            return _start(min(ready, key=lambda task: (-task.priority, dist(position, task.at))).name)
-        waiting = [task.name for task in self._mission.task if not task.repeat and task.name not in self.finished]
-        return "" if waiting else "go home"
+        return self._task.at if self._task else None
 
     def _is_ready(self, task: Task, time: int, signals: Mapping[str, float]) -> bool:
-        doing = self._tasks.get(self._task())
+        doing = self._task
         return (
-            (doing is None or task in _interrupting(doing, self._mission.task))
+            (doing is None or (task.urgent and task.priority > doing.priority))
             and (task.repeat or task.name not in self.finished)
             and all(name in self.finished for name in task.needs)
             and time - self._began >= round(task.after * 1e9)
@@ -139,35 +163,13 @@ class Scheduler:
         )
 
 
-def _start(name: str) -> str:
-    return f"start {name}"
-
-
-def _interrupting(doing: Task, tasks: Sequence[Task]) -> list[Task]:
-    """Return the tasks that may interrupt the task `doing`."""
-    return [task for task in tasks if task.urgent and task.priority > doing.priority]
-
-
-def _chart(mission: Mission, where: str) -> Chart:
-    """Return the state chart: idle, home, done, and for each task a state with the parts travel and work."""
-    states = [State(name) for name in _OWN]
-    transitions = [Transition("idle", "home", event="go home"), Transition("home", "done", event="arrived")]
-    for task in mission.task:
-        travel, work = f"{task.name} travel", f"{task.name} work"
-        states += [State(task.name, initial=travel), State(travel, task.name), State(work, task.name)]
-        sources = ["idle", "home"]
-        sources += [other.name for other in mission.task if task in _interrupting(other, mission.task)]
-        transitions += [Transition(source, task.name, event=_start(task.name)) for source in sources]
-        transitions.append(Transition(travel, work, event="arrived"))
-        transitions.append(Transition(work, "idle", after=task.duration))
-    return Chart("idle", states, transitions, where)
-
-
 def _check(mission: Mission, where: str) -> None:
     names = [task.name for task in mission.task]
     for task in mission.task:
         if task.name in _OWN or not task.name:
             raise ConfigError(f"{where}: a task cannot be named {task.name!r}; that is a state of every mission")
+        if names.count(task.name) > 1:
+            raise ConfigError(f"{where}: two tasks are named {task.name!r}; rename one")
         if task.repeat and not task.when:
             raise ConfigError(f"{where}: the task {task.name!r} would repeat for ever; give it a when")
         for other in task.needs:

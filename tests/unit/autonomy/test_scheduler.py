@@ -5,8 +5,10 @@ import os
 from typing import Any
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from hil.autonomy.tasks.scheduler import Mission, Scheduler, Task, TaskGoal
+from hil.autonomy.tasks.scheduler import Condition, Mission, Scheduler, Task, TaskGoal
 from hil.common.errors import ConfigError
 from hil.common.schema import load
 
@@ -169,10 +171,27 @@ needs = ["acquisition"]
         Scheduler(load(path, Mission), path)
 
 
+@given(st.floats(allow_nan=False), st.floats(-100.0, 100.0).map(lambda x: round(x, 3)))
+def test_conditions_compare_as_python_does(value: float, number: float) -> None:
+    for sign, truth in (
+        ("<", value < number),
+        ("<=", value <= number),
+        (">", value > number),
+        (">=", value >= number),
+        ("==", value == number),
+        ("!=", value != number),
+    ):
+        condition = Condition(f"x {sign} {number} and y > 0", "here")
+        assert condition.holds({"x": value, "y": 1.0}) is truth
+        assert not condition.holds({"x": value, "y": 0.0})
+        assert not condition.holds({"y": 1.0})  # x has not been received yet
+    assert Condition("", "here").holds({})
+
+
 @pytest.mark.parametrize(
     ("tasks", "message"),
     [
-        ((ACQUISITION, ACQUISITION), "two states are named"),
+        ((ACQUISITION, ACQUISITION), "two tasks are named"),
         ((ACQUISITION._replace(name="home"),), "cannot be named 'home'"),
         ((ACQUISITION._replace(repeat=True),), "repeat for ever"),
         ((ACQUISITION._replace(needs=("acquisition",)),), "needs 'acquisition'"),
