@@ -13,7 +13,8 @@ from sim.sensors.sensor_set import select_sensors
 from sim.simulation import Simulation
 from sim.vehicle.vehicle import load_vehicle
 from sim.vehicle.ventilation import Ventilation, thrust_share
-from tests.support.flights.ride import FLAT, Ride, all_of, twins
+from tests.process.sim.native.test_step_twins import FLAT
+from tests.support.flights.ride import Ride, all_of, twins
 
 HEAVY, _ = load_vehicle("bluerov2_heavy")
 REMUS, _ = load_vehicle("remus100")
