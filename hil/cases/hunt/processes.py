@@ -4,22 +4,22 @@ There is a slave with an emulated STM32 and an agent for each vehicle. This proc
 agents do not receive. If the vehicles have modems, it also simulates the acoustic channel between them.
 """
 
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple
+from collections.abc import Mapping, Sequence
+from contextlib import ExitStack
+from typing import TYPE_CHECKING, NamedTuple
 
 from hil.bench.processes import cpu_s
 from hil.cases.energy import EnergyMeter
 from hil.cases.hunt.watch import HuntRow, HuntWatch
 from hil.cases.process_group import ProcessGroup
-from hil.client.delay import DelayMeter
-from hil.common.clock import NS_PER_S, RateKeeper, from_wall_ns, now_ns, seconds_ns, to_wall_ns
+from hil.client.client import VehicleClient
+from hil.common.clock import NS_PER_S, RateKeeper, now_ns, seconds_ns
 from hil.common.errors import NetworkError
 from hil.common.stop import StopSignals, is_stopped
 from hil.network.roles import open_master_session
 from hil.network.session import Session
 from hil.network.stall import reopen_while_no_vehicle
-from hil.ros import encoders as ros
-from hil.ros.diagnostics import Diagnostics, or_nan
+from hil.ros.diagnostics import or_nan
 from hil.scenario.config import Scenario
 from hil.scenario.fleet import endpoints_of
 from sim.run_events import RunEvent
@@ -31,8 +31,7 @@ if TYPE_CHECKING:
 READY_S = 30.0  # until every vehicle and every agent has sent its first messages
 LOST_AFTER_S = 5.0  # without messages of a vehicle or an agent
 FINAL_DIAGNOSTICS_S = 3.0  # greatest wait for diagnostics from after the end of the hunt
-QUEUE = 64
-_WATCHED = ("ground_truth", "formation", "diagnostics", "trace")
+_TOPICS = ("ground_truth", "formation")  # of a row
 
 
 class Costs(NamedTuple):
@@ -63,58 +62,28 @@ def fly(scenario: Scenario, folder: str, watch: HuntWatch) -> Costs:
         ProcessGroup(slaves, folder) as vehicles,
         ProcessGroup(agents, folder) as planners,
         open_master_session(*endpoints_of(scenario), network=scenario.network) as session,
+        ExitStack() as stack,
     ):
-        return _Observer(scenario, session, vehicles, planners, watch).follow(stop_fd)
-
-
-class _VehicleReceiver:
-    """Receiver of the newest message of each watched topic of one vehicle, and of all its command delays."""
-
-    def __init__(self, session: Session, node: str) -> None:
-        self.node = node
-        self.latest: dict[str, Any] = {}
-        self.received_ns = dict.fromkeys(_WATCHED, 0)
-        self.delays = DelayMeter()
-        self.delays.store()
-        for topic in _WATCHED:
-            session.subscribe(node, topic, self._on_message, QUEUE)
-
-    def _on_message(self, topic: str, payload: bytes, attachment: bytes) -> None:
-        decode = ros.decoder(topic)
-        value = decode(payload) if decode else None
-        stamp = ros.unpack_attachment(attachment)
-        if value is None or stamp is None:
-            return
-        self.received_ns[topic] = now_ns()
-        if topic == "trace":
-            self.delays.add(value, stamp.time_ns, to_wall_ns(now_ns()))
-        else:
-            self.latest[topic] = value
-
-    @property
-    def complete(self) -> bool:
-        """True if a message of every topic for a row has been received."""
-        return all(topic in self.latest for topic in ("ground_truth", "formation", "diagnostics"))
-
-    @property
-    def diagnostics(self) -> Diagnostics:
-        """The newest diagnostics of the slave."""
-        statuses = self.latest["diagnostics"]
-        return Diagnostics(statuses[0][3] if statuses else {})
-
-    def age_s(self, topic: str) -> float:
-        """Return the time (s) since the last message of a topic."""
-        return (now_ns() - self.received_ns[topic]) / NS_PER_S
+        opened = [VehicleClient(session, m.node, role="observer", topics=_TOPICS) for m in scenario.member]
+        clients = [stack.enter_context(client) for client in opened]
+        return _Observer(scenario, session, clients, vehicles, planners, watch).follow(stop_fd)
 
 
 class _Observer:
     """Recorder of rows with each vehicle's newest samples, at the rate of commands."""
 
     def __init__(
-        self, scenario: Scenario, session: Session, slaves: ProcessGroup, agents: ProcessGroup, watch: HuntWatch
+        self,
+        scenario: Scenario,
+        session: Session,
+        clients: Sequence[VehicleClient],
+        slaves: ProcessGroup,
+        agents: ProcessGroup,
+        watch: HuntWatch,
     ) -> None:
-        self._slaves, self._agents, self._watch = slaves, agents, watch
-        self._receivers = [_VehicleReceiver(session, member.node) for member in scenario.member]
+        self._clients, self._slaves, self._agents, self._watch = clients, slaves, agents, watch
+        for client in clients:
+            client.delays.store()
         self._period_ns = seconds_ns(scenario.master.command_period)
         vehicle, _ = load_vehicle(scenario.vehicle)
         self._meters = [EnergyMeter(vehicle) for _ in scenario.member]
@@ -139,21 +108,19 @@ class _Observer:
             sum(meter.joules for meter in self._meters),
             agents,
             slaves,
-            [delay for receiver in self._receivers for delay in receiver.delays.totals_ns()],
-            min(or_nan(receiver.diagnostics.real_time_factor) for receiver in self._receivers),
+            [delay for client in self._clients for delay in client.delays.totals_ns()],
+            min(or_nan(client.diagnostics().real_time_factor) for client in self._clients),
             self._modems.counts if self._modems else {},
         )
 
     def _add_events(self, began: int, stop_fd: int) -> None:
         """Add the events that the vehicles report; first wait for diagnostics from after the end of the hunt."""
         ended, deadline = now_ns(), now_ns() + seconds_ns(FINAL_DIAGNOSTICS_S)
-        while now_ns() < deadline and any(receiver.received_ns["diagnostics"] < ended for receiver in self._receivers):
+        while now_ns() < deadline and any(c.latest["diagnostics"].received_ns < ended for c in self._clients):
             _pause(stop_fd, now_ns() + self._period_ns)
-        for number, receiver in enumerate(self._receivers):
-            events = receiver.diagnostics.run_event_list or ()
-            monotonic = [event._replace(start_ns=from_wall_ns(event.start_ns)) for event in events]
-            own = [event for event in monotonic if event.end_ns >= self._started_ns and event.start_ns <= ended]
-            self._watch.add_events(number, [_relative_to(event, began) for event in own])
+        for number, client in enumerate(self._clients):
+            own = [e for e in client.run_events(self._started_ns) if e.start_ns <= ended - self._started_ns]
+            self._watch.add_events(number, [_relative_to(event, began - self._started_ns) for event in own])
 
     def _wait_until_complete(self, stop_fd: int) -> None:
         deadline = now_ns() + seconds_ns(READY_S)
@@ -161,27 +128,28 @@ class _Observer:
             _pause(stop_fd, now_ns() + self._period_ns)
             self._check()
             if now_ns() > deadline:
-                missing = ", ".join(receiver.node for receiver in self._receivers if not receiver.complete)
+                missing = ", ".join(client.node for client in self._clients if not _is_complete(client))
                 raise NetworkError(
                     f"no messages of {missing} within {READY_S:.0f} s; read the logs of slaves and agents"
                 )
 
     def _is_complete(self) -> bool:
-        return all(receiver.complete for receiver in self._receivers)
+        return all(map(_is_complete, self._clients))
 
     def _add_row(self, time: float) -> None:
         self._check()
-        for receiver in self._receivers:
-            for topic in ("ground_truth", "formation"):
-                if receiver.age_s(topic) > LOST_AFTER_S:
-                    raise NetworkError(f"{receiver.node} stopped sending {topic}; read the logs of its slave and agent")
-        for number, receiver in enumerate(self._receivers):
-            self._watch.observe(number, time, receiver.latest["ground_truth"])
-        positions = tuple([receiver.latest["ground_truth"].position[:2] for receiver in self._receivers])
-        clocks = tuple([receiver.latest["formation"].clock_ns / NS_PER_S for receiver in self._receivers])
+        for client in self._clients:
+            for topic in _TOPICS:
+                if now_ns() - client.latest[topic].received_ns > LOST_AFTER_S * NS_PER_S:
+                    raise NetworkError(f"{client.node} stopped sending {topic}; read the logs of its slave and agent")
+        truths = [client.latest["ground_truth"].value for client in self._clients]
+        for number, truth in enumerate(truths):
+            self._watch.observe(number, time, truth)
+        positions = tuple([truth.position[:2] for truth in truths])
+        clocks = tuple([client.latest["formation"].value.clock_ns / NS_PER_S for client in self._clients])
         self._watch.add_row(HuntRow(time, positions, clocks))
-        for receiver, meter in zip(self._receivers, self._meters, strict=True):
-            meter.add(time, receiver.diagnostics.pwm_us or ())
+        for client, meter in zip(self._clients, self._meters, strict=True):
+            meter.add(time, client.diagnostics().pwm_us or ())
 
     def _check(self) -> None:
         self._slaves.check()
@@ -190,6 +158,11 @@ class _Observer:
     def _cpu(self) -> tuple[float, float]:
         """Return the processor time (s) of all agents, and of all slaves."""
         return cpu_s(self._agents.pids), cpu_s(self._slaves.pids)
+
+
+def _is_complete(client: VehicleClient) -> bool:
+    """Return whether a message of every topic for a row has been received."""
+    return all(topic in client.latest for topic in (*_TOPICS, "diagnostics"))
 
 
 def _relative_to(event: RunEvent, began_ns: int) -> RunEvent:
