@@ -33,14 +33,6 @@ classdef PlannerSystem < matlab.System
       done = self.plan.done;
     end
 
-    function count = getNumInputsImpl(~)
-      count = 5;
-    end
-
-    function count = getNumOutputsImpl(~)
-      count = 2;
-    end
-
     function [command, done] = getOutputSizeImpl(~)
       command = [2 1];
       done = [1 1];

@@ -56,14 +56,6 @@ classdef VehicleSystem < matlab.System
       end
     end
 
-    function count = getNumInputsImpl(~)
-      count = 1;
-    end
-
-    function count = getNumOutputsImpl(~)
-      count = 5;
-    end
-
     function [time, position, heading, ranges, angles] = getOutputSizeImpl(self)
       time = [1 1];
       position = [3 1];
