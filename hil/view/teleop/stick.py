@@ -2,21 +2,17 @@
 
 from collections.abc import Mapping
 from math import isfinite
+from operator import mul
 from typing import Any, Literal, NamedTuple
 
 SILENT_AFTER_NS = 300_000_000  # a stick without a message for so long counts as released; it sends 20 a second
 AXES = ("surge", "sway", "heave", "yaw")
 Mode = Literal["velocity", "effort"]
-
-
-class Limits(NamedTuple):
-    """Commands at full deflection: m/s and rad/s in the mode "velocity", N and N m in the mode "effort"."""
-
-    speed: float = 0.5
-    heave: float = 0.3
-    yaw_rate: float = 0.5
-    force: float = 40.0
-    moment: float = 10.0
+# Commands at full deflection of the axes: m/s and rad/s, N and N m.
+FULL: dict[Mode, tuple[float, float, float, float]] = {
+    "velocity": (0.5, 0.5, 0.3, 0.5),
+    "effort": (40.0, 40.0, 40.0, 10.0),
+}
 
 
 class StickCommand(NamedTuple):
@@ -34,8 +30,7 @@ class StickCommand(NamedTuple):
 class Stick:
     """One person's stick. The vehicle moves only while the dead man's switch is held and messages come."""
 
-    def __init__(self, limits: Limits = Limits()) -> None:
-        self._limits = limits
+    def __init__(self) -> None:
         self._received_ns = 0
         self._held = False
         self._command: StickCommand | None = None
@@ -51,19 +46,11 @@ class Stick:
             self.malformed += 1
             self._held = False
             return
-        surge, sway, heave, yaw = values
         self._held = message.get("held") is True
         mode: Mode = "effort" if message.get("mode") == "effort" else "velocity"
-        speed, heave_speed, turn, force, moment = self._limits
-        scale = (force, force, force, moment) if mode == "effort" else (speed, speed, heave_speed, turn)
-        self._command = StickCommand(
-            mode, surge * scale[0], sway * scale[1], heave * scale[2], yaw * scale[3],
-            message.get("hold_depth") is True, message.get("hold_heading") is True,
-        )  # fmt: skip
-
-    def release(self) -> None:
-        """Release the stick."""
-        self._held = False
+        surge, sway, heave, yaw = map(mul, values, FULL[mode])
+        holds = message.get("hold_depth") is True, message.get("hold_heading") is True
+        self._command = StickCommand(mode, surge, sway, heave, yaw, *holds)
 
     def command(self, now_ns: int) -> StickCommand | None:
         """Return the requested command; None while the switch is not held, or without a message for 0.3 s."""
