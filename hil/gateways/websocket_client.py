@@ -7,7 +7,7 @@ from typing import Any
 
 from aiohttp import WSMsgType, web
 
-from hil.common.web.server_thread import STALLED_S
+from hil.common.web.server_thread import STALLED_S, first_done
 
 MAX_BYTES = 32 << 20  # that wait for a client; beyond it the oldest messages are dropped
 
@@ -75,11 +75,8 @@ class SocketClient(ABC):
 
     async def serve(self) -> None:
         """Send and receive until the client goes; raises what `SendQueue.send_waiting` raises."""
-        both = {self._start(self._read()), self._start(self._write())}
         try:
-            ended, _ = await asyncio.wait(both, return_when=asyncio.FIRST_COMPLETED)
-            for task in ended:
-                task.result()
+            await first_done(self._read(), self._write())
         finally:
             for task in self._tasks:
                 task.cancel()

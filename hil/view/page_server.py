@@ -16,7 +16,7 @@ from aiohttp import ClientSession, WSMsgType, web
 
 from hil.common.web.access import WebAccess
 from hil.common.web.http_server import Handler, HttpServer
-from hil.common.web.server_thread import STALLED_S, ServerThread, cut_when_stalled
+from hil.common.web.server_thread import STALLED_S, ServerThread, cut_when_stalled, first_done
 
 COOKIE = "uuv_hil_view"
 SECRET_HEADER = "X-Uuv-Hil-Secret"
@@ -145,7 +145,7 @@ class PageServer(ServerThread):
             return outside
         async with client.ws_connect(url, protocols=protocols, max_msg_size=LARGEST_MESSAGE) as inside:
             with cut_when_stalled(outside, request.transport):
-                await _first_done(_pump(outside, inside), _pump(inside, outside))
+                await first_done(_pump(outside, inside), _pump(inside, outside))
                 await outside.close()
         return outside
 
@@ -156,19 +156,6 @@ async def _pump(source: Any, sink: Any) -> None:
             await asyncio.wait_for(sink.send_bytes(message.data), STALLED_S)
         elif message.type is WSMsgType.TEXT:
             await asyncio.wait_for(sink.send_str(message.data), STALLED_S)
-
-
-async def _first_done(*work: Any) -> None:
-    """Wait until one of the awaitables is done, and cancel the others. Raises what the first one raises."""
-    tasks = [asyncio.ensure_future(each) for each in work]
-    try:
-        done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
-        for task in done:
-            task.result()
-    finally:
-        for task in tasks:
-            task.cancel()
-        await asyncio.gather(*tasks, return_exceptions=True)
 
 
 def _parse(text: str) -> StickMessage | None:

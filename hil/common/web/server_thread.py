@@ -79,6 +79,19 @@ class _LoopFaults:
             logging.getLogger(__name__).error("%s: %s", clean(str(context["message"]), 200), error)
 
 
+async def first_done(*work: Any) -> None:
+    """Wait until one of the awaitables is done, and cancel the others. Raises what the first one raises."""
+    tasks = [asyncio.ensure_future(each) for each in work]
+    try:
+        done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+        for task in done:
+            task.result()
+    finally:
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+
+
 @contextmanager
 def cut_when_stalled(websocket: Any, transport: asyncio.Transport) -> Iterator[None]:
     """Abort the connection of aiohttp's `websocket` if the body ends with TimeoutError or ConnectionError.

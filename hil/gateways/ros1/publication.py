@@ -4,6 +4,7 @@ import asyncio
 from collections import deque
 from collections.abc import Callable
 
+from hil.common.web.server_thread import first_done
 from hil.gateways.ros1.messages import Kind, UnreadableError, to_ros1
 from hil.gateways.ros1.tcpros import Connection, encode_header, frame, require_type
 from hil.recording.mcap_file import Message
@@ -83,15 +84,10 @@ class Publication:
                 subscriber.put(data)
         self.subscribers.add(subscriber)
         self._on_subscriber(self.topic)
-        sending = asyncio.create_task(subscriber.send(writer))
-        ended = asyncio.create_task(_until_closed(reader))
         try:
-            await asyncio.wait((sending, ended), return_when=asyncio.FIRST_COMPLETED)
+            await first_done(subscriber.send(writer), _until_closed(reader))
         finally:
             self.subscribers.discard(subscriber)
-            for task in (sending, ended):
-                task.cancel()
-            await asyncio.gather(sending, ended, return_exceptions=True)
 
     def _encode(self, message: Message) -> bytes:
         """Return a message with its length before it; empty if it is invalid."""
