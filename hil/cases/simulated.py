@@ -26,13 +26,13 @@ class SimulatedVehicle:
     """A simulated vehicle of a scenario with its controller, initially at time 0.
 
     `samples`: the newest sample of each topic other than the true state. `pwm_us`: pulse widths of the last step.
-    `simulation`: built from the scenario by default. Raises ConfigError.
+    Raises ConfigError.
     """
 
-    def __init__(self, scenario: Scenario, world: World | None = None, simulation: Simulation | None = None) -> None:
+    def __init__(self, scenario: Scenario, world: World | None = None) -> None:
         vehicle, control = load_vehicle(scenario.vehicle)
         world = world or load_world(scenario.world)
-        self.simulation = simulation or build_simulation(scenario, vehicle, world)
+        self.simulation = build_simulation(scenario, vehicle, world)
         self.samples: dict[str, Any] = {}
         self.pwm_us: tuple[int, ...] = ()
         self._pilot = build_pilot(scenario, vehicle, control, self.simulation.world)

@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from hil.common.vectors import Vector3
 from hil.ros.cdr import HEADER, Layout, MalformedError, Writer, text, tolerant
-from hil.ros.encoders import Decoder, Encoder, array_values, pack_stamped, swap_attitude, swap_body, swap_world
+from hil.ros.encoders import Decoder, array_values, pack_stamped, swap_attitude, swap_body, swap_world
 from hil.ros.frames import decode_wrench
 
 MAX_DEPTH = 11_000.0  # m
@@ -114,7 +114,6 @@ def _bounded(values: Sequence[float], most: float) -> Sequence[float]:
     return values
 
 
-ENCODERS: dict[str, Encoder] = {}  # commands are not samples of sensors
 DECODERS: dict[str, Decoder] = {
     "cmd_vel_stamped": decode_stamped_twist,
     "cmd_depth": _number_within(MAX_DEPTH),

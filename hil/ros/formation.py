@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 from hil.common.vectors import Quaternion, Vector3
 from hil.ros.cdr import HEADER, Layout, MalformedError, tolerant
-from hil.ros.encoders import Decoder, Encoder, swap_attitude, swap_world
+from hil.ros.encoders import Decoder, swap_attitude, swap_world
 
 _NS_PER_S = 1_000_000_000
 _POINT = Layout("I 7d I I i I")  # one transform, no velocities, no accelerations
@@ -38,5 +38,4 @@ def decode_formation(data: bytes) -> FormationSample:
     return FormationSample(swap_world((east, north, up)), swap_attitude((w, x, y, z)), seconds * _NS_PER_S + ns)
 
 
-ENCODERS: dict[str, Encoder] = {}  # not a sample of a sensor
 DECODERS: dict[str, Decoder] = {"formation": decode_formation}

@@ -5,7 +5,7 @@ from typing import NamedTuple
 
 from hil.common.vectors import Quaternion, Vector3
 from hil.ros.cdr import HEADER, Layout, Reader, Writer, tolerant
-from hil.ros.encoders import Decoder, Encoder, pack_stamped, swap_body, unpack_stamped
+from hil.ros.encoders import Decoder, pack_stamped, swap_body, unpack_stamped
 
 _NS_PER_S = 1_000_000_000
 _CLOCK = Layout("i I")
@@ -79,7 +79,6 @@ def decode_wrench(data: bytes) -> tuple[int, Vector3, Vector3]:
     return time_ns, swap_body(values[:3]), swap_body(values[3:])
 
 
-ENCODERS: dict[str, Encoder] = {}  # not samples of sensors
 DECODERS: dict[str, Decoder] = {
     "/clock": decode_clock,
     "/tf": decode_transforms,

@@ -5,7 +5,7 @@ from math import isfinite
 from typing import NamedTuple
 
 from hil.ros.cdr import MalformedError, tolerant
-from hil.ros.encoders import Decoder, Encoder
+from hil.ros.encoders import Decoder
 from hil.ros.message import encode, header, read, time_of
 from sim.vehicle.accessories import NAMES
 from sim.vehicle.vehicle import Vehicle
@@ -95,7 +95,6 @@ def decode_motors(data: bytes) -> tuple[MotorState, ...]:
     return tuple([MotorState(*values[start : start + columns]) for start in range(0, len(values), columns)])
 
 
-ENCODERS: dict[str, Encoder] = {}  # not samples of sensors
 DECODERS: dict[str, Decoder] = {
     "joint_states": decode_joints, "motors": decode_motors,
     **dict.fromkeys(("accessories", "cmd_accessories"), decode_accessories),

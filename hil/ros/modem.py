@@ -7,7 +7,7 @@ is the distance to the sender of the last message received, which its frame name
 from typing import NamedTuple
 
 from hil.ros.cdr import MalformedError, tolerant
-from hil.ros.encoders import Decoder, Encoder
+from hil.ros.encoders import Decoder
 from hil.ros.message import encode, read
 from hil.ros.sensors import decode_distance, encode_distance
 from sim.sensors.extra_samples import RangeSample
@@ -44,7 +44,6 @@ def encode_range(time_ns: int, sender: str, distance: float, reach: float) -> by
     return encode_distance(RangeSample(time_ns, distance, (0.0, reach)), sender)
 
 
-ENCODERS: dict[str, Encoder] = {}  # not samples of sensors
 DECODERS: dict[str, Decoder] = {
     "modem_tx": decode_message,
     "modem_rx": decode_message,

@@ -4,7 +4,7 @@ from collections.abc import Sequence
 
 from hil.common.vectors import Vector3
 from hil.ros.cdr import MalformedError, tolerant
-from hil.ros.encoders import Decoder, Encoder, swap_world
+from hil.ros.encoders import Decoder, swap_world
 from hil.ros.message import encode, header, read
 
 TYPE = "nav_msgs/msg/Path"
@@ -34,5 +34,4 @@ def decode_plan(data: bytes) -> tuple[Vector3, ...]:
     return tuple([swap_world((place["x"], place["y"], place["z"])) for place in places])
 
 
-ENCODERS: dict[str, Encoder] = {}  # not a sample of a sensor
 DECODERS: dict[str, Decoder] = {"plan": decode_plan, "tether": decode_plan}

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 from hil.common.vectors import Vector3
 from hil.ros.cdr import MalformedError, tolerant
-from hil.ros.encoders import Decoder, Encoder
+from hil.ros.encoders import Decoder
 from hil.ros.message import Message, encode, header, read
 from hil.ros.topics import TOPICS
 from sim.environment.mesh import MeshObstacle
@@ -132,7 +132,6 @@ def _reader(type_name: str) -> Decoder:
     return tolerant(lambda data: read(type_name, data))
 
 
-ENCODERS: dict[str, Encoder] = {}  # not samples of sensors
 DECODERS: dict[str, Decoder] = {
     name: _reader(TOPICS[name].type) for name in ("robot_description", "obstacles", "/parameter_events")
 } | {"map": decode_map}

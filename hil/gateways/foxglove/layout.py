@@ -34,7 +34,7 @@ def layout(node: str, scenario: Scenario | None = None) -> str:
     panels: dict[str, Any] = {
         "3D!scene": _three_d(node, f"{scenario.ros.frame_prefix if scenario else ''}base_link", sensors),
         **{panel: _image(node, topic) for panel, topic in images.items()},
-        "Tab!side": {"activeTabIdx": 0, "tabs": [_tab("health", _health()), _tab("commands", _commands())]},
+        "Tab!side": {"activeTabIdx": 0, "tabs": TABS},
         "Teleop!stick": _teleop(node),
         "CallService!arm": {"serviceName": f"/{node}/arm", "requestPayload": '{"data": true}', "layout": "vertical"},
         "Parameters!gains": {"title": "Parameters"},
@@ -66,18 +66,6 @@ def _images(sensors: SensorSet, format_of_camera: str) -> dict[str, str]:
     }  # fmt: skip
 
 
-def _tab(title: str, layout: Any) -> dict[str, Any]:
-    return {"title": title, "layout": layout}
-
-
-def _health() -> Any:
-    return _split("row", "DiagnosticSummary!vehicles", "DiagnosticStatusPanel!slave", 30)
-
-
-def _commands() -> Any:
-    return _split("row", _split("column", "Teleop!stick", "CallService!arm", 65), "Parameters!gains")
-
-
 def _row(panels: list[str]) -> Any:
     """Return panels side by side, all as wide."""
     first, *others = panels
@@ -86,6 +74,13 @@ def _row(panels: list[str]) -> Any:
 
 def _split(direction: str, first: Any, second: Any, percent: int = 50) -> dict[str, Any]:
     return {"direction": direction, "first": first, "second": second, "splitPercentage": percent}
+
+
+_STICK = _split("column", "Teleop!stick", "CallService!arm", 65)
+TABS = [
+    {"title": "health", "layout": _split("row", "DiagnosticSummary!vehicles", "DiagnosticStatusPanel!slave", 30)},
+    {"title": "commands", "layout": _split("row", _STICK, "Parameters!gains")},
+]
 
 
 def _three_d(node: str, frame: str, sensors: SensorSet) -> dict[str, Any]:

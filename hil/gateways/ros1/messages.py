@@ -69,7 +69,7 @@ def service_of(type_name: str) -> Service:
 
 def to_ros1(type_name: str, data: bytes, sequence: int = 0) -> bytes:
     """Return a message, CDR, as ROS 1 has it; `sequence` is the `seq` of its header. Raises UnreadableError."""
-    message = bytearray(_convert(_encoder(type_name), data))
+    message = bytearray(_convert(_converter(type_name, is_to_ros2=False), data))
     if "/srv/" not in type_name and kind_of(type_name).has_header:
         message[:4] = pack("<I", sequence & 0xFFFFFFFF)
     return bytes(message)
@@ -77,7 +77,7 @@ def to_ros1(type_name: str, data: bytes, sequence: int = 0) -> bytes:
 
 def to_cdr(type_name: str, data: bytes) -> bytes:
     """Return a message of ROS 1 as CDR. Raises UnreadableError."""
-    return bytes(_convert(_decoder(type_name), data))
+    return bytes(_convert(_converter(type_name, is_to_ros2=True), data))
 
 
 def _convert(convert: Callable[[bytes], memoryview], data: bytes) -> memoryview:
@@ -88,19 +88,11 @@ def _convert(convert: Callable[[bytes], memoryview], data: bytes) -> memoryview:
 
 
 @cache
-def _encoder(type_name: str) -> Callable[[bytes], memoryview]:
-    source, target = _ros2(type_name), _ros1(type_name)
-    return _converter(source, target, _known_as(type_name), is_to_ros2=False)
-
-
-@cache
-def _decoder(type_name: str) -> Callable[[bytes], memoryview]:
-    source, target = _ros1(type_name), _ros2(type_name)
-    return _converter(source, target, _known_as(type_name), is_to_ros2=True)
-
-
-def _converter(source: Typestore, target: Typestore, name: str, is_to_ros2: bool) -> Callable[[bytes], memoryview]:
+def _converter(type_name: str, is_to_ros2: bool) -> Callable[[bytes], memoryview]:
     """Return what copies the fields, or, where the releases differ, what goes through a message of each."""
+    ros2, ros1 = (_with(store, type_name) for store in _stores())
+    source, target = (ros1, ros2) if is_to_ros2 else (ros2, ros1)
+    name = _known_as(type_name)
     if is_same_wireformat(source, target, name, name):
         return lambda data: (target.ros1_to_cdr if is_to_ros2 else source.cdr_to_ros1)(data, name)
     cache: dict[str, object] = {}
@@ -118,10 +110,6 @@ def _known_as(type_name: str) -> str:
 def _stores() -> tuple[Typestore, Typestore]:
     release = Stores.ROS2_HUMBLE if dialect.is_humble() else Stores.ROS2_JAZZY
     return get_typestore(release), get_typestore(Stores.ROS1_NOETIC)
-
-
-def _ros2(type_name: str) -> Typestore:
-    return _with(_stores()[0], type_name)
 
 
 def _ros1(type_name: str) -> Typestore:
