@@ -5,18 +5,17 @@
     python tools/stress/fuzz_charts.py --charts DIR --count 100 --build     also grid them, within limits
 
 Bytes are changed, inserted, cut out, doubled or swapped, digits of lengths and positions replaced, in the cell or in an
-update beside it. These are faults: an exception that is not a HilError, in the reading process or in its parent; an
-end of the parent by a signal; a duration above `SLOWEST_S`; an error of several lines. With --build also: more than
+update beside it. Each cell is examined in a copy of this process (fork), which starts the process that reads it: about
+a second. These are faults: an exception that is not a HilError, in the reading process or in its parent; an end of the
+parent by a signal; a duration above `SLOWEST_S`; an error of several lines. With --build also: more than
 twice the processor time or memory of the sound cell, or more than 1 GB. The exit code is 1 if there was a fault, and
 the mutated cell is then stored.
-
-The modules are loaded once, and each cell is read by a copy of this process (fork) that has the limits of the real one:
-a process that is started again takes 0.3 s.
 """
 
 import argparse
 import os
 import random
+import re
 import resource
 import shutil
 import signal
@@ -33,9 +32,7 @@ ROOT = Path(__file__).parents[2]
 sys.path.insert(0, str(ROOT))
 
 from hil.charts.build_process import read_and_build  # noqa: E402
-from hil.charts.sources import s57_process  # noqa: E402
 from hil.charts.sources.combine import read_sources  # noqa: E402
-from hil.common import children  # noqa: E402
 from hil.common.errors import HilError  # noqa: E402
 
 SLOWEST_S = 900.0  # by the clock, as others may use the processors; limits of processor time come before
@@ -52,44 +49,6 @@ class Cost(NamedTuple):
 
     seconds: float
     mebibytes: float
-
-
-class ForkedReader:
-    """Fork of this process in place of the one that `hil.charts.sources.s57` starts (`s57_process`)."""
-
-    def __init__(self, command: list[str], **_: Any) -> None:
-        self._files = [tempfile.TemporaryFile() for _ in range(2)]  # noqa: SIM115 - closed by __exit__
-        self.returncode: int | None = None
-        self._pid = os.fork()
-        if not self._pid:
-            for number, file in enumerate(self._files, 1):
-                os.dup2(file.fileno(), number)
-            _end(lambda: s57_process.main(*command[-2:]))
-
-    def __enter__(self) -> "ForkedReader":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        for file in self._files:
-            file.close()
-
-    def communicate(self, timeout: float) -> list[bytes]:
-        """Return its output and its errors when it has ended. Raises subprocess.TimeoutExpired."""
-        self.returncode = _wait(self._pid, timeout)[0]
-        output = []
-        for file in self._files:
-            file.seek(0)
-            output.append(file.read())
-        if b"Traceback" in output[1]:
-            print(output[1].decode(errors="replace"), file=sys.stderr)
-            os._exit(RAISED)  # `read_cell` would make one line of it
-        return output
-
-    def kill(self) -> None:
-        """End it, if it has not ended."""
-        if self.returncode is None:
-            os.kill(self._pid, signal.SIGKILL)
-            os.waitpid(self._pid, 0)
 
 
 def _end(work: Any) -> None:
@@ -157,6 +116,7 @@ def read(path: str, build: bool) -> int:
         assert output.startswith(path[:-4]) or "C:" in output, output
         assert "\n" not in output, output
         assert len(output) < 1000, output
+        assert not re.search(r"\w+Error: ", output), output  # the end of a traceback
         return REFUSED
     return READ
 
@@ -208,11 +168,6 @@ def main() -> int:
     parser.add_argument("--keep", default="mutated_cells", metavar="DIR", help="folder of the cells with a fault")
     options = parser.parse_args()
     cells = cells_of(options.charts)
-    if not options.build:
-        children.start_child = ForkedReader  # type: ignore[assignment]
-    import pyogrio  # noqa: F401 - loaded once, for all copies
-    import shapely  # noqa: F401
-
     verdicts: Counter[str] = Counter()
     slowest = most = 0.0
     with tempfile.TemporaryDirectory() as folder:

@@ -254,11 +254,11 @@ def test_a_chart_without_a_scale_has_the_usual_one_of_its_purpose(tmp_path: Path
 
 
 def test_mutated_cells_are_read_or_refused(tmp_path: Path) -> None:
-    """The 15 inputs of `tools/stress/fuzz_charts.py` give no hang, no traceback, and at most one line of error."""
-    command = [sys.executable, str(ROOT / "tools" / "stress" / "fuzz_charts.py"), "--count", "15", "--seed", "1"]
+    """The 8 inputs of `tools/stress/fuzz_charts.py` give no hang, no traceback, and at most one line of error."""
+    command = [sys.executable, str(ROOT / "tools" / "stress" / "fuzz_charts.py"), "--count", "8", "--seed", "1"]
     completed = subprocess.run([*command, "--keep", str(tmp_path)], capture_output=True, text=True, timeout=250)
     assert completed.returncode == 0, completed.stdout + completed.stderr
-    figures = re.fullmatch(r"(\d+) read, (\d+) refused of 15; slowest .* s, most memory (\d+) MiB\n", completed.stdout)
+    figures = re.fullmatch(r"(\d+) read, (\d+) refused of 8; slowest .* s, most memory (\d+) MiB\n", completed.stdout)
     assert figures, completed.stdout
     assert min(int(figures[1]), int(figures[2])) > 0
     assert int(figures[3]) < 500
