@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.charts.grid import Depths, Grid, thinning_step
-from hil.common.errors import ConfigError
-from hil.plots.plotting import pyplot
+from hil.plots.plotting import pyplot, save_figure
+from hil.plots.run_picture import outlines
 from sim.environment.obstacles import Box, Cylinder
 from sim.environment.things.pipelines import Pipeline
 from sim.environment.things.zones import Zone
@@ -54,23 +54,15 @@ def draw(
     grid = _thin(grid, MAX_PIXELS)
     south, north, west, east = grid.extent
     figure, axes = plt.subplots(figsize=_size(east - west, north - south), layout="constrained")
-    try:
-        colours, scale = _shaded(grid, plt)
-        _draw_pixels(axes, grid, colours)
-        _draw_marks(axes, grid, marks)
-        draw_obstacles(axes, cylinders, boxes)
-        _draw_scale_bar(axes, grid)
-        bar = figure.colorbar(scale, ax=axes, label="depth (m)", shrink=0.8, pad=0.01)
-        bar.ax.invert_yaxis()
-        axes.set(
-            xlim=(west, east), ylim=(south, north), xlabel="east (m)", ylabel="north (m)", title=title, aspect="equal"
-        )
-        figure.savefig(path, dpi=120, **_png_options(path))
-    except (OSError, ValueError) as error:
-        text = error.strerror if isinstance(error, OSError) else str(error).splitlines()[0]
-        raise ConfigError(f"{os.path.abspath(path)}: cannot be drawn: {text}") from None
-    finally:
-        plt.close(figure)
+    colours, scale = _shaded(grid, plt)
+    _draw_pixels(axes, grid, colours)
+    _draw_marks(axes, grid, marks)
+    draw_obstacles(axes, cylinders, boxes)
+    _draw_scale_bar(axes, grid)
+    bar = figure.colorbar(scale, ax=axes, label="depth (m)", shrink=0.8, pad=0.01)
+    bar.ax.invert_yaxis()
+    axes.set(xlim=(west, east), ylim=(south, north), xlabel="east (m)", ylabel="north (m)", title=title, aspect="equal")
+    save_figure(figure, os.path.abspath(path), 120, **_png_options(path))
 
 
 def _draw_pixels(axes: Any, grid: Grid, colours: NDArray[np.uint8]) -> None:
@@ -213,13 +205,8 @@ def _draw_soundings(axes: Any, soundings: Array) -> None:
 def draw_obstacles(axes: Any, cylinders: tuple[Cylinder, ...], boxes: tuple[Box, ...]) -> None:
     """Draw obstacles in true size; cylinders also have a cross, which is visible at any scale."""
     from matplotlib.collections import PatchCollection
-    from matplotlib.patches import Circle, Rectangle
 
-    outlines: list[Any] = [Circle((pile.east, pile.north), pile.radius) for pile in cylinders]
-    for box in boxes:
-        corner, turn = (box.east - 0.5 * box.size_east, box.north - 0.5 * box.size_north), -np.degrees(box.heading)
-        outlines.append(Rectangle(corner, box.size_east, box.size_north, angle=turn, rotation_point="center"))
-    drawn = PatchCollection(outlines, facecolor=OBSTACLE, alpha=0.9, zorder=5)
+    drawn = PatchCollection(outlines(cylinders, boxes), facecolor=OBSTACLE, alpha=0.9, zorder=5)
     drawn.set_in_layout(False)
     axes.add_collection(drawn)
     if cylinders:

@@ -27,10 +27,10 @@ def check_picture(path: str) -> None:
         raise ConfigError(f"{path}: unknown picture format: use .{', .'.join(kinds)}")
 
 
-def save_figure(figure: Any, path: str) -> str:
-    """Write the figure to `path`, close it, and return the path. Raises ConfigError."""
+def save_figure(figure: Any, path: str, dpi: int = DPI, **options: Any) -> str:
+    """Write the figure to `path`, close it, and return the path; `options` of its format. Raises ConfigError."""
     try:
-        figure.savefig(path, dpi=DPI)
+        figure.savefig(path, dpi=dpi, **options)
     except (OSError, ValueError) as error:
         text = error.strerror if isinstance(error, OSError) else str(error).splitlines()[0]
         raise ConfigError(f"{path}: cannot be written: {text}") from None

@@ -1,6 +1,6 @@
 """Convert a recording to columns over time for each vehicle, for figures."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 from hil.client.delay import INSTANTS, DelayMeter
 from hil.common.errors import ConfigError
@@ -11,7 +11,6 @@ from hil.ros.diagnostics import Diagnostics
 from hil.ros.plan import decode_plan
 from sim.rotations import to_euler
 from sim.run_events import RunEvent, events_since
-from sim.sensors.samples import OdometrySample
 
 NS_PER_S = 1e9
 MAX_ROWS = 200_000  # in a column; far more than a figure has pixels
@@ -79,16 +78,11 @@ def collect(messages: Iterable[Message], path: str) -> dict[str, VehicleData]:
     return vehicles
 
 
-def _add_true(data: VehicleData, message: Message, time: float) -> None:
+def _add_state(rows: list[Row], message: Message, time: float) -> None:
     sample = ros.decode_odometry(message.data)
     if sample:
-        data.true.append((time, *_state(sample)))
-
-
-def _add_measured(data: VehicleData, message: Message, time: float) -> None:
-    sample = ros.decode_odometry(message.data)
-    if sample:
-        data.measured.append((time, *_state(sample)))
+        u, v, w, _, _, r = sample.nu
+        rows.append((time, *sample.position, to_euler(sample.orientation)[2], u, v, w, r))
 
 
 def _add_command(data: VehicleData, message: Message, time: float) -> None:
@@ -126,11 +120,6 @@ def _add_tether(data: VehicleData, message: Message, _time: float) -> None:
     data.tether = decode_plan(message.data) or data.tether
 
 
-def _state(sample: OdometrySample) -> Row:
-    u, v, w, _, _, r = sample.nu
-    return (*sample.position, to_euler(sample.orientation)[2], u, v, w, r)
-
-
 def _steps(rows: list[Row], end: float) -> list[Row]:
     """Return the values over time as steps; the last value is held until the end."""
     if not rows:
@@ -140,9 +129,9 @@ def _steps(rows: list[Row], end: float) -> list[Row]:
     return [*complete, (max(end, complete[-1][0]), *complete[-1][1:])]
 
 
-_HANDLERS = {
-    "ground_truth": _add_true,
-    "odom": _add_measured,
+_HANDLERS: dict[str, Callable[[VehicleData, Message, float], None]] = {
+    "ground_truth": lambda data, message, time: _add_state(data.true, message, time),
+    "odom": lambda data, message, time: _add_state(data.measured, message, time),
     "cmd_vel": _add_command,
     PULSES.name: _add_pulses,
     "diagnostics": _add_diagnostics,

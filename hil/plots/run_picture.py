@@ -3,7 +3,7 @@
 import csv
 import os
 from collections.abc import Sequence
-from math import cos, sin
+from math import degrees
 from typing import Any
 
 from hil.common.palette import COMMANDED, EVENT, GOAL, OBSTACLE, PATH, START, TRACK, WATER
@@ -11,7 +11,7 @@ from hil.master.flight import Plan
 from hil.master.planner import Point
 from hil.plots.plotting import add_legend, pyplot, save_figure
 from hil.scenario.config import Scenario
-from sim.environment.obstacles import Box
+from sim.environment.obstacles import Box, Cylinder
 from sim.environment.world import World
 from sim.run_events import RunEvent
 
@@ -85,27 +85,31 @@ def draw_world(axes: Any, world: World) -> None:
     """Draw the obstacles from above, in their true size and position, and the walls if there are any."""
     import numpy as np
     from matplotlib.collections import PolyCollection
-    from matplotlib.patches import Circle, Polygon, Rectangle
+    from matplotlib.patches import Rectangle
 
     south, north, west, east = world.extent
     edge = "black" if world.walls else "0.75"
     axes.add_patch(Rectangle((west, south), east - west, north - south, facecolor=WATER, edgecolor=edge, zorder=0))
-    piles = [Circle((pile.east, pile.north), pile.radius) for pile in world.cylinder]
     triangles = [triangle for mesh in world.mesh for triangle in np.reshape(mesh.placed, (-1, 3, 3))[..., 1::-1]]
     axes.add_collection(PolyCollection(triangles, color=OBSTACLE, zorder=1))
     for pipeline in world.pipeline:
         norths, easts = zip(*pipeline.points, strict=True)
         axes.plot(easts, norths, color=OBSTACLE, linewidth=1.0, zorder=1)
-    for number, obstacle in enumerate([*piles, *(Polygon(_corners(box)) for box in world.box)]):
+    for number, obstacle in enumerate(outlines(world.cylinder, world.box)):
         obstacle.set(color=OBSTACLE, zorder=1, label="" if number else "obstacle")
         axes.add_patch(obstacle)
 
 
-def _corners(box: Box) -> list[tuple[float, float]]:
-    """Return east and north (m) of each corner."""
-    c, s = cos(box.heading), sin(box.heading)
-    halves = [(0.5 * i * box.size_north, 0.5 * j * box.size_east) for i, j in ((1, 1), (1, -1), (-1, -1), (-1, 1))]
-    return [(box.east + s * along + c * across, box.north + c * along - s * across) for along, across in halves]
+def outlines(cylinders: Sequence[Cylinder], boxes: Sequence[Box]) -> list[Any]:
+    """Return the outlines of obstacles from above, as patches without a colour; east is to the right."""
+    from matplotlib.patches import Circle, Rectangle
+
+    patches: list[Any] = [Circle((pile.east, pile.north), pile.radius) for pile in cylinders]
+    for box in boxes:
+        corner = (box.east - 0.5 * box.size_east, box.north - 0.5 * box.size_north)
+        turn = -degrees(box.heading)
+        patches.append(Rectangle(corner, box.size_east, box.size_north, angle=turn, rotation_point="center"))
+    return patches
 
 
 def draw_events(axes: Any, events: Sequence[RunEvent]) -> None:

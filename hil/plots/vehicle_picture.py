@@ -3,8 +3,7 @@
 import os
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from hil.common.errors import ConfigError
-from hil.plots.plotting import pyplot
+from hil.plots.plotting import pyplot, save_figure
 from hil.plots.stl import read_stl
 from sim.rotations import from_euler, matrix
 from sim.vehicle.terminal_speed import AxisCapability
@@ -43,18 +42,12 @@ def draw(vehicle: Vehicle, capabilities: tuple[AxisCapability, ...], path: str) 
     """Draw `vehicle` and its top speeds into the image file `path`. Raises MissingExtraError, ConfigError."""
     plt = pyplot()
     figure, axes = plt.subplots(2, 2, figsize=(12, 10), layout="constrained")
-    try:
-        for view, place in zip(VIEWS, axes.flat, strict=False):
-            _draw_view(place, vehicle, view)
-        _draw_speeds(axes[1][1], capabilities)
-        figure.suptitle(f"{vehicle.name}: {vehicle.mass:g} kg, {_parts(vehicle)}", fontsize=15)
-        _name_thrusters(figure, vehicle)
-        figure.savefig(path, dpi=110)
-    except (OSError, ValueError) as error:
-        text = error.strerror if isinstance(error, OSError) else str(error).splitlines()[0]
-        raise ConfigError(f"{os.path.abspath(path)}: cannot be drawn: {text}") from None
-    finally:
-        plt.close(figure)
+    for view, place in zip(VIEWS, axes.flat, strict=False):
+        _draw_view(place, vehicle, view)
+    _draw_speeds(axes[1][1], capabilities)
+    figure.suptitle(f"{vehicle.name}: {vehicle.mass:g} kg, {_parts(vehicle)}", fontsize=15)
+    _name_thrusters(figure, vehicle)
+    save_figure(figure, os.path.abspath(path))
 
 
 def _draw_view(axes: Any, vehicle: Vehicle, view: View) -> None:

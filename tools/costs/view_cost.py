@@ -65,15 +65,13 @@ Place = tuple[float, ...]
 
 
 class Measured(NamedTuple):
-    """Figures of one round: command delay, loop lateness, shares of a core, memory, and the viewers' part.
+    """Figures of one round: command delay, shares of a core, memory, and the viewers' part.
 
     `latency_ms` are in the order in which they were measured.
     """
 
     delay_p50_ms: float
     delay_p99_ms: float
-    late_p50_us: float
-    late_p99_us: float
     slave_cpu: float
     view_cpu: float
     view_mib: float
@@ -169,19 +167,12 @@ def viewed(*options: str) -> Iterator[tuple[int, str, str]]:
         process.stdout.close()
 
 
-def fly(client: VehicleClient, seconds: float) -> tuple[list[float], list[float]]:
-    """Command a circle; return the loop's lateness that the slave reported each second, median and 99 % (us)."""
-    middles, worst = [], []
-    end, look = time.monotonic() + seconds, 0.0
-    while (now := time.monotonic()) < end:
+def fly(client: VehicleClient, seconds: float) -> None:
+    """Command a circle."""
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
         client.command(VelocityCommand(surge=0.3, yaw_rate=0.2, depth=5.0))
-        if now >= look:
-            look = now + 1.0
-            figures = client.diagnostics()
-            middles.append(figures.lateness_recent_p50_us or 0.0)
-            worst.append(figures.lateness_recent_p99_us or 0.0)
         time.sleep(COMMAND_S)
-    return sorted(middles), sorted(worst)
 
 
 @contextmanager
@@ -217,11 +208,11 @@ def measure(folder: Path, viewers: int | None, seconds: float, rate: float = 0.0
         noted, updates = (len(watching.latency_ms), watching.updates) if watching else (0, 0)
         passed = relay.passed if relay else 0
         began, slave_s, view_s = time.monotonic(), cpu_s([slave.pid]), cpu_s([view]) if view else 0.0
-        middles, worst = fly(client, seconds)
+        fly(client, seconds)
         duration = time.monotonic() - began
         delays = sorted(client.delays.totals_ns()[first:])
         return Measured(
-            quantile(delays, 0.5) / 1e6, quantile(delays, 0.99) / 1e6, quantile(middles, 0.5), quantile(worst, 0.5),
+            quantile(delays, 0.5) / 1e6, quantile(delays, 0.99) / 1e6,
             (cpu_s([slave.pid]) - slave_s) / duration, (cpu_s([view]) - view_s) / duration if view else 0.0,
             read_threads([view]).pss_mib if view else 0.0, watching.latency_ms[noted:] if watching else [],
             (watching.updates - updates) / duration if watching else 0.0,
@@ -239,9 +230,7 @@ def main() -> int:
     parser.add_argument("--seconds", type=float, default=20.0, help="of each round [%(default)s]")
     parser.add_argument("--rate", type=float, default=0.0, metavar="MBIT/S", help="of the viewers' network [no limit]")
     options = parser.parse_args()
-    print(
-        "viewers  delay p50, p99 ms  late p50, p99 us  CPU slave, view  view MiB  latency p50, p95 ms  updates/s Mbit/s"
-    )
+    print("viewers  delay p50, p99 ms  CPU slave, view  view MiB  latency p50, p95 ms  updates/s Mbit/s")
     failed = False
     for viewers in (None, 0, 1, 10):
         with tempfile.TemporaryDirectory() as folder:
@@ -251,8 +240,8 @@ def main() -> int:
         failed |= p50 > MAX_LATENCY_MS
         name = "no view" if viewers is None else str(viewers)
         print(
-            f"{name:8} {measured.delay_p50_ms:8.3f} {measured.delay_p99_ms:8.3f} {measured.late_p50_us:9.1f}"
-            f" {measured.late_p99_us:7.1f} {measured.slave_cpu:9.1%} {measured.view_cpu:7.1%} {measured.view_mib:8.0f}"
+            f"{name:8} {measured.delay_p50_ms:8.3f} {measured.delay_p99_ms:8.3f} {measured.slave_cpu:9.1%}"
+            f" {measured.view_cpu:7.1%} {measured.view_mib:8.0f}"
             f" {p50:10.1f} {p95:8.1f} {measured.updates_hz:9.1f}"
             f" {measured.traffic_mbit_s:7.2f}",
             flush=True,

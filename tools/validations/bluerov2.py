@@ -10,8 +10,8 @@ from sim import rotations
 from sim.dynamics import Dynamics, Integrator, State
 from sim.rotations import from_euler, to_euler
 from sim.vehicle.vehicle import Vehicle
+from tests.support.flights.von_benzon import CASES, CURRENT, DEEP, DENSITY, GRAVITY, HEAVY, LeftOut, Row, pick, rows_of
 from tests.unit.sim.test_dynamics import Tow
-from tests.unit.sim.test_von_benzon import CASES, CURRENT, DEEP, DENSITY, GRAVITY, HEAVY, LeftOut, Row, pick, rows_of
 from tools.validations.sheet import SHADES, WRONG, Finding, Sheet, above, below, label, near, plot_own, plot_ref, ticks
 
 STILL, NOTHING = (0.0, 0.0, 0.0), (0.0,) * 6
@@ -32,7 +32,9 @@ def apart(row: Row, like_them: bool) -> float:
     dynamics = Dynamics(HEAVY, DENSITY, GRAVITY, forces=[LeftOut(current)] if like_them else [])
     rotation, nu = rotations.matrix(from_euler(*pick(row, "phi theta psi"))), pick(row, "u v w p q r")
     wrench = dynamics.add_forces((0.0, 0.0, DEEP), rotation, nu, pick(row, "tauX tauY tauZ tauK tauM tauN"), current)
-    return difference(dynamics.acceleration(DEEP, rotation, nu, wrench, current), pick(row, "du dv dw dp dq dr"))
+    found = dynamics.acceleration(DEEP, rotation, nu, wrench, current)
+    velocity = rotations.rotate(from_euler(*pick(row, "phi theta psi")), nu[:3])
+    return difference([*found, *velocity], pick(row, "du dv dw dp dq dr dx dy dz"))
 
 
 def derivatives(panels: Sequence[Axes]) -> list[Finding]:

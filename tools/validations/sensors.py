@@ -16,7 +16,6 @@ from sim.sensors.ranging.dvl import Dvl, DvlModel
 from sim.simulation import Simulation
 from sim.vehicle.vehicle import load_vehicle
 from tests.unit.sim.sensors import test_sensor_error as errors
-from tests.unit.sim.sensors.test_sensor_allan import RATE, SECONDS
 from tools.validations.sheet import (
     OURS,
     SHADES,
@@ -80,6 +79,7 @@ def _density(axes: Axes) -> Finding:
 # -- Allan deviation --------------------------------------------------------------------------------------------------
 
 DENSITY, SIZE, TIME = 3.394e-4, 0.0735, 10.0
+RATE, SECONDS = 50.0, 8000.0
 
 
 def allan(panels: Sequence[Axes]) -> list[Finding]:

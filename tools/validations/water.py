@@ -12,10 +12,10 @@ from sim.environment.currents import TIDAL_SPEEDS, GaussMarkovCurrent, tidal
 from sim.environment.ocean import Tide
 from sim.environment.waves import WaveField, components, spectral_density, wave_number
 from sim.rotations import from_euler, rotate, rotate_inverse
+from tests.support.flights.von_benzon import LeftOut
 from tests.unit.sim.environment import test_currents as flows
 from tests.unit.sim.environment import test_waves as swell
 from tests.unit.sim.test_dynamics import DEEP, HEAVY, NOTHING, STILL
-from tests.unit.sim.test_von_benzon import LeftOut
 from tools.validations.sheet import (
     OURS,
     SHADES,

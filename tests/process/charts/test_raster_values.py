@@ -67,12 +67,6 @@ def test_an_unknown_unit_is_named_in_the_error(tmp_path: Path) -> None:
         open_raster(write(tmp_path / "units.tif", DEPTHS, names=("depth",), unit="furlong"))
 
 
-def test_a_text_column_in_feet_becomes_metres(tmp_path: Path) -> None:
-    path = tmp_path / "feet.csv"
-    path.write_text("lon,lat,depth_ft\n10,54,100\n10.001,54,200\n10,54.001,300\n")
-    assert read_points(str(path)).depths == pytest.approx([30.48, 60.96, 91.44])
-
-
 @pytest.mark.parametrize("mark", [-99999.0, 1e20, np.inf])
 def test_an_undeclared_no_data_value_out_of_range_is_refused(mark: float, tmp_path: Path) -> None:
     marked = np.where(COLUMNS < 10, mark, -DEPTHS)

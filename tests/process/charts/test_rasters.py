@@ -150,20 +150,6 @@ def test_soundings_in_metres_need_a_named_coordinate_system(tmp_path: Path) -> N
         read_points(str(path), crs="EPSG:1")
 
 
-def test_soundings_across_the_180th_meridian_make_one_world(tmp_path: Path) -> None:
-    path = tmp_path / "fiji.csv"
-    rows = [(lon, -17.0 + 0.001 * i) for i in range(8) for lon in (179.996, 179.998, 180.0, -179.998, -179.996)]
-    path.write_text("lon,lat,depth\n" + "\n".join(f"{lon},{lat},{12 if lon > 0 else 14}" for lon, lat in rows))
-    survey, extent = read_sources([str(path)], None)
-    assert extent[3] - extent[2] < 1000.0
-    assert survey.origin == pytest.approx((-16.9965, 180.0)) or survey.origin == pytest.approx((-16.9965, -180.0))
-    grid = build(survey, extent, 20.0).model.grid
-    assert grid.at(np.array([[0.0, -300.0], [0.0, 300.0]])) == pytest.approx([12.0, 14.0], abs=0.5)
-    assert command.area("-17,179.9,-16,-179.9") == (-17.0, 179.9, -16.0, 180.1)
-    extent = read_sources([str(path)], GeoBox(-17.0, 179.997, -16.993, 180.003), None)[1]
-    assert extent[3] - extent[2] < 700.0
-
-
 def s102(path: Path, depths: NDArray[np.float64], south: float, west: float, issued: str) -> None:
     """Write a surface as IHO's S-102 2.2 lays one out: rows from the south, places of points, 0.0005 deg apart."""
     h5py = pytest.importorskip("h5py", reason="writes the S-102 for this test")
@@ -209,36 +195,6 @@ def test_the_newer_s102_survey_is_used_on_request(tmp_path: Path) -> None:
         assert sum(bed_shares.values()) == pytest.approx(1.0, abs=0.02)
     Path(text).write_text("lon,lat,depth\n10.03,54.0,9\n10.03,54.01,9\n10.04,54.0,9\n10.04,54.01,9.5\n")
     assert command.main(["build", old, new, text, "--newest", "-o", str(tmp_path / "bay")]) == 0
-
-
-def test_a_netcdf_like_that_of_gebco_is_read_and_a_file_that_is_no_raster_is_refused(tmp_path: Path) -> None:
-    """The file has degrees, heights in whole metres, and two variables."""
-    pytest.importorskip("rasterio", reason="rasters need rasterio: pip install 'uuv-hil[raster]'")
-    h5py = pytest.importorskip("h5py", reason="writes the NetCDF for this test")
-    path = tmp_path / "gebco.nc"
-    with h5py.File(path, "w") as file:
-        axes = {"lat": np.linspace(54.0, 54.1, 25), "lon": np.linspace(10.0, 10.2, 49)}
-        for name, values in axes.items():
-            file[name] = values
-            file[name].make_scale(name)
-            file[name].attrs["units"] = np.bytes_("degrees_north" if name == "lat" else "degrees_east")
-            file[name].attrs["standard_name"] = np.bytes_("latitude" if name == "lat" else "longitude")
-        for name, value in (("elevation", -np.arange(25)[:, None] * 2 - np.arange(49)), ("tid", np.ones((25, 49)))):
-            file[name] = value.astype("i2")
-            for axis, scale in enumerate(("lat", "lon")):
-                file[name].dims[axis].attach_scale(file[scale])
-    survey, extent = read_sources([str(path)], None)
-    grid = build(survey, extent).model.grid
-    assert grid.resolution == pytest.approx(460.0, abs=20.0)
-    plane = LocalPlane(*survey.origin or (0.0, 0.0))
-    places = np.column_stack(plane.to_local(np.array([54.025, 54.05]), np.array([10.05, 10.1])))
-    assert grid.at(places) == pytest.approx([24.0, 48.0], abs=0.5)
-    bad_file = tmp_path / "bad.tif"
-    bad_file.write_bytes(b"II*\0 no more")
-    with pytest.raises(ConfigError, match=r"bad.tif: cannot be read as a raster"):
-        open_raster(str(bad_file))
-    with pytest.raises(ConfigError, match=r"none.tif: no such file"):
-        open_raster(str(tmp_path / "none.tif"))
 
 
 @pytest.mark.parametrize("kind", ["WMS", "VRT"])

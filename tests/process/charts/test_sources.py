@@ -18,17 +18,11 @@ from hil.charts.projection import LocalPlane
 from hil.charts.sources import points
 from hil.charts.sources.combine import ReadOptions, read_sources
 from hil.charts.sources.points import read_points
+from hil.commands import world as command
 from hil.common.errors import ConfigError
 from sim.environment.obstacles import STANDING
 from tests.support.charts.s57_encoder import Encoder, square
 from tests.support.charts.small_cell import EAST, NORTH, SHORE, SOUTH, WEST, bay, bed
-
-
-def geographic(north: np.ndarray, east: np.ndarray) -> list[np.ndarray]:
-    """Return latitudes and longitudes of points on the plane at 54 N 10 E, by PROJ."""
-    warp = pytest.importorskip("rasterio.warp")
-    longitude, latitude = warp.transform("+proj=ortho +lat_0=54 +lon_0=10 +ellps=WGS84", "EPSG:4326", east, north)
-    return [np.array(latitude), np.array(longitude)]
 
 
 @pytest.mark.parametrize(("name", "text"), [
@@ -283,6 +277,7 @@ def test_an_area_is_compared_with_the_data_across_the_180th_meridian(tmp_path: P
     file.write_text("longitude,latitude,depth\n" + "".join(f"{x},{y},{z}\n" for x, y, z in rows))
     for west in (179.995, -179.999, 180.001):
         assert read_sources([str(file)], GeoBox(-0.005, west, 0.005, west + 0.004))[0].source
+    assert command.area("-17,179.9,-16,-179.9") == (-17.0, 179.9, -16.0, 180.1)
     with pytest.raises(ConfigError, match=r"which cover -0\.01 to 0\.01 N, 179\.99 to -179\.99 E"):
         read_sources([str(file)], GeoBox(-0.005, 179.9, 0.005, 179.98))
 

@@ -150,17 +150,6 @@ def test_each_planted_fault_is_found(
     assert remedy in problem["remedy"]
 
 
-def test_all_planted_faults_are_found_at_once(board: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    for fault in (no_permission, kernel_console, login_prompt, other_process, powersave, under_voltage,
-                  no_realtime, wrong_clock, taken_port, sleepy_wlan):  # fmt: skip
-        fault(board)
-    _, found = examine(board, capsys)
-    assert [row["topic"] for row in found if row["level"] == "problem"] == [
-        "serial port", "console", "console", "port in use", "governor", "throttled", "real time", "clock", "network",
-        "wlan",
-    ]  # fmt: skip
-
-
 @pytest.mark.parametrize(
     ("change", "text", "remedy"),
     [

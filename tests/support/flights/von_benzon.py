@@ -1,16 +1,12 @@
-"""BlueROV2 Heavy against von Benzon 2022's own implementation: derivatives, trajectories, published speeds."""
+"""The BlueROV2 Heavy of von Benzon 2022: its files of states and trajectories, and the forces of these."""
 
 import csv
 from collections.abc import Callable, Iterator, Sequence
 from math import sin
 from pathlib import Path
 
-import pytest
-
-from sim import rotations
-from sim.dynamics import Dynamics
 from sim.matrices import cross_matrix, product, square
-from sim.rotations import Rotation, from_euler, rotate
+from sim.rotations import Rotation
 from sim.vehicle.vehicle import load_vehicle
 
 VECTORS = Path(__file__).parents[2] / "vectors"
@@ -53,24 +49,6 @@ class LeftOut:
                  [xz * north + yz * east + zz * down]]  # fmt: skip
         turning = [*product(cross_matrix(nu_r[3:]), water), [0.0], [0.0], [0.0]]
         return [row[0] for row in product(ADDED, turning)]
-
-
-def test_state_derivatives_equal_those_of_von_benzon() -> None:
-    """The derivatives agree to 1e-8 at 300 random states, 100 of them in still water, but for what is left out."""
-    in_current = 0
-    for row in rows_of("vonbenzon_fossen_xdot.csv"):
-        current = pick(row, "vcN vcE vcD")
-        dynamics = Dynamics(HEAVY, DENSITY, GRAVITY, forces=[LeftOut(current)] if any(current) else [])
-        in_current += any(current)
-        q, nu = from_euler(*pick(row, "phi theta psi")), pick(row, "u v w p q r")
-        rotation = rotations.matrix(q)
-        wrench = dynamics.add_forces(
-            (0.0, 0.0, DEEP), rotation, nu, pick(row, "tauX tauY tauZ tauK tauM tauN"), current
-        )
-        found = dynamics.acceleration(DEEP, rotation, nu, wrench, current)
-        assert found == pytest.approx(pick(row, "du dv dw dp dq dr"), rel=1e-8, abs=1e-8)
-        assert rotate(q, nu[:3]) == pytest.approx(pick(row, "dx dy dz"), abs=1e-8)
-    assert in_current == 200
 
 
 def sines(t: float) -> Wrench:
