@@ -10,12 +10,13 @@ from google.protobuf.descriptor_pb2 import FileDescriptorSet  # type: ignore[imp
 from google.protobuf.descriptor_pool import DescriptorPool  # type: ignore[import-untyped]
 from google.protobuf.message_factory import GetMessageClass  # type: ignore[import-untyped]
 from mcap.reader import make_reader
-from mcap.writer import CompressionType, Writer
 from rosbags.typesys import Stores, get_typestore
 from websockets.sync.client import connect
 from websockets.typing import Subprotocol
 
 from hil.gateways.foxglove.layout import layout
+from hil.recording.mcap_file import RecordingFile
+from hil.recording.reader import read_about, read_messages
 from hil.scenario.config import load_scenario
 from tests.support.processes import Program, free_port, run_here, write_scenario
 
@@ -134,28 +135,11 @@ def protobuf_class(name: str, definition: bytes) -> Any:
 
 def without_fans(path: Path) -> int:
     """Rewrite a recording without the fans of its sonar, as older ones are. Return the number of sonar pictures."""
-    with path.open("rb") as file:
-        reader = make_reader(file)
-        rows = list(reader.iter_messages())
-        attachments, metadata = list(reader.iter_attachments()), list(reader.iter_metadata())
-    schemas: dict[str, int] = {}
-    channels: dict[str, int] = {}
-    with path.open("wb") as file:
-        writer = Writer(file, compression=CompressionType.NONE)
-        writer.start()
-        for each in metadata:
-            writer.add_metadata(each.name, each.metadata)
-        for attached in attachments:
-            writer.add_attachment(0, 0, attached.name, attached.media_type, attached.data)
-        for schema, channel, message in rows:
-            if not schema or channel.topic.endswith("/fan/image_raw"):
-                continue
-            if schema.name not in schemas:
-                schemas[schema.name] = writer.register_schema(schema.name, schema.encoding, schema.data)
-            if channel.topic not in channels:
-                channels[channel.topic] = writer.register_channel(channel.topic, "cdr", schemas[schema.name])
-            writer.add_message(
-                channels[channel.topic], message.log_time, message.data, message.publish_time, message.sequence
-            )
-        writer.finish()  # type: ignore[no-untyped-call]
-    return sum(channel.topic == "/uuv1/forward_sonar/image" for _, channel, _ in rows)
+    about, messages = read_about(str(path)), list(read_messages(str(path)))
+    path.unlink()
+    file = RecordingFile(str(path), about.facts, about.attachments, "none")
+    for message in messages:
+        if not message.topic.endswith("/fan/image_raw"):
+            file.write(message)
+    file.close()
+    return sum(message.topic == "/uuv1/forward_sonar/image" for message in messages)

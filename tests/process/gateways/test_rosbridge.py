@@ -17,7 +17,6 @@ from websockets.sync.connection import Connection
 from websockets.typing import Origin
 
 from hil.ros import encoders as ros
-from hil.ros import message as ros_message
 from tests.support.clients.rosbridge import served_vehicle
 from tests.support.processes import wait_for
 
@@ -214,9 +213,3 @@ def test_a_message_that_is_too_large_ends_its_connection_only(read_only_bridge: 
     with contextlib.suppress(OSError, ConnectionClosed):  # it may be closed before all of it is sent
         read_only_bridge.socket.send(json.dumps({"op": "publish", "msg": "x" * (2 << 20)}))
     assert bridge.call("/rosapi/get_ros_version")["result"]
-
-
-def test_command_payloads_are_those_of_ros_2() -> None:
-    """The payload is that of the test above, encoded by the other encoder."""
-    payload = ros_message.encode("geometry_msgs/msg/Twist", {"linear": {"x": 0.5}})
-    assert payload == ros.encode_twist((0.5, 0, 0), (0, 0, 0))

@@ -95,19 +95,10 @@ def test_invalid_values_are_refused_with_their_field(kind: str, values: Any, exp
         from_json(kind, values)
 
 
-@given(st.sampled_from(MESSAGES), JSON)
-def test_any_values_are_encoded_or_refused(kind: str, values: Any) -> None:
-    try:
-        payload = ros_message.encode(kind, from_json(kind, values))
-    except ConfigError:
-        return
-    assert ros_message.decode(kind, payload) is not None
-
-
-@given(st.sampled_from(["geometry_msgs/msg/Twist", "std_msgs/msg/Header", "sensor_msgs/msg/Image"]), st.data())
-def test_any_values_of_known_fields_are_encoded_or_refused(kind: str, data: st.DataObject) -> None:
+@given(st.sampled_from(MESSAGES), st.data())
+def test_any_values_are_encoded_or_refused(kind: str, data: st.DataObject) -> None:
     names = [field.name for field in types.definition(kind).fields]
-    values = data.draw(st.dictionaries(st.sampled_from(names), JSON))
+    values = data.draw(st.dictionaries(st.sampled_from(names), JSON) | JSON if names else JSON)
     try:
         payload = ros_message.encode(kind, from_json(kind, values))
     except ConfigError:

@@ -20,7 +20,6 @@ from hil.common.errors import ConfigError
 from hil.ros import message as ros_message
 from hil.ros import types
 from hil.ros.cdr import HEADER
-from hil.ros.topics import TYPE_HASHES
 from hil.ros.types import PRIMITIVES, Field
 
 ROOT = os.path.join(os.path.dirname(__file__), "..", "..", "..")
@@ -168,10 +167,6 @@ def test_the_hash_file_equals_the_output_of_its_tool() -> None:
     for package in tool.FROM_ROSBAGS:
         kept = {name: types.definition(name).text for name in MESSAGES if name.startswith(f"{package}/")}
         assert tool.definitions_of_rosbags(package) == kept
-
-
-def test_the_slaves_type_hashes_equal_those_of_the_definitions() -> None:
-    assert {name: types.type_hash(name) for name in TYPE_HASHES} == TYPE_HASHES
 
 
 def test_the_full_definition_text_is_self_contained() -> None:
