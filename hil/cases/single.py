@@ -1,6 +1,7 @@
 """Run a case of one vehicle, in simulation or with a slave over the network."""
 
 import os
+import time
 from abc import abstractmethod
 from collections.abc import Callable, Mapping, Sequence
 from itertools import pairwise
@@ -14,12 +15,13 @@ from hil.autonomy.paths.astar import path_length
 from hil.autonomy.paths.occupancy import Point
 from hil.cases.case import Case
 from hil.cases.energy import EnergyMeter
+from hil.cases.process_group import ProcessGroup
 from hil.cases.record import Mode, Result, Run, read_track
 from hil.cases.simulated import SimulatedVehicle, fly, progress_watch
-from hil.cases.slaves import Slaves
 from hil.cases.viewer import Viewer
 from hil.client.client import VehicleClient
 from hil.client.delay import quantiles
+from hil.common.errors import NetworkError
 from hil.common.ports import free_ports
 from hil.common.stop import StopSignals
 from hil.master.flight import Flight, Outcome, Plan, prepare
@@ -36,6 +38,8 @@ from sim.vehicle.vehicle import Vehicle
 
 START_SPREAD_M = 1.0
 FINE_M = 0.1  # cells of the map for the shortest path
+READY_S = 20.0  # until the slave has sent samples and diagnostics
+WAIT_STEP_S = 0.02
 
 
 def random_start(seed: str, heading: float, max_turn: float) -> dict[str, float]:
@@ -153,12 +157,12 @@ def _fly_slave(scenario: Scenario, plan: Plan, folder: str, show: Callable[[str]
     with (
         viewer.show_slaves(scenario),
         StopSignals() as stop_fd,
-        Slaves([scenario.path], folder) as slaves,
+        ProcessGroup({"slave1": ["slave", scenario.path]}, folder) as slaves,
         VehicleClient(scenario.slave.listen, node, network=network, topics=topics) as client,
         _MeteredTrackWriter(folder, meter, lambda: _telemetry(client)) as track,
     ):
         client.delays.store()
-        slaves.wait([client])
+        _wait(slaves, client, folder)
         mission = Mission(Flight(scenario, plan), scenario.master.command_period, client, track, progress)
         outcome = mission.fly(stop_fd)
         delay = quantiles(client.delays.totals_ns())
@@ -166,6 +170,16 @@ def _fly_slave(scenario: Scenario, plan: Plan, folder: str, show: Callable[[str]
     if outcome.reason == STOPPED:
         raise KeyboardInterrupt
     return Measured(outcome, meter.joules, outcome.cpu_s / outcome.duration, delay.p50_ms, delay.p99_ms)
+
+
+def _wait(slaves: ProcessGroup, client: VehicleClient, folder: str) -> None:
+    """Wait until the vehicle has sent samples and diagnostics. Raises NetworkError if it does not."""
+    deadline = time.monotonic() + READY_S
+    while not (client.has_samples and client.diagnostics()):
+        slaves.check()
+        if time.monotonic() > deadline:
+            raise NetworkError(f"a slave sent nothing for {READY_S:.0f} s; read its log in {folder}")
+        time.sleep(WAIT_STEP_S)
 
 
 def _telemetry(client: VehicleClient) -> tuple[Sequence[int], Any]:
