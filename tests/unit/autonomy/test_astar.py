@@ -1,6 +1,5 @@
-"""A* path planning: as short as Dijkstra's, never through an obstacle, and smoothed without touching one."""
+"""A* path planning: never through an obstacle, and smoothed without touching one."""
 
-import heapq
 import math
 from itertools import pairwise
 from typing import Any
@@ -9,41 +8,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from numpy.typing import NDArray
 
 from hil.autonomy.paths.astar import path_length, plan, smooth
 from hil.autonomy.paths.occupancy import OccupancyGrid
-from hil.common.errors import MissionError
+from hil.common.errors import MissionError, NoPathError
 
 Cell = tuple[int, int]
-MOVES = [(a, b) for a in (-1, 0, 1) for b in (-1, 0, 1) if a or b]
-
-
-def neighbours(cells: NDArray[np.bool_], cell: Cell) -> list[tuple[Cell, float]]:
-    """Return the free neighbours and the distance to each; a diagonal needs both cells beside it."""
-
-    def free(row: int, column: int) -> bool:
-        return 0 <= row < cells.shape[0] and 0 <= column < cells.shape[1] and not cells[row, column]
-
-    row, column = cell
-    return [
-        ((row + a, column + b), math.hypot(a, b))
-        for a, b in MOVES
-        if free(row + a, column + b) and free(row + a, column) and free(row, column + b)
-    ]
-
-
-def distances(cells: NDArray[np.bool_], start: Cell) -> dict[Cell, float]:
-    """Return the shortest distance to every cell that can be reached, by Dijkstra's algorithm."""
-    path_lengths: dict[Cell, float] = {}
-    queue = [(0.0, start)]
-    while queue:
-        distance, cell = heapq.heappop(queue)
-        if cell not in path_lengths:
-            path_lengths[cell] = distance
-            for neighbour, step in neighbours(cells, cell):
-                heapq.heappush(queue, (distance + step, neighbour))
-    return path_lengths
 
 
 def random_grid(seed: int, resolution: float = 1.0) -> tuple[OccupancyGrid, Any]:
@@ -63,31 +33,17 @@ SEEDS = st.integers(0, 2**32 - 1)
 
 
 @given(SEEDS)
-def test_paths_are_as_short_as_those_of_dijkstra(seed: int) -> None:
-    grid, generator = random_grid(seed, resolution=0.5)
-    start, goal = random_free(grid, generator), random_free(grid, generator)
-    expected = distances(grid.cells, start).get(goal)
-    if expected is None:
-        with pytest.raises(MissionError, match="no path"):
-            plan(grid, grid.centre(start), grid.centre(goal))
-    else:
-        path = plan(grid, grid.centre(start), grid.centre(goal))
-        assert path_length(path) == pytest.approx(0.5 * expected, abs=1e-9)
-        assert path[0] == grid.centre(start)
-        assert path[-1] == grid.centre(goal)
-
-
-@given(SEEDS)
 def test_the_path_and_its_smoothed_form_touch_no_obstacle(seed: int) -> None:
     grid, generator = random_grid(seed)
-    start = random_free(grid, generator)
-    goals = sorted(distances(grid.cells, start))
-    goal = goals[int(generator.integers(len(goals)))]
+    start, goal = random_free(grid, generator), random_free(grid, generator)
     endpoints = [
         (north + generator.uniform(-0.49, 0.49), east + generator.uniform(-0.49, 0.49))
         for north, east in map(grid.centre, (start, goal))
     ]
-    path = plan(grid, *endpoints)
+    try:
+        path = plan(grid, *endpoints)
+    except NoPathError:  # test_astar_networkx holds that there is none
+        return
     smoothed = smooth(grid, path)
     for route in (path, smoothed):
         assert [route[0], route[-1]] == [endpoints[0], endpoints[-1]] or endpoints[0] == endpoints[1]
@@ -149,12 +105,3 @@ def test_occupied_start_and_goal_are_reported_with_the_nearest_free_cell() -> No
         plan(grid, (1.0, 1.0), (1.0, -3.0))
     with pytest.raises(MissionError, match="no free cell"):
         plan(OccupancyGrid(np.ones((2, 2), bool), 1.0, (0.0, 0.0)), (0.5, 0.5), (1.5, 1.5))
-
-
-def test_a_detour_on_a_large_map_is_found() -> None:
-    """The obstacle is a bag that opens away from the goal, so a search that visits every cell takes long."""
-    cells = np.zeros((120, 120), bool)
-    cells[90, 15:105] = cells[6:90, 15] = cells[6:90, 104] = True
-    grid = OccupancyGrid(cells, 1.0, (0.0, 0.0))
-    path = plan(grid, (84.5, 60.5), (114.5, 60.5))
-    assert path_length(path) == pytest.approx(distances(cells, (84, 60))[(114, 60)])

@@ -35,7 +35,7 @@ def test_path_cost_is_optimal_on_200_random_maps(batch: int) -> None:
     path_count = 0
     for seed in range(20 * batch, 20 * batch + 20):
         generator = np.random.default_rng(seed)
-        cells = generator.random(generator.integers(8, 25, 2)) < generator.uniform(0.05, 0.45)
+        cells = generator.random(generator.integers(4, 25, 2)) < generator.uniform(0.05, 0.45)
         free = [(int(row), int(column)) for row, column in np.argwhere(~cells)]
         start, goal = (free[int(generator.integers(len(free)))] for _ in "ab")
         grid = OccupancyGrid(cells, 0.5, (-3.0, 7.0))
@@ -48,9 +48,20 @@ def test_path_cost_is_optimal_on_200_random_maps(batch: int) -> None:
                     planner(grid, *endpoints)
             continue
         path_count += 1
-        assert path_length(plan(grid, *endpoints)) == pytest.approx(0.5 * expected, abs=1e-9)
+        path = plan(grid, *endpoints)
+        assert path_length(path) == pytest.approx(0.5 * expected, abs=1e-9)
+        assert (path[0], path[-1]) == endpoints
         assert path_length(DStarLite().plan(grid, *endpoints)) == pytest.approx(0.5 * expected, abs=1e-9)
     assert path_count > 10
+
+
+def test_a_detour_on_a_large_map_is_found() -> None:
+    """The obstacle is a bag that opens away from the goal, so a search that visits every cell takes long."""
+    cells = np.zeros((120, 120), bool)
+    cells[90, 15:105] = cells[6:90, 15] = cells[6:90, 104] = True
+    grid = OccupancyGrid(cells, 1.0, (0.0, 0.0))
+    path = plan(grid, (84.5, 60.5), (114.5, 60.5))
+    assert path_length(path) == pytest.approx(nx.dijkstra_path_length(graph(cells), (84, 60), (114, 60)))
 
 
 def test_the_reference_graph_has_no_diagonal_past_a_corner() -> None:
