@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from hil.autonomy.paths.polygons import Edges, Mask, contains, edge_distance, fill, segments
 from hil.charts.grid import Depths, Grid
-from hil.charts.quays import BEHIND, are_near, clear_behind, find_quays, wall_outline
+from hil.charts.quays import clear_behind, find_quays, wall_outline
 from hil.charts.sources.survey import Sheet, Survey
 
 Array = NDArray[np.float64]
@@ -26,7 +26,6 @@ NARROW_FOOT_CELLS = 2.5  # the same near known depths, which a wide bank would b
 SPREAD_CELLS = 12  # on either side, along which a known depth keeps a bank narrow
 STRAIGHT_CELLS = 1.5  # inside of it; more than the diagonal of a cell
 LEAST_SLOPE = 0.01  # of land and bed at a shore
-PIECE_CELLS = 2.0  # longest piece of an edge of land that is a quay or not
 SOUNDED = 20.0  # distance from a sounding up to which an unsurveyed bed counts as known: 1 cm on paper, in details
 BORDER_ERROR = 2.0  # greatest error of the border of a depth area, as a multiple of the chart's detail
 SPREAD_PER_CELL = 0.98  # factor by which a correction fades from one cell to the next
@@ -82,16 +81,11 @@ def _rasterise_sheet(sheet: Sheet, north: Array, east: Array, bounds: Bounds, wa
         for edges in many:
             window, inside = fill(edges, north, east)
             mask[window][inside & covered[window]] = value
-    start, end = _cut(*_outer_edges(sheet.land), PIECE_CELLS * (north[1] - north[0]))
+    start, end = _outer_edges(sheet.land)
     is_quay = find_quays(walls, start, end, north, east, bounds.land, bounds.known & ~bounds.land)
     window, away = edge_distance(start[~is_quay], end[~is_quay], north, east, int(FOOT_CELLS) + 1)
     np.copyto(bounds.shore[window], away, where=covered[window])
     clear_behind(start[is_quay], end[is_quay], north, east, bounds, covered)
-    # Near another shore the land behind a quay stays, so that the quay ends in a bank there.
-    reach = (BEHIND + STRAIGHT_CELLS) * (north[1] - north[0])
-    ends = is_quay & are_near(0.5 * (start + end), start[~is_quay], end[~is_quay], reach)
-    window, away = edge_distance(start[ends], end[ends], north, east, int(FOOT_CELLS) + 1)
-    np.copyto(bounds.shore[window], np.minimum(away, bounds.shore[window]), where=covered[window])
 
 
 def _outer_edges(areas: tuple[Edges, ...]) -> tuple[Array, Array]:
@@ -101,15 +95,6 @@ def _outer_edges(areas: tuple[Edges, ...]) -> tuple[Array, Array]:
     pieces = np.where(swap[:, None], np.hstack([end, start]), np.hstack([start, end]))
     pieces, counts = np.unique(pieces, axis=0, return_counts=True)
     return pieces[counts == 1, :2], pieces[counts == 1, 2:]
-
-
-def _cut(start: Array, end: Array, most: float) -> tuple[Array, Array]:
-    """Return the edges, (n, 2) each, cut into pieces no longer than `most` m: a part of an edge may be a quay."""
-    counts = np.maximum(1, np.ceil(np.hypot(*(end - start).T) / most)).astype(np.intp)
-    which = np.repeat(np.arange(len(start)), counts)
-    part = (np.arange(len(which)) - np.repeat(np.cumsum(counts) - counts, counts))[:, None]
-    step = ((end - start) / counts[:, None])[which]
-    return start[which] + part * step, start[which] + (part + 1) * step
 
 
 def _near(points: Array, north: Array, east: Array, reach: float) -> Mask:

@@ -2,7 +2,7 @@
 
 A bank over a few cells of a grid, which is straight at the water line, has ripples between its nodes where it is
 oblique to the grid. Land as wide as a few cells behind a wall becomes water, so that the step of the bed up to the land
-is hidden behind the wall. A narrow mole with walls all around becomes water enclosed by its walls.
+is hidden behind the wall.
 """
 
 from typing import Any
@@ -17,18 +17,14 @@ Array = NDArray[np.float64]
 
 ON_WALL = 0.6  # m: greatest distance of an edge of land from the wall along it, which is simplified
 BEHIND = 2.0  # cells behind a wall that become water
-LAND_DEPTHS = (1.5, 3.0, 4.5)  # cells behind a quay that are land; a narrower mole needs walls on all sides
+LAND_DEPTHS = (1.5, 3.0, 4.5)  # cells behind a wall that are land; a narrower mole is a bank
 
 
 def wall_outline(survey: Survey) -> Any:
     """Return the strip around all walls of `survey`, a prepared geometry; None without walls."""
     import shapely
 
-    lines = [
-        shapely.LineString(hazard.line)
-        for hazard in survey.hazards
-        if hazard.is_wall and not hazard.edges and len(hazard.line) > 1
-    ]
+    lines = [shapely.LineString(hazard.line) for hazard in survey.hazards if hazard.is_wall and len(hazard.line) > 1]
     if not lines:
         return None
     strip = shapely.union_all([line.buffer(ON_WALL) for line in lines])
@@ -37,10 +33,7 @@ def wall_outline(survey: Survey) -> Any:
 
 
 def find_quays(strip: Any, start: Array, end: Array, north: Array, east: Array, land: Mask, water: Mask) -> Mask:
-    """Return which edges of land, (n, 2) each, are quays: in `strip`, with water before them.
-
-    Behind them is wide land, or a mole whose other edges nearby are in `strip` too.
-    """
+    """Return which edges of land, (n, 2) each, are quays: in `strip`, with water before them and wide land behind."""
     import shapely
 
     if strip is None or not len(start):
@@ -52,25 +45,13 @@ def find_quays(strip: Any, start: Array, end: Array, north: Array, east: Array, 
     def there(mask: Mask, cells: float) -> Mask:
         nodes = np.rint((middle + cells * cell * across - (north[0], east[0])) / cell).astype(np.intp)
         inside = ((nodes >= 0) & (nodes < mask.shape)).all(axis=1)
-        found = mask[tuple(np.clip(nodes, 0, np.array(mask.shape) - 1).T)]
-        return np.asarray(found | ~inside)  # a quay does not end with the grid
+        return np.asarray(inside & mask[tuple(np.clip(nodes, 0, np.array(mask.shape) - 1).T)])
 
-    is_mole = ~are_near(middle, start[~on_wall], end[~on_wall], LAND_DEPTHS[-1] * cell)
     either = np.zeros(len(start), bool)
     for side in (1.0, -1.0):
         behind = [there(land, side * cells) for cells in LAND_DEPTHS]
-        either |= (np.logical_and.reduce(behind) | is_mole) & there(water, -side * LAND_DEPTHS[0])
+        either |= np.logical_and.reduce(behind) & there(water, -side * LAND_DEPTHS[0])
     return np.asarray(on_wall & either)
-
-
-def are_near(points: Array, start: Array, end: Array, reach: float) -> Mask:
-    """Return which `points`, (n, 2), have one of the segments within `reach` m."""
-    import shapely
-
-    tree = shapely.STRtree(shapely.linestrings(np.stack([start, end], axis=1)))
-    near = np.zeros(len(points), bool)
-    near[tree.query(shapely.points(points), "dwithin", reach)[0]] = True
-    return near
 
 
 def clear_behind(
