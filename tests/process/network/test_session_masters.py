@@ -12,7 +12,9 @@ from hil.autonomy.control.controller import VelocityCommand
 from hil.client.client import VehicleClient
 from hil.commands.keys import add_machine, init
 from hil.network.roles import open_master_session
+from hil.ros import encoders as ros
 from hil.ros.diagnostics import or_nan
+from hil.ros.topics import TOPICS
 from tests.support.busy import RunClock
 from tests.support.processes import ROOT, Program, command_until, running_slave, surge_of, wait_for, write_scenario
 
@@ -25,6 +27,14 @@ def slave(tmp_path: Path) -> Iterator[tuple[Program, str]]:
 
 def figure(client: VehicleClient, name: str) -> int:
     return int(client.diagnostics()[name] or 0)
+
+
+def command(seconds: float, *clients: VehicleClient) -> None:
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        for client in clients:
+            client.command(VelocityCommand(surge=0.1))
+        time.sleep(0.02)
 
 
 def test_one_master_commands_at_a_time_beside_any_number_of_observers(slave: tuple[Program, str]) -> None:
@@ -179,3 +189,24 @@ def test_a_refused_master_prints_the_reason(tmp_path: Path) -> None:
         with Program(tmp_path, "master", scenarios["laptop"], *arguments) as master:
             master.expect("flying")
         assert "Traceback" not in slave.output
+
+
+def test_a_command_from_the_future_or_malformed_changes_nothing(slave: tuple[Program, str]) -> None:
+    _, endpoint = slave
+    with VehicleClient(endpoint, "uuv1") as client, open_master_session(endpoint) as outsider:
+        assert client.wait_for_vehicle(60)
+        command(0.3, client)
+        forged = outsider.publisher("uuv1", TOPICS["cmd_vel"])
+        future = ros.encode_twist((9, 0, 0), (0, 0, 0)), 1 << 62
+        for payload, wall_ns in (future, (b"", 0), (b"x" * 100_000, 0), (b"\xff" * 52, 0)):
+            before = figure(client, "commands_refused")
+
+            def is_refused(payload: bytes = payload, wall_ns: int = wall_ns, before: int = before) -> bool:
+                forged.put(payload, wall_ns)  # again and again: the network may leave out what it cannot send at once
+                return figure(client, "commands_refused") > before
+
+            assert command_until(is_refused, client), payload[:60]
+        command(1.2, client)
+        values = client.diagnostics()
+        assert values.commands_malformed == 0, "a refused command is not decoded"
+        assert abs(client.get("ground_truth").nu[0]) < 0.5

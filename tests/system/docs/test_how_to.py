@@ -25,6 +25,7 @@ TYPED = {
     "docs/how-to/live_view.md": 5,
     "docs/how-to/matlab.md": 3,
     "docs/how-to/pixhawk.md": 0,
+    "docs/how-to/plugins.md": 0,
     "docs/how-to/px4.md": 0,
     "docs/how-to/qgroundcontrol.md": 4,
     "docs/how-to/record.md": 6,
