@@ -91,7 +91,8 @@ def test_a_part_of_a_chart_has_the_same_nodes_as_the_whole(tmp_path: Path) -> No
     np.testing.assert_allclose(placed.grid.at(nodes), cut.grid.depths.ravel(), atol=1e-5)
     survey, _ = read_sources([path], None)
     alone = build(survey, cut.grid.extent, 10.0).model.grid
-    np.testing.assert_allclose(alone.depths, cut.grid.depths, atol=0.02)
+    # Not the outermost nodes: the bank of land beyond the grid needs nodes on both sides of the shore.
+    np.testing.assert_allclose(alone.depths[1:-1, 1:-1], cut.grid.depths[1:-1, 1:-1], atol=0.02)
     things = (Cylinder(0.0, 0.0, 1.0, 2.0), Cylinder(0.0, 300.0, 1.0, 2.0))
     assert cut_seabed(SeabedModel(placed.grid, things, ()), cut.grid.extent).cylinders == things[:1]
 

@@ -29,7 +29,7 @@ class LoopBench:
     def __init__(self, step_ns: int) -> None:
         self.step_ns = step_ns
         vehicle = SimpleNamespace(capsize_tilt=1.0, dimensions=(1.0, 1.0, 1.0))
-        self.simulation = SimpleNamespace(time_ns=0, step=self._step, vehicle=vehicle, events=None)
+        self.simulation = SimpleNamespace(time_ns=0, step=self._step, vehicle=vehicle, events=None, accessories=None)
         self.stamps = Stamps(0, WALL_OFFSET_NS)
         self.output: list[int] = []  # stamps
         sample_publisher = SimpleNamespace(stamps=self.stamps, publish_sample=self._sample, wake_publisher=lambda: None)
@@ -94,7 +94,7 @@ def test_the_clock_topic_has_the_same_time(monkeypatch: pytest.MonkeyPatch) -> N
     bed.stamps.begin(0, 7 * NS_PER_S)
     sample_publisher = SimpleNamespace(stamps=bed.stamps, publish=output.__setitem__)
     node: Any = SimpleNamespace(
-        _loop=SimpleNamespace(sample_publisher=sample_publisher),
+        _loop=SimpleNamespace(sample_publisher=sample_publisher, simulation=SimpleNamespace(accessories=None)),
         _clock=SimpleNamespace(passes=lambda _: True, due_ns=1),
         _wrench=SimpleNamespace(passes=lambda _: False, due_ns=1),
         _joints=SimpleNamespace(passes=lambda _: False, due_ns=1),
