@@ -46,7 +46,7 @@ class Motion(NamedTuple):
 
 
 class Accessories:
-    """The accessories of one vehicle. Times are simulated time (ns). `changed_ns`: time of the last command.
+    """The accessories of one vehicle. Times are simulated time (ns).
 
     A command is a share: of full brightness for "lights" (0 to 1), of `tilt` for "camera_tilt" (-1 down, 1 up). For the
     "gripper", 1 opens it, -1 closes it and 0 stops it where it is; its position is 0 closed and 1 open.
@@ -54,7 +54,6 @@ class Accessories:
 
     def __init__(self, keys: AccessoryKeys) -> None:
         self._tilt = keys.tilt
-        self.changed_ns = 0
         self._motions = {
             "lights": Motion(0, keys.lights, keys.lights, inf),
             "camera_tilt": Motion(0, 0.0, 0.0, keys.tilt_rate / keys.tilt),
@@ -68,7 +67,6 @@ class Accessories:
         if name == "gripper":
             target = position if abs(target) < STOPPED else float(target > 0.0)
         if target != motion.target:
-            self.changed_ns = time_ns
             self._motions[name] = Motion(time_ns, position, target, motion.rate)
 
     def place(self, lights: float, tilt: float) -> None:
