@@ -257,7 +257,7 @@ def _share(table: dict[str, Any], key: str, common: Any) -> set[str]:
 
 
 def _name_common(problem: str, path: str, shared: dict[str, set[str]]) -> str:
-    """Return the problem of a key that all rows share, named by its common table: one mistake is told once."""
+    """Return the problem of a key that all rows share, named by its common table: one mistake is reported once."""
     for key, names in shared.items():
         start, _, rest = problem.removeprefix(f"{path}: ").partition(": ")
         if start.startswith(f"{key}[") and rest.removeprefix("no key '").partition(":")[0].partition("'")[0] in names:

@@ -147,7 +147,7 @@ def _findings() -> str:
     )
     return (
         "## Findings\n\n`uuv-hil vehicle`, `vehicle --import` and `scenario check` measure these values. One outside "
-        "its bounds is told; outside the wider bounds it is a problem. The flights take 10 s of simulated time.\n\n"
+        "its bounds is reported; outside the wider bounds it is a problem. The flights take 10 s of simulated time.\n\n"
         "| key | measured | expected | else a | a problem unless | what to change |\n|---|---|---|---|---|---|\n"
         f"{rows}"
     )

@@ -27,7 +27,7 @@ NO_RESIDUAL: Wrench = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 _ROUNDING = 1e-6  # N, N m; a smaller residual is rounding
 ABSURD = 1e6  # m/s or rad/s; a larger measurement or command is a fault
 # Keys of [control] that are not gains of the cascade: the other controller families and their tables. They are read
-# with the gains, so that their mistakes are told together.
+# with the gains, so that their mistakes are reported together.
 OTHERS: dict[str, Reader] = {
     "family": lambda family, _where: family,
     "options": check_table,

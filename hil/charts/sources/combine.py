@@ -22,7 +22,7 @@ from hil.common.errors import ConfigError
 
 Array = NDArray[np.float64]
 
-THINNED = 0.5  # share of the soundings that are used, below which the others are told
+THINNED = 0.5  # share of the soundings that are used, below which the others are reported
 POINTS_DETAIL = 0.5  # detail of soundings, as a multiple of their mean spacing
 CROP_TRIALS = 500  # number of soundings around which the number of others is counted
 MAX_SIZE = 1.7  # degrees of latitude: greatest width of a world, whose coordinates are up to 100 km from its origin

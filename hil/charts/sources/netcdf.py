@@ -1,7 +1,7 @@
 """Find the depths in a NetCDF file and their axes, by the CF conventions, and lay them out as rasters are.
 
 GDAL takes the last two dimensions as north and east, and their steps as even. Where a file says otherwise, its values
-are laid out anew in memory.
+are laid out again in memory.
 """
 
 import re
@@ -19,7 +19,7 @@ from hil.common.errors import ConfigError, MissingExtraError
 
 Array = NDArray[np.float64]
 
-MAX_VALUES = 100_000_000  # of a layer that is laid out anew, 4 bytes each
+MAX_VALUES = 100_000_000  # of a layer that is laid out again, 4 bytes each
 UNEVEN = 0.02  # share of a step by which positions of an even axis may be off
 MAX_FINER = 8.0  # even steps for one uneven one, on average
 # What says that a variable is an axis, from the strongest: an attribute or its name, and its words for north and east

@@ -167,7 +167,7 @@ def open_raster(
 def _open_netcdf(path: str, declared: Declared) -> tuple[str, str, Any, int, str] | None:
     """Return file, driver, file in memory, band, and note of the layer of depths, None if GDAL has to find it.
 
-    The layer is laid out anew in memory if GDAL does not read it as its axes say.
+    The layer is laid out again in memory if GDAL does not read it as its axes say.
     """
     import rasterio
 
@@ -206,7 +206,7 @@ def _open_netcdf(path: str, declared: Declared) -> tuple[str, str, Any, int, str
 
 
 def _in_memory(values: Any, where: Any, crs: Any, source: Any, band: int) -> Any:
-    """Return a file in memory with values laid out anew, and the metadata of `source`."""
+    """Return a file in memory with values laid out again, and the metadata of `source`."""
     import rasterio
 
     memory = rasterio.io.MemoryFile(ext=".tif")

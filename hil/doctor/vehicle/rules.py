@@ -1,6 +1,6 @@
 """The table of rules that a vehicle has to follow, and its findings.
 
-A rule measures one or more values. A value outside `sane` is told at the rule's level, one that is also outside
+A rule measures one or more values. A value outside `sane` is reported at the rule's level, one that is also outside
 `absurd` is a problem. The vehicles of sim/vehicles and those of public simulators are within the bounds.
 """
 
@@ -43,19 +43,19 @@ def check_vehicle(subject: Subject) -> Iterator[Finding]:
     for rule in RULES:
         if rule.key in FLIGHTS and is_absurd:
             return  # its flight would show the same mistake again
-        told = [(part, value) for part, value in rule.measure(subject) if not _is_within(value, rule.sane)]
-        if told:
-            absurd = not all(_is_within(value, rule.absurd) for _, value in told)
+        outside = [(part, value) for part, value in rule.measure(subject) if not _is_within(value, rule.sane)]
+        if outside:
+            absurd = not all(_is_within(value, rule.absurd) for _, value in outside)
             is_absurd = is_absurd or absurd
-            yield Finding("problem" if absurd else rule.level, _text(rule, told))
+            yield Finding("problem" if absurd else rule.level, _text(rule, outside))
 
 
 def _is_within(value: float, bounds: Bounds) -> bool:
     return bounds[0] <= value <= bounds[1]
 
 
-def _text(rule: Rule, told: Sequence[tuple[str, float]]) -> str:
-    values = ", ".join([f"{part} {value:.3g}".strip() for part, value in told])
+def _text(rule: Rule, outside: Sequence[tuple[str, float]]) -> str:
+    values = ", ".join([f"{part} {value:.3g}".strip() for part, value in outside])
     return (
         f"{rule.key}: {rule.quantity}: {values} {rule.unit}".rstrip()
         + f", expected {words(rule.sane, rule.unit)}: {rule.remedy}"
