@@ -127,6 +127,17 @@ def test_moments_come_before_heave_and_heave_before_horizontal_force() -> None:
     assert wrench_of(HEAVY, thrusts)[5] == pytest.approx(0.0, abs=1e-9)
 
 
+@pytest.mark.parametrize(("first", "second"), [(5, 2), (2, 0), (2, 1), (5, 0), (4, 2), (3, 1)])
+def test_coupled_thrusters_serve_moments_then_heave_then_horizontal_force(first: int, second: int) -> None:
+    """Two thrusters make both axes: their sum one, their difference the other. What is left of 10 N each is 4 N."""
+    matrix = [[0.0, 0.0] for _ in range(6)]
+    matrix[first], matrix[second] = [1.0, -1.0], [1.0, 1.0]
+    wrench = [0.0] * 6
+    wrench[first], wrench[second] = 12.0, 100.0
+    delivered = wrench_of(matrix, make_allocator(matrix, 10.0, 10.0).allocate(wrench)[0])
+    assert (delivered[first], delivered[second]) == (pytest.approx(12.0), pytest.approx(8.0))
+
+
 def test_forward_and_reverse_limits_differ() -> None:
     single = [[1.0], [0.0], [0.0], [0.0], [0.0], [0.0]]
     one = Allocator(single, [30.0], [20.0])

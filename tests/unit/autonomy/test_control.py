@@ -17,6 +17,7 @@ from hil.autonomy.control.controller import (
     VelocityCommand,
     Wrench,
     heading_of,
+    heave_for_depth,
     wrap,
 )
 from hil.common.schema import parse
@@ -131,6 +132,13 @@ def test_a_tilted_vehicle_corrects_depth_along_the_vertical(roll: float, pitch: 
     navigation = Navigation(orientation, STILL, (0.3, 0.1, 0.0), 5.0)
     heave = first_wrench(P_ONLY, VelocityCommand(depth=5.2), navigation)[2] / (2.0 * INERTIA[2])
     assert rotate(orientation, (0.3, 0.1, heave))[2] == pytest.approx(0.5 * 0.2)
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_a_steep_fast_vehicle_is_not_commanded_more_heave_than_its_limit(side: float) -> None:
+    """At 60 degrees of pitch, 2 m/s ahead is 1.7 m/s vertically, which heave cannot compensate."""
+    steep = AT_REST._replace(orientation=from_euler(0.0, side * 1.05, 0.0), velocity=(2.0, 0.0, 0.0))
+    assert heave_for_depth(5.0, steep, P_ONLY.depth) == pytest.approx(side * 0.4 / 0.5)
 
 
 @pytest.mark.parametrize(("heading", "target", "rate"), [(0.0, 0.2, 0.3), (3.1, -3.1, 0.5), (-3.1, 3.1, -0.5)])

@@ -287,6 +287,15 @@ def test_the_tracking_command_has_the_value_worked_out_by_hand() -> None:
     assert command.yaw_rate == pytest.approx(-0.5)  # 0.2 - 0.5 x 1.57, held at the limit
 
 
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_a_vehicle_far_from_its_setpoint_keeps_to_the_limits_in_both_directions(side: float) -> None:
+    wanted, limits = Setpoint((0.0, 0.0, 50.0 + side * 40.0), (0.0, 0.0, 0.0), side * 2.0, 0.0), Limits()
+    command = track_setpoint(wanted, (side * -90.0, 0.0, 50.0), 0.0, limits, 1.0)
+    assert (command.surge, command.heave, command.yaw_rate) == pytest.approx(
+        (side * limits.speed, side * limits.vertical_speed, side * limits.yaw_rate)
+    )
+
+
 @pytest.mark.parametrize("name", ["circle", "helix", "dubins", "straight"])
 def test_curves_just_within_turn_radius_and_climb_angle_are_allowed(name: str) -> None:
     """A helix and a circle of 3 m and Dubins' 2 m are allowed, and 0.3 rad is steeper than any of them."""

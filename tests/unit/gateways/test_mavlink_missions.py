@@ -75,6 +75,19 @@ def test_a_stalled_upload_is_requested_again_and_then_abandoned() -> None:
     assert upload_mission(bench.partner, [HOME_ROW]) == dialect.MAV_MISSION_ACCEPTED
 
 
+def test_an_item_that_skips_a_number_is_not_taken_for_the_next_one() -> None:
+    bench = Bench()
+    send, rows = bench.partner.send, {1: 50_000, 2: 90_000}
+    send(dialect.MAVLink_mission_count_message(1, 1, 3, 0))
+    for index in (0, 2, 1, 1, 2):
+        north = rows.get(index, 0)
+        send(dialect.MAVLink_mission_item_int_message(1, 1, index, LOCAL, 16, 0, 1, 0, 0, 0, 0, north, 0, 3.0))
+    assert [ack.type for ack in bench.partner.take_messages("MISSION_ACK")] == [dialect.MAV_MISSION_ACCEPTED]
+    for index, north in rows.items():
+        send(dialect.MAVLink_mission_request_int_message(1, 1, index, 0))
+        assert bench.partner.take_messages("MISSION_ITEM_INT")[0].x == north
+
+
 def test_unsupported_mission_requests_are_answered() -> None:
     bench = Bench()
     other = bench.add_partner(system=254)

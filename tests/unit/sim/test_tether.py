@@ -58,6 +58,18 @@ def test_a_tether_hangs_as_the_elastic_catenary() -> None:
     assert max(map(max, tether._velocities)) < 0.1
 
 
+def test_a_tether_weighs_more_in_air_than_in_water() -> None:
+    """It hangs straight down from a ship's deck; half of each end segment is carried there."""
+    for lowest, weight in ((-0.5, KEYS.mass * 9.81), (29.5, WEIGHT)):
+        keys = KEYS._replace(length=10.0, anchor=(0.0, 0.0, lowest - 9.9))
+        tether = taut_tether(keys, end=(0.0, 0.0, lowest))
+        loads: list[list[float]] = []
+        for step in range(400):
+            tether.begin(step * SLOW_NS)
+            loads = tether._loads(1.0)[0]
+        assert sum(load[2] for load in loads) == pytest.approx(10.0 * weight, rel=1e-3)
+
+
 def test_a_tether_in_a_current_equals_an_integration() -> None:
     """The tether in 0.8 m/s across equals an integration of d(pull)/ds = -(weight + drag), shot from the anchor."""
     world = WORLD._replace(current=(0.0, 0.8, 0.0))

@@ -14,7 +14,7 @@ from hil.network.clock_offset import ClockOffset
 from hil.ros import encoders as ros
 from hil.ros.commands import encode_number
 from hil.slave import command_receiver as module
-from hil.slave.command_receiver import AgeFilter, CommandReceiver
+from hil.slave.command_receiver import AgeFilter, CommandReceiver, decode_velocity
 
 GID, OTHER = bytes(range(16)), bytes(16)
 MS = 1_000_000
@@ -272,6 +272,16 @@ def test_malformed_commands_are_counted(command_receiver: CommandReceiver, paylo
     command_receiver.on_message("cmd_vel", payload, ros.pack_attachment(1, 0, GID))
     assert command_receiver.malformed == 1
     assert command_receiver.take_latest() is None
+
+
+@pytest.mark.parametrize("axis", range(6))
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_a_velocity_that_no_vehicle_reaches_is_malformed(axis: int, side: float) -> None:
+    fine, absurd = [0.0] * 6, [0.0] * 6
+    fine[axis], absurd[axis] = side * 99.0, side * 101.0
+    for speeds, is_command in ((fine, True), (absurd, False)):
+        twist = ros.encode_twist(speeds[:3], speeds[3:])
+        assert (decode_velocity(twist) is not None) is is_command
 
 
 def test_a_command_without_its_time_is_malformed(command_receiver: CommandReceiver) -> None:

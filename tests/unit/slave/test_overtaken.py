@@ -78,7 +78,7 @@ def make_loop(driver: ExternalDriver) -> tuple[Loop, list[str]]:
 
 
 class Pilot:
-    """A pilot whose deadman has tripped."""
+    """A pilot whose deadman has tripped, until it is active again."""
 
     active = False
 
@@ -103,3 +103,14 @@ def test_a_report_from_before_the_stop_does_not_confirm_it() -> None:
     for expected in (0, 0, 1):
         loop._service_link(now_ns())
         assert len([line for line in lines if "confirmed by the STM32" in line]) == expected
+
+
+def test_a_stop_is_not_confirmed_after_a_new_command() -> None:
+    """A neutral report after it may be a command of zero speed."""
+    driver = make_driver([report(100, 50, PUSHING), report(101, 51, NEUTRAL), report(102, 52, NEUTRAL)])
+    loop, lines = make_loop(driver)
+    pilot = loop.pilot = cast(Any, Pilot())
+    loop._stopping_ns = now_ns()
+    for pilot.active in (False, True, False):
+        loop._service_link(now_ns())
+    assert not lines

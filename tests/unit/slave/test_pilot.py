@@ -8,6 +8,7 @@ from hil.autonomy.control.controller import Gains, Navigation, VelocityCommand
 from hil.common.clock import NS_PER_MS
 from hil.common.schema import parse
 from hil.slave.pilot import ATMOSPHERE_PA, Pilot
+from hil.slave.setpoints import Setpoint, ThrustSetpoint, WrenchSetpoint
 from sim.environment.world import load_world
 from sim.rotations import from_euler
 from sim.sensors.mounting import Mounting
@@ -46,6 +47,21 @@ def test_the_deadman_trips_once_and_a_command_ends_it() -> None:
     pilot.set_command(VelocityCommand(surge=1.0), now=700 * NS_PER_MS)
     assert pilot.update(700 * NS_PER_MS, 0.02)[0].armed
     assert pilot.deadman_trips == 1
+
+
+def test_open_loop_setpoints_leave_no_integral_to_the_next_velocity_command() -> None:
+    velocity = VelocityCommand(surge=0.5, heave=-0.3)
+
+    def pulses(*commands: Setpoint) -> tuple[int, ...]:
+        pilot = new_pilot(deadman_ms=60_000)
+        for command in commands:
+            pilot.set_command(command, now=0)
+            pwm = pilot.update(0, 0.02)[0].pwm_us
+        return pwm
+
+    assert pulses(*[velocity] * 50) != pulses(velocity)
+    for open_loop in (WrenchSetpoint((20.0, 0.0, 0.0, 0.0, 0.0, 0.0)), ThrustSetpoint((5.0,) * 6)):
+        assert pulses(*[velocity] * 50, open_loop, velocity) == pulses(velocity)
 
 
 def test_every_command_on_the_link_has_its_own_sequence_number() -> None:
