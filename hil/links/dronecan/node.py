@@ -95,10 +95,11 @@ class DroneCanNode(Protocol):
 
     def feed(self, data: bytes) -> list[Message]:
         """Return the messages completed by whole records of CAN frames. Never raises."""
-        self.counters.dropped_bytes += len(data) % RECORD_SIZE
+        frames = unpack_frames(data)
+        self.counters.dropped_bytes += len(data) - len(frames) * RECORD_SIZE
         messages = []
-        self._frames[1] += len(data) // RECORD_SIZE
-        for frame in unpack_frames(data):
+        self._frames[1] += len(frames)
+        for frame in frames:
             transfer = self._receiver.feed_frame(frame, self._now_ns) if frame.extended else None
             if transfer is not None:
                 self._transfers[1] += 1

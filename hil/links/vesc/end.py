@@ -44,9 +44,10 @@ class VescProtocol(Protocol):
 
     def feed(self, data: bytes) -> list[Message]:
         """Return the messages completed by whole records of CAN frames. Never raises."""
-        self.counters.dropped_bytes += len(data) % RECORD_SIZE
+        frames = unpack_frames(data)
+        self.counters.dropped_bytes += len(data) - len(frames) * RECORD_SIZE
         messages: list[Message] = []
-        for frame in unpack_frames(data):
+        for frame in frames:
             if frame.extended:
                 messages += self._on_frame(frame.id >> 8, frame.id & 0xFF, frame.data)
         return messages

@@ -4,7 +4,6 @@ So a CAN bus is a `Wire` like any other: a `Protocol` for CAN encodes to such re
 CAN only: up to 8 bytes of data.
 """
 
-from collections.abc import Iterator
 from struct import Struct
 from typing import NamedTuple
 
@@ -31,8 +30,10 @@ def pack_frame(frame: CanFrame) -> bytes:
     return _RECORD.pack(frame.id | EXTENDED if frame.extended else frame.id, len(frame.data), frame.data)
 
 
-def unpack_frames(records: bytes) -> Iterator[CanFrame]:
+def unpack_frames(records: bytes) -> list[CanFrame]:
     """Return the data frames of whole records; ignore remote frames, error frames and invalid records."""
-    for marked_id, size, data in _RECORD.iter_unpack(records[: len(records) - len(records) % RECORD_SIZE]):
-        if size <= MAX_DATA and not marked_id & (REMOTE | ERROR):
-            yield CanFrame(marked_id & ID_MASK, data[:size], bool(marked_id & EXTENDED))
+    return [
+        CanFrame(marked_id & ID_MASK, data[:size], bool(marked_id & EXTENDED))
+        for marked_id, size, data in _RECORD.iter_unpack(records[: len(records) - len(records) % RECORD_SIZE])
+        if size <= MAX_DATA and not marked_id & (REMOTE | ERROR)
+    ]

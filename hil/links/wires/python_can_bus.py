@@ -2,10 +2,14 @@
 
 "virtual" connects the ends within one process, "udp_multicast" (which also needs msgpack) those on one machine;
 python-can has drivers for the adapters of many manufacturers. The package costs 130 ms and 18 MiB at its first use.
+
+The drivers are others' code: some wait for the rest of a frame, and some raise any exception for a byte that noise has
+changed. So a thread reads them, a frame that a driver cannot decode is dropped, and any other failure is a DeviceError.
 """
 
 import contextlib
 import errno
+import itertools
 import os
 import queue
 import sys
@@ -13,13 +17,16 @@ import threading
 from collections import deque
 from typing import TYPE_CHECKING, Any
 
-from hil.common.errors import DeviceError, MissingExtraError
+from hil.common.errors import DeviceError, HilError, MissingExtraError
 from hil.links.contract import Wire
 from hil.links.wires.can_bus import BITRATE, MAX_FRAMES
-from hil.links.wires.can_frame import RECORD_SIZE, CanFrame, pack_frame, unpack_frames
+from hil.links.wires.can_frame import ERROR, ID_MASK, MAX_DATA, RECORD_SIZE, CanFrame, pack_frame, unpack_frames
 
 if TYPE_CHECKING:
     from can import BusABC, Message
+
+WITH_DESCRIPTOR = ("virtual", "udp_multicast")  # their descriptors are readable only if a whole frame is there
+DAMAGED = pack_frame(CanFrame(ERROR, b""))  # in place of a frame that its driver could not decode
 
 
 class PythonCanWire(Wire):
@@ -39,12 +46,9 @@ class PythonCanWire(Wire):
         self._can = sys.modules["can"]  # an import statement for each frame would cost as much as sending it
         # Only this bus returns the frames that we send, and does not mark them.
         self._echoes: deque[bytes] | None = deque(maxlen=self.MAX_ECHOES) if interface == "udp_multicast" else None
-        self._reader: _Reader | None = None
-        try:
-            self._fd = self._bus.fileno()
-        except NotImplementedError:
-            self._reader = _Reader(self._bus)
-            self._fd = self._reader.fd
+        self._source = _Source(self._bus)
+        self._reader = None if interface in WITH_DESCRIPTOR else _Reader(self._source)
+        self._fd = self._reader.fd if self._reader else self._bus.fileno()
 
     def fileno(self) -> int:
         """Return the descriptor to wait on for frames; -1 once closed."""
@@ -52,22 +56,19 @@ class PythonCanWire(Wire):
 
     def read(self) -> bytes:
         """Return the received frames (256 at most), or b"". Raises DeviceError if the bus is lost."""
-        bus = self._opened()
-        records = []
-        for message in self._reader.pop_messages() if self._reader else self._messages(bus):
-            record = _record_of_message(message)
-            if not self._is_echo(record):
-                records.append(record)
-        if self._reader and self._reader.failure:
-            raise self._lost_error(self._reader.failure)
-        return b"".join(records)
+        self._opened()
+        try:
+            records = self._reader.pop_records() if self._reader else self._records()
+        except Exception as error:  # noqa: BLE001 - whatever a driver raises
+            raise self._lost_error(error) from None
+        return b"".join([record for record in records if not self._is_echo(record)])
 
     def discard_received(self) -> int:
         """Discard the received frames, also those that the reading thread has not taken from the bus yet."""
         if not self._reader:
             return super().discard_received()
         self._opened()
-        return self._reader.discard_messages() * RECORD_SIZE
+        return self._reader.discard_records() * RECORD_SIZE
 
     def write(self, data: bytes) -> int:
         """Send whole records; return the bytes that the bus accepted. Raises DeviceError if the bus is lost."""
@@ -84,26 +85,17 @@ class PythonCanWire(Wire):
         if bus:
             if self._reader:
                 self._reader.stop()
-            bus.shutdown()
+            with contextlib.suppress(Exception):  # of a driver whose device is gone
+                bus.shutdown()
 
     def _opened(self) -> "BusABC":
         if self._bus is None:
             raise DeviceError(f"{self.name}: is closed; open it again")
         return self._bus
 
-    def _messages(self, bus: "BusABC") -> "list[Message]":
-        messages: list[Message] = []
-        for _ in range(MAX_FRAMES):
-            try:
-                message = bus.recv(0)
-            except (self._can.CanError, OSError) as error:
-                if self._echoes is not None and not isinstance(error.__cause__, OSError):
-                    continue  # a datagram that is not a frame
-                raise self._lost_error(error) from None
-            if message is None:
-                break
-            messages.append(message)
-        return messages
+    def _records(self) -> list[bytes]:
+        found = itertools.islice(iter(lambda: self._source.next_record(0), None), MAX_FRAMES)
+        return [record for record in found if record is not None]
 
     def _send(self, bus: "BusABC", frame: CanFrame) -> bool:
         if self._echoes is not None:
@@ -111,9 +103,10 @@ class PythonCanWire(Wire):
         message = self._can.Message(arbitration_id=frame.id, data=frame.data, is_extended_id=frame.extended)
         try:
             bus.send(message, timeout=0)
-        except (self._can.CanError, OSError) as error:
-            cause = error if isinstance(error, OSError) else error.__cause__
-            if isinstance(cause, OSError) and cause.errno not in (errno.EAGAIN, errno.ENOBUFS):
+        except Exception as error:  # noqa: BLE001 - whatever a driver raises
+            cause = _system_error(error)
+            is_full = cause.errno in (errno.EAGAIN, errno.ENOBUFS) if cause else isinstance(error, self._can.CanError)
+            if not is_full:
                 raise self._lost_error(error) from None
             self._is_echo(pack_frame(frame))
             return False
@@ -126,36 +119,64 @@ class PythonCanWire(Wire):
         return True
 
     def _lost_error(self, reason: Exception) -> DeviceError:
-        return DeviceError(f"{self.name}: went away ({reason}); reconnect it")
+        return DeviceError(f"{self.name}: went away ({_first_line(reason)}); reconnect it")
+
+
+class _Source:
+    """Frames of a driver. One that it cannot decode is `DAMAGED`; so many without any other are a failure."""
+
+    MOST_DAMAGED = 10_000
+
+    def __init__(self, bus: "BusABC") -> None:
+        self._bus = bus
+        self._damaged = 0  # in a row
+
+    def next_record(self, timeout: float) -> bytes | None:
+        """Return the next record, b"" for what is not a data frame; None if none comes within `timeout` (s).
+
+        Raises whatever the driver raises when the device is lost.
+        """
+        try:
+            message = self._bus.recv(timeout)
+        except Exception as error:
+            self._damaged += 1
+            if _system_error(error) or self._damaged > self.MOST_DAMAGED:
+                raise
+            return DAMAGED
+        self._damaged = 0
+        return _record_of_message(message) if message else None
 
 
 class _Reader:
-    """Thread that reads a bus without a descriptor and provides one, `fd`. `failure` is the error that ended it."""
+    """Thread that reads a driver without delay for others; `fd` is readable when there are records."""
 
     PERIOD_S = 0.02  # polling period for `stop` and for `discard_messages`
     EMPTY_WITHIN_S = 0.5  # a bus with so much traffic that it is never empty is left to `pop_messages`
 
-    def __init__(self, bus: "BusABC") -> None:
+    def __init__(self, source: _Source) -> None:
         self.fd = os.eventfd(0, os.EFD_NONBLOCK | os.EFD_CLOEXEC)
-        self.failure: Exception | None = None
-        self._bus = bus
-        self._messages: queue.Queue[Message] = queue.Queue(MAX_FRAMES)
+        self._failure: Exception | None = None
+        self._source = source
+        self._records: queue.Queue[bytes] = queue.Queue(MAX_FRAMES)
         self._stopped = threading.Event()
         self._emptied: threading.Event | None = None  # while the thread empties the bus: set when it has done so
-        self._discarded = 0  # messages, since that began
-        self._thread = threading.Thread(target=self._run, name=f"reader of {bus}", daemon=True)
+        self._discarded = 0  # records, since that began
+        self._thread = threading.Thread(target=self._run, name="reader of a CAN driver", daemon=True)
         self._thread.start()
 
-    def pop_messages(self) -> "list[Message]":
-        """Return the messages received since the last call."""
+    def pop_records(self) -> list[bytes]:
+        """Return the records received since the last call; then raise the error that ended the thread, if one did."""
         with contextlib.suppress(BlockingIOError):
             os.eventfd_read(self.fd)
-        return [self._messages.get_nowait() for _ in range(self._messages.qsize())]
+        records = [self._records.get_nowait() for _ in range(self._records.qsize())]
+        if self._failure and not records:
+            raise self._failure
+        return records
 
-    def discard_messages(self) -> int:
-        """Discard the messages that wait here and in the bus; return how many. Waits for the thread.
+    def discard_records(self) -> int:
+        """Discard the records that wait here and in the bus; return how many. Waits for the thread.
 
-        The bus may be read by one thread only. Its queue, of the driver or of the adapter, may hold more messages than
+        The bus may be read by one thread only. Its queue, of the driver or of the adapter, may hold more frames than
         the thread has room for.
         """
         self._discarded = 0
@@ -163,7 +184,7 @@ class _Reader:
         if self._thread.is_alive():
             emptied.wait(self.EMPTY_WITHIN_S)
         self._emptied = None
-        return self._discarded + len(self.pop_messages())
+        return self._discarded + len(self.pop_records())
 
     def stop(self) -> None:
         """End the thread and close the descriptor."""
@@ -172,29 +193,27 @@ class _Reader:
         os.close(self.fd)
 
     def _run(self) -> None:
-        from can import CanError
-
         try:
             while not self._stopped.is_set():
                 if emptied := self._emptied:
                     self._empty_bus()
                     self._emptied = None
                     emptied.set()
-                message = self._bus.recv(self.PERIOD_S)
-                if message:
-                    self._store(message)
-        except (CanError, OSError) as error:
-            self.failure = error
+                record = self._source.next_record(self.PERIOD_S)
+                if record:
+                    self._store(record)
+        except Exception as error:  # noqa: BLE001 - whatever a driver raises
+            self._failure = error
             os.eventfd_write(self.fd, 1)
 
     def _empty_bus(self) -> None:
-        while self._emptied and self._bus.recv(0.0):
+        while self._emptied and self._source.next_record(0.0) is not None:
             self._discarded += 1
 
-    def _store(self, message: "Message") -> None:
+    def _store(self, record: bytes) -> None:
         while not (self._stopped.is_set() or self._emptied):
             try:
-                self._messages.put(message, timeout=self.PERIOD_S)
+                self._records.put(record, timeout=self.PERIOD_S)
             except queue.Full:  # nobody reads: then the bus's own queue fills and refuses frames
                 continue
             os.eventfd_write(self.fd, 1)
@@ -211,19 +230,43 @@ def _open_bus(name: str, interface: str, channel: str, bitrate: int) -> "BusABC"
         from hil.links.wires.virtual_bus import VirtualBus
 
         return VirtualBus(channel, MAX_FRAMES)
-    own: dict[str, dict[str, Any]] = {"udp_multicast": {"hop_limit": 0, "fd": False}}
     if interface not in can.VALID_INTERFACES:
         raise DeviceError(f"{name}: python-can has no such interface; it has {', '.join(sorted(can.VALID_INTERFACES))}")
+    own: dict[str, dict[str, Any]] = {"udp_multicast": {"hop_limit": 0, "fd": False}}
     try:
         return can.Bus(channel, interface, ignore_config=True, **own.get(interface, {"bitrate": bitrate}))
-    except can.CanInterfaceNotImplementedError as error:
-        raise MissingExtraError(f"{name}: {error}; pip install 'uuv-hil[can]'") from None
-    except (can.CanError, OSError, ValueError) as error:
-        raise DeviceError(f"{name}: {error}; check the channel, and that its adapter is plugged in") from None
+    except Exception as error:  # noqa: BLE001 - whatever a driver raises
+        raise _opening_error(name, interface, error) from None
+
+
+def _opening_error(name: str, interface: str, error: Exception) -> HilError:
+    """Return the error for a driver that did not open; without the manufacturer's library some fail with NameError."""
+    from can import CanInterfaceNotImplementedError
+
+    if isinstance(error, CanInterfaceNotImplementedError | ImportError | NameError | AttributeError):
+        return MissingExtraError(
+            f"{name}: {_first_line(error)}; install the driver of this adapter: python-can's page about {interface!r} "
+            "says which"
+        )
+    cause = _system_error(error)
+    if cause and cause.errno in (errno.ENETUNREACH, errno.EADDRNOTAVAIL):
+        return DeviceError(f"{name}: {_first_line(error)}; check the network: ip route")
+    return DeviceError(f"{name}: {_first_line(error)}; check the channel, and that its adapter is plugged in")
+
+
+def _system_error(error: Exception) -> OSError | None:
+    """Return the system's error behind a driver's, which means a lost device; None if there is none."""
+    return next((one for one in (error, error.__cause__) if isinstance(one, OSError)), None)
+
+
+def _first_line(error: Exception) -> str:
+    return (str(error).strip() or type(error).__name__).splitlines()[0]
 
 
 def _record_of_message(message: "Message") -> bytes:
-    """Return the record of a classic data frame; b"" for any other."""
+    """Return the record of a classic data frame; b"" for another kind, `DAMAGED` for one that cannot be."""
     if message.is_remote_frame or message.is_error_frame or message.is_fd:
         return b""
+    if message.arbitration_id > (ID_MASK if message.is_extended_id else 0x7FF) or len(message.data) > MAX_DATA:
+        return DAMAGED
     return pack_frame(CanFrame(message.arbitration_id, bytes(message.data), message.is_extended_id))

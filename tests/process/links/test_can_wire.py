@@ -1,5 +1,6 @@
 """CAN wires: other software on the bus, adapters and their noise, and errors when opening."""
 
+import random
 import select
 import socket
 import subprocess
@@ -14,15 +15,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from hil.common.errors import ConfigError, DeviceError, MissingExtraError
+from hil.links.address import open_address, wire_kind
 from hil.links.contract import Wire
-from hil.links.wires.can_bus import SlcanWire, SocketCanWire, open_socketcan
+from hil.links.wires.can_bus import SocketCanWire, open_socketcan
 from hil.links.wires.can_frame import ERROR, REMOTE, CanFrame, pack_frame, unpack_frames
 from hil.links.wires.faults import FaultyWire
 from hil.links.wires.python_can_bus import PythonCanWire
 from hil.links.wires.terminal import PtyHostWire, PtyWire, UartWire
+from hil.links.wires.text_can_bus import SlcanWire, SocketcandWire
 from tests.support.links.can_pairs import GROUP, socket_pair, until, virtual_pair
 from tests.support.links.link_contract import EVERY_BYTE, PATIENCE_S, nothing_leaks, read_bytes, records, wait_readable
 from tests.support.links.slcan_adapter import SlcanBus
+from tests.support.links.socketcand_server import SocketcandServer
 
 STANDARD = CanFrame(0x7FF, b"\x01\x02\x03", extended=False)
 EXTENDED = CanFrame(0x1FFF_FFFF, bytes(range(8)))
@@ -42,6 +46,11 @@ def message(frame: CanFrame) -> can.Message:
 def frame_of(received: can.Message | None) -> CanFrame:
     assert received is not None
     return CanFrame(received.arbitration_id, bytes(received.data), received.is_extended_id)
+
+
+def _read_for_ever(wire: Wire) -> None:
+    while True:
+        wire.read()
 
 
 def receives_all_accepted_frames(device: Wire, host: Wire, frames: int) -> bool:
@@ -166,6 +175,40 @@ class TestSlcan:
         adapter.close()
 
 
+class TestSocketcand:
+    def test_frames_are_exchanged_with_the_socketcand_of_python_can(self) -> None:
+        server = SocketcandServer()
+        wire = open_address(f"can:socketcand:127.0.0.1:{server.port}", "host")
+        with can.Bus("can0", "socketcand", host="127.0.0.1", port=server.port, ignore_config=True) as other_bus:
+            until(lambda: len(server.clients) == 2)
+            for frame in (STANDARD, EXTENDED, EMPTY):
+                wire.write(pack_frame(frame))
+                assert frame_of(other_bus.recv(2.0)) == frame
+                other_bus.send(message(frame))
+                assert unpack_frames(read_bytes(wire, 16)) == [frame]
+        assert wire_kind(wire.name) == "can"
+        wire.close()
+        server.close()
+        assert server.opened == ["can0", "can0"]
+
+    def test_noise_raises_no_error_and_loses_no_later_frame(self) -> None:
+        noise = [
+            b"\xff< frame",
+            b"< frame 12G 1.0 00 >< frame 123 1.0 0 >< frame FFFFFFFF 1.0 >",
+            b"< fra",
+            b"< error > ",
+        ]
+        wire = SocketcandWire(CannedLine([*noise, b"< frame 1FFFFFFF 1.5 00010203", b"04050607 >"]), "can1")
+        received = b"".join(wire.read() for _ in range(9))
+        assert unpack_frames(received) == [EXTENDED]
+
+    def test_a_server_that_is_not_there_is_named(self) -> None:
+        with pytest.raises(DeviceError, match=r"^tcp://127\.0\.0\.1:1: .*start the end that listens first"):
+            open_address("can:socketcand:127.0.0.1:1/can1", "host")
+        with pytest.raises(ConfigError, match="is not the address of a wire"):
+            open_address("can:socketcand:vcan0", "host")
+
+
 class TestPythonCan:
     def test_frames_are_exchanged_with_python_can_on_a_virtual_bus(self) -> None:
         wire = PythonCanWire("virtual", "shared")
@@ -220,7 +263,7 @@ class TestPythonCan:
             host.write(pack_frame(EXTENDED))
 
     def test_a_bus_without_descriptor_is_read_by_a_thread(self, monkeypatch: pytest.MonkeyPatch) -> None:
-        monkeypatch.setattr("hil.links.wires.virtual_bus.VirtualBus.fileno", can.BusABC.fileno)
+        monkeypatch.setattr("hil.links.wires.python_can_bus.WITH_DESCRIPTOR", ())
         monkeypatch.setattr("hil.links.wires.python_can_bus._Reader.PERIOD_S", 2.0 * PATIENCE_S)
         device, host = virtual_pair()
         for _ in range(21):
@@ -228,7 +271,7 @@ class TestPythonCan:
             assert wait_readable(device), "woken by the frame: its thread would look by itself only after the patience"
             assert device.read() == pack_frame(EXTENDED)
         monkeypatch.undo()
-        monkeypatch.setattr("hil.links.wires.virtual_bus.VirtualBus.fileno", can.BusABC.fileno)
+        monkeypatch.setattr("hil.links.wires.python_can_bus.WITH_DESCRIPTOR", ())
         for sender, receiver in ((host, device), (device, host)):  # so that both threads look at the period again
             sender.write(pack_frame(EXTENDED))
             assert read_bytes(receiver, 16) == pack_frame(EXTENDED)
@@ -238,10 +281,10 @@ class TestPythonCan:
 
     def test_all_frames_are_discarded_on_a_bus_without_descriptor(self, monkeypatch: pytest.MonkeyPatch) -> None:
         """Its thread has room for fewer frames than the bus."""
-        monkeypatch.setattr("hil.links.wires.virtual_bus.VirtualBus.fileno", can.BusABC.fileno)
+        monkeypatch.setattr("hil.links.wires.python_can_bus.WITH_DESCRIPTOR", ())
         device, host = virtual_pair()
         old, written = records(bytes(8 * 400), 0), 0
-        until(lambda: device._reader._messages.full() or not host.write(old[:16]))  # type: ignore[attr-defined]
+        until(lambda: device._reader._records.full() or not host.write(old[:16]))  # type: ignore[attr-defined]
         written += host.write(old)
         assert written
         assert device.discard_received() >= written
@@ -279,6 +322,45 @@ class TestPythonCan:
             DeviceError, match=r"^can:socketcam:can0: python-can has no such interface; it has .*virtual"
         ):
             PythonCanWire("socketcam", "can0")
+
+    @pytest.mark.parametrize("interface", ["serial", "robotell", "seeedstudio"])
+    def test_noise_loses_no_later_frame(self, interface: str, monkeypatch: pytest.MonkeyPatch) -> None:
+        """Of 10^5 bytes of noise some look like frames that the driver cannot decode."""
+        monkeypatch.setattr("can.interfaces.robotell.robotellBus._writeconfig", lambda *_: None)  # waits for an answer
+        adapter, other = PtyWire(), PtyWire()
+        wire, sender = PythonCanWire(interface, adapter.path), PythonCanWire(interface, other.path)
+        chance, noise = random.Random(1), 0
+        while noise < 100_000:
+            noise += adapter.write(chance.choice((b"", b"\xaa", b"\xaa\xaa")) + chance.randbytes(40))
+            wire.read()
+        sender.write(pack_frame(EXTENDED))
+        text = read_bytes(other, 1000, 0.1)
+        until(lambda: pack_frame(EXTENDED) in (adapter.write(text), wire.read())[1])
+        for end in (wire, sender, adapter, other):
+            end.close()
+
+    def test_a_driver_that_fails_is_a_lost_device(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        def fail(*_: object, **__: object) -> None:
+            raise ValueError("a fault of the driver\n  and its traceback")
+
+        for threads in ((), ("virtual",)):
+            monkeypatch.setattr("hil.links.wires.python_can_bus.WITH_DESCRIPTOR", threads)
+            device, host = virtual_pair()
+            with monkeypatch.context() as change:
+                change.setattr("can.interfaces.virtual.VirtualBus._recv_internal", fail)
+                change.setattr("hil.links.wires.virtual_bus.VirtualBus.send", fail)
+                with pytest.raises(DeviceError, match=r"went away \(a fault of the driver\); reconnect it$"):
+                    _read_for_ever(device)
+                with pytest.raises(DeviceError, match=r"went away \(a fault of the driver\)"):
+                    host.write(pack_frame(STANDARD))
+            device.close()
+            host.close()
+
+    @pytest.mark.parametrize("interface", sorted(can.VALID_INTERFACES - {"virtual", "udp_multicast", "socketcand"}))
+    def test_a_driver_without_its_library_or_device_names_the_remedy(self, interface: str) -> None:
+        """Without their libraries some drivers raise NameError or ImportError."""
+        with pytest.raises((DeviceError, MissingExtraError), match=rf"^can:{interface}:0: [^\n]+; (check|install) "):
+            PythonCanWire(interface, "0")
 
     def test_a_missing_channel_is_refused(self) -> None:
         with pytest.raises(DeviceError, match=r"^can:seeedstudio:/dev/nowhere: .*check the channel"):

@@ -7,10 +7,11 @@ import time
 from collections.abc import Callable
 
 from hil.links.contract import Wire
-from hil.links.wires.can_bus import SlcanWire, SocketCanWire
+from hil.links.wires.can_bus import SocketCanWire
 from hil.links.wires.multicast_bus import MulticastCanWire
 from hil.links.wires.python_can_bus import PythonCanWire
 from hil.links.wires.terminal import UartWire
+from hil.links.wires.text_can_bus import SlcanWire
 from tests.support.links.link_contract import read_bytes
 from tests.support.links.slcan_adapter import SlcanBus
 
