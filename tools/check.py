@@ -5,8 +5,8 @@
     python -m tools.check --jobs 4 test system
 
 A test that fails in parallel with others may have been late on a busy machine: it runs once more, alone, after its
-part. If it then passes, the part passes, and the test is listed as a defect, because it depends on the machine. A test
-that fails twice fails the part. More than `MAX_BY_CHANCE` failures are not tried again.
+part. If it then passes, the part passes, and the last lines list the test as a defect, because it depends on the
+machine. At most `MAX_SECOND` tests of a whole run may pass so: when more fail, none of them runs again.
 """
 
 import argparse
@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 ROOT = Path(__file__).parent.parent
-MAX_BY_CHANCE = 20
+MAX_SECOND = 2
 TESTS_FAILED = 1  # pytest's exit status; others say that tests could not be collected, or that there was none
 # The tests of a file share what is expensive to start, and run one after the other. Those of tests/process mostly
 # wait, so several run on each processor; they come first, and the many short files of tests/unit fill the end.
@@ -54,7 +54,7 @@ class Outcome(NamedTuple):
 
     seconds: float
     failed: list[str]  # tests, or commands
-    passed_alone: list[str]  # tests that failed at first
+    passed_alone: list[str]  # tests that failed in their first attempt only
 
 
 def run(command: Sequence[str], folder: Path = ROOT) -> int:
@@ -74,11 +74,12 @@ def last_failed(cache: Path) -> list[str]:
 
 
 def run_tests(
-    arguments: Sequence[str], apart: Sequence[str] = (), folder: Path = ROOT, again: bool = True
+    arguments: Sequence[str], apart: Sequence[str] = (), folder: Path = ROOT, again: int = MAX_SECOND
 ) -> tuple[list[str], list[str]]:
     """Run pytest, then the failed tests alone; return the tests that failed twice, and those that then passed.
 
-    `apart` are arguments of the first run only. `folder` is where pytest starts. Without `again` nothing runs twice.
+    `apart` are arguments of the first run only. `folder` is where pytest starts. If more than `again` tests fail,
+    nothing runs twice.
     Another failure (an error while tests are collected, no test at all) is reported by pytest's exit status.
     """
     with tempfile.TemporaryDirectory(prefix="uuv-hil-check-") as cache:  # of its own: parts do not mix
@@ -87,7 +88,7 @@ def run_tests(
         if status == 0:
             return [], []
         first = last_failed(Path(cache))
-        if status != TESTS_FAILED or not again or not 0 < len(first) <= MAX_BY_CHANCE:
+        if status != TESTS_FAILED or not 0 < len(first) <= again:
             return first or [f"pytest: exit status {status}"], []
         print(f"{len(first)} failed beside others; once more, alone:", *first, sep="\n  ", flush=True)
         status = run([*pytest, "--last-failed", "--last-failed-no-failures", "none", "-n", "0"], folder)
@@ -95,25 +96,31 @@ def run_tests(
         return second, sorted({*first} - {*second})
 
 
-def run_part(name: str, jobs: int | None, seed: int) -> Outcome:
-    """Run a part by its name; `jobs`: number of tests at a time, if they do not run one after the other."""
+def run_part(name: str, jobs: int | None, seed: int, again: int = MAX_SECOND) -> Outcome:
+    """Run a part by its name; `jobs`: number of tests at a time, if they do not run one after the other.
+
+    At most `again` failed tests run once more.
+    """
     check, began = PARTS[name], time.monotonic()
     failed = [" ".join(command) for command in check.modules if run(command)]
     passed_alone: list[str] = []
     if check.tests:
         apart = ["-n", str(jobs or check.at_once * (os.cpu_count() or 1)), *PARALLEL] if check.at_once else []
         random = [f"--hypothesis-seed={seed}"] if name == "search" else []
-        failed, passed_alone = run_tests([*check.tests, *random], apart, again=check.again)
+        failed, passed_alone = run_tests([*check.tests, *random], apart, again=again if check.again else 0)
     return Outcome(time.monotonic() - began, failed, passed_alone)
 
 
 def summary(outcomes: Mapping[str, Outcome]) -> str:
-    """Return the duration of each part, and each test or command that failed, once or twice."""
+    """Return the duration of each part, each test or command that failed, and a table of second attempts."""
     lines = []
     for name, outcome in outcomes.items():
         lines.append(f"{name:8} {'FAILED' if outcome.failed else 'passed'} in {outcome.seconds:.0f} s")
         lines += [f"  failed: {test}" for test in outcome.failed]
-        lines += [f"  failed beside others, passed alone (to be corrected): {test}" for test in outcome.passed_alone]
+    second = [f"  {name:8} {test}" for name, outcome in outcomes.items() for test in outcome.passed_alone]
+    if second:
+        lines.append(f"passed in a second attempt, alone ({len(second)} of at most {MAX_SECOND}; to be corrected):")
+        lines += second
     return "\n".join(lines)
 
 
@@ -126,7 +133,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     if unknown := [name for name in options.parts if name not in PARTS]:
         parser.error(f"no part {unknown[0]!r}; there are {', '.join(PARTS)}")
-    outcomes = {name: run_part(name, options.jobs, options.seed) for name in options.parts or PARTS}
+    outcomes: dict[str, Outcome] = {}
+    again = MAX_SECOND
+    for name in options.parts or PARTS:
+        outcomes[name] = run_part(name, options.jobs, options.seed, again)
+        again -= len(outcomes[name].passed_alone)
     print(f"\n{summary(outcomes)}", flush=True)
     return int(any(outcome.failed for outcome in outcomes.values()))
 

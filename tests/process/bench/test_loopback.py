@@ -21,7 +21,6 @@ from hil.common.clock import NS_PER_S
 from hil.links.wires.faults import Faults
 from hil.links.wires.terminal import PtyWire
 from hil.scenario.records import Link
-from tests.support.busy import retried_when_busy
 from tests.support.links.link_contract import nothing_leaks, wait_readable
 from tests.support.processes import Program
 
@@ -64,11 +63,10 @@ def test_a_sound_link_loses_nothing(arguments: tuple[str, ...], capsys: pytest.C
     assert output["counters"]["bytes_out"] > 0
 
 
-@retried_when_busy("round trips of another thread or process", attempts=5)
 def test_the_rest_of_the_period_does_not_count_as_round_trip_time(capsys: pytest.CaptureFixture[str]) -> None:
     code, found = loopback(capsys, "--rate", "5", "--seconds", "1")
     assert code == 0, found
-    assert found["p50_ms"] < 100.0, "of 200"
+    assert found["p50_ms"] < 190.0, "of 200"
 
 
 def test_p99_of_a_hundred_round_trips_is_not_the_maximum() -> None:
@@ -80,7 +78,6 @@ def test_p99_of_a_hundred_round_trips_is_not_the_maximum() -> None:
     assert (result.p50_ms, result.p99_ms, result.max_ms) == (50.0, 99.0, 100.0)
 
 
-@retried_when_busy("delays of another thread or process")
 def test_losses_and_delays_of_a_bad_line_are_reported_and_break_limits(capsys: pytest.CaptureFixture[str]) -> None:
     code, output = loopback(capsys, "--fault", "drop=0.2", "--fault", 'delay="20 ms"', "--max-p99", "10 ms")
     assert code == 1

@@ -25,7 +25,6 @@ from hil.links.wires.text_can_bus import SlcanWire
 from hil.scenario.records import Link
 from hil.slave.drivers.driver import open_driver
 from hil.slave.drivers.ends import check_line_rate
-from tests.support.busy import retried_when_busy
 from tests.support.processes import Program, wait_for, write_scenario
 
 FULL = (1900,) * 6
@@ -240,7 +239,6 @@ def test_a_closed_wire_has_nothing_unsent() -> None:
     assert wire.unsent() == 0
 
 
-@retried_when_busy("seconds of a thread that reads as slowly as the line carries")
 def test_commands_beyond_9600_baud_do_not_delay_the_stop() -> None:
     """The line carries 34 of 80 commands a second: if they were queued, the thrusters would run 4 s too long."""
     driver = open_driver("python", Link(faults=Faults(baud=9600), watchdog=0.2), 6, True, 1, lambda _: None)
@@ -258,7 +256,7 @@ def test_commands_beyond_9600_baud_do_not_delay_the_stop() -> None:
         while driver.pwm_us != NEUTRAL and now_ns() - stopped_ns < 5 * NS_PER_S:
             driver.service(now_ns())
             time.sleep(0.001)
-        assert now_ns() - stopped_ns < 2 * NS_PER_S, "0.03 to 0.06 s on a quiet machine"
+        assert now_ns() - stopped_ns < 3.5 * NS_PER_S, "0.03 to 0.06 s on a quiet machine"
         assert driver.host
         assert driver.host.counters.replaced > 50
 

@@ -16,7 +16,6 @@ from hil.network.publisher import Publisher
 from hil.network.roles import open_master_session
 from hil.network.worker import BoundedQueue
 from hil.ros.topics import TOPICS
-from tests.support.busy import retry_when_busy
 from tests.support.processes import PATIENCE_S, ROOT, Program, free_port, wait_for, write_scenario
 
 OPEN = """
@@ -190,18 +189,15 @@ def test_a_session_closes_at_once_during_a_callback_of_the_library(monkeypatch: 
     monkeypatch.setattr(BoundedQueue, "put", put)
     gc.collect()  # sessions of other tests, which would wait for the same callback
 
-    def check_closing_time() -> None:
-        port = free_port()
-        with open_master_session(f"tcp/127.0.0.1:{port}") as other_session:
-            slave = listen(f"tcp/127.0.0.1:{port}")
-            latched, watched = slave.publisher("uuv1", TOPICS["map"]), slave.publisher("uuv1", TOPICS["odom"])
-            slave.watch_subscribers(watched)
-            put_called.clear()
-            other_session.subscribe("uuv1", "odom", lambda *_: None, 8)
-            assert put_called.wait(PATIENCE_S)
-            latched.put(b"", 1)
-            began = time.monotonic()
-            slave.close()
-        assert time.monotonic() - began < 5.0
-
-    retry_when_busy(check_closing_time, "the call must end within 50 ms", attempts=2)
+    port = free_port()
+    with open_master_session(f"tcp/127.0.0.1:{port}") as other_session:
+        slave = listen(f"tcp/127.0.0.1:{port}")
+        latched, watched = slave.publisher("uuv1", TOPICS["map"]), slave.publisher("uuv1", TOPICS["odom"])
+        slave.watch_subscribers(watched)
+        put_called.clear()
+        other_session.subscribe("uuv1", "odom", lambda *_: None, 8)
+        assert put_called.wait(PATIENCE_S)
+        latched.put(b"", 1)
+        began = time.monotonic()
+        slave.close()
+    assert time.monotonic() - began < 9.0, "the library waits for 10 s"

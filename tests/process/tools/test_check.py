@@ -32,10 +32,10 @@ def _fewer_plugins(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("PYTEST_PLUGINS", "xdist.plugin")
 
 
-def outcome(folder: Path, *files: str, jobs: str = "0") -> tuple[list[str], list[str]]:
+def outcome(folder: Path, *files: str, jobs: str = "0", again: int = 2) -> tuple[list[str], list[str]]:
     for number, text in enumerate(files):
         (folder / f"test_{number}.py").write_text(text)
-    return check.run_tests(["."], ["-n", jobs], folder)
+    return check.run_tests(["."], ["-n", jobs], folder, again)
 
 
 def test_a_test_that_fails_once_passes_and_is_reported(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
@@ -47,15 +47,33 @@ def test_a_test_that_fails_once_passes_and_is_reported(tmp_path: Path, capfd: py
     )
     assert reported.splitlines() == [
         "test     passed in 3 s",
-        "  failed beside others, passed alone (to be corrected): test_0.py::test_by_chance",
         "lint     FAILED in 1 s",
         "  failed: mypy",
+        "passed in a second attempt, alone (1 of at most 2; to be corrected):",
+        "  test     test_0.py::test_by_chance",
     ]
 
 
 def test_a_test_that_fails_twice_fails(tmp_path: Path) -> None:
-    expected = ["test_1.py::test_never", "test_2.py::test_leaves"], ["test_0.py::test_by_chance"]
-    assert outcome(tmp_path, BY_CHANCE, NEVER, TEARDOWN) == expected
+    expected = ["test_1.py::test_leaves"], ["test_0.py::test_by_chance"]
+    assert outcome(tmp_path, BY_CHANCE, TEARDOWN) == expected
+
+
+def test_more_failures_than_second_attempts_are_left_fail_at_once(tmp_path: Path) -> None:
+    failed = ["test_0.py::test_by_chance", "test_1.py::test_never"]
+    assert outcome(tmp_path, BY_CHANCE, NEVER, again=1) == (failed, [])
+
+
+def test_a_whole_run_has_two_second_attempts(monkeypatch: pytest.MonkeyPatch) -> None:
+    left = []
+
+    def run_part(name: str, jobs: int | None, seed: int, again: int) -> check.Outcome:
+        left.append(again)
+        return check.Outcome(0.0, [], ["one"] * (name != "lint"))
+
+    monkeypatch.setattr(check, "run_part", run_part)
+    assert check.main(["test", "lint", "search", "system"]) == 0
+    assert left == [2, 1, 1, 0]
 
 
 @pytest.mark.parametrize("text", ["import nothing_of_that_name\n", ""], ids=["not collected", "no test"])

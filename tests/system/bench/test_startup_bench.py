@@ -7,10 +7,8 @@ import pytest
 
 from hil.bench.startup_run import AT_MASTER, PHASES, floors
 from hil.cli import main
-from tests.support.busy import retried_when_busy
 
 
-@retried_when_busy("starts are compared, of which there is one of each kind")
 def test_one_quick_run_has_all_phases_and_checks_its_limit(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "startup.json"
     assert main(["bench", "startup", "--repeat", "1", "--output", str(path), "--most", "30"]) == 0

@@ -8,7 +8,6 @@ from pathlib import Path
 import pytest
 
 from hil.gateways.json_lines.connection import LOST_S
-from tests.support.busy import retried_when_busy
 from tests.support.processes import SCENARIO
 from tests.system.netns.network import Lines, Network
 
@@ -33,7 +32,6 @@ DRIVE, SUBSCRIBE = '{"do": "drive", "surge": 0.4}', '{"do": "subscribe", "sensor
 
 
 @pytest.mark.parametrize("requests", [(DRIVE,), (SUBSCRIBE, DRIVE)], ids=["silent", "listening"])
-@retried_when_busy("seconds of processes that have their turns")
 def test_the_vehicle_stops_when_the_machine_of_its_client_is_disconnected(
     requests: tuple[str, ...], tmp_path: Path
 ) -> None:

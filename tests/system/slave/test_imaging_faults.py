@@ -1,6 +1,5 @@
 """A slave whose imaging process is slow or killed: the loop continues at its rate."""
 
-import itertools
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -9,7 +8,6 @@ import pytest
 
 from hil.client.client import VehicleClient
 from hil.ros.diagnostics import or_nan
-from tests.support.busy import retry_when_busy
 from tests.support.clients.imaging_slave import (
     camera,
     has_all,
@@ -54,12 +52,5 @@ def test_a_slow_imaging_process_drops_pictures_without_slowing_the_loop(tmp_path
 def test_the_loop_continues_while_a_killed_imaging_process_is_restarted(slave: tuple[Program, VehicleClient]) -> None:
     program, client = slave
     assert wait_for(lambda: has_all(client)), client.received
-    kills = itertools.count(1)
-
-    def check_skipped_steps() -> None:
-        before, began = newest(client), time.monotonic()
-        calm, passed = newest(client), time.monotonic() - began
-        skipped = steps_skipped_by_a_kill(program, client, next(kills))
-        assert skipped <= 2 * (or_nan(calm.steps_skipped) - or_nan(before.steps_skipped)) / passed + 20
-
-    retry_when_busy(check_skipped_steps, "steps left out in a second, before and while its child is started again")
+    skipped = [steps_skipped_by_a_kill(program, client, number) for number in (1, 2, 3)]
+    assert min(skipped) <= 20, "other programs may delay the loop at the same time, but hardly each time"

@@ -15,7 +15,7 @@ from hil.common.errors import DeviceError
 from hil.links.address import open_address
 from hil.links.contract import ThrusterCommand, ThrusterLink, ThrusterTelemetry
 from hil.links.protocols import open_protocol
-from tests.support.busy import retried_when_busy, retry_when_busy
+from tests.support.busy import retry_when_busy
 from tests.support.links.link_contract import wait_readable
 from tests.system.uml.network import interface, ip, namespace, shaped, within
 
@@ -143,7 +143,6 @@ def test_lost_commands_trip_the_watchdog_and_the_host_is_informed(bench: Bench) 
     assert (stm32.watchdog_trips, bench.received[-1][1].timed_out) == (1, False)
 
 
-@retried_when_busy(BUSY_GUEST)
 def test_a_tcp_link_without_a_peer_ends_and_can_be_reopened() -> None:
     """Both ends close the link within `PEER_TIMEOUT_S`; the watchdog has tripped long before."""
     with benched("tcp") as made:
@@ -154,11 +153,11 @@ def test_a_tcp_link_without_a_peer_ends_and_can_be_reopened() -> None:
             began = time.monotonic()
             with pytest.raises(DeviceError, match=r"^tcp://10.9.0.2:5760: went away"):
                 made.run(2 * INTERRUPTION_S, first=100)
-            assert 1.5 < time.monotonic() - began < 4.0
+            assert 1.5 < time.monotonic() - began < 8.0
             assert stm32.pwm_us == [1500, 1500]
             made.host.close()
             assert stm32.watchdog_trips == 1
-            give_up = began + 4.0
+            give_up = began + 8.0
             while time.monotonic() < give_up:
                 made.end.service(now_ns())
                 time.sleep(0.02)

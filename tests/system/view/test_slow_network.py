@@ -5,7 +5,6 @@ from pathlib import Path
 import pytest
 
 from hil.common.quantiles import quantile
-from tests.support.busy import retried_when_busy
 from tests.support.clients.browser import PATIENCE_MS
 from tests.support.clients.view_client import ADDRESS
 from tests.support.clients.view_page import steer_by_keyboard, viewed_slave
@@ -18,7 +17,6 @@ pytestmark = pytest.mark.timeout(900)
 RATE_MBIT_S = 20.0
 
 
-@retried_when_busy("a latency of tens of ms")
 def test_the_shown_position_does_not_fall_behind(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Three viewers see a seabed of 1,000 x 1,000: a sample is shown soon, and at the end as soon as at the start."""
     monkeypatch.setattr(view_cost, "SLOW_SETTLE_S", 8.0)  # the seabed has gone through by then
