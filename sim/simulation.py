@@ -1,6 +1,6 @@
 """Simulate one vehicle in one world: each step takes thruster pulses and returns the sensor samples that are due."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from hil.common.errors import ConfigError, DivergenceError, StartPositionError
@@ -151,6 +151,20 @@ class Simulation:
     def battery(self) -> "BatteryState | None":
         """Present reading of a battery monitor; None if the vehicle has none."""
         return self._thrusters.battery
+
+    def place(self, position: Sequence[float], quaternion: Sequence[float], nu: Sequence[float]) -> None:
+        """Move the vehicle: position (NED, m), quaternion (body to NED), nu (FRD); its tether begins at rest again."""
+        state = self.state
+        state.position, state.quaternion, state.nu = list(position), list(quaternion), list(nu)
+        state.nu_dot = [0.0] * 6
+        if self.tether:
+            self.tether.restart()
+
+    def move_accessories(self, shares: Mapping[str, float]) -> None:
+        """Command accessories, each to its share; safe in another thread than the steps."""
+        for name, share in shares.items():
+            if self.accessories:
+                self.accessories.command(name, share, self.time_ns)
 
     def fail(self, *failures: "Failure") -> None:
         """Let thrusters fail, each at its time. A failure whose time has passed begins with the next step.

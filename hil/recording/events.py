@@ -46,10 +46,7 @@ def repeat(event: dict[str, Any], simulation: Simulation) -> None:
     """Apply an event to the simulation, as `hil.slave.loop.Loop` did. Raises ConfigError for an invalid event."""
     try:
         if "place" in event:
-            position, quaternion, nu = event["place"]
-            state = simulation.state
-            state.position, state.quaternion, state.nu = list(position), list(quaternion), list(nu)
-            state.nu_dot = [0.0] * 6
+            simulation.place(*event["place"])
         simulation.fail(*[Failure(**failure) for failure in event.get("fail", ())])
     except (TypeError, ValueError):
         raise ConfigError(f"the recorded event {event} is damaged; repeat another recording") from None

@@ -10,8 +10,10 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from hil.common.clock import NS_PER_MS, Histogram
-from hil.links.contract import ThrusterCommand
+from hil.links.contract import PWM_NEUTRAL_US, ThrusterCommand
 from hil.scenario.config import Scenario
+from hil.slave.command_source import CommandSource
+from hil.slave.drivers.driver import ThrusterDriver
 from sim.environment.world import World
 from sim.simulation import Simulation
 from sim.vehicle.vehicle import Vehicle
@@ -20,17 +22,28 @@ if TYPE_CHECKING:
     from hil.ros.diagnostics import Diagnostics
 
 MAX_OWED = 40  # steps; 0.1 s at the default step
-MAX_AWAITED = 256  # commands that wait for their echo
 CHECK_NS = 50 * NS_PER_MS
 
 
-class AutopilotPort:
+class AutopilotPort(CommandSource):
     """One autopilot: opens its connection; starts its program if configured. Raises ConfigError, DeviceError.
 
     `delay` is a histogram of the ns from the arrival of outputs to the time when the STM32 applied their pulse widths.
     """
 
-    def __init__(self, scenario: Scenario, vehicle: Vehicle, world: World, report: Callable[[str], None]) -> None:
+    kind = "autopilot"
+    can_arm = keeps_step = True
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        vehicle: Vehicle,
+        world: World,
+        driver: ThrusterDriver,
+        report: Callable[[str], None],
+    ) -> None:
+        super().__init__(driver)
+        self._neutral = (PWM_NEUTRAL_US,) * len(driver.pwm_us)
         opening = import_module("hil.autopilots.opening")
         self.autopilot, self.motors = opening.open_autopilot(scenario, vehicle, world, report)
         try:
@@ -40,46 +53,35 @@ class AutopilotPort:
             raise
         self.delay = Histogram()
         self.held_steps = 0  # steps dropped because the autopilot did not answer in time
-        self.due_ns = 0  # when `check` has to be called
+        self.due_ns = 0
         self._owed = 0
         self._report = report
-        self._sequence = 0
-        self._awaited: dict[int, int] = {}  # sequence -> arrival of the outputs
         self._has_ended = False
+
+    @property
+    def software(self) -> str:
+        """The autopilot's name."""
+        return str(self.autopilot.name)
 
     def fileno(self) -> int:
         """Return the descriptor to wait on."""
         return int(self.autopilot.fileno())
 
-    def take_outputs(self, now: int) -> ThrusterCommand | None:
-        """Return the STM32 command for new motor outputs; None if there are none. Raises DeviceError."""
+    def serve(self, now: int) -> bool:
+        """Send new motor outputs at once, neutral while disarmed; report problems when that is due. Raises DeviceError.
+
+        The thrusters are stopped if the autopilot has just timed out.
+        """
         outputs = self.autopilot.receive(now)
-        if outputs is None:
-            return None
-        pulses = self.motors.update(outputs)
-        command = self._command(pulses)
-        if len(self._awaited) > MAX_AWAITED:
-            self._awaited.clear()
-        self._awaited[command.sequence] = outputs.received_ns
-        return command
-
-    def check(self, now: int) -> ThrusterCommand | None:
-        """Report problems; return a command that stops the thrusters if the autopilot has just timed out."""
-        self.due_ns = now + CHECK_NS
-        self.autopilot.check(now)
-        ended = self._program.ended() if self._program and not self._has_ended else None
-        if ended:
-            self._has_ended = True
-            self._report(ended)
-        silences = self.motors.silences
-        pulses = self.motors.at(now)
-        return self._command(pulses) if self.motors.silences != silences else None
-
-    def record_echo(self, sequence: int, applied_ns: int) -> None:
-        """Add the delay of the command with this sequence number, which the STM32 has echoed, to the histogram."""
-        received_ns = self._awaited.pop(sequence, None)
-        if received_ns is not None:
-            self.delay.add(applied_ns - received_ns)
+        pulses = self.motors.update(outputs) if outputs else None
+        if now >= self.due_ns:
+            pulses = self._check(now) or pulses
+        if pulses is None:
+            return False
+        armed = self.armed and pulses.armed
+        command = ThrusterCommand(self.next_sequence(), armed, pulses.pwm_us if armed else self._neutral)
+        self._send(command, outputs and outputs.received_ns)
+        return True
 
     def permitted_steps(self, due: int) -> int:
         """Return how many steps to do now that `due` more are due; in lockstep one, and only after an answer."""
@@ -99,18 +101,14 @@ class AutopilotPort:
         """Pass one sample to the autopilot."""
         self.autopilot.update_sensor(topic, sample)
 
-    def advance(self, simulation: Simulation) -> None:
+    def end_step(self, simulation: Simulation, has_sent: bool) -> None:
         """Report to the autopilot that a step has ended. Raises DeviceError."""
         self.motors.move_accessories(simulation)
         self.autopilot.advance(simulation.time_ns, simulation.truth())
 
-    def next_sequence(self) -> int:
-        """Return the sequence number of the next command on the thruster link."""
-        self._sequence = (self._sequence + 1) & 0xFFFF
-        return self._sequence
-
     def add_figures(self, figures: "Diagnostics") -> None:
         """Add the autopilot's figures."""
+        super().add_figures(figures)
         counters = self.autopilot.figures
         figures.autopilot = self.autopilot.name
         figures.autopilot_connected = self.autopilot.connected
@@ -129,8 +127,8 @@ class AutopilotPort:
         if self.autopilot.estimate:
             self.autopilot.estimate.add_figures(figures)
 
-    def state(self) -> str:
-        """Return the problem in words; "" if there is none."""
+    def problem(self) -> str:
+        """Return that the autopilot is absent or silent; "" if it commands."""
         if not self.autopilot.connected:
             return f"waiting for {self.autopilot.name}, thrusters neutral"
         if not self.motors.outputs:
@@ -143,5 +141,16 @@ class AutopilotPort:
         if self._program:
             self._program.close()
 
-    def _command(self, pulses: Any) -> ThrusterCommand:
-        return ThrusterCommand(self.next_sequence(), pulses.armed, pulses.pwm_us)
+    def _check(self, now: int) -> Any:
+        """Report problems; return the pulse widths that stop the thrusters if the autopilot has just timed out."""
+        self.due_ns = now + CHECK_NS
+        self.autopilot.check(now)
+        ended = self._program.ended() if self._program and not self._has_ended else None
+        if ended:
+            self._has_ended = True
+            self._report(ended)
+        silences, pulses = self.motors.silences, self.motors.at(now)
+        return pulses if self.motors.silences != silences else None
+
+    def _record_echo(self, awaited: tuple[int, Any], applied_ns: int) -> None:
+        self.delay.add(applied_ns - awaited[1])

@@ -22,6 +22,7 @@ from hil.ros.topics import COMMANDS
 if TYPE_CHECKING:
     from hil.common.vectors import Vector3
     from hil.network.clock_offset import ClockOffset
+    from hil.ros.diagnostics import Diagnostics
     from hil.slave.command_mux import CommandMux
     from hil.slave.setpoints import Setpoint
 
@@ -214,6 +215,13 @@ class CommandReceiver:
             self.master = b""
             self._anonymous.clear()  # it may contain this master, if it commanded before its presence was known
             self.wakeup.set()
+
+    def add_figures(self, figures: "Diagnostics") -> None:
+        """Add the counters of commands."""
+        figures.thrusters = self.thrusters
+        figures.commands_fault = self.fault
+        for name in ("received", "malformed", "stale", "disordered", "superseded", "refused", "flooded"):
+            figures[f"commands_{name}"] = getattr(self, name)
 
     def close(self) -> None:
         """Close the descriptor. The reader's thread must have ended."""

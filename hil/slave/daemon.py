@@ -13,11 +13,13 @@ from hil.network.opening import Listening
 from hil.ros.topics import TOPICS
 from hil.scenario.config import AUTOPILOTS, Scenario, build_simulation
 from hil.slave.command_receiver import CommandReceiver
+from hil.slave.command_source import CommandSource
 from hil.slave.drivers.driver import open_driver, stop_thrusters
 from hil.slave.drivers.ends import check_line_rate
 from hil.slave.log import Log
 from hil.slave.loop import Loop
 from hil.slave.pilot import build_pilot
+from hil.slave.pilot_source import PilotSource
 from hil.slave.publishing import DEPTH, RECORDED_DEPTH, PublishingThread
 from hil.slave.sample_publisher import MessageContent, SamplePublisher
 from sim.environment.world import load_world
@@ -46,7 +48,7 @@ def run(
         imaging = _make_imaging(scenario, log.write_line)
         if imaging:
             scenario = imaging.scenario
-        loop = _assemble(scenario, board, network, stack, log, startup)
+        loop, receiver = _assemble(scenario, board, network, stack, log, startup)
         loop.begin()
         startup["ready"] = now_ns()
         log.write_line(_ready_message(scenario, loop, startup))
@@ -62,10 +64,10 @@ def run(
         from hil.slave.ros.node import RosNode
 
         board, session = board or _detect_board(), network.session()
-        loop.ros = RosNode(session, scenario, loop, log.write_line)
-        stack.callback(loop.ros.close)
+        loop.ros = ros = RosNode(session, scenario, loop, log.write_line)
+        stack.callback(ros.close)
         loop.sample_publisher.declare(fitted.topic for fitted in scenario.sensors.values() if not fitted.offloaded)
-        ends = session, scenario.slave.node, loop.command_receiver, loop.sample_publisher
+        ends = session, scenario.slave.node, receiver, loop.sample_publisher
         contacts = Contacts(*ends, log.write_line, scenario.security, scenario.network.lease)
         if scenario.network.router:
             from hil.slave.router_watch import watch_router
@@ -76,7 +78,7 @@ def run(
             stack.callback(imaging.close)
         if scenario.mavlink and scenario.mavlink.start:
             stack.callback(_start_mavlink(scenario))
-        with Health(loop, log, startup, notes, board, scenario.link, contacts, imaging):
+        with Health(loop, (receiver, ros), log, startup, notes, board, scenario.link, contacts, imaging):
             try:
                 loop.run(stop_fd)
                 notify("STOPPING=1")
@@ -84,7 +86,7 @@ def run(
                 if contacts.conflict:
                     raise contacts.conflict
             finally:
-                neutral = stop_thrusters(loop.driver, loop.next_sequence())
+                neutral = stop_thrusters(loop.driver, loop.source.next_sequence())
                 log.write_line(
                     "thrusters neutral" if neutral else "WARNING: the STM32 did not confirm neutral thrusters"
                 )
@@ -131,7 +133,7 @@ def _assemble(
     stack: ExitStack,
     log: Log,
     startup: dict[str, int],
-) -> Loop:
+) -> tuple[Loop, CommandReceiver]:
     slave, report = scenario.slave, log.write_line
     vehicle, control = load_vehicle(scenario.vehicle)
     world = load_world(scenario.world)
@@ -148,36 +150,36 @@ def _assemble(
     stack.callback(driver.close)
     startup["link"] = now_ns()
     limits = seconds_ns(slave.command_age_limit), seconds_ns(slave.deadman), scenario.network.command_rate
-    command_receiver = CommandReceiver(*limits, len(vehicle.thrusters), log.wakeup)
-    stack.callback(command_receiver.close)
+    receiver = CommandReceiver(*limits, len(vehicle.thrusters), log.wakeup)
+    receiver.move = simulation.move_accessories if simulation.accessories else None
+    stack.callback(receiver.close)
     session = network.session()
     stack.callback(network.close)
     startup["session"] = now_ns()
     epoch_ns = to_wall_ns(now_ns()) - simulation.time_ns
     recorder = _open_recorder(scenario, board, epoch_ns, report, stack) if scenario.recording.slave else None
-    excluded_topics = () if scenario.ros.transforms else ("/tf",)
-    thread = PublishingThread(RECORDED_DEPTH if recorder else DEPTH)
+    record, depth = (recorder.record_published, RECORDED_DEPTH) if recorder else (None, DEPTH)
+    thread = PublishingThread(depth)
     stack.callback(thread.close)
+    excluded_topics = () if scenario.ros.transforms else ("/tf",)
     content = MessageContent(scenario.ros.frame_prefix, excluded_topics, error_variances(scenario.sensors, world))
-    sample_publisher = (recorder.make_sample_publisher if recorder else SamplePublisher)(
-        session, slave.node, epoch_ns, content, thread=thread
-    )
-    pilot = None
+    publisher = SamplePublisher(session, slave.node, epoch_ns, content, thread=thread, record=record)
+    source = CommandSource(driver)
+    step_ns = seconds_ns(slave.step)
     if builtin:
-        pilot = build_pilot(scenario, vehicle, control, world)
-        deliver = recorder.record_received(command_receiver.on_message) if recorder else command_receiver.on_message
+        pilot, periods = build_pilot(scenario, vehicle, control, world), (seconds_ns(slave.control_period), step_ns)
+        source = PilotSource(pilot, driver, receiver, *periods, publisher.publish_trace, report)
+        deliver = recorder.record_received(receiver.on_message) if recorder else receiver.on_message
         session.subscribe(slave.node, "cmd_$*", deliver, depth=8)
-        sample_publisher.graph.subscribes(TOPICS["cmd_vel"], slave.node)
-    steps = seconds_ns(slave.step), seconds_ns(slave.control_period)
-    loop = (recorder.make_loop if recorder else Loop)(
-        simulation, driver, pilot, command_receiver, sample_publisher, *steps, report
-    )
-    if scenario.controller in AUTOPILOTS:
+        publisher.graph.subscribes(TOPICS["cmd_vel"], slave.node)
+    elif scenario.controller in AUTOPILOTS:
         from hil.slave.autopilot_port import AutopilotPort  # not needed with our own controller
 
-        loop.autopilot = AutopilotPort(scenario, vehicle, world, report)
-        stack.callback(loop.autopilot.close)
-    return loop
+        source = AutopilotPort(scenario, vehicle, world, driver, report)
+    stack.callback(source.close)
+    loop = Loop(simulation, driver, source, publisher, step_ns, report)
+    loop.observers += [recorder] if recorder else []
+    return loop, receiver
 
 
 def _open_recorder(
@@ -192,9 +194,7 @@ def _open_recorder(
 
 def _ready_message(scenario: Scenario, loop: Loop, startup: dict[str, int]) -> str:
     milliseconds = (startup["ready"] - startup["exec"]) / clock.NS_PER_MS
-    hands = "" if loop.pilot else f"; waiting for your software on {loop.driver.port}"
-    if loop.autopilot:
-        hands = f"; waiting for {loop.autopilot.autopilot.name}"
+    hands = f"; waiting for {loop.source.software}" if loop.source.software else ""
     return (
         f"ready {milliseconds:.0f} ms after exec: node {scenario.slave.node}, listening on {scenario.slave.listen}, "
         f"STM32 {scenario.stm32} on {loop.driver.port}{hands}"

@@ -4,7 +4,7 @@ import sys
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from hil.common.clock import now_ns, to_wall_ns
 from hil.common.errors import ConfigError
@@ -14,8 +14,11 @@ from hil.network.settings import BATCH
 from hil.recording.stamps import Stamps
 from hil.ros import encoders as ros
 from hil.ros.graph import Identity, Node
-from hil.ros.topics import TOPICS, sample_topics
+from hil.ros.topics import TOPICS, Topic, sample_topics
 from hil.slave.publishing import PublishingThread
+
+if TYPE_CHECKING:
+    from hil.ros.diagnostics import Diagnostics
 
 LARGE = BATCH - 1024  # bytes; a longer message may be sent in fragments, each of which may have to wait
 
@@ -47,10 +50,8 @@ class SamplePublisher:
     must not call. Without one the caller publishes, and waits for a slow network if `waits` is true.
 
     Without subscribers nothing is sent, except on latched topics; a sample is not even encoded until it is requested.
-    With `sends_all` everything is sent.
+    With `record` everything is sent, and `record` gets each message after that: topic, payload, sequence number.
     """
-
-    sends_all = False
 
     def __init__(
         self,
@@ -61,7 +62,9 @@ class SamplePublisher:
         waits: bool = False,
         of: Identity | None = None,
         thread: PublishingThread | None = None,
+        record: Callable[[Topic, bytes, int], None] | None = None,
     ) -> None:
+        self._record = record
         self._thread = thread
         self._defer: Callable[..., None] = thread.append if thread else _call
         self._session = session
@@ -105,7 +108,7 @@ class SamplePublisher:
                     self._publishers[name].store_last(payload, to_wall_ns(received_ns))
 
     def publish_trace(self, instants: tuple[int, ...]) -> None:
-        """Publish the times of one command, see `hil.slave.loop.Trace`."""
+        """Publish the times of one command, see `hil.slave.pilot_source.Trace`."""
         self._defer(self._send_trace, instants)
 
     def publish_diagnostics(self, name: str, level: int, message: str, values: dict[str, str]) -> None:
@@ -125,11 +128,6 @@ class SamplePublisher:
         if self._thread:
             self._thread.wake()
 
-    @property
-    def dropped(self) -> int:
-        """Number of samples and messages dropped because the network blocked the publishing thread."""
-        return self._thread.dropped if self._thread else 0
-
     def has_subscribers(self, names: Sequence[str]) -> bool:
         """Return whether one of these topics has subscribers, or is not declared yet and so may have some."""
         publishers = [self._publishers.get(name) for name in names]
@@ -139,6 +137,11 @@ class SamplePublisher:
     def sent(self) -> int:
         """Number of messages sent so far."""
         return sum([publisher.sequence for publisher in list(self._publishers.values())])
+
+    def add_figures(self, figures: "Diagnostics") -> None:
+        """Add the number of messages sent, and of samples and messages dropped because the network blocked."""
+        figures.messages_sent = self.sent
+        figures.messages_dropped = self._thread.dropped if self._thread else 0
 
     def _send_sample(self, topic: str, sample: Any, stamp_ns: int, received_ns: int) -> None:
         """Send the messages of a sample. `stamp_ns`: ns since 1970. `received_ns`: monotonic time of the sample."""
@@ -160,6 +163,8 @@ class SamplePublisher:
             publisher.put(payload, to_wall_ns(received_ns))
         else:
             publisher.store_last(payload, to_wall_ns(received_ns))
+        if self._record:
+            self._record(publisher.topic, payload, publisher.sequence)
 
     def _messages(self, topic: str, sample: Any, stamp_ns: int) -> list[tuple[str, bytes]]:
         # Same result as sample._replace(time_ns=...), in half the time: the first field of each sample is time_ns.
@@ -176,6 +181,6 @@ class SamplePublisher:
     def _declare(self, name: str) -> Publisher:
         publisher = self._publishers[name] = self._session.publisher(self._node, TOPICS[name])
         self.graph.publishes(TOPICS[name], self._node)
-        if not (self.sends_all or publisher.topic.qos.latched):
+        if not (self._record or publisher.topic.qos.latched):
             self._session.watch_subscribers(publisher)
         return publisher

@@ -8,7 +8,6 @@ continue from another epoch.
 
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
-from typing import Any
 
 from hil.common import clock
 from hil.common.clock import now_ns, to_wall_ns
@@ -19,17 +18,16 @@ from hil.recording.recorder import Recorder, describe, new_folder
 from hil.ros import encoders as ros
 from hil.ros.topics import TOPICS, Topic
 from hil.scenario.config import Scenario
-from hil.slave.loop import Loop
-from hil.slave.sample_publisher import SamplePublisher
 from sim.vehicle.failures import Failure
 
 Deliver = Callable[[str, bytes, bytes], None]
 
 
 class SlaveRecorder:
-    """Record one slave into `folder`. `epoch_ns` is the wall time (ns since 1970) of simulation time 0.
+    """Record one slave into `folder`, as an observer of its loop.
 
-    Use as a context manager. Raises ConfigError, MissingExtraError.
+    `epoch_ns` is the wall time (ns since 1970) of simulation time 0. Use as a context manager.
+    Raises ConfigError, MissingExtraError.
     """
 
     def __init__(self, scenario: Scenario, board: str, epoch_ns: int, report: Callable[[str], None]) -> None:
@@ -95,18 +93,6 @@ class SlaveRecorder:
         self._events += 1
         self.record_published(EVENTS, payload, self._events)
 
-    def make_sample_publisher(self, *arguments: Any, **options: Any) -> SamplePublisher:
-        """Return a sample publisher whose messages are recorded."""
-        sample_publisher = _RecordedSamplePublisher(*arguments, **options)
-        sample_publisher.recorder = self
-        return sample_publisher
-
-    def make_loop(self, *arguments: Any) -> Loop:
-        """Return a loop that records its pulse widths and the manual changes to its vehicle."""
-        loop = _RecordedLoop(*arguments)
-        loop.recorder = self
-        return loop
-
 
 def open_recorder(
     scenario: Scenario, board: str, epoch_ns: int, report: Callable[[str], None], stack: ExitStack
@@ -118,37 +104,3 @@ def open_recorder(
     recorder = stack.enter_context(SlaveRecorder(scenario, board, epoch_ns, report))
     report(f"recording into {recorder.folder}")
     return recorder
-
-
-class _RecordedSamplePublisher(SamplePublisher):
-    sends_all = True
-    recorder: SlaveRecorder
-
-    def _send(self, name: str, payload: bytes, received_ns: int) -> None:
-        super()._send(name, payload, received_ns)
-        self.recorder.record_published(TOPICS[name], payload, self._publishers[name].sequence)
-
-
-class _RecordedLoop(Loop):
-    recorder: SlaveRecorder
-
-    def advance(self, steps: int) -> None:
-        """Advance step by step and record the pulse widths of each, which do not change during the call."""
-        for _ in range(steps):
-            self.recorder.record_step(self.simulation.time_ns, self.pwm_us)
-            super().advance(1)
-
-    def set_state(self, position: Sequence[float], quaternion: Sequence[float], nu: Sequence[float]) -> None:
-        """Set the vehicle's state and record it."""
-        super().set_state(position, quaternion, nu)
-        self.recorder.record_state(self.simulation.time_ns, position, quaternion, nu)
-
-    def stamp(self, epoch_ns: int) -> None:
-        """Begin an epoch of the stamps and record it."""
-        super().stamp(epoch_ns)
-        self.recorder.record_epoch(self.simulation.time_ns, epoch_ns)
-
-    def fail(self, *failures: Failure) -> None:
-        """Apply failures and record them."""
-        super().fail(*failures)
-        self.recorder.record_failures(self.simulation.time_ns, failures)

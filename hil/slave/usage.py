@@ -7,8 +7,12 @@ Pi 4B is several times slower). All other rooms use psutil (hil/bench/processes.
 import os
 import time
 from math import inf
+from typing import TYPE_CHECKING
 
 from hil.common.clock import return_memory
+
+if TYPE_CHECKING:
+    from hil.ros.diagnostics import Diagnostics
 
 _PAGE_MIB = os.sysconf("SC_PAGE_SIZE") / 2**20
 
@@ -80,6 +84,13 @@ class Memory:
         if abs(resident - self._resident_mib) > self.CHANGE_MIB or now - self._read_s >= self.OLDEST_S:
             self._mib, self._resident_mib, self._read_s = own_pss_mib(children), resident, now
         return self._mib
+
+    def add_figures(self, figures: "Diagnostics", children: tuple[int, ...]) -> None:
+        """Add memory and processor time of this process and its children."""
+        figures.processes = 1 + len(children)
+        figures.cpu_s = own_cpu_s(children)
+        figures.pss_mib = self.pss_mib(children)
+        figures.rss_mib = resident_mib() + sum(map(resident_mib, children))
 
 
 class ReturnedMemory:

@@ -14,13 +14,18 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable
 from contextlib import suppress
 from importlib import import_module
+from typing import TYPE_CHECKING
 
 from hil.common.clock import NS_PER_S, now_ns, seconds_ns
 from hil.common.errors import DeviceError, HilError
-from hil.links.contract import PWM_NEUTRAL_US, ThrusterCommand, ThrusterTelemetry, Wire
+from hil.links.address import wire_kind
+from hil.links.contract import PWM_NEUTRAL_US, ThrusterCommand, ThrusterTelemetry, has_restarted, is_overtaken
 from hil.links.pace import LEAST_RATE, EchoPace
 from hil.scenario.records import Link
 from hil.slave.drivers.ends import Ends
+
+if TYPE_CHECKING:
+    from hil.ros.diagnostics import Diagnostics
 
 # kind -> module, driver class, function that opens its link
 DRIVERS = {
@@ -101,7 +106,7 @@ class ThrusterDriver(ABC):
     link's processes. `losses`: how often the link was lost; `lost`: whether it is lost now. `is_silent`: whether the
     STM32 does not answer although the link is open. `command_ns`: when (monotonic) the outputs of an STM32 in this
     process last applied a command; 0 for any other STM32. `arming_refusal`: why commands must not arm the thrusters
-    while the line is too slow for them; "" if they may.
+    while the line is too slow for them; "" if they may. `newest`: the newest telemetry so far.
     """
 
     command_ns = 0
@@ -110,6 +115,7 @@ class ThrusterDriver(ABC):
     is_silent = False
     is_slow = False
     arming_refusal = ""
+    newest: ThrusterTelemetry | None = None
     children: tuple[int, ...]
     descriptors: list[int]
     pwm_us: tuple[int, ...]
@@ -133,12 +139,6 @@ class ThrusterDriver(ABC):
         self._attach(open_ends())
 
     @property
-    def wire(self) -> Wire | None:
-        """Our wire of the link, with its fault counters: the host's, else the device's; None if neither is ours."""
-        end = self.host or self._ends.device
-        return end.wire if end else None
-
-    @property
     def deadline_ns(self) -> int:
         """Time (monotonic ns) at which `service` has to be called even if no byte has arrived."""
         return self._check_ns if self.lost else self._due_ns()
@@ -156,6 +156,9 @@ class ThrusterDriver(ABC):
             if self.is_silent:
                 self._answers(now)
             self._requested_ns = 0
+            for report in telemetry:
+                if self.newest is None or not is_overtaken(report, self.newest):
+                    self._follow_stm32(report)
         elif self._requested_ns and now - self._requested_ns > SILENT_NS and not self.is_silent:
             self.is_silent = True
             self._report(
@@ -178,6 +181,28 @@ class ThrusterDriver(ABC):
     @abstractmethod
     def applied_ns(self, telemetry: ThrusterTelemetry, now: int) -> int:
         """Return when (monotonic ns) the STM32 applied the command that this telemetry, received at `now`, echoes."""
+
+    def problem(self) -> str:
+        """Return why the STM32 cannot be reached, with the remedy; "" if it can."""
+        if self.lost:
+            return f"the thruster link {self.port} is lost, the STM32's watchdog stops the thrusters: connect it again"
+        return f"the STM32 on {self.port} does not answer: check wiring, baud, protocol" if self.is_silent else ""
+
+    def add_figures(self, figures: "Diagnostics") -> None:
+        """Add the state of the link and its counters."""
+        figures.link_port, figures.link_wire, figures.link_losses = self.port, wire_kind(self.port), self.losses
+        figures.stm32_silent, figures.pwm_us = self.is_silent, self.pwm_us
+        figures.watchdog_trips = self.newest.watchdog_trips if self.newest else 0
+        if self.host:
+            if self.host.pace:
+                figures.link_slow, figures.link_rate_hz = self.is_slow, self.host.pace.rate
+            counters = self.host.counters
+            for name in counters.__slots__:
+                figures[f"link_{name}"] = getattr(counters, name)
+        end = self.host or self._ends.device
+        sent, received = end.wire.fault_counts() if end else ({}, {})
+        if sent:
+            figures.link_faults_sent, figures.link_faults_received = sent, received
 
     def close(self) -> None:
         """Close the link, or stop trying to reopen it."""
@@ -222,6 +247,14 @@ class ThrusterDriver(ABC):
                 "to arm the thrusters"
             )
             self._report(self.arming_refusal)
+
+    def _follow_stm32(self, report: ThrusterTelemetry) -> None:
+        """Store the newest telemetry; report a watchdog trip or a restart of the STM32."""
+        if report.timed_out and not (self.newest and self.newest.timed_out):
+            self._report("the STM32's watchdog tripped: thrusters neutral")
+        if self.newest and has_restarted(report, self.newest):
+            self._report("the STM32 has restarted")
+        self.newest = report
 
     def _answers(self, now: int) -> None:
         self.is_silent = False

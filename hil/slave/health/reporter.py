@@ -4,12 +4,11 @@ import gc
 import os
 import sys
 import threading
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Protocol
 
 from boards.tree import Tree
 from hil.common.clock import NS_PER_MS, NS_PER_S, NS_PER_US, Histogram, boot_id, now_ns, schedule_below_loop, to_wall_ns
-from hil.links.address import wire_kind
-from hil.links.contract import PWM_NEUTRAL_US
 from hil.recording.stamps import wall_offset_ns
 from hil.ros.diagnostics import Diagnostics
 from hil.scenario.records import Link
@@ -27,10 +26,16 @@ if TYPE_CHECKING:
 PERIOD_S = 1.0
 MIN_PERIOD_S = 0.1  # between two messages while log lines arrive all the time
 RECENT_NS = 900 * NS_PER_MS  # window of the recent figures; they change once a second, even with more messages
-DRIVEN_NS = NS_PER_S  # thrusters that got no command for this time count as not driven
 COLLECT_PERIOD_NS = 30 * NS_PER_S
 SKIPPED_PERIOD_NS = 60 * NS_PER_S  # between two log lines about skipped steps
 OK, WARNING, ERROR = 0, 1, 2
+
+
+class Part(Protocol):
+    """A part of the slave that reports its own figures."""
+
+    def add_figures(self, figures: Diagnostics) -> None:
+        """Add the present figures; called in the thread of the health."""
 
 
 def own_name() -> str:
@@ -79,13 +84,15 @@ class SkippedSteps:
 class Health:
     """Write the log and publish the diagnostics, on each new log line and once a second.
 
-    `startup` maps names of start-up stages to monotonic times (ns), with "exec" among them. Use as a context manager:
-    it publishes a last time at the end.
+    `parts` report their figures, besides the loop with its ends, `contacts` and `imaging`. `startup` maps names of
+    start-up stages to monotonic times (ns), with "exec" among them. Use as a context manager: it publishes a last time
+    at the end.
     """
 
     def __init__(
         self,
         loop: Loop,
+        parts: Sequence[Part],
         log: Log,
         startup: dict[str, int],
         notes: list[str],
@@ -95,6 +102,9 @@ class Health:
         imaging: "Imaging | None" = None,
     ) -> None:
         self._loop = loop
+        self._parts: tuple[Part, ...] = loop, loop.source, loop.driver, loop.sample_publisher, contacts, *parts
+        if imaging:
+            self._parts += (imaging,)
         self._imaging = imaging
         self._contacts = contacts
         self._log = log
@@ -119,109 +129,26 @@ class Health:
 
     def values(self) -> Diagnostics:
         """Return the present figures, as they are published."""
-        loop, figures = self._loop, Diagnostics(self._fixed.raw)
-        children = loop.driver.children + (self._imaging.children if self._imaging else ())
+        figures = Diagnostics(self._fixed.raw)
         figures.uptime_s = (now_ns() - self._startup["exec"]) / NS_PER_S
-        figures.cpu_s = usage.own_cpu_s(children)
-        figures.pss_mib = self._memory.pss_mib(children)
-        figures.rss_mib = usage.resident_mib() + sum(map(usage.resident_mib, children))
-        figures.processes = 1 + len(children)
-        figures.messages_sent = loop.sample_publisher.sent
-        figures.messages_dropped = loop.sample_publisher.dropped
-        figures.contacts = loop.simulation.contacts
-        self._add_run_events(figures)
-        self._add_loop_figures(figures)
-        self._add_command_figures(figures)
-        self._add_link_figures(figures)
+        self._memory.add_figures(
+            figures, self._loop.driver.children + (self._imaging.children if self._imaging else ())
+        )
+        self._recent.add_figures(figures, self._loop.schedule.lateness, now_ns())
         add_machine_figures(figures, self._tree, self._board)
-        self._contacts.add_figures(figures)
-        if self._imaging:
-            self._imaging.add_figures(figures)
+        for part in self._parts:
+            part.add_figures(figures)
         return figures
-
-    def _add_loop_figures(self, figures: Diagnostics) -> None:
-        loop, schedule = self._loop, self._loop.schedule
-        lateness, wall_ns = schedule.lateness, max(now_ns() - loop.started_ns, 1)
-        figures.loop_rate_hz = NS_PER_S / schedule.period_ns
-        figures.real_time_factor = schedule.due_total * schedule.period_ns / wall_ns
-        figures.lateness_p50_us = lateness.quantile(0.5) / NS_PER_US
-        figures.lateness_p99_us = lateness.quantile(0.99) / NS_PER_US
-        figures.lateness_p999_us = lateness.quantile(0.999) / NS_PER_US
-        figures.lateness_max_us = lateness.maximum / NS_PER_US
-        self._recent.add_figures(figures, lateness, now_ns())
-        figures.within_2ms = lateness.share_within(2 * NS_PER_MS)
-        figures.behind_ms = (wall_ns - (schedule.due_total + schedule.skipped) * schedule.period_ns) / NS_PER_MS
-        figures.steps_skipped = schedule.skipped
-
-    def _add_run_events(self, figures: Diagnostics) -> None:
-        """Add the events of the run so far, with wall times."""
-        log = self._loop.simulation.events
-        epoch_ns = to_wall_ns(now_ns()) - self._loop.simulation.time_ns
-        figures.run_events = len(log) + log.dropped
-        figures.run_event_list = tuple([event._replace(start_ns=event.start_ns + epoch_ns) for event in log.events()])
-
-    def _add_command_figures(self, figures: Diagnostics) -> None:
-        loop, command_receiver = self._loop, self._loop.command_receiver
-        figures.commands_received = command_receiver.received
-        figures.commands_taken = loop.commands
-        figures.commands_malformed = command_receiver.malformed
-        figures.commands_stale = command_receiver.stale
-        figures.commands_disordered = command_receiver.disordered
-        figures.commands_superseded = command_receiver.superseded
-        figures.commands_refused = command_receiver.refused
-        figures.commands_flooded = command_receiver.flooded
-        figures.commands_fault = command_receiver.fault
-        figures.controller = "builtin" if loop.pilot else "autopilot" if loop.autopilot else "external"
-        if loop.autopilot:
-            loop.autopilot.add_figures(figures)
-        elif loop.pilot is None:
-            figures.thrusters_driven = now_ns() - loop.driver.command_ns < DRIVEN_NS
-        if loop.ros:
-            loop.ros.add_figures(figures)
-        figures.armed = loop.armed
-        figures.thrusters = command_receiver.thrusters
-        figures.commands_unanswered = loop.unanswered
-        figures.deadman_trips = loop.pilot.deadman_trips if loop.pilot else 0
-        figures.watchdog_trips = loop.watchdog_trips
-
-    def _add_link_figures(self, figures: Diagnostics) -> None:
-        driver = self._loop.driver
-        figures.link_port = driver.port
-        figures.link_wire = wire_kind(driver.port)
-        figures.link_losses = driver.losses
-        figures.stm32_silent = driver.is_silent
-        figures.pwm_us = driver.pwm_us
-        if driver.host:
-            if driver.host.pace:
-                figures.link_slow, figures.link_rate_hz = driver.is_slow, driver.host.pace.rate
-            counters = driver.host.counters
-            for name in counters.__slots__:
-                figures[f"link_{name}"] = getattr(counters, name)
-        if wire := driver.wire:
-            sent, received = wire.fault_counts()
-            if sent:
-                figures.link_faults_sent, figures.link_faults_received = sent, received
 
     def _publish(self) -> None:
         self._loop.sample_publisher.publish_diagnostics("slave", *self._state(), self.values().raw)
 
     def _state(self) -> tuple[int, str]:
         """Return the level of the status, and its text."""
-        driver, pilot = self._loop.driver, self._loop.pilot
-        if driver.lost:
-            return (
-                ERROR,
-                f"the thruster link {driver.port} is lost, the STM32's watchdog stops the thrusters: connect it again",
-            )
-        if driver.is_silent:
-            return ERROR, f"the STM32 on {driver.port} does not answer: check wiring, baud, protocol"
-        waiting = self._loop.autopilot.state() if self._loop.autopilot else ""
-        if waiting:
-            return WARNING, waiting
-        if pilot and not pilot.active:
-            neutral = all(pulse == PWM_NEUTRAL_US for pulse in driver.pwm_us)
-            return WARNING, "waiting for commands, thrusters " + ("neutral" if neutral else "not neutral yet")
-        return OK, "running"
+        if problem := self._loop.driver.problem():
+            return ERROR, problem
+        problem = self._loop.source.problem()
+        return (WARNING, problem) if problem else (OK, "running")
 
     def _run(self) -> None:
         schedule_below_loop()

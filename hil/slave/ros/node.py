@@ -55,7 +55,7 @@ class RosNode:
         self._joints = _Due(settings.joints)
         for fitted in [fitted for fitted in scenario.sensors.values() if not fitted.offloaded]:
             ros.encoder(fitted.topic)  # loaded now, not at the first sample
-        if loop.pilot:
+        if loop.source.pilot:
             others = {*COMMANDS} - {"cmd_vel"}  # which was declared at the start
             for name in others if loop.simulation.accessories else others - {"cmd_accessories"}:
                 loop.sample_publisher.graph.subscribes(TOPICS[name], node)

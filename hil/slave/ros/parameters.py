@@ -116,7 +116,8 @@ class _Gains:
         return getattr(controller.gains, axis)
 
     def _controller(self) -> CascadedController | None:
-        controller = self._loop.pilot.controller if self._loop.pilot else None
+        pilot = self._loop.source.pilot
+        controller = pilot.controller if pilot else None
         return controller if isinstance(controller, CascadedController) else None
 
 

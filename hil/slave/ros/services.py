@@ -41,7 +41,7 @@ def offer_services(server: Server, node: str, loop: Loop, start: Start, report: 
         "reset": (TRIGGER, lambda _: _answer(report, "reset", reset(loop, start))),
         "set_pose": (SET_STATE, lambda request: set_pose(loop, node, request, report)),
     }
-    if loop.pilot or loop.autopilot:
+    if loop.source.can_arm:
         offered["arm"] = (SET_BOOL, lambda request: _arm(loop, request["data"], report))
     thrusters = {plain_name(thruster.name): thruster.name for thruster in loop.simulation.vehicle.thrusters}
     for plain, name in thrusters.items():
@@ -55,9 +55,9 @@ def offer_services(server: Server, node: str, loop: Loop, start: Start, report: 
 
 def arm(loop: Loop, on: bool) -> str:
     """Arm: let commands drive the thrusters. Disarm: set the thrusters to neutral and ignore commands."""
-    loop.armed = on
+    loop.source.armed = on
     if not on:
-        loop.set_neutral()
+        loop.source.set_neutral()
     return "armed: commands are executed" if on else "disarmed: the thrusters are stopped, commands are ignored"
 
 

@@ -67,7 +67,7 @@ class SimulationServices:
         return {name: (f"{PACKAGE}{kind}", answer) for name, (kind, answer) in answers.items()}
 
     def _features(self, _: Message) -> Result:
-        numbers = [*FEATURES.values(), *([] if self._loop.autopilot else PAUSE_FEATURES.values())]
+        numbers = [*FEATURES.values(), *([] if self._loop.source.keeps_step else PAUSE_FEATURES.values())]
         about = f"uuv-hil: the simulation of {self._node} alone; at most {MAX_STEPS} steps a call"
         return {"features": {"features": sorted(numbers), "custom_info": about}}
 
@@ -107,8 +107,8 @@ class SimulationServices:
 
     def _set_simulation_state(self, request: Message) -> Result:
         wanted, paused = request["state"]["state"], self._loop.paused
-        if wanted not in (PLAYING, PAUSED) or self._loop.autopilot:
-            why = "an autopilot flies it, in step with it" if self._loop.autopilot else "it plays, or is paused"
+        if wanted not in (PLAYING, PAUSED) or self._loop.source.keeps_step:
+            why = "an autopilot flies it, in step with it" if self._loop.source.keeps_step else "it plays, or is paused"
             return result(UNSUPPORTED, f"{STATES.get(wanted, wanted)}: {why}; to end it, end uuv-hil slave")
         if (wanted == PAUSED) == paused:
             return result(ALREADY_THERE, f"it is {STATES[wanted]} already")

@@ -9,7 +9,7 @@ from hil.common.clock import now_ns
 from hil.common.errors import ConfigError
 from hil.ros import encoders as ros
 from hil.ros.topics import Topic
-from hil.slave.loop import Trace
+from hil.slave.pilot_source import Trace
 from hil.slave.publishing import PublishingThread
 from hil.slave.sample_publisher import SamplePublisher
 from sim.sensors.samples import PressureSample
@@ -100,13 +100,13 @@ def test_a_blocked_network_drops_the_oldest_samples_without_delay(
     for number in range(2, 41):  # would wait for ever
         step(sample_publisher, number)
     assert session.sent == []
-    assert sample_publisher.dropped == 39 - DEPTH
+    assert thread.dropped == 39 - DEPTH
     session.free.set()
     assert wait_for(lambda: len(session.numbers()) == 1 + DEPTH)
     assert session.numbers() == [1, *range(41 - DEPTH, 41)]
     step(sample_publisher, 41)
     assert wait_for(lambda: session.numbers()[-1] == 41)
-    assert sample_publisher.dropped == 39 - DEPTH
+    assert thread.dropped == 39 - DEPTH
     assert session.threads == {thread._thread.ident}, "nothing is declared by the loop"
 
 

@@ -193,16 +193,14 @@ def test_a_stored_sample_does_not_replace_a_sent_one(vehicle: Vehicle, endpoint:
 
 def test_all_samples_are_sent_when_required(endpoint: str) -> None:
     """The slave's own recording needs all samples."""
-
-    class Recorded(SamplePublisher):
-        sends_all = True
-
+    numbers: list[int] = []
     with listen(endpoint) as session:
-        sample_publisher = Recorded(session, "uuv1", 0)
+        sample_publisher = SamplePublisher(session, "uuv1", 0, record=lambda _, __, number: numbers.append(number))
         for number in range(30):
             sample_publisher.publish_sample("imu", imu(number))
             time.sleep(0.002)
     assert sample_publisher.sent == 30
+    assert numbers == [*range(1, 31)]
 
 
 def test_a_subscriber_behind_a_router_counts(tmp_path: Path, endpoint: str) -> None:

@@ -15,6 +15,7 @@ from hil.recording.stamps import SET_NS, Stamps, wall_offset_ns
 from hil.ros import encoders as ros
 from hil.ros.frames import decode_clock
 from hil.ros.topics import TOPICS
+from hil.slave.command_source import CommandSource
 from hil.slave.loop import Loop
 from hil.slave.ros.node import RosNode
 from tests.support.processes import Program, wait_for, write_scenario
@@ -34,8 +35,8 @@ class LoopBench:
         self.output: list[int] = []  # stamps
         sample_publisher = SimpleNamespace(stamps=self.stamps, publish_sample=self._sample, wake_publisher=lambda: None)
         driver: Any = SimpleNamespace(pwm_us=(), descriptors=list)
-        ends = cast(Any, None), cast(Any, sample_publisher)
-        self.loop = Loop(cast(Any, self.simulation), driver, None, *ends, step_ns, 1, print)
+        source, publisher = CommandSource(driver), cast(Any, sample_publisher)
+        self.loop = Loop(cast(Any, self.simulation), driver, source, publisher, step_ns, print)
         self.loop.watch.due_ns = NEVER_NS  # there is nothing to look at
         self.loop.schedule = RateKeeper(step_ns, START_NS)
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from hil.common.errors import ConfigError
+from hil.recording.events import repeat
 from sim.dynamics import Integrator, State
 from sim.environment.world import World
 from sim.simulation import Simulation
@@ -203,7 +204,10 @@ def test_a_vehicle_is_held_by_its_tether_and_runs_are_reproducible() -> None:
 
 
 def test_moving_a_vehicle_elsewhere_causes_no_large_pull_of_its_tether() -> None:
-    """The line is laid out again from the anchor's new position: nothing has moved at the speed of the jump."""
+    """The line is laid out again from the anchor's new position: nothing has moved at the speed of the jump.
+
+    A repeated recording moves it as the slave did.
+    """
     simulation = Simulation(
         load_vehicle("bluerov2")[0], WORLD, {}, position=(5.0, 0.0, 10.0),
         tether=KEYS._replace(anchor_velocity=(0.2, 0.0, 0.0)),
@@ -213,8 +217,7 @@ def test_moving_a_vehicle_elsewhere_causes_no_large_pull_of_its_tether() -> None
     neutral = (1500,) * len(simulation.vehicle.thrusters)
     for _ in range(200):
         simulation.step(neutral)
-    simulation.state.position = [40.0, 0.0, 20.0]
-    tether.restart()
+    repeat({"place": [[40.0, 0.0, 20.0], [1.0, 0.0, 0.0, 0.0], [0.0] * 6]}, simulation)
     pulls = []
     for _ in range(400):
         simulation.step(neutral)

@@ -8,10 +8,7 @@ import pytest
 from hil.common.clock import NS_PER_S, now_ns
 from hil.links.contract import ThrusterTelemetry, has_restarted, is_overtaken
 from hil.slave.drivers.external import ExternalDriver
-from hil.slave.loop import Loop
-from sim.environment.world import load_world
-from sim.simulation import Simulation
-from sim.vehicle.vehicle import load_vehicle
+from hil.slave.pilot_source import PilotSource
 from tests.support.links.bench_link import link_with_reports
 
 NEUTRAL, PUSHING, OTHER = (1500,) * 6, (1600,) * 6, (1700,) * 6
@@ -69,48 +66,46 @@ def test_the_outputs_are_those_of_the_newest_report() -> None:
     assert results == [PUSHING, NEUTRAL, NEUTRAL, NEUTRAL]
 
 
-def make_loop(driver: ExternalDriver) -> tuple[Loop, list[str]]:
-    """Return a loop on that driver that only reads its link, and the lines that it reports."""
-    unused: Any = None
-    lines: list[str] = []
-    simulation = Simulation(load_vehicle("paper_six")[0], load_world("pool"))
-    return Loop(simulation, driver, unused, unused, unused, 2_500_000, 20_000_000, lines.append), lines
-
-
 class Pilot:
     """A pilot whose deadman has tripped, until it is active again."""
 
     active = False
 
 
-def test_the_loop_reports_a_restart_and_ignores_late_reports(capsys: pytest.CaptureFixture[str]) -> None:
+class Stopping:
+    """A command source that has stopped the thrusters, on a link from which these reports are read one by one."""
+
+    def __init__(self, received: list[ThrusterTelemetry]) -> None:
+        self.lines: list[str] = []
+        self.driver, self.pilot, unused = make_driver(received), cast(Any, Pilot()), cast(Any, None)
+        self.source = PilotSource(self.pilot, self.driver, unused, 20_000_000, 2_500_000, unused, self.lines.append)
+        self.source._stopping_ns = now_ns()
+
+    def read(self) -> list[str]:
+        """Read one report; return the lines so far."""
+        self.source.handle_telemetry(self.driver.service(now_ns()), now_ns())
+        return self.lines
+
+
+def test_a_restart_is_reported_and_late_reports_are_ignored(capsys: pytest.CaptureFixture[str]) -> None:
     late = report(99, 49, timed_out=True)
     driver = make_driver([report(100, 50), late, report(101, 51), report(102, 1), report(103, 2)])
-    loop, lines = make_loop(driver)
     for _ in range(3):
-        loop._service_link(now_ns())
-    assert lines == []
+        driver.service(now_ns())
+    assert not capsys.readouterr().out
     for _ in range(2):
-        loop._service_link(now_ns())
-    assert lines == ["the STM32 has restarted"]
+        driver.service(now_ns())
+    assert capsys.readouterr().out == "the STM32 has restarted\n"
 
 
 def test_a_report_from_before_the_stop_does_not_confirm_it() -> None:
-    driver = make_driver([report(100, 50, PUSHING), report(99, 49, NEUTRAL), report(101, 51, NEUTRAL)])
-    loop, lines = make_loop(driver)
-    loop.pilot = cast(Any, Pilot())
-    loop._stopping_ns = now_ns()
+    stopping = Stopping([report(100, 50, PUSHING), report(99, 49, NEUTRAL), report(101, 51, NEUTRAL)])
     for expected in (0, 0, 1):
-        loop._service_link(now_ns())
-        assert len([line for line in lines if "confirmed by the STM32" in line]) == expected
+        assert len([line for line in stopping.read() if "confirmed by the STM32" in line]) == expected
 
 
 def test_a_stop_is_not_confirmed_after_a_new_command() -> None:
     """A neutral report after it may be a command of zero speed."""
-    driver = make_driver([report(100, 50, PUSHING), report(101, 51, NEUTRAL), report(102, 52, NEUTRAL)])
-    loop, lines = make_loop(driver)
-    pilot = loop.pilot = cast(Any, Pilot())
-    loop._stopping_ns = now_ns()
-    for pilot.active in (False, True, False):
-        loop._service_link(now_ns())
-    assert not lines
+    stopping = Stopping([report(100, 50, PUSHING), report(101, 51, NEUTRAL), report(102, 52, NEUTRAL)])
+    for stopping.pilot.active in (False, True, False):
+        assert not stopping.read()

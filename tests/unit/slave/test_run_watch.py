@@ -110,6 +110,6 @@ def test_a_vehicle_commanded_to_depth_that_rises_has_surfaced(
 def test_the_vehicle_file_sets_the_tilt_that_counts_as_capsized() -> None:
     lenient = Simulation(VEHICLE._replace(capsize_tilt=pi), WORLD, {}, position=(4.0, 4.0, 2.0))
     lenient.state.quaternion = [0.0, 1.0, 0.0, 0.0]
-    watch = RunWatch(lenient, Driver(), None, print)  # type: ignore[arg-type]
+    watch = RunWatch(lenient, Driver(), Bench().pilot, print)  # type: ignore[arg-type]
     watch.check()
     assert len(lenient.events) == 0

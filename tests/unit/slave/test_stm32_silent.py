@@ -12,6 +12,7 @@ from hil.common.clock import NS_PER_S
 from hil.links.contract import ThrusterCommand, ThrusterTelemetry
 from hil.scenario.config import load_scenario
 from hil.scenario.records import Link
+from hil.slave import command_source, pilot_source
 from hil.slave import loop as slave_loop
 from hil.slave.command_receiver import Received
 from hil.slave.drivers import driver as stm32
@@ -19,6 +20,7 @@ from hil.slave.drivers.driver import open_driver, stop_thrusters
 from hil.slave.drivers.external import ExternalDriver
 from hil.slave.loop import Loop
 from hil.slave.pilot import build_pilot
+from hil.slave.pilot_source import PilotSource
 from hil.slave.ros.services import _arm
 from sim.environment.world import load_world
 from sim.simulation import Simulation
@@ -36,7 +38,7 @@ SILENT = "/dev/bench: the STM32 has not answered for 0.5 s; check wiring, baud, 
 @pytest.fixture
 def stop_clock(monkeypatch: pytest.MonkeyPatch) -> None:
     """Stop the clock of the drivers and of the loop, so that only the time that a test adds passes."""
-    for module in (stm32, slave_loop):
+    for module in (stm32, slave_loop, command_source, pilot_source):
         monkeypatch.setattr(module, "now_ns", lambda: 10**12)
 
 
@@ -170,8 +172,8 @@ def loop(tmp_path: Path) -> Iterator[Loop]:
     unused: Any = None
     master: Any = Master()
     pilot = build_pilot(scenario, vehicle, control, world)
-    made = Loop(Simulation(vehicle, world), driver, pilot, master, unused, 2_500_000, 20_000_000, print)
-    yield made
+    source = PilotSource(pilot, driver, master, 20_000_000, 2_500_000, unused, print)
+    yield Loop(Simulation(vehicle, world), driver, source, unused, 2_500_000, print)
     driver.close()
     os.close(near_end)
     os.close(far_end)
@@ -180,13 +182,13 @@ def loop(tmp_path: Path) -> Iterator[Loop]:
 @pytest.mark.usefixtures("stop_clock")
 def test_commands_without_a_reply_are_counted_and_dropped(loop: Loop, capsys: pytest.CaptureFixture[str]) -> None:
     for _ in range(100):
-        loop._apply_command(now_ns())
-    loop._service_link(now_ns())
-    assert loop.unanswered == 0
-    assert len(loop._awaited) == 100
-    loop._service_link(now_ns() + NS_PER_S + 1)
-    assert loop.unanswered == 100
-    assert loop._awaited == {}
+        loop.serve_source(now_ns())
+    loop.service_link(now_ns())
+    assert loop.source.unanswered == 0
+    assert len(loop.source._awaited) == 100
+    loop.service_link(now_ns() + NS_PER_S + 1)
+    assert loop.source.unanswered == 100
+    assert loop.source._awaited == {}
     assert loop.driver.is_silent
     assert "the STM32 has not answered for 0.5 s" in capsys.readouterr().out
 
@@ -198,7 +200,7 @@ def test_a_link_lost_while_sending_is_no_longer_waited_on(loop: Loop) -> None:
     assert loop._link_fds
     loop.pwm_us = (1600,) * 6
     loop.driver.host.wire.close()
-    loop._apply_command(now_ns())
+    loop.serve_source(now_ns())
     assert loop.driver.lost
     assert loop._link_fds == []
     assert loop.pwm_us == NEUTRAL
@@ -208,21 +210,21 @@ def test_a_link_lost_while_sending_is_no_longer_waited_on(loop: Loop) -> None:
 @pytest.mark.usefixtures("stop_clock")
 def test_a_line_that_is_too_slow_does_not_arm(loop: Loop, capsys: pytest.CaptureFixture[str]) -> None:
     assert loop.driver.host
-    assert loop.pilot
+    assert loop.source.pilot
     assert loop.driver.host.pace
     pace = loop.driver.host.pace
-    loop._apply_command(now_ns())
-    assert loop.pilot.active
+    loop.serve_source(now_ns())
+    assert loop.source.pilot.active
     pace.rate, pace.is_slow = 7.0, True
-    loop._service_link(now_ns())
-    loop._apply_command(now_ns())
-    assert not loop.pilot.active
+    loop.service_link(now_ns())
+    loop.serve_source(now_ns())
+    assert not loop.source.pilot.active
     assert "carries 7 commands a second; at least 10 are needed" in capsys.readouterr().out
     lines = list[str]()
     answer = _arm(loop, True, lines.append)
     assert (answer["success"], lines) == (False, [f"arm: refused: {loop.driver.arming_refusal}"])
     pace.is_slow = False
-    loop._service_link(now_ns())
-    loop._apply_command(now_ns())
-    assert loop.pilot.active
+    loop.service_link(now_ns())
+    loop.serve_source(now_ns())
+    assert loop.source.pilot.active
     assert _arm(loop, True, lines.append)["success"]

@@ -12,8 +12,9 @@ from hil.common.clock import now_ns
 from hil.scenario.config import load_scenario
 from hil.slave.command_receiver import Received
 from hil.slave.drivers.driver import open_driver
-from hil.slave.loop import Loop, Trace
+from hil.slave.loop import Loop
 from hil.slave.pilot import build_pilot
+from hil.slave.pilot_source import PilotSource, Trace
 from sim.environment.world import load_world
 from sim.simulation import Simulation
 from sim.vehicle.vehicle import load_vehicle
@@ -66,8 +67,10 @@ class Bed:
         pilot = build_pilot(scenario, vehicle, control, world)
         driver = open_driver("python", scenario.link, len(vehicle.channels), True, 1, print)
         self.command_receiver, self.sample_publisher = CommandReceiver(), SamplePublisher()
-        ends = cast(Any, self.command_receiver), cast(Any, self.sample_publisher)
-        self.loop = Loop(simulation, driver, pilot, *ends, STEP_NS, 20_000_000, print)
+        receiver, publisher = cast(Any, self.command_receiver), cast(Any, self.sample_publisher)
+        periods = 20_000_000, STEP_NS
+        self.source = PilotSource(pilot, driver, receiver, *periods, publisher.publish_trace, print)
+        self.loop = Loop(simulation, driver, self.source, publisher, STEP_NS, print)
 
     def run(self, steps: int) -> None:
         for _ in range(steps):
@@ -76,10 +79,10 @@ class Bed:
     def execute(self, sequence: int) -> None:
         """Deliver a command and the STM32's reply to it."""
         self.command_receiver.waiting.append(Received(VelocityCommand(surge=0.3), sequence, 7, now_ns()))
-        self.loop._apply_command(now_ns())
-        while self.loop._awaited:
+        self.loop.serve_source(now_ns())
+        while self.source._awaited:
             assert select.select(self.loop.driver.descriptors, (), (), PATIENCE_S)[0], "it does not answer"
-            self.loop._service_link(now_ns())
+            self.loop.service_link(now_ns())
 
     def reported(self) -> list[int]:
         return [output.sequence for output in self.sample_publisher.output if isinstance(output, Trace)]

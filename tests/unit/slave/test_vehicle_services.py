@@ -19,6 +19,7 @@ from hil.slave.command_receiver import CommandReceiver
 from hil.slave.drivers.driver import open_driver
 from hil.slave.loop import Loop
 from hil.slave.pilot import build_pilot
+from hil.slave.pilot_source import PilotSource
 from hil.slave.ros import services
 from sim.environment.world import load_world
 from sim.rotations import from_euler, to_euler
@@ -82,27 +83,24 @@ class Vehicle:
         pilot = build_pilot(scenario, vehicle, control, world)
         driver = open_driver("python", scenario.link, len(vehicle.channels), True, 1, print)
         self.command_receiver = CommandReceiver(10**9, 10**9, 1000.0)
-        sample_publisher: Any = SilentSamplePublisher()
-        self.loop = Loop(
-            self.simulation, driver, pilot, self.command_receiver, sample_publisher, STEP_NS, 20_000_000, print
-        )
+        publisher: Any = SilentSamplePublisher()
+        source = PilotSource(pilot, driver, self.command_receiver, 20_000_000, STEP_NS, print, print)
+        self.pilot, self.loop = pilot, Loop(self.simulation, driver, source, publisher, STEP_NS, print)
         self.server, self.output = RecordedServer(), list[str]()
         offered: Any = self.server
         services.offer_services(offered, "uuv1", self.loop, self.start, self.output.append)
 
     def command(self, surge: float) -> None:
-        assert self.loop.pilot
-        self.loop.pilot.set_command(VelocityCommand(surge=surge), STANDS_NS)
+        self.pilot.set_command(VelocityCommand(surge=surge), STANDS_NS)
 
     def run(self, steps: int) -> None:
         """Run steps as the loop does, with as many updates of the controller."""
-        assert self.loop.pilot
         for _ in range(steps):
-            command, _ = self.loop.pilot.update(STANDS_NS, 0.0025)
+            command, _ = self.pilot.update(STANDS_NS, 0.0025)
             self.loop.driver.send(command)
-            while not (self.loop._newest and self.loop._newest.sequence == command.sequence):
+            while not (self.loop.driver.newest and self.loop.driver.newest.sequence == command.sequence):
                 assert select.select(self.loop.driver.descriptors, (), (), PATIENCE_S)[0], "the STM32 is silent"
-                self.loop._service_link(now_ns())
+                self.loop.service_link(now_ns())
             self.loop.advance(1)
 
     def close(self) -> None:
@@ -156,10 +154,10 @@ def test_disarming_sets_neutral_and_refuses_commands(vehicle: Vehicle) -> None:
     assert vehicle.server.call("/uuv1/arm", {"data": False})["success"]
     vehicle.run(20)
     assert set(loop.driver.pwm_us) == {1500}
-    loop._apply_command(now_ns())
-    assert not loop.armed
+    loop.serve_source(now_ns())
+    assert not loop.source.armed
     assert vehicle.server.call("/uuv1/arm", {"data": True})["success"]
-    assert loop.armed
+    assert loop.source.armed
     vehicle.command(0.8)
     vehicle.run(20)
     assert set(loop.driver.pwm_us) != {1500}

@@ -22,7 +22,8 @@ def call_services(tether: FakeTether | None) -> Any:
     """Return a function that calls a parameter service, and the lists of what was reported and published."""
     simulation = SimpleNamespace(tether=tether, failures=lambda _: ())
     publisher = SimpleNamespace(stamps=SimpleNamespace(wall_ns=lambda now: now), publish=lambda *_: None)
-    loop: Any = SimpleNamespace(simulation=simulation, pilot=None, sample_publisher=publisher)
+    source = SimpleNamespace(pilot=None)
+    loop: Any = SimpleNamespace(simulation=simulation, source=source, sample_publisher=publisher)
     reports: list[str] = []
     services = Parameters(loop, "uuv1", {"bow": "bow"}, reports.append).services()
     return lambda name, **request: services[name][1](request), reports
