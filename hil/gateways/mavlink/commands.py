@@ -22,8 +22,6 @@ THROTTLE_PERCENT, THROTTLE_PULSE = dialect.MOTOR_TEST_THROTTLE_PERCENT, dialect.
 ONLY_DEPTH = 3
 GO_TO = 2, ONLY_DEPTH  # MISSION_ITEM.current of an item that is flown at once
 FAILED: int = dialect.MAV_RESULT_FAILED
-
-
 GRAB = dialect.GRIPPER_ACTION_GRAB
 PICTURES = "pictures are in the view, and in what uuv-hil recording make writes"
 REFUSED: dict[int, str] = {
@@ -32,6 +30,7 @@ REFUSED: dict[int, str] = {
         PICTURES,
     ),
     dialect.MAV_CMD_NAV_TAKEOFF: "a submarine dives by its sticks or by a target",
+    dialect.MAV_CMD_NAV_RETURN_TO_LAUNCH: "a submarine returns by DO_REPOSITION, or as an item of a mission",
     dialect.MAV_CMD_DO_FENCE_ENABLE: "there is no fence",
 }  # fmt: skip
 
@@ -75,7 +74,6 @@ class Commands:
             dialect.MAV_CMD_MISSION_START: self._start_mission,
             dialect.MAV_CMD_DO_SET_MISSION_CURRENT: self._select_item,
             dialect.MAV_CMD_DO_PAUSE_CONTINUE: self._pause,
-            dialect.MAV_CMD_NAV_RETURN_TO_LAUNCH: self._return_home,
             dialect.MAV_CMD_NAV_LAND: lambda _, now: core.set_mode(Mode.SURFACE),
             dialect.MAV_CMD_NAV_LOITER_UNLIM: lambda _, now: core.set_mode(Mode.POSHOLD),
             dialect.MAV_CMD_RUN_PREARM_CHECKS: self._check,
@@ -230,14 +228,6 @@ class Commands:
         if core.pilot.mode == Mode.GUIDED and core.snapshot:
             core.pilot.hold_here(core.snapshot.state)
         return ACCEPTED
-
-    def _return_home(self, _: CommandRequest, now: int) -> int:
-        core = self._core
-        result = core.set_mode(Mode.GUIDED)
-        if result == ACCEPTED:
-            north, east, _down = core.home
-            return self._follow(Target((north, east, -core.table["SURFACE_DEPTH"])), now)
-        return result
 
     def _terminate(self, request: CommandRequest, _: int) -> int:
         if request.params[0] != 1.0:

@@ -9,7 +9,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from hil.autonomy.control.controller import wrap
 from hil.common.clock import NS_PER_S
-from hil.gateways.mavlink.accessories import OUTPUTS, PANEL, Accessories
+from hil.gateways.mavlink.accessories import CHANNELS, OUTPUTS, PANEL, Accessories
 from hil.gateways.mavlink.flight.guidance import Point
 from hil.gateways.mavlink.flight.mission_flight import MissionFlight
 from hil.gateways.mavlink.flight.mission_items import Item
@@ -188,8 +188,8 @@ class Core:
             self.texts.append((WARNING, text))
 
     def _channels(self, now: int) -> tuple[int, ...]:
-        sides = [self.accessories.pulses[OUTPUTS[name].number] for name in ("CamPan", "CamTilt")]
-        return (*self.pilot.joystick.channels(now), *sides)
+        others = [self.accessories.pulses[OUTPUTS[name].number] for name in CHANNELS.values()]
+        return (*self.pilot.joystick.channels(now), *others)
 
     def _panel(self) -> dict[str, float]:
         joystick = self.pilot.joystick

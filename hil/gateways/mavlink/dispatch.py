@@ -233,7 +233,7 @@ class Dispatcher:
         kind = "MAV_PROTOCOL_CAPABILITY_"
         texts = (
             "MISSION_INT", "COMMAND_INT", "PARAM_FLOAT", "FTP", "MAVLINK2", "SET_POSITION_TARGET_LOCAL_NED",
-            "SET_POSITION_TARGET_GLOBAL_INT", "FLIGHT_TERMINATION", "PARAM_ENCODE_C_CAST",
+            "SET_POSITION_TARGET_GLOBAL_INT", "SET_ATTITUDE_TARGET", "FLIGHT_TERMINATION", "PARAM_ENCODE_C_CAST",
         )  # fmt: skip
         capabilities = 0
         for word in texts:
@@ -350,7 +350,10 @@ class Dispatcher:
         self._set_target(lambda _: attitude_target(packet, core.table["PILOT_SPEED_UP"]), now)
         down = down_in_body(packet.q)
         if not packet.type_mask & NO_ATTITUDE and max(abs(down[0]), abs(down[1])) > LEVEL:
-            core.complain("target: roll and pitch stay level, the heading is followed", now)
+            core.complain(
+                "target: roll and pitch stay level, the heading is followed",
+                now,
+            )
 
     def _set_target(self, read: Callable[[Any], Target], now: int) -> None:
         core = self.core

@@ -6,7 +6,7 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from hil.autonomy.control.controller import VelocityCommand
-from hil.gateways.mavlink.flight.modes import MODES, Mode
+from hil.gateways.mavlink.flight.modes import MODES, Mode, base_mode
 from hil.gateways.mavlink.flight.targets import TargetError, local_target
 from hil.gateways.mavlink.snapshot import NEUTRAL
 from tests.support.clients.mavlink_vehicle import Bench, PointVehicle
@@ -260,6 +260,12 @@ def test_all_modes_are_listed() -> None:
     assert {message.custom_mode for message in listed} == set(MODES)
     assert {message.number_modes for message in listed} == {len(MODES)}
     assert [message.mode_index for message in listed] == list(range(1, len(MODES) + 1))
+
+
+def test_flags_of_the_heartbeat_are_those_of_a_real_ardusub() -> None:
+    recorded = {0: 209, 2: 209, 3: 217, 4: 217, 9: 209, 16: 217, 19: 209}
+    assert {int(mode): base_mode(mode, True) for mode in Mode} == recorded
+    assert base_mode(Mode.MANUAL, False) == 81
 
 
 def test_invalid_targets_are_refused() -> None:

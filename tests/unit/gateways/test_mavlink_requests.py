@@ -32,7 +32,7 @@ MESSAGES: dict[str, dict[str, Any]] = {  # message -> fields, by MAVLink's units
     "DISTANCE_SENSOR": {"current_distance": 800},
     "VIBRATION": {"clipping_0": 0},
     "POWER_STATUS": {"flags": dialect.MAV_POWER_STATUS_BRICK_VALID},
-    "RC_CHANNELS": {"chancount": 8, "chan1_raw": 1500, "chan8_raw": 1500, "chan9_raw": 0},
+    "RC_CHANNELS": {"chancount": 10, "chan1_raw": 1500, "chan8_raw": 1500, "chan9_raw": 1100, "chan11_raw": 0},
     "GPS_GLOBAL_ORIGIN": {"latitude": 450000000, "longitude": 100000000},
 }
 
@@ -143,6 +143,7 @@ REQUESTS: dict[str, tuple[Mode, Any, str, Any]] = {  # mode, what is sent, what 
     "a picture": (Mode.MANUAL, _command(dialect.MAV_CMD_IMAGE_START_CAPTURE), "text", "IMAGE_START_CAPTURE is not"),
     "an unknown command": (Mode.MANUAL, _command(518), "text", "is not supported: this vehicle has no use"),
     "takeoff": (Mode.MANUAL, _command(dialect.MAV_CMD_NAV_TAKEOFF), "text", "a submarine dives"),
+    "return home": (Mode.GUIDED, _command(dialect.MAV_CMD_NAV_RETURN_TO_LAUNCH), "text", "returns by DO_REPOSITION"),
     "reboot while armed": (Mode.MANUAL, _command(246, 1), "text", "disarm first"),
     "an external position": (
         Mode.MANUAL, dialect.MAVLink_vision_position_estimate_message(0, 0, 0, 0, 0, 0, 0), "text", "simulation's own",

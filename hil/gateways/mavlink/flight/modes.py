@@ -45,6 +45,7 @@ MODES: dict[Mode, ModeText] = {
     Mode.SURFACE: ModeText("Surface", NON_STANDARD, "rises to the surface and holds the heading"),
 }
 PILOTED = frozenset((Mode.MANUAL, Mode.STABILIZE, Mode.ALT_HOLD, Mode.POSHOLD))
+POSITIONED = frozenset((Mode.GUIDED, Mode.AUTO, Mode.POSHOLD))  # modes that need a position
 _SELF_DRIVEN = 4  # MAV_MODE_PROPERTY_AUTO_MODE: newer than pymavlink's dialect
 
 
@@ -77,12 +78,10 @@ def current_mode(mode: Mode, intended: Mode) -> Any:
 
 
 def base_mode(mode: Mode, armed: bool) -> int:
-    """Return the flags of HEARTBEAT.base_mode."""
-    flags: int = dialect.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED
-    if mode in PILOTED:
-        flags |= dialect.MAV_MODE_FLAG_MANUAL_INPUT_ENABLED
-    else:
-        flags |= dialect.MAV_MODE_FLAG_GUIDED_ENABLED | dialect.MAV_MODE_FLAG_AUTO_ENABLED
-    if mode != Mode.MANUAL:
-        flags |= dialect.MAV_MODE_FLAG_STABILIZE_ENABLED
+    """Return the flags of HEARTBEAT.base_mode, as ArduSub sets them: each mode counts as stabilized and piloted."""
+    flags: int = (
+        dialect.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED | dialect.MAV_MODE_FLAG_MANUAL_INPUT_ENABLED
+        | dialect.MAV_MODE_FLAG_STABILIZE_ENABLED
+    )  # fmt: skip
+    flags |= dialect.MAV_MODE_FLAG_GUIDED_ENABLED if mode in POSITIONED else 0
     return flags | (dialect.MAV_MODE_FLAG_SAFETY_ARMED if armed else 0)
