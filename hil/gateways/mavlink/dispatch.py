@@ -292,9 +292,9 @@ class Dispatcher:
         else:
             self.core.texts.append((4, f"mission: no item {packet.seq}"))
 
-    def _file(self, peer: Peer, packet: Any, now: int) -> None:
+    def _file(self, peer: Peer, packet: Any, _: int) -> None:
         _, system, component = _partner(peer, packet)
-        answers = self._ftp.handle(bytes(packet.payload), _partner(peer, packet), now)
+        answers = self._ftp.handle(bytes(packet.payload), _partner(peer, packet))
         peer.send_later([ftp_message(answer, system, component) for answer in answers])
 
     def _log_list(self, peer: Peer, packet: Any, _: int) -> None:

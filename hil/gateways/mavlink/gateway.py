@@ -40,9 +40,8 @@ class Gateway:
     ) -> None:
         self._settings, self._links, self._report = settings, links, report
         self._clock, self._wall_clock = clock, wall_clock
-        self._ftp = FtpServer(settings.logs, table)
         self.core = Core(port, settings, table, origin, clock(), motors)
-        self.dispatcher = Dispatcher(self.core, self._ftp)
+        self.dispatcher = Dispatcher(self.core, FtpServer(settings.logs, table))
         self._peers: dict[tuple[int, Hashable], Peer] = {}
         self._numbers = self._complaint_ns = 0
         self._due_ns = self._polled_ns = clock()
@@ -81,7 +80,6 @@ class Gateway:
         if self.core.pilot.armed:
             self.core.disarm()
             self.core.tick(self._clock() + NS_PER_S)
-        self._ftp.close()
         for link in self._links:
             link.close()
 

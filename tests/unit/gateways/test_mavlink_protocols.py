@@ -133,6 +133,9 @@ def test_only_logs_can_be_read(tmp_path: Path) -> None:
     assert b"Frun.mcap\t1024\0" in _ftp(bench, ftp.LIST, b"/logs\0")[0][3]
     ((_, session, _, _),) = _ftp(bench, ftp.OPEN_READ, b"/logs/run.mcap\0")
     assert _ftp(bench, ftp.READ, session=session, offset=1000, size=239)[0][3] == bytes(range(256))[1000 % 256 :]
+    with (tmp_path / "logs" / "large.mcap").open("wb") as large:
+        large.truncate(5 << 30)
+    assert _ftp(bench, ftp.OPEN_READ, b"/logs/large.mcap\0")[0][3] == b"\xff" * 4, "more than 32 bits name"
     for path in (
         b"/logs/../secret\0",
         b"/secret\0",
@@ -151,16 +154,17 @@ def test_unsupported_file_operations_are_refused_at_once(opcode: int) -> None:
     assert [kind for kind, *_ in _ftp(bench, opcode, b"/logs/new\0")] == [ftp.NAK]
 
 
-def test_file_sessions_are_limited_and_expire() -> None:
+def test_the_oldest_file_session_of_a_peer_makes_room() -> None:
     bench = Bench()
+    first, other = bench.partner, bench.add_partner(254)
+    bench.partner = other
+    assert _ftp(bench, ftp.OPEN_READ, b"@PARAM/param.pck\0", session=40)[0][0] == ftp.ACK
+    bench.partner = first
     opened = [_ftp(bench, ftp.OPEN_READ, b"@PARAM/param.pck\0", session=n)[0] for n in range(40, 49)]
     assert [session for _, session, _, _ in opened] == list(range(40, 49))  # MAVProxy numbers its sessions itself
-    assert opened[-1][3] == bytes((ftp.NO_SESSIONS,))
-    first, bench.partner = bench.partner, bench.add_partner(254)
-    assert _ftp(bench, ftp.OPEN_READ, b"@PARAM/param.pck\0")[0][0] == ftp.ACK, "another peer has sessions of its own"
-    bench.partner = first
-    bench.run(61.0)
-    assert _ftp(bench, ftp.OPEN_READ, b"@PARAM/param.pck\0")[0][0] == ftp.ACK
+    assert [_ftp(bench, ftp.READ, session=n, size=10)[0][0] for n in (40, 41, 48)] == [ftp.NAK, ftp.ACK, ftp.ACK]
+    bench.partner = other
+    assert _ftp(bench, ftp.READ, session=40, size=10)[0][0] == ftp.ACK, "another peer has sessions of its own"
 
 
 def test_the_log_protocol_which_has_no_names_refers_to_files(tmp_path: Path) -> None:

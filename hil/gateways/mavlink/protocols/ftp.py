@@ -12,7 +12,6 @@ from typing import Any, NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from hil.common.clock import NS_PER_S
 from hil.gateways.mavlink.parameter_table import INT8, INT16, INT32, REAL32, ParameterTable
 
 HEADER = struct.Struct("<HBBBBBxI")  # sequence, session, opcode, size, requested opcode, burst complete, offset
@@ -21,11 +20,11 @@ MAX_DATA = PAYLOAD - HEADER.size
 (TERMINATE, RESET, LIST, OPEN_READ, READ, CREATE, WRITE, REMOVE, MAKE_FOLDER, REMOVE_FOLDER, OPEN_WRITE, TRUNCATE,
  RENAME, CRC32, BURST) = range(1, 16)  # fmt: skip
 ACK, NAK = 128, 129
-FAIL, BAD_SIZE, BAD_SESSION, NO_SESSIONS, END_OF_FILE, UNKNOWN, PROTECTED, NOT_FOUND = 1, 3, 4, 5, 6, 7, 9, 10
+FAIL, BAD_SIZE, BAD_SESSION, END_OF_FILE, UNKNOWN, PROTECTED, NOT_FOUND = 1, 3, 4, 6, 7, 9, 10
 WRITING = (CREATE, WRITE, REMOVE, MAKE_FOLDER, REMOVE_FOLDER, OPEN_WRITE, TRUNCATE, RENAME)
-MAX_SESSIONS = 8  # of a peer, whatever names its clients give themselves
-IDLE_NS = 60 * NS_PER_S  # after which a session that nobody uses is closed
+MAX_SESSIONS = 8  # of a peer, whatever names its clients give themselves; its oldest one makes room for another
 BURST_AT_ONCE = 40  # packets of one burst; the client asks for the next
+LARGEST = 0xFFFF_FFFF  # bytes of a file that an answer can name; the rest of a larger one cannot be read
 PARAMETERS = "@PARAM/param.pck"
 STANDARD_LOGS = "@MAV_LOG"  # the standard's name of /logs
 ONLY_A_FILE: int = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_BINARY", 0)  # Linux and macOS; Windows
@@ -44,29 +43,23 @@ class _Request(NamedTuple):
     data: bytes
 
 
-class _Session:
-    """An open file: its contents in memory, or a descriptor."""
+class _Session(NamedTuple):
+    """A file that a client reads: its path, or its contents."""
 
-    def __init__(self, descriptor: int, content: bytes, size: int, now: int) -> None:
-        self.descriptor, self.content, self.size = descriptor, content, size
-        self.used_ns = now
+    path: str
+    content: bytes = b""
 
     def read(self, offset: int, size: int) -> bytes:
-        """Return up to `size` bytes from `offset` on."""
-        if self.descriptor < 0:
+        """Return up to `size` bytes from `offset` on. Raises OSError."""
+        if not self.path:
             return self.content[offset : offset + size]
-        os.lseek(self.descriptor, offset, os.SEEK_SET)  # Windows has no pread
-        return os.read(self.descriptor, size)
-
-    def close(self) -> None:
-        """Close the file."""
-        if self.descriptor >= 0:
-            os.close(self.descriptor)
-            self.descriptor = -1
+        with open(os.open(self.path, os.O_RDONLY | ONLY_A_FILE), "rb") as file:
+            file.seek(offset)
+            return file.read(size)
 
 
 class FtpServer:
-    """Serves `folder` as /logs, and parameters, to read only. Never raises."""
+    """Serves `folder` as /logs, and parameters, to read only. Never raises. No file stays open."""
 
     def __init__(self, folder: str, parameters: ParameterTable) -> None:
         self._folder = os.path.realpath(folder) if folder else ""
@@ -74,7 +67,7 @@ class FtpServer:
         self._sessions: dict[tuple[Partner, int], _Session] = {}  # each client numbers its own, as ArduPilot lets it
         self._last: dict[Partner, tuple[int, bytes]] = {}  # number of the last request, and its answer
 
-    def handle(self, payload: bytes, partner: Partner, now: int) -> list[bytes]:
+    def handle(self, payload: bytes, partner: Partner) -> list[bytes]:
         """Return the payloads that answer one; nothing for what is no request."""
         data = bytes(payload).ljust(PAYLOAD, b"\0")[:PAYLOAD]
         sequence, session, opcode, size, _, _, offset = HEADER.unpack_from(data)
@@ -84,9 +77,8 @@ class FtpServer:
         known = self._last.get(partner)
         if known and known[0] == sequence and opcode not in (BURST, READ):
             return [known[1]]  # it has come twice: nothing is done twice
-        self._close_idle(now)
         try:
-            replies = list(self._answer(request, partner, now))
+            replies = list(self._answer(request, partner))
         except OSError:
             replies = [_nak(request, FAIL)]
         if len(self._last) > 4 * MAX_SESSIONS:
@@ -94,30 +86,21 @@ class FtpServer:
         self._last[partner] = sequence, replies[0]
         return replies
 
-    def close(self) -> None:
-        """Close all files."""
-        for session in self._sessions.values():
-            session.close()
-        self._sessions.clear()
-
-    def _answer(self, request: _Request, partner: Partner, now: int) -> Iterator[bytes]:
+    def _answer(self, request: _Request, partner: Partner) -> Iterator[bytes]:
         if request.size > MAX_DATA:
             yield _nak(request, BAD_SIZE)
         elif request.opcode == TERMINATE:
             session = self._sessions.pop((partner, request.session), None)
-            if session:
-                session.close()
             yield _ack(request) if session else _nak(request, BAD_SESSION)
         elif request.opcode == RESET:
-            for key in [key for key in self._sessions if key[0] == partner]:
-                self._sessions.pop(key).close()
+            self._sessions = {key: session for key, session in self._sessions.items() if key[0] != partner}
             yield _ack(request)
         elif request.opcode == LIST:
             yield self._list(request)
         elif request.opcode == OPEN_READ:
-            yield self._open(request, partner, now)
+            yield self._open(request, partner)
         elif request.opcode in (READ, BURST):
-            yield from self._read(request, partner, now)
+            yield from self._read(request, partner)
         else:
             yield _nak(request, PROTECTED if request.opcode in WRITING else UNKNOWN)
 
@@ -140,47 +123,41 @@ class FtpServer:
             text += encoded
         return _ack(request, text) if text else _nak(request, END_OF_FILE)
 
-    def _open(self, request: _Request, partner: Partner, now: int) -> bytes:
+    def _open(self, request: _Request, partner: Partner) -> bytes:
         path = _path(request)
-        before = self._sessions.pop((partner, request.session), None)
-        if before:
-            before.close()
-        if sum(client[0] == partner[0] for client, _ in self._sessions) >= MAX_SESSIONS:
-            return _nak(request, NO_SESSIONS)
+        self._sessions.pop((partner, request.session), None)
         if path.split("?")[0].strip("/") == PARAMETERS:
-            content = pack_parameters(self._parameters)
-            session = _Session(-1, content, len(content), now)
+            session = _Session("", pack_parameters(self._parameters))
+            size = len(session.content)
         else:
             real = self._real(path)
             if real is None or not os.path.isfile(real):
                 return _nak(request, NOT_FOUND)
-            descriptor = os.open(real, os.O_RDONLY | ONLY_A_FILE)
-            session = _Session(descriptor, b"", os.fstat(descriptor).st_size, now)
+            session, size = _Session(real), os.path.getsize(real)
+        before = [key for key in self._sessions if key[0][0] == partner[0]]
+        if len(before) >= MAX_SESSIONS:
+            self._sessions.pop(before[0])
         self._sessions[partner, request.session] = session
-        return _ack(request, session.size.to_bytes(4, "little"))
+        return _ack(request, min(size, LARGEST).to_bytes(4, "little"))
 
-    def _read(self, request: _Request, partner: Partner, now: int) -> Iterator[bytes]:
+    def _read(self, request: _Request, partner: Partner) -> Iterator[bytes]:
         session = self._sessions.get((partner, request.session))
         if session is None:
             yield _nak(request, BAD_SESSION)
             return
-        session.used_ns = now
         size = min(request.size or MAX_DATA, MAX_DATA)
         if request.opcode == READ:
             data = session.read(request.offset, size)
             yield _ack(request, data, offset=request.offset) if data else _nak(request, END_OF_FILE)
             return
-        offset, number = request.offset, request.sequence
-        for packet_number in range(BURST_AT_ONCE):
-            data = session.read(offset, size)
-            step = request._replace(sequence=number)
-            if not data:
-                yield _nak(step, END_OF_FILE)
-                return
-            is_last = packet_number == BURST_AT_ONCE - 1
-            yield _ack(step, data, offset=offset, complete=is_last)
-            offset += len(data)
-            number = number + 1 & 0xFFFF
+        whole = session.read(request.offset, size * BURST_AT_ONCE)
+        starts = range(0, len(whole), size)
+        for number, start in enumerate(starts):
+            step = request._replace(sequence=request.sequence + number & 0xFFFF)
+            is_last = number == BURST_AT_ONCE - 1
+            yield _ack(step, whole[start : start + size], request.offset + start, is_last)
+        if len(starts) < BURST_AT_ONCE:
+            yield _nak(request._replace(sequence=request.sequence + len(starts) & 0xFFFF), END_OF_FILE)
 
     def _real(self, path: str) -> str | None:
         """Return the file below the folder of logs that a path names, None for one outside it."""
@@ -190,10 +167,6 @@ class FtpServer:
         real = os.path.realpath(os.path.join(self._folder, plain[5:]))
         inside = real == self._folder or real.startswith(self._folder + os.sep)
         return real if inside else None
-
-    def _close_idle(self, now: int) -> None:
-        for key in [key for key, one in self._sessions.items() if now - one.used_ns > IDLE_NS]:
-            self._sessions.pop(key).close()
 
 
 def pack_parameters(table: ParameterTable) -> bytes:
