@@ -40,9 +40,9 @@ COMMANDS = {
         "replay a recording on the network, or bit for bit without a clock",
     ),
     "recording plot": ("hil.commands.recording.plot", "draw the figures of a recording"),
-    "top": ("hil.commands.top.command", "show the health of slaves: loop, processor, memory, temperature, links"),
+    "top": ("hil.commands.top", "show the health of slaves: loop, processor, memory, temperature, links"),
     "topic": (
-        "hil.commands.topic.command",
+        "hil.commands.topic",
         "list, echo, measure and publish ROS 2 topics, and call services, without ROS",
     ),
     "gateway mavlink": ("hil.commands.gateways.mavlink", "QGroundControl and other MAVLink software"),
@@ -68,7 +68,7 @@ COMMANDS = {
     "bench compare": ("hil.commands.bench.compare", "which differences between two results are real"),
     "link loopback": ("hil.commands.loopback", "test a thruster link: losses, errors, round trips"),
     "link frame": ("hil.commands.frame", "describe a thruster frame byte by byte; decode bytes of a line"),
-    "campaign": ("hil.commands.campaign.command", "run a mission many times, with other seeds and parameters"),
+    "campaign": ("hil.commands.campaign", "run a mission many times, with other seeds and parameters"),
     "case": ("hil.commands.case", "repeat the reference platform's experiments, simulated and with slaves"),
     "tune": ("hil.commands.tune", "find gains for a vehicle's controller from step responses"),
     "doctor": ("hil.commands.doctor", "check whether this machine can run a scenario, and what to change"),
@@ -281,7 +281,9 @@ def _run(name: str, arguments: list[str]) -> int:
             raise DeviceError(f"this system has no {error.name}: the command runs on Linux and macOS") from None
         if error.name not in EXTRAS:
             raise
-        extra = EXTRAS[error.name]
+        family, _, member = name.partition(" ")
+        is_of_gateway = family == "gateway" and error.name == "aiohttp"  # their websockets, and the view's
+        extra = member if is_of_gateway else EXTRAS[error.name]
         raise MissingExtraError(f"{error.name} is not installed: pip install 'uuv-hil[{extra}]'") from None
 
 

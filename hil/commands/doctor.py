@@ -3,6 +3,7 @@
 import argparse
 import json
 import os
+import pwd
 import re
 from collections.abc import Callable, Iterator
 
@@ -101,8 +102,6 @@ def find_user(tree: Tree, name: str | None) -> User:
     """Return the machine's user called `name`, by default this process's. Raises ConfigError if there is none."""
     if not tree.live:
         return _recorded_user(tree, name)
-    import pwd
-
     if name is None:
         uid = os.getuid()
         known = {entry.pw_uid: entry.pw_name for entry in pwd.getpwall()}

@@ -7,15 +7,26 @@ import sys
 from collections.abc import Callable
 from typing import Any
 
-from hil.commands import agent, channel
+from hil.commands.listening import add_wait, is_routed
 from hil.common.children import module_command
+from hil.common.clock import NS_PER_S, now_ns
 from hil.common.columns import aligned
 from hil.common.errors import ConfigError, DeviceError
-from hil.common.options import add_changes, add_json, add_scenario_name, changes_of, new_parser
+from hil.common.options import (
+    add_changes,
+    add_json,
+    add_member,
+    add_scenario,
+    add_scenario_name,
+    changes_of,
+    new_parser,
+)
 from hil.common.schema import find_preset
+from hil.common.stop import StopSignals, is_stopped
 from hil.common.tables import read_bytes
 from hil.install import fleet
 from hil.scenario.config import SCENARIOS, load_scenario
+from hil.scenario.modem import modem_of
 
 EXAMPLES = """\
 Each [[member]] of the scenario becomes a slave with a log in ~/.cache/uuv-hil/fleet-NAME of its machine. They run
@@ -36,6 +47,7 @@ examples:
   uuv-hil fleet agent mine.toml --member uuv2
   uuv-hil fleet channel mine.toml
 """
+REPORT_PERIOD_S = 5.0
 
 
 def main(arguments: list[str]) -> int:
@@ -61,8 +73,14 @@ def _parser() -> argparse.ArgumentParser:
         add_scenario_name(slaves, of="the fleet: ")
         add_json(slaves)
     add_changes(up)
-    agent.add_to(actions)
-    channel.add_to(actions)
+    agent = actions.add_parser("agent", help="plan for one vehicle, beside its neighbours' planners")
+    add_scenario(agent, None)
+    add_member(agent)
+    add_wait(agent, 60.0)
+    agent.set_defaults(run=_plan)
+    channel = actions.add_parser("channel", help="simulate the acoustic or optical channel between the modems")
+    add_scenario(channel, None)
+    channel.set_defaults(run=_simulate_channel)
     return parser
 
 
@@ -119,3 +137,39 @@ def _hosts(name: str, assignments: list[str], changes: dict[str, Any]) -> dict[s
             raise ConfigError(f"--on {assignment!r}: no member {node!r}; there are {', '.join(hosts)}")
         hosts[node] = host
     return hosts
+
+
+def _plan(options: argparse.Namespace) -> int:
+    """Plan for one vehicle until stopped; return the exit code. Raises MissionError if something went wrong with it."""
+    from hil.master.agent import run  # numpy, which actions on slaves do not need
+
+    scenario = load_scenario(options.scenario, changes_of(options))
+    with StopSignals() as stop_fd:
+        run(scenario, options.member, stop_fd, _report, options.wait)
+    return 0
+
+
+def _simulate_channel(options: argparse.Namespace) -> int:
+    """Simulate the channel until SIGINT or SIGTERM; return the exit code. Raises ConfigError, NetworkError."""
+    from hil.master.acoustic_channel import ModemNetwork, summary  # the network, as above
+    from hil.network.roles import open_master_session
+
+    scenario = load_scenario(options.scenario, changes_of(options))
+    if scenario.security:
+        raise ConfigError(f"{scenario.path}: the simulated acoustic channel has no [security]: leave it out")
+    modem = modem_of(scenario)
+    endpoints = [endpoint for member in scenario.member for endpoint in (member.listen, member.agent)]
+    if is_routed(scenario):
+        endpoints = [scenario.network.router]
+    began = now_ns()
+    with StopSignals() as stop_fd, open_master_session(*endpoints, network=scenario.network) as session:
+        network = ModemNetwork(session, scenario)
+        _report(f"{modem.kind} modems of {len(scenario.member)} vehicles, slots of {modem.slot:g} s")
+        while not is_stopped(stop_fd, REPORT_PERIOD_S):
+            _report(f"{(now_ns() - began) / NS_PER_S:7.1f} s  {summary(network.counts)}")
+        _report(summary(network.counts))
+    return 0
+
+
+def _report(text: str) -> None:
+    print(text, flush=True)

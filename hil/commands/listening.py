@@ -1,19 +1,12 @@
-"""Options with which a command reaches vehicles, the endpoints and keys they give, and the loop of a gateway."""
+"""Options with which a command reaches vehicles, and the endpoints, keys and sessions they give."""
 
 import argparse
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 from hil.common.options import ENDPOINT, LOCAL_SLAVE, WAIT, add_changes, changes_of, endpoint_or_lan
-from hil.common.stop import is_stopped
+from hil.network.security import Security
+from hil.network.settings import Network
 from hil.scenario.config import Scenario, load_scenario, load_single
-
-if TYPE_CHECKING:
-    from hil.client.fleet import Fleet
-    from hil.recording.mcap_file import Message
-    from hil.recording.tap import Tap
-
-POLL_S = 0.02  # between two checks for messages
 
 
 class ConnectArguments(NamedTuple):
@@ -109,18 +102,6 @@ def presence(names: list[str], endpoints: list[str]) -> str:
     return f"no vehicle at {', '.join(endpoints)} yet; waiting for one (`uuv-hil slave` there)"
 
 
-def forward(
-    tap: "Tap",
-    show: Callable[["list[Message]"], None],
-    fleet: "Fleet",
-    endpoints: list[str],
-    stop_fd: int,
-    has_ended: Callable[[], bool] = lambda: False,
-) -> None:
-    """Show what vehicles publish until `stop_fd` is readable; print the connected vehicles whenever they change."""
-    names: list[str] | None = None
-    while not has_ended() and not is_stopped(stop_fd, POLL_S):
-        show(tap.receive())
-        if fleet.names != names:
-            names = fleet.names
-            print(presence(names, endpoints), flush=True)
+def network_of(scenario: Scenario | None) -> tuple[Network, Security | None]:
+    """Return the [network] and [security] of a scenario, or the defaults without one."""
+    return (scenario.network, scenario.security) if scenario else (Network(), None)

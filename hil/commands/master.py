@@ -20,7 +20,7 @@ from hil.common.options import (
     new_parser,
     scenario_words,
 )
-from hil.common.stop import StopSignals, is_stopped
+from hil.common.stop import StopSignals, pause
 from hil.master.flight import Flight, Outcome, Plan, prepare, require_success
 from hil.master.mission import STOPPED as INTERRUPTED
 from hil.master.mission import Mission
@@ -134,7 +134,7 @@ def _wait(client: VehicleClient, seconds: float, stop_fd: int, progress: Progres
     began = now_ns()
     is_reported = False
     while not (client.has_samples and client.diagnostics() and not client.in_doubt):
-        _pause(stop_fd, WAIT_STEP_S)
+        pause(stop_fd, WAIT_STEP_S)
         waited = (now_ns() - began) / NS_PER_S
         if not is_reported and waited > min(DIAGNOSE_AFTER_S, seconds):
             is_reported = True
@@ -146,13 +146,7 @@ def _wait(client: VehicleClient, seconds: float, stop_fd: int, progress: Progres
                 "`uuv-hil slave` running there, with --listen on an address this machine reaches, and the same "
                 "[slave] node?"
             )
-    client.require_acceptance(pause=lambda step: _pause(stop_fd, step))
-
-
-def _pause(stop_fd: int, seconds: float) -> None:
-    """Wait; raises KeyboardInterrupt if `stop_fd` becomes readable."""
-    if is_stopped(stop_fd, seconds):
-        raise KeyboardInterrupt
+    client.require_acceptance(pause=lambda step: pause(stop_fd, step))
 
 
 def _why_silent(client: VehicleClient, scenario: Scenario) -> str:

@@ -1,12 +1,12 @@
 """`uuv-hil router`: forward between vehicles and masters that cannot reach each other, or are many."""
 
-from hil.commands.listening import add_settings
+from hil.commands.listening import add_settings, network_of
 from hil.common.clock import now_ns
 from hil.common.options import ENDPOINT, LOCAL_SLAVE, changes_of, new_parser
 from hil.common.stop import StopSignals, is_stopped
 from hil.network.roles import open_router_session
 from hil.network.router_links import RouterLinks
-from hil.network.settings import Network
+from hil.scenario.config import load_scenario
 
 EXAMPLES = """\
 Vehicles and masters then connect to the router; their scenario contains
@@ -36,12 +36,8 @@ def main(arguments: list[str]) -> int:
         "--connect", metavar="ENDPOINT", type=ENDPOINT, action="append", default=[], help="another router; repeatable"
     )
     options = parser.parse_args(arguments)
-    network, security = Network(), None
-    if options.scenario is not None:
-        from hil.scenario.config import load_scenario
-
-        scenario = load_scenario(options.scenario, changes_of(options))
-        network, security = scenario.network, scenario.security
+    scenario = load_scenario(options.scenario, changes_of(options)) if options.scenario is not None else None
+    network, security = network_of(scenario)
     others = tuple(options.connect)
     with StopSignals() as stop_fd, open_router_session(options.listen, network, security, others) as session:
         print(f"forwarding between all peers that connect to {options.listen}", flush=True)

@@ -11,8 +11,10 @@ from hil.common.options import SEED, add_output, add_plot, new_parser
 from hil.common.schema import find_preset
 from hil.common.tables import read_table
 from hil.plots.plotting import check_picture
+from hil.tuning.picture import draw
 from hil.tuning.search import Tuned, Tuner
 from hil.tuning.step_response import AXES
+from hil.tuning.tuned_file import write_tuned
 from sim.vehicle.vehicle import load_vehicle
 
 EXAMPLES = """\
@@ -54,13 +56,9 @@ def main(arguments: list[str]) -> int:
     print("\n".join(filter(None, [report(tuned), "" if options.axis else tuner.untuned()])))
     note = "Gains (hil/autonomy/control/controller.py) found by step responses of this model: uuv-hil tune."
     if options.output:
-        from hil.tuning.tuned_file import write_tuned
-
         write_tuned(find_preset("sim/vehicles", options.vehicle), vehicle, tuner.gains, note, options.output)
         print(f"written: {options.output}")
     if options.plot:
-        from hil.tuning.picture import draw
-
         draw(f"{vehicle.name}: step responses", tuned, options.plot)
     return 0
 

@@ -139,5 +139,11 @@ def is_stopped(stop_fd: int, seconds: float) -> bool:
     return bool(select.select((stop_fd,), (), (), seconds)[0])
 
 
+def pause(stop_fd: int, seconds: float) -> None:
+    """Wait for so long. Raises KeyboardInterrupt at once when a signal of `StopSignals` has come."""
+    if is_stopped(stop_fd, seconds):
+        raise KeyboardInterrupt
+
+
 def _ignore(_number: int, _frame: FrameType | None) -> None:
     """Do nothing: the interpreter has written to the descriptor already."""

@@ -4,7 +4,7 @@ import time
 from collections.abc import Sequence
 from itertools import pairwise
 from math import dist, hypot, inf, isfinite, nan
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from hil.autonomy.control.controller import (
     HoldGains,
@@ -17,7 +17,7 @@ from hil.autonomy.control.controller import (
 )
 from hil.autonomy.paths.astar import path_length
 from hil.autonomy.paths.trajectory import Limits
-from hil.common.clock import seconds_ns
+from hil.common.clock import NS_PER_S, seconds_ns
 from hil.common.errors import MissionError, NoPathError
 from hil.common.schema import shortened
 from hil.common.vectors import off_line
@@ -88,6 +88,20 @@ class Outcome(NamedTuple):
         names = list(dict.fromkeys(event.name for event in self.faults))
         more = [f"{len(names) - MAX_NAMED} more"] if len(names) > MAX_NAMED else []
         return f"{self.reason}, but {', '.join([*names[:MAX_NAMED], *more])}" if names else self.reason
+
+    def as_plain(self) -> dict[str, Any]:
+        """Return the outcome as plain values: whether it was a success, and each event as a table, times in s."""
+        events = [
+            {
+                "kind": event.kind,
+                "what": event.what,
+                "start_s": event.start_ns / NS_PER_S,
+                "duration_s": event.duration_ns / NS_PER_S,
+                "place": event.position,
+            }
+            for event in self.events
+        ]
+        return self._asdict() | {"success": self.success, "events": events}
 
     @property
     def event_lines(self) -> list[str]:

@@ -236,20 +236,5 @@ def to_json(table: HilTable, outcome: Outcome) -> dict[str, Any]:
         }
         for board in PAPER_BOARDS
     }
-    plain: dict[str, Any] = json_value({"table": values, "paper": paper, "outcome": plain_outcome(outcome)})
+    plain: dict[str, Any] = json_value({"table": values, "paper": paper, "outcome": outcome.as_plain()})
     return plain
-
-
-def plain_outcome(outcome: Outcome) -> dict[str, Any]:
-    """Return a mission's outcome as plain values: whether it was a success, and each event as a table, times in s."""
-    events = [
-        {
-            "kind": e.kind,
-            "what": e.what,
-            "start_s": e.start_ns / 1e9,
-            "duration_s": e.duration_ns / 1e9,
-            "place": e.position,
-        }
-        for e in outcome.events
-    ]
-    return outcome._asdict() | {"success": outcome.success, "events": events}

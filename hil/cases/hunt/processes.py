@@ -15,7 +15,7 @@ from hil.cases.process_group import ProcessGroup
 from hil.client.client import VehicleClient
 from hil.common.clock import NS_PER_S, RateKeeper, now_ns, seconds_ns
 from hil.common.errors import NetworkError
-from hil.common.stop import StopSignals, is_stopped
+from hil.common.stop import StopSignals, pause
 from hil.network.roles import open_master_session
 from hil.network.session import Session
 from hil.network.stall import reopen_while_no_vehicle
@@ -98,7 +98,7 @@ class _Observer:
         began = now_ns()
         schedule = RateKeeper(self._period_ns, began)
         while not self._watch.reason:
-            _pause(stop_fd, schedule.deadline_ns)
+            pause(stop_fd, max(schedule.deadline_ns - now_ns(), 0) / NS_PER_S)
             if schedule.due(now_ns()):
                 self._add_row((now_ns() - began) / NS_PER_S)
         duration = (now_ns() - began) / NS_PER_S
@@ -117,7 +117,7 @@ class _Observer:
         """Add the events that the vehicles report; first wait for diagnostics from after the end of the hunt."""
         ended, deadline = now_ns(), now_ns() + seconds_ns(FINAL_DIAGNOSTICS_S)
         while now_ns() < deadline and any(c.latest["diagnostics"].received_ns < ended for c in self._clients):
-            _pause(stop_fd, now_ns() + self._period_ns)
+            pause(stop_fd, self._period_ns / NS_PER_S)
         for number, client in enumerate(self._clients):
             own = [e for e in client.run_events(self._started_ns) if e.start_ns <= ended - self._started_ns]
             self._watch.add_events(number, [_relative_to(event, began - self._started_ns) for event in own])
@@ -125,7 +125,7 @@ class _Observer:
     def _wait_until_complete(self, stop_fd: int) -> None:
         deadline = now_ns() + seconds_ns(READY_S)
         while not self._is_complete():
-            _pause(stop_fd, now_ns() + self._period_ns)
+            pause(stop_fd, self._period_ns / NS_PER_S)
             self._check()
             if now_ns() > deadline:
                 missing = ", ".join(client.node for client in self._clients if not _is_complete(client))
@@ -178,9 +178,3 @@ def _open_modems(session: Session, scenario: Scenario) -> "ModemNetwork | None":
     from hil.master.acoustic_channel import ModemNetwork  # only needed for fleets with modems
 
     return ModemNetwork(session, scenario)
-
-
-def _pause(stop_fd: int, until_ns: int) -> None:
-    """Wait until `until_ns` (monotonic). Raises KeyboardInterrupt when a stop is requested."""
-    if is_stopped(stop_fd, max(until_ns - now_ns(), 0) / NS_PER_S):
-        raise KeyboardInterrupt

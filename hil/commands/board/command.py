@@ -8,6 +8,7 @@ from boards import Board, load_board, model
 from boards.health import Throttling, governors, recognise, temperature, throttling
 from boards.resources import total_memory_mib
 from boards.tree import Tree, architecture
+from hil.commands.board import service
 from hil.common.columns import aligned, paragraph
 from hil.common.errors import ConfigError
 from hil.common.options import add_board, add_json, add_listen, add_member, add_scenario, new_parser
@@ -46,9 +47,7 @@ def main(arguments: list[str]) -> int:
     if not os.path.isdir(options.root):
         raise ConfigError(f"--root: {options.root}: no such folder")
     if options.action in ("install", "uninstall"):
-        from hil.commands.board import service as board_service
-
-        return (board_service.install if options.action == "install" else board_service.uninstall)(tree, options)
+        return (service.install if options.action == "install" else service.uninstall)(tree, options)
     if options.action == "list":
         print(json.dumps(boards_json()) if options.json else listing())
         return 0

@@ -4,14 +4,15 @@ from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
 import hil
-from hil.commands.listening import add_connect, add_settings, is_routed, keys_of, scenario_and_endpoints
+from hil.commands.listening import add_connect, add_settings, is_routed, keys_of, network_of, scenario_and_endpoints
 from hil.common.clock import now_ns, to_wall_ns
-from hil.common.errors import MissingExtraError
 from hil.common.options import add_serving, new_parser
 from hil.common.stop import StopSignals, is_stopped
+from hil.gateways.commanding import Commanding
+from hil.gateways.foxglove.layout import layout
 from hil.gateways.foxglove.scene import encode_scene, scene_channel
-from hil.network.settings import Network
 from hil.recording.mcap_file import Message
+from hil.recording.tap import Tap, save_resources
 from hil.scenario.config import Scenario
 from sim.environment.world import load_world
 from sim.vehicle.vehicle import load_vehicle
@@ -45,30 +46,21 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--command", action="store_true", help="let clients with the token command the vehicles")
     parser.add_argument("--layout", metavar="VEHICLE", help="print a layout for Foxglove, and end")
     options = parser.parse_args(arguments)
-    if options.layout:
-        from hil.gateways.foxglove.layout import layout
-
-        print(layout(options.layout, scenario_and_endpoints(options)[0]))
-        return 0
     scenario, endpoints = scenario_and_endpoints(options)
-    try:
-        from hil.gateways.foxglove.server import FoxgloveServer
-    except ImportError as error:
-        raise MissingExtraError(f"Foxglove needs {error.name}: pip install 'uuv-hil[foxglove]'") from None
-    from hil.recording.tap import Tap, save_resources
+    if options.layout:
+        print(layout(options.layout, scenario))
+        return 0
+    from hil.gateways.foxglove.server import FoxgloveServer
 
     save_resources()
-    network, security = (scenario.network, scenario.security) if scenario else (Network(), None)
     with StopSignals() as stop_fd, ExitStack() as opened:
         commanding = None
         if options.command:
-            from hil.gateways.commanding import Commanding
-
             keys, routed = keys_of(scenario), is_routed(scenario)
             commanding = Commanding(opened.enter_context(hil.connect(*endpoints, routed=routed, keys=keys)))
         host, port = options.listen
         server = opened.enter_context(FoxgloveServer(host, port, commanding))
-        tap = opened.enter_context(Tap(endpoints, network, security))
+        tap = opened.enter_context(Tap(endpoints, *network_of(scenario)))
         address = f"ws://{host}:{server.port}"
         print(f"{address}/?token={server.access.token} shows {', '.join(endpoints)}; Ctrl-C ends it", flush=True)
         print(f"waiting for a vehicle at {', '.join(endpoints)} (`uuv-hil slave` there)", flush=True)

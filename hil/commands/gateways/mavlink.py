@@ -7,11 +7,10 @@ from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
 from hil.client.client import Stamped, VehicleClient
-from hil.commands.listening import add_connect, add_take_over, presence, scenario_and_endpoints
+from hil.commands.listening import add_connect, add_take_over, network_of, presence, scenario_and_endpoints
 from hil.common.options import add_scenario, checked, integer, new_parser
 from hil.common.stop import StopSignals
 from hil.network.roles import open_master_session
-from hil.network.settings import Network
 from hil.ros.topics import TOPICS, learn
 from hil.scenario.config import Scenario
 from hil.scenario.mavlink_records import Mavlink, parse_endpoint, rtp_target
@@ -40,7 +39,7 @@ def main(arguments: list[str]) -> int:
     options = _parser().parse_args(arguments)
     scenario, endpoints = scenario_and_endpoints(options)
     settings = _settings(options, scenario)
-    network, security = (scenario.network, scenario.security) if scenario else (Network(), None)
+    network, security = network_of(scenario)
     from hil.gateways.mavlink.assembly import camera_rate, defaults_of, motors_of, origin_of, parameter_file
     from hil.gateways.mavlink.endpoints.opening import open_link
     from hil.gateways.mavlink.gateway import Gateway

@@ -2,14 +2,11 @@
 
 import argparse
 import re
-from contextlib import ExitStack
 
-import hil
-from hil.commands.listening import add_fleet, add_take_over, connect_arguments, forward
-from hil.common.errors import MissingExtraError
+from hil.commands.gateways.serving import serve_fleet
+from hil.commands.listening import add_fleet, add_take_over
 from hil.common.options import add_serving, new_parser
-from hil.common.stop import StopSignals
-from hil.network.settings import Network
+from hil.gateways.commanding import Commanding
 
 EXAMPLES = """\
 It runs a ROS 1 node at the master of ROS_MASTER_URI (`roscore`, not started here). The node publishes the topics of
@@ -38,28 +35,17 @@ def main(arguments: list[str]) -> int:
         "--name", metavar="NODE", type=_node_name, default="uuv_hil", help="name of the node [%(default)s]"
     )
     options = parser.parse_args(arguments)
-    scenario, (endpoints, routed, keys) = connect_arguments(options)
-    try:
-        from hil.gateways.ros1.bridge import Ros1Bridge, master_uri
-    except ImportError as error:
-        raise MissingExtraError(f"ROS 1 needs {error.name}: pip install 'uuv-hil[ros1]'") from None
-    from hil.gateways.commanding import Commanding
-    from hil.recording.tap import Tap, save_resources
+    from hil.gateways.ros1.bridge import Ros1Bridge, master_uri
 
     master = master_uri()
-    save_resources()
-    network, security = (scenario.network, scenario.security) if scenario else (Network(), None)
-    with StopSignals() as stop_fd, ExitStack() as opened:
-        fleet = opened.enter_context(hil.connect(*endpoints, routed=routed, keys=keys, take_over=options.take_over))
-        commanding = Commanding(fleet)
-        bridge = opened.enter_context(
-            Ros1Bridge(options.name, options.listen, master, commanding, options.command, _print)
-        )
-        tap = opened.enter_context(Tap(endpoints, network, security))
-        _print(f"/{options.name} at {bridge.api} serves {', '.join(endpoints)} to {master}; Ctrl-C ends it")
+    with (
+        serve_fleet(options) as served,
+        Ros1Bridge(options.name, options.listen, master, Commanding(served.fleet), options.command, _print) as bridge,
+    ):
+        _print(f"/{options.name} at {bridge.api} serves {', '.join(served.endpoints)} to {master}; Ctrl-C ends it")
         if options.command:
             _print("every node of that ROS network can command")
-        forward(tap, bridge.show, fleet, endpoints, stop_fd, lambda: bool(bridge.ended))
+        served.forward(bridge.show, lambda: bool(bridge.ended))
         if bridge.ended:
             _print(f"ended: {bridge.ended}")
     return 0

@@ -1,13 +1,9 @@
 """`uuv-hil gateway rosbridge`: serve vehicles to web pages and tools that speak rosbridge."""
 
-from contextlib import ExitStack
-
-import hil
-from hil.commands.listening import add_fleet, add_take_over, connect_arguments, forward
-from hil.common.errors import MissingExtraError
+from hil.commands.gateways.serving import serve_fleet
+from hil.commands.listening import add_fleet, add_take_over
 from hil.common.options import add_serving, new_parser
-from hil.common.stop import StopSignals
-from hil.network.settings import Network
+from hil.gateways.commanding import Commanding
 
 EXAMPLES = """\
 Clients are roslibjs in web pages, roslibpy, and other software with rosbridge's protocol (v2): JSON over a websocket,
@@ -29,24 +25,13 @@ def main(arguments: list[str]) -> int:
     add_serving(parser, LISTEN)
     add_take_over(parser)
     options = parser.parse_args(arguments)
-    scenario, (endpoints, routed, keys) = connect_arguments(options)
-    try:
-        import cbor2  # noqa: F401 - missed now, and not when a client asks for it
+    import cbor2  # noqa: F401 - missed now, and not when a client asks for it
 
-        from hil.gateways.rosbridge.server import RosbridgeServer
-    except ImportError as error:
-        raise MissingExtraError(f"rosbridge needs {error.name}: pip install 'uuv-hil[rosbridge]'") from None
-    from hil.gateways.commanding import Commanding
-    from hil.recording.tap import Tap, save_resources
+    from hil.gateways.rosbridge.server import RosbridgeServer
 
-    save_resources()
-    network, security = (scenario.network, scenario.security) if scenario else (Network(), None)
-    with StopSignals() as stop_fd, ExitStack() as opened:
-        fleet = opened.enter_context(hil.connect(*endpoints, routed=routed, keys=keys, take_over=options.take_over))
-        host, port = options.listen
-        server = opened.enter_context(RosbridgeServer(host, port, Commanding(fleet)))
-        tap = opened.enter_context(Tap(endpoints, network, security))
-        address = f"ws://{host}:{server.port}"
-        print(f"{address}/?token={server.access.token} serves {', '.join(endpoints)}; Ctrl-C ends it", flush=True)
-        forward(tap, server.show, fleet, endpoints, stop_fd)
+    host, port = options.listen
+    with serve_fleet(options) as served, RosbridgeServer(host, port, Commanding(served.fleet)) as server:
+        address = f"ws://{host}:{server.port}/?token={server.access.token}"
+        print(f"{address} serves {', '.join(served.endpoints)}; Ctrl-C ends it", flush=True)
+        served.forward(server.show)
     return 0

@@ -2,21 +2,17 @@
 
 import os
 import sys
-from typing import TYPE_CHECKING
 
-from hil.commands.listening import add_connect, add_settings, scenario_and_endpoints
+from hil.commands.listening import add_connect, add_settings, network_of, scenario_and_endpoints
 from hil.common.clock import NS_PER_S, now_ns, seconds_ns
 from hil.common.errors import DeviceError, NetworkError
 from hil.common.options import YEAR_S, Number, add_output, new_parser
 from hil.common.stop import StopSignals, is_stopped
-from hil.network.settings import Network
 from hil.recording.mcap_writer import require_library
 from hil.recording.recorder import Recorder, describe, new_folder
+from hil.recording.tap import Tap, save_resources
 from hil.scenario.config import Scenario
 from hil.scenario.records import Recording
-
-if TYPE_CHECKING:
-    from hil.recording.tap import Tap
 
 EXAMPLES = """\
 The folder holds MCAP files and an index; it is a rosbag2 bag. Every file is readable at any time: a recorder that is
@@ -44,11 +40,8 @@ def main(arguments: list[str]) -> int:
     scenario, endpoints = scenario_and_endpoints(options)
     recording = scenario.recording if scenario else Recording()
     about, files = _about(scenario, endpoints)
-    from hil.recording.tap import Tap, save_resources
-
     save_resources()
-    network, security = (scenario.network, scenario.security) if scenario else (Network(), None)
-    tap = Tap(endpoints, network, security)
+    tap = Tap(endpoints, *network_of(scenario))
     require_library()  # before the folder is made
     folder = options.output or new_folder(scenario.slave.node if scenario else "record", recording.folder)
     recorder = Recorder(folder, recording, about, files, source=tap.receive)  # raises before the network is opened
@@ -71,7 +64,7 @@ def _about(scenario: Scenario | None, endpoints: list[str]) -> tuple[dict[str, s
     return about | {"endpoints": " ".join(endpoints)}, files
 
 
-def _why_nothing(endpoints: list[str], tap: "Tap") -> str:
+def _why_nothing(endpoints: list[str], tap: Tap) -> str:
     where = ", ".join(endpoints)
     if tap.connected:
         return f"{where} answered but sent no sample; `uuv-hil topic list --connect ENDPOINT` lists its topics"
@@ -80,7 +73,7 @@ def _why_nothing(endpoints: list[str], tap: "Tap") -> str:
     )
 
 
-def _wait(recorder: Recorder, tap: "Tap", seconds: float | None, stop_fd: int) -> None:
+def _wait(recorder: Recorder, tap: Tap, seconds: float | None, stop_fd: int) -> None:
     """Wait until the end, and report the progress."""
     end = now_ns() + seconds_ns(seconds) if seconds else None
     reported_ns = now_ns()

@@ -2,8 +2,8 @@
 
 import argparse
 from math import dist
-from typing import TYPE_CHECKING
 
+from hil.client.client import VehicleClient
 from hil.commands.listening import add_wait
 from hil.commands.recording.options import add_recording
 from hil.commands.view.opening import open_view
@@ -12,17 +12,16 @@ from hil.common.errors import STOPPED, ConfigError, MissionError, NetworkError
 from hil.common.options import ENDPOINT, OUTPUT_FILE, Number, new_parser
 from hil.common.stop import StopSignals, is_stopped
 from hil.gateways.foxglove.recording import write_for_foxglove
+from hil.network.opening import listen
 from hil.recording.check import check
 from hil.recording.mcap_file import Message
+from hil.recording.player import Player, pace
 from hil.recording.reader import read_about, read_messages
 from hil.recording.run import read_run, require_run
 from hil.ros import dialect
 from hil.ros import encoders as ros
 from hil.ros.topics import COMMANDS
 from hil.view.sources.recorded import RecordedSource
-
-if TYPE_CHECKING:
-    from hil.client.client import VehicleClient
 
 EXAMPLES = """\
 examples:
@@ -94,9 +93,6 @@ def _check(path: str, own_classes: bool) -> int:
 
 
 def _play(options: argparse.Namespace, stop_fd: int) -> int:
-    from hil.network.opening import listen
-    from hil.recording.player import Player, pace
-
     read_about(options.recording)  # raises for a bad file before the network is opened
     messages = read_messages(options.recording)
     with listen(options.listen) as session:
@@ -132,9 +128,6 @@ def _show(path: str, own_classes: bool, stop_fd: int) -> int:
 
 def _command(options: argparse.Namespace, stop_fd: int) -> int:
     """Send the commands to a slave; report how far its vehicle's track differs."""
-    from hil.client.client import VehicleClient
-    from hil.recording.player import pace
-
     scenario = require_run(read_about(options.recording), options.recording, options.own_classes).scenario
     node = scenario.slave.node
     network, security, topics = scenario.network, scenario.security, ("ground_truth",)
@@ -155,7 +148,7 @@ def _command(options: argparse.Namespace, stop_fd: int) -> int:
 class _TrackComparison:
     """Comparison of the recorded track with the track of a vehicle that gets the recorded commands."""
 
-    def __init__(self, client: "VehicleClient", node: str) -> None:
+    def __init__(self, client: VehicleClient, node: str) -> None:
         self._client, self._node = client, node
         self.commands = 0
         self.max_distance = self.last_distance = 0.0

@@ -8,7 +8,8 @@ from contextlib import ExitStack
 from typing import Any
 
 from hil.autopilots.run import AutopilotRun
-from hil.common.clock import NS_PER_S, RateKeeper, now_ns, seconds_ns
+from hil.commands.sim.watching import logged, pace
+from hil.common.clock import NS_PER_S
 from hil.common.errors import STOPPED, MissionError
 from hil.common.streams import ProgressLine
 from hil.scenario.config import Scenario
@@ -27,34 +28,18 @@ def fly_autopilot(scenario: Scenario, options: Namespace) -> int:
 
     with ExitStack() as opened:
         run = opened.enter_context(AutopilotRun(scenario, report))
-        watches = [_progress_watch(line)]
-        if options.view:
-            from hil.commands.view.flights import FlightViewer
-
-            viewer = FlightViewer().show_simulated(scenario, {scenario.slave.node: run})
-            watches.append(opened.enter_context(viewer))  # the view paces the flight
-        elif not options.fast:
-            watches.append(_pace(seconds_ns(scenario.slave.step)))
-        flight = None
-        if options.output or options.plot:
-            from hil.plots.force_log import Flight
-
-            flight = Flight(run.simulation)
-            watches.append(lambda run: flight.record(run.simulation))
+        watches = [_progress_watch(line), *pace(options, scenario, run, opened)]
         began = time.monotonic()
         interrupted = False
-        try:
-            run.run(scenario.master.time_limit, watches)
-        except KeyboardInterrupt:
-            interrupted = True
-        line.clear()
-        events = merge_events(run.simulation.events.events(), run.log.events())
-        faults = [event for event in events if event.kind not in scenario.master.allow]
-        print(_format_result(run, time.monotonic() - began, faults, options.json))
-    if flight and options.output:
-        flight.write(options.output)
-    if flight and options.plot:
-        flight.draw(options.plot, lambda axes: None)
+        with logged(options, run.simulation, watches):
+            try:
+                run.run(scenario.master.time_limit, watches)
+            except KeyboardInterrupt:
+                interrupted = True
+            line.clear()
+            events = merge_events(run.simulation.events.events(), run.log.events())
+            faults = [event for event in events if event.kind not in scenario.master.allow]
+            print(_format_result(run, time.monotonic() - began, faults, options.json))
     if faults:
         raise MissionError(f"{faults[0].describe()}; if that is intended, add {faults[0].kind!r} to [master] allow")
     return STOPPED if interrupted else 0
@@ -94,19 +79,3 @@ def _progress_watch(line: ProgressLine) -> Any:
             )
 
     return watch
-
-
-def _pace(step_ns: int) -> Any:
-    """Delay each step until it is due in real time; catch up with late ones."""
-    schedule: RateKeeper | None = None
-    ahead = 0
-
-    def wait(run: AutopilotRun) -> None:
-        nonlocal schedule, ahead
-        schedule = schedule or RateKeeper(step_ns, now_ns())
-        ahead += 1
-        while ahead > 0:
-            time.sleep(max(0, schedule.deadline_ns - now_ns()) / NS_PER_S)
-            ahead -= schedule.due(now_ns())
-
-    return wait

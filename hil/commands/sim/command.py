@@ -6,9 +6,10 @@ import time
 from contextlib import ExitStack
 from typing import Any
 
-from hil.cases.simulated import SimulatedVehicle, Watch, fly, progress_watch
-from hil.commands.view.flights import FlightViewer
-from hil.common.clock import NS_PER_S, RateKeeper, now_ns, seconds_ns
+from hil.cases.simulated import SimulatedVehicle, fly, progress_watch
+from hil.commands.sim.autopilot import fly_autopilot
+from hil.commands.sim.watching import Watch, logged, pace
+from hil.common.clock import NS_PER_S
 from hil.common.errors import STOPPED
 from hil.common.options import SEED, add_json, add_output, add_plot, add_scenario, add_view, changes_of, new_parser
 from hil.common.streams import ProgressLine
@@ -49,8 +50,6 @@ def main(arguments: list[str]) -> int:
     if options.seed is not None:
         scenario = scenario._replace(seed=options.seed)
     if scenario.controller in AUTOPILOTS:
-        from hil.commands.sim.autopilot import fly_autopilot
-
         return fly_autopilot(scenario, options)
     plan = prepare(scenario)
     vehicle = SimulatedVehicle(scenario, plan.world)
@@ -59,11 +58,7 @@ def main(arguments: list[str]) -> int:
     if warning:
         print(f"WARNING: {warning}", file=sys.stderr, flush=True)
     with ExitStack() as opened:
-        if options.view:
-            watches = [_show(opened, scenario, vehicle)]
-        else:
-            watches = [] if options.fast else [_pace(seconds_ns(scenario.slave.step))]
-        return _fly(options, scenario, plan, vehicle, watches)
+        return _fly(options, scenario, plan, vehicle, pace(options, scenario, vehicle, opened))
 
 
 def _fly(
@@ -72,35 +67,21 @@ def _fly(
     simulation = vehicle.simulation
     line = ProgressLine()
     watches.append(progress_watch(plan.planner, line.show))
-    flight = None
-    if options.output or options.plot:
-        from hil.plots.force_log import Flight
-
-        flight = Flight(simulation)
-        watches.append(lambda vehicle: flight.record(vehicle.simulation))
     began, began_cpu = time.monotonic(), time.process_time()  # psutil's processor time has steps of 10 ms
     outcome = None
-    try:
-        outcome, digest = fly(scenario, plan, vehicle, watches)
-        line.clear()
-        took, cpu = time.monotonic() - began, time.process_time() - began_cpu
-        print(_as_json(outcome, digest, took, cpu) if options.json else _as_text(outcome, digest, took, cpu))
-    except KeyboardInterrupt:
-        line.clear()
-        print(f"interrupted after {simulation.time_ns / NS_PER_S:.1f} s")
-    if flight and options.output:
-        flight.write(options.output)
-    if flight and options.plot:
-        flight.draw(options.plot, lambda axes: _draw_field(axes, scenario, plan, outcome))
+    with logged(options, simulation, watches, lambda axes: _draw_field(axes, scenario, plan, outcome)):
+        try:
+            outcome, digest = fly(scenario, plan, vehicle, watches)
+            line.clear()
+            took, cpu = time.monotonic() - began, time.process_time() - began_cpu
+            print(_as_json(outcome, digest, took, cpu) if options.json else _as_text(outcome, digest, took, cpu))
+        except KeyboardInterrupt:
+            line.clear()
+            print(f"interrupted after {simulation.time_ns / NS_PER_S:.1f} s")
     if outcome is None:
         return STOPPED
     require_success(outcome)
     return 0
-
-
-def _show(opened: ExitStack, scenario: Scenario, vehicle: SimulatedVehicle) -> Watch:
-    """Show the flight in a browser; the view paces it."""
-    return opened.enter_context(FlightViewer().show_simulated(scenario, {scenario.slave.node: vehicle}))
 
 
 def _draw_field(axes: Any, scenario: Scenario, plan: Plan, outcome: Outcome | None) -> None:
@@ -111,21 +92,6 @@ def _draw_field(axes: Any, scenario: Scenario, plan: Plan, outcome: Outcome | No
     picture.draw_events(axes, outcome.events if outcome else ())
 
 
-def _pace(step_ns: int) -> Watch:
-    """Delay each step until it is due in real time."""
-    schedule = RateKeeper(step_ns, now_ns())
-    ahead = 0
-
-    def wait(vehicle: SimulatedVehicle) -> None:
-        nonlocal ahead
-        ahead += 1
-        while ahead > 0:
-            time.sleep(max(0, schedule.deadline_ns - now_ns()) / NS_PER_S)
-            ahead -= schedule.due(now_ns())
-
-    return wait
-
-
 def _as_text(outcome: Outcome, digest: str, duration: float, cpu: float) -> str:
     speed = f"{outcome.duration / duration:.3g} times real time, {cpu / duration:.1%} of a core"
     first = f"{outcome.verdict} after {outcome.duration:.1f} s simulated in {duration:.2f} s: {speed}"
@@ -133,6 +99,4 @@ def _as_text(outcome: Outcome, digest: str, duration: float, cpu: float) -> str:
 
 
 def _as_json(outcome: Outcome, digest: str, duration: float, cpu: float) -> str:
-    from hil.bench.table.hil_table import plain_outcome
-
-    return json_text({**plain_outcome(outcome), "took_s": duration, "cpu_s": cpu, "final_state": digest})
+    return json_text({**outcome.as_plain(), "took_s": duration, "cpu_s": cpu, "final_state": digest})

@@ -1,11 +1,11 @@
 """`uuv-hil stm32 check`: turn each output a little and show its telemetry."""
 
 import argparse
+import json
 import sys
-from typing import TYPE_CHECKING
 
 from firmware_stub.image import CHIPS, load_image
-from hil.bench.output_check import Plan, check_outputs
+from hil.bench.output_check import MAX_OFFSET_US, Finding, Plan, check_outputs
 from hil.commands.loopback import link_of
 from hil.common.errors import STOPPED, ConfigError
 from hil.common.options import Number, Quantity, integer
@@ -15,11 +15,8 @@ from hil.links.contract import PWM_NEUTRAL_US
 from hil.links.options import add_link
 from hil.slave.drivers.driver import DRIVERS
 
-if TYPE_CHECKING:
-    from hil.bench.output_check import Finding
-
 FAILED = 1
-OFFSET = integer(-150, 150)  # hil.bench.output_check.MAX_OFFSET_US, which is not loaded for the help
+OFFSET = integer(-MAX_OFFSET_US, MAX_OFFSET_US)
 WARNING = """\
 WARNING: every thruster will turn, one after the other, for {seconds:g} s each. Take the propellers off, or keep
 everything and everybody away from them. Ctrl-C ends it with all outputs neutral."""
@@ -48,7 +45,7 @@ def run(options: argparse.Namespace) -> int:
     if not options.yes and not agreed("turn them?", "if the propellers are free, give --yes"):
         return FAILED
 
-    def show(finding: "Finding") -> None:
+    def show(finding: Finding) -> None:
         if not options.json:
             print(text(finding, pins), flush=True)
 
@@ -58,8 +55,6 @@ def run(options: argparse.Namespace) -> int:
         return STOPPED
     good = sum(finding.passed for finding in findings)
     if options.json:
-        import json
-
         print(json.dumps([finding._asdict() | {"passed": finding.passed} for finding in findings], indent=2))
     else:
         print(
@@ -80,7 +75,7 @@ def _kind(options: argparse.Namespace) -> str:
     return str(options.stm32)
 
 
-def text(finding: "Finding", pins: tuple[str, ...]) -> str:
+def text(finding: Finding, pins: tuple[str, ...]) -> str:
     """Return one line on the telemetry of an output."""
     pin = f" ({pins[finding.output - 1]})" if finding.output <= len(pins) else ""
     name = f"output {finding.output}{pin}"

@@ -4,7 +4,7 @@ import argparse
 import os
 from collections.abc import Callable
 
-from firmware_stub.flash import probe
+from firmware_stub.flash import dfu, probe
 from firmware_stub.flash.content import choose_image, load_content, wiring
 from firmware_stub.image import CHIPS, MAX_CHANNELS, Image, describe_image, load_image, parameters
 from hil.common.errors import ConfigError
@@ -85,8 +85,6 @@ def _named_chip(chip: str | None, image: Image | None) -> str | None:
 def _recognise(options: argparse.Namespace, chip: str | None) -> tuple[Image, Callable[..., None]]:
     """Return the image for the connected board, and the function that writes to it."""
     if options.by == "dfu":
-        from firmware_stub.flash import dfu
-
         board = dfu.find_board(options.probe)
         image = dfu.choose_image(board, chip)
         _report(f"board in DFU mode at {board.path}, {board.flash_kib} KiB of flash")

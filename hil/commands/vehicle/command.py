@@ -14,9 +14,11 @@ from hil.common.text import json_text
 from hil.doctor.vehicle.finding import exit_code
 from hil.doctor.vehicle.rules import check_vehicle
 from hil.doctor.vehicle.subject import Subject
+from hil.plots.vehicle_picture import draw
 from sim.matrices import square
 from sim.vehicle.terminal_speed import AXES, AxisCapability, axis_capabilities
 from sim.vehicle.thrusters.bank import wrench_matrix
+from sim.vehicle.urdf.writer import urdf_of
 from sim.vehicle.vehicle import Vehicle, displaced_volume, load_vehicle
 
 EXAMPLES = """\
@@ -42,6 +44,7 @@ def main(arguments: list[str]) -> int:
     if options.scenario and not options.output:
         raise ConfigError("--flight names the vehicle's file: give --output FILE.toml too")
     if options.urdf:
+        # numpy, which the descriptions do not need
         from hil.commands.vehicle.import_urdf import Request, convert
 
         return convert(
@@ -55,8 +58,6 @@ def main(arguments: list[str]) -> int:
         return 0
     vehicle, control = load_vehicle(options.vehicle)
     if options.write_urdf:
-        from sim.vehicle.urdf.writer import urdf_of
-
         print(urdf_of(vehicle, options.prefix), end="")
         return 0
     density = options.density or 1000.0
@@ -67,8 +68,6 @@ def main(arguments: list[str]) -> int:
         found = [paragraph(str(each), "  ") for each in findings] or ["  none"]
         print(describe(vehicle, density), "", "findings", *found, sep="\n")
     if options.plot:
-        from hil.plots.vehicle_picture import draw
-
         draw(vehicle, top(vehicle, density), options.plot)
     return exit_code(findings, True) if options.strict else 0
 

@@ -9,6 +9,7 @@ from hil.common.clock import NS_PER_S, now_ns
 from hil.common.options import add_serving, new_parser
 from hil.common.stop import StopSignals
 from hil.view.pace import Pace
+from hil.view.sources.live import LiveSource
 
 EXAMPLES = """\
 Open the address that it prints in any browser; it holds a token that is new at each start. With the scenario of the
@@ -35,8 +36,6 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--no-browser", action="store_true", help="print the address, but open no browser")
     options = parser.parse_args(arguments)
     scenario, (endpoints, routed, keys) = connect_arguments(options)
-    from hil.view.sources.live import LiveSource
-
     tls = page_tls(options.listen[0], options.cert, options.key, keys)
     with (
         StopSignals() as stop_fd,

@@ -10,7 +10,7 @@ import psutil
 import pytest
 
 from hil.cli import main
-from hil.commands.campaign import command as campaign
+from hil.commands import campaign
 from hil.common.errors import ConfigError
 from tests.support.processes import Program, command_line, wait_for, write_scenario
 

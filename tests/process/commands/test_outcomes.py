@@ -9,11 +9,11 @@ from pathlib import Path
 import pytest
 
 from hil.client.health_watch import Status
-from hil.commands.campaign import command as campaign
-from hil.commands.top.command import table as top_table
-from hil.commands.top.prometheus import exposition
+from hil.commands import campaign
+from hil.commands.top import table as top_table
 from hil.common.errors import ConfigError
 from hil.common.streams import ProgressLine
+from hil.gateways.prometheus.endpoint import exposition
 from sim.run_events import RunEvent
 from tests.support.diagnostics import reported
 from tests.support.processes import Program, write_scenario

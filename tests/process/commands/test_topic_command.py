@@ -15,8 +15,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from ruamel.yaml import YAML
 
-from hil.commands.topic.command import listing, rate_line, whole_type
-from hil.commands.topic.text import lines, parse_values, plain_value
+from hil.client.message_text import lines, parse_values, plain_value
+from hil.client.topics import whole_type
+from hil.commands.topic import listing, rate_line
 from hil.common.errors import ConfigError
 from hil.common.tables import parse_toml
 from hil.network.opening import listen

@@ -9,7 +9,6 @@ from typing import Any
 import pytest
 
 from hil.autonomy.control.controller import VelocityCommand
-from hil.bench.table import hil_table as table
 from hil.client.client import Stamped, VehicleClient
 from hil.common.clock import NS_PER_S, to_wall_ns
 from hil.common.errors import MissionError, NetworkError
@@ -203,7 +202,7 @@ def test_events_of_the_vehicle_and_of_the_mission_are_merged(
     assert allowed.success
     assert allowed.verdict == "goal reached"
     require_success(allowed)
-    plain = json.loads(json.dumps(table.plain_outcome(outcome)))
+    plain = json.loads(json.dumps(outcome.as_plain()))
     assert not plain["success"]
     assert plain["events"][0] == {
         "kind": "collision", "what": "the seabed", "start_s": 1.0, "duration_s": 1.0, "place": [4.0, 4.0, 4.8],

@@ -14,11 +14,11 @@ from pathlib import Path
 
 import pytest
 
-from hil.commands.campaign import engines
-from hil.commands.campaign import files as campaign_files
-from hil.commands.campaign.command import run_one
-from hil.commands.campaign.engines import Task, _run_unpacked
-from hil.commands.campaign.files import Bundle, collect, unpack
+from hil.cases.campaign import engines
+from hil.cases.campaign import files as campaign_files
+from hil.cases.campaign.engines import Task, _run_unpacked
+from hil.cases.campaign.files import Bundle, collect, unpack
+from hil.cases.campaign.runs import run_one
 from hil.common.errors import ConfigError, NetworkError
 from hil.common.schema import preset_folder
 from tests.support.processes import ROOT, Program, children_of, free_port, wait_for, write_scenario

@@ -6,8 +6,8 @@ from typing import Any
 
 import pytest
 
-from hil.commands.top.grafana import PANELS, dashboard, expressions
-from hil.commands.top.prometheus import METRICS
+from hil.gateways.prometheus.endpoint import METRICS
+from hil.gateways.prometheus.grafana import PANELS, dashboard, expressions
 
 OTHERS = {"up", "cpu_share", "throttled"}  # served beside the table
 TYPES = "grafana_foundation_sdk"

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hil.commands.topic.text import lines
+from hil.client.message_text import lines
 from hil.ros import message
 from hil.ros.world import encode_obstacles
 from hil.view.scene import colours

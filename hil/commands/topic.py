@@ -2,33 +2,37 @@
 
 import argparse
 import os
-import select
-import statistics
 import sys
 from collections import deque
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
-from typing import Any, NamedTuple
+from functools import partial
 
-from hil.commands.listening import add_connect, add_settings, add_wait, scenario_and_endpoints
-from hil.commands.topic.text import lines, parse_values
+from hil.client.message_text import lines, parse_values
+from hil.client.topics import (
+    Arrival,
+    Arrivals,
+    entities,
+    first_arrivals,
+    rate,
+    there_are,
+    topic_of,
+    whole_type,
+)
+from hil.commands.listening import add_connect, add_settings, add_wait, network_of, scenario_and_endpoints
 from hil.common.clock import NS_PER_S, RateKeeper, now_ns, seconds_ns, to_wall_ns
 from hil.common.columns import aligned
 from hil.common.errors import ConfigError, NetworkError
 from hil.common.options import Number, add_json, integer, new_parser
-from hil.common.schema import nearest
-from hil.common.stop import StopSignals, Wakeup, is_stopped
+from hil.common.stop import StopSignals, pause
 from hil.common.text import json_text
 from hil.network import services
-from hil.network.presence import fetch_last
 from hil.network.publisher import Publisher
 from hil.network.roles import open_client_session, open_master_session
 from hil.network.session import Session
-from hil.ros import dialect, encoders, graph, types
+from hil.ros import graph
 from hil.ros import message as ros_message
-from hil.ros.diagnostics import Diagnostics
 from hil.ros.graph import Entity, Node
-from hil.ros.topics import TOPICS, Topic
 
 EXAMPLES = """\
 examples:
@@ -44,7 +48,6 @@ radians, ENU and FLU. Ctrl-C ends it.
 POLL_S = 0.02
 SETTLE_S = 1.0  # time for the declarations of the peer to arrive
 WINDOW = 10_000  # arrivals that hz evaluates
-QUEUE = 1000
 COUNT = integer(1, 10**9)
 RATE = Number(0.001, 10_000.0, "Hz")
 
@@ -53,15 +56,16 @@ def main(arguments: list[str]) -> int:
     """Run list, echo, hz, pub or call; return 0. Raises ConfigError, NetworkError."""
     options = _parser().parse_args(arguments)
     scenario, endpoints = scenario_and_endpoints(options)
-    secure: dict[str, Any] = {"network": scenario.network, "security": scenario.security} if scenario else {}
+    network, security = network_of(scenario)
     actions = {"list": _list, "echo": _echo, "hz": _hz, "pub": _pub, "call": _call}
     interrupted = suppress(KeyboardInterrupt)  # which is how echo, hz and pub end
     with StopSignals() as stop_fd, interrupted:
-
-        def pause() -> None:
-            _pause(stop_fd, POLL_S)
-
-        with _open(endpoints, secure, options.wait, pause) as session:
+        if len(endpoints) == 1:  # as a client, for it may be a router's
+            wait = partial(pause, stop_fd, POLL_S)
+            opened = open_client_session(endpoints[0], network, security, options.wait, wait)
+        else:
+            opened = open_master_session(*endpoints, network=network, security=security)
+        with opened as session:
             _settle(session, stop_fd)
             actions[options.action](session, options, stop_fd)
     return 0
@@ -92,32 +96,16 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _open(endpoints: list[str], secure: dict[str, Any], seconds: float, pause: Callable[[], None]) -> Session:
-    """Open the session: as a client at one endpoint, which may be a router, else as a master of several."""
-    if len(endpoints) == 1:
-        return open_client_session(endpoints[0], **secure, seconds=seconds, pause=pause)
-    return open_master_session(*endpoints, **secure)
-
-
 def _settle(session: Session, stop_fd: int) -> None:
     """Wait until the peer has declared its topics and services."""
     deadline = now_ns() + seconds_ns(SETTLE_S)
     while not session.tokens(graph.ALL) and now_ns() < deadline:
-        _pause(stop_fd, POLL_S)
-
-
-def _pause(stop_fd: int, seconds: float) -> None:
-    if is_stopped(stop_fd, seconds):
-        raise KeyboardInterrupt
-
-
-def _entities(session: Session) -> list[Entity]:
-    return [entity for key in session.tokens(graph.ALL) if (entity := graph.read_token(key))]
+        pause(stop_fd, POLL_S)
 
 
 def _list(session: Session, options: argparse.Namespace, stop_fd: int) -> None:
-    entities = _entities(session)
-    print(json_text([entity._asdict() for entity in entities]) if options.json else listing(entities))
+    found = entities(session)
+    print(json_text([entity._asdict() for entity in found]) if options.json else listing(found))
 
 
 def listing(entities: Sequence[Entity]) -> str:
@@ -137,72 +125,8 @@ def _nodes(entities: Sequence[Entity], name: tuple[str, str], kind: graph.Kind) 
     return ", ".join(sorted({e.node for e in entities if e.kind == kind and (e.topic, e.type) == name})) or "-"
 
 
-class _Arrivals:
-    """Queue of a topic's received messages, with instant (ns), key and payload; a loop can wait on it."""
-
-    def __init__(self, session: Session, topic: str, latched: bool) -> None:
-        self._event = Wakeup()
-        self._waiting: deque[tuple[int, str, bytes]] = deque(maxlen=QUEUE)
-        session.subscribe_keys(f"{dialect.domain()}/{topic.strip('/')}/*/*", self._deliver, QUEUE, latched)
-
-    def _deliver(self, key: str, payload: bytes, _attachment: bytes) -> None:
-        self._waiting.append((now_ns(), key, payload))
-        self._event.set()
-
-    def receive(self, stop_fd: int, seconds: float) -> list[tuple[int, str, bytes]]:
-        """Return the messages received so far; wait for one up to `seconds` if there is none."""
-        ready = select.select((stop_fd, self._event.fileno()), (), (), seconds)[0]
-        if stop_fd in ready:
-            raise KeyboardInterrupt
-        if ready:
-            self._event.clear()
-        return [self._waiting.popleft() for _ in range(len(self._waiting))]
-
-
-def _first(session: Session, options: argparse.Namespace, stop_fd: int) -> tuple[_Arrivals, Any]:
-    """Return the arrivals of the topic, and the first of them."""
-    name = f"/{options.topic.strip('/')}"
-    published = _published(session)
-    latched = name in published and published[name].qos.latched
-    arrivals = _Arrivals(session, name, latched)
-    if name in published:  # a node in the graph: without one, descriptions of a vehicle are not made
-        listener = Node(session, f"uuv_hil_topic_{os.getpid()}")
-        listener.subscribes(_row(name, published[name].type)._replace(qos=published[name].qos), "")
-    received = arrivals.receive(stop_fd, options.wait)
-    if not received:
-        published = _published(session)  # topics declared since
-        if name in published:
-            raise NetworkError(f"{name} is published, but nothing was received within {options.wait:g} s; raise --wait")
-        if sensor := _starting(session, name, published):
-            raise NetworkError(
-                f"nothing was received on {name} within {options.wait:g} s: the process of the pictures of {sensor} is "
-                "still starting; ask again, or raise --wait"
-            )
-        raise NetworkError(f"nobody publishes {name}; {_there_is(name, published)}")
-    return arrivals, received
-
-
-def _starting(session: Session, name: str, published: Collection[str]) -> str:
-    """Return the sensor of a topic if it makes pictures and has not published any yet; else ""."""
-    node, _, topic = name[1:].partition("/")
-    sensor = topic.partition("/")[0]
-    if any(each.startswith(f"/{node}/{sensor}/") for each in published):
-        return ""
-    received: list[bytes] = []
-    fetch_last(session, node, lambda _topic, payload, *_: received.append(payload), "diagnostics")
-    for payload in received:
-        statuses = encoders.decode_diagnostics(payload)
-        if statuses and sensor in (Diagnostics(statuses[0][3]).imaging_requested or {}):
-            return sensor
-    return ""
-
-
-def _published(session: Session) -> dict[str, Entity]:
-    return {entity.topic: entity for entity in _entities(session) if entity.kind == "MP"}
-
-
-def _there_is(name: str, known: Collection[str]) -> str:
-    return f"there are: {', '.join(sorted(known)) or 'none'}{nearest(name, list(known))}"
+def _first(session: Session, options: argparse.Namespace, stop_fd: int) -> tuple[Arrivals, list[Arrival]]:
+    return first_arrivals(session, f"/{options.topic.strip('/')}", options.wait, stop_fd)
 
 
 def _echo(session: Session, options: argparse.Namespace, stop_fd: int) -> None:
@@ -240,25 +164,6 @@ def _hz(session: Session, options: argparse.Namespace, stop_fd: int) -> None:
         received = arrivals.receive(stop_fd, 1.0)
 
 
-class Rate(NamedTuple):
-    """Rate of messages; there is none before the second one."""
-
-    messages: int
-    rate_hz: float | None = None
-    least_gap_s: float | None = None
-    greatest_gap_s: float | None = None
-    gap_deviation_s: float | None = None
-
-
-def rate(instants: Sequence[int]) -> Rate:
-    """Return the mean rate of arrivals (ns), and how their gaps differ."""
-    gaps = [(b - a) / NS_PER_S for a, b in zip(list(instants), list(instants)[1:], strict=False)]
-    if not gaps:
-        return Rate(len(instants))
-    mean = len(gaps) / max(sum(gaps), 1e-9)
-    return Rate(len(instants), mean, min(gaps), max(gaps), statistics.pstdev(gaps))
-
-
 def rate_line(instants: Sequence[int]) -> str:
     """Return the rate of arrivals (ns) as a line."""
     messages, rate_hz, least, greatest, deviation = rate(instants)
@@ -272,14 +177,14 @@ def _pub(session: Session, options: argparse.Namespace, stop_fd: int) -> None:
     name = f"/{options.topic.strip('/')}"
     type_name = whole_type(options.type)
     payload = ros_message.encode(type_name, parse_values(options.values))
-    others = {entity.type for entity in _entities(session) if entity.topic == name and entity.kind in ("MP", "MS")}
+    others = {entity.type for entity in entities(session) if entity.topic == name and entity.kind in ("MP", "MS")}
     if others and type_name not in others:
         raise ConfigError(f"{name} has the type {', '.join(sorted(others))}, not {type_name}")
-    topic = _row(name, type_name)
+    topic = topic_of(name, type_name)
     rate = options.rate or topic.rate_hz or 1.0
-    subscribed = {entity.topic for entity in _entities(session) if entity.kind == "MS"}
+    subscribed = {entity.topic for entity in entities(session) if entity.kind == "MS"}
     if name not in subscribed:
-        print(f"nobody subscribes to {name} yet; {_there_is(name, subscribed)}", file=sys.stderr, flush=True)
+        print(f"nobody subscribes to {name} yet; {there_are(name, subscribed)}", file=sys.stderr, flush=True)
     node = Node(session, f"uuv_hil_topic_{os.getpid()}")
     publisher = session.publisher("", topic)
     node.publishes(topic, "")
@@ -288,34 +193,18 @@ def _pub(session: Session, options: argparse.Namespace, stop_fd: int) -> None:
 
 
 def _repeat(publisher: Publisher, payload: bytes, period_ns: int, count: int | None, stop_fd: int) -> None:
-    _pause(stop_fd, POLL_S)  # time for subscribers to find the publisher
+    pause(stop_fd, POLL_S)  # time for subscribers to find the publisher
     schedule = RateKeeper(period_ns, now_ns())
     while count is None or publisher.sequence < count:
         publisher.put(payload, to_wall_ns(now_ns()))
-        _pause(stop_fd, max(0.0, (schedule.deadline_ns - now_ns()) / NS_PER_S))
+        pause(stop_fd, max(0.0, (schedule.deadline_ns - now_ns()) / NS_PER_S))
         schedule.due(now_ns())
-
-
-def _row(name: str, type_name: str) -> Topic:
-    """Return the topic of a full name, with the priority of our topic of that name and type."""
-    known = TOPICS.get(name) or TOPICS.get(name.rpartition("/")[2])
-    if known and known.type == type_name:
-        return known._replace(name=name)
-    return Topic(name, type_name, 0, "data")
-
-
-def whole_type(name: str) -> str:
-    """Return "geometry_msgs/msg/Twist", also of "geometry_msgs/Twist". Raises ConfigError for an unknown one."""
-    package, _, last = name.rpartition("/")
-    whole = name if "/" in package else f"{package}/msg/{last}"
-    types.definition(whole)
-    return whole
 
 
 def _call(session: Session, options: argparse.Namespace, stop_fd: int) -> None:
     name = f"/{options.service.strip('/')}"
-    offered = {entity.topic: entity.type for entity in _entities(session) if entity.kind == "SS"}
+    offered = {entity.topic: entity.type for entity in entities(session) if entity.kind == "SS"}
     if name not in offered:
-        raise NetworkError(f"no server for {name}; {_there_is(name, offered)}")
+        raise NetworkError(f"no server for {name}; {there_are(name, offered)}")
     response = services.call(session, name, offered[name], parse_values(options.values), options.wait)
     print(json_text(response) if options.json else "\n".join(lines(response)))

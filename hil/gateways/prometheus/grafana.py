@@ -9,7 +9,7 @@ OF_NODES = '{node=~"$node"}'
 
 
 class Panel(NamedTuple):
-    """A panel over time: its curves by label, each a figure of `hil.commands.top.prometheus` or a rate of one.
+    """A panel over time: its curves by label, each a figure of `hil.gateways.prometheus.endpoint` or a rate of one.
 
     `unit` is a unit's name of Grafana. `over`, a span such as "1m", makes curves of the rise a second during it.
     """

@@ -7,15 +7,18 @@ from contextlib import ExitStack, suppress
 from typing import Any
 
 from hil.client.health_watch import HealthWatch, Status, Unanswered
-from hil.commands.listening import add_connect, add_settings, add_wait, keys_of, scenario_and_endpoints
+from hil.commands.listening import add_connect, add_settings, add_wait, keys_of, network_of, scenario_and_endpoints
 from hil.common.clock import now_ns, seconds_ns
 from hil.common.columns import aligned
 from hil.common.errors import NetworkError
 from hil.common.options import add_json, new_parser, serving_address
-from hil.common.stop import StopSignals, is_stopped
+from hil.common.stop import StopSignals, is_stopped, pause
 from hil.common.text import json_text
+from hil.gateways.prometheus.grafana import dashboard
 from hil.network.roles import open_client_session, open_master_session
+from hil.network.security import Security
 from hil.network.session import Session
+from hil.network.settings import Network
 from hil.ros.diagnostics import Diagnostics as Health
 from hil.ros.diagnostics import Figure, to_text
 
@@ -40,19 +43,16 @@ def main(arguments: list[str]) -> int:
     """Show until stopped; return the exit code. Raises ConfigError, NetworkError."""
     options = _parser().parse_args(arguments)
     if options.grafana:
-        from hil.commands.top.grafana import dashboard
-
         print(dashboard())
         return 0
     options.once = options.once or options.json
     scenario, endpoints = scenario_and_endpoints(options)
-    secure: dict[str, Any] = {"network": scenario.network, "security": scenario.security} if scenario else {}
-    with StopSignals() as stop_fd, _session(endpoints, secure) as session, ExitStack() as stack:
+    with StopSignals() as stop_fd, _session(endpoints, *network_of(scenario)) as session, ExitStack() as stack:
         watch = HealthWatch(session)
         routed = bool(scenario and scenario.network.router)
         unanswered = Unanswered(session, watch, endpoints, keys_of(scenario), routed)
         if options.prometheus:
-            from hil.commands.top.prometheus import Endpoint
+            from hil.gateways.prometheus.endpoint import Endpoint  # 30 ms and 4 MiB that a terminal does not need
 
             endpoint = stack.enter_context(Endpoint(options.prometheus, watch))
             print(f"serving {endpoint.address}", flush=True)
@@ -84,19 +84,19 @@ def _parser() -> Any:
     return parser
 
 
-def _session(endpoints: list[str], secure: dict[str, Any]) -> Session:
+def _session(endpoints: list[str], network: Network, security: Security | None) -> Session:
     """Open the session: as a client at one endpoint, which may be a router, else as a master of several."""
     if len(endpoints) == 1:
         with suppress(NetworkError):
-            return open_client_session(endpoints[0], **secure)
-    return open_master_session(*endpoints, **secure)
+            return open_client_session(endpoints[0], network, security)
+    return open_master_session(*endpoints, network=network, security=security)
 
 
 def _wait(watch: HealthWatch, unanswered: Unanswered, endpoints: list[str], seconds: float, stop_fd: int) -> None:
     """Wait for the first diagnostics of a slave. Raises NetworkError if none come."""
     deadline = now_ns() + seconds_ns(seconds)
     while not watch.statuses():
-        _pause(stop_fd, 0.05)
+        pause(stop_fd, 0.05)
         if now_ns() > deadline:
             unanswered.check_endpoints()
             missing = f"no slave at {', '.join(endpoints)} reported its health within {seconds:g} s"
@@ -108,12 +108,7 @@ def _settle(watch: HealthWatch, seconds: float, stop_fd: int) -> None:
     """Wait up to `seconds` until each slave has sent two diagnostics, from which rates are computed."""
     deadline = now_ns() + seconds_ns(seconds)
     while now_ns() < deadline and (watch.without_answer() or not all(status.paces for status in watch.statuses())):
-        _pause(stop_fd, 0.05)
-
-
-def _pause(stop_fd: int, seconds: float) -> None:
-    if is_stopped(stop_fd, seconds):
-        raise KeyboardInterrupt
+        pause(stop_fd, 0.05)
 
 
 def _show(watch: HealthWatch, unanswered: Unanswered, endpoints: list[str], stop_fd: int) -> None:

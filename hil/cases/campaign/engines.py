@@ -12,7 +12,7 @@ from contextlib import AbstractContextManager, contextmanager, nullcontext
 from importlib import import_module
 from typing import Any, NamedTuple
 
-from hil.commands.campaign.files import Bundle, unpack
+from hil.cases.campaign.files import Bundle, unpack
 from hil.common.children import worker_options
 from hil.common.errors import ConfigError, HilError, MissingExtraError, NetworkError
 from hil.common.scratch import ScratchFolder

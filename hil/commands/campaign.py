@@ -1,28 +1,22 @@
 """`uuv-hil campaign`: run a mission many times in simulated time, with other seeds and parameters, on all cores."""
 
-import itertools
+import argparse
 import math
-import os
 import statistics
 import sys
 import time
 from collections.abc import Sequence
 from contextlib import closing
 
-from hil.cases.simulated import fly
+from hil.cases.campaign.engines import CLUSTERS, Changes, Row, cluster_of
+from hil.cases.campaign.runs import METRICS, combinations, run_all
 from hil.cases.table import write_rows
-from hil.commands.campaign.engines import CLUSTERS, Changes, Row, Task, cluster_of, run_here, run_on_cluster
-from hil.commands.campaign.files import collect
 from hil.common.columns import aligned
-from hil.common.errors import ConfigError, HilError
+from hil.common.errors import ConfigError
 from hil.common.options import JOBS, SEEDS, add_json, add_output, add_scenario, changes_of, new_parser
-from hil.common.plugins import own_traceback
-from hil.common.schema import shortened
 from hil.common.streams import ProgressLine
-from hil.common.tables import value_of
 from hil.common.text import json_text
-from hil.master.flight import prepare
-from hil.scenario.config import load_scenario, load_single
+from hil.scenario.config import load_single
 from sim.run_events import KINDS
 
 EXAMPLES = """\
@@ -38,9 +32,7 @@ joblib runs it on this machine. `--backend dask` sends the runs to the cluster w
 names, `--backend ray` to that of RAY_ADDRESS (pip install 'uuv-hil[cluster]'); without an address they are made on this
 machine, which opens no port. The content of the scenario's files goes along; workers need the same version of uuv-hil.
 """
-MAX_COMBINATIONS = 10_000
 MAX_RUNS = 1_000_000
-METRICS = ("duration", "travelled", "goal_error", "cross_track_max", "least_clearance")
 
 
 def main(arguments: list[str]) -> int:
@@ -67,79 +59,34 @@ def main(arguments: list[str]) -> int:
         )
     for changes in sets:  # find a wrong key before the first run
         load_single(options.scenario, fixed | changes, option="--set or --vary")
-    rows = run_all(
-        options.scenario, [fixed | changes for changes in sets], options.seeds, options.jobs, options.backend
-    )
+    rows = _run(options.scenario, [fixed | changes for changes in sets], options)
     print(json_text(rows) if options.json else summary(rows, sets), flush=True)
     if options.output:
         write_rows(options.output, rows)
     return 0 if all(row["success"] for row in rows) else 6
 
 
-def combinations(vary: list[str]) -> list[Changes]:
-    """Return every combination of the values in ["key=a,b", ...]; [{}] if there are none. Raises ConfigError."""
-    axes = []
-    for text in vary:
-        key, equals, values = text.partition("=")
-        if not equals or not key or not values:
-            raise ConfigError(f"--vary {text!r} is not of the form KEY=VALUE,VALUE, for example master.speed=0.5,0.8")
-        axes.append([(key, value_of(value)) for value in values.split(",")])
-    count = math.prod(map(len, axes))
-    if count > MAX_COMBINATIONS:
-        sizes = " x ".join([f"{len(axis)} of {shortened(axis[0][0])}" for axis in axes])
-        raise ConfigError(
-            f"--vary: {sizes} make {count} combinations, and a campaign has at most {MAX_COMBINATIONS}: give fewer "
-            "values, or several campaigns"
-        )
-    return [dict(choice) for choice in itertools.product(*axes)]
-
-
-def run_one(scenario_name: str, changes: Changes, seed: int) -> Row:
-    """Run once; return parameters and outcome, with the reason of a failure. Raises no HilError."""
-    row: Row = {**changes, "seed": seed, "success": False, "reached": False, "reason": ""}
-    try:
-        scenario = load_scenario(scenario_name, {**changes, "seed": seed}, option="--set or --vary")
-        outcome, _ = fly(scenario, prepare(scenario))
-    except HilError as error:
-        return row | {"reason": str(error)}
-    except Exception as error:  # from a user's planner; other seeds may not cause it
-        own = own_traceback(error)
-        if own is None:
-            raise
-        location = f"{os.path.basename(own.tb_frame.f_code.co_filename)}:{own.tb_lineno}"
-        return row | {"reason": f"{location}: {type(error).__name__}: {error}"}
-    figures = {name: getattr(outcome, name) for name in METRICS}
-    counts = {kind: sum(event.kind == kind for event in outcome.events) for kind in KINDS}
-    result = {"success": outcome.success, "reached": outcome.reached, "reason": outcome.verdict}
-    return row | result | figures | counts | {"events": "; ".join([event.describe() for event in outcome.events])}
-
-
-def run_all(scenario: str, sets: Sequence[Changes], seeds: int, jobs: int, backend: str) -> list[Row]:
+def _run(scenario: str, sets: Sequence[Changes], options: argparse.Namespace) -> list[Row]:
     """Return all runs, in order: each set with each seed, with a line of progress. Raises HilError."""
-    pairs = itertools.product(sets, range(1, seeds + 1))
-    tasks = [Task(number, changes, seed) for number, (changes, seed) in enumerate(pairs)]
+    backend, count = options.backend, len(sets) * options.seeds
     if backend in CLUSTERS and not cluster_of(backend):
         print(f"{CLUSTERS[backend]} names no cluster of {backend}: running on this machine by loky", file=sys.stderr)
         backend = "loky"
-    if backend in CLUSTERS:
-        results = run_on_cluster(run_one, collect(scenario, sets), tasks, jobs, backend)
-    else:
-        results = run_here(run_one, scenario, tasks, jobs, backend)
     began = time.monotonic()
     rows: dict[int, Row] = {}
     line = ProgressLine(at_once=True)
     try:
-        with closing(results):
+        with closing(run_all(scenario, sets, options.seeds, options.jobs, backend)) as results:
             for number, row in results:
                 rows[number] = row
-                left_s = (time.monotonic() - began) / len(rows) * (len(tasks) - len(rows))
-                line.show(f"{len(rows)}/{len(tasks)} runs, {left_s:.0f} s left")
+                left_s = (time.monotonic() - began) / len(rows) * (count - len(rows))
+                line.show(f"{len(rows)}/{count} runs, {left_s:.0f} s left")
     except KeyboardInterrupt:
         line.clear()
-        print(f"ended after {len(rows)} of {len(tasks)} runs; their results are discarded", file=sys.stderr)
+        print(f"ended after {len(rows)} of {count} runs; their results are discarded", file=sys.stderr)
         raise
     line.clear()
-    return [rows[place] for place in range(len(tasks))]
+    return [row for _, row in sorted(rows.items())]
 
 
 def summary(rows: list[Row], sets: list[Changes]) -> str:

@@ -1,0 +1,72 @@
+"""The runs of a campaign: every combination of values with every seed; a row of parameters and outcome for each."""
+
+import itertools
+import math
+import os
+from collections.abc import Generator, Sequence
+
+from hil.cases.campaign.engines import CLUSTERS, Changes, Result, Row, Task, run_here, run_on_cluster
+from hil.cases.campaign.files import collect
+from hil.cases.simulated import fly
+from hil.common.errors import ConfigError, HilError
+from hil.common.plugins import own_traceback
+from hil.common.schema import shortened
+from hil.common.tables import value_of
+from hil.master.flight import prepare
+from hil.scenario.config import load_scenario
+from sim.run_events import KINDS
+
+MAX_COMBINATIONS = 10_000
+METRICS = ("duration", "travelled", "goal_error", "cross_track_max", "least_clearance")
+
+
+def combinations(vary: list[str]) -> list[Changes]:
+    """Return every combination of the values in ["key=a,b", ...]; [{}] if there are none. Raises ConfigError."""
+    axes = []
+    for text in vary:
+        key, equals, values = text.partition("=")
+        if not equals or not key or not values:
+            raise ConfigError(f"--vary {text!r} is not of the form KEY=VALUE,VALUE, for example master.speed=0.5,0.8")
+        axes.append([(key, value_of(value)) for value in values.split(",")])
+    count = math.prod(map(len, axes))
+    if count > MAX_COMBINATIONS:
+        sizes = " x ".join([f"{len(axis)} of {shortened(axis[0][0])}" for axis in axes])
+        raise ConfigError(
+            f"--vary: {sizes} make {count} combinations, and a campaign has at most {MAX_COMBINATIONS}: give fewer "
+            "values, or several campaigns"
+        )
+    return [dict(choice) for choice in itertools.product(*axes)]
+
+
+def run_one(scenario_name: str, changes: Changes, seed: int) -> Row:
+    """Run once; return parameters and outcome, with the reason of a failure. Raises no HilError."""
+    row: Row = {**changes, "seed": seed, "success": False, "reached": False, "reason": ""}
+    try:
+        scenario = load_scenario(scenario_name, {**changes, "seed": seed}, option="--set or --vary")
+        outcome, _ = fly(scenario, prepare(scenario))
+    except HilError as error:
+        return row | {"reason": str(error)}
+    except Exception as error:  # from a user's planner; other seeds may not cause it
+        own = own_traceback(error)
+        if own is None:
+            raise
+        location = f"{os.path.basename(own.tb_frame.f_code.co_filename)}:{own.tb_lineno}"
+        return row | {"reason": f"{location}: {type(error).__name__}: {error}"}
+    figures = {name: getattr(outcome, name) for name in METRICS}
+    counts = {kind: sum(event.kind == kind for event in outcome.events) for kind in KINDS}
+    result = {"success": outcome.success, "reached": outcome.reached, "reason": outcome.verdict}
+    return row | result | figures | counts | {"events": "; ".join([event.describe() for event in outcome.events])}
+
+
+def run_all(
+    scenario: str, sets: Sequence[Changes], seeds: int, jobs: int, backend: str
+) -> Generator[Result, None, None]:
+    """Run each set with each seed; yield the number of each run and its row, as it ends. Raises HilError.
+
+    `backend`: "dask" or "ray" for the cluster that the environment names, else one of joblib's on this machine.
+    """
+    pairs = itertools.product(sets, range(1, seeds + 1))
+    tasks = [Task(number, changes, seed) for number, (changes, seed) in enumerate(pairs)]
+    if backend in CLUSTERS:
+        return run_on_cluster(run_one, collect(scenario, sets), tasks, jobs, backend)
+    return run_here(run_one, scenario, tasks, jobs, backend)

@@ -1,1 +1,0 @@
-"""`uuv-hil top`: show the health of all slaves, as a table and as a Prometheus endpoint."""

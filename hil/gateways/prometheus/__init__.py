@@ -1,0 +1,4 @@
+"""The health of slaves for Prometheus and Grafana.
+
+Public: `endpoint`, `grafana`. It must not command vehicles.
+"""
