@@ -33,6 +33,8 @@ BOX_POINTS = 20  # greatest number of points in a box, from which a patch is mad
 OVERLAP = 1.0  # by which a box is widened on each side, as a multiple of its size
 MIN_OVERLAP = 0.5  # to which the overlap is reduced if the patch has too many points
 MAX_PATCH_POINTS = 300  # above which the overlap is reduced
+# Beside dense data, a large box around stray points would take in thousands: the matrices of a patch are of their square.
+MOST_PATCH_POINTS, LEAST_OVERLAP = 1200, 0.05
 MIN_PATCH_POINTS = 12  # below which a patch is widened further
 MAX_STRETCH = 3.0  # greatest ratio of distances across and along contours
 MIN_SEGMENTS = 4  # of contours, below which distances of a patch are not stretched
@@ -232,8 +234,9 @@ def _widen_box(points: Array, order: Indices, low: Array, high: Array) -> Patch:
         return np.sort(near[(np.abs(points[near] - centre) < half).all(axis=1)])
 
     half = (0.5 + OVERLAP) * size
-    while len(inside(half)) > MAX_PATCH_POINTS and half[0] > (0.5 + MIN_OVERLAP) * size[0]:
-        half = np.maximum(0.9 * half, (0.5 + MIN_OVERLAP) * size)
+    for most, overlap in ((MAX_PATCH_POINTS, MIN_OVERLAP), (MOST_PATCH_POINTS, LEAST_OVERLAP)):
+        while len(inside(half)) > most and half[0] > (0.5 + overlap) * size[0]:
+            half = np.maximum(0.9 * half, (0.5 + overlap) * size)
     while len(inside(half)) < min(MIN_PATCH_POINTS, len(points)):
         half = 1.3 * half
     return Patch(centre, half, inside(half))

@@ -176,3 +176,12 @@ def test_soundings_beside_a_steep_shore_leave_a_level_bed_certain() -> None:
         for depths in (level, wall)
     ]
     assert deviations[1] < 2.0 * deviations[0] < 1.0
+
+
+def test_a_stray_point_beside_dense_ones_needs_no_more_memory() -> None:
+    """A damaged chart may have a point far outside; the patch from there to the others is large."""
+    dense = np.random.default_rng(1).random((6000, 2)) * [1000.0, 1000.0]
+    points = np.vstack([dense, [[500.0, 2500.0]]])
+    surface = Surface(points, np.full(len(points), 5.0))
+    assert max(len(patch.inside) for patch in surface._patches) < 1500
+    assert surface.at(np.array([[500.0, 2000.0], [500.0, 990.0]])) == pytest.approx(5.0)
