@@ -33,7 +33,7 @@ BOX_POINTS = 20  # greatest number of points in a box, from which a patch is mad
 OVERLAP = 1.0  # by which a box is widened on each side, as a multiple of its size
 MIN_OVERLAP = 0.5  # to which the overlap is reduced if the patch has too many points
 MAX_PATCH_POINTS = 300  # above which the overlap is reduced
-# Beside dense data, a large box around stray points would take in thousands: the matrices of a patch are of their square.
+# Beside dense data a large box around stray points takes in thousands, and the matrices of a patch grow by the square.
 MOST_PATCH_POINTS, LEAST_OVERLAP = 1200, 0.05
 MIN_PATCH_POINTS = 12  # below which a patch is widened further
 MAX_STRETCH = 3.0  # greatest ratio of distances across and along contours
