@@ -31,7 +31,7 @@ from hil.common.scratch import ScratchFolder
 HERE = os.path.dirname(os.path.abspath(__file__))
 
 CORE = ("board.c", "stream.c", "frame.c", "vesc.c", "firmware.c")
-MAVLINK, NO_MAVLINK = ("mavlink.c", "mavlink_answers.c"), ("without_mavlink.c",)
+MAVLINK, NO_MAVLINK = ("mavlink.c",), ("without_mavlink.c",)
 NATIVE = ("native/main.c", "native/pty.c")
 STM32 = ("startup.c", "main.c", "clock.c", "parameters.c", "pwm.c", "uart.c")
 FAMILY = ("rcc.c", "pins.c")

@@ -1,16 +1,21 @@
 /* Device end of a MAVLink thruster link: a part of hil/links/mavlink/device.py. */
 
-#include "mavlink_messages.h"
+#define MAVLINK_NO_CONVERSION_HELPERS
+#define MAVLINK_NO_SIGN_PACKET
+#define MAVLINK_NO_SIGNATURE_CHECK
+#include <uuv_hil/mavlink.h>
 
-#define SYSTEM UUV_HIL_MAVLINK_SYSTEM
-#define COMPONENT UUV_HIL_MAVLINK_COMPONENT
+#include "uuv_hil_stm32.h"
+
+#define SYSTEM 1
+#define COMPONENT 1
 #define PORT 0 /* the set of outputs on this link; others belong to other boards */
 #define HEARTBEAT_PERIOD_US 1000000u
 #define HEADER_SIZE 10u
 #define CRC_SIZE 2u
 #define SIGNED 0x01u
 #define SIGNATURE_SIZE 13u
-#define MAX_SENT_SIZE (HEADER_SIZE + MAVLINK_MSG_ID_FILE_TRANSFER_PROTOCOL_LEN + CRC_SIZE)
+#define MAX_SENT_SIZE (HEADER_SIZE + MAVLINK_MSG_ID_SYS_STATUS_LEN + CRC_SIZE)
 #define NOT_MEASURED_U16 0xFFFFu
 #define IGNORED 0xFFFFu
 #define RELEASED 0xFFFEu /* of channels 9 to 18; of the first eight it is 0 */
@@ -45,6 +50,12 @@ static bool is_valid(const uint8_t *packet, size_t size)
 }
 
 static const UuvHilFormat mavlink_format = {packet_size, is_valid, MAVLINK_STX};
+
+/* Return whether a packet with this target is for this component. */
+static bool is_for_us(uint8_t system, uint8_t component)
+{
+    return (system == 0 || system == SYSTEM) && (component == 0 || component == COMPONENT);
+}
 
 /* ---- sent messages ---- */
 
@@ -148,15 +159,6 @@ static void answer_timesync(UuvHilMavlink *mavlink, const UuvHilPlatform *platfo
     send_message(mavlink, platform, &message);
 }
 
-/* Answer the requests that a ground station sends to every vehicle. */
-static void answer_question(UuvHilMavlink *mavlink, const UuvHilPlatform *platform, const mavlink_message_t *packet)
-{
-    mavlink_status_t link_status = status(mavlink);
-    mavlink_message_t message;
-    if (uuv_hil_mavlink_answer(packet, &link_status, &message))
-        send_message(mavlink, platform, &message);
-}
-
 /* ---- commands: each function sets mavlink->command for the board, and returns whether it did ---- */
 
 /* Set the command's sequence number: advanced as the packet's is, or set back if the packet was overtaken. */
@@ -207,7 +209,7 @@ static bool handle_rc_channels_override(UuvHilMavlink *mavlink, const mavlink_me
 {
     mavlink_rc_channels_override_t rc;
     mavlink_msg_rc_channels_override_decode(packet, &rc);
-    if (!uuv_hil_mavlink_is_for_us(rc.target_system, rc.target_component))
+    if (!is_for_us(rc.target_system, rc.target_component))
         return false;
     const uint16_t requested[UUV_HIL_MAX_CHANNELS] = {
         rc.chan1_raw, rc.chan2_raw, rc.chan3_raw, rc.chan4_raw, rc.chan5_raw, rc.chan6_raw, rc.chan7_raw, rc.chan8_raw,
@@ -275,7 +277,7 @@ static bool handle_command_long(UuvHilMavlink *mavlink, const UuvHilPlatform *pl
 {
     mavlink_command_long_t requested;
     mavlink_msg_command_long_decode(packet, &requested);
-    if (!uuv_hil_mavlink_is_for_us(requested.target_system, requested.target_component))
+    if (!is_for_us(requested.target_system, requested.target_component))
         return false;
     uint8_t result = MAV_RESULT_UNSUPPORTED;
     bool is_changed = false;
@@ -301,7 +303,6 @@ static bool handle_packet(UuvHilMavlink *mavlink, const UuvHilPlatform *platform
         answer_timesync(mavlink, platform, packet, now_us);
         return false;
     default:
-        answer_question(mavlink, platform, packet);
         return false;
     }
 }

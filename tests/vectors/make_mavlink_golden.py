@@ -68,11 +68,6 @@ def sent_to_the_device() -> list[dict[str, Any]]:
             None,
         ),
         ("controls disarmed", HOST, controls(0, [1.0] * CHANNELS), False, NEUTRAL, None),
-        ("motor test in per cent", GROUND, long(209, 2, 0, 75, 1), True, [1500, 1700, *NEUTRAL[2:]], 0),
-        ("motor test by pulse", GROUND, long(209, 1, 1, 1600, 1), True, [1600, *NEUTRAL[1:]], 0),
-        ("motor test too long", GROUND, long(209, 1, 1, 1600, 31), True, [1600, *NEUTRAL[1:]], 2),
-        ("disarm", GROUND, long(400, 0), False, NEUTRAL, 0),
-        ("ask the version", GROUND, long(512, 148), False, NEUTRAL, 0),
         ("ask the time", GROUND, dialect.MAVLink_timesync_message(0, 1_234_567_890), False, NEUTRAL, None),
         (
             "what others say",

@@ -1,26 +1,16 @@
-"""Device end (thruster controller) of a MAVLink thruster link; a host or a ground station commands it.
+"""Device end (thruster controller) of a MAVLink thruster link; a host or a script commands it.
 
     SERVO_OUTPUT_RAW        all pulses; port 0, from a component of this system
     HIL_ACTUATOR_CONTROLS   all pulses, and whether armed; from a component of this system
     RC_CHANNELS_OVERRIDE    pulses of the channels that are not ignored; a released channel goes to neutral
-    MANUAL_CONTROL          x forward, y right, r yaw to the right (-1000..1000), z up (0..1000, 500 neutral, as
-                            ArduSub has it), mixed by `mix`; malformed without one. An axis of 32767 is neutral
     COMMAND_LONG            acknowledged, whatever it is:
       COMPONENT_ARM_DISARM  arming leaves the pulses as they are, which after disarming is neutral
       DO_SET_SERVO          one channel; rejected for the time being while disarmed
-      DO_MOTOR_TEST         one channel for up to 30 s, armed or not; the others are neutral, and at the end all are,
-                            disarmed. Per cent as in ArduSub: 0 full astern, 50 neutral, 100 full ahead. Without a
-                            time it lasts 0.5 s, also as in ArduSub: the ground station repeats it. Any other
-                            command ends the test
-      REQUEST_MESSAGE       AUTOPILOT_VERSION, also by its old name REQUEST_AUTOPILOT_CAPABILITIES
-    COMMAND_INT             acknowledged: COMMAND_LONG only
-    PARAM_*, MISSION_*,     answered at once, with empty lists: see ground_station.py
-    FILE_TRANSFER_PROTOCOL
 
 Commands are accepted from any sender, and the last one wins; `signing_key` restricts that to senders with the key. A
-command for some of the pulses leaves the others unchanged. All of these count as commands for the STM32's watchdog. A
-motor test is repeated every 50 ms by `feed`, which therefore has to be called at `deadline_ns` even without data;
-otherwise the watchdog ends the test.
+command for some of the pulses leaves the others unchanged. All of these count as commands for the STM32's watchdog.
+Joysticks, motor tests, parameters and missions of ground stations are the vehicle's: see hil.gateways.mavlink. The
+firmware in C executes the same, except HIL_ACTUATOR_CONTROLS and signatures.
 """
 
 from collections.abc import Callable, Sequence
@@ -40,10 +30,8 @@ from hil.links.mavlink.end import (
     sender,
     share_to_pulse,
 )
-from hil.links.mavlink.ground_station import GroundStationAnswers
 from hil.links.mavlink.outputs import Outputs
 from hil.links.mavlink.reports import (
-    encode_autopilot_version,
     encode_device_heartbeat,
     encode_esc_telemetry,
     encode_sys_status,
@@ -52,9 +40,6 @@ from hil.links.mavlink.servos import ServoOutputRaw
 from hil.links.mavlink.settings import EscReading, MavlinkSettings
 
 ESC_PERIOD_NS = NS_PER_S // 5
-TEST_LIMIT_S = 30.0  # ArduPilot's longest motor test
-TEST_DEFAULT_S = 0.5
-AXIS_INVALID = 0x7FFF
 IGNORED = 0xFFFF
 
 Result = tuple[int, ThrusterCommand | None]  # MAV_RESULT, and the command for the STM32
@@ -71,31 +56,18 @@ class MavlinkDevice(MavlinkEnd):
         self._esc_count = 0
         self._beat_ns = self._esc_ns = 0
         self._reported = ThrusterTelemetry(0, False, False, (PWM_NEUTRAL_US,) * channels, 0, 0, 0, 0)
-        self._outputs = Outputs(channels, clock)
+        self._outputs = Outputs(channels)
         self.handlers = {
             dialect.MAVLINK_MSG_ID_TIMESYNC: self.timesync,
             dialect.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW: self._servo_output_raw,
             dialect.MAVLINK_MSG_ID_HIL_ACTUATOR_CONTROLS: self._hil_actuator_controls,
             dialect.MAVLINK_MSG_ID_RC_CHANNELS_OVERRIDE: self._rc_channels_override,
-            dialect.MAVLINK_MSG_ID_MANUAL_CONTROL: self._manual_control,
             dialect.MAVLINK_MSG_ID_COMMAND_LONG: self._command_long,
-            dialect.MAVLINK_MSG_ID_COMMAND_INT: self._command_int,
         }
-        self._answers = GroundStationAnswers(settings.system).handlers
-        self.handlers |= dict.fromkeys(self._answers, self._answer_ground_station)
         self._commands: dict[int, Callable[[Any], Result]] = {
             dialect.MAV_CMD_COMPONENT_ARM_DISARM: self._arm_disarm,
             dialect.MAV_CMD_DO_SET_SERVO: self._set_servo,
-            dialect.MAV_CMD_DO_MOTOR_TEST: self._motor_test,
-            dialect.MAV_CMD_REQUEST_MESSAGE: self._request_message,
-            dialect.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES: self._send_version,
         }
-
-    def feed(self, data: bytes) -> list[Message]:
-        """Return due commands of a motor test, and the commands that `data` completes. Never raises."""
-        messages = [*self._outputs.step(), *super().feed(data)]
-        self._schedule()
-        return messages
 
     def encode(self, message: Message) -> bytes:
         """Return the packets of a report. Raises ValueError for another number of channels, or for a command."""
@@ -118,13 +90,8 @@ class MavlinkDevice(MavlinkEnd):
             self._esc_ns = next_due(self._esc_ns, ESC_PERIOD_NS, now_ns)
             self._esc_count += 1
             data += b"".join([self.pack(message) for message in encode_esc_telemetry(self.esc, self._esc_count)])
-        if now_ns >= self._outputs.wake_ns:
-            self._outputs.postpone(now_ns)
-        self._schedule()
+        self.deadline_ns = min(self._beat_ns, self._esc_ns)
         return data
-
-    def _schedule(self) -> None:
-        self.deadline_ns = min(self._beat_ns, self._esc_ns, self._outputs.wake_ns)
 
     def _state(self) -> bytes:
         return self.pack(encode_device_heartbeat(self._reported)) + self.pack(encode_sys_status(self._reported))
@@ -147,36 +114,13 @@ class MavlinkDevice(MavlinkEnd):
         pulses = [_overridden(i, width, self._outputs.pulses[i]) for i, width in enumerate(widths)]
         return self._outputs.set_pulses(pulses, self._outputs.armed, packet)
 
-    def _manual_control(self, packet: Any) -> ThrusterCommand | None:
-        if not self._is_addressed_here(packet.target):
-            return None
-        if not self.settings.mix:
-            self.counters.malformed += 1
-            return None
-        x, y, r = [0.0 if axis == AXIS_INVALID else axis / 1000 for axis in (packet.x, packet.y, packet.r)]
-        z = 0.0 if packet.z == AXIS_INVALID else (max(0, min(packet.z, 1000)) - 500) / 500
-        shares = [forward * x + right * y + up * z + yaw * r for forward, right, up, yaw in self.settings.mix]
-        return self._outputs.set_pulses(self._pulses(shares), self._outputs.armed, packet)
-
-    def _answer_ground_station(self, packet: Any) -> None:
-        if self._is_addressed_here(packet.target_system, packet.target_component):
-            for message in self._answers[packet.get_msgId()](packet):
-                self.reply(message)
-
-    def _command_int(self, packet: Any) -> None:
-        if self._is_addressed_here(packet.target_system, packet.target_component):
-            self._acknowledge(packet, dialect.MAV_RESULT_COMMAND_LONG_ONLY)
-
     def _command_long(self, packet: Any) -> ThrusterCommand | None:
         if not self._is_addressed_here(packet.target_system, packet.target_component):
             return None
         handle = self._commands.get(packet.command)
         result, command = handle(packet) if handle else (dialect.MAV_RESULT_UNSUPPORTED, None)
-        self._acknowledge(packet, result)
-        return command
-
-    def _acknowledge(self, packet: Any, result: int) -> None:
         self.reply(dialect.MAVLink_command_ack_message(packet.command, result, 0, 0, *sender(packet)))
+        return command
 
     def _arm_disarm(self, packet: Any) -> Result:
         if packet.param1 not in (0.0, 1.0):
@@ -192,32 +136,7 @@ class MavlinkDevice(MavlinkEnd):
         pulses = self._outputs.change(channel, round(width))
         return dialect.MAV_RESULT_ACCEPTED, self._outputs.set_pulses(pulses, True, packet)
 
-    def _motor_test(self, packet: Any) -> Result:
-        channel = self._channel(packet.param1)
-        pulse = self._test_pulse(packet.param2, packet.param3)
-        seconds = packet.param4 or TEST_DEFAULT_S
-        one_motor = packet.param5 in (0.0, 1.0)
-        if channel is None or pulse is None or not 0.0 < seconds <= TEST_LIMIT_S or not one_motor:
-            return dialect.MAV_RESULT_DENIED, None
-        return dialect.MAV_RESULT_ACCEPTED, self._outputs.start_test(channel, pulse, seconds, packet)
-
-    def _test_pulse(self, kind: float, throttle: float) -> int | None:
-        if kind == dialect.MOTOR_TEST_THROTTLE_PERCENT and 0.0 <= throttle <= 100.0:
-            return share_to_pulse((throttle - 50.0) / 50.0, self.settings.span_us)
-        if kind == dialect.MOTOR_TEST_THROTTLE_PWM and is_pulse(throttle):
-            return round(throttle)
-        return None
-
-    def _request_message(self, packet: Any) -> Result:
-        if packet.param1 != dialect.MAVLINK_MSG_ID_AUTOPILOT_VERSION:
-            return dialect.MAV_RESULT_DENIED, None
-        return self._send_version(packet)
-
-    def _send_version(self, _: Any) -> Result:
-        self.reply(encode_autopilot_version())
-        return dialect.MAV_RESULT_ACCEPTED, None
-
-    def _is_addressed_here(self, system: int, component: int = 0) -> bool:
+    def _is_addressed_here(self, system: int, component: int) -> bool:
         return system in (0, self.settings.system) and component in (0, self.component)
 
     def _channel(self, instance: float) -> int | None:

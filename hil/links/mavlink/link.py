@@ -11,9 +11,8 @@ Messages (mavlink.io/en/messages/common.html and ardupilotmega.html):
                      HEARTBEAT, SYS_STATUS   1 Hz, and ahead of the report when armed or timed out change
                      ESC_TELEMETRY_n_TO_m    5 Hz, if the device has readings of its ESCs
 
-The device also accepts commands of a ground station: MANUAL_CONTROL and, as COMMAND_LONG, DO_SET_SERVO,
-DO_MOTOR_TEST and REQUEST_MESSAGE; each COMMAND_LONG is acknowledged, see `hil.links.mavlink.device`. Both
-ends answer TIMESYNC. Messages for other addresses are ignored.
+The device also executes DO_SET_SERVO, and acknowledges each COMMAND_LONG, see `hil.links.mavlink.device`. Both ends
+answer TIMESYNC. Messages for other addresses are ignored.
 
 Arming. SERVO_OUTPUT_RAW and RC_CHANNELS_OVERRIDE do not carry it. So the host sends COMPONENT_ARM_DISARM before each
 command while the device's HEARTBEAT differs; the two then agree again after a lost message or a watchdog trip.
@@ -53,14 +52,12 @@ def open_mavlink(
 ) -> Protocol:
     """Return one end of a MAVLink thruster link for 1 to 16 thrusters; `settings` are those of `MavlinkSettings`.
 
-    `clock` (monotonic, ns) stamps reports and times motor tests; it is the clock of `tick`. `wall_clock` (ns since
+    `clock` (monotonic, ns) stamps reports; it is the clock of `tick`. `wall_clock` (ns since
     1970) gives the first signature its timestamp. Raises ConfigError; MissingExtraError without pymavlink.
     """
     agreed = parse(settings, MavlinkSettings, "mavlink")
     if not 1 <= channels <= MAX_THRUSTERS:
         raise ConfigError(f"mavlink carries 1 to {MAX_THRUSTERS} thrusters, not {channels}")
-    if agreed.mix and len(agreed.mix) != channels:
-        raise ConfigError(f"mavlink: mix: has {len(agreed.mix)} rows for {channels} thrusters")
     try:
         from hil.links.mavlink.device import MavlinkDevice
         from hil.links.mavlink.host import MavlinkHost

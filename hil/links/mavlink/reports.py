@@ -1,4 +1,4 @@
-"""Status messages of the ends of a MAVLink thruster link: heartbeat, system status, version, ESC telemetry."""
+"""Status messages of the ends of a MAVLink thruster link: heartbeat, system status, ESC telemetry."""
 
 import math
 from collections.abc import Sequence
@@ -6,7 +6,6 @@ from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from hil.common import __version__
 from hil.links.contract import ThrusterTelemetry
 from hil.links.mavlink.settings import EscReading
 
@@ -66,24 +65,6 @@ def encode_sys_status(report: ThrusterTelemetry) -> Any:
         errors_count2=report.frames,
         errors_count3=0,
         errors_count4=0,
-    )
-
-
-def encode_autopilot_version() -> Any:
-    """Return AUTOPILOT_VERSION: the version of this software, and the capability MAVLink 2."""
-    numbers = [int(part) for part in __version__.split(".") if part.isdigit()] + [0, 0, 0]
-    return dialect.MAVLink_autopilot_version_message(
-        capabilities=dialect.MAV_PROTOCOL_CAPABILITY_MAVLINK2,
-        flight_sw_version=numbers[0] << 24 | numbers[1] << 16 | numbers[2] << 8 | dialect.FIRMWARE_VERSION_TYPE_DEV,
-        middleware_sw_version=0,
-        os_sw_version=0,
-        board_version=0,
-        flight_custom_version=[0] * 8,
-        middleware_custom_version=[0] * 8,
-        os_custom_version=[0] * 8,
-        vendor_id=0,
-        product_id=0,
-        uid=0,
     )
 
 

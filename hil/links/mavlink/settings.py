@@ -5,17 +5,15 @@ from typing import Annotated, Literal, NamedTuple
 from hil.common.schema import Range
 
 Id = Annotated[int, Range(1, 255)]
-MixShare = Annotated[float, Range(-1.0, 1.0)]
 
 
 class MavlinkSettings(NamedTuple):
-    """Settings of both ends; the host alone uses `command`, the device alone `mix`.
+    """Settings of both ends; the host alone uses `command`.
 
     system, component: the device's ids; the host is `host_component` of the same system (191: onboard computer).
     Messages without an address are accepted only within that system.
-    span_us: distance from neutral of +-1 (HIL_ACTUATOR_CONTROLS, MANUAL_CONTROL) and of 0 and 100 % (DO_MOTOR_TEST);
-    400 us is full thrust of Blue Robotics' Basic ESC and ArduSub's default.
-    mix: for MANUAL_CONTROL, a row for each thruster: its share (-1..1) of forward, right, up and yaw to the right.
+    span_us: distance from neutral of +-1 (HIL_ACTUATOR_CONTROLS); 400 us is full thrust of Blue Robotics' Basic ESC and
+    ArduSub's default.
     signing_key: 64 hexadecimal digits, or a passphrase whose SHA-256 is the key; empty: packets are not signed.
     """
 
@@ -24,7 +22,6 @@ class MavlinkSettings(NamedTuple):
     component: Id = 1
     host_component: Id = 191
     span_us: Annotated[int, Range(1, 700)] = 400
-    mix: tuple[tuple[MixShare, MixShare, MixShare, MixShare], ...] = ()
     signing_key: str = ""
 
     def validate(self) -> str | None:

@@ -48,7 +48,7 @@ def test_a_copy_is_the_same_scenario_and_replaces_no_file(capsys: pytest.Capture
     [
         ("link.baud=1200", "problem", "use at least"),
         ("link.options.x=3", "problem", 'link: options: x: protocol = "frame" has none'),
-        ('link={protocol="mavlink", options={mx=3}}', "problem", "link: mavlink: no key 'mx'; did you mean 'mix'?"),
+        ('link={protocol="mavlink", options={sytem=3}}', "problem", "no key 'sytem'; did you mean 'system'?"),
         ("master.goal=[45, 45]", "problem", "inside an obstacle"),
         ("master.goal=[5000, 5000]", "problem", "outside the map"),
         ("start.depth=500", "problem", "cannot start at"),

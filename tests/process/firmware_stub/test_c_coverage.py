@@ -17,8 +17,6 @@ PORTABLE = {
     "frame.c",
     "firmware.c",
     "mavlink.c",
-    "mavlink_answers.c",
-    "mavlink_messages.h",
     "vesc.c",
 }
 

@@ -286,8 +286,6 @@ def test_an_end_refuses_to_send_a_wrong_kind_or_number() -> None:
         ({"channels": 0}, "1 to 16 thrusters, not 0"),
         ({"command": "servo_output"}, "command: .*did you mean 'servo_output_raw'"),
         ({"component": 191}, "component and host_component are the same"),
-        ({"mix": [[1.0, 0.0, 0.0, 0.0]]}, "mix: has 1 rows for 4 thrusters"),
-        ({"mix": [[1.0, 0.0, 0.0]] * 4}, r"mix\[0\]: expected 4 values"),
     ],
 )
 def test_wrong_settings_are_named(settings: dict[str, Any], message: str) -> None:
