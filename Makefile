@@ -5,6 +5,8 @@
 # make coverage  run the unit tests alone and tell which share of the lines they run
 # make search  run the random tests with eight times as many examples, from SEED
 # make lint    check style and types
+# make mutants change the code in small ways, SAMPLE in each of four rooms, and see whether tests notice
+# make constraints  renew the versions that CI installs
 # make docs    build the documentation into site/index.html
 # make clean   remove what these have made
 # Each sets up what it needs in a virtual environment of its own: VENV=.venv. JOBS=N tests run at a time.
@@ -13,12 +15,15 @@ PYTHON ?= python3
 VENV ?= .venv
 PACKAGES = hil sim boards firmware_stub
 SEED ?= 1
+SAMPLE ?= 25
+# A file of versions to install, as CI does; without one the newest are installed.
+CONSTRAINTS ?=
 NATIVE = sim/native hil/slave/native
 BIN = $(VENV)/bin
 # Parts of the check, one after the other: a test that fails beside others runs once more, alone (tools/check.py).
 CHECK = $(BIN)/python -m tools.check $(JOBS:%=--jobs %) --seed $(SEED)
 
-.PHONY: demo test check coverage search lint docs clean help
+.PHONY: demo test check coverage search lint mutants constraints docs clean help
 .DEFAULT_GOAL = demo
 
 demo: $(VENV)/.run
@@ -36,6 +41,13 @@ check: $(VENV)/.dev
 coverage: $(VENV)/.dev
 	$(BIN)/python -m pytest -n $(or $(JOBS),auto) tests/unit $(PACKAGES:%=--cov=%) --cov-report=term:skip-covered --durations=0
 
+mutants: $(VENV)/.dev
+	$(BIN)/python -m tools.mutants --sample $(SAMPLE) --seed $(SEED)
+
+constraints:
+	{ sed 1q .ci/constraints.txt; uv pip compile pyproject.toml --extra dev --universal --python-version 3.10 \
+	  --upgrade --no-annotate --no-header --quiet; } > .ci/constraints.new && mv .ci/constraints.new .ci/constraints.txt
+
 docs: $(VENV)/.docs
 	@NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --strict --quiet
 	@echo "open site/index.html"
@@ -50,7 +62,7 @@ $(VENV)/.run $(VENV)/.dev $(VENV)/.docs: pyproject.toml hatch_build.py c_extensi
 	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV) \
 	  || { echo "no virtual environment: sudo apt install python3-venv"; rm -rf $(VENV); exit 1; }
 	@echo "installing into $(VENV) (once)"
-	@$(BIN)/python -m pip install --quiet --disable-pip-version-check -e '.[$(EXTRA)]'
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check $(CONSTRAINTS:%=-c %) -e '.[$(EXTRA)]'
 	@$(BIN)/python -m compileall -q $(PACKAGES)
 	@test $(EXTRA) != dev || PYTHONDONTWRITEBYTECODE= $(BIN)/python -m pytest --collect-only -qq tests/process tests/unit >/dev/null
 	@touch $@
