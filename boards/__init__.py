@@ -3,7 +3,7 @@
 A file gives the source of every number: every table has a `source`, and every number outside a table an entry in
 `sources`. "unverified" at the beginning of a source marks a common statement that no document confirmed.
 
-Public: `load_board`, `detect`. It imports only `hil.common`, and must not know the slave or the commands.
+Public: `load_board` and every module here. It imports only `hil.common`, and must not know the slave or the commands.
 """
 
 from typing import Annotated, Literal, NamedTuple

@@ -1,7 +1,8 @@
 """The simulator: vehicle, environment, sensors, and the step that advances them.
 
-Public: the names below, each imported on first use, and `sim.assembly`. It must not do input or output, start threads
-or read a clock: time comes in as an argument.
+Public: the names below, each imported on first use, and `sim.assembly`; also `dynamics`, `forces`, `geodesy`,
+`interpolation`, `matrices`, `rotations`, `run_events`, `simulation`, `tether`. It must not do input or output, start
+threads or read a clock: time comes in as an argument.
 """
 
 from hil.common.public import public_name

@@ -1,4 +1,5 @@
 """Worlds from charts and soundings: read them, grid depths, place hazards, write files for other simulators.
 
-Public: `hil.charts.build`. The slave must not import this package: it loads a world from its file.
+Public: `build`, `build_process`, `chart_survey`, `describe`, `grid`, `picture`, `world_file`. The slave must not import
+this package: it loads a world from its file.
 """

@@ -1,5 +1,5 @@
 """Findings about a machine: whether it can run a scenario, and the remedies if it cannot.
 
-Public: `hil.doctor.findings`, and `scenario.check` for scenarios. It must not change anything on the machine, nor know
-the command that called it.
+Public: every module here, and `scenario.check` for scenarios. It must not change anything on the machine, nor know the
+command that called it.
 """

@@ -1,4 +1,4 @@
 """Install slaves: as a service on a board, with its removal, and as processes of a fleet on other machines, by ssh.
 
-Public: `hil.install.units`, `hil.install.fleet`. It must not know what a slave does.
+Public: every module here. It must not know what a slave does.
 """

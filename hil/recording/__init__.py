@@ -1,4 +1,5 @@
 """Recordings in MCAP: write, read, index, receive from the network, play back, check a run bit by bit.
 
-Public: `hil.recording.recorder`, `hil.recording.reader`. It must not know the slave's loop.
+Public: `recorder`, `reader`, `check`, `events`, `mcap_file`, `mcap_writer`, `player`, `run`, `stamps`, `tap`. It must
+not know the slave's loop.
 """

@@ -1,4 +1,4 @@
 """The vehicle daemon on the board: the real-time loop, commands in, samples out, STM32 drivers, health.
 
-Public: `hil.slave.daemon`. It must not know planners; the loop must never call the network.
+Public: `daemon`, `pilot`. It must not know planners; the loop must never call the network.
 """

@@ -1,4 +1,5 @@
 """Vehicles: records read from TOML, hull, thrusters, fins, ballast, battery, failures, URDF import.
 
-Public: `sim.vehicle.vehicle.load_vehicle`. It must not use the environment.
+Public: `vehicle.load_vehicle`, `accessories`, `ballast`, `battery`, `body_lift`, `collision_shape`, `equipment`,
+`failures`, `fins`, `mesh_files`, `meshes`, `terminal_speed`. It must not use the environment.
 """

@@ -26,6 +26,12 @@ def test_imports_go_from_higher_to_lower_floors() -> None:
     assert not rooms.arrows() & APART
 
 
+def test_a_room_imports_from_another_only_what_that_names_as_public() -> None:
+    across = {(one, other) for one, others in rooms.graph().items() for other in others if not rooms.is_public(other)}
+    assert [f"{one} -> {other}" for one, other in across if rooms.room(one) != rooms.room(other)] == []
+    assert sum(not rooms.is_public(module) for module, _ in rooms.modules()) > 200
+
+
 def test_rooms_of_one_floor_do_not_import_each_other_mutually() -> None:
     arrows = rooms.arrows()
     assert not [pair for pair in arrows if pair[::-1] in arrows]

@@ -5,6 +5,7 @@ or from lower ones, also in annotations and in functions. tests/unit/test_rooms.
 """
 
 import ast
+import re
 from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
@@ -95,6 +96,28 @@ def graph(packages: tuple[str, ...] = PACKAGES) -> dict[str, set[str]]:
             if name and name != module:
                 edges[module].add(name)
     return edges
+
+
+def is_public(module: str) -> bool:
+    """Return whether another room may import a module: the `__init__` of its folder names it as public.
+
+    It does so in backticks behind "Public:". "every module here" names those of the folders inside too.
+    """
+    files = dict(modules())
+    folder, _, name = module.rpartition(".")
+    if files[module].name == "__init__.py" or module in FLOOR:
+        return True
+    names = {word.removeprefix(f"{folder}.").partition(".")[0] for word in re.findall("`(.*?)`", _interface(folder))}
+    parts = folder.split(".")
+    above = [".".join(parts[:count]) for count in range(1, len(parts) + 1)]
+    return name in names or any("every module here" in _interface(each) for each in above)
+
+
+@cache
+def _interface(folder: str) -> str:
+    """Return what the `__init__` of a folder says behind "Public:", up to what it must not know."""
+    text = (ROOT / Path(*folder.split("."), "__init__.py")).read_text(encoding="utf-8")
+    return (ast.get_docstring(ast.parse(text)) or "").partition("Public:")[2].partition("must not")[0]
 
 
 def arrows() -> set[tuple[str, str]]:
