@@ -5,8 +5,7 @@ command and of its answer take at the line's speed: no link can be faster.
 """
 
 import select
-from abc import ABC, abstractmethod
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from typing import NamedTuple
 
 from hil.common.clock import NEVER_NS, NS_PER_MS, NS_PER_S, RateKeeper, now_ns
@@ -68,95 +67,40 @@ class Result(NamedTuple):
         return self.counters["bytes_out"] / self.seconds, self.counters["bytes_in"] / self.seconds
 
 
-class _DeviceEnd(ABC):
-    """The other end of the link."""
+class Jumper:
+    """TX wired to RX, in place of a driver: everything sent is received. Commands are recognised by their pulses."""
 
-    port: str
-    counters: Counters
-
-    @abstractmethod
-    def descriptors(self) -> list[int]:
-        """Return the descriptors to wait on."""
-
-    @abstractmethod
-    def deadline_ns(self) -> int:
-        """Return when `read_answered` has to be called even without received bytes."""
-
-    @abstractmethod
-    def send(self, command: ThrusterCommand) -> None:
-        """Send a command."""
-
-    @abstractmethod
-    def read_answered(self, now: int) -> Iterator[int]:
-        """Return the sequence numbers of the commands that have been answered."""
-
-    @abstractmethod
-    def close(self) -> None:
-        """Close the devices."""
-
-
-class _Stm32(_DeviceEnd):
-    """An STM32 of any kind."""
-
-    def __init__(self, plan: Plan, report: Callable[[str], None]) -> None:
-        self._driver: ThrusterDriver = open_driver(plan.stm32, plan.link, plan.channels, True, plan.seed, report)
-        self.port = self._driver.port
-
-    @property
-    def counters(self) -> Counters:  # type: ignore[override]
-        assert self._driver.host is not None
-        return self._driver.host.counters
-
-    def descriptors(self) -> list[int]:
-        return self._driver.descriptors
-
-    def deadline_ns(self) -> int:
-        return self._driver.deadline_ns
-
-    def send(self, command: ThrusterCommand) -> None:
-        self._driver.send(command)
-
-    def read_answered(self, now: int) -> Iterator[int]:
-        return (telemetry.sequence for telemetry in self._driver.service(now))
-
-    def close(self) -> None:
-        self._driver.close()
-
-
-class _Jumper(_DeviceEnd):
-    """TX wired to RX: everything sent is received. Commands are recognised by their pulses."""
+    deadline_ns = NEVER_NS
 
     def __init__(self, plan: Plan) -> None:
         link = plan.link
         wire = with_faults(open_address(link.port, "host", link.baud, link.bitrate), link, plan.seed)
-        self.port = wire.name
+        self.port, self.descriptors = wire.name, [wire.fileno()]
         self._link = ThrusterLink(wire, end_protocol(link, "host", plan.channels))
         self._receiver = end_protocol(link, "device", plan.channels)  # it receives and does not answer
-        self._sent: dict[tuple[int, ...], int] = {}
+        self._sent: dict[tuple[int, ...], ThrusterCommand] = {}
 
     @property
-    def counters(self) -> Counters:  # type: ignore[override]
+    def counters(self) -> Counters:
+        """What was sent and received."""
         self._receiver.counters.bytes_out = self._link.counters.bytes_out
         return self._receiver.counters
 
-    def descriptors(self) -> list[int]:
-        return [self._link.wire.fileno()]
-
-    def deadline_ns(self) -> int:
-        return NEVER_NS
-
     def send(self, command: ThrusterCommand) -> None:
-        self._sent[command.pwm_us] = command.sequence
+        """Send a command."""
+        self._sent[command.pwm_us] = command
         self._link.send(command)
 
-    def read_answered(self, now: int) -> Iterator[int]:
+    def service(self, _now: int) -> list[ThrusterCommand]:
+        """Return the commands that have come back."""
         data = self._link.wire.read()
         self._receiver.counters.bytes_in += len(data)
         commands = [m.pwm_us for m in self._receiver.feed(data) if isinstance(m, ThrusterCommand)]
         self._receiver.counters.messages_in += len(commands)
-        return (self._sent[pulses] for pulses in commands if pulses in self._sent)
+        return [self._sent[pulses] for pulses in commands if pulses in self._sent]
 
     def close(self) -> None:
+        """Close the wire."""
         self._link.close()
 
 
@@ -165,7 +109,11 @@ def run(plan: Plan, report: Callable[[str], None], progress: Callable[[int, int]
 
     KeyboardInterrupt ends it early, with the result so far. Raises ConfigError, DeviceError, MissingExtraError.
     """
-    far: _DeviceEnd = _Jumper(plan) if plan.stm32 == "jumper" else _Stm32(plan, report)
+    far: ThrusterDriver | Jumper
+    if plan.stm32 == "jumper":
+        far = Jumper(plan)
+    else:
+        far = open_driver(plan.stm32, plan.link, plan.channels, True, plan.seed, report)
     test = _Test(plan, far)
     try:
         test.run(progress)
@@ -179,7 +127,7 @@ def run(plan: Plan, report: Callable[[str], None], progress: Callable[[int, int]
 class _Test:
     """One run: the commands on their way, and the echoes."""
 
-    def __init__(self, plan: Plan, far: _DeviceEnd) -> None:
+    def __init__(self, plan: Plan, far: ThrusterDriver | Jumper) -> None:
         self._plan = plan
         self._far = far
         self._waiting: dict[int, int] = {}  # sequence -> when it was sent
@@ -197,10 +145,10 @@ class _Test:
             if now < end and (schedule.due(now) if self._plan.rate else not self._waiting):
                 self._send()
                 self._receive()  # an STM32 in this process answers at once, without a descriptor to wait on
-            wake = min(schedule.deadline_ns if now < end else end + LOST_NS, self._far.deadline_ns())
+            wake = min(schedule.deadline_ns if now < end else end + LOST_NS, self._far.deadline_ns)
             if not self._plan.rate and self._waiting:
-                wake = min(now + LOST_NS, self._far.deadline_ns())
-            select.select(self._far.descriptors(), (), (), max(0, wake - now_ns()) / NS_PER_S)
+                wake = min(now + LOST_NS, self._far.deadline_ns)
+            select.select(self._far.descriptors, (), (), max(0, wake - now_ns()) / NS_PER_S)
             self._receive()
             if progress and now - shown_ns > NS_PER_S:
                 shown_ns = now
@@ -215,7 +163,7 @@ class _Test:
         self._far.send(ThrusterCommand(sequence, self._plan.spin, pulses))
 
     def _receive(self) -> None:
-        answered = list(self._far.read_answered(now_ns()))
+        answered = [message.sequence for message in self._far.service(now_ns())]
         now = now_ns()
         for sequence in answered:
             if sequence in self._waiting:
@@ -225,7 +173,9 @@ class _Test:
 
     def result(self) -> Result:
         """Return the figures of the commands sent so far."""
-        trips, counters = sorted(self._trips_ns), self._far.counters
+        end = self._far if isinstance(self._far, Jumper) else self._far.host
+        assert end is not None
+        trips, counters = sorted(self._trips_ns), end.counters
         seconds = max(now_ns() - self._began, 1) / NS_PER_S
         p50, p99, longest = (quantile(trips, share) / NS_PER_MS for share in (0.5, 0.99, 1.0))
         sent = self._sent - counters.replaced  # what a slow line did not take was never sent

@@ -239,9 +239,14 @@ def feed(
 
 
 def _input(rng: random.Random, sound: bytes, unit: int) -> bytes:
-    """Return noise, or the valid payload with bits flipped, cut, doubled, or with numbers replaced by huge ones."""
+    """Return noise, or the valid payload, mutated."""
     if rng.random() < 0.3:
         return rng.randbytes(rng.randrange(LONGEST // unit) * unit)
+    return mutate(rng, sound, unit)[: 4 * LONGEST // unit * unit]
+
+
+def mutate(rng: random.Random, sound: bytes, unit: int = 1) -> bytes:
+    """Return bytes with up to three faults: a bit flipped, a part cut off, doubled or lost, a number huge."""
     data = bytearray(sound)
     for _ in range(rng.randrange(4)):
         offset = rng.randrange(len(data) + 1)
@@ -257,5 +262,4 @@ def _input(rng: random.Random, sound: bytes, unit: int) -> bytes:
             del data[start : start + unit]
         elif offset + 4 <= len(data):
             data[offset : offset + 4] = rng.choice((b"\xff\xff\xff\xff", b"\x00\x00\xf0\x7f", b"\xff\xff\xff\x7f"))
-        del data[4 * LONGEST // unit * unit :]
     return bytes(data)

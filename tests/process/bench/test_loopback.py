@@ -15,12 +15,13 @@ from typing import Any
 
 import pytest
 
-from hil.bench.loopback import Plan, _Stm32, _Test, wire_ms
+from hil.bench.loopback import Plan, _Test, wire_ms
 from hil.cli import main
 from hil.common.clock import NS_PER_S
 from hil.links.wires.faults import Faults
 from hil.links.wires.terminal import PtyWire
 from hil.scenario.records import Link
+from hil.slave.drivers.driver import open_driver
 from tests.support.links.link_contract import nothing_leaks, wait_readable
 from tests.support.processes import Program
 
@@ -71,7 +72,7 @@ def test_the_rest_of_the_period_does_not_count_as_round_trip_time(capsys: pytest
 
 def test_p99_of_a_hundred_round_trips_is_not_the_maximum() -> None:
     plan = Plan("python", Link(options={}), 6, 50.0, 1.0, False)
-    test = _Test(plan, _Stm32(plan, print))
+    test = _Test(plan, open_driver("python", plan.link, 6, True, 1, print))
     with closing(test._far):
         test._trips_ns = [number * 1_000_000 for number in range(100, 0, -1)]
         result = test.result()
