@@ -162,8 +162,7 @@ typedef enum {
 /* ---- mavlink.c: the device's end of hil/links/mavlink/link.py, on the headers that pymavlink generates. It applies
  * SERVO_OUTPUT_RAW, RC_CHANNELS_OVERRIDE and, as COMMAND_LONG, COMPONENT_ARM_DISARM and DO_SET_SERVO; it sends
  * SERVO_OUTPUT_RAW as report, HEARTBEAT and SYS_STATUS once a second and when armed or timed out change,
- * COMMAND_ACK, and answers to TIMESYNC and to a ground station's questions for parameters (one), missions (none) and
- * files (refused). It is component 1 of system 1, and checks no signatures.
+ * COMMAND_ACK, and answers to TIMESYNC. It is component 1 of system 1, and checks no signatures.
  * without_mavlink.c replaces it if pymavlink is not installed. ---- */
 
 typedef struct {

@@ -8,13 +8,15 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from hil.common.clock import NS_PER_US
 from hil.gateways.mavlink.snapshot import Context, Snapshot
+from hil.links.contract import MAX_THRUSTERS
+from hil.links.mavlink.reports import encode_esc_telemetry
+from hil.links.mavlink.settings import EscReading
 from hil.ros.joints import MotorState
 
 U16 = 0xFFFF
 DEGE7 = 1e7
 G0 = 9.80665  # m/s^2
 GAUSS_PER_TESLA = 1e4
-ESCS = 4  # of one ESC_TELEMETRY_1_TO_4
 NO_TEMPERATURE = 2000  # cdegC: the water's temperature is not measured
 Builder = Callable[[Snapshot, Context], Any]
 
@@ -130,33 +132,13 @@ def gps_raw(s: Snapshot, c: Context) -> Any:
 
 
 def esc_telemetry(s: Snapshot, _: Context) -> list[Any]:
-    """Return ESC_TELEMETRY_1_TO_4 and its like; what is not known is 0, their "none"."""
-    volts = [clip(100.0 * s.battery.voltage, U16) if s.battery else 0] * ESCS
-    none = [0] * ESCS
-    kinds = (
-        dialect.MAVLink_esc_telemetry_1_to_4_message, dialect.MAVLink_esc_telemetry_5_to_8_message,
-        dialect.MAVLink_esc_telemetry_9_to_12_message, dialect.MAVLink_esc_telemetry_13_to_16_message,
-    )  # fmt: skip
-    messages = []
-    for kind, four in zip(kinds, _fours(s), strict=False):
-        currents = [clip(100.0 * abs(motor.current), U16) for motor in four]
-        messages.append(kind(none, volts, currents, none, [min(abs(_turns(motor)), U16) for motor in four], none))
-    return messages
-
-
-def _fours(s: Snapshot) -> list[list[MotorState]]:
-    """Return the motors in fours, the last ones filled up; none while nothing is known of them but their pulses."""
+    """Return ESC_TELEMETRY_1_TO_4 and its like; none while nothing is known of the motors but their pulses."""
     motors = list(s.motors) or [MotorState(pulse, math.nan, math.nan) for pulse in s.pulses]
     if not s.battery and all(math.isnan(motor.speed) and math.isnan(motor.current) for motor in motors):
         return []
-    blank = MotorState(0.0, math.nan, math.nan)
-    motors += [blank] * (-len(motors) % ESCS)
-    return [motors[first : first + ESCS] for first in range(0, len(motors), ESCS)]
-
-
-def _turns(motor: MotorState) -> int:
-    """Return turns a minute, with the sign of the thrust; 0 if not known."""
-    return 0 if math.isnan(motor.speed) else round(motor.speed * 60.0 / math.tau)
+    volts = s.battery.voltage if s.battery else 0.0
+    readings = [EscReading(motor.speed, volts, abs(motor.current), 0.0, 0.0) for motor in motors[:MAX_THRUSTERS]]
+    return encode_esc_telemetry(readings, 0)
 
 
 def remaining(s: Snapshot) -> int:

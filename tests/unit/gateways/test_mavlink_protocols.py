@@ -205,7 +205,7 @@ def test_esc_reports_cover_all_thrusters() -> None:
     bench.vehicle.battery = BatterySample(0, 15.9, 2.0, 100.0, 50.0, False)
     bench.run(2.0)
     first, second = (bench.partner.take_messages(f"ESC_TELEMETRY_{four}") for four in ("1_TO_4", "5_TO_8"))
-    assert list(first[0].voltage) == list(second[0].voltage) == [1590] * 4
+    assert [*first[0].voltage, *second[0].voltage] == [1590] * 6 + [0] * 2
     assert not bench.partner.take_messages("ESC_TELEMETRY_9_TO_12")
 
 

@@ -4,12 +4,11 @@ It has neither clock nor sockets: `step` is called with the time, some 20 times 
 send, or None to send nothing, upon which the vehicle's own deadman stops the thrusters.
 """
 
-from typing import Protocol
-
 from hil.autonomy.control.controller import VelocityCommand
 from hil.client.samples import State
 from hil.common.clock import NS_PER_S, seconds_ns
 from hil.gateways.mavlink.flight import guidance
+from hil.gateways.mavlink.flight.mission_flight import MissionFlight
 from hil.gateways.mavlink.flight.modes import MODES, PILOTED, Mode
 from hil.gateways.mavlink.flight.sticks import CENTRED, Joystick
 from hil.gateways.mavlink.flight.targets import Target
@@ -22,20 +21,10 @@ TARGETED = (Mode.STABILIZE, Mode.ALT_HOLD, Mode.POSHOLD)  # modes beside Guided 
 NEUTRALS = 3  # commands of no thrust that follow disarming
 
 
-class Mission(Protocol):
-    """The mission as mode Auto flies it."""
-
-    def begin(self) -> str:
-        """Begin or resume; return why that cannot be, "" if it can."""
-
-    def step(self, state: State, now: int) -> Target | None:
-        """Return where to go; None to stay where the vehicle is."""
-
-
 class Pilot:
     """The modes of one vehicle. `texts` collects messages for a person: severity (MAV_SEVERITY) and text."""
 
-    def __init__(self, parameters: ParameterTable, mission: Mission) -> None:
+    def __init__(self, parameters: ParameterTable, mission: MissionFlight) -> None:
         self._parameters, self._mission = parameters, mission
         self.joystick = Joystick(parameters)
         self.mode = self.intended = Mode.MANUAL
