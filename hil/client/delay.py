@@ -3,6 +3,7 @@
 from array import array
 from typing import NamedTuple
 
+from hil.common.clock import NS_PER_S
 from hil.common.quantiles import quantile
 from hil.network.clock_offset import ClockOffset, Estimate
 
@@ -10,6 +11,7 @@ HOPS = ("network", "wake-up", "control", "link encode", "wire and STM32")
 INSTANTS = 7  # length of a trace
 HISTORY = 1 << 8  # windows stored for the clock offset, a second each
 LONG_HISTORY = 1 << 16  # for 18 hours of a recording
+LONGEST_NS = 60 * NS_PER_S  # from command to trace by one clock; more, or less than 0, means that the clock was set
 UNSURE = 0.75  # share of a delay; a larger uncertainty of the clock offset makes it doubtful
 MIN_COMMANDS = 1 << 11  # least number of commands stored: 100 s at 20 Hz; full within minutes, and so bounded
 WIDTH = 1 + len(HOPS)  # numbers stored for a command
@@ -55,7 +57,7 @@ class DelayMeter:
         self._left_out = 0
         self._rows = array("q")  # 48 bytes a command, where a list of samples has 370
         self.clock = ClockOffset(LONG_HISTORY if min_commands > MIN_COMMANDS else HISTORY)
-        self.malformed = 0
+        self.malformed = 0  # traces that cannot be, or during which a clock was set
         self.same_clock = True
 
     def add(self, instants: list[int], sent_ns: int, received_ns: int) -> None:
@@ -65,6 +67,9 @@ class DelayMeter:
             return
         _, published, received, taken, written, applied, computed = instants
         hops = (received - published, taken - received, computed - taken, written - computed, applied - written)
+        if not (0 <= received_ns - published < LONGEST_NS and 0 <= sent_ns - received < LONGEST_NS):
+            self.malformed += 1
+            return
         try:
             self._rows.extend(array("q", (published, *hops)))
         except OverflowError:  # instants of another program that cannot be times

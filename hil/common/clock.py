@@ -1,7 +1,7 @@
 """Monotonic time, the rate keeper with absolute deadlines, and the setup of real-time processes.
 
-Time is integer ns of the monotonic clock. On the network it is shifted to the wall clock by the offset at start-up. So
-two processes on one machine agree, and a step of the wall clock while they run does not falsify a measured delay.
+Time is integer ns of the monotonic clock. What leaves the process is stamped with the wall clock, and follows it when
+that is set: a board without a clock chip starts in the past and is set when the network comes.
 """
 
 import gc
@@ -21,17 +21,44 @@ NEVER_NS = 1 << 63  # later than any time
 
 now_ns = time.monotonic_ns  # CLOCK_MONOTONIC: the same clock in every process of one machine
 
-_WALL_OFFSET_NS = time.time_ns() - now_ns()
+SET_NS = 500_000  # a larger change of the offset means that the wall clock was set; NTP slews both clocks alike
+
+
+def wall_offset_ns() -> int:
+    """Return the wall clock (ns since 1970) minus the monotonic clock; the reading with the shortest gap of three."""
+    readings = []
+    for _ in range(3):
+        before = now_ns()
+        wall = time.time_ns()
+        after = now_ns()
+        readings.append((after - before, wall - (before + after) // 2))
+    return min(readings)[1]
+
+
+class _Wall:
+    """The present offset, read again when it seems to have changed; a pause between two readings is no change."""
+
+    offset_ns = wall_offset_ns()
+
+    def present_ns(self) -> int:
+        if abs(time.time_ns() - now_ns() - self.offset_ns) > SET_NS:
+            found = wall_offset_ns()
+            if abs(found - self.offset_ns) > SET_NS:
+                self.offset_ns = found
+        return self.offset_ns
+
+
+_wall = _Wall()
 
 
 def to_wall_ns(monotonic_ns: int) -> int:
-    """Return a monotonic time as ns since 1970, by the offset between the two clocks at start-up."""
-    return monotonic_ns + _WALL_OFFSET_NS
+    """Return a monotonic time as ns since 1970, by the present offset between the two clocks."""
+    return monotonic_ns + _wall.present_ns()
 
 
 def from_wall_ns(wall_ns: int) -> int:
     """Return the inverse of `to_wall_ns`."""
-    return wall_ns - _WALL_OFFSET_NS
+    return wall_ns - _wall.present_ns()
 
 
 def seconds_ns(seconds: float) -> int:

@@ -5,23 +5,9 @@ begins when steps were skipped, because time then passed without the simulation,
 is stamped with the epoch in which it was measured, however late it arrives.
 """
 
-import time
+from hil.common.clock import SET_NS, wall_offset_ns
 
-from hil.common.clock import now_ns
-
-SET_NS = 500_000  # a larger change of the offset means that the clock was set; NTP slews both clocks alike
 _STORED = 64  # epochs that are stored; no sample is delayed for longer than these
-
-
-def wall_offset_ns() -> int:
-    """Return the wall clock (ns since 1970) minus the monotonic clock; the reading with the shortest gap of three."""
-    readings = []
-    for _ in range(3):
-        before = now_ns()
-        wall = time.time_ns()
-        after = now_ns()
-        readings.append((after - before, wall - (before + after) // 2))
-    return min(readings)[1]
 
 
 class Stamps:

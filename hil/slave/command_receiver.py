@@ -28,11 +28,7 @@ if TYPE_CHECKING:
 
 ACCESSORIES = "cmd_accessories"
 _DRIFT_PER_S = 50_000  # ns a second: assumed limit of the drift between two clocks (50 ppm)
-# The sender's clock was set back if messages have the same age within _STEADY_NS, at least one every _AGREE_NS, for
-# _STEADY_FOR_NS. In a replay, or in a queue that grows or drains, the age does not stay constant for so long.
-_STEADY_NS = 20 * NS_PER_MS
-_AGREE_NS = NS_PER_S
-_STEADY_FOR_NS = 5 * NS_PER_S
+_SET_NS = 20 * NS_PER_MS  # by which a message must look too old before a clock counts as set
 _MAX_SENDERS = 64  # pairs of sender and topic whose last sequence number is stored
 _MAX_SPEED = 100.0  # m/s and rad/s; a faster command is taken for an error of its sender
 _BURST_NS = 100 * NS_PER_MS  # how long commands may exceed their rate limit
@@ -57,44 +53,32 @@ class AgeFilter:
     """Estimate how much older messages are than the fastest one, without synchronised clocks.
 
     The smallest difference between receive time and send time counts as age zero. It grows slowly, to follow the drift
-    between the two clocks. After the sender's clock was set back, all messages look old by the same amount; `was_set`
-    distinguishes this from messages that really are old.
+    between the two clocks. The difference cannot grow by more than the time since the message before, however long a
+    queue was. If it does, one of the clocks was set, `was_set`, and the message counts as old as the one before.
     """
 
     def __init__(self) -> None:
-        self._least: int | None = None
-        self._last = 0
-        self._steady = 0  # ns: receive time minus send time of the messages that look old
-        self._since = self._agreed = 0  # wall time (ns) when this difference was seen first and last
+        self._least = self._difference = 0
+        self._received_ns: int | None = None
+        self.was_set = False
 
-    def age_ns(self, sent_wall_ns: int, received_wall_ns: int) -> int:
-        """Return how much older (ns) this message is than the fastest one so far."""
-        difference = received_wall_ns - sent_wall_ns
-        if self._least is None:
-            self._least = difference
-        else:
-            grown = (received_wall_ns - self._last) * _DRIFT_PER_S // NS_PER_S
-            self._least = min(self._least + grown, difference)
-        self._last = received_wall_ns
-        return difference - self._least
+    def age_ns(self, sent_wall_ns: int, received_wall_ns: int, received_ns: int) -> int:
+        """Return how much older (ns) this message is than the fastest one so far.
 
-    def was_set(self, sent_wall_ns: int, received_wall_ns: int, follows: bool) -> bool:
-        """Return whether a message looks old only because its sender's clock was set back; if so, restart the estimate.
-
-        Call this for each message that looks old. `follows` means that its sequence number is one above that of the
-        message before; a full queue would drop some. Messages that were delayed arrive faster or slower than they were
-        sent, so the same age over seconds means that the clock was set.
+        It was sent at `sent_wall_ns` by the sender's clock; `received_ns` is monotonic, `received_wall_ns` the same by
+        our wall clock.
         """
-        difference = received_wall_ns - sent_wall_ns
-        missed = received_wall_ns - self._agreed > _AGREE_NS
-        if missed or not follows or difference < self._steady - _STEADY_NS:
-            self._steady, self._since, self._agreed = difference, received_wall_ns, received_wall_ns
-        elif difference <= self._steady + _STEADY_NS:
-            self._agreed = received_wall_ns
-            if received_wall_ns - self._since >= _STEADY_FOR_NS:
-                self._least = min(self._steady, difference)
-                return True
-        return False
+        before, self._difference = self._difference, received_wall_ns - sent_wall_ns
+        if self._received_ns is None:
+            self._least = self._difference
+        else:
+            passed = received_ns - self._received_ns
+            self.was_set = self._difference - before > passed + _SET_NS
+            if self.was_set:
+                self._least += self._difference - before
+            self._least = min(self._least + passed * _DRIFT_PER_S // NS_PER_S, self._difference)
+        self._received_ns = received_ns
+        return self._difference - self._least
 
 
 class _Sender:
@@ -251,18 +235,19 @@ class CommandReceiver:
             return False
         known.sequence = sequence
         received_wall_ns = to_wall_ns(received_ns)
+        age_ns = known.ages.age_ns(published_ns, received_wall_ns, received_ns)
         clock = self.clocks.get(sender)
+        if known.ages.was_set:
+            self.fault = f"{topic}: the clock of its sender was set back, or ours was set forward"
+            if clock:
+                clock.forget()
         estimate = clock.at(received_wall_ns) if clock else None
         if estimate:
             age_ns = received_wall_ns + estimate.offset_ns - published_ns
-        else:
-            age_ns = known.ages.age_ns(published_ns, received_wall_ns)
         if age_ns > self._age_limit_ns:
             self.fault = f"{topic}: {age_ns / NS_PER_S:.2f} s old"
-            if estimate or not known.ages.was_set(published_ns, received_wall_ns, sequence == before + 1):
-                self.stale += 1
-                return False
-            self.fault = f"{topic}: the clock of its sender was set back by {age_ns / NS_PER_S:.2f} s"
+            self.stale += 1
+            return False
         if not before:
             self._add_sender(sender, topic, known)
         return True

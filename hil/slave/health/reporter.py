@@ -8,8 +8,17 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Protocol
 
 from boards.tree import Tree
-from hil.common.clock import NS_PER_MS, NS_PER_S, NS_PER_US, Histogram, boot_id, now_ns, schedule_below_loop, to_wall_ns
-from hil.recording.stamps import wall_offset_ns
+from hil.common.clock import (
+    NS_PER_MS,
+    NS_PER_S,
+    NS_PER_US,
+    Histogram,
+    boot_id,
+    now_ns,
+    schedule_below_loop,
+    to_wall_ns,
+    wall_offset_ns,
+)
 from hil.ros.diagnostics import Diagnostics
 from hil.scenario.records import Link
 from hil.slave import usage

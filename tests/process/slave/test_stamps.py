@@ -9,9 +9,9 @@ from typing import Any, cast
 
 import pytest
 
-from hil.common.clock import NEVER_NS, NS_PER_MS, NS_PER_S, RateKeeper, now_ns
+from hil.common.clock import NEVER_NS, NS_PER_MS, NS_PER_S, SET_NS, RateKeeper, now_ns, wall_offset_ns
 from hil.network.roles import open_master_session
-from hil.recording.stamps import SET_NS, Stamps, wall_offset_ns
+from hil.recording.stamps import Stamps
 from hil.ros import encoders as ros
 from hil.ros.frames import decode_clock
 from hil.ros.topics import TOPICS

@@ -14,8 +14,6 @@ from hil.bench.limits import Limits
 from hil.bench.load_run import Setting, run
 from hil.bench.soak_run import Soak, Soaking
 from hil.bench.stream_run import Listener, Listening
-from hil.common import clock
-from hil.common.clock import NS_PER_S
 from hil.common.errors import NetworkError
 
 KILL_S = 6.0  # after which a hanging slave is killed, as its end would take longer than the tests have
@@ -138,15 +136,6 @@ def test_soak_can_be_ended_while_its_slave_hangs(leave_every: float, victim: Sla
     assert time.monotonic() - began < 40.0, "usually 6 s: it ends before the 60 s that it was to last"
     assert len(found.observations) >= 3
     assert len(found.silences) == 1
-
-
-@pytest.mark.parametrize("off_s", [-5, 5])
-def test_stream_corrects_for_a_clock_that_was_set(off_s: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The clock is set between the starts of the slave and of this process, within one boot."""
-    monkeypatch.setattr(clock, "_WALL_OFFSET_NS", clock._WALL_OFFSET_NS + off_s * NS_PER_S)
-    received = stream(1.0)
-    imu = next(each for each in received.streams if each.topic == "imu")
-    assert abs(imu.age_p50) < 2000.0, f"ms, by clocks that are {off_s} s apart"
 
 
 def test_stream_gives_no_clock_warning_on_one_machine() -> None:

@@ -42,7 +42,7 @@ def test_only_the_newest_samples_are_stored() -> None:
     meter, unlimited = DelayMeter(min_commands=10), DelayMeter(min_commands=0)
     for number in range(1005):
         for one in (meter, unlimited):
-            one.add(trace(number, number * MS, 200_000 + number, 0), 0, 0)
+            one.add(trace(number, number * MS, 200_000 + number, 0), (number + 1) * MS, (number + 2) * MS)
     assert len(meter) == len(unlimited) == 1005
     assert 10 <= meter.stored < 20
     assert meter.samples() == unlimited.samples(meter.stored)
@@ -53,7 +53,7 @@ def test_an_hour_of_commands_takes_as_much_memory_as_five_minutes() -> None:
     tracemalloc.start()
     try:
         for number in range(72_000):
-            meter.add(trace(number, number * 50 * MS, 200_000 + number, 0), number * 50 * MS, number * 50 * MS + MS)
+            meter.add(trace(number, number * 50 * MS, 200_000, 0), number * 50 * MS + MS, number * 50 * MS + 2 * MS)
             if number % 6000 == 5999:
                 sizes.append(tracemalloc.get_traced_memory()[0])
     finally:
@@ -67,4 +67,7 @@ def test_malformed_traces_are_counted() -> None:
     meter.add([1, 2, 3], 0, 0)
     meter.add([0, -(1 << 63), (1 << 63) - 1, 0, 0, 0, 0], 0, 0)
     assert meter.malformed == 2
+    meter.add(trace(1, 0, 200_000, 0), 3600_000 * MS, 3600_000 * MS)  # the vehicle's clock was set meanwhile
+    meter.add(trace(2, 3600_000 * MS, 200_000, 0), 3600_001 * MS, 2 * MS)  # ours was set back
+    assert meter.malformed == 4
     assert len(meter) == 0
