@@ -139,9 +139,6 @@ class _Overloaded(Link):
     def partners(self) -> list[Address]:
         return []
 
-    def is_local(self, address: Address) -> bool:
-        return True
-
     def close(self) -> None: ...
 
 

@@ -48,9 +48,9 @@ class Link(ABC):
     def partners(self) -> list[Address]:
         """Return the present partners, also those that have sent nothing yet."""
 
-    @abstractmethod
     def is_local(self, address: Address) -> bool:
         """Return whether a partner is on this machine, or on a wire of it."""
+        return isinstance(address, tuple) and _is_loopback(str(address[0]))
 
     def tick(self, now: int) -> None:  # noqa: B027  # most have nothing to do
         """Connect again, if need be."""
@@ -96,10 +96,6 @@ class UdpOut(Link):
     def partners(self) -> list[Address]:
         """Return the address."""
         return [self._to[:2]]
-
-    def is_local(self, address: Address) -> bool:
-        """Return whether it is this machine's."""
-        return _is_loopback(str(self._to[0]))
 
     def close(self) -> None:
         """Close the socket."""
@@ -151,10 +147,6 @@ class UdpIn(Link):
     def partners(self) -> list[Address]:
         """Return the senders of the last 30 s."""
         return list(self._received_ns)
-
-    def is_local(self, address: Address) -> bool:
-        """Return whether a sender is on this machine."""
-        return isinstance(address, tuple) and _is_loopback(str(address[0]))
 
     def tick(self, now: int) -> None:
         """Forget those that are silent."""
@@ -259,10 +251,6 @@ class TcpIn(Link):
         """Return the connections."""
         return list(self._open())
 
-    def is_local(self, address: Address) -> bool:
-        """Return whether the client is on this machine."""
-        return isinstance(address, tuple) and _is_loopback(str(address[0]))
-
     def close(self) -> None:
         """Close all."""
         for stream in self._streams.values():
@@ -303,7 +291,7 @@ class TcpOut(Link):
     def receive(self, now: int) -> Received:
         """Return what has come."""
         data = self._stream.receive(now) if self._stream and self._stream.is_open else b""
-        return [(self._where, data)] if data else []
+        return [(self._to[:2], data)] if data else []
 
     def send(self, address: Address, data: bytes) -> None:
         """Send a packet."""
@@ -312,11 +300,7 @@ class TcpOut(Link):
 
     def partners(self) -> list[Address]:
         """Return the address while it is connected."""
-        return [self._where] if self._stream and self._stream.is_open else []
-
-    def is_local(self, address: Address) -> bool:
-        """Return whether it is this machine."""
-        return _is_loopback(str(self._to[0]))
+        return [self._to[:2]] if self._stream and self._stream.is_open else []
 
     def tick(self, now: int) -> None:
         """Connect, without waiting for it."""
