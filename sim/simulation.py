@@ -5,19 +5,8 @@ from typing import TYPE_CHECKING
 
 from hil.common.errors import ConfigError, DivergenceError, StartPositionError
 from sim.arguments import require_events, require_numbers, require_parts, require_wrenches
-from sim.assembly import (
-    make_accessories,
-    make_dynamics,
-    make_equipment,
-    make_fluid_motion,
-    make_fused_step,
-    make_state,
-    make_surface_forces,
-    make_tether,
-    make_thrusters,
-)
-from sim.dynamics import Dynamics, Forces, Integrator, State
-from sim.environment.collision import Contact
+from sim.assembly import assemble, make_hull_dynamics
+from sim.dynamics import Forces, Integrator, State
 from sim.environment.world import World
 from sim.matrices import Matrix
 from sim.native import NativeDynamics
@@ -28,14 +17,11 @@ from sim.sensors.samples import OdometrySample, Sample
 from sim.sensors.sensor_set import Schedule, SensorSet, select_sensors
 from sim.vehicle.thrusters.model import check_pulses
 from sim.vehicle.vehicle import Vehicle, without_weight
-from sim.vehicle.ventilation import Ventilation
 
 if TYPE_CHECKING:
     from sim.environment.waves import WaveField
     from sim.forces import Force
-    from sim.native._native import FusedStep
     from sim.tether import TetherKeys
-    from sim.vehicle.accessories import Accessories
     from sim.vehicle.ballast import DropWeight, Release
     from sim.vehicle.battery import BatteryState
     from sim.vehicle.equipment import Equipment
@@ -83,20 +69,20 @@ class Simulation:
         self.world = world
         self.time_ns = 0
         self.events = EventLog()
-        self.state = make_state(position, from_euler(0.0, 0.0, heading))
         self._dt_ns = dt_ns
         self._dt = dt_ns * 1e-9
         self._integrator: Integrator = integrator
-        self._water = make_fluid_motion(vehicle, world, seed)
-        self.accessories: Accessories | None = make_accessories(vehicle)
-        self.equipment = make_equipment(vehicle, world, self._dt, releases)
-        self.tether = None if tether is None else make_tether(tether, world, self._dt, self._read_body, self.flow_at)
-        self._own_forces = forces if self.tether is None else (*forces, self.tether)
-        self._dynamics = self._make_dynamics()
-        self._thrusters = make_thrusters(vehicle, self._dt, failures, seed)
+        pose = position, from_euler(0.0, 0.0, heading)
+        events = failures, forces, releases, tether
+        parts = assemble(
+            vehicle, world, seed, dt_ns, pose, integrator, *events, self._command, self._read_body, self.flow_at
+        )
+        self.state = parts.state
+        self.accessories, self.equipment, self.tether = parts.accessories, parts.equipment, parts.tether
+        self._dynamics, self._forces = parts.dynamics, parts.forces
+        self._thrusters, self._water, self._contact = parts.thrusters, parts.water, parts.contact
         self._flow: Sequence[float] = world.current
         self._wrench: Sequence[float] = (0.0,) * 6
-        self._contact = Contact(vehicle, world, self._dynamics.inverse_mass, self._dt)
         if self._contact.is_inside(self.state):
             at = ", ".join(f"{x:g}" for x in position)
             raise StartPositionError(
@@ -104,10 +90,10 @@ class Simulation:
                 "move the start"
             )
         self._schedule = Schedule(select_sensors() if sensors is None else sensors, self, seed, dt_ns)
-        self._ventilation = Ventilation(vehicle, self.wave_field)
+        self._ventilation = parts.ventilation
         self._is_ventilated = False  # whether thrust was reduced at the surface in the last step
         self._update_ventilation(0)
-        self._fused = self._make_fused_step()
+        self._fused = parts.fused
         # Does one step of the motion. Returns the nu before the step if a contact is possible at its end, else None.
         self._advance: Callable[[Sequence[int]], Sequence[float] | None]
         self._advance = self._fused.step if self._fused else self._step_terms
@@ -216,22 +202,12 @@ class Simulation:
         except (TypeError, ValueError):
             if not hasattr(pwm_us, "__len__"):
                 raise ConfigError(f"pwm_us = {pwm_us!s:.40}: give a list of pulses, one a channel") from None
-            require_wrenches(self._own_forces, self.state)
+            require_wrenches(self._forces, self.state)
             raise
         if before is not None:
             self._resolve_collision(before)
         self.time_ns += self._dt_ns
         return self._schedule.pop_due(self.time_ns, self) if self.time_ns >= self._schedule.due_ns else []
-
-    def _make_fused_step(self) -> "FusedStep | None":
-        """Return an object that computes a whole step in C, or None if a term is not in C."""
-        equipment = self.equipment
-        if equipment is not None and equipment.is_timed:
-            return None
-        command = None if equipment is None else self._command
-        parts = self.state, self._dynamics, self._thrusters, command, self._water
-        numbers = self._ventilation.numbers()
-        return make_fused_step(*parts, self.world.current, self._dt_ns, self._contact.shape, numbers)
 
     def _command(self, pwm_us: tuple[int, ...]) -> None:
         """Pass new pulses on: the first ones to the thrusters, the others to the equipment."""
@@ -245,7 +221,7 @@ class Simulation:
         """Return wrench and water velocity of the last step, which began at `time_ns`; set the forces to that time."""
         if self._fused is None:
             return self._wrench, self._flow
-        for force in self._forces:
+        for force in self._dynamics.others:
             force.begin(time_ns)
         return self._fused.wrench, self._fused.flow
 
@@ -261,7 +237,7 @@ class Simulation:
         if self._water is not None:
             current, wrench = self._water.act(self.time_ns, state, wrench)
             self._flow = current
-        for force in self._forces:
+        for force in self._dynamics.others:
             force.begin(self.time_ns)
         self._wrench = wrench
         before = state.nu
@@ -315,20 +291,14 @@ class Simulation:
     def _drop_weight(self, weight: "DropWeight") -> None:
         """Remove `weight`. Its momentum leaves with it, so the velocity of the vehicle does not change."""
         self.vehicle = without_weight(self.vehicle, weight, self.world.density)
-        self._dynamics = self._make_dynamics()
+        parts = self.vehicle, self.world, self._integrator, self._forces, self.wave_field
+        self._dynamics = make_hull_dynamics(*parts)
         self._contact.inverse_mass = self._dynamics.inverse_mass
         if self._water is not None:
             self._water.set_vehicle(self.vehicle, self.world.density)
         if self._fused:
             assert isinstance(self._dynamics, NativeDynamics)
             self._fused.rebuild(self._dynamics.kernel, self._water.wave_inertia if self._water else None)
-
-    def _make_dynamics(self) -> Dynamics:
-        """Return the equations of motion of the vehicle as it is now, with all forces on it."""
-        vehicle, world = self.vehicle, self.world
-        forces = [*self.equipment.forces, *self._own_forces] if self.equipment else list(self._own_forces)
-        self._forces = forces = [*forces, *make_surface_forces(vehicle, world, self.wave_field)]
-        return make_dynamics(vehicle, world.density, world.gravity, self._integrator, forces)
 
     def _step_thrusters_in_flow(self, pwm_us: Sequence[int]) -> Sequence[float]:
         """Step the thrusters in the water velocity of the previous step; return their wrench (N, N m, body axes)."""

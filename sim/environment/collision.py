@@ -19,9 +19,8 @@ from typing import TYPE_CHECKING
 
 from hil.common.vectors import Vector3
 from sim import rotations
-from sim.assembly import make_impulses
 from sim.dynamics import State
-from sim.environment.contact.impulses import SKIN, Touch
+from sim.environment.contact.impulses import SKIN, ApplyImpulses, Separate, Touch, apply_impulses, separate
 from sim.environment.contact.solids import touches as solid_touches
 from sim.environment.obstacles import Box, Cylinder, Obstacle, Wall
 from sim.environment.world import World
@@ -51,10 +50,18 @@ class Contact:
     `touching` is whether there was contact in the last step, `count` the number of contacts so far, `what` the name of
     the object touched last, and `impulse` (N s and N m s about the origin, body axes) the impulse in the last step with
     contact. `inverse_mass` is the inverse of M = M_RB + M_A, 6x6; it changes when the vehicle drops a weight. `dt` is
-    the duration of a step in s, `radius` (m) the greatest distance of a point of the hull from the origin.
+    the duration of a step in s, `radius` (m) the greatest distance of a point of the hull from the origin. `solvers`
+    compute the impulses and the correction of the position.
     """
 
-    def __init__(self, vehicle: Vehicle, world: World, inverse_mass: Matrix, dt: float = 0.0) -> None:
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        world: World,
+        inverse_mass: Matrix,
+        dt: float = 0.0,
+        solvers: tuple[ApplyImpulses, Separate] = (apply_impulses, separate),
+    ) -> None:
         keys = vehicle.collision or Collision()
         self.shape = make_shape(keys, vehicle.dimensions)
         self.radius = self.shape.reach
@@ -65,7 +72,7 @@ class Contact:
         self.inverse_mass = inverse_mass
         self._friction, self._restitution = keys.friction, keys.restitution
         self._dt = dt
-        self._solve_impulses, self._separate = make_impulses()
+        self._solve_impulses, self._separate = solvers
         self._seabed = world.depth
         self._floor = world.depth - _TOUCHING
         self._relief: SeabedContact | None = None

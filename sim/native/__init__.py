@@ -1,4 +1,4 @@
-"""C versions of what every step computes, equal to Python to the last bit. sim/assembly.py selects between them.
+"""C versions of what every step computes, equal to Python to the last bit. sim/assembly.py and sim/twins.py select.
 
 Public: `choose`, `load`, `NativeDynamics`. It must not compute anything that Python does not specify.
 

@@ -5,11 +5,11 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, Literal
 
 from hil.common.errors import ConfigError
-from sim.assembly import make_caster
 from sim.environment.world import World
 from sim.rays.geometry import NOTHING, SEABED, Geometry, Hits
 from sim.rays.solids import POSITION, ROOT, ROW, Solid, standing
 from sim.rotations import matrix
+from sim.twins import make_caster
 
 if TYPE_CHECKING:
     from sim.dynamics import State

@@ -5,7 +5,6 @@ from typing import Annotated, NamedTuple
 
 from hil.common.schema import Range
 from hil.common.vectors import Quaternion, Vector3, cross
-from sim.assembly import make_error_bank
 from sim.dynamics import State
 from sim.environment.geomagnetism import field_of
 from sim.rotations import integrate, multiply, rotate, rotate_inverse
@@ -14,6 +13,7 @@ from sim.sensors.imu import specific_force
 from sim.sensors.magnetometer import earth_field
 from sim.sensors.mounting import Mounting
 from sim.sensors.samples import ImuSample, Scene
+from sim.twins import make_error_bank
 
 Seconds = Annotated[float, Range(0.1, 1000.0, "s")]
 

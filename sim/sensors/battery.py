@@ -4,12 +4,12 @@ from typing import Annotated, NamedTuple
 
 from hil.common.errors import ConfigError
 from hil.common.schema import Range
-from sim.assembly import make_error_bank
 from sim.dynamics import State
 from sim.sensors.error import ErrorModel, sensor_random
 from sim.sensors.extra_samples import BatterySample
 from sim.sensors.mounting import Mounting
 from sim.sensors.samples import Scene
+from sim.twins import make_error_bank
 
 
 class BatteryMonitorModel(NamedTuple):

@@ -5,7 +5,6 @@ from typing import Annotated, NamedTuple
 
 from hil.common.schema import Range
 from hil.common.vectors import Vector3
-from sim.assembly import make_error_bank
 from sim.dynamics import State
 from sim.rotations import rotate_inverse
 from sim.sensors.error import ErrorModel, sensor_random
@@ -13,6 +12,7 @@ from sim.sensors.extra_samples import VelocitySample
 from sim.sensors.mounting import Mounting
 from sim.sensors.samples import Scene
 from sim.sensors.surface import submersion
+from sim.twins import make_error_bank
 
 
 class CurrentMeterModel(NamedTuple):

@@ -73,7 +73,7 @@ class ErrorProcess:
 class ErrorBank:
     """The errors of all quantities of one sensor, which measures them together, every `period` s.
 
-    `sim.assembly.make_error_bank` makes one in C if that is compiled.
+    `sim.twins.make_error_bank` makes one in C if that is compiled.
     """
 
     def __init__(self, models: Iterable[ErrorModel], period: float, random: Random) -> None:

@@ -5,7 +5,6 @@ from typing import Annotated, NamedTuple
 
 from hil.common.errors import ConfigError
 from hil.common.schema import Range
-from sim.assembly import make_error_bank
 from sim.dynamics import State
 from sim.geodesy import TangentPlane
 from sim.sensors.error import ErrorModel, sensor_random, variance
@@ -13,6 +12,7 @@ from sim.sensors.extra_samples import FixSample
 from sim.sensors.mounting import Mounting
 from sim.sensors.samples import Scene
 from sim.sensors.surface import submersion
+from sim.twins import make_error_bank
 
 
 class GpsModel(NamedTuple):

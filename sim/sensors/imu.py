@@ -5,12 +5,12 @@ from typing import Annotated, NamedTuple
 
 from hil.common.schema import Range
 from hil.common.vectors import Vector3
-from sim.assembly import make_error_bank, make_imu
 from sim.dynamics import State
 from sim.rotations import down_axis, integrate, multiply, rotate_inverse
 from sim.sensors.error import ErrorModel, sensor_random
 from sim.sensors.mounting import Mounting
 from sim.sensors.samples import IMU, ImuSample, Scene
+from sim.twins import make_error_bank, make_imu
 from sim.vehicle.vehicle import Point
 
 

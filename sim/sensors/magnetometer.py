@@ -5,7 +5,6 @@ from typing import Annotated, NamedTuple
 
 from hil.common.schema import Range
 from hil.common.vectors import Vector3
-from sim.assembly import make_error_bank
 from sim.dynamics import State
 from sim.environment.geomagnetism import field_of
 from sim.environment.world import World
@@ -14,6 +13,7 @@ from sim.sensors.error import ErrorModel, sensor_random
 from sim.sensors.extra_samples import FieldSample
 from sim.sensors.mounting import Mounting
 from sim.sensors.samples import Scene
+from sim.twins import make_error_bank
 
 Tesla = Annotated[float, Range(-1e-2, 1e-2, "T")]
 Share = Annotated[float, Range(-10.0, 10.0)]

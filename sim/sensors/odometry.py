@@ -3,12 +3,12 @@
 from typing import Annotated, NamedTuple
 
 from hil.common.schema import Range
-from sim.assembly import make_error_bank
 from sim.dynamics import State
 from sim.rotations import integrate
 from sim.sensors.error import ErrorModel, sensor_random
 from sim.sensors.mounting import Mounting
 from sim.sensors.samples import GROUND_TRUTH, ODOMETRY, OdometrySample, Scene
+from sim.twins import make_error_bank
 
 Rate = Annotated[float, Range(0.0, 1000.0, "Hz")]
 

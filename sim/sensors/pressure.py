@@ -3,12 +3,12 @@
 from typing import Annotated, NamedTuple
 
 from hil.common.schema import Range
-from sim.assembly import make_error_bank
 from sim.dynamics import State
 from sim.environment.world import water_pressure
 from sim.sensors.error import ErrorModel, sensor_random
 from sim.sensors.mounting import Mounting
 from sim.sensors.samples import PRESSURE, PressureSample, Scene
+from sim.twins import make_error_bank
 
 STANDARD_ATMOSPHERE = 101_325.0
 

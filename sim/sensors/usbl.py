@@ -5,7 +5,6 @@ from typing import Annotated, NamedTuple
 
 from hil.common.schema import Range
 from hil.common.vectors import Vector3
-from sim.assembly import make_error_bank
 from sim.dynamics import State
 from sim.environment.seawater.water_column import SOUND_SPEED, WaterColumn
 from sim.environment.world import World
@@ -14,6 +13,7 @@ from sim.sensors.extra_samples import PositionSample
 from sim.sensors.mounting import Mounting
 from sim.sensors.samples import Covariance, Scene
 from sim.sensors.surface import submersion
+from sim.twins import make_error_bank
 
 Metres = Annotated[float, Range(-1e5, 1e5, "m")]
 

@@ -4,7 +4,6 @@ from math import inf, sqrt
 from typing import Annotated, NamedTuple
 
 from hil.common.schema import Range
-from sim.assembly import make_error_bank
 from sim.dynamics import State
 from sim.rotations import rotate
 from sim.sensors.error import ErrorModel, sensor_random
@@ -13,6 +12,7 @@ from sim.sensors.mounting import Mounting
 from sim.sensors.ranging.ground import Ground
 from sim.sensors.samples import Scene
 from sim.sensors.surface import submersion
+from sim.twins import make_error_bank
 
 
 class AltimeterModel(NamedTuple):

@@ -7,7 +7,6 @@ from typing import Annotated, NamedTuple
 
 from hil.common.schema import Range
 from hil.common.vectors import Vector3
-from sim.assembly import make_error_bank
 from sim.dynamics import State
 from sim.matrices import Matrix, inverse, product, transpose
 from sim.rotations import down_axis, rotate
@@ -15,6 +14,7 @@ from sim.sensors.error import ErrorModel, sensor_random, variance
 from sim.sensors.mounting import Mounting
 from sim.sensors.ranging.ground import Ground
 from sim.sensors.samples import DVL, Covariance, DvlSample, Scene
+from sim.twins import make_error_bank
 
 _BEAMS = 4
 _MIN_BEAMS = 3  # for three components of velocity

@@ -4,7 +4,6 @@ from math import nan
 from typing import Annotated, NamedTuple
 
 from hil.common.schema import Range
-from sim.assembly import make_error_bank
 from sim.dynamics import State
 from sim.rotations import rotate
 from sim.sensors.current_meter import relative_flow
@@ -12,6 +11,7 @@ from sim.sensors.error import ErrorModel, sensor_random
 from sim.sensors.mounting import Mounting
 from sim.sensors.samples import DvlSample, Scene
 from sim.sensors.surface import submersion
+from sim.twins import make_error_bank
 
 _MAX_DEPTH_SHARE = 0.8  # of the height above the seabed: below, the seabed's echo masks that of the water
 

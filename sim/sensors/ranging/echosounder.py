@@ -4,13 +4,13 @@ from math import inf, pi
 from typing import Annotated, NamedTuple
 
 from hil.common.schema import Range
-from sim.assembly import make_error_bank
 from sim.dynamics import State
 from sim.sensors.error import ErrorModel, sensor_random
 from sim.sensors.extra_samples import RangeSample
 from sim.sensors.mounting import Mounting
 from sim.sensors.ranging.beams import Beams, cone
 from sim.sensors.samples import Scene
+from sim.twins import make_error_bank
 
 _DEGREE = pi / 180.0
 

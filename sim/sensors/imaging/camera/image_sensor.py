@@ -7,10 +7,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.assembly import load_picture
 from sim.environment.optics import GREY, encode
 from sim.sensors.error import sensor_random
 from sim.sensors.imaging.camera.model import CameraModel
+from sim.twins import load_picture
 
 Floats = NDArray[np.floating[Any]]
 

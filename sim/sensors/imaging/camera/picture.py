@@ -6,7 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.common.errors import ConfigError
-from sim.assembly import load_picture
 from sim.dynamics import State
 from sim.environment.optics import CLEAR, Water, jerlov, underwater
 from sim.environment.world import World
@@ -22,6 +21,7 @@ from sim.sensors.imaging.shading import Shading
 from sim.sensors.mounting import Mounting
 from sim.sensors.samples import Scene
 from sim.sensors.surface import submersion
+from sim.twins import load_picture
 
 Floats = NDArray[np.floating[Any]]
 

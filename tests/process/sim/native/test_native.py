@@ -20,11 +20,12 @@ from hil.common.errors import ConfigError
 from hil.common.schema import preset_names
 from hil.doctor.software import EXTENSIONS
 from sim import rotations
-from sim.assembly import make_dynamics, make_error_bank, make_thruster_set
+from sim.assembly import make_dynamics, make_thruster_set
 from sim.dynamics import Dynamics, Integrator, State
 from sim.matrices import square
 from sim.native import NativeDynamics, NativeErrorBank, NativeThrusterSet, choose, has_native
 from sim.sensors.error import ErrorBank, ErrorModel
+from sim.twins import make_error_bank
 from sim.vehicle.thrusters.bank import ThrusterSet
 from sim.vehicle.vehicle import Vehicle, load_vehicle
 
@@ -322,7 +323,7 @@ def test_required_c_with_a_missing_extension_is_an_error(name: str) -> None:
 def test_every_extension_is_loaded_through_has_native() -> None:
     """All use `has_native`, so that Python never replaces a demanded C silently."""
     names = {"sim.native._native"}
-    for path in (ROOT / name for name in ("sim/assembly.py", "sim/native/__init__.py", "hil/slave/native/firmware.py")):
+    for path in (ROOT / name for name in ("sim/twins.py", "sim/native/__init__.py", "hil/slave/native/firmware.py")):
         text = path.read_text()
         names |= set(re.findall(r'has_native\("([\w.]+)"\)', text))
         assert text.count("except ImportError") <= 2, path

@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from sim.assembly import load_picture
 from sim.dynamics import State
 from sim.environment.bottom import Bottom
 from sim.environment.obstacles import Box, Cylinder
@@ -27,6 +26,7 @@ from sim.sensors.imaging.samples import CameraSample
 from sim.sensors.imaging.scenery import SurfaceHits
 from sim.sensors.mounting import Mounting
 from sim.simulation import Simulation
+from sim.twins import load_picture
 from sim.vehicle.vehicle import load_vehicle
 from tests.support.lazy import import_lazily
 
