@@ -11,6 +11,7 @@ import select
 import signal
 import subprocess
 import sys
+from contextlib import nullcontext
 from typing import Any
 
 from hil.bench.limits import Confinement, Limits
@@ -41,12 +42,15 @@ def program() -> list[str]:
 
 
 class Process:
-    """Running program that writes its output to a file. `exec_ns` is when it was executed (monotonic ns)."""
+    """Running program that writes its output to a file, or, without `log`, where this process writes its own.
+
+    `exec_ns` is when it was executed (monotonic ns).
+    """
 
     def __init__(
         self,
         command: list[str],
-        log: str,
+        log: str = "",
         confinement: Confinement | None = None,
         environment: dict[str, str] | None = None,
         pass_fds: tuple[int, ...] = (),
@@ -55,7 +59,7 @@ class Process:
         self._memory_mib = confinement.limits.memory_mib if confinement else 0.0
         cpus = confinement.limits.cpus if confinement else ()
         before = os.sched_getaffinity(0)
-        with open(log, "w", encoding="utf-8") as file:
+        with open(log, "w", encoding="utf-8") if log else nullcontext() as file:
             if cpus:
                 os.sched_setaffinity(0, cpus)  # which the new process inherits
             try:
@@ -66,7 +70,7 @@ class Process:
                     pass_fds=pass_fds,
                     stdin=subprocess.DEVNULL,
                     stdout=file,
-                    stderr=subprocess.STDOUT,
+                    stderr=file and subprocess.STDOUT,
                 )
             finally:
                 if cpus:

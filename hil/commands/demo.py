@@ -5,16 +5,15 @@ import os
 import select
 import signal
 import socket
-import subprocess
 import sys
 from collections.abc import Callable
 from importlib.util import find_spec
 
+from hil.bench.harness import GRACE_S, Process, program
 from hil.charts.dive.watch import DiveWatch
 from hil.commands.gridding import add_reading, show_progress
 from hil.commands.listening import is_routed
 from hil.commands.view.opening import view_process
-from hil.common.children import module_command, package_environment, start_child
 from hil.common.clock import NS_PER_S, now_ns
 from hil.common.endpoint import no_certificates, split_endpoint
 from hil.common.errors import ConfigError, MissingExtraError, NetworkError
@@ -30,7 +29,7 @@ from hil.common.options import (
     scenario_words,
 )
 from hil.common.ports import free_ports
-from hil.common.stop import StopSignals, is_stopped
+from hil.common.stop import StopSignals, pause
 from hil.master.recorder import make_folder
 from hil.recording.recorder import new_folder
 from hil.scenario.attitude_warning import attitude_warning
@@ -46,7 +45,6 @@ examples:
   uuv-hil demo --world US5AK5SI.000 --start 59.6032,-151.4117 --goal 59.6032,-151.4101 --depth 6
 With --world the results also contain report.md, report.html and pictures of the sensors.
 """
-GRACE_S = 10.0
 FIRST_PICTURE_TIMEOUT_S = 60  # after a short dive: a busy board draws the first pictures late
 DEPTH = Number(0.0, 11_000.0, "m")
 LENGTH = Number(1.0, 100_000.0, "m")
@@ -93,7 +91,7 @@ def _dive(options: argparse.Namespace) -> int:
     """Build a world and a path, fly the path, and report what the sensors saw."""
     _require_extras()
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # the linear systems are small: more threads only wait
-    from hil.charts.dive.prepare import DiveOptions, prepare_dive
+    from hil.charts.dive.prepare import DiveOptions, prepare_dive  # numpy, which a flight without a chart does not need
     from hil.charts.sources.sign import Declared
 
     endpoint = options.listen or DiveOptions().listen
@@ -158,82 +156,39 @@ def require_free(endpoint: str, routed: bool = False) -> None:
 def _run(scenario: list[str], endpoint: str, folder: str, observe: Callable[[], bool]) -> int:
     """Run both processes; return the master's exit code. `scenario` are the words of the command line that name it.
 
-    `observe` is called often meanwhile, and returns True once a sensor has seen something. Then the slave is ended.
+    The slave starts when the master connects, so that the measured start-up time is the slave's alone. `observe` is
+    called often meanwhile, and returns True once a sensor has seen something. Then the slave is ended.
     """
-    log_path = os.path.join(folder, "slave.log")
-    with StopSignals() as stop_fd, open(log_path, "w", encoding="utf-8") as log:
-        master, ready_fd = _start_master(scenario, endpoint, folder)
-        slave = None
-        try:
-            if not _wait_until_connecting(ready_fd, stop_fd):
-                return master.wait(GRACE_S)
-            print(f"starting the slave (its log: {log_path})", flush=True)
-            slave = _start_slave(scenario, endpoint, log)
-            return _wait_for_master(master, slave, stop_fd, log_path, observe)
-        finally:
-            for process in (master, slave):
-                if process:
-                    _stop_process(process)
-
-
-def _start_master(scenario: list[str], endpoint: str, folder: str) -> tuple[subprocess.Popen[bytes], int]:
+    log = os.path.join(folder, "slave.log")
     read_fd, write_fd = os.pipe()
-    command = module_command("hil.cli", "master", *scenario, "--connect", endpoint, "--output", folder)
-    command += ["--ready-fd", str(write_fd)]
-    master = start_child(command, environment=package_environment(), pass_fds=[write_fd])
-    os.close(write_fd)
-    return master, read_fd
+    command = [*program(), "master", *scenario, "--connect", endpoint, "--output", folder, "--ready-fd", str(write_fd)]
+    with StopSignals() as stop_fd, os.fdopen(read_fd, "rb") as ready:
+        processes = [Process(command, pass_fds=(write_fd,))]
+        os.close(write_fd)
+        try:
+            if stop_fd in select.select((read_fd, stop_fd), (), ())[0]:
+                raise KeyboardInterrupt
+            if not ready.read(1):
+                return processes[0].wait(GRACE_S)
+            print(f"starting the slave (its log: {log})", flush=True)
+            processes.append(Process([*program(), "slave", *scenario, "--listen", endpoint], log))
+            return _wait_for_master(processes[0], processes[1], stop_fd, observe)
+        finally:
+            for process in processes:
+                process.stop()
 
 
-def _wait_until_connecting(ready_fd: int, stop_fd: int) -> bool:
-    """Wait until the master connects, so that the measured start-up time is the slave's alone.
-
-    Return False if the master ended instead. Raises KeyboardInterrupt when the user ends this process.
-    """
-    try:
-        if stop_fd in select.select((ready_fd, stop_fd), (), ())[0]:
-            raise KeyboardInterrupt
-        return os.read(ready_fd, 1) != b""
-    finally:
-        os.close(ready_fd)
-
-
-def _start_slave(scenario: list[str], endpoint: str, log: object) -> subprocess.Popen[bytes]:
-    command = module_command("hil.cli", "slave", *scenario, "--listen", endpoint)
-    environment = package_environment() | {"UUV_HIL_EXEC_NS": str(now_ns())}
-    return start_child(command, environment=environment, stderr=log)
-
-
-def _wait_for_master(
-    master: subprocess.Popen[bytes],
-    slave: subprocess.Popen[bytes],
-    stop_fd: int,
-    log_path: str,
-    observe: Callable[[], bool],
-) -> int:
-    while master.poll() is None:
+def _wait_for_master(master: Process, slave: Process, stop_fd: int, observe: Callable[[], bool]) -> int:
+    while master.running:
         observe()
-        if is_stopped(stop_fd, 0.1):
-            raise KeyboardInterrupt
-        if slave.poll() is not None and master.poll() is None:
-            master.kill()  # ended by SIGTERM, it would print the table of a run that never began
+        pause(stop_fd, 0.1)
+        if not slave.running and master.running:
+            os.kill(master.pid, signal.SIGKILL)  # ended by SIGTERM, it would print the table of a run that never began
             if sys.stdout.isatty():
                 print()  # below the master's line of progress
-            with open(log_path, encoding="utf-8", errors="replace") as log:
-                last = (log.read().strip().splitlines() or ["no message"])[-1]
-            raise NetworkError(f"the slave ended with exit code {slave.returncode}: {last}")
+            raise NetworkError(f"the slave {slave.ending}")
+    code = master.wait(GRACE_S)
     deadline_ns = now_ns() + FIRST_PICTURE_TIMEOUT_S * NS_PER_S
-    while master.returncode == 0 and not observe() and now_ns() < deadline_ns:
-        if is_stopped(stop_fd, 0.1):
-            raise KeyboardInterrupt
-    return master.returncode
-
-
-def _stop_process(process: subprocess.Popen[bytes]) -> None:
-    if process.poll() is None:
-        process.send_signal(signal.SIGTERM)
-    try:
-        process.wait(GRACE_S)
-    except subprocess.TimeoutExpired:
-        process.kill()
-        process.wait()
+    while code == 0 and not observe() and now_ns() < deadline_ns:
+        pause(stop_fd, 0.1)
+    return code
