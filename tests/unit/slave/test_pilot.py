@@ -64,6 +64,19 @@ def test_open_loop_setpoints_leave_no_integral_to_the_next_velocity_command() ->
         assert pulses(*[velocity] * 50, open_loop, velocity) == pulses(velocity)
 
 
+def test_a_command_after_a_deadman_trip_starts_without_the_integral_of_before() -> None:
+    first, later = (new_pilot() for _ in range(2))
+    velocity = VelocityCommand(surge=0.5, heave=-0.3)
+    for pilot, before in ((first, 0), (later, 50)):
+        for _ in range(before):
+            pilot.set_command(velocity, now=0)
+            pilot.update(0, 0.02)
+        pilot.update(900 * NS_PER_MS, 0.02)  # it trips, if it was active
+        pilot.set_command(velocity, now=1000 * NS_PER_MS)
+    assert later.update(1000 * NS_PER_MS, 0.02)[0].pwm_us == first.update(1000 * NS_PER_MS, 0.02)[0].pwm_us
+    assert later.deadman_trips == 1
+
+
 def test_every_command_on_the_link_has_its_own_sequence_number() -> None:
     pilot = new_pilot()
     numbers = [pilot.update(0, 0.02)[0].sequence for _ in range(70_000)]

@@ -3,7 +3,10 @@
 from types import SimpleNamespace
 from typing import Any
 
-from hil.slave.ros.parameters import Parameters
+import pytest
+
+from hil.common.errors import ConfigError
+from hil.slave.ros.parameters import Parameters, read_failures
 from sim.tether import TetherKeys
 
 DOUBLE, STRING = 3, 4
@@ -57,6 +60,20 @@ def test_invalid_values_are_refused_with_a_reason() -> None:
         assert not result["successful"]
         assert message in result["reason"]
     assert not reports
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        ("kind = off, kind = off", "'kind' is given twice"),
+        ("kind = off, thruster = nose", "'thruster' is not for parameters"),
+        ("kind", "'kind' is not KEY = VALUE"),
+        ("kind = off; " * 400, "characters, at most"),
+    ],
+)
+def test_a_wrong_failure_of_a_thruster_is_refused(text: str, message: str) -> None:
+    with pytest.raises(ConfigError, match=message):
+        read_failures(text, "nose", "failures.nose")
 
 
 def test_without_a_tether_there_are_no_parameters() -> None:
