@@ -24,7 +24,7 @@ from tests.support.processes import Program, free_port, wait_for
 NOT_TYPED = {
     r"/path/to|^ardusub ": "needs an autopilot's program",
     r"/dev/tty|can:socketcan": "needs a device",
-    r"stm32 flash(?!.*--dry-run)": "needs a board; tests/process/firmware_stub/test_flash.py",
+    r"stm32 flash(?!.*--dry-run)": "needs a board; tests/system/firmware_stub/test_flash.py",
     r"board install|^sudo ": "changes the machine",
     r"^git clone|^pip install|^python3 -m venv|^\. \.venv": "is done: the project is installed",
     r"^ros2 |^export ": "needs ROS 2",

@@ -3,7 +3,7 @@
     python tools/pages/validation.py [--out docs/explanation] [--only NAME ...]
 
 Each run computes every figure again. A figure outside its bound ends the run with exit code 1, and
-tests/unit/tools/test_validation.py does the same. Needs the packages of `pip install -e '.[dev]'`.
+tests/system/tools/test_validation.py does the same. Needs the packages of `pip install -e '.[dev]'`.
 """
 
 import argparse
@@ -45,7 +45,7 @@ COLOURS = 64
 HEAD = """\
 # The simulator compared with published data and theory
 
-Made by `python tools/pages/validation.py`, which computes every figure again. `tests/unit/tools/test_validation.py`
+Made by `python tools/pages/validation.py`, which computes every figure again. `tests/system/tools/test_validation.py`
 checks each figure against its bound, and `tests/system/sim/test_level_flight.py` those of level flight. The tool needs
 the packages of the tests: `pip install -e '.[dev]'`.
 

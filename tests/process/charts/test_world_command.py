@@ -145,9 +145,3 @@ def test_a_build_without_scipy_names_the_extra(tmp_path: Path, monkeypatch: pyte
     monkeypatch.setattr("hil.charts.build_process.find_spec", lambda name: None)
     with pytest.raises(MissingExtraError, match=r"pip install 'uuv-hil\[chart\]'"):
         command.main(["build", chart(tmp_path), "-o", str(tmp_path / "w")])
-
-
-def test_an_output_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
-    (tmp_path / "file").write_text("in the way")
-    with pytest.raises(ConfigError, match="cannot be written"):
-        command.main(["build", chart(tmp_path), "--resolution", "25", "-o", str(tmp_path / "file" / "w")])

@@ -53,14 +53,6 @@ def test_every_finding_without_a_scenario() -> None:
     assert {row["level"] for row in rows.values()} <= {"ok", "note"}
 
 
-def test_each_finding_is_one_line() -> None:
-    done = run()
-    assert (done.returncode, done.stderr) == (0, "")
-    lines = done.stdout.splitlines()
-    assert len(lines) == len(list(doctor.findings(case_here())))
-    assert all(line.split()[0] in ("ok", "note") for line in lines)
-
-
 def test_an_invalid_setting_is_a_problem() -> None:
     completed = run("paper_field", UUV_HIL_NATIVE="maybe")
     assert completed.returncode == 1
@@ -116,11 +108,6 @@ def test_the_settings_of_this_process_do_not_change() -> None:
     before = settings()
     assert "memory" in {finding.topic for finding in doctor.findings(case_here())}
     assert settings() == before
-
-
-def test_a_missing_package_is_reported_with_its_installation() -> None:
-    found = doctor_software.check_library("tea", "no-such-distribution", "the afternoon", "tea", "problem")
-    assert found == Finding("problem", "tea", "not installed; needed for the afternoon", "pip install tea")
 
 
 def test_a_missing_package_is_a_problem_only_if_the_scenario_needs_it(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -117,16 +117,6 @@ def test_the_resultant_is_the_sum_limited_to_top_speed(
     assert (north, east) == pytest.approx((share * whole[0], share * whole[1]), rel=1e-6, abs=1e-6)
 
 
-@given(POINTS, st.lists(POINTS, min_size=1, max_size=3))
-def test_neighbours_out_of_range_have_no_effect(position: Vector, neighbours: list[Vector]) -> None:
-    settings = FieldSettings(communication_range=3.0, comfortable=2.0)
-    received = [Body(n, 0.5) for n in neighbours if math.dist(n, position) < 3.0]
-    everyone = [Body(n, 0.5) for n in neighbours]
-    assert resultant(position, (1.0, 1.0), ORIGIN, everyone, [], settings) == resultant(
-        position, (1.0, 1.0), ORIGIN, received, [], settings
-    )
-
-
 @given(POINTS, POINTS, st.lists(POINTS, max_size=3), st.floats(-math.pi, math.pi), POINTS)
 def test_the_resultant_rotates_and_shifts_with_the_world(
     position: Vector, target: Vector, neighbours: list[Vector], angle: float, shift: Vector
@@ -147,32 +137,6 @@ def test_the_resultant_rotates_and_shifts_with_the_world(
     bodies = [Body(transform(n), 0.5) for n in neighbours]
     found = resultant(transform(position), transform(target), rotate((0.1, 0.0)), bodies, [], settings)
     assert found == pytest.approx(rotate(expected), rel=1e-6, abs=1e-6)
-
-
-@given(POINTS, st.floats(0.0, 4.9), st.floats(0.01, 5.0), st.floats(-math.pi, math.pi))
-def test_fields_attract_to_the_target_and_repel_from_bodies(
-    position: Vector, near: float, extra: float, bearing: float
-) -> None:
-    """The fields attract to the target and to a neighbour near the range limit, more with distance, and repel from a
-    body.
-    """
-
-    def resultant_at(distance: float) -> Vector:
-        return position[0] + distance * math.cos(bearing), position[1] + distance * math.sin(bearing)
-
-    def along(vector: Vector) -> float:
-        return vector[0] * math.cos(bearing) + vector[1] * math.sin(bearing)
-
-    far, rounding = near + extra, 1e-9
-    draws = [along(attraction(position, resultant_at(d), 0.6, 0.5)) for d in (near, far)]
-    assert 0.0 <= draws[0] <= draws[1] + rounding
-    behind = resultant_at(-3.0)  # the target
-    pushes = [along(repulsion(position, behind, Body(resultant_at(d), 0.5), 0.12, 0.9)) for d in (near, far) if d > 0.6]
-    assert all(push <= rounding for push in pushes)
-    assert len(pushes) < 2 or pushes[0] <= pushes[1] + rounding
-    pulls = [along(communication(position, resultant_at(d), 0.05, 4.0, 5.0)) for d in (near, far) if d < 5.0]
-    assert min(pulls) >= -rounding
-    assert len(pulls) < 2 or pulls[0] <= pulls[1] + rounding
 
 
 @given(POINTS, st.lists(POINTS, min_size=1, max_size=3))

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from hil.ros import encoders as ros
 from hil.ros import types
 from hil.ros.topics import TOPICS, TYPE_HASHES, hash_of
-from sim.rotations import from_euler, matrix, to_euler
+from sim.rotations import from_euler, matrix
 from sim.sensors.samples import ImuSample, OdometrySample, PressureSample
 
 with open(os.path.join(os.path.dirname(__file__), "..", "..", "vectors", "cdr_golden.json"), encoding="utf-8") as _file:
@@ -168,17 +168,6 @@ def test_attitude_conversion_agrees_with_rotation_matrices(attitude: Sequence[fl
     for found, wanted in zip(rows(ros.swap_attitude(attitude)), expected, strict=True):
         assert found == pytest.approx(wanted, abs=1e-12)
     assert ros.swap_attitude(ros.swap_attitude(attitude)) == pytest.approx(attitude, abs=1e-12)
-
-
-@pytest.mark.parametrize(
-    ("heading", "yaw"), [(0.0, 90.0), (90.0, 0.0), (45.0, 45.0), (-90.0, 180.0), (135.0, -45.0), (-120.0, -150.0)]
-)
-def test_heading_clockwise_from_north_becomes_yaw_anticlockwise_from_east(heading: float, yaw: float) -> None:
-    quaternion = from_euler(0.1, -0.2, math.radians(heading))
-    roll, pitch, found = to_euler(ros.swap_attitude(quaternion))
-    assert math.remainder(found - math.radians(yaw), 2.0 * math.pi) == pytest.approx(0.0, abs=1e-12)
-    # starboard down stays roll, bow up becomes a negative pitch about the axis to port
-    assert (roll, pitch) == pytest.approx((0.1, 0.2))
 
 
 @given(VECTORS)

@@ -105,15 +105,6 @@ def test_full_matrices_with_only_a_diagonal_equal_diagonal_ones() -> None:
     assert one.nu == pytest.approx(other.nu, rel=1e-12)
 
 
-def test_off_diagonal_damping_has_an_effect() -> None:
-    """A sway velocity that brakes yaw through one entry of the full matrix."""
-    linear = [0.0] * 36
-    linear[5 * 6 + 1] = 2.0
-    vehicle = undamped([1.0] * 6, linear_damping=tuple(linear))
-    nu_dot = Dynamics(vehicle, 1000.0, 9.8).acceleration(DEEP, LEVEL, (0, 3.0, 0, 0, 0, 0), NOTHING, STILL)
-    assert nu_dot == pytest.approx([0, 0, 0, 0, 0, -6.0])
-
-
 def test_a_free_body_conserves_energy_and_momentum() -> None:
     """A body without force or drag, with an uneven mass matrix, keeps its kinetic energy and its world momentum."""
     matrix = [10, 1, 0, 0, 0, 0.5, 1, 20, 2, 0, 0, 0, 0, 2, 30, 0, 0, 0,

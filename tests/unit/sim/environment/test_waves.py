@@ -136,27 +136,6 @@ def test_velocity_is_the_gradient_of_the_potential(depth: float) -> None:
 
 
 @pytest.mark.parametrize("depth", DEPTHS)
-def test_the_flow_is_free_of_divergence_and_rotation(depth: float) -> None:
-    """Divergence and curl of the velocity are zero, by central differences; single gradients are not."""
-    wave_field, step = WaveField(SEA, depth, G, 3), 1e-3
-    point = (2.0, -3.0, 1.2)
-
-    def difference(axis: int) -> list[float]:
-        upper, lower = list(point), list(point)
-        upper[axis] += step
-        lower[axis] -= step
-        pair = wave_field.motion(9.0, *upper).velocity, wave_field.motion(9.0, *lower).velocity
-        return [(a - b) / (2.0 * step) for a, b in zip(*pair, strict=True)]
-
-    by_north, by_east, by_down = (difference(axis) for axis in range(3))
-    assert by_north[0] + by_east[1] + by_down[2] == pytest.approx(0.0, abs=1e-7)
-    assert by_north[1] - by_east[0] == pytest.approx(0.0, abs=1e-7)
-    assert by_north[2] - by_down[0] == pytest.approx(0.0, abs=1e-7)
-    assert by_east[2] - by_down[1] == pytest.approx(0.0, abs=1e-7)
-    assert abs(by_down[2]) > 1e-3
-
-
-@pytest.mark.parametrize("depth", DEPTHS)
 def test_the_acceleration_is_that_of_a_fluid_particle(depth: float) -> None:
     """The acceleration is that of a particle that moves along; at a fixed point it differs."""
     wave_field, step = WaveField(SEA._replace(peak_period=4.0), depth, G, 4), 1e-4

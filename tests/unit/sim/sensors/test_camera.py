@@ -10,11 +10,10 @@ from hil.common.errors import ConfigError, MissingExtraError
 from sim.dynamics import State
 from sim.environment.obstacles import Box, Cylinder
 from sim.environment.optics import decode, jerlov, underwater
-from sim.environment.relief import Fractal, Step
+from sim.environment.relief import Fractal
 from sim.environment.terrain import Terrain, covering
 from sim.environment.world import World
-from sim.rays import solids
-from sim.rays.scene import NOTHING, SEABED
+from sim.rays.scene import SEABED
 from sim.rotations import from_euler
 from sim.sensors.imaging import scenery
 from sim.sensors.imaging.camera.image_sensor import automatic_exposure
@@ -67,50 +66,6 @@ def test_a_plane_across_the_axis_has_constant_depth() -> None:
     assert (sample.time_ns, sample.width, sample.height) == (5, 81, 61)
     assert depths(sample) == pytest.approx(np.full((61, 81), 4.0), abs=1e-6)
     assert (labels(sample) == SEABED).all()
-
-
-def test_a_plane_below_has_exact_depths() -> None:
-    """A level camera has at row t the seabed 4 m below at depth 4 / t, and above the horizon the surface at 8 / -t."""
-    sample = camera(FLAT, TRUE._replace(max_range=1000.0)).sample(0, POSE)
-    _, down = tangents(sample)
-    below, above = down[31:, 0], down[:30, 0]
-    assert depths(sample)[31:, 7] == pytest.approx(4.0 / below, rel=1e-6)
-    assert depths(sample)[:30, 70] == pytest.approx(-8.0 / above, rel=1e-6)
-    assert depths(sample)[-1, 40] == pytest.approx(4.0 / down[-1, 0], abs=1e-6)
-
-
-def test_a_step_has_exact_depths() -> None:
-    """A camera that looks down on a cliff 2 m high from north 0.5 to 1 has the plateau up in the picture."""
-    grid = covering(EXTENT, 0.5)
-    world = FLAT._replace(terrain=Terrain(grid, Step(12.0, 2.0, north=1.0, resolution=0.5).depths(grid), 12.0))
-    sample = camera(world, mounting=DOWN).sample(0, POSE)
-    _, down = tangents(sample)
-    north = -down[:, 0]
-    expected = np.where(north * 4.0 < 0.5, 4.0, np.where(north * 2.0 > 1.0, 2.0, (4.0 + 2.0) / (1.0 + 4.0 * north)))
-    assert depths(sample)[:, 40] == pytest.approx(expected, abs=1e-6)
-    assert depths(sample)[0, 40] == pytest.approx(2.0, abs=1e-6)
-
-
-def test_a_sphere_and_a_cylinder_have_exact_depths() -> None:
-    world = DEEP._replace(cylinder=(Cylinder(9.0, 3.0, 1.0),))
-    eye = camera(world)
-    eye.add(solids.sphere((0.0, 0.0, 0.0), 1.2), State((6.0, -2.0, 8.5)))
-    sample = eye.sample(0, POSE)
-    right, down = np.broadcast_arrays(*tangents(sample))
-    a, b = 1.0 + right**2 + down**2, 6.0 - 2.0 * right + 0.5 * down
-    c = 6.0**2 + 2.0**2 + 0.5**2 - 1.2**2
-    d, e = 1.0 + right**2, 9.0 + 3.0 * right
-    with np.errstate(invalid="ignore"):
-        ball = (b - np.sqrt(b * b - a * c)) / a
-        pile = (e - np.sqrt(e * e - d * (9.0**2 + 3.0**2 - 1.0))) / d
-    on_pile = labels(sample) == 1
-    on_ball = labels(sample) == 3
-    assert on_pile.sum() > 300
-    assert on_ball.sum() > 150
-    assert depths(sample)[on_pile] == pytest.approx(pile[on_pile], abs=2e-6)  # 32-bit floats
-    assert depths(sample)[on_ball] == pytest.approx(ball[on_ball], abs=1e-6)
-    assert (np.isfinite(ball) == on_ball).all()
-    assert (labels(sample)[np.isinf(depths(sample))] == NOTHING).all()
 
 
 def test_right_in_the_picture_is_starboard_and_below_is_down() -> None:
