@@ -2,16 +2,20 @@
 
 from typing import Annotated, Literal, NamedTuple
 
+from hil.common.endpoint import validate_endpoint
 from hil.common.errors import ConfigError
 from hil.common.schema import Range
 
-FORMS = "udpout:HOST:PORT, udpin:HOST:PORT, tcpin:HOST:PORT, tcpout:HOST:PORT, serial:/dev/ttyUSB0:57600"
+FORMS = (
+    "udpout:HOST:PORT, udpin:HOST:PORT, tcpin:HOST:PORT, tcpout:HOST:PORT, serial:/dev/ttyUSB0:57600, "
+    "zenoh:tcp/HOST:PORT"
+)
 BAUD = 57_600  # default for a serial device
-Kind = Literal["udpout", "udpin", "tcpin", "tcpout", "serial"]
+Kind = Literal["udpout", "udpin", "tcpin", "tcpout", "serial", "zenoh"]
 
 
 class MavlinkEndpoint(NamedTuple):
-    """The parts of an endpoint; `target` is a host or a device."""
+    """The parts of an endpoint; `target` is a host, a device or the endpoint of a zenoh router."""
 
     kind: Kind
     target: str
@@ -27,6 +31,8 @@ def parse_endpoint(text: str) -> MavlinkEndpoint:
             return MavlinkEndpoint("serial", device, int(baud))
         if ":" not in address:
             return MavlinkEndpoint("serial", address, BAUD)
+    elif kind == "zenoh" and validate_endpoint("zenoh", address) is None:
+        return MavlinkEndpoint("zenoh", address)
     elif kind in ("udpout", "udpin", "tcpin", "tcpout"):
         host, _, port = address.rpartition(":")
         if host and port.isascii() and port.isdecimal() and int(port) < 65_536 and (int(port) or kind.endswith("in")):
@@ -49,12 +55,14 @@ class Mavlink(NamedTuple):
     """MAVLink interface of the vehicle for ground stations and companion software, in a process beside the slave.
 
     `endpoints` are its connections: "udpout" sends to a ground station, "udpin" and "tcpin" wait for several, "tcpout"
-    connects to a router, "serial" is a radio or a companion computer. `system` is its MAVLink system id, 2 instead of 1
-    if an autopilot with that id flies the vehicle. `autopilot` is the firmware whose mode numbers and mission rules it
-    follows: "ardupilot" means ArduSub, which QGroundControl supports best, "generic" the MAVLink standard alone. Ground
-    stations on other machines may only observe unless `commands_from` is "network". `parameters` is the file of stored
-    parameters (default: a file of this user for the node), `logs` the folder that MAVFTP offers. `rtp` ("HOST:PORT")
-    receives the picture of the camera that `camera` names, as H.264. With `start` the slave starts this process;
+    connects to a router, "serial" is a radio or a companion computer, "zenoh" offers the keys of BlueOS. `system` is
+    its MAVLink system id, 2 instead of 1 if an autopilot with that id flies the vehicle. `autopilot` is the firmware
+    whose mode numbers and mission rules it follows: "ardupilot" means ArduSub, which QGroundControl supports best,
+    "generic" the MAVLink standard alone. Ground stations on other machines may only observe unless `commands_from` is
+    "network". `signing_key`, a passphrase or 64 hexadecimal digits, signs all packets and refuses unsigned ones.
+    `parameters` is the file of stored parameters (default: a file of this user for the node), `logs` the folder that
+    MAVFTP offers. `rtp` ("HOST:PORT") receives the picture of the
+    camera that `camera` names, as H.264. With `start` the slave starts this process;
     otherwise run `uuv-hil gateway mavlink`.
     """
 
@@ -62,6 +70,7 @@ class Mavlink(NamedTuple):
     system: Annotated[int, Range(1, 250)] = 1
     autopilot: Literal["ardupilot", "generic"] = "ardupilot"
     commands_from: Literal["localhost", "network"] = "localhost"
+    signing_key: str = ""
     parameters: str = ""
     logs: str = "recordings"
     rtp: str = ""

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 EXAMPLES = """\
 An endpoint is udpout:HOST:PORT (a ground station), udpin:HOST:PORT or tcpin:HOST:PORT (several of them),
-tcpout:HOST:PORT (a router), or serial:/dev/ttyUSB0:57600.
+tcpout:HOST:PORT (a router), serial:/dev/ttyUSB0:57600, or zenoh:tcp/HOST:PORT (BlueOS' keys).
 
 examples:
   uuv-hil gateway mavlink paper_field                          QGroundControl on this machine finds it by itself
@@ -44,6 +44,7 @@ def main(arguments: list[str]) -> int:
     from hil.gateways.mavlink.endpoints.opening import open_link
     from hil.gateways.mavlink.gateway import Gateway
     from hil.gateways.mavlink.parameter_table import ParameterTable
+    from hil.gateways.mavlink.protocols.signing import SigningKey
     from hil.gateways.mavlink.vehicle_port import NetworkVehicle
 
     with ExitStack() as stack:
@@ -64,10 +65,13 @@ def main(arguments: list[str]) -> int:
         port = stack.enter_context(NetworkVehicle(client, _print))
         stored = settings.parameters or parameter_file(node)
         table = ParameterTable(stored, port.parameters, port.set_parameter, defaults_of(scenario))
+        signing = SigningKey(f"{stored}.key", settings.signing_key)
         for fault in table.faults:
             print(fault, flush=True)
         settings = settings._replace(system=int(table["SYSID_THISMAV"]) if not options.system else settings.system)
-        gateway = Gateway(port, settings, table, links, origin_of(scenario), _print, motors=motors_of(scenario))
+        gateway = Gateway(
+            port, settings, table, links, origin_of(scenario), _print, signing, motors=motors_of(scenario)
+        )
         link_names = ", ".join([link.name for link in links])
         print(
             f"MAVLink system {settings.system} is {node} at {', '.join(endpoints)}: {link_names}; Ctrl-C ends it",

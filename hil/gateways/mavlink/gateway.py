@@ -11,6 +11,7 @@ from hil.gateways.mavlink.endpoints.links import MAX_PARTNERS, SILENT_NS, Link
 from hil.gateways.mavlink.endpoints.peer import Peer
 from hil.gateways.mavlink.parameter_table import ParameterTable
 from hil.gateways.mavlink.protocols.ftp import FtpServer
+from hil.gateways.mavlink.protocols.signing import SigningKey
 from hil.gateways.mavlink.snapshot import Origin, VehiclePort
 from hil.scenario.mavlink_records import Mavlink
 
@@ -34,6 +35,7 @@ class Gateway:
         links: Sequence[Link],
         origin: Origin | None = None,
         report: Callable[[str], None] = lambda _: None,
+        signing: SigningKey | None = None,
         clock: Clock = now_ns,
         wall_clock: Clock = lambda: to_wall_ns(now_ns()),
         motors: Sequence[tuple[int, int]] = (),
@@ -42,6 +44,7 @@ class Gateway:
         self._clock, self._wall_clock = clock, wall_clock
         self.core = Core(port, settings, table, origin, clock(), motors)
         self.dispatcher = Dispatcher(self.core, FtpServer(settings.logs, table))
+        self._signing = signing or SigningKey(given=settings.signing_key)
         self._peers: dict[tuple[int, Hashable], Peer] = {}
         self._numbers = self._complaint_ns = 0
         self._due_ns = self._polled_ns = clock()
@@ -80,6 +83,7 @@ class Gateway:
         if self.core.pilot.armed:
             self.core.disarm()
             self.core.tick(self._clock() + NS_PER_S)
+        self._signing.stamps.close()
         for link in self._links:
             link.close()
 
@@ -111,8 +115,9 @@ class Gateway:
             may_command = settings.commands_from == "network" or is_local
             name = ":".join(map(str, address[:2])) if isinstance(address, tuple) else str(address)
             peer = self._peers[number, address] = Peer(
-                self._numbers, name, settings.system, lambda data: link.send(address, data), may_command, link.burst
-            )
+                self._numbers, name, settings.system, lambda data, message: link.send(address, data, message),
+                may_command, link.burst, self._signing, self._wall_clock,
+            )  # fmt: skip
             self.dispatcher.peers[peer.number] = peer
             self._report(f"{link.name}: sends to {name}{'' if may_command else ' (can only read)'}")
         return peer

@@ -50,7 +50,7 @@ REFUSED: dict[str, str] = {  # messages that others send to an autopilot, and wh
     "SET_ACTUATOR_CONTROL_TARGET": "thrusters are driven by sticks, targets and DO_MOTOR_TEST",
     "MISSION_WRITE_PARTIAL_LIST": "upload the whole mission",
     "LOG_REQUEST_DATA": "recordings are files of MAVFTP, in /logs",
-    "SETUP_SIGNING": "packets are not signed: see commands_from in the section [mavlink]",
+    "SETUP_SIGNING": "set signing_key in the section [mavlink]",
     "SERIAL_CONTROL": "there is no shell",
     "RALLY_POINT": "there are no rally points", "FENCE_POINT": "there is no fence",
 }  # fmt: skip

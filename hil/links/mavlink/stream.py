@@ -44,16 +44,38 @@ def signing_secret(text: str) -> bytes:
     return hashlib.sha256(text.encode()).digest()
 
 
+class Stamps:
+    """The newest timestamp of a signed packet from each sender: link id, system, component.
+
+    All streams with one key share it, or a packet that one has accepted could be sent to another one again.
+    """
+
+    def __init__(self) -> None:
+        self.newest: dict[tuple[int, int, int], int] = {}
+
+    def accept(self, sender: tuple[int, int, int], timestamp: int, own: int) -> bool:
+        """Return whether a packet is newer than all before; `own` is the timestamp here, for a new sender."""
+        if timestamp <= self.newest.get(sender, own - NEW_STREAM_SLACK - 1):
+            return False
+        self.newest[sender] = timestamp
+        return True
+
+
 class _SafeMavlink(dialect.MAVLink):  # type: ignore[misc]  # pymavlink has no type information
     """Encoder and decoder of pymavlink for one end, with our check of signatures."""
 
-    def sign(self, secret: bytes, wall_clock: Callable[[], int]) -> None:
+    def sign(self, secret: bytes, wall_clock: Callable[[], int], stamps: Stamps, link: int) -> None:
         """Sign outgoing packets, and refuse incoming ones without a valid signature; RADIO_STATUS is never signed."""
         self._wall_clock = wall_clock
-        self._newest: dict[tuple[int, int, int], int] = {}  # link id, system, component -> newest timestamp
+        self._stamps = stamps
+        self.signing.link_id = link & 0xFF
         self.signing.secret_key = secret
         self.signing.sign_outgoing = True
         self.signing.allow_unsigned_callback = _may_be_unsigned
+
+    def stop_signing(self) -> None:
+        """Stop signing packets and requiring signatures."""
+        self.signing.secret_key, self.signing.sign_outgoing = None, False
 
     def advance(self) -> None:
         """Advance the timestamp to the wall clock; it never goes back, even if the clock does."""
@@ -69,9 +91,8 @@ class _SafeMavlink(dialect.MAVLink):  # type: ignore[misc]  # pymavlink has no t
         self.advance()
         timestamp = int.from_bytes(packet[-12:-HASH_SIZE], "little")
         sender = (packet[-SIGNATURE_SIZE], system, component)
-        if timestamp <= self._newest.get(sender, signing.timestamp - NEW_STREAM_SLACK - 1):
+        if not self._stamps.accept(sender, timestamp, signing.timestamp):
             return False
-        self._newest[sender] = timestamp
         signing.timestamp = max(signing.timestamp, timestamp)
         return True
 
@@ -94,10 +115,17 @@ class MavlinkStream:
         self._signs = False
         self._incomplete = b""  # start of an incomplete packet
 
-    def sign(self, secret: bytes, wall_clock: Callable[[], int]) -> None:
-        """Sign packets and require signatures from now on. `wall_clock` returns ns since 1970."""
-        self._signs = True
-        self._mavlink.sign(secret, wall_clock)
+    def sign(self, secret: bytes, wall_clock: Callable[[], int], stamps: Stamps | None = None, link: int = 0) -> None:
+        """Sign packets and require signatures from now on; without a secret stop doing so.
+
+        `wall_clock` returns ns since 1970. `stamps` are those of all streams with this key [its own]; `link` is the
+        link id of what is sent.
+        """
+        self._signs = bool(secret)
+        if secret:
+            self._mavlink.sign(secret, wall_clock, stamps or Stamps(), link)
+        else:
+            self._mavlink.stop_signing()
 
     def pack(self, message: Any) -> bytes:
         """Return the packet of a message of the dialect, with the next number; none if MAVLink 1 has no such id."""

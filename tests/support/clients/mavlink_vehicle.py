@@ -9,7 +9,6 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from hil.autonomy.control.controller import VelocityCommand, wrap
 from hil.client.samples import State
 from hil.common.clock import NS_PER_S
-from hil.gateways.mavlink import newer_messages as newer
 from hil.gateways.mavlink.core import Core
 from hil.gateways.mavlink.dispatch import Dispatcher
 from hil.gateways.mavlink.endpoints.peer import Peer
@@ -28,7 +27,6 @@ from sim.sensors.samples import ImuSample
 
 TICK_NS = NS_PER_S // 50
 ORIGIN = Origin(45.0, 10.0, 0.0)
-NEWER = {kind.id: kind for kind in newer._NewerMessage.__subclasses__()}
 
 
 class PointVehicle:
@@ -168,9 +166,9 @@ class Partner:
         self.received: list[Any] = []
         self.packets: list[bytes] = []
         self._bench, self._system = bench, system
-        self._in = MavlinkStream(system, 190, Counters(), takes_version_1=True)
+        self._in = MavlinkStream(system, 190, Counters())
         self._out = MavlinkStream(system, 190, Counters())
-        self.peer = Peer(number, f"partner {number}", 1, self._on_packet, may_command)
+        self.peer = Peer(number, f"partner {number}", 1, self._on_message, may_command)
 
     def send(self, message: Any) -> None:
         """Send a message to the vehicle."""
@@ -218,15 +216,10 @@ class Partner:
         """Return the texts that it received."""
         return " | ".join([text.text for text in self.take_messages("STATUSTEXT")])
 
-    def _on_packet(self, packet: bytes) -> None:
+    def _on_message(self, packet: bytes, message: Any) -> None:
         self.packets.append(packet)
-        self.received += self._in.unpack(packet) or [_decode_newer(packet)]
-
-
-def _decode_newer(packet: bytes) -> Any:
-    """Return a message that pymavlink does not know yet."""
-    kind = NEWER[int.from_bytes(packet[7:10], "little")]
-    return kind(*kind.unpacker.unpack(packet[10:-2].ljust(kind.unpacker.size, b"\0")))
+        decoded = self._in.unpack(packet)
+        self.received += decoded or [message]  # what pymavlink does not know yet is taken as it was
 
 
 def _kind(message: Any) -> str:

@@ -1,4 +1,4 @@
-"""Received bytes never raise in the MAVLink vehicle."""
+"""Received bytes never raise in the MAVLink vehicle, signed or not."""
 
 import os
 import random
@@ -9,13 +9,15 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from hil.gateways.mavlink import newer_messages as newer
 from hil.gateways.mavlink.endpoints.links import SILENT_NS, Address, Link, Received
+from hil.gateways.mavlink.endpoints.peer import Peer
 from hil.gateways.mavlink.flight.modes import Mode
 from hil.gateways.mavlink.gateway import Gateway
 from hil.gateways.mavlink.messages import TAKEN
 from hil.gateways.mavlink.parameter_table import ParameterTable
 from hil.gateways.mavlink.protocols.ftp import ACK, HEADER, OPEN_READ, FtpServer
+from hil.gateways.mavlink.protocols.signing import SigningKey
 from hil.links.contract import Counters
-from hil.links.mavlink.stream import MavlinkStream
+from hil.links.mavlink.stream import MavlinkStream, signing_secret
 from hil.scenario.mavlink_records import Mavlink
 from tests.support.clients.mavlink_vehicle import Bench, PointVehicle
 
@@ -122,6 +124,47 @@ def test_own_definitions_of_newer_messages_have_the_right_checksum(kind: type[ne
     assert mavparse.message_checksum(message) == kind.crc_extra
 
 
+def _signed_peer(key: str, wall: list[int], sent: list[bytes]) -> Peer:
+    return Peer(
+        1,
+        "signed",
+        1,
+        lambda data, _: sent.append(data),
+        True,
+        signing=SigningKey(given=key),
+        wall_clock=lambda: wall[0],
+    )
+
+
+def _sender(key: str, wall: list[int]) -> MavlinkStream:
+    stream = MavlinkStream(255, 190, Counters())
+    if key:
+        stream.sign(signing_secret(key), lambda: wall[0])
+    return stream
+
+
+def test_with_a_key_only_signed_packets_are_accepted_and_sent() -> None:
+    wall, sent = [1_800_000_000 * 10**9], []  # type: ignore[var-annotated]
+    peer = _signed_peer("secret", wall, sent)
+    beat = dialect.MAVLink_heartbeat_message(6, 8, 0, 0, 0, 3)
+    assert len(peer.unpack(_sender("secret", wall).pack(beat))) == 1
+    assert peer.unpack(_sender("", wall).pack(beat)) == []
+    assert peer.unpack(_sender("wrong", wall).pack(beat)) == []
+    peer.send(beat)
+    assert _sender("secret", wall).unpack(sent[0])
+    assert sent[0][2] & 1
+
+
+def test_replayed_and_stale_signed_packets_are_refused() -> None:
+    wall = [1_800_000_000 * 10**9]
+    peer = _signed_peer("secret", wall, [])
+    packet = _sender("secret", wall).pack(dialect.MAVLink_heartbeat_message(6, 8, 0, 0, 0, 3))
+    assert len(peer.unpack(packet)) == 1
+    assert peer.unpack(packet) == []
+    late = [wall[0] - 120 * 10**9]
+    assert peer.unpack(_sender("secret", late).pack(dialect.MAVLink_heartbeat_message(6, 8, 0, 0, 0, 3))) == []
+
+
 class _Overloaded(Link):
     """An endpoint that refuses one more ground station at each receive."""
 
@@ -134,7 +177,7 @@ class _Overloaded(Link):
         self.refused += 1
         return []
 
-    def send(self, address: Address, data: bytes) -> None: ...
+    def send(self, address: Address, data: bytes, message: object) -> None: ...
 
     def partners(self) -> list[Address]:
         return []

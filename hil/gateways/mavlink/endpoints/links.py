@@ -41,8 +41,8 @@ class Link(ABC):
         """Return the bytes received, with the address of each sender."""
 
     @abstractmethod
-    def send(self, address: Address, data: bytes) -> None:
-        """Send a packet to a partner."""
+    def send(self, address: Address, data: bytes, message: Any) -> None:
+        """Send a packet, which `message` is in, to a partner."""
 
     @abstractmethod
     def partners(self) -> list[Address]:
@@ -88,7 +88,7 @@ class UdpOut(Link):
                 break
         return received
 
-    def send(self, address: Address, data: bytes) -> None:
+    def send(self, address: Address, data: bytes, message: Any) -> None:
         """Send a datagram."""
         with contextlib.suppress(OSError):
             self._socket.send(data)
@@ -139,7 +139,7 @@ class UdpIn(Link):
             received.append((sender, data))
         return received
 
-    def send(self, address: Address, data: bytes) -> None:
+    def send(self, address: Address, data: bytes, message: Any) -> None:
         """Send a datagram."""
         with contextlib.suppress(OSError):
             self._socket.sendto(data, cast(tuple[str, int], address))
@@ -241,7 +241,7 @@ class TcpIn(Link):
         received = [(address, stream.receive(now)) for address, stream in self._open().items()]
         return [(address, data) for address, data in received if data]
 
-    def send(self, address: Address, data: bytes) -> None:
+    def send(self, address: Address, data: bytes, message: Any) -> None:
         """Send a packet over one connection."""
         stream = self._streams.get(address)
         if stream and stream.is_open:
@@ -293,7 +293,7 @@ class TcpOut(Link):
         data = self._stream.receive(now) if self._stream and self._stream.is_open else b""
         return [(self._to[:2], data)] if data else []
 
-    def send(self, address: Address, data: bytes) -> None:
+    def send(self, address: Address, data: bytes, message: Any) -> None:
         """Send a packet."""
         if self._stream and self._stream.is_open:
             self._stream.send(data)

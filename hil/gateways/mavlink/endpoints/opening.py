@@ -9,6 +9,10 @@ def open_link(endpoint: MavlinkEndpoint) -> Link:
     """Open an endpoint. Raises NetworkError, DeviceError."""
     if endpoint.kind == "serial":
         return SerialLink(endpoint.target, endpoint.port)
+    if endpoint.kind == "zenoh":
+        from hil.gateways.mavlink.endpoints.zenoh_link import ZenohLink  # few want it
+
+        return ZenohLink(endpoint.target)
     kinds: dict[str, type[UdpOut | UdpIn | TcpIn | TcpOut]] = {
         "udpout": UdpOut, "udpin": UdpIn, "tcpin": TcpIn, "tcpout": TcpOut,
     }  # fmt: skip

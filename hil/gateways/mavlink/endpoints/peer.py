@@ -4,6 +4,7 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any
 
+from hil.gateways.mavlink.protocols.signing import SigningKey
 from hil.gateways.mavlink.protocols.streams import MAX_HZ, StreamRates
 from hil.links.contract import Counters
 from hil.links.mavlink.stream import MavlinkStream
@@ -13,11 +14,14 @@ SLOW_BURST = 400  # bytes a turn: a serial line that does not carry all streams 
 AT_ONCE = 60  # messages of lists in one turn: the buffer of a busy receiver takes some 200 datagrams
 MAX_WAITING = 4000  # messages of lists that wait for a slow link
 
+Write = Callable[[bytes, Any], None]  # the packet, and its message
+
 
 class Peer:
     """A partner, known by `number`; packets go out by `write`, `burst` bytes of lists at most a turn.
 
-    `counters` counts what came damaged or cut; `may_command` whether it may change anything.
+    `counters` counts what came damaged, unsigned or cut; `may_command` whether it may change anything. With a secret in
+    `signing` packets are signed, and unsigned ones refused.
     """
 
     def __init__(
@@ -25,9 +29,11 @@ class Peer:
         number: int,
         name: str,
         system: int,
-        write: Callable[[bytes], None],
+        write: Write,
         may_command: bool,
         burst: int = 4_000,
+        signing: SigningKey | None = None,
+        wall_clock: Callable[[], int] = lambda: 0,
     ) -> None:
         self.number, self.name, self.may_command = number, name, may_command
         self.counters = Counters()
@@ -36,6 +42,8 @@ class Peer:
         self.denied = 0
         self._write, self._burst = write, burst
         self._stream = MavlinkStream(system, COMPONENT, self.counters, takes_version_1=True)
+        key = signing or SigningKey()
+        self._stream.sign(key.secret, wall_clock, key.stamps, number)
         self._waiting: deque[Any] = deque(maxlen=MAX_WAITING)
 
     def unpack(self, data: bytes) -> list[Any]:
@@ -46,7 +54,7 @@ class Peer:
         """Send messages now."""
         for message in messages:
             if packet := self._stream.pack(message):
-                self._write(packet)
+                self._write(packet, message)
 
     def send_later(self, messages: list[Any]) -> None:
         """Send messages as fast as the link takes them, so that a list does not hold up what is urgent."""
@@ -62,5 +70,5 @@ class Peer:
             message = self._waiting.popleft()
             packet = self._stream.pack(message)
             if packet:
-                self._write(packet)
+                self._write(packet, message)
             left -= len(packet)

@@ -1,6 +1,7 @@
 """A serial device as an endpoint of MAVLink, with one partner."""
 
 import contextlib
+from typing import Any
 
 from hil.common.errors import DeviceError
 from hil.gateways.mavlink.endpoints.links import RETRY_NS, Address, Link, Received
@@ -32,7 +33,7 @@ class SerialLink(Link):
             self._lose(now)
         return [(self._device, data)] if data else []
 
-    def send(self, address: Address, data: bytes) -> None:
+    def send(self, address: Address, data: bytes, message: Any) -> None:
         """Write a packet; what the device does not take is lost."""
         try:
             if self._wire:
