@@ -9,22 +9,22 @@ from pathlib import Path
 import psutil
 import pytest
 
+from hil.cases.campaign.runs import combinations
 from hil.cli import main
-from hil.commands import campaign
 from hil.common.errors import ConfigError
 from tests.support.processes import Program, command_line, wait_for, write_scenario
 
 
 def test_variations_make_all_combinations() -> None:
-    assert campaign.combinations([]) == [{}]
-    sets = campaign.combinations(["master.speed=0.5,0.6", "stm32=python"])
+    assert combinations([]) == [{}]
+    sets = combinations(["master.speed=0.5,0.6", "stm32=python"])
     assert sets == [{"master.speed": 0.5, "stm32": "python"}, {"master.speed": 0.6, "stm32": "python"}]
 
 
 @pytest.mark.parametrize("text", ["master.speed", "=1", "master.speed="])
 def test_a_wrong_variation_is_refused(text: str) -> None:
     with pytest.raises(ConfigError, match="KEY=VALUE"):
-        campaign.combinations([text])
+        combinations([text])
 
 
 def test_too_many_combinations_are_refused(capsys: pytest.CaptureFixture[str]) -> None:

@@ -135,7 +135,7 @@ def test_coupled_thrusters_serve_moments_then_heave_then_horizontal_force(first:
     wrench = [0.0] * 6
     wrench[first], wrench[second] = 12.0, 100.0
     delivered = wrench_of(matrix, make_allocator(matrix, 10.0, 10.0).allocate(wrench)[0])
-    assert (delivered[first], delivered[second]) == (pytest.approx(12.0), pytest.approx(8.0))
+    assert [delivered[first], delivered[second]] == pytest.approx([12.0, 8.0])
 
 
 def test_forward_and_reverse_limits_differ() -> None:
