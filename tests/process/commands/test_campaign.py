@@ -11,6 +11,7 @@ import pytest
 
 from hil.cases.campaign.runs import combinations
 from hil.cli import main
+from hil.commands import campaign
 from hil.common.errors import ConfigError
 from tests.support.processes import Program, command_line, wait_for, write_scenario
 
