@@ -6,7 +6,6 @@ followed here, by velocity commands.
 
 import threading
 from collections.abc import Callable, Generator
-from itertools import pairwise
 from math import atan2, dist
 from typing import TYPE_CHECKING, Any
 
@@ -172,30 +171,12 @@ def pursue(points: "list[Position]", speed: float, lookahead: float, tolerance: 
 
     The depth changes linearly along each leg. Done within `tolerance` m of the last point.
     """
-    pursuit = PurePursuit([point[:2] for point in points], lookahead, speed, tolerance=tolerance)
-    depths = _depths(points)
+    pursuit = PurePursuit(points, lookahead, speed, tolerance=tolerance)
 
     def send(client: VehicleClient, state: State) -> None:
-        command = pursuit.update(state.position, state.heading)
-        client.command(command._replace(depth=depths(pursuit.progress)))
+        client.command(pursuit.update(state.position, state.heading))
 
     return Action(send, lambda _: pursuit.has_arrived)
-
-
-def _depths(points: "list[Position]") -> Callable[[float], float]:
-    """Return a function from the progress along the horizontal path (0 to 1) to the depth (m)."""
-    legs = [dist(a[:2], b[:2]) for a, b in pairwise(points)]
-    whole = sum(legs) or 1.0
-
-    def depth(progress: float) -> float:
-        left = progress * whole
-        for leg, (start, end) in zip(legs, pairwise(points), strict=True):
-            if left <= leg and leg > 0.0:
-                return start[2] + (end[2] - start[2]) * left / leg
-            left -= leg
-        return points[-1][2]
-
-    return depth
 
 
 def _ignore(_sequence: int) -> None:

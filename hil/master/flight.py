@@ -16,6 +16,8 @@ from hil.autonomy.control.controller import (
     wrap,
 )
 from hil.autonomy.paths.astar import path_length
+from hil.autonomy.paths.curves import Position
+from hil.autonomy.paths.occupancy import OccupancyGrid
 from hil.autonomy.paths.trajectory import Limits
 from hil.common.clock import NS_PER_S, seconds_ns
 from hil.common.errors import MissionError, NoPathError
@@ -176,14 +178,20 @@ def make_request(scenario: Scenario, vehicle: Vehicle, world: World, map_part: M
     """
     master, limits = guide_by_fins(scenario, vehicle, world) if vehicle.fins else (scenario.master, Limits())
     reach = hypot(*vehicle.dimensions[:2]) / 2
-    map_part = map_part or parts_of(world, master, scenario.start)[0]
-    grid = known_map(master, vehicle, world, map_part)
-    grid.is_open = not world.walls and world.terrain is None
-    ends = [(scenario.start.north, scenario.start.east), *([master.goal] if master.goal else [])]
-    least = scenario.master.margin
+    start, part = scenario.start, map_part or parts_of(world, master, scenario.start)[0]
+    depth = start.depth if master.waypoint or vehicle.fins else master.depth  # others dive at once
+    course = [(start.north, start.east, depth), *master.places()]
+
+    def map_along(course: Sequence[Position]) -> OccupancyGrid:
+        grid = known_map(master, vehicle, world, part, course)
+        grid.is_open = not world.walls and world.terrain is None
+        return grid
+
+    grid, least, ends = map_along(course if master.goal else ()), scenario.master.margin, [one[:2] for one in course]
     while master.margin > least and not all(map(grid.inflate(reach + master.margin).is_free, ends)):
         master = master._replace(margin=max(0.5 * master.margin, least))  # a derived one gives way to start and goal
-    return PlanRequest(scenario.slave.node, vehicle, scenario.start, master, grid, reach + master.margin, limits)
+    clearance = reach + master.margin
+    return PlanRequest(scenario.slave.node, vehicle, start, master, grid, clearance, course, map_along, limits)
 
 
 class Flight:
@@ -306,9 +314,9 @@ def held(command: VelocityCommand, odometry: OdometrySample) -> VelocityCommand:
     return command
 
 
-def distance_to_path(point: Point, path: Sequence[Point]) -> float:
+def distance_to_path(point: Point, path: Sequence[Sequence[float]]) -> float:
     """Return the distance (m) of a point from a path of at least two points."""
-    return min(hypot(*off_line(*point, *start, *end)) for start, end in pairwise(path))
+    return min(hypot(*off_line(*point, *start[:2], *end[:2])) for start, end in pairwise(path))
 
 
 def require_success(outcome: Outcome) -> None:

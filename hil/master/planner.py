@@ -10,10 +10,11 @@ and no clock of its own. The scenario names its class and gives the keys that th
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from hil.autonomy.control.controller import VelocityCommand
+from hil.autonomy.paths.curves import Position
 from hil.autonomy.paths.occupancy import OccupancyGrid
 from hil.autonomy.paths.trajectory import Limits
 from hil.common.errors import ConfigError
@@ -48,12 +49,14 @@ class Done(NamedTuple):
 class PlanRequest(NamedTuple):
     """Input of a planner before the run: the vehicle, its start, the task, and the map.
 
-    `node` is the vehicle's name. `master` is the scenario's section with goal, depth, speed and so on. `map` shows the
-    known obstacles at that depth in their true size; none if the scenario says `map = "unknown"`. Of a world of more
-    than a million cells, it shows only the part around start, goal and the planner's destinations. If these are far
-    apart, its cells are larger than the scenario's, and a cell is occupied if any part of it may be. `clearance` (m) is
-    the distance that the vehicle's centre must keep from obstacles: its own size plus the scenario's margin. `limits`
-    are those of a vehicle that steers by fins (hil/master/guidance.py); for others their `turn_radius` is 0.
+    `node` is the vehicle's name. `master` is the scenario's section with goal, depth, speed and so on. `course` (m,
+    NED) leads from the start through the scenario's waypoints to its goal. `map` shows the known obstacles in their
+    true size, at the depth of the nearest place of the course; none if the scenario says `map = "unknown"`. Of a world
+    of more than a million cells, it shows only the part around the course and the planner's destinations. If these are
+    far apart, its cells are larger than the scenario's, and a cell is occupied if any part of it may be. `map_along`
+    returns the map for another course. `clearance` (m) is the distance that the vehicle's centre must keep from
+    obstacles: its own size plus the scenario's margin. `limits` are those of a vehicle that steers by fins
+    (hil/master/guidance.py); for others their `turn_radius` is 0.
     """
 
     node: str
@@ -62,24 +65,27 @@ class PlanRequest(NamedTuple):
     master: Master
     map: OccupancyGrid
     clearance: float
+    course: Sequence[Position]
+    map_along: Callable[[Sequence[Position]], OccupancyGrid]
     limits: Limits = Limits()
 
 
 class Planner(ABC):
     """Base class of planners. Your own planner has to define one method, `command`.
 
-    It may set three attributes for display: `path`, the planned path (m north, m east); `progress`, the share of the
-    path already covered (0 to 1); `status`, a few words on what it is doing. `subscriptions` are the sensor topics that
-    it needs besides "odom"; only these are sent and given to it. `ALL` means all topics except images. `destinations`
-    (m north, m east) are the places that it goes to besides the scenario's goal: the map of a large world shows only
-    their surroundings.
-    `hovers` says for what the planner lets a vehicle stop, which one that steers by fins cannot.
+    It may set three attributes for display: `path`, the planned path (m north, m east, and perhaps depth); `progress`,
+    the share of the path already covered (0 to 1); `status`, a few words on what it is doing. `subscriptions` are the
+    sensor topics that it needs besides "odom"; only these are sent and given to it. `ALL` means all topics except
+    images. `destinations` (m north, m east) are the places that it goes to besides the scenario's goal: the map of a
+    large world shows only their surroundings. `hovers` says for what the planner lets a vehicle stop, which one that
+    steers by fins cannot. `passes_waypoints` says that it follows the request's whole `course`.
     """
 
     subscriptions: Sequence[str] = (ALL,)
     destinations: Sequence[Point] = ()
-    path: Sequence[Point] = ()
+    path: Sequence[Sequence[float]] = ()
     hovers: str = ""
+    passes_waypoints: bool = False
     progress: float = 0.0
     status: str = ""
 

@@ -8,7 +8,6 @@ from typing import Any
 
 from hil.common.palette import COMMANDED, EVENT, GOAL, OBSTACLE, PATH, START, TRACK, WATER
 from hil.master.flight import Plan
-from hil.master.planner import Point
 from hil.plots.plotting import add_legend, pyplot, save_figure
 from hil.scenario.config import Scenario
 from sim.environment.obstacles import Box, Cylinder
@@ -33,7 +32,7 @@ def draw(folder: str, scenario: Scenario, plan: Plan, events: Sequence[RunEvent]
     add_legend(field)
     time = [row["time_s"] for row in rows]
     depth.plot(time, [row["true_depth_m"] for row in rows], color=TRACK, label="true")
-    depth.axhline(scenario.master.depth, color=COMMANDED, linewidth=0.8, linestyle="--", label="commanded")
+    draw_depths(depth, scenario)
     depth.set(ylabel="depth (m)", xlim=(0, None))
     depth.invert_yaxis()
     add_legend(depth)
@@ -62,10 +61,10 @@ def draw_map(axes: Any, scenario: Scenario, plan: Plan) -> None:
     draw_goal(axes, scenario)
 
 
-def draw_path(axes: Any, path: Sequence[Point]) -> None:
+def draw_path(axes: Any, path: Sequence[Sequence[float]]) -> None:
     """Draw a planned path, if there is one."""
     if path:
-        north, east = zip(*path, strict=True)
+        north, east, *_ = zip(*path, strict=True)
         axes.plot(east, north, color=PATH, linewidth=1, linestyle="--", label="planned path")
 
 
@@ -75,10 +74,20 @@ def draw_start(axes: Any, scenario: Scenario) -> None:
 
 
 def draw_goal(axes: Any, scenario: Scenario) -> None:
-    """Draw the mission's goal, if it has one."""
+    """Draw the mission's goal, if it has one, and its waypoints with their depths."""
+    for north, east, depth in scenario.master.places()[:-1]:
+        axes.plot(east, north, "D", color=GOAL, markersize=6, linestyle="none")
+        axes.annotate(f"  {depth:g} m", (east, north))
     if scenario.master.goal:
         north, east = scenario.master.goal
         axes.plot(east, north, "*", color=GOAL, markersize=14, linestyle="none", label="goal")
+
+
+def draw_depths(axes: Any, scenario: Scenario) -> None:
+    """Draw the depths of the mission's goal and its waypoints."""
+    for number, depth in enumerate({scenario.master.depth, *(place[2] for place in scenario.master.places())}):
+        label = "" if number else "commanded"
+        axes.axhline(depth, color=COMMANDED, linewidth=0.8, linestyle="--", label=label)
 
 
 def draw_world(axes: Any, world: World) -> None:

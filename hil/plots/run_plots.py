@@ -10,7 +10,7 @@ from hil.common.errors import ConfigError
 from hil.common.palette import COMMANDED, GRID, NAVIGATION, TETHER, TRACK
 from hil.plots.plotting import add_legend, pyplot, save_figure
 from hil.plots.run_data import Row, VehicleData, collect
-from hil.plots.run_picture import draw_events, draw_goal, draw_world
+from hil.plots.run_picture import draw_depths, draw_events, draw_goal, draw_world
 from hil.recording.reader import read_about, read_messages
 from hil.recording.run import Run, read_run
 
@@ -95,7 +95,7 @@ def _depth(plt: Any, node: str, data: VehicleData, run: Run | None) -> Any:
     if data.true:
         _line(axes, data.true, 3, color=TRACK, linewidth=1.3, label="true")
     if run:
-        axes.axhline(run.scenario.master.depth, color=COMMANDED, linewidth=1.0, linestyle="--", label="commanded")
+        draw_depths(axes, run.scenario)
     low, high = axes.get_ylim()
     if high - low < 0.2:  # at least 0.2 m, so that a tiny change does not look like a dive
         axes.set_ylim(0.5 * (low + high) - 0.1, 0.5 * (low + high) + 0.1)

@@ -79,9 +79,18 @@ class Start(NamedTuple):
     heading: Annotated[float, Range(-6.3, 6.3, "rad")] = 0.0
 
 
+class Waypoint(NamedTuple):
+    """A place that the vehicle passes on its way, NED; without a `depth` at that of [master]."""
+
+    north: Annotated[float, Range(-1e5, 1e5, "m")]
+    east: Annotated[float, Range(-1e5, 1e5, "m")]
+    depth: Annotated[float, Range(0.0, 11_000.0, "m")] | None = None
+
+
 class Master(NamedTuple):
     """Task of the planner: go to `goal` (north, east) at `depth`, with `speed`.
 
+    Each [[master.waypoint]] is passed on the way, in their order. From one to the next, the depth changes linearly.
     `map` is the map at the start: "known" is the world without its hidden obstacles, "unknown" an empty map,
     "NAME.yaml" a map of map_server. Its cells have size `resolution`. Obstacles are enlarged by half the vehicle's
     horizontal diagonal plus `margin`. The seabed counts as an obstacle if it leaves less than `seabed_margin` below the
@@ -94,6 +103,7 @@ class Master(NamedTuple):
     """
 
     goal: VECTOR_M | None = None
+    waypoint: tuple[Waypoint, ...] = ()
     depth: Annotated[float, Range(0.0, 11_000.0, "m")] = 5.0
     speed: Annotated[float, Range(0.05, 5.0, "m/s")] = 0.5
     lookahead: Annotated[float, Range(0.2, 50.0, "m")] = 1.5
@@ -109,9 +119,16 @@ class Master(NamedTuple):
     avoid_zones: tuple[ZoneKind, ...] = ()
 
     def validate(self) -> str | None:
-        """Return why the map is invalid; None if it is valid."""
+        """Return why the map is invalid, or what is missing; None if all is valid."""
+        if self.waypoint and not self.goal:
+            return "goal: is missing: the waypoints lead to it: make the last of them the goal"
         known = self.map in ("known", "unknown") or self.map.endswith(".yaml")
         return None if known else f'map: {self.map!r} is neither "known", "unknown" nor a file that ends in .yaml'
+
+    def places(self) -> list[tuple[float, float, float]]:
+        """Return the waypoints and the goal (m, NED)."""
+        points = [*self.waypoint, *([Waypoint(*self.goal)] if self.goal else [])]
+        return [(place[0], place[1], self.depth if place[2] is None else place[2]) for place in points]
 
 
 class Recording(NamedTuple):

@@ -6,7 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.autonomy.paths.occupancy import Extent, OccupancyGrid, Point
+from hil.autonomy.paths.curves import Position
+from hil.autonomy.paths.occupancy import Extent, OccupancyGrid, Point, depths_near
 from hil.autonomy.paths.polygons import fill
 from hil.common.errors import ConfigError
 from hil.scenario.map_parts import MapPart, map_parts
@@ -19,6 +20,7 @@ from sim.environment.world import World
 from sim.vehicle.vehicle import Vehicle
 
 Array = NDArray[np.float64]
+Layer = tuple[Any, Any]  # highest and lowest depth (m) in each cell that the vehicle needs free
 
 HALF_DIAGONAL = 0.7072  # cells; distance from the centre of a cell to its corner
 
@@ -28,16 +30,24 @@ def parts_of(world: World, master: Master, start: Start, points: Sequence[Point]
 
     `points` are further positions (north, east) of the planner's task.
     """
-    wanted = [(start.north, start.east), *([master.goal] if master.goal else []), *points]
+    wanted = [(start.north, start.east), *(place[:2] for place in master.places()), *points]
     return map_parts(_extent(world), master.resolution, wanted)
 
 
-def known_map(master: Master, vehicle: Vehicle, world: World, map_part: MapPart | None = None) -> OccupancyGrid:
+def known_map(
+    master: Master,
+    vehicle: Vehicle,
+    world: World,
+    map_part: MapPart | None = None,
+    course: Sequence[Position] = (),
+) -> OccupancyGrid:
     """Return the map that the scenario's `map` names: of the world, empty, or from a file. Raises ConfigError.
 
     It shows `map_part` of the world with that part's cell size; by default all, with the scenario's. Obstacles with
-    `hidden` are not on it.
+    `hidden` are not on it. The vehicle is at the depth of the nearest place of `course` (m, NED), by default of the
+    way through the scenario's waypoints to its goal.
     """
+    course = course or master.places() or [(0.0, 0.0, master.depth)]
     below = 0.5 * vehicle.dimensions[2] + master.seabed_margin
     map_part = map_part or MapPart(_extent(world), master.resolution)
     if master.map == "unknown":
@@ -50,14 +60,15 @@ def known_map(master: Master, vehicle: Vehicle, world: World, map_part: MapPart 
         mesh=tuple(o for o in world.mesh if not o.hidden),
         pipeline=tuple(o for o in world.pipeline if not o.hidden),
     )
-    if world.terrain is None and master.depth + below >= world.depth:
+    deepest = max(depth for _, _, depth in course)
+    if world.terrain is None and deepest + below >= world.depth:
         raise ConfigError(
-            f"master: depth: at {master.depth:g} m the vehicle has not its {below:.2f} m of water above the seabed of "
+            f"master: depth: at {deepest:g} m the vehicle has not its {below:.2f} m of water above the seabed of "
             f"{world.name}, which is {world.depth:g} m deep; go higher, or lessen seabed_margin"
         )
     grid = map_at(
         visible_world,
-        master.depth,
+        course,
         below,
         map_part.resolution,
         map_part.extent,
@@ -70,29 +81,39 @@ def known_map(master: Master, vehicle: Vehicle, world: World, map_part: MapPart 
 
 
 def map_at(
-    world: World, depth: float, below: float, resolution: float, extent: Extent | None = None, is_coarse: bool = False
+    world: World,
+    depth: float | Sequence[Position],
+    below: float,
+    resolution: float,
+    extent: Extent | None = None,
+    is_coarse: bool = False,
 ) -> OccupancyGrid:
     """Return the map of `world`, with cells of `resolution` m, for a vehicle at `depth` m that needs `below` m below.
 
-    It shows the whole world, or a `extent`. A cell is occupied if an obstacle at its centre reaches into the layer from
-    `depth` - `below` to `depth`, or the seabed there is shallower than `depth` + `below`. An obstacle so thin that it
-    may miss all centres is enlarged until it cannot. If `is_coarse`, a cell is occupied if any part of it may be.
-    Raises ConfigError.
+    `depth` may be a course (m, NED): in each cell the vehicle is at the depth of the nearest place of it. The map shows
+    the whole world, or an `extent`. A cell is occupied if an obstacle at its centre reaches into the layer from `depth`
+    - `below` to `depth`, or the seabed there is shallower than `depth` + `below`. An obstacle so thin that it may miss
+    all centres is enlarged until it cannot. If `is_coarse`, a cell is occupied if any part of it may be. Raises
+    ConfigError.
     """
     seabed = shallowest if is_coarse else _seabed
 
     def clearance(norths: Array, easts: Array) -> Array:
         free = np.full(norths.shape, np.inf)
+        deep = depths_near(depth, norths, easts) if isinstance(depth, Sequence) else depth
+        shallowest, lowest = float(np.min(deep)), float(np.max(deep))
+        highest = shallowest - below
+        layer = (deep - below, deep) if shallowest < lowest else None
         for obstacle in world.obstacles():
-            if obstacle.top < depth and obstacle.bottom > depth - below:
+            if obstacle.top < lowest and obstacle.bottom > highest:
                 widen = max(0.0, HALF_DIAGONAL * resolution - (0.0 if is_coarse else _thickness(obstacle)))
                 if isinstance(obstacle, Pipeline):
-                    _lower_by_pieces(free, obstacle, world, (depth - below, depth), norths, easts, widen)
+                    _lower_by_pieces(free, obstacle, world, (highest, lowest), norths, easts, widen, layer)
                 elif isinstance(obstacle, MeshObstacle):
-                    _lower_by_mesh(free, obstacle.between(depth - below, depth), norths, easts, widen)
+                    _lower_by_mesh(free, obstacle.between(highest, lowest), norths, easts, widen, layer)
                 else:
-                    lower(free, obstacle, norths, easts, widen)
-        is_deep = seabed(world, norths, easts) > depth + below
+                    lower(free, obstacle, norths, easts, widen, layer)
+        is_deep = seabed(world, norths, easts) > deep + below
         if world.terrain is not None:
             world.terrain.unmap()  # the kernel has mapped far more than what was read
         return np.where(is_deep, free, -1.0)
@@ -105,8 +126,10 @@ def _extent(world: World) -> Extent:
     return Extent(south, west, north, east)
 
 
-def lower(free: Array, obstacle: Obstacle, norths: Array, easts: Array, widen: float = 0.0) -> None:
-    """Lower `free` (m) to the distance from an obstacle, enlarged by `widen` m, where it is near.
+def lower(
+    free: Array, obstacle: Obstacle, norths: Array, easts: Array, widen: float = 0.0, layer: Layer | None = None
+) -> None:
+    """Lower `free` (m) to the distance from an obstacle, enlarged by `widen` m, where it is near and in the `layer`.
 
     `norths` and `easts` are the centres of a map's cells; an obstacle more than two cells away is ignored.
     """
@@ -117,11 +140,23 @@ def lower(free: Array, obstacle: Obstacle, norths: Array, easts: Array, widen: f
         rows = slice(*np.searchsorted(norths[:, 0], (obstacle.north - reach, obstacle.north + reach)))
         columns = slice(*np.searchsorted(easts[0], (obstacle.east - reach, obstacle.east + reach)))
     distance = _separation(obstacle, norths[rows, columns], easts[rows, columns]) - widen
-    free[rows, columns] = np.minimum(free[rows, columns], distance)
+    part = free[rows, columns]
+    np.minimum(part, distance, out=part, where=_reaches(layer, obstacle.top, obstacle.bottom, rows, columns))
 
 
-def _lower_by_mesh(free: Array, triangles: Iterable[Triangle], norths: Array, easts: Array, widen: float) -> None:
-    """Set `free` to -1 in cells whose centre is within `widen` m of a triangle, seen from above."""
+def _reaches(layer: Layer | None, top: float, bottom: float, rows: slice, columns: slice) -> Any:
+    """Return in which cells of a window something between `top` and `bottom` m is at least partly in the layer."""
+    return layer is None or ((top < layer[1][rows, columns]) & (bottom > layer[0][rows, columns]))
+
+
+def _lower_by_mesh(
+    free: Array, triangles: Iterable[Triangle], norths: Array, easts: Array, widen: float, layer: Layer | None,
+    thickness: float = 0.0,
+) -> None:  # fmt: skip
+    """Set `free` to -1 in cells whose centre is within `widen` m of a triangle, seen from above.
+
+    The triangle reaches `thickness` m above and below its corners.
+    """
     for triangle in triangles:
         corners = np.array(triangle)[:, :2]
         (south, west), (north, east) = corners.min(axis=0) - widen, corners.max(axis=0) + widen
@@ -129,12 +164,14 @@ def _lower_by_mesh(free: Array, triangles: Iterable[Triangle], norths: Array, ea
         columns = slice(*np.searchsorted(easts[0], (west, east)))
         part = free[rows, columns]
         if part.size and part.max() > -1.0:  # else other triangles have set all of it
-            part[_to_triangle(corners, norths[rows, columns], easts[rows, columns]) <= widen] = -1.0
+            near = _to_triangle(corners, norths[rows, columns], easts[rows, columns]) <= widen
+            top, bottom = min(c[2] for c in triangle) - thickness, max(c[2] for c in triangle) + thickness
+            part[near & _reaches(layer, top, bottom, rows, columns)] = -1.0
 
 
 def _lower_by_pieces(
     free: Array, pipeline: Pipeline, world: World, depths: tuple[float, float], norths: Array, easts: Array,
-    widen: float,
+    widen: float, layer: Layer | None,
 ) -> None:  # fmt: skip
     """Set `free` to -1 along the parts of a pipeline that lie between two `depths`."""
     radius, (south, north), (west, east) = 0.5 * pipeline.diameter, norths[[0, -1], 0], easts[0, [0, -1]]
@@ -145,7 +182,7 @@ def _lower_by_pieces(
         for one, other in near
         if min(one[2], other[2]) - radius < depths[1] and max(one[2], other[2]) + radius > depths[0]
     ]
-    _lower_by_mesh(free, level, norths, easts, radius + widen)
+    _lower_by_mesh(free, level, norths, easts, radius + widen, layer, radius)
 
 
 def close(grid: OccupancyGrid, outline: Sequence[Point]) -> None:

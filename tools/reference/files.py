@@ -78,7 +78,9 @@ def scenario() -> str:
         top,
         Section("slave", records.Slave),
         Section("start", records.Start),
-        Section("master", records.Master, shown_types={"allow": "array of events"}),
+        Section("master", records.Master, shown_types={
+            "allow": "array of events", "waypoint": "tables, [`master.waypoint`](#masterwaypoint)"}),
+        Section("master.waypoint", records.Waypoint, defaults={"depth": "that of `master`"}),
         Section("planner", AvoidSettings, "`class` names the planner, `\"module:Class\"`. Its other keys are the "
                 "class's own. `hil.master.follow:Follow` is the default and has none. These are the keys of "
                 "`hil.master.avoid:Avoid` and `hil.master.tasks:Tasks`.", shown_types={"search": "text"}),

@@ -78,15 +78,15 @@ def _last_visible(grid: OccupancyGrid, points: list[Point], start: int) -> int:
     return last
 
 
-def path_length(path: Sequence[Point]) -> float:
+def path_length(path: Sequence[Sequence[float]]) -> float:
     """Return the length of a path in m."""
     return sum(hypot(b[0] - a[0], b[1] - a[1]) for a, b in pairwise(path))
 
 
-def check_ends(grid: OccupancyGrid, start: Point, goal: Point) -> None:
+def check_ends(grid: OccupancyGrid, start: Point, goal: Point, names: Sequence[str] = ("start", "goal")) -> None:
     """Raise MissionError if an end of a path is off the map or in an obstacle, naming the nearest free point."""
-    _check(grid, start, "start")
-    _check(grid, goal, "goal")
+    for point, name in zip((start, goal), names, strict=True):
+        _check(grid, point, name)
 
 
 def no_path_error(start: Point, goal: Point) -> NoPathError:

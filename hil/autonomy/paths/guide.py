@@ -126,12 +126,12 @@ class Guide:
 
         self._pursuit: PurePursuit | LineOfSight
         if settings.limits.turn_radius:
-            pose = Pose((*start, 0.0), self._heading)
-            approach = approach_on(inflated, search, self._goal, 0.0, settings.limits)
+            goal, limits = (*self._goal, 0.0), settings.limits
             self._pursuit = LineOfSight(
-                approach, pose, settings.speed, settings.limits, settings.lookahead, settings.tolerance
-            )
-            self.path = self._pursuit.path
+                lambda pose: approach_on(inflated, search, pose, goal, limits),
+                Pose((*start, 0.0), self._heading), settings.speed, limits, settings.lookahead, settings.tolerance,
+            )  # fmt: skip
+            self.path = [(north, east) for north, east, _ in self._pursuit.path]
         else:
             self.path = search(start)
             self._pursuit = PurePursuit(

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 from hil.autonomy.control.controller import VelocityCommand, clamp, wrap
 from hil.autonomy.paths.curves import Chain, Piece, Position
 from hil.autonomy.paths.dubins import Pose, dubins
+from hil.autonomy.paths.pursuit import DEPTH_AHEAD_S
 from hil.autonomy.paths.trajectory import Limits
 from hil.common.errors import MissionError, NoPathError
 
@@ -28,7 +29,6 @@ Approach = Callable[[Pose], Chain]  # returns the path from a pose on
 _SKIPPED = 3  # corners of a way around obstacles that a leg may leave out
 _HEADINGS = 12  # directions to try at a waypoint, besides those of the straight legs
 _COURSE_GAIN = 1.0  # 1/s; a lower one would let a gyro's turn-on error lead the vehicle metres off the path
-_DEPTH_AHEAD_S = 1.25  # s; the depth of the path is commanded so much earlier: 1 / gain of the depth hold
 _BEND = pi / 12.0  # rad between two points of a curve's outline
 
 
@@ -66,24 +66,21 @@ def dubins_legs(
     raise NoPathError(f"no free path with turns of {radius:.1f} m leads to the goal: {remedy}")
 
 
-def approach_on(grid: "OccupancyGrid", search: Search, goal: Point, depth: float, limits: Limits) -> Approach:
-    """Return a function that plans Dubins legs over free cells of `grid` to `goal` (m north, m east) at `depth` m.
+def approach_on(grid: "OccupancyGrid", search: Search, pose: Pose, goal: Position, limits: Limits) -> Chain:
+    """Return Dubins legs over free cells of `grid` from `pose` to `goal` (m, NED).
 
-    Where no direct leg is free, `search` returns the corners of a way from a point. The function raises MissionError.
+    Where no direct leg is free, `search` returns the corners of a way from a point. Raises MissionError.
     """
 
-    def approach(pose: Pose) -> Chain:
-        def legs(corners: Sequence[Point]) -> Chain:
-            points = depths_along(corners, pose.position[2], depth, limits.climb_angle)
-            return dubins_legs(points, pose.heading, limits, grid)
+    def legs(corners: Sequence[Point]) -> Chain:
+        points = depths_along(corners, pose.position, goal, limits.climb_angle)
+        return dubins_legs(points, pose.heading, limits, grid)
 
-        here = pose.position[:2]
-        try:
-            return legs([here, goal])
-        except NoPathError:
-            return legs(search(here))
-
-    return approach
+    here = pose.position[:2]
+    try:
+        return legs([here, goal[:2]])
+    except NoPathError:
+        return legs(search(here))
 
 
 def _courses(points: Sequence[Position], before: int, number: int) -> Iterator[float]:
@@ -94,12 +91,12 @@ def _courses(points: Sequence[Position], before: int, number: int) -> Iterator[f
     yield from (2.0 * pi * turn / _HEADINGS for turn in range(_HEADINGS))
 
 
-def outline(pieces: Sequence[Piece], spacing: float = inf) -> list[Point]:
-    """Return points along a curve (m north, m east): its bends as short lines, and all at most `spacing` m apart."""
-    points = [pieces[0].start[:2]]
+def outline(pieces: Sequence[Piece], spacing: float = inf) -> list[Position]:
+    """Return points along a curve (m, NED): its bends as short lines, and all at most `spacing` m apart."""
+    points = [pieces[0].start]
     for piece in pieces:
         parts = 1 + int(max(abs(piece.heading_rate) * piece.length / _BEND, piece.length / spacing))
-        points += [piece.at(piece.length * part / parts).position[:2] for part in range(1, parts + 1)]
+        points += [piece.at(piece.length * part / parts).position for part in range(1, parts + 1)]
     return points
 
 
@@ -122,7 +119,7 @@ class LineOfSight:
         self.progress = 0.0
         self.has_arrived = False
         self.approaches = 0
-        self._begin(start)
+        self.begin(start)
 
     def update(self, position: Sequence[float], heading: float, course: float | None = None) -> VelocityCommand:
         """Return the command at `position` (m, NED) and `heading` (rad) with a `course` over ground (rad).
@@ -137,19 +134,25 @@ class LineOfSight:
             self.progress = 1.0
             return VelocityCommand(depth=self._curve.at(self._curve.length).position[2])
         if is_past or abs(off) > max(self._limits.turn_radius, self._lookahead):
-            self._begin(Pose(here, heading))
+            self.begin(Pose(here, heading))
             off, _ = self._locate(here)
         self.progress = max(self.progress, self._along / self._curve.length)
         place = self._curve.at(self._along)
         self.aim = place.heading - atan2(off, self._lookahead)
         error = wrap(self.aim - (heading if course is None else course))
         turn = self._speed * place.heading_rate + _COURSE_GAIN * error
-        earlier = min(self._along + _DEPTH_AHEAD_S * self._speed, self._curve.length)
+        earlier = min(self._along + DEPTH_AHEAD_S * self._speed, self._curve.length)
         return VelocityCommand(
             self._speed, yaw_rate=clamp(turn, self._limits.yaw_rate), depth=self._curve.at(earlier).position[2]
         )
 
-    def _begin(self, start: Pose) -> None:
+    @property
+    def end(self) -> Pose:
+        """Position and heading at the end of the present path."""
+        return Pose(*self._curve.at(self._curve.length)[:2])
+
+    def begin(self, start: Pose) -> None:
+        """Plan an approach from `start`."""
         self._curve, self._along = self._approach(start), 0.0
         self.path = outline(self._curve.pieces)
         self.approaches += 1
@@ -180,10 +183,16 @@ def circle_around(
     return VelocityCommand(speed, yaw_rate=clamp(turn, limits.yaw_rate))
 
 
-def depths_along(points: Sequence[Point], depth: float, target: float, steepest: float) -> list[Position]:
-    """Return `points` with depths (m) that lead from `depth` to `target` as early as a slope of `steepest` rad can."""
-    deep: list[Position] = [(*points[0], depth)]
+def depths_along(points: Sequence[Point], start: Position, goal: Position, steepest: float) -> list[Position]:
+    """Return `points` with the depths (m) of the straight line from `start` to `goal` beside them.
+
+    They are nowhere steeper than `steepest` rad, except before the last one, which is at the depth of the goal.
+    """
+    from hil.autonomy.paths.occupancy import depths_near
+
+    deep = [start]
     for point in points[1:]:
         reach = hypot(point[0] - deep[-1][0], point[1] - deep[-1][1]) * tan(steepest)
-        deep.append((*point, deep[-1][2] + clamp(target - deep[-1][2], reach)))
-    return [*deep[:-1], (*points[-1], target)]
+        wanted = float(depths_near([start, goal], *point))
+        deep.append((*point, deep[-1][2] + clamp(wanted - deep[-1][2], reach)))
+    return [*deep[:-1], (*points[-1], goal[2])]

@@ -3,12 +3,14 @@
 import os
 import re
 from collections.abc import Callable, Sequence
+from itertools import pairwise
 from math import ceil, floor, hypot
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.autonomy.paths.curves import Position
 from hil.common.errors import ConfigError
 from hil.common.tables import read_bytes
 from hil.common.text import clean
@@ -130,9 +132,9 @@ class OccupancyGrid:
         """Return whether `point` is on the map and in a free cell."""
         return self.contains(point) and not bool(self.cells[self.cell(point)])
 
-    def are_free(self, points: Sequence[Point]) -> bool:
+    def are_free(self, points: Sequence[Sequence[float]]) -> bool:
         """Return whether none of these points is occupied. Points off the map are free if the map `is_open`."""
-        cells = np.floor((np.asarray(points) - self.origin) / self.resolution).astype(np.intp)
+        cells = np.floor((np.asarray(points)[:, :2] - self.origin) / self.resolution).astype(np.intp)
         on_map = ((cells >= 0) & (cells < self.cells.shape)).all(axis=1)
         rows, columns = cells[on_map].T
         return not self.cells[rows, columns].any() and (self.is_open or bool(on_map.all()))
@@ -229,6 +231,25 @@ class OccupancyGrid:
             )
         occupancy = (image if negate else 255.0 - image) / 255.0
         return cls(np.ascontiguousarray(occupancy[::-1] >= threshold), resolution, (north, east))
+
+
+def depths_near(course: Sequence[Position], north: Any, east: Any) -> Any:
+    """Return the depths (m) of the places of a `course` (m, NED) that are nearest, seen from above, to positions.
+
+    The positions (m) are numbers or arrays. If the course has one depth, that number is returned.
+    """
+    if len({depth for _, _, depth in course}) == 1:
+        return course[0][2]
+    least: Any = np.inf
+    depths: Any = 0.0
+    for (from_north, from_east, depth), end in pairwise(course):
+        x, y, dive = end[0] - from_north, end[1] - from_east, end[2] - depth
+        square = x * x + y * y
+        share = np.clip(((north - from_north) * x + (east - from_east) * y) / square, 0.0, 1.0) if square else 1.0
+        distance = np.hypot(north - from_north - share * x, east - from_east - share * y)
+        depths = np.where(distance < least, depth + share * dive, depths)
+        least = np.minimum(distance, least)
+    return depths
 
 
 def _crossings(start: float, change: float) -> NDArray[np.float64]:

@@ -4,18 +4,17 @@ from collections.abc import Iterator
 from contextlib import suppress
 from itertools import pairwise
 from math import ceil, dist, hypot
-from typing import Any
 
-from hil.autonomy.control.allocation import pseudo_inverse
+from hil.autonomy.paths.astar import path_length
 from hil.autonomy.paths.occupancy import OccupancyGrid
 from hil.common.endpoint import split_endpoint
 from hil.common.errors import ConfigError, MissingExtraError, MissionError, StartPositionError
-from hil.doctor.scenario.guidance import check_guidance
+from hil.doctor.scenario.guidance import check_guidance, check_places
 from hil.doctor.scenario.sections import check_sections
 from hil.doctor.vehicle.finding import Finding
 from hil.doctor.vehicle.rules import CONTROLLED, check_vehicle
 from hil.doctor.vehicle.subject import Subject
-from hil.master.flight import Plan, prepare
+from hil.master.flight import DEPTH_HOLD, Plan, prepare
 from hil.master.hunt import HuntPlanner
 from hil.master.planner import Planner
 from hil.scenario.attitude_warning import attitude_warning, requested_speed
@@ -23,14 +22,12 @@ from hil.scenario.config import AUTOPILOTS, Scenario, build_simulation
 from hil.scenario.fleet import as_member
 from hil.slave.drivers.ends import check_line_rate, end_protocol
 from sim.environment.world import World, load_world
-from sim.vehicle.terminal_speed import axis_capabilities
-from sim.vehicle.thrusters.bank import wrench_matrix
 from sim.vehicle.vehicle import Vehicle, load_vehicle
 
 SCANS = ("laser", "scanning_sonar")  # a planner that needs one of these topics does not move without it
 
 # The subject of a MissionError -> the key that causes it.
-KEYS = {"goal": "master: goal: ", "start": "start: ", "path": "master: margin: "}
+KEYS = {"goal": "master: goal: ", "start": "start: ", "path": "master: margin: ", "waypoint": "master: "}
 
 
 def check_scenario(scenario: Scenario) -> Iterator[Finding]:
@@ -45,8 +42,10 @@ def check_scenario(scenario: Scenario) -> Iterator[Finding]:
 def _check(scenario: Scenario) -> Iterator[Finding]:
     vehicle, control = load_vehicle(scenario.vehicle)
     world = load_world(scenario.world)
-    yield from _check_vehicle(scenario, vehicle, control, world)
-    surge = axis_capabilities(vehicle, pseudo_inverse(wrench_matrix(vehicle))[0], world.density, world.gravity)[0]
+    speed = None if vehicle.fins else requested_speed(scenario)[1]
+    subject = Subject(vehicle, control, world.density, world.gravity, scenario.vehicle, speed)
+    yield from _check_vehicle(scenario, subject)
+    surge = subject.capabilities[0]
     top_speed = surge.speed[0] if surge.driven else 0.0
     attitude = attitude_warning(scenario, vehicle)
     if attitude:
@@ -75,22 +74,25 @@ def _check(scenario: Scenario) -> Iterator[Finding]:
         yield Finding("warning", "modem: has no effect: only a fleet has modems, and there is no [[member]]")
     if scenario.controller in AUTOPILOTS:  # the autopilot flies its own mission
         return
+    misplaced = list(check_places(scenario, subject, world))
+    yield from misplaced
+    if world.terrain is None and any(finding.level == "problem" for finding in misplaced):
+        return
     try:
         plan = prepare(scenario, world)
     except ConfigError as error:
         yield Finding("problem", str(error))
         return
     except MissionError as error:
-        yield Finding("problem", f"{KEYS.get(error.subject, '')}{error}")
+        yield Finding("problem", f"{KEYS.get(error.subject.partition('[')[0], '')}{error}")
         return
     yield from _check_plan(scenario, plan, min(plan.request.master.speed, top_speed or plan.request.master.speed))
     yield from check_guidance(scenario, vehicle, plan.planner, plan.request)
 
 
-def _check_vehicle(scenario: Scenario, vehicle: Vehicle, control: dict[str, Any], world: World) -> Iterator[Finding]:
+def _check_vehicle(scenario: Scenario, subject: Subject) -> Iterator[Finding]:
     """Find what is wrong with the vehicle's file; only the builtin controller is judged by its flight."""
-    speed = None if vehicle.fins else requested_speed(scenario)[1]
-    for level, text in check_vehicle(Subject(vehicle, control, world.density, world.gravity, scenario.vehicle, speed)):
+    for level, text in check_vehicle(subject):
         is_flown = text.startswith(CONTROLLED)
         if is_flown and scenario.controller != "builtin":
             continue
@@ -225,11 +227,15 @@ def _check_start(scenario: Scenario, vehicle: Vehicle, world: World, key: str) -
 def _check_plan(scenario: Scenario, plan: Plan, speed: float) -> Iterator[Finding]:
     """Check a planner with a path: the time that it takes, the sensors that it needs, and its other places."""
     planner, grid, master = plan.planner, plan.request.map, scenario.master
-    length = sum(dist(a, b) for a, b in pairwise(planner.path))
-    if length / speed > master.time_limit:
+    length = path_length(planner.path)
+    least = sum(
+        max(dist(a[:2], b[:2]) / speed, abs(sum(b[2:]) - sum(a[2:])) / DEPTH_HOLD.limit)
+        for a, b in pairwise(planner.path)
+    )
+    if least > master.time_limit:
         yield Finding(
             "problem",
-            f"master: time_limit: the path of {length:.0f} m takes at least {length / speed:.0f} s at {speed:.2f} m/s, "
+            f"master: time_limit: the path of {length:.0f} m takes at least {least:.0f} s at {speed:.2f} m/s, "
             f"but the run ends after {master.time_limit:g} s: increase time_limit",
         )
     published = {spec.topic for spec in scenario.sensors.values()}

@@ -1,13 +1,17 @@
-"""Check whether the guidance of a scenario fits a vehicle that steers by fins, which cannot stop."""
+"""Check whether the vehicle can fly through a scenario's waypoints, and whether the guidance fits one with fins."""
 
 from collections.abc import Iterator
+from itertools import pairwise
 from math import degrees, dist, tan
 
 from hil.autonomy.paths.astar import path_length
 from hil.doctor.vehicle.finding import Finding
+from hil.doctor.vehicle.subject import Subject
+from hil.master.flight import DEPTH_HOLD
 from hil.master.guidance import LENGTHS, ROOM, fin_gains
 from hil.master.planner import Planner, PlanRequest
 from hil.scenario.config import Scenario
+from sim.environment.world import World
 from sim.vehicle.vehicle import Vehicle
 
 HIT = 0.06  # greatest distance from the goal, in turning radii, of 48 flights of torpedoes in still water
@@ -17,14 +21,20 @@ DETOUR = 2.0  # a path so many times as long as the straight line is a circle ba
 def check_guidance(
     scenario: Scenario, vehicle: Vehicle, planner: Planner | type[Planner], request: PlanRequest | None = None
 ) -> Iterator[Finding]:
-    """Yield the keys of [master] that do not fit a `vehicle` with fins, and a `planner` that stops.
+    """Yield the keys of [master] that do not fit the `vehicle`, or the `planner`: one that stops, with fins.
 
     `request` is what the planner has planned for, if it has.
     """
+    name = planner.__name__ if isinstance(planner, type) else type(planner).__name__
+    if request and scenario.master.waypoint and not planner.passes_waypoints:
+        yield _warning(
+            f"master: waypoint: {name} does not pass the waypoints: leave out [planner], or set passes_waypoints in "
+            "a planner of your own that does"
+        )
     if not vehicle.fins:
+        yield from _check_dives(scenario, vehicle, request)
         return
     if planner.hovers:
-        name = planner.__name__ if isinstance(planner, type) else type(planner).__name__
         yield _warning(
             f"planner: {name} {planner.hovers}, but {vehicle.name} steers by fins and cannot stop: it goes on, in "
             "circles where it has no way; give it room for them, or use another planner or vehicle"
@@ -45,21 +55,67 @@ def check_guidance(
                 f"master: {key}: {getattr(master, key):g} {unit}, but {text}: use at least {least:.2g} {unit}, or "
                 "leave out the key"
             )
-    start = request.start
-    if not master.goal:
-        return
-    straight, flown = dist(master.goal, (start.north, start.east)), path_length(planner.path)
-    if straight < 2.0 * limits.turn_radius and flown > DETOUR * straight:
+    straight, flown = path_length(request.course), path_length(planner.path)
+    if straight < 2.0 * (len(request.course) - 1) * limits.turn_radius and flown > DETOUR * straight:
         yield _warning(
             f"master: goal: {straight:.1f} m away, but {circle}, so the path has {flown:.0f} m: move the goal, or "
             "start with the heading towards it"
         )
-    steep = abs(master.depth - start.depth) / tan(limits.climb_angle)
-    if steep > straight:
-        yield _warning(
-            f"master: depth: {vehicle.name} changes its depth by at most {degrees(limits.climb_angle):.0f} deg, so it "
-            f"needs {steep:.0f} m for {abs(master.depth - start.depth):g} m, and circles: start nearer to that depth"
-        )
+    for key, (start, end) in zip(_keys(scenario), pairwise(request.course), strict=True):
+        dive = abs(end[2] - start[2])
+        if dive / tan(limits.climb_angle) > dist(start[:2], end[:2]):
+            yield _warning(
+                f"master: {key}: {vehicle.name} changes its depth by at most {degrees(limits.climb_angle):.0f} deg, so "
+                f"it needs {dive / tan(limits.climb_angle):.0f} m for {dive:g} m, and circles: begin nearer to that "
+                "depth, or farther away"
+            )
+
+
+def check_places(scenario: Scenario, subject: Subject, world: World) -> Iterator[Finding]:
+    """Yield depths of waypoints and goal that the vehicle cannot have: in the seabed, in the air, or without thrust."""
+    master, vehicle, half = scenario.master, subject.vehicle, 0.5 * subject.vehicle.dimensions[2]
+    south, north, west, east = world.extent
+    below = half + master.seabed_margin
+    can_dive = vehicle.fins or (not subject.floats and subject.capabilities[2].speed[0] > 0.0)
+    for key, (place_north, place_east, depth) in zip(_keys(scenario), master.places(), strict=False):
+        is_inside = south <= place_north <= north and west <= place_east <= east
+        seabed = world.seabed(place_north, place_east)
+        if is_inside and master.map == "known" and depth + below >= seabed:
+            higher = f"use less than {seabed - below:.2f} m, " if seabed > below else ""
+            yield Finding(
+                "problem",
+                f"master: {key}: {depth:g} m, but the seabed there is {seabed:.2f} m deep, and {vehicle.name} needs "
+                f"{below:.2f} m of water above it: {higher}move the place, or lessen seabed_margin",
+            )
+        elif not can_dive and abs(depth - scenario.start.depth) > half:
+            yield Finding(
+                "problem",
+                f"master: {key}: {depth:g} m, but the thrusters of {vehicle.name} do not change its depth: use "
+                f"{scenario.start.depth:g} m, that of its start, or another vehicle",
+            )
+        elif depth < half and not subject.floats:
+            yield _warning(
+                f"master: {key}: {depth:g} m, but the hull of {vehicle.name} reaches {half:.2f} m above its middle, so "
+                f"it would leave the water: use at least {half:.2g} m"
+            )
+
+
+def _check_dives(scenario: Scenario, vehicle: Vehicle, request: PlanRequest | None) -> Iterator[Finding]:
+    """Yield slopes between waypoints that slow down a vehicle which dives by its thrusters."""
+    for key, (start, end) in zip(_keys(scenario), pairwise(request.course if request else ()), strict=False):
+        dive, way = abs(end[2] - start[2]), dist(start[:2], end[:2])
+        if dive / DEPTH_HOLD.limit > way / scenario.master.speed > 0.0:  # a vertical dive is meant to stop it
+            yield Finding(
+                "note",
+                f"master: {key}: {dive:g} m over {way:.1f} m is steeper than {vehicle.name} dives at "
+                f"{scenario.master.speed:g} m/s: it slows down, as it changes its depth by at most "
+                f"{DEPTH_HOLD.limit:g} m/s",
+            )
+
+
+def _keys(scenario: Scenario) -> list[str]:
+    """Return the keys of [master] with the depths of its places."""
+    return [*(f"waypoint[{number}]: depth" for number in range(len(scenario.master.waypoint))), "depth"]
 
 
 def _warning(text: str) -> Finding:

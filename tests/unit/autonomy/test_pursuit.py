@@ -77,7 +77,7 @@ def test_the_command_has_the_value_worked_out_by_hand() -> None:
 
 
 def test_the_command_stays_stop_once_done_even_if_the_vehicle_drifts() -> None:
-    pursuit = PurePursuit([(0.0, 0.0), (1.0, 0.0)], lookahead=1.0, speed=0.5, depth=4.0)
+    pursuit = PurePursuit([(0.0, 0.0, 4.0), (1.0, 0.0, 4.0)], lookahead=1.0, speed=0.5)
     assert pursuit.update((0.0, 0.0), 0.0).depth == 4.0
     assert pursuit.update((0.9, 0.1), 0.0) == VelocityCommand(depth=4.0)
     assert pursuit.has_arrived
@@ -184,3 +184,29 @@ def test_empty_paths_and_zero_speed_are_refused() -> None:
         PurePursuit([], lookahead=1.0, speed=0.5)
     with pytest.raises(MissionError, match="above 0"):
         PurePursuit([(0.0, 0.0), (1.0, 0.0)], lookahead=1.0, speed=0.0)
+
+
+def test_the_depth_of_a_path_is_followed_on_slopes_and_at_vertical_parts() -> None:
+    """A point that dives with 0.4 m/s at most: a gentle slope at full speed, one of 60 degrees slower, and straight up.
+
+    It passes each place within the tolerance, and ends at the depth of the last one.
+    """
+    places = [(0.0, 0.0, 5.0), (10.0, 0.0, 7.0), (16.0, 0.0, 17.4), (16.0, 0.0, 4.0), (16.0, 6.0, 4.0)]
+    pursuit = PurePursuit(places, lookahead=1.5, speed=0.5, tolerance=0.5)
+    north, east, depth, heading, track = 0.0, 0.0, 5.0, 0.0, []
+    while not pursuit.has_arrived and len(track) < 4000:
+        command = pursuit.update((north, east, depth), heading)
+        assert command.depth is not None
+        heave = max(-0.4, min(0.4, 0.8 * (command.depth - depth)))
+        heading += 0.05 * command.yaw_rate
+        north += 0.05 * command.surge * math.cos(heading)
+        east += 0.05 * command.surge * math.sin(heading)
+        depth += 0.05 * heave
+        track.append((north, east, depth, command.surge))
+    assert pursuit.has_arrived
+    assert all(min(math.dist(place, here[:3]) for here in track) < 0.72 for place in places)
+    gentle = [here for here in track if 2.0 < here[0] < 8.5 and here[2] < 7.0]
+    assert all(surge > 0.48 and abs(deep - 5.0 - 0.2 * at) < 0.1 for at, _, deep, surge in gentle)
+    steep = [here for here in track if 11.0 < here[0] < 14.0]
+    assert all(0.2 < surge < 0.26 for *_, surge in steep), "0.4 m/s over tan 60 degrees"
+    assert all(abs(deep - 7.0 - (at - 10.0) * 10.4 / 6.0) < 0.5 for at, _, deep, _ in steep)

@@ -156,7 +156,7 @@ def test_a_path_is_planned_on_a_map_from_a_file(tmp_path: Path) -> None:
     wall.cells[100:104, :190] = True
     wall.write_pgm(str(tmp_path / "field.pgm"))
     walled = prepare(load_scenario(str(tmp_path / "from_file.toml")))
-    assert max(east for _, east in walled.planner.path) > -3.0 + 190 * 0.25
+    assert max(east for _, east, _ in walled.planner.path) > -3.0 + 190 * 0.25
     with pytest.raises(ConfigError, match=r"neither \"known\", \"unknown\" nor a file"):
         load_scenario("paper_field", {"master.map": "knwon"})
     with pytest.raises(ConfigError, match=r"nowhere.yaml: no such file"):

@@ -1,6 +1,7 @@
 """Planners alone: within limits for any input, and equal over the network and without it."""
 
 import math
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any
 
@@ -9,6 +10,8 @@ from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
 from hil.autonomy.control.controller import VelocityCommand
+from hil.autonomy.paths.curves import Position
+from hil.autonomy.paths.occupancy import OccupancyGrid
 from hil.cases.simulated import SimulatedVehicle
 from hil.common.errors import ConfigError, MissionError
 from hil.master.avoid import Avoid
@@ -57,7 +60,12 @@ piles = st.lists(
 def request(world: World, text: str = "known") -> PlanRequest:
     master = Master(goal=(19.0, 18.0), depth=5.0, speed=SPEED, margin=MARGIN, map=text)
     radius = math.hypot(*SIX.dimensions[:2]) / 2
-    return PlanRequest("uuv1", SIX, Start(1.0, 1.0), master, known_map(master, SIX, world), radius + MARGIN)
+    course = [(1.0, 1.0, 5.0), *master.places()]
+
+    def map_along(course: Sequence[Position]) -> OccupancyGrid:
+        return known_map(master, SIX, world, None, course)
+
+    return PlanRequest("uuv1", SIX, Start(1.0, 1.0), master, map_along(course), radius + MARGIN, course, map_along)
 
 
 def pool(cylinders: list[Cylinder]) -> World:

@@ -6,6 +6,7 @@ import pytest
 
 from hil.autonomy.control.controller import wrap
 from hil.autonomy.paths.astar import plan, smooth
+from hil.autonomy.paths.curves import Chain
 from hil.autonomy.paths.dubins import Pose
 from hil.autonomy.paths.line_of_sight import (
     LineOfSight,
@@ -96,18 +97,25 @@ def test_legs_avoid_obstacles_and_stay_on_a_closed_map() -> None:
 
     grid = OccupancyGrid.rasterise(distance, Extent(-8.0, -60.0, 115.0, 60.0), 1.0)
     goal = (100.0, 0.0)
-    approach = approach_on(grid, lambda start: smooth(grid, plan(grid, start, goal)), goal, 5.0, LIMITS)
+
+    def approach(pose: Pose) -> Chain:
+        return approach_on(grid, lambda start: smooth(grid, plan(grid, start, goal)), pose, (*goal, 5.0), LIMITS)
+
     path = outline(approach(Pose((0.0, 0.0, 5.0), 0.0)).pieces, 0.5)
-    assert min(distance(*point) for point in path) > -1.0
+    assert min(distance(*point[:2]) for point in path) > -1.0
     with pytest.raises(NoPathError, match=r"no free path with turns of 12\.0 m"):
         approach(Pose((0.0, 0.0, 5.0), math.pi))  # the turn reaches 12 m to the south
     grid.is_open = True
-    assert min(north for north, _ in outline(approach(Pose((0.0, 0.0, 5.0), math.pi)).pieces)) < -10.0
+    assert min(north for north, *_ in outline(approach(Pose((0.0, 0.0, 5.0), math.pi)).pieces)) < -10.0
 
 
-def test_depths_are_reached_as_early_as_the_slope_permits() -> None:
-    points = depths_along([(0.0, 0.0), (10.0, 0.0), (100.0, 0.0), (120.0, 0.0)], 5.0, 10.0, math.atan(0.2))
-    assert [depth for _, _, depth in points] == pytest.approx([5.0, 7.0, 10.0, 10.0])
+@pytest.mark.parametrize(("dive", "depths"), [(6.0, [5.0, 5.5, 10.0, 11.0]), (60.0, [5.0, 7.4413, 25.4413, 65.0])])
+def test_depths_are_those_of_the_straight_line_but_no_steeper_than_the_vehicle(
+    dive: float, depths: list[float]
+) -> None:
+    corners = [(0.0, 0.0), (10.0, 7.0), (100.0, 7.0), (120.0, 0.0)]
+    points = depths_along(corners, (0.0, 0.0, 5.0), (120.0, 0.0, 5.0 + dive), math.atan(0.2))
+    assert [depth for _, _, depth in points] == pytest.approx(depths, abs=1e-3)
 
 
 @pytest.mark.parametrize("start", [(0.0, 0.0), (40.0, 10.0)])
