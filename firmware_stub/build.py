@@ -144,7 +144,8 @@ def _source(name: str) -> str:
 def _run(command: list[str]) -> None:
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode:
-        errors = [line for line in done.stderr.splitlines() if "error" in line] or ["no message"]
+        lines = done.stderr.splitlines() or ["no message"]  # the linker's reason has no such word
+        errors = [line for line in lines if "error:" in line and not line.startswith("collect2")] or lines
         raise DeviceError(f"{command[0]}: {errors[0].strip()}")
 
 
@@ -179,7 +180,7 @@ def main(argv: list[str] | None = None) -> None:
         prog="python -m firmware_stub.build", description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     add = parser.add_argument
-    add("--output", metavar="FOLDER", help=f"where to put other images than the shipped ones in {IMAGES}; it exists")
+    add("--output", metavar="FOLDER", help=f"where to put other images than the shipped ones in {IMAGES}")
     add("--chip", choices=CHIPS, help="one chip instead of all")
     add("--crystal", metavar="MHZ", type=int, choices=range(4, 27), help="that of the board, instead of the usual one")
     options = parser.parse_args(argv)
@@ -187,6 +188,7 @@ def main(argv: list[str] | None = None) -> None:
         raise ConfigError("another crystal: name the chip with --chip and where to put its image with --output")
     for chip in [options.chip] if options.chip else CHIPS:
         if options.output:
+            os.makedirs(options.output, exist_ok=True)
             print(*make_image(options.output, chip, options.crystal), sep="\n")
         else:
             _ship(chip)

@@ -2,6 +2,7 @@
 
 import argparse
 import os
+from collections.abc import Callable
 from importlib import import_module
 from typing import Any
 
@@ -87,19 +88,32 @@ def find_parser(module: str) -> argparse.ArgumentParser:
 
 
 def _add_completers(parser: argparse.ArgumentParser) -> None:
-    """Complete SCENARIO by the installed names and by .toml files, KEY=... by the keys of a scenario."""
+    """Complete SCENARIO, vehicles, worlds, boards and protocols by their names, KEY=... by the keys of a scenario."""
     for inner in subparsers(parser).values():
         _add_completers(inner)
     for action in parser._actions:
-        completer = COMPLETERS.get(str(action.metavar).partition("=")[0])
-        if completer:
+        names = (str(action.metavar).partition("=")[0], *(action.option_strings or [action.dest]))
+        completer = next((COMPLETERS[name] for name in names if name in COMPLETERS), None)
+        if completer and not action.choices:
             action.completer = completer  # type: ignore[attr-defined]
 
 
-def _scenarios(prefix: str, **_: Any) -> list[str]:
-    from argcomplete.completers import FilesCompleter
+def _presets(folder: str, *endings: str) -> Callable[..., list[str]]:
+    """Return the completer of the presets in `folder`, and of files with these endings."""
 
-    return [*preset_names(SCENARIOS), *FilesCompleter(allowednames=["toml"])(prefix)]
+    def complete(prefix: str, **_: Any) -> list[str]:
+        from argcomplete.completers import FilesCompleter
+
+        files = FilesCompleter(allowednames=endings)(prefix) if endings else []
+        return [*preset_names(folder), *files]
+
+    return complete
+
+
+def _protocols(prefix: str, **_: Any) -> list[str]:
+    from hil.links.protocols import PROTOCOLS
+
+    return [name for name in PROTOCOLS if name.startswith(prefix)]
 
 
 def _keys(prefix: str, **_: Any) -> list[str]:
@@ -108,4 +122,13 @@ def _keys(prefix: str, **_: Any) -> list[str]:
     return [f"{key}=" for key in dotted_keys("scenario") if key.startswith(prefix)]
 
 
-COMPLETERS = {"SCENARIO": _scenarios, "KEY": _keys}  # by metavar, up to its "="
+# By metavar up to its "=", by option, or by a positional argument's name. `--vehicle` is the name of a running vehicle.
+COMPLETERS = {
+    "SCENARIO": _presets(SCENARIOS, "toml"),
+    "KEY": _keys,
+    "vehicle": _presets("sim/vehicles", "toml"),
+    "world": _presets("sim/worlds", "toml"),
+    "--world": _presets("sim/worlds", "toml"),
+    "--board": _presets("boards"),
+    "--protocol": _protocols,
+}

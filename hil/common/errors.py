@@ -62,9 +62,18 @@ class NetworkError(HilError):
 
 
 class MissingExtraError(HilError):
-    """An optional package is required; the message gives the pip command."""
+    """An optional package is required; the message gives the command of pip, or of pipx or uv where these installed us.
+
+    Those keep programs in folders of their own; a new installation of ours with the extra replaces the present one.
+    """
 
     exit_code = 5
+    INSTALLERS = (("pipx/venvs", "pipx install --force"), ("uv/tools", "uv tool install --force"))
+
+    def __init__(self, message: str = "") -> None:
+        place = sys.prefix.replace("\\", "/")
+        command = next((text for folder, text in self.INSTALLERS if f"/{folder}/" in place), "pip install")
+        super().__init__(message.replace("pip install", command))
 
 
 class MissionError(HilError):

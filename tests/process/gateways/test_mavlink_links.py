@@ -11,7 +11,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from hil.common.clock import NS_PER_S, now_ns
 from hil.common.errors import NetworkError
-from hil.gateways.mavlink.endpoints.links import MAX_PARTNERS, SILENT_NS, TcpIn, TcpOut, UdpIn, UdpOut
+from hil.gateways.mavlink.endpoints.links import HEARTBEATS_NS, MAX_PARTNERS, SILENT_NS, TcpIn, TcpOut, UdpIn, UdpOut
 from hil.gateways.mavlink.endpoints.zenoh_link import ZenohLink
 from tests.support.processes import PATIENCE_S, free_port, wait_for
 
@@ -62,6 +62,13 @@ def test_partners_beyond_the_limit_are_refused_and_counted() -> None:
             assert wait_for(lambda: stream.receive(0) or len(stream.partners()) + stream.refused == len(links) or None)
         assert (len(datagrams.partners()), len(stream.partners())) == (MAX_PARTNERS, MAX_PARTNERS)
         assert wait_for(lambda: datagrams.receive(0) or (datagrams.refused, stream.refused) == (2, 2) or None)
+        first, later = datagrams.partners()[0], HEARTBEATS_NS + 1
+        for end in clients[1:MAX_PARTNERS]:
+            end.send(end.partners()[0], PACKET, BEAT)
+            assert wait_for(lambda: datagrams.receive(later) or None)
+        clients[-1].send(clients[-1].partners()[0], PACKET, BEAT)
+        assert wait_for(lambda: datagrams.receive(later) or first not in datagrams.partners() or None)
+        assert len(datagrams.partners()) == MAX_PARTNERS, "the longest silent one has made room"
     finally:
         for end in clients:
             end.close()

@@ -17,6 +17,7 @@ from hil.common.errors import NetworkError
 READ_SIZE = 65_536
 MAX_DATAGRAMS = 200  # of one turn
 MAX_PARTNERS = 16
+HEARTBEATS_NS = 3 * NS_PER_S  # a partner silent for longer gives way to a new one
 SILENT_NS = 30 * NS_PER_S  # after which a partner that only sent datagrams is forgotten
 RETRY_NS = NS_PER_S
 MARKERS = (0xFD, 0xFE)  # that a MAVLink packet begins with
@@ -132,7 +133,7 @@ class UdpIn(Link):
             if sender not in self._received_ns:
                 if data[:1] not in _FIRST:
                     continue
-                if len(self._received_ns) >= MAX_PARTNERS:
+                if len(self._received_ns) >= MAX_PARTNERS and not self._remove_silent(now):
                     self.refused += 1
                     continue
             self._received_ns[sender] = now
@@ -147,6 +148,14 @@ class UdpIn(Link):
     def partners(self) -> list[Address]:
         """Return the senders of the last 30 s."""
         return list(self._received_ns)
+
+    def _remove_silent(self, now: int) -> bool:
+        """Remove the partner that is silent for longest; False if all send heartbeats."""
+        silent = min(self._received_ns, key=self._received_ns.__getitem__)
+        if now - self._received_ns[silent] < HEARTBEATS_NS:
+            return False
+        del self._received_ns[silent]
+        return True
 
     def tick(self, now: int) -> None:
         """Forget those that are silent."""

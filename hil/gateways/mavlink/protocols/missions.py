@@ -91,6 +91,8 @@ class MissionProtocol:
     def receive_item(self, packet: Any, partner: Partner, now: int) -> list[Any]:
         """Store the item of MISSION_ITEM_INT or MISSION_ITEM, and request the next one."""
         upload = self._upload
+        if upload is None and packet.mission_type == MISSION and self._is_last(packet):  # our answer was lost
+            return [_ack(dialect.MAV_MISSION_ACCEPTED, MISSION, partner)]
         if upload is None or partner != upload.partner or packet.mission_type != MISSION:
             return [_ack(dialect.MAV_MISSION_INVALID_SEQUENCE, packet.mission_type, partner)]
         if packet.seq != len(upload.items):  # sent twice, or late: what is missing is requested again in time
@@ -136,6 +138,9 @@ class MissionProtocol:
             return upload.partner, [_ack(dialect.MAV_MISSION_OPERATION_CANCELLED, MISSION, upload.partner)]
         upload.asks_as_int = not upload.asks_as_int
         return upload.partner, [self._request()]
+
+    def _is_last(self, packet: Any) -> bool:
+        return bool(self._items) and packet.seq == len(self._items) - 1 and read_item(packet) == self._items[-1]
 
     def _request(self) -> Any:
         assert self._upload
