@@ -1,6 +1,7 @@
 """Exchange MAVLink messages with ArduSub on a separate port, as a companion computer does.
 
-Its estimate is read and compared with the truth. A leak is reported to it. Positions are sent if the scenario says so:
+Its estimate is read and compared with the truth. A leak is reported to it, and faults of the sensors that it simulates
+itself are set in it. Positions are sent if the scenario says so:
 
     odometry   ODOMETRY of the navigation solution: position, attitude, velocity
     dvl        VISION_POSITION_DELTA from the DVL's velocities, by which ArduSub updates its position; none without
@@ -14,10 +15,8 @@ libraries/GCS_MAVLink/GCS_Common.cpp, libraries/AP_VisualOdom, libraries/AP_GPS/
 import contextlib
 import errno
 import socket
-from collections import deque
 from collections.abc import Sequence
-from math import isclose, sqrt
-from types import MappingProxyType
+from math import sqrt
 from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
@@ -26,7 +25,7 @@ from hil.autopilots import hil_messages
 from hil.autopilots.contract import EstimateError, Report
 from hil.autopilots.estimate import GLOBAL_POSITION, EstimateReader
 from hil.autopilots.inputs import SensorInputs
-from hil.autopilots.parameters import Parameters
+from hil.autopilots.parameter_reader import ParameterReader
 from hil.common.clock import NS_PER_S, NS_PER_US
 from hil.common.vectors import Vector3
 from hil.links.contract import Counters
@@ -41,29 +40,24 @@ HEARTBEAT_NS = NS_PER_S  # simulation time between heartbeats, attempts to conne
 MAX_DELTA_NS = NS_PER_S // 2  # greatest time between two DVL samples for a position delta
 FULL_CONFIDENCE = 100.0  # %
 TOPICS = {"simulated": "", "odometry": "odom", "dvl": "dvl", "gps": "gps"}
-SILENT_BEATS = 30  # heartbeats without an answer, after which that is reported
-MAX_LISTED = 8
-MAX_REQUESTS = 10  # of parameters in a second; ArduPilot's queue has 20
 ABSURD_M = 100.0  # from the truth, beyond which ArduSub was started elsewhere
 WATER = 1 << 29  # sensor bit of leaks in SYS_STATUS, which ArduSub takes from a companion: ArduSub/GCS_MAVLink_Sub.cpp
 GPS_UNKNOWN = dialect.GPS_INPUT_IGNORE_FLAG_HDOP | dialect.GPS_INPUT_IGNORE_FLAG_VDOP
 
 
 class Companion:
-    """Connection to ArduPilot's `port`; `origin`: of NED positions, degrees.
+    """Connection to ArduPilot's `port`; `origin`: of NED positions, degrees. `parameters` reads ArduPilot's.
 
-    `expected`: parameters of an autopilot that somebody else has started; those that differ are reported once.
     `lost` counts messages that did not fit into the connection's buffer.
     """
 
     def __init__(
         self, positions: str, inputs: SensorInputs, origin: tuple[float, float], port: int, report: Report,
-        expected: Parameters = MappingProxyType({}),
+        parameters: ParameterReader,
     ) -> None:  # fmt: skip
         self.lost = 0
-        self._expected, self._unread = expected, deque(expected)
-        self._different: list[str] = []
-        self._silent = 0  # heartbeats without any answer
+        self._parameters = parameters
+        self._simulated: dict[str, float] = {}  # the parameters of simulated sensors as they were sent last
         self._reader = EstimateReader(TangentPlane(*(inputs.origin or (*origin, 0.0))))
         self._is_absurd = False
         self._positions, self._topic = positions, TOPICS[positions]
@@ -94,15 +88,9 @@ class Companion:
             if self._inputs.leaks:
                 self._send([dialect.MAVLink_sys_status_message(WATER, WATER, 0, *[0] * 10)])
             self._send(self._reader.requests(SYSTEM))
+            self._send(self._parameters.requests(SYSTEM, self._has_answered))
             if self._has_answered:
-                self._check_parameters()
-            elif self._expected:
-                self._silent += 1
-                if self._silent == SILENT_BEATS:
-                    self._report(
-                        f"ArduSub sends nothing at port {self._port}, so its estimate and parameters are not known: "
-                        "start it with the --serial5 and --defaults of docs/how-to/ardusub.md"
-                    )
+                self._send_faults()
         self._receive(truth)
         if is_new and self._socket:
             self._send(self._encode_messages(time_ns // NS_PER_US, truth))
@@ -134,7 +122,7 @@ class Companion:
         if opened.connect_ex((host, self._port)) not in (0, errno.EINPROGRESS):
             opened.close()
             return
-        self._socket, self._has_origin = opened, False
+        self._socket, self._has_origin, self._simulated = opened, False, {}
         self._stream, self._has_answered = MavlinkStream(SYSTEM, COMPONENT, Counters()), False
 
     def _send(self, messages: Sequence[Any]) -> None:
@@ -163,26 +151,18 @@ class Companion:
                 for message in self._stream.unpack(data):
                     self._take(message, truth)
 
-    def _check_parameters(self) -> None:
-        """Request some parameters; report those that differ once all are requested."""
-        if not self._unread and self._different:
-            listed = ", ".join(self._different[:MAX_LISTED])
-            more = f" and {len(self._different) - MAX_LISTED} more" if len(self._different) > MAX_LISTED else ""
-            self._report(
-                f"ArduSub's parameters are not those of this scenario: {listed}{more}: start it with "
-                "--defaults FILE, as `uuv-hil autopilot parameters SCENARIO > FILE` writes it"
-            )
-            self._different.clear()
-        names = [self._unread.popleft().encode() for _ in range(min(len(self._unread), MAX_REQUESTS))]
-        self._send([dialect.MAVLink_param_request_read_message(SYSTEM, 1, name, -1) for name in names])
+    def _send_faults(self) -> None:
+        """Set the parameters of simulated sensors that have changed, at first all of them."""
+        values = self._inputs.ardusub_faults(self._positions)
+        changed = sorted(values.items() - self._simulated.items())
+        self._simulated = values
+        kind = dialect.MAV_PARAM_TYPE_REAL32
+        self._send([dialect.MAVLink_param_set_message(SYSTEM, 1, name.encode(), x, kind) for name, x in changed])
 
     def _take(self, message: Any, truth: OdometrySample) -> None:
         self._reader.take(message, truth)
+        self._parameters.take(message)
         kind, estimate = message.get_msgId(), self.estimate
-        if kind == dialect.MAVLINK_MSG_ID_PARAM_VALUE and message.param_id in self._expected:
-            wanted = self._expected[message.param_id]
-            if not isclose(message.param_value, wanted, rel_tol=1e-5, abs_tol=1e-6):
-                self._different.append(f"{message.param_id} is {message.param_value:g}, not {wanted:g}")
         self._has_origin |= kind == dialect.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN
         if kind == GLOBAL_POSITION and estimate and estimate.position > ABSURD_M and not self._is_absurd:
             self._is_absurd = True

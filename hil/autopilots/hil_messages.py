@@ -10,10 +10,10 @@ from typing import Any, NamedTuple
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from hil.links.contract import PWM_NEUTRAL_US
+from hil.links.contract import MOST_US, PWM_NEUTRAL_US
 from sim.sensors.samples import DvlSample, OdometrySample
 
-SPAN_US = 400  # pulse width from neutral to a control of 1 or -1
+SPAN_US = MOST_US - PWM_NEUTRAL_US  # pulse width from neutral to a control of 1 or -1
 ACCELEROMETER, GYROSCOPE, MAGNETOMETER, BAROMETER = 0x007, 0x038, 0x1C0, 0x1A00
 ARMED, LOCKSTEP = 0x80, 0x01
 UNKNOWN_16 = 0xFFFF

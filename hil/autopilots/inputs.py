@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from math import isfinite, nan
-from typing import Any
+from typing import Any, NamedTuple
 
 from hil.common.clock import seconds_ns
 from hil.common.errors import ConfigError
@@ -20,14 +20,34 @@ from sim.sensors.variances import error_variances
 AT_REST: Vector3 = (0.0, 0.0, -9.80665)
 HOME = (50.0, 8.0)  # latitude and longitude, degrees, for a world without an origin
 MIN_IMU_HZ = 50.0
-MISSED = 3  # periods of a sensor without a sample, after which it has no value
+MISSED, SILENT_S = 3, 0.5  # periods and seconds without a sample, after both of which a sensor has no value
+ENDING = ("altimeter", "battery", "gps", "magnetometer", "pressure")  # sensors whose values end
 IN_SENSOR_AXES = ("imu", "magnetometer", "dvl")  # sensors whose samples are along their own axes
+
+
+class Fault(NamedTuple):
+    """Parameters `names` of the sensor `topic`: their value while it works, and while it has no value."""
+
+    topic: str
+    sound: float
+    failed: float
+    names: tuple[str, ...]
+
+
+# Faults of the sensors that ArduSub simulates itself, for which the JSON interface has no fields. Meanings: ArduPilot,
+# libraries/SITL/SITL.cpp, SIM_GPS.cpp.
+FAULTS = (
+    Fault("pressure", 0.0, 1.0, ("SIM_BARO_DISABLE", "SIM_BAR2_DISABLE")),
+    Fault("magnetometer", 0.0, 1.0, ("SIM_MAG1_FAIL", "SIM_MAG2_FAIL", "SIM_MAG3_FAIL")),
+    Fault("gps", 1.0, 0.0, ("SIM_GPS1_ENABLE",)),
+    Fault("gps", 0.0, 1.0, ("SIM_GPS_DISABLE",)),  # before ArduSub 4.6
+)
 
 
 class SensorInputs:
     """Newest sample of each sensor. Pressure and IMU have their last or initial value while they send nothing.
 
-    The other ones have no value then: after MISSED periods without a sample, the autopilot must not take an old value
+    Those in `missing` have no value: after MISSED periods without a sample, the autopilot must not take an old value
     for a measurement. `fresh`: topics with a new sample since the caller cleared the set. Positions are NED in m.
     Raises ConfigError for a vehicle without an IMU, or with one below MIN_IMU_HZ.
     """
@@ -50,13 +70,16 @@ class SensorInputs:
         self.pascal = STANDARD_ATMOSPHERE + self._water(start.depth)
         self.magnetic_field: Vector3 | None = None  # T
         self.fix: Any = None  # the newest FixSample; None without a receiver
-        self.range_m: float | None = None  # to the seabed; nan without an echo, None without an altimeter
+        self.range_m = nan if "altimeter" in fitted else None  # to the seabed; nan without an echo
         self.battery: Any = None  # the newest BatterySample
-        # topic -> time (ns) at which its value ends, and how long (ns) one sample counts
-        self._ends = {name: 0 for name in ("altimeter", "battery") if name in fitted}
+        # topic -> how long (ns) one sample counts, and time (ns) at which its value ends
         self._lifetimes = {
-            name: seconds_ns(MISSED / fitted[name].model.rate + fitted[name].mounting.latency) for name in self._ends
+            name: seconds_ns(max(MISSED / fitted[name].model.rate, SILENT_S) + fitted[name].mounting.latency)
+            for name in ENDING
+            if name in fitted
         }
+        self._ends = dict(self._lifetimes)
+        self.missing: set[str] = set()
         self.leaks = False  # whether a leak detector is wet
         self.odometry: Any = None  # the newest OdometrySample of the navigation
         self.dvl: Any = None  # the newest DvlSample; its velocity is along the body axes
@@ -103,12 +126,29 @@ class SensorInputs:
             self._ends[topic] = sample.time_ns + self._lifetimes[topic]
 
     def expire(self, time_ns: int) -> None:
-        """Remove the values of sensors that have sent nothing for long at simulation time `time_ns`."""
-        ended = [topic for topic, end_ns in self._ends.items() if end_ns <= time_ns]
-        if "altimeter" in ended:
+        """Update `missing`: sensors that have sent nothing for long at simulation time `time_ns`, a GPS without fix."""
+        self.missing = {topic for topic, end_ns in self._ends.items() if end_ns <= time_ns}
+        if self.fix and not self.fix.fix:
+            self.missing.add("gps")
+        if "altimeter" in self.missing:
             self.range_m = nan
-        if "battery" in ended and self.battery:
+        if "battery" in self.missing and self.battery:
             self.battery = self.battery._replace(voltage=0.0, current=0.0)  # as of a monitor without power
+
+    def ardusub_faults(self, positions: str) -> dict[str, float]:
+        """Return the parameters by which the sensors that ArduSub simulates fail and recover with the vehicle's own.
+
+        `positions`: of [autopilot]; only a simulated position comes from a GPS of ArduSub's.
+        """
+        values = {
+            name: fault.failed if fault.topic in self.missing else fault.sound
+            for fault in FAULTS
+            if self.has[fault.topic] and (fault.topic != "gps" or positions == "simulated")
+            for name in fault.names
+        }
+        if self.battery:
+            values["SIM_BATT_VOLTAGE"] = round(self.battery.voltage, 1)
+        return values
 
     def antenna_velocity(self, truth: OdometrySample) -> Vector3:
         """Return the velocity (m/s, NED) of the GPS antenna, which is what a receiver measures."""

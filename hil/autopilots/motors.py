@@ -54,8 +54,8 @@ class MotorOutputs:
         return self._pulses
 
     def move_accessories(self, simulation: "Simulation") -> None:
-        """Command the accessories of the vehicle as the newest outputs say."""
-        if self.accessories and simulation.accessories:
+        """Command the accessories of the vehicle as the newest outputs say; those of a disarmed PX4 say nothing."""
+        if self._pulses.armed and self.accessories and simulation.accessories:
             self.accessories.move(self.outputs, simulation.accessories, simulation.time_ns)
 
     def at(self, now: int) -> Pulses:

@@ -4,11 +4,12 @@ import os
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from hil.autopilots.frames import CUSTOM, MotorMap, load_frame
+from hil.autopilots.frames import AUTO, CUSTOM, MotorMap, load_frame, map_motors
 from hil.common.errors import ConfigError
 from hil.common.schema import preset_folder
 from hil.links.address import parse_address
 from hil.scenario.autopilot_records import AutopilotSettings
+from hil.scenario.config import Scenario
 from sim.sensors.sensor_set import SensorSet
 from sim.vehicle.vehicle import Vehicle
 
@@ -18,6 +19,11 @@ QGROUNDCONTROL_WORDS = 5  # of a line
 UNDERWATER_VEHICLE = 7  # PX4's CA_AIRFRAME for a vehicle with motors in any pose
 MOTOR_1 = 101  # PX4's output function of its first motor
 MAX_ROTORS = 12
+TOLERANCE = 2e-5  # of values that were rounded to text and to 32 bits, and of the offset that program.py adds
+# PX4's functions for accessories (actuator set 1, gripper, pitch of a gimbal) at the outputs after its motors, and what
+# starts its gripper and its gimbal, commanded by gimbal messages, at an output that turns 45 degrees up and down
+PX4_ACCESSORIES = {MAX_ROTORS + 1: 301, MAX_ROTORS + 2: 430, MAX_ROTORS + 3: 421}
+_PX4_DEVICES: dict[str, float] = {"PD_GRIPPER_EN": 1, "MNT_MODE_IN": 4, "MNT_MODE_OUT": 0, "MNT_RANGE_PITCH": 90.0}
 
 Parameters = Mapping[str, float]
 NO_SENSORS: SensorSet = MappingProxyType({})
@@ -113,12 +119,20 @@ def all_parameters(
         own["BATT_MONITOR"] = 4.0 if "battery" in sensors else 0.0
     else:
         is_sitl = parse_address(settings.own_address(controller)).kind == "tcp"
-        own = {
-            **px4_geometry(vehicle, motors, "PWM_MAIN" if is_sitl else "HIL_ACT"),
-            **_PX4_POSITIONS[settings.positions],
-        }
+        outputs = "PWM_MAIN" if is_sitl else "HIL_ACT"
+        own = {**px4_geometry(vehicle, motors, outputs), **_PX4_POSITIONS[settings.positions]}
+        if vehicle.accessories:
+            own |= _PX4_DEVICES | {f"{outputs}_FUNC{number}": x for number, x in PX4_ACCESSORIES.items()}
     path = parameter_file(settings, controller, vehicle)
     return {**own, **sensor_positions(settings, controller, sensors), **(read_parameters(path) if path else {})}
+
+
+def scenario_parameters(scenario: Scenario, vehicle: Vehicle) -> tuple[MotorMap, Parameters]:
+    """Return the map of the scenario's motors, and the parameters to start its autopilot with. Raises ConfigError."""
+    settings = scenario.autopilot or AutopilotSettings()
+    has_own_geometry = scenario.controller == "px4" and settings.frame == AUTO  # PX4 gets it as parameters
+    motors = map_motors(CUSTOM if has_own_geometry else settings.frame, vehicle)
+    return motors, all_parameters(settings, scenario.controller, vehicle, motors, scenario.sensors)
 
 
 def sensor_positions(settings: AutopilotSettings, controller: str, sensors: SensorSet) -> Parameters:

@@ -5,16 +5,16 @@ output goes to a file there; the last lines are reported if it ends by itself.
 """
 
 import os
+import shutil
 import subprocess
 from contextlib import suppress
 
 from hil.autopilots.contract import Report
-from hil.autopilots.flight_folder import OUTPUT, FlightFolder
-from hil.autopilots.frames import AUTO, CUSTOM, map_motors
-from hil.autopilots.parameters import Parameters, all_parameters, format_parameters, number_text, read_parameters
+from hil.autopilots.parameters import Parameters, format_parameters, number_text, read_parameters, scenario_parameters
 from hil.autopilots.start_options import ardusub_options
 from hil.common.children import foreign_command, start_child
 from hil.common.errors import ConfigError, DeviceError
+from hil.common.scratch import lock_unused
 from hil.common.tables import state_path
 from hil.scenario.autopilot_records import AutopilotSettings
 from hil.scenario.config import Scenario
@@ -25,7 +25,42 @@ AIRFRAME = "1022"  # PX4's underwater vehicle; parameters then set its geometry
 LAST_LINES = 5
 OFFSET = 1e-5
 END_S = 3.0  # from PX4's SIGTERM, on which it completes its log, to SIGKILL
+OUTPUT = "output.txt"  # what the program prints; its presence shows that a folder is an autopilot's
+REMEDY = "set [autopilot] folder"
 LISTED = "listed.parm"  # the parameters of the last start of PX4
+
+
+class FlightFolder:
+    """A folder that is made if it is missing, and locked until `close`; with `wipe` it is emptied first.
+
+    Raises ConfigError for one with files that no autopilot's program left, or that another process has locked;
+    DeviceError if it cannot be made.
+    """
+
+    def __init__(self, path: str, *, wipe: bool) -> None:
+        self.path = os.path.abspath(path)
+        try:
+            os.makedirs(self.path, exist_ok=True)
+            lock = lock_unused(self.path)
+            if lock is None:
+                raise ConfigError(f"{self.path}: another run uses this autopilot's folder; {REMEDY}")
+            self._lock = lock
+            if os.listdir(self.path) and not os.path.exists(self.file(OUTPUT)):
+                self.close()
+                raise ConfigError(f"{self.path}: not empty, and no autopilot's folder; {REMEDY}")
+            if wipe:
+                for entry in os.scandir(self.path):
+                    shutil.rmtree(entry) if entry.is_dir(follow_symlinks=False) else os.remove(entry)
+        except OSError as error:
+            raise DeviceError(f"{self.path}: no folder for the autopilot: {error.strerror}; {REMEDY}") from None
+
+    def file(self, name: str) -> str:
+        """Return the path of a file in it."""
+        return os.path.join(self.path, name)
+
+    def close(self) -> None:
+        """Release it."""
+        os.close(self._lock)
 
 
 class Program:
@@ -43,9 +78,7 @@ class Program:
         self.folder, self.log = self._folder.path, self._folder.file(OUTPUT)
         self._end_s = END_S if scenario.controller == "px4" else 0.0
         try:
-            frame = CUSTOM if scenario.controller == "px4" and settings.frame == AUTO else settings.frame
-            motors = map_motors(frame, vehicle)
-            parameters = all_parameters(settings, scenario.controller, vehicle, motors, scenario.sensors)
+            _, parameters = scenario_parameters(scenario, vehicle)
             if scenario.controller == "ardupilot":
                 command, variables = self._ardusub(settings, scenario, world, parameters)
             else:

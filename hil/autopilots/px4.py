@@ -28,6 +28,7 @@ from hil.autopilots.contract import (
 )
 from hil.autopilots.estimate import EstimateReader
 from hil.autopilots.inputs import SensorInputs
+from hil.autopilots.parameter_reader import ParameterReader
 from hil.common.clock import NS_PER_MS, NS_PER_S, NS_PER_US, now_ns
 from hil.links.address import open_address, parse_address
 from hil.links.contract import Counters
@@ -54,14 +55,20 @@ TOPICS = {"simulated": "odom", "odometry": "odom", "dvl": "dvl", "gps": "pressur
 
 
 class Px4(Autopilot):
-    """Connection to one PX4 at `address`. `inputs`: sensors of its vehicle. Raises ConfigError, DeviceError."""
+    """Connection to one PX4 at `address`. `inputs`: sensors of its vehicle. `parameters` reads those of PX4.
 
-    def __init__(self, address: str, inputs: SensorInputs, settings: AutopilotSettings, report: Report) -> None:
+    Raises ConfigError, DeviceError.
+    """
+
+    def __init__(
+        self, address: str, inputs: SensorInputs, settings: AutopilotSettings, report: Report,
+        parameters: ParameterReader,
+    ) -> None:  # fmt: skip
         parsed = parse_address(address)
         self.is_sitl = parsed.kind == "tcp"
         self.lockstep = settings.lockstep and self.is_sitl
         self.figures = AutopilotCounters()
-        self._inputs, self._report = inputs, report
+        self._inputs, self._report, self._parameters = inputs, report, parameters
         self._rc = settings.rc if self.is_sitl else ()  # a board has its own receiver
         self._positions = TOPICS[settings.positions]
         self._camera_address = "127.0.0.1", CAMERA_PORT + settings.instance
@@ -120,7 +127,7 @@ class Px4(Autopilot):
         with suppress(OSError):  # nothing has come, or SITL does not listen yet
             while self.is_sitl:
                 for message in self._camera_stream.unpack(self._camera.recv(READ_SIZE)):
-                    self._reader.take(message, truth)
+                    self._read(message, truth)
         if self.is_sitl and (not self._is_peer_connected or self._stalled):
             return
         if self._origin is None:
@@ -231,7 +238,7 @@ class Px4(Autopilot):
         if kind == dialect.MAVLINK_MSG_ID_HEARTBEAT and message.autopilot != dialect.MAV_AUTOPILOT_INVALID:
             self._has_heartbeat, self._heartbeat_received_ns = True, now
         if self._truth and not self.is_sitl:
-            self._reader.take(message, self._truth)
+            self._read(message, self._truth)
         if kind != dialect.MAVLINK_MSG_ID_HIL_ACTUATOR_CONTROLS:
             return None
         if not self._has_heartbeat and not self.is_sitl:
@@ -254,6 +261,11 @@ class Px4(Autopilot):
         self._awaiting = False
         self.figures.outputs += 1
         return Outputs(hil_messages.controls_to_pwm(message.controls), bool(message.mode & hil_messages.ARMED), now)
+
+    def _read(self, message: Any, truth: OdometrySample) -> None:
+        """Take a message of PX4's estimate or parameters."""
+        self._reader.take(message, truth)
+        self._parameters.take(message)
 
     def _inertial(self, truth: OdometrySample) -> hil_messages.Inertial:
         inputs, fresh = self._inputs, self._inputs.fresh
@@ -301,8 +313,9 @@ class Px4(Autopilot):
         return hil_messages.encode_velocity(time_us, inputs.depth + inputs.dvl_below, inputs.dvl)
 
     def _beside(self) -> list[Any]:
-        """Send SITL the origin of NED positions and the requests for its estimate; for a board, return them."""
+        """Send SITL the origin, and requests of its estimate and parameters; for a board, return them."""
         messages, plane = self._reader.requests(self._system), self._inputs.plane
+        messages += self._parameters.requests(self._system, self._reader.error is not None)
         if plane and self._origins_left:
             self._origins_left -= 1
             latitude, longitude, altitude = plane.geodetic(self._start)

@@ -9,11 +9,10 @@ from collections.abc import Mapping
 from contextlib import suppress
 from math import isclose
 
-from hil.autopilots.parameters import Parameters, number_text
+from hil.autopilots.parameters import TOLERANCE, Parameters, number_text
 
 MAV_INT32, MAV_REAL32 = 6, 9
 BSON_DOUBLE, BSON_INT32 = 1, 16
-TOLERANCE = 2e-5  # of values that were rounded to text and to 32 bits, and of the offset that program.py adds
 
 
 def format_for_qgroundcontrol(parameters: Parameters) -> str:

@@ -1,10 +1,8 @@
 """`uuv-hil autopilot`: test motors and link of an autopilot, and print its parameters."""
 
-from hil.autopilots.frames import AUTO, CUSTOM, map_motors
 from hil.autopilots.link_test import measure_link
 from hil.autopilots.motor_test import test_motors
-from hil.autopilots.opening import settings_of
-from hil.autopilots.parameters import all_parameters, format_parameters
+from hil.autopilots.parameters import format_parameters, scenario_parameters
 from hil.autopilots.px4_files import encode_bson, format_for_qgroundcontrol
 from hil.common.errors import ConfigError, DeviceError
 from hil.common.options import Number, add_output, add_scenario, changes_of, new_parser
@@ -50,13 +48,8 @@ def main(arguments: list[str]) -> int:
     return _parameters(scenario, vehicle, options.output)
 
 
-def _frame(scenario: Scenario) -> str:
-    frame = settings_of(scenario).frame
-    return CUSTOM if scenario.controller == "px4" and frame == AUTO else frame
-
-
 def _motors(scenario: Scenario, vehicle: Vehicle) -> int:
-    motors = map_motors(_frame(scenario), vehicle)
+    motors, _ = scenario_parameters(scenario, vehicle)
     print(f"{vehicle.name}, frame {motors.frame}: each motor at 1700 us for 0.25 s, from rest")
     results = test_motors(scenario, vehicle, motors)
     for result in results:
@@ -92,8 +85,7 @@ def _link(scenario: Scenario, seconds: float) -> int:
 
 
 def _parameters(scenario: Scenario, vehicle: Vehicle, output: str | None) -> int:
-    motors = map_motors(_frame(scenario), vehicle)
-    parameters = all_parameters(settings_of(scenario), scenario.controller, vehicle, motors, scenario.sensors)
+    _, parameters = scenario_parameters(scenario, vehicle)
     text = (format_for_qgroundcontrol if scenario.controller == "px4" else format_parameters)(parameters)
     if output is None:
         print(text, end="")

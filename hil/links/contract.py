@@ -14,7 +14,7 @@ from hil.common.clock import NEVER_NS, NS_PER_MS, now_ns
 from hil.links.pace import EchoPace
 
 MAX_THRUSTERS = 16
-PWM_NEUTRAL_US = 1500
+LEAST_US, PWM_NEUTRAL_US, MOST_US = 1100, 1500, 1900  # full output, and none, of usual motor controllers and servos
 RETRY_NS = NS_PER_MS  # between two checks whether the wire can take a stored command
 PWM_MIN_US, PWM_MAX_US = 800, 2200  # a pulse outside is "no output", 0 included
 

@@ -18,13 +18,15 @@ class Mounting(NamedTuple):
 
     `position` in m from the body origin along the body axes; `orientation` the roll, pitch and yaw (rad) of the
     sensor's axes in the body's; `latency` s from measuring to delivering; `drop_out` the share of samples
-    that is lost, independently of each other.
+    that is lost, independently of each other, from `drop_out_from` to `drop_out_until` (s of simulation time).
     """
 
     position: Point = (0.0, 0.0, 0.0)
     orientation: tuple[Angle, Angle, Angle] = (0.0, 0.0, 0.0)
     latency: Annotated[float, Range(0.0, 10.0, "s")] = 0.0
     drop_out: Annotated[float, Range(0.0, 1.0)] = 0.0
+    drop_out_from: Annotated[float, Range(0.0, 1e9, "s")] = 0.0
+    drop_out_until: Annotated[float, Range(0.0, 1e9, "s")] = 1e9
 
     @property
     def is_turned(self) -> bool:

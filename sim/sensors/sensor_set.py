@@ -137,7 +137,7 @@ class Schedule:
                 sample = slot.sensor.sample(now_ns, state)
                 if slot.is_prompt and sample is not None:
                     arrived.append((slot.topic, sample))
-                elif sample is not None and not slot.drops():
+                elif sample is not None and not slot.drops(now_ns):
                     self._send(slot, sample, now_ns, arrived)
             if due_ns < next_ns:
                 next_ns = due_ns
@@ -171,7 +171,9 @@ def _arrival(entry: tuple[int, int, str, Sample]) -> tuple[int, int]:
 class Slot:
     """One sensor, the time at which it is due next, and the delays and losses of its samples."""
 
-    __slots__ = ("_drop_out", "_latency_ns", "_random", "due_ns", "is_prompt", "period_ns", "sensor", "topic")
+    __slots__ = (
+        "_drop_out", "_dropping_ns", "_latency_ns", "_random", "due_ns", "is_prompt", "period_ns", "sensor", "topic",
+    )  # fmt: skip
 
     def __init__(self, name: str, spec: SensorSpec, scene: Scene, seed: int, dt_ns: int) -> None:
         self.period_ns = period_ns(spec.model.rate)
@@ -187,6 +189,7 @@ class Slot:
         self.due_ns = self.period_ns
         self._latency_ns = round(spec.mounting.latency * 1e9)
         self._drop_out = spec.mounting.drop_out
+        self._dropping_ns = round(1e9 * spec.mounting.drop_out_from), round(1e9 * spec.mounting.drop_out_until)
         self._random = sensor_random(seed, f"{name}/drop_out") if self._drop_out else None
         # True if every sample arrives without delay and none is lost.
         self.is_prompt = not (self._latency_ns or self._drop_out or hasattr(self.sensor, "delay_ns"))
@@ -196,9 +199,10 @@ class Slot:
         """Delay (ns) from the instant of the last sample to its arrival."""
         return self._latency_ns + int(getattr(self.sensor, "delay_ns", 0))
 
-    def drops(self) -> bool:
+    def drops(self, now_ns: int) -> bool:
         """True if this sample is lost on its way."""
-        return self._random is not None and self._random.random() < self._drop_out
+        first_ns, last_ns = self._dropping_ns
+        return self._random is not None and first_ns <= now_ns < last_ns and self._random.random() < self._drop_out
 
 
 def _require_numpy(name: str) -> None:

@@ -6,7 +6,8 @@ Each accessory hangs at a servo output, as on a BlueROV2: its pulse is what SERV
 from collections.abc import Callable
 from typing import NamedTuple
 
-LEAST_US, MIDDLE_US, MOST_US = 1100, 1500, 1900
+from hil.links.contract import LEAST_US, MOST_US, PWM_NEUTRAL_US
+
 FIRST, LAST = 9, 16  # outputs that are no thrusters'
 RELAYS = 4
 TILT_MOST = 45.0  # degrees, at the ends of the pulse
@@ -22,8 +23,8 @@ class Output(NamedTuple):
 
 OUTPUTS = {
     "Lights1": Output(9, LEAST_US, "lights"), "Lights2": Output(10, LEAST_US),
-    "Gripper": Output(11, MIDDLE_US, "gripper"), "CamTilt": Output(12, MIDDLE_US, "camera_tilt"),
-    "CamPan": Output(13, MIDDLE_US),
+    "Gripper": Output(11, PWM_NEUTRAL_US, "gripper"), "CamTilt": Output(12, PWM_NEUTRAL_US, "camera_tilt"),
+    "CamPan": Output(13, PWM_NEUTRAL_US),
 }  # fmt: skip
 STICK_CHANNELS = 6
 CHANNELS = {7: "CamPan", 8: "CamTilt", 9: "Lights1", 10: "Lights2"}  # of RC channels, as ArduSub has them
@@ -80,4 +81,4 @@ class Accessories:
 
     def turn_to(self, name: str, degrees: float) -> None:
         """Turn the camera: CamTilt up, CamPan to starboard."""
-        self.set_named(name, MIDDLE_US + (MOST_US - MIDDLE_US) * degrees / TILT_MOST)
+        self.set_named(name, PWM_NEUTRAL_US + (MOST_US - PWM_NEUTRAL_US) * degrees / TILT_MOST)

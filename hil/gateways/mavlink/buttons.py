@@ -5,8 +5,9 @@ from collections.abc import Callable, Mapping
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from hil.common.clock import NS_PER_S
-from hil.gateways.mavlink.accessories import FIRST, LEAST_US, MIDDLE_US, MOST_US
+from hil.gateways.mavlink.accessories import FIRST
 from hil.gateways.mavlink.core import Core
+from hil.links.contract import LEAST_US, MOST_US, PWM_NEUTRAL_US
 
 BUTTONS = 32
 SHIFT, TURNS = 1, (22, 23, 26, 27)  # functions: shift, and those that act as long as they are held
@@ -75,7 +76,7 @@ def _actions(buttons: Buttons) -> Mapping[int, Action]:
         actions |= {first + place: _switch(number, on) for place, on in enumerate((True, False, None))}
         first, output = FIRST_SERVO + 5 * number, FIRST + number
         actions |= {first: _step(output, SERVO_STEP), first + 1: _step(output, -SERVO_STEP)}
-        ends = enumerate((LEAST_US, MOST_US, MIDDLE_US), first + 2)
+        ends = enumerate((LEAST_US, MOST_US, PWM_NEUTRAL_US), first + 2)
         actions |= {function: _pulse(output, pulse) for function, pulse in ends}
     return actions
 
@@ -128,7 +129,7 @@ def _switch(relay: int, on: bool | None) -> Action:
 
 def _step(output: int, step: float) -> Action:
     return lambda core: core.accessories.set_pulse(
-        output, core.accessories.pulses.get(output, MIDDLE_US) + step * (MOST_US - LEAST_US)
+        output, core.accessories.pulses.get(output, PWM_NEUTRAL_US) + step * (MOST_US - LEAST_US)
     )
 
 

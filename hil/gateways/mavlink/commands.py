@@ -7,12 +7,12 @@ from typing import Any, NamedTuple
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from hil.gateways.mavlink import calibration
-from hil.gateways.mavlink.accessories import LEAST_US, MOST_US
 from hil.gateways.mavlink.core import Core
 from hil.gateways.mavlink.flight.mission_items import WAYPOINTS, read_item
 from hil.gateways.mavlink.flight.modes import Mode
 from hil.gateways.mavlink.flight.targets import GLOBAL_FRAMES, Target, TargetError, depth_of, earth_position
 from hil.gateways.mavlink.snapshot import Origin
+from hil.links.contract import LEAST_US, MOST_US
 
 ACCEPTED: int = dialect.MAV_RESULT_ACCEPTED
 REJECTED: int = dialect.MAV_RESULT_TEMPORARILY_REJECTED

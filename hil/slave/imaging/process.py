@@ -197,7 +197,7 @@ class Studio:
             simulation.accessories.place(*moving[19:])
         simulation.time_ns = time_ns
         sample = slot.sensor.sample(time_ns, state)
-        return None if sample is None or slot.drops() else (slot.topic, sample)
+        return None if sample is None or slot.drops(time_ns) else (slot.topic, sample)
 
     def delay_ns(self, number: int) -> int:
         """Return the delay (ns) between the time of a sensor's last sample and its publication."""

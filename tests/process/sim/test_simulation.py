@@ -138,3 +138,5 @@ def test_latency_delays_samples_and_drop_out_loses_them() -> None:
     assert [sample for _, sample in late] == [sample for _, sample in prompt[:-4]]
     assert set(lossy) < set(prompt)
     assert 25 < len(prompt) - len(lossy) < 75
+    silent = dvl(Mounting(drop_out=1.0, drop_out_from=5.0, drop_out_until=15.0))
+    assert silent == [(now, sample) for now, sample in prompt if not 5 * 10**9 <= now < 15 * 10**9]

@@ -1,18 +1,13 @@
-"""A dive of the real ArduSub, whose SITL program UUV_HIL_ARDUSUB names: the vehicle, and a ground station.
-
-Everything happens in simulated time, in lockstep: the duration depends on the machine, the results do not.
-"""
+"""A dive of the real ArduSub, whose SITL program UUV_HIL_ARDUSUB names."""
 
 import os
-import time
 from math import hypot
 from pathlib import Path
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from hil.autopilots.run import AutopilotRun
 from hil.scenario.config import load_scenario
-from tests.support.autopilots.autopilot_dive import ARM, SET_MODE, WORLD, command
+from tests.support.autopilots.autopilot_dive import ARM, SET_MODE, WORLD, AutopilotDive
 from tests.support.clients.ground_station import GroundStation, Mission
 
 PROGRAM = os.environ.get("UUV_HIL_ARDUSUB", "")
@@ -34,52 +29,36 @@ positions = "{positions}"
 rate = 400
 [sensors.pressure]
 rate = 50
-drop_out = {drop_out}
+{pressure}
 [sensors.altimeter]
 [sensors.odometry]
 rate = 20
+{sensors}
+"""
+GPS = """
 [sensors.gps]
 rate = 5
+acquisition = 0
 position = [0, 0, -0.4]
-{sensors}
 """
 MANUAL, ALT_HOLD, GUIDED, POSHOLD = 19, 2, 4, 16
 
 
-class Dive:
+class Dive(AutopilotDive):
     """One ArduSub with its vehicle and a ground station."""
 
     def __init__(
-        self, folder: Path, vehicle: str = "bluerov2_heavy", instance: int = 3, drop_out: float = 0.0,
+        self, folder: Path, vehicle: str = "bluerov2_heavy", instance: int = 3, pressure: str = "",
         positions: str = "simulated", autopilot: str = "", sensors: str = "",
     ) -> None:  # fmt: skip
         world, path = folder / "stream.toml", folder / "dive.toml"
         world.write_text(WORLD)
         text = SCENARIO.format(
-            vehicle=vehicle, world=world, program=PROGRAM, instance=instance, drop_out=drop_out, positions=positions,
+            vehicle=vehicle, world=world, program=PROGRAM, instance=instance, pressure=pressure, positions=positions,
             autopilot=autopilot, sensors=sensors,
         )  # fmt: skip
         path.write_text(text)
-        self.reports: list[str] = []
-        self.run = AutopilotRun(load_scenario(str(path)), self.reports.append)
-        self.station = GroundStation(("127.0.0.1", 5760 + 10 * instance))
-        self.start = time.monotonic()
-
-    def close(self) -> None:
-        self.station.close()
-        simulated, took = self.run.simulation.time_ns / 1e9, time.monotonic() - self.start
-        print(
-            f"{simulated:.0f} s simulated in {took:.1f} s: {simulated / took:.1f} times real time; {self.reports[1:]}"
-        )
-        self.run.__exit__()
-
-    @property
-    def position(self) -> list[float]:
-        return list(self.run.simulation.state.position)
-
-    def command(self, number: int, *parameters: float) -> Mission:
-        """Send a command until it is accepted."""
-        return command(self.station, number, *parameters)
+        super().__init__(load_scenario(str(path)), GroundStation(("127.0.0.1", 5760 + 10 * instance)))
 
     def dive(self, depth: float) -> Mission:
         """Arm, dive with the joystick, and hold depth."""

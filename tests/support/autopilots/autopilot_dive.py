@@ -1,6 +1,13 @@
-"""Common part of dives with a real autopilot: a world with a current, and commands repeated until they are accepted."""
+"""Common part of dives with a real autopilot: a world with a current, a vehicle, and a ground station that commands it.
 
-from tests.support.clients.ground_station import GroundStation, Mission
+Everything happens in simulated time, in lockstep: the duration depends on the machine, the results do not.
+"""
+
+import time
+
+from hil.autopilots.run import AutopilotRun
+from hil.scenario.config import Scenario
+from tests.support.clients.ground_station import GroundStation, Mission, fly
 
 WORLD = """
 name = "stream"
@@ -22,3 +29,40 @@ def command(station: GroundStation, number: int, *parameters: float) -> Mission:
         if station.acks.get(number) == 0:
             return
     raise AssertionError(f"command {number} {parameters}: {station.acks}, {station.texts[-5:]}")
+
+
+class AutopilotDive:
+    """One autopilot with its vehicle and a ground station."""
+
+    def __init__(self, scenario: Scenario, station: GroundStation) -> None:
+        self.reports: list[str] = []
+        self.run = AutopilotRun(scenario, self.reports.append)
+        self.station = station
+        self.start = time.monotonic()
+
+    def close(self) -> None:
+        self.station.close()
+        simulated, took = self.run.simulation.time_ns / 1e9, time.monotonic() - self.start
+        print(f"{simulated:.0f} s in {took:.1f} s: {simulated / took:.1f} times real time; {self.reports[1:]}")
+        self.run.__exit__()
+
+    def fly(self, mission: Mission, limit: float) -> None:
+        """Fly the mission to its end, in `limit` s of simulated time, and close everything."""
+        try:
+            fly(self.run, self.station, mission, limit)
+        finally:
+            self.close()
+
+    @property
+    def position(self) -> list[float]:
+        return list(self.run.simulation.state.position)
+
+    def command(self, number: int, *parameters: float) -> Mission:
+        """Send a command until it is accepted."""
+        return command(self.station, number, *parameters)
+
+    def watch(self, seconds: float, positions: list[list[float]]) -> Mission:
+        """Record the position twenty times a second."""
+        for _ in range(round(20 * seconds)):
+            positions.append(self.position)
+            yield 0.05

@@ -31,6 +31,7 @@ class GroundStation:
         self._remote: tuple[str, int] | None = None
         self._beat = self._sent = -1.0
         self.now = 0.0
+        self.has_heartbeat = True
         self.sticks: tuple[int, int, int, int] | None = (0, 0, 500, 0)
         self.latest: dict[str, Any] = {}
         self.texts: list[tuple[float, str]] = []
@@ -66,7 +67,7 @@ class GroundStation:
         self.now = now
         if self._socket is None and not self._connect():
             return
-        if now - self._beat >= 1.0:
+        if self.has_heartbeat and now - self._beat >= 1.0:
             self._beat = now
             self.send(dialect.MAVLink_heartbeat_message(dialect.MAV_TYPE_GCS, 8, 0, 0, 4, 3))
         if now - self._sent >= 0.1 - 1e-9:

@@ -9,7 +9,7 @@ from hil.autopilots.parameters import FOLDER
 from hil.common.schema import preset_folder
 from hil.links.dronecan.settings import FULL_RPM
 from tests.support.autopilots.ardusub_dive import PROGRAM, Dive
-from tests.support.clients.ground_station import Mission, fly
+from tests.support.clients.ground_station import Mission
 from tests.support.processes import Program
 
 pytestmark = [
@@ -42,10 +42,7 @@ def test_ardusub_outputs_reach_the_stm32_and_motor_speeds_are_reported(tmp_path:
             front, rear = (dive.station.latest[f"ESC_TELEMETRY_{which}"] for which in ("1_TO_4", "5_TO_8"))
             pairs.extend(zip(dive.run.pwm_us, [*front.rpm, *rear.rpm], strict=False))
 
-        try:
-            fly(dive.run, dive.station, mission(), 200.0)
-        finally:
-            dive.close()
+        dive.fly(mission(), 200.0)
     print(pairs)
     assert len(pairs) == 8
     assert sum(abs(pulse - 1500) > 50 for pulse, _ in pairs) >= 4

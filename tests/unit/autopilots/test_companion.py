@@ -1,6 +1,7 @@
 """Positions for ArduSub: which sensor gives which message, units, the origin until it is confirmed, reconnection."""
 
 import socket
+import struct
 from collections.abc import Callable, Iterator
 from functools import partial
 from math import nan, tau
@@ -14,6 +15,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from hil.autopilots.companion import Companion, encode_gps_input, encode_position_delta
 from hil.autopilots.frames import map_motors
 from hil.autopilots.inputs import SensorInputs
+from hil.autopilots.parameter_reader import ParameterReader
 from hil.autopilots.parameters import Parameters, all_parameters
 from hil.common.errors import ConfigError
 from hil.links.contract import Counters
@@ -22,7 +24,7 @@ from hil.scenario.autopilot_records import AutopilotSettings
 from hil.scenario.config import Scenario, load_scenario
 from sim.environment.world import load_world
 from sim.sensors.extra_samples import FixSample, FlagSample
-from sim.sensors.samples import DvlSample, OdometrySample
+from sim.sensors.samples import DvlSample, OdometrySample, PressureSample
 from sim.vehicle.vehicle import load_vehicle
 from tests.support.processes import wait_for
 
@@ -61,7 +63,8 @@ class Bench:
         self.listener = socket.create_server(("127.0.0.1", 0))
         port = self.listener.getsockname()[1]
         self.reports: list[str] = []
-        self.companion = Companion(positions, self.inputs, (50.0, 8.0), port, self.reports.append, expected)
+        self.reader = ParameterReader("ardupilot", expected, "use --defaults", self.reports.append)
+        self.companion = Companion(positions, self.inputs, (50.0, 8.0), port, self.reports.append, self.reader)
         self.peer: socket.socket | None = None
         self.stream = MavlinkStream(1, 1, Counters())
 
@@ -172,19 +175,59 @@ def test_a_leak_is_reported_once_a_second_as_an_unhealthy_water_sensor(bench: Ca
     assert [m.onboard_control_sensors_enabled & ~m.onboard_control_sensors_health for m in statuses] == [water, water]
 
 
+def test_faults_of_sensors_that_ardusub_simulates_are_set_in_it_when_they_begin_and_end(
+    bench: Callable[[str], Bench],
+) -> None:
+    """The scenario has a pressure sensor, by default, and a GPS; the latter's fix ends under water."""
+
+    def settings(time_ns: int, has_fix: bool) -> dict[str, float]:
+        b.inputs.update("pressure", PressureSample(min(time_ns, 4 * SECOND), 101_325.0))
+        b.inputs.update("gps", FixSample(time_ns, 50.0, 8.0, 0.0, (4.0, 9.0), has_fix))
+        b.inputs.expire(time_ns)
+        return {m.param_id: m.param_value for m in b.messages(time_ns) if m.get_type() == "PARAM_SET"}
+
+    b = bench("simulated")
+    b.messages(0)
+    assert b.peer
+    b.peer.sendall(b.stream.pack(dialect.MAVLink_heartbeat_message(12, 3, 0, 0, 4, 3)))
+    b.messages(1)
+    sound = {"SIM_BARO_DISABLE": 0.0, "SIM_BAR2_DISABLE": 0.0, "SIM_GPS1_ENABLE": 1.0, "SIM_GPS_DISABLE": 0.0}
+    assert settings(SECOND, True) == sound
+    assert settings(2 * SECOND, True) == {}
+    assert settings(3 * SECOND, False) == {"SIM_GPS1_ENABLE": 0.0, "SIM_GPS_DISABLE": 1.0}
+    assert settings(4 * SECOND, True) == {"SIM_GPS1_ENABLE": 1.0, "SIM_GPS_DISABLE": 0.0}
+    assert settings(5 * SECOND, True) == {"SIM_BARO_DISABLE": 1.0, "SIM_BAR2_DISABLE": 1.0}
+
+
+def test_parameters_of_a_px4_are_the_bytes_of_integers_and_followed(tmp_path: Path) -> None:
+    reports: list[str] = []
+    followed: list[tuple[str, float]] = []
+    reader = ParameterReader("px4", {"CA_ROTOR_COUNT": 8, "UUV_MGM_YAW": 0.3}, "load them", reports.append)
+    reader.follow(["PWM_MAIN_FUNC13", "UUV_MGM_YAW"], lambda *value: followed.append(value))
+    assert [m.param_id for m in reader.requests(1, True)] == ["CA_ROTOR_COUNT", "UUV_MGM_YAW", "PWM_MAIN_FUNC13"]
+    (count,) = struct.unpack("<f", struct.pack("<i", 6))
+    for _ in range(2):  # what a ground station sets later is followed, not reported
+        reader.take(dialect.MAVLink_param_value_message(b"CA_ROTOR_COUNT", count, 6, 1, 0))
+        reader.take(dialect.MAVLink_param_value_message(b"UUV_MGM_YAW", 0.30000001, 9, 1, 0))
+        reader.requests(1, True)
+    assert reports == ["PX4: its parameters are not those of this scenario: CA_ROTOR_COUNT is 6, not 8: load them"]
+    assert followed[0] == ("CA_ROTOR_COUNT", 6)
+    assert len(followed) == 4
+
+
 def test_parameters_of_an_autopilot_started_by_hand_that_differ_are_reported(tmp_path: Path) -> None:
     b = Bench(tmp_path, "simulated", {"FRAME_CONFIG": 2.0, "INS_GYR_CAL": 1.0})
     b.messages(0)
     for second in range(1, 32):
         b.messages(second * SECOND)
-    assert "start it with the --serial5" in b.reports.pop()
+    assert "sends nothing" in b.reports.pop()
     assert b.peer
     for name, value in ((b"FRAME_CONFIG", 1.0), (b"INS_GYR_CAL", 1.0)):
         b.peer.sendall(b.stream.pack(dialect.MAVLink_param_value_message(name, value, 9, 2, 0)))
     for second in range(32, 36):
         b.messages(second * SECOND)
     (report,) = b.reports
-    assert "FRAME_CONFIG is 1, not 2: start it with --defaults" in report
+    assert "FRAME_CONFIG is 1, not 2: use --defaults" in report
     b.close()
 
 

@@ -4,8 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from hil.autopilots.flight_folder import FlightFolder
-from hil.autopilots.program import _distinct_from_default
+from hil.autopilots.program import FlightFolder, _distinct_from_default
 from hil.autopilots.px4_files import changed_since, decode_bson, encode_bson, format_for_qgroundcontrol
 from hil.common.errors import ConfigError
 

@@ -3,11 +3,12 @@
 from typing import Any, NamedTuple
 
 from hil.gateways.mavlink.parameter_table import ParameterTable
+from hil.links.contract import MOST_US, PWM_NEUTRAL_US
 
 INVALID = 0x7FFF  # an axis that the sender does not have
 FULL = 1000.0
 PITCH_EXTENSION, ROLL_EXTENSION = 1, 2  # bits of enabled_extensions
-MIDDLE_US, SPAN_US = 1500, 400  # of a channel
+SPAN_US = MOST_US - PWM_NEUTRAL_US  # of a channel
 CHANNELS = 18
 AXES = "mkzrxy"  # the axes of channels 1 to 6, as ArduSub has them
 IGNORED = 0xFFFF
@@ -81,7 +82,7 @@ class Joystick:
                 continue
             changed[channel] = 0 if pulse == IGNORED - 1 else pulse
             if channel <= len(AXES):
-                axis = (pulse - MIDDLE_US) / SPAN_US if pulse else 0.0
+                axis = (pulse - PWM_NEUTRAL_US) / SPAN_US if pulse else 0.0
                 self._sticks = self._sticks._replace(**{AXES[channel - 1]: min(max(axis, -1.0), 1.0)})
         return changed
 
@@ -99,7 +100,7 @@ class Joystick:
     def channels(self, now: int) -> tuple[int, ...]:
         """Return the sticks as pulses (us) of the channels that they have in ArduSub."""
         sticks = self.sticks(now)
-        return tuple([MIDDLE_US + round(SPAN_US * getattr(sticks, name)) for name in AXES])
+        return tuple([PWM_NEUTRAL_US + round(SPAN_US * getattr(sticks, name)) for name in AXES])
 
     def release(self) -> None:
         """Forget the sticks and who held them."""

@@ -95,3 +95,22 @@ def test_outputs_of_ardusub_command_what_hangs_at_them(vehicle: str, moving: Acc
     }
     AccessoryOutputs(parameters).move((0, 0, 1200, 1100), moving, 0)
     assert moving.lights(0) == pytest.approx(0.8)
+
+
+def test_outputs_follow_parameters_that_are_set_later(moving: Accessories) -> None:
+    outputs = AccessoryOutputs({"SERVO11_FUNCTION": 28})
+    outputs.set_parameter("SERVO11_FUNCTION", 0)
+    outputs.set_parameter("SERVO9_FUNCTION", 28)
+    outputs.set_parameter("SERVO9_REVERSED", 1)
+    outputs.move((1500,) * 8 + (1100, 0, 1100), moving, 0)
+    assert moving.positions(9 * S)["gripper"] == 1.0
+
+
+def test_outputs_of_px4_command_from_the_first_that_is_not_neutral(moving: Accessories) -> None:
+    """PX4 sends 0 for an output without command, the neutral pulse."""
+    outputs = AccessoryOutputs({"PWM_MAIN_FUNC13": 301, "PWM_MAIN_FUNC14": 430, "PWM_MAIN_FUNC15": 421})
+    before = moving.positions(0)
+    outputs.move((1500,) * 16, moving, 0)
+    assert moving.positions(9 * S) == before
+    outputs.move((1500,) * 12 + (1300, 1100, 1700, 1500), moving, 9 * S)
+    assert moving.positions(19 * S) == {"lights": 0.25, "camera_tilt": 0.5, "gripper": 1.0}
