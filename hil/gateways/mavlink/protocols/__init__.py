@@ -1,5 +1,5 @@
 """Protocols of MAVLink as machines without sockets and clocks: parameters, missions, files, logs, rates.
 
-Public: a class for each protocol, which gets packets and the time and returns packets. It must not know the vehicle's
-connection or the endpoints.
+Public: a class for each protocol, which gets packets and the time and returns packets; for commands, `signing`. It must
+not know the vehicle's connection or the endpoints.
 """
