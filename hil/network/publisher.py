@@ -14,7 +14,7 @@ from hil.ros import encoders as ros
 from hil.ros.topics import Priority, Topic, hash_of
 
 if TYPE_CHECKING:
-    from hil.network.worker import WorkerThread
+    from hil.network.reception import ReaderThread
 
 WAITING = 1  # large messages that may wait for the sending thread
 UNDECLARE_ATTEMPTS, UNDECLARE_WAIT_S = 20, 0.005  # while another thread is using the publisher
@@ -137,7 +137,7 @@ class Publisher:
         """Store a message as the last one without sending it, because there are no subscribers."""
         self.last = payload, ros.pack_attachment(self.sequence, wall_ns, self.gid)
 
-    def watch_subscribers(self, worker: "WorkerThread") -> None:
+    def watch_subscribers(self, worker: "ReaderThread") -> None:
         """Track whether there are subscribers; the thread of `worker` checks when that may have changed."""
 
         def update(_: object) -> None:
@@ -148,8 +148,8 @@ class Publisher:
         self._declare(lambda _: self._publisher.current.declare_matching_listener(queue.callback))
         queue.put(None)
 
-    def publish_in_background(self, worker: "WorkerThread") -> None:
-        """Send in the thread of `worker` from now on; while a message waits there, the next ones are dropped.
+    def publish_in_background(self, worker: "ReaderThread") -> None:
+        """Send in the thread of `worker` from now on; of the messages that wait there, only the newest is sent.
 
         The priority becomes the lowest, because publishers of equal priority wait for each other.
         """

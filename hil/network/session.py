@@ -1,8 +1,7 @@
 """One zenoh session a process, with settings that send a command before a picture.
 
 The slave listens and the master connects; with a router in between both connect to it. `hil.network.settings` describes
-how a loss is detected and repaired. Each reader is a thread of ours on a channel, because an open session with a Python
-callback hangs the interpreter at exit. Rare messages share one thread, see `hil.network.worker`.
+how a loss is detected and repaired. What arrives is handled by threads of ours, see `hil.network.reception`.
 
 Each declaration is stored as a function of the library's session. So a session that has stopped working can be replaced
 by a new one with the same declarations (`Session.reopen`).
@@ -24,7 +23,7 @@ from hil.ros import dialect
 from hil.ros.topics import TOPICS, Topic
 
 if TYPE_CHECKING:
-    from hil.network.worker import BoundedQueue, WorkerThread
+    from hil.network.reception import MessageQueue, ReaderThread
 
 ASKING = 8  # queries that may wait for a reader
 ANSWER_WITHIN_S = 1.0
@@ -56,9 +55,8 @@ class Session:
         self._declared: list[Declared] = []
         self._is_open = True
         self._is_opening = False
-        self._readers: list[threading.Thread] = []
-        self._worker: WorkerThread | None = None  # for rare messages
-        self._sending: WorkerThread | None = None  # for large messages
+        self._threads: list[threading.Thread] = []
+        self._readers: dict[str, ReaderThread] = {}
         self._closed = threading.Event()
         self.publishers: list[Publisher] = []
         self._numbered: set[str] = set()  # keys that have a numeric id
@@ -79,24 +77,22 @@ class Session:
 
     def watch_subscribers(self, publisher: Publisher) -> None:
         """Let `publisher.has_subscribers` follow the subscribers from now on."""
-        publisher.watch_subscribers(self._shared_worker())
+        publisher.watch_subscribers(self._reader("worker"))
 
     def publish_in_background(self, publisher: Publisher) -> None:
         """Let the publisher send in another thread: for a loop with messages so large that sending takes long."""
-        if self._sending is None:
-            self._sending = self._start_worker("sender")
-        publisher.publish_in_background(self._sending)
+        publisher.publish_in_background(self._reader("sender"))
 
     def subscribe(self, node: str, topic: str, deliver: Deliver, depth: int) -> None:
-        """Call `deliver(topic name, payload, attachment)` for each message of a node's topic, in a separate thread.
+        """Call `deliver(topic name, payload, attachment)` for each message of a node's topic, in the thread "reader".
 
         `topic` "*" means all topics of the node. At most `depth` messages wait; beyond it the oldest are dropped.
         `deliver` must be quick and must not raise. The last message of a latched topic comes at once.
         """
         keys = f"{dialect.domain()}/{node}/{topic}/*/*"
-        channel = self._subscribe(keys, depth, topic in TOPICS and TOPICS[topic].qos.latched)
+        queue = self._reader("reader").open_queue(lambda sample: _deliver(sample, deliver), depth)
+        self._subscribe(keys, queue, topic in TOPICS and TOPICS[topic].qos.latched)
         self._number(node, zenoh.KeyExpr(keys))
-        self._read(channel, lambda sample: _deliver(sample, deliver), f"reader {topic}")
 
     def sender(self, key: str) -> Callable[[bytes], None]:
         """Return a function that sends bytes at once, with the highest priority, on a key of `hil.network.tokens`."""
@@ -116,14 +112,14 @@ class Session:
 
         return send
 
-    def receive(self, key: str, deliver: Callable[[bytes], None], depth: int, rate: float = inf) -> "BoundedQueue":
-        """Call `deliver(payload)` for each message on such a key, in the shared thread for rare messages.
+    def receive(self, key: str, deliver: Callable[[bytes], None], depth: int, rate: float = inf) -> "MessageQueue":
+        """Call `deliver(payload)` for each message on such a key, in the thread "worker".
 
-        `deliver` must be quick and must not raise. Messages are dropped while `depth` of them wait, or beyond `rate` a
-        second; the returned queue counts them.
+        `deliver` must be quick. At most `depth` messages wait, and `rate` a second are accepted; the returned queue
+        counts those that were dropped.
         """
-        queue = self._shared_worker().open_queue(lambda sample: deliver(sample.payload.to_bytes()), depth, rate)
-        self._declare(lambda session: session.declare_subscriber(key, queue.callback))
+        queue = self._reader("worker").open_queue(lambda sample: deliver(sample.payload.to_bytes()), depth, rate)
+        self._subscribe(key, queue)
         return queue
 
     @property
@@ -158,27 +154,25 @@ class Session:
         """
         from hil.network.token_watch import TokenWatch  # needs the worker's queues
 
-        self._declare(TokenWatch(keys, deliver, self._shared_worker()).declare)
+        self._declare(TokenWatch(keys, deliver, self._reader("worker")).declare)
 
     def subscribe_keys(self, keys: str, deliver: Deliver, depth: int, latched: bool = False) -> None:
         """Call `deliver(key, payload, attachment)` for every message on `keys`; otherwise like `subscribe`.
 
         `latched`: get the last message of latched topics too.
         """
-        channel = self._subscribe(keys, depth, latched)
-        self._read(channel, lambda sample: deliver(str(sample.key_expr), *_content(sample)), f"reader {keys}")
+        queue = self._reader("reader").open_queue(lambda each: deliver(str(each.key_expr), *_content(each)), depth)
+        self._subscribe(keys, queue, latched)
 
     def answer_queries(self, key: str, handler: Callable[[zenoh.Query], None]) -> None:
         """Call `handler` for each query of `key`, in a thread of the library. It must be quick and must not raise."""
-        self._declare(
-            lambda session: session.declare_queryable(
-                key, zenoh.handlers.Callback(handler, indirect=False), complete=True
-            )
-        )
+        from hil.network.reception import direct_callback
+
+        self._declare(lambda session: session.declare_queryable(key, direct_callback(handler), complete=True))
 
     def answer(self, keys: str, handler: Callable[[zenoh.Query], None]) -> None:
-        """Call `handler` for each query of `keys`; else like `receive`. If too many wait, new ones are dropped."""
-        queue = self._shared_worker().open_queue(handler, ASKING)
+        """Call `handler` for each query of `keys`; else like `receive`."""
+        queue = self._reader("worker").open_queue(handler, ASKING)
         self._declare(lambda session: session.declare_queryable(keys, queue.callback))
 
     def query(
@@ -211,7 +205,7 @@ class Session:
 
     def deferred(self, run: Callable[[], None]) -> Callable[[], None]:
         """Return a function that lets the worker thread call `run`; for callers that must not wait."""
-        queue = self._shared_worker().open_queue(lambda _: run())
+        queue = self._reader("worker").open_queue(lambda _: run())
         return lambda: queue.put(None)
 
     def others(self) -> list[str]:
@@ -244,12 +238,11 @@ class Session:
             self._closed.set()
             self._close_library()
             self._condition.notify_all()
-        for worker in (self._worker, self._sending):
-            if worker:
-                worker.end()
-        for reader in self._readers:
-            if reader is not threading.current_thread():
-                reader.join(1.0)
+        for reader in self._readers.values():
+            reader.end()
+        for thread in self._threads:
+            if thread is not threading.current_thread():
+                thread.join(1.0)
 
     def reopen(self, openings: int) -> bool:
         """Replace the library's session by a new one with all declarations; return whether this was done.
@@ -301,7 +294,7 @@ class Session:
         """Close lost links at once, so that they do not delay the next one; see `hil.network.sockets`."""
         from hil.network.sockets import free_new  # loaded after the vehicle is ready
 
-        queue = self._shared_worker().open_queue(free_new)
+        queue = self._reader("worker").open_queue(free_new)
         self._declare(lambda session: session.info.declare_link_events_listener(queue.callback, history=True))
 
     def _number(self, node: str, keys: zenoh.KeyExpr) -> None:
@@ -338,48 +331,27 @@ class Session:
             declared.end_publishing()
         close_session(self._session)
 
-    def _subscribe(self, keys: str, depth: int, latched: bool) -> Declared:
-        """Declare a subscriber whose messages a reader thread receives."""
+    def _subscribe(self, keys: str, queue: "MessageQueue", latched: bool = False) -> None:
+        """Declare a subscriber whose messages go into the queue."""
         declare: Any = zenoh.Session.declare_subscriber
         if latched:
             from hil.network.latched import declare_subscriber as declare
-        return self._declare(lambda session: declare(session, keys, zenoh.handlers.RingChannel(depth)))
+        self._declare(lambda session: declare(session, keys, queue.callback))
 
-    def _shared_worker(self) -> "WorkerThread":
-        """Return the thread for rare messages, started on first use."""
-        if self._worker is None:
-            self._worker = self._start_worker("worker")
-        return self._worker
+    def _reader(self, name: str) -> "ReaderThread":
+        """Return the reader with this name, whose thread is started on first use."""
+        from hil.network.reception import ReaderThread  # loaded after the vehicle is ready, unless it is commanded
 
-    def _start_worker(self, name: str) -> "WorkerThread":
-        from hil.network.worker import WorkerThread
-
-        worker = WorkerThread()
-        self._start(worker.run, name=name)
-        return worker
-
-    def _read(self, channel: Declared, use: Callable[[Any], None], name: str) -> None:
-        def receive() -> None:
-            while not self._closed.is_set():
-                current = channel.current
-                try:
-                    item = current.recv()
-                except zenoh.ZError:  # the session was closed, or is being reopened
-                    self._await_other(channel, current)
-                else:
-                    use(item)
-
-        self._start(receive, name=name)
-
-    def _await_other(self, declared: Declared, current: object) -> None:
-        """Wait until the declaration is repeated on another session of the library, or this session is closed."""
         with self._condition:
-            self._condition.wait_for(lambda: self._closed.is_set() or declared.current is not current)
+            if name not in self._readers:
+                self._readers[name] = ReaderThread()
+                self._start(self._readers[name].run, name)
+            return self._readers[name]
 
     def _start(self, run: Callable[[], None], name: str) -> None:
-        reader = threading.Thread(target=run, name=name, daemon=True)
-        reader.start()
-        self._readers.append(reader)
+        thread = threading.Thread(target=run, name=name, daemon=True)
+        thread.start()
+        self._threads.append(thread)
 
 
 def _declare_unread(key: str, session: zenoh.Session) -> Any:

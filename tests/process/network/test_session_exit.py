@@ -14,7 +14,7 @@ import pytest
 from hil.network.opening import listen
 from hil.network.publisher import Publisher
 from hil.network.roles import open_master_session
-from hil.network.worker import BoundedQueue
+from hil.network.reception import MessageQueue
 from hil.ros.topics import TOPICS
 from tests.support.processes import PATIENCE_S, ROOT, Program, free_port, wait_for, write_scenario
 
@@ -182,11 +182,11 @@ def test_a_session_closes_at_once_during_a_callback_of_the_library(monkeypatch: 
     """The close is timed while a peer leaves at the same moment: see `docs/upstream/zenoh_undeclare.md`."""
     put_called = threading.Event()
 
-    def put(_queue: BoundedQueue, _status: object) -> None:
+    def put(_queue: MessageQueue, _status: object) -> None:
         put_called.set()
         time.sleep(0.02)  # in which another thread has the interpreter
 
-    monkeypatch.setattr(BoundedQueue, "put", put)
+    monkeypatch.setattr(MessageQueue, "put", put)
     gc.collect()  # sessions of other tests, which would wait for the same callback
 
     port = free_port()

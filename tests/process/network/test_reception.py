@@ -1,4 +1,4 @@
-"""The worker thread for rare messages: in order, bounded, and asleep while there are none."""
+"""Reader threads and their queues: in order, bounded, the newest kept, and asleep while there is nothing."""
 
 import threading
 import time
@@ -9,12 +9,12 @@ import pytest
 from hil.common.clock import NS_PER_S
 from hil.network.opening import listen
 from hil.network.roles import open_master_session
-from hil.network.worker import WorkerThread
+from hil.network.reception import ReaderThread
 from tests.support.processes import free_port, wait_for
 
 
 def test_items_are_processed_in_order_and_lost_beyond_the_queue_size() -> None:
-    worker, few_items, all_items = WorkerThread(), list[int](), list[int]()
+    worker, few_items, all_items = ReaderThread(), list[int](), list[int]()
     some, put_all = worker.open_queue(few_items.append, 3).put, worker.open_queue(all_items.append).put
     for number in range(5):
         some(number)
@@ -22,13 +22,13 @@ def test_items_are_processed_in_order_and_lost_beyond_the_queue_size() -> None:
         put_all(number)
     worker.end()
     worker.run()
-    assert (few_items, all_items) == ([0, 1, 2], [0, 1, 2, 3, 4])
+    assert (few_items, all_items) == ([2, 3, 4], [0, 1, 2, 3, 4])
 
 
 def test_items_beyond_the_rate_are_lost_until_the_second_ends(monkeypatch: pytest.MonkeyPatch) -> None:
     now = NS_PER_S
-    monkeypatch.setattr("hil.network.worker.now_ns", lambda: now)
-    worker, used = WorkerThread(), list[int]()
+    monkeypatch.setattr("hil.network.reception.now_ns", lambda: now)
+    worker, used = ReaderThread(), list[int]()
     queue = worker.open_queue(used.append, 6, 2)
     for number in range(12):
         now += NS_PER_S // 4
@@ -44,7 +44,7 @@ def test_items_beyond_the_rate_are_lost_until_the_second_ends(monkeypatch: pytes
 
 
 def test_an_exception_loses_one_item_and_is_reported_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    worker, used, reported = WorkerThread(), list[float](), list[threading.ExceptHookArgs]()
+    worker, used, reported = ReaderThread(), list[float](), list[threading.ExceptHookArgs]()
     monkeypatch.setattr(threading, "excepthook", reported.append)
     divide = worker.open_queue(lambda number: used.append(1 / number)).put
     for number in (1, 0, 2, 0, 4):
