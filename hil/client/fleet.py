@@ -15,7 +15,6 @@ from hil.network.roles import open_master_session
 from hil.network.security import Security
 from hil.network.session import Session
 from hil.network.settings import Network
-from hil.network.stall import reopen_while_no_vehicle
 from hil.network.tokens import Presence
 
 EVERYWHERE = "lan"
@@ -73,7 +72,7 @@ class Fleet:
         self._changed = threading.Condition()
         self._closed = False
         watch_presence(session, "*", self._on_presence)
-        reopen_while_no_vehicle(session, lambda: bool(self._known or self.names), self.network.lease)
+        session.supervisor.watch_presence(lambda: bool(self._known or self.names))
         atexit.register(self.close)
 
     def __enter__(self) -> "Fleet":

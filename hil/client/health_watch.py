@@ -8,8 +8,6 @@ from hil.common.clock import NS_PER_S, now_ns
 from hil.common.endpoint import split_endpoint
 from hil.network.presence import watch_presence
 from hil.network.session import Session
-from hil.network.settings import Network
-from hil.network.stall import reopen_while_no_vehicle
 from hil.network.tokens import Presence
 from hil.ros import dialect
 from hil.ros import encoders as ros
@@ -62,7 +60,7 @@ class HealthWatch:
         self._lock = threading.Lock()
         self.malformed = 0
         watch_presence(session, "*", self._on_presence)
-        reopen_while_no_vehicle(session, lambda: any(self._present.values()), Network().lease)
+        session.supervisor.watch_presence(lambda: any(self._present.values()))
         session.subscribe_keys(f"{dialect.domain()}/*/diagnostics/*/*", self._deliver, QUEUE)
 
     def statuses(self) -> list[Status]:

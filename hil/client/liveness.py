@@ -7,7 +7,7 @@ from hil.common.clock import NS_PER_S, from_wall_ns, now_ns, to_wall_ns
 from hil.network.clock_offset import ClockOffset, Estimate
 from hil.network.presence import declare_presence, watch_presence
 from hil.network.session import Session
-from hil.network.stall import StallDetector, is_linked
+from hil.network.supervisor import Arrivals
 from hil.network.tokens import (
     PING,
     PONG,
@@ -34,9 +34,8 @@ class LivenessMonitor:
     a little more than `lease` s. `present` says whether it is present, `losses` how often it was lost. When it appears,
     `arrived` is called in a separate thread, where it may block; `report` gets a line when it appears or is lost.
 
-    `samples` counts messages other than answers; the receiving code increments it. The session is reopened when answers
-    arrive but samples do not (`hil.network.stall`). `reconnections` counts this, and also links that were closed
-    because they were not read.
+    `samples` counts messages other than answers; the receiving code increments it. `reconnections` counts how often the
+    session's supervisor closed links or opened the session again (`hil.network.supervisor`).
 
     `same_clock` is set by the code that finds both processes on one machine: the offset is then exactly 0, unless
     exchanges contradict it because the wall clock was set between the two starts.
@@ -65,8 +64,6 @@ class LivenessMonitor:
         self._withdraw: Callable[[], None] | None = None
         self._arrival: threading.Thread | None = None
         self._pinger = threading.Thread(target=self._ping, name="clock", daemon=True)
-        self._stall = StallDetector(lease)
-        self._openings = session.openings
         self._replies = 0
         self.samples = self._counted = 0
         self.reconnections = 0
@@ -86,11 +83,15 @@ class LivenessMonitor:
         self._session.receive(pong, self._on_pong, WAITING)
         self._withdraw = declare_presence(self._session, self._node, role, gid.hex(), rank)
         watch_presence(self._session, self._node, self._on_presence)
+        self._end_watch = self._session.supervisor.watch(
+            self._node, self._arrivals, self._on_reconnection, self._may_be_running
+        )
         self._pinger.start()
 
     def end(self) -> None:
         """Withdraw this process's presence. The session stays open."""
         self._closing.set()
+        self._end_watch()
         self._pinger.join()
         with self._lock:
             arrival = self._arrival  # no new one is started once `_closing` is set
@@ -137,7 +138,6 @@ class LivenessMonitor:
         while not self._wait_for_next():
             if self.present and self._is_timed_out() and not self._closing.wait(STALL_S) and self._is_timed_out():
                 self._set_present(False)
-            self._reconnect_stalled()
             sent = to_wall_ns(now_ns())
             self._ping_times = (*self._ping_times[1 - STORED_PINGS :], sent)
             ping = PING.pack(self._gid, sent, 0, 0)
@@ -168,41 +168,17 @@ class LivenessMonitor:
     def _is_timed_out(self) -> bool:
         return now_ns() - self._received_ns >= self._patience_s * NS_PER_S
 
-    def _reconnect_stalled(self) -> None:
-        """Report that an unread link was closed; reopen the session if answers arrive but samples do not.
+    def _on_reconnection(self, line: str) -> None:
+        self.reconnections += 1
+        self._report(line)
 
-        To close the links was not always enough: one client in 5,000 had both links again, and the library still
-        delivered nothing.
-        """
-        openings = self._session.openings
-        if self._session.is_lost:
-            self._session.reopen(openings)
-            return
-        if openings != self._openings:
-            self._openings = openings
-            self._stall.restart()
-        if self._session.has_cut:
-            self._session.has_cut = False
-            self._report(f"a link of {self._session.name} was open and not read, or lost; connecting again")
-            self.reconnections += 1
-        is_unanswered = self._is_unanswered()
+    def _arrivals(self) -> Arrivals:
+        """Return what has arrived; nothing is answered if the vehicle is not present although each peer has a link."""
+        may_answer = not self.present and (self.losses or self._session.has_pairs)
+        is_unanswered = bool(may_answer) and self._session.supervisor.is_linked()
         if not is_unanswered:  # else a sample is no proof: some of the session's declarations may be lost
             self._counted = self.samples
-        is_stalled = self._stall.is_stalled(now_ns(), self._replies, self._counted, is_unanswered)
-        if is_stalled and (not is_unanswered or self._may_be_running()) and self._session.reopen(openings):
-            does = "had a link, but no answer came" if is_unanswered else "answered, but nothing else came"
-            text = f"of it for {self._stall.lasted_s:.1f} s; the session was opened again"
-            self._report(f"{self._node} at {self._session.name} {does} {text}")
-            self.reconnections += 1
-
-    def _is_unanswered(self) -> bool:
-        """Return whether the vehicle is not present although there is a link to each peer.
-
-        On a busy machine zenoh sometimes loses the first messages on a link, and with them all our declarations.
-        """
-        if self.present or not (self.losses or self._session.has_pairs):
-            return False
-        return is_linked(self._session)
+        return Arrivals(self._replies, self._counted, is_unanswered)
 
     def _may_be_running(self) -> bool:
         """Return whether the vehicle may still run. If it has ended, the session is not at fault.
@@ -210,7 +186,7 @@ class LivenessMonitor:
         A direct link leads to the vehicle itself. A router keeps its link without the vehicle, but knows the present
         ones. If the router knows none, it may have lost their declarations, or we may have lost its answer.
         """
-        if self._session.has_pairs:  # a direct link
+        if self._session.has_pairs or self.present:
             return True
         tokens = self._session.tokens(presence_keys("*", "slave"))
         known = {presence.node for presence in map(read_presence, tokens) if presence}

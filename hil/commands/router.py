@@ -1,11 +1,9 @@
 """`uuv-hil router`: forward between vehicles and masters that cannot reach each other, or are many."""
 
 from hil.commands.listening import add_settings, network_of
-from hil.common.clock import now_ns
 from hil.common.options import ENDPOINT, LOCAL_SLAVE, changes_of, new_parser
 from hil.common.stop import StopSignals, is_stopped
 from hil.network.roles import open_router_session
-from hil.network.router_links import RouterLinks
 from hil.scenario.config import load_scenario
 
 EXAMPLES = """\
@@ -39,12 +37,11 @@ def main(arguments: list[str]) -> int:
     scenario = load_scenario(options.scenario, changes_of(options)) if options.scenario is not None else None
     network, security = network_of(scenario)
     others = tuple(options.connect)
-    with StopSignals() as stop_fd, open_router_session(options.listen, network, security, others) as session:
+    router = open_router_session(options.listen, network, security, others, lambda line: print(line, flush=True))
+    with router as session, StopSignals() as stop_fd:
         print(f"forwarding between all peers that connect to {options.listen}", flush=True)
         reported: list[str] = []
-        links = RouterLinks(session, lambda line: print(line, flush=True))
         while not is_stopped(stop_fd, 0.5):
-            links.check(now_ns())
             connected = session.others()
             if connected != reported:
                 reported = connected

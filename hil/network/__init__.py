@@ -1,6 +1,7 @@
 """The zenoh network: sessions, publishers, roles, certificates, presence, clock offset, ROS 2 services.
 
+All messages come in through `reception`, `supervisor` repairs links, and `workarounds` has the library's faults.
 Public: `session`, `roles`, `certificates`, `clock_offset`, `diagnosis`, `discovery`, `opening`, `presence`,
-`publisher`, `router_links`, `security`, `services`, `settings`, `sockets`, `stall`, `tokens`, `unread_links`. It must
+`publisher`, `reception`, `security`, `services`, `settings`, `sockets`, `supervisor`, `tokens`, `workarounds`. It must
 not know who publishes what: slave, master, planner.
 """

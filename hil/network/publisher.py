@@ -1,7 +1,6 @@
 """Publish one topic of one node, with the keys and attachments of rmw_zenoh."""
 
 import os
-import time
 from collections.abc import Callable
 from contextlib import suppress
 from typing import TYPE_CHECKING, Any
@@ -17,7 +16,6 @@ if TYPE_CHECKING:
     from hil.network.reception import ReaderThread
 
 WAITING = 1  # large messages that may wait for the sending thread
-UNDECLARE_ATTEMPTS, UNDECLARE_WAIT_S = 20, 0.005  # while another thread is using the publisher
 # ZError: the session was closed. RuntimeError, of the Python bindings: another thread is undeclaring the publisher.
 _UNDECLARED = (zenoh.ZError, RuntimeError)
 
@@ -69,28 +67,14 @@ class Declared:
         """Repeat the declaration on this session."""
         self.current = self._declare(session)
 
-    def end_watching(self) -> bool:
-        """Undeclare `current` if it is a listener for subscribers; return whether it is."""
-        if not isinstance(self.current, zenoh.MatchingListener):
-            return False
-        with suppress(zenoh.ZError):  # the session was closed
-            self.current.undeclare()  # type: ignore[no-untyped-call]  # zenoh leaves it unannotated
-        return True
-
     def end_publishing(self) -> None:
         """Undeclare `current` if it is a publisher; later messages are dropped."""
         if not hasattr(self.current, "put") or isinstance(self.current, _Ended):
             return
+        from hil.network.workarounds.kept_session import undeclare
+
         publisher, self.current = self.current, _Ended()  # later calls of `put` no longer reach the publisher
-        for _ in range(UNDECLARE_ATTEMPTS):
-            try:
-                publisher.undeclare()
-            except zenoh.ZError:  # the session was closed
-                return
-            except RuntimeError:  # another thread is publishing with it at this moment
-                time.sleep(UNDECLARE_WAIT_S)
-            else:
-                return
+        undeclare(publisher)
 
 
 Declare = Callable[[Callable[[zenoh.Session], Any]], Declared]

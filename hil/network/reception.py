@@ -18,15 +18,7 @@ from typing import Any
 import zenoh
 
 from hil.common.clock import NS_PER_S, now_ns
-
-
-def direct_callback(call: Callable[[Any], None]) -> "zenoh.handlers.Callback[Any]":
-    """Return a handler for a declaration that makes the library call `call` in a thread of its own.
-
-    By default the library's Python package starts a thread for each callback, and the interpreter waits for that thread
-    at exit: a process with an open session would never end.
-    """
-    return zenoh.handlers.Callback(call, indirect=False)
+from hil.network.workarounds.exit_hang import direct_callback
 
 
 class MessageQueue:
@@ -37,7 +29,7 @@ class MessageQueue:
     an item was added and no earlier call has been followed by `take_first` or `take_all`.
     """
 
-    def __init__(self, wake: Callable[[], None], depth: int | None = None, rate: float = inf) -> None:
+    def __init__(self, wake: Callable[[], object], depth: int | None = None, rate: float = inf) -> None:
         self._wake, self._rate = wake, rate
         self._items: deque[Any] = deque(maxlen=depth)  # its append and popleft are atomic
         self._is_announced = False

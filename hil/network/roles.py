@@ -1,6 +1,8 @@
 """Open the sessions of masters, clients, peers and routers. `hil.network.opening` opens a slave's."""
 
+import threading
 from collections.abc import Callable
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from hil.common.clock import now_ns, seconds_ns
@@ -8,11 +10,12 @@ from hil.common.errors import NetworkError
 from hil.network.opening import open_session
 from hil.network.session import Session
 from hil.network.settings import Network, settings
-from hil.network.stall import close_unread_links
 from hil.network.tokens import router_key
 
 if TYPE_CHECKING:
     from hil.network.security import Security
+
+RETRY_S = 0.2  # between two attempts to connect
 
 
 def open_master_session(*endpoints: str, network: Network = Network(), security: "Security | None" = None) -> Session:
@@ -39,11 +42,11 @@ def open_client_session(
     Try for `seconds`; `pause` is called between two attempts and may raise. The session reconnects after each loss.
     Raises NetworkError if nothing answers.
     """
-    text = settings("client", (), (endpoint,), network, security)
+    open_once = client_opener(endpoint, network, security)
     deadline = now_ns() + seconds_ns(seconds)
     while True:
         try:
-            return _open("connect to", endpoint, text, network)
+            return open_once()
         except NetworkError:
             if now_ns() > deadline:
                 break
@@ -53,6 +56,23 @@ def open_client_session(
         or f"nobody answered at {endpoint} within {seconds:g} s; is `uuv-hil slave` running there, with --listen on an "
         "address this machine reaches?"
     )
+
+
+def client_opener(
+    endpoint: str, network: Network = Network(), security: "Security | None" = None
+) -> Callable[[], Session]:
+    """Return a function that tries once to open a client's session, see `open_client_session`."""
+    text = settings("client", (), (endpoint,), network, security)
+    return lambda: _open("connect to", endpoint, text, network)
+
+
+def open_when_present(open_once: Callable[[], Session], closing: threading.Event) -> Session | None:
+    """Try `open_once` until it succeeds; return the session, or None once `closing` is set."""
+    while not closing.is_set():
+        with suppress(NetworkError):
+            return open_once()
+        closing.wait(RETRY_S)
+    return None
 
 
 def open_peer_session(
@@ -65,10 +85,8 @@ def open_peer_session(
     """
     if network.mode == "routed":
         return open_master_session(network.router, network=network, security=security)
-    session = _open("listen on", endpoint, settings("planner", (endpoint,), endpoints, network, security), network)
-    if security:
-        _shorten_queues()
-    return session
+    text = settings("planner", (endpoint,), endpoints, network, security)
+    return _open("listen on", endpoint, text, network, is_secure=bool(security))
 
 
 def open_router_session(
@@ -76,31 +94,39 @@ def open_router_session(
     network: Network = Network(),
     security: "Security | None" = None,
     other_endpoints: tuple[str, ...] = (),
+    report: Callable[[str], None] = lambda _: None,
 ) -> Session:
     """Open the session of a router at `endpoint`, which forwards between all that connect. Raises NetworkError.
 
     `other_endpoints`: endpoints of further routers. It connects to them once they are present, and forwards to
-    everything behind them.
+    everything behind them. `report` gets a line for each link to a slave that stayed unknown and is cut.
     """
-    session = open_session("listen on", endpoint, settings("router", (endpoint,), other_endpoints, network, security))
-    session.free_links()
+    from hil.network.workarounds.blocked_router import NewLinks
+    from hil.network.workarounds.unknown_router import UnknownRouters
+
+    text = settings("router", (endpoint,), other_endpoints, network, security)
+    session = _open("listen on", endpoint, text, network, is_secure=bool(security))
     session.declare_token(router_key(session.zid))
-    if security:
-        _shorten_queues()
+    session.supervisor.checks += [NewLinks(session.links).check, UnknownRouters(session, report).check]
     return session
 
 
-def _shorten_queues() -> None:
-    """Shorten the queue of waiting connections at our TLS listeners."""
-    from hil.network.sockets import shorten_queues
-
-    shorten_queues()
-
-
-def _open(action: str, name: str, text: str, network: Network, has_pairs: bool = False, peer_count: int = 1) -> Session:
+def _open(
+    action: str,
+    name: str,
+    text: str,
+    network: Network,
+    has_pairs: bool = False,
+    peer_count: int = 1,
+    is_secure: bool = False,
+) -> Session:
+    """Open a session that is supervised; `is_secure`: it has a TLS listener."""
     session = open_session(action, name, text, has_pairs, peer_count)
-    session.free_links()
-    close_unread_links(session, network.lease)
+    if is_secure:
+        from hil.network.workarounds.accept_queue import shorten_queues
+
+        shorten_queues()
+    session.supervise(network.lease)
     return session
 
 

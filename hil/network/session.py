@@ -9,7 +9,6 @@ by a new one with the same declarations (`Session.reopen`).
 
 import atexit
 import threading
-import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from functools import partial
@@ -18,17 +17,17 @@ from typing import TYPE_CHECKING, Any
 
 import zenoh
 
-from hil.network.publisher import Declared, Publisher, close_session, is_matched, key_of
+from hil.network.publisher import Declared, Publisher, close_session, is_matched
 from hil.ros import dialect
 from hil.ros.topics import TOPICS, Topic
 
 if TYPE_CHECKING:
     from hil.network.reception import MessageQueue, ReaderThread
+    from hil.network.supervisor import Supervisor
 
 ASKING = 8  # queries that may wait for a reader
 ANSWER_WITHIN_S = 1.0
-CALLS_END_S = 0.05  # within this time the library's calls of our callbacks have ended
-OFTEN_HZ = 20.0  # at this rate and above a numeric key id pays off
+MAX_LEARNED = 4096  # keys, because anybody can invent names
 REFUSAL = zenoh.Encoding.TEXT_PLAIN  # encoding of the reason for a refusal
 
 Deliver = Callable[[str, bytes, bytes], None]
@@ -40,14 +39,16 @@ class Session:
     `open_library` returns an open session of the library; it may raise zenoh.ZError. `name` is the endpoint where it
     listens or to which it connects, `peer_count` the number of peers to connect to. `has_pairs`: it has two links with
     each peer, as a master has with a slave. `publishers` are all made so far. `openings` counts how often the session
-    was opened. `has_cut`: an unread link was closed (`hil.network.stall`), and this has not been reported yet.
+    was opened. `supervisor` is there once `supervise` was called.
     """
+
+    supervisor: "Supervisor"
 
     def __init__(
         self, open_library: Callable[[], zenoh.Session], name: str, has_pairs: bool = False, peer_count: int = 1
     ) -> None:
         self.name, self.peer_count, self.has_pairs = name, peer_count, has_pairs
-        self.openings, self.has_cut = 1, False
+        self.openings = 1
         self._open_library = open_library
         self._session = open_library()
         self._zid = str(self._session.info.zid())
@@ -59,7 +60,7 @@ class Session:
         self._readers: dict[str, ReaderThread] = {}
         self._closed = threading.Event()
         self.publishers: list[Publisher] = []
-        self._numbered: set[str] = set()  # keys that have a numeric id
+        self._learned: set[str] = set()  # keys that have a numeric id
         # Readers have to end before the interpreter does: a thread stopped inside the library aborts the process.
         atexit.register(self.close)
 
@@ -92,7 +93,24 @@ class Session:
         keys = f"{dialect.domain()}/{node}/{topic}/*/*"
         queue = self._reader("reader").open_queue(lambda sample: _deliver(sample, deliver), depth)
         self._subscribe(keys, queue, topic in TOPICS and TOPICS[topic].qos.latched)
-        self._number(node, zenoh.KeyExpr(keys))
+        self._learn_keys(node, keys)
+
+    def subscribe_commands(self, node: str, deliver: Deliver, depth: int) -> None:
+        """Call `deliver` like `subscribe`, for each command to a node, in a thread of its own that may sleep in it.
+
+        The library's threads then hold no lock of the interpreter. They have normal priority, and a real-time loop
+        would wait for them: with a direct callback the commands of a slave arrived 0.07 ms later.
+        """
+        keys = f"{dialect.domain()}/{node}/cmd_$*/*/*"
+        channel = self._declare(lambda session: session.declare_subscriber(keys, zenoh.handlers.RingChannel(depth)))
+        self._learn_keys(node, keys)
+
+        def read() -> None:
+            with suppress(zenoh.ZError):  # the session was closed
+                while True:
+                    _deliver(channel.current.recv(), deliver)
+
+        self._start(read, "commands")
 
     def sender(self, key: str) -> Callable[[bytes], None]:
         """Return a function that sends bytes at once, with the highest priority, on a key of `hil.network.tokens`."""
@@ -164,9 +182,25 @@ class Session:
         queue = self._reader("reader").open_queue(lambda each: deliver(str(each.key_expr), *_content(each)), depth)
         self._subscribe(keys, queue, latched)
 
+    def collect(self, keys: str, depth: int, latched: bool = False) -> "MessageQueue":
+        """Return a queue with the library's samples of `keys`, for a caller that takes them itself, in batches."""
+        from hil.network.reception import MessageQueue
+
+        queue = MessageQueue(int, depth)
+        self._subscribe(keys, queue, latched)
+        return queue
+
+    def learn(self, key: str) -> None:
+        """Reduce the cost of messages with this key, on the wire and here; see `workarounds.key_text`."""
+        from hil.network.workarounds.key_text import declare_key
+
+        if key not in self._learned and len(self._learned) < MAX_LEARNED:
+            self._learned.add(key)
+            self._declare(partial(declare_key, key))
+
     def answer_queries(self, key: str, handler: Callable[[zenoh.Query], None]) -> None:
         """Call `handler` for each query of `key`, in a thread of the library. It must be quick and must not raise."""
-        from hil.network.reception import direct_callback
+        from hil.network.workarounds.exit_hang import direct_callback
 
         self._declare(lambda session: session.declare_queryable(key, direct_callback(handler), complete=True))
 
@@ -244,15 +278,14 @@ class Session:
             if thread is not threading.current_thread():
                 thread.join(1.0)
 
-    def reopen(self, openings: int) -> bool:
+    def reopen(self) -> bool:
         """Replace the library's session by a new one with all declarations; return whether this was done.
 
-        `openings` is the count that the caller knows: several clients may share the session, and only one reopens it.
         Messages in transit are lost. If it cannot be opened, for example without its router, each later call tries
         again.
         """
         with self._condition:
-            if self._closed.is_set() or self._is_opening or (self._is_open and openings != self.openings):
+            if self._closed.is_set() or self._is_opening:
                 return False
             self._close_library()
             self._is_opening = True
@@ -290,23 +323,26 @@ class Session:
         """Return the zenoh ids of the peers that the library takes for routers; slaves are among them."""
         return {str(zid) for zid in self._session.info.routers_zid()}
 
+    def supervise(self, lease: float) -> None:
+        """Let a thread supervise the links (of `lease` s) and what arrives on them, until the session is closed."""
+        from hil.network.supervisor import CHECK_S, Supervisor
+
+        self.free_links()
+        self.supervisor = Supervisor(self, lease, self.has_pairs)
+        self.every(CHECK_S, self.supervisor.check, "supervisor")
+
     def free_links(self) -> None:
-        """Close lost links at once, so that they do not delay the next one; see `hil.network.sockets`."""
-        from hil.network.sockets import free_new  # loaded after the vehicle is ready
+        """Close lost links at once, so that they do not delay the next one."""
+        from hil.network.workarounds.lingering_socket import free_new  # loaded after the vehicle is ready
 
         queue = self._reader("worker").open_queue(free_new)
         self._declare(lambda session: session.info.declare_link_events_listener(queue.callback, history=True))
 
-    def _number(self, node: str, keys: zenoh.KeyExpr) -> None:
-        """Let the library assign numeric ids to those of `keys` that are often used.
+    def _learn_keys(self, node: str, keys: str) -> None:
+        from hil.network.workarounds.key_text import frequent_keys
 
-        The library does so for a key that has a subscriber without wildcards. With wildcards each message carries the
-        text of its key, which the receiver has to look up: 110 bytes and 40 us for each command.
-        """
-        for key in [key_of(topic, node) for topic in TOPICS.values() if topic.rate_hz >= OFTEN_HZ]:
-            if key not in self._numbered and keys.includes(zenoh.KeyExpr(key)):
-                self._numbered.add(key)
-                self._declare(partial(_declare_unread, key))
+        for key in frequent_keys(node, keys):
+            self.learn(key)
 
     def _declare(self, declare: Callable[[zenoh.Session], Any]) -> Declared:
         """Declare something now, and again on each session that replaces this one."""
@@ -317,16 +353,11 @@ class Session:
         return declared
 
     def _close_library(self) -> None:
-        """Close the library's session, which wakes the readers.
+        """Close the library's session after its publishers."""
+        from hil.network.workarounds.late_undeclaration import end_listeners
 
-        First, all publishers are undeclared; otherwise they would keep 30 kB of the session in memory. While a latched
-        publisher is undeclared, the library holds the interpreter lock and waits for its thread, up to 10 s if that
-        thread calls us meanwhile. So first the listeners are undeclared, and running calls get time to end.
-        """
         self._is_open = False
-        watched = sum(declared.end_watching() for declared in self._declared)
-        if watched:
-            time.sleep(CALLS_END_S)
+        end_listeners([declared.current for declared in self._declared])
         for declared in self._declared:
             declared.end_publishing()
         close_session(self._session)
@@ -352,10 +383,6 @@ class Session:
         thread = threading.Thread(target=run, name=name, daemon=True)
         thread.start()
         self._threads.append(thread)
-
-
-def _declare_unread(key: str, session: zenoh.Session) -> Any:
-    return session.declare_subscriber(key, zenoh.handlers.RingChannel(1))
 
 
 def _deliver(sample: zenoh.Sample, deliver: Deliver) -> None:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from hil.network.security import Security
 
 SEND_BUFFER = 16384  # bytes
-NEW_SEND_BUFFER = 1 << 20  # bytes, of a router's link while it is new, see hil.network.router_links
+NEW_SEND_BUFFER = 1 << 20  # bytes, of a router's link while it is new, see workarounds.blocked_router
 BATCH = 8192  # bytes
 KEEP_ALIVES = 4  # in one lease
 FIRST_RETRY_MS = 20
@@ -116,7 +116,8 @@ def settings(
             },
             "gossip": _gossip(role, security),
         },
-        "timestamping": {"enabled": role == "router"},  # latched topics need sequence numbers only, so a slave has none
+        # Of a client: the times of arrival. Latched topics need sequence numbers only, so a slave has none.
+        "timestamping": {"enabled": role in ("router", "client")},
         "transport": _transport(role, network, how[1], pictures),
     }
     if table["mode"] == "client":

@@ -16,8 +16,8 @@ from hil.network.clock_offset import ClockOffset
 from hil.network.presence import declare_presence, serve_last, watch_presence
 from hil.network.session import Session
 from hil.network.settings import Network
+from hil.network.supervisor import Supervisor
 from hil.network.tokens import PING, PONG, NodeRole, Presence, clock_keys, read_clock
-from hil.network.unread_links import UnreadLinks
 from hil.ros.diagnostics import Diagnostics
 from hil.slave.command_receiver import CommandReceiver
 from hil.slave.sample_publisher import SamplePublisher
@@ -50,7 +50,7 @@ class Contacts:
         lease: float = Network().lease,
     ) -> None:
         self._command_receiver = command_receiver
-        self._session, self._unread = session, UnreadLinks(lease)
+        self._supervisor = Supervisor(session, lease)
         self._security = security
         self._report = report
         self._peers: dict[NodeRole, dict[str, Presence]] = {"master": {}, "observer": {}}
@@ -68,7 +68,7 @@ class Contacts:
         )
         session.free_links()
         if security:
-            from hil.network.sockets import shorten_queues
+            from hil.network.workarounds.accept_queue import shorten_queues
 
             shorten_queues()
         serve_last(session, node, sample_publisher.encode_unsent)
@@ -77,7 +77,7 @@ class Contacts:
 
     def close_unread_links(self) -> None:
         """Close links that the network library keeps open without reading them; their masters then connect again."""
-        if self._unread.close_faulty(self._session):
+        if self._supervisor.close_faulty_links():
             self._report("a link was open and not read, or lost: its master has to connect again")
 
     def add_figures(self, figures: Diagnostics) -> None:

@@ -14,7 +14,7 @@ from tests.support.processes import free_port
 
 @pytest.mark.parametrize(("seconds", "is_read"), [("0", True), ("0.6", False)])
 def test_the_report_of_an_unread_link_is_reproduced(seconds: str, is_read: bool, tmp_path: Path) -> None:
-    """A failure with the sleep means that the library was fixed: then `hil.network.unread_links` can be removed."""
+    """Remove `hil.network.workarounds.unread_link` if this fails with the sleep."""
     (block,) = blocks("python", page=ROOT / "docs" / "upstream" / "zenoh_pause.md")
     script = tmp_path / block.file
 
@@ -32,9 +32,19 @@ def test_the_report_of_an_unread_link_is_reproduced(seconds: str, is_read: bool,
 
 
 def test_the_report_of_a_late_undeclaration_is_reproduced(tmp_path: Path) -> None:
-    """A failure means that the library was fixed: then `Declared.end_watching` can be removed."""
+    """Remove `hil.network.workarounds.late_undeclaration` if this fails."""
     (block,) = blocks("python", page=ROOT / "docs" / "upstream" / "zenoh_undeclare.md")
     script = tmp_path / block.file
     script.write_text(block.text.replace("17448", str(free_port())))
     done = subprocess.run([sys.executable, script], capture_output=True, text=True, timeout=60)
     assert done.stdout == "undeclared after 10.0 s\n", done.stderr
+
+
+def test_the_report_of_a_kept_session_is_reproduced(tmp_path: Path) -> None:
+    """Remove `hil.network.workarounds.kept_session` if this fails."""
+    (block,) = blocks("python", page=ROOT / "docs" / "upstream" / "zenoh_publisher.md")
+    script = tmp_path / block.file
+    script.write_text(block.text)
+    done = subprocess.run([sys.executable, script], capture_output=True, text=True, timeout=120)
+    freed, kept = [float(line.split()[2]) for line in done.stdout.splitlines()]
+    assert freed < 10.0 < 20.0 < kept

@@ -18,7 +18,6 @@ from hil.common.errors import NetworkError
 from hil.common.stop import StopSignals, pause
 from hil.network.roles import open_master_session
 from hil.network.session import Session
-from hil.network.stall import reopen_while_no_vehicle
 from hil.ros.diagnostics import or_nan
 from hil.scenario.config import Scenario
 from hil.scenario.fleet import endpoints_of
@@ -88,7 +87,7 @@ class _Observer:
         vehicle, _ = load_vehicle(scenario.vehicle)
         self._meters = [EnergyMeter(vehicle) for _ in scenario.member]
         self._modems = _open_modems(session, scenario)
-        reopen_while_no_vehicle(session, self._is_complete, scenario.network.lease)
+        session.supervisor.watch_presence(self._is_complete)
         self._started_ns = now_ns()
 
     def follow(self, stop_fd: int) -> Costs:

@@ -24,7 +24,6 @@ from hil.common.stop import StopSignals
 from hil.network.opening import open_session
 from hil.network.session import Session
 from hil.network.settings import settings
-from hil.network.stall import close_unread_links
 from hil.network.tokens import router_key
 from hil.ros import dialect
 from hil.ros import encoders as ros
@@ -150,7 +149,7 @@ def join(scenario: Scenario) -> Session:
     session = open_session("join", where, text)
     if network.router:
         session.declare_token(router_key(session.zid))
-    close_unread_links(session, network.lease)
+    session.supervise(network.lease)
     return session
 
 

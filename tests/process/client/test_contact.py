@@ -122,7 +122,7 @@ def test_replies_to_forged_pings_do_not_change_the_clock_offset(peers: tuple[Veh
 @pytest.mark.parametrize("offset_s", [0, -3600, 3600])
 def test_sample_ages_are_right_when_the_slave_started_before_its_clock_was_set(offset_s: int) -> None:
     """The board has no real-time clock: its slave started, then its wall clock was set, then this master started."""
-    clock, session = ClockOffset(), Mock(spec=Session, has_pairs=True, openings=1)
+    clock, session = ClockOffset(), Mock(spec=Session, has_pairs=True)
     contact = LivenessMonitor(session, "uuv1", clock, lambda: None, print, 1.0)
     contact.same_clock = True
     received = now_ns()

@@ -11,7 +11,7 @@ import zenoh
 from hil.client.client import VehicleClient
 from hil.common.clock import NS_PER_S
 from hil.common.errors import NetworkError
-from hil.network import stall, token_watch
+from hil.network import supervisor, token_watch
 from hil.network.opening import listen
 from hil.network.roles import open_master_session
 from hil.network.session import Session
@@ -73,8 +73,8 @@ class SampleBlockingRelay(Relay):
 def test_samples_and_commands_arrive_again_after_a_session_was_reopened(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(stall, "LEASES", 1)
-    monkeypatch.setattr(stall, "FIRST_GAP_NS", NS_PER_S // 4)  # a stall is reported after 1.75 s instead of 5 s
+    monkeypatch.setattr(supervisor, "LEASES", 1)
+    monkeypatch.setattr(supervisor, "FIRST_GAP_NS", NS_PER_S // 4)  # a stall is reported after 1.75 s instead of 5 s
     scenario, port = write_scenario(tmp_path)
     reports: list[str] = []
     with (
@@ -128,7 +128,7 @@ def test_all_declarations_work_after_a_session_was_reopened() -> None:
             assert wait_for(exchange)
             assert wait_for(lambda: linked_to(slave) == {opened_zid(master)}), "the links of the old session are closed"
             assert wait_for(lambda: slave.tokens("t/*") == ["t/stays"] and present == {"t/stays"})
-            master.reopen(master.openings)
+            master.reopen()
             assert master.openings == number + 2
         assert wait_for(exchange)
 
@@ -166,7 +166,7 @@ def test_a_token_stays_present_when_the_old_session_ends_after_the_new_one_opene
         assert wait_for(lambda: events)
         old_session = OverlappingSession(master._session, [declared.current for declared in master._declared])
         master._session = old_session  # type: ignore[assignment]
-        master.reopen(master.openings)
+        master.reopen()
         assert wait_for(lambda: opened_zid(master) in linked_to(slave))
         assert wait_for(lambda: slave.tokens("t/*") == ["t/x"])
         old_session.end()
@@ -194,7 +194,7 @@ def test_a_token_withdrawn_while_the_session_is_reopened_is_reported(monkeypatch
             return open_library()
 
         master._open_library = open_after_withdrawal
-        master.reopen(master.openings)
+        master.reopen()
         assert wait_for(lambda: ("t/ends", False) in events)
         assert events == [("t/stays", True), ("t/ends", False)]
 
@@ -202,7 +202,7 @@ def test_a_token_withdrawn_while_the_session_is_reopened_is_reported(monkeypatch
 def test_reopening_a_closed_session_does_nothing() -> None:
     session = open_master_session("tcp/127.0.0.1:9")
     session.close()
-    session.reopen(session.openings)
+    session.reopen()
     assert session.openings == 1
     assert not session.is_lost
     assert session.links() == []
@@ -223,10 +223,10 @@ def test_a_session_that_failed_to_open_is_opened_by_a_later_try(attempts: int) -
 
         session._open_library = fail  # type: ignore[assignment]
         for _ in range(attempts):
-            session.reopen(session.openings)
+            session.reopen()
             assert session.is_lost
             command.put(b"", 1)  # nothing is sent meanwhile, and nothing raised
-        session.reopen(session.openings)
+        session.reopen()
         assert not session.is_lost
         assert session.openings == 2
 
@@ -242,7 +242,7 @@ def test_clients_can_close_while_a_session_is_reopened() -> None:
             return open_library()
 
         session._open_library = open_slowly
-        opening = Thread(target=session.reopen, args=(session.openings,))
+        opening = Thread(target=session.reopen)
         opening.start()
         assert begun.wait(60.0)
         ending = Thread(target=withdraw)
@@ -257,7 +257,7 @@ def test_clients_can_close_while_a_session_is_reopened() -> None:
 def test_a_declaration_on_a_lost_session_is_an_error() -> None:
     with open_master_session("tcp/127.0.0.1:9") as session:
         session._open_library = _fail
-        session.reopen(session.openings)
+        session.reopen()
         with pytest.raises(NetworkError, match=r"no connection to tcp/127\.0\.0\.1:9 at this moment; try again"):
             session.publisher("uuv1", TOPICS["cmd_vel"])
 
@@ -281,7 +281,7 @@ def test_a_session_whose_close_fails_is_still_reopened() -> None:
     with open_master_session("tcp/127.0.0.1:9") as session:
         for number in range(2):
             session._session = UnclosableSession(session._session)  # type: ignore[assignment]
-            session.reopen(session.openings)
+            session.reopen()
             assert session.openings == number + 2
             assert not session.is_lost
         session._session = UnclosableSession(session._session)  # type: ignore[assignment]

@@ -9,7 +9,7 @@ import psutil
 
 from hil.client.client import VehicleClient
 from hil.commands.keys import add_machine, init
-from hil.network.sockets import shorten_queues
+from hil.network.workarounds.accept_queue import shorten_queues
 from hil.scenario.config import load_scenario
 from tests.support.processes import Program, write_scenario
 

@@ -8,8 +8,8 @@ import pytest
 
 from hil.common.clock import NS_PER_S
 from hil.network.opening import listen
-from hil.network.roles import open_master_session
 from hil.network.reception import ReaderThread
+from hil.network.roles import open_master_session
 from tests.support.processes import free_port, wait_for
 
 

@@ -12,12 +12,12 @@ import zenoh
 from hil.common.clock import NS_PER_S
 from hil.network.opening import listen
 from hil.network.roles import open_client_session, open_router_session
-from hil.network.router_links import ATTEMPTS, SETTLED_NS, RouterLinks
 from hil.network.session import Session
 from hil.network.settings import NEW_SEND_BUFFER, SEND_BUFFER, Network, settings
-from hil.network.sockets import network_sockets
+from hil.network.sockets import network_sockets, pair_of
 from hil.network.tokens import router_key
-from hil.network.unread_links import port_of
+from hil.network.workarounds.blocked_router import NewLinks
+from hil.network.workarounds.unknown_router import ATTEMPTS, SETTLED_NS, UnknownRouters
 from tests.support.processes import Program, free_port, wait_for
 
 
@@ -34,7 +34,7 @@ def _is_closed(session: Session, link: tuple[str, str, str]) -> bool:
 def test_a_link_to_an_unknown_router_is_cut_a_few_times() -> None:
     endpoint, reported = f"tcp/127.0.0.1:{free_port()}", list[str]()
     with open_router_session(endpoint) as session, foreign_router(endpoint):
-        links, cut_at, now = RouterLinks(session, reported.append), list[int](), 0
+        links, cut_at, now = UnknownRouters(session, reported.append), list[int](), 0
         for _ in range(ATTEMPTS):
             assert wait_for(session.links)
             (link,) = session.links()
@@ -55,10 +55,10 @@ def test_a_link_to_an_unknown_router_is_cut_a_few_times() -> None:
 
 
 def test_peers_that_never_reconnect_are_removed(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("hil.network.router_links.MAX_PEERS", 10)
+    monkeypatch.setattr("hil.network.workarounds.unknown_router.MAX_PEERS", 10)
     session, reported = Mock(), list[str]()
     session.tokens.return_value = []
-    links = RouterLinks(session, reported.append)
+    links = UnknownRouters(session, reported.append)
     for number in range(100):
         session.links.return_value = [(f"{number:x}", "tcp/127.0.0.1:1", f"tcp/127.0.0.1:{number + 2}")]
         session.routers.return_value = {f"{number:x}"}
@@ -80,7 +80,7 @@ def test_links_of_slaves_clients_and_joined_routers_are_not_cut() -> None:
         assert wait_for(lambda: len(session.links()) == 3)
         assert len(session.routers()) == 2
         assert wait_for(lambda: len(session.tokens(router_key("*"))) == 3), "its own too"
-        links = RouterLinks(session, reported.append)
+        links = UnknownRouters(session, reported.append)
         for seconds in range(600):
             links.check(seconds * NS_PER_S)
         assert not reported
@@ -91,7 +91,7 @@ def test_a_new_link_has_a_large_send_buffer_and_later_a_small_one() -> None:
     with open_router_session(endpoint) as session, open_client_session(endpoint, Network("routed", endpoint)):
         assert wait_for(session.links)
         ((_, ours, theirs),) = session.links()
-        pair = port_of(ours), port_of(theirs)
+        pair = pair_of(ours, theirs)
 
         def send_buffer() -> int:
             sizes = [
@@ -101,7 +101,7 @@ def test_a_new_link_has_a_large_send_buffer_and_later_a_small_one() -> None:
 
         most = int(Path("/proc/sys/net/core/wmem_max").read_text())
         assert send_buffer() == 2 * min(most, NEW_SEND_BUFFER), "the kernel takes as much again for itself"
-        links = RouterLinks(session, print)
+        links = NewLinks(session.links)
         links.check(0)
         links.check(SETTLED_NS)
         assert send_buffer() == 2 * SEND_BUFFER

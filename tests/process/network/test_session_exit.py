@@ -13,8 +13,8 @@ import pytest
 
 from hil.network.opening import listen
 from hil.network.publisher import Publisher
-from hil.network.roles import open_master_session
 from hil.network.reception import MessageQueue
+from hil.network.roles import open_master_session
 from hil.ros.topics import TOPICS
 from tests.support.processes import PATIENCE_S, ROOT, Program, free_port, wait_for, write_scenario
 
@@ -136,7 +136,7 @@ grown(open_and_close, 40)
 closed = grown(open_and_close, 100)
 held = open_master_session("tcp/127.0.0.1:9")
 held.publisher("uuv1", TOPICS["cmd_vel"])
-print(closed, grown(lambda: held.reopen(held.openings), 100))
+print(closed, grown(held.reopen, 100))
 """
     done = subprocess.run([sys.executable, "-c", text], cwd=ROOT, capture_output=True, text=True, timeout=60)
     assert done.returncode == 0, done.stderr

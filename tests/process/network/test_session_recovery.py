@@ -200,7 +200,7 @@ def test_no_link_has_linger_set() -> None:
         plain = settings("master", (), (endpoint,), Network(), None)
         with open_session("connect to", endpoint, plain):
             assert wait_for(lambda: len(lingering(before)) == 4)
-            assert any(lingering(before)), "if the library's links linger no more, ours need not be watched"
+            assert any(lingering(before)), "else remove `hil.network.workarounds.lingering_socket`"
             slave.free_links()
             assert wait_for(lambda: not any(lingering(before)))
             with open_master_session(endpoint):

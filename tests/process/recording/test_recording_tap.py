@@ -10,7 +10,8 @@ import pytest
 import zenoh
 
 from hil.common.clock import NS_PER_S
-from hil.network import stall
+from hil.network import session as session_module
+from hil.network import supervisor
 from hil.network.opening import listen
 from hil.network.roles import open_master_session
 from hil.recording import tap as recording_tap
@@ -117,9 +118,9 @@ def test_a_link_that_the_library_does_not_read_is_opened_again() -> None:
 
     with Tap([endpoint]) as tap:
         with listen(endpoint):
-            assert wait_for(lambda: tap._connections and tap._connections[0].links())
+            assert wait_for(lambda: tap._sources and tap._sources[0].session.links())
             slow = zenoh.handlers.Callback(be_slow, indirect=False)
-            listener = tap._connections[0].session.info.declare_link_events_listener(slow)
+            listener = tap._sources[0].session._session.info.declare_link_events_listener(slow)
             assert not tap.complaint()
         with listen(endpoint) as slave:
             publisher = slave.publisher("uuv1", TOPICS["imu"])
@@ -137,8 +138,8 @@ def test_a_link_that_the_library_does_not_read_is_opened_again() -> None:
 
 
 def test_a_session_that_receives_nothing_any_more_is_reopened_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(stall, "LEASES", 1)
-    monkeypatch.setattr(stall, "FIRST_GAP_NS", NS_PER_S // 4)  # a stall is reported after 1.75 s, the next after 3.5 s
+    monkeypatch.setattr(supervisor, "LEASES", 1)
+    monkeypatch.setattr(supervisor, "FIRST_GAP_NS", NS_PER_S // 4)  # a stall is reported after 1.75 s, then 3.5 s
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     with listen(endpoint) as slave, Tap([endpoint]) as tap:
         publisher = slave.publisher("uuv1", TOPICS["imu"])
@@ -243,33 +244,9 @@ def test_closing_does_not_wait_for_a_missing_endpoint() -> None:
         assert clock.seconds < 1.0
 
 
-class RecordedUndeclare:
-    """A publisher that records whether the session was open when it was undeclared."""
-
-    def __init__(self, session: zenoh.Session) -> None:
-        self._session = session
-        self.was_open: bool | None = None
-
-    def undeclare(self) -> None:
-        self.was_open = not self._session.is_closed()
-
-
-def test_no_publisher_is_left_in_a_closed_session() -> None:
-    """The library never frees one: with a dozen topics each reconnection took 15 kB for good."""
-    with listen(endpoint := f"tcp/127.0.0.1:{free_port()}"):
-        with Tap([endpoint]) as tap:
-            wait_for(lambda: tap.connected)
-            (line,) = tap._connections
-            line.learn("0/a/b")
-            left = RecordedUndeclare(line.session)
-            line._known["0/c/d"] = None, left
-        assert left.was_open
-        assert not line._known
-        assert line.session.is_closed()
-
-
 def test_the_number_of_remembered_names_is_limited(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(recording_tap, "MAX_NAMES", 8)
+    monkeypatch.setattr(session_module, "MAX_LEARNED", 8)
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     with listen(endpoint) as slave, Tap([endpoint]) as tap:
         publishers = [slave.publisher(f"uuv{number}", TOPICS["imu"]) for number in range(40)]
@@ -280,4 +257,4 @@ def test_the_number_of_remembered_names_is_limited(monkeypatch: pytest.MonkeyPat
         received = collect(tap, lambda messages: len({message.topic for message in messages}) == len(publishers))
         assert len({message.topic for message in received}) == len(publishers), "each is recorded"
         assert len(tap._publishers) <= 8
-        assert all(len(line._known) <= 8 for line in tap._connections)
+        assert len(tap._sources[0].session._learned) <= 8

@@ -2,7 +2,6 @@
 
 import signal
 import socket
-import threading
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
@@ -15,12 +14,13 @@ import hil
 from hil.client.client import VehicleClient
 from hil.client.health_watch import HealthWatch
 from hil.common.clock import NS_PER_S
-from hil.network import stall
+from hil.network import supervisor
 from hil.network.opening import listen
 from hil.network.roles import open_client_session, open_master_session
 from hil.network.session import Session
 from hil.network.sockets import cut
-from hil.network.unread_links import UnreadLinks, read_progress
+from hil.network.supervisor import Supervisor
+from hil.network.workarounds.unread_link import read_progress
 from tests.support.processes import Program, free_port, wait_for, write_scenario
 
 
@@ -76,7 +76,7 @@ def test_a_client_reconnects_when_the_vehicle_never_appears() -> None:
 
 
 def test_a_session_that_looks_for_any_vehicle_reconnects_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(stall, "GAPS", 0)  # nothing has come yet, so no gap is usual
+    monkeypatch.setattr(supervisor, "GAPS", 0)  # nothing has come yet, so no gap is usual
     scenario, port = write_scenario(tmp_path)
     endpoint = f"tcp/127.0.0.1:{port}"
     with ExitStack() as stack:
@@ -93,7 +93,7 @@ def test_a_session_that_looks_for_any_vehicle_reconnects_too(tmp_path: Path, mon
 def test_a_vehicle_that_ends_behind_a_router_does_not_disturb_others(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(stall, "FIRST_GAP_NS", NS_PER_S // 4)  # a stall is reported after 1.75 s instead of 4 s
+    monkeypatch.setattr(supervisor, "FIRST_GAP_NS", NS_PER_S // 4)  # a stall is reported after 1.75 s instead of 4 s
     router = f"tcp/127.0.0.1:{free_port()}"
     scenarios = []
     for name in ("uuv1", "uuv2"):
@@ -113,21 +113,10 @@ def test_a_vehicle_that_ends_behind_a_router_does_not_disturb_others(
         while time.monotonic() < ends:
             time.sleep(0.1)
             assert staying.present
-        assert leaving.client.contact._stall.attempts, "by then it would have been opened again"
+        (watched,) = [each for each in fleet._session.supervisor.watched if each.name == "uuv2"]
+        assert watched.attempts, "by then it would have been opened again"
         assert fleet._session.openings == openings
         assert staying.client.received["odom"] > before
-
-
-def test_clients_of_one_session_reopen_it_once() -> None:
-    endpoint = f"tcp/127.0.0.1:{free_port()}"
-    with listen(endpoint), open_master_session(endpoint) as session:
-        known_openings = session.openings
-        callers = [threading.Thread(target=session.reopen, args=(known_openings,)) for _ in range(4)]
-        for caller in callers:
-            caller.start()
-        for caller in callers:
-            caller.join()
-        assert session.openings == known_openings + 1
 
 
 def test_a_socket_without_connection_is_not_cut() -> None:
@@ -141,10 +130,10 @@ def test_the_link_of_a_recorder_is_not_cut() -> None:
     """A recorder has one link, as every session that only subscribes."""
     endpoint = f"tcp/127.0.0.1:{free_port()}"
     with listen(endpoint) as slave, open_client_session(endpoint):
-        links = UnreadLinks(0.5)
+        links = Supervisor(slave, 0.5)
         ends = time.monotonic() + 2.5
         while time.monotonic() < ends:
-            assert not links.close_faulty(slave)
+            assert not links.close_faulty_links()
             time.sleep(0.1)
 
 
