@@ -7,7 +7,7 @@ from hil.common.clock import NS_PER_S, from_wall_ns, now_ns, to_wall_ns
 from hil.network.clock_offset import ClockOffset, Estimate
 from hil.network.presence import declare_presence, watch_presence
 from hil.network.session import Session
-from hil.network.supervisor import Arrivals
+from hil.network.supervisor import Received
 from hil.network.tokens import (
     PING,
     PONG,
@@ -172,13 +172,13 @@ class LivenessMonitor:
         self.reconnections += 1
         self._report(line)
 
-    def _arrivals(self) -> Arrivals:
+    def _arrivals(self) -> Received:
         """Return what has arrived; nothing is answered if the vehicle is not present although each peer has a link."""
         may_answer = not self.present and (self.losses or self._session.has_pairs)
         is_unanswered = bool(may_answer) and self._session.supervisor.is_linked()
         if not is_unanswered:  # else a sample is no proof: some of the session's declarations may be lost
             self._counted = self.samples
-        return Arrivals(self._replies, self._counted, is_unanswered)
+        return Received(self._replies, self._counted, is_unanswered)
 
     def _may_be_running(self) -> bool:
         """Return whether the vehicle may still run. If it has ended, the session is not at fault.

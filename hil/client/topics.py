@@ -3,7 +3,6 @@
 import os
 import select
 import statistics
-from collections import deque
 from collections.abc import Collection, Sequence
 from typing import NamedTuple
 
@@ -12,6 +11,7 @@ from hil.common.errors import NetworkError
 from hil.common.schema import nearest
 from hil.common.stop import Wakeup
 from hil.network.presence import fetch_last
+from hil.network.reception import MessageQueue
 from hil.network.session import Session
 from hil.ros import dialect, encoders, graph, types
 from hil.ros.diagnostics import Diagnostics
@@ -37,12 +37,9 @@ class Arrivals:
 
     def __init__(self, session: Session, topic: str, latched: bool) -> None:
         self._event = Wakeup()
-        self._waiting: deque[Arrival] = deque(maxlen=QUEUE)
-        session.subscribe_keys(f"{dialect.domain()}/{topic.strip('/')}/*/*", self._deliver, QUEUE, latched)
-
-    def _deliver(self, key: str, payload: bytes, _attachment: bytes) -> None:
-        self._waiting.append((now_ns(), key, payload))
-        self._event.set()
+        self._waiting = waiting = MessageQueue(self._event.set, QUEUE)
+        keys = f"{dialect.domain()}/{topic.strip('/')}/*/*"
+        session.subscribe_keys(keys, lambda key, data, _: waiting.put((now_ns(), key, data)), QUEUE, latched)
 
     def receive(self, stop_fd: int, seconds: float) -> list[Arrival]:
         """Return the messages received so far; wait for one up to `seconds` if there is none.
@@ -54,7 +51,9 @@ class Arrivals:
             raise KeyboardInterrupt
         if ready:
             self._event.clear()
-        return [self._waiting.popleft() for _ in range(len(self._waiting))]
+        received: list[Arrival] = []
+        self._waiting.take(received.append)
+        return received
 
 
 def first_arrivals(session: Session, name: str, wait: float, stop_fd: int) -> tuple[Arrivals, list[Arrival]]:

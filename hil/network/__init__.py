@@ -2,6 +2,6 @@
 
 All messages come in through `reception`, `supervisor` repairs links, and `workarounds` has the library's faults.
 Public: `session`, `roles`, `certificates`, `clock_offset`, `diagnosis`, `discovery`, `opening`, `presence`,
-`publisher`, `reception`, `security`, `services`, `settings`, `sockets`, `supervisor`, `tokens`, `workarounds`. It must
-not know who publishes what: slave, master, planner.
+`publisher`, `reception`, `security`, `services`, `settings`, `sockets`, `supervisor`, `tokens`.
+It must not know who publishes what: slave, master, planner.
 """

@@ -25,7 +25,7 @@ LEASES = 2
 LONGEST_PAUSE_NS = 60 * NS_PER_S  # between two attempts to reopen the session
 
 
-class Arrivals(NamedTuple):
+class Received(NamedTuple):
     """Numbers of replies and samples received so far. `is_unanswered`: there is a link, but not even replies arrive."""
 
     replies: int
@@ -63,14 +63,14 @@ class Watched:
         self,
         name: str,
         lease: float,
-        arrivals: Callable[[], Arrivals],
+        arrivals: Callable[[], Received],
         report: Callable[[str], None] = lambda _: None,
         may_run: Callable[[], bool] = lambda: True,
     ) -> None:
         self.name, self.report, self.may_run, self._arrivals = name, report, may_run, arrivals
         self._least_ns = round(LEASES * lease * NS_PER_S)
         self._updated_ns = 0
-        self._newest = Arrivals(0, 0)
+        self._newest = Received(0, 0)
         self._silent_ns = 0  # time with answers, or a link, but without samples
         self._gap_ns = FIRST_GAP_NS
         self.attempts = 0
@@ -121,7 +121,7 @@ class Supervisor:
         self.checks: list[Callable[[int], None]] = []
 
     def watch(
-        self, name: str, arrivals: Callable[[], Arrivals], report: Callable[[str], None], may_run: Callable[[], bool]
+        self, name: str, arrivals: Callable[[], Received], report: Callable[[str], None], may_run: Callable[[], bool]
     ) -> Callable[[], None]:
         """Open the session again if messages of `name` stop; return a function that ends this.
 
@@ -136,11 +136,11 @@ class Supervisor:
         """Open the session again while it has links and no vehicle is present."""
         seen, times = 0, count(1)
 
-        def arrivals() -> Arrivals:
+        def arrivals() -> Received:
             nonlocal seen
             is_unanswered = not is_any_present() and self.is_linked()
             seen = seen if is_unanswered else next(times)
-            return Arrivals(0, seen, is_unanswered)
+            return Received(0, seen, is_unanswered)
 
         self.watched.append(Watched("any vehicle", self._lease, arrivals))
 

@@ -16,7 +16,7 @@ from hil.common.clock import NS_PER_S, now_ns, to_wall_ns, use_one_arena
 from hil.network.roles import client_opener, open_when_present
 from hil.network.session import Session
 from hil.network.settings import Network
-from hil.network.supervisor import Arrivals
+from hil.network.supervisor import Received
 from hil.recording.mcap_file import Message
 from hil.ros import dialect
 from hil.ros import encoders as ros
@@ -68,11 +68,11 @@ class _Source:
         self.queues = [session.collect(f"{domain}/**", DEPTH)]
         self.queues += [session.collect(keys, DEPTH, latched=True) for keys in latched]
 
-    def arrivals(self) -> Arrivals:
+    def arrivals(self) -> Received:
         """Return what has arrived. Before the first message of an open session, none are missed: nobody may publish."""
         if self._openings != self.session.openings:
             self._openings, self._counted = self.session.openings, self.count
-        return Arrivals(0, self.count, self.count > self._counted and bool(self.session.links()))
+        return Received(0, self.count, self.count > self._counted and bool(self.session.links()))
 
 
 class Tap:

@@ -5,7 +5,7 @@ import itertools
 import pytest
 
 from hil.common.clock import NS_PER_MS, NS_PER_S
-from hil.network.supervisor import FIRST_GAP_NS, GAPS, LONGEST_LINKS_NS, Arrivals, Watched
+from hil.network.supervisor import FIRST_GAP_NS, GAPS, LONGEST_LINKS_NS, Received, Watched
 from hil.network.workarounds.half_session import HalfSessions
 from hil.network.workarounds.unread_link import UnreadLinks
 
@@ -19,7 +19,7 @@ class Bed:
 
     def __init__(self) -> None:
         self.is_unanswered = False
-        self.detector = Watched("uuv1", LEASE_S, lambda: Arrivals(self.replies, self.samples, self.is_unanswered))
+        self.detector = Watched("uuv1", LEASE_S, lambda: Received(self.replies, self.samples, self.is_unanswered))
         self.now_ms = 1000
         self.replies = self.samples = 0
 
