@@ -32,10 +32,3 @@ def test_every_statement_in_a_table_has_a_test() -> None:
     assert len(rows) > 25
     for statement, tests in rows:
         assert NAMED.search(tests), f"docs/explanation/security.md: no test is named for: {statement}"
-
-
-def test_the_page_states_how_to_report() -> None:
-    text = (ROOT / "SECURITY.md").read_text()
-    assert "privately" in text
-    assert "docs/explanation/security.md" in text
-    assert "(../../SECURITY.md)" in PAGE

@@ -11,7 +11,7 @@ from hil.charts.dive.prepare import DiveOptions, prepare_dive
 from hil.charts.grid import Grid, grid_of
 from hil.charts.site import MAX_ALTITUDE, MAX_DEPTH, MIN_ALTITUDE, depth_between, find_sites
 from hil.commands import demo
-from hil.common.errors import ConfigError, MissingExtraError
+from hil.common.errors import ConfigError
 from hil.scenario.config import load_scenario
 from sim.environment.world import load_world
 from tests.support.charts.small_cell import bay
@@ -94,9 +94,3 @@ def test_wrong_arguments_are_refused(tmp_path: Path) -> None:
         demo.main(["--world", "ridge", "--start", "1,2", *arguments])
     with pytest.raises(ConfigError, match=r"nowhere.000: the chart cannot be read"):
         demo.main(["--world", "nowhere.000", *arguments])
-
-
-def test_a_dive_without_scipy_names_the_extras(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("hil.commands.demo.find_spec", lambda name: None if name == "scipy" else True)
-    with pytest.raises(MissingExtraError, match=r"needs scipy: pip install 'uuv-hil\[master,chart,imaging\]'"):
-        demo.main(["--world", "BAY.000", "--output", str(tmp_path)])

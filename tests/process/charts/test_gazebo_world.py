@@ -184,13 +184,6 @@ def test_a_shape_without_collision_is_seen_but_not_hit(tmp_path: Path) -> None:
     assert world.clearance(0.0, 0.0, 3.0) == pytest.approx(8.0)
 
 
-def test_a_saved_world_has_the_poses_of_its_state(tmp_path: Path) -> None:
-    box = _solid("<box><size>1 1 1</size></box>")
-    state = '<state world_name="w"><model name="crate"><pose>7 -3 -9 0 0 0</pose></model></state>'
-    (crate,) = _imported(tmp_path, _model("crate", "1 2 -5 0 0 0", box) + state).world.box
-    assert (crate.north, crate.east, crate.top, crate.bottom) == (-3.0, 7.0, 8.5, 9.5)
-
-
 def test_a_saved_world_has_the_poses_of_its_links_and_nested_models(tmp_path: Path) -> None:
     """All poses of a `<state>` are in the world: a nested link without one of its own moves with its nested model."""
     box = _solid("<box><size>1 1 1</size></box>")

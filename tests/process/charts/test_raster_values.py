@@ -87,12 +87,6 @@ def test_a_local_coordinate_system_is_refused(tmp_path: Path) -> None:
     assert depth_of(open_raster(path, crs="EPSG:32632")) == MIDDLE
 
 
-def test_an_option_for_a_file_with_its_own_coordinate_system_is_reported_as_unused(tmp_path: Path) -> None:
-    path = write(tmp_path / "own.tif", DEPTHS, names=("depth",))
-    assert "own.tif: --crs is not used" in open_raster(path, crs="EPSG:32605").note
-    assert open_raster(path, crs="EPSG:32632").note == ""
-
-
 def test_metres_declared_as_degrees_are_refused_with_the_remedy(tmp_path: Path) -> None:
     path = write(tmp_path / "wrong.tif", -DEPTHS, crs="EPSG:4326")
     with pytest.raises(ConfigError, match=r"positions up to 6e\+06: correct the file, .* gdal_edit\.py -a_srs"):

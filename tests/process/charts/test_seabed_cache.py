@@ -11,7 +11,7 @@ import pytest
 from hil.charts import seabed_cache as module
 from hil.charts.build import MAX_OWN_NODES, build, default_resolution
 from hil.charts.build_process import read_and_build
-from hil.charts.chart_survey import LINE_ACCURACY, GeoBox
+from hil.charts.chart_survey import LINE_ACCURACY
 from hil.charts.dive.prepare import DiveOptions, prepare_dive
 from hil.charts.grid import Grid, grid_of
 from hil.charts.hazards import MIN_HEIGHT, SeabedModel
@@ -176,12 +176,3 @@ def test_sites_of_a_large_grid_are_searched_where_the_bed_is_steep() -> None:
     depths[40:60, 40:60] += np.random.default_rng(1).uniform(-2.0, 2.0, (20, 20)).astype(np.float32)
     best = next(find_sites(Grid(depths, 0.0, 0.0, 10.0), 50.0))
     assert all(380.0 <= axis <= 610.0 for axis in best.start)
-
-
-def test_an_area_uses_the_soundings_beside_it(tmp_path: Path) -> None:
-    """An area without a sounding of its own has the bed that the soundings beside it make."""
-    path = bay().write(tmp_path / "BAY.000")
-    survey, extent = read_sources([path], GeoBox(54.0041, 10.0081, 54.0046, 10.0089), 5.0)
-    built = build(survey, extent, 5.0)
-    assert built.report.soundings < 3
-    assert np.isfinite(built.model.grid.depths).all()

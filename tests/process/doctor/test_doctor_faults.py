@@ -156,17 +156,7 @@ def test_each_planted_fault_is_found(
         (None, "can0 does not exist", "dtoverlay=mcp2515-can0"),
         ({"flags": "0x40080"}, "can0 is down", "sudo ip link set can0 up type can bitrate 500000 ("),
         ({"bitrate": 1_000_000}, "runs at 1000000 bit/s, but the scenario has 500000", "bitrate = 1000000"),
-        (
-            {"bitrate": 1_000_000},
-            "runs at 1000000 bit/s",
-            "can0 down; sudo ip link set can0 up type can bitrate 500000; ",
-        ),
         ({"state": "BUS-OFF"}, "can0 is in the state BUS-OFF", "120 ohms"),
-        (
-            {"state": "BUS-OFF"},
-            "BUS-OFF",
-            "restart-ms 100 (if the driver can); sudo ip link set can0 up type can bi",
-        ),
         ({"state": "ERROR-PASSIVE"}, "can0 is in the state ERROR-PASSIVE", "120 ohms"),
     ],
 )

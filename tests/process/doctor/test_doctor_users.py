@@ -2,7 +2,6 @@
 
 import os
 import pty
-import pwd
 import stat
 from collections.abc import Iterator
 from pathlib import Path
@@ -22,7 +21,6 @@ from hil.install.units import UNIT
 from hil.scenario.config import Scenario, load_scenario
 from tests.support.boards.recorded import plant
 
-NOBODY = pwd.getpwnam("nobody")
 LIMITS = """\
 Limit                     Soft Limit           Hard Limit           Units
 Max locked memory         {locked:<20} 8388608              bytes
@@ -121,12 +119,6 @@ def test_without_root_the_limits_of_others_cannot_be_determined(monkeypatch: pyt
     assert (found.level, found.text) == ("note", "the limits of uuv cannot be determined")
     assert found.remedy == "run the same command with sudo and --user uuv"
     assert not list(doctor_software.check_scheduling(case))
-
-
-def test_limits_of_a_user_without_a_session_cannot_be_determined(account: User) -> None:
-    (found,) = doctor_board.check_realtime_limits(Case(Runner(None), None, scenario(), account))
-    assert (found.level, found.text) == ("note", "the limits of uuv cannot be determined")
-    assert found.remedy == "see: runuser -u uuv -- true"
 
 
 @as_root

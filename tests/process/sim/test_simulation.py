@@ -10,7 +10,6 @@ from sim.sensors.imu import ImuModel
 from sim.sensors.mounting import Mounting
 from sim.sensors.odometry import OdometryModel
 from sim.sensors.ranging.dvl import Dvl, DvlModel
-from sim.sensors.samples import OdometrySample
 from sim.sensors.sensor_set import SensorSet, SensorSpec, read_sensors, select_sensors
 from sim.simulation import Simulation
 from sim.vehicle.vehicle import load_vehicle
@@ -73,15 +72,6 @@ def test_a_vehicle_at_rest_stays_at_rest() -> None:
         assert simulation.contacts == 0
 
 
-def test_the_ground_truth_sample_is_the_true_state() -> None:
-    simulation = Simulation(VEHICLE, FIELD, position=(0.0, 0.0, 3.0))
-    samples = [pair for _ in range(20) for pair in simulation.step((1700,) * 6)]
-    topic, sample = samples[-1]
-    assert topic == "ground_truth"
-    assert isinstance(sample, OdometrySample)
-    assert sample == simulation.truth()
-
-
 def test_a_collision_appears_in_the_acceleration() -> None:
     simulation = Simulation(VEHICLE, load_world("pool"), position=(8.5, 0.0, 2.0))
     hardest = 0.0
@@ -107,20 +97,6 @@ def test_sensor_sections_of_a_scenario_change_the_defaults() -> None:
     simulation = Simulation(VEHICLE, FIELD, sensors, position=(0, 0, 3))
     counts = Counter(topic for _ in range(400) for topic, _ in simulation.step(IDLE))
     assert counts == {"imu": 50, "pressure": 20, "odom": 10, "ground_truth": 20}
-
-
-@pytest.mark.parametrize(
-    ("sections", "message"),
-    [
-        ({"imy": {}}, "no sensor 'imy'; did you mean 'imu'?"),
-        ({"imu": 7}, "imu: expected a table, such as [sensors.imu]"),
-        ([], "expected a table for each sensor, such as [sensors.imu]"),
-    ],
-)
-def test_wrong_sensor_sections_are_named(sections: object, message: str) -> None:
-    with pytest.raises(ConfigError, match=r"mine\.toml: sensors") as caught:
-        read_sensors(sections, "mine.toml: sensors")
-    assert message in str(caught.value)
 
 
 def test_latency_delays_samples_and_drop_out_loses_them() -> None:

@@ -117,28 +117,6 @@ def test_the_resultant_is_the_sum_limited_to_top_speed(
     assert (north, east) == pytest.approx((share * whole[0], share * whole[1]), rel=1e-6, abs=1e-6)
 
 
-@given(POINTS, POINTS, st.lists(POINTS, max_size=3), st.floats(-math.pi, math.pi), POINTS)
-def test_the_resultant_rotates_and_shifts_with_the_world(
-    position: Vector, target: Vector, neighbours: list[Vector], angle: float, shift: Vector
-) -> None:
-    """A world that is turned and moved turns the velocity with it."""
-    assume(all(abs(math.dist(position, n) - edge) > 1e-6 for n in neighbours for edge in (0.0, 0.5, 1.4, 4.0, 5.0)))
-
-    def rotate(vector: Vector) -> Vector:
-        c, s = math.cos(angle), math.sin(angle)
-        return c * vector[0] - s * vector[1], s * vector[0] + c * vector[1]
-
-    def transform(point: Vector) -> Vector:
-        north, east = rotate(point)
-        return north + shift[0], east + shift[1]
-
-    settings = FieldSettings()
-    expected = resultant(position, target, (0.1, 0.0), [Body(n, 0.5) for n in neighbours], [], settings)
-    bodies = [Body(transform(n), 0.5) for n in neighbours]
-    found = resultant(transform(position), transform(target), rotate((0.1, 0.0)), bodies, [], settings)
-    assert found == pytest.approx(rotate(expected), rel=1e-6, abs=1e-6)
-
-
 @given(POINTS, st.lists(POINTS, min_size=1, max_size=3))
 def test_a_neighbour_that_need_not_stay_in_range_exerts_no_attraction(
     position: Vector, neighbours: list[Vector]

@@ -3,7 +3,7 @@
 import importlib
 import math
 import os
-from itertools import groupby, pairwise
+from itertools import pairwise
 from typing import Any
 
 import pytest
@@ -131,19 +131,6 @@ def test_a_spline_passes_through_its_points_without_jumps(points: list[tuple[flo
     for point in points:
         assert min(math.dist(point, sample.position) for sample in samples) <= 0.5 * step * (1.0 + 1e-6)
     assert all(math.dist(a.position, b.position) <= step * (1.0 + 1e-6) for a, b in pairwise(samples))
-
-
-@pytest.mark.parametrize("points", [WAYPOINTS, OUT_AND_BACK, STRAIGHT_BACK], ids=["open", "narrow bends", "cusps"])
-def test_a_splines_length_is_that_of_its_chords(points: list[tuple[float, float, float]]) -> None:
-    """The length is that of the chords between 200,000 points, which quadrature with a few nodes misses near a cusp."""
-    numpy = pytest.importorskip("numpy")
-    curve, length = Spline(points), 0.0
-    chords = [math.dist(a, b) for a, b in pairwise(points)]
-    for (_, cubics), chord in zip(groupby(curve._parts, key=lambda piece: id(piece.cubics)), chords, strict=True):
-        t = numpy.linspace(0.0, chord, 200_001)
-        axes = [cubic.value(t) for cubic in next(cubics).cubics]
-        length += numpy.sqrt(sum(numpy.diff(axis) ** 2 for axis in axes)).sum()
-    assert curve.length == pytest.approx(length, rel=1e-8)
 
 
 def test_a_spline_agrees_with_scipy() -> None:

@@ -7,13 +7,14 @@ from random import Random
 
 import pytest
 
+from hil.autonomy.control.allocation import Allocator
 from hil.autonomy.fleets.formation import Body, FieldSettings, attraction, communication, repulsion
 from hil.bench.table.hil_table import PAPER_BOARDS
 from hil.scenario.config import load_scenario
 from sim.environment.world import load_world
 from sim.sensors.error import ErrorModel, ErrorProcess
+from sim.vehicle.thrusters.bank import wrench_matrix
 from sim.vehicle.vehicle import load_vehicle
-from tests.support.flights.four_vectored import four_vectored
 from tests.support.flights.paper_hunt import FORMATIONS, TARGET
 
 PAGE = Path(__file__).parents[3] / "docs/explanation/reference_platform.md"
@@ -83,8 +84,11 @@ def equation_13_as_printed(angle: float, radius: float, surge: float, sway: floa
 @pytest.mark.parametrize("axis", range(3))
 def test_equation_13_at_45_degrees_has_our_patterns(axis: int) -> None:
     motion = [float(axis == number) for number in range(3)]
-    front_right, front_left, rear_right, rear_left = four_vectored(motion[0], motion[1], motion[2], 0.2)
-    thrusts = (rear_right, rear_left, front_right, front_left)
+    matrix = wrench_matrix(load_vehicle("paper_six")[0])
+    wrench = (motion[0], motion[1], 0.0, 0.0, 0.0, motion[2])
+    thrusts, _ = Allocator(matrix, [1e6] * 6, [1e6] * 6).allocate(wrench)
+    front_right, front_left, rear_right, rear_left = thrusts[:4]
+    thrusts = [rear_right, rear_left, front_right, front_left]
     printed = equation_13_as_printed(pi / 4.0, 0.2, *motion)
     scale = thrusts[0] / printed[0]
     assert scale > 0.0

@@ -187,14 +187,6 @@ def test_a_gazebo_world_has_terrain_and_obstacles(tmp_path: Path) -> None:
     assert metres[-1, -1] == pytest.approx(6.0, abs=rounding * 1.01)
 
 
-def test_a_pool_has_walls_in_gazebo(tmp_path: Path) -> None:
-    pool = load_world("pool")
-    write_gazebo(pool, grid_of(pool), str(tmp_path / "pool.sdf"))
-    root = ElementTree.parse(tmp_path / "pool.sdf").getroot()
-    assert len(root.findall(".//model")) == 5
-    assert len(root.findall(".//collision/geometry/box")) == 4
-
-
 @pytest.mark.parametrize(("nodes", "side"), [(2, 3), (17, 17), (18, 33), (300, 513)])
 def test_height_maps_are_square_with_a_side_of_a_power_of_two_plus_one(nodes: int, side: int) -> None:
     image, _, _ = height_map(Grid(np.random.default_rng(1).random((2, nodes)).astype(np.float32), 0.0, 0.0, 1.0))

@@ -17,21 +17,6 @@ def test_no_line_exceeds_the_terminal_and_no_character_is_lost(rows: list[list[s
     assert sorted("".join(map("".join, rows)).replace(" ", "")) == sorted("".join(lines).replace(" ", ""))
 
 
-def test_words_are_not_broken_while_there_is_room() -> None:
-    rows = [("topic", "type"), ("/uuv1/dvl", "marine_acoustic_msgs/msg/Dvl"), ("/uuv1/imu", "sensor_msgs/msg/Imu")]
-    assert aligned(rows, rule=True, width=34) == [
-        "topic      type",
-        "---------  -----------------------",
-        "/uuv1/dvl  marine_acoustic_msgs/",
-        "           msg/Dvl",
-        "/uuv1/imu  sensor_msgs/msg/Imu",
-    ]
-
-
-def test_numbers_are_right_aligned_and_rows_indented() -> None:
-    assert aligned([("a", "1.50"), ("bb", "22.75")], right=True, indent="  ") == ["   a   1.50", "  bb  22.75"]
-
-
 @pytest.mark.parametrize(("columns", "longest"), [("40", 40), ("200", 100)])
 def test_the_width_is_that_of_the_terminal(columns: str, longest: int, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", columns)

@@ -205,20 +205,12 @@ def test_the_slave_checks_its_endpoint_with_and_without_argparse(
     [
         (["slav"], "slave"),
         (["bench", "tabel"], "table"),
-        (["topic", "lst"], "list"),
-        (["board", "instal", "mine.toml"], "install"),
         (["sim", "--fsat"], "--fast"),
         (["master", "paper_field", "--connect=pi", "--takeover"], "--take-over"),
         (["sim", "paper_feild"], "paper_field"),
-        (["vehicle", "blurov2"], "bluerov2"),
-        (["world", "show", "pol"], "pool"),
         (["link", "frame", "check", "aa5"], "aa55"),
         (["case", "path_planing"], "path_planning"),
         (["link", "loopback", "--stm32", "unicron"], "unicorn"),
-        (["link", "loopback", "--protocol", "mavlnk"], "mavlink"),
-        (["slave", "paper_field", "--board", "raspbery_pi_4b"], "raspberry_pi_4b"),
-        (["doctor", "--board", "raspbery_pi_4b"], "raspberry_pi_4b"),
-        (["bench", "delay", "--stm32", "pyton"], "python"),
     ],
 )
 def test_a_similar_name_is_suggested(arguments: list[str], suggestion: str, capsys: pytest.CaptureFixture[str]) -> None:
@@ -226,20 +218,6 @@ def test_a_similar_name_is_suggested(arguments: list[str], suggestion: str, caps
     (line,) = capsys.readouterr().err.splitlines()
     assert f"did you mean '{suggestion}'?" in line
     assert len(re.findall("uuv-hil", line.partition("; see ")[0])) == 1, "a prefix twice"
-
-
-@pytest.mark.parametrize(
-    ("arguments", "line"),
-    [
-        (["world", "export", "pool", "-o", "x.sdf"], "no option '-o'; see"),  # another subcommand has it
-        (["sim", "-q"], "no option '-q'; see"),
-        (["world", "shwo"], "ACTION: 'shwo' is not one of build, show, export, import, list; did you mean 'show'?"),
-        (["keys", "ad"], "ACTION: 'ad' is not one of init, add; did you mean 'add'?; see"),
-    ],
-)
-def test_an_unknown_name_is_reported_once(arguments: list[str], line: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.main(arguments) == 2
-    assert capsys.readouterr().err.startswith(f"uuv-hil {arguments[0]}: {line}")
 
 
 def test_every_output_file_is_checked_first() -> None:

@@ -105,11 +105,6 @@ def test_reports_and_the_watchdog_follow_the_callers_clock(bench: Bench) -> None
     assert (report.age_us, report.timed_out) == (200_000, True)
 
 
-def test_the_deadline_is_every_5_ms(bench: Bench) -> None:
-    assert bench.end.deadline_ns == START_NS + 5 * MS
-    assert bench.end.fileno() == bench.end.wire.fileno()
-
-
 def test_a_pause_of_the_machine_does_not_trip_the_watchdog(bench: Bench) -> None:
     bench.send(command(1))
     bench.now_ns += 10_000 * MS

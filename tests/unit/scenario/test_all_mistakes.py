@@ -121,17 +121,6 @@ def test_a_vehicle_lists_the_mistakes_of_all_sections_and_common_ones_once(tmp_p
         assert sum(line.startswith(start) for line in found) == 1, found
 
 
-def test_contradictions_of_a_vehicle_are_listed_together(tmp_path: Path) -> None:
-    path = tmp_path / "mine.toml"
-    text = Path(find_preset("sim/vehicles", "bluerov2")).read_text()
-    lines = [line for line in text.splitlines() if not line.startswith(("inertia", "linear_damping"))]
-    wrong = ["inertia = [1.0, 1.0, 9.0]", "linear_damping = [-1.0, 1.0, 1.0, 1.0, 1.0, 1.0]"]
-    path.write_text("\n".join([*wrong, *lines]))
-    with pytest.raises(ConfigError) as caught:
-        load_vehicle(str(path))
-    assert [line.split()[0] for line in mistakes(caught.value, path)] == ["inertia", "linear_damping"]
-
-
 @pytest.mark.parametrize("drag", ["1.1", "[1.1]"])
 def test_one_number_stands_for_an_array_of_one(tmp_path: Path, drag: str) -> None:
     path = tmp_path / "mine.toml"

@@ -62,16 +62,6 @@ def test_sim_warns_and_runs(tmp_path: Path, capsys: pytest.CaptureFixture[str]) 
     assert "WARNING" not in capsys.readouterr().err
 
 
-def test_demo_warns_before_it_starts_processes(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("hil.commands.demo.require_free", lambda *_, **__: None)
-    monkeypatch.setattr("hil.commands.demo._run", lambda *_: 0)
-    path = scenario_file(tmp_path, TIPPING, 0.8)
-    assert main(["demo", path, "--output", str(tmp_path / "run")]) == 0
-    assert capsys.readouterr().err.startswith("WARNING: ")
-
-
 def test_doctor_reports_it_as_a_note(tmp_path: Path) -> None:
     me = User("me", 0, ())
     for vehicle, noted in ((TIPPING, True), ("bluerov2_heavy", False)):

@@ -76,11 +76,3 @@ def test_restoring_forces_equal_mss() -> None:
     nu_dot = dynamics.acceleration(DEEP, rotation, NOTHING, NOTHING, STILL)
     g = [-row[0] for row in product(dynamics.mass, [[x] for x in nu_dot])]
     assert g == pytest.approx(case["g"], rel=EXACT)
-
-
-def test_rotation_matrices_equal_mss() -> None:
-    """The matrix Rzyx equals that of the quaternion of the same angles."""
-    case = ORACLE["Rzyx"]
-    q = from_euler(case["phi"], case["theta"], case["psi"])
-    assert q == pytest.approx(case["q"], rel=EXACT)
-    assert matrix(q) == pytest.approx([x for row in case["R"] for x in row], rel=EXACT)

@@ -6,7 +6,7 @@ from math import pi
 import pytest
 
 from sim.dynamics import State
-from sim.environment.ocean import Layers, Ocean, Profile, Series, Waves
+from sim.environment.ocean import Layers, Ocean, Profile, Waves
 from sim.environment.seawater.water_column import WaterColumn
 from sim.environment.water import FluidMotion, SampledWaves, wave_inertia
 from sim.environment.waves import WaveField
@@ -55,23 +55,6 @@ def test_a_current_of_the_world_moves_the_vehicle() -> None:
     run(simulation, 120.0)
     assert over_ground(simulation) == pytest.approx((0.4, -0.1, 0.0), abs=0.01)
     assert simulation.truth().position[0] > 30.0
-
-
-def test_one_row_of_layers_is_the_steady_current() -> None:
-    """The result is that of `current` to the last bit, as one layer means the same."""
-    vehicle = at_sea(Ocean(layers=Layers((5.0,), north=(0.3,), east=(-0.1,))))
-    constant = Simulation(VEHICLE, SEA._replace(current=(0.3, -0.1, 0.0)), QUIET, 1, position=(0, 0, 6.0), heading=0.7)
-    run(vehicle, 5.0)
-    run(constant, 5.0)
-    assert vehicle.truth() == constant.truth()
-
-
-def test_a_current_follows_its_time_series() -> None:
-    simulation = at_sea(Ocean(series=Series((0.0, 40.0, 41.0), north=(0.5, 0.5, 0.0))))
-    run(simulation, 40.0)
-    assert over_ground(simulation)[0] == pytest.approx(0.5, abs=0.05)
-    run(simulation, 60.0)
-    assert over_ground(simulation)[0] < 0.1
 
 
 # -- waves in the simulation --------------------------------------------------------------------------------------
@@ -204,18 +187,6 @@ def test_pressure_is_the_weight_of_the_water_above(first: float) -> None:
         weight = sum(column.density(0.5 * (a + b)) * (b - a) * G for a, b in pairwise(edges))
         assert column.pressure(depth) == pytest.approx(weight, rel=1e-14)
     assert column.pressure(0.0) == column.pressure(-2.0) == 0.0
-
-
-def test_pressure_of_a_linear_stratification() -> None:
-    """Density is rho0 + N² rho0 / g z, so that p = rho0 g z + N² rho0 z² / 2."""
-    rho0, slope = 1025.0, 1e-4 * 1025.0 / G
-    column = WaterColumn(Profile((0.0, 500.0), (rho0, rho0 + 500.0 * slope)), G)
-    for depth in (1.0, 77.0, 500.0):
-        assert column.pressure(depth) == pytest.approx(rho0 * G * depth + 0.5 * slope * G * depth**2, rel=1e-14)
-
-
-def test_pressure_of_one_density_is_the_plain_product() -> None:
-    assert WaterColumn(Profile((10.0,), (1025.0,)), G).pressure(33.0) == pytest.approx(1025.0 * G * 33.0, rel=1e-15)
 
 
 def test_the_pressure_sensor_uses_the_density_profile() -> None:

@@ -8,7 +8,6 @@ from math import pi
 import pytest
 
 from hil.common.errors import ConfigError
-from hil.common.schema import preset_names
 from sim.assembly import make_state
 from sim.dynamics import Integrator, State
 from sim.environment.obstacles import Box, Cylinder
@@ -20,7 +19,6 @@ from sim.sensors.imu import Imu, ImuModel
 from sim.sensors.mounting import Mounting
 from sim.sensors.samples import ImuSample
 from sim.vehicle.failures import Failure
-from sim.vehicle.vehicle import load_vehicle
 from tests.support.flights.ride import Ride, all_of, twins
 
 pytestmark = pytest.mark.usefixtures("native")
@@ -42,23 +40,6 @@ def test_steps_are_equal_among_obstacles(integrator: Integrator, monkeypatch: py
     assert 50 < ride.touches < 2400
     assert ride.pair[0].contacts > 10
     assert ride.samples > 500
-
-
-def test_steps_are_equal_above_a_bare_seabed(monkeypatch: pytest.MonkeyPatch) -> None:
-    ride = Ride(twins(monkeypatch, FLAT))
-    ride.run_and_compare(500)
-    assert not ride.touches
-    for depth in (5.9, 0.0, 5.0, 6.5):
-        ride.set_position((1.0, 2.0, depth))
-        ride.run_and_compare(500)
-    assert 5 < ride.touches < 1500
-
-
-@pytest.mark.parametrize("name", preset_names("sim/vehicles"))
-def test_steps_of_every_vehicle_are_equal(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    ride = Ride(twins(monkeypatch, FLAT._replace(depth=60.0), load_vehicle(name)[0]), seed=7)
-    assert ride.pair[1]._fused
-    ride.run_and_compare(240)
 
 
 def test_steps_are_equal_over_relief(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -6,9 +6,6 @@ import sys
 from collections import Counter
 from pathlib import Path
 
-import pytest
-
-from hil.common.errors import ConfigError
 from hil.ros import encoders as ros
 from hil.ros.topics import DESCRIPTIONS, TOPICS
 from hil.scenario.config import build_simulation, load_scenario
@@ -115,22 +112,6 @@ at = "1 s"
     assert counts["gps"] == 49  # the last one is still under way
     assert counts["leak"] == 10
     assert 1 <= counts["usbl"] <= 9
-
-
-@pytest.mark.parametrize(
-    ("section", "message"),
-    [
-        ("[sensors.gpss]\n", "no sensor 'gpss'; did you mean 'gps'?"),
-        ("[sensors.altimeter]\nmin_range = 5\nmax_range = 1\n", "altimeter: min_range is not below max_range"),
-        ("[sensors.dvl_water]\nnear = 5\nfar = 1\n", "dvl_water: near is not below far"),
-        ("[sensors.leak]\nat = true\n", "leak: at: expected a number in s, found true"),
-        ("[sensors.ahrs]\nrate = 800\n", "sensor 'ahrs': its rate is above 400 Hz"),
-    ],
-)
-def test_wrong_keys_are_named(tmp_path: Path, section: str, message: str) -> None:
-    with pytest.raises(ConfigError) as caught:
-        scenario(tmp_path, section)
-    assert message in str(caught.value)
 
 
 LEAN = """

@@ -143,18 +143,6 @@ def test_a_vehicle_does_not_pass_through_steps(heading: float) -> None:
     assert simulation.contacts > 0
 
 
-def test_a_vehicle_comes_to_rest_in_a_hollow() -> None:
-    """The water's drag stops it, and the whole is one contact."""
-    vehicle = sinking()._replace(linear_damping=(20.0,) * 6)
-    simulation = Simulation(vehicle, world_of(Sinusoid(8.0, 1.0, 10.0)), {}, dt_ns=STEP_NS, position=(-2.0, 0.0, 5.0))
-    for _ in range(3000):
-        simulation.step((1500,) * 6)
-    assert simulation.touching
-    assert 1 <= simulation.contacts < 10  # from corner to corner
-    assert simulation.state.position[0] == pytest.approx(-2.5, abs=0.3)
-    assert max(map(abs, simulation.state.nu)) < 0.01
-
-
 def test_a_start_inside_a_slope_is_detected() -> None:
     world = world_of(Slope(8.0, 0.5))
     assert not starts_inside(VEHICLE, world, (0.0, 0.0, 7.0))

@@ -96,20 +96,3 @@ def test_broad_colours_have_different_coefficients_for_scene_and_veil() -> None:
     assert near.attenuation[0] > 1.2 * near.backscatter[0]
     assert near.attenuation[0] > 1.2 * far.attenuation[0]
     assert near.veil == far.veil
-
-
-@pytest.mark.parametrize("name", TYPES)
-def test_natural_waters_darken_with_depth_and_lose_red_first(name: str) -> None:
-    """Deeper water is darker, and red is absorbed before the colour that the type transmits best."""
-    shallow, deep = jerlov(name, 1.0), jerlov(name, 20.0)
-    assert all(a > b for a, b in zip(shallow.light, deep.light, strict=True))
-    assert all(0.0 < x < 1.0 for x in (*shallow.light, *shallow.veil, *deep.veil))
-    assert deep.light[1] > 2.0 * deep.light[0] or name in ("7C", "9C")
-    assert (deep.light[2] > deep.light[1]) == (name in ("I", "IA", "IB", "II"))
-
-
-def test_turbid_waters_attenuate_more() -> None:
-    ocean = [jerlov(name).attenuation[1] for name in ("I", "IA", "IB", "II", "III")]
-    coast = [jerlov(name).attenuation[1] for name in ("1C", "3C", "7C", "9C")]
-    assert ocean == sorted(ocean)
-    assert coast == sorted(coast)

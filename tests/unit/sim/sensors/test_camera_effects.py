@@ -16,7 +16,6 @@ from sim.environment.world import World
 from sim.rays.scene import RayScene
 from sim.rotations import from_euler
 from sim.rotations import integrate as turn
-from sim.sensors.imaging.camera import picture
 from sim.sensors.imaging.camera.image_sensor import ImageSensor, normal_noise
 from sim.sensors.imaging.camera.lamps import _BACKWARD_SHARE, Lamps
 from sim.sensors.imaging.camera.model import CameraModel
@@ -94,11 +93,6 @@ def test_backscatter_is_the_integral_of_single_scattering(water: str, distance: 
 
         expected = integrate.quad(recorded_picture, 0.4, distance)[0]
         assert veil[channel] == pytest.approx(expected, rel=0.03)
-
-
-def test_backscatter_brightens_the_picture_in_proportion_to_its_key() -> None:
-    means = [colours(take_picture(backscatter=share, exposure=3.0, **LAMPS)).mean() for share in (0.0, 0.3, 1.0)]
-    assert means[0] < means[1] < means[2]
 
 
 def test_marine_snow_is_fixed_in_the_water_and_seeded() -> None:
@@ -255,16 +249,6 @@ def test_the_compiled_pass_gives_the_same_light(
         assert np.array_equal(ranges, surfaces[0])
         assert np.array_equal(objects, surfaces[1])
         assert expected.std() > 0.01
-
-
-def test_the_compiled_pass_is_made_only_with_caustics(monkeypatch: pytest.MonkeyPatch) -> None:
-    pictures: list[float] = []
-    monkeypatch.setattr(picture, "load_picture", lambda: print)
-    monkeypatch.setattr(picture, "Shading", lambda *_: pictures.append(1.0))
-    scene = Simulation(VEHICLE, PILED, {}, position=(0.0, 0.0, 2.0))
-    for caustics in (0.5, 0.0):
-        Camera(KEYS._replace(caustics=caustics), Mounting(), 1, scene)
-    assert len(pictures) == 1
 
 
 def test_the_compiled_pass_refuses_mismatched_buffers() -> None:
