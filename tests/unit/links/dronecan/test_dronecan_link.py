@@ -215,3 +215,11 @@ class TestDroneCanOnSocketCan(DroneCan):
 
 class TestDroneCanOnVirtualCan(VirtualCanContract, DroneCan):
     pass
+
+
+def test_transfers_of_a_kind_are_numbered_one_after_the_other() -> None:
+    """A receiver counts a gap as lost transfers."""
+    master = host(1)
+    sent = [frame for n in range(40) for frame in frames(master.encode(ThrusterCommand(n, True, (1600,))))]
+    numbers = [frame.data[-1] & 31 for frame in sent if frame.id >> 8 & 0xFFFF == types.RAW_COMMAND.id]
+    assert numbers == [number % 32 for number in range(40)]

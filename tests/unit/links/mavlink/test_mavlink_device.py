@@ -130,3 +130,12 @@ def test_the_latest_of_several_commanders_takes_effect(armed: Ground) -> None:
         assert armed.set_servo(1, 1700 + i) == ACCEPTED
         assert armed.board.pwm_us == [1700 + i] + [1550 + i] * 3
     assert armed.board.stm32.refused == 0
+
+
+def test_a_packet_that_comes_late_is_refused(armed: Ground) -> None:
+    host = Peer(1, 191)
+    packets = [host.servos([1600 + i] * 4) for i in range(4)]
+    for number in (0, 3, 1, 2):
+        armed.exchange(packets[number])
+    assert armed.board.pwm_us == [1603] * 4
+    assert armed.board.stm32.refused == 2
