@@ -31,8 +31,7 @@ class JsonState(NamedTuple):
 
     `time`: s. `gyro`: rad/s, and `acceleration`: m/s² (specific force), both FRD. `position` and `velocity`: NED, m and
     m/s. `quaternion`: w x y z, body to NED. Left out if empty: `ranges` (m; nan: no echo, which ArduPilot takes for no
-    data, while it keeps the value of a name that is left out), `rc` (us), `battery` (V, A), and
-    `geodetic` (latitude and longitude in degrees, m above mean sea level), without which ArduPilot uses `position`.
+    data, while it keeps the value of a name that is left out), `rc` (us), `battery` (V, A).
     """
 
     time: float
@@ -44,7 +43,6 @@ class JsonState(NamedTuple):
     ranges: Sequence[float] = ()
     rc: Sequence[int] = ()
     battery: Sequence[float] = ()
-    geodetic: Sequence[float] = ()
 
 
 def decode_servos(packet: bytes) -> ServoPacket | None:
@@ -67,9 +65,6 @@ def encode_state(state: JsonState) -> bytes:
         f'"quaternion":{_vector(state.quaternion)}',
         *[f'"rng_{number}":{value:.3f}' for number, value in enumerate(state.ranges[:MAX_RANGES], 1)],
     ]
-    if state.geodetic:
-        latitude, longitude, altitude = state.geodetic
-        parts.append(f'"latitude":{latitude:.9f},"longitude":{longitude:.9f},"altitude":{altitude:.4f}')
     if state.rc:
         channels = [f'"rc_{number}":{pulse}' for number, pulse in enumerate(state.rc[:MAX_RC], 1)]
         parts.append(f'"rc":{{{",".join(channels)}}}')

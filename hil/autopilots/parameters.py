@@ -21,9 +21,9 @@ MOTOR_1 = 101  # PX4's output function of its first motor
 MAX_ROTORS = 12
 TOLERANCE = 2e-5  # of values that were rounded to text and to 32 bits, and of the offset that program.py adds
 # PX4's functions for accessories (actuator set 1, gripper, pitch of a gimbal) at the outputs after its motors, and what
-# starts its gripper and its gimbal, commanded by gimbal messages, at an output that turns 45 degrees up and down
+# starts its gripper, in some versions, and its gimbal, commanded by gimbal messages
 PX4_ACCESSORIES = {MAX_ROTORS + 1: 301, MAX_ROTORS + 2: 430, MAX_ROTORS + 3: 421}
-_PX4_DEVICES: dict[str, float] = {"PD_GRIPPER_EN": 1, "MNT_MODE_IN": 4, "MNT_MODE_OUT": 0, "MNT_RANGE_PITCH": 90.0}
+_PX4_DEVICES: dict[str, float] = {"PD_GRIPPER_EN": 1, "MNT_MODE_IN": 4}
 
 Parameters = Mapping[str, float]
 NO_SENSORS: SensorSet = MappingProxyType({})

@@ -11,7 +11,7 @@ from contextlib import suppress
 
 from hil.autopilots.contract import Report
 from hil.autopilots.parameters import Parameters, format_parameters, number_text, read_parameters, scenario_parameters
-from hil.autopilots.start_options import ardusub_options
+from hil.autopilots.start_options import AIRFRAME, ardusub_options
 from hil.common.children import foreign_command, start_child
 from hil.common.errors import ConfigError, DeviceError
 from hil.common.scratch import lock_unused
@@ -21,7 +21,6 @@ from hil.scenario.config import Scenario
 from sim.environment.world import World
 from sim.vehicle.vehicle import Vehicle
 
-AIRFRAME = "1022"  # PX4's underwater vehicle; parameters then set its geometry
 LAST_LINES = 5
 OFFSET = 1e-5
 END_S = 3.0  # from PX4's SIGTERM, on which it completes its log, to SIGKILL

@@ -11,6 +11,7 @@ sender there, so the port for companion computers is left to them.
 
 import socket
 from contextlib import suppress
+from math import nan
 from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
@@ -124,6 +125,7 @@ class Px4(Autopilot):
     def advance(self, time_ns: int, truth: OdometrySample) -> None:
         """Send HIL_SENSOR if it is due, with other new data. Raises DeviceError."""
         self._time_ns, self._truth = time_ns, truth
+        self._inputs.expire(time_ns)
         with suppress(OSError):  # nothing has come, or SITL does not listen yet
             while self.is_sitl:
                 for message in self._camera_stream.unpack(self._camera.recv(READ_SIZE)):
@@ -310,7 +312,8 @@ class Px4(Autopilot):
             return hil_messages.encode_odometry(time_us, inputs.odometry, inputs.odometry_variances)
         if self._positions == "pressure":
             return hil_messages.encode_velocity(time_us, inputs.depth, None)
-        return hil_messages.encode_velocity(time_us, inputs.depth + inputs.dvl_below, inputs.dvl)
+        depth = nan if "pressure" in inputs.missing else inputs.depth + inputs.dvl_below
+        return hil_messages.encode_velocity(time_us, depth, inputs.dvl)
 
     def _beside(self) -> list[Any]:
         """Send SITL the origin, and requests of its estimate and parameters; for a board, return them."""

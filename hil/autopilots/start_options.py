@@ -1,4 +1,4 @@
-"""The options with which ArduSub's SITL program is started, by this program or by hand."""
+"""The options with which SITL programs are started, by this program or by hand."""
 
 import os
 from math import degrees
@@ -9,6 +9,7 @@ from hil.scenario.autopilot_records import COMPANION_PORT, GROUND_PORT, Autopilo
 from hil.scenario.config import Scenario
 from sim.environment.world import World
 
+AIRFRAME = "1022"  # PX4's underwater vehicle; parameters then set its geometry
 SPEEDUP = 100  # faster than any run: this process sets the simulation time, the program waits for it
 
 
@@ -28,9 +29,12 @@ def ardusub_options(scenario: Scenario, settings: AutopilotSettings, world: Worl
 
 def start_hint(scenario: Scenario, settings: AutopilotSettings, world: World) -> str:
     """Return what a person does who starts the autopilot without us: for ArduSub its whole command."""
-    if scenario.controller != "ardupilot":
-        return "start PX4's SITL for an underwater vehicle, with -i N for [autopilot] instance = N"
     name = os.path.splitext(os.path.basename(scenario.path))[0]
+    if scenario.controller != "ardupilot":
+        return (
+            f"start PX4's SITL with PX4_SYS_AUTOSTART={AIRFRAME} and -i {settings.instance}, and load the file that "
+            f"`uuv-hil autopilot parameters {scenario.path} -o {name}.params` writes"
+        )
     options = " ".join(ardusub_options(scenario, settings, world))
     return (
         f"start ArduSub with these options: {options} --defaults {name}.parm; "

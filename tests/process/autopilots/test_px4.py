@@ -8,7 +8,7 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from math import hypot, isfinite
+from math import hypot, isfinite, isnan
 from pathlib import Path
 
 import pytest
@@ -155,18 +155,21 @@ def test_rc_channels_are_sent_when_configured(tmp_path: Path) -> None:
 
 
 def test_positions_by_dvl_are_a_depth_and_a_velocity_while_it_has_lock(tmp_path: Path) -> None:
-    """The world is 30 m deep: 25 m above the bed a DVL with a range of 20 m has none, and says so."""
-    for reach, has_lock in ((50, True), (20, False)):
+    """The world is 30 m deep: 25 m above the bed a DVL with a range of 20 m has none, and says so.
+
+    There is no depth either from a pressure sensor that is silent.
+    """
+    for reach, has_lock, lost in ((50, True, 0), (20, False, 0), (50, True, 1)):
         port = free_ports(1)[0]
         keys = f'address = "tcp://127.0.0.1:{port}"\npositions = "dvl"'
-        dvl = f"[sensors.dvl]\nrate = 10\nmax_range = {reach}\nposition = [0, 0, 0.2]"
+        dvl = f"drop_out = {lost}\n[sensors.dvl]\nrate = 10\nmax_range = {reach}\nposition = [0, 0, 0.2]"
         with bench(tmp_path, keys, dvl):
             peer = Px4Peer(port)
             for _ in range(200):
                 peer.send_reply(peer.sensor(), ())
             odometry = peer.last["ODOMETRY"]
             assert 5 <= peer.received["ODOMETRY"] <= 12  # as many as DVL samples, not as pressures
-            assert odometry.z == pytest.approx(5.2, abs=0.1)  # the DVL's depth
+            assert isnan(odometry.z) if lost else odometry.z == pytest.approx(5.2, abs=0.1)  # the DVL's depth
             assert isfinite(odometry.vx) == has_lock
             assert not isfinite(odometry.q[0])
             peer.close()
