@@ -49,7 +49,7 @@ def main(arguments: list[str]) -> int:
 
     with ExitStack() as stack:
         stop_fd = stack.enter_context(StopSignals())
-        links = [open_link(parse_endpoint(text)) for text in settings.endpoints]
+        links = [open_link(parse_endpoint(text), _print) for text in settings.endpoints]
         session = stack.enter_context(open_master_session(*endpoints, network=network, security=security))
         node = options.vehicle or (scenario.slave.node if scenario else "uuv1")
         rtp = _open_rtp(stack, settings.rtp, camera_rate(scenario, settings.camera))

@@ -3,6 +3,7 @@
 import json
 import socket
 import time
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -11,8 +12,11 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from hil.common.clock import NS_PER_S, now_ns
 from hil.common.errors import NetworkError
-from hil.gateways.mavlink.endpoints.links import HEARTBEATS_NS, MAX_PARTNERS, SILENT_NS, TcpIn, TcpOut, UdpIn, UdpOut
+from hil.gateways.mavlink.endpoints.links import HEARTBEATS_NS, MAX_PARTNERS, SILENT_NS, Link, TcpIn, UdpIn, UdpOut
+from hil.gateways.mavlink.endpoints.opening import PatientLink, open_link
 from hil.gateways.mavlink.endpoints.zenoh_link import ZenohLink
+from hil.links.wires.terminal import PtyWire
+from hil.scenario.mavlink_records import MavlinkEndpoint
 from tests.support.processes import PATIENCE_S, free_port, wait_for
 
 BEAT = dialect.MAVLink_heartbeat_message(12, 3, 0, 19, 3, 3)
@@ -99,15 +103,96 @@ def test_a_silent_tcp_connection_makes_room_for_another() -> None:
 
 
 def test_a_lost_tcp_connection_is_made_again() -> None:
-    port = free_port()
-    client = TcpOut("127.0.0.1", port)
+    port, lines = free_port(), list[str]()
+    client = open_link(MavlinkEndpoint("tcpout", "127.0.0.1", port), lines.append)
+    assert not client.partners()
     for _ in range(2):
         assert _exchange_packet(client, port), "a packet comes through"
         assert wait_for(lambda: client.receive(0) or not client.partners() or None), "and its end is seen"
     client.close()
+    name = f"tcpout:127.0.0.1:{port}"
+    assert lines[:2] == [f"{name}: waiting for it: Connection refused", f"{name}: is open"]
 
 
-def _exchange_packet(client: TcpOut, port: int) -> bool:
+class _Network:
+    """A resolver and addresses of this machine that a test changes."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.answers: dict[str, str] = {}
+        self.is_silent = False
+        self._resolve = socket.getaddrinfo
+        monkeypatch.setattr(socket, "getaddrinfo", self.look_up)
+
+    def look_up(self, host: str, port: int, **options: Any) -> Any:
+        while self.is_silent and host.endswith(".test"):
+            time.sleep(0.01)
+        if host.endswith(".test") and host not in self.answers:
+            raise socket.gaierror(-2, "Name or service not known")
+        return self._resolve(self.answers.get(host, host), port, **options)
+
+
+def test_a_ground_station_is_found_when_its_name_and_our_network_come_late(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A name server that does not answer delays no other endpoint; a station that moves is found again."""
+    network, lines = _Network(monkeypatch), list[str]()
+    stations = [UdpIn(host, 0) for host in ("127.0.0.1", "127.0.0.2")]
+    network.is_silent = True
+    began = time.monotonic()
+    link = open_link(MavlinkEndpoint("udpout", "station.test", stations[0].port), lines.append)
+    assert time.monotonic() - began < 5.0
+    other = open_link(MavlinkEndpoint("udpout", "127.0.0.1", stations[0].port), lines.append)
+    link.tick(now_ns())
+    assert lines == [f"{link.name}: waiting for it: no answer yet"]
+    assert other.partners()
+    network.is_silent = False
+    now = now_ns()
+
+    def tick() -> None:
+        nonlocal now
+        now += NS_PER_S
+        link.tick(now)
+        link.receive(now)
+
+    network.answers["station.test"] = "127.0.0.1"
+    assert wait_for(lambda: tick() or link.partners() == [("127.0.0.1", stations[0].port)])
+    assert lines[1:] == [f"{link.name}: is open"]
+    network.answers["station.test"] = "127.0.0.2"
+    assert wait_for(lambda: tick() or link.partners() == [("127.0.0.2", stations[0].port)])
+    for each in (link, other, *stations):
+        each.close()
+
+
+def test_an_endpoint_is_opened_again_when_our_own_address_has_changed(monkeypatch: pytest.MonkeyPatch) -> None:
+    station, lines = UdpIn("127.0.0.1", 0), list[str]()
+    link = open_link(MavlinkEndpoint("udpout", "127.0.0.1", station.port), lines.append)
+    assert isinstance(link, PatientLink)
+    inner: Any = link._link
+    inner._socket.close()  # as the kernel refuses to send from an address that is gone
+    link.send(link.partners()[0], PACKET, BEAT)
+    now = now_ns()
+    assert wait_for(lambda: link.tick(now) or (link._link not in (None, inner)))
+    link.send(link.partners()[0], PACKET, BEAT)
+    assert wait_for(lambda: station.receive(0) or None)
+    link.close()
+    station.close()
+
+
+def test_a_device_that_is_not_there_yet_is_waited_for(tmp_path: Path) -> None:
+    lines: list[str] = []
+    device = tmp_path / "ttyUSB0"
+    link = open_link(MavlinkEndpoint("serial", str(device), 57_600), lines.append)
+    assert link.partners() == []
+    assert "no such device" in lines[0]
+    terminal = PtyWire()
+    device.symlink_to(terminal.path)
+    assert wait_for(lambda: link.tick(now_ns()) or link.partners())
+    link.send(link.partners()[0], PACKET, BEAT)
+    assert wait_for(lambda: terminal.read() or None) == PACKET
+    terminal.close()
+    assert wait_for(lambda: link.receive(0) or link.tick(now_ns()) or not link.partners())
+    link.close()
+
+
+def _exchange_packet(client: Link, port: int) -> bool:
     """Return True if a packet reaches a peer, which then closes its connection."""
     server = TcpIn("127.0.0.1", port)
 
@@ -126,10 +211,8 @@ def _exchange_packet(client: TcpOut, port: int) -> bool:
 def test_a_port_in_use_is_named_in_the_error() -> None:
     link = TcpIn("127.0.0.1", 0)
     with pytest.raises(NetworkError, match=f"tcpin:127.0.0.1:{link.port}.*ArduSub"):
-        TcpIn("127.0.0.1", link.port)
+        open_link(MavlinkEndpoint("tcpin", "127.0.0.1", link.port), print)
     link.close()
-    with pytest.raises(NetworkError, match="udpout:no"):
-        UdpOut("no.such.host.invalid", 1)
 
 
 def test_packets_have_the_keys_and_json_of_blueos() -> None:

@@ -6,17 +6,18 @@ None of them waits: what a partner does not take is dropped, as on a radio.
 import contextlib
 import errno
 import socket
+import threading
 from abc import ABC, abstractmethod
 from collections.abc import Hashable
 from ipaddress import ip_address
 from typing import Any, cast
 
 from hil.common.clock import NS_PER_S
-from hil.common.errors import NetworkError
 
 READ_SIZE = 65_536
 MAX_DATAGRAMS = 200  # of one turn
 MAX_PARTNERS = 16
+CONNECT_S = 5.0
 HEARTBEATS_NS = 3 * NS_PER_S  # a partner silent for longer gives way to a new one
 SILENT_NS = 30 * NS_PER_S  # after which a partner that only sent datagrams is forgotten
 RETRY_NS = NS_PER_S
@@ -32,6 +33,7 @@ class Link(ABC):
     name: str
     burst = 4_000  # of parameters a hundred packets: the socket of a ground station holds some 270
     refused = 0
+    is_lost = False  # True: it has to be opened again
 
     @abstractmethod
     def descriptors(self) -> list[int]:
@@ -54,7 +56,7 @@ class Link(ABC):
         return isinstance(address, tuple) and _is_loopback(str(address[0]))
 
     def tick(self, now: int) -> None:  # noqa: B027  # most have nothing to do
-        """Connect again, if need be."""
+        """Do what is due by time."""
 
     @abstractmethod
     def close(self) -> None:
@@ -62,18 +64,25 @@ class Link(ABC):
 
 
 class UdpOut(Link):
-    """Sends to one address, and receives only from there. Raises NetworkError for an unknown host."""
+    """Sends to one address, also of a broadcast, and receives only from there. Raises OSError.
+
+    It is lost when this machine's own address has changed, and when a silent host given by name has another address.
+    """
 
     def __init__(self, host: str, port: int) -> None:
         self.name = f"udpout:{host}:{port}"
         self._to: tuple[Any, ...]
+        family, kind, _, _, self._to = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
+        self._socket = socket.socket(family, kind)
+        self._socket.setblocking(False)
+        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_BROADCAST, 1)
         try:
-            family, kind, _, _, self._to = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
-            self._socket = socket.socket(family, kind)
-            self._socket.setblocking(False)
             self._socket.connect(self._to)
-        except OSError as error:
-            raise NetworkError(f"{self.name}: {error.strerror or error}; correct the endpoint") from None
+        except OSError:
+            self._socket.close()
+            raise
+        self._named = (host, port) if self._to[0] != host else None
+        self._received_ns = 0
 
     def descriptors(self) -> list[int]:
         """Return the socket's."""
@@ -87,34 +96,50 @@ class UdpOut(Link):
                 received.append((self._to[:2], self._socket.recv(READ_SIZE)))
             except OSError:  # nothing more, or nobody was there for our last one
                 break
+        self._received_ns = now if received else self._received_ns or now
         return received
 
     def send(self, address: Address, data: bytes, message: Any) -> None:
         """Send a datagram."""
-        with contextlib.suppress(OSError):
+        try:
             self._socket.send(data)
+        except OSError as error:
+            self.is_lost |= error.errno not in (errno.EAGAIN, errno.ENOBUFS, errno.ECONNREFUSED)
 
     def partners(self) -> list[Address]:
         """Return the address."""
         return [self._to[:2]]
 
+    def tick(self, now: int) -> None:
+        """Look up a silent host again, in a thread: the name server may not answer."""
+        if self._named and now - (self._received_ns or now) > SILENT_NS:
+            self._received_ns = now
+            threading.Thread(target=self._look_up, daemon=True).start()
+
     def close(self) -> None:
         """Close the socket."""
         self._socket.close()
 
+    def _look_up(self) -> None:
+        assert self._named
+        with contextlib.suppress(OSError):
+            found = socket.getaddrinfo(*self._named, type=socket.SOCK_DGRAM)
+            self.is_lost |= self._to not in [each[4] for each in found]
+
 
 class UdpIn(Link):
-    """Receive from all senders, and send to each until it is silent. Raises NetworkError for a taken port."""
+    """Receive from all senders, and send to each until it is silent. Raises OSError."""
 
     def __init__(self, host: str, port: int) -> None:
         self.name = f"udpin:{host}:{port}"
+        family, kind, _, _, where = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
+        self._socket = socket.socket(family, kind)
+        self._socket.setblocking(False)
         try:
-            family, kind, _, _, where = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
-            self._socket = socket.socket(family, kind)
-            self._socket.setblocking(False)
             self._socket.bind(where)
-        except OSError as error:
-            raise NetworkError(f"{self.name}: {error.strerror or error}; choose another endpoint") from None
+        except OSError:
+            self._socket.close()
+            raise
         self.port: int = self._socket.getsockname()[1]
         self._received_ns: dict[tuple[Any, ...], int] = {}
 
@@ -217,16 +242,12 @@ class _Stream:
 
 
 class TcpIn(Link):
-    """Listens for several; one that has sent nothing for 30 s makes room. Raises NetworkError for a taken port."""
+    """Listens for several; one that has sent nothing for 30 s makes room. Raises OSError."""
 
     def __init__(self, host: str, port: int) -> None:
         self.name = f"tcpin:{host}:{port}"
-        try:
-            family = socket.AF_INET6 if ":" in host else socket.AF_INET
-            self._listener = socket.create_server((host, port), family=family)
-        except OSError as error:
-            other = ", as by an ArduSub, which listens there too" if error.errno == errno.EADDRINUSE else ""
-            raise NetworkError(f"{self.name}: {error.strerror or error}{other}; choose another endpoint") from None
+        family = socket.AF_INET6 if ":" in host else socket.AF_INET
+        self._listener = socket.create_server((host, port), family=family)
         self._listener.setblocking(False)
         self.port: int = self._listener.getsockname()[1]
         self._streams: dict[Address, _Stream] = {}
@@ -283,58 +304,35 @@ class TcpIn(Link):
 
 
 class TcpOut(Link):
-    """Connects to one address, again and again."""
+    """A connection to one address. Raises OSError if nobody listens there; may wait for name server and host."""
 
     def __init__(self, host: str, port: int) -> None:
         self.name = f"tcpout:{host}:{port}"
-        self._where = host, port
-        self._stream: _Stream | None = None
-        self._pending: socket.socket | None = None
-        self._due_ns = 0
-        self._to: Any = self._where
+        self._stream = _Stream(socket.create_connection((host, port), CONNECT_S))
+        self._to: Address = self._stream.socket.getpeername()[:2]
 
     def descriptors(self) -> list[int]:
-        """Return the connection's, if there is one."""
-        return [self._stream.socket.fileno()] if self._stream and self._stream.is_open else []
+        """Return the connection's."""
+        return [self._stream.socket.fileno()] if self._stream.is_open else []
 
     def receive(self, now: int) -> Received:
         """Return what has come."""
-        data = self._stream.receive(now) if self._stream and self._stream.is_open else b""
-        return [(self._to[:2], data)] if data else []
+        data = self._stream.receive(now) if self._stream.is_open else b""
+        self.is_lost = not self._stream.is_open
+        return [(self._to, data)] if data else []
 
     def send(self, address: Address, data: bytes, message: Any) -> None:
         """Send a packet."""
-        if self._stream and self._stream.is_open:
+        if self._stream.is_open:
             self._stream.send(data)
 
     def partners(self) -> list[Address]:
         """Return the address while it is connected."""
-        return [self._to[:2]] if self._stream and self._stream.is_open else []
-
-    def tick(self, now: int) -> None:
-        """Connect, without waiting for it."""
-        if self._stream and self._stream.is_open:
-            return
-        if self._pending is None and now >= self._due_ns:
-            self._due_ns = now + RETRY_NS
-            with contextlib.suppress(OSError):
-                family, kind, _, _, self._to = socket.getaddrinfo(*self._where, type=socket.SOCK_STREAM)[0]
-                self._pending = socket.socket(family, kind)
-                self._pending.setblocking(False)
-        if self._pending is None:
-            return
-        result = self._pending.connect_ex(self._to)
-        if result in (0, errno.EISCONN):
-            self._stream, self._pending = _Stream(self._pending), None
-        elif result not in (errno.EINPROGRESS, errno.EALREADY):
-            self._pending.close()
-            self._pending = None
+        return [self._to] if self._stream.is_open else []
 
     def close(self) -> None:
         """Close the connection."""
-        for opened in (self._pending, self._stream and self._stream.socket):
-            if opened:
-                opened.close()
+        self._stream.close()
 
 
 def _is_loopback(host: str) -> bool:
