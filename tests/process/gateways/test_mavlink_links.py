@@ -146,17 +146,17 @@ def test_a_ground_station_is_found_when_its_name_and_our_network_come_late(monke
     network.is_silent = False
     now = now_ns()
 
-    def tick() -> None:
+    def partners_later() -> list[Any]:
         nonlocal now
         now += NS_PER_S
-        link.tick(now)
         link.receive(now)
+        return _ticked(link, now).partners()
 
     network.answers["station.test"] = "127.0.0.1"
-    assert wait_for(lambda: tick() or link.partners() == [("127.0.0.1", stations[0].port)])
+    assert wait_for(lambda: partners_later() == [("127.0.0.1", stations[0].port)])
     assert lines[1:] == [f"{link.name}: is open"]
     network.answers["station.test"] = "127.0.0.2"
-    assert wait_for(lambda: tick() or link.partners() == [("127.0.0.2", stations[0].port)])
+    assert wait_for(lambda: partners_later() == [("127.0.0.2", stations[0].port)])
     for each in (link, other, *stations):
         each.close()
 
@@ -169,7 +169,7 @@ def test_an_endpoint_is_opened_again_when_our_own_address_has_changed(monkeypatc
     inner._socket.close()  # as the kernel refuses to send from an address that is gone
     link.send(link.partners()[0], PACKET, BEAT)
     now = now_ns()
-    assert wait_for(lambda: link.tick(now) or (link._link not in (None, inner)))
+    assert wait_for(lambda: _ticked(link, now) and link._link not in (None, inner))
     link.send(link.partners()[0], PACKET, BEAT)
     assert wait_for(lambda: station.receive(0) or None)
     link.close()
@@ -184,12 +184,17 @@ def test_a_device_that_is_not_there_yet_is_waited_for(tmp_path: Path) -> None:
     assert "no such device" in lines[0]
     terminal = PtyWire()
     device.symlink_to(terminal.path)
-    assert wait_for(lambda: link.tick(now_ns()) or link.partners())
+    assert wait_for(lambda: _ticked(link, now_ns()).partners())
     link.send(link.partners()[0], PACKET, BEAT)
     assert wait_for(lambda: terminal.read() or None) == PACKET
     terminal.close()
-    assert wait_for(lambda: link.receive(0) or link.tick(now_ns()) or not link.partners())
+    assert wait_for(lambda: link.receive(0) or not _ticked(link, now_ns()).partners())
     link.close()
+
+
+def _ticked(link: Link, now: int) -> Link:
+    link.tick(now)
+    return link
 
 
 def _exchange_packet(client: Link, port: int) -> bool:
