@@ -19,6 +19,7 @@ from hil.charts.sources.sign import (
     Declared,
     Positive,
     detect_direction,
+    first_hint,
     is_depth_name,
     join_notes,
     require_possible,
@@ -92,7 +93,7 @@ def read_points(
         rows[:, 0] %= 360.0
     require_possible(path, rows[:, 2])
     low, high, axis = float(rows[:, 2].min()), float(rows[:, 2].max()), vertical_axis(system)[1]
-    names = [name, "bathymetry"]  # points without any name are soundings
+    names = first_hint([name], [os.path.basename(path)])
     up, note = detect_direction(path, positive, names, low, high, axis)
     note = join_notes(reading_note, unit_note, note, _several_depths(rows, path))
     return Points(os.path.basename(path), rows[:, 1::-1], -rows[:, 2] if up else rows[:, 2], geographic, note)

@@ -141,7 +141,7 @@ def test_soundings_in_metres_need_a_named_coordinate_system(tmp_path: Path) -> N
     points = read_points(str(path), crs="EPSG:32632")
     assert points.geographic
     assert points.positions[0] == pytest.approx([54.0, 10.0], abs=0.01)
-    bare = tmp_path / "bare.csv"
+    bare = tmp_path / "bare_depth.csv"
     bare.write_text("565000,5984000,5\n565100,5984000,6\n")
     assert "names no columns: read as east, north and depth" in read_points(str(bare), crs="EPSG:32632").note
     north, east = LocalPlane(*points.positions[0]).to_local(*points.positions[1:].T)

@@ -291,7 +291,7 @@ def test_values_of_8_bits_are_asked_about(tmp_path: Path) -> None:
 def test_columns_degrees_and_feet_of_texts(
     text: str, options: dict[str, str], found: str | tuple[float, ...], tmp_path: Path
 ) -> None:
-    path = tmp_path / "a.csv"
+    path = tmp_path / "soundings.csv"
     path.write_text(text)
     if isinstance(found, str):
         with pytest.raises(ConfigError, match=found):
@@ -300,6 +300,15 @@ def test_columns_degrees_and_feet_of_texts(
     points = read_points(str(path), **options)  # type: ignore[arg-type] # any option
     assert ("--layer for raw_depth" in points.note) == ("raw_depth" in text)
     assert (*points.positions[0], points.depths[0]) == pytest.approx(found, abs=1e-6)
+
+
+@pytest.mark.parametrize("text", ["east,north,z\n0,0,5\n40,20,9\n", "10.01 54.01 5\n10.02 54.02 9\n"])
+def test_positive_values_of_a_text_may_be_land_as_those_of_a_raster(text: str, tmp_path: Path) -> None:
+    path = tmp_path / "hills.xyz"
+    path.write_text(text)
+    with pytest.raises(ConfigError, match="nothing states whether they are heights or depths: use --positive up or"):
+        read_points(str(path))
+    assert read_points(str(path), "down").depths.tolist() == [5.0, 9.0]
 
 
 def test_point_clouds_become_the_bed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -37,7 +37,7 @@ from tests.support.charts.small_cell import EAST, NORTH, SHORE, SOUTH, WEST, bay
     ("e.csv", '"lon","lat","note","elevation"\n10.5,54.25,"a, b",-7.5\n10.6,54.5,,-9\n10.7,54.5,nothing,\n'),
 ])  # fmt: skip
 def test_text_formats_of_soundings_are_read(tmp_path: Path, name: str, text: str) -> None:
-    path = tmp_path / name
+    path = tmp_path / f"soundings_{name}"
     path.write_text(text)
     points = read_points(str(path))
     assert points.geographic
@@ -87,7 +87,7 @@ def test_a_decompression_bomb_is_refused(
     """Reading is bounded by lines, by characters, and by the length of one line."""
     monkeypatch.setattr(points, "MAX_LINES", 10_000)
     monkeypatch.setattr(points, "LARGEST", 1_000_000)
-    path = tmp_path / f"s.xyz{ending}"
+    path = tmp_path / f"soundings.xyz{ending}"
     for text, message in (
         (b"1 2 3\n" * 20_000, "or 10000 lines: thin it out"),
         ((b"#" + b" " * 999 + b"\n") * 2_000, "more than 0 MiB of text"),
