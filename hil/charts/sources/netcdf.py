@@ -13,6 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.charts.chart_survey import GeoBox
 from hil.charts.sources.curvilinear import EvenGrid, resample
 from hil.charts.sources.sign import UNITS, Declared, is_depth_name, join_notes
 from hil.common.errors import ConfigError, MissingExtraError
@@ -242,10 +243,10 @@ def find_axes(path: str, layer: Layer, metres: float) -> tuple[Axis, Axis]:
     return found[0], found[1]
 
 
-def read_curved(path: str, layer: Layer) -> EvenGrid:
-    """Return a layer with positions of two dimensions at even degrees. Raises ConfigError."""
+def read_curved(path: str, layer: Layer, area: GeoBox | None) -> EvenGrid:
+    """Return a layer with positions of two dimensions at even degrees, at least of an `area`. Raises ConfigError."""
     latitude, longitude = (_positions(axis, 0.0) for axis in (layer.north, layer.east))
-    return resample(path, latitude, longitude, _values(layer))
+    return resample(path, latitude, longitude, _values(layer), area)
 
 
 def _positions(axis: Variable, metres: float) -> Array:

@@ -10,8 +10,10 @@ import pytest
 from numpy.typing import NDArray
 
 from hil.charts.build import build
+from hil.charts.chart_survey import GeoBox
 from hil.charts.projection import LocalPlane
 from hil.charts.sources.combine import read_sources
+from hil.charts.sources.curvilinear import resample
 from hil.charts.sources.points import read_points
 from hil.charts.sources.rasters import open_raster
 from hil.common.errors import ConfigError
@@ -188,7 +190,7 @@ def test_curved_grids_are_resampled(east: float, tmp_path: Path) -> None:
 
 
 def test_curved_grids_over_the_pole_and_rotated_ones_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match="curved grid over a pole or around the earth: cut out a part"):
+    with pytest.raises(ConfigError, match="curved grid over a pole or around the earth: use a part of it"):
         open_raster(write_curved(tmp_path / "a.nc", north=35.85))
     with h5py.File(write_netcdf(tmp_path / "b.nc", states="s"), "a") as file:
         file["lat"].attrs["standard_name"] = np.bytes_("grid_latitude")
@@ -261,6 +263,21 @@ def test_land_heights_without_a_name_beside_a_level_sea_are_asked_about(tmp_path
     assert open_raster(path).scale == -1.0
     with pytest.raises(ConfigError, match="no water in the area"):
         build(*read_sources([path], None))
+
+
+@pytest.mark.parametrize("west", [-150.0, 10.0, 179.5])
+def test_a_part_of_a_curved_grid_around_the_earth_is_read(west: float) -> None:
+    """A grid from 73 to 433 degrees east, as ocean models have; places beyond a cell of the area stay unread."""
+    latitude, longitude = np.meshgrid(np.arange(-78.0, 89.8, 0.5), np.arange(73.0, 433.0, 0.5), indexing="ij")
+    latitude += 0.1 * np.sin(np.radians(longitude))
+    depths = (100.0 + latitude + np.cos(np.radians(longitude))).astype(np.float32)
+    grid = resample("a.nc", latitude, longitude, depths, GeoBox(20.0, west, 21.0, west + 1.5))
+    rows, columns = np.indices(grid.values.shape)
+    north, east = grid.north - grid.north_step * rows, grid.west + grid.east_step * columns
+    inside = (north >= 20.0) & (north <= 21.0) & (east >= west) & (east <= west + 1.5)
+    assert inside.any()
+    assert grid.values.size < 100
+    assert grid.values[inside] == pytest.approx((100.0 + north + np.cos(np.radians(east)))[inside], abs=1e-4)
 
 
 def test_values_of_8_bits_are_asked_about(tmp_path: Path) -> None:
