@@ -6,7 +6,7 @@ from math import cos, pi, sqrt
 
 from matplotlib.axes import Axes
 
-from sim.dynamics import Dynamics, State
+from sim.dynamics import Dynamics, Integrator, State
 from sim.rotations import from_euler, matrix
 from sim.vehicle.buoyancy import Hull
 from tests.unit.sim.vehicle import test_buoyancy as floats
@@ -28,10 +28,11 @@ def _theory(added: float) -> float:
     return 2.0 * pi * sqrt((vehicle.mass + added) / (floats.RHO * floats.G * vehicle.volume / HEIGHT))
 
 
-def _bob(added: float) -> list[float]:
+def _bob(added: float, integrator: Integrator = "verlet") -> list[float]:
     """Return the depths (m) every millisecond for 6 s."""
     vehicle = floats.float_(added_mass=(5.0, 5.0, added, 0.1, 0.1, 0.1))
-    dynamics, state, depths = Dynamics(vehicle, floats.RHO, floats.G), State((0.0, 0.0, AMPLITUDE)), [AMPLITUDE]
+    dynamics = Dynamics(vehicle, floats.RHO, floats.G, integrator)
+    state, depths = State((0.0, 0.0, AMPLITUDE)), [AMPLITUDE]
     for _ in range(6000):
         dynamics.step(state, floats.NOTHING, floats.STILL, DT)
         depths.append(state.position[2])
@@ -59,7 +60,8 @@ def _bobbing(trace: Axes, periods: Axes) -> list[Finding]:
     plot_own(periods, masses, list(measured.values()))
     plot_ref(periods, masses, [_theory(added) for added in masses], "theory", size=8.0)
     label(periods, "added mass (kg)", "period (s)")
-    away = max(abs(measured[added] / _theory(added) - 1.0) for added in (0.0, 9.24, 60.0))
+    away = max(abs(_period(_bob(m, "rk4")) / _theory(m) - 1.0) for m in (0.0, 9.24, 60.0))
+    away = max(away, *(abs(measured[m] / _theory(m) - 1.0) for m in (0.0, 9.24, 60.0)))
     return [below("bobbing: period away from theory (share)", away, 1e-4)]
 
 

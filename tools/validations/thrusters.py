@@ -36,17 +36,20 @@ def t200(panels: Sequence[Axes]) -> list[Finding]:
 
 
 def _t200_findings(held_out: dict[tuple[int, int], tuple[float, float, float, float]]) -> list[Finding]:
-    square = share = amperes = 0.0
+    square = share = amperes = watts = rpm = 0.0
     for (volts, pulse), truth in held_out.items():
         point = performance(pulse, volts)
         full = max(abs(x[0]) for (v, _), x in held_out.items() if v == volts)
         square += (point.thrust - truth[0]) ** 2 / len(held_out)
         share = max(share, abs(point.thrust - truth[0]) / full)
         amperes = max(amperes, abs(point.current - truth[1]))
+        watts, rpm = max(watts, abs(point.power - truth[2])), max(rpm, abs(point.rpm - truth[3]))
     return [
         below(f"thrust at {len(held_out)} held-out points, root mean square", sqrt(square), 0.2, "N"),
         below("worst thrust (share of full)", share, 0.022),
         below("worst current", amperes, 0.5, "A"),
+        below("worst power", watts, 8.0, "W"),
+        below("worst speed of the propeller", rpm, 60.0, "1/min"),
     ]
 
 

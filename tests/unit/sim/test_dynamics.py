@@ -78,14 +78,6 @@ def test_added_mass_six_times_the_mass_is_stable(integrator: Integrator) -> None
         assert max(map(abs, state.nu)) < 1.0
 
 
-def test_a_drifting_vehicle_reaches_the_speed_of_the_current() -> None:
-    dynamics = Dynamics(HEAVY._replace(neutrally_buoyant=True), 1000.0, 9.82)
-    state = State((0.0, 0.0, DEEP), from_euler(0.0, 0.0, 1.0))
-    for _ in range(40_000):
-        dynamics.step(state, NOTHING, (0.3, 0.2, 0.0), 0.0025)
-    assert rotate(state.quaternion, state.nu[:3]) == pytest.approx((0.3, 0.2, 0.0), abs=0.02)
-
-
 def test_full_matrices_with_only_a_diagonal_equal_diagonal_ones() -> None:
     def full(diagonal: tuple[float, ...]) -> tuple[float, ...]:
         return tuple(x for row in square(diagonal, 6) for x in row)

@@ -109,19 +109,6 @@ def dave_tide(level: float, flood: float, ebb: float) -> tuple[float, float]:
     return -cos(radians(heading)) * level, -sin(radians(heading)) * level
 
 
-def test_the_tidal_current_reverses_its_direction() -> None:
-    """Flood and ebb of dave, with its headings of 255 and 69 deg, flow the same way; ours reverse."""
-    (flood_n, flood_e), (ebb_n, ebb_e) = dave_tide(1.0, 255.0, 69.0), dave_tide(-1.0, 255.0, 69.0)
-    assert flood_n * ebb_n + flood_e * ebb_e > 0.99
-    current = tidal([Tide("M2", 0.6, radians(75.0))])
-    half = round(180.0 / TIDAL_SPEEDS["M2"] * HOUR)
-    for time in (0, HOUR, 5 * HOUR):
-        north, east, down = current(time, 3.0)
-        assert current(time + half, 8.0) == pytest.approx((-north, -east, 0.0), abs=1e-9)
-        assert down == 0.0
-    assert current(0, 0.0) == pytest.approx((0.6 * cos(radians(75.0)), 0.6 * sin(radians(75.0)), 0.0))
-
-
 SUN, MOON, PERIGEE = 0.0410686, 0.5490165, 0.0046418  # mean motion in degrees an hour (Schureman 1958, table 1)
 
 

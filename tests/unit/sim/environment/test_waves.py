@@ -7,7 +7,7 @@ from statistics import fmean, pstdev
 import pytest
 
 from sim.environment.ocean import Waves
-from sim.environment.waves import WaveField, components, spectral_density, wave_number
+from sim.environment.waves import WaveField, components, spectral_density
 
 G = 9.80665
 SEA = Waves(significant_height=1.5, peak_period=7.0, direction=0.6, spread=0.3)
@@ -97,14 +97,6 @@ def test_waves_depend_on_seed_and_direction() -> None:
     assert fmean(headings) == pytest.approx(0.6, abs=0.05)
     assert pstdev(headings) == pytest.approx(0.3, rel=0.1)
     assert {wave.heading for wave in components(SEA._replace(spread=0.0), 30.0, G, 5)} == {0.6}
-
-
-# -- dispersion ---------------------------------------------------------------------------------------------------
-
-
-def test_the_dispersion_relation_has_its_deep_and_shallow_limits() -> None:
-    assert wave_number(1.0, 4000.0, G) == pytest.approx(1.0 / G, rel=1e-14)  # deep: omega² / g
-    assert wave_number(0.01, 2.0, G) == pytest.approx(0.01 / sqrt(G * 2.0), rel=1e-4)  # shallow: omega / sqrt(g h)
 
 
 # -- the field ----------------------------------------------------------------------------------------------------

@@ -51,17 +51,6 @@ def test_a_bias_has_its_size_from_the_start() -> None:
     assert fmean(first) == pytest.approx(0.0, abs=0.1)
 
 
-@pytest.mark.parametrize("rate", RATES)
-def test_noise_density_is_rate_independent_in_the_mean(rate: float) -> None:
-    """The mean over a second of white noise of density d has sd d: the Allan deviation at 1 s."""
-    values = series(ErrorModel(noise_density=0.3), rate, 900.0 if rate < 500 else 300.0)
-    count = round(rate)
-    means = [fmean(values[i : i + count]) for i in range(0, len(values), count)]
-    allan = sqrt(0.5 * fmean([(b - a) ** 2 for a, b in pairwise(means)]))
-    assert allan == pytest.approx(0.3, rel=0.12)
-    assert pstdev(values) == pytest.approx(0.3 * sqrt(rate), rel=0.05)
-
-
 def test_noise_has_zero_mean_and_its_stated_size() -> None:
     values = series(ErrorModel(noise=0.5), 100.0, 200.0, true=3.0)
     assert fmean(values) == pytest.approx(3.0, abs=0.02)

@@ -1,12 +1,11 @@
 """Buoyancy at the surface: continuous, correct for a box, and conserving energy."""
 
 from itertools import pairwise
-from math import inf, pi, sqrt
 
 import pytest
 
 from sim import rotations
-from sim.dynamics import Dynamics, Integrator, State
+from sim.dynamics import Dynamics, State
 from sim.rotations import from_euler
 from sim.vehicle.buoyancy import Hull
 from sim.vehicle.vehicle import Vehicle, load_vehicle
@@ -89,24 +88,6 @@ def test_a_floating_box_has_its_metacentric_height() -> None:
     second = filled * 0.378 * 0.302**3 / 12.0
     height = second / (0.5 * 0.0194) - 0.234 / 4.0
     assert moment == pytest.approx(dynamics.weight * height * heel, rel=1e-4)
-
-
-@pytest.mark.parametrize("integrator", ["verlet", "rk4"])
-@pytest.mark.parametrize("added", [0.0, 9.24, 60.0])
-def test_bobbing_has_its_period(integrator: Integrator, added: float) -> None:
-    vehicle = float_(added_mass=(5.0, 5.0, added, 0.1, 0.1, 0.1))
-    dynamics = Dynamics(vehicle, RHO, G, integrator)
-    state, dt, crossings, before = State((0.0, 0.0, 0.02)), 0.001, [], inf
-    for step in range(6000):
-        dynamics.step(state, NOTHING, STILL, dt)
-        depth = state.position[2]
-        if before > 0.0 >= depth:
-            crossings.append((step + before / (before - depth)) * dt)
-        before = depth
-    area = vehicle.volume / 0.234
-    period = 2.0 * pi * sqrt((vehicle.mass + added) / (RHO * G * area))
-    measured = (crossings[-1] - crossings[0]) / (len(crossings) - 1)
-    assert measured == pytest.approx(period, rel=1e-4)
 
 
 @pytest.mark.parametrize("start", [0.08, 0.4])

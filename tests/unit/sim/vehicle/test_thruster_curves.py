@@ -83,26 +83,6 @@ def held_out_points() -> dict[tuple[int, int], tuple[float, float, float, float]
     }  # fmt: skip
 
 
-def test_the_t200_curve_fits_held_out_points() -> None:
-    held_out = held_out_points()
-    assert len(held_out) > 300
-    max_errors = [0.0] * 4
-    square = 0.0
-    for (volts, pulse), truth in held_out.items():
-        row = performance(pulse, volts)
-        full = max(abs(x[0]) for (v, _), x in held_out.items() if v == volts)
-        square += (row.thrust - truth[0]) ** 2 / len(held_out)
-        max_errors[0] = max(max_errors[0], abs(row.thrust - truth[0]) / full)
-        max_errors[1] = max(max_errors[1], abs(row.current - truth[1]))
-        max_errors[2] = max(max_errors[2], abs(row.power - truth[2]))
-        max_errors[3] = max(max_errors[3], abs(row.rpm - truth[3]))
-    assert square**0.5 < 0.2  # N
-    assert max_errors[0] < 0.022  # of full thrust
-    assert max_errors[1] < 0.5
-    assert max_errors[2] < 8.0
-    assert max_errors[3] < 60.0
-
-
 def test_the_t200_curve_interpolates_between_voltages() -> None:
     """The curve at 14 V is made from 12 and 16 V, which tests linear interpolation in the voltage."""
     for pulse in range(1100, 1901, 20):
