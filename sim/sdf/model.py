@@ -36,6 +36,7 @@ class Model(NamedTuple):
     """A model in its own frame; `pose` is relative to the world or the outer model.
 
     Names of links and joints in nested models are `MODEL::NAME`; `nested` has the poses of those models as `MODEL::`.
+    `scale` are factors for its sizes along x, y and z.
     """
 
     name: str
@@ -46,6 +47,7 @@ class Model(NamedTuple):
     plugins: list[Element]
     canonical: str
     nested: dict[str, Pose]
+    scale: tuple[float, ...] = (1.0, 1.0, 1.0)
 
 
 class _Scope:
@@ -95,11 +97,13 @@ def read_model(
 def models_of(parent: Element, folder: str, files: SdfFiles, notes: list[str], version: str) -> list[Model]:
     """Return the top-level models of a world or a file, then the included ones. Raises ConfigError.
 
-    In a saved world the poses of models, nested models and links are those of its `<state>`.
+    In a saved world the models are those of its `<state>`: some were inserted, deleted, scaled or moved.
     """
-    own = [read_model(child, folder, files, notes, 0, version) for child in parent.findall("model")]
+    elements = [*parent.findall("model"), *parent.findall("state/insertions/model")]
+    own = [read_model(child, folder, files, notes, 0, version) for child in elements]
     others = [_included(child, folder, files, notes) for child in parent.findall("include")]
-    models = own + [model for model in others if model is not None]
+    deleted = {(name.text or "").strip() for name in parent.findall("state/deletions/name")}
+    models = [model for model in (*own, *others) if model is not None and model.name not in deleted]
     saved = {state.get("name"): state for state in parent.findall("state/model")}
     return [_placed(model, saved[model.name], files.path) if model.name in saved else model for model in models]
 
@@ -129,7 +133,8 @@ def _placed(model: Model, state: Element, path: str) -> Model:
         if joint.axis and joint.child in links:
             turned = model.links[joint.child].pose.inverse().rotate(joint.axis)
             joints[name] = joint._replace(axis=links[joint.child].pose.rotate(turned))
-    return model._replace(pose=placed, links=links, joints=joints)
+    scale = numbers_of(state.findtext("scale") or "1 1 1", path, 3)
+    return model._replace(pose=placed, links=links, joints=joints, scale=tuple(scale))
 
 
 def _included(include: Element, folder: str, files: SdfFiles, notes: list[str], depth: int = 0) -> Model | None:

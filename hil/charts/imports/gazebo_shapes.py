@@ -69,7 +69,9 @@ def _shapes_of_link(model: Model, link: Link, files: SdfFiles, notes: list[str])
         if geometry is None or not len(geometry):
             continue
         try:
-            shape = _shape(name, geometry[0], base.then(own_pose(part, files.path)), link.folder, files)
+            place = own_pose(part, files.path)
+            place = place._replace(position=tuple([a * b for a, b in zip(place.position, model.scale, strict=True)]))
+            shape = _shape(name, geometry[0], base.then(place), link.folder, files)
         except ConfigError as error:
             notes.append(f"Left out: {name}: {error}.")
             continue
@@ -77,7 +79,16 @@ def _shapes_of_link(model: Model, link: Link, files: SdfFiles, notes: list[str])
             notes.append(f"Left out: {name}: {shape}.")
         elif shape is not None:
             is_clear = _opacity(part, files.path) < _CLEAR
-            yield shape._replace(is_solid=solid, is_clear=is_clear, colour=_colour(part, files.path))
+            yield _scaled(shape, model.scale)._replace(
+                is_solid=solid, is_clear=is_clear, colour=_colour(part, files.path)
+            )
+
+
+def _scaled(shape: Shape, scale: tuple[float, ...]) -> Shape:
+    """Return a shape with its sizes multiplied by factors along its axes; it stays round."""
+    x, y, z = map(abs, scale)
+    factors = (x, y, z) if len(shape.sizes) == 3 else (x, y) if shape.kind == "plane" else (max(x, y), z)
+    return shape._replace(sizes=tuple([a * b for a, b in zip(shape.sizes, factors, strict=False)]))
 
 
 def _shape(name: str, element: Element, pose: Pose, folder: str, files: SdfFiles) -> Shape | str | None:

@@ -202,6 +202,21 @@ def test_a_saved_world_has_the_poses_of_its_links_and_nested_models(tmp_path: Pa
     assert found == [pytest.approx(place) for place in expected]
 
 
+def test_a_saved_world_has_inserted_and_scaled_models_and_lacks_deleted_ones(tmp_path: Path) -> None:
+    box = _solid("<box><size>1 1 1</size></box>")
+    models = [
+        f'<model name="{name}"><static>1</static><pose>{x} 0 -9 0 0 0</pose><link name="l">{box}</link></model>'
+        for name, x in (("large", 1), ("gone", 9), ("new", 30))
+    ]
+    state = (
+        f'<state world_name="w"><insertions>{models[2]}</insertions><deletions><name>gone</name></deletions>'
+        '<model name="large"><pose>1 0 -9 0 0 0</pose><scale>2 3 4</scale></model></state>'
+    )
+    boxes = _imported(tmp_path, models[0] + models[1] + state).world.box
+    found = sorted((box.east, box.size_north, box.size_east, box.top, box.bottom) for box in boxes)
+    assert found == [pytest.approx(place) for place in ((1, 2, 3, 7, 11), (30, 1, 1, 8.5, 9.5))]
+
+
 def test_missing_ground_is_an_error_and_other_missing_models_are_notes(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
