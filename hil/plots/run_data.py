@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterable
 from hil.client.delay import INSTANTS, DelayMeter
 from hil.common.errors import ConfigError
 from hil.common.vectors import Vector3
-from hil.recording.mcap_file import PULSES, Message
+from hil.recording.mcap_file import CLOCK_SHIFT, PULSES, Message
 from hil.ros import encoders as ros
 from hil.ros.diagnostics import Diagnostics
 from hil.ros.plan import decode_plan
@@ -54,6 +54,7 @@ class VehicleData:
         self.boot_id = ""
         self.events: tuple[RunEvent, ...] = ()
         self.tether: tuple[Vector3, ...] = ()
+        self.shift_ns = 0  # of the recorder's wall clock since the start
 
 
 def collect(messages: Iterable[Message], path: str) -> dict[str, VehicleData]:
@@ -67,6 +68,9 @@ def collect(messages: Iterable[Message], path: str) -> dict[str, VehicleData]:
         first_ns = first_ns or message.logged_ns
         node, _, name = message.topic.strip("/").rpartition("/")
         handle = _HANDLERS.get(name)
+        if name == CLOCK_SHIFT.name and (shift := ros.decode_int64_array(message.data)):
+            for data in vehicles.values():
+                data.shift_ns = shift[0]
         if node and handle and len(message.data) <= LONGEST:
             if node not in vehicles and len(vehicles) >= MAX_VEHICLES:
                 raise ConfigError(f"{path}: has more than {MAX_VEHICLES} vehicles, too many for a figure")
@@ -110,7 +114,7 @@ def _add_diagnostics(data: VehicleData, message: Message, time: float) -> None:
 def _add_trace(data: VehicleData, message: Message, time: float) -> None:
     instants = ros.decode_int64_array(message.data)
     if instants and len(instants) == INSTANTS:
-        data.delays.add(list(instants), message.published_ns, message.logged_ns)
+        data.delays.add(list(instants), message.published_ns, message.logged_ns + data.shift_ns)
         data.traced.append(time)
         if len(data.traced) > data.delays.stored:  # the meter has dropped the oldest
             data.traced = data.traced[-data.delays.stored :]

@@ -17,6 +17,8 @@ from hil.ros.topics import TOPICS, Qos, Topic
 PULSES = Topic("pulses", "std_msgs/msg/Int64MultiArray", 0, "data")
 # Only in recordings: the number of a step, and the epoch (ns since 1970) of stamps from that step on.
 EPOCHS = Topic("epochs", "std_msgs/msg/Int64MultiArray", 0, "data")
+# Only in recordings: the wall clock minus the log times (ns) from then on, after the clock was set.
+CLOCK_SHIFT = Topic("clock_shift", "std_msgs/msg/Int64MultiArray", 0, "data")
 
 BINARY: int = getattr(os, "O_BINARY", 0)  # without it Windows opens files in text mode
 _to_disk = getattr(os, "fdatasync", os.fsync)  # fdatasync is faster, and only on Linux
@@ -26,7 +28,7 @@ class Message(NamedTuple):
     """One message on a topic ("/uuv1/imu"): `data` in CDR, its publisher's sequence number, and two wall times (ns).
 
     `published_ns` is when it was sent, by the sender's clock, which may be wrong. `logged_ns` is when the recorder
-    received it.
+    received it; in a recording by the clock as it was at the start, so that it never jumps (see `CLOCK_SHIFT`).
     """
 
     topic: str

@@ -9,25 +9,27 @@ deleted. If the disk is full or any error occurs, recording ends and reports why
 import os
 import threading
 import time
-from bisect import bisect_left, bisect_right
+from bisect import bisect_right
 from collections import deque
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from operator import attrgetter
 
 from hil.common import __version__
-from hil.common.clock import NS_PER_S, boot_id, now_ns, to_wall_ns
+from hil.common.clock import NEVER_NS, NS_PER_S, boot_id, now_ns, to_wall_ns
 from hil.common.errors import ConfigError
 from hil.common.schema import find_preset
 from hil.recording.index import write_index
-from hil.recording.mcap_file import FileSummary, Message, RecordingFile
+from hil.recording.mcap_file import CLOCK_SHIFT, FileSummary, Message, RecordingFile
 from hil.recording.mcap_writer import require_library
+from hil.ros.encoders import encode_int64_array
 from hil.scenario.config import Scenario
 from hil.scenario.records import Recording
 
 DRAIN_PERIOD_S = 0.1
 FLUSH_PERIOD_NS = 8 * NS_PER_S // 10  # with HOLD_NS less than a second, the most that a crash loses
 HOLD_NS = NS_PER_S // 10  # messages are held so long to sort them; longer than from log time to recorder
+PLAUSIBLE_NS = 60 * NS_PER_S  # greatest age of a message that the recorder receives
 MAX_WAITING = 100_000  # messages; enough for ten vehicles while a disk is busy for ten seconds
 MAX_WAITING_BYTES = 1 << 28  # the limit that pictures reach first
 _MIB = 1 << 20
@@ -94,6 +96,8 @@ class Recorder:
         self._number = 0
         self._indexed_topics = 0
         self._flush_due_ns = 0
+        self._first_offset_ns = to_wall_ns(0)
+        self._shift_ns = 0  # of the wall clock since the start
         require_library()
         _make(folder)
         self._stop = threading.Event()
@@ -140,20 +144,39 @@ class Recorder:
             self._begin()
         waiting = [self._waiting.popleft() for _ in range(len(self._waiting))]
         self._drained += sum([len(message.data) for message in waiting])
-        messages = sorted([*self._held, *waiting, *self._source()], key=_log_time)
-        due_ns = to_wall_ns(now) - HOLD_NS
+        messages = sorted([*self._held, *self._by_first_clock([*waiting, *self._source()])], key=_log_time)
+        due_ns = to_wall_ns(now) - self._shift_ns - HOLD_NS
         due = len(messages) if is_last else bisect_right(messages, due_ns, key=_log_time)
-        # A message whose time is far ahead has the time of a clock that was set back since; it is written at once.
-        # "Ahead" is relative to the present time, because on a busy machine a second may have passed since `now`.
-        ahead = bisect_left(messages, to_wall_ns(now_ns()) + NS_PER_S, lo=due, key=_log_time)
-        self._held = messages[due:ahead]
-        self._write(messages[:due] + messages[ahead:])
+        self._held = messages[due:]
+        self._write(messages[:due])
         if now >= self._flush_due_ns and self._file:
             self._flush_due_ns = now + FLUSH_PERIOD_NS
             self._file.flush()
             if self._file.topics > self._indexed_topics:  # after a crash the index has at least all topics
                 self._write_index()
             self._check_space()
+
+    def _by_first_clock(self, messages: list[Message]) -> list[Message]:
+        """Return the messages with log times by the clock as it was at the start, however it was set since.
+
+        One that came while the clock was set, or that the library stamped by the time before, gets the present time.
+        """
+        now = now_ns()
+        present_ns = self._first_offset_ns + now
+        shift_ns = to_wall_ns(now) - present_ns
+        if shift_ns != self._shift_ns:
+            self._shift_ns = shift_ns
+            topic = CLOCK_SHIFT.full_name(self._about.get("node", "recorder"))
+            data = encode_int64_array([shift_ns])
+            messages.append(Message(topic, CLOCK_SHIFT.type, 0, now + self._first_offset_ns, to_wall_ns(now), data))
+        earliest_ns, latest_ns = present_ns - PLAUSIBLE_NS if shift_ns else -NEVER_NS, present_ns + NS_PER_S
+        if not shift_ns and all(message.logged_ns < latest_ns for message in messages):
+            return messages
+        times = [message.logged_ns - shift_ns for message in messages]
+        return [
+            message._replace(logged_ns=time_ns if earliest_ns < time_ns < latest_ns else present_ns)
+            for message, time_ns in zip(messages, times, strict=True)
+        ]
 
     def _write(self, messages: Sequence[Message]) -> None:
         most = _FULL * self._options.file_size * _MIB

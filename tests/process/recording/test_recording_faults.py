@@ -19,6 +19,7 @@ from hil.common.errors import ConfigError
 from hil.recording.mcap_file import Message, RecordingFile
 from hil.recording.reader import read_messages
 from hil.recording.recorder import Recorder, new_folder
+from hil.ros.encoders import decode_int64_array
 from tests.support.busy import retried_when_busy
 from tests.support.network.small_recording import SMALL, by_mcap, by_rosbags, imu
 from tests.support.processes import ROOT, wait_for
@@ -168,6 +169,32 @@ def test_a_delayed_recorder_writes_messages_in_order(tmp_path: Path, monkeypatch
     with Recorder(str(tmp_path / "bag"), SMALL, {}, source=delayed_source):
         assert wait_for(lambda: passed_ns)
     assert [message.sequence for message in read_messages(str(tmp_path / "bag"))] == [1, 2, 3]
+
+
+@pytest.mark.parametrize("set_by_s", [-3600, 3600, 95_865_992])
+def test_log_times_do_not_jump_when_the_clock_is_set(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, set_by_s: int
+) -> None:
+    """A board without a clock chip starts in the past. The recording keeps how its times relate to the new clock."""
+    began_ns, shift_ns = to_wall_ns(now_ns()), 0
+    monkeypatch.setattr(recording_module, "to_wall_ns", lambda time_ns: to_wall_ns(time_ns) + shift_ns)
+    folder, about = tmp_path / "bag", {"node": "uuv1"}
+    with Recorder(str(folder), SMALL, about) as recorder:
+        for number in range(1, 31):
+            if number == 16:
+                recorder.put(imu(number)._replace(logged_ns=to_wall_ns(now_ns())))  # still by the clock before
+                shift_ns = set_by_s * NS_PER_S
+            else:
+                recorder.put(imu(number)._replace(logged_ns=to_wall_ns(now_ns()) + shift_ns))
+            time.sleep(0.01)
+        ended_ns = to_wall_ns(now_ns())
+    found = by_mcap(folder / "bag_0.mcap")
+    times = [message.logged_ns for message in found]
+    assert times == sorted(times)
+    assert began_ns <= times[0] < times[-1] <= ended_ns + NS_PER_S // 2
+    assert sorted(message.sequence for message in found if message.topic == "/uuv1/imu") == list(range(1, 31))
+    (shift,) = [message for message in found if message.topic == "/uuv1/clock_shift"]
+    assert decode_int64_array(shift.data) == (pytest.approx(set_by_s * NS_PER_S, abs=NS_PER_S),)
 
 
 def test_a_clock_before_1970_does_not_end_a_recording(tmp_path: Path) -> None:
