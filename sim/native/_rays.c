@@ -134,11 +134,12 @@ static void cast_from_each(const Geometry *geometry, const Request *request, Nea
 {
     for (Py_ssize_t ray = 0; ray < request->rays; ray++) {
         const double *origin = request->origins + 3 * ray;
-        double along[3];
+        double along[1][3];
+        Hit hit;
         find_near_solids(geometry, origin, request->reach, near);
-        rotate_to_world(request->rotation, request->directions + 3 * ray, along);
-        Hit hit = trace(geometry, near, origin, along, request->reach, 0.0);
-        store_result(geometry, origin, along, &hit, ray, to);
+        rotate_to_world(request->rotation, request->directions + 3 * ray, along[0]);
+        trace(geometry, near, origin, (const double (*)[3])along, 1, request->reach, 0.0, &hit);
+        store_result(geometry, origin, along[0], &hit, ray, to);
     }
 }
 

@@ -89,12 +89,10 @@ static void intersect_round(const double *at, const double *along, double radius
     }
 }
 
-static double intersect_solid(const Geometry *geometry, const Solid *solid, const double *origin, const double *direction,
-                         double reach, long *detail)
+static double intersect_solid(const Solid *solid, const double *origin, const double *direction, double reach)
 {
     int kind = (int)solid->kind;
     const double *sizes = solid->sizes;
-    *detail = 0;
     if (kind == HALF_SPACE)
         return intersect_half_space(sizes, origin, direction, reach);
     double away[3], at[3], along[3], near = 0.0, far = reach;
@@ -102,8 +100,6 @@ static double intersect_solid(const Geometry *geometry, const Solid *solid, cons
         away[axis] = origin[axis] - solid->position[axis];
     rotate_to_solid(solid->rotation, away, at);
     rotate_to_solid(solid->rotation, direction, along);
-    if (kind == MESH)
-        return intersect_mesh(&geometry->trees, (long)solid->root, sizes, at, along, reach, detail);
     if (kind == SPHERE) {
         intersect_round(at, along, sizes[0], 3, &near, &far);
     } else if (kind == CYLINDER) {
@@ -125,25 +121,52 @@ static void find_near_solids(const Geometry *geometry, const double *origin, dou
             near->numbers[near->count++] = i;
 }
 
-/* The first hit of a ray that is known to meet no seabed before `start` m. */
-static Hit trace(const Geometry *geometry, const Near *near, const double *origin, const double *direction, double reach,
-                 double start)
+/* Replaces the hits of rays from one point by nearer ones on a mesh. */
+static void trace_mesh(const Geometry *geometry, long number, const double *origin, const double (*along)[3], int count,
+                       double reach, Hit *hits)
 {
-    Hit best = {INFINITY, NOTHING, 0};
-    best.distance = intersect_seabed(&geometry->ground, origin, direction, reach, start, &best.detail);
-    if (best.distance < INFINITY)
-        best.object = SEABED;
-    for (long k = 0; k < near->count; k++) {
-        long i = near->numbers[k];
-        const Solid *solid = geometry->solids + i;
-        if (misses(solid, origin, direction))
+    const Solid *solid = geometry->solids + number;
+    double away[3], at[3];
+    MeshRay rays[BUNDLE];
+    int places[BUNDLE], found = 0;
+    for (int axis = 0; axis < 3; axis++)
+        away[axis] = origin[axis] - solid->position[axis];
+    rotate_to_solid(solid->rotation, away, at);
+    for (int i = 0; i < count; i++) {
+        if (misses(solid, origin, along[i]))
             continue;
-        long detail;
-        double distance = intersect_solid(geometry, solid, origin, direction, min_of(reach, best.distance), &detail);
-        if (distance < best.distance)
-            best = (Hit){distance, i + 1, detail};
+        rotate_to_solid(solid->rotation, along[i], rays[found].along);
+        rays[found].reach = min_of(reach, hits[i].distance), places[found++] = i;
     }
-    return best;
+    intersect_mesh(&geometry->trees, (long)solid->root, solid->sizes, at, rays, found);
+    for (int i = 0; i < found; i++)
+        if (rays[i].distance < hits[places[i]].distance)
+            hits[places[i]] = (Hit){rays[i].distance, number + 1, rays[i].triangle};
+}
+
+/* The first hits of up to BUNDLE rays from one point that are known to meet no seabed before `start` m. */
+static void trace(const Geometry *geometry, const Near *near, const double *origin, const double (*along)[3], int count,
+                  double reach, double start, Hit *hits)
+{
+    for (int i = 0; i < count; i++) {
+        hits[i] = (Hit){INFINITY, NOTHING, 0};
+        hits[i].distance = intersect_seabed(&geometry->ground, origin, along[i], reach, start, &hits[i].detail);
+        if (hits[i].distance < INFINITY)
+            hits[i].object = SEABED;
+    }
+    for (long k = 0; k < near->count; k++) {
+        const long number = near->numbers[k];
+        const Solid *solid = geometry->solids + number;
+        if (solid->kind == MESH)
+            trace_mesh(geometry, number, origin, along, count, reach, hits);
+        for (int i = 0; i < count && solid->kind != MESH; i++) {
+            if (misses(solid, origin, along[i]))
+                continue;
+            double distance = intersect_solid(solid, origin, along[i], min_of(reach, hits[i].distance));
+            if (distance < hits[i].distance)
+                hits[i] = (Hit){distance, number + 1, 0};
+        }
+    }
 }
 
 /* The number of the object to which a solid belongs: its own number, unless it is a part of another object. */

@@ -8,7 +8,7 @@
 
 #include "rays.h"
 
-enum { BUNDLE = 32, FEW_RAYS = 8, MAX_STRIDES = 24, MAX_CELLS = 96, FEW_CELLS = 3, SOME_CELLS = 12 };
+enum { MAX_STRIDES = 24, MAX_CELLS = 96, FEW_CELLS = 3, SOME_CELLS = 12 };
 #define GEOMETRY "sim.native.Geometry" /* name of the capsule that carries a Geometry */
 #define MAX_SLOPES 0.1
 #define CLEARANCE 1e-6 /* m of distance from an object that is excluded, so that rounding cannot matter */
@@ -132,14 +132,12 @@ static double clear_distance(const Ground *ground, const double *origin, const B
 static void trace_bundle(const Geometry *geometry, const Near *near, const double *origin, Bundle *bundle, double reach,
                          Hit *hits)
 {
-    if (bundle->count < FEW_RAYS) {
-        for (int i = 0; i < bundle->count; i++)
-            hits[i] = trace(geometry, near, origin, bundle->along[i], reach, 0.0);
-        return;
+    double start = 0.0;
+    Near closer = *near;
+    if (bundle->count >= FEW_RAYS) {
+        bound(bundle);
+        start = clear_distance(&geometry->ground, origin, bundle, reach);
+        closer = exclude_solids(geometry, near, origin, bundle, reach);
     }
-    bound(bundle);
-    double start = clear_distance(&geometry->ground, origin, bundle, reach);
-    Near closer = exclude_solids(geometry, near, origin, bundle, reach);
-    for (int i = 0; i < bundle->count; i++)
-        hits[i] = trace(geometry, &closer, origin, bundle->along[i], reach, start);
+    trace(geometry, &closer, origin, (const double (*)[3])bundle->along, bundle->count, reach, start, hits);
 }

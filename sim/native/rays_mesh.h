@@ -1,14 +1,16 @@
 /* Rays on the triangles of sim/rays/tree.py: _intersect_mesh of sim/rays/single.py, equal to the last bit.
  *
- * Boxes and triangles are first compared in floats, with margins so that no hit is lost, and what remains in doubles.
+ * Boxes and triangles are first compared in floats, with margins so that no hit is lost, and what remains in doubles. The
+ * rays of a bundle begin with the subtrees that some of them can meet, and take their steps in turn: the memory that one
+ * needs comes while the others go on.
  * This file is included after rays_seabed.h, and does not use the Python API.
  */
 
 #include <stdint.h>
 
-enum { MAX_WAITING = 256 };
+enum { MAX_WAITING = 256, BUNDLE = 32, FEW_RAYS = 8 };
 #define FLAT 1e-30 /* greatest part of a direction that counts as parallel */
-#define ROUNDING 3e-7 /* more than the roundings of floats add up to */
+#define ROUNDING 5e-7 /* more than the roundings of floats add up to */
 
 /* Into each version of such a function what it calls is to be inlined. */
 #define INLINED static inline __attribute__((always_inline))
@@ -39,9 +41,9 @@ typedef struct {
 /* Eight triangles, and the same rounded to floats. Where a ray starts `away` m from the origin, the rounding of what
  * find_candidates compares is less than margin * (away + extent). */
 typedef struct {
-    Triangle triangles[WIDTH];
     Floats corner[3], one[3], other[3];
     float margin, extent;
+    Triangle triangles[WIDTH];
 } Group;
 
 /* The trees of several meshes. */
@@ -80,35 +82,35 @@ static int passes_net(const Triangle *triangle, const double *net, const double 
     return 1;
 }
 
-/* A ray in floats. It enters each box a little earlier, and leaves it a little later, than rounding could make it. */
+/* A ray in a mesh's axes, and its hit. */
 typedef struct {
-    float from[6], inverse[6]; /* for the sides where it enters (3), then for those where it leaves */
-    size_t side[6];            /* places of those sides in a node, in bytes */
-    float at[3], along[3], away;
-} Beam;
+    double along[3], reach, distance;
+    long triangle;
+} MeshRay;
+
+/* Where rays begin. */
+typedef struct {
+    const Trees *trees;
+    const double *at, *net;
+    float point[3], margin[3], away;
+} Source;
 
 typedef struct {
     float near;
-    uint32_t place; /* WIDTH times the node, and the lane */
-    long child;
+    int32_t child;
+    const float *box; /* the first of its sides */
 } Waiting;
 
-INLINED Beam make_beam(const double *at, const double *along, const double *inverse)
-{
-    Beam beam;
-    beam.away = 0.0f;
-    for (size_t axis = 0; axis < 3; axis++) {
-        const double margin = ROUNDING * fabs(at[axis]), later = inverse[axis] < 0.0 ? -margin : margin;
-        const size_t turned = inverse[axis] < 0.0 ? 3 : 0;
-        beam.side[axis] = (axis + turned) * sizeof(Floats), beam.side[3 + axis] = (3 + axis - turned) * sizeof(Floats);
-        beam.from[axis] = (float)(at[axis] + later), beam.from[3 + axis] = (float)(at[axis] - later);
-        beam.inverse[axis] = (float)(inverse[axis] * (1.0 - ROUNDING));
-        beam.inverse[3 + axis] = (float)(inverse[axis] * (1.0 + ROUNDING));
-        beam.at[axis] = (float)at[axis], beam.along[axis] = (float)along[axis];
-        beam.away += fabsf(beam.at[axis]);
-    }
-    return beam;
-}
+/* A ray, or several, on the way through a tree, in floats. It enters each box a little earlier, and leaves it a little
+ * later, than rounding could make it. */
+typedef struct {
+    float from[6], inverse[6]; /* for the sides where it enters (3), then for those where it leaves */
+    int side[6];               /* numbers of those sides */
+    float along[3], far;
+    MeshRay *ray;
+    long count;
+    Waiting waiting[MAX_WAITING];
+} Search;
 
 #pragma GCC diagnostic ignored "-Wpsabi" /* the functions that take vectors are all inlined */
 /* One bit for each lane. */
@@ -128,13 +130,13 @@ INLINED unsigned lanes_of(Mask mask)
 }
 
 /* The lanes of the triangles that the ray may hit: those that it surely misses are excluded. */
-INLINED unsigned find_candidates(const Group *group, const Beam *beam)
+INLINED unsigned find_candidates(const Group *group, const Source *source, const float *d)
 {
     const Floats *e = group->one, *f = group->other;
-    const float *d = beam->along, margin = group->margin * (beam->away + group->extent);
+    const float *at = source->point, margin = group->margin * (source->away + group->extent);
     Floats px = d[1] * f[2] - d[2] * f[1], py = d[2] * f[0] - d[0] * f[2], pz = d[0] * f[1] - d[1] * f[0];
     Floats determinant = e[0] * px + e[1] * py + e[2] * pz;
-    Floats tx = beam->at[0] - group->corner[0], ty = beam->at[1] - group->corner[1], tz = beam->at[2] - group->corner[2];
+    Floats tx = at[0] - group->corner[0], ty = at[1] - group->corner[1], tz = at[2] - group->corner[2];
     Floats qx = ty * e[2] - tz * e[1], qy = tz * e[0] - tx * e[2], qz = tx * e[1] - ty * e[0];
     const Mask sign = (Mask)determinant & INT32_MIN;
     Floats u = (Floats)((Mask)(tx * px + ty * py + tz * pz) ^ sign);
@@ -143,81 +145,178 @@ INLINED unsigned find_candidates(const Group *group, const Beam *beam)
     return lanes_of((u >= -margin) & (v >= -margin) & (rest >= -3.0f * margin));
 }
 
-/* Returns 1 if `distance` along a ray is in the box of a child. Rounding can move the hit of a triangle that is seen
- * from its edge out of it. */
-static int is_in_box(const Node *node, unsigned lane, const double *at, const double *inverse, double distance)
+/* Returns 1 if `distance` along a ray is in a box. Rounding can move the hit of a triangle that is seen from its edge
+ * out of it. */
+static int is_in_box(const float *box, const double *at, const double *along, double distance)
 {
     for (int axis = 0; axis < 3; axis++) {
-        double one = ((double)node->sides[axis][lane] - at[axis]) * inverse[axis];
-        double other = ((double)node->sides[3 + axis][lane] - at[axis]) * inverse[axis];
+        const double inverse = fabs(along[axis]) > FLAT ? 1.0 / along[axis] : 1.0 / FLAT;
+        double one = ((double)box[WIDTH * axis] - at[axis]) * inverse;
+        double other = ((double)box[WIDTH * (3 + axis)] - at[axis]) * inverse;
         if (distance < min_of(one, other) || distance > max_of(one, other))
             return 0;
     }
     return 1;
 }
 
-/* Adds the children of a node that the ray meets within `far` m to those that wait; the nearest is the last. */
-INLINED long add_children(const Trees *trees, long number, const Beam *beam, float far, Waiting *waiting)
+/* Adds the children of a node that the ray meets to those that wait; the nearest is the last. */
+INLINED void add_children(const Trees *trees, const Node *node, Search *search)
 {
-    const Node *node = trees->nodes + number;
-    const float *sides[6], *from = beam->from, *inverse = beam->inverse;
-    for (int i = 0; i < 6; i++)
-        sides[i] = (const float *)((const char *)node + beam->side[i]);
     float near[WIDTH], end[WIDTH];
     for (int i = 0; i < WIDTH; i++) { /* with no other functions, so that the compiler makes vectors of it */
-        near[i] = 0.0f, end[i] = far;
+        near[i] = 0.0f, end[i] = search->far;
         for (int axis = 0; axis < 3; axis++) {
-            const float first = (sides[axis][i] - from[axis]) * inverse[axis];
-            const float last = (sides[3 + axis][i] - from[3 + axis]) * inverse[3 + axis];
+            const float *enter = (const float *)(node->sides + search->side[axis]);
+            const float *leave = (const float *)(node->sides + search->side[3 + axis]);
+            const float first = (enter[i] - search->from[axis]) * search->inverse[axis];
+            const float last = (leave[i] - search->from[3 + axis]) * search->inverse[3 + axis];
             near[i] = first > near[i] ? first : near[i], end[i] = last < end[i] ? last : end[i];
         }
     }
+    Waiting *waiting = search->waiting + search->count;
     long count = 0;
     for (unsigned met = lanes_of(*(const Floats *)near <= *(const Floats *)end); met; met &= met - 1) {
         const unsigned i = (unsigned)__builtin_ctz(met);
         long place = count++;
         for (; place > 0 && waiting[place - 1].near < near[i]; place--)
             waiting[place] = waiting[place - 1];
-        const long child = (long)node->child[i];
-        waiting[place] = (Waiting){near[i], WIDTH * (uint32_t)number + i, child};
-        const char *memory = child < 0 ? (const char *)(trees->groups - 1 - child) : (const char *)(trees->nodes + child);
-        for (size_t place_in = 0; place_in < (child < 0 ? sizeof(Group) : sizeof(Node)); place_in += 64)
-            __builtin_prefetch(memory + place_in); /* most of the time goes by waiting for memory */
+        const int32_t child = (int32_t)node->child[i];
+        waiting[place] = (Waiting){near[i], child, (const float *)node + i};
+        for (int line = 0; line < 4 && child > 0; line++)
+            __builtin_prefetch((const char *)(trees->nodes + child) + 64 * line);
     }
-    return count;
+    search->count += count;
 }
 
-/* The distance to the mesh whose tree begins at node `root`, and the number of the triangle. */
-FOR_EACH_PROCESSOR static double intersect_mesh(const Trees *trees, long root, const double *net, const double *at,
-                                                const double *along, double reach, long *triangle_number)
+/* Prefetches what the ray meets next, which then is the first beyond those that wait; returns 0 if there is nothing. */
+INLINED int find_next(const Trees *trees, Search *search)
 {
-    double best = INFINITY, inverse[3];
-    for (int axis = 0; axis < 3; axis++)
-        inverse[axis] = fabs(along[axis]) > FLAT ? 1.0 / along[axis] : 1.0 / FLAT;
-    const Beam beam = make_beam(at, along, inverse);
-    float far = (float)(reach * (1.0 + ROUNDING));
-    Waiting waiting[MAX_WAITING];
-    long count = add_children(trees, root, &beam, far, waiting);
-    while (count > 0) {
-        const Waiting next = waiting[--count];
-        if (next.near > far)
+    while (search->count > 0) {
+        const Waiting *next = search->waiting + --search->count;
+        if (next->near > search->far)
             continue;
-        if (next.child >= 0) {
-            if (count <= MAX_WAITING - WIDTH)
-                count += add_children(trees, next.child, &beam, far, waiting + count);
-            continue;
+        if (next->child < 0) {
+            const char *memory = (const char *)(trees->groups - 1 - next->child);
+#pragma GCC unroll 16
+            for (size_t place = 0; place < sizeof(Group); place += 64)
+                __builtin_prefetch(memory + place);
         }
-        const Group *group = trees->groups - 1 - next.child;
-        for (unsigned found = find_candidates(group, &beam); found; found &= found - 1) {
-            const int lane = __builtin_ctz(found);
-            const long number = WIDTH * (-1 - next.child) + lane;
-            const Triangle *triangle = group->triangles + lane;
-            const double distance = intersect_triangle(triangle, at, along);
-            if (distance <= min_of(reach, best) && (distance < best || number < *triangle_number)
-                && is_in_box(trees->nodes + next.place / WIDTH, next.place % WIDTH, at, inverse, distance)
-                && !(net[0] > 0.0 && passes_net(triangle, net, at, along, distance)))
-                best = distance, *triangle_number = number, far = (float)(best * (1.0 + ROUNDING));
+        return 1;
+    }
+    return 0;
+}
+
+/* Tests the triangles of the group that the ray has met. */
+INLINED void intersect_group(const Source *source, Search *search)
+{
+    const Waiting next = search->waiting[search->count];
+    const Group *group = source->trees->groups - 1 - next.child;
+    MeshRay *ray = search->ray;
+    for (unsigned found = find_candidates(group, source, search->along); found; found &= found - 1) {
+        const int lane = __builtin_ctz(found);
+        const long number = WIDTH * (-1 - (long)next.child) + lane;
+        const Triangle *triangle = group->triangles + lane;
+        const double distance = intersect_triangle(triangle, source->at, ray->along);
+        if (distance <= min_of(ray->reach, ray->distance) && (distance < ray->distance || number < ray->triangle)
+            && is_in_box(next.box, source->at, ray->along, distance)
+            && !(source->net[0] > 0.0 && passes_net(triangle, source->net, source->at, ray->along, distance)))
+            ray->distance = distance, ray->triangle = number, search->far = (float)(distance * (1.0 + ROUNDING));
+    }
+}
+
+/* Sets a ray out on its way. */
+static void set_out(const Source *source, MeshRay *ray, Search *search)
+{
+    for (int axis = 0; axis < 3; axis++) {
+        const float along = (float)ray->along[axis], inverse = 1.0f / (fabsf(along) > (float)FLAT ? along : (float)FLAT);
+        const float later = copysignf(source->margin[axis], inverse);
+        const int turned = inverse < 0.0f ? 3 : 0;
+        search->along[axis] = along;
+        search->side[axis] = axis + turned, search->side[3 + axis] = axis + 3 - turned;
+        search->from[axis] = source->point[axis] + later, search->from[3 + axis] = source->point[axis] - later;
+        search->inverse[axis] = inverse * (float)(1.0 - ROUNDING);
+        search->inverse[3 + axis] = inverse * (float)(1.0 + ROUNDING);
+    }
+    search->far = (float)(ray->reach * (1.0 + ROUNDING)), search->ray = ray, search->count = 0;
+    ray->distance = INFINITY;
+}
+
+/* Sets `all` out so that it is in each box from where the first of the rays enters it to where the last one leaves it;
+ * returns 0 for rays that go both ways along several axes. */
+static int set_all_out(const Source *source, const MeshRay *rays, int count, Search *all)
+{
+    MeshRay fast = rays[0], slow = rays[0];
+    Search last;
+    int mixed = 0;
+    for (int axis = 0; axis < 3; axis++) {
+        double low = INFINITY, high = -INFINITY;
+        for (int i = 0; i < count; i++) {
+            low = min_of(low, rays[i].along[axis]), high = max_of(high, rays[i].along[axis]);
+            fast.reach = max_of(fast.reach, rays[i].reach);
+        }
+        fast.along[axis] = -low > high ? low : high, slow.along[axis] = -low > high ? high : low;
+    }
+    set_out(source, &fast, all), set_out(source, &slow, &last);
+    for (int axis = 0; axis < 3; axis++) {
+        all->inverse[3 + axis] = last.inverse[3 + axis];
+        if (last.side[axis] != all->side[axis]) { /* they go both ways: the axis excludes nothing */
+            all->inverse[3 + axis] = all->inverse[axis], all->from[axis] = copysignf(INFINITY, all->inverse[axis]);
+            all->from[3 + axis] = -all->from[axis], mixed++;
         }
     }
-    return best;
+    return mixed < 2;
+}
+
+/* Makes a node of the subtrees, WIDTH at most, that `all` meets. */
+INLINED void find_subtrees(const Trees *trees, const Node *root, Search *all, Node *subtrees)
+{
+    add_children(trees, root, all);
+    for (long place = all->count - 1; place >= 0;) { /* the nearest first */
+        const long count = all->count, child = all->waiting[place].child;
+        if (child > 0)
+            add_children(trees, trees->nodes + child, all);
+        if (child < 0 || all->count > WIDTH + 1)
+            all->count = count, place--;
+        else
+            all->waiting[place] = all->waiting[--all->count], place -= place == all->count;
+    }
+    for (int row = 0; row < 7; row++)
+        for (int lane = 0; lane < WIDTH; lane++)
+            ((float *)subtrees)[WIDTH * row + lane] =
+                lane < all->count ? all->waiting[lane].box[WIDTH * row] : row < 3 ? INFINITY : -INFINITY;
+}
+
+/* Finds the hits of up to BUNDLE rays from one point on the mesh whose tree begins at node `root`. */
+FOR_EACH_PROCESSOR static void intersect_mesh(const Trees *trees, long root, const double *net, const double *at,
+                                              MeshRay *rays, int count)
+{
+    Search searches[BUNDLE], all;
+    Source source = {.trees = trees, .at = at, .net = net};
+    Node subtrees;
+    const Node *first = trees->nodes + root;
+    int open[BUNDLE], active = 0;
+    for (int axis = 0; axis < 3; axis++) {
+        source.point[axis] = (float)at[axis], source.margin[axis] = (float)(ROUNDING * fabs(at[axis]));
+        source.away += fabsf(source.point[axis]);
+    }
+    for (int i = 0; i < count; i++)
+        set_out(&source, rays + i, searches + i);
+    if (count >= FEW_RAYS && set_all_out(&source, rays, count, &all))
+        find_subtrees(trees, first, &all, &subtrees), first = &subtrees;
+    for (int i = 0; i < count; i++) {
+        add_children(trees, first, searches + i);
+        if (find_next(trees, searches + i))
+            open[active++] = i;
+    }
+    for (int left = 0; active > 0; active = left, left = 0)
+        for (int i = 0; i < active; i++) {
+            Search *search = searches + open[i];
+            const long child = search->waiting[search->count].child;
+            if (child < 0)
+                intersect_group(&source, search);
+            else if (search->count <= MAX_WAITING - WIDTH)
+                add_children(trees, trees->nodes + child, search);
+            if (find_next(trees, search))
+                open[left++] = open[i];
+        }
 }

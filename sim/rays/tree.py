@@ -2,9 +2,9 @@
 
 A node has eight children, and 56 floats of 32 bits, eight of each kind: the least x, y, z of the children's boxes,
 their greatest x, y, z, and the children. A child is the number of a node, or -1 - the number of a group, or 0 for none.
-A group has eight triangles of nine numbers: x, y, z of a corner, and of the two edges from there; the last group of a
-mesh is filled with zeros. Then follows memory that only C uses, for the same in floats, with which it excludes most
-triangles. Meshes are flat arrays, with nine numbers a triangle.
+A group begins with memory that only C uses, for its triangles in floats, with which it excludes most. Then follow eight
+triangles of nine numbers: x, y, z of a corner, and of the two edges from there; the last group of a mesh is filled with
+zeros. Meshes are flat arrays, with nine numbers a triangle.
 
 The triangles of a node are divided, and always the part with the largest box again, until there are eight parts. A
 division is where the areas of the boxes of both sides, times their groups, are least, of the boundaries of equal
@@ -21,7 +21,8 @@ from hil.common.vectors import Vector3
 from sim.native import has_native
 
 WIDTH = 8  # children of a node, and triangles of a group
-NODE, GROUP = 7 * WIDTH, 9 * WIDTH + 37
+_FLOATS = 37  # doubles that hold a group in floats
+NODE, GROUP = 7 * WIDTH, _FLOATS + 9 * WIDTH
 _PAD = 1e-6  # of the greatest coordinate, by which boxes are larger, so that no rounding excludes a triangle
 _FAR = 1e30  # position of a box that no ray hits
 _BINS = 16
@@ -86,7 +87,7 @@ def group(triangles: "array[float]", child: int) -> "array[float]":
 
 def triangle(triangles: "array[float]", number: int) -> "array[float]":
     """Return nine numbers: a corner of a triangle and the two edges from there."""
-    first = number // WIDTH * GROUP + number % WIDTH * 9
+    first = number // WIDTH * GROUP + _FLOATS + number % WIDTH * 9
     return triangles[first : first + 9]
 
 
@@ -169,7 +170,7 @@ class _Grower:
 
     def _write_group(self, numbers: list[int]) -> None:
         for lane, number in enumerate(numbers):
-            place, corners = GROUP * self._group + 9 * lane, self._mesh[9 * number : 9 * number + 9]
+            place, corners = GROUP * self._group + _FLOATS + 9 * lane, self._mesh[9 * number : 9 * number + 9]
             for i, x in enumerate(corners):
                 self._triangles[place + i] = x - corners[i % 3] if i > 2 else x
         self._group += 1

@@ -189,6 +189,25 @@ def test_skipping_free_space_for_bundles_of_rays_changes_nothing(seed: int) -> N
             np.testing.assert_array_equal(np.array(values), np.array(others))
 
 
+@pytest.mark.usefixtures("native")
+def test_bundles_of_rays_hit_a_mesh_like_single_rays() -> None:
+    """Rays of a picture begin with common subtrees of a mesh, those with their own origins with its root."""
+    rng, scene, hit = random.Random(8), RayScene(World("w", "test", EXTENT, 100.0), "C"), 0
+    scraps = [
+        [[5.0 * x + rng.gauss(0.0, 0.2) for x in at] for _ in range(3)]
+        for at in np.random.default_rng(8).normal(size=(9000, 3))
+    ]
+    scene.add(mesh_of(scraps))
+    for shot in range(30):
+        origin = [rng.uniform(-9.0, 9.0) for _ in range(3)]
+        rotation, rays = matrix(attitude(rng)) if shot else UPRIGHT, rows_of_pixels((0.05, 0.5, 3.0)[shot % 3], 40, 16)
+        together = scene.hits(origin, rays, 50.0, rotation)
+        for values, others in zip(together, scene.hits(array("d", origin * 640), rays, 50.0, rotation), strict=True):
+            np.testing.assert_array_equal(np.array(values), np.array(others))
+        hit += sum(number == 1 for number in together.objects)
+    assert 1000 < hit < 19000
+
+
 @pytest.mark.parametrize("depth", [6.0, 18.0])
 @pytest.mark.usefixtures("native")
 def test_rays_from_the_edge_of_the_world_are_equal(depth: float) -> None:
