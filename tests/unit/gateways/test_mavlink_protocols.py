@@ -165,6 +165,11 @@ def test_the_oldest_file_session_of_a_peer_makes_room() -> None:
     assert [_ftp(bench, ftp.READ, session=n, size=10)[0][0] for n in (40, 41, 48)] == [ftp.NAK, ftp.ACK, ftp.ACK]
     bench.partner = other
     assert _ftp(bench, ftp.READ, session=40, size=10)[0][0] == ftp.ACK, "another peer has sessions of its own"
+    server = ftp.FtpServer("", bench.table)
+    opening = ftp.HEADER.pack(0, 0, ftp.OPEN_READ, 17, 0, 0, 0) + b"@PARAM/param.pck\0"
+    for number in range(ftp.MOST_SESSIONS + 5):
+        server.handle(opening, (number, 255, 190))
+    assert len(server._sessions) == ftp.MOST_SESSIONS, "peers that come and go leave no more"
 
 
 def test_the_log_protocol_which_has_no_names_refers_to_files(tmp_path: Path) -> None:

@@ -23,6 +23,7 @@ ACK, NAK = 128, 129
 FAIL, BAD_SIZE, BAD_SESSION, END_OF_FILE, UNKNOWN, PROTECTED, NOT_FOUND = 1, 3, 4, 6, 7, 9, 10
 WRITING = (CREATE, WRITE, REMOVE, MAKE_FOLDER, REMOVE_FOLDER, OPEN_WRITE, TRUNCATE, RENAME)
 MAX_SESSIONS = 8  # of a peer, whatever names its clients give themselves; its oldest one makes room for another
+MOST_SESSIONS = 128  # of all peers, also of those that have gone
 BURST_AT_ONCE = 40  # packets of one burst; the client asks for the next
 LARGEST = 0xFFFF_FFFF  # bytes of a file that an answer can name; the rest of a larger one cannot be read
 PARAMETERS = "@PARAM/param.pck"
@@ -137,6 +138,8 @@ class FtpServer:
         before = [key for key in self._sessions if key[0][0] == partner[0]]
         if len(before) >= MAX_SESSIONS:
             self._sessions.pop(before[0])
+        elif len(self._sessions) >= MOST_SESSIONS:
+            self._sessions.pop(next(iter(self._sessions)))
         self._sessions[partner, request.session] = session
         return _ack(request, min(size, LARGEST).to_bytes(4, "little"))
 
