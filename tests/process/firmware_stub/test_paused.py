@@ -17,6 +17,7 @@ from hil.links.protocols import open_protocol
 from hil.scenario.records import Link
 from hil.slave.drivers.driver import open_driver
 from tests.support.links.can_pairs import GROUP
+from tests.support.network.multicast import require_multicast
 from tests.support.processes import Program, free_port, wait_for, write_scenario
 
 WATCHDOG_S = 0.2
@@ -67,6 +68,7 @@ def in_slave(kind: str, wire: str, faults: str = "") -> Callable[[Path], Iterato
 
 def on_bus_without_descriptor(folder: Path) -> Iterator[Paused]:
     """An STM32 in a process of its own on a CAN bus that a thread has to read."""
+    require_multicast()
     port = f"can:udp_multicast:{GROUP}"
     command = [sys.executable, "-c", WITHOUT_DESCRIPTOR, "--protocol", "vesc", "--port", port]
     with Program(folder, "--channels", 6, "--watchdog", f"{WATCHDOG_S} s", command=command) as stm32:

@@ -19,6 +19,7 @@ from hil.links.wires.can_frame import CanFrame, pack_frame, unpack_frames
 from hil.links.wires.multicast_bus import PORT, MulticastCanWire
 from tests.support.links.can_pairs import MCAST, mcast_pair, until
 from tests.support.links.link_contract import nothing_leaks, read_bytes
+from tests.support.network.multicast import require_multicast
 from tests.support.processes import ROOT, Program
 
 FRAMES = [CanFrame(0x1FFF_FFFF, bytes(range(8))), CanFrame(0x7FF, b"\x01\x02\x03", False), CanFrame(5, b"")]
@@ -45,6 +46,7 @@ class OtherProgram:
 
 
 def test_frames_have_the_bytes_of_the_public_library() -> None:
+    require_multicast()
     with nothing_leaks():
         wire, program = open_address(f"can:mcast:{MCAST}", "host"), OtherProgram()
         for frame in FRAMES:
@@ -68,6 +70,7 @@ def test_two_ends_receive_each_other_and_not_themselves() -> None:
 
 
 def test_noise_loses_no_frame() -> None:
+    require_multicast()
     wire, program = MulticastCanWire(str(MCAST)), OtherProgram()
     source = random.Random(1)
     valid = FRAMES[0]
@@ -108,6 +111,7 @@ def test_an_invalid_bus_number_is_refused(number: str) -> None:
 
 
 def test_the_public_library_commands_the_emulated_stm32(tmp_path: Path) -> None:
+    require_multicast()
     with Program(tmp_path, "stm32", "--protocol", "dronecan", "--port", f"can:mcast:{MCAST}"):
         command = [sys.executable, "-m", "tests.support.links.mcast_peer", f"mcast:{MCAST}"]
         done = subprocess.run(command, capture_output=True, text=True, timeout=200, cwd=ROOT)

@@ -27,6 +27,7 @@ from hil.network.security import Security
 from hil.network.settings import BATCH, PINGS, Network, endpoints, json5, settings
 from hil.network.tokens import Presence, Role, clock_keys, presence_key, read_presence
 from hil.scenario.config import load_scenario
+from tests.support.network.multicast import require_multicast
 from tests.support.processes import ROOT, Program, free_port, wait_for, write_scenario
 
 
@@ -146,6 +147,7 @@ def test_presence_keys_are_decoded() -> None:
 
 
 def test_multicast_finds_only_slaves_with_discovery() -> None:
+    require_multicast()
     hidden, shown = (f"tcp/127.0.0.1:{free_port()}" for _ in range(2))
     with listen(hidden), listen(shown, Network(discovery=True)):
         assert wait_for(lambda: shown in find(0.3))
@@ -160,6 +162,7 @@ def test_a_master_reports_a_missing_router(monkeypatch: pytest.MonkeyPatch) -> N
 
 
 def test_a_mission_finds_its_slave_by_multicast(tmp_path: Path) -> None:
+    require_multicast()
     scenario, _ = write_scenario(tmp_path)
     scenario.write_text(scenario.read_text() + "[network]\ndiscovery = true\n")
     with Program(tmp_path, "slave", scenario) as slave:

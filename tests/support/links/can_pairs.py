@@ -14,6 +14,7 @@ from hil.links.wires.terminal import UartWire
 from hil.links.wires.text_can_bus import SlcanWire
 from tests.support.links.link_contract import read_bytes
 from tests.support.links.slcan_adapter import SlcanBus
+from tests.support.network.multicast import require_multicast
 
 GROUP = "239.74.163.77"
 MCAST = 16 + os.getpid() % 240  # a bus of this process: others run the same tests meanwhile
@@ -34,6 +35,7 @@ def virtual_pair() -> tuple[Wire, Wire]:
 
 
 def multicast_pair() -> tuple[Wire, Wire]:
+    require_multicast()
     return PythonCanWire("udp_multicast", GROUP), PythonCanWire("udp_multicast", GROUP)
 
 
