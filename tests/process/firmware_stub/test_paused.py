@@ -23,13 +23,12 @@ from tests.support.processes import Program, free_port, wait_for, write_scenario
 WATCHDOG_S = 0.2
 BEFORE, WHILE_STOPPED, NEUTRAL = (1600,) * 6, (1700,) * 6, (1500,) * 6
 COMMANDS = 400  # 8.8 kB: more than the 4 kB that one read of a terminal can return
-# A bus of python-can without a descriptor, as those of most adapters.
+# A bus of python-can that a thread reads, as those of most adapters.
 WITHOUT_DESCRIPTOR = """
 import sys
-from can import BusABC
-from can.interfaces.udp_multicast import UdpMulticastBus
 from firmware_stub.serve import main
-UdpMulticastBus.fileno = BusABC.fileno
+from hil.links.wires import python_can_bus
+python_can_bus.WITH_DESCRIPTOR = ()
 sys.exit(main(sys.argv[1:]))
 """
 
