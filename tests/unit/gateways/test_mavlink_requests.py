@@ -10,6 +10,7 @@ from pymavlink.quaternion import QuaternionBase
 
 from hil.gateways.mavlink.endpoints.peer import Peer
 from hil.gateways.mavlink.flight.modes import Mode
+from hil.gateways.mavlink.sensors import millivolts
 from hil.gateways.mavlink.snapshot import Echo
 from sim.sensors.extra_samples import BatterySample
 from tests.support.clients.mavlink_vehicle import Bench
@@ -274,7 +275,8 @@ def test_the_panel_has_what_the_pilot_sees() -> None:
     rows = {row.name: row.value for row in bench.partner.take_messages("NAMED_VALUE_FLOAT")}
     assert rows["Lights1"] == 0.75
     assert {"CamTilt", "CamPan", "Lights2", "PilotGain", "InputHold", "RollPitch", "TetherTrn"} < set(rows)
-    assert bench.partner.take_messages("SERVO_OUTPUT_RAW")[-1].pulses[8] == 1700
+    pulses = bench.partner.take_messages("SERVO_OUTPUT_RAW")[-1].pulses
+    assert [*pulses[:9]] == [1500] * 6 + [0, 0, 1700]
 
 
 COCKPIT_MESSAGES = (  # whose rates Cockpit sets when it connects, by its file of defaults (2026)
@@ -329,3 +331,16 @@ def test_cockpit_flies_a_mission_and_goes_to_a_place() -> None:
     assert bench.partner.take_messages("COMMAND_ACK")[-1].result == ACCEPTED
     bench.run(40.0, bench.partner.heartbeat)
     assert (bench.vehicle.north, bench.vehicle.depth) == pytest.approx((0.0, 3.0), abs=0.3)
+
+
+@pytest.mark.parametrize(("volts", "expected"), [(12.345, 12_345), (-1.0, 0), (1e9, 65_534)])
+def test_voltages_fit_their_field(volts: float, expected: int) -> None:
+    assert millivolts(volts) == expected
+
+
+def test_only_a_plain_reboot_of_a_disarmed_vehicle_restarts_it() -> None:
+    bench = Bench()
+    reboot = dialect.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN
+    assert [bench.partner.command(reboot, number) for number in (0, 2, 1)] == [UNSUPPORTED, UNSUPPORTED, ACCEPTED]
+    bench.arm(Mode.MANUAL)
+    assert bench.partner.command(reboot, 1) == dialect.MAV_RESULT_DENIED
