@@ -30,7 +30,7 @@ def draw_field(title: str, runs: Sequence[Run], path: str) -> None:
     for number, run in enumerate(runs):
         for track in run.tracks:
             if number == 0 and track.plan:
-                north, east = zip(*track.plan, strict=True)
+                north, east, *_ = zip(*track.plan, strict=True)
                 field.plot(east, north, "--", color=PATH, linewidth=1.2, label="path planned at the start")
             name = run.result.mode.upper()
             field.plot(
