@@ -45,6 +45,7 @@ def test_item_zero_is_a_waypoint_for_a_generic_autopilot() -> None:
         ((6, 16, 99e3, 0.0, 0.0), dialect.MAV_MISSION_INVALID_PARAM5_X),
         ((LOCAL, 16, 0.0, 0.0, float("nan")), dialect.MAV_MISSION_INVALID),
         ((LOCAL, 177, 0.0, 0.0, 0.0, 9.0, 1.0), dialect.MAV_MISSION_INVALID_PARAM1),
+        ((LOCAL, 177, 0.0, 0.0, 0.0, 0.0, 1001.0), dialect.MAV_MISSION_INVALID_PARAM1),
         ((LOCAL, 178, 0.0, 0.0, 0.0, 0.0, float("nan")), dialect.MAV_MISSION_INVALID_PARAM2),
     ],
 )
@@ -125,6 +126,16 @@ def test_a_mission_is_flown_item_by_item() -> None:
     assert abs(bench.vehicle.depth - 0.2) < 0.5
     assert "mission complete" in bench.partner.texts()
     assert bench.partner.take_messages("MISSION_CURRENT")[-1].mission_state == COMPLETE
+
+
+@pytest.mark.parametrize(("target", "reached"), [(2.0, [1, 2, 2]), (0.0, [1, 2, 1, 2])])
+def test_a_jump_goes_to_its_item_or_from_home_to_the_first(target: float, reached: list[int]) -> None:
+    bench = Bench()
+    rows = [HOME_ROW, (LOCAL, 16, 1.0, 0.0, 3.0), (LOCAL, 16, 1.0, 1.0, 3.0), (LOCAL, 177, 0, 0, 0, target, 1.0)]
+    assert upload_mission(bench.partner, rows) == dialect.MAV_MISSION_ACCEPTED
+    bench.arm(Mode.AUTO)
+    bench.run(60.0)
+    assert [message.seq for message in bench.partner.take_messages("MISSION_ITEM_REACHED")] == reached
 
 
 def test_a_mission_pauses_continues_and_jumps() -> None:
