@@ -11,22 +11,15 @@ from collections.abc import Iterator
 
 import can
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-from hil.common.errors import ConfigError, DeviceError, MissingExtraError
-from hil.links.address import open_address, wire_kind
+from hil.common.errors import DeviceError, MissingExtraError
 from hil.links.contract import Wire
 from hil.links.wires.can_bus import SocketCanWire, open_socketcan
 from hil.links.wires.can_frame import ERROR, REMOTE, CanFrame, pack_frame, unpack_frames
-from hil.links.wires.faults import FaultyWire
 from hil.links.wires.python_can_bus import PythonCanWire
-from hil.links.wires.terminal import PtyHostWire, PtyWire, UartWire
-from hil.links.wires.text_can_bus import SlcanWire, SocketcandWire
+from hil.links.wires.terminal import PtyWire
 from tests.support.links.can_pairs import GROUP, socket_pair, until, virtual_pair
 from tests.support.links.link_contract import EVERY_BYTE, PATIENCE_S, nothing_leaks, read_bytes, records, wait_readable
-from tests.support.links.slcan_adapter import SlcanBus
-from tests.support.links.socketcand_server import SocketcandServer
 from tests.support.network.multicast import require_multicast
 
 STANDARD = CanFrame(0x7FF, b"\x01\x02\x03", extended=False)
@@ -92,122 +85,6 @@ class TestSocketCan:
         assert isinstance(host, SocketCanWire)
         device.close()
         host.close()
-
-
-class TestSlcan:
-    def test_an_adapter_is_set_up_and_closed(self) -> None:
-        bus = SlcanBus(1)
-        wire = SlcanWire(UartWire(bus.paths[0]), 500_000)
-        assert wait_readable(wire)
-        assert wire.read() == b"", "acknowledgements are no frames"
-        wire.close()
-        until(lambda: len(bus.output[0]) == 4)
-        bus.close()
-        assert bus.output == [[b"C", b"S6", b"O", b"C"]]
-
-    def test_frames_are_exchanged_with_the_slcan_of_python_can(self) -> None:
-        """python-can's own slcan is the other end."""
-        bus = SlcanBus(2)
-        wire = SlcanWire(UartWire(bus.paths[0]))
-        adapter = can.Bus(bus.paths[1], "slcan", bitrate=1_000_000, sleep_after_open=0.0, ignore_config=True)
-        until(lambda: bus.output[0][-1:] == [b"O"] and bus.output[1].count(b"O") == 2)
-        wire.read()
-        for frame in (STANDARD, EXTENDED, EMPTY):
-            wire.write(pack_frame(frame))
-            assert frame_of(adapter.recv(2.0)) == frame
-            adapter.send(message(frame))
-            assert list(unpack_frames(read_bytes(wire, 16))) == [frame]
-        adapter.shutdown()
-        wire.close()
-        bus.close()
-
-    def test_a_full_line_cuts_no_frame(self) -> None:
-        adapter = PtyWire()
-        wire = SlcanWire(PtyHostWire(adapter.path))
-        numbered = records(bytes(8) * 2000, 0)
-        written = wire.write(numbered)
-        assert 0 < written < len(numbered)
-        text = read_bytes(adapter, 1 << 20, 0.1)
-        wire.read()  # a loop does
-        text += read_bytes(adapter, 1 << 20, 0.1)
-        *lines, rest = text.split(b"\r")
-        assert rest == b""
-        assert lines[4:] == [b"T%08X8%016X" % (number, 0) for number in range(written // 16)]
-        wire.close()
-        adapter.close()
-
-    def test_all_received_frames_are_discarded_even_if_one_read_cannot_return_them(self) -> None:
-        line = PtyWire()
-        wire, adapter = SlcanWire(line), PtyHostWire(line.path)
-        text = b"z\r" * 2048 + b"T%08X8%016X\r" % (7, 0) * 200
-        assert adapter.write(text) == len(text)
-        line._arrivals.unregister(line.terminal)  # as if the kernel's thread had not delivered it yet
-        assert wire.discard_received() == len(text)
-        adapter.close()
-        wire.close()
-
-    @given(
-        noise=st.lists(st.one_of(st.binary(max_size=40), st.sampled_from([b"t123", b"T00000FFF8", b"t12381", b"tz"])))
-    )
-    def test_noise_raises_no_error_and_loses_no_later_frame(self, noise: list[bytes]) -> None:
-        line = CannedLine([*noise, b"\rtF23", b"\x07T1FFFFFFF8000102030405", b"0607\r"])
-        wire = SlcanWire(line)
-        received = b"".join(wire.read() for _ in line.chunks)
-        assert list(unpack_frames(received))[-1] == EXTENDED
-        assert len(received) % 16 == 0
-
-    def test_a_timestamp_is_ignored(self) -> None:
-        line = CannedLine([b"t7FF3010203A1B2\r"])
-        assert list(unpack_frames(SlcanWire(line).read())) == [STANDARD]
-
-    def test_an_unsupported_bit_rate_is_refused(self) -> None:
-        adapter = PtyWire()
-        with pytest.raises(ConfigError, match="666000 bit/s is not one of 10000, 20000"):
-            SlcanWire(PtyHostWire(adapter.path), 666_000)
-        adapter.close()
-
-    def test_faults_can_be_injected(self) -> None:
-        adapter = PtyWire()
-        wire = FaultyWire(SlcanWire(PtyHostWire(adapter.path)))
-        assert wire.record_size == 16
-        wire.write(pack_frame(STANDARD))
-        assert read_bytes(adapter, 20) == b"\rC\rS8\rO\rt7FF3010203\r"
-        wire.close()
-        adapter.close()
-
-
-class TestSocketcand:
-    def test_frames_are_exchanged_with_the_socketcand_of_python_can(self) -> None:
-        server = SocketcandServer()
-        wire = open_address(f"can:socketcand:127.0.0.1:{server.port}", "host")
-        with can.Bus("can0", "socketcand", host="127.0.0.1", port=server.port, ignore_config=True) as other_bus:
-            until(lambda: len(server.clients) == 2)
-            for frame in (STANDARD, EXTENDED, EMPTY):
-                wire.write(pack_frame(frame))
-                assert frame_of(other_bus.recv(2.0)) == frame
-                other_bus.send(message(frame))
-                assert unpack_frames(read_bytes(wire, 16)) == [frame]
-        assert wire_kind(wire.name) == "can"
-        wire.close()
-        server.close()
-        assert server.opened == ["can0", "can0"]
-
-    def test_noise_raises_no_error_and_loses_no_later_frame(self) -> None:
-        noise = [
-            b"\xff< frame",
-            b"< frame 12G 1.0 00 >< frame 123 1.0 0 >< frame FFFFFFFF 1.0 >",
-            b"< fra",
-            b"< error > ",
-        ]
-        wire = SocketcandWire(CannedLine([*noise, b"< frame 1FFFFFFF 1.5 00010203", b"04050607 >"]), "can1")
-        received = b"".join(wire.read() for _ in range(9))
-        assert unpack_frames(received) == [EXTENDED]
-
-    def test_a_server_that_is_not_there_is_named(self) -> None:
-        with pytest.raises(DeviceError, match=r"^tcp://127\.0\.0\.1:1: .*start the end that listens first"):
-            open_address("can:socketcand:127.0.0.1:1/can1", "host")
-        with pytest.raises(ConfigError, match="is not the address of a wire"):
-            open_address("can:socketcand:vcan0", "host")
 
 
 class TestPythonCan:
@@ -377,24 +254,3 @@ class TestPythonCan:
         modules = "hil.links.address, hil.links.wires.can_bus, hil.links.wires.python_can_bus"
         code = f"import sys, {modules}; print('can' in sys.modules)"
         assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout == "False\n"
-
-
-class CannedLine(Wire):
-    """A line that reads as it was given, a part at a time, and takes all that is written."""
-
-    def __init__(self, chunks: list[bytes]) -> None:
-        self.name = "canned"
-        self.chunks = chunks
-        self._unread_parts = iter(chunks)
-
-    def fileno(self) -> int:
-        return -1
-
-    def close(self) -> None:
-        pass
-
-    def read(self) -> bytes:
-        return next(self._unread_parts, b"")
-
-    def write(self, data: bytes) -> int:
-        return len(data)
