@@ -41,12 +41,12 @@ class ParameterReader:
         self._unread.extend(name for name in names if name not in self._expected)
         self._set = set_value
 
-    def requests(self, system: int, is_heard: bool) -> list[Any]:
-        """Return some requests, to be called once a second; `is_heard`: whether the autopilot has sent anything yet.
+    def requests(self, system: int, has_answered: bool) -> list[Any]:
+        """Return some requests, to be called once a second; `has_answered`: whether it has sent anything yet.
 
         Report the parameters that differ once all are requested, or that it sends nothing.
         """
-        if not is_heard:
+        if not has_answered:
             self._silent += 1
             if self._silent == SILENT_BEATS and self._expected:
                 self._report(
