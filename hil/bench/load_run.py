@@ -15,7 +15,7 @@ from hil.bench.statistics import median, spread
 from hil.common.errors import HilError
 from hil.ros.topics import TOPICS, is_picture
 from hil.scenario.config import FEEDBACK, load_scenario
-from sim.sensors.sensor_set import SENSORS
+from sim.sensors.kinds import SENSORS
 
 PICTURES = [name for name in TOPICS if is_picture(name)]
 COMMAND_HZ = 20.0

@@ -15,7 +15,8 @@ from typing import Any, NamedTuple
 from hil.common.vectors import Quaternion, Vector3
 from hil.ros import dialect
 from hil.ros.cdr import HEADER, Layout, MalformedError, Reader, Writer, check_header, diagonal, tolerant
-from hil.ros.topics import first_of
+from hil.ros.topics import TOPICS, first_of
+from sim.sensors.kinds import SENSORS
 from sim.sensors.samples import ImuSample, OdometrySample, PressureSample
 
 Status = tuple[str, int, str, dict[str, str]]  # name, level (0 ok, 1 warning, 2 error, 3 stale), message, values
@@ -269,8 +270,11 @@ def encoder(topic: str) -> Encoder:
     known = _ENCODERS.get(topic)
     if known is None:
         first = first_of(topic)
-        # Another sensor of the same kind uses its own name in topics and frames.
-        known = _later(topic).ENCODERS[topic] if first == topic else partial(encoder(first), name=topic)
+        if first != topic:  # another sensor of the same kind uses its own name in topics and frames
+            known = partial(encoder(first), name=topic)
+        else:
+            encoders = _later(topic).ENCODERS
+            known = encoders.get(topic) or partial(encoders[TOPICS[topic].type], name=topic)
         _ENCODERS[topic] = known
     return known
 
@@ -278,7 +282,10 @@ def encoder(topic: str) -> Encoder:
 def decoder(topic: str) -> Decoder | None:
     """Return the function that decodes messages of a topic in `hil.ros.topics`; None for an unknown topic."""
     first = first_of(topic)
-    return _DECODERS.get(topic) or _DECODERS.get(first) or _later(first).DECODERS.get(first)
+    if known := _DECODERS.get(topic) or _DECODERS.get(first):
+        return known
+    decoders: dict[str, Decoder] = _later(first).DECODERS
+    return decoders.get(first) or (decoders.get(TOPICS[first].type) if first in TOPICS else None)
 
 
 def introduce(topic: str, encode: Encoder, decode: Decoder) -> None:
@@ -288,7 +295,7 @@ def introduce(topic: str, encode: Encoder, decode: Decoder) -> None:
 
 
 def _later(topic: str) -> Any:
-    """Return the module with the topic's encoders; loaded after the vehicle is ready, if at all."""
+    """Return the module with the codecs of a topic, or of its type; loaded after the vehicle is ready, if at all."""
     return import_module(f"hil.ros.{_ELSEWHERE.get(topic, 'sensors')}")
 
 
@@ -327,15 +334,9 @@ _DECODERS: dict[str, Decoder] = {
 _ELSEWHERE = {
     **dict.fromkeys(("cmd_depth", "cmd_heading", "cmd_pose", "cmd_wrench"), "commands"),
     **dict.fromkeys(("cmd_thrusters", "cmd_vel_stamped"), "commands"),
-    **dict.fromkeys(("dvl", "dvl_twist", "altitude", "dvl_water"), "dvl"),
-    **dict.fromkeys(("laser", "profiler", "profiler/points", "scanning_sonar", "echosounder"), "scans"),
-    **dict.fromkeys(("camera", "forward_sonar", "side_scan"), "images"),  # the sensors, and then their topics
-    **dict.fromkeys(("camera/image_raw", "camera/image_raw/compressed", "camera/camera_info"), "images"),
-    **dict.fromkeys(("camera/depth/image_raw", "camera/depth/camera_info", "camera/depth/points"), "images"),
-    "camera/labels": "images",
-    **dict.fromkeys(
-        ("forward_sonar/image", "forward_sonar/fan/image_raw", "scanning_sonar/image", "side_scan/image"), "images"
-    ),
+    **{name: kind.codec for name, kind in SENSORS.items()},
+    **{each.topic: kind.codec for kind in SENSORS.values() for each in kind.streams},
+    "scanning_sonar/image": "images",
     **dict.fromkeys(("/tf", "/tf_static", "/clock", "thruster_wrench"), "frames"),
     **dict.fromkeys(("robot_description", "map", "obstacles", "/parameter_events"), "world"),
     **dict.fromkeys(("joint_states", "motors", "accessories", "cmd_accessories"), "joints"),

@@ -17,7 +17,7 @@ from sim.sensors.extra_samples import (
     RangeSample,
     VelocitySample,
 )
-from sim.sensors.samples import Covariance, ImuSample
+from sim.sensors.samples import Covariance
 
 # Constants of the messages.
 _NO_FIX, _HAS_FIX, _SERVICE_GPS = -1, 0, 1
@@ -162,34 +162,29 @@ def decode_battery(data: bytes) -> BatterySample:
     return BatterySample(time_of(message), voltage, -current, charge, capacity, message["power_supply_health"] == _DEAD)
 
 
-def _framed(topic: str, encode: Callable[..., bytes]) -> ros.Encoder:
+def _framed(encode: Callable[..., bytes]) -> ros.Encoder:
     """Return the encoder of a topic whose frame has the topic's name."""
-    return lambda sample, prefix, *variances, name=topic: [(name, encode(sample, f"{prefix}{name}_link", *variances))]
+    return lambda sample, prefix, *variances, name: [(name, encode(sample, f"{prefix}{name}_link", *variances))]
 
 
-def _encode_ahrs(sample: ImuSample, prefix: str, *variances: float, name: str = "ahrs") -> ros.Encoded:
-    return [(name, ros.encode_imu(sample, f"{prefix}{name}_link", *([variances] if variances else [])))]
-
-
+# By the type of message.
 ENCODERS: dict[str, ros.Encoder] = {
-    "ahrs": _encode_ahrs,
-    "altimeter": _framed("altimeter", encode_distance),
-    "battery": _framed("battery", encode_battery),
-    "contact": lambda sample, _, name="contact": [(name, encode_bool(sample))],
-    "current_meter": _framed("current_meter", encode_velocity),
-    "gps": _framed("gps", encode_fix),
-    "leak": lambda sample, _, name="leak": [(name, encode_bool(sample))],
-    "magnetometer": _framed("magnetometer", encode_field),
-    "usbl": lambda sample, _, name="usbl": [(name, encode_position(sample))],
+    "sensor_msgs/msg/Imu": _framed(lambda sample, frame, *of: ros.encode_imu(sample, frame, *([of] if of else []))),
+    "sensor_msgs/msg/Range": _framed(encode_distance),
+    "sensor_msgs/msg/MagneticField": _framed(encode_field),
+    "std_msgs/msg/Bool": _framed(lambda sample, _: encode_bool(sample)),
+    _BATTERY: _framed(encode_battery),
+    _FIX: _framed(encode_fix),
+    _POSE: _framed(lambda sample, _: encode_position(sample)),
+    _TWIST: _framed(encode_velocity),
 }
 DECODERS: dict[str, ros.Decoder] = {
-    "ahrs": ros.decode_imu,
-    "altimeter": decode_distance,
-    "battery": decode_battery,
-    "contact": decode_bool,
-    "current_meter": decode_velocity,
-    "gps": decode_fix,
-    "leak": decode_bool,
-    "magnetometer": decode_field,
-    "usbl": decode_position,
+    "sensor_msgs/msg/Imu": ros.decode_imu,
+    "sensor_msgs/msg/Range": decode_distance,
+    "sensor_msgs/msg/MagneticField": decode_field,
+    "std_msgs/msg/Bool": decode_bool,
+    _BATTERY: decode_battery,
+    _FIX: decode_fix,
+    _POSE: decode_position,
+    _TWIST: decode_velocity,
 }

@@ -5,6 +5,7 @@ from types import MappingProxyType
 from typing import Literal, NamedTuple
 
 from hil.ros import dialect
+from sim.sensors.kinds import SENSORS, Kind
 
 Priority = Literal["real_time", "data", "background"]
 
@@ -42,6 +43,12 @@ class Topic(NamedTuple):
 FAN = "fan/image_raw"  # topic of a forward-looking sonar, below its name
 _DESCRIPTION = Qos(latched=True, depth=1)
 
+
+def topics_of(kind: Kind) -> list[Topic]:
+    """Return the topics of a kind of sensor."""
+    return [Topic(each.topic, each.message, each.rate_hz, each.priority) for each in kind.streams]
+
+
 TOPICS = {
     topic.name: topic
     for topic in (
@@ -54,39 +61,7 @@ TOPICS = {
         Topic("cmd_thrusters", "std_msgs/msg/Float64MultiArray", 20, "real_time", express=True, from_master=True),
         Topic("cmd_accessories", "sensor_msgs/msg/JointState", 0, "real_time", express=True, from_master=True),
         Topic("trace", "std_msgs/msg/Int64MultiArray", 20, "real_time"),
-        Topic("imu", "sensor_msgs/msg/Imu", 100, "data"),
-        Topic("dvl", "marine_acoustic_msgs/msg/Dvl", 8, "data"),
-        Topic("dvl_twist", "geometry_msgs/msg/TwistWithCovarianceStamped", 8, "data"),
-        Topic("altitude", "sensor_msgs/msg/Range", 8, "data"),
-        Topic("pressure", "sensor_msgs/msg/FluidPressure", 20, "data"),
-        Topic("odom", "nav_msgs/msg/Odometry", 20, "data"),
-        Topic("ground_truth", "nav_msgs/msg/Odometry", 20, "data"),
-        Topic("ahrs", "sensor_msgs/msg/Imu", 100, "data"),
-        Topic("altimeter", "sensor_msgs/msg/Range", 10, "data"),
-        Topic("battery", "sensor_msgs/msg/BatteryState", 1, "data"),
-        Topic("contact", "std_msgs/msg/Bool", 20, "data"),
-        Topic("current_meter", "geometry_msgs/msg/TwistStamped", 4, "data"),
-        Topic("dvl_water", "marine_acoustic_msgs/msg/Dvl", 8, "data"),
-        Topic("gps", "sensor_msgs/msg/NavSatFix", 1, "data"),
-        Topic("laser", "sensor_msgs/msg/LaserScan", 10, "data"),
-        Topic("profiler", "sensor_msgs/msg/LaserScan", 5, "data"),
-        Topic("profiler/points", "sensor_msgs/msg/PointCloud2", 5, "data"),
-        Topic("scanning_sonar", "sensor_msgs/msg/LaserScan", 11, "data"),
-        Topic("echosounder", "sensor_msgs/msg/Range", 10, "data"),
-        Topic("leak", "std_msgs/msg/Bool", 1, "data"),
-        Topic("magnetometer", "sensor_msgs/msg/MagneticField", 50, "data"),
-        Topic("usbl", "geometry_msgs/msg/PoseWithCovarianceStamped", 1, "data"),
-        Topic("camera/image_raw", "sensor_msgs/msg/Image", 5, "background"),
-        Topic("camera/image_raw/compressed", "sensor_msgs/msg/CompressedImage", 5, "background"),
-        Topic("camera/camera_info", "sensor_msgs/msg/CameraInfo", 5, "background"),
-        Topic("camera/depth/image_raw", "sensor_msgs/msg/Image", 5, "background"),
-        Topic("camera/depth/camera_info", "sensor_msgs/msg/CameraInfo", 5, "background"),
-        Topic("camera/depth/points", "sensor_msgs/msg/PointCloud2", 5, "background"),
-        Topic("camera/labels", "sensor_msgs/msg/Image", 5, "background"),
-        Topic("forward_sonar/image", "marine_acoustic_msgs/msg/ProjectedSonarImage", 5, "background"),
-        Topic(f"forward_sonar/{FAN}", "sensor_msgs/msg/Image", 5, "background"),
-        Topic("scanning_sonar/image", "marine_acoustic_msgs/msg/ProjectedSonarImage", 11, "background"),
-        Topic("side_scan/image", "marine_acoustic_msgs/msg/RawSonarImage", 5, "background"),
+        *[topic for kind in SENSORS.values() for topic in topics_of(kind)],
         Topic("thruster_wrench", "geometry_msgs/msg/WrenchStamped", 10, "data"),
         Topic("joint_states", "sensor_msgs/msg/JointState", 10, "data"),
         Topic("motors", "std_msgs/msg/Float64MultiArray", 10, "data"),
@@ -113,13 +88,12 @@ TOPICS = {
 
 OURS = tuple(TOPICS)  # topics of this table, without those added for additional sensors and users' own
 
-# Sensors whose samples are published on several topics, by the simulator's name of their samples.
+# Topics on which a sensor's samples are published, by the simulator's name of its samples; pictures have none here.
 _SAMPLE_TOPICS = {
-    "dvl": ("dvl", "dvl_twist", "altitude"),
-    "odom": ("odom", "/tf"),
-    "profiler": ("profiler", "profiler/points"),
+    kind.topic: tuple([stream.topic for stream in kind.streams if stream.priority == "data"])
+    for kind in SENSORS.values()
 }
-
+_SAMPLE_TOPICS["odom"] = ("odom", "/tf")
 _FURTHER = {topic for topics in _SAMPLE_TOPICS.values() for topic in topics[1:]}  # never the only topic of a sensor
 
 ALL = "*"  # all topics of a node except pictures

@@ -18,8 +18,9 @@ from sim.environment.ocean import Ocean
 from sim.environment.things import bottom_map, pipelines, shapes, zones
 from sim.modems.acoustic import AcousticModem
 from sim.modems.optical import OpticalModem
+from sim.sensors.kinds import SENSORS
 from sim.sensors.mounting import Mounting
-from sim.sensors.sensor_set import DEVICES, ONLY_ONE, SENSORS, load_sensor
+from sim.sensors.sensor_set import DEVICES, ONLY_ONE, load_sensor
 from sim.vehicle import accessories, ballast, battery, body_lift, collision_shape, meshes, vehicle
 from sim.vehicle.fins import Fin
 from sim.vehicle.thrusters import curves as thruster_curves

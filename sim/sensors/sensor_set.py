@@ -29,34 +29,10 @@ from hil.common.errors import ConfigError, MissingExtraError
 from hil.common.schema import find_preset, nearest, parse_split, read_each
 from hil.common.tables import read_table
 from sim.sensors.error import sensor_random
+from sim.sensors.kinds import SENSORS
 from sim.sensors.mounting import Mounting
 from sim.sensors.samples import Sample, Scene, Sensor, period_ns
 
-# The name of a sensor's section -> its class, imported when a vehicle carries it.
-SENSORS = {
-    "imu": "sim.sensors.imu:Imu",
-    "dvl": "sim.sensors.ranging.dvl:Dvl",
-    "pressure": "sim.sensors.pressure:Pressure",
-    "odometry": "sim.sensors.odometry:Odometry",
-    "ground_truth": "sim.sensors.odometry:GroundTruth",
-    "ahrs": "sim.sensors.ahrs:Ahrs",
-    "altimeter": "sim.sensors.ranging.altimeter:Altimeter",
-    "battery": "sim.sensors.battery:BatteryMonitor",
-    "contact": "sim.sensors.contact:ContactSwitch",
-    "current_meter": "sim.sensors.current_meter:CurrentMeter",
-    "dvl_water": "sim.sensors.ranging.dvl_water:DvlWater",
-    "gps": "sim.sensors.gps:Gps",
-    "leak": "sim.sensors.leak:Leak",
-    "magnetometer": "sim.sensors.magnetometer:Magnetometer",
-    "usbl": "sim.sensors.usbl:Usbl",
-    "laser": "sim.sensors.ranging.laser:Laser",
-    "profiler": "sim.sensors.ranging.profiler:Profiler",
-    "scanning_sonar": "sim.sensors.imaging.scanning_sonar:ScanningSonar",
-    "echosounder": "sim.sensors.ranging.echosounder:Echosounder",
-    "camera": "sim.sensors.imaging.camera.sensor:Camera",
-    "forward_sonar": "sim.sensors.imaging.forward_sonar:ForwardSonar",
-    "side_scan": "sim.sensors.imaging.side_scan:SideScan",
-}
 DEVICES = "sim/sensors/devices"
 ONLY_ONE = ("odometry", "ground_truth")  # they report where the vehicle's origin is
 DEFAULT_SENSORS = ("imu", "dvl", "pressure", "odometry", "ground_truth")
@@ -267,7 +243,7 @@ def _with_device(name: str, section: dict[str, Any], where: str) -> dict[str, An
 
 def load_sensor(name: str) -> type[Sensor]:
     """Return the class of one of the sensors in SENSORS."""
-    module, _, attribute = SENSORS[name].partition(":")
+    module, _, attribute = SENSORS[name].place.partition(":")
     sensor: type[Sensor] = getattr(import_module(module), attribute)
     return sensor
 

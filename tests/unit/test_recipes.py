@@ -13,15 +13,16 @@ from hil.links.contract import Protocol, ThrusterCommand, Wire
 from hil.links.frame.protocol import open_frame
 from hil.links.protocols import PROTOCOLS, Role, open_protocol
 from hil.links.wires.terminal import PtyHostWire, PtyWire
-from hil.ros import encoders, sensors, topics, types
+from hil.ros import encoders, topics, types
 from hil.ros.message import decode, encode
 from hil.ros.types import definition
 from sim.dynamics import State
 from sim.environment.world import load_world
 from sim.sensors.extra_samples import FlagSample
+from sim.sensors.kinds import SENSORS, Kind
 from sim.sensors.mounting import Mounting
 from sim.sensors.samples import Scene
-from sim.sensors.sensor_set import SENSORS, read_sensors
+from sim.sensors.sensor_set import read_sensors
 from sim.simulation import Simulation
 from sim.vehicle.vehicle import load_vehicle
 from tests.support.links.link_contract import LinkContract
@@ -51,11 +52,9 @@ class Door:
 
 
 def test_the_sensor_recipe_works(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(SENSORS, "door", f"{HERE}:Door")
-    monkeypatch.setitem(topics.TOPICS, "door", topics.TOPICS["leak"]._replace(name="door"))
-    leak = sensors.ENCODERS["leak"]
-    encode: encoders.Encoder = lambda sample, prefix: [("door", data) for _, data in leak(sample, prefix)]  # noqa: E731
-    monkeypatch.setitem(sensors.ENCODERS, "door", encode)
+    kind = Kind(f"{HERE}:Door", "door", "std_msgs/msg/Bool", 10.0, "true if it is closed")
+    monkeypatch.setitem(SENSORS, "door", kind)
+    monkeypatch.setitem(topics.TOPICS, "door", *topics.topics_of(kind))
     monkeypatch.setattr(encoders, "_ENCODERS", dict(encoders._ENCODERS))
     fitted = read_sensors({"door": {"rate": 20.0, "position": [0.1, 0.0, 0.0]}}, "mine.toml")
     vehicle, _ = load_vehicle("paper_six")
@@ -67,7 +66,9 @@ def test_the_sensor_recipe_works(monkeypatch: pytest.MonkeyPatch) -> None:
     assert samples[-1].on
     ((topic, payload),) = encoders.encoder("door")(samples[-1], "")
     assert topic == "door"
-    assert payload
+    decode = encoders.decoder("door")
+    assert decode is not None
+    assert decode(payload) is True
 
 
 def pty_pair() -> tuple[Wire, Wire]:

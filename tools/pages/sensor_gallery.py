@@ -17,7 +17,7 @@ import matplotlib as mpl
 from matplotlib.figure import Figure
 from PIL import Image
 
-from sim.sensors.sensor_set import SENSORS, select_sensors
+from sim.sensors.sensor_set import load_sensor, select_sensors
 from tools.gallery.imaging import ENTRIES
 from tools.gallery.places import Entry
 
@@ -97,10 +97,7 @@ def _texts(sensor: str) -> list[str]:
 
 def fit_default(sensor: str) -> Any:
     """Return the record of a sensor's default values."""
-    from importlib import import_module
-
-    module, _, name = SENSORS[sensor].partition(":")
-    return getattr(import_module(module), name).Model()
+    return load_sensor(sensor).Model()
 
 
 def _paragraph(function: Any) -> str:

@@ -25,8 +25,9 @@ from sim.environment.things import bottom_map, pipelines, shapes, zones
 from sim.modems.acoustic import AcousticModem
 from sim.modems.optical import OpticalModem
 from sim.sensors.error import ErrorModel
+from sim.sensors.kinds import SENSORS
 from sim.sensors.mounting import Mounting
-from sim.sensors.sensor_set import DEFAULT_SENSORS, DEVICES, SENSORS, load_sensor
+from sim.sensors.sensor_set import DEFAULT_SENSORS, DEVICES, load_sensor
 from sim.vehicle import accessories, ballast, battery, body_lift, collision_shape, fins, meshes, vehicle
 from sim.vehicle.failures import Failure
 from sim.vehicle.thrusters import curves, lags

@@ -1,6 +1,7 @@
 """Reference page of the topics: name, message type, rate and quality of service, from the table of topics."""
 
-from hil.ros.topics import COMMANDS, FAN, TOPICS, Qos, Topic
+from hil.ros.topics import COMMANDS, TOPICS, Qos, Topic
+from sim.sensors.kinds import SENSORS
 
 HEAD = """\
 # Topics
@@ -16,6 +17,7 @@ This page is made by `python -m tools.reference` from `hil/ros/topics.py`.
 TABLE = "| topic | type | rate (Hz) | quality of service | content |\n|---|---|---|---|---|\n"
 # The content of a topic, by its name.
 CONTENT = {
+    **{stream.topic: stream.meaning for kind in SENSORS.values() for stream in kind.streams},
     "cmd_vel": "speeds (m/s) along the axes of the body, and turn rate (rad/s)",
     "cmd_vel_stamped": "the same with a time and a frame; world frames are refused",
     "cmd_depth": "depth (m), positive down; replaces the vertical speed of `cmd_vel` while that speed is 0",
@@ -30,39 +32,6 @@ CONTENT = {
     "modem_rx": "bytes that the modem received; the label of the array's dimension is the name of the sender",
     "modem_range": "distance (m), computed from the travel time; `frame_id` is the name of the sender",
     "trace": "sequence number of a command, and its time (ns) at each hop, for the command delay",
-    "imu": "angular rates (rad/s) and specific force (m/s²)",
-    "dvl": "velocity (m/s) over the seabed, and each beam",
-    "dvl_twist": "the velocity of `dvl` with its covariance, for navigation filters",
-    "altitude": "distance (m) to the seabed by the DVL; inf without bottom lock",
-    "pressure": "absolute pressure (Pa)",
-    "odom": "the navigation's estimate: position and attitude in `odom`, velocity of the body",
-    "ground_truth": "true position, attitude and velocity",
-    "ahrs": "attitude by the sensor's own filter, with rates and specific force",
-    "altimeter": "distance (m) along a narrow sonar beam",
-    "battery": "voltage (V), current (A, negative while it discharges), charge",
-    "contact": "true while the hull touches the seabed or an obstacle",
-    "current_meter": "velocity (m/s) of the water at the sensor, along the axes of the body",
-    "dvl_water": "velocity (m/s) relative to a layer of water, and each beam",
-    "gps": "latitude, longitude (deg), altitude (m); no fix under water",
-    "laser": "distances (m) of a horizontal fan of beams (about z)",
-    "profiler": "distances (m) of a fan of beams across the track (about x), down to the seabed",
-    "profiler/points": "the same as points (m), with strengths (dB)",
-    "scanning_sonar": "distance (m) of the first echo of a ping, with the angle of the head",
-    "echosounder": "distance (m) to the first echo below",
-    "leak": "true if there is water in the hull",
-    "magnetometer": "magnetic field (T) along the axes of the body",
-    "usbl": "position (m) that the acoustic station measures, with its covariance",
-    "camera/image_raw": "picture, `rgb8`",
-    "camera/image_raw/compressed": "picture, JPEG",
-    "camera/camera_info": "focal lengths, principal point and distortion of the lens",
-    "camera/depth/image_raw": "distance (m) along the optical axis of each pixel",
-    "camera/depth/camera_info": "the same for the depth picture",
-    "camera/depth/points": "the depth picture as points (m)",
-    "camera/labels": "number of the object in each pixel; only if the camera has `ground_truth`",
-    "forward_sonar/image": "intensities, one row for each range bin, one column for each beam",
-    f"forward_sonar/{FAN}": "the same drawn as a fan; ahead is up",
-    "scanning_sonar/image": "intensities of a ping by range; only if the sensor has the key `bins`",
-    "side_scan/image": "intensities of a ping by range, to port and to starboard",
     "thruster_wrench": "force (N) and moment (N m) of all thrusters about the body's origin",
     "joint_states": "thrust (N) of each thruster as `effort`, deflection (rad) of each fin as `position`",
     "motors": "a row for each channel: pulse width (µs), speed (rad/s), current (A)",

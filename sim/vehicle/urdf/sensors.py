@@ -10,7 +10,7 @@ from math import pi, radians, sqrt
 from re import ASCII, sub
 from typing import Any
 
-from sim.sensors.sensor_set import SENSORS
+from sim.sensors.kinds import SENSORS
 from sim.vehicle.urdf.pose import Pose, pose_at
 from sim.vehicle.urdf.sdf_pose import own_pose
 from sim.vehicle.urdf.text import Element, child_text, number_of, plain, to_frd

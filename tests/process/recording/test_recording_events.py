@@ -2,7 +2,6 @@
 
 import signal
 import time
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -17,11 +16,11 @@ from hil.recording import check as recording_check
 from hil.recording.events import EVENTS, decode_event, encode_failures, encode_place, repeat
 from hil.recording.reader import read_about, read_messages
 from hil.recording.recorder import Recorder
-from hil.ros import encoders as ros
 from hil.ros import message as ros_message
 from hil.ros.topics import TOPICS
 from hil.scenario.records import Recording
 from sim.environment.world import load_world
+from sim.sensors.kinds import SENSORS
 from sim.simulation import Simulation
 from sim.vehicle.failures import Failure
 from sim.vehicle.vehicle import load_vehicle
@@ -156,9 +155,7 @@ def test_a_wrong_event_is_a_config_error(event: dict[str, Any]) -> None:
 
 def test_every_topic_is_compared_or_left_out_on_purpose() -> None:
     """A new topic is a sample, which the repetition publishes too, or is listed as none."""
-    modules = [import_module(f"hil.ros.{name}") for name in ("dvl", "scans", "sensors")]
-    output = set(ros._ENCODERS).union(*[module.ENCODERS for module in modules])
-    output |= {"/tf", "dvl_twist", "altitude"}  # of odom and dvl
+    output = {"/tf", *[stream.topic for kind in SENSORS.values() for stream in kind.streams]}
     pictures = {name for name in TOPICS if "/" in name[1:]}  # another process says them, in its own time
     ours = {name for name, topic in TOPICS.items() if not topic.from_master}
     assert ours - pictures - output == recording_check.NOT_SAMPLES - recording_check.COMMANDS

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from sim.sensors.sensor_set import SENSORS
+from sim.sensors.kinds import SENSORS
 from tests.support.lazy import import_lazily
 
 sensor_gallery = import_lazily("tools.pages.sensor_gallery")

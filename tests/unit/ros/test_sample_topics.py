@@ -3,7 +3,8 @@
 from hil.ros import encoders as ros
 from hil.ros.topics import TOPICS, sample_topics
 from sim.environment.world import load_world
-from sim.sensors.sensor_set import SENSORS, load_sensor, select_sensors
+from sim.sensors.kinds import SENSORS
+from sim.sensors.sensor_set import load_sensor, select_sensors
 from sim.sensors.variances import error_variances
 from sim.simulation import Simulation
 from sim.vehicle.vehicle import load_vehicle

@@ -9,9 +9,8 @@ import pytest
 
 from hil.cli import COMMANDS
 from hil.common.schema import Range
-from hil.ros.topics import OURS
 from hil.schemas.meanings import meanings
-from tools.reference import files, pages, topics
+from tools.reference import files, pages
 from tools.reference.records import Section, describe, kind_of
 
 FOLDER = Path(__file__).parents[3] / "docs" / "reference"
@@ -71,7 +70,3 @@ def test_the_range_limits_on_a_page_are_accepted_in_a_file() -> None:
     """The limits on a page are rounded inwards."""
     low, high = map(float, kind_of(Annotated[float, Range(-2.0 * pi, 2.0 * pi, "rad")]).range.split(" to "))
     assert -2.0 * pi <= low < -6.283 < 6.283 < high <= 2.0 * pi
-
-
-def test_every_topic_has_a_description() -> None:
-    assert set(topics.CONTENT) == set(OURS)

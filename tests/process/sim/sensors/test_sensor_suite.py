@@ -10,7 +10,8 @@ from hil.ros import encoders as ros
 from hil.ros.topics import DESCRIPTIONS, TOPICS
 from hil.scenario.config import build_simulation, load_scenario
 from sim.environment.world import load_world
-from sim.sensors.sensor_set import DEFAULT_SENSORS, SENSORS
+from sim.sensors.kinds import SENSORS
+from sim.sensors.sensor_set import DEFAULT_SENSORS
 from sim.simulation import Simulation
 from sim.vehicle.vehicle import load_vehicle
 
@@ -140,7 +141,7 @@ def test_modules_of_sensors_that_are_not_carried_are_not_loaded() -> None:
     assert "sim.sensors.imu" in loaded
     autopilots = ("hil.autopilots", "hil.slave.autopilot_port", "hil.scenario.autopilot_records", "hil.links.mavlink")
     assert not [name for name in loaded if name.startswith(autopilots)]
-    rare = {SENSORS[name].partition(":")[0] for name in RARE}
+    rare = {SENSORS[name].place.partition(":")[0] for name in RARE}
     helpers = {"sim.sensors.extra_samples", "sim.sensors.surface", "sim.geodesy", "hil.ros.sensors"}
     water = {f"sim.environment.{name}" for name in ("water", "waves", "currents", "ocean")}
     thrusters = {f"sim.vehicle.thrusters.{name}" for name in ("curves", "lags", "t200", "propulsion")}
