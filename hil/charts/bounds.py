@@ -37,7 +37,8 @@ PLANE_SPREAD = 1.5  # cells, standard deviation of the weights of its nodes
 class Bounds(NamedTuple):
     """Limits of the depth at each node, (rows, columns): shoal and deep limit in m, masks of land and known nodes.
 
-    `shore`: distance in cells to the edge of charted land without quays, inf where it is far away.
+    `shore`: distance in cells to the edge of charted land without quays, inf where it is far away. `narrow`: lengths of
+    walls (m) at the water whose land is too narrow for a quay.
     """
 
     low: Array
@@ -45,6 +46,7 @@ class Bounds(NamedTuple):
     land: Mask
     known: Mask
     shore: Depths
+    narrow: list[float]
 
 
 def rasterise_bounds(survey: Survey, north: Array, east: Array) -> Bounds:
@@ -52,7 +54,7 @@ def rasterise_bounds(survey: Survey, north: Array, east: Array) -> Bounds:
     shape = len(north), len(east)
     bounds = Bounds(
         np.full(shape, -np.inf), np.full(shape, np.inf), np.zeros(shape, bool), np.zeros(shape, bool),
-        np.full(shape, np.inf, np.float32),
+        np.full(shape, np.inf, np.float32), [],
     )  # fmt: skip
     if survey.reach > 0.0 and len(survey.soundings):
         bounds.known[:] = _near(survey.soundings, north, east, survey.reach)
@@ -82,10 +84,11 @@ def _rasterise_sheet(sheet: Sheet, north: Array, east: Array, bounds: Bounds, wa
             window, inside = fill(edges, north, east)
             mask[window][inside & covered[window]] = value
     start, end = _outer_edges(sheet.land)
-    is_quay = find_quays(walls, start, end, north, east, bounds.land, bounds.known & ~bounds.land)
+    is_quay, is_narrow = find_quays(walls, start, end, north, east, bounds.land, bounds.known & ~bounds.land)
+    bounds.narrow.extend(np.hypot(*(end - start)[is_narrow].T))
     window, away = edge_distance(start[~is_quay], end[~is_quay], north, east, int(FOOT_CELLS) + 1)
     np.copyto(bounds.shore[window], away, where=covered[window])
-    clear_behind(start[is_quay], end[is_quay], north, east, bounds, covered)
+    clear_behind(start[is_quay], end[is_quay], north, east, bounds[:5], covered)
 
 
 def _outer_edges(areas: tuple[Edges, ...]) -> tuple[Array, Array]:

@@ -23,6 +23,7 @@ from hil.charts.grid import Extent, Grid, round_up
 from hil.charts.gridding import Progress, Surface
 from hil.charts.hazards import SeabedModel, beds_under, place_hazards
 from hil.charts.held_out import HeldOut, choose_model, hold_out
+from hil.charts.quays import LAND_DEPTHS, NARROW_MOLES
 from hil.charts.sources.survey import Bed, Survey, first_in_cell, shoalest_in_cell
 from hil.common.errors import ConfigError
 
@@ -119,7 +120,10 @@ def build(
         bottom=rasterise_natures(survey.charted.natures, grid, survey.detail),
     )
     progress(0.85)
-    report = _report(model.grid, data, clamped, begin)._replace(beds=(*shares, *filler_shares), notes=survey.notes)
+    notes, narrow = survey.notes, sum(bounds.narrow)
+    if narrow >= 1.0:
+        notes += (f"{narrow:.0f} m of walls are at moles narrower than {LAND_DEPTHS[-1]:g} cells: {NARROW_MOLES}",)
+    report = _report(model.grid, data, clamped, begin)._replace(beds=(*shares, *filler_shares), notes=notes)
     progress(1.0)
     return BuiltSeabed(model, report)
 

@@ -18,6 +18,7 @@ Array = NDArray[np.float64]
 ON_WALL = 0.6  # m: greatest distance of an edge of land from the wall along it, which is simplified
 BEHIND = 2.0  # cells behind a wall that become water
 LAND_DEPTHS = (1.5, 3.0, 4.5)  # cells behind a wall that are land; a narrower mole is a bank
+NARROW_MOLES = "their bed is a bank with ripples of up to 0.6 m; a finer --resolution makes them quays"
 
 
 def wall_outline(survey: Survey) -> Any:
@@ -32,12 +33,17 @@ def wall_outline(survey: Survey) -> Any:
     return strip
 
 
-def find_quays(strip: Any, start: Array, end: Array, north: Array, east: Array, land: Mask, water: Mask) -> Mask:
-    """Return which edges of land, (n, 2) each, are quays: in `strip`, with water before them and wide land behind."""
+def find_quays(
+    strip: Any, start: Array, end: Array, north: Array, east: Array, land: Mask, water: Mask
+) -> tuple[Mask, Mask]:
+    """Return which edges of land, (n, 2) each, are quays, and which are walls of land that is too narrow for that.
+
+    Both are in `strip` and have water before them; quays have wide land behind.
+    """
     import shapely
 
     if strip is None or not len(start):
-        return np.zeros(len(start), bool)
+        return np.zeros(len(start), bool), np.zeros(len(start), bool)
     on_wall = shapely.covers(strip, shapely.linestrings(np.stack([start, end], axis=1)))
     middle, along, cell = 0.5 * (start + end), end - start, north[1] - north[0]
     across = np.column_stack([-along[:, 1], along[:, 0]]) / np.maximum(np.hypot(*along.T), 1e-9)[:, None]
@@ -47,11 +53,12 @@ def find_quays(strip: Any, start: Array, end: Array, north: Array, east: Array, 
         inside = ((nodes >= 0) & (nodes < mask.shape)).all(axis=1)
         return np.asarray(inside & mask[tuple(np.clip(nodes, 0, np.array(mask.shape) - 1).T)])
 
-    either = np.zeros(len(start), bool)
+    is_quay, at_water = np.zeros((2, len(start)), bool)
     for side in (1.0, -1.0):
-        behind = [there(land, side * cells) for cells in LAND_DEPTHS]
-        either |= np.logical_and.reduce(behind) & there(water, -side * LAND_DEPTHS[0])
-    return np.asarray(on_wall & either)
+        behind, before = [there(land, side * cells) for cells in LAND_DEPTHS], there(water, -side * LAND_DEPTHS[0])
+        is_quay |= on_wall & np.logical_and.reduce(behind) & before
+        at_water |= on_wall & before
+    return is_quay, at_water & ~is_quay
 
 
 def clear_behind(

@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from hil.autonomy.paths.polygons import edge_distance, fill, segments
 from hil.charts.bounds import BEND, FOOT_CELLS, LAND_RISE, raise_with_slope
-from hil.charts.build import build
+from hil.charts.build import BuiltSeabed, build
 from hil.charts.grid import Grid
 from hil.charts.hazards import OUT_OF_WATER, SeabedModel, place_hazards
 from hil.charts.sources.survey import DepthArea, Hazard, Sheet, Survey
@@ -31,11 +31,15 @@ def build_grid(*land: Array) -> Grid:
 
 def build_model(hazards: tuple[Hazard, ...], *land: Array) -> SeabedModel:
     """Return the seabed of the same survey with these hazards."""
+    return build_world(hazards, *land).model
+
+
+def build_world(hazards: tuple[Hazard, ...], *land: Array) -> BuiltSeabed:
     everywhere = (np.array([(-9.0, -9.0), (-9.0, 209.0), (209.0, 209.0), (209.0, -9.0), (-9.0, -9.0)]),)
     soundings = np.array([(n, e, DEPTH) for n in range(0, 201, 40) for e in range(0, 201, 40)], float)
     sheet = Sheet("", everywhere, (DepthArea(everywhere, 5.0, 10.0),), tuple((ring,) for ring in land))
     survey = Survey("", None, soundings, sheets=(sheet,), hazards=hazards)
-    return build(survey, (0.0, 200.0, 0.0, 200.0), CELL).model
+    return build(survey, (0.0, 200.0, 0.0, 200.0), CELL)
 
 
 def offsets(grid: Grid, level: float, half: float = HALF) -> Array:
@@ -168,6 +172,13 @@ def test_a_wall_around_a_narrow_mole_stays_a_bank() -> None:
     crest = MIDDLE + np.linspace(-50.0, 50.0, 101)[:, None] * along + 2.0 * CELL * across
     assert (model.grid.at(crest) < 0.0).all()
     assert [box.size_north for box in model.boxes] == [4.0 * CELL + 2.0] * 2
+
+
+@pytest.mark.parametrize(("half", "expected"), [(CELL, ["280 m of walls"]), (8.0 * CELL, [])])
+def test_the_report_states_the_length_of_walls_at_narrow_moles(half: float, expected: list[str]) -> None:
+    """The ends of a mole of 140 m, and the sides of a wide one, have wide land behind them."""
+    wall = Hazard("SLCONS", mole(half), 1.0, OUT_OF_WATER, needs_water_both_sides=True, is_wall=True)
+    assert [note[:14] for note in build_world((wall,), mole(half)).report.notes] == expected
 
 
 def test_a_structure_charted_as_an_area_is_a_block_on_the_bed() -> None:
