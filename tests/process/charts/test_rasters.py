@@ -77,29 +77,6 @@ def test_rasters_are_used_in_order_and_before_soundings(tmp_path: Path) -> None:
     assert grid.at(wanted) == pytest.approx([10.0, 10.0, 20.0, 30.0], abs=0.01)
 
 
-def test_a_large_raster_takes_no_longer_than_gdal_needs(tmp_path: Path) -> None:
-    """A raster has a million pixels in UTM; radial bases would take ten minutes: each node is their depth."""
-    rasterio = pytest.importorskip("rasterio", reason="rasters need rasterio: pip install 'uuv-hil[raster]'")
-    path = tmp_path / "utm.tif"
-    rows, columns = np.mgrid[:1000, :1000]
-    heights = (-20.0 - 5.0 * np.sin(rows / 40.0) - 0.01 * columns).astype(np.float32)
-    where = rasterio.Affine(2.0, 0.0, 565_000.0, 0.0, -2.0, 6_000_000.0)
-    with rasterio.open(
-        path, "w", driver="GTiff", width=1000, height=1000, count=1, dtype="float32", crs="EPSG:32632", transform=where
-    ) as file:
-        file.write(heights, 1)
-    survey, extent = read_sources([str(path)], None)
-    built = build(survey, extent)
-    grid = built.model.grid
-    assert grid.resolution == pytest.approx(2.0, abs=0.11)
-    assert len(survey.soundings) == 0
-    x, y = 565_000.0 + 2.0 * (np.array([100, 500, 900]) + 0.5), 6_000_000.0 - 2.0 * (np.array([50, 400, 800]) + 0.5)
-    longitude, latitude = (np.array(axis) for axis in rasterio.warp.transform("EPSG:32632", "EPSG:4326", x, y))
-    plane = LocalPlane(*survey.origin or (0.0, 0.0))
-    found = grid.at(np.column_stack(plane.to_local(latitude, longitude)))
-    assert found == pytest.approx(-heights[[50, 400, 800], [100, 500, 900]], abs=0.02)
-
-
 def test_values_of_both_signs_need_a_name_or_an_option(tmp_path: Path) -> None:
     """Values of both signs are heights by their name, or need an option; values of one sign are a seabed."""
     rasterio = pytest.importorskip("rasterio", reason="rasters need rasterio: pip install 'uuv-hil[raster]'")

@@ -2,13 +2,11 @@
 
 from collections.abc import Sequence
 from math import nan
-from pathlib import Path
 from statistics import mean
 from typing import Any
 
 import pytest
 
-from hil.network.roles import open_master_session
 from hil.ros import encoders as ros
 from hil.ros import message as ros_message
 from hil.ros.topics import TOPICS
@@ -23,7 +21,6 @@ from sim.sensors.sensor_set import SensorSpec, select_sensors
 from sim.sensors.variances import error_variances
 from sim.simulation import Simulation
 from sim.vehicle.vehicle import load_vehicle
-from tests.support.processes import slave_with, wait_for
 
 VEHICLE, WORLD = load_vehicle("paper_six")[0], load_world("pool")
 DEPTH = 2.0
@@ -143,12 +140,3 @@ def test_the_covariance_of_a_dvl_is_rotated_to_ros_axes() -> None:
     lost = sample._replace(velocity=(nan,) * 3, altitude=nan, locked=False)
     gone: Any = ros_message.decode(TOPICS["dvl"].type, dict(ros.encoder("dvl")(lost, ""))["dvl"])
     assert gone["velocity_covar"][0] == -1.0
-
-
-def test_the_slave_sends_covariances(tmp_path: Path) -> None:
-    received: list[bytes] = []
-    with slave_with(tmp_path, "") as endpoint, open_master_session(endpoint) as session:
-        session.subscribe("uuv1", "imu", lambda _, payload, __: received.append(payload), 8)
-        assert wait_for(lambda: received)
-    message: Any = ros_message.decode(TOPICS["imu"].type, received[0])
-    assert diagonal(message["orientation_covariance"]) == [error_variances(select_sensors(), WORLD)["imu"][0]] * 3

@@ -44,34 +44,6 @@ def test_sample_rates_do_not_drift() -> None:
                       "ground_truth": 400}  # fmt: skip
 
 
-def test_the_vehicle_moves_as_its_thrusters_push() -> None:
-    """The vehicle goes east at heading 90 deg; both verticals push down; the left bank turns it to starboard."""
-    simulation = Simulation(VEHICLE, FIELD, position=(0.0, 0.0, 3.0), heading=1.5707963)
-    for _ in range(800):
-        simulation.step((1600, 1600, 1600, 1600, 1500, 1500))
-    north, east, _ = simulation.truth().position
-    assert east > 0.5
-    assert abs(north) < 0.01
-    for _ in range(800):
-        simulation.step((1500, 1500, 1500, 1500, 1600, 1600))
-    assert simulation.truth().position[2] > 3.5
-    for _ in range(100):
-        simulation.step((1500, 1600, 1500, 1600, 1500, 1500))
-    assert simulation.truth().nu[5] > 0.1
-
-
-def test_a_vehicle_at_rest_stays_at_rest() -> None:
-    """A trimmed vehicle stays where it is for a minute, with neutral outputs or with outputs off."""
-    for pulses in (IDLE, (0,) * 6):
-        simulation = Simulation(VEHICLE, FIELD, position=(0.0, 0.0, 3.0), heading=1.0)
-        start = simulation.truth()
-        for _ in range(24_000 if pulses == IDLE else 400):
-            simulation.step(pulses)
-        assert simulation.truth().position == pytest.approx(start.position, abs=1e-9)
-        assert simulation.truth().orientation == pytest.approx(start.orientation, abs=1e-9)
-        assert simulation.contacts == 0
-
-
 def test_a_collision_appears_in_the_acceleration() -> None:
     simulation = Simulation(VEHICLE, load_world("pool"), position=(8.5, 0.0, 2.0))
     hardest = 0.0

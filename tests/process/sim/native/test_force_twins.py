@@ -25,10 +25,9 @@ from sim.vehicle.body_lift import (
     SlowDamping,
     SpeedDamping,
 )
-from sim.vehicle.failures import Failure
 from sim.vehicle.fins import FinSet
 from sim.vehicle.vehicle import Vehicle, load_vehicle
-from tests.support.flights.ride import PULSES, Ride, all_of, twins
+from tests.support.flights.ride import PULSES, Ride, twins
 
 pytestmark = pytest.mark.usefixtures("native")
 
@@ -74,17 +73,6 @@ def test_whole_steps_in_c_and_python_are_equal(
         for simulation in flight.pair:
             simulation.state.position = [0.0, 0.0, depth]
         flight.run_and_compare(80)
-
-
-def test_steps_after_a_failure_among_waves_are_equal(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Python continues from the states of fins, waves and propeller that C had computed."""
-    flight = ride(monkeypatch, MIXED, REMUS, depth=1.0)
-    flight.run_and_compare(133)
-    for simulation in flight.pair:
-        simulation.fail(Failure("propeller", "efficiency", 0.0, efficiency=0.5))
-    assert flight.pair[1]._fused is None
-    assert all_of(flight.pair[0]) == all_of(flight.pair[1])
-    flight.run_and_compare(200)
 
 
 def test_steps_after_a_dropped_weight_are_equal(monkeypatch: pytest.MonkeyPatch) -> None:
