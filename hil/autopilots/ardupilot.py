@@ -8,7 +8,7 @@ state of the next step.
 import socket
 import struct
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from hil.autopilots.contract import ABSENT_NS, STALL_NS, Autopilot, AutopilotCounters, EstimateError, Outputs, Report
 from hil.autopilots.inputs import SensorInputs
@@ -71,10 +71,6 @@ class ArduPilot(Autopilot):
     def estimate(self) -> EstimateError | None:
         """The error of its newest estimate, if a companion's port is connected."""
         return self._companion.estimate if self._companion else None
-
-    def update_sensor(self, topic: str, sample: Any) -> None:
-        """Store one sensor sample."""
-        self._inputs.update(topic, sample)
 
     def advance(self, time_ns: int, truth: OdometrySample) -> None:
         """Send the state if a packet is waiting for it, else store it for the next packet. Raises DeviceError."""

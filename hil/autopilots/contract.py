@@ -17,6 +17,7 @@ from hil.common.clock import NS_PER_S
 from sim.sensors.samples import OdometrySample
 
 if TYPE_CHECKING:
+    from hil.autopilots.inputs import SensorInputs
     from hil.ros.diagnostics import Diagnostics
 
 CHECK_NS = NS_PER_S // 10  # between two calls of `check`
@@ -81,6 +82,7 @@ class Autopilot(ABC):
     lockstep: bool
     figures: AutopilotCounters
     sent_ns = 0
+    _inputs: "SensorInputs"
 
     @property
     def estimate(self) -> EstimateError | None:
@@ -96,9 +98,9 @@ class Autopilot(ABC):
     def connected(self) -> bool:
         """Return whether the autopilot is connected, and has not stopped sending."""
 
-    @abstractmethod
     def update_sensor(self, topic: str, sample: Any) -> None:
         """Store one sensor sample (NED, FRD)."""
+        self._inputs.update(topic, sample)
 
     @abstractmethod
     def advance(self, time_ns: int, truth: OdometrySample) -> None:

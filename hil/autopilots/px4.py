@@ -118,10 +118,6 @@ class Px4(Autopilot):
         """The error of its newest estimate."""
         return self._reader.error
 
-    def update_sensor(self, topic: str, sample: Any) -> None:
-        """Store one sensor sample."""
-        self._inputs.update(topic, sample)
-
     def advance(self, time_ns: int, truth: OdometrySample) -> None:
         """Send HIL_SENSOR if it is due, with other new data. Raises DeviceError."""
         self._time_ns, self._truth = time_ns, truth
