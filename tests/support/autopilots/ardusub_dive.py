@@ -70,12 +70,6 @@ class Dive(AutopilotDive):
         yield from self.command(SET_MODE, 1, ALT_HOLD)
         yield 15.0
 
-    def hold(self, seconds: float, depths: list[float]) -> Mission:
-        """Record the depth twenty times a second."""
-        for _ in range(round(20 * seconds)):
-            depths.append(self.position[2])
-            yield 0.05
-
     def go(self, north: float, east: float, depth: float) -> Mission:
         """Go to a position (m from the estimator's origin) in GUIDED; sent once, as each target begins from rest."""
         mask = 0b1101_1111_1000  # positions only

@@ -61,8 +61,8 @@ class AutopilotDive:
         """Send a command until it is accepted."""
         return command(self.station, number, *parameters)
 
-    def watch(self, seconds: float, positions: list[list[float]]) -> Mission:
-        """Record the position twenty times a second."""
+    def hold(self, seconds: float, depths: list[float]) -> Mission:
+        """Record the depth twenty times a second."""
         for _ in range(round(20 * seconds)):
-            positions.append(self.position)
+            depths.append(self.position[2])
             yield 0.05

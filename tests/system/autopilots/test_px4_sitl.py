@@ -55,22 +55,23 @@ class Dive(AutopilotDive):
 
 def test_px4_holds_depth_and_position_in_a_current(tmp_path: Path) -> None:
     dive = Dive(tmp_path)
-    deep: list[list[float]] = []
+    depths: list[float] = []
     positions: list[list[float]] = []
 
     def mission() -> Mission:
         yield from dive.dive(3.0, ALTITUDE)
-        yield from dive.watch(120.0, deep)
+        yield from dive.hold(120.0, depths)
         yield from dive.mode(MANUAL)
         yield MODE_AGES_S
         yield from dive.mode(POSITION)
         yield 30.0
-        yield from dive.watch(30.0, positions)
+        for _ in range(60):
+            positions.append(dive.position)
+            yield 0.5
         yield from dive.command(ARM, 0)
         yield 0.5
 
     dive.fly(mission(), 500.0)
-    depths = [place[2] for place in deep]
     spread = max(hypot(n - positions[0][0], e - positions[0][1]) for n, e, _ in positions)
     print(f"depth {min(depths):.3f} to {max(depths):.3f} m; in 30 s of POSITION {spread:.2f} m away")
     middle = 0.5 * (min(depths) + max(depths))
@@ -108,16 +109,15 @@ def test_px4_follows_a_square_in_position_mode(tmp_path: Path) -> None:
 
 def test_px4_holds_depth_after_a_thruster_failure(tmp_path: Path) -> None:
     dive = Dive(tmp_path)
-    positions: list[list[float]] = []
+    depths: list[float] = []
 
     def mission() -> Mission:
         yield from dive.dive(3.0, ALTITUDE)
         dive.run.simulation.fail(Failure("vertical_front_right", "off"))
         yield 20.0
-        yield from dive.watch(60.0, positions)
+        yield from dive.hold(60.0, depths)
 
     dive.fly(mission(), 400.0)
-    depths = [place[2] for place in positions]
     print(f"one vertical thruster off: depth {min(depths):.3f} to {max(depths):.3f} m")
     assert max(depths) - min(depths) < 0.4
     assert min(depths) > 2.0
