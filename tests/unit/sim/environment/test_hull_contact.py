@@ -52,6 +52,7 @@ def test_torpedoes_are_capsules_and_frames_are_boxes() -> None:
     ]
     assert box.extent == pytest.approx((*(0.5 * size for size in FRAME.dimensions), 0.0))
     assert make_shape(Collision("box"), TORPEDO.dimensions).extent[0] == 0.5 * length
+    assert {point[3] for point in box.points[8:]} == {0.5 * min(FRAME.dimensions)}, "rods within it"
 
 
 @pytest.mark.parametrize("vehicle", [TORPEDO, FRAME])

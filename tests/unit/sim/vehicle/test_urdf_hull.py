@@ -1,5 +1,8 @@
 """Models whose root is not the hull, and models with several links in the water: the same physics in either case."""
 
+from math import pi
+from xml.etree import ElementTree
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -8,6 +11,7 @@ from sim.matrices import square
 from sim.vehicle.urdf.hull import Tree, moved
 from sim.vehicle.urdf.importer import Imported, read_robot
 from sim.vehicle.urdf.pose import pose_at
+from sim.vehicle.urdf.shapes import _primitive
 from sim.vehicle.urdf.text import read_xml
 from sim.vehicle.vehicle import Vehicle
 
@@ -165,3 +169,20 @@ def test_a_cylinder_without_sizes_fills_the_box_around_it(shape: str, sizes: tup
     assert f"The cylinder of arm fills the box around it: radius {radius:g} m, length {length:g} m" in " ".join(
         model.notes
     )
+
+
+@pytest.mark.parametrize(
+    ("text", "volume", "half"),
+    [
+        ('<box size="1 2 3"/>', 6.0, (0.5, 1.0, 1.5)),
+        ('<sphere radius="0.5"/>', pi / 6.0, (0.5, 0.5, 0.5)),
+        ('<cylinder radius="0.5" length="3"/>', 0.75 * pi, (0.5, 0.5, 1.5)),
+        ('<capsule radius="0.5" length="3"/>', 0.75 * pi + pi / 6.0, (0.5, 0.5, 2.0)),
+        ('<ellipsoid radii="1 2 3"/>', 8.0 * pi, (1.0, 2.0, 3.0)),
+    ],
+)
+def test_shapes_have_their_volume_and_size(text: str, volume: float, half: tuple[float, float, float]) -> None:
+    solid = _primitive(ElementTree.fromstring(text), "a.urdf")
+    assert solid is not None
+    assert solid[0] == pytest.approx(volume)
+    assert tuple(solid[3]) == half
