@@ -1,6 +1,6 @@
 """The zenoh network: sessions, publishers, roles, certificates, presence, clock offset, ROS 2 services.
 
-All messages come in through `reception`, `supervisor` repairs links, and `workarounds` has the library's faults.
+`supervisor` repairs links, `workarounds` has the library's faults.
 Public: `session`, `roles`, `certificates`, `clock_offset`, `diagnosis`, `discovery`, `opening`, `presence`,
 `publisher`, `reception`, `security`, `services`, `settings`, `sockets`, `supervisor`, `tokens`.
 It must not know who publishes what: slave, master, planner.

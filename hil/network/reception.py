@@ -1,8 +1,8 @@
-"""The one way in: the library's threads put what arrives into bounded queues, and a thread of ours handles it.
+"""Bounded queues for what is rare: pings, presence, matching listeners, queries for the last message.
 
-A session has at most two such threads: "reader" for the messages of topics, and "worker" for everything that is rare:
-pings, presence, matching listeners, queries. They wait without a timeout. A thread that waits in a channel of the
-library wakes ten times a second to check for signals; three such threads cost a vehicle a thousandth of a processor.
+The library's threads put items into them by direct callbacks, and one thread of ours waits for them without a timeout.
+A thread that waits in a channel of the library wakes ten times a second to check for signals; three such threads cost a
+vehicle a thousandth of a processor. Loaded on first use.
 """
 
 import sys

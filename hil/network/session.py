@@ -1,7 +1,9 @@
 """One zenoh session a process, with settings that send a command before a picture.
 
 The slave listens and the master connects; with a router in between both connect to it. `hil.network.settings` describes
-how a loss is detected and repaired. What arrives is handled by threads of ours, see `hil.network.reception`.
+how a loss is detected and repaired. Messages of topics wait in bounded channels of the library, from which a thread of
+ours takes them: the library's threads then never wait for the interpreter's lock. With a direct callback for each
+message, commands took 0.03 to 0.07 ms longer. Rare messages share one thread, see `hil.network.reception`.
 
 Each declaration is stored as a function of the library's session. So a session that has stopped working can be replaced
 by a new one with the same declarations (`Session.reopen`).
@@ -18,6 +20,7 @@ from typing import TYPE_CHECKING, Any
 import zenoh
 
 from hil.network.publisher import Declared, Publisher, close_session, is_matched
+from hil.network.workarounds.key_text import frequent_keys
 from hil.ros import dialect
 from hil.ros.topics import TOPICS, Topic
 
@@ -85,32 +88,16 @@ class Session:
         publisher.publish_in_background(self._reader("sender"))
 
     def subscribe(self, node: str, topic: str, deliver: Deliver, depth: int) -> None:
-        """Call `deliver(topic name, payload, attachment)` for each message of a node's topic, in the thread "reader".
+        """Call `deliver(topic name, payload, attachment)` for each message of a node's topic, in a separate thread.
 
         `topic` "*" means all topics of the node. At most `depth` messages wait; beyond it the oldest are dropped.
         `deliver` must be quick and must not raise. The last message of a latched topic comes at once.
         """
         keys = f"{dialect.domain()}/{node}/{topic}/*/*"
-        queue = self._reader("reader").open_queue(lambda sample: _deliver(sample, deliver), depth)
-        self._subscribe(keys, queue, topic in TOPICS and TOPICS[topic].qos.latched)
-        self._learn_keys(node, keys)
-
-    def subscribe_commands(self, node: str, deliver: Deliver, depth: int) -> None:
-        """Call `deliver` like `subscribe`, for each command to a node, in a thread of its own that may sleep in it.
-
-        The library's threads then hold no lock of the interpreter. They have normal priority, and a real-time loop
-        would wait for them: with a direct callback the commands of a slave arrived 0.07 ms later.
-        """
-        keys = f"{dialect.domain()}/{node}/cmd_$*/*/*"
-        channel = self._declare(lambda session: session.declare_subscriber(keys, zenoh.handlers.RingChannel(depth)))
-        self._learn_keys(node, keys)
-
-        def read() -> None:
-            with suppress(zenoh.ZError):  # the session was closed
-                while True:
-                    _deliver(channel.current.recv(), deliver)
-
-        self._start(read, "commands")
+        channel = self.collect(keys, depth, topic in TOPICS and TOPICS[topic].qos.latched)
+        for key in frequent_keys(node, keys):
+            self.learn(key)
+        self._read(channel, lambda sample: _deliver(sample, deliver), f"reader {topic}")
 
     def sender(self, key: str) -> Callable[[bytes], None]:
         """Return a function that sends bytes at once, with the highest priority, on a key of `hil.network.tokens`."""
@@ -137,7 +124,7 @@ class Session:
         counts those that were dropped.
         """
         queue = self._reader("worker").open_queue(lambda sample: deliver(sample.payload.to_bytes()), depth, rate)
-        self._subscribe(key, queue)
+        self._declare(lambda session: session.declare_subscriber(key, queue.callback))
         return queue
 
     @property
@@ -179,16 +166,18 @@ class Session:
 
         `latched`: get the last message of latched topics too.
         """
-        queue = self._reader("reader").open_queue(lambda each: deliver(str(each.key_expr), *_content(each)), depth)
-        self._subscribe(keys, queue, latched)
+        channel = self.collect(keys, depth, latched)
+        self._read(channel, lambda sample: deliver(str(sample.key_expr), *_content(sample)), f"reader {keys}")
 
-    def collect(self, keys: str, depth: int, latched: bool = False) -> "MessageQueue":
-        """Return a queue with the library's samples of `keys`, for a caller that takes them itself, in batches."""
-        from hil.network.reception import MessageQueue
+    def collect(self, keys: str, depth: int, latched: bool = False) -> Declared:
+        """Return a subscriber, for a caller that takes the library's samples itself, in batches: `current.try_recv`.
 
-        queue = MessageQueue(int, depth)
-        self._subscribe(keys, queue, latched)
-        return queue
+        At most `depth` samples wait in the library; beyond it the oldest are dropped.
+        """
+        declare: Any = zenoh.Session.declare_subscriber
+        if latched:
+            from hil.network.latched import declare_subscriber as declare
+        return self._declare(lambda session: declare(session, keys, zenoh.handlers.RingChannel(depth)))
 
     def learn(self, key: str) -> None:
         """Reduce the cost of messages with this key, on the wire and here; see `workarounds.key_text`."""
@@ -338,12 +327,6 @@ class Session:
         queue = self._reader("worker").open_queue(free_new)
         self._declare(lambda session: session.info.declare_link_events_listener(queue.callback, history=True))
 
-    def _learn_keys(self, node: str, keys: str) -> None:
-        from hil.network.workarounds.key_text import frequent_keys
-
-        for key in frequent_keys(node, keys):
-            self.learn(key)
-
     def _declare(self, declare: Callable[[zenoh.Session], Any]) -> Declared:
         """Declare something now, and again on each session that replaces this one."""
         with self._condition:
@@ -362,16 +345,27 @@ class Session:
             declared.end_publishing()
         close_session(self._session)
 
-    def _subscribe(self, keys: str, queue: "MessageQueue", latched: bool = False) -> None:
-        """Declare a subscriber whose messages go into the queue."""
-        declare: Any = zenoh.Session.declare_subscriber
-        if latched:
-            from hil.network.latched import declare_subscriber as declare
-        self._declare(lambda session: declare(session, keys, queue.callback))
+    def _read(self, channel: Declared, use: Callable[[Any], None], name: str) -> None:
+        def receive() -> None:
+            while not self._closed.is_set():
+                current = channel.current
+                try:
+                    item = current.recv()
+                except zenoh.ZError:  # the session was closed, or is being reopened
+                    self._await_other(channel, current)
+                else:
+                    use(item)
+
+        self._start(receive, name)
+
+    def _await_other(self, declared: Declared, current: object) -> None:
+        """Wait until the declaration is repeated on another session of the library, or this session is closed."""
+        with self._condition:
+            self._condition.wait_for(lambda: self._closed.is_set() or declared.current is not current)
 
     def _reader(self, name: str) -> "ReaderThread":
         """Return the reader with this name, whose thread is started on first use."""
-        from hil.network.reception import ReaderThread  # loaded after the vehicle is ready, unless it is commanded
+        from hil.network.reception import ReaderThread  # loaded after the vehicle is ready
 
         with self._condition:
             if name not in self._readers:

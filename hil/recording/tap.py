@@ -7,6 +7,7 @@ time, so messages are fetched in batches, and the library stamps each with its t
 
 import os
 import threading
+from contextlib import suppress
 from operator import attrgetter
 from typing import TYPE_CHECKING
 
@@ -56,7 +57,7 @@ class _Publisher:
 
 
 class _Source:
-    """The session with one endpoint, with the queues of its messages; `count` is the number of those received."""
+    """The session with one endpoint, with the channels of its messages; `count` is the number of those received."""
 
     def __init__(self, session: Session) -> None:
         self.session = session
@@ -65,8 +66,8 @@ class _Source:
         domain = dialect.domain()
         latched = [f"{domain}{topic.full_name('*')}/*/*" for topic in TOPICS.values() if topic.qos.latched]
         # A latched message that arrives by both subscriptions is dropped once, by its sequence number.
-        self.queues = [session.collect(f"{domain}/**", DEPTH)]
-        self.queues += [session.collect(keys, DEPTH, latched=True) for keys in latched]
+        self.channels = [session.collect(f"{domain}/**", DEPTH)]
+        self.channels += [session.collect(keys, DEPTH, latched=True) for keys in latched]
 
     def arrivals(self) -> Received:
         """Return what has arrived. Before the first message of an open session, none are missed: nobody may publish."""
@@ -112,14 +113,13 @@ class Tap:
         """Return the messages received since the last call, in the order of their arrival."""
         messages: list[Message] = []
         for source in tuple(self._sources):
-
-            def use(sample: zenoh.Sample, source: _Source = source) -> None:
-                source.count += 1
-                if message := self._message(source, sample):
-                    messages.append(message)
-
-            for queue in source.queues:
-                queue.take(use)
+            for channel in source.channels:
+                receive = channel.current.try_recv
+                with suppress(zenoh.ZError):  # the session is being reopened
+                    while (sample := receive()) is not None:
+                        source.count += 1
+                        if message := self._message(source, sample):
+                            messages.append(message)
         messages.sort(key=_logged_time)
         return messages
 

@@ -170,7 +170,7 @@ def _assemble(
         pilot, periods = build_pilot(scenario, vehicle, control, world), (seconds_ns(slave.control_period), step_ns)
         source = PilotSource(pilot, driver, receiver, *periods, publisher.publish_trace, report)
         deliver = recorder.record_received(receiver.on_message) if recorder else receiver.on_message
-        session.subscribe_commands(slave.node, deliver, depth=8)
+        session.subscribe(slave.node, "cmd_$*", deliver, depth=8)
         publisher.graph.subscribes(TOPICS["cmd_vel"], slave.node)
     elif scenario.controller in AUTOPILOTS:
         from hil.slave.autopilot_port import AutopilotPort  # not needed with our own controller

@@ -6,9 +6,9 @@ from itertools import pairwise
 
 import pytest
 
+from hil.network import session
 from hil.network.opening import listen
 from hil.network.roles import open_master_session
-from hil.network.workarounds import key_text
 from hil.ros.topics import TOPICS
 from tests.support.processes import free_port, wait_for
 from tools.faults.relay import Relay
@@ -68,5 +68,5 @@ def test_the_key_of_frequent_messages_is_sent_as_a_number(pattern: str, name: st
 
 def test_a_subscriber_with_wildcards_gets_the_text_of_each_key(monkeypatch: pytest.MonkeyPatch) -> None:
     """Remove `hil.network.workarounds.key_text` if this fails: the library sends numbers without it."""
-    monkeypatch.setattr(key_text, "frequent_keys", lambda *_: [])
+    monkeypatch.setattr(session, "frequent_keys", lambda *_: [])
     assert bytes_of_a_message("*", "imu", "master") > KEY_TEXT_BYTES

@@ -126,7 +126,7 @@ def test_both_ends_detect_a_silent_link_and_recover() -> None:
         times = peers.await_events(True, events)
         peers.slave.session.close()
         # Its reader may still handle a command, which needs the receiver's descriptor.
-        assert wait_for(lambda: "reader" not in {thread.name for thread in threading.enumerate()})
+        assert wait_for(lambda: "reader cmd_vel" not in {thread.name for thread in threading.enumerate()})
     assert lost - start < LOSS_S
     assert max(times, commanded) - end < FOUND_S
     # The age is measured against the fastest command so far; a drift of the clocks is allowed for.
