@@ -131,7 +131,7 @@ def _serve(scenario: Scenario, node: Identity, reply_fd: int, stop_fd: int) -> N
                         outlets[number] = [*{*outlets.get(number, ()), *[name for name, _ in messages]}]
                     took_ns = now_ns() - began
                 os.write(reply_fd, DONE.pack(number, took_ns))
-            delayed.sort(key=_due)
+            delayed.sort(key=lambda waiting: waiting[0])
             _publish(sample_publisher, delayed)
 
 
@@ -157,10 +157,6 @@ def _publish(sample_publisher: SamplePublisher, delayed: list[tuple[int, Message
     """Publish the messages that are due, and remove them from the list."""
     while delayed and delayed[0][0] <= now_ns():
         sample_publisher.publish(*delayed.pop(0)[1])
-
-
-def _due(waiting: tuple[int, Message]) -> int:
-    return waiting[0]
 
 
 class Studio:

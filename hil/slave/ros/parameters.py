@@ -27,7 +27,7 @@ not.
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
 from math import isfinite
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from hil.autonomy.control.controller import CascadedController
 from hil.common.clock import now_ns
@@ -51,28 +51,6 @@ _NOT_SET, _DOUBLE, _STRING = 0, 3, 4  # constants of rcl_interfaces/ParameterTyp
 _RECURSIVE = 0  # ListParameters: depth without limit
 _GIVEN = ("thruster", "time")  # keys that the parameter itself sets
 _EXAMPLE = 'kind = "efficiency", efficiency = 0.5'
-
-
-class _Group(Protocol):
-    """Parameters of one `type` (rcl_interfaces/ParameterType); `expected` describes a value in error messages."""
-
-    type: int
-    expected: str
-
-    def names(self) -> Collection[str]:
-        """Return the names of the present parameters."""
-
-    def value(self, name: str) -> dict[str, Any]:
-        """Return the ParameterValue of a parameter, without its type."""
-
-    def descriptor(self, name: str) -> dict[str, Any]:
-        """Return the ParameterDescriptor of a parameter, without name and type."""
-
-    def read(self, name: str, value: Message) -> Any:
-        """Return the argument for `apply` from a value of the right type. Raises ConfigError for an invalid value."""
-
-    def apply(self, name: str, change: Any) -> str:
-        """Apply a change from the next step on; return a text for the log."""
 
 
 class _Gains:
@@ -182,6 +160,12 @@ class _Failures:
     def apply(self, name: str, change: Sequence[Failure]) -> str:
         self._loop.fail(Failure(self._thrusters[name], "repaired"), *change)
         return str(self.value(name)["string_value"]) or "nothing is wrong"
+
+
+# Parameters of one `type` (rcl_interfaces/ParameterType); `expected` describes a value in error messages. `value` and
+# `descriptor` return a ParameterValue and a ParameterDescriptor without type and name. `read` checks a value of the
+# right type and returns the argument for `apply`, which returns a text for the log.
+_Group = _Failures | _Gains | _TetherState
 
 
 class Parameters:

@@ -17,15 +17,14 @@ from hil.ros.message import Message
 from hil.scenario.records import Start
 from hil.slave.loop import Loop
 from hil.slave.ros.parameters import Parameters
-from hil.slave.ros.simulation import SimulationServices
+from hil.slave.ros.simulation import FAILED, NOT_FOUND, OK, SimulationServices, result
 from sim.environment.collision import starts_inside
 from sim.rotations import from_euler, rotate_inverse
 from sim.vehicle.failures import Failure
 
 SET_BOOL, TRIGGER = "std_srvs/srv/SetBool", "std_srvs/srv/Trigger"
 SET_STATE = "simulation_interfaces/srv/SetEntityState"  # version 1.x, as in ROS 2 Jazzy
-# Constants of simulation_interfaces.
-_OK, _NOT_FOUND, _FAILED, _INVALID_POSE = 1, 2, 4, 101
+_INVALID_POSE = 101  # of simulation_interfaces
 _WORLD_FRAMES = ("", "map", "world")
 # Limit of the velocity that set_pose accepts, in m and rad a step: 10 m/s and rad/s at 400 Hz. Beyond a limit, the drag
 # of a light hull reverses the velocity within one step and the integration diverges. The first of our vehicles does so
@@ -85,26 +84,26 @@ def set_pose(loop: Loop, node: str, request: Message, report: Report) -> dict[st
     """Handle SetEntityState: pose and velocity in the world's ENU; the acceleration is ignored."""
     state, entity, frame = request["state"], request["entity"], request["state"]["header"]["frame_id"]
     if entity not in ("", node):
-        return _result(_NOT_FOUND, f"no entity {entity!r}; there is: {node}")
+        return result(NOT_FOUND, f"no entity {entity!r}; there is: {node}")
     if frame not in _WORLD_FRAMES:
-        return _result(_FAILED, f"frame {frame!r} is not known; leave it empty, for map")
+        return result(FAILED, f"frame {frame!r} is not known; leave it empty, for map")
     position = ros.swap_world(_xyz(state["pose"]["position"]))
     attitude = _xyz(state["pose"]["orientation"], "wxyz")
     velocity = [ros.swap_world(_xyz(state["twist"][key])) for key in ("linear", "angular")]
     size, most = hypot(*attitude), _MAX_PATH * NS_PER_S / loop.schedule.period_ns
     if not 1e-3 < size < inf:
-        return _result(_INVALID_POSE, "the orientation is none")
+        return result(_INVALID_POSE, "the orientation is none")
     if not all(abs(x) <= MAX_PLACE for x in position):
-        return _result(_INVALID_POSE, f"a place is not finite, or more than {MAX_PLACE:g} m away")
+        return result(_INVALID_POSE, f"a place is not finite, or more than {MAX_PLACE:g} m away")
     if not all(hypot(*vector) <= most for vector in velocity):
-        return _result(_INVALID_POSE, f"a velocity is not finite, or more than {most:g} m/s or rad/s")
+        return result(_INVALID_POSE, f"a velocity is not finite, or more than {most:g} m/s or rad/s")
     simulation = loop.simulation
     quaternion = ros.swap_attitude([x / size for x in attitude])
     if starts_inside(simulation.vehicle, simulation.world, position, quaternion):
-        return _result(_INVALID_POSE, f"an obstacle or the seabed of {simulation.world.name} is there")
+        return result(_INVALID_POSE, f"an obstacle or the seabed of {simulation.world.name} is there")
     loop.set_state(position, quaternion, [x for vector in velocity for x in rotate_inverse(quaternion, vector)])
     report("set_pose: at ({:g}, {:g}, {:g}) m NED".format(*position))
-    return _result(_OK, "")
+    return result(OK)
 
 
 def _failing(loop: Loop, name: str, report: Report) -> Answer:
@@ -114,10 +113,6 @@ def _failing(loop: Loop, name: str, report: Report) -> Answer:
 def _answer(report: Report, name: str, message: str) -> Mapping[str, Any]:
     report(f"{name}: {message}")
     return {"success": True, "message": message}
-
-
-def _result(code: int, message: str) -> dict[str, Any]:
-    return {"result": {"result": code, "error_message": message}}
 
 
 def _xyz(fields: Mapping[str, float], names: str = "xyz") -> list[float]:
