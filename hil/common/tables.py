@@ -196,32 +196,29 @@ def read_cached(path: str, stamp: Any) -> Any:
 def write_cached(path: str, stamp: Any, value: Any) -> None:
     """Store `value`, of plain types, in the cache for `path`, if it is small and the folder is writable."""
     cache = cache_path(path)
-    fresh = f"{cache}.{os.getpid()}"
     try:
         data = marshal.dumps((stamp, value))
         if len(data) > LARGEST_CACHED:
             return
-        os.makedirs(os.path.dirname(cache), mode=0o700, exist_ok=True)
-        with open(fresh, "wb") as file:
-            file.write(data)
-        os.replace(fresh, cache)
+        write_atomically(cache, data, PRIVATE)
         _prune(os.path.dirname(cache))
     except (OSError, ValueError):  # a read-only folder, or a date, which marshal cannot store
         return
 
 
-def write_atomically(path: str, text: str, mode: int = 0o666) -> None:
-    """Write a text file that others read whole or not at all; its folder is made, and a link is replaced by the file.
+def write_atomically(path: str, content: str | bytes, mode: int = 0o666) -> None:
+    """Write a file that others read whole or not at all; its folder is made, and a link is replaced by the file.
 
-    `mode`: its permissions, less the umask; with PRIVATE nobody else can read it at any time. Raises OSError.
+    Text is written in UTF-8. `mode`: its permissions, less the umask; with PRIVATE nobody else can read it at any time.
+    Raises OSError.
     """
     new = f"{path}.{os.getpid()}"
     os.makedirs(os.path.dirname(path) or ".", mode=0o700 if mode == PRIVATE else 0o777, exist_ok=True)
     with suppress(FileNotFoundError):
         os.unlink(new)
     try:
-        with open(os.open(new, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode), "w", encoding="utf-8") as file:
-            file.write(text)
+        with open(os.open(new, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode), "wb") as file:
+            file.write(content.encode() if isinstance(content, str) else content)
         os.replace(new, path)
     except OSError:
         with suppress(OSError):
