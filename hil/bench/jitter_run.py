@@ -4,7 +4,9 @@ import json
 import re
 import shutil
 import time
+from bisect import bisect_left
 from collections.abc import Callable
+from itertools import accumulate
 from typing import Any, NamedTuple
 
 from hil.autonomy.control.controller import VelocityCommand
@@ -133,14 +135,6 @@ def read_cyclictest(text: str) -> Lateness | None:
     total = sum(count for _, count in counts)
     if not total or not average or not greatest:
         return None
-    p50, p99, p999 = (_quantile(counts, total, share) for share in (0.5, 0.99, 0.999))
+    seen = list(accumulate(count for _, count in counts))
+    p50, p99, p999 = (counts[bisect_left(seen, rank(share, total))][0] for share in (0.5, 0.99, 0.999))
     return Lateness(p50, p99, p999, int(greatest[1]), int(average[1]))
-
-
-def _quantile(counts: list[tuple[int, int]], total: int, share: float) -> float:
-    seen, wanted = 0, rank(share, total)
-    for us, count in counts:
-        seen += count
-        if seen >= wanted:
-            return float(us)
-    return float("nan")

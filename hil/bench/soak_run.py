@@ -8,6 +8,7 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from math import isnan, nan
 from random import Random
+from statistics import linear_regression
 from typing import NamedTuple
 
 from hil.autonomy.control.controller import VelocityCommand
@@ -179,23 +180,15 @@ def trend(at_s: Sequence[float], values: Sequence[float], seed: int = 1) -> tupl
         return nan, Interval(nan, nan)
     random = Random(seed)
     length = max(len(values) // BLOCKS, 1)
-    line = _line(at_s, values)
-    left = [value - (line[0] + line[1] * at) for at, value in zip(at_s, values, strict=True)]
+    slope, rise = linear_regression(at_s, values)
+    left = [value - (rise + slope * at) for at, value in zip(at_s, values, strict=True)]
     slopes = []
     for _ in range(DRAWS):
         drawn: list[float] = []
         while len(drawn) < len(values):
             first = random.randrange(len(left) - length + 1)
             drawn += left[first : first + length]
-        slopes.append(_line(at_s, drawn[: len(values)])[1] + line[1])
+        slopes.append(linear_regression(at_s, drawn[: len(values)]).slope + slope)
     slopes.sort()
     per_hour = 3600.0
-    return line[1] * per_hour, Interval(quantile(slopes, 0.025) * per_hour, quantile(slopes, 0.975) * per_hour)
-
-
-def _line(x: Sequence[float], y: Sequence[float]) -> tuple[float, float]:
-    """Return intercept and slope by least squares."""
-    mean_x, mean_y = sum(x) / len(x), sum(y) / len(y)
-    spread = sum((a - mean_x) ** 2 for a in x)
-    slope = sum((a - mean_x) * (b - mean_y) for a, b in zip(x, y, strict=True)) / spread if spread else 0.0
-    return mean_y - slope * mean_x, slope
+    return slope * per_hour, Interval(quantile(slopes, 0.025) * per_hour, quantile(slopes, 0.975) * per_hour)

@@ -2,7 +2,6 @@
 
 import csv
 import io
-import os
 from collections.abc import Sequence
 from math import ceil, floor, log10
 from textwrap import wrap
@@ -14,8 +13,7 @@ from hil.bench.record import Figure, Record
 from hil.bench.table.hil_table import PAPER_BOARDS
 from hil.bench.table.run import ROWS, Row
 from hil.common.columns import aligned
-from hil.common.errors import ConfigError
-from hil.plots.plotting import pyplot
+from hil.plots.plotting import pyplot, save_figure
 from hil.ros.diagnostics import Diagnostics
 
 DRAWN = ("master_cpu", "startup", "memory_share", "delay_p50")  # the figures that the paper has too
@@ -160,12 +158,7 @@ def draw(columns: Sequence[Column], path: str) -> None:
         panel.set_yticks(range(len(columns)), names)
     axes[0][0].set_ylim(len(columns) - 0.5, -0.6)  # the first on top, with room for its number
     figure.supxlabel("\n".join(below), x=0.01, ha="left", fontsize="x-small")
-    try:
-        figure.savefig(path, dpi=110)
-    except (OSError, ValueError) as error:
-        raise ConfigError(f"{os.path.abspath(path)}: cannot be written: {error}") from None
-    finally:
-        plt.close(figure)
+    save_figure(figure, path)
 
 
 def _draw_row(panel: Any, row: Row, columns: Sequence[Column]) -> None:

@@ -10,7 +10,7 @@ from hil.bench import delay_report
 from hil.bench.delay_run import HOPS, Echo, Plan, Result, measure, pooled
 from hil.bench.harness import Bench
 from hil.bench.limits import Limits
-from hil.bench.record import Figure, new_record
+from hil.bench.record import Figure
 from hil.commands.bench.options import (
     add_limits,
     add_repeat,
@@ -20,7 +20,6 @@ from hil.commands.bench.options import (
     check_plot,
     limits_of,
     save_record,
-    show,
 )
 from hil.commands.bench.partial_failures import PartialFailures
 from hil.commands.keys import add_machine, init
@@ -106,11 +105,9 @@ def main(arguments: list[str]) -> int:
     with failures.caught():
         for number, (_, case) in enumerate(itertools.product(range(options.repeat), cases), 1):
             name = case.name(changing)
-            failures.current = f"{number} of {options.repeat * len(cases)}: {name}"
-            show(failures.current)
+            failures.begin(f"{number} of {options.repeat * len(cases)}: {name}")
             result, labels = _measure(case, options, echo)
             runs.setdefault(name, []).append(result)
-    show("")
     if not runs:
         failures.raise_first()
     broken = _report(runs, (*labels, *failures.labels), options)
@@ -127,9 +124,7 @@ def _report(runs: dict[str, list[Result]], labels: tuple[str, ...], options: Any
         name: {"warnings": results[name].warnings, "runs": [_details(result) for result in repeats]}
         for name, repeats in runs.items()
     }
-    settings = {key: value for key, value in vars(options).items() if key not in ("json", "png")}
-    record = new_record("delay", settings, figures, labels, details)
-    save_record(record, options)
+    record = save_record("delay", options, figures, labels, details)
     broken = [text for name, result in results.items() for text in _broken(name, result, options)]
     for text in broken:
         print(f"LIMIT BROKEN: {text}")

@@ -8,7 +8,7 @@ from hil.bench.harness import Bench
 from hil.bench.jitter_run import NOTE, Cycles, Lateness, bare_loop, changes_for, cyclictest, slave_loop
 from hil.bench.limits import Limits
 from hil.bench.presence import simulation_of
-from hil.bench.record import Figure, new_record
+from hil.bench.record import Figure
 from hil.bench.statistics import median
 from hil.commands.bench.options import (
     add_limits,
@@ -65,10 +65,9 @@ def main(arguments: list[str]) -> int:
         labels = benches[0].labels
         for number in range(options.repeat):
             for rate, bench in zip(rates, benches, strict=True):
-                failures.current = f"run {number + 1} of {options.repeat}: {rate:g} Hz"
-                run = _measure(bench, options.seconds, failures.current)
-                by_rate.setdefault(rate, []).append(run)
-    show("")
+                progress = f"run {number + 1} of {options.repeat}: {rate:g} Hz"
+                failures.begin(progress)
+                by_rate.setdefault(rate, []).append(_measure(bench, options.seconds, progress))
     if not by_rate:
         failures.raise_first()
     print("\n".join(_table(by_rate)))
@@ -77,12 +76,11 @@ def main(arguments: list[str]) -> int:
     pinned = f"pinned to processor {','.join(map(str, limits.cpus))}"
     print(paragraph(f"{pinned}; behind: cycles that are missing at the end"))
     print(paragraph(NOTE))
-    options_used = {key: getattr(options, key) for key in ("scenario", "set", "seconds", "repeat")}
     figures = {
         name: figure for rate, runs in by_rate.items() for name, figure in _figures(f"{rate:g} Hz", runs).items()
     }
-    options_used |= {"rates": rates, "cpus": limits.cpus}
-    save_record(new_record("jitter", options_used, figures, (*labels, *failures.labels)), options)
+    options.cpus = limits.cpus
+    save_record("jitter", options, figures, (*labels, *failures.labels))
     is_met = all(run.slave.within >= WITHIN for runs in by_rate.values() for run in runs)
     if options.check and not is_met:
         print(f"MISSED: less than {WITHIN:.0%} of the cycles were within 2 ms")

@@ -5,7 +5,7 @@ from typing import Any
 from hil.bench import load_run
 from hil.bench.harness import Bench
 from hil.bench.load_run import Course, Setting, difference, impossible, settings
-from hil.bench.record import Figure, Record, new_record
+from hil.bench.record import Figure, Record
 from hil.bench.statistics import median, spread
 from hil.commands.bench.options import (
     add_limits,
@@ -53,14 +53,13 @@ def main(arguments: list[str]) -> int:
     failures = PartialFailures()
     with failures.caught():
         for number, setting in enumerate(plan, 1):
-            failures.current = f"{number} of {len(plan)}: {setting.name}"
-            courses.append(_run(setting, options, failures.current))
-    show("")
+            progress = f"{number} of {len(plan)}: {setting.name}"
+            failures.begin(progress)
+            courses.append(_run(setting, options, progress))
     measured, failed = [c for c in courses if c.cpu], [c for c in courses if c.failure]
     if not measured:
         failures.raise_first()
         raise NetworkError(f"nothing could be measured: {failed[0].failure}")
-    record = _record(measured, failed, left_out, options, failures)
     print("\n".join(_table(courses)))
     note = "more: difference from the unchanged scenario, in brackets if within the noise; +-: middle half's range\n"
     print(fit_to_terminal(note))
@@ -69,7 +68,7 @@ def main(arguments: list[str]) -> int:
         print(f"left out: {name}: {reason}")
     for each in failed:
         print(f"FAILED: {each.setting.name}: {each.failure}")
-    save_record(record, options)
+    record = _record(measured, failed, left_out, options, failures)
     if options.plot:
         _draw(measured, record, options.plot)
     failures.raise_first()
@@ -109,7 +108,6 @@ def _run(setting: Setting, options: Any, progress: str) -> Course:
     def watch(share: float) -> None:
         show(f"{progress} {share:4.0%}")
 
-    watch(0.0)
     try:
         return load_run.run(setting, options.scenario, options.seconds, limits_of(options), watch)
     except HilError as error:
@@ -179,10 +177,8 @@ def _record(
         for course in measured
     }
     details |= {course.setting.name: {"failure": course.failure} for course in failed}
-    keys = ("scenario", "set", "each_sensor", "rates", "vehicles", "seconds")
-    options_used = {key: getattr(options, key) for key in keys}
     labels = *measured[0].labels, *failures.labels
-    return new_record("load", options_used, figures, labels, details | {"left out": left_out})
+    return save_record("load", options, figures, labels, details | {"left out": left_out})
 
 
 def _draw(courses: list[Course], record: Record, path: str) -> None:

@@ -3,16 +3,17 @@
 import argparse
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import wraps
 from typing import Any
 
 from hil.bench.limits import Limits, parse_cpus, parse_memory
-from hil.bench.record import Record, save
+from hil.bench.record import Figure, Record, new_record, save
 from hil.common.options import DAY_S, REPEAT, Number, Share, add_output, add_plot, checked
 from hil.plots.plotting import check_picture
 
 CPU_SHARE = Share(0.01, 64.0)  # of one core
+NO_SETTINGS = ("output", "plot", "csv", "markdown", "against", "check")  # options that change no figure
 PRINT_EVERY_S = 60.0  # where the output is not a terminal, such as in a log
 
 
@@ -67,12 +68,17 @@ def check_plot(options: Any) -> None:
         check_picture(options.plot)
 
 
-def save_record(record: Record, options: Any) -> None:
-    """Warn of conditions that change the figures, and write the record if requested. Raises ConfigError."""
+def save_record(
+    kind: str, options: Any, figures: dict[str, Figure], labels: Iterable[str], details: dict[str, Any] | None = None
+) -> Record:
+    """Return the record, and write it if requested; warn of conditions that change figures. Raises ConfigError."""
+    settings = {key: value for key, value in vars(options).items() if key not in NO_SETTINGS}
+    record = new_record(kind, settings, figures, labels, details)
     for label in record.labels:
         print(f"label: {label}")
     if options.output:
         save(record, options.output)
+    return record
 
 
 class Progress:

@@ -3,26 +3,31 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from hil.commands.bench.options import show
 from hil.common.errors import HilError
 
 
 class PartialFailures:
-    """The errors and the Ctrl-C that ended measurements, which are reported beside the figures and raised at the end.
-
-    `current` describes what is being measured; the measuring code sets it.
-    """
+    """The errors and the Ctrl-C that ended measurements, which are reported beside the figures and raised at the end."""
 
     def __init__(self) -> None:
-        self.current = ""
+        self._current = ""
         self._errors: list[tuple[str, HilError | KeyboardInterrupt]] = []
+
+    def begin(self, what: str) -> None:
+        """Show what is measured from now on, which failures are reported with."""
+        self._current = what
+        show(what)
 
     @contextmanager
     def caught(self) -> Iterator[None]:
-        """Store an error that is raised inside; only the `with` block ends."""
+        """Store an error that is raised inside; only the `with` block ends, and with it the line of progress."""
         try:
             yield
         except (HilError, KeyboardInterrupt) as error:
-            self._errors.append((self.current, error))
+            self._errors.append((self._current, error))
+        finally:
+            show("")
 
     @property
     def stopped(self) -> bool:

@@ -4,7 +4,7 @@ from math import isnan, nan
 from typing import Any
 
 from hil.bench.harness import Bench
-from hil.bench.record import Figure, Record, new_record
+from hil.bench.record import Figure, Record
 from hil.bench.soak_run import Observation, Soak, Soaking, measured, trend
 from hil.bench.statistics import median
 from hil.commands.bench.options import (
@@ -68,7 +68,6 @@ def main(arguments: list[str]) -> int:
         return STOPPED
     findings = judge(soak, options.leak)
     record = _record(soak, findings, options, labels)
-    save_record(record, options)
     if options.plot:
         _draw(soak, record, options.plot)
     return FOUND if findings else 0
@@ -170,9 +169,8 @@ def _record(soak: Soak, findings: list[str], options: Any, labels: tuple[str, ..
         values = [float(getattr(observation, field)) for observation in soak.observations]
         figures[name] = Figure(values, unit, "lower" if unit in ("MiB", "ms") else "", (len(values),))
     figures["return"] = Figure([seconds for seconds in soak.returns if seconds is not None], "s")
-    settings = {key: getattr(options, key) for key in ("scenario", "set", "hours", "every", "leave_every", "leak")}
     details = {"found": findings, "silences": [silence._asdict() for silence in soak.silences]}
-    return new_record("soak", settings, figures, labels, details)
+    return save_record("soak", options, figures, labels, details)
 
 
 def _draw(soak: Soak, record: Record, path: str) -> None:

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from typing import Any
 
 from hil.bench.harness import Bench
-from hil.bench.record import Figure, new_record
+from hil.bench.record import Figure
 from hil.bench.startup_run import AT_MASTER, PHASES, coldness, files_of_a_start, floors, start, time_floor
 from hil.bench.statistics import median, spread
 from hil.commands.bench.options import (
@@ -59,8 +59,7 @@ def main(arguments: list[str]) -> int:
     for line in notes:
         print(paragraph(line))
     figures = {f"{row} [{kind}]": Figure(v, "ms") for kind, rows in by_kind.items() for row, v in rows.items()}
-    settings = {key: getattr(options, key) for key in ("scenario", "set", "repeat", "drop_caches")}
-    save_record(new_record("startup", settings, figures, (*labels, *failures.labels), {"cold": notes}), options)
+    save_record("startup", options, figures, (*labels, *failures.labels), {"cold": notes})
     took = median(by_kind["warm"]["all"]) / 1e3
     broken = options.most is not None and not took <= options.most
     if broken:
@@ -84,11 +83,8 @@ def _measure(options: Any, failures: PartialFailures) -> tuple[dict[str, Series]
             kinds["cold"], text = coldness(files, options.drop_caches)
         for kind, before in kinds.items():
             for number in range(options.repeat):
-                failures.current = f"{kind}: {number + 1} of {options.repeat}"
-                show(failures.current)
-                row = _start(bench, before)
-                rows.setdefault(kind, []).append(row)
-    show("")
+                failures.begin(f"{kind}: {number + 1} of {options.repeat}")
+                rows.setdefault(kind, []).append(_start(bench, before))
     by_kind = {kind: {name: [row[name] for row in of_kind] for name in of_kind[0]} for kind, of_kind in rows.items()}
     return by_kind, [f"cold: {text}"] if "cold" in by_kind else [], labels
 

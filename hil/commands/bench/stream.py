@@ -6,7 +6,7 @@ from typing import Any
 
 from hil.bench.harness import ONE_VEHICLE, Bench, labels_of
 from hil.bench.limits import Limits
-from hil.bench.record import Better, Figure, new_record
+from hil.bench.record import Better, Figure
 from hil.bench.statistics import median
 from hil.bench.stream_run import Listener, Listening, Stream, missing
 from hil.commands.bench.options import (
@@ -62,10 +62,10 @@ def main(arguments: list[str]) -> int:
     failures = PartialFailures()
     with failures.caught():
         for number in range(options.repeat):
-            failures.current = f"run {number + 1} of {options.repeat}"
-            received, labels = _listen(options, failures.current)
+            progress = f"run {number + 1} of {options.repeat}"
+            failures.begin(progress)
+            received, labels = _listen(options, progress)
             runs.append(received)
-    show("")
     if not runs:
         failures.raise_first()
     streams = _by_topic(runs)
@@ -78,9 +78,8 @@ def main(arguments: list[str]) -> int:
     warnings = list(dict.fromkeys(warning for received in runs for warning in received.warnings))
     for warning in warnings:
         print(f"WARNING: {warning}")
-    settings = {key: getattr(options, key) for key in ("scenario", "set", "connect", "seconds", "repeat")}
     figures = _figures(streams, bool(options.connect))
-    save_record(new_record("stream", settings, figures, (*labels, *failures.labels), {"warnings": warnings}), options)
+    save_record("stream", options, figures, (*labels, *failures.labels), {"warnings": warnings})
     failures.raise_first()
     return 0
 
@@ -104,7 +103,6 @@ def _listen(options: Any, progress: str) -> tuple[Listening, tuple[str, ...]]:
         show(f"{progress}: listening for {options.seconds:g} s {min(share, 1.0):4.0%}")
 
     with ExitStack() as stack:
-        stack.callback(show, "")
         if options.connect:
             show(f"{progress}: waiting for {options.connect}")
             listener = stack.enter_context(Listener(options.connect, load_single(options.scenario, remedy=ONE_VEHICLE)))

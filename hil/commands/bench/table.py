@@ -7,7 +7,7 @@ from boards import Board, load_board
 from boards.health import recognise
 from boards.tree import Tree
 from hil.bench.harness import Bench, await_vehicle, labels_of
-from hil.bench.record import Figure, Record, load, new_record, write_text
+from hil.bench.record import Figure, Record, load, write_text
 from hil.bench.table import boards as board_table
 from hil.bench.table.boards import HERE, Column
 from hil.bench.table.hil_table import PAPER_NOTE
@@ -85,7 +85,6 @@ def main(arguments: list[str]) -> int:
     print(fit_to_terminal(f"{runs}; (range of the middle half)"))
     for line in (*board_table.remarks(earlier), *_description(record)):
         print(fit_to_terminal(line))
-    save_record(record, options)
     _write(columns, options)
     broken = _check(own_columns, record, board) if options.check else 0
     failures.raise_first()
@@ -125,11 +124,10 @@ def _measure(options: Any, failures: PartialFailures) -> Record:
     for endpoint in options.connect or [""]:
         name = endpoint or HERE
         runs: list[Run] = []
-        failures.current = f"{name}: run 1 of {options.repeat}"
+        failures.begin(f"{name}: run 1 of {options.repeat}")
         with failures.caught(), Bench(options.scenario, changes, limits_of(options)) as bench:
             labels += bench.labels
             _repeat(bench, options.repeat, endpoint, runs, failures)
-        show("")
         if runs:
             labels += labels_of(runs[-1].slave) if endpoint else ()
             measured |= {f"{row} @ {endpoint}" if endpoint else row: figure for row, figure in figures(runs).items()}
@@ -142,8 +140,7 @@ def _measure(options: Any, failures: PartialFailures) -> Record:
             break
     if not measured:
         failures.raise_first()
-    settings = {key: getattr(options, key) for key in ("scenario", "set", "connect", "repeat", "seconds")}
-    return new_record("table", settings, measured, dict.fromkeys((*labels, *failures.labels)), details)
+    return save_record("table", options, measured, dict.fromkeys((*labels, *failures.labels)), details)
 
 
 def _repeat(bench: Bench, times: int, endpoint: str, runs: list[Run], failures: PartialFailures) -> None:
@@ -155,8 +152,7 @@ def _repeat(bench: Bench, times: int, endpoint: str, runs: list[Run], failures: 
             await_vehicle(client, warm)
         warm.stop()
     for number in range(times):
-        failures.current = f"{endpoint or HERE}: run {number + 1} of {times}"
-        show(failures.current)
+        failures.begin(f"{endpoint or HERE}: run {number + 1} of {times}")
         runs.append(fly(bench, number, endpoint))
 
 
