@@ -8,7 +8,7 @@ from hil.common.errors import HilError
 
 
 class PartialFailures:
-    """The errors and the Ctrl-C that ended measurements, which are reported beside the figures and raised at the end."""
+    """The errors and the Ctrl-C that ended measurements, reported beside the figures and raised at the end."""
 
     def __init__(self) -> None:
         self._current = ""
