@@ -14,7 +14,7 @@ from hil.network.sockets import cut, pair_of
 from hil.network.workarounds.half_session import IS_HALF, HalfSessions
 from hil.network.workarounds.unread_link import UnreadLinks, read_progress
 
-CHECK_S = 0.25  # between two checks
+CHECK_S = 0.5  # between two checks
 LINKS_NS = NS_PER_S // 2  # between two checks of the links
 LONGEST_LINKS_NS = NS_PER_S  # limit of the time counted between two of them; in the rest this process was held up
 LONGEST_CHECK_NS = NS_PER_S // 2  # the same for arrivals
