@@ -76,8 +76,8 @@ class PathPlanningUnknown(PathPlanning):
         changes, _ = super().vary(seed)
         scenario = load_scenario(self.scenario, dict(changes))
         plan = prepare(scenario)
-        ends = plan.planner.path[0], plan.planner.path[-1]
-        return changes, {"cylinder": hidden_piles(plan.world, plan.planner.path, ends, Random(f"piles/{seed}"))}
+        path = plan.planner.track
+        return changes, {"cylinder": hidden_piles(plan.world, path, (path[0], path[-1]), Random(f"piles/{seed}"))}
 
     def extra(self, planner: Planner) -> Mapping[str, float]:
         """Return the number of planned paths."""

@@ -87,7 +87,7 @@ class SingleCase(Case):
         file = write_variant(self.scenario, folder, {**changes, "seed": seed, "slave.listen": listen}, world)
         scenario = load_scenario(file)
         plan = prepare(scenario)
-        path = tuple(plan.planner.path)
+        path = plan.planner.track
         measured = (_simulate if mode == "sil" else _fly_slave)(scenario, plan, folder, self.show, self.viewer)
         track = read_track(folder, scenario.slave.node, path)
         return Run(self._result(mode, seed, scenario, plan, measured), (track,), file)

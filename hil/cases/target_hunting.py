@@ -201,7 +201,7 @@ def tracks_of(scenario: Scenario, watch: HuntWatch) -> tuple[Track, ...]:
     tracks = []
     for number, member in enumerate(scenario.member):
         north, east = zip(*(row.positions[number] for row in watch.rows), strict=True)
-        tracks.append(Track(member.node, time, north, east, (), (), tuple(HuntPlanner(scenario, number).path)))
+        tracks.append(Track(member.node, time, north, east, (), (), tuple(HuntPlanner(scenario, number).track)))
     return tuple(tracks)
 
 

@@ -89,6 +89,11 @@ class Planner(ABC):
     progress: float = 0.0
     status: str = ""
 
+    @property
+    def track(self) -> list[Point]:
+        """Horizontal positions of `path`."""
+        return [(north, east) for north, east, *_ in self.path]
+
     def begin(self, request: PlanRequest) -> None:  # noqa: B027 - there may be nothing to prepare
         """Prepare the run, for example plan a path. Raises MissionError if there is no path."""
 

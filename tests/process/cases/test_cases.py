@@ -41,9 +41,10 @@ def test_hidden_piles_leave_a_passage() -> None:
     import random
 
     plan = prepare(load_scenario("path_planning"))
-    endpoints = plan.planner.path[0], plan.planner.path[-1]
+    path = plan.planner.track
+    endpoints = path[0], path[-1]
     for seed in range(20):
-        piles = hidden_piles(plan.world, plan.planner.path, endpoints, random.Random(seed))
+        piles = hidden_piles(plan.world, path, endpoints, random.Random(seed))
         for number, pile in enumerate(piles):
             centre = pile["north"], pile["east"]
             assert plan.world.clearance(*centre) - pile["radius"] >= 2.2

@@ -193,7 +193,8 @@ def test_the_depth_of_a_path_is_followed_on_slopes_and_at_vertical_parts() -> No
     """
     places = [(0.0, 0.0, 5.0), (10.0, 0.0, 7.0), (16.0, 0.0, 17.4), (16.0, 0.0, 4.0), (16.0, 6.0, 4.0)]
     pursuit = PurePursuit(places, lookahead=1.5, speed=0.5, tolerance=0.5)
-    north, east, depth, heading, track = 0.0, 0.0, 5.0, 0.0, []
+    north, east, depth, heading = 0.0, 0.0, 5.0, 0.0
+    track: list[tuple[float, float, float, float]] = []
     while not pursuit.has_arrived and len(track) < 4000:
         command = pursuit.update((north, east, depth), heading)
         assert command.depth is not None

@@ -1,14 +1,15 @@
 """Waypoints of a scenario, with a depth each: the map of each leg, flights of both kinds of vehicles, findings."""
 
 from math import dist
-from typing import Any
 
 import pytest
 
+from hil.autonomy.control.controller import VelocityCommand
 from hil.cases import simulated
 from hil.common.errors import ConfigError
 from hil.doctor.scenario.check import check_scenario
 from hil.master.flight import Outcome, prepare
+from hil.master.planner import Done, Samples
 from hil.scenario.config import Scenario, load_scenario
 from hil.scenario.records import Master, Waypoint
 from hil.scenario.world_map import known_map
@@ -27,12 +28,14 @@ def waypoints(*places: Place) -> list[dict[str, float]]:
 def fly(scenario: Scenario, world: World) -> tuple[Outcome, list[Place]]:
     """Return the outcome of a flight, and the true positions."""
     plan = prepare(scenario, world)
-    vehicle, track = simulated.SimulatedVehicle(scenario, world), []
+    vehicle = simulated.SimulatedVehicle(scenario, world)
+    track: list[Place] = []
     planned = plan.planner.command
 
-    def command(*args: Any) -> Any:
-        track.append(vehicle.simulation.state.position[:3])
-        return planned(*args)
+    def command(time: float, samples: Samples) -> VelocityCommand | Done:
+        north, east, depth = vehicle.simulation.state.position[:3]
+        track.append((north, east, depth))
+        return planned(time, samples)
 
     plan.planner.command = command  # type: ignore[method-assign]
     return simulated.fly(scenario, plan, vehicle)[0], track
