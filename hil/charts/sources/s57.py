@@ -5,14 +5,14 @@ or hostile file can end only that process. An area is a set of rings, in any ord
 counting crossings. Not read: relations between objects, names in national languages, and data quality (CATZOC).
 """
 
-import json
 import os
+import pickle
 import re
 import subprocess
 from bisect import bisect_left
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -96,8 +96,7 @@ def read_cell(path: str, updates: bool = True) -> Cell:
     Raises ConfigError; MissingExtraError without GDAL.
     """
     _check_kind(path, _head(path))
-    line, _, data = _run_reader(path, updates).partition(b"\n")
-    head = json.loads(line)
+    head = pickle.loads(_run_reader(path, updates))
     if head["units"] != [1, 1]:
         raise ConfigError(f"{path}: depths are not in metres or positions not in degrees, as in an ENC: convert it")
     for factor in head["factors"]:
@@ -105,7 +104,7 @@ def read_cell(path: str, updates: bool = True) -> Cell:
             raise ConfigError(f"{path}: positions and depths count in parts of {factor}, no power of ten: damaged")
     if updates:
         _check_updates(path, head["update"])
-    features = _features(head["features"], np.frombuffer(data))
+    features = tuple(Feature(*row) for row in head["features"])
     name = os.path.splitext(os.path.basename(path))[0]
     usual = USUAL_SCALES.get(head["purpose"], USUAL_SCALES[HARBOUR])
     scale, notes = max(head["scale"] or usual, _finest_scale(head["shown"], usual)), []
@@ -184,21 +183,3 @@ def _check_updates(path: str, applied: int) -> None:
         if number not in later:
             raise ConfigError(f"{name}: this update is missing, but there are later ones: {_REMEDY}")
         raise ConfigError(f"{name}: {_DOES_NOT_FIT}: {_REMEDY}")
-
-
-def _features(rows: list[dict[str, Any]], numbers: Coordinates) -> tuple[Feature, ...]:
-    """Return the objects; `numbers` holds the points, then the lines, of each in turn."""
-    features, at = [], 0
-    for row in rows:
-        size = 3 * row["points"]
-        points, at = numbers[at : at + size].reshape(-1, 3), at + size
-        lines = []
-        for count in row["lines"]:
-            lines.append(numbers[at : at + 2 * count].reshape(-1, 2))
-            at += 2 * count
-        features.append(
-            Feature(
-                row["kind"], row["attributes"], points, tuple(lines), row["is_area"], row["codes"], clean(row["name"])
-            )
-        )
-    return tuple(features)

@@ -2,12 +2,11 @@
 
     python -P -m hil.charts.sources.s57_process CELL.000 APPLY|IGNORE
 
-Writes a line of JSON with the objects, then their coordinates as float64 in the same order, to standard output.
-`hil.charts.sources.s57` runs it.
+Writes what it has read, pickled, to standard output. `hil.charts.sources.s57` runs it.
 """
 
-import json
 import os
+import pickle
 import sys
 import tempfile
 import warnings
@@ -16,6 +15,7 @@ from typing import Any
 
 from hil.common.children import limit_self
 from hil.common.lifeline import die_with_parent
+from hil.common.text import clean
 
 MEMORY_BYTES = 2 << 30  # of address space: a chart of 5 MB takes a tenth
 CPU_SECONDS = 30
@@ -33,6 +33,7 @@ LISTS = ("NATSUR", "RESTRN")  # attributes that are lists of numbers
 ATTRIBUTES = ("BURDEP", "CATCOV", "CATMOR", "CATSLC", "DRVAL1", "DRVAL2", "VALDCO", "VALSOU", "VERCLR", "WATLEV")
 POINT, MULTI_POINT, AREA = 0, 4, 3  # shapely's type numbers, and S-57's code of an area (PRIM)
 DAMAGED, NO_LIBRARY, UNFIT_UPDATE = 1, 5, 7  # exit codes
+Row = tuple[Any, ...]  # the fields of a hil.charts.sources.s57.Feature
 UNFIT = ("Mismatched RVER", "Can't find RCNM")  # GDAL's warnings if an update refers to a record that does not exist
 
 
@@ -49,11 +50,11 @@ def main(path: str, updates: str) -> int:
         return NO_LIBRARY
     _set_options("IGNORE")
     try:
-        head, data = _read_updated(path) if updates == "APPLY" else _read(path)
+        chart = _read_updated(path) if updates == "APPLY" else _read(path)
     except Exception as error:  # noqa: BLE001 - GDAL and GEOS raise any error on a damaged chart
         print(f"{error}" or type(error).__name__, file=sys.stderr)
         return UNFIT_UPDATE if isinstance(error, _UpdateError) else DAMAGED
-    sys.stdout.buffer.write(json.dumps(head).encode() + b"\n" + data)
+    pickle.dump(chart, sys.stdout.buffer, pickle.HIGHEST_PROTOCOL)
     return 0
 
 
@@ -61,7 +62,7 @@ class _UpdateError(RuntimeError):
     """Error of an update that cannot be applied to its cell."""
 
 
-def _read_updated(path: str) -> tuple[dict[str, Any], bytes]:
+def _read_updated(path: str) -> dict[str, Any]:
     """Return the cell with its updates. Raises _UpdateError, and GDAL's errors."""
     dataset = _dataset(path)
     with tempfile.TemporaryDirectory() as folder, warnings.catch_warnings(record=True) as caught:
@@ -121,16 +122,15 @@ def _update_of(dataset: dict[str, Any]) -> int:
     return int(dataset["DSID_UPDN"] or 0)
 
 
-def _read(path: str) -> tuple[dict[str, Any], bytes]:
+def _read(path: str) -> dict[str, Any]:
     import pyogrio
 
     layers = {str(name) for name, _ in pyogrio.list_layers(path)}
     dataset = _dataset(path)
-    rows: list[dict[str, Any]] = []
-    data: list[bytes] = []
+    features: list[Row] = []
     shown: Counter[int] = Counter()
-    unclosed = {kind: _read_layer(path, kind, rows, data, shown) for kind in OBJECTS if kind in layers}
-    head = {
+    unclosed = {kind: _read_layer(path, kind, features, shown) for kind in OBJECTS if kind in layers}
+    return {
         "edition": int(dataset["DSID_EDTN"]),
         "update": _update_of(dataset),
         "scale": int(dataset["DSPM_CSCL"]),
@@ -139,13 +139,12 @@ def _read(path: str) -> tuple[dict[str, Any], bytes]:
         "units": [int(dataset["DSPM_DUNI"]), int(dataset["DSPM_COUN"])],
         "factors": [int(dataset["DSPM_COMF"]), int(dataset["DSPM_SOMF"])],
         "unclosed": {kind: count for kind, count in unclosed.items() if count},
-        "features": rows,
+        "features": features,
     }
-    return head, b"".join(data)
 
 
-def _read_layer(path: str, kind: str, rows: list[dict[str, Any]], data: list[bytes], shown: Counter[int]) -> int:
-    """Append the objects of a class to `rows`, their coordinates to `data`, and count in `shown` their SHOWN_FROM.
+def _read_layer(path: str, kind: str, features: list[Row], shown: Counter[int]) -> int:
+    """Append the objects of a class to `features`, and count in `shown` their SHOWN_FROM.
 
     Return the number of areas with edges that form no ring. Each chain of their edges is closed by a straight line.
     Areas are filled by counting crossings, so the straight lines between the same two ends cancel each other.
@@ -174,17 +173,10 @@ def _read_layer(path: str, kind: str, rows: list[dict[str, Any]], data: list[byt
             parts = shapely.get_parts(shape)
             is_area = shapely.get_dimensions(shape) == 2
             lines = [shapely.get_coordinates(part) for part in (shapely.get_rings(parts) if is_area else parts)]
-        rows.append({
-            "kind": kind,
-            "attributes": {name: value for name, value in numbers.items() if value == value},
-            "codes": {name: _numbers(fields[name][number]) for name in LISTS if name in fields},
-            "name": str((fields[NAME][number] if NAME in fields else None) or ""),
-            "points": len(points),
-            "lines": [len(line) for line in lines],
-            "is_area": int(fields["PRIM"][number]) == AREA,
-        })  # fmt: skip
-        data.append(points.tobytes())
-        data.extend(np.ascontiguousarray(line).tobytes() for line in lines)
+        attributes = {name: value for name, value in numbers.items() if value == value}
+        codes = {name: _numbers(fields[name][number]) for name in LISTS if name in fields}
+        own_name = clean(str((fields[NAME][number] if NAME in fields else None) or ""))
+        features.append((kind, attributes, points, tuple(lines), int(fields["PRIM"][number]) == AREA, codes, own_name))
     return unclosed
 
 
