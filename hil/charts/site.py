@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator
 from math import cos, hypot, pi, sin
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -85,7 +85,7 @@ def depth_between(grid: Grid, start: Point, goal: Point) -> float:
         raise ConfigError(
             "the straight path from --start to --goal leads through shallow or unknown water: choose other places"
         )
-    return _rounded(least - MIN_ALTITUDE)
+    return float(_rounded(least - MIN_ALTITUDE))
 
 
 def _select_middles(grid: Grid, rows: Indices, columns: Indices) -> Indices:
@@ -110,7 +110,7 @@ def _score_paths(
     under = np.stack([grid.at(middles + x * ahead) for x in along])
     swath = np.stack([grid.at(middles + x * ahead + y * abeam) for x in along[::3] for y in SIDE_DISTANCES])
     least = under.min(axis=0)
-    deep = np.full(len(middles), depth) if depth is not None else np.floor(2.0 * (least - MIN_ALTITUDE)) / 2.0
+    deep = np.full(len(middles), depth) if depth is not None else _rounded(least - MIN_ALTITUDE)
     relief = np.minimum(under.std(axis=0), MAX_RELIEF)
     rising = (swath < deep).mean(axis=0)
     score = relief + 4.0 * np.minimum(rising, 0.4) - 0.2 * (under.mean(axis=0) - deep)
@@ -125,6 +125,6 @@ def _site(middle: Point, course: float, length: float, depth: float) -> Site:
     return Site((middle[0] - north, middle[1] - east), (middle[0] + north, middle[1] + east), depth)
 
 
-def _rounded(depth: float) -> float:
-    """Return a depth rounded up to a shallower multiple of half a metre."""
-    return float(np.floor(2.0 * depth) / 2.0)
+def _rounded(depths: Any) -> Any:
+    """Return depths rounded up to shallower multiples of half a metre."""
+    return np.floor(2.0 * depths) / 2.0

@@ -17,8 +17,8 @@ from hil.charts.sources.sign import Declared
 from hil.charts.world_file import write_world
 from hil.common.errors import ConfigError, MissionError
 from hil.master.flight import prepare
-from hil.scenario.config import Scenario, load_scenario
-from sim.environment.world import load_world
+from hil.scenario.config import load_scenario
+from sim.environment.world import World, load_world
 
 WORLD_MARGIN = 150.0  # m of the world around the path
 SPEED = 0.7  # m/s; this vehicle's maximum is 0.85 m/s
@@ -108,45 +108,33 @@ def prepare_dive(
     """
     if problem := options.validate():
         raise ConfigError(problem)
-    if world.endswith(".toml") or not os.path.splitext(world)[1]:
-        if options.resolution:
-            raise ConfigError("--resolution is for charts and soundings: a world already has a grid; leave it out")
-        return PreparedDive(_prepare_over_world(world, options, folder))
-    seabed = load_or_build_seabed(world, options.resolution, progress, options.declared, options.start)
-    name = os.path.splitext(os.path.basename(world))[0]
-    return PreparedDive(_prepare_over_chart(seabed, name, options, folder), facts(seabed.model.grid, seabed.report))
+    if not world.endswith(".toml") and os.path.splitext(world)[1]:
+        name = os.path.splitext(os.path.basename(world))[0]
+        seabed = load_or_build_seabed(world, options.resolution, progress, options.declared, options.start)
+        path = _prepare(name, f"{name}_world.toml", seabed.model.grid, seabed, options, folder)
+        return PreparedDive(path, facts(seabed.model.grid, seabed.report))
+    if options.resolution:
+        raise ConfigError("--resolution is for charts and soundings: a world already has a grid; leave it out")
+    known = load_world(world)
+    where = os.path.abspath(world) if world.endswith(".toml") else world
+    return PreparedDive(_prepare(known.name, where, grid_of(known), known, options, folder))
 
 
-def _prepare_over_chart(seabed: WholeSeabed, name: str, options: DiveOptions, folder: str) -> str:
+def _prepare(name: str, world: str, grid: Grid, source: WholeSeabed | World, options: DiveOptions, folder: str) -> str:
+    """Write the scenario of the best site with a free path, in the world or on a part of the seabed `source`."""
     failure: MissionError | None = None
-    for site in _requested_sites(seabed.model.grid, seabed.origin, options):
-        path = os.path.join(folder, f"{name}_world.toml")
-        write_world(
-            path,
-            cut_seabed(seabed.model, _around(site)),
-            seabed.source,
-            seabed.origin,
-            ("The part of a seabed around a dive.",),
-        )
+    for site in _requested_sites(grid, source.origin, options):
+        if isinstance(source, WholeSeabed):
+            part = cut_seabed(source.model, _around(site))
+            notes = ("The part of a seabed around a dive.",)
+            write_world(os.path.join(folder, world), part, source.source, source.origin, notes)
+        path = _write_scenario(site, world, name, options, folder)
         try:
-            return _require_free_path(_write_scenario(site, f"{name}_world.toml", name, options, folder))
+            prepare(load_scenario(path))
+            return path
         except MissionError as error:
             failure = error
     assert failure is not None  # there is at least one site
-    raise failure
-
-
-def _prepare_over_world(world: str, options: DiveOptions, folder: str) -> str:
-    known = load_world(world)
-    name = known.name
-    where = os.path.abspath(world) if world.endswith(".toml") else world
-    failure: MissionError | None = None
-    for site in _requested_sites(grid_of(known), known.origin, options):
-        try:
-            return _require_free_path(_write_scenario(site, where, name, options, folder))
-        except MissionError as error:
-            failure = error
-    assert failure is not None
     raise failure
 
 
@@ -185,11 +173,4 @@ def _write_scenario(site: Site, world: str, name: str, options: DiveOptions, fol
     )  # fmt: skip
     path = os.path.join(folder, f"{name}.toml")
     write_file(path, text.encode())
-    return path
-
-
-def _require_free_path(path: str) -> str:
-    """Return `path` if the planner finds a path in this scenario. Raises MissionError otherwise."""
-    scenario: Scenario = load_scenario(path)
-    prepare(scenario)
     return path
