@@ -2,7 +2,7 @@
 
 import os
 from collections.abc import Iterator
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from hil.common.errors import ConfigError
 from sim.sdf.files import SdfFiles
@@ -139,8 +139,3 @@ def _colour(visual: Element, path: str) -> tuple[float, ...] | None:
         return None
     colour = tuple(min(max(number_of(word, path), 0.0), 1.0) for word in words[:3])
     return None if min(colour) >= 1.0 else colour
-
-
-def text_of(element: Element, *tags: str) -> Any:
-    """Return the text of the first element that one of the paths `tags` finds, None if there is none."""
-    return next((text.strip() for tag in tags if (text := element.findtext(tag))), None)

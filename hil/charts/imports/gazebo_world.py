@@ -2,19 +2,21 @@
 
 import os
 from collections.abc import Sequence
-from math import cos, hypot, pi, sin
+from math import atan2, cos, hypot, pi, sin
+from re import sub
 from typing import Any, NamedTuple
 
 from hil.charts.grid import write_file
-from hil.charts.imports.gazebo_shapes import Shape, read_shapes, text_of
+from hil.charts.imports.gazebo_shapes import Shape, read_shapes
 from hil.charts.imports.meshes import MeshJob, read_meshes
 from hil.charts.world_file import keys_of
 from hil.common.errors import ConfigError
 from hil.common.text import clean
 from sim.environment.world import World, load_world
+from sim.matrices import product
 from sim.sdf.files import SdfFiles
 from sim.vehicle.urdf.pose import Pose
-from sim.vehicle.urdf.text import Element, number_of, numbers_of, plain, read_xml
+from sim.vehicle.urdf.text import Element, child_text, number_of, numbers_of, plain, read_xml
 
 MARGIN = 5.0  # m of the world around all of its shapes
 _UPRIGHT = 0.9999  # cosine of the greatest tilt at which a shape counts as upright
@@ -32,7 +34,8 @@ _GROUND = (
 _FARTHEST = 9e4  # m from the file's origin: greatest coordinate of a world
 _COVERS = 0.9  # least share of the world's area that a floor covers
 _HIGHEST, _MIN_SIDE = -100.0, 0.01  # m: limits of an obstacle's top and of its sides
-_NED = [[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]
+_NED = [[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]]  # of east, north, up
+_FRD = [[1.0, 0.0, 0.0], [0.0, -1.0, 0.0], [0.0, 0.0, -1.0]]  # of forward, left, up
 
 
 class _PlacedShape(NamedTuple):
@@ -94,7 +97,7 @@ def import_world(path: str, output: str, surface: float | None = None, text: byt
 def _surface(world: Element, path: str) -> float:
     """Return the height (m) of the lowest change of density in the world's graded buoyancy, 0 if there is none."""
     for plugin in world.iter("plugin"):
-        changes = [text_of(change, "above_depth") for change in plugin.findall("graded_buoyancy/density_change")]
+        changes = [child_text(change, "above_depth") for change in plugin.findall("graded_buoyancy/density_change")]
         heights = [number_of(text, path) for text in changes if text is not None]
         if heights:
             return min(heights)
@@ -108,9 +111,8 @@ def _placed(shapes: Sequence[Shape], output: str, level: float, notes: list[str]
     folder = os.path.splitext(output)[0] + "_meshes"
     if keys:
         os.makedirs(folder, exist_ok=True)
-    names = [
-        os.path.join(folder, f"{number}_{_file_stem(file or kind)}.stl") for number, (kind, file, _) in enumerate(keys)
-    ]
+    stems = [sub(r"\W", "_", os.path.splitext(os.path.basename(file or kind))[0])[:40] for kind, file, _ in keys]
+    names = [os.path.join(folder, f"{number}_{stem}.stl") for number, stem in enumerate(stems)]
     jobs = [
         MeshJob(file, sizes if file else (1.0, 1.0, 1.0), None, name, None if file else {"kind": kind, "sizes": sizes})
         for (kind, file, sizes), name in zip(keys, names, strict=True)
@@ -268,10 +270,7 @@ def _obstacle(each: _PlacedShape, level: float, folder: str) -> tuple[str, dict[
     east, north, up = shape.pose.position
     vertical = {"top": max(-each.high[2], _HIGHEST), "bottom": -each.low[2]}
     if each.mesh:
-        rotation = Pose([[a * b for a, b in zip(row, (1.0, -1.0, -1.0), strict=True)] for row in shape.pose.rotation])
-        rotated = Pose(
-            [[sum(a * r[j] for a, r in zip(row, rotation.rotation, strict=True)) for j in range(3)] for row in _NED]
-        )
+        rotated = Pose(product(_NED, product(shape.pose.rotation, _FRD)))
         keys: dict[str, Any] = {
             "file": os.path.relpath(each.mesh, folder), "north": _round(north), "east": _round(east),
             "depth": _round(level - up), "orientation": tuple(_round(angle) for angle in rotated.angles()), "up": "z",
@@ -279,29 +278,21 @@ def _obstacle(each: _PlacedShape, level: float, folder: str) -> tuple[str, dict[
         }  # fmt: skip
         keys |= {"colour": tuple(_round(x) for x in shape.colour)} if shape.colour else {}
         return "mesh" if shape.is_solid else "visual", keys
-    rounded = {key: _round(value) for key, value in vertical.items()}
+    place = {"north": _round(north), "east": _round(east)}
+    ends = {key: _round(value) for key, value in vertical.items()} | {"name": shape.name}
+    first, second = (max(size, _MIN_SIDE) for size in shape.sizes[:2])
     if shape.kind == "cylinder":
-        radius = max(shape.sizes[0], _MIN_SIDE)
-        return "cylinder", {
-            "north": _round(north),
-            "east": _round(east),
-            "radius": radius,
-            **rounded,
-            "name": shape.name,
-        }
-    yaw = shape.pose.angles()[2]
-    heading = (0.5 * pi - yaw + pi) % (2.0 * pi) - pi
-    sizes = {"size_north": max(shape.sizes[0], _MIN_SIDE), "size_east": max(shape.sizes[1], _MIN_SIDE)}
-    place = {"north": _round(north), "east": _round(east), **sizes, "heading": _round(heading)}
-    return "box", {**place, **rounded, "name": shape.name}
+        return "cylinder", place | {"radius": first} | ends
+    heading = (1.5 * pi - shape.pose.angles()[2]) % (2.0 * pi) - pi
+    return "box", place | {"size_north": first, "size_east": second, "heading": _round(heading)} | ends
 
 
 def _heightmap(shape: Shape, output: str, level: float, path: str, notes: list[str]) -> dict[str, Any] | None:
     """Write the depths of a heightmap beside the world; return its `[terrain]` and `deepest` (m), None on an error."""
     element = shape.element
     assert element is not None
-    size = numbers_of(text_of(element, "size") or "1 1 1", path, 3)
-    position = shape.pose.transform(numbers_of(text_of(element, "pos") or "0 0 0", path, 3))
+    size = numbers_of(child_text(element, "size") or "1 1 1", path, 3)
+    position = shape.pose.transform(numbers_of(child_text(element, "pos") or "0 0 0", path, 3))
     depths = os.path.splitext(output)[0] + ".f32"
     if abs(shape.pose.angles()[2]) > 1e-6 or abs(shape.pose.rotation[2][2]) < _UPRIGHT:
         notes.append(f"Left out: {shape.name}, a heightmap that is rotated.")
@@ -319,19 +310,19 @@ def _environment_keys(world: Element, path: str, notes: list[str]) -> dict[str, 
     keys: dict[str, Any] = {}
     if (sphere := world.find("spherical_coordinates")) is not None:
         numbers = [
-            number_of(text_of(sphere, tag) or "0", path) for tag in ("latitude_deg", "longitude_deg", "elevation")
+            number_of(child_text(sphere, tag) or "0", path) for tag in ("latitude_deg", "longitude_deg", "elevation")
         ]
         if abs(numbers[0]) <= 90.0 and abs(numbers[1]) <= 180.0:
             keys |= {"origin": (numbers[0], numbers[1])} | ({"origin_altitude": numbers[2]} if numbers[2] else {})
-        if number_of(text_of(sphere, "heading_deg") or "0", path):
+        if number_of(child_text(sphere, "heading_deg") or "0", path):
             notes.append("Left out: heading_deg: x is used as east.")
     density = next((text for tag in ("uniform_fluid_density", "graded_buoyancy/default_density")
-                    for plugin in world.iter("plugin") if (text := text_of(plugin, tag))), None)  # fmt: skip
+                    for plugin in world.iter("plugin") if (text := child_text(plugin, tag))), None)  # fmt: skip
     if density is not None and 900.0 <= number_of(density, path) <= 1200.0:
         keys["density"] = number_of(density, path)
-    if (gravity := text_of(world, "gravity")) is not None and (pull := -numbers_of(gravity, path, 3)[2]) > 0.1:
+    if (gravity := child_text(world, "gravity")) is not None and (pull := -numbers_of(gravity, path, 3)[2]) > 0.1:
         keys["gravity"] = pull
-    if (field := text_of(world, "magnetic_field")) is not None:
+    if (field := child_text(world, "magnetic_field")) is not None:
         keys |= _field(numbers_of(field, path, 3))
     for plugin in world.iter("plugin"):
         keys |= _current(plugin, path)
@@ -340,8 +331,6 @@ def _environment_keys(world: Element, path: str, notes: list[str]) -> dict[str, 
 
 def _field(field: Sequence[float]) -> dict[str, Any]:
     """Return the key of a magnetic field (T; east, north, up): intensity (T), inclination, declination (rad)."""
-    from math import atan2
-
     east, north, up = field
     level = hypot(east, north)
     strength = hypot(level, up)
@@ -351,19 +340,13 @@ def _field(field: Sequence[float]) -> dict[str, Any]:
 def _current(plugin: Element, path: str) -> dict[str, Any]:
     """Return the key of uuv_simulator's mean constant current, whose angles are from east to north, and upwards."""
     means = [
-        text_of(plugin, f"constant_current/{tag}/mean") for tag in ("velocity", "horizontal_angle", "vertical_angle")
+        child_text(plugin, f"constant_current/{tag}/mean") for tag in ("velocity", "horizontal_angle", "vertical_angle")
     ]
     if means[0] is None:
         return {}
     speed, level, rise = (number_of(text or "0", path) for text in means)
     flow = (speed * cos(rise) * sin(level), speed * cos(rise) * cos(level), -speed * sin(rise))
     return {"current": tuple(_round(x) for x in flow)} if speed and abs(speed) <= 5.0 else {}
-
-
-def _file_stem(text: str) -> str:
-    """Return the stem of a file's name with only letters, digits and underscores."""
-    name = os.path.splitext(os.path.basename(text))[0]
-    return "".join(letter if letter.isalnum() else "_" for letter in name)[:40]
 
 
 def _round(x: float) -> float:
