@@ -1,10 +1,11 @@
 """Poses of frames relative to a base frame (axes FLU)."""
 
 from collections.abc import Sequence
-from math import asin, atan2, cos, sin, sqrt
+from math import asin, atan2
 from typing import NamedTuple
 
-from sim.matrices import Matrix, product, transpose
+from sim.matrices import Matrix, product, square, transpose
+from sim.rotations import from_euler, matrix, normalise
 
 _IDENTITY = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]
 
@@ -40,23 +41,11 @@ class Pose(NamedTuple):
 
 def pose_at(position: Sequence[float], angles: Sequence[float] = (0.0, 0.0, 0.0)) -> Pose:
     """Return the pose at `position` (m) whose axes are turned by roll, pitch and yaw (rad)."""
-    roll, pitch, yaw = angles
-    cr, sr, cp, sp, cy, sy = cos(roll), sin(roll), cos(pitch), sin(pitch), cos(yaw), sin(yaw)
-    rotation = [
-        [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr],
-        [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr],
-        [-sp, cp * sr, cp * cr],
-    ]
-    return Pose(rotation, tuple(position))
+    return Pose(square(matrix(from_euler(*angles)), 3), tuple(position))
 
 
 def pose_with(position: Sequence[float], quaternion: Sequence[float]) -> Pose:
     """Return the pose at `position` (m) with the rotation of a quaternion (x, y, z, w; of any length except 0)."""
-    length = sqrt(sum(part * part for part in quaternion)) or 1.0
-    x, y, z, w = (part / length for part in quaternion)
-    rotation = [
-        [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)],
-        [2.0 * (x * y + z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - x * w)],
-        [2.0 * (x * z - y * w), 2.0 * (y * z + x * w), 1.0 - 2.0 * (x * x + y * y)],
-    ]
-    return Pose(rotation, tuple(position))
+    x, y, z, w = quaternion
+    is_zero = not any(quaternion)
+    return Pose(square(matrix(normalise((1.0 if is_zero else w, x, y, z))), 3), tuple(position))
