@@ -50,23 +50,13 @@ def ocean_current(ocean: Ocean, steady: Velocity, seed: int) -> Current:
 def layered(layers: Layers) -> Current:
     """Return a stratified current: linear in depth between the rows of its table."""
     table = _table(layers.depth, layers)
-
-    def current(_: int, depth: float) -> Velocity:
-        north, east, down = table(depth)
-        return north, east, down
-
-    return current
+    return lambda _, depth: table(depth)
 
 
 def recorded(series: Series) -> Current:
     """Return a current from a table over time: linear between its rows, constant before and after them."""
     table = _table(series.time, series)
-
-    def current(time_ns: int, _: float) -> Velocity:
-        north, east, down = table(time_ns * 1e-9)
-        return north, east, down
-
-    return current
+    return lambda time_ns, _: table(time_ns * 1e-9)
 
 
 def tidal(tides: Sequence[Tide]) -> Current:
@@ -129,6 +119,6 @@ class GaussMarkovCurrent:
         return north + a, east + b, down + c
 
 
-def _table(at: Sequence[float], rows: Layers | Series) -> PiecewiseLinear:
+def _table(at: Sequence[float], rows: Layers | Series) -> Callable[[float], Velocity]:
     zeros = (0.0,) * len(at)
-    return PiecewiseLinear(at, rows.north or zeros, rows.east or zeros, rows.down or zeros)
+    return PiecewiseLinear(at, rows.north or zeros, rows.east or zeros, rows.down or zeros)  # type: ignore[return-value]  # three columns

@@ -2,8 +2,9 @@
 
 from collections.abc import Iterator
 from itertools import pairwise
-from math import ceil, floor, inf, isnan, sqrt
+from math import ceil, floor, hypot, inf, isnan
 
+from hil.common.vectors import off_line
 from sim.environment.terrain import NO_DATA, Terrain
 from sim.environment.terrain_grid import Grid
 
@@ -69,16 +70,7 @@ def _shallow_part(corners: list[Corner], depth: float) -> list[Coordinates]:
 
 def _distance_to_ring(point: Coordinates, ring: list[Coordinates]) -> float:
     """Return the distance in cells from a point outside of a closed polygon to the polygon."""
-    return min(_distance_to_side(point, start, end) for start, end in pairwise([*ring, ring[0]]))
-
-
-def _distance_to_side(point: Coordinates, start: Coordinates, end: Coordinates) -> float:
-    x, y = end[0] - start[0], end[1] - start[1]
-    to_x, to_y = point[0] - start[0], point[1] - start[1]
-    square = x * x + y * y
-    share = min(max((to_x * x + to_y * y) / square, 0.0), 1.0) if square else 0.0
-    away_x, away_y = to_x - share * x, to_y - share * y
-    return sqrt(away_x * away_x + away_y * away_y)
+    return min(hypot(*off_line(*point, *start, *end)) for start, end in pairwise([*ring, ring[0]]))
 
 
 def _to_edge(terrain: Terrain, north: float, east: float) -> float:

@@ -14,10 +14,10 @@ NORTH, EAST = np.random.default_rng(1).uniform(-200.0, 200.0, (2, 20_000)).astyp
 
 def test_the_texture_of_a_point_does_not_depend_on_the_viewpoint() -> None:
     one, other = Texture(Bottom()), Texture(Bottom())
-    all_slopes, part = one.slopes(NORTH, EAST, 0.1), other.slopes(NORTH[5:9], EAST[5:9], 0.1)
+    all_slopes, part = one.sample(NORTH, EAST, 0.1), other.sample(NORTH[5:9], EAST[5:9], 0.1)
     assert (all_slopes[0][5:9] == part[0]).all()
     assert (all_slopes[1][5:9] == part[1]).all()
-    assert (Texture(Bottom(seed=2)).slopes(NORTH, EAST, 0.1)[0] != all_slopes[0]).mean() > 0.9
+    assert (Texture(Bottom(seed=2)).sample(NORTH, EAST, 0.1)[0] != all_slopes[0]).mean() > 0.9
 
 
 def test_slopes_are_the_derivative_of_a_relief_of_the_keyed_roughness() -> None:
@@ -25,7 +25,7 @@ def test_slopes_are_the_derivative_of_a_relief_of_the_keyed_roughness() -> None:
     north = np.arange(0.0, 20.48, 0.04) + 0.02
     heights = []
     for east in np.arange(0.02, 20.0, 0.8):
-        slope, _ = Texture(Bottom(roughness=0.05)).slopes(north, np.full_like(north, east), 0.01)
+        slope, *_ = Texture(Bottom(roughness=0.05)).sample(north, np.full_like(north, east), 0.01)
         height = np.cumsum(slope) * 0.04
         heights.append(height - height.mean())
     assert np.std(heights) == pytest.approx(0.05, rel=0.25)
@@ -33,23 +33,23 @@ def test_slopes_are_the_derivative_of_a_relief_of_the_keyed_roughness() -> None:
 
 def test_texture_finer_than_the_footprint_is_omitted() -> None:
     texture = Texture(Bottom(ripple_height=0.05, ripple_length=0.4))
-    fine, coarse = (texture.slopes(NORTH, EAST, footprint)[0].std() for footprint in (0.04, 1.5))
+    fine, coarse = (texture.sample(NORTH, EAST, footprint)[0].std() for footprint in (0.04, 1.5))
     assert coarse < 0.3 * fine
 
 
 def test_ripples_follow_their_heading() -> None:
     texture = Texture(Bottom(roughness=0.0, ripple_height=0.06, ripple_length=0.5))
-    to_north, to_east = texture.slopes(NORTH, EAST, 0.01)
+    to_north, to_east, _ = texture.sample(NORTH, EAST, 0.01)
     assert to_north.max() == pytest.approx(0.03 * 2.0 * np.pi / 0.5, rel=0.01)
     assert not to_east.any()
     across = Texture(Bottom(roughness=0.0, ripple_height=0.06, ripple_length=0.5, ripple_heading=np.pi / 2))
-    assert np.abs(across.slopes(NORTH, EAST, 0.01)[0]).max() < 1e-6
+    assert np.abs(across.sample(NORTH, EAST, 0.01)[0]).max() < 1e-6
 
 
 @pytest.mark.parametrize("kind", list(PROPERTIES))
 def test_kinds_have_their_stated_roughness_and_patchiness(kind: str) -> None:
     texture = Texture(Bottom(kind=kind))  # type: ignore[arg-type]
-    assert texture.strength(NORTH, EAST, 0.01).std() == pytest.approx(PROPERTIES[kind].patches, rel=0.1)  # type: ignore[index]
+    assert texture.sample(NORTH, EAST, 0.01)[2].std() == pytest.approx(PROPERTIES[kind].patches, rel=0.1)  # type: ignore[index]
     assert texture.echo == PROPERTIES[kind].echo  # type: ignore[index]
 
 
