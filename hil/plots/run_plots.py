@@ -181,15 +181,9 @@ def with_gaps(times: Sequence[float], rows: Sequence[Sequence[float]]) -> tuple[
 
 def _line(axes: Any, rows: Sequence[Row], column: int, **style: Any) -> None:
     """Draw one column over time; the line is interrupted at gaps between samples."""
-    times: list[float] = []
-    values: list[float] = []
-    stepped = "drawstyle" in style
-    for row in rows:
-        if times and row[0] - times[-1] > GAP_S and not stepped:
-            times.append(row[0])
-            values.append(nan)
-        times.append(row[0])
-        values.append(row[column])
+    times, values = _column(rows, 0), _column(rows, column)
+    if "drawstyle" not in style:
+        times, (values,) = with_gaps(times, [values])
     axes.plot(times, values, **style)
 
 
