@@ -17,8 +17,6 @@ from hil.network.session import Session
 from hil.network.settings import Network
 from hil.network.tokens import Presence
 
-EVERYWHERE = "lan"
-
 How = tuple[Literal["master", "observer"], int, Network, Security | None]  # part, rank, and a client's settings
 
 
@@ -26,26 +24,11 @@ def connect(*endpoints: str, take_over: bool, observe: bool, routed: bool, keys:
     """Connect to vehicles: see `hil.connect`."""
     if not endpoints:
         raise NetworkError('connect to whom? Give an endpoint, "tcp/HOST:PORT", or "lan"')
-    addresses = [
-        place for endpoint in endpoints for place in (_find_vehicles(wait) if endpoint == EVERYWHERE else [endpoint])
-    ]
     security = Security(slave="", master=keys, may_command=()) if keys else None
-    network = Network(mode="routed", router=addresses[0]) if routed else Network()
-    session = open_master_session(*addresses, network=network, security=security)
+    network = Network(mode="routed", router=endpoints[0]) if routed else Network()
+    session = open_master_session(*endpoints, network=network, security=security)
     how: How = ("observer" if observe else "master", int(take_over), network, security)
-    return Fleet(session, tuple(addresses), how, wait)
-
-
-def _find_vehicles(seconds: float) -> list[str]:
-    from hil.network.discovery import find  # not needed with an explicit endpoint
-
-    answered = find(seconds)
-    if not answered:
-        raise NetworkError(
-            f"nobody answered by multicast within {seconds:g} s; the slave's scenario needs discovery = true in its "
-            "[network] section and an address of this network in listen; an endpoint, tcp/ADDRESS:PORT, always works"
-        )
-    return answered
+    return Fleet(session, endpoints, how, wait)
 
 
 class Fleet:

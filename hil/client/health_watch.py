@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 from hil.common.clock import NS_PER_S, now_ns
-from hil.common.endpoint import split_endpoint
+from hil.common.endpoint import LAN, split_endpoint
 from hil.network.presence import watch_presence
 from hil.network.session import Session
 from hil.network.tokens import Presence
@@ -125,7 +125,9 @@ class Unanswered:
 
     def _reached(self, endpoint: str) -> bool:
         """Return whether a link leads to the endpoint, as far as its port tells; links do not carry host names."""
-        ports = [split_endpoint(one)[2] for one in self._endpoints]
+        if endpoint == LAN:
+            return bool(self._session.links())
+        ports = [split_endpoint(one)[2] for one in self._endpoints if one != LAN]
         port = split_endpoint(endpoint)[2]
         return ports.count(port) == 1 and self._session.has_connected_to(port)
 

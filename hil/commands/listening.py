@@ -3,7 +3,7 @@
 import argparse
 from typing import Any, NamedTuple
 
-from hil.common.options import ENDPOINT, LOCAL_SLAVE, WAIT, add_changes, changes_of, endpoint_or_lan
+from hil.common.options import LOCAL_SLAVE, WAIT, add_changes, changes_of, endpoint_or_lan
 from hil.network.security import Security
 from hil.network.settings import Network
 from hil.scenario.config import Scenario, load_scenario, load_single
@@ -19,7 +19,7 @@ class ConnectArguments(NamedTuple):
 
 def add_fleet(parser: argparse.ArgumentParser) -> None:
     """Add the options of a command that is the master of all vehicles it reaches; `connect_arguments` reads them."""
-    add_connect(parser, lan=True)
+    add_connect(parser)
     add_settings(parser)
     parser.add_argument("--routed", action="store_true", help="ENDPOINT is that of a router")
     parser.add_argument("--keys", metavar="FOLDER", default="", help="this machine's certificates")
@@ -32,15 +32,10 @@ def add_settings(parser: argparse.ArgumentParser) -> None:
     add_changes(parser)
 
 
-def add_connect(parser: argparse.ArgumentParser, *, lan: bool = False) -> None:
-    """Add --connect, which may be given several times; with `lan` also the word "lan".
-
-    `scenario_and_endpoints` finds its default.
-    """
-    peer = f"a slave or a router, HOST:PORT{', or lan' if lan else ''}"
-    about = f"{peer}; may be given several times [the scenario's, else {LOCAL_SLAVE}]"
-    kind = endpoint_or_lan if lan else ENDPOINT
-    parser.add_argument("--connect", metavar="ENDPOINT", type=kind, action="append", help=about)
+def add_connect(parser: argparse.ArgumentParser) -> None:
+    """Add --connect, which may be given several times; `scenario_and_endpoints` finds its default."""
+    about = f"a slave or a router, HOST:PORT, or lan; may be given several times [the scenario's, else {LOCAL_SLAVE}]"
+    parser.add_argument("--connect", metavar="ENDPOINT", type=endpoint_or_lan, action="append", help=about)
 
 
 def add_take_over(parser: argparse.ArgumentParser) -> None:

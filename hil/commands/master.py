@@ -8,7 +8,7 @@ from hil.client.client import VehicleClient
 from hil.commands.listening import add_take_over, add_wait, is_routed, keys_of, own_endpoint
 from hil.commands.view.opening import view_process
 from hil.common.clock import NS_PER_S, now_ns
-from hil.common.endpoint import no_certificates
+from hil.common.endpoint import LAN, no_certificates
 from hil.common.errors import STOPPED, ConfigError, MissingExtraError, NetworkError
 from hil.common.options import (
     DESCRIPTOR,
@@ -28,7 +28,6 @@ from hil.master.planner import topics_of
 from hil.master.progress import Progress
 from hil.master.recorder import RecordedClient, TrackWriter, make_folder, recorded
 from hil.network.diagnosis import why_not
-from hil.network.discovery import find
 from hil.plots import run_picture as picture
 from hil.recording.mcap_writer import require_library
 from hil.recording.recorder import new_folder
@@ -71,7 +70,7 @@ def main(arguments: list[str]) -> int:
     options = parser.parse_args(arguments)
     scenario = load_single(options.scenario, changes_of(options))
     connect = options.connect or own_endpoint(scenario)
-    if connect != "lan" and not scenario.security and (problem := no_certificates(connect)):
+    if connect != LAN and not scenario.security and (problem := no_certificates(connect)):
         raise ConfigError(f"--connect: {problem}")
     if scenario.recording.master:
         require_library()
@@ -83,14 +82,13 @@ def main(arguments: list[str]) -> int:
     cells = f", in cells of {size:g} m" if size > scenario.master.resolution and scenario.master.map == "known" else ""
     path = f"planned {len(planner.path)} points" if planner.path else "began, without a path to show,"
     progress.print_line(f"{type(planner).__name__} {path} in {plan.duration:.2f} s{cells}")
-    endpoint = connect if connect != "lan" else _discover_slave(options.wait)
     words = scenario_words(options)
     with (
-        view_process(words, [endpoint], options.view),
+        view_process(words, [connect], options.view),
         StopSignals() as stop_fd,
-        _client(endpoint, scenario, plan, int(options.take_over), progress) as client,
+        _client(connect, scenario, plan, int(options.take_over), progress) as client,
     ):
-        progress.print_line(f"waiting for {scenario.slave.node} at {endpoint}")
+        progress.print_line(f"waiting for {scenario.slave.node} at {connect}")
         if options.ready_fd is not None:
             os.write(options.ready_fd, b"\n")
             os.close(options.ready_fd)
@@ -112,20 +110,6 @@ def _client(endpoint: str, scenario: Scenario, plan: Plan, rank: int, progress: 
         security=scenario.security,
         report=progress.print_line,
         topics=(ALL,) if scenario.recording.master else topics_of(plan.planner),
-    )
-
-
-def _discover_slave(seconds: float) -> str:
-    """Return the endpoint of the slave that multicast finds. Raises NetworkError if it finds none or several."""
-    endpoints = find(seconds)
-    if len(endpoints) == 1:
-        return endpoints[0]
-    if endpoints:
-        raise NetworkError(f"several slaves answered by multicast: {', '.join(endpoints)}; choose one with --connect")
-    raise NetworkError(
-        f"no slave answered by multicast within {seconds:g} s; the slave's scenario needs discovery = true in its "
-        "[network] section and an address of this network in listen; many access points block multicast: --connect "
-        "tcp/ADDRESS:PORT always works"
     )
 
 

@@ -3,6 +3,7 @@
 from hil.common.errors import NetworkError
 
 DEFAULT_PORT = 7447
+LAN = "lan"  # in place of an endpoint: search for it in the local network, see hil.network.discovery
 
 
 def split_endpoint(endpoint: str) -> tuple[str, str, int]:

@@ -12,7 +12,7 @@ import sys
 from collections.abc import Callable
 from typing import Any, NoReturn
 
-from hil.common.endpoint import full_endpoint
+from hil.common.endpoint import LAN, full_endpoint
 from hil.common.errors import EXIT_CODES, ConfigError, HilError
 from hil.common.schema import nearest, shortened
 from hil.common.tables import output_file, settings
@@ -331,7 +331,7 @@ ENDPOINT = checked(full_endpoint)  # tcp/HOST:PORT, HOST:PORT or HOST; returns t
 
 def endpoint_or_lan(text: str) -> str:
     """Return the endpoint in `text`, or "lan": search by multicast."""
-    return text if text == "lan" else str(ENDPOINT(text))
+    return text if text == LAN else str(ENDPOINT(text))
 
 
 def host(text: str) -> str:

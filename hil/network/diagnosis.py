@@ -6,7 +6,7 @@ import ssl
 from contextlib import suppress
 from typing import TYPE_CHECKING, NamedTuple
 
-from hil.common.endpoint import split_endpoint
+from hil.common.endpoint import LAN, split_endpoint
 from hil.network.security import CA, CERTIFICATE, KEY
 
 if TYPE_CHECKING:
@@ -33,6 +33,10 @@ def why_not(endpoint: str, folder: str = "", routed: bool = False, session: "Ses
     The endpoint is a slave's, or a router's if `routed`. Return None if it answers, or if `session` has its links
     there; then the node is missing, or the right to listen. Raises NetworkError for an invalid endpoint.
     """
+    if endpoint == LAN:
+        from hil.network.discovery import NOBODY, find
+
+        return None if (session and session.links()) or find(TIMEOUT_S) else Fault(NOBODY, False)
     _, host, port = split_endpoint(endpoint)
     if session and session.has_connected_to(port) and (routed or session.has_connected_to(port + 1)):
         return None

@@ -2,6 +2,7 @@
 
 import os
 import threading
+from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 import zenoh
@@ -9,20 +10,26 @@ import zenoh
 from hil.common.errors import HilError, NetworkError
 from hil.network.session import Session
 from hil.network.settings import Network, settings
+from hil.network.tokens import Role
 
 if TYPE_CHECKING:
     from hil.network.security import Security
 
 
 def listen(
-    endpoint: str, network: Network = Network(), security: "Security | None" = None, pictures: bool = False
+    endpoint: str,
+    network: Network = Network(),
+    security: "Security | None" = None,
+    pictures: bool = False,
+    report: Callable[[str], None] = print,
 ) -> Session:
     """Return a slave's session. Masters connect to it at `endpoint`; it connects to the router in `network`, if any.
 
-    `pictures`: it also forwards the samples of its imaging process. Raises NetworkError, also if the port is in use.
+    `pictures`: it also forwards the samples of its imaging process. `report` gets a line if the address is not there
+    yet. Raises NetworkError, also if the port is in use.
     """
-    text = settings("slave", (endpoint,), (network.router,) if network.router else (), network, security, pictures)
-    session = open_session("listen on", endpoint, text)
+    routers = (network.router,) if network.router else ()
+    session = open_listening("slave", endpoint, routers, network, security, report, pictures)
     if network.router:
         from hil.network.tokens import router_key  # not loaded before the vehicle is ready, unless there is a router
 
@@ -36,7 +43,8 @@ CLOSE_WITHIN_S = 5.0  # usually 0.1 s, but sometimes the library takes 10 s for 
 class Listening:
     """A session that a thread opens while the caller does other work.
 
-    `is_stuck`: the library did not close the session in time; the process can then end only by `os._exit`.
+    `notes` are lines for the log. `is_stuck`: the library did not close the session in time; the process can then end
+    only by `os._exit`.
     """
 
     is_stuck = False
@@ -44,7 +52,8 @@ class Listening:
     def __init__(
         self, endpoint: str, network: Network = Network(), security: "Security | None" = None, pictures: bool = False
     ) -> None:
-        self._arguments = endpoint, network, security, pictures
+        self.notes: list[str] = []
+        self._arguments = endpoint, network, security, pictures, self.notes.append
         self._session: Session | None = None
         self._error: HilError | None = None
         self._thread = threading.Thread(target=self._run, name="open session")
@@ -77,15 +86,49 @@ class Listening:
             self.is_stuck = closing.is_alive()
 
 
-def open_session(action: str, name: str, text: str, has_pairs: bool = False, peer_count: int = 1) -> Session:
-    """Return a session with the zenoh settings `text`; `has_pairs` and `peer_count` as in `Session`.
+class _LateAddressError(NetworkError):
+    """The address to listen at is not there yet."""
+
+
+def open_listening(
+    role: Role,
+    endpoint: str,
+    connect: tuple[str, ...],
+    network: Network,
+    security: "Security | None",
+    report: Callable[[str], None],
+    pictures: bool = False,
+) -> Session:
+    """Return a session that listens at `endpoint`, as soon as this machine has that address: `report` gets a line.
+
+    Raises NetworkError for another reason not to listen there.
+    """
+    arguments = role, (endpoint,), connect, network, security, pictures
+    try:
+        return open_session("listen on", endpoint, settings(*arguments))
+    except _LateAddressError:
+        report(f"{endpoint}: waiting for it: this machine does not have that address yet")
+    return open_session("listen on", endpoint, settings(*arguments, is_late=True))
+
+
+def open_session(
+    action: str, name: str, text: str | Callable[[], str], has_pairs: bool = False, peer_count: int = 1
+) -> Session:
+    """Return a session with the zenoh settings `text`, or its value at each opening; the rest as in `Session`.
 
     Raises NetworkError; its text says that `action` on `name` is impossible, and why.
     """
     try:
-        return Session(lambda: zenoh.open(zenoh.Config.from_json5(text)), name, has_pairs, peer_count)
+        return Session(
+            lambda: zenoh.open(zenoh.Config.from_json5(text if isinstance(text, str) else text())),
+            name,
+            has_pairs,
+            peer_count,
+        )
     except zenoh.ZError as error:
-        raise NetworkError(f"cannot {action} {name}: {_reason(str(error))}") from None
+        is_late = "Cannot assign requested address" in str(error) or "os error 99" in str(error)
+        kind = _LateAddressError if is_late else NetworkError
+        raise kind(f"cannot {action} {name}: {_reason(str(error))}") from None
 
 
 def _reason(text: str) -> str:
@@ -94,8 +137,6 @@ def _reason(text: str) -> str:
             f"{_taken_port(text)} is in use: by another slave or router, or by ROS 2's rmw_zenohd, whose port is 7447 "
             "too; end that, or choose another with --listen"
         )
-    if "Cannot assign requested address" in text or "os error 99" in text:
-        return "this machine does not have that address"
     if "Permission denied" in text:
         return "no permission for that port: those below 1024 are root's alone; choose another with --listen"
     if "lookup address" in text:

@@ -6,11 +6,12 @@ from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from hil.common.clock import now_ns, seconds_ns
+from hil.common.endpoint import LAN
 from hil.common.errors import NetworkError
-from hil.network.opening import open_session
+from hil.network.opening import open_listening, open_session
 from hil.network.session import Session
 from hil.network.settings import Network, settings
-from hil.network.tokens import router_key
+from hil.network.tokens import Role, router_key
 
 if TYPE_CHECKING:
     from hil.network.security import Security
@@ -21,8 +22,11 @@ RETRY_S = 0.2  # between two attempts to connect
 def open_master_session(*endpoints: str, network: Network = Network(), security: "Security | None" = None) -> Session:
     """Open a master's session, which connects to each slave once it is present, and again after each loss.
 
-    Raises NetworkError if an endpoint is invalid or a router is missing.
+    "lan" as an endpoint stands for all that answer by multicast, now or later. Raises NetworkError if an endpoint is
+    invalid or a router is missing.
     """
+    if LAN in endpoints:
+        return _open_searching("master", endpoints, network, security)
     text = settings("master", (), endpoints, network, security)
     try:
         return _open("connect to", ", ".join(endpoints), text, network, network.mode == "direct", len(endpoints))
@@ -62,6 +66,8 @@ def client_opener(
     endpoint: str, network: Network = Network(), security: "Security | None" = None
 ) -> Callable[[], Session]:
     """Return a function that tries once to open a client's session, see `open_client_session`."""
+    if endpoint == LAN:
+        return lambda: _open_searching("client", (endpoint,), network, security)
     text = settings("client", (), (endpoint,), network, security)
     return lambda: _open("connect to", endpoint, text, network)
 
@@ -85,8 +91,7 @@ def open_peer_session(
     """
     if network.mode == "routed":
         return open_master_session(network.router, network=network, security=security)
-    text = settings("planner", (endpoint,), endpoints, network, security)
-    return _open("listen on", endpoint, text, network, is_secure=bool(security))
+    return _supervised(open_listening("planner", endpoint, endpoints, network, security, print), network, security)
 
 
 def open_router_session(
@@ -104,25 +109,55 @@ def open_router_session(
     from hil.network.workarounds.blocked_router import NewLinks
     from hil.network.workarounds.unknown_router import UnknownRouters
 
-    text = settings("router", (endpoint,), other_endpoints, network, security)
-    session = _open("listen on", endpoint, text, network, is_secure=bool(security))
+    session = open_listening("router", endpoint, other_endpoints, network, security, report)
+    _supervised(session, network, security)
     session.declare_token(router_key(session.zid))
+    if network.discovery:
+        from hil.network.responder import answer_searches
+
+        answer_searches(session, endpoint, network, bool(security), is_router=True)
     session.supervisor.checks += [NewLinks(session.links).check, UnknownRouters(session, report).check]
+    return session
+
+
+def _open_searching(role: Role, endpoints: tuple[str, ...], network: Network, security: "Security | None") -> Session:
+    """Open the session of a master or client that searches at each opening, and while it has no link.
+
+    Raises NetworkError for a client, or with a router, which have one endpoint: if nobody or several answer.
+    """
+    from hil.network.discovery import NOBODY, Search
+
+    search, is_single = Search(*endpoints), role == "client" or network.mode == "routed"
+
+    def text() -> str:
+        search.look()
+        if is_single and not search.addresses:
+            raise NetworkError(NOBODY)
+        if is_single and len(search.addresses) > 1:
+            several = ", ".join(search.addresses)
+            raise NetworkError(f"several answered by multicast: {several}; choose one with --connect")
+        return settings(role, (), search.addresses, network, security)
+
+    session = _open("connect to", ", ".join(endpoints), text, network, role == "master" and not is_single)
+    session.supervisor.checks.append(search.watch(session))
     return session
 
 
 def _open(
     action: str,
     name: str,
-    text: str,
+    text: str | Callable[[], str],
     network: Network,
     has_pairs: bool = False,
     peer_count: int = 1,
-    is_secure: bool = False,
 ) -> Session:
-    """Open a session that is supervised; `is_secure`: it has a TLS listener."""
-    session = open_session(action, name, text, has_pairs, peer_count)
-    if is_secure:
+    """Open a session that is supervised."""
+    return _supervised(open_session(action, name, text, has_pairs, peer_count), network, None)
+
+
+def _supervised(session: Session, network: Network, security: "Security | None") -> Session:
+    """Return the session, supervised; `security`: that of its listener."""
+    if security:
         from hil.network.workarounds.accept_queue import shorten_queues
 
         shorten_queues()

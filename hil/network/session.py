@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any
 
 import zenoh
 
+from hil.common.errors import NetworkError
 from hil.network.publisher import Declared, Publisher, close_session, is_matched
 from hil.network.workarounds.key_text import frequent_keys
 from hil.ros import dialect
@@ -241,12 +242,13 @@ class Session:
         publisher = self._declare(lambda session: session.declare_publisher(keys, allowed_destination=remote))
         return lambda: is_matched(publisher.current)
 
-    def every(self, seconds: float, run: Callable[[], None], name: str) -> None:
-        """Call `run` every `seconds` in a separate thread, until the session is closed."""
+    def every(self, seconds: float, run: Callable[[], None], name: str, end: Callable[[], None] = lambda: None) -> None:
+        """Call `run` every `seconds` in a separate thread, until the session is closed; then `end`."""
 
         def repeat() -> None:
             while not self._closed.wait(seconds):
                 run()
+            end()
 
         self._start(repeat, name=name)
 
@@ -279,7 +281,7 @@ class Session:
             self._close_library()
             self._is_opening = True
         opened = None
-        with suppress(zenoh.ZError):
+        with suppress(zenoh.ZError, NetworkError):
             opened = self._open_library()  # takes long without a router; the lock is free, so that clients can close
         with self._condition:
             self._is_opening = False

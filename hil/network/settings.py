@@ -23,6 +23,12 @@ BATCH = 8192  # bytes
 KEEP_ALIVES = 4  # in one lease
 FIRST_RETRY_MS = 20
 ROUTER_WAIT_MS = 5000  # a master's wait for the router at its start
+# How to listen at an address that is not there yet: in the background.
+LATE: dict[str, Any] = {
+    "timeout_ms": -1,
+    "exit_on_failure": False,
+    "retry": {"period_init_ms": 500, "period_max_ms": 500, "period_increase_factor": 1},
+}
 CLIENT_WAIT_MS = 500  # limit of one attempt of a client to connect
 # Limit of one message to a role, in bytes.
 LARGEST = dict.fromkeys(("master", "planner", "client", "router"), 1 << 26) | {"slave": 1 << 20, "imaging": 1 << 20}
@@ -89,16 +95,18 @@ def settings(
     network: Network,
     security: "Security | None",
     pictures: bool = False,
+    is_late: bool = False,
 ) -> str:
     """Return a session's configuration as text for zenoh. Raises NetworkError, ConfigError.
 
-    `pictures`: the slave forwards the samples of its imaging process.
+    `pictures`: the slave forwards the samples of its imaging process. `is_late`: wait for the address to listen at.
     """
     buffer = NEW_SEND_BUFFER if role == "router" else SEND_BUFFER
     how = security is not None, role == "router" or network.mode == "routed", buffer
     table: dict[str, Any] = {
         "mode": _mode(role, network),
-        "listen": {"endpoints": [link for endpoint in listen for link in endpoints(endpoint, *how)]},
+        "listen": {"endpoints": [link for endpoint in listen for link in endpoints(endpoint, *how)]}
+        | (LATE if is_late else {}),
         "connect": {
             "endpoints": [link for endpoint in connect for link in endpoints(endpoint, *how)],
             "retry": {
@@ -109,11 +117,7 @@ def settings(
         },
         "scouting": {
             "delay": 0,  # the default is 0.5 s
-            # Found, but not connected to: only masters open links.
-            "multicast": {
-                "enabled": network.discovery and role in ("slave", "router"),
-                "autoconnect": {"peer": [], "router": []},
-            },
+            "multicast": {"enabled": False},  # hil.network.responder answers
             "gossip": _gossip(role, security),
         },
         # Of a client: the times of arrival. Latched topics need sequence numbers only, so a slave has none.

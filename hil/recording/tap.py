@@ -8,12 +8,14 @@ time, so messages are fetched in batches, and the library stamps each with its t
 import os
 import threading
 from contextlib import suppress
+from functools import partial
 from operator import attrgetter
 from typing import TYPE_CHECKING
 
 import zenoh
 
 from hil.common.clock import NS_PER_S, now_ns, to_wall_ns, use_one_arena
+from hil.common.endpoint import LAN
 from hil.network.roles import client_opener, open_when_present
 from hil.network.session import Session
 from hil.network.settings import Network
@@ -85,7 +87,8 @@ class Tap:
     """
 
     def __init__(self, endpoints: list[str], network: Network = Network(), security: "Security | None" = None) -> None:
-        self._open = {endpoint: client_opener(endpoint, network, security) for endpoint in endpoints}
+        self._opener = partial(client_opener, network=network, security=security)
+        self._open = {endpoint: self._opener(endpoint) for endpoint in endpoints}
         self.connected: set[str] = set()
         self.missed = self.reconnections = self._reported = 0
         # By the publisher's gid and the key: a master has one gid for all topics, and separate numbers for each topic.
@@ -99,7 +102,7 @@ class Tap:
     def __enter__(self) -> "Tap":
         self._complaint_ns = now_ns() + PATIENCE_NS
         self._threads = [
-            threading.Thread(target=self._connect, args=(endpoint,), name=f"tap {endpoint}", daemon=True)
+            threading.Thread(target=self._search if endpoint == LAN else self._connect, args=(endpoint,), daemon=True)
             for endpoint in self._open
         ]
         for thread in self._threads:
@@ -128,7 +131,7 @@ class Tap:
         if self.reconnections > self._reported:
             self._reported = self.reconnections
             return "no message arrived although the link is open; connecting again"
-        missing = [endpoint for endpoint in self._open if endpoint not in self.connected]
+        missing = [endpoint for endpoint in tuple(self._open) if endpoint not in self.connected]
         if not missing or now_ns() < self._complaint_ns:
             return ""
         self._complaint_ns = now_ns() + COMPLAINT_PERIOD_NS
@@ -150,6 +153,18 @@ class Tap:
             session.supervisor.watch(endpoint, source.arrivals, self._on_reconnection, lambda: True)
             self._sources.append(source)
             self.connected.add(endpoint)
+
+    def _search(self, _: str) -> None:
+        """Connect to each endpoint that answers by multicast; search while there is none, or one without a link."""
+        from hil.network.discovery import LOOK_S, LOST_S, find
+
+        while not self._closing.wait(0.0 if not self._sources else LOST_S):
+            if self._sources and all(source.session.links() for source in tuple(self._sources)):
+                continue
+            for endpoint in set(find(LOOK_S)) - self._open.keys():
+                self.connected.add(LAN)
+                self._open[endpoint] = self._opener(endpoint)
+                self._connect(endpoint)
 
     def _on_reconnection(self, _: str) -> None:
         self.reconnections += 1

@@ -28,6 +28,7 @@ from sim.vehicle.vehicle import load_vehicle
 
 if TYPE_CHECKING:
     from boards import Board
+    from hil.network.session import Session
     from hil.slave.imaging.sensors import Imaging
     from hil.slave.slave_recorder import SlaveRecorder
 
@@ -69,10 +70,7 @@ def run(
         loop.sample_publisher.declare(fitted.topic for fitted in scenario.sensors.values() if not fitted.offloaded)
         ends = session, scenario.slave.node, receiver, loop.sample_publisher
         contacts = Contacts(*ends, log.write_line, scenario.security, scenario.network.lease)
-        if scenario.network.router:
-            from hil.slave.router_watch import watch_router
-
-            watch_router(session, scenario.network.router, scenario.security, log.write_line)
+        _watch_network(session, scenario, log.write_line)
         if imaging:
             imaging.start(loop.sample_publisher.stamps, loop.sample_publisher.graph.identity)
             stack.callback(imaging.close)
@@ -90,6 +88,18 @@ def run(
                 log.write_line(
                     "thrusters neutral" if neutral else "WARNING: the STM32 did not confirm neutral thrusters"
                 )
+
+
+def _watch_network(session: "Session", scenario: Scenario, report: Callable[[str], None]) -> None:
+    """Report a router that is not reached, and answer searches, as the scenario requests."""
+    if scenario.network.router:
+        from hil.slave.router_watch import watch_router
+
+        watch_router(session, scenario.network.router, scenario.security, report)
+    if scenario.network.discovery:
+        from hil.network.responder import answer_searches
+
+        answer_searches(session, scenario.slave.listen, scenario.network, bool(scenario.security))
 
 
 def _start_mavlink(scenario: Scenario) -> Callable[[], None]:
@@ -155,6 +165,8 @@ def _assemble(
     stack.callback(receiver.close)
     session = network.session()
     stack.callback(network.close)
+    for note in network.notes:
+        report(note)
     startup["session"] = now_ns()
     epoch_ns = to_wall_ns(now_ns()) - simulation.time_ns
     recorder = _open_recorder(scenario, board, epoch_ns, report, stack) if scenario.recording.slave else None

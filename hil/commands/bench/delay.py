@@ -25,11 +25,11 @@ from hil.commands.bench.partial_failures import PartialFailures
 from hil.commands.keys import add_machine, init
 from hil.common.errors import ConfigError
 from hil.common.options import (
-    ENDPOINT,
     List,
     Number,
     add_scenario,
     changes_of,
+    endpoint_or_lan,
     host,
     integer,
     new_parser,
@@ -148,7 +148,7 @@ def _parser() -> Any:
     add_seconds(parser, 10.0, "configuration", least=0.1)
     add("--steps", type=STEPS, default=11, metavar="N", help="steps in surge, for the delay until motion [%(default)s]")
     add_repeat(parser, 1, "repetitions, each with new processes")
-    add("--connect", metavar="ENDPOINT", type=ENDPOINT, help="endpoint of a running slave, used as it is")
+    add("--connect", metavar="ENDPOINT", type=endpoint_or_lan, help="endpoint of a running slave, or lan")
     add("--echo", metavar="HOST:UDP:TCP", type=_echo, help="endpoint of `uuv-hil bench echo` on the slave's machine")
     add("--most-p50", type=LIMIT, metavar="MS", help="limit of the median")
     add("--most-p99", type=LIMIT, metavar="MS", help="limit of 99 of 100 commands")

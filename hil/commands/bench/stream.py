@@ -22,7 +22,7 @@ from hil.commands.bench.options import (
 from hil.commands.bench.partial_failures import PartialFailures
 from hil.common.columns import aligned
 from hil.common.errors import ConfigError
-from hil.common.options import ENDPOINT, add_scenario, changes_of, new_parser
+from hil.common.options import add_scenario, changes_of, endpoint_or_lan, new_parser
 from hil.scenario.config import load_single
 
 EXAMPLES = """\
@@ -88,7 +88,12 @@ def _parser() -> Any:
     parser = new_parser("bench stream", __doc__, EXAMPLES)
     add_scenario(parser)
     add = parser.add_argument
-    add("--connect", metavar="ENDPOINT", type=ENDPOINT, help="endpoint of a running slave [one is started here]")
+    add(
+        "--connect",
+        metavar="ENDPOINT",
+        type=endpoint_or_lan,
+        help="a running slave, or lan [one is started here]",
+    )
     add_seconds(parser, 10.0, "run")
     add_repeat(parser, 1, "whole runs, each with a slave of its own")
     add_limits(parser)

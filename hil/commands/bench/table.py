@@ -28,11 +28,11 @@ from hil.common.clock import boot_id
 from hil.common.columns import fit_to_terminal, paragraph
 from hil.common.errors import ConfigError
 from hil.common.options import (
-    ENDPOINT,
     add_board,
     add_file,
     add_scenario,
     changes_of,
+    endpoint_or_lan,
     new_parser,
 )
 from hil.common.schema import preset_names
@@ -100,8 +100,8 @@ def _parser() -> Any:
         action="append",
         default=[],
         metavar="ENDPOINT",
-        type=ENDPOINT,
-        help="endpoint of a running slave; repeatable",
+        type=endpoint_or_lan,
+        help="endpoint of a running slave, or lan; repeatable",
     )
     add_repeat(parser, 5, "repetitions")
     add_seconds(parser, 10.0, "flight")

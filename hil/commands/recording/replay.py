@@ -9,7 +9,7 @@ from hil.commands.recording.options import add_recording
 from hil.commands.view.opening import open_view
 from hil.common.clock import NS_PER_S, now_ns
 from hil.common.errors import STOPPED, ConfigError, MissionError, NetworkError
-from hil.common.options import ENDPOINT, OUTPUT_FILE, Number, new_parser
+from hil.common.options import ENDPOINT, OUTPUT_FILE, Number, endpoint_or_lan, new_parser
 from hil.common.stop import StopSignals, is_stopped
 from hil.gateways.foxglove.recording import write_for_foxglove
 from hil.network.opening import listen
@@ -51,7 +51,7 @@ def main(arguments: list[str]) -> int:
     mode.add_argument(
         "--listen", metavar="ENDPOINT", type=ENDPOINT, default=LISTEN, help="publish it at this endpoint [%(default)s]"
     )
-    mode.add_argument("--connect", metavar="ENDPOINT", type=ENDPOINT, help="send its commands to this slave")
+    mode.add_argument("--connect", metavar="ENDPOINT", type=endpoint_or_lan, help="send its commands to this slave")
     mode.add_argument("--check", action="store_true", help="repeat it without network and clock")
     mode.add_argument(
         "--foxglove",

@@ -9,6 +9,7 @@ from aiohttp import web
 from aiohttp.http_exceptions import HttpProcessingError
 
 from hil.common.web.access import LONGEST_PATH, MAX_CONNECTIONS, REQUEST_S, WebAccess
+from hil.common.web.late_address import late_socket
 
 Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 
@@ -33,7 +34,11 @@ class HttpServer:
     async def start(self, host: str, port: int, tls: SSLContext | None = None) -> int:
         """Listen at `host`:`port` (0: any free one); return the port. Raises OSError."""
         await self._runner.setup()
-        self._listener = await asyncio.get_running_loop().create_server(self._accept, host, port, ssl=tls)
+        loop, late = asyncio.get_running_loop(), late_socket(host, port)
+        if late:
+            self._listener = await loop.create_server(self._accept, sock=late, ssl=tls)
+        else:
+            self._listener = await loop.create_server(self._accept, host, port, ssl=tls)
         return int(self._listener.sockets[0].getsockname()[1])
 
     async def stop(self) -> None:

@@ -11,6 +11,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from typing import Any
 
 from hil.common.web.access import MAX_CONNECTIONS, REQUEST_S, WebAccess
+from hil.common.web.late_address import late_socket
 
 NO_DESCRIPTOR_S = 0.2  # pause after a connection that could not be accepted
 
@@ -30,7 +31,12 @@ class PlainHttpServer(ThreadingHTTPServer):
         self._waiting: dict[Any, float] = {}  # connections without an admitted request -> until when they may stay
         self._open = 0
         self._lock = threading.Lock()
-        super().__init__(where, handler)
+        late = late_socket(*where)
+        super().__init__(where, handler, bind_and_activate=not late)
+        if late:
+            self.socket.close()
+            self.socket, self.server_address = late, where
+            self.server_name, self.server_port = where
         self._thread = threading.Thread(target=self.serve_forever, name=name, daemon=True)
 
     def start(self) -> None:

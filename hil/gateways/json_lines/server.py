@@ -7,6 +7,7 @@ from hil.client.fleet import Fleet
 from hil.common.clock import NS_PER_S, now_ns
 from hil.common.errors import NetworkError
 from hil.common.web.access import REQUEST_S
+from hil.common.web.late_address import late_socket
 from hil.gateways.access import Access
 from hil.gateways.json_lines.connection import Connection
 from hil.gateways.json_lines.requests import encode
@@ -27,7 +28,7 @@ class JsonGateway:
         self._ending = threading.Event()
         self._connections: list[Connection] = []
         try:
-            self._socket = socket.create_server((host, port))
+            self._socket = late_socket(host, port) or socket.create_server((host, port))
         except OSError as error:
             raise NetworkError(f"cannot listen on {host}:{port}: {error.strerror}; choose another place") from None
         self._socket.settimeout(ACCEPT_S)

@@ -12,6 +12,7 @@ from aiohttp import web
 from hil.common.errors import NetworkError
 from hil.common.web.access import MAX_CONNECTIONS, WebAccess
 from hil.common.web.http_server import HttpServer
+from hil.common.web.late_address import late_socket
 from hil.gateways.commanding import Commanding
 from hil.gateways.ros1 import xmlrpc
 from hil.gateways.ros1.master import Item, Master
@@ -55,7 +56,11 @@ class Node:
         self._interface = HttpServer(app, WebAccess(listen, names=(self._host,)))
         self._server: asyncio.Server | None = None
         interface = await self._interface.start(listen, port)
-        self._server = await asyncio.start_server(self._connected, listen, port + 1 if port else 0)
+        where = (listen, port + 1 if port else 0)
+        late = late_socket(*where)
+        self._server = await (
+            asyncio.start_server(self._connected, sock=late) if late else asyncio.start_server(self._connected, *where)
+        )
         self.api = f"http://{self._host}:{interface}/"
         self._port = int(self._server.sockets[0].getsockname()[1])
         self.caller = Caller(self.name, self._session)

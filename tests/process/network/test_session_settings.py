@@ -22,6 +22,7 @@ from hil.common.errors import ConfigError, NetworkError
 from hil.common.schema import parse
 from hil.network.discovery import find
 from hil.network.opening import listen
+from hil.network.responder import answer_searches
 from hil.network.roles import open_master_session
 from hil.network.security import Security
 from hil.network.settings import BATCH, PINGS, Network, endpoints, json5, settings
@@ -105,7 +106,7 @@ def test_gossip_is_on_only_for_roles_that_need_it(tmp_path: Path) -> None:
     for role in roles:
         text = settings(role, endpoints, (), Network(), None)
         assert (reported in text) == (role in ("slave", "router")), role
-        assert "'autoconnect':{'peer':[],'router':[]}" in text, "multicast connects no session by itself"
+        assert "'multicast':{'enabled':false}" in text, "multicast connects no session by itself"
     init(str(tmp_path / "keys"))
     for name in ("uuv1", "hub"):
         add_machine(str(tmp_path / "keys"), name, [])
@@ -149,7 +150,8 @@ def test_presence_keys_are_decoded() -> None:
 def test_multicast_finds_only_slaves_with_discovery() -> None:
     require_multicast()
     hidden, shown = (f"tcp/127.0.0.1:{free_port()}" for _ in range(2))
-    with listen(hidden), listen(shown, Network(discovery=True)):
+    with listen(hidden), listen(shown) as session:
+        answer_searches(session, shown, Network(), is_secure=False)
         assert wait_for(lambda: shown in find(0.3))
         assert hidden not in find(0.3)
 

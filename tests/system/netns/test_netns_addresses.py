@@ -1,0 +1,54 @@
+"""Addresses that come late, change, and come back: what listens and what searches follows them."""
+
+import time
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+
+from tests.support.processes import SCENARIO
+from tests.system.netns.network import Lines, Network, ip
+
+pytestmark = pytest.mark.netns
+
+
+def scenario(folder: Path, host: str) -> Path:
+    text = SCENARIO.format(top="", port=7447, slave="", link="", allow="").replace("127.0.0.1", host)
+    path = folder / "scenario.toml"
+    path.write_text(text + "[network]\ndiscovery = true\n")
+    return path
+
+
+def address(network: Network, action: str, number: int) -> None:
+    ip("-n", network.space("slave"), "address", action, f"10.77.0.{number}/24", "dev", "eth0")
+
+
+def test_a_client_finds_a_slave_whose_address_comes_late_and_changes(tmp_path: Path) -> None:
+    with Network("slave", "master") as network, closing(Lines(tmp_path / "gateway.txt")) as gateway:
+        address(network, "delete", 1)
+        network.start("slave", "-m", "hil.cli", "slave", scenario(tmp_path, "0.0.0.0"))
+        network.start("master", "-m", "hil.cli", "gateway", "json", "--connect", "lan", output=gateway.file)
+        gateway.first("no vehicle at lan", time.monotonic(), 60)
+        for number in (1, 7):
+            came = time.monotonic()
+            address(network, "add", number)
+            assert gateway.first("connected: uuv1", came, 30) < 15
+            address(network, "delete", number)
+            gateway.first("no vehicle at lan", came, 30)
+
+
+def test_named_addresses_that_come_late_are_listened_at_when_they_come_and_come_back(tmp_path: Path) -> None:
+    path, late = scenario(tmp_path, "10.77.0.1"), "10.77.0.1:{}: waiting for it: this machine does not have that"
+    servers = {7447: ("slave", path), 7500: ("router", "--listen", "tcp/10.77.0.1:7500")}
+    servers |= {7450: ("gateway", "json", "--listen", "10.77.0.1:7450"), 7480: ("view", "--listen", "10.77.0.1:7480")}
+    dial = "import socket; [socket.create_connection(('10.77.0.1', port), 9) for port in %s]" % [*servers]
+    with Network("slave", "master") as network, closing(Lines(tmp_path / "output.txt")) as output:
+        address(network, "delete", 1)
+        for port, words in servers.items():
+            network.start("slave", "-m", "hil.cli", *words, output=output.file)
+            output.first(late.format(port), 0.0, time.monotonic() + 60)
+        for _ in range(2):
+            address(network, "add", 1)
+            time.sleep(1.0)
+            assert network.start("master", "-c", dial).wait(60) == 0
+            address(network, "delete", 1)
