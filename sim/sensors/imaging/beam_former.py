@@ -18,7 +18,7 @@ import numpy as np
 
 from sim.sensors.imaging.echoes import Floats, array_pattern, first_null
 
-_MAX_LOOKS = 4.0  # with more looks speckle is negligible
+MAX_LOOKS = 4.0  # with more looks speckle is negligible
 _MARGIN = 2.0  # in first nulls: noise is simulated this far beyond the fan
 
 
@@ -81,11 +81,6 @@ class BeamFormer:
                 received *= received
                 intensities += received
         return intensities
-
-    @staticmethod
-    def is_coherent(looks: float) -> bool:
-        """Return whether speckle is significant for this number of looks, so that `receive_speckled` is needed."""
-        return 0.0 < looks <= _MAX_LOOKS
 
 
 def _gains(angles: Floats, width: float, side_lobes: float) -> Floats:

@@ -10,7 +10,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.environment.texture import Texture
-from sim.environment.world import World
 from sim.rays.scene import SEABED
 from sim.sensors.imaging.echoes import Bins, Echoes, Floats
 
@@ -19,39 +18,20 @@ _MIN_COSINE = 0.03  # of the angle of incidence
 _DIFFUSE_SHARE = 0.3  # of the echo, independent of the slope: a patch that faces away still scatters
 
 
-def make_texture(world: World) -> Texture | None:
-    """Return the texture of a world's bottom; None if the world has no `[bottom]`."""
-    return Texture(world.bottom) if world.bottom else None
-
-
-def distribute_textured_echoes(
-    echoes: Echoes, bins: Bins, beams: int, texture: Texture | None, stride: int = 1
-) -> Floats:
-    """Return the echoes by beam and bin (beams x bins, echo / source), with the texture of the seabed.
+def apply_texture(echoed: Floats, echoes: Echoes, bins: Bins, texture: Texture, stride: int) -> Floats:
+    """Return the seabed's echoes `echoed` (beams x bins) multiplied by its texture.
 
     `stride` neighbouring beams share one texture: beams that are much wider than their spacing see the same seabed.
     """
-    if texture is None:
-        return bins.distribute(echoes, beams)
-    seabed = echoes.object == SEABED
-    return bins.distribute(echoes, beams, ~seabed) + _apply_texture(
-        bins.distribute(echoes, beams, seabed), echoes, bins, texture, stride
-    )
-
-
-def _apply_texture(echoed: Floats, echoes: Echoes, bins: Bins, texture: Texture, stride: int) -> Floats:
-    """Return the seabed's echoes `echoed` (beams x bins) multiplied by its texture."""
     assert echoes.ground is not None
     origin, points, cos_incidence, shape = echoes.ground
-    step, count = bins.step, bins.count
     hit_seabed = (echoes.object[: len(points)] == SEABED) & np.isfinite(echoes.ranges[: len(points)])
     strided = echoed[::stride]
     lit_bins = np.flatnonzero(strided > 0.0)
     if not hit_seabed.any() or not len(lit_bins):
         return echoed
     ray_order, ray_positions = _sort_rays(echoes.ranges[: len(points)], hit_seabed, shape, _row_offset(bins))
-    middles = bins.first + (np.arange(count) + 0.5) * step
-    bin_positions = (np.arange(0, len(echoed), stride) * _row_offset(bins))[:, None] + middles
+    bin_positions = (np.arange(0, len(echoed), stride) * _row_offset(bins))[:, None] + bins.middles
     ray_numbers = np.interp(bin_positions.ravel()[lit_bins], ray_positions, np.arange(len(ray_positions), dtype=float))
     low = ray_numbers.astype(np.int32)
     share = (ray_numbers - low).astype(np.float32)
@@ -60,9 +40,9 @@ def _apply_texture(echoed: Floats, echoes: Echoes, bins: Bins, texture: Texture,
         for values in (points[:, 0] - origin[0], points[:, 1] - origin[1], cos_incidence)
     )
     np.maximum(cosine, np.float32(_MIN_COSINE), out=cosine)
-    to_north, to_east, strength = texture.sample(north + np.float32(origin[0]), east + np.float32(origin[1]), step)
+    to_north, to_east, strength = texture.sample(north + np.float32(origin[0]), east + np.float32(origin[1]), bins.step)
     # The horizontal part of the ray's direction is the horizontal distance of the bin divided by its range.
-    change = (to_north * north + to_east * east) / middles.astype(np.float32)[lit_bins % count]
+    change = (to_north * north + to_east * east) / bins.middles.astype(np.float32)[lit_bins % bins.count]
     tilted = np.maximum(1.0 - change / cosine, 0.0)
     factor = np.float32(1.0 - _DIFFUSE_SHARE) * tilted * tilted + np.float32(_DIFFUSE_SHARE)
     factor *= np.exp(np.float32(0.1 * np.log(10.0)) * strength)

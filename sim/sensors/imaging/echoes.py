@@ -34,13 +34,6 @@ _FIRST_LOBE = 13.26  # dB: level of the first side lobe of sinc² below the main
 HALF_POWER = 0.4429464  # sinc² is 1/2 here, in units of its first null
 
 
-class ReflectionLosses(NamedTuple):
-    """The loss of one reflection at the surface and at the seabed, in dB."""
-
-    surface: float
-    bottom: float
-
-
 class SonarPose(NamedTuple):
     """Position of a sonar (NED, m), its attitude, and the geometry of its beams.
 
@@ -124,14 +117,15 @@ class Rays(NamedTuple):
 
 
 class Bins:
-    """Range bins: `count` of `step` m each, from `first` m on; `absorption` in dB/m.
+    """Range bins: `count` of `step` m each, from `first` m on, with their `middles` (m); `absorption` in dB/m.
 
     Between its near and far edge an echo decreases as that of a plane at grazing incidence does: with r⁻⁵ (r⁻² for the
     remaining spreading, r⁻¹ for the cosine, r⁻² for the angular height of a range bin), and by absorption.
     """
 
     def __init__(self, first: float, step: float, count: int, absorption: float) -> None:
-        self.first, self.step, self.count = first, step, count
+        self.first, self.step, self.count, self.absorption = first, step, count, absorption
+        self.middles: Floats = first + (np.arange(count) + 0.5) * step
         self._skipped = int(first / step + 1e-6)  # number of bins of the table before the first one
         self._origin = first - self._skipped * step
         middles = self._origin + step * (np.arange(self._skipped + round(MARGIN * STRETCH * count) + 1) + 0.5)

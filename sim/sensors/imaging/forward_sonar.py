@@ -109,10 +109,8 @@ class ForwardSonar:
         require_numpy(self.topic)
         import numpy as np
 
-        from sim.environment.seawater.absorption import francois_garrison
         from sim.sensors.imaging.beam_former import BeamFormer
-        from sim.sensors.imaging.bottom_echo import make_texture
-        from sim.sensors.imaging.echoes import Bins, ReflectionLosses, beam_pattern, count_bins
+        from sim.sensors.imaging.echoes import Bins, beam_pattern, count_bins
         from sim.sensors.imaging.pinger import Pinger
         from sim.sensors.imaging.sonar_picture import Picture, RangeScale
 
@@ -121,14 +119,9 @@ class ForwardSonar:
         angles = (np.arange(model.beams) + 0.5) * spacing - 0.5 * model.sector
         self._angles = tuple(angles.tolist())
         aperture = _aperture(model, angles, spacing)
-        absorption = francois_garrison(model.frequency, model.temperature, model.salinity)
         count = count_bins(model.min_range, model.max_range, model.range_step)
-        self._bins = Bins(model.min_range, model.range_step, count, absorption)
-        self._pinger = Pinger(
-            scene, mounting, aperture, model.max_range, absorption, model,
-            ReflectionLosses(model.surface_loss, model.bottom_loss) if model.multipath else None,
-        )  # fmt: skip
-        self._texture = make_texture(scene.world)
+        self._pinger = Pinger(scene, mounting, aperture, model)
+        self._bins = Bins(model.min_range, model.range_step, count, self._pinger.absorption)
         self._stride = max(1, round(0.5 * model.beam_width / spacing))
         errors = np.random.default_rng(sensor_random(seed, f"{self.topic}/array").getrandbits(64))
         self._former = BeamFormer(
@@ -136,8 +129,7 @@ class ForwardSonar:
         )
         lobe = beam_pattern(np.arange(model.beams) * spacing, model.beam_width)
         solid_angle = float(aperture.weights[0].sum() * (2.0 * lobe.sum() - lobe[0]))
-        ranges = model.min_range + (np.arange(count) + 0.5) * model.range_step
-        self._picture = Picture(model, ranges, absorption, solid_angle, seed, self.topic, self._former)
+        self._picture = Picture(model, self._bins, solid_angle, seed, self.topic, self._former)
         self._scale = RangeScale(model, mounting, seed, self.topic, scene)
 
     def add(self, solid: "Solid", state: State) -> None:
@@ -147,27 +139,23 @@ class ForwardSonar:
     def sample(self, time_ns: int, state: State) -> SonarImageSample:
         """Return the measurement of `state`."""
         m = self._model
-        from sim.sensors.imaging.sonar_picture import encoding
-
         picture = self._picture.make(self._intensities(time_ns, state).T)
         return SonarImageSample(
             time_ns, self._angles, self._bins.count, m.min_range, m.range_step, m.frequency, m.sound_speed,
-            m.beam_width, m.beam_height, encoding(m), picture,
+            m.beam_width, m.beam_height, self._picture.encoding, picture,
         )  # fmt: skip
 
     def _intensities(self, time_ns: int, state: State) -> "Floats":
         """Return the mean intensities, echo / source (directions x bins)."""
         import numpy as np
 
-        from sim.sensors.imaging.bottom_echo import distribute_textured_echoes
         from sim.sensors.imaging.ping_motion import sonar_motion
 
         m = self._model
         groups = self._scale.measure(state, self._pinger.ping(time_ns, state))
         if not groups:
             return np.zeros((m.beams, self._bins.count), np.float32)
-        echoes = distribute_textured_echoes(groups[0], self._bins, m.beams, self._texture, self._stride)
-        echoes = self._pinger.add_reverberation(echoes, groups[0], self._bins, m.volume_strength).astype(np.float32)
+        echoes = self._pinger.distribute(groups[0], self._bins, self._stride).astype(np.float32)
         if motion := sonar_motion(state, self._mounting, None):
             echoes = motion.shift_beams(echoes, self._bins, m.sector / m.beams)
         return echoes

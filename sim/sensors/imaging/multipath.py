@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from sim.rays.scene import SEABED, RayScene
-from sim.sensors.imaging.echoes import Echoes, Floats, Rays, ReflectionLosses, SonarPose, beam_pattern
+from sim.sensors.imaging.echoes import Echoes, Floats, Rays, SonarPose, beam_pattern
 
 _START_OFFSET = 1e-3  # m: start of a reflected ray above the reflecting surface
 _VISIBLE_TOLERANCE = 0.05  # m: tolerance of the test of visibility
@@ -29,7 +29,7 @@ _MIN_WEIGHT = 1e-4  # of the largest weight: rays with less are not reflected
 
 
 def second_echoes(
-    losses: ReflectionLosses,
+    losses: tuple[float, float],
     scene: RayScene,
     pose: SonarPose,
     rays: Rays,
@@ -39,14 +39,15 @@ def second_echoes(
 ) -> list[Echoes]:
     """Return the echoes that are reflected on both ways, and those that are reflected on one way.
 
-    `strengths` are mu by object number, `surface` is the object number of the water's surface, `absorption` in dB/m.
+    `losses` are those of one reflection at the surface and at the seabed (dB), `strengths` are mu by object number,
+    `surface` is the object number of the water's surface, `absorption` in dB/m.
     """
     on_surface = rays.object == surface
     bright = rays.weights > _MIN_WEIGHT * rays.weights.max()
     chosen = np.flatnonzero((on_surface | (rays.object == SEABED)) & bright & (rays.ranges > 0.0))
     if not len(chosen):
         return []
-    factors = np.where(on_surface[chosen], 10.0 ** (-0.1 * losses.surface), 10.0 ** (-0.1 * losses.bottom))
+    factors = np.where(on_surface[chosen], 10.0 ** (-0.1 * losses[0]), 10.0 ** (-0.1 * losses[1]))
     incoming, normals = rays.directions[chosen] @ pose.rotation.T, rays.normals[chosen]
     outgoing = incoming - 2.0 * (incoming * normals).sum(axis=1)[:, None] * normals
     origins: Any = np.ascontiguousarray(rays.points[chosen] + _START_OFFSET * normals)

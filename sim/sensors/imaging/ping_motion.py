@@ -48,8 +48,7 @@ class PingMotion(NamedTuple):
 
     def shift_beams(self, echoes: Floats, bins: Bins, spacing: float) -> Floats:
         """Return echoes (beams x bins) shifted to the beams in which they arrive, `spacing` rad apart about z."""
-        ranges = bins.first + (np.arange(bins.count) + 0.5) * bins.step
-        shift = self.angular_velocity[2] * 2.0 * ranges / (SOUND_SPEED * spacing)
+        shift = self.angular_velocity[2] * 2.0 * bins.middles / (SOUND_SPEED * spacing)
         if np.abs(shift).max() < _MIN_SHIFT:
             return echoes
         whole_beams = np.floor(shift).astype(np.int64)

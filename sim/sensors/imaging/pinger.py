@@ -3,7 +3,7 @@
 The equations are in sim/sensors/imaging/echoes.py.
 """
 
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,11 +11,13 @@ from numpy.typing import NDArray
 from hil.common.vectors import Quaternion
 from sim.dynamics import State
 from sim.environment.bottom import PROPERTIES
-from sim.environment.texture import smooth_slopes
+from sim.environment.seawater.absorption import francois_garrison
+from sim.environment.texture import Texture, smooth_slopes
 from sim.rays.scene import SEABED, RayScene
 from sim.rays.solids import Solid, half_space
 from sim.rays.splitting import Cells, Lattice, split
 from sim.rotations import matrix, multiply
+from sim.sensors.imaging.bottom_echo import apply_texture
 from sim.sensors.imaging.echoes import (
     MARGIN,
     STRETCH,
@@ -25,7 +27,6 @@ from sim.sensors.imaging.echoes import (
     Floats,
     Ground,
     Rays,
-    ReflectionLosses,
     SonarPose,
     beam_pattern,
 )
@@ -41,51 +42,30 @@ _NO_ECHO = -200.0  # dB: a strength that stands for none
 _GLINT_SLOPE = 0.1  # rms slope of the facets of a smooth surface: the width of its glint
 
 
-class ScatteringStrengths(Protocol):
-    """Keys of a sonar's model for the scattering strengths, 10 lg mu in dB."""
-
-    @property
-    def seabed_strength(self) -> float:
-        """Strength of the seabed."""
-
-    @property
-    def object_strength(self) -> float:
-        """Strength of obstacles, meshes and vehicles."""
-
-    @property
-    def surface_strength(self) -> float:
-        """Strength of the water's surface from below."""
-
-    @property
-    def glint(self) -> float:
-        """Additional strength (dB) of objects at normal incidence."""
-
-
 class Pinger:
     """Sends pings through an aperture into the world of `scene`.
 
-    `reach` is the maximum range (m), `absorption` is in dB/m, `strengths` are 10 lg mu in dB. With `losses` there are
-    second echoes. `surface` is the object number of the water's surface.
+    `model` is that of an imaging sonar. `absorption` is in dB/m, `surface` the object number of the water's surface.
     """
 
-    def __init__(
-        self, scene: Scene, mounting: Mounting, aperture: Aperture, reach: float,
-        absorption: float, strengths: ScatteringStrengths, losses: ReflectionLosses | None = None,
-    ) -> None:  # fmt: skip
+    def __init__(self, scene: Scene, mounting: Mounting, aperture: Aperture, model: Any) -> None:
         self._scene, self._mounting, self._aperture = scene, mounting, aperture
-        self._reach, self.absorption, self._losses = MARGIN * reach, absorption, losses
+        self._reach, self._volume_strength = MARGIN * model.max_range, model.volume_strength
+        self.absorption = francois_garrison(model.frequency, model.temperature, model.salinity)
+        self._losses = (model.surface_loss, model.bottom_loss) if getattr(model, "multipath", False) else None
         self._rays = RayScene(scene.world)
         self.surface = surface = self._rays.add(half_space((0.0, 0.0, 1.0), 0.0))
-        self._object_strength = 10.0 ** (strengths.object_strength / 10.0)
-        self._glint = 10.0 ** (strengths.glint / 10.0) - 1.0
+        self._object_strength = 10.0 ** (model.object_strength / 10.0)
+        self._glint = 10.0 ** (model.glint / 10.0) - 1.0
         self._strengths = np.full(surface + 2, self._object_strength)  # by object; NOTHING is the last one
         bottom = scene.world.bottom
+        self._texture = Texture(bottom) if bottom else None
         kind_gain = PROPERTIES[bottom.kind].echo if bottom else 0.0
-        self._strengths[0] = 10.0 ** ((strengths.seabed_strength + kind_gain) / 10.0)
+        self._strengths[0] = 10.0 ** ((model.seabed_strength + kind_gain) / 10.0)
         for number, _, echo in scene.world.appearances():
             self._strengths[number] *= 10.0 ** (echo / 10.0)
-        surface_strength = strengths.surface_strength
-        self._strengths[surface] = 10.0 ** (surface_strength / 10.0) if surface_strength > _NO_ECHO else 0.0
+        has_surface = model.surface_strength > _NO_ECHO
+        self._strengths[surface] = 10.0 ** (model.surface_strength / 10.0) if has_surface else 0.0
         self._strengths[-1] = 0.0
         beams, rays = aperture.weights.shape
         self._directions = np.ascontiguousarray(aperture.directions.reshape(-1, 3), dtype=float)
@@ -121,7 +101,10 @@ class Pinger:
                 self._echoes(self._cast(position, rotation, *self._split_rays(lattice, cells)), rotation, motion)[0]
             )
         if self._losses:
-            groups += self._second_echoes(self._losses, position, rotation, rays)
+            pose = SonarPose(np.asarray(position), rotation, lattice, self._aperture.height, self._reach)
+            groups += second_echoes(
+                self._losses, self._rays, pose, rays, self._strengths, self.surface, self.absorption
+            )
         ground = Ground(position, rays.points, cos_incidence, self._aperture.weights.shape)
         ranges, near, far, energy, beam, objects = (
             np.concatenate(part) for part in zip(*[part[:-1] for part in groups], strict=True)
@@ -129,14 +112,22 @@ class Pinger:
         near, far = _limit_by_hits(near, far, ranges, energy, objects)
         return Echoes(ranges, near, far, energy, beam, objects, ground)
 
-    def add_reverberation(self, echoed: Floats, echoes: Echoes, bins: Bins, strength: float) -> Floats:
-        """Return `echoed` (beams x bins), the sum of `echoes`, plus the reverberation of the water.
+    def distribute(self, echoes: Echoes, bins: Bins, stride: int = 1) -> Floats:
+        """Return the echoes by beam and bin (beams x bins, echo / source), with texture and the water's reverberation.
 
-        `strength` is 10 lg s_v of the water in dB re 1/m.
+        `stride` is that of sim.sensors.imaging.bottom_echo.apply_texture.
         """
-        if strength <= _NO_ECHO:
+        weights = self._aperture.weights
+        if self._texture is None:
+            echoed = bins.distribute(echoes, len(weights))
+        else:
+            seabed = echoes.object == SEABED
+            on_seabed = bins.distribute(echoes, len(weights), seabed)
+            echoed = bins.distribute(echoes, len(weights), ~seabed)
+            echoed = echoed + apply_texture(on_seabed, echoes, bins, self._texture, stride)
+        if self._volume_strength <= _NO_ECHO:
             return echoed
-        return echoed + volume_echoes(echoes, bins, self._aperture.weights, strength, self.absorption)
+        return echoed + volume_echoes(echoes, bins, weights, self._volume_strength)
 
     def _cast(
         self, position: Any, rotation: Floats, directions: Floats, edges: tuple[Floats, ...], weights: Floats,
@@ -212,10 +203,6 @@ class Pinger:
         cos_incidence = cos_incidence.copy()
         cos_incidence[level] = np.maximum(cosines, 0.0)
         return cos_incidence
-
-    def _second_echoes(self, losses: ReflectionLosses, position: Any, rotation: Floats, rays: Rays) -> list[Echoes]:
-        pose = SonarPose(np.asarray(position), rotation, self._aperture.lattice, self._aperture.height, self._reach)
-        return second_echoes(losses, self._rays, pose, rays, self._strengths, self.surface, self.absorption)
 
 
 def _cos_incidence(normals: Floats, directions: Floats) -> Floats:

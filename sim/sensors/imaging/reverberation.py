@@ -13,19 +13,18 @@ import numpy as np
 from sim.sensors.imaging.echoes import Bins, Echoes, Floats
 
 
-def volume_echoes(echoes: Echoes, bins: Bins, weights: Floats, strength: float, absorption: float) -> Floats:
+def volume_echoes(echoes: Echoes, bins: Bins, weights: Floats, strength: float) -> Floats:
     """Return the echoes of the water by beam and bin (beams x bins, echo / source).
 
-    `weights` are b² dO of the aperture's own rays (beams x rays), `strength` is 10 lg s_v (dB re 1/m), `absorption` is
-    in dB/m.
+    `weights` are b² dO of the aperture's own rays (beams x rays), `strength` is 10 lg s_v (dB re 1/m).
     """
     beams, rays = weights.shape
-    middles = bins.first + (np.arange(bins.count) + 0.5) * bins.step
+    middles = bins.middles
     met = np.clip((echoes.ranges[: beams * rays] - bins.first) / bins.step, 0.0, bins.count).astype(np.int64)
     width = bins.count + 1
     ends = np.bincount(np.repeat(np.arange(beams) * width, rays) + met, weights.ravel(), beams * width)
     blocked = np.cumsum(ends.reshape(beams, width), axis=1)[:, : bins.count]
     free = np.maximum(weights.sum(axis=1)[:, None] - blocked, 0.0)
-    law = bins.step / np.maximum(middles, bins.step) ** 2 * 10.0 ** (0.1 * strength - 0.2 * absorption * middles)
+    law = bins.step / np.maximum(middles, bins.step) ** 2 * 10.0 ** (0.1 * strength - 0.2 * bins.absorption * middles)
     echoed: Floats = free * law
     return echoed

@@ -153,41 +153,30 @@ class EchoRecorder:
 
     def __init__(self, model: ScanningSonarModel, mounting: Mounting, seed: int, scene: Scene, sonar: str) -> None:
         require_numpy(sonar)
-        import numpy as np
-
-        from sim.environment.seawater.absorption import francois_garrison
-        from sim.sensors.imaging.bottom_echo import make_texture
-        from sim.sensors.imaging.echoes import Bins, ReflectionLosses
+        from sim.sensors.imaging.echoes import Bins
         from sim.sensors.imaging.pinger import Pinger
         from sim.sensors.imaging.pulse import PulseReceiver, aperture_length, ping360_pulse
         from sim.sensors.imaging.sonar_picture import Picture, RangeScale
 
         topic = f"{sonar}/echoes"
         self._model, self._step = model, (model.max_range - model.min_range) / model.bins
-        absorption = francois_garrison(model.frequency, model.temperature, model.salinity)
         aperture = _aperture(model)
-        losses = ReflectionLosses(model.surface_loss, model.bottom_loss) if model.multipath else None
-        self._pingers = [Pinger(scene, mounting, aperture, model.max_range, absorption, model, losses)]
+        self._pingers = [Pinger(scene, mounting, aperture, model)]
         if model.side_lobes:
-            self._pingers.append(
-                Pinger(scene, mounting, _side_lobe_aperture(model), model.max_range, absorption, model)
-            )
-        self._bins = Bins(model.min_range, self._step, model.bins, absorption)
-        ranges = model.min_range + (np.arange(model.bins) + 0.5) * self._step
+            direct = model._replace(multipath=False)
+            self._pingers.append(Pinger(scene, mounting, _side_lobe_aperture(model), direct))
+        self._bins = Bins(model.min_range, self._step, model.bins, self._pingers[0].absorption)
         seconds = model.pulse_length
         if seconds is None:
             seconds = ping360_pulse(model.max_range, self._step, model.sound_speed)
         pulse = max(0.5 * seconds * model.sound_speed / self._step, 1.0)
         solid_angle = float(aperture.weights.sum())
-        self._picture = Picture(
-            model, ranges, absorption, solid_angle, seed, topic, pulse=pulse, ringing_level=_RINGING_LEVEL
-        )
+        self._picture = Picture(model, self._bins, solid_angle, seed, topic, pulse=pulse, ringing_level=_RINGING_LEVEL)
         across = aperture_length(model.beam_width, model.sound_speed / model.frequency)
         self._mounting = mounting
         self._receiver = PulseReceiver(model.bins, pulse, model.beam_width, across, model.looks, self._picture.random)
         # The same random numbers as for the distances: the same device has the same error of its clock.
         self._scale = RangeScale(model, mounting, seed, topic, scene, sonar)
-        self._texture = make_texture(scene.world)
 
     def add(self, solid: "Solid", state: State) -> None:
         """Add a solid that moves with a vehicle's `state`."""
@@ -198,21 +187,17 @@ class EchoRecorder:
         """Return the echoes of a ping of `state` with the head at `angle` (rad)."""
         import numpy as np
 
-        from sim.sensors.imaging.bottom_echo import distribute_textured_echoes
-        from sim.sensors.imaging.sonar_picture import encoding
-
         m = self._model
         head = from_euler(0.0, 0.0, angle)
         groups = self._scale.measure(state, *[pinger.ping(time_ns, state, head) for pinger in self._pingers])
         mean = np.zeros(m.bins)
         if groups:
-            echoed = distribute_textured_echoes(groups[0], self._bins, m.slices, self._texture)
-            mean = self._pingers[0].add_reverberation(echoed, groups[0], self._bins, m.volume_strength).sum(axis=0)
+            mean = self._pingers[0].distribute(groups[0], self._bins).sum(axis=0)
         for echoes in groups[1:]:
             mean += self._bins.distribute(echoes, 2 * _SIDE_LOBES).sum(axis=0)
         return SonarImageSample(
             time_ns, (angle,), m.bins, m.min_range, self._step, m.frequency, m.sound_speed, m.beam_width,
-            m.beam_height, encoding(m), self._make_picture(mean, state, angle),
+            m.beam_height, self._picture.encoding, self._make_picture(mean, state, angle),
         )  # fmt: skip
 
     def _make_picture(self, mean: "Floats", state: State, angle: float) -> bytes:

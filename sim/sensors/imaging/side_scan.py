@@ -72,24 +72,17 @@ class SideScan:
 
     def __init__(self, model: SideScanModel, mounting: Mounting, seed: int, scene: Scene) -> None:
         require_numpy(self.topic)
-        import numpy as np
-
-        from sim.environment.seawater.absorption import francois_garrison
-        from sim.sensors.imaging.bottom_echo import make_texture
         from sim.sensors.imaging.echoes import Bins, count_bins
         from sim.sensors.imaging.pinger import Pinger
         from sim.sensors.imaging.sonar_picture import Picture, RangeScale
 
         self._model = model
         aperture = _aperture(model)
-        absorption = francois_garrison(model.frequency, model.temperature, model.salinity)
         count = count_bins(0.0, model.max_range, model.range_step)
-        self._bins = Bins(0.0, model.range_step, count, absorption)
-        self._pinger = Pinger(scene, mounting, aperture, model.max_range, absorption, model)
-        self._texture = make_texture(scene.world)
+        self._pinger = Pinger(scene, mounting, aperture, model)
+        self._bins = Bins(0.0, model.range_step, count, self._pinger.absorption)
         solid_angle = float(aperture.weights.sum()) / 2.0
-        ranges = (np.arange(count) + 0.5) * model.range_step
-        self._picture = Picture(model, ranges, absorption, solid_angle, seed, self.topic)
+        self._picture = Picture(model, self._bins, solid_angle, seed, self.topic)
         self._scale = RangeScale(model, mounting, seed, self.topic, scene)
 
     def add(self, solid: "Solid", state: State) -> None:
@@ -100,22 +93,17 @@ class SideScan:
         """Return the measurement of `state`."""
         import numpy as np
 
-        from sim.sensors.imaging.bottom_echo import distribute_textured_echoes
-        from sim.sensors.imaging.sonar_picture import encoding
-
         m = self._model
         sides, altitude = np.zeros((2, self._bins.count)), inf
         for echoes in self._scale.measure(state, self._pinger.ping(time_ns, state)):
-            intensities = distribute_textured_echoes(echoes, self._bins, 2 * m.slices, self._texture)
-            intensities = self._pinger.add_reverberation(intensities, echoes, self._bins, m.volume_strength)
-            sides = intensities.reshape(2, m.slices, -1).sum(axis=1)
+            sides = self._pinger.distribute(echoes, self._bins).reshape(2, m.slices, -1).sum(axis=1)
             below = (echoes.energy > 0.0) & (echoes.object != self._pinger.surface)
             nearest = float(echoes.near[below].min(initial=inf))
             altitude = nearest if nearest <= m.max_range else inf
         port, starboard = (self._picture.make(side[:, None]) for side in sides)
         return SideScanSample(
             time_ns, self._bins.count, m.range_step, m.frequency, m.sound_speed, m.beam_width, m.beam_height, altitude,
-            encoding(m), port, starboard,
+            self._picture.encoding, port, starboard,
         )  # fmt: skip
 
 

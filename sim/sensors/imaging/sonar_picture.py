@@ -1,55 +1,19 @@
 """Common part of imaging sonars: range errors, noise, gain, and grey levels."""
 
-from typing import Protocol
+from typing import Any
 
 import numpy as np
 
 from sim.dynamics import State
 from sim.environment.seawater.water_column import SOUND_SPEED, WaterColumn
-from sim.sensors.error import ErrorModel, ErrorProcess, sensor_random
-from sim.sensors.imaging.beam_former import BeamFormer
-from sim.sensors.imaging.echoes import Echoes, Floats, add_speckle
+from sim.sensors.error import ErrorProcess, sensor_random
+from sim.sensors.imaging.beam_former import MAX_LOOKS, BeamFormer
+from sim.sensors.imaging.echoes import Bins, Echoes, Floats, add_speckle
 from sim.sensors.imaging.samples import Encoding
 from sim.sensors.mounting import Mounting
 from sim.sensors.samples import Scene
 
 _MIN_RANGE = 0.1  # m: at less than this range the gain is constant
-
-
-class _PictureKeys(Protocol):
-    """Keys that the models of all imaging sonars have: see sim.sensors.imaging.forward_sonar.ForwardSonarModel."""
-
-    @property
-    def rate(self) -> float: ...
-    @property
-    def sound_speed(self) -> float: ...
-    @property
-    def source_level(self) -> float: ...
-    @property
-    def noise_level(self) -> float: ...
-    @property
-    def seabed_strength(self) -> float: ...
-    @property
-    def looks(self) -> float: ...
-    @property
-    def error(self) -> ErrorModel: ...
-    @property
-    def tvg(self) -> float: ...
-    @property
-    def gain(self) -> float: ...
-    @property
-    def contrast(self) -> float: ...
-    @property
-    def noise_grey(self) -> float: ...
-    @property
-    def ringing(self) -> float: ...
-    @property
-    def ground_truth(self) -> bool: ...
-
-
-def encoding(model: _PictureKeys) -> Encoding:
-    """Return the encoding of the picture: true intensities with `ground_truth`, else grey levels."""
-    return "float32" if model.ground_truth else "uint8"
 
 
 class RangeScale:
@@ -59,9 +23,7 @@ class RangeScale:
     change along the path.
     """
 
-    def __init__(
-        self, model: _PictureKeys, mounting: Mounting, seed: int, topic: str, scene: Scene, stream: str = ""
-    ) -> None:
+    def __init__(self, model: Any, mounting: Mounting, seed: int, topic: str, scene: Scene, stream: str = "") -> None:
         self._speed, self._mounting = model.sound_speed, mounting
         ocean = scene.world.ocean
         self._column = WaterColumn(ocean.profile, scene.world.gravity) if ocean and ocean.profile else None
@@ -80,25 +42,26 @@ class RangeScale:
 
 
 class Picture:
-    """Converts mean intensities (echo / source) to grey levels, for range bins with their middles at `ranges` (m).
+    """Converts mean intensities (echo / source) to grey levels, or to floats with `ground_truth`: see `encoding`.
 
-    `absorption` is in dB/m; `solid_angle` (sr) is that of one beam, `pulse` the length of the pulse in bins. After a
-    pulse the transducer rings: the level decreases linearly with range from `ringing_level` (dB re the source) to that
-    of the noise at `ringing` m. A `former` converts directions to beams.
+    `model` is that of an imaging sonar; `solid_angle` (sr) is that of one beam, `pulse` the length of the pulse in
+    bins. After a pulse the transducer rings: the level decreases linearly with range from `ringing_level` (dB re the
+    source) to that of the noise at `ringing` m. A `former` converts directions to beams.
     """
 
     def __init__(
-        self, model: _PictureKeys, ranges: Floats, absorption: float, solid_angle: float, seed: int, topic: str,
+        self, model: Any, bins: Bins, solid_angle: float, seed: int, topic: str,
         former: BeamFormer | None = None, pulse: float = 1.0, ringing_level: float = 0.0,
     ) -> None:  # fmt: skip
         self._model, self._former = model, former
+        self.encoding: Encoding = "float32" if model.ground_truth else "uint8"
         noise_db = model.noise_level - model.source_level
         self.noise = np.float32(10.0 ** (0.1 * noise_db))
-        ringing_db = ringing_level + (noise_db - ringing_level) / max(model.ringing, 1e-3) * ranges
+        ringing_db = ringing_level + (noise_db - ringing_level) / max(model.ringing, 1e-3) * bins.middles
         self.ringing: Floats = (10.0 ** (0.1 * ringing_db)).astype(np.float32) * np.float32(model.ringing > 0.0)
         self.random = np.random.Generator(np.random.SFC64(sensor_random(seed, topic).getrandbits(64)))
-        ranges = np.maximum(ranges, _MIN_RANGE)
-        losses = 20.0 * np.log10(ranges) + 2.0 * absorption * ranges
+        ranges = np.maximum(bins.middles, _MIN_RANGE)
+        losses = 20.0 * np.log10(ranges) + 2.0 * bins.absorption * ranges
         losses = model.tvg * losses + (1.0 - model.tvg) * np.interp(0.25 * ranges[-1], ranges, losses)
         white_db = model.seabed_strength + 10.0 * np.log10(solid_angle * pulse) - losses - model.gain
         scale = (10.0 ** (-0.1 * white_db)).astype(np.float32)
@@ -109,7 +72,7 @@ class Picture:
         """Return the picture of mean intensities (bins x directions, or bins x beams without a former), row by row."""
         model, former = self._model, self._former
         mean = mean.astype(np.float32)
-        if former and not model.ground_truth and former.is_coherent(model.looks):
+        if former and not model.ground_truth and 0.0 < model.looks <= MAX_LOOKS:
             intensities = former.receive_speckled(mean.T, float(self.noise), model.looks, self.random).T
         else:
             received = former.receive(mean.T).T if former else mean
