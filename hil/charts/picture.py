@@ -175,20 +175,16 @@ def _draw_charted(axes: Any, marks: MapMarks) -> None:
 
     axes.add_collection(PolyCollection([m[:, ::-1] for m in marks.meshes], facecolors=OBSTACLE, zorder=5))
     for zone in marks.zones:
-        outline = np.array([*zone.outline, zone.outline[0]])
-        axes.plot(outline[:, 1], outline[:, 0], color=CHARTED, linewidth=1.0, dashes=DASHES[zone.kind], zorder=4)
+        line, dashes = np.array([*zone.outline, zone.outline[0]]), DASHES[zone.kind]
+        axes.plot(
+            line[:, 1], line[:, 0], color=CHARTED, linewidth=1.0, dashes=dashes, label=f"{zone.kind} area", zorder=4
+        )
     for pipeline in marks.pipelines:
-        line = np.array(pipeline.points)
-        style = "-" if pipeline.kind == "pipeline" else ":"
-        axes.plot(line[:, 1], line[:, 0], style, color=CHARTED, linewidth=1.6, zorder=4)
-    kinds = {zone.kind for zone in marks.zones}
-    for kind in sorted(kinds):
-        axes.plot([], [], color=CHARTED, linewidth=1.0, dashes=DASHES[kind], label=f"{kind} area")
-    for kind in sorted({pipeline.kind for pipeline in marks.pipelines}):
-        style = "-" if kind == "pipeline" else ":"
-        axes.plot([], [], style, color=CHARTED, linewidth=1.6, label=kind)
-    if kinds or marks.pipelines:
-        axes.legend(loc="lower right", fontsize=7).set_zorder(7)
+        line, style = np.array(pipeline.points), "-" if pipeline.kind == "pipeline" else ":"
+        axes.plot(line[:, 1], line[:, 0], style, color=CHARTED, linewidth=1.6, label=pipeline.kind, zorder=4)
+    handles, labels = axes.get_legend_handles_labels()
+    if named := dict(zip(labels, handles, strict=True)):
+        axes.legend(named.values(), named.keys(), loc="lower right", fontsize=7).set_zorder(7)
 
 
 def _draw_soundings(axes: Any, soundings: Array) -> None:

@@ -1,5 +1,6 @@
 """Export a world for Gazebo (gz-sim): SDF, a height map of 16 bits, and a ground texture."""
 
+import io
 import os
 from collections.abc import Callable, Iterator
 from xml.sax.saxutils import escape, quoteattr
@@ -7,8 +8,8 @@ from xml.sax.saxutils import escape, quoteattr
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.charts.exports.png import write_png
 from hil.charts.grid import STRIP_ROWS, Grid, write_file
+from hil.common.errors import MissingExtraError
 from sim.environment.obstacles import Box, Cylinder
 from sim.environment.world import World
 
@@ -175,3 +176,17 @@ def _model(name: str, obstacle: Cylinder | Box, z: float, height: float) -> str:
       </link>
     </model>
 """
+
+
+def write_png(image: NDArray[np.uint16] | NDArray[np.uint8], path: str) -> None:
+    """Write an image: grey as (rows, columns) of 8 or 16 bits, or RGB as (rows, columns, 3) of 8 bits.
+
+    Raises ConfigError if `path` cannot be written, MissingExtraError without Pillow.
+    """
+    try:
+        from PIL import Image
+    except ImportError:
+        raise MissingExtraError(f"{path}: pictures need Pillow: pip install 'uuv-hil[imaging]'") from None
+    encoded = io.BytesIO()
+    Image.fromarray(image).save(encoded, "PNG")
+    write_file(path, encoded.getvalue())
