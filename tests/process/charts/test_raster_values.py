@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from hil.charts.build import build
 from hil.charts.chart_survey import GeoBox
 from hil.charts.projection import LocalPlane
 from hil.charts.sources.combine import ReadOptions, read_sources
@@ -150,16 +149,6 @@ def test_a_raster_that_is_all_positive_needs_a_hint(tmp_path: Path) -> None:
     with rasterio.open(bare, "r+") as file:
         file.update_tags(TIFFTAG_IMAGEDESCRIPTION="Terrain elevation of the island")
     assert open_raster(bare).scale == -1.0
-
-
-def test_a_raster_of_the_whole_earth_needs_an_area(tmp_path: Path) -> None:
-    rasterio = pytest.importorskip("rasterio", reason="rasters need rasterio: pip install 'uuv-hil[raster]'")
-    where = rasterio.Affine(9.0, 0.0, -180.0, 0.0, -6.0, 90.0)
-    path = write(tmp_path / "earth.tif", -DEPTHS, crs="EPSG:4326", transform=where)
-    with pytest.raises(ConfigError, match=r"180 x 360 degrees, too large.*--area=0\.0,0\.0,0\.1,0\.1"):
-        read_sources([path], None)
-    survey, extent = read_sources([path], GeoBox(10.0, 20.0, 10.1, 20.1), 1000.0)
-    assert build(survey, extent, 1000.0).report.water == 1.0
 
 
 def test_of_a_raster_too_large_for_a_world_a_part_can_be_used(tmp_path: Path) -> None:

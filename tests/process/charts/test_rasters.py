@@ -77,38 +77,6 @@ def test_rasters_are_used_in_order_and_before_soundings(tmp_path: Path) -> None:
     assert grid.at(wanted) == pytest.approx([10.0, 10.0, 20.0, 30.0], abs=0.01)
 
 
-def test_values_of_both_signs_need_a_name_or_an_option(tmp_path: Path) -> None:
-    """Values of both signs are heights by their name, or need an option; values of one sign are a seabed."""
-    rasterio = pytest.importorskip("rasterio", reason="rasters need rasterio: pip install 'uuv-hil[raster]'")
-    path = str(tmp_path / "topobathy.tif")
-
-    def write(values: NDArray[np.float64], name: str | None = None) -> None:
-        where = rasterio.Affine(0.001, 0.0, 10.0, 0.0, -0.001, 54.0)
-        with rasterio.open(
-            path, "w", driver="GTiff", width=30, height=30, count=1, dtype="float32", crs="EPSG:4326", transform=where
-        ) as file:
-            file.write(values.astype(np.float32), 1)
-            if name:
-                file.set_band_description(1, name)
-
-    mixed = np.linspace(-5.0, 20.0, 900).reshape(30, 30)
-    write(mixed)
-    with pytest.raises(ConfigError, match=r"from -5 to 20 m, and nothing states .*--positive up or"):
-        open_raster(path)
-    assert (open_raster(path, "up").scale, open_raster(path, "down").scale) == (-1.0, 1.0)
-    write(mixed, "Elevation (MLLW)")
-    assert open_raster(path).scale == -1.0
-    write(mixed, "Depth")
-    assert open_raster(path).scale == 1.0
-    for sign in (1.0, -1.0):
-        write(sign * np.abs(mixed))
-        assert open_raster(path).scale == sign
-    csv = tmp_path / "s.csv"
-    csv.write_text("lon,lat,z\n10,54,-3\n10,54.1,4\n10.1,54,5\n")
-    with pytest.raises(ConfigError, match="--positive up or --positive down"):
-        read_points(str(csv))
-
-
 def test_soundings_in_metres_need_a_named_coordinate_system(tmp_path: Path) -> None:
     pytest.importorskip("rasterio", reason="rasters need rasterio: pip install 'uuv-hil[raster]'")
     path = tmp_path / "utm.csv"

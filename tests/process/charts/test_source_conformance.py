@@ -250,21 +250,6 @@ def test_the_vertical_axis_states_unit_and_direction(crs: str, length: float, tm
     assert open_raster(path).scale == pytest.approx(-length)
 
 
-def test_land_heights_without_a_name_beside_a_level_sea_are_asked_about(tmp_path: Path) -> None:
-    step = (10.0, 0.0, 5e5, 0.0, -10.0, 6e6)
-    for name in ("a.tif", "dem.tif"):
-        path = write_tiff(tmp_path / name, "EPSG:32632", step, lambda x, y: np.maximum(0.0, (x - 5e5) / 9.0 - 20.0))
-        with rasterio.open(path, "r+") as file:
-            file.set_band_description(1, "")
-    with pytest.raises(
-        ConfigError, match=r"from 0 to .* nothing states whether they are heights or depths: use --posi"
-    ):
-        open_raster(str(tmp_path / "a.tif"))
-    assert open_raster(path).scale == -1.0
-    with pytest.raises(ConfigError, match="no water in the area"):
-        build(*read_sources([path], None))
-
-
 @pytest.mark.parametrize("west", [-150.0, 10.0, 179.5])
 def test_a_part_of_a_curved_grid_around_the_earth_is_read(west: float) -> None:
     """A grid from 73 to 433 degrees east, as ocean models have; places beyond a cell of the area stay unread."""
@@ -317,15 +302,6 @@ def test_columns_degrees_and_feet_of_texts(
     points = read_points(str(path), **options)  # type: ignore[arg-type] # any option
     assert ("--layer for raw_depth" in points.note) == ("raw_depth" in text)
     assert (*points.positions[0], points.depths[0]) == pytest.approx(found, abs=1e-6)
-
-
-@pytest.mark.parametrize("text", ["east,north,z\n0,0,5\n40,20,9\n", "10.01 54.01 5\n10.02 54.02 9\n"])
-def test_positive_values_of_a_text_may_be_land_as_those_of_a_raster(text: str, tmp_path: Path) -> None:
-    path = tmp_path / "hills.xyz"
-    path.write_text(text)
-    with pytest.raises(ConfigError, match="nothing states whether they are heights or depths: use --positive up or"):
-        read_points(str(path))
-    assert read_points(str(path), "down").depths.tolist() == [5.0, 9.0]
 
 
 def test_point_clouds_become_the_bed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -12,8 +12,6 @@ from hil.links.wires.can_frame import CanFrame, pack_frame, unpack_frames
 from tests.support.firmware.c_core import Clock, Script, StepOutput, run_c
 from tests.support.firmware.c_vesc import vesc_script
 
-FULL = (1900, 1100, 1600, 1400, 1501, 1499)
-
 
 def run_python(script: Script) -> list[StepOutput]:
     """Return the specification: at each step the frame, if there is one, else the time."""

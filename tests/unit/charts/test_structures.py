@@ -9,7 +9,6 @@ from hil.charts.sources.s57 import Feature
 from sim.environment.obstacles import STANDING, Box
 
 Lines = tuple[tuple[tuple[float, float], ...], ...]
-SHORE = 60.0  # m north; beyond is land
 
 
 def place_structures(kind: str, lines: Lines = (), is_area: bool = False, **attributes: float) -> SeabedModel:

@@ -1,6 +1,5 @@
 """Each fault does what its key states, as often as stated, and is counted."""
 
-from collections.abc import Callable
 from contextlib import ExitStack
 
 import pytest
@@ -8,15 +7,13 @@ import pytest
 from hil.common.clock import NS_PER_S
 from hil.common.errors import ConfigError, DeviceError
 from hil.common.schema import parse
-from hil.links.contract import Wire
 from hil.links.wires.can_frame import RECORD_SIZE, CanFrame, pack_frame, unpack_frames
-from hil.links.wires.faults import Faults, FaultyWire, Tally
+from hil.links.wires.faults import Faults, Tally
 from hil.links.wires.timer import Timer
 from tests.support.links.faulty_wires import Clock, can_pair, cross, instant_pair
 from tests.support.links.link_contract import EVERY_BYTE, records, wait_readable
 
 CHUNKS = [number.to_bytes(2, "big") * 8 for number in range(2000)]
-Open = Callable[..., tuple[Wire, FaultyWire]]
 
 
 def send_chunks(opened: ExitStack, faults: Faults, seed: int = 1) -> tuple[list[bytes], Tally]:

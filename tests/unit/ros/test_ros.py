@@ -25,7 +25,6 @@ TIME_NS = 1_700_000_000_123_456_789
 LEVEL_NORTH = (1.0, 0.0, 0.0, 0.0)
 NUMBERS = st.floats(-1e6, 1e6)
 VECTORS = st.tuples(NUMBERS, NUMBERS, NUMBERS)
-TIMES = st.integers(0, 2**31 * 10**9 - 1)
 ATTITUDES = st.builds(from_euler, st.floats(-3, 3), st.floats(-1.5, 1.5), st.floats(-3, 3))
 
 
@@ -38,10 +37,6 @@ def decode(topic: str, data: bytes) -> Any:
     decoder = ros.decoder(topic)
     assert decoder is not None
     return decoder(data)
-
-
-def xyz(fields: dict[str, float]) -> tuple[float, float, float]:
-    return fields["x"], fields["y"], fields["z"]
 
 
 # --- golden bytes

@@ -6,7 +6,6 @@ import os
 from typing import Any
 
 import pytest
-from hypothesis import strategies as st
 
 from hil.ros import dvl as ros_dvl
 from hil.ros import encoders as ros
@@ -20,7 +19,6 @@ with open(os.path.join(os.path.dirname(__file__), "..", "..", "vectors", "cdr_go
 TIME_NS = 1_700_000_000_123_456_789
 SAMPLE = DvlSample(TIME_NS, (0.5, 0.25, -0.125), 12.375, True)
 LOST = DvlSample(TIME_NS, (math.nan,) * 3, math.nan, False)
-NUMBERS = st.floats(-100, 100)
 
 
 def fields(topic: str, payload: bytes) -> dict[str, Any]:

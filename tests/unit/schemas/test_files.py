@@ -31,7 +31,6 @@ LOAD: dict[str, Callable[[str], Any]] = {
     "scenario": load_scenario, "fleet": load_scenario, "vehicle": load_vehicle, "world": load_world,
     "board": load_board, "frame": load_layout,
 }  # fmt: skip
-FIELD = preset_folder("hil/scenario/presets") + "/paper_field.toml"
 
 
 @cache
