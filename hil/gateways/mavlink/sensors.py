@@ -52,16 +52,11 @@ def scaled_pressure(kind: Callable[..., Any]) -> Builder:
     return build
 
 
-def raw_imu(s: Snapshot, c: Context) -> Any:
-    """Return RAW_IMU, in the units of SCALED_IMU; None without an IMU."""
-    return dialect.MAVLink_raw_imu_message(c.boot_us, *_scaled(s), 0, 0) if s.imu else None
-
-
 def scaled_imu(kind: Callable[..., Any]) -> Builder:
     """Return the function for SCALED_IMU and its like; all of them have the one IMU of the vehicle."""
 
     def build(s: Snapshot, c: Context) -> Any:
-        return kind(c.boot_ms, *_scaled(s), 0) if s.imu else None
+        return kind(c.boot_ms, *scaled(s), 0) if s.imu else None
 
     return build
 
@@ -78,7 +73,7 @@ def highres_imu(s: Snapshot, c: Context) -> Any:
     )
 
 
-def _scaled(s: Snapshot) -> list[int]:
+def scaled(s: Snapshot) -> list[int]:
     """Return specific force (1e-3 g), turn rate (mrad/s) and field (mgauss)."""
     assert s.imu
     field = s.field or (0.0, 0.0, 0.0)
@@ -86,20 +81,10 @@ def _scaled(s: Snapshot) -> list[int]:
     return [clip(factor * axis, 32_767) for factor, vector in rows for axis in vector]
 
 
-def vibration(_: Snapshot, c: Context) -> Any:
-    """Return VIBRATION: a simulated hull has none."""
-    return dialect.MAVLink_vibration_message(c.boot_us, 0.0, 0.0, 0.0, 0, 0, 0)
-
-
 def power_status(s: Snapshot, _: Context) -> Any:
     """Return POWER_STATUS: the supply of the electronics is not measured (0), whether the battery feeds it is known."""
     feeds = s.battery is not None and not s.battery.cut_off
     return dialect.MAVLink_power_status_message(0, 0, dialect.MAV_POWER_STATUS_BRICK_VALID if feeds else 0)
-
-
-def rangefinder(s: Snapshot, _: Context) -> Any:
-    """Return RANGEFINDER, to the seabed; None without an echo."""
-    return dialect.MAVLink_rangefinder_message(s.echo.distance, 0.0) if s.echo and s.echo.is_valid else None
 
 
 def battery_status(s: Snapshot, _: Context) -> Any:

@@ -1,7 +1,6 @@
 """Messages of the vehicle's state: one function a message, from a snapshot. Units and frames are MAVLink's."""
 
 import math
-from collections.abc import Callable
 from typing import Any
 
 from pymavlink.dialects.v20 import ardupilotmega as dialect
@@ -37,16 +36,6 @@ def attitude(s: Snapshot, c: Context) -> Any:
     """Return ATTITUDE."""
     state = s.state
     return dialect.MAVLink_attitude_message(c.boot_ms, state.roll, state.pitch, state.heading, *state.angular_velocity)
-
-
-def attitude_quaternion(s: Snapshot, c: Context) -> Any:
-    """Return ATTITUDE_QUATERNION."""
-    return dialect.MAVLink_attitude_quaternion_message(c.boot_ms, *s.state.orientation, *s.state.angular_velocity)
-
-
-def local_position(s: Snapshot, c: Context) -> Any:
-    """Return LOCAL_POSITION_NED."""
-    return dialect.MAVLink_local_position_ned_message(c.boot_ms, *s.state.position, *s.velocity_ned)
 
 
 def global_position(s: Snapshot, c: Context) -> Any:
@@ -130,17 +119,6 @@ _SENSOR_BITS: dict[str, int] = {
 }
 
 
-def system_time(_: Snapshot, c: Context) -> Any:
-    """Return SYSTEM_TIME."""
-    return dialect.MAVLink_system_time_message(c.wall_ns // NS_PER_US, c.boot_ms)
-
-
-def extended_state(s: Snapshot, _: Context) -> Any:
-    """Return EXTENDED_SYS_STATE as ArduSub has it, undefined: QGroundControl does not arm what is "in air"."""
-    undefined = dialect.MAV_VTOL_STATE_UNDEFINED, dialect.MAV_LANDED_STATE_UNDEFINED
-    return dialect.MAVLink_extended_sys_state_message(*undefined)
-
-
 def navigation(s: Snapshot, c: Context) -> Any:
     """Return NAV_CONTROLLER_OUTPUT: bearing and distance to the target, and the error of depth."""
     north, east, depth = c.target or s.state.position
@@ -151,11 +129,6 @@ def navigation(s: Snapshot, c: Context) -> Any:
         math.degrees(s.state.roll), math.degrees(s.state.pitch), bearing, bearing, distance,
         s.state.position[2] - depth, 0.0, 0.0,
     )  # fmt: skip
-
-
-def ahrs(_: Snapshot, _c: Context) -> Any:
-    """Return AHRS: the navigation solution states no drift and no error of its own."""
-    return dialect.MAVLink_ahrs_message(0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 def ahrs2(s: Snapshot, c: Context) -> Any:
@@ -206,11 +179,6 @@ def gimbal_attitude(_: Snapshot, c: Context) -> Any:
     )  # fmt: skip
 
 
-def named_values(_: Snapshot, c: Context) -> list[Any]:
-    """Return NAMED_VALUE_FLOAT of each row of the panel."""
-    return [dialect.MAVLink_named_value_float_message(c.boot_ms, name.encode(), row) for name, row in c.panel.items()]
-
-
 def status_text(severity: int, text: str, number: int) -> list[Any]:
     """Return STATUSTEXT, several with this number where the text is long."""
     data = text.encode("ascii", "replace")
@@ -222,25 +190,39 @@ def status_text(severity: int, text: str, number: int) -> list[Any]:
     return [dialect.MAVLink_statustext_message(severity, chunk, number, at) for at, chunk in enumerate(chunks)]
 
 
-BUILDERS: dict[int, Callable[[Snapshot, Context], Any]] = {
-    number_of(name): build
-    for name, build in {
-        "AHRS": ahrs, "AHRS2": ahrs2, "ALTITUDE": altitude, "ATTITUDE": attitude,
-        "ATTITUDE_QUATERNION": attitude_quaternion, "BATTERY_STATUS": sensors.battery_status,
-        "DISTANCE_SENSOR": sensors.distance_sensor, "EKF_STATUS_REPORT": ekf_status,
-        "ESC_TELEMETRY_1_TO_4": sensors.esc_telemetry,
-        "EXTENDED_SYS_STATE": extended_state, "GIMBAL_DEVICE_ATTITUDE_STATUS": gimbal_attitude,
-        "GLOBAL_POSITION_INT": global_position,
-        "GPS_GLOBAL_ORIGIN": origin, "GPS_RAW_INT": sensors.gps_raw, "HIGHRES_IMU": sensors.highres_imu,
-        "HOME_POSITION": home_position, "LOCAL_POSITION_NED": local_position, "NAMED_VALUE_FLOAT": named_values,
-        "NAV_CONTROLLER_OUTPUT": navigation, "ODOMETRY": odometry, "POWER_STATUS": sensors.power_status,
-        "RANGEFINDER": sensors.rangefinder, "RAW_IMU": sensors.raw_imu, "RC_CHANNELS": rc_channels,
-        "SCALED_IMU": sensors.scaled_imu(dialect.MAVLink_scaled_imu_message),
-        "SCALED_IMU2": sensors.scaled_imu(dialect.MAVLink_scaled_imu2_message),
-        "SCALED_IMU3": sensors.scaled_imu(dialect.MAVLink_scaled_imu3_message),
-        "SCALED_PRESSURE": sensors.scaled_pressure(dialect.MAVLink_scaled_pressure_message),
-        "SCALED_PRESSURE2": sensors.scaled_pressure(dialect.MAVLink_scaled_pressure2_message),
-        "SERVO_OUTPUT_RAW": servo_output, "SYSTEM_TIME": system_time, "SYS_STATUS": sys_status,
-        "VFR_HUD": vfr_hud, "VIBRATION": sensors.vibration,
-    }.items()
+_BUILDERS: dict[str, sensors.Builder] = {
+    "AHRS2": ahrs2, "ALTITUDE": altitude, "ATTITUDE": attitude, "BATTERY_STATUS": sensors.battery_status,
+    "DISTANCE_SENSOR": sensors.distance_sensor, "EKF_STATUS_REPORT": ekf_status,
+    "ESC_TELEMETRY_1_TO_4": sensors.esc_telemetry, "GIMBAL_DEVICE_ATTITUDE_STATUS": gimbal_attitude,
+    "GLOBAL_POSITION_INT": global_position, "GPS_GLOBAL_ORIGIN": origin, "GPS_RAW_INT": sensors.gps_raw,
+    "HIGHRES_IMU": sensors.highres_imu, "HOME_POSITION": home_position, "NAV_CONTROLLER_OUTPUT": navigation,
+    "ODOMETRY": odometry, "POWER_STATUS": sensors.power_status, "RC_CHANNELS": rc_channels,
+    "SCALED_IMU": sensors.scaled_imu(dialect.MAVLink_scaled_imu_message),
+    "SCALED_IMU2": sensors.scaled_imu(dialect.MAVLink_scaled_imu2_message),
+    "SCALED_IMU3": sensors.scaled_imu(dialect.MAVLink_scaled_imu3_message),
+    "SCALED_PRESSURE": sensors.scaled_pressure(dialect.MAVLink_scaled_pressure_message),
+    "SCALED_PRESSURE2": sensors.scaled_pressure(dialect.MAVLink_scaled_pressure2_message),
+    "SERVO_OUTPUT_RAW": servo_output, "SYS_STATUS": sys_status, "VFR_HUD": vfr_hud,
+    # The navigation solution states no drift and no error of its own, and a simulated hull does not vibrate.
+    "AHRS": lambda s, c: dialect.MAVLink_ahrs_message(*[0.0] * 7),
+    "VIBRATION": lambda s, c: dialect.MAVLink_vibration_message(c.boot_us, 0.0, 0.0, 0.0, 0, 0, 0),
+    "ATTITUDE_QUATERNION": lambda s, c: dialect.MAVLink_attitude_quaternion_message(
+        c.boot_ms, *s.state.orientation, *s.state.angular_velocity
+    ),
+    # Undefined, as ArduSub has it: QGroundControl does not arm what is "in air".
+    "EXTENDED_SYS_STATE": lambda s, c: dialect.MAVLink_extended_sys_state_message(
+        dialect.MAV_VTOL_STATE_UNDEFINED, dialect.MAV_LANDED_STATE_UNDEFINED
+    ),
+    "LOCAL_POSITION_NED": lambda s, c: dialect.MAVLink_local_position_ned_message(
+        c.boot_ms, *s.state.position, *s.velocity_ned
+    ),
+    "NAMED_VALUE_FLOAT": lambda s, c: [
+        dialect.MAVLink_named_value_float_message(c.boot_ms, name.encode(), row) for name, row in c.panel.items()
+    ],
+    "RANGEFINDER": lambda s, c: (
+        dialect.MAVLink_rangefinder_message(s.echo.distance, 0.0) if s.echo and s.echo.is_valid else None
+    ),
+    "RAW_IMU": lambda s, c: dialect.MAVLink_raw_imu_message(c.boot_us, *sensors.scaled(s), 0, 0) if s.imu else None,
+    "SYSTEM_TIME": lambda s, c: dialect.MAVLink_system_time_message(c.wall_ns // NS_PER_US, c.boot_ms),
 }  # fmt: skip
+BUILDERS = {number_of(name): build for name, build in _BUILDERS.items()}
