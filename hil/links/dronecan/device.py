@@ -30,6 +30,7 @@ from hil.links.dronecan.types import (
     RAW_COMMAND,
     RPM_COMMAND,
     STATUS_EXTENDED,
+    Allocation,
     BatteryInfo,
     EscStatus,
     EscStatusExtended,
@@ -39,6 +40,7 @@ from hil.links.dronecan.types import (
     pack_esc_status,
     pack_status_extended,
     unpack_allocation,
+    unpack_arming_status,
     unpack_raw_command,
     unpack_rpm_command,
 )
@@ -77,14 +79,14 @@ class DroneCanDevice(DroneCanNode):
         self._pulses = self._neutral
         self._start()
         self._motor_values = motor_values
-        self._listen(RAW_COMMAND, self._on_command)
-        self._listen(RPM_COMMAND, self._on_rpm_command)
-        self._listen(ARMING_STATUS, self._on_arming)
+        self._listen(RAW_COMMAND, unpack_raw_command, self._on_command)
+        self._listen(RPM_COMMAND, unpack_rpm_command, self._on_rpm_command)
+        self._listen(ARMING_STATUS, unpack_arming_status, self._on_arming)
         self._battery_values = battery_values or (lambda: settings.battery)
         if battery_values or settings.battery:
             self._repeat("battery", round(settings.battery_period * NS_PER_S), self._battery)
         self._repeat("extended", EXTENDED_PERIOD_NS, self._extended)
-        self._listen(ALLOCATION, self._on_allocation)
+        self._listen(ALLOCATION, unpack_allocation, self._on_allocation)
 
     def encode(self, message: Message) -> bytes:
         """Return a report as one esc.Status a thruster, after NodeStatus if that changes; encodes reports only."""
@@ -161,32 +163,26 @@ class DroneCanDevice(DroneCanNode):
         battery = self._battery_values()
         return self._broadcast(BATTERY_INFO, PRIORITY_LOW, pack_battery_info(battery)) if battery else b""
 
-    def _on_command(self, transfer: Transfer) -> ThrusterCommand:
-        raw = unpack_raw_command(transfer.payload)[self._first : self._first + self._channels]
-        return self._command([PWM_NEUTRAL_US + round(value * SPAN_US / FULL_RAW) for value in raw])
+    def _on_command(self, _: Transfer, raw: list[int]) -> ThrusterCommand:
+        ours = raw[self._first : self._first + self._channels]
+        return self._command([PWM_NEUTRAL_US + round(value * SPAN_US / FULL_RAW) for value in ours])
 
-    def _on_rpm_command(self, transfer: Transfer) -> ThrusterCommand:
-        rpm = unpack_rpm_command(transfer.payload)[self._first : self._first + self._channels]
-        deflections = [round(value / self._rpm_per_us) for value in rpm]
+    def _on_rpm_command(self, _: Transfer, rpm: list[int]) -> ThrusterCommand:
+        ours = rpm[self._first : self._first + self._channels]
+        deflections = [round(value / self._rpm_per_us) for value in ours]
         return self._command([PWM_NEUTRAL_US + min(max(value, -SPAN_US), SPAN_US) for value in deflections])
 
     def _command(self, pulses: list[int]) -> ThrusterCommand:
         """Return the command with these pulse widths (us); thrusters beyond their number stop."""
         return ThrusterCommand(0, self._armed, (*pulses, *self._neutral[len(pulses) :]))
 
-    def _on_arming(self, transfer: Transfer) -> ThrusterCommand | None:
-        if len(transfer.payload) != ARMING_STATUS.max_size:
-            self.counters.malformed += 1
-            return None
+    def _on_arming(self, _: Transfer, status: int) -> ThrusterCommand | None:
         was_armed = self._armed
-        self._armed = transfer.payload[0] == FULLY_ARMED or not self._require_arming
+        self._armed = status == FULLY_ARMED or not self._require_arming
         return ThrusterCommand(0, False, self._neutral) if was_armed and not self._armed else None
 
-    def _on_allocation(self, transfer: Transfer) -> None:
-        received = unpack_allocation(transfer.payload)
-        if received is None:
-            self.counters.malformed += 1
-        elif self._allocatee:
+    def _on_allocation(self, transfer: Transfer, received: Allocation) -> None:
+        if self._allocatee:
             self._allocatee.on_allocation(transfer.source, received)
             self.deadline_ns = 0
             if self._allocatee.node_id:

@@ -18,10 +18,12 @@ from hil.links.dronecan.types import (
     RAW_COMMAND,
     RPM_COMMAND,
     STATUS_EXTENDED,
+    Allocation,
     BatteryInfo,
     EscStatus,
     EscStatusExtended,
     NodeInfo,
+    NodeStatus,
     pack_allocation,
     pack_raw_command,
     pack_rpm_command,
@@ -54,14 +56,14 @@ class DroneCanHost(DroneCanNode):
         self._codes: dict[int, int] = {}  # node number -> vendor-specific status code
         self._armed = False
         self._repeat("arming", ARMING_PERIOD_NS, self._arming)
-        self._listen(ESC_STATUS, self._on_esc)
-        self._listen(NODE_STATUS, self._on_node)
-        self._listen(BATTERY_INFO, self._on_battery)
-        self._listen(STATUS_EXTENDED, self._on_extended)
+        self._listen(ESC_STATUS, unpack_esc_status, self._on_esc)
+        self._listen(NODE_STATUS, unpack_node_status, self._on_node)
+        self._listen(BATTERY_INFO, unpack_battery_info, self._on_battery)
+        self._listen(STATUS_EXTENDED, unpack_status_extended, self._on_extended)
         self._allocator = Allocator() if settings.allocate else None
         if self._allocator:
             self._allocator.see(self.node_id)
-            self._listen(ALLOCATION, self._on_allocation)
+            self._listen(ALLOCATION, unpack_allocation, self._on_allocation)
 
     def encode(self, message: Message) -> bytes:
         """Return a command as RawCommand or RPMCommand, after ArmingStatus if that changes; encodes commands only."""
@@ -95,11 +97,7 @@ class DroneCanHost(DroneCanNode):
         status = FULLY_ARMED if self._armed else DISARMED
         return self._broadcast(ARMING_STATUS, PRIORITY_HIGH, bytes((status,)))
 
-    def _on_esc(self, transfer: Transfer) -> ThrusterTelemetry | None:
-        status = unpack_esc_status(transfer.payload)
-        if status is None:
-            self.counters.malformed += 1
-            return None
+    def _on_esc(self, transfer: Transfer, status: EscStatus) -> ThrusterTelemetry | None:
         thruster = status.esc_index - self._first
         if not 0 <= thruster < len(self._errors):
             return None  # not one of our thrusters
@@ -118,34 +116,19 @@ class DroneCanHost(DroneCanNode):
         errors = max(self._errors) & WRAP
         return ThrusterTelemetry(command.sequence, armed, timed_out, pulses, 0, self._answers.frames, errors, trips)
 
-    def _on_node(self, transfer: Transfer) -> None:
-        status = unpack_node_status(transfer.payload)
-        if status is None:
-            self.counters.malformed += 1
-            return
+    def _on_node(self, transfer: Transfer, status: NodeStatus) -> None:
         self._codes[transfer.source] = status.vendor_code
         if self._allocator:
             self._allocator.see(transfer.source)
 
-    def _on_extended(self, transfer: Transfer) -> None:
-        status = unpack_status_extended(transfer.payload)
-        if status is None:
-            self.counters.malformed += 1
-        else:
-            self.extended[status.esc_index] = status
+    def _on_extended(self, _: Transfer, status: EscStatusExtended) -> None:
+        self.extended[status.esc_index] = status
 
-    def _on_battery(self, transfer: Transfer) -> None:
-        battery = unpack_battery_info(transfer.payload)
-        if battery is None:
-            self.counters.malformed += 1
-        else:
-            self.battery = battery
+    def _on_battery(self, _: Transfer, battery: BatteryInfo) -> None:
+        self.battery = battery
 
-    def _on_allocation(self, transfer: Transfer) -> None:
-        request = unpack_allocation(transfer.payload)
-        if request is None:
-            self.counters.malformed += 1
-        elif self._allocator and not transfer.source:
+    def _on_allocation(self, transfer: Transfer, request: Allocation) -> None:
+        if self._allocator and not transfer.source:
             answer = self._allocator.answer(request)
             self.deadline_ns = 0
             if answer:

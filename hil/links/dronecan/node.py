@@ -4,7 +4,7 @@ Source: dronecan.github.io, Specification, 5. Application level conventions and 
 """
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from hil.common.clock import NS_PER_S
 from hil.links.contract import Counters, Message, Protocol
@@ -14,6 +14,7 @@ from hil.links.dronecan.services import (
     GET_SET,
     GET_TRANSPORT_STATS,
     RESTART_NODE,
+    GetSet,
     TransportStats,
     is_restart,
     pack_description,
@@ -49,6 +50,9 @@ STATUS_PERIOD_NS = NS_PER_S
 # Names as in libcanard; on the bus the lower value has priority.
 PRIORITY_HIGH, PRIORITY_MEDIUM, PRIORITY_LOW = 8, 16, 24
 
+Decode = Callable[[bytes], Any]  # from a payload; None for one that is not of its type
+Handle = Callable[[Transfer, Any], Message | None]
+
 
 class Periodic(NamedTuple):
     """A message that a node sends periodically."""
@@ -75,19 +79,19 @@ class DroneCanNode(Protocol):
         self._now_ns = 0
         self._started_ns = -1
         self._receiver = Receiver(self.counters)
-        self._handlers: dict[int, Callable[[Transfer], Message | None]] = {}
+        self._readers: dict[int, tuple[Decode, Handle]] = {}
         self._transfer_ids: dict[int, int] = {}
         self._replies: list[bytes] = []
         self._transfers = [0, 0]  # sent, received
         self._frames = [0, 0]
         self._periodic: dict[str, Periodic] = {}
         self._due_ns: dict[str, int] = {}
-        self._services: dict[DataType, Callable[[Transfer], Message | None]] = {
-            GET_NODE_INFO: self._answer_info_request,
-            GET_TRANSPORT_STATS: self._answer_stats_request,
-            GET_SET: self._answer_get_set,
-            EXECUTE_OPCODE: self._answer_opcode,
-            RESTART_NODE: self._answer_restart,
+        self._services: dict[DataType, tuple[Decode, Handle]] = {
+            GET_NODE_INFO: (bytes, self._answer_info_request),
+            GET_TRANSPORT_STATS: (bytes, self._answer_stats_request),
+            GET_SET: (unpack_get_set, self._answer_get_set),
+            EXECUTE_OPCODE: (unpack_opcode, self._answer_opcode),
+            RESTART_NODE: (is_restart, self._answer_restart),
         }
         self._repeat("status", STATUS_PERIOD_NS, self._status)
         if node_id:
@@ -101,11 +105,15 @@ class DroneCanNode(Protocol):
         self._frames[1] += len(frames)
         for frame in frames:
             transfer = self._receiver.feed_frame(frame, self._now_ns) if frame.extended else None
-            if transfer is not None:
-                self._transfers[1] += 1
-                message = self._handlers[transfer.key](transfer)
-                if message is not None:
-                    messages.append(message)
+            if transfer is None:
+                continue
+            self._transfers[1] += 1
+            decode, handle = self._readers[transfer.key]
+            decoded = decode(transfer.payload)
+            if decoded is None:
+                self.counters.malformed += 1
+            elif (message := handle(transfer, decoded)) is not None:
+                messages.append(message)
         return messages
 
     def replies(self) -> bytes:
@@ -131,7 +139,7 @@ class DroneCanNode(Protocol):
         """Use the node number `node_id` from now on (0: none), and send the status at once."""
         for kind, answer in self._services.items():
             key = service_key(kind, self.node_id, request=True)
-            if self._handlers.pop(key, None):
+            if self._readers.pop(key, None):
                 del self._receiver.kinds[key]
             if node_id:
                 self._serve(service_key(kind, node_id, request=True), kind, answer)
@@ -142,13 +150,13 @@ class DroneCanNode(Protocol):
         self._periodic[name] = Periodic(period_ns, encode)
         self._due_ns[name] = 0
 
-    def _listen(self, kind: DataType, handler: Callable[[Transfer], Message | None]) -> None:
-        """Call `handler` with the messages of that kind."""
-        self._serve(message_key(kind), kind, handler)
+    def _listen(self, kind: DataType, decode: Decode, handler: Handle) -> None:
+        """Call `handler` with the decoded messages of that kind; those that cannot be decoded are counted."""
+        self._serve(message_key(kind), kind, (decode, handler))
 
-    def _serve(self, key: int, kind: DataType, handler: Callable[[Transfer], Message | None]) -> None:
+    def _serve(self, key: int, kind: DataType, reader: tuple[Decode, Handle]) -> None:
         self._receiver.kinds[key] = kind
-        self._handlers[key] = handler
+        self._readers[key] = reader
 
     def _broadcast(self, kind: DataType, priority: int, payload: bytes) -> bytes:
         """Return the frames of a message; b"" if the node has no number."""
@@ -179,31 +187,27 @@ class DroneCanNode(Protocol):
     def _status(self) -> bytes:
         return self._broadcast(NODE_STATUS, PRIORITY_LOW, pack_node_status(self._node_status()))
 
-    def _answer_info_request(self, request: Transfer) -> None:
+    def _answer_info_request(self, request: Transfer, _: bytes) -> None:
         self._respond(GET_NODE_INFO, request, pack_node_info(self._node_status(), self.info))
 
-    def _answer_stats_request(self, request: Transfer) -> None:
+    def _answer_stats_request(self, request: Transfer, _: bytes) -> None:
         errors = self.counters.malformed + self.counters.checksum_errors
         stats = TransportStats(self._transfers[0], self._transfers[1], errors, self._frames[0], self._frames[1], 0)
         self._respond(GET_TRANSPORT_STATS, request, pack_transport_stats(stats))
 
-    def _answer_get_set(self, request: Transfer) -> None:
-        requested = unpack_get_set(request.payload)
-        if requested is None:
-            self.counters.malformed += 1
-            return
+    def _answer_get_set(self, request: Transfer, requested: GetSet) -> None:
         answer = self.parameters.answer(requested)
         if requested.value is not None:
             self._on_parameters()
         self._respond(GET_SET, request, pack_description(answer))
 
-    def _answer_opcode(self, request: Transfer) -> None:
-        done = self.parameters.execute(unpack_opcode(request.payload))
+    def _answer_opcode(self, request: Transfer, opcode: int) -> None:
+        done = self.parameters.execute(opcode)
         self._on_parameters()
         self._respond(EXECUTE_OPCODE, request, pack_opcode_result(done))
 
-    def _answer_restart(self, request: Transfer) -> Message | None:
-        message = self._restart() if is_restart(request.payload) else None
+    def _answer_restart(self, request: Transfer, is_right: bool) -> Message | None:
+        message = self._restart() if is_right else None
         self._respond(RESTART_NODE, request, pack_done(message is not None))
         return message
 

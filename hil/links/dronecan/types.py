@@ -148,6 +148,11 @@ def unpack_rpm_command(payload: bytes) -> list[int]:
     return [_signed(value, _RPM_BITS) for value in _unpack_fields(payload, [_RPM_BITS] * (len(payload) * 8 // 18))]
 
 
+def unpack_arming_status(payload: bytes) -> int | None:
+    """Return whether motor controllers may run: DISARMED, FULLY_ARMED or a value between them."""
+    return payload[0] if len(payload) == ARMING_STATUS.max_size else None
+
+
 def pack_status_extended(status: EscStatusExtended) -> bytes:
     """Encode an extended ESC status; numbers are limited to the range of their fields, flags are cut."""
     percents = [min(max(value, 0), 127) for value in status[:2]]
