@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from hil.client.fleet import Fleet
+from hil.client.services import read_parameters, set_parameter
 from hil.client.vehicle_handle import Vehicle
 from hil.common.errors import ConfigError, NetworkError
 from hil.gateways.foxglove.protocol import CDR
@@ -14,9 +15,6 @@ from hil.ros import message as ros_message
 from hil.ros.topics import COMMANDS, DESCRIPTIONS
 
 LARGEST = 8192  # bytes of a command or a request
-AT_ONCE = 30  # parameters of one request
-FIELDS = {1: "bool_value", 2: "integer_value", 3: "double_value", 4: "string_value"}  # rcl_interfaces/ParameterType
-BOOL, _, DOUBLE, STRING = FIELDS
 
 
 class Commanding:
@@ -86,38 +84,19 @@ class Commanding:
         """Return parameters as "/uuv1/gains.surge.p" and values; all without `names`."""
         by_name: dict[str, Any] = {}
         for node in self._fleet.names:
-            vehicle = self._vehicle(node)
-            listed = self._ask(vehicle, "list_parameters", {"prefixes": [], "depth": 0})["result"]["names"]
-            wanted = [name for name in listed if not names or f"/{node}/{name}" in names]
-            for start in range(0, len(wanted), AT_ONCE):
-                chunk = wanted[start : start + AT_ONCE]
-                values = self._ask(vehicle, "get_parameters", {"names": chunk})["values"]
-                pairs = zip(chunk, values, strict=False)
-                by_name |= {f"/{node}/{name}": value[FIELDS[value["type"]]] for name, value in pairs if value["type"]}
+            wanted = [name.removeprefix(f"/{node}/") for name in names] if names else None
+            values = read_parameters(self._vehicle(node).client.session, node, wanted)
+            by_name |= {f"/{node}/{name}": value for name, value in values.items()}
         return by_name
 
     def set_parameters(self, values: Mapping[str, Any]) -> None:
         """Set parameters by their names as above. Raises ConfigError with the reason of the first that is refused."""
         for name, value in values.items():
             _, node, plain = [*name.split("/", 2), "", ""][:3]
-            request = {"parameters": [{"name": plain, "value": _typed(name, value)}]}
-            result = self._ask(self._vehicle(node), "set_parameters", request)["results"][0]
-            if not result["successful"]:
-                raise ConfigError(f"{name}: {result['reason']}")
-
-    def _ask(self, vehicle: Vehicle, name: str, request: Mapping[str, Any]) -> Any:
-        kind = "rcl_interfaces/srv/" + "".join(word.capitalize() for word in name.split("_"))
-        return call(vehicle.client.session, f"/{vehicle.name}/{name}", kind, request)
+            if reason := set_parameter(self._vehicle(node).client.session, node, plain, value):
+                raise ConfigError(f"{name}: {reason}")
 
     def _vehicle(self, node: str) -> Vehicle:
         if node not in self._fleet.names:
             raise NetworkError(f"no vehicle is called {node!r}; here: {', '.join(self._fleet.names) or 'none'}")
         return self._fleet.wait_for(node, seconds=2.0)[0]
-
-
-def _typed(name: str, value: Any) -> dict[str, Any]:
-    """Return a value as a ParameterValue. Numbers are sent as floats, which all numbers of a slave are."""
-    for kinds, kind in (((bool,), BOOL), ((int, float), DOUBLE), ((str,), STRING)):
-        if isinstance(value, kinds):
-            return {"type": kind, FIELDS[kind]: float(value) if kind == DOUBLE else value}
-    raise ConfigError(f"{name}: expected a number or a text")

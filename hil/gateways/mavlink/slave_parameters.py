@@ -8,9 +8,8 @@ failures.NAME of thruster 1      HIL_FAIL1_KIND: 0 none, 1 off, 2 efficiency, 3 
 """
 
 from collections.abc import Mapping
-from typing import Any
 
-from hil.network.services import call
+from hil.client.services import read_parameters, set_parameter
 from hil.network.session import Session
 
 AXES = {
@@ -27,8 +26,6 @@ SAME_AS_ARDUSUB = {
 KINDS = ("", "off", "efficiency", "stuck", "delayed", "noisy")
 FAILURE = "HIL_FAIL"
 KEYS = {"efficiency": "efficiency", "stuck": "pwm_us", "delayed": "delay", "noisy": "noise"}
-DOUBLE, STRING = 3, 4  # rcl_interfaces/ParameterType
-AT_ONCE = 30  # names of one request
 
 
 class SlaveParameters:
@@ -43,19 +40,12 @@ class SlaveParameters:
 
     def refresh(self) -> None:
         """Fetch all names and values."""
-        result = self._call("list_parameters", "ListParameters", {"prefixes": [], "depth": 0})["result"]
-        names = list(result["names"])
-        values: dict[str, Any] = {}
-        for start in range(0, len(names), AT_ONCE):
-            chunk = names[start : start + AT_ONCE]
-            answers = self._call("get_parameters", "GetParameters", {"names": chunk})["values"]
-            values |= dict(zip(chunk, answers, strict=False))
-        self._thrusters = [name for name in names if name.startswith("failures.")]
-        self._names = {short: name for name in names if (short := short_name(name))}
-        fetched = {short: values[name]["double_value"] for short, name in self._names.items() if name in values}
+        values = read_parameters(self._session, self._node)
+        self._thrusters = [name for name in values if name.startswith("failures.")]
+        self._names = {short: name for name in values if (short := short_name(name))}
+        fetched: dict[str, float] = {short: values[name] for short, name in self._names.items()}
         for number, name in enumerate(self._thrusters, 1):
-            text = values[name]["string_value"] if name in values else ""
-            kind, value = read_failure(text)
+            kind, value = read_failure(values[name])
             fetched[f"{FAILURE}{number}_KIND"] = float(kind)
             amount = f"{FAILURE}{number}_VALUE"
             fetched[amount] = value if kind > 1 else self._wished.get(amount, 0.0)
@@ -64,7 +54,7 @@ class SlaveParameters:
     def set(self, name: str, value: float) -> str:
         """Set one; return why it was not set, "" if it was."""
         ros = self._names.get(name)
-        requested: dict[str, Any] = {"type": DOUBLE, "double_value": value}
+        requested: float | str = value
         if ros is None:
             number, _, key = name.removeprefix(FAILURE).partition("_")
             self._wished[name] = value
@@ -75,17 +65,10 @@ class SlaveParameters:
                 self.values = {**self.values, name: value}
                 return ""
             amount = value if key == "VALUE" else self.values.get(f"{FAILURE}{number}_VALUE", 0.0)
-            ros, requested = (
-                self._thrusters[int(number) - 1],
-                {"type": STRING, "string_value": failure_text(kind, amount)},
-            )
-        request = {"parameters": [{"name": ros, "value": requested}]}
-        result = self._call("set_parameters", "SetParameters", request)["results"][0]
+            ros, requested = self._thrusters[int(number) - 1], failure_text(kind, amount)
+        reason = set_parameter(self._session, self._node, ros, requested)
         self.refresh()
-        return "" if result["successful"] else f"{name}: {result['reason']}"
-
-    def _call(self, name: str, kind: str, request: Mapping[str, Any]) -> Any:
-        return call(self._session, f"/{self._node}/{name}", f"rcl_interfaces/srv/{kind}", request)
+        return f"{name}: {reason}" if reason else ""
 
 
 def short_name(name: str) -> str:

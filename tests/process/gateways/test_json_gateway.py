@@ -118,20 +118,12 @@ def test_a_line_that_is_not_json_ends_the_connection(client: Client, fleet: Flee
     assert fleet["uuv1"]._action is None or fleet["uuv1"].state.velocity[0] < 0.05
 
 
-@pytest.mark.parametrize("token", ["\ud800", "\xff", "", 7, None, ["a"], {}])
-def test_a_wrong_token_is_refused(gateway: JsonGateway, token: object) -> None:
-    assert not gateway.access.admits(token)
-    with Client(gateway) as outsider:
-        assert "not the token" in outsider.call(do="login", token=token)["error"]
-
-
-@pytest.mark.parametrize("login", [{}, {"token": ""}, {"token": "x" * 32}, {"token": None}, {"token": ["a"]}])
+@pytest.mark.parametrize("login", [{}, *[{"token": token} for token in ("\ud800", "\xff", "", 7, None, ["a"], {})]])
 def test_commands_need_the_token(gateway: JsonGateway, login: dict[str, Any]) -> None:
     client = Client(gateway)
     with client:
         if login:
-            reply = client.call(do="login", **login)
-            assert "not the token" in reply["error"]
+            assert "not the token" in client.call(do="login", **login)["error"]
         for what in (*COMMANDS, *SERVICES):
             reply = client.call(do=what)
             assert not reply["ok"]

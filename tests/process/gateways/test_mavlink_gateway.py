@@ -105,18 +105,6 @@ def test_a_joystick_moves_the_vehicle_and_silence_stops_it(ground: Ground) -> No
     ground.wait("ATTITUDE", lambda a: abs(a.yaw - before) > 0.2, lambda: ground.sticks(r=400))
 
 
-def test_a_position_target_is_reached_and_held(ground: Ground) -> None:
-    ground.set_mode(Mode.GUIDED)
-    ground.arm()
-    zeros = [0.0] * 8
-    ground.send.set_position_target_local_ned_send(0, 1, 1, 1, POSITION_ONLY, 5.0, 5.0, 1.5, *zeros)
-    position = ground.wait(
-        "LOCAL_POSITION_NED", lambda p: abs(p.x - 5) < 0.3 and abs(p.y - 5) < 0.3 and abs(p.z - 1.5) < 0.2
-    )
-    assert position
-    assert abs(ground.read_position().z - 1.5) < 0.3
-
-
 def test_a_mission_is_uploaded_read_back_and_flown(ground: Ground) -> None:
     rows = [(0, 16, 0.0, 0.0, 0.0), (1, 16, 4.0, 4.0, 1.5), (1, 16, 5.0, 4.0, 1.5)]
     ground.send.mission_count_send(1, 1, len(rows), 0)

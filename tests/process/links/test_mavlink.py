@@ -9,7 +9,6 @@ from typing import Any
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
-from firmware_stub.stub import Stm32
 from hil.common.errors import ConfigError, MissingExtraError
 from hil.links.contract import MAX_THRUSTERS, ThrusterCommand, ThrusterTelemetry
 from hil.links.mavlink.link import open_mavlink
@@ -326,10 +325,3 @@ def test_only_the_dialect_is_loaded_and_only_when_used() -> None:
     done = subprocess.run([sys.executable, "-c", LOADED], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert done.stdout.split() == []
-
-
-def test_stm32_and_link_agree_on_power_up() -> None:
-    host = host_end()
-    device = device_end()
-    (received,) = reports(host.feed(device.encode(Stm32(4).telemetry(0))))
-    assert received == ThrusterTelemetry(0, False, False, (1500,) * 4, 0, 0, 0, 0)

@@ -12,7 +12,7 @@ import pytest
 
 from hil.cli import main
 from hil.common.clock import NS_PER_S, now_ns
-from hil.common.errors import ConfigError, DeviceError
+from hil.common.errors import ConfigError
 from hil.links.address import parse_address
 from hil.links.contract import Counters, Message, Protocol, ThrusterCommand, ThrusterLink, Wire
 from hil.links.line_rate import line_speed
@@ -307,12 +307,3 @@ def test_the_slowest_part_of_a_link_limits_its_speed() -> None:
     assert line_speed(parse_address("/dev/ttyS0"), 9600, 500_000, 2400) == (2400, "faults.baud")
     assert line_speed(parse_address("can:slcan:/dev/ttyACM0"), 9600, 500_000) == (500_000, "bitrate")
     assert line_speed(parse_address("pty:"), 9600, 500_000) == (0, "")
-
-
-def test_writing_to_a_closed_wire_is_an_error(link: ThrusterLink) -> None:
-    device = PtyWire()
-    wire = PtyHostWire(device.path)
-    closed_link = ThrusterLink(wire, open_protocol("frame", "host", 6))
-    device.close()
-    with contextlib.closing(wire), pytest.raises(DeviceError, match="went away"):
-        closed_link.send(armed(1))

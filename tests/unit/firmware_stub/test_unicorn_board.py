@@ -75,15 +75,6 @@ def test_more_thrusters_than_outputs_are_refused() -> None:
         power_up("f405", 9)
 
 
-def test_a_command_is_acknowledged_at_once(board: UnicornBoard) -> None:
-    board.run_until(12_345_678)
-    board.transmitted()
-    board.receive(encode(41))
-    (answer,) = decode(board.transmitted())
-    assert (answer.sequence, answer.armed, answer.pwm_us, answer.age_us, answer.frames) == (41, True, FULL, 0, 1)
-    assert board.pwm_us == list(FULL)
-
-
 @pytest.mark.parametrize("watchdog_ms", [50, 1000])
 def test_a_timeout_stops_the_thrusters_in_the_timer_registers(chip: str, watchdog_ms: int) -> None:
     board = power_up(chip, 6, watchdog_ms * MS)

@@ -9,15 +9,13 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from hil.gateways.mavlink import newer_messages as newer
 from hil.gateways.mavlink.endpoints.links import SILENT_NS, Address, Link, Received
-from hil.gateways.mavlink.endpoints.peer import Peer
 from hil.gateways.mavlink.flight.modes import Mode
 from hil.gateways.mavlink.gateway import Gateway
 from hil.gateways.mavlink.messages import TAKEN
 from hil.gateways.mavlink.parameter_table import ParameterTable
 from hil.gateways.mavlink.protocols.ftp import ACK, HEADER, OPEN_READ, FtpServer
-from hil.gateways.mavlink.protocols.signing import SigningKey
 from hil.links.contract import Counters
-from hil.links.mavlink.stream import MavlinkStream, signing_secret
+from hil.links.mavlink.stream import MavlinkStream
 from hil.scenario.mavlink_records import Mavlink
 from tests.support.clients.mavlink_vehicle import Bench, PointVehicle
 
@@ -69,15 +67,6 @@ def test_random_frames_never_raise() -> None:
     assert bench.partner.take_messages("HEARTBEAT")
 
 
-def test_random_bytes_never_raise() -> None:
-    generator = random.Random(27)
-    bench = Bench()
-    for _ in range(COUNT // 20):
-        bench.partner.feed(generator.randbytes(generator.randrange(1, 300)))
-    bench.run(0.1)
-    assert bench.partner.peer.counters.dropped_bytes > 0
-
-
 NAMES = (b"/logs\0", b"@PARAM/param.pck\0", b"/logs/run.mcap\0", b"/logs/runs\0", b"/logs/../../etc/passwd\0", b"")
 
 
@@ -122,47 +111,6 @@ def test_own_definitions_of_newer_messages_have_the_right_checksum(kind: type[ne
     message.ordered_fields = sorted(fields, key=lambda field: -field.type_length)
     message.base_fields = lambda: len(fields)
     assert mavparse.message_checksum(message) == kind.crc_extra
-
-
-def _signed_peer(key: str, wall: list[int], sent: list[bytes]) -> Peer:
-    return Peer(
-        1,
-        "signed",
-        1,
-        lambda data, _: sent.append(data),
-        True,
-        signing=SigningKey(given=key),
-        wall_clock=lambda: wall[0],
-    )
-
-
-def _sender(key: str, wall: list[int]) -> MavlinkStream:
-    stream = MavlinkStream(255, 190, Counters())
-    if key:
-        stream.sign(signing_secret(key), lambda: wall[0])
-    return stream
-
-
-def test_with_a_key_only_signed_packets_are_accepted_and_sent() -> None:
-    wall, sent = [1_800_000_000 * 10**9], []  # type: ignore[var-annotated]
-    peer = _signed_peer("secret", wall, sent)
-    beat = dialect.MAVLink_heartbeat_message(6, 8, 0, 0, 0, 3)
-    assert len(peer.unpack(_sender("secret", wall).pack(beat))) == 1
-    assert peer.unpack(_sender("", wall).pack(beat)) == []
-    assert peer.unpack(_sender("wrong", wall).pack(beat)) == []
-    peer.send(beat)
-    assert _sender("secret", wall).unpack(sent[0])
-    assert sent[0][2] & 1
-
-
-def test_replayed_and_stale_signed_packets_are_refused() -> None:
-    wall = [1_800_000_000 * 10**9]
-    peer = _signed_peer("secret", wall, [])
-    packet = _sender("secret", wall).pack(dialect.MAVLink_heartbeat_message(6, 8, 0, 0, 0, 3))
-    assert len(peer.unpack(packet)) == 1
-    assert peer.unpack(packet) == []
-    late = [wall[0] - 120 * 10**9]
-    assert peer.unpack(_sender("secret", late).pack(dialect.MAVLink_heartbeat_message(6, 8, 0, 0, 0, 3))) == []
 
 
 class _Overloaded(Link):

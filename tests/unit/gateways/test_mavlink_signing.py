@@ -42,6 +42,7 @@ def test_a_recorded_packet_is_refused_from_every_peer_and_after_a_restart(tmp_pa
     sender = MavlinkStream(255, 190, Counters())
     sender.sign(later.secret, lambda: WALL_NS + 11 * 10**9)
     assert peer_with(later, 1, 11.0).unpack(sender.pack(BEAT)), "a new packet is accepted"
+    assert not peer_with(later, 1, 11.0).unpack(BEAT.pack(dialect.MAVLink(None, 255, 190))), "one without a signature"
     other = SigningKey(path, given="another")
     assert peer_with(other, 1).unpack(signed_stream(other.secret).pack(BEAT)), "another key has stamps of its own"
 

@@ -195,15 +195,9 @@ class TestSettings:
         table = {"baud": 115_200, "delay": "20 ms", "drop": 0.02, "stall_time": 1.5}
         assert parse(table, Faults, "x.toml: link.faults") == Faults(115_200, delay=0.02, drop=0.02, stall_time=1.5)
 
-    @pytest.mark.parametrize(
-        ("key", "value", "fault"),
-        [
-            ("delay", "1 m", "delay: has the unit 'm'"),
-        ],
-    )
-    def test_mistakes_are_reported_with_their_key(self, key: str, value: object, fault: str) -> None:
-        with pytest.raises(ConfigError, match=fault):
-            parse({key: value}, Faults, "x.toml: link.faults")
+    def test_a_mistake_is_reported_with_its_key(self) -> None:
+        with pytest.raises(ConfigError, match="delay: has the unit 'm'"):
+            parse({"delay": "1 m"}, Faults, "x.toml: link.faults")
 
     def test_faults_can_change_during_a_run(self, opened: ExitStack) -> None:
         far, near = instant_pair(opened)

@@ -49,17 +49,6 @@ PRINTED = {
     ),
     "std_srvs/srv/Empty": "RIHS01_5888399dedec5ccc85ea6451949fd2c9f97bfdf963f9a588821639fcd31b5d19",
 }
-REQUIRED_TYPES = """
-sensor_msgs: Imu FluidPressure MagneticField NavSatFix LaserScan Range Image CompressedImage CameraInfo BatteryState
-sensor_msgs: JointState PointCloud2
-nav_msgs: Odometry OccupancyGrid Path
-geometry_msgs: Twist TwistStamped PoseStamped WrenchStamped TwistWithCovarianceStamped PoseWithCovarianceStamped
-tf2_msgs: TFMessage
-rosgraph_msgs: Clock
-diagnostic_msgs: DiagnosticArray
-std_msgs: Bool String Float64 Int64MultiArray Header
-marine_acoustic_msgs: Dvl SonarImageData ProjectedSonarImage SonarRanges
-"""
 
 
 def _register() -> None:
@@ -138,12 +127,6 @@ def test_random_messages_equal_those_of_rosbags_both_ways() -> None:
 
 
 # --- definitions
-
-
-def test_all_required_message_types_are_defined() -> None:
-    wanted = [line.split(": ") for line in REQUIRED_TYPES.strip().splitlines()]
-    names = [f"{package}/msg/{word}" for package, words in wanted for word in words.split()]
-    assert [name for name in names if name not in NAMES] == []
 
 
 def test_the_type_hash_of_a_message_equals_that_of_rosbags() -> None:

@@ -43,7 +43,7 @@ classdef Rate < handle
     end
 
     function restart(self)
-      % Begin anew after work that takes long on purpose; what was counted stays.
+      % Begin again after work that takes long on purpose; what was counted stays.
       self.began = tic;
       self.due = 0;
     end

@@ -8,7 +8,7 @@ import errno
 import socket
 import threading
 from abc import ABC, abstractmethod
-from collections.abc import Hashable
+from collections.abc import Callable, Hashable
 from ipaddress import ip_address
 from typing import Any, cast
 
@@ -63,7 +63,31 @@ class Link(ABC):
         """Close it."""
 
 
-class UdpOut(Link):
+class _DatagramLink(Link):
+    """An endpoint on a socket of its own, which `use` connects or binds to the address."""
+
+    def __init__(self, host: str, port: int, use: Callable[[socket.socket, Any], None]) -> None:
+        self._address: tuple[Any, ...]
+        family, kind, _, _, self._address = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
+        self._socket = socket.socket(family, kind)
+        self._socket.setblocking(False)
+        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_BROADCAST, 1)
+        try:
+            use(self._socket, self._address)
+        except OSError:
+            self._socket.close()
+            raise
+
+    def descriptors(self) -> list[int]:
+        """Return the socket's."""
+        return [self._socket.fileno()]
+
+    def close(self) -> None:
+        """Close the socket."""
+        self._socket.close()
+
+
+class UdpOut(_DatagramLink):
     """Sends to one address, also of a broadcast, and receives only from there. Raises OSError.
 
     It is lost when this machine's own address has changed, and when a silent host given by name has another address.
@@ -71,29 +95,16 @@ class UdpOut(Link):
 
     def __init__(self, host: str, port: int) -> None:
         self.name = f"udpout:{host}:{port}"
-        self._to: tuple[Any, ...]
-        family, kind, _, _, self._to = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
-        self._socket = socket.socket(family, kind)
-        self._socket.setblocking(False)
-        self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_BROADCAST, 1)
-        try:
-            self._socket.connect(self._to)
-        except OSError:
-            self._socket.close()
-            raise
-        self._named = (host, port) if self._to[0] != host else None
+        super().__init__(host, port, socket.socket.connect)
+        self._named = (host, port) if self._address[0] != host else None
         self._received_ns = 0
-
-    def descriptors(self) -> list[int]:
-        """Return the socket's."""
-        return [self._socket.fileno()]
 
     def receive(self, now: int) -> Received:
         """Return the datagrams that have come."""
         received: Received = []
         for _ in range(MAX_DATAGRAMS):
             try:
-                received.append((self._to[:2], self._socket.recv(READ_SIZE)))
+                received.append((self._address[:2], self._socket.recv(READ_SIZE)))
             except OSError:  # nothing more, or nobody was there for our last one
                 break
         self._received_ns = now if received else self._received_ns or now
@@ -108,7 +119,7 @@ class UdpOut(Link):
 
     def partners(self) -> list[Address]:
         """Return the address."""
-        return [self._to[:2]]
+        return [self._address[:2]]
 
     def tick(self, now: int) -> None:
         """Look up a silent host again, in a thread: the name server may not answer."""
@@ -116,36 +127,21 @@ class UdpOut(Link):
             self._received_ns = now
             threading.Thread(target=self._look_up, daemon=True).start()
 
-    def close(self) -> None:
-        """Close the socket."""
-        self._socket.close()
-
     def _look_up(self) -> None:
         assert self._named
         with contextlib.suppress(OSError):
             found = socket.getaddrinfo(*self._named, type=socket.SOCK_DGRAM)
-            self.is_lost |= self._to not in [each[4] for each in found]
+            self.is_lost |= self._address not in [each[4] for each in found]
 
 
-class UdpIn(Link):
+class UdpIn(_DatagramLink):
     """Receive from all senders, and send to each until it is silent. Raises OSError."""
 
     def __init__(self, host: str, port: int) -> None:
         self.name = f"udpin:{host}:{port}"
-        family, kind, _, _, where = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
-        self._socket = socket.socket(family, kind)
-        self._socket.setblocking(False)
-        try:
-            self._socket.bind(where)
-        except OSError:
-            self._socket.close()
-            raise
+        super().__init__(host, port, socket.socket.bind)
         self.port: int = self._socket.getsockname()[1]
         self._received_ns: dict[tuple[Any, ...], int] = {}
-
-    def descriptors(self) -> list[int]:
-        """Return the socket's."""
-        return [self._socket.fileno()]
 
     def receive(self, now: int) -> Received:
         """Return the datagrams that have come."""
@@ -186,10 +182,6 @@ class UdpIn(Link):
         """Forget those that are silent."""
         for address in [address for address, received_ns in self._received_ns.items() if now - received_ns > SILENT_NS]:
             del self._received_ns[address]
-
-    def close(self) -> None:
-        """Close the socket."""
-        self._socket.close()
 
 
 _FIRST = tuple(bytes((marker,)) for marker in MARKERS)

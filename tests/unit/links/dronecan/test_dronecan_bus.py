@@ -2,19 +2,14 @@
 
 from typing import cast
 
-import pytest
-
 from hil.links.contract import ThrusterCommand, ThrusterTelemetry
-from hil.links.dronecan import types
 from hil.links.dronecan.allocation import (
     FOLLOWUP_DELAY_NS,
     FOLLOWUP_TIMEOUT_NS,
-    MAX_DYNAMIC_ID,
     REQUEST_PERIOD_NS,
     Allocatee,
     Allocator,
 )
-from hil.links.dronecan.device import DroneCanDevice
 from hil.links.dronecan.host import DroneCanHost
 from hil.links.dronecan.node import STATUS_PERIOD_NS
 from hil.links.dronecan.types import (
@@ -23,7 +18,7 @@ from hil.links.dronecan.types import (
 )
 from hil.links.wires.can_frame import unpack_frames
 from tests.support.links.can_bench import exchange, frames, records
-from tests.support.links.dronecan_ends import MS, NEUTRAL, PULSES, Board, device, host, report, transfers
+from tests.support.links.dronecan_ends import MS, NEUTRAL, PULSES, Board, device, host, report
 
 
 def test_controllers_of_others_are_ignored() -> None:
@@ -63,29 +58,11 @@ def test_the_stm32_drives_stops_and_recovers_on_the_bus() -> None:
         assert (link.counters.malformed, link.counters.checksum_errors, link.counters.dropped_bytes) == (0, 0, 0)
 
 
-def test_battery_info_is_received() -> None:
-    board = Board(battery={"voltage_v": 14.75, "state_of_charge_pct": 42}, battery_period=0.5)
-    output: list[bytes] = []
-    board.bus.taps.append(output.append)
-    board.run(2.0)
-    assert len(transfers(b"".join(output), types.BATTERY_INFO)) == 4
-    assert cast("DroneCanHost", board.host.protocol).battery == BatteryInfo(voltage_v=14.75, state_of_charge_pct=42)
+def test_battery_info_has_what_is_measured() -> None:
     measured = iter(range(15, 99))
     board = Board(battery_values=lambda: BatteryInfo(voltage_v=next(measured)))
     board.run(2.9)
     assert cast("DroneCanHost", board.host.protocol).battery == BatteryInfo(voltage_v=17)
-
-
-@pytest.mark.parametrize("preferred", [0, 33])
-def test_our_allocator_gives_our_device_a_number(preferred: int) -> None:
-    board = Board(node_id=0, preferred_node_id=preferred, host_settings={"allocate": True})
-    anonymous = cast("DroneCanDevice", board.end.link.protocol)
-    assert anonymous.encode(report()) == b""
-    board.run(4.0)
-    assert anonymous.node_id == (preferred or MAX_DYNAMIC_ID)
-    board.host.send(ThrusterCommand(9, True, PULSES))
-    board.run(0.03)
-    assert board.received[-1] == ThrusterTelemetry(9, True, False, PULSES, 0, 1, 0, 0)
 
 
 def test_the_allocatee_follows_the_allocation_rules() -> None:
