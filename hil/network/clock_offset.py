@@ -63,7 +63,7 @@ class ClockOffset:
         point = _Point((sent_ns + received_ns) // 2, offset, (round_trip + 1) // 2)
         with self._lock:
             self.exchanges += 1
-            was_set_back = self._points and point.time_ns < self._points[0].time_ns
+            was_set_back = self._points and point.time_ns < self._points[0].time_ns - TURNAROUND_NS
             if was_set_back or self._contradicts(point):
                 self.steps += 1
                 self._points, self._drift, self._drift_error = [], 0.0, MAX_DRIFT

@@ -101,6 +101,19 @@ def test_a_clock_step_is_detected_at_once(step: int) -> None:
     assert abs(found.offset_ns - other.error(11 * S)) <= found.uncertainty_ns < MS
 
 
+def test_an_exchange_that_was_overtaken_is_no_step_and_a_clock_of_the_whole_machine_is_one() -> None:
+    clock, same = ClockOffset(), OtherClock(0)
+    for sent in (3600 * S, 3599 * S, 3601 * S):
+        exchange(clock, same, sent, MS, MS)
+    assert clock.steps == 0
+    exchange(clock, same, 20 * S, MS, MS)  # both clocks were set back
+    assert clock.steps == 1
+    exchange(clock, same, 21 * S, MS // 10, MS // 10)
+    found = clock.at(21 * S)
+    assert found is not None
+    assert found.uncertainty_ns < MS
+
+
 @pytest.mark.parametrize(
     ("sent", "arrived", "answered", "received"),
     [(0, 10, 5, 20), (100, 10, 20, 90), (0, 0, 11 * S, 12 * S), (0, 0, 30, 20)],
