@@ -5,6 +5,7 @@ import os
 import resource
 import signal
 import subprocess
+import sys
 import time
 from collections.abc import Callable
 from contextlib import suppress
@@ -13,11 +14,19 @@ from pathlib import Path
 import psutil
 
 from firmware_stub.build import native_compiler
+from hil.common.children import module_command
 from hil.common.errors import DeviceError, NetworkError
 from tools.faults.rig import START_S, Rig
 from tools.faults.rows import Fault
 
 HOUR_S = 3600
+STEPS_S = (HOUR_S, -2 * HOUR_S)  # unlike each other, as they are set right again
+CLOCK_S = 2.0  # between two steps of a clock
+CLOCKS = ("slave", "planner", "recorder", "gateway")
+BESIDE = {  # process -> its command, when it is ready, and its last line if all is well
+    "recorder": (("recording", "make"), "recording tcp", "none lost"),
+    "gateway": (("gateway", "json"), "connected: uuv1", "connected: uuv1"),
+}
 WRONG_CLOCK = "clock_step.so"
 DISK_KIB = 2048
 ROOM_KIB = 512  # memory that the slave may still allocate
@@ -33,6 +42,10 @@ def disk(rig: Rig) -> Path:
 def prepare(rig: Rig) -> None:
     """Mount a disk of 2 MiB for recordings if permitted, and compile the wrong clock if there is a compiler."""
     if not _needs_compiler(rig):
+        for process in CLOCKS:
+            _set_clock(rig, process, 0)
+            step = {"CLOCK_STEP_FILE": str(_step_file(rig, process))}
+            rig.environments[process] = {"LD_PRELOAD": str(rig.folder / WRONG_CLOCK), **step}
         source = str(Path(__file__).with_name("clock_step.c"))
         _run(*native_compiler(), "-O2", "-shared", "-fPIC", source, "-o", str(rig.folder / WRONG_CLOCK), "-ldl")
     disk(rig).mkdir()
@@ -98,12 +111,63 @@ def _no_more_memory(rig: Rig) -> None:
     rig.end("second")
 
 
+def _step_file(rig: Rig, process: str) -> Path:
+    return rig.folder / f"{process}.clock"
+
+
+def _set_clock(rig: Rig, process: str, step_s: int) -> None:
+    """Set the wall clock of a process, now, to be wrong by `step_s`."""
+    with _step_file(rig, process).open("r+b" if _step_file(rig, process).exists() else "wb") as file:
+        file.write(step_s.to_bytes(8, sys.byteorder, signed=True))
+
+
+def _set_running(process: str, step_s: int) -> Callable[[Rig], None]:
+    """Set the clock of the running slave or planner; a slave reports it in its log."""
+
+    def apply(rig: Rig) -> None:
+        _set_clock(rig, process, step_s)
+        if process == "slave":
+            rig.processes["slave"].expect(f"clock was set by {step_s:+.3f} s", START_S)
+
+    return apply
+
+
+def _set_right(process: str) -> Callable[[Rig], None]:
+    def remove(rig: Rig) -> None:
+        _set_clock(rig, process, 0)
+        _check_planner(rig)
+
+    return remove
+
+
+def _set_beside(process: str, step_s: int) -> Callable[[Rig], None]:
+    """Set the clock of a recorder or gateway beside the slave, and set it right; it must run on and miss nothing."""
+
+    def apply(rig: Rig) -> None:
+        words, ready, good = BESIDE[process]
+        place = ["--listen", "127.0.0.1:0"]
+        if process == "recorder":
+            place = ["--scenario", str(rig.scenario), "-o", str(disk(rig) / f"{process}{step_s}")]
+        command = module_command("hil.cli", *words, "--connect", f"tcp/127.0.0.1:{rig.port}", *place)
+        started = rig.start_process(process, command)
+        started.expect(ready, START_S)
+        for step in (step_s, 0):
+            rig.pause(CLOCK_S)
+            _set_clock(rig, process, step)
+        rig.pause(CLOCK_S)
+        rig.signal(process, signal.SIGINT)
+        code = rig.processes.pop(process).wait(START_S)
+        if code or good not in started.last_line:
+            raise NetworkError(f"the {process} {started.ending}")
+
+    return apply
+
+
 def _with_clock(process: str, step_s: int) -> Callable[[Rig], None]:
     """Restart a process with a wall clock that is wrong by `step_s`."""
 
     def start(rig: Rig) -> None:
-        preload = {"LD_PRELOAD": str(rig.folder / WRONG_CLOCK), "CLOCK_STEP_S": str(step_s)}
-        rig.environments[process] = preload if step_s else {}
+        _set_clock(rig, process, step_s)
         if process == "slave":
             rig.signal("slave", signal.SIGKILL)
             rig.processes.pop("slave").wait(10.0)
@@ -124,7 +188,8 @@ def _check_planner(rig: Rig) -> None:
         rig.instruct("ask")
         line = rig.processes["planner"].expect("figures", 10.0)
         figures = json.loads(line.partition(" ")[2])
-        if figures["present"] or time.monotonic() > end_s:  # it executes commands before it is reported as present
+        # It executes commands before it is reported as present, and before its first sample after a restart.
+        if (figures["present"] and not figures["problem"]) or time.monotonic() > end_s:
             break
     if figures["problem"] or not figures["present"]:
         raise NetworkError(f"the planner reports: {figures['problem'] or 'the vehicle is lost'}")
@@ -144,4 +209,8 @@ FAULTS = (
           unavailable=_needs_compiler),
     Fault("clock", "planner restarted, clock set", _with_clock("planner", 0), _check_planner, hold_s=0.0,
           unavailable=_needs_compiler),
+    *(Fault("clock", f"{process}'s clock set {step / HOUR_S:+.0f} h", _set_running(process, step), _set_right(process),
+            cuts=False, unavailable=_needs_compiler) for process in CLOCKS[:2] for step in STEPS_S),
+    *(Fault("clock", f"{process}'s clock set {step / HOUR_S:+.0f} h", _set_beside(process, step), _check_planner,
+            cuts=False, unavailable=_needs_compiler) for process in BESIDE for step in STEPS_S),
 )  # fmt: skip

@@ -1,5 +1,6 @@
 """Addresses that come late, change, and come back: what listens and what searches follows them."""
 
+import shutil
 import time
 from contextlib import closing
 from pathlib import Path
@@ -52,3 +53,25 @@ def test_named_addresses_that_come_late_are_listened_at_when_they_come_and_come_
             time.sleep(1.0)
             assert network.start("master", "-c", dial).wait(60) == 0
             address(network, "delete", 1)
+
+
+def test_a_name_server_that_does_not_answer_delays_nothing_else(tmp_path: Path) -> None:
+    with Network("slave", "master") as network, closing(Lines(tmp_path / "gateway.txt")) as gateway:
+        settings = Path("/etc/netns", network.space("master"))
+        settings.mkdir(parents=True)
+        try:
+            (settings / "resolv.conf").write_text("nameserver 10.77.0.99\n")
+            silent = ("neighbour", "add", "10.77.0.99", "lladdr", "02:00:00:00:00:99", "dev", "eth0")
+            ip("-n", network.space("master"), *silent)
+            network.start("slave", "-m", "hil.cli", "slave", scenario(tmp_path, "0.0.0.0"))
+            both = ("--connect", "tcp/uuv2.lan:7447", "--connect", "tcp/10.77.0.1:7447")
+            network.start("master", "-m", "hil.cli", "gateway", "json", *both, output=gateway.file)
+            serves = gateway.first("lines of JSON", 0.0, time.monotonic() + 60)
+            assert gateway.first("connected: uuv1", serves, 30) < 3
+            network.unplug("slave")
+            lost = time.monotonic()
+            gateway.first("no vehicle at", lost, 5)
+            network.plug("slave")
+            assert gateway.first("connected: uuv1", time.monotonic(), 30) < 5
+        finally:
+            shutil.rmtree(settings)
