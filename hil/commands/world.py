@@ -4,6 +4,7 @@ import argparse
 import os
 from functools import partial
 from importlib.util import find_spec
+from math import inf
 from typing import Any
 
 from hil.commands.gridding import RESOLUTION, add_reading, show_progress
@@ -186,9 +187,9 @@ def _write(world: World, path: str, ending: str, resolution: float | None, depth
     frame = frame_of(world, resolution)
     if depth is not None:
         from hil.charts.describe import percent
-        from hil.charts.exports.occupancy import build_occupancy
+        from hil.scenario.world_map import map_at
 
-        cells = build_occupancy(world, grid_of(world), depth, frame.resolution)
+        cells = map_at(world, depth, 0.0, frame.resolution, is_coarse=True, above=inf)
         cells.write_pgm(path)
         return (
             f"{percent(1.0 - float(cells.cells.mean()))} of it free {depth:g} m down; {os.path.splitext(path)[0]}.yaml"

@@ -22,7 +22,7 @@ from sim.vehicle.vehicle import Vehicle
 Array = NDArray[np.float64]
 Layer = tuple[Any, Any]  # highest and lowest depth (m) in each cell that the vehicle needs free
 
-HALF_DIAGONAL = 0.7072  # cells; distance from the centre of a cell to its corner
+_HALF_DIAGONAL = 0.7072  # cells; distance from the centre of a cell to its corner
 
 
 def parts_of(world: World, master: Master, start: Start, points: Sequence[Point] = ()) -> list[MapPart]:
@@ -87,14 +87,15 @@ def map_at(
     resolution: float,
     extent: Extent | None = None,
     is_coarse: bool = False,
+    above: float | None = None,
 ) -> OccupancyGrid:
     """Return the map of `world`, with cells of `resolution` m, for a vehicle at `depth` m that needs `below` m below.
 
     `depth` may be a course (m, NED): in each cell the vehicle is at the depth of the nearest place of it. The map shows
     the whole world, or an `extent`. A cell is occupied if an obstacle at its centre reaches into the layer from `depth`
-    - `below` to `depth`, or the seabed there is shallower than `depth` + `below`. An obstacle so thin that it may miss
-    all centres is enlarged until it cannot. If `is_coarse`, a cell is occupied if any part of it may be. Raises
-    ConfigError.
+    - `above` (by default `below`) to `depth`, or the seabed there is shallower than `depth` + `below`. An obstacle so
+    thin that it may miss all centres is enlarged until it cannot. If `is_coarse`, a cell is occupied if any part of it
+    may be. Raises ConfigError.
     """
     seabed = shallowest if is_coarse else _seabed
 
@@ -102,17 +103,18 @@ def map_at(
         free = np.full(norths.shape, np.inf)
         deep = depths_near(depth, norths, easts) if isinstance(depth, Sequence) else depth
         shallowest, lowest = float(np.min(deep)), float(np.max(deep))
-        highest = shallowest - below
-        layer = (deep - below, deep) if shallowest < lowest else None
+        height = below if above is None else above
+        highest = shallowest - height
+        layer = (deep - height, deep) if shallowest < lowest else None
         for obstacle in world.obstacles():
             if obstacle.top < lowest and obstacle.bottom > highest:
-                widen = max(0.0, HALF_DIAGONAL * resolution - (0.0 if is_coarse else _thickness(obstacle)))
+                widen = max(0.0, _HALF_DIAGONAL * resolution - (0.0 if is_coarse else _thickness(obstacle)))
                 if isinstance(obstacle, Pipeline):
                     _lower_by_pieces(free, obstacle, world, (highest, lowest), norths, easts, widen, layer)
                 elif isinstance(obstacle, MeshObstacle):
                     _lower_by_mesh(free, obstacle.between(highest, lowest), norths, easts, widen, layer)
                 else:
-                    lower(free, obstacle, norths, easts, widen, layer)
+                    _lower(free, obstacle, norths, easts, widen, layer)
         is_deep = seabed(world, norths, easts) > deep + below
         if world.terrain is not None:
             world.terrain.unmap()  # the kernel has mapped far more than what was read
@@ -126,7 +128,7 @@ def _extent(world: World) -> Extent:
     return Extent(south, west, north, east)
 
 
-def lower(
+def _lower(
     free: Array, obstacle: Obstacle, norths: Array, easts: Array, widen: float = 0.0, layer: Layer | None = None
 ) -> None:
     """Lower `free` (m) to the distance from an obstacle, enlarged by `widen` m, where it is near and in the `layer`.

@@ -17,7 +17,7 @@ MAX_MB = 50  # the grid alone has 64
 RUN = """
 import re, sys
 import rasterio, scipy.ndimage
-import hil.charts.exports.occupancy, hil.charts.exports.geotiff, hil.charts.exports.gazebo, hil.commands.world as world
+import hil.scenario.world_map, hil.charts.exports.geotiff, hil.charts.exports.gazebo, hil.commands.world as world
 most = lambda: int(re.search(r"VmHWM:\\s+(\\d+)", open("/proc/self/status").read())[1])
 before = most()
 world.main(sys.argv[1:])

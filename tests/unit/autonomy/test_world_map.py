@@ -1,11 +1,14 @@
 """The world's map at the vehicle's depth in map_server's layout: nothing mirrored, turned or at a wrong depth."""
 
 import os
+from math import inf
 from typing import Any
 
 import pytest
 
 from hil.autonomy.paths.occupancy import Extent, OccupancyGrid
+from hil.scenario.world_map import map_at
+from sim.environment.obstacles import Box
 from sim.environment.world import World, load_world
 
 TEXT = """
@@ -59,6 +62,17 @@ def test_only_obstacles_at_the_vehicles_depth_are_on_the_map(world: World) -> No
     assert not shallow.is_free((18.0, 15.0))
     mirrored = [(2.0, 15.0), (18.0, 45.0), (2.0, 45.0 - 30.0), (18.0, 40.0), (15.0, 18.0)]
     assert all(deep.is_free(point) for point in mirrored)
+
+
+@pytest.mark.parametrize(("above", "is_free"), [(None, True), (inf, False)])
+def test_a_map_of_all_water_above_has_what_floats_there(world: World, above: float | None, is_free: bool) -> None:
+    """A vehicle at 5 m passes below a pontoon; water that is free down to 5 m has none, and no part of a pile."""
+    afloat = world._replace(box=(Box(10.0, 30.0, 6.0, 6.0, bottom=2.0),))
+    grid = map_at(afloat, 5.0, 0.0, 1.0, is_coarse=True, above=above)
+    assert grid.is_free((12.5, 32.5)) == is_free
+    assert not grid.is_free((18.5, 16.5))
+    assert grid.is_free((18.5, 18.5))
+    assert map_at(afloat, 20.0, 0.0, 1.0, above=above).cells.all(), "the bed"
 
 
 def test_the_image_shows_north_up_and_east_right(world: World, tmp_path: Any) -> None:

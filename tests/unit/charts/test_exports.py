@@ -10,12 +10,10 @@ import rasterio
 from numpy.typing import NDArray
 from PIL import Image
 
-from hil.autonomy.paths.occupancy import OccupancyGrid
 from hil.charts.exports import mesh
 from hil.charts.exports.gazebo import height_map, height_map_spacing, write_gazebo, write_png
 from hil.charts.exports.geotiff import write_geotiff
 from hil.charts.exports.mesh import triangulate, write_glb, write_stl
-from hil.charts.exports.occupancy import build_occupancy
 from hil.charts.grid import Grid, grid_of
 from hil.common.errors import ConfigError, MissingExtraError
 from hil.plots.stl import read_stl
@@ -175,29 +173,6 @@ def test_height_maps_are_square_with_a_side_of_a_power_of_two_plus_one(nodes: in
     image, _, _ = height_map(Grid(np.random.default_rng(1).random((2, nodes)).astype(np.float32), 0.0, 0.0, 1.0))
     assert image.shape == (side, side)
     assert (image.min(), image.max()) == (0, 65535)
-
-
-def test_free_water_is_deep_enough_and_clear_of_obstacles(tmp_path: Path) -> None:
-    grid = sloping()
-    pile, sunk = Cylinder(20.0, 60.0, 2.0), Cylinder(30.0, 45.0, 3.0, 15.0)
-    mole = Box(0.0, 50.0, 20.0, 0.5, 0.4, 1.0)
-    world = World("bay", "x", (-20.0, 35.0, 40.0, 120.0), 30.0, cylinder=(pile, sunk), box=(mole,))
-    occupancy = build_occupancy(world, grid, 8.0, 1.0)
-    rows, columns = occupancy.cells.shape
-    assert (rows, columns) == (55, 80)
-    for row in range(0, rows, 2):
-        for column in range(0, columns, 2):
-            position = occupancy.centre((row, column))
-            depth = grid.at(np.array([position]))[0]
-            separation = min(pile.separation(*position)[0], mole.separation(*position)[0])
-            if not depth > 8.0 or separation <= 0.7:
-                assert occupancy.cells[row, column], position
-            elif separation > 0.72:
-                assert not occupancy.cells[row, column], position
-    assert occupancy.is_free((30.5, 45.5)), "the sunken pile ends 7 m below"
-    assert not build_occupancy(world, grid, 15.5, 1.0).is_free((30.5, 45.5))
-    occupancy.write_pgm(str(tmp_path / "map.pgm"))
-    assert (OccupancyGrid.read(str(tmp_path / "map.yaml")).cells == occupancy.cells).all()
 
 
 def test_a_height_map_has_at_most_2049_nodes_a_side() -> None:
