@@ -1,11 +1,14 @@
-"""The energy of a vehicle, and the check that its collisions do not add any."""
+"""The energy of a vehicle, and checks that its collisions add none and that it does not pass into obstacles."""
 
+from math import pi, remainder
 from random import Random
 
 from sim.dynamics import Dynamics, State
 from sim.environment.collision import Contact
 from sim.environment.world import World
-from sim.rotations import normalise
+from sim.rotations import normalise, to_euler
+from sim.simulation import Simulation
+from sim.vehicle.collision_shape import Collision
 from sim.vehicle.vehicle import Vehicle
 
 
@@ -33,3 +36,25 @@ def check_collisions_add_no_energy(vehicle: Vehicle, world: World, count: int) -
         contacts += contact.resolve(state)
         assert kinetic_energy(dynamics, state) <= before * (1.0 + 1e-12)
     return contacts
+
+
+def sinking(vehicle: Vehicle, collision: Collision = Collision(restitution=0.0), drag: float = 0.0) -> Vehicle:
+    """Return `vehicle` 5 kg too heavy, with nothing that would turn it, and with only this linear drag."""
+    return vehicle._replace(
+        neutrally_buoyant=False, volume=4.7 / 1025.0, center_of_buoyancy=(0.0, 0.0, 0.0),
+        added_mass=(6.0, 6.0, 6.0, 0.1, 0.1, 0.1),
+        linear_damping=(drag,) * 6, quadratic_damping=(0.0,) * 6, collision=collision,
+    )  # fmt: skip
+
+
+def drive_against_obstacles(simulation: Simulation, steps: int) -> None:
+    """Drive ahead at 1 m/s on the heading of the start, ever deeper: along what is in the way, never into it."""
+    heading = to_euler(simulation.state.quaternion)[2]
+    for step in range(steps):
+        off = remainder(heading - to_euler(simulation.state.quaternion)[2], 2.0 * pi)
+        turn = round(max(-100.0, min(100.0, 300.0 * off - 150.0 * simulation.state.nu[5])))
+        left, right, down_us = 1650 + turn, 1650 - turn, 1500 + step // 40
+        simulation.step((right, left, right, left, down_us, down_us))
+        assert step % 4 or all(touch.depth < 1e-3 for touch in simulation._contact.find(simulation.state))
+        assert max(map(abs, simulation.state.nu)) < 20.0
+    assert simulation.contacts > 0

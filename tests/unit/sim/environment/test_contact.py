@@ -1,7 +1,6 @@
 """Collisions of a vehicle with walls, obstacles and the seabed."""
 
 from collections.abc import Sequence
-from math import pi
 from random import Random
 
 import pytest
@@ -11,19 +10,17 @@ from sim.environment.collision import Contact, starts_inside
 from sim.environment.contact.impulses import Touch
 from sim.environment.obstacles import Box, Cylinder
 from sim.environment.world import World
-from sim.rotations import normalise, rotate, to_euler
-from sim.sensors.sensor_set import SensorSet
+from sim.rotations import normalise, rotate
 from sim.simulation import Simulation
 from sim.vehicle.collision_shape import Collision
-from sim.vehicle.vehicle import Vehicle, load_vehicle
-from tests.support.collisions import check_collisions_add_no_energy
+from sim.vehicle.vehicle import load_vehicle
+from tests.support.collisions import check_collisions_add_no_energy, drive_against_obstacles, sinking
 
 VEHICLE, _ = load_vehicle("paper_six")
 SEA = World(
     "sea", "test", (-10.0, 10.0, -10.0, 10.0), 10.0,
     cylinder=(Cylinder(3.0, 0.0, 1.0), Cylinder(-5.0, 0.0, 1.5, top=6.0)), box=(Box(0.0, 4.0, 3.0, 1.0, 0.5),),
 )  # fmt: skip
-QUIET: SensorSet = {}
 STEP_NS = 5_000_000  # twice the usual step: harder for collisions, and half the steps
 
 
@@ -58,29 +55,12 @@ def test_after_a_collision_no_contact_point_closes() -> None:
 def test_a_vehicle_does_not_pass_through_walls_and_obstacles(heading: float) -> None:
     """A vehicle that moves ahead at 1 m/s for 20 s within walls slides along obstacles, never into them."""
     world = SEA._replace(walls=True)
-    simulation = Simulation(VEHICLE, world, QUIET, dt_ns=STEP_NS, position=(0.0, 0.0, 5.0), heading=heading)
-    for step in range(4000):
-        off = (heading - to_euler(simulation.state.quaternion)[2] + pi) % (2.0 * pi) - pi
-        turn = round(max(-100.0, min(100.0, 300.0 * off - 150.0 * simulation.state.nu[5])))
-        left, right, down_us = 1650 + turn, 1650 - turn, 1500 + step // 40
-        simulation.step((right, left, right, left, down_us, down_us))
-        assert step % 4 or all(touch.depth < 1e-3 for touch in simulation._contact.find(simulation.state))
-        assert max(map(abs, simulation.state.nu)) < 20.0
-    assert simulation.contacts > 0
-
-
-def sinking(**changes: object) -> Vehicle:
-    """Return a frictionless vehicle, 5 kg too heavy, with nothing that would turn it."""
-    vehicle = VEHICLE._replace(
-        neutrally_buoyant=False, volume=4.7 / 1025.0, center_of_buoyancy=(0.0, 0.0, 0.0),
-        added_mass=(6.0, 6.0, 6.0, 0.1, 0.1, 0.1),
-        linear_damping=(0.0,) * 6, quadratic_damping=(0.0,) * 6,
-    )  # fmt: skip
-    return vehicle._replace(**{"collision": Collision(restitution=0.0), **changes})  # type: ignore[arg-type]
+    simulation = Simulation(VEHICLE, world, {}, dt_ns=STEP_NS, position=(0.0, 0.0, 5.0), heading=heading)
+    drive_against_obstacles(simulation, 4000)
 
 
 def test_a_vehicle_rests_on_top_of_a_stump() -> None:
-    simulation = Simulation(sinking(linear_damping=(5.0,) * 6), SEA, QUIET, position=(-5.0, 0.0, 2.0))
+    simulation = Simulation(sinking(VEHICLE, drag=5.0), SEA, {}, position=(-5.0, 0.0, 2.0))
     for _ in range(4000):
         simulation.step((1500,) * 6)
     assert simulation.state.position[2] == pytest.approx(6.0 - 0.117, abs=1e-4)

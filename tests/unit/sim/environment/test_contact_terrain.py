@@ -1,7 +1,7 @@
 """A vehicle on relief: it does not enter slopes and steps, slides, and gains no energy."""
 
 from array import array
-from math import atan, cos, nan, pi, sin, sqrt
+from math import atan, cos, nan, sin, sqrt
 from random import Random
 
 import pytest
@@ -13,15 +13,16 @@ from sim.environment.relief import Fractal, Ridge, Sinusoid, Slope, Step
 from sim.environment.terrain import Terrain, covering
 from sim.environment.terrain_grid import Grid
 from sim.environment.world import World
-from sim.rotations import normalise, rotate, to_euler
+from sim.rotations import normalise, rotate
 from sim.simulation import Simulation
 from sim.vehicle.collision_shape import Collision
-from sim.vehicle.vehicle import Vehicle, load_vehicle
-from tests.support.collisions import check_collisions_add_no_energy, total_energy
+from sim.vehicle.vehicle import load_vehicle
+from tests.support.collisions import check_collisions_add_no_energy, drive_against_obstacles, sinking, total_energy
 
 VEHICLE, _ = load_vehicle("paper_six")
 HALF_HEIGHT = 0.5 * VEHICLE.dimensions[2]
 EXTENT = (-15.0, 15.0, -15.0, 15.0)
+SMOOTH = Collision(friction=0.0, restitution=0.0)
 STEP_NS = 5_000_000  # twice the usual step: harder for collisions, and half the steps
 
 
@@ -36,15 +37,6 @@ def world_of(rule: Slope | Ridge | Sinusoid | Fractal | Step, holes: int = 0) ->
 def deepest(contact: Contact, state: State) -> float:
     """Return how far (m) the hull is in the seabed, 0 if it is not."""
     return max([touch.depth for touch in contact.find(state)], default=0.0)
-
-
-def sinking() -> Vehicle:
-    """Return a frictionless vehicle, 5 kg too heavy, with nothing that would turn it."""
-    return VEHICLE._replace(
-        neutrally_buoyant=False, volume=4.7 / 1025.0, center_of_buoyancy=(0.0, 0.0, 0.0),
-        added_mass=(6.0, 6.0, 6.0, 0.1, 0.1, 0.1),
-        linear_damping=(0.0,) * 6, quadratic_damping=(0.0,) * 6, collision=Collision(friction=0.0, restitution=0.0),
-    )  # fmt: skip
 
 
 def test_a_collision_never_adds_kinetic_energy() -> None:
@@ -74,7 +66,7 @@ def test_a_vehicle_in_a_slope_is_moved_out_along_the_normal(heading: float) -> N
 
 def test_a_vehicle_slides_down_a_slope() -> None:
     """The vehicle, without friction, gains speed along the slope as a body on an incline does, added mass included."""
-    vehicle = sinking()
+    vehicle = sinking(VEHICLE, SMOOTH)
     simulation = Simulation(vehicle, world_of(Slope(6.0, 0.3)), {}, position=(-10.0, 0.0, 2.0))
     speeds = []
     for step in range(1800):
@@ -103,7 +95,7 @@ def test_a_run_over_relief_gains_no_energy(rule: Slope, holes: int) -> None:
 
     Over the whole ride energy is lost, and nothing is in the seabed, which is checked at every fourth step.
     """
-    world, vehicle = world_of(rule, holes), sinking()
+    world, vehicle = world_of(rule, holes), sinking(VEHICLE, SMOOTH)
     dynamics = make_dynamics(vehicle, world.density, world.gravity, "rk4")
     contact = Contact(vehicle, world, dynamics.inverse_mass)
     state = State((1.3, -2.1, 2.0), nu=(0.7, -0.9, 0.0, 0.0, 0.0, 0.0))
@@ -133,14 +125,7 @@ def test_a_vehicle_does_not_pass_through_steps(heading: float) -> None:
     depths[6 * 13 + 9] = depths[9 * 13 + 5] = nan
     world = World("basin", "test", EXTENT, 4.0, terrain=Terrain(grid, depths, 4.0))
     simulation = Simulation(VEHICLE, world, {}, dt_ns=STEP_NS, position=(0.0, 0.0, 7.0), heading=heading)
-    for step in range(2500):
-        off = (heading - to_euler(simulation.state.quaternion)[2] + pi) % (2.0 * pi) - pi
-        turn = round(max(-100.0, min(100.0, 300.0 * off - 150.0 * simulation.state.nu[5])))
-        left, right, down_us = 1650 + turn, 1650 - turn, 1500 + step // 40
-        simulation.step((right, left, right, left, down_us, down_us))
-        assert step % 4 or deepest(simulation._contact, simulation.state) < 1e-3
-        assert max(map(abs, simulation.state.nu)) < 20.0
-    assert simulation.contacts > 0
+    drive_against_obstacles(simulation, 2500)
 
 
 def test_a_start_inside_a_slope_is_detected() -> None:

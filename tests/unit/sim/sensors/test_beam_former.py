@@ -14,7 +14,8 @@ from sim.rotations import from_euler
 from sim.sensors.imaging.beam_former import BeamFormer
 from sim.sensors.imaging.echoes import array_pattern, first_null
 from sim.sensors.imaging.forward_sonar import ForwardSonarModel
-from tests.unit.sim.sensors.test_forward_sonar import AHEAD, DEEP, TRUE, facing_wall, forward, image
+from tests.support.fitted import DEEP, image
+from tests.unit.sim.sensors.test_forward_sonar import AHEAD, TRUE, facing_wall, forward
 
 SPACING, WIDTH = radians(0.25), radians(1.0)
 MIDDLE = 100

@@ -22,20 +22,16 @@ from sim.sensors.imaging.camera.picture import distort, pixel_rays, undistort
 from sim.sensors.imaging.camera.sensor import Camera
 from sim.sensors.imaging.samples import CameraSample, Intrinsics
 from sim.sensors.mounting import Mounting
-from sim.simulation import Simulation
-from sim.vehicle.vehicle import load_vehicle
+from tests.support.fitted import DEEP, EXTENT, scene
 
-EXTENT = (-60.0, 60.0, -60.0, 60.0)
-VEHICLE, _ = load_vehicle("bluerov2_heavy")
 FLAT = World("flat", "test", EXTENT, 12.0)
-DEEP = World("deep", "test", EXTENT, 500.0)
 TRUE = CameraModel(ground_truth=True, width=81, height=61)
 POSE = State((0.0, 0.0, 8.0))
 DOWN = Mounting(orientation=(0.0, radians(-90.0), 0.0))
 
 
 def camera(world: World, model: CameraModel = TRUE, mounting: Mounting = Mounting(), seed: int = 1) -> Camera:
-    return Camera(model, mounting, seed, Simulation(VEHICLE, world, {}, position=(0.0, 0.0, 5.0)))
+    return Camera(model, mounting, seed, scene(world))
 
 
 def depths(sample: CameraSample) -> Any:

@@ -24,15 +24,12 @@ from sim.sensors.imaging.camera.sensor import Camera
 from sim.sensors.imaging.samples import CameraSample
 from sim.sensors.imaging.scenery import SurfaceHits
 from sim.sensors.mounting import Mounting
-from sim.simulation import Simulation
 from sim.twins import load_picture
-from sim.vehicle.vehicle import load_vehicle
+from tests.support.fitted import EXTENT, scene
 from tests.support.lazy import import_lazily
 
 integrate = import_lazily("scipy.integrate")
 
-EXTENT = (-60.0, 60.0, -60.0, 60.0)
-VEHICLE, _ = load_vehicle("bluerov2_heavy")
 PILED = World("piled", "test", EXTENT, 60.0, cylinder=(Cylinder(3.0, 0.0, 0.2, top=50.0),),
               box=(Box(6.0, 0.0, 0.5, 20.0, 0.0, top=50.0),))  # fmt: skip
 SHALLOW = World("shallow", "test", EXTENT, 3.0)
@@ -45,8 +42,7 @@ def take_picture(
     world: World = PILED, state: State = POSE, mounting: Mounting = Mounting(), seed: int = 1, time_ns: int = 0,
     **keys: Any,
 ) -> CameraSample:  # fmt: skip
-    scene = Simulation(VEHICLE, world, {}, position=(0.0, 0.0, 2.0))
-    return Camera(KEYS._replace(**keys), mounting, seed, scene).sample(time_ns, state)
+    return Camera(KEYS._replace(**keys), mounting, seed, scene(world, 2.0)).sample(time_ns, state)
 
 
 def colours(sample: CameraSample) -> Any:
@@ -234,9 +230,8 @@ def test_the_compiled_pass_gives_the_same_light(
         depth=9.0, terrain=Terrain(grid, depths, 9.0), cylinder=(Cylinder(4.0, 1.0, 0.3, top=2.0),),
         bottom=Bottom(kind, ripple_height=0.05, ripple_length=0.5, ripple_heading=0.7),
     )  # fmt: skip
-    scene = Simulation(VEHICLE, world, {}, position=(0.0, 0.0, 2.0))
     for angles in ((0.0, -0.6, 0.2), (0.1, 0.5, 1.0), (0.0, -1.5, 2.0)):
-        renderer = Camera(KEYS._replace(**keys), Mounting(orientation=angles), 1, scene)._renderer
+        renderer = Camera(KEYS._replace(**keys), Mounting(orientation=angles), 1, scene(world, 2.0))._renderer
         state = State((0.3, -0.2, 5.0))
         assert renderer._shading
         at_once, ranges, objects = renderer.render(0, state)

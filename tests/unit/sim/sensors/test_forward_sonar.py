@@ -19,35 +19,19 @@ from sim.rotations import from_euler
 from sim.sensors.error import ErrorModel
 from sim.sensors.imaging.echoes import beam_pattern, first_null
 from sim.sensors.imaging.forward_sonar import ForwardSonar, ForwardSonarModel
-from sim.sensors.imaging.samples import SonarImageSample
 from sim.sensors.mounting import Mounting
-from sim.simulation import Simulation
-from sim.vehicle.vehicle import load_vehicle
+from tests.support.fitted import DEEP, EXACT, EXTENT, FLAT, image, scene
 
-EXTENT = (-60.0, 60.0, -60.0, 60.0)
-VEHICLE, _ = load_vehicle("bluerov2_heavy")
-FLAT = World("flat", "test", EXTENT, 20.0)
-DEEP = World("deep", "test", EXTENT, 500.0)
 TRUE = ForwardSonarModel(
     ground_truth=True, beams=65, sector=radians(65.0), rays=60, min_range=0.0, side_lobes=0.0, surface_strength=-200.0
 )
 AHEAD = State((0.0, 0.0, 10.0))
-NEVER = ErrorModel()
-
-
-def scene(world: World = FLAT) -> Simulation:
-    return Simulation(VEHICLE, world, {}, position=(0.0, 0.0, 5.0))
 
 
 def forward(
     world: World, model: ForwardSonarModel = TRUE, mounting: Mounting = Mounting(), seed: int = 1
 ) -> ForwardSonar:
     return ForwardSonar(model, mounting, seed, scene(world))
-
-
-def image(sample: SonarImageSample) -> Any:
-    """Return an image, bins x beams."""
-    return np.frombuffer(sample.intensities, sample.encoding).reshape(sample.bins, len(sample.beams))
 
 
 def facing_wall(distance: float) -> World:
@@ -259,7 +243,7 @@ def test_the_bottom_texture_is_fixed_to_positions() -> None:
 
 
 def test_time_varied_gain_makes_a_wall_equally_bright_near_and_far() -> None:
-    quiet = TRUE._replace(ground_truth=False, looks=0.0, noise_level=0.0, error=NEVER, gain=-10.0, range_step=1.0)
+    quiet = TRUE._replace(ground_truth=False, looks=0.0, noise_level=0.0, error=EXACT, gain=-10.0, range_step=1.0)
     near, far = (int(image(forward(facing_wall(d), quiet).sample(0, AHEAD))[:, 32].max()) for d in (10.5, 40.5))
     assert near == pytest.approx(far, abs=20)
     flat = quiet._replace(tvg=0.0, gain=-20.0)
@@ -280,7 +264,7 @@ def test_ranges_scale_with_the_assumed_speed_of_sound() -> None:
     """The device assumes 1500 m/s; in water of 1450 m/s ranges are 1500 / 1450 times as long."""
     ocean = Ocean(profile=Profile((0.0, 100.0), (1025.0, 1025.0), (1450.0, 1450.0)))
     world = DEEP._replace(cylinder=(Cylinder(30.0, 0.0, 1.0),), ocean=ocean)
-    model = TRUE._replace(ground_truth=False, looks=0.0, noise_level=0.0, error=NEVER)
+    model = TRUE._replace(ground_truth=False, looks=0.0, noise_level=0.0, error=EXACT)
     first = np.nonzero(image(forward(world, model).sample(0, AHEAD))[:, 32])[0][0]
     assert first == int(29.0 * 1500.0 / 1450.0 / 0.1)
     true = np.nonzero(image(forward(world).sample(0, AHEAD))[:, 32])[0][0]

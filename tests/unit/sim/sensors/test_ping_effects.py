@@ -18,13 +18,8 @@ from sim.sensors.imaging.scanning_sonar import ScanningSonar, ScanningSonarModel
 from sim.sensors.imaging.side_scan import SideScan, SideScanModel
 from sim.sensors.mounting import Mounting
 from sim.sensors.sensor_set import read_sensors
-from sim.simulation import Simulation
-from sim.vehicle.vehicle import load_vehicle
+from tests.support.fitted import DEEP, FLAT, image, scene
 
-VEHICLE, _ = load_vehicle("bluerov2_heavy")
-EXTENT = (-60.0, 60.0, -60.0, 60.0)
-DEEP = World("deep", "test", EXTENT, 500.0)
-FLAT = World("flat", "test", EXTENT, 20.0)
 FORWARD = ForwardSonarModel(
     ground_truth=True, beams=121, sector=radians(60.5), min_range=0.0, side_lobes=0.0, surface_strength=-200.0
 )
@@ -36,16 +31,11 @@ BALL = solids.sphere((0.0, 0.0, 0.0), 0.5)
 
 
 def make_sensor(kind: Any, model: Any, world: World = DEEP) -> Any:
-    return kind(model, Mounting(), 1, Simulation(VEHICLE, world, {}, position=(0.0, 0.0, 5.0)))
+    return kind(model, Mounting(), 1, scene(world))
 
 
 def at_depth(depth: float, *nu: float) -> State:
     return State((0.0, 0.0, depth), (1.0, 0.0, 0.0, 0.0), nu or (0.0,) * 6)
-
-
-def picture(sample: Any) -> Any:
-    """Return the picture, bins x beams."""
-    return np.frombuffer(sample.intensities, sample.encoding).reshape(sample.bins, -1)
 
 
 def sweep(model: ScanningSonarModel) -> tuple[Any, Any]:
@@ -53,7 +43,7 @@ def sweep(model: ScanningSonarModel) -> tuple[Any, Any]:
     sonar = make_sensor(ScanningSonar, model._replace(angle_min=radians(-36.0), angle_max=radians(36.0)))
     sonar.add(BALL, State((10.0, 0.0, 10.0)))
     samples = [sonar.sample(ping, at_depth(10.0)).echoes for ping in range(81)]
-    return np.array([s.beams[0] for s in samples]), np.array([picture(s)[:, 0] for s in samples])
+    return np.array([s.beams[0] for s in samples]), np.array([image(s)[:, 0] for s in samples])
 
 
 # --- ringing
@@ -61,7 +51,7 @@ def sweep(model: ScanningSonarModel) -> tuple[Any, Any]:
 
 def test_ringing_hides_near_echoes_only() -> None:
     quiet, ringing = (
-        picture(make_sensor(ForwardSonar, ForwardSonarModel(min_range=0.0, ringing=r)).sample(0, at_depth(10.0)))
+        image(make_sensor(ForwardSonar, ForwardSonarModel(min_range=0.0, ringing=r)).sample(0, at_depth(10.0)))
         for r in (0.0, 2.0)
     )
     assert ringing[:5].min() == 255
@@ -70,7 +60,7 @@ def test_ringing_hides_near_echoes_only() -> None:
     assert (np.diff(falling[falling < 255.0]) < 5.0).all()
     assert np.abs(ringing[30:].astype(int) - quiet[30:]).max() <= 1
     truth = make_sensor(ForwardSonar, FORWARD._replace(ringing=2.0)).sample(0, at_depth(10.0))
-    assert not picture(truth)[:20].any(), "the ground truth has none"
+    assert not image(truth)[:20].any(), "the ground truth has none"
 
 
 def test_a_ping360_samples_from_zero_and_measures_no_distance_in_its_ringing() -> None:
@@ -129,7 +119,7 @@ def test_the_surface_reflects_echoes_of_a_scanning_sonar() -> None:
     sonar, direct = (make_sensor(ScanningSonar, m) for m in (model, model._replace(multipath=False)))
     for each in (sonar, direct):
         each.add(solids.sphere((0.0, 0.0, 0.0), 0.3), State((10.0, 0.0, 1.5)))
-    more = picture(sonar.sample(0, at_depth(1.5)).echoes) - picture(direct.sample(0, at_depth(1.5)).echoes)
+    more = image(sonar.sample(0, at_depth(1.5)).echoes) - image(direct.sample(0, at_depth(1.5)).echoes)
     ghost_ranges = np.flatnonzero(more[:, 0] > 1e-3 * more.max()) * 0.05
     bent = sqrt(10.0**2 + 3.0**2)
     assert ghost_ranges.min() == pytest.approx(0.5 * (bent + 10.0) - 0.3, abs=0.15)
@@ -151,7 +141,7 @@ def test_a_smooth_wall_has_a_glint_at_a_right_angle(glint: float) -> None:
 
     def echo(degrees: float, model: ForwardSonarModel, world: World = DEEP) -> float:
         turned = world._replace(box=(Box(20.0, 0.0, 0.02, 40.0, radians(degrees)),))
-        return float(picture(make_sensor(ForwardSonar, model, turned).sample(0, at_depth(10.0))).sum())
+        return float(image(make_sensor(ForwardSonar, model, turned).sample(0, at_depth(10.0))).sum())
 
     for degrees, lobe in ((0.0, 1.0), (6.0, exp(-(tan(radians(6.0)) ** 2) / 0.02)), (40.0, 0.0)):
         ratio = echo(degrees, model._replace(glint=glint)) / echo(degrees, model)
@@ -185,10 +175,10 @@ def test_a_turning_forward_sonar_measures_bearings_at_reception(rate: float) -> 
     angle, distance = radians(5.0), 45.0
     sonar.add(BALL, State((distance * cos(angle), distance * sin(angle), 10.0)))
     sample = sonar.sample(0, at_depth(10.0, 0.0, 0.0, 0.0, 0.0, 0.0, rate))
-    across = picture(sample).sum(axis=0)
+    across = image(sample).sum(axis=0)
     found = (across * np.array(sample.beams)).sum() / across.sum()
     assert found == pytest.approx(angle - rate * 2.0 * (distance - 0.4) / SOUND_SPEED, abs=radians(0.1))
-    still = picture(sonar.sample(0, at_depth(10.0)))
+    still = image(sonar.sample(0, at_depth(10.0)))
     assert across.sum() == pytest.approx(still.sum(), rel=0.02)
 
 

@@ -8,16 +8,12 @@ import pytest
 
 from sim.dynamics import State
 from sim.environment.obstacles import Box
-from sim.environment.world import World
 from sim.sensors.imaging.pulse import PulseReceiver, aperture_length, ping360_pulse
 from sim.sensors.imaging.scanning_sonar import ScanningSonar
 from sim.sensors.mounting import Mounting
 from sim.sensors.sensor_set import read_sensors
-from sim.simulation import Simulation
-from sim.vehicle.vehicle import load_vehicle
+from tests.support.fitted import DEEP, scene
 
-VEHICLE, _ = load_vehicle("bluerov2_heavy")
-DEEP = World("deep", "test", (-60.0, 60.0, -60.0, 60.0), 500.0)
 BINS = 20_000
 WIDTH = radians(2.0)
 POSITION = np.ones(3)
@@ -88,8 +84,7 @@ def scans(walls: tuple[Box, ...] = (), **keys: Any) -> Any:
     """Return 20 pings ahead of a Ping360 at rest, pings x bins."""
     model = read_sensors({"scanning_sonar": {"device": "ping360", **keys}}, "test")["scanning_sonar"].model
     model = model._replace(angle_min=0.0, angle_max=0.1)
-    scene = Simulation(VEHICLE, DEEP._replace(box=walls), {}, position=(0.0, 0.0, 5.0))
-    sonar = ScanningSonar(model, Mounting(), 1, scene)
+    sonar = ScanningSonar(model, Mounting(), 1, scene(DEEP._replace(box=walls)))
     state = State((0.0, 0.0, 5.0), (1.0, 0.0, 0.0, 0.0), (0.0,) * 6)
     return np.array([np.frombuffer(sonar.sample(k, state).echoes.intensities, np.uint8) for k in range(20)])
 

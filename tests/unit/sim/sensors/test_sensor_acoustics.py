@@ -19,18 +19,10 @@ from sim.sensors.ranging.dvl_water import DvlWater, DvlWaterModel
 from sim.sensors.sensor_set import SensorSpec
 from sim.sensors.usbl import Usbl, UsblModel
 from sim.simulation import Simulation
-from sim.vehicle.vehicle import load_vehicle
+from tests.support.fitted import ASKEW, EXACT, NU, VEHICLE, scene
 
-EXACT = ErrorModel()
 SEA = World("sea", "test", (-900.0, 900.0, -900.0, 900.0), 20.0, current=(0.3, -0.2, 0.05))
 DEEP = SEA._replace(depth=1000.0)
-VEHICLE, _ = load_vehicle("bluerov2_heavy")
-NU = (0.8, -0.3, 0.2, 0.4, -0.5, 0.6)
-ASKEW = Mounting((0.3, -0.1, 0.2), (0.3, -0.4, 2.5))
-
-
-def scene(world: World = SEA) -> Simulation:
-    return Simulation(VEHICLE, world, {}, position=(0.0, 0.0, 5.0))
 
 
 # --- altimeter
@@ -40,14 +32,14 @@ ALTIMETER = AltimeterModel(error=EXACT)
 
 def test_an_altimeter_measures_along_its_beam() -> None:
     state = State((1.0, 2.0, 3.0), from_euler(0.15, -0.2, 2.0), NU)
-    straight = Altimeter(ALTIMETER, Mounting((0.4, 0.1, 0.3)), 1, scene()).sample(9, state)
+    straight = Altimeter(ALTIMETER, Mounting((0.4, 0.1, 0.3)), 1, scene(SEA)).sample(9, state)
     depth = 3.0 + rotate(state.quaternion, (0.4, 0.1, 0.3))[2]
     assert straight.time_ns == 9
     assert straight.distance == pytest.approx((20.0 - depth) / (cos(0.15) * cos(0.2)))
     assert straight.limits == (0.3, 100.0)
     ahead = Mounting(orientation=(0.0, radians(60), 0.0))  # tips the beam ahead by 60 deg
     level = State((0.0, 0.0, 5.0))
-    assert Altimeter(ALTIMETER, ahead, 1, scene()).sample(0, level).distance == pytest.approx(30.0)
+    assert Altimeter(ALTIMETER, ahead, 1, scene(SEA)).sample(0, level).distance == pytest.approx(30.0)
 
 
 @pytest.mark.parametrize(
@@ -64,14 +56,14 @@ def test_an_altimeter_measures_along_its_beam() -> None:
 )
 def test_an_altimeter_without_an_echo_gives_no_altitude(depth: float, roll: float, expected: float) -> None:
     state = State((0.0, 0.0, depth), from_euler(roll, 0.0, 0.0))
-    assert Altimeter(ALTIMETER, Mounting(), 1, scene()).sample(0, state).distance == pytest.approx(expected)
+    assert Altimeter(ALTIMETER, Mounting(), 1, scene(SEA)).sample(0, state).distance == pytest.approx(expected)
 
 
 def test_altimeter_errors_have_their_stated_size() -> None:
-    one = Altimeter(AltimeterModel(), Mounting(), 1, scene())
+    one = Altimeter(AltimeterModel(), Mounting(), 1, scene(SEA))
     state = State((0.0, 0.0, 10.0))
     assert pstdev(one.sample(i, state).distance for i in range(2000)) == pytest.approx(0.005, rel=0.06)
-    many = [Altimeter(AltimeterModel(), Mounting(), seed, scene()).sample(0, state).distance for seed in range(300)]
+    many = [Altimeter(AltimeterModel(), Mounting(), seed, scene(SEA)).sample(0, state).distance for seed in range(300)]
     assert pstdev(many) == pytest.approx(10.0 * 0.005, rel=0.15)
     assert fmean(many) == pytest.approx(10.0, abs=0.01)
 
@@ -176,7 +168,7 @@ METER = CurrentMeterModel(velocity=EXACT)
 def test_a_current_meter_is_exact_without_errors(mounting: Mounting) -> None:
     """The sample is water less vehicle velocity at the meter's position, by hand with the lever arm."""
     state = State((1.0, 2.0, 3.0), from_euler(0.15, -0.2, 2.0), NU)
-    sample = CurrentMeter(METER, mounting, 1, scene()).sample(4, state)
+    sample = CurrentMeter(METER, mounting, 1, scene(SEA)).sample(4, state)
     assert sample is not None
     swing = np.array(NU[:3]) + np.cross(NU[3:], mounting.position)
     past = np.array(SEA.current) - np.array(rotate(state.quaternion, swing.tolist()))
@@ -197,11 +189,11 @@ def test_a_current_meter_measures_waves_at_its_position_and_nothing_in_air() -> 
 
 
 def test_current_meter_errors_have_their_stated_size() -> None:
-    meter, state = CurrentMeter(CurrentMeterModel(), Mounting(), 2, scene()), State((0.0, 0.0, 5.0))
+    meter, state = CurrentMeter(CurrentMeterModel(), Mounting(), 2, scene(SEA)), State((0.0, 0.0, 5.0))
     samples = [meter.sample(i, state) for i in range(2000)]
     assert pstdev(sample.velocity[1] for sample in samples if sample) == pytest.approx(0.005, rel=0.06)
     fast = State((0.0, 0.0, 5.0), nu=(-2.7, 0.0, 0.0, 0.0, 0.0, 0.0))  # 3 m/s past it, of which 1 % is 3 cm/s
-    many = [CurrentMeter(CurrentMeterModel(), Mounting(), seed, scene()).sample(0, fast) for seed in range(300)]
+    many = [CurrentMeter(CurrentMeterModel(), Mounting(), seed, scene(SEA)).sample(0, fast) for seed in range(300)]
     assert pstdev(sample.velocity[0] for sample in many if sample) == pytest.approx(0.0304, rel=0.15)
 
 
@@ -235,13 +227,15 @@ def test_water_track_is_relative_to_the_middle_of_its_layer(mounting: Mounting) 
     ],
 )
 def test_water_track_locks_within_its_limits(depth: float, roll: float, locked: bool) -> None:
-    sample = DvlWater(TRACK, Mounting(), 1, scene()).sample(0, State((0.0, 0.0, depth), from_euler(roll, 0.0, 0.0), NU))
+    sample = DvlWater(TRACK, Mounting(), 1, scene(SEA)).sample(
+        0, State((0.0, 0.0, depth), from_euler(roll, 0.0, 0.0), NU)
+    )
     assert sample.locked is locked
     assert all(isnan(x) is not locked for x in sample.velocity)
 
 
 def test_water_track_errors_have_their_stated_size() -> None:
-    track, state = DvlWater(DvlWaterModel(), Mounting(), 1, scene()), State((0.0, 0.0, 5.0), nu=NU)
+    track, state = DvlWater(DvlWaterModel(), Mounting(), 1, scene(SEA)), State((0.0, 0.0, 5.0), nu=NU)
     samples = [track.sample(i, state).velocity for i in range(2000)]
     for axis in range(3):
         assert pstdev(sample[axis] for sample in samples) == pytest.approx(0.0035, rel=0.06)

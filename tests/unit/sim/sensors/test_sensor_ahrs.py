@@ -14,17 +14,14 @@ from sim.sensors.ahrs import Ahrs, AhrsModel
 from sim.sensors.error import ErrorModel
 from sim.sensors.mounting import Mounting
 from sim.sensors.samples import ImuSample
-from sim.simulation import Simulation
-from sim.vehicle.vehicle import load_vehicle
+from tests.support.fitted import EXACT, scene
 from tests.support.lazy import import_lazily
 
 allantools = import_lazily("allantools")
 
-EXACT = ErrorModel()
 MODEL = AhrsModel(rate=50.0, angular_velocity=EXACT, acceleration=EXACT, magnetic_field=EXACT)
 SEA = World("sea", "test", (-100.0, 100.0, -100.0, 100.0), 20.0, magnetic_field=(50e-6, 1.1, 0.3))
-VEHICLE, _ = load_vehicle("bluerov2_heavy")
-SCENE = Simulation(VEHICLE, SEA, {}, position=(0.0, 0.0, 5.0))
+SCENE = scene(SEA)
 
 
 def angle(a: Quaternion, b: tuple[float, ...] | list[float]) -> float:
@@ -100,13 +97,13 @@ def test_magnetic_iron_turns_the_heading() -> None:
 
 def test_default_errors_equal_those_of_the_data_sheet() -> None:
     """The errors over many units are 0.4 deg of roll and pitch and 1 deg of heading, in the default world's field."""
-    world = SEA._replace(magnetic_field=DEFAULT)
-    scene = Simulation(VEHICLE, world, {}, position=(0.0, 0.0, 5.0))
+    default = scene(SEA._replace(magnetic_field=DEFAULT))
     field = AhrsModel().magnetic_field._replace(noise=0.0)  # which at 100 Hz and over 10 s is nearly averaged out
     model = AhrsModel(rate=5.0, level_time=2.0, heading_time=2.0, magnetic_field=field)
     state = State((0.0, 0.0, 5.0), from_euler(0.0, 0.0, 1.0))
     errors = [
-        to_euler(run_filter(Ahrs(model, Mounting(), seed, scene), state, 15.0, 5.0).orientation) for seed in range(250)
+        to_euler(run_filter(Ahrs(model, Mounting(), seed, default), state, 15.0, 5.0).orientation)
+        for seed in range(250)
     ]
     rolls, pitches, yaws = zip(*errors, strict=True)
     assert degrees(pstdev(rolls)) == pytest.approx(0.4, rel=0.15)

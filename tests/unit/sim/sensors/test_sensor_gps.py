@@ -11,18 +11,14 @@ from sim.environment.ocean import Ocean, Waves
 from sim.environment.world import World, load_world
 from sim.geodesy import FLATTENING, SEMI_MAJOR_AXIS, TangentPlane, earth_centred, geodetic
 from sim.rotations import from_euler
-from sim.sensors.error import ErrorModel
 from sim.sensors.gps import Gps, GpsModel
 from sim.sensors.mounting import Mounting
-from sim.simulation import Simulation
-from sim.vehicle.vehicle import load_vehicle
+from tests.support.fitted import EXACT, scene
 
-EXACT = ErrorModel()
 MODEL = GpsModel(acquisition=0.0, horizontal=EXACT, vertical=EXACT)
 ORIGIN = (57.7, 11.9)
 SEA = World("sea", "test", (-100.0, 100.0, -100.0, 100.0), 20.0, origin=ORIGIN, origin_altitude=36.2)
-VEHICLE, _ = load_vehicle("bluerov2_heavy")
-SCENE = Simulation(VEHICLE, SEA, {}, position=(0.0, 0.0, 5.0))
+SCENE = scene(SEA)
 S = 1_000_000_000
 
 
@@ -101,8 +97,8 @@ def test_a_fix_takes_its_acquisition_time_after_each_dive() -> None:
 def test_waves_over_the_antenna_interrupt_the_fix() -> None:
     """A long swell of 2 m over an antenna 0.3 m above the mean surface leaves fixes while the surface is lower."""
     ocean = Ocean(waves=Waves(2.0, 8.0, components=1))
-    scene = Simulation(VEHICLE, SEA._replace(ocean=ocean), {}, position=(0.0, 0.0, 5.0))
-    gps, wave_field = Gps(MODEL, Mounting(), 1, scene), scene.wave_field
+    rough = scene(SEA._replace(ocean=ocean))
+    gps, wave_field = Gps(MODEL, Mounting(), 1, rough), rough.wave_field
     assert wave_field is not None
     fixes = [gps.sample(i * S // 10, State((7.0, -3.0, -0.3))).fix for i in range(200)]
     assert fixes == [wave_field.elevation(i / 10.0, 7.0, -3.0) < 0.3 for i in range(200)]
@@ -126,6 +122,5 @@ def test_position_errors_have_their_stated_size() -> None:
 
 
 def test_a_world_without_an_origin_is_reported() -> None:
-    scene = Simulation(VEHICLE, load_world("pool"), {}, position=(0.0, 0.0, 1.0))
     with pytest.raises(ConfigError, match=r"the world pool does not say .*origin = \[latitude, longitude\]"):
-        Gps(MODEL, Mounting(), 1, scene)
+        Gps(MODEL, Mounting(), 1, scene(load_world("pool"), 1.0))

@@ -9,17 +9,14 @@ from hil.common.errors import ConfigError
 from sim.dynamics import State
 from sim.environment.world import World
 from sim.rotations import from_euler, rotate
-from sim.sensors.error import ErrorModel
 from sim.sensors.magnetometer import Magnetometer, MagnetometerModel, earth_field
 from sim.sensors.mounting import Mounting
 from sim.sensors.sensor_set import read_sensors
-from sim.simulation import Simulation
-from sim.vehicle.vehicle import load_vehicle
+from tests.support.fitted import EXACT, scene
 
-EXACT = ErrorModel()
 MODEL = MagnetometerModel(error_xy=EXACT, error_z=EXACT)
 SEA = World("sea", "test", (-100.0, 100.0, -100.0, 100.0), 20.0, magnetic_field=(50e-6, 1.1, 0.25))
-SCENE = Simulation(load_vehicle("bluerov2_heavy")[0], SEA, {}, position=(0.0, 0.0, 5.0))
+SCENE = scene(SEA)
 
 
 def test_the_earths_field_has_its_components() -> None:

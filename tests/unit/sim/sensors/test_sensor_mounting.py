@@ -7,20 +7,15 @@ import pytest
 from sim.dynamics import State
 from sim.environment.world import World
 from sim.rotations import from_euler, multiply, rotate, rotate_inverse
-from sim.sensors.error import ErrorModel
 from sim.sensors.imu import Imu, ImuModel, specific_force
 from sim.sensors.mounting import Mounting
 from sim.sensors.ranging.dvl import Dvl, DvlModel
-from sim.simulation import Simulation
-from sim.vehicle.vehicle import load_vehicle
+from tests.support.fitted import ASKEW, EXACT, NU, scene
 
-EXACT = ErrorModel()
 EXACT_IMU = ImuModel(attitude=EXACT, angular_velocity=EXACT, acceleration=EXACT)
 EXACT_DVL = DvlModel(velocity=EXACT, range=EXACT)
 SEA = World("sea", "test", (-100.0, 100.0, -100.0, 100.0), 20.0, gravity=9.8)
-SCENE = Simulation(load_vehicle("bluerov2_heavy")[0], SEA, {}, position=(0.0, 0.0, 5.0))
-NU = (0.8, -0.3, 0.2, 0.4, -0.5, 0.6)
-ASKEW = Mounting((0.3, -0.1, 0.2), (0.3, -0.4, 2.5))
+SCENE = scene(SEA)
 
 
 def moving() -> State:

@@ -10,18 +10,16 @@ from sim.dynamics import State
 from sim.environment.ocean import Ocean, Profile, Waves
 from sim.environment.waves import WaveField
 from sim.environment.world import World, water_pressure
-from sim.sensors.error import ErrorModel
 from sim.sensors.mounting import Mounting
 from sim.sensors.pressure import STANDARD_ATMOSPHERE, Pressure, PressureModel
 from sim.simulation import Simulation
-from sim.vehicle.vehicle import load_vehicle
+from tests.support.fitted import EXACT, VEHICLE, scene
 
 G = 9.80665
-MODEL = PressureModel(error=ErrorModel())
+MODEL = PressureModel(error=EXACT)
 SEA = World("sea", "test", (-100.0, 100.0, -100.0, 100.0), 25.0)
 SMALL = Waves(0.02, 6.0, components=1)
 ROUGH = Waves(2.0, 6.0, components=30, spread=0.4)
-VEHICLE, _ = load_vehicle("bluerov2_heavy")
 TIMES = [0.31 * i for i in range(40)]
 
 
@@ -77,7 +75,7 @@ def test_the_wave_pressure_is_that_at_the_sensor(profile: Profile | None) -> Non
 def test_the_measured_pressure_has_the_period_of_the_wave() -> None:
     """The period of the measured pressure is the wave's."""
     waves = Waves(1.0, 2.0 * pi, components=1)
-    simulation = Simulation(VEHICLE, SEA._replace(ocean=Ocean(waves=waves)), {}, position=(0.0, 0.0, 5.0))
+    simulation = scene(SEA._replace(ocean=Ocean(waves=waves)))
     assert simulation.wave_field is not None
     period = 2.0 * pi / simulation.wave_field.components[0].omega
     sensor = Pressure(MODEL, Mounting(), 1, simulation)

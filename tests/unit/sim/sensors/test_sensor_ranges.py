@@ -23,25 +23,16 @@ from sim.sensors.ranging.laser import Laser, LaserModel
 from sim.sensors.ranging.profiler import Profiler, ProfilerModel
 from sim.sensors.sensor_set import SensorSpec, read_sensors
 from sim.simulation import Simulation
-from sim.vehicle.vehicle import load_vehicle
+from tests.support.fitted import EXACT, EXTENT, FLAT, NU, VEHICLE, scene
 
-EXTENT = (-60.0, 60.0, -60.0, 60.0)
-VEHICLE, _ = load_vehicle("bluerov2_heavy")
-FLAT = World("flat", "test", EXTENT, 20.0)
 POOL = World("pool", "test", (-8.0, 10.0, -7.0, 9.0), 20.0, walls=True)
 SLOPE = Slope(20.0, 0.25)  # 20 m + north / 4: exact in 32-bit floats
-EXACT = ErrorModel()
 ASKEW = Mounting((0.3, -0.1, 0.2), (0.1, -0.2, 2.5))
-NU = (0.8, -0.3, 0.2, 0.4, -0.5, 0.6)
 
 
 def sloping_world() -> World:
     grid = covering(EXTENT, 1.0)
     return FLAT._replace(terrain=Terrain(grid, SLOPE.depths(grid), 20.0))
-
-
-def scene(world: World = FLAT) -> Simulation:
-    return Simulation(VEHICLE, world, {}, position=(0.0, 0.0, 5.0))
 
 
 def distance_to_slope(position: tuple[float, ...], direction: tuple[float, ...]) -> float:

@@ -17,16 +17,14 @@ from sim.sensors.mounting import Mounting
 from sim.sensors.odometry import GroundTruth, GroundTruthModel, Odometry, OdometryModel
 from sim.sensors.pressure import Pressure, PressureModel
 from sim.sensors.ranging.dvl import Dvl, DvlModel
-from sim.simulation import Simulation
 from sim.vehicle.vehicle import load_vehicle
+from tests.support.fitted import EXACT, NU, scene
 
-EXACT = ErrorModel()
 EXACT_IMU = ImuModel(attitude=EXACT, angular_velocity=EXACT, acceleration=EXACT)
 EXACT_DVL = DvlModel(velocity=EXACT, range=EXACT)
 PLAIN = Mounting()
 SEA = World("sea", "test", (-100.0, 100.0, -100.0, 100.0), 20.0, gravity=9.8)
-SCENE = Simulation(load_vehicle("bluerov2_heavy")[0], SEA, {}, position=(0.0, 0.0, 5.0))
-NU = (0.8, -0.3, 0.2, 0.4, -0.5, 0.6)
+SCENE = scene(SEA)
 
 
 def test_an_imu_at_rest_measures_gravity_upwards() -> None:

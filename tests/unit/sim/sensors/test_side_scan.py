@@ -12,7 +12,6 @@ from sim.dynamics import State
 from sim.environment.obstacles import Box, Cylinder
 from sim.environment.relief import Fractal
 from sim.environment.terrain import Terrain, covering
-from sim.environment.world import World
 from sim.rays.scene import Engine, RayScene
 from sim.rotations import from_euler
 from sim.sensors.imaging.camera.model import CameraModel
@@ -22,18 +21,10 @@ from sim.sensors.imaging.samples import SideScanSample
 from sim.sensors.imaging.side_scan import SideScan, SideScanModel
 from sim.sensors.mounting import Mounting
 from sim.sensors.sensor_set import read_sensors
-from sim.simulation import Simulation
-from sim.vehicle.vehicle import load_vehicle
+from tests.support.fitted import EXTENT, FLAT, scene
 from tests.support.flights.twins import taken_from
 
-EXTENT = (-60.0, 60.0, -60.0, 60.0)
-VEHICLE, _ = load_vehicle("bluerov2_heavy")
-FLAT = World("flat", "test", EXTENT, 20.0)
 AHEAD = State((0.0, 0.0, 10.0))
-
-
-def scene(world: World = FLAT) -> Simulation:
-    return Simulation(VEHICLE, world, {}, position=(0.0, 0.0, 5.0))
 
 
 def one_side(sample: SideScanSample, side: str) -> Any:
