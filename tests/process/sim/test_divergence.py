@@ -9,6 +9,9 @@ import pytest
 
 from hil.cli import main
 from hil.common.errors import ConfigError, DivergenceError
+from hil.common.schema import find_preset
+from hil.common.tables import read_table
+from hil.scenario.variant import write_toml
 from sim.dynamics import Dynamics, Integrator, State
 from sim.environment.world import load_world
 from sim.native import NativeDynamics
@@ -232,24 +235,12 @@ def test_a_diverged_slave_ends_with_neutral_thrusters(tmp_path: Path) -> None:
 # -- vehicles that cannot be ------------------------------------------------------------------------------------------
 
 
-def write_vehicle(folder: Path, key: str, numbers: Sequence[float], name: str = "paper_six") -> str:
+def write_vehicle(folder: Path, key: str, numbers: Sequence[float]) -> str:
     """Return a copy of a preset in which `key` has these numbers."""
-    from hil.common.schema import find_preset
-    from hil.common.tables import parse_toml
-
-    text = Path(find_preset("sim/vehicles", name)).read_text()
-    top, cut, tail = text.partition("\n[")
-    table = {k: v for k, v in parse_toml(top).items() if k != key}
-    lines = [f"{k} = {_toml(v)}" for k, v in {**table, key: list(numbers)}.items()]
+    table = read_table(find_preset("sim/vehicles", "paper_six"))
     path = folder / "mine.toml"
-    path.write_text("\n".join(lines) + cut + tail)
+    write_toml(str(path), {**table, key: list(numbers)})
     return str(path)
-
-
-def _toml(value: Any) -> str:
-    if isinstance(value, list):
-        return f"[{', '.join(map(_toml, value))}]"
-    return str(value).lower() if isinstance(value, bool) else repr(value).replace("'", '"')
 
 
 def _matrix(diagonal: float, **entries: float) -> list[float]:

@@ -16,7 +16,6 @@ from sim import rotations
 from sim.dynamics import Dynamics, State
 from sim.environment.world import World, load_world
 from sim.rotations import from_euler, rotate, to_euler
-from sim.sensors.sensor_set import select_sensors
 from sim.simulation import Simulation
 from sim.vehicle.body_lift import CrossFlowDrag, FadingDamping, HullLift, SlowDamping
 from sim.vehicle.fins import FinSet
@@ -28,7 +27,6 @@ REMUS, _ = load_vehicle("remus100")
 LATITUDE = radians(63.446827)
 GRAVITY = 9.7803253359 * (1 + 0.0019318504 * sin(LATITUDE) ** 2) / sqrt(1 - 0.006694384442 * sin(LATITUDE) ** 2)
 SEA = load_world("pool")._replace(walls=False, depth=1e4, density=1026.0, gravity=GRAVITY)
-QUIET = select_sensors(imu=None, dvl=None, pressure=None, odometry=None, ground_truth=None)
 TAIL = 1.0096 * 0.8
 # Degrees of freedom: X Y Z K M N.
 Six = list[float]
@@ -215,7 +213,7 @@ class Run:
     """Our REMUS under the inputs of a trajectory of theirs."""
 
     def __init__(self, rpm: float, speed: float, world: World = SEA) -> None:
-        self.simulation = Simulation(instant(REMUS), world, QUIET, dt_ns=20_000_000, position=(0.0, 0.0, 50.0))
+        self.simulation = Simulation(instant(REMUS), world, {}, dt_ns=20_000_000, position=(0.0, 0.0, 50.0))
         self.simulation.state.nu = [speed, 0.0, 0.0, 0.0, 0.0, 0.0]
         self._propeller = REMUS.thrusters[0].pulse_at(rpm / 1525.0)
 

@@ -18,6 +18,7 @@ from sim.environment.things.pipelines import Pipeline
 from sim.environment.things.primitives import quad
 from sim.environment.world import World
 from sim.rays import single, solids
+from sim.rays.geometry import Hits
 from sim.rays.scene import Engine, RayScene
 from sim.rays.tree import GROUP, NODE, grow, triangle
 from sim.rotations import matrix, normalise
@@ -79,6 +80,11 @@ def random_rays(rng: random.Random) -> "array[float]":
     return rays
 
 
+def assert_equal_hits(one: Hits, other: Hits) -> None:
+    for values, others in zip(one, other, strict=True):
+        np.testing.assert_array_equal(np.array(values), np.array(others))
+
+
 @pytest.mark.parametrize("seed", range(15))
 @pytest.mark.usefixtures("native")
 def test_hits_in_c_and_python_are_equal(seed: int) -> None:
@@ -93,8 +99,7 @@ def test_hits_in_c_and_python_are_equal(seed: int) -> None:
         rotation = matrix(attitude(rng)) if shot else UPRIGHT
         rays, reach = random_rays(rng), rng.choice([5.0, 50.0, 1000.0])
         native, python = (scene.hits(origin, rays, reach, rotation) for scene in scenes)
-        for values, expected in zip(native, python, strict=True):
-            np.testing.assert_array_equal(np.array(values), np.array(expected))
+        assert_equal_hits(native, python)
         assert native.distances == scenes[0].ranges(origin, rays, reach, rotation)
         kinds.update(python.objects)
     assert len(kinds) > 1
@@ -185,8 +190,7 @@ def test_skipping_free_space_for_bundles_of_rays_changes_nothing(seed: int) -> N
         rotation = matrix(attitude(rng)) if shot else UPRIGHT
         rays, reach = rows_of_pixels((0.02, 0.8, 3.0)[shot % 3], 33, 9), rng.choice([6.0, 30.0, 500.0])
         hits, expected = (scene.hits(origin, rays, reach, rotation) for scene in (native, python))
-        for values, others in zip(hits, expected, strict=True):
-            np.testing.assert_array_equal(np.array(values), np.array(others))
+        assert_equal_hits(hits, expected)
 
 
 @pytest.mark.usefixtures("native")
@@ -202,8 +206,7 @@ def test_bundles_of_rays_hit_a_mesh_like_single_rays() -> None:
         origin = [rng.uniform(-9.0, 9.0) for _ in range(3)]
         rotation, rays = matrix(attitude(rng)) if shot else UPRIGHT, rows_of_pixels((0.05, 0.5, 3.0)[shot % 3], 40, 16)
         together = scene.hits(origin, rays, 50.0, rotation)
-        for values, others in zip(together, scene.hits(array("d", origin * 640), rays, 50.0, rotation), strict=True):
-            np.testing.assert_array_equal(np.array(values), np.array(others))
+        assert_equal_hits(together, scene.hits(array("d", origin * 640), rays, 50.0, rotation))
         hit += sum(number == 1 for number in together.objects)
     assert 1000 < hit < 19000
 
@@ -221,8 +224,7 @@ def test_rays_from_the_edge_of_the_world_are_equal(depth: float) -> None:
             for half_turn in (UPRIGHT, (-1.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 1.0)):
                 rays = rows_of_pixels(0.02, 16, 4)
                 hits, expected = (scene.hits(origin, rays, reach, half_turn) for scene in (native, python))
-                for values, others in zip(hits, expected, strict=True):
-                    np.testing.assert_array_equal(np.array(values), np.array(others))
+                assert_equal_hits(hits, expected)
 
 
 @pytest.mark.usefixtures("native")
@@ -232,8 +234,7 @@ def test_rays_with_their_own_origins_equal_single_rays() -> None:
     rays, scene, plain = random_rays(chance), random_scene(3, "C"), random_scene(3, "python")
     origins = array("d", [chance.uniform(-15.0, 12.0) for _ in rays])
     native, expected = (each.hits(origins, rays, 60.0) for each in (scene, plain))
-    for values, others in zip(native, expected, strict=True):
-        np.testing.assert_array_equal(np.array(values), np.array(others))
+    assert_equal_hits(native, expected)
     alone = [scene.ranges(origins[i : i + 3], rays[i : i + 3], 60.0)[0] for i in range(0, len(rays), 3)]
     assert list(native.distances) == alone
     with pytest.raises(ValueError, match="three for each of 60 rays"):

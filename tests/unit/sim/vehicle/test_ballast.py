@@ -10,7 +10,6 @@ from hil.scenario.config import build_simulation, load_scenario
 from sim.environment.ocean import Ocean, Profile, Waves
 from sim.environment.world import World, load_world
 from sim.rotations import to_euler
-from sim.sensors.sensor_set import select_sensors
 from sim.simulation import Simulation
 from sim.vehicle.ballast import BuoyancyEngine, DropWeight, Release, is_release
 from sim.vehicle.vehicle import Vehicle, load_vehicle, mass_matrix, validate_drop_weights, without_weight
@@ -18,13 +17,12 @@ from sim.vehicle.vehicle import Vehicle, load_vehicle, mass_matrix, validate_dro
 TETHYS, _ = load_vehicle("tethys")
 BARE = TETHYS._replace(buoyancy_engine=None, drop_weights=(), fins=())
 SEA = load_world("pool")._replace(walls=False, depth=1e3, density=1025.0, gravity=9.8)
-QUIET = select_sensors(imu=None, dvl=None, pressure=None, odometry=None, ground_truth=None)
 ENGINE = BuoyancyEngine((0.0, 0.0, 0.0), 80e-6, 500e-6, 955e-6, 3e-6)
 WEIGHT = DropWeight("keel", 2.0, (0.3, 0.1, 0.12), 2e-4)
 
 
 def at_sea(vehicle: Vehicle, depth: float, world: World = SEA, releases: tuple[Release, ...] = ()) -> Simulation:
-    return Simulation(vehicle, world, QUIET, 1, 10_000_000, (0.0, 0.0, depth), releases=releases)
+    return Simulation(vehicle, world, {}, 1, 10_000_000, (0.0, 0.0, depth), releases=releases)
 
 
 def idle(vehicle: Vehicle, **pulses: int) -> list[int]:

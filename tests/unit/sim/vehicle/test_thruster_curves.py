@@ -33,10 +33,12 @@ def curved(**curve: Any) -> Thruster:
     return PLAIN._replace(curve=read_curve(curve, "test.toml: curve"))
 
 
-@pytest.mark.parametrize("curve", CURVES)
-def test_every_curve_follows_the_contract(curve: dict[str, Any]) -> None:
+WITHOUT_CURVE = [PLAIN, PLAIN._replace(linear_share=1.0), load_vehicle("bluerov2_heavy")[0].thrusters[0]]
+
+
+@pytest.mark.parametrize("thruster", [*WITHOUT_CURVE, *(curved(**curve) for curve in CURVES)])
+def test_every_curve_follows_the_contract(thruster: Thruster) -> None:
     """No thrust comes outside the pulses; it never falls, stays within limits, and inverts to half a pulse."""
-    thruster = curved(**curve)
     assert [steady_thrust(thruster, pulse) for pulse in (0, -1, 799, 2201, 65535)] == [0.0] * 5
     thrusts = [steady_thrust(thruster, pulse) for pulse in range(800, 2201)]
     assert all(a <= b for a, b in pairwise(thrusts))

@@ -12,11 +12,6 @@ T200 = load_vehicle("bluerov2_heavy")[0].thrusters[0]
 SQUARE = Thruster("square", (0, 0, 0), (1, 0, 0), 80.0, 40.0, dead_band_us=25)
 
 
-@pytest.mark.parametrize("pulse", [0, -5, 1, 799, 2201, 65535])
-def test_an_invalid_pulse_gives_no_thrust(pulse: int) -> None:
-    assert steady_thrust(SQUARE, pulse) == 0.0
-
-
 @pytest.mark.parametrize(
     ("pulse", "thrust"),
     [(1500, 0.0), (1475, 0.0), (1525, 0.0), (1900, 80.0), (2200, 80.0), (1100, -40.0), (800, -40.0),
@@ -36,17 +31,7 @@ def test_the_t200_curve_follows_the_manufacturers_table(pulse: int, thrust: floa
     assert steady_thrust(T200, pulse) == pytest.approx(thrust, abs=0.03 * 51.44)
 
 
-@pytest.mark.parametrize("thruster", [SQUARE, T200, SQUARE._replace(linear_share=1.0)])
-def test_the_inverse_returns_every_pulse(thruster: Thruster) -> None:
-    for pulse in range(1100, 1901):
-        thrust = steady_thrust(thruster, pulse)
-        assert pulse_finder(thruster)(thrust) == (pulse if thrust else 1500)
-
-
-def test_the_inverse_is_clamped_and_skips_the_dead_band() -> None:
-    assert pulse_finder(SQUARE)(1e9) == 1900
-    assert pulse_finder(SQUARE)(-1e9) == 1100
-    assert pulse_finder(SQUARE)(0.0) == 1500
+def test_the_inverse_skips_the_dead_band() -> None:
     assert pulse_finder(SQUARE)(0.01) >= 1525
     assert pulse_finder(SQUARE)(-0.01) <= 1475
 

@@ -9,7 +9,6 @@ import pytest
 from sim.environment.ocean import Ocean, Waves
 from sim.environment.world import World
 from sim.rotations import from_euler
-from sim.sensors.sensor_set import select_sensors
 from sim.simulation import Simulation
 from sim.vehicle.vehicle import load_vehicle
 from sim.vehicle.ventilation import Ventilation, thrust_share
@@ -18,7 +17,6 @@ from tests.support.flights.ride import Ride, all_of, twins
 
 HEAVY, _ = load_vehicle("bluerov2_heavy")
 REMUS, _ = load_vehicle("remus100")
-QUIET = select_sensors(imu=None, dvl=None, pressure=None, odometry=None, ground_truth=None)
 NEARLY_OUT = -max(thruster.position[2] for thruster in HEAVY.thrusters)  # the lowest hubs at the surface
 SEA = World("sea", "test", (-100.0, 100.0, -100.0, 100.0), 50.0)
 
@@ -35,7 +33,7 @@ def test_the_thrust_share_is_that_of_the_source() -> None:
 
 def thrust_at_depth(depth: float, roll: float = 0.0, world: World = SEA) -> tuple[list[float], Sequence[float]]:
     """Return thrusts and wrench of bluerov2_heavy soon after a command of full ahead, held at `depth` m."""
-    simulation = Simulation(HEAVY, world, QUIET, position=(0.0, 0.0, depth))
+    simulation = Simulation(HEAVY, world, {}, position=(0.0, 0.0, depth))
     for _ in range(200):
         state = simulation.state
         state.position, state.quaternion, state.nu = [0.0, 0.0, depth], from_euler(roll, 0.0, 0.0), [0.0] * 6
@@ -70,7 +68,7 @@ def test_each_thruster_loses_thrust_by_its_own_position() -> None:
 def test_waves_change_the_thrust_share() -> None:
     """The share at one position and depth rises and falls with the surface above it."""
     waves = Waves(significant_height=1.0, peak_period=5.0)
-    simulation = Simulation(HEAVY, SEA._replace(ocean=Ocean(waves=waves)), QUIET, position=(0.0, 0.0, 0.5))
+    simulation = Simulation(HEAVY, SEA._replace(ocean=Ocean(waves=waves)), {}, position=(0.0, 0.0, 0.5))
     wave_field = simulation.wave_field
     assert wave_field is not None
     surface = Ventilation(HEAVY, wave_field)
@@ -92,7 +90,7 @@ def test_a_known_propeller_diameter_is_used() -> None:
 def test_deep_vehicles_do_not_compute_the_shares(monkeypatch: pytest.MonkeyPatch) -> None:
     """One comparison of the depth decides."""
     monkeypatch.delattr(Ventilation, "shares")
-    simulation = Simulation(HEAVY, SEA, QUIET, position=(0.0, 0.0, 2.0))
+    simulation = Simulation(HEAVY, SEA, {}, position=(0.0, 0.0, 2.0))
     for _ in range(100):
         simulation.step([1600] * 8)
     assert min(map(abs, simulation.thrusts)) > 1.0, "all have their full thrust"
