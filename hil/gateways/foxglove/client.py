@@ -8,20 +8,7 @@ from aiohttp import web
 
 from hil.common.errors import HilError
 from hil.gateways.commanding import Commanding
-from hil.gateways.foxglove.protocol import (
-    CDR,
-    ERROR,
-    WARNING,
-    Channel,
-    ClientMessage,
-    ServiceRequest,
-    decode_binary,
-    decode_text,
-    encode_channel,
-    encode_message,
-    encode_response,
-    encode_text,
-)
+from hil.gateways.foxglove import protocol
 from hil.gateways.websocket_client import SocketClient
 
 MAX_SUBSCRIPTIONS = 1000
@@ -45,19 +32,25 @@ class Client(SocketClient):
         self._services: list[tuple[str, str]] = []
         capabilities = ["clientPublish", "services", "parameters"] if commanding else []
         self._put(
-            encode_text("serverInfo", name="uuv-hil", capabilities=capabilities, supportedEncodings=[CDR], metadata={})
+            protocol.encode_text(
+                "serverInfo", name="uuv-hil", capabilities=capabilities, supportedEncodings=[protocol.CDR], metadata={}
+            )
         )
 
-    def advertise(self, channels: Mapping[int, Channel]) -> None:
+    def advertise(self, channels: Mapping[int, protocol.Channel]) -> None:
         """Advertise channels to the client."""
         if channels:
-            self._put(encode_text("advertise", channels=[encode_channel(*each) for each in channels.items()]))
+            self._put(
+                protocol.encode_text(
+                    "advertise", channels=[protocol.encode_channel(*each) for each in channels.items()]
+                )
+            )
 
     def send_message(self, channel: int, time_ns: int, data: bytes) -> None:
         """Send a message of a channel, if the client wants it."""
         subscription = self._subscriptions.get(channel)
         if subscription is not None:
-            self._put(encode_message(subscription, time_ns, data))
+            self._put(protocol.encode_message(subscription, time_ns, data))
 
     async def serve(self) -> None:
         """Send and receive until the client goes."""
@@ -68,8 +61,8 @@ class Client(SocketClient):
     def _put(self, message: str | bytes) -> None:
         self._queue.put(message, keep=isinstance(message, str))
 
-    def _report(self, text: str, level: int = ERROR) -> None:
-        self._put(encode_text("status", level=level, message=text))
+    def _report(self, text: str, level: int = protocol.ERROR) -> None:
+        self._put(protocol.encode_text("status", level=level, message=text))
 
     async def _write(self) -> None:
         """Send the waiting messages, and report dropped ones."""
@@ -78,10 +71,12 @@ class Client(SocketClient):
             await self._queue.send_waiting()
             if self._queue.dropped != reported:
                 reported = self._queue.dropped
-                self._report(f"{reported} messages dropped so far: this connection is too slow for them", WARNING)
+                self._report(
+                    f"{reported} messages dropped so far: this connection is too slow for them", protocol.WARNING
+                )
 
     async def _on_text(self, text: str) -> None:
-        message = decode_text(text)
+        message = protocol.decode_text(text)
         if message is None:
             self._report("not a message of Foxglove's websocket protocol")
             return
@@ -124,20 +119,20 @@ class Client(SocketClient):
             self.send_message(channel, *last)
 
     async def _on_binary(self, data: bytes) -> None:
-        message = decode_binary(data)
+        message = protocol.decode_binary(data)
         if message is None:
             self._report("not a binary message of Foxglove's websocket protocol")
         elif self._commanding is None:
             self._report(NO_TOKEN)
-        elif isinstance(message, ClientMessage):
+        elif isinstance(message, protocol.ClientMessage):
             await self._publish(self._commanding, message)
         else:
             self._start(self._call(self._commanding, message))
 
-    async def _publish(self, commanding: Commanding, message: ClientMessage) -> None:
+    async def _publish(self, commanding: Commanding, message: protocol.ClientMessage) -> None:
         topic, encoding = self._topics.get(message.channel, ("", ""))
-        if encoding != CDR:
-            self._report(f"channel {message.channel} is not advertised with the encoding {CDR}")
+        if encoding != protocol.CDR:
+            self._report(f"channel {message.channel} is not advertised with the encoding {protocol.CDR}")
             return
         try:
             await asyncio.to_thread(commanding.publish, topic, message.data)
@@ -154,20 +149,20 @@ class Client(SocketClient):
                 self._services += new
                 described = [self._commanding.describe(*service) for service in new]
                 numbered = [{"id": first + place, **each} for place, each in enumerate(described)]
-                self._put(encode_text("advertiseServices", services=numbered))
+                self._put(protocol.encode_text("advertiseServices", services=numbered))
             await asyncio.sleep(2.0)
 
-    async def _call(self, commanding: Commanding, request: ServiceRequest) -> None:
+    async def _call(self, commanding: Commanding, request: protocol.ServiceRequest) -> None:
         try:
-            if request.service >= len(self._services) or request.encoding != CDR:
+            if request.service >= len(self._services) or request.encoding != protocol.CDR:
                 raise ValueError(f"no service {request.service} with the encoding {request.encoding!r}")
             name, kind = self._services[request.service]
             answer = await asyncio.to_thread(commanding.call, name, kind, request.data)
         except (HilError, ValueError) as error:
             failure = {"serviceId": request.service, "callId": request.call, "message": str(error)}
-            self._put(encode_text("serviceCallFailure", **failure))
+            self._put(protocol.encode_text("serviceCallFailure", **failure))
         else:
-            self._put(encode_response(request, answer))
+            self._put(protocol.encode_response(request, answer))
 
     async def _send_parameters(self, names: list[str], request_id: Any) -> None:
         assert self._commanding
@@ -181,7 +176,7 @@ class Client(SocketClient):
             {"name": name, "value": value} | ({"type": "float64"} if isinstance(value, float) else {})
             for name, value in values.items()
         ]
-        self._put(encode_text("parameterValues", parameters=listed, **more))
+        self._put(protocol.encode_text("parameterValues", parameters=listed, **more))
 
     async def _set_parameters(self, values: Mapping[str, Any], request_id: Any) -> None:
         assert self._commanding

@@ -33,20 +33,8 @@ from hil.common.clock import NS_PER_S, now_ns
 from hil.common.errors import ConfigError, HilError
 from hil.common.schema import nearest
 from hil.gateways.access import Access
-from hil.gateways.json_lines.requests import (
-    COMMANDS,
-    SERVICES,
-    NotJsonError,
-    Request,
-    call,
-    describe,
-    encode,
-    is_number,
-    read_request,
-    sensor_of,
-    serve,
-    show,
-)
+from hil.gateways.json_lines import requests
+from hil.gateways.json_lines.requests import Request
 
 LONGEST_LINE = 1 << 16  # bytes
 MIN_RATE, MAX_RATE = 1e-3, 100.0  # Hz, of what comes by itself
@@ -122,13 +110,13 @@ class Connection:
 
     def _serve(self) -> None:
         try:
-            with self._socket, self._socket.makefile("rb") as lines, suppress(OSError, NotJsonError):
+            with self._socket, self._socket.makefile("rb") as lines, suppress(OSError, requests.NotJsonError):
                 while line := lines.readline(LONGEST_LINE):
                     self._received_ns, self._has_sent = now_ns(), True
                     if _is_whole(line):
                         self._answer(line)
                     else:
-                        self._send(encode(TOO_LONG))
+                        self._send(requests.encode(TOO_LONG))
                     while not _is_whole(line):
                         line = lines.readline(LONGEST_LINE)
         finally:
@@ -151,17 +139,17 @@ class Connection:
         answer: Request = {"id": None, "ok": True}
         problem = ""
         try:
-            request = read_request(line)
+            request = requests.read_request(line)
             answer["id"] = request.pop("id", None)
             answer |= self._do(request)
-        except NotJsonError as error:
-            self._send(encode(answer | {"ok": False, "error": str(error)}))
+        except requests.NotJsonError as error:
+            self._send(requests.encode(answer | {"ok": False, "error": str(error)}))
             raise
         except HilError as error:
             problem = str(error)
         except Exception as error:  # noqa: BLE001 - no line ends a connection that a vehicle may depend on
             problem = f"{type(error).__name__}: {error}"
-        self._send(encode(answer | {"ok": False, "error": problem} if problem else answer))
+        self._send(requests.encode(answer | {"ok": False, "error": problem} if problem else answer))
 
     def _do(self, request: Request) -> Request:
         what = str(request.pop("do", ""))
@@ -171,17 +159,17 @@ class Connection:
         }  # fmt: skip
         if what in handlers:
             return handlers[what](request)
-        if what not in COMMANDS and what not in SERVICES:
-            names = [*COMMANDS, *SERVICES, *handlers]
+        if what not in requests.COMMANDS and what not in requests.SERVICES:
+            names = [*requests.COMMANDS, *requests.SERVICES, *handlers]
             raise ConfigError(f"do: {what!r} is none of {', '.join(names)}{nearest(what, names)}")
         if not self._may_command:
             where = self._access.path or "what the gateway showed when it started"
             raise ConfigError(f'{what}: first send {{"do": "login", "token": "..."}}; the token is in {where}')
         vehicle = self._vehicle(request)
-        if what in SERVICES:
-            return {"message": serve(vehicle, what, request)}
+        if what in requests.SERVICES:
+            return {"message": requests.serve(vehicle, what, request)}
         self._commanded.setdefault(vehicle, None)  # it stops with the connection, whatever comes of this
-        command = call(vehicle, what, request)
+        command = requests.call(vehicle, what, request)
         with self._changed:
             self._commanded[vehicle], self._stopped = command, ""
             self._changed.notify()
@@ -189,8 +177,8 @@ class Connection:
 
     def _login(self, request: Request) -> Request:
         deadman = request.get("deadman", DEADMAN_S)
-        if not (is_number(deadman) and 0 < deadman <= MAX_DEADMAN_S):
-            raise ConfigError(f"deadman: {show(deadman)} is not a number of seconds up to {MAX_DEADMAN_S:g}")
+        if not (requests.is_number(deadman) and 0 < deadman <= MAX_DEADMAN_S):
+            raise ConfigError(f"deadman: {requests.show(deadman)} is not a number of seconds up to {MAX_DEADMAN_S:g}")
         if not self._access.admits(request.get("token")):
             raise ConfigError(
                 "token: this is not the token of this gateway; it makes a new one at each start, and shows it then"
@@ -202,12 +190,12 @@ class Connection:
         return {"vehicles": sorted(self._fleet.vehicles)}
 
     def _get(self, request: Request) -> Request:
-        return describe(self._vehicle(request).newest(sensor_of(request)))
+        return requests.describe(self._vehicle(request).newest(requests.sensor_of(request)))
 
     def _subscribe(self, request: Request) -> Request:
-        vehicle, sensor, rate = self._vehicle(request), sensor_of(request), request.get("rate", 10.0)
-        if not (is_number(rate) and MIN_RATE <= rate <= MAX_RATE):
-            raise ConfigError(f"rate: {show(rate)} is not between {MIN_RATE:g} and {MAX_RATE:g} Hz")
+        vehicle, sensor, rate = self._vehicle(request), requests.sensor_of(request), request.get("rate", 10.0)
+        if not (requests.is_number(rate) and MIN_RATE <= rate <= MAX_RATE):
+            raise ConfigError(f"rate: {requests.show(rate)} is not between {MIN_RATE:g} and {MAX_RATE:g} Hz")
         vehicle.newest(sensor)
         with self._changed:
             self._wanted[vehicle.name, sensor] = round(NS_PER_S / rate), 0
@@ -216,7 +204,7 @@ class Connection:
 
     def _unsubscribe(self, request: Request) -> Request:
         with self._changed:
-            self._wanted.pop((self._vehicle(request).name, sensor_of(request)), None)
+            self._wanted.pop((self._vehicle(request).name, requests.sensor_of(request)), None)
         return {}
 
     def _status(self, request: Request) -> Request:
@@ -274,7 +262,7 @@ class Connection:
         with self._changed:
             if key in self._wanted:
                 self._wanted[key] = period, max(due, now - period) + period
-        self._send(encode({"vehicle": vehicle, "sensor": sensor, **describe(sample)}))
+        self._send(requests.encode({"vehicle": vehicle, "sensor": sensor, **requests.describe(sample)}))
 
     def _check_deadman(self) -> None:
         with self._changed:

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from hil.common.clock import NS_PER_S
 from hil.links.can_thrusters import SPAN_US, WRAP, MotorHook, deflection, propeller_load
 from hil.links.contract import PWM_NEUTRAL_US, Message, ThrusterCommand, ThrusterTelemetry
+from hil.links.dronecan import types
 from hil.links.dronecan.allocation import Allocatee
 from hil.links.dronecan.node import PRIORITY_LOW, PRIORITY_MEDIUM, DroneCanNode
 from hil.links.dronecan.parameters import Parameter, ParameterStore
@@ -18,32 +19,6 @@ from hil.links.dronecan.settings import (
     DeviceSettings,
 )
 from hil.links.dronecan.transfer import MAX_NODE_ID, Transfer, pack_anonymous
-from hil.links.dronecan.types import (
-    ALLOCATION,
-    ARMING_STATUS,
-    BATTERY_INFO,
-    ESC_STATUS,
-    FULL_RAW,
-    FULLY_ARMED,
-    HEALTH_OK,
-    HEALTH_WARNING,
-    RAW_COMMAND,
-    RPM_COMMAND,
-    STATUS_EXTENDED,
-    Allocation,
-    BatteryInfo,
-    EscStatus,
-    EscStatusExtended,
-    NodeInfo,
-    pack_allocation,
-    pack_battery_info,
-    pack_esc_status,
-    pack_status_extended,
-    unpack_allocation,
-    unpack_arming_status,
-    unpack_raw_command,
-    unpack_rpm_command,
-)
 
 EXTENDED_PERIOD_NS = NS_PER_S
 ZERO_C_K = 273.15
@@ -57,10 +32,10 @@ class DroneCanDevice(DroneCanNode):
         channels: int,
         settings: DeviceSettings,
         motor_values: MotorHook = propeller_load,
-        battery_values: Callable[[], BatteryInfo | None] | None = None,
+        battery_values: Callable[[], types.BatteryInfo | None] | None = None,
     ) -> None:
         unique_id = bytes.fromhex(settings.unique_id)
-        super().__init__(0, NodeInfo("org.uuv-hil.stm32", unique_id, SOFTWARE, (1, 0)))
+        super().__init__(0, types.NodeInfo("org.uuv-hil.stm32", unique_id, SOFTWARE, (1, 0)))
         self._channels = channels
         self._neutral = (PWM_NEUTRAL_US,) * channels
         self.parameters = ParameterStore(
@@ -79,14 +54,14 @@ class DroneCanDevice(DroneCanNode):
         self._pulses = self._neutral
         self._start()
         self._motor_values = motor_values
-        self._listen(RAW_COMMAND, unpack_raw_command, self._on_command)
-        self._listen(RPM_COMMAND, unpack_rpm_command, self._on_rpm_command)
-        self._listen(ARMING_STATUS, unpack_arming_status, self._on_arming)
+        self._listen(types.RAW_COMMAND, types.unpack_raw_command, self._on_command)
+        self._listen(types.RPM_COMMAND, types.unpack_rpm_command, self._on_rpm_command)
+        self._listen(types.ARMING_STATUS, types.unpack_arming_status, self._on_arming)
         self._battery_values = battery_values or (lambda: settings.battery)
         if battery_values or settings.battery:
             self._repeat("battery", round(settings.battery_period * NS_PER_S), self._battery)
         self._repeat("extended", EXTENDED_PERIOD_NS, self._extended)
-        self._listen(ALLOCATION, unpack_allocation, self._on_allocation)
+        self._listen(types.ALLOCATION, types.unpack_allocation, self._on_allocation)
 
     def encode(self, message: Message) -> bytes:
         """Return a report as one esc.Status a thruster, after NodeStatus if that changes; encodes reports only."""
@@ -95,12 +70,12 @@ class DroneCanDevice(DroneCanNode):
         output = []
         if code != self.vendor_code:
             self.vendor_code = code
-            self.health = HEALTH_WARNING if message.timed_out else HEALTH_OK
+            self.health = types.HEALTH_WARNING if message.timed_out else types.HEALTH_OK
             output.append(self._status())
         self._pulses = message.pwm_us
         for index, pulse in enumerate(message.pwm_us):
-            status = pack_esc_status(self._esc_status(index, pulse, message.errors))
-            output.append(self._broadcast(ESC_STATUS, PRIORITY_MEDIUM, status))
+            status = types.pack_esc_status(self._esc_status(index, pulse, message.errors))
+            output.append(self._broadcast(types.ESC_STATUS, PRIORITY_MEDIUM, status))
         return b"".join(output)
 
     def tick(self, now_ns: int) -> bytes:
@@ -117,7 +92,7 @@ class DroneCanDevice(DroneCanNode):
         """Start as after power-up, with the stored parameters."""
         self._is_restarting = False
         self._started_ns = -1
-        self.vendor_code, self.health = 0, HEALTH_OK
+        self.vendor_code, self.health = 0, types.HEALTH_OK
         self.parameters.restart()
         self._on_parameters()
         self._armed = not self._require_arming
@@ -141,13 +116,15 @@ class DroneCanDevice(DroneCanNode):
         request = allocatee.request(now_ns)
         if request is None:
             return b""
-        return pack_anonymous(ALLOCATION, PRIORITY_LOW, pack_allocation(request), self._next_transfer_id(ALLOCATION))
+        return pack_anonymous(
+            types.ALLOCATION, PRIORITY_LOW, types.pack_allocation(request), self._next_transfer_id(types.ALLOCATION)
+        )
 
-    def _esc_status(self, index: int, pulse: int, errors: int) -> EscStatus:
+    def _esc_status(self, index: int, pulse: int, errors: int) -> types.EscStatus:
         microseconds = deflection(pulse)
         values = self._motor_values(index, pulse)
         percent = round(100 * abs(microseconds / SPAN_US) ** 3)  # power goes with the cube of speed
-        return EscStatus(errors, *values, round(microseconds * self._rpm_per_us), percent, index + self._first)
+        return types.EscStatus(errors, *values, round(microseconds * self._rpm_per_us), percent, index + self._first)
 
     def _extended(self) -> bytes:
         """Return a StatusExtended for each thruster; the propeller angle is unknown and sent as 0."""
@@ -155,17 +132,17 @@ class DroneCanDevice(DroneCanNode):
         for index, pulse in enumerate(self._pulses):
             percent = round(100 * abs(deflection(pulse)) / SPAN_US)
             celsius = round(self._motor_values(index, pulse).temperature_k - ZERO_C_K)
-            status = EscStatusExtended(percent, percent, celsius, 0, 0, index + self._first)
-            output.append(self._broadcast(STATUS_EXTENDED, PRIORITY_LOW, pack_status_extended(status)))
+            status = types.EscStatusExtended(percent, percent, celsius, 0, 0, index + self._first)
+            output.append(self._broadcast(types.STATUS_EXTENDED, PRIORITY_LOW, types.pack_status_extended(status)))
         return b"".join(output)
 
     def _battery(self) -> bytes:
         battery = self._battery_values()
-        return self._broadcast(BATTERY_INFO, PRIORITY_LOW, pack_battery_info(battery)) if battery else b""
+        return self._broadcast(types.BATTERY_INFO, PRIORITY_LOW, types.pack_battery_info(battery)) if battery else b""
 
     def _on_command(self, _: Transfer, raw: list[int]) -> ThrusterCommand:
         ours = raw[self._first : self._first + self._channels]
-        return self._command([PWM_NEUTRAL_US + round(value * SPAN_US / FULL_RAW) for value in ours])
+        return self._command([PWM_NEUTRAL_US + round(value * SPAN_US / types.FULL_RAW) for value in ours])
 
     def _on_rpm_command(self, _: Transfer, rpm: list[int]) -> ThrusterCommand:
         ours = rpm[self._first : self._first + self._channels]
@@ -178,10 +155,10 @@ class DroneCanDevice(DroneCanNode):
 
     def _on_arming(self, _: Transfer, status: int) -> ThrusterCommand | None:
         was_armed = self._armed
-        self._armed = status == FULLY_ARMED or not self._require_arming
+        self._armed = status == types.FULLY_ARMED or not self._require_arming
         return ThrusterCommand(0, False, self._neutral) if was_armed and not self._armed else None
 
-    def _on_allocation(self, transfer: Transfer, received: Allocation) -> None:
+    def _on_allocation(self, transfer: Transfer, received: types.Allocation) -> None:
         if self._allocatee:
             self._allocatee.on_allocation(transfer.source, received)
             self.deadline_ns = 0

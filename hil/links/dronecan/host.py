@@ -2,37 +2,11 @@
 
 from hil.links.can_thrusters import SPAN_US, WRAP, Answers, Rounds, pulse_at
 from hil.links.contract import PWM_NEUTRAL_US, Message, ThrusterCommand, ThrusterTelemetry
+from hil.links.dronecan import types
 from hil.links.dronecan.allocation import Allocator
 from hil.links.dronecan.node import PRIORITY_HIGH, PRIORITY_LOW, DroneCanNode
 from hil.links.dronecan.settings import ARMED, ARMING_PERIOD_NS, SOFTWARE, TIMED_OUT, TRIPS_SHIFT, HostSettings
 from hil.links.dronecan.transfer import Transfer
-from hil.links.dronecan.types import (
-    ALLOCATION,
-    ARMING_STATUS,
-    BATTERY_INFO,
-    DISARMED,
-    ESC_STATUS,
-    FULL_RAW,
-    FULLY_ARMED,
-    NODE_STATUS,
-    RAW_COMMAND,
-    RPM_COMMAND,
-    STATUS_EXTENDED,
-    Allocation,
-    BatteryInfo,
-    EscStatus,
-    EscStatusExtended,
-    NodeInfo,
-    NodeStatus,
-    pack_allocation,
-    pack_raw_command,
-    pack_rpm_command,
-    unpack_allocation,
-    unpack_battery_info,
-    unpack_esc_status,
-    unpack_node_status,
-    unpack_status_extended,
-)
 
 
 class DroneCanHost(DroneCanNode):
@@ -41,29 +15,29 @@ class DroneCanHost(DroneCanNode):
     echoes_sequence = False
 
     def __init__(self, channels: int, settings: HostSettings) -> None:
-        info = NodeInfo("org.uuv-hil.host", bytes.fromhex(settings.unique_id), SOFTWARE, (0, 0))
+        info = types.NodeInfo("org.uuv-hil.host", bytes.fromhex(settings.unique_id), SOFTWARE, (0, 0))
         super().__init__(settings.node_id, info)
-        self.battery: BatteryInfo | None = None
+        self.battery: types.BatteryInfo | None = None
         self._us_per_rpm = SPAN_US / settings.full_rpm
         self._own_device = settings.own_device
         self._first = settings.esc_index
         self._commands_rpm = settings.command == "rpm"
-        self.extended: dict[int, EscStatusExtended] = {}
+        self.extended: dict[int, types.EscStatusExtended] = {}
         self._answers = Answers(channels)
         self._rounds = Rounds(channels)
-        self._statuses: dict[int, EscStatus] = {}  # thruster -> last status
+        self._statuses: dict[int, types.EscStatus] = {}  # thruster -> last status
         self._errors = [0] * channels  # error count of each controller
         self._codes: dict[int, int] = {}  # node number -> vendor-specific status code
         self._armed = False
         self._repeat("arming", ARMING_PERIOD_NS, self._arming)
-        self._listen(ESC_STATUS, unpack_esc_status, self._on_esc)
-        self._listen(NODE_STATUS, unpack_node_status, self._on_node)
-        self._listen(BATTERY_INFO, unpack_battery_info, self._on_battery)
-        self._listen(STATUS_EXTENDED, unpack_status_extended, self._on_extended)
+        self._listen(types.ESC_STATUS, types.unpack_esc_status, self._on_esc)
+        self._listen(types.NODE_STATUS, types.unpack_node_status, self._on_node)
+        self._listen(types.BATTERY_INFO, types.unpack_battery_info, self._on_battery)
+        self._listen(types.STATUS_EXTENDED, types.unpack_status_extended, self._on_extended)
         self._allocator = Allocator() if settings.allocate else None
         if self._allocator:
             self._allocator.see(self.node_id)
-            self._listen(ALLOCATION, unpack_allocation, self._on_allocation)
+            self._listen(types.ALLOCATION, types.unpack_allocation, self._on_allocation)
 
     def encode(self, message: Message) -> bytes:
         """Return a command as RawCommand or RPMCommand, after ArmingStatus if that changes; encodes commands only."""
@@ -76,9 +50,9 @@ class DroneCanHost(DroneCanNode):
         before = [0] * self._first  # zero output for controllers that are not ours
         if self._commands_rpm:
             rpm = [round((pulse - PWM_NEUTRAL_US) / self._us_per_rpm) for pulse in pulses]
-            return output + self._broadcast(RPM_COMMAND, PRIORITY_HIGH, pack_rpm_command(before + rpm))
-        raw = [round((pulse - PWM_NEUTRAL_US) * FULL_RAW / SPAN_US) for pulse in pulses]
-        return output + self._broadcast(RAW_COMMAND, PRIORITY_HIGH, pack_raw_command(before + raw))
+            return output + self._broadcast(types.RPM_COMMAND, PRIORITY_HIGH, types.pack_rpm_command(before + rpm))
+        raw = [round((pulse - PWM_NEUTRAL_US) * types.FULL_RAW / SPAN_US) for pulse in pulses]
+        return output + self._broadcast(types.RAW_COMMAND, PRIORITY_HIGH, types.pack_raw_command(before + raw))
 
     def tick(self, now_ns: int) -> bytes:
         """Return NodeStatus and ArmingStatus if they are due."""
@@ -94,10 +68,10 @@ class DroneCanHost(DroneCanNode):
         return {"rpm": status.rpm, "A": status.current_a, "V": status.voltage_v} if status else {}
 
     def _arming(self) -> bytes:
-        status = FULLY_ARMED if self._armed else DISARMED
-        return self._broadcast(ARMING_STATUS, PRIORITY_HIGH, bytes((status,)))
+        status = types.FULLY_ARMED if self._armed else types.DISARMED
+        return self._broadcast(types.ARMING_STATUS, PRIORITY_HIGH, bytes((status,)))
 
-    def _on_esc(self, transfer: Transfer, status: EscStatus) -> ThrusterTelemetry | None:
+    def _on_esc(self, transfer: Transfer, status: types.EscStatus) -> ThrusterTelemetry | None:
         thruster = status.esc_index - self._first
         if not 0 <= thruster < len(self._errors):
             return None  # not one of our thrusters
@@ -116,20 +90,20 @@ class DroneCanHost(DroneCanNode):
         errors = max(self._errors) & WRAP
         return ThrusterTelemetry(command.sequence, armed, timed_out, pulses, 0, self._answers.frames, errors, trips)
 
-    def _on_node(self, transfer: Transfer, status: NodeStatus) -> None:
+    def _on_node(self, transfer: Transfer, status: types.NodeStatus) -> None:
         self._codes[transfer.source] = status.vendor_code
         if self._allocator:
             self._allocator.see(transfer.source)
 
-    def _on_extended(self, _: Transfer, status: EscStatusExtended) -> None:
+    def _on_extended(self, _: Transfer, status: types.EscStatusExtended) -> None:
         self.extended[status.esc_index] = status
 
-    def _on_battery(self, _: Transfer, battery: BatteryInfo) -> None:
+    def _on_battery(self, _: Transfer, battery: types.BatteryInfo) -> None:
         self.battery = battery
 
-    def _on_allocation(self, transfer: Transfer, request: Allocation) -> None:
+    def _on_allocation(self, transfer: Transfer, request: types.Allocation) -> None:
         if self._allocator and not transfer.source:
             answer = self._allocator.answer(request)
             self.deadline_ns = 0
             if answer:
-                self._replies.append(self._broadcast(ALLOCATION, PRIORITY_LOW, pack_allocation(answer)))
+                self._replies.append(self._broadcast(types.ALLOCATION, PRIORITY_LOW, types.pack_allocation(answer)))

@@ -8,22 +8,8 @@ from typing import Any, NamedTuple
 
 from hil.common.clock import NS_PER_S
 from hil.links.contract import Counters, Message, Protocol
+from hil.links.dronecan import services, types
 from hil.links.dronecan.parameters import ParameterStore
-from hil.links.dronecan.services import (
-    EXECUTE_OPCODE,
-    GET_SET,
-    GET_TRANSPORT_STATS,
-    RESTART_NODE,
-    GetSet,
-    TransportStats,
-    is_restart,
-    pack_description,
-    pack_done,
-    pack_opcode_result,
-    pack_transport_stats,
-    unpack_get_set,
-    unpack_opcode,
-)
 from hil.links.dronecan.transfer import (
     TRANSFER_ID,
     DataType,
@@ -33,16 +19,6 @@ from hil.links.dronecan.transfer import (
     message_key,
     pack_transfer,
     service_key,
-)
-from hil.links.dronecan.types import (
-    GET_NODE_INFO,
-    HEALTH_OK,
-    MODE_OPERATIONAL,
-    NODE_STATUS,
-    NodeInfo,
-    NodeStatus,
-    pack_node_info,
-    pack_node_status,
 )
 from hil.links.wires.can_frame import RECORD_SIZE, unpack_frames
 
@@ -68,12 +44,12 @@ class DroneCanNode(Protocol):
     incomplete transfers.
     """
 
-    def __init__(self, node_id: int, info: NodeInfo) -> None:
+    def __init__(self, node_id: int, info: types.NodeInfo) -> None:
         self.counters = Counters()
         self.deadline_ns = 0
         self.info = info
         self.node_id = 0
-        self.health = HEALTH_OK
+        self.health = types.HEALTH_OK
         self.vendor_code = 0
         self.parameters = ParameterStore()
         self._now_ns = 0
@@ -87,11 +63,11 @@ class DroneCanNode(Protocol):
         self._periodic: dict[str, Periodic] = {}
         self._due_ns: dict[str, int] = {}
         self._services: dict[DataType, tuple[Decode, Handle]] = {
-            GET_NODE_INFO: (bytes, self._answer_info_request),
-            GET_TRANSPORT_STATS: (bytes, self._answer_stats_request),
-            GET_SET: (unpack_get_set, self._answer_get_set),
-            EXECUTE_OPCODE: (unpack_opcode, self._answer_opcode),
-            RESTART_NODE: (is_restart, self._answer_restart),
+            types.GET_NODE_INFO: (bytes, self._answer_info_request),
+            services.GET_TRANSPORT_STATS: (bytes, self._answer_stats_request),
+            services.GET_SET: (services.unpack_get_set, self._answer_get_set),
+            services.EXECUTE_OPCODE: (services.unpack_opcode, self._answer_opcode),
+            services.RESTART_NODE: (services.is_restart, self._answer_restart),
         }
         self._repeat("status", STATUS_PERIOD_NS, self._status)
         if node_id:
@@ -180,35 +156,37 @@ class DroneCanNode(Protocol):
         self._transfer_ids[kind.id] = number + 1 & TRANSFER_ID
         return number
 
-    def _node_status(self) -> NodeStatus:
+    def _node_status(self) -> types.NodeStatus:
         uptime_s = max(self._now_ns - self._started_ns, 0) // NS_PER_S
-        return NodeStatus(uptime_s, self.health, MODE_OPERATIONAL, self.vendor_code)
+        return types.NodeStatus(uptime_s, self.health, types.MODE_OPERATIONAL, self.vendor_code)
 
     def _status(self) -> bytes:
-        return self._broadcast(NODE_STATUS, PRIORITY_LOW, pack_node_status(self._node_status()))
+        return self._broadcast(types.NODE_STATUS, PRIORITY_LOW, types.pack_node_status(self._node_status()))
 
     def _answer_info_request(self, request: Transfer, _: bytes) -> None:
-        self._respond(GET_NODE_INFO, request, pack_node_info(self._node_status(), self.info))
+        self._respond(types.GET_NODE_INFO, request, types.pack_node_info(self._node_status(), self.info))
 
     def _answer_stats_request(self, request: Transfer, _: bytes) -> None:
         errors = self.counters.malformed + self.counters.checksum_errors
-        stats = TransportStats(self._transfers[0], self._transfers[1], errors, self._frames[0], self._frames[1], 0)
-        self._respond(GET_TRANSPORT_STATS, request, pack_transport_stats(stats))
+        stats = services.TransportStats(
+            self._transfers[0], self._transfers[1], errors, self._frames[0], self._frames[1], 0
+        )
+        self._respond(services.GET_TRANSPORT_STATS, request, services.pack_transport_stats(stats))
 
-    def _answer_get_set(self, request: Transfer, requested: GetSet) -> None:
+    def _answer_get_set(self, request: Transfer, requested: services.GetSet) -> None:
         answer = self.parameters.answer(requested)
         if requested.value is not None:
             self._on_parameters()
-        self._respond(GET_SET, request, pack_description(answer))
+        self._respond(services.GET_SET, request, services.pack_description(answer))
 
     def _answer_opcode(self, request: Transfer, opcode: int) -> None:
         done = self.parameters.execute(opcode)
         self._on_parameters()
-        self._respond(EXECUTE_OPCODE, request, pack_opcode_result(done))
+        self._respond(services.EXECUTE_OPCODE, request, services.pack_opcode_result(done))
 
     def _answer_restart(self, request: Transfer, is_right: bool) -> Message | None:
         message = self._restart() if is_right else None
-        self._respond(RESTART_NODE, request, pack_done(message is not None))
+        self._respond(services.RESTART_NODE, request, services.pack_done(message is not None))
         return message
 
     def _on_parameters(self) -> None:

@@ -5,24 +5,8 @@ from collections.abc import Callable
 from hil.common.clock import NS_PER_S, now_ns
 from hil.links.can_thrusters import SPAN_US, MotorHook, deflection, propeller_load
 from hil.links.contract import PWM_NEUTRAL_US, Message, ThrusterCommand, ThrusterTelemetry
-from hil.links.vesc.end import (
-    ARGUMENT,
-    EVERY_ID,
-    FULL_STATUS_DUTY,
-    HW_TYPE_VESC,
-    PING,
-    PONG,
-    SET_CURRENT,
-    STATUS,
-    STATUS_4,
-    STATUS_4_DATA,
-    STATUS_5,
-    STATUS_5_DATA,
-    STATUS_DATA,
-    TIMEOUT_NS,
-    VescProtocol,
-    VescSettings,
-)
+from hil.links.vesc import end
+from hil.links.vesc.end import VescProtocol, VescSettings
 from hil.links.wires.can_frame import CanFrame, pack_frame
 
 KELVIN = 273.15
@@ -88,10 +72,10 @@ class VescDevice(VescProtocol):
 
     def _on_frame(self, command: int, controller: int, data: bytes) -> list[Message]:
         thruster = controller - self._settings.first_id
-        addressed = range(self._channels) if controller == EVERY_ID else (thruster,)
+        addressed = range(self._channels) if controller == end.EVERY_ID else (thruster,)
         if addressed[0] not in range(self._channels):
             return []
-        if command == PING:
+        if command == end.PING:
             self._answer(addressed, data)
             return []
         pulse = self._pulse(command, data)
@@ -102,10 +86,10 @@ class VescDevice(VescProtocol):
 
     def _pulse(self, command: int, data: bytes) -> int | None:
         """Return the pulse width (us) of a command, 0 to release the motor; None if the command is not supported."""
-        if len(data) < ARGUMENT.size:
+        if len(data) < end.ARGUMENT.size:
             return None
-        argument: int = ARGUMENT.unpack_from(data)[0]
-        if command == SET_CURRENT:
+        argument: int = end.ARGUMENT.unpack_from(data)[0]
+        if command == end.SET_CURRENT:
             return None if argument else 0
         us = self._us.get(command)
         if us is None:
@@ -123,7 +107,7 @@ class VescDevice(VescProtocol):
     def _apply(self) -> ThrusterCommand:
         """Return one command made from all that were received since the last."""
         for thruster in range(self._channels):
-            late = self._now_ns - self._received_ns[thruster] > TIMEOUT_NS
+            late = self._now_ns - self._received_ns[thruster] > end.TIMEOUT_NS
             self._held[thruster] = self._waiting.get(thruster, 0 if late else self._held[thruster])
         self._waiting.clear()
         if any(self._held):
@@ -135,24 +119,26 @@ class VescDevice(VescProtocol):
             self.counters.malformed += 1
             return
         for thruster in thrusters:
-            answer = bytes((self._settings.first_id + thruster, HW_TYPE_VESC))
-            self._replies.append(pack_frame(CanFrame(PONG << 8 | data[0], answer)))
+            answer = bytes((self._settings.first_id + thruster, end.HW_TYPE_VESC))
+            self._replies.append(pack_frame(CanFrame(end.PONG << 8 | data[0], answer)))
 
     def _status(self, thruster: int, pulse: int) -> bytes:
         fraction = deflection(pulse) / SPAN_US
         current = self._motor_values(thruster, pulse).current_a
         erpm = round(fraction * self._settings.full_erpm)
         return self._frame(
-            STATUS, thruster, STATUS_DATA.pack(erpm, _int16(current * 10), _int16(fraction * FULL_STATUS_DUTY))
+            end.STATUS,
+            thruster,
+            end.STATUS_DATA.pack(erpm, _int16(current * 10), _int16(fraction * end.FULL_STATUS_DUTY)),
         )
 
     def _slow_status(self, thruster: int, pulse: int) -> bytes:
         values = self._motor_values(thruster, pulse)
         celsius = _int16((values.temperature_k - KELVIN) * 10)
         tachometer = (int(self._tachometers[thruster]) + 0x8000_0000 & 0xFFFF_FFFF) - 0x8000_0000
-        status_4 = STATUS_4_DATA.pack(celsius, celsius, _int16(values.current_a * 10), 0)
-        status_5 = STATUS_5_DATA.pack(tachometer, _int16(values.voltage_v * 10), 0)
-        return self._frame(STATUS_4, thruster, status_4) + self._frame(STATUS_5, thruster, status_5)
+        status_4 = end.STATUS_4_DATA.pack(celsius, celsius, _int16(values.current_a * 10), 0)
+        status_5 = end.STATUS_5_DATA.pack(tachometer, _int16(values.voltage_v * 10), 0)
+        return self._frame(end.STATUS_4, thruster, status_4) + self._frame(end.STATUS_5, thruster, status_5)
 
     def _advance_motors(self, now_ns: int) -> None:
         """Advance the motors' positions to `now_ns`, at the speed of their pulse widths."""

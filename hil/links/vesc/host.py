@@ -4,19 +4,8 @@ from typing import NamedTuple
 
 from hil.links.can_thrusters import SPAN_US, WRAP, Answers, Rounds, has_output, pulse_at
 from hil.links.contract import PWM_NEUTRAL_US, Message, ThrusterCommand, ThrusterTelemetry
-from hil.links.vesc.end import (
-    ARGUMENT,
-    COMMANDS,
-    FULL_STATUS_DUTY,
-    SET_CURRENT,
-    SET_RPM,
-    STATUS,
-    STATUS_5,
-    STATUS_5_DATA,
-    STATUS_DATA,
-    VescProtocol,
-    VescSettings,
-)
+from hil.links.vesc import end
+from hil.links.vesc.end import VescProtocol, VescSettings
 
 
 class Motor(NamedTuple):
@@ -37,7 +26,7 @@ class VescHost(VescProtocol):
     def __init__(self, channels: int, settings: VescSettings) -> None:
         super().__init__(channels, settings)
         self.motors = [Motor()] * channels
-        self._command = COMMANDS[settings.command]
+        self._command = end.COMMANDS[settings.command]
         self._per_us = self._full[self._command] / SPAN_US
         self._rounds = Rounds(channels)
         self._answers = Answers(channels)
@@ -51,10 +40,10 @@ class VescHost(VescProtocol):
         output = []
         for thruster, pulse in enumerate(requested):
             if message.armed and has_output(message.pwm_us[thruster]):
-                argument = ARGUMENT.pack(round((pulse - PWM_NEUTRAL_US) * self._per_us))
+                argument = end.ARGUMENT.pack(round((pulse - PWM_NEUTRAL_US) * self._per_us))
                 output.append(self._frame(self._command, thruster, argument))
             else:
-                output.append(self._frame(SET_CURRENT, thruster, ARGUMENT.pack(0)))
+                output.append(self._frame(end.SET_CURRENT, thruster, end.ARGUMENT.pack(0)))
         return b"".join(output)
 
     def motor_values(self, thruster: int) -> dict[str, float]:
@@ -64,23 +53,23 @@ class VescHost(VescProtocol):
 
     def _on_frame(self, command: int, controller: int, data: bytes) -> list[Message]:
         thruster = controller - self._settings.first_id
-        if command not in (STATUS, STATUS_5) or not 0 <= thruster < self._channels:
+        if command not in (end.STATUS, end.STATUS_5) or not 0 <= thruster < self._channels:
             return []
-        if len(data) < (6 if command == STATUS_5 else 8):  # older firmware omits the reserved bytes at the end
+        if len(data) < (6 if command == end.STATUS_5 else 8):  # older firmware omits the reserved bytes at the end
             self.counters.malformed += 1
             return []
         motor = self.motors[thruster]
-        if command == STATUS_5:
-            tachometer, volts, _ = STATUS_5_DATA.unpack(data[:6] + b"\0\0")
+        if command == end.STATUS_5:
+            tachometer, volts, _ = end.STATUS_5_DATA.unpack(data[:6] + b"\0\0")
             self.motors[thruster] = motor._replace(tachometer=tachometer, voltage_v=volts / 10)
             return []
         return self._on_status(thruster, motor, data)
 
     def _on_status(self, thruster: int, motor: Motor, data: bytes) -> list[Message]:
-        erpm, current, duty = STATUS_DATA.unpack(data)
-        self.motors[thruster] = motor._replace(erpm=erpm, current_a=current / 10, duty=duty / FULL_STATUS_DUTY)
-        by_speed = self._command == SET_RPM
-        fraction = erpm / self._settings.full_erpm if by_speed else duty / FULL_STATUS_DUTY
+        erpm, current, duty = end.STATUS_DATA.unpack(data)
+        self.motors[thruster] = motor._replace(erpm=erpm, current_a=current / 10, duty=duty / end.FULL_STATUS_DUTY)
+        by_speed = self._command == end.SET_RPM
+        fraction = erpm / self._settings.full_erpm if by_speed else duty / end.FULL_STATUS_DUTY
         pulses = self._rounds.add_report(thruster, pulse_at(fraction * SPAN_US))
         return [] if pulses is None else [self._telemetry(pulses)]
 
