@@ -6,20 +6,8 @@ from typing import ClassVar
 from firmware_stub.emulation.peripheral import Peripheral, Ticks, Time
 from hil.common.clock import NEVER_NS, now_ns
 
-CR1, DIER, SR, EGR, CCMR1, CCER, CNT, PSC, ARR, CCR1, CCR4, BDTR = (
-    0x00,
-    0x0C,
-    0x10,
-    0x14,
-    0x18,
-    0x20,
-    0x24,
-    0x28,
-    0x2C,
-    0x34,
-    0x40,
-    0x44,
-)
+CR1, DIER, SR, EGR, CCMR1, CCER = 0x00, 0x0C, 0x10, 0x14, 0x18, 0x20
+CNT, PSC, ARR, CCR1, CCR4, BDTR = 0x24, 0x28, 0x2C, 0x34, 0x40, 0x44
 CEN, UIE, UIF, UG, MOE = 1, 1, 1, 1, 1 << 15
 PWM_MODE_1, PWM_MODE_2 = 6, 7
 US_PER_S = 1_000_000

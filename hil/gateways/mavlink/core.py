@@ -18,8 +18,9 @@ from hil.gateways.mavlink.flight.pilot import Pilot
 from hil.gateways.mavlink.parameter_table import ParameterTable
 from hil.gateways.mavlink.protocols.missions import MissionProtocol
 from hil.gateways.mavlink.protocols.parameters import ParameterProtocol
-from hil.gateways.mavlink.snapshot import Context, Origin, Snapshot, ThrusterTest, VehiclePort
+from hil.gateways.mavlink.snapshot import Context, Origin, Snapshot, ThrusterTest
 from hil.gateways.mavlink.telemetry import place_e7
+from hil.gateways.mavlink.vehicle_port import NetworkVehicle
 from hil.scenario.mavlink_records import Mavlink
 from sim.geodesy import TangentPlane
 
@@ -45,7 +46,7 @@ class Core:
 
     def __init__(
         self,
-        port: VehiclePort,
+        port: NetworkVehicle,
         settings: Mavlink,
         table: ParameterTable,
         origin: Origin | None,

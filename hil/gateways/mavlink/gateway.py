@@ -12,7 +12,8 @@ from hil.gateways.mavlink.endpoints.peer import Peer
 from hil.gateways.mavlink.parameter_table import ParameterTable
 from hil.gateways.mavlink.protocols.ftp import FtpServer
 from hil.gateways.mavlink.protocols.signing import SigningKey
-from hil.gateways.mavlink.snapshot import Origin, VehiclePort
+from hil.gateways.mavlink.snapshot import Origin
+from hil.gateways.mavlink.vehicle_port import NetworkVehicle
 from hil.scenario.mavlink_records import Mavlink
 
 TICK_NS = NS_PER_S // 50
@@ -29,7 +30,7 @@ class Gateway:
 
     def __init__(
         self,
-        port: VehiclePort,
+        port: NetworkVehicle,
         settings: Mavlink,
         table: ParameterTable,
         links: Sequence[Link],

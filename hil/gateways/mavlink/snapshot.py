@@ -1,8 +1,8 @@
-"""State of the gateway's vehicle at one instant (`Snapshot`, `Context`), and the requests it takes (`VehiclePort`)."""
+"""State of the gateway's vehicle at one instant (`Snapshot`, `Context`), and the commands that it takes."""
 
 from collections.abc import Mapping
 from math import isfinite
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 from hil.autonomy.control.controller import VelocityCommand
 from hil.client.samples import State
@@ -102,34 +102,3 @@ class Context(NamedTuple):
     def boot_us(self) -> int:
         """Time since the gateway started, us."""
         return self.now // NS_PER_US
-
-
-class VehiclePort(Protocol):
-    """The vehicle as the gateway commands it; no call waits for the network."""
-
-    def snapshot(self) -> Snapshot | None:
-        """Return its newest samples; None while it is not there."""
-
-    def send(self, command: Command) -> None:
-        """Send a command once; the vehicle forgets it after its deadman's time."""
-
-    def refusal(self) -> str:
-        """Return why it does not execute our commands, with the remedy; "" if it does."""
-
-    def arm(self) -> None:
-        """Let the slave take commands again, if it was disarmed; `refusal` shows when it does."""
-
-    def disarm(self) -> None:
-        """Make the slave refuse all commands."""
-
-    def set_accessory(self, name: str, share: float) -> None:
-        """Move an accessory: "lights" (0 to 1), "camera_tilt" (-1 to 1, up) or "gripper" (-1 to 1, open)."""
-
-    def parameters(self) -> Mapping[str, float]:
-        """Return the parameters that the slave has, by their MAVLink names; empty until they came."""
-
-    def set_parameter(self, name: str, value: float) -> None:
-        """Begin to set one of them; `parameters` has its value when that is done."""
-
-    def pop_settled(self) -> list[tuple[str, str]]:
-        """Return the parameters that were set since the last call, or could not be: name, and why not."""

@@ -1,6 +1,6 @@
-"""The vehicle of the gateway over the network: an implementation of `VehiclePort`.
+"""The vehicle of the gateway over the network: its newest samples, and what it is asked to do.
 
-Requests that wait for answers run in a thread of their own.
+No call waits for the network: requests that wait for answers run in a thread of their own.
 """
 
 import threading
@@ -87,7 +87,7 @@ class NetworkVehicle:
         )
 
     def send(self, command: Command) -> None:
-        """Send a command once."""
+        """Send a command once; the vehicle forgets it after its deadman's time."""
         client = self._client
         try:
             if isinstance(command, VelocityCommand):
@@ -112,7 +112,7 @@ class NetworkVehicle:
         return reason or (f"{client.node} has just named another master" if client.in_doubt else "")
 
     def arm(self) -> None:
-        """Let the slave take commands again."""
+        """Let the slave take commands again, if it was disarmed; `refusal` shows when it does."""
         if self._client.diagnostics().armed is False:
             self._do(lambda: self._call_arm(True))
 
@@ -121,18 +121,21 @@ class NetworkVehicle:
         self._do(lambda: self._call_arm(False))
 
     def set_accessory(self, name: str, share: float) -> None:
-        """Command an accessory. RC channels repeat their command, which is sent once."""
+        """Move an accessory: "lights" (0 to 1), "camera_tilt" (-1 to 1, up) or "gripper" (-1 to 1, open).
+
+        RC channels repeat their command, which is sent once.
+        """
         if self._shares.get(name) != share:
             with suppress(NetworkError):  # several vehicles of its name: `refusal` reports it
                 self._client.send("cmd_accessories", encode_accessories(0, {name: share}))
                 self._shares[name] = share
 
     def parameters(self) -> Mapping[str, float]:
-        """Return the parameters that the slave has."""
+        """Return the parameters that the slave has, by their MAVLink names; empty until they came."""
         return self._parameters.values
 
     def set_parameter(self, name: str, value: float) -> None:
-        """Begin to set one of them."""
+        """Begin to set one of them; `parameters` has its value when that is done."""
 
         def set_one() -> None:
             try:
@@ -143,7 +146,7 @@ class NetworkVehicle:
         self._do(set_one)
 
     def pop_settled(self) -> list[tuple[str, str]]:
-        """Return the parameters that were set since the last call, or could not be."""
+        """Return the parameters that were set since the last call, or could not be: name, and why not."""
         settled = []
         while self._settled:
             settled.append(self._settled.popleft())

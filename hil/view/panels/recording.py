@@ -2,40 +2,29 @@
 
 import threading
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from hil.common.errors import HilError
+
+if TYPE_CHECKING:
+    from hil.view.sources.recording import ViewRecorder
 
 START, STOP = "start recording", "stop recording"
 NOTHING_TO_RECORD = "only vehicles on the network are recorded here: this is a recording, or a simulation"
 
 
-class CanRecord(Protocol):
-    """Recorder of the view, such as hil.view.sources.recording.ViewRecorder."""
-
-    @property
-    def state(self) -> str:
-        """Text about the recording; "" while there is none."""
-
-    def start(self) -> str:
-        """Start recording; return the file or folder."""
-
-    def stop(self) -> str:
-        """Stop recording; return the file or folder."""
-
-
 class RecordingPanel:
-    """The button. Without `can_record` it is disabled and shows why. `report` is called with the outcome."""
+    """The button. Without `recorder` it is disabled and shows why. `report` is called with the outcome."""
 
     def __init__(
-        self, server: Any, container: Any, can_record: CanRecord | None, report: Callable[[str], None]
+        self, server: Any, container: Any, recorder: "ViewRecorder | None", report: Callable[[str], None]
     ) -> None:
-        self._recorder, self._report = can_record, report
+        self._recorder, self._report = recorder, report
         with container, server.gui.add_folder("recording"):
             self._button = server.gui.add_button(
-                START, disabled=can_record is None, hint=NOTHING_TO_RECORD if can_record is None else None
+                START, disabled=recorder is None, hint=NOTHING_TO_RECORD if recorder is None else None
             )
-            self._state = server.gui.add_markdown(NOTHING_TO_RECORD if can_record is None else "")
+            self._state = server.gui.add_markdown(NOTHING_TO_RECORD if recorder is None else "")
         self._button.on_click(lambda _: threading.Thread(target=self._toggle, name="recording", daemon=True).start())
 
     def update(self) -> None:

@@ -17,6 +17,7 @@ from hil.ros.topics import ALL, first_of
 from hil.scenario.config import Scenario
 from hil.view.sources.plans import Plans
 from hil.view.sources.recording import ViewRecorder
+from hil.view.sources.source import Source
 
 PICTURES = ("camera/image_raw/compressed", "camera/image_raw", "forward_sonar/image", "side_scan/image")
 DISCOVERED_EVERY_NS = 2_000_000_000  # between two searches for further topics with pictures
@@ -26,14 +27,12 @@ LOG_LINES = 200
 CONNECT_S = 5.0  # longest wait for a vehicle
 
 
-class LiveSource:
+class LiveSource(Source):
     """The vehicles at some endpoints. Use as a context. Pictures come over a separate session, while they are shown.
 
     With `observe` no vehicle is commanded. `keys` is this machine's folder of certificates. Recordings use the settings
     of `scenario`. Raises NetworkError.
     """
-
-    playback = None
 
     def __init__(
         self,
@@ -49,7 +48,7 @@ class LiveSource:
         self._observe = observe
         self._fleet = self._connect(observe)
         how = self._fleet.endpoints, self._fleet.network, self._fleet.security
-        self.recorder = ViewRecorder(*how, scenario)
+        self.recorder: ViewRecorder = ViewRecorder(*how, scenario)
         self._plans = Plans(*how)
         self._pictures: Fleet | None = None
         self._known: dict[str, Vehicle] = {}

@@ -10,7 +10,7 @@ from hil.recording.reader import read_messages
 from hil.ros import encoders as ros
 from hil.ros.diagnostics import Diagnostics
 from hil.view.sources.paced_time import PacedTime
-from hil.view.sources.source import OfflineSource
+from hil.view.sources.source import Source
 
 LARGEST = 2 << 30  # bytes of messages in memory
 
@@ -39,10 +39,8 @@ class _TopicMessages:
         return self._decoded[1]
 
 
-class RecordedSource(OfflineSource):
+class RecordedSource(Source):
     """The vehicles of a recording (a file or a folder). Raises ConfigError, MissingExtraError."""
-
-    recorder = None
 
     def __init__(self, path: str) -> None:
         self._messages: dict[str, dict[str, _TopicMessages]] = {}
@@ -61,7 +59,7 @@ class RecordedSource(OfflineSource):
         if not self._messages:
             raise ConfigError(f"{path}: no messages of a vehicle in it")
         self._first_ns = first
-        self.playback = PacedTime((last - first) / NS_PER_S)
+        self.playback: PacedTime = PacedTime((last - first) / NS_PER_S)
 
     @property
     def names(self) -> list[str]:

@@ -10,7 +10,7 @@ from hil.ros.images import Picture
 from hil.ros.joints import JointStates
 from hil.ros.topics import first_of
 from hil.view.sources.paced_time import PacedTime
-from hil.view.sources.source import OfflineSource
+from hil.view.sources.source import Source
 from sim.simulation import Simulation
 
 IMAGES = ("forward_sonar", "side_scan")
@@ -26,21 +26,19 @@ class SimulatedVehicle(Protocol):
     pwm_us: tuple[int, ...]
 
 
-class SimulatedSource(OfflineSource):
+class SimulatedSource(Source):
     """The vehicles of a simulation by name, all with the same simulation time."""
-
-    recorder = None
 
     def __init__(self, vehicles: Mapping[str, SimulatedVehicle]) -> None:
         self._vehicles = vehicles
-        self.playback = PacedTime()
+        self.playback: PacedTime = PacedTime()
 
     @property
     def names(self) -> list[str]:
         """Names of the vehicles, sorted."""
         return sorted(self._vehicles)
 
-    def is_present(self, _name: str) -> bool:
+    def is_present(self, name: str) -> bool:
         """Return True, as a simulated vehicle is always present."""
         return True
 

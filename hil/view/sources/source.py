@@ -1,7 +1,8 @@
 """Interface of the live view's sources: the newest samples of each vehicle."""
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from hil.client.vehicle_handle import Vehicle
@@ -10,57 +11,44 @@ if TYPE_CHECKING:
     from hil.view.sources.recording import ViewRecorder
 
 
-class Source(Protocol):
-    """The samples of some vehicles."""
+class Source(ABC):
+    """The samples of some vehicles. Without a network nobody commands them, and there are no delays and no log.
+
+    `playback` is the time that can be paused and sped up, None for vehicles in real time; `recorder` records the
+    vehicles, None if this source cannot be recorded.
+    """
+
+    playback: "PacedTime | None" = None
+    recorder: "ViewRecorder | None" = None
 
     @property
-    def playback(self) -> "PacedTime | None":
-        """Return the time that can be paused and sped up; None for vehicles in real time."""
-
-    @property
-    def recorder(self) -> "ViewRecorder | None":
-        """Return the recorder of the vehicles; None if this source cannot be recorded."""
-
-    @property
+    @abstractmethod
     def names(self) -> list[str]:
         """Names of all vehicles, sorted, including those that are lost."""
 
+    @abstractmethod
     def is_present(self, name: str) -> bool:
         """Return True if the vehicle is sending samples."""
 
+    @abstractmethod
     def latest(self, name: str) -> Mapping[str, Any]:
         """Return the newest message of each topic, as its decoder in hil.ros returns it: NED, FRD, SI units."""
 
+    @abstractmethod
     def diagnostics(self, name: str) -> "Diagnostics":
         """Return the newest diagnostics; empty before the first."""
 
     def vehicle(self, name: str) -> "Vehicle | None":
         """Return the handle that commands that vehicle; None if it cannot be commanded."""
+        return None
 
     def delays_ms(self, name: str) -> tuple[list[float], dict[str, float]]:
         """Return the delays (ms) of the newest commands, and the median (ms) of each hop; empty if not known."""
+        return [], {}
 
-    def show(self, viewed: bool, with_pictures: bool) -> None:
+    def show(self, viewed: bool, with_pictures: bool) -> None:  # noqa: B027  # without a network all samples are there
         """Receive what is drawn: all samples if a browser is connected, and then pictures of cameras and sonars too."""
 
     def log_lines(self) -> list[str]:
         """Return what happened since the last call, a line each."""
-
-
-class OfflineSource:
-    """Base of sources without a network: nobody commands the vehicles, and there are no delays and no log."""
-
-    def vehicle(self, _name: str) -> None:
-        """Return None, as the recording or the planner of the simulation decides what the vehicle does."""
-        return
-
-    def delays_ms(self, _name: str) -> tuple[list[float], dict[str, float]]:
-        """Return no delays."""
-        return [], {}
-
-    def show(self, viewed: bool, with_pictures: bool) -> None:
-        """Do nothing, as all samples are there anyway."""
-
-    def log_lines(self) -> list[str]:
-        """Return no lines."""
         return []

@@ -16,6 +16,7 @@ from hil.gateways.mavlink.flight.modes import Mode
 from hil.gateways.mavlink.parameter_table import ParameterTable
 from hil.gateways.mavlink.protocols.ftp import FtpServer
 from hil.gateways.mavlink.snapshot import Command, Echo, Origin, Snapshot, ThrusterTest, Wrench
+from hil.gateways.mavlink.vehicle_port import NetworkVehicle
 from hil.links.contract import Counters
 from hil.links.mavlink.servos import ServoOutputRaw
 from hil.links.mavlink.stream import MavlinkStream
@@ -29,8 +30,8 @@ TICK_NS = NS_PER_S // 50
 ORIGIN = Origin(45.0, 10.0, 0.0)
 
 
-class PointVehicle:
-    """A vehicle that has the commanded velocity at once, 2 m deep at first; a `VehiclePort`."""
+class PointVehicle(NetworkVehicle):
+    """A vehicle that has the commanded velocity at once, 2 m deep at first, without a network."""
 
     def __init__(self) -> None:
         self.north, self.east, self.depth, self.heading = 0.0, 0.0, 2.0, 0.0

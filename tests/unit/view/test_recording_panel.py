@@ -8,6 +8,7 @@ import pytest
 
 from hil.common.errors import ConfigError
 from hil.view.panels.recording import NOTHING_TO_RECORD, START, STOP, RecordingPanel
+from hil.view.sources.recording import ViewRecorder
 
 
 class Control:
@@ -43,10 +44,12 @@ class Server:
         return control
 
 
-class Recording:
+class Recording(ViewRecorder):
     """A stand-in for the recorder."""
 
     state, fails = "", False
+
+    def __init__(self) -> None: ...
 
     def start(self) -> str:
         if self.fails:
