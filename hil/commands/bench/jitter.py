@@ -67,7 +67,8 @@ def main(arguments: list[str]) -> int:
             for rate, bench in zip(rates, benches, strict=True):
                 progress = f"run {number + 1} of {options.repeat}: {rate:g} Hz"
                 failures.begin(progress)
-                by_rate.setdefault(rate, []).append(_measure(bench, options.seconds, progress))
+                run = _measure(bench, options.seconds, progress)
+                by_rate.setdefault(rate, []).append(run)
     if not by_rate:
         failures.raise_first()
     print("\n".join(_table(by_rate)))

@@ -84,7 +84,8 @@ def _measure(options: Any, failures: PartialFailures) -> tuple[dict[str, Series]
         for kind, before in kinds.items():
             for number in range(options.repeat):
                 failures.begin(f"{kind}: {number + 1} of {options.repeat}")
-                rows.setdefault(kind, []).append(_start(bench, before))
+                row = _start(bench, before)
+                rows.setdefault(kind, []).append(row)
     by_kind = {kind: {name: [row[name] for row in of_kind] for name in of_kind[0]} for kind, of_kind in rows.items()}
     return by_kind, [f"cold: {text}"] if "cold" in by_kind else [], labels
 
