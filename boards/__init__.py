@@ -78,9 +78,10 @@ class Budgets(NamedTuple):
 class Board(NamedTuple):
     """A single-board computer.
 
-    It is recognised by `models`: prefixes of the text in /proc/device-tree/model, or of the DMI product name. The first
-    of `serial` is the port on its pin header. `ram` are the available memory sizes. `system` is an operating system
-    with Python 3.10 or later, or one and how to install that Python. The service needs systemd 239 or later.
+    It is recognised by `models`: prefixes of the text in /proc/device-tree/model, or of the DMI product name; the
+    longest counts. The first of `serial` is the port on its pin header. `ram` are the available memory sizes. `system`
+    is an operating system with Python 3.10 or later, or one and how to install that Python. The service needs systemd
+    239 or later.
     `thermal_zones` are possible names of the processor's thermal zone. The processor throttles from `throttles_at` (°C,
     0: unknown). `throttling` is where that is reported: by the firmware of a Raspberry Pi ("vcgencmd"), or the kernel.
     """
@@ -126,8 +127,10 @@ def detect(root: str = "/") -> Board | None:
     this_model = model(root)
     if not this_model:
         return None
+    best, found = "", ""  # the longest prefix: "Raspberry Pi 3 Model B" also begins the name of the B Plus
     for name in preset_names(FOLDER):
         path = find_preset(FOLDER, name)
-        if this_model.startswith(tuple(read_table(path).get("models", ()))):
-            return load(path, Board)
-    return None
+        for prefix in read_table(path).get("models", ()):
+            if this_model.startswith(prefix) and len(prefix) > len(best):
+                best, found = prefix, path
+    return load(found, Board) if found else None

@@ -49,7 +49,8 @@ def test_a_real_board_has_a_serial_port_and_model_names(name: str) -> None:
 
 
 @pytest.mark.parametrize(("name", "first", "spi"), [("raspberry_pi_4b", 2, "uart4"), ("raspberry_pi_cm4", 2, "uart4"),
-                                                   ("raspberry_pi_5", 1, "uart3")])  # fmt: skip
+                                                   ("raspberry_pi_5", 1, "uart3"), ("raspberry_pi_cm5", 1, "uart3"),
+                                                   ("raspberry_pi_400", 2, "uart4")])  # fmt: skip
 def test_further_ports_of_a_raspberry_pi_are_numbered_as_their_uarts(name: str, first: int, spi: str) -> None:
     board = boards.load_board(name)
     for number, port in enumerate(board.serial[1:], first):
@@ -127,7 +128,9 @@ def test_every_board_has_a_recorded_machine() -> None:
     [
         ("Raspberry Pi 4 Model B Rev 1.5\0", "Raspberry Pi 4 Model B"),
         ("Raspberry Pi 3 Model B+\0", "Raspberry Pi 3 Model B+"),
-        ("Raspberry Pi 3 Model B Rev 1.2\0", None),
+        ("Raspberry Pi 3 Model B Rev 1.2\0", "Raspberry Pi 3 Model B"),
+        ("Raspberry Pi 3 Model B Plus Rev 1.3\0", "Raspberry Pi 3 Model B+"),
+        ("Raspberry Pi Compute Module 5 Lite Rev 1.0\0", "Raspberry Pi Compute Module 5"),
         ("Raspberry Pi 500 Rev 1.0\0", None),
         ("Raspberry Pi Compute Module 4S Rev 1.0\0", None),
         ("NVIDIA Jetson Nano Developer Kit\0", "NVIDIA Jetson Nano"),
@@ -135,7 +138,7 @@ def test_every_board_has_a_recorded_machine() -> None:
         ("NVIDIA Jetson Xavier NX Developer Kit (SD-card)\0", "NVIDIA Jetson Xavier NX"),
         ("NVIDIA Orin Nano Developer Kit\0", "NVIDIA Jetson Orin Nano"),
         ("NVIDIA Jetson Orin Nano Developer Kit Super\0", "NVIDIA Jetson Orin Nano"),
-        ("NVIDIA Orin NX Developer Kit\0", None),
+        ("NVIDIA Orin NX Developer Kit\0", "NVIDIA Jetson Orin NX"),
         ("TI AM335x BeagleBone Black Wireless\0", "BeagleBone Black"),
         ("TI AM335x BeagleBone Green\0", "BeagleBone Black"),
         ("TI AM335x BeagleBone Blue\0", None),
