@@ -1,5 +1,5 @@
 #!/bin/sh
-# Install the slave on this board as a service that starts with it. One command, on the board:
+# Install the slave, and what runs beside it, on this board as services that start with it. One command, on the board:
 #
 #     sudo sh install.sh uuv_hil-VERSION-...whl SCENARIO --user NAME [other options of `uuv-hil board install`]
 #
@@ -25,5 +25,5 @@ test -x "$folder/bin/pip" || python3 -m venv "$folder"
 mkdir -p /usr/local/bin
 ln -sf "$folder/bin/uuv-hil" /usr/local/bin/uuv-hil
 "$folder/bin/uuv-hil" board install "$scenario" --yes "$@"
-systemctl restart uuv-hil
+"$folder/bin/uuv-hil" board restart
 systemctl --no-pager --lines=0 status uuv-hil

@@ -66,7 +66,7 @@ def main(arguments: list[str]) -> int:
             else:
                 print("\n".join([table(watch.statuses(), watch.without_answer()), *_remarks(watch, unanswered)]))
             return 0
-        _show(watch, unanswered, endpoints, stop_fd)
+        _show(watch, unanswered, endpoints, stop_fd, bool(options.prometheus))
     return 0
 
 
@@ -111,7 +111,7 @@ def _settle(watch: HealthWatch, seconds: float, stop_fd: int) -> None:
         pause(stop_fd, 0.05)
 
 
-def _show(watch: HealthWatch, unanswered: Unanswered, endpoints: list[str], stop_fd: int) -> None:
+def _show(watch: HealthWatch, unanswered: Unanswered, endpoints: list[str], stop_fd: int, served: bool) -> None:
     live = sys.stdout.isatty()
     printed = ""
     while not is_stopped(stop_fd, REDRAW_S):
@@ -123,7 +123,7 @@ def _show(watch: HealthWatch, unanswered: Unanswered, endpoints: list[str], stop
             width, height = shutil.get_terminal_size()
             lines = [line if "\x1b" in line else line[:width] for line in text.splitlines()]
             print("\x1b[H\x1b[2J" + "\n".join(fit_lines(lines, height - 1, len(remarks))), flush=True)
-        elif text != printed:
+        elif text != printed and not served:  # as a service beside a slave it would fill the journal
             print(text + "\n", flush=True)
         printed = text
 

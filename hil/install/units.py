@@ -2,15 +2,16 @@
 
 import os
 import re
+from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 from boards import FOLDER, Board
 from boards.tree import Tree
 from hil.common.children import module_command
 from hil.common.clock import LOOP_PRIORITY
-from hil.common.endpoint import split_endpoint
 from hil.common.errors import ConfigError
 from hil.common.schema import preset_folder
+from hil.install.companions import KINDS, Address, Companion, slave_addresses
 from hil.links.address import parse_address
 from hil.scenario.config import Scenario
 
@@ -34,8 +35,9 @@ WITHOUT_DEVICE = ("socketcan", "virtual", "udp_multicast", "mcast", "socketcand"
 GS_USB = ("1d50:606f", "1209:2323", "1cd2:606f", "16d0:10b8")
 # Interfaces that python-can opens at /dev/ttyUSB0@115200. slcan is our own, and has its rate from [link].
 WITH_BAUD = ("robotell",)
-LOCAL_OR_ANY = ("0.0.0.0", "::", "::1", "localhost")
+ANY = ("0.0.0.0", "::")
 MEMORY_MARGIN = 4  # MemoryMax as a multiple of the recommended memory
+COMPANION_MEMORY = 768  # MemoryMax (MiB) of a service beside the slave
 SYSTEM_SERVICE = 239  # first version of systemd with @system-service; older ones would forbid all system calls
 NAME = re.compile(r"[A-Za-z0-9_][A-Za-z0-9_.-]*")  # valid names of users and interfaces in units
 DEVICE = re.compile(r"/dev/[A-Za-z0-9_#+:=@./-]+")  # names made by udev, without the pattern characters of its rules
@@ -51,11 +53,19 @@ class Service(NamedTuple):
     board: str | None = None
     member: str | None = None
     changes: tuple[str, ...] = ()  # changed keys of the scenario, such as "master.speed=0.5"
+    companions: tuple[Companion, ...] = ()
+
+    @property
+    def scenario_words(self) -> list[str]:
+        """The scenario's name, or its path as it is valid in any folder, and the options that change it."""
+        name = os.path.abspath(self.name) if self.name.endswith(".toml") else self.name
+        return [name, *(word for change in self.changes for word in ("--set", change))]
 
 
 def file_contents(tree: Tree, service: Service, board: Board | None) -> dict[str, str]:
     """Return the content of each file by path. Raises ConfigError if a name is not valid in a unit or a rule."""
     files = {UNIT: unit(tree, service, board), RULES: rules(tree, service, board), LIMITS: limits(service)}
+    files |= {f"{UNITS}uuv-hil-{one.name}.service": companion_unit(tree, service, one) for one in service.companions}
     if _can_interface(service.scenario):
         module = can_module(service.scenario, board)
         files[CAN_UNIT] = can_unit(service.scenario, module)
@@ -70,10 +80,10 @@ def file_contents(tree: Tree, service: Service, board: Board | None) -> dict[str
 
 
 def reachable_ports(service: Service) -> tuple[int, ...]:
-    """Return the slave's ports that other machines can reach; none behind a router or at a loopback address."""
-    _, host, port = split_endpoint(service.listen or service.scenario.slave.listen)
-    is_local = host.strip("[]") in ("localhost", "::1") or host.startswith("127.")
-    return () if is_local or service.scenario.network.router else (port, port + 1)
+    """Return the TCP ports of the slave, and of the services beside it, that other machines can reach."""
+    addresses = [*slave_addresses(service.scenario), *(one for other in service.companions for one in other.addresses)]
+    reachable = {one.port for one in addresses if one.use == "tcp" and one.port and not one.is_loopback}
+    return tuple(sorted(reachable))
 
 
 def firewall_missing(tree: Tree, service: Service) -> str:
@@ -93,30 +103,48 @@ def unknown_device(scenario: Scenario) -> str:
 
 
 def unit(tree: Tree, service: Service, board: Board | None) -> str:
-    """Return the service's unit for systemd."""
+    """Return the slave's unit for systemd."""
     scenario = service.scenario
-    recording = scenario.recording.folder if scenario.recording.slave else ""
     kinds = serial_drivers(tree, serial_device(scenario, board))
-    needs = [f"modprobe@{USB_DRIVERS[kind]}.service" for kind in kinds if kind in USB_DRIVERS]
-    needs += ["network-online.target"] if waits_for_network(service) else []
-    needs += [os.path.basename(CAN_UNIT)] if _can_interface(scenario) else []
-    version = systemd_version(tree)
     values = {
-        "description": single_line(scenario.description) or single_line(service.name),
-        "wants": f"Wants={' '.join(needs)}" if needs else "",
-        "after": " ".join(["network.target", "time-sync.target", *needs]),
-        "command": " ".join(escape_word(part).replace("$", "$$") for part in command(service)),
-        "pythonpath": escape_word(python_path()),
-        "user": service.user,
+        "description": f"slave: {single_line(scenario.description) or single_line(service.name)}",
+        "type": "notify",
+        "watchdog": "10",
+        "command": _command_line(command(service)),
         "rtprio": str(LOOP_PRIORITY if scenario.slave.realtime else 0),
         "memory_max": f"{MEMORY_MARGIN * (board.recommended.memory if board else 64):.0f}M",
+        "cpu_weight": "500",
+        "oom_score": "-500",
         # With a private /tmp, other programs would not find a pty in /tmp.
         "private_tmp": "no" if parse_address(scenario.link.port).target.startswith("/tmp/") else "yes",
-        "system_calls": "SystemCallFilter=@system-service" if version is None or version >= SYSTEM_SERVICE else "",
         "devices": "\n".join(_devices(scenario, kinds)),
-        "writable": f"ReadWritePaths={escape_word('-' + recording)}" if os.path.isabs(recording) else "",
+        "writable": _writable([scenario.recording.folder if scenario.recording.slave else ""]),
     }
-    return _fill("systemd/uuv-hil.service", values)
+    needs = needed_units(kinds, slave_addresses(scenario))
+    needs += [os.path.basename(CAN_UNIT)] if _can_interface(scenario) else []
+    return _fill_unit(tree, service, values, needs)
+
+
+def companion_unit(tree: Tree, service: Service, companion: Companion) -> str:
+    """Return the unit of a service beside the slave. It starts after the slave, or before it if that connects to it."""
+    devices = [one.host for one in companion.addresses if one.use == "serial"]
+    kinds = dict.fromkeys(kind for device in devices for kind in serial_drivers(tree, device))
+    values = {
+        "description": single_line(f"{companion.name} beside the slave of {service.name}"),
+        "command": _command_line(module_command("hil.cli", *companion.words)),
+        "environment": " ".join(map(escape_word, companion.environment)),
+        "devices": "\n".join(f"DeviceAllow=char-{kind} rw" for kind in kinds),
+        "writable": _writable(companion.folders),
+        "order": f"{'Before' if KINDS[companion.name].before_slave else 'After'}={os.path.basename(UNIT)}",
+    }
+    return _fill_unit(tree, service, values, needed_units(kinds, companion.addresses))
+
+
+def needed_units(kinds: Iterable[str], addresses: Iterable[Address]) -> list[str]:
+    """Return the units that load the drivers of serial devices, and wait for the network that addresses need."""
+    needs = [f"modprobe@{USB_DRIVERS[kind]}.service" for kind in kinds if kind in USB_DRIVERS]
+    waits = any(one.use != "serial" and not one.is_loopback and one.host not in ANY for one in addresses)
+    return needs + (["network-online.target"] if waits else [])
 
 
 def can_unit(scenario: Scenario, module: str = "") -> str:
@@ -182,14 +210,6 @@ def serial_drivers(tree: Tree, device: str) -> tuple[str, ...]:
     return tuple(USB_DRIVERS) if device.startswith("/dev/serial/by-id/") else SERIAL_DRIVERS
 
 
-def waits_for_network(service: Service) -> bool:
-    """Return True if the slave must start after the network, because it listens at an address from the network."""
-    if service.scenario.network.router:
-        return False
-    host = split_endpoint(service.listen or service.scenario.slave.listen)[1].strip("[]")
-    return host not in LOCAL_OR_ANY and not host.startswith("127.")
-
-
 def systemd_version(tree: Tree) -> int | None:
     """Return the version of the machine's systemd; None if it cannot be determined."""
     version = re.match(r"systemd (\d+)", tree.run("systemctl", "--version") or "")
@@ -197,12 +217,12 @@ def systemd_version(tree: Tree) -> int | None:
 
 
 def command(service: Service) -> list[str]:
-    """Return the command of the service."""
-    name = os.path.abspath(service.name) if service.name.endswith(".toml") else service.name
+    """Return the slave's command."""
+    name, *changes = service.scenario_words
     words = module_command("hil.cli", "slave", name)
     for option, value in (("--listen", service.listen), ("--board", service.board), ("--member", service.member)):
         words += [option, value] if value else []
-    return words + [word for change in service.changes for word in ("--set", change)]
+    return words + changes
 
 
 def python_path() -> str:
@@ -231,6 +251,29 @@ def single_line(text: str) -> str:
 def escape_unit_name(text: str) -> str:
     """Return a part of a path escaped for the name of a unit, see systemd-escape(1)."""
     return re.sub(r"[^A-Za-z0-9:_.]", lambda match: f"\\x{ord(match[0]):02x}", text)
+
+
+def _command_line(words: Sequence[str]) -> str:
+    return " ".join(escape_word(word).replace("$", "$$") for word in words)
+
+
+def _writable(folders: Iterable[str]) -> str:
+    return "\n".join(f"ReadWritePaths={escape_word('-' + folder)}" for folder in folders if os.path.isabs(folder))
+
+
+def _fill_unit(tree: Tree, service: Service, values: dict[str, str], needs: Sequence[str]) -> str:
+    """Return the unit of the slave or of a service beside it; values that are not given are those of the latter."""
+    version = systemd_version(tree)
+    usual = {
+        "type": "simple", "watchdog": "0", "environment": "", "rtprio": "0", "memory_max": f"{COMPANION_MEMORY}M",
+        "cpu_weight": "100", "oom_score": "0", "private_tmp": "yes", "order": "",
+        "wants": f"Wants={' '.join(needs)}" if needs else "",
+        "after": " ".join(["network.target", "time-sync.target", *needs]),
+        "pythonpath": escape_word(python_path()),
+        "user": service.user,
+        "system_calls": "SystemCallFilter=@system-service" if version is None or version >= SYSTEM_SERVICE else "",
+    }  # fmt: skip
+    return _fill("systemd/uuv-hil.service", usual | values)
 
 
 def _devices(scenario: Scenario, kinds: tuple[str, ...]) -> list[str]:

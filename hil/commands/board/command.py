@@ -1,4 +1,4 @@
-"""`uuv-hil board`: identify this single-board computer; install the slave as its service."""
+"""`uuv-hil board`: identify this single-board computer; install the slave, and what runs beside it, as services."""
 
 import argparse
 import json
@@ -18,6 +18,9 @@ EXAMPLES = """\
 install checks that the slave would start as the user. It then writes a systemd unit with a watchdog, udev rules, and
 limits for real-time scheduling; for a CAN link also a unit that sets the bit rate; with NetworkManager also a setting
 against power saving of the wlan. It shows every change and asks first; uninstall restores the files from before.
+--service adds services that run beside the slave: mavlink, record, view, foxglove, rosbridge, ros1, json, metrics
+(`top --prometheus`) and router. Quoted, a name may have options of its command, and variables of its environment before
+it. The services that are not named again by a later install are removed.
 
 examples:
   uuv-hil board                                          identify this machine
@@ -25,14 +28,22 @@ examples:
   uuv-hil board list                                     list all known boards
   uuv-hil board install mine.toml --user uuv --dry-run   only show the changes
   sudo .venv/bin/uuv-hil board install mine.toml --user uuv --listen tcp/0.0.0.0:7447
-  sudo .venv/bin/uuv-hil board uninstall
+  sudo .venv/bin/uuv-hil board install mine.toml --user uuv --service mavlink,record
+  sudo .venv/bin/uuv-hil board install mine.toml --user uuv --service "view --listen 0.0.0.0:7480"
+  sudo .venv/bin/uuv-hil board install mine.toml --user uuv --service "ROS_MASTER_URI=http://10.0.0.2:11311 ros1"
+  uuv-hil board services                                 list the installed services, and whether they run
+  sudo .venv/bin/uuv-hil board stop --service record     until `board restart`, or the next boot
+  sudo .venv/bin/uuv-hil board uninstall --service view  without --service, all
 """
 # What each action accepts.
 OPTIONS = {
     "show": ("board", "root", "json", "sources"),
     "list": ("json",),
-    "install": ("scenario", "set", "board", "root", "user", "listen", "member", "dry_run", "yes"),
-    "uninstall": ("root", "dry_run", "yes"),
+    "install": ("scenario", "set", "board", "root", "user", "listen", "member", "service", "dry_run", "yes"),
+    "uninstall": ("root", "service", "dry_run", "yes"),
+    "services": ("root", "json"),
+    "stop": ("root", "service"),
+    "restart": ("root", "service"),
 }
 
 
@@ -46,8 +57,8 @@ def main(arguments: list[str]) -> int:
     tree = Tree(options.root)
     if not os.path.isdir(options.root):
         raise ConfigError(f"--root: {options.root}: no such folder")
-    if options.action in ("install", "uninstall"):
-        return (service.install if options.action == "install" else service.uninstall)(tree, options)
+    if options.action in service.ACTIONS:
+        return service.ACTIONS[options.action](tree, options)
     if options.action == "list":
         print(json.dumps(boards_json()) if options.json else listing())
         return 0
@@ -74,6 +85,10 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--user", metavar="NAME", help="install: user that runs the slave [the one who called sudo]")
     add_listen(parser, "install: ")
     add_member(parser, "install: ")
+    parser.add_argument(
+        "--service", metavar="NAME", action="append", default=[],
+        help="install, uninstall, stop, restart: a service beside the slave; may be given several times",
+    )  # fmt: skip
     parser.add_argument("--dry-run", action="store_true", help="install, uninstall: only show what would change")
     parser.add_argument("--yes", action="store_true", help="install, uninstall: do not ask")
     return parser

@@ -1,16 +1,21 @@
-"""`uuv-hil board install` and `uninstall`: show the changes, and make them after confirmation."""
+"""`uuv-hil board`: install services after confirmation, and uninstall, list, stop and restart them."""
 
 import argparse
 import getpass
+import json
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Sequence
+from importlib import import_module
 
 from boards import load_board
 from boards.health import recognise
 from boards.tree import Tree
-from hil.common.errors import ConfigError
+from hil.commands.completion import find_parser
+from hil.common.columns import aligned
+from hil.common.errors import ConfigError, DeviceError
 from hil.common.streams import LOOK_FIRST, agreed
 from hil.doctor.board import check_memory_limit
 from hil.doctor.findings import Case, User, accounts
@@ -18,7 +23,8 @@ from hil.install import changes as board_changes
 from hil.install import check as board_check
 from hil.install import units as board_install
 from hil.install.changes import Plan
-from hil.install.units import MANAGER, NAME, Service
+from hil.install.companions import KINDS, read_companions
+from hil.install.units import MANAGER, NAME, UNITS, Service
 
 Command = tuple[str, ...]
 RELOAD = ("systemctl", "daemon-reload")
@@ -27,11 +33,12 @@ UDEV = [
     ("udevadm", "control", "--reload"),
     ("udevadm", "trigger", *(f"--subsystem-match={name}" for name in ("tty", "misc", "net", "usb", "usb-serial"))),
 ]
+STATE = ("ActiveState", "SubState", "NRestarts")  # properties of systemd
 STATE_FOLDERS = ("/var/lib/uuv-hil", "/var/cache/uuv-hil")  # the unit's StateDirectory and CacheDirectory
 
 
 def install(tree: Tree, options: argparse.Namespace) -> int:
-    """Make the slave a service; return the exit code. Raises HilError, and then nothing was changed."""
+    """Make the slave and others services; return the exit code. Raises HilError, and then nothing was changed."""
     if not options.scenario:
         raise ConfigError("install: which scenario is the service to run? Give its file or name")
     user = options.user or os.environ.get("SUDO_USER") or getpass.getuser()
@@ -39,6 +46,10 @@ def install(tree: Tree, options: argparse.Namespace) -> int:
     board = load_board(options.board) if options.board else recognise(tree)
     scenario = board_check.load_slave_scenario(options.scenario, options.listen, options.member, options.set)
     service = Service(scenario, options.scenario, user, options.listen, options.board, options.member, (*options.set,))
+    companions = read_companions(options.service, scenario, service.scenario_words, find_parser)
+    for package in [KINDS[one.name].package for one in companions if tree.live and KINDS[one.name].package]:
+        import_module(package)  # if it is missing, the error names the extra
+    service = service._replace(companions=companions)
     plan = board_changes.plan_install(tree, board_install.file_contents(tree, service, board))
     board_check.check(tree, service)
     for finding in check_memory_limit(Case(tree, board, scenario, User(user, 0, ()))):
@@ -58,13 +69,21 @@ def install(tree: Tree, options: argparse.Namespace) -> int:
         _run(tree, before)
         board_changes.apply_plan(tree, plan)
         _run(tree, after)
-        print("installed; start it with: sudo systemctl restart uuv-hil, follow it with: journalctl -fu uuv-hil")
+        names = " ".join(["uuv-hil", *(f"uuv-hil-{one.name}" for one in companions)])
+        print(f"installed; start: sudo systemctl restart {names}, follow: journalctl -f -u 'uuv-hil*'")
     return 0
 
 
 def uninstall(tree: Tree, options: argparse.Namespace) -> int:
-    """Restore the files from before install; return the exit code. Raises HilError, and then nothing was changed."""
+    """Restore the files from before install; return the exit code. Raises HilError, and then nothing was changed.
+
+    With --service only the units of these are removed.
+    """
     plan = board_changes.plan_uninstall(tree)
+    if options.service:
+        chosen = _chosen(tree, options.service)
+        removed = tuple(change for change in plan.removed if os.path.basename(change.path) in chosen)
+        plan = Plan(removed=removed, changed=tuple(path for path in plan.changed if os.path.basename(path) in chosen))
     _print_changed(plan)
     before = _stop_commands([*(change.path for change in plan.removed), *plan.changed])
     after = [RELOAD, UDEV[0], *_reload_manager(plan)]
@@ -75,10 +94,43 @@ def uninstall(tree: Tree, options: argparse.Namespace) -> int:
         _run(tree, after)
         again = f"after that file is removed, uninstall again, which removes its record, {board_changes.MANIFEST}"
         print(f"uninstalled, except for changed files; {again}" if plan.changed else "uninstalled")
-        left = [folder for folder in STATE_FOLDERS if tree.exists(folder)]
+        left = [folder for folder in STATE_FOLDERS if tree.exists(folder) and not options.service]
         if left:
             print(f"files of the service are still there; remove them with: sudo rm -r {' '.join(left)}")
     return 0
+
+
+def services(tree: Tree, options: argparse.Namespace) -> int:
+    """List the installed units with their state from systemd; return 0, or 3 if one does not run."""
+    names = _chosen(tree, ())
+    shown = tree.run("systemctl", "show", f"--property=Id,{','.join(STATE)}", *names) or ""
+    states = [dict(line.partition("=")[::2] for line in part.splitlines()) for part in shown.split("\n\n")]
+    by_unit = {state.get("Id"): state for state in states}
+    rows = [{"unit": name} | {key: by_unit.get(name, {}).get(key, "-") for key in STATE} for name in names]
+    if options.json:
+        print(json.dumps(rows))
+    else:
+        print("\n".join(aligned([("unit", "state", "detail", "restarts"), *(tuple(row.values()) for row in rows)])))
+    return 0 if all(row["ActiveState"] == "active" for row in rows) else DeviceError.exit_code
+
+
+def control(tree: Tree, options: argparse.Namespace) -> int:
+    """Stop or restart all installed units, or those of --service; return 0, or 3 if systemd refused."""
+    return DeviceError.exit_code if _run(tree, [("systemctl", options.action, *_chosen(tree, options.service))]) else 0
+
+
+ACTIONS = {"install": install, "uninstall": uninstall, "services": services, "stop": control, "restart": control}
+
+
+def _chosen(tree: Tree, names: Sequence[str]) -> list[str]:
+    """Return the installed units: those of the services `names`, or all. Raises ConfigError if there is none."""
+    there = [name for name in tree.names(UNITS) if re.fullmatch(r"uuv-hil(-[a-z0-9]+)?\.service", name)]
+    if not there:
+        raise ConfigError("no service is installed on this machine; install one: uuv-hil board install")
+    wanted = [f"uuv-hil-{name}.service" for text in names for name in text.split(",")]
+    if missing := [name for name in wanted if name not in there]:
+        raise ConfigError(f"--service: {missing[0]} is not installed; there are {', '.join(there)}")
+    return wanted or there
 
 
 def units(paths: Sequence[str]) -> list[str]:
@@ -125,8 +177,9 @@ def _confirm(tree: Tree, plan: Plan, commands: list[Command], options: argparse.
     return agreed("make these changes?", LOOK_FIRST)
 
 
-def _run(tree: Tree, commands: list[Command]) -> None:
-    """Run commands on this machine; a failure is reported and does not stop the rest."""
+def _run(tree: Tree, commands: list[Command]) -> bool:
+    """Run commands on this machine; a failure is reported and does not stop the rest. Return whether one failed."""
+    failed = False
     for command in commands if tree.live else ():
         if "reset-failed" in command:
             tree.run(*command)  # fails for a unit that has not failed, which is harmless
@@ -135,6 +188,9 @@ def _run(tree: Tree, commands: list[Command]) -> None:
             completed = subprocess.run(command, check=False)
         except OSError as error:
             print(f"{' '.join(command)}: {error.strerror}", file=sys.stderr)
+            failed = True
             continue
+        failed = failed or bool(completed.returncode)
         if completed.returncode:
             print(f"{' '.join(command)}: exit code {completed.returncode}", file=sys.stderr)
+    return failed

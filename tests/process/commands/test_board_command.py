@@ -93,7 +93,7 @@ def test_all_boards_are_listed_as_json(capsys: pytest.CaptureFixture[str]) -> No
         ("show --dry-run", "show: --dry-run goes only with install, uninstall"),
         ("show mine.toml", "show: the scenario mine.toml goes only with install"),
         ("list --sources", "list: --sources goes only with show"),
-        ("uninstall --json", "uninstall: --json goes only with show, list"),
+        ("uninstall --json", "uninstall: --json goes only with show, list, services"),
     ],
 )
 def test_options_of_another_action_are_refused(
@@ -112,7 +112,7 @@ def test_options_may_stand_before_and_after_the_action(
     assert f"+++ {UNIT}" in capsys.readouterr().out
     with pytest.raises(SystemExit, match="0"):
         cli.main(["board", *arguments, "--help"])
-    assert "[{show,list,install,uninstall}] [SCENARIO]\n" in capsys.readouterr().out
+    assert "[{show,list,install,uninstall,services,stop,restart}]\n" in capsys.readouterr().out
 
 
 def test_a_dry_run_shows_every_line_and_writes_none(

@@ -13,7 +13,7 @@ SERIAL = 'vehicle = "paper_six"\nworld = "pool"\nstm32 = "device"\n[start]\ndept
 CAN = SERIAL + '[link]\nport = "can:socketcan:can0"\nprotocol = "vesc"\nbitrate = 500_000\n'
 # What the unit is to have, by section; systemd ignores what it does not know, so that a slip of the pen would pass.
 KNOWN = {
-    "Unit": "Description Wants After BindsTo StartLimitIntervalSec",
+    "Unit": "Description Wants After Before BindsTo StartLimitIntervalSec",
     "Service": """Type NotifyAccess ExecStart ExecStartPre ExecStop RemainAfterExit Environment User SupplementaryGroups
         StateDirectory CacheDirectory WorkingDirectory WatchdogSec Restart RestartSec RestartPreventExitStatus
         TimeoutStartSec TimeoutStopSec LimitRTPRIO LimitMEMLOCK LimitCORE MemoryMax TasksMax CPUWeight OOMScoreAdjust
