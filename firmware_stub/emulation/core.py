@@ -7,16 +7,9 @@ protection unit, unprivileged mode.
 from mmap import mmap
 from struct import Struct
 
+from firmware_stub.emulation import engine
 from firmware_stub.emulation.chip import Chip
-from firmware_stub.emulation.engine import (
-    EXCEPTION_RETURN,
-    EXHAUSTED,
-    SUPERVISOR_CALL,
-    WAIT_FOR_EVENT,
-    WAIT_FOR_INTERRUPT,
-    Engine,
-    Registers,
-)
+from firmware_stub.emulation.engine import Engine, Registers
 from firmware_stub.emulation.memory import FLASH, Memory
 from firmware_stub.emulation.nvic import SVCALL
 
@@ -79,18 +72,18 @@ class Core:
                 self._take_exception()
             reason = self._engine.run(instructions)
             self._handle_stop(reason)
-            if self.sleeping or reason == EXHAUSTED or self._chip.reset_by:
+            if self.sleeping or reason == engine.EXHAUSTED or self._chip.reset_by:
                 return
 
     def _handle_stop(self, reason: int) -> None:
         """Handle the `reason` for which the engine stopped."""
-        if reason == WAIT_FOR_INTERRUPT:
+        if reason == engine.WAIT_FOR_INTERRUPT:
             self.sleeping = not self._nvic.urgent
-        elif reason == EXCEPTION_RETURN:
+        elif reason == engine.EXCEPTION_RETURN:
             self._return(self._engine.pc | 1)
-        elif reason == SUPERVISOR_CALL:
+        elif reason == engine.SUPERVISOR_CALL:
             self._nvic.pend(1 << SVCALL)
-        elif reason == WAIT_FOR_EVENT:
+        elif reason == engine.WAIT_FOR_EVENT:
             self.sleeping, self._event = not (self._event or self._nvic.urgent), False
 
     def _would_interrupt(self) -> bool:

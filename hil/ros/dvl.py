@@ -4,18 +4,8 @@ from math import atan2, hypot, inf, isfinite, nan
 from struct import Struct
 from typing import NamedTuple
 
+from hil.ros import encoders as ros
 from hil.ros.cdr import Layout, diagonal, tolerant
-from hil.ros.encoders import (
-    NO_DATA,
-    RANGE_HUMBLE,
-    Decoder,
-    Encoded,
-    Encoder,
-    pack_range,
-    pack_stamped,
-    swap_body,
-    unpack_stamped,
-)
 from hil.ros.topics import sample_topics
 from sim.sensors.samples import Covariance, DvlSample
 
@@ -51,8 +41,8 @@ def encode_dvl(
     """
     forward, starboard, down = sample.velocity if sample.locked else (nan, nan, nan)
     known = sample.locked and sample.covariance
-    covariance = _NINE.pack(*known) if known else diagonal(3, variance or NO_DATA, 0.0)
-    return pack_stamped(
+    covariance = _NINE.pack(*known) if known else diagonal(3, variance or ros.NO_DATA, 0.0)
+    return ros.pack_stamped(
         _DVL, sample.time_ns, (frame,), mode, _PISTON, forward, starboard, down,
         covariance, sample.altitude if sample.locked else nan,
         atan2(starboard, forward), hypot(forward, starboard), _BEAMS if sample.locked else 0, 0.0, 0, 0, *_NO_BEAMS,
@@ -62,7 +52,7 @@ def encode_dvl(
 @tolerant
 def decode_dvl(data: bytes) -> DvlSample:
     """Return velocity along FRD, altitude, and whether at least one beam has lock."""
-    time_ns, (_, _, u, v, w, _, altitude, _, _, beams, *_) = unpack_stamped(_DVL, data)
+    time_ns, (_, _, u, v, w, _, altitude, _, _, beams, *_) = ros.unpack_stamped(_DVL, data)
     return DvlSample(time_ns, (u, v, w), altitude, beams > 0 and isfinite(u + v + w))
 
 
@@ -72,10 +62,10 @@ def encode_dvl_twist(sample: DvlSample, frame: str = "dvl_link", variance: float
     `variance`: of the velocity, (m/s)², if the sample has no covariance. Without bottom lock the velocity is NaN and
     the first covariance -1. The angular part is always 0, with variances -1 if the sample has a covariance.
     """
-    velocity = swap_body(sample.velocity) if sample.locked else (nan, nan, nan)
+    velocity = ros.swap_body(sample.velocity) if sample.locked else (nan, nan, nan)
     known = sample.locked and sample.covariance
-    covariance = _linear(known) if known else diagonal(6, variance if sample.locked else NO_DATA, 0.0)
-    return pack_stamped(_TWIST_COVARIANCE, sample.time_ns, (frame,), *velocity, 0.0, 0.0, 0.0, covariance)
+    covariance = _linear(known) if known else diagonal(6, variance if sample.locked else ros.NO_DATA, 0.0)
+    return ros.pack_stamped(_TWIST_COVARIANCE, sample.time_ns, (frame,), *velocity, 0.0, 0.0, 0.0, covariance)
 
 
 def _linear(of: Covariance) -> bytes:
@@ -83,16 +73,16 @@ def _linear(of: Covariance) -> bytes:
     xx, xy, xz, yx, yy, yz, zx, zy, zz = of
     values = [0.0] * 36
     values[0:3], values[6:9], values[12:15] = (xx, -xy, -xz), (-yx, yy, yz), (-zx, zy, zz)
-    values[21] = values[28] = values[35] = NO_DATA
+    values[21] = values[28] = values[35] = ros.NO_DATA
     return _THIRTY_SIX.pack(*values)
 
 
 @tolerant
 def decode_dvl_twist(data: bytes) -> DvlSample:
     """Return the velocity along FRD and whether it has lock. The altitude is NaN: it is sent as a Range."""
-    time_ns, (u, v, w, _, _, _, covariance) = unpack_stamped(_TWIST_COVARIANCE, data)
+    time_ns, (u, v, w, _, _, _, covariance) = ros.unpack_stamped(_TWIST_COVARIANCE, data)
     locked = isfinite(u + v + w) and _FLOAT64.unpack_from(covariance)[0] >= 0.0
-    return DvlSample(time_ns, swap_body((u, v, w)), nan, locked)
+    return DvlSample(time_ns, ros.swap_body((u, v, w)), nan, locked)
 
 
 def altitude_of(sample: DvlSample) -> AltitudeSample:
@@ -108,17 +98,17 @@ def encode_range(
     `variance` in m², if the sample has none. The field of view is sent as 0, as the altitude is a mean of narrow beams.
     """
     distance = altitude_of(sample).distance
-    return pack_range(sample.time_ns, (frame,), 0, 0.0, *limits, distance, sample.altitude_variance or variance)
+    return ros.pack_range(sample.time_ns, (frame,), 0, 0.0, *limits, distance, sample.altitude_variance or variance)
 
 
 @tolerant
 def decode_range(data: bytes) -> AltitudeSample:
     """Return the distance to the seabed; reads the message of Jazzy and the shorter one of Humble."""
-    time_ns, (_, _, _, _, distance) = unpack_stamped(RANGE_HUMBLE, data)
+    time_ns, (_, _, _, _, distance) = ros.unpack_stamped(ros.RANGE_HUMBLE, data)
     return AltitudeSample(time_ns, distance)
 
 
-def _encode_all(sample: DvlSample, prefix: str, name: str = "dvl") -> Encoded:
+def _encode_all(sample: DvlSample, prefix: str, name: str = "dvl") -> ros.Encoded:
     own, twist, altitude = sample_topics(name)
     return [
         (own, encode_dvl(sample, f"{prefix}{name}_transducer_link")),
@@ -127,12 +117,12 @@ def _encode_all(sample: DvlSample, prefix: str, name: str = "dvl") -> Encoded:
     ]
 
 
-def _encode_water(sample: DvlSample, prefix: str, variance: float = 0.0, name: str = "dvl_water") -> Encoded:
+def _encode_water(sample: DvlSample, prefix: str, variance: float = 0.0, name: str = "dvl_water") -> ros.Encoded:
     return [(name, encode_dvl(sample, f"{prefix}{name}_transducer_link", variance, WATER))]
 
 
-ENCODERS: dict[str, Encoder] = {"dvl": _encode_all, "dvl_water": _encode_water}
-DECODERS: dict[str, Decoder] = {
+ENCODERS: dict[str, ros.Encoder] = {"dvl": _encode_all, "dvl_water": _encode_water}
+DECODERS: dict[str, ros.Decoder] = {
     "altitude": decode_range,
     "dvl": decode_dvl,
     "dvl_twist": decode_dvl_twist,

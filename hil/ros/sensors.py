@@ -8,15 +8,7 @@ from hil.ros import encoders as ros
 from hil.ros.cdr import HEADER, Layout, diagonal, tolerant
 from hil.ros.encoders import NO_DATA, pack_stamped, swap_body, swap_world, unpack_stamped
 from hil.ros.message import Message, encode, header, read, time_of
-from sim.sensors.extra_samples import (
-    BatterySample,
-    FieldSample,
-    FixSample,
-    FlagSample,
-    PositionSample,
-    RangeSample,
-    VelocitySample,
-)
+from sim.sensors import extra_samples
 from sim.sensors.samples import Covariance
 
 # Constants of the messages.
@@ -32,7 +24,7 @@ _BOOL = Layout("B")
 _FIELD = Layout("i I string 3d 72s")
 
 
-def encode_bool(sample: FlagSample) -> bytes:
+def encode_bool(sample: extra_samples.FlagSample) -> bytes:
     """Encode std_msgs/Bool, which has no stamp."""
     return _BOOL.struct().pack(HEADER, sample.on)
 
@@ -43,20 +35,20 @@ def decode_bool(data: bytes) -> bool:
     return bool(_BOOL.unpack(data)[1])
 
 
-def encode_distance(sample: RangeSample, frame: str = "altimeter_link", variance: float = 0.0) -> bytes:
+def encode_distance(sample: extra_samples.RangeSample, frame: str = "altimeter_link", variance: float = 0.0) -> bytes:
     """Encode sensor_msgs/Range of one narrow sonar beam; +inf and -inf as in REP 117. `variance` in m²."""
     return ros.pack_range(sample.time_ns, (frame,), 0, 0.0, *sample.limits, sample.distance, variance)
 
 
 @tolerant
-def decode_distance(data: bytes) -> RangeSample:
+def decode_distance(data: bytes) -> extra_samples.RangeSample:
     """Return distance and limits of the device, which are sent as 32-bit floats."""
     time_ns, (_, _, near, far, distance) = unpack_stamped(ros.RANGE_HUMBLE, data)
-    return RangeSample(time_ns, distance, (near, far))
+    return extra_samples.RangeSample(time_ns, distance, (near, far))
 
 
 def encode_field(
-    sample: FieldSample, frame: str = "magnetometer_link", variance: float = 0.0, z: float | None = None
+    sample: extra_samples.FieldSample, frame: str = "magnetometer_link", variance: float = 0.0, z: float | None = None
 ) -> bytes:
     """Encode sensor_msgs/MagneticField along FLU, in tesla. `variance` of a component in T²; `z`: that of the third."""
     field = swap_body(sample.field)
@@ -64,26 +56,26 @@ def encode_field(
 
 
 @tolerant
-def decode_field(data: bytes) -> FieldSample:
+def decode_field(data: bytes) -> extra_samples.FieldSample:
     """Return the field along FRD, without covariance."""
     time_ns, (x, y, z, _) = unpack_stamped(_FIELD, data)
-    return FieldSample(time_ns, swap_body((x, y, z)))
+    return extra_samples.FieldSample(time_ns, swap_body((x, y, z)))
 
 
-def encode_velocity(sample: VelocitySample, frame: str = "current_meter_link") -> bytes:
+def encode_velocity(sample: extra_samples.VelocitySample, frame: str = "current_meter_link") -> bytes:
     """Encode geometry_msgs/TwistStamped of a velocity along FLU; the angular part is always 0."""
     u, v, w = swap_body(sample.velocity)
     return encode(_TWIST, {"header": header(sample.time_ns, frame), "twist": {"linear": {"x": u, "y": v, "z": w}}})
 
 
 @tolerant
-def decode_velocity(data: bytes) -> VelocitySample:
+def decode_velocity(data: bytes) -> extra_samples.VelocitySample:
     """Return the linear velocity along FRD."""
     message = read(_TWIST, data)
-    return VelocitySample(time_of(message), swap_body(_vector(message["twist"]["linear"])))
+    return extra_samples.VelocitySample(time_of(message), swap_body(_vector(message["twist"]["linear"])))
 
 
-def encode_fix(sample: FixSample, frame: str = "gps_link") -> bytes:
+def encode_fix(sample: extra_samples.FixSample, frame: str = "gps_link") -> bytes:
     """Encode sensor_msgs/NavSatFix. Without a fix: status -1, position NaN and covariance unknown."""
     horizontal, vertical = sample.variances if sample.fix else (0.0, 0.0)
     return encode(_FIX, {
@@ -97,17 +89,17 @@ def encode_fix(sample: FixSample, frame: str = "gps_link") -> bytes:
 
 
 @tolerant
-def decode_fix(data: bytes) -> FixSample:
+def decode_fix(data: bytes) -> extra_samples.FixSample:
     """Return the fix, with the first and last diagonal element of its covariance."""
     message = read(_FIX, data)
     place = message["latitude"], message["longitude"], message["altitude"]
     first, *_, last = message["position_covariance"]
     is_fix = message["status"]["status"] >= _HAS_FIX and isfinite(sum(place))
     latitude, longitude, altitude = place if is_fix else (nan, nan, nan)
-    return FixSample(time_of(message), latitude, longitude, altitude, (first, last), is_fix)
+    return extra_samples.FixSample(time_of(message), latitude, longitude, altitude, (first, last), is_fix)
 
 
-def encode_position(sample: PositionSample, frame: str = "map") -> bytes:
+def encode_position(sample: extra_samples.PositionSample, frame: str = "map") -> bytes:
     """Encode geometry_msgs/PoseWithCovarianceStamped of a position in the world `frame`.
 
     Among the stamped messages with a position only this one has a covariance, which filters need. The orientation is
@@ -123,13 +115,13 @@ def encode_position(sample: PositionSample, frame: str = "map") -> bytes:
 
 
 @tolerant
-def decode_position(data: bytes) -> PositionSample:
+def decode_position(data: bytes) -> extra_samples.PositionSample:
     """Return the position, NED, with its covariance; the orientation is ignored."""
     message = read(_POSE, data)
     pose, covariance = message["pose"]["pose"], message["pose"]["covariance"]
     a, b, c, _, _, _, d, e, f, _, _, _, g, h, i, *_ = covariance
     place = swap_world(_vector(pose["position"]))
-    return PositionSample(time_of(message), place, _swap_covariance((a, b, c, d, e, f, g, h, i)))
+    return extra_samples.PositionSample(time_of(message), place, _swap_covariance((a, b, c, d, e, f, g, h, i)))
 
 
 def _vector(of: Message) -> Vector3:
@@ -143,7 +135,7 @@ def _swap_covariance(of: Covariance) -> Covariance:
     return yy, yx, -yz, xy, xx, -xz, -zy, -zx, zz
 
 
-def encode_battery(sample: BatterySample, frame: str = "battery_link") -> bytes:
+def encode_battery(sample: extra_samples.BatterySample, frame: str = "battery_link") -> bytes:
     """Encode sensor_msgs/BatteryState; the current is negative while discharging; health is "dead" after a cut-off."""
     status, health = (_NOT_CHARGING, _DEAD) if sample.cut_off else (_DISCHARGING, _GOOD)
     charge = {"charge": sample.charge, "capacity": sample.capacity, "design_capacity": sample.capacity}
@@ -155,11 +147,13 @@ def encode_battery(sample: BatterySample, frame: str = "battery_link") -> bytes:
 
 
 @tolerant
-def decode_battery(data: bytes) -> BatterySample:
+def decode_battery(data: bytes) -> extra_samples.BatterySample:
     """Return the battery; cells, location and serial number are ignored."""
     message = read(_BATTERY, data)
     voltage, current, charge, capacity = [message[key] for key in ("voltage", "current", "charge", "capacity")]
-    return BatterySample(time_of(message), voltage, -current, charge, capacity, message["power_supply_health"] == _DEAD)
+    return extra_samples.BatterySample(
+        time_of(message), voltage, -current, charge, capacity, message["power_supply_health"] == _DEAD
+    )
 
 
 def _framed(encode: Callable[..., bytes]) -> ros.Encoder:

@@ -15,15 +15,8 @@ import aiohttp
 from hil.common.clock import NS_PER_S, now_ns
 from hil.common.errors import HilError, NetworkError
 from hil.gateways.commanding import LARGEST
+from hil.gateways.ros1 import tcpros
 from hil.gateways.ros1.messages import Kind, UnreadableError, to_cdr
-from hil.gateways.ros1.tcpros import (
-    PeerError,
-    encode_header,
-    read_frame,
-    read_header,
-    require_type,
-    set_options,
-)
 from hil.gateways.ros1.xmlrpc import call
 
 HELD_NS = NS_PER_S  # after the last message of the commanding publisher, until another one may command
@@ -85,7 +78,7 @@ class Subscription:
             before = self.received
             try:
                 await self._read(uri)
-            except (PeerError, NetworkError) as error:
+            except (tcpros.PeerError, NetworkError) as error:
                 self._report(f"{self.topic} {uri}", f"{self.topic} from {uri}: {error}")
             except (OSError, asyncio.IncompleteReadError, asyncio.TimeoutError):
                 pass  # the publisher has ended: the master reports it soon
@@ -99,10 +92,10 @@ class Subscription:
             case ["TCPROS", str() as host, int() as port, *_]:
                 pass
             case _:
-                raise PeerError("it offers no TCPROS")
+                raise tcpros.PeerError("it offers no TCPROS")
         reader, writer = await asyncio.wait_for(asyncio.open_connection(host, port), CONNECT_S)
         try:
-            set_options(writer)
+            tcpros.set_options(writer)
             header = {
                 "callerid": self._caller.name,
                 "md5sum": self.kind.md5sum,
@@ -111,14 +104,14 @@ class Subscription:
                 "topic": self.topic,
                 "type": self.kind.name,
             }
-            writer.write(encode_header(header))
-            reply = await read_header(reader)
+            writer.write(tcpros.encode_header(header))
+            reply = await tcpros.read_header(reader)
             if "error" in reply:
-                raise PeerError(reply["error"][:200])
-            require_type(reply, self.topic, self.kind.name, self.kind.md5sum)
+                raise tcpros.PeerError(reply["error"][:200])
+            tcpros.require_type(reply, self.topic, self.kind.name, self.kind.md5sum)
             sender = reply.get("callerid", uri)[:256]
             while True:
-                self._accept_command(sender, await read_frame(reader, LARGEST, "a command"))
+                self._accept_command(sender, await tcpros.read_frame(reader, LARGEST, "a command"))
         finally:
             writer.close()
             with suppress(OSError):

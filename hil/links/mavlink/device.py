@@ -20,16 +20,8 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from hil.common.clock import NS_PER_S
 from hil.links.contract import PWM_NEUTRAL_US, Message, ThrusterCommand, ThrusterTelemetry
-from hil.links.mavlink.end import (
-    BEAT_NS,
-    NO_PULSE_US,
-    PORT,
-    MavlinkEnd,
-    is_pulse,
-    next_due,
-    sender,
-    share_to_pulse,
-)
+from hil.links.mavlink import end
+from hil.links.mavlink.end import MavlinkEnd
 from hil.links.mavlink.outputs import Outputs
 from hil.links.mavlink.reports import (
     encode_device_heartbeat,
@@ -84,10 +76,10 @@ class MavlinkDevice(MavlinkEnd):
         """Return heartbeat, status and ESC readings, each when it is due."""
         data = b""
         if now_ns >= self._beat_ns:
-            self._beat_ns = next_due(self._beat_ns, BEAT_NS, now_ns)
+            self._beat_ns = end.next_due(self._beat_ns, end.BEAT_NS, now_ns)
             data += self._state()
         if now_ns >= self._esc_ns:
-            self._esc_ns = next_due(self._esc_ns, ESC_PERIOD_NS, now_ns)
+            self._esc_ns = end.next_due(self._esc_ns, ESC_PERIOD_NS, now_ns)
             self._esc_count += 1
             data += b"".join([self.pack(message) for message in encode_esc_telemetry(self.esc, self._esc_count)])
         self.deadline_ns = min(self._beat_ns, self._esc_ns)
@@ -97,7 +89,7 @@ class MavlinkDevice(MavlinkEnd):
         return self.pack(encode_device_heartbeat(self._reported)) + self.pack(encode_sys_status(self._reported))
 
     def _servo_output_raw(self, packet: ServoOutputRaw) -> ThrusterCommand | None:
-        if packet.system != self.settings.system or packet.port != PORT:
+        if packet.system != self.settings.system or packet.port != end.PORT:
             return None
         return self._outputs.set_pulses(packet.pulses[: self.channels], self._outputs.armed, packet)
 
@@ -119,7 +111,7 @@ class MavlinkDevice(MavlinkEnd):
             return None
         handle = self._commands.get(packet.command)
         result, command = handle(packet) if handle else (dialect.MAV_RESULT_UNSUPPORTED, None)
-        self.reply(dialect.MAVLink_command_ack_message(packet.command, result, 0, 0, *sender(packet)))
+        self.reply(dialect.MAVLink_command_ack_message(packet.command, result, 0, 0, *end.sender(packet)))
         return command
 
     def _arm_disarm(self, packet: Any) -> Result:
@@ -129,7 +121,7 @@ class MavlinkDevice(MavlinkEnd):
 
     def _set_servo(self, packet: Any) -> Result:
         channel, width = self._channel(packet.param1), packet.param2
-        if channel is None or not (is_pulse(width) or width == NO_PULSE_US):
+        if channel is None or not (end.is_pulse(width) or width == end.NO_PULSE_US):
             return dialect.MAV_RESULT_DENIED, None
         if not self._outputs.armed:
             return dialect.MAV_RESULT_TEMPORARILY_REJECTED, None
@@ -144,7 +136,7 @@ class MavlinkDevice(MavlinkEnd):
         return int(instance) - 1 if 1 <= instance <= self.channels and instance == int(instance) else None
 
     def _pulses(self, shares: Sequence[float]) -> list[int]:
-        return [share_to_pulse(share, self.settings.span_us) for share in shares]
+        return [end.share_to_pulse(share, self.settings.span_us) for share in shares]
 
 
 def _overridden(channel: int, width: int, current_us: int) -> int:

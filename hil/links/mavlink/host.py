@@ -8,18 +8,8 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from hil.common.clock import NS_PER_US
 from hil.links.contract import PWM_NEUTRAL_US, Message, SentCommands, ThrusterCommand, ThrusterTelemetry
-from hil.links.mavlink.end import (
-    BEAT_NS,
-    NO_PULSE_US,
-    PORT,
-    SERVOS,
-    U32,
-    MavlinkEnd,
-    is_pulse,
-    next_due,
-    sender,
-    share_to_pulse,
-)
+from hil.links.mavlink import end
+from hil.links.mavlink.end import MavlinkEnd
 from hil.links.mavlink.reports import ESC_GROUPS, decode_esc_readings, encode_host_heartbeat
 from hil.links.mavlink.servos import ServoOutputRaw
 from hil.links.mavlink.settings import EscReading, MavlinkSettings
@@ -70,7 +60,7 @@ class MavlinkHost(MavlinkEnd):
         self.check_channels(message.pwm_us)
         pulses = [PWM_NEUTRAL_US] * self.channels
         if message.armed:
-            pulses = [width if is_pulse(width) else NO_PULSE_US for width in message.pwm_us]
+            pulses = [width if end.is_pulse(width) else end.NO_PULSE_US for width in message.pwm_us]
         shown, packets = self._encode_pulses(pulses, message.armed)
         self._sent.add_sent(tuple(shown), message.sequence)
         return packets
@@ -82,7 +72,7 @@ class MavlinkHost(MavlinkEnd):
 
     def tick(self, now_ns: int) -> bytes:
         """Return the heartbeat of an onboard controller if it is due."""
-        self.deadline_ns = next_due(self.deadline_ns, BEAT_NS, now_ns)
+        self.deadline_ns = end.next_due(self.deadline_ns, end.BEAT_NS, now_ns)
         return self.pack(encode_host_heartbeat())
 
     def _servo_output_raw(self, pulses: list[int], armed: bool) -> tuple[list[int], bytes]:
@@ -96,10 +86,10 @@ class MavlinkHost(MavlinkEnd):
     def _hil_actuator_controls(self, pulses: list[int], armed: bool) -> tuple[list[int], bytes]:
         span = self.settings.span_us
         shares = [max(-1.0, min((width - PWM_NEUTRAL_US) / span, 1.0)) if width else math.nan for width in pulses]
-        controls = shares + [0.0] * (SERVOS - len(shares))
+        controls = shares + [0.0] * (end.SERVOS - len(shares))
         mode = dialect.MAV_MODE_FLAG_SAFETY_ARMED if armed else 0
         message = dialect.MAVLink_hil_actuator_controls_message(self._clock() // NS_PER_US, controls, mode, 0)
-        return [share_to_pulse(share, span) for share in shares], self.pack(message)
+        return [end.share_to_pulse(share, span) for share in shares], self.pack(message)
 
     def _arming(self, armed: bool) -> bytes:
         """Return COMPONENT_ARM_DISARM, unless the device's last HEARTBEAT has the same armed state."""
@@ -117,26 +107,26 @@ class MavlinkHost(MavlinkEnd):
         return self.pack(arm)
 
     def _heartbeat(self, packet: Any) -> None:
-        if sender(packet) == self._device:
+        if end.sender(packet) == self._device:
             self._device_armed = packet.base_mode & dialect.MAV_MODE_FLAG_SAFETY_ARMED != 0
             self._timed_out = packet.system_status == dialect.MAV_STATE_CRITICAL
 
     def _sys_status(self, packet: Any) -> None:
         behind = (self._status_number - packet.get_seq()) & 0xFF
-        if sender(packet) == self._device and not 0 < behind <= OVERTAKEN:
+        if end.sender(packet) == self._device and not 0 < behind <= OVERTAKEN:
             self._status_number = packet.get_seq()
             self._errors, self._trips, self._frames = packet.errors_comm, packet.errors_count1, packet.errors_count2
 
     def _esc_telemetry(self, packet: Any) -> None:
-        if sender(packet) == self._device:
+        if end.sender(packet) == self._device:
             first = ESC_GROUPS[packet.get_msgId()]
             for i, reading in enumerate(decode_esc_readings(packet)[: max(0, self.channels - first)]):
                 self.esc[first + i] = reading
 
     def _report(self, packet: ServoOutputRaw) -> ThrusterTelemetry | None:
-        if sender(packet) != self._device or packet.port != PORT:
+        if end.sender(packet) != self._device or packet.port != end.PORT:
             return None
-        if 0 < (self._newest_us - packet.time_usec & U32) < OVERTAKEN_US:
+        if 0 < (self._newest_us - packet.time_usec & end.U32) < OVERTAKEN_US:
             return None  # a newer one was received first
         self._newest_us = packet.time_usec
         pulses = packet.pulses[: self.channels]
@@ -156,4 +146,4 @@ class MavlinkHost(MavlinkEnd):
         """Return the time (us) since the first report that showed this command, on the device's clock."""
         if sequence != self._answered:
             self._answered, self._shown_us = sequence, device_us
-        return device_us - self._shown_us & U32
+        return device_us - self._shown_us & end.U32

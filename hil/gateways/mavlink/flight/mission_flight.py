@@ -8,16 +8,9 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from hil.autonomy.control.controller import wrap
 from hil.client.samples import State
 from hil.common.clock import NS_PER_S
+from hil.gateways.mavlink.flight import mission_items
 from hil.gateways.mavlink.flight.guidance import Point, is_reached
-from hil.gateways.mavlink.flight.mission_items import (
-    IDLE_COMMANDS,
-    WAYPOINTS,
-    Item,
-    heading_of_item,
-    position_of,
-    radius_of,
-    wait_of,
-)
+from hil.gateways.mavlink.flight.mission_items import Item
 from hil.gateways.mavlink.flight.targets import Target, TargetError
 from hil.gateways.mavlink.parameter_table import ParameterTable
 from hil.gateways.mavlink.snapshot import Origin
@@ -116,7 +109,7 @@ class MissionFlight:
     def _fly(self, item: Item, state: State, now: int) -> Target | None:
         """Return the target of an item; None once it is done and the next one is current."""
         command = item.command
-        if command in WAYPOINTS:
+        if command in mission_items.WAYPOINTS:
             return self._fly_to(item, state, now)
         if command in (dialect.MAV_CMD_NAV_RETURN_TO_LAUNCH, dialect.MAV_CMD_NAV_LAND):
             north, east, _ = self._home() if command == dialect.MAV_CMD_NAV_RETURN_TO_LAUNCH else state.position
@@ -130,20 +123,22 @@ class MissionFlight:
         elif command == dialect.MAV_CMD_DO_JUMP:
             self._jump(item)
             return None
-        elif command in IDLE_COMMANDS:
+        elif command in mission_items.IDLE_COMMANDS:
             self.texts.append((4, f"mission item {self.current}: command {command} is ignored"))
         self._next()
         return None
 
     def _fly_to(self, item: Item, state: State, now: int) -> Target | None:
         try:
-            position = position_of(item, self._origin(), self._home()[2])
+            position = mission_items.position_of(item, self._origin(), self._home()[2])
         except TargetError as error:
             self.status = PAUSED
             self.texts.append((3, f"mission item {self.current}: {error}"))
             return None
-        radius = radius_of(item, self._parameters["WPNAV_RADIUS"])
-        return self._approach(position, radius, wait_of(item), heading_of_item(item), state, now)
+        radius = mission_items.radius_of(item, self._parameters["WPNAV_RADIUS"])
+        return self._approach(
+            position, radius, mission_items.wait_of(item), mission_items.heading_of_item(item), state, now
+        )
 
     def _approach(
         self, position: Point, radius: float | None, wait: float, heading: float | None, state: State, now: int
