@@ -105,23 +105,6 @@ def test_a_joystick_moves_the_vehicle_and_silence_stops_it(ground: Ground) -> No
     ground.wait("ATTITUDE", lambda a: abs(a.yaw - before) > 0.2, lambda: ground.sticks(r=400))
 
 
-def test_a_mission_is_uploaded_read_back_and_flown(ground: Ground) -> None:
-    rows = [(0, 16, 0.0, 0.0, 0.0), (1, 16, 4.0, 4.0, 1.5), (1, 16, 5.0, 4.0, 1.5)]
-    ground.send.mission_count_send(1, 1, len(rows), 0)
-    for index, (frame, command, x, y, z) in enumerate(rows):
-        assert ground.wait("MISSION_REQUEST_INT").seq == index
-        ground.send.mission_item_int_send(1, 1, index, frame, command, 0, 1, 0, 0, 0, 0, int(x * 1e4), int(y * 1e4), z)
-    assert ground.wait("MISSION_ACK").type == 0
-    ground.send.mission_request_list_send(1, 1, 0)
-    assert ground.wait("MISSION_COUNT").count == 3
-    ground.send.mission_request_int_send(1, 1, 2, 0)
-    assert ground.wait("MISSION_ITEM_INT").x == 50_000
-    ground.arm()
-    assert ground.command(dialect.MAV_CMD_MISSION_START) == 0
-    ground.wait("MISSION_ITEM_REACHED", lambda reached: reached.seq == 2)
-    ground.wait("MISSION_CURRENT", lambda current: current.mission_state == dialect.MISSION_STATE_COMPLETE)
-
-
 def test_several_ground_stations_connect_and_a_web_page_cannot_arm(ground: Ground, vehicle: Vehicle) -> None:
     other_station = Ground(f"tcp:127.0.0.1:{vehicle.tcp}", system=254)
     other_station.beat()

@@ -49,17 +49,6 @@ def board(chip: str) -> UnicornBoard:
     return power_up(chip)
 
 
-def test_the_image_starts_neutral_and_reports_each_200_ms(board: UnicornBoard) -> None:
-    assert board.pwm_us == NEUTRAL
-    board.run_until(1000 * MS)
-    reports = decode(board.transmitted())
-    assert len(reports) == 6
-    assert {(r.armed, r.timed_out, r.pwm_us, r.frames, r.errors) for r in reports} == {
-        (False, False, (1500,) * 6, 0, 0)
-    }
-    assert (board.resets, board.lost) == (0, 0)
-
-
 @pytest.mark.parametrize("channels", [1, 5, 8])
 def test_the_image_drives_as_many_thrusters_as_configured(chip: str, channels: int) -> None:
     board = power_up(chip, channels)
