@@ -2,6 +2,6 @@
 
 `supervisor` repairs links, `workarounds` has the library's faults.
 Public: `session`, `roles`, `certificates`, `clock_offset`, `diagnosis`, `discovery`, `opening`, `presence`,
-`publisher`, `reception`, `security`, `services`, `settings`, `sockets`, `supervisor`, `tokens`.
+`publisher`, `reception`, `responder`, `security`, `services`, `settings`, `sockets`, `supervisor`, `tokens`.
 It must not know who publishes what: slave, master, planner.
 """

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 POLL_S = 0.005
 AGAIN_S = 1.0  # a search asks at the addresses that this machine had when it began
-LOOK_S = 1.0  # duration of one search of a session
+LOOK_S = 0.6  # duration of one search of a session; its end waits for it
 LOST_S = 2.0  # without a link for so long, and again after it, a session searches
 URGENT = "?prio=1-3"  # as in hil.network.settings
 NOBODY = (

@@ -86,8 +86,19 @@ class Listening:
             self.is_stuck = closing.is_alive()
 
 
+# The library's texts for addresses that are not there yet.
+LATE = {
+    "Cannot assign requested address": "this machine does not have that address yet",
+    "Temporary failure in name resolution": "no name server answers yet",
+}
+
+
 class _LateAddressError(NetworkError):
-    """The address to listen at is not there yet."""
+    """An address is not there yet, for the reason `why`."""
+
+    def __init__(self, what: str, why: str) -> None:
+        super().__init__(f"{what}: {why}")
+        self.why = why
 
 
 def open_listening(
@@ -106,8 +117,8 @@ def open_listening(
     arguments = role, (endpoint,), connect, network, security, pictures
     try:
         return open_session("listen on", endpoint, settings(*arguments))
-    except _LateAddressError:
-        report(f"{endpoint}: waiting for it: this machine does not have that address yet")
+    except _LateAddressError as error:
+        report(f"{endpoint}: waiting for it: {error.why}")
     return open_session("listen on", endpoint, settings(*arguments, is_late=True))
 
 
@@ -126,9 +137,10 @@ def open_session(
             peer_count,
         )
     except zenoh.ZError as error:
-        is_late = "Cannot assign requested address" in str(error) or "os error 99" in str(error)
-        kind = _LateAddressError if is_late else NetworkError
-        raise kind(f"cannot {action} {name}: {_reason(str(error))}") from None
+        what = f"cannot {action} {name}"
+        if why := next((why for text, why in LATE.items() if text in str(error)), ""):
+            raise _LateAddressError(what, why) from None
+        raise NetworkError(f"{what}: {_reason(str(error))}") from None
 
 
 def _reason(text: str) -> str:

@@ -45,7 +45,8 @@ class _Responder:
             if len(data) > 2 and data[0] & KIND == SCOUT and data[2] & ROUTERS:
                 with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as reply:
                     reply.connect((peer, port))
-                    reply.send(self._hello(data[1], reply.getsockname()[0], peer))
+                    if hello := self._hello(data[1], reply.getsockname()[0], peer):
+                        reply.send(hello)
 
     def close(self) -> None:
         """Close the socket."""
@@ -68,18 +69,14 @@ class _Responder:
         self._interfaces = interfaces
 
     def _hello(self, version: int, own: str, peer: str) -> bytes:
-        """Return the answer to `peer`, which reaches this machine at its address `own`."""
-        host, is_here = self._host, own == peer
-        is_local = host in ("localhost", "[::1]") or host.startswith("127.")
-        address = own if host in ("0.0.0.0", "[::]") else host
-        links = [] if is_local and not is_here else [link.replace(host, address, 1) for link in self._links]
-        names = b"".join(_number(len(link)) + link.encode() for link in links)
-        flags = LOCATORS if links else 0
-        return (
-            bytes([HELLO | flags, version, (len(self._zid) - 1) << 4])
-            + self._zid
-            + (_number(len(links)) + names if links else b"")
-        )
+        """Return the answer to `peer`, which reaches this machine at its address `own`; empty if it cannot."""
+        if own != peer and (self._host in ("localhost", "[::1]") or self._host.startswith("127.")):
+            return b""
+        address = own if self._host in ("0.0.0.0", "[::]") else self._host
+        links = [link.replace(self._host, address, 1).encode() for link in self._links]
+        names = b"".join([_number(len(link)) + link for link in links])
+        head = bytes([HELLO | LOCATORS, version, (len(self._zid) - 1) << 4])
+        return head + self._zid + _number(len(links)) + names
 
 
 def _number(value: int) -> bytes:

@@ -116,28 +116,23 @@ def _step_file(rig: Rig, process: str) -> Path:
 
 
 def _set_clock(rig: Rig, process: str, step_s: int) -> None:
-    """Set the wall clock of a process, now, to be wrong by `step_s`."""
-    with _step_file(rig, process).open("r+b" if _step_file(rig, process).exists() else "wb") as file:
+    """Set the wall clock of a process, now, to be wrong by `step_s`; the file stays, because it is mapped."""
+    _step_file(rig, process).touch()
+    with _step_file(rig, process).open("r+b") as file:
         file.write(step_s.to_bytes(8, sys.byteorder, signed=True))
 
 
 def _set_running(process: str, step_s: int) -> Callable[[Rig], None]:
-    """Set the clock of the running slave or planner; a slave reports it in its log."""
+    """Set the clock of the running slave or planner; a slave reports it in its log. 0 sets it right."""
 
     def apply(rig: Rig) -> None:
         _set_clock(rig, process, step_s)
-        if process == "slave":
+        if not step_s:
+            _check_planner(rig)
+        elif process == "slave":
             rig.processes["slave"].expect(f"clock was set by {step_s:+.3f} s", START_S)
 
     return apply
-
-
-def _set_right(process: str) -> Callable[[Rig], None]:
-    def remove(rig: Rig) -> None:
-        _set_clock(rig, process, 0)
-        _check_planner(rig)
-
-    return remove
 
 
 def _set_beside(process: str, step_s: int) -> Callable[[Rig], None]:
@@ -209,8 +204,8 @@ FAULTS = (
           unavailable=_needs_compiler),
     Fault("clock", "planner restarted, clock set", _with_clock("planner", 0), _check_planner, hold_s=0.0,
           unavailable=_needs_compiler),
-    *(Fault("clock", f"{process}'s clock set {step / HOUR_S:+.0f} h", _set_running(process, step), _set_right(process),
-            cuts=False, unavailable=_needs_compiler) for process in CLOCKS[:2] for step in STEPS_S),
-    *(Fault("clock", f"{process}'s clock set {step / HOUR_S:+.0f} h", _set_beside(process, step), _check_planner,
-            cuts=False, unavailable=_needs_compiler) for process in BESIDE for step in STEPS_S),
+    *(Fault("clock", f"{process}'s clock set {step / HOUR_S:+.0f} h", *how, cuts=False, unavailable=_needs_compiler)
+      for process in CLOCKS for step in STEPS_S
+      for how in [(_set_beside(process, step), _check_planner) if process in BESIDE
+                  else (_set_running(process, step), _set_running(process, 0))]),
 )  # fmt: skip
