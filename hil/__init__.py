@@ -80,7 +80,7 @@ def connect(
 ) -> "Fleet":
     """Return the vehicles at `endpoints`, as objects that give samples and take commands; see docs/how-to/python.md.
 
-    An endpoint is that of a slave, "tcp/192.168.3.116:7447" or "tls/...", or "lan": the one that answers by multicast.
+    An endpoint is that of a slave, "tcp/192.168.3.116:7447" or "tls/...", or "lan": all that answer by multicast.
     With `routed` it is that of a router, and all vehicles behind it are reached. With `take_over` a vehicle is
     commanded even if another master commands it; with `observe` it is never commanded. `keys` is this machine's folder
     of certificates (`uuv-hil keys add`). The first use of a vehicle waits for it, up to `wait` s. Raises NetworkError.
