@@ -159,11 +159,6 @@ def test_wrong_arguments_are_reported(vehicle: Vehicle, wrong_call: Callable[[Ve
     assert not vehicle.client.has_commanded
 
 
-def test_a_path_that_breaks_a_limit_is_refused(vehicle: Vehicle) -> None:
-    with pytest.raises(MissionError, match="deep"):
-        vehicle.follow([(5.0, 5.0, 3.0)], limits=Limits(deepest=2.5))
-
-
 def test_a_missing_sensor_is_reported_with_those_that_exist(vehicle: Vehicle) -> None:
     with pytest.raises(NetworkError, match=r"no 'gps'.*it sends .*imu.*\[sensors"):
         _ = vehicle.gps

@@ -62,12 +62,3 @@ def test_a_detour_on_a_large_map_is_found() -> None:
     grid = OccupancyGrid(cells, 1.0, (0.0, 0.0))
     path = plan(grid, (84.5, 60.5), (114.5, 60.5))
     assert path_length(path) == pytest.approx(nx.dijkstra_path_length(graph(cells), (84, 60), (114, 60)))
-
-
-def test_the_reference_graph_has_no_diagonal_past_a_corner() -> None:
-    """A map of 2 x 2 with one cell occupied has two straight edges, and no diagonal past the corner."""
-    cells = np.array([[False, True], [False, False]])
-    assert {frozenset(edge) for edge in graph(cells).edges} == {
-        frozenset({(0, 0), (1, 0)}),
-        frozenset({(1, 0), (1, 1)}),
-    }

@@ -178,28 +178,6 @@ def test_maps_written_by_map_saver_are_read(tmp_path: Any) -> None:
     assert grid.origin == (-1.69, -2.3)
 
 
-@pytest.mark.parametrize(
-    ("yaml", "pgm"),
-    [
-        ("image: m.pgm\nresolution: 0.1\norigin: [0, 0, 0.5]\nfree_thresh: 0.2\n", b"P5 1 1 255\n\0"),
-        ("image: m.pgm\nresolution: 0\norigin: [0, 0, 0]\nfree_thresh: 0.2\n", b"P5 1 1 255\n\0"),
-        ("image: m.pgm\nresolution: 0.1\norigin: [0, 0]\nfree_thresh: 0.2\n", b"P5 1 1 255\n\0"),
-        ("resolution: 0.1\norigin: [0, 0, 0]\nfree_thresh: 0.2\n", b"P5 1 1 255\n\0"),
-        ("image: no.pgm\nresolution: 0.1\norigin: [0, 0, 0]\nfree_thresh: 0.2\n", b"P5 1 1 255\n\0"),
-        ("image: m.pgm\nresolution: 0.1\norigin: [0, 0, 0]\nfree_thresh: 0.2\n", b"P2 1 1 255\n0"),
-        ("image: m.pgm\nresolution: 0.1\norigin: [0, 0, 0]\nfree_thresh: 0.2\n", b"P5 4 4 255\n\0"),
-        ("image: m.pgm\nresolution: 0.1\norigin: [0, 0, 0]\nfree_thresh: 0.2\n", b"P5 4"),
-    ],
-)
-def test_other_files_are_refused_by_name(tmp_path: Any, yaml: str, pgm: bytes) -> None:
-    with open(os.path.join(tmp_path, "m.pgm"), "wb") as image:
-        image.write(pgm)
-    with open(os.path.join(tmp_path, "m.yaml"), "w", encoding="utf-8") as text:
-        text.write(yaml)
-    with pytest.raises(ConfigError, match=r"\.yaml|\.pgm"):
-        OccupancyGrid.read(os.path.join(tmp_path, "m.yaml"))
-
-
 GOOD_YAML = "image: m.pgm\nresolution: 0.1\norigin: [0, 0, 0]\nfree_thresh: 0.2\n"
 GOOD_PGM = b"P5 1 1 255\n\0"
 
@@ -219,9 +197,17 @@ GOOD_PGM = b"P5 1 1 255\n\0"
         (GOOD_YAML, b"P5 999999999 999999999 255\n\0", "not a map of map_server"),
         (GOOD_YAML, b"P5 " + b"9" * 100_000 + b" 1 255\n\0", "not an 8-bit P5"),
         (GOOD_YAML, b"P5 -1 1 255\n\0", "not an 8-bit P5"),
+        (GOOD_YAML, b"P2 1 1 255\n0", "not an 8-bit P5"),
+        (GOOD_YAML, b"P5 4", "not an 8-bit P5"),
+        (GOOD_YAML, b"P5 4 4 255\n\0", r"m\.yaml: not a map of map_server"),
+        (GOOD_YAML.replace("[0, 0, 0]", "[0, 0, 0.5]"), GOOD_PGM, "a turned map"),
+        (GOOD_YAML.replace("[0, 0, 0]", "[0, 0]"), GOOD_PGM, r"m\.yaml: not a map of map_server"),
+        (GOOD_YAML.replace("0.1", "0"), GOOD_PGM, "resolution of 0.0 m"),
+        (GOOD_YAML.replace("image", "no"), GOOD_PGM, r"m\.yaml: not a map of map_server"),
+        (GOOD_YAML.replace("m.pgm", "no.pgm"), GOOD_PGM, r"no\.pgm"),
     ],
 )
-def test_hostile_maps_are_refused_with_a_one_line_error(
+def test_wrong_and_hostile_maps_are_refused_with_a_one_line_error(
     tmp_path: Any, yaml: str, pgm: bytes, expected_text: str
 ) -> None:
     (tmp_path / "m.pgm").write_bytes(pgm)

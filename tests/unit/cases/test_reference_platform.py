@@ -1,18 +1,14 @@
 """Figures of Zhang et al. 2022 on the page reference_platform.md, compared with the scenarios and the code."""
 
-from itertools import pairwise
-from math import hypot, isclose, pi, tan
+from math import pi, tan
 from pathlib import Path
-from random import Random
 
 import pytest
 
 from hil.autonomy.control.allocation import Allocator
-from hil.autonomy.fleets.formation import Body, FieldSettings, attraction, communication, repulsion
 from hil.bench.table.hil_table import PAPER_BOARDS
 from hil.scenario.config import load_scenario
 from sim.environment.world import load_world
-from sim.sensors.error import ErrorModel, ErrorProcess
 from sim.vehicle.thrusters.bank import wrench_matrix
 from sim.vehicle.vehicle import load_vehicle
 from tests.support.flights.paper_hunt import FORMATIONS, TARGET
@@ -93,53 +89,3 @@ def test_equation_13_at_45_degrees_has_our_patterns(axis: int) -> None:
     scale = thrusts[0] / printed[0]
     assert scale > 0.0
     assert [scale * value for value in printed] == pytest.approx(thrusts)
-
-
-def test_equation_12_contradicts_equation_13() -> None:
-    """Thruster 3 has + V_y and + W_z in (12), - V_y and - W_z in (13)."""
-    angle, radius = pi / 3.0, 0.2
-    lever = radius * (tan(angle) + 1.0) / tan(angle)
-    for motion, twelve in (((0.0, 1.0, 0.0), 1.0 / tan(angle)), ((0.0, 0.0, 1.0), lever)):
-        assert equation_13_as_printed(angle, radius, *motion)[2] == pytest.approx(-twelve)
-
-
-def test_equation_5_is_ours_near_the_target() -> None:
-    settings = FieldSettings()
-    pull = attraction((0.3, -0.2), (0.0, 0.0), settings.attraction, settings.conic)
-    assert pull == pytest.approx((-0.3 * settings.attraction, 0.2 * settings.attraction))
-
-
-def test_equation_7_attracts_as_printed_and_ours_repels() -> None:
-    x, y, gain, reach = 0.4, 0.3, 0.12, 0.9
-
-    def potential(x: float) -> float:
-        return 0.5 * gain * (1.0 / hypot(x, y) - 1.0 / reach) ** 2
-
-    r = hypot(x, y)
-    printed = -gain * x * (1.0 / r - 1.0 / reach) * r**-3
-    gradient = (potential(x + 1e-6) - potential(x - 1e-6)) / 2e-6
-    assert isclose(printed, gradient, rel_tol=1e-6), "and not minus the gradient"
-    assert printed < 0.0 < repulsion((x, y), (5.0, 0.3), Body((0.0, 0.0), 0.0), gain, reach)[0]
-
-
-def test_equation_8_is_discontinuous_as_printed_and_ours_is_not() -> None:
-    settings = FieldSettings()
-    reach, at = settings.communication_range, settings.comfortable
-
-    def repulsion_at(distance: float) -> float:
-        return communication((0.0, 0.0), (distance, 0.0), settings.communication, at, reach)[0]
-
-    assert repulsion_at(at - 1e-9) == 0.0
-    assert repulsion_at(at + 1e-6) == pytest.approx(0.0, abs=1e-6)
-    assert repulsion_at(at + 0.2) < repulsion_at(at + 0.5) < repulsion_at(reach - 0.1)
-    assert repulsion_at(reach + 1e-9) == 0.0, "a neighbour out of range has no effect"
-
-
-def test_the_bias_is_a_gauss_markov_process_unlike_equation_2() -> None:
-    """Equation 2 as printed, n' = -1/tau, gives a bias that falls by t / tau wherever it began."""
-    process = ErrorProcess(ErrorModel(bias=1.0, bias_time=10.0), 1.0, Random(2))
-    bias = [process.measure(0.0) for _ in range(20_000)]
-    mean = sum(bias) / len(bias)
-    following = sum(a * b for a, b in pairwise(bias)) / sum(a * a for a in bias)
-    assert mean == pytest.approx(0.0, abs=0.2)
-    assert following == pytest.approx(0.9048, abs=0.02)  # exp(-1 / 10)
