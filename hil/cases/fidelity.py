@@ -5,11 +5,13 @@ machine, so the same noise acts at other points of the motion.
 """
 
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from hil.autonomy.paths.guide import distances_from_leg
 from hil.autonomy.paths.occupancy import Point
 from hil.cases.record import Run, Track
 
@@ -45,13 +47,9 @@ def compare(sil: Run, hil: Run) -> Fidelity:
 
 def distances(points: Sequence[Point], track: Track) -> NDArray[np.float64]:
     """Return the distance (m) of each of `points` from the polyline of a track with at least two points."""
-    places = np.array(track.points)
-    starts, legs = places[:-1], np.diff(places, axis=0)
-    squares = np.maximum(np.sum(legs * legs, axis=1), 1e-12)  # 0 where the vehicle stood still
-    nearest = np.empty(len(points))
-    for number, point in enumerate(points):
-        shares = np.clip(np.sum((point - starts) * legs, axis=1) / squares, 0.0, 1.0)
-        nearest[number] = np.min(np.linalg.norm(point - starts - shares[:, None] * legs, axis=1))
+    places = np.array(points)
+    legs = pairwise(track.points)
+    nearest: NDArray[np.float64] = np.min([distances_from_leg(places, *leg) for leg in legs], axis=0)
     return nearest
 
 

@@ -20,7 +20,7 @@ def write_report(path: str, flights: Flights, pictures: str, head: str = "# Case
     """
     make_folder(pictures)
     results = [run.result for runs in flights.values() for run in runs]
-    parts = [head, table.markdown(_transposed(table.summary(results))), *_failures(results)]
+    parts = [head, table.markdown(list(zip(*table.summary(results), strict=True))), *_failures(results)]
     files = [path]
     picture_folder = os.path.relpath(pictures, os.path.dirname(path) or ".")
     for name, runs in flights.items():
@@ -75,7 +75,3 @@ def _extra(results: Sequence[Result]) -> list[list[str]]:
 def _failures(results: Sequence[Result]) -> list[str]:
     failed = [f"- {line}" for line in table.failures(results)]
     return ["What failed:\n\n" + "\n".join(failed)] if failed else []
-
-
-def _transposed(rows: Sequence[Sequence[str]]) -> list[list[str]]:
-    return [list(column) for column in zip(*rows, strict=True)]

@@ -106,13 +106,10 @@ class Rig:
             if commands is not None:
                 pilot.set_command(commands(time), simulation.time_ns)
             pulses, _ = pilot.update(simulation.time_ns, CONTROL_PERIOD_S)
-            moments.append(self._moment(time))
+            state = simulation.state
+            attitude = to_euler(state.quaternion)
+            moments.append(Moment(time, tuple(state.nu), tuple(state.position), attitude, self.recorder.last))
             for _ in range(_STEPS):
                 for topic, sample in simulation.step(pulses.pwm_us):
                     pilot.update_sensor(topic, sample)
         return moments
-
-    def _moment(self, time: float) -> Moment:
-        state = self.simulation.state
-        attitude = to_euler(state.quaternion)
-        return Moment(time, tuple(state.nu), tuple(state.position), attitude, self.recorder.last)

@@ -149,7 +149,8 @@ class Tuner:
             response = self._fly(axis, size, self.control | {key: row._asdict() for key, row in gains.items()})
             if _cost(response.figures()) < least:
                 best, least = Tuned(axis, process, before, response, gains, True), _cost(response.figures())
-        self._apply_gains(best.gains)
+        self.gains = self.gains._replace(**best.gains)  # type: ignore[arg-type]
+        self.control |= {key: getattr(self.gains, key)._asdict() for key in best.gains}
         return best
 
     def _identify(self, axis: str, size: float) -> Process:
@@ -202,10 +203,6 @@ class Tuner:
 
     def _fly(self, axis: str, size: float, control: dict[str, Any]) -> Response:
         return fly_step(self._name, self._vehicle, control, axis, size, self._seed, self._at)
-
-    def _apply_gains(self, gains: dict[str, AxisGains | HoldGains]) -> None:
-        self.gains = self.gains._replace(**gains)  # type: ignore[arg-type]
-        self.control |= {key: getattr(self.gains, key)._asdict() for key in gains}
 
     def _force(self, loop: int) -> float:
         ahead, astern = self._reach[loop].force

@@ -156,11 +156,12 @@ class Guide:
         grid, settings = self.map.grid, self._settings
         centres = (cells + 0.5) * grid.resolution + grid.origin
         allowed = settings.vfh.radius + 0.5 * settings.margin
-        return any(_distance(centres, *leg) < allowed for leg in pairwise(self.path))
+        return any(distances_from_leg(centres, *leg).min() < allowed for leg in pairwise(self.path))
 
 
-def _distance(points: NDArray[np.floating], start: Point, end: Point) -> float:
-    """Return the distance (m) of the nearest of `points` from the straight line between `start` and `end`."""
+def distances_from_leg(points: NDArray[np.floating], start: Point, end: Point) -> NDArray[np.float64]:
+    """Return the distance (m) of each of `points` from the straight line between `start` and `end`."""
     leg = np.subtract(end, start)
-    share = np.clip((points - start) @ leg / (leg @ leg), 0.0, 1.0)
-    return float(np.min(np.linalg.norm(points - start - share[:, None] * leg, axis=1)))
+    share = np.clip((points - start) @ leg / max(leg @ leg, 1e-12), 0.0, 1.0)
+    distances: NDArray[np.float64] = np.linalg.norm(points - start - share[:, None] * leg, axis=1)
+    return distances

@@ -48,7 +48,9 @@ def run_here(run: Run, scenario: str, tasks: Sequence[Task], jobs: int, backend:
         chosen = joblib.parallel_config(backend=backend, n_jobs=jobs)
     except ValueError as error:
         raise ConfigError(f"--backend {backend!r}: {error}; dask and ray are available too") from None
-    with chosen, _workers(backend) as options:
+    # Worker processes of joblib itself end with this process.
+    workers: AbstractContextManager[dict[str, Any]] = worker_options() if backend == "loky" else nullcontext({})
+    with chosen, workers as options:
         calls = (joblib.delayed(_run_named)(run, scenario, task) for task in tasks)
         with ctrl_c_held_back():  # this process ends its workers
             results = joblib.Parallel(return_as="generator_unordered", **options)(calls)
@@ -152,11 +154,6 @@ def _ray() -> Iterator[_Engine]:
 
 def _call(function: Callable[..., Result], *arguments: Any) -> Result:
     return function(*arguments)
-
-
-def _workers(backend: str) -> AbstractContextManager[dict[str, Any]]:
-    """Return a context with the arguments of `joblib.Parallel`: worker processes that end with this process."""
-    return worker_options() if backend == "loky" else nullcontext({})
 
 
 def _check_scheduler(backend: str, variable: str, address: str, remedy: str) -> None:

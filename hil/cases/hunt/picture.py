@@ -53,7 +53,8 @@ def draw_hunt(title: str, runs: Sequence[Run], path: str) -> None:
 
 def _draw_paths(axes: Any, run: Run, plan: HuntPlan) -> None:
     """Draw the paths, the formation at SNAPSHOTS times, the target and the ring."""
-    _draw_ring(axes, plan)
+    axes.plot(*plan.target, "*", color=GOAL, markersize=14, label="target", linestyle="none")
+    axes.add_patch(pyplot().Circle(plan.target, plan.ring, fill=False, color=GOAL, linestyle="--", label="ring"))
     colours = [f"C{number}" for number in (0, 1, 2, 4, 5, 6, 8, 9)]
     for number, track in enumerate(run.tracks):
         colour = colours[number % len(colours)]
@@ -66,11 +67,6 @@ def _draw_paths(axes: Any, run: Run, plan: HuntPlan) -> None:
     axes.set(xlabel="north, the paper's x (m)", ylabel="east, the paper's y (m)", aspect="equal")
     axes.set(xlim=(-1, 11), ylim=(-1, 11))
     add_legend(axes)
-
-
-def _draw_ring(axes: Any, plan: HuntPlan) -> None:
-    axes.plot(*plan.target, "*", color=GOAL, markersize=14, label="target", linestyle="none")
-    axes.add_patch(pyplot().Circle(plan.target, plan.ring, fill=False, color=GOAL, linestyle="--", label="ring"))
 
 
 def _draw_snapshot(axes: Any, tracks: Sequence[Track], plan: HuntPlan, at: int, age: float) -> None:
