@@ -58,14 +58,6 @@ class _FirstSample(NamedTuple):
     received_wall_ns: int
 
 
-def _ignore_report(_: str) -> None:
-    """Ignore a report."""
-
-
-def _ignore(_topic: str, _: Stamped) -> None:
-    """Ignore a message."""
-
-
 class VehicleClient:
     """One vehicle, over a session. Use as a context manager; leaving it stops the vehicle and closes what it opened.
 
@@ -89,8 +81,8 @@ class VehicleClient:
         rank: int = 0,
         network: Network = Network(),
         security: Security | None = None,
-        report: Callable[[str], None] = _ignore_report,
-        on_sample: Callable[[str, Stamped], None] = _ignore,
+        report: Callable[[str], None] = lambda _: None,
+        on_sample: Callable[[str, Stamped], None] = lambda *_: None,
         topics: Sequence[str] = (ALL,),
     ) -> None:
         self.node = node

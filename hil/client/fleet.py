@@ -100,7 +100,8 @@ class Fleet:
         """Return these vehicles once each is present and has sent its state. Raises NetworkError after `seconds`."""
         deadline = time.monotonic() + seconds
         with self._changed:
-            self._require_open()
+            if self._closed:
+                raise NetworkError("the connection was closed; connect again")
             here = self._changed.wait_for(lambda: set(names) <= set(self.names), max(0.0, deadline - time.monotonic()))
             if not here:
                 raise NetworkError(self._missing(next(name for name in names if name not in self.names), seconds))
@@ -108,7 +109,8 @@ class Fleet:
         for vehicle in vehicles:
             while not (vehicle.present and "odom" in vehicle.client.latest and vehicle.diagnostics):
                 if time.monotonic() > deadline:
-                    raise NetworkError(f"{vehicle.name} is connected, but sends no samples{self._rights()}")
+                    rights = ": its may_listen does not name this machine" if self.security else ""
+                    raise NetworkError(f"{vehicle.name} is connected, but sends no samples{rights}")
                 time.sleep(0.005)
         return vehicles
 
@@ -149,10 +151,6 @@ class Fleet:
             self._known[name] = Vehicle(self._session, name, *self._how)
         return self._known[name]
 
-    def _require_open(self) -> None:
-        if self._closed:
-            raise NetworkError("the connection was closed; connect again")
-
     def _missing(self, name: str, seconds: float) -> str:
         there = self.names
         if there:
@@ -168,6 +166,3 @@ class Fleet:
             fault = why_not(endpoint, folder, routed, self._session)
             reasons.append(f"{endpoint}: {fault.text}" if fault else f"{endpoint} answers, but no vehicle does")
         return "; ".join(reasons)
-
-    def _rights(self) -> str:
-        return ": its may_listen does not name this machine" if self.security else ""

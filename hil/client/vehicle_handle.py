@@ -16,7 +16,7 @@ from hil.client import action as actions
 from hil.client import samples
 from hil.client.action import Action
 from hil.client.vehicle_state import VehicleState
-from hil.common.errors import ConfigError, HilError, MissionError, NetworkError
+from hil.common.errors import ConfigError, MissionError, NetworkError
 from hil.ros.commands import (
     MAX_DEPTH,
     MAX_FORCE,
@@ -224,8 +224,5 @@ class Vehicle(VehicleState):
             elif self.client.contact.silence_s > GIVE_UP_AFTER_S:
                 self._require_presence()
         except (NetworkError, MissionError) as error:
-            self._end_action(action, error)
-
-    def _end_action(self, action: Action, error: HilError) -> None:
-        action.end(error)
-        self._action = None
+            action.end(error)
+            self._action = None

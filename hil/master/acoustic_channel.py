@@ -14,7 +14,6 @@ from hil.ros.modem import Message, decode_message, encode_message, encode_range
 from hil.ros.topics import TOPICS
 from hil.scenario.config import Scenario
 from hil.scenario.modem import open_channel
-from sim.modems.acoustic import Packet
 from sim.modems.optical_channel import Pose
 
 TICK_S = 0.005  # period of the delivery of messages
@@ -72,14 +71,12 @@ class ModemNetwork:
         with self._lock:
             packets = self._channel.receive(now_ns())
         for packet in packets:
-            self._hand_over(packet)
-
-    def _hand_over(self, packet: Packet) -> None:
-        now = to_wall_ns(now_ns())
-        self._received[packet.receiver].put(encode_message(Message(packet.sender, packet.payload)), now)
-        if packet.distance == packet.distance:  # nan: an optical modem measures no distance
-            self.ranges[packet.receiver, packet.sender] = packet.distance
-            self._measured[packet.receiver].put(encode_range(now, packet.sender, packet.distance, MAX_RANGE_M), now)
+            now = to_wall_ns(now_ns())
+            self._received[packet.receiver].put(encode_message(Message(packet.sender, packet.payload)), now)
+            if packet.distance == packet.distance:  # nan: an optical modem measures no distance
+                self.ranges[packet.receiver, packet.sender] = packet.distance
+                message = encode_range(now, packet.sender, packet.distance, MAX_RANGE_M)
+                self._measured[packet.receiver].put(message, now)
 
 
 def summary(counts: Counter[str]) -> str:

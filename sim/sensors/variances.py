@@ -5,7 +5,7 @@ starts (`sim.sensors.error.variance`), without the error of the scale, which gro
 report a variance with each sample instead, because it depends on the measurement.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from math import hypot
 from typing import Any
 
@@ -14,6 +14,17 @@ from sim.sensors.error import ErrorModel, variance
 from sim.sensors.sensor_set import SensorSet
 
 Variances = tuple[float, ...]
+# topic -> keys of the errors whose variances its message has; those of an AHRS follow from its filter
+_ERRORS = {
+    "imu": ("attitude", "attitude", "angular_velocity", "acceleration"),
+    "ahrs": ("angular_velocity", "acceleration"),
+    "odom": ("horizontal", "depth", "attitude", "velocity", "angular_velocity"),
+    "magnetometer": ("error_xy", "error_z"),
+    "pressure": ("error",),
+    "altimeter": ("error",),
+    "echosounder": ("error",),
+    "dvl_water": ("velocity",),
+}
 
 
 def error_variances(sensors: SensorSet, world: World) -> Mapping[str, Variances]:
@@ -23,17 +34,17 @@ def error_variances(sensors: SensorSet, world: World) -> Mapping[str, Variances]
     position, depth (m²), attitude (rad²), velocity (m²/s²), angular velocity. magnetometer: x and y, z (T²). Other
     sensors whose message has a field for it have one variance; the rest have no entry.
     """
-    known = [spec for spec in sensors.values() if spec.sensor.topic in _VARIANCES]
-    return {spec.topic: _VARIANCES[spec.sensor.topic](spec.model, world) for spec in known}
+    variances: dict[str, Variances] = {}
+    for spec in sensors.values():
+        if keys := _ERRORS.get(spec.sensor.topic):
+            attitude = _attitude(spec.model, world) if spec.sensor.topic == "ahrs" else ()
+            period = 1.0 / spec.model.rate
+            variances[spec.topic] = (*attitude, *[variance(getattr(spec.model, key), period) for key in keys])
+    return variances
 
 
-def _imu(model: Any, _: World) -> Variances:
-    attitude = _variance(model, "attitude")
-    return attitude, attitude, _variance(model, "angular_velocity"), _variance(model, "acceleration")
-
-
-def _ahrs(model: Any, world: World) -> Variances:
-    """Return the variances of the attitude: the errors of the inputs after the filter, while the vehicle rests.
+def _attitude(model: Any, world: World) -> Variances:
+    """Return the variances of an AHRS's attitude: the errors of the inputs after the filter, while the vehicle rests.
 
     A share of the tilt that the accelerometer shows, and of the heading that the magnetometer shows, is taken up each
     period. Constant errors pass completely, white noise by share / (2 - share). The gyros' constant error accumulates
@@ -48,7 +59,7 @@ def _ahrs(model: Any, world: World) -> Variances:
     level = _filtered_variance(model.acceleration, model.angular_velocity, period, model.level_time, world.gravity)
     heading = _filtered_variance(model.magnetic_field, model.angular_velocity, period, model.heading_time, across)
     heading += level * (down / across) ** 2
-    return level, heading, _variance(model, "angular_velocity"), _variance(model, "acceleration")
+    return level, heading
 
 
 def _filtered_variance(reference: ErrorModel, gyro: ErrorModel, period: float, memory: float, size: float) -> float:
@@ -62,32 +73,3 @@ def _filtered_variance(reference: ErrorModel, gyro: ErrorModel, period: float, m
 
 def _constant_variance(model: ErrorModel) -> float:
     return model.turn_on**2 + model.bias**2
-
-
-def _odometry(model: Any, _: World) -> Variances:
-    names = "horizontal", "depth", "attitude", "velocity", "angular_velocity"
-    return tuple([_variance(model, name) for name in names])
-
-
-def _magnetometer(model: Any, _: World) -> Variances:
-    return _variance(model, "error_xy"), _variance(model, "error_z")
-
-
-def _single(name: str) -> Callable[[Any, World], Variances]:
-    return lambda model, _: (_variance(model, name),)
-
-
-def _variance(model: Any, name: str) -> float:
-    return variance(getattr(model, name), 1.0 / model.rate)
-
-
-_VARIANCES: dict[str, Callable[[Any, World], Variances]] = {
-    "imu": _imu,
-    "ahrs": _ahrs,
-    "odom": _odometry,
-    "magnetometer": _magnetometer,
-    "pressure": _single("error"),
-    "altimeter": _single("error"),
-    "echosounder": _single("error"),
-    "dvl_water": _single("velocity"),
-}

@@ -1,6 +1,6 @@
 """A single-beam echosounder: distance to the nearest surface in a wide cone."""
 
-from math import inf, pi
+from math import pi
 from typing import Annotated, NamedTuple
 
 from hil.common.schema import Range
@@ -8,7 +8,7 @@ from sim.dynamics import State
 from sim.sensors.error import ErrorModel, sensor_random
 from sim.sensors.extra_samples import RangeSample
 from sim.sensors.mounting import Mounting
-from sim.sensors.ranging.beams import Beams, cone
+from sim.sensors.ranging.beams import Beams, apply_limits, cone
 from sim.sensors.samples import Scene
 from sim.twins import make_error_bank
 
@@ -56,13 +56,6 @@ class Echosounder:
 
     def sample(self, time_ns: int, state: State) -> RangeSample:
         """Return the measurement of `state`."""
-        near, far = self._limits
-        distance = min(self._beams.ranges(time_ns, state))
-        measured = distance
-        if self._errors:
-            (measured,) = self._errors.measure([min(distance, far)])
-        if distance > far:
-            measured = inf
-        elif distance < near:
-            measured = -inf
-        return RangeSample(time_ns, measured, self._limits)
+        true = [min(self._beams.ranges(time_ns, state))]
+        measured = self._errors.measure([min(true[0], self._limits[1])]) if self._errors else true
+        return RangeSample(time_ns, apply_limits(measured, true, self._limits)[0], self._limits)
