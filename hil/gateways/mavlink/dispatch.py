@@ -8,30 +8,14 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from hil.autonomy.control.controller import down_in_body
 from hil.common import __version__
 from hil.common.clock import seconds_ns
+from hil.gateways.mavlink import commands
 from hil.gateways.mavlink.accessories import CHANNELS, STICK_CHANNELS
 from hil.gateways.mavlink.buttons import Buttons
-from hil.gateways.mavlink.commands import (
-    ACCEPTED,
-    DENIED,
-    GO_TO,
-    REJECTED,
-    UNSUPPORTED,
-    Commands,
-    origin_of,
-    read_command,
-)
+from hil.gateways.mavlink.commands import Commands
 from hil.gateways.mavlink.core import MINUTE_NS, Core, mission_current
 from hil.gateways.mavlink.endpoints.peer import COMPONENT, Peer
-from hil.gateways.mavlink.flight import modes
+from hil.gateways.mavlink.flight import modes, targets
 from hil.gateways.mavlink.flight.sticks import CENTRED
-from hil.gateways.mavlink.flight.targets import (
-    NO_ATTITUDE,
-    Target,
-    TargetError,
-    attitude_target,
-    global_target,
-    local_target,
-)
 from hil.gateways.mavlink.messages import GIVEN, GROUND, OWN_SENSORS, REFUSED, TAKEN, UNANSWERED
 from hil.gateways.mavlink.newer_messages import AvailableModes, AvailableModesMonitor, ProtocolVersion
 from hil.gateways.mavlink.protocols.ftp import FtpServer, ftp_message
@@ -188,7 +172,7 @@ class Dispatcher:
             peer.send(dialect.MAVLink_timesync_message(now, packet.ts1))
 
     def _command(self, peer: Peer, packet: Any, now: int) -> None:
-        request, partner = read_command(packet), _partner(peer, packet)
+        request, partner = commands.read_command(packet), _partner(peer, packet)
 
         def settled(result: int) -> None:
             message = dialect.MAVLink_command_ack_message(request.command, result, 0, 0, *partner[1:])
@@ -200,7 +184,7 @@ class Dispatcher:
             peer.send(*messages)
         elif not peer.may_command:
             self._deny(peer, packet)
-            settled(DENIED)
+            settled(commands.DENIED)
         else:
             self._commands.execute(request, now, settled)
 
@@ -208,16 +192,16 @@ class Dispatcher:
         """Return what a question asks for, and its MAV_RESULT."""
         first = params[0] if params[0] == params[0] and abs(params[0]) < 2**24 else -1.0
         if command == dialect.MAV_CMD_SET_MESSAGE_INTERVAL:
-            return [], ACCEPTED if peer.rates.set_interval(int(first), params[1]) else DENIED
+            return [], commands.ACCEPTED if peer.rates.set_interval(int(first), params[1]) else commands.DENIED
         if command == dialect.MAV_CMD_GET_MESSAGE_INTERVAL:
             interval = peer.rates.interval_us(int(first))
-            return [dialect.MAVLink_message_interval_message(max(0, int(first)) & 0xFFFF, interval)], ACCEPTED
+            return [dialect.MAVLink_message_interval_message(max(0, int(first)) & 0xFFFF, interval)], commands.ACCEPTED
         number = OLD_REQUESTS.get(command, int(first))
         messages = self._requested(number, params[1], now)
         if not messages and number in (HOME_POSITION, GPS_GLOBAL_ORIGIN):
             self.core.complain("no origin yet: send SET_GPS_GLOBAL_ORIGIN, or give the world one", now)
-            return [], REJECTED
-        return messages, ACCEPTED if messages else UNSUPPORTED
+            return [], commands.REJECTED
+        return messages, commands.ACCEPTED if messages else commands.UNSUPPORTED
 
     def _requested(self, number: int, index: float, now: int) -> list[Any]:
         """Return the message with that id, asked for once; nothing if there is none."""
@@ -272,7 +256,7 @@ class Dispatcher:
         peer.send(*self.core.missions.begin_upload(packet, _partner(peer, packet), now))
 
     def _mission_receive(self, peer: Peer, packet: Any, now: int) -> None:
-        if packet.current in GO_TO:
+        if packet.current in commands.GO_TO:
             result, partner = self._commands.go_to(packet, now), _partner(peer, packet)
             peer.send(dialect.MAVLink_mission_ack_message(*partner[1:], result, packet.mission_type))
             return
@@ -339,29 +323,29 @@ class Dispatcher:
         core.expedite()
 
     def _local_target(self, _: Peer, packet: Any, now: int) -> None:
-        self._set_target(lambda state: local_target(packet, state), now)
+        self._set_target(lambda state: targets.local_target(packet, state), now)
 
     def _global_target(self, _: Peer, packet: Any, now: int) -> None:
         core = self.core
-        self._set_target(lambda state: global_target(packet, state, core.origin, core.home[2]), now)
+        self._set_target(lambda state: targets.global_target(packet, state, core.origin, core.home[2]), now)
 
     def _attitude_target(self, _: Peer, packet: Any, now: int) -> None:
         core = self.core
-        self._set_target(lambda _: attitude_target(packet, core.table["PILOT_SPEED_UP"]), now)
+        self._set_target(lambda _: targets.attitude_target(packet, core.table["PILOT_SPEED_UP"]), now)
         down = down_in_body(packet.q)
-        if not packet.type_mask & NO_ATTITUDE and max(abs(down[0]), abs(down[1])) > LEVEL:
+        if not packet.type_mask & targets.NO_ATTITUDE and max(abs(down[0]), abs(down[1])) > LEVEL:
             core.complain(
                 "target: roll and pitch stay level, the heading is followed",
                 now,
             )
 
-    def _set_target(self, read: Callable[[Any], Target], now: int) -> None:
+    def _set_target(self, read: Callable[[Any], targets.Target], now: int) -> None:
         core = self.core
         if core.snapshot is None or self.stale:
             return
         try:
             reason = core.pilot.set_target(read(core.snapshot.state), now)
-        except TargetError as error:
+        except targets.TargetError as error:
             reason = f"target: {error}"
         if reason:
             core.complain(reason, now)
@@ -369,7 +353,7 @@ class Dispatcher:
             core.expedite()
 
     def _set_origin(self, _: Peer, packet: Any, now: int) -> None:
-        reason = self.core.change_origin(origin_of(packet))
+        reason = self.core.change_origin(commands.origin_of(packet))
         if reason:
             self.core.texts.append((4, reason))
             return
