@@ -3,15 +3,15 @@
 Each function calls a ROS 2 service of the slave (hil.slave.ros), waits for the response, and returns its text.
 """
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from math import cos, sin
 from typing import Any
 
+from hil.client.parameters import set_parameter
 from hil.client.vehicle_handle import Vehicle
 from hil.common.errors import ConfigError, NetworkError
 from hil.common.schema import nearest
 from hil.network.services import call
-from hil.network.session import Session
 from hil.ros.encoders import swap_attitude, swap_world
 from hil.ros.graph import plain_name
 from sim.vehicle.failures import VALUES
@@ -19,9 +19,6 @@ from sim.vehicle.failures import VALUES
 SET_BOOL, TRIGGER, SET_STATE = (
     "std_srvs/srv/SetBool", "std_srvs/srv/Trigger", "simulation_interfaces/srv/SetEntityState",
 )  # fmt: skip
-FIELDS = {1: "bool_value", 2: "integer_value", 3: "double_value", 4: "string_value"}  # rcl_interfaces/ParameterType
-BOOL, _, DOUBLE, STRING = FIELDS
-AT_ONCE = 30  # parameters of one request
 KINDS = ("off", *VALUES, "repaired")
 
 
@@ -53,33 +50,6 @@ def fail_thruster(vehicle: Vehicle, thruster: str, kind: str = "off", value: flo
     return f"{thruster} is {kind}"
 
 
-def read_parameters(session: Session, node: str, wanted: Collection[str] | None = None) -> dict[str, Any]:
-    """Return the parameters of a vehicle by name: all, or those in `wanted`. Raises NetworkError."""
-    listed = _call_parameters(session, node, "ListParameters", {"prefixes": [], "depth": 0})["result"]["names"]
-    names = [name for name in listed if wanted is None or name in wanted]
-    by_name: dict[str, Any] = {}
-    for start in range(0, len(names), AT_ONCE):
-        chunk = names[start : start + AT_ONCE]
-        values = _call_parameters(session, node, "GetParameters", {"names": chunk})["values"]
-        pairs = zip(chunk, values, strict=False)
-        by_name |= {name: value[FIELDS[value["type"]]] for name, value in pairs if value["type"]}
-    return by_name
-
-
-def set_parameter(session: Session, node: str, name: str, value: Any) -> str:
-    """Set a parameter of a vehicle; return why it is refused, "" if it is set. Raises ConfigError, NetworkError.
-
-    Numbers are sent as floats, which all numbers of a slave are.
-    """
-    kind = BOOL if isinstance(value, bool) else DOUBLE if isinstance(value, (int, float)) else STRING
-    if kind == STRING and not isinstance(value, str):
-        raise ConfigError(f"{name}: expected a number or a text")
-    typed = {"type": kind, FIELDS[kind]: float(value) if kind == DOUBLE else value}
-    request = {"parameters": [{"name": name, "value": typed}]}
-    result = _call_parameters(session, node, "SetParameters", request)["results"][0]
-    return "" if result["successful"] else str(result["reason"])
-
-
 def set_pose(vehicle: Vehicle, north: float, east: float, depth: float, heading: float = 0.0) -> str:
     """Move the vehicle to a position (m, NED) and heading (rad), level and at rest. Raises NetworkError."""
     x, y, z = swap_world((north, east, depth))
@@ -93,11 +63,6 @@ def set_pose(vehicle: Vehicle, north: float, east: float, depth: float, heading:
     if result.get("result") != 1:
         raise NetworkError(f"{vehicle.name}: set_pose: {result.get('error_message') or 'refused'}")
     return f"put at ({north:g}, {east:g}, {depth:g}) m"
-
-
-def _call_parameters(session: Session, node: str, kind: str, request: Mapping[str, Any]) -> Mapping[str, Any]:
-    name = kind.replace("Parameters", "_parameters").lower()
-    return call(session, f"/{node}/{name}", f"rcl_interfaces/srv/{kind}", request)
 
 
 def _call(vehicle: Vehicle, name: str, kind: str, request: Mapping[str, Any]) -> Mapping[str, Any]:

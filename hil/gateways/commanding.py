@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from hil.client.fleet import Fleet
-from hil.client.services import read_parameters, set_parameter
+from hil.client.parameters import read_parameters, set_parameter
 from hil.client.vehicle_handle import Vehicle
 from hil.common.errors import ConfigError, NetworkError
 from hil.gateways.foxglove.protocol import CDR

@@ -9,7 +9,7 @@ failures.NAME of thruster 1      HIL_FAIL1_KIND: 0 none, 1 off, 2 efficiency, 3 
 
 from collections.abc import Mapping
 
-from hil.client.services import read_parameters, set_parameter
+from hil.client.parameters import read_parameters, set_parameter
 from hil.network.session import Session
 
 AXES = {
