@@ -24,6 +24,8 @@ from sim.rays.tree import GROUP, NODE, grow, triangle
 from sim.rotations import matrix, normalise
 from tests.support.solids import mesh as mesh_of
 
+pytestmark = pytest.mark.usefixtures("native")
+
 EXTENT = (-20.0, 20.0, -25.0, 30.0)
 UPRIGHT = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
 
@@ -86,7 +88,6 @@ def assert_equal_hits(one: Hits, other: Hits) -> None:
 
 
 @pytest.mark.parametrize("seed", range(15))
-@pytest.mark.usefixtures("native")
 def test_hits_in_c_and_python_are_equal(seed: int) -> None:
     """Distances, points, normals and objects are equal from points in water, in obstacles, on nodes, off the grid."""
     rng = random.Random(f"{seed}/rays")
@@ -105,7 +106,6 @@ def test_hits_in_c_and_python_are_equal(seed: int) -> None:
     assert len(kinds) > 1
 
 
-@pytest.mark.usefixtures("native")
 def test_trees_in_c_and_python_are_equal() -> None:
     """Random triangles, rows of equal ones, and a mesh that shrinks geometrically, of one to some hundred."""
     rng = random.Random(1)
@@ -120,7 +120,6 @@ def test_trees_in_c_and_python_are_equal() -> None:
             assert made[0] == made[1]
 
 
-@pytest.mark.usefixtures("native")
 def test_a_ray_hits_the_nearest_of_all_triangles() -> None:
     """The answer is that of trying each triangle, for rays along the axes and through edges too."""
     rng = random.Random(2)
@@ -144,7 +143,6 @@ def test_a_ray_hits_the_nearest_of_all_triangles() -> None:
         assert distance == min(single._intersect_triangle(corner, origin, along) for corner in edges)
 
 
-@pytest.mark.usefixtures("native")
 def test_a_triangle_seen_from_its_edge_is_hit_in_its_box_or_not_at_all() -> None:
     """Rays in the plane of a square have a determinant near 0, with which rounding gives any distance."""
     rng, hits = random.Random(6), 0
@@ -180,7 +178,6 @@ def rows_of_pixels(width: float, across: int, down: int) -> "array[float]":
 
 
 @pytest.mark.parametrize("seed", range(15))
-@pytest.mark.usefixtures("native")
 def test_skipping_free_space_for_bundles_of_rays_changes_nothing(seed: int) -> None:
     """The C begins narrow bundles of rays where none of them can have met anything, wide ones not."""
     rng = random.Random(f"{seed}/pixels")
@@ -193,7 +190,6 @@ def test_skipping_free_space_for_bundles_of_rays_changes_nothing(seed: int) -> N
         assert_equal_hits(hits, expected)
 
 
-@pytest.mark.usefixtures("native")
 def test_bundles_of_rays_hit_a_mesh_like_single_rays() -> None:
     """Rays of a picture begin with common subtrees of a mesh, those with their own origins with its root."""
     rng, scene, hit = random.Random(8), RayScene(World("w", "test", EXTENT, 100.0), "C"), 0
@@ -212,7 +208,6 @@ def test_bundles_of_rays_hit_a_mesh_like_single_rays() -> None:
 
 
 @pytest.mark.parametrize("depth", [6.0, 18.0])
-@pytest.mark.usefixtures("native")
 def test_rays_from_the_edge_of_the_world_are_equal(depth: float) -> None:
     """The rays start from an edge of the grid outwards, in and below the water, also with a reach of zero."""
     grid = covering((0.0, 40.0, 0.0, 40.0), 1.0)
@@ -227,7 +222,6 @@ def test_rays_from_the_edge_of_the_world_are_equal(depth: float) -> None:
                 assert_equal_hits(hits, expected)
 
 
-@pytest.mark.usefixtures("native")
 def test_rays_with_their_own_origins_equal_single_rays() -> None:
     """They have the results of each ray alone, with either engine."""
     chance = random.Random(9)
@@ -241,7 +235,6 @@ def test_rays_with_their_own_origins_equal_single_rays() -> None:
         scene.ranges(origins[:-3], rays, 60.0)
 
 
-@pytest.mark.usefixtures("native")
 def test_skipping_blocks_of_a_large_grid_changes_nothing() -> None:
     """The C skips blocks of 16 x 16 and 4 x 4 cells, also where those end at an edge, at a hole or at land."""
     grid = covering((0.0, 333.0, 0.0, 275.0), 1.0)
@@ -258,7 +251,6 @@ def test_skipping_blocks_of_a_large_grid_changes_nothing() -> None:
             assert native.ranges(origin, rays, 500.0) == python.ranges(origin, rays, 500.0)
 
 
-@pytest.mark.usefixtures("native")
 def test_obstacles_out_of_reach_change_nothing() -> None:
     """A sensor with a reach of 15 m meets only the near ones of 400 piles, with the numbers that they have."""
     rng = random.Random(7)
@@ -274,7 +266,6 @@ def test_obstacles_out_of_reach_change_nothing() -> None:
     assert len(hit_kinds) > 5
 
 
-@pytest.mark.usefixtures("native")
 def test_casting_rays_leaks_no_memory() -> None:
     scene, rays = random_scene(1, "C"), random_rays(random.Random(1))
     counts = []
@@ -290,7 +281,6 @@ def test_casting_rays_leaks_no_memory() -> None:
     assert abs(counts[2][1] - counts[1][1]) < 100
 
 
-@pytest.mark.usefixtures("native")
 def test_the_c_module_checks_its_buffers() -> None:
     caster = sys.modules["sim.native._rays"].Caster
     bounds, empty = (0, 0, 0.0, 0.0, 1.0, 10.0), array("d")
@@ -315,7 +305,6 @@ def test_the_c_module_checks_its_buffers() -> None:
         cast((0.0, 0.0, 1.0), UPRIGHT, down, 100.0, out, out)
 
 
-@pytest.mark.usefixtures("native")
 def test_numpy_arrays_are_accepted() -> None:
     rays = np.array([[0.0, 0.0, 1.0], [0.0, 0.6, 0.8]])
     engines: tuple[Engine, ...] = ("C", "python")

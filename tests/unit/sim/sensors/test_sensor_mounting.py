@@ -5,17 +5,12 @@ from math import pi, radians
 import pytest
 
 from sim.dynamics import State
-from sim.environment.world import World
 from sim.rotations import from_euler, multiply, rotate, rotate_inverse
-from sim.sensors.imu import Imu, ImuModel, specific_force
+from sim.sensors.imu import Imu, specific_force
 from sim.sensors.mounting import Mounting
-from sim.sensors.ranging.dvl import Dvl, DvlModel
-from tests.support.fitted import ASKEW, EXACT, NU, scene
-
-EXACT_IMU = ImuModel(attitude=EXACT, angular_velocity=EXACT, acceleration=EXACT)
-EXACT_DVL = DvlModel(velocity=EXACT, range=EXACT)
-SEA = World("sea", "test", (-100.0, 100.0, -100.0, 100.0), 20.0, gravity=9.8)
-SCENE = scene(SEA)
+from sim.sensors.ranging.dvl import Dvl
+from tests.support.fitted import ASKEW, NU
+from tests.unit.sim.sensors.test_sensors import EXACT_DVL, EXACT_IMU, SCENE
 
 
 def moving() -> State:
