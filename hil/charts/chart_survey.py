@@ -27,6 +27,7 @@ GUIDE_SPACING = 0.35
 GUIDE_SPACING_ON_PAPER = 0.004  # m on paper, used for a chart that has fewer than two soundings
 PARALLEL_STEP = 0.25  # degrees of longitude, over which a parallel departs from a straight line by 7 m at most
 LEAST_DEPTHS = 3  # of soundings and guides
+UNSTATED = "states no coverage: that of its areas of water and land is used"
 BARE = "has no soundings: its bed is that of its contours, coasts and depth areas"
 # Objects that cover all of a chart without overlap (S-57 appendix B.1, 3.10.1)
 GROUP_1 = ("DEPARE", "DRGARE", "LNDARE", "UNSARE", "PONTON", "HULKES", "FLODOC")
@@ -76,7 +77,7 @@ def survey_charts(cells: list[Cell], plane: LocalPlane) -> Survey:
             "(third letter of the name: 4, 5)"
         )
     return Survey(
-        source="; ".join(_label(cell) for cell in cells),
+        source="; ".join(f"ENC {c.name} edition {c.edition} update {c.update} 1:{c.scale}" for c in cells),
         origin=(plane.latitude, plane.longitude),
         soundings=soundings,
         guides=guides,
@@ -97,7 +98,11 @@ def survey_charts(cells: list[Cell], plane: LocalPlane) -> Survey:
         ),
         shore=_cut_lines(pairs, "COALNE", "SLCONS"),
         bridges=_cut_lines(pairs, "BRIDGE"),
-        notes=(*(note for cell in cells for note in _notes(cell)), *([] if len(soundings) else [f"{names}: {BARE}"])),
+        notes=(
+            *(note for cell in cells for note in cell.notes),
+            *(f"{cell.name}: {UNSTATED}" for cell in cells if not _stated_coverage(cell)),
+            *([] if len(soundings) else [f"{names}: {BARE}"]),
+        ),
         charted=ChartedObjects(
             tuple(pipeline for layer, covers in pairs for pipeline in layer.pipelines(covers)),
             tuple(zone for layer in layers for zone in layer.zones()),
@@ -112,10 +117,6 @@ def _codes(corners: Array) -> Codes:
     return np.asarray(centimetres[:, 0] * (1 << 32) + centimetres[:, 1])
 
 
-def _label(cell: Cell) -> str:
-    return f"ENC {cell.name} edition {cell.edition} update {cell.update} 1:{cell.scale}"
-
-
 def _coverage(cell: Cell) -> list[Feature]:
     """Return the areas that a chart covers; of one that does not state them, all of group 1, which share no point."""
     return _stated_coverage(cell) or [feature for feature in cell.select(*GROUP_1) if feature.is_area]
@@ -123,12 +124,6 @@ def _coverage(cell: Cell) -> list[Feature]:
 
 def _stated_coverage(cell: Cell) -> list[Feature]:
     return [feature for feature in cell.select("M_COVR") if feature.number("CATCOV") == 1]
-
-
-def _notes(cell: Cell) -> tuple[str, ...]:
-    if _stated_coverage(cell):
-        return cell.notes
-    return (*cell.notes, f"{cell.name}: states no coverage: that of its areas of water and land is used")
 
 
 def _along_parallels(line: Array) -> Array:

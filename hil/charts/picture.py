@@ -62,7 +62,9 @@ def draw(
     bar = figure.colorbar(scale, ax=axes, label="depth (m)", shrink=0.8, pad=0.01)
     bar.ax.invert_yaxis()
     axes.set(xlim=(west, east), ylim=(south, north), xlabel="east (m)", ylabel="north (m)", title=title, aspect="equal")
-    save_figure(figure, os.path.abspath(path), 120, **_png_options(path))
+    # A PNG is so written in a fourth of the time, at the cost of a slightly larger file.
+    options = {"pil_kwargs": {"compress_level": 2}} if path.lower().endswith(".png") else {}
+    save_figure(figure, os.path.abspath(path), 120, **options)
 
 
 def _draw_pixels(axes: Any, grid: Grid, colours: NDArray[np.uint8]) -> None:
@@ -74,11 +76,6 @@ def _draw_pixels(axes: Any, grid: Grid, colours: NDArray[np.uint8]) -> None:
     picture = PcolorImage(axes, west + grid.resolution * columns, south + grid.resolution * rows, colours, zorder=0)
     picture.set_in_layout(False)
     axes.add_image(picture)
-
-
-def _png_options(path: str) -> dict[str, Any]:
-    """Return the options to write a PNG in a fourth of the time, at the cost of a slightly larger file."""
-    return {"pil_kwargs": {"compress_level": 2}} if path.lower().endswith(".png") else {}
 
 
 def _size(wide: float, high: float) -> tuple[float, float]:

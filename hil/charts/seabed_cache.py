@@ -27,7 +27,7 @@ from hil.common.errors import ConfigError
 from hil.common.scratch import ScratchFolder
 from hil.common.tables import cache_path
 from sim.environment.obstacles import Box, Cylinder
-from sim.environment.world import World, load_world
+from sim.environment.world import load_world
 
 MAX_CACHED_BYTES = 1 << 30  # above this the least recently used seabeds are removed
 METHOD = 14  # version of the gridding; increase it when the same files give another result
@@ -111,21 +111,17 @@ def _load(folder: str) -> WholeSeabed | None:
         with open(os.path.join(folder, "report.json"), encoding="utf-8") as file:
             report = Report(**json.load(file))
         world = load_world(os.path.join(folder, "chart.toml"))
-        model = _model_of(world)
+        bottom = None
+        if world.bottom_map is not None:
+            keys = world.bottom_map.keys
+            codes = world.bottom_map.grid()
+            bottom = charted_objects.BottomGrid(codes, keys.north_min, keys.east_min, keys.resolution)
+        others = charted_objects.ChartedObjects(world.pipeline, world.all_zones())
+        model = SeabedModel(grid_of(world), world.cylinder, world.box, others, bottom)
         os.utime(folder)
     except (OSError, ValueError, TypeError, ConfigError):  # not cached, or damaged
         return None
     return WholeSeabed(model, world.source, world.origin, report)
-
-
-def _model_of(world: World) -> SeabedModel:
-    """Return the seabed of a cached world. Raises ConfigError."""
-    bottom = None
-    if world.bottom_map is not None:
-        keys = world.bottom_map.keys
-        bottom = charted_objects.BottomGrid(world.bottom_map.grid(), keys.north_min, keys.east_min, keys.resolution)
-    others = charted_objects.ChartedObjects(world.pipeline, world.all_zones())
-    return SeabedModel(grid_of(world), world.cylinder, world.box, others, bottom)
 
 
 def _store(seabed: WholeSeabed, folder: str) -> None:

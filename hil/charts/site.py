@@ -71,7 +71,10 @@ def _sites_above(grid: Grid, length: float, depth: float | None, deepest: float)
         north, east = middles[index % len(middles)]
         if all(hypot(north - n, east - e) > SITE_SPACING for n, e in chosen):
             chosen.append((float(north), float(east)))
-            yield _site(chosen[-1], pi * int(index // len(middles)) / COURSES, length, float(depths[index]))
+            course = pi * int(index // len(middles)) / COURSES
+            ahead = np.array([cos(course), sin(course)]) * 0.5 * length
+            start, goal = (tuple((middles[index % len(middles)] + end).tolist()) for end in (-ahead, ahead))
+            yield Site(start, goal, float(depths[index]))
 
 
 def depth_between(grid: Grid, start: Point, goal: Point) -> float:
@@ -118,11 +121,6 @@ def _score_paths(
     if depth is None:
         possible &= (under.max(axis=0) - deep <= MAX_ALTITUDE) & (deep <= deepest)
     return np.where(possible, score, -np.inf), deep
-
-
-def _site(middle: Point, course: float, length: float, depth: float) -> Site:
-    north, east = 0.5 * length * cos(course), 0.5 * length * sin(course)
-    return Site((middle[0] - north, middle[1] - east), (middle[0] + north, middle[1] + east), depth)
 
 
 def _rounded(depths: Any) -> Any:

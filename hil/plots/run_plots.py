@@ -79,9 +79,8 @@ def _trajectory(plt: Any, vehicles: dict[str, VehicleData], run: Run | None) -> 
             axes.plot(_column(data.tether, 1), _column(data.tether, 0), color=TETHER, linewidth=1.3,
                       label="tether at the end")  # fmt: skip
     draw_events(axes, [event for data in vehicles.values() for event in data.events])
-    axes.set(
-        xlabel="east (m)", ylabel="north (m)", aspect="equal", title=_title("trajectory", run) + "\n○ start, □ end"
-    )
+    named = (run.scenario.description or f"{run.vehicle.name} in {run.world.name}") if run else "trajectory"
+    axes.set(xlabel="east (m)", ylabel="north (m)", aspect="equal", title=f"{named}\n○ start, □ end")
     axes.grid(color=GRID, linewidth=0.6)
     axes.set_axisbelow(True)
     add_legend(axes)
@@ -196,7 +195,3 @@ def _finish(axes: Any, label: str) -> None:
     axes.set_xlim(left=0.0)
     axes.grid(color=GRID, linewidth=0.6)
     add_legend(axes)
-
-
-def _title(what: str, run: Run | None) -> str:
-    return (run.scenario.description or f"{run.vehicle.name} in {run.world.name}") if run else what

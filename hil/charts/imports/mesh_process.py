@@ -9,6 +9,7 @@ that is not written also volume, centre and is_closed; or error.
 
 import json
 import sys
+from collections.abc import Callable
 from typing import Any
 
 from hil.common.children import limit_self
@@ -103,21 +104,17 @@ def _primitive(shape: dict[str, Any]) -> Any:
     from trimesh import creation
 
     kind, sizes = shape["kind"], [float(x) for x in shape["sizes"]]
-    if kind == "box":
-        return creation.box(sizes)
-    if kind == "cylinder":
-        return creation.cylinder(sizes[0], sizes[1], sections=32)
-    if kind == "capsule":
-        mesh: Any = creation.capsule(height=sizes[1], radius=sizes[0], count=[24, 24])
-        mesh.vertices -= mesh.bounds.mean(axis=0)
-        return mesh
-    if kind == "cone":
-        mesh = creation.cone(sizes[0], sizes[1], sections=32)
-        mesh.vertices -= [0.0, 0.0, 0.5 * sizes[1]]
-        return mesh
-    ball: Any = creation.icosphere(subdivisions=3)
-    ball.vertices *= sizes
-    return ball
+    makers: dict[str, Callable[[], Any]] = {
+        "box": lambda: creation.box(sizes),
+        "cylinder": lambda: creation.cylinder(sizes[0], sizes[1], sections=32),
+        "cone": lambda: creation.cone(sizes[0], sizes[1], sections=32),
+        "capsule": lambda: creation.capsule(height=sizes[1], radius=sizes[0], count=[24, 24]),
+    }
+    mesh: Any = makers.get(kind, lambda: creation.icosphere(subdivisions=3))()
+    if kind not in makers:
+        mesh.vertices *= sizes
+    mesh.vertices -= mesh.bounds.mean(axis=0)
+    return mesh
 
 
 if __name__ == "__main__":
