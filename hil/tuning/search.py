@@ -167,7 +167,9 @@ class Tuner:
             process = process._replace(damping=0.0)  # the righting moment slows it, rather than drag
         if self._at.surge and loop >= 3:  # a servo's lag looks like damping where the hull turns into its path
             process = process._replace(delay=max(process.delay, *(fin.time_constant for fin in self._vehicle.fins)))
-        return process._replace(delay=process.delay + _sample_age(loop))
+        rate = select_sensors()["odometry" if loop < 3 else "imu"].model.rate
+        age = 0.5 / float(rate) + 0.5 * CONTROL_PERIOD_S  # of the measurements, on average
+        return process._replace(delay=process.delay + age)
 
     def _loop(self, axis: str) -> int:
         """Return the number of the axis of the wrench (0 surge .. 5 yaw) that leads `axis`."""
@@ -207,12 +209,6 @@ class Tuner:
     def _force(self, loop: int) -> float:
         ahead, astern = self._reach[loop].force
         return min(ahead, -astern)
-
-
-def _sample_age(loop: int) -> float:
-    """Return the mean age (s) of the controller's measurements: half a sample and half a control period."""
-    rate = select_sensors()["odometry" if loop < 3 else "imu"].model.rate
-    return 0.5 / float(rate) + 0.5 * CONTROL_PERIOD_S
 
 
 def _cost(figures: StepFigures) -> float:
