@@ -6,7 +6,6 @@ from math import ceil, floor, hypot, inf, isnan
 
 from hil.common.vectors import off_line
 from sim.environment.terrain import NO_DATA, Terrain
-from sim.environment.terrain_grid import Grid
 
 Corner = tuple[float, float, float]  # row, column, depth in m
 Coordinates = tuple[float, float]  # row and column of the grid, not rounded
@@ -24,8 +23,11 @@ def distance_to_shallows(terrain: Terrain, north: float, east: float, depth: flo
     here = terrain.depth(north, east)
     if here <= depth:
         return here - depth
-    edge = _to_edge(terrain, north, east) if terrain.outside <= depth else inf
-    radius = min(_FIRST_RADIUS * terrain.grid.resolution, within)
+    edge, grid = inf, terrain.grid
+    if terrain.outside <= depth:
+        x, y = terrain.coordinates(north, east)
+        edge = grid.resolution * min(x, y, grid.rows - 1 - x, grid.columns - 1 - y)
+    radius = min(_FIRST_RADIUS * grid.resolution, within)
     while True:  # twice the radius costs four times as much, so it begins with a small one
         least = min(edge, _nearest(terrain, north, east, depth, radius))
         if least <= radius or radius >= within:
@@ -40,7 +42,9 @@ def _nearest(terrain: Terrain, north: float, east: float, depth: float, within: 
     point, least = terrain.coordinates(north, east), inf
     for corners in _cells(terrain, point, within * terrain.scale):
         if min(corner[2] for corner in corners) <= depth:
-            least = min(least, _distance_to_ring(point, _shallow_part(corners, depth)))
+            ring = _shallow_part(corners, depth)
+            sides = pairwise([*ring, ring[0]])
+            least = min(least, *(hypot(*off_line(*point, *start, *end)) for start, end in sides))
     return least * terrain.grid.resolution
 
 
@@ -66,15 +70,3 @@ def _shallow_part(corners: list[Corner], depth: float) -> list[Coordinates]:
             share = (depth - from_depth) / (to_depth - from_depth)
             ring.append((row + share * (to_row - row), column + share * (to_column - column)))
     return ring
-
-
-def _distance_to_ring(point: Coordinates, ring: list[Coordinates]) -> float:
-    """Return the distance in cells from a point outside of a closed polygon to the polygon."""
-    return min(hypot(*off_line(*point, *start, *end)) for start, end in pairwise([*ring, ring[0]]))
-
-
-def _to_edge(terrain: Terrain, north: float, east: float) -> float:
-    """Return the distance (m) from a position on the grid to the grid's edge."""
-    grid: Grid = terrain.grid
-    x, y = terrain.coordinates(north, east)
-    return grid.resolution * min(x, y, grid.rows - 1 - x, grid.columns - 1 - y)

@@ -9,7 +9,7 @@ import os
 import re
 from collections.abc import Iterator
 from copy import deepcopy
-from functools import cache
+from functools import cache, partial
 from urllib.parse import unquote
 
 from hil.common.errors import ConfigError
@@ -41,7 +41,7 @@ class SdfFiles:
         self._shared = resource_folders()
         self._roots = [os.path.realpath(folder) for folder in (top, *self._shared)]
         self._find = cache(self._search)
-        self._read = cache(self._read_model)
+        self._read = cache(partial(read_xml, root="sdf"))
         self._count = 0
         self.missing: list[str] = []  # what was not found, for reports
 
@@ -70,14 +70,11 @@ class SdfFiles:
         around = f"the folders around {os.path.dirname(os.path.abspath(self.path))}"
         return ", ".join([*self._shared, around])
 
-    def _read_model(self, file: str) -> Element:
-        return read_xml(file, root="sdf")
-
     def _search(self, uri: str, folder: str, is_model: bool) -> str | None:
         for candidate in self._candidates(uri, folder):
             real = os.path.realpath(candidate)
             if os.path.isdir(real) if is_model else os.path.isfile(real):
-                if not is_model or _has_model(real):
+                if not is_model or _model_file(real):
                     return candidate
             elif is_model and os.path.isfile(real) and real.endswith((".sdf", ".world")):
                 return candidate
@@ -132,10 +129,6 @@ def _inside(folder: str, inside: str) -> Iterator[str]:
 
 def _number(text: str) -> int:
     return int(text) if text.isdecimal() else -1
-
-
-def _has_model(folder: str) -> bool:
-    return bool(_model_file(folder))
 
 
 def _model_file(folder: str) -> str:

@@ -226,17 +226,13 @@ def _joint(joint: Element, scope: _Scope, path: str, version: str) -> Joint:
         xyz = axis.find("xyz")
         text = (xyz.text if xyz is not None else None) or "0 0 1"
         frame = (xyz.get("expressed_in", "") if xyz is not None else "") or joint.get("name", "")
-        if (axis.findtext("use_parent_model_frame") or "0").strip() in ("1", "true") or _is_old(version):
+        is_old = [int(part) for part in version.split(".") if part.isdecimal()] < [1, 5]  # in the model's axes then
+        if is_old or (axis.findtext("use_parent_model_frame") or "0").strip() in ("1", "true"):
             frame = MODEL
         known = frame in scope.frames and all(part in (*scope.frames, "world", MODEL) for part in (parent, child))
         turned = resolve(frame, scope.frames, path) if known else Pose()
         direction = turned.rotate(numbers_of(text, path, 3))
     return Joint(joint.get("type", ""), parent, child, direction, joint)
-
-
-def _is_old(version: str) -> bool:
-    """Return True for SDF before 1.5, where the axis of a joint is given in the model's axes."""
-    return [int(part) for part in version.split(".") if part.isdecimal()] < [1, 5]
 
 
 def _link_name(joint: Element, side: str) -> str:

@@ -44,15 +44,16 @@ class Tree(NamedTuple):
 
     def carried_mass(self, link: str, hull: str) -> float:
         """Return the mass (kg) of a link with water and of those without that are fixed below it, or to the hull."""
-        return sum(mass for other, mass in self.masses.items() if self._carrier(other, hull) == link)
+
+        def carrier(other: str) -> str:
+            usual = hull if self.is_fixed_to(other, hull) else ""
+            return next((each for each in self._above(other) if each in self.wet), usual)
+
+        return sum(mass for other, mass in self.masses.items() if carrier(other) == link)
 
     def is_fixed_to(self, link: str, other: str) -> bool:
         """True if no joint between two links moves."""
         return self._above(link)[-1] == self._above(other)[-1]
-
-    def _carrier(self, link: str, hull: str) -> str:
-        wet = [each for each in self._above(link) if each in self.wet]
-        return wet[0] if wet else hull if self.is_fixed_to(link, hull) else ""
 
     def _above(self, link: str) -> list[str]:
         """Return a link and those above it, up to the first joint that moves."""

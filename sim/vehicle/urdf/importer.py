@@ -11,20 +11,20 @@ A URDF without such tags has no hydrodynamics. Missing values are never guessed:
 """
 
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from functools import partial
 from math import degrees, hypot
 from typing import Annotated, Any, NamedTuple
 
 from hil.common.errors import ConfigError
-from hil.common.schema import Range, parse
+from hil.common.schema import Range, convert
 from sim.matrices import Matrix, cross_matrix, product, square, total, transpose
 from sim.vehicle.meshes import Mesh
 from sim.vehicle.urdf.fins import read_fins
 from sim.vehicle.urdf.hull import Tree, add_up, without_dust
 from sim.vehicle.urdf.pose import Pose
 from sim.vehicle.urdf.sensors import read_sensors
-from sim.vehicle.urdf.shapes import Measure, MeshKey, Solid, box_of, extent_of, from_collisions, mesh_key, origin_of
+from sim.vehicle.urdf.shapes import Measure, box_of, extent_of, from_collisions, mesh_key, origin_of
 from sim.vehicle.urdf.text import Element, attribute, listed, number_of, plain, read_xml, to_frd, to_frd_matrix
 from sim.vehicle.urdf.thrusters import read_thrusters, target
 from sim.vehicle.urdf.water import read_buoyancy_engine, read_munk_share, read_water, water_elements
@@ -44,6 +44,7 @@ _REQUIRED = (
 
 ALONG = 0.9  # a thruster pushes along x if so much of its direction does
 USUAL_SPEED = 1.5  # m/s; of an underwater vehicle whose thrust is not known
+_MASS = Annotated[float, Range(0.0, 1e6, "kg")]
 _ZERO = ("added_mass", "linear_damping", "quadratic_damping")
 _MOST = 0.999  # of the sum of two moments of inertia, for the third one
 _STEPS = 200  # of a power iteration
@@ -71,10 +72,6 @@ class _Model(NamedTuple):
     notes: list[str]
 
 
-def _no_measure(meshes: Sequence[MeshKey]) -> Mapping[MeshKey, Solid]:
-    return {}
-
-
 def read_urdf(path: str, extra: dict[str, Any] | None = None, text: bytes | None = None) -> tuple[Vehicle, list[str]]:
     """Return the vehicle of the URDF at `path`, and notes on what was assumed.
 
@@ -88,7 +85,7 @@ def read_urdf(path: str, extra: dict[str, Any] | None = None, text: bytes | None
 
 
 def read_robot(
-    robot: Element, path: str, extra: dict[str, Any] | None = None, measure: Measure = _no_measure
+    robot: Element, path: str, extra: dict[str, Any] | None = None, measure: Measure = lambda meshes: {}
 ) -> Imported:
     """Return the vehicle of a `<robot>` of the file at `path`, its sensors, and notes. See `read_urdf`.
 
@@ -152,13 +149,15 @@ def _table(model: _Model, tree: Tree, hull: str) -> dict[str, Any]:
     waters = read_water(robot, hull, partial(box_of, robot, path, measure), path, notes)
     table |= _mass(robot, poses, path, notes) | add_up(waters, poses, tree, hull, notes)
     table |= read_buoyancy_engine(robot, poses, path) | read_munk_share(robot, notes)
-    neutral, mass = table.pop("neutral", False), _given_mass(user_keys, path) or table.get("mass")
-    if neutral and mass is not None:
+    mass = convert(user_keys["mass"], _MASS, f"{path}: mass") if "mass" in user_keys else table.get("mass")
+    if table.pop("neutral", False) and mass is not None:
         table["neutrally_buoyant"] = True
         table.setdefault("volume", mass / 1000.0)
     if "mass" in user_keys and "inertia" in table and "inertia" not in user_keys:
         notes.append("The mass is the one given, the inertia still that of the URDF.")
-    by_shapes = _is_of_gazebo(robot)
+    files = [plugin.get("filename", "").lower() for plugin in robot.iter("plugin")]
+    # With the hydrodynamics of Gazebo, the buoyancy is that of the collision shapes.
+    by_shapes = any("hydrodynamics" in file or "buoyancy-system" in file for file in files)
     if by_shapes or robot.find(".//hydrodynamic_model") is not None:
         _add_shapes(table, model, by_shapes)
         lost = [key for key in _ZERO if key not in table and key not in user_keys]
@@ -166,12 +165,6 @@ def _table(model: _Model, tree: Tree, hull: str) -> dict[str, Any]:
             table |= dict.fromkeys(lost, [0.0] * 6)
             notes.append(f"The model does not say {', '.join(lost)}: 0, as its simulator has it.")
     return table
-
-
-def _is_of_gazebo(robot: Element) -> bool:
-    """True if the model uses the hydrodynamics of Gazebo: then its buoyancy is that of its collision shapes."""
-    files = [plugin.get("filename", "").lower() for plugin in robot.iter("plugin")]
-    return any("hydrodynamics" in file or "buoyancy-system" in file for file in files)
 
 
 def _add_shapes(table: dict[str, Any], model: _Model, with_volume: bool) -> None:
@@ -274,15 +267,6 @@ def _possible(inertia: Matrix, notes: list[str]) -> Matrix:
         "two together, as in no body."
     )
     return total(inertia, product(axis, transpose(axis)), most - moment)
-
-
-class _Mass(NamedTuple):
-    mass: Annotated[float, Range(0.0, 1e6, "kg")]
-
-
-def _given_mass(user_keys: dict[str, Any], path: str) -> float | None:
-    """Return the mass (kg) that is given in addition to the URDF, or None."""
-    return parse({"mass": user_keys["mass"]}, _Mass, path).mass if "mass" in user_keys else None
 
 
 def _inertia(inertial: Element, path: str) -> Matrix:
