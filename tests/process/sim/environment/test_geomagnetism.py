@@ -61,12 +61,6 @@ def test_a_time_outside_the_model_is_limited_to_it() -> None:
     assert field_at(*POSITION, year=2044.4) == field_at(*POSITION, year=2030.0)
 
 
-@pytest.mark.parametrize("latitude", [90.0, -90.0])
-def test_the_field_at_the_poles_is_continuous(latitude: float) -> None:
-    here, near = (field_at(place, 0.0).angles for place in (latitude, latitude * 0.99999))
-    assert here == pytest.approx(near, rel=2e-3)
-
-
 def test_a_world_without_field_and_model_names_the_remedy(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pygeomag", None)
     assert field_of(SEA) == DEFAULT
