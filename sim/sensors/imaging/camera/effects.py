@@ -14,8 +14,6 @@ from sim.sensors.imaging.camera.particles import Caustics, MarineSnow
 from sim.sensors.imaging.scenery import LampLight, SurfaceHits
 from sim.sensors.mounting import Mounting
 
-__all__ = ["Effects", "RawPicture"]
-
 Floats = NDArray[np.float32]
 
 

@@ -13,8 +13,9 @@ from sim.rays.geometry import Hits
 from sim.rays.scene import NOTHING, RayScene
 from sim.rays.solids import Solid, half_space
 from sim.rotations import matrix
-from sim.sensors.imaging.camera.effects import Effects, RawPicture
+from sim.sensors.imaging.camera.effects import Effects
 from sim.sensors.imaging.camera.model import CameraModel
+from sim.sensors.imaging.camera.motion import RawPicture
 from sim.sensors.imaging.samples import Distortion, Intrinsics
 from sim.sensors.imaging.scenery import Scenery, SurfaceHits
 from sim.sensors.imaging.shading import Shading
