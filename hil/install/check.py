@@ -10,7 +10,7 @@ from boards.tree import Tree
 from hil.common.children import python_command
 from hil.common.errors import ConfigError, HilError
 from hil.common.tables import settings as settings_of
-from hil.install.units import Service, command, python_path
+from hil.install.units import Service, python_path
 from hil.network.settings import settings
 from hil.scenario.config import Scenario, build_simulation, load_scenario
 from hil.scenario.fleet import as_member
@@ -65,8 +65,7 @@ def check(tree: Tree, service: Service) -> None:
 
 def _check_as_user(service: Service) -> None:
     entry = pwd.getpwnam(service.user)
-    arguments = command(service)
-    name = arguments[arguments.index("slave") + 1]
+    name = service.scenario_words[0]
     # The same XDG_CACHE_HOME as in the unit.
     environment = {"PATH": os.environ.get("PATH", ""), "PYTHONPATH": python_path(), "XDG_CACHE_HOME": "/var/cache"}
     arguments = python_command("-c", CODE, name, service.listen or "", service.member or "", *service.changes)

@@ -99,7 +99,7 @@ def read_companions(
             own = _words(name, words[1:], scenario, scenario_words)
             parser = find_parser(KINDS[name].module)
             parsed = parser.parse_args(own)
-            addresses = (*_addresses(name, parsed, scenario), *_addresses_of(environment))
+            addresses = _addresses(name, parsed, scenario, environment)
             for port in {address.port for address in addresses if address.use == "tcp" and address.port}:
                 if port in ports:
                     raise ConfigError(f"{name}: {ports[port]} listens on port {port} too; choose another one")
@@ -124,8 +124,12 @@ def _words(name: str, options: Sequence[str], scenario: Scenario, scenario_words
     return [*words, *scenario_words[1:], *options]
 
 
-def _addresses(name: str, options: argparse.Namespace, scenario: Scenario) -> tuple[Address, ...]:
+def _addresses(
+    name: str, options: argparse.Namespace, scenario: Scenario, environment: Sequence[str]
+) -> tuple[Address, ...]:
     found = [Address("out", *_host_and_port(text)) for text in options.connect or ()]
+    hosts = [urlsplit(word.partition("=")[2]).hostname for word in environment if "://" in word]  # ROS_MASTER_URI
+    found += [Address("out", host) for host in hosts if host]
     listen = getattr(options, "listen", None) or getattr(options, "prometheus", None)
     if listen:
         found.append(Address("tcp", *(_host_and_port(listen) if isinstance(listen, str) else listen)))
@@ -138,12 +142,6 @@ def _addresses(name: str, options: argparse.Namespace, scenario: Scenario) -> tu
         rtp = rtp_target(options.rtp or settings.rtp)
         found += [Address("out", *rtp)] if rtp else []
     return tuple(found)
-
-
-def _addresses_of(environment: Sequence[str]) -> list[Address]:
-    """Return the addresses of URLs in environment variables, such as ROS_MASTER_URI."""
-    hosts = [urlsplit(word.partition("=")[2]).hostname for word in environment if "://" in word]
-    return [Address("out", host) for host in hosts if host]
 
 
 def _folders(name: str, options: argparse.Namespace, scenario: Scenario) -> tuple[str, ...]:

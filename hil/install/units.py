@@ -64,10 +64,12 @@ class Service(NamedTuple):
 
 def file_contents(tree: Tree, service: Service, board: Board | None) -> dict[str, str]:
     """Return the content of each file by path. Raises ConfigError if a name is not valid in a unit or a rule."""
-    files = {UNIT: unit(tree, service, board), RULES: rules(tree, service, board), LIMITS: limits(service)}
+    files = {UNIT: unit(tree, service, board), RULES: rules(tree, service, board)}
+    files[LIMITS] = _fill("systemd/limits.conf", {"user": service.user, "rtprio": str(LOOP_PRIORITY)})
     files |= {f"{UNITS}uuv-hil-{one.name}.service": companion_unit(tree, service, one) for one in service.companions}
     if _can_interface(service.scenario):
-        module = can_module(service.scenario, board)
+        interface = _can_interface(service.scenario)
+        module = next((bus.module for bus in board.can if bus.interface == interface), "") if board else ""
         files[CAN_UNIT] = can_unit(service.scenario, module)
         if module:
             files[MODULE_UNIT] = _fill("systemd/uuv-hil-module.service", {"module": module})
@@ -150,19 +152,15 @@ def needed_units(kinds: Iterable[str], addresses: Iterable[Address]) -> list[str
 def can_unit(scenario: Scenario, module: str = "") -> str:
     """Return the unit that sets the bit rate of the link's CAN interface, after loading its kernel `module`, if any."""
     name = _can_interface(scenario)
+    escaped = re.sub(r"[^A-Za-z0-9:_.]", lambda match: f"\\x{ord(match[0]):02x}", name)  # see systemd-escape(1)
     values = {
         "interface": name,
-        "device": f"sys-subsystem-net-devices-{escape_unit_name(name)}.device",
+        "device": f"sys-subsystem-net-devices-{escaped}.device",
         "module": f"Wants={os.path.basename(MODULE_UNIT)}" if module else "",
         "bitrate": str(scenario.link.bitrate),
         "ip": "/sbin/ip",
     }
     return _fill("systemd/uuv-hil-can.service", values)
-
-
-def can_module(scenario: Scenario, board: Board | None) -> str:
-    """Return the kernel module that must be loaded for the board's CAN interface; empty if there is none."""
-    return next((bus.module for bus in board.can if bus.interface == _can_interface(scenario)), "") if board else ""
 
 
 def rules(tree: Tree, service: Service, board: Board | None) -> str:
@@ -181,11 +179,6 @@ def rules(tree: Tree, service: Service, board: Board | None) -> str:
         form = 'SUBSYSTEM=="usb", ATTR{{idVendor}}=="{}", ATTR{{idProduct}}=="{}", GROUP="dialout", MODE="0660"'
         lines = [form.format(*numbers.split(":")) for numbers in GS_USB]
     return _fill("udev/99-uuv-hil.rules", {"link": "\n".join(lines), "iw": "/usr/sbin/iw"})
-
-
-def limits(service: Service) -> str:
-    """Return the file with the limits that the user is granted in a shell."""
-    return _fill("systemd/limits.conf", {"user": service.user, "rtprio": str(LOOP_PRIORITY)})
 
 
 def serial_device(scenario: Scenario, board: Board | None) -> str:
@@ -208,12 +201,6 @@ def serial_drivers(tree: Tree, device: str) -> tuple[str, ...]:
     if re.fullmatch("tty[A-Za-z]+", kind):
         return (kind,)
     return tuple(USB_DRIVERS) if device.startswith("/dev/serial/by-id/") else SERIAL_DRIVERS
-
-
-def systemd_version(tree: Tree) -> int | None:
-    """Return the version of the machine's systemd; None if it cannot be determined."""
-    version = re.match(r"systemd (\d+)", tree.run("systemctl", "--version") or "")
-    return int(version[1]) if version else None
 
 
 def command(service: Service) -> list[str]:
@@ -248,11 +235,6 @@ def single_line(text: str) -> str:
     return " ".join(printable.split()).rstrip("\\ ").replace("%", "%%")
 
 
-def escape_unit_name(text: str) -> str:
-    """Return a part of a path escaped for the name of a unit, see systemd-escape(1)."""
-    return re.sub(r"[^A-Za-z0-9:_.]", lambda match: f"\\x{ord(match[0]):02x}", text)
-
-
 def _command_line(words: Sequence[str]) -> str:
     return " ".join(escape_word(word).replace("$", "$$") for word in words)
 
@@ -263,7 +245,7 @@ def _writable(folders: Iterable[str]) -> str:
 
 def _fill_unit(tree: Tree, service: Service, values: dict[str, str], needs: Sequence[str]) -> str:
     """Return the unit of the slave or of a service beside it; values that are not given are those of the latter."""
-    version = systemd_version(tree)
+    version = re.match(r"systemd (\d+)", tree.run("systemctl", "--version") or "")
     usual = {
         "type": "simple", "watchdog": "0", "environment": "", "rtprio": "0", "memory_max": f"{COMPANION_MEMORY}M",
         "cpu_weight": "100", "oom_score": "0", "private_tmp": "yes", "order": "",
@@ -271,7 +253,7 @@ def _fill_unit(tree: Tree, service: Service, values: dict[str, str], needs: Sequ
         "after": " ".join(["network.target", "time-sync.target", *needs]),
         "pythonpath": escape_word(python_path()),
         "user": service.user,
-        "system_calls": "SystemCallFilter=@system-service" if version is None or version >= SYSTEM_SERVICE else "",
+        "system_calls": "" if version and int(version[1]) < SYSTEM_SERVICE else "SystemCallFilter=@system-service",
     }  # fmt: skip
     return _fill("systemd/uuv-hil.service", usual | values)
 

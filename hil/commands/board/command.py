@@ -19,8 +19,8 @@ install checks that the slave would start as the user. It then writes a systemd 
 limits for real-time scheduling; for a CAN link also a unit that sets the bit rate; with NetworkManager also a setting
 against power saving of the wlan. It shows every change and asks first; uninstall restores the files from before.
 --service adds services that run beside the slave: mavlink, record, view, foxglove, rosbridge, ros1, json, metrics
-(`top --prometheus`) and router. Quoted, a name may have options of its command, and variables of its environment before
-it. The services that are not named again by a later install are removed.
+(`top --prometheus`) and router; in quotes, options of the command may follow the name. A later install removes the
+services that it does not name.
 
 examples:
   uuv-hil board                                          identify this machine
@@ -30,9 +30,8 @@ examples:
   sudo .venv/bin/uuv-hil board install mine.toml --user uuv --listen tcp/0.0.0.0:7447
   sudo .venv/bin/uuv-hil board install mine.toml --user uuv --service mavlink,record
   sudo .venv/bin/uuv-hil board install mine.toml --user uuv --service "view --listen 0.0.0.0:7480"
-  sudo .venv/bin/uuv-hil board install mine.toml --user uuv --service "ROS_MASTER_URI=http://10.0.0.2:11311 ros1"
   uuv-hil board services                                 list the installed services, and whether they run
-  sudo .venv/bin/uuv-hil board stop --service record     until `board restart`, or the next boot
+  sudo .venv/bin/uuv-hil board stop --service record     until `board restart`, or the next start of the board
   sudo .venv/bin/uuv-hil board uninstall --service view  without --service, all
 """
 # What each action accepts.

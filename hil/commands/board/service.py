@@ -185,12 +185,10 @@ def _run(tree: Tree, commands: list[Command]) -> bool:
             tree.run(*command)  # fails for a unit that has not failed, which is harmless
             continue
         try:
-            completed = subprocess.run(command, check=False)
+            status = f"exit code {subprocess.run(command, check=False).returncode}"
         except OSError as error:
-            print(f"{' '.join(command)}: {error.strerror}", file=sys.stderr)
+            status = error.strerror or str(error)
+        if status != "exit code 0":
             failed = True
-            continue
-        failed = failed or bool(completed.returncode)
-        if completed.returncode:
-            print(f"{' '.join(command)}: exit code {completed.returncode}", file=sys.stderr)
+            print(f"{' '.join(command)}: {status}", file=sys.stderr)
     return failed

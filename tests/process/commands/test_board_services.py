@@ -12,18 +12,8 @@ import pytest
 from hil import cli
 from hil.install.companions import KINDS
 from hil.install.units import FIREWALL, UNIT, UNITS
-from tests.support.boards.installed_service import (
-    KNOWN,
-    SERIAL,
-    executed,
-    files,
-    install,
-    root,
-    scenario,
-    settings,
-    uninstall,
-    values,
-)
+from tests.support.boards import installed_service as board
+from tests.support.boards.installed_service import executed, files, install, root, scenario, uninstall, values
 from tests.support.boards.recorded import plant
 
 __all__ = ["executed", "root", "scenario"]  # the fixtures
@@ -39,13 +29,13 @@ def path_of(name: str) -> str:
 
 
 def test_every_kind_gets_a_unit_that_starts_beside_the_slave(root: Path, scenario: str) -> None:
-    Path(scenario).write_text(SERIAL + ROUTED)
+    Path(scenario).write_text(board.SERIAL + ROUTED)
     before = files(root)
     assert install(root, scenario, "--yes", "--set", "seed=7", *services(",".join(KINDS))) == 0
     paths = [path_of(name) for name in KINDS]
     for name, path in zip(KINDS, paths, strict=True):
         text = (root / path[1:]).read_text()
-        assert all(key in KNOWN[section].split() for section, key, _ in settings(text))
+        assert all(key in board.KNOWN[section].split() for section, key, _ in board.settings(text))
         assert "@" not in text.replace("@system-service", ""), "everything is filled in"
         words = shlex.split(values(root, path, "ExecStart")[0])
         assert {scenario, "seed=7", "tcp/192.168.3.116:7447"} <= {*words}

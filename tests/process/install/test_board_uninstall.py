@@ -1,6 +1,5 @@
 """Uninstalling the service, and an installation that fails halfway: both leave all files unchanged."""
 
-import json
 import os
 import re
 import resource
@@ -10,7 +9,7 @@ import pytest
 
 from hil.install.changes import MANIFEST
 from hil.install.units import LIMITS, RULES, UNIT
-from tests.support.boards.installed_service import CAN, SERIAL, executed, files, install, root, scenario, uninstall
+from tests.support.boards.installed_service import CAN, SERIAL, executed, install, root, scenario, uninstall
 from tests.support.boards.recorded import link, plant
 
 __all__ = ["executed", "root", "scenario"]  # the fixtures
@@ -134,18 +133,6 @@ def test_a_damaged_manifest_is_reported(
     for code in (install(root, scenario, "--yes"), uninstall(root)):
         assert code == 2
     assert capsys.readouterr().err.count(f"{MANIFEST}: is damaged; remove it, and the files") == 2
-
-
-def test_a_manifest_of_an_earlier_release_is_accepted(root: Path, scenario: str) -> None:
-    """The manifest has neither modes nor owners."""
-    plant(root, LIMITS[1:], "uuv - rtprio 10\n")
-    before = files(root)
-    assert install(root, scenario, "--yes") == 0
-    notes = json.loads((root / MANIFEST[1:]).read_text())
-    reported = {path: {key: note[key] for key in ("before", "folders", "sha256")} for path, note in notes.items()}
-    plant(root, MANIFEST[1:], json.dumps(reported))
-    assert uninstall(root) == 0
-    assert files(root) == before
 
 
 def test_owner_and_mode_of_a_replaced_file_are_restored(root: Path, scenario: str) -> None:
