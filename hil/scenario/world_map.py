@@ -1,6 +1,7 @@
 """Make the occupancy grid, at the vehicle's depth, that a planner has before the dive."""
 
 from collections.abc import Iterable, Sequence
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -97,7 +98,7 @@ def map_at(
     thin that it may miss all centres is enlarged until it cannot. If `is_coarse`, a cell is occupied if any part of it
     may be. Raises ConfigError.
     """
-    seabed = shallowest if is_coarse else _seabed
+    seabed = partial(_shallowest, cell=resolution) if is_coarse else _seabed
 
     def clearance(norths: Array, easts: Array) -> Array:
         free = np.full(norths.shape, np.inf)
@@ -260,15 +261,15 @@ def _seabed(world: World, north: Array, east: Array) -> Any:
     return np.where(on_grid, np.where(np.isnan(depth), NO_DATA, depth), terrain.outside)
 
 
-def shallowest(world: World, north: Array, east: Array) -> Any:
-    """Return a lower bound of the seabed's depth (m) in each cell, from the centres of two rows or more.
+def _shallowest(world: World, north: Array, east: Array, cell: float) -> Any:
+    """Return a lower bound of the seabed's depth (m) in each cell of `cell` m, from their centres.
 
     The seabed in a cell is nowhere above the highest of the nodes in it and next to it.
     """
     terrain = world.terrain
     if terrain is None:
         return world.depth
-    grid, half = terrain.grid, 0.5 * (north[1, 0] - north[0, 0])
+    grid, half = terrain.grid, 0.5 * cell
     nodes = np.asarray(terrain.depths, np.float32).reshape(grid.rows, grid.columns)
     spans, is_inside = [], []
     for middles, first, count in ((north[:, 0], grid.north_min, grid.rows), (east[0], grid.east_min, grid.columns)):

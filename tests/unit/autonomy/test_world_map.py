@@ -73,6 +73,7 @@ def test_a_map_of_all_water_above_has_what_floats_there(world: World, above: flo
     assert not grid.is_free((18.5, 16.5))
     assert grid.is_free((18.5, 18.5))
     assert map_at(afloat, 20.0, 0.0, 1.0, above=above).cells.all(), "the bed"
+    assert map_at(load_world("ridge"), 12.0, 0.0, 300.0, is_coarse=True, above=above).cells.shape == (1, 1)
 
 
 def test_the_image_shows_north_up_and_east_right(world: World, tmp_path: Any) -> None:
