@@ -5,6 +5,7 @@ import os
 import re
 import shlex
 from collections.abc import Callable, Sequence
+from itertools import takewhile
 from typing import Literal, NamedTuple
 from urllib.parse import urlsplit
 
@@ -85,21 +86,22 @@ def read_companions(
     ports = {address.port: "the slave" for address in slave_addresses(scenario)}
     for text in texts:
         try:
-            words, environment = shlex.split(text), list[str]()
+            words = shlex.split(text)
+            environment = list(takewhile(VARIABLE.fullmatch, words))
+            uris = [urlsplit(word.partition("=")[2]) for word in environment if "://" in word]  # ROS_MASTER_URI
+            remote = [Address("out", uri.hostname) for uri in uris if uri.hostname]
         except ValueError as error:
             raise ConfigError(f"--service {text}: {error}") from None
-        while words and VARIABLE.fullmatch(words[0]):
-            environment.append(words.pop(0))
-        for name in words[0].split(",") if words else [text]:
-            if name not in KINDS or name in companions:
-                problem = "is given twice" if name in companions else f"is not one of {', '.join(KINDS)}"
-                raise ConfigError(
-                    f"--service: {name!r} {problem}{'' if name in companions else nearest(name, [*KINDS])}"
-                )
-            own = _words(name, words[1:], scenario, scenario_words)
+        names, *options = words[len(environment) :] or [text]
+        for name in names.split(","):
+            if name in companions:
+                raise ConfigError(f"--service: {name!r} is given twice")
+            if name not in KINDS:
+                raise ConfigError(f"--service: {name!r} is not one of {', '.join(KINDS)}{nearest(name, [*KINDS])}")
+            own = _words(name, options, scenario, scenario_words)
             parser = find_parser(KINDS[name].module)
             parsed = parser.parse_args(own)
-            addresses = _addresses(name, parsed, scenario, environment)
+            addresses = (*_addresses(name, parsed, scenario), *remote)
             for port in {address.port for address in addresses if address.use == "tcp" and address.port}:
                 if port in ports:
                     raise ConfigError(f"{name}: {ports[port]} listens on port {port} too; choose another one")
@@ -124,12 +126,8 @@ def _words(name: str, options: Sequence[str], scenario: Scenario, scenario_words
     return [*words, *scenario_words[1:], *options]
 
 
-def _addresses(
-    name: str, options: argparse.Namespace, scenario: Scenario, environment: Sequence[str]
-) -> tuple[Address, ...]:
+def _addresses(name: str, options: argparse.Namespace, scenario: Scenario) -> list[Address]:
     found = [Address("out", *_host_and_port(text)) for text in options.connect or ()]
-    hosts = [urlsplit(word.partition("=")[2]).hostname for word in environment if "://" in word]  # ROS_MASTER_URI
-    found += [Address("out", host) for host in hosts if host]
     listen = getattr(options, "listen", None) or getattr(options, "prometheus", None)
     if listen:
         found.append(Address("tcp", *(_host_and_port(listen) if isinstance(listen, str) else listen)))
@@ -141,7 +139,7 @@ def _addresses(
             found.append(Address(MAVLINK_USES.get(kind, "out"), target, port))
         rtp = rtp_target(options.rtp or settings.rtp)
         found += [Address("out", *rtp)] if rtp else []
-    return tuple(found)
+    return found
 
 
 def _folders(name: str, options: argparse.Namespace, scenario: Scenario) -> tuple[str, ...]:

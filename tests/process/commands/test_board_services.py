@@ -82,6 +82,7 @@ def test_a_service_has_its_options_ports_devices_and_environment(root: Path, sce
         ("record,recrod", "--service: 'recrod' is not one of mavlink, record, .*; did you mean 'record'"),
         ("view,view", "--service: 'view' is given twice"),
         ('view "', "--service view \": No closing quotation"),
+        ("ROS_MASTER_URI=http://[x ros1", "Invalid IPv6 URL"),
         ("view --lisen 7480", "no option '--lisen'; did you mean '--listen'"),
         ("json --listen 7448", "json: the slave listens on port 7448 too"),
         ("json --listen 7480,view", "expected .*7480,view"),
