@@ -1,4 +1,4 @@
-"""Install slaves: as a service on a board, with its removal, and as processes of a fleet on other machines, by ssh.
+"""Install slaves: with services beside them on a board, and their removal; as processes of a fleet elsewhere, by ssh.
 
 Public: every module here. It must not know what a slave does.
 """
