@@ -118,7 +118,10 @@ def test_a_line_that_is_not_json_ends_the_connection(client: Client, fleet: Flee
     assert fleet["uuv1"]._action is None or fleet["uuv1"].state.velocity[0] < 0.05
 
 
-@pytest.mark.parametrize("login", [{}, *[{"token": token} for token in ("\ud800", "\xff", "", 7, None, ["a"], {})]])
+WRONG_TOKENS: tuple[Any, ...] = ("\ud800", "\xff", "", 7, None, ["a"], {})
+
+
+@pytest.mark.parametrize("login", [{}, *[{"token": token} for token in WRONG_TOKENS]])
 def test_commands_need_the_token(gateway: JsonGateway, login: dict[str, Any]) -> None:
     client = Client(gateway)
     with client:
