@@ -18,7 +18,7 @@ class Log:
 
     A write may block (a slow terminal, a full disk); `write_line` never does. `wakeup` is set when a line is stored.
     What others on the network can cause is bounded: characters that do not print are replaced, long lines are cut, and
-    lines beyond 1000 in 10 s are only counted.
+    lines beyond 1000 in 10 s are only counted. A line that is repeated is counted, too, and shown again every 10 s.
     """
 
     def __init__(self, name: str) -> None:
@@ -26,6 +26,7 @@ class Log:
         self._start_ns = now_ns()
         self._lines: deque[str] = deque(maxlen=1000)
         self._window_ns, self._in_window, self._left_out = self._start_ns, 0, 0
+        self._last, self._repeated = "", 0
         self._noting = threading.Lock()  # several threads write lines
         self.wakeup = threading.Event()
 
@@ -36,6 +37,11 @@ class Log:
             if now - self._window_ns > WINDOW_NS:
                 self._add_omitted(now)
                 self._window_ns, self._in_window = now, 0
+            if text == self._last:
+                self._repeated += 1
+                return
+            self._add_repeated(now)
+            self._last = text
             self._in_window += 1
             if self._in_window > MAX_LINES:
                 self._left_out += 1
@@ -46,17 +52,24 @@ class Log:
     def _add_line(self, text: str, now: int) -> None:
         self._lines.append(f"[{(now - self._start_ns) / NS_PER_S:9.3f}] {self._name}: {clean(text, LONGEST)}\n")
 
+    def _add_repeated(self, now: int) -> None:
+        if self._repeated:
+            self._add_line(f"{self._repeated} times more: {self._last}", now)
+            self._repeated = 0
+
     def _add_omitted(self, now: int) -> None:
+        self._add_repeated(now)
         if self._left_out:
             self._add_line(f"{self._left_out} lines left out: more than {MAX_LINES} in {WINDOW_NS // NS_PER_S} s", now)
             self._left_out = 0
 
     def flush(self) -> None:
         """Write the stored lines; stop if the output is closed."""
-        if self._left_out:
+        if self._left_out or self._repeated:
             with self._noting:
                 if now_ns() - self._window_ns > WINDOW_NS:
                     self._add_omitted(now_ns())
+                    self._window_ns, self._in_window = now_ns(), 0
         if self._lines:
             with suppress(OSError):  # the terminal is closed
                 while self._lines:

@@ -51,6 +51,19 @@ def test_a_flood_of_log_lines_is_counted(monkeypatch: pytest.MonkeyPatch, capsys
     assert capsys.readouterr().err.splitlines()[0].endswith("calm again")
 
 
+def test_repeated_log_lines_are_counted(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
+    now = [0]
+    monkeypatch.setattr(log, "now_ns", lambda: now[0])
+    written = Log("slave")
+    for text in (*["no answer"] * 200, "ready", *["no answer"] * 3):
+        written.write_line(text)
+    written.flush()
+    now[0] += log.WINDOW_NS + 1
+    written.flush()
+    texts = [line.partition("slave: ")[2] for line in capsys.readouterr().err.splitlines()]
+    assert texts == ["no answer", "199 times more: no answer", "ready", "no answer", "2 times more: no answer"]
+
+
 def test_presence_names_from_others_are_cleaned_and_shortened() -> None:
     honest = Presence("uuv1", "master", 0, "ab" * 16, "laptop:42")
     assert read_presence(presence_key(honest)) == honest
