@@ -58,11 +58,12 @@ def test_samples_arrive_again_when_the_library_does_not_read_a_link(tmp_path: Pa
 
 
 def test_samples_arrive_again_without_a_client_too(tmp_path: Path) -> None:
-    """Commands that only subscribe, and those that watch a hunt, have no client."""
+    """Programs that watch a hunt have no client. The library may also lose what is declared on the new link."""
     scenario, port = write_scenario(tmp_path)
     received, opened_links = list[str](), list[str]()
     with slow_session(port, opened_links) as session, Program(tmp_path, "slave", scenario):
         session.subscribe("uuv1", "imu", lambda topic, *_: received.append(topic), 16)
+        session.supervisor.watch_presence(lambda: bool(received))
         assert wait_for(lambda: len(opened_links) > 1 and len(received) > 10)
 
 

@@ -49,6 +49,15 @@ def _fields(kind: type, payload: bytearray) -> list[object]:
     return fields
 
 
+def test_random_bytes_never_raise() -> None:
+    generator = random.Random(27)
+    bench = Bench()
+    for _ in range(COUNT // 20):
+        bench.partner.feed(generator.randbytes(generator.randrange(1, 300)))
+    bench.run(0.1)
+    assert bench.partner.peer.counters.dropped_bytes > 0
+
+
 def test_random_frames_never_raise() -> None:
     generator = random.Random(26)
     bench = Bench()
