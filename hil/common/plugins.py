@@ -32,6 +32,7 @@ KINDS = {
     "forces": "a class of sim.Force",
     "protocols": "a function (role, thrusters, **settings) that returns a hil.Protocol",
     "wires": "a function (target, role) that returns a hil.Wire, for addresses NAME:TARGET",
+    "instruments": "a class of hil.instruments.contract.Instrument",
     "gateways": "a function (arguments) that returns an exit code, for `uuv-hil gateway NAME`",
     "vehicles": "a package with NAME.toml",
     "worlds": "a package with NAME.toml",

@@ -17,6 +17,7 @@ ENTRIES = {
     "forces": "buoy = added.code:Buoy",
     "protocols": "plain = added.code:open_plain",
     "wires": "hidden = added.code:open_hidden",
+    "instruments": "pinger = added.code:Pinger",
     "gateways": "lines = added.code:serve",
     "vehicles": "my_rov = added",
     "worlds": "my_lake = added",
@@ -24,6 +25,7 @@ ENTRIES = {
 }
 CODE = """
 from hil import Done, Planner, VelocityCommand, open_address
+from hil.instruments.contract import Instrument
 from hil.links.frame.protocol import open_frame
 
 class Straight(Planner):
@@ -52,6 +54,9 @@ class Buoy:
         pass
     def wrench(self, position, rotation, nu_r):
         return (0.0,) * 6
+
+class Pinger(Instrument):
+    sensors = ("altimeter",)
 
 def open_plain(role, thrusters, **settings):
     return open_frame(role, thrusters, **settings)

@@ -27,6 +27,7 @@ FLOORS: list[dict[str, str]] = [
         "hil.autopilots": "ArduPilot, PX4",
         "hil.gateways.mavlink": "ground stations",
         "hil.view": "the live view in a browser",
+        "hil.instruments": "devices at their wire",
     },
     {
         "hil.plots": "figures of runs", "hil.charts": "worlds from charts", "hil.bench": "delay, load, start-up",

@@ -1,0 +1,151 @@
+"""What an instrument is: a codec between the samples of a sensor and the bytes of its device's wire.
+
+    class Altimeter(Instrument):
+        sensors = ("altimeter",)
+
+        def on_sample(self, topic: str, stamped: Stamped, now_ns: int) -> None:
+            self.send(f"{stamped.value.distance:.2f}\\r\\n".encode(), measured_ns=stamped.sent_ns)
+
+An instrument does no I/O and has no clock: the process calls it with the time (monotonic ns), one call after another,
+and it answers by `send`. It never raises on what comes off a wire: it counts that in `malformed` and goes on. It is
+made anew whenever its power comes back; only `facts.memory` outlives that, as the flash memory of a device does.
+"""
+
+from abc import ABC
+from collections.abc import Callable, Hashable, Mapping
+from typing import Any, Literal, NamedTuple, Protocol
+
+from hil.client.client import Stamped
+from hil.common.clock import NEVER_NS
+from sim.dynamics import State
+from sim.sensors.mounting import Mounting
+from sim.sensors.samples import Sample, Sensor
+
+WireKind = Literal["tcp", "udp", "udpout", "serial", "pty", "http"]
+
+
+class Client(NamedTuple):
+    """One partner of an instrument: the number of the wire in the sensor's key `at`, its kind, and who it is there."""
+
+    wire: int
+    kind: WireKind
+    address: Hashable
+
+
+class Facts(NamedTuple):
+    """What an instrument knows of its vehicle and of the scenario.
+
+    `name` is the section of its sensor in the scenario, `topic` that of the sensor's samples, `model` the record of the
+    sensor's keys. `origin` is latitude and longitude (degrees) of the NED frame, None if the world has none;
+    `origin_altitude` (m) the height of the surface there. `sound_speed` is the true one (m/s) at a depth (m). `memory`
+    is kept while the power is off.
+    """
+
+    name: str
+    topic: str
+    model: Any
+    mounting: Mounting = Mounting()
+    origin: tuple[float, float] | None = None
+    origin_altitude: float = 0.0
+    sound_speed: Callable[[float], float] = lambda _: 1500.0
+    seed: int = 1
+    memory: dict[str, Any] = {}  # noqa: RUF012  # the process gives each instrument its own
+
+
+class Scene(Protocol):
+    """The world around the vehicle, for instruments that measure when their client asks, with the client's settings.
+
+    The state is the slave's true one, extrapolated to the time that is asked for. The world is loaded when the first
+    sensor is built, so an instrument that only passes samples on costs no such memory.
+    """
+
+    def build(self, model: Any = None, mounting: Mounting | None = None) -> Sensor:
+        """Return the instrument's sensor with another record of keys, and mounted otherwise. May take a while.
+
+        Keep what it returns: errors and the head of a scanning sonar go on from one measurement to the next.
+        """
+
+    def state(self, now_ns: int) -> State | None:
+        """Return the vehicle's true state at a monotonic time; None while none has come, or it is too old."""
+
+    def measure(self, sensor: Sensor, now_ns: int) -> Sample | None:
+        """Return a sensor's measurement at a monotonic time; None without a state, or if the sensor gives none.
+
+        The time of the sample is monotonic (ns).
+        """
+
+
+class Response(NamedTuple):
+    """Answer to a request of HTTP."""
+
+    body: bytes = b""
+    status: int = 200
+    content_type: str = "application/json"
+
+
+class Send(Protocol):
+    """Sends bytes of an instrument; see `Instrument.send`."""
+
+    def __call__(self, data: bytes, to: Client | None, kind: str, measured_ns: int, /) -> None:
+        """Send `data`."""
+
+
+class NoSettings(NamedTuple):
+    """Settings of an instrument that has none."""
+
+
+class Instrument(ABC):  # noqa: B024  # every method has a sensible default
+    """One instrument from power on to power off.
+
+    `Model` is the record of its settings, the keys of [sensors.NAME.settings]. `sensors` are the kinds of sensors that
+    it may be, `wires` the kinds of its wires, `also` further topics that it needs, such as "odom". `baud` is that of a
+    serial line until its address names another. `first` are the bytes that the first message of a new client may begin
+    with, if those are known: whoever begins otherwise, such as a web page, is refused. `warm_up_s` is the time from
+    power on until it answers and measures.
+    """
+
+    Model: type[Any] = NoSettings
+    sensors: tuple[str, ...] = ()
+    wires: tuple[WireKind, ...] = ("tcp", "udp", "udpout", "serial", "pty")
+    also: tuple[str, ...] = ()
+    baud = 115_200
+    first = b""
+    warm_up_s = 0.0
+
+    def __init__(self, settings: Any, facts: Facts, scene: Scene, send: Send) -> None:
+        self.settings, self.facts, self.scene = settings, facts, scene
+        self._send = send
+        self.malformed = 0  # messages off a wire that were not understood
+
+    def send(self, data: bytes, to: Client | None = None, kind: str = "", measured_ns: int = 0) -> None:
+        """Send bytes to one client; without `to` to all that are there, of one `kind` of wire if that is given.
+
+        A message that carries a measurement gives the instant of that (monotonic ns), for the measurement of delays.
+        """
+        self._send(data, to, kind, measured_ns)
+
+    def start(self, now_ns: int) -> None:  # noqa: B027
+        """Begin: the warm-up is over."""
+
+    def connected(self, client: Client, now_ns: int) -> None:  # noqa: B027
+        """Take up a new client; a serial line has one from the start, UDP one from its first datagram on."""
+
+    def disconnected(self, client: Client, now_ns: int) -> None:  # noqa: B027
+        """Forget a client."""
+
+    def on_data(self, client: Client, data: bytes, now_ns: int) -> None:  # noqa: B027
+        """Take bytes of a client, in any pieces (UDP: one datagram). Never raises."""
+
+    def on_sample(self, topic: str, stamped: Stamped, now_ns: int) -> None:  # noqa: B027
+        """Take a sample of the vehicle: of its sensor (`facts.topic`) or of a topic in `also`.
+
+        `stamped.value` is in NED and FRD with `time_ns` since 1970; `stamped.sent_ns` is about its monotonic time.
+        """
+
+    def tick(self, now_ns: int) -> int:
+        """Do what is due; return when (monotonic ns) to be called again. Called after every other call too."""
+        return NEVER_NS
+
+    def on_request(self, method: str, path: str, query: Mapping[str, str], body: bytes, now_ns: int) -> Response:
+        """Answer a request of HTTP, in the same thread as all else. Never raises."""
+        return Response(b"", 404)

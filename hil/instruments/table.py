@@ -1,0 +1,21 @@
+"""The instruments by their names in a scenario, each with the place of its class, "module:Class"."""
+
+from hil.common.errors import ConfigError
+from hil.common.plugins import installed, load_object
+from hil.common.schema import nearest, shortened
+from hil.instruments.contract import Instrument
+
+INSTRUMENTS: dict[str, str] = {}
+
+
+def load_instrument(name: str, where: str) -> type[Instrument]:
+    """Return the class of an instrument; `where` (file and key) begins every error message. Raises ConfigError."""
+    place = INSTRUMENTS.get(name) or installed("instruments").get(name)
+    if place is None:
+        known = sorted({*INSTRUMENTS, *installed("instruments")})
+        there_are = ", ".join(known)
+        raise ConfigError(f"{where}: no instrument {shortened(name)}{nearest(name, known)}; there are: {there_are}")
+    found = load_object(place, where)
+    if not (isinstance(found, type) and issubclass(found, Instrument)):
+        raise ConfigError(f"{where}: {place} is no hil.instruments.contract.Instrument; derive it from that")
+    return found
