@@ -59,10 +59,11 @@ class Scene(Protocol):
     sensor is built, so an instrument that only passes samples on costs no such memory.
     """
 
-    def build(self, model: Any = None, mounting: Mounting | None = None) -> Sensor:
+    def build(self, model: Any = None, mounting: Mounting | None = None, sensor: type[Sensor] | None = None) -> Sensor:
         """Return the instrument's sensor with another record of keys, and mounted otherwise. May take a while.
 
-        Keep what it returns: errors and the head of a scanning sonar go on from one measurement to the next.
+        It may also be of another class, `sensor`, with a `model` of that. Keep what it returns: errors and the head of
+        a scanning sonar go on from one measurement to the next.
         """
 
     def state(self, now_ns: int) -> State | None:
