@@ -7,13 +7,13 @@ from contextlib import ExitStack
 from hil.common.clock import NS_PER_S, now_ns, to_wall_ns
 from hil.gateways.mavlink.core import Core
 from hil.gateways.mavlink.dispatch import Dispatcher
-from hil.gateways.mavlink.endpoints.links import MAX_PARTNERS, SILENT_NS, Link
 from hil.gateways.mavlink.endpoints.peer import Peer
 from hil.gateways.mavlink.parameter_table import ParameterTable
 from hil.gateways.mavlink.protocols.ftp import FtpServer
 from hil.gateways.mavlink.protocols.signing import SigningKey
 from hil.gateways.mavlink.snapshot import Origin
 from hil.gateways.mavlink.vehicle_port import NetworkVehicle
+from hil.links.endpoints.sockets import MAX_PARTNERS, SILENT_NS, Link
 from hil.scenario.mavlink_records import Mavlink
 
 TICK_NS = NS_PER_S // 50

@@ -12,9 +12,10 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from hil.common.clock import NS_PER_S, now_ns
 from hil.common.errors import NetworkError
-from hil.gateways.mavlink.endpoints.links import HEARTBEATS_NS, MAX_PARTNERS, SILENT_NS, Link, TcpIn, UdpIn, UdpOut
-from hil.gateways.mavlink.endpoints.opening import PatientLink, open_link
+from hil.gateways.mavlink.endpoints.opening import MARKERS, open_link
 from hil.gateways.mavlink.endpoints.zenoh_link import ZenohLink
+from hil.links.endpoints.patient import PatientLink
+from hil.links.endpoints.sockets import HEARTBEATS_NS, MAX_PARTNERS, SILENT_NS, Link, TcpIn, UdpIn, UdpOut
 from hil.links.wires.terminal import PtyWire
 from hil.scenario.mavlink_records import MavlinkEndpoint
 from tests.support.processes import PATIENCE_S, free_port, wait_for
@@ -24,7 +25,7 @@ PACKET: bytes = BEAT.pack(dialect.MAVLink(None, 1, 1))
 
 
 def test_udp_partners_are_served_until_they_time_out() -> None:
-    link = UdpIn("127.0.0.1", 0)
+    link = UdpIn("127.0.0.1", 0, MARKERS)
     clients = [UdpOut("127.0.0.1", link.port) for _ in range(2)]
     try:
         for end in clients:
@@ -42,7 +43,7 @@ def test_udp_partners_are_served_until_they_time_out() -> None:
 
 
 def test_a_sender_of_noise_is_no_partner() -> None:
-    link = UdpIn("127.0.0.1", 0)
+    link = UdpIn("127.0.0.1", 0, MARKERS)
     noise = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     noise.sendto(b"GET / HTTP/1.1", ("127.0.0.1", link.port))
     time.sleep(0.1)
@@ -54,7 +55,7 @@ def test_a_sender_of_noise_is_no_partner() -> None:
 
 def test_partners_beyond_the_limit_are_refused_and_counted() -> None:
     """The connected peers stay connected."""
-    datagrams, stream = UdpIn("127.0.0.1", 0), TcpIn("127.0.0.1", 0)
+    datagrams, stream = UdpIn("127.0.0.1", 0), TcpIn("127.0.0.1", 0, MARKERS)
     clients = [UdpOut("127.0.0.1", datagrams.port) for _ in range(MAX_PARTNERS + 2)]
     links: list[socket.socket] = []
     try:
@@ -214,7 +215,7 @@ def _exchange_packet(client: Link, port: int) -> bool:
 
 
 def test_a_port_in_use_is_named_in_the_error() -> None:
-    link = TcpIn("127.0.0.1", 0)
+    link = TcpIn("127.0.0.1", 0, MARKERS)
     with pytest.raises(NetworkError, match=f"tcpin:127.0.0.1:{link.port}.*ArduSub"):
         open_link(MavlinkEndpoint("tcpin", "127.0.0.1", link.port), print)
     link.close()

@@ -8,13 +8,13 @@ import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from hil.gateways.mavlink import newer_messages as newer
-from hil.gateways.mavlink.endpoints.links import SILENT_NS, Address, Link, Received
 from hil.gateways.mavlink.flight.modes import Mode
 from hil.gateways.mavlink.gateway import Gateway
 from hil.gateways.mavlink.messages import TAKEN
 from hil.gateways.mavlink.parameter_table import ParameterTable
 from hil.gateways.mavlink.protocols.ftp import ACK, HEADER, OPEN_READ, FtpServer
 from hil.links.contract import Counters
+from hil.links.endpoints.sockets import SILENT_NS, Address, Link, Received
 from hil.links.mavlink.stream import MavlinkStream
 from hil.scenario.mavlink_records import Mavlink
 from tests.support.clients.mavlink_vehicle import Bench, PointVehicle

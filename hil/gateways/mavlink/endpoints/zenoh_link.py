@@ -10,7 +10,7 @@ from typing import Any
 
 from hil.common.stop import Wakeup
 from hil.gateways.mavlink.endpoints.json_messages import decode_message, encode_message, plain_fields
-from hil.gateways.mavlink.endpoints.links import Link, Received
+from hil.links.endpoints.sockets import Link, Received
 from hil.network.opening import open_session
 from hil.network.session import Session
 from hil.network.settings import Network, settings
@@ -42,7 +42,7 @@ class ZenohLink(Link):
         self._event.clear()  # before the queue is read: a later packet sets it again
         return [(ADDRESS, self._received.popleft()) for _ in range(len(self._received))]
 
-    def send(self, address: Any, data: bytes, message: Any) -> None:
+    def send(self, address: Any, data: bytes, message: Any = None) -> None:
         """Publish a packet, and its message as JSON."""
         self._put(f"{RAW}/out", data)
         fields = plain_fields(message)

@@ -1,4 +1,4 @@
-"""UDP, TCP and serial endpoints of MAVLink, each with one or more partners.
+"""Endpoints on sockets, each with one or more partners.
 
 None of them waits: what a partner does not take is dropped, as on a radio.
 """
@@ -21,14 +21,17 @@ CONNECT_S = 5.0
 HEARTBEATS_NS = 3 * NS_PER_S  # a partner silent for longer gives way to a new one
 SILENT_NS = 30 * NS_PER_S  # after which a partner that only sent datagrams is forgotten
 RETRY_NS = NS_PER_S
-MARKERS = (0xFD, 0xFE)  # that a MAVLink packet begins with
 
 Address = Hashable
 Received = list[tuple[Address, bytes]]
 
 
 class Link(ABC):
-    """One endpoint. `burst`: bytes of lists that it takes a turn (1/50 s); `refused`: who came beyond MAX_PARTNERS."""
+    """One endpoint. `burst`: bytes of lists that it takes a turn (1/50 s); `refused`: who came beyond MAX_PARTNERS.
+
+    The classes that wait for partners take `first`, the bytes that a partner's first data may begin with: whoever
+    begins otherwise, such as a web page, is refused.
+    """
 
     name: str
     burst = 4_000  # of parameters a hundred packets: the socket of a ground station holds some 270
@@ -44,8 +47,8 @@ class Link(ABC):
         """Return the bytes received, with the address of each sender."""
 
     @abstractmethod
-    def send(self, address: Address, data: bytes, message: Any) -> None:
-        """Send a packet, which `message` is in, to a partner."""
+    def send(self, address: Address, data: bytes, message: Any = None) -> None:
+        """Send a packet to a partner; `message` is what it contains, for endpoints that send that otherwise."""
 
     @abstractmethod
     def partners(self) -> list[Address]:
@@ -110,7 +113,7 @@ class UdpOut(_DatagramLink):
         self._received_ns = now if received else self._received_ns or now
         return received
 
-    def send(self, address: Address, data: bytes, message: Any) -> None:
+    def send(self, address: Address, data: bytes, message: Any = None) -> None:
         """Send a datagram."""
         try:
             self._socket.send(data)
@@ -137,8 +140,8 @@ class UdpOut(_DatagramLink):
 class UdpIn(_DatagramLink):
     """Receive from all senders, and send to each until it is silent. Raises OSError."""
 
-    def __init__(self, host: str, port: int) -> None:
-        self.name = f"udpin:{host}:{port}"
+    def __init__(self, host: str, port: int, first: bytes = b"") -> None:
+        self.name, self._first = f"udpin:{host}:{port}", first
         super().__init__(host, port, socket.socket.bind)
         self.port: int = self._socket.getsockname()[1]
         self._received_ns: dict[tuple[Any, ...], int] = {}
@@ -152,7 +155,7 @@ class UdpIn(_DatagramLink):
             except OSError:
                 break
             if sender not in self._received_ns:
-                if data[:1] not in _FIRST:
+                if not _may_begin(data, self._first):
                     continue
                 if len(self._received_ns) >= MAX_PARTNERS and not self._remove_silent(now):
                     self.refused += 1
@@ -161,7 +164,7 @@ class UdpIn(_DatagramLink):
             received.append((sender, data))
         return received
 
-    def send(self, address: Address, data: bytes, message: Any) -> None:
+    def send(self, address: Address, data: bytes, message: Any = None) -> None:
         """Send a datagram."""
         with contextlib.suppress(OSError):
             self._socket.sendto(data, cast(tuple[str, int], address))
@@ -184,7 +187,8 @@ class UdpIn(_DatagramLink):
             del self._received_ns[address]
 
 
-_FIRST = tuple(bytes((marker,)) for marker in MARKERS)
+def _may_begin(data: bytes, first: bytes) -> bool:
+    return not first or (bool(data) and data[0] in first)
 
 
 class _Stream:
@@ -192,27 +196,27 @@ class _Stream:
 
     MAX_UNSENT = 1 << 18  # bytes
 
-    def __init__(self, opened: socket.socket, now: int = 0) -> None:
+    def __init__(self, opened: socket.socket, now: int = 0, first: bytes = b"") -> None:
         opened.setblocking(False)
         opened.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         self.socket = opened
         self.unsent = b""
-        self.is_mavlink = False
+        self.first = first  # until something has come
         self.is_open = True
         self.received_ns = now
 
     def receive(self, now: int) -> bytes:
-        """Return the bytes that have come. A connection whose first byte begins no packet is closed: a web page's."""
+        """Return the bytes that have come. A connection whose first byte begins no message is closed."""
         try:
             data = self.socket.recv(READ_SIZE)
         except BlockingIOError:
             return b""
         except OSError:
             data = b""
-        if not data or not (self.is_mavlink or data[0] in MARKERS):
+        if not data or not _may_begin(data, self.first):
             self.close()
             return b""
-        self.is_mavlink, self.received_ns = True, now
+        self.first, self.received_ns = b"", now
         return data
 
     def send(self, data: bytes) -> None:
@@ -236,8 +240,8 @@ class _Stream:
 class TcpIn(Link):
     """Listens for several; one that has sent nothing for 30 s makes room. Raises OSError."""
 
-    def __init__(self, host: str, port: int) -> None:
-        self.name = f"tcpin:{host}:{port}"
+    def __init__(self, host: str, port: int, first: bytes = b"") -> None:
+        self.name, self._first = f"tcpin:{host}:{port}", first
         family = socket.AF_INET6 if ":" in host else socket.AF_INET
         self._listener = socket.create_server((host, port), family=family)
         self._listener.setblocking(False)
@@ -256,14 +260,14 @@ class TcpIn(Link):
             except OSError:
                 break
             if self._has_room(now):
-                self._streams[caller] = _Stream(opened, now)
+                self._streams[caller] = _Stream(opened, now, self._first)
             else:
                 self.refused += 1
                 opened.close()
         received = [(address, stream.receive(now)) for address, stream in self._open().items()]
         return [(address, data) for address, data in received if data]
 
-    def send(self, address: Address, data: bytes, message: Any) -> None:
+    def send(self, address: Address, data: bytes, message: Any = None) -> None:
         """Send a packet over one connection."""
         stream = self._streams.get(address)
         if stream and stream.is_open:
@@ -313,7 +317,7 @@ class TcpOut(Link):
         self.is_lost = not self._stream.is_open
         return [(self._to, data)] if data else []
 
-    def send(self, address: Address, data: bytes, message: Any) -> None:
+    def send(self, address: Address, data: bytes, message: Any = None) -> None:
         """Send a packet."""
         if self._stream.is_open:
             self._stream.send(data)
