@@ -37,9 +37,6 @@ def listen(
     return session
 
 
-CLOSE_WITHIN_S = 5.0  # usually 0.1 s, but sometimes the library takes 10 s for each of several steps
-
-
 class Listening:
     """A session that a thread opens while the caller does other work.
 
@@ -80,12 +77,11 @@ class Listening:
         """Close the session if it was opened; wait some seconds at most. May be called twice."""
         self._thread.join()
         if self._session and not self.is_stuck:
-            closing = threading.Thread(target=self._session.close, name="close session", daemon=True)
-            closing.start()
-            closing.join(CLOSE_WITHIN_S)
-            self.is_stuck = closing.is_alive()
+            self._session.close()
+            self.is_stuck = self._session.is_stuck
 
 
+LATE_CLOSE_WITHIN_S = 0.5  # the library does not end its attempts to listen, and waits for them for 10 s
 # The library's texts for addresses that are not there yet.
 LATE = {
     "Cannot assign requested address": "this machine does not have that address yet",
@@ -119,7 +115,9 @@ def open_listening(
         return open_session("listen on", endpoint, settings(*arguments))
     except _LateAddressError as error:
         report(f"{endpoint}: waiting for it: {error.why}")
-    return open_session("listen on", endpoint, settings(*arguments, is_late=True))
+    session = open_session("listen on", endpoint, settings(*arguments, is_late=True))
+    session.close_within_s = LATE_CLOSE_WITHIN_S
+    return session
 
 
 def open_session(

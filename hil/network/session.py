@@ -31,6 +31,7 @@ if TYPE_CHECKING:
 
 ASKING = 8  # queries that may wait for a reader
 ANSWER_WITHIN_S = 1.0
+CLOSE_WITHIN_S = 5.0  # usually 0.1 s, but sometimes the library takes 10 s for each of several steps
 MAX_LEARNED = 4096  # keys, because anybody can invent names
 REFUSAL = zenoh.Encoding.TEXT_PLAIN  # encoding of the reason for a refusal
 
@@ -43,10 +44,13 @@ class Session:
     `open_library` returns an open session of the library; it may raise zenoh.ZError. `name` is the endpoint where it
     listens or to which it connects, `peer_count` the number of peers to connect to. `has_pairs`: it has two links with
     each peer, as a master has with a slave. `publishers` are all made so far. `openings` counts how often the session
-    was opened. `supervisor` is there once `supervise` was called.
+    was opened. `supervisor` is there once `supervise` was called. `close_within_s`: how long `close` waits for the
+    library. `is_stuck`: it did not close in time.
     """
 
     supervisor: "Supervisor"
+    close_within_s = CLOSE_WITHIN_S
+    is_stuck = False
 
     def __init__(
         self, open_library: Callable[[], zenoh.Session], name: str, has_pairs: bool = False, peer_count: int = 1
@@ -261,7 +265,13 @@ class Session:
         atexit.unregister(self.close)
         with self._condition:
             self._closed.set()
-            self._close_library()
+            closing = threading.Thread(target=self._close_library, name="close session", daemon=True)
+            try:
+                closing.start()
+                closing.join(self.close_within_s)
+            except RuntimeError:  # since Python 3.12 no thread starts at the interpreter's exit
+                self._close_library()
+            self.is_stuck = closing.is_alive()
             self._condition.notify_all()
         for reader in self._readers.values():
             reader.end()

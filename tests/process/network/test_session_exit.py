@@ -75,12 +75,13 @@ def test_closing_leaves_no_thread_and_no_descriptor(tmp_path: Path) -> None:
     assert completed.stdout.endswith("True\n")
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_the_router_ends_cleanly(tmp_path: Path, number: int) -> None:
-    endpoint = f"tcp/127.0.0.1:{free_port()}"
-    with Program(tmp_path, "router", "--listen", endpoint) as router:
+@pytest.mark.parametrize(("host", "number"), [("127.0.0.1", signal.SIGINT), ("192.0.2.1", signal.SIGTERM)])
+def test_the_router_ends_cleanly_also_before_its_address_is_there(tmp_path: Path, host: str, number: int) -> None:
+    with Program(tmp_path, "router", "--listen", f"tcp/{host}:{free_port()}") as router:
         router.expect("forwarding")
+        began = time.monotonic()
         assert router.stop(number) == 0
+        assert time.monotonic() - began < 9.0, "the library waits for 10 s"
     assert "Traceback" not in router.output
     assert wait_for(lambda: not psutil.pid_exists(router.process.pid))
 
