@@ -10,7 +10,7 @@ from hil.common.clock import NS_PER_S, now_ns
 from hil.common.errors import NetworkError
 from hil.common.schema import nearest
 from hil.common.stop import Wakeup
-from hil.network.presence import fetch_last
+from hil.network.presence import fetch_last, watch_nodes
 from hil.network.reception import MessageQueue
 from hil.network.session import Session
 from hil.ros import dialect, encoders, graph, types
@@ -63,6 +63,7 @@ def first_arrivals(session: Session, name: str, wait: float, stop_fd: int) -> tu
     """
     published = published_topics(session)
     latched = name in published and published[name].qos.latched
+    watch_nodes(session)
     arrivals = Arrivals(session, name, latched)
     if name in published:  # a node in the graph: without one, descriptions of a vehicle are not made
         listener = Node(session, f"uuv_hil_topic_{os.getpid()}")

@@ -27,6 +27,7 @@ from hil.common.options import Number, add_json, integer, new_parser
 from hil.common.stop import StopSignals, pause
 from hil.common.text import json_text
 from hil.network import services
+from hil.network.presence import watch_nodes
 from hil.network.publisher import Publisher
 from hil.network.roles import open_client_session, open_master_session
 from hil.network.session import Session
@@ -186,6 +187,7 @@ def _pub(session: Session, options: argparse.Namespace, stop_fd: int) -> None:
     if name not in subscribed:
         print(f"nobody subscribes to {name} yet; {there_are(name, subscribed)}", file=sys.stderr, flush=True)
     node = Node(session, f"uuv_hil_topic_{os.getpid()}")
+    watch_nodes(session)
     publisher = session.publisher("", topic)
     node.publishes(topic, "")
     print(f"publishing {type_name} on {name} at {rate:g} Hz", flush=True)

@@ -8,6 +8,7 @@ import zenoh
 
 from hil.network.session import ANSWER_WITHIN_S, Deliver, Session
 from hil.network.tokens import NodeRole, Presence, last_key, presence_key, presence_keys, read_presence
+from hil.ros import graph
 
 Watch = Callable[[Presence, bool], None]
 
@@ -34,6 +35,22 @@ def watch_presence(session: Session, node: str, deliver: Watch) -> None:
             deliver(presence, alive)
 
     session.watch_tokens(presence_keys(node, "*"), pass_on)
+
+
+def watch_nodes(session: Session) -> None:
+    """Open a supervised session again while it has links and no other node: the library lost what it has declared.
+
+    For a session that only subscribes or publishes, and cannot know how often messages come. `Session.tokens` may find
+    nothing shortly afterwards, as the library answers from what it has.
+    """
+    alive = set[str]()
+
+    def count(key: str, is_alive: bool) -> None:
+        if f"/{session.zid}/" not in key:
+            (alive.add if is_alive else alive.discard)(key)
+
+    session.watch_tokens(graph.ALL, count)
+    session.supervisor.watch_presence(lambda: bool(alive))
 
 
 def _nothing() -> None:

@@ -7,6 +7,7 @@ import threading
 from collections.abc import Sequence
 from typing import Any
 
+from hil.network.presence import watch_nodes
 from hil.network.roles import client_opener, open_when_present
 from hil.network.security import Security
 from hil.network.settings import Network
@@ -41,6 +42,7 @@ class Plans:
     def _listen(self, endpoint: str) -> None:
         session = open_when_present(client_opener(endpoint, self._network, self._security), self._closing)
         if session:
+            watch_nodes(session)
             session.subscribe_keys(f"{dialect.domain()}/*/plan/*/*", self._on_plan, QUEUE)
             self._closing.wait()
             session.close()

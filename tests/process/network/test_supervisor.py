@@ -16,6 +16,7 @@ from hil.client.health_watch import HealthWatch
 from hil.common.clock import NS_PER_S
 from hil.network import supervisor
 from hil.network.opening import listen
+from hil.network.presence import watch_nodes
 from hil.network.roles import open_client_session, open_master_session
 from hil.network.session import Session
 from hil.network.sockets import cut
@@ -79,16 +80,19 @@ def test_a_client_reconnects_when_the_vehicle_never_appears() -> None:
 def test_a_session_that_looks_for_any_vehicle_reconnects_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(supervisor, "GAPS", 0)  # nothing has come yet, so no gap is usual
     scenario, port = write_scenario(tmp_path)
-    endpoint = f"tcp/127.0.0.1:{port}"
+    endpoint, received = f"tcp/127.0.0.1:{port}", list[str]()
     with ExitStack() as stack:
         with listen(endpoint):  # in the place of a slave whose token is lost
             fleet = stack.enter_context(hil.connect(endpoint, observe=True))
             session = stack.enter_context(open_client_session(endpoint))
             watch = HealthWatch(session)
-            assert wait_for(lambda: fleet._session.openings > 1 < session.openings)
+            plain = stack.enter_context(open_client_session(endpoint))
+            watch_nodes(plain)
+            plain.subscribe("uuv1", "imu", lambda topic, *_: received.append(topic), 16)
+            assert wait_for(lambda: fleet._session.openings > 1 < min(session.openings, plain.openings))
         stack.enter_context(Program(tmp_path, "slave", scenario))
         assert fleet.wait_for("uuv1", seconds=60)
-        assert wait_for(watch.statuses)
+        assert wait_for(lambda: watch.statuses() and received)
 
 
 def test_a_vehicle_that_ends_behind_a_router_does_not_disturb_others(
