@@ -5,7 +5,9 @@ from hil.common.plugins import installed, load_object
 from hil.common.schema import nearest, shortened
 from hil.instruments.contract import Instrument
 
-INSTRUMENTS: dict[str, str] = {}
+INSTRUMENTS: dict[str, str] = {
+    "ublox_m9": "hil.instruments.gps.receiver:Receiver",
+}
 
 
 def load_instrument(name: str, where: str) -> type[Instrument]:

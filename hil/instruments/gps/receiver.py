@@ -1,0 +1,148 @@
+"""A u-blox receiver of the ninth generation: sentences and UBX messages by its configuration, a fix at the surface."""
+
+from random import Random
+from typing import Any
+
+from hil.client.client import Stamped
+from hil.common.clock import NEVER_NS, NS_PER_MS, NS_PER_S, to_wall_ns
+from hil.common.vectors import Vector3
+from hil.instruments.contract import Client, Facts, Instrument, Scene, Send
+from hil.instruments.gps import configuration as keys
+from hil.instruments.gps import nmea, ubx
+from hil.instruments.gps.epoch import SPEED_ACCURACY, Epoch, make_epoch
+from sim.rotations import rotate
+from sim.sensors.extra_samples import FixSample
+from sim.sensors.samples import Sensor
+
+_RESET, _COLD_START_S, _HOT_START_S = 0x04, 24.0, 2.0  # CFG-RST; NEO-M9N (data sheet)
+
+
+class Receiver(Instrument):
+    """One receiver, which talks NMEA at 1 Hz until a client configures it.
+
+    Position and loss of the fix under water are those of the sensor. If its configured rate is another than the
+    sensor's, it measures at that rate with errors of its own. The velocity is the true one of the antenna with the
+    receiver's noise. Its clock goes on by battery, so it knows the time without a fix.
+    """
+
+    sensors = ("gps",)
+    wires = ("tcp", "serial", "pty")
+    baud = 38_400
+    warm_up_s = 0.5
+
+    def __init__(self, settings: Any, facts: Facts, scene: Scene, send: Send) -> None:
+        super().__init__(settings, facts, scene, send)
+        self._configuration = keys.Configuration(facts.memory.setdefault("values", {}))
+        self._readers: dict[Client, ubx.Reader] = {}
+        self._random = Random(facts.seed)
+        self._own: Sensor | None = None  # measures at the configured rate, if that is not the sensor's
+        self._own_ms = 0
+        self._due_ns = NEVER_NS
+        self._search_until_ns = 0
+        self._epochs = 0
+        self._last: Epoch | None = None
+
+    def start(self, now_ns: int) -> None:
+        """Name itself, as the device does after power on."""
+        self._apply_rate(now_ns)
+        if self._configuration.values[keys.OUT_NMEA]:
+            self.send(nmea.greeting())
+
+    def connected(self, client: Client, now_ns: int) -> None:
+        """Read what the client sends from its first byte on."""
+        self._readers[client] = ubx.Reader()
+
+    def disconnected(self, client: Client, now_ns: int) -> None:
+        """Forget a client."""
+        self._readers.pop(client, None)
+
+    def on_data(self, client: Client, data: bytes, now_ns: int) -> None:
+        """Carry out the UBX messages; sentences and corrections are read over."""
+        reader = self._readers.setdefault(client, ubx.Reader())
+        before = reader.malformed
+        for group, number, payload in reader.read(data):
+            self._on_message(client, group, number, payload, now_ns)
+        self.malformed += reader.malformed - before
+
+    def _on_message(self, client: Client, group: int, number: int, payload: bytes, now_ns: int) -> None:
+        if group == ubx.CFG:
+            if number == _RESET:  # is not acknowledged
+                is_cold = payload[:2] == b"\xff\xff"
+                self._search_until_ns = now_ns + round((_COLD_START_S if is_cold else _HOT_START_S) * NS_PER_S)
+            else:
+                self._configure(client, number, payload, now_ns)
+        elif (group, number) == (ubx.MON, ubx.VERSION) and not payload:
+            self.send(ubx.version(), client)
+        elif group == ubx.NAV and number in ubx.NAVIGATION and not payload and self._last:
+            self.send(ubx.frame(group, number, ubx.NAVIGATION[number](self._last)), client)
+
+    def _configure(self, client: Client, number: int, payload: bytes, now_ns: int) -> None:
+        """Answer a configuration message: with what it asks for, and that it was accepted or not."""
+        configuration = self._configuration
+        carry_out = {
+            0x00: configuration.port, 0x01: configuration.message_rate, 0x08: configuration.rates,
+            0x09: configuration.store, 0x8A: configuration.valset, 0x8B: configuration.valget,
+        }.get(number)  # fmt: skip
+        answer = carry_out(payload) if carry_out else None
+        if isinstance(answer, bytes):
+            self.send(ubx.frame(ubx.CFG, number, answer), client)
+        is_accepted = isinstance(answer, bytes) or bool(answer)
+        self.send(ubx.acknowledge(ubx.CFG, number, is_accepted), client)
+        self._apply_rate(now_ns)
+
+    def _apply_rate(self, now_ns: int) -> None:
+        values = self._configuration.values
+        period_ms = values[keys.MEASUREMENT_MS] * values[keys.NAVIGATION_RATE]
+        if period_ms == self._own_ms:
+            return
+        self._own_ms = period_ms
+        rate = 1000.0 / period_ms
+        if abs(rate - self.facts.model.rate) < 1e-3 * rate:
+            self._own, self._due_ns = None, NEVER_NS
+        else:
+            self._own = self.scene.build(self.facts.model._replace(rate=rate))
+            self._due_ns = now_ns + period_ms * NS_PER_MS
+
+    def on_sample(self, topic: str, stamped: Stamped, now_ns: int) -> None:
+        """Send the messages of an epoch."""
+        if self._own is None:
+            self._send_epoch(stamped.value, stamped.sent_ns, now_ns)
+
+    def tick(self, now_ns: int) -> int:
+        """Measure at the configured rate."""
+        if self._own and now_ns >= self._due_ns:
+            period_ns = self._own_ms * NS_PER_MS
+            self._due_ns += period_ns * (1 + (now_ns - self._due_ns) // period_ns)
+            sample = self.scene.measure(self._own, now_ns)
+            if isinstance(sample, FixSample):
+                self._send_epoch(sample._replace(time_ns=to_wall_ns(now_ns)), now_ns, now_ns)
+        return self._due_ns
+
+    def _send_epoch(self, fix: FixSample, measured_ns: int, now_ns: int) -> None:
+        if measured_ns < self._search_until_ns:
+            fix = fix._replace(fix=False)
+        epoch = self._last = make_epoch(fix, self.facts.origin_altitude, self._velocity(now_ns))
+        configuration, parts = self._configuration, []
+        if configuration.values[keys.OUT_NMEA]:
+            parts = [write(epoch) for number, write in nmea.SENTENCES.items() if self._is_due(keys.NMEA, number)]
+        if configuration.values[keys.OUT_UBX]:
+            due = [(number, write) for number, write in ubx.NAVIGATION.items() if self._is_due(ubx.NAV, number)]
+            parts += [ubx.frame(ubx.NAV, number, write(epoch)) for number, write in due]
+        self._epochs += 1
+        if parts:
+            self.send(b"".join(parts), measured_ns=measured_ns)
+
+    def _is_due(self, group: int, number: int) -> bool:
+        rate = self._configuration.rate(group, number)
+        return bool(rate) and self._epochs % rate == 0
+
+    def _velocity(self, now_ns: int) -> Vector3:
+        """Return the measured velocity of the antenna, north, east and down (m/s)."""
+        state = self.scene.state(now_ns)
+        if state is None:
+            return 0.0, 0.0, 0.0
+        u, v, w, p, q, r = state.nu
+        x, y, z = self.facts.mounting.position
+        true = rotate(state.quaternion, (u + q * z - r * y, v + r * x - p * z, w + p * y - q * x))
+        north, east, down = [value + self._random.gauss(0.0, SPEED_ACCURACY) for value in true]
+        return north, east, down

@@ -1,0 +1,89 @@
+"""One instrument without a process: samples and a client's bytes in, what it sends out."""
+
+from collections.abc import Callable
+from types import SimpleNamespace
+from typing import Any
+
+from hil.client.client import Stamped
+from hil.common.clock import NS_PER_S
+from hil.common.plugins import load_object
+from hil.instruments.contract import Client, Facts, Instrument
+from sim.dynamics import State
+from sim.environment.world import load_world
+from sim.sensors.kinds import SENSORS
+from sim.sensors.mounting import Mounting
+
+WALL_NS = 1_790_000_000 * NS_PER_S + 123_456_789  # 21 September 2026, of the first sample
+CLIENT = Client(0, "pty", "driver")
+
+
+class Scene:
+    """A scene whose state the test sets; sensors are the simulator's own, in the default world."""
+
+    def __init__(self, facts: Facts) -> None:
+        self.facts, self.present = facts, State()
+        world = load_world("open_water")._replace(origin=facts.origin)
+        self.world: Any = SimpleNamespace(world=world, wave_field=None)
+
+    def build(self, model: Any = None, mounting: Mounting | None = None, sensor: Any = None) -> Any:
+        """Return a sensor of the simulator."""
+        model = model or self.facts.model
+        sensor = sensor or load_object(SENSORS[self.facts.name].place, "test")
+        return sensor(model, mounting or self.facts.mounting, self.facts.seed, self.world)
+
+    def state(self, now_ns: int) -> State:
+        """Return the state that the test has set."""
+        return self.present
+
+    def measure(self, sensor: Any, now_ns: int) -> Any:
+        """Return a measurement of it."""
+        return sensor.sample(now_ns, self.present)
+
+
+class Bench:
+    """An instrument from power on, with one client; `sent` is what came since it was taken last."""
+
+    def __init__(self, kind: type[Instrument], model: Any, settings: Any = None, **facts: Any) -> None:
+        self.facts = Facts(kind.sensors[0], kind.sensors[0], model, memory={}, **facts)
+        self.scene = Scene(self.facts)
+        self.kind, self.settings = kind, settings or kind.Model()
+        self.now_ns = 10 * NS_PER_S
+        self.restart()
+
+    def restart(self) -> None:
+        """Switch the power off and on; the memory is kept."""
+        self._sent: list[bytes] = []
+        add: Callable[..., None] = lambda data, to, kind, measured_ns: self._sent.append(data)  # noqa: E731
+        self.device = self.kind(self.settings, self.facts, self.scene, add)
+        self.device.connected(CLIENT, self.now_ns)
+        self.device.start(self.now_ns)
+        self.device.tick(self.now_ns)
+
+    @property
+    def sent(self) -> bytes:
+        """Bytes sent since this was read last."""
+        data, self._sent[:] = b"".join(self._sent), []
+        return data
+
+    def ask(self, data: bytes) -> bytes:
+        """Return what the device sends upon a client's bytes."""
+        self._sent.clear()
+        self.device.on_data(CLIENT, data, self.now_ns)
+        self.device.tick(self.now_ns)
+        return self.sent
+
+    def sample(self, value: Any, topic: str = "") -> bytes:
+        """Return what the device sends upon a sample, taken now."""
+        self._sent.clear()
+        stamped = Stamped(value, self.now_ns, self.now_ns)
+        self.device.on_sample(topic or self.facts.topic, stamped, self.now_ns)
+        self.device.tick(self.now_ns)
+        return self.sent
+
+    def run(self, seconds: float, step_s: float = 0.01) -> bytes:
+        """Return what it sends while only time passes."""
+        self._sent.clear()
+        for _ in range(round(seconds / step_s)):
+            self.now_ns += round(step_s * NS_PER_S)
+            self.device.tick(self.now_ns)
+        return self.sent
