@@ -53,6 +53,9 @@ def ground(vehicle: Vehicle) -> Iterator[Ground]:
 
 
 def test_parameters_are_read_and_set(ground: Ground) -> None:
+    # The slave's parameters come a little after the vehicle, and a busy slave's only with the next query.
+    is_gain, ask = (lambda value: value.param_id == "HIL_G_SURGE_P"), ground.send.param_request_read_send
+    ground.wait("PARAM_VALUE", is_gain, lambda: ask(1, 1, b"HIL_G_SURGE_P", -1))
     ground.send.param_request_list_send(1, 1)
     names: set[str] = set()
 
