@@ -149,11 +149,14 @@ class Stm32End:
         """Apply and answer the received commands, then advance the time; return how many were applied.
 
         Commands are read before the watchdog is checked. So the watchdog does not trip because this process was woken
-        late. Raises DeviceError when the wire is lost.
+        late. A command that was read before this process was stopped, for longer than the watchdog's time, is refused.
+        Raises DeviceError when the wire is lost.
         """
-        applied = 0
+        applied, read_ns = 0, clock.now_ns()
         for message in self.link.receive():
-            if self._apply(message, now_ns):
+            if clock.now_ns() - read_ns > self.stm32.watchdog_ns:
+                self.stm32.refused += 1
+            elif self._apply(message, now_ns):
                 self.command_ns = clock.now_ns()
                 applied += 1
                 self._report(now_ns)

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 import pytest
 
 from firmware_stub.stub import Stm32, Stm32End
+from hil.common import clock
 from hil.common.clock import now_ns
 from hil.common.errors import DeviceError
 from hil.links.contract import ThrusterCommand, ThrusterLink, ThrusterTelemetry
@@ -48,6 +49,19 @@ def bench() -> Iterator[Bench]:
 
 def frame(sequence: int, pwm_us: tuple[int, ...] = FULL) -> bytes:
     return uuv_hil().encode(ThrusterCommand(sequence, True, pwm_us))
+
+
+def test_commands_read_before_the_process_was_stopped_are_refused(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bench.send(frame(7), frame(8))
+    times = iter((0, 200 * MS + 1, 200 * MS + 2))
+    monkeypatch.setattr(clock, "now_ns", lambda: next(times))
+    assert bench.end.service(1 * MS) == 0
+    monkeypatch.undo()
+    bench.end.service(201 * MS)
+    (report,) = bench.received(1)
+    assert (report.pwm_us, report.frames, report.errors) == ((1500, 1500), 0, 2)
 
 
 def test_each_command_is_acknowledged_with_its_sequence_number(bench: Bench) -> None:
