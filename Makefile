@@ -1,6 +1,6 @@
 # make demo    run slave and master as two processes, then print the HIL table
 # make test    run the tests that need no emulator, no benchmark and no second system
-# make check   run everything, and tell at the end what failed: make test, emulators, User Mode Linux, boards, clusters,
+# make check   run everything, and tell at the end what failed: make test, emulators, User Mode Linux, boards,
 #              random search, style and types
 # make coverage  run the unit tests alone and tell which share of the lines they run
 # make search  run the random tests with eight times as many examples, from SEED

@@ -144,7 +144,6 @@ EXTRAS = {
     "shapely": "chart",
     "pygeomag": "chart",
     "PIL": "imaging",
-    "moderngl": "opengl",
     "rasterio": "raster",
     "h5py": "raster",
     "laspy": "raster",
@@ -154,8 +153,6 @@ EXTRAS = {
     "msgpack": "can",
     "unicorn": "unicorn",
     "pyocd": "flash",
-    "distributed": "cluster",
-    "ray": "cluster",
 }
 # What is a board, or measures one: real-time scheduling, pseudo terminals, /proc.
 LINUX_ONLY = ("demo", "slave", "stm32", "link loopback", "board", "doctor", "bench")

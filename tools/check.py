@@ -45,7 +45,6 @@ PARTS: dict[str, Part] = {
     "uml": Part(("tests/system/uml",)),
     # One emulated board after the other: two at a time are starved of their processors. They boot for minutes.
     "board": Part(("-m", "board", "tests/system/boards"), again=False),
-    "cluster": Part(("-m", "cluster", "tests/system/commands", "tests/system/netns")),
 }
 
 

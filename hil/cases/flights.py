@@ -5,11 +5,9 @@ import time
 from collections.abc import Callable, Sequence
 
 from hil.cases.case import find_case
+from hil.cases.parallel import run_parallel
 from hil.cases.record import Mode, Run
 from hil.cases.viewer import Viewer
-from hil.common.children import worker_options
-from hil.common.errors import MissingExtraError
-from hil.common.stop import ctrl_c_held_back
 from hil.common.streams import ProgressLine
 from hil.master.recorder import make_folder
 
@@ -58,20 +56,12 @@ def _simulate(
         titles = [f"{name}: SIL flight {number} of {len(seeds)}" for number in range(1, len(seeds) + 1)]
         pairs = zip(seeds, titles, strict=True)
         return [fly_one(name, "sil", seed, folder, _titled(line, title), viewer) for seed, title in pairs]
-    try:
-        import joblib
-    except ImportError:
-        raise MissingExtraError("flights of several seeds need joblib: pip install 'uuv-hil[master]'") from None
     began = time.monotonic()
     runs: dict[int, Run] = {}
-    flights = (joblib.delayed(fly_one)(name, "sil", seed, folder) for seed in seeds)
-    with worker_options() as options:
-        with ctrl_c_held_back():  # this process ends its workers
-            finished = joblib.Parallel(n_jobs=jobs, return_as="generator_unordered", **options)(flights)
-        for run in finished:
-            runs[run.result.seed] = run
-            left = (time.monotonic() - began) / len(runs) * (len(seeds) - len(runs))
-            line.show(f"{name}: {len(runs)} of {len(seeds)} SIL flights, {left:.0f} s left")
+    for run in run_parallel(fly_one, [(name, "sil", seed, folder) for seed in seeds], jobs):
+        runs[run.result.seed] = run
+        left = (time.monotonic() - began) / len(runs) * (len(seeds) - len(runs))
+        line.show(f"{name}: {len(runs)} of {len(seeds)} SIL flights, {left:.0f} s left")
     return [runs[seed] for seed in seeds]
 
 

@@ -8,8 +8,7 @@ import time
 from collections.abc import Sequence
 from contextlib import closing
 
-from hil.cases.campaign.engines import CLUSTERS, Changes, Row, cluster_of
-from hil.cases.campaign.runs import METRICS, combinations, run_all
+from hil.cases.campaign import METRICS, Changes, Row, combinations, run_all
 from hil.cases.table import write_rows
 from hil.common.columns import aligned
 from hil.common.errors import ConfigError
@@ -27,10 +26,6 @@ examples:
   uuv-hil campaign paper_field --seeds 20
   uuv-hil campaign paper_field --seeds 10 --vary master.speed=0.5,0.7,0.9 -o speeds.csv
   uuv-hil campaign paper_field --vary sensors.odometry.horizontal.bias=0.1,0.5,1.0 --seeds 5
-
-joblib runs it on this machine. `--backend dask` sends the runs to the cluster whose scheduler DASK_SCHEDULER_ADDRESS
-names, `--backend ray` to that of RAY_ADDRESS (pip install 'uuv-hil[cluster]'); without an address they are made on this
-machine, which opens no port. The content of the scenario's files goes along; workers need the same version of uuv-hil.
 """
 MAX_RUNS = 1_000_000
 
@@ -44,9 +39,6 @@ def main(arguments: list[str]) -> int:
         "--vary", action="append", default=[], metavar="KEY=A,B,...", help="values of a key to try; repeatable"
     )
     parser.add_argument("--jobs", type=JOBS, default=-1, metavar="N", help="processes at once [all cores]")
-    parser.add_argument(
-        "--backend", metavar="NAME", default="loky", help="joblib's: loky, threading, dask, ray [%(default)s]"
-    )
     add_output(parser, "FILE.csv", "a row a run")
     add_json(parser)
     options = parser.parse_args(arguments)
@@ -68,15 +60,12 @@ def main(arguments: list[str]) -> int:
 
 def _run(scenario: str, sets: Sequence[Changes], options: argparse.Namespace) -> list[Row]:
     """Return all runs, in order: each set with each seed, with a line of progress. Raises HilError."""
-    backend, count = options.backend, len(sets) * options.seeds
-    if backend in CLUSTERS and not cluster_of(backend):
-        print(f"{CLUSTERS[backend]} names no cluster of {backend}: running on this machine by loky", file=sys.stderr)
-        backend = "loky"
+    count = len(sets) * options.seeds
     began = time.monotonic()
     rows: dict[int, Row] = {}
     line = ProgressLine(at_once=True)
     try:
-        with closing(run_all(scenario, sets, options.seeds, options.jobs, backend)) as results:
+        with closing(run_all(scenario, sets, options.seeds, options.jobs)) as results:
             for number, row in results:
                 rows[number] = row
                 left_s = (time.monotonic() - began) / len(rows) * (count - len(rows))

@@ -31,7 +31,6 @@ NOT_TYPED = {
     r"^uuv-hil teleop": "reads the keys of a terminal; tests/system/view/test_teleop.py",
     r"fleet\.toml(?! --copy)(?<!scenario check fleet\.toml)": "needs the ports of its members, or other machines",
     r"^cat /proc": "needs an Arm board",
-    r"^dask |\bray start|_ADDRESS=": "needs other machines; tests/system/netns/test_netns_campaign.py",
 }
 CHARTS = os.environ.get("UUV_HIL_CHARTS", "")
 # What runs until Ctrl-C, and what it says when it does what it is for.

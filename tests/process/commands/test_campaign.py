@@ -9,7 +9,7 @@ from pathlib import Path
 import psutil
 import pytest
 
-from hil.cases.campaign.runs import combinations
+from hil.cases.campaign import combinations
 from hil.cli import main
 from hil.commands import campaign
 from hil.common.errors import ConfigError

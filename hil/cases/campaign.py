@@ -1,12 +1,12 @@
-"""The runs of a campaign: every combination of values with every seed; a row of parameters and outcome for each."""
+"""A campaign: every combination of values with every seed; a row of parameters and outcome for each."""
 
 import itertools
 import math
 import os
 from collections.abc import Generator, Sequence
+from typing import Any
 
-from hil.cases.campaign.engines import CLUSTERS, Changes, Result, Row, Task, run_here, run_on_cluster
-from hil.cases.campaign.files import collect
+from hil.cases.parallel import run_parallel
 from hil.cases.simulated import fly
 from hil.common.errors import ConfigError, HilError
 from hil.common.plugins import own_traceback
@@ -17,6 +17,8 @@ from hil.scenario.config import load_scenario
 from sim.run_events import KINDS
 
 MAX_COMBINATIONS = 10_000
+Changes = dict[str, Any]
+Row = dict[str, Any]
 METRICS = ("duration", "travelled", "goal_error", "cross_track_max", "least_clearance")
 
 
@@ -58,15 +60,11 @@ def run_one(scenario_name: str, changes: Changes, seed: int) -> Row:
     return row | result | figures | counts | {"events": "; ".join([event.describe() for event in outcome.events])}
 
 
-def run_all(
-    scenario: str, sets: Sequence[Changes], seeds: int, jobs: int, backend: str
-) -> Generator[Result, None, None]:
-    """Run each set with each seed; yield the number of each run and its row, as it ends. Raises HilError.
+def run_all(scenario: str, sets: Sequence[Changes], seeds: int, jobs: int) -> Generator[tuple[int, Row], None, None]:
+    """Run each set with each seed; yield the number of each run and its row, as it ends. Raises MissingExtraError."""
+    pairs = enumerate(itertools.product(sets, range(1, seeds + 1)))
+    return run_parallel(_run_numbered, [(number, scenario, *pair) for number, pair in pairs], jobs)
 
-    `backend`: "dask" or "ray" for the cluster that the environment names, else one of joblib's on this machine.
-    """
-    pairs = itertools.product(sets, range(1, seeds + 1))
-    tasks = [Task(number, changes, seed) for number, (changes, seed) in enumerate(pairs)]
-    if backend in CLUSTERS:
-        return run_on_cluster(run_one, collect(scenario, sets), tasks, jobs, backend)
-    return run_here(run_one, scenario, tasks, jobs, backend)
+
+def _run_numbered(number: int, scenario: str, changes: Changes, seed: int) -> tuple[int, Row]:
+    return number, run_one(scenario, changes, seed)
