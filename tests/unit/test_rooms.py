@@ -145,7 +145,7 @@ before = set(sys.modules)
 import hil.commands.slave, hil.slave.daemon, hil.slave.drivers.driver, firmware_stub.stub, boards
 import sim.simulation
 heavy = {"numpy", "scipy", "asyncio", "can", "serial", "matplotlib", "pymavlink", "dataclasses", "inspect", "email",
-         "moderngl", "ssl", "logging", "psutil", "subprocess", "ctypes", "pathlib", "json",
+         "ssl", "logging", "psutil", "subprocess", "ctypes", "pathlib", "json",
          "hil.autonomy.paths.astar", "hil.autonomy.control.families", "hil.master"}
 print(*sorted(heavy & set(sys.modules)))
 """

@@ -30,18 +30,16 @@ class CameraModel(NamedTuple):
     picture are nearly white. `full_well` is the number of electrons that a pixel can hold, `read_noise` the standard
     deviation of the electrons that reading adds.
 
-    With `ground_truth` there is no water, noise or vignetting, and the sample has labels. `renderer` "rays" casts one
-    ray for each pixel. "opengl" (extra `opengl`) rasterises the same scene; distances are equal to 1 part in 10 000,
-    except in a few pixels at outlines. With Mesa's software renderer it is no faster than rays.
+    With `ground_truth` there is no water, noise or vignetting, and the sample has labels.
 
-    The effects below are off by default, equal with both renderers, and not part of the ground truth. The lamps are at
-    the camera, or there are two of them, `lamp_offset` m to each side of it. Only in the latter case `lamp_shadows` are
-    visible, at the cost of one more cast of rays for each lamp, and there is `backscatter` of the lamps' light by the
-    water, as a factor on that of Petzold's particles. `snow` is the number of particles of marine snow per m³, which
-    are fixed in the water. `caustics` is the contrast of daylight that waves focus on the seabed, 1 at its best depth
-    of about 1 m with the sun overhead. `exposure_time` (s) causes motion blur. `readout_time` (s) is that of a rolling
-    shutter from the first row to the last. The time of the sample is the middle of both. Motion effects shift the
-    pixels of one picture to first order.
+    The effects below are off by default, and not part of the ground truth. The lamps are at the camera, or there are
+    two of them, `lamp_offset` m to each side of it. Only in the latter case `lamp_shadows` are visible, at the cost of
+    one more cast of rays for each lamp, and there is `backscatter` of the lamps' light by the water, as a factor on
+    that of Petzold's particles. `snow` is the number of particles of marine snow per m³, which are fixed in the water.
+    `caustics` is the contrast of daylight that waves focus on the seabed, 1 at its best depth of about 1 m with the sun
+    overhead. `exposure_time` (s) causes motion blur. `readout_time` (s) is that of a rolling shutter from the first row
+    to the last. The time of the sample is the middle of both. Motion effects shift the pixels of one picture to first
+    order.
 
     All numbers are our choice, near those of small industrial cameras.
     """
@@ -70,7 +68,6 @@ class CameraModel(NamedTuple):
     vignetting: Annotated[float, Range(0.0, 1.0)] = 0.5
     tilts: bool = True
     ground_truth: bool = False
-    renderer: Literal["rays", "opengl"] = "rays"
 
     def validate(self) -> str | None:
         """Return what is wrong with the combination of the keys, or None."""

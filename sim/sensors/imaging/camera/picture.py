@@ -8,7 +8,6 @@ from numpy.typing import NDArray
 from hil.common.errors import ConfigError
 from sim.dynamics import State
 from sim.environment.optics import CLEAR, Water, jerlov, underwater
-from sim.environment.world import World
 from sim.rays.geometry import Hits
 from sim.rays.scene import NOTHING, RayScene
 from sim.rays.solids import Solid, half_space
@@ -42,7 +41,7 @@ class PictureRenderer:
         self._directions = directions
         self._toward = directions.astype(np.float32)
         self._pixel = 1.0 / intrinsics.fx  # rad in the middle
-        self._rays = _rays(model, intrinsics.fx, scene.world.as_seen(), directions)
+        self._rays = RayScene(scene.world.as_seen())
         self._surface = self._rays.add(half_space((0.0, 0.0, 1.0), 0.0))
         self._scenery = Scenery(scene.world.as_seen(), self._surface)
         self._water, self._water_depth = CLEAR, -1.0
@@ -77,7 +76,7 @@ class PictureRenderer:
         """Return the same as `render`, without backscatter, particles and motion."""
         m, shading = self._model, self._shading
         lamps = lights * m.lamps
-        if shading and m.renderer == "rays" and (geometry := self._rays.compiled(position, m.max_range)):
+        if shading and (geometry := self._rays.compiled(position, m.max_range)):
             return shading.cast(geometry, position, rotation, self._directions, lamps, water)
         hits = self._rays.hits(position, self._directions, m.max_range, rotation)
         ranges, objects = np.asarray(hits.distances), np.asarray(hits.objects)
@@ -112,15 +111,6 @@ class PictureRenderer:
         if depth != self._water_depth and not self._model.ground_truth:
             self._water, self._water_depth = jerlov(self._model.water, depth), depth
         return self._water
-
-
-def _rays(model: CameraModel, focal: float, world: World, directions: NDArray[np.float64]) -> RayScene:
-    """Return the scene that casts the pixels' rays. Raises the errors of PictureScene."""
-    if model.renderer == "rays":
-        return RayScene(world)
-    from sim.rays.opengl import PictureScene
-
-    return PictureScene(world, model.width, model.height, focal, directions if any(model.distortion) else None)
 
 
 def _rows(vectors: Floats, objects: NDArray[np.int32]) -> NDArray[np.float32]:

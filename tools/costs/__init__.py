@@ -1,1 +1,0 @@
-"""Measure what parts of the project cost in time, processor and memory, on an otherwise idle machine."""
