@@ -7,6 +7,8 @@ from hil.instruments.contract import Instrument
 
 INSTRUMENTS: dict[str, str] = {
     "ublox_m9": "hil.instruments.gps.receiver:Receiver",
+    "vectornav_vn100": "hil.instruments.vectornav.unit:Vn100",
+    "vectornav_vn200": "hil.instruments.vectornav.unit:Vn200",
 }
 
 

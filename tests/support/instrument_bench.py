@@ -22,7 +22,7 @@ class Scene:
 
     def __init__(self, facts: Facts) -> None:
         self.facts, self.present = facts, State()
-        world = load_world("open_water")._replace(origin=facts.origin)
+        world = load_world("open_water")._replace(origin=facts.origin, origin_altitude=facts.origin_altitude)
         self.world: Any = SimpleNamespace(world=world, wave_field=None)
 
     def build(self, model: Any = None, mounting: Mounting | None = None, sensor: Any = None) -> Any:

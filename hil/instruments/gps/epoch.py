@@ -7,10 +7,13 @@ from typing import NamedTuple
 from hil.common.clock import NS_PER_S
 from hil.common.vectors import Vector3
 from hil.instruments.gps.sky import Dilutions, Satellite, dilutions, satellites
+from sim.dynamics import State
+from sim.rotations import rotate
 from sim.sensors.extra_samples import FixSample
+from sim.vehicle.vehicle import Point
 
 LEAP_SECONDS = 18  # GPS's time ahead of UTC since 2017
-_GPS_EPOCH = 315_964_800  # 6 January 1980, s since 1970
+GPS_EPOCH = 315_964_800  # 6 January 1980, s since 1970
 _WEEK = 604_800
 SPEED_ACCURACY = 0.05  # m/s; u-blox NEO-M9N (data sheet)
 
@@ -37,7 +40,7 @@ class Epoch(NamedTuple):
     @property
     def week_and_ms(self) -> tuple[int, int]:
         """GPS's week, and the time in it in ms."""
-        week, rest_ns = divmod(self.time_ns - (_GPS_EPOCH - LEAP_SECONDS) * NS_PER_S, _WEEK * NS_PER_S)
+        week, rest_ns = divmod(self.time_ns - (GPS_EPOCH - LEAP_SECONDS) * NS_PER_S, _WEEK * NS_PER_S)
         return week, rest_ns // 1_000_000
 
     @property
@@ -51,10 +54,17 @@ class Epoch(NamedTuple):
         return degrees(atan2(self.velocity[1], self.velocity[0])) % 360.0
 
 
+def antenna_velocity(state: State, position: Point) -> Vector3:
+    """Return the velocity north, east and down (m/s) of a point at `position` (m) in the body."""
+    u, v, w, p, q, r = state.nu
+    x, y, z = position
+    return rotate(state.quaternion, (u + q * z - r * y, v + r * x - p * z, w + p * y - q * x))
+
+
 def make_epoch(fix: FixSample, separation: float, velocity: Vector3) -> Epoch:
     """Return the epoch of a sample whose time is since 1970; without a fix no satellite is received."""
     above: list[Satellite] = []
     if fix.fix:
-        gps_s = fix.time_ns / NS_PER_S - _GPS_EPOCH + LEAP_SECONDS
+        gps_s = fix.time_ns / NS_PER_S - GPS_EPOCH + LEAP_SECONDS
         above = satellites(fix.latitude, fix.longitude, fix.altitude, gps_s)
     return Epoch(fix.time_ns, fix, separation, velocity, tuple(above), dilutions(above))

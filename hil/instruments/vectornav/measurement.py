@@ -1,0 +1,138 @@
+"""What a unit knows at one instant, and its quantities in the units of its messages."""
+
+from collections.abc import Callable
+from math import degrees, sqrt
+from typing import Any, NamedTuple
+
+from hil.common.clock import NS_PER_S
+from hil.common.vectors import Quaternion, Vector3
+from hil.instruments.gps.epoch import GPS_EPOCH, LEAP_SECONDS, SPEED_ACCURACY, Epoch
+from sim.geodesy import TangentPlane, earth_centred
+from sim.rotations import matrix, rotate, rotate_inverse, to_euler
+
+_GRAVITY = 9.80665  # m/s²
+_UNKNOWN = 9999.0  # standard deviation (m, m/s) of what is not known
+_WEEK_NS = 604_800 * NS_PER_S
+
+
+class Measurement(NamedTuple):
+    """One measurement. `startup_ns` since power on, `time_ns` since 1970; axes are FRD.
+
+    `field` in gauss, `temperature` (°C) and `pressure` (kPa) in the housing; `turned` (degrees) and `gained` (m/s) are
+    integrals over the last `interval` (s). `epoch` is that of the unit's satellite receiver, if it has one; `place` the
+    last one found (degrees, m).
+    """
+
+    startup_ns: int
+    time_ns: int
+    attitude: Quaternion
+    rate: Vector3
+    acceleration: Vector3
+    field: Vector3
+    temperature: float
+    pressure: float
+    interval: float
+    turned: Vector3
+    gained: Vector3
+    epoch: Epoch | None = None
+    place: Vector3 = (0.0, 0.0, 0.0)
+
+    @property
+    def has_fix(self) -> bool:
+        """True if the receiver has a fix."""
+        return self.epoch is not None and self.epoch.fix.fix
+
+    @property
+    def gps_ns(self) -> int:
+        """Time since GPS's epoch; 0 for a unit without a receiver."""
+        return self.time_ns - (GPS_EPOCH - LEAP_SECONDS) * NS_PER_S if self.epoch else 0
+
+    @property
+    def velocity(self) -> Vector3:
+        """Velocity in NED (m/s); zero without a fix."""
+        return self.epoch.velocity if self.epoch and self.has_fix else (0.0, 0.0, 0.0)
+
+    @property
+    def linear_ned(self) -> Vector3:
+        """Acceleration without gravity, in NED (m/s²)."""
+        north, east, down = rotate(self.attitude, self.acceleration)
+        return north, east, down + _GRAVITY
+
+    @property
+    def accuracies(self) -> Vector3:
+        """Standard deviations of the place, north, east and down (m)."""
+        level, down = (
+            [sqrt(value) for value in self.epoch.fix.variances] if self.epoch and self.has_fix else (_UNKNOWN, _UNKNOWN)
+        )
+        return level, level, down
+
+    def to_ecef(self, vector: Vector3) -> Vector3:
+        """Return a vector in NED along the axes of the earth."""
+        x, y, z = earth_centred(*TangentPlane(*self.place).geodetic(vector))
+        start = earth_centred(*self.place)
+        return x - start[0], y - start[1], z - start[2]
+
+
+def _ypr(of: Measurement) -> Vector3:
+    roll, pitch, yaw = to_euler(of.attitude)
+    return degrees(yaw), degrees(pitch), degrees(roll)
+
+
+def _utc(of: Measurement) -> tuple[int, ...]:
+    if of.epoch is None:
+        return (0,) * 7
+    time = of.epoch._replace(time_ns=of.time_ns).time
+    return time.year - 2000, time.month, time.day, time.hour, time.minute, time.second, time.microsecond // 1000
+
+
+def _cosines(of: Measurement) -> tuple[float, ...]:
+    to_ned = matrix(of.attitude)
+    return to_ned[0::3] + to_ned[1::3] + to_ned[2::3]
+
+
+# Name of a quantity -> its values. Angles are in degrees, but turn rates in rad/s; vectors are along the body's axes if
+# not named otherwise; a unit's quaternion has its scalar last, its matrix turns NED into the body's axes.
+QUANTITIES: dict[str, Callable[[Measurement], tuple[Any, ...]]] = {
+    "zero": lambda _: (0,),
+    "startup": lambda m: (m.startup_ns,),
+    "gps_time": lambda m: (m.gps_ns,),
+    "tow_ns": lambda m: (m.gps_ns % _WEEK_NS,),
+    "tow_s": lambda m: (m.gps_ns % _WEEK_NS / NS_PER_S,),
+    "week": lambda m: (m.gps_ns // _WEEK_NS,),
+    "utc": _utc,
+    "time_status": lambda m: (7 if m.has_fix else 0,),  # time of week, date and UTC are valid
+    "time_info": lambda m: (7 if m.has_fix else 0, LEAP_SECONDS),
+    "ypr": _ypr,
+    "ypr_u": lambda _: (2.0, 0.5, 0.5),  # VN-100, data sheet
+    "attitude_u": lambda _: (2.0,),
+    "quaternion": lambda m: (*m.attitude[1:], m.attitude[0]),
+    "cosines": _cosines,
+    "rate": lambda m: m.rate,
+    "accel": lambda m: m.acceleration,
+    "mag": lambda m: m.field,
+    "temperature": lambda m: (m.temperature,),
+    "pressure": lambda m: (m.pressure,),
+    "interval": lambda m: (m.interval,),
+    "turned": lambda m: m.turned,
+    "gained": lambda m: m.gained,
+    "mag_ned": lambda m: rotate(m.attitude, m.field),
+    "accel_ned": lambda m: rotate(m.attitude, m.acceleration),
+    "linear_ned": lambda m: m.linear_ned,
+    "linear": lambda m: rotate_inverse(m.attitude, m.linear_ned),
+    "mag_ecef": lambda m: m.to_ecef(rotate(m.attitude, m.field)),
+    "accel_ecef": lambda m: m.to_ecef(rotate(m.attitude, m.acceleration)),
+    "linear_ecef": lambda m: m.to_ecef(m.linear_ned),
+    "fix": lambda m: (3 if m.has_fix else 0,),
+    "satellites": lambda m: (len(m.epoch.satellites) if m.epoch else 0,),
+    "dilutions": lambda m: m.epoch.dilutions if m.epoch else (99.99,) * 7,
+    "lla": lambda m: m.place,
+    "ecef": lambda m: earth_centred(*m.place),
+    "vel_ned": lambda m: m.velocity,
+    "vel_body": lambda m: rotate_inverse(m.attitude, m.velocity),
+    "vel_ecef": lambda m: m.to_ecef(m.velocity),
+    "place_u": lambda m: m.accuracies,
+    "largest_u": lambda m: (max(m.accuracies),),
+    "speed_u": lambda m: (SPEED_ACCURACY if m.has_fix else _UNKNOWN,),
+    "time_u": lambda m: (5e-8 if m.has_fix else 1.0,),
+    "ins_status": lambda m: (6 if m.has_fix else 0,),  # tracking, with a fix
+}

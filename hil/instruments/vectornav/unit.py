@@ -1,0 +1,272 @@
+"""The VN-100, an attitude and heading reference, and the VN-200, which has a satellite receiver besides."""
+
+from typing import Annotated, Any, NamedTuple
+
+from hil.client.client import Stamped
+from hil.common.clock import NEVER_NS, NS_PER_MS, NS_PER_S
+from hil.common.plugins import load_object
+from hil.common.schema import Range
+from hil.common.vectors import Vector3
+from hil.instruments.contract import Client, Facts, Instrument, Scene, Send
+from hil.instruments.gps.epoch import Epoch, antenna_velocity, make_epoch
+from hil.instruments.vectornav.measurement import Measurement
+from hil.instruments.vectornav.outputs import (
+    ASYNCHRONOUS,
+    MEASURED,
+    WITH_RECEIVER,
+    checksum,
+    line,
+    parse_output,
+    text_of,
+)  # fmt: skip
+from sim.sensors.extra_samples import FixSample
+from sim.sensors.kinds import SENSORS
+from sim.sensors.magnetometer import Magnetometer, MagnetometerModel
+from sim.sensors.samples import ImuSample, Sensor
+
+_BAD_CHECKSUM, _BAD_COMMAND, _TOO_FEW, _TOO_MANY, _BAD_PARAMETER, _BAD_REGISTER, _READ_ONLY = 3, 4, 5, 6, 7, 8, 9
+_INERTIAL_RATE = 800  # Hz, which the divisors of binary outputs divide
+_RECEIVER_PERIOD_NS = 200 * NS_PER_MS
+_RESTART_NS = 1250 * NS_PER_MS
+_LONGEST = 256  # bytes of a line
+_TAG, _BAUD, _KIND, _RATE, _PROTOCOL, _BINARY = 0, 5, 6, 7, 30, (75, 76, 77)
+_BAUDS = {"9600", "19200", "38400", "57600", "115200", "128000", "230400", "460800", "921600"}
+_RATES = {"1", "2", "4", "5", "10", "20", "25", "40", "50", "100", "200"}
+# Registers of calibrations and filters, which are kept and returned, but which the simulated sensor does not follow.
+_KEPT = {
+    21: "+1,+0,+1.8,+0,+0,-9.79375", 23: "1,0,0,0,1,0,0,0,1,0,0,0", 25: "1,0,0,0,1,0,0,0,1,0,0,0",
+    26: "1,0,0,0,1,0,0,0,1", 35: "1,1,1,1", 82: "0,0,0,0,0", 83: "0,0,0,0,1000,0.000,+00.00000000,+000.00000000,"
+    "+00000.000", 84: "1,0,0,0,1,0,0,0,1,0,0,0", 85: "0,4,4,4,0,0,3,3,3,0",
+}  # fmt: skip
+
+
+class UnitSettings(NamedTuple):
+    """Temperature (°C) and pressure (kPa) of the air around the unit, which it measures too; errors of its compass.
+
+    Pressure is not that of the water: the unit is within the hull.
+    """
+
+    temperature: Annotated[float, Range(-40.0, 85.0, "°C")] = 25.0
+    pressure: Annotated[float, Range(10.0, 120.0, "kPa")] = 101.325
+    magnetometer: MagnetometerModel = MagnetometerModel()
+
+
+class Vn100(Instrument):
+    """A VN-100 from its factory settings on: YMR at 40 Hz until a client configures it.
+
+    Attitude, rates and accelerations are those of the sensor, so an output is at most as fast as that: give it a rate
+    of which the client's is a fraction. Yaw is from true north. Not modelled: the estimation of biases (compensated
+    values equal uncompensated ones), calibrations by the client, synchronisation pulses.
+    """
+
+    Model = UnitSettings
+    sensors = ("imu", "ahrs")
+    wires = ("tcp", "serial", "pty")
+    warm_up_s = 1.25
+    model_number = "VN-100T-CR"
+    default_kind = "14"
+
+    def __init__(self, settings: Any, facts: Facts, scene: Scene, send: Send) -> None:
+        super().__init__(settings, facts, scene, send)
+        self._kept: dict[int, str] = facts.memory.setdefault("registers", {})
+        self._buffers: dict[Client, bytes] = {}
+        self._magnetometer: Sensor | None = None
+        self._last: Measurement | None = None
+        self._began_ns = 0
+        self._silent_until_ns = 0
+        self._restart(0)
+
+    def _restart(self, now_ns: int) -> None:
+        self._registers = {
+            _TAG: "", 1: self.model_number, 2: "7", 3: "0100011981", 4: "2.1.0.0", _BAUD: "115200",
+            _KIND: self.default_kind, _RATE: "40", _PROTOCOL: "0,0,0,0,1,0,1", **_KEPT,
+            **dict.fromkeys(_BINARY, "0,0,00"), **self._kept,
+        }  # fmt: skip
+        self._is_paused = False
+        self._due_ns = dict.fromkeys((_KIND, *_BINARY), 0)
+        parsed = {number: parse_output(self._registers[number].split(",")) for number in _BINARY}
+        self._outputs = {number: output for number, output in parsed.items() if output}
+        self._began_ns = now_ns
+
+    def start(self, now_ns: int) -> None:
+        """Build the unit's magnetometer."""
+        self._began_ns = now_ns
+        rate = max(1.0, self.facts.model.rate)
+        self._magnetometer = self.scene.build(self.settings.magnetometer._replace(rate=rate), sensor=Magnetometer)
+
+    def disconnected(self, client: Client, now_ns: int) -> None:
+        """Forget a client."""
+        self._buffers.pop(client, None)
+
+    def on_data(self, client: Client, data: bytes, now_ns: int) -> None:
+        """Answer each complete line."""
+        buffer = self._buffers.get(client, b"") + data
+        *lines, rest = buffer.replace(b"\r", b"\n").split(b"\n")
+        self._buffers[client] = rest[-_LONGEST:]
+        for each in lines:
+            start = each.rfind(b"$")
+            if start >= 0 and now_ns >= self._silent_until_ns:
+                self._on_line(client, each[start + 1 :], now_ns)
+            elif each:
+                self.malformed += 1
+
+    def _on_line(self, client: Client, text: bytes, now_ns: int) -> None:
+        body, _, given = text.partition(b"*")
+        given = given.strip().upper()
+        if given != b"XX" and given != checksum(body, with_crc=len(given) == 4):
+            answer: str | int = _BAD_CHECKSUM
+        else:
+            command, *parameters = body.decode("latin-1").split(",")
+            answer = self._execute(command, parameters, now_ns)
+        if isinstance(answer, int):
+            self.malformed += 1
+            answer = f"VNERR,{answer:02d}"
+        self.send(line(answer, self._has_crc), client)
+
+    @property
+    def _has_crc(self) -> bool:
+        return self._registers[_PROTOCOL].split(",")[4] == "3"
+
+    def _execute(self, command: str, parameters: list[str], now_ns: int) -> str | int:
+        """Carry out a command; return the answer, or the number of an error."""
+        if command in ("VNRRG", "VNWRG"):
+            if not parameters:
+                return _TOO_FEW
+            if not parameters[0].isdecimal():
+                return _BAD_PARAMETER
+            number = int(parameters[0])
+            if command == "VNRRG":
+                return self._read(number)
+            return self._write(number, parameters[1:]) or f"VNWRG,{number:02d},{self._registers[number]}"
+        if command == "VNASY":
+            if parameters not in (["0"], ["1"]):
+                return _BAD_PARAMETER if parameters else _TOO_FEW
+            self._is_paused = parameters == ["0"]
+        elif command == "VNWNV":
+            self._kept |= {number: text for number, text in self._registers.items() if number not in (1, 2, 3, 4)}
+        elif command in ("VNRFS", "VNRST"):
+            if command == "VNRFS":
+                self._kept.clear()
+            self._restart(now_ns + _RESTART_NS)
+            self._silent_until_ns = now_ns + _RESTART_NS
+        else:
+            return _BAD_COMMAND
+        return ",".join([command, *parameters])
+
+    def _read(self, number: int) -> str | int:
+        if number in MEASURED and (number not in WITH_RECEIVER or isinstance(self, Vn200)):
+            return f"VNRRG,{number:02d}{text_of(number, self._last)}" if self._last else _BAD_REGISTER
+        text = self._registers.get(number)
+        return _BAD_REGISTER if text is None else f"VNRRG,{number:02d},{text}"
+
+    def _write(self, number: int, parameters: list[str]) -> int:
+        """Write a register; return the number of an error, 0 for none."""
+        if number in MEASURED or number in (1, 2, 3, 4):
+            return _READ_ONLY
+        present = self._registers.get(number)
+        if present is None:
+            return _BAD_REGISTER
+        if number in (_BAUD, _KIND, _RATE):  # a second parameter is the port
+            allowed = {_BAUD: _BAUDS, _KIND: {"0", *map(str, self._kinds())}, _RATE: _RATES}[number]
+            if not parameters or len(parameters) > 2:
+                return _TOO_MANY if parameters else _TOO_FEW
+            if parameters[0] not in allowed:
+                return _BAD_PARAMETER
+            self._registers[number], self._due_ns[_KIND] = parameters[0], 0
+        elif number in _BINARY:
+            output = parse_output(parameters) if len(parameters) >= 2 else None
+            if output is None:
+                return _BAD_PARAMETER if len(parameters) >= 2 else _TOO_FEW
+            self._outputs[number], self._due_ns[number] = output, 0
+            self._registers[number] = ",".join(parameters)
+        else:
+            wanted = present.count(",") + 1
+            if len(parameters) != wanted:
+                return _TOO_FEW if len(parameters) < wanted else _TOO_MANY
+            if number == _PROTOCOL and (parameters[:4] != ["0"] * 4 or parameters[4] not in ("1", "3")):
+                return _BAD_PARAMETER
+            self._registers[number] = ",".join(parameters)
+        return 0
+
+    def _kinds(self) -> list[int]:
+        has_receiver = isinstance(self, Vn200)
+        return [kind for kind, (_, number) in ASYNCHRONOUS.items() if has_receiver or number not in WITH_RECEIVER]
+
+    def on_sample(self, topic: str, stamped: Stamped, now_ns: int) -> None:
+        """Send the outputs that are due."""
+        sample = stamped.value
+        if not isinstance(sample, ImuSample) or stamped.sent_ns < self._silent_until_ns:
+            return
+        self._last = measurement = self._measure(sample, stamped.sent_ns, now_ns)
+        if self._is_paused:
+            return
+        kind, frequency = int(self._registers[_KIND]), int(self._registers[_RATE])
+        parts = []
+        if kind and self._is_due(_KIND, NS_PER_S // frequency, stamped.sent_ns):
+            header, number = ASYNCHRONOUS[kind]
+            parts.append(line(f"VN{header}{text_of(number, measurement)}", self._has_crc))
+        for number, output in self._outputs.items():
+            if output.ports & 1 and self._is_due(number, NS_PER_S * output.divisor // _INERTIAL_RATE, stamped.sent_ns):
+                parts.append(output.encode(measurement))
+        if parts:
+            self.send(b"".join(parts), measured_ns=stamped.sent_ns)
+
+    def _is_due(self, number: int, period_ns: int, measured_ns: int) -> bool:
+        """Return whether an output is due with this sample: the one nearest to its time."""
+        half_ns = round(0.5 * NS_PER_S / max(1.0, self.facts.model.rate))
+        due_ns = self._due_ns[number] or measured_ns
+        if measured_ns + half_ns <= due_ns:
+            return False
+        self._due_ns[number] = max(due_ns + period_ns, measured_ns + half_ns)
+        return True
+
+    def _measure(self, sample: ImuSample, measured_ns: int, now_ns: int) -> Measurement:
+        field = self.scene.measure(self._magnetometer, now_ns) if self._magnetometer else None
+        x, y, z = field.field if field else (0.0, 0.0, 0.0)  # type: ignore[attr-defined]
+        startup_ns = max(0, measured_ns - self._began_ns)
+        interval = (startup_ns - self._last.startup_ns) / NS_PER_S if self._last else 0.0
+        a, b, c = [57.29577951308232 * value * interval for value in sample.angular_velocity]
+        u, v, w = [value * interval for value in sample.acceleration]
+        return Measurement(
+            startup_ns, sample.time_ns, sample.orientation, sample.angular_velocity, sample.acceleration,
+            (1e4 * x, 1e4 * y, 1e4 * z), self.settings.temperature, self.settings.pressure, interval, (a, b, c),
+            (u, v, w),
+        )  # fmt: skip
+
+
+class Vn200(Vn100):
+    """A VN-200: INS at 40 Hz until configured; its receiver measures five times a second.
+
+    The filter's place and speed are the receiver's. Without a fix it says that it is not tracking, and stays where it
+    was: how it would drift is not modelled.
+    """
+
+    model_number = "VN-200T-CR"
+    default_kind = "22"
+
+    def __init__(self, settings: Any, facts: Facts, scene: Scene, send: Send) -> None:
+        super().__init__(settings, facts, scene, send)
+        self._receiver: Sensor | None = None
+        self._receiver_due_ns = NEVER_NS
+        self._epoch: Epoch | None = None
+        self._place: Vector3 = (0.0, 0.0, 0.0)
+
+    def start(self, now_ns: int) -> None:
+        """Build the unit's sensors; a world that is nowhere on the earth has no satellites."""
+        super().start(now_ns)
+        if self.facts.origin:
+            sensor = load_object(SENSORS["gps"].place, "VN-200")
+            self._receiver = self.scene.build(sensor.Model(rate=5.0), sensor=sensor)
+            self._receiver_due_ns = now_ns
+
+    def _measure(self, sample: ImuSample, measured_ns: int, now_ns: int) -> Measurement:
+        if self._receiver and measured_ns >= self._receiver_due_ns:
+            self._receiver_due_ns = max(self._receiver_due_ns + _RECEIVER_PERIOD_NS, measured_ns)
+            fix, state = self.scene.measure(self._receiver, now_ns), self.scene.state(now_ns)
+            if isinstance(fix, FixSample) and state:
+                velocity = antenna_velocity(state, self.facts.mounting.position)
+                self._epoch = make_epoch(fix._replace(time_ns=sample.time_ns), self.facts.origin_altitude, velocity)
+                if fix.fix:
+                    self._place = fix.latitude, fix.longitude, fix.altitude
+        measurement = super()._measure(sample, measured_ns, now_ns)
+        return measurement._replace(epoch=self._epoch, place=self._place)
