@@ -127,6 +127,10 @@ class ScanningSonar:
         if self._echo_recorder:
             self._echo_recorder.add(solid, state)
 
+    def aim(self, angle: float) -> None:
+        """Turn the head, so that the next ping is at `angle` (rad) and those after it go on from there."""
+        self._first, self._ping = angle, 0
+
     def sample(self, time_ns: int, state: State) -> Any:
         """Return the measurement of `state`, a LaserSample, or an EchoSample with `bins`; turn the head by one step."""
         angle = self._first + self._step_number() * self._step
