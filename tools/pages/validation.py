@@ -24,13 +24,7 @@ mpl.use("Agg")
 from matplotlib import pyplot as plt  # noqa: E402 - after the backend is chosen
 
 from tools.validations import (  # noqa: E402 - works from a bare checkout too
-    afloat,
-    battery,
     bluerov2,
-    body,
-    defects,
-    equipment,
-    level,
     remus,
     sensors,
     thrusters,
@@ -38,7 +32,7 @@ from tools.validations import (  # noqa: E402 - works from a bare checkout too
 )
 from tools.validations.sheet import Finding, Sheet  # noqa: E402
 
-PARTS = (bluerov2, level, remus, body, afloat, equipment, thrusters, battery, water, sensors, defects)
+PARTS = (bluerov2, remus, thrusters, water, sensors)
 SHEETS: list[Sheet] = [sheet for part in PARTS for sheet in part.SHEETS]
 STYLE: Any = {"font.size": 8, "axes.titlesize": 8, "legend.fontsize": 7, "lines.linewidth": 1.2, "savefig.dpi": 120}
 COLOURS = 64
@@ -46,8 +40,12 @@ HEAD = """\
 # The simulator compared with published data and theory
 
 Made by `python tools/pages/validation.py`, which computes every figure again. `tests/system/tools/test_validation.py`
-checks each figure against its bound, and `tests/system/sim/test_level_flight.py` those of level flight. The tool needs
-the packages of the tests: `pip install -e '.[dev]'`.
+checks each figure against its bound. The tool needs the packages of the tests: `pip install -e '.[dev]'`.
+
+Tests compare the rest with theory: energy of free and floating bodies (`tests/unit/sim/test_dynamics.py`,
+`vehicle/test_buoyancy.py`), fins, hull lift and cross flow (`vehicle/test_surfaces.py`), ballast and battery
+(`vehicle/test_ballast.py`, `test_battery.py`), currents and tides (`environment/test_currents.py`), noise and bias at
+any rate (`sensors/test_sensor_error.py`), and level flight (`tests/system/sim/test_level_flight.py`).
 
 | in the pictures | is |
 |---|---|

@@ -1,9 +1,9 @@
-"""Errors of sensors, compared with theory and with other simulators."""
+"""Errors of sensors, compared with theory."""
 
 from collections.abc import Sequence
 from math import cos, degrees, exp, radians, sqrt
 from random import Random
-from statistics import fmean, pstdev
+from statistics import fmean
 
 from matplotlib.axes import Axes
 
@@ -15,11 +15,8 @@ from sim.sensors.mounting import Mounting
 from sim.sensors.ranging.dvl import Dvl, DvlModel
 from sim.simulation import Simulation
 from sim.vehicle.vehicle import load_vehicle
-from tests.unit.sim.sensors import test_sensor_error as errors
 from tools.validations.sheet import (
-    OURS,
     SHADES,
-    WRONG,
     Finding,
     Sheet,
     above,
@@ -28,53 +25,8 @@ from tools.validations.sheet import (
     near,
     plot_own,
     plot_ref,
-    ticks,
     wrong,
 )
-
-
-def sensor_bias(panels: Sequence[Axes]) -> list[Finding]:
-    """Left: the standard deviation of a Gauss-Markov bias over the sampling rate. hector_gazebo scales its noise with
-    dt, but the square root of dt is correct. uuv_simulator does not scale it. Right: white noise of a given density,
-    averaged over a second, is the same at every rate."""
-    size, density = panels
-    return [*_bias(size), _density(density)]
-
-
-def _bias(axes: Axes) -> list[Finding]:
-    rates = [10.0, 30.0, 100.0, 300.0, 1000.0]
-    model = ErrorModel(bias=errors.SD, bias_time=errors.TAU)
-    own = [pstdev(errors.series(model, rate, 300.0)) / errors.SD for rate in rates]
-    hector = [pstdev(errors.hector(rate, 400.0 if rate < 500.0 else 200.0)) / errors.SD for rate in rates]
-    uuv = [pstdev(errors.uuv_simulator(rate, 200.0)) for rate in rates]
-    grown = [x / uuv[0] for x in uuv]
-    axes.loglog(rates, grown, "s--", color=WRONG, markersize=3, label="uuv_simulator (over that at 10 Hz)")
-    axes.loglog(rates, hector, "o-", color=WRONG, markersize=3, label="hector_gazebo")
-    axes.loglog(rates, own, "o-", color=OURS, markersize=3, label="ours")
-    plot_ref(axes, rates, [1.0] * 5, "demanded", size=3.0)
-    axes.set_ylim(0.02, 60.0)
-    label(axes, "sampling rate (Hz)", "sd of the bias over the demanded one", legend="upper left")
-    return [
-        near("size of the bias at 10 Hz", own[0], 1.0, rel=0.1),
-        near("at 1000 Hz", own[4], 1.0, rel=0.1),
-        near("hector_gazebo's at 100 Hz", hector[2], 0.103, rel=0.15),
-        near("hector_gazebo's at 1000 Hz", hector[4], 0.032, rel=0.15),
-        above("uuv_simulator's at 100 Hz over that at 10 Hz", grown[2], 2.5),
-    ]
-
-
-def _density(axes: Axes) -> Finding:
-    rates, deviations = [10.0, 30.0, 100.0, 300.0, 1000.0], []
-    for rate in rates:
-        values = errors.series(ErrorModel(noise_density=0.3), rate, 300.0)
-        deviations.append(pstdev(values))
-    axes.loglog(rates, deviations, "o-", color=OURS, markersize=3, label="ours")
-    plot_ref(axes, rates, [0.3 * sqrt(rate) for rate in rates], "theory: density × √rate", size=3.0)
-    ticks(axes.yaxis, (1.0, 2.0, 5.0, 10.0))
-    label(axes, "sampling rate (Hz)", "sd of a sample, density 0.3 /√Hz", legend="upper left")
-    away = max(abs(x / (0.3 * sqrt(rate)) - 1.0) for x, rate in zip(deviations, rates, strict=True))
-    return below("white noise: sd of a sample away from theory (share)", away, 0.05)
-
 
 # -- Allan deviation --------------------------------------------------------------------------------------------------
 
@@ -166,7 +118,6 @@ def _mean_slant(log: Dvl, state: State) -> float:
 
 
 SHEETS = [
-    Sheet("Sensors: noise and bias at any rate", sensor_bias),
     Sheet("Sensors: Allan deviation", allan),
     Sheet("Sensors: DVL altitude", dvl, columns=1, size=(5.0, 3.0)),
 ]

@@ -1,111 +1,30 @@
-"""Currents, tides and waves, and what a current does to a vehicle."""
+"""Waves, and what a current does to a vehicle."""
 
 from collections.abc import Sequence
-from math import cos, cosh, dist, exp, pi, radians, sin, sinh, tanh
-from statistics import fmean, pstdev
+from math import cosh, dist, exp, pi, sinh, tanh
+from statistics import pstdev
 
 import numpy as np
 from matplotlib.axes import Axes
 
 from sim.dynamics import Dynamics, Integrator, State
-from sim.environment.currents import TIDAL_SPEEDS, GaussMarkovCurrent, tidal
-from sim.environment.ocean import Tide
 from sim.environment.waves import WaveField, components, spectral_density, wave_number
 from sim.rotations import from_euler, rotate, rotate_inverse
 from tests.support.flights.von_benzon import LeftOut
-from tests.unit.sim.environment import test_currents as flows
 from tests.unit.sim.environment import test_waves as swell
 from tests.unit.sim.test_dynamics import DEEP, HEAVY, NOTHING, STILL
 from tools.validations.sheet import (
-    OURS,
     SHADES,
     WRONG,
     Finding,
     Sheet,
-    above,
     below,
     label,
     near,
     plot_own,
     plot_ref,
-    ticks,
     wrong,
 )
-
-# -- currents ---------------------------------------------------------------------------------------------------------
-
-
-def currents(panels: Sequence[Axes]) -> list[Finding]:
-    """A Gauss-Markov current has the demanded standard deviation and mean at every time step. In the formula of
-    uuv_simulator and DAVE the deviation falls with the square root of the time step, and the mean decays. A tidal
-    current changes its direction about four times a day. In DAVE the heading and the velocity both change their sign,
-    so its ebb flows in the direction of its flood."""
-    size, path, tide = panels
-    return [*_sizes(size), *_means(path), *_tide(tide)]
-
-
-def _sizes(axes: Axes) -> list[Finding]:
-    red = {dt: flows.gazebo_spread(0.1, 0.1, dt) for dt in (0.001, 0.003, 0.01, 0.03, 0.1)}
-    seconds = {0.001: 300.0, 0.01: 1500.0, 0.1: 1500.0}
-    measured = {dt: pstdev(_path(dt, time)) for dt, time in seconds.items()}
-    for sizes, color, name in ((red, WRONG, "uuv_simulator, DAVE"), (measured, OURS, "ours")):
-        axes.loglog([1e3 * dt for dt in sizes], list(sizes.values()), "o-", color=color, markersize=3, label=name)
-    plot_ref(axes, [1.0, 3.0, 10.0, 30.0, 100.0], [flows.SD] * 5, "demanded, ours")
-    axes.set_ylim(0.1, 5.0)
-    ticks(axes.yaxis, (0.1, 0.2, 0.5, 1.0, 2.0))
-    ticks(axes.xaxis, (1.0, 3.0, 10.0, 30.0, 100.0))
-    label(axes, "step (ms)", "sd of the current (m/s)", legend="upper right")
-    return [
-        near("Gauss-Markov current: sd at 10 ms", measured[0.01], flows.SD, "m/s", rel=0.07),
-        near("sd at 100 ms", measured[0.1], flows.SD, "m/s", rel=0.07),
-        near("others' formula: sd at 1 ms", red[0.001], 2.04, "m/s", rel=0.005),
-        near("the same at 100 ms", red[0.1], 0.205, "m/s", rel=0.005),
-    ]
-
-
-def _path(dt: float, seconds: float) -> list[float]:
-    return flows.sampled(GaussMarkovCurrent(flows.MODEL, 3), round(1e9 * dt), seconds)
-
-
-def _means(axes: Axes) -> list[Finding]:
-    times = [0.1 * i for i in range(600)]
-    red = flows.gazebo_path(0.1, 0.1, 0.1, 1.0, 20_000.0)
-    path = _path(0.1, 1500.0)
-    wrong(axes, times, red[:600], "others, mean 1 m/s")
-    plot_own(axes, times, path[:600], "ours, mean 0.5 m/s")
-    axes.axhline(1.0, color=WRONG, linestyle=":", linewidth=0.8)
-    axes.axhline(flows.MEAN, color=OURS, linestyle=":", linewidth=0.8)
-    axes.set_ylim(-1.2, 2.2)
-    label(axes, "time (s)", "current (m/s)", legend="upper right")
-    return [
-        near("mean of ours", fmean(path), flows.MEAN, "m/s", within=0.03),
-        below("mean of others', demanded: 1 m/s", abs(fmean(red)), 0.05, "m/s"),
-    ]
-
-
-def _tide(axes: Axes) -> list[Finding]:
-    hours = [0.25 * i for i in range(101)]
-    heading = radians(75.0)
-    current = tidal([Tide("M2", 0.6, heading)])
-
-    def along(velocity: Sequence[float], angle: float) -> float:
-        return velocity[0] * cos(angle) + velocity[1] * sin(angle)
-
-    levels = [0.6 * cos(radians(TIDAL_SPEEDS["M2"] * hour)) for hour in hours]
-    speeds = [along(current(round(hour * flows.HOUR), 0.0), heading) for hour in hours]
-    wrong(axes, hours, [along(flows.dave_tide(level, 255.0, 69.0), heading) for level in levels], "DAVE")
-    plot_own(axes, hours, speeds)
-    plot_ref(axes, hours[::3], levels[::3], "M2, 0.6 m/s")
-    axes.set_ylim(-0.7, 1.0)
-    label(axes, "time (h)", "along the flood (m/s)", legend="upper right")
-    flood, ebb = flows.dave_tide(1.0, 255.0, 69.0), flows.dave_tide(-1.0, 255.0, 69.0)
-    half = round(180.0 / TIDAL_SPEEDS["M2"] * flows.HOUR)
-    turned = max(abs(a + b) for a, b in zip(current(0, 3.0), current(half, 3.0), strict=True))
-    return [
-        below("tide and that of half a period later, added", turned, 1e-9, "m/s"),
-        above("DAVE: cosine between flood and ebb", flood[0] * ebb[0] + flood[1] * ebb[1], 0.99),
-    ]
-
 
 # -- a current and a vehicle ------------------------------------------------------------------------------------------
 
@@ -264,7 +183,6 @@ def _dispersion(axes: Axes) -> Finding:
 
 
 SHEETS = [
-    Sheet("Currents and tides", currents, columns=3, size=(9.5, 2.9)),
     Sheet("Carried by a current", carried),
     Sheet("Waves", waves, columns=3, size=(9.5, 3.1)),
 ]

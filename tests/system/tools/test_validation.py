@@ -17,8 +17,7 @@ DOCS = ROOT / "docs" / "explanation"
 SHEETS = {sheet.name: sheet for sheet in validation.SHEETS}
 
 
-# Level flight takes twenty seconds: tests/system/sim/test_level_flight.py checks its figures.
-@pytest.mark.parametrize("name", sorted({*SHEETS} - {"level_flight"}))
+@pytest.mark.parametrize("name", sorted(SHEETS))
 def test_every_result_is_within_its_bound(name: str, tmp_path: Path) -> None:
     path = tmp_path / "picture.png"
     findings = validation.draw(SHEETS[name], path)

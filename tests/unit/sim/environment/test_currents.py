@@ -1,7 +1,7 @@
 """Currents: layers, series, wandering currents and tides, against formulas and other simulators."""
 
 from itertools import pairwise
-from math import cos, exp, hypot, pi, radians, sin, sqrt
+from math import exp, hypot, pi, radians, sqrt
 from pathlib import Path
 from random import Random
 from statistics import fmean, pstdev
@@ -41,22 +41,6 @@ def test_recorded_currents_are_interpolated_in_time() -> None:
 TAU, SD, MEAN = 1.0, 0.2, 0.5
 MODEL = GaussMarkov((SD, 0.1, 0.0), TAU, (MEAN, 0.0, 0.0))
 RATE_STEPS = {1000: 1_000_000, 100: 10_000_000, 10: 100_000_000}
-
-
-def gazebo_spread(mu: float, noise: float, dt: float) -> float:
-    """Return the sd that GaussMarkovProcess.cc of uuv_simulator and dave settles at, by its own recursion:"""
-    keep, kick, variance = 1.0 - dt * mu, noise * noise / 12.0, 0.0
-    for _ in range(round(10.0 / (mu * dt))):
-        variance = keep * keep * variance + kick
-    return sqrt(variance)
-
-
-def gazebo_path(mu: float, noise: float, dt: float, mean: float, seconds: float) -> list[float]:
-    random, value, values = Random(5), mean, []
-    for _ in range(round(seconds / dt)):
-        value = (1.0 - dt * mu) * value + noise * (random.random() - 0.5)
-        values.append(value)
-    return values
 
 
 def sampled(current: Current, dt_ns: int, seconds: float) -> list[float]:
@@ -101,12 +85,6 @@ def test_the_seed_determines_a_wandering_current() -> None:
 
 
 # -- tides --------------------------------------------------------------------------------------------------------
-
-
-def dave_tide(level: float, flood: float, ebb: float) -> tuple[float, float]:
-    """Return the velocity by tidal_oscillation.cc of dave, which has a constant sign and turns the heading besides."""
-    heading = flood if level > 0.0 else ebb
-    return -cos(radians(heading)) * level, -sin(radians(heading)) * level
 
 
 SUN, MOON, PERIGEE = 0.0410686, 0.5490165, 0.0046418  # mean motion in degrees an hour (Schureman 1958, table 1)

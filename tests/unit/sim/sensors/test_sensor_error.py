@@ -18,24 +18,6 @@ def series(model: ErrorModel, rate: float, seconds: float, true: float = 0.0) ->
     return [process.measure(true) for _ in range(round(seconds * rate))]
 
 
-def hector(rate: float, seconds: float) -> list[float]:
-    """Return the drift by hector_gazebo's sensor_model.h, which scales noise with dt instead of sqrt(dt)."""
-    random, dt, frequency, drift, values = Random(7), 1.0 / rate, 1.0 / TAU, 0.0, []
-    for _ in range(round(seconds * rate)):
-        drift = exp(-dt * frequency) * drift + dt * random.gauss(0.0, sqrt(2.0 * frequency) * SD)
-        values.append(drift)
-    return values
-
-
-def uuv_simulator(rate: float, seconds: float) -> list[float]:
-    """Return the drift by GaussMarkovProcess.cc of uuv_simulator: noise not scaled with dt at all."""
-    random, dt, value, values = Random(7), 1.0 / rate, 0.0, []
-    for _ in range(round(seconds * rate)):
-        value = (1.0 - dt / TAU) * value + random.uniform(-0.25, 0.25)
-        values.append(value)
-    return values
-
-
 @pytest.mark.parametrize("rate", RATES)
 def test_a_bias_wanders_equally_fast_at_every_rate(rate: float) -> None:
     """The change over 0.1 s has the variance 2 sd² (1 - exp(-0.1 / tau))."""
