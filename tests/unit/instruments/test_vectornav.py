@@ -116,14 +116,14 @@ def test_it_starts_with_ascii_outputs_at_40_hz_which_can_be_changed_paused_and_k
     assert step(device, 100).count(b"$VNQTN") == 10
     device.ask(b"$VNRST*4D\r\n")
     assert (step(device, 100), device.ask(b"$VNRRG,1*XX\r\n")) == (b"", b"")  # it takes 1.25 s
-    assert step(device, 125).count(b"$VNYMR") == 40
+    assert step(device, 124).count(b"$VNYMR") == 40
     for command in (b"$VNWRG,06,2*XX", b"$VNWNV*57", b"$VNRST*4D"):
         device.ask(command + b"\r\n")
-    assert step(device, 225).count(b"$VNQTN") == 40
+    assert step(device, 224).count(b"$VNQTN") == 40
     device.restart()
     assert step(device, 100).count(b"$VNQTN") == 40
     device.ask(b"$VNRFS*5F\r\n")
-    assert step(device, 225).count(b"$VNYMR") == 40
+    assert step(device, 224).count(b"$VNYMR") == 40
 
 
 def test_ardupilot_configures_a_vn100_and_reads_its_packet() -> None:
