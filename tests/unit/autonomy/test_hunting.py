@@ -53,8 +53,8 @@ class Hunt:
 
 
 @pytest.mark.parametrize("name", FORMATIONS)
-@pytest.mark.parametrize("batch", range(5))
-def test_fifty_seeds_surround_the_target_without_collision(name: str, batch: int) -> None:
+@pytest.mark.parametrize("batch", range(2))
+def test_twenty_seeds_surround_the_target_without_collision(name: str, batch: int) -> None:
     for seed in range(10 * batch, 10 * batch + 10):
         hunt = Hunt(name, seed)
         outcome = hunt.run(1.3 * hunt.plan.duration + 10.0)

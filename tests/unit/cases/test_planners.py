@@ -201,7 +201,7 @@ def test_an_unknown_topic_is_refused_before_the_flight(monkeypatch: pytest.Monke
 @pytest.mark.parametrize("name", ["path_planning", "task_scheduling"])
 def test_a_planner_gives_the_same_commands_over_the_network(name: str) -> None:
     """One planner gets the simulator's records, another of its class the same decoded from ROS 2 messages."""
-    scenario = load_scenario(name, {"master.time_limit": 40.0})
+    scenario = load_scenario(name, {"master.time_limit": 20.0})
     plan, other = prepare(scenario), prepare(scenario)
     compared = SentPlanner(plan.planner, other.planner)
     flight, vehicle = Flight(scenario, plan._replace(planner=compared)), SimulatedVehicle(scenario)
@@ -210,7 +210,7 @@ def test_a_planner_gives_the_same_commands_over_the_network(name: str) -> None:
             vehicle.step()
         vehicle.command(flight.command(vehicle.time_ns / NS, vehicle.samples, vehicle.simulation.truth()))
     assert flight.reason == "time limit"
-    assert compared.commands > 700
+    assert compared.commands > 350
 
 
 def test_a_planner_without_scans_commands_zero_speed() -> None:

@@ -48,18 +48,18 @@ def test_only_the_newest_samples_are_stored() -> None:
     assert meter.samples() == unlimited.samples(meter.stored)
 
 
-def test_an_hour_of_commands_takes_as_much_memory_as_five_minutes() -> None:
+def test_many_commands_take_as_much_memory_as_some() -> None:
     meter, sizes = DelayMeter(), []
     tracemalloc.start()
     try:
-        for number in range(72_000):
+        for number in range(18_000):
             meter.add(trace(number, number * 50 * MS, 200_000, 0), number * 50 * MS + MS, number * 50 * MS + 2 * MS)
             if number % 6000 == 5999:
                 sizes.append(tracemalloc.get_traced_memory()[0])
     finally:
         tracemalloc.stop()
     assert max(sizes) - sizes[0] < 1 << 17
-    assert len(meter) == 72_000
+    assert len(meter) == 18_000
 
 
 def test_malformed_traces_are_counted() -> None:

@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Callable
+from itertools import cycle
 from pathlib import Path
 
 import pytest
@@ -79,8 +80,9 @@ def test_the_vehicle_of_the_tutorial_has_no_finding(tmp_path: Path, capsys: pyte
     assert capsys.readouterr().out.endswith("\nfindings\n  none\n")
 
 
-@pytest.mark.parametrize("name", preset_names("sim/vehicles"))
-@pytest.mark.parametrize("density", [998.0, 1027.0])
+@pytest.mark.parametrize(
+    ("name", "density"), list(zip(preset_names("sim/vehicles"), cycle((998.0, 1027.0)), strict=False))
+)
 def test_a_preset_has_no_warning_in_any_water(name: str, density: float) -> None:
     vehicle, control = load_vehicle(name)
     findings = list(check_vehicle(Subject(vehicle, control, density)))

@@ -51,7 +51,7 @@ def test_after_a_collision_no_contact_point_closes() -> None:
     assert state.nu == nu
 
 
-@pytest.mark.parametrize("heading", [0.0, 1.5, 2.6, 4.0])
+@pytest.mark.parametrize("heading", [0.0, 2.6])
 def test_a_vehicle_does_not_pass_through_walls_and_obstacles(heading: float) -> None:
     """A vehicle that moves ahead at 1 m/s for 20 s within walls slides along obstacles, never into them."""
     world = SEA._replace(walls=True)
@@ -105,8 +105,8 @@ def test_contacts_do_not_depend_on_earlier_positions() -> None:
     world = World("piles", "test", (-200.0, 200.0, -200.0, 200.0), 30.0, cylinder=piles)
     inverse = Dynamics(VEHICLE, 1025.0, 9.8).inverse_mass
     contact, touched = Contact(VEHICLE, world, inverse), 0
-    for step in range(4000):
-        position = (0.1 * step - 200.0, 150.0 * (step / 4000.0) - 60.0, 5.0)
+    for step in range(1600):
+        position = (0.25 * step - 200.0, 150.0 * (step / 1600.0) - 60.0, 5.0)
         state, fresh = State(position), State(position)
         assert contact.resolve(state) == Contact(VEHICLE, world, inverse).resolve(fresh)
         assert state.position == fresh.position
