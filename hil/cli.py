@@ -50,6 +50,10 @@ COMMANDS = {
     "gateway foxglove": ("hil.commands.gateways.foxglove", "Foxglove, over a websocket"),
     "gateway rosbridge": ("hil.commands.gateways.rosbridge", "web pages and tools that speak rosbridge"),
     "gateway ros1": ("hil.commands.gateways.ros1", "a ROS 1 network (Noetic), with commands from there"),
+    "instruments": (
+        "hil.commands.instruments.command",
+        "serve the instruments of a vehicle at their wires",
+    ),
     "autopilot": ("hil.commands.autopilot", "test motors and connection of an autopilot, show its parameters"),
     "bench table": (
         "hil.commands.bench.table",
@@ -91,7 +95,7 @@ GROUPS = {
     "fly": ("demo", "sim", "slave", "master", "fleet", "router", "view", "teleop"),
     "describe what flies": ("scenario", "vehicle", "world"),
     "record and look": ("recording", "top", "topic"),
-    "connect other software": ("gateway", "autopilot"),
+    "connect other software": ("gateway", "instruments", "autopilot"),
     "measure and repeat": ("bench", "link", "campaign", "case", "tune"),
     "set up a machine": ("doctor", "board", "stm32", "keys", "completion"),
 }

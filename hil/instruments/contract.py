@@ -99,19 +99,22 @@ class Instrument(ABC):  # noqa: B024  # every method has a sensible default
     """One instrument from power on to power off.
 
     `Model` is the record of its settings, the keys of [sensors.NAME.settings]. `sensors` are the kinds of sensors that
-    it may be, `wires` the kinds of its wires, `also` further topics that it needs, such as "odom". `baud` is that of a
-    serial line until its address names another. `first` are the bytes that the first message of a new client may begin
-    with, if those are known: whoever begins otherwise, such as a web page, is refused. `warm_up_s` is the time from
-    power on until it answers and measures.
+    it may be. `at` are the addresses where it stands unless the scenario names others, `wires` the kinds of its wires.
+    `also` are further topics that it needs, such as "odom". `baud` is that of a serial line until its address names
+    another. `first` are the bytes that the first message of a new client may begin with, if those are known: whoever
+    begins otherwise, such as a web page, is refused. `warm_up_s` is the time from power on until it answers and
+    measures, `delay_s` the one from measuring to sending that its maker names, 0 if none.
     """
 
     Model: type[Any] = NoSettings
     sensors: tuple[str, ...] = ()
+    at: tuple[str, ...] = ()
     wires: tuple[WireKind, ...] = ("tcp", "udp", "udpout", "serial", "pty")
     also: tuple[str, ...] = ()
     baud = 115_200
     first = b""
     warm_up_s = 0.0
+    delay_s = 0.0
 
     def __init__(self, settings: Any, facts: Facts, scene: Scene, send: Send) -> None:
         self.settings, self.facts, self.scene = settings, facts, scene
@@ -140,7 +143,7 @@ class Instrument(ABC):  # noqa: B024  # every method has a sensible default
     def on_sample(self, topic: str, stamped: Stamped, now_ns: int) -> None:  # noqa: B027
         """Take a sample of the vehicle: of its sensor (`facts.topic`) or of a topic in `also`.
 
-        `stamped.value` is in NED and FRD with `time_ns` since 1970; `stamped.sent_ns` is about its monotonic time.
+        `stamped.value` is in NED and FRD with `time_ns` since 1970; `stamped.sent_ns` is the same instant, monotonic.
         """
 
     def tick(self, now_ns: int) -> int:

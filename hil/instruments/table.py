@@ -12,6 +12,8 @@ INSTRUMENTS: dict[str, str] = {
     "ublox_m9": "hil.instruments.gps.receiver:Receiver",
     "vectornav_vn100": "hil.instruments.vectornav.unit:Vn100",
     "vectornav_vn200": "hil.instruments.vectornav.unit:Vn200",
+    "waterlinked_a50": "hil.instruments.waterlinked.dvl:A50",
+    "waterlinked_a125": "hil.instruments.waterlinked.dvl:A125",
 }
 
 

@@ -231,7 +231,7 @@ def _readers(path: str) -> dict[str, Reader]:
         "world": _file_reader("world", path),
         "link": lambda table, where: convert(table, Link, where, link),
         "planner": _planner,
-        "sensors": read_sensors,
+        "sensors": _sensors,
         **dict.fromkeys(HIDDEN, refuse),
     }
 
@@ -288,6 +288,15 @@ def _planner(table: Any, where: str) -> dict[str, Any]:
     if not isinstance(table, dict) or ("class" not in table and table):
         raise ConfigError(f'{where}: expected a table with class = "module:Class" and the keys of that class')
     return table
+
+
+def _sensors(sections: Any, where: str) -> SensorSet:
+    """Return the sensors of the `[sensors]` table. Raises ConfigError."""
+    if not isinstance(sections, dict) or not any("instrument" in each for each in sections.values() if each):
+        return read_sensors(sections, where)
+    from hil.scenario.instrument_records import read_fitted  # few vehicles have instruments at their wire
+
+    return read_fitted(sections, where)
 
 
 def read_forces(rows: Any, where: str) -> "tuple[Force, ...]":

@@ -25,30 +25,41 @@ class MavlinkEndpoint(NamedTuple):
 def parse_endpoint(text: str) -> MavlinkEndpoint:
     """Return the parts of an endpoint. Raises ConfigError, which lists the valid forms."""
     kind, _, address = text.partition(":")
-    if kind == "serial" and address.startswith("/"):
-        device, _, baud = address.rpartition(":")
-        if device and baud.isdecimal() and 1200 <= int(baud) <= 12_000_000:
-            return MavlinkEndpoint("serial", device, int(baud))
-        if ":" not in address:
-            return MavlinkEndpoint("serial", address, BAUD)
-    elif kind == "zenoh" and validate_endpoint("zenoh", address) is None:
+    words: dict[str, Kind] = {"udpout": "udpout", "udpin": "udpin", "tcpin": "tcpin", "tcpout": "tcpout"}
+    if kind == "serial" and (line := device_and_baud(address, BAUD)):
+        return MavlinkEndpoint("serial", *line)
+    if kind == "zenoh" and validate_endpoint("zenoh", address) is None:
         return MavlinkEndpoint("zenoh", address)
-    elif kind in ("udpout", "udpin", "tcpin", "tcpout"):
-        host, _, port = address.rpartition(":")
-        if host and port.isascii() and port.isdecimal() and int(port) < 65_536 and (int(port) or kind.endswith("in")):
-            words: dict[str, Kind] = {"udpout": "udpout", "udpin": "udpin", "tcpin": "tcpin", "tcpout": "tcpout"}
-            return MavlinkEndpoint(words[kind], host.strip("[]"), int(port))
+    if kind in words and (place := host_and_port(address)) and (place[1] or kind.endswith("in")):
+        return MavlinkEndpoint(words[kind], *place)
     raise ConfigError(f"{text!r} is not a MAVLink endpoint; there are {FORMS}")
+
+
+def host_and_port(text: str) -> tuple[str, int] | None:
+    """Return host, without brackets, and port of HOST:PORT; None for any other text."""
+    host, _, port = text.rpartition(":")
+    is_port = port.isascii() and port.isdecimal() and int(port) < 65_536
+    return (host.strip("[]"), int(port)) if host and is_port else None
+
+
+def device_and_baud(text: str, baud: int) -> tuple[str, int] | None:
+    """Return path and speed (bit/s) of DEVICE:BAUD or, at `baud`, DEVICE; None for any other text."""
+    if not text.startswith("/"):
+        return None
+    device, _, speed = text.rpartition(":")
+    if device and speed.isdecimal() and 1200 <= int(speed) <= 12_000_000:
+        return device, int(speed)
+    return None if ":" in text else (text, baud)
 
 
 def rtp_target(text: str) -> tuple[str, int] | None:
     """Return host and UDP port of HOST:PORT; None for "". Raises ConfigError."""
     if not text:
         return None
-    host, _, port = text.rpartition(":")
-    if not host or not (port.isascii() and port.isdigit() and 0 < int(port) <= 65_535):
+    place = host_and_port(text)
+    if place is None or not place[1]:
         raise ConfigError(f"{text!r}: expected HOST:PORT of a ground station, such as 127.0.0.1:5600")
-    return host.strip("[]"), int(port)
+    return place
 
 
 class Mavlink(NamedTuple):

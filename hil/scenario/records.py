@@ -51,7 +51,9 @@ class Slave(NamedTuple):
 
     `step` is the integration step, `control_period` the period of the controller. Without a new command for `deadman`
     the thrusters go to neutral. A command older than `command_age_limit` is dropped. With `realtime` the loop has
-    priority over other programs; with `stay_awake` idle processors do not enter deep sleep states.
+    priority over other programs; with `stay_awake` idle processors do not enter deep sleep states. With `instruments`
+    it starts the process of those that the sensors name (hil/scenario/instrument_records.py), else run `uuv-hil
+    instruments`.
     """
 
     node: str = "uuv1"
@@ -62,6 +64,7 @@ class Slave(NamedTuple):
     command_age_limit: Annotated[float, Range(0.01, 10.0, "s")] = 0.5
     realtime: bool = True
     stay_awake: bool = True
+    instruments: bool = True
 
     def validate(self) -> str | None:
         """Return why the name, a part of network keys, or the endpoint is invalid; None if both are valid."""

@@ -75,7 +75,9 @@ def run(
             imaging.start(loop.sample_publisher.stamps, loop.sample_publisher.graph.identity)
             stack.callback(imaging.close)
         if scenario.mavlink and scenario.mavlink.start:
-            stack.callback(_start_mavlink(scenario))
+            stack.callback(_start_program(scenario, "gateway", "mavlink"))
+        if scenario.slave.instruments and any(fitted.instrument for fitted in scenario.sensors.values()):
+            stack.callback(_start_program(scenario, "instruments"))
         with Health(loop, (receiver, ros), log, startup, notes, board, scenario.link, contacts, imaging):
             try:
                 loop.run(stop_fd)
@@ -102,12 +104,12 @@ def _watch_network(session: "Session", scenario: Scenario, report: Callable[[str
         answer_searches(session, scenario.slave.listen, scenario.network, bool(scenario.security))
 
 
-def _start_mavlink(scenario: Scenario) -> Callable[[], None]:
-    """Start the MAVLink vehicle in its own process, off the slave's timing; return the function that ends it."""
+def _start_program(scenario: Scenario, *command: str) -> Callable[[], None]:
+    """Start a command for this vehicle in its own process, off the slave's timing; return the function that ends it."""
     from hil.slave.spawn import start_program
 
     at = "--connect", scenario.slave.listen, "--vehicle", scenario.slave.node
-    return start_program("gateway", "mavlink", scenario.path, *at)
+    return start_program(*command, scenario.path, *at)
 
 
 def _settle_realtime(scenario: Scenario) -> list[str]:

@@ -39,12 +39,16 @@ DEFAULT_SENSORS = ("imu", "dvl", "pressure", "odometry", "ground_truth")
 
 
 class SensorSpec(NamedTuple):
-    """A sensor of a vehicle: its class, the record of its keys, its mounting, and the name of a second of a kind."""
+    """A sensor of a vehicle: its class, the record of its keys, its mounting, and the name of a second of a kind.
+
+    `instrument` is for those who give it a wire; the simulation does not use it.
+    """
 
     sensor: type[Sensor]
     model: Any
     mounting: Mounting = Mounting()
     name: str = ""
+    instrument: Any = None
 
     @property
     def topic(self) -> str:

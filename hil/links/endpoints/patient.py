@@ -7,7 +7,7 @@ from typing import Any
 
 from hil.common.errors import DeviceError, HilError, NetworkError
 from hil.links.endpoints.lines import PtyLink, SerialLink
-from hil.links.endpoints.sockets import RETRY_NS, Address, Link, Received, TcpIn, TcpOut, UdpIn, UdpOut
+from hil.links.endpoints.sockets import RETRY_NS, SILENT_NS, Address, Link, Received, TcpIn, TcpOut, UdpIn, UdpOut
 
 FIRST_S = 0.5  # how long the start waits for an endpoint: the others must not wait for its name server
 FATAL = {errno.EADDRINUSE, errno.EACCES, errno.EPERM}  # these do not pass by waiting
@@ -17,17 +17,22 @@ KINDS: dict[str, Callable[[str, int], Link]] = {
 
 
 def open_endpoint(
-    kind: str, target: str, port: int, report: Callable[[str], None], first: bytes = b""
+    kind: str,
+    target: str,
+    port: int,
+    report: Callable[[str], None],
+    first: bytes = b"",
+    silent_ns: int = SILENT_NS,
 ) -> "PatientLink":
     """Return an endpoint that opens, now or as soon as it can, of one of `KINDS`, "udpin" or "tcpin".
 
-    `target` is a host or a device, `port` for a line its speed in bit/s; `first` as for `Link`. Raises NetworkError if
-    it cannot be opened by waiting.
+    `target` is a host or a device, `port` for a line its speed in bit/s; `first` as for `Link`. A partner by datagrams
+    is forgotten after `silent_ns`. Raises NetworkError if it cannot be opened by waiting.
     """
 
     def opener() -> Link:
         if kind == "udpin":
-            return UdpIn(target, port, first)
+            return UdpIn(target, port, first, silent_ns)
         return TcpIn(target, port, first) if kind == "tcpin" else KINDS[kind](target, port)
 
     return PatientLink(f"{kind}:{target}:{port}", opener, report)

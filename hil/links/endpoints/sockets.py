@@ -138,10 +138,10 @@ class UdpOut(_DatagramLink):
 
 
 class UdpIn(_DatagramLink):
-    """Receive from all senders, and send to each until it is silent. Raises OSError."""
+    """Receive from all senders, and send to each until it is silent for `silent_ns`. Raises OSError."""
 
-    def __init__(self, host: str, port: int, first: bytes = b"") -> None:
-        self.name, self._first = f"udpin:{host}:{port}", first
+    def __init__(self, host: str, port: int, first: bytes = b"", silent_ns: int = SILENT_NS) -> None:
+        self.name, self._first, self._silent_ns = f"udpin:{host}:{port}", first, silent_ns
         super().__init__(host, port, socket.socket.bind)
         self.port: int = self._socket.getsockname()[1]
         self._received_ns: dict[tuple[Any, ...], int] = {}
@@ -170,7 +170,7 @@ class UdpIn(_DatagramLink):
             self._socket.sendto(data, cast(tuple[str, int], address))
 
     def partners(self) -> list[Address]:
-        """Return the senders of the last 30 s."""
+        """Return the senders that are not silent."""
         return list(self._received_ns)
 
     def _remove_silent(self, now: int) -> bool:
@@ -183,8 +183,9 @@ class UdpIn(_DatagramLink):
 
     def tick(self, now: int) -> None:
         """Forget those that are silent."""
-        for address in [address for address, received_ns in self._received_ns.items() if now - received_ns > SILENT_NS]:
-            del self._received_ns[address]
+        for address, received_ns in list(self._received_ns.items()):
+            if now - received_ns > self._silent_ns:
+                del self._received_ns[address]
 
 
 def _may_begin(data: bytes, first: bytes) -> bool:
@@ -272,6 +273,12 @@ class TcpIn(Link):
         stream = self._streams.get(address)
         if stream and stream.is_open:
             stream.send(data)
+
+    def tick(self, now: int) -> None:
+        """Send what connections did not take before."""
+        for stream in self._open().values():
+            if stream.unsent:
+                stream.send(b"")
 
     def partners(self) -> list[Address]:
         """Return the connections."""

@@ -1,0 +1,161 @@
+"""One instrument with its wires, its power, and the faults of both."""
+
+from collections.abc import Callable
+from random import Random
+from typing import Any
+
+from hil.client.client import Stamped
+from hil.common.clock import NEVER_NS, seconds_ns
+from hil.instruments.contract import Client, Facts, Instrument, Response, Scene
+from hil.instruments.web import Job
+from hil.instruments.wires import Wires
+from hil.scenario.instrument_records import InstrumentFaults, InstrumentSpec
+
+MOST_NOISE = 40  # random bytes at once
+Sent = Callable[[str, Client, int, int], None]  # name, client, bytes to it so far, instant of the measurement (ns)
+
+
+class Station:
+    """An instrument of the class `kind` from `began_ns` on. Raises NetworkError for a port in use.
+
+    `report` gets lines for a person, `sent` each message with a measurement, when it has been written.
+    """
+
+    def __init__(
+        self,
+        spec: InstrumentSpec,
+        kind: type[Instrument],
+        facts: Facts,
+        scene: Scene,
+        began_ns: int,
+        report: Callable[[str], None],
+        serve: Callable[["Station", Job], None],
+        sent: Sent | None = None,
+    ) -> None:
+        self._spec, self._kind, self._facts, self._scene = spec, kind, facts, scene
+        self._began_ns, self._report, self._sent = began_ns, report, sent
+        self._faults = spec.faults
+        self._random = Random(f"{facts.seed} {facts.name}")
+        self._instrument: Instrument | None = None
+        self._ready_ns = NEVER_NS  # when the warm-up is over
+        self._due_ns = NEVER_NS
+        self._written: dict[Client, int] = {}
+        self._wires: Wires | None = None
+        self._serve = serve
+        self._is_unplugged = self._is_started = False
+        self._switch(began_ns)
+        self.malformed = 0  # messages off its wires that were not understood, before its last start
+
+    @property
+    def name(self) -> str:
+        """The section of its sensor."""
+        return self._facts.name
+
+    @property
+    def topics(self) -> tuple[str, ...]:
+        """The topics that it needs."""
+        return (self._facts.topic, *self._kind.also)
+
+    @property
+    def wire_names(self) -> list[str]:
+        """The addresses at which it stands; none without power."""
+        return self._wires.names if self._wires else []
+
+    def descriptors(self) -> list[int]:
+        """Return what to wait on."""
+        return self._wires.descriptors() if self._wires and not self._is_unplugged else []
+
+    def on_sample(self, topic: str, stamped: Stamped, now_ns: int) -> None:
+        """Take a sample of the vehicle."""
+        if self._instrument and now_ns >= self._ready_ns:
+            self._instrument.on_sample(topic, stamped, now_ns)
+            self._due_ns = self._instrument.tick(now_ns)
+
+    def on_request(self, job: Job, now_ns: int) -> None:
+        """Answer a request of HTTP."""
+        instrument, response = self._instrument, None
+        if instrument and now_ns >= self._ready_ns and not self._is_unplugged:
+            response = instrument.on_request(job.method, job.path, job.query, job.body, now_ns)
+            self._due_ns = instrument.tick(now_ns)
+        job.answer(response if isinstance(response, Response) else None)
+
+    def poll(self, now_ns: int) -> int:
+        """Read what has come, and do what is due; return when (ns) the next is."""
+        self._switch(now_ns)
+        wires, instrument = self._wires, self._instrument
+        if wires is None or instrument is None:
+            return NEVER_NS
+        if now_ns < self._ready_ns:
+            wires.discard(now_ns)
+            return self._ready_ns
+        came = False
+        for client, data in () if self._is_unplugged else wires.receive(now_ns):
+            came = True
+            if data is None:
+                instrument.disconnected(client, now_ns)
+                self._written.pop(client, None)
+            elif data:
+                instrument.on_data(client, data, now_ns)
+            else:
+                instrument.connected(client, now_ns)
+        if came or now_ns >= self._due_ns:
+            self._due_ns = instrument.tick(now_ns)
+        return self._due_ns
+
+    def close(self) -> None:
+        """Close its wires."""
+        if self._wires:
+            self._wires.close()
+            self._wires = None
+
+    def _switch(self, now_ns: int) -> None:
+        """Turn its power on and off, and pull its cable, as the faults want it."""
+        seconds = (now_ns - self._began_ns) / 1e9
+        self._is_unplugged = _is_within(self._faults.unplugged, seconds)
+        has_power = not _is_within(self._faults.power_off, seconds)
+        if has_power and self._instrument is None:
+            serve = self._serve
+            self._wires = Wires(self._spec.at, self._kind, self._report, lambda job: serve(self, job))
+            self._instrument = self._kind(self._spec.settings, self._facts, self._scene, self._send)
+            self._ready_ns = now_ns + seconds_ns(self._kind.warm_up_s)
+            self._due_ns = self._ready_ns
+            self._is_started = False
+        elif not has_power and self._instrument:
+            self.malformed += self._instrument.malformed
+            self._instrument = None
+            self._written.clear()
+            self.close()
+            self._report(f"{self.name}: without power")
+        if self._instrument and not self._is_started and now_ns >= self._ready_ns:
+            self._is_started = True
+            self._instrument.start(now_ns)
+            for client in self._wires.clients() if self._wires else ():
+                self._instrument.connected(client, now_ns)
+            self._report(f"{self.name}: {self._spec.name} at {', '.join(self.wire_names)}")
+
+    def _send(self, data: bytes, to: Client | None, kind: str, measured_ns: int) -> None:
+        wires = self._wires
+        if wires is None or self._is_unplugged:
+            return
+        for client in [to] if to else wires.clients(kind):
+            damaged = _damage(data, self._faults, self._random)
+            if damaged:
+                wires.send(client, damaged)
+                self._written[client] = self._written.get(client, 0) + len(damaged)
+                if measured_ns and self._sent:
+                    self._sent(self.name, client, self._written[client], measured_ns)
+
+
+def _is_within(spans: tuple[tuple[Any, Any], ...], seconds: float) -> bool:
+    return any(begin <= seconds < end for begin, end in spans)
+
+
+def _damage(data: bytes, faults: InstrumentFaults, random: Random) -> bytes:
+    """Return a message as it arrives; b"" if it is lost."""
+    if faults.drop and random.random() < faults.drop:
+        return b""
+    if faults.corrupt:
+        data = bytes(byte ^ (1 << random.randrange(8)) if random.random() < faults.corrupt else byte for byte in data)
+    if faults.noise and random.random() < faults.noise:
+        data = random.randbytes(random.randint(1, MOST_NOISE)) + data
+    return data

@@ -1,0 +1,210 @@
+"""What a DVL A50 or A125 measures and computes: its configuration, range modes, reports and dead reckoning.
+
+Source of all figures that are not marked as ours: Water Linked's documentation (github.com/waterlinked/docs, docs/dvl).
+"""
+
+import re
+from collections.abc import Mapping
+from math import cos, degrees, inf, isfinite, log10, radians, sin, sqrt
+from typing import Any, NamedTuple
+
+from hil.common.clock import NS_PER_S
+from hil.common.vectors import Quaternion, Vector3
+from sim.rotations import down_axis, from_euler, multiply, rotate, to_euler
+
+TILT = radians(22.5)  # of the beams
+# Of transducers 0 to 3 from ahead to starboard, as in the documented report and in drivers of ROS.
+AZIMUTHS = [radians(azimuth) for azimuth in (135.0, 225.0, 315.0, 45.0)]
+BEAMS = [(sin(TILT) * cos(azimuth), sin(TILT) * sin(azimuth), cos(TILT)) for azimuth in AZIMUTHS]
+NO_LOCK_FOM = 2.707  # m/s, as in the documented reports without lock
+LEAST_M = 0.05
+# Lowest and highest altitude (m) and rate (Hz) of the range modes 0 to 4; the last one reaches as far as the device.
+RANGE_MODES = (0.05, 0.6, 15.0), (0.3, 3.0, 10.0), (1.5, 14.0, 5.5), (7.7, 36.0, 7.5), (15.0, inf, 3.0)
+SEARCH_HZ = WATER_HZ = 2.0
+NOISE_DBM = -95.0  # ours: spectral density of the noise, and strength of an echo from 1 m
+ECHO_DBM = -35.0
+
+
+class Config(NamedTuple):
+    """The configuration that clients read and set."""
+
+    speed_of_sound: float = 1500.0
+    acoustic_enabled: bool = True
+    dark_mode_enabled: bool = False
+    mounting_rotation_offset: float = 0.0
+    range_mode: str = "auto"
+    periodic_cycling_enabled: bool = True
+
+    def changed(self, values: Mapping[str, Any]) -> "Config":
+        """Return the configuration with other values. Raises ValueError, which says what the device does not take."""
+        for key, value in values.items():
+            if key not in self._fields:
+                raise ValueError(f"unknown parameter {key[:40]}")
+            is_flag, expected = isinstance(value, bool), type(getattr(self, key))
+            if expected is float and (is_flag or not isinstance(value, (int, float)) or not isfinite(value)):
+                raise ValueError(f"{key}: not a number")
+            if expected is not float and not isinstance(value, expected):
+                raise ValueError(f"{key}: wrong type")
+        plain: dict[str, Any] = {key: float(value) if _is_number(value) else value for key, value in values.items()}
+        changed = self._replace(**plain)
+        if not 1000.0 <= changed.speed_of_sound <= 2000.0:
+            raise ValueError("speed_of_sound: outside 1000 to 2000 m/s")
+        if not 0.0 <= changed.mounting_rotation_offset <= 360.0:
+            raise ValueError("mounting_rotation_offset: outside 0 to 360 degrees")
+        if changed.range_mode != "wt" and not modes_of(changed.range_mode):
+            raise ValueError("range_mode: expected auto, =a, a<=b or wt")
+        return changed
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, (int, float)) and not isinstance(value, bool)
+
+
+def modes_of(text: str) -> list[int]:
+    """Return the range modes that a range specifier permits; none for a wrong one, and for water tracking."""
+    if text == "auto":
+        return [*range(5)]
+    if match := re.fullmatch("=([0-4])", text):
+        return [int(match[1])]
+    match = re.fullmatch("([0-4])<=([0-4])", text)
+    return [*range(int(match[1]), int(match[2]) + 1)] if match else []
+
+
+class Transducer(NamedTuple):
+    """Speed (m/s) and distance (m) along one beam; 0 and -1 if it has no echo. Strength and noise in dBm."""
+
+    velocity: float = 0.0
+    distance: float = -1.0
+    rssi: float = NOISE_DBM
+    nsd: float = NOISE_DBM
+    is_valid: bool = False
+
+
+class Report(NamedTuple):
+    """One ping. Velocity (m/s) in the vehicle frame, altitude in m, -1 without lock; times in us since 1970."""
+
+    milliseconds: float
+    velocity: Vector3
+    variances: Vector3
+    altitude: float
+    transducers: tuple[Transducer, ...]
+    is_valid: bool
+    validity_us: int
+    is_water: bool = False
+
+    @property
+    def fom(self) -> float:
+        """Figure of merit (m/s): the greatest standard deviation of the velocity."""
+        return sqrt(max(self.variances)) if self.is_valid else NO_LOCK_FOM
+
+    @property
+    def covariance(self) -> list[list[float]]:
+        """Rows of the covariance of the velocity ((m/s)²)."""
+        return [
+            [variance if row == column else 0.0 for column in range(3)] for row, variance in enumerate(self.variances)
+        ]
+
+
+def make_report(
+    milliseconds: float,
+    velocity: Vector3 | None,
+    altitude: float,
+    orientation: Quaternion,
+    noise: float,
+    config: Config,
+    true_speed: float,
+    validity_us: int,
+) -> Report:
+    """Return the report of one ping from the velocity (m/s) and altitude (m) along the sensor's axes; None: no lock.
+
+    `orientation` turns those axes into NED: the beams end on a level seabed. `noise` (m/s) is that of one beam. What
+    the device computes with its own speed of sound is wrong by its ratio to the `true_speed` (m/s).
+    """
+    is_water = config.range_mode == "wt"
+    if velocity is None:
+        variances = (NO_LOCK_FOM**2,) * 3
+        return Report(milliseconds, (0.0,) * 3, variances, -1.0, (Transducer(),) * 4, False, validity_us, is_water)
+    scale = config.speed_of_sound / true_speed
+    u, v, w = [scale * speed for speed in velocity]
+    down = down_axis(orientation)
+    transducers = []
+    for x, y, z in BEAMS:
+        slope = x * down[0] + y * down[1] + z * down[2]
+        distance = scale * altitude / slope if slope > 0.0 and altitude > 0.0 else -1.0
+        rssi = ECHO_DBM - 20.0 * log10(max(distance, LEAST_M)) if distance > 0.0 else NOISE_DBM
+        transducers.append(Transducer(x * u + y * v + z * w, distance, rssi, NOISE_DBM, True))
+    level = (scale * noise) ** 2 / (2.0 * sin(TILT) ** 2)
+    return Report(
+        milliseconds,
+        rotate(from_euler(0.0, 0.0, radians(config.mounting_rotation_offset)), (u, v, w)),
+        (level, level, (scale * noise) ** 2 / (4.0 * cos(TILT) ** 2)),
+        scale * altitude if altitude > 0.0 else -1.0,
+        tuple(transducers),
+        True,
+        validity_us,
+        is_water,
+    )
+
+
+class RangeMode:
+    """The range mode that the device is in; None while it searches the bottom."""
+
+    def __init__(self) -> None:
+        self.number: int | None = None
+
+    def follow(self, altitude: float | None, config: Config, most: float) -> bool:
+        """Take the altitude of a ping (m; None: no echo); return whether the device has lock. It reaches `most` m."""
+        permitted = modes_of(config.range_mode)
+        fitting = [mode for mode in permitted if altitude and _is_within(mode, min(altitude, 1e6), most)]
+        if self.number not in fitting:
+            self.number = fitting[0] if fitting else None
+        return self.number is not None
+
+    def rate(self, config: Config) -> float:
+        """Return how often it pings (Hz)."""
+        if config.range_mode == "wt":
+            return WATER_HZ
+        return SEARCH_HZ if self.number is None else RANGE_MODES[self.number][2]
+
+
+def _is_within(mode: int, altitude: float, most: float) -> bool:
+    low, high, _ = RANGE_MODES[mode]
+    return low <= altitude <= min(high, most)
+
+
+class DeadReckoning:
+    """Position from velocity and attitude, in the vehicle frame at the last reset. The growth of its error is ours."""
+
+    DRIFT = 0.01  # m of standard deviation a metre
+    BLIND = 0.2  # m/s of it without velocity
+
+    def __init__(self) -> None:
+        self.position: Vector3 = (0.0, 0.0, 0.0)
+        self.std = 0.0
+        self.angles: Vector3 = (0.0, 0.0, 0.0)  # roll, pitch, yaw in degrees
+        self._start: Quaternion | None = None
+        self._velocity: Vector3 = (0.0, 0.0, 0.0)
+        self._last_ns = 0
+
+    def turn(self, orientation: Quaternion, offset: float) -> None:
+        """Take an attitude: of the sensor's axes, NED, with the mounting offset (degrees)."""
+        frame = multiply(orientation, from_euler(0.0, 0.0, -radians(offset)))
+        if self._start is None:
+            self._start = frame
+        w, x, y, z = self._start
+        self._frame = multiply((w, -x, -y, -z), frame)
+        roll, pitch, yaw = to_euler(self._frame)
+        self.angles = degrees(roll), degrees(pitch), degrees(yaw)
+
+    def move(self, report: Report, measured_ns: int) -> None:
+        """Take a ping; without velocity the last one goes on."""
+        seconds = min(2.0, (measured_ns - self._last_ns) / NS_PER_S) if self._last_ns else 0.0
+        self._last_ns = measured_ns
+        self._velocity = report.velocity if report.is_valid else self._velocity
+        if self._start is None:
+            return
+        step = [speed * seconds for speed in rotate(self._frame, self._velocity)]
+        x, y, z = [at + by for at, by in zip(self.position, step, strict=True)]
+        self.position = x, y, z
+        travelled = sqrt(sum(by * by for by in step))
+        self.std += self.DRIFT * travelled if report.is_valid else self.BLIND * seconds
