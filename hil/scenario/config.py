@@ -59,7 +59,7 @@ LAZY = {
 }
 MANY = ("failure", "force", "release", "member")  # sections that are arrays of tables, [[table]]
 AUTOPILOTS = ("ardupilot", "px4")  # controllers that are external programs or boards
-HIDDEN = ("path", "derived")  # fields of a Scenario that are no keys of its file
+HIDDEN = ("path", "derived", "changes")  # fields of a Scenario that are no keys of its file
 DERIVED = ("speed", "lookahead", "tolerance", "margin")  # keys of [master] whose defaults a vehicle with fins derives
 FEEDBACK = ("imu", "odometry", "pressure")  # sensors that the builtin controller needs
 
@@ -110,6 +110,7 @@ class Scenario(NamedTuple):
     mavlink: "Mavlink | None" = None
     path: str = ""  # path of the scenario file
     derived: tuple[str, ...] = ()  # those of DERIVED that the file leaves to the vehicle (hil/master/guidance.py)
+    changes: Mapping[str, Any] = MappingProxyType({})  # what `load_scenario` changed, by dotted key
 
     def validate(self) -> str | None:
         """Return which keys contradict each other, or None."""
@@ -199,6 +200,7 @@ def _load(path: str, changes: dict[str, Any]) -> Scenario:
     scenario = parse(table, Scenario, path, _readers(path))
     scenario = scenario._replace(
         path=path,
+        changes=dict(changes),
         derived=tuple([key for key in DERIVED if key not in table["master"]]),
         master=scenario.master._replace(map=_relative(scenario.master.map, folder, ".yaml")),
         link=scenario.link._replace(options=dict(scenario.link.options)),
@@ -292,7 +294,8 @@ def _planner(table: Any, where: str) -> dict[str, Any]:
 
 def _sensors(sections: Any, where: str) -> SensorSet:
     """Return the sensors of the `[sensors]` table. Raises ConfigError."""
-    if not isinstance(sections, dict) or not any("instrument" in each for each in sections.values() if each):
+    tables = sections.values() if isinstance(sections, dict) else ()
+    if not any(isinstance(each, dict) and "instrument" in each for each in tables):
         return read_sensors(sections, where)
     from hil.scenario.instrument_records import read_fitted  # few vehicles have instruments at their wire
 

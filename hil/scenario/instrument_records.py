@@ -8,17 +8,17 @@ settings = { speed_of_sound = 1480 }       # of that instrument
 faults = { unplugged = [[20, 25]] }
 """
 
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Annotated, Any, NamedTuple
 
 from hil.common.errors import ConfigError
 from hil.common.plugins import load_object
-from hil.common.schema import Range, check_table, convert, parse
+from hil.common.schema import Range, check_table, parse
 from hil.scenario.mavlink_records import device_and_baud, host_and_port
 from sim.sensors.sensor_set import SensorSet, read_sensors
 
 FORMS = "tcp:HOST:PORT, udp:HOST:PORT, udpout:HOST:PORT, serial:/dev/ttyUSB0:115200, pty:/tmp/NAME, http:HOST:PORT"
-KEYS = ("instrument", "at", "settings", "faults")
-
 Second = Annotated[float, Range(0.0, 1e9, "s")]
 Share = Annotated[float, Range(0.0, 1.0)]
 
@@ -46,6 +46,15 @@ class InstrumentFaults(NamedTuple):
     noise: Share = 0.0
 
 
+class InstrumentKeys(NamedTuple):
+    """The keys beside the sensor's own: name of the instrument, its addresses, its settings, and its faults."""
+
+    instrument: str
+    at: tuple[str, ...] = ()
+    settings: Mapping[str, Any] = MappingProxyType({})
+    faults: InstrumentFaults = InstrumentFaults()
+
+
 class InstrumentSpec(NamedTuple):
     """An instrument of the table, the wires at which it stands, its settings, and its faults."""
 
@@ -55,13 +64,11 @@ class InstrumentSpec(NamedTuple):
     faults: InstrumentFaults = InstrumentFaults()
 
 
-def read_fitted(sections: Any, where: str) -> SensorSet:
+def read_fitted(sections: dict[str, Any], where: str) -> SensorSet:
     """Return the sensors of the `[sensors]` table, those with an instrument with its spec. Raises ConfigError."""
-    if not isinstance(sections, dict):
-        return read_sensors(sections, where)
-    own = {name: section for name, section in sections.items() if isinstance(section, dict) and KEYS[0] in section}
+    own = {name: section for name, section in sections.items() if isinstance(section, dict) and "instrument" in section}
     bare = {
-        name: {key: value for key, value in section.items() if name not in own or key not in KEYS}
+        name: {key: value for key, value in section.items() if name not in own or key not in InstrumentKeys._fields}
         if isinstance(section, dict)
         else section
         for name, section in sections.items()
@@ -93,15 +100,16 @@ def parse_wire(text: str, baud: int) -> WireAddress:
 
 def _read(section: dict[str, Any], sensor: str, where: str) -> InstrumentSpec:
     """Return the instrument of a sensor's section, whose kind of sensor is `sensor`. Raises ConfigError."""
-    name = convert(section["instrument"], str, f"{where}: instrument")
+    table = {key: value for key, value in section.items() if key in InstrumentKeys._fields}
+    keys = parse(table, InstrumentKeys, where, {"settings": check_table})
     # A name, not an import: instruments are above this floor, and most scenarios have none.
-    load = load_object("hil.instruments.table:load_instrument", f"{where}: instrument")
-    kind = load(name, f"{where}: instrument")
+    kind = load_object("hil.instruments.table:load_instrument", where)(keys.instrument, f"{where}: instrument")
     if sensor not in kind.sensors:
-        raise ConfigError(f"{where}: instrument: {name!r} is no {sensor}: it is for {' or '.join(kind.sensors)}")
-    texts = convert(section.get("at", list(kind.at)), tuple[str, ...], f"{where}: at")
+        is_for = " or ".join(kind.sensors)
+        raise ConfigError(f"{where}: instrument: {keys.instrument!r} is no {sensor}: it is for {is_for}")
+    texts = keys.at or kind.at
     if not texts:
-        raise ConfigError(f"{where}: key 'at' is missing: where does it stand? {FORMS}")
+        raise ConfigError(f"{where}: key 'at' is missing: the address of its wire, one of {FORMS}")
     at = []
     for text in texts:
         try:
@@ -110,10 +118,9 @@ def _read(section: dict[str, Any], sensor: str, where: str) -> InstrumentSpec:
             raise ConfigError(f"{where}: at: {error}") from None
         if address.kind not in kind.wires:
             known = ", ".join(kind.wires)
-            raise ConfigError(f"{where}: at: {text!r}: {name} has no {address.kind}: it has {known}")
+            raise ConfigError(f"{where}: at: {text!r}: {keys.instrument} has no {address.kind}: it has {known}")
         at.append(address)
     if len(set(at)) < len(at):
         raise ConfigError(f"{where}: at: a wire is listed twice: remove one")
-    settings = parse(check_table(section.get("settings", {}), f"{where}: settings"), kind.Model, f"{where}: settings")
-    faults = parse(check_table(section.get("faults", {}), f"{where}: faults"), InstrumentFaults, f"{where}: faults")
-    return InstrumentSpec(name, tuple(at), settings, faults)
+    settings = parse(dict(keys.settings), kind.Model, f"{where}: settings")
+    return InstrumentSpec(keys.instrument, tuple(at), settings, keys.faults)

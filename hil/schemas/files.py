@@ -12,6 +12,7 @@ from hil.links.frame.layout import FrameLayout
 from hil.links.wires.faults import Faults
 from hil.master.avoid import AvoidSettings
 from hil.scenario import config, fleet_records, modem_records, records
+from hil.scenario.instrument_records import InstrumentKeys
 from hil.schemas.convert import Converter, Schema, chosen, required, table, tables
 from sim.environment import mesh, relief, terrain, world
 from sim.environment.ocean import Ocean
@@ -107,9 +108,10 @@ def _modem(converter: Converter, kind: str, record: Any) -> Schema:
 def _sensors(converter: Converter, user_class: Schema) -> Schema:
     sections: dict[str, Schema] = {}
     further: list[Schema] = []
+    instrument = converter.keys(InstrumentKeys, {"settings": OPEN})
     for name in SENSORS:
         device = {"type": "string", "description": f"Commercial device: {', '.join(preset_names(DEVICES))}."}
-        keys = converter.keys(load_sensor(name).Model) | converter.keys(Mounting)
+        keys = converter.keys(load_sensor(name).Model) | converter.keys(Mounting) | instrument
         sections[name] = table(keys | {"device": device})
         if name not in ONLY_ONE:
             kind = {"enum": [name], "description": "Kind of this additional sensor."}

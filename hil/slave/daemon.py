@@ -106,10 +106,13 @@ def _watch_network(session: "Session", scenario: Scenario, report: Callable[[str
 
 def _start_program(scenario: Scenario, *command: str) -> Callable[[], None]:
     """Start a command for this vehicle in its own process, off the slave's timing; return the function that ends it."""
+    import json
+
     from hil.slave.spawn import start_program
 
     at = "--connect", scenario.slave.listen, "--vehicle", scenario.slave.node
-    return start_program(*command, scenario.path, *at)
+    changed = [word for key, value in scenario.changes.items() for word in ("--set", f"{key}={json.dumps(value)}")]
+    return start_program(*command, scenario.path, *at, *changed)
 
 
 def _settle_realtime(scenario: Scenario) -> list[str]:

@@ -16,7 +16,6 @@ A slave starts this command itself, unless it has instruments = false in [slave]
 examples:
   uuv-hil instruments mine.toml                                     for a slave on this machine
   uuv-hil instruments mine.toml --connect tcp/192.168.3.116:7447    for a slave elsewhere
-  uuv-hil instruments check mine.toml                               what a driver sees of them, and how late
 """
 
 
