@@ -1,0 +1,350 @@
+"""Water Linked Underwater GPS G2: the topside computer, which tells by HTTP where the vehicle's locator is.
+
+Positions are in the acoustic frame: x ahead of the topside's housing, y to its right, z the depth below the surface.
+With the locator A1 the depth comes from the client, and there is no position without it. Source: the OpenAPI
+description and docs.waterlinked.com (reference frames, warnings, levels of signal and noise).
+"""
+
+import json
+from collections.abc import Callable, Mapping
+from math import atan2, cos, degrees, hypot, log10, radians, sin, sqrt
+from typing import Annotated, Any, NamedTuple
+
+from hil.client.client import Stamped
+from hil.common.clock import NS_PER_S
+from hil.common.schema import Range
+from hil.common.vectors import Vector3
+from hil.instruments.contract import Facts, Instrument, Response, Scene, Send
+from hil.instruments.ugps import records
+from sim.geodesy import TangentPlane
+from sim.sensors.extra_samples import PositionSample
+
+_DEPTH_NS = 10 * NS_PER_S  # after which an external depth is too old; our choice
+_NOISE = -100.0  # dBm
+_LEVEL_AT_1M = -75.5  # dBm; 6 dB less for each doubling of distance, and -125 dBm, the weakest that works, at 300 m
+_ACCELERATION, _FORGET_S = 0.3, 60.0  # m/s² of the vehicle in the filter, and when that begins anew; our choice
+_MANY = "+json; type=collection"
+
+
+class UgpsSettings(NamedTuple):
+    """Heading of the housing (rad), and what the device cannot know of the simulation: warmth and its own names.
+
+    `channel` is that of the locator's switch, `battery` (%) of the locator; temperatures in °C.
+    """
+
+    heading: Annotated[float, Range(-7.0, 7.0, "rad")] = 0.0
+    channel: Annotated[int, Range(0, 6000)] = 3
+    battery: Annotated[int, Range(-1, 100)] = 90
+    board_temperature: Annotated[float, Range(-40.0, 100.0, "°C")] = 37.0
+    water_temperature: Annotated[float, Range(-2.0, 40.0, "°C")] = 10.0
+    version: str = "3.3.2"
+
+
+class Track:
+    """A filter of one coordinate and its rate: the steady state of a Kalman filter for constant velocity.
+
+    Its gains follow from the tracking index (Kalata 1984, IEEE AES-20(2)).
+    """
+
+    def __init__(self) -> None:
+        self.value: float | None = None
+        self._rate, self._time_ns = 0.0, 0
+
+    def update(self, measured: float, deviation: float, time_ns: int) -> None:
+        """Take a measurement (m) with its standard deviation."""
+        seconds, self._time_ns = (time_ns - self._time_ns) * 1e-9, time_ns
+        if self.value is None or not 0.0 < seconds < _FORGET_S:
+            self.value, self._rate = measured, 0.0
+            return
+        index = _ACCELERATION * seconds * seconds / deviation
+        rest = 0.25 * (4.0 + index - sqrt(8.0 * index + index * index))
+        alpha = 1.0 - rest * rest
+        predicted = self.value + self._rate * seconds
+        self.value = predicted + alpha * (measured - predicted)
+        self._rate += (2.0 * (2.0 - alpha) - 4.0 * rest) / seconds * (measured - predicted)
+
+
+class Ugps(Instrument):
+    """A UGPS G2 whose antenna is the station of a simulated USBL, and whose locator is the beacon."""
+
+    Model = UgpsSettings
+    sensors = ("usbl",)
+    wires = ("http",)
+
+    def __init__(self, settings: Any, facts: Facts, scene: Scene, send: Send) -> None:
+        super().__init__(settings, facts, scene, send)
+        self._station: Vector3 = facts.model.station
+        self._true_speed = facts.model.assumed_speed or facts.sound_speed(self._station[2])
+        self._stored: dict[str, Any] = facts.memory.setdefault("records", {})
+        if not self._stored:
+            self._reset()
+        # What a client gave since power on, with the time.
+        self._given: dict[str, tuple[int, dict[str, Any]]] = {"orientation": (0, {"orientation": -1})}
+        self._sample: tuple[int, PositionSample] | None = None
+        self._tracks = [Track() for _ in range(3)]
+        self._patience_ns = max(2 * NS_PER_S, round(3e9 / facts.model.rate))
+
+    def on_sample(self, topic: str, stamped: Stamped, now_ns: int) -> None:
+        """Take a position of the locator."""
+        self._sample = now_ns, stamped.value
+        for track, value in zip(self._tracks, self._locate(now_ns) or (), strict=False):
+            track.update(value, self._deviation(), stamped.value.time_ns)
+
+    def on_request(self, method: str, path: str, query: Mapping[str, str], body: bytes, now_ns: int) -> Response:
+        """Answer a request of HTTP."""
+        if path.rstrip("/") == "/api":
+            return _answer({"versions": ["v1"]}, "wupdater.apiversion")
+        way = path.removeprefix("/api/v1").rstrip("/")
+        if not path.startswith("/api/v1/"):
+            return _NOT_FOUND
+        if way in records.STORED and method == "GET":
+            name, _, kind = records.STORED[way]
+            record = self._stored.get(name) or self._given.get(name, (0, None))[1]
+            return _answer(record, kind) if record else Response(b"", 204)
+        if way in records.STORED or way in records.GIVEN:
+            wanted = "POST" if way.startswith("/imu") else "PUT"
+            name, rule = (records.STORED.get(way) or records.GIVEN[way])[:2]
+            return self._take(name, rule, body, now_ns) if method == wanted else _NOT_FOUND
+        family, _, number = way.rpartition("/")
+        if family in ("/poi", "/config/receivers"):
+            return self._one_of_many(family, method, number, body)
+        if (method, way) == ("POST", "/poi"):
+            return self._create_poi(body)
+        return self._answer_other(method, way, now_ns)
+
+    def _take(self, name: str, rule: records.Rule, body: bytes, now_ns: int) -> Response:
+        """Take a record; refuse one that breaks its rule."""
+        record = records.read(body, rule)
+        if isinstance(record, str):
+            return _answer({"success": False, "error": record}, "operation_response", 400)
+        if name in self._stored:
+            self._stored[name].update(record)
+        else:
+            self._given[name] = now_ns, record
+        return _DONE
+
+    def _answer_other(self, method: str, way: str, now_ns: int) -> Response:
+        """Answer what is no record of a client's."""
+        answers: dict[tuple[str, str], Callable[[], Response]] = {
+            ("GET", "/about"): self._about,
+            ("GET", "/about/status"): self._status,
+            ("GET", "/about/temperature"): self._temperature,
+            ("GET", "/about/led"): lambda: Response(b""),
+            ("POST", "/about/factoryreset"): self._reset,
+            ("GET", "/position/acoustic/raw"): lambda: self._acoustic(self._locate(now_ns), now_ns),
+            ("GET", "/position/acoustic/filtered"): lambda: self._acoustic(self._filtered(), now_ns),
+            ("GET", "/position/global"): self._global,
+            ("GET", "/position/master"): lambda: _position(self._master()),
+            ("GET", "/imu/calibrate"): lambda: _answer(
+                {"roll": 0, "pitch": 0, "yaw": self._heading(), "state": 0, "progress": 100}, "imu"
+            ),
+            ("POST", "/imu/calibrate"): lambda: Response(b""),
+            ("POST", "/imu/resetgyros"): lambda: Response(b""),
+            ("GET", "/config/receivers"): lambda: _answer(self._stored["receivers"], f"receiver{_MANY}"),
+            ("GET", "/poi"): lambda: _answer(list(self._stored["poi"].values()), f"poi{_MANY}"),
+            ("GET", "/warnings"): lambda: _answer(self._warnings(now_ns), f"wl.warning{_MANY}"),
+            ("GET", "/status_report"): lambda: _answer(self._report(now_ns), f"wl.status.group{_MANY}"),
+        }
+        answer = answers.get((method, way))
+        return answer() if answer else _NOT_FOUND
+
+    def _about(self) -> Response:
+        version = self.settings.version
+        about = {
+            "version": f"{version} (simulated)", "version_short": version, "chipid": f"0x{self.facts.seed:08x}",
+            "product_name": "Underwater GPS", "product_id": 1, "hardware_revision": 1, "variant": "standard",
+        }  # fmt: skip
+        return _answer(about, "about")
+
+    def _reset(self) -> Response:
+        self._stored.update(records.first_records(self.settings.channel, round(self._true_speed)))
+        return _DONE
+
+    def _status(self) -> Response:
+        has_battery = self._stored["generic"]["locator_type"] in ("u1", "s2")
+        battery = self.settings.battery if has_battery else -1
+        return _answer({"imu": 2, "gps": 2 if self.facts.origin else 0, "battery": battery}, "status")
+
+    def _temperature(self) -> Response:
+        water = self._given["depth"][1]["temp"] if "depth" in self._given else self.settings.water_temperature
+        return _answer({"board": self.settings.board_temperature, "water": water}, "temperature")
+
+    def _heading(self) -> float:
+        """Return the heading of the housing by its own compass (degrees), which a client may have set."""
+        north = self._given.get("north")
+        return float(north[1]["heading"]) if north else degrees(self.settings.heading) % 360.0
+
+    def _needs_depth(self) -> bool:
+        return bool(self._stored["generic"]["locator_type"] == "a1")
+
+    def _given_depth(self, now_ns: int) -> float | None:
+        came_ns, record = self._given.get("depth", (-_DEPTH_NS, {}))
+        return record["depth"] if record and now_ns - came_ns <= _DEPTH_NS else None
+
+    def _locate(self, now_ns: int) -> Vector3 | None:
+        """Return the newest position in the acoustic frame (m); None before the first, and without a depth for an A1.
+
+        The device measures travel times, so its speed of sound scales distances from the antenna.
+        """
+        if self._sample is None:
+            return None
+        config = self._stored["generic"]
+        scale = config["speed_of_sound"] / self._true_speed
+        north, east, down = [scale * (x - s) for x, s in zip(self._sample[1].position, self._station, strict=True)]
+        heading = self.settings.heading
+        x, y = cos(heading) * north + sin(heading) * east, cos(heading) * east - sin(heading) * north
+        depth = self._station[2] + down
+        if self._needs_depth():
+            given = self._given_depth(now_ns)
+            if given is None:
+                return None
+            level = sqrt(max(x * x + y * y + down * down - (given - self._station[2]) ** 2, 0.0))
+            share = level / (hypot(x, y) or 1.0)
+            x, y, depth = share * x, share * y, given
+        antenna = self._stored["antenna"]
+        return x + antenna["x"], y + antenna["y"], depth
+
+    def _filtered(self) -> Vector3 | None:
+        x, y, z = [track.value for track in self._tracks]
+        return None if x is None or y is None or z is None else (x, y, z)
+
+    def _deviation(self) -> float:
+        assert self._sample
+        covariance = self._sample[1].covariance
+        return sqrt(max(covariance[0], covariance[4], 1e-6))
+
+    def _is_valid(self, position: Vector3, now_ns: int) -> bool:
+        """Return whether the locator is heard, on its channel and inside the area of search."""
+        assert self._sample
+        config = self._stored["generic"]
+        bearing = degrees(atan2(position[1], position[0])) - config["search_direction"]
+        is_inside = abs((bearing + 180.0) % 360.0 - 180.0) <= 0.5 * config["search_sector"]
+        return (
+            now_ns - self._sample[0] <= self._patience_ns
+            and config["channel"] == self.settings.channel
+            and (is_inside or not config["antenna_enabled"])
+            and hypot(position[0], position[1]) <= config["search_radius"]
+            and (not self._needs_depth() or self._given_depth(now_ns) is not None)
+        )
+
+    def _acoustic(self, position: Vector3 | None, now_ns: int) -> Response:
+        if position is None:
+            return Response(b"", 404)
+        is_valid = self._is_valid(position, now_ns)
+        distances = [
+            sqrt(sum((a - receiver[axis]) ** 2 for a, axis in zip(position, "xyz", strict=True)))
+            for receiver in self._stored["receivers"]
+        ]
+        return _answer(
+            {
+                "x": position[0], "y": position[1], "z": position[2], "std": self._deviation(),
+                "position_valid": is_valid, "receiver_distance": distances,
+                "receiver_rssi": [_LEVEL_AT_1M - 20.0 * log10(max(d, 0.1)) for d in distances],
+                "receiver_nsd": [_NOISE] * len(distances), "receiver_valid": [int(is_valid)] * len(distances),
+            },
+            "accoustic.position",  # as the device spells it
+        )  # fmt: skip
+
+    def _master(self) -> dict[str, Any] | None:
+        """Return the topside's position and heading; None without one."""
+        config, external = self._stored["generic"], self._given.get("master", (0, None))[1]
+        if "external" in (config["gps"], config["compass"]) and external is None:
+            return None
+        found: dict[str, Any] = {"fix_quality": 1}
+        if config["gps"] == "external":
+            found = dict(external or {})
+        elif config["gps"] == "static":
+            found |= {"lat": config["static_lat"], "lon": config["static_lon"]}
+        elif self.facts.origin:
+            plane = TangentPlane(*self.facts.origin, self.facts.origin_altitude)
+            latitude, longitude, _ = plane.geodetic((self._station[0], self._station[1], 0.0))
+            found |= {"lat": latitude, "lon": longitude, "sog": 0, "hdop": 0.9, "numsats": 11}
+        else:
+            return None
+        headings = {
+            "onboard": self._heading(), "static": config["static_orientation"],
+            "external": (external or {}).get("orientation"),
+        }  # fmt: skip
+        return records.NO_MASTER | found | {"orientation": headings[config["compass"]]}
+
+    def _global(self) -> Response:
+        master, position = self._master(), self._filtered()
+        if master is None or position is None:
+            return _position(None)
+        heading = radians(master["orientation"])
+        x, y, depth = position
+        north, east = cos(heading) * x - sin(heading) * y, sin(heading) * x + cos(heading) * y
+        latitude, longitude, _ = TangentPlane(master["lat"], master["lon"]).geodetic((north, east, depth))
+        return _position(master | {"lat": latitude, "lon": longitude} | self._given["orientation"][1])
+
+    def _warnings(self, now_ns: int) -> list[dict[str, str]]:
+        """Return what an operator should know, in the device's sense."""
+        config = self._stored["generic"]
+        found = {
+            "external_depth": self._needs_depth() and self._given_depth(now_ns) is None,
+            "locator_signal": self._sample is None or config["channel"] != self.settings.channel
+            or now_ns - self._sample[0] > self._patience_ns,
+            "external_position": config["gps"] == "external" and "master" not in self._given,
+            "external_orientation": config["compass"] == "external" and "master" not in self._given,
+            "gps_lock": config["gps"] == "onboard" and self.facts.origin is None,
+        }  # fmt: skip
+        return [
+            {"id": name, "message": name.replace("_", " "), "severity": "warning"}
+            for name, is_so in found.items()
+            if is_so
+        ]
+
+    def _report(self, now_ns: int) -> list[dict[str, Any]]:
+        ids = [warning["id"] for warning in self._warnings(now_ns)]
+        return [
+            {
+                "status_group": "Position", "status_group_id": "position", "status": "warning" if ids else "ok",
+                "message": ", ".join(ids), "error_ids": ids,
+            }
+        ]  # fmt: skip
+
+    def _create_poi(self, body: bytes) -> Response:
+        record = records.read(body, records.POI)
+        if isinstance(record, str):
+            return _refused(record)
+        points = self._stored["poi"]
+        number = max(points, default=0) + 1
+        points[number] = record | {"id": number}
+        return Response(json.dumps({"href": f"/poi/{number}"}).encode(), 201)
+
+    def _one_of_many(self, family: str, method: str, number: str, body: bytes) -> Response:
+        """Answer about one point of interest or one receiver."""
+        stored = self._stored["poi"] if family == "/poi" else dict(enumerate(self._stored["receivers"]))
+        if not number.isdecimal() or int(number[:9]) not in stored:
+            return Response(b"", 404)
+        key = int(number[:9])
+        if method == "GET":
+            return _answer(stored[key], family.rpartition("/")[2])
+        if method == "DELETE" and family == "/poi":
+            del stored[key]
+        elif method == ("PATCH" if family == "/poi" else "PUT"):
+            record = records.read(body, records.POI if family == "/poi" else records.RECEIVER, partial=True)
+            if isinstance(record, str):
+                return _refused(record)
+            stored[key].update(record | {"id": key})
+        else:
+            return Response(b"", 404)
+        return Response(b"", 204)
+
+
+def _answer(value: Any, kind: str, status: int = 200) -> Response:
+    suffix = "" if "+json" in kind else "+json"
+    return Response(json.dumps(value).encode(), status, f"application/vnd.waterlinked.{kind}{suffix}")
+
+
+_DONE = _answer({"success": True}, "operation_response")
+_NOT_FOUND = Response(b"404 page not found\n", 404, "text/plain")
+
+
+def _position(position: dict[str, Any] | None) -> Response:
+    return Response(b"", 503) if position is None else _answer(position, "wl.satellite.position")
+
+
+def _refused(why: str) -> Response:
+    error = {"id": "0", "code": "invalid_request", "status": "400", "detail": why, "meta": {}}
+    return Response(json.dumps(error).encode(), 400, "application/vnd.goa.error")
