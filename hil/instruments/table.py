@@ -15,6 +15,7 @@ INSTRUMENTS: dict[str, str] = {
     "vectornav_vn200": "hil.instruments.vectornav.unit:Vn200",
     "waterlinked_a50": "hil.instruments.waterlinked.dvl:A50",
     "waterlinked_a125": "hil.instruments.waterlinked.dvl:A125",
+    "waterlinked_ugps": "hil.instruments.ugps.topside:Ugps",
 }
 
 
