@@ -205,6 +205,7 @@ ROWS: dict[str, Callable[[Status], str]] = {
     "memory (PSS)": _memory,
     "temperature (°C)": _figure(Health.temperature_c, ".1f"),
     "throttled": _text(Health.throttled),
+    "services beside it": _text(Health.services),
     "load of the machine": _figure(Health.load_1min, ".2f"),
     "link": lambda status: f"{to_text(status.figures.link_protocol)} {status.figures.link_port or ''}",
     "link losses, damaged frames": _counts(Health.link_losses, Health.link_checksum_errors),
@@ -242,7 +243,9 @@ def table(statuses: list[Status], silent: list[str], colour: bool = False) -> st
 def _coloured(line: str, statuses: list[Status]) -> str:
     is_lost = any(not status.present or status.age_s > STALE_S for status in statuses)
     hot = any(status.figures.throttled not in (None, "no") for status in statuses)
-    if (line.startswith("state") and is_lost) or (line.startswith("throttled") and hot):
+    down = any(status.figures.services not in (None, "running") for status in statuses)
+    alarms = {"state": is_lost, "throttled": hot, "services": down}
+    if any(line.startswith(name) for name, is_on in alarms.items() if is_on):
         return f"{RED}{line}{PLAIN}"
     skipped = any((status.figures.steps_skipped or 0) > 0 for status in statuses)
     if line.startswith("events of") and any((status.figures.run_events or 0) > 0 for status in statuses):

@@ -304,6 +304,7 @@ class Diagnostics:
     memory_available_mib = _number("MiB", 0, "memory that is available")
     network_received_bytes = _counter("received by all interfaces since the machine started", "byte")
     network_sent_bytes = _counter("sent by all interfaces since the machine started", "byte")
+    services = _text('services beside the slave: "running", or those that do not run')
     # The process that makes pictures; without one none of these
     imaging_pid = _integer("", "id of the imaging process; 0: there is none")
     imaging_restarts = _counter("times that the imaging process was restarted")

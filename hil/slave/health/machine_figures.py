@@ -13,6 +13,10 @@ from hil.ros.diagnostics import Diagnostics
 if TYPE_CHECKING:
     from boards import Board
 
+UNITS = "/etc/systemd/system"
+WITHOUT_PROCESS = ("can", "firewall", "module")  # units of `uuv-hil board install` that prepare the board
+GROUPS = ("/sys/fs/cgroup/system.slice", "/sys/fs/cgroup/systemd/system.slice")  # of the second and the first version
+
 
 def add_machine_figures(figures: Diagnostics, tree: Tree, board: "Board | None") -> None:
     """Add figures of the machine to the diagnostics, as far as the machine provides them.
@@ -34,6 +38,20 @@ def add_machine_figures(figures: Diagnostics, tree: Tree, board: "Board | None")
     if available_kib:
         figures.memory_available_mib = available_kib / 1024
     figures.network_received_bytes, figures.network_sent_bytes = network_bytes(tree)
+    if services := services_beside(tree):
+        missing = [name for name, runs in services.items() if not runs]
+        figures.services = f"not running: {', '.join(missing)}" if missing else "running"
+
+
+def services_beside(tree: Tree) -> dict[str, bool]:
+    """Return the services that are installed beside the slave, and whether each runs: then it has a control group."""
+    units = [name for name in tree.names(UNITS) if name.startswith("uuv-hil-") and name.endswith(".service")]
+    names = {unit: unit.removeprefix("uuv-hil-").removesuffix(".service") for unit in units}
+    return {
+        name: any(tree.exists(f"{group}/{unit}") for group in GROUPS)
+        for unit, name in names.items()
+        if name not in WITHOUT_PROCESS
+    }
 
 
 def network_bytes(tree: Tree) -> tuple[int, int]:

@@ -152,7 +152,8 @@ def test_every_figure_of_the_table_is_reported_by_a_slave(slave: int) -> None:
     assert {figure.name for figure in PACED} == set(status.paces)
     assert set(status.figures.raw) <= set(Diagnostics.FIGURES), "nothing that is not in the table"
     missing = set(Diagnostics.FIGURES) - set(status.figures.raw)
-    unsaid = ("temperature_c", "throttled", "cpu_mhz", "labels", "memory_available_mib")  # what machines may not have
+    # what machines may not have
+    unsaid = ("temperature_c", "throttled", "cpu_mhz", "labels", "memory_available_mib", "services")
     # with certificates, a master, a camera, an autopilot, faults on the link, software of others
     elsewhere = ("may_", "clock_", "imaging_", "autopilot", "link_faults", "thrusters_driven")
     assert [name for name in missing if not name.startswith((*unsaid, *elsewhere))] == []
@@ -211,7 +212,9 @@ def test_figures_of_a_machine_are_read_from_its_files(tmp_path: Path) -> None:
         "sys/class/thermal/cooling_device0/type": "cpufreq-cpu0\n",
         "sys/class/thermal/cooling_device0/cur_state": "2\n",
         "sys/devices/system/cpu/cpu0/cpufreq/scaling_cur_freq": "1500000\n",
+        "sys/fs/cgroup/system.slice/uuv-hil-view.service/cgroup.procs": "7\n",
     }
+    files |= {f"etc/systemd/system/uuv-hil{part}.service": "" for part in ("", "-view", "-record", "-can")}
     for name, text in files.items():
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text(text)
@@ -221,8 +224,10 @@ def test_figures_of_a_machine_are_read_from_its_files(tmp_path: Path) -> None:
     assert figures.temperature_c == 48.7
     assert figures.throttled == "the clock is capped by the temperature"
     assert (figures.cpu_mhz, figures.memory_available_mib) == (1500, 2000)
+    assert figures.services == "not running: record"
+    assert re.search("^services beside it +not running: record$", table([printed(services=figures.services)], []), re.M)
     (tmp_path / "proc/meminfo").write_text("MemAvailable:\nMemAvailable: much\n")
     assert machine_figures(tree, None).memory_available_mib is None
     bare = machine_figures(Tree(str(tmp_path / "none")), None)
     assert bare.throttled is None, "who cannot tell does not say no"
-    assert bare.temperature_c is None
+    assert bare.temperature_c is bare.services is None
