@@ -41,7 +41,7 @@ class UnicornBoard:
     image: content of the flash, starting with the vector table. channels: number of thrusters, 1 to 8. watchdog_ns: the
     longest time without a command before the firmware stops them. The firmware reads both from its parameters in flash,
     unless the image extends over these. paced: whether bytes take time on the serial line. chip: the kind of STM32, of
-    firmware_stub.image.CHIPS.
+    firmware_stub.image.CHIPS. number: the last two bytes of the chip's unique id, by which two boards on a bus differ.
 
     Raises DeviceError for too many thrusters, and for a fault of the firmware, with program counter and address;
     MissingExtraError without Unicorn.
@@ -56,11 +56,12 @@ class UnicornBoard:
         *,
         paced: bool = False,
         chip: str = DEFAULT_CHIP,
+        number: int = 0,
     ) -> None:
         self.channels = channels
         self.resets = 0  # resets by the watchdog
         self._chip = Chip(paced, MODELS[chip])
-        self._core = Core(self._chip, _with_parameters(image, channels, watchdog_ns))
+        self._core = Core(self._chip, _with_parameters(image, channels, watchdog_ns), number)
         self._port = self._chip.usarts[PORTS[chip]]
         self._busy_ns = BUSY_NS
         self._start(POWER_RESET)

@@ -26,13 +26,14 @@ FLOAT_FRAME = Struct("<8QI4x")  # S0 to S15, FPSCR, a reserved word
 class Core:
     """The core with its memory. While `sleeping` it waits for an exception that can preempt it.
 
-    image: content of the flash, starting with the vector table. Raises MissingExtraError without Unicorn.
+    image: content of the flash, starting with the vector table. number: as in `Memory`. Raises MissingExtraError
+    without Unicorn.
     """
 
-    def __init__(self, chip: Chip, image: bytes) -> None:
+    def __init__(self, chip: Chip, image: bytes, number: int = 0) -> None:
         self._chip = chip
         self._nvic = chip.nvic
-        self._memory = Memory(image, chip.model)
+        self._memory = Memory(image, chip.model, number)
         self._engine = Engine(chip, self._memory, self._would_interrupt, self._is_masked)
         self.sleeping = False
         self._event = False  # event register: set when an exception returns; the next WFE then does not wait

@@ -25,9 +25,12 @@ class Region(NamedTuple):
 
 
 class Memory:
-    """Memory by address. `image` is the beginning of the flash; the rest of it is erased."""
+    """Memory by address. `image` is the beginning of the flash; the rest of it is erased.
 
-    def __init__(self, image: bytes, model: Model) -> None:
+    `number`: that of the board, 0 to 65535, a part of its unique id.
+    """
+
+    def __init__(self, image: bytes, model: Model, number: int = 0) -> None:
         self.image = image
         start, size, unique_id, flash_kib = SYSTEM[model.family]
         self.regions = [
@@ -38,7 +41,7 @@ class Memory:
         self.pieces = [(region.start, region.size, mmap(-1, region.size)) for region in self.regions]
         self.pieces[0][2][:] = image[: model.flash_size].ljust(model.flash_size, b"\xff")
         system = self.pieces[-1][2]
-        system[unique_id : unique_id + 12] = f"uuv-hil\0{model.name}".encode()
+        system[unique_id : unique_id + 12] = f"uuv-hil{model.name[-3:]}".encode() + number.to_bytes(2, "big")
         system[flash_kib : flash_kib + 2] = (model.flash_size // KIB).to_bytes(2, "little")
 
     def find(self, address: int, size: int) -> tuple[mmap, int] | None:

@@ -34,7 +34,7 @@ class DroneCanDevice(DroneCanNode):
         motor_values: MotorHook = propeller_load,
         battery_values: Callable[[], types.BatteryInfo | None] | None = None,
     ) -> None:
-        unique_id = bytes.fromhex(settings.unique_id)
+        unique_id = settings.unique_bytes
         super().__init__(0, types.NodeInfo("org.uuv-hil.stm32", unique_id, SOFTWARE, (1, 0)))
         self._channels = channels
         self._neutral = (PWM_NEUTRAL_US,) * channels

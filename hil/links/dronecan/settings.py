@@ -39,7 +39,10 @@ class HostSettings(NamedTuple):
 
 
 class DeviceSettings(NamedTuple):
-    """Settings of the device end. `node_id` 0: request a number. Two devices on a bus need two unique ids."""
+    """Settings of the device end. `node_id` 0: request a number.
+
+    Two devices on a bus need two unique ids. By default they differ by `node_id` and `esc_index`.
+    """
 
     node_id: NodeId = DEVICE_ID
     preferred_node_id: NodeId = 0
@@ -49,11 +52,16 @@ class DeviceSettings(NamedTuple):
     stored: str = ""  # file of the stored parameters; without one they last as long as the process
     battery: BatteryInfo | None = None
     battery_period: Annotated[float, Range(0.1, 60.0, "s")] = 1.0
-    unique_id: str = "7575762d68696c2073746d3332000001"
+    unique_id: str = ""
 
     def validate(self) -> str | None:
         """Return what is wrong with the unique id; None if it is valid."""
-        return _validate_unique_id(self.unique_id)
+        return _validate_unique_id(self.unique_id) if self.unique_id else None
+
+    @property
+    def unique_bytes(self) -> bytes:
+        """The unique id."""
+        return bytes.fromhex(self.unique_id) or b"uuv-hil stm32\0" + bytes((self.node_id, self.esc_index))
 
 
 def _validate_unique_id(unique_id: str) -> str | None:

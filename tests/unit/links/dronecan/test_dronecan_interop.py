@@ -9,6 +9,8 @@ from hil.common import __version__
 from hil.links.contract import ThrusterCommand, ThrusterTelemetry
 from hil.links.dronecan.host import DroneCanHost
 from hil.links.dronecan.link import open_dronecan
+from hil.links.dronecan.settings import DeviceSettings
+from hil.links.dronecan.types import UNIQUE_ID_SIZE
 from hil.links.wires.can_frame import CanFrame
 from tests.support.calls import count_calls
 from tests.support.lazy import import_lazily
@@ -94,6 +96,9 @@ def test_get_node_info_is_answered(bench: Bench) -> None:
     assert bytes(stm32.name).decode() == "org.uuv-hil.stm32"
     assert bytes(master.name).decode() == "org.uuv-hil.host"
     assert stm32.hardware_version.unique_id.to_bytes().hex() == "00112233445566778899aabbccddeeff"
+    default, other = DeviceSettings().unique_bytes, DeviceSettings(esc_index=6).unique_bytes
+    assert len(default) == len(other) == UNIQUE_ID_SIZE
+    assert default != other
     assert stm32.status.mode == stm32.status.MODE_OPERATIONAL
     version = tuple(map(int, __version__.split(".")[:2]))
     assert (stm32.software_version.major, stm32.software_version.minor) == version
@@ -158,7 +163,7 @@ def test_the_reference_allocator_gives_our_device_a_number(bench: Bench, preferr
     bench.run(3.0)
     number = preferred or 125
     given = dict(server.get_allocation_table())
-    assert given[bytes.fromhex("7575762d68696c2073746d3332000001")] == number
+    assert given[DeviceSettings(node_id=0).unique_bytes] == number
     assert nodes[-1].transfer.source_node_id == number
     arm(node)
     node.broadcast(uavcan.equipment.esc.RawCommand(cmd=RAW))
