@@ -43,7 +43,10 @@ class Scene:
 class Bench:
     """An instrument from power on, with one client; `sent` is what came since it was taken last."""
 
-    def __init__(self, kind: type[Instrument], model: Any, settings: Any = None, **facts: Any) -> None:
+    def __init__(
+        self, kind: type[Instrument], model: Any, settings: Any = None, client: Client = CLIENT, **facts: Any
+    ) -> None:
+        self.client = client
         self.facts = Facts(kind.sensors[0], kind.sensors[0], model, memory={}, **facts)
         self.scene = Scene(self.facts)
         self.kind, self.settings = kind, settings or kind.Model()
@@ -55,7 +58,7 @@ class Bench:
         self._sent: list[bytes] = []
         add: Callable[..., None] = lambda data, to, kind, measured_ns: self._sent.append(data)  # noqa: E731
         self.device = self.kind(self.settings, self.facts, self.scene, add)
-        self.device.connected(CLIENT, self.now_ns)
+        self.device.connected(self.client, self.now_ns)
         self.device.start(self.now_ns)
         self.device.tick(self.now_ns)
 
@@ -68,7 +71,7 @@ class Bench:
     def ask(self, data: bytes) -> bytes:
         """Return what the device sends upon a client's bytes."""
         self._sent.clear()
-        self.device.on_data(CLIENT, data, self.now_ns)
+        self.device.on_data(self.client, data, self.now_ns)
         self.device.tick(self.now_ns)
         return self.sent
 
