@@ -6,6 +6,8 @@ from hil.common.schema import nearest, shortened
 from hil.instruments.contract import Instrument
 
 INSTRUMENTS: dict[str, str] = {
+    "keller_33x": "hil.instruments.depth.keller:Keller33X",
+    "paroscientific_digiquartz": "hil.instruments.depth.paroscientific:Digiquartz",
     "ping1d": "hil.instruments.ping.ping1d:Ping1D",
     "ping2": "hil.instruments.ping.ping1d:Ping1D",
     "ping360": "hil.instruments.ping.ping360:Ping360",

@@ -1,0 +1,159 @@
+"""A Keller PAA-33X, an absolute pressure transmitter, on Keller's bus and MODBUS RTU, which share one RS-485 line.
+
+Source: Keller, "Description of the communication protocol for series 30, 33X ..." (class 5, group 20). Answers come to
+requests only; pressure in bar, temperature in °C, numbers big endian.
+"""
+
+from struct import pack, unpack
+from typing import Annotated, Any, NamedTuple
+
+from hil.client.client import Stamped
+from hil.common.clock import NS_PER_MS
+from hil.common.schema import Range
+from hil.instruments.contract import Client, Facts, Instrument, Scene, Send
+from hil.links.frame.checksums import CRCS, crc_checksum
+
+_CRC = crc_checksum(CRCS["crc16-modbus"])
+_TRANSPARENT = 250  # every device answers to it
+_READ, _READ_INPUT, _ECHO = 3, 4, 8  # of MODBUS, whose CRC comes with its low byte first
+_COEFFICIENT, _SET_COEFFICIENT, _INITIALISE, _ADDRESS, _SERIAL, _VALUE, _INTEGER, _ZERO = 30, 31, 48, 66, 69, 73, 74, 95
+_SIZES = {
+    _READ: 8, _READ_INPUT: 8, _ECHO: 8, _COEFFICIENT: 5, _SET_COEFFICIENT: 9, _INITIALISE: 4, _ADDRESS: 5, _SERIAL: 4,
+    _VALUE: 5, _INTEGER: 5, _ZERO: 5,
+}  # fmt: skip
+_NO_FUNCTION, _NO_ADDRESS, _BAD_VALUE, _NOT_INITIALISED = 1, 2, 3, 32
+_PRESSURE, _TEMPERATURE = 1, 4  # channels
+_OFFSET, _GAIN, _LOWEST, _HIGHEST = 64, 65, 80, 81  # coefficients
+_SILENCE_NS = 50 * NS_PER_MS  # after which a request begins anew
+
+
+class KellerSettings(NamedTuple):
+    """Address on the bus, `highest` pressure (bar), temperature (°C) of the water, and the adapter's `echo`.
+
+    With `echo` a client reads back what it sends, as with most adapters for two wires.
+    """
+
+    address: Annotated[int, Range(1, 249)] = 1
+    highest: Annotated[float, Range(1.0, 1000.0, "bar")] = 30.0
+    temperature: Annotated[float, Range(-10.0, 80.0, "°C")] = 10.0
+    echo: bool = False
+
+
+class Keller33X(Instrument):
+    """The transmitter. Its zero, gain, offset and address can be set, and are kept."""
+
+    Model = KellerSettings
+    sensors = ("pressure",)
+    wires = ("tcp", "serial", "pty")
+    baud = 9600
+    warm_up_s = 0.25
+
+    def __init__(self, settings: Any, facts: Facts, scene: Scene, send: Send) -> None:
+        super().__init__(settings, facts, scene, send)
+        self._kept = facts.memory
+        self._kept.setdefault("address", settings.address)
+        self._coefficients: dict[int, float] = self._kept.setdefault("coefficients", {_OFFSET: 0.0, _GAIN: 1.0})
+        self._is_initialised = False
+        self._bar: float | None = None
+        self._measured_ns = 0
+        self._buffers: dict[Client, tuple[bytes, int]] = {}
+
+    def on_sample(self, topic: str, stamped: Stamped, now_ns: int) -> None:
+        """Take the pressure that the next request reads."""
+        self._bar, self._measured_ns = stamped.value.pascal / 1e5, stamped.sent_ns
+
+    def disconnected(self, client: Client, now_ns: int) -> None:
+        """Forget a client."""
+        self._buffers.pop(client, None)
+
+    def on_data(self, client: Client, data: bytes, now_ns: int) -> None:
+        """Answer a request when it is complete."""
+        if self.settings.echo:
+            self.send(data, client)
+        buffer, last_ns = self._buffers.get(client, (b"", now_ns))
+        if buffer and now_ns - last_ns > _SILENCE_NS:
+            buffer, self.malformed = b"", self.malformed + 1
+        buffer += data
+        while len(buffer) >= 2 and len(buffer) >= self._size(buffer):
+            size = self._size(buffer)
+            request, buffer = buffer[:size], buffer[size:]
+            if request[-2:] != _checksum(request[:-2]):
+                buffer, self.malformed = b"", self.malformed + 1
+            elif request[0] in (self._kept["address"], _TRANSPARENT):
+                self._answer(client, request)
+        self._buffers[client] = buffer, now_ns
+
+    @staticmethod
+    def _size(request: bytes) -> int:
+        """Return the size of a request; a zero may have a value with it, and an unknown function is as short as any."""
+        size = _SIZES.get(request[1], 4)
+        return 9 if request[1] == _ZERO and len(request) >= 9 else size
+
+    def _answer(self, client: Client, request: bytes) -> None:
+        function, content = request[1], request[2:-2]
+        result: bytes | int = _NOT_INITIALISED
+        if self._is_initialised or function in (_INITIALISE, _READ, _READ_INPUT, _ECHO):
+            result = self._execute(function, content)
+        if isinstance(result, int):
+            function, result = function | 0x80, bytes((result,))
+        body = bytes((request[0], function)) + result
+        self.send(body + _checksum(body), client, measured_ns=self._measured_ns)
+
+    def _execute(self, function: int, content: bytes) -> bytes | int:
+        """Return the content of an answer, or the number of an exception."""
+        if function == _INITIALISE:
+            was, self._is_initialised = self._is_initialised, True
+            return bytes((5, 20, 12, 28, 10, int(not was)))
+        if function == _SERIAL:
+            return pack(">I", 330_000 + self._kept["address"])
+        if function in (_VALUE, _INTEGER):
+            value = self._channel(content[0])
+            if value is None:
+                return _NO_ADDRESS
+            return (pack(">f", value) if function == _VALUE else pack(">i", round(value * 1e5))) + b"\0"
+        if function in (_READ, _READ_INPUT):
+            start, count = unpack(">HH", content)
+            values = [self._channel(register // 2) for register in range(start, start + min(count, 12), 2)]
+            if start % 2 or not 0 < count <= 12 or count % 2 or None in values:
+                return _NO_ADDRESS
+            return bytes((2 * count,)) + b"".join(pack(">f", value) for value in values)
+        if function == _ECHO:
+            return content
+        return self._configure(function, content)
+
+    def _configure(self, function: int, content: bytes) -> bytes | int:
+        if function == _ADDRESS:
+            self._kept["address"] = content[0] if 0 < content[0] < _TRANSPARENT else self._kept["address"]
+            return bytes((self._kept["address"],))
+        if function == _COEFFICIENT:
+            ranges = {_LOWEST: 0.0, _HIGHEST: self.settings.highest}
+            value = (self._coefficients | ranges).get(content[0])
+            return _NO_ADDRESS if value is None else pack(">f", value)
+        if function == _SET_COEFFICIENT:
+            (value,) = unpack(">f", content[1:])
+            if content[0] not in self._coefficients:
+                return _NO_ADDRESS
+            if not abs(value) < 1e6:
+                return _BAD_VALUE
+            self._coefficients[content[0]] = value
+            return b"\0"
+        if function == _ZERO and content[0] in (0, 1):
+            wanted = unpack(">f", content[1:])[0] if len(content) > 1 else 0.0
+            measured = self._channel(_PRESSURE) or 0.0
+            self._coefficients[_OFFSET] += wanted - measured
+            if content[0] == 1:
+                self._coefficients[_OFFSET] = 0.0
+            return b"\0"
+        return _NO_FUNCTION if function not in _SIZES else _NO_ADDRESS
+
+    def _channel(self, channel: int) -> float | None:
+        """Return the value of a channel; None if there is no such."""
+        if channel == _PRESSURE and self._bar is not None:
+            bar = min(self._bar, 1.1 * self.settings.highest)  # where the amplifier saturates
+            return bar * self._coefficients[_GAIN] + self._coefficients[_OFFSET]
+        return float(self.settings.temperature) if channel == _TEMPERATURE else None
+
+
+def _checksum(body: bytes) -> bytes:
+    order = "<H" if body[1] & 0x7F in (_READ, _READ_INPUT, _ECHO) else ">H"
+    return pack(order, _CRC.of(body))
