@@ -1,4 +1,4 @@
-"""`uuv-hil world`: build worlds from charts and soundings; draw them; import and export those of other simulators."""
+"""`uuv-hil world`: build worlds from charts and soundings; draw and export them; import those of Gazebo."""
 
 import argparse
 import os
@@ -23,7 +23,7 @@ examples:
   uuv-hil world build US5AK5SI.000 US5AK5SJ.000 --area 59.58,-151.46,59.62,-151.38 -o worlds/spit
   uuv-hil world build survey.tif -o worlds/survey        GeoTIFF, BAG, GEBCO's NetCDF, XYZ or CSV as well
   uuv-hil world show worlds/homer.toml -o homer.png
-  uuv-hil world export worlds/homer.toml homer.glb       .glb .stl .tif, .sdf for Gazebo,
+  uuv-hil world export worlds/homer.toml homer.tif              a GeoTIFF, for other programs
   uuv-hil world export worlds/homer.toml homer.pgm --depth 10   or a map for planners
   uuv-hil world import harbour.sdf -o worlds/harbour     a world of Gazebo, with its meshes
   uuv-hil world list
@@ -75,7 +75,7 @@ def _parser() -> argparse.ArgumentParser:
     show.set_defaults(run=_show)
     export = actions.add_parser("export", help="write a world as a file of other programs")
     _add_world(export)
-    export.add_argument("output", metavar="OUT.pgm|.tif|.stl|.glb|.sdf", help="the file to write; its ending says what")
+    export.add_argument("output", metavar="OUT.pgm|.tif", help="the file to write; its ending says what")
     export.add_argument(
         "--depth", metavar="M", type=DEPTH, help="for a .pgm: depth down to which the water must be free"
     )
@@ -170,19 +170,19 @@ def _show(options: argparse.Namespace) -> int:
 
 def _export(options: argparse.Namespace) -> int:
     ending = os.path.splitext(options.output)[1].lower()
-    if ending not in (".pgm", ".tif", ".tiff", ".stl", ".glb", ".sdf"):
-        raise ConfigError(f"{options.output}: no format {ending or 'without an ending'}: .pgm, .tif, .stl, .glb, .sdf")
+    if ending not in (".pgm", ".tif", ".tiff"):
+        raise ConfigError(f"{options.output}: no format {ending or 'without an ending'}: .pgm, .tif")
     if (options.depth is not None) != (ending == ".pgm"):
         raise ConfigError("--depth M goes with a map (.pgm), and a map needs it")
     world = load_world(options.world)
-    note = _write(world, output_file(options.output), ending, options.resolution, options.depth)
+    note = _write(world, output_file(options.output), options.resolution, options.depth)
     print(f"{options.output}: {note}")
     return 0
 
 
-def _write(world: World, path: str, ending: str, resolution: float | None, depth: float | None) -> str:
-    """Write `world` in the format of `ending`; return a line that describes the file."""
-    from hil.charts.grid import frame_of, grid_of, read_rows
+def _write(world: World, path: str, resolution: float | None, depth: float | None) -> str:
+    """Write `world` as a GeoTIFF, or its map at `depth` (m); return a line that describes the file."""
+    from hil.charts.grid import frame_of, read_rows
 
     frame = frame_of(world, resolution)
     if depth is not None:
@@ -194,24 +194,10 @@ def _write(world: World, path: str, ending: str, resolution: float | None, depth
         return (
             f"{percent(1.0 - float(cells.cells.mean()))} of it free {depth:g} m down; {os.path.splitext(path)[0]}.yaml"
         )
-    if ending in (".tif", ".tiff"):
-        from hil.charts.exports.geotiff import write_geotiff
+    from hil.charts.geotiff import write_geotiff
 
-        write_geotiff(frame, world.origin, path, partial(read_rows, world, frame))
-        return "heights in m" + ("" if world.origin else ", without a place on the earth: the world has no origin")
-    if ending == ".sdf":
-        from hil.charts.exports.gazebo import MAX_NODES, height_map_spacing, write_gazebo
-
-        grid = grid_of(world, resolution)
-        note, step = f"heights rounded by {write_gazebo(world, grid, path) * 1e3:.2g} mm", height_map_spacing(grid)
-        is_coarser = step > 1.001 * grid.resolution
-        note += f"; one every {step:.3g} m, because a side has at most {MAX_NODES}" if is_coarser else ""
-        return note + (f"; its {len(world.mesh)} meshes are left out" if world.mesh else "")
-    from hil.charts.exports.mesh import check_size, write_glb, write_stl
-
-    check_size(frame)
-    (write_stl if ending == ".stl" else write_glb)(grid_of(world, resolution), path)
-    return f"{os.path.getsize(path) / 1e6:.1f} MB; the bed alone"
+    write_geotiff(frame, world.origin, path, partial(read_rows, world, frame))
+    return "heights in m" + ("" if world.origin else ", without a place on the earth: the world has no origin")
 
 
 def _import(options: argparse.Namespace) -> int:

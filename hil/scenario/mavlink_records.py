@@ -2,20 +2,16 @@
 
 from typing import Annotated, Literal, NamedTuple
 
-from hil.common.endpoint import validate_endpoint
 from hil.common.errors import ConfigError
 from hil.common.schema import Range
 
-FORMS = (
-    "udpout:HOST:PORT, udpin:HOST:PORT, tcpin:HOST:PORT, tcpout:HOST:PORT, serial:/dev/ttyUSB0:57600, "
-    "zenoh:tcp/HOST:PORT"
-)
+FORMS = "udpout:HOST:PORT, udpin:HOST:PORT, tcpin:HOST:PORT, tcpout:HOST:PORT, serial:/dev/ttyUSB0:57600"
 BAUD = 57_600  # default for a serial device
-Kind = Literal["udpout", "udpin", "tcpin", "tcpout", "serial", "zenoh"]
+Kind = Literal["udpout", "udpin", "tcpin", "tcpout", "serial"]
 
 
 class MavlinkEndpoint(NamedTuple):
-    """The parts of an endpoint; `target` is a host, a device or the endpoint of a zenoh router."""
+    """The parts of an endpoint; `target` is a host or a device."""
 
     kind: Kind
     target: str
@@ -28,8 +24,6 @@ def parse_endpoint(text: str) -> MavlinkEndpoint:
     words: dict[str, Kind] = {"udpout": "udpout", "udpin": "udpin", "tcpin": "tcpin", "tcpout": "tcpout"}
     if kind == "serial" and (line := device_and_baud(address, BAUD)):
         return MavlinkEndpoint("serial", *line)
-    if kind == "zenoh" and validate_endpoint("zenoh", address) is None:
-        return MavlinkEndpoint("zenoh", address)
     if kind in words and (place := host_and_port(address)) and (place[1] or kind.endswith("in")):
         return MavlinkEndpoint(words[kind], *place)
     raise ConfigError(f"{text!r} is not a MAVLink endpoint; there are {FORMS}")
@@ -66,15 +60,14 @@ class Mavlink(NamedTuple):
     """MAVLink interface of the vehicle for ground stations and companion software, in a process beside the slave.
 
     `endpoints` are its connections: "udpout" sends to a ground station, "udpin" and "tcpin" wait for several, "tcpout"
-    connects to a router, "serial" is a radio or a companion computer, "zenoh" offers the keys of BlueOS. `system` is
-    its MAVLink system id, 2 instead of 1 if an autopilot with that id flies the vehicle. `autopilot` is the firmware
-    whose mode numbers and mission rules it follows: "ardupilot" means ArduSub, which QGroundControl supports best,
-    "generic" the MAVLink standard alone. Ground stations on other machines may only observe unless `commands_from` is
-    "network". `signing_key`, a passphrase or 64 hexadecimal digits, signs all packets and refuses unsigned ones.
-    `parameters` is the file of stored parameters (default: a file of this user for the node), `logs` the folder that
-    MAVFTP offers. `rtp` ("HOST:PORT") receives the picture of the
-    camera that `camera` names, as H.264. With `start` the slave starts this process;
-    otherwise run `uuv-hil gateway mavlink`.
+    connects to a router, "serial" is a radio or a companion computer. `system` is its MAVLink system id, 2 instead of 1
+    if an autopilot with that id flies the vehicle. `autopilot` is the firmware whose mode numbers and mission rules it
+    follows: "ardupilot" means ArduSub, which QGroundControl supports best, "generic" the MAVLink standard alone. Ground
+    stations on other machines may only observe unless `commands_from` is "network". `signing_key`, a passphrase or 64
+    hexadecimal digits, signs all packets and refuses unsigned ones. `parameters` is the file of stored parameters
+    (default: a file of this user for the node), `logs` the folder that MAVFTP offers. `rtp` ("HOST:PORT") receives the
+    picture of the camera that `camera` names, as H.264. With `start` the slave starts this process; otherwise run
+    `uuv-hil gateway mavlink`.
     """
 
     endpoints: tuple[str, ...] = ("udpout:127.0.0.1:14550", "tcpin:127.0.0.1:5760")

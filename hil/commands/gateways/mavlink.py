@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 EXAMPLES = """\
 An endpoint is udpout:HOST:PORT (a ground station), udpin:HOST:PORT or tcpin:HOST:PORT (several of them),
-tcpout:HOST:PORT (a router), serial:/dev/ttyUSB0:57600, or zenoh:tcp/HOST:PORT (BlueOS' keys).
+tcpout:HOST:PORT (a router), or serial:/dev/ttyUSB0:57600.
 
 examples:
   uuv-hil gateway mavlink paper_field                          QGroundControl on this machine finds it by itself

@@ -116,7 +116,7 @@ class Gateway:
             may_command = settings.commands_from == "network" or is_local
             name = ":".join(map(str, address[:2])) if isinstance(address, tuple) else str(address)
             peer = self._peers[number, address] = Peer(
-                self._numbers, name, settings.system, lambda data, message: link.send(address, data, message),
+                self._numbers, name, settings.system, lambda data, _: link.send(address, data),
                 may_command, link.burst, self._signing, self._wall_clock,
             )  # fmt: skip
             self.dispatcher.peers[peer.number] = peer

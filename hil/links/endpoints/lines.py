@@ -1,7 +1,5 @@
 """Serial lines as endpoints, with one partner: a serial device, and a pseudo terminal with a lasting name."""
 
-from typing import Any
-
 from hil.common.errors import DeviceError
 from hil.links.contract import Wire
 from hil.links.endpoints.sockets import Address, Link, Received
@@ -30,7 +28,7 @@ class LineLink(Link):
             self.is_lost, data = True, b""
         return [(self._wire.name, data)] if data else []
 
-    def send(self, address: Address, data: bytes, message: Any = None) -> None:
+    def send(self, address: Address, data: bytes) -> None:
         """Write a packet; what the line does not take is lost."""
         try:
             if self._wire.unsent() + len(data) > WAITING:

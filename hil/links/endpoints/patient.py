@@ -3,7 +3,6 @@
 import errno
 import threading
 from collections.abc import Callable
-from typing import Any
 
 from hil.common.errors import DeviceError, HilError, NetworkError
 from hil.links.endpoints.lines import PtyLink, SerialLink
@@ -67,10 +66,10 @@ class PatientLink(Link):
         """Return the bytes received, with the address of each sender."""
         return self._link.receive(now) if self._link else []
 
-    def send(self, address: Address, data: bytes, message: Any = None) -> None:
+    def send(self, address: Address, data: bytes) -> None:
         """Send a packet, if the endpoint is open."""
         if self._link:
-            self._link.send(address, data, message)
+            self._link.send(address, data)
 
     def partners(self) -> list[Address]:
         """Return the present partners."""

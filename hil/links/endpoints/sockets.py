@@ -47,7 +47,7 @@ class Link(ABC):
         """Return the bytes received, with the address of each sender."""
 
     @abstractmethod
-    def send(self, address: Address, data: bytes, message: Any = None) -> None:
+    def send(self, address: Address, data: bytes) -> None:
         """Send a packet to a partner; `message` is what it contains, for endpoints that send that otherwise."""
 
     @abstractmethod
@@ -113,7 +113,7 @@ class UdpOut(_DatagramLink):
         self._received_ns = now if received else self._received_ns or now
         return received
 
-    def send(self, address: Address, data: bytes, message: Any = None) -> None:
+    def send(self, address: Address, data: bytes) -> None:
         """Send a datagram."""
         try:
             self._socket.send(data)
@@ -164,7 +164,7 @@ class UdpIn(_DatagramLink):
             received.append((sender, data))
         return received
 
-    def send(self, address: Address, data: bytes, message: Any = None) -> None:
+    def send(self, address: Address, data: bytes) -> None:
         """Send a datagram."""
         with contextlib.suppress(OSError):
             self._socket.sendto(data, cast(tuple[str, int], address))
@@ -268,7 +268,7 @@ class TcpIn(Link):
         received = [(address, stream.receive(now)) for address, stream in self._open().items()]
         return [(address, data) for address, data in received if data]
 
-    def send(self, address: Address, data: bytes, message: Any = None) -> None:
+    def send(self, address: Address, data: bytes) -> None:
         """Send a packet over one connection."""
         stream = self._streams.get(address)
         if stream and stream.is_open:
@@ -324,7 +324,7 @@ class TcpOut(Link):
         self.is_lost = not self._stream.is_open
         return [(self._to, data)] if data else []
 
-    def send(self, address: Address, data: bytes, message: Any = None) -> None:
+    def send(self, address: Address, data: bytes) -> None:
         """Send a packet."""
         if self._stream.is_open:
             self._stream.send(data)

@@ -8,7 +8,7 @@ import pytest
 
 from hil.charts.build import build
 from hil.charts.chart_survey import GeoBox
-from hil.charts.exports.geotiff import write_geotiff
+from hil.charts.geotiff import write_geotiff
 from hil.charts.grid import Grid
 from hil.charts.projection import LocalPlane
 from hil.charts.sources.combine import ReadOptions, read_sources

@@ -1,19 +1,16 @@
-"""Endpoints of the MAVLink vehicle: UDP and TCP peers, the zenoh keys of BlueOS."""
+"""Endpoints of the MAVLink vehicle: UDP and TCP peers."""
 
-import json
 import socket
 import time
 from pathlib import Path
 from typing import Any
 
 import pytest
-import zenoh
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from hil.common.clock import NS_PER_S, now_ns
 from hil.common.errors import NetworkError
 from hil.gateways.mavlink.endpoints.opening import MARKERS, open_link
-from hil.gateways.mavlink.endpoints.zenoh_link import ZenohLink
 from hil.links.endpoints.patient import PatientLink
 from hil.links.endpoints.sockets import HEARTBEATS_NS, MAX_PARTNERS, SILENT_NS, Link, TcpIn, UdpIn, UdpOut
 from hil.links.wires.terminal import PtyWire
@@ -29,11 +26,11 @@ def test_udp_partners_are_served_until_they_time_out() -> None:
     clients = [UdpOut("127.0.0.1", link.port) for _ in range(2)]
     try:
         for end in clients:
-            end.send(end.partners()[0], PACKET, BEAT)
+            end.send(end.partners()[0], PACKET)
         assert wait_for(lambda: (link.receive(NS_PER_S) and len(link.partners()) == 2) or None)
         assert all(link.is_local(partner) for partner in link.partners())
         assert not link.is_local(("192.0.2.1", 14550))
-        link.send(link.partners()[0], PACKET, BEAT)
+        link.send(link.partners()[0], PACKET)
         assert wait_for(lambda: clients[0].receive(0) or None) == [(clients[0].partners()[0], PACKET)]
         link.tick(100 * NS_PER_S)
         assert link.partners() == []
@@ -60,7 +57,7 @@ def test_partners_beyond_the_limit_are_refused_and_counted() -> None:
     links: list[socket.socket] = []
     try:
         for end in clients:
-            end.send(end.partners()[0], PACKET, BEAT)
+            end.send(end.partners()[0], PACKET)
             assert wait_for(lambda: datagrams.receive(0) or datagrams.refused or None)
         for _ in range(MAX_PARTNERS + 2):
             links.append(socket.create_connection(("127.0.0.1", stream.port), PATIENCE_S))
@@ -69,9 +66,9 @@ def test_partners_beyond_the_limit_are_refused_and_counted() -> None:
         assert wait_for(lambda: datagrams.receive(0) or (datagrams.refused, stream.refused) == (2, 2) or None)
         first, later = datagrams.partners()[0], HEARTBEATS_NS + 1
         for end in clients[1:MAX_PARTNERS]:
-            end.send(end.partners()[0], PACKET, BEAT)
+            end.send(end.partners()[0], PACKET)
             assert wait_for(lambda: datagrams.receive(later) or None)
-        clients[-1].send(clients[-1].partners()[0], PACKET, BEAT)
+        clients[-1].send(clients[-1].partners()[0], PACKET)
         assert wait_for(lambda: datagrams.receive(later) or first not in datagrams.partners() or None)
         assert len(datagrams.partners()) == MAX_PARTNERS, "the longest silent one has made room"
     finally:
@@ -168,10 +165,10 @@ def test_an_endpoint_is_opened_again_when_our_own_address_has_changed(monkeypatc
     assert isinstance(link, PatientLink)
     inner: Any = link._link
     inner._socket.close()  # as the kernel refuses to send from an address that is gone
-    link.send(link.partners()[0], PACKET, BEAT)
+    link.send(link.partners()[0], PACKET)
     now = now_ns()
     assert wait_for(lambda: _ticked(link, now) and link._link not in (None, inner))
-    link.send(link.partners()[0], PACKET, BEAT)
+    link.send(link.partners()[0], PACKET)
     assert wait_for(lambda: station.receive(0) or None)
     link.close()
     station.close()
@@ -186,7 +183,7 @@ def test_a_device_that_is_not_there_yet_is_waited_for(tmp_path: Path) -> None:
     terminal = PtyWire()
     device.symlink_to(terminal.path)
     assert wait_for(lambda: _ticked(link, now_ns()).partners())
-    link.send(link.partners()[0], PACKET, BEAT)
+    link.send(link.partners()[0], PACKET)
     assert wait_for(lambda: terminal.read() or None) == PACKET
     terminal.close()
     assert wait_for(lambda: link.receive(0) or not _ticked(link, now_ns()).partners())
@@ -208,7 +205,7 @@ def _exchange_packet(client: Link, port: int) -> bool:
         return client.partners() and server.partners()
 
     assert wait_for(connect)
-    client.send(client.partners()[0], PACKET, BEAT)
+    client.send(client.partners()[0], PACKET)
     received = wait_for(lambda: server.receive(0) or None)
     server.close()
     return bool(received)
@@ -219,42 +216,3 @@ def test_a_port_in_use_is_named_in_the_error() -> None:
     with pytest.raises(NetworkError, match=f"tcpin:127.0.0.1:{link.port}.*ArduSub"):
         open_link(MavlinkEndpoint("tcpin", "127.0.0.1", link.port), print)
     link.close()
-
-
-def test_packets_have_the_keys_and_json_of_blueos() -> None:
-    port = free_port()
-    where = f'listen: {{endpoints: ["tcp/127.0.0.1:{port}"]}}'
-    config = zenoh.Config.from_json5(f'{{mode: "router", {where}, scouting: {{multicast: {{enabled: false}}}}}}')
-    samples: dict[str, bytes] = {}
-    with zenoh.open(config) as router:
-        readers = [
-            router.declare_subscriber(keys, zenoh.handlers.FifoChannel(1000))
-            for keys in ("mavlink/**", "mavlink_raw/out")
-        ]
-        publisher, text_publisher = (router.declare_publisher(key) for key in ("mavlink_raw/in", "mavlink/in"))
-        link = ZenohLink(f"tcp/127.0.0.1:{port}")
-
-        def exchange() -> Any:
-            link.send(link.partners()[0], PACKET, BEAT)
-            publisher.put(PACKET)
-            text_publisher.put(samples.get("mavlink/1/1/HEARTBEAT", b"{}"))
-            time.sleep(0.05)
-            for reader in readers:
-                while (sample := reader.try_recv()) is not None:
-                    samples[str(sample.key_expr)] = sample.payload.to_bytes()
-            received = link.receive(0)
-            return received if len(received) > 1 and "mavlink/1/1/HEARTBEAT/mavtype" in samples else None
-
-        packets = [packet for _, packet in wait_for(exchange) or []]
-        assert packets
-        assert set(packets) == {PACKET}, "the JSON of a message makes the same packet"
-        link.close()
-    assert samples["mavlink_raw/out"] == PACKET
-    message = json.loads(samples["mavlink/1/1/HEARTBEAT"])
-    assert message["header"] == {"system_id": 1, "component_id": 1, "sequence": 0, "message_id": 0}
-    assert message["message"] == {
-        "type": "HEARTBEAT", "mavtype": {"type": "MAV_TYPE_SUBMARINE"}, "base_mode": {"bits": 0}, "custom_mode": 19,
-        "autopilot": {"type": "MAV_AUTOPILOT_ARDUPILOTMEGA"}, "system_status": {"type": "MAV_STATE_STANDBY"},
-        "mavlink_version": 3,
-    }  # fmt: skip
-    assert not link.is_local("zenoh")

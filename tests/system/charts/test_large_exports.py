@@ -17,7 +17,7 @@ MAX_MB = 50  # the grid alone has 64
 RUN = """
 import re, sys
 import rasterio, scipy.ndimage
-import hil.scenario.world_map, hil.charts.exports.geotiff, hil.charts.exports.gazebo, hil.commands.world as world
+import hil.scenario.world_map, hil.charts.geotiff, hil.commands.world as world
 most = lambda: int(re.search(r"VmHWM:\\s+(\\d+)", open("/proc/self/status").read())[1])
 before = most()
 world.main(sys.argv[1:])
@@ -66,15 +66,3 @@ def test_a_map_takes_less_memory_than_the_grid(large: Path) -> None:
     cells = OccupancyGrid.read(str(large / "w.yaml")).cells
     assert not cells[: SHOAL - 2].any()
     assert cells[SHOAL:].all()
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="memory is read in /proc")
-def test_a_height_map_of_gazebo_takes_less_memory_than_the_grid(large: Path) -> None:
-    from PIL import Image
-
-    assert export(large, "w.sdf") < MAX_MB
-    with Image.open(large / "w_heights.png") as picture:
-        column = np.asarray(picture)[::-1, 77]
-    at = np.linspace(0.0, SIDE - 1.0, 2049)
-    assert (column[at <= SHOAL - 1] == 0).all()
-    assert (column[at >= SHOAL] == 65535).all()

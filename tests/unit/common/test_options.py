@@ -18,7 +18,7 @@ TEXTS = {
     "SCENARIO", "NAME", "DIR", "FOLDER", "FILE", "PATH", "WORLD", "VEHICLE", "TYPE", "VALUES", "TOPIC", "SERVICE",
     "HEX", "ADDRESS", "KEY=VALUE", "NAME=VALUE", "KEY=A,B,...", "NAME|FILE", "NAME|FILE.toml", "CHART.000",
     "MODEL", "WORLD.sdf", "FILE.bin", "FILE.csv", "FILE.png", "FILE.toml", "FILE.json", "A.json", "B.json",
-    "OUT.pgm|.tif|.stl|.glb|.sdf",
+    "OUT.pgm|.tif",
     "KIND", "FILE|DIR", "NODE=HOST", "COMMAND", "ACTION", "EPSG:N", "NAME[:N]", "TEXT",
 }  # fmt: skip
 VALUES = ["nan", "inf", "-inf", "-1", "0", "1e12", "x", "", "9" * 5000, "0x10", "1_0", "½", "1e400", "5 kg"]

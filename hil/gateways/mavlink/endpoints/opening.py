@@ -12,10 +12,6 @@ MARKERS = b"\xfd\xfe"  # that a MAVLink packet begins with
 
 def open_link(endpoint: MavlinkEndpoint, report: Callable[[str], None]) -> Link:
     """Return an endpoint that opens, now or as soon as it can. Raises NetworkError if it cannot by waiting."""
-    if endpoint.kind == "zenoh":
-        from hil.gateways.mavlink.endpoints.zenoh_link import ZenohLink  # few want it
-
-        return ZenohLink(endpoint.target)
     try:
         return open_endpoint(endpoint.kind, endpoint.target, endpoint.port, report, MARKERS)
     except NetworkError as error:
