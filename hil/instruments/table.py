@@ -12,6 +12,7 @@ INSTRUMENTS: dict[str, str] = {
     "ping2": "hil.instruments.ping.ping1d:Ping1D",
     "ping360": "hil.instruments.ping.ping360:Ping360",
     "seatrac": "hil.instruments.seatrac.link:SeatracLink",
+    "teledyne_pathfinder": "hil.instruments.teledyne:Pathfinder",
     "ublox_m9": "hil.instruments.gps.receiver:Receiver",
     "vectornav_vn100": "hil.instruments.vectornav.unit:Vn100",
     "vectornav_vn200": "hil.instruments.vectornav.unit:Vn200",

@@ -149,7 +149,7 @@ class Keller33X(Instrument):
     def _channel(self, channel: int) -> float | None:
         """Return the value of a channel; None if there is no such."""
         if channel == _PRESSURE and self._bar is not None:
-            bar = min(self._bar, 1.1 * self.settings.highest)  # where the amplifier saturates
+            bar: float = min(self._bar, 1.1 * self.settings.highest)  # where the amplifier saturates
             return bar * self._coefficients[_GAIN] + self._coefficients[_OFFSET]
         return float(self.settings.temperature) if channel == _TEMPERATURE else None
 

@@ -1,0 +1,199 @@
+"""A Teledyne RDI Pathfinder 600 kHz: commands at a prompt, and ensembles in the format PD0.
+
+Source: Teledyne RD Instruments, Pathfinder DVL Guide (April 2018). PD0 gives the velocity of the bottom past a DVL at
+rest: in ship's coordinates a vehicle's way to starboard, ahead and up is negative.
+"""
+
+import re
+from collections.abc import Sequence
+from datetime import datetime, timezone
+from math import cos, degrees, log10, radians, sin
+from struct import pack
+from typing import Annotated, Any, NamedTuple
+
+from hil.client.client import Stamped
+from hil.common.clock import NS_PER_S
+from hil.common.schema import Range
+from hil.common.vectors import Quaternion
+from hil.instruments.contract import Client, Facts, Instrument, Scene, Send
+from sim.rotations import rotate, to_euler
+from sim.sensors.samples import DvlSample
+
+NO_VELOCITY = -32_768
+_BEAM_ANGLE = 30  # degrees
+_BEAM, _EARTH = 0, 3  # coordinates, by the first two digits of EX; 1 and 2 are those of the instrument and the ship
+_BANNER = b"\r\nPathfinder\r\nTeledyne RD Instruments (c) 2017\r\nAll rights reserved.\r\nFirmware Version: 67.01\r\n>"
+_COMMAND = re.compile(r"#?([A-Z]{2}) ?([-+0-9:.?]*)$")
+# Commands with their factory values. All are kept; BX, EC, EX and CF also have an effect.
+_FACTORY = {
+    "BK": "0", "BP": "1", "BX": "02000", "CB": "811", "CF": "11110", "CT": "0", "EA": "+00000", "EC": "1500",
+    "ED": "00000", "ES": "35", "EX": "11111", "EZ": "11110010", "PD": "0", "TE": "00:00:00.00", "TP": "00:00.00",
+    "WP": "0",
+}  # fmt: skip
+_ACTIONS = ("CK", "CR", "CS", "PA", "PS")
+_LONGEST = 80
+
+
+class PathfinderSettings(NamedTuple):
+    """Whether it pings from power on (turnkey mode, CT1), and the temperature (°C) of the water."""
+
+    turnkey: bool = False
+    temperature: Annotated[float, Range(-5.0, 45.0, "°C")] = 10.0
+
+
+class Pathfinder(Instrument):
+    """The DVL: it waits at its prompt until CS, and pings at the sensor's rate until a break (=== or +++).
+
+    Beam 3 looks ahead, beam 2 to starboard. All four ranges are the sensor's altitude; attitude and depth are the true
+    ones. Other formats than PD0, water tracking and profiles are not simulated and are refused.
+    """
+
+    Model = PathfinderSettings
+    sensors = ("dvl",)
+    wires = ("tcp", "serial", "pty")
+    warm_up_s = 1.0
+
+    def __init__(self, settings: Any, facts: Facts, scene: Scene, send: Send) -> None:
+        super().__init__(settings, facts, scene, send)
+        kept: dict[str, str] = facts.memory.setdefault("values", {})
+        self._values = _FACTORY | {"CT": str(int(settings.turnkey))} | kept
+        self._is_pinging = self._values["CT"] == "1"
+        self._buffers: dict[Client, str] = {}
+        self._ensembles = 0
+
+    def start(self, now_ns: int) -> None:
+        """Show the prompt, if it does not ping."""
+        if not self._is_pinging:
+            self.send(_BANNER)
+
+    def disconnected(self, client: Client, now_ns: int) -> None:
+        """Forget a client."""
+        self._buffers.pop(client, None)
+
+    def on_data(self, client: Client, data: bytes, now_ns: int) -> None:
+        """Carry out commands, echoing them; while it pings only a break is taken."""
+        for character in data.decode("latin-1"):
+            buffer = self._buffers.get(client, "") + character
+            if buffer.endswith(("===", "+++")):
+                self._is_pinging, buffer = False, ""
+                self.send(_BANNER)
+            elif self._is_pinging:
+                buffer = buffer[-2:]
+            elif character in "\r\n":
+                if buffer.strip():
+                    self._execute(client, buffer.strip().upper())
+                buffer = ""
+            self._buffers[client] = buffer[-_LONGEST:]
+
+    def _execute(self, client: Client, line: str) -> None:
+        found = _COMMAND.match(line)
+        name, value = found.groups() if found else ("", "")
+        answer = ""
+        if name in self._values and value == "?":
+            answer = f"{name} = {self._values[name]}"
+        elif name in self._values and self._is_valid(name, value):
+            self._values[name] = value
+        elif name == "CR":
+            self._values = dict(_FACTORY if value == "1" else self.facts.memory["values"] or _FACTORY)
+        elif name == "CK":
+            self.facts.memory["values"] = dict(self._values)
+        elif name not in _ACTIONS:
+            answer = f"{line} ERR: Bad command parameters!"
+            self.malformed += 1
+        self._is_pinging = name == "CS"
+        prompt = "" if self._is_pinging else ">"
+        self.send(f"{line}\r\n{answer}{answer and chr(13) + chr(10)}{prompt}".encode("latin-1"), client)
+
+    @staticmethod
+    def _is_valid(name: str, value: str) -> bool:
+        if name in ("EX", "CF"):
+            return len(value) == 5 and set(value) <= {"0", "1"}
+        if name in ("PD", "WP"):
+            return value in ("0", "00")
+        return bool(value) and "?" not in value and (name not in ("BX", "EC") or value.isdigit())
+
+    def on_sample(self, topic: str, stamped: Stamped, now_ns: int) -> None:
+        """Send an ensemble while it pings and its output is on."""
+        state, sample = self.scene.state(now_ns), stamped.value
+        if not self._is_pinging or state is None or not isinstance(sample, DvlSample):
+            return
+        self._ensembles += 1
+        if self._values["CF"][3] == "0":
+            return
+        depth, attitude = self.facts.mounting.world_position(state)[2], self.facts.mounting.attitude(state)
+        sections = [
+            self._fixed(),
+            self._variable(sample.time_ns, attitude, depth),
+            self._bottom(sample, attitude, depth),
+        ]
+        is_binary = self._values["CF"][2] == "1"
+        data = ensemble(sections)
+        self.send(data if is_binary else data.hex().upper().encode() + b"\r\n", measured_ns=stamped.sent_ns)
+
+    @property
+    def _coordinates(self) -> int:
+        return int(self._values["EX"][:2], 2)
+
+    def _fixed(self) -> bytes:
+        transformation = int(self._values["EX"], 2)
+        return pack(
+            "<HBBHBBBBHHHBBBBHBBBBhhBBHHBBBxH8xHBxIB", 0, 67, 1, 0x420B, 0, 0, 4, 0, 1, 0, 0, 1, 0, 0, 0, 0, 0, 0, 0,
+            transformation, 0, 0, 0x7D, 0x3D, 0, 0, 0, 0, 0, 0, 1, 255, 1001, _BEAM_ANGLE,
+        )  # fmt: skip
+
+    def _variable(self, time_ns: int, attitude: Quaternion, depth: float) -> bytes:
+        roll, pitch, yaw = [degrees(angle) for angle in to_euler(attitude)]
+        time = datetime.fromtimestamp(time_ns // NS_PER_S, timezone.utc)
+        clock = (time.month, time.day, time.hour, time.minute, time.second, time_ns // 10_000_000 % 100)
+        rollover, number = divmod(self._ensembles, 65_536)
+        angles = round(100.0 * (yaw % 360.0)) % 36_000, round(100.0 * pitch), round(100.0 * roll)
+        water = int(self._values["ES"]), round(100.0 * self.settings.temperature)
+        head = pack(
+            "<HH7BBHHHHhhHh", 0x80, number, time.year % 100, *clock, rollover & 0xFF, 0, int(self._values["EC"]),
+            max(0, round(10.0 * depth)), *angles, *water,
+        )  # fmt: skip
+        pressure = max(0, round(1000.0 * depth))  # daPa
+        return head + pack("<6B8xIHIIxBB6B", *[0] * 6, 0, 0, pressure, 0, *divmod(time.year, 100), *clock) + bytes(12)
+
+    def _bottom(self, sample: DvlSample, attitude: Quaternion, depth: float) -> bytes:
+        scale = int(self._values["EC"]) / self.facts.sound_speed(depth)  # by the speed of sound that it assumes
+        is_locked = sample.locked and sample.altitude <= 0.1 * int(self._values["BX"])
+        ranges, speeds, strength = [0] * 4, [NO_VELOCITY] * 4, 0
+        if is_locked:
+            ranges = [max(1, round(100.0 * sample.altitude * scale))] * 4
+            speeds = [
+                max(-32_767, min(32_767, round(1000.0 * scale * speed))) for speed in self._speeds(sample, attitude)
+            ]
+            strength = max(40, min(220, round(160.0 - 20.0 * log10(sample.altitude) / 0.61)))
+        good = 100 * is_locked
+        body = pack("<HHHBBBBH4x", 0x600, 1, 0, 220, 24, 0, 0, 1000)
+        body += pack("<4H4h", *[each & 0xFFFF for each in ranges], *speeds)
+        body += bytes([250 * is_locked] * 4 + [strength] * 4 + [good] * 4) + pack("<3H4h", 0, 0, 0, *[NO_VELOCITY] * 4)
+        return (
+            body
+            + bytes(12)
+            + pack("<H", int(self._values["BX"]))
+            + bytes([strength] * 4 + [1])
+            + bytes([each >> 16 for each in ranges])
+        )
+
+    def _speeds(self, sample: DvlSample, attitude: Quaternion) -> Sequence[float]:
+        """Return the four speeds (m/s) in the chosen coordinates, of the bottom past the DVL."""
+        forward, starboard, down = sample.velocity
+        if self._coordinates == _BEAM:
+            tilt = radians(_BEAM_ANGLE)
+            return [sin(tilt) * side + cos(tilt) * down for side in (-starboard, starboard, forward, -forward)]
+        if self._coordinates == _EARTH:
+            north, east, below = rotate(attitude, sample.velocity)
+            return -east, -north, below, 0.0
+        return -starboard, -forward, down, 0.0
+
+
+def ensemble(sections: Sequence[bytes]) -> bytes:
+    """Return an ensemble of PD0: header with offsets, data types, two reserved bytes, and the sum of all."""
+    at, offsets = 6 + 2 * len(sections), []
+    for section in sections:
+        offsets.append(at)
+        at += len(section)
+    body = pack(f"<BBHBB{len(offsets)}H", 0x7F, 0x7F, at + 2, 0, len(sections), *offsets) + b"".join(sections) + b"\0\0"
+    return body + pack("<H", sum(body) & 0xFFFF)
