@@ -32,6 +32,11 @@ class Client(NamedTuple):
     address: Hashable
 
 
+def datagrams_to(host: str, port: int) -> Client:
+    """Return a partner that need not have written: it gets datagrams from the instrument's first wire of UDP."""
+    return Client(-1, "udp", (host, port))
+
+
 class Facts(NamedTuple):
     """What an instrument knows of its vehicle and of the scenario.
 

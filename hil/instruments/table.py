@@ -9,7 +9,7 @@ INSTRUMENTS: dict[str, str] = {
     "keller_33x": "hil.instruments.depth.keller:Keller33X",
     "paroscientific_digiquartz": "hil.instruments.depth.paroscientific:Digiquartz",
     "ping1d": "hil.instruments.ping.ping1d:Ping1D",
-    "ping2": "hil.instruments.ping.ping1d:Ping1D",
+    "ping2": "hil.instruments.ping.ping1d:Ping2",
     "ping360": "hil.instruments.ping.ping360:Ping360",
     "seatrac": "hil.instruments.seatrac.link:SeatracLink",
     "teledyne_pathfinder": "hil.instruments.teledyne:Pathfinder",
@@ -18,6 +18,7 @@ INSTRUMENTS: dict[str, str] = {
     "vectornav_vn200": "hil.instruments.vectornav.unit:Vn200",
     "waterlinked_a50": "hil.instruments.waterlinked.dvl:A50",
     "waterlinked_a125": "hil.instruments.waterlinked.dvl:A125",
+    "waterlinked_sonar_3d": "hil.instruments.sonar_3d.sonar:Sonar3D",
     "waterlinked_ugps": "hil.instruments.ugps.topside:Ugps",
 }
 

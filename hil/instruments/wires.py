@@ -80,8 +80,10 @@ class Wires:
         return [client for client in self._clients if not kind or client.kind == kind]
 
     def send(self, client: Client, data: bytes) -> None:
-        """Send bytes to a client that may have gone."""
+        """Send bytes to a client that may have gone, or to one of `contract.datagrams_to`."""
         link = self._clients.get(client)
+        if client.wire < 0:
+            link = next((link for _, kind, link in self._links if kind == client.kind), None)
         if link:
             link.send(client.address, data)
 

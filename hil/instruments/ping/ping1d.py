@@ -27,21 +27,18 @@ _MEASURED = "distance:I confidence:H transmit_duration:H ping_number:I scan_star
 
 
 class Ping1DSettings(NamedTuple):
-    """Firmware and hardware of the device, as it reports them, its supply (V) and the warmth of its board (°C).
-
-    `revision` is 1 for a Ping1D, 2 for a Ping2.
-    """
+    """Firmware of the device, as it reports it, its supply (V) and the warmth of its board (°C)."""
 
     firmware: tuple[int, int, int] = (3, 29, 0)
-    revision: Annotated[int, Range(0, 255)] = 1
     supply: Annotated[float, Range(0.0, 30.0, "V")] = 5.0
     board_temperature: Annotated[float, Range(0.0, 100.0, "°C")] = 30.0
 
 
 class Ping1D(PingDevice):
-    """A Ping1D or Ping2 at the place of a simulated echo sounder."""
+    """A Ping1D at the place of a simulated echo sounder."""
 
     Model = Ping1DSettings
+    revision = 1
     sensors = ("echosounder",)
     readable = {  # noqa: RUF012
         1200: message(
@@ -92,7 +89,7 @@ class Ping1D(PingDevice):
         major, minor, patch = settings.firmware
         warmth = round(100 * settings.board_temperature)
         self.values |= {
-            "device_type": 1, "device_model": 1, "device_revision": settings.revision, "firmware_version_major": major,
+            "device_type": 1, "device_model": 1, "device_revision": self.revision, "firmware_version_major": major,
             "firmware_version_minor": minor, "firmware_version_patch": patch,
             "voltage_5": round(1000 * settings.supply), "pcb_temperature": warmth, "processor_temperature": warmth,
             "speed_of_sound": 1_500_000, "scan_start": 0, "scan_length": 10_000, "mode_auto": 1, "ping_interval": 250,
@@ -201,3 +198,9 @@ class Ping1D(PingDevice):
         values["scan_start"], values["scan_length"] = 0, min(max(round(1000.0 * wanted), 1000), _REACH_MM)
         gain = values["gain_setting"] + (peak < 100) - (peak >= 255)
         values["gain_setting"] = min(max(gain, 0), len(_GAINS) - 1)
+
+
+class Ping2(Ping1D):
+    """A Ping2, which differs by its hardware's number only."""
+
+    revision = 2
