@@ -11,12 +11,14 @@ from hil.client.delay import DelayMeter
 from hil.client.liveness import LivenessMonitor
 from hil.common.clock import NS_PER_S, boot_id, now_ns, to_wall_ns
 from hil.common.errors import NetworkError
+from hil.network.buffered import join_publishers
 from hil.network.presence import fetch_last
 from hil.network.publisher import Publisher
 from hil.network.roles import open_master_session
 from hil.network.security import Security
 from hil.network.session import Session
 from hil.network.settings import Network
+from hil.ros import dialect
 from hil.ros import encoders as ros
 from hil.ros.diagnostics import Diagnostics
 from hil.ros.graph import Node
@@ -113,10 +115,11 @@ class VehicleClient:
         self._other_publishers: dict[str, Publisher] = {}  # publishers of topics other than commands
         self._graph = Node(self.session, f"{node}_{role}")  # this client in the ROS graph
         self.contact = LivenessMonitor(self.session, node, self.delays.clock, self._fetch_last, report, network.lease)
+        join_publishers(self.session, f"{dialect.domain()}/{node}/**", f"{node}_{role}")
         self.watch(*topics, *OWN)
-        self.contact.begin(role, self._commands.gid, rank)
         if role == "master":
-            self._graph.publishes(TOPICS["cmd_vel"], node)
+            self._commands.gid = self._graph.publishes(TOPICS["cmd_vel"], node)
+        self.contact.begin(role, self._commands.gid, rank)
 
     def __enter__(self) -> "Self":
         return self
@@ -161,8 +164,8 @@ class VehicleClient:
         publisher = self._publishers.get(topic)
         if publisher is None:
             publisher = self._publishers[topic] = self.session.publisher(self.node, TOPICS[topic])
-            publisher.gid = self._commands.gid  # the slave identifies a master by this id
             self._graph.publishes(TOPICS[topic], self.node)
+            publisher.gid = self._commands.gid  # not the endpoint's own: the slave identifies a master by this id
         return publisher.put(payload, to_wall_ns(now_ns()))
 
     def publish(self, topic: str, payload: bytes) -> None:
@@ -170,7 +173,7 @@ class VehicleClient:
         publisher = self._other_publishers.get(topic)
         if publisher is None:
             publisher = self._other_publishers[topic] = self.session.publisher(self.node, TOPICS[topic])
-            self._graph.publishes(TOPICS[topic], self.node)
+            publisher.gid = self._graph.publishes(TOPICS[topic], self.node)
         publisher.put(payload, to_wall_ns(now_ns()))
 
     def watch(self, *topics: str) -> None:

@@ -12,6 +12,7 @@ from hil.client.vehicle_handle import Vehicle
 from hil.common.errors import ConfigError, NetworkError
 from hil.common.schema import nearest
 from hil.network.services import call
+from hil.ros import dialect
 from hil.ros.encoders import swap_attitude, swap_world
 from hil.ros.graph import plain_name
 from sim.vehicle.failures import VALUES
@@ -58,7 +59,8 @@ def set_pose(vehicle: Vehicle, north: float, east: float, depth: float, heading:
         "position": {"x": x, "y": y, "z": z},
         "orientation": {"w": qw, "x": qx, "y": qy, "z": qz},
     }
-    response = _call(vehicle, "set_pose", SET_STATE, {"entity": vehicle.name, "state": {"pose": pose}})
+    later = {"set_pose": True, "set_twist": True} if dialect.release() in dialect.LATER else {}
+    response = _call(vehicle, "set_pose", SET_STATE, {"entity": vehicle.name, "state": {"pose": pose}, **later})
     result = response.get("result", {})
     if result.get("result") != 1:
         raise NetworkError(f"{vehicle.name}: set_pose: {result.get('error_message') or 'refused'}")

@@ -10,6 +10,7 @@ from hil.common.clock import NS_PER_S, now_ns
 from hil.common.errors import NetworkError
 from hil.common.schema import nearest
 from hil.common.stop import Wakeup
+from hil.network.buffered import join_publishers
 from hil.network.presence import fetch_last, watch_nodes
 from hil.network.reception import MessageQueue
 from hil.network.session import Session
@@ -39,6 +40,7 @@ class Arrivals:
         self._event = Wakeup()
         self._waiting = waiting = MessageQueue(self._event.set, QUEUE)
         keys = f"{dialect.domain()}/{topic.strip('/')}/*/*"
+        join_publishers(session, keys, f"uuv_hil_topic_{os.getpid()}")
         session.subscribe_keys(keys, lambda key, data, _: waiting.put((now_ns(), key, data)), QUEUE, latched)
 
     def receive(self, stop_fd: int, seconds: float) -> list[Arrival]:
@@ -67,7 +69,7 @@ def first_arrivals(session: Session, name: str, wait: float, stop_fd: int) -> tu
     arrivals = Arrivals(session, name, latched)
     if name in published:  # a node in the graph: without one, descriptions of a vehicle are not made
         listener = Node(session, f"uuv_hil_topic_{os.getpid()}")
-        listener.subscribes(topic_of(name, published[name].type)._replace(qos=published[name].qos), "")
+        listener.joins(published[name])
     received = arrivals.receive(stop_fd, wait)
     if not received:
         published = published_topics(session)  # topics declared since

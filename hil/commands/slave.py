@@ -85,10 +85,13 @@ def _run(options: Options, startup: dict[str, int]) -> None:
     startup["scenario"] = now_ns()
     from hil.network.opening import Listening
     from hil.network.settings import save_threads
+    from hil.ros import dialect
 
     pictures = any(fitted.offloaded for fitted in scenario.sensors.values())
     save_threads(pictures)
     notes = [schedule_fifo(LOOP_PRIORITY).text] if scenario.slave.realtime else ["real-time: off by the scenario"]
+    if dialect.is_newer(scenario.ros.distro):
+        notes.append(f"[ros] distro = {scenario.ros.distro!r} is not known here, and acts as rolling")
     network = Listening(scenario.slave.listen, scenario.network, scenario.security, pictures)
     try:
         from hil.slave import daemon

@@ -2,6 +2,7 @@
 
 import argparse
 import os
+import re
 import sys
 from collections import deque
 from collections.abc import Sequence
@@ -42,6 +43,7 @@ examples:
   uuv-hil topic hz /uuv1/imu --connect tcp/192.168.3.116:7447
   uuv-hil topic pub /uuv1/cmd_vel geometry_msgs/msg/Twist '{linear: {x: 0.5}}' --rate 20
   uuv-hil topic call /uuv1/arm '{data: true}'
+  uuv-hil topic call /uuv1/arm std_srvs/srv/SetBool '{data: true}'
 
 Messages are written as YAML in one line, as JSON, or as TOML (linear.x = 0.5), in the units and frames of ROS: metres,
 radians, ENU and FLU. Ctrl-C ends it.
@@ -87,6 +89,9 @@ def _parser() -> argparse.ArgumentParser:
     pub.add_argument("values", metavar="VALUES", nargs="?", default="", help="fields that are not 0")
     pub.add_argument("--rate", metavar="HZ", type=RATE, help="messages a second [the topic's own, or 1]")
     call.add_argument("service", metavar="SERVICE", help="its full name, such as /uuv1/reset")
+    call.add_argument(
+        "type", metavar="TYPE", nargs="?", default="", help="such as std_srvs/srv/SetBool [the service's]"
+    )
     call.add_argument("values", metavar="VALUES", nargs="?", default="", help="fields that are not 0")
     for action in (list_, echo, hz, pub, call):
         add_connect(action)
@@ -189,7 +194,7 @@ def _pub(session: Session, options: argparse.Namespace, stop_fd: int) -> None:
     node = Node(session, f"uuv_hil_topic_{os.getpid()}")
     watch_nodes(session)
     publisher = session.publisher("", topic)
-    node.publishes(topic, "")
+    publisher.gid = node.publishes(topic, "")
     print(f"publishing {type_name} on {name} at {rate:g} Hz", flush=True)
     _repeat(publisher, payload, seconds_ns(1.0 / rate), options.count, stop_fd)
 
@@ -208,5 +213,9 @@ def _call(session: Session, options: argparse.Namespace, stop_fd: int) -> None:
     offered = {entity.topic: entity.type for entity in entities(session) if entity.kind == "SS"}
     if name not in offered:
         raise NetworkError(f"no server for {name}; {there_are(name, offered)}")
-    response = services.call(session, name, offered[name], parse_values(options.values), options.wait)
+    is_typed = re.fullmatch(r"\w+(/srv)?/\w+", options.type)
+    values = options.values if is_typed else f"{options.type} {options.values}".strip()
+    if is_typed and options.type.replace("/srv/", "/") != offered[name].replace("/srv/", "/"):
+        raise ConfigError(f"{name} has the type {offered[name]}, not {options.type}")
+    response = services.call(session, name, offered[name], parse_values(values), options.wait)
     print(json_text(response) if options.json else "\n".join(lines(response)))

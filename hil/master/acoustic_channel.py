@@ -9,8 +9,8 @@ from collections import Counter
 from hil.common.clock import now_ns, to_wall_ns
 from hil.network.session import Session
 from hil.ros import encoders as ros
+from hil.ros.fleet import Message, decode_message, encode_message, encode_range
 from hil.ros.graph import Node
-from hil.ros.modem import Message, decode_message, encode_message, encode_range
 from hil.ros.topics import TOPICS
 from hil.scenario.config import Scenario
 from hil.scenario.modem import open_channel
@@ -39,8 +39,8 @@ class ModemNetwork:
         graph = Node(session, "channel")
         for node in nodes:
             self._attend(session, node)
-            for topic in ("modem_rx", "modem_range"):
-                graph.publishes(TOPICS[topic], node)
+            for topic, publishers in (("modem_rx", self._received), ("modem_range", self._measured)):
+                publishers[node].gid = graph.publishes(TOPICS[topic], node)
             graph.subscribes(TOPICS["modem_tx"], node)
         session.every(TICK_S, self._deliver, "channel")
 

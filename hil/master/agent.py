@@ -55,7 +55,8 @@ def run(scenario: Scenario, which: str, stop_fd: int, report: Report, wait: floa
     with open_peer_session(me.agent, *endpoints, network=network, security=scenario.security) as session:
         began = now_ns()
         modem = _modem(session, scenario, number, planner, began)
-        _subscribe_reports(session, scenario, me.node, planner, began)
+        reports = session.publisher(me.node, REPORTS)
+        reports.gid = _subscribe_reports(session, scenario, me.node, planner, began)
         with VehicleClient(
             session,
             me.node,
@@ -66,7 +67,7 @@ def run(scenario: Scenario, which: str, stop_fd: int, report: Report, wait: floa
         ) as client:
             report(f"{me.node}: planning, reports at {me.agent}")
             if _wait(client, stop_fd, wait):
-                agent = _Agent(scenario, planner, client, session.publisher(me.node, REPORTS), began, report, modem)
+                agent = _Agent(scenario, planner, client, reports, began, report, modem)
                 agent.run(stop_fd)
                 faults = agent.report_events()
     report(f"reports: {planner.received} received, {planner.beyond} from out of range, {planner.malformed} malformed")
@@ -74,12 +75,15 @@ def run(scenario: Scenario, which: str, stop_fd: int, report: Report, wait: floa
         raise MissionError(f"{me.node}: {faults[0].describe()}" + (f", and {len(faults) - 1} more" * (len(faults) > 1)))
 
 
-def _subscribe_reports(session: Session, scenario: Scenario, own: str, planner: HuntPlanner, began: int) -> None:
-    """Announce the topics to ROS and, in a fleet without modems, subscribe to the reports of all other members."""
+def _subscribe_reports(session: Session, scenario: Scenario, own: str, planner: HuntPlanner, began: int) -> bytes:
+    """Announce the topics to ROS and, in a fleet without modems, subscribe to the reports of all other members.
+
+    Return the gid of its own reports.
+    """
     graph = Node(session, f"{own}_agent")
-    graph.publishes(REPORTS, own)
+    gid = graph.publishes(REPORTS, own)
     if scenario.modem:
-        return
+        return gid
 
     def receive_from(node: str) -> Callable[[str, bytes, bytes], None]:
         return lambda _topic, payload, _attachment: planner.on_report(node, payload, (now_ns() - began) / NS_PER_S)
@@ -88,6 +92,7 @@ def _subscribe_reports(session: Session, scenario: Scenario, own: str, planner: 
         if member.node != own:
             graph.subscribes(REPORTS, member.node)
             session.subscribe(member.node, REPORTS.name, receive_from(member.node), QUEUE)
+    return gid
 
 
 def _modem(session: Session, scenario: Scenario, number: int, planner: HuntPlanner, began: int) -> "ModemPort | None":

@@ -13,7 +13,7 @@ from hil.autonomy.fleets.hunting import Hunter, Report
 from hil.autonomy.fleets.localisation_noise import LocalisationNoise
 from hil.common.clock import NS_PER_S, seconds_ns
 from hil.master.planner import Done, Planner, Samples
-from hil.ros.formation import FormationSample, decode_formation, encode_formation
+from hil.ros.fleet import FormationSample, decode_formation, encode_formation
 from hil.scenario.config import Scenario
 from hil.scenario.fleet import as_member, hunt_plan, hunting_of
 from sim.rotations import rotate

@@ -7,8 +7,8 @@ simulates the water.
 from hil.common.clock import NS_PER_S, from_wall_ns, now_ns, to_wall_ns
 from hil.master.hunt import HuntPlanner
 from hil.network.session import Session
+from hil.ros.fleet import Message, decode_message, encode_message
 from hil.ros.graph import Node
-from hil.ros.modem import Message, decode_message, encode_message
 from hil.ros.topics import TOPICS
 from hil.scenario.config import Scenario
 from hil.scenario.modem import TdmaSchedule, modem_of
@@ -30,7 +30,7 @@ class ModemPort:
         self._schedule = TdmaSchedule(scenario, number)
         self._out = session.publisher(self._node, TOPICS["modem_tx"])
         graph = Node(session, f"{self._node}_modem")
-        graph.publishes(TOPICS["modem_tx"], self._node)
+        self._out.gid = graph.publishes(TOPICS["modem_tx"], self._node)
         graph.subscribes(TOPICS["modem_rx"], self._node)
         session.subscribe(self._node, "modem_rx", self._on_message, QUEUE)
         self._due_ns = self._schedule.after(to_wall_ns(now_ns()))

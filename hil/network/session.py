@@ -23,6 +23,7 @@ from hil.common.errors import NetworkError
 from hil.network.publisher import Declared, Publisher, close_session, is_matched
 from hil.network.workarounds.key_text import frequent_keys
 from hil.ros import dialect
+from hil.ros.encoders import dds_name
 from hil.ros.topics import TOPICS, Topic
 
 if TYPE_CHECKING:
@@ -96,7 +97,8 @@ class Session:
         """Call `deliver(topic name, payload, attachment)` for each message of a node's topic, in a separate thread.
 
         `topic` "*" means all topics of the node. At most `depth` messages wait; beyond it the oldest are dropped.
-        `deliver` must be quick and must not raise. The last message of a latched topic comes at once.
+        `deliver` must be quick and must not raise. The last message of a latched topic comes at once. The payload of a
+        message of another type than the topic's is empty, so that it counts as malformed.
         """
         keys = f"{dialect.domain()}/{node}/{topic}/*/*"
         channel = self.collect(keys, depth, topic in TOPICS and TOPICS[topic].qos.latched)
@@ -392,8 +394,10 @@ class Session:
 
 
 def _deliver(sample: zenoh.Sample, deliver: Deliver) -> None:
-    name = str(sample.key_expr).split("/", 2)[2].rsplit("/", 2)[0]  # a topic's name may contain "/"
-    deliver(name, *_content(sample))
+    name, dds, _ = str(sample.key_expr).split("/", 2)[2].rsplit("/", 2)  # a topic's name may contain "/"
+    payload, attachment = _content(sample)
+    row = TOPICS.get(name)
+    deliver(name, payload if row is None or dds == dds_name(row.type) else b"", attachment)
 
 
 def _content(sample: zenoh.Sample) -> tuple[bytes, bytes]:

@@ -25,7 +25,7 @@ LONGEST_SILENCE_S = 20.0  # simulated time without a sample, after which none is
 COMMANDS = {topic.name for topic in TOPICS.values() if topic.from_master}
 NOT_SAMPLES = {
     *COMMANDS, *DESCRIPTIONS, "trace", "diagnostics", "thruster_wrench", "joint_states", "motors", "tether",
-    "accessories", "/clock", "/tf_static", "/diagnostics", "/parameter_events",
+    "accessories", "/clock", "/tf_static", "/diagnostics", "/parameter_events", "/rosout",
 }  # fmt: skip
 
 

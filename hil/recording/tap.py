@@ -16,6 +16,7 @@ import zenoh
 
 from hil.common.clock import NS_PER_S, now_ns, to_wall_ns, use_one_arena
 from hil.common.endpoint import LAN
+from hil.network.buffered import join_publishers
 from hil.network.roles import client_opener, open_when_present
 from hil.network.session import Session
 from hil.network.settings import Network
@@ -70,6 +71,7 @@ class _Source:
         # A latched message that arrives by both subscriptions is dropped once, by its sequence number.
         self.channels = [session.collect(f"{domain}/**", DEPTH)]
         self.channels += [session.collect(keys, DEPTH, latched=True) for keys in latched]
+        join_publishers(session, f"{domain}/**", f"uuv_hil_{os.getpid()}")
 
     def arrivals(self) -> Received:
         """Return what has arrived. Before the first message of an open session, none are missed: nobody may publish."""
@@ -210,6 +212,6 @@ def _read_key(key: str) -> tuple[str, str] | None:
     parts = key.split("/")
     package, _, name = parts[-2].partition("::") if len(parts) > 3 else ("", "", "")
     kind, _, last = name.partition("::dds_::")
-    if not (parts[-1].startswith("RIHS01_") and last.endswith("_")):
+    if not (parts[-1].startswith(("RIHS01_", dialect.NO_HASH)) and last.endswith("_")):
         return None
     return "/" + "/".join(parts[1:-2]), f"{package}/{kind}/{last[:-1]}"

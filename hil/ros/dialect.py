@@ -5,22 +5,28 @@ that of the variable ROS_DOMAIN_ID, as in ROS; else 0. All processes of one vehi
 """
 
 import os
-from typing import Literal
+import re
 
 from hil.common.errors import ConfigError
 
-Distro = Literal["humble", "jazzy", "kilted", "rolling"]
+RELEASES = ("humble", "jazzy", "kilted", "lyrical", "rolling")
+LATER = RELEASES[3:]  # releases with simulation_interfaces 2
 FROM_ENVIRONMENT = -1
 MAX_DOMAIN = 232  # limit of ROS 2
 NO_HASH = "TypeHashNotSupported"  # sent by Humble instead of the hash of a type
 
-_chosen: tuple[int, Distro] = (FROM_ENVIRONMENT, "jazzy")
+_chosen: tuple[int, str] = (FROM_ENVIRONMENT, "jazzy")
 
 
-def select(domain: int = FROM_ENVIRONMENT, distro: Distro = "jazzy") -> None:
+def is_newer(distro: str) -> bool:
+    """Return whether this is the name of a release later than the ones known here; it acts as rolling."""
+    return distro not in RELEASES and bool(re.fullmatch("[a-z]{4,20}", distro)) and distro > RELEASES[-2]
+
+
+def select(domain: int = FROM_ENVIRONMENT, distro: str = "jazzy") -> None:
     """Set domain and release for this process. Raises ConfigError if the environment has an invalid domain."""
     global _chosen  # noqa: PLW0603 - one for the process, see above
-    _chosen = domain if domain >= 0 else _from_environment(), distro
+    _chosen = domain if domain >= 0 else _from_environment(), distro if distro in RELEASES else "rolling"
 
 
 def domain() -> int:
@@ -28,6 +34,11 @@ def domain() -> int:
     if _chosen[0] < 0:
         select(*_chosen)
     return _chosen[0]
+
+
+def release() -> str:
+    """Return the release, one of RELEASES."""
+    return _chosen[1]
 
 
 def is_humble() -> bool:

@@ -6,7 +6,7 @@ are diagonals; 0 means "unknown", as in ROS, and -1 that something is not measur
 """
 
 from collections.abc import Callable, Iterable, Sequence
-from functools import partial
+from functools import lru_cache, partial
 from importlib import import_module
 from math import isfinite, sqrt
 from struct import Struct, pack
@@ -74,7 +74,7 @@ def encode_twist(linear: Sequence[float], angular: Sequence[float]) -> bytes:
 def decode_twist(data: bytes) -> tuple[Vector3, Vector3]:
     """Return linear (m/s) and angular (rad/s) velocity along FRD; values that are not finite count as malformed."""
     check_header(data)
-    _, x, y, z, p, q, r = _TWIST.unpack(data)  # exactly this size: a TwistStamped would give wrong numbers
+    _, x, y, z, p, q, r = _TWIST.unpack_from(data)
     if not isfinite(abs(x) + abs(y) + abs(z) + abs(p) + abs(q) + abs(r)):
         raise MalformedError("not a velocity")
     return (x, -y, -z), (p, -q, -r)
@@ -237,6 +237,7 @@ def data_key(domain: int, topic: str, type_name: str, type_hash: str) -> str:
     return f"{domain}/{topic.strip('/')}/{dds_name(type_name)}/{type_hash}"
 
 
+@lru_cache(256)
 def dds_name(type_name: str) -> str:
     """Return the name of a type in keys: sensor_msgs::msg::dds_::Imu_."""
     package, kind, name = type_name.split("/")
@@ -338,9 +339,8 @@ _ELSEWHERE = {
     **{each.topic: kind.codec for kind in SENSORS.values() for each in kind.streams},
     "scanning_sonar/image": "images",
     **dict.fromkeys(("/tf", "/tf_static", "/clock", "thruster_wrench"), "frames"),
-    **dict.fromkeys(("robot_description", "map", "obstacles", "/parameter_events"), "world"),
+    **dict.fromkeys(("robot_description", "map", "obstacles", "/parameter_events", "/rosout"), "world"),
     **dict.fromkeys(("joint_states", "motors", "accessories", "cmd_accessories"), "joints"),
-    "formation": "formation",
+    **dict.fromkeys(("formation", "modem_tx", "modem_rx", "modem_range"), "fleet"),
     **dict.fromkeys(("plan", "tether"), "plan"),
-    **dict.fromkeys(("modem_tx", "modem_rx", "modem_range"), "modem"),
 }

@@ -3,10 +3,12 @@
 Each of them is a liveliness token, a key that exists as long as the session that declared it, in the form of rmw_zenoh
 (ros2/rmw_zenoh, docs/design.md and src/detail/liveliness_utils.cpp):
 
-    @ros2_lv/DOMAIN/SESSION/NODE ID/ID/KIND/ENCLAVE/NAMESPACE/NODE [/TOPIC/TYPE/HASH/QOS]
+    @ros2_lv/DOMAIN/SESSION/NODE ID/ID/KIND/ENCLAVE/NAMESPACE/NODE [/TOPIC/TYPE/HASH/QOS [/BACKENDS]]
 
-Names have "%" instead of "/" there. Not modelled: security enclaves, and deadlines, lifespans and leases in QoS. The
-gid of our messages is random, whereas rmw_zenoh uses a hash of the token.
+Names have "%" instead of "/" there. Not modelled: security enclaves, and deadlines, lifespans and leases in QoS.
+
+Publishers with BACKENDS (rmw_zenoh 0.10.5 and later, types with sequences of numbers) send on their topic's usual key
+only while the graph has a subscription without BACKENDS.
 """
 
 from collections.abc import Callable
@@ -15,10 +17,12 @@ from typing import Literal, NamedTuple, Protocol
 
 from hil.ros import dialect
 from hil.ros.encoders import dds_name
+from hil.ros.gid import gid_of
 from hil.ros.topics import Qos, Topic, hash_of
 
 ALL = "@ros2_lv/*/**"  # all domains; `read_token` ignores other domains
 SUBSCRIPTIONS = "@ros2_lv/*/*/*/*/MS/**"  # only subscriptions
+BACKED = f"@ros2_lv/*/*/*/*/MP{8 * '/*'}/**"  # only publishers with BACKENDS
 Kind = Literal["NN", "MP", "MS", "SS", "SC"]  # node, publisher, subscription, service, client
 KINDS: dict[str, Kind] = {"NN": "NN", "MP": "MP", "MS": "MS", "SS": "SS", "SC": "SC"}
 SERVICE_QOS = Qos()
@@ -158,9 +162,13 @@ class Node:
             withdraw()
         self._withdraw.clear()
 
-    def publishes(self, topic: Topic, owner: str) -> None:
-        """Declare that this node publishes this topic of the node `owner`, which may be itself."""
-        self._endpoint("MP", topic.full_name(owner), topic.type, topic.qos)
+    def publishes(self, topic: Topic, owner: str) -> bytes:
+        """Declare that this node publishes this topic of the node `owner`, which may be itself; return the gid."""
+        return gid_of(self._endpoint("MP", topic.full_name(owner), topic.type, topic.qos))
+
+    def joins(self, publisher: Entity) -> None:
+        """Declare that this node subscribes to the topic of that publisher, of whatever type."""
+        self._endpoint("MS", publisher.topic, publisher.type, publisher.qos, publisher.type_hash)
 
     def subscribes(self, topic: Topic, owner: str) -> None:
         """Declare that this node subscribes to this topic of the node `owner`."""
@@ -174,16 +182,17 @@ class Node:
         """Declare that this node is a client of the service with that full name."""
         self._endpoint("SC", name, type_name, SERVICE_QOS)
 
-    def _endpoint(self, kind: Kind, name: str, type_name: str, qos: Qos) -> None:
-        ident = self._first + next(_numbers)
-        self._declare(
-            self._node._replace(
-                kind=kind, ident=ident, topic=name, type=type_name, type_hash=hash_of(type_name), qos=qos
-            )
+    def _endpoint(self, kind: Kind, name: str, type_name: str, qos: Qos, type_hash: str = "") -> str:
+        ident, type_hash = self._first + next(_numbers), type_hash or hash_of(type_name)
+        return self._declare(
+            self._node._replace(kind=kind, ident=ident, topic=name, type=type_name, type_hash=type_hash, qos=qos)
         )
 
-    def _declare(self, entity: Entity) -> None:
-        self._withdraw.append(self._session.declare_token(token(entity)))
+    def _declare(self, entity: Entity) -> str:
+        """Declare the token of an entity, and return it."""
+        key = token(entity)
+        self._withdraw.append(self._session.declare_token(key))
+        return key
 
 
 def _mangle(name: str) -> str:

@@ -133,5 +133,5 @@ def _reader(type_name: str) -> Decoder:
 
 
 DECODERS: dict[str, Decoder] = {
-    name: _reader(TOPICS[name].type) for name in ("robot_description", "obstacles", "/parameter_events")
+    name: _reader(TOPICS[name].type) for name in ("robot_description", "obstacles", "/parameter_events", "/rosout")
 } | {"map": decode_map}

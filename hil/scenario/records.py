@@ -9,7 +9,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 from hil.common.endpoint import validate_endpoint
-from hil.common.schema import Range
+from hil.common.schema import Range, shortened
 from hil.links.address import incompatibility
 from hil.ros import dialect
 from sim.environment.obstacles import ZoneKind
@@ -166,7 +166,8 @@ class Ros(NamedTuple):
     arm, reset, set_pose, failures of thrusters. `frame_prefix` ("uuv1/") separates the frames of vehicles that share
     one /tf; only one of several vehicles should have a `clock`. `images` is the format of camera pictures,
     `jpeg_quality` (of libjpeg, 1 to 95) the quality of JPEG. `domain` is the ROS domain; by default (-1) it is the
-    variable ROS_DOMAIN_ID, or 0. `distro` is the ROS release.
+    variable ROS_DOMAIN_ID, or 0. `distro` is the ROS release; an
+    unknown later one acts as rolling.
     """
 
     transforms: bool = True
@@ -178,4 +179,10 @@ class Ros(NamedTuple):
     images: Literal["jpeg", "raw", "both"] = "jpeg"
     jpeg_quality: Annotated[int, Range(1, 95)] = 80
     domain: Annotated[int, Range(dialect.FROM_ENVIRONMENT, dialect.MAX_DOMAIN)] = dialect.FROM_ENVIRONMENT
-    distro: dialect.Distro = "jazzy"
+    distro: str = "jazzy"
+
+    def validate(self) -> str | None:
+        """Return that the release is unknown, or None."""
+        if self.distro in dialect.RELEASES or dialect.is_newer(self.distro):
+            return None
+        return f"distro: {shortened(self.distro)} is none of {', '.join(dialect.RELEASES)}, nor a later release"

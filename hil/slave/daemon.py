@@ -66,6 +66,7 @@ def run(
 
         board, session = board or _detect_board(), network.session()
         loop.ros = ros = RosNode(session, scenario, loop, log.write_line)
+        log.publish = ros.publish_line
         stack.callback(ros.close)
         loop.sample_publisher.declare(fitted.topic for fitted in scenario.sensors.values() if not fitted.offloaded)
         ends = session, scenario.slave.node, receiver, loop.sample_publisher

@@ -3,6 +3,7 @@
 import sys
 import threading
 from collections import deque
+from collections.abc import Callable
 from contextlib import suppress
 
 from hil.common.clock import NS_PER_S, now_ns
@@ -19,16 +20,18 @@ class Log:
     A write may block (a slow terminal, a full disk); `write_line` never does. `wakeup` is set when a line is stored.
     What others on the network can cause is bounded: characters that do not print are replaced, long lines are cut, and
     lines beyond 1000 in 10 s are only counted. A line that is repeated is counted, too, and shown again every 10 s.
+    `publish`, if it is set, is called with each line that is written, without its time.
     """
 
     def __init__(self, name: str) -> None:
         self._name = name
         self._start_ns = now_ns()
-        self._lines: deque[str] = deque(maxlen=1000)
+        self._lines: deque[tuple[int, str]] = deque(maxlen=1000)
         self._window_ns, self._in_window, self._left_out = self._start_ns, 0, 0
         self._last, self._repeated = "", 0
         self._noting = threading.Lock()  # several threads write lines
         self.wakeup = threading.Event()
+        self.publish: Callable[[str], None] | None = None
 
     def write_line(self, text: str) -> None:
         """Store a line with its time since the start."""
@@ -50,7 +53,7 @@ class Log:
         self.wakeup.set()
 
     def _add_line(self, text: str, now: int) -> None:
-        self._lines.append(f"[{(now - self._start_ns) / NS_PER_S:9.3f}] {self._name}: {clean(text, LONGEST)}\n")
+        self._lines.append((now, clean(text, LONGEST)))
 
     def _add_repeated(self, now: int) -> None:
         if self._repeated:
@@ -73,5 +76,8 @@ class Log:
         if self._lines:
             with suppress(OSError):  # the terminal is closed
                 while self._lines:
-                    sys.stderr.write(self._lines.popleft())
+                    now, text = self._lines.popleft()
+                    if self.publish:
+                        self.publish(text)
+                    sys.stderr.write(f"[{(now - self._start_ns) / NS_PER_S:9.3f}] {self._name}: {text}\n")
                 sys.stderr.flush()

@@ -180,7 +180,7 @@ class SamplePublisher:
 
     def _declare(self, name: str) -> Publisher:
         publisher = self._publishers[name] = self._session.publisher(self._node, TOPICS[name])
-        self.graph.publishes(TOPICS[name], self._node)
+        publisher.gid = self.graph.publishes(TOPICS[name], self._node)
         if not (self._record or publisher.topic.qos.latched):
             self._session.watch_subscribers(publisher)
         return publisher

@@ -43,6 +43,7 @@ CONTENT = {
     "obstacles": "markers of the obstacles of the world, in `map`",
     "/diagnostics": "the same diagnostics, on the topic that ROS tools read",
     "/parameter_events": "changes of parameters",
+    "/rosout": "lines of the slave's log",
     "/tf": "transform from `odom` to `base_link`, estimated by the navigation",
     "/tf_static": "transforms from `base_link` to each sensor",
     "/clock": "time of the samples",

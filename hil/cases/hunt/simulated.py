@@ -14,7 +14,7 @@ from hil.cases.simulated import SimulatedVehicle
 from hil.common.clock import NS_PER_S, seconds_ns
 from hil.master.flight import held
 from hil.master.hunt import HuntPlanner
-from hil.ros.formation import FormationSample
+from hil.ros.fleet import FormationSample
 from hil.scenario.config import Scenario
 from hil.scenario.fleet import as_member, hunting_of
 from hil.scenario.modem import Channel, TdmaSchedule, open_channel

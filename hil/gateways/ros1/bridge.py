@@ -147,9 +147,12 @@ class Ros1Bridge(ServerThread):
                     self._do(self._set_description(message))
 
     def _publish(self, topic: str, type_name: str) -> bool:
-        """Offer a topic; return whether ROS 1 can have it. Commands that are taken from there are not."""
+        """Offer a topic; return whether ROS 1 can have it. Commands that are taken from there are not.
+
+        ROS 1 has its own /rosout, of another type.
+        """
         name = topic.rpartition("/")[2]
-        if not NAME.match(topic) or (self._may_command and name in COMMANDS):
+        if topic == "/rosout" or not NAME.match(topic) or (self._may_command and name in COMMANDS):
             return False
         try:
             kind = kind_of(type_name)

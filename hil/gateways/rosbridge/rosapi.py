@@ -43,7 +43,7 @@ class RosApi:
             "has_param": lambda of: {"exists": parameter(of) in self._parameters()},
             "action_servers": lambda _: {"action_servers": []},
             "get_time": lambda _: {"time": time_now()},
-            "get_ros_version": lambda _: {"version": 2, "distro": "humble" if dialect.is_humble() else "jazzy"},
+            "get_ros_version": lambda _: {"version": 2, "distro": dialect.release()},
         }
 
     def call(self, name: str, given: Any) -> Answer:

@@ -1,9 +1,10 @@
 """Message and service definitions of ROS 2 as data, one file for each package, read on first use.
 
 A file has one block for each type: a line `=== NAME HASH`, then the definition as in ROS's .msg and .srv files, without
-comments. HASH is that of REP 2016 (RIHS01), which is part of every key of the type.
+comments. HASH is that of REP 2016 (RIHS01), which is part of every key of the type. A file PACKAGE.later.msg has the
+types that differ in the releases from Lyrical on.
 
-Public: `definition`, `type_hash`, `names`. It must not know topics, nor encode messages.
+Public: `definition`, `type_hash`, `names`, `description`. It must not know topics, nor encode messages.
 """
 
 import os
@@ -11,6 +12,7 @@ from functools import cache
 from typing import NamedTuple
 
 from hil.common.errors import ConfigError
+from hil.ros import dialect
 
 _FOLDER = os.path.dirname(__file__)
 _RULE = "=" * 80  # separates a type from its member types in ROS's own concatenated definitions
@@ -23,7 +25,7 @@ PRIMITIVES = {
 class Field(NamedTuple):
     """One field. `type`: a primitive or the full name of a message. `length`: of an array, 0 for a sequence, else None.
 
-    `default` is the value of a field that is not set; `most` the limit of a bounded sequence, 0 without one.
+    `default` is the value of a field that is not set; `most` the limit of a bounded sequence or string, 0 without one.
     """
 
     name: str
@@ -45,7 +47,7 @@ class Definition(NamedTuple):
 def names() -> list[str]:
     """Return the names of all messages and services, sorted."""
     packages = [file.removesuffix(".msg") for file in os.listdir(_FOLDER) if file.endswith(".msg")]
-    return sorted(name for package in packages for name in _package(package))
+    return sorted({name for package in packages for name in _package(package)})
 
 
 def type_hash(name: str) -> str:
@@ -53,9 +55,13 @@ def type_hash(name: str) -> str:
     return _block(name)[0]
 
 
-@cache
 def definition(name: str) -> Definition:
     """Return the definition of a message, or of "PACKAGE/srv/NAME_Request" or "_Response". Raises ConfigError."""
+    return _definition(name, dialect.release() in dialect.LATER)
+
+
+@cache
+def _definition(name: str, _is_later: bool) -> Definition:
     service, _, half = name.rpartition("_")
     if "/srv/" in name and half in ("Request", "Response"):
         text = _block(service)[1].split("---\n")[half == "Response"]
@@ -80,7 +86,10 @@ def full_text(name: str) -> str:
 
 
 def _block(name: str) -> tuple[str, str]:
-    blocks = _package(name.partition("/")[0])
+    package = name.partition("/")[0]
+    blocks = _package(package)
+    if dialect.release() in dialect.LATER:
+        blocks = blocks | _package(f"{package}.later")
     if name in blocks:
         return blocks[name]
     from hil.common.schema import nearest
@@ -92,7 +101,7 @@ def _block(name: str) -> tuple[str, str]:
 def _package(package: str) -> dict[str, tuple[str, str]]:
     """Return hash and text of each type of a package; empty for an unknown package."""
     path = os.path.join(_FOLDER, f"{package}.msg")
-    if not package.isidentifier() or not os.path.exists(path):
+    if not package.removesuffix(".later").isidentifier() or not os.path.exists(path):
         return {}
     with open(path, encoding="utf-8") as file:
         blocks = file.read().split("=== ")[1:]
@@ -111,9 +120,11 @@ def _fields(owner: str, text: str) -> tuple[Field, ...]:
 
 def _field(owner: str, kind: str, name: str, default: str = "0") -> Field:
     base, _, count = kind.removesuffix("]").partition("[")
+    base, _, most = base.partition("<=")
+    value = float({"true": 1, "false": 0}.get(default, default))
     if base not in PRIMITIVES:
         package, _, last = base.rpartition("/")
         base = f"{package or owner.partition('/')[0]}/msg/{last}"
     if count.startswith("<="):
-        return Field(name, base, 0, float(default), int(count[2:]))
-    return Field(name, base, int(count or 0) if kind.endswith("]") else None, float(default))
+        return Field(name, base, 0, value, int(count[2:]))
+    return Field(name, base, int(count or 0) if kind.endswith("]") else None, value, int(most or 0))

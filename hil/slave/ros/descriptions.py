@@ -28,8 +28,7 @@ class Descriptions:
         self._session = session
         node = scenario.slave.node
         self._names = {TOPICS[name].full_name(node): name for name in DESCRIPTIONS}
-        for name in DESCRIPTIONS:
-            graph.publishes(TOPICS[name], node)
+        self._gids = {name: graph.publishes(TOPICS[name], node) for name in DESCRIPTIONS}
         session.watch_tokens(SUBSCRIPTIONS, self._on_token)
 
     def _on_token(self, key: str, alive: bool) -> None:
@@ -53,6 +52,7 @@ class Descriptions:
             self._report(f"no {name}: {problem}")
         else:
             publisher = self._session.publisher(self._scenario.slave.node, TOPICS[name], wait=True)
+            publisher.gid = self._gids[name]
             publisher.put(payload, to_wall_ns(now_ns()))
 
 

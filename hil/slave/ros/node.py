@@ -7,7 +7,7 @@ from collections.abc import Callable
 from math import nan, sqrt
 from typing import TYPE_CHECKING
 
-from hil.common.clock import NEVER_NS
+from hil.common.clock import NEVER_NS, now_ns
 from hil.network.services import Server
 from hil.network.session import Session
 from hil.ros import encoders as ros
@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from sim.tether import Tether
     from sim.vehicle.accessories import Accessories
 
+LOG, INFO, WARN = "/rosout", 20, 30  # levels of rcl_interfaces/msg/Log
 _HALF_SQRT = sqrt(0.5)
 WITHOUT_PLACE = ("odometry", "ground_truth")  # measured at the body's origin, so without a sensor frame
 TURNED_UP = (0.0, 1.0, 0.0, 0.0)  # half a turn about x: from FLU to the axes of a DVL message, which have z down
@@ -47,7 +48,7 @@ class RosNode:
 
     def __init__(self, session: Session, scenario: Scenario, loop: Loop, report: Callable[[str], None]) -> None:
         settings, node = scenario.ros, scenario.slave.node
-        self._loop = loop
+        self._loop, self._node = loop, node
         self.due_ns = 0  # simulation time
         self._prefix = settings.frame_prefix
         self._clock = _Due(settings.clock)
@@ -63,6 +64,7 @@ class RosNode:
         if settings.services:
             loop.sample_publisher.declare((EVENTS,))
             offer_services(self.server, node, loop, scenario.start, report)
+        loop.sample_publisher.declare((LOG,))
         Descriptions(session, loop.sample_publisher.graph, scenario, report)
         self._sensors, self._settings, self._tilt = scenario.sensors, settings, 0.0
         if settings.transforms:
@@ -139,6 +141,17 @@ class RosNode:
 
         stamp_ns = self._loop.sample_publisher.stamps.stamp(time_ns)
         self._loop.sample_publisher.publish("tether", encode_plan(stamp_ns, tether.nodes, 0.0))
+
+    def publish_line(self, line: str) -> None:
+        """Publish a line of the log on /rosout; from another thread than the loop's."""
+        publisher, level = self._loop.sample_publisher, WARN if line.startswith("WARNING") else INFO
+        if publisher.has_subscribers((LOG,)):
+            from hil.ros.message import encode, header  # loaded at the first subscriber
+
+            stamp = header(publisher.stamps.wall_ns(now_ns()))["stamp"]
+            publisher.publish(
+                LOG, encode(TOPICS[LOG].type, {"stamp": stamp, "level": level, "name": self._node, "msg": line})
+            )
 
     def add_figures(self, figures: Diagnostics) -> None:
         """Add the counters of the services."""

@@ -9,7 +9,9 @@ from math import hypot, inf
 from typing import Any
 
 from hil.common.clock import NS_PER_S
+from hil.common.errors import ConfigError
 from hil.network.services import Answer, Server
+from hil.ros import dialect, types
 from hil.ros import encoders as ros
 from hil.ros.commands import MAX_PLACE
 from hil.ros.graph import plain_name
@@ -23,7 +25,8 @@ from sim.rotations import from_euler, rotate_inverse
 from sim.vehicle.failures import Failure
 
 SET_BOOL, TRIGGER = "std_srvs/srv/SetBool", "std_srvs/srv/Trigger"
-SET_STATE = "simulation_interfaces/srv/SetEntityState"  # version 1.x, as in ROS 2 Jazzy
+SET_STATE = "simulation_interfaces/srv/SetEntityState"
+DESCRIBE = "type_description_interfaces/srv/GetTypeDescription"
 _INVALID_POSE = 101  # of simulation_interfaces
 _WORLD_FRAMES = ("", "map", "world")
 # Limit of the velocity that set_pose accepts, in m and rad a step: 10 m/s and rad/s at 400 Hz. Beyond a limit, the drag
@@ -47,6 +50,8 @@ def offer_services(server: Server, node: str, loop: Loop, start: Start, report: 
         offered[f"thrusters/{plain}/fail"] = (SET_BOOL, _failing(loop, name, report))
     offered["set_entity_state"] = offered["set_pose"]  # the name in simulation_interfaces
     offered |= SimulationServices(loop, node, lambda: reset(loop, start), report).services()
+    if not dialect.is_humble():
+        offered["get_type_description"] = (DESCRIBE, describe)
     offered |= Parameters(loop, node, thrusters, report).services()
     for name, (type_name, answer) in offered.items():
         server.offer(f"/{node}/{name}", type_name, answer)
@@ -81,29 +86,55 @@ def fail_thruster(loop: Loop, name: str, failing: bool) -> str:
 
 
 def set_pose(loop: Loop, node: str, request: Message, report: Report) -> dict[str, Any]:
-    """Handle SetEntityState: pose and velocity in the world's ENU; the acceleration is ignored."""
+    """Handle SetEntityState: pose and velocity in the world's ENU; the acceleration is ignored.
+
+    From Lyrical on, the request says whether to set the pose and the velocity.
+    """
     state, entity, frame = request["state"], request["entity"], request["state"]["header"]["frame_id"]
     if entity not in ("", node):
         return result(NOT_FOUND, f"no entity {entity!r}; there is: {node}")
     if frame not in _WORLD_FRAMES:
         return result(FAILED, f"frame {frame!r} is not known; leave it empty, for map")
-    position = ros.swap_world(_xyz(state["pose"]["position"]))
-    attitude = _xyz(state["pose"]["orientation"], "wxyz")
-    velocity = [ros.swap_world(_xyz(state["twist"][key])) for key in ("linear", "angular")]
-    size, most = hypot(*attitude), _MAX_PATH * NS_PER_S / loop.schedule.period_ns
-    if not 1e-3 < size < inf:
-        return result(_INVALID_POSE, "the orientation is none")
-    if not all(abs(x) <= MAX_PLACE for x in position):
-        return result(_INVALID_POSE, f"a place is not finite, or more than {MAX_PLACE:g} m away")
-    if not all(hypot(*vector) <= most for vector in velocity):
-        return result(_INVALID_POSE, f"a velocity is not finite, or more than {most:g} m/s or rad/s")
-    simulation = loop.simulation
-    quaternion = ros.swap_attitude([x / size for x in attitude])
-    if starts_inside(simulation.vehicle, simulation.world, position, quaternion):
-        return result(_INVALID_POSE, f"an obstacle or the seabed of {simulation.world.name} is there")
-    loop.set_state(position, quaternion, [x for vector in velocity for x in rotate_inverse(quaternion, vector)])
+    simulation, present = loop.simulation, loop.simulation.state
+    position, quaternion, nu = present.position, present.quaternion, present.nu
+    if request.get("set_pose", True):
+        position, attitude = ros.swap_world(_xyz(state["pose"]["position"])), _xyz(state["pose"]["orientation"], "wxyz")
+        size = hypot(*attitude)
+        if not 1e-3 < size < inf:
+            return result(_INVALID_POSE, "the orientation is none")
+        if not all(abs(x) <= MAX_PLACE for x in position):
+            return result(_INVALID_POSE, f"a place is not finite, or more than {MAX_PLACE:g} m away")
+        quaternion = ros.swap_attitude([x / size for x in attitude])
+        if starts_inside(simulation.vehicle, simulation.world, position, quaternion):
+            return result(_INVALID_POSE, f"an obstacle or the seabed of {simulation.world.name} is there")
+    if request.get("set_twist", True):
+        velocity = [ros.swap_world(_xyz(state["twist"][key])) for key in ("linear", "angular")]
+        most = _MAX_PATH * NS_PER_S / loop.schedule.period_ns
+        if not all(hypot(*vector) <= most for vector in velocity):
+            return result(_INVALID_POSE, f"a velocity is not finite, or more than {most:g} m/s or rad/s")
+        nu = tuple([x for vector in velocity for x in rotate_inverse(quaternion, vector)])
+    loop.set_state(position, quaternion, nu)
     report("set_pose: at ({:g}, {:g}, {:g}) m NED".format(*position))
     return result(OK)
+
+
+def describe(request: Message) -> dict[str, Any]:
+    """Handle GetTypeDescription, for all types that are known here; the sources are without comments."""
+    from hil.ros.types.description import describe_type  # not needed by most runs
+
+    name, wanted = request["type_name"], request["type_hash"]
+    try:
+        if wanted not in ("", types.type_hash(name)):
+            raise ConfigError(f"{name} has the hash {types.type_hash(name)} here, not {wanted}")
+        described = describe_type(name)
+    except ConfigError as error:
+        return {"successful": False, "failure_reason": str(error)}
+    parts = [described["type_description"], *described["referenced_type_descriptions"]]
+    messages = [part["type_name"] for part in parts if request["include_type_sources"] and "/msg/" in part["type_name"]]
+    sources = [
+        {"type_name": part, "encoding": "msg", "raw_file_contents": types.definition(part).text} for part in messages
+    ]
+    return {"successful": True, "type_description": described, "type_sources": sources}
 
 
 def _failing(loop: Loop, name: str, report: Report) -> Answer:

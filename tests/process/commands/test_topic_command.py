@@ -270,7 +270,7 @@ def test_ros_settings_of_the_scenario_select_topics_and_services(tmp_path: Path)
 def test_call_prints_the_reply_of_a_service(user: User) -> None:
     assert user.run("call", "/uuv1/arm", "{data: false}").startswith("success: true\n")
     user.slave.expect("arm: disarmed")
-    assert "armed: commands are executed" in user.run("call", "/uuv1/arm", "{data: on}")
+    assert "armed: commands are executed" in user.run("call", "/uuv1/arm", "std_srvs/srv/SetBool", "{data: on}")
     assert "disarmed" in user.run("call", "/uuv1/arm", "{data: OFF}")
     assert "armed: commands are executed" in user.run("call", "/uuv1/arm", "data = true")
     assert read_yaml(user.run("call", "/uuv1/reset"))["message"] == "at (4, 4, 2) m, heading 0 rad, at rest"
@@ -281,6 +281,11 @@ def test_call_prints_the_reply_of_a_service(user: User) -> None:
     [
         (("echo", "/uuv1/imo", "--wait", "0.3"), 4, "nobody publishes /uuv1/imo; there are: /clock, "),
         (("call", "/uuv1/rest"), 4, "no server for /uuv1/rest; there are: .*did you mean '/uuv1/reset'"),
+        (
+            ("call", "/uuv1/arm", "std_srvs/Trigger"),
+            2,
+            "/uuv1/arm has the type std_srvs/srv/SetBool, not std_srvs/Trig",
+        ),
         (("call", "/uuv1/arm", "{date: 1}"), 2, "no field 'date'; did you mean 'data'"),
         (
             ("pub", "/uuv1/cmd_vel", "std_msgs/msg/Bool"),

@@ -11,8 +11,9 @@ from hil.network.roles import open_client_session, open_master_session
 from hil.network.session import Session
 from hil.ros import dialect, graph
 from hil.ros import dvl as ros_dvl
+from hil.ros import message as ros_message
 from hil.ros import sensors as ros_sensors
-from hil.ros.topics import TOPICS, TYPE_HASHES
+from hil.ros.topics import TOPICS, TYPE_HASHES, hash_of
 from hil.scenario.config import load_scenario
 from sim.sensors.extra_samples import RangeSample
 from sim.sensors.samples import DvlSample
@@ -84,8 +85,21 @@ def test_keys_and_tokens_have_the_domain_and_the_release() -> None:
     assert graph.token(entity).startswith("@ros2_lv/5/")
     assert graph.read_token(graph.token(entity)) == entity
     assert graph.read_token(at_home) is None, "of another domain"
-    dialect.select(5, "rolling")
+    dialect.select(5, "mink")
+    assert (dialect.release(), dialect.is_newer("mink"), dialect.is_newer("jazzi")) == ("rolling", True, False)
     assert key_of(IMU, "uuv1") == f"5/uuv1/imu/sensor_msgs::msg::dds_::Imu_/{TYPE_HASHES[IMU.type]}"
+
+
+def test_services_that_changed_with_lyrical_have_another_hash() -> None:
+    name = "simulation_interfaces/srv/SetEntityState"
+    before = hash_of(name)
+    assert before == "RIHS01_ca210e7d2b66629ae133c8e1edf5246e618106d75c78ed0556c0e7a33c59ee5e"
+    dialect.select(0, "lyrical")
+    assert hash_of(name) == "RIHS01_fba636c91d38832dbd4f6896ffce54ff98fd9929962b0533546b56ce00f988ac"
+    assert "set_pose" in ros_message.empty(f"{name}_Request")
+    dialect.select(0, "kilted")
+    assert hash_of(name) == before
+    assert "set_pose" not in ros_message.empty(f"{name}_Request")
 
 
 def test_range_messages_of_humble_have_no_variance() -> None:
@@ -121,9 +135,9 @@ def test_a_slave_of_another_domain_is_received_there_and_nowhere_else(tmp_path: 
 
 def test_a_vehicle_with_a_camera_is_one_node(tmp_path: Path) -> None:
     path, port = write_scenario(tmp_path)
-    path.write_text(path.read_text() + CAMERA)
+    path.write_text(path.read_text() + CAMERA + 'distro = "mink"\n')
     with Program(tmp_path, "slave", path) as slave:
-        slave.expect("ready")
+        slave.expect("'mink' is not known here, and acts as rolling")
         with open_client_session(f"tcp/127.0.0.1:{port}", seconds=30.0) as session:
             assert wait_for(lambda: {"/uuv1/imu", "/uuv1/camera/camera_info"} <= nodes_and_topics(session)[1], 60)
             nodes, _, ids = nodes_and_topics(session)

@@ -14,7 +14,8 @@ from hil.network.opening import listen
 from hil.network.roles import open_client_session, open_master_session, open_router_session
 from hil.network.session import Session
 from hil.network.settings import Network
-from hil.ros import graph
+from hil.ros import dialect, graph
+from hil.ros.gid import gid_of
 from hil.ros.graph import Entity, Node, read_token, token
 from hil.ros.topics import TOPICS, TYPE_HASHES, Qos, hash_of
 from tests.support.processes import free_port, wait_for
@@ -42,6 +43,10 @@ FOREIGN_TOKENS = {
         "SC", "/cli", "5dc6", 8, 9, "/uuv1/arm", "std_srvs/srv/SetBool", SETBOOL, Qos()
     ),
 }
+MAP = (
+    "@ros2_lv/0/5dc6c55f2a9a8ba2ac0f2ef3ba7bc0e3/4/15/MP/%/%/uuv1/%uuv1%map/nav_msgs::msg::dds_::OccupancyGrid_/"
+    "RIHS01_8d348150c12913a31ee0ec170fbf25089e4745d17035792a1ba94d6f0bc0cfc7"
+)
 NAMES = st.from_regex(r"[a-z][a-z0-9_]{0,8}", fullmatch=True)
 
 
@@ -133,6 +138,20 @@ def test_malformed_tokens_raise_no_error(noise: str, key: str, index: int) -> No
     for text in (noise, "/".join(parts)):
         entity = read_token(text)
         assert entity is None or read_token(token(entity)) == entity
+
+
+@pytest.mark.parametrize(
+    ("key", "gid"),
+    [  # of three lengths, by python-xxhash 3.6 (XXH3, 128 bits, the low half first)
+        (f"@ros2_lv/0/5dc6/1/2/MP/%/%/talker/%a/std_msgs::msg::dds_::Bool_/{dialect.NO_HASH}/::,10:,:,:,,",
+         "eb5baac5cc55316d190fd7edb4b08244"),
+        (f"{MAP}/:1:,1:,:,:,,", "fd0562375e1c490c24fcf01fe7aaeff9"),
+        (f"{MAP}/:1:,1:,:,:,,".replace("%map", "%a_name_that_is_long_enough_for_a_token_of_more_than_240_bytes"),
+         "033f7811e5f6d73481bb5cfc45a90ca6"),
+    ],
+)  # fmt: skip
+def test_the_gid_of_an_endpoint_is_the_hash_of_its_token(key: str, gid: str) -> None:
+    assert gid_of(key).hex() == gid
 
 
 def test_additional_parts_of_a_newer_rmw_zenoh_are_ignored() -> None:

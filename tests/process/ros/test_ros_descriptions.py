@@ -12,8 +12,10 @@ from hil.common.clock import now_ns, to_wall_ns
 from hil.network.roles import open_master_session
 from hil.network.services import call
 from hil.network.session import Session
+from hil.ros import encoders
 from hil.ros import message as ros_message
-from hil.ros.graph import Node
+from hil.ros.gid import gid_of
+from hil.ros.graph import Node, read_token
 from hil.ros.topics import DESCRIPTIONS, TOPICS, Topic
 from tests.support.processes import Program, running_slave, wait_for, write_scenario
 
@@ -65,6 +67,40 @@ def test_a_master_of_all_topics_does_not_cause_descriptions(tmp_path: Path) -> N
             assert wait_for(lambda: client.latest.get("odom"))
             assert not set(DESCRIPTIONS) & set(client.latest)
             assert client.malformed == 0
+
+
+def test_an_endpoint_has_the_gid_of_its_messages(slave: tuple[Program, str]) -> None:
+    """As ROS computes the one of the other: `ros2 topic info -v` and the gid of a message's info are the same."""
+    sent: dict[str, bytes] = {}
+
+    def note(key: str, _payload: bytes, attachment: bytes) -> None:
+        stamp = encoders.unpack_attachment(attachment)
+        sent[key] = stamp.gid if stamp else b""
+
+    with open_master_session(slave[1]) as session:
+        session.subscribe_keys("0/**", note, 100)
+        assert wait_for(lambda: len(sent) > 10 and any("/diagnostics/" in key for key in sent))
+        announced = {}
+        for token in session.tokens("@ros2_lv/*/*/*/*/MP/**"):
+            entity = read_token(token)
+            assert entity
+            announced[encoders.data_key(0, entity.topic, entity.type, entity.type_hash)] = gid_of(token)
+    assert sent == {key: announced[key] for key in sent}
+
+
+def test_lines_of_the_log_are_published_on_rosout(slave: tuple[Program, str]) -> None:
+    with open_master_session(slave[1]) as session:
+        lines = Listener(session, TOPICS["/rosout"])
+
+        def armed() -> Any:
+            call(session, "/uuv1/arm", "std_srvs/srv/SetBool", {"data": True})
+            return lines.received
+
+        assert wait_for(armed)
+        message = lines.received[0]
+    assert (message["name"], message["level"]) == ("uuv1", 20)
+    assert message["msg"] == "arm: armed: commands are executed"
+    assert message["stamp"]["sec"] > 1e9
 
 
 def test_diagnostics_are_published_on_the_standard_topic(slave: tuple[Program, str]) -> None:

@@ -11,7 +11,7 @@ from hil.autonomy.fleets.hunting import HuntPlan
 from hil.cases.hunt.simulated import SimulatedHunt
 from hil.cases.hunt.watch import HuntRow, HuntWatch, shortest_paths
 from hil.cases.target_hunting import TargetHunting, TargetHuntingDiamond
-from hil.ros.formation import decode_formation
+from hil.ros.fleet import decode_formation
 from hil.scenario.config import load_scenario
 from hil.scenario.fleet import hunt_plan
 from sim.sensors.samples import ODOMETRY, OdometrySample

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from hil.ros import encoders as ros
 from hil.ros import message as ros_message
-from hil.ros.formation import FormationSample, decode_formation, encode_formation
+from hil.ros.fleet import FormationSample, decode_formation, encode_formation
 from hil.ros.topics import TOPICS
 
 METRES = st.floats(-1e5, 1e5)

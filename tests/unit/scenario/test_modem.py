@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from hil.common.errors import ConfigError
 from hil.ros import encoders as ros
 from hil.ros import message as ros_message
-from hil.ros.modem import Message, decode_message, encode_message
+from hil.ros.fleet import Message, decode_message, encode_message
 from hil.scenario.config import load_scenario
 from hil.scenario.modem import ModemReport, TdmaSchedule, decode_report, encode_report, modem_of
 from hil.scenario.variant import write_variant

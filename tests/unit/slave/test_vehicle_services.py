@@ -1,5 +1,7 @@
 """Services of the vehicle, each judged by its effect on the vehicle."""
 
+import hashlib
+import json
 import math
 import select
 from collections.abc import Iterator
@@ -12,8 +14,10 @@ from hil.autonomy.control.controller import VelocityCommand
 from hil.common.clock import now_ns
 from hil.network.services import Answer
 from hil.recording.stamps import Stamps
+from hil.ros import dialect
 from hil.ros import message as ros_message
 from hil.ros.graph import plain_name
+from hil.ros.topics import hash_of
 from hil.scenario.config import load_scenario
 from hil.slave.command_receiver import CommandReceiver
 from hil.slave.drivers.driver import open_driver
@@ -124,6 +128,7 @@ def pose(x: float, y: float, z: float, yaw: float = 0.0, **fields: Any) -> dict[
 def test_the_offered_services_are_complete(vehicle: Vehicle) -> None:
     thrusters = [thruster.name for thruster in vehicle.simulation.vehicle.thrusters]
     expected = {"/uuv1/arm": "std_srvs/srv/SetBool", "/uuv1/reset": "std_srvs/srv/Trigger"}
+    expected["/uuv1/get_type_description"] = "type_description_interfaces/srv/GetTypeDescription"
     expected["/uuv1/set_pose"] = "simulation_interfaces/srv/SetEntityState"
     expected["/uuv1/set_entity_state"] = "simulation_interfaces/srv/SetEntityState"
     expected |= {
@@ -144,6 +149,42 @@ def test_the_offered_services_are_complete(vehicle: Vehicle) -> None:
     expected["/uuv1/set_parameters"] = "rcl_interfaces/srv/SetParameters"
     expected["/uuv1/set_parameters_atomically"] = "rcl_interfaces/srv/SetParametersAtomically"
     assert {name: type_name for name, (type_name, _) in vehicle.server.offered.items()} == expected
+
+
+def test_types_are_described_as_their_hash_says(vehicle: Vehicle) -> None:
+    """The hash of a type is that of its description, REP 2016."""
+    for name in ("sensor_msgs/msg/Imu", "std_srvs/srv/SetBool", "type_description_interfaces/srv/GetTypeDescription"):
+        request = {"type_name": name, "type_hash": hash_of(name)}
+        response = vehicle.server.call("/uuv1/get_type_description", request)
+        assert response["successful"], response
+        text = json.dumps(response["type_description"]).replace(', "default_value": ""', "")  # which no hash contains
+        assert f"RIHS01_{hashlib.sha256(text.encode()).hexdigest()}" == hash_of(name)
+        described = {part["type_name"] for part in response["type_description"]["referenced_type_descriptions"]}
+        assert {source["type_name"] for source in response["type_sources"]} <= {name, *described}
+        assert all(source["raw_file_contents"] for source in response["type_sources"])
+    wrong = {"type_name": "sensor_msgs/msg/Imu", "type_hash": hash_of("sensor_msgs/msg/Image")}
+    for request, reason in (
+        (wrong, "has the hash RIHS01_7d9a"),
+        ({"type_name": "a/msg/B"}, "no message type 'a/msg/B'"),
+    ):
+        response = vehicle.server.call("/uuv1/get_type_description", request)
+        assert not response["successful"]
+        assert reason in response["failure_reason"]
+
+
+def test_from_lyrical_on_pose_and_velocity_are_set_apart(vehicle: Vehicle) -> None:
+    """simulation_interfaces 2.1: what is not to be set is not even read."""
+    dialect.select(0, "lyrical")
+    state, nothing = vehicle.simulation.state, {"orientation": {"w": 0.0}}
+    moved = {**pose(3.0, 2.0, -4.0), "set_pose": True}
+    assert vehicle.server.call("/uuv1/set_pose", moved)["result"]["result"] == 1
+    assert [*vehicle.simulation.state.position] == [2.0, 3.0, 4.0]
+    assert [*vehicle.simulation.state.nu] == [*state.nu]
+    request = {"state": {"pose": nothing, "twist": {"linear": {"x": 0.5}}}, "set_twist": True}
+    assert vehicle.server.call("/uuv1/set_pose", request)["result"]["result"] == 1
+    assert [*vehicle.simulation.state.position] == [2.0, 3.0, 4.0]
+    assert vehicle.simulation.state.nu[0] == pytest.approx(0.5)
+    assert vehicle.server.call("/uuv1/set_pose", {**request, "set_pose": True})["result"]["result"] == 101
 
 
 def test_disarming_sets_neutral_and_refuses_commands(vehicle: Vehicle) -> None:

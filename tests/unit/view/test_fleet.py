@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from hil.autonomy.fleets.hunting import HuntPlan
-from hil.ros.formation import FormationSample
+from hil.ros.fleet import FormationSample
 from hil.view.scene.fleet import FleetScene, Hunt
 from hil.view.scene.world import WorldScene
 from sim.environment.world import World
