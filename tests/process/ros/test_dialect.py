@@ -9,6 +9,7 @@ from hil.common.errors import ConfigError
 from hil.network.publisher import key_of
 from hil.network.roles import open_client_session, open_master_session
 from hil.network.session import Session
+from hil.recording.tap import Tap
 from hil.ros import dialect, graph
 from hil.ros import dvl as ros_dvl
 from hil.ros import message as ros_message
@@ -128,6 +129,9 @@ def test_a_slave_of_another_domain_is_received_there_and_nowhere_else(tmp_path: 
             assert wait_for(lambda: "9/uuv1/imu" in received)
             assert received["9/uuv1/imu"] == 1, "and Humble has no hashes"
             assert not [key for key in received if key.startswith("0/")]
+        dialect.select(9, "humble")
+        with Tap([f"tcp/127.0.0.1:{port}"]) as tap:
+            assert wait_for(lambda: [message for message in tap.receive() if message.topic == "/uuv1/imu"])
         with Program(tmp_path, "topic", "hz", "/uuv1/imu", "--connect", f"tcp/127.0.0.1:{port}", "--count", 5,
                      environment={"ROS_DOMAIN_ID": "9"}) as topic:  # fmt: skip
             assert topic.wait(60) == 0, topic.output
