@@ -28,6 +28,7 @@ from hil.scenario.records import Recording
 
 DRAIN_PERIOD_S = 0.1
 FLUSH_PERIOD_NS = 8 * NS_PER_S // 10  # with HOLD_NS less than a second, the most that a crash loses
+INDEX_PERIOD_NS = 10 * NS_PER_S
 HOLD_NS = NS_PER_S // 10  # messages are held so long to sort them; longer than from log time to recorder
 PLAUSIBLE_NS = 60 * NS_PER_S  # greatest age of a message that the recorder receives
 MAX_WAITING = 100_000  # messages; enough for ten vehicles while a disk is busy for ten seconds
@@ -95,7 +96,7 @@ class Recorder:
         self._file: RecordingFile | None = None
         self._number = 0
         self._indexed_topics = 0
-        self._flush_due_ns = 0
+        self._flush_due_ns = self._index_due_ns = 0
         self._first_offset_ns = to_wall_ns(0)
         self._shift_ns = 0  # of the wall clock since the start
         require_library()
@@ -152,7 +153,9 @@ class Recorder:
         if now >= self._flush_due_ns and self._file:
             self._flush_due_ns = now + FLUSH_PERIOD_NS
             self._file.flush()
-            if self._file.topics > self._indexed_topics:  # after a crash the index has at least all topics
+            # After a crash the index has at least all topics, and what was recorded until some seconds before.
+            if self._file.topics > self._indexed_topics or now >= self._index_due_ns:
+                self._index_due_ns = now + INDEX_PERIOD_NS
                 self._write_index()
             self._check_space()
 

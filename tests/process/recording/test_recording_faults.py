@@ -50,9 +50,11 @@ def test_a_truncated_file_is_read_up_to_its_end(tmp_path: Path) -> None:
 
 RECORD = """
 import sys, time
+from hil.recording import recorder as recorder_module
 from hil.scenario.records import Recording
 from hil.recording.recorder import Recorder
 from tests.support.network.small_recording import imu
+recorder_module.INDEX_PERIOD_NS = 0
 recorder = Recorder(sys.argv[1], Recording(keep_free=0.0), {"seed": "7"})
 began, number = time.monotonic(), 0
 while True:
@@ -92,6 +94,8 @@ def test_a_kill_loses_at_most_the_last_second(tmp_path: Path) -> None:
         assert [r.sequence for r in StreamReader(stream).records if isinstance(r, McapMessage)] == sequences
     assert len(by_rosbags(path)) == len(sequences), "others' reader, of the file"
     assert len(by_rosbags(folder)) == len(sequences), "and of the folder, whose index was there from the beginning"
+    indexed = int((folder / "metadata.yaml").read_text().partition("\n  message_count: ")[2].split("\n")[0])
+    assert len(sequences) / 2 < indexed <= len(sequences), "as of some seconds before, here of the flush before"
 
 
 FILL = """

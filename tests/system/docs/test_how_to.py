@@ -35,6 +35,7 @@ TYPED = {
 }
 # Pages whose programs another test runs.
 ELSEWHERE = {
+    "docs/how-to/blueos.md": "tests/unit/boards/test_container.py",
     "docs/how-to/python.md": "tests/system/docs/test_python_docs.py",
     "docs/how-to/rosbridge.md": "tests/system/gateways/test_rosbridge_clients.py",
     "docs/tutorials/ros1.md": "tests/system/gateways/test_ros1_debian.py",
