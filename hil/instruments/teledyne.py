@@ -30,6 +30,7 @@ _FACTORY = {
     "ED": "00000", "ES": "35", "EX": "11111", "EZ": "11110010", "PD": "0", "TE": "00:00:00.00", "TP": "00:00.00",
     "WP": "0",
 }  # fmt: skip
+_LIMITS = {"BX": (10, 9999), "EC": (1400, 1600), "ES": (0, 40)}
 _ACTIONS = ("CK", "CR", "CS", "PA", "PS")
 _LONGEST = 80
 
@@ -72,7 +73,7 @@ class Pathfinder(Instrument):
 
     def on_data(self, client: Client, data: bytes, now_ns: int) -> None:
         """Carry out commands, echoing them; while it pings only a break is taken."""
-        for character in data.decode("latin-1"):
+        for character in data.upper().decode("latin-1"):
             buffer = self._buffers.get(client, "") + character
             if buffer.endswith(("===", "+++")):
                 self._is_pinging, buffer = False, ""
@@ -81,7 +82,7 @@ class Pathfinder(Instrument):
                 buffer = buffer[-2:]
             elif character in "\r\n":
                 if buffer.strip():
-                    self._execute(client, buffer.strip().upper())
+                    self._execute(client, buffer.strip())
                 buffer = ""
             self._buffers[client] = buffer[-_LONGEST:]
 
@@ -110,7 +111,9 @@ class Pathfinder(Instrument):
             return len(value) == 5 and set(value) <= {"0", "1"}
         if name in ("PD", "WP"):
             return value in ("0", "00")
-        return bool(value) and "?" not in value and (name not in ("BX", "EC") or value.isdigit())
+        lowest, highest = _LIMITS.get(name, (0, 0))
+        is_within = not highest or (value.isdecimal() and lowest <= int(value) <= highest)
+        return bool(value) and "?" not in value and is_within
 
     def on_sample(self, topic: str, stamped: Stamped, now_ns: int) -> None:
         """Send an ensemble while it pings and its output is on."""

@@ -24,6 +24,7 @@ _SIZES = {
 _NO_FUNCTION, _NO_ADDRESS, _BAD_VALUE, _NOT_INITIALISED = 1, 2, 3, 32
 _PRESSURE, _TEMPERATURE = 1, 4  # channels
 _OFFSET, _GAIN, _LOWEST, _HIGHEST = 64, 65, 80, 81  # coefficients
+_LARGEST = 1e3  # of a coefficient
 _SILENCE_NS = 50 * NS_PER_MS  # after which a request begins anew
 
 
@@ -110,7 +111,8 @@ class Keller33X(Instrument):
             value = self._channel(content[0])
             if value is None:
                 return _NO_ADDRESS
-            return (pack(">f", value) if function == _VALUE else pack(">i", round(value * 1e5))) + b"\0"
+            whole = max(-(1 << 31), min((1 << 31) - 1, round(value * 1e5)))
+            return (pack(">f", value) if function == _VALUE else pack(">i", whole)) + b"\0"
         if function in (_READ, _READ_INPUT):
             start, count = unpack(">HH", content)
             values = [self._channel(register // 2) for register in range(start, start + min(count, 12), 2)]
@@ -133,16 +135,16 @@ class Keller33X(Instrument):
             (value,) = unpack(">f", content[1:])
             if content[0] not in self._coefficients:
                 return _NO_ADDRESS
-            if not abs(value) < 1e6:
+            if not abs(value) < _LARGEST:
                 return _BAD_VALUE
             self._coefficients[content[0]] = value
             return b"\0"
         if function == _ZERO and content[0] in (0, 1):
             wanted = unpack(">f", content[1:])[0] if len(content) > 1 else 0.0
-            measured = self._channel(_PRESSURE) or 0.0
-            self._coefficients[_OFFSET] += wanted - measured
-            if content[0] == 1:
-                self._coefficients[_OFFSET] = 0.0
+            if not abs(wanted) < _LARGEST:
+                return _BAD_VALUE
+            offset = self._coefficients[_OFFSET] + wanted - (self._channel(_PRESSURE) or 0.0)
+            self._coefficients[_OFFSET] = offset if content[0] == 0 else 0.0
             return b"\0"
         return _NO_FUNCTION if function not in _SIZES else _NO_ADDRESS
 
