@@ -54,6 +54,7 @@ COMMANDS = {
         "hil.commands.instruments.command",
         "serve the instruments of a vehicle at their wires",
     ),
+    "instruments check": ("hil.commands.instruments.check", "show what a driver sees at each wire, and how late"),
     "autopilot": ("hil.commands.autopilot", "test motors and connection of an autopilot, show its parameters"),
     "bench table": (
         "hil.commands.bench.table",

@@ -107,8 +107,9 @@ class Instrument(ABC):  # noqa: B024  # every method has a sensible default
     it may be. `at` are the addresses where it stands unless the scenario names others, `wires` the kinds of its wires.
     `also` are further topics that it needs, such as "odom". `baud` is that of a serial line until its address names
     another. `first` are the bytes that the first message of a new client may begin with, if those are known: whoever
-    begins otherwise, such as a web page, is refused. `warm_up_s` is the time from power on until it answers and
-    measures, `delay_s` the one from measuring to sending that its maker names, 0 if none.
+    begins otherwise, such as a web page, is refused. One that `is_interactive` measures by the scene, which takes time:
+    it gets a process of its own, so that the others do not wait. `warm_up_s` is the time from power on until it answers
+    and measures, `delay_s` the one from measuring to sending that its maker names, 0 if none.
     """
 
     Model: type[Any] = NoSettings
@@ -118,6 +119,7 @@ class Instrument(ABC):  # noqa: B024  # every method has a sensible default
     also: tuple[str, ...] = ()
     baud = 115_200
     first = b""
+    is_interactive = False
     warm_up_s = 0.0
     delay_s = 0.0
 

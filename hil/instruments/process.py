@@ -1,19 +1,19 @@
 """The process of the instruments: the vehicle's samples in, the bytes of their wires in and out."""
 
 import select
-from collections import deque
-from collections.abc import Callable
-from contextlib import ExitStack
+import threading
+from collections.abc import Callable, Collection, Iterator, Sequence
+from contextlib import ExitStack, contextmanager
 from typing import Any
 
 from hil.client.client import Stamped, VehicleClient
 from hil.common.clock import NEVER_NS, NS_PER_MS, NS_PER_S, now_ns
 from hil.common.errors import ConfigError
 from hil.common.stop import Wakeup
-from hil.instruments.contract import Facts
+from hil.instruments.contract import Facts, Instrument, Response
 from hil.instruments.station import Sent, Station
 from hil.instruments.table import load_instrument
-from hil.instruments.web import Job
+from hil.instruments.web import Request
 from hil.instruments.world import LiveScene, LiveWorld
 from hil.network.session import Session
 from hil.scenario.config import Scenario
@@ -21,11 +21,10 @@ from sim.environment.seawater.water_column import SOUND_SPEED, WaterColumn
 from sim.environment.world import World, load_world
 
 TURN_NS = 20 * NS_PER_MS  # within which new connections, lost devices and unsent bytes are looked after
-WAITING = 1000  # samples, and requests
 
 
 class Instruments:
-    """The instruments of a scenario on a session to its slave. Raises ConfigError without any, NetworkError.
+    """The instruments `names` of a scenario on a session to its slave. Raises NetworkError.
 
     `report` gets lines for a person; `sent` is told of each measurement that was written (`station.Sent`).
     """
@@ -35,19 +34,16 @@ class Instruments:
         scenario: Scenario,
         session: Session,
         node: str,
+        names: Collection[str],
         report: Callable[[str], None],
         sent: Sent | None = None,
     ) -> None:
-        fitted = {name: spec for name, spec in scenario.sensors.items() if spec.instrument}
-        if not fitted:
-            raise ConfigError(
-                f'{scenario.path}: no sensor is an instrument: add instrument = "waterlinked_a50" to [sensors.dvl]'
-            )
         self._event = Wakeup()
-        self._samples: deque[tuple[str, Stamped]] = deque(maxlen=WAITING)
-        self._jobs: deque[tuple[Station, Job]] = deque(maxlen=WAITING)
+        self._lock = threading.RLock()  # an instrument is called by one thread at a time
+        self._fault: BaseException | None = None  # of an instrument, in another thread
         self._stack = ExitStack()
-        with ExitStack() as stack:
+        self.stations: list[Station] = []
+        with self._lock, ExitStack() as stack:
             self._client = stack.enter_context(
                 VehicleClient(
                     session, node, role="observer", network=scenario.network, security=scenario.security,
@@ -56,15 +52,15 @@ class Instruments:
             )  # fmt: skip
             self._world = LiveWorld(scenario, self._client.watch)
             began_ns, world = now_ns(), load_world(scenario.world)
-            self.stations: list[Station] = []
-            for name, spec in fitted.items():
-                kind = load_instrument(spec.instrument.name, f"{scenario.path}: sensors: {name}: instrument")
+            for name in names:
+                spec = scenario.sensors[name]
+                kind = kind_of(scenario, name)
                 facts = Facts(
                     name, spec.topic, spec.model, spec.mounting, world.origin, world.origin_altitude,
                     _sound_speed(world), scenario.seed, {},
                 )  # fmt: skip
                 scene = LiveScene(self._world, spec, scenario.seed)
-                station = Station(spec.instrument, kind, facts, scene, began_ns, report, self._take_job, sent)
+                station = Station(spec.instrument, kind, facts, scene, began_ns, report, self._answer, sent)
                 stack.callback(station.close)
                 self.stations.append(station)
             self._client.watch(*{topic for station in self.stations for topic in station.topics})
@@ -76,43 +72,75 @@ class Instruments:
     def __exit__(self, *_: object) -> None:
         self._stack.close()
 
-    def run(self, stop_fd: int) -> None:
-        """Serve until `stop_fd` becomes readable."""
+    def run(self, stop_fds: Sequence[int]) -> None:
+        """Serve until one of `stop_fds` becomes readable."""
         due_ns = 0
         while True:
             wait_s = max(0, min(due_ns - now_ns(), TURN_NS)) / NS_PER_S
             descriptors = [fd for station in self.stations for fd in station.descriptors()]
-            if stop_fd in select.select([stop_fd, self._event.fileno(), *descriptors], (), (), wait_s)[0]:
+            ready = select.select([*stop_fds, self._event.fileno(), *descriptors], (), (), wait_s)[0]
+            if not {*stop_fds}.isdisjoint(ready):
                 return
             due_ns = self.poll()
 
     def poll(self) -> int:
-        """Do what is due; return when (monotonic ns) something is due next."""
-        self._event.clear()  # before the queues are read: what comes later sets it again
-        while self._samples:
-            topic, stamped = self._samples.popleft()
+        """Do what is due; return when (monotonic ns) something is due next. Raises what an instrument raised."""
+        self._event.clear()
+        with self._lock:
+            if self._fault:
+                raise self._fault
+            return min([station.poll(now_ns()) for station in self.stations], default=NEVER_NS)
+
+    def _take_sample(self, topic: str, stamped: Stamped) -> None:
+        """Give a sample, with the instant of its measurement, to those that need it.
+
+        A thread of the network calls this, and so each message is on its wire without another change of threads.
+        """
+        value: Any = stamped.value
+        with self._guarded():
+            if isinstance(value, tuple) and value and isinstance(value[0], int):
+                measured_ns = self._client.contact.sent_ns(value[0], stamped.received_ns)
+                stamped = stamped._replace(sent_ns=measured_ns)
             if topic == self._world.truth:
                 self._world.on_truth(stamped)
             for station in self.stations:
                 if topic in station.topics:
                     station.on_sample(topic, stamped, now_ns())
-        while self._jobs:
-            station, job = self._jobs.popleft()
-            station.on_request(job, now_ns())
-        return min([station.poll(now_ns()) for station in self.stations], default=NEVER_NS)
 
-    def _take_sample(self, topic: str, stamped: Stamped) -> None:
-        """Queue a sample with the instant of its measurement; called in threads of the network."""
-        value: Any = stamped.value
-        if isinstance(value, tuple) and value and isinstance(value[0], int):
-            measured_ns = self._client.contact.sent_ns(value[0], stamped.received_ns)
-            stamped = stamped._replace(sent_ns=measured_ns)
-        self._samples.append((topic, stamped))
+    def _answer(self, station: Station, request: Request) -> Response | None:
+        """Return a station's answer to a request of HTTP, in the thread of that; None if it is silent."""
+        with self._guarded():
+            return station.on_request(request, now_ns())
+        return None
+
+    @contextmanager
+    def _guarded(self) -> Iterator[None]:
+        """Let one thread in, and the main loop know that something may be due, and of an error."""
+        with self._lock:
+            try:
+                yield
+            except Exception as error:  # noqa: BLE001 - the main loop ends with it
+                self._fault = error
         self._event.set()
 
-    def _take_job(self, station: Station, job: Job) -> None:
-        self._jobs.append((station, job))
-        self._event.set()
+
+def fitted_names(scenario: Scenario) -> tuple[list[str], list[str]]:
+    """Return the sensors that are instruments: those that share a process, and those that need one of their own.
+
+    Raises ConfigError if there are none.
+    """
+    fitted = [name for name, spec in scenario.sensors.items() if spec.instrument]
+    if not fitted:
+        raise ConfigError(
+            f'{scenario.path}: no sensor is an instrument: add instrument = "waterlinked_a50" to [sensors.dvl]'
+        )
+    interactive = [name for name in fitted if kind_of(scenario, name).is_interactive]
+    return [name for name in fitted if name not in interactive], interactive
+
+
+def kind_of(scenario: Scenario, name: str) -> type[Instrument]:
+    """Return the class of a sensor's instrument."""
+    return load_instrument(scenario.sensors[name].instrument.name, f"{scenario.path}: sensors: {name}: instrument")
 
 
 def _sound_speed(world: World) -> Callable[[float], float]:

@@ -1,7 +1,7 @@
 """A file with a line for each measurement that was written to a wire: `uuv-hil instruments check` reads it.
 
-A line is the sensor's name, the number of the wire, the bytes sent to this client so far, and the instant of the
-measurement (monotonic ns).
+A line is the sensor's name, the number of the wire, the bytes of the message and all bytes sent to this client so far,
+and the instant of the measurement (monotonic ns).
 """
 
 from collections.abc import Iterator
@@ -11,19 +11,20 @@ from hil.instruments.contract import Client
 
 
 class Measurement(NamedTuple):
-    """The end of one message: how many bytes have come with it, and when it was measured (monotonic ns)."""
+    """One message: its size, how many bytes have come with it, and when it was measured (monotonic ns)."""
 
     name: str
     wire: int
+    size: int
     total: int
     measured_ns: int
 
 
 class SentFile:
-    """Writes the file at `path`. Use as a context manager. Raises OSError."""
+    """Adds to the file at `path`, in which several processes may write. Use as a context manager. Raises OSError."""
 
     def __init__(self, path: str) -> None:
-        self._file: TextIO = open(path, "w", encoding="utf-8", buffering=1)  # noqa: SIM115 - closed by the context
+        self._file: TextIO = open(path, "a", encoding="utf-8", buffering=1)  # noqa: SIM115 - closed by the context
 
     def __enter__(self) -> "SentFile":
         return self
@@ -31,9 +32,9 @@ class SentFile:
     def __exit__(self, *_: object) -> None:
         self._file.close()
 
-    def add(self, name: str, client: Client, total: int, measured_ns: int) -> None:
+    def add(self, name: str, client: Client, size: int, total: int, measured_ns: int) -> None:
         """Add a line."""
-        self._file.write(f"{name} {client.wire} {total} {measured_ns}\n")
+        self._file.write(f"{name} {client.wire} {size} {total} {measured_ns}\n")
 
 
 def read_sent(path: str) -> Iterator[Measurement]:
@@ -41,5 +42,5 @@ def read_sent(path: str) -> Iterator[Measurement]:
     with open(path, encoding="utf-8") as file:
         for line in file:
             words = line.split()
-            if len(words) == 4 and line.endswith("\n"):
-                yield Measurement(words[0], int(words[1]), int(words[2]), int(words[3]))
+            if len(words) == 5 and line.endswith("\n"):
+                yield Measurement(words[0], *map(int, words[1:]))

@@ -7,12 +7,13 @@ from typing import Any
 from hil.client.client import Stamped
 from hil.common.clock import NEVER_NS, seconds_ns
 from hil.instruments.contract import Client, Facts, Instrument, Response, Scene
-from hil.instruments.web import Job
+from hil.instruments.web import Request
 from hil.instruments.wires import Wires
 from hil.scenario.instrument_records import InstrumentFaults, InstrumentSpec
 
 MOST_NOISE = 40  # random bytes at once
-Sent = Callable[[str, Client, int, int], None]  # name, client, bytes to it so far, instant of the measurement (ns)
+# name, client, size of the message, bytes to the client so far, instant of the measurement (monotonic ns)
+Sent = Callable[[str, Client, int, int, int], None]
 
 
 class Station:
@@ -29,7 +30,7 @@ class Station:
         scene: Scene,
         began_ns: int,
         report: Callable[[str], None],
-        serve: Callable[["Station", Job], None],
+        serve: Callable[["Station", Request], Response | None],
         sent: Sent | None = None,
     ) -> None:
         self._spec, self._kind, self._facts, self._scene = spec, kind, facts, scene
@@ -71,13 +72,14 @@ class Station:
             self._instrument.on_sample(topic, stamped, now_ns)
             self._due_ns = self._instrument.tick(now_ns)
 
-    def on_request(self, job: Job, now_ns: int) -> None:
-        """Answer a request of HTTP."""
-        instrument, response = self._instrument, None
-        if instrument and now_ns >= self._ready_ns and not self._is_unplugged:
-            response = instrument.on_request(job.method, job.path, job.query, job.body, now_ns)
-            self._due_ns = instrument.tick(now_ns)
-        job.answer(response if isinstance(response, Response) else None)
+    def on_request(self, request: Request, now_ns: int) -> Response | None:
+        """Return the answer to a request of HTTP; None without power, before the warm-up, without cable."""
+        instrument = self._instrument
+        if instrument is None or now_ns < self._ready_ns or self._is_unplugged:
+            return None
+        response = instrument.on_request(*request, now_ns)
+        self._due_ns = instrument.tick(now_ns)
+        return response
 
     def poll(self, now_ns: int) -> int:
         """Read what has come, and do what is due; return when (ns) the next is."""
@@ -115,7 +117,7 @@ class Station:
         has_power = not _is_within(self._faults.power_off, seconds)
         if has_power and self._instrument is None:
             serve = self._serve
-            self._wires = Wires(self._spec.at, self._kind, self._report, lambda job: serve(self, job))
+            self._wires = Wires(self._spec.at, self._kind, self._report, lambda request: serve(self, request))
             self._instrument = self._kind(self._spec.settings, self._facts, self._scene, self._send)
             self._ready_ns = now_ns + seconds_ns(self._kind.warm_up_s)
             self._due_ns = self._ready_ns
@@ -143,7 +145,7 @@ class Station:
                 wires.send(client, damaged)
                 self._written[client] = self._written.get(client, 0) + len(damaged)
                 if measured_ns and self._sent:
-                    self._sent(self.name, client, self._written[client], measured_ns)
+                    self._sent(self.name, client, len(damaged), self._written[client], measured_ns)
 
 
 def _is_within(spans: tuple[tuple[Any, Any], ...], seconds: float) -> bool:

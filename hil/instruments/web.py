@@ -1,40 +1,32 @@
-"""A wire of HTTP: requests come in threads of the server and are answered in that of the instruments."""
+"""A wire of HTTP; each request comes in a thread of its own."""
 
-import threading
 from collections.abc import Callable
+from typing import NamedTuple
 from urllib.parse import parse_qsl, urlsplit
 
 from hil.common.errors import NetworkError
 from hil.common.web.plain_server import PlainHandler, PlainHttpServer
 from hil.instruments.contract import Response
 
-ANSWER_S = 5.0  # for an answer of the instrument; without power it gives none
 LARGEST = 1 << 20  # bytes of a request
 
 
-class Job:
-    """One request, until `answer` is called from the thread of the instruments; None: the device is silent."""
+class Request(NamedTuple):
+    """One request of a client."""
 
-    def __init__(self, method: str, path: str, query: dict[str, str], body: bytes) -> None:
-        self.method, self.path, self.query, self.body = method, path, query, body
-        self._answered = threading.Event()
-        self._response: Response | None = None
+    method: str
+    path: str
+    query: dict[str, str]
+    body: bytes
 
-    def answer(self, response: Response | None) -> None:
-        """Give the answer."""
-        self._response = response
-        self._answered.set()
 
-    def wait(self) -> Response | None:
-        """Return the answer; None if none comes in time."""
-        self._answered.wait(ANSWER_S)
-        return self._response
+Serve = Callable[[Request], Response | None]  # None: the device is silent
 
 
 class WebWire:
     """Serves HTTP at host and port; `serve` gets each request. Raises NetworkError if the port is in use."""
 
-    def __init__(self, where: tuple[str, int], serve: Callable[[Job], None]) -> None:
+    def __init__(self, where: tuple[str, int], serve: Serve) -> None:
         try:
             self._server = PlainHttpServer("instrument", where, _handler(serve))
         except OSError as error:
@@ -47,7 +39,7 @@ class WebWire:
         self._server.stop()
 
 
-def _handler(serve: Callable[[Job], None]) -> type[PlainHandler]:
+def _handler(serve: Serve) -> type[PlainHandler]:
     class Handler(PlainHandler):
         """Passes each request on."""
 
@@ -58,9 +50,8 @@ def _handler(serve: Callable[[Job], None]) -> type[PlainHandler]:
                 self.send_error(413)
                 return
             parts = urlsplit(self.path)
-            job = Job(self.command, parts.path, dict(parse_qsl(parts.query)), self.rfile.read(int(length)))
-            serve(job)
-            response = job.wait()
+            body = self.rfile.read(int(length))
+            response = serve(Request(self.command, parts.path, dict(parse_qsl(parts.query)), body))
             if response is None:
                 self.close_connection = True
                 return

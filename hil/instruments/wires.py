@@ -5,7 +5,7 @@ from typing import NamedTuple, cast
 
 from hil.common.clock import NS_PER_S
 from hil.instruments.contract import Client, Instrument, WireKind
-from hil.instruments.web import Job, WebWire
+from hil.instruments.web import Serve, WebWire
 from hil.links.endpoints.patient import open_endpoint
 from hil.links.endpoints.sockets import Link
 from hil.scenario.instrument_records import WireAddress
@@ -24,7 +24,7 @@ class Received(NamedTuple):
 class Wires:
     """The wires at `addresses` for an instrument of the class `kind`. Raises NetworkError for a port in use.
 
-    `report` gets a line about a wire that is waited for; `serve` gets the requests of HTTP, in their own threads.
+    `report` gets a line about a wire that is waited for; `serve` answers requests of HTTP, in threads of their own.
     """
 
     def __init__(
@@ -32,7 +32,7 @@ class Wires:
         addresses: tuple[WireAddress, ...],
         kind: type[Instrument],
         report: Callable[[str], None],
-        serve: Callable[[Job], None],
+        serve: Serve,
     ) -> None:
         self._links: list[tuple[int, WireKind, Link]] = []
         self._web: list[WebWire] = []

@@ -110,6 +110,7 @@ class PingDevice(Instrument):
     """
 
     wires = ("udp", "tcp", "serial", "pty")
+    is_interactive = True
     readable: Mapping[int, Message] = {}
     commands: Mapping[int, Message] = {}
     limits: Mapping[str, tuple[int, int]] = {}
