@@ -237,7 +237,7 @@ def _kind_of(name: str, section: dict[str, Any], where: str) -> tuple[str, dict[
 
 def _with_device(name: str, section: dict[str, Any], where: str) -> dict[str, Any]:
     """Return the section with the keys of its `device`; its own keys have priority."""
-    path = find_preset(DEVICES, str(section["device"]))
+    path = find_preset(DEVICES, str(section["device"]), f"{where}: device")
     device = read_table(path)
     if device.pop("sensor", None) != name:
         raise ConfigError(f"{where}: device: {path} is no {name}; its key `sensor` says what it is")
