@@ -6,6 +6,7 @@ Source: u-blox M9 SPG 4.04 interface description (UBX-21022436), chapter 2. Fiel
 from collections.abc import Callable
 from functools import reduce
 from math import sqrt
+from operator import xor
 
 from hil.instruments.gps.epoch import SPEED_ACCURACY, Epoch
 
@@ -17,7 +18,7 @@ _A_SENTENCE = 4  # satellites in one GSV
 def sentence(name: str, *fields: str) -> bytes:
     """Return a sentence with its checksum, the exclusive or of all characters between $ and *."""
     body = ",".join((name, *fields)).encode("ascii")
-    return b"$%b*%02X\r\n" % (body, reduce(lambda a, b: a ^ b, body))
+    return b"$%b*%02X\r\n" % (body, reduce(xor, body))
 
 
 def _clock(epoch: Epoch) -> str:

@@ -10,6 +10,7 @@ from hil.instruments.contract import Client, Facts, Instrument, Scene, Send
 from hil.instruments.gps import configuration as keys
 from hil.instruments.gps import nmea, ubx
 from hil.instruments.gps.epoch import SPEED_ACCURACY, Epoch, antenna_velocity, make_epoch
+from hil.instruments.gps.sky import Sky
 from sim.sensors.extra_samples import FixSample
 from sim.sensors.samples import Sensor
 
@@ -40,6 +41,7 @@ class Receiver(Instrument):
         self._search_until_ns = 0
         self._epochs = 0
         self._last: Epoch | None = None
+        self._sky = Sky()
 
     def start(self, now_ns: int) -> None:
         """Name itself, as the device does after power on."""
@@ -120,7 +122,7 @@ class Receiver(Instrument):
     def _send_epoch(self, fix: FixSample, measured_ns: int, now_ns: int) -> None:
         if measured_ns < self._search_until_ns:
             fix = fix._replace(fix=False)
-        epoch = self._last = make_epoch(fix, self.facts.origin_altitude, self._velocity(now_ns))
+        epoch = self._last = make_epoch(fix, self.facts.origin_altitude, self._velocity(now_ns), self._sky)
         configuration, parts = self._configuration, []
         if configuration.values[keys.OUT_NMEA]:
             parts = [write(epoch) for number, write in nmea.SENTENCES.items() if self._is_due(keys.NMEA, number)]

@@ -6,6 +6,7 @@ Source: VectorNav VN-100 and VN-200 user manuals (UM001 v2.22, UM004 v2.23), cha
 from binascii import crc_hqx
 from collections.abc import Sequence
 from functools import reduce
+from operator import xor
 from struct import calcsize, pack
 from typing import NamedTuple
 
@@ -122,4 +123,4 @@ def line(body: str, with_crc: bool = False) -> bytes:
 
 def checksum(data: bytes, with_crc: bool = False) -> bytes:
     """Return the checksum in hexadecimal digits."""
-    return b"%04X" % crc_hqx(data, 0) if with_crc else b"%02X" % reduce(lambda a, b: a ^ b, data, 0)
+    return b"%04X" % crc_hqx(data, 0) if with_crc else b"%02X" % reduce(xor, data, 0)

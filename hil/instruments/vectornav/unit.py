@@ -9,6 +9,7 @@ from hil.common.schema import Range
 from hil.common.vectors import Vector3
 from hil.instruments.contract import Client, Facts, Instrument, Scene, Send
 from hil.instruments.gps.epoch import Epoch, antenna_velocity, make_epoch
+from hil.instruments.gps.sky import Sky
 from hil.instruments.vectornav.measurement import Measurement
 from hil.instruments.vectornav.outputs import (
     ASYNCHRONOUS,
@@ -249,6 +250,7 @@ class Vn200(Vn100):
         self._receiver: Sensor | None = None
         self._receiver_due_ns = NEVER_NS
         self._epoch: Epoch | None = None
+        self._sky = Sky()
         self._place: Vector3 = (0.0, 0.0, 0.0)
 
     def start(self, now_ns: int) -> None:
@@ -265,7 +267,9 @@ class Vn200(Vn100):
             fix, state = self.scene.measure(self._receiver, now_ns), self.scene.state(now_ns)
             if isinstance(fix, FixSample) and state:
                 velocity = antenna_velocity(state, self.facts.mounting.position)
-                self._epoch = make_epoch(fix._replace(time_ns=sample.time_ns), self.facts.origin_altitude, velocity)
+                self._epoch = make_epoch(
+                    fix._replace(time_ns=sample.time_ns), self.facts.origin_altitude, velocity, self._sky
+                )
                 if fix.fix:
                     self._place = fix.latitude, fix.longitude, fix.altitude
         measurement = super()._measure(sample, measured_ns, now_ns)
