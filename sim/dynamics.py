@@ -250,7 +250,7 @@ class Dynamics:
     def _restoring(self, depth: float, rotation: Rotation) -> tuple[float, float, float, float, float, float]:
         """Return the wrench of weight at the centre of gravity and of buoyancy at the centre of buoyancy (N, N m)."""
         _, _, _, _, _, _, zx, zy, zz = rotation  # the world's down axis, in body axes
-        lift, lift_x, lift_y, lift_z = self.hull.buoyancy(depth, rotation)
+        lift, lift_x, lift_y, lift_z = self.hull.buoyancy(depth, (zx, zy, zz))
         excess = self.weight - lift
         moment_x, moment_y, moment_z = self._weight_moment
         moment_x -= lift_x

@@ -22,7 +22,7 @@ from sim.modems.optical import OpticalModem
 from sim.sensors.kinds import SENSORS
 from sim.sensors.mounting import Mounting
 from sim.sensors.sensor_set import DEVICES, ONLY_ONE, load_sensor
-from sim.vehicle import accessories, ballast, battery, body_lift, collision_shape, meshes, vehicle
+from sim.vehicle import accessories, ballast, battery, body_lift, collision_shape, hull_form, meshes, vehicle
 from sim.vehicle.fins import Fin
 from sim.vehicle.thrusters import curves as thruster_curves
 from sim.vehicle.thrusters import lags as thruster_lags
@@ -133,6 +133,7 @@ def _vehicle(converter: Converter) -> Schema:
         "battery": converter.reference(battery.Battery),
         "meshes": tables(converter.reference(meshes.Mesh)),
         "collision": converter.reference(collision_shape.Collision),
+        "hull": converter.reference(hull_form.HullForm),
         "lift": converter.reference(body_lift.Lift),
         "cross_flow": converter.reference(body_lift.CrossFlow),
         "fading_damping": converter.reference(body_lift.FadingDamping),

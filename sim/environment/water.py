@@ -5,25 +5,24 @@ from collections.abc import Sequence
 from sim.dynamics import State
 from sim.environment.currents import Velocity, ocean_current
 from sim.environment.ocean import Waves
-from sim.environment.waves import WaterMotion, WaveField
+from sim.environment.waves import Plan, WaterMotion, WaveField
 from sim.environment.world import World
 from sim.matrices import cross_matrix, square
-from sim.rotations import rotate_inverse
+from sim.rotations import Rotation, matrix, rotate_inverse
 from sim.vehicle.vehicle import Vehicle, displaced_volume
 
-_AT_REST = WaterMotion((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+LEVEL: Rotation = (1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0)
 _FAR_M2 = 0.0625  # m²: squared distance from the last sample at which the motion is computed again
 
 
 class FluidMotion:
-    """Currents and waves at the origin of one vehicle.
+    """Currents and waves at one vehicle: the mean over its length and width.
 
     The velocity of the water is used in the equations of motion as that of the current. Water that accelerates with a
     also exerts the force (M_A + rho V) a on the hull: on the added mass, and on the displaced water, whose part rho V a
     acts at the centre of buoyancy (Newman 1977, Marine Hydrodynamics, 4.17). So a neutrally buoyant vehicle without
-    damping moves with the water. Only waves exert this force; currents change too slowly. The height of the waves at a
-    hull that pierces the surface is handled by sim/environment/stratification.py. Not modelled: differences of the
-    water's velocity along the hull, so a wave should be several vehicle lengths long.
+    damping moves with the water. Only waves exert this force; currents change too slowly. A hull that pierces the
+    surface displaces less, and the water turns along a long one: sim/environment/stratification.py adds that.
     """
 
     def __init__(self, vehicle: Vehicle, world: World, seed: int, sampled: "type[SampledWaves] | None" = None) -> None:
@@ -31,7 +30,7 @@ class FluidMotion:
         self.current = ocean_current(world.ocean, world.current, seed)
         self.is_steady = not world.ocean._replace(waves=None).moves  # except for waves
         waves = world.ocean.waves
-        self._sampled_waves = (sampled or SampledWaves)(waves, world, seed) if waves else None
+        self._sampled_waves = (sampled or SampledWaves)(waves, world, seed, vehicle.dimensions) if waves else None
         self._mass = wave_inertia(vehicle, world.density)
 
     def set_vehicle(self, vehicle: Vehicle, density: float) -> None:
@@ -43,7 +42,7 @@ class FluidMotion:
         velocity = self.current(time_ns, state.position[2])
         if self._sampled_waves is None:
             return velocity, wrench
-        orbital, acceleration, _ = self._sampled_waves.motion(time_ns, state.position)
+        orbital, acceleration, *_ = self._sampled_waves.motion(time_ns, state.position, matrix(state.quaternion))
         north, east, down = velocity
         a, b, c = rotate_inverse(state.quaternion, acceleration)
         total = [force + x * a + y * b + z * c for force, (x, y, z) in zip(wrench, self._mass, strict=True)]
@@ -69,30 +68,38 @@ class FluidMotion:
 
 
 class SampledWaves:
-    """Waves whose motion is computed every `hold` s at the vehicle's position and extrapolated in between.
+    """Waves whose motion is computed every `hold` s at a hull of `dimensions` (m) and extrapolated in between.
 
-    The velocity is extrapolated linearly: its error is at most about (omega hold)² / 2 of each wave's velocity, while
-    that of a constant velocity would be omega hold. The motion is also computed again when the vehicle has moved by
-    more than 0.25 m, for example because it was set to another position.
+    Its depth is that of the hull's middle; of a hull that pierces the mean surface, that of half its draught. The
+    velocity is extrapolated linearly: its error is at most about (omega hold)² / 2 of each wave's velocity, while that
+    of a constant velocity would be omega hold. The motion is also computed again when the vehicle has moved by more
+    than 0.25 m, for example because it was set to another position.
     """
 
-    def __init__(self, waves: Waves, world: World, seed: int) -> None:
+    def __init__(self, waves: Waves, world: World, seed: int, dimensions: Sequence[float] = (0.0, 0.0, 0.0)) -> None:
         self._hold_ns = round(waves.hold * 1e9)
+        self._half_sizes = [0.5 * size for size in dimensions]
         self.wave_field = self._make_wave_field(waves, world, seed)
         self._due_ns = self._time_ns = 0
         self._position: Sequence[float] = (0.0, 0.0, 0.0)  # of the last sample
-        self._motion = _AT_REST
+        self._motion = WaterMotion((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
-    def motion(self, time_ns: int, position: Sequence[float]) -> WaterMotion:
-        """Return the motion of the water at `position` (m, NED). A new sample also updates `WaveField.surface`."""
+    def motion(self, time_ns: int, position: Sequence[float], rotation: Rotation = LEVEL) -> WaterMotion:
+        """Return the motion of the water at a hull at `position` (m, NED) and `rotation` (body to world).
+
+        A new sample also updates `WaveField.surface`.
+        """
         north, east, down = (a - b for a, b in zip(position, self._position, strict=True))
         if time_ns >= self._due_ns or north * north + east * east + down * down > _FAR_M2:
             self._due_ns, self._time_ns, self._position = time_ns + self._hold_ns, time_ns, tuple(position)
             time = time_ns * 1e-9
-            self._motion = self.wave_field.motion(time, *position)
+            length, width, height = self._half_sizes
+            plan = Plan(length * rotation[0], length * rotation[3], width * rotation[1], width * rotation[4])
+            depth = max(position[2], 0.5 * (position[2] + height))
+            self._motion = self.wave_field.motion(time, position[0], position[1], depth, plan)
             self.wave_field.set_tangent(time, position[0], position[1], self._motion)
         elapsed = (time_ns - self._time_ns) * 1e-9
-        velocity, (north, east, down), _ = self._motion
+        velocity, (north, east, down), *_ = self._motion
         extrapolated = velocity[0] + north * elapsed, velocity[1] + east * elapsed, velocity[2] + down * elapsed
         return self._motion._replace(velocity=extrapolated)
 

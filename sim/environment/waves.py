@@ -13,6 +13,10 @@ In deep water this is a circular motion that decreases as exp(-k z); it includes
 with the water. Not modelled: terms of second order in the height of the components (sharper crests, bound waves),
 breaking, the interaction of waves and current, shelter behind obstacles. Above the mean surface the motion of the
 surface is used; only the pressure follows the elevation.
+
+A hull feels the mean over its length and width: of a wave it crosses at x = k l / 2 the share sin(x) / x, and its water
+plane tilts by the share 3 (sin x - x cos x) / x³ of the slope, which is sin(y) / y with y = sqrt(0.6) x to a thousandth
+for waves longer than two hulls (Gauss's integration at three points).
 """
 
 from itertools import pairwise
@@ -28,6 +32,7 @@ from sim.interpolation import PiecewiseLinear
 _LOWEST, _HIGHEST, _CELLS = 0.3, 6.0, 40
 # Within this time (s) and squared distance (m²) of the last sample, the surface is approximated by a moving plane.
 _NEAR_S, _NEAR_M2 = 0.2, 1.0
+_TILT = 0.7745966692414834  # sqrt(0.6)
 
 
 class Component(NamedTuple):
@@ -44,12 +49,28 @@ class WaterMotion(NamedTuple):
     """Velocity (m/s) and acceleration (m/s²) of the water, each north, east, down, and the surface above it.
 
     The acceleration is the material derivative, dv/dt + (v . grad) v. `surface` is the elevation (m), its rate of
-    change (m/s), and its slopes to the north and east.
+    change (m/s), and its slopes to the north and east. `gradient` is that of the velocity (1/s), which is symmetric and
+    without a trace: nn, ne, ee, nd, ed; `gradient_rate` its rate of change (1/s²). All are those of a point, or means
+    over a hull.
     """
 
     velocity: tuple[float, float, float]
     acceleration: tuple[float, float, float]
     surface: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
+    gradient: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0)
+    gradient_rate: tuple[float, float, float, float, float] = (0.0, 0.0, 0.0, 0.0, 0.0)
+
+
+class Plan(NamedTuple):
+    """A hull seen from above: half its length and half its width (m) along north and east; all 0 for a point."""
+
+    length_north: float = 0.0
+    length_east: float = 0.0
+    width_north: float = 0.0
+    width_east: float = 0.0
+
+
+POINT = Plan()
 
 
 def spectral_density(waves: Waves, omega: float) -> float:
@@ -122,15 +143,27 @@ class WaveField:
         self.depth = depth
         self._rows = [_row(component, depth) for component in self.components]
         self._tangent = (-inf, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0)  # time, north, east, and WaterMotion.surface there
+        self._held = _AT_REST  # the motion of the last `set_tangent`
 
     @property
     def max_elevation(self) -> float:
         """The elevation (m) that no superposition of the components exceeds."""
         return sum(abs(component.amplitude) for component in self.components)
 
+    @property
+    def max_slope(self) -> float:
+        """The slope of the surface that no superposition of the components exceeds."""
+        return sum(abs(component.amplitude) * component.wave_number for component in self.components)
+
     def set_tangent(self, time: float, north: float, east: float, motion: WaterMotion) -> None:
         """Let `surface` extrapolate from `motion`, which is that of this time (s) and position (m)."""
         self._tangent = (time, north, east, *motion.surface)
+        self._held = motion
+
+    @property
+    def held(self) -> WaterMotion:
+        """The motion of the last `set_tangent`."""
+        return self._held
 
     def surface(self, time: float, north: float, east: float) -> float:
         """Return the elevation (m), extrapolated from the last `set_tangent` if that is near, else computed.
@@ -170,44 +203,68 @@ class WaveField:
             head += amplitude * share * cos(kn * north + ke * east - omega * time + phase)
         return depth + head
 
-    def motion(self, time: float, north: float, east: float, depth: float) -> WaterMotion:
-        """Return the motion of the water at a position (m, NED) at `time` s.
+    def motion(self, time: float, north: float, east: float, depth: float, plan: Plan = POINT) -> WaterMotion:
+        """Return the motion of the water at a position (m, NED) at `time` s, as its mean over a hull of this `plan`.
 
         It takes about half a microsecond for each component, so callers use a result for some milliseconds.
         """
+        length_north, length_east, width_north, width_east = plan
         depth = min(max(depth, 0.0), self.depth)
         v_north = v_east = v_down = a_north = a_east = a_down = 0.0
-        nn = ne = ee = nd = ed = 0.0  # the gradient of the velocity: symmetric, with trace 0
+        nn = ne = ee = nd = ed = 0.0
+        nn_rate = ne_rate = ee_rate = nd_rate = ed_rate = 0.0
         height = rate = slope_north = slope_east = 0.0
         for kn, ke, k, omega, phase, speed, echo, to_north, to_east, amplitude in self._rows:
             theta = kn * north + ke * east - omega * time + phase
             decay = exp(-k * depth)
             rise = echo / decay if echo else 0.0  # reflection by the seabed; none in deep water
+            x, y = kn * length_north + ke * length_east, kn * width_north + ke * width_east
+            mean, tilt = _sinc(x) * _sinc(y), _sinc(_TILT * x) * _sinc(_TILT * y)
             level, steep = speed * (decay + rise), speed * (decay - rise)
             cosine, sine = cos(theta), sin(theta)
-            along, falling = level * cosine, amplitude * sine
-            height += amplitude * cosine
-            rate += omega * falling
-            slope_north -= kn * falling
-            slope_east -= ke * falling
+            along, falling = mean * level * cosine, amplitude * sine
+            height += amplitude * mean * cosine
+            rate += omega * mean * falling
+            slope_north -= kn * tilt * falling
+            slope_east -= ke * tilt * falling
             v_north += along * to_north
             v_east += along * to_east
-            v_down -= steep * sine
-            level *= sine
-            steep *= cosine
-            a_north += omega * level * to_north
-            a_east += omega * level * to_east
-            a_down += omega * steep
-            nn -= level * kn * to_north
-            ne -= level * kn * to_east
-            ee -= level * ke * to_east
-            nd -= steep * kn
-            ed -= steep * ke
+            v_down -= mean * steep * sine
+            along = omega * mean * level * sine
+            a_north += along * to_north
+            a_east += along * to_east
+            a_down += omega * mean * steep * cosine
+            level *= tilt
+            steep *= tilt
+            along, falling = level * sine, steep * cosine
+            nn -= along * kn * to_north
+            ne -= along * kn * to_east
+            ee -= along * ke * to_east
+            nd -= falling * kn
+            ed -= falling * ke
+            along, falling = omega * level * cosine, omega * steep * sine
+            nn_rate += along * kn * to_north
+            ne_rate += along * kn * to_east
+            ee_rate += along * ke * to_east
+            nd_rate -= falling * kn
+            ed_rate -= falling * ke
         a_north += v_north * nn + v_east * ne + v_down * nd
         a_east += v_north * ne + v_east * ee + v_down * ed
         a_down += v_north * nd + v_east * ed - v_down * (nn + ee)
         surface = (height, rate, slope_north, slope_east)
-        return WaterMotion((v_north, v_east, v_down), (a_north, a_east, a_down), surface)
+        rates = nn_rate, ne_rate, ee_rate, nd_rate, ed_rate
+        return WaterMotion((v_north, v_east, v_down), (a_north, a_east, a_down), surface, (nn, ne, ee, nd, ed), rates)
+
+
+def _sinc(x: float) -> float:
+    """Return sin(x) / x; by its series up to 1.5, to 1e-8."""
+    s = x * x
+    if s > 2.25:
+        return sin(x) / x
+    return 1.0 - s / 6.0 * (1.0 - s / 20.0 * (1.0 - s / 42.0 * (1.0 - s / 72.0 * (1.0 - s / 110.0))))
+
+
+_AT_REST = WaterMotion((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
 
 def _row(wave: Component, depth: float) -> tuple[float, ...]:

@@ -69,7 +69,9 @@ class NativeDynamics(Dynamics):
             return
         numbers = self.numbers()
         self.has_native_forces = twins is not None
-        self.kernel = Kernel(pack(f"{len(numbers)}d", *numbers), twins or ())
+        triangles = [x for triangle in self.hull.triangles for x in triangle]
+        packed = pack(f"{len(numbers)}d", *numbers), pack(f"{len(triangles)}d", *triangles)
+        self.kernel = Kernel(*packed, twins or ())
         self._advance = self.kernel.step if self.has_native_forces else self._step_with_python_forces
 
     def _step_with_python_forces(

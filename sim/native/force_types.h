@@ -14,32 +14,37 @@ static void *new_copy(const char *numbers, Py_ssize_t bytes)
 
 /* -- WaveField -------------------------------------------------------------------------------------------------------*/
 
-enum { MOTION = 10 };
-
 typedef struct {
     PyObject_HEAD
     Waves waves;
     long long hold_ns, due_ns, time_ns;
-    double last_motion[MOTION], last_position[3]; /* the motion of the water that was computed last, and where */
+    double last_position[3]; /* of the motion that `waves` holds */
+    double half_sizes[3];    /* of the hull */
 } WaveField;
 
 #define FAR_M2 0.0625 /* _FAR_M2 of sim/environment/water.py */
 
 /* SampledWaves.motion */
-static void wave_field_sample(WaveField *wave_field, long long time_ns, const double *position, double *motion)
+static void wave_field_sample(WaveField *wave_field, long long time_ns, const double *position, const double *rotation,
+                              double *motion)
 {
+    double *held = wave_field->waves.held;
     double north = position[0] - wave_field->last_position[0], east = position[1] - wave_field->last_position[1], down = position[2] - wave_field->last_position[2];
     if (time_ns >= wave_field->due_ns || north * north + east * east + down * down > FAR_M2) {
         double *tangent = wave_field->waves.tangent, time = (double)time_ns * 1e-9;
         wave_field->due_ns = time_ns + wave_field->hold_ns;
         wave_field->time_ns = time_ns;
         memcpy(wave_field->last_position, position, sizeof wave_field->last_position);
-        water_motion(&wave_field->waves, time, position[0], position[1], position[2], wave_field->last_motion);
+        double length = wave_field->half_sizes[0], width = wave_field->half_sizes[1];
+        double plan[4] = {length * rotation[0], length * rotation[3], width * rotation[1], width * rotation[4]};
+        double half_draught = 0.5 * (position[2] + wave_field->half_sizes[2]);
+        double depth = half_draught > position[2] ? half_draught : position[2];
+        water_motion(&wave_field->waves, time, position[0], position[1], depth, plan, held);
         tangent[0] = time, tangent[1] = position[0], tangent[2] = position[1];
-        memcpy(tangent + 3, wave_field->last_motion + 6, 4 * sizeof(double));
+        memcpy(tangent + 3, held + 6, 4 * sizeof(double));
     }
     double later = (double)(time_ns - wave_field->time_ns) * 1e-9;
-    memcpy(motion, wave_field->last_motion, sizeof wave_field->last_motion);
+    memcpy(motion, held, MOTION * sizeof(double));
     for (int i = 0; i < 3; i++)
         motion[i] = motion[i] + motion[3 + i] * later;
 }
@@ -47,10 +52,12 @@ static void wave_field_sample(WaveField *wave_field, long long time_ns, const do
 static PyObject *wave_field_new(PyTypeObject *type, PyObject *arguments, PyObject *keywords)
 {
     Bytes numbers;
-    double depth;
+    PyObject *sizes;
+    double depth, half_sizes[3];
     long long hold_ns;
     (void)keywords;
-    if (!PyArg_ParseTuple(arguments, "O&dL", read_bytes, &numbers, &depth, &hold_ns))
+    if (!PyArg_ParseTuple(arguments, "O&dLO", read_bytes, &numbers, &depth, &hold_ns, &sizes)
+        || !read_numbers(sizes, half_sizes, 3))
         return NULL;
     if (numbers.size % (Py_ssize_t)sizeof(Wave) != 0)
         return PyErr_Format(PyExc_ValueError, "waves of %zu bytes are needed, found %zd bytes", sizeof(Wave),
@@ -62,6 +69,7 @@ static PyObject *wave_field_new(PyTypeObject *type, PyObject *arguments, PyObjec
     wave_field->waves.tangent[0] = -INFINITY;
     wave_field->waves.count = (long)(numbers.size / (Py_ssize_t)sizeof(Wave));
     wave_field->hold_ns = hold_ns;
+    memcpy(wave_field->half_sizes, half_sizes, sizeof half_sizes);
     wave_field->waves.waves = new_copy(numbers.data, numbers.size);
     if (wave_field->waves.waves == NULL)
         Py_CLEAR(wave_field);
@@ -100,30 +108,37 @@ static PyObject *wave_field_pressure_depth(PyObject *self, PyObject *arguments)
 
 static PyObject *new_motion(const double *motion)
 {
-    PyObject *parts[] = {new_number_tuple(motion, 3), new_number_tuple(motion + 3, 3), new_number_tuple(motion + 6, 4)};
-    PyObject *all = parts[0] && parts[1] && parts[2] ? PyTuple_Pack(3, parts[0], parts[1], parts[2]) : NULL;
-    for (int i = 0; i < 3; i++)
-        Py_XDECREF(parts[i]);
+    static const int sizes[] = {3, 3, 4, 5, 5};
+    PyObject *all = PyTuple_New(5);
+    for (int i = 0; all != NULL && i < 5; motion += sizes[i++]) {
+        PyObject *part = new_number_tuple(motion, sizes[i]);
+        if (part == NULL)
+            Py_CLEAR(all);
+        else
+            PyTuple_SetItem(all, i, part);
+    }
     return all;
 }
 
 static PyObject *wave_field_motion(PyObject *self, PyObject *arguments)
 {
-    double time, north, east, depth, motion[MOTION];
-    if (!PyArg_ParseTuple(arguments, "dddd", &time, &north, &east, &depth))
+    PyObject *hull;
+    double time, north, east, depth, plan[4], motion[MOTION];
+    if (!PyArg_ParseTuple(arguments, "ddddO", &time, &north, &east, &depth, &hull) || !read_numbers(hull, plan, 4))
         return NULL;
-    water_motion(&((WaveField *)self)->waves, time, north, east, depth, motion);
+    water_motion(&((WaveField *)self)->waves, time, north, east, depth, plan, motion);
     return new_motion(motion);
 }
 
 static PyObject *wave_field_sampled_motion(PyObject *self, PyObject *arguments)
 {
     long long time_ns;
-    PyObject *position;
-    double point[3], motion[MOTION];
-    if (!PyArg_ParseTuple(arguments, "LO", &time_ns, &position) || !read_numbers(position, point, 3))
+    PyObject *position, *attitude;
+    double point[3], rotation[9], motion[MOTION];
+    if (!PyArg_ParseTuple(arguments, "LOO", &time_ns, &position, &attitude) || !read_numbers(position, point, 3)
+        || !read_numbers(attitude, rotation, 9))
         return NULL;
-    wave_field_sample((WaveField *)self, time_ns, point, motion);
+    wave_field_sample((WaveField *)self, time_ns, point, rotation, motion);
     return new_motion(motion);
 }
 
@@ -131,17 +146,29 @@ static PyMethodDef wave_field_methods[] = {
     {"elevation", wave_field_elevation, METH_VARARGS, "elevation(time, north, east), as of sim.environment.waves.WaveField."},
     {"surface", wave_field_surface, METH_VARARGS, "surface(time, north, east), as of that WaveField, near the last sampled_motion."},
     {"pressure_depth", wave_field_pressure_depth, METH_VARARGS, "pressure_depth(time, north, east, depth), as of that WaveField."},
-    {"motion", wave_field_motion, METH_VARARGS, "motion(time, north, east, depth), as of that WaveField: velocity, acceleration, surface."},
-    {"sampled_motion", wave_field_sampled_motion, METH_VARARGS, "sampled_motion(time_ns, position), as SampledWaves.motion."},
+    {"motion", wave_field_motion, METH_VARARGS, "motion(time, north, east, depth, plan), as of that WaveField: velocity, acceleration, surface."},
+    {"sampled_motion", wave_field_sampled_motion, METH_VARARGS, "sampled_motion(time_ns, position, rotation), as SampledWaves.motion."},
     {NULL, NULL, 0, NULL},
 };
 
+static PyObject *wave_field_held(PyObject *self, void *closure)
+{
+    (void)closure;
+    return new_motion(((WaveField *)self)->waves.held);
+}
+
+static PyGetSetDef wave_field_attributes[] = {
+    {"held", wave_field_held, NULL, "the motion of the last sampled_motion", NULL},
+    {NULL, NULL, NULL, NULL, NULL},
+};
+
 static PyType_Slot wave_field_slots[] = {
-    {Py_tp_doc, "WaveField(bytes of WaveField.numbers(), depth, hold_ns): a sim.environment.waves.WaveField,\n"
+    {Py_tp_doc, "WaveField(bytes of WaveField.numbers(), depth, hold_ns, half_sizes): a sim.environment.waves.WaveField,\n"
                 "and its SampledWaves."},
     {Py_tp_new, wave_field_new},
     {Py_tp_dealloc, wave_field_deallocate},
     {Py_tp_methods, wave_field_methods},
+    {Py_tp_getset, wave_field_attributes},
     {0, NULL},
 };
 

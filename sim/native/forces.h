@@ -56,7 +56,7 @@ typedef struct {
 } Bladder;
 
 typedef struct {
-    double calm_depth;
+    double calm_depth, gravity, slender[3], second[3], added[3], linear[3], quadratic[3];
 } WavySurface;
 
 /* How many numbers a kind has: `first`, plus `each` once or more. */
@@ -258,20 +258,64 @@ static void bladder_force(const Bladder *bladder, double volume, const double *r
     buoyancy_wrench(lift, rotation, out);
 }
 
-static void wavy_surface_force(const Force *force, const Body *body, const double *position, const double *rotation,
-                               double *out)
+/* _shear of sim/environment/stratification.py */
+static void shear(const double *gradient, const double *rotation, double *out)
 {
-    double calm[4], lift[4];
-    if (position[2] >= ((const WavySurface *)force->numbers)->calm_depth) {
-        for (int i = 0; i < 6; i++)
-            out[i] = 0.0;
-        return;
+    double nn = gradient[0], ne = gradient[1], ee = gradient[2], nd = gradient[3], ed = gradient[4], dd = -(nn + ee);
+    double turned[3][3]; /* the gradient times the body's axes; that of x is not needed */
+    for (int i = 1; i < 3; i++) {
+        double north = rotation[i], east = rotation[3 + i], down = rotation[6 + i];
+        turned[i][0] = nn * north + ne * east + nd * down;
+        turned[i][1] = ne * north + ee * east + ed * down;
+        turned[i][2] = nd * north + ed * east + dd * down;
     }
-    hull_buoyancy(body, position[2] + surface(force->wave_field, force->time, position[0], position[1]), rotation, lift);
-    hull_buoyancy(body, position[2], rotation, calm);
-    for (int i = 0; i < 4; i++)
+    out[0] = rotation[1] * turned[2][0] + rotation[4] * turned[2][1] + rotation[7] * turned[2][2];
+    out[1] = -(rotation[0] * turned[2][0] + rotation[3] * turned[2][1] + rotation[6] * turned[2][2]);
+    out[2] = rotation[0] * turned[1][0] + rotation[3] * turned[1][1] + rotation[6] * turned[1][2];
+}
+
+/* WavySurface._at_surface */
+static double at_surface(const Force *force, const Body *body, const double *position, const double *rotation, double *out)
+{
+    const double *pull = force->wave_field->held + 3, *slopes = force->wave_field->held + 8;
+    double calm[4], lift[4], mass[4], tilted[3], push[3], share;
+    for (int i = 0; i < 3; i++) {
+        tilted[i] = rotation[6 + i] + slopes[0] * rotation[i] + slopes[1] * rotation[3 + i];
+        push[i] = rotation[i] * pull[0] + rotation[3 + i] * pull[1] + rotation[6 + i] * pull[2];
+    }
+    hull_buoyancy(body, position[2], rotation + 6, calm);
+    hull_buoyancy(body, position[2] + surface(force->wave_field, force->time, position[0], position[1]), tilted, lift);
+    share = lift[0] / body->submerged[0];
+    for (int i = 0; i < 4; i++) {
+        mass[i] = (lift[i] - body->submerged[i]) / ((const WavySurface *)force->numbers)->gravity;
         lift[i] = lift[i] - calm[i];
+    }
     buoyancy_wrench(lift, rotation, out);
+    for (int i = 0; i < 3; i++) {
+        int next = (i + 1) % 3, last = (i + 2) % 3;
+        out[i] = out[i] + mass[0] * push[i];
+        out[3 + i] = out[3 + i] + (mass[1 + next] * push[last] - mass[1 + last] * push[next]);
+    }
+    return share;
+}
+
+static void wavy_surface_force(const Force *force, const Body *body, const double *position, const double *rotation,
+                               const double *nu, double *out)
+{
+    const WavySurface *waves = (const WavySurface *)force->numbers;
+    double turn[3], accelerated[3], share = 1.0;
+    for (int i = 0; i < 6; i++)
+        out[i] = 0.0;
+    if (position[2] < waves->calm_depth)
+        share = at_surface(force, body, position, rotation, out);
+    shear(force->wave_field->held + 10, rotation, turn);
+    shear(force->wave_field->held + 15, rotation, accelerated);
+    for (int i = 0; i < 3; i++) {
+        double speed = nu[3 + i], relative = nu[3 + i] - waves->slender[i] * turn[i];
+        out[3 + i] = out[3 + i] + (share * waves->second[i] + waves->added[i] * waves->slender[i]) * accelerated[i]
+                     + waves->linear[i] * (speed - relative)
+                     + waves->quadratic[i] * (fabs(speed) * speed - fabs(relative) * relative);
+    }
 }
 
 /* The wrench of one force; arguments as in sim/forces.py, `nu` through the water. */
@@ -302,6 +346,6 @@ static void force_wrench(const Force *force, const Body *body, const double *pos
         bladder_force(numbers, force->servos[0].value, rotation, out);
         break;
     default:
-        wavy_surface_force(force, body, position, rotation, out);
+        wavy_surface_force(force, body, position, rotation, nu, out);
     }
 }

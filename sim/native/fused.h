@@ -139,7 +139,7 @@ static int fused_flow(FusedStep *fused, const double *rotation)
     if (fused->wave_field != NULL) {
         double motion[MOTION], body[3];
         const double *pull = motion + 3;
-        wave_field_sample(fused->wave_field, fused->time_ns, position, motion);
+        wave_field_sample(fused->wave_field, fused->time_ns, position, rotation, motion);
         for (int i = 0; i < 3; i++) {
             fused->flow[i] = fused->flow[i] + motion[i];
             body[i] = rotation[i] * pull[0] + rotation[3 + i] * pull[1] + rotation[6 + i] * pull[2];

@@ -106,7 +106,7 @@ static void restoring(const Body *body, double depth, const double *rotation, do
 {
     double zx = rotation[6], zy = rotation[7], zz = rotation[8];
     double lift[4], excess, moment_x, moment_y, moment_z;
-    hull_buoyancy(body, depth, rotation, lift);
+    hull_buoyancy(body, depth, rotation + 6, lift);
     excess = body->weight - lift[0];
     moment_x = body->weight_moment[0] - lift[1];
     moment_y = body->weight_moment[1] - lift[2];

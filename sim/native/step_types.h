@@ -131,6 +131,7 @@ static PyType_Spec state_spec = {
 typedef struct {
     PyObject_HEAD
     Model model;
+    double *triangles;
     PyObject *forces; /* a tuple of the forces: keeps the memory alive to which `model` points */
 } Kernel;
 
@@ -185,23 +186,32 @@ static PyObject *kernel_predict_midpoint(PyObject *self, PyObject *const *argume
 
 static PyObject *kernel_new(PyTypeObject *type, PyObject *arguments, PyObject *keywords)
 {
-    Bytes numbers;
+    enum { NUMBER_BYTES = offsetof(Body, triangles) };
+    Bytes numbers, hull;
     PyObject *forces;
     (void)keywords;
-    if (!PyArg_ParseTuple(arguments, "O&O!", read_bytes, &numbers, &PyTuple_Type, &forces))
+    if (!PyArg_ParseTuple(arguments, "O&O&O!", read_bytes, &numbers, read_bytes, &hull, &PyTuple_Type, &forces))
         return NULL;
-    Py_ssize_t count = PyTuple_Size(forces);
-    if (numbers.size != (Py_ssize_t)sizeof(Body) || count > MAX_FORCES)
-        return PyErr_Format(PyExc_ValueError, "%zu bytes of parameters and up to %d forces are needed, found %zd and %zd",
-                            sizeof(Body), MAX_FORCES, numbers.size, count);
+    Py_ssize_t count = PyTuple_Size(forces), triangle_bytes = (Py_ssize_t)sizeof *((Body *)NULL)->triangles;
+    if (numbers.size != NUMBER_BYTES || hull.size % triangle_bytes != 0 || count > MAX_FORCES)
+        return PyErr_Format(PyExc_ValueError,
+                            "%d bytes of parameters, whole triangles and up to %d forces are needed, found %zd, %zd and %zd",
+                            NUMBER_BYTES, MAX_FORCES, numbers.size, hull.size, count);
     for (Py_ssize_t i = 0; i < count; i++)
         if (Py_TYPE(PyTuple_GetItem(forces, i)) != force_type)
             return PyErr_Format(PyExc_TypeError, "a tuple of forces is needed");
     Kernel *kernel = (Kernel *)PyType_GenericAlloc(type, 0);
     if (kernel == NULL)
         return NULL;
-    memcpy(&kernel->model.body, numbers.data, sizeof(Body));
+    memcpy(&kernel->model.body, numbers.data, NUMBER_BYTES);
     kernel->forces = Py_NewRef(forces);
+    kernel->triangles = new_copy(hull.data, hull.size);
+    if (kernel->triangles == NULL) {
+        Py_DECREF(kernel);
+        return NULL;
+    }
+    kernel->model.body.triangles = (const double (*)[9])kernel->triangles;
+    kernel->model.body.triangle_count = (long)(hull.size / triangle_bytes);
     kernel->model.count = (int)count;
     for (Py_ssize_t i = 0; i < count; i++)
         kernel->model.forces[i] = &((ForceObject *)PyTuple_GetItem(forces, i))->force;
@@ -210,6 +220,7 @@ static PyObject *kernel_new(PyTypeObject *type, PyObject *arguments, PyObject *k
 
 static void kernel_deallocate(PyObject *self)
 {
+    PyMem_Free(((Kernel *)self)->triangles);
     Py_XDECREF(((Kernel *)self)->forces);
     deallocate(self);
 }
@@ -223,7 +234,7 @@ static PyMethodDef kernel_methods[] = {
 };
 
 static PyType_Slot kernel_slots[] = {
-    {Py_tp_doc, "The step of one vehicle: Kernel(bytes of Dynamics.numbers(), tuple of Force)."},
+    {Py_tp_doc, "The step of one vehicle: Kernel(bytes of Dynamics.numbers(), of Hull.triangles, tuple of Force)."},
     {Py_tp_new, kernel_new},
     {Py_tp_dealloc, kernel_deallocate},
     {Py_tp_methods, kernel_methods},

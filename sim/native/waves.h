@@ -5,6 +5,7 @@
  */
 
 #include <math.h>
+#include <string.h>
 
 #include "check_doubles.h"
 
@@ -13,16 +14,20 @@ typedef struct {
     double kn, ke, k, omega, phase, speed, echo, to_north, to_east, amplitude;
 } Wave;
 
+enum { MOTION = 20 }; /* numbers of WaterMotion */
+
 typedef struct {
     long count;
     double depth;
     Wave *waves;
     double tangent[7]; /* WaveField._tangent */
+    double held[MOTION]; /* WaveField.held */
 } Waves;
 
 /* As in sim/environment/waves.py: within this time (s) and squared distance (m2) the surface is extrapolated. */
 #define NEAR_S 0.2
 #define NEAR_M2 1.0
+#define TILT 0.7745966692414834
 
 static inline double wave_angle(const Wave *wave, double time, double north, double east)
 {
@@ -60,43 +65,63 @@ static double pressure_depth(const Waves *waves, double time, double north, doub
     return depth + head;
 }
 
-/* Writes 10 numbers: velocity and acceleration of the water (each north, east, down), then WaterMotion.surface. */
-static void water_motion(const Waves *waves, double time, double north, double east, double depth, double *out)
+static inline double sinc(double x)
+{
+    double s = x * x;
+    if (s > 2.25)
+        return sin(x) / x;
+    return 1.0 - s / 6.0 * (1.0 - s / 20.0 * (1.0 - s / 42.0 * (1.0 - s / 72.0 * (1.0 - s / 110.0))));
+}
+
+/* Writes the MOTION numbers of WaterMotion in its order, as means over a hull whose `plan` is half its length and half its
+ * width along north and east. */
+static void water_motion(const Waves *waves, double time, double north, double east, double depth, const double *plan,
+                         double *out)
 {
     double v_north = 0.0, v_east = 0.0, v_down = 0.0, a_north = 0.0, a_east = 0.0, a_down = 0.0;
     double nn = 0.0, ne = 0.0, ee = 0.0, nd = 0.0, ed = 0.0;
+    double nn_rate = 0.0, ne_rate = 0.0, ee_rate = 0.0, nd_rate = 0.0, ed_rate = 0.0;
     double height = 0.0, rate = 0.0, slope_north = 0.0, slope_east = 0.0;
     depth = 0.0 > depth ? 0.0 : depth;
     depth = waves->depth < depth ? waves->depth : depth;
     for (long i = 0; i < waves->count; i++) {
         const Wave *wave = &waves->waves[i];
-        double theta = wave_angle(wave, time, north, east);
-        double decay = exp(-wave->k * depth);
-        double rise = wave->echo != 0.0 ? wave->echo / decay : 0.0;
+        double kn = wave->kn, ke = wave->ke, omega = wave->omega, theta = wave_angle(wave, time, north, east);
+        double decay = exp(-wave->k * depth), rise = wave->echo != 0.0 ? wave->echo / decay : 0.0;
+        double x = kn * plan[0] + ke * plan[1], y = kn * plan[2] + ke * plan[3];
+        double mean = sinc(x) * sinc(y), tilt = sinc(TILT * x) * sinc(TILT * y);
         double level = wave->speed * (decay + rise), steep = wave->speed * (decay - rise);
-        double cosine = cos(theta), sine = sin(theta), along = level * cosine, falling = wave->amplitude * sine;
-        height += wave->amplitude * cosine;
-        rate += wave->omega * falling;
-        slope_north -= wave->kn * falling;
-        slope_east -= wave->ke * falling;
+        double cosine = cos(theta), sine = sin(theta), along = mean * level * cosine, falling = wave->amplitude * sine;
+        height += wave->amplitude * mean * cosine;
+        rate += omega * mean * falling;
+        slope_north -= kn * tilt * falling;
+        slope_east -= ke * tilt * falling;
         v_north += along * wave->to_north;
         v_east += along * wave->to_east;
-        v_down -= steep * sine;
-        level *= sine;
-        steep *= cosine;
-        a_north += wave->omega * level * wave->to_north;
-        a_east += wave->omega * level * wave->to_east;
-        a_down += wave->omega * steep;
-        nn -= level * wave->kn * wave->to_north;
-        ne -= level * wave->kn * wave->to_east;
-        ee -= level * wave->ke * wave->to_east;
-        nd -= steep * wave->kn;
-        ed -= steep * wave->ke;
+        v_down -= mean * steep * sine;
+        along = omega * mean * level * sine;
+        a_north += along * wave->to_north;
+        a_east += along * wave->to_east;
+        a_down += omega * mean * steep * cosine;
+        level *= tilt;
+        steep *= tilt;
+        along = level * sine, falling = steep * cosine;
+        nn -= along * kn * wave->to_north;
+        ne -= along * kn * wave->to_east;
+        ee -= along * ke * wave->to_east;
+        nd -= falling * kn;
+        ed -= falling * ke;
+        along = omega * level * cosine, falling = omega * steep * sine;
+        nn_rate += along * kn * wave->to_north;
+        ne_rate += along * kn * wave->to_east;
+        ee_rate += along * ke * wave->to_east;
+        nd_rate -= falling * kn;
+        ed_rate -= falling * ke;
     }
     a_north += v_north * nn + v_east * ne + v_down * nd;
     a_east += v_north * ne + v_east * ee + v_down * ed;
     a_down += v_north * nd + v_east * ed - v_down * (nn + ee);
-    out[0] = v_north, out[1] = v_east, out[2] = v_down;
-    out[3] = a_north, out[4] = a_east, out[5] = a_down;
-    out[6] = height, out[7] = rate, out[8] = slope_north, out[9] = slope_east;
+    double all[MOTION] = {v_north, v_east, v_down, a_north, a_east, a_down, height, rate, slope_north, slope_east,
+                          nn, ne, ee, nd, ed, nn_rate, ne_rate, ee_rate, nd_rate, ed_rate};
+    memcpy(out, all, sizeof all);
 }

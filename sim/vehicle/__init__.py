@@ -1,5 +1,5 @@
 """Vehicles: records read from TOML, hull, thrusters, fins, ballast, battery, failures, URDF import.
 
 Public: `vehicle.load_vehicle`, `accessories`, `ballast`, `battery`, `body_lift`, `collision_shape`, `equipment`,
-`failures`, `fins`, `mesh_files`, `meshes`, `terminal_speed`. It must not use the environment.
+`failures`, `fins`, `hull_form`, `mesh_files`, `meshes`, `terminal_speed`. It must not use the environment.
 """

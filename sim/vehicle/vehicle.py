@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from sim.vehicle.body_lift import CrossFlow, FadingDamping, Lift
     from sim.vehicle.collision_shape import Collision
     from sim.vehicle.fins import Fin
+    from sim.vehicle.hull_form import HullForm
     from sim.vehicle.meshes import Mesh
 
 __all__ = [
@@ -70,6 +71,7 @@ READERS: dict[str, Reader] = {
     "drop_weights": reader_of("sim.vehicle.ballast:DropWeight", many=True),
     "meshes": reader_of("sim.vehicle.meshes:Mesh", many=True),
     "collision": reader_of("sim.vehicle.collision_shape:Collision"),
+    "hull": reader_of("sim.vehicle.hull_form:HullForm"),
     "accessories": reader_of("sim.vehicle.accessories:AccessoryKeys"),
 }
 DENSITIES = (50.0, 20_000.0)  # kg/m³: outside of these, mass or volume is in another unit
@@ -90,7 +92,8 @@ class Vehicle(NamedTuple):
     `battery` supplies those thrusters whose curve has a current (sim/vehicle/battery.py); without a battery the supply
     voltage is constant.
     `meshes` are used in pictures only (sim/vehicle/meshes.py). `collision` is the shape for contacts, with friction and
-    restitution (sim/vehicle/collision_shape.py); the shape follows from `dimensions` if left out.
+    restitution (sim/vehicle/collision_shape.py); the shape follows from `dimensions` if left out. `hull` is the form
+    that floats (sim/vehicle/hull_form.py), a box of these dimensions if left out.
     The vehicle counts as capsized if it is tilted from the vertical by more than `capsize_tilt` (rad, pi: never).
     `accessories` are lights, camera tilt and gripper (sim/vehicle/accessories.py).
     `fins` and the keys of equipment are described in sim/vehicle/equipment.py; mass, volume and inertia include the
@@ -123,6 +126,7 @@ class Vehicle(NamedTuple):
     drop_weights: "tuple[DropWeight, ...]" = ()
     meshes: "tuple[Mesh, ...]" = ()
     collision: "Collision | None" = None
+    hull: "HullForm | None" = None
     accessories: "AccessoryKeys | None" = None
 
     @property
@@ -228,12 +232,14 @@ def parse_vehicle(table: dict[str, Any], path: str) -> Vehicle:
     problems = [validate_drop_weights(vehicle), _validate_battery(vehicle)]
     if any(problems):
         raise ConfigError(*[f"{path}: {problem}" for problem in problems if problem])
-    if not vehicle.meshes:
+    if not vehicle.meshes and not (vehicle.hull and vehicle.hull.file):
         return vehicle
-    import os  # most vehicles have no meshes
+    import os  # most vehicles have no files
 
     folder = os.path.dirname(path)
-    return vehicle._replace(meshes=tuple([m._replace(file=os.path.join(folder, m.file)) for m in vehicle.meshes]))
+    hull = vehicle.hull and vehicle.hull._replace(file=vehicle.hull.file and os.path.join(folder, vehicle.hull.file))
+    meshes = tuple([mesh._replace(file=os.path.join(folder, mesh.file)) for mesh in vehicle.meshes])
+    return vehicle._replace(meshes=meshes, hull=hull)
 
 
 def _validate_battery(vehicle: Vehicle) -> str | None:

@@ -28,7 +28,7 @@ from sim.sensors.error import ErrorModel
 from sim.sensors.kinds import SENSORS
 from sim.sensors.mounting import Mounting
 from sim.sensors.sensor_set import DEFAULT_SENSORS, DEVICES, load_sensor
-from sim.vehicle import accessories, ballast, battery, body_lift, collision_shape, fins, meshes, vehicle
+from sim.vehicle import accessories, ballast, battery, body_lift, collision_shape, fins, hull_form, meshes, vehicle
 from sim.vehicle.failures import Failure
 from sim.vehicle.thrusters import curves, lags
 from sim.vehicle.thrusters.model import Thruster
@@ -164,7 +164,8 @@ def vehicle_file() -> str:
         "fading_damping": "table, [`fading_damping`](#fading_damping)", "meshes": "tables, [`meshes`](#meshes)",
         "buoyancy_engine": "table, [`buoyancy_engine`](#buoyancy_engine)",
         "accessories": "table, [`accessories`](#accessories)",
-        "collision": "table, [`collision`](#collision)", "thrusters": "tables, [`thrusters`](#thrusters)",
+        "collision": "table, [`collision`](#collision)", "hull": "table, [`hull`](#hull)",
+        "thrusters": "tables, [`thrusters`](#thrusters)",
     }  # fmt: skip
     sections = [
         Section("Top level", vehicle.Vehicle, shown_types=linked),
@@ -183,6 +184,7 @@ def vehicle_file() -> str:
         Section("battery", battery.Battery),
         Section("accessories", accessories.AccessoryKeys),
         Section("collision", collision_shape.Collision, shown_types={"spheres": "array of arrays of 4 numbers, in m"}),
+        Section("hull", hull_form.HullForm, shown_types={"boxes": "array of arrays of 6 numbers, in m"}),
         Section("meshes", meshes.Mesh),
         Section("control", controller.Gains, "Gains of the cascade. `family` chooses another law: `\"sliding_mode\"`, "
                 "`\"restoring_pd\"`, or `\"module:Class\"` with its keys in `[control.options]`."),

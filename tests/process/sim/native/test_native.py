@@ -113,7 +113,7 @@ def fly(dynamics: Dynamics, path: Flight, change_state: Callable[[State], None] 
     state, chunks, crossing = path.state(), [], 0
     for wrench, current in path.inputs:
         change_state(state)
-        lift = dynamics.hull.buoyancy(state.position[2], rotations.matrix(state.quaternion))[0]
+        lift = dynamics.hull.buoyancy(state.position[2], rotations.matrix(state.quaternion)[6:])[0]
         crossing += 0.0 < lift < dynamics.hull.full
         dynamics.step(state, wrench, current, DT)
         chunks.append(packed([*state.position, *state.quaternion, *state.nu, *state.nu_dot]))
@@ -165,9 +165,9 @@ def test_the_kernel_alone_equals_python_on_each_machine(
     inputs = [x for wrench, current in path.inputs for x in (*wrench, *current)]
     for integrator in INTEGRATORS:
         python = Dynamics(VEHICLES[-1], 1025.0, 9.81, integrator)
-        completed = subprocess.run(
-            [*emulator, str(program)], input=packed([*python.numbers(), *start, *inputs]), capture_output=True
-        )
+        hull = float(len(python.hull.triangles)), *(x for triangle in python.hull.triangles for x in triangle)
+        given = packed([*python.numbers(), *hull, *start, *inputs])
+        completed = subprocess.run([*emulator, str(program)], input=given, capture_output=True)
         expected, crossing = fly(python, path)
         assert crossing > STEPS / 20
         assert completed.returncode == 0
@@ -264,17 +264,17 @@ def test_invalid_arguments_of_the_error_bank_are_refused() -> None:
 def test_the_binary_checks_its_parameters() -> None:
     kernel = sys.modules[BINARY].Kernel
     with pytest.raises(ValueError, match="bytes of parameters"):
-        kernel(b"\0" * 8, ())
+        kernel(b"\0" * 8, b"", ())
     with pytest.raises(TypeError, match="a tuple of forces"):
-        kernel(bytes(8 * len(Dynamics(VEHICLES[0], 1025.0, 9.81).numbers())), (3,))
+        kernel(bytes(8 * len(Dynamics(VEHICLES[0], 1025.0, 9.81).numbers())), bytes(72), (3,))
     force = sys.modules[BINARY].Force
     for kind, numbers, servos in ((7, 1, 0), (-1, 1, 0), (0, 10, 0), (1, 22, 0), (1, 25, 0), (4, 17, 0), (5, 5, 2)):
         with pytest.raises(ValueError, match=f"a force of kind {kind} is not made of"):
             force(kind, bytes(8 * numbers), bytes(32 * servos), None)
     with pytest.raises(ValueError, match="a force of kind 6"):
-        force(6, bytes(8), b"", None)
+        force(6, bytes(136), b"", None)
     with pytest.raises(TypeError, match="a WaveField or None"):
-        force(6, bytes(8), b"", 3)
+        force(6, bytes(136), b"", 3)
 
 
 @pytest.mark.usefixtures("native")

@@ -133,7 +133,7 @@ def test_the_acceleration_is_that_of_a_fluid_particle(depth: float) -> None:
     wave_field, step = WaveField(SEA._replace(peak_period=4.0), depth, G, 4), 1e-4
     point = (5.0, 6.0, 1.0)
     for time in (0.0, 12.0, 100.0):
-        velocity, acceleration, _ = wave_field.motion(time, *point)
+        velocity, acceleration, *_ = wave_field.motion(time, *point)
         next_point = [x + step * v for x, v in zip(point, velocity, strict=True)]
         previous_point = [x - step * v for x, v in zip(point, velocity, strict=True)]
         later, earlier = (

@@ -26,18 +26,14 @@ def float_(**changes: object) -> Vehicle:
 
 
 def energy(dynamics: Dynamics, state: State) -> float:
-    """Return the energy: kinetic, of the weight, and of the displaced water, each point's lift over its depth."""
-    zx, zy, zz = rotations.matrix(state.quaternion)[6:]
-    hull = dynamics.hull
-    heights, volume_share = [z for _, _, z in hull.points], hull.full / len(hull.points)
-    h = 0.5 * (max(heights) - min(heights))  # half the height of a point's column
-    lifted = 0.0
-    for x, y, z in hull.points:
-        depth = state.position[2] + zx * x + zy * y + zz * z
-        lifted += volume_share * (0.0 if depth <= -h else depth if depth >= h else (depth + h) ** 2 / (4.0 * h))
+    """Return the energy: kinetic, of the weight, and of the displaced water, the lift times the depth of its centre."""
+    down = rotations.matrix(state.quaternion)[6:]
+    depth = state.position[2]
+    lift, *moments = dynamics.hull.buoyancy(depth, down)
+    lifted = lift * depth + sum(n * moment for n, moment in zip(down, moments, strict=True))
     pairs = zip(dynamics.mass, state.nu, strict=True)
     kinetic = 0.5 * sum(v * sum(m * x for m, x in zip(row, state.nu, strict=True)) for row, v in pairs)
-    return kinetic + lifted - dynamics.weight * state.position[2]
+    return kinetic + lifted - dynamics.weight * depth
 
 
 def others_lift(depth: float, height: float, full: float) -> float:
@@ -56,7 +52,7 @@ def test_lift_is_continuous() -> None:
     depths = [-0.3 + 0.0001 * i for i in range(6001)]
     assert largest_jump([others_lift(d, 0.234, hull.full) for d in depths]) > 0.49 * hull.full
     for attitude in (LEVEL, rotations.matrix(from_euler(0.7, -0.4, 0.2)), rotations.matrix(from_euler(3.1, 0.0, 0.0))):
-        lifts = [hull.buoyancy(d, attitude) for d in depths]
+        lifts = [hull.buoyancy(d, attitude[6:]) for d in depths]
         assert lifts[0] == (0.0, 0.0, 0.0, 0.0)
         assert lifts[-1] == pytest.approx((hull.full, 0.0, 0.0, 0.0))
         assert largest_jump([lift for lift, *_ in lifts]) < 0.002 * hull.full
@@ -66,15 +62,15 @@ def test_lift_is_continuous() -> None:
 def test_level_lift_is_that_of_a_box() -> None:
     hull = Hull(float_(), RHO, G)
     for depth in (-0.117, -0.05, 0.0, 0.03, 0.117):
-        assert hull.buoyancy(depth, LEVEL)[0] == pytest.approx(hull.full * (depth + 0.117) / 0.234)
+        assert hull.buoyancy(depth, LEVEL[6:])[0] == pytest.approx(hull.full * (depth + 0.117) / 0.234)
 
 
 def test_the_center_of_buoyancy_moves_to_the_submerged_part() -> None:
     """The centre, half in, is a quarter of the height below the middle. Heeled, it moves to the low side."""
     hull = Hull(float_(), RHO, G)
-    lift, x, y, z = hull.buoyancy(0.0, LEVEL)
+    lift, x, y, z = hull.buoyancy(0.0, LEVEL[6:])
     assert (x / lift, y / lift, z / lift) == pytest.approx((0.0, 0.0, 0.234 / 4.0))
-    lift, _, y, _ = hull.buoyancy(0.0, rotations.matrix(from_euler(0.2, 0.0, 0.0)))
+    lift, _, y, _ = hull.buoyancy(0.0, rotations.matrix(from_euler(0.2, 0.0, 0.0))[6:])
     assert y / lift > 0.01
 
 
