@@ -129,7 +129,9 @@ class Unanswered:
             return bool(self._session.links())
         ports = [split_endpoint(one)[2] for one in self._endpoints if one != LAN]
         port = split_endpoint(endpoint)[2]
-        return ports.count(port) == 1 and self._session.has_connected_to(port)
+        from hil.network.diagnosis import has_connected
+
+        return ports.count(port) == 1 and has_connected(self._session, port)
 
 
 def _paces(before: Status | None, figures: Diagnostics, received_ns: int) -> dict[str, float]:

@@ -38,7 +38,7 @@ def why_not(endpoint: str, folder: str = "", routed: bool = False, session: "Ses
 
         return None if (session and session.links()) or find(TIMEOUT_S) else Fault(NOBODY, False)
     _, host, port = split_endpoint(endpoint)
-    if session and session.has_connected_to(port) and (routed or session.has_connected_to(port + 1)):
+    if session and has_connected(session, port) and (routed or has_connected(session, port + 1)):
         return None
     host = host.strip("[]")
     try:
@@ -48,6 +48,11 @@ def why_not(endpoint: str, folder: str = "", routed: bool = False, session: "Ses
     with connection:
         fault = _with_certificate(connection, host, folder) if folder else _without(connection)
     return fault if fault or routed else _second(host, port + 1)
+
+
+def has_connected(session: "Session", port: int) -> bool:
+    """Return whether the session has a link that it has opened to this `port` of any peer."""
+    return any(to.partition("?")[0].endswith(f":{port}") for _, _, to in session.links())
 
 
 def _connect(host: str, port: int) -> socket.socket:

@@ -10,7 +10,7 @@ import zenoh
 from hil.common.errors import NetworkError
 from hil.ros import dialect
 from hil.ros import encoders as ros
-from hil.ros.topics import Priority, Topic, hash_of
+from hil.ros.topics import TOPICS, Priority, Topic, hash_of
 
 if TYPE_CHECKING:
     from hil.network.reception import ReaderThread
@@ -151,6 +151,12 @@ class Publisher:
 def key_of(topic: Topic, node: str) -> str:
     """Return the key of a node's topic, the same as that of ROS nodes of our ROS 2 release."""
     return ros.data_key(dialect.domain(), topic.full_name(node), topic.type, hash_of(topic.type))
+
+
+def read_key(key: str) -> tuple[str, bool]:
+    """Return the name of a node's topic in a key of `key_of`, and whether the key has the type of our topic."""
+    name, dds, _ = key.split("/", 2)[2].rsplit("/", 2)  # a topic's name may contain "/"
+    return name, name not in TOPICS or dds == ros.dds_name(TOPICS[name].type)
 
 
 def is_matched(publisher: zenoh.Publisher) -> bool:

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING
 
 from hil.common.endpoint import split_endpoint
-from hil.network.diagnosis import why_not
+from hil.network.diagnosis import has_connected, why_not
 from hil.network.session import Session
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ def watch_router(session: Session, router: str, security: "Security | None", rep
 
     def check() -> None:
         nonlocal reported
-        fault = None if session.has_connected_to(port) else why_not(router, folder, routed=True)
+        fault = None if has_connected(session, port) else why_not(router, folder, routed=True)
         if fault and fault.text != reported:
             report(f"the router {router} is not reached: {fault.text}")
         reported = fault.text if fault else ""
