@@ -88,7 +88,8 @@ class WavySurface:
     def wrench(self, position: Sequence[float], rotation: Rotation, nu_r: Sequence[float]) -> Wrench:
         """Return the additional force (N, N m, body axes about the origin)."""
         waves = self.wave_field.held
-        share, wrench = 1.0, (0.0,) * 6
+        share = 1.0
+        wrench: Wrench = (0.0,) * 6
         if position[2] < self._calm_depth:
             share, wrench = self._at_surface(waves, position, rotation)
         turn, accelerated = _shear(waves.gradient, rotation), _shear(waves.gradient_rate, rotation)

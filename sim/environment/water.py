@@ -60,11 +60,12 @@ class FluidMotion:
 
     def velocity(self, time_ns: int, position: Sequence[float]) -> Velocity:
         """Return the water's velocity (m/s, NED) at any position (m, NED)."""
-        north, east, down = self.current(time_ns, position[2])
+        velocity = self.current(time_ns, position[2])
         if self._sampled_waves is None:
-            return north, east, down
-        x, y, z = self._sampled_waves.wave_field.motion(time_ns * 1e-9, *position).velocity
-        return north + x, east + y, down + z
+            return velocity
+        north, east, depth = position
+        x, y, z = self._sampled_waves.wave_field.motion(time_ns * 1e-9, north, east, depth).velocity
+        return velocity[0] + x, velocity[1] + y, velocity[2] + z
 
 
 class SampledWaves:

@@ -79,10 +79,9 @@ def load_stl(path: str, scale: float = 1.0) -> list[Triangle]:
     triangles = _text_triangles(data) if _is_text(data) else _binary_triangles(data)
     if not 4 <= len(triangles) <= MAX_TRIANGLES:
         raise ConfigError(f"{path}: no STL file of 4 to {MAX_TRIANGLES} triangles: simplify the hull, and export again")
-    triangles = [[scale * number for number in triangle] for triangle in triangles]
     if not _is_closed(triangles):
         raise ConfigError(f"{path}: the surface is not closed: let a mesh program fill its holes and align its normals")
-    return triangles
+    return [[scale * number for number in triangle] for triangle in triangles]
 
 
 def _is_text(data: bytes) -> bool:
