@@ -1,7 +1,6 @@
 """The benchmark harness: changed scenarios, resource limits, processes, and that nothing is left behind."""
 
 import os
-import signal
 from argparse import ArgumentTypeError
 from pathlib import Path
 
@@ -13,7 +12,6 @@ from hil.bench.limits import Confinement, Limits, parse_cpus, parse_memory
 from hil.bench.machine import describe
 from hil.commands.bench.options import CPU_SHARE
 from hil.common.errors import ConfigError, NetworkError
-from hil.common.ports import free_ports
 from hil.common.scratch import lock_unused
 from tests.support.boards import recorded
 
@@ -120,25 +118,6 @@ def test_output_of_a_process_is_awaited_and_its_end_is_reported(tmp_path: Path) 
             process.expect("three", 60.0)
 
 
-def test_the_signal_that_ended_a_process_is_reported(tmp_path: Path) -> None:
-    with Process(["sh", "-c", "echo armed; exec sleep 9"], str(tmp_path / "log")) as process:
-        process.expect("armed", 60.0)
-        assert process.ending == "is still running; its last output: armed"
-        os.kill(process.pid, signal.SIGKILL)
-        process.wait(60)
-        assert process.ending == "was ended by signal 9 (KILL); its last output: armed"
-
-
-def test_a_killed_process_under_a_memory_limit_names_the_limit_as_a_likely_cause(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(Confinement, "_confine", lambda _: None)  # needs root
-    with Confinement(Limits(memory_mib=16.0)) as place:
-        process = Process(["sh", "-c", "kill -KILL $$"], str(tmp_path / "log"), place)
-        assert process.wait(60) == -9
-    assert "signal 9 (KILL), perhaps as it needs more than the 16 MiB of --memory; its last" in process.ending
-
-
 @pytest.mark.parametrize(
     ("limits", "by", "label"),
     [
@@ -157,14 +136,6 @@ def test_only_a_processor_share_limit_turns_off_real_time(
     with Bench("paper_field", limits=limits) as bench:
         assert bench.labels == (label,)
         assert bench.scenario.slave.realtime == (not limits.cpu_share)
-
-
-def test_a_missing_slave_on_another_machine_is_reported() -> None:
-    endpoint = f"tcp/127.0.0.1:{free_ports(1)[0]}"
-    with Bench("paper_field") as bench, bench.client(endpoint) as client, pytest.raises(NetworkError) as error:
-        await_vehicle(client, seconds=0.2)
-    assert f"no vehicle 'uuv1' answered at {endpoint} within 0.2 s; 127.0.0.1 is there but nothing" in str(error.value)
-    assert "is `uuv-hil slave` running there, with --listen on an address this machine reaches" in str(error.value)
 
 
 def test_a_slave_starts_and_stops_without_leftovers() -> None:

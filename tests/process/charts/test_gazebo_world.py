@@ -98,6 +98,7 @@ def test_meshes_of_every_format_have_their_size(tmp_path: Path) -> None:
         assert result["is_closed"]
 
 
+@pytest.mark.usefixtures("own_process")
 def test_a_hostile_mesh_gives_an_error_and_the_next_is_read(tmp_path: Path) -> None:
     """A mesh is damaged, expands entities, or is none; the next one is read all the same."""
     (tmp_path / "bad.stl").write_bytes(b"\0" * 200)

@@ -163,6 +163,7 @@ def test_a_missing_file_and_a_file_that_is_no_chart_are_refused(tmp_path: Path) 
             read_cell(str(path))
 
 
+@pytest.mark.usefixtures("own_process")
 def test_a_chart_that_ends_too_early_is_refused(tmp_path: Path) -> None:
     """The chart is cut at any byte; `test_mutated_cells_are_read_or_refused` has what else can be wrong with one."""
     cell_bytes = bay().data()
@@ -174,6 +175,7 @@ def test_a_chart_that_ends_too_early_is_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("damage", ["a directory that does not advance", "entries that overlap", "a huge count"])
+@pytest.mark.usefixtures("own_process")
 def test_hostile_charts_are_refused_within_limits(tmp_path: Path, damage: str) -> None:
     """These charts made a reader of our own hang, take gigabytes, or raise a MemoryError."""
     cell_bytes = bay().data()
@@ -205,6 +207,7 @@ def test_other_chart_products_are_refused_by_name(tmp_path: Path) -> None:
         read_cell(str(path))
 
 
+@pytest.mark.usefixtures("own_process")
 def test_a_reader_that_hangs_is_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(s57, "MAX_SECONDS", 0.01)
     with pytest.raises(ConfigError, match="not read within"):
@@ -256,6 +259,7 @@ def test_a_chart_without_a_scale_has_the_usual_one_of_its_purpose(tmp_path: Path
     assert "states no scale: read as 1:12000" in found[-1].notes[0]
 
 
+@pytest.mark.usefixtures("own_process")
 def test_mutated_cells_are_read_or_refused(tmp_path: Path) -> None:
     """A mutated cell, or a mutated update of a sound one, gives at most one line of error and no other exception."""
     whole, path, errors = bay(), tmp_path / "C.000", list[str]()

@@ -21,6 +21,7 @@ def chart(folder: Path) -> str:
     return bay().write(folder / "BAY.000")
 
 
+@pytest.mark.usefixtures("own_process")
 def test_a_chart_becomes_a_world_that_the_simulator_loads(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     out = str(tmp_path / "worlds" / "bay")
     assert (
@@ -126,6 +127,7 @@ def test_installed_and_own_worlds_are_listed(
     assert json.loads(capsys.readouterr().out)[-1]["grid"] == 25.0
 
 
+@pytest.mark.usefixtures("own_process")
 def test_an_interrupted_build_leaves_the_old_world(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = chart(tmp_path)
     command.main(["build", path, "--resolution", "25", "-o", str(tmp_path / "w")])

@@ -53,7 +53,7 @@ def test_topics_that_a_planner_does_not_use_are_not_sent_in_a_mission(tmp_path: 
     for folder, wish in zip(folders, ("", '[recording]\nmaster = true\ncompression = "none"\n'), strict=True):
         folder.mkdir()
         scenario, _ = write_scenario(folder)
-        scenario.write_text(scenario.read_text().replace("goal = [8, 7]", "goal = [6, 5]") + wish)
+        scenario.write_text(scenario.read_text().replace("goal = [8, 7]", "goal = [5.5, 5]") + wish)
         demos.append(Program(folder, "demo", scenario, "--output", folder / "run"))
     with demos[0], demos[1]:
         for demo in demos:

@@ -7,6 +7,7 @@ import signal
 import socket
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -15,7 +16,7 @@ from mcap.reader import make_reader
 from hil.cli import COMMANDS
 from hil.common.children import ROOT, worker_options
 from tests.support.other_systems import WHOLLY, missing_names
-from tests.support.processes import PATIENCE_S, Program, free_port, write_scenario
+from tests.support.processes import PATIENCE_S, Program, free_port, running_slave, write_scenario
 
 BLOCK = (
     f"GONE, NAMES = {WHOLLY}, {missing_names()}\n"
@@ -99,6 +100,12 @@ def run(code: str, *arguments: str) -> str:
     return done.stdout
 
 
+@pytest.fixture(scope="module")
+def slave(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    with running_slave(tmp_path_factory.mktemp("slave")) as (_, endpoint):
+        yield endpoint
+
+
 def test_client_gateways_and_planners_import_no_linux_modules() -> None:
     assert int(run(IMPORT).split()[1]) > 450
 
@@ -126,10 +133,9 @@ def test_a_simulated_flight_with_its_plot_runs_without_linux_modules(tmp_path: P
     assert (tmp_path / "flight.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_a_recording_made_without_linux_modules_is_complete(tmp_path: Path) -> None:
-    scenario, port = write_scenario(tmp_path)
-    words = ("recording", "make", "--connect", f"tcp/127.0.0.1:{port}", "-o", tmp_path / "dive", "--seconds", "2")
-    with Program(tmp_path, "slave", scenario), Program(tmp_path, *words, command=COMMAND) as recorder:
+def test_a_recording_made_without_linux_modules_is_complete(slave: str, tmp_path: Path) -> None:
+    words = ("recording", "make", "--connect", slave, "-o", tmp_path / "dive", "--seconds", "2")
+    with Program(tmp_path, *words, command=COMMAND) as recorder:
         assert recorder.wait() == 0, recorder.output
     (file,) = (tmp_path / "dive").glob("*.mcap")
     with file.open("rb") as stream:
@@ -146,34 +152,27 @@ def test_workers_need_no_linux_features(monkeypatch: pytest.MonkeyPatch) -> None
         assert options == {}
 
 
-def test_a_client_without_linux_modules_commands_a_slave(tmp_path: Path) -> None:
-    scenario, port = write_scenario(tmp_path)
-    with Program(tmp_path, "slave", scenario):
-        assert run(STEER, f"tcp/127.0.0.1:{port}").startswith("imu ")
+def test_a_client_without_linux_modules_commands_a_slave(slave: str) -> None:
+    assert run(STEER, slave).startswith("imu ")
 
 
-def test_the_json_gateway_runs_without_linux_modules(tmp_path: Path) -> None:
-    scenario, port = write_scenario(tmp_path)
-    with Program(tmp_path, "slave", scenario):
-        words = ("gateway", "json", "--connect", f"tcp/127.0.0.1:{port}", "--listen", f"127.0.0.1:{free_port()}")
-        with Program(tmp_path, *words, command=COMMAND) as gateway:
-            place = gateway.expect(r"JSON at (\S+):(\d+)")
-            gateway.expect("connected: uuv1")
-            with socket.create_connection((place[1], int(place[2])), 10) as client, client.makefile() as lines:
-                client.sendall(b'{"do": "vehicles"}\n')
-                assert "uuv1" in lines.readline()
-            assert gateway.stop(signal.SIGINT) in (0, 130), gateway.output
+def test_the_json_gateway_runs_without_linux_modules(slave: str, tmp_path: Path) -> None:
+    words = ("gateway", "json", "--connect", slave, "--listen", f"127.0.0.1:{free_port()}")
+    with Program(tmp_path, *words, command=COMMAND) as gateway:
+        place = gateway.expect(r"JSON at (\S+):(\d+)")
+        gateway.expect("connected: uuv1")
+        with socket.create_connection((place[1], int(place[2])), 10) as client, client.makefile() as lines:
+            client.sendall(b'{"do": "vehicles"}\n')
+            assert "uuv1" in lines.readline()
+        assert gateway.stop(signal.SIGINT) in (0, 130), gateway.output
 
 
-def test_the_mavlink_gateway_runs_without_linux_modules(tmp_path: Path) -> None:
-    scenario, port = write_scenario(tmp_path)
-    with Program(tmp_path, "slave", scenario), socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as station:
+def test_the_mavlink_gateway_runs_without_linux_modules(slave: str, tmp_path: Path) -> None:
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as station:
         station.bind(("127.0.0.1", 0))
         station.settimeout(PATIENCE_S)
         place = f"udpout:127.0.0.1:{station.getsockname()[1]}"
-        with Program(
-            tmp_path, "mavlink", "--connect", f"tcp/127.0.0.1:{port}", "--endpoint", place, command=COMMAND
-        ) as gateway:
+        with Program(tmp_path, "mavlink", "--connect", slave, "--endpoint", place, command=COMMAND) as gateway:
             try:
                 packet = station.recv(300)
             except TimeoutError:
@@ -182,11 +181,11 @@ def test_the_mavlink_gateway_runs_without_linux_modules(tmp_path: Path) -> None:
             assert gateway.stop(signal.SIGINT) in (0, 130), gateway.output
 
 
-def test_a_planner_without_linux_modules_flies_a_mission(tmp_path: Path) -> None:
-    scenario, port = write_scenario(tmp_path)
+def test_a_planner_without_linux_modules_flies_a_mission(slave: str, tmp_path: Path) -> None:
+    scenario, _ = write_scenario(tmp_path)
     scenario.write_text(scenario.read_text().replace("goal = [8, 7]", "goal = [5.5, 5]"))
-    words = ("master", scenario, "--connect", f"tcp/127.0.0.1:{port}")
-    with Program(tmp_path, "slave", scenario), Program(tmp_path, *words, command=COMMAND) as master:
+    words = ("master", scenario, "--connect", slave)
+    with Program(tmp_path, *words, command=COMMAND) as master:
         assert master.wait() == 0, master.output
 
 

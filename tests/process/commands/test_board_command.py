@@ -15,7 +15,7 @@ from hil.install import units as board_install
 from hil.install.changes import MANIFEST
 from hil.install.units import CAN_UNIT, LIMITS, RULES, UNIT
 from tests.support.boards.installed_service import CAN, KNOWN, SERIAL, files, install, root, scenario, settings
-from tests.support.boards.recorded import build, plant
+from tests.support.boards.recorded import plant
 
 __all__ = ["root", "scenario"]  # the fixtures
 
@@ -32,29 +32,6 @@ def test_the_state_of_a_board_is_shown(root: Path, capsys: pytest.CaptureFixture
     assert "/dev/serial0 (/dev/ttyS0): GPIO 14 and 15" in text
     assert "/dev/ttyAMA2 (not present): GPIO 0 and 1 (uart2)" in text
     assert "can0 (not present): MCP2515" in text
-
-
-def test_budgets_and_sources_are_shown(root: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.main(["board", "--root", str(root)]) == 0
-    help_text = " ".join(capsys.readouterr().out.split())
-    assert "recommended: step 2.5 ms, control_period 20 ms, at most 50% of a core and 64 MiB " in help_text
-    assert re.search(
-        r"budgets: start \S+ s, memory \S+ MiB, \d+% of a core, delay of a command \S+ ms \(median\)", help_text
-    )
-    assert "raspberrypi/documentation" not in help_text
-    assert cli.main(["board", "--sources", "--root", str(root)]) == 0
-    full_help = capsys.readouterr().out
-    assert " ".join(full_help.split()).startswith(help_text)
-    for name in ("board", "cpu", "/dev/serial0", "can0", "recommended", "budgets"):
-        assert re.search(rf"^  {name} +\w+", full_help.partition("sources:\n")[2], re.MULTILINE), name
-
-
-def test_power_modes_and_throttling_are_shown(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.main(["board", "--root", str(build("jetson_nano", tmp_path / "nano"))]) == 0
-    assert "power mode 5W: 2 cores, 5 W (sudo nvpmodel -m 1)\n" in capsys.readouterr().out
-    assert cli.main(["board", "--root", str(build("raspberry_pi_zero_2w", tmp_path / "zero"))]) == 0
-    text = " ".join(capsys.readouterr().out.split())
-    assert "the supply voltage is too low, throttled; since boot: the supply voltage is too low, throttled" in text
 
 
 def test_the_state_of_a_board_as_json(root: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -78,13 +55,6 @@ def test_an_unknown_machine_and_a_named_board_are_shown(tmp_path: Path, capsys: 
     assert re.search(r"throttled +unknown\n", capsys.readouterr().out)  # nobody can be asked
     assert cli.main(["board", "list"]) == 0
     assert "raspberry_pi_cm4" in capsys.readouterr().out
-
-
-def test_all_boards_are_listed_as_json(capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.main(["board", "list", "--json"]) == 0
-    reported = json.loads(capsys.readouterr().out)
-    assert reported["jetson_nano"]["power"][1]["watts"] == 5
-    assert reported["raspberry_pi_4b"]["serial"][0]["device"] == "/dev/serial0"
 
 
 @pytest.mark.parametrize(

@@ -146,7 +146,6 @@ def test_no_command_loads_classes_of_a_recording_without_permission(
     with Recorder(str(tmp_path / "bag"), Recording(keep_free=0.0), description.facts, files) as recorder:
         for message in read_messages(str(dive[0])):
             recorder.put(message)
-    environment = {"PYTHONPATH": str(tmp_path)}
     monkeypatch.syspath_prepend(str(tmp_path))
     commands = (
         ["recording", "plot"],
@@ -160,14 +159,12 @@ def test_no_command_loads_classes_of_a_recording_without_permission(
         assert "give --own-classes, only if you trust where this recording comes from" in output
         assert not trace.exists()
     assert "strange" not in sys.modules
-    environment = {"PYTHONPATH": str(tmp_path)}
     for family, command, *options in commands[:2]:
-        with Program(
-            tmp_path, family, command, tmp_path / "bag", *options, "--own-classes", environment=environment
-        ) as program:
-            assert program.wait() == 0, program.output
+        code, output = run_here(family, command, str(tmp_path / "bag"), *options, "--own-classes")
+        assert code == 0, output
         assert trace.exists()
         trace.unlink()
+        del sys.modules["strange"]
 
 
 def test_a_replay_to_the_network_sends_what_the_vehicle_sent(tmp_path: Path, dive: tuple[Path, Path, str]) -> None:

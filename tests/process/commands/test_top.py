@@ -172,22 +172,6 @@ def test_metrics_are_in_base_units() -> None:
     assert 'uuv_hil_temperature_celsius{node="uuv1",board="a \\"b\\""} 61.5' in text
 
 
-def test_recent_lateness_is_shown_beside_that_since_the_start() -> None:
-    recent = {"lateness_recent_p50_us": 20, "lateness_recent_p99_us": 90, "lateness_recent_max_us": 150}
-    slave = printed(lateness_p50_us=30, lateness_p99_us=29000, lateness_max_us=71000, **recent)
-    assert row(table([slave], []), "late p50 / p99 / max (us)") == "20 / 90 / 150"
-    assert row(table([slave], []), "the same since the start") == "30 / 29000 / 71000"
-    assert "late p50" not in table([printed()], [])
-    text = exposition([slave])
-    assert 'uuv_hil_loop_lateness_recent_max_seconds{node="uuv1",board=""} 0.00015\n' in text
-    assert 'uuv_hil_loop_lateness_max_seconds{node="uuv1",board=""} 0.071\n' in text
-
-
-def test_figures_of_an_emulated_machine_are_labelled() -> None:
-    assert row(table([printed(labels=("emulated: a test",))], []), "conditions") == "emulated: a test"
-    assert "conditions" not in table([printed()], [])
-
-
 def test_an_unknown_throttling_state_is_not_shown_as_no() -> None:
     for value, number in (("no", "0"), ("the clock is capped", "1")):
         assert f'uuv_hil_throttled{{node="uuv1",board=""}} {number}\n' in exposition([printed(throttled=value)])

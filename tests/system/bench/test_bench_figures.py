@@ -13,7 +13,6 @@ import pytest
 from hil.bench.jitter_run import read_cyclictest
 from hil.bench.load_run import Setting, course, difference, groups, of_group, settings
 from hil.bench.processes import read_threads, shares, thread_names
-from hil.bench.record import new_record
 from hil.bench.soak_run import Observation, Outage, Soak, trend
 from hil.bench.stream_run import Listening, Stream, expected, missing
 from hil.cli import main
@@ -183,11 +182,3 @@ def test_silences_and_late_reconnections_are_found() -> None:
         "a reconnection took 1.2 s",
         "silence from 0.010 h on, for 4.0 s: uuv1 did not answer",
     ]
-
-
-def test_the_footer_of_a_plot_has_machine_time_and_labels() -> None:
-    record = new_record("soak", {}, {}, ("limited: 5% of a core",))
-    text = record.footer
-    assert record.made in text
-    assert os.uname().nodename in text
-    assert "limited: 5% of a core" in text

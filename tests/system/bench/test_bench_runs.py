@@ -21,13 +21,6 @@ from hil.cli import main
 from hil.common.errors import NetworkError
 from tests.support.processes import Program, wait_for
 
-
-def test_a_bare_loop_has_a_lateness() -> None:
-    with Bench("paper_field", changes_for(200.0)) as bench:
-        late = bare_loop(bench, 0.5)
-    assert 0.0 < late.p50 <= late.p99 <= late.maximum
-
-
 FIRST_CPU = min(os.sched_getaffinity(0))
 
 

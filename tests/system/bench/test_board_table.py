@@ -18,7 +18,6 @@ from hil.bench.table.run import ROWS, Run
 from hil.cli import main
 from hil.commands.bench import table as bench_table
 from hil.common.errors import NetworkError
-from hil.plots.plotting import pyplot
 from tests.support.diagnostics import reported
 
 FIRST_CPU = min(os.sched_getaffinity(0))
@@ -55,12 +54,6 @@ def test_only_the_same_real_board_is_compared_with_the_paper() -> None:
     doubted = board_table.ratios(Column("mine", GOOD, warnings=("a clock",)), pi)
     assert "start-up" not in doubted
     assert "master CPU" in doubted
-
-
-def test_markdown_output_is_a_table() -> None:
-    lines = board_table.markdown([Column("a|b", GOOD)]).splitlines()
-    assert {line.count("|") for line in lines} == {3}
-    assert lines[0].endswith("| a/b |")
 
 
 def test_csv_has_a_line_for_each_figure() -> None:
@@ -102,25 +95,6 @@ def test_a_column_has_the_labels_of_its_record() -> None:
         new_record("table", {}, elsewhere, ["emulated: x", "slave: emulated: y"], details)
     )
     assert column.labels[-2:] == ("master: emulated: x", "slave: emulated: y")
-
-
-def test_the_picture_shows_all_figures_and_their_conditions(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    closed: list[Any] = []
-    monkeypatch.setattr(pyplot(), "close", closed.append)
-    path = tmp_path / "table.png"
-    without = {name: figure for name, figure in GOOD.items() if name != "startup"}
-    wrong = Column("tcp/192.168.3.116:7447", without | {"delay_p50": Figure([-4.361], "ms")})
-    board_table.draw([*board_table.paper(), wrong, LIMITED], str(path))
-    assert path.read_bytes().startswith(b"\x89PNG")
-    (figure,) = closed
-    output = [text.get_text() for panel in figure.axes for text in panel.texts]
-    assert "not measured" in output
-    assert "-4.361" in output
-    assert "limited: processor 0 only" in figure.get_supxlabel()
-
-
-def test_figures_within_budgets_are_not_reported() -> None:
-    assert board_table.missed(Column("", GOOD), BUDGETS) == []
 
 
 @pytest.mark.parametrize(
@@ -196,11 +170,6 @@ def test_budgets_of_a_slave_on_another_machine_are_those_of_its_board(
     assert main([*arguments, "--board", "raspberry_pi_4b"]) == 0
 
 
-def test_several_slaves_are_columns_of_one_record() -> None:
-    record = new_record("table", {}, {"startup @ tcp/a:1": GOOD["startup"], "startup @ tcp/b:1": GOOD["startup"]})
-    assert [column.title for column in board_table.columns_of(record, "old")] == ["old tcp/a:1", "old tcp/b:1"]
-
-
 def test_one_quick_run_has_plausible_figures(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The budgets of memory and processor are a board's; those of time are as long as a busy machine may take."""
     old, new, board = tmp_path / "old.json", tmp_path / "new.json", tmp_path / "patient.toml"
@@ -231,21 +200,3 @@ def test_a_missed_budget_is_an_exit_code(tmp_path: Path, capsys: pytest.CaptureF
     assert len(missed) == 1
     assert "slave memory" in missed[0]
     assert "the budget is 1.0 MiB" in missed[0]
-
-
-@pytest.mark.parametrize(
-    ("options", "expected_text"),
-    [
-        (["--board", "nosuch"], "nosuch"),
-        (["--check", "--board", "nosuch"], "nosuch"),
-        (["--against", "no.json"], "no.json: no such file"),
-        (["--connect", "tcp/127.0.0.1:1", "--cpus", "0"], "limit a slave started here"),
-        (["--set", "slave.stop=1"], "did you mean 'step'"),
-        (["no_such_scenario"], "no scenario 'no_such_scenario'"),
-    ],
-)
-def test_wrong_options_are_refused(options: list[str], expected_text: str, capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["bench", "table", *options]) == 2
-    output = capsys.readouterr().err
-    assert expected_text in output
-    assert len(output.strip().splitlines()) == 1

@@ -1,7 +1,5 @@
 """Network interfaces, namespaces and faults, for tests that run as root in a separate kernel."""
 
-import ctypes
-import os
 import subprocess
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -32,33 +30,6 @@ def shaped(device: str, how: str, namespace: str = "") -> Iterator[None]:
         yield
     finally:
         _run(f"{tc} qdisc delete dev {device} root")
-
-
-@contextmanager
-def namespace(name: str) -> Iterator[None]:
-    """Make a network namespace, which acts as another computer."""
-    ip(f"netns add {name}")
-    try:
-        yield
-    finally:
-        ip(f"netns delete {name}")
-
-
-@contextmanager
-def within(name: str) -> Iterator[None]:
-    """Let this thread open its sockets in that namespace."""
-    with open("/proc/thread-self/ns/net") as home, open(f"/run/netns/{name}") as away:
-        _enter(away.fileno())
-        try:
-            yield
-        finally:
-            _enter(home.fileno())
-
-
-def _enter(descriptor: int) -> None:
-    libc = ctypes.CDLL(None, use_errno=True)  # os.setns is Python 3.12's
-    if libc.setns(descriptor, 0):
-        raise OSError(ctypes.get_errno(), os.strerror(ctypes.get_errno()))
 
 
 def _run(command: str) -> None:

@@ -57,15 +57,6 @@ def test_a_wrench_within_the_limits_is_produced_exactly(wrench: tuple[float, ...
 
 
 @given(WRENCHES)
-def test_the_thrusts_have_the_smallest_norm(wrench: tuple[float, ...]) -> None:
-    """The vertical thrusters can push against each other without effect: the solution never does that."""
-    thrusts, _ = make_allocator(HEAVY, 1e6, 1e6).allocate(wrench)
-    idle = [0.0, 0.0, 0.0, 0.0, 1.0, -1.0, -1.0, 1.0]
-    assert wrench_of(HEAVY, idle) == pytest.approx([0.0] * 6, abs=1e-12)
-    assert sum(a * b for a, b in zip(thrusts, idle, strict=True)) == pytest.approx(0.0, abs=1e-9)
-
-
-@given(WRENCHES)
 def test_six_thrusters_leave_a_residual_in_pitch_only(wrench: tuple[float, ...]) -> None:
     thrusts, residual = make_allocator(SIX, 1e6, 1e6).allocate(wrench)
     delivered = wrench_of(SIX, thrusts)
@@ -166,16 +157,6 @@ def test_thruster_weights_minimise_the_weighted_sum_of_squares(wrench: tuple[flo
     vanishing = np.linalg.svd(np.array(HEAVY))[2][6:]  # what thrusts can do without effect
     slope = 2.0 * np.array(weights) * np.array(thrusts)
     assert vanishing @ slope == pytest.approx(np.zeros(2), abs=1e-6)
-
-
-def test_a_thruster_of_weight_four_does_a_quarter_of_the_work() -> None:
-    """Two thrusters side by side push along one axis; equal weights, however large, change nothing."""
-    side_by_side = [[1.0, 1.0], *[[0.0, 0.0]] * 5]
-    spared = Allocator(side_by_side, [90.0] * 2, [90.0] * 2, thruster_weights=[1.0, 4.0])
-    assert spared.allocate((50.0, 0, 0, 0, 0, 0))[0] == pytest.approx([40.0, 10.0])
-    assert np.array(pseudo_inverse(HEAVY, thruster_weights=[7.0] * 8)[0]) == pytest.approx(
-        np.array(pseudo_inverse(HEAVY)[0]), abs=1e-12
-    )
 
 
 def test_axis_weights_decide_between_axes_that_cannot_all_be_produced() -> None:

@@ -97,17 +97,6 @@ def test_sight_agrees_with_the_grids_line_of_sight(seed: int) -> None:
         assert sight.is_free(a, b) == grid.line_is_free(grid.centre(a), grid.centre(b))
 
 
-def test_a_path_round_a_wall_has_the_length_worked_out_by_hand() -> None:
-    """The path round a wall of 10 cells across the straight line is two hypotenuses with a bend at each end."""
-    cells = np.zeros((21, 21), bool)
-    cells[10, 5:16] = True
-    grid = OccupancyGrid(cells, 1.0, (0.0, 0.0))
-    path = plan_any_angle(grid, (0.5, 10.5), (20.5, 10.5))
-    # past the end of the wall at column 16, whose corners the line must not touch
-    assert path_length(path) == pytest.approx(2.0 * math.hypot(9.0, 6.0) + 2.0, abs=0.35)
-    assert path_length(path) < path_length(plan(grid, (0.5, 10.5), (20.5, 10.5))) - 0.5
-
-
 def test_unreachable_start_and_goal_are_reported() -> None:
     cells = np.zeros((5, 5), bool)
     cells[2] = True

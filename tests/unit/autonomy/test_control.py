@@ -287,27 +287,6 @@ def test_a_vehicle_without_pitch_control_flies_without_integral_windup() -> None
     assert plant.applied[4] == pytest.approx(0.0, abs=1e-9)
 
 
-def test_a_vehicle_stopped_by_a_wall_pushes_no_harder_than_its_drag() -> None:
-    """The integral holds at most the drag at the commanded speed and a current; stopped, that in the current alone."""
-    drag, gains = Drag(12.0, 40.0), Gains()
-    controller = CascadedController(gains, INERTIA, [drag, drag])
-
-    def push_ahead(surge: float, seconds: float) -> float:
-        for _ in range(round(seconds / DT)):
-            wrench = controller.update(VelocityCommand(surge=surge), AT_REST, DT)
-        return wrench[0]
-
-    proportional = gains.surge.p * 0.3 * INERTIA[0]
-    assert push_ahead(0.3, 60.0) == pytest.approx(proportional + drag.at(0.3 + gains.surge.current))
-    assert push_ahead(0.0, DT) == pytest.approx(drag.at(gains.surge.current))
-    backwards = [push_ahead(-0.3, DT) for _ in range(round(2.0 / DT))]
-    assert backwards[round(1.0 / DT)] < 0.0
-    unbounded = CascadedController(gains, INERTIA, [Drag(0.0, 0.0)] * 2)
-    for _ in range(round(60.0 / DT)):
-        wrench = unbounded.update(VelocityCommand(surge=0.3), AT_REST, DT)
-    assert wrench[0] == pytest.approx(gains.surge.limit * INERTIA[0], rel=0.01)
-
-
 def test_a_vehicle_holds_position_in_the_current_that_its_gains_allow_for() -> None:
     """The integral's bound is large enough for a current of this speed."""
     drag, current = Drag(12.0, 40.0), 1.0
@@ -318,23 +297,3 @@ def test_a_vehicle_holds_position_in_the_current_that_its_gains_allow_for() -> N
         relative = speed + current
         speed += (x - drag.at(abs(relative)) * (1.0 if relative > 0.0 else -1.0)) / INERTIA[0] * DT
     assert abs(speed) < 0.01
-
-
-def test_a_vehicle_recovers_quickly_after_20_s_of_saturation() -> None:
-    """A vehicle that was saturated for 20 s does not run on with a full integral when a speed it can reach is
-    commanded.
-    """
-
-    def weak(wrench: Wrench) -> tuple[Wrench, Wrench]:
-        x = max(-20.0, min(20.0, wrench[0]))
-        return (x, *wrench[1:]), (wrench[0] - x, 0.0, 0.0, 0.0, 0.0, 0.0)
-
-    plant, controller, residual = Plant(), CascadedController(Gains(), INERTIA), NO_RESIDUAL
-    speeds = []
-    for step in range(round(25.0 / DT)):
-        command = VelocityCommand(surge=1.5 if step * DT < 20.0 else 0.1)
-        wrench, residual = weak(controller.update(command, plant.navigation(), DT, residual))
-        plant.advance(wrench, DT)
-        speeds.append(plant.nu[0])
-    assert max(speeds) < 0.4  # 20 N against drag
-    assert all(abs(speed - 0.1) < 0.02 for speed in speeds[round(23.0 / DT) :])

@@ -1,10 +1,9 @@
 """The potential fields: each the gradient of its potential, numbers by hand, and vehicles that keep apart."""
 
 import math
-from collections.abc import Callable
 
 import pytest
-from hypothesis import assume, given
+from hypothesis import given
 from hypothesis import strategies as st
 
 from hil.autonomy.fleets.formation import (
@@ -24,15 +23,6 @@ from hil.common.errors import ConfigError
 METRES = st.floats(-8.0, 8.0)
 POINTS = st.tuples(METRES, METRES)
 ORIGIN = (0.0, 0.0)
-
-
-def negative_gradient(potential: Callable[[Vector], float], position: Vector, step: float = 1e-5) -> Vector:
-    """Return minus the gradient, by central differences."""
-    north, east = position
-    return (
-        (potential((north - step, east)) - potential((north + step, east))) / (2.0 * step),
-        (potential((north, east - step)) - potential((north, east + step))) / (2.0 * step),
-    )
 
 
 def test_attraction_has_the_value_worked_out_by_hand() -> None:
@@ -60,39 +50,6 @@ def test_communication_has_the_value_worked_out_by_hand() -> None:
     assert communication(ORIGIN, (3.0, 4.0), 1.0, 4.0, 6.0) == pytest.approx((0.3, 0.4))
     assert communication(ORIGIN, (0.0, 4.0), 1.0, 4.0, 6.0) == (0.0, 0.0)
     assert communication(ORIGIN, (0.0, 6.1), 1.0, 4.0, 6.0) == (0.0, 0.0)
-
-
-@given(POINTS, POINTS)
-def test_attraction_is_the_gradient_of_its_potential(position: Vector, target: Vector) -> None:
-    def potential(at: Vector) -> float:
-        distance = math.dist(at, target)
-        return 0.3 * distance**2 if distance < 0.5 else 0.3 * (distance - 0.25)
-
-    assume(math.dist(position, target) > 1e-3)
-    assert attraction(position, target, 0.6, 0.5) == pytest.approx(negative_gradient(potential, position), abs=1e-5)
-
-
-@given(POINTS, POINTS, st.floats(0.6, 2.4), st.floats(-math.pi, math.pi))
-def test_repulsion_is_the_gradient_of_its_potential(body: Vector, target: Vector, away: float, bearing: float) -> None:
-    def potential(at: Vector) -> float:
-        rho = math.dist(at, body) - 0.5
-        return 0.05 * (1.0 / rho - 1.0 / 2.0) ** 2 * math.dist(at, target) ** 2 if rho < 2.0 else 0.0
-
-    position = body[0] + away * math.cos(bearing), body[1] + away * math.sin(bearing)
-    expected = negative_gradient(potential, position, 1e-6)
-    assert repulsion(position, target, Body(body, 0.5), 0.1, 2.0) == pytest.approx(expected, rel=1e-4, abs=1e-4)
-
-
-@given(POINTS, st.floats(0.1, 5.9), st.floats(-math.pi, math.pi))
-def test_communication_is_the_gradient_of_its_potential(position: Vector, away: float, bearing: float) -> None:
-    neighbour = position[0] + away * math.cos(bearing), position[1] + away * math.sin(bearing)
-
-    def potential(at: Vector) -> float:
-        distance = math.dist(at, neighbour)
-        return 0.05 * (1.0 / (6.0 - distance) - 1.0 / 1.5) ** 2 if distance > 4.5 else 0.0
-
-    expected = negative_gradient(potential, position, 1e-6)
-    assert communication(position, neighbour, 0.1, 4.5, 6.0) == pytest.approx(expected, rel=1e-3, abs=1e-4)
 
 
 @given(POINTS, POINTS, st.lists(POINTS, max_size=4), st.lists(POINTS, max_size=2))

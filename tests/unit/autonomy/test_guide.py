@@ -75,26 +75,6 @@ def obstacles(seed: int, count: int, kept_free: tuple[Point, ...]) -> list[Disc]
     return discs
 
 
-@pytest.mark.parametrize("seed", range(10))
-def test_vfh_alone_avoids_obstacles_that_are_not_on_the_map(seed: int) -> None:
-    start, goal = (0.0, 0.0), (25.0, 25.0)
-    discs, generator = obstacles(seed, 14, (start, goal)), random.Random(seed)
-    boat, vfh, least = PointMass(start, generator.uniform(-3.0, 3.0)), Vfh(VFH), math.inf
-    for _ in range(1500):
-        remaining = math.dist(boat.position, goal)
-        if remaining < 0.5:
-            break
-        bearing = math.atan2(goal[1] - boat.position[1], goal[0] - boat.position[0])
-        seen = scan(discs, boat.position, boat.heading, lambda: generator.gauss(0.0, 0.02))
-        command = vfh.command(seen, boat.heading, bearing, 0.5, 0.6, remaining)
-        assert 0.0 <= command.surge <= 0.5
-        assert abs(command.yaw_rate) <= 0.6
-        boat.advance(command)
-        least = min(least, clearance(discs, boat.position))
-    assert least > RADIUS
-    assert math.dist(boat.position, goal) < 0.6
-
-
 def run_guide(guide: Guide, discs: list[Disc], start: Point, seconds: float = 250.0) -> tuple[PointMass, float]:
     boat, least = PointMass(start, 0.7), math.inf
     for _ in range(int(seconds / STEP)):

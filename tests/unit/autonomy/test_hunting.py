@@ -167,18 +167,6 @@ def test_the_referee_gives_the_figures_worked_out_by_hand() -> None:
     assert one_side.largest_gap > math.pi  # the target is not between them
 
 
-@given(st.lists(st.tuples(st.floats(-9.0, 9.0), st.floats(-9.0, 9.0)), min_size=3, max_size=7))
-def test_any_start_ends_in_an_even_ring(starts: list[Vector]) -> None:
-    if min(math.dist(start, TARGET) for start in starts) < 1.2 * RING:
-        with pytest.raises(MissionError, match="lessen the ring"):
-            HuntPlan(starts, TARGET, RING, 0.4)
-        return
-    plan = HuntPlan(starts, TARGET, RING, 0.4)
-    ends = [plan.position_at(k, plan.duration) for k in range(len(starts))]
-    assert [math.dist(end, TARGET) for end in ends] == pytest.approx([RING] * len(starts))
-    assert separation(ends) == pytest.approx(2.0 * RING * math.sin(math.pi / len(starts)))
-
-
 def test_two_vehicles_cannot_surround() -> None:
     with pytest.raises(MissionError, match="it takes three"):
         HuntPlan([(0.0, 0.0), (1.0, 0.0)], TARGET, RING, 0.4)

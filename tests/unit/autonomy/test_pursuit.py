@@ -117,27 +117,6 @@ def test_a_right_angle_is_cut_by_at_most_a_third_of_the_lookahead() -> None:
     assert track.progress == sorted(track.progress)
 
 
-def test_a_hairpin_is_followed_to_its_end() -> None:
-    """The vehicle follows the same line out and back without a short cut, although both legs coincide."""
-    pursuit = PurePursuit([(0.0, 0.0), (15.0, 0.0), (0.0, 0.0)], lookahead=2.0, speed=0.6, tolerance=0.4)
-    track = follow(pursuit, (0.0, 0.0), 0.0)
-    assert pursuit.has_arrived
-    assert max(north for north, _ in track.points) == pytest.approx(15.0, abs=0.5)
-    assert max(track.offsets) < 0.7
-    assert math.dist(track.points[-1], (0.0, 0.0)) <= 0.4
-    assert track.progress == sorted(track.progress)
-
-
-def test_a_lawn_mower_pattern_narrower_than_the_lookahead_is_followed() -> None:
-    path = [(0.0, 0.0), (12.0, 0.0), (12.0, 1.5), (0.0, 1.5), (0.0, 3.0), (12.0, 3.0)]
-    pursuit = PurePursuit(path, lookahead=2.0, speed=0.5, tolerance=0.4)
-    track = follow(pursuit, (0.0, 0.0), 0.0)
-    assert pursuit.has_arrived
-    length = sum(map(math.dist, track.points, track.points[1:]))
-    assert length > 0.85 * 39.0  # all legs, with the corners cut
-    assert max(track.offsets) < 1.0
-
-
 def test_closed_and_crossing_paths_are_followed_completely() -> None:
     eight = [(0.0, 0.0), (10.0, 10.0), (10.0, 0.0), (0.0, 10.0), (0.0, 0.0)]
     pursuit = PurePursuit(eight, lookahead=1.5, speed=0.5, tolerance=0.4)

@@ -7,7 +7,7 @@ from itertools import pairwise
 from typing import Any
 
 import pytest
-from hypothesis import assume, example, given
+from hypothesis import given
 from hypothesis import strategies as st
 
 from hil.autonomy.paths.curves import Chain, Curve, circle, helix, polyline, straight
@@ -16,7 +16,6 @@ from hil.autonomy.paths.spline import Spline
 from hil.autonomy.paths.trajectory import Limits, Setpoint, Trajectory, track_setpoint
 from hil.autonomy.paths.waypoints import read_waypoints
 from hil.common.errors import ConfigError, MissionError
-from tests.support.examples import examples
 
 WIDE = Limits(speed=2.0, vertical_speed=2.0, yaw_rate=2.0, acceleration=0.3, lateral_acceleration=5.0)
 COORDINATES = st.floats(-20.0, 20.0)
@@ -114,25 +113,6 @@ def test_a_helix_has_its_radius_and_pitch(
         assert wrap_angle(math.atan2(east + 3.0, north - 7.0) - angle) == pytest.approx(0.0, abs=1e-6)
 
 
-OUT_AND_BACK = [(0, 3.75, 1.9375), (0, 1.25, 1.5), (0, 3.75, 1.9375), (0, 1.25, 1.5), (0, 3.71875, 1.9375), (0, 0, 1.5)]
-STRAIGHT_BACK = [(0.0, 0.0, 5.0), (4.0, 0.0, 5.0), (0.0, 0.0, 5.0), (1.0, 0.0, 5.0)]
-
-
-@example(OUT_AND_BACK)  # it nearly stops where it turns back
-@example(STRAIGHT_BACK)  # it stops
-@examples(20)
-@given(st.lists(POINTS, min_size=2, max_size=6))
-def test_a_spline_passes_through_its_points_without_jumps(points: list[tuple[float, float, float]]) -> None:
-    assume(min(math.dist(a, b) for a, b in pairwise(points)) > 0.5)
-    curve = Spline(points)
-    assert curve.length >= sum(math.dist(a, b) for a, b in pairwise(points)) * (1.0 - 1e-6)
-    step = curve.length / 400
-    samples = [curve.at(step * number) for number in range(401)]
-    for point in points:
-        assert min(math.dist(point, sample.position) for sample in samples) <= 0.5 * step * (1.0 + 1e-6)
-    assert all(math.dist(a.position, b.position) <= step * (1.0 + 1e-6) for a, b in pairwise(samples))
-
-
 def test_a_spline_agrees_with_scipy() -> None:
     interpolate = importlib.import_module("scipy.interpolate")  # it has no type information
     knots = [0.0]
@@ -188,21 +168,6 @@ def test_no_other_three_segments_are_shorter_than_dubins(
             )
             if math.dist(on.position[:2], (north, east)) > 1e-3:
                 assert shortest <= length + dubins(Pose(on.position, on.heading), goal, 1.0).length + 1e-6
-
-
-def test_dubins_paths_have_the_lengths_worked_out_by_hand() -> None:
-    """The cases are straight on, a U-turn of two radii, and a climb that needs two rounds more than the distance of 10
-    m.
-    """
-    ahead = dubins(Pose((0.0, 0.0, 0.0), 0.0), Pose((10.0, 0.0, 0.0), 0.0), 2.0)
-    assert len(ahead.pieces) == 1
-    assert ahead.length == pytest.approx(10.0)
-    back = dubins(Pose((0.0, 0.0, 0.0), 0.0), Pose((0.0, 4.0, 0.0), math.pi), 2.0)
-    assert back.length == pytest.approx(2.0 * math.pi)
-    steep = dubins(Pose((0.0, 0.0, 0.0), 0.0), Pose((10.0, 0.0, 40.0), 0.0), 2.0, math.pi / 4.0)
-    assert steep.pieces[-1].slope == pytest.approx(math.pi / 4.0)  # rounds just wide enough
-    assert steep.length == pytest.approx(40.0 * math.sqrt(2.0))
-    assert steep.pieces[-1].length * abs(steep.pieces[-1].heading_rate) == pytest.approx(2 * 2 * math.pi)
 
 
 @pytest.mark.parametrize(
@@ -289,14 +254,6 @@ def test_curves_just_within_turn_radius_and_climb_angle_are_allowed(name: str) -
     radius = 2.0 if name == "dubins" else 3.0
     trajectory = Trajectory(CURVES[name], 0.3, WIDE._replace(turn_radius=radius, climb_angle=0.3))
     assert trajectory.duration == Trajectory(CURVES[name], 0.3, WIDE).duration
-
-
-def test_a_dubins_path_stays_within_its_own_limits() -> None:
-    limits = WIDE._replace(turn_radius=4.0, climb_angle=0.25, vertical_speed=1.0)
-    curve = dubins(Pose((0.0, 0.0, 2.0), 1.0), Pose((10.0, -6.0, 30.0), 2.5), limits.turn_radius, limits.climb_angle)
-    assert Trajectory(curve, 0.5, limits).at(1e9).position == pytest.approx((10.0, -6.0, 30.0), abs=1e-6)
-    with pytest.raises(MissionError, match="bends with a radius"):
-        Trajectory(curve, 0.5, limits._replace(turn_radius=12.0))
 
 
 def test_a_waypoint_file_is_read(tmp_path: Any) -> None:

@@ -155,16 +155,6 @@ def test_each_shared_option_is_defined_once() -> None:
     assert {option: where for option, where in commands_of_text.items() if len(where) > 1} == {}
 
 
-def test_the_scenario_argument_is_defined_once() -> None:
-    """SCENARIO, the argument of most commands, is defined in one place."""
-    problems = [
-        path.relative_to(FOLDER.parent).as_posix()
-        for path in sorted(FOLDER.parent.rglob("*.py"))
-        for _ in re.findall(r'add_argument\(\s*"scenario"', path.read_text(encoding="utf-8"))
-    ]
-    assert problems == ["common/options.py"]
-
-
 # Lists of values in a benchmark that measures every combination, where another command has one value.
 ALLOWED = {"--baud", "--protocol", "--stm32", "--connect"}
 
@@ -197,20 +187,6 @@ def test_every_command_that_reads_a_scenario_offers_set() -> None:
         assert not (positional and "--scenario" in options(parser)), (
             f"{parser.prog}: a scenario can be named by two arguments"
         )
-
-
-@pytest.mark.parametrize("command", ["sim", "campaign", "vehicle", "top", "doctor", "link loopback", "board"])
-def test_commands_with_results_offer_json(command: str) -> None:
-    (parser,) = [parser for parser in LEAVES if parser.prog == f"uuv-hil {command}"]
-    assert "--json" in options(parser)
-
-
-@pytest.mark.parametrize(
-    "action", ["topic list", "topic echo", "topic hz", "topic call", "scenario list", "world list"]
-)
-def test_subcommands_with_results_offer_json(action: str) -> None:
-    (parser,) = [parser for parser in LEAVES if parser.prog == f"uuv-hil {action}"]
-    assert "--json" in options(parser)
 
 
 def test_the_help_lists_each_command_once(capsys: pytest.CaptureFixture[str]) -> None:

@@ -25,15 +25,6 @@ def run_frame(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int,
     return code, capsys.readouterr().out
 
 
-def test_frames_are_listed_with_their_sizes(capsys: pytest.CaptureFixture[str]) -> None:
-    code, text = run_frame(capsys, "list")
-    assert code == 0
-    rows = {line.split()[0]: line.split() for line in text.splitlines()[1:]}
-    assert list(rows) == NAMES
-    assert rows["uuv_hil"] == ["uuv_hil", "22", "B", "32", "B", "crc16-ccitt-false", "none"]
-    assert rows["cobs_thrust"][1:] == ["33", "B", "39", "B", "crc32", "cobs"]
-
-
 def test_tables_show_bytes_and_transmission_times(capsys: pytest.CaptureFixture[str]) -> None:
     code, text = run_frame(capsys, "check", "aa55", "--thrusters", "2", "--rate", "100")
     assert code == 0

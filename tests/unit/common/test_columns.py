@@ -23,12 +23,6 @@ def test_the_width_is_that_of_the_terminal(columns: str, longest: int, monkeypat
     assert max(map(len, aligned([("word " * 20,)]))) == pytest.approx(longest, abs=6)
 
 
-def test_without_a_terminal_the_width_is_80(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delenv("COLUMNS", raising=False)
-    monkeypatch.setattr("sys.__stdout__", None)
-    assert 75 <= max(map(len, aligned([("word " * 30,)]))) <= 80
-
-
 def test_lines_are_wrapped_on_a_terminal_only(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "30")
     text = "delay by hop: network 0.314 ms, wake-up 0.081 ms\n\nloop: 400 Hz"

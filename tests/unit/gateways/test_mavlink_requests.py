@@ -19,22 +19,10 @@ ACCEPTED, UNSUPPORTED = dialect.MAV_RESULT_ACCEPTED, dialect.MAV_RESULT_UNSUPPOR
 
 MESSAGES: dict[str, dict[str, Any]] = {  # message -> fields, by MAVLink's units
     "RAW_IMU": {"xgyro": 100, "zgyro": -200, "zacc": -1000, "xmag": 200, "zmag": 400},
-    "SCALED_IMU": {"xgyro": 100, "zacc": -1000, "zmag": 400},
-    "SCALED_IMU2": {"zgyro": -200},
-    "SCALED_IMU3": {"xmag": 200},
-    "HIGHRES_IMU": {"zacc": -9.80665, "zmag": 0.4, "abs_pressure": 1213.25, "fields_updated": 0x3FF},
-    "SCALED_PRESSURE": {"press_abs": 1213.25},
-    "SCALED_PRESSURE2": {"press_abs": 1213.25},
     "AHRS": {"error_rp": 0.0},
-    "AHRS2": {"altitude": -2.0, "lat": 450000000, "lng": 100000000},
-    "ODOMETRY": {"z": 2.0, "frame_id": dialect.MAV_FRAME_LOCAL_NED, "child_frame_id": dialect.MAV_FRAME_BODY_FRD},
-    "ALTITUDE": {"altitude_local": -2.0, "altitude_relative": -2.0, "bottom_clearance": 8.0},
-    "RANGEFINDER": {"distance": 8.0},
     "DISTANCE_SENSOR": {"current_distance": 800},
     "VIBRATION": {"clipping_0": 0},
-    "POWER_STATUS": {"flags": dialect.MAV_POWER_STATUS_BRICK_VALID},
     "RC_CHANNELS": {"chancount": 10, "chan1_raw": 1500, "chan8_raw": 1500, "chan9_raw": 1100, "chan11_raw": 0},
-    "GPS_GLOBAL_ORIGIN": {"latitude": 450000000, "longitude": 100000000},
 }
 
 

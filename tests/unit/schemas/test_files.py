@@ -152,27 +152,6 @@ def _inline(value: Any) -> str:
     )
 
 
-def test_every_key_has_a_description() -> None:
-    def keys(node: Any) -> Iterator[tuple[str, Any]]:
-        if isinstance(node, dict):
-            for name, value in node.get("properties", {}).items():
-                yield name, value
-            for value in node.values():
-                yield from keys(value)
-        elif isinstance(node, list):
-            for value in node:
-                yield from keys(value)
-
-    for kind in KINDS:
-        without = [name for name, value in keys(schema(kind)) if isinstance(value, dict) and "description" not in value]
-        assert set(without) <= {"properties", "options", "table", "every_thruster", "every_fin", "control", "fins",
-                                "sliding_mode", "restoring_pd", *_sensor_names()}, kind  # fmt: skip
-
-
-def _sensor_names() -> set[str]:
-    return set(schema("scenario")["properties"]["sensors"]["properties"])
-
-
 def test_the_command_writes_every_schema(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["scenario", "schema", "-o", str(tmp_path)]) == 0
     assert {path.name for path in tmp_path.glob("*")} == {f"{kind}.schema.json" for kind in KINDS}

@@ -199,23 +199,6 @@ def test_invalid_step_arguments_are_refused(dynamics: type[Dynamics]) -> None:
             instance.step(State(quaternion=(0.0,) * 4), [0.0] * 6, (0.0,) * 3, DT)
 
 
-@pytest.mark.usefixtures("native")
-def test_a_step_leaks_nothing() -> None:
-    dynamics, state = NativeDynamics(VEHICLES[0], 1025.0, 9.81), State()
-    wrench, current = [1.0] * 6, (0.1, 0.2, 0.3)
-    thrusters, bank = NativeThrusterSet(VEHICLES[0], DT), NativeErrorBank(MODELS, DT, random.Random(1))
-    pulses, true = [1600] * len(VEHICLES[0].thrusters), [1.0] * len(MODELS)
-    counts = []
-    for _ in range(3):
-        for _ in range(1000):
-            dynamics.step(state, wrench, current, DT)
-            thrusters.step(pulses)
-            bank.measure(true)
-        counts.append((sys.getrefcount(state), sys.getrefcount(wrench), sys.getallocatedblocks()))
-    assert abs(counts[2][2] - counts[1][2]) < 100
-    assert counts[2][:2] == counts[1][:2]
-
-
 MODELS = [
     ErrorModel(),
     ErrorModel(noise=0.3),

@@ -29,12 +29,6 @@ protocol, esc = import_lazily("dronecan", "uavcan.protocol"), import_lazily("dro
 SAVE, ERASE = 0, 1
 
 
-@pytest.fixture(name="bench")
-def _bench() -> Any:
-    with Bench() as made:
-        yield made
-
-
 def send_request(bench: Bench, node: Any, request: Any, number: int = 20) -> Any:
     responses: list[Any] = []
     node.request(request, number, responses.append)
@@ -256,18 +250,6 @@ def test_an_invalid_parameter_file_is_refused(tmp_path: Path, text: str) -> None
     with pytest.raises(ConfigError, match=r"stored: .*parameters\.json"):
         device(stored=str(path))
     assert not ParameterStore((), "/proc/none/file").execute(SAVE), "its folder cannot be made"
-
-
-def test_the_reference_node_monitor_detects_both_ends(bench: Bench) -> None:
-    bench.device()
-    link, node = bench.host(), bench.node(99)
-    monitor = node_monitor.NodeMonitor(node)
-    for _ in range(30):
-        link.tick(bench.now_ns)
-        link.receive()
-        bench.run(0.1)
-    names = {entry.node_id: bytes(entry.info.name).decode() for entry in monitor.find_all(lambda _: True) if entry.info}
-    assert names == {10: "org.uuv-hil.host", 20: "org.uuv-hil.stm32"}
 
 
 def test_indices_beyond_a_command_are_refused() -> None:

@@ -1,7 +1,7 @@
 """Currents: layers, series, wandering currents and tides, against formulas and other simulators."""
 
 from itertools import pairwise
-from math import exp, hypot, pi, radians, sqrt
+from math import exp, pi, radians, sqrt
 from pathlib import Path
 from random import Random
 from statistics import fmean, pstdev
@@ -67,15 +67,6 @@ def test_a_wandering_current_has_the_requested_correlation_time() -> None:
         assert pstdev(changes) == pytest.approx(SD * sqrt(2.0 * (1.0 - exp(-0.1 * lag / TAU))), rel=0.06)
 
 
-def test_a_wandering_current_has_its_size_from_the_start() -> None:
-    starts = [GaussMarkovCurrent(MODEL, seed)(0, 0.0) for seed in range(2000)]
-    north, east, down = zip(*starts, strict=True)
-    assert pstdev(north) == pytest.approx(SD, rel=0.06)
-    assert pstdev(east) == pytest.approx(0.1, rel=0.06)
-    assert set(down) == {0.0}
-    assert abs(fmean([(n - MEAN) * e for n, e in zip(north, east, strict=True)])) < 0.1 * SD * 0.1  # independent
-
-
 def test_the_seed_determines_a_wandering_current() -> None:
     assert GaussMarkovCurrent(MODEL, 3)(7 * SECOND, 0.0) == GaussMarkovCurrent(MODEL, 3)(7 * SECOND, 30.0)
     assert GaussMarkovCurrent(MODEL, 3)(7 * SECOND, 0.0) != GaussMarkovCurrent(MODEL, 4)(7 * SECOND, 0.0)
@@ -114,25 +105,6 @@ def test_the_phase_of_a_tide_is_the_lag_of_its_flood() -> None:
     current = tidal([Tide("S2", 0.5, 0.0, phase=pi / 2)])
     assert current(0, 0.0)[0] == pytest.approx(0.0, abs=1e-12)
     assert current(3 * HOUR, 0.0)[0] == pytest.approx(0.5)
-
-
-def test_m2_and_s2_give_spring_and_neap_tides() -> None:
-    """M2 and S2 beat: spring tides every 14.77 days, neap in between."""
-    current = tidal([Tide("M2", 0.6, 0.0), Tide("S2", 0.2, 0.0)])
-
-    def strongest(day: float) -> float:
-        return max(abs(current(round(day * 24 * HOUR) + i * HOUR // 6, 0.0)[0]) for i in range(-39, 40))
-
-    assert strongest(0.0) == pytest.approx(0.8, abs=0.01)
-    assert strongest(14.765 / 2) == pytest.approx(0.4, abs=0.01)
-    assert strongest(14.765) == pytest.approx(0.8, abs=0.01)
-
-
-def test_two_constituents_across_make_a_tidal_ellipse() -> None:
-    current = tidal([Tide("M2", 0.5, 0.0), Tide("M2", 0.3, pi / 2, phase=pi / 2)])
-    speeds = [hypot(*current(i * HOUR // 20, 0.0)[:2]) for i in range(500)]
-    assert max(speeds) == pytest.approx(0.5, abs=1e-3)
-    assert min(speeds) == pytest.approx(0.3, abs=1e-3)
 
 
 # -- combined -----------------------------------------------------------------------------------------------------

@@ -273,14 +273,6 @@ def test_ranges_scale_with_the_assumed_speed_of_sound() -> None:
     assert np.nonzero(image(scaled)[:, 32])[0][0] == int((29.0 * 1500.0 / 1450.0 + 2.0) / 0.1)
 
 
-def test_the_same_seed_gives_the_same_picture() -> None:
-    model = TRUE._replace(ground_truth=False)
-    samples = [forward(FLAT, model, seed=seed).sample(0, AHEAD) for seed in (3, 3, 4)]
-    assert samples[0] == samples[1]
-    assert samples[0].intensities != samples[2].intensities
-    assert samples[0].encoding == "uint8"
-
-
 def test_there_are_no_echoes_out_of_the_water() -> None:
     assert not image(forward(FLAT).sample(0, State((0.0, 0.0, -0.5)))).any()
 
