@@ -1,6 +1,6 @@
 """The reference pages of the documentation, made from the code: `python -m tools.reference` writes docs/reference."""
 
-from tools.reference import commands, diagnostics, files, mavlink, stm32, topics
+from tools.reference import commands, diagnostics, files, instruments, mavlink, stm32, topics
 
 
 def pages() -> dict[str, str]:
@@ -10,6 +10,7 @@ def pages() -> dict[str, str]:
         "commands": commands.page(),
         "topics": topics.page(),
         "diagnostics": diagnostics.page(),
+        "instruments": instruments.page(),
         "mavlink": mavlink.page(),
         "stm32": stm32.page(),
     }

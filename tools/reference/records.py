@@ -49,13 +49,14 @@ def _rows(section: Section) -> Iterator[str]:
         if key in section.hidden:
             continue
         kind = kind_of(annotation) if key not in section.shown_types else Kind(section.shown_types[key])
-        default = section.defaults.get(key) or _default(record, key)
+        default = section.defaults.get(key) or default_of(record, key)
         meaning = meaning_of(record, key)
         unit = (unit_of(record, key) if "number" in kind.type else "") or kind.unit
         yield f"| `{key}` | {kind.type} | {unit} | {default} | {kind.range} | {meaning} |\n"
 
 
-def _default(record: Any, key: str) -> str:
+def default_of(record: Any, key: str) -> str:
+    """Return the default of a key as the page shows it."""
     defaults = record._field_defaults
     if key not in defaults:
         return "**required**"
