@@ -1,4 +1,4 @@
-"""The fault campaign: faults of link, process, network, clock, disk, memory, peer and file, against real processes.
+"""The fault campaign: faults of links, processes, machines, addresses, drivers and files, against real processes.
 
 Each row applies one fault to one kind of thruster link, and measures at the STM32's end: `python -m tools.faults`.
 """

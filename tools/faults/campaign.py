@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from hil.common.errors import HilError
-from tools.faults import line_faults, machine_faults, network_faults, peer_faults
+from tools.faults import address_faults, driver_faults, line_faults, machine_faults, network_faults, peer_faults
 from tools.faults.file_faults import BAD_FILES, BadFile, measure_file
 from tools.faults.links import LINKS, Link
 from tools.faults.measure import measure
@@ -19,18 +19,24 @@ QUICK_LINKS = LINKS[:1]
 
 
 class Group(NamedTuple):
-    """Faults for one rig, one after another. The rig has a relay if `network`, and a small disk if `disk`."""
+    """Faults for one rig, one after another.
+
+    The rig has a relay if `network`, a small disk if `disk`, and two machines if `spaces`.
+    """
 
     faults: tuple[Fault, ...]
     network: bool = False
     disk: bool = False
+    spaces: bool = False
 
 
 GROUPS = (
     Group(line_faults.FAULTS),
+    Group(driver_faults.FAULTS),
     Group(network_faults.FAULTS, network=True),
     Group(machine_faults.FAULTS, disk=True),
     Group(peer_faults.FAULTS),
+    Group(address_faults.FAULTS, spaces=True),
 )
 Choose = Callable[[str], bool]
 
@@ -69,7 +75,7 @@ def run_plan(plan: Plan, attempts: int = 1) -> Iterator[Row]:
         with tempfile.TemporaryDirectory(prefix="uuv-hil-faults-") as name:
             folder = Path(name)
             sections = machine_faults.RECORDING.format(disk=folder / "disk") if plan.group.disk else ""
-            with Rig(plan.link, folder, plan.group.network, sections) as rig:
+            with Rig(plan.link, folder, plan.group.network, sections, spaces=plan.group.spaces) as rig:
                 if plan.group.disk:
                     machine_faults.prepare(rig)
                 try:

@@ -1,6 +1,6 @@
 """The master of the campaign: it commands all thrusters ahead or astern 20 times a second, or is silent.
 
-    python -m tools.faults.planner ENDPOINT DESCRIPTOR [NODE] [SECURITY-SCENARIO]
+    python -m tools.faults.planner ENDPOINT,ENDPOINT DESCRIPTOR [NODE] [SECURITY-SCENARIO]
 
 Reads words from the descriptor, one a line: ahead, astern, silent, ask (prints a line of figures of the vehicle).
 It commands the thrust of each thruster, so that the STM32's outputs show which planner's command was executed.
@@ -10,11 +10,12 @@ import json
 import os
 import select
 import sys
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 
 from hil.client.client import VehicleClient
 from hil.common.errors import NetworkError
 from hil.common.lifeline import die_with_parent
+from hil.network.roles import open_master_session
 from hil.ros.commands import encode_thrusts
 from hil.scenario.config import load_scenario
 
@@ -28,7 +29,11 @@ def main(endpoint: str, descriptor: int, node: str = "uuv1", scenario: str = "")
     """Command until the descriptor is closed."""
     die_with_parent()
     security = load_scenario(scenario).security if scenario else None
-    with VehicleClient(endpoint, node, security=security, topics=("ground_truth",)) as client:
+    endpoints = endpoint.split(",")
+    with (
+        open_master_session(*endpoints) if endpoints[1:] else nullcontext(endpoint) as session,
+        VehicleClient(session, node, security=security, topics=("ground_truth",)) as client,
+    ):
         client.wait_for_vehicle(60.0)
         print("there", flush=True)
         direction, text = "silent", ""

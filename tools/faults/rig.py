@@ -3,6 +3,7 @@
 import os
 import random
 import signal
+import subprocess
 import time
 from collections.abc import Callable
 from contextlib import ExitStack, suppress
@@ -23,8 +24,12 @@ from tools.faults.line import Line
 from tools.faults.links import DEADMAN_S, WATCHDOG_S, Link
 from tools.faults.pins import Pins, State
 from tools.faults.relay import Relay
+from tools.faults.spaces import Network
 
 THRUSTERS = 6
+LOCALHOST = "127.0.0.1"
+MACHINES = ("slave", "planner")  # in namespaces of their own, if asked for
+HOST = "vehicle.test"
 START_S = 60.0
 OURS = {"PYTHONPATH": str(Path(__file__).parents[2])}  # tools are never installed
 SCENARIO = """
@@ -35,7 +40,7 @@ stm32 = "device"
 [start]
 depth = 5
 [slave]
-listen = "tcp/127.0.0.1:{port}"
+listen = "tcp/{host}:{port}"
 deadman = {deadman}
 [link]
 port = "{near}"
@@ -51,11 +56,14 @@ depth = 5
 class Rig:
     """Slave, STM32, line and planners under test, in `folder`. Use as a context; `start` begins.
 
-    `network`: whether the planner reaches the slave through `relay`. `environments`: further environment variables of
-    the process "slave" or "planner".
+    `network`: whether the planner reaches the slave through `relay`. `spaces`: whether slave and planner are on
+    `machines` of their own, if that is permitted; the planner then finds the slave by the name `HOST`. `environments`:
+    further environment variables of the process "slave" or "planner".
     """
 
-    def __init__(self, link: Link, folder: Path, network: bool = False, sections: str = "", top: str = "") -> None:
+    def __init__(
+        self, link: Link, folder: Path, network: bool = False, sections: str = "", top: str = "", spaces: bool = False
+    ) -> None:
         self.link = link
         self.folder = folder
         self.pins = Pins()
@@ -65,6 +73,7 @@ class Rig:
         self.has_disk = False  # a small disk, on which the slave records
         self._network = network
         self._stack = ExitStack()
+        self.machines = self._open_machines() if spaces else None
         self._words: dict[str, int] = {}  # the descriptors through which planners get their instructions
         self._starts = 0
         self._direction = "silent"  # of the planner
@@ -75,8 +84,8 @@ class Rig:
         self.scenario = folder / "fault.toml"
         self.scenario.write_text(
             SCENARIO.format(
-                top=top, port=self.port, deadman=DEADMAN_S, near=near, protocol=link.protocol, watchdog=WATCHDOG_S,
-                sections=sections,
+                top=top, host="0.0.0.0" if self.machines else LOCALHOST, port=self.port, deadman=DEADMAN_S, near=near,
+                protocol=link.protocol, watchdog=WATCHDOG_S, sections=sections,
             ),
             encoding="utf-8",
         )  # fmt: skip
@@ -102,15 +111,16 @@ class Rig:
         self.start_slave()
         self.start_planner("planner")
 
-    def start_slave(self) -> None:
-        """Start the slave, or restart it."""
-        command = module_command("hil.cli", "slave", str(self.scenario))
+    def start_slave(self, *words: str) -> None:
+        """Start the slave with further `words`, or restart it."""
+        command = module_command("hil.cli", "slave", str(self.scenario), *words)
         self.start_process("slave", command).expect("ready", START_S)
 
-    def start_planner(self, name: str, patience_s: float = START_S) -> None:
+    def start_planner(self, name: str, patience_s: float = START_S, endpoint: str = "") -> None:
         """Start a planner; it is connected when this returns. Raises NetworkError if not in time."""
         reads, writes = os.pipe()
-        endpoint = self.relay.endpoint if self.relay else f"tcp/127.0.0.1:{self.port}"
+        host = HOST if self.machines else LOCALHOST
+        endpoint = endpoint or (self.relay.endpoint if self.relay else f"tcp/{host}:{self.port}")
         command = [*module_command("tools.faults.planner"), endpoint, str(reads)]
         environment = {
             "PYTHONPATH": os.pathsep.join([str(Path(__file__).parents[2]), os.environ.get("PYTHONPATH", "")])
@@ -130,6 +140,8 @@ class Rig:
         """Return a process of that name, its output in a file of its own."""
         self._starts += 1
         log = str(self.folder / f"{name}-{self._starts}.log")
+        if self.machines and name in MACHINES:
+            command = [*self.machines.inside(name), *command]
         variables = {"PYTHONUNBUFFERED": "1", **(environment or {}), **self.environments.get(name, {})}
         process = self.processes[name] = Process(command, log, environment=variables, pass_fds=fds)
         return process
@@ -205,6 +217,16 @@ class Rig:
             return psutil.Process(slave.pid).num_fds() if slave and slave.running else 0
         except psutil.Error:
             return 0
+
+    def _open_machines(self) -> Network | None:
+        """Make two machines on which `HOST` is the slave; None where that is not permitted."""
+        try:
+            machines = self._stack.enter_context(Network(*MACHINES))
+            machines.silence_name_server("planner")
+        except (OSError, subprocess.CalledProcessError):
+            return None
+        machines.set_file("planner", "hosts", f"{machines.address('slave')} {HOST}\n")
+        return machines
 
     def _end_stm32(self) -> None:
         stm32, self.stm32 = self.stm32, None

@@ -8,8 +8,9 @@ from pathlib import Path
 import pytest
 
 from hil.gateways.json_lines.connection import LOST_S
+from tests.support.output_lines import Lines
 from tests.support.processes import SCENARIO
-from tests.system.netns.network import Lines, Network
+from tools.faults.spaces import Network
 
 pytestmark = pytest.mark.netns
 

@@ -11,8 +11,9 @@ import pytest
 from hil.client.delay import quantiles
 from hil.ros.diagnostics import Diagnostics, or_nan
 from tests.support.busy import retried_when_busy
+from tests.support.output_lines import Lines
 from tests.support.processes import SCENARIO
-from tests.system.netns.network import Lines, Network
+from tools.faults.spaces import Network
 
 pytestmark = pytest.mark.netns
 

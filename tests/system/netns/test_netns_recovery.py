@@ -14,8 +14,9 @@ import pytest
 
 from hil.ros.diagnostics import Diagnostics
 from tests.support.busy import retry_when_busy
+from tests.support.output_lines import Lines
 from tests.support.processes import SCENARIO
-from tests.system.netns.network import Lines, Network
+from tools.faults.spaces import Network
 
 pytestmark = pytest.mark.netns
 

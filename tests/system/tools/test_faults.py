@@ -80,7 +80,7 @@ def test_every_link_and_kind_of_fault_is_in_the_full_campaign() -> None:
     plans = campaign.plans(lambda _: True, thorough=True, quick=False)
     assert {plan.link for plan in plans} == set(LINKS)
     rooms = {fault.room for plan in plans for fault in plan.faults}
-    assert rooms == {"link", "process", "network", "disk", "memory", "clock", "peer"}
+    assert rooms == {"link", "process", "network", "disk", "memory", "clock", "peer", "address", "driver"}
 
 
 def test_a_selection_of_nothing_is_refused() -> None:

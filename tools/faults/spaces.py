@@ -1,14 +1,13 @@
-"""Machines of a test: network namespaces at one switch, whose links can be unplugged."""
+"""Machines of a test: network namespaces at one switch, whose links can be unplugged. Needs root and iproute2."""
 
 import os
+import shutil
 import subprocess
 import sys
-import threading
-import time
 from pathlib import Path
 from typing import IO, Any
 
-from tests.support.processes import ROOT
+from hil.common.children import ROOT
 
 _made = 0
 
@@ -19,7 +18,13 @@ def _port(machine: str) -> str:
 
 
 def ip(*arguments: str) -> None:
+    """Run `ip`. Raises OSError, subprocess.CalledProcessError."""
     subprocess.run(["ip", *arguments], check=True, capture_output=True)
+
+
+def _settings(space: str) -> Path:
+    """Return the folder whose files the programs of a namespace find in /etc, see ip-netns(8)."""
+    return Path("/etc/netns", space)
 
 
 class Network:
@@ -60,14 +65,35 @@ class Network:
                 process.kill()
             process.wait()
         for machine in (*self._machines, "switch"):
-            subprocess.run(["ip", "netns", "delete", self.space(machine)], capture_output=True)
+            subprocess.run(["ip", "netns", "delete", self.space(machine)], check=False, capture_output=True)
+            shutil.rmtree(_settings(self.space(machine)), ignore_errors=True)
+
+    def set_file(self, machine: str, name: str, text: str) -> None:
+        """Write a file in the machine's /etc, before its first program starts; later texts are seen by all of them."""
+        _settings(self.space(machine)).mkdir(parents=True, exist_ok=True)
+        (_settings(self.space(machine)) / name).write_text(text)
+
+    def set_address(self, machine: str, action: str, number: int) -> None:
+        """Let the machine lose ("delete") or get ("add") the address 10.77.0.`number`."""
+        ip("-n", self.space(machine), "address", action, f"10.77.0.{number}/24", "dev", "eth0")
+
+    def silence_name_server(self, machine: str) -> None:
+        """Give the machine a name server that does not answer, before its first program starts."""
+        self.set_file(machine, "resolv.conf", "nameserver 10.77.0.99\n")
+        silent = ("neighbour", "add", "10.77.0.99", "lladdr", "02:00:00:00:00:99", "dev", "eth0")
+        ip("-n", self.space(machine), *silent)
+
+    def inside(self, machine: str) -> list[str]:
+        """Return the words before a command that run it on a machine."""
+        return ["ip", "netns", "exec", self.space(machine)]
 
     def address(self, machine: str) -> str:
+        """Return the address that the machine has at first."""
         return f"10.77.0.{self._machines.index(machine) + 1}"
 
     def start(self, machine: str, *arguments: object, output: IO[str] | None = None) -> subprocess.Popen[str]:
         """Start Python with `arguments` on a machine ("": outside all); it ends with the network."""
-        inside = ["ip", "netns", "exec", self.space(machine)] if machine else []
+        inside = self.inside(machine) if machine else []
         process = subprocess.Popen(
             [*inside, sys.executable, *map(str, arguments)],
             stdout=output or subprocess.DEVNULL,
@@ -84,6 +110,7 @@ class Network:
         ip("-n", self.space("switch"), "link", "set", _port(machine), "nomaster")
 
     def plug(self, machine: str) -> None:
+        """Connect the machine again."""
         ip("-n", self.space("switch"), "link", "set", _port(machine), "master", "switch")
 
     def set_cable(self, machine: str, is_connected: bool) -> None:
@@ -93,36 +120,3 @@ class Network:
     def space(self, machine: str) -> str:
         """Return the name of its network namespace."""
         return f"{self._prefix}-{machine}"
-
-
-class Lines:
-    """The output of a process, line by line, with the instants at which it was seen; the process writes to `file`."""
-
-    def __init__(self, path: Path) -> None:
-        self._path = path
-        self.file = path.open("w")
-        self.seen: list[tuple[float, str]] = []
-        self._reader = threading.Thread(target=self._read)
-        self._reader.start()
-
-    def first(self, text: str, after: float, within: float) -> float:
-        """Return seconds from `after` until a line with `text` was seen; fails when there is none within the time."""
-        while time.monotonic() < after + within + 1.0:
-            found = [at for at, line in self.seen if text in line and at >= after]
-            if found:
-                return found[0] - after
-            time.sleep(0.01)
-        raise AssertionError(f"no {text!r} within {within} s in {self.seen}")
-
-    def close(self) -> None:
-        """Clean up after the process has ended."""
-        self.file.close()
-        self._reader.join()
-
-    def _read(self) -> None:
-        begun = ""
-        with self._path.open() as reader:
-            while not self.file.closed:
-                *whole, begun = (begun + reader.read()).split("\n")
-                self.seen += [(time.monotonic(), line) for line in whole]
-                time.sleep(0.005)
