@@ -19,6 +19,7 @@ from hil.master.avoid import AvoidSettings
 from hil.network.security import Security
 from hil.network.settings import Network
 from hil.scenario import autopilot_records, config, fleet_records, mavlink_records, modem_records, records
+from hil.scenario.instrument_records import InstrumentFaults, InstrumentKeys
 from sim import tether
 from sim.environment import bottom, mesh, obstacles, ocean, relief, terrain, world
 from sim.environment.things import bottom_map, pipelines, shapes, zones
@@ -137,6 +138,13 @@ def sensor_keys() -> str:
     sections = [
         Section("Every sensor", Mounting),
         Section("ErrorModel", ErrorModel, "The errors of one measured quantity, in its own SI unit."),
+        Section(
+            "Instrument",
+            InstrumentKeys,
+            "A sensor that stands at its own wire as an [instrument](instruments.md).",
+            shown_types={"settings": "table"},
+        ),
+        Section("InstrumentFaults", InstrumentFaults),
         *[Section(name, load_sensor(name).Model, f"`[sensors.{name}]`") for name in SENSORS],
     ]
     return _page("Sensors in a scenario", text, sections)
