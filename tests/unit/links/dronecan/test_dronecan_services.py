@@ -29,6 +29,12 @@ protocol, esc = import_lazily("dronecan", "uavcan.protocol"), import_lazily("dro
 SAVE, ERASE = 0, 1
 
 
+@pytest.fixture(name="bench")
+def _bench() -> Any:
+    with Bench() as made:
+        yield made
+
+
 def send_request(bench: Bench, node: Any, request: Any, number: int = 20) -> Any:
     responses: list[Any] = []
     node.request(request, number, responses.append)
