@@ -129,6 +129,8 @@ class Ping1D(PingDevice):
         if name == "goto_bootloader":
             self._in_bootloader = True
             self._next_ns = self._result_ns = NEVER_NS
+        elif name in ("set_range", "set_gain_setting") and self.values["mode_auto"]:
+            return "automatic mode"
         elif name in ("continuous_start", "continuous_stop"):
             if fields["id"] not in _MEASUREMENTS:
                 return "cannot stream this message"

@@ -51,6 +51,7 @@ class Ping360(PingDevice):
 
     Model = Ping360Settings
     sensors = ("scanning_sonar",)
+    first_id = 2
     readable = {  # noqa: RUF012
         DEVICE_DATA: message(
             "device_data",

@@ -111,15 +111,16 @@ class PingDevice(Instrument):
 
     wires = ("udp", "tcp", "serial", "pty")
     is_interactive = True
+    first_id = 1  # its number until another is set
     readable: Mapping[int, Message] = {}
     commands: Mapping[int, Message] = {}
     limits: Mapping[str, tuple[int, int]] = {}
-    device_field = "device_id"  # the field of a command that sets the device's number
+    answered: tuple[str, ...] = ()  # commands whose answer is another message than ack
 
     def __init__(self, settings: Any, facts: Facts, scene: Scene, send: Send) -> None:
         super().__init__(settings, facts, scene, send)
         self.values: dict[str, Any] = {"version_major": 1, "version_minor": 0, "version_patch": 0, "reserved": 0}
-        self.values["device_id"] = facts.memory.get("device_id", 1)
+        self.values["device_id"] = facts.memory.get("device_id", self.first_id)
         self._decoders: dict[Client, Decoder] = {}
         self._hosts: dict[Client, int] = {}  # number of each client, as it gives it
 
@@ -177,8 +178,6 @@ class PingDevice(Instrument):
             self.refuse(client, frame.number, why)
         elif layout.name not in self.answered:
             self.acknowledge(client, frame.number)
-
-    answered: tuple[str, ...] = ()  # commands whose answer is another message than ack
 
     def request(self, client: Client, number: int, now_ns: int) -> str:
         """Send a message that was requested; return why not, or ""."""

@@ -60,7 +60,8 @@ class Sonar3D(Instrument):
         self._kept: dict[str, Any] = facts.memory.setdefault("settings", dict(_FIRST))
         self._built: tuple[Any, ...] = ()
         self._imager: Any = None
-        self._due_ns = NEVER_NS
+        self._due_ns = self._ready_ns = NEVER_NS
+        self._packets: tuple[bytes, ...] = ()
         self._sequence = self._batches = 0
         self._inertial: list[ImuSample] = []
         self._offset_ns = 0  # of its clock, which a client may set
@@ -84,12 +85,16 @@ class Sonar3D(Instrument):
             self._inertial.clear()
 
     def tick(self, now_ns: int) -> int:
-        """Measure an image when it is due."""
+        """Measure an image when it is due; send it when its last echo has come."""
+        if self._ready_ns <= now_ns:
+            for packet in self._packets:
+                self._emit(packet, self._ready_ns)
+            self._ready_ns = NEVER_NS
         if self._due_ns <= now_ns:
             self._due_ns = max(self._due_ns + NS_PER_S // _MODES[self._kept["acoustics/mode"]][0], now_ns)
             if self._kept["acoustics/enabled"] and self._kept["udp"]["mode"] != "disabled":
                 self._image(now_ns)
-        return self._due_ns
+        return min(self._due_ns, self._ready_ns)
 
     def _image(self, now_ns: int) -> None:
         kept = self._kept
@@ -120,8 +125,9 @@ class Sonar3D(Instrument):
         self._sequence = (self._sequence + 1) & 0xFFFFFFFF
         ranges = np.clip(np.rint(sample.ranges * (scale / _SCALE)), 0, 0xFFFF).astype(int).ravel().tolist()
         levels = 100.0 * np.log10(np.maximum(sample.strengths, 30.0) / 30.0)
-        self._emit(packets.range_image(shot, _SCALE, ranges), now_ns)
-        self._emit(packets.strength_image(shot, np.clip(levels, 0, 255).astype(np.uint8).tobytes()), now_ns)
+        strengths = packets.strength_image(shot, np.clip(levels, 0, 255).astype(np.uint8).tobytes())
+        self._packets = packets.range_image(shot, _SCALE, ranges), strengths
+        self._ready_ns = now_ns + round(2e9 * reach["max"] / speed)
 
     def _emit(self, packet: bytes, measured_ns: int) -> None:
         """Send a packet to where the settings say."""

@@ -75,6 +75,7 @@ def test_every_message_of_an_echo_sounder_can_be_read(sounder: tuple[Datagrams, 
 
 def test_settings_of_an_echo_sounder_change_the_measurement(sounder: tuple[Datagrams, Ping1D]) -> None:
     bench, client = sounder
+    assert not client.set_range(10_000, 10_000)  # it chooses its range itself until told otherwise
     assert client.set_mode_auto(0)
     assert client.set_range(10_000, 10_000)
     assert client.set_ping_interval(60)
@@ -153,6 +154,7 @@ def test_a_lost_vehicle_leaves_the_last_measurement(sounder: tuple[Datagrams, Pi
 def test_each_setting_of_a_ping360_takes_effect(scanner: tuple[Datagrams, Ping360]) -> None:
     _, client = scanner
     assert client.initialize()
+    assert client._src_device_id == 2
     assert client.get_device_data()["data"] == b""
     assert client.get_auto_device_data()["stop_angle"] == 399
     for name, value in {

@@ -82,6 +82,7 @@ def test_settings_change_the_image_and_outlive_the_power() -> None:
     assert sonar.post("acoustics/range", {"min": 0.0, "max": 5.0}) == 204
     assert not any(next(iter(sonar.images(0.2))).image_pixel_data)
     assert sonar.post("acoustics/enabled", False) == 204
+    sonar.pass_time(0.1)  # the image on its way is sent
     assert not list(sonar.images(1.0))
 
 
