@@ -1,9 +1,7 @@
 """Blue Robotics Ping1D and Ping2, echo sounders: all messages of the ping protocol, over UDP and serial.
 
 Sources: the definitions of ping1d in github.com/bluerobotics/ping-protocol; values at power on from ping-viewer
-(src/sensor/ping.cpp) and the user manual. ArduPilot's driver starts `distance_simple` continuously, so that and
-`distance` can be started too. How the device finds its range and gain by itself is not public: ours keeps the bottom at
-about two thirds of the range, and its echo below the upper limit.
+(src/sensor/ping.cpp); no range or gain is taken in automatic mode, from ping-cpp (test/test-device-ping1d.cpp).
 """
 
 from math import isnan, log10
@@ -35,9 +33,15 @@ class Ping1DSettings(NamedTuple):
 
 
 class Ping1D(PingDevice):
-    """A Ping1D at the place of a simulated echo sounder."""
+    """A Ping1D at the place of a simulated echo sounder: it measures itself, at its ping interval or slower.
+
+    Range, gain, speed of sound, interval and profile are the client's. In automatic mode it keeps the bottom at about
+    two thirds of the range and the echo below the upper limit; how the device does so is not public. `distance_simple`
+    and `distance` can be streamed too, as ArduPilot asks for. The confidence is the contrast of the bottom's echo.
+    """
 
     Model = Ping1DSettings
+    at = ("udp:127.0.0.1:9090",)
     revision = 1
     sensors = ("echosounder",)
     readable = {  # noqa: RUF012
@@ -203,6 +207,6 @@ class Ping1D(PingDevice):
 
 
 class Ping2(Ping1D):
-    """A Ping2, which differs by its hardware's number only."""
+    """A Ping2. It differs from a [Ping1D](#ping1d) by its hardware's number only."""
 
     revision = 2

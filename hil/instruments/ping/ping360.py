@@ -35,9 +35,9 @@ _SECTOR = "start_angle:H stop_angle:H num_steps:B delay:B"
 
 
 class Ping360Settings(NamedTuple):
-    """Firmware of the device, as it reports it; the angle of its head (gradians) that is ahead; its network address.
+    """Firmware that it reports, the angle of its head (gradians) ahead, and the addresses in its answer to `Discovery`.
 
-    The addresses are those in the answer to "Discovery", which a client sends to UDP port 30303.
+    For the ROS driver `ping360_sonar`, which takes 0 as ahead, mount it so: `ahead = 0`.
     """
 
     firmware: tuple[int, int, int] = (3, 3, 8)
@@ -47,10 +47,15 @@ class Ping360Settings(NamedTuple):
 
 
 class Ping360(PingDevice):
-    """A Ping360 at the place of a simulated scanning sonar: each ping has the client's angle, range and pulse."""
+    """A Ping360 at the place of a simulated scanning sonar: each ping has the client's angle, gain, range and pulse.
+
+    It pings when a client asks, or scans by itself; motor and sound take the time measured on a Ping360 over Ethernet.
+    It answers `Discovery` at each of its wires of UDP; `udp:0.0.0.0:30303` beside the first is the device's own.
+    """
 
     Model = Ping360Settings
     sensors = ("scanning_sonar",)
+    at = ("udp:127.0.0.1:9092",)
     first_id = 2
     readable = {  # noqa: RUF012
         DEVICE_DATA: message(

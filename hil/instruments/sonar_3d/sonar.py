@@ -48,11 +48,17 @@ class Sonar3DSettings(NamedTuple):
 
 
 class Sonar3D(Instrument):
-    """A Sonar 3D-15 at the place of a simulated forward-looking sonar, or of a laser, which costs less beside it."""
+    """A Sonar 3D-15 at the place of a simulated forward-looking sonar, or of a laser, which costs less beside it.
+
+    It measures itself, 5 or 20 images a second, once a client has told it where to send. The wire of UDP is that from
+    which it sends; multicast needs the address of a network there, not 0.0.0.0, if there is no default route.
+    """
 
     Model = Sonar3DSettings
     sensors = ("forward_sonar", "laser")
+    at = ("http:127.0.0.1:8081", "udp:127.0.0.1:4746")
     wires = ("http", "udp")
+    is_interactive = True
     also = ("imu",)
 
     def __init__(self, settings: Any, facts: Facts, scene: Scene, send: Send) -> None:

@@ -27,10 +27,7 @@ _MANY = "+json; type=collection"
 
 
 class UgpsSettings(NamedTuple):
-    """Heading of the housing (rad), and what the device cannot know of the simulation: warmth and its own names.
-
-    `channel` is that of the locator's switch, `battery` (%) of the locator; temperatures in °C.
-    """
+    """Heading of the housing (rad), channel and battery (%) of the locator, temperatures (°C), and the version."""
 
     heading: Annotated[float, Range(-7.0, 7.0, "rad")] = 0.0
     channel: Annotated[int, Range(0, 6000)] = 3
@@ -65,10 +62,16 @@ class Track:
 
 
 class Ugps(Instrument):
-    """A UGPS G2 whose antenna is the station of a simulated USBL, and whose locator is the beacon."""
+    """A UGPS G2: its antenna is the station of a simulated USBL, its locator the beacon.
+
+    Positions come at the sensor's rate; the device has 4 Hz. 404 without an acoustic position, 503 without one on the
+    earth, which needs a world with an `origin`, a static or an external position. Speed of sound, area of search,
+    channel and antenna of its settings change what is found. What is not simulated: drift of the compass, echoes.
+    """
 
     Model = UgpsSettings
     sensors = ("usbl",)
+    at = ("http:127.0.0.1:8080",)
     wires = ("http",)
 
     def __init__(self, settings: Any, facts: Facts, scene: Scene, send: Send) -> None:
