@@ -20,8 +20,9 @@ NMEA = 0xF0
 
 # Class and number of a message -> the first of its five keys.
 RATES = {
-    (0x01, 0x04): 0x20910038, (0x01, 0x07): 0x20910006, (0x01, 0x20): 0x20910047, (0x01, 0x35): 0x20910015,
-    (0x01, 0x61): 0x2091015F,
+    (0x01, 0x02): 0x20910029, (0x01, 0x03): 0x2091001A, (0x01, 0x04): 0x20910038, (0x01, 0x07): 0x20910006,
+    (0x01, 0x12): 0x20910042, (0x01, 0x20): 0x20910047, (0x01, 0x35): 0x20910015, (0x01, 0x61): 0x2091015F,
+    (0x0A, 0x09): 0x209101B4, (0x0A, 0x0B): 0x209101B9,
     (NMEA, 0x00): 0x209100BA, (NMEA, 0x01): 0x209100C9, (NMEA, 0x02): 0x209100BF, (NMEA, 0x03): 0x209100C4,
     (NMEA, 0x04): 0x209100AB, (NMEA, 0x05): 0x209100B0, (NMEA, 0x07): 0x209100D3, (NMEA, 0x08): 0x209100D8,
 }  # fmt: skip
@@ -121,9 +122,32 @@ class Configuration:
             return pack("<BxHIIHHHxx", UART1, 0, 0x8C0, self.values[BAUD], *masks, 0)
         if len(payload) != 20:
             return False
-        baud, taken, given = unpack_from("<IHH", payload, 8)
+        return self._set_port(*unpack_from("<IHH", payload, 8))
+
+    def proprietary(self, fields: bytes) -> bool:
+        """Carry out PUBX,41: port, masks of what it takes and gives (hexadecimal), baud rate."""
+        try:
+            _, taken, given, baud, *_ = fields.split(b",")
+            return self._set_port(int(baud), int(taken, 16), int(given, 16))
+        except ValueError:
+            return False
+
+    def _set_port(self, baud: int, taken: int, given: int) -> bool:
+        if not 4800 <= baud <= 921_600:
+            return False
         pairs = {key: int(bool(taken & bit)) for key, bit in _MASKS[:3]}
         return self.set_values(RAM, pairs | {key: int(bool(given & bit)) for key, bit in _MASKS[3:]} | {BAUD: baud})
+
+    def navigation(self, payload: bytes) -> bytes | bool:
+        """Carry out CFG-NAV5, of which the dynamic model is kept; return the record if it asks for it."""
+        if not payload:
+            return pack("<HBBiIbBHHHHBBBB2xHB5x", 0xFFFF, self.values[_DYNAMIC_MODEL], 3, 0, 10_000, 5, 0, 250, 250,
+                        100, 350, 0, 60, 0, 0, 0, 0)  # fmt: skip
+        return len(payload) == 36 and (not payload[0] & 1 or self.set_values(RAM, {_DYNAMIC_MODEL: payload[2]}))
+
+    def systems(self, payload: bytes) -> bytes | bool:
+        """Answer CFG-GNSS: GPS only, which cannot be changed."""
+        return not payload and pack("<4B4BI", 0, 42, 42, 1, 0, 8, 16, 0, 0x00010001)
 
     def store(self, payload: bytes) -> bool:
         """Carry out CFG-CFG: forget what was kept, keep the present values, or take the kept ones."""

@@ -74,15 +74,18 @@ class Receiver(Instrument):
                 self._configure(client, number, payload, now_ns)
         elif (group, number) == (ubx.MON, ubx.VERSION) and not payload:
             self.send(ubx.version(), client)
-        elif group == ubx.NAV and number in ubx.NAVIGATION and not payload and self._last:
-            self.send(ubx.frame(group, number, ubx.NAVIGATION[number](self._last)), client)
+        elif (group, number) == (ubx.PUBX, 41):  # is not answered
+            self.malformed += not self._configuration.proprietary(payload)
+        elif (group, number) in ubx.MESSAGES and not payload and self._last:
+            self.send(ubx.frame(group, number, ubx.MESSAGES[group, number](self._last)), client)
 
     def _configure(self, client: Client, number: int, payload: bytes, now_ns: int) -> None:
         """Answer a configuration message: with what it asks for, and that it was accepted or not."""
         configuration = self._configuration
         carry_out = {
             0x00: configuration.port, 0x01: configuration.message_rate, 0x08: configuration.rates,
-            0x09: configuration.store, 0x8A: configuration.valset, 0x8B: configuration.valget,
+            0x09: configuration.store, 0x24: configuration.navigation, 0x3E: configuration.systems,
+            0x8A: configuration.valset, 0x8B: configuration.valget,
         }.get(number)  # fmt: skip
         answer = carry_out(payload) if carry_out else None
         if isinstance(answer, bytes):
@@ -127,8 +130,8 @@ class Receiver(Instrument):
         if configuration.values[keys.OUT_NMEA]:
             parts = [write(epoch) for number, write in nmea.SENTENCES.items() if self._is_due(keys.NMEA, number)]
         if configuration.values[keys.OUT_UBX]:
-            due = [(number, write) for number, write in ubx.NAVIGATION.items() if self._is_due(ubx.NAV, number)]
-            parts += [ubx.frame(ubx.NAV, number, write(epoch)) for number, write in due]
+            due = [(name, write) for name, write in ubx.MESSAGES.items() if self._is_due(*name)]
+            parts += [ubx.frame(*name, write(epoch)) for name, write in due]
         self._epochs += 1
         if parts:
             self.send(b"".join(parts), measured_ns=measured_ns)

@@ -5,7 +5,7 @@ in 1e-7 degrees and mm, speeds in mm/s.
 """
 
 from collections.abc import Callable, Iterator
-from math import sqrt
+from math import hypot, sqrt
 from struct import pack
 
 from hil.instruments.gps.epoch import LEAP_SECONDS, SPEED_ACCURACY, Epoch
@@ -17,7 +17,7 @@ _DATE_AND_TIME, _RESOLVED = 3, 4
 _CONFIRMED = 0xE0  # flags2: date and time are confirmed
 _TIME_ACCURACY_NS = 50
 
-NAV, ACK, CFG, MON = 0x01, 0x05, 0x06, 0x0A
+NAV, ACK, CFG, MON, PUBX = 0x01, 0x05, 0x06, 0x0A, 0xF1
 VERSION = 0x04  # of MON
 
 
@@ -37,14 +37,14 @@ def acknowledge(group: int, number: int, accepted: bool) -> bytes:
 
 
 class Reader:
-    """Takes UBX messages out of a stream in which sentences of NMEA and corrections (RTCM 3) may stand too."""
+    """Takes messages out of a stream in which sentences of NMEA and corrections (RTCM 3) may stand too."""
 
     def __init__(self) -> None:
         self._buffer = b""
         self.malformed = 0
 
     def read(self, data: bytes) -> Iterator[tuple[int, int, bytes]]:
-        """Yield class, number and payload of each complete message."""
+        """Yield class, number and payload of each complete message; of a PUBX sentence its number and its fields."""
         self._buffer += data
         while len(self._buffer) >= 3:
             size = self._size()
@@ -56,6 +56,8 @@ class Reader:
                     yield piece[2], piece[3], piece[6:-2]
                 else:
                     self.malformed += 1
+            elif piece[:6] == b"$PUBX," and piece[6:8].isdigit():
+                yield PUBX, int(piece[6:8]), piece[9:].partition(b"*")[0]
 
     def _size(self) -> int:
         """Return the size of what the buffer begins with: a message, a sentence, corrections, or bytes to skip."""
@@ -128,6 +130,24 @@ def _course_accuracy(epoch: Epoch) -> float:
     return min(180.0, 57.3 * SPEED_ACCURACY / epoch.speed) if epoch.speed and epoch.fix.fix else 180.0
 
 
+def posllh(epoch: Epoch) -> bytes:
+    """NAV-POSLLH: longitude, latitude, heights."""
+    return _itow(epoch) + _place(epoch)
+
+
+def status(epoch: Epoch) -> bytes:
+    """NAV-STATUS: kind of fix; times since power on are not kept."""
+    has_fix = epoch.fix.fix
+    return _itow(epoch) + pack("<4BII", 3 * has_fix, 0x0C | has_fix, 0, 0, 0, 0)
+
+
+def velned(epoch: Epoch) -> bytes:
+    """NAV-VELNED: velocity in cm/s."""
+    values = [round(100.0 * value) for value in (*epoch.velocity, hypot(*epoch.velocity), epoch.speed)]
+    accuracies = round(100.0 * SPEED_ACCURACY), round(_course_accuracy(epoch) * 1e5)
+    return _itow(epoch) + pack("<3i2IiII", *values, round(epoch.course * 1e5), *accuracies)
+
+
 def dop(epoch: Epoch) -> bytes:
     """NAV-DOP: dilutions of precision in hundredths."""
     return _itow(epoch) + pack("<7H", *[min(9999, round(value * 100)) for value in epoch.dilutions])
@@ -154,8 +174,21 @@ def end(epoch: Epoch) -> bytes:
     return _itow(epoch)
 
 
-# Number of a message of the class NAV -> its payload; in the order in which they are sent.
-NAVIGATION: dict[int, Callable[[Epoch], bytes]] = {0x04: dop, 0x07: pvt, 0x20: timegps, 0x35: sat, 0x61: end}
+def hardware(_: Epoch) -> bytes:
+    """MON-HW: an antenna that is well, without jamming; pins are 0."""
+    return bytes(16) + pack("<HHBB", 90, 4000, 2, 1) + bytes(23) + b"\x0a" + bytes(14)
+
+
+def front_end(_: Epoch) -> bytes:
+    """MON-HW2: gains and offsets of the two paths."""
+    return pack("<bBbB", 0, 128, 0, 128) + bytes(24)
+
+
+# Class and number of a message -> its payload; in the order in which they are sent.
+MESSAGES: dict[tuple[int, int], Callable[[Epoch], bytes]] = {
+    (NAV, 0x02): posllh, (NAV, 0x03): status, (NAV, 0x04): dop, (NAV, 0x07): pvt, (NAV, 0x12): velned,
+    (NAV, 0x20): timegps, (NAV, 0x35): sat, (NAV, 0x61): end, (MON, 0x09): hardware, (MON, 0x0B): front_end,
+}  # fmt: skip
 
 
 def version() -> bytes:

@@ -7,13 +7,14 @@ from typing import Any
 
 import pytest
 from pynmeagps import NMEAReader
-from pyubx2 import POLL_LAYER_RAM, SET, SET_LAYER_FLASH, SET_LAYER_RAM, UBX_PROTOCOL, UBXMessage, UBXReader
+from pyubx2 import POLL, POLL_LAYER_RAM, SET, SET_LAYER_FLASH, SET_LAYER_RAM, UBX_PROTOCOL, UBXMessage, UBXReader
 from pyubx2.ubxtypes_configdb import UBX_CONFIG_DATABASE
 
 from hil.common.clock import NS_PER_S
 from hil.instruments.gps.configuration import RATES, defaults
 from hil.instruments.gps.receiver import Receiver
 from hil.instruments.gps.sky import dilutions, satellites
+from hil.instruments.gps.ubx import frame
 from sim.dynamics import State
 from sim.sensors.extra_samples import FixSample
 from sim.sensors.gps import GpsModel
@@ -134,7 +135,8 @@ def test_every_key_is_one_that_others_list_with_the_same_size() -> None:
     assert all(int(listed[key][1:]) == sizes[key >> 28] for key in defaults())
     names = {key: name for name, (key, _) in UBX_CONFIG_DATABASE.items()}
     ends = {names[first].rpartition("_")[0].rpartition("_")[2] for first in RATES.values()}
-    assert ends == {"DOP", "PVT", "TIMEGPS", "SAT", "EOE", "GGA", "GLL", "GSA", "GSV", "RMC", "VTG", "GST", "ZDA"}
+    binary, text = "POSLLH STATUS VELNED HW HW2 DOP PVT TIMEGPS SAT EOE", "GGA GLL GSA GSV RMC VTG GST ZDA"
+    assert ends == {*binary.split(), *text.split()}
 
 
 def test_older_messages_set_the_rate_and_report_the_port() -> None:
@@ -153,6 +155,39 @@ def test_older_messages_set_the_rate_and_report_the_port() -> None:
     (version,) = messages(device.ask(UBXMessage("MON", "MON-VER", 2).serialize()))
     assert version.swVersion.startswith(b"EXT CORE 4.04")
     assert b"PROTVER=32.01" in version.extension_03
+
+
+def test_ardupilot_s_driver_ends_its_configuration() -> None:
+    """As AP_GPS_UBLOX goes on: it asks, compares, sets and asks again; it does not arm before all agrees."""
+    device = bench()
+    device.ask(b"\xb5\x62\x06\x01\x03\x00\x01\x06\x01\x12\x4f$PUBX,41,1,0023,0001,230400,0*1E\r\n")
+    assert device.sample(FIX) == b""  # sentences are off
+    wanted = {(1, 7): 1, (1, 2): 0, (1, 3): 0, (1, 0x12): 0, (1, 0x20): 5, (1, 4): 1, (10, 9): 5, (10, 11): 5}
+    (port, _) = messages(device.ask(UBXMessage("CFG", "CFG-PRT", POLL).serialize()))
+    assert (port.baudRate, port.outNMEA, port.outUBX) == (230_400, 0, 1)
+    for (group, number), rate in wanted.items():
+        for tries in range(2):
+            answer, _ = messages(device.ask(frame(6, 1, bytes((group, number)))))
+            if answer.payload[2 + port.portID] == rate:
+                break
+            assert tries == 0
+            device.ask(frame(6, 1, bytes((group, number, rate))))
+    rate = UBXMessage("CFG", "CFG-RATE", SET, measRate=200, navRate=1, timeRef=0)
+    assert messages(device.ask(rate.serialize()))[0].identity == "ACK-ACK"
+    rate, _ = messages(device.ask(UBXMessage("CFG", "CFG-RATE", POLL).serialize()))
+    assert (rate.measRate, rate.navRate, rate.timeRef) == (200, 1, 0)
+    engine, _ = messages(device.ask(UBXMessage("CFG", "CFG-NAV5", POLL).serialize()))
+    device.ask(frame(6, 0x24, b"\x01\x00\x08" + engine.payload[3:]))
+    assert messages(device.ask(UBXMessage("CFG", "CFG-NAV5", POLL).serialize()))[0].dynModel == 8
+    systems, _ = messages(device.ask(UBXMessage("CFG", "CFG-GNSS", POLL).serialize()))
+    assert (systems.numConfigBlocks, systems.gnssId_01, systems.enable_01) == (1, 0, 1)
+    sent = [each.identity for each in messages(device.run(1.05))]
+    assert {name: sent.count(name) for name in set(sent)} == {
+        "NAV-PVT": 5, "NAV-DOP": 5, "NAV-TIMEGPS": 1, "MON-HW": 1, "MON-HW2": 1,
+    }  # fmt: skip
+    for number in (2, 3, 0x12):
+        (each,) = messages(device.ask(frame(1, number)))
+        assert each.identity in ("NAV-POSLLH", "NAV-STATUS", "NAV-VELNED")
 
 
 def test_corrections_and_sentences_of_a_client_are_read_over_and_garbage_is_counted() -> None:
