@@ -138,7 +138,7 @@ class Vn100(Instrument):
             number = int(parameters[0])
             if command == "VNRRG":
                 return self._read(number)
-            return self._write(number, parameters[1:]) or f"VNWRG,{number:02d},{self._registers[number]}"
+            return self._write(number, parameters[1:]) or ",".join((command, f"{number:02d}", *parameters[1:]))
         if command == "VNASY":
             if parameters not in (["0"], ["1"]):
                 return _BAD_PARAMETER if parameters else _TOO_FEW
@@ -171,9 +171,10 @@ class Vn100(Instrument):
             allowed = {_BAUD: _BAUDS, _KIND: {"0", *map(str, self._kinds())}, _RATE: _RATES}[number]
             if not parameters or len(parameters) > 2:
                 return _TOO_MANY if parameters else _TOO_FEW
-            if parameters[0] not in allowed:
+            if parameters[0] not in allowed or parameters[1:] not in ([], ["1"], ["2"]):
                 return _BAD_PARAMETER
-            self._registers[number], self._due_ns[_KIND] = parameters[0], 0
+            if parameters[1:] != ["2"]:  # the other port has no wire here
+                self._registers[number], self._due_ns[_KIND] = parameters[0], 0
         elif number in _BINARY:
             output = parse_output(parameters) if len(parameters) >= 2 else None
             if output is None:

@@ -113,6 +113,7 @@ def test_it_starts_with_ascii_outputs_at_40_hz_which_can_be_changed_paused_and_k
     assert step(device, 10) == b""
     device.ask(b"$VNASY,1*XX\r\n")
     device.ask(b"$VNWRG,07,10*XX\r\n$VNWRG,06,2*XX\r\n")
+    assert device.ask(line("VNWRG,06,1,2")) == line("VNWRG,06,1,2")  # of the other port
     assert step(device, 100).count(b"$VNQTN") == 10
     device.ask(b"$VNRST*4D\r\n")
     assert (step(device, 100), device.ask(b"$VNRRG,1*XX\r\n")) == (b"", b"")  # it takes 1.25 s
