@@ -16,6 +16,7 @@ from hil.common.clock import NEVER_NS, NS_PER_MS, NS_PER_S
 FIRST_WINDOW = 2  # commands; before the line's rate is known
 LEAST_TRIP_NS = 60 * NS_PER_MS  # shorter round trips count as this: on a fast line some reports may be lost
 LONGEST_PAUSE_NS = 150 * NS_PER_MS  # between two commands while no answer comes
+TRIPS = 2  # shortest round trips in which a report comes
 MOST = 256  # commands that are remembered
 PROBE = 1.25  # the window is that much larger than what was answered, to find out whether the line carries more
 MEASURED_NS = NS_PER_S // 2  # period of one measurement of the rate
@@ -48,7 +49,7 @@ class EchoPace:
         self._flight: deque[tuple[int, int]] = deque(maxlen=MOST)  # sequence number, when it was sent (monotonic ns)
         self._window = FIRST_WINDOW
         self._first_ns = self._sent_ns = self._answer_ns = 0
-        self._fastest_ns = NEVER_NS  # shortest round trip
+        self._fastest_ns = self._idle_ns = NEVER_NS  # shortest round trip; silence in which a report would have come
         self._batch = 1.0  # commands that one report answers
         self._measured_ns = 0
         self._offered = self._answered = self._reports = 0  # since `_measured_ns`
@@ -58,7 +59,11 @@ class EchoPace:
         """Return when the next command may be sent if no answer comes; `now` (monotonic ns) or earlier: now."""
         if len(self._flight) < self._window or not self._has_telemetry(now):
             return now
-        return max(self._sent_ns, self._answer_ns) + self._pause_ns
+        due_ns = max(self._sent_ns, self._answer_ns) + self._pause_ns
+        # Reports that were lost must not count as commands on the line for ever: none came after the last one.
+        if self._by_count and self._answer_ns > self._sent_ns and now >= max(due_ns, self._answer_ns + self._idle_ns):
+            self._flight.clear()
+        return due_ns
 
     def add_offered(self, now: int) -> None:
         """Count a command that is to be sent at `now`, whether or not the line takes it."""
@@ -80,6 +85,7 @@ class EchoPace:
         if place is None:  # echoed before, or sent before the link was opened
             return
         self._fastest_ns = min(self._fastest_ns, now - self._flight[place][1])
+        self._idle_ns = TRIPS * self._fastest_ns
         for _ in range(place + 1):
             self._flight.popleft()
         self._answered += place + 1

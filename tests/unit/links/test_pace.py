@@ -169,6 +169,24 @@ def test_a_fast_line_carries_all_commands(monkeypatch: pytest.MonkeyPatch, delay
     assert not simulated.pace.is_slow
 
 
+@pytest.mark.parametrize(("lost", "share"), [(0.0, 1.0), (0.02, 0.9), (0.3, 0.3)])
+def test_lost_reports_without_sequence_numbers_do_not_count_as_commands_on_the_line(
+    monkeypatch: pytest.MonkeyPatch, lost: float, share: float
+) -> None:
+    """Those of a second at a time, and a share of the others."""
+    simulated = Simulated(monkeypatch, 1e6, 5 * NS_PER_MS, lost, "mavlink")
+    for _ in range(10):
+        simulated.run(5.0)
+        simulated.back.rate = 0.001
+        simulated.run(1.0)
+        simulated.back = Line(1e6, 5 * NS_PER_MS)
+    simulated.run(3.0)
+    before = simulated.applied
+    simulated.run(10.0)
+    assert simulated.applied - before >= share * 10 * HZ
+    assert simulated.pace.rate >= LEAST_RATE
+
+
 def test_a_foreign_stm32_with_periodic_reports_gets_all_commands(monkeypatch: pytest.MonkeyPatch) -> None:
     """Its reports, 10 a second, have no sequence numbers."""
     simulated = Simulated(monkeypatch, 1e6, protocol="mavlink", periodic=True)
