@@ -16,6 +16,7 @@ import time
 from pathlib import Path
 
 from tools.faults import campaign, decoders, report
+from tools.faults.instruments import row_names, run_instruments
 from tools.faults.rows import Row
 
 
@@ -40,14 +41,15 @@ def main(arguments: list[str]) -> int:
             for fault in plan.faults:
                 print(f"{fault.room} {fault.name} {plan.link.name}")
         print("\n".join(f"file {bad.name}" for bad in files))
+        print("\n".join(row_names()))
         return 0
-    if not plans and not files:
+    if not plans and not files and not any(map(choose, row_names())):
         print(f"--select {options.select!r}: no row matches; see --list", file=sys.stderr)
         return 2
     began = time.monotonic()
     rows: list[Row] = []
     sources = [campaign.run_plan(plan, options.attempts) for plan in plans]
-    for source in (*sources, campaign.run_files(files)):
+    for source in (*sources, campaign.run_files(files), run_instruments(choose) if not options.quick else ()):
         for row in source:
             print(report.line_of(row), flush=True)
             rows.append(row)

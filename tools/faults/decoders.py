@@ -28,6 +28,7 @@ from hil.links.wires.can_frame import RECORD_SIZE
 from hil.ros.topics import TOPICS
 from hil.scenario.records import Link
 from hil.slave.drivers.ends import end_protocol
+from tools.faults.instruments import instrument_decoders
 
 SANITIZERS = ["-O1", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
 PULSES = (1100, 1900, 1600, 1400, 1700, 1650)
@@ -74,7 +75,7 @@ def main(arguments: list[str]) -> int:
 def outcomes(count: int, seed: int) -> Iterator[Outcome]:
     """Yield results of the firmware, of both ends of each protocol, and of the network's decoders."""
     yield firmware(count, seed)
-    for name, (decode, sound) in {**slave_decoders(), **network_decoders()}.items():
+    for name, (decode, sound) in {**slave_decoders(), **network_decoders(), **instrument_decoders()}.items():
         yield feed(name, decode, sound, count, seed)
     for kind in PROTOCOLS:
         for role in get_args(Role):

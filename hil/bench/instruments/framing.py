@@ -7,6 +7,8 @@ from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 LONGEST = 400  # bytes of a binary output without a length field
+LARGEST = 2_000  # bytes of a message; a greater size is taken for damaged
+IMAGE = 65_000
 LINE = re.compile(rb"[ -~\t]*(\r\n|\n|\r)")
 STARTED = re.compile(rb"[ -~\t]+\Z")
 
@@ -35,12 +37,15 @@ def split(data: bytes) -> Iterator[Frame]:
         data = data[frame.size :]
 
 
-def _sized(name: str, data: bytes, size: int, kind: str, checksum: Callable[[bytes], bool]) -> Frame:
-    """Return a binary message whose size its header gives."""
-    if size > len(data):
+def _sized(
+    name: str, data: bytes, size: int, kind: str, checksum: Callable[[bytes], bool], most: int = LARGEST
+) -> Frame:
+    """Return a binary message whose size its header gives; of a damaged one, whose size may be wrong, one byte."""
+    if len(data) < size <= most:
         return INCOMPLETE
     message = data[:size]
-    return Frame(f"{name} {kind}".strip(), message[:24].hex(" "), checksum(message), size)
+    is_sound = size <= most and checksum(message)
+    return Frame(f"{name} {kind}".strip(), message[:24].hex(" "), is_sound, size if is_sound else 1)
 
 
 def _ping(data: bytes) -> Frame | None:
@@ -70,7 +75,7 @@ def _range_image(data: bytes) -> Frame | None:
         return None
     size = int.from_bytes(data[4:8], "little")
     crc = lambda message: zlib.crc32(message[:-4]) == int.from_bytes(message[-4:], "little")  # noqa: E731
-    return _sized(data[:4].decode("ascii", "replace"), data, max(size, 12), "", crc)
+    return _sized(data[:4].decode("ascii", "replace"), data, max(size, 12), "", crc, IMAGE)
 
 
 def _vectornav(data: bytes) -> Frame | None:
@@ -85,6 +90,23 @@ def _vectornav(data: bytes) -> Frame | None:
     return None if len(data) > LONGEST else INCOMPLETE
 
 
+def _modbus(data: bytes) -> Frame | None:
+    """Return an answer of function 3, by device 1 or the one that answers to 250."""
+    if data[:1] not in (b"\x01", b"\xfa") or data[1:2] != b"\x03" or len(data) < 3:
+        return None
+    size = 5 + data[2]
+    crc = 0xFFFF
+    for byte in data[: size - 2]:
+        crc ^= byte
+        for _ in range(8):
+            crc = crc >> 1 ^ (0xA001 if crc & 1 else 0)
+    return _sized("MODBUS", data, size, "3", lambda message: crc == int.from_bytes(message[-2:], "little"))
+
+
+def _prompt(data: bytes) -> Frame | None:
+    return Frame("prompt", ">", None, 1) if data[:1] == b">" else None
+
+
 def _line(data: bytes) -> Frame | None:
     match = LINE.match(data)
     if not match:
@@ -93,7 +115,7 @@ def _line(data: bytes) -> Frame | None:
     return Frame(_kind_of(text), text, _line_is_sound(text), len(match[0]))
 
 
-FINDERS: tuple[Finder, ...] = (_ping, _ubx, _teledyne, _range_image, _vectornav, _line)
+FINDERS: tuple[Finder, ...] = (_ping, _ubx, _teledyne, _range_image, _modbus, _vectornav, _prompt, _line)
 
 
 def _kind_of(text: str) -> str:

@@ -25,22 +25,34 @@ def ping_request(number: int, payload: bytes = b"") -> bytes:
 
 
 class Ask(NamedTuple):
-    """What a driver sends every `period_s`, or the path that it reads, so that the instrument answers."""
+    """What a driver sends every `period_s`, or the path that it reads, so that the instrument answers.
+
+    `group`: the multicast address at which it gets datagrams, once `body` was posted to the path `post`.
+    """
 
     data: bytes = b""
     period_s: float = 1.0
     path: str = "/"
+    group: tuple[str, int] = ("", 0)
+    post: str = ""
+    body: bytes = b""
 
 
 _ECHO_SOUNDER = Ask(ping_request(6, struct.pack("<H", 1300)), 0.2)
 # mode, gain, angle, pulse 32 us, sample period 80 ticks, 740 kHz, 600 samples, transmit
+_MULTICAST = b'{"mode":"multicast","unicast_destination_ip":"","unicast_destination_port":0}'
 _SCAN = ping_request(2601, struct.pack("<BBHHHHHBB", 1, 0, 200, 32, 80, 740, 600, 1, 0))
 ASKS = {
+    "keller_33x": Ask(bytes((250, 3, 0, 2, 0, 2, 0x70, 0x40)), 0.2),  # MODBUS: the pressure
+    "paroscientific_digiquartz": Ask(b"*0100P3\r\n", 0.2),
     "ping1d": _ECHO_SOUNDER,
     "ping2": _ECHO_SOUNDER,
     "ping360": Ask(_SCAN, 0.25),
+    "teledyne_pathfinder": Ask(b"CS\r", 1.0),
+    "waterlinked_sonar_3d": Ask(
+        path="/api/v1/integration/about", group=("224.0.0.96", 4747), post="/api/v1/integration/udp", body=_MULTICAST
+    ),
     "waterlinked_ugps": Ask(path="/api/v1/position/acoustic/filtered"),
-    "waterlinked_sonar_3d15": Ask(path="/api/v1/integration/about"),
 }
 
 
@@ -61,6 +73,8 @@ class Reader:
             from hil.links.wires.terminal import PtyHostWire
 
             self._wire = PtyHostWire(address.target)
+        elif ask.group[0] and address.kind == "udp":
+            self._socket = _listening(*ask.group, host)
         elif address.kind in ("tcp", "udp"):
             kind = socket.SOCK_STREAM if address.kind == "tcp" else socket.SOCK_DGRAM
             self._socket = _connected(host, address.port, kind)
@@ -73,17 +87,23 @@ class Reader:
 
     def ask(self, now: int) -> int:
         """Send what is due; return when (ns) the next is."""
-        if now < self._due_ns or self.address.kind == "udpout":
+        if self.address.kind == "udpout" or self._ask.group[0]:
+            return NEVER_NS
+        if now < self._due_ns:
             return self._due_ns
         is_partner = bool(self.arrivals) or self.address.kind != "udp"
         data = self._ask.data or (b"" if is_partner else b"\n")
+        self.send(data)
+        self._due_ns = now + round(self._ask.period_s * NS_PER_S) if data else NEVER_NS
+        return self._due_ns
+
+    def send(self, data: bytes) -> None:
+        """Send bytes, as far as the wire takes them."""
         if self._wire and data:
             self._wire.write(data)
         elif self._socket and data:
             with suppress(OSError):
                 self._socket.send(data)
-        self._due_ns = now + round(self._ask.period_s * NS_PER_S) if data else NEVER_NS
-        return self._due_ns
 
     def read(self) -> None:
         """Take what has come. Raises NetworkError when the instrument closes the connection."""
@@ -103,12 +123,15 @@ class Reader:
                 end.close()
 
 
-def fetch(address: WireAddress, path: str) -> tuple[float, int, bytes]:
-    """Return the time (s) of one request of HTTP, its status and its body. Raises NetworkError."""
+def fetch(address: WireAddress, path: str, posted: bytes | None = None) -> tuple[float, int, bytes]:
+    """Return the time (s) of a request of HTTP, which posts a body if that is given, its status and its body.
+
+    Raises NetworkError.
+    """
     host = HERE.get(address.target, address.target)
     began = time.monotonic()
     try:
-        with urllib.request.urlopen(f"http://{host}:{address.port}{path}", timeout=PATIENCE_S) as answer:
+        with urllib.request.urlopen(f"http://{host}:{address.port}{path}", posted, PATIENCE_S) as answer:
             return time.monotonic() - began, answer.status, answer.read()
     except urllib.error.HTTPError as error:
         return time.monotonic() - began, error.code, error.read()
@@ -116,12 +139,12 @@ def fetch(address: WireAddress, path: str) -> tuple[float, int, bytes]:
         raise NetworkError(f"http:{address.target}:{address.port}: {error}; does it run?") from None
 
 
-def reader_of(address: WireAddress, name: str) -> Reader:
+def reader_of(address: WireAddress, ask: Ask) -> Reader:
     """Return the reader of an instrument's wire as soon as there is one. Raises NetworkError, DeviceError."""
     deadline = now_ns() + round(PATIENCE_S * NS_PER_S)
     while True:
         try:
-            return Reader(address, ASKS.get(name, Ask()))
+            return Reader(address, ask)
         except (OSError, DeviceError) as error:
             if now_ns() > deadline:
                 raise NetworkError(f"{address.kind}:{address.target}: {error}; does it run?") from None
@@ -140,13 +163,13 @@ def _connected(host: str, port: int, kind: socket.SocketKind) -> socket.socket:
     return opened
 
 
-def _listening(host: str, port: int) -> socket.socket:
+def _listening(host: str, port: int, interface: str = "0.0.0.0") -> socket.socket:
     opened = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     opened.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     is_group = ip_address(host).is_multicast
     opened.bind(("" if is_group else host, port))
     if is_group:
-        members = socket.inet_aton(host) + socket.inet_aton("0.0.0.0")
+        members = socket.inet_aton(host) + socket.inet_aton(interface)
         opened.setsockopt(socket.IPPROTO_IP, socket.IP_ADD_MEMBERSHIP, members)
     opened.setblocking(False)
     return opened

@@ -15,10 +15,11 @@ from hil.common.errors import NetworkError
 from hil.common.quantiles import quantile
 from hil.instruments.sent import Measurement, read_sent
 from hil.instruments.table import load_instrument
-from hil.scenario.instrument_records import WireAddress
+from hil.scenario.instrument_records import InstrumentSpec, WireAddress
 
 BITS_A_BYTE = 10
 LINES = ("serial", "pty")
+UNASKED = -1  # number of the wire of datagrams that nobody has asked for
 
 
 class Message(NamedTuple):
@@ -77,15 +78,24 @@ def check(bench: Bench, seconds: float, endpoint: str = "") -> list[Seen]:
         slave.expect("ready", READY_S)
     at = endpoint or bench.endpoint
     command = [*program(), "instruments", bench.path, "--connect", at, "--sent", sent_path]
-    serving = bench.start("instruments", command)
-    serving.expect("Ctrl-C", READY_S)
     fitted = {name: spec.instrument for name, spec in bench.scenario.sensors.items() if spec.instrument}
+    wires = [
+        (name, number, address, ASKS.get(each.name, Ask()))
+        for name, each in fitted.items()
+        for number, address in enumerate(each.at)
+        if address.kind not in ("serial", "http")
+    ]
     with ExitStack() as stack:
         readers: list[tuple[str, int, Reader]] = []
-        for name, instrument in fitted.items():
-            for number, address in enumerate(instrument.at):
-                if address.kind not in ("serial", "http"):
-                    reader = reader_of(address, instrument.name)
+        for is_early in (True, False):  # who only listens does so before the first datagram
+            if not is_early:
+                serving = bench.start("instruments", command)
+                serving.expect("Ctrl-C", READY_S)
+                for each in fitted.values():
+                    _post(each)
+            for name, number, address, ask in wires:
+                if is_early == (address.kind == "udpout" or (address.kind == "udp" and bool(ask.group[0]))):
+                    reader = reader_of(address, ask)
                     stack.callback(reader.close)
                     readers.append((name, number, reader))
         _read(readers, seconds, lambda: serving.running)
@@ -98,6 +108,14 @@ def check(bench: Bench, seconds: float, endpoint: str = "") -> list[Seen]:
             for name, instrument in fitted.items()
             for number, address in enumerate(instrument.at)
         ]
+
+
+def _post(instrument: InstrumentSpec) -> None:
+    """Make it send, if it has to be told by HTTP."""
+    ask = ASKS.get(instrument.name, Ask())
+    for address in instrument.at:
+        if ask.post and address.kind == "http":
+            fetch(address, ask.post, ask.body)
 
 
 def _read(readers: Sequence[tuple[str, int, Reader]], seconds: float, is_running: Callable[[], bool]) -> None:
@@ -137,7 +155,8 @@ def _seen(
         Message(kind, len(found), sum(frame.ok is False for frame in found), found[-1].text)
         for kind, found in frames.items()
     ]
-    here = [each for each in measured if (each.name, each.wire) == (name, number)]
+    numbers = (number, UNASKED) if address.kind == "udp" else (number,)
+    here = [each for each in measured if each.name == name and each.wire in numbers]
     ends = [total for _, total in reader.arrivals]
     arrived = [(each, bisect_left(ends, each.total)) for each in here]
     delays = [(reader.arrivals[at][0] - each.measured_ns) / NS_PER_MS for each, at in arrived if at < len(ends)]

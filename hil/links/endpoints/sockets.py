@@ -143,6 +143,8 @@ class UdpIn(_DatagramLink):
     def __init__(self, host: str, port: int, first: bytes = b"", silent_ns: int = SILENT_NS) -> None:
         self.name, self._first, self._silent_ns = f"udpin:{host}:{port}", first, silent_ns
         super().__init__(host, port, socket.socket.bind)
+        if self._socket.family == socket.AF_INET:  # datagrams to a group leave where those to us come in
+            self._socket.setsockopt(socket.IPPROTO_IP, socket.IP_MULTICAST_IF, socket.inet_aton(self._address[0]))
         self.port: int = self._socket.getsockname()[1]
         self._received_ns: dict[tuple[Any, ...], int] = {}
 
