@@ -6,6 +6,8 @@ from typing import Any
 from hil.common.errors import ConfigError
 from hil.network.services import call
 from hil.network.session import Session
+from hil.ros.message import decode
+from hil.ros.topics import TOPICS
 
 FIELDS = {1: "bool_value", 2: "integer_value", 3: "double_value", 4: "string_value"}  # rcl_interfaces/ParameterType
 BOOL, _, DOUBLE, STRING = FIELDS
@@ -23,6 +25,13 @@ def read_parameters(session: Session, node: str, wanted: Collection[str] | None 
         pairs = zip(chunk, values, strict=False)
         by_name |= {name: value[FIELDS[value["type"]]] for name, value in pairs if value["type"]}
     return by_name
+
+
+def changed_parameters(event: bytes) -> dict[str, Any]:
+    """Return the new values in a message of /parameter_events, by names such as "/uuv1/gains.surge.p"."""
+    message = decode(TOPICS["/parameter_events"].type, event) or {"changed_parameters": []}
+    rows = [(row["name"], row["value"]) for row in message["changed_parameters"] if row["value"]["type"] in FIELDS]
+    return {f"{message['node']}/{name}": value[FIELDS[value["type"]]] for name, value in rows}
 
 
 def set_parameter(session: Session, node: str, name: str, value: Any) -> str:

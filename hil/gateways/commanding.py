@@ -7,12 +7,14 @@ from hil.client.fleet import Fleet
 from hil.client.parameters import read_parameters, set_parameter
 from hil.client.vehicle_handle import Vehicle
 from hil.common.errors import ConfigError, NetworkError
-from hil.gateways.foxglove.protocol import CDR
+from hil.common.text import json_text
+from hil.gateways.foxglove.protocol import CDR, JSON
+from hil.gateways.values import from_json, parse_json, to_json
 from hil.network.services import call
 from hil.recording.mcap_file import schema_of
 from hil.ros import graph
 from hil.ros import message as ros_message
-from hil.ros.topics import COMMANDS, DESCRIPTIONS
+from hil.ros.topics import COMMANDS, DESCRIPTIONS, TOPICS
 
 LARGEST = 8192  # bytes of a command or a request
 
@@ -26,8 +28,8 @@ class Commanding:
     def __init__(self, fleet: Fleet) -> None:
         self._fleet = fleet
 
-    def publish(self, topic: str, data: bytes) -> None:
-        """Send a command, CDR, on a topic such as "/uuv1/cmd_vel"."""
+    def publish(self, topic: str, data: bytes, encoding: str = CDR) -> None:
+        """Send a command, in CDR or JSON, on a topic such as "/uuv1/cmd_vel"."""
         _, node, name = [*topic.split("/", 2), "", ""][:3]
         if name not in COMMANDS:
             raise ConfigError(f"{topic!r}: a vehicle takes commands on /NAME/ with {', '.join(COMMANDS)}")
@@ -37,6 +39,8 @@ class Commanding:
         reason = vehicle.client.unavailable_reason()
         if reason:
             raise NetworkError(reason)
+        if encoding == JSON:
+            data = ros_message.encode(TOPICS[name].type, from_json(TOPICS[name].type, parse_json(data, topic)))
         vehicle.client.send(name, data)
 
     def entities(self) -> list[graph.Entity]:
@@ -70,15 +74,21 @@ class Commanding:
             }
         return {"name": name, "type": kind, **halves}
 
-    def call(self, name: str, kind: str, request: bytes) -> bytes:
-        """Call a service with a request in CDR; its response in CDR."""
+    def call(self, name: str, kind: str, request: bytes, encoding: str = CDR) -> bytes:
+        """Call a service with a request in CDR or JSON; its response in the same."""
         if len(request) > LARGEST:
             raise ConfigError(f"{name}: {len(request)} bytes; a request has at most {LARGEST}")
-        values = ros_message.decode(f"{kind}_Request", request)
-        if values is None:
+        if encoding == JSON:
+            values = from_json(f"{kind}_Request", parse_json(request, name))
+        elif (decoded := ros_message.decode(f"{kind}_Request", request)) is not None:
+            values = decoded
+        else:
             raise ConfigError(f"{name}: the request is not a {kind}_Request")
         vehicle = self._vehicle(name.split("/")[1])
-        return ros_message.encode(f"{kind}_Response", call(vehicle.client.session, name, kind, values))
+        response = call(vehicle.client.session, name, kind, values)
+        if encoding == JSON:
+            return json_text(to_json(f"{kind}_Response", response)).encode()
+        return ros_message.encode(f"{kind}_Response", response)
 
     def parameters(self, names: Sequence[str] = ()) -> dict[str, Any]:
         """Return parameters as "/uuv1/gains.surge.p" and values; all without `names`."""

@@ -59,8 +59,9 @@ def main(arguments: list[str]) -> int:
             keys, routed = keys_of(scenario), is_routed(scenario)
             commanding = Commanding(opened.enter_context(hil.connect(*endpoints, routed=routed, keys=keys)))
         host, port = options.listen
-        server = opened.enter_context(FoxgloveServer(host, port, commanding))
-        tap = opened.enter_context(Tap(endpoints, *network_of(scenario)))
+        tap = Tap(endpoints, *network_of(scenario))
+        server = opened.enter_context(FoxgloveServer(host, port, commanding, tap.entities))
+        opened.enter_context(tap)
         address = f"ws://{host}:{server.port}"
         print(f"{address}/?token={server.access.token} shows {', '.join(endpoints)}; Ctrl-C ends it", flush=True)
         print(f"waiting for a vehicle at {', '.join(endpoints)} (`uuv-hil slave` there)", flush=True)

@@ -4,19 +4,31 @@ https://github.com/foxglove/ws-protocol/blob/main/docs/spec.md
 """
 
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from struct import Struct
 from typing import Any, NamedTuple
 
+from hil.ros.graph import Entity, Kind
+
 SUBPROTOCOLS = ("foxglove.sdk.v1", "foxglove.websocket.v1")
-CDR = "cdr"
-MESSAGE_DATA, SERVICE_RESPONSE = 1, 3  # opcodes of the server
+CDR, JSON = "cdr", "json"
+MESSAGE_DATA, TIME, SERVICE_RESPONSE, ASSET = 1, 2, 3, 4  # opcodes of the server
 CLIENT_MESSAGE, SERVICE_REQUEST = 1, 2  # of the client
 WARNING, ERROR = 1, 2  # levels of a status
 
 _MESSAGE = Struct("<BIQ")
 _CLIENT = Struct("<BI")
 _SERVICE = Struct("<BIII")
+_TIME = Struct("<BQ")
+_ASSET = Struct("<BIBI")
+# Kinds of endpoints in the graph, and their names in `connectionGraphUpdate`.
+_ENDPOINTS: dict[Kind, tuple[str, str]] = {
+    "MP": ("publishedTopics", "publisherIds"),
+    "MS": ("subscribedTopics", "subscriberIds"),
+    "SS": ("advertisedServices", "providerIds"),
+}
+
+Graph = dict[Kind, dict[str, list[str]]]  # kind -> name of a topic or service -> its nodes
 
 
 class Channel(NamedTuple):
@@ -64,13 +76,58 @@ def encode_channel(number: int, channel: Channel) -> dict[str, Any]:
 
 def encode_message(subscription: int, time_ns: int, data: bytes) -> bytes:
     """Return a message for a subscription."""
-    return _MESSAGE.pack(MESSAGE_DATA, subscription, time_ns) + data
+    return _MESSAGE.pack(MESSAGE_DATA, subscription, max(0, time_ns)) + data
 
 
 def encode_response(request: ServiceRequest, data: bytes) -> bytes:
     """Return the response to a call, in the encoding of the request."""
     encoding = request.encoding.encode()
     return _SERVICE.pack(SERVICE_RESPONSE, request.service, request.call, len(encoding)) + encoding + data
+
+
+def encode_parameters(values: Mapping[str, Any], request_id: Any = None) -> str:
+    """Return parameters, as an answer to the request with that id, or without one of their own."""
+    listed = [
+        {"name": name, "value": value} | ({"type": "float64"} if isinstance(value, float) else {})
+        for name, value in values.items()
+    ]
+    return encode_text("parameterValues", parameters=listed, **({} if request_id is None else {"id": request_id}))
+
+
+def encode_time(time_ns: int) -> bytes:
+    """Return the server's time."""
+    return _TIME.pack(TIME, max(0, time_ns))
+
+
+def encode_asset(request: int, data: bytes, problem: str = "") -> bytes:
+    """Return an asset, or the problem with it."""
+    text = problem.encode()
+    return _ASSET.pack(ASSET, request, bool(problem), len(text)) + text + data
+
+
+def graph_of(entities: Iterable[Entity]) -> Graph:
+    """Return the nodes of each topic and service."""
+    graph: Graph = {kind: {} for kind in _ENDPOINTS}
+    for entity in sorted(entities):
+        nodes = graph.get(entity.kind, {}).setdefault(entity.topic, [])
+        if entity.node not in nodes:
+            nodes.append(entity.node)
+    return graph
+
+
+def encode_graph(before: Graph, now: Graph) -> str:
+    """Return what has changed in the graph; "" if nothing has."""
+    values: dict[str, Any] = {}
+    for kind, (key, ids) in _ENDPOINTS.items():
+        names = sorted(before[kind].keys() | now[kind].keys())
+        values[key] = [
+            {"name": name, ids: now[kind].get(name, [])}
+            for name in names
+            if before[kind].get(name) != now[kind].get(name)
+        ]
+    topics = (before["MP"].keys() | before["MS"].keys()) - (now["MP"].keys() | now["MS"].keys())
+    gone = {"removedTopics": sorted(topics), "removedServices": sorted(before["SS"].keys() - now["SS"].keys())}
+    return encode_text("connectionGraphUpdate", **values, **gone) if any(values.values()) else ""
 
 
 def decode_text(text: str) -> Mapping[str, Any] | None:

@@ -16,7 +16,7 @@ from hil.common.text import json_text
 from hil.gateways.commanding import Commanding
 from hil.gateways.rosbridge import rosapi
 from hil.gateways.rosbridge.subscription import Subscription, read_options
-from hil.gateways.rosbridge.values import arguments, from_json, to_cbor, to_json, whole_type
+from hil.gateways.values import arguments, from_json, to_cbor, to_json, whole_type
 from hil.gateways.websocket_client import SocketClient
 from hil.recording.mcap_file import Message
 from hil.ros import message as ros_message
@@ -208,10 +208,10 @@ class Client(SocketClient):
 
     def _answer(self, service: str, given: Any) -> dict[str, Any]:
         """Return the response of a service; in another thread. Raises HilError."""
+        if not self._may_command and (service in rosapi.COMMANDS or not service.startswith(rosapi.PREFIX)):
+            raise ConfigError(NO_TOKEN)
         if service.startswith(rosapi.PREFIX):
             return self._api.call(service.removeprefix(rosapi.PREFIX), given)
-        if not self._may_command:
-            raise ConfigError(NO_TOKEN)
         kind = self._commanding.services().get(service)
         if kind is None:
             raise ConfigError(f"no server for {service}; /rosapi/services lists the services")

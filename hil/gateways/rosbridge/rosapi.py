@@ -7,12 +7,13 @@ from hil.common.clock import now_ns, to_wall_ns
 from hil.common.errors import ConfigError
 from hil.common.text import json_text
 from hil.gateways.commanding import Commanding
-from hil.gateways.rosbridge.values import whole_type
+from hil.gateways.values import parse_json, whole_type
 from hil.ros import dialect, types
 from hil.ros.graph import Entity
 from hil.ros.types import PRIMITIVES, Field, definition
 
 PREFIX = "/rosapi/"
+COMMANDS = (f"{PREFIX}set_param",)  # only for clients with the token
 Answer = dict[str, Any]
 
 
@@ -40,6 +41,7 @@ class RosApi:
             "service_response_details": lambda of: {"typedefs": self._half(of, "Response")},
             "get_param_names": lambda _: {"names": sorted(self._parameters())},
             "get_param": self._get_parameter,
+            "set_param": self._set_parameter,
             "has_param": lambda of: {"exists": parameter(of) in self._parameters()},
             "action_servers": lambda _: {"action_servers": []},
             "get_time": lambda _: {"time": time_now()},
@@ -90,6 +92,11 @@ class RosApi:
     def _get_parameter(self, of: Mapping[str, Any]) -> Answer:
         values = self._parameters()
         return {"value": json_text(values[parameter(of)]) if parameter(of) in values else text(of, "default")}
+
+    def _set_parameter(self, of: Mapping[str, Any]) -> Answer:
+        value = parse_json(text(of, "value").encode(), "value")
+        self._commanding.set_parameters({parameter(of).replace(":", "/"): value})
+        return {"successful": True, "reason": ""}
 
 
 def parameter(of: Mapping[str, Any]) -> str:

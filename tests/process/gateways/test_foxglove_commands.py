@@ -2,9 +2,10 @@
 
 import json
 import re
+import time
 from collections.abc import Iterator
 from pathlib import Path
-from struct import pack
+from struct import pack, unpack_from
 from typing import Any
 
 import pytest
@@ -13,8 +14,13 @@ from websockets.sync.connection import Connection
 from websockets.typing import Subprotocol
 
 from hil.client.client import VehicleClient
+from hil.common.errors import ConfigError
+from hil.gateways.foxglove.assets import read_asset
+from hil.network.roles import open_client_session
 from hil.ros import encoders as ros
 from hil.ros import message as ros_message
+from hil.ros.graph import Node
+from hil.ros.topics import TOPICS
 from tests.support.processes import Program, free_port, wait_for, write_scenario
 
 SET_BOOL = "std_srvs/srv/SetBool"
@@ -29,15 +35,24 @@ class Foxglove:
         self.services: dict[str, dict[str, Any]] = {}
         self.data: dict[int, bytes] = {}
         self.responses: dict[int, bytes] = {}
+        self.assets: dict[int, bytes] = {}
+        self.times: list[int] = []
         self.texts: list[dict[str, Any]] = []
 
     def receive(self) -> bool:
         """Take one message in; always True."""
         message = self.socket.recv(60)
         if isinstance(message, bytes):
-            store = self.data if message[0] == 1 else self.responses
-            number = int.from_bytes(message[1:5] if message[0] == 1 else message[5:9], "little")
-            store[number] = message[13:] if message[0] == 1 else message[16:]
+            number = int.from_bytes(message[1:5], "little")
+            if message[0] == 1:
+                self.data[number] = message[13:]
+            elif message[0] == 2:
+                self.times.append(int.from_bytes(message[1:], "little"))
+            elif message[0] == 3:
+                length = int.from_bytes(message[9:13], "little")
+                self.responses[int.from_bytes(message[5:9], "little")] = message[13 + length :]
+            else:
+                self.assets[number] = message[5:]
             return True
         text = json.loads(message)
         self.texts.append(text)
@@ -65,9 +80,12 @@ class Foxglove:
         self.socket.send(json.dumps({"op": "subscribe", "subscriptions": [{"id": number, "channelId": number}]}))
         return number
 
-    def call(self, name: str, number: int, request: bytes) -> None:
+    def send(self, op: str, **values: Any) -> None:
+        self.socket.send(json.dumps({"op": op, **values}))
+
+    def call(self, name: str, number: int, request: bytes, encoding: bytes = b"cdr") -> None:
         service: dict[str, Any] = self.until(lambda: self.services.get(name))
-        self.socket.send(b"\x02" + pack("<III", service["id"], number, 3) + b"cdr" + request)
+        self.socket.send(b"\x02" + pack("<III", service["id"], number, len(encoding)) + encoding + request)
 
 
 @pytest.fixture(scope="module")
@@ -75,9 +93,14 @@ def vehicle(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[str, str
     """Provide the address with its token, and the endpoint of the slave."""
     folder = tmp_path_factory.mktemp("foxglove")
     path, port = write_scenario(folder)
+    meshes = folder / "share" / "my_rov" / "meshes"
+    meshes.mkdir(parents=True)
+    (meshes.parent / "package.xml").write_text("<package><name>my_rov</name></package>")
+    (meshes / "hull.stl").write_bytes(b"solid hull")
+    command = ("gateway", "foxglove", "--scenario", path, "--command", "--listen", free_port())
     with (
         Program(folder, "slave", path) as slave,
-        Program(folder, "gateway", "foxglove", "--scenario", path, "--command", "--listen", free_port()) as gateway,
+        Program(folder, *command, environment={"AMENT_PREFIX_PATH": str(folder)}) as gateway,
     ):
         slave.expect("ready")
         address = gateway.expect(r"(ws://\S+) shows").group(1)
@@ -91,12 +114,13 @@ def foxglove(vehicle: tuple[str, str]) -> Iterator[Foxglove]:
         yield Foxglove(socket)
 
 
-def test_the_teleop_panel_commands_the_vehicle(foxglove: Foxglove) -> None:
+@pytest.mark.parametrize("encoding", ["cdr", "json"])
+def test_the_teleop_panel_commands_the_vehicle(foxglove: Foxglove, encoding: str) -> None:
     """The panel sends 20 times a second; when it stops, the vehicle's deadman stops the thrusters."""
     odometry = foxglove.subscribe("/uuv1/odom")
-    channel = {"id": 5, "topic": "/uuv1/cmd_vel", "encoding": "cdr", "schemaName": "geometry_msgs/msg/Twist"}
-    foxglove.socket.send(json.dumps({"op": "advertise", "channels": [channel]}))
-    twist = ros.encode_twist((0.4, 0.0, 0.0), (0.0, 0.0, 0.0))
+    channel = {"id": 5, "topic": "/uuv1/cmd_vel", "encoding": encoding, "schemaName": "geometry_msgs/msg/Twist"}
+    foxglove.send("advertise", channels=[channel])
+    twist = ros.encode_twist((0.4, 0.0, 0.0), (0.0, 0.0, 0.0)) if encoding == "cdr" else b'{"linear": {"x": 0.4}}'
 
     def speed() -> float:
         sample = ros.decode_odometry(foxglove.data[odometry])
@@ -131,6 +155,11 @@ def test_services_are_called(foxglove: Foxglove, vehicle: tuple[str, str]) -> No
             assert response
             assert response["success"]
             assert wait_for(lambda is_armed=is_armed: client.diagnostics().armed is is_armed)  # type: ignore[misc]
+    foxglove.call("/uuv1/arm", 8, b'{"data": true}', b"json")
+    answer = json.loads(foxglove.until(lambda: foxglove.responses.get(8)))
+    assert answer == {"success": True, "message": "armed: commands are executed"}
+    foxglove.call("/uuv1/arm", 9, b'{"data": 1', b"json")
+    assert "/uuv1/arm: not JSON" in foxglove.receive_op("serviceCallFailure")["message"]
     foxglove.call("/uuv1/arm", 9, b"\0\1\0\0")
     assert "not a std_srvs/srv/SetBool_Request" in foxglove.receive_op("serviceCallFailure")["message"]
     assert "ros2msg" in foxglove.services["/uuv1/arm"]["request"]["schemaEncoding"]
@@ -148,6 +177,73 @@ def test_parameters_are_read_and_set(foxglove: Foxglove) -> None:
         request["parameters"] = [{"name": "/uuv1/gains.surge.p", "value": value}]
         foxglove.socket.send(json.dumps(request))
         assert reason in foxglove.receive_op("status")["message"]
+
+
+def test_changes_of_parameters_are_sent_to_their_subscribers(foxglove: Foxglove) -> None:
+    name, other = "/uuv1/gains.surge.p", "/uuv1/gains.surge.i"
+
+    def changed(value: float) -> list[str]:
+        """Set both, and return the names in the updates before the answer."""
+        foxglove.texts.clear()
+        rows = [{"name": each, "value": value} for each in (other, name)]
+        foxglove.send("setParameters", parameters=rows, id="set")
+        foxglove.until(lambda: [text for text in foxglove.texts if text.get("id") == "set"])
+        foxglove.send("getParameters", parameterNames=[name], id="later")
+        foxglove.until(lambda: [text for text in foxglove.texts if text.get("id") == "later"])
+        return [row["name"] for text in foxglove.texts if "parameters" in text and "id" not in text
+                for row in text["parameters"]]  # fmt: skip
+
+    foxglove.send("subscribeParameterUpdates", parameterNames=[name])
+    assert foxglove.until(lambda: changed(3.5)) == [name]
+    foxglove.send("subscribeParameterUpdates", parameterNames=[])
+    assert foxglove.until(lambda: len(names := changed(3.0)) == 2 and names) == [other, name]
+    foxglove.send("unsubscribeParameterUpdates", parameterNames=[])
+    assert changed(2.5) == []
+
+
+def test_the_graph_is_sent_with_its_changes(foxglove: Foxglove, vehicle: tuple[str, str]) -> None:
+    foxglove.send("subscribeConnectionGraph")
+    update = foxglove.receive_op("connectionGraphUpdate")
+    assert {"name": "/uuv1/imu", "publisherIds": ["/uuv1"]} in update["publishedTopics"]
+    assert {"name": "/uuv1/arm", "providerIds": ["/uuv1"]} in update["advertisedServices"]
+    assert "/uuv1/cmd_vel" in [row["name"] for row in update["subscribedTopics"]]
+    with open_client_session(vehicle[1], seconds=30.0) as session:
+        Node(session, "sketch").publishes(TOPICS["plan"], "uuv1")
+        update = foxglove.receive_op("connectionGraphUpdate")
+        assert update["publishedTopics"] == [{"name": "/uuv1/plan", "publisherIds": ["/sketch"]}]
+        assert update["advertisedServices"] == update["removedTopics"] == []
+    assert foxglove.receive_op("connectionGraphUpdate")["removedTopics"] == ["/uuv1/plan"]
+    foxglove.send("unsubscribeConnectionGraph")
+
+
+def test_meshes_of_ros_packages_are_sent(foxglove: Foxglove) -> None:
+    foxglove.send("fetchAsset", uri="package://my_rov/meshes/hull.stl", requestId=7)
+    assert foxglove.until(lambda: foxglove.assets.get(7)) == b"\0\0\0\0\0solid hull"
+    foxglove.send("fetchAsset", uri="package://my_rov/meshes/keel.stl", requestId=8)
+    status, length = unpack_from("<BI", foxglove.until(lambda: foxglove.assets.get(8)))
+    assert status == 1
+    assert b"No such file" in foxglove.assets[8][5 : 5 + length]
+
+
+@pytest.mark.parametrize(
+    "uri",
+    ["file:///etc/passwd", "package://my_rov/package.xml", "package://my_rov/../../secret.png", "/etc/secret.png",
+     "package://my_rov/%2e%2e/secret.png", "package://../secret.png", "package://nobody_has_this/hull.stl"],
+)  # fmt: skip
+def test_other_files_are_not_sent(uri: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    package = tmp_path / "ws" / "my_rov"
+    package.mkdir(parents=True)
+    (package / "package.xml").write_text("<package><name>my_rov</name></package>")
+    (tmp_path / "secret.png").write_bytes(b"secret")
+    monkeypatch.chdir(package)
+    with pytest.raises(ConfigError, match=r"only meshes and pictures|no package 'nobody_has_this'"):
+        read_asset(uri)
+
+
+def test_the_time_is_that_of_the_messages(foxglove: Foxglove) -> None:
+    assert foxglove.until(lambda: len(foxglove.times) > 20)
+    assert foxglove.times == sorted(foxglove.times)
+    assert abs(foxglove.times[-1] / 1e9 - time.time()) < 60.0
 
 
 def test_a_disarmed_vehicle_is_not_commanded(foxglove: Foxglove) -> None:

@@ -182,6 +182,21 @@ def test_rosapi_lists_topics_services_and_parameters(read_only_bridge: Bridge) -
     assert "/uuv1:gains.surge.p" in values("get_param_names")["names"]
     assert float(values("get_param", name="/uuv1:gains.surge.p")["value"]) > 0.0
     assert abs(values("get_time")["time"]["sec"] - time.time()) < PATIENCE_S
+    refused = read_only_bridge.call("/rosapi/set_param", name="/uuv1:gains.surge.p", value="2.0")
+    assert not refused["result"]
+    assert "token" in refused["values"]
+
+
+@pytest.mark.parametrize("name", ["/uuv1:gains.surge.p", "/uuv1/gains.surge.p"])
+def test_rosapi_sets_parameters(bridge: Bridge, name: str) -> None:
+    before = float(bridge.call("/rosapi/get_param", name=name)["values"]["value"])
+    answer = bridge.call("/rosapi/set_param", name=name, value=str(before + 1.0))
+    assert answer["values"] == {"successful": True, "reason": ""}
+    assert float(bridge.call("/rosapi/get_param", name=name)["values"]["value"]) == before + 1.0
+    for value, reason in (("2.0.0", "value: not JSON"), ('"high"', "gains.surge.p")):
+        answer = bridge.call("/rosapi/set_param", name=name, value=value)
+        assert not answer["result"]
+        assert reason in answer["values"]
 
 
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])

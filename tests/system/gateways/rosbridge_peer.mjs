@@ -1,5 +1,5 @@
 // What roslibjs sees and does through rosbridge, as a web page has it: node rosbridge_peer.mjs ADDRESS. Prints JSON.
-import { Ros, Service, Topic } from "roslib";
+import { Param, Ros, Service, Topic } from "roslib";
 
 const ros = new Ros({ url: process.argv[2] });
 const found = {};
@@ -19,6 +19,10 @@ ros.on("connection", async () => {
   const isPacked = (message) => !Array.isArray(message.linear_acceleration_covariance);
   const imu = await once("/uuv1/imu", "sensor_msgs/Imu", "cbor", isPacked);
   found.cbor = [imu.linear_acceleration_covariance.constructor.name, imu.linear_acceleration_covariance[0]];
+  const gain = new Param({ ros, name: "/uuv1:gains.surge.p" });
+  const before = await ask((yes) => gain.get(yes));
+  await ask((yes, no) => gain.set(before + 1, yes, no));
+  found.raised = (await ask((yes) => gain.get(yes))) - before;
   const arm = new Service({ ros, name: "/uuv1/arm", serviceType: "std_srvs/SetBool" });
   found.armed = await ask((yes, no) => arm.callService({ data: true }, yes, no));
   const command = new Topic({ ros, name: "/uuv1/cmd_vel", messageType: "geometry_msgs/Twist" });

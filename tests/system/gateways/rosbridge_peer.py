@@ -31,6 +31,9 @@ def main() -> None:
         time.sleep(0.05)
         speed = received.get("/uuv1/ground_truth", {}).get("twist", {}).get("twist", {}).get("linear", {}).get("x", 0.0)
     arm = roslibpy.Service(ros, "/uuv1/arm", "std_srvs/SetBool")
+    gain = roslibpy.Param(ros, "/uuv1:gains.surge.p")
+    before = gain.get(timeout=30)
+    gain.set(before + 1.0, timeout=30)
     results = {
         "topics": ros.get_topics(),
         "type": ros.get_topic_type("/uuv1/imu"),
@@ -42,6 +45,7 @@ def main() -> None:
         "urdf": received.get("/uuv1/robot_description", {}).get("data", ""),
         "armed": dict(arm.call(roslibpy.ServiceRequest({"data": True}), timeout=30)),
         "parameters": ros.get_params(),
+        "raised": gain.get(timeout=30) - before,
     }
     print(json.dumps(results, default=dict), flush=True)
     ros.terminate()

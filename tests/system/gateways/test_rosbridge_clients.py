@@ -52,6 +52,7 @@ def test_roslibpy_reads_and_commands_the_vehicle(address: str) -> None:
     assert "<robot" in results["urdf"]
     assert results["armed"]["success"]
     assert "/uuv1:gains.surge.p" in results["parameters"]
+    assert results["raised"] == 1.0
 
 
 @pytest.mark.skipif(not PYTHON, reason="UUV_HIL_ROSLIBPY_PYTHON names no Python with roslibpy (pip)")
@@ -78,3 +79,4 @@ def test_roslibjs_reads_and_commands_the_vehicle(address: str, tmp_path: Path) -
     assert first > 0.0
     assert results["armed"]["success"]
     assert results["speed"] > 0.3
+    assert results["raised"] == 1.0

@@ -1,10 +1,11 @@
-"""Messages of hil.ros.message as JSON and CBOR have them in rosbridge, and back.
+"""Messages of hil.ros.message as clients of rosbridge and Foxglove have them in JSON and CBOR, and back.
 
 In JSON bytes are base64, and what is not a finite number is null. In CBOR an array of numbers is a typed array (RFC
 8746), little-endian. Of what a client sends, the names of ROS 1 are understood too: `secs` and `nsecs` of a time, and
 types without "/msg/".
 """
 
+import json
 from base64 import b64decode, b64encode
 from binascii import Error
 from collections.abc import Mapping, Sequence
@@ -61,6 +62,14 @@ def _to_cbor(field: Field, value: Any) -> Any:
     if field.length is None or field.type not in TAGS:
         return value if isinstance(value, (bytes, str)) or field.length is None else list(value)
     return CBORTag(TAGS[field.type], pack(f"<{len(value)}{PRIMITIVES[field.type]}", *value))
+
+
+def parse_json(data: bytes, where: str) -> Any:
+    """Return the values in JSON of a client. Raises ConfigError at `where`."""
+    try:
+        return json.loads(data)
+    except (ValueError, RecursionError):
+        raise ConfigError(f"{where}: not JSON") from None
 
 
 def from_json(type_name: str, values: Any) -> dict[str, Any]:

@@ -13,7 +13,7 @@ from hil.common.errors import ConfigError
 from hil.common.text import json_text
 from hil.gateways.rosbridge.rosapi import typedefs
 from hil.gateways.rosbridge.subscription import Subscription, SubscriptionOptions, read_options
-from hil.gateways.rosbridge.values import arguments, from_json, to_cbor, to_json, whole_type
+from hil.gateways.values import arguments, from_json, to_cbor, to_json, whole_type
 from hil.ros import message as ros_message
 from hil.ros import types
 from hil.ros.topics import TOPICS
