@@ -49,6 +49,7 @@ COMMANDS = {
     "gateway json": ("hil.commands.gateways.json_lines", "MATLAB, Octave and others: lines of JSON over TCP"),
     "gateway foxglove": ("hil.commands.gateways.foxglove", "Foxglove, over a websocket"),
     "gateway rosbridge": ("hil.commands.gateways.rosbridge", "web pages and tools that speak rosbridge"),
+    "gateway ros2": ("hil.commands.gateways.ros2", "ROS 2 nodes with FastDDS, Cyclone or another middleware"),
     "gateway ros1": ("hil.commands.gateways.ros1", "a ROS 1 network (Noetic), with commands from there"),
     "instruments": (
         "hil.commands.instruments.command",
@@ -86,7 +87,7 @@ COMMANDS = {
 # first word of the names of a family -> what its commands do
 FAMILIES = {
     "recording": "record what vehicles publish; replay and draw recordings",
-    "gateway": "serve vehicles to other software: MAVLink, JSON, Foxglove, rosbridge, ROS 1",
+    "gateway": "serve vehicles to other software: MAVLink, JSON, Foxglove, rosbridge, ROS 1 and 2",
     "bench": "measure a board, a link or a network: the HIL table and more",
     "link": "test a thruster link, and describe its frames",
 }
@@ -113,6 +114,7 @@ ALIASES = {
     "foxglove": "gateway foxglove",
     "rosbridge": "gateway rosbridge",
     "ros1": "gateway ros1",
+    "ros2": "gateway ros2",
     "gateway": "gateway json",
     "loopback": "link loopback",
     "frame": "link frame",

@@ -154,20 +154,25 @@ def call(
     """
     key = ros.data_key(dialect.domain(), name, type_name, hash_of(type_name))
     payload = ros_message.encode(f"{type_name}_Request", request or {})
+    answer = call_bytes(session, key, f"{name} ({type_name})", payload, seconds)
+    response = ros_message.decode(f"{type_name}_Response", answer)
+    if response is None:
+        raise NetworkError(f"{name} answers with something that is no response of that type")
+    return response
+
+
+def call_bytes(session: Session, key: str, name: str, request: bytes, seconds: float = 5.0) -> bytes:
+    """Call the service `name` with the key of its type; request and response are CDR. Else like `call`."""
     attachment = ros.pack_attachment(1, to_wall_ns(now_ns()), os.urandom(16))
     reasons: list[str] = []
-    answer, end_ns = None, now_ns() + seconds_ns(seconds)
-    while answer is None and not reasons and (left_ns := end_ns - now_ns()) > 0:
-        answers = session.query(key, left_ns / NS_PER_S, payload, attachment, reasons.append)
-        answer = next((answer for _, answer, _ in answers), None)
-        if answer is None and not reasons:
-            time.sleep(AGAIN_S)
-    response = ros_message.decode(f"{type_name}_Response", answer) if answer is not None else None
-    if response is None and reasons:
-        raise NetworkError(f"{name} ({type_name}) refuses: {reasons[0]}")
-    if response is None:
-        raise NetworkError(
-            f"{name} ({type_name}) did not answer within {seconds:g} s; `uuv-hil topic list` shows what is there; "
-            "if the vehicle's scenario sets [ros] domain or distro, use that scenario here too"
-        )
-    return response
+    end_ns = now_ns() + seconds_ns(seconds)
+    while not reasons and (left_ns := end_ns - now_ns()) > 0:
+        for _, response, _ in session.query(key, left_ns / NS_PER_S, request, attachment, reasons.append):
+            return response
+        time.sleep(AGAIN_S)
+    if reasons:
+        raise NetworkError(f"{name} refuses: {reasons[0]}")
+    raise NetworkError(
+        f"{name} did not answer within {seconds:g} s; `uuv-hil topic list` shows what is there; "
+        "if the vehicle's scenario sets [ros] domain or distro, use that scenario here too"
+    )

@@ -139,15 +139,14 @@ class Session:
 
     def declare_token(self, key: str) -> Callable[[], None]:
         """Declare a liveliness token; it lives until the returned function is called or the session is lost."""
-        token = self._declare(lambda session: session.liveliness().declare_token(key))
+        return partial(self.withdraw, self._declare(lambda session: session.liveliness().declare_token(key)))
 
-        def withdraw() -> None:
-            with self._condition:
-                self._declared.remove(token)
-                with suppress(zenoh.ZError):  # the session was closed, which withdraws it too
-                    token.current.undeclare()
-
-        return withdraw
+    def withdraw(self, declared: Declared) -> None:
+        """End a declaration of this session, such as that of `collect`."""
+        with self._condition:
+            self._declared.remove(declared)
+            with suppress(zenoh.ZError):  # the session was closed, which withdraws it too
+                declared.current.undeclare()
 
     def tokens(self, keys: str, seconds: float = ANSWER_WITHIN_S) -> list[str]:
         """Return the liveliness tokens on `keys` that others have declared, by a query at this moment."""
@@ -174,15 +173,15 @@ class Session:
         channel = self.collect(keys, depth, latched)
         self._read(channel, lambda sample: deliver(str(sample.key_expr), *_content(sample)), f"reader {keys}")
 
-    def collect(self, keys: str, depth: int, latched: bool = False) -> Declared:
+    def collect(self, keys: str, depth: int, latched: bool = False, handler: Any = None) -> Declared:
         """Return a subscriber, for a caller that takes the library's samples itself, in batches: `current.try_recv`.
 
-        At most `depth` samples wait in the library; beyond it the oldest are dropped.
+        At most `depth` samples wait in the library; beyond it the oldest are dropped. A `handler` gets them instead.
         """
         declare: Any = zenoh.Session.declare_subscriber
         if latched:
             from hil.network.latched import declare_subscriber as declare
-        return self._declare(lambda session: declare(session, keys, zenoh.handlers.RingChannel(depth)))
+        return self._declare(lambda session: declare(session, keys, handler or zenoh.handlers.RingChannel(depth)))
 
     def learn(self, key: str) -> None:
         """Reduce the cost of messages with this key, on the wire and here; see `workarounds.key_text`."""

@@ -56,13 +56,16 @@ class FollowCourse(Node):
 
 
 def main() -> None:
-    """Run the node until Ctrl-C; the vehicle's deadman stops it then."""
+    """Run the node until Ctrl-C or SIGTERM; the vehicle's deadman stops it then."""
     rclpy.init()
     node = FollowCourse()
     try:
         rclpy.spin(node)
     except KeyboardInterrupt:
         pass
+    except Exception:
+        if rclpy.ok():  # else SIGTERM came while the node waited or published
+            raise
     finally:
         node.destroy_node()
         rclpy.try_shutdown()
