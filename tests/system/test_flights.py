@@ -1,5 +1,6 @@
 """The same mission over every kind of link and with every kind of STM32."""
 
+import json
 from concurrent.futures import ThreadPoolExecutor
 from importlib.util import find_spec
 from pathlib import Path
@@ -80,3 +81,25 @@ def test_impossible_links_are_refused(top: str, link: str, expected_text: str, t
         assert slave.wait() == 2, slave.output
     assert expected_text in slave.output
     assert "Traceback" not in slave.output
+
+
+def test_topics_that_a_planner_does_not_use_are_not_sent_in_a_mission(tmp_path: Path) -> None:
+    """The same mission runs twice: in the second run the master records it, and so subscribes to all topics."""
+    rates, folders, demos = [], [tmp_path / "spared", tmp_path / "whole"], []
+    for folder, wish in zip(folders, ("", '[recording]\nmaster = true\ncompression = "none"\n'), strict=True):
+        folder.mkdir()
+        scenario, _ = write_scenario(folder)
+        scenario.write_text(scenario.read_text().replace("goal = [8, 7]", "goal = [5.5, 5]") + wish)
+        demos.append(Program(folder, "demo", scenario, "--output", folder / "run"))
+    with demos[0], demos[1]:
+        for demo in demos:
+            assert demo.wait() == 0, demo.output
+    for folder in folders:
+        table = json.loads((folder / "run" / "table.json").read_text())["table"]
+        slave = table["slave"]
+        listened_s = float(slave["uptime_s"]) - table["startup_s"]  # before that there is nobody to send to
+        simulated_s = listened_s - float(slave["steps_skipped"]) / 400.0  # what is skipped is not measured
+        rates.append(float(slave["messages_sent"]) / simulated_s)
+    spared, whole = rates
+    assert whole > 150, "203 a second"
+    assert spared < 0.5 * whole, "61 a second"

@@ -1,12 +1,10 @@
 """The interface to ArduPilot, over real sockets: lockstep, resent packets, restarts, other senders, stalls."""
 
 import itertools
-import socket
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -212,12 +210,3 @@ def test_an_autopilot_program_that_ends_is_reported_with_its_last_output(tmp_pat
     ):
         b.run.step()
     assert "ended with status 3: cannot find my eeprom" in str(caught.value)
-
-
-def test_the_port_is_free_after_the_run(tmp_path: Path) -> None:
-    with bench(tmp_path) as b:
-        port = b.port
-    other_socket: Any = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-    other_socket.bind(("127.0.0.1", port))
-    assert other_socket.getsockname() == ("127.0.0.1", port)
-    other_socket.close()

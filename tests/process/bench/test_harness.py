@@ -207,26 +207,6 @@ def test_each_sign_of_emulation_gives_its_label(
     assert describe(str(tmp_path))[1] == labels
 
 
-def test_a_restricted_set_of_processors_is_labelled() -> None:
-    before = os.sched_getaffinity(0)
-    try:
-        os.sched_setaffinity(0, {FIRST_CPU})
-        labels = describe()[1]
-    finally:
-        os.sched_setaffinity(0, before)
-    online = os.sysconf("SC_NPROCESSORS_ONLN")
-    assert (f"limited: 1 of {online} processors" in labels) == (online > 1)
-
-
-def test_the_environment_variable_marks_the_machine_as_emulated(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """The files in /proc are those of the host below qemu-user."""
-    monkeypatch.setenv("UUV_HIL_EMULATED", "qemu-aarch64")
-    recorded.plant(tmp_path, "proc/sys/kernel/arch", "riscv64\n")
-    assert describe(str(tmp_path))[1] == ("emulated: qemu-aarch64",)
-
-
 def test_a_32_bit_system_on_a_64_bit_kernel_is_not_emulated(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Raspberry Pi OS of 32 bits is such a system, before Linux 6.1."""
     plant_first_process(tmp_path, 0x28)

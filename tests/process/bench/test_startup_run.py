@@ -5,11 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from hil.bench import startup_run
 from hil.bench.harness import Bench
 from hil.bench.limits import Limits
-from hil.bench.startup_run import AT_MASTER, Start, coldness, floors, time_floor
-from hil.cli import main
+from hil.bench.startup_run import AT_MASTER, Start, coldness, time_floor
 from hil.common.errors import NetworkError
 
 
@@ -26,12 +24,6 @@ def test_the_floor_runs_under_the_limits_of_the_slave() -> None:
             time_floor(bench, "import no_such_module")
 
 
-def test_the_numpy_floor_is_left_out_without_numpy(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert list(floors()) == ["bare interpreter", "numpy and zenoh"]
-    monkeypatch.setattr(startup_run, "find_spec", lambda _: None)
-    assert list(floors()) == ["bare interpreter"]
-
-
 def test_dropping_files_from_the_page_cache_leaves_their_content(tmp_path: Path) -> None:
     path = tmp_path / "data"
     path.write_bytes(os.urandom(1 << 16))
@@ -40,10 +32,3 @@ def test_dropping_files_from_the_page_cache_leaves_their_content(tmp_path: Path)
     drop()
     assert path.read_bytes() == before
     assert description.startswith("2 files")
-
-
-def test_wrong_arguments_are_refused(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["bench", "startup", "--repeat", "0"]) == 2
-    assert "--repeat" in capsys.readouterr().err
-    assert main(["bench", "startup", "--output", "/proc/startup.json"]) == 2
-    assert "/proc/startup.json: cannot be written" in capsys.readouterr().err

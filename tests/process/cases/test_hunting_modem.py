@@ -8,7 +8,6 @@ import pytest
 
 from hil.cases.hunt.simulated import SimulatedHunt
 from hil.cases.hunt.watch import HuntOutcome, HuntWatch
-from hil.cases.target_hunting import TargetHuntingAcoustic
 from hil.scenario.config import load_scenario
 from tests.support.processes import Program
 
@@ -71,14 +70,6 @@ def test_optical_messages_arrive_within_range_only() -> None:
     assert simulated.channel
     assert simulated.channel.counts["too_weak"] > 50
     assert "uuv4" not in simulated.planners[0].neighbours
-
-
-def test_the_case_reports_the_counts_of_messages() -> None:
-    from hil.cases.target_hunting import _messages
-
-    assert TargetHuntingAcoustic.scenario == SCENARIO
-    assert _messages({}) == {}
-    assert _messages({"sent": 3, "collided": 2})["modem: collided"] == 2
 
 
 def test_the_channel_command_needs_a_modem_in_the_scenario(tmp_path: Path) -> None:

@@ -10,12 +10,10 @@ import pytest
 from hil.charts.dive.prepare import DiveOptions, prepare_dive
 from hil.charts.grid import Grid, grid_of
 from hil.charts.site import MAX_ALTITUDE, MAX_DEPTH, MIN_ALTITUDE, depth_between, find_sites
-from hil.commands import demo
 from hil.common.errors import ConfigError
 from hil.scenario.config import load_scenario
 from sim.environment.world import load_world
 from tests.support.charts.small_cell import bay
-from tests.support.processes import free_port
 
 
 @pytest.fixture(autouse=True)
@@ -86,11 +84,3 @@ def test_a_dive_over_a_world_without_origin_takes_no_positions(tmp_path: Path) -
     assert load_scenario(path).master.depth == 6.0
     with pytest.raises(ConfigError, match="this world has no `origin`"):
         prepare_dive("ridge", DiveOptions((1.0, 2.0), (1.0, 2.001)), str(tmp_path))
-
-
-def test_wrong_arguments_are_refused(tmp_path: Path) -> None:
-    arguments = ["--listen", f"tcp/127.0.0.1:{free_port()}", "--output", str(tmp_path)]
-    with pytest.raises(ConfigError, match="--start and --goal go together"):
-        demo.main(["--world", "ridge", "--start", "1,2", *arguments])
-    with pytest.raises(ConfigError, match=r"nowhere.000: the chart cannot be read"):
-        demo.main(["--world", "nowhere.000", *arguments])

@@ -69,16 +69,6 @@ def test_lighthouses_and_houses_become_piles_only_where_they_stand_in_water(tmp_
     assert len(dry_piles) == 4, "with the pile and what floats"
 
 
-def test_the_report_of_a_build_as_json(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert command.main(["build", chart(tmp_path), "--resolution", "25", "-o", str(tmp_path / "w.toml"), "--json"]) == 0
-    report = json.loads(capsys.readouterr().out)
-    assert report["world"] == str(tmp_path / "w.toml")
-    assert 0.0 < report["rmse"] < 0.1, "its bed is nearly a plane"
-    assert 40 < report["held_out"] < report["soundings"]
-    assert report["water"] + report["land"] + report["unknown"] == pytest.approx(1.0)
-    assert report["water"] > 0.6
-
-
 def test_a_world_is_drawn_and_exported_in_each_format(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert command.main(["show", "harbour", "-o", str(tmp_path / "h.png"), "--resolution", "4"]) == 0
     for ending in ("tif", "stl", "glb", "sdf"):

@@ -46,33 +46,6 @@ def test_the_state_of_a_board_as_json(root: Path, capsys: pytest.CaptureFixture[
     assert reported["throttling"] == {"now": [], "before": [], "known": True}
 
 
-def test_an_unknown_machine_and_a_named_board_are_shown(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    assert cli.main(["board"]) == 0
-    assert cli.main(["board", "--root", str(tmp_path)]) == 0
-    assert capsys.readouterr().out.endswith("not a known board: no model name, unknown architecture\n")
-    (tmp_path / "silent").mkdir()
-    assert cli.main(["board", "--board", "jetson_nano", "--root", str(tmp_path / "silent")]) == 0
-    assert re.search(r"throttled +unknown\n", capsys.readouterr().out)  # nobody can be asked
-    assert cli.main(["board", "list"]) == 0
-    assert "raspberry_pi_cm4" in capsys.readouterr().out
-
-
-@pytest.mark.parametrize(
-    ("arguments", "message"),
-    [
-        ("show --dry-run", "show: --dry-run goes only with install, uninstall"),
-        ("show mine.toml", "show: the scenario mine.toml goes only with install"),
-        ("list --sources", "list: --sources goes only with show"),
-        ("uninstall --json", "uninstall: --json goes only with show, list, services"),
-    ],
-)
-def test_options_of_another_action_are_refused(
-    capsys: pytest.CaptureFixture[str], arguments: str, message: str
-) -> None:
-    assert cli.main(["board", *arguments.split()]) == 2
-    assert capsys.readouterr().err == f"uuv-hil board: {message}\n"
-
-
 @pytest.mark.parametrize("order", ["{more} install {file}", "install {more} {file}", "install {file} {more}"])
 def test_options_may_stand_before_and_after_the_action(
     root: Path, scenario: str, capsys: pytest.CaptureFixture[str], order: str

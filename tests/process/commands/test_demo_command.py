@@ -41,13 +41,6 @@ def test_with_a_router_only_one_port_must_be_free() -> None:
             require_free(f"tcp/127.0.0.1:{port}")
 
 
-def test_an_ipv6_port_in_use_is_refused() -> None:
-    port = free_port()
-    require_free(f"tcp/[::1]:{port}")
-    with occupied_port("::1", port, socket.AF_INET6), pytest.raises(NetworkError, match="in use"):
-        require_free(f"tcp/[::1]:{port}")
-
-
 @pytest.mark.parametrize("host", ["192.0.2.7", "no.such.machine.invalid"])
 def test_an_endpoint_on_another_machine_is_refused(host: str) -> None:
     with pytest.raises(NetworkError, match="must not command"):

@@ -8,17 +8,10 @@ from pathlib import Path
 
 import pytest
 
-from hil.client.health_watch import Status
 from hil.commands import campaign
-from hil.commands.top import table as top_table
 from hil.common.errors import ConfigError
 from hil.common.streams import ProgressLine
-from hil.gateways.prometheus.endpoint import exposition
-from sim.run_events import RunEvent
-from tests.support.diagnostics import reported
 from tests.support.processes import Program, write_scenario
-
-HIT = RunEvent("collision", 9_300_000_000, 10_200_000_000, (6.4, 5.7, 2.0), "the pile at (6.5, 7.5)")
 
 
 @pytest.fixture
@@ -147,18 +140,6 @@ def test_output_paths_are_checked_before_the_flight(arguments: list[str], messag
     )
     with pytest.raises(ConfigError, match=message):
         import_module(COMMANDS[name][0]).main(rest)
-
-
-def status(**figures: object) -> Status:
-    return Status("uuv1", 0, "running", reported(**figures), {}, 0, True)
-
-
-def test_top_shows_a_collision() -> None:
-    lines = top_table([status(run_events=3, run_event_list=(HIT,))], [], colour=True).splitlines()
-    (line,) = [line for line in lines if "events of the run" in line]
-    assert "3, last collision with the pile at (6.5, 7.5)" in line
-    assert line.startswith("\x1b[31m"), "in red"
-    assert "uuv_hil_run_events_total" in exposition([status(run_events=3)])
 
 
 class Stream:

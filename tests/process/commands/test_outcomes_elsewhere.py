@@ -10,16 +10,7 @@ from hil.cases.path_planning import PathPlanning
 from hil.cli import main
 from hil.commands import case
 from hil.common.ports import free_ports
-from hil.plots import run_plots
-from hil.recording.mcap_file import Message
-from hil.recording.recorder import Recorder
-from hil.ros import encoders as ros
-from hil.ros.topics import TOPICS
-from hil.scenario.records import Recording
-from sim.run_events import RunEvent
-from sim.sensors.samples import OdometrySample
 from tests.process.scenario.test_fleet import HEAD, MEMBER
-from tests.support.diagnostics import reported
 from tests.support.processes import Program
 
 
@@ -54,26 +45,3 @@ def test_case_prints_an_event_and_returns_6(
     assert row["success"] is False
     assert row["events"]
     assert row["events"][0].startswith("too deep")
-
-
-def test_plot_shows_an_event(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """The recording takes ten seconds; times in the diagnostics are of the wall clock."""
-    start_ns = 1_795_000_000_000_000_000
-    hit = RunEvent("collision", start_ns + 4_000_000_000, 1_000_000_000, (2.5, 1.5, 2.0), "the pile")
-    figures = reported(run_events=1, run_event_list=(hit,))
-    with Recorder(str(tmp_path / "bag"), Recording(keep_free=0.0), {}) as recorder:
-        for number in range(11):
-            time_ns = start_ns + number * 1_000_000_000
-            truth = OdometrySample(
-                time_ns, (0.5 * number, 0.3 * number, 2.0), (1.0, 0.0, 0.0, 0.0), (0.5,) + (0.0,) * 5
-            )
-            output = ros.encode_diagnostics(time_ns, [("uuv1", 0, "running", figures.raw)])
-            for name, payload in (("ground_truth", ros.encode_odometry(truth)), ("diagnostics", output)):
-                recorder.put(Message(f"/uuv1/{name}", TOPICS[name].type, number, time_ns, time_ns, payload))
-    drawn_events: list[tuple[RunEvent, ...]] = []
-    monkeypatch.setattr(run_plots, "draw_events", lambda _axes, events: drawn_events.append(tuple(events)))
-    assert main(["recording", "plot", str(tmp_path / "bag"), "-o", str(tmp_path / "pictures")]) == 0
-    ((event,),) = drawn_events
-    assert (event.kind, event.what, event.position) == ("collision", "the pile", (2.5, 1.5, 2.0))
-    assert event.start_ns / 1e9 == pytest.approx(4.0, abs=0.01)
-    assert (tmp_path / "pictures" / "trajectory.png").stat().st_size > 10_000

@@ -1,8 +1,6 @@
 """`uuv-hil scenario`, `--set` of the other commands, their help and JSON output."""
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -250,15 +248,6 @@ def test_a_scenario_is_changed_for_one_flight(capsys: pytest.CaptureFixture[str]
     for command in ("demo", "master", "slave", "fleet agent", "doctor"):
         code, _, error = run(capsys, *command.split(), "paper_field", "--set", "master.sped=1")
         assert (code, "did you mean 'speed'" in error) == (2, True), command
-
-
-def test_help_and_version_have_the_usual_names() -> None:
-    def output(*args: str) -> str:
-        return subprocess.run([sys.executable, "-m", "hil", *args], capture_output=True, text=True, check=True).stdout
-
-    assert output("-V") == output("--version")
-    assert output("help", "scenario") == output("scenario", "--help")
-    assert output("help") == output("--help") == output()
 
 
 def test_sim_and_campaign_print_json(capsys: pytest.CaptureFixture[str]) -> None:

@@ -17,7 +17,7 @@ from ruamel.yaml import YAML
 
 from hil.client.message_text import lines, parse_values, plain_value
 from hil.client.topics import whole_type
-from hil.commands.topic import listing, rate_line
+from hil.commands.topic import listing
 from hil.common.errors import ConfigError
 from hil.common.tables import parse_toml
 from hil.network.opening import listen
@@ -113,14 +113,6 @@ def test_printed_messages_are_yaml(name: str) -> None:
     assert read_yaml("\n".join(lines(message))) == json.loads(json.dumps(message))
 
 
-def test_long_arrays_are_cut_short() -> None:
-    text = lines({"data": bytes(1000), "flags": (True, False)})
-    assert text[0].startswith("data: [0, 0, ")
-    assert text[0].endswith("... (1000 in all)]")
-    assert len(text[0]) < 300
-    assert text[1] == "flags: [true, false]"
-
-
 def test_plain_words_become_typed_values() -> None:
     assert [plain_value(word) for word in ("1", "1.5", "true", "~", "a", "1_0a")] == [1, 1.5, True, None, "a", "1_0a"]
 
@@ -137,13 +129,6 @@ def test_the_listing_shows_topics_types_and_nodes() -> None:
     assert rows[2] == ["/uuv1/imu", "sensor_msgs/msg/Imu", "/uuv1", "/a, /b"]
     assert "/uuv1/arm  std_srvs/srv/SetBool  /uuv1        -" in listing(entities)
     assert listing(entities[:1]) == "no topics and no services"
-
-
-def test_the_rate_line_shows_rate_and_gaps() -> None:
-    gap = 10_000_000
-    assert rate_line([0]) == "1 messages: no rate yet"
-    text = rate_line([0, gap, 2 * gap, 5 * gap])
-    assert text.startswith("60.00 Hz, gaps 10.00 to 30.00 ms (std 9.43), 4 messages")
 
 
 def test_type_names_may_omit_msg() -> None:
@@ -304,10 +289,3 @@ def test_call_prints_the_reply_of_a_service(user: User) -> None:
 )
 def test_errors_name_cause_and_remedy(user: User, arguments: tuple[str, ...], code: int, message: str) -> None:
     assert re.search(message, user.run(*arguments, code=code))
-
-
-def test_a_missing_slave_is_reported(tmp_path: Path) -> None:
-    endpoint = f"tcp/127.0.0.1:{free_port()}"
-    with Program(tmp_path, "topic", "list", "--connect", endpoint, "--wait", "0.3") as program:
-        assert program.wait() == 4
-        assert f"nobody answered at {endpoint} within 0.3 s; is `uuv-hil slave` running there" in program.output

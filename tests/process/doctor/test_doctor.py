@@ -62,30 +62,11 @@ def test_an_invalid_setting_is_a_problem() -> None:
     assert run(UUV_HIL_NATIVE="maybe").returncode == 0  # nothing is needed yet
 
 
-def test_a_missing_step_in_c_is_noted(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setitem(sys.modules, "sim.native._native", None)
-    monkeypatch.delenv("UUV_HIL_NATIVE", raising=False)
-    finding = next(doctor_software.check_step(case_here()))
-    assert (finding.level, finding.topic) == ("note", "step")
-    assert "Python; the step in C is not there" in finding.text
-    assert "python c_extensions.py" in finding.remedy
-
-
 def test_the_environment_requires_a_missing_extension(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "sim.native._native", None)
     monkeypatch.setenv("UUV_HIL_NATIVE", "1")
     (found,) = doctor_software.check_step(case_here())
     assert (found.topic, found.remedy) == ("step", "unset UUV_HIL_NATIVE")
-
-
-@pytest.mark.parametrize("module", doctor_software.EXTENSIONS)
-def test_another_missing_extension_is_noted(monkeypatch: pytest.MonkeyPatch, module: str) -> None:
-    monkeypatch.setitem(sys.modules, module, None)
-    monkeypatch.delenv("UUV_HIL_NATIVE", raising=False)
-    (finding,) = [finding for finding in doctor_software.check_step(case_here()) if finding.topic != "step"]
-    assert (finding.level, finding.topic) == ("note", module.rpartition("._")[2])
-    assert module in finding.text
-    assert "python c_extensions.py" in finding.remedy
 
 
 @pytest.mark.skipif(choose()[0] is not NativeDynamics, reason="no C here: python c_extensions.py")

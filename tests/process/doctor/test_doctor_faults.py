@@ -234,18 +234,6 @@ def test_an_unreadable_throttling_state_is_noted(board: Path, capsys: pytest.Cap
     assert "usermod -aG video" in note["remedy"]
 
 
-def test_notes_do_not_fail_the_check(board: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Notes tell of the past, of what may happen, and of what only matters to masters elsewhere."""
-    plant(board, THROTTLED, "throttled=0x50000\n")
-    plant(board, GOVERNOR.format(0), "ondemand\n")
-    plant(board, "sys/class/thermal/thermal_zone0/temp", "77000\n")
-    wrong_clock(board)
-    sleepy_wlan(board)
-    code, found = examine(board, capsys, SERIAL.replace("0.0.0.0", "127.0.0.1"))
-    assert code == 0
-    assert [row["topic"] for row in found] == ["governor", "throttled", "throttled", "temperature", "clock", "wlan"]
-
-
 def test_without_a_scenario_nothing_is_a_problem(board: Path, capsys: pytest.CaptureFixture[str]) -> None:
     for fault in (no_permission, kernel_console, other_process, powersave, under_voltage, no_realtime, wrong_clock):
         fault(board)

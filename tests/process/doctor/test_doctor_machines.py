@@ -81,12 +81,6 @@ def test_a_laptops_powersave_is_no_fault(tmp_path: Path, capsys: pytest.CaptureF
     assert "governor" not in {row["topic"] for row in found}
 
 
-def test_a_step_shorter_than_recommended_is_noted(board: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    _, found = examine(board, capsys, SERIAL.replace("[slave]", '[slave]\nstep = "1 ms"'))
-    assert found[0]["topic"] == "step"
-    assert "1 ms is shorter than the 2.5 ms" in found[0]["text"]
-
-
 def test_the_mode_of_a_device_decides_who_may_open_it(tmp_path: Path) -> None:
     path = tmp_path / "tty"
     path.touch()

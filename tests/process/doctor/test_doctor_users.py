@@ -105,12 +105,6 @@ def test_an_installed_grant_counts_from_the_next_login(account: User) -> None:
     assert elsewhere.remedy.startswith("uuv-hil board install")
 
 
-@pytest.mark.parametrize("unit", ["", "User=uuv", "User=uuv\nLimitRTPRIO=", "User=uuv\nLimitRTPRIO=infinity-ish"])
-def test_an_invalid_unit_grants_nothing(account: User, unit: str) -> None:
-    tree = Runner(LIMITS.format(priority=0, locked=0) + STATUS.format(0), {UNIT: unit})
-    assert next(doctor_board.check_realtime_limits(Case(tree, None, scenario(), account))).level == "problem"
-
-
 def test_without_root_the_limits_of_others_cannot_be_determined(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("os.getuid", lambda: 1000)
     monkeypatch.setattr("os.geteuid", lambda: 1000)

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 import serial
 
-from firmware_stub.serve import main, serve
+from firmware_stub.serve import serve
 from firmware_stub.stub import Stm32, Stm32End
 from hil.common.errors import DeviceError
 from hil.links.contract import ThrusterCommand, ThrusterLink, ThrusterTelemetry
@@ -158,20 +158,6 @@ def test_serve_ends_on_request_and_reports(monkeypatch: pytest.MonkeyPatch) -> N
         assert reports
         host.close()
         os.close(stop)
-
-
-@pytest.mark.parametrize("quiet", [True, False])
-def test_quiet_mode_prints_only_at_start_and_end(
-    quiet: bool, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    def served(end: Stm32End, _: int, report: Callable[[Stm32End], None] | None) -> None:
-        if report:
-            report(end)
-        end.close()
-
-    monkeypatch.setattr("firmware_stub.serve.serve", served)
-    assert main(["--port", "pty:", *["--quiet"] * quiet]) == 0
-    assert len(capsys.readouterr().out.splitlines()) == (2 if quiet else 3)
 
 
 def test_quiet_mode_does_not_wake_up_for_reports(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -25,7 +25,7 @@ from hil.network.opening import listen
 from hil.network.responder import answer_searches
 from hil.network.roles import open_master_session
 from hil.network.security import Security
-from hil.network.settings import BATCH, PINGS, Network, endpoints, json5, settings
+from hil.network.settings import BATCH, PINGS, Network, endpoints, settings
 from hil.network.tokens import Presence, Role, clock_keys, presence_key, read_presence
 from hil.scenario.config import load_scenario
 from tests.support.network.multicast import require_multicast
@@ -114,10 +114,6 @@ def test_gossip_is_on_only_for_roles_that_need_it(tmp_path: Path) -> None:
     hosts: tuple[Role, ...] = ("slave", "router")
     for role in hosts:
         assert "'gossip':{'enabled':false}" in settings(role, ("tls/10.0.0.1:7447",), (), Network(), security)
-
-
-def test_settings_are_encoded_as_json5() -> None:
-    assert json5({"a": [True, False, 1, 0.5, "True's"], "b": ()}) == "{'a':[true,false,1,0.5,\"True's\"],'b':[]}"
 
 
 @pytest.mark.parametrize(

@@ -164,14 +164,6 @@ def test_cells_without_data_are_a_wall(make: Make) -> None:
     assert found.normals[:3].tolist() == [-1.0, 0.0, 0.0]
 
 
-def test_the_range_from_inside_an_object_is_zero(make: Make) -> None:
-    scene = make(by_rule(Slope(10.0, 0.25))._replace(cylinder=(Cylinder(5.0, 5.0, 2.0),)))
-    directions = rays(*random_directions(20))
-    assert set(scene.ranges((0.0, 0.0, 11.0), directions, 50.0)) == {0.0}
-    assert set(scene.ranges((5.5, 5.0, 3.0), directions, 50.0)) == {0.0}
-    assert set(scene.ranges((100.0, 0.0, 31.0), directions, 50.0)) == {0.0}
-
-
 # --- solids
 
 

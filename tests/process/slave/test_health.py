@@ -21,7 +21,7 @@ from hil.common.clock import NS_PER_MS, NS_PER_S, Histogram
 from hil.network import services
 from hil.network.roles import open_master_session
 from hil.ros.diagnostics import Diagnostics, or_nan
-from hil.slave.health.reporter import SKIPPED_PERIOD_NS, RecentLateness, SkippedSteps, own_name
+from hil.slave.health.reporter import SKIPPED_PERIOD_NS, RecentLateness, SkippedSteps
 from tests.support.processes import Program, wait_for, write_scenario
 
 NO_ANSWER = "has not answered for 0.5 s; check wiring, baud, protocol"
@@ -115,10 +115,6 @@ def test_recent_lateness_covers_only_the_last_period() -> None:
     assert figures_at(start_ns + 2 * NS_PER_S)[2] >= 71_000
 
 
-def test_an_unknown_board_is_named_by_its_architecture_and_host() -> None:
-    assert own_name() == f"{os.uname().machine} machine {os.uname().nodename}"
-
-
 def test_a_slave_reports_that_its_machine_is_emulated(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("UUV_HIL_EMULATED", "a test")
     assert labels(Tree(), os.uname().machine) == describe()[1]
@@ -127,11 +123,6 @@ def test_a_slave_reports_that_its_machine_is_emulated(monkeypatch: pytest.Monkey
         with bench.client() as client:
             await_vehicle(client, slave)
             assert (client.diagnostics().labels or ("",))[0] == "emulated: a test"
-
-
-def test_a_real_machine_has_no_label(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.delenv("UUV_HIL_EMULATED", raising=False)
-    assert labels(Tree(str(tmp_path)), "aarch64") == ()
 
 
 def test_a_silent_stm32_is_an_error(tmp_path: Path) -> None:

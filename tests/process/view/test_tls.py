@@ -9,7 +9,7 @@ import pytest
 
 from hil.commands.keys import add_machine, init
 from tests.support.clients.view_client import ADDRESS, offered, with_session
-from tests.support.processes import Program, free_port, run_here, write_scenario
+from tests.support.processes import Program, free_port, write_scenario
 
 pytestmark = pytest.mark.skipif(find_spec("viser") is None, reason="the live view needs the extra view")
 
@@ -43,18 +43,3 @@ def test_a_view_for_other_machines_without_certificates_warns(tmp_path: Path) ->
     with Program(tmp_path, "view", *words) as view:
         view.expect(ADDRESS)
         view.expect("WARNING: the view listens beyond this machine without encryption")
-
-
-@pytest.mark.parametrize(
-    ("options", "reason"),
-    [
-        (("--cert", "cert.pem"), "--cert and --key go together"),
-        (("--cert", "none.pem", "--key", "none.pem"), "cannot be read"),
-        (("--cert", __file__, "--key", __file__), "not a certificate and its private key"),
-    ],
-)
-def test_wrong_certificates_are_one_line(options: tuple[str, ...], reason: str) -> None:
-    code, output = run_here("view", *options)
-    assert code == 2
-    assert reason in output
-    assert "Traceback" not in output

@@ -4,7 +4,6 @@ import itertools
 import json
 import os
 import signal
-import subprocess
 import threading
 from collections.abc import Callable
 from pathlib import Path
@@ -12,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from hil.bench import delay_report, delay_run
+from hil.bench import delay_run
 from hil.bench.delay_run import HOPS, Plan, Result, first_motion, measure, pooled
 from hil.bench.harness import Bench, Process, program
 from hil.cli import main
@@ -20,7 +19,7 @@ from hil.client.client import VehicleClient
 from hil.client.delay import DelayMeter
 from hil.commands.bench import delay as bench_delay
 from hil.common.clock import NS_PER_S, from_wall_ns, now_ns
-from hil.common.errors import ConfigError, NetworkError
+from hil.common.errors import NetworkError
 from tests.support.delay_results import MS, meter, some_result
 from tests.support.processes import wait_for
 
@@ -62,29 +61,6 @@ def test_quick_runs_have_consistent_figures(tmp_path: Path, capsys: pytest.Captu
     assert figures["hop wire [baud 115200]"]["median"] == pytest.approx(22 * 10 / 115.2)
     assert min(figures["delay [baud 115200]"]["values"]) > 22 * 10 / 115.2
     assert picture.read_bytes().startswith(b"\x89PNG")
-
-
-@pytest.mark.parametrize(
-    ("options", "expected_text"),
-    [
-        (["--security", "maybe"], "--security: expected"),
-        (["--protocol", "morse"], "protocol"),
-        (["--stm32", "abacus"], "stm32"),
-        (["--stm32", "0"], "--stm32: expected"),
-        (["--connect", "tcp/127.0.0.1:1", "--stm32", "native"], "--connect measures a running slave"),
-        (["--echo", "here"], "--echo: expected"),
-        (["--echo", "127.0.0.1:99999:2"], "found '127.0.0.1:99999:2'"),
-        (["--connect", "tcp/127.0.0.1:1", "--port", "pty:"], "--connect measures a running slave"),
-        (["--connect", "tcp/127.0.0.1:1", "--set", "slave.step=0.001"], "--set slave.step"),
-        (["--connect", "tcp/127.0.0.1:1", "--security", "on"], "--security on"),
-        (["--connect", "tcp/127.0.0.1:1", "--payload", "1000"], "--echo"),
-        (["--connect", "tcp/127.0.0.1:1", "--most-over-floor", "1"], "--echo"),
-    ],
-)
-def test_wrong_options_are_refused(options: list[str], expected_text: str, capsys: pytest.CaptureFixture[str]) -> None:
-    arguments = [f"{options[0]}={options[1]}", *options[2:]]
-    assert main(["bench", "delay", *arguments]) == 2
-    assert expected_text in capsys.readouterr().err
 
 
 def test_runs_are_pooled_and_distinguished() -> None:
@@ -210,20 +186,6 @@ def test_results_are_saved_when_a_later_run_fails(
     assert "motion [load 0]" not in figures
 
 
-def test_a_failed_picture_does_not_lose_the_figures(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    def full(*_: Any) -> None:
-        raise ConfigError("disk full")
-
-    monkeypatch.setattr(bench_delay, "_measure", failing_second([some_result([0.7] * 20)]))
-    monkeypatch.setattr(delay_report, "draw", full)
-    path = tmp_path / "record.json"
-    assert main(["bench", "delay", "--output", str(path), "--plot", str(tmp_path / "a.png")]) == 2
-    assert "disk full" in capsys.readouterr().err
-    assert json.loads(path.read_text())["figures"]
-
-
 def test_repeated_runs_are_in_the_record_one_by_one(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -255,18 +217,3 @@ def test_the_record_has_the_time_series_and_older_records_still_compare(
     capsys.readouterr()
     assert main(["bench", "compare", str(old), str(new)]) == 0
     assert "delay [as the scenario has it]" in capsys.readouterr().out
-
-
-def test_load_processes_do_not_receive_ctrl_c(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Ctrl-C goes to the whole process group of the terminal, which would print tracebacks."""
-    started: list[subprocess.Popen[bytes]] = []
-    real = subprocess.Popen
-
-    def popen(*arguments: Any, **options: Any) -> subprocess.Popen[bytes]:
-        started.append(real(*arguments, **options))
-        return started[-1]
-
-    monkeypatch.setattr(subprocess, "Popen", popen)
-    with delay_run._burners(2):
-        assert len({os.getpgid(process.pid) for process in started} - {os.getpgid(0)}) == 2
-    assert [process.poll() for process in started] == [-signal.SIGKILL] * 2

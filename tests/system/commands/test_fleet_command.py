@@ -153,11 +153,6 @@ def test_down_retains_the_members_of_an_unreachable_host(command: Command, tmp_p
     assert not command.slaves()
 
 
-def test_up_prints_json(command: Command) -> None:
-    up = command.run("up", "--json")
-    assert [(row["member"], row["host"]) for row in json.loads(up.stdout)] == [(m, "") for m in MEMBERS]
-
-
 @pytest.mark.parametrize("place", ["uuv1", "uuv1=", "uuv9=pi", "uuv1=-oProxyCommand=x"])
 def test_an_invalid_host_option_is_refused(command: Command, place: str) -> None:
     up = command.run("up", "--on", place)

@@ -273,10 +273,3 @@ def test_flashing_without_pyocd_names_the_extra(
     monkeypatch.setattr(sys, "meta_path", [Absent(), *sys.meta_path])
     assert main(["stm32", "flash", "--yes"]) == 5
     assert "pip install 'uuv-hil[flash]'" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize("arguments", [["--channels", "8", "check", "--port", "pty:"], ["--baud", "921600", "flash"]])
-def test_options_before_the_subcommand_are_refused(arguments: list[str], capsys: pytest.CaptureFixture[str]) -> None:
-    """They are those of the emulated STM32, and would be lost."""
-    assert main(["stm32", *arguments]) == 2
-    assert "come after it: stm32 " in capsys.readouterr().err

@@ -69,12 +69,6 @@ def test_a_finding_holds_within_its_bounds_only(finding: Finding, holds: bool) -
     assert finding.holds is holds
 
 
-def test_a_finding_is_printed_with_its_bound() -> None:
-    found = near("", 10.953, 10.95, "m", within=0.02)
-    assert (found.result, found.bound) == ("10.95 m", "10.95 m ± 0.02 m")
-    assert below("", 1.8765e-9, 1e-8).result == "1.88e-09"
-
-
 def test_a_result_beyond_its_bound_ends_the_run(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -252,30 +252,9 @@ def test_differences_between_machines_are_listed() -> None:
     assert different_conditions(record, record._replace(machine={**record.machine, "load": "much"})) == []
 
 
-def test_few_starts_are_noted_and_do_not_fail(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    before = write(tmp_path / "a.json", "delay", delay=Figure(values(0.5, 1), "ms", runs=(30,)))
-    after = write(tmp_path / "b.json", "delay", delay=Figure(values(0.8, 2), "ms", runs=(30,)))
-    assert main(["bench", "compare", before, after, "--fail-on-regression"]) == 0
-    output = capsys.readouterr().out
-    assert "between two starts rather than two programs; measure with --repeat 5" in output
-    assert "0 worse, 0 better, 1 undecided, of 1" in output
-
-
 def test_results_of_different_benchmarks_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     one = write(tmp_path / "a.json", "table", a=Figure([1.0], "s"))
     other = write(tmp_path / "b.json", "delay", b=Figure([1.0], "s"))
     assert main(["bench", "compare", one, other]) == 2
     assert "a.json is of `bench table`, " in (output := capsys.readouterr().err)
     assert "b.json of `bench delay`: they have no figure in common; give two results of one benchmark" in output
-
-
-def test_incomparable_files_and_wrong_options_are_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    one, other = write(tmp_path / "a.json", a=Figure([1.0], "s")), write(tmp_path / "b.json", b=Figure([1.0], "s"))
-    assert main(["bench", "compare", one, other]) == 2
-    assert main(["bench", "compare", one, str(tmp_path / "none.json")]) == 2
-    assert main(["bench", "compare", one, one, "--least", "much"]) == 2
-    output = capsys.readouterr().err
-    assert all(
-        word in output
-        for word in ("no figure in common", "none.json: no such file", "--least: expected a share from 0% to 99%")
-    )

@@ -62,11 +62,6 @@ def test_the_table_computes_its_figures() -> None:
     assert result.notes == result.warnings == ()
 
 
-def test_the_slaves_label_is_printed_below_the_figures() -> None:
-    assert "label: emulated: x" in table.render(build(labels=("emulated: x",))).splitlines()
-    assert "label" not in table.render(build())
-
-
 def test_the_table_is_rendered_as_text() -> None:
     text = table.render(build())
     joined_text = " ".join(text.split())  # cells are broken into lines where the terminal is narrow
@@ -119,12 +114,6 @@ def test_figures_that_were_not_measured_are_dashes() -> None:
     assert re.search(r"start-up +3\.2 s +3\.6 s +- to the first sample", text)
 
 
-def test_a_mission_without_path_and_goal_has_no_such_rows() -> None:
-    there = OUTCOME._replace(path_length=math.nan, goal_error=math.nan, cross_track_max=math.nan)
-    assert there.summary == "71.0 m travelled, its middle at least 0.80 m from every obstacle"
-    assert "m from the goal" in OUTCOME.summary
-
-
 def test_a_slave_that_ran_before_has_no_startup_time() -> None:
     result = build(opened_ns=2_000_000_000)
     assert math.isnan(result.startup_s)
@@ -150,12 +139,6 @@ def test_run_events_are_in_the_table() -> None:
     assert f"EVENT: {line}" in table.render(result).splitlines()
     assert table.to_json(result, outcome)["table"]["events"] == [f"EVENT: {line}"]
     assert not table.to_json(result, outcome)["outcome"]["success"]
-
-
-def test_two_machines_are_noted() -> None:
-    result = build(boot_id="another")
-    assert "two machines" in result.notes[0]
-    assert result.clock_uncertainty_ms > 0
 
 
 @pytest.mark.parametrize("offset_ns", [-5_000_000, 5_000_000, 5_000_000_000])

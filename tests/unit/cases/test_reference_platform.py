@@ -1,15 +1,12 @@
 """Figures of Zhang et al. 2022 on the page reference_platform.md, compared with the scenarios and the code."""
 
-from math import pi, tan
 from pathlib import Path
 
 import pytest
 
-from hil.autonomy.control.allocation import Allocator
 from hil.bench.table.hil_table import PAPER_BOARDS
 from hil.scenario.config import load_scenario
 from sim.environment.world import load_world
-from sim.vehicle.thrusters.bank import wrench_matrix
 from sim.vehicle.vehicle import load_vehicle
 from tests.support.flights.paper_hunt import FORMATIONS, TARGET
 
@@ -68,24 +65,3 @@ def test_the_vehicle_has_seven_thrusters_four_of_them_at_right_angles() -> None:
     front_right, front_left, rear_right, rear_left = level
     for one, other in ((front_right, front_left), (rear_right, rear_left), (front_left, rear_left)):
         assert one[0] * other[0] + one[1] * other[1] == pytest.approx(0.0)
-
-
-def equation_13_as_printed(angle: float, radius: float, surge: float, sway: float, yaw: float) -> list[float]:
-    """Return the thrusts of thrusters 1 to 4 by equation (13)."""
-    cot, lever = 1.0 / tan(angle), radius * (tan(angle) + 1.0) / tan(angle)
-    rows = ((1, cot, -lever), (1, -cot, lever), (1, -cot, -lever), (1, cot, lever))
-    return [a * surge + b * sway + c * yaw for a, b, c in rows]
-
-
-@pytest.mark.parametrize("axis", range(3))
-def test_equation_13_at_45_degrees_has_our_patterns(axis: int) -> None:
-    motion = [float(axis == number) for number in range(3)]
-    matrix = wrench_matrix(load_vehicle("paper_six")[0])
-    wrench = (motion[0], motion[1], 0.0, 0.0, 0.0, motion[2])
-    thrusts, _ = Allocator(matrix, [1e6] * 6, [1e6] * 6).allocate(wrench)
-    front_right, front_left, rear_right, rear_left = thrusts[:4]
-    thrusts = [rear_right, rear_left, front_right, front_left]
-    printed = equation_13_as_printed(pi / 4.0, 0.2, *motion)
-    scale = thrusts[0] / printed[0]
-    assert scale > 0.0
-    assert [scale * value for value in printed] == pytest.approx(thrusts)

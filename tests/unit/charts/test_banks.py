@@ -174,13 +174,6 @@ def test_a_wall_around_a_narrow_mole_stays_a_bank() -> None:
     assert [box.size_north for box in model.boxes] == [4.0 * CELL + 2.0] * 2
 
 
-@pytest.mark.parametrize(("half", "expected"), [(CELL, ["280 m of walls"]), (8.0 * CELL, [])])
-def test_the_report_states_the_length_of_walls_at_narrow_moles(half: float, expected: list[str]) -> None:
-    """The ends of a mole of 140 m, and the sides of a wide one, have wide land behind them."""
-    wall = Hazard("SLCONS", mole(half), 1.0, OUT_OF_WATER, needs_water_both_sides=True, is_wall=True)
-    assert [note[:14] for note in build_world((wall,), mole(half)).report.notes] == expected
-
-
 def test_a_structure_charted_as_an_area_is_a_block_on_the_bed() -> None:
     """The bed is not raised, so it has no bank. A slope of rubble, which is no wall, is a bank."""
     pier = Hazard("SLCONS", mole(), 1.0, OUT_OF_WATER, (mole(),), needs_water_both_sides=True, is_wall=True)

@@ -1,7 +1,6 @@
 """The statistics of a bed, selected by soundings that are held out."""
 
 import numpy as np
-import pytest
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
@@ -85,8 +84,3 @@ def test_statistics_of_few_soundings_are_not_estimated() -> None:
     three = np.array([[0.0, 0.0], [0.0, 9.0], [9.0, 0.0]])
     depths = np.array([1.0, 2.0, 3.0])
     assert choose_model(Surface(three, depths), depths, Limits(depths - 1.0, depths + 1.0), depths) == Model()
-
-
-@pytest.mark.parametrize("power", POWERS)
-def test_every_power_interpolates(power: float) -> None:
-    assert Surface(POINTS, SMOOTH, model=Model(power)).at(POINTS) == pytest.approx(SMOOTH, abs=1e-6)

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from hil.cli import main
-from hil.commands.vehicle.command import describe, top
+from hil.commands.vehicle.command import top
 from hil.common.schema import preset_names
 from sim.vehicle.vehicle import load_vehicle
 
@@ -38,14 +38,6 @@ def test_a_preset_is_printed_as_text(name: str, capsys: pytest.CaptureFixture[st
     assert f"{top(vehicle)[0].speed[0]:.3f} m/s" in out
     idle = [reach.axis for reach in top(vehicle) if not reach.driven]
     assert (f"cannot be driven alone: {', '.join(idle)}\n" in out) == bool(idle)
-
-
-def test_a_preset_is_printed_with_mass_size_weight_and_rank(capsys: pytest.CaptureFixture[str]) -> None:
-    _, out, _ = run(capsys, "bluerov2_heavy")
-    for words in ("13.5 kg", "0.457 x 0.575 x 0.254 m", "0.98 N heavy in water of 1000", "rank 6 of 6", "51.44 N"):
-        assert words in out
-    _, out, _ = run(capsys, "bluerov2_heavy", "--density", "1028")
-    assert "2.70 N light in water of 1028" in out
 
 
 def test_json_output_has_the_same_figures(capsys: pytest.CaptureFixture[str]) -> None:
@@ -130,13 +122,3 @@ def test_a_vehicle_written_as_urdf_can_be_imported(tmp_path: Path, capsys: pytes
     urdf.write_text(capsys.readouterr().out)
     assert main(["vehicle", "--import", str(urdf), "-o", str(tmp_path / "back.toml")]) == 0
     assert load_vehicle(str(tmp_path / "back.toml"))[0].added_mass == load_vehicle("paper_six")[0].added_mass
-
-
-def test_tables_of_thrusters_with_long_names_fit_80_columns(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Every thruster has one line in each table: no name or number is broken over two lines."""
-    monkeypatch.setenv("COLUMNS", "80")
-    vehicle, _ = load_vehicle("bluerov2_heavy")
-    lines = describe(vehicle).splitlines()
-    assert max(map(len, lines)) <= 80
-    names = [thruster.name for thruster in vehicle.thrusters]
-    assert [line.split()[0] for line in lines if line.split()[:1] and line.split()[0] in names] == names * 3

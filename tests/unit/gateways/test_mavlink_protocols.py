@@ -224,13 +224,6 @@ def test_esc_reports_have_speed_and_current_where_known() -> None:
     assert list(telemetry.voltage) == [0] * 4
 
 
-def test_escs_without_data_are_not_reported() -> None:
-    bench = Bench()
-    bench.vehicle.motors = (MotorState(1500.0, math.nan, math.nan),) * 6
-    bench.run(2.0)
-    assert not bench.partner.take_messages("ESC_TELEMETRY_1_TO_4")
-
-
 @pytest.mark.parametrize("text", ["5600", "host", "host:0", "host:70000", ":5600"])
 def test_a_wrong_video_target_is_reported(text: str) -> None:
     words = Mavlink(rtp=text).validate()
@@ -254,16 +247,6 @@ def test_message_groups_and_single_messages_can_be_requested() -> None:
     (version,) = bench.partner.take_messages("AUTOPILOT_VERSION")
     assert version.capabilities & dialect.MAV_PROTOCOL_CAPABILITY_FTP
     assert bench.partner.command(dialect.MAV_CMD_REQUEST_MESSAGE, 147) == UNSUPPORTED  # it has no battery
-
-
-def test_depth_is_negative_altitude_and_positive_down() -> None:
-    bench = Bench()
-    bench.vehicle.depth = 7.5
-    bench.run(0.6)
-    place = bench.partner.take_messages("GLOBAL_POSITION_INT")[-1]
-    assert (place.relative_alt, place.alt) == (-7500, -7500)
-    assert bench.partner.take_messages("VFR_HUD")[-1].alt == -7.5
-    assert bench.partner.take_messages("LOCAL_POSITION_NED")[-1].z == 7.5
 
 
 def test_timesync_and_ping_requests_are_answered() -> None:

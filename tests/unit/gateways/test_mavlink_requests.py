@@ -10,7 +10,6 @@ from pymavlink.quaternion import QuaternionBase
 
 from hil.gateways.mavlink.endpoints.peer import Peer
 from hil.gateways.mavlink.flight.modes import Mode
-from hil.gateways.mavlink.sensors import millivolts
 from hil.gateways.mavlink.snapshot import Echo
 from sim.sensors.extra_samples import BatterySample
 from tests.support.clients.mavlink_vehicle import Bench
@@ -319,11 +318,6 @@ def test_cockpit_flies_a_mission_and_goes_to_a_place() -> None:
     assert bench.partner.take_messages("COMMAND_ACK")[-1].result == ACCEPTED
     bench.run(40.0, bench.partner.heartbeat)
     assert (bench.vehicle.north, bench.vehicle.depth) == pytest.approx((0.0, 3.0), abs=0.3)
-
-
-@pytest.mark.parametrize(("volts", "expected"), [(12.345, 12_345), (-1.0, 0), (1e9, 65_534)])
-def test_voltages_fit_their_field(volts: float, expected: int) -> None:
-    assert millivolts(volts) == expected
 
 
 def test_only_a_plain_reboot_of_a_disarmed_vehicle_restarts_it() -> None:

@@ -10,7 +10,7 @@ import pytest
 from firmware_stub.stub import Stm32, Stm32End
 from hil.common.errors import ConfigError
 from hil.links.can_thrusters import MotorValues
-from hil.links.contract import MAX_THRUSTERS, PWM_NEUTRAL_US, ThrusterCommand, ThrusterLink, ThrusterTelemetry
+from hil.links.contract import PWM_NEUTRAL_US, ThrusterCommand, ThrusterLink, ThrusterTelemetry
 from hil.links.vesc.device import VescDevice
 from hil.links.vesc.host import VescHost
 from hil.links.vesc.link import open_vesc
@@ -89,15 +89,6 @@ def test_every_pulse_width_survives_a_round_trip(command: str, full_erpm: float)
         if pulse != 1500:  # three commands of equal pulses are one
             assert answer == report(pulses, sequence=sequence, frames=cast("ThrusterTelemetry", answer).frames)
     assert (master.counters.malformed, end.counters.malformed) == (0, 0)
-
-
-@pytest.mark.parametrize("channels", range(1, MAX_THRUSTERS + 1))
-def test_every_number_of_thrusters_is_supported(channels: int) -> None:
-    master, end = host(channels, first_id=40), device(channels, first_id=40)
-    for sequence in range(1, 30):
-        pulses = tuple(1600 + (sequence * 7 + i) % 300 for i in range(channels))
-        assert exchange(master, ThrusterCommand(sequence, True, pulses), end) == [ThrusterCommand(0, True, pulses)]
-        assert exchange(end, report(pulses), master) == [report(pulses, sequence=sequence, frames=sequence)]
 
 
 def test_unrepresentable_pulses_become_the_nearest_value() -> None:

@@ -279,14 +279,6 @@ def results_of(distance: float, heading: float = 0.0, count: int = 1) -> Optical
     return channel
 
 
-def test_optical_messages_between_vehicles_have_the_modems_reach() -> None:
-    assert results_of(15.0).counts == {"sent": 1, "delivered": 1}
-    assert results_of(200.0).counts == {"sent": 1, "too_weak": 1}
-    counts = results_of(20.0, count=1000).counts  # where one packet in two is whole
-    assert counts["delivered"] / 1000 == pytest.approx(0.5, abs=0.06)
-    assert counts["delivered"] + counts["damaged"] == 1000
-
-
 def test_four_optical_heads_cover_all_directions_and_worst_between_them() -> None:
     for quarter in range(4):
         assert results_of(19.0, quarter * pi / 2.0, 50).counts["delivered"] > 45

@@ -74,16 +74,6 @@ def test_a_vehicle_at_the_surface_below_its_commanded_depth_has_surfaced() -> No
     assert up[0].position == (1.0, 2.0, 0.19)
 
 
-def test_commanded_depths_are_not_events() -> None:
-    assert not dive(monitor(), 0.1, 0.1, 3.0, 0.1, requested=5.0), "it began at the surface"
-    assert not dive(monitor(), 5.0, 0.0, 9.0, 0.0), "no depth was commanded"
-    assert not dive(monitor(), 5.0, 5.9, 4.0, requested=2.0), "within the margin"
-    judge = monitor()
-    judge.observe(0, (0.0, 0.0, 9.0), LEVEL, 0.1)
-    judge.observe(TICK, (0.0, 0.0, 0.1), LEVEL, 9.0)
-    assert not judge.log.events(), "it had been commanded to rise"
-
-
 def test_a_vehicle_that_sinks_is_too_deep() -> None:
     down = dive(monitor(), 5.0, 6.0, 6.1, 8.0, requested=4.0)
     assert [(event.kind, event.start_ns) for event in down] == [("too_deep", 2 * TICK)]

@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from hil.common.errors import ConfigError
-from hil.view.panels.recording import NOTHING_TO_RECORD, START, STOP, RecordingPanel
+from hil.view.panels.recording import START, STOP, RecordingPanel
 from hil.view.sources.recording import ViewRecorder
 
 
@@ -89,11 +89,3 @@ def test_a_recording_is_started_reported_and_ended() -> None:
     recorder.fails = True
     button.click(None)
     assert reported == ["recording into there", "7 messages recorded: there", "disk full"]
-
-
-def test_the_button_is_disabled_with_a_reason_if_recording_is_impossible() -> None:
-    server = Server()
-    RecordingPanel(server, nullcontext(), None, print).update()
-    button, text = server.controls
-    assert button.disabled
-    assert button.hint == text.content == NOTHING_TO_RECORD

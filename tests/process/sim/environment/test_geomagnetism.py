@@ -56,11 +56,6 @@ def test_the_field_follows_from_the_origin_unless_it_is_given() -> None:
     assert field_of(SEA) == DEFAULT
 
 
-def test_a_time_outside_the_model_is_limited_to_it() -> None:
-    assert field_at(*POSITION, year=1990.0) == field_at(*POSITION, year=2025.0)
-    assert field_at(*POSITION, year=2044.4) == field_at(*POSITION, year=2030.0)
-
-
 def test_a_world_without_field_and_model_names_the_remedy(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pygeomag", None)
     assert field_of(SEA) == DEFAULT

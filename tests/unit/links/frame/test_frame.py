@@ -72,11 +72,6 @@ def test_invalid_bytes_are_refused_and_counted(vector: dict[str, Any]) -> None:
     assert protocol.feed(protocol.encode(command(1))) == [command(1)]
 
 
-def test_the_checksum_has_its_check_value() -> None:
-    check = GOLDEN["crc_check"]
-    assert crc_bit_by_bit(check["ascii"].encode()) == int(check["crc"], 16) == 0x29B1
-
-
 @given(messages)
 def test_any_message_survives_a_round_trip(message: Message) -> None:
     sender, receiver = uuv_hil(), uuv_hil()

@@ -7,14 +7,11 @@ import numpy as np
 import pytest
 
 from hil.common.errors import ConfigError
-from hil.common.vectors import off_line
 from hil.scenario.world_map import map_at
 from sim.dynamics import Dynamics, State
 from sim.environment.collision import Contact
-from sim.environment.contact.meshes import MeshContact
 from sim.environment.relief import Sinusoid, Slope
 from sim.environment.terrain import Terrain, covering
-from sim.environment.things import pipelines
 from sim.environment.things.pipelines import Pipeline
 from sim.environment.world import World, load_world
 from sim.rays.scene import SEABED, RayScene
@@ -108,26 +105,6 @@ def test_a_pipeline_is_an_obstacle_only_near_the_bed() -> None:
     assert world.clearance(0.0, 5.0, 19.0, height=0.5) == pytest.approx(4.0)
     assert world.clearance(0.0, 5.0, 10.0, height=0.5) == inf
     assert world.clearance(0.0, 5.0) == pytest.approx(4.0)
-
-
-def test_a_step_above_a_long_pipeline_computes_its_near_part_only(monkeypatch: pytest.MonkeyPatch) -> None:
-    """No piece is computed again until the vehicle has moved on, and no ray is cast from 3 m above."""
-    line = tuple((-1000.0 + k, 0.01 * (k % 7)) for k in range(2001))
-    contact = Contact(
-        VEHICLE, FLAT._replace(pipeline=(Pipeline(line, 1.0),)), Dynamics(VEHICLE, 1025.0, 9.8).inverse_mass
-    )
-    assert not contact.resolve(State((0.0, 0.0, 15.0)))
-    queried: list[float] = []
-
-    def counted(*numbers: float) -> tuple[float, float]:
-        queried.append(numbers[0])
-        return off_line(*numbers)
-
-    monkeypatch.setattr(pipelines, "off_line", counted)
-    monkeypatch.setattr(MeshContact, "touches", None)
-    for step in range(20):
-        assert not contact.resolve(State((0.01 * step, 0.0, 15.0)))
-    assert 20 <= len(queried) < 20 * 60
 
 
 def test_a_distant_pipeline_gives_the_free_distance_to_it() -> None:

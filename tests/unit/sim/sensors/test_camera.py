@@ -231,18 +231,6 @@ def test_the_same_seed_gives_the_same_picture_also_without_depth() -> None:
     assert len(one.rgb) == 81 * 61 * 3
 
 
-def test_surface_texture_does_not_depend_on_the_viewpoint() -> None:
-    """Grain and paint are fixed to the surface: a point seen from two sides has one colour."""
-    world = FLAT._replace(box=(Box(5.0, 0.0, 0.5, 8.0),))
-    eye = camera(world, TRUE._replace(width=801, height=3, exposure=1.0))
-    pictures = [eye.sample(0, State((0.0, east, 8.0))) for east in (0.0, 0.5)]
-    columns = [round(400 + p.intrinsics.fx * (0.3 - east) / 4.75) for p, east in zip(pictures, (0.0, 0.5), strict=True)]
-    assert [labels(p)[1, c] for p, c in zip(pictures, columns, strict=True)] == [1, 1]
-    one, other = (colours(p)[1, c].astype(int) for p, c in zip(pictures, columns, strict=True))
-    assert np.abs(one - other).max() <= 6
-    assert colours(pictures[0])[1, :, 0].std() > 5.0
-
-
 def test_shading_follows_the_direction_of_a_face(monkeypatch: pytest.MonkeyPatch) -> None:
     """A face that looks up is 1 / 0.6 times as bright as a wall; from below the surface is bright."""
     monkeypatch.setattr(scenery, "SCALES", ((0.01, 0.0), (0.089, 0.0)))

@@ -104,14 +104,6 @@ def test_a_flat_seabeds_echo_equals_its_integral() -> None:
     assert column[int(first / 0.5) + 1 :].all()  # no gap
 
 
-@pytest.mark.parametrize("rays", [8, 20])
-def test_few_rays_leave_no_gaps_between_bins(rays: int) -> None:
-    column = image(forward(FLAT, TRUE._replace(rays=rays)).sample(0, AHEAD))[:, 32]
-    found = np.nonzero(column)[0]
-    assert found[-1] == 499
-    assert (np.diff(found) == 1).all()
-
-
 def test_echoes_follow_lamberts_law() -> None:
     """A wall that is turned by 50 deg echoes less by the cosine of it, for a beam that lies on it completely."""
     model = TRUE._replace(beams=1, sector=radians(0.5), beam_height=radians(0.5), rays=9, object_strength=-27.0)
@@ -249,15 +241,6 @@ def test_time_varied_gain_makes_a_wall_equally_bright_near_and_far() -> None:
     flat = quiet._replace(tvg=0.0, gain=-20.0)
     near, far = (int(image(forward(facing_wall(d), flat).sample(0, AHEAD))[:, 32].max()) for d in (10.5, 40.5))
     assert near > 2 * far
-
-
-def test_time_varied_gain_raises_noise_at_far_ranges() -> None:
-    """The far end of open water is brighter with gain over time; its level is that of the model."""
-    model = TRUE._replace(ground_truth=False, looks=0.0, noise_level=90.0, contrast=1.0, noise_grey=1.0)
-    picture = image(forward(DEEP, model).sample(0, AHEAD))
-    assert picture[50:100].mean() < picture[200:250].mean() < picture[400:].mean()
-    louder = image(forward(DEEP, model._replace(noise_level=96.0206)).sample(0, AHEAD))
-    assert louder[300].mean() == pytest.approx(2.0 * picture[300].mean(), abs=2.0)
 
 
 def test_ranges_scale_with_the_assumed_speed_of_sound() -> None:

@@ -1,7 +1,6 @@
 """Laser, profiler, echosounder, scanning sonar; and DVL and altimeter over relief and obstacles."""
 
 from math import atan, cos, inf, isnan, log10, pi, radians, sin, sqrt, tan
-from random import Random
 from statistics import fmean, pstdev
 
 import numpy as np
@@ -325,28 +324,6 @@ def test_the_ground_is_flat_only_without_obstacles_in_reach() -> None:
         state = State((north, 1.0, 5.0))
         assert ground.is_flat(state, 3.0) == (world.clearance(north, 1.0) > 3.0)
     assert not Dvl(DVL, Mounting(), 1, scene(sloping_world()))._ground.is_flat(State((0.0, 0.0, 5.0)), 0.0)
-
-
-def test_clearance_is_seldom_computed_without_changing_the_result(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The result on a path among obstacles always equals that of the clearance here, which is seldom computed."""
-    world = FLAT._replace(cylinder=(Cylinder(10.0, 0.0, 2.0),), box=(Box(-6.0, -9.0, 3.0, 3.0, 0.3, 15.0),))
-    measured: list[tuple[float, ...]] = []
-    clearance = World.clearance
-    ground = Dvl(DVL, Mounting(), 1, scene(world))._ground
-
-    def watched(world: World, *position: float) -> float:
-        measured.append(position)
-        return clearance(world, *position)
-
-    monkeypatch.setattr(World, "clearance", watched)
-    random, north, east, readings = Random(4), 0.0, 0.0, []
-    for _ in range(2000):
-        north, east = north + random.uniform(-0.1, 0.11), east + random.uniform(-0.1, 0.1)
-        across = random.uniform(2.0, 3.0)
-        readings.append(ground.is_flat(State((north, east, 5.0)), across))
-        assert readings[-1] == (clearance(world, north, east) > across)
-    assert 100 < sum(readings) < 1900
-    assert len(measured) < 500
 
 
 def test_an_altimeter_measures_relief_and_obstacles() -> None:

@@ -102,16 +102,6 @@ def test_the_energy_of_bobbing_does_not_grow(start: float) -> None:
         assert energy(dynamics, state) - rest_energy == pytest.approx(first, rel=0.001)
 
 
-def test_rolling_at_the_surface_conserves_energy() -> None:
-    """Lift has a potential whatever the attitude: a tumbling, bobbing hull neither gains nor loses."""
-    dynamics = Dynamics(float_(center_of_buoyancy=(0.01, -0.02, -0.03)), RHO, G, "rk4")
-    state = State((0.0, 0.0, 0.1), from_euler(0.8, -0.5, 0.0), (0.1, 0.2, -0.3, 1.0, -0.5, 0.3))
-    start = energy(dynamics, state)
-    for _ in range(5000):
-        dynamics.step(state, NOTHING, STILL, 0.002)
-        assert energy(dynamics, state) == pytest.approx(start, abs=2e-4)
-
-
 def test_a_trimmed_vehicle_hovers_in_any_water() -> None:
     for density in (998.0, 1028.0):
         dynamics = Dynamics(PLAIN, density, 9.81)

@@ -227,14 +227,6 @@ def test_a_servo_follows_with_its_lag() -> None:
     assert fins.angles[0] == pytest.approx(-0.01)
 
 
-def test_a_servo_without_pulses_keeps_its_angle() -> None:
-    fins = FinSet([RUDDER._replace(time_constant=0.0)], RHO, 0.01)
-    fins.step([1700])
-    for pulse in (0, 799, 2201):
-        fins.step([pulse])
-        assert fins.angles == [0.25]
-
-
 # -- in the simulation --------------------------------------------------------------------------------------------
 
 
