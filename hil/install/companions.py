@@ -135,7 +135,6 @@ def _addresses(name: str, options: argparse.Namespace, scenario: Scenario) -> li
         settings = scenario.mavlink or Mavlink()
         for text in options.endpoint or settings.endpoints:
             kind, target, port = parse_endpoint(text)
-            target, port = _host_and_port(target) if kind == "zenoh" else (target, port)
             found.append(Address(MAVLINK_USES.get(kind, "out"), target, port))
         rtp = rtp_target(options.rtp or settings.rtp)
         found += [Address("out", *rtp)] if rtp else []
