@@ -30,8 +30,7 @@ TYPED = {
     "docs/how-to/qgroundcontrol.md": 4,
     "docs/how-to/record.md": 6,
     "docs/how-to/ros2.md": 0,
-    "docs/how-to/ros2_humble.md": 1,
-    "docs/how-to/ros2_jazzy.md": 1,
+    "docs/how-to/ros2_releases.md": 1,
 }
 # Pages whose programs another test runs.
 ELSEWHERE = {
