@@ -27,7 +27,6 @@ COMMANDS = {
     "fleet": ("hil.commands.fleet", "start and stop the slaves of a fleet; run its planners and modems"),
     "router": ("hil.commands.router", "forward between vehicles and masters that cannot reach each other"),
     "view": ("hil.commands.view.command", "show vehicles live in a browser, and steer them"),
-    "teleop": ("hil.commands.view.teleop", "steer a vehicle from a terminal, by keys or with a gamepad"),
     "scenario": ("hil.commands.files.scenario", "list, show, copy and check scenarios; print the files' schemas"),
     "vehicle": ("hil.commands.vehicle.command", "describe a vehicle and what it can do; import one from URDF or SDF"),
     "world": ("hil.commands.world", "build worlds from charts and soundings; draw and export them"),
@@ -67,7 +66,6 @@ COMMANDS = {
         "echo bare messages beside a slave elsewhere, for the floor of the delay",
     ),
     "bench startup": ("hil.commands.bench.startup", "what a start costs, cold and warm, phase by phase"),
-    "bench jitter": ("hil.commands.bench.jitter", "how late the loop wakes up, compared with the kernel"),
     "bench load": ("hil.commands.bench.load", "CPU and memory over time, by sensors, rates and numbers of vehicles"),
     "bench stream": ("hil.commands.bench.stream", "what reaches the master: rates, loss, age, bandwidth"),
     "bench soak": ("hil.commands.bench.soak", "hours of running: growth, drift, reconnects"),
@@ -94,7 +92,7 @@ FAMILIES = {
 
 # heading of the help -> its commands and families
 GROUPS = {
-    "fly": ("demo", "sim", "slave", "master", "fleet", "router", "view", "teleop"),
+    "fly": ("demo", "sim", "slave", "master", "fleet", "router", "view"),
     "describe what flies": ("scenario", "vehicle", "world"),
     "record and look": ("recording", "top", "topic"),
     "connect other software": ("gateway", "instruments", "autopilot"),
@@ -140,7 +138,6 @@ EXTRAS = {
     "cbor2": "rosbridge",
     "rosbags": "ros1",
     "viser": "view",
-    "pygame": "teleop",
     "aiohttp": "view",
     "trimesh": "view",
     "contourpy": "view",

@@ -78,7 +78,7 @@ def _parser() -> argparse.ArgumentParser:
     add_member(agent)
     add_wait(agent, 60.0)
     agent.set_defaults(run=_plan)
-    channel = actions.add_parser("channel", help="simulate the acoustic or optical channel between the modems")
+    channel = actions.add_parser("channel", help="simulate the acoustic channel between the modems")
     add_scenario(channel, None)
     channel.set_defaults(run=_simulate_channel)
     return parser
@@ -164,7 +164,7 @@ def _simulate_channel(options: argparse.Namespace) -> int:
     began = now_ns()
     with StopSignals() as stop_fd, open_master_session(*endpoints, network=scenario.network) as session:
         network = ModemNetwork(session, scenario)
-        _report(f"{modem.kind} modems of {len(scenario.member)} vehicles, slots of {modem.slot:g} s")
+        _report(f"acoustic modems of {len(scenario.member)} vehicles, slots of {modem.slot:g} s")
         while not is_stopped(stop_fd, REPORT_PERIOD_S):
             _report(f"{(now_ns() - began) / NS_PER_S:7.1f} s  {summary(network.counts)}")
         _report(summary(network.counts))

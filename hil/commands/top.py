@@ -14,7 +14,6 @@ from hil.common.errors import NetworkError
 from hil.common.options import add_json, new_parser, serving_address
 from hil.common.stop import StopSignals, is_stopped, pause
 from hil.common.text import json_text
-from hil.gateways.prometheus.grafana import dashboard
 from hil.network.roles import open_client_session, open_master_session
 from hil.network.security import Security
 from hil.network.session import Session
@@ -32,7 +31,6 @@ examples:
   uuv-hil top --connect tcp/pi1:7447 --connect tcp/pi2:7447      several slaves side by side
   uuv-hil top --once --json                                      for a script
   uuv-hil top --prometheus 9747                      also at http://127.0.0.1:9747/metrics
-  uuv-hil top --grafana > dashboard.json             a dashboard of these figures for Grafana
 """
 REDRAW_S = 0.5
 STALE_S = 3.0  # age at which figures count as outdated
@@ -42,9 +40,6 @@ RED, YELLOW, PLAIN = "\x1b[31m", "\x1b[33m", "\x1b[0m"
 def main(arguments: list[str]) -> int:
     """Show until stopped; return the exit code. Raises ConfigError, NetworkError."""
     options = _parser().parse_args(arguments)
-    if options.grafana:
-        print(dashboard())
-        return 0
     options.once = options.once or options.json
     scenario, endpoints = scenario_and_endpoints(options)
     with StopSignals() as stop_fd, _session(endpoints, *network_of(scenario)) as session, ExitStack() as stack:
@@ -52,7 +47,7 @@ def main(arguments: list[str]) -> int:
         routed = bool(scenario and scenario.network.router)
         unanswered = Unanswered(session, watch, endpoints, keys_of(scenario), routed)
         if options.prometheus:
-            from hil.gateways.prometheus.endpoint import Endpoint  # 30 ms and 4 MiB that a terminal does not need
+            from hil.gateways.prometheus import Endpoint  # 30 ms and 4 MiB that a terminal does not need
 
             endpoint = stack.enter_context(Endpoint(options.prometheus, watch))
             print(f"serving {endpoint.address}", flush=True)
@@ -79,7 +74,6 @@ def _parser() -> Any:
     parser.add_argument(
         "--prometheus", metavar="[HOST:]PORT", type=serving_address, help="serve the figures to a monitoring system too"
     )
-    parser.add_argument("--grafana", action="store_true", help="print a dashboard for Grafana, and end")
     add_wait(parser, 10.0, "a slave")
     return parser
 

@@ -1,12 +1,13 @@
 """Simulate the modem channel of a fleet over the network: deliver on `modem_rx` what vehicles send on `modem_tx`.
 
-Only the simulator knows the true pose of every vehicle. A message arrives after its travel time, or is lost.
+Only the simulator knows the true position of every vehicle. A message arrives after its travel time, or is lost.
 """
 
 import threading
 from collections import Counter
 
 from hil.common.clock import now_ns, to_wall_ns
+from hil.common.vectors import Vector3
 from hil.network.session import Session
 from hil.ros import encoders as ros
 from hil.ros.fleet import Message, decode_message, encode_message, encode_range
@@ -14,7 +15,6 @@ from hil.ros.graph import Node
 from hil.ros.topics import TOPICS
 from hil.scenario.config import Scenario
 from hil.scenario.modem import open_channel
-from sim.modems.optical_channel import Pose
 
 TICK_S = 0.005  # period of the delivery of messages
 QUEUE = 16
@@ -24,7 +24,7 @@ MAX_RANGE_M = 1e4  # upper bound of the range in each message of a measured dist
 class ModemNetwork:
     """Serve the modems of a scenario's members until the session is closed. Raises ConfigError.
 
-    A vehicle without a known pose neither sends nor receives. `ranges` has the last measured distance (m) from one
+    A vehicle without a known position neither sends nor receives. `ranges` has the last measured distance (m) from one
     vehicle to another.
     """
 
@@ -32,7 +32,7 @@ class ModemNetwork:
         self.ranges: dict[tuple[str, str], float] = {}
         self._channel = open_channel(scenario)
         self._lock = threading.Lock()
-        self._poses: dict[str, Pose] = {}
+        self._positions: dict[str, Vector3] = {}
         nodes = [member.node for member in scenario.member]
         self._received = {node: session.publisher(node, TOPICS["modem_rx"]) for node in nodes}
         self._measured = {node: session.publisher(node, TOPICS["modem_range"]) for node in nodes}
@@ -51,20 +51,20 @@ class ModemNetwork:
             return Counter(self._channel.counts)
 
     def _attend(self, session: Session, node: str) -> None:
-        def store_pose(_topic: str, payload: bytes, _attachment: bytes) -> None:
+        def store_position(_topic: str, payload: bytes, _attachment: bytes) -> None:
             truth = ros.decode_odometry(payload)
             if truth is not None:
-                self._poses[node] = Pose(truth.position, truth.orientation)
+                self._positions[node] = truth.position
 
         def send(_topic: str, payload: bytes, _attachment: bytes) -> None:
             message = decode_message(payload)
             with self._lock:
                 if message is None:
                     self._channel.counts["malformed"] += 1
-                elif node in self._poses:
-                    self._channel.send(now_ns(), node, message.payload, dict(self._poses))
+                elif node in self._positions:
+                    self._channel.send(now_ns(), node, message.payload, dict(self._positions))
 
-        session.subscribe(node, "ground_truth", store_pose, 1)
+        session.subscribe(node, "ground_truth", store_position, 1)
         session.subscribe(node, "modem_tx", send, QUEUE)
 
     def _deliver(self) -> None:
@@ -73,10 +73,9 @@ class ModemNetwork:
         for packet in packets:
             now = to_wall_ns(now_ns())
             self._received[packet.receiver].put(encode_message(Message(packet.sender, packet.payload)), now)
-            if packet.distance == packet.distance:  # nan: an optical modem measures no distance
-                self.ranges[packet.receiver, packet.sender] = packet.distance
-                message = encode_range(now, packet.sender, packet.distance, MAX_RANGE_M)
-                self._measured[packet.receiver].put(message, now)
+            self.ranges[packet.receiver, packet.sender] = packet.distance
+            message = encode_range(now, packet.sender, packet.distance, MAX_RANGE_M)
+            self._measured[packet.receiver].put(message, now)
 
 
 def summary(counts: Counter[str]) -> str:

@@ -4,11 +4,9 @@ The keys of [modem] are in `hil.scenario.modem_records`. Without that section, r
 or rounding.
 """
 
-from collections import Counter
-from collections.abc import Mapping
 from math import isfinite
 from struct import Struct
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 from hil.common.clock import NS_PER_MS, NS_PER_S, seconds_ns
 from hil.common.errors import ConfigError
@@ -17,10 +15,8 @@ from hil.scenario.config import Scenario
 from hil.scenario.fleet import hunting_of
 from hil.scenario.modem_records import Modem
 from sim.environment.seawater.water_column import WaterColumn
-from sim.environment.world import World, load_world
-from sim.modems.acoustic import AcousticChannel, AcousticModem, Packet
-from sim.modems.optical import OpticalModem
-from sim.modems.optical_channel import OpticalChannel, Pose
+from sim.environment.world import load_world
+from sim.modems.acoustic import AcousticChannel
 from sim.sensors.error import sensor_random
 
 _REPORT = Struct("<iiHbbI")  # cm, cm, dm; 2 cm/s, 2 cm/s; ms
@@ -103,36 +99,9 @@ def _bounded(value: float, low: int, high: int) -> int:
     return min(max(round(value), low), high) if isfinite(value) else low
 
 
-class Channel(Protocol):
-    """Simulated channel between modems: delays, losses, receivers. Calls have to be in the order of time."""
-
-    counts: Counter[str]
-
-    def send(self, time_ns: int, sender: str, payload: bytes, poses: Mapping[str, Pose]) -> int:
-        """Send to all others in `poses` (true poses); return the end of the transmission (ns), 0 if impossible."""
-
-    def receive(self, time_ns: int) -> list[Packet]:
-        """Return the messages received up to `time_ns`."""
-
-
-def open_channel(scenario: Scenario) -> Channel:
+def open_channel(scenario: Scenario) -> AcousticChannel:
     """Return the channel between the modems of a fleet. Raises ConfigError."""
-    model = modem_of(scenario).model
-    if isinstance(model, OpticalModem):
-        return OpticalChannel(model, scenario.seed)
-    return _Acoustic(model, load_world(scenario.world), scenario.seed)
-
-
-class _Acoustic:
-    """Acoustic channel with the interface `Channel`; it ignores orientations."""
-
-    def __init__(self, model: AcousticModem, world: World, seed: int) -> None:
-        profile = world.ocean.profile if world.ocean else None
-        column = WaterColumn(profile, world.gravity) if profile else None
-        self._channel = AcousticChannel(model, world.depth, seed, column)
-        self.counts = self._channel.counts
-        self.receive = self._channel.receive
-
-    def send(self, time_ns: int, sender: str, payload: bytes, poses: Mapping[str, Pose]) -> int:
-        """Send a message: see `Channel.send`."""
-        return self._channel.send(time_ns, sender, payload, {name: pose.position for name, pose in poses.items()})
+    model, world = modem_of(scenario).model, load_world(scenario.world)
+    profile = world.ocean.profile if world.ocean else None
+    column = WaterColumn(profile, world.gravity) if profile else None
+    return AcousticChannel(model, world.depth, scenario.seed, column)

@@ -5,7 +5,7 @@ from importlib import import_module
 from typing import Any
 
 import boards
-from hil.autonomy.control import controller, fin_control, restoring_pd, sliding_mode
+from hil.autonomy.control import controller, fin_control
 from hil.common.errors import ConfigError
 from hil.common.schema import nearest, preset_names, shortened
 from hil.links.frame.layout import FrameLayout
@@ -18,7 +18,6 @@ from sim.environment import mesh, relief, terrain, world
 from sim.environment.ocean import Ocean
 from sim.environment.things import bottom_map, pipelines, shapes, zones
 from sim.modems.acoustic import AcousticModem
-from sim.modems.optical import OpticalModem
 from sim.sensors.kinds import SENSORS
 from sim.sensors.mounting import Mounting
 from sim.sensors.sensor_set import DEVICES, ONLY_ONE, load_sensor
@@ -84,7 +83,7 @@ def _scenario_keys(converter: Converter) -> dict[str, Schema]:
         "sensors": _sensors(converter, user_class),
         "force": tables(user_class),
         "member": tables(converter.reference(fleet_records.Member)),
-        "modem": {"anyOf": [_modem(converter, "acoustic", AcousticModem), _modem(converter, "optical", OpticalModem)]},
+        "modem": table(converter.keys(modem_records.Modem, {"model": None}) | converter.keys(AcousticModem)),
     })  # fmt: skip
 
 
@@ -98,11 +97,6 @@ def _sections(converter: Converter) -> dict[str, Schema | None]:
             row = converter.reference(record)
             sections[name] = tables(row) if name in config.MANY else row
     return sections
-
-
-def _modem(converter: Converter, kind: str, record: Any) -> Schema:
-    keys = converter.keys(modem_records.Modem, {"model": None, "kind": {"enum": [kind]}}) | converter.keys(record)
-    return table(keys, ["kind"] if kind != modem_records.Modem().kind else None)
 
 
 def _sensors(converter: Converter, user_class: Schema) -> Schema:
@@ -146,14 +140,11 @@ def _vehicle(converter: Converter) -> Schema:
 
 
 def _control(converter: Converter) -> Schema:
-    families = ["cascade", "sliding_mode", "restoring_pd"]
-    family = {"anyOf": [{"enum": families}, OWN_CLASS], "default": "cascade", "description": "Control law."}
+    family = {"anyOf": [{"enum": ["cascade"]}, OWN_CLASS], "default": "cascade", "description": "Control law."}
     return table({
         "family": family,
         **converter.keys(controller.Gains),
         "fins": converter.reference(fin_control.FinGains),
-        "sliding_mode": converter.reference(sliding_mode.SlidingSettings),
-        "restoring_pd": converter.reference(restoring_pd.PdSettings),
         "options": OPEN,
     })  # fmt: skip
 

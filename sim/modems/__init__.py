@@ -1,5 +1,4 @@
-"""Underwater communication between vehicles by sound or light: which messages arrive where and when.
+"""Underwater communication between vehicles by sound: which messages arrive where and when.
 
-Public: `acoustic.AcousticChannel`, `optical_channel.OpticalChannel`, `optical`. It must not use the network that
-carries messages between processes.
+Public: `acoustic.AcousticChannel`. It must not use the network that carries messages between processes.
 """

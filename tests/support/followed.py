@@ -28,7 +28,6 @@ NOT_TYPED = {
     r"board install|^sudo ": "changes the machine",
     r"^git clone|^pip install|^python3 -m venv|^\. \.venv": "is done: the project is installed",
     r"^ros2 |^export ": "needs ROS 2",
-    r"^uuv-hil teleop": "reads the keys of a terminal; tests/system/view/test_teleop.py",
     r"fleet\.toml(?! --copy)(?<!scenario check fleet\.toml)": "needs the ports of its members, or other machines",
     r"^cat /proc": "needs an Arm board",
 }
@@ -174,7 +173,6 @@ class Follower:
             "--once",
             "--matlab",
             "--json",
-            "--grafana",
             "--layout",
             "--yes",
             "--dry-run",

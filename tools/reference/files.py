@@ -3,7 +3,7 @@
 from typing import Any
 
 import boards
-from hil.autonomy.control import controller, fin_control, restoring_pd, sliding_mode
+from hil.autonomy.control import controller, fin_control
 from hil.autonomy.fleets.formation import FieldSettings
 from hil.autonomy.paths.vfh import VfhSettings
 from hil.autonomy.tasks.scheduler import Mission, Task
@@ -24,7 +24,6 @@ from sim import tether
 from sim.environment import bottom, mesh, obstacles, ocean, relief, terrain, world
 from sim.environment.things import bottom_map, pipelines, shapes, zones
 from sim.modems.acoustic import AcousticModem
-from sim.modems.optical import OpticalModem
 from sim.sensors.error import ErrorModel
 from sim.sensors.kinds import SENSORS
 from sim.sensors.mounting import Mounting
@@ -118,7 +117,6 @@ def scenario() -> str:
                 f"{', '.join(f'`{name}`' for name in preset_names('hil/autopilots/frames'))}."),
         Section("modem, acoustic", AcousticModem, shown_types={
             "range_error": "table, [ErrorModel](sensor_keys.md#errormodel)"}),
-        Section("modem, optical", OpticalModem),
     ]  # fmt: skip
     force = '## force\n\nEach `[[force]]` is a class of your own: `class = "module:Class"` and the keys of the class.\n'
     return _page("Scenario file", "A scenario names the vehicle, its world, the thruster link and the planner. "
@@ -194,14 +192,10 @@ def vehicle_file() -> str:
         Section("collision", collision_shape.Collision, shown_types={"spheres": "array of arrays of 4 numbers, in m"}),
         Section("hull", hull_form.HullForm, shown_types={"boxes": "array of arrays of 6 numbers, in m"}),
         Section("meshes", meshes.Mesh),
-        Section("control", controller.Gains, "Gains of the cascade. `family` chooses another law: `\"sliding_mode\"`, "
-                "`\"restoring_pd\"`, or `\"module:Class\"` with its keys in `[control.options]`."),
+        Section("control", controller.Gains, "Gains of the cascade. `family` chooses another law, `\"module:Class\"` "
+                "with its keys in `[control.options]`."),
         Section("AxisGains", controller.AxisGains),
         Section("HoldGains", controller.HoldGains),
-        Section("control.sliding_mode", sliding_mode.SlidingSettings),
-        Section("Surface", sliding_mode.Surface),
-        Section("control.restoring_pd", restoring_pd.PdSettings),
-        Section("Damper", restoring_pd.Damper),
         Section("control.fins", fin_control.FinGains),
     ]  # fmt: skip
     return _page("Vehicle file", "A vehicle file has the mass of a vehicle, its hydrodynamics, and its thrusters and "

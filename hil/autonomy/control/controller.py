@@ -26,14 +26,12 @@ Wrench = tuple[float, float, float, float, float, float]
 NO_RESIDUAL: Wrench = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 _ROUNDING = 1e-6  # N, N m; a smaller residual is rounding
 ABSURD = 1e6  # m/s or rad/s; a larger measurement or command is a fault
-# Keys of [control] that are not gains of the cascade: the other controller families and their tables. They are read
-# with the gains, so that their mistakes are reported together.
+# Keys of [control] that are not gains of the cascade. They are read with the gains, so that their mistakes are reported
+# together.
 OTHERS: dict[str, Reader] = {
     "family": lambda family, _where: family,
     "options": check_table,
     "fins": reader_of("hil.autonomy.control.fin_control:FinGains"),
-    "sliding_mode": reader_of("hil.autonomy.control.sliding_mode:SlidingSettings"),
-    "restoring_pd": reader_of("hil.autonomy.control.restoring_pd:PdSettings"),
 }
 # Limit of the division by the share of heave in the vertical direction (1: upright), for strongly tilted vehicles.
 _MIN_UPRIGHT = 0.5

@@ -1,17 +1,15 @@
-"""Control laws with one interface: `Controller`, and the table of names that select one.
+"""A control law of a user's own: its interface `Controller`, and how a vehicle file names it.
 
     [control]
-    family = "sliding_mode"       # "cascade" if left out
+    family = "module:Class"       # "cascade" if left out: hil/autonomy/control/controller.py
     depth = { p = 0.8, limit = 0.5 }
 
-    [control.sliding_mode]        # all keys have defaults
-    surge = { strength = 1.5 }
+    [control.options]             # further arguments of the class
 
-A user's own family is `family = "module:Class"`. The class gets as keyword arguments `plant`
-(hil/autonomy/control/model.py), `gains` (hil/autonomy/control/controller.py) and the keys of `[control.options]`.
+The class gets as keyword arguments `plant` (hil/autonomy/control/model.py), `gains`
+(hil/autonomy/control/controller.py) and the keys of `[control.options]`.
 """
 
-from importlib import import_module
 from math import isfinite, nan
 from typing import Any, Protocol
 
@@ -19,13 +17,7 @@ from hil.autonomy.control.controller import NO_RESIDUAL, Gains, Navigation, Velo
 from hil.autonomy.control.model import Plant
 from hil.common.errors import ConfigError
 from hil.common.plugins import installed, load_class
-from hil.common.schema import nearest, parse
-
-# family -> class; its arguments are a Plant, the outer loops' Gains and its own `Settings`
-FAMILIES = {
-    "sliding_mode": "hil.autonomy.control.sliding_mode:SlidingMode",
-    "restoring_pd": "hil.autonomy.control.restoring_pd:RestoringPd",
-}
+from hil.common.schema import nearest
 
 
 class Controller(Protocol):
@@ -48,26 +40,20 @@ class Controller(Protocol):
 
 
 def make_controller(family: Any, control: dict[str, Any], gains: Gains, plant: Plant, where: str) -> Controller:
-    """Return the controller named `family`; `control` is the `[control]` table, `where` begins error messages.
+    """Return the user's controller named `family`; `control` is the `[control]` table, `where` begins error messages.
 
-    Raises ConfigError for an unknown family, and for a wrong key of its table.
+    Raises ConfigError for an unknown family, and for a wrong key of its options.
     """
     if not isinstance(family, str):
         raise ConfigError(f"{where}: family: expected text, found {family!r}")
-    if ":" in family or (family not in FAMILIES and family in installed("controllers")):
-        own = {**_table(control, "options", where), "class": family, "plant": plant, "gains": gains}
-        return _Checked(load_class(own, Controller, where, "controllers"), family)
-    if family not in FAMILIES:
-        words = ["cascade", *FAMILIES]
+    if ":" not in family and family not in (others := installed("controllers")):
+        words = ["cascade", *others]
         raise ConfigError(
             f"{where}: family: {family!r} is not one of {', '.join(words)}{nearest(family, words)}; "
             'a class of your own is "module:Class"'
         )
-    module, _, name = FAMILIES[family].partition(":")
-    kind = getattr(import_module(module), name)
-    settings = parse(_table(control, family, where), kind.Settings, f"{where}.{family}")
-    controller: Controller = kind(plant, gains, settings)
-    return controller
+    own = {**_table(control, "options", where), "class": family, "plant": plant, "gains": gains}
+    return _Checked(load_class(own, Controller, where, "controllers"), family)
 
 
 class _Checked:

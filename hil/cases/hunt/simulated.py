@@ -12,15 +12,16 @@ from hil.cases.energy import EnergyMeter
 from hil.cases.hunt.watch import HuntRow, HuntWatch
 from hil.cases.simulated import SimulatedVehicle
 from hil.common.clock import NS_PER_S, seconds_ns
+from hil.common.vectors import Vector3
 from hil.master.flight import held
 from hil.master.hunt import HuntPlanner
 from hil.ros.fleet import FormationSample
 from hil.scenario.config import Scenario
 from hil.scenario.fleet import as_member, hunting_of
-from hil.scenario.modem import Channel, TdmaSchedule, open_channel
+from hil.scenario.modem import TdmaSchedule, open_channel
 from hil.scenario.modem_records import Modem
 from sim.environment.world import load_world
-from sim.modems.optical_channel import Pose
+from sim.modems.acoustic import AcousticChannel
 from sim.sensors.samples import ODOMETRY
 
 
@@ -101,19 +102,18 @@ class SimulatedHunt:
                 if report and node != sender:
                     planner.on_report(sender, report, self.time)
 
-    def _exchange_by_modem(self, modem: Modem, channel: Channel, now: int) -> None:
+    def _exchange_by_modem(self, modem: Modem, channel: AcousticChannel, now: int) -> None:
         """Send the report of the vehicle whose slot has begun; deliver the messages that have arrived completely."""
         for number, due_ns in enumerate(self._slots_ns):
             if now >= due_ns:
                 self._slots_ns[number] = self._schedules[number].after(now)
                 if report := self.planners[number].modem_report():
-                    channel.send(now, self.nodes[number], report, self._poses())
+                    channel.send(now, self.nodes[number], report, self._positions())
         for packet in channel.receive(now):
             sent_ns = packet.received_ns - modem.model.airtime_ns(len(packet.payload))
             planner = self.planners[self.nodes.index(packet.receiver)]
             planner.on_modem_report(packet.sender, packet.payload, sent_ns / NS_PER_S)
 
-    def _poses(self) -> dict[str, Pose]:
-        """Return the true pose of each vehicle by node."""
-        truths = [vehicle.simulation.truth() for vehicle in self.vehicles]
-        return {node: Pose(t.position, t.orientation) for node, t in zip(self.nodes, truths, strict=True)}
+    def _positions(self) -> dict[str, Vector3]:
+        """Return the true position of each vehicle by node."""
+        return {node: v.simulation.truth().position for node, v in zip(self.nodes, self.vehicles, strict=True)}

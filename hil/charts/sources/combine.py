@@ -71,7 +71,7 @@ def read_sources(
     `area` is by default the coverage of all files, `resolution` (m) of the grid that will be made by default that of
     the data. Raises ConfigError, MissingExtraError.
     """
-    cells, loose, rasters, ranks = _read_files(paths, options, area)
+    cells, loose, rasters, ranks = _read_files(paths, options)
     reach = options.reach
     order = sorted(range(len(rasters)), key=lambda k: rasters[k].date if options.newest else "", reverse=True)
     order = sorted(order, key=lambda k: -ranks["rasters"][k])
@@ -99,7 +99,7 @@ def read_sources(
     return together._replace(beds=tuple(beds[:first]), fillers=tuple(beds[first:])), _extent(area, plane)
 
 
-def _read_files(paths: list[str], options: ReadOptions, area: GeoBox | None) -> _Files:
+def _read_files(paths: list[str], options: ReadOptions) -> _Files:
     files = _Files([], [], [], {"cells": [], "loose": [], "rasters": []})
     priorities = options.priorities
     declared = Declared(options.positive, options.crs, options.unit, options.layer)
@@ -113,15 +113,15 @@ def _read_files(paths: list[str], options: ReadOptions, area: GeoBox | None) -> 
             files.loose.append(read_points(path, *declared))
             files.ranks["loose"].append(rank)
         else:
-            files.rasters.append(_open(path, declared, area))
+            files.rasters.append(_open(path, declared))
             files.ranks["rasters"].append(priorities.get(path, RASTER))
     return files
 
 
-def _open(path: str, declared: Declared, area: GeoBox | None) -> Raster:
+def _open(path: str, declared: Declared) -> Raster:
     ending = os.path.splitext(path)[1].lower()
     if is_raster(path):
-        return open_raster(path, *declared, area)
+        return open_raster(path, *declared)
     if ending[1:].isdigit():
         raise ConfigError(f"{path}: is an update; give the cell (.000), whose updates are found beside it")
     raise ConfigError(

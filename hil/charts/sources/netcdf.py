@@ -13,8 +13,6 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.charts.chart_survey import GeoBox
-from hil.charts.sources.curvilinear import EvenGrid, resample
 from hil.charts.sources.sign import UNITS, Declared, is_depth_name, join_notes
 from hil.common.errors import ConfigError, MissingExtraError
 
@@ -135,8 +133,8 @@ def find_layer(path: str, variables: Mapping[str, Variable], declared: Declared)
     """
     wanted = declared.split_layer()[0]
     numeric = {name: _axes(part, variables) for name, part in variables.items() if part.data.dtype.kind in "iuf"}
-    curved = {name: _curved_axes(variables[name], axes, variables) for name, axes in numeric.items()}
-    placed = {name: curved[name] or axes for name, axes in numeric.items() if curved[name] or len(axes) == 2}
+    curved = [name for name, axes in numeric.items() if _is_curved(variables[name], axes, variables)]
+    placed = {name: axes for name, axes in numeric.items() if name in curved or len(axes) == 2}
     if not placed or wanted not in ("", *placed):
         if wanted:
             raise ConfigError(f"--layer {wanted}: {path} has {', '.join(placed) or 'no layer with known axes'}")
@@ -147,6 +145,10 @@ def find_layer(path: str, variables: Mapping[str, Variable], declared: Declared)
     if not (wanted or named or len(placed) == 1):
         raise ConfigError(f"{path}: has {', '.join(placed)}, none named as depth or elevation: choose one by --layer")
     name = wanted or min(named or placed, key=lambda name: len(re.split("[^a-z]+", name.lower())))
+    if name in curved:
+        raise ConfigError(
+            f"{path}: {name} has positions of two dimensions: bring it to even ones, as `gdalwarp -geoloc` of GDAL does"
+        )
     others = [other for other in named if other != name and not wanted]
     note = f"{path}: {name} is used (--layer for {', '.join(others)})" if others else ""
     return _at_one_time(path, variables, variables[name], placed[name], declared.split_layer()[1], note)
@@ -165,23 +167,14 @@ def _axes(variable: Variable, variables: Mapping[str, Variable]) -> dict[str, tu
     return found
 
 
-def _curved_axes(
-    variable: Variable, axes: Mapping[str, tuple[int, Variable]], variables: Mapping[str, Variable]
-) -> dict[str, tuple[int, Variable]]:
-    """Return the coordinates of two dimensions of a variable, unless its axes are positions on the earth; else {}."""
+def _is_curved(variable: Variable, axes: Mapping[str, tuple[int, Variable]], variables: Mapping[str, Variable]) -> bool:
+    """Return whether a variable has coordinates of two dimensions, and no axes that are positions on the earth."""
     said = [axis.text("standard_name") + axis.text("units") for _, axis in axes.values()]
     if len(said) == 2 and all(re.match("latitude|longitude|projection|degrees?_", word) for word in said):
-        return {}
-    found: dict[str, Variable] = {}
-    for rule in AXES:
-        for own in variables.values():
-            kind = _kind(own, rule) if len(own.dimensions) == 2 and own.name != variable.name else ""
-            if kind and set(own.dimensions) <= set(variable.dimensions):
-                found.setdefault(kind, own)
-    if len(found) < 2 or found["north"].dimensions != found["east"].dimensions:
-        return {}
-    places = zip(("north", "east"), found["north"].dimensions, strict=True)
-    return {kind: (variable.dimensions.index(dimension), found[kind]) for kind, dimension in places}
+        return False
+    flat = [own for own in variables.values() if len(own.dimensions) == 2 and own.name != variable.name]
+    inside = [own for own in flat if set(own.dimensions) <= set(variable.dimensions)]
+    return {_kind(own, rule) for own in inside for rule in AXES} >= {"north", "east"}
 
 
 def _kind(variable: Variable, rule: tuple[str, str, str]) -> str:
@@ -241,12 +234,6 @@ def find_axes(path: str, layer: Layer, metres: float) -> tuple[Axis, Axis]:
         at, order = np.unique(np.unwrap(at, period=360.0) if sign > 0.0 and not metres else at, return_index=True)
         found.append(Axis(at, order, _even(at, variable.data.dtype)))
     return found[0], found[1]
-
-
-def read_curved(path: str, layer: Layer, area: GeoBox | None) -> EvenGrid:
-    """Return a layer with positions of two dimensions at even degrees, at least of an `area`. Raises ConfigError."""
-    latitude, longitude = (_positions(axis, 0.0) for axis in (layer.north, layer.east))
-    return resample(path, latitude, longitude, _values(layer), area)
 
 
 def _positions(axis: Variable, metres: float) -> Array:

@@ -120,14 +120,12 @@ def _no_data(source: Any, band: int) -> float | None:
 
 
 def open_raster(
-    path: str, positive: Positive = "auto", crs: str | None = None, unit: str | None = None, layer: str | None = None,
-    area: GeoBox | None = None,
+    path: str, positive: Positive = "auto", crs: str | None = None, unit: str | None = None, layer: str | None = None
 ) -> Raster:  # fmt: skip
     """Return the raster of the band or variable `layer`, else of the one named as depths or heights, else the first.
 
-    The options are those of `Declared`. Of a curved grid only an `area` is read, if one is given. Without a coordinate
-    system, positions in degrees are WGS 84. No shift between vertical datums is applied. The format follows from the
-    ending of the name, of a .grd also from its first bytes.
+    The options are those of `Declared`. Without a coordinate system, positions in degrees are WGS 84. No shift between
+    vertical datums is applied. The format follows from the ending of the name, of a .grd also from its first bytes.
     Raises ConfigError, MissingExtraError.
     """
     try:
@@ -142,7 +140,7 @@ def open_raster(
         with warnings.catch_warnings(), rasterio.Env(GTIFF_REPORT_COMPD_CS=True):  # with their vertical axis
             # A NetCDF as a whole has no position; _describe_raster checks that of the variable.
             warnings.simplefilter("ignore", NotGeoreferencedWarning)
-            opened = _open_netcdf(path, declared, area) if driver == "netCDF" else None
+            opened = _open_netcdf(path, declared) if driver == "netCDF" else None
             file, driver, memory, number, note = opened or (path, driver, None, 0, "")
             if driver == "S102":
                 memory = _readable_s102(path)
@@ -166,7 +164,7 @@ def open_raster(
         ) from None
 
 
-def _open_netcdf(path: str, declared: Declared, area: GeoBox | None) -> tuple[str, str, Any, int, str] | None:
+def _open_netcdf(path: str, declared: Declared) -> tuple[str, str, Any, int, str] | None:
     """Return file, driver, file in memory, band, and note of the layer of depths, None if GDAL has to find it.
 
     The layer is laid out again in memory if GDAL does not read it as its axes say.
@@ -178,14 +176,6 @@ def _open_netcdf(path: str, declared: Declared, area: GeoBox | None) -> tuple[st
         if layer is None:
             return None
         file = f'NETCDF:"{path}":{layer.variable.name}'
-        if layer.north.data.ndim == 2:
-            grid = netcdf.read_curved(path, layer, area)
-            x, y = grid.east_step, grid.north_step
-            where = rasterio.Affine(x, 0.0, grid.west - 0.5 * x, 0.0, -y, grid.north + 0.5 * y)
-            with rasterio.open(file, driver="netCDF") as source:
-                memory = _in_memory(grid.values, where, WGS84, source, layer.band)
-            note = f"{path}: its positions have two dimensions: interpolated to even ones"
-            return memory.name, "GTiff", memory, 1, join_notes(layer.note, note)
         with rasterio.open(file, driver="netCDF") as source:
             is_projected = bool(source.crs and source.crs.is_projected)
             is_geographic = layer.is_geographic(is_projected)

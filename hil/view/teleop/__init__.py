@@ -1,4 +1,4 @@
-"""Teleoperation: sticks, keys and gamepads, and the commands that they give.
+"""Teleoperation: sticks, and the commands that they give.
 
-Public: `steering.Steering`, with a stick from `keys.Keys` or `gamepad.Gamepad`. It must not know the scene.
+Public: `steering.Steering`. It must not know the scene.
 """

@@ -60,18 +60,6 @@ def test_messages_collide_without_tdma_slots() -> None:
     assert hunt(changes, 30.0)[0].channel.counts == counts  # type: ignore[union-attr]
 
 
-def test_optical_messages_arrive_within_range_only() -> None:
-    clear = {"modem": {"kind": "optical", "slot": "50 ms"}}
-    simulated, _ = hunt(clear, 5.0)
-    assert simulated.channel
-    assert simulated.channel.counts["delivered"] == pytest.approx(5.0 * 20 * 3, abs=15)
-    harbour = {"modem": {"kind": "optical", "slot": "50 ms", "attenuation": 2.2}}
-    simulated, _ = hunt(harbour, 5.0)
-    assert simulated.channel
-    assert simulated.channel.counts["too_weak"] > 50
-    assert "uuv4" not in simulated.planners[0].neighbours
-
-
 def test_the_channel_command_needs_a_modem_in_the_scenario(tmp_path: Path) -> None:
     for scenario in ("target_hunting", "paper_field"):  # with and without a fleet
         with Program(tmp_path, "fleet", "channel", scenario) as water:

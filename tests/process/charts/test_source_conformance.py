@@ -10,10 +10,8 @@ import pytest
 from numpy.typing import NDArray
 
 from hil.charts.build import build
-from hil.charts.chart_survey import GeoBox
 from hil.charts.projection import LocalPlane
 from hil.charts.sources.combine import read_sources
-from hil.charts.sources.curvilinear import resample
 from hil.charts.sources.points import read_points
 from hil.charts.sources.rasters import open_raster
 from hil.common.errors import ConfigError
@@ -172,26 +170,9 @@ def write_curved(path: Path, east: float = 0.0, north: float = 0.0) -> str:
     return str(path)
 
 
-@pytest.mark.parametrize("east", [0.0, 170.0])
-def test_curved_grids_are_resampled(east: float, tmp_path: Path) -> None:
-    """A plane is exact between the nodes, on both sides of the date line; the hole and the outside have no depth."""
-    raster = open_raster(write_curved(tmp_path / "a.nc", east))
-    assert "a.nc: its positions have two dimensions: interpolated to even ones" in raster.note
-    row, column = np.meshgrid([-0.8, -0.31, 0.013, 0.52, 0.84], [-0.3, 0.011, 0.4, 0.8])
-    latitude = MIDDLE[0] + 0.05 * row + 0.03 * column + 0.01 * row * column
-    longitude = MIDDLE[1] + 0.09 * column - 0.05 * row + 0.01 * column**2
-    for place in zip(latitude.ravel().tolist(), longitude.ravel().tolist(), strict=True):
-        found = raster.depths(LocalPlane(place[0], place[1] + east), np.array([-5.0, 0, 5]), np.array([-5.0, 0, 5]))
-        assert found[1, 1] == pytest.approx(truth(*map(np.array, place)), abs=0.02)
-    hole = MIDDLE[0] + 0.05 * 0.525 - 0.03 * 0.65 - 0.01 * 0.525 * 0.65, MIDDLE[1] - 0.09 * 0.65 - 0.05 * 0.525 + 0.0042
-    for latitude_out, longitude_out in (hole, (MIDDLE[0] + 0.075, MIDDLE[1] - 0.1)):
-        plane = LocalPlane(latitude_out, longitude_out + east)
-        assert np.isnan(raster.depths(plane, np.array([-5.0, 0, 5]), np.array([-5.0, 0, 5]))[1, 1])
-
-
-def test_curved_grids_over_the_pole_and_rotated_ones_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match="curved grid over a pole or around the earth: use a part of it"):
-        open_raster(write_curved(tmp_path / "a.nc", north=35.85))
+def test_curved_and_rotated_grids_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"depth has positions of two dimensions: .*gdalwarp -geoloc"):
+        open_raster(write_curved(tmp_path / "a.nc"))
     with h5py.File(write_netcdf(tmp_path / "b.nc", states="s"), "a") as file:
         file["lat"].attrs["standard_name"] = np.bytes_("grid_latitude")
     with pytest.raises(ConfigError, match="rotated pole"):
@@ -248,21 +229,6 @@ def test_the_vertical_axis_states_unit_and_direction(crs: str, length: float, tm
     with rasterio.open(path, "r+") as file:
         file.set_band_description(1, "")
     assert open_raster(path).scale == pytest.approx(-length)
-
-
-@pytest.mark.parametrize("west", [-150.0, 10.0, 179.5])
-def test_a_part_of_a_curved_grid_around_the_earth_is_read(west: float) -> None:
-    """A grid from 73 to 433 degrees east, as ocean models have; places beyond a cell of the area stay unread."""
-    latitude, longitude = np.meshgrid(np.arange(-78.0, 89.8, 0.5), np.arange(73.0, 433.0, 0.5), indexing="ij")
-    latitude += 0.1 * np.sin(np.radians(longitude))
-    depths = (100.0 + latitude + np.cos(np.radians(longitude))).astype(np.float32)
-    grid = resample("a.nc", latitude, longitude, depths, GeoBox(20.0, west, 21.0, west + 1.5))
-    rows, columns = np.indices(grid.values.shape)
-    north, east = grid.north - grid.north_step * rows, grid.west + grid.east_step * columns
-    inside = (north >= 20.0) & (north <= 21.0) & (east >= west) & (east <= west + 1.5)
-    assert inside.any()
-    assert grid.values.size < 100
-    assert grid.values[inside] == pytest.approx((100.0 + north + np.cos(np.radians(east)))[inside], abs=1e-4)
 
 
 def test_values_of_8_bits_are_asked_about(tmp_path: Path) -> None:

@@ -45,7 +45,7 @@ for module, names in NAMES.items():
 IMPORT = """
 from itertools import chain
 ONLY_LINUX = ("hil.slave.", "hil.bench.", "hil.doctor.", "hil.install.", "hil.autopilots.", "hil.links.wires.",
-    "hil.commands.board.", "hil.commands.doctor", "hil.commands.view.teleop", "hil.__main__")
+    "hil.commands.board.", "hil.commands.doctor", "hil.__main__")
 import hil, sim
 count = 0
 for found in chain(pkgutil.walk_packages(hil.__path__, "hil."), pkgutil.walk_packages(sim.__path__, "sim.")):
@@ -112,14 +112,14 @@ def test_client_gateways_and_planners_import_no_linux_modules() -> None:
 
 def test_each_command_runs_or_reports_that_it_needs_linux() -> None:
     benches = [name for name in COMMANDS if name.startswith("bench ") and name != "bench compare"]
-    needing = {"demo", "slave", "teleop", "link loopback", "stm32", "board", "doctor", *benches}
+    needing = {"demo", "slave", "link loopback", "stm32", "board", "doctor", *benches}
     assert set(run(HELP).splitlines()) == needing
 
 
 def test_benchmarks_are_compared_but_not_measured_without_linux(tmp_path: Path) -> None:
-    with Program(tmp_path, "bench", "jitter", command=COMMAND) as program:
+    with Program(tmp_path, "bench", "load", command=COMMAND) as program:
         assert program.wait() == 3, program.output
-    assert "bench jitter runs on Linux only, and this is darwin" in program.output
+    assert "bench load runs on Linux only, and this is darwin" in program.output
     with Program(tmp_path, "bench", "compare", "a.json", "b.json", command=COMMAND) as program:
         assert program.wait() == 2, program.output
     assert "a.json: no such file" in program.output

@@ -16,7 +16,7 @@ from hil.client.client import VehicleClient
 from hil.client.health_watch import PACED, HealthWatch, Status
 from hil.commands.top import fit_lines, table
 from hil.common.clock import now_ns
-from hil.gateways.prometheus.endpoint import Endpoint, exposition
+from hil.gateways.prometheus import Endpoint, exposition
 from hil.network.roles import open_master_session
 from hil.ros.diagnostics import Diagnostics
 from hil.slave.health.machine_figures import add_machine_figures, network_bytes

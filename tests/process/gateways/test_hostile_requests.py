@@ -18,7 +18,7 @@ from hil.common.web.access import MAX_CONNECTIONS, WebAccess
 from hil.gateways.commanding import Commanding
 from hil.gateways.foxglove.server import FoxgloveServer
 from hil.gateways.json_lines.server import JsonGateway
-from hil.gateways.prometheus.endpoint import Endpoint
+from hil.gateways.prometheus import Endpoint
 from hil.gateways.ros1.bridge import Ros1Bridge
 from hil.gateways.rosbridge.server import RosbridgeServer
 from hil.view.page_server import PageServer

@@ -45,11 +45,6 @@ CASES = [
         {"imu rate": 1}, "nothing else", "medians of up to 9 runs",
     ),
     Case(
-        ["jitter", "--rates", "200,300,400", "--seconds", "3"],
-        "200 Hz: slave", "300 Hz: slave", "run 1 of 1: 300 Hz",
-        {"200 Hz slave p50": 1}, "300 Hz", "200 Hz, slave",
-    ),
-    Case(
         ["load", "--vehicles", "1,2", "--seconds", "3"],
         "1 of 4: as it is", "2 of 4: 1 vehicle", "2 of 4: 1 vehicle",
         {"as it is cpu": 3}, "1 vehicle", "as it is", pictured=True,

@@ -10,7 +10,6 @@ from random import Random
 
 import pytest
 
-from hil.bench.jitter_run import read_cyclictest
 from hil.bench.load_run import Setting, course, difference, groups, of_group, settings
 from hil.bench.processes import read_threads, shares, thread_names
 from hil.bench.soak_run import Observation, Outage, Soak, trend
@@ -20,25 +19,6 @@ from hil.commands.bench import stream as bench_stream
 from hil.commands.bench.soak import judge
 from hil.scenario.config import load_scenario
 from tests.support.bench_figures import threads
-
-CYCLICTEST = """# /dev/cpu_dma_latency set to 0us
-# Histogram
-000009 000000
-000010 000002
-000011 000006
-000050 000002
-# Total: 000000010
-# Min Latencies: 00010
-# Avg Latencies: 00018
-# Max Latencies: 00050
-"""
-
-
-def test_output_of_cyclictest_is_parsed() -> None:
-    late = read_cyclictest(CYCLICTEST)
-    assert late is not None
-    assert late == (11.0, 50.0, 50.0, 50, 18)
-    assert read_cyclictest("policy: fifo: no such thing") is None
 
 
 def test_processor_shares_of_threads_are_computed() -> None:

@@ -1,78 +1,19 @@
-"""`bench jitter`, `load`, `stream` and `soak`: their arithmetic, one run of each with a real slave, wrong input."""
+"""`bench load`, `stream` and `soak`: their arithmetic, one run of each with a real slave, wrong input."""
 
 import json
-import os
 import re
 import signal
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
 from hil.bench import load_run
-from hil.bench.harness import Bench, Process
-from hil.bench.jitter_run import bare_loop, changes_for
-from hil.bench.limits import Limits
 from hil.bench.load_run import Cost, Course, Setting
 from hil.bench.record import load
 from hil.bench.soak_run import RETURN_S
 from hil.cli import main
 from hil.common.errors import NetworkError
 from tests.support.processes import Program, wait_for
-
-FIRST_CPU = min(os.sched_getaffinity(0))
-
-
-SLEEPER = """
-import select, sys
-from hil.common.clock import LOOP_PRIORITY, RateKeeper, now_ns, schedule_fifo
-schedule_fifo(LOOP_PRIORITY)
-keeper = RateKeeper(2_500_000, now_ns())
-for _ in range(600):
-    select.select((), (), (), max(keeper.deadline_ns - now_ns(), 0) / 1e9)
-    keeper.due(now_ns())
-print(keeper.lateness.quantile(0.5) / 1e3)
-"""
-
-
-def test_a_bare_loop_wakes_early_as_the_slave_does() -> None:
-    sleeper = subprocess.run([sys.executable, "-c", SLEEPER], capture_output=True, text=True, check=True)
-    with Bench("paper_field", changes_for(400.0)) as bench:
-        assert bare_loop(bench, 1.5).p50 < float(sleeper.stdout)
-
-
-def test_a_bare_loop_has_the_limits_of_the_slave() -> None:
-    with Bench("paper_field", changes_for(400.0), Limits(cpus=(FIRST_CPU,))) as bench:
-        start, requested = bench.start, []
-
-        def watched(name: str, command: list[str], limited: bool = False) -> Process:
-            process = start(name, command, limited)
-            requested.append(os.sched_getaffinity(process.pid))
-            return process
-
-        bench.start = watched  # type: ignore[method-assign]
-        bare_loop(bench, 0.2)
-    assert requested == [{FIRST_CPU}]
-
-
-def test_jitter_measures_a_real_slave(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    file = str(tmp_path / "jitter.json")
-    words = ["--rates", "200", "--seconds", "1", "--repeat", "2", "--set", "sensors.imu.rate=50"]
-    assert main(["bench", "jitter", *words, "--output", file]) == 0
-    output = capsys.readouterr().out
-    assert "200 Hz, slave" in output
-    assert "medians of 2 runs" in output
-    assert "cyclictest is what the kernel does for a program that sleeps" in output
-    record = load(file)
-    assert len(record.figures["200 Hz slave p50"].values) == 2
-    runs = zip(record.figures["200 Hz slave p50"].values, record.figures["200 Hz within 2 ms"].values, strict=True)
-    for late_us, share in runs:
-        assert late_us > 0.0
-        assert 0.0 <= share <= 100.0
-        assert (late_us < 2000.0) == (share > 50.0), "half of the cycles are as late as the median or less"
-    assert record.settings["scenario"] == "paper_field"
-    assert record.settings["set"] == ["sensors.imu.rate=50"]
 
 
 def test_stream_measures_a_real_slave(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -9,7 +9,6 @@ from threading import Timer
 import pytest
 
 from hil.bench.harness import Bench, Process
-from hil.bench.jitter_run import slave_loop
 from hil.bench.limits import Limits
 from hil.bench.load_run import Setting, run
 from hil.bench.soak_run import Soak, Soaking
@@ -82,11 +81,6 @@ def test_stream_reports_an_interruption_and_its_missing_samples(victim: SlaveUnd
 def test_load_reports_a_slave_that_hangs(victim: SlaveUnderTest) -> None:
     with pytest.raises(NetworkError, match="has not answered for"):
         run(Setting("as it is", {}), "paper_field", 2.0, Limits(), at(0.5, signal.SIGSTOP, victim))
-
-
-def test_jitter_reports_a_slave_that_hangs(victim: SlaveUnderTest) -> None:
-    with Bench("paper_field") as bench, pytest.raises(NetworkError, match="has not answered for"):
-        slave_loop(bench, 2.0, at(0.3, signal.SIGSTOP, victim))
 
 
 def soak(victim: SlaveUnderTest, number: int, seconds: float, leave_every: float, stop_after_s: float = 60.0) -> Soak:

@@ -1,6 +1,5 @@
-"""Every control family in the real simulator: with its own vehicle, in a current, and with a wrong mass."""
+"""The cascade in the real simulator: with its own vehicle, in a current, and with a wrong mass."""
 
-from itertools import pairwise
 from statistics import fmean
 from typing import Any
 
@@ -11,7 +10,6 @@ from hil.common.schema import preset_names
 from hil.tuning.rig import START_DEPTH, Moment, Rig
 from sim.vehicle.vehicle import Vehicle, load_vehicle
 
-FAMILIES = ("cascade", "sliding_mode", "restoring_pd")
 VEHICLES = ("bluerov2_heavy", "paper_six")
 STILL = VelocityCommand(depth=START_DEPTH, heading=0.0)
 GYRO = 0.03  # rad: the heading error due to a gyro's turn-on error, with any control law
@@ -24,9 +22,9 @@ def heavier(vehicle: Vehicle, share: float) -> Vehicle:
     return vehicle._replace(mass=vehicle.mass + added, volume=vehicle.volume + added / 1025.0)
 
 
-def make_rig(family: str, name: str, **changes: Any) -> Rig:
+def make_rig(name: str, **changes: Any) -> Rig:
     vehicle, control = load_vehicle(name)
-    return Rig(name, vehicle, {**control, "family": family}, **changes)
+    return Rig(name, vehicle, control, **changes)
 
 
 def last_third(moments: list[Moment]) -> list[Moment]:
@@ -38,17 +36,9 @@ def surge_error(moments: list[Moment], setpoint: float) -> float:
     return fmean(moment.nu[0] for moment in last_third(moments)) - setpoint
 
 
-def force_variation(moments: list[Moment]) -> float:
-    """Return the mean change of the surge force in a second, N/s, over the last third: sample noise, or chatter."""
-    last = last_third(moments)
-    travelled = sum(abs(b.wrench[0] - a.wrench[0]) for a, b in pairwise(last))
-    return travelled / (last[-1].time - last[0].time)
-
-
 @pytest.mark.parametrize("name", VEHICLES)
-@pytest.mark.parametrize("family", FAMILIES)
-def test_steps_of_speed_depth_and_heading_are_reached(family: str, name: str) -> None:
-    vehicle = make_rig(family, name)
+def test_steps_of_speed_depth_and_heading_are_reached(name: str) -> None:
+    vehicle = make_rig(name)
     vehicle.fly(4.0, lambda time: STILL)
     surge_only = vehicle.fly(8.0, lambda time: STILL._replace(surge=0.3))
     assert abs(surge_error(surge_only, 0.3)) < 0.01
@@ -63,55 +53,35 @@ def test_steps_of_speed_depth_and_heading_are_reached(family: str, name: str) ->
 
 
 @pytest.mark.parametrize("name", VEHICLES)
-@pytest.mark.parametrize(("family", "left"), [("cascade", 0.01), ("sliding_mode", 0.01), ("restoring_pd", 0.15)])
-def test_an_unmeasured_current_is_rejected(family: str, left: float, name: str) -> None:
-    """Controllers that integrate leave no error; the PD law leaves what its page states: the current's drag."""
-    vehicle = make_rig(family, name, current=CURRENT)
+def test_an_unmeasured_current_is_rejected(name: str) -> None:
+    vehicle = make_rig(name, current=CURRENT)
     vehicle.fly(6.0, lambda time: STILL)
     moments = vehicle.fly(10.0, lambda time: STILL._replace(surge=0.3))
-    assert abs(surge_error(moments, 0.3)) < left
-    assert (abs(surge_error(moments, 0.3)) > 0.03) == (family == "restoring_pd")
-    assert max(moment.nu[0] for moment in moments[50:]) < 0.3 * 1.2 + left
+    assert abs(surge_error(moments, 0.3)) < 0.01
+    assert max(moment.nu[0] for moment in moments[50:]) < 0.3 * 1.2 + 0.01
     assert last_third(moments)[-1].position[2] == pytest.approx(START_DEPTH, abs=0.03)
-    assert last_third(moments)[-1].attitude[2] == pytest.approx(0.0, abs=GYRO if family != "restoring_pd" else 0.06)
+    assert last_third(moments)[-1].attitude[2] == pytest.approx(0.0, abs=GYRO)
 
 
 @pytest.mark.parametrize("share", [-0.2, 0.3])
 @pytest.mark.parametrize("name", VEHICLES)
-@pytest.mark.parametrize("family", FAMILIES)
-def test_a_wrong_mass_leaves_small_errors(family: str, name: str, share: float) -> None:
+def test_a_wrong_mass_leaves_small_errors(name: str, share: float) -> None:
     vehicle, _ = load_vehicle(name)
     flown = heavier(vehicle._replace(neutrally_buoyant=False, volume=vehicle.mass / 1025.0), share)
-    flight = make_rig(family, name, flown=flown)
+    flight = make_rig(name, flown=flown)
     flight.fly(4.0, lambda time: STILL)
     moments = flight.fly(8.0, lambda time: STILL._replace(surge=0.3))
     assert abs(surge_error(moments, 0.3)) < 0.01
     assert max(moment.nu[0] for moment in moments) < 1.2 * 0.3
-    # a PD law compensates its model's weight on a vehicle without weight
-    assert last_third(moments)[-1].position[2] == pytest.approx(
-        START_DEPTH, abs=0.03 if family != "restoring_pd" else 0.08
-    )
+    assert last_third(moments)[-1].position[2] == pytest.approx(START_DEPTH, abs=0.03)
 
 
 @pytest.mark.parametrize("name", VEHICLES)
-def test_sliding_mode_does_not_chatter(name: str) -> None:
-    """The force varies about as much as the cascade's, which is due to the noise of the measured velocity."""
-    restless = {}
-    for family in ("cascade", "sliding_mode"):
-        vehicle = make_rig(family, name)
-        vehicle.fly(4.0, lambda time: STILL)
-        restless[family] = force_variation(vehicle.fly(8.0, lambda time: STILL._replace(surge=0.3)))
-    assert restless["sliding_mode"] < 1.6 * restless["cascade"]
-    assert restless["sliding_mode"] < 30.0
-
-
-@pytest.mark.parametrize("name", VEHICLES)
-@pytest.mark.parametrize("family", FAMILIES)
-def test_a_saturated_vehicle_recovers_within_seconds(family: str, name: str) -> None:
+def test_a_saturated_vehicle_recovers_within_seconds(name: str) -> None:
     """It is at a slow speed within seconds after 10 s beyond its thrusters, not only when an integral has run down.
     Depth is held meanwhile.
     """
-    vehicle = make_rig(family, name)
+    vehicle = make_rig(name)
     vehicle.fly(3.0, lambda time: STILL)
     beyond = vehicle.fly(10.0, lambda time: STILL._replace(sway=4.0))
     assert max(moment.nu[1] for moment in beyond) < 2.0
@@ -128,7 +98,7 @@ THRUSTER_DRIVEN = [name for name in preset_names("sim/vehicles") if not load_veh
 @pytest.mark.parametrize("name", THRUSTER_DRIVEN)
 def test_every_preset_holds_and_follows_depth_heading_and_speed(name: str) -> None:
     """The vehicle reaches 0.3 m/s ahead, 2 m deeper and a turn of 1 rad at once by its file's gains, and holds them."""
-    vehicle = make_rig("cascade", name)
+    vehicle = make_rig(name)
     hold = vehicle.fly(4.0, lambda time: STILL)
     assert last_third(hold)[-1].position[2] == pytest.approx(START_DEPTH, abs=0.05)
     moments = vehicle.fly(16.0, lambda time: STILL._replace(surge=0.3, depth=START_DEPTH + 2.0, heading=1.0))

@@ -16,11 +16,9 @@ from hil.autonomy.control.controller import (
     VelocityCommand,
     Wrench,
 )
-from hil.autonomy.control.families import FAMILIES, Controller, make_controller
+from hil.autonomy.control.families import Controller, make_controller
 from hil.autonomy.control.fin_control import FinController, FinGains
 from hil.autonomy.control.model import Plant
-from hil.autonomy.control.restoring_pd import Damper, PdSettings, RestoringPd
-from hil.autonomy.control.sliding_mode import SlidingMode, SlidingSettings, Surface
 from hil.common.errors import ConfigError
 from hil.slave.plant_model import plant_of
 from hil.tuning.rig import Rig
@@ -56,26 +54,6 @@ class TestSlewedCascade(ControllerContract):
 
     def make(self) -> Controller:
         return CascadedController(SLEWED, INERTIA)
-
-
-class TestSlidingMode(ControllerContract):
-    limits = limits(*[10.0] * 6)
-
-    def make(self) -> Controller:
-        return SlidingMode(HEAVY, Gains())
-
-    def unlevelled(self, navigation: Navigation) -> Wrench:
-        return HEAVY.restoring(navigation.orientation)
-
-
-class TestRestoringPd(ControllerContract):
-    limits = limits(10.0, 10.0, 10.0, 20.0, 20.0, 20.0)
-
-    def make(self) -> Controller:
-        return RestoringPd(HEAVY, Gains())
-
-    def unlevelled(self, navigation: Navigation) -> Wrench:
-        return HEAVY.restoring(navigation.orientation)
 
 
 class TestFins(ControllerContract):
@@ -144,82 +122,13 @@ def test_the_model_load_equals_the_simulators_forces(name: str) -> None:
     assert matrix(attitude)[8] < 0.95
 
 
-# -- sliding mode -------------------------------------------------------------------------------------------------
-
-
-def make_sliding_mode(surface: Surface, plant: Plant = BARE) -> SlidingMode:
-    return SlidingMode(plant, Gains(), SlidingSettings(surge=surface))
-
-
-@pytest.mark.parametrize(("speed", "push"), [(0.0, 2.0), (0.45, 0.5), (0.5, 0.0), (0.55, -0.5), (2.0, -2.0)])
-def test_sliding_mode_saturates_outside_the_layer_and_is_linear_within(speed: float, push: float) -> None:
-    """The output is 2 m/s² beyond a layer of 0.2 m/s, without a slide."""
-    controller = make_sliding_mode(Surface(strength=2.0, layer=0.2, slide=0.0))
-    force = controller.update(VelocityCommand(surge=0.5), AT_REST._replace(velocity=(speed, 0.0, 0.0)), DT)[0]
-    assert force == pytest.approx(push * INERTIA[0])
-
-
-def test_sliding_mode_does_not_wind_up_outside_the_layer_or_in_saturation() -> None:
-    surface = Surface(strength=2.0, layer=0.2, slide=1.0)
-    command, near = VelocityCommand(surge=0.5), AT_REST._replace(velocity=(0.4, 0.0, 0.0))
-    lack = (5.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    for navigation, residual, grows in (
-        (AT_REST, NO_RESIDUAL, False), (near, lack, False), (near, NO_RESIDUAL, True), (near, (-5.0, *lack[1:]), True)
-    ):  # fmt: skip
-        controller = make_sliding_mode(surface)
-        forces = [controller.update(command, navigation, DT, residual)[0] for _ in range(20)]
-        assert (forces[-1] > forces[0]) == grows
-
-
-def test_sliding_mode_rejects_disturbances_weaker_than_its_strength() -> None:
-    """A mass half as heavy again, pushed back by 1.2 m/s², is left with no error and no oscillation."""
-    controller, speed, speeds = make_sliding_mode(Surface(strength=2.0, layer=0.4, slide=1.5)), 0.0, []
-    for _ in range(1000):
-        force = controller.update(VelocityCommand(surge=0.5), AT_REST._replace(velocity=(speed, 0.0, 0.0)), DT)[0]
-        speed += (force / (1.5 * INERTIA[0]) - 1.2) * DT
-        speeds.append(speed)
-    assert speeds[-1] == pytest.approx(0.5, abs=1e-3)
-    assert max(speeds) < 0.55
-    assert max(speeds[500:]) - min(speeds[500:]) < 0.01
-
-
-# -- PD with restoring compensation -------------------------------------------------------------------------------
-
-
-def test_the_pd_law_gives_the_force_worked_out_by_hand() -> None:
-    """The force is d times the error times the inertia, and weight less lift at rest: 1 N heavy, held up."""
-    controller = RestoringPd(HEAVY, Gains(), PdSettings(surge=Damper(3.0)))
-    wrench = controller.update(VelocityCommand(), AT_REST._replace(velocity=(-0.1, 0.0, 0.0)), DT)
-    assert wrench[0] == pytest.approx(3.0 * 0.1 * INERTIA[0])
-    assert wrench[2] == pytest.approx(-1.0)
-    assert controller.update(VelocityCommand(surge=9.0), AT_REST, DT)[0] == pytest.approx(10.0 * INERTIA[0])
-
-
-def test_the_pd_law_leaves_the_stated_error() -> None:
-    """The velocity error under a disturbance f is f / (inertia d)."""
-    controller, speed = RestoringPd(BARE, Gains(), PdSettings(surge=Damper(5.0))), 0.0
-    for _ in range(1000):
-        force = controller.update(VelocityCommand(surge=0.5), AT_REST._replace(velocity=(speed, 0.0, 0.0)), DT)[0]
-        speed += (force - 10.0) / INERTIA[0] * DT
-    assert 0.5 - speed == pytest.approx(10.0 / (INERTIA[0] * 5.0), rel=1e-3)
-
-
 # -- choice by name ------------------------------------------------------------------------------------------------
-
-
-def test_a_familys_own_table_sets_its_gains() -> None:
-    control = {"sliding_mode": {"surge": {"strength": 3.0, "layer": 0.1, "slide": 0.0}}}
-    strong = make_controller("sliding_mode", control, Gains(), BARE, "v.toml: control")
-    assert strong.update(VelocityCommand(surge=0.5), AT_REST, DT)[0] == pytest.approx(3.0 * INERTIA[0])
-    control["sliding_mode"]["surge"] = {"strenght": 3.0, "layer": 0.1}
-    with pytest.raises(ConfigError, match=r"v\.toml: control\.sliding_mode: surge: no key 'strenght'.*'strength'"):
-        make_controller("sliding_mode", control, Gains(), BARE, "v.toml: control")
 
 
 @pytest.mark.parametrize(
     ("family", "expected_text"),
     [
-        ("sliding_mod", "'sliding_mod' is not one of cascade, sliding_mode, restoring_pd; did you mean 'sliding_mode'"),
+        ("cascad", "'cascad' is not one of cascade; did you mean 'cascade'"),
         ("nowhere:Law", "nowhere cannot be imported"),
         (3, "expected text"),
     ],
@@ -232,20 +141,7 @@ def test_an_unknown_family_is_reported(family: str, expected_text: str) -> None:
 def test_fin_vehicles_accept_the_cascade_only() -> None:
     vehicle, control = load_vehicle("lauv")
     with pytest.raises(ConfigError, match="lauv: control: family: a vehicle with fins is steered by the cascade"):
-        Rig("lauv", vehicle, {**control, "family": "sliding_mode"})
-
-
-def test_the_family_in_the_vehicle_file_is_used() -> None:
-    """The same flight gives other wrenches; the table of a family that is not chosen has no effect."""
-    vehicle, control = load_vehicle("paper_six")
-    command = VelocityCommand(surge=0.3)
-    wrenches = {}
-    for family in ("cascade", *FAMILIES):
-        table = {**control, "family": family, "restoring_pd": {"surge": {"d": 4.0}}}
-        wrenches[family] = [moment.wrench for moment in Rig("six", vehicle, table).fly(0.5, lambda time: command)]
-    plain = [moment.wrench for moment in Rig("six", vehicle, control).fly(0.5, lambda time: command)]
-    assert wrenches["cascade"] == plain
-    assert wrenches["sliding_mode"] != plain != wrenches["restoring_pd"]
+        Rig("lauv", vehicle, {**control, "family": "mine:Law"})
 
 
 OWN = """

@@ -71,7 +71,8 @@ def test_a_scenario_lists_the_mistakes_of_all_sections(tmp_path: Path) -> None:
     starts = [
         "vehicle: no vehicle 'paper_sevn'; did you mean 'paper_seven'?", "no key 'sped'", "slave: step: has the unit",
         "slave: no key 'deadman_ms'; write deadman = \"300 ms\"", "sensors: imu: no key 'rat'", "sensors: dvl: latency",
-        "link: baud", "link: faults: no key 'dorp'", "failure[0]: kind", "modem: kind", "modem: slot", "master: speed",
+        "link: baud", "link: faults: no key 'dorp'", "failure[0]: kind", "modem: slot", "modem: no key 'kind'",
+        "master: speed",
     ]  # fmt: skip
     found = mistakes(caught.value, path)
     assert [line.startswith(start) for line, start in zip(found, starts, strict=True)] == [True] * len(starts), found
@@ -134,9 +135,9 @@ def test_one_number_stands_for_an_array_of_one(tmp_path: Path, drag: str) -> Non
 def test_mistakes_of_a_controller_are_listed_together() -> None:
     scenario = load_scenario("paper_field")
     vehicle, control = load_vehicle(scenario.vehicle)
-    wrong = {**control, "heave": {"p": "x"}, "gain": 1, "fins": {"climb": -1}, "sliding_mode": 3}
+    wrong = {**control, "heave": {"p": "x"}, "gain": 1, "fins": {"climb": -1}, "options": 3}
     with pytest.raises(ConfigError) as caught:
         build_pilot(scenario, vehicle, wrong, load_world(scenario.world))
     places = [line.split(": ", 2)[2] for line in str(caught.value).splitlines()]
-    starts = ["heave: p: ", "no key 'gain'", "fins: climb: ", "sliding_mode: expected a table"]
+    starts = ["heave: p: ", "no key 'gain'", "fins: climb: ", "options: expected a table"]
     assert [place.startswith(start) for place, start in zip(places, starts, strict=True)] == [True] * 4, places

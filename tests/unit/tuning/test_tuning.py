@@ -156,8 +156,8 @@ def test_unsupported_vehicles_and_axes_are_refused() -> None:
     with pytest.raises(ConfigError, match="remus100: no thruster drives it ahead"):
         Tuner("remus100", glider, control)
     six, control = load_vehicle("paper_six")
-    with pytest.raises(ConfigError, match="family is 'sliding_mode'; only the cascade"):
-        Tuner("six", six, {**control, "family": "sliding_mode"})
+    with pytest.raises(ConfigError, match="family is 'mine:Law'; only the cascade"):
+        Tuner("six", six, {**control, "family": "mine:Law"})
     tuner = Tuner("six", six, control)
     assert tuner.axes() == [axis for axis in AXES if axis != "pitch"]
     with pytest.raises(ConfigError, match="six: its thrusters do not drive pitch; they drive: surge, sway"):
@@ -195,7 +195,7 @@ def test_gains_written_as_text_are_read_back(tmp_path: Any) -> None:
         "",
         "# old gains\n# of mine\n[control]\nsurge = { p = 1.0 }\n",
         "[control]\n[control.surge]\np = 1.0\ni = 2.0\n[control.depth]\np = 1.0\nlimit = 1.0\n",
-        "[control] # mine\nsurge = { p = 1.0 }\n\n[control.sliding_mode]\nsway = { strength = 1.0, layer = 0.1 }\n",
+        "[control] # mine\nsurge = { p = 1.0 }\n\n[control.options]\nsway = { strength = 1.0, layer = 0.1 }\n",
     ],
 )
 def test_only_the_old_gains_are_replaced_in_a_file(old: str, tmp_path: Any) -> None:
@@ -204,8 +204,8 @@ def test_only_the_old_gains_are_replaced_in_a_file(old: str, tmp_path: Any) -> N
     path.write_text(with_gains(f"{rest}\n{old}\n[[thrusters]]\nname = 'a' # left\n", GAINS, "new", "mine.toml"))
     text, table = path.read_text(), read_table(str(path))
     control = table.pop("control")
-    assert ("sliding_mode" in control) == ("sliding_mode" in old)
-    control.pop("sliding_mode", None)
+    assert ("options" in control) == ("options" in old)
+    control.pop("options", None)
     assert parse(control, Gains, "") == GAINS
     assert table == {"name": "mine", "every_thruster": {"max_forward": 3.0}, "thrusters": [{"name": "a"}]}
     assert "# a comment" in text
