@@ -38,7 +38,7 @@ class Ask(NamedTuple):
     body: bytes = b""
 
 
-_ECHO_SOUNDER = Ask(ping_request(6, struct.pack("<H", 1300)), 0.2)
+_ECHO_SOUNDER = Ask(ping_request(1400, struct.pack("<H", 1300)))  # profiles, one after another
 # mode, gain, angle, pulse 32 us, sample period 80 ticks, 740 kHz, 600 samples, transmit
 _MULTICAST = b'{"mode":"multicast","unicast_destination_ip":"","unicast_destination_port":0}'
 _SCAN = ping_request(2601, struct.pack("<BBHHHHHBB", 1, 0, 200, 32, 80, 740, 600, 1, 0))
