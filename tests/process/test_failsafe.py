@@ -9,7 +9,7 @@ from math import isfinite
 
 import pytest
 
-from tools.faults.line_faults import FAULTS
+from tools.faults.kinds.line import FAULTS
 from tools.faults.links import USUAL
 from tools.faults.measure import measure
 from tools.faults.rig import Rig

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from hil.common.errors import HilError
-from tools.faults import address_faults, driver_faults, line_faults, machine_faults, network_faults, peer_faults
-from tools.faults.file_faults import BAD_FILES, BadFile, measure_file
+from tools.faults.kinds import address, driver, line, machine, network, peer
+from tools.faults.kinds.file import BAD_FILES, BadFile, measure_file
 from tools.faults.links import LINKS, Link
 from tools.faults.measure import measure
 from tools.faults.rig import Rig
@@ -31,12 +31,12 @@ class Group(NamedTuple):
 
 
 GROUPS = (
-    Group(line_faults.FAULTS),
-    Group(driver_faults.FAULTS),
-    Group(network_faults.FAULTS, network=True),
-    Group(machine_faults.FAULTS, disk=True),
-    Group(peer_faults.FAULTS),
-    Group(address_faults.FAULTS, spaces=True),
+    Group(line.FAULTS),
+    Group(driver.FAULTS),
+    Group(network.FAULTS, network=True),
+    Group(machine.FAULTS, disk=True),
+    Group(peer.FAULTS),
+    Group(address.FAULTS, spaces=True),
 )
 Choose = Callable[[str], bool]
 
@@ -74,10 +74,10 @@ def run_plan(plan: Plan, attempts: int = 1) -> Iterator[Row]:
     while remaining:
         with tempfile.TemporaryDirectory(prefix="uuv-hil-faults-") as name:
             folder = Path(name)
-            sections = machine_faults.RECORDING.format(disk=folder / "disk") if plan.group.disk else ""
+            sections = machine.RECORDING.format(disk=folder / "disk") if plan.group.disk else ""
             with Rig(plan.link, folder, plan.group.network, sections, spaces=plan.group.spaces) as rig:
                 if plan.group.disk:
-                    machine_faults.prepare(rig)
+                    machine.prepare(rig)
                 try:
                     rig.start()
                 except (HilError, OSError) as error:
