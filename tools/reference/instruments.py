@@ -58,5 +58,5 @@ def _section(name: str, kind: type[Instrument]) -> str:
 
 def _row(record: Any, key: str, hint: Any) -> str:
     kind = kind_of(hint)
-    shown = "table, as of the sensor" if kind.inner else kind.type
+    shown = "table, keys as in the scenario" if kind.inner else kind.type
     return f"| `{key}` | {shown} | {kind.unit} | {default_of(record, key)} | {kind.range} |\n"

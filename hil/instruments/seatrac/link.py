@@ -5,7 +5,7 @@ from heapq import heappop, heappush
 from itertools import count
 from math import dist
 from struct import pack
-from typing import Annotated, Any, Literal, NamedTuple
+from typing import Annotated, Any, Literal, NamedTuple, cast
 
 from hil.common.clock import NEVER_NS, NS_PER_MS, seconds_ns
 from hil.common.schema import Range
@@ -14,6 +14,8 @@ from hil.instruments.contract import Client, Facts, Instrument, Scene, Send
 from hil.instruments.seatrac import messages
 from hil.instruments.seatrac.beacon import Beacon
 from hil.instruments.seatrac.messages import Cid, Cst, Place
+from sim.environment.seawater.water_column import SOUND_SPEED
+from sim.modems.acoustic import AcousticChannel, AcousticModem
 from sim.rotations import from_euler
 from sim.sensors.extra_samples import PositionSample
 from sim.sensors.samples import Sensor
@@ -23,20 +25,24 @@ _LONGEST = 600  # characters of a line
 _DATA = {Cid.PING_SEND: 0, Cid.ECHO_SEND: 30, Cid.NAV_QUERY_SEND: 29, Cid.DAT_SEND: 30}  # most bytes of data
 _ERROR = 3  # the error of an exchange has the number of its command plus this
 _DEPTH, _SUPPLY, _TEMPERATURE, _ATTITUDE, _HAS_DATA = 1, 2, 4, 8, 0x80
+_HEADER = bytes(2)  # of an acoustic message
+_LONGEST_S = 60.0  # of a message under way
+_DEEP = 1e4  # m; echoes off the bottom are left out
 _SURFACE_PA, _PA_PER_M = 101_325.0, 1.0e4
 
 
 class LinkSettings(NamedTuple):
     """Which `end` the first wire is (the second is the other), which has an X150; the others have an X110.
 
-    `heading` (rad) is that of the station's beacon. `bit_rate` is that of the sound, 100 bit/s by the data sheet;
-    a message has 2 bytes besides its data, which is our assumption. `temperature` (°C) is that of the water.
+    `heading` (rad) is that of the station's beacon, `temperature` (°C) that of the water. `modem` has the band, bit
+    rate and source level of the data sheet, and the noise of the sea around. That a message has 2 bytes besides its
+    data is our assumption.
     """
 
     end: End = "station"
     x150: Literal["station", "vehicle", "both"] = "station"
     heading: Annotated[float, Range(-3.2, 6.3, "rad")] = 0.0
-    bit_rate: Annotated[float, Range(10.0, 10_000.0, "bit/s")] = 100.0
+    modem: AcousticModem = AcousticModem(bit_rate=100.0, source_level=176.0)
     temperature: Annotated[float, Range(-2.0, 40.0, "°C")] = 10.0
 
 
@@ -52,10 +58,11 @@ class Exchange(NamedTuple):
 class SeatracLink(Instrument):
     """The two beacons, ids 15 (station) and 1 (vehicle). A ping needs the sound's time there and back.
 
-    Ranges and angles are those of the USBL sensor, measured when the vehicle hears or answers; where that measures
-    nothing (out of reach, out of the water, in a shadow), a request times out and a one-way message is lost. So is one
-    that comes while its receiver waits for a response. Not simulated: raw data of the compass, XCVR_USBL messages,
-    the position filter.
+    Ranges and angles are those of the USBL sensor, measured when the vehicle hears or answers. Messages go through the
+    acoustic channel of modems, at the mean speed of sound: noise damages them, two at a time collide, and who sends
+    does not hear. Where the sensor measures nothing (out of reach, out of the water, in a shadow) they are lost, too,
+    as when the receiver waits for a response. A lost request times out. Not simulated: raw data of the compass,
+    XCVR_USBL messages, the position filter.
     """
 
     Model = LinkSettings
@@ -69,9 +76,11 @@ class SeatracLink(Instrument):
         self._sensor: Sensor | None = None
         self._clients: dict[End, list[Client]] = {"station": [], "vehicle": []}
         self._buffers: dict[Client, bytes] = {}
-        self._events: list[tuple[int, int, Callable[[int], None]]] = []
+        self._events: list[tuple[int, int, Callable[[int], object]]] = []
         self._order = count()
         self._beacons: dict[End, Beacon] = {}
+        self._channel = AcousticChannel(settings.modem, _DEEP, facts.seed)
+        self._under_way: dict[tuple[str, int], Exchange] = {}  # by sender and time (ns)
 
     def start(self, now_ns: int) -> None:
         """Build the beacons and the sensor that measures between them."""
@@ -96,6 +105,7 @@ class SeatracLink(Instrument):
 
     def on_data(self, client: Client, data: bytes, now_ns: int) -> None:
         """Carry out each complete line."""
+        self._let_happen(now_ns)
         *lines, rest = (self._buffers.get(client, b"") + data).replace(b"\r", b"\n").split(b"\n")
         self._buffers[client] = rest[-_LONGEST:]
         for line in filter(None, lines):
@@ -116,9 +126,7 @@ class SeatracLink(Instrument):
 
     def tick(self, now_ns: int) -> int:
         """Let sound arrive, and send what is due."""
-        while self._events and self._events[0][0] <= now_ns:
-            due_ns, _, happen = heappop(self._events)
-            happen(due_ns)
+        self._let_happen(now_ns)
         for end, beacon in self._beacons.items():
             if beacon.is_status_due(now_ns) and (status := self._status(end, now_ns)):
                 self._report(end, status)
@@ -129,7 +137,12 @@ class SeatracLink(Instrument):
         for client in self._clients[end]:
             self.send(messages.encode_line(payload), client, measured_ns=measured_ns)
 
-    def _at(self, due_ns: int, happen: Callable[[int], None]) -> None:
+    def _let_happen(self, now_ns: int) -> None:
+        while self._events and self._events[0][0] <= now_ns:
+            due_ns, _, happen = heappop(self._events)
+            happen(due_ns)
+
+    def _at(self, due_ns: int, happen: Callable[[int], object]) -> None:
         heappush(self._events, (due_ns, next(self._order), happen))
 
     # --- where the beacons are
@@ -176,29 +189,39 @@ class SeatracLink(Instrument):
             return bytes((command, Cst.PARAM_INVALID, destination))
         if now_ns < beacon.busy_until_ns:
             return bytes((command, Cst.BUSY, destination))
-        exchange = Exchange(command, kind, destination, content)
-        airtime_ns = self._airtime_ns(content)
-        travel_ns = self._travel_ns(now_ns)
+        exchange, settings = Exchange(command, kind, destination, content), beacon.settings
+        end_ns = self._transmit(end, exchange, now_ns)
+        if not end_ns:
+            return bytes((command, Cst.BUSY, destination))
         if is_one_way:
-            beacon.busy_until_ns = now_ns + airtime_ns
+            beacon.busy_until_ns = end_ns
         else:
-            reach_s = 2.0 * beacon.settings.range_limit / 1500.0
-            longest_ns = airtime_ns + self._airtime_ns(bytes(31)) + beacon.settings.turnaround * NS_PER_MS
-            until_ns = beacon.busy_until_ns = now_ns + longest_ns + seconds_ns(reach_s)
-            self._at(until_ns, lambda due_ns: self._time_out(end, exchange, until_ns))
-        if travel_ns is not None:
-            self._at(now_ns + airtime_ns + travel_ns, lambda due_ns: self._arrive(_other(end), exchange, due_ns))
+            longest_ns = self.settings.modem.airtime_ns(31) + settings.turnaround * NS_PER_MS
+            until_ns = beacon.busy_until_ns = end_ns + longest_ns + seconds_ns(2.0 * settings.range_limit / SOUND_SPEED)
+            self._at(until_ns, lambda _: self._time_out(end, exchange, until_ns))
         return bytes((command, Cst.OK, destination))
 
-    def _airtime_ns(self, content: bytes) -> int:
-        return seconds_ns(8 * (2 + len(content)) / float(self.settings.bit_rate))
-
-    def _travel_ns(self, now_ns: int) -> int | None:
-        """Return the time of the sound between the beacons."""
-        here, there = self._position("station", now_ns), self._position("vehicle", now_ns)
+    def _transmit(self, end: End, exchange: Exchange, now_ns: int) -> int:
+        """Send a message into the water; return the end of its transmission, 0 if it is not sent."""
+        here, there = self._position(end, now_ns), self._position(_other(end), now_ns)
         if here is None or there is None:
-            return None
-        return seconds_ns(dist(here, there) / self.facts.sound_speed(0.5 * (here[2] + there[2])))
+            return 0
+        end_ns = self._channel.send(now_ns, end, _HEADER + exchange.content, {end: here, _other(end): there})
+        if end_ns:
+            self._under_way[end, now_ns] = exchange
+            self._at(end_ns + seconds_ns(dist(here, there) / SOUND_SPEED) + 1, self._deliver)
+        return end_ns
+
+    def _deliver(self, due_ns: int) -> None:
+        """Take what the water has carried; forget what must have been lost."""
+        for packet in self._channel.receive(due_ns):
+            exchange, receiver = self._under_way.pop((packet.sender, packet.sent_ns)), cast(End, packet.receiver)
+            if exchange.kind >= messages.REQUEST and exchange.kind & 1:
+                self._return(receiver, exchange, due_ns)
+            else:
+                self._arrive(receiver, exchange, due_ns)
+        oldest_ns = due_ns - seconds_ns(_LONGEST_S)
+        self._under_way = {key: exchange for key, exchange in self._under_way.items() if key[1] > oldest_ns}
 
     def _time_out(self, end: End, exchange: Exchange, until_ns: int) -> None:
         if self._beacons[end].busy_until_ns == until_ns:  # no response has ended it
@@ -223,9 +246,7 @@ class SeatracLink(Instrument):
         if exchange.kind >= messages.REQUEST:
             response = exchange._replace(kind=exchange.kind + 1, content=self._response(end, exchange, due_ns))
             sent_ns = due_ns + beacon.settings.turnaround * NS_PER_MS
-            back_ns = sent_ns + self._airtime_ns(response.content) + (self._travel_ns(due_ns) or 0)
-            beacon.busy_until_ns = sent_ns + self._airtime_ns(response.content)
-            self._at(back_ns, lambda at_ns: self._return(_other(end), response, at_ns))
+            self._at(sent_ns, lambda at_ns: self._transmit(end, response, at_ns))
 
     def _response(self, end: End, exchange: Exchange, now_ns: int) -> bytes:
         """Return the content of a beacon's response."""

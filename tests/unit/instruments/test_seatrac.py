@@ -10,6 +10,7 @@ from hil.common.clock import NS_PER_MS
 from hil.instruments.contract import Client
 from hil.instruments.seatrac.link import LinkSettings, SeatracLink
 from sim.dynamics import State
+from sim.modems.acoustic import AcousticModem
 from sim.rotations import from_euler
 from sim.sensors.error import ErrorModel
 from sim.sensors.usbl import UsblModel
@@ -71,7 +72,7 @@ def test_a_ping_comes_back_after_the_time_of_the_sound_with_range_angles_and_pos
     assert reports(device.ask(command(0x40, 1, 4))) == [bytes((0x40, 0, 1))]
     assert reports(device.ask(command(0x40, 1, 4))) == [bytes((0x40, 0x30, 1))]  # busy
     distance = (30.0**2 + 40.0**2 + 10.0**2) ** 0.5
-    seconds = 2 * distance / 1500.0 + 2 * 0.16 + 0.01
+    seconds = 2 * distance / 1500.0 + 2 * (0.03 + 0.16) + 0.01
     (request,) = reports(device.run(seconds - 0.02))
     (response,) = reports(device.run(0.04))
     assert (request[0], response[0]) == (0x41, 0x42)
@@ -160,6 +161,18 @@ def test_a_request_times_out_when_the_other_does_not_hear_it(sent: tuple[int, ..
     device.scene.present = State((30.0, 40.0, 2.0))
     device.ask(command(sent[0], 7, *sent[2:]))  # there is no beacon of this number
     assert reports(device.run(8.0)) == [bytes((error, 0x34, 7))]
+
+
+def test_noise_damages_messages_and_who_sends_does_not_hear() -> None:
+    device = bench(modem=AcousticModem(bit_rate=100.0, source_level=100.0, wind=40.0))
+    device.ask(command(0x40, 1, 4))
+    assert reports(device.run(8.0)) == [bytes((0x43, 0x34, 1))]
+    device = bench()
+    device.device.on_data(VEHICLE, command(0x60, 0, 0, 2, *b"up"), device.now_ns)
+    device.now_ns += 100 * NS_PER_MS
+    device.ask(command(0x40, 1, 4))
+    heard = reports(device.run(8.0))
+    assert [each[0] for each in heard] == [0x43]  # neither: each sent while the other's message came
 
 
 def test_status_comes_at_its_rate_with_the_parts_that_are_set() -> None:
