@@ -107,9 +107,11 @@ def test_a_finding_of_a_sanitizer_is_a_fault(tmp_path: Path) -> None:
     assert "runtime error" in outcome.fault or "AddressSanitizer" in outcome.fault
 
 
-def test_decoders_of_the_network_and_the_slave_survive_noise() -> None:
+def test_decoders_of_the_network_the_slave_and_instruments_survive_noise() -> None:
     sound_ones = 0
-    for name, (decode, sound) in {**decoders.slave_decoders(), **decoders.network_decoders()}.items():
+    for name, (decode, sound) in (
+        decoders.slave_decoders() | decoders.network_decoders() | decoders.instrument_decoders()
+    ).items():
         outcome = decoders.feed(name, decode, sound, 300, 1)
         assert outcome.fault == "", f"{name}: {outcome.fault}"
         sound_ones += decode(sound) is not None

@@ -16,6 +16,7 @@ from hil.instruments.seatrac.link import SeatracLink
 from hil.instruments.teledyne import Pathfinder
 from hil.instruments.vectornav.outputs import line
 from hil.instruments.vectornav.unit import Vn200
+from hil.instruments.waterlinked.dvl import A50
 from sim.sensors.extra_samples import FixSample, PositionSample
 from sim.sensors.gps import GpsModel
 from sim.sensors.imu import ImuModel
@@ -53,6 +54,7 @@ READERS: list[tuple[type[Instrument], Any, bytes, Callable[[bytes], bytes]]] = [
     (Keller33X, PressureModel(), modbus(250, 8, 0, 0, 1, 2), of_keller),
     (Digiquartz, PressureModel(), b"*0100MN\r\n", lambda data: b"*0100" + data + b"\r\n"),
     (Pathfinder, DvlModel(), b"=== EX?\r", lambda data: b"EX" + data + b"\r"),
+    (A50, DvlModel(), b"wcv\n", lambda data: b"wcs,%b,,,,,\n" % data),
 ]
 
 
