@@ -26,7 +26,7 @@ from tests.support.instrument_bench import Bench as Desk
 from tools.faults.rows import RECOVERY_S, Row, judge
 
 RUN_S, FROM_S, UNTIL_S = 16.0, 6.0, 10.0
-LEAST = 10  # messages of a run
+LEAST = 5  # messages of a run
 SLACK_S = 1.5  # between two messages of the slowest instrument, and the reading of them
 WORLD = 'name = "water"\nsource = "made up"\nextent = [-50.0, 50.0, -50.0, 50.0]\ndepth = 12.0\norigin = [57.7, 11.9]\n'
 LOOK_S = 0.3
