@@ -27,6 +27,13 @@ RATES = {
     (NMEA, 0x04): 0x209100AB, (NMEA, 0x05): 0x209100B0, (NMEA, 0x07): 0x209100D3, (NMEA, 0x08): 0x209100D8,
 }  # fmt: skip
 _DEFAULT_SENTENCES = range(6)
+GNSS = 0x3E
+# Number of a message of the class CFG -> its record as delivered: SBAS, the protocol's version, systems, time pulse.
+RECORDS = {
+    0x16: pack("<4BI", 1, 7, 3, 0, 0), 0x17: pack("<4B16x", 0, 0x4B, 0, 2),
+    GNSS: pack("<4B4BI", 0, 42, 42, 1, 0, 8, 16, 0, 0x00010001),
+    0x31: pack("<BBHhhIIIIiI", 0, 1, 0, 50, 0, 1_000_000, 1_000_000, 0, 100_000, 0, 0xF7),
+}  # fmt: skip
 
 
 def defaults() -> dict[int, int]:
@@ -45,6 +52,7 @@ class Configuration:
     def __init__(self, memory: dict[int, int]) -> None:
         self._memory = memory
         self.values = defaults() | memory
+        self._records = dict(RECORDS)
 
     def rate(self, group: int, number: int) -> int:
         """Return in how many epochs a message is sent once; 0 for never."""
@@ -145,9 +153,15 @@ class Configuration:
                         100, 350, 0, 60, 0, 0, 0, 0)  # fmt: skip
         return len(payload) == 36 and (not payload[0] & 1 or self.set_values(RAM, {_DYNAMIC_MODEL: payload[2]}))
 
-    def systems(self, payload: bytes) -> bytes | bool:
-        """Answer CFG-GNSS: GPS only, which cannot be changed."""
-        return not payload and pack("<4B4BI", 0, 42, 42, 1, 0, 8, 16, 0, 0x00010001)
+    def record(self, number: int, payload: bytes) -> bytes | bool:
+        """Keep or return a record without an effect here: GPS alone is simulated, without a pulse or SBAS."""
+        if len(payload) < 2:
+            return self._records[number]
+        size = 4 + 8 * payload[3] if number == GNSS and len(payload) > 3 else len(self._records[number])
+        is_sized = len(payload) == size
+        if is_sized:
+            self._records[number] = payload
+        return is_sized
 
     def store(self, payload: bytes) -> bool:
         """Carry out CFG-CFG: forget what was kept, keep the present values, or take the kept ones."""

@@ -84,10 +84,12 @@ class Receiver(Instrument):
         configuration = self._configuration
         carry_out = {
             0x00: configuration.port, 0x01: configuration.message_rate, 0x08: configuration.rates,
-            0x09: configuration.store, 0x24: configuration.navigation, 0x3E: configuration.systems,
+            0x09: configuration.store, 0x24: configuration.navigation,
             0x8A: configuration.valset, 0x8B: configuration.valget,
         }.get(number)  # fmt: skip
         answer = carry_out(payload) if carry_out else None
+        if number in keys.RECORDS:
+            answer = configuration.record(number, payload)
         if isinstance(answer, bytes):
             self.send(ubx.frame(ubx.CFG, number, answer), client)
         is_accepted = isinstance(answer, bytes) or bool(answer)

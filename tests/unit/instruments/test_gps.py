@@ -181,6 +181,12 @@ def test_ardupilot_s_driver_ends_its_configuration() -> None:
     assert messages(device.ask(UBXMessage("CFG", "CFG-NAV5", POLL).serialize()))[0].dynModel == 8
     systems, _ = messages(device.ask(UBXMessage("CFG", "CFG-GNSS", POLL).serialize()))
     assert (systems.numConfigBlocks, systems.gnssId_01, systems.enable_01) == (1, 0, 1)
+    for name in ("CFG-SBAS", "CFG-TP5", "CFG-NMEA", "CFG-GNSS"):
+        record, _ = messages(device.ask(UBXMessage("CFG", name, POLL).serialize()))
+        changed = record.payload[:-1] + b"\x07"
+        for payload, accepted in ((changed, "ACK-ACK"), (changed + b"\0", "ACK-NAK")):
+            assert messages(device.ask(frame(6, record.serialize()[3], payload)))[0].identity == accepted
+        assert messages(device.ask(UBXMessage("CFG", name, POLL).serialize()))[0].payload == changed
     sent = [each.identity for each in messages(device.run(1.05))]
     assert {name: sent.count(name) for name in set(sent)} == {
         "NAV-PVT": 5, "NAV-DOP": 5, "NAV-TIMEGPS": 1, "MON-HW": 1, "MON-HW2": 1,
