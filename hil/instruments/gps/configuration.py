@@ -27,6 +27,10 @@ RATES = {
     (NMEA, 0x04): 0x209100AB, (NMEA, 0x05): 0x209100B0, (NMEA, 0x07): 0x209100D3, (NMEA, 0x08): 0x209100D8,
 }  # fmt: skip
 _DEFAULT_SENTENCES = range(6)
+# Groups of an M9's keys (bits 16 to 27), whose other values are kept without an effect: time pulse, navigation,
+# odometer, signals, ports, messages, hardware, power. There are none for a fixed base or for corrections.
+_KEPT = {0x05, 0x11, 0x22, 0x23, 0x24, 0x25, 0x31, 0x36, 0x37, 0x41, 0x51, 0x52, 0x53, 0x64, 0x65, *range(0x71, 0x7B)}
+_KEPT |= {0x91, 0x92, 0x93, 0xA2, 0xA3, 0xC7, 0xD0, 0xDE}
 GNSS = 0x3E
 # Number of a message of the class CFG -> its record as delivered: SBAS, the protocol's version, systems, time pulse.
 RECORDS = {
@@ -59,8 +63,8 @@ class Configuration:
         return self.values[RATES[group, number] + UART1]
 
     def set_values(self, layers: int, pairs: dict[int, int]) -> bool:
-        """Set values; none at all if one is unknown or out of range."""
-        if not pairs.keys() <= self.values.keys() or not layers & 7:
+        """Set values; none at all if one is of no known group or out of range."""
+        if any(key not in self.values and key >> 16 & 0xFFF not in _KEPT for key in pairs) or not layers & 7:
             return False
         if pairs.get(MEASUREMENT_MS, _FASTEST_MS) < _FASTEST_MS or pairs.get(NAVIGATION_RATE, 1) < 1:
             return False

@@ -120,6 +120,13 @@ def test_values_are_set_asked_for_refused_and_kept_by_layer() -> None:
     assert (values.CFG_MSGOUT_UBX_NAV_PVT_UART1, values.CFG_RATE_MEAS, acknowledged.identity) == (2, 1000, "ACK-ACK")
     epochs = [messages(device.sample(FIX)) for _ in range(4)]
     assert [[each.identity for each in epoch] for epoch in epochs] == [["NAV-PVT"], [], ["NAV-PVT"], []]
+    # what PX4's driver sets at its start
+    start = {"CFG_UART1_STOPBITS": 1, "CFG_USBINPROT_UBX": 1, "CFG_NAVSPG_FIXMODE": 3, "CFG_ODO_USE_COG": 0,
+             "CFG_ITFM_ENABLE": 0, "CFG_MSGOUT_UBX_MON_RF_UART1": 1, "CFG_NAVSPG_DYNMODEL": 7}  # fmt: skip
+    (answer,) = messages(device.ask(UBXMessage.config_set(SET_LAYER_RAM, 0, list(start.items())).serialize()))
+    asked = UBXMessage.config_poll(POLL_LAYER_RAM, 0, list(start))
+    values, _ = messages(device.ask(asked.serialize()))
+    assert (answer.identity, {key: getattr(values, key) for key in start}) == ("ACK-ACK", start)
     for key, value in (("CFG_RATE_MEAS", 5), ("CFG_BDS_USE_GEO_PRN", 1)):  # too fast; not known here
         (answer,) = messages(device.ask(UBXMessage.config_set(SET_LAYER_RAM, 0, [(key, value)]).serialize()))
         assert answer.identity == "ACK-NAK"
