@@ -69,7 +69,6 @@ COMMANDS = {
     "bench load": ("hil.commands.bench.load", "CPU and memory over time, by sensors, rates and numbers of vehicles"),
     "bench stream": ("hil.commands.bench.stream", "what reaches the master: rates, loss, age, bandwidth"),
     "bench soak": ("hil.commands.bench.soak", "hours of running: growth, drift, reconnects"),
-    "bench compare": ("hil.commands.bench.compare", "which differences between two results are real"),
     "link loopback": ("hil.commands.loopback", "test a thruster link: losses, errors, round trips"),
     "link frame": ("hil.commands.frame", "describe a thruster frame byte by byte; decode bytes of a line"),
     "campaign": ("hil.commands.campaign", "run a mission many times, with other seeds and parameters"),
@@ -266,7 +265,7 @@ def members(family: str) -> list[str]:
 
 def _run(name: str, arguments: list[str]) -> int:
     """Return one command's exit code. Raises HilError, also for a missing package of an extra."""
-    if {name, name.partition(" ")[0]} & set(LINUX_ONLY) and name != "bench compare" and sys.platform != "linux":
+    if {name, name.partition(" ")[0]} & set(LINUX_ONLY) and sys.platform != "linux":
         from hil.common.errors import require_linux
 
         require_linux(name)

@@ -16,7 +16,6 @@ from typing import Annotated, Any, Literal, NamedTuple
 from hil.autonomy.control.controller import VelocityCommand, heading_of
 from hil.autonomy.paths.any_angle import plan_any_angle
 from hil.autonomy.paths.astar import plan
-from hil.autonomy.paths.dstar import DStarLite
 from hil.autonomy.paths.guide import Guide, GuideSettings, Search
 from hil.autonomy.paths.occupancy import OccupancyGrid, Point
 from hil.autonomy.paths.vfh import Scan, VfhSettings
@@ -38,7 +37,7 @@ class AvoidSettings(NamedTuple):
     """
 
     scan: Literal["laser", "scanning_sonar"] = "laser"
-    search: Literal["astar", "any_angle", "dstar"] = "astar"
+    search: Literal["astar", "any_angle"] = "astar"
     max_yaw_rate: Annotated[float, Range(0.01, 3.0, "rad/s")] = 0.5
 
 
@@ -49,7 +48,7 @@ class Sight:
         length, width = request.vehicle.dimensions[:2]
         radius, master = hypot(length, width) / 2, request.master
         self._topic = settings.scan
-        self._search: Search = {"astar": plan, "any_angle": plan_any_angle, "dstar": DStarLite().plan}[settings.search]
+        self._search: Search = {"astar": plan, "any_angle": plan_any_angle}[settings.search]
         circle, shares = request.limits.turn_radius, {"range": 3.0, "free_beyond": 2.2, "block_within": 2.0}
         sees = {key: min(share * circle, _FAR_M) for key, share in {"turning_radius": 1.0, **shares}.items()}
         self._settings = GuideSettings(

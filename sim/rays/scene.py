@@ -156,11 +156,6 @@ class RayScene:
         else:
             self._geometry = None
 
-    def _solid_at(self, index: int) -> Solid:
-        """Return the solid of object `index` + 1."""
-        is_added = index >= self._standing
-        return self._added[index - self._standing] if is_added else standing(self._world.obstacles()[index])
-
     def _gather(self) -> Geometry:
         standing_numbers, standing_meshes = _standing(self._world)
         numbers, meshes = array("d", standing_numbers), dict(standing_meshes)

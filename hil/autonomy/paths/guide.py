@@ -49,11 +49,10 @@ class GuideSettings(NamedTuple):
 class Guide:
     """Guidance of a vehicle from `start` to `goal` (m north, m east), scan by scan.
 
-    `heading` (rad) is that at the start.
-    `search` finds the path on an inflated map: `astar.plan`, `any_angle.plan_any_angle` or the `plan` of a
-    `dstar.DStarLite`. Raises MissionError if the map at the start shows no path. Attributes: `path`: the present path;
-    `plans`: number of plans made; `progress`: share of the path covered; `has_arrived`: whether the goal is reached;
-    `stuck`: why there is no path any more, else "". While stuck, it replans as the map changes.
+    `heading` (rad) is that at the start. `search` finds the path on an inflated map: `astar.plan` or
+    `any_angle.plan_any_angle`. Raises MissionError if the map at the start shows no path. Attributes: `path`: the
+    present path; `plans`: number of plans made; `progress`: share of the path covered; `has_arrived`: whether the goal
+    is reached; `stuck`: why there is no path any more, else "". While stuck, it replans as the map changes.
     """
 
     def __init__(

@@ -35,7 +35,7 @@ examples:
   uuv-hil bench stream --seconds 30
   uuv-hil bench stream --connect tcp/192.168.3.116:7447 --output wlan.json
   uuv-hil bench stream --set sensors.laser.rate=20 --set sensors.imu.rate=400
-  uuv-hil bench stream --repeat 5 --output today.json            enough for `uuv-hil bench compare`
+  uuv-hil bench stream --repeat 5 --output today.json
 """
 # Figures of the record: a field of Stream, its name in the record, unit, factor to that unit, and which is better.
 ROWS: tuple[tuple[str, str, str, float, Better], ...] = (

@@ -111,18 +111,15 @@ def test_client_gateways_and_planners_import_no_linux_modules() -> None:
 
 
 def test_each_command_runs_or_reports_that_it_needs_linux() -> None:
-    benches = [name for name in COMMANDS if name.startswith("bench ") and name != "bench compare"]
+    benches = [name for name in COMMANDS if name.startswith("bench ")]
     needing = {"demo", "slave", "link loopback", "stm32", "board", "doctor", *benches}
     assert set(run(HELP).splitlines()) == needing
 
 
-def test_benchmarks_are_compared_but_not_measured_without_linux(tmp_path: Path) -> None:
+def test_benchmarks_are_not_measured_without_linux(tmp_path: Path) -> None:
     with Program(tmp_path, "bench", "load", command=COMMAND) as program:
         assert program.wait() == 3, program.output
     assert "bench load runs on Linux only, and this is darwin" in program.output
-    with Program(tmp_path, "bench", "compare", "a.json", "b.json", command=COMMAND) as program:
-        assert program.wait() == 2, program.output
-    assert "a.json: no such file" in program.output
 
 
 def test_a_simulated_flight_with_its_plot_runs_without_linux_modules(tmp_path: Path) -> None:

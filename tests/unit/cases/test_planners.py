@@ -112,7 +112,7 @@ def test_commands_stay_within_limits_for_any_input(cylinders: list[Cylinder], re
 
 
 @examples(40)
-@given(piles, st.sampled_from(["astar", "any_angle", "dstar"]))
+@given(piles, st.sampled_from(["astar", "any_angle"]))
 def test_paths_keep_their_clearance_from_obstacles(cylinders: list[Cylinder], search: str) -> None:
     """The world's clearance along the whole path is the reference, within half the diagonal of a cell at each end."""
     world = pool(cylinders)
