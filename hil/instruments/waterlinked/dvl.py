@@ -149,12 +149,16 @@ class Dvl(DvlDevice):
 
 
 class A50(Dvl):
-    """DVL A50: to 50 m."""
+    """DVL A50, to 50 m: JSON, PD4 and PD6 over TCP, its lines, PD4 and PD6 over serial, with all commands.
+
+    It reports 2 to 15 times a second by its altitude and range mode, at most at the sensor's rate. The four distances
+    are those to a level seabed. Not modelled: its web page, heat, and the loss of its server of time.
+    """
 
     product, product_id, most_m = "DVL A50", 21035, 50.0
 
 
 class A125(Dvl):
-    """DVL A125: to 125 m."""
+    """DVL A125, to 125 m. It differs from an [A50](#waterlinked_a50) by its reach and name only."""
 
     product, product_id, most_m = "DVL A125", 21036, 125.0
