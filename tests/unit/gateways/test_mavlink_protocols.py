@@ -265,6 +265,7 @@ def test_an_observer_cannot_change_anything() -> None:
     guest = bench.add_partner(system=250, may_command=False)
     assert guest.command(dialect.MAV_CMD_COMPONENT_ARM_DISARM, 1) == DENIED
     assert guest.command(dialect.MAV_CMD_DO_SET_MODE, 1, 2) == DENIED
+    assert guest.peer.denied == 2
     guest.send(dialect.MAVLink_set_mode_message(1, 1, 2))
     guest.send(dialect.MAVLink_param_set_message(1, 1, b"WPNAV_SPEED", 3.0, 9))
     assert guest.take_messages("PARAM_VALUE")[0].param_value == 50.0

@@ -1,7 +1,7 @@
 """The laws by which the MAVLink vehicle steers, its accessories and buttons: what each number leads to."""
 
 from collections.abc import Callable
-from math import cos, pi, sin
+from math import cos, inf, nan, pi, sin
 from typing import Any
 
 import pytest
@@ -15,7 +15,7 @@ from hil.gateways.mavlink.flight import guidance
 from hil.gateways.mavlink.flight.guidance import Holds, go_to, piloted, push
 from hil.gateways.mavlink.flight.modes import Mode
 from hil.gateways.mavlink.flight.sticks import Sticks
-from hil.gateways.mavlink.flight.targets import attitude_target, depth_of
+from hil.gateways.mavlink.flight.targets import TargetError, attitude_target, depth_of, local_target
 from hil.gateways.mavlink.parameter_table import ParameterTable
 from hil.gateways.mavlink.snapshot import Origin
 from tests.support.clients.mavlink_vehicle import Bench
@@ -132,6 +132,23 @@ def test_thrust_of_an_attitude_target_is_a_speed_up(thrust: float, heave: float)
     found = attitude_target(packet, 0.4)
     assert found.velocity == pytest.approx((0.0, 0.0, heave))
     assert (found.heading, found.yaw_rate) == (None, 0.3)
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [("x", nan), ("vx", nan), ("vz", 20.1), ("vy", -20.1), ("yaw", inf), ("yaw_rate", nan), ("yaw_rate", -20.1)],
+)
+def test_a_number_of_a_target_is_finite_and_in_range_unless_it_is_ignored(field: str, value: float) -> None:
+    fields = dict.fromkeys(("x", "y", "z", "vx", "vy", "vz", "afx", "afy", "afz", "yaw", "yaw_rate"), 0.0)
+    ignored = {"x": 0b111, "yaw": 1 << 10, "yaw_rate": 1 << 11}.get(field, 0b111000)
+    accelerations = 0b111000000
+    with pytest.raises(TargetError):
+        local_target(target_message(accelerations, **fields | {field: value}), state())
+    assert local_target(target_message(accelerations | ignored, **fields | {field: value}), state())
+
+
+def target_message(mask: int, **fields: float) -> Any:
+    return dialect.MAVLink_set_position_target_local_ned_message(0, 1, 1, 1, mask, *fields.values())
 
 
 def test_altitudes_become_depths() -> None:
