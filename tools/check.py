@@ -38,7 +38,7 @@ class Part(NamedTuple):
 
 
 PARTS: dict[str, Part] = {
-    "test": Part(("tests/process", "tests/unit"), at_once=3),
+    "test": Part(("tests/process", "tests/unit"), at_once=4),
     "search": Part(("-m", "hypothesis", "--hypothesis-profile=search"), at_once=2),
     "lint": Part(modules=(("ruff", "check", "."), ("ruff", "format", "--check", "."), ("mypy",))),
     "system": Part(("tests/system",), at_once=2),
@@ -127,7 +127,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     """Run the requested parts; return 1 if any failed."""
     parser = argparse.ArgumentParser(prog="tools.check", description="Run parts of the check, by default all.")
     parser.add_argument("parts", nargs="*", metavar="PART", help=f"of {', '.join(PARTS)}")
-    parser.add_argument("--jobs", type=int, help="tests that run at a time, by default two or three on each processor")
+    parser.add_argument("--jobs", type=int, help="tests that run at a time, by default two or four on each processor")
     parser.add_argument("--seed", type=int, default=1, help="of the random search")
     options = parser.parse_args(arguments)
     if unknown := [name for name in options.parts if name not in PARTS]:

@@ -1,0 +1,90 @@
+"""Every field of the messages that both ends send, read by pymavlink."""
+
+from typing import Any
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from hil.links.contract import ThrusterCommand, ThrusterTelemetry
+from tests.support.links.mavlink_peer import Clock, Peer, device_end, host_end
+
+PULSES = (1100, 1300, 1499, 0)
+OFF = [0] * 12
+CLOCK = Clock(1_234_567_000)
+NAN = float("nan")
+REPORT = ThrusterTelemetry(0, True, False, PULSES, 0, 65_535, 258, 3)
+
+
+def fields(message: Any) -> dict[str, Any]:
+    return {name: "nan" if value != value else value for name, value in message.to_dict().items()}
+
+
+def assert_same(data: bytes, *wanted: Any) -> None:
+    found = Peer().parse(data)
+    assert [message.get_type() for message in found] == [message.get_type() for message in wanted]
+    for message, expected in zip(found, wanted, strict=True):
+        for name, value in fields(expected).items():
+            if isinstance(value, list):
+                assert str(fields(message)[name]) == str(value), name
+            else:
+                assert fields(message)[name] == value, name
+
+
+@pytest.mark.parametrize(
+    ("command", "armed", "message"),
+    [
+        ("servo_output_raw", True, dialect.MAVLink_servo_output_raw_message(1_234_567, 0, *PULSES, *OFF)),
+        (
+            "hil_actuator_controls", True,
+            dialect.MAVLink_hil_actuator_controls_message(1_234_567, [-1.0, -0.5, NAN, NAN] + [0.0] * 12, 128, 0),
+        ),
+        (
+            "hil_actuator_controls", False,
+            dialect.MAVLink_hil_actuator_controls_message(1_234_567, [0.0] * 16, 0, 0),
+        ),
+        (
+            "rc_channels_override", True,
+            dialect.MAVLink_rc_channels_override_message(1, 1, 1100, 1300, 1499, 1, *[0xFFFF] * 14),
+        ),
+    ],
+)  # fmt: skip
+def test_a_command_has_its_fields(command: str, armed: bool, message: Any) -> None:
+    host = host_end(command=command, clock=CLOCK)
+    pulses = (1100, 1300, 0, 0) if command == "hil_actuator_controls" else PULSES
+    assert_same(host.encode_settled(ThrusterCommand(1, armed, pulses)), message)
+
+
+def test_arming_and_the_hosts_heartbeat_have_their_fields() -> None:
+    host = host_end(clock=CLOCK)
+    assert_same(host.tick(0), dialect.MAVLink_heartbeat_message(18, 8, 0, 0, 4, 3))
+    packets = host.encode(ThrusterCommand(1, True, PULSES))
+    arming = dialect.MAVLink_command_long_message(1, 1, 400, 0, 1.0, *[0.0] * 6)
+    assert_same(packets, arming, dialect.MAVLink_servo_output_raw_message(1_234_567, 0, *PULSES, *OFF))
+
+
+@pytest.mark.parametrize(
+    ("report", "mode", "state", "enabled"),
+    [
+        (REPORT, 128, 4, 32_768),
+        (REPORT._replace(armed=False), 0, 3, 0),
+        (REPORT._replace(armed=False, timed_out=True), 0, 5, 0),
+    ],
+)
+def test_a_report_has_its_fields(report: ThrusterTelemetry, mode: int, state: int, enabled: int) -> None:
+    status = dialect.MAVLink_sys_status_message(
+        32_768, enabled, 32_768 if not report.timed_out else 0, 0, 65_535, -1, -1, 0, 258, 3, 65_535, 0, 0
+    )
+    assert_same(
+        device_end(clock=CLOCK).encode(report),
+        dialect.MAVLink_heartbeat_message(12, 0, mode, 0, state, 3),
+        status,
+        dialect.MAVLink_servo_output_raw_message(1_234_567, 0, *PULSES, *OFF),
+    )
+
+
+def test_replies_have_their_fields() -> None:
+    device, peer = device_end(clock=CLOCK), Peer(1, 191)
+    device.feed(peer.arm())
+    assert_same(device.replies(), dialect.MAVLink_command_ack_message(400, 0, 0, 0, 1, 191))
+    device.feed(peer.pack(dialect.MAVLink_timesync_message(0, 42)))
+    assert_same(device.replies(), dialect.MAVLink_timesync_message(1_234_567_000, 42))
