@@ -6,6 +6,7 @@ from hil.common.schema import nearest, shortened
 from hil.instruments.contract import Instrument
 
 INSTRUMENTS: dict[str, str] = {
+    "cerulean_s500": "hil.instruments.ping.s500:S500",
     "keller_33x": "hil.instruments.depth.keller:Keller33X",
     "paroscientific_digiquartz": "hil.instruments.depth.paroscientific:Digiquartz",
     "ping1d": "hil.instruments.ping.ping1d:Ping1D",

@@ -42,7 +42,10 @@ _ECHO_SOUNDER = Ask(ping_request(1400, struct.pack("<H", 1300)))  # profiles, on
 # mode, gain, angle, pulse 32 us, sample period 80 ticks, 740 kHz, 600 samples, transmit
 _MULTICAST = b'{"mode":"multicast","unicast_destination_ip":"","unicast_destination_port":0}'
 _SCAN = ping_request(2601, struct.pack("<BBHHHHHBB", 1, 0, 200, 32, 80, 740, 600, 1, 0))
+# start, length and gain of its choice, 100 ms, its choice of the pulse, profiles
+_PARAMETERS = struct.pack("<IIhhHHHBB", 0, 0, -1, 100, 0, 1308, 0, 0, 0)
 ASKS = {
+    "cerulean_s500": Ask(ping_request(1015, _PARAMETERS)),
     "keller_33x": Ask(bytes((250, 3, 0, 2, 0, 2, 0x70, 0x40)), 0.2),  # MODBUS: the pressure
     "paroscientific_digiquartz": Ask(b"*0100P3\r\n", 0.2),
     "ping1d": _ECHO_SOUNDER,

@@ -10,14 +10,12 @@ from typing import Annotated, Any, NamedTuple
 from hil.common.clock import NEVER_NS
 from hil.common.schema import Range
 from hil.instruments.contract import Client, Facts, Scene, Send
-from hil.instruments.ping.protocol import PingDevice, message
-from hil.instruments.ping.sounding import Sounder, Sounding, Window
+from hil.instruments.ping.protocol import message
+from hil.instruments.ping.sounding import EchoSounder, Sounding, Window, adapted_gain, adapted_range
 
 _MEASUREMENTS = DISTANCE_SIMPLE, DISTANCE, PROFILE = 1211, 1212, 1300
 _GAINS = (0.6, 1.8, 5.5, 12.9, 30.2, 66.1, 144.0)  # by the number of the gain
 _GAIN_OF_MODEL = 12.9  # with which the echoes are those of the simulated sensor's defaults; our choice
-_FREQUENCY = 115e3
-_PROCESSING_NS = 5_000_000  # after the last echo; our choice
 _REACH_MM = 100_000
 _PULSE = 15.0  # us for each m of the range; our choice
 _MS = 1_000_000
@@ -32,7 +30,7 @@ class Ping1DSettings(NamedTuple):
     board_temperature: Annotated[float, Range(0.0, 100.0, "°C")] = 30.0
 
 
-class Ping1D(PingDevice):
+class Ping1D(EchoSounder):
     """A Ping1D at the place of a simulated echo sounder: it measures itself, at its ping interval or slower.
 
     Range, gain, speed of sound, interval and profile are the client's. In automatic mode it keeps the bottom at about
@@ -43,7 +41,7 @@ class Ping1D(PingDevice):
     Model = Ping1DSettings
     at = ("udp:127.0.0.1:9090",)
     revision = 1
-    sensors = ("echosounder",)
+    frequency = 115e3
     readable = {  # noqa: RUF012
         1200: message(
             "firmware_version",
@@ -102,15 +100,8 @@ class Ping1D(PingDevice):
             "enhance_enabled": 0,
         }  # fmt: skip
         self._profile, self._measured = b"", dict(self.values)
-        self._sounder = Sounder(facts, scene, _FREQUENCY, 0.25)
         self._streams: dict[Client, set[int]] = {}
-        self._next_ns = self._result_ns = NEVER_NS
-        self._sounding: tuple[Window, Sounding] | None = None
         self._in_bootloader = False
-
-    def start(self, now_ns: int) -> None:
-        """Begin to ping."""
-        self._next_ns = now_ns
 
     def disconnected(self, client: Client, now_ns: int) -> None:
         """Forget a client and what it started."""
@@ -132,7 +123,6 @@ class Ping1D(PingDevice):
         """Execute a command; return why not, or ""."""
         if name == "goto_bootloader":
             self._in_bootloader = True
-            self._next_ns = self._result_ns = NEVER_NS
         elif name in ("set_range", "set_gain_setting") and self.values["mode_auto"]:
             return "automatic mode"
         elif name in ("continuous_start", "continuous_stop"):
@@ -144,42 +134,26 @@ class Ping1D(PingDevice):
             self.values.update(fields)
         return ""
 
-    def tick(self, now_ns: int) -> int:
-        """Ping when it is due; report a ping when its last echo has come."""
-        if self._result_ns <= now_ns:
-            self._report(self._result_ns)
-        if self._next_ns <= now_ns:
-            self._ping(now_ns)
-        return min(self._next_ns, self._result_ns)
+    def interval_ns(self) -> int:
+        """Return the ping interval."""
+        return NEVER_NS if self._in_bootloader else int(self.values["ping_interval"]) * _MS
 
-    def _ping(self, now_ns: int) -> None:
+    def window(self) -> Window | None:
+        """Return what the settings say; None while pinging is disabled."""
         values = self.values
-        interval_ns = values["ping_interval"] * _MS
-        speed = values["speed_of_sound"] / 1000.0
-        start, length = values["scan_start"] / 1000.0, values["scan_length"] / 1000.0
-        listening_ns = round(2e9 * (start + length) / speed) + _PROCESSING_NS
-        self._next_ns = max(self._next_ns + max(interval_ns, listening_ns), now_ns)
-        self._sounding = None
-        if not values["ping_enabled"]:
-            return
         gain = 12.0 + 20.0 * log10(_GAINS[values["gain_setting"]] / _GAIN_OF_MODEL)
-        window = Window(start, length, values["number_of_points"], gain, speed)
-        measured = self._sounder.measure(window, now_ns)
-        if measured:
-            self._sounding = window, measured
-            self._result_ns = now_ns + listening_ns
+        start, length, speed = [values[name] / 1000.0 for name in ("scan_start", "scan_length", "speed_of_sound")]
+        is_on = values["ping_enabled"] and not self._in_bootloader
+        return Window(start, length, values["number_of_points"], gain, speed) if is_on else None
 
-    def _report(self, at_ns: int) -> None:
-        self._result_ns = NEVER_NS
-        if not self._sounding:
-            return
-        window, (distance, confidence, profile) = self._sounding
+    def report(self, window: Window, sounding: Sounding, at_ns: int) -> None:
+        """Keep a ping for those who ask, and send it to those who stream."""
+        profile, values = sounding.profile, self.values
         end = window.start + window.length
-        values = self.values
         values["transmit_duration"] = round(_PULSE * end)
         values["ping_number"] += 1
-        values["confidence"] = confidence
-        values["distance"] = round(1000.0 * (end if isnan(distance) else distance))
+        values["confidence"] = sounding.confidence
+        values["distance"] = round(1000.0 * (end if isnan(sounding.distance) else sounding.distance))
         if values["normalization_enabled"] and (peak := max(profile)):
             profile = bytes(x * 255 // peak for x in profile)
         if values["enhance_enabled"]:
@@ -190,20 +164,9 @@ class Ping1D(PingDevice):
             for number in numbers:
                 self.send_message(number, client, profile, self._measured, at_ns)
         if values["mode_auto"]:
-            self._adapt(distance, end, max(profile))
-
-    def _adapt(self, distance: float, end: float, peak: int) -> None:
-        """Choose range and gain of the next ping by this one."""
-        values = self.values
-        if isnan(distance):
-            wanted = 2.0 * end
-        elif 0.4 * end < distance < 0.85 * end:
-            wanted = end
-        else:
-            wanted = 1.5 * distance
-        values["scan_start"], values["scan_length"] = 0, min(max(round(1000.0 * wanted), 1000), _REACH_MM)
-        gain = values["gain_setting"] + (peak < 100) - (peak >= 255)
-        values["gain_setting"] = min(max(gain, 0), len(_GAINS) - 1)
+            length = round(1000.0 * adapted_range(sounding, end, _REACH_MM / 1000.0))
+            gain = adapted_gain(sounding, values["gain_setting"], len(_GAINS) - 1)
+            values |= {"scan_start": 0, "scan_length": length, "gain_setting": gain}
 
 
 class Ping2(Ping1D):

@@ -1,14 +1,18 @@
 """What the echo sounders of the ping protocol share: one beam down, its echoes by range, the bottom among them."""
 
-from math import isfinite, pi
+from abc import abstractmethod
+from math import isfinite, isnan, pi
 from typing import Any, NamedTuple
 
-from hil.instruments.contract import Facts, Scene
+from hil.common.clock import NEVER_NS
+from hil.instruments.contract import Facts, Scene, Send
+from hil.instruments.ping.protocol import PingDevice
 from sim.rotations import from_euler, multiply, to_euler
 from sim.sensors.error import ErrorModel
 from sim.sensors.imaging.samples import EchoSample
 from sim.sensors.imaging.scanning_sonar import ScanningSonar, ScanningSonarModel
 
+_PROCESSING_NS = 5_000_000  # after the last echo; our choice
 _NEAR = 3  # points on each side of the bottom among which its strongest echo is
 
 
@@ -71,3 +75,64 @@ class Sounder:
             ground_truth=False, slices=3, rays=32,
         )  # fmt: skip
         return self._scene.build(model, self._mounting, ScanningSonar)
+
+
+class EchoSounder(PingDevice):
+    """A device that pings again and again, from `window`, and reports each ping when its last echo has come."""
+
+    sensors = ("echosounder",)
+    frequency = 0.0  # Hz
+
+    def __init__(self, settings: Any, facts: Facts, scene: Scene, send: Send) -> None:
+        super().__init__(settings, facts, scene, send)
+        self._sounder = Sounder(facts, scene, self.frequency, 0.25)
+        self.next_ns = self._result_ns = NEVER_NS  # when it pings next, and reports
+        self._sounding: tuple[Window, Sounding] | None = None
+
+    @abstractmethod
+    def window(self) -> Window | None:
+        """Return what the next ping covers; None if there is none."""
+
+    @abstractmethod
+    def interval_ns(self) -> int:
+        """Return the least time between two pings."""
+
+    @abstractmethod
+    def report(self, window: Window, sounding: Sounding, at_ns: int) -> None:
+        """Take a ping that is complete at `at_ns`."""
+
+    def start(self, now_ns: int) -> None:
+        """Begin to ping."""
+        self.next_ns = now_ns
+
+    def tick(self, now_ns: int) -> int:
+        """Report and ping when it is due."""
+        if self._result_ns <= now_ns:
+            at_ns, self._result_ns = self._result_ns, NEVER_NS
+            if self._sounding:
+                self.report(*self._sounding, at_ns)
+        if self.next_ns <= now_ns:
+            self._ping(now_ns)
+        return min(self.next_ns, self._result_ns)
+
+    def _ping(self, now_ns: int) -> None:
+        window = self.window()
+        listening_ns = round(2e9 * (window.start + window.length) / window.speed) + _PROCESSING_NS if window else 0
+        self.next_ns = max(self.next_ns + max(self.interval_ns(), listening_ns), now_ns)
+        measured = self._sounder.measure(window, now_ns) if window else None
+        if window and measured:
+            self._sounding, self._result_ns = (window, measured), now_ns + listening_ns
+
+
+def adapted_range(sounding: Sounding, end: float, reach: float) -> float:
+    """Return the end (m) of the next range, so that the bottom is at about two thirds of it."""
+    if isnan(sounding.distance):
+        return min(2.0 * end, reach)
+    is_fitting = 0.4 * end < sounding.distance < 0.85 * end
+    return end if is_fitting else min(max(1.5 * sounding.distance, 1.0), reach)
+
+
+def adapted_gain(sounding: Sounding, gain: int, highest: int) -> int:
+    """Return the number of the next gain, so that the strongest echo is high and within the limit."""
+    peak = max(sounding.profile)
+    return min(max(gain + (peak < 100) - (peak >= 255), 0), highest)

@@ -1,15 +1,16 @@
 """The instruments of the ping protocol, read by Blue Robotics' own client in simulated time."""
 
+import struct
 from collections.abc import Iterator
 from itertools import pairwise
 from typing import Any
 
 import pytest
-from brping import Ping1D, Ping360, PingMessage, definitions
+from brping import S500, Ping1D, Ping360, PingMessage, definitions
 from hypothesis import given
 from hypothesis import strategies as st
 
-from hil.instruments.ping import ping1d, ping360
+from hil.instruments.ping import ping1d, ping360, s500
 from hil.instruments.ping.protocol import ACK, NACK, Decoder, Frame, encode
 from sim.environment.obstacles import Box
 from tests.support.clients.datagrams import HOST, Datagrams
@@ -33,6 +34,15 @@ def a_sounder() -> Iterator[tuple[Datagrams, Ping1D]]:
 def a_scanner() -> Iterator[tuple[Datagrams, Ping360]]:
     bench = Datagrams(ping360.Ping360, WALL)
     client = Ping360()
+    client.iodev = bench
+    with bench.clock("brping.device"):
+        yield bench, client
+
+
+@pytest.fixture(name="cerulean")
+def a_cerulean() -> Iterator[tuple[Datagrams, S500]]:
+    bench = Datagrams(s500.S500)
+    client = S500()
     client.iodev = bench
     with bench.clock("brping.device"):
         yield bench, client
@@ -219,3 +229,42 @@ def test_a_ping360_is_discovered(scanner: tuple[Datagrams, Ping360]) -> None:
     lines = answer.decode().split("\r\n")
     assert (lines[0], len(lines), to) == ("SONAR PING360", 5, HOST)
     assert lines[3] == "IP Address:- 127.000.000.001"
+
+
+def test_an_s500_reports_what_its_parameters_ask_for(cerulean: tuple[Datagrams, S500]) -> None:
+    bench, client = cerulean
+    assert client.initialize()
+    client.control_set_speed_of_sound(1_400_000)
+    client.control_set_ping_params(0, 20_000, 3, 100, report_id=s500._PROFILE, chirp=1)
+    bench.pass_time(2.0)
+    read = {name: getattr(client, name)() for name in dir(client) if name.startswith("get_")}
+    assert len(read) == 11
+    assert all(read.values())
+    assert read["get_altitude"]["altitude_mm"] == pytest.approx(15_000 * 1400 / 1500, abs=60)
+    profile = read["get_profile6_t"]
+    assert (profile["length_mm"], profile["num_results"], profile["gain_index"]) == (20_000, 1024, 3)
+    assert profile["end_ping_hz"] - profile["start_ping_hz"] == 100_000
+    powers = struct.unpack("<1024H", profile["pwr_results"])  # which this client leaves as bytes
+    levels = [profile["min_pwr_db"] * (1.0 - power / 65_535.0) for power in powers]
+    assert levels.index(max(levels)) * 20.0 / 1024 == pytest.approx(14.0, abs=0.4)
+    assert min(levels) < -40.0 < -10.0 < max(levels)
+    assert read["get_distance2"]["averaged_distance_mm"] == pytest.approx(14_000, abs=60)
+
+
+def test_an_s500_pings_once_or_finds_its_range_itself(cerulean: tuple[Datagrams, S500]) -> None:
+    bench, client = cerulean
+    bench.pass_time(1.0)
+    assert not bench.log
+    client.control_set_ping_params(0, 0, -1, -1, report_id=s500._DISTANCE)
+    bench.pass_time(2.0)
+    assert [data[4:6] for data, *_ in bench.log] == [b"\x01\x00", s500._DISTANCE.to_bytes(2, "little")]
+    client.control_set_ping_params(0, 0, -1, 50, report_id=s500._DISTANCE)
+    bench.pass_time(2.0)
+    assert client.get_range()["length_mm"] == 20_000
+    assert client.get_distance2()["ping_confidence"] == 100
+    client.control_set_ping_params(report_id=0)
+    bench.pass_time(0.1)  # the ping on its way arrives
+    del bench.log[:]
+    bench.pass_time(1.0)
+    client.control_set_ping_params(report_id=1300)
+    assert [data[4:6] for data, *_ in bench.log] == [bytes((NACK, 0))]
