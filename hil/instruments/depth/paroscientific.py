@@ -14,6 +14,8 @@ from hil.instruments.contract import Client, Facts, Instrument, Scene, Send
 _COMMAND = re.compile(rb"\*(\d\d)(\d\d)([A-Z]{2}|[A-Z]\d)(?:=([^*\r\n]{1,8}))?")
 _ALL = b"99"
 _LONGEST = 80  # characters of a line
+# Unit, resolutions and integration times of pressure and temperature, mode; only the first has an effect.
+_PARAMETERS = {"UN": 1, "PR": 238, "TR": 952, "PI": 666, "TI": 666, "MD": 0}
 # Units by number: psi, hPa, bar, kPa, MPa, inches of mercury, mm of mercury, m of water; in Pa.
 _UNITS = {1: 6894.757, 2: 100.0, 3: 1e5, 4: 1e3, 5: 1e6, 6: 3386.389, 7: 133.3224, 8: 9806.65}
 
@@ -28,7 +30,8 @@ class DigiquartzSettings(NamedTuple):
 class Digiquartz(Instrument):
     """The transmitter: P3 and Q3 return pressure and temperature, P4 pressure until another command comes.
 
-    A parameter (unit UN, address ID) is set by XX=value just after EW, on the same line or before; it is kept.
+    A parameter (unit UN, address ID, and PR, TR, PI, TI, MD, which have no effect) is set by XX=value just after EW, on
+    the same line or before; it is kept.
     """
 
     Model = DigiquartzSettings
@@ -41,8 +44,7 @@ class Digiquartz(Instrument):
     def __init__(self, settings: Any, facts: Facts, scene: Scene, send: Send) -> None:
         super().__init__(settings, facts, scene, send)
         self._kept: dict[str, Any] = facts.memory
-        self._kept.setdefault("ID", settings.address)
-        self._kept.setdefault("UN", 1)
+        self._kept |= _PARAMETERS | {"ID": settings.address} | self._kept
         self._may_write = self._is_continuous = False
         self._pascal = 0.0
         self._measured_ns = 0
@@ -81,9 +83,10 @@ class Digiquartz(Instrument):
         elif name in ("SN", "VR", "MN"):
             text = {"SN": "SN=104537", "VR": "VR=M5.10", "MN": "MN=8CB700"}[name]
             self.send(self._line(text), client)
-        elif name in ("UN", "ID"):
-            number = int(value) if value and value.isdigit() else 0
-            if may_write and (number in _UNITS if name == "UN" else 1 <= number <= 98):
+        elif name in self._kept:
+            number = int(value) if value and value.isdigit() else -1
+            limits = {"UN": range(1, 9), "ID": range(1, 99)}.get(name, range(65_536))
+            if may_write and number in limits:
                 self._kept[name] = number
             self.send(self._line(f"{name}={self._kept[name]}"), client)
         elif name not in ("EW", "P4"):

@@ -30,6 +30,8 @@ _INERTIAL_RATE = 800  # Hz, which the divisors of binary outputs divide
 _RECEIVER_PERIOD_NS = 200 * NS_PER_MS
 _RESTART_NS = 1250 * NS_PER_MS
 _LONGEST = 256  # bytes of a line
+# Disturbances that are known to the client, and the present rates as biases: for the filter, which is not simulated.
+_ACCEPTED = ("VNKMD", "VNKAD", "VNSGB")
 _TAG, _BAUD, _KIND, _RATE, _PROTOCOL, _BINARY = 0, 5, 6, 7, 30, (75, 76, 77)
 _BAUDS = {"9600", "19200", "38400", "57600", "115200", "128000", "230400", "460800", "921600"}
 _RATES = {"1", "2", "4", "5", "10", "20", "25", "40", "50", "100", "200"}
@@ -131,14 +133,7 @@ class Vn100(Instrument):
     def _execute(self, command: str, parameters: list[str], now_ns: int) -> str | int:
         """Carry out a command; return the answer, or the number of an error."""
         if command in ("VNRRG", "VNWRG"):
-            if not parameters:
-                return _TOO_FEW
-            if not parameters[0].isdecimal():
-                return _BAD_PARAMETER
-            number = int(parameters[0])
-            if command == "VNRRG":
-                return self._read(number)
-            return self._write(number, parameters[1:]) or ",".join((command, f"{number:02d}", *parameters[1:]))
+            return self._access(command, parameters)
         if command == "VNASY":
             if parameters not in (["0"], ["1"]):
                 return _BAD_PARAMETER if parameters else _TOO_FEW
@@ -150,9 +145,24 @@ class Vn100(Instrument):
                 self._kept.clear()
             self._restart(now_ns + _RESTART_NS)
             self._silent_until_ns = now_ns + _RESTART_NS
-        else:
+        elif command == "VNBOM" and parameters in (["1"], ["2"], ["3"]):
+            output = self._outputs.get(_BINARY[int(parameters[0]) - 1])
+            if output and output.fields and self._last:
+                self.send(output.encode(self._last))
+        elif command not in _ACCEPTED:
             return _BAD_COMMAND
         return ",".join([command, *parameters])
+
+    def _access(self, command: str, parameters: list[str]) -> str | int:
+        """Read or write a register."""
+        if not parameters:
+            return _TOO_FEW
+        if not parameters[0].isdecimal():
+            return _BAD_PARAMETER
+        number = int(parameters[0])
+        if command == "VNRRG":
+            return self._read(number)
+        return self._write(number, parameters[1:]) or ",".join((command, f"{number:02d}", *parameters[1:]))
 
     def _read(self, number: int) -> str | int:
         if number in MEASURED and (number not in WITH_RECEIVER or isinstance(self, Vn200)):

@@ -108,6 +108,8 @@ def test_digiquartz_answers_in_its_units_and_streams_until_told_otherwise() -> N
     assert float(device.ask(b"*0100Q3\r\n")[5:]) == 10.0
     assert device.ask(b"*0100UN=2\r\n") == b"*0001UN=1\r\n"  # writing is not enabled
     assert device.ask(b"*0100EW*0100UN=2\r\n") == b"*0001UN=2\r\n"
+    assert device.ask(b"*0100EW*0100PR=100\r") == b"*0001PR=100\r\n"
+    assert device.ask(b"*0100EW*0100UN=9\r") == b"*0001UN=2\r\n"
     assert device.ask(b"*9900P3\r") == b"*00012000\r\n"  # hPa, by the address of all
     assert device.ask(b"*0200P3\r\n") == b""
     assert device.ask(b"*0100P4\r\n") == b""

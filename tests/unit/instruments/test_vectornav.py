@@ -140,6 +140,7 @@ def test_ardupilot_configures_a_vn100_and_reads_its_packet() -> None:
     for each in packets:
         assert each[:6] == bytes.fromhex("FA143E070400")
         assert checksum(each[1:], with_crc=True) == b"0000"
+    assert device.ask(line("VNBOM,1")) == packets[-1] + line("VNBOM,1")
     values = unpack("<24f", packets[-1][6:-2])
     assert values[3:6] == values[14:17] == pytest.approx(FORCE)
     assert values[6:9] == values[17:20] == pytest.approx(RATE)
