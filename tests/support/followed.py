@@ -27,7 +27,7 @@ NOT_TYPED = {
     r"stm32 flash(?!.*--dry-run)": "needs a board; tests/system/firmware_stub/test_flash.py",
     r"board install|^sudo ": "changes the machine",
     r"^git clone|^pip install|^python3 -m venv|^\. \.venv": "is done: the project is installed",
-    r"^ros2 |^export ": "needs ROS 2",
+    r"^ros2 |^export |^source |gateway ros2": "needs ROS 2",
     r"fleet\.toml(?! --copy)(?<!scenario check fleet\.toml)": "needs the ports of its members, or other machines",
     r"^cat /proc": "needs an Arm board",
 }
