@@ -1,6 +1,6 @@
 """The reference pages of the documentation, made from the code: `python -m tools.reference` writes docs/reference."""
 
-from tools.reference import commands, diagnostics, files, instruments, mavlink, stm32, topics
+from tools.reference import commands, diagnostics, files, instruments, mavlink, sensors, stm32, topics
 
 
 def pages() -> dict[str, str]:
@@ -12,5 +12,6 @@ def pages() -> dict[str, str]:
         "diagnostics": diagnostics.page(),
         "instruments": instruments.page(),
         "mavlink": mavlink.page(),
+        "sensors": sensors.page(),
         "stm32": stm32.page(),
     }
