@@ -41,7 +41,10 @@ class KellerSettings(NamedTuple):
 
 
 class Keller33X(Instrument):
-    """The transmitter. Its zero, gain, offset and address can be set, and are kept."""
+    """The transmitter. Its zero, gain, offset and address can be set, and are kept.
+
+    A request reads the last sample. The device measures 400 times a second, so give the sensor a high rate.
+    """
 
     Model = KellerSettings
     sensors = ("pressure",)

@@ -31,7 +31,7 @@ class Digiquartz(Instrument):
     """The transmitter: P3 and Q3 return pressure and temperature, P4 pressure until another command comes.
 
     A parameter (unit UN, address ID, and PR, TR, PI, TI, MD, which have no effect) is set by XX=value just after EW, on
-    the same line or before; it is kept.
+    the same line or before; it is kept. A request reads the last sample.
     """
 
     Model = DigiquartzSettings
