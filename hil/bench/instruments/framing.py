@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 LONGEST = 400  # bytes of a binary output without a length field
-LARGEST = 2_000  # bytes of a message; a greater size is taken for damaged
+LARGEST = 2_500  # bytes of a message; a greater size is taken for damaged
 IMAGE = 65_000
 LINE = re.compile(rb"[ -~\t]*(\r\n|\n|\r)")
 STARTED = re.compile(rb"[ -~\t]+\Z")

@@ -1,6 +1,7 @@
 """Run the instruments of a scenario, read their wires, and measure the delay from each measurement to its last byte."""
 
 import select
+import time
 from bisect import bisect_left
 from collections.abc import Callable, Sequence
 from contextlib import ExitStack
@@ -111,11 +112,17 @@ def check(bench: Bench, seconds: float, endpoint: str = "") -> list[Seen]:
 
 
 def _post(instrument: InstrumentSpec) -> None:
-    """Make it send, if it has to be told by HTTP."""
-    ask = ASKS.get(instrument.name, Ask())
+    """Make it send, if it has to be told by HTTP, as soon as its process serves."""
+    ask, deadline_ns = ASKS.get(instrument.name, Ask()), now_ns() + round(READY_S * NS_PER_S)
     for address in instrument.at:
-        if ask.post and address.kind == "http":
-            fetch(address, ask.post, ask.body)
+        while ask.post and address.kind == "http":
+            try:
+                fetch(address, ask.post, ask.body)
+                break
+            except NetworkError:
+                if now_ns() > deadline_ns:
+                    raise
+                time.sleep(0.05)
 
 
 def _read(readers: Sequence[tuple[str, int, Reader]], seconds: float, is_running: Callable[[], bool]) -> None:
