@@ -80,12 +80,20 @@ def read_fitted(sections: dict[str, Any], where: str) -> SensorSet:
             spec = _read(section, str(section.get("sensor", name)), f"{where}: {name}")
             if name not in sensors:
                 raise ConfigError(f"{where}: {name}: rate: an instrument needs samples: it must be above 0")
+            for other, fitted in sensors.items():
+                taken = {*spec.at} & {*(fitted.instrument.at if fitted.instrument else ())}
+                if taken:
+                    raise ConfigError(f"{where}: {name}: at: {other} stands there too: {_text(taken.pop())}")
             sensors[name] = sensors[name]._replace(instrument=spec)
         except ConfigError as error:
             problems += error.args
     if problems:
         raise ConfigError(*problems)
     return sensors
+
+
+def _text(address: WireAddress) -> str:
+    return f"{address.kind}:{address.target}:{address.port}; give one of them another address"
 
 
 def parse_wire(text: str, baud: int) -> WireAddress:

@@ -10,7 +10,7 @@ from typing import Annotated, Any, NamedTuple
 from hil.common.clock import NEVER_NS
 from hil.common.schema import Range
 from hil.instruments.contract import Client, Facts, Scene, Send
-from hil.instruments.ping.protocol import message
+from hil.instruments.ping.protocol import Byte, message
 from hil.instruments.ping.sounding import EchoSounder, Sounding, Window, adapted_gain, adapted_range
 
 _MEASUREMENTS = DISTANCE_SIMPLE, DISTANCE, PROFILE = 1211, 1212, 1300
@@ -25,7 +25,7 @@ _MEASURED = "distance:I confidence:H transmit_duration:H ping_number:I scan_star
 class Ping1DSettings(NamedTuple):
     """Firmware of the device, as it reports it, its supply (V) and the warmth of its board (°C)."""
 
-    firmware: tuple[int, int, int] = (3, 29, 0)
+    firmware: tuple[Byte, Byte, Byte] = (3, 29, 0)
     supply: Annotated[float, Range(0.0, 30.0, "V")] = 5.0
     board_temperature: Annotated[float, Range(0.0, 100.0, "°C")] = 30.0
 

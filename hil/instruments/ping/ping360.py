@@ -13,7 +13,7 @@ from typing import Annotated, Any, NamedTuple
 from hil.common.clock import NEVER_NS
 from hil.common.schema import Range
 from hil.instruments.contract import Client, Facts, Scene, Send
-from hil.instruments.ping.protocol import PingDevice, message
+from hil.instruments.ping.protocol import Byte, PingDevice, message
 from sim.sensors.imaging.samples import EchoSample
 from sim.sensors.imaging.scanning_sonar import ScanningSonar
 
@@ -40,7 +40,7 @@ class Ping360Settings(NamedTuple):
     For the ROS driver `ping360_sonar`, which takes 0 as ahead, mount it so: `ahead = 0`.
     """
 
-    firmware: tuple[int, int, int] = (3, 3, 8)
+    firmware: tuple[Byte, Byte, Byte] = (3, 3, 8)
     ahead: Annotated[int, Range(0, _TURN - 1)] = 200
     mac: str = "54-10-EC-00-00-01"
     address: str = "127.0.0.1"

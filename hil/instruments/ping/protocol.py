@@ -6,8 +6,9 @@ modulo 65,536; little-endian. Source: github.com/bluerobotics/ping-protocol, def
 
 import struct
 from collections.abc import Mapping
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
+from hil.common.schema import Range
 from hil.instruments.contract import Client, Facts, Instrument, Scene, Send
 
 _START = b"BR"
@@ -17,6 +18,7 @@ _MAX_REQUEST = 256  # bytes of a host's payload; a longer one is noise
 _ANY_DEVICE = (0, 255)  # destinations that every device answers to
 ACK, NACK, ASCII_TEXT, DEVICE_INFORMATION, PROTOCOL_VERSION, GENERAL_REQUEST = 1, 2, 3, 4, 5, 6
 SET_DEVICE_ID = 100
+Byte = Annotated[int, Range(0, 255)]
 
 
 class Frame(NamedTuple):

@@ -11,7 +11,7 @@ from typing import Annotated, Any, NamedTuple
 from hil.common.clock import NEVER_NS
 from hil.common.schema import Range
 from hil.instruments.contract import Client, Facts, Scene, Send
-from hil.instruments.ping.protocol import message
+from hil.instruments.ping.protocol import Byte, message
 from hil.instruments.ping.sounding import EchoSounder, Sounding, Window, adapted_gain, adapted_range
 
 _DISTANCE, _PROFILE = 1223, 1308
@@ -27,7 +27,7 @@ _MS = 1_000_000
 class S500Settings(NamedTuple):
     """Firmware of the device, as it reports it, and the temperature of its processor (°C)."""
 
-    firmware: tuple[int, int] = (2, 2)
+    firmware: tuple[Byte, Byte] = (2, 2)
     temperature: Annotated[float, Range(0.0, 100.0, "°C")] = 35.0
 
 

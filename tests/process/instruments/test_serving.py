@@ -85,6 +85,7 @@ def test_instruments_recover(fault: str) -> None:
         ("sensors.dvl.faults={drop=2}", "drop: 2 is outside 0 to 1"),
         ("sensors.dvl.rate=0", "an instrument needs samples"),
         ("sensors.dvl.at=['pty:/tmp/a', 'pty:/tmp/a']", "listed twice"),
+        ("sensors.dvl_2={sensor='dvl', instrument='waterlinked_a125'}", "dvl stands there too"),
     ],
 )
 def test_a_wrong_key_of_an_instrument_is_refused_with_a_remedy(change: str, message: str) -> None:
