@@ -71,9 +71,8 @@ def test_lighthouses_and_houses_become_piles_only_where_they_stand_in_water(tmp_
 
 def test_a_world_is_drawn_and_exported_in_each_format(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert command.main(["show", "harbour", "-o", str(tmp_path / "h.png"), "--resolution", "4"]) == 0
-    for ending in ("tif", "stl", "glb", "sdf"):
-        assert command.main(["export", "harbour", str(tmp_path / f"h.{ending}")]) == 0
-        assert (tmp_path / f"h.{ending}").stat().st_size > 1000
+    assert command.main(["export", "harbour", str(tmp_path / "h.tif")]) == 0
+    assert (tmp_path / "h.tif").stat().st_size > 1000
     assert command.main(["export", "harbour", str(tmp_path / "h.pgm"), "--depth", "4", "--resolution", "1"]) == 0
     assert "% of it free 4 m down" in capsys.readouterr().out
     assert (tmp_path / "h.yaml").exists()
@@ -82,7 +81,7 @@ def test_a_world_is_drawn_and_exported_in_each_format(tmp_path: Path, capsys: py
 @pytest.mark.parametrize(("arguments", "output"), [
     (["export", "harbour", "h.obj"], r"h.obj: no format .obj: .pgm, .tif"),
     (["export", "harbour", "h.pgm"], "--depth M goes with a map"),
-    (["export", "harbour", "h.stl", "--depth", "3"], "--depth M goes with a map"),
+    (["export", "harbour", "h.tif", "--depth", "3"], "--depth M goes with a map"),
     (["show", "nowhere"], "no world 'nowhere'"),
     (["list", "no_such_folder"], "no_such_folder: no such folder"),
     (["build", "x.000", "-o", "w", "--resolution", "0"], "--resolution: expected a number from 0.05 to 10000 m"),

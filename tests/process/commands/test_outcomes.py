@@ -117,7 +117,7 @@ def test_a_campaign_counts_collisions(
         (["sim", "paper_field", "--fast", "--output", "FOLDER/pipe.csv"], "it is a pipe"),
         (["sim", "paper_field", "--fast", "--plot", "FOLDER/pipe.png"], "it is a pipe"),
         (["scenario", "schema", "scenario", "--output", "FOLDER/pipe.json"], "it is a pipe"),
-        (["world", "export", "pool", "FOLDER/pipe.stl"], "it is a pipe"),
+        (["world", "export", "pool", "FOLDER/pipe.tif"], "it is a pipe"),
         (["world", "show", "pool", "--output", "FOLDER/pipe.png"], "it is a pipe"),
         (["vehicle", "paper_six", "--plot", "FOLDER/pipe.png"], "it is a pipe"),
         (["case", "path_planning", "--output", "FOLDER/x.png"], "cannot be made"),
@@ -133,7 +133,7 @@ def test_output_paths_are_checked_before_the_flight(arguments: list[str], messag
     from hil.common.ports import free_ports
 
     (tmp_path / "x.png").write_text("")
-    for ending in ("csv", "png", "json", "stl"):
+    for ending in ("csv", "png", "json", "tif"):
         os.mkfifo(tmp_path / f"pipe.{ending}")
     name, rest = find_command(
         [a.replace("FOLDER", str(tmp_path)).replace("PORT", str(free_ports(1)[0])) for a in arguments]

@@ -75,6 +75,12 @@ def deliver(
     )
 
 
+def test_nothing_is_counted_before_the_first_command(command_receiver: CommandReceiver) -> None:
+    names = ("received", "malformed", "stale", "disordered", "refused", "flooded", "superseded")
+    assert [getattr(command_receiver, name) for name in names] == [0] * 7
+    assert (command_receiver.master, command_receiver.fault) == (b"", "")
+
+
 def test_a_command_wakes_the_loop_and_is_returned_once(command_receiver: CommandReceiver) -> None:
     assert command_receiver.take_latest() is None
     deliver(command_receiver, 1, surge=0.7)

@@ -55,6 +55,7 @@ def test_invalid_values_are_refused_with_a_reason() -> None:
         (parameter("tether.tension", 1.0), "tether.tension: it is measured"),
         (parameter("tether.length", "long"), "tether.length: expected a number like 20.0"),
         (parameter("tether.lenght", 1.0), "did you mean 'tether.length'"),
+        (parameter("tether.length", 1e9), "tether: length 1e+09 m"),
     ):
         (result,) = call("set_parameters", parameters=[value])["results"]
         assert not result["successful"]
