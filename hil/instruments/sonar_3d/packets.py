@@ -6,9 +6,8 @@ which every reader of that takes, uncompressed; an image has at most 49 kB and f
 """
 
 import struct
-from collections.abc import Iterable, Sequence
-from functools import lru_cache
-from typing import NamedTuple
+from collections.abc import Iterable
+from typing import Any, NamedTuple
 from zlib import crc32
 
 _PACKAGE = "type.googleapis.com/waterlinked.sonar.protocol."
@@ -29,9 +28,14 @@ class Shot(NamedTuple):
     field_down: float
 
 
-def range_image(shot: Shot, scale: float, pixels: Sequence[int]) -> bytes:
-    """Return the packet of a range image; each pixel times `scale` is a distance in m."""
-    packed = b"".join(map(_varints().__getitem__, pixels))
+def range_image(shot: Shot, scale: float, pixels: Any) -> bytes:
+    """Return the packet of a range image; each of `pixels`, a numpy array, times `scale` is a distance in m."""
+    import numpy as np
+
+    value = np.asarray(pixels, np.uint16).ravel()
+    more, most = value > 0x7F, value > 0x3FFF
+    digits = np.stack([value & 0x7F | more << 7, value >> 7 & 0x7F | most << 7, value >> 14], axis=1).astype(np.uint8)
+    packed = digits[np.stack([np.ones_like(more), more, most], axis=1)].tobytes()
     sizes = _number(5, shot.width) + _number(6, shot.height)
     fields = _float(7, shot.field_across) + _float(8, shot.field_down) + _float(9, scale) + _bytes(10, packed)
     return _packet("RangeImage", _common(shot) + sizes + fields)
@@ -75,11 +79,6 @@ def _varint(value: int) -> bytes:
         value >>= 7
     data.append(value)
     return bytes(data)
-
-
-@lru_cache(maxsize=1)
-def _varints() -> list[bytes]:
-    return [_varint(value) for value in range(1 << 16)]
 
 
 def _number(field: int, value: int) -> bytes:

@@ -129,7 +129,7 @@ class Sonar3D(Instrument):
             _HEIGHT_DEG,
         )  # fmt: skip
         self._sequence = (self._sequence + 1) & 0xFFFFFFFF
-        ranges = np.clip(np.rint(sample.ranges * (scale / _SCALE)), 0, 0xFFFF).astype(int).ravel().tolist()
+        ranges = np.clip(np.rint(sample.ranges * (scale / _SCALE)), 0, 0xFFFF)
         levels = 100.0 * np.log10(np.maximum(sample.strengths, 30.0) / 30.0)
         strengths = packets.strength_image(shot, np.clip(levels, 0, 255).astype(np.uint8).tobytes())
         self._packets = packets.range_image(shot, _SCALE, ranges), strengths

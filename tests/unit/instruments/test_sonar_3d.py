@@ -150,6 +150,9 @@ def test_no_request_upsets_it(name: str, body: bytes) -> None:
     assert ONE.http("POST", name, body)[0] in (204, 400, 404)
 
 
-def test_the_largest_image_fits_in_a_datagram() -> None:
+def test_pixels_of_all_sizes_are_packed_and_the_largest_image_fits_in_a_datagram() -> None:
     shot = packets.Shot(2**62, 2**32 - 1, 1500.0, 15.0, 2_400_000, 256, 64, 90.0, 40.0)
-    assert len(packets.range_image(shot, 0.001, [0xFFFF] * 16_384)) < 65_507
+    values = [0, 1, 127, 128, 16_383, 16_384, 65_535]
+    image = unpackb(packets.range_image(shot, 0.001, np.array(values)), known_message_types=KNOWN)
+    assert list(image.image_pixel_data) == values
+    assert len(packets.range_image(shot, 0.001, np.full(16_384, 0xFFFF))) < 65_507
