@@ -16,7 +16,7 @@ from hil.common.errors import DeviceError, MissingExtraError
 from hil.links.contract import Wire
 from hil.links.wires.can_bus import SocketCanWire, open_socketcan
 from hil.links.wires.can_frame import ERROR, REMOTE, CanFrame, pack_frame, unpack_frames
-from hil.links.wires.python_can_bus import PythonCanWire
+from hil.links.wires.python_can_bus import DAMAGED, PythonCanWire, _record_of_message
 from hil.links.wires.terminal import PtyWire
 from tests.support.links.can_pairs import GROUP, socket_pair, until, virtual_pair
 from tests.support.links.link_contract import EVERY_BYTE, PATIENCE_S, nothing_leaks, read_bytes, records, wait_readable
@@ -254,3 +254,12 @@ class TestPythonCan:
         modules = "hil.links.address, hil.links.wires.can_bus, hil.links.wires.python_can_bus"
         code = f"import sys, {modules}; print('can' in sys.modules)"
         assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True).stdout == "False\n"
+
+
+@pytest.mark.parametrize(
+    ("number", "extended", "valid"),
+    [(0x7FF, False, True), (0x800, False, False), (0x1FFF_FFFF, True, True), (0x2000_0000, True, False)],
+)
+def test_identifiers_have_11_or_29_bits(number: int, extended: bool, valid: bool) -> None:
+    message = can.Message(arbitration_id=number, is_extended_id=extended, data=b"12", check=False)
+    assert (_record_of_message(message) != DAMAGED) is valid

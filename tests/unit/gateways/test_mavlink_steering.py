@@ -11,6 +11,7 @@ from hil.autonomy.control.controller import VelocityCommand
 from hil.client.samples import State
 from hil.gateways.mavlink.accessories import OUTPUTS, Accessories
 from hil.gateways.mavlink.buttons import Buttons
+from hil.gateways.mavlink.calibration import answer
 from hil.gateways.mavlink.flight import guidance
 from hil.gateways.mavlink.flight.guidance import Holds, go_to, piloted, push
 from hil.gateways.mavlink.flight.modes import Mode
@@ -242,3 +243,10 @@ def test_a_motor_test_has_the_range_of_the_pulses(kind: int, throttle: float, sh
     if share is not None:
         bench.run(0.1)
         assert bench.vehicle.commands[-1] == (2, share * bench.table["HIL_THRUST"])
+
+
+@pytest.mark.parametrize(("asked", "mask"), [(0.0, 1), (0.5, 0), (5.0, 5), (255.0, 255), (256.0, 1), (nan, 1)])
+def test_a_calibration_of_compasses_is_reported_for_those_asked_for(asked: float, mask: int) -> None:
+    _, (report,) = answer(dialect.MAV_CMD_DO_START_MAG_CAL, (asked, *[0.0] * 6))
+    assert (report.compass_id, report.cal_mask, report.cal_status) == (0, mask, dialect.MAG_CAL_SUCCESS)
+    assert (report.autosaved, report.fitness, report.ofs_x, report.diag_y, report.offdiag_z) == (1, 1.0, 0.0, 1.0, 0.0)

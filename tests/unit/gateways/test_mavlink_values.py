@@ -84,7 +84,16 @@ def check(found: Any, fields: dict[str, Any]) -> None:
              "climb": -DOWN},
         ),
         ("HOME_POSITION", {"x": 1.0, "y": 2.0, "z": 0.5, "altitude": 99_500, "time_usec": 1_700_000_000_123_456}),
-        ("EKF_STATUS_REPORT", {"flags": RELATIVE | dialect.EKF_POS_HORIZ_ABS | dialect.EKF_PRED_POS_HORIZ_ABS}),
+        ("HOME_POSITION", {"q": [1.0, 0.0, 0.0, 0.0]} | dict.fromkeys(("approach_x", "approach_y", "approach_z"), 0.0)),
+        (
+            "EKF_STATUS_REPORT",
+            {"flags": RELATIVE | dialect.EKF_POS_HORIZ_ABS | dialect.EKF_PRED_POS_HORIZ_ABS}
+            | dict.fromkeys(("velocity_variance", "pos_horiz_variance", "pos_vert_variance"), 0.0)
+            | dict.fromkeys(("compass_variance", "terrain_alt_variance"), 0.0),
+        ),
+        ("AHRS", dict.fromkeys(("omegaIx", "omegaIy", "omegaIz", "accel_weight", "renorm_val", "error_rp"), 0.0)),
+        ("VIBRATION", NOW_US | dict.fromkeys(("vibration_x", "vibration_y", "vibration_z", "clipping_0"), 0)),
+        ("EXTENDED_SYS_STATE", {"vtol_state": 0, "landed_state": 0}),
         (
             "SERVO_OUTPUT_RAW",
             NOW_US | {"servo1_raw": 1500, "servo2_raw": 1620, "servo3_raw": 0, "servo4_raw": 1300, "servo5_raw": 0,
@@ -94,12 +103,13 @@ def check(found: Any, fields: dict[str, Any]) -> None:
             "SYS_STATUS",
             {"onboard_control_sensors_present": PRESENT, "onboard_control_sensors_enabled": PRESENT,
              "onboard_control_sensors_health": HEALTHY, "load": 370, "voltage_battery": 14_800,
-             "current_battery": 250, "battery_remaining": 25},
+             "current_battery": 250, "battery_remaining": 25}
+            | dict.fromkeys(("drop_rate_comm", "errors_comm", "errors_count1", "errors_count4"), 0),
         ),
         (
             "NAV_CONTROLLER_OUTPUT",
             {"nav_roll": degrees(0.1), "nav_pitch": degrees(-0.2), "nav_bearing": 53, "target_bearing": 53,
-             "wp_dist": 5, "alt_error": -3.0},
+             "wp_dist": 5, "alt_error": -3.0, "aspd_error": 0.0, "xtrack_error": 0.0},
         ),
         (
             "ODOMETRY",

@@ -5,7 +5,7 @@ from contextlib import ExitStack
 
 import pytest
 
-from hil.common.clock import NS_PER_S, now_ns
+from hil.common.clock import NEVER_NS, NS_PER_S, now_ns
 from hil.links.wires.faults import BACKLOG, PIECE, Faults
 from hil.links.wires.timer import Timer
 from tests.support.links.faulty_wires import Clock, cross, instant_pair, pty_pair
@@ -116,3 +116,23 @@ def test_a_stall_holds_bytes_for_its_time(opened: ExitStack, clock: Clock) -> No
     near.read()
     assert far.read() == b"stoodbehind"
     assert near.sent.stalls == 1
+
+
+def test_a_timer_is_early_by_the_latency_that_it_learns() -> None:
+    """What is due within the latency of a wake-up counts as due; each wake-up changes the latency by 2 us."""
+    timer, at = Timer(), 10**12
+    try:
+        timer.arm(at)
+        assert timer.horizon(at - 51_000) == at - 51_000, "not yet"
+        assert timer.horizon(at - 50_000) == at
+        assert timer.lead_ns == 48_000, "it came early"
+        assert timer.horizon(at + 50_000) == at + 50_000
+        assert timer.lead_ns == 50_000, "it came late"
+        timer.arm(NEVER_NS)
+        assert timer.horizon(at) == at
+        timer.lead_ns = timer.MAX_LEAD_NS
+        timer.arm(at + 1)
+        timer.horizon(at + 10**9)
+        assert timer.lead_ns == timer.MAX_LEAD_NS
+    finally:
+        timer.close()
