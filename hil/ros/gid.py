@@ -1,7 +1,7 @@
 """The gid of an endpoint in the ROS graph, which each of its messages carries: XXH3 (128 bits) of its token.
 
 As in rmw_zenoh (src/detail/liveliness_utils.cpp, Entity). The hash is that of https://github.com/Cyan4973/xxHash
-(doc/xxhash_spec.md), without a seed, for texts of at least 17 bytes.
+(doc/xxhash_spec.md), without a seed, for texts of 17 to 1024 bytes: a token is never longer.
 """
 
 from struct import unpack_from
@@ -16,7 +16,7 @@ _SECRET = bytes.fromhex(
     "a8fa763fe39c343ff9dcbbc7c70b4f1d8a51e04bcdb45931c89f7ec9d9787364eac5ac8334d3ebc3c581a0fffa1363eb"
     "170ddd51b7f0da49d316552629d4689e2b16be587d47a1fc8ff8b8d17ad031ce45cb3a8f95160428afd7fbcabb4b407e"
 )
-_STRIPE, _STRIPES = 64, 16  # bytes of a stripe, stripes of a block
+_STRIPE = 64  # bytes
 
 
 def gid_of(token: str) -> bytes:
@@ -45,15 +45,10 @@ def _short(data: bytes) -> tuple[int, int]:
 
 
 def _long(data: bytes) -> tuple[int, int]:
-    """Return the hash of more than 240 bytes, low half first."""
+    """Return the hash of 241 to 1024 bytes, low half first."""
     sums = [_P32_3, _P64_1, _P64_2, _P64_3, _P64_4, _P32_2, _P64_5, _P32_1]
-    for number in range((len(data) - 1) // _STRIPE):
-        block, stripe = divmod(number, _STRIPES)
-        if block and not stripe:
-            _scramble(sums)
-        _add(sums, data, number * _STRIPE, 8 * stripe)
-    if not (len(data) - 1) // _STRIPE % _STRIPES:  # the last block is full
-        _scramble(sums)
+    for stripe in range((len(data) - 1) // _STRIPE):
+        _add(sums, data, _STRIPE * stripe, 8 * stripe)
     _add(sums, data, len(data) - _STRIPE, 121)
     return _merge(sums, 11, len(data) * _P64_1 & _MASK), _merge(sums, 117, ~(len(data) * _P64_2) & _MASK)
 
@@ -74,11 +69,6 @@ def _add(sums: list[int], data: bytes, start: int, at: int) -> None:
         key = value ^ secret
         sums[lane ^ 1] = sums[lane ^ 1] + value & _MASK
         sums[lane] = sums[lane] + (key & 0xFFFFFFFF) * (key >> 32) & _MASK
-
-
-def _scramble(sums: list[int]) -> None:
-    for lane, secret in enumerate(unpack_from("<8Q", _SECRET, len(_SECRET) - _STRIPE)):
-        sums[lane] = (sums[lane] ^ sums[lane] >> 47 ^ secret) * _P32_1 & _MASK
 
 
 def _merge(sums: list[int], at: int, start: int) -> int:

@@ -129,7 +129,7 @@ class Client(SocketClient):
                 self._watching_graph.cancel()
                 self._watching_graph = None
             case "fetchAsset":
-                self._start(self._send_asset(str(message["uri"]), int(message["requestId"]) & 0xFFFFFFFF))
+                await self._send_asset(str(message["uri"]), int(message["requestId"]) & 0xFFFFFFFF)
             case op if op in NEEDING_TOKEN:
                 if self._commanding:
                     await self._do_with_token(self._commanding, message)
@@ -210,6 +210,7 @@ class Client(SocketClient):
             await asyncio.sleep(LOOK_S)
 
     async def _send_asset(self, uri: str, request: int) -> None:
+        """Send a file; the client's next message is read later, so that many requests do not fill the memory."""
         try:
             answer = protocol.encode_asset(request, await asyncio.to_thread(read_asset, uri))
         except HilError as error:
