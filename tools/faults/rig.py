@@ -5,8 +5,8 @@ import random
 import signal
 import subprocess
 import time
-from collections.abc import Callable
-from contextlib import ExitStack, suppress
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -15,7 +15,7 @@ import psutil
 
 from hil.bench.harness import Process
 from hil.common.children import module_command
-from hil.common.errors import DeviceError
+from hil.common.errors import DeviceError, NetworkError
 from hil.common.ports import free_ports
 from hil.links.address import open_address
 from hil.links.contract import Wire
@@ -145,6 +145,16 @@ class Rig:
         variables = {"PYTHONUNBUFFERED": "1", **(environment or {}), **self.environments.get(name, {})}
         process = self.processes[name] = Process(command, log, environment=variables, pass_fds=fds)
         return process
+
+    @contextmanager
+    def beside(self, name: str, command: list[str], ready: str) -> Iterator[Process]:
+        """Run a process beside the others until Ctrl-C; it must end as usual. Raises NetworkError."""
+        process = self.start_process(name, command)
+        process.expect(ready, START_S)
+        yield process
+        self.signal(name, signal.SIGINT)
+        if self.processes.pop(name).wait(START_S) or "Traceback" in process.output:
+            raise NetworkError(f"the {name} {process.ending}")
 
     def start_stm32(self) -> None:
         """Start the STM32, with neutral outputs."""

@@ -1,7 +1,6 @@
 """Noise on the line of a CAN adapter, which drivers of others decode: in a slave beside the measured one."""
 
 import random
-import signal
 from collections.abc import Callable
 from contextlib import closing
 
@@ -26,16 +25,14 @@ def _noise(driver: str) -> Callable[[Rig], None]:
             link = (f'link.port="can:{driver}:{adapter.path}"', 'link.protocol="vesc"')
             words = [str(rig.scenario), "--listen", f"tcp/127.0.0.1:{free_ports(1)[0]}"]
             command = module_command("hil.cli", "slave", *words, *(f"--set={change}" for change in link))
-            slave, generator, written = rig.start_process(driver, command), random.Random(1), 0
-            slave.expect("ready", START_S)
-            end_s = rig.pause(0.0) + START_S
-            while written < NOISE and slave.running and rig.pause(PIECE_S) < end_s:
-                written += adapter.write(generator.choice(STARTS) + generator.randbytes(40))
-                adapter.read()
-            rig.signal(driver, signal.SIGINT)
-            code = rig.processes.pop(driver).wait(START_S)
-            if code or "Traceback" in slave.output or written < NOISE:
-                raise NetworkError(f"the slave at can:{driver} {slave.ending}, after {written} bytes")
+            generator, written = random.Random(1), 0
+            with rig.beside(driver, command, "ready") as slave:
+                end_s = rig.pause(0.0) + START_S
+                while written < NOISE and slave.running and rig.pause(PIECE_S) < end_s:
+                    written += adapter.write(generator.choice(STARTS) + generator.randbytes(40))
+                    adapter.read()
+            if written < NOISE:
+                raise NetworkError(f"the slave at can:{driver} has read {written} bytes only")
 
     return apply
 

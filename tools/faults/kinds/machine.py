@@ -144,15 +144,12 @@ def _set_beside(process: str, step_s: int) -> Callable[[Rig], None]:
         if process == "recorder":
             place = ["--scenario", str(rig.scenario), "-o", str(disk(rig) / f"{process}{step_s}")]
         command = module_command("hil.cli", *words, "--connect", f"tcp/127.0.0.1:{rig.port}", *place)
-        started = rig.start_process(process, command)
-        started.expect(ready, START_S)
-        for step in (step_s, 0):
+        with rig.beside(process, command, ready) as started:
+            for step in (step_s, 0):
+                rig.pause(CLOCK_S)
+                _set_clock(rig, process, step)
             rig.pause(CLOCK_S)
-            _set_clock(rig, process, step)
-        rig.pause(CLOCK_S)
-        rig.signal(process, signal.SIGINT)
-        code = rig.processes.pop(process).wait(START_S)
-        if code or good not in started.last_line:
+        if good not in started.last_line:
             raise NetworkError(f"the {process} {started.ending}")
 
     return apply
