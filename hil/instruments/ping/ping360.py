@@ -100,6 +100,10 @@ class Ping360(PingDevice):
         self._scans, self._transmits, self._forward = False, False, True
         self._echoes = b""
 
+    def start(self, now_ns: int) -> None:
+        """Load the world, which takes longer than a client waits for a ping."""
+        self._prepare()
+
     def on_data(self, client: Client, data: bytes, now_ns: int) -> None:
         """Answer requests and discovery, and execute commands; not while it restarts."""
         if now_ns < self._ready_ns:
@@ -158,8 +162,8 @@ class Ping360(PingDevice):
         self._next = self._report
         self._next_ns += round(listening * 1e9) + _PROCESSING_NS
 
-    def _measure(self, now_ns: int) -> bytes:
-        """Return the echoes of a ping."""
+    def _prepare(self) -> None:
+        """Build the simulated sensor for the settings, if they are others than before."""
         values = self.values
         keys = tuple(values[name] for name in ("gain_setting", *_SOUND_FIELDS, "number_of_samples"))
         if keys != self._keys:
@@ -172,9 +176,13 @@ class Ping360(PingDevice):
                 ground_truth=False,
             )  # fmt: skip
             self._sensor, self._keys = self.scene.build(model, sensor=ScanningSonar), keys
-        self._sensor.aim((values["angle"] - self.settings.ahead) * 2.0 * pi / _TURN)
+
+    def _measure(self, now_ns: int) -> bytes:
+        """Return the echoes of a ping."""
+        self._prepare()
+        self._sensor.aim((self.values["angle"] - self.settings.ahead) * 2.0 * pi / _TURN)
         sample = self.scene.measure(self._sensor, now_ns)
-        return sample.echoes.intensities if isinstance(sample, EchoSample) else bytes(values["number_of_samples"])
+        return sample.echoes.intensities if isinstance(sample, EchoSample) else bytes(self.values["number_of_samples"])
 
     def _report(self) -> None:
         """Send the ping, and go on if it scans."""
