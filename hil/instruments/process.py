@@ -41,6 +41,7 @@ class Instruments:
         self._event = Wakeup()
         self._lock = threading.RLock()  # an instrument is called by one thread at a time
         self._fault: BaseException | None = None  # of an instrument, in another thread
+        self._planned_ns = NEVER_NS  # when the main loop looks again, if nothing comes
         self._stack = ExitStack()
         self.stations: list[Station] = []
         with self._lock, ExitStack() as stack:
@@ -89,7 +90,13 @@ class Instruments:
         with self._lock:
             if self._fault:
                 raise self._fault
-            return min([station.poll(now_ns()) for station in self.stations], default=NEVER_NS)
+            for station in self.stations:
+                station.poll(now_ns())
+            self._planned_ns = self._next_ns()
+            return self._planned_ns
+
+    def _next_ns(self) -> int:
+        return min([station.due_ns for station in self.stations], default=NEVER_NS)
 
     def _take_sample(self, topic: str, stamped: Stamped) -> None:
         """Give a sample, with the instant of its measurement, to those that need it.
@@ -121,7 +128,9 @@ class Instruments:
                 yield
             except Exception as error:  # noqa: BLE001 - the main loop ends with it
                 self._fault = error
-        self._event.set()
+            is_sooner = self._next_ns() < self._planned_ns
+        if is_sooner or self._fault:
+            self._event.set()
 
 
 def fitted_names(scenario: Scenario) -> tuple[list[str], list[str]]:

@@ -39,7 +39,7 @@ class Station:
         self._random = Random(f"{facts.seed} {facts.name}")
         self._instrument: Instrument | None = None
         self._ready_ns = NEVER_NS  # when the warm-up is over
-        self._due_ns = NEVER_NS
+        self.due_ns = NEVER_NS  # when (monotonic ns) something is due next
         self._written: dict[Client, int] = {}
         self._wires: Wires | None = None
         self._serve = serve
@@ -70,7 +70,7 @@ class Station:
         """Take a sample of the vehicle."""
         if self._instrument and now_ns >= self._ready_ns:
             self._instrument.on_sample(topic, stamped, now_ns)
-            self._due_ns = self._instrument.tick(now_ns)
+            self.due_ns = self._instrument.tick(now_ns)
 
     def on_request(self, request: Request, now_ns: int) -> Response | None:
         """Return the answer to a request of HTTP; None without power, before the warm-up, without cable."""
@@ -78,18 +78,18 @@ class Station:
         if instrument is None or now_ns < self._ready_ns or self._is_unplugged:
             return None
         response = instrument.on_request(*request, now_ns)
-        self._due_ns = instrument.tick(now_ns)
+        self.due_ns = instrument.tick(now_ns)
         return response
 
-    def poll(self, now_ns: int) -> int:
-        """Read what has come, and do what is due; return when (ns) the next is."""
+    def poll(self, now_ns: int) -> None:
+        """Read what has come, and do what is due."""
         self._switch(now_ns)
         wires, instrument = self._wires, self._instrument
         if wires is None or instrument is None:
-            return NEVER_NS
+            return
         if now_ns < self._ready_ns:
             wires.discard(now_ns)
-            return self._ready_ns
+            return
         came = False
         for client, data in () if self._is_unplugged else wires.receive(now_ns):
             came = True
@@ -100,9 +100,8 @@ class Station:
                 instrument.on_data(client, data, now_ns)
             else:
                 instrument.connected(client, now_ns)
-        if came or now_ns >= self._due_ns:
-            self._due_ns = instrument.tick(now_ns)
-        return self._due_ns
+        if came or now_ns >= self.due_ns:
+            self.due_ns = instrument.tick(now_ns)
 
     def close(self) -> None:
         """Close its wires."""
@@ -120,11 +119,11 @@ class Station:
             self._wires = Wires(self._spec.at, self._kind, self._report, lambda request: serve(self, request))
             self._instrument = self._kind(self._spec.settings, self._facts, self._scene, self._send)
             self._ready_ns = now_ns + seconds_ns(self._kind.warm_up_s)
-            self._due_ns = self._ready_ns
+            self.due_ns = self._ready_ns
             self._is_started = False
         elif not has_power and self._instrument:
             self.malformed += self._instrument.malformed
-            self._instrument = None
+            self._instrument, self.due_ns = None, NEVER_NS
             self._written.clear()
             self.close()
             self._report(f"{self.name}: without power")
