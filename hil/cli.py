@@ -141,7 +141,6 @@ EXTRAS = {
     "trimesh": "view",
     "contourpy": "view",
     "collada": "mesh",
-    "gsw": "ocean",
     "scipy": "chart",
     "pyogrio": "chart",
     "shapely": "chart",

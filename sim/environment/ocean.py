@@ -22,7 +22,6 @@
     depth = [0, 20, 100]
     density = [1022.0, 1026.0, 1027.5]
     sound_speed = [1510.0, 1495.0, 1490.0]
-    # or file = "ctd.csv", a CTD cast with temperature and salinity (sim/environment/seawater/cast.py)
 
     [ocean.waves]
     significant_height = "1 m"
@@ -33,11 +32,10 @@ All currents are added to the world's steady `current`. This module, and those t
 for a world that has an `[ocean]`.
 """
 
-import os
 from math import pi
 from typing import Annotated, Literal, NamedTuple
 
-from hil.common.schema import Range, parse
+from hil.common.schema import Range
 from sim.interpolation import validate_columns
 
 Speed = Annotated[float, Range(-10.0, 10.0, "m/s")]
@@ -101,24 +99,14 @@ class Tide(NamedTuple):
 
 
 class Profile(NamedTuple):
-    """Density (kg/m³) and speed of sound (m/s) by depth (m): linear between the rows, constant beyond them.
-
-    Instead of these, `file` may name a CTD cast beside the world's file (sim/environment/seawater/cast.py).
-    """
+    """Density (kg/m³) and speed of sound (m/s) by depth (m): linear between the rows, constant beyond them."""
 
     depth: tuple[Depth, ...] = ()
     density: tuple[Density, ...] = ()
     sound_speed: tuple[SoundSpeed, ...] = ()
-    file: str = ""
 
     def validate(self) -> str | None:
         """Return what is wrong with the combination of the keys, or None."""
-        if self.file:
-            return (
-                "file: it has all rows: leave depth, density and sound_speed out"
-                if self.depth or self.density or self.sound_speed
-                else None
-            )
         if not self.density:
             return "density: give one value for each depth"
         return validate_columns("depth", self.depth, density=self.density, sound_speed=self.sound_speed)
@@ -170,15 +158,3 @@ class Ocean(NamedTuple):
     def moves(self) -> bool:
         """True if there is a varying current or waves."""
         return bool(self.layers or self.gauss_markov or self.tide or self.series or self.waves)
-
-
-def with_cast(ocean: Ocean, where: str, origin: tuple[float, float] | None) -> Ocean:
-    """Return `ocean` with the cast that its profile names, beside the world file `where`.
-
-    `origin` is the world's latitude and longitude (degrees). Raises ConfigError, and MissingExtraError for a package.
-    """
-    from sim.environment.seawater.cast import read_cast  # most worlds have no cast
-
-    assert ocean.profile is not None
-    path = os.path.join(os.path.dirname(where), ocean.profile.file)
-    return ocean._replace(profile=parse(read_cast(path, origin), Profile, path))

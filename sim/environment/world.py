@@ -267,10 +267,6 @@ def _read(table: dict[str, Any], path: str) -> World:
         from sim.environment.things.shapes import place_shapes
 
         world = world._replace(mesh=(*world.mesh, *place_shapes(shapes, world.seabed)))
-    if world.ocean and world.ocean.profile and world.ocean.profile.file:
-        from sim.environment.ocean import with_cast
-
-        world = world._replace(ocean=with_cast(world.ocean, path, world.origin))
     return world
 
 
