@@ -141,7 +141,6 @@ def test_the_master_continues_after_the_slave_was_restarted(tmp_path: Path) -> N
     with Program(tmp_path, "master", scenario, "--output", folder) as master:  # at the endpoint of its scenario
         with Program(tmp_path, "slave", scenario) as slave:
             master.expect("flying")
-            time.sleep(1)
             slave.process.kill()
             slave.wait()
         master.expect("no odometry from the vehicle")
@@ -161,7 +160,6 @@ def test_ctrl_c_ends_the_demo(tmp_path: Path) -> None:
     folder = tmp_path / "run"
     with Program(tmp_path, "demo", scenario, "--output", folder) as demo:
         demo.expect("flying")
-        time.sleep(1)
         assert demo.stop(signal.SIGINT) == 130
         assert "Traceback" not in demo.output
     assert "thrusters neutral" in (folder / "slave.log").read_text().splitlines()[-1]
