@@ -1,8 +1,7 @@
 """Water Linked DVL A50 and A125: JSON and PD formats over TCP, lines with a CRC-8 or PD formats over serial.
 
 The rate falls with the altitude, up to the rate of the simulated sensor. Source: Water Linked's documentation
-(github.com/waterlinked/docs, docs/dvl). Not modelled: its web page; heat (bit 0 of the status); NTP, which is always
-synchronised.
+(github.com/waterlinked/docs, docs/dvl), up to software 2.7.1. Not modelled: its web page; heat (bit 0 of the status).
 """
 
 from typing import Any, Protocol
@@ -45,6 +44,7 @@ class Dvl(DvlDevice):
     wires = ("tcp", "serial", "pty")
     at = ("tcp:127.0.0.1:16171",)
     also = ("odom", "imu", "dvl_water")
+    first = b"{ \t\r\n"  # of JSON: a web page that posts to the port is refused
     delay_s = 0.004  # typical latency of a message over TCP
     most_m = 0.0
 
@@ -152,13 +152,14 @@ class A50(Dvl):
     """DVL A50, to 50 m: JSON, PD4 and PD6 over TCP, its lines, PD4 and PD6 over serial, with all commands.
 
     It reports 2 to 15 times a second by its altitude and range mode, at most at the sensor's rate. The four distances
-    are those to a level seabed. Not modelled: its web page, heat, and the loss of its server of time.
+    are those to a level seabed. Not modelled: its web page, heat, and the commands for version and time of software
+    2.7.2.
     """
 
-    product, product_id, most_m = "DVL A50", 21035, 50.0
+    product, most_m = "DVL A50", 50.0
 
 
 class A125(Dvl):
     """DVL A125, to 125 m. It differs from an [A50](#waterlinked_a50) by its reach and name only."""
 
-    product, product_id, most_m = "DVL A125", 21036, 125.0
+    product, most_m = "DVL A125", 125.0

@@ -30,7 +30,7 @@ class DvlSettings(NamedTuple):
     periodic_cycling_enabled: bool = True
     formats: tuple[Format, ...] = ()
     serial_protocol: Annotated[int, Range(0, 6)] = 1
-    software: Literal["2.6.1", "2.7.1", "2.7.2"] = "2.7.1"
+    software: Literal["2.6.1", "2.7.1"] = "2.7.1"
 
     def validate(self) -> str | None:
         """Return why the range mode is invalid, or None."""
@@ -45,7 +45,7 @@ class DvlDevice(Instrument):
     """The configuration, which the device keeps without power, and its commands."""
 
     Model = DvlSettings
-    product, product_id = "", 0
+    product = ""
 
     def __init__(self, settings: DvlSettings, facts: Facts, scene: Scene, send: Send) -> None:
         super().__init__(settings, facts, scene, send)

@@ -1,7 +1,6 @@
 """The DVL's JSON over TCP: one object a line, reports out, commands in and their responses out."""
 
 import json
-import time
 from typing import Any
 
 from hil.common.clock import NEVER_NS, NS_PER_S, NS_PER_US, to_wall_ns
@@ -10,9 +9,7 @@ from hil.instruments.waterlinked.dvl_device import DvlDevice
 from hil.instruments.waterlinked.dvl_report import Config, DeadReckoning, Report
 
 LONGEST = 65_536  # bytes of a line
-VERSIONS = {"2.6.1": "json_v3.1", "2.7.1": "json_v3.2", "2.7.2": "json_v3.3"}  # by the software
-NEWEST = "2.7.2"
-CHIP = "0xf1440c09140b04"
+VERSIONS = {"2.6.1": "json_v3.1", "2.7.1": "json_v3.2"}  # by the software
 
 
 class JsonWire:
@@ -98,38 +95,8 @@ class JsonWire:
         elif command == "trigger_ping":
             if not dvl.trigger():
                 raise ValueError("trigger queue is full")
-        elif dvl.software == NEWEST:
-            return self._execute_newer(command, parameters)
         else:
             raise ValueError(f"unknown command {command[:40]}")
-        return None
-
-    def _execute_newer(self, command: str, parameters: dict[str, Any]) -> Any:
-        """Return the result of a command of the newest software: version and time."""
-        memory = self._dvl.facts.memory
-        server = memory.get("ntp", "auto")
-        seconds = to_wall_ns(time.monotonic_ns()) // NS_PER_S
-        status = {
-            "system_time": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime(seconds)), "ntp_synced": True,
-            "ntp_synced_to": server, "ntp_seconds_since_last_sync": 0,
-        }  # fmt: skip
-        if command == "get_version_info":
-            return {
-                "chipid": CHIP, "hardware_revision": 4, "product_id": self._dvl.product_id,
-                "product_name": self._dvl.product, "variant": "standard", "version_short": NEWEST,
-                "version": NEWEST, "is_ready": True,
-            }  # fmt: skip
-        if command == "get_time_ntp":
-            return {"ntp_address": server}
-        if command == "get_time_status":
-            return status
-        if command == "force_sync_ntp":
-            return {"success": True, "message": "NTP force-sync successful", "status": status}
-        if command == "set_time_manual":
-            raise ValueError("Manual time not allowed when NTP is synchronized")
-        if command != "set_time_ntp" or not isinstance(parameters.get("ntp_address"), str):
-            raise ValueError(f"unknown command {command[:40]}, or without its parameters")
-        memory["ntp"] = parameters["ntp_address"]
         return None
 
     def _respond(self, command: str, result: Any = None, error: str = "") -> None:

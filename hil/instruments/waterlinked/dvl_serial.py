@@ -5,11 +5,11 @@ import re
 from hil.common.clock import NEVER_NS, NS_PER_MS, NS_PER_S, NS_PER_US, to_wall_ns
 from hil.instruments.contract import Client
 from hil.instruments.waterlinked.dvl_device import DvlDevice
-from hil.instruments.waterlinked.dvl_json import CHIP, NEWEST
 from hil.instruments.waterlinked.dvl_pd import encode_pd4, encode_pd6
 from hil.instruments.waterlinked.dvl_report import Config, DeadReckoning, Report
 
-VERSIONS = {"2.6.1": "2,6,0", "2.7.1": "2,7,0", "2.7.2": "2,8,0"}  # by the software
+VERSIONS = {"2.6.1": "2,6,0", "2.7.1": "2,7,0"}  # by the software
+CHIP = "0xf1440c09140b04"
 LONGEST = 256
 PAUSE_NS = 100 * NS_PER_MS  # ours: the device waits 10 ms for the next byte, an adapter on USB delivers later
 PROTOCOLS = {"0", "1", "2", "3", "6"}
@@ -120,8 +120,6 @@ class SerialWire:
             dvl.calibrate(now_ns, lambda: self._reply("wra"))
         elif name == "wcp" and len(options) == 1:
             self._choose(options[0])
-        elif dvl.software == NEWEST and name in ("wcn", "wcN", "wcm", "wct", "wcT"):
-            self._time(name, options, now_ns)
         else:
             self._refuse()
 
@@ -147,19 +145,6 @@ class SerialWire:
         if number in PROTOCOLS:
             self._dvl.serial_protocol = int(number)
         self._reply("wra" if number in PROTOCOLS else "wrn")
-
-    def _time(self, name: str, options: list[str], now_ns: int) -> None:
-        """Answer the commands for the time: it is always synchronised."""
-        memory = self._dvl.facts.memory
-        if name == "wcn" and options:
-            memory["ntp"] = options[0]
-            self._reply("wra")
-        elif name == "wcN":
-            self._reply("wrN", memory.get("ntp", "auto"))
-        elif name == "wct":
-            self._reply("wrs", to_wall_ns(now_ns) // NS_PER_US, "y", memory.get("ntp", "auto"), 0)
-        else:
-            self._reply(*(("wrT", "y") if name == "wcT" else ("wrn",)))
 
 
 def _configuration(config: Config) -> list[str]:

@@ -194,15 +194,6 @@ def test_dead_reckoning_is_in_the_frame_of_its_last_reset() -> None:
     assert report["yaw"] == pytest.approx(90.0)
 
 
-def test_time_and_version_are_commands_of_the_newest_software_only() -> None:
-    old, new = on_tcp(), on_tcp(software="2.7.2")
-    assert not command(old, "get_version_info")["success"]
-    [response] = read(new.ask(b'{"command":"get_version_info"}\n'), "response")
-    assert (response["result"]["product_name"], response["format"]) == ("DVL A50", "json_v3.3")
-    [status] = read(new.ask(b'{"command":"get_time_status"}\n'), "response")
-    assert set(status["result"]) == {"system_time", "ntp_synced", "ntp_synced_to", "ntp_seconds_since_last_sync"}
-
-
 def test_the_checksum_is_the_documented_one() -> None:
     for line in DOCUMENTED:
         text, _, checksum = line.partition(b"*")
