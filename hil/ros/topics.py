@@ -79,7 +79,7 @@ TOPICS = {
         Topic("map", "nav_msgs/msg/OccupancyGrid", 0, "background", qos=_DESCRIPTION),
         Topic("obstacles", "visualization_msgs/msg/MarkerArray", 0, "background", qos=_DESCRIPTION),
         Topic("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray", 1, "background"),
-        Topic("/rosout", "rcl_interfaces/msg/Log", 0, "background", qos=Qos(depth=1000)),
+        Topic("/rosout", "rcl_interfaces/msg/Log", 0, "background", qos=Qos(latched=True, depth=1000)),
         Topic("/parameter_events", "rcl_interfaces/msg/ParameterEvent", 0, "background", qos=Qos(depth=1000)),
         Topic("/tf", "tf2_msgs/msg/TFMessage", 20, "data", qos=Qos(depth=100)),
         Topic("/tf_static", "tf2_msgs/msg/TFMessage", 0, "data", qos=Qos(latched=True, depth=1)),
