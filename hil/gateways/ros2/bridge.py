@@ -5,14 +5,13 @@ own name goes to the vehicle, any other one to ROS. A node that is on the ROS ne
 bridge to the same vehicle, is left out.
 """
 
-import secrets
 import threading
 from collections.abc import Callable
 from contextlib import suppress
 from functools import partial
 from typing import Any
 
-from hil.common.clock import NS_PER_S, now_ns
+from hil.common.clock import NS_PER_S, now_ns, to_wall_ns
 from hil.common.errors import HilError
 from hil.common.stop import is_stopped
 from hil.common.text import clean
@@ -44,7 +43,7 @@ class Ros2Bridge:
         self, rclpy: Any, openers: list[Callable[[], Session]], may_command: bool, report: Callable[[str], None]
     ) -> None:
         self._rclpy, self._may_command, self._print = rclpy, may_command, report
-        self._name = NAME + secrets.token_hex(3)
+        self._name = f"{NAME}{to_wall_ns(now_ns()):x}"  # of two bridges, the older one comes first
         self._sources: list[Source] = []
         self.nodes: dict[str, Any] = {}
         self._mirrors: dict[tuple[int, Kind, str], Mirror] = {}  # by numbers of sources, kinds and topics
@@ -58,7 +57,8 @@ class Ros2Bridge:
         self._executor = rclpy.executors.MultiThreadedExecutor(CALLS, context=self._context)
         self._end = rclpy.task.Future()
         self._own = self._create_node(f"/{self._name}")
-        work = [self._reader.run, self._spin, *[partial(self._connect, opener) for opener in openers]]
+        work: list[Callable[[], None]] = [self._reader.run, self._spin]
+        work += [partial(self._connect, opener) for opener in openers]
         self._threads = [threading.Thread(target=run, daemon=True) for run in work]
 
     def __enter__(self) -> "Ros2Bridge":
@@ -156,7 +156,7 @@ class Ros2Bridge:
         return entity.kind == "MP" and entity.topic not in taken
 
     def _elsewhere(self) -> set[str]:
-        """Return the full names of others' nodes. Of two bridges with the same node, one leaves it to the other."""
+        """Return the full names of others' nodes. Of two bridges with the same node, the newer one leaves it out."""
         names = [f"{space.rstrip('/')}/{name}" for name, space in self._own.get_node_names_and_namespaces()]
         others = {name for name in names if name not in self.nodes}
         if any(name.startswith(f"/{NAME}") and name < f"/{self._name}" for name in names):
@@ -187,7 +187,7 @@ class Ros2Bridge:
 
     def _report(self, problem: str, names: list[str]) -> None:
         """Report a problem, once for each name."""
-        new = sorted(name for name in names if (problem, name) not in self._told)
+        new = sorted({name for name in names if (problem, name) not in self._told})
         if new and len(self._told) < MOST:
             self._told |= {(problem, name) for name in new}
             self._print(clean(f"{', '.join(new)}: {problem}".removeprefix(": "), 400))

@@ -192,6 +192,11 @@ def test_of_two_bridges_one_serves_a_vehicle_and_without_the_flag_none_commands(
             stack.enter_context(Program(folder, "slave", scenario, environment=ros.environment)).expect("ready")
         first = stack.enter_context(ros.bridge(tmp_path, *ports))
         first.expect("connected: /uuv1, /uuv2")
+        words = ("topic", "list", "--json", "--connect", f"tcp/127.0.0.1:{ports[0]}")
+        with Program(tmp_path, *words, environment=ros.environment) as listing:
+            assert listing.wait() == 0
+        subscribers = {each["node"] for each in json.loads(listing.output) if each["kind"] == "MS"}
+        assert subscribers == {"/uuv1"}  # not the bridge, as nobody in ROS subscribes
         second = stack.enter_context(ros.bridge(tmp_path, ports[0], words=()))
         second.expect("/uuv1: this ROS network has that node already")
         graph = ros.run("graph")["graph"]

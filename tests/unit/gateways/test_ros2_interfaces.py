@@ -2,12 +2,14 @@
 
 import importlib
 import json
+import os
 import sys
 from pathlib import Path
 from types import ModuleType
 
 import pytest
 
+from hil.commands.gateways.ros2 import main
 from hil.common.errors import ConfigError, MissingExtraError
 from hil.gateways.ros2.interfaces import PARTS, find_class, import_rclpy
 
@@ -53,3 +55,26 @@ def test_a_type_of_another_version_is_refused(tmp_path: Path, monkeypatch: pytes
     assert "[ros] distro" in find_class("deep_msgs/msg/Depth", HASH[:-1] + "0")[1]
     assert find_class("deep_msgs/msg/Depth", "TypeHashNotSupported")[0]
     assert "has no deep_msgs/msg/Height" in find_class("deep_msgs/msg/Height", HASH)[1]
+
+
+@pytest.mark.parametrize(
+    ("before", "words", "variable", "value"),
+    [
+        ({}, [], "ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST"),
+        ({}, ["--range", "subnet"], "ROS_AUTOMATIC_DISCOVERY_RANGE", "SUBNET"),
+        ({"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"}, [], "ROS_AUTOMATIC_DISCOVERY_RANGE", "SUBNET"),
+        ({"ROS_DISTRO": "humble"}, [], "ROS_LOCALHOST_ONLY", "1"),
+        ({"ROS_DISTRO": "humble"}, ["--range", "subnet"], "ROS_LOCALHOST_ONLY", "0"),
+    ],
+)
+def test_only_this_machine_finds_the_bridge_by_default(
+    before: dict[str, str], words: list[str], variable: str, value: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("ROS_AUTOMATIC_DISCOVERY_RANGE", "ROS_LOCALHOST_ONLY", "ROS_DISTRO"):
+        monkeypatch.setenv(name, "")  # so that it is restored
+        monkeypatch.delenv(name)
+    for name, text in before.items():
+        monkeypatch.setenv(name, text)
+    with pytest.raises(MissingExtraError):
+        main(words)
+    assert os.environ[variable] == value
