@@ -59,7 +59,8 @@ def parser_for(words: list[str], commands: dict[str, tuple[str, str]]) -> argpar
     for name, (module, purpose) in commands.items():
         *family, last = name.split()
         if family and family[0] not in families:
-            families[family[0]] = actions.add_parser(family[0]).add_subparsers()
+            first = actions.choices.get(family[0]) or actions.add_parser(family[0])  # it may be a command, too
+            families[family[0]] = first.add_subparsers()
         beside = families[family[0]] if family else actions
         beside.add_parser(last, help=purpose)
         if words[: len(family) + 1] == name.split():
