@@ -52,7 +52,7 @@ class Imaging:
 
     def __init__(self, scenario: Scenario, report: Callable[[str], None]) -> None:
         offloaded = [name for name, fitted in scenario.sensors.items() if fitted.offloaded]
-        only = {name: scenario.sensors[name] for name in offloaded}
+        only = {name: scenario.sensors[name]._replace(instrument=None) for name in offloaded}
         self._true = scenario.for_process(only)
         self._names = offloaded
         self._report = report
