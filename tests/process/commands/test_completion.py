@@ -46,7 +46,7 @@ def test_commands_options_and_scenarios_are_completed(tmp_path: Path) -> None:
     assert set(completions("uuv-hil slave pa", tmp_path)) == {"paper_field", "path_planning"}
     assert completions("uuv-hil slave mi", tmp_path) == ["mine.toml "]
     assert completions("uuv-hil link loopback --protocol ve", tmp_path) == ["vesc "]
-    assert set(completions("uuv-hil gateway ros", tmp_path)) == {"ros1", "rosbridge"}
+    assert set(completions("uuv-hil gateway ros", tmp_path)) == {"ros1", "ros2", "rosbridge"}
 
 
 def test_keys_of_a_scenario_are_completed(tmp_path: Path) -> None:
