@@ -21,7 +21,7 @@ SPEED_ACCURACY = 0.05  # m/s; u-blox NEO-M9N (data sheet)
 class Epoch(NamedTuple):
     """One solution. `time_ns` since 1970 (UTC); the place is that of `fix`, meaningless without one.
 
-    `separation` (m) is the geoid's height above the ellipsoid, `velocity` (m/s) north, east, down.
+    `separation` (m) is the geoid's height above the ellipsoid, `velocity` (m/s) north, east, down; 0 without a fix.
     """
 
     time_ns: int
@@ -64,6 +64,6 @@ def antenna_velocity(state: State, position: Point) -> Vector3:
 def make_epoch(fix: FixSample, separation: float, velocity: Vector3, sky: Sky) -> Epoch:
     """Return the epoch of a sample whose time is since 1970; without a fix no satellite is received."""
     if not fix.fix:
-        return Epoch(fix.time_ns, fix, separation, velocity, (), Dilutions())
+        return Epoch(fix.time_ns, fix, separation, (0.0, 0.0, 0.0), (), Dilutions())
     gps_s = fix.time_ns / NS_PER_S - GPS_EPOCH + LEAP_SECONDS
     return Epoch(fix.time_ns, fix, separation, velocity, *sky.above(fix[1:4], gps_s))

@@ -47,11 +47,7 @@ class Receiver(Instrument):
         """Name itself, as the device does after power on."""
         self._apply_rate(now_ns)
         if self._configuration.values[keys.OUT_NMEA]:
-            self.send(nmea.greeting())
-
-    def connected(self, client: Client, now_ns: int) -> None:
-        """Read what the client sends from its first byte on."""
-        self._readers[client] = ubx.Reader()
+            self.send(nmea.sentence(nmea.GREETING))
 
     def disconnected(self, client: Client, now_ns: int) -> None:
         """Forget a client."""
@@ -66,35 +62,22 @@ class Receiver(Instrument):
         self.malformed += reader.malformed - before
 
     def _on_message(self, client: Client, group: int, number: int, payload: bytes, now_ns: int) -> None:
-        if group == ubx.CFG:
-            if number == _RESET:  # is not acknowledged
-                is_cold = payload[:2] == b"\xff\xff"
-                self._search_until_ns = now_ns + round((_COLD_START_S if is_cold else _HOT_START_S) * NS_PER_S)
-            else:
-                self._configure(client, number, payload, now_ns)
+        if (group, number) == (ubx.CFG, _RESET):  # is not acknowledged
+            is_cold = payload[:2] == b"\xff\xff"
+            self._search_until_ns = now_ns + round((_COLD_START_S if is_cold else _HOT_START_S) * NS_PER_S)
+        elif group == ubx.CFG:
+            answer = self._configuration.carry_out(number, payload)
+            if isinstance(answer, bytes):
+                self.send(ubx.frame(ubx.CFG, number, answer), client)
+            is_accepted = isinstance(answer, bytes) or answer
+            self.send(ubx.frame(ubx.ACK, int(is_accepted), bytes((group, number))), client)
+            self._apply_rate(now_ns)
         elif (group, number) == (ubx.MON, ubx.VERSION) and not payload:
             self.send(ubx.version(), client)
         elif (group, number) == (ubx.PUBX, 41):  # is not answered
             self.malformed += not self._configuration.proprietary(payload)
         elif (group, number) in ubx.MESSAGES and not payload and self._last:
-            self.send(ubx.frame(group, number, ubx.MESSAGES[group, number](self._last)), client)
-
-    def _configure(self, client: Client, number: int, payload: bytes, now_ns: int) -> None:
-        """Answer a configuration message: with what it asks for, and that it was accepted or not."""
-        configuration = self._configuration
-        carry_out = {
-            0x00: configuration.port, 0x01: configuration.message_rate, 0x08: configuration.rates,
-            0x09: configuration.store, 0x24: configuration.navigation,
-            0x8A: configuration.valset, 0x8B: configuration.valget,
-        }.get(number)  # fmt: skip
-        answer = carry_out(payload) if carry_out else None
-        if number in keys.RECORDS:
-            answer = configuration.record(number, payload)
-        if isinstance(answer, bytes):
-            self.send(ubx.frame(ubx.CFG, number, answer), client)
-        is_accepted = isinstance(answer, bytes) or bool(answer)
-        self.send(ubx.acknowledge(ubx.CFG, number, is_accepted), client)
-        self._apply_rate(now_ns)
+            self.send(ubx.encode(group, number, self._last), client)
 
     def _apply_rate(self, now_ns: int) -> None:
         values = self._configuration.values
@@ -128,15 +111,15 @@ class Receiver(Instrument):
         if measured_ns < self._search_until_ns:
             fix = fix._replace(fix=False)
         epoch = self._last = make_epoch(fix, self.facts.origin_altitude, self._velocity(now_ns), self._sky)
-        configuration, parts = self._configuration, []
-        if configuration.values[keys.OUT_NMEA]:
-            parts = [write(epoch) for number, write in nmea.SENTENCES.items() if self._is_due(keys.NMEA, number)]
-        if configuration.values[keys.OUT_UBX]:
-            due = [(name, write) for name, write in ubx.MESSAGES.items() if self._is_due(*name)]
-            parts += [ubx.frame(*name, write(epoch)) for name, write in due]
+        values, data = self._configuration.values, b""
+        if values[keys.OUT_NMEA]:
+            due = [number for number in nmea.SENTENCES if self._is_due(keys.NMEA, number)]
+            data += b"".join(nmea.encode(number, epoch) for number in due)
+        if values[keys.OUT_UBX]:
+            data += b"".join(ubx.encode(*name, epoch) for name in ubx.MESSAGES if self._is_due(*name))
         self._epochs += 1
-        if parts:
-            self.send(b"".join(parts), measured_ns=measured_ns)
+        if data:
+            self.send(data, measured_ns=measured_ns)
 
     def _is_due(self, group: int, number: int) -> bool:
         rate = self._configuration.rate(group, number)

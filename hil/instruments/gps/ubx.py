@@ -4,21 +4,22 @@ Source: u-blox M9 SPG 4.04 interface description (UBX-21022436), chapter 3. Litt
 in 1e-7 degrees and mm, speeds in mm/s.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from math import hypot, sqrt
 from struct import pack
+from typing import Any
 
 from hil.instruments.gps.epoch import LEAP_SECONDS, SPEED_ACCURACY, Epoch
+from hil.instruments.layout import pack_layout
 
 _SYNC = b"\xb5\x62"
 _MOST = 1024  # bytes of a payload that a receiver takes
 _UNKNOWN = 0xFFFFFFFF
-_DATE_AND_TIME, _RESOLVED = 3, 4
-_CONFIRMED = 0xE0  # flags2: date and time are confirmed
-_TIME_ACCURACY_NS = 50
-
 NAV, ACK, CFG, MON, PUBX = 0x01, 0x05, 0x06, 0x0A, 0xF1
 VERSION = 0x04  # of MON
+_SATELLITES = (NAV, 0x35)
+# of a satellite: quality, used, healthy, orbit by ephemeris; almanac too
+_SATELLITE_FLAGS = 7 | 1 << 3 | 1 << 4 | 1 << 8 | 3 << 11
 
 
 def frame(group: int, number: int, payload: bytes = b"") -> bytes:
@@ -29,11 +30,6 @@ def frame(group: int, number: int, payload: bytes = b"") -> bytes:
         first = first + byte & 0xFF
         second = second + first & 0xFF
     return _SYNC + body + bytes((first, second))
-
-
-def acknowledge(group: int, number: int, accepted: bool) -> bytes:
-    """Return ACK-ACK or ACK-NAK to a configuration message."""
-    return frame(ACK, int(accepted), bytes((group, number)))
 
 
 class Reader:
@@ -63,132 +59,88 @@ class Reader:
         """Return the size of what the buffer begins with: a message, a sentence, corrections, or bytes to skip."""
         buffer = self._buffer
         if buffer[:2] == _SYNC:
-            if len(buffer) < 6:
-                return 6
-            size = int.from_bytes(buffer[4:6], "little")
-            return 8 + size if size <= _MOST else self._skip()
-        if buffer[0] == 0xD3 and buffer[1] < 4:
+            size = 8 + int.from_bytes(buffer[4:6], "little")
+            if len(buffer) < 6 or size <= 8 + _MOST:
+                return max(6, size)
+        elif buffer[0] == 0xD3 and buffer[1] < 4:
             return 6 + int.from_bytes(buffer[1:3], "big")
-        if buffer[0] in b"$":
+        elif buffer[:1] == b"$":
             end = buffer.find(b"\n", 0, 256)
-            return end + 1 if end >= 0 else 256 if len(buffer) < 256 else self._skip()
-        return self._skip()
-
-    def _skip(self) -> int:
-        """Return the number of bytes up to the next that may begin something."""
+            if end >= 0 or len(buffer) < 256:
+                return end + 1 or 256
         self.malformed += 1
-        starts = [at for at in (self._buffer.find(mark, 1) for mark in (_SYNC[:1], b"\xd3", b"$")) if at > 0]
-        return min(starts, default=len(self._buffer))
+        starts = [at for at in (buffer.find(mark, 1) for mark in (_SYNC[:1], b"\xd3", b"$")) if at > 0]
+        return min(starts, default=len(buffer))
 
 
 def _mm(metres: float) -> int:
     return max(-(1 << 31), min((1 << 31) - 1, round(metres * 1e3)))
 
 
-def _place(epoch: Epoch) -> bytes:
-    """Return longitude, latitude, heights and accuracies, as NAV-PVT has them."""
+def _place(epoch: Epoch) -> tuple[int, ...]:
+    """Return longitude, latitude, heights above ellipsoid and sea, and accuracies."""
     fix = epoch.fix
     if not fix.fix:
-        return pack("<4i2I", 0, 0, 0, 0, _UNKNOWN, _UNKNOWN)
+        return 0, 0, 0, 0, _UNKNOWN, _UNKNOWN
     level, vertical = [min(_UNKNOWN, round(1e3 * sqrt(max(0.0, value)))) for value in fix.variances]
     heights = _mm(fix.altitude), _mm(fix.altitude - epoch.separation)
-    accuracies = round(level * sqrt(2.0)), vertical
-    return pack("<4i2I", round(fix.longitude * 1e7), round(fix.latitude * 1e7), *heights, *accuracies)
+    return round(fix.longitude * 1e7), round(fix.latitude * 1e7), *heights, round(level * sqrt(2.0)), vertical
 
 
-def _itow(epoch: Epoch) -> bytes:
-    return pack("<I", epoch.week_and_ms[1])
+def _course_accuracy(epoch: Epoch) -> int:
+    """Return the accuracy of the course: by the speed's error across it."""
+    return round(1e5 * min(180.0, 57.3 * SPEED_ACCURACY / epoch.speed)) if epoch.speed else 18_000_000
 
 
-def _date(epoch: Epoch) -> bytes:
-    time = epoch.time
-    return pack("<H5B", time.year, time.month, time.day, time.hour, time.minute, time.second)
-
-
-def _time_accuracy(epoch: Epoch) -> int:
-    """Return the accuracy of the time (ns); without a fix it is that of the clock, which goes on by a crystal."""
-    return _TIME_ACCURACY_NS if epoch.fix.fix else 1_000_000
-
-
-def pvt(epoch: Epoch) -> bytes:
-    """NAV-PVT: position, velocity and time."""
-    has_fix = epoch.fix.fix
-    valid = _DATE_AND_TIME | (_RESOLVED if has_fix else 0)
-    nano = epoch.time_ns % 1_000_000_000
-    head = pack("<BIi4B", valid, _time_accuracy(epoch), nano, 3 * has_fix, has_fix, _CONFIRMED, len(epoch.satellites))
-    velocity = [_mm(each) for each in epoch.velocity] if has_fix else [0, 0, 0]
-    motion = pack(
-        "<4iiIIHH4xihH", *velocity, _mm(epoch.speed) if has_fix else 0, round(epoch.course * 1e5) if has_fix else 0,
-        _mm(SPEED_ACCURACY), round(_course_accuracy(epoch) * 1e5), round(epoch.dilutions.position * 100),
-        not has_fix, 0, 0, 0,
-    )  # fmt: skip
-    return _itow(epoch) + _date(epoch) + head + _place(epoch) + motion
-
-
-def _course_accuracy(epoch: Epoch) -> float:
-    """Return the accuracy of the course in degrees: by the speed's error across it."""
-    return min(180.0, 57.3 * SPEED_ACCURACY / epoch.speed) if epoch.speed and epoch.fix.fix else 180.0
-
-
-def posllh(epoch: Epoch) -> bytes:
-    """NAV-POSLLH: longitude, latitude, heights."""
-    return _itow(epoch) + _place(epoch)
-
-
-def status(epoch: Epoch) -> bytes:
-    """NAV-STATUS: kind of fix; times since power on are not kept."""
-    has_fix = epoch.fix.fix
-    return _itow(epoch) + pack("<4BII", 3 * has_fix, 0x0C | has_fix, 0, 0, 0, 0)
-
-
-def velned(epoch: Epoch) -> bytes:
-    """NAV-VELNED: velocity in cm/s."""
-    values = [round(100.0 * value) for value in (*epoch.velocity, hypot(*epoch.velocity), epoch.speed)]
-    accuracies = round(100.0 * SPEED_ACCURACY), round(_course_accuracy(epoch) * 1e5)
-    return _itow(epoch) + pack("<3i2IiII", *values, round(epoch.course * 1e5), *accuracies)
-
-
-def dop(epoch: Epoch) -> bytes:
-    """NAV-DOP: dilutions of precision in hundredths."""
-    return _itow(epoch) + pack("<7H", *[min(9999, round(value * 100)) for value in epoch.dilutions])
-
-
-def timegps(epoch: Epoch) -> bytes:
-    """NAV-TIMEGPS: GPS's time, with its distance from UTC."""
-    rest_ns = epoch.time_ns % 1_000_000
-    return _itow(epoch) + pack("<ihbBI", rest_ns, epoch.week_and_ms[0], LEAP_SECONDS, 7, _time_accuracy(epoch))
-
-
-def sat(epoch: Epoch) -> bytes:
-    """NAV-SAT: the satellites; all are healthy, used, and tracked by code and carrier."""
-    flags = 7 | 1 << 3 | 1 << 4 | 1 << 8 | 3 << 11  # quality, used, healthy, orbit by ephemeris; almanac too
-    blocks = [
-        pack("<3BbhhI", 0, each.number, round(each.strength), round(each.elevation), round(each.azimuth), 0, flags)
-        for each in epoch.satellites
-    ]
-    return _itow(epoch) + pack("<BB2x", 1, len(blocks)) + b"".join(blocks)
-
-
-def end(epoch: Epoch) -> bytes:
-    """NAV-EOE: end of the epoch."""
-    return _itow(epoch)
-
-
-def hardware(_: Epoch) -> bytes:
-    """MON-HW: an antenna that is well, without jamming; pins are 0."""
-    return bytes(16) + pack("<HHBB", 90, 4000, 2, 1) + bytes(23) + b"\x0a" + bytes(14)
-
-
-def front_end(_: Epoch) -> bytes:
-    """MON-HW2: gains and offsets of the two paths."""
-    return pack("<bBbB", 0, 128, 0, 128) + bytes(24)
-
-
+QUANTITIES: dict[str, Callable[[Epoch], Sequence[Any]]] = {
+    "itow": lambda e: [e.week_and_ms[1]],
+    "week": lambda e: [e.week_and_ms[0]],
+    "date": lambda e: e.time.timetuple()[:6],
+    "nano": lambda e: [e.time_ns % 1_000_000_000],
+    "sub_ms": lambda e: [e.time_ns % 1_000_000],
+    "time_valid": lambda e: [7 if e.fix.fix else 3],  # date and time, fully resolved
+    "time_accuracy": lambda e: [50 if e.fix.fix else 1_000_000],  # ns; the clock goes on by a crystal
+    "leap": lambda _: [LEAP_SECONDS],
+    "fix_type": lambda e: [3 * e.fix.fix],
+    "fix_ok": lambda e: [e.fix.fix],
+    "fix_status": lambda e: [0x0C | e.fix.fix],
+    "no_fix": lambda e: [not e.fix.fix],
+    "used": lambda e: [len(e.satellites)],
+    "place": _place,
+    "velocity": lambda e: [_mm(value) for value in e.velocity],
+    "velocity_cm": lambda e: [round(100.0 * value) for value in e.velocity],
+    "speed": lambda e: [_mm(e.speed)],
+    "speeds_cm": lambda e: [round(100.0 * hypot(*e.velocity)), round(100.0 * e.speed)],
+    "course": lambda e: [round(e.course * 1e5)],
+    "speed_accuracy": lambda _: [_mm(SPEED_ACCURACY)],
+    "speed_accuracy_cm": lambda _: [round(100.0 * SPEED_ACCURACY)],
+    "course_accuracy": lambda e: [_course_accuracy(e)],
+    "pdop": lambda e: [round(e.dilutions.position * 100)],
+    "dilutions": lambda e: [min(9999, round(value * 100)) for value in e.dilutions],
+}
 # Class and number of a message -> its payload; in the order in which they are sent.
-MESSAGES: dict[tuple[int, int], Callable[[Epoch], bytes]] = {
-    (NAV, 0x02): posllh, (NAV, 0x03): status, (NAV, 0x04): dop, (NAV, 0x07): pvt, (NAV, 0x12): velned,
-    (NAV, 0x20): timegps, (NAV, 0x35): sat, (NAV, 0x61): end, (MON, 0x09): hardware, (MON, 0x0B): front_end,
-}  # fmt: skip
+MESSAGES = {
+    (NAV, 0x02): "I:itow 4i2I:place",  # POSLLH
+    (NAV, 0x03): "I:itow B:fix_type B:fix_status 10x",  # STATUS; times since power on are not kept
+    (NAV, 0x04): "I:itow 7H:dilutions",  # DOP
+    (NAV, 0x07): "I:itow H5B:date B:time_valid I:time_accuracy i:nano B:fix_type B:fix_ok B:224 B:used 4i2I:place "
+    "3i:velocity i:speed i:course I:speed_accuracy I:course_accuracy H:pdop H:no_fix 12x",  # PVT
+    (NAV, 0x12): "I:itow 3i:velocity_cm 2I:speeds_cm i:course I:speed_accuracy_cm I:course_accuracy",  # VELNED
+    (NAV, 0x20): "I:itow i:sub_ms h:week b:leap B:7 I:time_accuracy",  # TIMEGPS
+    _SATELLITES: "I:itow B:1 B:used 2x",  # SAT; its blocks follow
+    (NAV, 0x61): "I:itow",  # EOE, the end of the epoch
+    (MON, 0x09): "16x H:90 H:4000 B:2 B:1 23x B:10 14x",  # HW: an antenna that is well, without jamming
+    (MON, 0x0B): "x B:128 x B:128 24x",  # HW2: gains and offsets of the two paths
+}
+
+
+def encode(group: int, number: int, epoch: Epoch) -> bytes:
+    """Return one of the messages; all satellites in it are used, and tracked by code and carrier."""
+    payload = pack_layout(MESSAGES[group, number], QUANTITIES, epoch)
+    for each in epoch.satellites if (group, number) == _SATELLITES else ():
+        values = each.number, round(each.strength), round(each.elevation), round(each.azimuth)
+        payload += pack("<x2Bbh2xI", *values, _SATELLITE_FLAGS)
+    return frame(group, number, payload)
 
 
 def version() -> bytes:
