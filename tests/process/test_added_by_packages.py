@@ -116,6 +116,15 @@ def run(packages: Path, *arguments: str, module: tuple[str, ...] = ("-m", "hil")
     return done.returncode, done.stdout + done.stderr
 
 
+def test_an_instrument_of_a_package_stands_at_its_wire_by_its_name(packages: Path) -> None:
+    changes = "sensors.altimeter.instrument='pinger'", "sensors.altimeter.at='tcp:127.0.0.1:5099'"
+    words = [word for change in changes for word in ("--set", change)]
+    code, output = run(packages, "scenario", "check", "my_dive", *words)
+    assert code == 0, output
+    code, output = run(packages, "scenario", "check", "my_dive", *words, "--set", "sensors.imu.instrument='pinger'")
+    assert (code, "'pinger' is no imu: it is for altimeter" in output) == (2, True), output
+
+
 def test_each_kind_has_an_example() -> None:
     assert set(ENTRIES) == set(KINDS)
 
