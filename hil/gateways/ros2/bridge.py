@@ -106,8 +106,7 @@ class Ros2Bridge:
         if not alive:
             source.entities.pop(key, None)
         elif entity and not entity.node.startswith(f"/{NAME}") and len(source.entities) < MOST:
-            node = "" if is_shared(entity) else entity.node
-            source.entities[key] = entity._replace(node=node, session="", node_id=0, ident=0)
+            source.entities[key] = entity._replace(session="", node_id=0, ident=0)
 
     def _check(self, _: None) -> None:
         """Mirror what is there now, and nothing else; receive what somebody subscribes to."""
@@ -137,14 +136,15 @@ class Ros2Bridge:
         elsewhere = self._elsewhere()
         for number, source in enumerate(self._sources):
             entities = sorted(set(source.entities.copy().values()))
-            taken = {each.topic for each in entities if each.kind == "MS" and each.topic.startswith(f"{each.node}/")}
+            taken = {each.topic for each in entities if _is_taken(each)}
             for entity in entities:
                 if not self._is_for_ros(entity, taken):
                     continue
                 if entity.node in elsewhere:
                     self._report(ELSEWHERE, [entity.node])
                 else:
-                    wanted.setdefault((number, entity.kind, entity.topic), entity)
+                    node = "" if is_shared(entity) else entity.node  # "" is the bridge's own
+                    wanted.setdefault((number, entity.kind, entity.topic), entity._replace(node=node))
         return wanted
 
     def _is_for_ros(self, entity: Entity, taken: set[str]) -> bool:
@@ -152,7 +152,7 @@ class Ros2Bridge:
         if entity.kind == "SS":
             return self._may_command or entity.type.rpartition("/")[2].startswith(READING)
         if entity.kind == "MS":
-            return self._may_command and entity.topic.startswith(f"{entity.node}/")
+            return self._may_command and _is_taken(entity)
         return entity.kind == "MP" and entity.topic not in taken
 
     def _elsewhere(self) -> set[str]:
@@ -191,3 +191,8 @@ class Ros2Bridge:
         if new and len(self._told) < MOST:
             self._told |= {(problem, name) for name in new}
             self._print(clean(f"{', '.join(new)}: {problem}".removeprefix(": "), 400))
+
+
+def _is_taken(entity: Entity) -> bool:
+    """Return whether a vehicle subscribes to it, below its own name."""
+    return entity.kind == "MS" and entity.topic.startswith(f"{entity.node}/")

@@ -197,12 +197,17 @@ def test_of_two_bridges_one_serves_a_vehicle_and_without_the_flag_none_commands(
             assert listing.wait() == 0
         subscribers = {each["node"] for each in json.loads(listing.output) if each["kind"] == "MS"}
         assert subscribers == {"/uuv1"}  # not the bridge, as nobody in ROS subscribes
+        echo = stack.enter_context(
+            Program(tmp_path, "topic", "echo", "/clock", *words[3:], environment=ros.environment)
+        )
+        echo.expect("clock:")  # a subscriber of a shared topic is no vehicle
         second = stack.enter_context(ros.bridge(tmp_path, ports[0], words=()))
         second.expect("/uuv1: this ROS network has that node already")
         graph = ros.run("graph")["graph"]
         assert graph["nodes"][:3] == ["/looks", "/uuv1", "/uuv2"]
         assert len(graph["qos"]["/uuv1/imu"]) == len(graph["qos"]["/uuv2/imu"]) == 1
         assert "/uuv1/cmd_vel" in graph["commanded"]
+        assert len(graph["qos"]["/clock"]) == 2  # of the network of each vehicle
         assert first.stop(signal.SIGTERM) == 0
         second.expect("connected: /uuv1\n")
         graph = ros.run("graph")["graph"]
