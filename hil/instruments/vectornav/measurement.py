@@ -1,26 +1,28 @@
 """What a unit knows at one instant, and its quantities in the units of its messages."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from math import degrees, sqrt
 from typing import Any, NamedTuple
 
 from hil.common.clock import NS_PER_S
 from hil.common.vectors import Quaternion, Vector3
 from hil.instruments.gps.epoch import GPS_EPOCH, LEAP_SECONDS, SPEED_ACCURACY, Epoch
+from hil.instruments.gps.sky import Dilutions
 from sim.geodesy import TangentPlane, earth_centred
 from sim.rotations import matrix, rotate, rotate_inverse, to_euler
+from sim.sensors.extra_samples import FixSample
 
 _GRAVITY = 9.80665  # m/s²
 _UNKNOWN = 9999.0  # standard deviation (m, m/s) of what is not known
 _WEEK_NS = 604_800 * NS_PER_S
+NO_EPOCH = Epoch(0, FixSample(0, 0.0, 0.0, 0.0, (0.0, 0.0), False), 0.0, (0.0, 0.0, 0.0), (), Dilutions())
 
 
 class Measurement(NamedTuple):
     """One measurement. `startup_ns` since power on, `time_ns` since 1970; axes are FRD.
 
-    `field` in gauss, `temperature` (°C) and `pressure` (kPa) in the housing; `turned` (degrees) and `gained` (m/s) are
-    integrals over the last `interval` (s). `epoch` is that of the unit's satellite receiver, if it has one; `place` the
-    last one found (degrees, m).
+    `field` in gauss, `temperature` (°C) and `pressure` (kPa) in the housing; `interval` (s) is that since the last one.
+    `epoch` is that of the unit's satellite receiver, if it has one; `place` the last one found (degrees, m).
     """
 
     startup_ns: int
@@ -32,25 +34,18 @@ class Measurement(NamedTuple):
     temperature: float
     pressure: float
     interval: float
-    turned: Vector3
-    gained: Vector3
-    epoch: Epoch | None = None
+    epoch: Epoch = NO_EPOCH
     place: Vector3 = (0.0, 0.0, 0.0)
 
     @property
     def has_fix(self) -> bool:
         """True if the receiver has a fix."""
-        return self.epoch is not None and self.epoch.fix.fix
+        return self.epoch.fix.fix
 
     @property
     def gps_ns(self) -> int:
         """Time since GPS's epoch; 0 for a unit without a receiver."""
-        return self.time_ns - (GPS_EPOCH - LEAP_SECONDS) * NS_PER_S if self.epoch else 0
-
-    @property
-    def velocity(self) -> Vector3:
-        """Velocity in NED (m/s); zero without a fix."""
-        return self.epoch.velocity if self.epoch and self.has_fix else (0.0, 0.0, 0.0)
+        return 0 if self.epoch is NO_EPOCH else self.time_ns - (GPS_EPOCH - LEAP_SECONDS) * NS_PER_S
 
     @property
     def linear_ned(self) -> Vector3:
@@ -61,9 +56,7 @@ class Measurement(NamedTuple):
     @property
     def accuracies(self) -> Vector3:
         """Standard deviations of the place, north, east and down (m)."""
-        level, down = (
-            [sqrt(value) for value in self.epoch.fix.variances] if self.epoch and self.has_fix else (_UNKNOWN, _UNKNOWN)
-        )
+        level, down = [sqrt(value) if self.has_fix else _UNKNOWN for value in self.epoch.fix.variances]
         return level, level, down
 
     def to_ecef(self, vector: Vector3) -> Vector3:
@@ -73,16 +66,11 @@ class Measurement(NamedTuple):
         return x - start[0], y - start[1], z - start[2]
 
 
-def _ypr(of: Measurement) -> Vector3:
-    roll, pitch, yaw = to_euler(of.attitude)
-    return degrees(yaw), degrees(pitch), degrees(roll)
-
-
 def _utc(of: Measurement) -> tuple[int, ...]:
-    if of.epoch is None:
+    if not of.gps_ns:
         return (0,) * 7
     time = of.epoch._replace(time_ns=of.time_ns).time
-    return time.year - 2000, time.month, time.day, time.hour, time.minute, time.second, time.microsecond // 1000
+    return time.year - 2000, *time.timetuple()[1:6], time.microsecond // 1000
 
 
 def _cosines(of: Measurement) -> tuple[float, ...]:
@@ -92,17 +80,16 @@ def _cosines(of: Measurement) -> tuple[float, ...]:
 
 # Name of a quantity -> its values. Angles are in degrees, but turn rates in rad/s; vectors are along the body's axes if
 # not named otherwise; a unit's quaternion has its scalar last, its matrix turns NED into the body's axes.
-QUANTITIES: dict[str, Callable[[Measurement], tuple[Any, ...]]] = {
-    "zero": lambda _: (0,),
+QUANTITIES: dict[str, Callable[[Measurement], Sequence[Any]]] = {
     "startup": lambda m: (m.startup_ns,),
     "gps_time": lambda m: (m.gps_ns,),
     "tow_ns": lambda m: (m.gps_ns % _WEEK_NS,),
     "tow_s": lambda m: (m.gps_ns % _WEEK_NS / NS_PER_S,),
     "week": lambda m: (m.gps_ns // _WEEK_NS,),
     "utc": _utc,
-    "time_status": lambda m: (7 if m.has_fix else 0,),  # time of week, date and UTC are valid
-    "time_info": lambda m: (7 if m.has_fix else 0, LEAP_SECONDS),
-    "ypr": _ypr,
+    "time_status": lambda m: (7 * m.has_fix,),  # time of week, date and UTC are valid
+    "leap": lambda _: (LEAP_SECONDS,),
+    "ypr": lambda m: [degrees(angle) for angle in to_euler(m.attitude)[::-1]],
     "ypr_u": lambda _: (2.0, 0.5, 0.5),  # VN-100, data sheet
     "attitude_u": lambda _: (2.0,),
     "quaternion": lambda m: (*m.attitude[1:], m.attitude[0]),
@@ -113,8 +100,8 @@ QUANTITIES: dict[str, Callable[[Measurement], tuple[Any, ...]]] = {
     "temperature": lambda m: (m.temperature,),
     "pressure": lambda m: (m.pressure,),
     "interval": lambda m: (m.interval,),
-    "turned": lambda m: m.turned,
-    "gained": lambda m: m.gained,
+    "turned": lambda m: [degrees(value * m.interval) for value in m.rate],
+    "gained": lambda m: [value * m.interval for value in m.acceleration],
     "mag_ned": lambda m: rotate(m.attitude, m.field),
     "accel_ned": lambda m: rotate(m.attitude, m.acceleration),
     "linear_ned": lambda m: m.linear_ned,
@@ -122,17 +109,17 @@ QUANTITIES: dict[str, Callable[[Measurement], tuple[Any, ...]]] = {
     "mag_ecef": lambda m: m.to_ecef(rotate(m.attitude, m.field)),
     "accel_ecef": lambda m: m.to_ecef(rotate(m.attitude, m.acceleration)),
     "linear_ecef": lambda m: m.to_ecef(m.linear_ned),
-    "fix": lambda m: (3 if m.has_fix else 0,),
-    "satellites": lambda m: (len(m.epoch.satellites) if m.epoch else 0,),
-    "dilutions": lambda m: m.epoch.dilutions if m.epoch else (99.99,) * 7,
+    "fix": lambda m: (3 * m.has_fix,),
+    "satellites": lambda m: (len(m.epoch.satellites),),
+    "dilutions": lambda m: m.epoch.dilutions,
     "lla": lambda m: m.place,
     "ecef": lambda m: earth_centred(*m.place),
-    "vel_ned": lambda m: m.velocity,
-    "vel_body": lambda m: rotate_inverse(m.attitude, m.velocity),
-    "vel_ecef": lambda m: m.to_ecef(m.velocity),
+    "vel_ned": lambda m: m.epoch.velocity,
+    "vel_body": lambda m: rotate_inverse(m.attitude, m.epoch.velocity),
+    "vel_ecef": lambda m: m.to_ecef(m.epoch.velocity),
     "place_u": lambda m: m.accuracies,
     "largest_u": lambda m: (max(m.accuracies),),
     "speed_u": lambda m: (SPEED_ACCURACY if m.has_fix else _UNKNOWN,),
     "time_u": lambda m: (5e-8 if m.has_fix else 1.0,),
-    "ins_status": lambda m: (6 if m.has_fix else 0,),  # tracking, with a fix
+    "ins_status": lambda m: (6 * m.has_fix,),  # tracking, with a fix
 }

@@ -7,19 +7,13 @@ from hil.common.clock import NEVER_NS, NS_PER_MS, NS_PER_S
 from hil.common.plugins import load_object
 from hil.common.schema import Range
 from hil.common.vectors import Vector3
-from hil.instruments.contract import Client, Facts, Instrument, Scene, Send
-from hil.instruments.gps.epoch import Epoch, antenna_velocity, make_epoch
+from hil.instruments.contract import Client, Facts, Scene, Send
+from hil.instruments.gps.epoch import antenna_velocity, make_epoch
 from hil.instruments.gps.sky import Sky
-from hil.instruments.vectornav.measurement import Measurement
-from hil.instruments.vectornav.outputs import (
-    ASYNCHRONOUS,
-    MEASURED,
-    WITH_RECEIVER,
-    checksum,
-    line,
-    parse_output,
-    text_of,
-)  # fmt: skip
+from hil.instruments.lines import LineInstrument
+from hil.instruments.vectornav.measurement import NO_EPOCH, Measurement
+from hil.instruments.vectornav.outputs import ASYNCHRONOUS, MEASURED, WITH_RECEIVER, checksum, parse_output, text_of
+from hil.instruments.vectornav.outputs import line as encode_line
 from sim.sensors.extra_samples import FixSample
 from sim.sensors.kinds import SENSORS
 from sim.sensors.magnetometer import Magnetometer, MagnetometerModel
@@ -29,17 +23,23 @@ _BAD_CHECKSUM, _BAD_COMMAND, _TOO_FEW, _TOO_MANY, _BAD_PARAMETER, _BAD_REGISTER,
 _INERTIAL_RATE = 800  # Hz, which the divisors of binary outputs divide
 _RECEIVER_PERIOD_NS = 200 * NS_PER_MS
 _RESTART_NS = 1250 * NS_PER_MS
-_LONGEST = 256  # bytes of a line
+_LARGEST_OUTPUT = 10  # parameters: ports, divisor, groups, and the fields of seven
 # Disturbances that are known to the client, and the present rates as biases: for the filter, which is not simulated.
 _ACCEPTED = ("VNKMD", "VNKAD", "VNSGB")
+_IDENTITY = (1, 2, 3, 4)  # model, revision of the hardware, serial number, firmware
 _TAG, _BAUD, _KIND, _RATE, _PROTOCOL, _BINARY = 0, 5, 6, 7, 30, (75, 76, 77)
-_BAUDS = {"9600", "19200", "38400", "57600", "115200", "128000", "230400", "460800", "921600"}
-_RATES = {"1", "2", "4", "5", "10", "20", "25", "40", "50", "100", "200"}
-# Registers of calibrations and filters, which are kept and returned, but which the simulated sensor does not follow.
-_KEPT = {
-    21: "+1,+0,+1.8,+0,+0,-9.79375", 23: "1,0,0,0,1,0,0,0,1,0,0,0", 25: "1,0,0,0,1,0,0,0,1,0,0,0",
-    26: "1,0,0,0,1,0,0,0,1", 35: "1,1,1,1", 82: "0,0,0,0,0", 83: "0,0,0,0,1000,0.000,+00.00000000,+000.00000000,"
-    "+00000.000", 84: "1,0,0,0,1,0,0,0,1,0,0,0", 85: "0,4,4,4,0,0,3,3,3,0",
+# Registers of one port, with their values; the kinds of an output depend on the unit.
+_OF_PORT = {
+    _BAUD: {"9600", "19200", "38400", "57600", "115200", "128000", "230400", "460800", "921600"},
+    _KIND: set[str](),
+    _RATE: {"1", "2", "4", "5", "10", "20", "25", "40", "50", "100", "200"},
+}
+# Most are calibrations and filters, which are kept and returned, but which the simulated sensor does not follow.
+_FACTORY = {
+    _TAG: "", _BAUD: "115200", _RATE: "40", 21: "+1,+0,+1.8,+0,+0,-9.79375", 23: "1,0,0,0,1,0,0,0,1,0,0,0",
+    25: "1,0,0,0,1,0,0,0,1,0,0,0", 26: "1,0,0,0,1,0,0,0,1", _PROTOCOL: "0,0,0,0,1,0,1", 35: "1,1,1,1",
+    82: "0,0,0,0,0", 83: "0,0,0,0,1000,0.000,+00.00000000,+000.00000000,+00000.000",
+    84: "1,0,0,0,1,0,0,0,1,0,0,0", 85: "0,4,4,4,0,0,3,3,3,0", **dict.fromkeys(_BINARY, "0,0,00"),
 }  # fmt: skip
 
 
@@ -54,7 +54,7 @@ class UnitSettings(NamedTuple):
     magnetometer: MagnetometerModel = MagnetometerModel()
 
 
-class Vn100(Instrument):
+class Vn100(LineInstrument):
     """A VN-100 from its factory settings on: YMR at 40 Hz until a client configures it.
 
     Attitude, rates and accelerations are those of the sensor, so an output is at most as fast as that: give it a rate
@@ -68,28 +68,21 @@ class Vn100(Instrument):
     warm_up_s = 1.25
     model_number = "VN-100T-CR"
     default_kind = "14"
+    has_receiver = False
 
     def __init__(self, settings: Any, facts: Facts, scene: Scene, send: Send) -> None:
         super().__init__(settings, facts, scene, send)
         self._kept: dict[int, str] = facts.memory.setdefault("registers", {})
-        self._buffers: dict[Client, bytes] = {}
         self._magnetometer: Sensor | None = None
         self._last: Measurement | None = None
-        self._began_ns = 0
-        self._silent_until_ns = 0
-        self._restart(0)
+        self._began_ns = self._silent_until_ns = 0
+        self._restart()
 
-    def _restart(self, now_ns: int) -> None:
-        self._registers = {
-            _TAG: "", 1: self.model_number, 2: "7", 3: "0100011981", 4: "2.1.0.0", _BAUD: "115200",
-            _KIND: self.default_kind, _RATE: "40", _PROTOCOL: "0,0,0,0,1,0,1", **_KEPT,
-            **dict.fromkeys(_BINARY, "0,0,00"), **self._kept,
-        }  # fmt: skip
+    def _restart(self) -> None:
+        identity = dict(zip(_IDENTITY, (self.model_number, "7", "0100011981", "2.1.0.0"), strict=True))
+        self._registers = _FACTORY | identity | {_KIND: self.default_kind} | self._kept
         self._is_paused = False
-        self._due_ns = dict.fromkeys((_KIND, *_BINARY), 0)
-        parsed = {number: parse_output(self._registers[number].split(",")) for number in _BINARY}
-        self._outputs = {number: output for number, output in parsed.items() if output}
-        self._began_ns = now_ns
+        self._due_ns = dict.fromkeys(self._registers, 0)
 
     def start(self, now_ns: int) -> None:
         """Build the unit's magnetometer."""
@@ -97,34 +90,22 @@ class Vn100(Instrument):
         rate = max(1.0, self.facts.model.rate)
         self._magnetometer = self.scene.build(self.settings.magnetometer._replace(rate=rate), sensor=Magnetometer)
 
-    def disconnected(self, client: Client, now_ns: int) -> None:
-        """Forget a client."""
-        self._buffers.pop(client, None)
-
-    def on_data(self, client: Client, data: bytes, now_ns: int) -> None:
-        """Answer each complete line."""
-        buffer = self._buffers.get(client, b"") + data
-        *lines, rest = buffer.replace(b"\r", b"\n").split(b"\n")
-        self._buffers[client] = rest[-_LONGEST:]
-        for each in lines:
-            start = each.rfind(b"$")
-            if start >= 0 and now_ns >= self._silent_until_ns:
-                self._on_line(client, each[start + 1 :], now_ns)
-            elif each:
-                self.malformed += 1
-
-    def _on_line(self, client: Client, text: bytes, now_ns: int) -> None:
+    def on_line(self, client: Client, line: bytes, now_ns: int) -> None:
+        """Answer a line; what stands before its $ is noise."""
+        _, mark, text = line.rpartition(b"$")
+        if not mark or now_ns < self._silent_until_ns:
+            self.malformed += 1
+            return
         body, _, given = text.partition(b"*")
         given = given.strip().upper()
-        if given != b"XX" and given != checksum(body, with_crc=len(given) == 4):
-            answer: str | int = _BAD_CHECKSUM
-        else:
+        answer: str | int = _BAD_CHECKSUM
+        if given in (b"XX", checksum(body, with_crc=len(given) == 4)):
             command, *parameters = body.decode("latin-1").split(",")
             answer = self._execute(command, parameters, now_ns)
         if isinstance(answer, int):
             self.malformed += 1
             answer = f"VNERR,{answer:02d}"
-        self.send(line(answer, self._has_crc), client)
+        self.send(encode_line(answer, self._has_crc), client)
 
     @property
     def _has_crc(self) -> bool:
@@ -139,14 +120,14 @@ class Vn100(Instrument):
                 return _BAD_PARAMETER if parameters else _TOO_FEW
             self._is_paused = parameters == ["0"]
         elif command == "VNWNV":
-            self._kept |= {number: text for number, text in self._registers.items() if number not in (1, 2, 3, 4)}
+            self._kept |= {number: text for number, text in self._registers.items() if number not in _IDENTITY}
         elif command in ("VNRFS", "VNRST"):
             if command == "VNRFS":
                 self._kept.clear()
-            self._restart(now_ns + _RESTART_NS)
-            self._silent_until_ns = now_ns + _RESTART_NS
+            self._restart()
+            self._began_ns = self._silent_until_ns = now_ns + _RESTART_NS
         elif command == "VNBOM" and parameters in (["1"], ["2"], ["3"]):
-            output = self._outputs.get(_BINARY[int(parameters[0]) - 1])
+            output = parse_output(self._registers[_BINARY[int(parameters[0]) - 1]])
             if output and output.fields and self._last:
                 self.send(output.encode(self._last))
         elif command not in _ACCEPTED:
@@ -160,49 +141,39 @@ class Vn100(Instrument):
         if not parameters[0].isdecimal():
             return _BAD_PARAMETER
         number = int(parameters[0])
-        if command == "VNRRG":
-            return self._read(number)
-        return self._write(number, parameters[1:]) or ",".join((command, f"{number:02d}", *parameters[1:]))
-
-    def _read(self, number: int) -> str | int:
-        if number in MEASURED and (number not in WITH_RECEIVER or isinstance(self, Vn200)):
-            return f"VNRRG,{number:02d}{text_of(number, self._last)}" if self._last else _BAD_REGISTER
-        text = self._registers.get(number)
-        return _BAD_REGISTER if text is None else f"VNRRG,{number:02d},{text}"
+        if command == "VNWRG":
+            return self._write(number, parameters[1:]) or ",".join((command, f"{number:02d}", *parameters[1:]))
+        text = f",{self._registers[number]}" if number in self._registers else ""
+        if number in MEASURED and self._last and (self.has_receiver or number not in WITH_RECEIVER):
+            text = text_of(number, self._last)
+        return f"{command},{number:02d}{text}" if text else _BAD_REGISTER
 
     def _write(self, number: int, parameters: list[str]) -> int:
         """Write a register; return the number of an error, 0 for none."""
-        if number in MEASURED or number in (1, 2, 3, 4):
+        if number in MEASURED or number in _IDENTITY:
             return _READ_ONLY
-        present = self._registers.get(number)
-        if present is None:
+        if number not in self._registers:
             return _BAD_REGISTER
-        if number in (_BAUD, _KIND, _RATE):  # a second parameter is the port
-            allowed = {_BAUD: _BAUDS, _KIND: {"0", *map(str, self._kinds())}, _RATE: _RATES}[number]
-            if not parameters or len(parameters) > 2:
-                return _TOO_MANY if parameters else _TOO_FEW
-            if parameters[0] not in allowed or parameters[1:] not in ([], ["1"], ["2"]):
-                return _BAD_PARAMETER
-            if parameters[1:] != ["2"]:  # the other port has no wire here
-                self._registers[number], self._due_ns[_KIND] = parameters[0], 0
-        elif number in _BINARY:
-            output = parse_output(parameters) if len(parameters) >= 2 else None
-            if output is None:
-                return _BAD_PARAMETER if len(parameters) >= 2 else _TOO_FEW
-            self._outputs[number], self._due_ns[number] = output, 0
-            self._registers[number] = ",".join(parameters)
-        else:
-            wanted = present.count(",") + 1
-            if len(parameters) != wanted:
-                return _TOO_FEW if len(parameters) < wanted else _TOO_MANY
-            if number == _PROTOCOL and (parameters[:4] != ["0"] * 4 or parameters[4] not in ("1", "3")):
-                return _BAD_PARAMETER
-            self._registers[number] = ",".join(parameters)
+        size = self._registers[number].count(",") + 1
+        least, most = (1, 2) if number in _OF_PORT else (2, _LARGEST_OUTPUT) if number in _BINARY else (size, size)
+        if not least <= len(parameters) <= most:
+            return _TOO_FEW if len(parameters) < least else _TOO_MANY
+        if not self._is_valid(number, parameters):
+            return _BAD_PARAMETER
+        if number in _OF_PORT and parameters[1:] == ["2"]:  # which has no wire here
+            return 0
+        self._registers[number] = ",".join(parameters[:1] if number in _OF_PORT else parameters)
+        self._due_ns[_KIND if number in _OF_PORT else number] = 0
         return 0
 
-    def _kinds(self) -> list[int]:
-        has_receiver = isinstance(self, Vn200)
-        return [kind for kind, (_, number) in ASYNCHRONOUS.items() if has_receiver or number not in WITH_RECEIVER]
+    def _is_valid(self, number: int, parameters: list[str]) -> bool:
+        if number in _OF_PORT:  # the second parameter is the port
+            kinds = [kind for kind, (_, of) in ASYNCHRONOUS.items() if self.has_receiver or of not in WITH_RECEIVER]
+            allowed = _OF_PORT[number] or {"0", *map(str, kinds)}
+            return parameters[0] in allowed and parameters[1:] in ([], ["1"], ["2"])
+        if number in _BINARY:
+            return parse_output(",".join(parameters)) is not None
+        return number != _PROTOCOL or (parameters[:4] == ["0"] * 4 and parameters[4] in ("1", "3"))
 
     def on_sample(self, topic: str, stamped: Stamped, now_ns: int) -> None:
         """Send the outputs that are due."""
@@ -213,15 +184,17 @@ class Vn100(Instrument):
         if self._is_paused:
             return
         kind, frequency = int(self._registers[_KIND]), int(self._registers[_RATE])
-        parts = []
+        data = b""
         if kind and self._is_due(_KIND, NS_PER_S // frequency, stamped.sent_ns):
             header, number = ASYNCHRONOUS[kind]
-            parts.append(line(f"VN{header}{text_of(number, measurement)}", self._has_crc))
-        for number, output in self._outputs.items():
-            if output.ports & 1 and self._is_due(number, NS_PER_S * output.divisor // _INERTIAL_RATE, stamped.sent_ns):
-                parts.append(output.encode(measurement))
-        if parts:
-            self.send(b"".join(parts), measured_ns=stamped.sent_ns)
+            data += encode_line(f"VN{header}{text_of(number, measurement)}", self._has_crc)
+        for number in _BINARY:
+            output = parse_output(self._registers[number])
+            if output and output.ports & 1:
+                period_ns = NS_PER_S * output.divisor // _INERTIAL_RATE
+                data += output.encode(measurement) if self._is_due(number, period_ns, stamped.sent_ns) else b""
+        if data:
+            self.send(data, measured_ns=stamped.sent_ns)
 
     def _is_due(self, number: int, period_ns: int, measured_ns: int) -> bool:
         """Return whether an output is due with this sample: the one nearest to its time."""
@@ -237,12 +210,9 @@ class Vn100(Instrument):
         x, y, z = field.field if field else (0.0, 0.0, 0.0)  # type: ignore[attr-defined]
         startup_ns = max(0, measured_ns - self._began_ns)
         interval = (startup_ns - self._last.startup_ns) / NS_PER_S if self._last else 0.0
-        a, b, c = [57.29577951308232 * value * interval for value in sample.angular_velocity]
-        u, v, w = [value * interval for value in sample.acceleration]
         return Measurement(
             startup_ns, sample.time_ns, sample.orientation, sample.angular_velocity, sample.acceleration,
-            (1e4 * x, 1e4 * y, 1e4 * z), self.settings.temperature, self.settings.pressure, interval, (a, b, c),
-            (u, v, w),
+            (1e4 * x, 1e4 * y, 1e4 * z), self.settings.temperature, self.settings.pressure, interval,
         )  # fmt: skip
 
 
@@ -255,12 +225,13 @@ class Vn200(Vn100):
 
     model_number = "VN-200T-CR"
     default_kind = "22"
+    has_receiver = True
 
     def __init__(self, settings: Any, facts: Facts, scene: Scene, send: Send) -> None:
         super().__init__(settings, facts, scene, send)
         self._receiver: Sensor | None = None
         self._receiver_due_ns = NEVER_NS
-        self._epoch: Epoch | None = None
+        self._epoch = NO_EPOCH
         self._sky = Sky()
         self._place: Vector3 = (0.0, 0.0, 0.0)
 
@@ -278,9 +249,8 @@ class Vn200(Vn100):
             fix, state = self.scene.measure(self._receiver, now_ns), self.scene.state(now_ns)
             if isinstance(fix, FixSample) and state:
                 velocity = antenna_velocity(state, self.facts.mounting.position)
-                self._epoch = make_epoch(
-                    fix._replace(time_ns=sample.time_ns), self.facts.origin_altitude, velocity, self._sky
-                )
+                fix = fix._replace(time_ns=sample.time_ns)
+                self._epoch = make_epoch(fix, self.facts.origin_altitude, velocity, self._sky)
                 if fix.fix:
                     self._place = fix.latitude, fix.longitude, fix.altitude
         measurement = super()._measure(sample, measured_ns, now_ns)
