@@ -10,7 +10,7 @@ from sim.vehicle.thrusters.t200 import performance
 from sim.vehicle.vehicle import load_vehicle
 from tests.unit.sim import test_remus as remus
 from tests.unit.sim.vehicle import test_thruster_curves as curves
-from tests.unit.sim.vehicle.test_thruster_lags import BESSA, FULL, PI, YOERGER, reference_speed, run
+from tests.unit.sim.vehicle.test_thruster_lags import BESSA, FULL, PI, YOERGER, run
 from tools.validations.sheet import SHADES, Finding, Sheet, above, below, label, plot_own, plot_ref, wrong
 
 # -- T200 -------------------------------------------------------------------------------------------------------------
@@ -133,12 +133,12 @@ def _lag(
     times = [0.005 * i for i in range(61)]
     plot_own(axes, times, [0.0, *run(model, 0.0025, [(1900, 0.005)] * 60)])
     plot_ref(axes, times[::3], [theory(t) for t in times[::3]], "theory")
-    red = [reference_speed(rates, FULL, 0.01, 0.01 * i - 0.005, since_start=True) for i in range(31)]
+    red = [_others_speed(rates, FULL, 0.01, 0.01 * i - 0.005) for i in range(31)]
     wrong(axes, [0.01 * i for i in range(31)], red, "uuv_simulator as published")
     axes.set_ylim(-500.0, 1300.0)
     label(axes, "time (s)", "rotor (rad/s)", name, legend="upper left")
     away = max(abs(run(model, dt, [(1900, 0.05)])[0] / theory(0.05) - 1.0) for dt in DTS)
-    end = abs(reference_speed(rates, FULL, 0.01, 0.6, since_start=True))
+    end = abs(_others_speed(rates, FULL, 0.01, 0.6))
     return [
         below(f"{name}, steps of 0.5 to 50 ms, away from theory (share)", away, 1e-12),
         above(f"{name} as published, within 0.6 s", end, 1e6, "rad/s"),
@@ -151,6 +151,19 @@ def _pi_rotor(axes: Axes) -> None:
     plot_own(axes, times, [0.0, *run(PI, 0.0025, [(1900, 0.01)] * 50)], "ours, load", SHADES[2])
     plot_ref(axes, times[::2], [_pi(t) for t in times[::2]], "theory, no load")
     label(axes, "time (s)", "rotor (rad/s)", "PI speed control", legend="lower right")
+
+
+def _others_speed(rates: tuple[float, float], target: float, dt: float, end: float) -> float:
+    """Return the speed by uuv_simulator's Euler step (Dynamics.cc, commit of 2020-06).
+
+    As published it never updates its previous time, so each step is as long as all the time since the start.
+    """
+    k1, k2 = rates
+    speed, time = 0.0, 0.0
+    while time < end and abs(speed) < 1e6:
+        time += dt
+        speed += time * (k1 * (target - speed) + k2 * (target * abs(target) - speed * abs(speed)))
+    return speed
 
 
 SHEETS = [

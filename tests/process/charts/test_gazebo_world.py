@@ -1,4 +1,4 @@
-"""Import of Gazebo worlds: positions, water, meshes; and a round trip of an exported world."""
+"""Import of Gazebo worlds: positions, water, meshes and height maps."""
 
 import re
 import shutil
@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from hil.charts.imports.gazebo_world import ImportedWorld, import_world
 from hil.charts.imports.meshes import MeshJob, read_meshes
@@ -112,26 +113,26 @@ def test_a_hostile_mesh_gives_an_error_and_the_next_is_read(tmp_path: Path) -> N
     assert valid_mesh["triangles"] == 12
 
 
-def test_an_exported_world_is_imported_unchanged(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """Depths come back to the rounding of 16 bits, and so does every pile and block."""
-    (tmp_path / "w.toml").write_text(
-        'name = "w"\nsource = "test"\nextent = [0.0, 32.0, 0.0, 32.0]\ndepth = 12.0\norigin = [10.0, 20.0]\n'
-        '[terrain]\nkind = "slope"\ndepth = 8.0\nslope = 0.1\nresolution = 1.0\n'
-        "[[cylinder]]\nnorth = 10.0\neast = 5.0\nradius = 1.0\ntop = 2.0\n"
-        "[[box]]\nnorth = 20.0\neast = 8.0\nsize_north = 4.0\nsize_east = 2.0\nheading = 0.5\ntop = 3.0\n"
+def test_a_height_map_and_upright_solids_are_imported(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """A bed from 8 m in the south to 11.2 m in the north, to the rounding of 16 bits; a pile, and a turned block."""
+    rows = np.linspace(0.0, 65535.0, 33)  # the first row is the north, the deepest
+    Image.fromarray(np.repeat(np.rint(rows)[:, None], 33, axis=1).astype(np.uint16)).save(tmp_path / "h.png")
+    bed = "<heightmap><uri>h.png</uri><size>32 32 3.2</size><pos>16 16 -11.2</pos></heightmap>"
+    pile, block = "<cylinder><radius>1</radius><length>7</length></cylinder>", "<box><size>4 2 7</size></box>"
+    models = (
+        _model("bed", "0 0 0 0 0 0", _solid(bed))
+        + _model("pile", "5 10 -5.5 0 0 0", _solid(pile))
+        + _model("block", f"8 20 -6.5 0 0 {pi / 2 - 0.5}", _solid(block))
     )
-    before = load_world(str(tmp_path / "w.toml"))
-    assert main(["world", "export", str(tmp_path / "w.toml"), str(tmp_path / "w.sdf")]) == 0
-    assert main(["world", "import", str(tmp_path / "w.sdf"), "-o", str(tmp_path / "back")]) == 0
+    (tmp_path / "w.sdf").write_text(f'<sdf version="1.9"><world name="w">{models}</world></sdf>')
+    assert main(["world", "import", str(tmp_path / "w.sdf"), "-o", str(tmp_path / "w")]) == 0
     assert "1 piles, 1 blocks, 0 meshes" in capsys.readouterr().out
-    after = load_world(str(tmp_path / "back.toml"))
-    assert after.origin == before.origin
-    for place in ((1.0, 1.0), (16.0, 3.3), (31.0, 30.0)):
-        assert after.seabed(*place) == pytest.approx(before.seabed(*place), abs=1e-3)
-    for ours, theirs in ((before.cylinder[0], after.cylinder[0]), (before.box[0], after.box[0])):
-        assert theirs[:4] == pytest.approx(ours[:4])
-        assert theirs.top == pytest.approx(ours.top, abs=1e-3)
-    assert after.box[0].heading == pytest.approx(0.5, abs=1e-5)
+    world = load_world(str(tmp_path / "w.toml"))
+    for north, east in ((1.0, 1.0), (16.0, 3.3), (31.0, 30.0)):
+        assert world.seabed(north, east) == pytest.approx(8.0 + 0.1 * north, abs=1e-3)
+    assert world.cylinder[0][:3] == pytest.approx((10.0, 5.0, 1.0))
+    assert world.box[0][:5] == pytest.approx((20.0, 8.0, 4.0, 2.0, 0.5), abs=1e-5)
+    assert (world.cylinder[0].top, world.box[0].top) == pytest.approx((2.0, 3.0), abs=1e-3)
 
 
 def _model(name: str, pose: str, shapes: str) -> str:

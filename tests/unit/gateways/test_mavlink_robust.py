@@ -134,7 +134,7 @@ class _Overloaded(Link):
         self.refused += 1
         return []
 
-    def send(self, address: Address, data: bytes, message: object) -> None: ...
+    def send(self, address: Address, data: bytes) -> None: ...
 
     def partners(self) -> list[Address]:
         return []
