@@ -82,7 +82,7 @@ class Ping1D(EchoSounder):
     }
     limits = {  # noqa: RUF012
         "device_id": (0, 254), "scan_start": (0, _REACH_MM), "scan_length": (1000, _REACH_MM), "gain_setting": (0, 6),
-        "speed_of_sound": (1, 10_000_000), "mode_auto": (0, 1), "ping_enabled": (0, 1),
+        "speed_of_sound": (1_000_000, 2_000_000), "mode_auto": (0, 1), "ping_enabled": (0, 1),
         "number_of_points": (1, 4000), "normalization_enabled": (0, 1), "enhance_enabled": (0, 1),
     }  # fmt: skip
 

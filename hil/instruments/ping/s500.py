@@ -16,6 +16,7 @@ from hil.instruments.ping.sounding import EchoSounder, Sounding, Window, adapted
 
 _DISTANCE, _PROFILE = 1223, 1308
 _RESULTS, _REACH, _GAINS = 1024, 150.0, 14
+_SHORTEST_MM = 500  # of a range; our choice
 _DB_A_GAIN = 3.0
 _GAIN_OF_MODEL = 4  # with which the echoes are those of the simulated sensor's defaults
 _LOWEST_DB = -68.7  # of the strength 1 of 255, with the contrast of the simulated sonars
@@ -100,6 +101,8 @@ class S500(EchoSounder):
         if name == "set_ping_params":
             if fields["report_id"] not in (0, _DISTANCE, _PROFILE):
                 return "unknown report"
+            if 0 < fields["length_mm"] < _SHORTEST_MM:
+                return "length_mm out of range"
             fields["interval"] = max(fields["msec_per_ping"], 0)
             if fields["length_mm"]:
                 fields["used_length_mm"] = fields["length_mm"]

@@ -117,7 +117,9 @@ class EchoSounder(PingDevice):
 
     def _ping(self, now_ns: int) -> None:
         window = self.window()
-        listening_ns = round(2e9 * (window.start + window.length) / window.speed) + _PROCESSING_NS if window else 0
+        listening_ns = _PROCESSING_NS
+        if window:
+            listening_ns += round(2e9 * (window.start + window.length) / window.speed)
         self.next_ns = max(self.next_ns + max(self.interval_ns(), listening_ns), now_ns)
         measured = self._sounder.measure(window, now_ns) if window else None
         if window and measured:

@@ -64,7 +64,8 @@ class Picture:
         losses = 20.0 * np.log10(ranges) + 2.0 * bins.absorption * ranges
         losses = model.tvg * losses + (1.0 - model.tvg) * np.interp(0.25 * ranges[-1], ranges, losses)
         white_db = model.seabed_strength + 10.0 * np.log10(solid_angle * pulse) - losses - model.gain
-        scale = (10.0 ** (-0.1 * white_db)).astype(np.float32)
+        with np.errstate(over="ignore"):  # beyond the reach of the frequency it is limited below
+            scale = (10.0 ** (-0.1 * white_db)).astype(np.float32)
         max_scale = np.float32(model.noise_grey ** (2.0 / model.contrast)) / self.noise
         self._scale = np.minimum(scale, max_scale)[:, None]
 

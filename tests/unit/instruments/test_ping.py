@@ -109,6 +109,7 @@ def test_settings_of_an_echo_sounder_change_the_measurement(sounder: tuple[Datag
     client.set_range(0, 5_000)
     bench.pass_time(1.0)
     assert client.get_distance()["confidence"] == 0
+    client.set_ping_interval(0)
     client.set_ping_enable(0)
     number = client.get_distance()["ping_number"]
     bench.pass_time(1.0)
