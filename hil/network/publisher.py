@@ -92,9 +92,9 @@ class Publisher:
     background = False
     has_subscribers = True
 
-    def __init__(self, declare: Declare, node: str, topic: Topic, wait: bool = False) -> None:
+    def __init__(self, declare: Declare, node: str, topic: Topic, wait: bool = False, key: str = "") -> None:
         self.topic = topic
-        self.key = key_of(topic, node)
+        self.key = key or key_of(topic, node)
         self._declare = declare
         self._publisher = declare(lambda session: _declare(session, self.key, topic, wait))
         self._send: Callable[..., None] = self._send_now

@@ -78,9 +78,9 @@ class Session:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def publisher(self, node: str, topic: Topic, wait: bool = False) -> Publisher:
-        """Return a publisher of one topic of one node; `wait` as in `Publisher`."""
-        publisher = Publisher(self._declare, node, topic, wait)
+    def publisher(self, node: str, topic: Topic, wait: bool = False, key: str = "") -> Publisher:
+        """Return a publisher of one topic of one node, or on the `key` of a vehicle; `wait` as in `Publisher`."""
+        publisher = Publisher(self._declare, node, topic, wait, key)
         self.publishers.append(publisher)
         return publisher
 

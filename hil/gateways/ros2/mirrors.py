@@ -35,13 +35,15 @@ class Source:
         self._publishers: dict[str, Publisher] = {}
 
     def publisher(self, entity: Entity) -> Publisher:
-        """Return the publisher of a topic that a vehicle subscribes to. Raises ConfigError for an unknown type."""
-        if entity.topic not in self._publishers:
+        """Return the publisher of a topic that a vehicle subscribes to, with the key of the vehicle's release."""
+        key = _key(entity)
+        if key not in self._publishers:
             topic = topic_of(entity.topic, entity.type)
-            self._publishers[entity.topic] = publisher = self.session.publisher("", topic)
+            self._publishers[key] = publisher = self.session.publisher("", topic, key=key)
             publisher.gid = self._gid
-            self.node.publishes(topic, "")
-        return self._publishers[entity.topic]
+            with suppress(ConfigError):  # a type of the user's own has no hash here
+                self.node.publishes(topic, "")
+        return self._publishers[key]
 
 
 class Mirror(NamedTuple):
@@ -76,7 +78,7 @@ class _PublishedTopic:
             listener = Node(source.session, source.name, source.node.identity)
             channel = source.session.collect(_key(entity), QUEUE, entity.qos.latched, self._queue.callback)
             self._received = listener, channel
-            with suppress(ConfigError):  # a type of the user's own has no hash here
+            with suppress(ConfigError):
                 listener.subscribes(topic_of(entity.topic, entity.type)._replace(qos=entity.qos), "")
         elif not is_wanted and not self._entity.qos.latched:
             self._end()

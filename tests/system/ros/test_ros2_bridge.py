@@ -166,7 +166,8 @@ def test_ros_reads_the_same_fields_in_a_recording(seen: dict[str, Any]) -> None:
 
 
 def test_the_example_follows_its_course_and_ends_with_sigterm(ros: Ros, tmp_path: Path) -> None:
-    scenario, port = write_scenario(tmp_path)
+    # Keys of a vehicle for Humble have other hashes than those of the bridge's own release.
+    scenario, port = write_scenario(tmp_path, top='[ros]\ndistro = "humble"\n' if ros.release == "jazzy" else "")
     environment = ros.environment | {"PYTHONPATH": str(EXAMPLE)}
     words = ("-m", "uuv_hil_ros2.follow_course", "--ros-args", "-p", "depth:=2.0", "-p", "points:=[6.0, 5.0]")
     with (
