@@ -7,6 +7,7 @@ rest: in ship's coordinates a vehicle's way to starboard, ahead and up is negati
 import re
 from collections.abc import Sequence
 from datetime import datetime, timezone
+from itertools import accumulate
 from math import cos, degrees, log10, radians, sin
 from struct import pack
 from typing import Annotated, Any, NamedTuple
@@ -91,7 +92,7 @@ class Pathfinder(Instrument):
         name, value = found.groups() if found else ("", "")
         answer = ""
         if name in self._values and value == "?":
-            answer = f"{name} = {self._values[name]}"
+            answer = f"{name} = {self._values[name]}\r\n"
         elif name in self._values and self._is_valid(name, value):
             self._values[name] = value
         elif name == "CR":
@@ -99,11 +100,11 @@ class Pathfinder(Instrument):
         elif name == "CK":
             self.facts.memory["values"] = dict(self._values)
         elif name not in _ACTIONS:
-            answer = f"{line} ERR: Bad command parameters!"
+            answer = f"{line} ERR: Bad command parameters!\r\n"
             self.malformed += 1
         self._is_pinging = name == "CS"
         prompt = "" if self._is_pinging else ">"
-        self.send(f"{line}\r\n{answer}{answer and chr(13) + chr(10)}{prompt}".encode("latin-1"), client)
+        self.send(f"{line}\r\n{answer}{prompt}".encode("latin-1"), client)
 
     @staticmethod
     def _is_valid(name: str, value: str) -> bool:
@@ -124,69 +125,57 @@ class Pathfinder(Instrument):
         if self._values["CF"][3] == "0":
             return
         depth, attitude = self.facts.mounting.world_position(state)[2], self.facts.mounting.attitude(state)
-        sections = [
-            self._fixed(),
-            self._variable(sample.time_ns, attitude, depth),
-            self._bottom(sample, attitude, depth),
-        ]
+        leaders = self._fixed(), self._variable(sample.time_ns, attitude, depth)
+        data = ensemble((*leaders, self._bottom(sample, attitude, depth)))
         is_binary = self._values["CF"][2] == "1"
-        data = ensemble(sections)
         self.send(data if is_binary else data.hex().upper().encode() + b"\r\n", measured_ns=stamped.sent_ns)
 
-    @property
-    def _coordinates(self) -> int:
-        return int(self._values["EX"][:2], 2)
-
     def _fixed(self) -> bytes:
+        """Return the fixed leader: firmware, system, beams, cells, coordinates, sensors, serial number, angle."""
         transformation = int(self._values["EX"], 2)
         return pack(
-            "<HBBHBBBBHHHBBBBHBBBBhhBBHHBBBxH8xHBxIB", 0, 67, 1, 0x420B, 0, 0, 4, 0, 1, 0, 0, 1, 0, 0, 0, 0, 0, 0, 0,
-            transformation, 0, 0, 0x7D, 0x3D, 0, 0, 0, 0, 0, 0, 1, 255, 1001, _BEAM_ANGLE,
+            "<HBBH2xBxH4xB8xB4x2B18xHBxIB", 0, 67, 1, 0x420B, 4, 1, 1, transformation, 0x7D, 0x3D, 1, 255, 1001,
+            _BEAM_ANGLE,
         )  # fmt: skip
 
     def _variable(self, time_ns: int, attitude: Quaternion, depth: float) -> bytes:
+        """Return the variable leader: number, clock, speed of sound, depth, attitude, water, pressure, clock again."""
         roll, pitch, yaw = [degrees(angle) for angle in to_euler(attitude)]
         time = datetime.fromtimestamp(time_ns // NS_PER_S, timezone.utc)
-        clock = (time.month, time.day, time.hour, time.minute, time.second, time_ns // 10_000_000 % 100)
+        clock = (*time.timetuple()[1:6], time_ns // 10_000_000 % 100)
         rollover, number = divmod(self._ensembles, 65_536)
         angles = round(100.0 * (yaw % 360.0)) % 36_000, round(100.0 * pitch), round(100.0 * roll)
         water = int(self._values["ES"]), round(100.0 * self.settings.temperature)
-        head = pack(
-            "<HH7BBHHHHhhHh", 0x80, number, time.year % 100, *clock, rollover & 0xFF, 0, int(self._values["EC"]),
-            max(0, round(10.0 * depth)), *angles, *water,
-        )  # fmt: skip
+        head = pack("<HH7BB2x", 0x80, number, time.year % 100, *clock, rollover & 0xFF)
+        head += pack("<HHHhhHh", int(self._values["EC"]), max(0, round(10.0 * depth)), *angles, *water)
         pressure = max(0, round(1000.0 * depth))  # daPa
-        return head + pack("<6B8xIHIIxBB6B", *[0] * 6, 0, 0, pressure, 0, *divmod(time.year, 100), *clock) + bytes(12)
+        return head + pack("<20xI5x8B12x", pressure, *divmod(time.year, 100), *clock)
 
     def _bottom(self, sample: DvlSample, attitude: Quaternion, depth: float) -> bytes:
+        """Return the bottom track: ranges, speeds, and how good they are, of each beam."""
         scale = int(self._values["EC"]) / self.facts.sound_speed(depth)  # by the speed of sound that it assumes
-        is_locked = sample.locked and sample.altitude <= 0.1 * int(self._values["BX"])
-        ranges, speeds, strength = [0] * 4, [NO_VELOCITY] * 4, 0
+        reach = int(self._values["BX"])  # dm
+        is_locked = sample.locked and sample.altitude <= 0.1 * reach
+        distance, speeds, strength = 0, [NO_VELOCITY] * 4, 0
         if is_locked:
-            ranges = [max(1, round(100.0 * sample.altitude * scale))] * 4
-            speeds = [
-                max(-32_767, min(32_767, round(1000.0 * scale * speed))) for speed in self._speeds(sample, attitude)
-            ]
+            distance = max(1, round(100.0 * sample.altitude * scale))
+            measured = [round(1000.0 * scale * speed) for speed in self._speeds(sample, attitude)]
+            speeds = [max(-32_767, min(32_767, speed)) for speed in measured]
             strength = max(40, min(220, round(160.0 - 20.0 * log10(sample.altitude) / 0.61)))
-        good = 100 * is_locked
-        body = pack("<HHHBBBBH4x", 0x600, 1, 0, 220, 24, 0, 0, 1000)
-        body += pack("<4H4h", *[each & 0xFFFF for each in ranges], *speeds)
-        body += bytes([250 * is_locked] * 4 + [strength] * 4 + [good] * 4) + pack("<3H4h", 0, 0, 0, *[NO_VELOCITY] * 4)
-        return (
-            body
-            + bytes(12)
-            + pack("<H", int(self._values["BX"]))
-            + bytes([strength] * 4 + [1])
-            + bytes([each >> 16 for each in ranges])
-        )
+        high, low = divmod(distance, 65_536)
+        data = pack("<HH2xBB2xH4x4H4h", 0x600, 1, 220, 24, 1000, *[low] * 4, *speeds)
+        data += bytes([250 * is_locked] * 4 + [strength] * 4 + [100 * is_locked] * 4)
+        data += pack("<6x4h12xH", *[NO_VELOCITY] * 4, reach)  # of a layer of water, which is not tracked
+        return data + bytes([strength] * 4 + [1] + [high] * 4)
 
     def _speeds(self, sample: DvlSample, attitude: Quaternion) -> Sequence[float]:
         """Return the four speeds (m/s) in the chosen coordinates, of the bottom past the DVL."""
         forward, starboard, down = sample.velocity
-        if self._coordinates == _BEAM:
+        coordinates = int(self._values["EX"][:2], 2)
+        if coordinates == _BEAM:
             tilt = radians(_BEAM_ANGLE)
             return [sin(tilt) * side + cos(tilt) * down for side in (-starboard, starboard, forward, -forward)]
-        if self._coordinates == _EARTH:
+        if coordinates == _EARTH:
             north, east, below = rotate(attitude, sample.velocity)
             return -east, -north, below, 0.0
         return -starboard, -forward, down, 0.0
@@ -194,9 +183,7 @@ class Pathfinder(Instrument):
 
 def ensemble(sections: Sequence[bytes]) -> bytes:
     """Return an ensemble of PD0: header with offsets, data types, two reserved bytes, and the sum of all."""
-    at, offsets = 6 + 2 * len(sections), []
-    for section in sections:
-        offsets.append(at)
-        at += len(section)
-    body = pack(f"<BBHBB{len(offsets)}H", 0x7F, 0x7F, at + 2, 0, len(sections), *offsets) + b"".join(sections) + b"\0\0"
+    *offsets, end = accumulate(map(len, sections), initial=6 + 2 * len(sections))
+    header = pack(f"<BBHxB{len(sections)}H", 0x7F, 0x7F, end + 2, len(sections), *offsets)
+    body = header + b"".join(sections) + b"\0\0"
     return body + pack("<H", sum(body) & 0xFFFF)

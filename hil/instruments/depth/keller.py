@@ -15,7 +15,7 @@ from hil.links.frame.checksums import CRCS, crc_checksum
 
 _CRC = crc_checksum(CRCS["crc16-modbus"])
 _TRANSPARENT = 250  # every device answers to it
-_READ, _READ_INPUT, _ECHO = 3, 4, 8  # of MODBUS, whose CRC comes with its low byte first
+_MODBUS = _READ, _READ_INPUT, _ECHO = 3, 4, 8  # whose CRC comes with its low byte first
 _COEFFICIENT, _SET_COEFFICIENT, _INITIALISE, _ADDRESS, _SERIAL, _VALUE, _INTEGER, _ZERO = 30, 31, 48, 66, 69, 73, 74, 95
 _SIZES = {
     _READ: 8, _READ_INPUT: 8, _ECHO: 8, _COEFFICIENT: 5, _SET_COEFFICIENT: 9, _INITIALISE: 4, _ADDRESS: 5, _SERIAL: 4,
@@ -96,7 +96,7 @@ class Keller33X(Instrument):
     def _answer(self, client: Client, request: bytes) -> None:
         function, content = request[1], request[2:-2]
         result: bytes | int = _NOT_INITIALISED
-        if self._is_initialised or function in (_INITIALISE, _READ, _READ_INPUT, _ECHO):
+        if self._is_initialised or function in (_INITIALISE, *_MODBUS):
             result = self._execute(function, content)
         if isinstance(result, int):
             function, result = function | 0x80, bytes((result,))
@@ -105,51 +105,49 @@ class Keller33X(Instrument):
 
     def _execute(self, function: int, content: bytes) -> bytes | int:
         """Return the content of an answer, or the number of an exception."""
+        if function == _ECHO:
+            return content
+        if function in _MODBUS:
+            start, count = unpack(">HH", content)
+            values = [self._channel(register // 2) for register in range(start, start + min(count, 12), 2)]
+            if start % 2 or not 0 < count <= 12 or count % 2 or None in values:
+                return _NO_ADDRESS
+            return pack(f">B{len(values)}f", 2 * count, *values)
         if function == _INITIALISE:
             was, self._is_initialised = self._is_initialised, True
             return bytes((5, 20, 12, 28, 10, int(not was)))
         if function == _SERIAL:
             return pack(">I", 330_000 + self._kept["address"])
-        if function in (_VALUE, _INTEGER):
-            value = self._channel(content[0])
-            if value is None:
-                return _NO_ADDRESS
-            whole = max(-(1 << 31), min((1 << 31) - 1, round(value * 1e5)))
-            return (pack(">f", value) if function == _VALUE else pack(">i", whole)) + b"\0"
-        if function in (_READ, _READ_INPUT):
-            start, count = unpack(">HH", content)
-            values = [self._channel(register // 2) for register in range(start, start + min(count, 12), 2)]
-            if start % 2 or not 0 < count <= 12 or count % 2 or None in values:
-                return _NO_ADDRESS
-            return bytes((2 * count,)) + b"".join(pack(">f", value) for value in values)
-        if function == _ECHO:
-            return content
-        return self._configure(function, content)
-
-    def _configure(self, function: int, content: bytes) -> bytes | int:
         if function == _ADDRESS:
             self._kept["address"] = content[0] if 0 < content[0] < _TRANSPARENT else self._kept["address"]
             return bytes((self._kept["address"],))
-        if function == _COEFFICIENT:
-            ranges = {_LOWEST: 0.0, _HIGHEST: self.settings.highest}
-            value = (self._coefficients | ranges).get(content[0])
-            return _NO_ADDRESS if value is None else pack(">f", value)
-        if function == _SET_COEFFICIENT:
-            (value,) = unpack(">f", content[1:])
-            if content[0] not in self._coefficients:
+        if function in (_VALUE, _INTEGER, _COEFFICIENT):
+            value = self._channel(content[0]) if function != _COEFFICIENT else self._coefficient(content[0])
+            if value is None:
                 return _NO_ADDRESS
-            if not abs(value) < _LARGEST:
-                return _BAD_VALUE
-            self._coefficients[content[0]] = value
-            return b"\0"
-        if function == _ZERO and content[0] in (0, 1):
-            wanted = unpack(">f", content[1:])[0] if len(content) > 1 else 0.0
-            if not abs(wanted) < _LARGEST:
-                return _BAD_VALUE
-            offset = self._coefficients[_OFFSET] + wanted - (self._channel(_PRESSURE) or 0.0)
-            self._coefficients[_OFFSET] = offset if content[0] == 0 else 0.0
-            return b"\0"
-        return _NO_FUNCTION if function not in _SIZES else _NO_ADDRESS
+            whole = max(-(1 << 31), min((1 << 31) - 1, round(value * 1e5)))
+            data = pack(">i", whole) if function == _INTEGER else pack(">f", value)
+            return data if function == _COEFFICIENT else data + b"\0"  # the state
+        return self._configure(function, content)
+
+    def _configure(self, function: int, content: bytes) -> bytes | int:
+        """Set a coefficient, or the zero: to a pressure that is given, or as delivered."""
+        if function not in (_SET_COEFFICIENT, _ZERO):
+            return _NO_FUNCTION
+        name, value = content[0], unpack(">f", content[1:])[0] if len(content) > 1 else 0.0
+        if name not in ((0, 1) if function == _ZERO else self._coefficients):
+            return _NO_ADDRESS
+        if not abs(value) < _LARGEST:
+            return _BAD_VALUE
+        if function == _ZERO:
+            here = self._coefficients[_OFFSET] + value - (self._channel(_PRESSURE) or 0.0)
+            name, value = _OFFSET, 0.0 if name else here
+        self._coefficients[name] = value
+        return b"\0"
+
+    def _coefficient(self, number: int) -> float | None:
+        ranges = {_LOWEST: 0.0, _HIGHEST: self.settings.highest}
+        return (self._coefficients | ranges).get(number)
 
     def _channel(self, channel: int) -> float | None:
         """Return the value of a channel; None if there is no such."""
@@ -160,5 +158,5 @@ class Keller33X(Instrument):
 
 
 def _checksum(body: bytes) -> bytes:
-    order = "<H" if body[1] & 0x7F in (_READ, _READ_INPUT, _ECHO) else ">H"
+    order = "<H" if body[1] & 0x7F in _MODBUS else ">H"
     return pack(order, _CRC.of(body))

@@ -9,13 +9,15 @@ from typing import Annotated, Any, NamedTuple
 
 from hil.client.client import Stamped
 from hil.common.schema import Range
-from hil.instruments.contract import Client, Facts, Instrument, Scene, Send
+from hil.instruments.contract import Client, Facts, Scene, Send
+from hil.instruments.lines import LineInstrument
 
 _COMMAND = re.compile(rb"\*(\d\d)(\d\d)([A-Z]{2}|[A-Z]\d)(?:=([^*\r\n]{1,8}))?")
 _ALL = b"99"
-_LONGEST = 80  # characters of a line
 # Unit, resolutions and integration times of pressure and temperature, mode; only the first has an effect.
 _PARAMETERS = {"UN": 1, "PR": 238, "TR": 952, "PI": 666, "TI": 666, "MD": 0}
+_LIMITS = {"UN": range(1, 9), "ID": range(1, 99)}
+_NAMES = {"SN": "SN=104537", "VR": "VR=M5.10", "MN": "MN=8CB700"}
 # Units by number: psi, hPa, bar, kPa, MPa, inches of mercury, mm of mercury, m of water; in Pa.
 _UNITS = {1: 6894.757, 2: 100.0, 3: 1e5, 4: 1e3, 5: 1e6, 6: 3386.389, 7: 133.3224, 8: 9806.65}
 
@@ -27,7 +29,7 @@ class DigiquartzSettings(NamedTuple):
     temperature: Annotated[float, Range(-10.0, 80.0, "°C")] = 10.0
 
 
-class Digiquartz(Instrument):
+class Digiquartz(LineInstrument):
     """The transmitter: P3 and Q3 return pressure and temperature, P4 pressure until another command comes.
 
     A parameter (unit UN, address ID, and PR, TR, PI, TI, MD, which have no effect) is set by XX=value just after EW, on
@@ -40,6 +42,7 @@ class Digiquartz(Instrument):
     baud = 9600
     first = b"*\r\n"
     warm_up_s = 1.0
+    longest = 80
 
     def __init__(self, settings: Any, facts: Facts, scene: Scene, send: Send) -> None:
         super().__init__(settings, facts, scene, send)
@@ -48,52 +51,43 @@ class Digiquartz(Instrument):
         self._may_write = self._is_continuous = False
         self._pascal = 0.0
         self._measured_ns = 0
-        self._buffers: dict[Client, bytes] = {}
 
     def on_sample(self, topic: str, stamped: Stamped, now_ns: int) -> None:
         """Take the pressure, and send it while it is asked for continuously."""
         self._pascal, self._measured_ns = stamped.value.pascal, stamped.sent_ns
         if self._is_continuous:
-            self.send(self._line(self._pressure()), measured_ns=stamped.sent_ns)
+            self._send_pressure()
 
-    def disconnected(self, client: Client, now_ns: int) -> None:
-        """Forget a client."""
-        self._buffers.pop(client, None)
-
-    def on_data(self, client: Client, data: bytes, now_ns: int) -> None:
-        """Carry out the commands of each complete line."""
-        *lines, rest = (self._buffers.get(client, b"") + data).replace(b"\n", b"\r").split(b"\r")
-        self._buffers[client] = rest[-_LONGEST:]
-        for line in filter(None, lines):
-            commands = list(_COMMAND.finditer(line))
-            if b"".join(each[0] for each in commands) != line:
-                self.malformed += 1
-                continue
-            for device, _, name, value in (each.groups() for each in commands):
-                if device in (_ALL, b"%02d" % self._kept["ID"]):
-                    self._execute(client, name.decode(), value)
+    def on_line(self, client: Client, line: bytes, now_ns: int) -> None:
+        """Carry out the commands of a line; none of a malformed one."""
+        commands = list(_COMMAND.finditer(line))
+        if b"".join(each[0] for each in commands) != line:
+            self.malformed += 1
+            return
+        for device, _, name, value in (each.groups() for each in commands):
+            if device in (_ALL, b"%02d" % self._kept["ID"]):
+                self._execute(client, name.decode(), value)
 
     def _execute(self, client: Client, name: str, value: bytes | None) -> None:
         self._is_continuous = name == "P4"
         may_write, self._may_write = self._may_write, name == "EW"
         if name == "P3" and self._measured_ns:
-            self.send(self._line(self._pressure()), client, measured_ns=self._measured_ns)
+            self._send_pressure(client)
         elif name == "Q3":
             self.send(self._line(f"{self.settings.temperature:.5g}"), client)
-        elif name in ("SN", "VR", "MN"):
-            text = {"SN": "SN=104537", "VR": "VR=M5.10", "MN": "MN=8CB700"}[name]
-            self.send(self._line(text), client)
+        elif name in _NAMES:
+            self.send(self._line(_NAMES[name]), client)
         elif name in self._kept:
             number = int(value) if value and value.isdigit() else -1
-            limits = {"UN": range(1, 9), "ID": range(1, 99)}.get(name, range(65_536))
-            if may_write and number in limits:
+            if may_write and number in _LIMITS.get(name, range(65_536)):
                 self._kept[name] = number
             self.send(self._line(f"{name}={self._kept[name]}"), client)
-        elif name not in ("EW", "P4"):
+        elif name not in ("EW", "P3", "P4"):
             self.malformed += 1
 
-    def _pressure(self) -> str:
-        return f"{self._pascal / _UNITS[self._kept['UN']]:.7g}"
+    def _send_pressure(self, client: Client | None = None) -> None:
+        text = f"{self._pascal / _UNITS[self._kept['UN']]:.7g}"
+        self.send(self._line(text), client, measured_ns=self._measured_ns)
 
     def _line(self, text: str) -> bytes:
         return b"*00%02d%b\r\n" % (self._kept["ID"], text.encode())

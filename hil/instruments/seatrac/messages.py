@@ -59,22 +59,22 @@ class Cst(IntEnum):
 # Kinds of acoustic messages; a response has the number of its request plus 1.
 ONE_WAY, ONE_WAY_USBL, REQUEST, REQUEST_USBL, REQUEST_DEPTH = 0, 1, 2, 4, 6
 _WITH_ANGLES = (ONE_WAY_USBL, REQUEST_USBL + 1, REQUEST_DEPTH + 1)
+SUPPLY_MV = 12_000
 
 
-def encode_line(payload: bytes, start: bytes = b"$") -> bytes:
-    """Return a line; a beacon's begin with $, a client's with #."""
-    return start + (payload + pack("<H", _CRC.of(payload))).hex().upper().encode() + b"\r\n"
+def encode_line(payload: bytes) -> bytes:
+    """Return a beacon's line."""
+    return b"$" + (payload + pack("<H", _CRC.of(payload))).hex().upper().encode() + b"\r\n"
 
 
-def decode_line(line: bytes, start: bytes = b"#") -> bytes | None:
-    """Return the bytes of a line without its end, or None if it is malformed."""
-    if line[:1] != start:
-        return None
+def decode_line(line: bytes) -> bytes:
+    """Return the bytes of a client's line, b"" of a malformed one."""
     try:
         data = bytes.fromhex(line[1:].decode("ascii"))
     except ValueError:
-        return None
-    return data[:-2] if len(data) > 2 and data[-2:] == pack("<H", _CRC.of(data[:-2])) else None
+        return b""
+    is_sound = line[:1] == b"#" and data[-2:] == pack("<H", _CRC.of(data[:-2]))
+    return data[:-2] if is_sound else b""
 
 
 class Settings(NamedTuple):
@@ -134,16 +134,16 @@ def attitude(of: Quaternion) -> bytes:
 
 
 def encode_fix(
-    ids: tuple[int, int], kind: int, here: Place, relative: Vector3, seconds: float, turnaround: float,
-    has_angles: bool, assumed: Quaternion, remote_depth: float,
+    ids: tuple[int, int], kind: int, here: Place, relative: Vector3, turnaround: float, assumed: Quaternion | None,
+    remote_depth: float,
 ) -> bytes:  # fmt: skip
     """Return the record of an acoustic fix (ACOFIX).
 
-    `ids` are receiver and sender; `relative` (NED, m) is the measured way to the sender, `seconds` the time of the
-    sound, `turnaround` (s) the other's. With `has_angles` the receiver has a USBL head; it computes the position with
-    the `assumed` attitude, and of an enhanced response takes the `remote_depth` (m) that that carries.
+    `ids` are receiver and sender; `relative` (NED, m) is the measured way to the sender, `turnaround` (s) the other's.
+    A receiver with a USBL head computes the position with the `assumed` attitude, and of an enhanced response takes the
+    `remote_depth` (m) that that carries; one without has None.
     """
-    has_range, has_usbl = bool(kind & 1) and kind != ONE_WAY_USBL, has_angles and kind in _WITH_ANGLES
+    has_range, has_usbl = bool(kind & 1) and kind != ONE_WAY_USBL, assumed is not None and kind in _WITH_ANGLES
     has_position = has_range and has_usbl
     is_enhanced = has_position and kind == REQUEST_DEPTH + 1
     distance = hypot(*relative)
@@ -152,14 +152,15 @@ def encode_fix(
     data = pack("<4B", *ids, flags, kind) + attitude(here.attitude)
     data += pack("<HHh", max(0, deci(here.depth)), round(10.0 * here.sound_speed), strength)
     if has_range:
+        seconds = distance / here.sound_speed
         counts = round((2.0 * seconds + turnaround) * _COUNTER)
         data += pack("<IiH", counts, round(1e7 * seconds), min(65_535, round(10.0 * distance)))
     x, y, z = rotate_inverse(here.attitude, relative)
     if has_usbl:
         azimuth = round(10.0 * degrees(atan2(y, x)) % 3600.0)
         elevation = deci(degrees(asin(max(-1.0, min(1.0, -z / distance)))) if distance else 0.0)
-        data += pack("<B4hhhh", 4, *[strength] * 4, azimuth, elevation, 0)
-    if has_position:
+        data += pack("<B4hhh2x", 4, *[strength] * 4, azimuth, elevation)
+    if has_position and assumed:
         north, east, down = rotate(assumed, (x, y, z))
         data += pack("<3h", deci(east), deci(north), deci(remote_depth if is_enhanced else here.depth + down))
     return data
