@@ -2,15 +2,17 @@
 
 import json
 import re
-import zlib
 from collections.abc import Callable, Iterator
 from typing import NamedTuple
+
+from hil.links.frame.checksums import CRCS, SUMS, Checksum, crc_checksum
 
 LONGEST = 400  # bytes of a binary output without a length field
 LARGEST = 2_500  # bytes of a message; a greater size is taken for damaged
 IMAGE = 65_000
 LINE = re.compile(rb"[ -~\t]*(\r\n|\n|\r)")
 STARTED = re.compile(rb"[ -~\t]+\Z")
+CRC8, CRC16 = crc_checksum(CRCS["crc8"]), crc_checksum(CRCS["crc16-xmodem"])  # of Water Linked and VectorNav
 
 
 class Frame(NamedTuple):
@@ -23,13 +25,12 @@ class Frame(NamedTuple):
 
 
 INCOMPLETE = Frame("", "", None, 0)
-Finder = Callable[[bytes], Frame | None]
 
 
 def split(data: bytes) -> Iterator[Frame]:
     """Yield the messages; a byte that belongs to none is a message "stray" with a wrong checksum. Never raises."""
     while data:
-        found = next((frame for find in FINDERS if (frame := find(data[:70_000]))), None)
+        found = next((frame for find in (_binary, _vectornav, _line) if (frame := find(data[:70_000]))), None)
         if found is INCOMPLETE:
             return
         frame = found or Frame("stray", data[:1].hex(), False, 1)
@@ -37,135 +38,100 @@ def split(data: bytes) -> Iterator[Frame]:
         data = data[frame.size :]
 
 
-def _sized(
-    name: str, data: bytes, size: int, kind: str, checksum: Callable[[bytes], bool], most: int = LARGEST
-) -> Frame:
-    """Return a binary message whose size its header gives; of a damaged one, whose size may be wrong, one byte."""
-    if len(data) < size <= most:
+def _little(data: bytes) -> int:
+    return int.from_bytes(data, "little")
+
+
+def _fletcher(message: bytes, _: int) -> int:
+    first = second = 0
+    for byte in message[2:]:
+        first = (first + byte) & 0xFF
+        second = (second + first) & 0xFF
+    return first | second << 8
+
+
+class Protocol(NamedTuple):
+    """Binary messages that begin with `mark` and end with `checksum`; the `size` field counts all but `beyond` bytes.
+
+    `kind` names a message for a person.
+    """
+
+    mark: bytes
+    size: slice
+    beyond: int
+    checksum: Checksum
+    kind: Callable[[bytes], str]
+    most: int = LARGEST
+
+
+_MODBUS = crc_checksum(CRCS["crc16-modbus"])
+PROTOCOLS = (
+    Protocol(b"BR", slice(2, 4), 10, SUMS["sum16"], lambda data: f"ping {_little(data[4:6])}"),
+    Protocol(b"\xb5\x62", slice(4, 6), 8, Checksum(2, 0, _fletcher), lambda data: f"UBX {data[2:4].hex(' ')}"),
+    Protocol(b"\x7f\x7f", slice(2, 4), 2, SUMS["sum16"], lambda _: "PD0"),
+    Protocol(b"\x7d\x00", slice(2, 4), 2, SUMS["sum16"], lambda _: "PD4"),
+    Protocol(b"RIP", slice(4, 8), 0, crc_checksum(CRCS["crc32"]), lambda data: data[:4].decode("latin-1"), IMAGE),
+    # Answers of function 3, by device 1 or the one that answers to 250.
+    Protocol(b"\x01\x03", slice(2, 3), 5, _MODBUS, lambda _: "MODBUS 3"),
+    Protocol(b"\xfa\x03", slice(2, 3), 5, _MODBUS, lambda _: "MODBUS 3"),
+)
+
+
+def _binary(data: bytes) -> Frame | None:
+    """Return a message of one of `PROTOCOLS`; of a damaged one, whose size may be wrong, one byte."""
+    protocol = next((each for each in PROTOCOLS if data.startswith(each.mark)), None)
+    if protocol is None or len(data) < protocol.size.stop:
+        return None
+    size = _little(data[protocol.size]) + protocol.beyond
+    if len(data) < size <= protocol.most:
         return INCOMPLETE
-    message = data[:size]
-    is_sound = size <= most and checksum(message)
-    return Frame(f"{name} {kind}".strip(), message[:24].hex(" "), is_sound, size if is_sound else 1)
-
-
-def _ping(data: bytes) -> Frame | None:
-    if data[:2] != b"BR" or len(data) < 8:
-        return None
-    size = 10 + int.from_bytes(data[2:4], "little")
-    kind = str(int.from_bytes(data[4:6], "little"))
-    return _sized("ping", data, size, kind, _ends_with_sum)
-
-
-def _ubx(data: bytes) -> Frame | None:
-    if data[:2] != b"\xb5\x62" or len(data) < 6:
-        return None
-    size = 8 + int.from_bytes(data[4:6], "little")
-    return _sized("UBX", data, size, data[2:4].hex(" "), lambda message: _fletcher(message[2:-2]) == message[-2:])
-
-
-def _teledyne(data: bytes) -> Frame | None:
-    if data[:2] not in (b"\x7f\x7f", b"\x7d\x00") or len(data) < 4:
-        return None
-    size = 2 + int.from_bytes(data[2:4], "little")
-    return _sized("PD0" if data[0] == 0x7F else "PD4", data, size, "", _ends_with_sum)
-
-
-def _range_image(data: bytes) -> Frame | None:
-    if data[:3] != b"RIP" or len(data) < 8:
-        return None
-    size = int.from_bytes(data[4:8], "little")
-    crc = lambda message: zlib.crc32(message[:-4]) == int.from_bytes(message[-4:], "little")  # noqa: E731
-    return _sized(data[:4].decode("ascii", "replace"), data, max(size, 12), "", crc, IMAGE)
+    message, checksum = data[:size], protocol.checksum
+    end = size - checksum.size
+    is_sound = protocol.size.stop <= end <= protocol.most and checksum.of(message[:end]) == _little(message[end:])
+    return Frame(protocol.kind(data), message[:24].hex(" "), is_sound, size if is_sound else 1)
 
 
 def _vectornav(data: bytes) -> Frame | None:
     """Return a binary output: its length is in no field, so the first end whose CRC is right."""
     if data[:1] != b"\xfa":
         return None
-    crc = 0
-    for size, byte in enumerate(data[1:LONGEST], 2):
-        crc = _crc_ccitt(crc, byte)
+    crc = CRC16.empty
+    for size in range(2, min(len(data), LONGEST) + 1):
+        crc = CRC16.update(data[size - 1 : size], crc)
         if crc == 0 and size > 8:
             return Frame(f"binary {data[1]:02x}", data[: min(24, size)].hex(" "), True, size)
     return None if len(data) > LONGEST else INCOMPLETE
 
 
-def _modbus(data: bytes) -> Frame | None:
-    """Return an answer of function 3, by device 1 or the one that answers to 250."""
-    if data[:1] not in (b"\x01", b"\xfa") or data[1:2] != b"\x03" or len(data) < 3:
-        return None
-    size = 5 + data[2]
-    crc = 0xFFFF
-    for byte in data[: size - 2]:
-        crc ^= byte
-        for _ in range(8):
-            crc = crc >> 1 ^ (0xA001 if crc & 1 else 0)
-    return _sized("MODBUS", data, size, "3", lambda message: crc == int.from_bytes(message[-2:], "little"))
-
-
-def _prompt(data: bytes) -> Frame | None:
-    return Frame("prompt", ">", None, 1) if data[:1] == b">" else None
-
-
 def _line(data: bytes) -> Frame | None:
+    """Return a line of text, or the prompt of a Teledyne instrument."""
+    if data[:1] == b">":
+        return Frame("prompt", ">", None, 1)
     match = LINE.match(data)
     if not match:
         return INCOMPLETE if STARTED.match(data) and len(data) < 65_536 else None
     text = match[0].strip().decode("ascii")
-    return Frame(_kind_of(text), text, _line_is_sound(text), len(match[0]))
-
-
-FINDERS: tuple[Finder, ...] = (_ping, _ubx, _teledyne, _range_image, _modbus, _vectornav, _prompt, _line)
-
-
-def _kind_of(text: str) -> str:
-    """Return what a line is: its type if it is JSON, else its first word."""
     if text.startswith("{"):
-        try:
-            message = json.loads(text)
-        except ValueError:
-            return "JSON"
-        return str(message.get("response_to") or message.get("type", "JSON"))
+        return _json(text, len(match[0]))
     word = re.split(r"[,*=\s]", text, maxsplit=1)[0]
-    return word[:3] if word[:1] in "$#" and len(word) > 8 else word[:8] or "empty line"
+    kind = word[:3] if word[:1] in "$#" and len(word) > 8 else word[:8] or "empty line"
+    return Frame(kind, text, _line_is_sound(text), len(match[0]))
+
+
+def _json(text: str, size: int) -> Frame:
+    try:
+        message = json.loads(text)
+    except ValueError:
+        return Frame("JSON", text, False, size)
+    return Frame(str(message.get("response_to") or message.get("type", "JSON")), text, True, size)
 
 
 def _line_is_sound(text: str) -> bool | None:
     """Return whether the checksum behind the last `*` is right: CRC-8 of Water Linked, XOR, or a CRC-16."""
-    if text.startswith("{"):
-        try:
-            return isinstance(json.loads(text), dict)
-        except ValueError:
-            return False
     body, mark, checksum = text.rpartition("*")
     if not mark or not re.fullmatch("[0-9A-Fa-f]{2}|[0-9A-Fa-f]{4}", checksum):
         return None
-    data = body.encode()
-    xor = crc8 = crc16 = 0
-    for byte in data.lstrip(b"$!"):
-        xor ^= byte
-        crc16 = _crc_ccitt(crc16, byte)
-    for byte in data:
-        crc8 ^= byte
-        for _ in range(8):
-            crc8 = crc8 << 1 ^ (0x107 if crc8 & 0x80 else 0)
-    return int(checksum, 16) in ((crc16,) if len(checksum) == 4 else (crc8,) if text[0] == "w" else (xor,))
-
-
-def _crc_ccitt(crc: int, byte: int) -> int:
-    crc = (crc >> 8 | crc << 8) & 0xFFFF ^ byte
-    crc ^= (crc & 0xFF) >> 4
-    crc ^= crc << 12 & 0xFFFF
-    return crc ^ (crc & 0xFF) << 5
-
-
-def _fletcher(data: bytes) -> bytes:
-    first = second = 0
-    for byte in data:
-        first = (first + byte) & 0xFF
-        second = (second + first) & 0xFF
-    return bytes((first, second))
-
-
-def _ends_with_sum(message: bytes) -> bool:
-    return sum(message[:-2]) & 0xFFFF == int.from_bytes(message[-2:], "little")
+    if text[0] == "w" and len(checksum) == 2:
+        return int(checksum, 16) == CRC8.of(body.encode())
+    right = SUMS["xor8"] if len(checksum) == 2 else CRC16
+    return int(checksum, 16) == right.of(body.lstrip("$!").encode())
