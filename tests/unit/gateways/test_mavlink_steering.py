@@ -19,6 +19,7 @@ from hil.gateways.mavlink.flight.sticks import Sticks
 from hil.gateways.mavlink.flight.targets import TargetError, attitude_target, depth_of, local_target
 from hil.gateways.mavlink.parameter_table import ParameterTable
 from hil.gateways.mavlink.snapshot import Origin
+from hil.ros.commands import MAX_DEPTH, MAX_PLACE
 from tests.support.clients.mavlink_vehicle import Bench
 
 TABLE = {
@@ -146,6 +147,16 @@ def test_a_number_of_a_target_is_finite_and_in_range_unless_it_is_ignored(field:
     with pytest.raises(TargetError):
         local_target(target_message(accelerations, **fields | {field: value}), state())
     assert local_target(target_message(accelerations | ignored, **fields | {field: value}), state())
+
+
+@pytest.mark.parametrize(("field", "most"), [("x", MAX_PLACE), ("y", -MAX_PLACE), ("z", MAX_DEPTH)])
+def test_places_up_to_the_limit_are_targets(field: str, most: float) -> None:
+    fields = dict.fromkeys(("x", "y", "z", "vx", "vy", "vz", "afx", "afy", "afz", "yaw", "yaw_rate"), 0.0)
+    target = local_target(target_message(0b110111111000, **fields | {field: most}), state())
+    assert target.position is not None
+    assert most in target.position
+    with pytest.raises(TargetError):
+        local_target(target_message(0b110111111000, **fields | {field: 1.001 * most}), state())
 
 
 def target_message(mask: int, **fields: float) -> Any:
