@@ -1,6 +1,7 @@
 """An STM32 that does not answer (wrong wiring, baud or protocol) is reported and counted without growing memory."""
 
 import os
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -142,16 +143,18 @@ def test_a_silent_or_lost_stm32_confirms_no_stop(monkeypatch: pytest.MonkeyPatch
 def test_neutral_is_repeated_until_it_is_confirmed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(stm32, "REPEAT_NS", NS_PER_S // 100)
     monkeypatch.setattr(stm32, "CONFIRM_NS", 60 * NS_PER_S)
-    bed, sent = Bed(), list[ThrusterCommand]()
+    bed, sent, times_ns = Bed(), list[ThrusterCommand](), list[int]()
     bed.driver.descriptors = []
 
     def lose_two_replies(command: ThrusterCommand) -> None:
         sent.append(command)
+        times_ns.append(time.monotonic_ns())
         bed.bench.reports = [TELEMETRY] * (len(sent) > 2)
 
     monkeypatch.setattr(bed.bench, "send", lose_two_replies)
     assert stop_thrusters(bed.driver, 0xFFFF)
     assert [(command.sequence, command.armed) for command in sent] == [(0xFFFF, False), (0, False), (1, False)]
+    assert times_ns[2] - times_ns[0] > 1.5 * stm32.REPEAT_NS
 
 
 class Master:
