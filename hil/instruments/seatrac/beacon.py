@@ -6,7 +6,6 @@ from typing import Any
 
 from hil.common.clock import NEVER_NS, NS_PER_MS, NS_PER_S
 from hil.common.vectors import Quaternion
-from hil.instruments.contract import Client
 from hil.instruments.seatrac.messages import SETTINGS, SUPPLY_MV, USE_ATTITUDE, Cid, Cst, Place, Settings, attitude
 from sim.rotations import from_euler
 
@@ -19,13 +18,12 @@ _MOST_QUEUED = 30  # bytes
 class Beacon:
     """The beacon of an end. `memory` keeps its saved settings; `has_head` is true for an X150, which measures angles.
 
-    `queue` are the data for the next request of the other, `clients` who is at its wires.
+    `queue` are the data for the next request of the other.
     """
 
     def __init__(self, end: str, memory: dict[str, Any], number: int, has_head: bool) -> None:
         self._memory, self._default = memory, Settings(beacon=number)
         self.end, self.has_head = end, has_head
-        self.clients: list[Client] = []
         self.queue = b""
         self.reboot(0)
 

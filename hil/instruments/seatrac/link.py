@@ -9,7 +9,6 @@ from typing import Annotated, Any, Literal, NamedTuple
 
 from hil.common.clock import NEVER_NS, NS_PER_MS, seconds_ns
 from hil.common.schema import Range
-from hil.common.vectors import Vector3
 from hil.instruments.contract import Client, Facts, Scene, Send
 from hil.instruments.lines import LineInstrument
 from hil.instruments.seatrac import messages
@@ -75,6 +74,7 @@ class SeatracLink(LineInstrument):
     def __init__(self, settings: Any, facts: Facts, scene: Scene, send: Send) -> None:
         super().__init__(settings, facts, scene, send)
         self._sensor: Sensor | None = None
+        self._clients: dict[Client, Beacon] = {}
         self._beacons: dict[str, Beacon] = {}
         for end, number in (("station", 15), ("vehicle", 1)):
             memory = facts.memory.setdefault(end, {})
@@ -93,24 +93,20 @@ class SeatracLink(LineInstrument):
     def _other(self, beacon: Beacon) -> Beacon:
         return self._beacons["vehicle" if beacon.end == "station" else "station"]
 
-    def _at_wire(self, client: Client) -> Beacon:
-        first = self._beacons[self.settings.end]
-        return self._other(first) if client.wire else first
-
     def connected(self, client: Client, now_ns: int) -> None:
         """Take up a client of one of the beacons."""
-        self._at_wire(client).clients.append(client)
+        first = self._beacons[self.settings.end]
+        self._clients[client] = self._other(first) if client.wire else first
 
     def disconnected(self, client: Client, now_ns: int) -> None:
         """Forget a client."""
         super().disconnected(client, now_ns)
-        beacon = self._at_wire(client)
-        beacon.clients = [each for each in beacon.clients if each != client]
+        self._clients.pop(client, None)
 
     def on_line(self, client: Client, line: bytes, now_ns: int) -> None:
         """Carry out a command."""
         self._let_happen(now_ns)
-        payload, beacon, answer = messages.decode_line(line), self._at_wire(client), None
+        payload, beacon, answer = messages.decode_line(line), self._clients[client], None
         if payload and payload[0] in _DATA:
             answer = self._begin(beacon, payload[0], payload[1:], now_ns)
         elif payload:
@@ -131,7 +127,7 @@ class SeatracLink(LineInstrument):
         return min(first_ns, *[beacon.status_due_ns for beacon in self._beacons.values()])
 
     def _report(self, beacon: Beacon, payload: bytes, measured_ns: int = 0) -> None:
-        for client in beacon.clients:
+        for client in [client for client, of in self._clients.items() if of is beacon]:
             self.send(messages.encode_line(payload), client, measured_ns=measured_ns)
 
     def _let_happen(self, now_ns: int) -> None:
@@ -144,22 +140,16 @@ class SeatracLink(LineInstrument):
 
     # --- where the beacons are
 
-    def _position(self, beacon: Beacon, now_ns: int) -> Vector3 | None:
-        if beacon.end == "station":
-            station: Vector3 = self.facts.model.station
-            return station
-        state = self.scene.state(now_ns)
-        return self.facts.mounting.world_position(state) if state else None
-
     def _place(self, beacon: Beacon, now_ns: int) -> Place | None:
-        position, state = self._position(beacon, now_ns), self.scene.state(now_ns)
-        if position is None or state is None:
+        state = self.scene.state(now_ns)
+        if state is None:
             return None
+        position, turned = self.facts.mounting.world_position(state), self.facts.mounting.attitude(state)
+        if beacon.end == "station":
+            position, turned = self.facts.model.station, from_euler(0.0, 0.0, self.settings.heading)
         is_automatic = beacon.settings.environment & messages.AUTO_SOUND_SPEED
         speed = self.facts.sound_speed(position[2]) if is_automatic else beacon.settings.sound_speed / 10.0
-        is_vehicle = beacon.end == "vehicle"
-        turned = self.facts.mounting.attitude(state) if is_vehicle else from_euler(0.0, 0.0, self.settings.heading)
-        return Place(position[2], turned, speed)
+        return Place(position, turned, speed)
 
     def _status(self, beacon: Beacon, now_ns: int) -> bytes | None:
         here = self._place(beacon, now_ns)
@@ -201,14 +191,14 @@ class SeatracLink(LineInstrument):
     def _transmit(self, beacon: Beacon, exchange: Exchange, now_ns: int) -> int:
         """Send a message into the water; return the end of its transmission, 0 if it is not sent."""
         other = self._other(beacon)
-        here, there = self._position(beacon, now_ns), self._position(other, now_ns)
+        here, there = self._place(beacon, now_ns), self._place(other, now_ns)
         if here is None or there is None:
             return 0
-        places = {beacon.end: here, other.end: there}
+        places = {beacon.end: here.position, other.end: there.position}
         end_ns = self._channel.send(now_ns, beacon.end, _HEADER + exchange.content, places)
         if end_ns:
             self._under_way[beacon.end, now_ns] = exchange
-            self._at(end_ns + seconds_ns(dist(here, there) / SOUND_SPEED) + 1, self._deliver)
+            self._at(end_ns + seconds_ns(dist(here.position, there.position) / SOUND_SPEED) + 1, self._deliver)
         return end_ns
 
     def _deliver(self, due_ns: int) -> None:

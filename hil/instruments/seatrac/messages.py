@@ -115,11 +115,16 @@ AUTO_SOUND_SPEED, USE_ATTITUDE, REPORT_FIXES = 1, 1, 0x40  # bits of `environmen
 
 
 class Place(NamedTuple):
-    """Where a beacon is: depth (m), attitude, and the speed of sound (m/s) that it computes with."""
+    """Where a beacon is: position (NED, m), attitude, and the speed of sound (m/s) that it computes with."""
 
-    depth: float
+    position: Vector3
     attitude: Quaternion
     sound_speed: float
+
+    @property
+    def depth(self) -> float:
+        """Depth in m."""
+        return self.position[2]
 
 
 def deci(value: float) -> int:
