@@ -1,6 +1,7 @@
 """One instrument without a process: samples and a client's bytes in, what it sends out."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from io import BytesIO
 from types import SimpleNamespace
 from typing import Any
 
@@ -90,3 +91,38 @@ class Bench:
             self.now_ns += round(step_s * NS_PER_S)
             self.device.tick(self.now_ns)
         return self.sent
+
+
+class Line:
+    """A serial line for a driver of others, always open: what it writes is answered at once."""
+
+    is_open = True
+    open = close = staticmethod(lambda: None)
+
+    def __init__(self, device: Bench) -> None:
+        self._device, self._answer = device, BytesIO()
+
+    def reset_input_buffer(self) -> None:
+        """Forget what was not read."""
+        self._answer = BytesIO()
+
+    def write(self, data: Iterable[int]) -> None:
+        """Send to the device; what it answered before is lost."""
+        self._answer = BytesIO(self._device.ask(bytes(data)))
+
+    def read(self, size: int) -> bytes:
+        """Return bytes of the answer."""
+        return self._answer.read(size)
+
+    def readline(self) -> bytes:
+        """Return a line of the answer."""
+        return self._answer.readline()
+
+
+def crc_a001(data: bytes, start: int) -> int:
+    """Return a CRC-16 as the manuals of MODBUS and SeaTrac compute it: reflected, polynomial 0xA001."""
+    for byte in data:
+        start ^= byte
+        for _ in range(8):
+            start = start >> 1 ^ (0xA001 if start & 1 else 0)
+    return start

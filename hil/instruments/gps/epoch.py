@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from hil.common.clock import NS_PER_S
 from hil.common.vectors import Vector3
-from hil.instruments.gps.sky import Dilutions, Satellite, Sky
+from hil.instruments.gps.sky import PERIOD_S, Dilutions, Satellite, visible
 from sim.dynamics import State
 from sim.rotations import rotate
 from sim.sensors.extra_samples import FixSample
@@ -61,9 +61,10 @@ def antenna_velocity(state: State, position: Point) -> Vector3:
     return rotate(state.quaternion, (u + q * z - r * y, v + r * x - p * z, w + p * y - q * x))
 
 
-def make_epoch(fix: FixSample, separation: float, velocity: Vector3, sky: Sky) -> Epoch:
+def make_epoch(fix: FixSample, separation: float, velocity: Vector3) -> Epoch:
     """Return the epoch of a sample whose time is since 1970; without a fix no satellite is received."""
     if not fix.fix:
         return Epoch(fix.time_ns, fix, separation, (0.0, 0.0, 0.0), (), Dilutions())
-    gps_s = fix.time_ns / NS_PER_S - GPS_EPOCH + LEAP_SECONDS
-    return Epoch(fix.time_ns, fix, separation, velocity, *sky.above(fix[1:4], gps_s))
+    period = int((fix.time_ns / NS_PER_S - GPS_EPOCH + LEAP_SECONDS) // PERIOD_S)
+    place = round(fix.latitude, 1), round(fix.longitude, 1)  # without the noise of the fix
+    return Epoch(fix.time_ns, fix, separation, velocity, *visible(*place, period))

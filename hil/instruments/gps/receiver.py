@@ -10,7 +10,6 @@ from hil.instruments.contract import Client, Facts, Instrument, Scene, Send
 from hil.instruments.gps import configuration as keys
 from hil.instruments.gps import nmea, ubx
 from hil.instruments.gps.epoch import SPEED_ACCURACY, Epoch, antenna_velocity, make_epoch
-from hil.instruments.gps.sky import Sky
 from sim.sensors.extra_samples import FixSample
 from sim.sensors.samples import Sensor
 
@@ -41,7 +40,6 @@ class Receiver(Instrument):
         self._search_until_ns = 0
         self._epochs = 0
         self._last: Epoch | None = None
-        self._sky = Sky()
 
     def start(self, now_ns: int) -> None:
         """Name itself, as the device does after power on."""
@@ -110,7 +108,7 @@ class Receiver(Instrument):
     def _send_epoch(self, fix: FixSample, measured_ns: int, now_ns: int) -> None:
         if measured_ns < self._search_until_ns:
             fix = fix._replace(fix=False)
-        epoch = self._last = make_epoch(fix, self.facts.origin_altitude, self._velocity(now_ns), self._sky)
+        epoch = self._last = make_epoch(fix, self.facts.origin_altitude, self._velocity(now_ns))
         values, data = self._configuration.values, b""
         if values[keys.OUT_NMEA]:
             due = [number for number in nmea.SENTENCES if self._is_due(keys.NMEA, number)]

@@ -5,6 +5,7 @@ constellation, with even spacing). So numbers, rising and setting and dilutions 
 """
 
 from collections.abc import Sequence
+from functools import lru_cache
 from math import atan2, cos, degrees, hypot, pi, radians, sin, sqrt
 from typing import NamedTuple
 
@@ -16,7 +17,7 @@ ORBIT = 26_559_710.0  # m
 INCLINATION = radians(55.0)
 _EARTH_RATE = 7.2921151467e-5  # rad/s; WGS 84
 _PLANES, _IN_PLANE = 6, 4
-_KEPT_S = 10.0
+PERIOD_S = 10.0  # in which a satellite moves 0.1 degrees
 LOWEST = 10.0  # degrees of elevation from which on a satellite is used, below the rigging of a deck and waves
 
 
@@ -41,20 +42,11 @@ class Dilutions(NamedTuple):
     east: float = 99.99
 
 
-class Sky:
-    """The satellites above a receiver and their dilutions, computed every `_KEPT_S`, in which they move 0.1 degrees."""
-
-    def __init__(self) -> None:
-        self._computed_s = -_KEPT_S
-        self._above: tuple[Satellite, ...] = ()
-        self._dilutions = Dilutions()
-
-    def above(self, place: Vector3, gps_s: float) -> tuple[tuple[Satellite, ...], Dilutions]:
-        """Return the satellites for a place (degrees, m) at a time (s since GPS's epoch), and their dilutions."""
-        if abs(gps_s - self._computed_s) >= _KEPT_S:
-            self._computed_s, self._above = gps_s, tuple(satellites(*place, gps_s))
-            self._dilutions = dilutions(self._above)
-        return self._above, self._dilutions
+@lru_cache(16)
+def visible(latitude: float, longitude: float, period: int) -> tuple[tuple[Satellite, ...], Dilutions]:
+    """Return the satellites above a place (degrees) in the period `PERIOD_S` with this number, and their dilutions."""
+    above = tuple(satellites(latitude, longitude, 0.0, PERIOD_S * period))
+    return above, dilutions(above)
 
 
 def satellites(latitude: float, longitude: float, altitude: float, gps_s: float) -> list[Satellite]:

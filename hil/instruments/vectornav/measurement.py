@@ -6,8 +6,7 @@ from typing import Any, NamedTuple
 
 from hil.common.clock import NS_PER_S
 from hil.common.vectors import Quaternion, Vector3
-from hil.instruments.gps.epoch import GPS_EPOCH, LEAP_SECONDS, SPEED_ACCURACY, Epoch
-from hil.instruments.gps.sky import Dilutions
+from hil.instruments.gps.epoch import GPS_EPOCH, LEAP_SECONDS, SPEED_ACCURACY, Epoch, make_epoch
 from sim.geodesy import TangentPlane, earth_centred
 from sim.rotations import matrix, rotate, rotate_inverse, to_euler
 from sim.sensors.extra_samples import FixSample
@@ -15,7 +14,7 @@ from sim.sensors.extra_samples import FixSample
 _GRAVITY = 9.80665  # m/s²
 _UNKNOWN = 9999.0  # standard deviation (m, m/s) of what is not known
 _WEEK_NS = 604_800 * NS_PER_S
-NO_EPOCH = Epoch(0, FixSample(0, 0.0, 0.0, 0.0, (0.0, 0.0), False), 0.0, (0.0, 0.0, 0.0), (), Dilutions())
+NO_EPOCH = make_epoch(FixSample(0, 0.0, 0.0, 0.0, (0.0, 0.0), False), 0.0, (0.0, 0.0, 0.0))
 
 
 class Measurement(NamedTuple):

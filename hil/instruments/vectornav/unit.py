@@ -9,7 +9,6 @@ from hil.common.schema import Range
 from hil.common.vectors import Vector3
 from hil.instruments.contract import Client, Facts, Scene, Send
 from hil.instruments.gps.epoch import antenna_velocity, make_epoch
-from hil.instruments.gps.sky import Sky
 from hil.instruments.lines import LineInstrument
 from hil.instruments.vectornav.measurement import NO_EPOCH, Measurement
 from hil.instruments.vectornav.outputs import ASYNCHRONOUS, MEASURED, WITH_RECEIVER, checksum, parse_output, text_of
@@ -232,7 +231,6 @@ class Vn200(Vn100):
         self._receiver: Sensor | None = None
         self._receiver_due_ns = NEVER_NS
         self._epoch = NO_EPOCH
-        self._sky = Sky()
         self._place: Vector3 = (0.0, 0.0, 0.0)
 
     def start(self, now_ns: int) -> None:
@@ -250,7 +248,7 @@ class Vn200(Vn100):
             if isinstance(fix, FixSample) and state:
                 velocity = antenna_velocity(state, self.facts.mounting.position)
                 fix = fix._replace(time_ns=sample.time_ns)
-                self._epoch = make_epoch(fix, self.facts.origin_altitude, velocity, self._sky)
+                self._epoch = make_epoch(fix, self.facts.origin_altitude, velocity)
                 if fix.fix:
                     self._place = fix.latitude, fix.longitude, fix.altitude
         measurement = super()._measure(sample, measured_ns, now_ns)

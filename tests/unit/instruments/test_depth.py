@@ -11,7 +11,7 @@ from hil.instruments.depth.keller import Keller33X, KellerSettings
 from hil.instruments.depth.paroscientific import Digiquartz, DigiquartzSettings
 from sim.sensors.pressure import PressureModel
 from sim.sensors.samples import PressureSample
-from tests.support.instrument_bench import CLIENT, WALL_NS, Bench
+from tests.support.instrument_bench import CLIENT, WALL_NS, Bench, Line, crc_a001
 
 BAR = 3.141593
 
@@ -20,25 +20,6 @@ def keller(**settings: Any) -> Bench:
     made = Bench(Keller33X, PressureModel(), KellerSettings(**settings))
     made.sample(PressureSample(WALL_NS, BAR * 1e5))
     return made
-
-
-class Line:
-    """A serial line for the driver, which is always open."""
-
-    open = close = staticmethod(lambda: None)
-
-    def __init__(self, device: Bench) -> None:
-        self._device, self._answer = device, b""
-
-    def reset_input_buffer(self) -> None:
-        self._answer = b""
-
-    def write(self, data: list[int]) -> None:
-        self._answer += self._device.ask(bytes(data))
-
-    def read(self, size: int) -> bytes:
-        data, self._answer = self._answer[:size], self._answer[size:]
-        return data
 
 
 @pytest.mark.parametrize("echo", [False, True])
@@ -76,12 +57,7 @@ def test_keller_s_driver_initialises_reads_scales_and_addresses(echo: bool) -> N
 
 
 def modbus(*body: int) -> bytes:
-    crc = 0xFFFF
-    for byte in body:
-        crc ^= byte
-        for _ in range(8):
-            crc = crc >> 1 ^ (0xA001 if crc & 1 else 0)
-    return bytes(body) + pack("<H", crc)
+    return bytes(body) + pack("<H", crc_a001(bytes(body), 0xFFFF))
 
 
 def test_keller_reads_by_modbus_and_recovers_from_garbage() -> None:

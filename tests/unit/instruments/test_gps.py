@@ -105,6 +105,7 @@ def test_there_is_no_fix_under_water_but_the_time_goes_on() -> None:
     assert read["RMC"].time.second == TIME.second
     assert (pvt.fixType, pvt.gnssFixOk, pvt.invalidLlh, pvt.numSV, pvt.velN) == (0, 0, 1, 0, 0)
     assert pvt.hAcc == 0xFFFFFFFF
+    assert messages(device.ask(frame(1, 0x12)))[0].gSpeed == 0
     assert pvt.validTime == 1
     assert pvt.second == TIME.second
 
@@ -150,6 +151,8 @@ def test_older_messages_set_the_rate_and_report_the_port() -> None:
     device = bench()
     (answer,) = messages(device.ask(UBXMessage("CFG", "CFG-RATE", SET, measRate=200, navRate=1, timeRef=0).serialize()))
     assert answer.identity == "ACK-ACK"
+    too_large = UBXMessage("CFG", "CFG-RATE", SET, measRate=200, navRate=1, timeRef=256)
+    assert messages(device.ask(too_large.serialize()))[0].identity == "ACK-NAK"
     assert device.sample(FIX) == b""  # it measures itself now, five times a second
     device.scene.present = State((0.0, 0.0, -5.0))
     read = [each for _, each in NMEAReader(BytesIO(device.run(2.05)), validate=1) if each.msgID == "GGA"]

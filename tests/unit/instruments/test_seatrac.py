@@ -14,26 +14,16 @@ from sim.modems.acoustic import AcousticModem
 from sim.rotations import from_euler
 from sim.sensors.error import ErrorModel
 from sim.sensors.usbl import UsblModel
-from tests.support.instrument_bench import CLIENT, Bench
+from tests.support.instrument_bench import CLIENT, Bench, crc_a001
 
 VEHICLE = Client(1, "pty", "vehicle")
 MODEL = UsblModel(station=(0.0, 0.0, 2.0), range=ErrorModel(), angle=ErrorModel())
 FIELDS = ("count", "time", "range", "channels", "a", "b", "c", "d", "azimuth", "elevation", "fit", "east", "north", "z")
 
 
-def crc(data: bytes) -> int:
-    """As the developer guide computes it: reflected, polynomial 0xA001, from 0."""
-    value = 0
-    for byte in data:
-        for _ in range(8):
-            value = value >> 1 ^ (0xA001 if (value ^ byte) & 1 else 0)
-            byte >>= 1
-    return value
-
-
 def command(*data: int) -> bytes:
     body = bytes(data)
-    return b"#" + (body + crc(body).to_bytes(2, "little")).hex().upper().encode() + b"\r\n"
+    return b"#" + (body + crc_a001(body, 0).to_bytes(2, "little")).hex().upper().encode() + b"\r\n"
 
 
 def reports(sent: bytes, without_status: bool = True) -> list[bytes]:
@@ -43,7 +33,7 @@ def reports(sent: bytes, without_status: bool = True) -> list[bytes]:
         data = bytes.fromhex(line[1:].decode())
         assert line[:1] == b"$"
         assert line == line.upper()
-        assert crc(data[:-2]) == int.from_bytes(data[-2:], "little")
+        assert crc_a001(data[:-2], 0) == int.from_bytes(data[-2:], "little")
         found.append(data[:-2])
     return [each for each in found if each[0] != 0x10 or not without_status]
 
@@ -136,17 +126,9 @@ def test_a_query_returns_what_it_asked_for() -> None:
     device.ask(command(0x50, 1, 0x0F, 0))
     response = reports(device.run(2.0))[-1]
     _, rest = read_fix(response[1:])
-    depth, supply, temperature, yaw, pitch, _, local = unpack_from("<iHh3hB", rest, 1)
-    assert (response[0], rest[0], depth, supply, temperature, yaw, pitch, local) == (
-        0x52,
-        15,
-        120,
-        12_000,
-        100,
-        900,
-        100,
-        1,
-    )
+    depth, supply, temperature, *angles, local = unpack_from("<iHh3hB", rest, 1)
+    assert (response[0], rest[0], depth, supply, temperature) == (0x52, 15, 120, 12_000, 100)
+    assert (angles[:2], local) == ([900, 100], 1)
 
 
 @pytest.mark.parametrize(

@@ -1,6 +1,5 @@
 """VectorNav's units, read by the driver on PyPI, by the manual's examples, and configured as ArduPilot does."""
 
-from io import BytesIO
 from math import radians
 from struct import unpack
 from typing import Any
@@ -17,7 +16,7 @@ from sim.sensors.error import ErrorModel
 from sim.sensors.imu import ImuModel
 from sim.sensors.magnetometer import MagnetometerModel
 from sim.sensors.samples import ImuSample
-from tests.support.instrument_bench import WALL_NS, Bench
+from tests.support.instrument_bench import WALL_NS, Bench, Line
 
 EXACT = MagnetometerModel(error_xy=ErrorModel(), error_z=ErrorModel())
 ATTITUDE = from_euler(radians(10.0), radians(-20.0), radians(120.0))
@@ -38,21 +37,6 @@ def step(device: Bench, count: int = 1) -> bytes:
         time_ns = WALL_NS + device.now_ns
         sent += device.sample(ImuSample(time_ns, ATTITUDE, RATE, FORCE))
     return sent
-
-
-class Line:
-    """A serial line for the driver: what it writes is answered at once."""
-
-    is_open = True
-
-    def __init__(self, device: Bench) -> None:
-        self._device, self._answer = device, BytesIO()
-
-    def write(self, data: bytes) -> None:
-        self._answer = BytesIO(self._device.ask(data))
-
-    def readline(self) -> bytes:
-        return self._answer.readline()
 
 
 def driver(device: Bench) -> Any:
