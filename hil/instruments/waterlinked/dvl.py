@@ -4,37 +4,22 @@ The rate falls with the altitude, up to the rate of the simulated sensor. Source
 (github.com/waterlinked/docs, docs/dvl), up to software 2.7.1. Not modelled: its web page; heat (bit 0 of the status).
 """
 
-from typing import Any, Protocol
+from typing import Any
 
 from hil.client.client import Stamped
 from hil.common.clock import NEVER_NS, NS_PER_MS, NS_PER_S, NS_PER_US, to_wall_ns
 from hil.instruments.contract import Client, Facts, Scene, Send
-from hil.instruments.waterlinked.dvl_device import DvlDevice, DvlSettings
+from hil.instruments.waterlinked.dvl_device import DvlDevice, DvlSettings, DvlWire
 from hil.instruments.waterlinked.dvl_json import JsonWire
 from hil.instruments.waterlinked.dvl_pd import Pd4Wire, Pd6Wire
-from hil.instruments.waterlinked.dvl_report import Config, DeadReckoning, RangeMode, Report, make_report
+from hil.instruments.waterlinked.dvl_report import RangeMode, Report, with_fix
 from hil.instruments.waterlinked.dvl_serial import SerialWire
 from sim.rotations import multiply
 
 POSITION_NS = NS_PER_S // 5
 CYCLE_NS = 10 * NS_PER_S  # between two validations of the bottom, each of which costs a measurement
 IMU_STALE_NS = NS_PER_S
-
-
-class DvlWire(Protocol):
-    """One format for one client."""
-
-    def feed(self, data: bytes, now_ns: int) -> None:
-        """Take bytes of the client. Never raises."""
-
-    def report(self, report: Report, config: Config, now_ns: int) -> bytes:
-        """Return a ping's bytes."""
-
-    def position(self, reckoning: DeadReckoning, now_ns: int) -> bytes:
-        """Return the bytes of a dead reckoning report."""
-
-    def tick(self, now_ns: int) -> int:
-        """Do what is due; return when (ns) the next is."""
+FORMATS: dict[str, type[DvlWire]] = {"json": JsonWire, "pd6": Pd6Wire, "pd4": Pd4Wire, "serial": SerialWire}
 
 
 class Dvl(DvlDevice):
@@ -63,12 +48,10 @@ class Dvl(DvlDevice):
 
     def connected(self, client: Client, now_ns: int) -> None:
         """Take up a client in the format of its wire."""
-        if client.kind != "tcp":
-            self._clients[client] = SerialWire(self, client)
-            return
-        formats = self.settings.formats
-        kinds: dict[str, Any] = {"json": JsonWire, "pd6": Pd6Wire, "pd4": Pd4Wire}
-        self._clients[client] = kinds[formats[client.wire] if client.wire < len(formats) else "json"](self, client)
+        chosen = "json" if client.kind == "tcp" else "serial"
+        if chosen == "json" and client.wire < len(self.settings.formats):
+            chosen = self.settings.formats[client.wire]
+        self._clients[client] = FORMATS[chosen](self, client)
 
     def disconnected(self, client: Client, now_ns: int) -> None:
         """Forget a client."""
@@ -88,18 +71,18 @@ class Dvl(DvlDevice):
             self._depth = sample.position[2]
             if now_ns - self._imu_ns > IMU_STALE_NS:
                 self._attitude = sample.orientation
-        elif (topic == "dvl_water") == (self.config.range_mode == "wt") and self._is_due(stamped.sent_ns):
+        elif (topic == "dvl_water") == self.kept.config.is_water and self._is_due(stamped.sent_ns):
             self._ping(sample, stamped.sent_ns, now_ns)
         if topic in ("imu", "odom"):
             self.orientation = multiply(self._attitude, self.facts.mounting.quaternion)
-            self.reckoning.turn(self.orientation, self.config.mounting_rotation_offset)
+            self.reckoning.turn(self.orientation, self.kept.config.mounting_rotation_offset)
 
     def tick(self, now_ns: int) -> int:
         """Send what is due: dead reckoning, answers of calibrations, refusals of incomplete lines."""
         if now_ns >= self._position_ns:
             self._position_ns = max(self._position_ns + POSITION_NS, now_ns)
             for client, wire in self._clients.items():
-                if data := wire.position(self.reckoning, now_ns):
+                if data := wire.position(now_ns):
                     self.send(data, client)
         while self.calibrations and self.calibrations[0][0] <= now_ns:
             self.calibrations.popleft()[1]()
@@ -108,7 +91,7 @@ class Dvl(DvlDevice):
 
     def _is_due(self, measured_ns: int) -> bool:
         """Return whether the device pings now: by its rate, or because a ping was triggered."""
-        config = self.config
+        config = self.kept.config
         if not config.acoustic_enabled:
             is_triggered, self.triggers = self.triggers > 0, max(0, self.triggers - 1)
             return is_triggered
@@ -117,34 +100,30 @@ class Dvl(DvlDevice):
         period_ns = round(NS_PER_S / self._mode.rate(config))
         behind = measured_ns - self._due_ns > period_ns
         self._due_ns = (measured_ns if behind else self._due_ns) + period_ns
-        if config.periodic_cycling_enabled and config.range_mode != "wt" and measured_ns >= self._cycle_ns:
+        if config.periodic_cycling_enabled and not config.is_water and measured_ns >= self._cycle_ns:
             self._cycle_ns = measured_ns + CYCLE_NS
             return False
         return True
 
     def _ping(self, sample: Any, measured_ns: int, now_ns: int) -> None:
-        config, rate = self.config, self._mode.rate(self.config)
+        config, rate = self.kept.config, self._mode.rate(self.kept.config)
         altitude = sample.altitude if sample.locked and sample.altitude == sample.altitude else None
         has_lock = sample.locked
-        if config.range_mode != "wt":
+        if not config.is_water:
             has_lock = self._mode.follow(altitude, config, self.most_m)
             if self._mode.rate(config) != rate:
                 self._due_ns = measured_ns + round(NS_PER_S / self._mode.rate(config))
         since_ns = measured_ns - self._last_ns if self._last_ns else 0
         self._last_ns = measured_ns
-        report = make_report(
-            since_ns / NS_PER_MS,
-            sample.velocity if has_lock else None,
-            altitude or -1.0,
-            self.orientation,
-            self.facts.model.velocity.noise,
-            config,
-            self.facts.sound_speed(self._depth),
-            to_wall_ns(measured_ns) // NS_PER_US,
+        report = Report(
+            since_ns / NS_PER_MS, validity_us=to_wall_ns(measured_ns) // NS_PER_US, is_water=config.is_water
         )
+        if has_lock:
+            noise, speed = self.facts.model.velocity.noise, self.facts.sound_speed(self._depth)
+            report = with_fix(report, sample.velocity, altitude or -1.0, self.orientation, noise, config, speed)
         self.reckoning.move(report, measured_ns)
         for client, wire in self._clients.items():
-            if data := wire.report(report, config, now_ns):
+            if data := wire.report(report, now_ns):
                 self.send(data, client, measured_ns=measured_ns)
 
 

@@ -1,13 +1,15 @@
 """What clients read and set of a DVL A50 or A125, whatever their format."""
 
+from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Annotated, Literal, NamedTuple
 
-from hil.common.clock import NS_PER_S
+from hil.common.clock import NEVER_NS, NS_PER_S
 from hil.common.schema import Range
-from hil.instruments.contract import Facts, Instrument, Scene, Send
-from hil.instruments.waterlinked.dvl_report import Config, DeadReckoning
+from hil.instruments.contract import Client, Facts, Instrument, Scene, Send
+from hil.instruments.waterlinked.dvl_report import Config, DeadReckoning, Report
 
 MOST_TRIGGERS = 15
 CALIBRATION_NS = 5 * NS_PER_S  # ours: "up to 15 s"
@@ -34,59 +36,66 @@ class DvlSettings(NamedTuple):
 
     def validate(self) -> str | None:
         """Return why the range mode is invalid, or None."""
-        try:
-            Config().changed({"range_mode": self.range_mode})
-        except ValueError as error:
-            return str(error)
-        return None
+        return Config(range_mode=self.range_mode).validate()
+
+
+@dataclass
+class Kept:
+    """What the device keeps without power: its configuration, and the number of the format on serial lines."""
+
+    config: Config
+    serial_protocol: int
 
 
 class DvlDevice(Instrument):
-    """The configuration, which the device keeps without power, and its commands."""
+    """The state that the commands of all formats read and change."""
 
     Model = DvlSettings
     product = ""
 
     def __init__(self, settings: DvlSettings, facts: Facts, scene: Scene, send: Send) -> None:
         super().__init__(settings, facts, scene, send)
-        self.software = settings.software
+        config = Config(*[getattr(settings, key) for key in Config._fields])
+        self.kept: Kept = facts.memory.setdefault("kept", Kept(config, settings.serial_protocol))
         self.reckoning = DeadReckoning()
         self.orientation = (1.0, 0.0, 0.0, 0.0)  # of the sensor's axes, NED
         self.triggers = 0  # pings that wait
         self.calibrations: deque[tuple[int, Callable[[], None]]] = deque()  # when they end, and what then
 
-    @property
-    def config(self) -> Config:
-        """The configuration; the device keeps it without power."""
-        new = Config(*[getattr(self.settings, key) for key in Config._fields])
-        kept: Config = self.facts.memory.setdefault("config", new)
-        return kept
-
-    @config.setter
-    def config(self, config: Config) -> None:
-        self.facts.memory["config"] = config
-
-    @property
-    def serial_protocol(self) -> int:
-        """The number of the format on serial lines; the device keeps it without power."""
-        return int(self.facts.memory.setdefault("serial_protocol", self.settings.serial_protocol))
-
-    @serial_protocol.setter
-    def serial_protocol(self, number: int) -> None:
-        self.facts.memory["serial_protocol"] = number
-
     def reset_reckoning(self) -> None:
         """Begin dead reckoning anew."""
         self.reckoning = DeadReckoning()
-        self.reckoning.turn(self.orientation, self.config.mounting_rotation_offset)
+        self.reckoning.turn(self.orientation, self.kept.config.mounting_rotation_offset)
 
     def trigger(self) -> bool:
         """Queue a ping; return False if the queue is full."""
-        if self.triggers >= MOST_TRIGGERS:
-            return False
-        self.triggers += 1
-        return True
+        is_free = self.triggers < MOST_TRIGGERS
+        self.triggers += is_free
+        return is_free
 
     def calibrate(self, now_ns: int, done: Callable[[], None]) -> None:
         """Calibrate the gyroscope, which takes its time; then call `done`."""
         self.calibrations.append((now_ns + CALIBRATION_NS, done))
+
+
+class DvlWire(ABC):
+    """The format of one client of the DVL `dvl`. By default it has no commands and no dead reckoning."""
+
+    def __init__(self, dvl: DvlDevice, client: Client) -> None:
+        self._dvl, self._client = dvl, client
+        self._unread = b""
+
+    def feed(self, data: bytes, now_ns: int) -> None:  # noqa: B027
+        """Take bytes of the client. Never raises."""
+
+    @abstractmethod
+    def report(self, report: Report, now_ns: int) -> bytes:
+        """Return a ping's bytes."""
+
+    def position(self, now_ns: int) -> bytes:
+        """Return the bytes of a dead reckoning report."""
+        return b""
+
+    def tick(self, now_ns: int) -> int:
+        """Do what is due; return when (ns) the next is."""
+        return NEVER_NS

@@ -3,10 +3,9 @@
 import time
 from struct import pack
 
-from hil.common.clock import NEVER_NS
-from hil.instruments.contract import Client
-from hil.instruments.waterlinked.dvl_device import DvlDevice
-from hil.instruments.waterlinked.dvl_report import Config, DeadReckoning, Report
+from hil.instruments.waterlinked.dvl_device import DvlWire
+from hil.instruments.waterlinked.dvl_report import Config, Report
+from hil.links.frame.checksums import SUMS
 
 SYSTEM = 0b10100011  # ship coordinates, tilts used, 600 kHz
 NO_VELOCITY = -32_768  # mm/s
@@ -48,38 +47,24 @@ def encode_pd4(report: Report, config: Config) -> bytes:
         wall.tm_hour, wall.tm_min, wall.tm_sec, report.validity_us // 10_000 % 100,
         0, round(config.speed_of_sound), 0,
     )  # fmt: skip
-    return body + pack("<H", sum(body) & 0xFFFF)
+    return body + pack("<H", SUMS["sum16"].of(body))
 
 
 def _millimetres(speed: float) -> int:
     return max(-32_767, min(32_767, round(1000.0 * speed)))
 
 
-class Pd6Wire:
-    """A client of the PD6 port of a DVL, which takes no commands."""
+class Pd6Wire(DvlWire):
+    """A client of the PD6 port of a DVL."""
 
-    def __init__(self, dvl: DvlDevice, client: Client) -> None:
-        """Nothing of the two is needed."""
-
-    def feed(self, data: bytes, now_ns: int) -> None:
-        """Ignore what the client sends."""
-
-    def report(self, report: Report, config: Config, now_ns: int) -> bytes:
+    def report(self, report: Report, now_ns: int) -> bytes:
         """Return a ping's sentences."""
-        return encode_pd6(report, config)
-
-    def position(self, reckoning: DeadReckoning, now_ns: int) -> bytes:
-        """Return nothing: the format has no such report."""
-        return b""
-
-    def tick(self, now_ns: int) -> int:
-        """Nothing is due by time."""
-        return NEVER_NS
+        return encode_pd6(report, self._dvl.kept.config)
 
 
-class Pd4Wire(Pd6Wire):
+class Pd4Wire(DvlWire):
     """A client of the PD4 port of a DVL."""
 
-    def report(self, report: Report, config: Config, now_ns: int) -> bytes:
+    def report(self, report: Report, now_ns: int) -> bytes:
         """Return a ping's structure."""
-        return encode_pd4(report, config)
+        return encode_pd4(report, self._dvl.kept.config)

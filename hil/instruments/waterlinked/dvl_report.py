@@ -5,10 +5,11 @@ Source of all figures that are not marked as ours: Water Linked's documentation 
 
 import re
 from collections.abc import Mapping
-from math import cos, degrees, inf, isfinite, log10, radians, sin, sqrt
-from typing import Any, NamedTuple
+from math import cos, degrees, inf, log10, radians, sin, sqrt
+from typing import Annotated, Any, NamedTuple
 
 from hil.common.clock import NS_PER_S
+from hil.common.schema import Range, parse
 from hil.common.vectors import Quaternion, Vector3
 from sim.rotations import down_axis, from_euler, multiply, rotate, to_euler
 
@@ -20,7 +21,7 @@ NO_LOCK_FOM = 2.707  # m/s, as in the documented reports without lock
 LEAST_M = 0.05
 # Lowest and highest altitude (m) and rate (Hz) of the range modes 0 to 4; the last one reaches as far as the device.
 RANGE_MODES = (0.05, 0.6, 15.0), (0.3, 3.0, 10.0), (1.5, 14.0, 5.5), (7.7, 36.0, 7.5), (15.0, inf, 3.0)
-SEARCH_HZ = WATER_HZ = 2.0
+SEARCH_HZ = 2.0  # also of tracking the water
 NOISE_DBM = -95.0  # ours: spectral density of the noise, and strength of an echo from 1 m
 ECHO_DBM = -35.0
 
@@ -28,46 +29,36 @@ ECHO_DBM = -35.0
 class Config(NamedTuple):
     """The configuration that clients read and set."""
 
-    speed_of_sound: float = 1500.0
+    speed_of_sound: Annotated[float, Range(1000.0, 2000.0)] = 1500.0  # m/s
     acoustic_enabled: bool = True
     dark_mode_enabled: bool = False
-    mounting_rotation_offset: float = 0.0
+    mounting_rotation_offset: Annotated[float, Range(0.0, 360.0)] = 0.0  # degrees
     range_mode: str = "auto"
     periodic_cycling_enabled: bool = True
 
+    def validate(self) -> str | None:
+        """Return why the range mode is invalid, or None."""
+        return None if self.is_water or self.modes else "range_mode: expected auto, =a, a<=b or wt"
+
     def changed(self, values: Mapping[str, Any]) -> "Config":
-        """Return the configuration with other values. Raises ValueError, which says what the device does not take."""
-        for key, value in values.items():
-            if key not in self._fields:
-                raise ValueError(f"unknown parameter {key[:40]}")
-            is_flag, expected = isinstance(value, bool), type(getattr(self, key))
-            if expected is float and (is_flag or not isinstance(value, (int, float)) or not isfinite(value)):
-                raise ValueError(f"{key}: not a number")
-            if expected is not float and not isinstance(value, expected):
-                raise ValueError(f"{key}: wrong type")
-        plain: dict[str, Any] = {key: float(value) if _is_number(value) else value for key, value in values.items()}
-        changed = self._replace(**plain)
-        if not 1000.0 <= changed.speed_of_sound <= 2000.0:
-            raise ValueError("speed_of_sound: outside 1000 to 2000 m/s")
-        if not 0.0 <= changed.mounting_rotation_offset <= 360.0:
-            raise ValueError("mounting_rotation_offset: outside 0 to 360 degrees")
-        if changed.range_mode != "wt" and not modes_of(changed.range_mode):
-            raise ValueError("range_mode: expected auto, =a, a<=b or wt")
-        return changed
+        """Return the configuration with other values. Raises ConfigError, which says what the device does not take."""
+        return parse({**self._asdict(), **values}, Config, "set_config")
 
+    @property
+    def is_water(self) -> bool:
+        """Whether it tracks the water instead of the bottom."""
+        return self.range_mode == "wt"
 
-def _is_number(value: Any) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool)
-
-
-def modes_of(text: str) -> list[int]:
-    """Return the range modes that a range specifier permits; none for a wrong one, and for water tracking."""
-    if text == "auto":
-        return [*range(5)]
-    if match := re.fullmatch("=([0-4])", text):
-        return [int(match[1])]
-    match = re.fullmatch("([0-4])<=([0-4])", text)
-    return [*range(int(match[1]), int(match[2]) + 1)] if match else []
+    @property
+    def modes(self) -> list[int]:
+        """The range modes that are permitted; none while it tracks the water."""
+        if self.range_mode == "auto":
+            return [*range(len(RANGE_MODES))]
+        match = re.fullmatch("=([0-4])|([0-4])<=([0-4])", self.range_mode)
+        if not match:
+            return []
+        only, low, high = match.groups()
+        return [int(only)] if only else [*range(int(low), int(high) + 1)]
 
 
 class Transducer(NamedTuple):
@@ -77,19 +68,19 @@ class Transducer(NamedTuple):
     distance: float = -1.0
     rssi: float = NOISE_DBM
     nsd: float = NOISE_DBM
-    is_valid: bool = False
+    beam_valid: bool = False
 
 
 class Report(NamedTuple):
-    """One ping. Velocity (m/s) in the vehicle frame, altitude in m, -1 without lock; times in us since 1970."""
+    """One ping, by default without lock. Velocity (m/s) in the vehicle frame, altitude in m, time in us since 1970."""
 
-    milliseconds: float
-    velocity: Vector3
-    variances: Vector3
-    altitude: float
-    transducers: tuple[Transducer, ...]
-    is_valid: bool
-    validity_us: int
+    milliseconds: float  # since the last one
+    velocity: Vector3 = (0.0, 0.0, 0.0)
+    variances: Vector3 = (NO_LOCK_FOM**2,) * 3
+    altitude: float = -1.0
+    transducers: tuple[Transducer, ...] = (Transducer(),) * 4
+    is_valid: bool = False
+    validity_us: int = 0
     is_water: bool = False
 
     @property
@@ -105,25 +96,20 @@ class Report(NamedTuple):
         ]
 
 
-def make_report(
-    milliseconds: float,
-    velocity: Vector3 | None,
+def with_fix(
+    report: Report,
+    velocity: Vector3,
     altitude: float,
     orientation: Quaternion,
     noise: float,
     config: Config,
     true_speed: float,
-    validity_us: int,
 ) -> Report:
-    """Return the report of one ping from the velocity (m/s) and altitude (m) along the sensor's axes; None: no lock.
+    """Return a report with the velocity (m/s) and altitude (m, -1 without) along the sensor's axes.
 
     `orientation` turns those axes into NED: the beams end on a level seabed. `noise` (m/s) is that of one beam. What
     the device computes with its own speed of sound is wrong by its ratio to the `true_speed` (m/s).
     """
-    is_water = config.range_mode == "wt"
-    if velocity is None:
-        variances = (NO_LOCK_FOM**2,) * 3
-        return Report(milliseconds, (0.0,) * 3, variances, -1.0, (Transducer(),) * 4, False, validity_us, is_water)
     scale = config.speed_of_sound / true_speed
     u, v, w = [scale * speed for speed in velocity]
     down = down_axis(orientation)
@@ -134,15 +120,12 @@ def make_report(
         rssi = ECHO_DBM - 20.0 * log10(max(distance, LEAST_M)) if distance > 0.0 else NOISE_DBM
         transducers.append(Transducer(x * u + y * v + z * w, distance, rssi, NOISE_DBM, True))
     level = (scale * noise) ** 2 / (2.0 * sin(TILT) ** 2)
-    return Report(
-        milliseconds,
-        rotate(from_euler(0.0, 0.0, radians(config.mounting_rotation_offset)), (u, v, w)),
-        (level, level, (scale * noise) ** 2 / (4.0 * cos(TILT) ** 2)),
-        scale * altitude if altitude > 0.0 else -1.0,
-        tuple(transducers),
-        True,
-        validity_us,
-        is_water,
+    return report._replace(
+        velocity=rotate(from_euler(0.0, 0.0, radians(config.mounting_rotation_offset)), (u, v, w)),
+        variances=(level, level, (scale * noise) ** 2 / (4.0 * cos(TILT) ** 2)),
+        altitude=scale * altitude if altitude > 0.0 else -1.0,
+        transducers=tuple(transducers),
+        is_valid=True,
     )
 
 
@@ -154,22 +137,18 @@ class RangeMode:
 
     def follow(self, altitude: float | None, config: Config, most: float) -> bool:
         """Take the altitude of a ping (m; None: no echo); return whether the device has lock. It reaches `most` m."""
-        permitted = modes_of(config.range_mode)
-        fitting = [mode for mode in permitted if altitude and _is_within(mode, min(altitude, 1e6), most)]
+        fitting = [
+            mode
+            for mode in config.modes
+            if altitude and RANGE_MODES[mode][0] <= altitude <= min(RANGE_MODES[mode][1], most)
+        ]
         if self.number not in fitting:
             self.number = fitting[0] if fitting else None
         return self.number is not None
 
     def rate(self, config: Config) -> float:
         """Return how often it pings (Hz)."""
-        if config.range_mode == "wt":
-            return WATER_HZ
-        return SEARCH_HZ if self.number is None else RANGE_MODES[self.number][2]
-
-
-def _is_within(mode: int, altitude: float, most: float) -> bool:
-    low, high, _ = RANGE_MODES[mode]
-    return low <= altitude <= min(high, most)
+        return SEARCH_HZ if config.is_water or self.number is None else RANGE_MODES[self.number][2]
 
 
 class DeadReckoning:
