@@ -261,3 +261,12 @@ def test_a_calibration_of_compasses_is_reported_for_those_asked_for(asked: float
     _, (report,) = answer(dialect.MAV_CMD_DO_START_MAG_CAL, (asked, *[0.0] * 6))
     assert (report.compass_id, report.cal_mask, report.cal_status) == (0, mask, dialect.MAG_CAL_SUCCESS)
     assert (report.autosaved, report.fitness, report.ofs_x, report.diag_y, report.offdiag_z) == (1, 1.0, 0.0, 1.0, 0.0)
+
+
+def test_texts_of_the_pilot_and_of_the_mission_are_sent_once() -> None:
+    bench = Bench()
+    bench.core.pilot.texts.append((6, "of the pilot"))
+    bench.core.flight.texts.append((6, "of the mission"))
+    bench.run(0.5)
+    texts = bench.partner.texts()
+    assert (texts.count("of the pilot"), texts.count("of the mission")) == (1, 1)
