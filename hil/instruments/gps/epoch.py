@@ -7,10 +7,7 @@ from typing import NamedTuple
 from hil.common.clock import NS_PER_S
 from hil.common.vectors import Vector3
 from hil.instruments.gps.sky import PERIOD_S, Dilutions, Satellite, visible
-from sim.dynamics import State
-from sim.rotations import rotate
 from sim.sensors.extra_samples import FixSample
-from sim.vehicle.vehicle import Point
 
 LEAP_SECONDS = 18  # GPS's time ahead of UTC since 2017
 GPS_EPOCH = 315_964_800  # 6 January 1980, s since 1970
@@ -52,13 +49,6 @@ class Epoch(NamedTuple):
     def course(self) -> float:
         """Course over ground in degrees."""
         return degrees(atan2(self.velocity[1], self.velocity[0])) % 360.0
-
-
-def antenna_velocity(state: State, position: Point) -> Vector3:
-    """Return the velocity north, east and down (m/s) of a point at `position` (m) in the body."""
-    u, v, w, p, q, r = state.nu
-    x, y, z = position
-    return rotate(state.quaternion, (u + q * z - r * y, v + r * x - p * z, w + p * y - q * x))
 
 
 def make_epoch(fix: FixSample, separation: float, velocity: Vector3) -> Epoch:

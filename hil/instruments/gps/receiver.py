@@ -9,7 +9,8 @@ from hil.common.vectors import Vector3
 from hil.instruments.contract import Client, Facts, Instrument, Scene, Send
 from hil.instruments.gps import configuration as keys
 from hil.instruments.gps import nmea, ubx
-from hil.instruments.gps.epoch import SPEED_ACCURACY, Epoch, antenna_velocity, make_epoch
+from hil.instruments.gps.epoch import SPEED_ACCURACY, Epoch, make_epoch
+from sim.rotations import rotate
 from sim.sensors.extra_samples import FixSample
 from sim.sensors.samples import Sensor
 
@@ -128,6 +129,6 @@ class Receiver(Instrument):
         state = self.scene.state(now_ns)
         if state is None:
             return 0.0, 0.0, 0.0
-        true = antenna_velocity(state, self.facts.mounting.position)
+        true = rotate(state.quaternion, self.facts.mounting.velocity(state.nu))
         north, east, down = [value + self._random.gauss(0.0, SPEED_ACCURACY) for value in true]
         return north, east, down

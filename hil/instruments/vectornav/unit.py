@@ -8,11 +8,12 @@ from hil.common.plugins import load_object
 from hil.common.schema import Range
 from hil.common.vectors import Vector3
 from hil.instruments.contract import Client, Facts, Scene, Send
-from hil.instruments.gps.epoch import antenna_velocity, make_epoch
+from hil.instruments.gps.epoch import make_epoch
 from hil.instruments.lines import LineInstrument
 from hil.instruments.vectornav.measurement import NO_EPOCH, Measurement
 from hil.instruments.vectornav.outputs import ASYNCHRONOUS, MEASURED, WITH_RECEIVER, checksum, parse_output, text_of
 from hil.instruments.vectornav.outputs import line as encode_line
+from sim.rotations import rotate
 from sim.sensors.extra_samples import FixSample
 from sim.sensors.kinds import SENSORS
 from sim.sensors.magnetometer import Magnetometer, MagnetometerModel
@@ -246,7 +247,7 @@ class Vn200(Vn100):
             self._receiver_due_ns = max(self._receiver_due_ns + _RECEIVER_PERIOD_NS, measured_ns)
             fix, state = self.scene.measure(self._receiver, now_ns), self.scene.state(now_ns)
             if isinstance(fix, FixSample) and state:
-                velocity = antenna_velocity(state, self.facts.mounting.position)
+                velocity = rotate(state.quaternion, self.facts.mounting.velocity(state.nu))
                 fix = fix._replace(time_ns=sample.time_ns)
                 self._epoch = make_epoch(fix, self.facts.origin_altitude, velocity)
                 if fix.fix:
