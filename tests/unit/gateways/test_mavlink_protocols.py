@@ -283,3 +283,17 @@ def test_an_observer_cannot_change_anything() -> None:
     guest.send(dialect.MAVLink_param_request_list_message(1, 1))
     bench.run(0.2)
     assert len(guest.take_messages("PARAM_VALUE")) == len(bench.table.names())
+
+
+def test_a_reset_ends_the_file_sessions_of_its_sender_only(tmp_path: Path) -> None:
+    (tmp_path / "log").write_bytes(b"one flight")
+    server = ftp.FtpServer(str(tmp_path), Bench().table)
+
+    def ask(partner: int, number: int, opcode: int, data: bytes = b"") -> int:
+        request = ftp.HEADER.pack(number, 1, opcode, len(data), 0, 0, 0) + data
+        (reply,) = server.handle(request, (partner, 255, 190))
+        return int(reply[3])
+
+    assert [ask(partner, 1, ftp.OPEN_READ, b"/logs/log") for partner in (1, 2)] == [ftp.ACK] * 2
+    assert ask(1, 2, ftp.RESET) == ftp.ACK
+    assert [ask(partner, 3, ftp.READ) for partner in (1, 2)] == [ftp.NAK, ftp.ACK]
