@@ -89,11 +89,7 @@ class Response(NamedTuple):
     content_type: str = "application/json"
 
 
-class Send(Protocol):
-    """Sends bytes of an instrument; see `Instrument.send`."""
-
-    def __call__(self, data: bytes, to: Client | None, kind: str, measured_ns: int, /) -> None:
-        """Send `data`."""
+Send = Callable[[bytes, Client | None, int], None]  # as `Instrument.send`
 
 
 class NoSettings(NamedTuple):
@@ -128,12 +124,12 @@ class Instrument(ABC):  # noqa: B024  # every method has a sensible default
         self._send = send
         self.malformed = 0  # messages off a wire that were not understood
 
-    def send(self, data: bytes, to: Client | None = None, kind: str = "", measured_ns: int = 0) -> None:
-        """Send bytes to one client; without `to` to all that are there, of one `kind` of wire if that is given.
+    def send(self, data: bytes, to: Client | None = None, measured_ns: int = 0) -> None:
+        """Send bytes to one client; without `to` to all that are there.
 
         A message that carries a measurement gives the instant of that (monotonic ns), for the measurement of delays.
         """
-        self._send(data, to, kind, measured_ns)
+        self._send(data, to, measured_ns)
 
     def start(self, now_ns: int) -> None:  # noqa: B027
         """Begin: the warm-up is over."""

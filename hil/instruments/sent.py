@@ -1,8 +1,4 @@
-"""A file with a line for each measurement that was written to a wire: `uuv-hil instruments check` reads it.
-
-A line is the sensor's name, the number of the wire, the bytes of the message and all bytes sent to this client so far,
-and the instant of the measurement (monotonic ns).
-"""
+"""A file with a line for each measurement that was written to a wire: `uuv-hil instruments check` reads it."""
 
 from collections.abc import Iterator
 from typing import NamedTuple, TextIO
@@ -11,7 +7,7 @@ from hil.instruments.contract import Client
 
 
 class Measurement(NamedTuple):
-    """One message: its size, how many bytes have come with it, and when it was measured (monotonic ns)."""
+    """A line: sensor, number of the wire, bytes of the message, of all to its client, when measured (monotonic ns)."""
 
     name: str
     wire: int
@@ -20,21 +16,9 @@ class Measurement(NamedTuple):
     measured_ns: int
 
 
-class SentFile:
-    """Adds to the file at `path`, in which several processes may write. Use as a context manager. Raises OSError."""
-
-    def __init__(self, path: str) -> None:
-        self._file: TextIO = open(path, "a", encoding="utf-8", buffering=1)  # noqa: SIM115 - closed by the context
-
-    def __enter__(self) -> "SentFile":
-        return self
-
-    def __exit__(self, *_: object) -> None:
-        self._file.close()
-
-    def add(self, name: str, client: Client, size: int, total: int, measured_ns: int) -> None:
-        """Add a line."""
-        self._file.write(f"{name} {client.wire} {size} {total} {measured_ns}\n")
+def write_sent(file: TextIO, name: str, client: Client, size: int, total: int, measured_ns: int) -> None:
+    """Add a line to a file, in which several processes may write."""
+    file.write(f"{name} {client.wire} {size} {total} {measured_ns}\n")
 
 
 def read_sent(path: str) -> Iterator[Measurement]:

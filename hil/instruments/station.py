@@ -1,6 +1,7 @@
 """One instrument with its wires, its power, and the faults of both."""
 
 from collections.abc import Callable
+from functools import partial
 from random import Random
 from typing import Any
 
@@ -34,7 +35,7 @@ class Station:
         sent: Sent | None = None,
     ) -> None:
         self._spec, self._kind, self._facts, self._scene = spec, kind, facts, scene
-        self._began_ns, self._report, self._sent = began_ns, report, sent
+        self._began_ns, self._report, self._serve, self._sent = began_ns, report, serve, sent
         self._faults = spec.faults
         self._random = Random(f"{facts.seed} {facts.name}")
         self._instrument: Instrument | None = None
@@ -42,25 +43,13 @@ class Station:
         self.due_ns = NEVER_NS  # when (monotonic ns) something is due next
         self._written: dict[Client, int] = {}
         self._wires: Wires | None = None
-        self._serve = serve
         self._is_unplugged = self._is_started = False
         self._switch(began_ns)
-        self.malformed = 0  # messages off its wires that were not understood, before its last start
-
-    @property
-    def name(self) -> str:
-        """The section of its sensor."""
-        return self._facts.name
 
     @property
     def topics(self) -> tuple[str, ...]:
         """The topics that it needs."""
         return (self._facts.topic, *self._kind.also)
-
-    @property
-    def wire_names(self) -> list[str]:
-        """The addresses at which it stands; none without power."""
-        return self._wires.names if self._wires else []
 
     def descriptors(self) -> list[int]:
         """Return what to wait on."""
@@ -87,11 +76,10 @@ class Station:
         wires, instrument = self._wires, self._instrument
         if wires is None or instrument is None:
             return
-        if now_ns < self._ready_ns:
-            wires.discard(now_ns)
-            return
         came = False
         for client, data in () if self._is_unplugged else wires.receive(now_ns):
+            if now_ns < self._ready_ns:
+                continue  # while it warms up, it loses what comes
             came = True
             if data is None:
                 instrument.disconnected(client, now_ns)
@@ -115,36 +103,34 @@ class Station:
         self._is_unplugged = _is_within(self._faults.unplugged, seconds)
         has_power = not _is_within(self._faults.power_off, seconds)
         if has_power and self._instrument is None:
-            serve = self._serve
-            self._wires = Wires(self._spec.at, self._kind, self._report, lambda request: serve(self, request))
+            self._wires = Wires(self._spec.at, self._kind, self._report, partial(self._serve, self))
             self._instrument = self._kind(self._spec.settings, self._facts, self._scene, self._send)
             self._ready_ns = now_ns + seconds_ns(self._kind.warm_up_s)
             self.due_ns = self._ready_ns
             self._is_started = False
         elif not has_power and self._instrument:
-            self.malformed += self._instrument.malformed
             self._instrument, self.due_ns = None, NEVER_NS
             self._written.clear()
             self.close()
-            self._report(f"{self.name}: without power")
-        if self._instrument and not self._is_started and now_ns >= self._ready_ns:
+            self._report(f"{self._facts.name}: without power")
+        if self._instrument and self._wires and not self._is_started and now_ns >= self._ready_ns:
             self._is_started = True
             self._instrument.start(now_ns)
-            for client in self._wires.clients() if self._wires else ():
+            for client in self._wires.clients():
                 self._instrument.connected(client, now_ns)
-            self._report(f"{self.name}: {self._spec.name} at {', '.join(self.wire_names)}")
+            self._report(f"{self._facts.name}: {self._spec.name} at {', '.join(self._wires.names)}")
 
-    def _send(self, data: bytes, to: Client | None, kind: str, measured_ns: int) -> None:
+    def _send(self, data: bytes, to: Client | None, measured_ns: int) -> None:
         wires = self._wires
         if wires is None or self._is_unplugged:
             return
-        for client in [to] if to else wires.clients(kind):
+        for client in [to] if to else wires.clients():
             damaged = _damage(data, self._faults, self._random)
             if damaged:
                 wires.send(client, damaged)
                 self._written[client] = self._written.get(client, 0) + len(damaged)
                 if measured_ns and self._sent:
-                    self._sent(self.name, client, len(damaged), self._written[client], measured_ns)
+                    self._sent(self._facts.name, client, len(damaged), self._written[client], measured_ns)
 
 
 def _is_within(spans: tuple[tuple[Any, Any], ...], seconds: float) -> bool:

@@ -23,23 +23,9 @@ class Request(NamedTuple):
 Serve = Callable[[Request], Response | None]  # None: the device is silent
 
 
-class WebWire:
-    """Serves HTTP at host and port; `serve` gets each request. Raises NetworkError if the port is in use."""
+def serve_web(host: str, port: int, serve: Serve) -> PlainHttpServer:
+    """Serve HTTP, until that is stopped; `serve` gets each request. Raises NetworkError if the port is in use."""
 
-    def __init__(self, where: tuple[str, int], serve: Serve) -> None:
-        try:
-            self._server = PlainHttpServer("instrument", where, _handler(serve))
-        except OSError as error:
-            name = f"http:{where[0]}:{where[1]}"
-            raise NetworkError(f"{name}: {error.strerror}; choose another address") from None
-        self._server.start()
-
-    def close(self) -> None:
-        """Close the port."""
-        self._server.stop()
-
-
-def _handler(serve: Serve) -> type[PlainHandler]:
     class Handler(PlainHandler):
         """Passes each request on."""
 
@@ -63,4 +49,9 @@ def _handler(serve: Serve) -> type[PlainHandler]:
 
         do_GET = do_PUT = do_POST = do_DELETE = do_PATCH = do_any  # noqa: N815 - http.server's names
 
-    return Handler
+    try:
+        server = PlainHttpServer("instrument", (host, port), Handler)
+    except OSError as error:
+        raise NetworkError(f"http:{host}:{port}: {error.strerror}; choose another address") from None
+    server.start()
+    return server

@@ -1,11 +1,12 @@
 """The wires of one instrument: which clients are there, what they send, and bytes to them."""
 
 from collections.abc import Callable, Iterator
+from contextlib import ExitStack
 from typing import NamedTuple, cast
 
 from hil.common.clock import NS_PER_S
 from hil.instruments.contract import Client, Instrument, WireKind
-from hil.instruments.web import Serve, WebWire
+from hil.instruments.web import Serve, serve_web
 from hil.links.endpoints.patient import open_endpoint
 from hil.links.endpoints.sockets import Link
 from hil.scenario.instrument_records import WireAddress
@@ -28,27 +29,20 @@ class Wires:
     """
 
     def __init__(
-        self,
-        addresses: tuple[WireAddress, ...],
-        kind: type[Instrument],
-        report: Callable[[str], None],
-        serve: Serve,
+        self, addresses: tuple[WireAddress, ...], kind: type[Instrument], report: Callable[[str], None], serve: Serve
     ) -> None:
         self._links: list[tuple[int, WireKind, Link]] = []
-        self._web: list[WebWire] = []
         self._clients: dict[Client, Link] = {}
-        self.names: list[str] = []
-        try:
+        self.names = [f"{at}:{target}:{port}" for at, target, port in addresses]
+        with ExitStack() as stack:
             for number, (at, target, port) in enumerate(addresses):
                 if at == "http":
-                    self._web.append(WebWire((target, port), serve))
+                    stack.callback(serve_web(target, port, serve).stop)
                 else:
                     opened = open_endpoint(ENDPOINTS[at], target, port, report, kind.first, SILENT_NS)
+                    stack.callback(opened.close)
                     self._links.append((number, cast(WireKind, at), opened))
-                self.names.append(f"{at}:{target}:{port}")
-        except BaseException:
-            self.close()
-            raise
+            self.close = stack.pop_all().close
 
     def descriptors(self) -> list[int]:
         """Return what to wait on."""
@@ -56,28 +50,26 @@ class Wires:
 
     def receive(self, now_ns: int) -> Iterator[Received]:
         """Yield what has come, in its order, and who has come and gone."""
-        present: dict[Client, Link] = {}
+        present: set[Client] = set()
         for number, kind, link in self._links:
             link.tick(now_ns)
-            for address, data in link.receive(now_ns):
+            received = link.receive(now_ns)
+            partners = link.partners()
+            present |= {Client(number, kind, address) for address in partners}
+            for address, data in [*received, *[(address, b"") for address in partners]]:
                 client = Client(number, kind, address)
-                yield from self._greet(client, link)
-                yield Received(client, data)
-            present |= {Client(number, kind, address): link for address in link.partners()}
-        for client, link in present.items():
-            yield from self._greet(client, link)
-        for client in [client for client in self._clients if client not in present]:
+                if client not in self._clients:
+                    self._clients[client] = link
+                    yield Received(client, b"")
+                if data:
+                    yield Received(client, data)
+        for client in self._clients.keys() - present:
             del self._clients[client]
             yield Received(client, None)
 
-    def discard(self, now_ns: int) -> None:
-        """Lose what has come."""
-        for _ in self.receive(now_ns):
-            pass
-
-    def clients(self, kind: str = "") -> list[Client]:
-        """Return who is there, on wires of one kind if that is given."""
-        return [client for client in self._clients if not kind or client.kind == kind]
+    def clients(self) -> list[Client]:
+        """Return who is there."""
+        return list(self._clients)
 
     def send(self, client: Client, data: bytes) -> None:
         """Send bytes to a client that may have gone, or to one of `contract.datagrams_to`."""
@@ -86,15 +78,3 @@ class Wires:
             link = next((link for _, kind, link in self._links if kind == client.kind), None)
         if link:
             link.send(client.address, data)
-
-    def close(self) -> None:
-        """Close all wires."""
-        for _, _, link in self._links:
-            link.close()
-        for web in self._web:
-            web.close()
-
-    def _greet(self, client: Client, link: Link) -> Iterator[Received]:
-        if client not in self._clients:
-            self._clients[client] = link
-            yield Received(client, b"")

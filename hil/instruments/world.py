@@ -1,6 +1,7 @@
 """The world around the vehicle, for instruments that measure when they are asked."""
 
 from collections.abc import Callable
+from functools import cached_property
 from typing import Any
 
 from hil.client.client import Stamped
@@ -28,7 +29,6 @@ class LiveWorld:
     def __init__(self, scenario: Scenario, watch: Callable[[str], None]) -> None:
         self._scenario, self._watch = scenario, watch
         self.truth = TRUTH if TRUTH in scenario.sensors else "odom"
-        self._simulation: Any = None
         self._newest: tuple[int, OdometrySample] | None = None
         self._is_watched = False
 
@@ -51,31 +51,25 @@ class LiveWorld:
         state.nu = list(sample.nu)
         return state
 
-    @property
+    @cached_property
     def simulation(self) -> Any:
         """The simulation, which is never stepped: its state is set before each measurement. Raises HilError."""
-        if self._simulation is None:
-            vehicle, _ = load_vehicle(self._scenario.vehicle)
-            bare = self._scenario.for_process({})
-            self._simulation = build_simulation(bare, vehicle, load_world(self._scenario.world))
-        return self._simulation
+        vehicle, _ = load_vehicle(self._scenario.vehicle)
+        return build_simulation(self._scenario.for_process({}), vehicle, load_world(self._scenario.world))
 
 
 class LiveScene:
-    """What one instrument, with the sensor `spec`, sees of the world (`contract.Scene`)."""
+    """What one instrument, with the sensor `spec`, sees of the world."""
 
     def __init__(self, world: LiveWorld, spec: SensorSpec, seed: int) -> None:
         self._world, self._spec, self._seed = world, spec, seed
+        self.state = world.state
 
     def build(self, model: Any = None, mounting: Mounting | None = None, sensor: type[Sensor] | None = None) -> Sensor:
         """Return the instrument's sensor, or another class, with another record of keys, and mounted otherwise."""
         kept = self._spec
         spec = SensorSpec(sensor or kept.sensor, model or kept.model, mounting or kept.mounting, kept.name)
         return spec.build(self._seed, self._world.simulation)
-
-    def state(self, now_ns: int) -> State | None:
-        """Return the vehicle's true state at a monotonic time; None while none has come, or it is too old."""
-        return self._world.state(now_ns)
 
     def measure(self, sensor: Sensor, now_ns: int) -> Sample | None:
         """Return a sensor's measurement at a monotonic time; None without a state, or if the sensor gives none."""

@@ -57,7 +57,7 @@ class Bench:
     def restart(self) -> None:
         """Switch the power off and on; the memory is kept."""
         self._sent: list[bytes] = []
-        add: Callable[..., None] = lambda data, to, kind, measured_ns: self._sent.append(data)  # noqa: E731
+        add: Callable[..., None] = lambda data, to, measured_ns: self._sent.append(data)  # noqa: E731
         self.device = self.kind(self.settings, self.facts, self.scene, add)
         self.device.connected(self.client, self.now_ns)
         self.device.start(self.now_ns)

@@ -4,6 +4,7 @@ import argparse
 import os
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
+from functools import partial
 
 from hil.commands.listening import add_connect, own_endpoint
 from hil.common.children import module_command, start_child
@@ -34,13 +35,16 @@ def main(arguments: list[str]) -> int:
     if scenario.member:
         scenario = as_member(scenario, options.vehicle)
     from hil.instruments.process import Instruments, fitted_names
-    from hil.instruments.sent import SentFile
+    from hil.instruments.sent import write_sent
 
     shared, alone = fitted_names(scenario)
     names = [options.only] if options.only else shared or alone[:1]
     with ExitStack() as stack:
         stop_fd = stack.enter_context(StopSignals())
-        sent = stack.enter_context(SentFile(options.sent)).add if options.sent else None
+        sent = None
+        if options.sent:
+            file = stack.enter_context(open(options.sent, "a", encoding="utf-8", buffering=1))
+            sent = partial(write_sent, file)
         endpoints = options.connect or [own_endpoint(scenario)]
         session = stack.enter_context(
             open_master_session(*endpoints, network=scenario.network, security=scenario.security)

@@ -20,11 +20,11 @@ HOST = Client(0, "udp", ("192.0.2.1", 5000))
 class Datagrams(Bench):
     """An instrument whose client reads by `recv`: while nothing is there, time passes to the next event.
 
-    `log` are its messages: bytes, client, kind of wire, instant of measurement. The vehicle rests at 5 m depth.
+    `log` are its messages: bytes, client, instant of measurement. The vehicle rests at 5 m depth.
     """
 
     def __init__(self, kind: type[Instrument], world: World = FLAT, settings: Any = None, **facts: Any) -> None:
-        self.log: list[tuple[bytes, Client | None, str, int]] = []
+        self.log: list[tuple[bytes, Client | None, int]] = []
         self._received: deque[bytes] = deque()
         super().__init__(kind, load_sensor(kind.sensors[0]).Model(), settings, **facts)
         self.scene.world = scene(world)
@@ -37,8 +37,8 @@ class Datagrams(Bench):
         self.device.start(self.now_ns)
         self.next_ns = self.now_ns
 
-    def _take(self, data: bytes, to: Client | None = None, kind: str = "", measured_ns: int = 0) -> None:
-        self.log.append((data, to, kind, measured_ns))
+    def _take(self, data: bytes, to: Client | None = None, measured_ns: int = 0) -> None:
+        self.log.append((data, to, measured_ns))
         self._received.append(data)
 
     def pass_time(self, seconds: float) -> None:

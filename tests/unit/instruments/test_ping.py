@@ -143,7 +143,7 @@ def test_a_stream_keeps_its_interval_and_its_instant(sounder: tuple[Datagrams, P
     bench.pass_time(1.0)
     del bench.log[:]
     bench.pass_time(2.0)
-    profiles = [measured for data, _, _, measured in bench.log if data[4:6] == (1300).to_bytes(2, "little")]
+    profiles = [measured for data, _, measured in bench.log if data[4:6] == (1300).to_bytes(2, "little")]
     assert len(profiles) == pytest.approx(20, abs=1)
     assert len(bench.log) == 2 * len(profiles)
     assert {after - before for before, after in pairwise(profiles)} == {SECOND // 10}
