@@ -56,10 +56,8 @@ class Instruments:
             for name in names:
                 spec = scenario.sensors[name]
                 kind = kind_of(scenario, name)
-                facts = Facts(
-                    name, spec.topic, spec.model, spec.mounting, world.origin, world.origin_altitude,
-                    _sound_speed(world), scenario.seed, {},
-                )  # fmt: skip
+                places = spec.mounting, world.origin, world.origin_altitude
+                facts = Facts(name, spec.topic, spec.model, *places, _sound_speed(world), scenario.seed, {})
                 scene = LiveScene(self._world, spec, scenario.seed)
                 station = Station(spec.instrument, kind, facts, scene, began_ns, report, self._answer, sent)
                 stack.callback(station.close)
@@ -74,26 +72,20 @@ class Instruments:
         self._stack.close()
 
     def run(self, stop_fds: Sequence[int]) -> None:
-        """Serve until one of `stop_fds` becomes readable."""
-        due_ns = 0
+        """Serve until one of `stop_fds` becomes readable. Raises what an instrument raised."""
         while True:
-            wait_s = max(0, min(due_ns - now_ns(), TURN_NS)) / NS_PER_S
+            wait_s = max(0, min(self._planned_ns - now_ns(), TURN_NS)) / NS_PER_S
             descriptors = [fd for station in self.stations for fd in station.descriptors()]
             ready = select.select([*stop_fds, self._event.fileno(), *descriptors], (), (), wait_s)[0]
             if not {*stop_fds}.isdisjoint(ready):
                 return
-            due_ns = self.poll()
-
-    def poll(self) -> int:
-        """Do what is due; return when (monotonic ns) something is due next. Raises what an instrument raised."""
-        self._event.clear()
-        with self._lock:
-            if self._fault:
-                raise self._fault
-            for station in self.stations:
-                station.poll(now_ns())
-            self._planned_ns = self._next_ns()
-            return self._planned_ns
+            self._event.clear()
+            with self._lock:
+                if self._fault:
+                    raise self._fault
+                for station in self.stations:
+                    station.poll(now_ns())
+                self._planned_ns = self._next_ns()
 
     def _next_ns(self) -> int:
         return min([station.due_ns for station in self.stations], default=NEVER_NS)

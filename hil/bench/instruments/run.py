@@ -5,6 +5,7 @@ from bisect import bisect_left
 from collections.abc import Callable, Collection, Sequence
 from contextlib import ExitStack
 from functools import partial
+from math import nan
 from typing import NamedTuple
 
 from hil.bench.harness import READY_S, Bench, program
@@ -18,7 +19,6 @@ from hil.instruments.table import load_instrument
 from hil.scenario.instrument_records import WireAddress
 
 BITS_A_BYTE = 10
-LINES = ("serial", "pty")
 UNASKED = -1  # number of the wire of datagrams that nobody has asked for
 
 
@@ -32,37 +32,37 @@ class Message(NamedTuple):
 
 
 class Seen(NamedTuple):
-    """One wire: its sensor, instrument and address, what came in `seconds`, delays and times on its line (ms).
+    """One wire: its sensor, instrument and address, what came in `seconds`, and delays of `measurements`.
 
-    `own_ms` is the delay that the maker names, 0 if none. `remark` says why nothing was read.
+    `line_ms` is the median time that a message takes on its line, nan if no message has a measurement; `own_ms` the
+    delay that the maker names, 0 if none. `remark` says why nothing was read.
     """
 
     sensor: str
     instrument: str
     at: str
     seconds: float
+    own_ms: float
     messages: tuple[Message, ...] = ()
-    delays_ms: tuple[float, ...] = ()
-    lines_ms: tuple[float, ...] = ()
-    own_ms: float = 0.0
+    measurements: int = 0
+    delay_p50_ms: float = nan
+    delay_p99_ms: float = nan
+    line_ms: float = nan
     remark: str = ""
-
-    def delay(self, share: float) -> float:
-        """Return a quantile of the delays, ms."""
-        return quantile(self.delays_ms, share)
-
-    @property
-    def line(self) -> float:
-        """The median time that the line itself takes, ms."""
-        return quantile(sorted(self.lines_ms), 0.5)
 
     @property
     def problem(self) -> str:
         """What is wrong with it; "" if nothing."""
-        if self.remark:
-            return ""
         bad = sum(message.bad for message in self.messages)
-        return f"{bad} messages have a wrong checksum" if bad else "" if self.messages else "nothing came"
+        if bad:
+            return f"{bad} messages have a wrong checksum"
+        return "" if self.messages or self.remark else "nothing came"
+
+    def with_delays(self, delays: Sequence[float]) -> "Seen":
+        """Return it with these delays (ms)."""
+        ordered = sorted(delays)
+        p50, p99 = quantile(ordered, 0.5), quantile(ordered, 0.99)
+        return self._replace(measurements=len(ordered), delay_p50_ms=p50, delay_p99_ms=p99)
 
 
 class Wire(NamedTuple):
@@ -127,26 +127,26 @@ def _read(readers: Collection[Reader], seconds: float, is_running: Callable[[], 
 def _seen(wire: Wire, reader: Reader | None, measured: Sequence[Measurement], seconds: float) -> Seen:
     kind, target, port = wire.address
     own_ms = 1000.0 * load_instrument(wire.instrument, wire.sensor).delay_s
-    seen = Seen(wire.sensor, wire.instrument, f"{kind}:{target}:{port}", seconds, own_ms=own_ms)
+    seen = Seen(wire.sensor, wire.instrument, f"{kind}:{target}:{port}", seconds, own_ms)
     if kind == "serial":
         return seen._replace(remark="is read at the other end of its cable")
     if reader is None:
         took_s, status, body = fetch(wire.address, wire.ask.path)
         text = f"{status} {body.decode('utf-8', 'replace')}"
         message = Message(f"GET {wire.ask.path}", 1, int(status >= 500 and status != 503), text)
-        return seen._replace(messages=(message,), delays_ms=(1000.0 * took_s,))
+        return seen._replace(messages=(message,)).with_delays([1000.0 * took_s])
     frames: dict[str, list[Frame]] = {}
     for frame in split(bytes(reader.data)):
         frames.setdefault(frame.kind, []).append(frame)
     messages = [
-        Message(kind, len(found), sum(frame.ok is False for frame in found), found[-1].text)
-        for kind, found in frames.items()
+        Message(name, len(found), sum(frame.ok is False for frame in found), found[-1].text)
+        for name, found in frames.items()
     ]
     numbers = (wire.number, UNASKED) if kind == "udp" else (wire.number,)
     here = [each for each in measured if each.name == wire.sensor and each.wire in numbers]
     ends = [total for _, total in reader.arrivals]
     arrived = [(each, bisect_left(ends, each.total)) for each in here]
     delays = [(reader.arrivals[at][0] - each.measured_ns) / NS_PER_MS for each, at in arrived if at < len(ends)]
-    per_byte = BITS_A_BYTE * 1000.0 / port if kind in LINES else 0.0
-    lines = tuple([each.size * per_byte for each in here])
-    return seen._replace(messages=tuple(messages), delays_ms=tuple(sorted(delays)), lines_ms=lines)
+    per_byte = BITS_A_BYTE * 1000.0 / port if kind == "pty" else 0.0
+    line_ms = per_byte * quantile(sorted(each.size for each in here), 0.5)
+    return seen._replace(messages=tuple(messages), line_ms=line_ms).with_delays(delays)

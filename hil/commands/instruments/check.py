@@ -1,6 +1,5 @@
 """`uuv-hil instruments check`: show what a driver sees at each wire of the instruments, and how late."""
 
-from math import isnan
 from typing import Any
 
 from hil.bench.harness import Bench
@@ -57,18 +56,16 @@ def _lines(seen: list[Seen]) -> list[str]:
             for message in each.messages
         ]
         lines += aligned(rows, indent="  ")
-        if each.delays_ms:
-            line = "" if isnan(each.line) or not each.line else f", line {each.line:.1f} ms"
+        if each.measurements:
+            line = f", line {each.line_ms:.1f} ms" if each.line_ms > 0.0 else ""
             maker = f", maker {each.own_ms:g} ms" if each.own_ms else ""
-            delay = f"delay p50 {each.delay(0.5):.2f} ms, p99 {each.delay(0.99):.2f} ms"
-            lines.append(f"  {delay} ({len(each.delays_ms)} measurements){line}{maker}")
+            delay = f"delay p50 {each.delay_p50_ms:.2f} ms, p99 {each.delay_p99_ms:.2f} ms"
+            lines.append(f"  {delay} ({each.measurements} measurements){line}{maker}")
         if each.problem:
             lines.append(f"  problem: {each.problem}")
     return lines[1:]
 
 
 def _plain(seen: Seen) -> dict[str, Any]:
-    delays = {"delay_p50_ms": seen.delay(0.5), "delay_p99_ms": seen.delay(0.99), "line_ms": seen.line}
-    kept = {key: value for key, value in seen._asdict().items() if key not in ("messages", "delays_ms", "lines_ms")}
     messages = [message._asdict() for message in seen.messages]
-    return {**kept, **delays, "measurements": len(seen.delays_ms), "messages": messages, "problem": seen.problem}
+    return {**seen._asdict(), "messages": messages, "problem": seen.problem}
