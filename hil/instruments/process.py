@@ -13,7 +13,6 @@ from hil.common.stop import Wakeup
 from hil.instruments.contract import Facts, Instrument, Response
 from hil.instruments.station import Sent, Station
 from hil.instruments.table import load_instrument
-from hil.instruments.web import Request
 from hil.instruments.world import LiveScene, LiveWorld
 from hil.network.session import Session
 from hil.scenario.config import Scenario
@@ -106,10 +105,10 @@ class Instruments:
                 if topic in station.topics:
                     station.on_sample(topic, stamped, now_ns())
 
-    def _answer(self, station: Station, request: Request) -> Response | None:
+    def _answer(self, station: Station, method: str, path: str, query: dict[str, str], body: bytes) -> Response | None:
         """Return a station's answer to a request of HTTP, in the thread of that; None if it is silent."""
         with self._guarded():
-            return station.on_request(request, now_ns())
+            return station.on_request(method, path, query, body, now_ns())
         return None
 
     @contextmanager

@@ -8,7 +8,6 @@ from typing import Any
 from hil.client.client import Stamped
 from hil.common.clock import NEVER_NS, seconds_ns
 from hil.instruments.contract import Client, Facts, Instrument, Response, Scene
-from hil.instruments.web import Request
 from hil.instruments.wires import Wires
 from hil.scenario.instrument_records import InstrumentFaults, InstrumentSpec
 
@@ -20,7 +19,8 @@ Sent = Callable[[str, Client, int, int, int], None]
 class Station:
     """An instrument of the class `kind` from `began_ns` on. Raises NetworkError for a port in use.
 
-    `report` gets lines for a person, `sent` each message with a measurement, when it has been written.
+    `report` gets lines for a person, `sent` each message with a measurement, when it has been written. `serve` is
+    called for each request of HTTP with the station, method, path, query and body.
     """
 
     def __init__(
@@ -31,7 +31,7 @@ class Station:
         scene: Scene,
         began_ns: int,
         report: Callable[[str], None],
-        serve: Callable[["Station", Request], Response | None],
+        serve: Callable[..., Response | None],
         sent: Sent | None = None,
     ) -> None:
         self._spec, self._kind, self._facts, self._scene = spec, kind, facts, scene
@@ -61,12 +61,12 @@ class Station:
             self._instrument.on_sample(topic, stamped, now_ns)
             self.due_ns = self._instrument.tick(now_ns)
 
-    def on_request(self, request: Request, now_ns: int) -> Response | None:
+    def on_request(self, method: str, path: str, query: dict[str, str], body: bytes, now_ns: int) -> Response | None:
         """Return the answer to a request of HTTP; None without power, before the warm-up, without cable."""
         instrument = self._instrument
         if instrument is None or now_ns < self._ready_ns or self._is_unplugged:
             return None
-        response = instrument.on_request(*request, now_ns)
+        response = instrument.on_request(method, path, query, body, now_ns)
         self.due_ns = instrument.tick(now_ns)
         return response
 

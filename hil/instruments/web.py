@@ -1,7 +1,6 @@
 """A wire of HTTP; each request comes in a thread of its own."""
 
 from collections.abc import Callable
-from typing import NamedTuple
 from urllib.parse import parse_qsl, urlsplit
 
 from hil.common.errors import NetworkError
@@ -9,18 +8,8 @@ from hil.common.web.plain_server import PlainHandler, PlainHttpServer
 from hil.instruments.contract import Response
 
 LARGEST = 1 << 20  # bytes of a request
-
-
-class Request(NamedTuple):
-    """One request of a client."""
-
-    method: str
-    path: str
-    query: dict[str, str]
-    body: bytes
-
-
-Serve = Callable[[Request], Response | None]  # None: the device is silent
+# method, path, query, body -> answer; None: the device is silent
+Serve = Callable[[str, str, dict[str, str], bytes], Response | None]
 
 
 def serve_web(host: str, port: int, serve: Serve) -> PlainHttpServer:
@@ -37,7 +26,7 @@ def serve_web(host: str, port: int, serve: Serve) -> PlainHttpServer:
                 return
             parts = urlsplit(self.path)
             body = self.rfile.read(int(length))
-            response = serve(Request(self.command, parts.path, dict(parse_qsl(parts.query)), body))
+            response = serve(self.command, parts.path, dict(parse_qsl(parts.query)), body)
             if response is None:
                 self.close_connection = True
                 return
