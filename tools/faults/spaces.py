@@ -71,7 +71,7 @@ class Network:
     def set_file(self, machine: str, name: str, text: str) -> None:
         """Write a file in the machine's /etc, before its first program starts; later texts are seen by all of them."""
         _settings(self.space(machine)).mkdir(parents=True, exist_ok=True)
-        (_settings(self.space(machine)) / name).write_text(text)
+        (_settings(self.space(machine)) / name).write_text(text, encoding="utf-8")
 
     def set_address(self, machine: str, action: str, number: int) -> None:
         """Let the machine lose ("delete") or get ("add") the address 10.77.0.`number`."""

@@ -66,7 +66,7 @@ def _parser() -> argparse.ArgumentParser:
     add_scenario(parser, None)
     add_connect(parser)
     parser.add_argument("--vehicle", metavar="NAME", default="", help="vehicle [the scenario's]")
-    parser.add_argument("--only", metavar="SENSOR", default="", help="serve this instrument alone [all]")
+    parser.add_argument("--only", metavar="NAME", default="", help="serve this instrument alone [all]")
     add_file(parser, "--sent", metavar="FILE", help="file for a line a measurement: wire, bytes, its instant")
     return parser
 
