@@ -97,7 +97,7 @@ class SampledWaves:
             length, width, height = self._half_sizes
             plan = Plan(length * rotation[0], length * rotation[3], width * rotation[1], width * rotation[4])
             depth = max(position[2], 0.5 * (position[2] + height))
-            self._motion = self.wave_field.motion(time, position[0], position[1], depth, plan)
+            self._motion = self.wave_field.motion(time, position[0], position[1], depth, plan=plan)
             self.wave_field.set_tangent(time, position[0], position[1], self._motion)
         elapsed = (time_ns - self._time_ns) * 1e-9
         velocity, (north, east, down), *_ = self._motion

@@ -203,7 +203,7 @@ class WaveField:
             head += amplitude * share * cos(kn * north + ke * east - omega * time + phase)
         return depth + head
 
-    def motion(self, time: float, north: float, east: float, depth: float, plan: Plan = POINT) -> WaterMotion:
+    def motion(self, time: float, north: float, east: float, depth: float, *, plan: Plan = POINT) -> WaterMotion:
         """Return the motion of the water at a position (m, NED) at `time` s, as its mean over a hull of this `plan`.
 
         It takes about half a microsecond for each component, so callers use a result for some milliseconds.

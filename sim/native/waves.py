@@ -48,7 +48,7 @@ class NativeWaveField(WaveField):
         """Return the depth (m) of equal pressure as WaveField.pressure_depth does."""
         return self.twin.pressure_depth(time, north, east, depth)
 
-    def motion(self, time: float, north: float, east: float, depth: float, plan: Plan = POINT) -> WaterMotion:
+    def motion(self, time: float, north: float, east: float, depth: float, *, plan: Plan = POINT) -> WaterMotion:
         """Return the water's motion as WaveField.motion does."""
         return WaterMotion(*self.twin.motion(time, north, east, depth, plan))
 

@@ -22,7 +22,8 @@ class Scene:
     """A scene whose state the test sets; sensors are the simulator's own, in the default world."""
 
     def __init__(self, facts: Facts) -> None:
-        self.facts, self.present = facts, State()
+        self.facts = facts
+        self.present: State | None = State()
         world = load_world("open_water")._replace(origin=facts.origin, origin_altitude=facts.origin_altitude)
         self.world: Any = SimpleNamespace(world=world, wave_field=None)
 
@@ -32,7 +33,7 @@ class Scene:
         sensor = sensor or load_object(SENSORS[self.facts.name].place, "test")
         return sensor(model, mounting or self.facts.mounting, self.facts.seed, self.world)
 
-    def state(self, now_ns: int) -> State:
+    def state(self, now_ns: int) -> State | None:
         """Return the state that the test has set."""
         return self.present
 

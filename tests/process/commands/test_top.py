@@ -214,4 +214,5 @@ def test_figures_of_a_machine_are_read_from_its_files(tmp_path: Path) -> None:
     assert machine_figures(tree, None).memory_available_mib is None
     bare = machine_figures(Tree(str(tmp_path / "none")), None)
     assert bare.throttled is None, "who cannot tell does not say no"
-    assert bare.temperature_c is bare.services is None
+    assert bare.temperature_c is None
+    assert bare.services is None

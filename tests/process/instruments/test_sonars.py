@@ -6,6 +6,7 @@ import time
 import urllib.error
 import urllib.request
 from collections.abc import Callable, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -71,14 +72,21 @@ def a_wire(request: pytest.FixtureRequest, where: Where) -> Iterator[Open]:
         client.iodev.close()
 
 
+def answer(ask: Callable[[], Any]) -> Any:
+    """Return what a client was answered, when it was."""
+    answered = wait_for(ask)
+    assert answered
+    return answered
+
+
 def test_blue_robotics_client_reads_an_echo_sounder(connect: Open) -> None:
     client = Ping1D(payload_dict=definitions.payload_dict_ping1d)
     connect(client, "ping2")
     assert wait_for(client.initialize)
-    assert wait_for(client.get_device_information)["device_revision"] == 2
+    assert answer(client.get_device_information)["device_revision"] == 2
     assert wait_for(lambda: (client.get_distance() or {"confidence": 0})["confidence"] > 50)
-    distance = wait_for(client.get_distance_simple)["distance"]
-    assert wait_for(client.get_distance)["distance"] == pytest.approx(distance, abs=500)
+    distance = answer(client.get_distance_simple)["distance"]
+    assert answer(client.get_distance)["distance"] == pytest.approx(distance, abs=500)
     client.control_continuous_start(definitions.PING1D_PROFILE)
     numbers = [client.wait_message([definitions.PING1D_PROFILE], PATIENCE_S).ping_number for _ in range(4)]
     client.control_continuous_stop(definitions.PING1D_PROFILE)
@@ -91,7 +99,7 @@ def test_blue_robotics_client_scans_with_a_ping360(connect: Open) -> None:
     assert wait_for(client.initialize)
     for name, value in {"gain_setting": 2, "sample_period": 400, "number_of_samples": 800}.items():
         getattr(client, f"set_{name}")(value)
-    pings = [wait_for(lambda angle=angle: client.transmitAngle(angle)) for angle in (0, 100, 200)]
+    pings = [answer(partial(client.transmitAngle, angle)) for angle in (0, 100, 200)]
     assert [(ping.angle, ping.number_of_samples, len(ping.data)) for ping in pings] == [
         (0, 800, 800), (100, 800, 800), (200, 800, 800),
     ]  # fmt: skip
@@ -130,9 +138,11 @@ def receive_image(images: socket.socket) -> RangeImage:
     images.settimeout(PATIENCE_S)
     while True:
         try:
-            return unpackb(images.recv(65_536), known_message_types=(RangeImage,))
+            image = unpackb(images.recv(65_536), known_message_types=(RangeImage,))
         except UnknownProtobufTypeError:
             continue
+        assert isinstance(image, RangeImage)
+        return image
 
 
 def test_water_linkeds_client_sets_a_3d_sonar_and_receives_its_images(where: Where) -> None:

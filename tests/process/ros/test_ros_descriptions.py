@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -88,12 +89,17 @@ def test_an_endpoint_has_the_gid_of_its_messages(slave: tuple[Program, str]) -> 
     assert sent == {key: announced[key] for key in sent}
 
 
+def _armed(lines: Listener) -> Any:
+    return next((each for each in lines.received if "armed" in each["msg"]), None)
+
+
 def test_lines_of_the_log_are_published_on_rosout(slave: tuple[Program, str]) -> None:
     with open_master_session(slave[1]) as session:
         call(session, "/uuv1/arm", "std_srvs/srv/SetBool", {"data": True})
         for _ in range(2):  # the second subscriber is late, and gets the last line
             lines = Listener(session, TOPICS["/rosout"])
-            line = wait_for(lambda lines=lines: next((each for each in lines.received if "armed" in each["msg"]), None))
+            line = wait_for(partial(_armed, lines))
+            assert line
             assert (line["name"], line["level"]) == ("uuv1", 20)
             assert line["msg"] == "arm: armed: commands are executed"
             assert line["stamp"]["sec"] > 1e9

@@ -26,7 +26,7 @@ def run_here(program: str, arguments: Sequence[str], data: bytes) -> CompletedPr
         for name, stream in zip(("stdin", "stdout", "stderr"), streams, strict=True):
             patch.setattr(sys, name, stream)
         code = module.main(*arguments)
-    _, output, errors = (stream.buffer.getvalue() for stream in streams)  # type: ignore[attr-defined]
+    _, output, errors = (stream.buffer.getvalue() for stream in streams)
     return CompletedProcess([program, *arguments], code, output, errors)
 
 

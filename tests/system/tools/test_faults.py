@@ -13,6 +13,7 @@ import pytest
 from firmware_stub import build
 from hil.links.protocols import PROTOCOLS, Role
 from tools.faults import campaign, decoders, report
+from tools.faults.instruments import instrument_decoders
 from tools.faults.links import LINKS, USUAL
 from tools.faults.pins import Pins, state_of
 from tools.faults.rows import RECOVERY_S, Row, judge
@@ -109,9 +110,8 @@ def test_a_finding_of_a_sanitizer_is_a_fault(tmp_path: Path) -> None:
 
 def test_decoders_of_the_network_the_slave_and_instruments_survive_noise() -> None:
     sound_ones = 0
-    for name, (decode, sound) in (
-        decoders.slave_decoders() | decoders.network_decoders() | decoders.instrument_decoders()
-    ).items():
+    tables = decoders.slave_decoders(), decoders.network_decoders(), instrument_decoders()
+    for name, (decode, sound) in [row for table in tables for row in table.items()]:
         outcome = decoders.feed(name, decode, sound, 300, 1)
         assert outcome.fault == "", f"{name}: {outcome.fault}"
         sound_ones += decode(sound) is not None

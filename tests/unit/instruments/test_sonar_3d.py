@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 from wlsonar.range_image_protocol import BitmapImageGreyscale8, ImuBatch, RangeImage, unpackb
 
 from hil.common.clock import NS_PER_S, to_wall_ns
+from hil.instruments.contract import Client
 from hil.instruments.sonar_3d import packets
 from hil.instruments.sonar_3d.sonar import Sonar3D, Sonar3DSettings
 from sim.environment.obstacles import Box
@@ -39,6 +40,12 @@ class Sonar(Datagrams):
     def post(self, name: str, value: Any) -> int:
         return self.http("POST", name, json.dumps(value).encode())[0]
 
+    @property
+    def last_client(self) -> Client:
+        client = self.log[-1][1]
+        assert client
+        return client
+
     def images(self, seconds: float) -> Iterator[Any]:
         del self.log[:]
         self.pass_time(seconds)
@@ -49,7 +56,8 @@ class Sonar(Datagrams):
 def test_a_wall_stands_where_the_makers_library_finds_it() -> None:
     sonar = Sonar()
     images = list(sonar.images(1.0))
-    assert [type(image) for image in images[:2]] == [RangeImage, BitmapImageGreyscale8]
+    assert isinstance(images[0], RangeImage)
+    assert isinstance(images[1], BitmapImageGreyscale8)
     assert len(images) == pytest.approx(10, abs=2)
     image, strengths = images[:2]
     assert (image.width, image.height, image.fov_horizontal, image.fov_vertical) == (256, 64, 90.0, 40.0)
@@ -89,11 +97,11 @@ def test_settings_change_the_image_and_outlive_the_power() -> None:
 def test_packets_go_where_the_settings_say() -> None:
     sonar = Sonar()
     sonar.pass_time(0.3)
-    assert sonar.log[-1][1].address == ("224.0.0.96", 4747)
+    assert sonar.last_client.address == ("224.0.0.96", 4747)
     unicast = {"mode": "unicast", "unicast_destination_ip": "192.0.2.7", "unicast_destination_port": 5000}
     sonar.post("udp", unicast)
     sonar.pass_time(0.3)
-    assert (sonar.log[-1][1].address, sonar.log[-1][1].kind) == (("192.0.2.7", 5000), "udp")
+    assert (sonar.last_client.address, sonar.last_client.kind) == (("192.0.2.7", 5000), "udp")
     sonar.post("udp", unicast | {"mode": "disabled"})
     assert not list(sonar.images(1.0))
 

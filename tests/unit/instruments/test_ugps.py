@@ -34,10 +34,10 @@ class Topside(Bench):
         response = self.device.on_request(method, f"/api/v1{path}", {}, body, self.now_ns)
         return response.status, json.loads(response.body) if "json" in response.content_type and response.body else None
 
-    def fix(self, *position: float, times: int = 1) -> None:
+    def fix(self, north: float, east: float, down: float, times: int = 1) -> None:
         for _ in range(times):
             self.now_ns += 250_000_000
-            self.sample(PositionSample(self.now_ns, position, VARIANCE))
+            self.sample(PositionSample(self.now_ns, (north, east, down), VARIANCE))
 
 
 def test_there_is_no_position_before_the_first() -> None:

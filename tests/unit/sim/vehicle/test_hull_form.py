@@ -60,8 +60,8 @@ def wigley(length: float, beam: float, draught: float, cells: int = 40) -> list[
 
 
 def hull_of(form: HullForm, volume: float) -> Hull:
-    changes = {"hull": form, "volume": volume, "mass": 0.5 * RHO * volume, "neutrally_buoyant": False}
-    return Hull(PLAIN._replace(center_of_buoyancy=(0.0, 0.0, 0.0), **changes), RHO, G)
+    middle = PLAIN._replace(center_of_buoyancy=(0.0, 0.0, 0.0), neutrally_buoyant=False)
+    return Hull(middle._replace(hull=form, volume=volume, mass=0.5 * RHO * volume), RHO, G)
 
 
 def righting_lever(hull: Hull, share: float, heel: float) -> float:
