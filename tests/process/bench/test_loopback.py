@@ -48,11 +48,11 @@ def long_reply_timeout(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_a_sound_link_loses_nothing(arguments: tuple[str, ...], capsys: pytest.CaptureFixture[str]) -> None:
     with nothing_leaks():
         code, output = loopback(capsys, *arguments)
-    # On a busy machine the kernel may still hold a command when the next one comes, which then takes its place.
-    replaced = output["counters"]["replaced"]
-    assert output["answered"] == output["sent"] - replaced >= 1, "20 where nothing else uses the machine"
-    assert (output["lost"], output["errors"]) == (replaced, 0)
-    assert (code, len(output["broken_limits"])) == ((1, 1) if replaced else (0, 0)), output
+    # On a busy machine the kernel may still hold a command when the next one comes, which then takes its place; that
+    # one does not count as sent.
+    assert output["answered"] == output["sent"] >= 1, "20 where nothing else uses the machine"
+    assert (output["lost"], output["errors"]) == (0, 0)
+    assert (code, output["broken_limits"]) == (0, []), output
     assert 0.0 < output["p50_ms"] <= output["p99_ms"] <= output["max_ms"]
     assert output["counters"]["bytes_out"] > 0
 
