@@ -41,7 +41,7 @@ def add_limits(parser: argparse.ArgumentParser) -> None:
 
 def add_results(parser: argparse.ArgumentParser, picture: str = "") -> None:
     """Add --output for the record, and --plot if there is a `picture`; `check_plot` and `save_record` read them."""
-    add_output(parser, "FILE.json", "write the record, also for --against")
+    add_output(parser, "FILE.json", "write the record")
     if picture:
         add_plot(parser, picture)
 

@@ -200,20 +200,12 @@ def test_repeated_runs_are_in_the_record_one_by_one(
     assert "6/6" in capsys.readouterr().out
 
 
-def test_the_record_has_the_time_series_and_older_records_still_compare(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_record_has_the_time_series(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     result = some_result([0.7] * 20, clock_offset=-3.5, clock_uncertainty=0.125, sent=21)
     monkeypatch.setattr(bench_delay, "_measure", failing_second([result]))
-    new, old = tmp_path / "new.json", tmp_path / "old.json"
+    new = tmp_path / "new.json"
     assert main(["bench", "delay", "--output", str(new)]) == 0
     record = json.loads(new.read_text())
     (run,) = record["details"]["as the scenario has it"]["runs"]
     assert (run["clock offset"], run["clock uncertainty"]) == (-3.5, 0.125)
     assert run["at_s"] == result.at_s
-    for later in ("clock offset", "clock uncertainty", "at_s"):
-        del run[later]
-    old.write_text(json.dumps(record))
-    capsys.readouterr()
-    assert main(["bench", "compare", str(old), str(new)]) == 0
-    assert "delay [as the scenario has it]" in capsys.readouterr().out
