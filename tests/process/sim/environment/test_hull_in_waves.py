@@ -1,7 +1,6 @@
 """A floating hull in waves against linear theory: the forces on a fixed box, and a free one in long waves."""
 
 from cmath import exp as cexp
-from collections.abc import Callable
 from math import cos, exp, pi, sin, sqrt
 
 import pytest
@@ -12,7 +11,7 @@ from sim.environment.stratification import WavySurface
 from sim.environment.water import FluidMotion
 from sim.environment.waves import Component, WaveField
 from sim.environment.world import World
-from sim.rotations import from_euler, to_euler
+from sim.rotations import to_euler
 from sim.sensors.sensor_set import select_sensors
 from sim.simulation import Simulation
 from sim.vehicle.buoyancy import Hull
@@ -124,9 +123,6 @@ def test_a_floating_hull_follows_a_long_wave(period: float, beam: bool) -> None:
     assert surge == pytest.approx(1.0, abs=tolerance)
 
 
-Motion = Callable[[float], tuple[complex, complex]]
-
-
 @pytest.mark.parametrize("period", [1.8, 2.2, 3.0, 4.0])
 def test_the_response_of_a_box_is_that_of_its_equations(period: float) -> None:
     """Heave over wave amplitude, solved in the frequency domain with the same added mass and damping."""
@@ -150,11 +146,3 @@ def test_the_response_of_a_box_is_that_of_its_equations(period: float) -> None:
             rows.append((-simulation.state.position[2], simulation.wave_field.elevation(time, 0.0, 0.0)))  # type: ignore[union-attr]
     heave, elevation = [amplitude_at(omega, [row[i] for row in rows], times) for i in (0, 1)]
     assert abs(heave / elevation) == pytest.approx(abs(expected), rel=0.05)
-
-
-def test_a_heeled_box_stays_where_it_is_in_calm_water() -> None:
-    simulation = Simulation(box(), sea(6.0, 0.0), NONE, 1, position=(0.0, 0.0, 0.0), heading=0.3)
-    simulation.state.quaternion = from_euler(0.0, 0.0, 0.3)
-    for _ in range(800):
-        simulation.step((1500,) * 6)
-    assert simulation.state.position == pytest.approx((0.0, 0.0, 0.0), abs=1e-6)

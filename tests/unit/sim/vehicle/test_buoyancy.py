@@ -59,21 +59,6 @@ def test_lift_is_continuous() -> None:
         assert all(b[0] >= a[0] - 1e-9 for a, b in pairwise(lifts))
 
 
-def test_level_lift_is_that_of_a_box() -> None:
-    hull = Hull(float_(), RHO, G)
-    for depth in (-0.117, -0.05, 0.0, 0.03, 0.117):
-        assert hull.buoyancy(depth, LEVEL[6:])[0] == pytest.approx(hull.full * (depth + 0.117) / 0.234)
-
-
-def test_the_center_of_buoyancy_moves_to_the_submerged_part() -> None:
-    """The centre, half in, is a quarter of the height below the middle. Heeled, it moves to the low side."""
-    hull = Hull(float_(), RHO, G)
-    lift, x, y, z = hull.buoyancy(0.0, LEVEL[6:])
-    assert (x / lift, y / lift, z / lift) == pytest.approx((0.0, 0.0, 0.234 / 4.0))
-    lift, _, y, _ = hull.buoyancy(0.0, rotations.matrix(from_euler(0.2, 0.0, 0.0))[6:])
-    assert y / lift > 0.01
-
-
 def test_a_floating_box_has_its_metacentric_height() -> None:
     """The metacentric height of a floating box is second moment over volume, less the height of weight over lift."""
     dynamics = Dynamics(float_(), RHO, G)

@@ -75,14 +75,13 @@ def righting_lever(hull: Hull, share: float, heel: float) -> float:
     return (y * cos(heel) - z * sin(heel)) / lift
 
 
-@pytest.mark.parametrize("immersed", [0.3, 0.5, 0.7])
-@pytest.mark.parametrize("heel", [1.0, 3.0, 10.0, 20.0])
+@pytest.mark.parametrize(
+    ("immersed", "heel"), [(0.3, 1.0), (0.3, 3.0), (0.3, 18.0), (0.5, 3.0), (0.5, 30.0), (0.7, 10.0)]
+)
 def test_a_box_rights_itself_as_a_wall_sided_hull(immersed: float, heel: float) -> None:
     """The lever about the middle is (GM + BM tan² / 2) sin, with the weight in the middle, until an edge immerses."""
     width, height = 1.0, 0.6
     hull, angle = hull_of(HullForm(boxes=((0.0, 0.0, 0.0, 2.0, width, height),)), 1.2), radians(heel)
-    if 0.5 * width * tan(angle) > height * min(immersed, 1.0 - immersed):
-        pytest.skip("an edge of the deck or the bottom has passed the surface")
     draught = immersed * height
     radius = width**2 / 12.0 / draught
     middle = 0.5 * height - 0.5 * draught  # from the centre of the immersed part up to the weight
