@@ -8,7 +8,7 @@
 
 An instrument does no I/O and has no clock: the process calls it with the time (monotonic ns), one call after another,
 and it answers by `send`. It never raises on what comes off a wire: it counts that in `malformed` and goes on. It is
-made anew whenever its power comes back; only `facts.memory` outlives that, as the flash memory of a device does.
+made again whenever its power comes back; only `facts.memory` outlives that, as the flash memory of a device does.
 """
 
 from abc import ABC
@@ -102,7 +102,7 @@ class Instrument(ABC):  # noqa: B024  # every method has a sensible default
     `Model` is the record of its settings, the keys of [sensors.NAME.settings]. `sensors` are the kinds of sensors that
     it may be. `at` are the addresses where it stands unless the scenario names others, `wires` the kinds of its wires.
     `also` are further topics that it needs, such as "odom". `baud` is that of a serial line until its address names
-    another. `first` are the bytes that the first message of a new client may begin with, if those are known: whoever
+    another. `first` are the bytes that the first message of a new client may begin with, if those are known: one that
     begins otherwise, such as a web page, is refused. One that `is_interactive` measures by the scene, which takes time:
     it gets a process of its own, so that the others do not wait. `warm_up_s` is the time from power on until it answers
     and measures, `delay_s` the one from measuring to sending that its maker names, 0 if none.

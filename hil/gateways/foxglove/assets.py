@@ -7,7 +7,7 @@ from hil.common.errors import ConfigError
 from hil.gateways.websocket_client import MAX_BYTES
 from sim.vehicle.urdf.ros_packages import find_packages
 
-# No other files, and none outside a package: whoever may read topics may ask.
+# No other files, and none outside a package: a client that may read topics may ask.
 _ALLOWED = re.compile(
     r"package://([\w-]+)/((?:[\w-]+/)*[\w.-]+\.(dae|glb|gltf|jpe?g|mtl|obj|png|stl|tiff?|webp))", re.A | re.I
 )

@@ -25,7 +25,7 @@ _NO_FUNCTION, _NO_ADDRESS, _BAD_VALUE, _NOT_INITIALISED = 1, 2, 3, 32
 _PRESSURE, _TEMPERATURE = 1, 4  # channels
 _OFFSET, _GAIN, _LOWEST, _HIGHEST = 64, 65, 80, 81  # coefficients
 _LARGEST = 1e3  # of a coefficient
-_SILENCE_NS = 50 * NS_PER_MS  # after which a request begins anew
+_SILENCE_NS = 50 * NS_PER_MS  # after which a new request begins
 
 
 class KellerSettings(NamedTuple):

@@ -28,7 +28,7 @@ class Beacon:
         self.reboot(0)
 
     def reboot(self, now_ns: int) -> None:
-        """Begin anew with the saved settings."""
+        """Begin again with the saved settings."""
         self._began_ns, self.busy_until_ns = now_ns, 0
         self._apply(self._memory.get("settings", self._default), now_ns)
 

@@ -22,7 +22,7 @@ from sim.sensors.extra_samples import PositionSample
 _DEPTH_NS = 10 * NS_PER_S  # after which an external depth is too old; our choice
 _NOISE = -100.0  # dBm
 _LEVEL_AT_1M = -75.5  # dBm; 6 dB less for each doubling of distance, and -125 dBm, the weakest that works, at 300 m
-_ACCELERATION, _FORGET_S = 0.3, 60.0  # m/s² of the vehicle in the filter, and when that begins anew; our choice
+_ACCELERATION, _FORGET_S = 0.3, 60.0  # m/s² of the vehicle in the filter, and when that begins again; our choice
 _MANY = "+json; type=collection"
 
 

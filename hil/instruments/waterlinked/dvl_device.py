@@ -63,7 +63,7 @@ class DvlDevice(Instrument):
         self.calibrations: deque[tuple[int, Callable[[], None]]] = deque()  # when they end, and what then
 
     def reset_reckoning(self) -> None:
-        """Begin dead reckoning anew."""
+        """Begin dead reckoning again."""
         self.reckoning = DeadReckoning()
         self.reckoning.turn(self.orientation, self.kept.config.mounting_rotation_offset)
 

@@ -29,7 +29,7 @@ Received = list[tuple[Address, bytes]]
 class Link(ABC):
     """One endpoint. `burst`: bytes of lists that it takes a turn (1/50 s); `refused`: who came beyond MAX_PARTNERS.
 
-    The classes that wait for partners take `first`, the bytes that a partner's first data may begin with: whoever
+    The classes that wait for partners take `first`, the bytes that a partner's first data may begin with: one that
     begins otherwise, such as a web page, is refused.
     """
 
