@@ -164,8 +164,8 @@ class VehicleClient:
         publisher = self._publishers.get(topic)
         if publisher is None:
             publisher = self._publishers[topic] = self.session.publisher(self.node, TOPICS[topic])
-            self._graph.publishes(TOPICS[topic], self.node)
-            publisher.gid = self._commands.gid  # not the endpoint's own: the slave identifies a master by this id
+            publisher.gid = self._graph.publishes(TOPICS[topic], self.node)
+            publisher.master = self._commands.gid
         return publisher.put(payload, to_wall_ns(now_ns()))
 
     def publish(self, topic: str, payload: bytes) -> None:

@@ -83,10 +83,11 @@ Declare = Callable[[Callable[[zenoh.Session], Any]], Declared]
 class Publisher:
     """Publish one topic of one node: number and stamp messages, and store the last.
 
-    `gid` (16 bytes) identifies the publisher. `last` is payload and attachment, None before the first message. Messages
-    that the network cannot take in time are dropped; with `wait` the caller waits; in the background, another thread
-    waits. `has_subscribers` is valid once `watch_subscribers` was called, before that true. `declare` declares on the
-    library's session, see `hil.network.session.Session`; while that is closed nothing is sent.
+    `gid` (16 bytes) identifies the publisher; `master` (likewise) its master, if that has several. `last` is payload
+    and attachment, None before the first message. Messages that the network cannot take in time are dropped; with
+    `wait` the caller waits; in the background, another thread waits. `has_subscribers` is valid once
+    `watch_subscribers` was called, before that true. `declare` declares on the library's session, see
+    `hil.network.session.Session`; while that is closed nothing is sent.
     """
 
     background = False
@@ -99,13 +100,14 @@ class Publisher:
         self._publisher = declare(lambda session: _declare(session, self.key, topic, wait))
         self._send: Callable[..., None] = self._send_now
         self.gid = os.urandom(16)
+        self.master = b""
         self.sequence = 0
         self.last: tuple[bytes, bytes] | None = None
 
     def put(self, payload: bytes, wall_ns: int) -> int:
         """Send `payload` with its time (ns since 1970); return its sequence number."""
         self.sequence = sequence = self.sequence + 1
-        attachment = ros.pack_attachment(sequence, wall_ns, self.gid)
+        attachment = ros.pack_attachment(sequence, wall_ns, self.gid) + self.master
         self.last = payload, attachment
         self._send(payload, attachment)
         return sequence

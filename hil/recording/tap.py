@@ -94,7 +94,7 @@ class Tap:
         self._open = {endpoint: self._opener(endpoint) for endpoint in endpoints}
         self.connected: set[str] = set()
         self.missed = self.reconnections = self._reported = 0
-        # By the publisher's gid and the key: a master has one gid for all topics, and separate numbers for each topic.
+        # By the publisher's gid and the key: others may have one gid for all topics, with numbers for each topic.
         self._publishers: dict[tuple[bytes, str], _Publisher | None] = {}
         self._topics: dict[str, tuple[str, str] | None] = {}
         self._sources: list[_Source] = []
@@ -185,7 +185,7 @@ class Tap:
         if stamp_fields is None:
             topic = self._topic(key)
             return Message(*topic, 0, came_ns, came_ns, sample.payload.to_bytes()) if topic else None
-        sequence, sent_ns, gid = stamp_fields
+        sequence, sent_ns, gid, _ = stamp_fields
         try:
             publisher = self._publishers[gid, key]
         except KeyError:

@@ -36,11 +36,15 @@ _ATTACHMENT = Struct("<qqB16s")
 
 
 class Attachment(NamedTuple):
-    """Attachment of rmw_zenoh to a message: sequence number, send time (wall, ns), `gid` of the publisher."""
+    """Attachment of rmw_zenoh to a message: sequence number, send time (wall, ns), `gid` of the publisher.
+
+    `master` identifies the process that commands through several publishers; elsewhere it is the gid.
+    """
 
     sequence: int
     time_ns: int
     gid: bytes
+    master: bytes
 
 
 def swap_world(vector: Sequence[float]) -> Vector3:
@@ -245,16 +249,19 @@ def dds_name(type_name: str) -> str:
 
 
 def pack_attachment(sequence: int, time_ns: int, gid: bytes) -> bytes:
-    """Return the 33 bytes of an attachment; `sequence` from 1, `time_ns` by the wall clock, `gid` 16 bytes."""
+    """Return the 33 bytes of an attachment; `sequence` from 1, `time_ns` by the wall clock, `gid` 16 bytes.
+
+    A master appends its id, 16 bytes, which readers of rmw_zenoh leave unread.
+    """
     return _ATTACHMENT.pack(sequence, time_ns, 16, gid)
 
 
 def unpack_attachment(data: bytes) -> Attachment | None:
-    """Return the values that `pack_attachment` packed; None for other bytes."""
-    if len(data) != _ATTACHMENT.size:
+    """Return the values that `pack_attachment` packed, and the master; None for other bytes."""
+    if len(data) not in (_ATTACHMENT.size, _ATTACHMENT.size + 16):
         return None
-    sequence, time_ns, length, gid = _ATTACHMENT.unpack(data)
-    return Attachment(sequence, time_ns, gid) if length == 16 else None
+    sequence, time_ns, length, gid = _ATTACHMENT.unpack_from(data)
+    return Attachment(sequence, time_ns, gid, data[_ATTACHMENT.size :] or gid) if length == 16 else None
 
 
 Encoded = Iterable[tuple[str, bytes]]

@@ -151,21 +151,21 @@ class CommandReceiver:
         received_ns = now_ns()
         self.received += 1
         stamp = ros.unpack_attachment(attachment)
-        is_active = stamp is not None and self._is_active_master(topic, stamp.gid, received_ns)
+        is_active = stamp is not None and self._is_active_master(topic, stamp.master, received_ns)
         if stamp is None:
             self.malformed += 1
-        elif not is_active and not self._may_take_over(stamp.gid):
+        elif not is_active and not self._may_take_over(stamp.master):
             self.refused += 1
         else:
             value: Any = decode_velocity(payload) if topic == "cmd_vel" else self._decode(topic, payload)
             if value is None:
                 self.malformed += 1
-            elif self._is_new(topic, *stamp, received_ns):
+            elif self._is_new(topic, stamp.sequence, stamp.time_ns, stamp.master, received_ns):
                 if topic == ACCESSORIES and self.move:
                     self.move(value)
                     self._limit_rate(received_ns)
                     return
-                self._accept(topic, stamp.gid, is_active, received_ns)
+                self._accept(topic, stamp.master, is_active, received_ns)
                 command = self._mux.combine(topic, value, received_ns) if self._mux else value
                 self.superseded += len(self._newest)
                 self._newest.append(Received(command, stamp.sequence, stamp.time_ns, received_ns))

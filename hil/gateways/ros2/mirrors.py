@@ -31,7 +31,7 @@ class Source:
         self.session, self.name = session, name
         self.node = Node(session, name)
         self.entities: dict[str, Entity] = {}  # by their tokens
-        self._gid = os.urandom(16)  # of all commands: to a vehicle, the bridge is one commander
+        self._master = os.urandom(16)  # to a vehicle, the bridge is one
         self._publishers: dict[str, Publisher] = {}
 
     def publisher(self, entity: Entity) -> Publisher:
@@ -40,9 +40,9 @@ class Source:
         if key not in self._publishers:
             topic = topic_of(entity.topic, entity.type)
             self._publishers[key] = publisher = self.session.publisher("", topic, key=key)
-            publisher.gid = self._gid
+            publisher.master = self._master
             with suppress(ConfigError):  # a type of the user's own has no hash here
-                self.node.publishes(topic, "")
+                publisher.gid = self.node.publishes(topic, "")
         return self._publishers[key]
 
 

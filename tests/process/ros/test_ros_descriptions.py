@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from hil.autonomy.control.controller import VelocityCommand
 from hil.client.client import VehicleClient
 from hil.common.clock import now_ns, to_wall_ns
 from hil.network.roles import open_master_session
@@ -78,9 +79,13 @@ def test_an_endpoint_has_the_gid_of_its_messages(slave: tuple[Program, str]) -> 
         stamp = encoders.unpack_attachment(attachment)
         sent[key] = stamp.gid if stamp else b""
 
-    with open_master_session(slave[1]) as session:
+    with open_master_session(slave[1]) as session, VehicleClient(slave[1], "uuv1") as master:
         session.subscribe_keys("0/**", note, 100)
         assert wait_for(lambda: len(sent) > 10 and any("/diagnostics/" in key for key in sent))
+        master.command(VelocityCommand(surge=0.1, depth=2.0))
+        assert wait_for(lambda: master.diagnostics().commanded_by)
+        assert master.diagnostics().commands_refused == 0  # two publishers, one master
+        sent |= {each.key: each.gid for each in master._publishers.values()}
         announced = {}
         for token in session.tokens("@ros2_lv/*/*/*/*/MP/**"):
             entity = read_token(token)

@@ -225,7 +225,8 @@ def test_an_attachment_has_the_form_of_rmw_zenoh() -> None:
     gid = bytes(range(16))
     data = ros.pack_attachment(1, 2, gid)
     assert data == b"\x01" + bytes(7) + b"\x02" + bytes(7) + b"\x10" + gid
-    assert ros.unpack_attachment(data) == (1, 2, gid)
+    assert ros.unpack_attachment(data) == (1, 2, gid, gid)
+    assert ros.unpack_attachment(data + bytes(16)) == (1, 2, gid, bytes(16))
     assert ros.unpack_attachment(data[:-1]) is None
     assert ros.unpack_attachment(data + b"\0") is None
     assert ros.unpack_attachment(data[:16] + b"\x0f" + gid) is None

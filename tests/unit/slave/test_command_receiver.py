@@ -142,6 +142,16 @@ def test_a_removed_unknown_sender_frees_the_vehicle_for_another_master(
     assert command_receiver.master == OTHER
 
 
+def test_topics_with_publishers_of_their_own_are_one_master(command_receiver: CommandReceiver, clock: Clock) -> None:
+    command_receiver.ranks.update({GID: 0, OTHER: 1})
+    assert clock.deliver(command_receiver, 1)
+    for number, publisher in enumerate((b"p" * 16, OTHER)):  # the rank of a publisher is that of its master
+        stamp = ros.pack_attachment(1, to_wall_ns(clock.now_ns), publisher) + GID
+        command_receiver.on_message(f"cmd_{('depth', 'heading')[number]}", encode_number(2.0), stamp)
+        assert command_receiver.take_latest() is not None
+    assert (command_receiver.master, command_receiver.refused) == (GID, 0)
+
+
 def test_a_stale_command_does_not_make_its_sender_the_master(command_receiver: CommandReceiver) -> None:
     deliver(command_receiver, 1)
     command_receiver.remove_sender(GID)
