@@ -22,6 +22,9 @@ from hil.ros.topics import DESCRIPTIONS, TOPICS, Topic
 from tests.support.processes import Program, running_slave, wait_for, write_scenario
 
 
+PUBLISHERS = "@ros2_lv/*/*/*/*/MP/**"
+
+
 @pytest.fixture(scope="module")
 def slave(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Program, str]]:
     with running_slave(tmp_path_factory.mktemp("described")) as started:
@@ -87,7 +90,7 @@ def test_an_endpoint_has_the_gid_of_its_messages(slave: tuple[Program, str]) -> 
         assert master.diagnostics().commands_refused == 0  # two publishers, one master
         sent |= {each.key: each.gid for each in master._publishers.values()}
         announced = {}
-        for token in session.tokens("@ros2_lv/*/*/*/*/MP/**"):
+        for token in (*session.tokens(PUBLISHERS), *master.session.tokens(PUBLISHERS)):
             entity = read_token(token)
             assert entity
             announced[encoders.data_key(0, entity.topic, entity.type, entity.type_hash)] = gid_of(token)
