@@ -21,7 +21,6 @@ from hil.ros.graph import Node, read_token
 from hil.ros.topics import DESCRIPTIONS, TOPICS, Topic
 from tests.support.processes import Program, running_slave, wait_for, write_scenario
 
-
 PUBLISHERS = "@ros2_lv/*/*/*/*/MP/**"
 
 
