@@ -40,6 +40,6 @@ def serve_fleet(options: Any) -> Iterator[Served]:
     with (
         StopSignals() as stop_fd,
         hil.connect(*endpoints, routed=routed, keys=keys, take_over=options.take_over) as fleet,
-        Tap(endpoints, *network_of(scenario)) as tap,
+        Tap(endpoints, network_of(scenario)[0], fleet.security) as tap,
     ):
         yield Served(fleet, tap, endpoints, stop_fd)
