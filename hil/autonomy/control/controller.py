@@ -24,7 +24,8 @@ from hil.common.vectors import Quaternion, Vector3
 Wrench = tuple[float, float, float, float, float, float]
 
 NO_RESIDUAL: Wrench = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-_ROUNDING = 1e-6  # N, N m; a smaller residual is rounding
+# m/s², rad/s²: a smaller residual is rounding, or the share that an undriven roll or pitch takes of another axis.
+_ROUNDING = 1e-4
 ABSURD = 1e6  # m/s or rad/s; a larger measurement or command is a fault
 # Keys of [control] that are not gains of the cascade. They are read with the gains, so that their mistakes are reported
 # together.
@@ -169,7 +170,7 @@ class CascadedController:
         targets = velocity_targets(command, navigation, self._gains, self._pitch)
         measured = navigation.velocity + navigation.angular_velocity
         x, y, z, k, m, n = [
-            inertia * loop.update(target, value, dt, axis_residual)
+            inertia * loop.update(target, value, dt, axis_residual / inertia)
             for inertia, loop, target, value, axis_residual in zip(
                 self._inertia, self._loops, targets, measured, residual, strict=True
             )

@@ -2,6 +2,7 @@
 
 import argparse
 from collections.abc import Sequence
+from math import degrees
 from typing import Any
 
 from hil.autonomy.control.allocation import pseudo_inverse
@@ -16,6 +17,7 @@ from hil.doctor.vehicle.rules import check_vehicle
 from hil.doctor.vehicle.subject import Subject
 from hil.plots.vehicle_picture import draw
 from sim.matrices import square
+from sim.vehicle.hydrostatics import afloat
 from sim.vehicle.terminal_speed import AXES, AxisCapability, axis_capabilities
 from sim.vehicle.thrusters.bank import wrench_matrix
 from sim.vehicle.urdf.writer import urdf_of
@@ -187,11 +189,23 @@ def _body_rows(vehicle: Vehicle, density: float) -> list[tuple[str, ...]]:
         ("mass", f"{vehicle.mass:g} kg"),
         ("size", f"{length:g} x {width:g} x {height:g} m (length, width, height)"),
         ("trim", f"{trim} in water of {density:g} kg/m³, displaces {displaced_volume(vehicle, density) * 1e3:.4g} l"),
+        *_floating(vehicle, density),
         ("centres", f"of gravity {_point(gravity)} m, of buoyancy {_point(buoyancy)} m ({stability:.3g} mm above)"),
         ("inertia", " ".join(f"{x:g}" for x in _diagonal(vehicle.inertia, 3)) + " kg m²" + _full(vehicle.inertia, 3)),
         ("Munk moment", " ".join(f"{x:.0%}" for x in vehicle.munk_share) + " of ideal fluid's (roll, pitch, yaw)"),
         *([("attitude", f"lost above {limit:g} m/s of surge, under its own controller")] if limit else []),
     ]
+
+
+def _floating(vehicle: Vehicle, density: float) -> list[tuple[str, str]]:
+    """Return how a vehicle floats whose file has the form of its hull."""
+    floating = afloat(vehicle, density, GRAVITY) if vehicle.hull else None
+    if floating is None:
+        return []
+    roll, pitch = floating.metacentres
+    bow = f"trimmed by {degrees(floating.trim):.1f} deg (bow up)"
+    heights = f"metacentric height {roll:.3g} m in roll, {pitch:.3g} m in pitch"
+    return [("afloat", f"draught {floating.draught:.3g} m, {bow}, water plane {floating.waterplane:.3g} m², {heights}")]
 
 
 def _coefficient_rows(vehicle: Vehicle) -> list[tuple[str, ...]]:

@@ -115,6 +115,12 @@ def _hold(subject: Subject) -> Values:
         yield "", abs(subject.net_weight / heave.force[subject.net_weight > 0.0])
 
 
+def _buoyancy(subject: Subject) -> Values:
+    """Yield buoyancy over weight; none for a surface craft whose file has the form of its hull."""
+    if not (subject.floats and subject.vehicle.hull):
+        yield "", subject.buoyancy_ratio
+
+
 def _depth_rate(subject: Subject) -> Values:
     if not subject.floats and any(subject.damping[2]):
         yield "", abs(terminal_speed(subject.net_weight, *subject.damping[2]))
@@ -164,7 +170,7 @@ RULES = (
         (0.01, 1.05), (0.001, 3.0), "correct volume (m³) or dimensions (m); a neutrally buoyant one displaces its mass",
     ),
     Rule(
-        "volume", "buoyancy over weight", "", _one(lambda s: s.buoyancy_ratio), (0.97, AFLOAT), (0.3, 10.0),
+        "volume", "buoyancy over weight", "", _buoyancy, (0.97, AFLOAT), (0.3, 10.0),
         f"{WEIGHTS}, unless it is a glider, a lander or a surface craft", "note",
     ),
     Rule(

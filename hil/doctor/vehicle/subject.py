@@ -12,6 +12,7 @@ from hil.common.schema import parse
 from hil.master.manoeuvring import Manoeuvring
 from hil.tuning.rig import DEEP, START_DEPTH, Rig
 from sim.matrices import square
+from sim.vehicle.hydrostatics import afloat
 from sim.vehicle.terminal_speed import AxisCapability, axis_capabilities, equipment_drag
 from sim.vehicle.thrusters.bank import wrench_matrix
 from sim.vehicle.vehicle import Vehicle, displaced_volume, mass_matrix
@@ -85,15 +86,13 @@ class Subject:
     def stability(self) -> float:
         """Height (m) of the centre of buoyancy, or of a surface craft's metacentre, above the centre of gravity.
 
-        A surface craft is taken as a box of its dimensions (Fossen 2021, section 4.2), its height as the most.
+        That of a surface craft is the lower one of roll and pitch, of the form of its hull.
         """
         vehicle = self.vehicle
-        above = vehicle.center_of_gravity[2] - vehicle.center_of_buoyancy[2]
-        if not self.floats:
-            return above
-        _, width, height = vehicle.dimensions
-        draught = height / self.buoyancy_ratio
-        return min(above - 0.5 * (height - draught) + width * width / (12.0 * draught), height)
+        floating = afloat(vehicle, self.density, self.gravity) if self.floats else None
+        if floating is None:
+            return vehicle.center_of_gravity[2] - vehicle.center_of_buoyancy[2]
+        return min(*floating.metacentres, vehicle.dimensions[2])
 
     @cached_property
     def turn_time(self) -> float:

@@ -49,12 +49,13 @@ def test_every_preset_stays_still_and_stable_under_thrust(name: str) -> None:
     """Neutral pulses leave it within its trim; full thrust on every channel keeps its motion bounded."""
     vehicle, _ = load_vehicle(name)
     world = load_world("paper_field")._replace(cylinder=(), box=())
-    resting = Simulation(vehicle, world, position=(5.0, 5.0, 4.0))
+    start = (5.0, 5.0, 0.0 if vehicle.hull else 4.0)
+    resting = Simulation(vehicle, world, position=start)
     for _ in range(400):
         resting.step([1500] * len(vehicle.channels))
     assert all(abs(x) < 0.3 for x in resting.state.nu)
     for pulses in ([1900] * len(vehicle.channels), [1100] * len(vehicle.channels)):
-        thrusting = Simulation(vehicle, world, position=(5.0, 5.0, 4.0))
+        thrusting = Simulation(vehicle, world, position=start)
         for _ in range(800):
             thrusting.step(pulses)
         assert all(abs(x) < 20.0 for x in thrusting.state.nu)
