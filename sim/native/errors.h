@@ -10,8 +10,11 @@
 #include <stdint.h>
 
 /* One quantity: the state of an ErrorProcess, in the order of its numbers(). */
+enum { BIASES = 4 };
+
 typedef struct {
-    double gain, constant, bias, decay, bias_noise, noise, resolution, limit;
+    double gain, constant, biases[BIASES], decays[BIASES], bias_noises[BIASES], warm_up, cooling;
+    double noise, noise_share, outliers, outlier, resolution, limit;
 } Channel;
 
 enum { TWISTER_SIZE = 624, TWISTER_SHIFT = 397 };
@@ -70,11 +73,19 @@ static double draw(Random *random, double sd)
     return sd != 0.0 ? gauss(random, sd) : 0.0;
 }
 
-/* Returns one measurement of `value`; advances the bias. */
+/* Returns one measurement of `value`; advances the biases. */
 static double measure(Channel *channel, Random *random, double value)
 {
-    channel->bias = channel->decay * channel->bias + draw(random, channel->bias_noise);
-    value = channel->gain * value + channel->constant + channel->bias + draw(random, channel->noise);
+    double noise = channel->noise, of_value = channel->noise_share * value;
+    value = channel->gain * value + channel->constant;
+    for (int i = 0; i < BIASES; i++) {
+        channel->biases[i] = channel->decays[i] * channel->biases[i] + draw(random, channel->bias_noises[i]);
+        value += channel->biases[i];
+    }
+    channel->warm_up *= channel->cooling;
+    value += channel->warm_up + draw(random, sqrt(noise * noise + of_value * of_value));
+    if (channel->outliers != 0.0 && uniform(random) < channel->outliers)
+        value += draw(random, channel->outlier);
     if (channel->resolution != 0.0)
         value = (rint(value / channel->resolution) + 0.0) * channel->resolution; /* + 0.0: Python's round has no -0 */
     if (channel->limit != 0.0) {

@@ -1,6 +1,7 @@
 """An inertial measurement unit with an attitude filter."""
 
 from collections.abc import Callable, Sequence
+from operator import mul
 from typing import Annotated, NamedTuple
 
 from hil.common.schema import Range
@@ -17,6 +18,10 @@ from sim.vehicle.vehicle import Point
 class ImuModel(NamedTuple):
     """Rate in Hz (0: none) and errors.
 
+    `heading` has the errors of the attitude about the unit's z axis, if they differ from those about x and y.
+    `g_sensitivity`: sd (rad/s for 1 m/s²) of each element of the matrix that converts the specific force to an error of
+    the rates, drawn when the run starts.
+
     The errors of rates and accelerations are those of an ADIS16448 as in uuv_simulator (Manhães 2016). Its random walks
     are converted to the standard deviations that they settle at, random walk * sqrt(tau / 2). The error of the attitude
     is the 0.01 rad of uuv_simulator. By our choice it varies slowly, as the error of a filter does, with a little
@@ -27,6 +32,8 @@ class ImuModel(NamedTuple):
     attitude: ErrorModel = ErrorModel(bias=0.01, bias_time=600.0, noise=0.001)
     angular_velocity: ErrorModel = ErrorModel(turn_on=0.0087, bias=8.67e-4, bias_time=1000.0, noise_density=3.394e-4)
     acceleration: ErrorModel = ErrorModel(turn_on=0.196, bias=0.0735, bias_time=300.0, noise_density=0.004)
+    heading: ErrorModel | None = None
+    g_sensitivity: Annotated[float, Range(0.0, 0.1)] = 0.0
 
 
 class Imu:
@@ -39,9 +46,15 @@ class Imu:
         self._position = mounting.position
         self._mounting_rotation = mounting.quaternion if mounting.is_turned else None
         self._gravity = scene.world.gravity
-        models = [model.attitude] * 3 + [model.angular_velocity] * 3 + [model.acceleration] * 3
+        attitude = [model.attitude, model.attitude, model.heading or model.attitude]
+        models = attitude + [model.angular_velocity] * 3 + [model.acceleration] * 3
         self._errors = make_error_bank(models, 1.0 / model.rate, sensor_random(seed, self.topic))
-        native = None if self._mounting_rotation else make_imu(self._errors, ImuSample, self._position, self._gravity)
+        self._of_force: list[list[float]] = []
+        if model.g_sensitivity:
+            gauss = sensor_random(seed, f"{self.topic}/g").gauss
+            self._of_force = [[gauss(0.0, model.g_sensitivity) for _ in range(3)] for _ in range(3)]
+        is_plain = not (self._mounting_rotation or model.g_sensitivity)
+        native = make_imu(self._errors, ImuSample, self._position, self._gravity) if is_plain else None
         self._measure: Callable[[int, State], ImuSample] = native or self._measure_in_python
 
     def sample(self, time_ns: int, state: State) -> ImuSample:
@@ -55,6 +68,8 @@ class Imu:
         if self._mounting_rotation:
             attitude = multiply(attitude, self._mounting_rotation)
             rate, force = rotate_inverse(self._mounting_rotation, rate), rotate_inverse(self._mounting_rotation, force)
+        if self._of_force:
+            rate = [x + sum(map(mul, row, force)) for x, row in zip(rate, self._of_force, strict=True)]
         a, b, c, p, q, r, x, y, z = self._errors.measure((0.0, 0.0, 0.0, *rate, *force))
         return ImuSample(time_ns, integrate(attitude, (a, b, c), 1.0), (p, q, r), (x, y, z))
 

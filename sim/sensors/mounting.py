@@ -2,12 +2,13 @@
 
 from collections.abc import Sequence
 from math import pi
+from random import Random
 from typing import Annotated, NamedTuple
 
 from hil.common.schema import Range
 from hil.common.vectors import Quaternion, Vector3
 from sim.dynamics import State
-from sim.rotations import down_axis, from_euler, multiply, rotate
+from sim.rotations import down_axis, from_euler, integrate, multiply, rotate, to_euler
 from sim.vehicle.vehicle import Point
 
 Angle = Annotated[float, Range(-2.0 * pi, 2.0 * pi, "rad")]
@@ -19,6 +20,8 @@ class Mounting(NamedTuple):
     `position` in m from the body origin along the body axes; `orientation` the roll, pitch and yaw (rad) of the
     sensor's axes in the body's; `latency` s from measuring to delivering; `drop_out` the share of samples
     that is lost, independently of each other, from `drop_out_from` to `drop_out_until` (s of simulation time).
+    `misalignment`: sd (rad) of an unknown turn about each axis, drawn when the run starts; `jitter`: longest further
+    delay (s) of a sample, evenly distributed.
     """
 
     position: Point = (0.0, 0.0, 0.0)
@@ -27,6 +30,8 @@ class Mounting(NamedTuple):
     drop_out: Annotated[float, Range(0.0, 1.0)] = 0.0
     drop_out_from: Annotated[float, Range(0.0, 1e9, "s")] = 0.0
     drop_out_until: Annotated[float, Range(0.0, 1e9, "s")] = 1e9
+    misalignment: Annotated[float, Range(0.0, 0.5, "rad")] = 0.0
+    jitter: Annotated[float, Range(0.0, 10.0, "s")] = 0.0
 
     @property
     def is_turned(self) -> bool:
@@ -37,6 +42,13 @@ class Mounting(NamedTuple):
         """Return the mounting with the sensor turned up by an angle (rad) about its y axis."""
         roll, pitch, yaw = self.orientation
         return self._replace(orientation=(roll, pitch + angle, yaw)) if angle else self
+
+    def misaligned(self, random: Random) -> "Mounting":
+        """Return the mounting as it is in truth, with a turn drawn from `random`."""
+        if not self.misalignment:
+            return self
+        turn = [random.gauss(0.0, self.misalignment) for _ in range(3)]
+        return self._replace(orientation=to_euler(integrate(self.quaternion, turn, 1.0)))
 
     @property
     def quaternion(self) -> Quaternion:

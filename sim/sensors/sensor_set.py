@@ -58,7 +58,10 @@ class SensorSpec(NamedTuple):
     def build(self, seed: int, scene: Scene) -> Sensor:
         """Return the sensor of one simulation; sensors of one kind have different random numbers."""
         named = type(self.sensor.__name__, (self.sensor,), {"topic": self.name}) if self.name else self.sensor
-        sensor: Sensor = named(self.model, self.mounting, seed, scene)
+        mounting = self.mounting
+        if mounting.misalignment:
+            mounting = mounting.misaligned(sensor_random(seed, f"{self.topic}/misalignment"))
+        sensor: Sensor = named(self.model, mounting, seed, scene)
         return sensor
 
     @property
@@ -152,7 +155,8 @@ class Slot:
     """One sensor, the time at which it is due next, and the delays and losses of its samples."""
 
     __slots__ = (
-        "_drop_out", "_dropping_ns", "_latency_ns", "_random", "due_ns", "is_prompt", "period_ns", "sensor", "topic",
+        "_drop_out", "_dropping_ns", "_jitter_ns", "_latency_ns", "_random", "due_ns", "is_prompt", "period_ns",
+        "sensor", "topic",
     )  # fmt: skip
 
     def __init__(self, name: str, spec: SensorSpec, scene: Scene, seed: int, dt_ns: int) -> None:
@@ -170,19 +174,24 @@ class Slot:
         self._latency_ns = round(spec.mounting.latency * 1e9)
         self._drop_out = spec.mounting.drop_out
         self._dropping_ns = round(1e9 * spec.mounting.drop_out_from), round(1e9 * spec.mounting.drop_out_until)
-        self._random = sensor_random(seed, f"{name}/drop_out") if self._drop_out else None
+        self._jitter_ns = round(spec.mounting.jitter * 1e9)
+        self._random = sensor_random(seed, f"{name}/drop_out") if self._drop_out or self._jitter_ns else None
         # True if every sample arrives without delay and none is lost.
-        self.is_prompt = not (self._latency_ns or self._drop_out or hasattr(self.sensor, "delay_ns"))
+        delays = self._latency_ns or self._jitter_ns or hasattr(self.sensor, "delay_ns")
+        self.is_prompt = not (delays or self._drop_out)
 
     @property
     def delay_ns(self) -> int:
         """Delay (ns) from the instant of the last sample to its arrival."""
-        return self._latency_ns + int(getattr(self.sensor, "delay_ns", 0))
+        jitter_ns = round(self._jitter_ns * self._random.random()) if self._jitter_ns and self._random else 0
+        return self._latency_ns + jitter_ns + int(getattr(self.sensor, "delay_ns", 0))
 
     def drops(self, now_ns: int) -> bool:
         """True if this sample is lost on its way."""
         first_ns, last_ns = self._dropping_ns
-        return self._random is not None and first_ns <= now_ns < last_ns and self._random.random() < self._drop_out
+        if self._random is None or not self._drop_out:
+            return False
+        return first_ns <= now_ns < last_ns and self._random.random() < self._drop_out
 
 
 def _require_numpy(name: str) -> None:

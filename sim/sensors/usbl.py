@@ -62,7 +62,7 @@ class Usbl:
         self._mounting = mounting
         self._scene = scene
         period = 1.0 / model.rate
-        self._range_variance, self._angle_variance = variance(model.range, period), variance(model.angle, period)
+        self._period, self._range_errors, self._angle_variance = period, model.range, variance(model.angle, period)
         models = [model.range, model.angle, model.angle]
         self._errors = make_error_bank(models, period, sensor_random(seed, self.topic))
         self._column = _water_column(scene.world)
@@ -104,7 +104,7 @@ class Usbl:
     def _covariance(self, line: Vector3, distance: float) -> Covariance:
         """Return the covariance of the position in m²: the range's along the line of sight, the angles' across it."""
         across = self._angle_variance * distance * distance
-        along = self._range_variance - across
+        along = variance(self._range_errors, self._period, distance) - across
         x, y, z = line
         xy, xz, yz = along * x * y, along * x * z, along * y * z
         return along * x * x + across, xy, xz, xy, along * y * y + across, yz, xz, yz, along * z * z + across

@@ -10,13 +10,13 @@ from math import hypot
 from typing import Any
 
 from sim.environment.world import World
-from sim.sensors.error import ErrorModel, variance
+from sim.sensors.error import ErrorModel, constant_variance, noise_variance, variance
 from sim.sensors.sensor_set import SensorSet
 
 Variances = tuple[float, ...]
 # topic -> keys of the errors whose variances its message has; those of an AHRS follow from its filter
 _ERRORS = {
-    "imu": ("attitude", "attitude", "angular_velocity", "acceleration"),
+    "imu": ("attitude", "heading", "angular_velocity", "acceleration"),
     "ahrs": ("angular_velocity", "acceleration"),
     "odom": ("horizontal", "depth", "attitude", "velocity", "angular_velocity"),
     "magnetometer": ("error_xy", "error_z"),
@@ -39,7 +39,8 @@ def error_variances(sensors: SensorSet, world: World) -> Mapping[str, Variances]
         if keys := _ERRORS.get(spec.sensor.topic):
             attitude = _attitude(spec.model, world) if spec.sensor.topic == "ahrs" else ()
             period = 1.0 / spec.model.rate
-            variances[spec.topic] = (*attitude, *[variance(getattr(spec.model, key), period) for key in keys])
+            models = [getattr(spec.model, key) or spec.model.attitude for key in keys]
+            variances[spec.topic] = (*attitude, *[variance(model, period) for model in models])
     return variances
 
 
@@ -65,11 +66,7 @@ def _attitude(model: Any, world: World) -> Variances:
 def _filtered_variance(reference: ErrorModel, gyro: ErrorModel, period: float, memory: float, size: float) -> float:
     """Return the variance (rad²) of an angle that follows a reference vector of this `size` with this `memory` (s)."""
     share = min(1.0, period / memory)
-    constant, gyro_constant = _constant_variance(reference), _constant_variance(gyro)
-    noise, gyro_noise = variance(reference, period) - constant, variance(gyro, period) - gyro_constant
+    constant, gyro_constant = constant_variance(reference), constant_variance(gyro)
+    noise, gyro_noise = noise_variance(reference, period), noise_variance(gyro, period)
     of_reference = (constant + noise * share / (2.0 - share)) / size**2
     return of_reference + (gyro_constant / share + gyro_noise / (2.0 - share)) * period**2 / share
-
-
-def _constant_variance(model: ErrorModel) -> float:
-    return model.turn_on**2 + model.bias**2

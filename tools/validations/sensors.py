@@ -106,7 +106,8 @@ def dvl(panels: Sequence[Axes]) -> list[Finding]:
 def _log() -> Dvl:
     world = World("sea", "made for this", (-9.0, 9.0, -9.0, 9.0), 25.0)
     scene = Simulation(load_vehicle("bluerov2_heavy")[0], world, {}, position=(0.0, 0.0, 5.0))
-    return Dvl(DvlModel(velocity=ErrorModel(), range=ErrorModel()), Mounting(), 1, scene)
+    exact = ErrorModel()
+    return Dvl(DvlModel(velocity=exact, range=exact, accuracy=exact), Mounting(), 1, scene)
 
 
 def _tilted(roll: float, pitch: float) -> State:

@@ -67,12 +67,13 @@ class RangeErrors:
     """
 
     def __init__(self, model: ErrorModel, period: float, random: Random, limits: Limits) -> None:
-        slow = model._replace(noise=0.0, noise_density=0.0, resolution=0.0, limit=0.0)
+        slow = model._replace(noise=0.0, noise_density=0.0, noise_share=0.0, outliers=0.0, resolution=0.0, limit=0.0)
         self._drift = ErrorProcess(slow, period, random)
         self._gain = self._drift.numbers()[0]
         self._noise = sqrt(model.noise**2 + model.noise_density**2 / period)
         self._resolution, self._limit = model.resolution, model.limit
-        self._gauss = random.gauss
+        self._noise_share, self._outliers, self._outlier = model.noise_share, model.outliers, model.outlier
+        self._gauss, self._uniform = random.gauss, random.random
         self._limits = limits
 
     def measure(self, true: Sequence[float]) -> tuple[float, ...]:
@@ -82,6 +83,10 @@ class RangeErrors:
         """
         gain, drift, noise, gauss = self._gain, self._drift.measure(0.0), self._noise, self._gauss
         values = [gain * x + drift + gauss(0.0, noise) for x in true] if noise else [gain * x + drift for x in true]
+        if share := self._noise_share:
+            values = [x + gauss(0.0, share * x) if isfinite(x) else x for x in values]
+        if self._outliers:
+            values = [x + gauss(0.0, self._outlier) if self._uniform() < self._outliers else x for x in values]
         if step := self._resolution:
             values = [round(x / step) * step if isfinite(x) else x for x in values]
         if limit := self._limit:

@@ -9,37 +9,37 @@ from hil.common.schema import Range
 from hil.common.vectors import Vector3
 from sim.dynamics import State
 from sim.matrices import Matrix, inverse, product, transpose
-from sim.rotations import down_axis, rotate
-from sim.sensors.error import ErrorModel, sensor_random, variance
+from sim.rotations import down_axis, rotate, rotate_inverse
+from sim.sensors.error import ErrorModel, noise_variance, sensor_random, variance
 from sim.sensors.mounting import Mounting
 from sim.sensors.ranging.ground import Ground
 from sim.sensors.samples import DVL, Covariance, DvlSample, Scene
 from sim.twins import make_error_bank
 
 _BEAMS = 4
+_ZEROS = (0.0,) * _BEAMS
 _MIN_BEAMS = 3  # for three components of velocity
-_LENGTH_STEP = 1e-6  # m: step of the numerical derivative
 
 
 class _Fit(NamedTuple):
     """Solution of a set of beams.
 
     `beams` (4 x 3) are unit vectors, zero if not locked. `solution` (3 x 4) converts speeds along them to the velocity
-    by least squares. `covariance` is that of the velocity ((m/s)²), `altitude_variance` (m²) that of the altitude over
-    level ground.
+    by least squares.
     """
 
     beams: Matrix
     solution: Matrix
-    covariance: Covariance
-    altitude_variance: float
 
 
 class DvlModel(NamedTuple):
     """Rate in Hz (0: none), slant of the beams from straight down, reach and errors.
 
-    The defaults are those of a Nortek DVL1000 300 m as in DAVE (Field Robotics Lab): 8 Hz, 25 deg, 0.2 to 75 m, and
-    0.015 m/s, which is the noise of each beam here. The noise of the ranges is the 0.005 m of uuv_simulator.
+    `velocity` has the errors of each beam, `accuracy` those of each component of the velocity that remain however long
+    one averages. At `noise_range` (m along a beam) the white noise of a beam has twice the variance that it has nearby;
+    0: it does not grow. The defaults are those of a Nortek DVL1000 300 m as in DAVE (Field Robotics Lab): 8 Hz, 25 deg,
+    0.2 to 75 m, and 0.015 m/s, which is the noise of each beam here; its accuracy is commonly given as 0.1 % and
+    0.1 cm/s. The noise of the ranges is the 0.005 m of uuv_simulator.
     """
 
     rate: Annotated[float, Range(0.0, 100.0, "Hz")] = 8.0
@@ -48,6 +48,8 @@ class DvlModel(NamedTuple):
     max_range: Annotated[float, Range(0.1, 1000.0, "m")] = 75.0
     velocity: ErrorModel = ErrorModel(noise=0.015)
     range: ErrorModel = ErrorModel(noise=0.005)
+    accuracy: ErrorModel = ErrorModel(turn_on=0.001, scale=0.001)
+    noise_range: Annotated[float, Range(0.0, 1000.0, "m")] = 0.0
 
     def validate(self) -> str | None:
         """Return what is wrong with the combination of the keys, or None."""
@@ -59,7 +61,8 @@ class Dvl:
 
     A beam is locked while the seabed or an obstacle is within its reach and the sensor is under water. Velocity is the
     least-squares solution of three or four locked beams. Altitude is the distance to the plane that fits the ends of
-    the beams. Neither uses the attitude.
+    the beams. Neither uses the attitude. The covariances are those at the measured speeds and distances, so they hold
+    for a tilted sensor and over a slope.
     """
 
     Model = DvlModel
@@ -67,15 +70,15 @@ class Dvl:
 
     def __init__(self, model: DvlModel, mounting: Mounting, seed: int, scene: Scene) -> None:
         self._limits = model.min_range, model.max_range
-        self._mounting = mounting
+        self._mounting, self._mounting_rotation = mounting, mounting.quaternion
         self._seabed = scene.world.depth
-        models = [model.velocity, model.range] * _BEAMS
-        self._errors = make_error_bank(models, 1.0 / model.rate, sensor_random(seed, self.topic))
+        self._model, self._period = model, 1.0 / model.rate
+        noise = sqrt(noise_variance(model.velocity, self._period)) if model.noise_range else 0.0
+        models = [model.velocity, model.range] * _BEAMS + [model.accuracy] * 3 + [ErrorModel(noise=noise)] * _BEAMS
+        self._errors = make_error_bank(models, self._period, sensor_random(seed, self.topic))
         self._beams = _janus(model.tilt)
         self._body_beams = [rotate(mounting.quaternion, beam) for beam in self._beams]  # the same in body axes
         self._ground = Ground(scene.world, mounting, self._body_beams, model.max_range)
-        period = 1.0 / model.rate
-        self._speed_variance, self._range_variance = variance(model.velocity, period), variance(model.range, period)
         self._fits: dict[tuple[bool, ...], _Fit] = {}
 
     def sample(self, time_ns: int, state: State) -> DvlSample:
@@ -85,27 +88,44 @@ class Dvl:
         true: list[float] = []
         for (x, y, z), distance in zip(self._body_beams, ranges, strict=True):
             true += (x * u + y * v + z * w, distance or 0.0)
-        measured = self._errors.measure(true)  # advances the errors of all beams, locked or not
+        true += rotate_inverse(self._mounting_rotation, (u, v, w))
+        measured = self._errors.measure([*true, *_ZEROS])  # advances the errors of all beams, locked or not
         locked = tuple(map(bool, ranges))
         if sum(locked) < _MIN_BEAMS:
             return DvlSample(time_ns, (nan, nan, nan), nan, False)
         fit = self._fits.get(locked) or self._fit(locked)
-        speeds = measured[::2]
-        u, v, w = [sum(map(mul, row, speeds)) for row in fit.solution]
-        altitude = _distance_to_plane(fit.beams, measured[1::2])
-        return DvlSample(time_ns, (u, v, w), altitude, True, fit.covariance, fit.altitude_variance)
+        distances, far = measured[1:8:2], self._model.noise_range
+        shares = [distance / far if far else 0.0 for distance in distances]
+        speeds = [x + share * more for x, share, more in zip(measured[:8:2], shares, measured[11:], strict=True)]
+        off = [found - x for found, x in zip(measured[8:11], true[8:], strict=True)]
+        u, v, w = velocity = [sum(map(mul, row, speeds)) + more for row, more in zip(fit.solution, off, strict=True)]
+        altitude, slopes = _distance_to_plane(fit.beams, distances)
+        of_range = [variance(self._model.range, self._period, distance) for distance in distances]
+        altitude_variance = sum([slope * slope * each for slope, each in zip(slopes, of_range, strict=True)])
+        covariance = self._covariance(fit, speeds, shares, velocity)
+        return DvlSample(time_ns, (u, v, w), altitude, True, covariance, altitude_variance)
+
+    def _covariance(
+        self, fit: _Fit, speeds: Sequence[float], shares: Sequence[float], velocity: Sequence[float]
+    ) -> Covariance:
+        """Return the covariance of the velocity ((m/s)²), from the variances of the beams and of the accuracy."""
+        model, period = self._model, self._period
+        growth = noise_variance(model.velocity, period) if model.noise_range else 0.0
+        beams = [
+            variance(model.velocity, period, speed) + growth * share * share
+            for speed, share in zip(speeds, shares, strict=True)
+        ]
+        xs, ys, zs = fit.solution
+        a, b, c = [variance(model.accuracy, period, component) for component in velocity]
+        weighted = [[x * of_beam for x, of_beam in zip(row, beams, strict=True)] for row in fit.solution]
+        (xx, xy, xz), (_, yy, yz), (_, _, zz) = [[sum(map(mul, row, to)) for to in (xs, ys, zs)] for row in weighted]
+        return xx + a, xy, xz, xy, yy + b, yz, xz, yz, zz + c
 
     def _fit(self, locked: tuple[bool, ...]) -> _Fit:
         """Return the solution for a set of locked beams, computed once for each set."""
         rows = [list(beam) if on else [0.0, 0.0, 0.0] for beam, on in zip(self._beams, locked, strict=True)]
         columns = transpose(rows)
-        inverse_normal = inverse(product(columns, rows))
-        a, b, c, d, e, f, g, h, i = [self._speed_variance * x for row in inverse_normal for x in row]
-        weights = [_share_of_altitude(rows, number) for number, is_locked in enumerate(locked) if is_locked]
-        altitude_variance = self._range_variance * sum([weight * weight for weight in weights])
-        self._fits[locked] = fit = _Fit(
-            rows, product(inverse_normal, columns), (a, b, c, d, e, f, g, h, i), altitude_variance
-        )
+        self._fits[locked] = fit = _Fit(rows, product(inverse(product(columns, rows)), columns))
         return fit
 
     def _ranges(self, state: State) -> list[float | None]:
@@ -138,18 +158,12 @@ def _janus(tilt: float) -> list[Vector3]:
     return [(sin(tilt) * cos(angle), sin(tilt) * sin(angle), cos(tilt)) for angle in angles]
 
 
-def _share_of_altitude(beams: Matrix, number: int) -> float:
-    """Return the derivative of the altitude over level ground by the length of one beam, numerically."""
-    level = [1.0 / z if z else 0.0 for _, _, z in beams]
-    lengthened = [length + _LENGTH_STEP * (at == number) for at, length in enumerate(level)]
-    return (_distance_to_plane(beams, lengthened) - _distance_to_plane(beams, level)) / _LENGTH_STEP
+def _distance_to_plane(beams: Matrix, ranges: Sequence[float]) -> tuple[float, list[float]]:
+    """Return the distance (m) from the origin to the plane n p = 1 fitted to the ends p of the beams: 1 / |n|.
 
-
-def _distance_to_plane(beams: Matrix, ranges: Sequence[float]) -> float:
-    """Return the distance (m) from the origin to the plane n p = 1 fitted to the ends of the beams: 1 / |n|.
-
-    `beams` are unit vectors, `ranges` in m. The normal equations of three unknowns, by Cramer's rule: a beam that is
-    zero adds nothing to them.
+    Also return its derivative by the length of each beam. `beams` are unit vectors, `ranges` in m. The normal equations
+    M n = sum(p) of three unknowns are solved by Cramer's rule: a beam that is zero adds nothing to them. By their
+    derivative, M dn = b (1 - n p) - p (n b) for a change of the beam b.
     """
     xx = xy = xz = yy = yz = zz = x = y = z = 0.0
     for (a, b, c), distance in zip(beams, ranges, strict=True):
@@ -167,4 +181,12 @@ def _distance_to_plane(beams: Matrix, ranges: Sequence[float]) -> float:
     ll, m, n = xx * zz - xz * xz, xy * xz - xx * yz, xx * yy - xy * xy
     a, b, c = i * x + j * y + k * z, j * x + ll * y + m * z, k * x + m * y + n * z
     determinant = xx * i + xy * j + xz * k
-    return float(abs(determinant) / (a * a + b * b + c * c) ** 0.5)
+    height = float(abs(determinant) / (a * a + b * b + c * c) ** 0.5)
+    nx, ny, nz = a / determinant, b / determinant, c / determinant
+    # M^-1 n, as M is symmetric: the derivative of |n|² / 2 is its product with M dn
+    gx, gy, gz = [(r * nx + s * ny + t * nz) / determinant for r, s, t in ((i, j, k), (j, ll, m), (k, m, n))]
+    slopes = []
+    for (x, y, z), distance in zip(beams, ranges, strict=True):
+        to_plane, along = nx * x + ny * y + nz * z, gx * x + gy * y + gz * z
+        slopes.append(-(height**3) * along * (1.0 - 2.0 * distance * to_plane))
+    return height, slopes

@@ -1,7 +1,7 @@
 """Covariances in messages: those of the error models, compared with the scatter of many measurements."""
 
 from collections.abc import Sequence
-from math import nan
+from math import nan, radians
 from statistics import mean
 from typing import Any
 
@@ -12,6 +12,7 @@ from hil.ros import message as ros_message
 from hil.ros.topics import TOPICS
 from sim.dynamics import State
 from sim.environment.world import load_world
+from sim.rotations import from_euler
 from sim.sensors.ahrs import AhrsModel
 from sim.sensors.error import ErrorModel, variance
 from sim.sensors.mounting import Mounting
@@ -21,6 +22,7 @@ from sim.sensors.sensor_set import SensorSpec, select_sensors
 from sim.sensors.variances import error_variances
 from sim.simulation import Simulation
 from sim.vehicle.vehicle import load_vehicle
+from tests.support.fitted import NU
 
 VEHICLE, WORLD = load_vehicle("paper_six")[0], load_world("pool")
 DEPTH = 2.0
@@ -55,22 +57,28 @@ def test_the_covariance_of_an_inertial_unit_matches_its_scatter(name: str, sampl
     assert mean_squares(rows) == pytest.approx([level, level, heading, *[rate] * 3, *[force] * 3], rel=0.35)
 
 
-@pytest.mark.parametrize("lost_beam", [None, 0, 3])
-def test_the_covariance_of_a_dvl_matches_its_scatter(lost_beam: int | None, monkeypatch: pytest.MonkeyPatch) -> None:
-    model = DvlModel(velocity=ErrorModel(noise=0.02), range=ErrorModel(noise=0.004))
+@pytest.mark.parametrize(("lost_beam", "roll"), [(None, 0.0), (0, 0.0), (3, 0.0), (None, 25.0), (1, -30.0)])
+def test_the_covariance_of_a_dvl_matches_its_scatter(
+    lost_beam: int | None, roll: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """It also does if the sensor is tilted: there, the longest beam has the greatest errors."""
+    velocity, distance = ErrorModel(noise=0.02, noise_share=0.02), ErrorModel(noise=0.004, noise_share=0.002)
+    model = DvlModel(velocity=velocity, range=distance, accuracy=ErrorModel(noise=0.01), noise_range=2.0)
     log = Dvl(model, Mounting(), 3, simulation())
+    state = State((4.0, 4.0, DEPTH), from_euler(radians(roll), radians(0.4 * roll), 0.0), NU)
     if lost_beam is not None:
         whole = log._ranges
         monkeypatch.setattr(
             log, "_ranges", lambda state: [None if at == lost_beam else x for at, x in enumerate(whole(state))]
         )
-    samples = [log.sample(number, at_rest()) for number in range(3000)]
-    rows = [sample.velocity for sample in samples]
+    samples = [log.sample(number, state) for number in range(3000)]
+    rows = [[x - y for x, y in zip(sample.velocity, NU, strict=False)] for sample in samples]
     found = [mean(row[i] * row[j] for row in rows) for i in range(3) for j in range(3)]
-    reported: Sequence[float] = samples[0].covariance
+    reported: Sequence[float] = [mean(column) for column in zip(*[s.covariance for s in samples], strict=True)]
     assert found == pytest.approx(reported, rel=0.12, abs=0.03 * reported[0])
     truth = mean(sample.altitude for sample in samples)
-    assert mean((s.altitude - truth) ** 2 for s in samples) == pytest.approx(samples[0].altitude_variance, rel=0.12)
+    of_altitude = mean(s.altitude_variance for s in samples)
+    assert mean((s.altitude - truth) ** 2 for s in samples) == pytest.approx(of_altitude, rel=0.12)
 
 
 def output(sensors: Any) -> dict[str, dict[str, Any]]:

@@ -205,7 +205,8 @@ MODELS = [
     ErrorModel(bias=0.2, bias_time=3.0),
     ErrorModel(offset=-1.0, turn_on=0.5, bias=0.1, noise=0.02, noise_density=0.01, scale=0.05),
     ErrorModel(noise=2.0, resolution=0.25),
-    ErrorModel(noise=3.0, resolution=0.5, limit=4.0),
+    ErrorModel(noise=3.0, resolution=0.5, limit=4.0, outliers=0.1, outlier=2.0),
+    ErrorModel(bias=0.1, flicker=0.2, noise=0.1, noise_share=0.3, warm_up=0.4, warm_up_time=5.0),
 ]
 
 
@@ -230,15 +231,15 @@ def test_sensor_errors_in_c_and_python_are_equal(drawn: int) -> None:
 @pytest.mark.usefixtures("native")
 def test_invalid_arguments_of_the_error_bank_are_refused() -> None:
     bank = NativeErrorBank(MODELS, 0.01, random.Random(1))
-    with pytest.raises(ValueError, match="6 numbers are needed, found 2"):
+    with pytest.raises(ValueError, match="7 numbers are needed, found 2"):
         bank.measure([1.0, 2.0])
     with pytest.raises(TypeError):
-        bank.measure(["1"] * 6)  # type: ignore[list-item]
+        bank.measure(["1"] * 7)  # type: ignore[list-item]
     module = sys.modules[BINARY]
-    with pytest.raises(ValueError, match="up to 32 records of 64 bytes are needed, found 3"):
+    with pytest.raises(ValueError, match="up to 32 records of 176 bytes are needed, found 3"):
         module.Errors(b"123", bytes(2500), None)
     with pytest.raises(ValueError, match="a state of 625 numbers"):
-        module.Errors(bytes(64), bytes(9), None)
+        module.Errors(bytes(176), bytes(9), None)
     with pytest.raises(ValueError, match="up to 16 records of 144 bytes are needed, found 2448"):
         module.ThrusterBank(bytes(17 * 144))
 

@@ -270,7 +270,7 @@ def test_a_scanning_sonar_has_a_tall_beam() -> None:
 
 # --- log and altimeter
 
-DVL = DvlModel(velocity=EXACT, range=EXACT)
+DVL = DvlModel(velocity=EXACT, range=EXACT, accuracy=EXACT)
 ALTIMETER = AltimeterModel(error=EXACT)
 
 

@@ -21,7 +21,7 @@ from sim.vehicle.vehicle import load_vehicle
 from tests.support.fitted import EXACT, NU, scene
 
 EXACT_IMU = ImuModel(attitude=EXACT, angular_velocity=EXACT, acceleration=EXACT)
-EXACT_DVL = DvlModel(velocity=EXACT, range=EXACT)
+EXACT_DVL = DvlModel(velocity=EXACT, range=EXACT, accuracy=EXACT)
 PLAIN = Mounting()
 SEA = World("sea", "test", (-100.0, 100.0, -100.0, 100.0), 20.0, gravity=9.8)
 SCENE = scene(SEA)
@@ -93,7 +93,7 @@ def test_a_dvl_is_exact_without_errors() -> None:
 
 def test_dvl_beams_have_independent_noise() -> None:
     """The sd of u by least squares over four beams is the beam's over sqrt(2) sin(tilt), of w over 2 cos(tilt)."""
-    model = DvlModel(velocity=ErrorModel(noise=0.02), range=ErrorModel(noise=0.05))
+    model = EXACT_DVL._replace(velocity=ErrorModel(noise=0.02), range=ErrorModel(noise=0.05))
     dvl, state = Dvl(model, PLAIN, 1, SCENE), State((0.0, 0.0, 5.0), nu=NU)
     samples = [dvl.sample(i, state) for i in range(1500)]
     along, down = [s.velocity[0] for s in samples], [s.velocity[2] for s in samples]
@@ -133,7 +133,7 @@ def test_a_dvl_with_three_beams_gives_velocity_and_altitude() -> None:
 
 def test_a_beam_without_lock_does_not_contribute() -> None:
     """The error with three beams is that of each beam: the three measured speeds and distances are met exactly."""
-    model = DvlModel(max_range=23.0, velocity=ErrorModel(offset=0.1), range=ErrorModel(offset=0.5))
+    model = DvlModel(max_range=23.0, velocity=ErrorModel(offset=0.1), range=ErrorModel(offset=0.5), accuracy=EXACT)
     dvl = Dvl(model, PLAIN, 1, SCENE)
     state = State((0.0, 0.0, 0.5), from_euler(0.11, 0.11, 0.0), NU)
     sample = dvl.sample(0, state)
