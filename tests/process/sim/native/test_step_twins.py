@@ -148,4 +148,4 @@ def test_the_extension_checks_the_arguments_of_a_step() -> None:
     with pytest.raises(ValueError, match="the errors of 9 quantities"):
         module.Imu(module.Errors(bytes(176), bytes(2500), None), ImuSample, (0.0,) * 3, 9.8)
     with pytest.raises(TypeError, match="a class of tuples"):
-        module.Imu(module.Errors(bytes(9 * 64), bytes(2500), None), State, (0.0,) * 3, 9.8)
+        module.Imu(module.Errors(bytes(9 * 176), bytes(2500), None), State, (0.0,) * 3, 9.8)
