@@ -39,15 +39,13 @@ def main(arguments: list[str]) -> int:
     parser.add_argument("--range", choices=("localhost", "subnet"), help=about)
     options = parser.parse_args(arguments)
     scenario, endpoints = scenario_and_endpoints(options)
-    network, security = network_of(scenario)
     dialect.domain()  # a wrong one is an error now
     _limit_discovery(options.range)
     rclpy = import_rclpy()
-    openers = [client_opener(endpoint, network, security) for endpoint in endpoints]
+    openers = [client_opener(endpoint, *network_of(scenario)) for endpoint in endpoints]
     with StopSignals() as stop_fd, Ros2Bridge(rclpy, openers, options.command, partial(print, flush=True)) as bridge:
-        print(f"ROS 2 has what is at {', '.join(endpoints)}; Ctrl-C ends it", flush=True)
-        if options.command:
-            print("every node of that ROS network can command", flush=True)
+        who = "every node of that ROS network can command; " if options.command else ""
+        print(f"ROS 2 has what is at {', '.join(endpoints)}; {who}Ctrl-C ends it", flush=True)
         bridge.run(stop_fd, lambda names: print(presence(names, endpoints), flush=True))
     return 0
 

@@ -28,7 +28,6 @@ CHECK_S = 0.2  # between two checks of who subscribes
 SETTLE_NS = NS_PER_S  # in which the nodes of a ROS network find each other
 CALLS = 16  # threads, for calls of services that wait at the same time
 MOST = 4096  # entities of a source, because anybody can invent names
-READING = ("Get", "List", "Describe")  # how types of services begin that change nothing
 ELSEWHERE = "this ROS network has that node already, of another bridge or of its own"
 
 
@@ -137,9 +136,7 @@ class Ros2Bridge:
         for number, source in enumerate(self._sources):
             entities = sorted(set(source.entities.copy().values()))
             taken = {each.topic for each in entities if _is_taken(each)}
-            for entity in entities:
-                if not self._is_for_ros(entity, taken):
-                    continue
+            for entity in [each for each in entities if self._is_for_ros(each, taken)]:
                 if entity.node in elsewhere:
                     self._report(ELSEWHERE, [entity.node])
                 else:
@@ -148,9 +145,12 @@ class Ros2Bridge:
         return wanted
 
     def _is_for_ros(self, entity: Entity, taken: set[str]) -> bool:
-        """Return whether nodes of ROS may subscribe to it, publish or call it; vehicles subscribe to topics `taken`."""
+        """Return whether nodes of ROS may subscribe to it, publish or call it; vehicles subscribe to topics `taken`.
+
+        Without the right to command, they call services whose types say that they change nothing.
+        """
         if entity.kind == "SS":
-            return self._may_command or entity.type.rpartition("/")[2].startswith(READING)
+            return self._may_command or entity.type.rpartition("/")[2].startswith(("Get", "List", "Describe"))
         if entity.kind == "MS":
             return self._may_command and _is_taken(entity)
         return entity.kind == "MP" and entity.topic not in taken

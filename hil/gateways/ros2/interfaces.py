@@ -6,23 +6,21 @@ import re
 from functools import cache
 from importlib import import_module
 from importlib.util import find_spec
+from pathlib import Path
 from typing import Any
 
 from hil.common.errors import ConfigError, MissingExtraError
 from hil.ros.dialect import NO_HASH
 
-PARTS = (  # of rclpy, which the bridge uses
-    "callback_groups", "context", "exceptions", "executors", "parameter", "qos", "serialization", "signals", "task",
-)  # fmt: skip
 TYPE = re.compile(r"([a-z][a-z0-9_]*)/(msg|srv)/([A-Z][A-Za-z0-9]*)")
 
 
 def import_rclpy() -> Any:
     """Return rclpy. Raises MissingExtraError with the remedy, ConfigError if its middleware needs no bridge."""
     try:
-        for part in PARTS:
-            import_module(f"rclpy.{part}")
         rclpy = import_module("rclpy")
+        for part in ("executors", "node", "serialization"):  # which import all others
+            import_module(f"rclpy.{part}")
         middleware = rclpy.get_rmw_implementation_identifier()
     except ImportError as error:
         raise MissingExtraError(
@@ -60,8 +58,7 @@ def _own_hash(folder: str, name: str) -> str:
     """Return the hash of a type as ROS has it installed; "" before ROS 2 Iron, which has none."""
     prefix = os.path.normpath(os.path.join(folder, *[os.pardir] * 5))  # above lib/pythonX.Y/site-packages/PACKAGE/msg
     try:
-        with open(os.path.join(prefix, "share", f"{name}.json"), encoding="utf-8") as file:
-            hashes = json.load(file)["type_hashes"]
+        hashes = json.loads(Path(prefix, "share", f"{name}.json").read_bytes())["type_hashes"]
     except (OSError, ValueError, KeyError):
         return ""
     return next((str(each["hash_string"]) for each in hashes if each["type_name"] == name), "")

@@ -4,6 +4,7 @@ import os
 from collections import deque
 from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 from typing import Any, NamedTuple
 
 import zenoh
@@ -34,8 +35,8 @@ class Source:
         self._master = os.urandom(16)  # to a vehicle, the bridge is one
         self._publishers: dict[str, Publisher] = {}
 
-    def publisher(self, entity: Entity) -> Publisher:
-        """Return the publisher of a topic that a vehicle subscribes to, with the key of the vehicle's release."""
+    def put(self, entity: Entity, payload: bytes) -> None:
+        """Publish on a topic that a vehicle subscribes to, with the key of the vehicle's release."""
         key = _key(entity)
         if key not in self._publishers:
             topic = topic_of(entity.topic, entity.type)
@@ -43,7 +44,7 @@ class Source:
             publisher.master = self._master
             with suppress(ConfigError):  # a type of the user's own has no hash here
                 publisher.gid = self.node.publishes(topic, "")
-        return self._publishers[key]
+        self._publishers[key].put(payload, to_wall_ns(now_ns()))
 
 
 class Mirror(NamedTuple):
@@ -63,25 +64,23 @@ class _PublishedTopic:
     def __init__(self, rclpy: Any, node: Any, source: Source, entity: Entity, kind: Any, reader: ReaderThread) -> None:
         self._node, self._source, self._entity = node, source, entity
         self._closed: type[Exception] = rclpy.exceptions.InvalidHandle
-        depth = MANY if is_shared(entity) and entity.qos.latched else entity.qos.depth
-        self._publisher = node.create_publisher(
-            kind, entity.topic, _profile(rclpy, Qos(True, entity.qos.latched, depth))
-        )
-        self._last: deque[bytes] = deque(maxlen=depth if entity.qos.latched else 0)
+        qos = Qos(True, entity.qos.latched, MANY if is_shared(entity) and entity.qos.latched else entity.qos.depth)
+        self._publisher = node.create_publisher(kind, entity.topic, _profile(rclpy, qos))
+        self._last: deque[bytes] = deque(maxlen=qos.depth if qos.latched else 0)
         self._queue = reader.open_queue(self._publish, QUEUE)
         self._received: tuple[Node, Declared] | None = None
 
     def check(self) -> None:
         is_wanted = self._publisher.get_subscription_count() > 0
-        if is_wanted and self._received is None:
+        if not is_wanted and not self._entity.qos.latched:
+            self._end()
+        elif is_wanted and self._received is None:
             source, entity = self._source, self._entity
             listener = Node(source.session, source.name, source.node.identity)
             channel = source.session.collect(_key(entity), QUEUE, entity.qos.latched, self._queue.callback)
             self._received = listener, channel
             with suppress(ConfigError):
                 listener.subscribes(topic_of(entity.topic, entity.type)._replace(qos=entity.qos), "")
-        elif not is_wanted and not self._entity.qos.latched:
-            self._end()
 
     def close(self) -> None:
         self._end()
@@ -111,11 +110,8 @@ def mirror(rclpy: Any, node: Any, source: Source, entity: Entity, kind: Any, rea
         topic = _PublishedTopic(rclpy, node, source, entity, kind, reader)
         return Mirror(entity, topic.close, topic.check)
     if entity.kind == "MS":
-
-        def forward(payload: bytes) -> None:
-            source.publisher(entity).put(payload, to_wall_ns(now_ns()))
-
-        end = node.create_subscription(kind, entity.topic, forward, _profile(rclpy, entity.qos), raw=True)
+        profile = _profile(rclpy, entity.qos)
+        end = node.create_subscription(kind, entity.topic, partial(source.put, entity), profile, raw=True)
         return Mirror(entity, lambda: node.destroy_subscription(end))
 
     def answer(request: Any, _: Any) -> Any:
