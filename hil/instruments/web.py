@@ -18,6 +18,9 @@ def serve_web(host: str, port: int, serve: Serve) -> PlainHttpServer:
     class Handler(PlainHandler):
         """Passes each request on."""
 
+        protocol_version = "HTTP/1.1"  # as Go's server in the devices: clients send many requests over one connection
+        wbufsize = 1 << 16  # head and body leave together; a body of its own would wait for the head's acknowledgement
+
         def do_any(self) -> None:
             """Answer a request as the instrument does; an instrument that is silent closes the connection."""
             length = self.headers.get("Content-Length", "0")

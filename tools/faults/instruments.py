@@ -15,7 +15,7 @@ from typing import Any, NamedTuple
 
 from hil.bench.harness import READY_S, Bench
 from hil.bench.instruments.framing import split
-from hil.bench.instruments.reader import ASKS, Ask, Reader, fetch
+from hil.bench.instruments.reader import ASKS, Ask, Reader
 from hil.common.errors import HilError, NetworkError
 from hil.common.ports import free_ports
 from hil.instruments.contract import Client, Instrument
@@ -133,18 +133,8 @@ class Driver:
         ask = ASKS.get(self.wire.name, Ask())
         while not self._ending.is_set():
             with suppress(OSError, HilError):
-                if self.wire.address.kind == "http":
-                    self._fetch(ask)
-                else:
-                    self._read(Reader(self.wire.address, ask))
+                self._read(Reader(self.wire.address, ask))
             self._ending.wait(LOOK_S)
-
-    def _fetch(self, ask: Ask) -> None:
-        if self._attack and self._random.random() < 0.5:
-            fetch(self.wire.address, f"/{self._random.randbytes(20).hex()}?{self._random.random()}")
-        _, status, _ = fetch(self.wire.address, ask.path)
-        self.times.append(time.monotonic())
-        self.bad += status >= 500 and status != 503
 
     def _read(self, reader: Reader) -> None:
         """Read one connection to its end."""

@@ -11,6 +11,7 @@ LONGEST = 400  # bytes of a binary output without a length field
 LARGEST = 2_500  # bytes of a message; a greater size is taken for damaged
 IMAGE = 65_000
 LINE = re.compile(rb"[ -~\t]*(\r\n|\n|\r)")
+HEAD = re.compile(rb"HTTP/1\.1 (\d{3}) .*?\r\nContent-Length: (\d{1,8})\r\n(?:.*\r\n)*?\r\n", re.DOTALL)
 STARTED = re.compile(rb"[ -~\t]+\Z")
 CRC8, CRC16 = crc_checksum(CRCS["crc8"]), crc_checksum(CRCS["crc16-xmodem"])  # of Water Linked and VectorNav
 
@@ -30,7 +31,7 @@ INCOMPLETE = Frame("", "", None, 0)
 def split(data: bytes) -> Iterator[Frame]:
     """Yield the messages; a byte that belongs to none is a message "stray" with a wrong checksum. Never raises."""
     while data:
-        found = next((frame for find in (_binary, _vectornav, _line) if (frame := find(data[:70_000]))), None)
+        found = next((frame for find in (_http, _binary, _vectornav, _line) if (frame := find(data[:70_000]))), None)
         if found is INCOMPLETE:
             return
         frame = found or Frame("stray", data[:1].hex(), False, 1)
@@ -116,6 +117,16 @@ def _line(data: bytes) -> Frame | None:
     word = re.split(r"[,*=\s]", text, maxsplit=1)[0]
     kind = word[:3] if word[:1] in "$#" and len(word) > 8 else word[:8] or "empty line"
     return Frame(kind, text, _line_is_sound(text), len(match[0]))
+
+
+def _http(data: bytes) -> Frame | None:
+    """Return an answer of HTTP; one with an error of the server's is damaged, but not 503, "no position"."""
+    match = HEAD.match(data)
+    if not match:
+        return None
+    size = match.end() + int(match[2])
+    text = f"{int(match[1])} {data[match.end() : size].decode('utf-8', 'replace')}"
+    return Frame(f"HTTP {int(match[1])}", text, not 499 < int(match[1]) != 503, size) if len(data) >= size else INCOMPLETE
 
 
 def _json(text: str, size: int) -> Frame:

@@ -2,10 +2,9 @@
 
 import struct
 import time
-import urllib.error
 import urllib.request
 from collections.abc import Callable
-from typing import NamedTuple, TypeVar
+from typing import NamedTuple, TypeVar, cast
 
 from hil.common.clock import NEVER_NS, NS_PER_S, now_ns
 from hil.common.errors import HilError, NetworkError
@@ -27,21 +26,20 @@ def ping_request(number: int, layout: str, *values: int) -> bytes:
 
 
 class Ask(NamedTuple):
-    """What a driver sends every `period_s`, or the path that it reads, so that the instrument answers.
+    """What a driver sends every `period_s`, or the path that it reads by HTTP, so that the instrument answers.
 
-    `listens_at`: the port at which it gets datagrams, once `body` was posted to the path `post`.
+    With a path `post` it gets datagrams, once it has posted there `body`, in which %d is the port where it listens.
     """
 
     data: bytes = b""
     period_s: float = 1.0
     path: str = "/"
-    listens_at: int = 0
     post: str = ""
     body: bytes = b""
 
     def only_listens(self, address: WireAddress) -> bool:
         """Return whether a driver sends nothing there, so that it has to be there before the first datagram."""
-        return address.kind == "udpout" or (address.kind == "udp" and self.listens_at > 0)
+        return address.kind == "udpout" or (address.kind == "udp" and bool(self.post))
 
 
 _ECHO_SOUNDER = Ask(ping_request(1400, "H", 1300))  # profiles, one after another
@@ -56,23 +54,24 @@ ASKS = {
     "ping360": Ask(ping_request(2601, "BBHHHHHBB", 1, 0, 200, 32, 80, 740, 600, 1, 0), 0.25),
     "teledyne_pathfinder": Ask(b"CS\r", 1.0),
     "waterlinked_sonar_3d": Ask(
-        path="/api/v1/integration/about", listens_at=4747, post="/api/v1/integration/udp",
-        body=b'{"mode":"unicast","unicast_destination_ip":"127.0.0.1","unicast_destination_port":4747}',
+        path="/api/v1/integration/about", post="/api/v1/integration/udp",
+        body=b'{"mode":"unicast","unicast_destination_ip":"127.0.0.1","unicast_destination_port":%d}',
     ),
-    "waterlinked_ugps": Ask(path="/api/v1/position/acoustic/filtered"),
+    "waterlinked_ugps": Ask(path="/api/v1/position/acoustic/filtered", period_s=0.1),
 }  # fmt: skip
 
 
 class Reader:
     """The other end of the wire at `address`. `data` has come; `arrivals` are (monotonic ns, bytes by then).
 
-    Raises OSError, DeviceError.
+    `asked` are the instants (monotonic ns) of what was sent. Raises OSError, DeviceError.
     """
 
     def __init__(self, address: WireAddress, ask: Ask) -> None:
         self._ask, self.address = ask, address
         self.data = bytearray()
         self.arrivals: list[tuple[int, int]] = []
+        self.asked: list[int] = []
         self._due_ns = NEVER_NS if ask.only_listens(address) else now_ns()
         self._link = _link(address, ask)
 
@@ -85,8 +84,11 @@ class Reader:
     def ask(self, now: int) -> int:
         """Send what is due; return when (ns) the next is."""
         if now >= self._due_ns:
+            self.asked.append(now)
             is_unknown = self.address.kind == "udp" and not self.arrivals
             data = self._ask.data or (b"\n" if is_unknown else b"")
+            if self.address.kind == "http":
+                data = f"GET {self._ask.path} HTTP/1.1\r\nHost: {_host(self.address)}\r\n\r\n".encode()
             self.send(data)
             self._due_ns = now + round(self._ask.period_s * NS_PER_S) if data else NEVER_NS
         return self._due_ns
@@ -95,6 +97,11 @@ class Reader:
         """Send bytes, as far as the wire takes them."""
         if data:
             self._link.send(None, data)
+
+    @property
+    def port(self) -> int:
+        """The port where it listens."""
+        return cast(UdpIn, self._link).port
 
     def read(self) -> None:
         """Take what has come. Raises NetworkError when the instrument closes the connection."""
@@ -110,30 +117,22 @@ class Reader:
 
 
 def _link(address: WireAddress, ask: Ask) -> Link:
-    host = HERE.get(address.target, address.target)
     if address.kind == "pty":
         from hil.links.wires.terminal import PtyHostWire  # needs a system with terminals
 
         return LineLink(address.target, PtyHostWire(address.target), address.port)
     if ask.only_listens(address):
-        return UdpIn(host, ask.listens_at or address.port)
-    return TcpOut(host, address.port) if address.kind == "tcp" else UdpOut(host, address.port)
+        return UdpIn(_host(address), 0 if ask.post else address.port)
+    return UdpOut(_host(address), address.port) if address.kind == "udp" else TcpOut(_host(address), address.port)
 
 
-def fetch(address: WireAddress, path: str, posted: bytes | None = None) -> tuple[float, int, bytes]:
-    """Return the time (s) of a request of HTTP, which posts a body if that is given, its status and its body.
+def _host(address: WireAddress) -> str:
+    return HERE.get(address.target, address.target)
 
-    Raises NetworkError.
-    """
-    host = HERE.get(address.target, address.target)
-    began = time.monotonic()
-    try:
-        with urllib.request.urlopen(f"http://{host}:{address.port}{path}", posted, PATIENCE_S) as answer:
-            return time.monotonic() - began, answer.status, answer.read()
-    except urllib.error.HTTPError as error:
-        return time.monotonic() - began, error.code, error.read()
-    except OSError as error:
-        raise NetworkError(f"http:{address.target}:{address.port}: {error}; does it run?") from None
+
+def post(address: WireAddress, path: str, body: bytes) -> None:
+    """Post a body by HTTP. Raises OSError."""
+    urllib.request.urlopen(f"http://{_host(address)}:{address.port}{path}", body, PATIENCE_S).close()
 
 
 def wait_for(address: WireAddress, use: Callable[[], Result]) -> Result:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from hil.bench.harness import READY_S, Bench, program
 from hil.bench.instruments.framing import Frame, split
-from hil.bench.instruments.reader import ASKS, Ask, Reader, fetch, wait_for
+from hil.bench.instruments.reader import ASKS, Ask, Reader, post, wait_for
 from hil.common.clock import NS_PER_MS, NS_PER_S, now_ns
 from hil.common.errors import NetworkError
 from hil.common.quantiles import quantile
@@ -90,7 +90,7 @@ def check(bench: Bench, seconds: float, endpoint: str = "") -> list[Seen]:
         if spec.instrument
         for number, address in enumerate(spec.instrument.at)
     ]
-    read = [wire for wire in wires if wire.address.kind not in ("serial", "http")]
+    read = [wire for wire in wires if wire.address.kind != "serial"]
     early = [wire for wire in read if wire.ask.only_listens(wire.address)]
     readers: dict[Wire, Reader] = {}
     with ExitStack() as stack:
@@ -98,9 +98,10 @@ def check(bench: Bench, seconds: float, endpoint: str = "") -> list[Seen]:
         command = [*program(), "instruments", bench.path, "--connect", endpoint or bench.endpoint, "--sent", sent_path]
         serving = bench.start("instruments", command)
         serving.expect("Ctrl-C", READY_S)
-        for _, _, _, address, ask in wires:
+        for sensor, _, _, address, ask in wires:
             if ask.post and address.kind == "http":
-                wait_for(address, partial(fetch, address, ask.post, ask.body))
+                [port] = [readers[wire].port for wire in early if wire.sensor == sensor]
+                wait_for(address, partial(post, address, ask.post, ask.body % port))
         _open([wire for wire in read if wire not in early], readers, stack)
         _read(readers.values(), seconds, lambda: serving.running)
         if not serving.running:
@@ -128,13 +129,8 @@ def _seen(wire: Wire, reader: Reader | None, measured: Sequence[Measurement], se
     kind, target, port = wire.address
     own_ms = 1000.0 * load_instrument(wire.instrument, wire.sensor).delay_s
     seen = Seen(wire.sensor, wire.instrument, f"{kind}:{target}:{port}", seconds, own_ms)
-    if kind == "serial":
-        return seen._replace(remark="is read at the other end of its cable")
     if reader is None:
-        took_s, status, body = fetch(wire.address, wire.ask.path)
-        text = f"{status} {body.decode('utf-8', 'replace')}"
-        message = Message(f"GET {wire.ask.path}", 1, int(status >= 500 and status != 503), text)
-        return seen._replace(messages=(message,)).with_delays([1000.0 * took_s])
+        return seen._replace(remark="is read at the other end of its cable")
     frames: dict[str, list[Frame]] = {}
     for frame in split(bytes(reader.data)):
         frames.setdefault(frame.kind, []).append(frame)
@@ -142,6 +138,10 @@ def _seen(wire: Wire, reader: Reader | None, measured: Sequence[Measurement], se
         Message(name, len(found), sum(frame.ok is False for frame in found), found[-1].text)
         for name, found in frames.items()
     ]
+    seen = seen._replace(messages=tuple(messages))
+    if kind == "http":
+        pairs = zip(reader.arrivals, reader.asked, strict=False)  # an answer comes whole, before the next request
+        return seen.with_delays([(arrived_ns - asked_ns) / NS_PER_MS for (arrived_ns, _), asked_ns in pairs])
     numbers = (wire.number, UNASKED) if kind == "udp" else (wire.number,)
     here = [each for each in measured if each.name == wire.sensor and each.wire in numbers]
     ends = [total for _, total in reader.arrivals]
@@ -149,4 +149,4 @@ def _seen(wire: Wire, reader: Reader | None, measured: Sequence[Measurement], se
     delays = [(reader.arrivals[at][0] - each.measured_ns) / NS_PER_MS for each, at in arrived if at < len(ends)]
     per_byte = BITS_A_BYTE * 1000.0 / port if kind == "pty" else 0.0
     line_ms = per_byte * quantile(sorted(each.size for each in here), 0.5)
-    return seen._replace(messages=tuple(messages), line_ms=line_ms).with_delays(delays)
+    return seen._replace(line_ms=line_ms).with_delays(delays)

@@ -44,23 +44,27 @@ def test_a_slave_starts_its_instruments_and_ends_them_and_none_without(tmp_path:
         assert not [pid for pid in children_of(slave.process.pid) if "instruments" in command_line(pid)]
 
 
-def test_a_check_reads_every_wire_of_the_desk(tmp_path: Path) -> None:
-    """The wires of the preset, at ports that are free here."""
-    ports = free_ports(4)
-    at = {"dvl": "tcp", "echosounder": "udp", "scanning_sonar": "udp", "usbl": "http"}
-    places = zip(at.items(), ports, strict=True)
-    changes = [f'sensors.{name}.at="{kind}:127.0.0.1:{port}"' for (name, kind), port in places]
+def test_a_check_reads_every_wire_of_the_desk_and_of_two_3d_sonars(tmp_path: Path) -> None:
+    """The wires of the preset, and of two instruments that send to where they are told, at ports that are free here."""
+    at = {"dvl": ["tcp"], "echosounder": ["udp"], "scanning_sonar": ["udp"], "usbl": ["http"]}
+    at |= {"sonar_1": ["http", "udp"], "sonar_2": ["http", "udp"]}
+    ports = iter(free_ports(8))
+    changes = [f"sensors.sonar_{n}={{sensor='laser',rate=1,instrument='waterlinked_sonar_3d'}}" for n in (1, 2)]
+    for name, kinds in at.items():
+        changes.append(f"sensors.{name}.at={[f'{kind}:127.0.0.1:{next(ports)}' for kind in kinds]}")
     words = [word for change in changes for word in ("--set", change)]
     with Program(tmp_path, "instruments", "check", "bluerov2_desk", "--seconds", "8", "--json", *words) as check:
         assert check.wait() == 0, check.output
-        seen = {wire["sensor"]: wire for wire in json.loads(check.output)}
-    assert set(seen) == set(at)
+        wires = json.loads(check.output)
+    assert len(wires) == 8
+    seen = {wire["sensor"]: wire for wire in wires}  # of the sonars the wire of UDP, which is their last
     assert {message["kind"] for message in seen["dvl"]["messages"]} == {"velocity", "position_local"}
-    for name in ("dvl", "echosounder", "scanning_sonar"):
+    for name in ("dvl", "echosounder", "scanning_sonar", "sonar_1", "sonar_2"):
         assert seen[name]["messages"][0]["number"] > 3
         assert sum(message["bad"] for message in seen[name]["messages"]) == 0
-    assert 0.0 < seen["dvl"]["delay_p50_ms"] <= seen["dvl"]["delay_p99_ms"]
-    assert seen["dvl"]["measurements"] > 10
+    for name in ("dvl", "usbl"):
+        assert 0.0 < seen[name]["delay_p50_ms"] <= seen[name]["delay_p99_ms"]
+        assert seen[name]["measurements"] > 10
     assert seen["dvl"]["own_ms"] == 4.0
 
 
