@@ -124,9 +124,9 @@ def _http(data: bytes) -> Frame | None:
     match = HEAD.match(data)
     if not match:
         return None
-    size = match.end() + int(match[2])
-    text = f"{int(match[1])} {data[match.end() : size].decode('utf-8', 'replace')}"
-    return Frame(f"HTTP {int(match[1])}", text, not 499 < int(match[1]) != 503, size) if len(data) >= size else INCOMPLETE
+    status, size = int(match[1]), match.end() + int(match[2])
+    text = f"{status} {data[match.end() : size].decode('utf-8', 'replace')}"
+    return Frame(f"HTTP {status}", text, status < 500 or status == 503, size) if len(data) >= size else INCOMPLETE
 
 
 def _json(text: str, size: int) -> Frame:

@@ -13,8 +13,9 @@ from hil.common.text import clean, json_text
 EXAMPLES = """\
 It starts the slave and its instruments here, or only the instruments for a slave at --connect, which has
 instruments = false in [slave]. It reads the bytes by itself, asks where a driver has to ask, and checks the checksums.
-The delay is from the instant of the measurement to its last byte; "line" is the time that its bytes take on a serial
-line of that speed, "maker" the delay that the maker names. The exit code is 1 if a wire is silent or damaged.
+The delay is from the instant of the measurement to its last byte, of HTTP from the request to the last byte of the
+answer; "line" is the time that its bytes take on a serial line of that speed, "maker" the delay that the maker names.
+The exit code is 1 if a wire is silent or damaged.
 
 examples:
   uuv-hil instruments check bluerov2_desk

@@ -13,7 +13,7 @@ EXAMPLES = {
     b'{"type":"velocity","vx":1.0}\r\n': "velocity",
     bytes.fromhex("4252 0200 0600 0000 0500 a100"): "ping 6",  # ping-protocol: general_request of message 5
     bytes.fromhex("b562 0a04 0000 0e34"): "UBX 0a 04",  # a poll of MON-VER
-    b'HTTP/1.1 404 Not Found\r\nContent-Length: 2\r\n\r\n{}': "HTTP 404",
+    b"HTTP/1.1 404 Not Found\r\nContent-Length: 2\r\n\r\n{}": "HTTP 404",
     bytes.fromhex("fa03 0401 0203 04"): "",  # begins as two protocols do, and is none
 }
 
