@@ -8,6 +8,7 @@ from hil.common.clock import seconds_ns
 from hil.common.errors import ConfigError
 from hil.common.vectors import Vector3
 from hil.scenario.config import Scenario
+from sim.environment.seawater.pressure import depth_of
 from sim.environment.world import World, water_pressure
 from sim.geodesy import TangentPlane
 from sim.rotations import rotate
@@ -156,8 +157,8 @@ class SensorInputs:
 
     @property
     def depth(self) -> float:
-        """Return the depth (m) of the measured pressure in water of uniform density."""
-        return (self.pascal - STANDARD_ATMOSPHERE) / self._weight
+        """Return the depth (m) of the measured pressure in water without layers."""
+        return depth_of(self.pascal - STANDARD_ATMOSPHERE, self._weight)
 
 
 def _rotation(mounting: Mounting) -> Any:

@@ -18,6 +18,7 @@ from typing import Any, Literal, NamedTuple, Protocol
 from hil.client.client import Stamped
 from hil.common.clock import NEVER_NS
 from sim.dynamics import State
+from sim.environment.seawater.pressure import pressure_at
 from sim.sensors.mounting import Mounting
 from sim.sensors.samples import Sample, Sensor
 
@@ -42,8 +43,8 @@ class Facts(NamedTuple):
 
     `name` is the section of its sensor in the scenario, `topic` that of the sensor's samples, `model` the record of the
     sensor's keys. `origin` is latitude and longitude (degrees) of the NED frame, None if the world has none;
-    `origin_altitude` (m) the height of the surface there. `sound_speed` is the true one (m/s) at a depth (m). `memory`
-    is kept while the power is off.
+    `origin_altitude` (m) the height of the surface there. `sound_speed` is the true one (m/s) at a depth (m),
+    `pressure` (Pa) that of the water there. `memory` is kept while the power is off.
     """
 
     name: str
@@ -55,6 +56,7 @@ class Facts(NamedTuple):
     sound_speed: Callable[[float], float] = lambda _: 1500.0
     seed: int = 1
     memory: dict[str, Any] = {}  # noqa: RUF012  # the process gives each instrument its own
+    pressure: Callable[[float], float] = pressure_at
 
 
 class Scene(Protocol):

@@ -17,7 +17,7 @@ from hil.instruments.world import LiveScene, LiveWorld
 from hil.network.session import Session
 from hil.scenario.config import Scenario
 from sim.environment.seawater.water_column import SOUND_SPEED, WaterColumn
-from sim.environment.world import World, load_world
+from sim.environment.world import World, load_world, water_pressure
 
 TURN_NS = 20 * NS_PER_MS  # within which new connections, lost devices and unsent bytes are looked after
 
@@ -56,7 +56,9 @@ class Instruments:
                 spec = scenario.sensors[name]
                 kind = kind_of(scenario, name)
                 places = spec.mounting, world.origin, world.origin_altitude
-                facts = Facts(name, spec.topic, spec.model, *places, _sound_speed(world), scenario.seed, {})
+                facts = Facts(
+                    name, spec.topic, spec.model, *places, _sound_speed(world), scenario.seed, {}, water_pressure(world)
+                )
                 scene = LiveScene(self._world, spec, scenario.seed)
                 station = Station(spec.instrument, kind, facts, scene, began_ns, report, self._answer, sent)
                 stack.callback(station.close)

@@ -148,7 +148,7 @@ class Pathfinder(Instrument):
         water = int(self._values["ES"]), round(100.0 * self.settings.temperature)
         head = pack("<HH7BB2x", 0x80, number, time.year % 100, *clock, rollover & 0xFF)
         head += pack("<HHHhhHh", int(self._values["EC"]), max(0, round(10.0 * depth)), *angles, *water)
-        pressure = max(0, round(1000.0 * depth))  # daPa
+        pressure = max(0, round(0.1 * self.facts.pressure(depth)))  # daPa
         return head + pack("<20xI5x8B12x", pressure, *divmod(time.year, 100), *clock)
 
     def _bottom(self, sample: DvlSample, attitude: Quaternion, depth: float) -> bytes:

@@ -21,6 +21,7 @@ from hil.common.schema import parse
 from hil.links.contract import PWM_NEUTRAL_US, ThrusterCommand
 from hil.scenario.config import Scenario
 from hil.slave.setpoints import PoseSetpoint, Setpoint, WrenchSetpoint
+from sim.environment.seawater.pressure import ATMOSPHERE_PA, depth_of
 from sim.environment.world import World
 from sim.matrices import square
 from sim.rotations import multiply, rotate
@@ -31,9 +32,6 @@ from sim.vehicle.vehicle import Vehicle, mass_matrix
 if TYPE_CHECKING:
     from hil.autonomy.control.families import Controller
     from hil.autonomy.control.fin_control import FinAllocator
-
-# Pressure gives depth with constants of the vehicle and the world, for water of constant density, as on a real vehicle.
-ATMOSPHERE_PA = 101_325.0
 
 
 def build_pilot(scenario: Scenario, vehicle: Vehicle, control: dict[str, Any], world: World) -> "Pilot":
@@ -97,7 +95,7 @@ class Pilot:
         self._fins = vehicle.fins
         self._fin_allocator: FinAllocator | None = None
         self._neutral = (PWM_NEUTRAL_US,) * len(vehicle.channels)
-        self._water_weight = water_weight  # density times gravity, N/m3
+        self._water_weight = water_weight  # density times gravity at the surface, N/m³
         self._deadman_ns = deadman_ns
         self._imu_turn = imu.quaternion if imu.is_turned else None
         self._command: Setpoint = VelocityCommand()
@@ -133,7 +131,7 @@ class Pilot:
             self._velocity = sample.nu[:3]
             self.position = sample.position
         elif topic == "pressure":
-            self._depth = (sample.pascal - ATMOSPHERE_PA) / self._water_weight
+            self._depth = depth_of(sample.pascal - ATMOSPHERE_PA, self._water_weight)
 
     @property
     def navigation(self) -> Navigation:

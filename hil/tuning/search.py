@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 from hil.autonomy.control.allocation import pseudo_inverse
 from hil.autonomy.control.controller import AxisGains, Gains, HoldGains, gains_of
-from hil.autonomy.control.fin_control import FinGains
+from hil.autonomy.control.fin_control import DIVE_BY_PITCH, FinGains
 from hil.common.errors import ConfigError
 from hil.common.schema import parse
 from hil.master.guidance import cruising_speed
@@ -27,7 +27,7 @@ from sim.vehicle.thrusters.bank import wrench_matrix
 from sim.vehicle.vehicle import Vehicle, displaced_volume, mass_matrix
 
 LOOPS = ("surge", "sway", "heave", "roll_rate", "pitch_rate", "yaw_rate")
-_OVERSHOOT = 0.10
+_OVERSHOOT = 0.05
 _CLOSED = (1.0, 1.5, 2.2, 3.3)  # time constants of the closed loop to try, in delays
 _GAIN = 0.97  # gains are changed only if the cost is at least 3 % lower
 # Force of an identification: at most _PUSH of the axis' force, and such that the speed is reached in _PUSH_TIME s, or
@@ -38,7 +38,6 @@ _PITCH, _YAW = 4, 5
 _BY_FINS = ("surge", "yaw", "depth", "heading")
 _UNDER = ("heave", "depth", "roll", "pitch")  # what a vehicle that floats does not control
 _LIGHT = 0.03  # buoyancy beyond the weight, as a share of it, from which a vehicle floats
-_DIVE_BY_PITCH = 3.0  # gain of the pitch hold over that of the depth hold of a vehicle that dives by its pitch
 _SLOW_TURN = 0.4  # turn rate at which an identification with fins ends, as a share of the greatest
 _HOLD_TOP = 0.5  # greatest output of a hold loop, as a share of the top speed
 
@@ -183,8 +182,8 @@ class Tuner:
         for key in self._keys(axis):
             present = getattr(self.gains, key)
             if isinstance(present, HoldGains):
-                speeds = self._reach[AXES[key].loop].speed
-                p = min(20.0, 1.0 / (4.0 * time)) / (_DIVE_BY_PITCH if loop == _PITCH and key == "depth" else 1.0)
+                speeds = (inf, -inf) if loop == _PITCH else self._reach[AXES[key].loop].speed
+                p = min(20.0, 1.0 / (4.0 * time)) / (DIVE_BY_PITCH if loop == _PITCH and key == "depth" else 1.0)
                 proposed[key] = HoldGains(_short(p), _short(min(present.limit, _HOLD_TOP * min(speeds[0], -speeds[1]))))
             else:
                 proposed[key] = present._replace(**self._pi(process, time, self._force(loop) / self._inertia[loop]))
@@ -212,7 +211,7 @@ class Tuner:
 
 
 def _cost(figures: StepFigures) -> float:
-    """Return the cost to minimise. It doubles with each 10 % of overshoot beyond the first 10 %."""
+    """Return the cost to minimise. It doubles with each 10 % of overshoot beyond the first 5 %."""
     return figures.cost * float(2.0 ** (max(0.0, figures.overshoot - _OVERSHOOT) / 0.1))
 
 

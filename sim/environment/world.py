@@ -276,5 +276,7 @@ def water_pressure(world: World) -> "Callable[[float], float]":
         from sim.environment.seawater.water_column import WaterColumn
 
         return WaterColumn(world.ocean.profile, world.gravity).pressure
-    per_metre = world.density * world.gravity
-    return lambda depth: per_metre * max(0.0, depth)
+    from sim.environment.seawater.pressure import pressure_at
+
+    weight = world.density * world.gravity
+    return lambda depth: pressure_at(depth, weight)

@@ -5,10 +5,10 @@
     yaw rate, heading ────────> r ───────PI──> N  ├──> the part that the thrusters do not deliver, to the fins
     level ─────────────────P──> p ───────PI──> K  ┘
 
-The loops are those of hil/autonomy/control/controller.py. The vehicle dives by its pitch: a commanded heave is
-converted to the pitch at which forward motion gives this heave, so any planner can steer it. The force of a fin grows
-with the square of the speed, and deflections are computed for the present speed; below `least_speed` for that speed, as
-no angle would be large enough.
+The loops are those of hil/autonomy/control/controller.py. The vehicle dives by its pitch: a commanded heave or depth is
+converted to the pitch at which forward motion gives this rate of descent, so any planner can steer it. The depth loop
+is at most a quarter as fast as the pitch loop. The force of a fin grows with the square of the speed, and deflections
+are computed for the present speed; below `least_speed` for that speed, as no angle would be large enough.
 """
 
 from collections.abc import Sequence
@@ -25,7 +25,7 @@ from hil.autonomy.control.controller import (
     VelocityCommand,
     Wrench,
     clamp,
-    heave_for_depth,
+    down_in_body,
 )
 from hil.common.schema import Range
 
@@ -33,14 +33,16 @@ from hil.common.schema import Range
 _AXIS_WEIGHTS = (1e-6, 1e-6, 1e-6, 0.1, 1.0, 1.0)
 # A residual below this share of the command is rounding, and must not stop an integrator.
 _ROUNDING = 1e-6
+# The gain of the pitch hold is at least so many times that of the depth hold, which it serves.
+DIVE_BY_PITCH = 4.0
 
 
 class FinGains(NamedTuple):
     """`[control.fins]` of a vehicle's file.
 
-    `pitch_limit`: the steepest dive or climb. `climb` in 1/s: gain of the integrator that finds the trim pitch, from
-    the error of heave over the speed. `least_speed`: the slowest speed at which the fins are effective; while commanded
-    to turn, dive or move at all, the vehicle goes at least this fast.
+    `pitch_limit`: the steepest dive or climb. `climb` in 1/s: bandwidth of the filter that finds the trim pitch, from
+    the angle between the bow and the path. `least_speed`: the slowest speed at which the fins are effective; while
+    commanded to turn, dive or move at all, the vehicle goes at least this fast.
     """
 
     pitch_limit: Annotated[float, Range(0.02, 1.2, "rad")] = 0.35
@@ -84,18 +86,20 @@ class FinController(CascadedController):
         return least if moves and -least < command.surge < least else command.surge
 
     def _pitch_for(self, command: VelocityCommand, navigation: Navigation, dt: float) -> float:
-        """Return the pitch (rad) at which forward motion gives the commanded heave."""
+        """Return the pitch (rad) at which forward motion gives the commanded rate of descent."""
         limit, climb, least = self._fins
-        heave = command.heave
+        rate, hold = command.heave, self._gains.depth
         if command.depth is not None:
-            heave = heave_for_depth(command.depth, navigation, self._gains.depth)
-        u, _, w = navigation.velocity
-        error = (heave - w) / max(abs(u), least)
-        sound = abs(error) < ABSURD and abs(u) > 0.5 * least
-        if sound and not (abs(self._pitch) >= limit and self._pitch * error < 0.0):
-            self._trim = clamp(self._trim + climb * error * dt, limit)
-        steep = asin(clamp(heave / max(abs(u), least), 1.0))
-        return clamp(copysign(1.0, u) * -(steep + self._trim), limit)
+            p = min(hold.p, self._gains.pitch.p / DIVE_BY_PITCH)
+            rate = clamp(p * (command.depth - navigation.depth), hold.limit)
+        down = down_in_body(navigation.orientation)
+        u, v, w = navigation.velocity
+        speed = max(abs(u), least)
+        drift = (down[1] * v + down[2] * w) / speed  # the path's slope down beyond that of the bow
+        if abs(drift) < ABSURD and abs(u) > 0.5 * least:
+            self._trim += min(1.0, climb * dt) * (clamp(drift, limit) - self._trim)
+        steep = asin(clamp(rate / speed, 1.0)) - self._trim
+        return clamp(copysign(1.0, u) * -steep, limit)
 
 
 class FinAllocator:

@@ -14,6 +14,7 @@ from hil.instruments.lines import LineInstrument
 from hil.instruments.seatrac import messages
 from hil.instruments.seatrac.beacon import Beacon
 from hil.instruments.seatrac.messages import Cid, Cst, Place
+from sim.environment.seawater.pressure import ATMOSPHERE_PA
 from sim.environment.seawater.water_column import SOUND_SPEED
 from sim.modems.acoustic import AcousticChannel, AcousticModem
 from sim.rotations import from_euler
@@ -27,7 +28,6 @@ _DEPTH, _SUPPLY, _TEMPERATURE, _ATTITUDE, _HAS_DATA = 1, 2, 4, 8, 0x80
 _HEADER = bytes(2)  # of an acoustic message
 _LONGEST_S = 60.0  # of a message under way
 _DEEP = 1e4  # m; echoes off the bottom are left out
-_SURFACE_PA, _PA_PER_M = 101_325.0, 1.0e4
 
 
 class LinkSettings(NamedTuple):
@@ -155,7 +155,7 @@ class SeatracLink(LineInstrument):
         here = self._place(beacon, now_ns)
         if here is None:
             return None
-        pressure = _SURFACE_PA + _PA_PER_M * max(0.0, here.depth)
+        pressure = ATMOSPHERE_PA + self.facts.pressure(here.depth)
         return beacon.status(here, pressure, self.settings.temperature, now_ns)
 
     # --- exchanges

@@ -1,4 +1,5 @@
 """Sea water in layers: density, pressure, speed of sound, sound rays, and absorption.
 
-Public: `WaterColumn`, `SoundRays`, `francois_garrison`, `water_column`. It must not use the world, sensors or modems.
+Public: `WaterColumn`, `SoundRays`, `francois_garrison`, `water_column`, `pressure`. It must not use the
+world, sensors or modems.
 """

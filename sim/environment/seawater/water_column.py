@@ -4,6 +4,7 @@ from bisect import bisect_right
 from typing import TYPE_CHECKING
 
 from sim.environment.ocean import Profile
+from sim.environment.seawater.pressure import GRAVITY_SLOPE
 from sim.interpolation import PiecewiseLinear
 
 if TYPE_CHECKING:
@@ -50,10 +51,15 @@ class WaterColumn:
         return SoundRays(depths, speeds, bottom)
 
     def pressure(self, depth: float) -> float:
-        """Return the pressure (Pa) above air pressure at `depth` m: exactly the weight of the water above; 0 in air."""
+        """Return the pressure (Pa) above air pressure at `depth` m: exactly the weight of the water above; 0 in air.
+
+        Densities are those in place, with compression; gravity grows with depth.
+        """
         if depth <= 0.0:
             return 0.0
         row = min(bisect_right(self._depths, depth), len(self._pressures)) - 1
         top = self._depths[row]
-        mean = 0.5 * (self.density(top) + self.density(depth))  # exact: linear between two rows
+        # Simpson's rule is exact: density and gravity are linear between two rows.
+        parts = [(1.0, top), (4.0, 0.5 * (top + depth)), (1.0, depth)]
+        mean = sum([share * self.density(at) * (1.0 + GRAVITY_SLOPE * at) for share, at in parts]) / 6.0
         return self._pressures[row] + self._gravity * mean * (depth - top)

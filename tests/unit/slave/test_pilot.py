@@ -7,8 +7,9 @@ import pytest
 from hil.autonomy.control.controller import Gains, Navigation, VelocityCommand
 from hil.common.clock import NS_PER_MS
 from hil.common.schema import parse
-from hil.slave.pilot import ATMOSPHERE_PA, Pilot
+from hil.slave.pilot import Pilot
 from hil.slave.setpoints import Setpoint, ThrustSetpoint, WrenchSetpoint
+from sim.environment.seawater.pressure import ATMOSPHERE_PA, pressure_at
 from sim.environment.world import load_world
 from sim.rotations import from_euler
 from sim.sensors.mounting import Mounting
@@ -87,7 +88,7 @@ def test_every_command_on_the_link_has_its_own_sequence_number() -> None:
 def test_each_sensor_updates_its_part_of_the_navigation() -> None:
     pilot, attitude = new_pilot(), from_euler(0.1, -0.2, 0.3)
     assert pilot.navigation == ((1.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 0.0), 0.0)
-    pilot.update_sensor("pressure", PressureSample(0, ATMOSPHERE_PA + 5.0 * WORLD.density * WORLD.gravity))
+    pilot.update_sensor("pressure", PressureSample(0, ATMOSPHERE_PA + pressure_at(5.0, WORLD.density * WORLD.gravity)))
     pilot.update_sensor("imu", ImuSample(0, attitude, (0.1, 0.2, 0.3), (0.0, 0.0, -9.8)))
     pilot.update_sensor(
         "odom", OdometrySample(0, (7.0, 8.0, 9.0), (1.0, 0.0, 0.0, 0.0), (1.0, 2.0, 3.0, 4.0, 5.0, 6.0))

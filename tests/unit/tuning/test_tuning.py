@@ -141,6 +141,16 @@ def test_good_gains_are_left_unchanged() -> None:
     assert tuned.after == tuned.before
 
 
+@pytest.mark.parametrize("name", ["remus100", "lauv", "eca_a9", "tethys"])
+@pytest.mark.parametrize(("axis", "size"), [("depth", 1.0), ("heading", 0.8)])
+def test_a_vehicle_with_fins_dives_and_turns_without_much_overshoot(name: str, axis: str, size: float) -> None:
+    vehicle, control = load_vehicle(name)
+    figures = Tuner(name, vehicle, control)._fly(axis, size, control).figures()
+    assert figures.overshoot < 0.04
+    assert figures.settling < 20.0
+    assert abs(figures.steady) < 0.02
+
+
 def test_the_identified_process_agrees_with_the_vehicle() -> None:
     """The process of RexROV, 2.6 t with little drag, has slope 1, little damping, and a delay from lag and sensors."""
     vehicle, control = load_vehicle("rexrov")

@@ -1,13 +1,14 @@
 """Pressure under waves: linear theory, and its limit at the surface."""
 
 from itertools import pairwise
-from math import cosh, exp, pi
+from math import cosh, exp, pi, radians, sin
 from statistics import pstdev
 
 import pytest
 
 from sim.dynamics import State
 from sim.environment.ocean import Ocean, Profile, Waves
+from sim.environment.seawater.pressure import depth_of, pressure_at
 from sim.environment.waves import WaveField
 from sim.environment.world import World, water_pressure
 from sim.sensors.mounting import Mounting
@@ -21,6 +22,19 @@ SEA = World("sea", "test", (-100.0, 100.0, -100.0, 100.0), 25.0)
 SMALL = Waves(0.02, 6.0, components=1)
 ROUGH = Waves(2.0, 6.0, components=30, spread=0.4)
 TIMES = [0.31 * i for i in range(40)]
+
+
+@pytest.mark.parametrize(
+    ("north", "depth", "decibar"),
+    [(0.0, 9725.47, 1e4), (30.0, 9712.653, 1e4), (90.0, 9674.23, 1e4), (45.0, 6e3, 6134.9813), (45.0, 1e3, 1010.637)],
+)
+def test_pressure_is_that_of_published_tables(north: float, depth: float, decibar: float) -> None:
+    """UNESCO 44 (1983), table and check value, and TEOS-10 (gsw.p_from_z), for the standard ocean."""
+    sine = sin(radians(north)) ** 2
+    weight = 1028.1063 * 9.780318 * (1.0 + (5.2788e-3 + 2.36e-5 * sine) * sine)
+    assert pressure_at(depth, weight) == pytest.approx(1e4 * decibar, rel=1e-4)
+    assert depth_of(pressure_at(depth, weight), weight) == pytest.approx(depth, rel=1e-7)
+    assert pressure_at(-1.0) == 0.0
 
 
 @pytest.mark.parametrize("depth", [3.0, 25.0, 4000.0])
