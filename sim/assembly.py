@@ -85,7 +85,7 @@ def assemble(
         tether = Tether(tether_keys, world, dt, read_body, flow)
     forces = [*(equipment.forces if equipment else ()), *own_forces, *([tether] if tether else ())]
     wave_field = water.wave_field if water else None
-    dynamics = make_hull_dynamics(vehicle, world, integrator, forces, wave_field)
+    dynamics = make_hull_dynamics(vehicle, world, integrator, forces, wave_field, seed)
     thrusters = make_thrusters(vehicle, dt, failures, seed)
     impulses = import_module("sim.native.impulses" if has_native() else "sim.environment.contact.impulses")
     solvers = impulses.apply_impulses, impulses.separate
@@ -101,13 +101,22 @@ def assemble(
 
 
 def make_hull_dynamics(
-    vehicle: Vehicle, world: World, integrator: Integrator, forces: "Sequence[Force]", wave_field: "WaveField | None"
+    vehicle: Vehicle,
+    world: World,
+    integrator: Integrator,
+    forces: "Sequence[Force]",
+    wave_field: "WaveField | None",
+    seed: int,
 ) -> Dynamics:
-    """Return the equations of `vehicle` in `world` with `forces` and those of density layers and waves."""
+    """Return the equations of `vehicle` in `world` with `forces` and those of density layers, waves and wind."""
     if world.ocean and (world.ocean.profile or world.ocean.waves):
         from sim.environment.stratification import surface_and_layers
 
         forces = [*forces, *surface_and_layers(vehicle, world, wave_field)]
+    if world.wind:
+        from sim.environment.wind import WindForce
+
+        forces = [*forces, WindForce(vehicle, world.wind, wave_field, seed)]
     return make_dynamics(vehicle, world.density, world.gravity, integrator, forces)
 
 

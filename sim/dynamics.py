@@ -118,6 +118,7 @@ class Dynamics:
         forces: "Sequence[Force]" = (),
     ) -> None:
         self.others = forces
+        self._over_ground = [getattr(force, "over_ground", False) for force in forces]
         self.mass = mass_matrix(vehicle)
         self.inverse_mass = inverse(self.mass)
         self._added_mass_linear = [row[:3] for row in square(vehicle.added_mass, 6)[:3]]
@@ -218,8 +219,8 @@ class Dynamics:
     ) -> Sequence[float]:
         """Return `wrench` plus the wrenches of all additional forces."""
         nu_r = velocity_through_water(rotation, nu, current)
-        for force in self.others:
-            added = force.wrench(position, rotation, nu_r)
+        for force, over_ground in zip(self.others, self._over_ground, strict=True):
+            added = force.wrench(position, rotation, nu if over_ground else nu_r)
             wrench = [a + b for a, b in zip(wrench, added, strict=True)]
         return wrench
 

@@ -21,7 +21,8 @@ class Force(Protocol):
     """A force on the vehicle besides thrusters, weight, buoyancy and damping.
 
     `begin` is called once before each step, `wrench` once a step with Verlet, for its middle, and four times with
-    Runge-Kutta. `wrench` must depend only on its arguments and on what `begin` has set, or a run cannot be repeated.
+    Runge-Kutta. `wrench` must depend only on its arguments and on what `begin` has set, or a run cannot be repeated. A
+    force of the air has the attribute `over_ground = True`: `nu_r` is then the velocity over ground.
     """
 
     def begin(self, time_ns: int) -> None:
@@ -32,6 +33,13 @@ class Force(Protocol):
 
         `nu_r` is the velocity through the water, u v w (m/s) p q r (rad/s) along the body axes.
         """
+
+
+class Twin(Protocol):
+    """The C twin of a force that changes with time."""
+
+    def begin(self, time: float, /) -> None:
+        """Set the time, in s."""
 
 
 def buoyancy_wrench(buoyancy: Buoyancy, rotation: Rotation) -> tuple[float, float, float, float, float, float]:

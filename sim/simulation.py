@@ -72,6 +72,7 @@ class Simulation:
         self._dt_ns = dt_ns
         self._dt = dt_ns * 1e-9
         self._integrator: Integrator = integrator
+        self._seed = seed
         pose = position, from_euler(0.0, 0.0, heading)
         events = failures, forces, releases, tether
         parts = assemble(
@@ -291,7 +292,7 @@ class Simulation:
     def _drop_weight(self, weight: "DropWeight") -> None:
         """Remove `weight`. Its momentum leaves with it, so the velocity of the vehicle does not change."""
         self.vehicle = without_weight(self.vehicle, weight, self.world.density)
-        parts = self.vehicle, self.world, self._integrator, self._forces, self.wave_field
+        parts = self.vehicle, self.world, self._integrator, self._forces, self.wave_field, self._seed
         self._dynamics = make_hull_dynamics(*parts)
         self._contact.inverse_mass = self._dynamics.inverse_mass
         if self._water is not None:

@@ -17,6 +17,7 @@ from hil.schemas.convert import Converter, Schema, chosen, required, table, tabl
 from sim.environment import mesh, relief, terrain, world
 from sim.environment.ocean import Ocean
 from sim.environment.things import bottom_map, pipelines, shapes, zones
+from sim.environment.wind import Wind
 from sim.modems.acoustic import AcousticModem
 from sim.sensors.kinds import SENSORS
 from sim.sensors.mounting import Mounting
@@ -128,6 +129,7 @@ def _vehicle(converter: Converter) -> Schema:
         "meshes": tables(converter.reference(meshes.Mesh)),
         "collision": converter.reference(collision_shape.Collision),
         "hull": converter.reference(hull_form.HullForm),
+        "windage": converter.reference(hull_form.Windage),
         "lift": converter.reference(body_lift.Lift),
         "cross_flow": converter.reference(body_lift.CrossFlow),
         "fading_damping": converter.reference(body_lift.FadingDamping),
@@ -153,7 +155,8 @@ def _world(converter: Converter) -> Schema:
     by_rule = chosen({kind: _record(converter, record) for kind, record in relief.KINDS.items()})
     ground = {"anyOf": [converter.reference(terrain.StoredKeys), *by_rule["anyOf"]]}
     keys = converter.keys(world.World, {
-        "ocean": converter.reference(Ocean), "terrain": ground, "mesh": tables(converter.reference(mesh.MeshKeys)),
+        "ocean": converter.reference(Ocean), "wind": converter.reference(Wind), "terrain": ground,
+        "mesh": tables(converter.reference(mesh.MeshKeys)),
         "visual": tables(converter.reference(mesh.MeshKeys)),
         "pipeline": tables(converter.reference(pipelines.Pipeline)), "zone": tables(converter.reference(zones.Zone)),
         "bottom_map": converter.reference(bottom_map.BottomMapKeys),

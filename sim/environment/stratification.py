@@ -1,11 +1,11 @@
 """Additional buoyancy of a hull in density layers and under waves: the difference from calm, homogeneous water."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 from sim.environment.seawater.water_column import WaterColumn
 from sim.environment.world import World
-from sim.forces import Force, Wrench, buoyancy_wrench
+from sim.forces import Force, Twin, Wrench, buoyancy_wrench
 from sim.matrices import square
 from sim.rotations import Rotation
 from sim.vehicle.buoyancy import Hull
@@ -13,13 +13,6 @@ from sim.vehicle.vehicle import Vehicle
 
 if TYPE_CHECKING:
     from sim.environment.waves import WaterMotion, WaveField
-
-
-class Twin(Protocol):
-    """The C twin of a force."""
-
-    def begin(self, time: float, /) -> None:
-        """Set the time of the waves, in s."""
 
 
 class Stratified:

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from sim.environment.things.bottom_map import BottomMap
     from sim.environment.things.pipelines import Pipeline
     from sim.environment.things.zones import Zone
+    from sim.environment.wind import Wind
 
 Edge = Annotated[float, Range(-1e5, 1e5, "m")]
 Speed = Annotated[float, Range(-5.0, 5.0, "m/s")]
@@ -42,6 +43,7 @@ READERS: dict[str, Reader] = {
     "zone": reader_of("sim.environment.things.zones:Zone", many=True),
     "terrain": reader_of("sim.environment.terrain:parse_terrain"),
     "ocean": reader_of("sim.environment.ocean:Ocean"),
+    "wind": reader_of("sim.environment.wind:Wind"),
 }
 
 
@@ -51,9 +53,9 @@ class World(NamedTuple):
     `extent` is north_min, north_max, east_min, east_max in m: the area of a map, and with `walls` the position of four
     walls. `depth` is that of the flat seabed; with `terrain` the seabed has a relief, and is flat only beyond it.
     `density` is that of the water in kg/m³, `gravity` in m/s², `current` the steady, uniform velocity of the water
-    (north, east, down). `ocean` adds currents that change, waves and density layers. `origin` is the latitude and
-    longitude in degrees (WGS 84) at which north and east are 0, and `origin_altitude` (m) the height of the water's
-    mean surface above the ellipsoid there.
+    (north, east, down). `ocean` adds currents that change, waves and density layers, `wind` pushes what is above the
+    water. `origin` is the latitude and longitude in degrees (WGS 84) at which north and east are 0, and
+    `origin_altitude` (m) the height of the water's mean surface above the ellipsoid there.
     `magnetic_field` is the earth's: intensity in tesla, inclination (down positive) and declination (east positive) in
     rad. If left out it is that of the World Magnetic Model at the origin, and without an origin about that of central
     Europe (sim/environment/geomagnetism.py).
@@ -82,6 +84,7 @@ class World(NamedTuple):
     bottom: Bottom | None = None
     zones: str = ""
     ocean: "Ocean | None" = None  # READERS read this and the following sections
+    wind: "Wind | None" = None
     terrain: "Terrain | None" = None
     mesh: "tuple[MeshObstacle, ...]" = ()
     visual: "tuple[MeshObstacle, ...]" = ()

@@ -1,5 +1,5 @@
 /* The forces of a vehicle's equipment and of waves at its hull in C, equal to the last bit to sim/vehicle/body_lift.py,
- * fins.py, ballast.py, servos.py and sim/environment/stratification.py.
+ * fins.py, ballast.py, servos.py, sim/environment/stratification.py and wind.py.
  *
  * It uses the same functions of the C library as Python, see waves.h. This file does not use the Python API.
  */
@@ -10,7 +10,7 @@
 #include "body.h"
 #include "waves.h"
 
-enum { HULL_LIFT, CROSS_FLOW, SPEED_DAMPING, SLOW_DAMPING, FINS, BLADDER, WAVY_SURFACE, FORCE_KINDS };
+enum { HULL_LIFT, CROSS_FLOW, SPEED_DAMPING, SLOW_DAMPING, FINS, BLADDER, WAVY_SURFACE, WIND, FORCE_KINDS };
 
 typedef struct {
     double value, target, gain, max_change;
@@ -22,7 +22,7 @@ typedef struct {
     long count, servo_count;
     double *numbers;
     Servo *servos;
-    const Waves *wave_field; /* only for a WAVY_SURFACE */
+    const Waves *wave_field; /* of a WAVY_SURFACE, and of a WIND over waves */
     double time;
 } Force;
 
@@ -59,7 +59,11 @@ typedef struct {
     double calm_depth, gravity, slender[3], second[3], added[3], linear[3], quadratic[3];
 } WavySurface;
 
-/* How many numbers a kind has: `first`, plus `each` once or more. */
+typedef struct {
+    double frontal, lateral, coupling, center[3], height, turn, north, east, speed, gusts[][3];
+} WindForce;
+
+/* How many numbers a kind has: `first`, plus `each` once or more; a WIND may have no gusts. */
 static const struct {
     long first, each;
 } force_sizes[FORCE_KINDS] = {
@@ -70,6 +74,7 @@ static const struct {
     [FINS] = {0, sizeof(Fin) / sizeof(double)},
     [BLADDER] = {sizeof(Bladder) / sizeof(double), 0},
     [WAVY_SURFACE] = {sizeof(WavySurface) / sizeof(double), 0},
+    [WIND] = {sizeof(WindForce) / sizeof(double), 3},
 };
 
 /* Returns 1 if the force has as many numbers and servos as its kind needs. */
@@ -79,9 +84,10 @@ static int force_is_complete(const Force *force)
         return 0;
     long first = force_sizes[force->kind].first, each = force_sizes[force->kind].each, rest = force->count - first;
     long servos = force->kind == FINS ? force->count / each : force->kind == BLADDER;
-    if (each == 0 ? rest != 0 : rest < each || rest % each != 0)
+    if (each == 0 ? rest != 0 : rest < (force->kind == WIND ? 0 : each) || rest % each != 0)
         return 0;
-    return force->servo_count == servos && (force->kind == WAVY_SURFACE) == (force->wave_field != NULL);
+    return force->servo_count == servos
+           && (force->kind == WIND || (force->kind == WAVY_SURFACE) == (force->wave_field != NULL));
 }
 
 static void step_servos(Force *force)
@@ -318,34 +324,68 @@ static void wavy_surface_force(const Force *force, const Body *body, const doubl
     }
 }
 
-/* The wrench of one force; arguments as in sim/forces.py, `nu` through the water. */
+/* WindForce.wrench */
+static void wind_force(const Force *force, const double *position, const double *rotation, const double *nu, double *out)
+{
+    const WindForce *wind = (const WindForce *)force->numbers;
+    double x = wind->center[0], y = wind->center[1], z = wind->center[2], depth = position[2], speed = wind->speed;
+    long gusts = (force->count - force_sizes[WIND].first) / force_sizes[WIND].each;
+    for (int i = 0; i < 6; i++)
+        out[i] = 0.0;
+    if (force->wave_field != NULL)
+        depth = depth + surface(force->wave_field, force->time, position[0], position[1]);
+    double share = 0.5 - (depth + rotation[6] * x + rotation[7] * y + rotation[8] * z) / wind->height;
+    if (!(share > 0.0))
+        return;
+    share = share < 1.0 ? share : 1.0;
+    for (long i = 0; i < gusts; i++)
+        speed += wind->gusts[i][0] * cos(wind->gusts[i][1] * force->time + wind->gusts[i][2]);
+    double u = speed * (rotation[0] * wind->north + rotation[3] * wind->east) - nu[0];
+    double v = speed * (rotation[1] * wind->north + rotation[4] * wind->east) - nu[1];
+    double size = sqrt(u * u + v * v);
+    if (size == 0.0)
+        return;
+    double ahead = u / size, aside = v / size;
+    double factor = share * size / (1.0 - wind->coupling * (ahead * aside) * (ahead * aside));
+    double surge = factor * wind->frontal * u, sway = factor * wind->lateral * v;
+    ahead = ahead < 1.0 ? ahead : 1.0;
+    x -= wind->turn * asin(ahead > -1.0 ? ahead : -1.0);
+    z -= 0.5 * (1.0 - share) * wind->height;
+    out[0] = surge, out[1] = sway;
+    out[3] = -z * sway, out[4] = z * surge, out[5] = x * sway - y * surge;
+}
+
+/* The wrench of one force; arguments as in sim/forces.py, `nu_r` through the water, `nu` over ground. */
 static void force_wrench(const Force *force, const Body *body, const double *position, const double *rotation,
-                         const double *nu, double *out)
+                         const double *nu_r, const double *nu, double *out)
 {
     const void *numbers = force->numbers;
-    double speed = -fabs(nu[0]);
+    double speed = -fabs(nu_r[0]);
     switch (force->kind) {
     case HULL_LIFT:
-        hull_lift_force(numbers, nu, out);
+        hull_lift_force(numbers, nu_r, out);
         break;
     case CROSS_FLOW:
-        cross_flow_force(numbers, (force->count - force_sizes[CROSS_FLOW].first) / 2, nu, out);
+        cross_flow_force(numbers, (force->count - force_sizes[CROSS_FLOW].first) / 2, nu_r, out);
         break;
     case SPEED_DAMPING:
-        times(numbers, nu, out);
+        times(numbers, nu_r, out);
         for (int i = 0; i < 6; i++)
             out[i] = speed * out[i];
         break;
     case SLOW_DAMPING:
-        slow_damping_force(numbers, nu, out);
+        slow_damping_force(numbers, nu_r, out);
         break;
     case FINS:
-        fins_force(numbers, force->servos, force->servo_count, nu, out);
+        fins_force(numbers, force->servos, force->servo_count, nu_r, out);
         break;
     case BLADDER:
         bladder_force(numbers, force->servos[0].value, rotation, out);
         break;
+    case WAVY_SURFACE:
+        wavy_surface_force(force, body, position, rotation, nu_r, out);
+        break;
     default:
-        wavy_surface_force(force, body, position, rotation, nu, out);
+        wind_force(force, position, rotation, nu, out);
     }
 }

@@ -1,4 +1,4 @@
-"""Make the C twins of the forces of equipment and waves (sim/native/forces.h). Loaded only if a vehicle has one."""
+"""Make the C twins of the forces of equipment, waves and wind (sim/native/forces.h). Loaded when needed."""
 
 from collections.abc import Sequence
 from struct import pack
@@ -17,6 +17,7 @@ KINDS = (
     "sim.vehicle.fins:FinSet",
     "sim.vehicle.ballast:Bladder",
     "sim.environment.stratification:WavySurface",
+    "sim.environment.wind:WindForce",
 )
 MAX_FORCES = 8
 
@@ -53,6 +54,6 @@ def _make_twin(force: Any, kind: type[Twin]) -> Twin:
     twin: Twin = make(KINDS.index(_kind(force)), *packed, wave_field and wave_field.twin)
     if servos is not None:
         attributes["servos"] = twin
-    if wave_field is not None:
+    if "twin" in attributes:
         attributes["twin"] = twin
     return twin

@@ -133,7 +133,7 @@ static void acceleration(const Model *model, const double *position, const doubl
     for (int i = 0; i < 6; i++)
         wrench[i] = thrust[i];
     for (int i = 0; i < model->count; i++) {
-        force_wrench(model->forces[i], body, position, rotation, nu_r, force);
+        force_wrench(model->forces[i], body, position, rotation, nu_r, nu, force);
         for (int axis = 0; axis < 6; axis++)
             wrench[axis] = wrench[axis] + force[axis];
     }

@@ -1,11 +1,17 @@
-"""The form of a hull, for its buoyancy at the surface: a closed surface of triangles.
+"""The form of a hull, for its buoyancy at the surface: a closed surface of triangles; and its area for the wind.
 
 [hull]                                   # a table of the vehicle's file
 file = "hull.stl"                        # closed, beside the vehicle's file, or
 boxes = [[0.0, -0.4, 0.0, 2.0, 0.2, 0.3], [0.0, 0.4, 0.0, 2.0, 0.2, 0.3]]     # centre and size: a catamaran
 
-Without it the hull is a box of the vehicle's `dimensions`. A hull of which only the water plane is known is a box with
-the length and width that have its second moments.
+[windage]                                # all that can be above the water
+frontal_area = 0.35
+lateral_area = 0.8
+center = [0.0, 0.0, -0.3]
+height = "0.6 m"
+
+Without [hull] the hull is a box of the vehicle's `dimensions`. A hull of which only the water plane is known is a box
+with the length and width that have its second moments.
 """
 
 from array import array
@@ -21,6 +27,8 @@ MAX_BYTES = 8 << 20
 _SOLID = b"solid"
 Coordinate = Annotated[float, Range(-50.0, 50.0, "m")]
 Length = Annotated[float, Range(0.001, 100.0, "m")]
+Area = Annotated[float, Range(1e-4, 1000.0, "m²")]
+Coefficient = Annotated[float, Range(0.05, 5.0)]
 Box = tuple[Coordinate, Coordinate, Coordinate, Length, Length, Length]
 Triangle = Sequence[float]  # three corners (m), counterclockwise seen from outside
 
@@ -45,6 +53,22 @@ class HullForm(NamedTuple):
     def validate(self) -> str | None:
         """Return what is wrong with the combination of the keys, or None."""
         return None if bool(self.file) != bool(self.boxes) else "give either file or boxes"
+
+
+class Windage(NamedTuple):
+    """What of a vehicle the wind can reach: areas seen from ahead and from the side, all of it out of the water.
+
+    `center` is the centroid of the side area, in body axes, `height` its extent from the lower to the upper edge. The
+    drag coefficients and the `coupling` of the two directions are Blendermann's of a speed boat.
+    """
+
+    frontal_area: Area
+    lateral_area: Area
+    center: tuple[Coordinate, Coordinate, Coordinate]
+    height: Length
+    frontal_drag: Coefficient = 0.55
+    lateral_drag: Coefficient = 0.9
+    coupling: Annotated[float, Range(0.0, 1.0)] = 0.6
 
 
 def make_triangles(form: HullForm | None, dimensions: Sequence[float]) -> list[Triangle]:

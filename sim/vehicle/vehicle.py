@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from sim.vehicle.body_lift import CrossFlow, FadingDamping, Lift
     from sim.vehicle.collision_shape import Collision
     from sim.vehicle.fins import Fin
-    from sim.vehicle.hull_form import HullForm
+    from sim.vehicle.hull_form import HullForm, Windage
     from sim.vehicle.meshes import Mesh
 
 __all__ = [
@@ -72,6 +72,7 @@ READERS: dict[str, Reader] = {
     "meshes": reader_of("sim.vehicle.meshes:Mesh", many=True),
     "collision": reader_of("sim.vehicle.collision_shape:Collision"),
     "hull": reader_of("sim.vehicle.hull_form:HullForm"),
+    "windage": reader_of("sim.vehicle.hull_form:Windage"),
     "accessories": reader_of("sim.vehicle.accessories:AccessoryKeys"),
 }
 DENSITIES = (50.0, 20_000.0)  # kg/m³: outside of these, mass or volume is in another unit
@@ -92,8 +93,8 @@ class Vehicle(NamedTuple):
     `battery` supplies those thrusters whose curve has a current (sim/vehicle/battery.py); without a battery the supply
     voltage is constant.
     `meshes` are used in pictures only (sim/vehicle/meshes.py). `collision` is the shape for contacts, with friction and
-    restitution (sim/vehicle/collision_shape.py); the shape follows from `dimensions` if left out. `hull` is the form
-    that floats (sim/vehicle/hull_form.py), a box of these dimensions if left out.
+    restitution (sim/vehicle/collision_shape.py), `hull` the form that floats (sim/vehicle/hull_form.py), `windage` what
+    the wind can reach; each is a box of `dimensions`, or follows from them, if left out.
     The vehicle counts as capsized if it is tilted from the vertical by more than `capsize_tilt` (rad, pi: never).
     `accessories` are lights, camera tilt and gripper (sim/vehicle/accessories.py).
     `fins` and the keys of equipment are described in sim/vehicle/equipment.py; mass, volume and inertia include the
@@ -127,6 +128,7 @@ class Vehicle(NamedTuple):
     meshes: "tuple[Mesh, ...]" = ()
     collision: "Collision | None" = None
     hull: "HullForm | None" = None
+    windage: "Windage | None" = None
     accessories: "AccessoryKeys | None" = None
 
     @property

@@ -21,7 +21,7 @@ from hil.network.settings import Network
 from hil.scenario import autopilot_records, config, fleet_records, mavlink_records, modem_records, records
 from hil.scenario.instrument_records import InstrumentFaults, InstrumentKeys
 from sim import tether
-from sim.environment import bottom, mesh, obstacles, ocean, relief, terrain, world
+from sim.environment import bottom, mesh, obstacles, ocean, relief, terrain, wind, world
 from sim.environment.things import bottom_map, pipelines, shapes, zones
 from sim.modems.acoustic import AcousticModem
 from sim.sensors.error import ErrorModel
@@ -171,6 +171,7 @@ def vehicle_file() -> str:
         "buoyancy_engine": "table, [`buoyancy_engine`](#buoyancy_engine)",
         "accessories": "table, [`accessories`](#accessories)",
         "collision": "table, [`collision`](#collision)", "hull": "table, [`hull`](#hull)",
+        "windage": "table, [`windage`](#windage)",
         "thrusters": "tables, [`thrusters`](#thrusters)",
     }  # fmt: skip
     sections = [
@@ -191,6 +192,7 @@ def vehicle_file() -> str:
         Section("accessories", accessories.AccessoryKeys),
         Section("collision", collision_shape.Collision, shown_types={"spheres": "array of arrays of 4 numbers, in m"}),
         Section("hull", hull_form.HullForm, shown_types={"boxes": "array of arrays of 6 numbers, in m"}),
+        Section("windage", hull_form.Windage),
         Section("meshes", meshes.Mesh),
         Section("control", controller.Gains, "Gains of the cascade. `family` chooses another law, `\"module:Class\"` "
                 "with its keys in `[control.options]`."),
@@ -207,6 +209,7 @@ def world_file() -> str:
     linked = {
         "bottom": "table, [`bottom`](#bottom)",
         "ocean": "table, [`ocean`](#ocean)",
+        "wind": "table, [`wind`](#wind)",
         "terrain": "table, [`terrain`](#terrain-from-a-file)",
         "mesh": "tables, [`mesh`](#mesh)",
         "visual": "tables, [`mesh`](#mesh)",
@@ -232,6 +235,7 @@ def world_file() -> str:
         Section("ocean", ocean.Ocean),
         *[Section(record.__name__, record) for record in (
             ocean.Layers, ocean.GaussMarkov, ocean.Tide, ocean.Series, ocean.Profile, ocean.Waves)],
+        Section("wind", wind.Wind),
     ]  # fmt: skip
     return _page("World file", "A world file has the seabed, the obstacles and the motion of the water. "
                  "Positions are NED. " + _presets("sim/worlds"), sections)  # fmt: skip

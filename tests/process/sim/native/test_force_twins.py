@@ -1,4 +1,4 @@
-"""Fins, hull lift, damping, ballast and waves in C give bit for bit the numbers of Python."""
+"""Fins, hull lift, damping, ballast, waves and wind in C give bit for bit the numbers of Python."""
 
 import gc
 import random
@@ -11,6 +11,7 @@ import pytest
 from sim.dynamics import Dynamics, Integrator, State
 from sim.environment.ocean import GaussMarkov, Ocean, Waves
 from sim.environment.water import SampledWaves
+from sim.environment.wind import Wind
 from sim.environment.world import World
 from sim.forces import Force
 from sim.native import NativeDynamics
@@ -34,9 +35,11 @@ pytestmark = pytest.mark.usefixtures("native")
 REMUS, TETHYS, BLUEROV = (load_vehicle(name)[0] for name in ("remus100", "tethys", "bluerov2"))
 EXTENT = (-500.0, 500.0, -500.0, 500.0)
 SWELL = Waves(1.5, 6.0, spread=0.3, components=20)
-CALM = World("calm", "test", EXTENT, 60.0, current=(0.1, -0.05, 0.02))
-ROUGH = CALM._replace(depth=12.0, ocean=Ocean(waves=SWELL))
-MIXED = ROUGH._replace(ocean=Ocean(waves=SWELL, gauss_markov=GaussMarkov((0.1, 0.1, 0.0), 60.0)))
+CALM = World("calm", "test", EXTENT, 60.0, current=(0.1, -0.05, 0.02), wind=Wind(8.0, -1.0))
+ROUGH = CALM._replace(depth=12.0, ocean=Ocean(waves=SWELL), wind=None)
+MIXED = ROUGH._replace(
+    ocean=Ocean(waves=SWELL, gauss_markov=GaussMarkov((0.1, 0.1, 0.0), 60.0)), wind=Wind(15.0, 2.0, gusts=0.2)
+)
 MOTIONS = (0.0, 1e-9, 0.01, 0.5, 3.0, 30.0)
 
 
@@ -51,8 +54,8 @@ def ride(
     return Ride(twins(monkeypatch, world, vehicle, integrator, position=position, dt_ns=10_000_000))
 
 
-VEHICLES = ("bluerov2", "eca_a9", "lauv", "remus100", "tethys")
-WORLDS = {"calm": CALM, "waves": ROUGH, "waves and current": MIXED}
+VEHICLES = ("bluerov2", "eca_a9", "lauv", "otter", "remus100", "tethys")
+WORLDS = {"wind": CALM, "waves": ROUGH, "waves, current and gusts": MIXED}
 # Each vehicle in each world, each integrator with each vehicle and in each world.
 STEP_CASES: list[tuple[str, str, Integrator]] = [
     (name, world, "rk4" if (row + column) % 2 else "verlet")
