@@ -95,10 +95,10 @@ def run_tests(
         return second, sorted({*first} - {*second})
 
 
-def run_part(name: str, jobs: int | None, seed: int, again: int = MAX_SECOND) -> Outcome:
+def run_part(name: str, jobs: int | None, seed: int, again: int = MAX_SECOND, results: str = "") -> Outcome:
     """Run a part by its name; `jobs`: number of tests at a time, if they do not run one after the other.
 
-    At most `again` failed tests run once more.
+    At most `again` failed tests run once more. The outcomes of the first attempts go to a file in `results`, "" none.
     """
     check, began = PARTS[name], time.monotonic()
     failed = [" ".join(command) for command in check.modules if run(command)]
@@ -106,6 +106,7 @@ def run_part(name: str, jobs: int | None, seed: int, again: int = MAX_SECOND) ->
     if check.tests:
         apart = ["-n", str(jobs or check.at_once * (os.cpu_count() or 1)), *PARALLEL] if check.at_once else []
         random = [f"--hypothesis-seed={seed}"] if name == "search" else []
+        apart += [f"--junitxml={results}/{name}.xml"] if results else []
         failed, passed_alone = run_tests([*check.tests, *random], apart, again=again if check.again else 0)
     return Outcome(time.monotonic() - began, failed, passed_alone)
 
@@ -128,6 +129,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="tools.check", description="Run parts of the check, by default all.")
     parser.add_argument("parts", nargs="*", metavar="PART", help=f"of {', '.join(PARTS)}")
     parser.add_argument("--jobs", type=int, help="tests that run at a time, by default two or four on each processor")
+    parser.add_argument("--results", default="", metavar="FOLDER", help="keep the outcomes, for tools.reference")
     parser.add_argument("--seed", type=int, default=1, help="of the random search")
     options = parser.parse_args(arguments)
     if unknown := [name for name in options.parts if name not in PARTS]:
@@ -135,7 +137,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     outcomes: dict[str, Outcome] = {}
     again = MAX_SECOND
     for name in options.parts or PARTS:
-        outcomes[name] = run_part(name, options.jobs, options.seed, again)
+        outcomes[name] = run_part(name, options.jobs, options.seed, again, options.results)
         again -= len(outcomes[name].passed_alone)
     print(f"\n{summary(outcomes)}", flush=True)
     return int(any(outcome.failed for outcome in outcomes.values()))

@@ -39,7 +39,7 @@ def markdown(rows: Sequence[Row]) -> str:
     """Return the tables, one for each kind of fault."""
     lines: list[str] = []
     for room in dict.fromkeys(row.room for row in rows):
-        lines += [f"### {room.capitalize()}", "", f"| {' | '.join(COLUMNS)} |", "|---|---|--:|--:|--:|--:|---|---|"]
+        lines += [f"## {room.capitalize()}", "", f"| {' | '.join(COLUMNS)} |", "|---|---|--:|--:|--:|--:|---|---|"]
         lines += [f"| {' | '.join(_cells(row))} |" for row in rows if row.room == room]
         lines.append("")
     return "\n".join(lines)

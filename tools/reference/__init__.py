@@ -1,6 +1,6 @@
 """The reference pages of the documentation, made from the code: `python -m tools.reference` writes docs/reference."""
 
-from tools.reference import commands, diagnostics, files, instruments, mavlink, sensors, stm32, topics
+from tools.reference import commands, diagnostics, faults, files, instruments, mavlink, sensors, status, stm32, topics
 
 
 def pages() -> dict[str, str]:
@@ -10,8 +10,10 @@ def pages() -> dict[str, str]:
         "commands": commands.page(),
         "topics": topics.page(),
         "diagnostics": diagnostics.page(),
+        "faults": faults.page(),
         "instruments": instruments.page(),
         "mavlink": mavlink.page(),
         "sensors": sensors.page(),
+        "status": status.page(),
         "stm32": stm32.page(),
     }

@@ -67,7 +67,7 @@ def test_more_failures_than_second_attempts_are_left_fail_at_once(tmp_path: Path
 def test_a_whole_run_has_two_second_attempts(monkeypatch: pytest.MonkeyPatch) -> None:
     left = []
 
-    def run_part(name: str, jobs: int | None, seed: int, again: int) -> check.Outcome:
+    def run_part(name: str, jobs: int | None, seed: int, again: int, _: str) -> check.Outcome:
         left.append(again)
         return check.Outcome(0.0, [], ["one"] * (name != "lint"))
 
