@@ -1,7 +1,5 @@
 """Missions of the MAVLink gateway: uploaded, read back, flown."""
 
-from typing import Any
-
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
 
@@ -37,43 +35,12 @@ def test_item_zero_is_a_waypoint_for_a_generic_autopilot() -> None:
     assert bench.partner.command(dialect.MAV_CMD_MISSION_START) == ACCEPTED
 
 
-@pytest.mark.parametrize(
-    ("row", "result"),
-    [
-        ((LOCAL, 18, 0.0, 0.0, 0.0), dialect.MAV_MISSION_UNSUPPORTED),
-        ((10, 16, 0.0, 0.0, 0.0), dialect.MAV_MISSION_UNSUPPORTED_FRAME),
-        ((6, 16, 99e3, 0.0, 0.0), dialect.MAV_MISSION_INVALID_PARAM5_X),
-        ((LOCAL, 16, 0.0, 0.0, float("nan")), dialect.MAV_MISSION_INVALID),
-        ((LOCAL, 177, 0.0, 0.0, 0.0, 9.0, 1.0), dialect.MAV_MISSION_INVALID_PARAM1),
-        ((LOCAL, 177, 0.0, 0.0, 0.0, 0.0, 1001.0), dialect.MAV_MISSION_INVALID_PARAM1),
-        ((LOCAL, 178, 0.0, 0.0, 0.0, 0.0, float("nan")), dialect.MAV_MISSION_INVALID_PARAM2),
-    ],
-)
-def test_items_that_cannot_be_flown_are_refused(row: tuple[Any, ...], result: int) -> None:
-    bench = Bench()
-    rows = [HOME_ROW, row]
-    assert upload_mission(bench.partner, rows) == result
-    assert bench.core.flight.total == 0
-
-
 def test_global_positions_need_an_origin() -> None:
     bench = Bench(origin=None)
     rows = [HOME_ROW, (6, 16, 45e3, 10e3, -2.0)]
     assert upload_mission(bench.partner, rows) == dialect.MAV_MISSION_INVALID_PARAM5_X
     bench.partner.send(dialect.MAVLink_set_gps_global_origin_message(1, round(45e7), round(10e7), 0))
     assert upload_mission(bench.partner, rows) == dialect.MAV_MISSION_ACCEPTED
-
-
-def test_a_stalled_upload_is_requested_again_and_then_abandoned() -> None:
-    bench = Bench()
-    bench.partner.send(dialect.MAVLink_mission_count_message(1, 1, 2, 0))
-    assert len(bench.partner.take_messages("MISSION_REQUEST_INT")) == 1
-    bench.run(2.0)
-    for kind in ("MISSION_REQUEST", "MISSION_REQUEST_INT"):  # scripts know one of them
-        assert 2 <= len(bench.partner.take_messages(kind)) <= 3
-    bench.run(3.0)
-    assert [ack.type for ack in bench.partner.take_messages("MISSION_ACK")] == [dialect.MAV_MISSION_OPERATION_CANCELLED]
-    assert upload_mission(bench.partner, [HOME_ROW]) == dialect.MAV_MISSION_ACCEPTED
 
 
 def test_an_item_that_skips_a_number_is_not_taken_for_the_next_one() -> None:
@@ -88,21 +55,6 @@ def test_an_item_that_skips_a_number_is_not_taken_for_the_next_one() -> None:
     for index, north in rows.items():
         send(dialect.MAVLink_mission_request_int_message(1, 1, index, 0))
         assert bench.partner.take_messages("MISSION_ITEM_INT")[0].x == north
-
-
-def test_unsupported_mission_requests_are_answered() -> None:
-    bench = Bench()
-    other = bench.add_partner(system=254)
-    send, take_messages = bench.partner.send, bench.partner.take_messages
-    send(dialect.MAVLink_mission_request_message(1, 1, 1, 0))
-    assert take_messages("MISSION_ACK")[0].type == dialect.MAV_MISSION_INVALID_SEQUENCE
-    send(dialect.MAVLink_mission_count_message(1, 1, 3, dialect.MAV_MISSION_TYPE_FENCE))
-    assert take_messages("MISSION_ACK")[0].type == dialect.MAV_MISSION_UNSUPPORTED
-    send(dialect.MAVLink_mission_count_message(1, 1, 60_000, 0))
-    assert take_messages("MISSION_ACK")[0].type == dialect.MAV_MISSION_NO_SPACE
-    send(dialect.MAVLink_mission_count_message(1, 1, 2, 0))
-    other.send(dialect.MAVLink_mission_count_message(1, 1, 2, 0))
-    assert other.take_messages("MISSION_ACK")[0].type == dialect.MAV_MISSION_DENIED
 
 
 def test_a_mission_is_flown_item_by_item() -> None:
@@ -163,11 +115,3 @@ def test_auto_mode_needs_a_mission() -> None:
     assert bench.partner.command(dialect.MAV_CMD_DO_SET_MODE, 1, Mode.AUTO) != ACCEPTED
     bench.run(0.1)
     assert "no mission" in bench.partner.texts()
-
-
-def test_endless_jumps_do_not_hang() -> None:
-    bench = Bench()
-    upload_mission(bench.partner, [HOME_ROW, (LOCAL, 201, 0, 0, 0.0), (LOCAL, 177, 0, 0, 0.0, 1.0, -1.0)])
-    bench.arm(Mode.AUTO)
-    bench.run(1.0)
-    assert bench.core.pilot.armed

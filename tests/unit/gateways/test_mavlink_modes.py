@@ -55,22 +55,6 @@ def test_an_invalid_stick_value_counts_as_centred() -> None:
     assert bench.vehicle.commands[-1] == NEUTRAL
 
 
-def test_the_first_of_two_joysticks_commands_until_it_is_silent() -> None:
-    bench = Bench()
-    other = bench.add_partner(system=254)
-    bench.arm()
-
-    def tick_both() -> None:
-        bench.partner.sticks(x=1000)
-        other.sticks(x=-1000)
-
-    bench.run(1.0, tick_both)
-    assert bench.vehicle.pushed()[0] > 0.0
-    assert bench.core.pilot.joystick.refused > 40
-    bench.run(1.0, lambda: other.sticks(x=-1000))
-    assert bench.vehicle.pushed()[0] < 0.0
-
-
 def test_stale_stick_messages_are_ignored() -> None:
     bench = Bench()
     bench.arm()
@@ -168,17 +152,6 @@ def test_targets_are_limited_in_depth() -> None:
     assert bench.vehicle.depth <= 5.01
 
 
-def test_arming_waits_for_the_slave_and_fails_with_a_reason() -> None:
-    bench = Bench()
-    bench.vehicle.refused = "uuv1 is commanded by another master"
-    assert bench.partner.command(ARM, 1) is None
-    assert bench.vehicle.armed_calls == [True]
-    bench.run(2.5)
-    assert [ack.result for ack in bench.partner.take_messages("COMMAND_ACK")] == [FAILED]
-    assert "is commanded by another master" in bench.partner.texts()
-    assert not bench.core.pilot.armed
-
-
 def test_delayed_arming_is_acknowledged_once_the_slave_accepts() -> None:
     bench = Bench()
     bench.vehicle.refused = "uuv1 is disarmed"
@@ -230,17 +203,6 @@ def test_without_a_ground_station_there_is_no_failsafe() -> None:
     bench.arm()
     bench.run(10.0)
     assert bench.core.pilot.armed
-
-
-def test_a_lost_vehicle_sends_no_heartbeat_and_is_disarmed() -> None:
-    bench = Bench()
-    bench.arm()
-    bench.vehicle.is_present = False
-    bench.run(1.0)
-    bench.partner.received.clear()
-    bench.run(4.0)
-    assert bench.partner.take_messages("HEARTBEAT") == []
-    assert not bench.core.pilot.armed
 
 
 def test_a_leak_is_reported_and_surfaces_the_vehicle_if_configured() -> None:

@@ -29,14 +29,6 @@ def test_every_command_is_acknowledged() -> None:
     assert [ack.result for ack in bench.partner.take_messages("COMMAND_ACK")] == [UNSUPPORTED]
 
 
-def test_commands_to_other_systems_are_not_acknowledged() -> None:
-    bench = Bench()
-    bench.partner.send(dialect.MAVLink_command_long_message(7, 1, 400, 0, 1, 0, 0, 0, 0, 0, 0))
-    bench.partner.send(dialect.MAVLink_command_long_message(1, 154, 400, 0, 1, 0, 0, 0, 0, 0, 0))
-    assert bench.partner.received == []
-    assert not bench.core.pilot.armed
-
-
 def test_all_parameters_are_sent_once_with_their_indices() -> None:
     bench = Bench()
     bench.partner.send(dialect.MAVLink_param_request_list_message(1, 1))

@@ -1,0 +1,279 @@
+"""Commands, sticks and packets of the MAVLink vehicle: what each is limited to, and who may send it."""
+
+from math import nan, pi, radians
+from typing import Any
+
+import pytest
+from pymavlink.dialects.v20 import ardupilotmega as dialect
+
+from hil.common.clock import NS_PER_S
+from hil.gateways.mavlink.flight.modes import Mode, mode_of
+from hil.gateways.mavlink.flight.sticks import CENTRED, Joystick, Sticks
+from hil.gateways.mavlink.flight.targets import Target
+from hil.links.contract import Counters
+from hil.links.mavlink.stream import MavlinkStream
+from tests.support.clients.mavlink_vehicle import Bench
+
+ACCEPTED, REJECTED, DENIED, UNSUPPORTED, FAILED = range(5)
+MODE, LASTS_NS = dialect.MAV_CMD_DO_SET_MODE, NS_PER_S
+
+
+def int_command(bench: Bench, frame: int, *params: Any, command: int = dialect.MAV_CMD_DO_REPOSITION) -> int:
+    bench.partner.take_messages("COMMAND_ACK")
+    bench.partner.send(dialect.MAVLink_command_int_message(1, 1, frame, command, 0, 0, *params))
+    return int(bench.partner.take_messages("COMMAND_ACK")[-1].result)
+
+
+@pytest.mark.parametrize(
+    ("params", "frame", "result", "speed", "heading", "place"),
+    [
+        ((-1.0, 1.0, 0.0, nan, 450000000, 100000000, -4.0), 0, ACCEPTED, None, None, (0.0, 0.0, 4.0)),
+        ((1.5, 1.0, 0.0, 90.0, 450000000, 100000000, -4.0), 0, ACCEPTED, 1.5, 0.5 * pi, (0.0, 0.0, 4.0)),
+        ((9.0, 1.0, 0.0, nan, 450000000, 100000000, 3.0), 0, ACCEPTED, 5.0, None, (0.0, 0.0, 0.0)),
+        ((0.0, 1.0, 0.0, nan, 450000000, 100000000, nan), 0, ACCEPTED, None, None, (0.0, 0.0, 2.0)),
+        ((nan, 3.0, 0.0, nan, 450000000, 100000000, -4.0), 3, ACCEPTED, None, None, (0.0, 0.0, 4.5)),
+        ((1.0, 1.0, 0.0, nan, 450000000, 100000000, -4.0), 1, DENIED, None, None, None),
+        ((1.0, 2.0, 0.0, nan, 450000000, 100000000, -4.0), 0, DENIED, None, None, None),
+        ((1.0, nan, 0.0, nan, 450000000, 100000000, -4.0), 0, DENIED, None, None, None),
+        ((1.0, 1.0, 0.0, nan, 800000000, 100000000, -4.0), 0, DENIED, None, None, None),
+        ((1.0, 1.0, 0.0, nan, 450000000, 300000000, -4.0), 0, DENIED, None, None, None),
+        ((1.0, 1.0, 0.0, nan, 910000000, 100000000, -4.0), 0, DENIED, None, None, None),
+    ],
+)
+def test_a_place_to_go_to_is_checked_before_it_is_a_target(
+    params: Any, frame: int, result: int, speed: float | None, heading: float | None, place: Any
+) -> None:
+    bench = Bench()
+    bench.core.set_home((0.0, 0.0, 0.5))
+    bench.arm(Mode.MANUAL)
+    assert int_command(bench, frame, *params) == result
+    target = bench.core.pilot.target
+    assert (target is None) == (place is None)
+    if target:
+        assert target.position == pytest.approx(place, abs=1e-6)
+        assert (target.speed, target.heading) == (speed, heading and pytest.approx(heading))
+
+
+@pytest.mark.parametrize(
+    ("params", "result", "heading"),
+    [
+        ((90.0,), ACCEPTED, 0.5 * pi), ((90.0, 0.0, -1.0), ACCEPTED, 0.5 * pi), ((nan,), DENIED, None),
+        ((90.0, 0.0, 1.0, 1.0), ACCEPTED, 0.3 + 0.5 * pi), ((90.0, 0.0, 0.0, 1.0), ACCEPTED, 0.3 + 0.5 * pi),
+        ((90.0, 0.0, -1.0, 1.0), ACCEPTED, 0.3 - 0.5 * pi), ((90.0, 0.0, 0.0, 2.0), ACCEPTED, 0.5 * pi),
+    ],
+)  # fmt: skip
+def test_a_turn_in_guided_keeps_the_place(params: tuple[float, ...], result: int, heading: float | None) -> None:
+    bench = Bench()
+    yaw = dialect.MAV_CMD_CONDITION_YAW
+    assert bench.partner.command(yaw, *params) == REJECTED, "only Guided turns"
+    bench.arm(Mode.GUIDED)
+    bench.vehicle.heading, bench.vehicle.north = 0.3, 3.0
+    bench.core.tick(bench.now)
+    assert bench.partner.command(yaw, *params) == result
+    target = bench.core.pilot.target
+    assert (target is None) == (heading is None)
+    if target:
+        assert (target.position, [target.heading]) == ((3.0, 0.0, 2.0), pytest.approx([heading]))
+
+
+COMMANDS: dict[str, tuple[int, tuple[float, ...], int]] = {  # command, parameters, result
+    "mode by flags": (MODE, (1, Mode.STABILIZE), ACCEPTED),
+    "mode without the flag": (MODE, (8, Mode.STABILIZE), DENIED),
+    "mode with flags of no number": (MODE, (nan, Mode.STABILIZE), DENIED),
+    "speed": (178, (1, 0.5), ACCEPTED), "speed of zero": (178, (1, 0.0), DENIED),
+    "speed beyond the parameter": (178, (1, 99.0), FAILED), "speed of no number": (178, (1, nan), DENIED),
+    "item of no number": (224, (nan,), DENIED), "item that is not there": (224, (5,), DENIED),
+    "continue without a mission": (193, (1,), REJECTED), "pause": (193, (0,), ACCEPTED),
+    "pause by another number": (193, (0.5,), DENIED), "termination": (185, (1,), ACCEPTED),
+    "no termination": (185, (0.5,), DENIED), "home here": (179, (1,), ACCEPTED),
+    "home of no number": (179, (0, 0, 0, 0, nan, 10.0, 0.0), DENIED),
+    "home at a place": (179, (0, 0, 0, 0, 45.0001, 10.0, 0.0), ACCEPTED),
+    "home too far away": (179, (0, 0, 0, 0, 55.0, 10.0, 0.0), DENIED),
+    "servo": (183, (9, 1500), ACCEPTED), "servo of no number": (183, (nan, 1500), FAILED),
+    "thruster as servo": (183, (8, 1500), FAILED), "relay": (181, (0, 1), ACCEPTED),
+    "relay 4": (181, (4, 1), DENIED), "relay of no number": (181, (nan, 1), DENIED),
+    "storing": (245, (1,), ACCEPTED), "loading": (245, (0,), ACCEPTED), "resetting": (245, (2,), UNSUPPORTED),
+    "land": (21, (), ACCEPTED), "loiter": (17, (), ACCEPTED),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_a_command_is_accepted_only_with_parameters_that_mean_something(name: str) -> None:
+    command, params, result = COMMANDS[name]
+    bench = Bench()
+    bench.vehicle.north = 4.0
+    bench.run(0.1)
+    assert bench.partner.command(command, *params) == result
+    core = bench.core
+    changed = {
+        "land": core.pilot.mode == Mode.SURFACE, "loiter": core.pilot.mode == Mode.POSHOLD,
+        "termination": bench.vehicle.armed_calls == [False], "no termination": bench.vehicle.armed_calls == [],
+        "home here": core.home == (4.0, 0.0, 0.0), "home at a place": core.home[0] == pytest.approx(11.1, abs=0.1),
+        "relay": core.accessories.relays[0], "speed": core.table["WPNAV_SPEED"] == 0.5,
+    }  # fmt: skip
+    assert changed.get(name, True)
+
+
+def test_a_pause_in_guided_holds_where_the_vehicle_is() -> None:
+    bench = Bench()
+    bench.arm(Mode.GUIDED)
+    bench.core.pilot.set_target(Target((30.0, 0.0, 4.0)), bench.now)
+    bench.run(2.0)
+    assert bench.partner.command(dialect.MAV_CMD_DO_PAUSE_CONTINUE, 0) == ACCEPTED
+    there = bench.vehicle.north
+    bench.run(3.0)
+    assert bench.vehicle.north == pytest.approx(there, abs=0.3)
+
+
+def test_a_restart_gives_centred_accessories_and_mode_manual() -> None:
+    bench = Bench()
+    bench.core.set_mode(Mode.POSHOLD)
+    bench.partner.command(dialect.MAV_CMD_DO_SET_SERVO, 9, 1900)
+    bench.core.flight.current = 5
+    assert bench.partner.command(dialect.MAV_CMD_PREFLIGHT_REBOOT_SHUTDOWN, 1) == ACCEPTED
+    assert (bench.core.pilot.mode, bench.core.accessories.pulses[9], bench.core.flight.current) == (
+        Mode.MANUAL,
+        1100,
+        1,
+    )
+
+
+# --- sticks
+
+
+def joystick(dead_zone: float = 0.05) -> Joystick:
+    table: Any = {"JS_GAIN_DEFAULT": 0.5, "JS_GAIN_MIN": 0.25, "JS_GAIN_MAX": 1.0, "JS_GAIN_STEPS": 4.0,
+                  "HIL_DEADZONE": dead_zone}  # fmt: skip
+    return Joystick(table)
+
+
+def control(x: int = 0, y: int = 0, z: int = 500, r: int = 0, **more: int) -> Any:
+    return dialect.MAVLink_manual_control_message(1, x, y, z, r, 0, **more)
+
+
+SENDER, OTHER = (1, 255, 190), (1, 254, 190)
+
+
+@pytest.mark.parametrize(
+    ("packet", "sticks"),
+    [
+        (control(x=1000, y=-1000, r=600), Sticks(0.5, -0.5, 0.0, 0.3)), (control(x=2000, r=-2000), Sticks(0.5, r=-0.5)),
+        (control(z=0), Sticks(z=-0.5)), (control(z=1000), Sticks(z=0.5)), (control(z=2000), Sticks(z=0.5)),
+        (control(z=-900), Sticks(z=-0.5)), (control(x=50, y=51), Sticks(y=0.0255)),
+        (control(x=-50, y=-51), Sticks(y=-0.0255)),
+        (control(enabled_extensions=1, s=800, t=800), Sticks(m=0.4)), (control(s=800, t=800), Sticks()),
+        (control(enabled_extensions=2, s=800, t=800), Sticks(k=0.4)),
+        (control(enabled_extensions=3, s=800, t=0x7FFF), Sticks(m=0.4)),
+    ],
+)  # fmt: skip
+def test_sticks_are_scaled_limited_and_centred(packet: Any, sticks: Sticks) -> None:
+    held = joystick()
+    assert held.receive(packet, SENDER, 5, LASTS_NS)
+    assert held.sticks(5) == pytest.approx(sticks)
+    assert held.sticks(5 + LASTS_NS) == pytest.approx(sticks)
+    assert held.sticks(6 + LASTS_NS) == CENTRED
+
+
+def test_who_holds_the_sticks_has_them_until_they_expire() -> None:
+    held = joystick()
+    assert not held.is_alive(0)
+    assert held.receive(control(x=1000), SENDER, 0, LASTS_NS)
+    assert not held.receive(control(x=-1000), OTHER, LASTS_NS, LASTS_NS)
+    assert not held.receive(control(x=-1000), SENDER, 1, LASTS_NS, is_stale=True)
+    assert (held.refused, held.stale, held.sticks(LASTS_NS).x) == (1, 1, 0.5)
+    held.holds = (0.1, 0.0, 0.0)
+    assert held.receive(control(), OTHER, LASTS_NS + 1, LASTS_NS)
+    assert (held.holds, held.sticks(LASTS_NS + 1)) == ((0.0, 0.0, 0.0), CENTRED), "what was held ends, too"
+    held.release()
+    assert not held.is_alive(0)
+
+
+@pytest.mark.parametrize(
+    ("channels", "changed", "sticks"),
+    [
+        ({1: 1900, 2: 1100}, {1: 1900, 2: 1100}, Sticks(m=1.0, k=-1.0)), ({5: 2500}, {5: 2500}, Sticks(x=1.0)),
+        ({5: 900}, {5: 900}, Sticks(x=-1.0)), ({6: 0}, {6: 0}, Sticks()), ({9: 0}, {}, Sticks()),
+        ({8: 0, 9: 65534}, {8: 0, 9: 0}, Sticks()), ({18: 1700}, {18: 1700}, Sticks()),
+        ({3: 1700}, {3: 1700}, Sticks(z=0.5)),
+    ],
+)  # fmt: skip
+def test_channels_are_sticks_and_outputs(channels: dict[int, int], changed: dict[int, int], sticks: Sticks) -> None:
+    held = joystick(0.0)
+    packet = dialect.MAVLink_rc_channels_override_message(1, 1, *[channels.get(n, 0xFFFF) for n in range(1, 19)])
+    assert held.override(packet, SENDER, 0, LASTS_NS, is_stale=True) is None
+    assert held.override(packet, SENDER, 0, LASTS_NS) == changed
+    assert held.sticks(0) == pytest.approx(sticks)
+    assert held.override(packet, OTHER, 0, LASTS_NS) is None
+
+
+def test_the_gain_stays_within_its_limits_and_the_hull_turns_by_the_sticks() -> None:
+    held = joystick(0.0)
+    assert [held.change_gain(step) for step in (1, 1, 1, -1, -5)] == [0.75, 1.0, 1.0, 0.75, 0.25]
+    held.receive(control(), SENDER, 0, LASTS_NS)
+    held.gain, held.turns_hull, held.holds = 1.0, True, (0.2, -0.2, 0.5)
+    held.receive(control(x=500, y=250), SENDER, 0, LASTS_NS)
+    assert held.sticks(0) == pytest.approx(Sticks(0.2, -0.2, 0.5, 0.0, 0.05, -0.7))
+
+
+def test_input_hold_keeps_what_is_deflected_by_more_than_its_least() -> None:
+    held = joystick(0.0)
+    held.gain = 1.0
+    held.receive(control(x=51, y=50, z=750), SENDER, 0, LASTS_NS)
+    assert held.hold()
+    assert held.holds == pytest.approx((0.051, 0.0, 0.5))
+    xs = []
+    for x, z in ((900, 500), (0, 500), (900, 500), (1000, 500)):  # nothing is added until they were centred
+        held.receive(control(x=x, z=z), SENDER, 0, LASTS_NS)
+        xs.append(held.sticks(0).x)
+    assert xs == pytest.approx([0.051, 0.051, 0.951, 1.0])
+    held.receive(control(), SENDER, 0, LASTS_NS)
+    assert not held.hold()
+    assert held.holds == (0.0, 0.0, 0.0)
+
+
+# --- who is spoken to
+
+
+@pytest.mark.parametrize(
+    ("system", "component", "taken"), [(1, 1, True), (0, 0, True), (1, 0, True), (2, 1, False), (1, 2, False)]
+)
+def test_only_packets_for_this_vehicle_are_executed(system: int, component: int, taken: bool) -> None:
+    bench = Bench()
+    bench.partner.send(
+        dialect.MAVLink_command_long_message(system, component, 176, 0, 1, Mode.STABILIZE, 0, 0, 0, 0, 0)
+    )
+    assert (bench.core.pilot.mode == Mode.STABILIZE, len(bench.partner.take_messages("COMMAND_ACK"))) == (taken, taken)
+
+
+def test_its_own_packets_which_a_router_returns_are_ignored() -> None:
+    bench = Bench()
+    for component, mode in ((1, Mode.MANUAL), (2, Mode.STABILIZE)):
+        returned = MavlinkStream(1, component, Counters()).pack(
+            dialect.MAVLink_command_long_message(1, 1, MODE, 0, 1, Mode.STABILIZE, 0, 0, 0, 0, 0)
+        )
+        bench.partner.feed(returned)
+        assert bench.core.pilot.mode == mode
+
+
+@pytest.mark.parametrize(("number", "mode"), [(0, 0), (19.0, 19), (19.5, None), (nan, None), (1e6, None), (-1, None)])
+def test_only_numbers_of_modes_are_modes(number: float, mode: int | None) -> None:
+    assert mode_of(number) == mode
+
+
+def test_urgent_commands_are_sent_at_once_and_others_twenty_times_a_second() -> None:
+    bench = Bench()
+    bench.arm()
+    bench.run(0.2)
+    before = len(bench.vehicle.commands)
+    bench.run(2.0)
+    assert len(bench.vehicle.commands) - before == pytest.approx(40, abs=8)
+    bench.run(1.0, bench.partner.sticks)
+    assert len(bench.vehicle.commands) - before == pytest.approx(90, abs=8)
+
+
+def test_the_turns_of_the_tether_are_counted_in_quarters() -> None:
+    bench = Bench()
+    for step in range(-1, 12):
+        bench.vehicle.heading = radians((40 * step + 180) % 360 - 180)
+        bench.run(0.02)
+    assert bench.core.context(0, 0).panel["TetherTrn"] == 1.0
