@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from hil.charts.sources.sign import UNITS, Declared, is_depth_name, join_notes
+from hil.charts.sources.systems import WGS84
 from hil.common.errors import ConfigError, MissingExtraError
 
 Array = NDArray[np.float64]
@@ -133,8 +134,8 @@ def find_layer(path: str, variables: Mapping[str, Variable], declared: Declared)
     """
     wanted = declared.split_layer()[0]
     numeric = {name: _axes(part, variables) for name, part in variables.items() if part.data.dtype.kind in "iuf"}
-    curved = [name for name, axes in numeric.items() if _is_curved(variables[name], axes, variables)]
-    placed = {name: axes for name, axes in numeric.items() if name in curved or len(axes) == 2}
+    curved = {name: _curved_axes(variables[name], axes, variables) for name, axes in numeric.items()}
+    placed = {name: curved[name] or axes for name, axes in numeric.items() if curved[name] or len(axes) == 2}
     if not placed or wanted not in ("", *placed):
         if wanted:
             raise ConfigError(f"--layer {wanted}: {path} has {', '.join(placed) or 'no layer with known axes'}")
@@ -145,10 +146,6 @@ def find_layer(path: str, variables: Mapping[str, Variable], declared: Declared)
     if not (wanted or named or len(placed) == 1):
         raise ConfigError(f"{path}: has {', '.join(placed)}, none named as depth or elevation: choose one by --layer")
     name = wanted or min(named or placed, key=lambda name: len(re.split("[^a-z]+", name.lower())))
-    if name in curved:
-        raise ConfigError(
-            f"{path}: {name} has positions of two dimensions: bring it to even ones, as `gdalwarp -geoloc` of GDAL does"
-        )
     others = [other for other in named if other != name and not wanted]
     note = f"{path}: {name} is used (--layer for {', '.join(others)})" if others else ""
     return _at_one_time(path, variables, variables[name], placed[name], declared.split_layer()[1], note)
@@ -167,14 +164,20 @@ def _axes(variable: Variable, variables: Mapping[str, Variable]) -> dict[str, tu
     return found
 
 
-def _is_curved(variable: Variable, axes: Mapping[str, tuple[int, Variable]], variables: Mapping[str, Variable]) -> bool:
-    """Return whether a variable has coordinates of two dimensions, and no axes that are positions on the earth."""
+def _curved_axes(
+    variable: Variable, axes: Mapping[str, tuple[int, Variable]], variables: Mapping[str, Variable]
+) -> dict[str, tuple[int, Variable]]:
+    """Return the coordinates of two dimensions of a variable, unless its axes are positions on the earth; else {}."""
     said = [axis.text("standard_name") + axis.text("units") for _, axis in axes.values()]
     if len(said) == 2 and all(re.match("latitude|longitude|projection|degrees?_", word) for word in said):
-        return False
+        return {}
     flat = [own for own in variables.values() if len(own.dimensions) == 2 and own.name != variable.name]
     inside = [own for own in flat if set(own.dimensions) <= set(variable.dimensions)]
-    return {_kind(own, rule) for own in inside for rule in AXES} >= {"north", "east"}
+    kinds = {_kind(own, rule): own for rule in reversed(AXES) for own in reversed(inside)}
+    if not {"north", "east"} <= set(kinds) or kinds["north"].dimensions != kinds["east"].dimensions:
+        return {}
+    places = zip(("north", "east"), kinds["north"].dimensions, strict=True)
+    return {kind: (variable.dimensions.index(dimension), kinds[kind]) for kind, dimension in places}
 
 
 def _kind(variable: Variable, rule: tuple[str, str, str]) -> str:
@@ -234,6 +237,42 @@ def find_axes(path: str, layer: Layer, metres: float) -> tuple[Axis, Axis]:
         at, order = np.unique(np.unwrap(at, period=360.0) if sign > 0.0 and not metres else at, return_index=True)
         found.append(Axis(at, order, _even(at, variable.data.dtype)))
     return found[0], found[1]
+
+
+def read_curved(path: str, layer: Layer) -> tuple[NDArray[np.float32], Any, Any]:
+    """Return the values of a layer with positions of two dimensions at even ones, their transform and their system.
+
+    The even ones are in m around the middle of the layer, so that it may lie over a pole. Interpolated by GDAL; what
+    has no value has none after it. Raises ConfigError.
+    """
+    import rasterio
+    from rasterio.warp import Resampling, reproject, transform
+
+    values, latitude, longitude = _values(layer), *(_positions(axis, 0.0) for axis in (layer.north, layer.east))
+    known = np.isfinite(latitude) & np.isfinite(longitude)
+    if min(known.shape) < 2 or known.sum() < 4 or np.abs(latitude[known]).max() > 90.0:
+        raise ConfigError(f"{path}: its positions of two dimensions are not latitudes and longitudes: warp it to them")
+    across, up = np.radians(longitude[known]), np.radians(latitude[known])
+    x, y, z = (part.mean() for part in (np.cos(up) * np.cos(across), np.cos(up) * np.sin(across), np.sin(up)))
+    middle = np.degrees(np.arctan2([z, y], [np.hypot(x, y), x])).tolist()
+    crs = rasterio.crs.CRS.from_string(f"+proj=aeqd +lat_0={middle[0]!r} +lon_0={middle[1]!r} +datum=WGS84 +units=m")
+    at = np.full((2, *known.shape), np.nan)
+    at[:, known] = transform(rasterio.crs.CRS.from_string(WGS84), crs, longitude[known], latitude[known])
+    step = min(float(np.nanmedian(np.hypot(*np.diff(at, axis=axis)))) for axis in (1, 2))
+    west, south, east, north = *np.nanmin(at, axis=(1, 2)), *np.nanmax(at, axis=(1, 2))
+    if not step > 0.0 or (east - west) * (north - south) > MAX_VALUES * step**2:
+        raise ConfigError(f"{path}: its curved grid has more than {MAX_VALUES} even positions: cut out a part of it")
+    for axis in (1, 2):  # GDAL takes the positions as those of the corners of pixels
+        before, after = (np.take(at, range(k, k + at.shape[axis] - 1), axis) for k in (0, 1))
+        first = 1.5 * before.take([0], axis) - 0.5 * after.take([0], axis)
+        at = np.concatenate([first, 0.5 * (before + after)], axis)
+    where = rasterio.Affine(step, 0.0, west - 0.5 * step, 0.0, -step, north + 0.5 * step)
+    even = np.full((int((north - south) / step) + 2, int((east - west) / step) + 2), np.nan, np.float32)
+    reproject(
+        values, even, src_geoloc_array=at, src_crs=crs, dst_crs=crs, dst_transform=where, src_nodata=np.nan,
+        dst_nodata=np.nan, resampling=Resampling.bilinear,
+    )  # fmt: skip
+    return even, where, crs
 
 
 def _positions(axis: Variable, metres: float) -> Array:

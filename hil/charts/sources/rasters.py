@@ -176,6 +176,11 @@ def _open_netcdf(path: str, declared: Declared) -> tuple[str, str, Any, int, str
         if layer is None:
             return None
         file = f'NETCDF:"{path}":{layer.variable.name}'
+        if layer.north.data.ndim == 2:
+            with rasterio.open(file, driver="netCDF") as source:
+                memory = _in_memory(*netcdf.read_curved(path, layer), source, layer.band)
+            note = f"{path}: its positions have two dimensions: interpolated to even ones"
+            return memory.name, "GTiff", memory, 1, join_notes(layer.note, note)
         with rasterio.open(file, driver="netCDF") as source:
             is_projected = bool(source.crs and source.crs.is_projected)
             is_geographic = layer.is_geographic(is_projected)

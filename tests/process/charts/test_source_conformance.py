@@ -149,30 +149,43 @@ def test_feet_heights_times_and_variables(tmp_path: Path) -> None:
         open_raster(two, layer="sand")
 
 
-def write_curved(path: Path, east: float = 0.0, north: float = 0.0) -> str:
-    """Write a plane of depths on bent rows and columns about MIDDLE, moved by some degrees, with a hole of four."""
-    row, column = np.mgrid[-1.0:1.0:41j, -1.0:1.0:61j]
-    latitude = MIDDLE[0] + north + 0.05 * row + 0.03 * column + 0.01 * row * column
-    longitude = MIDDLE[1] + 0.09 * column - 0.05 * row + 0.01 * column**2
-    depths = truth(latitude - north, longitude)
+def bent(row: Array, column: Array, place: str) -> tuple[Array, Array, Array]:
+    """Return latitude, longitude and depth on bent rows and columns, -1 to 1 each: a plane here or at the pole."""
+    north, east = 0.05 * row + 0.03 * column + 0.01 * row * column, 0.09 * column - 0.05 * row + 0.01 * column**2
+    if place == "pole":
+        return 90.0 - np.hypot(north, east), np.degrees(np.arctan2(east, north)), 50.0 + 300.0 * north - 150.0 * east
+    depths = truth(MIDDLE[0] + north, MIDDLE[1] + east)
+    return MIDDLE[0] + north, (MIDDLE[1] + east + 170.0 * (place == "date line")) % 360.0, depths
+
+
+@pytest.mark.parametrize("place", ["here", "date line", "pole"])
+def test_curved_grids_are_interpolated(place: str, tmp_path: Path) -> None:
+    """A plane is exact between the nodes, also over the date line and a pole; the hole and the outside have none."""
+    latitude, longitude, depths = bent(*np.mgrid[-1.0:1.0:41j, -1.0:1.0:61j], place)
     depths[30:32, 10:12] = np.nan
-    with h5py.File(path, "w") as file:
+    with h5py.File(tmp_path / "a.nc", "w") as file:
         for name, size in (("row", 41), ("column", 61)):
             file[name] = np.arange(float(size))
             file[name].make_scale(name)
-        wrapped = (longitude + east + 180.0) % 360.0 - 180.0
-        for name, values in (("lat", latitude), ("lon", wrapped), ("depth", depths)):
+        for name, unit, values in (
+            ("lat", "degrees_north", latitude), ("lon", "degrees_east", (longitude + 180.0) % 360.0 - 180.0),
+            ("depth", "m", depths),
+        ):  # fmt: skip
             file[name] = values
+            file[name].attrs["units"] = np.bytes_(unit)
             for number, axis in enumerate(("row", "column")):
                 file[name].dims[number].attach_scale(file[axis])
-        for name, unit in (("lat", "degrees_north"), ("lon", "degrees_east"), ("depth", "m")):
-            file[name].attrs["units"] = np.bytes_(unit)
-    return str(path)
+        file["depth"].attrs["coordinates"] = np.bytes_("lat lon")
+    raster = open_raster(str(tmp_path / "a.nc"))
+    assert "a.nc: its positions have two dimensions: interpolated to even ones" in raster.note
+    for row, column in product([-0.8, -0.31, 0.013, 0.525, 0.84, 1.2], [-0.65, -0.3, 0.011, 0.4, 0.8, 1.2]):
+        at, across, depth = (part.item() for part in bent(np.array(row), np.array(column), place))
+        found = raster.depths(LocalPlane(at, across), np.array([-1.0, 0.0, 1.0]), np.array([-1.0, 0.0, 1.0]))[1, 1]
+        is_known = max(row, column) < 1.0 and (row, column) != (0.525, -0.65)
+        assert found == pytest.approx(depth if is_known else np.nan, abs=0.03, nan_ok=True)
 
 
-def test_curved_and_rotated_grids_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(ConfigError, match=r"depth has positions of two dimensions: .*gdalwarp -geoloc"):
-        open_raster(write_curved(tmp_path / "a.nc"))
+def test_rotated_grids_are_refused(tmp_path: Path) -> None:
     with h5py.File(write_netcdf(tmp_path / "b.nc", states="s"), "a") as file:
         file["lat"].attrs["standard_name"] = np.bytes_("grid_latitude")
     with pytest.raises(ConfigError, match="rotated pole"):
