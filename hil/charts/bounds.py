@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from hil.autonomy.paths.polygons import Edges, Mask, contains, edge_distance, fill, segments
 from hil.charts.grid import Depths, Grid
-from hil.charts.quays import clear_behind, find_quays, wall_outline
+from hil.charts.quays import clear_behind, find_moles, find_quays, wall_outline
 from hil.charts.sources.survey import Sheet, Survey
 
 Array = NDArray[np.float64]
@@ -38,7 +38,7 @@ class Bounds(NamedTuple):
     """Limits of the depth at each node, (rows, columns): shoal and deep limit in m, masks of land and known nodes.
 
     `shore`: distance in cells to the edge of charted land without quays, inf where it is far away. `narrow`: lengths of
-    walls (m) at the water whose land is too narrow for a quay.
+    walls (m) at the water whose land is too narrow for a quay. `blocks`: rings (5, 2) of what stands for narrow moles.
     """
 
     low: Array
@@ -47,6 +47,7 @@ class Bounds(NamedTuple):
     known: Mask
     shore: Depths
     narrow: list[float]
+    blocks: list[Array]
 
 
 def rasterise_bounds(survey: Survey, north: Array, east: Array) -> Bounds:
@@ -54,7 +55,7 @@ def rasterise_bounds(survey: Survey, north: Array, east: Array) -> Bounds:
     shape = len(north), len(east)
     bounds = Bounds(
         np.full(shape, -np.inf), np.full(shape, np.inf), np.zeros(shape, bool), np.zeros(shape, bool),
-        np.full(shape, np.inf, np.float32), [],
+        np.full(shape, np.inf, np.float32), [], [],
     )  # fmt: skip
     if survey.reach > 0.0 and len(survey.soundings):
         bounds.known[:] = _near(survey.soundings, north, east, survey.reach)
@@ -85,10 +86,15 @@ def _rasterise_sheet(sheet: Sheet, north: Array, east: Array, bounds: Bounds, wa
             mask[window][inside & covered[window]] = value
     start, end = _outer_edges(sheet.land)
     is_quay, is_narrow = find_quays(walls, start, end, north, east, bounds.land, bounds.known & ~bounds.land)
-    bounds.narrow.extend(np.hypot(*(end - start)[is_narrow].T))
-    window, away = edge_distance(start[~is_quay], end[~is_quay], north, east, int(FOOT_CELLS) + 1)
+    land = tuple(edge for edges in sheet.land for edge in edges)
+    is_mole, rings = find_moles(walls, start, end, is_narrow, land, north[1] - north[0])
+    bounds.narrow.extend(np.hypot(*(end - start)[is_narrow & ~is_mole].T))
+    uncovered = [ring for ring in bounds.blocks if not contains(sheet.coverage, ring[:4].mean(axis=0)[None])[0]]
+    bounds.blocks[:] = [*uncovered, *rings]
+    is_hidden = is_quay | is_mole
+    window, away = edge_distance(start[~is_hidden], end[~is_hidden], north, east, int(FOOT_CELLS) + 1)
     np.copyto(bounds.shore[window], away, where=covered[window])
-    clear_behind(start[is_quay], end[is_quay], north, east, bounds[:5], covered)
+    clear_behind(start[is_hidden], end[is_hidden], north, east, bounds[:5], covered)
 
 
 def _outer_edges(areas: tuple[Edges, ...]) -> tuple[Array, Array]:

@@ -21,11 +21,12 @@ from hil.charts.charted_objects import clip_charted, rasterise_natures
 from hil.charts.expected_depths import Limits, distance_to_borders, known_nodes, move_off_limits
 from hil.charts.grid import Extent, Grid, round_up
 from hil.charts.gridding import Progress, Surface
-from hil.charts.hazards import SeabedModel, beds_under, place_hazards
+from hil.charts.hazards import OUT_OF_WATER, SeabedModel, beds_under, place_hazards
 from hil.charts.held_out import HeldOut, choose_model, hold_out
 from hil.charts.quays import LAND_DEPTHS, NARROW_MOLES
-from hil.charts.sources.survey import Bed, Survey, first_in_cell, shoalest_in_cell
+from hil.charts.sources.survey import Bed, Hazard, Survey, first_in_cell, shoalest_in_cell
 from hil.common.errors import ConfigError
+from sim.environment.obstacles import STANDING
 
 Array = NDArray[np.float64]
 
@@ -114,7 +115,8 @@ def build(
         grid = grid._replace(depths=np.where(np.isfinite(known), grid.depths, surface.depths))
     filled, filler_shares = _fill_from_rasters(grid.depths, survey.fillers, north, east)
     grid = grid._replace(depths=filled.astype(np.float32))
-    model = place_hazards(survey.hazards, grid, np.where(bounds.land, -np.inf, bounds.low))
+    moles = (Hazard("SLCONS", ring, 0.0, OUT_OF_WATER, (ring,), STANDING, True, True) for ring in bounds.blocks)
+    model = place_hazards((*survey.hazards, *moles), grid, np.where(bounds.land, -np.inf, bounds.low))
     model = model._replace(
         charted=clip_charted(survey.charted, grid.extent)._replace(natures=()),
         bottom=rasterise_natures(survey.charted.natures, grid, survey.detail),

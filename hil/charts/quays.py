@@ -2,7 +2,7 @@
 
 A bank over a few cells of a grid, which is straight at the water line, has ripples between its nodes where it is
 oblique to the grid. Land as wide as a few cells behind a wall becomes water, so that the step of the bed up to the land
-is hidden behind the wall.
+is hidden behind the wall. A mole that is narrower, with walls on both sides, becomes blocks that stand on the bed.
 """
 
 from typing import Any
@@ -10,15 +10,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.autonomy.paths.polygons import Mask, edge_distance
+from hil.autonomy.paths.polygons import Edges, Mask, contains, edge_distance
 from hil.charts.sources.survey import Survey
 
 Array = NDArray[np.float64]
 
 ON_WALL = 0.6  # m: greatest distance of an edge of land from the wall along it, which is simplified
+BESIDE = 0.05  # m from an edge, where its land and its water begin
 BEHIND = 2.0  # cells behind a wall that become water
-LAND_DEPTHS = (1.5, 3.0, 4.5)  # cells behind a wall that are land; a narrower mole is a bank
-NARROW_MOLES = "their bed is a bank with ripples of up to 0.6 m; a finer --resolution makes them quays"
+LAND_DEPTHS = (1.5, 3.0, 4.5)  # cells behind a wall that are land; of a narrower mole all sides have to be walls
+NARROW_MOLES = (
+    "the other side of each is no wall, so their bed is a bank with ripples of up to 0.6 m; a finer --resolution makes "
+    "them quays"
+)
 
 
 def wall_outline(survey: Survey) -> Any:
@@ -59,6 +63,41 @@ def find_quays(
         is_quay |= on_wall & np.logical_and.reduce(behind) & before
         at_water |= on_wall & before
     return is_quay, at_water & ~is_quay
+
+
+def find_moles(
+    strip: Any, start: Array, end: Array, at_wall: Mask, land: Edges, cell: float
+) -> tuple[Mask, list[Array]]:
+    """Return which edges of land, (n, 2) each, are of moles with walls on both sides, and rectangles (5, 2) for them.
+
+    `at_wall`: the edges in question, at walls; `cell`: m of the grid. A rectangle reaches from an edge to the other
+    side of the mole, where it is narrowest. Short edges at its head have none.
+    """
+    import shapely
+
+    is_mole, (index,) = np.zeros(len(start), bool), np.nonzero(at_wall)
+    start, end, edges = start[index], end[index], np.stack([start, end], axis=1)
+    along = end - start
+    across = np.column_stack([-along[:, 1], along[:, 0]]) / np.maximum(np.hypot(*along.T), 1e-9)[:, None]
+    inward = np.where(contains(land, 0.5 * (start + end) + BESIDE * across)[:, None], across, -across)
+    feet = np.stack([start + share * along for share in (0.1, 0.5, 0.9)])
+    rays = shapely.linestrings(np.stack([feet + BESIDE * inward, feet + LAND_DEPTHS[-1] * cell * inward], axis=2))
+    lines = shapely.linestrings(edges)
+    ray, line = shapely.STRtree(lines).query(rays.ravel(), "intersects")
+    widths = np.full(rays.size, np.inf)
+    met = shapely.intersection(rays.ravel()[ray], lines[line])
+    np.minimum.at(widths, ray, shapely.distance(shapely.points(feet.reshape(-1, 2)[ray]), met))
+    widths = np.where(np.isfinite(widths), widths, -1e9).reshape(rays.shape)  # nothing of it is a wall there
+    if strip is not None:
+        far_sides = shapely.points(feet + widths[..., None] * inward)
+        is_mole[index] = shapely.covers(strip, far_sides).all(axis=0)
+    offset = widths.min(axis=0)[:, None] * inward
+    rings = list(np.stack([start, end, end + offset, start + offset, start], axis=1)[is_mole[index]])
+    heads = at_wall & (np.hypot(*(edges[:, 1] - edges[:, 0]).T) < LAND_DEPTHS[-1] * cell)
+    corners = edges @ (1.0, 1.0j)
+    while (more := heads & ~is_mole & np.isin(corners, corners[is_mole]).any(axis=1)).any():
+        is_mole |= more
+    return is_mole, rings
 
 
 def clear_behind(

@@ -248,7 +248,7 @@ def read_curved(path: str, layer: Layer) -> tuple[NDArray[np.float32], Any, Any]
     import rasterio
     from rasterio.warp import Resampling, reproject, transform
 
-    values, latitude, longitude = _values(layer), *(_positions(axis, 0.0) for axis in (layer.north, layer.east))
+    values, latitude, longitude = _values(layer), _positions(layer.north, 0.0), _positions(layer.east, 0.0)
     known = np.isfinite(latitude) & np.isfinite(longitude)
     if min(known.shape) < 2 or known.sum() < 4 or np.abs(latitude[known]).max() > 90.0:
         raise ConfigError(f"{path}: its positions of two dimensions are not latitudes and longitudes: warp it to them")
@@ -259,7 +259,7 @@ def read_curved(path: str, layer: Layer) -> tuple[NDArray[np.float32], Any, Any]
     at = np.full((2, *known.shape), np.nan)
     at[:, known] = transform(rasterio.crs.CRS.from_string(WGS84), crs, longitude[known], latitude[known])
     step = min(float(np.nanmedian(np.hypot(*np.diff(at, axis=axis)))) for axis in (1, 2))
-    west, south, east, north = *np.nanmin(at, axis=(1, 2)), *np.nanmax(at, axis=(1, 2))
+    west, south, east, north = (float(end(part)) for end in (np.nanmin, np.nanmax) for part in at)
     if not step > 0.0 or (east - west) * (north - south) > MAX_VALUES * step**2:
         raise ConfigError(f"{path}: its curved grid has more than {MAX_VALUES} even positions: cut out a part of it")
     for axis in (1, 2):  # GDAL takes the positions as those of the corners of pixels

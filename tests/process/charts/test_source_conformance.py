@@ -161,7 +161,9 @@ def bent(row: Array, column: Array, place: str) -> tuple[Array, Array, Array]:
 @pytest.mark.parametrize("place", ["here", "date line", "pole"])
 def test_curved_grids_are_interpolated(place: str, tmp_path: Path) -> None:
     """A plane is exact between the nodes, also over the date line and a pole; the hole and the outside have none."""
-    latitude, longitude, depths = bent(*np.mgrid[-1.0:1.0:41j, -1.0:1.0:61j], place)
+    latitude, longitude, depths = bent(
+        *np.meshgrid(np.linspace(-1.0, 1.0, 41), np.linspace(-1.0, 1.0, 61), indexing="ij"), place
+    )
     depths[30:32, 10:12] = np.nan
     with h5py.File(tmp_path / "a.nc", "w") as file:
         for name, size in (("row", 41), ("column", 61)):

@@ -166,12 +166,23 @@ def test_a_profile_along_an_oblique_quay_has_no_ripple(degrees: float) -> None:
     assert wall.heading == pytest.approx(np.radians(degrees), abs=1e-3)
 
 
-def test_a_wall_around_a_narrow_mole_stays_a_bank() -> None:
-    """No water is left inside of it. Its two ends, with land far behind them, are walls."""
-    along, across, model = quay(30.0, 60.0, 4.0 * CELL)
-    crest = MIDDLE + np.linspace(-50.0, 50.0, 101)[:, None] * along + 2.0 * CELL * across
-    assert (model.grid.at(crest) < 0.0).all()
-    assert [box.size_north for box in model.boxes] == [4.0 * CELL + 2.0] * 2
+@pytest.mark.parametrize("degrees", [0.0, 30.0, 45.0])
+@pytest.mark.parametrize("cells", [1.0, 2.0, 3.0, 4.0])
+def test_the_bed_beside_a_narrow_mole_has_no_ripple(degrees: float, cells: float) -> None:
+    """The mole has walls around it and stands on the bed as blocks. As a bank it had ripples of up to 0.6 m."""
+    along, across, model = quay(degrees, 60.0, cells * CELL)
+    places = MIDDLE + np.linspace(-55.0, 55.0, 221)[:, None] * along
+    for away in np.arange(0.0, 40.0, 1.0):
+        profile = model.grid.at(places - away * across)
+        assert np.ptp(profile) < 0.01
+        assert profile.mean() == pytest.approx(DEPTH, abs=0.01)
+    for inside in np.linspace(0.0, cells * CELL, 9):
+        covered = np.zeros(len(places), bool)
+        for box in model.boxes:
+            offsets = places + inside * across - (box.north, box.east)
+            sides = np.abs(offsets @ np.column_stack(directions(np.degrees(box.heading))))
+            covered |= (sides <= (0.5 * box.size_north + 0.01, 0.5 * box.size_east + 0.01)).all(axis=1)
+        assert covered.all(), "no water is left inside of the mole"
 
 
 def test_a_structure_charted_as_an_area_is_a_block_on_the_bed() -> None:
