@@ -42,14 +42,15 @@ class Facts(NamedTuple):
     """What an instrument knows of its vehicle and of the scenario.
 
     `name` is the section of its sensor in the scenario, `topic` that of the sensor's samples, `model` the record of the
-    sensor's keys. `origin` is latitude and longitude (degrees) of the NED frame, None if the world has none;
-    `origin_altitude` (m) the height of the surface there. `sound_speed` is the true one (m/s) at a depth (m),
-    `pressure` (Pa) that of the water there. `memory` is kept while the power is off.
+    sensor's keys; `baud` (bit/s) the speed of its first line. `origin` is latitude and longitude (degrees) of the NED
+    frame, None if the world has none; `origin_altitude` (m) the height of the surface there. `sound_speed` is the true
+    one (m/s) at a depth (m), `pressure` (Pa) that of the water there. `memory` is kept while the power is off.
     """
 
     name: str
     topic: str
     model: Any
+    baud: int = 115_200
     mounting: Mounting = Mounting()
     origin: tuple[float, float] | None = None
     origin_altitude: float = 0.0
@@ -104,10 +105,11 @@ class Instrument(ABC):  # noqa: B024  # every method has a sensible default
     `Model` is the record of its settings, the keys of [sensors.NAME.settings]. `sensors` are the kinds of sensors that
     it may be. `at` are the addresses where it stands unless the scenario names others, `wires` the kinds of its wires.
     `also` are further topics that it needs, such as "odom". `baud` is that of a serial line until its address names
-    another. `first` are the bytes that the first message of a new client may begin with, if those are known: one that
-    begins otherwise, such as a web page, is refused. One that `is_interactive` measures by the scene, which takes time:
-    it gets a process of its own, so that the others do not wait. `warm_up_s` is the time from power on until it answers
-    and measures, `delay_s` the one from measuring to sending that its maker names, 0 if none.
+    another; with `automatic` bytes it takes the speed at which a client of a pty sends these. `first` are the bytes
+    that the first message of a new client may begin with, if those are known: one that begins otherwise, such as a web
+    page, is refused. One that `is_interactive` measures by the scene, which takes time: it gets a process of its own,
+    so that the others do not wait. `warm_up_s` is the time from power on until it answers and measures, `delay_s` the
+    one from measuring to sending that its maker names, 0 if none.
     """
 
     Model: type[Any] = NoSettings
@@ -116,6 +118,7 @@ class Instrument(ABC):  # noqa: B024  # every method has a sensible default
     wires: tuple[WireKind, ...] = ("tcp", "udp", "udpout", "serial", "pty")
     also: tuple[str, ...] = ()
     baud = 115_200
+    automatic = b""
     first = b""
     is_interactive = False
     warm_up_s = 0.0
@@ -124,6 +127,8 @@ class Instrument(ABC):  # noqa: B024  # every method has a sensible default
     def __init__(self, settings: Any, facts: Facts, scene: Scene, send: Send) -> None:
         self.settings, self.facts, self.scene = settings, facts, scene
         self._send = send
+        self.baud = facts.baud
+        self.change_baud: Callable[[int], None] = lambda _: None  # the process sets it
         self.malformed = 0  # messages off a wire that were not understood
 
     def send(self, data: bytes, to: Client | None = None, measured_ns: int = 0) -> None:
@@ -132,6 +137,12 @@ class Instrument(ABC):  # noqa: B024  # every method has a sensible default
         A message that carries a measurement gives the instant of that (monotonic ns), for the measurement of delays.
         """
         self._send(data, to, measured_ns)
+
+    def set_baud(self, baud: int) -> None:
+        """Change the speed (bit/s) of its lines, if it is another, once what was sent has gone out."""
+        if baud != self.baud:
+            self.baud = baud
+            self.change_baud(baud)
 
     def start(self, now_ns: int) -> None:  # noqa: B027
         """Begin: the warm-up is over."""

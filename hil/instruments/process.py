@@ -56,9 +56,11 @@ class Instruments:
                 spec = scenario.sensors[name]
                 kind = kind_of(scenario, name)
                 places = spec.mounting, world.origin, world.origin_altitude
+                speeds = [at.port for at in spec.instrument.at if at.kind in ("serial", "pty")]
                 facts = Facts(
-                    name, spec.topic, spec.model, *places, _sound_speed(world), scenario.seed, {}, water_pressure(world)
-                )
+                    name, spec.topic, spec.model, (*speeds, kind.baud)[0], *places, _sound_speed(world), scenario.seed,
+                    {}, water_pressure(world),
+                )  # fmt: skip
                 scene = LiveScene(self._world, spec, scenario.seed)
                 station = Station(spec.instrument, kind, facts, scene, began_ns, report, self._answer, sent)
                 stack.callback(station.close)

@@ -105,6 +105,7 @@ class Station:
         if has_power and self._instrument is None:
             self._wires = Wires(self._spec.at, self._kind, self._report, partial(self._serve, self))
             self._instrument = self._kind(self._spec.settings, self._facts, self._scene, self._send)
+            self._instrument.change_baud = self._wires.set_baud
             self._ready_ns = now_ns + seconds_ns(self._kind.warm_up_s)
             self.due_ns = self._ready_ns
             self._is_started = False

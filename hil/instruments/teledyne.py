@@ -25,12 +25,13 @@ _BEAM_ANGLE = 30  # degrees
 _BEAM, _EARTH = 0, 3  # coordinates, by the first two digits of EX; 1 and 2 are those of the instrument and the ship
 _BANNER = b"\r\nPathfinder\r\nTeledyne RD Instruments (c) 2017\r\nAll rights reserved.\r\nFirmware Version: 67.01\r\n>"
 _COMMAND = re.compile(r"#?([A-Z]{2}) ?([-+0-9:.?]*)$")
-# Commands with their factory values. All are kept; BX, EC, EX and CF also have an effect.
+# Commands with their factory values. All are kept; BX, CB, EC, EX and CF also have an effect.
 _FACTORY = {
     "BK": "0", "BP": "1", "BX": "02000", "CB": "811", "CF": "11110", "CT": "0", "EA": "+00000", "EC": "1500",
     "ED": "00000", "ES": "35", "EX": "11111", "EZ": "11110010", "PD": "0", "TE": "00:00:00.00", "TP": "00:00.00",
     "WP": "0",
 }  # fmt: skip
+_SPEEDS = (300, 1200, 2400, 4800, 9600, 19_200, 38_400, 57_600, 115_200)  # bit/s, by the first digit of CB
 _LIMITS = {"BX": (10, 9999), "EC": (1400, 1600), "ES": (0, 40)}
 _ACTIONS = ("CK", "CR", "CS", "PA", "PS")
 _LONGEST = 80
@@ -58,13 +59,15 @@ class Pathfinder(Instrument):
     def __init__(self, settings: Any, facts: Facts, scene: Scene, send: Send) -> None:
         super().__init__(settings, facts, scene, send)
         kept: dict[str, str] = facts.memory.setdefault("values", {})
-        self._values = _FACTORY | {"CT": str(int(settings.turnkey))} | kept
+        speed = {"CB": f"{_SPEEDS.index(facts.baud)}11"} if facts.baud in _SPEEDS else {}
+        self._values = _FACTORY | speed | {"CT": str(int(settings.turnkey))} | kept
         self._is_pinging = self._values["CT"] == "1"
         self._buffers: dict[Client, str] = {}
         self._ensembles = 0
 
     def start(self, now_ns: int) -> None:
         """Show the prompt, if it does not ping."""
+        self._apply_speed()
         if not self._is_pinging:
             self.send(_BANNER)
 
@@ -105,11 +108,17 @@ class Pathfinder(Instrument):
         self._is_pinging = name == "CS"
         prompt = "" if self._is_pinging else ">"
         self.send(f"{line}\r\n{answer}{prompt}".encode("latin-1"), client)
+        self._apply_speed()
+
+    def _apply_speed(self) -> None:
+        self.set_baud(_SPEEDS[int(self._values["CB"][0])])
 
     @staticmethod
     def _is_valid(name: str, value: str) -> bool:
         if name in ("EX", "CF"):
             return len(value) == 5 and set(value) <= {"0", "1"}
+        if name == "CB":  # speed, no parity, one stop bit
+            return len(value) == 3 and value[0] in "012345678" and value[1:] == "11"
         if name in ("PD", "WP"):
             return value in ("0", "00")
         lowest, highest = _LIMITS.get(name, (0, 0))

@@ -39,7 +39,7 @@ class Wires:
                 if at == "http":
                     stack.callback(serve_web(target, port, serve).stop)
                 else:
-                    opened = open_endpoint(ENDPOINTS[at], target, port, report, kind.first, SILENT_NS)
+                    opened = open_endpoint(ENDPOINTS[at], target, port, report, kind.first, SILENT_NS, kind.automatic)
                     stack.callback(opened.close)
                     self._links.append((number, cast(WireKind, at), opened))
             self.close = stack.pop_all().close
@@ -70,6 +70,11 @@ class Wires:
     def clients(self) -> list[Client]:
         """Return who is there."""
         return list(self._clients)
+
+    def set_baud(self, baud: int) -> None:
+        """Change the speed of all lines."""
+        for _, _, link in self._links:
+            link.set_baud(baud)
 
     def send(self, client: Client, data: bytes) -> None:
         """Send bytes to a client that may have gone, or to one of `contract.datagrams_to`."""

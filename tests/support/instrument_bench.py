@@ -49,7 +49,7 @@ class Bench:
         self, kind: type[Instrument], model: Any, settings: Any = None, client: Client = CLIENT, **facts: Any
     ) -> None:
         self.client = client
-        self.facts = Facts(kind.sensors[0], kind.sensors[0], model, memory={}, **facts)
+        self.facts = Facts(kind.sensors[0], kind.sensors[0], model, memory={}, **{"baud": kind.baud} | facts)
         self.scene = Scene(self.facts)
         self.kind, self.settings = kind, settings or kind.Model()
         self.now_ns = 10 * NS_PER_S
@@ -58,8 +58,10 @@ class Bench:
     def restart(self) -> None:
         """Switch the power off and on; the memory is kept."""
         self._sent: list[bytes] = []
+        self.speeds: list[tuple[int, int]] = []  # bytes sent before a change of the line's speed, and the new one
         add: Callable[..., None] = lambda data, to, measured_ns: self._sent.append(data)  # noqa: E731
         self.device = self.kind(self.settings, self.facts, self.scene, add)
+        self.device.change_baud = lambda baud: self.speeds.append((len(b"".join(self._sent)), baud))
         self.device.connected(self.client, self.now_ns)
         self.device.start(self.now_ns)
         self.device.tick(self.now_ns)

@@ -23,9 +23,9 @@ at = ["pty:/tmp/gps", "tcp:127.0.0.1:5000"]
 one. A slave starts the process of the instruments, `uuv-hil instruments`. [The keys](sensor_keys.md#instrument) are
 those of every instrument; `settings` has those below. A message goes out with the sample that it carries, so a client
 gets no more measurements in a second than the sensor's `rate`, unless the text says that the instrument measures
-itself. What a client sets is kept while the power is off, not when the process ends. A change of the baud rate is
-answered and kept, but the line keeps that of its address. Xsens, Nortek, EvoLogics and Valeport, and imaging sonars
-other than those below, have no instrument here; [a plug-in](../how-to/plugins.md) adds one.
+itself. What a client sets is kept while the power is off, not when the process ends. At a pseudo terminal a client at
+another baud rate than the instrument's reads rubbish. Xsens, Nortek, EvoLogics and Valeport, and imaging sonars other
+than those below, have no instrument here; [a plug-in](../how-to/plugins.md) adds one.
 
 This page is made by `python -m tools.reference` from `hil/instruments`.
 

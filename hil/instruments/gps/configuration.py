@@ -96,6 +96,8 @@ class Configuration:
             return False
         if pairs.get(MEASUREMENT_MS, _FASTEST_MS) < _FASTEST_MS or pairs.get(NAVIGATION_RATE, 1) < 1:
             return False
+        if not 4800 <= pairs.get(BAUD, 4800) <= 921_600:
+            return False
         if any(value >> 8 * _size(key) for key, value in pairs.items()):
             return False
         if layers & RAM:
@@ -157,7 +159,7 @@ class Configuration:
     def _set_port(self, baud: int, taken: int, given: int) -> bool:
         pairs = {key: int(bool(taken & bit)) for key, bit in _TAKEN.items()}
         pairs |= {key: int(bool(given & bit)) for key, bit in _GIVEN.items()}
-        return 4800 <= baud <= 921_600 and self._set(RAM, pairs | {BAUD: baud})
+        return self._set(RAM, pairs | {BAUD: baud})
 
     def _record(self, number: int, payload: bytes) -> bytes | bool:
         kept = self._records[number]

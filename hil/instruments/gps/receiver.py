@@ -32,7 +32,8 @@ class Receiver(Instrument):
 
     def __init__(self, settings: Any, facts: Facts, scene: Scene, send: Send) -> None:
         super().__init__(settings, facts, scene, send)
-        self._configuration = keys.Configuration(facts.memory.setdefault("values", {}))
+        stored = facts.memory.setdefault("values", {keys.BAUD: facts.baud})
+        self._configuration = keys.Configuration(stored)
         self._readers: dict[Client, ubx.Reader] = {}
         self._random = Random(facts.seed)
         self._own: Sensor | None = None  # measures at the configured rate, if that is not the sensor's
@@ -44,7 +45,7 @@ class Receiver(Instrument):
 
     def start(self, now_ns: int) -> None:
         """Name itself, as the device does after power on."""
-        self._apply_rate(now_ns)
+        self._apply(now_ns)
         if self._configuration.values[keys.OUT_NMEA]:
             self.send(nmea.sentence(nmea.GREETING))
 
@@ -70,16 +71,18 @@ class Receiver(Instrument):
                 self.send(ubx.frame(ubx.CFG, number, answer), client)
             is_accepted = isinstance(answer, bytes) or answer
             self.send(ubx.frame(ubx.ACK, int(is_accepted), bytes((group, number))), client)
-            self._apply_rate(now_ns)
+            self._apply(now_ns)
         elif (group, number) == (ubx.MON, ubx.VERSION) and not payload:
             self.send(ubx.version(), client)
         elif (group, number) == (ubx.PUBX, 41):  # is not answered
             self.malformed += not self._configuration.proprietary(payload)
+            self._apply(now_ns)
         elif (group, number) in ubx.MESSAGES and not payload and self._last:
             self.send(ubx.encode(group, number, self._last), client)
 
-    def _apply_rate(self, now_ns: int) -> None:
+    def _apply(self, now_ns: int) -> None:
         values = self._configuration.values
+        self.set_baud(values[keys.BAUD])
         period_ms = values[keys.MEASUREMENT_MS] * values[keys.NAVIGATION_RATE]
         if period_ms == self._own_ms:
             return

@@ -112,6 +112,7 @@ class PingDevice(Instrument):
     """
 
     wires = ("udp", "tcp", "serial", "pty")
+    automatic = b"U"  # as ping-viewer sends it (src/sensor/protocoldetector.cpp)
     is_interactive = True
     first_id = 1  # its number until another is set
     readable: Mapping[int, Message] = {}

@@ -36,7 +36,7 @@ _OF_PORT = {
 }
 # Most are calibrations and filters, which are kept and returned, but which the simulated sensor does not follow.
 _FACTORY = {
-    _TAG: "", _BAUD: "115200", _RATE: "40", 21: "+1,+0,+1.8,+0,+0,-9.79375", 23: "1,0,0,0,1,0,0,0,1,0,0,0",
+    _TAG: "", _RATE: "40", 21: "+1,+0,+1.8,+0,+0,-9.79375", 23: "1,0,0,0,1,0,0,0,1,0,0,0",
     25: "1,0,0,0,1,0,0,0,1,0,0,0", 26: "1,0,0,0,1,0,0,0,1", _PROTOCOL: "0,0,0,0,1,0,1", 35: "1,1,1,1",
     82: "0,0,0,0,0", 83: "0,0,0,0,1000,0.000,+00.00000000,+000.00000000,+00000.000",
     84: "1,0,0,0,1,0,0,0,1,0,0,0", 85: "0,4,4,4,0,0,3,3,3,0", **dict.fromkeys(_BINARY, "0,0,00"),
@@ -80,13 +80,14 @@ class Vn100(LineInstrument):
 
     def _restart(self) -> None:
         identity = dict(zip(_IDENTITY, (self.model_number, "7", "0100011981", "2.1.0.0"), strict=True))
-        self._registers = _FACTORY | identity | {_KIND: self.default_kind} | self._kept
+        self._registers = _FACTORY | identity | {_KIND: self.default_kind, _BAUD: str(self.facts.baud)} | self._kept
         self._is_paused = False
         self._due_ns = dict.fromkeys(self._registers, 0)
 
     def start(self, now_ns: int) -> None:
         """Build the unit's magnetometer."""
         self._began_ns = now_ns
+        self.set_baud(int(self._registers[_BAUD]))
         rate = max(1.0, self.facts.model.rate)
         self._magnetometer = self.scene.build(self.settings.magnetometer._replace(rate=rate), sensor=Magnetometer)
 
@@ -106,6 +107,7 @@ class Vn100(LineInstrument):
             self.malformed += 1
             answer = f"VNERR,{answer:02d}"
         self.send(encode_line(answer, self._has_crc), client)
+        self.set_baud(int(self._registers[_BAUD]))
 
     @property
     def _has_crc(self) -> bool:

@@ -5,7 +5,7 @@ import threading
 from collections.abc import Callable
 
 from hil.common.errors import DeviceError, HilError, NetworkError
-from hil.links.endpoints.lines import PtyLink, SerialLink
+from hil.links.endpoints.lines import PtyLink, SerialLink, UartPtyLink
 from hil.links.endpoints.sockets import RETRY_NS, SILENT_NS, Address, Link, Received, TcpIn, TcpOut, UdpIn, UdpOut
 
 FIRST_S = 0.5  # how long the start waits for an endpoint: the others must not wait for its name server
@@ -22,16 +22,20 @@ def open_endpoint(
     report: Callable[[str], None],
     first: bytes = b"",
     silent_ns: int = SILENT_NS,
+    automatic: bytes | None = None,
 ) -> "PatientLink":
     """Return an endpoint that opens, now or as soon as it can, of one of `KINDS`, "udpin" or "tcpin".
 
     `target` is a host or a device, `port` for a line its speed in bit/s; `first` as for `Link`. A partner by datagrams
-    is forgotten after `silent_ns`. Raises NetworkError if it cannot be opened by waiting.
+    is forgotten after `silent_ns`. With `automatic` a pty is a `UartPtyLink`. Raises NetworkError if it cannot be
+    opened by waiting.
     """
 
     def opener() -> Link:
         if kind == "udpin":
             return UdpIn(target, port, first, silent_ns)
+        if kind == "pty" and automatic is not None:
+            return UartPtyLink(target, port, automatic)
         return TcpIn(target, port, first) if kind == "tcpin" else KINDS[kind](target, port)
 
     return PatientLink(f"{kind}:{target}:{port}", opener, report)
@@ -51,6 +55,7 @@ class PatientLink(Link):
         self._result: Link | OSError | HilError | None = None
         self._due_ns = 0
         self._has_waited = False
+        self._baud = 0  # that was set
         self._thread = threading.Thread(target=self._try, daemon=True)
         self._thread.start()
         self._thread.join(FIRST_S)
@@ -78,6 +83,12 @@ class PatientLink(Link):
     def is_local(self, address: Address) -> bool:
         """Return whether a partner is on this machine, or on a wire of it."""
         return self._link.is_local(address) if self._link else super().is_local(address)
+
+    def set_baud(self, baud: int) -> None:
+        """Change the speed of a line, also of one that opens later."""
+        self._baud = baud
+        if self._link:
+            self._link.set_baud(baud)
 
     def tick(self, now: int) -> None:
         """Open the endpoint again if it was lost."""
@@ -111,6 +122,8 @@ class PatientLink(Link):
         result, self._result = self._result, None
         if isinstance(result, Link):
             self._link, self.burst = result, result.burst
+            if self._baud:
+                result.set_baud(self._baud)
             if self._has_waited:
                 self._report(f"{self.name}: is open")
             self._has_waited = False

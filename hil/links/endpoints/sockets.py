@@ -61,6 +61,9 @@ class Link(ABC):
     def tick(self, now: int) -> None:  # noqa: B027  # most have nothing to do
         """Do what is due by time."""
 
+    def set_baud(self, baud: int) -> None:  # noqa: B027  # only lines have a speed
+        """Change the speed (bit/s) of a line once all that was sent has gone out."""
+
     @abstractmethod
     def close(self) -> None:
         """Close it."""

@@ -172,6 +172,12 @@ class PtyWire(TerminalWire):
         ospeed: int = struct.unpack_from("I", fcntl.ioctl(self._fd, TCGETS2, bytes(44)), TERMIOS2_OSPEED)[0]
         return ospeed
 
+    def set_baud(self, baud: int) -> None:
+        """Set the speed in bit/s that the other end has until a program sets another; not if no standard has it."""
+        settings = termios.tcgetattr(self._slave)
+        settings[4] = settings[5] = getattr(termios, f"B{baud}", settings[5])
+        termios.tcsetattr(self._slave, termios.TCSANOW, settings)
+
     def write(self, data: bytes) -> int:
         """Send `data`, or nothing if the other end has stopped reading; return the number of bytes accepted."""
         if self._free_bytes <= 0 <= self._fd:
@@ -253,6 +259,14 @@ class UartWire(TerminalWire):
         self._arrivals.close()
         self._fd = -1
         self._port.close()
+
+    def set_baud(self, baud: int) -> None:
+        """Change the speed. Raises DeviceError if the device is lost or has no such speed."""
+        try:
+            self._port.baudrate = self.baud = baud
+            self._wait_for_a_byte()
+        except (OSError, ValueError, termios.error) as error:
+            raise self._lost_error(str(error)) from None
 
     def _wait_for_a_byte(self) -> None:
         """Set VMIN to 1: with pyserial's 0 a quiet line and a hang-up both read as b"", with 1 only a hang-up does."""

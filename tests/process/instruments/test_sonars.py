@@ -65,7 +65,7 @@ def a_wire(request: pytest.FixtureRequest, where: Where) -> Iterator[Open]:
         if request.param == "udp":
             client.connect_udp("127.0.0.1", ports[name])
         else:
-            client.connect_serial(str(folder / name), 115_200)
+            client.connect_serial(str(folder / name), 230_400)  # which the device takes from its first byte
 
     yield connect
     for client in opened:

@@ -119,7 +119,7 @@ def test_gpsd_finds_a_u_blox_receiver_and_its_fix(wires: Wires) -> None:
     [("-p MON-VER", "extension MOD=NEO-M9N"), ("-P 32.01 -g CFG-RATE-MEAS", "CFG-RATE-MEAS/0x30210001 val 1000")],
 )
 def test_ubxtool_asks_for_version_and_configuration(wires: Wires, option: str, answer: str) -> None:
-    command = ["ubxtool", "-f", wires.line("gps"), "-s", "115200", "-w", "2", *option.split()]
+    command = ["ubxtool", "-f", wires.line("gps"), "-s", "38400", "-w", "2", *option.split()]
 
     def is_answered() -> bool:
         said = subprocess.run(command, capture_output=True, text=True, check=True, timeout=PATIENCE_S)
@@ -177,6 +177,26 @@ def test_a_dvl_pings_after_its_command_and_a_usbl_answers_a_ping(wires: Wires) -
     payload = bytes.fromhex(reply[1:].decode())
     assert payload[0] == 0x42
     assert 10 < unpack_from("<H", payload, 1 + 16 + 8)[0] < 200  # dm: the station is at the world's origin
+
+
+def test_a_client_changes_the_speed_of_a_line_and_reads_rubbish_until_it_follows(wires: Wires) -> None:
+    with serial.Serial(wires.line("imu"), 115_200, timeout=PATIENCE_S) as line:
+
+        def is_readable(baud: int) -> bool:
+            line.baudrate = baud
+            line.reset_input_buffer()
+            return b"$VN" in line.read(300)
+
+        assert [is_readable(baud) for baud in (115_200, 57_600, 115_200)] == [True, False, True]
+        line.write(b"$VNWRG,05,9600*XX\r\n")
+        assert line.read_until(b"$VNWRG,05,9600*")
+        line.read(200)  # what was sent before
+        assert [is_readable(baud) for baud in (115_200, 9600)] == [False, True]
+        began = time.monotonic()
+        line.read(1500)
+        assert time.monotonic() - began > 0.5  # a second at 9600 bit/s, without what has waited
+        line.write(b"$VNWRG,05,115200*XX\r\n")
+        assert wait_for(lambda: is_readable(115_200))
 
 
 def test_what_a_client_leaves_half_said_harms_nobody(wires: Wires) -> None:
