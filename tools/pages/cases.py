@@ -36,33 +36,24 @@ HEAD = """\
 
 `uuv-hil case NAME` flies one case.
 
-- Planner, controller, allocation, thrusters, dynamics, sensors and noise are the same code in SIL and HIL. Both read
-  the same files.
-- Seed 1 is the scenario file unchanged. Other seeds change the noise, the start, and those obstacles that are not in
-  the map.
-- The paper gives neither the positions of obstacles nor the durations of tasks. We chose the values in the scenario
-  files.
-- [The reference platform](reference_platform.md) compares each equation of the paper with this project.
+Both fly the same code and read the same files. Seed 1 is the scenario file unchanged. Other seeds change the noise, the
+start, and those obstacles that are not in the map. The paper gives neither the positions of obstacles nor the durations
+of tasks: ours are in the scenario files. [The reference platform](reference_platform.md) compares each equation.
 
 | Row | Meaning |
 | --- | --- |
 | collisions | flights in which the distance to an obstacle was at most the vehicle's radius ({radius:.2f} m), or in \
 which the hull touched something |
-| events | number of events that `sim/run_events.py` recorded, such as a contact or a capsize; a flight with an \
-event fails |
-| travelled | length of the true path |
-| over optimum | that length divided by the length of the shortest path for a vehicle of this size, without a safety \
+| over optimum | length of the true path divided by the length of the shortest path for a vehicle of this size, without a safety \
 margin |
 | energy | electrical energy of the thrusters, without electronics. It is computed from the pulse widths, as for \
 T200 thrusters of the same thrust at 16 V, because the paper gives no power. In HIL the pulse widths are those of \
 the telemetry at 1 Hz |
 | off path | true distance from the path; in target hunting from the assigned place in the formation |
-| goal error | true distance from the goal at the end |
 | least clearance | least distance from the vehicle's centre to an obstacle; in target hunting to the hull of \
 another vehicle or to the target |
 | master CPU | processor time of the master's process during the flight, as a share of one core; in target hunting \
 of all four agents together |
-| planner CPU | the same for the planner alone; in SIL divided by the simulated time |
 | delay | from publishing a command to applying its pulse widths at the STM32 end |
 
 Rows with ± give the mean and the standard deviation. The other rows give the worst flight.
