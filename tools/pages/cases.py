@@ -44,8 +44,8 @@ of tasks: ours are in the scenario files. [The reference platform](reference_pla
 | --- | --- |
 | collisions | flights in which the distance to an obstacle was at most the vehicle's radius ({radius:.2f} m), or in \
 which the hull touched something |
-| over optimum | length of the true path divided by the length of the shortest path for a vehicle of this size, without a safety \
-margin |
+| over optimum | length of the true path divided by that of the shortest for a vehicle of this size, without a \
+safety margin |
 | energy | electrical energy of the thrusters, without electronics. It is computed from the pulse widths, as for \
 T200 thrusters of the same thrust at 16 V, because the paper gives no power. In HIL the pulse widths are those of \
 the telemetry at 1 Hz |

@@ -30,7 +30,6 @@ TYPED = {
     "docs/how-to/qgroundcontrol.md": 4,
     "docs/how-to/record.md": 6,
     "docs/how-to/ros2.md": 0,
-    "docs/how-to/ros2_releases.md": 1,
 }
 # Pages whose programs another test runs.
 ELSEWHERE = {
