@@ -90,7 +90,8 @@ def test_a_turn_ends_at_its_heading_where_the_vehicle_is(
     for now, before in enumerate((heading, heading + 0.2)):  # what is relative counts from its beginning
         target = flight.step(at(4.0, heading=before), now)
         assert target
-        assert (target.position, [target.heading]) == ((4.0, 0.0, 3.0), pytest.approx([turned_to]))
+        assert target.position == (4.0, 0.0, 3.0)
+        assert target.heading == pytest.approx(turned_to)
     flight.step(at(5.0, heading=turned_to + 0.11), 2)
     assert flight.current == 0
     second = flight.step(at(5.0, heading=turned_to - 0.09), 3)

@@ -9,7 +9,7 @@ from hil.common.clock import NS_PER_S, now_ns
 from hil.links.contract import ThrusterTelemetry, has_restarted, is_overtaken
 from hil.slave.drivers.external import ExternalDriver
 from hil.slave.pilot_source import PilotSource
-from tests.support.links.bench_link import link_with_reports
+from tests.support.links.bench_link import BenchLink, link_with_reports
 
 NEUTRAL, PUSHING, OTHER = (1500,) * 6, (1600,) * 6, (1700,) * 6
 STARTED = ThrusterTelemetry(0, False, False, NEUTRAL, 0, 0, 0, 0)
@@ -64,6 +64,16 @@ def test_the_outputs_are_those_of_the_newest_report() -> None:
         driver.service(now_ns())
         results.append(tuple(driver.pwm_us))
     assert results == [PUSHING, NEUTRAL, NEUTRAL, NEUTRAL]
+
+
+def test_an_stm32_that_reports_nothing_for_the_watchdogs_time_counts_as_stopped() -> None:
+    link, begin = BenchLink(), 2 * now_ns()
+    driver = ExternalDriver(link.bench_ends, 6, NS_PER_S, print)
+    assert driver.deadline_ns <= now_ns() + NS_PER_S
+    link.reports.append(report(1, 1))
+    for after_ns, pulses in ((0, PUSHING), (NS_PER_S, PUSHING), (NS_PER_S + 1, NEUTRAL)):
+        driver.service(begin + after_ns)
+        assert (driver.pwm_us, driver.deadline_ns) == (pulses, begin + NS_PER_S + (pulses == NEUTRAL) * (NS_PER_S + 1))
 
 
 class Pilot:

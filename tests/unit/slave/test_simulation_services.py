@@ -9,7 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hil.common.clock import NS_PER_S, now_ns
-from hil.slave.ros.simulation import FEATURES, MAX_STEPS, PAUSE_FEATURES
+from hil.slave.ros.simulation import FEATURES, MAX_STEPS, PAUSE_FEATURES, _matches
 from sim.tether import Tether, TetherKeys
 from tests.unit.slave.test_vehicle_services import Vehicle, pose
 
@@ -77,6 +77,22 @@ def test_a_slow_regular_expression_is_refused(vehicle: Vehicle, filters: dict[st
     assert code(call(vehicle, "get_entities", filters=filters)) == FAILED
     assert code(call(vehicle, "get_entities", filters={"bounds": {"type": 1}})) == UNSUPPORTED
     assert call(vehicle, "get_entities", filters={"tags": {"tags": ["x"]}})["entities"] == []
+
+
+@pytest.mark.parametrize(
+    ("pattern", "name", "fits"),
+    [("ab.*ba", "aba", False), ("ab.*ba", "abba", True), ("b", "abc", True), ("b.*a", "ab", False), ("", "a", True)],
+)
+def test_the_parts_of_a_filter_are_found_one_after_the_other(pattern: str, name: str, fits: bool) -> None:
+    assert _matches(pattern, name) == fits
+
+
+def test_an_orientation_of_any_length_is_one(vehicle: Vehicle) -> None:
+    request = pose(3, 4, -6, 0.7)
+    at = request["state"]["pose"]["orientation"]
+    request["state"]["pose"]["orientation"] = {axis: 10.0 * value for axis, value in at.items()}
+    assert code(vehicle.server.call("/uuv1/set_entity_state", {"entity": "uuv1", **request})) == OK
+    assert math.hypot(*vehicle.simulation.state.quaternion) == pytest.approx(1.0)
 
 
 def test_reset_returns_the_vehicle_to_its_start(vehicle: Vehicle) -> None:
