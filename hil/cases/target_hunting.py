@@ -145,7 +145,12 @@ def members_on_free_ports(scenario: str) -> list[Table]:
     members = load_scenario(scenario).member
     ports = iter(free_ports(2 * len(members)))
     return [
-        {**member._asdict(), "listen": f"tcp/127.0.0.1:{next(ports)}", "agent": f"tcp/127.0.0.1:{next(ports)}"}
+        {
+            key: list(value) if isinstance(value, tuple) else value
+            for key, value in member._asdict().items()
+            if value not in (None, "")
+        }
+        | {"listen": f"tcp/127.0.0.1:{next(ports)}", "agent": f"tcp/127.0.0.1:{next(ports)}"}
         for member in members
     ]
 

@@ -12,6 +12,7 @@ from hil.common.endpoint import LAN, no_certificates
 from hil.common.errors import STOPPED, ConfigError, MissingExtraError, NetworkError
 from hil.common.options import (
     DESCRIPTOR,
+    add_member,
     add_output,
     add_scenario,
     add_view,
@@ -32,7 +33,8 @@ from hil.plots import run_picture as picture
 from hil.recording.mcap_writer import require_library
 from hil.recording.recorder import new_folder
 from hil.ros.topics import ALL
-from hil.scenario.config import Scenario, load_single
+from hil.scenario.config import Scenario, load_scenario, load_single
+from hil.scenario.fleet import as_member
 
 MIN_DELAYS = 1 << 13  # commands whose delays the table covers: 7 minutes at 20 Hz
 WAIT_STEP_S = 0.02
@@ -44,6 +46,7 @@ examples:
   uuv-hil master paper_field                           its slave runs on this machine
   uuv-hil master paper_field --connect tcp/192.168.3.116:7447
   uuv-hil master mine.toml --connect tcp/127.0.0.1:7447 --output runs/today
+  uuv-hil master vessel_and_auv --member auv           one vehicle of a fleet
   uuv-hil master mine.toml --connect lan               a slave with [network] discovery = true
 
 The folder of the run then contains trajectory.png, table.json, track.csv and master.log.
@@ -60,6 +63,7 @@ def main(arguments: list[str]) -> int:
         type=endpoint_or_lan,
         help="a slave or a router, HOST:PORT, or lan [the scenario's]",
     )
+    add_member(parser)
     add_view(parser)
     add_take_over(parser)
     add_wait(parser, 60.0)
@@ -68,7 +72,10 @@ def main(arguments: list[str]) -> int:
         "--ready-fd", metavar="N", type=DESCRIPTOR, help="write a line to this descriptor when it connects"
     )
     options = parser.parse_args(arguments)
-    scenario = load_single(options.scenario, changes_of(options))
+    if options.member:
+        scenario = as_member(load_scenario(options.scenario, changes_of(options)), options.member)
+    else:
+        scenario = load_single(options.scenario, changes_of(options))
     connect = options.connect or own_endpoint(scenario)
     if connect != LAN and not scenario.security and (problem := no_certificates(connect)):
         raise ConfigError(f"--connect: {problem}")

@@ -1,5 +1,7 @@
 """Simulate the modem channel of a fleet over the network: deliver on `modem_rx` what vehicles send on `modem_tx`.
 
+A member with `usbl` gets on `modem_position` where it has found another one.
+
 Only the simulator knows the true position of every vehicle. A message arrives after its travel time, or is lost.
 """
 
@@ -10,11 +12,12 @@ from hil.common.clock import now_ns, to_wall_ns
 from hil.common.vectors import Vector3
 from hil.network.session import Session
 from hil.ros import encoders as ros
-from hil.ros.fleet import Message, decode_message, encode_message, encode_range
+from hil.ros.fleet import Message, decode_message, encode_message, encode_place, encode_range
 from hil.ros.graph import Node
 from hil.ros.topics import TOPICS
 from hil.scenario.config import Scenario
-from hil.scenario.modem import open_channel
+from hil.scenario.modem import open_channel, open_usbl
+from sim.sensors.extra_samples import PositionSample
 
 TICK_S = 0.005  # period of the delivery of messages
 QUEUE = 16
@@ -31,16 +34,22 @@ class ModemNetwork:
     def __init__(self, session: Session, scenario: Scenario) -> None:
         self.ranges: dict[tuple[str, str], float] = {}
         self._channel = open_channel(scenario)
+        self._usbl = open_usbl(scenario, self._channel)
         self._lock = threading.Lock()
         self._positions: dict[str, Vector3] = {}
         nodes = [member.node for member in scenario.member]
         self._received = {node: session.publisher(node, TOPICS["modem_rx"]) for node in nodes}
         self._measured = {node: session.publisher(node, TOPICS["modem_range"]) for node in nodes}
+        heads = [member.node for member in scenario.member if member.usbl]
+        self._located = {node: session.publisher(node, TOPICS["modem_position"]) for node in heads}
         graph = Node(session, "channel")
+        for topic, publishers in (
+            ("modem_rx", self._received), ("modem_range", self._measured), ("modem_position", self._located),
+        ):  # fmt: skip
+            for node, publisher in publishers.items():
+                publisher.gid = graph.publishes(TOPICS[topic], node)
         for node in nodes:
             self._attend(session, node)
-            for topic, publishers in (("modem_rx", self._received), ("modem_range", self._measured)):
-                publishers[node].gid = graph.publishes(TOPICS[topic], node)
             graph.subscribes(TOPICS["modem_tx"], node)
         session.every(TICK_S, self._deliver, "channel")
 
@@ -69,7 +78,12 @@ class ModemNetwork:
 
     def _deliver(self) -> None:
         with self._lock:
-            packets = self._channel.receive(now_ns())
+            present, positions = now_ns(), dict(self._positions)
+            self._usbl.ask(present, positions)
+            packets, fixes = self._usbl.take(present, self._channel.receive(present), positions)
+        for fix in fixes:
+            sample = PositionSample(to_wall_ns(fix.sent_ns), fix.offset, fix.covariance)
+            self._located[fix.receiver].put(encode_place(sample, fix.sender), to_wall_ns(present))
         for packet in packets:
             now = to_wall_ns(now_ns())
             self._received[packet.receiver].put(encode_message(Message(packet.sender, packet.payload)), now)

@@ -348,6 +348,6 @@ _ELSEWHERE = {
     **dict.fromkeys(("/tf", "/tf_static", "/clock", "thruster_wrench"), "frames"),
     **dict.fromkeys(("robot_description", "map", "obstacles", "/parameter_events", "/rosout"), "world"),
     **dict.fromkeys(("joint_states", "motors", "accessories", "cmd_accessories"), "joints"),
-    **dict.fromkeys(("formation", "modem_tx", "modem_rx", "modem_range"), "fleet"),
+    **dict.fromkeys(("formation", "modem_tx", "modem_rx", "modem_range", "modem_position"), "fleet"),
     **dict.fromkeys(("plan", "tether"), "plan"),
 }

@@ -5,7 +5,8 @@ trajectory_msgs/MultiDOFJointTrajectoryPoint with one transform, the pose, and t
 
 Messages to and from a modem are std_msgs/UInt8MultiArray with one dimension, whose label is the sender. `modem_tx` has
 messages for a vehicle's modem to send, `modem_rx` those it received. `modem_range` (sensor_msgs/Range) is the distance
-to the sender of the last message received, which its frame names.
+to the sender of the last message received, which its frame names. `modem_position` is the position of the vehicle that
+its frame names, relative to this one, measured by USBL (east, north, up).
 """
 
 from math import isfinite
@@ -15,8 +16,8 @@ from hil.common.vectors import Quaternion, Vector3
 from hil.ros.cdr import HEADER, Layout, MalformedError, tolerant
 from hil.ros.encoders import Decoder, swap_attitude, swap_world
 from hil.ros.message import encode, read
-from hil.ros.sensors import decode_distance, encode_distance
-from sim.sensors.extra_samples import RangeSample
+from hil.ros.sensors import decode_distance, decode_position, encode_distance, encode_position
+from sim.sensors.extra_samples import PositionSample, RangeSample
 
 _NS_PER_S = 1_000_000_000
 _TYPE = "std_msgs/msg/UInt8MultiArray"
@@ -76,9 +77,15 @@ def encode_range(time_ns: int, sender: str, distance: float, reach: float) -> by
     return encode_distance(RangeSample(time_ns, distance, (0.0, reach)), sender)
 
 
+def encode_place(sample: PositionSample, sender: str) -> bytes:
+    """Encode geometry_msgs/PoseWithCovarianceStamped: the position of `sender` from the receiver (m, NED)."""
+    return encode_position(sample, sender)
+
+
 DECODERS: dict[str, Decoder] = {
     "formation": decode_formation,
     "modem_tx": decode_message,
     "modem_rx": decode_message,
     "modem_range": decode_distance,
+    "modem_position": decode_position,
 }

@@ -74,6 +74,7 @@ TOPICS = {
         Topic("modem_tx", "std_msgs/msg/UInt8MultiArray", 1, "data", from_master=True),
         Topic("modem_rx", "std_msgs/msg/UInt8MultiArray", 3, "data", from_master=True),
         Topic("modem_range", "sensor_msgs/msg/Range", 3, "data", from_master=True),
+        Topic("modem_position", "geometry_msgs/msg/PoseWithCovarianceStamped", 1, "data", from_master=True),
         Topic("diagnostics", "diagnostic_msgs/msg/DiagnosticArray", 1, "background"),
         Topic("robot_description", "std_msgs/msg/String", 0, "background", qos=_DESCRIPTION),
         Topic("map", "nav_msgs/msg/OccupancyGrid", 0, "background", qos=_DESCRIPTION),

@@ -204,6 +204,7 @@ def _load(path: str, changes: dict[str, Any]) -> Scenario:
         derived=tuple([key for key in DERIVED if key not in table["master"]]),
         master=scenario.master._replace(map=_relative(scenario.master.map, folder, ".yaml")),
         link=scenario.link._replace(options=dict(scenario.link.options)),
+        member=tuple([_with_vehicle(member, path) for member in scenario.member]),
     )
     problems = list(_contradictions(scenario))
     if problems:
@@ -217,6 +218,12 @@ def _load(path: str, changes: dict[str, Any]) -> Scenario:
 
         announce(scenario.sensors, f"{path}: sensors")
     return scenario
+
+
+def _with_vehicle(member: "Member", path: str) -> "Member":
+    if not member.vehicle:
+        return member
+    return member._replace(vehicle=_file_reader("vehicle", path)(member.vehicle, f"{path}: member: vehicle"))
 
 
 def _readers(path: str) -> dict[str, Reader]:

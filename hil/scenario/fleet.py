@@ -26,11 +26,15 @@ def member_number(scenario: Scenario, which: str) -> int:
 def as_member(scenario: Scenario, which: str) -> Scenario:
     """Return the scenario of one vehicle of the fleet, with its own seed and frames. Raises ConfigError."""
     number = member_number(scenario, which)
-    member = scenario.member[number]
+    member, start, master = scenario.member[number], scenario.start, scenario.master
+    if member.depth is not None:
+        start, master = start._replace(depth=member.depth), master._replace(depth=member.depth)
     return scenario._replace(
+        vehicle=member.vehicle or scenario.vehicle,
+        master=master._replace(goal=member.goal or master.goal),
         seed=scenario.seed * len(scenario.member) + number,
         slave=scenario.slave._replace(node=member.node, listen=member.listen),
-        start=scenario.start._replace(north=member.north, east=member.east, heading=member.heading),
+        start=start._replace(north=member.north, east=member.east, heading=member.heading),
         ros=scenario.ros._replace(frame_prefix=f"{member.node}/", clock=0.0 if number else scenario.ros.clock),
     )
 

@@ -22,7 +22,9 @@ from hil.scenario.records import VECTOR_M, Slave
 class Member(NamedTuple):
     """One vehicle of a fleet: its slave is called `node` and listens at `listen`; its planner listens at `agent`.
 
-    It starts at `north`, `east` with `heading`, at the depth of [start]. Each endpoint takes two ports.
+    It starts at `north`, `east` with `heading`, at the depth of [start]. Each endpoint takes two ports. `vehicle`, and
+    `depth` and `goal` of its start and task, replace those of the scenario. With `usbl` its modem also measures where
+    the others are (sim/modems/usbl.py).
     """
 
     node: str
@@ -31,6 +33,10 @@ class Member(NamedTuple):
     north: Annotated[float, Range(-1e5, 1e5, "m")]
     east: Annotated[float, Range(-1e5, 1e5, "m")]
     heading: Annotated[float, Range(-6.3, 6.3, "rad")] = 0.0
+    vehicle: str = ""
+    depth: Annotated[float, Range(0.0, 11_000.0, "m")] | None = None
+    goal: VECTOR_M | None = None
+    usbl: bool = False
 
     def validate(self) -> str | None:
         """Return why the name or an endpoint is invalid; None if they are valid."""

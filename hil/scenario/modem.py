@@ -17,6 +17,7 @@ from hil.scenario.modem_records import Modem
 from sim.environment.seawater.water_column import WaterColumn
 from sim.environment.world import load_world
 from sim.modems.acoustic import AcousticChannel
+from sim.modems.usbl import UsblRounds
 from sim.sensors.error import sensor_random
 
 _REPORT = Struct("<iiHbbI")  # cm, cm, dm; 2 cm/s, 2 cm/s; ms
@@ -31,7 +32,7 @@ def modem_of(scenario: Scenario) -> Modem:
             f"{scenario.path}: there is no [modem], so its vehicles report over the network: add one, or use the "
             "scenario of a fleet that has one, such as target_hunting_acoustic"
         )
-    hunting = hunting_of(scenario)
+    hunting = scenario.hunting
     airtime = modem.model.airtime_ns(REPORT_BYTES) / NS_PER_S
     if 0.0 < modem.slot < airtime:
         raise ConfigError(
@@ -39,7 +40,7 @@ def modem_of(scenario: Scenario) -> Modem:
             "lengthen slot"
         )
     frame = modem.slot * len(scenario.member)
-    if hunting.report_timeout < 2.0 * frame:
+    if hunting and hunting.report_timeout < 2.0 * frame:
         raise ConfigError(
             f"{scenario.path}: hunting: report_timeout must be at least {2.0 * frame:g} s, twice "
             "what it takes until it is a vehicle's turn again"
@@ -105,3 +106,11 @@ def open_channel(scenario: Scenario) -> AcousticChannel:
     profile = world.ocean.profile if world.ocean else None
     column = WaterColumn(profile, world.gravity) if profile else None
     return AcousticChannel(model, world.depth, scenario.seed, column)
+
+
+def open_usbl(scenario: Scenario, channel: AcousticChannel) -> UsblRounds:
+    """Return the interrogations of the fleet's members with `usbl` over their `channel`. Raises ConfigError."""
+    modem, nodes = modem_of(scenario), [member.node for member in scenario.member]
+    heads = [member.node for member in scenario.member if member.usbl]
+    errors = modem.usbl_angle, modem.model.range_error
+    return UsblRounds(channel, heads, nodes, seconds_ns(modem.usbl_period), *errors, scenario.seed)

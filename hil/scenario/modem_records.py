@@ -12,12 +12,19 @@ from typing import Annotated, Any, NamedTuple, cast
 from hil.common.errors import ConfigError
 from hil.common.schema import Range, check_table, parse_split
 from sim.modems.acoustic import AcousticModem
+from sim.sensors.error import ErrorModel
 
 
 class Modem(NamedTuple):
-    """The [modem] table: `slot` is each vehicle's slot length (s), 0 for none; `model` has the modem's own keys."""
+    """The [modem] table: `slot` is each vehicle's slot length (s), 0 for none; `model` has the modem's own keys.
+
+    A member with `usbl` interrogates another one every `usbl_period` and measures its direction, with the error
+    `usbl_angle` (rad), by default that of [sensors.usbl].
+    """
 
     slot: Annotated[float, Range(0.0, 60.0, "s")] = 0.25
+    usbl_period: Annotated[float, Range(0.1, 600.0, "s")] = 2.0
+    usbl_angle: ErrorModel = ErrorModel(noise=0.005)
     model: AcousticModem = AcousticModem()  # read by read_modem
 
 

@@ -93,7 +93,7 @@ class Usbl:
         if not has_fix:
             return None
         self.delay_ns = round(seconds * 1e9)
-        direction = _rotate_direction(line, up, starboard)
+        direction = rotate_direction(line, up, starboard)
         north, east, down = [start + measured * along for start, along in zip(self._station, direction, strict=True)]
         return PositionSample(time_ns, (north, east, down), self._covariance(line, distance))
 
@@ -103,14 +103,19 @@ class Usbl:
 
     def _covariance(self, line: Vector3, distance: float) -> Covariance:
         """Return the covariance of the position in m²: the range's along the line of sight, the angles' across it."""
-        across = self._angle_variance * distance * distance
-        along = variance(self._range_errors, self._period, distance) - across
-        x, y, z = line
-        xy, xz, yz = along * x * y, along * x * z, along * y * z
-        return along * x * x + across, xy, xz, xy, along * y * y + across, yz, xz, yz, along * z * z + across
+        along = variance(self._range_errors, self._period, distance)
+        return position_covariance(line, along, self._angle_variance * distance * distance)
 
 
-def _rotate_direction(line: Vector3, up: float, starboard: float) -> Vector3:
+def position_covariance(line: Vector3, along: float, across: float) -> Covariance:
+    """Return the covariance in m² of a position with these variances along and across the unit vector `line`."""
+    x, y, z = line
+    along -= across
+    xy, xz, yz = along * x * y, along * x * z, along * y * z
+    return along * x * x + across, xy, xz, xy, along * y * y + across, yz, xz, yz, along * z * z + across
+
+
+def rotate_direction(line: Vector3, up: float, starboard: float) -> Vector3:
     """Return the unit vector `line` (NED), turned by the small perpendicular angles `up` and `starboard` (rad)."""
     x, y, z = line
     level = sqrt(x * x + y * y)

@@ -30,6 +30,7 @@ CONTENT = {
     "plan": "planned path, in `map`",
     "modem_tx": "bytes for the modem; the label of the array's dimension is the name of the sender",
     "modem_rx": "bytes that the modem received; the label of the array's dimension is the name of the sender",
+    "modem_position": "position of the vehicle `frame_id` from this one (m), by USBL; the time is that of its reply",
     "modem_range": "distance (m), computed from the travel time; `frame_id` is the name of the sender",
     "trace": "sequence number of a command, and its time (ns) at each hop, for the command delay",
     "thruster_wrench": "force (N) and moment (N m) of all thrusters about the body's origin",

@@ -72,8 +72,10 @@ def scene_content(scenario: Scenario | None) -> "SceneContent":
 
     if scenario is None:
         return SceneContent()
-    vehicle = load_vehicle(scenario.vehicle)[0]
-    vehicles = dict.fromkeys([member.node for member in scenario.member] or [scenario.slave.node], vehicle)
+    shown = {member.node: member.vehicle or scenario.vehicle for member in scenario.member}
+    vehicles = {
+        node: load_vehicle(name)[0] for node, name in (shown or {scenario.slave.node: scenario.vehicle}).items()
+    }
     path: Sequence[Sequence[float]] = ()
     goal = None
     if not scenario.member:

@@ -40,6 +40,9 @@ def check_scenario(scenario: Scenario) -> Iterator[Finding]:
 
 
 def _check(scenario: Scenario) -> Iterator[Finding]:
+    if scenario.member and not scenario.hunting:
+        yield from _check_members(scenario)
+        return
     vehicle, control = load_vehicle(scenario.vehicle)
     world = load_world(scenario.world)
     speed = None if vehicle.fins else requested_speed(scenario)[1]
@@ -88,6 +91,17 @@ def _check(scenario: Scenario) -> Iterator[Finding]:
         return
     yield from _check_plan(scenario, plan, min(plan.request.master.speed, top_speed or plan.request.master.speed))
     yield from check_guidance(scenario, vehicle, plan.planner, plan.request)
+
+
+def _check_members(scenario: Scenario) -> Iterator[Finding]:
+    """Check a fleet without a common task: each member for itself, then all together."""
+    from hil.doctor.scenario.fleet import check_fleet
+
+    for number, member in enumerate(scenario.member):
+        own = as_member(scenario, member.node)._replace(member=(), modem=None)
+        for level, text in _check(own) if own.master.goal else ():
+            yield Finding(level, f"member[{number}] ({member.node}): {text}")
+    yield from check_fleet(scenario, load_vehicle(scenario.vehicle)[0], load_world(scenario.world))
 
 
 def _check_vehicle(scenario: Scenario, subject: Subject) -> Iterator[Finding]:

@@ -27,6 +27,8 @@ def check_fleet(scenario: Scenario, vehicle: Vehicle, world: World) -> Iterator[
     if scenario.security and scenario.modem:
         yield Finding("problem", "modem: the acoustic channel does not support [security]: remove one of them")
     if scenario.hunting is None:
+        if any(member.goal for member in scenario.member):
+            return
         yield Finding("warning", "hunting: there is none, so `uuv-hil fleet agent` has no task: add it, with a target")
         return
     if scenario.modem:

@@ -21,7 +21,7 @@ from sim.dynamics import State
 from sim.rays.solids import hull
 from sim.rotations import integrate, rotate
 from sim.sensors.samples import OdometrySample
-from sim.vehicle.vehicle import Vehicle
+from sim.vehicle.vehicle import Vehicle, load_vehicle
 
 MAX_AGE_NS = NS_PER_S
 QUEUE = 4
@@ -30,21 +30,26 @@ _FARTHEST = 1e5  # m
 
 
 class Neighbours:
-    """The other vehicles of `scenario`'s fleet. All have the hull of `vehicle`; `states` maps node names to states."""
+    """The other vehicles of `scenario`'s fleet, which are like `vehicle` unless their member says otherwise.
+
+    `states` maps node names to states.
+    """
 
     def __init__(self, scenario: Scenario, vehicle: Vehicle) -> None:
         self._scenario = scenario
         others = [member for member in scenario.member if member.node != scenario.slave.node]
         self._endpoints = [member.listen for member in others]
-        self._solid = hull(vehicle)
+        self._solids = {
+            member.node: hull(load_vehicle(member.vehicle)[0] if member.vehicle else vehicle) for member in others
+        }
         self._received: dict[str, tuple[int, OdometrySample]] = {}  # node -> receive time (monotonic ns), sample
         self.states = {member.node: State(_ABSENT) for member in others}
 
     def stand_before(self, sensor: Any) -> None:
         """Add the hulls to a sensor's scene, unless the sensor, for example a user's own, has no `add`."""
         if hasattr(sensor, "add"):
-            for state in self.states.values():
-                sensor.add(self._solid, state)
+            for node, state in self.states.items():
+                sensor.add(self._solids[node], state)
 
     def subscribe(self) -> AbstractContextManager[Any]:
         """Subscribe to the states until the context is left. Raises NetworkError if a required router is missing."""
