@@ -23,6 +23,7 @@ from hil.common.options import (
 )
 from hil.common.stop import StopSignals, pause
 from hil.master.flight import Flight, Outcome, Plan, prepare, require_success
+from hil.master.guidance import narrow_turn
 from hil.master.mission import STOPPED as INTERRUPTED
 from hil.master.mission import Mission
 from hil.master.planner import topics_of
@@ -89,6 +90,8 @@ def main(arguments: list[str]) -> int:
     cells = f", in cells of {size:g} m" if size > scenario.master.resolution and scenario.master.map == "known" else ""
     path = f"planned {len(planner.path)} points" if planner.path else "began, without a path to show,"
     progress.print_line(f"{type(planner).__name__} {path} in {plan.duration:.2f} s{cells}")
+    if warning := narrow_turn(plan.request):
+        progress.print_line(f"WARNING: {warning}")
     words = scenario_words(options)
     with (
         view_process(words, [connect], options.view),

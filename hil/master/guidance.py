@@ -1,6 +1,6 @@
 """Derive the guidance of a vehicle that steers by fins, which cannot stop, from what the vehicle can do."""
 
-from math import asin, hypot, inf
+from math import asin, ceil, dist, hypot, inf
 from typing import Any
 
 from hil.autonomy.control.controller import gains_of
@@ -9,6 +9,7 @@ from hil.autonomy.paths.trajectory import Limits
 from hil.common.errors import ConfigError
 from hil.common.schema import parse
 from hil.master.manoeuvring import Manoeuvring
+from hil.master.planner import PlanRequest
 from hil.scenario.config import Scenario
 from hil.scenario.records import Master
 from sim.environment.world import World
@@ -22,6 +23,7 @@ LENGTHS = 3.0  # least lookahead in lengths of the vehicle
 _HIT = 0.2  # tolerance as a share of the planned turning radius
 _LEAST_TOLERANCE = 0.5  # m
 _SLOWEST, _STRAIGHT = 0.01, 1e4  # m/s, m: a top speed below it and a turning radius above it are none
+_BACK = 0.5  # cosine of the greatest angle between a line and the opposite of the one before
 _OFF = 0.3  # margin to obstacles as a share of the planned turning radius: so far off the path may a turn begin
 
 
@@ -33,6 +35,22 @@ def fin_gains(scenario: Scenario) -> FinGains:
 def cruising_speed(top: float, fins: FinGains) -> float:
     """Return the speed (m/s) at which a vehicle with fins cruises that reaches `top` m/s (0: without thrusters)."""
     return min(max(_CRUISE * top, _STEERABLE * fins.least_speed), top or inf)
+
+
+def narrow_turn(request: PlanRequest) -> str:
+    """Return a warning of survey lines that are nearer to each other than a vehicle with fins turns; "" if none are."""
+    turns = 2.0 * request.limits.turn_radius
+    for number, (first, start, end, last) in enumerate(zip(*(request.course[k:] for k in range(4)), strict=False)):
+        apart = dist(start[:2], end[:2])
+        cosine = sum((b - a) * (d - c) for a, b, c, d in zip(first[:2], start[:2], end[:2], last[:2], strict=True))
+        if 0.0 < apart < 0.99 * turns and cosine < -_BACK * dist(first[:2], start[:2]) * dist(end[:2], last[:2]):
+            return (
+                f"master: waypoint[{number + 1}]: {apart:.1f} m from the line before, but {request.vehicle.name} needs "
+                f"{turns:.1f} m to turn back, so it circles, and may miss the line and try again: plan lines at least "
+                f"{turns:.1f} m apart, or fly first every line that is {ceil(turns / apart)} lines away, then those "
+                "between"
+            )
+    return ""
 
 
 def guide_by_fins(scenario: Scenario, vehicle: Vehicle, world: World) -> tuple[Master, Limits]:

@@ -15,6 +15,7 @@ from hil.common.options import SEED, add_json, add_output, add_plot, add_scenari
 from hil.common.streams import ProgressLine
 from hil.common.text import json_text
 from hil.master.flight import Outcome, Plan, prepare, require_success
+from hil.master.guidance import narrow_turn
 from hil.plots import run_picture as picture
 from hil.plots.plotting import check_picture
 from hil.scenario.attitude_warning import attitude_warning
@@ -54,8 +55,7 @@ def main(arguments: list[str]) -> int:
     plan = prepare(scenario)
     vehicle = SimulatedVehicle(scenario, plan.world)
     simulation = vehicle.simulation
-    warning = attitude_warning(scenario, simulation.vehicle)
-    if warning:
+    for warning in filter(None, (attitude_warning(scenario, simulation.vehicle), narrow_turn(plan.request))):
         print(f"WARNING: {warning}", file=sys.stderr, flush=True)
     with ExitStack() as opened:
         return _fly(options, scenario, plan, vehicle, pace(options, scenario, vehicle, opened))

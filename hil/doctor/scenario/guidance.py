@@ -8,7 +8,7 @@ from hil.autonomy.paths.astar import path_length
 from hil.doctor.vehicle.finding import Finding
 from hil.doctor.vehicle.subject import Subject
 from hil.master.flight import DEPTH_HOLD
-from hil.master.guidance import LENGTHS, ROOM, fin_gains
+from hil.master.guidance import LENGTHS, ROOM, fin_gains, narrow_turn
 from hil.master.planner import Planner, PlanRequest
 from hil.scenario.config import Scenario
 from sim.environment.world import World
@@ -55,6 +55,8 @@ def check_guidance(
                 f"master: {key}: {getattr(master, key):g} {unit}, but {text}: use at least {least:.2g} {unit}, or "
                 "leave out the key"
             )
+    if narrow := narrow_turn(request):
+        yield _warning(narrow)
     straight, flown = path_length(request.course), path_length(planner.path)
     if straight < 2.0 * (len(request.course) - 1) * limits.turn_radius and flown > DETOUR * straight:
         yield _warning(

@@ -92,6 +92,12 @@ def test_the_map_of_a_leg_shows_what_is_at_the_depths_of_that_leg() -> None:
         ("bluerov2", [(999.0, 0.0, 5.0)], "problem: the waypoint[0] (999.00 m north, 0.00 m east) is outside the map"),
         ("lauv", [(30.0, 0.0, 25.0)], "warning: waypoint[0]: depth: lauv changes its depth by at most"),
         ("lauv", [(100.0, 0.0, 10.0)], ""),
+        (
+            "remus100",
+            [(10.0, 0.0, 5.0), (70.0, 0.0, 5.0), (70.0, 6.0, 5.0), (10.0, 6.0, 5.0)],
+            "warning: waypoint[2]: 6.0 m from the line before, but remus100 needs 28.1 m to turn back",
+        ),
+        ("remus100", [(10.0, 0.0, 5.0), (70.0, 0.0, 5.0), (70.0, 30.0, 5.0), (10.0, 30.0, 5.0)], ""),
     ],
 )
 def test_a_check_finds_depths_that_the_vehicle_cannot_fly(vehicle: str, places: list[Place], text: str) -> None:
