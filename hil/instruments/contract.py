@@ -12,7 +12,7 @@ made again whenever its power comes back; only `facts.memory` outlives that, as 
 """
 
 from abc import ABC
-from collections.abc import Callable, Hashable, Mapping
+from collections.abc import Callable, Hashable, Iterator, Mapping
 from typing import Any, Literal, NamedTuple, Protocol
 
 from hil.client.client import Stamped
@@ -85,11 +85,12 @@ class Scene(Protocol):
 
 
 class Response(NamedTuple):
-    """Answer to a request of HTTP."""
+    """Answer to a request of HTTP; a `stream` goes on in its connection's thread, and yields b"" to be looked after."""
 
     body: bytes = b""
     status: int = 200
     content_type: str = "application/json"
+    stream: Iterator[bytes] | None = None
 
 
 Send = Callable[[bytes, Client | None, int], None]  # as `Instrument.send`
@@ -104,18 +105,19 @@ class Instrument(ABC):  # noqa: B024  # every method has a sensible default
 
     `Model` is the record of its settings, the keys of [sensors.NAME.settings]. `sensors` are the kinds of sensors that
     it may be. `at` are the addresses where it stands unless the scenario names others, `wires` the kinds of its wires.
-    `also` are further topics that it needs, such as "odom". `baud` is that of a serial line until its address names
-    another; with `automatic` bytes it takes the speed at which a client of a pty sends these. `first` are the bytes
-    that the first message of a new client may begin with, if those are known: one that begins otherwise, such as a web
-    page, is refused. One that `is_interactive` measures by the scene, which takes time: it gets a process of its own,
-    so that the others do not wait. `warm_up_s` is the time from power on until it answers and measures, `delay_s` the
-    one from measuring to sending that its maker names, 0 if none.
+    It takes the topic of its sensor with `part` at its end; `also` are further topics, such as "odom". `baud` is that
+    of a serial line until its address names another; with `automatic` bytes it takes the speed at which a client of a
+    pty sends these. `first` are the bytes that the first message of a new client may begin with, if those are known:
+    one that begins otherwise, such as a web page, is refused. One that `is_interactive` measures by the scene, which
+    takes time: it gets a process of its own, so that the others do not wait. `warm_up_s` is the time from power on
+    until it answers and measures, `delay_s` the one from measuring to sending that its maker names, 0 if none.
     """
 
     Model: type[Any] = NoSettings
     sensors: tuple[str, ...] = ()
     at: tuple[str, ...] = ()
     wires: tuple[WireKind, ...] = ("tcp", "udp", "udpout", "serial", "pty")
+    part = ""
     also: tuple[str, ...] = ()
     baud = 115_200
     automatic = b""

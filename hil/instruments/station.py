@@ -1,6 +1,6 @@
 """One instrument with its wires, its power, and the faults of both."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import partial
 from random import Random
 from typing import Any
@@ -49,7 +49,7 @@ class Station:
     @property
     def topics(self) -> tuple[str, ...]:
         """The topics that it needs."""
-        return (self._facts.topic, *self._kind.also)
+        return (self._facts.topic + self._kind.part, *self._kind.also)
 
     def descriptors(self) -> list[int]:
         """Return what to wait on."""
@@ -68,7 +68,14 @@ class Station:
             return None
         response = instrument.on_request(method, path, query, body, now_ns)
         self.due_ns = instrument.tick(now_ns)
-        return response
+        return response._replace(stream=self._carry(response.stream, instrument)) if response.stream else response
+
+    def _carry(self, stream: Iterator[bytes], instrument: Instrument) -> Iterator[bytes]:
+        """Yield the pieces of a stream with the cable's faults, until the instrument has no power any more."""
+        for piece in stream:
+            if self._instrument is not instrument or self._wires is None:
+                return
+            yield b"" if self._is_unplugged or not piece else _damage(piece, self._faults, self._random)
 
     def poll(self, now_ns: int) -> None:
         """Read what has come, and do what is due."""

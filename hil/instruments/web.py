@@ -35,9 +35,17 @@ def serve_web(host: str, port: int, serve: Serve) -> PlainHttpServer:
                 return
             self.send_response(response.status)
             self.send_header("Content-Type", response.content_type)
-            self.send_header("Content-Length", str(len(response.body)))
+            if response.stream is None:
+                self.send_header("Content-Length", str(len(response.body)))
+                self.end_headers()
+                self.wfile.write(response.body)
+                return
+            self.close_connection = True  # its end is that of the stream
+            self.send_header("Connection", "close")
             self.end_headers()
-            self.wfile.write(response.body)
+            for piece in response.stream:
+                self.wfile.write(piece)
+                self.wfile.flush()
 
         do_GET = do_PUT = do_POST = do_DELETE = do_PATCH = do_any  # noqa: N815 - http.server's names
 

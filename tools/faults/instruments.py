@@ -30,7 +30,12 @@ LEAST = 5  # messages of a run
 SLACK_S = 1.5  # between two messages of the slowest instrument, and the reading of them
 WORLD = 'name = "water"\nsource = "made up"\nextent = [-50.0, 50.0, -50.0, 50.0]\ndepth = 12.0\norigin = [57.7, 11.9]\n'
 LOOK_S = 0.3
-OF_SENSOR = {"scanning_sonar": 'device = "ping360"', "forward_sonar": 'device = "gemini_720is"', "dvl": "rate = 15"}
+OF_SENSOR = {
+    "scanning_sonar": 'device = "ping360"',
+    "forward_sonar": 'device = "gemini_720is"',
+    "dvl": "rate = 15",
+    "camera": "width = 64\nheight = 48\nrate = 5",
+}
 
 
 class InstrumentFault(NamedTuple):

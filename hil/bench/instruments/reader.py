@@ -47,6 +47,7 @@ ASKS = {
     # start, length and gain of its choice, 100 ms, its choice of the pulse, profiles
     "cerulean_s500": Ask(ping_request(1015, "IIhhHHHBB", 0, 0, -1, 100, 0, 1308, 0, 0, 0)),
     "keller_33x": Ask(bytes((250, 3, 0, 2, 0, 2, 0x70, 0x40)), 0.2),  # MODBUS: the pressure
+    "network_camera": Ask(path="/?action=snapshot", period_s=0.2),
     "paroscientific_digiquartz": Ask(b"*0100P3\r\n", 0.2),
     "ping1d": _ECHO_SOUNDER,
     "ping2": _ECHO_SOUNDER,

@@ -1,7 +1,10 @@
 """A real slave whose sonars and USBL stand at their wires, read by the makers' own clients, unmodified."""
 
+import io
 import json
+import shutil
 import socket
+import subprocess
 import time
 import urllib.error
 import urllib.request
@@ -13,6 +16,7 @@ from typing import Any
 import pytest
 import wlsonar
 from brping import Ping1D, Ping360, PingDevice, definitions
+from PIL import Image
 from wlsonar.range_image_protocol import RangeImage, UnknownProtobufTypeError, unpackb
 
 from hil.common.ports import free_ports
@@ -32,12 +36,19 @@ rate = 4.0
 instrument = "waterlinked_ugps"
 at = "http:127.0.0.1:{ugps}"
 
+[sensors.camera]
+width = 64
+height = 48
+rate = 5.0
+instrument = "network_camera"
+at = "http:127.0.0.1:{camera}"
+
 [sensors.laser]
 rate = 1.0
 instrument = "waterlinked_sonar_3d"
 at = ["http:127.0.0.1:{sonar}", "udp:127.0.0.1:{images}"]
 """
-NAMES = "ping2", "ping360", "ugps", "sonar", "images"
+NAMES = "ping2", "ping360", "ugps", "sonar", "images", "camera"
 Where = tuple[Path, dict[str, int]]
 Open = Callable[[PingDevice, str], None]
 
@@ -49,7 +60,7 @@ def a_vehicle(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Where]:
     ports = {name: free_ports(1)[0] for name in NAMES}
     scenario.write_text(scenario.read_text() + SENSORS.format(folder=folder, **ports))
     with Program(folder, "slave", scenario) as slave:
-        for name in ("echosounder", "scanning_sonar", "usbl", "laser"):
+        for name in ("echosounder", "scanning_sonar", "usbl", "laser", "camera"):
             slave.expect(f"{name}: .* at (udp|http):")
         yield folder, ports
     assert "Traceback" not in slave.output
@@ -132,6 +143,17 @@ def test_a_ugps_tells_by_http_where_the_vehicle_is(where: Where) -> None:
     generic = fetch(f"{url}/config/generic")[1] | {"gps": "static", "static_lat": 63.4, "static_lon": 10.4}
     assert fetch(f"{url}/config/generic", generic) == (200, {"success": True})
     assert fetch(f"{url}/position/global")[1]["lat"] == pytest.approx(63.4, abs=1e-3)
+
+
+@pytest.mark.skipif(not shutil.which("ffmpeg"), reason="ffmpeg is not installed")
+def test_ffmpeg_reads_the_pictures_of_a_camera(where: Where, tmp_path: Path) -> None:
+    url = f"http://127.0.0.1:{where[1]['camera']}/?action="
+    command = ["ffmpeg", "-loglevel", "error", "-i", f"{url}stream", "-frames:v", "3", tmp_path / "%d.png"]
+    subprocess.run(command, check=True, timeout=PATIENCE_S)
+    shown = [Image.open(io.BytesIO(path.read_bytes())) for path in tmp_path.glob("*.png")]
+    assert [picture.size for picture in shown] == [(64, 48)] * 3
+    with urllib.request.urlopen(f"{url}snapshot", timeout=PATIENCE_S) as response:
+        assert Image.open(io.BytesIO(response.read())).format == "JPEG"
 
 
 def receive_image(images: socket.socket) -> RangeImage:
