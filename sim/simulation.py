@@ -121,6 +121,10 @@ class Simulation:
         """
         return self._thrusters.motors(pwm_us)
 
+    def thruster_reports(self) -> list[float]:
+        """Return the thrust (N) that each motor controller's telemetry stands for; nan without. See ThrusterSet."""
+        return self._thrusters.reports
+
     @property
     def wave_field(self) -> "WaveField | None":
         """The waves; None if there are none."""

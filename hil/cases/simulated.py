@@ -36,6 +36,7 @@ class SimulatedVehicle:
         self.samples: dict[str, Any] = {}
         self.pwm_us: tuple[int, ...] = ()
         self._pilot = build_pilot(scenario, vehicle, control, self.simulation.world)
+        self._pilot.watch_thrusters(self.simulation.thruster_reports)
         self._period = scenario.slave.control_period
         self._period_ns = seconds_ns(self._period)
         self._due_ns = 0

@@ -234,6 +234,8 @@ class Diagnostics:
     commands_fault = _text("error of the last malformed command")
     commands_unanswered = _counter("commands that the STM32 did not answer")
     deadman_trips = _counter("times that the slave stopped the thrusters because no command arrived in time")
+    thrusters_failed = _text("names of thrusters that do not do what they are commanded; the others take over")
+    thrusters_unwatched = _text("names of thrusters without telemetry, so that nobody notices their failure")
     watchdog_trips = _counter(
         "times that the STM32 stopped the thrusters because no message of the slave arrived in time"
     )

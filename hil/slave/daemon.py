@@ -186,6 +186,7 @@ def _assemble(
     step_ns = seconds_ns(slave.step)
     if builtin:
         pilot, periods = build_pilot(scenario, vehicle, control, world), (seconds_ns(slave.control_period), step_ns)
+        pilot.watch_thrusters(simulation.thruster_reports)
         source = PilotSource(pilot, driver, receiver, *periods, publisher.publish_trace, report)
         deliver = recorder.record_received(receiver.on_message) if recorder else receiver.on_message
         session.subscribe(slave.node, "cmd_$*", deliver, depth=8)

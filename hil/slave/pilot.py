@@ -1,6 +1,6 @@
 """The vehicle's controller: commands and sensor samples in, thruster commands out."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 from hil.autonomy.control.allocation import Allocator
@@ -15,6 +15,8 @@ from hil.autonomy.control.controller import (
     gains_of,
     heading_of,
 )
+from hil.autonomy.control.gyro_bias import GyroBias
+from hil.autonomy.control.thruster_monitor import ThrusterMonitor
 from hil.common.clock import seconds_ns
 from hil.common.errors import ConfigError
 from hil.common.schema import parse
@@ -26,7 +28,7 @@ from sim.environment.world import World
 from sim.matrices import square
 from sim.rotations import multiply, rotate
 from sim.sensors.mounting import Mounting
-from sim.vehicle.thrusters.bank import pulse_finder, wrench_matrix
+from sim.vehicle.thrusters.bank import SteadyThrusts, pulse_finder, wrench_matrix
 from sim.vehicle.vehicle import Vehicle, mass_matrix
 
 if TYPE_CHECKING:
@@ -68,9 +70,10 @@ def _drags(vehicle: Vehicle) -> list[Drag]:
 class Pilot:
     """Controller, allocation and thruster curves of one vehicle, with a deadman timeout.
 
-    Feedback comes from the sensors only: attitude and rates from "imu", corrected for its mounting; position and
-    velocity from "odom"; depth from "pressure". Each value is used until the next sample. A buoyancy engine is left
-    neutral and drop weights stay aboard.
+    Feedback comes from the sensors only: attitude and rates from "imu", corrected for its mounting and its gyros' bias;
+    position and velocity from "odom"; depth from "pressure". Each value is used until the next sample. A buoyancy
+    engine is left neutral and drop weights stay aboard. Thrusters that do not do what they are commanded are left out
+    of the allocation (`watch_thrusters`), and their own thrust counts as a disturbance; `report` gets a line on each.
     """
 
     def __init__(
@@ -86,7 +89,16 @@ class Pilot:
         self._inertia = x, y, z, k, m, n
         self.controller: Controller = CascadedController(gains, self._inertia, _drags(vehicle))
         self._pulse_finders = [pulse_finder(thruster) for thruster in vehicle.thrusters]
-        self._allocator = Allocator(
+        self._steady = [SteadyThrusts(thruster) for thruster in vehicle.thrusters]
+        self._thrusters = vehicle.thrusters
+        self._read_thrusts: Callable[[], Sequence[float]] | None = None
+        self.report: Callable[[str], None] = lambda line: None
+        self._monitor = ThrusterMonitor(
+            [max(thruster.max_forward, thruster.max_reverse) for thruster in vehicle.thrusters],
+            [thruster.time_constant for thruster in vehicle.thrusters],
+        )
+        self._commanded_n = self._monitor.reported  # thrusts of the last command, N
+        self._allocator = self._whole = Allocator(
             # Roll torque of the propellers is left out: the roll loop compensates it, better than by less thrust.
             wrench_matrix(vehicle, torque=False),
             [thruster.max_forward for thruster in vehicle.thrusters],
@@ -103,6 +115,7 @@ class Pilot:
         self._residual = NO_RESIDUAL
         self._attitude = (1.0, 0.0, 0.0, 0.0)
         self._rates = self._velocity = (0.0, 0.0, 0.0)
+        self._gyro_bias = GyroBias()
         self._depth = 0.0
         self.position: Sequence[float] = (0.0, 0.0, 0.0)
         self._sequence = 0
@@ -127,11 +140,41 @@ class Pilot:
                 w, x, y, z = self._imu_turn
                 self._attitude = multiply(self._attitude, (w, -x, -y, -z))
                 self._rates = rotate(self._imu_turn, self._rates)
+            self._rates = self._gyro_bias.correct(sample.time_ns, self._attitude, self._rates)
         elif topic == "odom":
             self._velocity = sample.nu[:3]
             self.position = sample.position
         elif topic == "pressure":
             self._depth = depth_of(sample.pascal - ATMOSPHERE_PA, self._water_weight)
+
+    def watch_thrusters(self, read: Callable[[], Sequence[float]]) -> None:
+        """Let `read` return the thrust (N) that each thruster reports; nan for one that reports nothing."""
+        self._read_thrusts = read
+
+    @property
+    def failed_thrusters(self) -> list[str]:
+        """Names of the thrusters that do not do what they are commanded."""
+        return self._names(self._monitor.failed)
+
+    @property
+    def unwatched_thrusters(self) -> list[str]:
+        """Names of the thrusters that report nothing, so that their failure is not noticed."""
+        return self._names(self._monitor.unwatched)
+
+    def _names(self, flags: Sequence[bool]) -> list[str]:
+        return [thruster.name for thruster, flag in zip(self._thrusters, flags, strict=True) if flag]
+
+    def _follow_thrusters(self, read: Callable[[], Sequence[float]], dt: float) -> None:
+        """Compare what the thrusters report with the last command; change the allocation after a failure or repair."""
+        before = self.failed_thrusters
+        if not self._monitor.update(self._commanded_n, read(), dt):
+            return
+        self._allocator = self._whole.without(self._monitor.failed)
+        failed = self.failed_thrusters
+        for name in [name for name in failed if name not in before]:
+            self.report(f"thruster {name} does not do what it is commanded: the others take over what they can")
+        for name in [name for name in before if name not in failed]:
+            self.report(f"thruster {name} follows its commands again")
 
     @property
     def navigation(self) -> Navigation:
@@ -160,6 +203,8 @@ class Pilot:
         sequence = self.next_sequence()
         if not self.active:
             return ThrusterCommand(sequence, False, self._neutral), tripped
+        if self._read_thrusts:
+            self._follow_thrusters(self._read_thrusts, dt)
         pwm = self._pulses_for(self._command, dt)
         return ThrusterCommand(sequence, True, pwm + self._neutral[len(pwm) :]), False
 
@@ -183,7 +228,18 @@ class Pilot:
 
     def _allocate_wrench(self, wrench: Wrench) -> tuple[int, ...]:
         """Return the pulse widths (us) of thrusters and fins that give this wrench, or the nearest one they can."""
+        monitor = self._monitor
+        if True in monitor.failed:
+            pairs = list(zip(monitor.failed, monitor.reported, strict=True))
+            own = self._whole.wrench_of([thrust if gone else 0.0 for gone, thrust in pairs])
+            x, y, z, k, m, n = (wanted - there for wanted, there in zip(wrench, own, strict=True))
+            wrench = x, y, z, k, m, n
         thrusts, self._residual = self._allocator.allocate(wrench)
+        if True in monitor.failed:
+            thrusts = [
+                monitor.test_thrust(number) if gone else thrust
+                for number, (gone, thrust) in enumerate(zip(monitor.failed, thrusts, strict=True))
+            ]
         pwm = self._thrust_to_pwm(thrusts)
         if self._fin_allocator is not None:
             angles, self._residual = self._fin_allocator.allocate(self._residual, self._velocity[0])
@@ -192,7 +248,9 @@ class Pilot:
 
     def _thrust_to_pwm(self, thrusts: Sequence[float]) -> tuple[int, ...]:
         """Return the pulse widths (us) for these thrusts (N), each limited to what its thruster can give."""
-        return tuple([find(thrust) for find, thrust in zip(self._pulse_finders, thrusts, strict=True)])
+        pwm = tuple([find(thrust) for find, thrust in zip(self._pulse_finders, thrusts, strict=True)])
+        self._commanded_n = [steady[pulse] for steady, pulse in zip(self._steady, pwm, strict=True)]
+        return pwm
 
     def reset(self) -> None:
         """Reset the controller's integrators and states."""

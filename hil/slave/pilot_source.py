@@ -1,7 +1,7 @@
 """Let our own controller command the thrusters, after the commands of a master, and trace each command."""
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from hil.common.clock import NS_PER_MS, NS_PER_S, now_ns, to_wall_ns
 from hil.links.contract import PWM_NEUTRAL_US, ThrusterTelemetry
@@ -10,6 +10,9 @@ from hil.slave.command_source import CommandSource
 from hil.slave.drivers.driver import ThrusterDriver
 from hil.slave.pilot import Pilot
 from sim.simulation import Simulation
+
+if TYPE_CHECKING:
+    from hil.ros.diagnostics import Diagnostics
 
 TRACE_WAIT_NS = NS_PER_S // 20  # simulation time that a trace waits for a sample to be sent with
 
@@ -58,6 +61,7 @@ class PilotSource(CommandSource):
         # Control at the step nearest to the end of the period, not at the one after it.
         self._wait_ns = control_period_ns - step_ns // 2
         self._publish, self._report = publish, report
+        pilot.report = report
         self._controlled_ns = self.due_ns = 0
         self._stopping_ns = 0  # when the deadman tripped; 0 once the STM32 has confirmed neutral thrusters
         self._traces: list[Trace] = []  # to be published
@@ -113,6 +117,12 @@ class PilotSource(CommandSource):
         """Set the thrusters to neutral until the next command."""
         self.pilot.active = False
 
+    def add_figures(self, figures: "Diagnostics") -> None:
+        """Add what is known of commands and thrusters."""
+        super().add_figures(figures)
+        figures.thrusters_failed = ", ".join(self.pilot.failed_thrusters)
+        figures.thrusters_unwatched = ", ".join(self.pilot.unwatched_thrusters)
+
     def next_sequence(self) -> int:
         """Return the sequence number of the next command on the thruster link."""
         return self.pilot.next_sequence()
@@ -120,7 +130,8 @@ class PilotSource(CommandSource):
     def problem(self) -> str:
         """Return that no master commands; "" if one does."""
         if self.pilot.active:
-            return ""
+            failed = ", ".join(self.pilot.failed_thrusters)
+            return f"failed: {failed}: the other thrusters take over what they can" if failed else ""
         neutral = all(pulse == PWM_NEUTRAL_US for pulse in self._driver.pwm_us)
         return "waiting for commands, thrusters " + ("neutral" if neutral else "not neutral yet")
 

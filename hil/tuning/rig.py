@@ -91,6 +91,7 @@ class Rig:
         self.simulation = Simulation(flown or vehicle, world, sensors, seed, position=(0.0, 0.0, depth))
         self.simulation.state.quaternion = list(from_euler(tilt[0], tilt[1], 0.0))
         self._pilot = build_pilot(scenario, vehicle, control, world)
+        self._pilot.watch_thrusters(self.simulation.thruster_reports)
         self.recorder = Recorder(self._pilot.controller)
         self._pilot.controller = self.recorder
 

@@ -111,6 +111,10 @@ class NativeThrusterSet(ThrusterSet):
         """The present thrust of each in N."""
         return self.bank.scaled_thrusts if self.is_native else self._thrusts
 
+    @property
+    def _static_thrusts(self) -> list[float]:
+        return self.bank.thrusts if self.is_native else self._lagged
+
     def scale_thrusts(self, shares: Sequence[float] | None) -> None:
         """Set the shares of thrust near the surface: see ThrusterSet."""
         super().scale_thrusts(shares)

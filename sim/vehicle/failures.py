@@ -95,6 +95,7 @@ class Failures:
         self._count = 0
         self._step = step
         self._last = pwm_us or (0,) * len(self._names)
+        self.factors = [1.0] * len(self._names)  # on the thrusts in the last step
 
     def add(self, failures: Iterable[Failure]) -> None:
         """Plan failures; one whose time has passed begins with the next step. Raises ConfigError."""
@@ -121,7 +122,8 @@ class Failures:
 
     def thrusts(self, thrusts: Sequence[float]) -> list[float]:
         """Return these thrusts (N) as the failures of this step change them."""
-        return [thrust * faults.factor(self._decay) for thrust, faults in zip(thrusts, self._faults, strict=True)]
+        self.factors = [faults.factor(self._decay) for faults in self._faults]
+        return [thrust * factor for thrust, factor in zip(thrusts, self.factors, strict=True)]
 
     def _begin_due(self) -> None:
         """Begin the failures that are due with the next step."""

@@ -18,6 +18,8 @@ Matrix = list[list[float]]
 
 # Weights of the errors where not everything is possible: a roll or pitch moment never costs surge, sway, heave or yaw.
 AXIS_WEIGHTS = (1.0, 1.0, 1.0, 0.01, 0.01, 1.0)
+# The weights after a failure: depth and heading come first, then the way over ground, and the rest rights itself.
+FAILED_WEIGHTS = (0.1, 0.1, 1.0, 0.01, 0.01, 1.0)
 # Singular values below this share of the largest count as zero; they come from lever arms of some millimetres.
 _RANK_TOLERANCE = 1e-4
 # Two rows with a cosine below this count as orthogonal; it is a few rounding errors.
@@ -49,10 +51,23 @@ class Allocator:
         thruster_weights: Sequence[float] | None = None,
     ) -> None:
         _check(matrix, max_forward, max_reverse)
+        self._given = matrix, max_forward, max_reverse
         self._columns = list(zip(*matrix, strict=True))
         self._forward = list(max_forward)
         self._reverse = [-limit for limit in max_reverse]
         self._inverse, self.rank = pseudo_inverse(matrix, axis_weights, thruster_weights)
+
+    def without(self, failed: Sequence[bool]) -> "Allocator":
+        """Return the allocator that does not use the `failed` ones of the n thrusters; itself if no other pushes."""
+        matrix, forward, reverse = self._given
+        left = [[0.0 if gone else value for value, gone in zip(row, failed, strict=True)] for row in matrix]
+        pushes = any(value for row in left for value in row)
+        return Allocator(left, forward, reverse, FAILED_WEIGHTS) if any(failed) and pushes else self
+
+    def wrench_of(self, thrusts: Sequence[float]) -> Wrench:
+        """Return the wrench (N, N m) of n thrusts (N)."""
+        x, y, z, k, m, n = self._residual((0.0,) * 6, thrusts)
+        return -x, -y, -z, -k, -m, -n
 
     def allocate(self, wrench: Sequence[float]) -> tuple[list[float], Wrench]:
         """Return the n thrusts (N) for `wrench` (X Y Z N, K M N N m, along FRD), and the residual wrench."""
@@ -67,7 +82,7 @@ class Allocator:
         # starts with 0.0, so that no thrust is -0.0
         return [0.0 + a * x + b * y + c * z + d * k + e * m + f * n for a, b, c, d, e, f in self._inverse]
 
-    def _residual(self, wrench: Sequence[float], thrusts: list[float]) -> Wrench:
+    def _residual(self, wrench: Sequence[float], thrusts: Sequence[float]) -> Wrench:
         """Return `wrench` minus the wrench of `thrusts`."""
         x, y, z, k, m, n = wrench
         surge = sway = heave = roll = pitch = yaw = 0.0  # not by `sum`, which rounds differently from Python 3.12 on

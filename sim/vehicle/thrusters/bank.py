@@ -74,7 +74,7 @@ def wrench_matrix(vehicle: Vehicle, torque: bool = True) -> Matrix:
     return [list(row) for row in zip(*columns, strict=True)]
 
 
-class _SteadyThrusts(dict[int, float]):
+class SteadyThrusts(dict[int, float]):
     """The steady thrust (N) of one thruster by pulse (us), computed once for each pulse."""
 
     def __init__(self, thruster: Thruster) -> None:
@@ -106,7 +106,7 @@ class ThrusterSet:
         self._dt = dt
         self._seed = seed
         self._gains = [1.0 - exp(-dt / t.time_constant) if t.time_constant else 1.0 for t in vehicle.thrusters]
-        self._steady = [_SteadyThrusts(thruster) for thruster in vehicle.thrusters]
+        self._steady = [SteadyThrusts(thruster) for thruster in vehicle.thrusters]
         self._pwm_us: tuple[int, ...] = ()
         self._targets = [0.0] * len(self._thrusters)
         self._lagged = self._thrusts = [0.0] * len(self._thrusters)
@@ -118,6 +118,20 @@ class ThrusterSet:
     def thrusts(self) -> list[float]:
         """The present thrust of each in N."""
         return self._thrusts
+
+    @property
+    def reports(self) -> list[float]:
+        """The thrust (N) that speed and current of each motor stand for, deep in water at rest; nan without telemetry.
+
+        It includes failures: of a motor that stands still, and of a propeller that is lost.
+        """
+        factors = self._failures.factors if self._failures else [1.0] * len(self._thrusters)
+        rows = zip(self._static_thrusts, factors, self._thrusters, strict=True)
+        return [thrust * factor if thruster.telemetry else nan for thrust, factor, thruster in rows]
+
+    @property
+    def _static_thrusts(self) -> list[float]:
+        return self._lagged
 
     @property
     def battery(self) -> "BatteryState | None":
@@ -181,7 +195,7 @@ class ThrusterSet:
         if self.needs_inflow:
             self._thrusts = self._subtract_losses(nu_r)
         if self._failures is not None:
-            self._thrusts = self._failures.thrusts(self._lagged)
+            self._thrusts = self._failures.thrusts(self._thrusts)
         if self._shares is not None:
             self._thrusts = [thrust * share for thrust, share in zip(self._thrusts, self._shares, strict=True)]
         x = y = z = k = m = n = 0.0

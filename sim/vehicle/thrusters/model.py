@@ -59,7 +59,8 @@ class Thruster(NamedTuple):
     `dynamics` with its `kind` states (sim/vehicle/thrusters/lags.py). The propeller turns the vehicle by `torque` N m
     for each N of thrust, right-handed about `direction`. How much thrust it loses near the surface depends on the
     `diameter` of its propeller (m; sim/vehicle/ventilation.py). If left out it is that of the curve, or one with the
-    same thrust per area as a Blue Robotics T200: 51.5 N with 76 mm at 16 V. Not modelled: torque that is not
+    same thrust per area as a Blue Robotics T200: 51.5 N with 76 mm at 16 V. With `telemetry` its motor controller
+    reports speed and current, by which the vehicle's controller notices a failure. Not modelled: torque that is not
     proportional to thrust.
     """
 
@@ -78,6 +79,7 @@ class Thruster(NamedTuple):
     dynamics: "LagModel | None" = None
     torque: Annotated[float, Range(-10.0, 10.0, "m")] = 0.0
     diameter: Annotated[float, Range(0.005, 5.0, "m")] | None = None
+    telemetry: bool = True
 
     @property
     def unit_direction(self) -> tuple[float, float, float]:

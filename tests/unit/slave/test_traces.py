@@ -9,6 +9,7 @@ import pytest
 
 from hil.autonomy.control.controller import VelocityCommand
 from hil.common.clock import now_ns
+from hil.ros.diagnostics import Diagnostics
 from hil.scenario.config import load_scenario
 from hil.slave.command_receiver import Received
 from hil.slave.drivers.driver import open_driver
@@ -128,3 +129,19 @@ def test_the_last_trace_is_published_at_the_end(bed: Bed) -> None:
     bed.loop.run(stop)
     os.close(stop)
     assert bed.reported() == [1]
+
+
+def test_the_figures_name_thrusters_that_fail_and_those_without_telemetry(bed: Bed) -> None:
+    figures = Diagnostics()
+    bed.source.add_figures(figures)
+    names = [thruster.name for thruster in bed.loop.simulation.vehicle.thrusters]
+    assert (figures.thrusters_failed, figures.thrusters_unwatched) == ("", ", ".join(names))
+    pilot = bed.source.pilot
+    pilot.watch_thrusters(lambda: [0.0] * len(names))
+    pilot.set_command(VelocityCommand(heave=0.3), 0)
+    for step in range(100):
+        pilot.update(step, 0.02)
+    bed.source.add_figures(figures)
+    vertical = ", ".join(name for name in names if name.startswith("vertical"))
+    assert (figures.thrusters_failed, figures.thrusters_unwatched) == (vertical, "")
+    assert bed.source.problem().startswith(f"failed: {vertical}: ")
