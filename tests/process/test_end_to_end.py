@@ -135,26 +135,6 @@ def test_a_slave_reconnects_to_a_device_on_a_serial_port(tmp_path: Path) -> None
             assert "Traceback" not in slave.output
 
 
-def test_the_master_continues_after_the_slave_was_restarted(tmp_path: Path) -> None:
-    scenario, _ = write_scenario(tmp_path, allow="")
-    folder = tmp_path / "run"
-    with Program(tmp_path, "master", scenario, "--output", folder) as master:  # at the endpoint of its scenario
-        with Program(tmp_path, "slave", scenario) as slave:
-            master.expect("flying")
-            slave.process.kill()
-            slave.wait()
-        master.expect("no odometry from the vehicle")
-        with Program(tmp_path, "slave", scenario):
-            assert master.wait() == 6, master.output
-    assert "goal reached, but link lost: no odometry from uuv1" in master.output, "the goal is not all there is to say"
-    record = json.loads((folder / "table.json").read_text())
-    lost = [event["duration_s"] for event in record["outcome"]["events"] if event["kind"] == "link_lost"]
-    assert max(lost) > 0.5, "and on a busy machine there may be more"
-    assert record["outcome"]["reached"]
-    assert not record["outcome"]["success"]
-    assert record["table"]["startup_s"] > 0, "that of the second slave, by its own first sample"
-
-
 def test_ctrl_c_ends_the_demo(tmp_path: Path) -> None:
     scenario, _ = write_scenario(tmp_path)
     folder = tmp_path / "run"

@@ -9,7 +9,6 @@ import pytest
 
 from hil.common.ports import free_ports
 from tests.support.processes import Program, children_of, command_line, is_running, run_here, running_slave, wait_for
-from tools.faults.instruments import run_instruments
 
 
 def lines_of(port: int) -> socket.SocketIO:
@@ -66,15 +65,6 @@ def test_a_check_reads_every_wire_of_the_desk_and_of_two_3d_sonars(tmp_path: Pat
         assert 0.0 < seen[name]["delay_p50_ms"] <= seen[name]["delay_p99_ms"]
         assert seen[name]["measurements"] > 10
     assert seen["dvl"]["own_ms"] == 4.0
-
-
-@pytest.mark.parametrize("fault", ["power cycle", "garbage to the instrument"])
-def test_instruments_recover(fault: str) -> None:
-    """One on each kind of wire; the campaign of tools.faults has all of them, and the other faults."""
-    names = ("waterlinked_a50", "ping2", "waterlinked_ugps", "ublox_m9")
-    rows = list(run_instruments(lambda row: row in [f"instrument {fault} {name}" for name in names]))
-    assert len(rows) == len(names)
-    assert not [row for row in rows if not row.passed]
 
 
 @pytest.mark.parametrize(

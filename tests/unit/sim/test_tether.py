@@ -96,8 +96,10 @@ def test_a_tether_in_a_current_equals_an_integration() -> None:
     assert np.array(wrench[:3]) == pytest.approx(-shoot(pull)[3:], abs=0.05 * float(np.linalg.norm(pull)))
 
 
-@pytest.mark.parametrize("step", [0.0025, 0.01])
-@pytest.mark.parametrize(("length", "stiffness"), [(1.0, 1e3), (1.0, 5e6), (30.0, 1e5), (300.0, 1e3), (300.0, 1e7)])
+@pytest.mark.parametrize(
+    ("length", "stiffness", "step"),
+    [(1.0, 1e3, 0.01), (1.0, 5e6, 0.0025), (30.0, 1e5, 0.01), (300.0, 1e3, 0.01), (300.0, 1e7, 0.0025)],
+)
 def test_a_tether_gains_no_energy(stiffness: float, length: float, step: float) -> None:
     """The tether is slack, weightless, without drag, and thrown aside: it never exceeds its first speed, and slows
     down.
@@ -116,8 +118,13 @@ def test_a_tether_gains_no_energy(stiffness: float, length: float, step: float) 
     assert energies[-1] <= max(energies[300:450])
 
 
-@pytest.mark.parametrize(("integrator", "step_ns"), [("verlet", STEP_NS), ("verlet", SLOW_NS), ("rk4", SLOW_NS)])
-@pytest.mark.parametrize(("length", "stiffness"), [(1.0, 2e4), (1.0, 1e7), (10.0, 5e6)])
+@pytest.mark.parametrize(
+    ("integrator", "step_ns", "length", "stiffness"),
+    [
+        ("verlet", STEP_NS, 1.0, 1e7), ("verlet", SLOW_NS, 1.0, 2e4), ("verlet", SLOW_NS, 10.0, 5e6),
+        ("rk4", SLOW_NS, 1.0, 1e7),
+    ],
+)  # fmt: skip
 def test_a_vehicle_on_a_short_or_stiff_tether_comes_to_rest(
     length: float, stiffness: float, step_ns: int, integrator: Integrator
 ) -> None:

@@ -75,7 +75,7 @@ def test_whole_steps_in_c_and_python_are_equal(
     for depth in (4.0, 0.05, -0.2, 1.5):
         for simulation in flight.pair:
             simulation.state.position = [0.0, 0.0, depth]
-        flight.run_and_compare(80)
+        flight.run_and_compare(40)
 
 
 def test_steps_after_a_dropped_weight_are_equal(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -26,7 +26,6 @@ WIKI = bytes.fromhex(
     + "0e000000" + b"topic=/chatter".hex()
     + "14000000" + b"type=std_msgs/String".hex()
 )  # fmt: skip
-TWIST = kind_of("geometry_msgs/msg/Twist")
 
 
 def test_a_header_has_the_bytes_of_the_ros_wiki() -> None:
@@ -94,9 +93,11 @@ def test_only_one_publisher_commands_and_stale_commands_are_not_sent(monkeypatch
     now, sent, lines = [0], list[bytes](), list[str]()
     monkeypatch.setattr(subscription, "now_ns", lambda: now[0])
 
+    twist = kind_of("geometry_msgs/msg/Twist")
+
     async def run() -> None:
         commands = Subscription(
-            "/uuv1/cmd_vel", TWIST, Caller("/us", cast(Any, None)), lambda _topic, data: sent.append(data),
+            "/uuv1/cmd_vel", twist, Caller("/us", cast(Any, None)), lambda _topic, data: sent.append(data),
             lambda _key, line: lines.append(line),
         )  # fmt: skip
         for number in range(3):  # before the first is sent
