@@ -10,7 +10,7 @@ from typing import Annotated, Any, NamedTuple
 from hil.client.client import Stamped
 from hil.common.schema import Range
 from hil.instruments.contract import Client, Facts, Scene, Send
-from hil.instruments.lines import LineInstrument
+from hil.instruments.streams import LineInstrument
 
 _COMMAND = re.compile(rb"\*(\d\d)(\d\d)([A-Z]{2}|[A-Z]\d)(?:=([^*\r\n]{1,8}))?")
 _ALL = b"99"
@@ -58,10 +58,10 @@ class Digiquartz(LineInstrument):
         if self._is_continuous:
             self._send_pressure()
 
-    def on_line(self, client: Client, line: bytes, now_ns: int) -> None:
+    def on_message(self, client: Client, message: bytes, now_ns: int) -> None:
         """Carry out the commands of a line; none of a malformed one."""
-        commands = list(_COMMAND.finditer(line))
-        if b"".join(each[0] for each in commands) != line:
+        commands = list(_COMMAND.finditer(message))
+        if b"".join(each[0] for each in commands) != message:
             self.malformed += 1
             return
         for device, _, name, value in (each.groups() for each in commands):

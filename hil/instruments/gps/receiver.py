@@ -6,10 +6,11 @@ from typing import Any
 from hil.client.client import Stamped
 from hil.common.clock import NEVER_NS, NS_PER_MS, NS_PER_S, to_wall_ns
 from hil.common.vectors import Vector3
-from hil.instruments.contract import Client, Facts, Instrument, Scene, Send
+from hil.instruments.contract import Client, Facts, Scene, Send
 from hil.instruments.gps import configuration as keys
 from hil.instruments.gps import nmea, ubx
 from hil.instruments.gps.epoch import SPEED_ACCURACY, Epoch, make_epoch
+from hil.instruments.streams import Reader, StreamInstrument
 from sim.rotations import rotate
 from sim.sensors.extra_samples import FixSample
 from sim.sensors.samples import Sensor
@@ -17,7 +18,7 @@ from sim.sensors.samples import Sensor
 _RESET, _COLD_START_S, _HOT_START_S = 0x04, 24.0, 2.0  # CFG-RST; NEO-M9N (data sheet)
 
 
-class Receiver(Instrument):
+class Receiver(StreamInstrument):
     """One receiver, which talks NMEA at 1 Hz until a client configures it.
 
     Position and loss of the fix under water are those of the sensor. If its configured rate is another than the
@@ -34,7 +35,6 @@ class Receiver(Instrument):
         super().__init__(settings, facts, scene, send)
         stored = facts.memory.setdefault("values", {keys.BAUD: facts.baud})
         self._configuration = keys.Configuration(stored)
-        self._readers: dict[Client, ubx.Reader] = {}
         self._random = Random(facts.seed)
         self._own: Sensor | None = None  # measures at the configured rate, if that is not the sensor's
         self._own_ms = 0
@@ -49,19 +49,13 @@ class Receiver(Instrument):
         if self._configuration.values[keys.OUT_NMEA]:
             self.send(nmea.sentence(nmea.GREETING))
 
-    def disconnected(self, client: Client, now_ns: int) -> None:
-        """Forget a client."""
-        self._readers.pop(client, None)
+    def new_reader(self) -> Reader:
+        """Return a reader of UBX messages; sentences and corrections are read over."""
+        return ubx.Reader()
 
-    def on_data(self, client: Client, data: bytes, now_ns: int) -> None:
-        """Carry out the UBX messages; sentences and corrections are read over."""
-        reader = self._readers.setdefault(client, ubx.Reader())
-        before = reader.malformed
-        for group, number, payload in reader.read(data):
-            self._on_message(client, group, number, payload, now_ns)
-        self.malformed += reader.malformed - before
-
-    def _on_message(self, client: Client, group: int, number: int, payload: bytes, now_ns: int) -> None:
+    def on_message(self, client: Client, message: tuple[int, int, bytes], now_ns: int) -> None:
+        """Carry out a message."""
+        group, number, payload = message
         if (group, number) == (ubx.CFG, _RESET):  # is not acknowledged
             is_cold = payload[:2] == b"\xff\xff"
             self._search_until_ns = now_ns + round((_COLD_START_S if is_cold else _HOT_START_S) * NS_PER_S)

@@ -9,7 +9,8 @@ from collections.abc import Mapping
 from typing import Annotated, Any, NamedTuple
 
 from hil.common.schema import Range
-from hil.instruments.contract import Client, Facts, Instrument, Scene, Send
+from hil.instruments.contract import Client, Facts, Scene, Send
+from hil.instruments.streams import Reader, StreamInstrument
 
 _START = b"BR"
 _HEADER = struct.Struct("<2sHHBB")
@@ -80,9 +81,9 @@ class Decoder:
     def __init__(self, longest: int = _MAX_REQUEST) -> None:
         self._buffer = bytearray()
         self._longest = longest
-        self.errors = 0  # frames with a wrong sum or length
+        self.malformed = 0  # frames with a wrong sum or length
 
-    def feed(self, data: bytes) -> list[Frame]:
+    def read(self, data: bytes) -> list[Frame]:
         """Return the frames that `data` completes."""
         buffer, frames, at = self._buffer, [], 0
         buffer += data
@@ -92,7 +93,7 @@ class Decoder:
             if length <= self._longest and len(buffer) < end + _SUM.size:
                 break
             if length > self._longest or _SUM.unpack_from(buffer, end)[0] != sum(buffer[at:end]) & 0xFFFF:
-                self.errors += 1
+                self.malformed += 1
                 at += len(_START)
                 continue
             frames.append(Frame(number, bytes(buffer[at + _HEADER.size : end]), source, destination))
@@ -103,7 +104,7 @@ class Decoder:
         return frames
 
 
-class PingDevice(Instrument):
+class PingDevice(StreamInstrument):
     """A device of the ping protocol; a device derives from it and fills its tables.
 
     `readable` are the messages that may be requested, `commands` those that a host may send; `values` are the present
@@ -124,26 +125,23 @@ class PingDevice(Instrument):
         super().__init__(settings, facts, scene, send)
         self.values: dict[str, Any] = {"version_major": 1, "version_minor": 0, "version_patch": 0, "reserved": 0}
         self.values["device_id"] = facts.memory.get("device_id", self.first_id)
-        self._decoders: dict[Client, Decoder] = {}
         self._hosts: dict[Client, int] = {}  # number of each client, as it gives it
 
     def disconnected(self, client: Client, now_ns: int) -> None:
         """Forget a client."""
-        self._decoders.pop(client, None)
+        super().disconnected(client, now_ns)
         self._hosts.pop(client, None)
 
-    def on_data(self, client: Client, data: bytes, now_ns: int) -> None:
-        """Answer requests, and execute commands."""
-        decoder = self._decoders.setdefault(client, Decoder())
-        before = decoder.errors
-        for frame in decoder.feed(data):
-            if frame.destination in (*_ANY_DEVICE, self.values["device_id"]):
-                self._hosts[client] = frame.source
-                self._handle(client, frame, now_ns)
-        self.malformed += decoder.errors - before
+    def new_reader(self) -> Reader:
+        """Return the reader of a client."""
+        return Decoder()
 
-    def _handle(self, client: Client, frame: Frame, now_ns: int) -> None:
-        number = frame.number
+    def on_message(self, client: Client, message: Frame, now_ns: int) -> None:
+        """Answer a request, or execute a command."""
+        if message.destination not in (*_ANY_DEVICE, self.values["device_id"]):
+            return
+        self._hosts[client] = message.source
+        frame, number = message, message.number
         if number == GENERAL_REQUEST:
             requested = COMMON[number].unpack(frame.payload)
             if requested is None:

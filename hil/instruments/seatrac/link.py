@@ -10,10 +10,10 @@ from typing import Annotated, Any, Literal, NamedTuple
 from hil.common.clock import NEVER_NS, NS_PER_MS, seconds_ns
 from hil.common.schema import Range
 from hil.instruments.contract import Client, Facts, Scene, Send
-from hil.instruments.lines import LineInstrument
 from hil.instruments.seatrac import messages
 from hil.instruments.seatrac.beacon import Beacon
 from hil.instruments.seatrac.messages import Cid, Cst, Place
+from hil.instruments.streams import LineInstrument
 from sim.environment.seawater.pressure import ATMOSPHERE_PA
 from sim.environment.seawater.water_column import SOUND_SPEED
 from sim.modems.acoustic import AcousticChannel, AcousticModem
@@ -103,10 +103,10 @@ class SeatracLink(LineInstrument):
         super().disconnected(client, now_ns)
         self._clients.pop(client, None)
 
-    def on_line(self, client: Client, line: bytes, now_ns: int) -> None:
+    def on_message(self, client: Client, message: bytes, now_ns: int) -> None:
         """Carry out a command."""
         self._let_happen(now_ns)
-        payload, beacon, answer = messages.decode_line(line), self._clients[client], None
+        payload, beacon, answer = messages.decode_line(message), self._clients[client], None
         if payload and payload[0] in _DATA:
             answer = self._begin(beacon, payload[0], payload[1:], now_ns)
         elif payload:

@@ -9,7 +9,7 @@ from hil.common.schema import Range
 from hil.common.vectors import Vector3
 from hil.instruments.contract import Client, Facts, Scene, Send
 from hil.instruments.gps.epoch import make_epoch
-from hil.instruments.lines import LineInstrument
+from hil.instruments.streams import LineInstrument
 from hil.instruments.vectornav.measurement import NO_EPOCH, Measurement
 from hil.instruments.vectornav.outputs import ASYNCHRONOUS, MEASURED, WITH_RECEIVER, checksum, parse_output, text_of
 from hil.instruments.vectornav.outputs import line as encode_line
@@ -91,9 +91,9 @@ class Vn100(LineInstrument):
         rate = max(1.0, self.facts.model.rate)
         self._magnetometer = self.scene.build(self.settings.magnetometer._replace(rate=rate), sensor=Magnetometer)
 
-    def on_line(self, client: Client, line: bytes, now_ns: int) -> None:
+    def on_message(self, client: Client, message: bytes, now_ns: int) -> None:
         """Answer a line; what stands before its $ is noise."""
-        _, mark, text = line.rpartition(b"$")
+        _, mark, text = message.rpartition(b"$")
         if not mark or now_ns < self._silent_until_ns:
             self.malformed += 1
             return

@@ -12,11 +12,11 @@ from hypothesis import strategies as st
 
 from hil.common.clock import NS_PER_S
 from hil.instruments.contract import Client
-from hil.instruments.waterlinked.dvl import A50, A125
-from hil.instruments.waterlinked.dvl_device import DvlSettings
-from hil.instruments.waterlinked.dvl_pd import encode_pd4, encode_pd6
-from hil.instruments.waterlinked.dvl_report import BEAMS, Config, Report, Transducer
-from hil.instruments.waterlinked.dvl_serial import crc8
+from hil.instruments.dvl.device import DvlSettings
+from hil.instruments.dvl.pd import encode_pd4, encode_pd6
+from hil.instruments.dvl.report import BEAMS, Config, Report, Transducer
+from hil.instruments.dvl.serial_lines import crc8
+from hil.instruments.dvl.unit import A50, A125
 from sim.rotations import from_euler
 from sim.sensors.ranging.dvl import DvlModel
 from sim.sensors.samples import DvlSample, OdometrySample

@@ -10,13 +10,13 @@ from hil.instruments.contract import Instrument
 from hil.instruments.depth import keller
 from hil.instruments.depth.keller import Keller33X
 from hil.instruments.depth.paroscientific import Digiquartz
+from hil.instruments.dvl.pathfinder import Pathfinder
+from hil.instruments.dvl.unit import A50
 from hil.instruments.gps.receiver import Receiver
 from hil.instruments.gps.ubx import frame
 from hil.instruments.seatrac.link import SeatracLink
-from hil.instruments.teledyne import Pathfinder
 from hil.instruments.vectornav.outputs import line
 from hil.instruments.vectornav.unit import Vn200
-from hil.instruments.waterlinked.dvl import A50
 from sim.sensors.extra_samples import FixSample, PositionSample
 from sim.sensors.gps import GpsModel
 from sim.sensors.imu import ImuModel

@@ -5,8 +5,8 @@ from typing import Any
 import pytest
 from pyubx2 import SET, UBXMessage
 
+from hil.instruments.dvl.pathfinder import Pathfinder
 from hil.instruments.gps.receiver import Receiver
-from hil.instruments.teledyne import Pathfinder
 from hil.instruments.vectornav.unit import Vn100
 from sim.sensors.sensor_set import load_sensor
 from tests.support.instrument_bench import Bench

@@ -56,7 +56,7 @@ def test_frames_are_found_in_any_pieces_and_noise(noise: list[bytes], payload: b
     )
     cut = data.draw(st.integers(0, len(stream)))
     decoder = Decoder()
-    assert decoder.feed(stream[:cut]) + decoder.feed(stream[cut:]) == frames
+    assert decoder.read(stream[:cut]) + decoder.read(stream[cut:]) == frames
 
 
 @given(st.binary(max_size=2000))

@@ -8,7 +8,7 @@ import pytest
 from trdi_adcp_readers.pd0 import pd0_parser
 
 from hil.common.clock import NS_PER_S
-from hil.instruments.teledyne import NO_VELOCITY, Pathfinder, PathfinderSettings
+from hil.instruments.dvl.pathfinder import NO_VELOCITY, Pathfinder, PathfinderSettings
 from sim.dynamics import State
 from sim.rotations import from_euler
 from sim.sensors.ranging.dvl import DvlModel

@@ -9,7 +9,8 @@ from typing import Annotated, Literal, NamedTuple
 from hil.common.clock import NEVER_NS, NS_PER_S
 from hil.common.schema import Range
 from hil.instruments.contract import Client, Facts, Instrument, Scene, Send
-from hil.instruments.waterlinked.dvl_report import Config, DeadReckoning, Report
+from hil.instruments.dvl.report import Config, DeadReckoning, Report
+from hil.instruments.streams import Lines
 
 MOST_TRIGGERS = 15
 CALIBRATION_NS = 5 * NS_PER_S  # ours: "up to 15 s"
@@ -81,9 +82,11 @@ class DvlDevice(Instrument):
 class DvlWire(ABC):
     """The format of one client of the DVL `dvl`. By default it has no commands and no dead reckoning."""
 
+    longest = 65_536  # bytes of a line
+
     def __init__(self, dvl: DvlDevice, client: Client) -> None:
         self._dvl, self._client = dvl, client
-        self._unread = b""
+        self._lines = Lines(self.longest)
 
     def feed(self, data: bytes, now_ns: int) -> None:  # noqa: B027
         """Take bytes of the client. Never raises."""

@@ -5,10 +5,9 @@ from typing import Any
 
 from hil.common.clock import NS_PER_S, NS_PER_US, to_wall_ns
 from hil.common.errors import ConfigError
-from hil.instruments.waterlinked.dvl_device import DvlWire
-from hil.instruments.waterlinked.dvl_report import Report
+from hil.instruments.dvl.device import DvlWire
+from hil.instruments.dvl.report import Report
 
-LONGEST = 65_536  # bytes of a line
 VERSIONS = {"2.6.1": "json_v3.1", "2.7.1": "json_v3.2"}  # by the software
 
 
@@ -17,11 +16,7 @@ class JsonWire(DvlWire):
 
     def feed(self, data: bytes, now_ns: int) -> None:
         """Take bytes of the client; lines that are no command are counted."""
-        *lines, self._unread = (self._unread + data).split(b"\n")
-        if len(self._unread) > LONGEST:
-            self._dvl.malformed += 1
-            self._unread = b""
-        for line in filter(bytes.strip, lines):
+        for line in filter(bytes.strip, self._lines.read(data)):
             self._take(line, now_ns)
 
     def report(self, report: Report, now_ns: int) -> bytes:

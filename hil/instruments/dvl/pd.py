@@ -3,8 +3,8 @@
 import time
 from struct import pack
 
-from hil.instruments.waterlinked.dvl_device import DvlWire
-from hil.instruments.waterlinked.dvl_report import Config, Report
+from hil.instruments.dvl.device import DvlWire
+from hil.instruments.dvl.report import Config, Report
 from hil.links.frame.checksums import SUMS
 
 SYSTEM = 0b10100011  # ship coordinates, tilts used, 600 kHz

@@ -1,17 +1,14 @@
 """The DVL's lines on a serial port: `w`, direction, command, options and a CRC-8."""
 
-import re
-
 from hil.common.clock import NEVER_NS, NS_PER_MS, NS_PER_S, NS_PER_US, to_wall_ns
 from hil.common.errors import ConfigError
-from hil.instruments.waterlinked.dvl_device import DvlWire
-from hil.instruments.waterlinked.dvl_pd import encode_pd4, encode_pd6
-from hil.instruments.waterlinked.dvl_report import Report
+from hil.instruments.dvl.device import DvlWire
+from hil.instruments.dvl.pd import encode_pd4, encode_pd6
+from hil.instruments.dvl.report import Report
 from hil.links.frame.checksums import CRCS, crc_checksum
 
 VERSIONS = {"2.6.1": "2,6,0", "2.7.1": "2,7,0"}  # by the software
 CHIP = "0xf1440c09140b04"
-LONGEST = 256
 PAUSE_NS = 100 * NS_PER_MS  # ours: the device waits 10 ms for the next byte, an adapter on USB delivers later
 NOTHING, WITH_OLD, PD6, WITHOUT_OLD, PD4 = 0, 1, 2, 3, 6  # numbers of `wcp`
 # The options of `wcs` and `wrc`, in their order.
@@ -32,15 +29,15 @@ def line(*words: object) -> bytes:
 class SerialWire(DvlWire):
     """A serial port."""
 
+    longest = 257
     _read_ns = 0
 
     def feed(self, data: bytes, now_ns: int) -> None:
         """Take bytes of the client."""
-        *lines, self._unread = re.split(b"[\r\n]", self._unread + data)
         self._read_ns = now_ns
-        for text in filter(None, lines):
+        for text in self._lines.read(data):
             self._answer(text, now_ns)
-        if len(self._unread) > LONGEST:
+        if len(self._lines.rest) >= self.longest:
             self._refuse()
 
     def report(self, report: Report, now_ns: int) -> bytes:
@@ -61,12 +58,12 @@ class SerialWire(DvlWire):
 
     def tick(self, now_ns: int) -> int:
         """Refuse a line that does not go on."""
-        if self._unread and now_ns >= self._read_ns + PAUSE_NS:
+        if self._lines.rest and now_ns >= self._read_ns + PAUSE_NS:
             self._refuse()
-        return self._read_ns + PAUSE_NS if self._unread else NEVER_NS
+        return self._read_ns + PAUSE_NS if self._lines.rest else NEVER_NS
 
     def _refuse(self) -> None:
-        self._unread = b""
+        self._lines.rest = b""
         self._dvl.malformed += 1
         self._reply("wr?")
 

@@ -9,11 +9,11 @@ from typing import Any
 from hil.client.client import Stamped
 from hil.common.clock import NEVER_NS, NS_PER_MS, NS_PER_S, NS_PER_US, to_wall_ns
 from hil.instruments.contract import Client, Facts, Scene, Send
-from hil.instruments.waterlinked.dvl_device import DvlDevice, DvlSettings, DvlWire
-from hil.instruments.waterlinked.dvl_json import JsonWire
-from hil.instruments.waterlinked.dvl_pd import Pd4Wire, Pd6Wire
-from hil.instruments.waterlinked.dvl_report import RangeMode, Report, with_fix
-from hil.instruments.waterlinked.dvl_serial import SerialWire
+from hil.instruments.dvl.device import DvlDevice, DvlSettings, DvlWire
+from hil.instruments.dvl.json_lines import JsonWire
+from hil.instruments.dvl.pd import Pd4Wire, Pd6Wire
+from hil.instruments.dvl.report import RangeMode, Report, with_fix
+from hil.instruments.dvl.serial_lines import SerialWire
 from sim.rotations import multiply
 
 POSITION_NS = NS_PER_S // 5
