@@ -1,7 +1,7 @@
 """Commands, sticks and packets of the MAVLink vehicle: what each is limited to, and who may send it."""
 
 from math import nan, pi, radians
-from typing import Any
+from typing import Any, cast
 
 import pytest
 from pymavlink.dialects.v20 import ardupilotmega as dialect
@@ -115,6 +115,23 @@ def test_a_command_is_accepted_only_with_parameters_that_mean_something(name: st
     assert changed.get(name, True)
 
 
+@pytest.mark.parametrize(("command", "params"), [(205, (45.0, 0.0, -45.0)), (1000, (45.0, -45.0))])
+def test_the_camera_tilts_and_pans_by_both_commands(command: int, params: tuple[float, ...]) -> None:
+    bench = Bench()
+    pulses = bench.core.accessories.pulses
+    assert bench.partner.command(command, *params) == ACCEPTED
+    assert (pulses[12], pulses[13]) == (1900, 1100)
+    assert bench.partner.command(command, *[nan] * len(params)) == ACCEPTED
+    assert (pulses[12], pulses[13]) == (1900, 1100)
+
+
+def test_the_interval_of_no_message_is_that_of_message_0() -> None:
+    bench = Bench()
+    for number in (nan, 2.0**25, -5.0):
+        assert bench.partner.command(dialect.MAV_CMD_GET_MESSAGE_INTERVAL, number) == ACCEPTED
+        assert bench.partner.take_messages("MESSAGE_INTERVAL")[0].message_id == 0
+
+
 def test_a_pause_in_guided_holds_where_the_vehicle_is() -> None:
     bench = Bench()
     bench.arm(Mode.GUIDED)
@@ -211,6 +228,8 @@ def test_the_gain_stays_within_its_limits_and_the_hull_turns_by_the_sticks() -> 
     held = joystick(0.0)
     assert [held.change_gain(step) for step in (1, 1, 1, -1, -5)] == [0.75, 1.0, 1.0, 0.75, 0.25]
     held.receive(control(), SENDER, 0, LASTS_NS)
+    cast(Any, held._parameters)["JS_GAIN_STEPS"] = 1.0
+    assert held.change_gain(1) == 1.0, "one step is the whole range"
     held.gain, held.turns_hull, held.holds = 1.0, True, (0.2, -0.2, 0.5)
     held.receive(control(x=500, y=250), SENDER, 0, LASTS_NS)
     assert held.sticks(0) == pytest.approx(Sticks(0.2, -0.2, 0.5, 0.0, 0.05, -0.7))

@@ -191,7 +191,7 @@ def test_a_place_on_the_earth_without_an_origin_pauses_the_mission() -> None:
     target = flight.step(at(4.0), 0)
     assert target
     assert (flight.status, target.position) == (PAUSED, (4.0, 0.0, 3.0))
-    assert flight.texts[0][0] == 3
+    assert [severity for severity, _ in flight.texts] == [3], "it is said once"
 
 
 def test_jumps_and_idle_items_take_no_time_and_never_hang() -> None:
@@ -280,6 +280,18 @@ def test_a_new_count_or_a_clearing_ends_the_upload() -> None:
         assert (bench.core.flight.total, bench.core.flight.status) == (0, NO_MISSION)
 
 
+@pytest.mark.parametrize(
+    ("place", "result"),
+    [((2e5, 0.0), ACCEPTED), ((-2.2e5, 0.0), INVALID), ((0.0, 2.2e5), INVALID), ((nan, 0.0), INVALID)],
+)
+def test_an_item_of_the_old_form_fits_into_the_numbers_of_the_new_one(place: tuple[float, float], result: int) -> None:
+    bench = Bench()
+    bench.partner.send(count_of(2))
+    bench.partner.send(item(0))
+    old = dialect.MAVLink_mission_item_message(1, 1, 1, LOCAL, GO, 0, 1, 0, 0, 0, 0, *place, 3.0)
+    assert ack_of(bench, old) == (result, 0)
+
+
 @pytest.mark.parametrize(("late", "other", "result"), [(1, 50_000, ACCEPTED), (0, 50_000, 13), (1, 40_000, 13)])
 def test_only_the_last_item_as_it_was_is_acknowledged_again(late: int, other: int, result: int) -> None:
     assert ack_of(uploaded(), item(late, north=other)) == (result, 0)
@@ -336,8 +348,9 @@ def test_an_item_is_validated_when_it_is_uploaded(command: int, params: tuple[fl
     assert upload_mission(Bench().partner, rows) == result
 
 
-def test_the_mission_starts_at_the_item_that_the_command_names() -> None:
-    bench = uploaded()
-    start = dialect.MAV_CMD_MISSION_START
-    assert [bench.partner.command(start, first) for first in (2.0, 1.0, 0.0, nan)] == [2, 0, 0, 0]
+def test_the_mission_starts_at_the_item_that_the_command_names_or_goes_on() -> None:
+    bench, start = uploaded(), dialect.MAV_CMD_MISSION_START
+    assert upload_mission(bench.partner, [HOME_ROW, *[(LOCAL, GO, 5.0, 0.0, 3.0)] * 3]) == ACCEPTED
+    found = [(bench.partner.command(start, first), bench.core.flight.current) for first in (4.0, 2.0, 0.0, nan, -1.0)]
+    assert found == [(dialect.MAV_RESULT_DENIED, 1), *[(dialect.MAV_RESULT_ACCEPTED, 2)] * 4]
     assert bench.core.pilot.mode == Mode.AUTO

@@ -140,6 +140,29 @@ def test_only_logs_can_be_read(tmp_path: Path) -> None:
         assert _ftp(bench, ftp.OPEN_READ, path)[0][3] == bytes((ftp.NOT_FOUND,)), path
 
 
+def test_a_long_folder_is_listed_in_parts_and_a_file_read_in_pieces_that_fit(tmp_path: Path) -> None:
+    names = [f"{number:03}_{'x' * 50}.mcap" for number in range(11)]
+    for name in names:
+        (tmp_path / name).write_bytes(bytes(600))
+    bench, found = Bench(folder=str(tmp_path)), list[str]()
+    while True:
+        ((kind, _, _, data),) = _ftp(bench, ftp.LIST, b"/logs\0", offset=len(found))
+        if kind == ftp.NAK:
+            break
+        parts = data.decode().split("\0")[:-1]
+        assert len(parts) == 3 or len(found) > 6
+        found += parts
+    assert (found, data) == ([f"F{name}\t600" for name in names], bytes((ftp.END_OF_FILE,)))
+    _ftp(bench, ftp.OPEN_READ, f"/logs/{names[0]}\0".encode())
+    sizes = [len(_ftp(bench, ftp.READ, offset=at, size=size)[0][3]) for at, size in ((0, 0), (0, 9), (595, 100))]
+    assert sizes == [ftp.MAX_DATA, 9, 5]
+    assert _ftp(bench, ftp.READ, size=240)[0][3] == bytes((ftp.BAD_SIZE,))
+    pieces = _ftp(bench, ftp.BURST, offset=100, size=200)
+    assert [(kind, offset, len(data)) for kind, _, offset, data in pieces] == [
+        (ftp.ACK, 100, 200), (ftp.ACK, 300, 200), (ftp.ACK, 500, 100), (ftp.NAK, 100, 1)
+    ]  # fmt: skip
+
+
 @pytest.mark.parametrize("opcode", [*ftp.WRITING, 77])
 def test_unsupported_file_operations_are_refused_at_once(opcode: int) -> None:
     bench = Bench()

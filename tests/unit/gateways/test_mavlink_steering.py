@@ -149,7 +149,9 @@ def test_a_number_of_a_target_is_finite_and_in_range_unless_it_is_ignored(field:
     assert local_target(target_message(accelerations | ignored, **fields | {field: value}), state())
 
 
-@pytest.mark.parametrize(("field", "most"), [("x", MAX_PLACE), ("y", -MAX_PLACE), ("z", MAX_DEPTH)])
+@pytest.mark.parametrize(
+    ("field", "most"), [("x", MAX_PLACE), ("x", -MAX_PLACE), ("y", MAX_PLACE), ("y", -MAX_PLACE), ("z", MAX_DEPTH)]
+)
 def test_places_up_to_the_limit_are_targets(field: str, most: float) -> None:
     fields = dict.fromkeys(("x", "y", "z", "vx", "vy", "vz", "afx", "afy", "afz", "yaw", "yaw_rate"), 0.0)
     target = local_target(target_message(0b110111111000, **fields | {field: most}), state())
@@ -157,6 +159,15 @@ def test_places_up_to_the_limit_are_targets(field: str, most: float) -> None:
     assert most in target.position
     with pytest.raises(TargetError):
         local_target(target_message(0b110111111000, **fields | {field: 1.001 * most}), state())
+
+
+@pytest.mark.parametrize(
+    ("ignored", "velocity"), [(0, (1, 2, 3)), (8, (0, 2, 3)), (16, (1, 0, 3)), (32, (1, 2, 0)), (48, (1, 0, 0))]
+)
+def test_each_axis_of_a_velocity_may_be_ignored(ignored: int, velocity: tuple[float, ...]) -> None:
+    fields = dict.fromkeys(("x", "y", "z", "vx", "vy", "vz", "afx", "afy", "afz", "yaw", "yaw_rate"), 0.0)
+    found = local_target(target_message(0b110111000111 | ignored, **fields | {"vx": 1, "vy": 2, "vz": 3}), state())
+    assert found.velocity == velocity
 
 
 def target_message(mask: int, **fields: float) -> Any:
@@ -196,7 +207,8 @@ def lights(bench: Bench) -> int:
     ("functions", "read", "expected"),
     [
         ((31,), lights, 1200), ((31,) * 9, lights, 1100), ((32, 32, 33), lights, 1200),
-        ((35,), lambda b: b.core.accessories.pulses[10], 1200),
+        ((34,), lambda b: b.core.accessories.pulses[10], 1200),
+        ((35, 35, 36), lambda b: b.core.accessories.pulses[10], 1200),
         ((51,), lambda b: b.core.accessories.relays, [True, False, False, False]),
         ((55, 51, 52), lambda b: b.core.accessories.relays, [False] * 4),
         ((56, 59), lambda b: b.core.accessories.relays, [False, True, True, False]),
@@ -261,6 +273,14 @@ def test_a_calibration_of_compasses_is_reported_for_those_asked_for(asked: float
     _, (report,) = answer(dialect.MAV_CMD_DO_START_MAG_CAL, (asked, *[0.0] * 6))
     assert (report.compass_id, report.cal_mask, report.cal_status) == (0, mask, dialect.MAG_CAL_SUCCESS)
     assert (report.autosaved, report.fitness, report.ofs_x, report.diag_y, report.offdiag_z) == (1, 1.0, 0.0, 1.0, 0.0)
+
+
+def test_the_last_side_of_an_accelerometer_is_reported_as_done_to_everybody() -> None:
+    _, (done,) = answer(dialect.MAV_CMD_PREFLIGHT_CALIBRATION, (0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0))
+    fields = {name: value for name, value in done.to_dict().items() if value and name != "mavpackettype"}
+    assert fields == {
+        "command": dialect.MAV_CMD_ACCELCAL_VEHICLE_POS, "param1": dialect.ACCELCAL_VEHICLE_POS_SUCCESS
+    }  # fmt: skip
 
 
 def test_texts_of_the_pilot_and_of_the_mission_are_sent_once() -> None:

@@ -23,7 +23,7 @@ BATTERY = BatterySample(0, 14.8, 2.5, 2.5, 10.0, False)
 FIX = FixSample(0, 45.1234567, -10.7654321, 12.3, (0.25, 0.04), True)
 VEHICLE = Snapshot(
     State(0, (10.0, -20.0, 5.0), ATTITUDE, NU), BATTERY, 121_325.0, Echo(7.5, 0.3, 50.0), FIX,
-    pulses=(1500, 1620, 0, 1300), sensors=frozenset(("imu", "gps", "battery")), slave_load=0.37,
+    pulses=(1500, 1620, 0, 1298), sensors=frozenset(("imu", "gps", "battery")), slave_load=0.37,
     imu=ImuSample(0, ATTITUDE, (0.1, 0.2, -0.3), (0.5, -1.5, -9.0)), field=(20e-6, -5e-6, 40e-6),
 )  # fmt: skip
 ORIGIN = Origin(45.0, 10.0, 100.0)
@@ -42,6 +42,7 @@ SCALED = {
     "xmag": 200, "ymag": -50, "zmag": 400,
 }  # fmt: skip
 HERE = dict(zip(("x", "y", "z"), (10.0, -20.0, 5.0), strict=True))
+UNKNOWN = pytest.approx([nan, *[0.0] * 20], nan_ok=True)
 PRESENT = (
     dialect.MAV_SYS_STATUS_SENSOR_ATTITUDE_STABILIZATION | dialect.MAV_SYS_STATUS_AHRS
     | dialect.MAV_SYS_STATUS_SENSOR_3D_GYRO | dialect.MAV_SYS_STATUS_SENSOR_3D_ACCEL
@@ -83,28 +84,27 @@ def check(found: Any, fields: dict[str, Any]) -> None:
             {"airspeed": 1.0, "groundspeed": hypot(NORTH, EAST), "heading": 69, "throttle": 50, "alt": -5.0,
              "climb": -DOWN},
         ),
-        ("HOME_POSITION", {"x": 1.0, "y": 2.0, "z": 0.5, "altitude": 99_500, "time_usec": 1_700_000_000_123_456}),
-        ("HOME_POSITION", {"q": [1.0, 0.0, 0.0, 0.0]} | dict.fromkeys(("approach_x", "approach_y", "approach_z"), 0.0)),
+        (
+            "HOME_POSITION",
+            {"x": 1.0, "y": 2.0, "z": 0.5, "altitude": 99_500, "time_usec": 1_700_000_000_123_456,
+             "latitude": pytest.approx(450_000_090, abs=5), "longitude": pytest.approx(100_000_254, abs=5),
+             "q": [1.0, 0.0, 0.0, 0.0]},
+        ),
         (
             "EKF_STATUS_REPORT",
-            {"flags": RELATIVE | dialect.EKF_POS_HORIZ_ABS | dialect.EKF_PRED_POS_HORIZ_ABS}
-            | dict.fromkeys(("velocity_variance", "pos_horiz_variance", "pos_vert_variance"), 0.0)
-            | dict.fromkeys(("compass_variance", "terrain_alt_variance"), 0.0),
+            {"flags": RELATIVE | dialect.EKF_POS_HORIZ_ABS | dialect.EKF_PRED_POS_HORIZ_ABS},
         ),
-        ("AHRS", dict.fromkeys(("omegaIx", "omegaIy", "omegaIz", "accel_weight", "renorm_val", "error_rp"), 0.0)),
-        ("VIBRATION", NOW_US | dict.fromkeys(("vibration_x", "vibration_y", "vibration_z", "clipping_0"), 0)),
-        ("EXTENDED_SYS_STATE", {"vtol_state": 0, "landed_state": 0}),
+        ("AHRS", {}), ("VIBRATION", NOW_US), ("EXTENDED_SYS_STATE", {}),
         (
             "SERVO_OUTPUT_RAW",
-            NOW_US | {"servo1_raw": 1500, "servo2_raw": 1620, "servo3_raw": 0, "servo4_raw": 1300, "servo5_raw": 0,
+            NOW_US | {"servo1_raw": 1500, "servo2_raw": 1620, "servo3_raw": 0, "servo4_raw": 1298, "servo5_raw": 0,
                       "servo9_raw": 1234, "servo16_raw": 0},
         ),
         (
             "SYS_STATUS",
             {"onboard_control_sensors_present": PRESENT, "onboard_control_sensors_enabled": PRESENT,
              "onboard_control_sensors_health": HEALTHY, "load": 370, "voltage_battery": 14_800,
-             "current_battery": 250, "battery_remaining": 25}
-            | dict.fromkeys(("drop_rate_comm", "errors_comm", "errors_count1", "errors_count4"), 0),
+             "current_battery": 250, "battery_remaining": 25},
         ),
         (
             "NAV_CONTROLLER_OUTPUT",
@@ -114,7 +114,9 @@ def check(found: Any, fields: dict[str, Any]) -> None:
         (
             "ODOMETRY",
             NOW_US | HERE | RATES | {"frame_id": 1, "child_frame_id": 12, "vx": 1.0, "vy": -0.5, "vz": 0.25,
-                                     "estimator_type": dialect.MAV_ESTIMATOR_TYPE_AUTOPILOT},
+                                     "estimator_type": dialect.MAV_ESTIMATOR_TYPE_AUTOPILOT,
+                                     "q": pytest.approx(ATTITUDE, rel=1e-6), "pose_covariance": UNKNOWN,
+                                     "velocity_covariance": UNKNOWN},
         ),
         (
             "ALTITUDE",
@@ -123,10 +125,16 @@ def check(found: Any, fields: dict[str, Any]) -> None:
         ),
         ("GPS_GLOBAL_ORIGIN", NOW_US | {"latitude": 450_000_000, "longitude": 100_000_000, "altitude": 100_000}),
         ("RC_CHANNELS", NOW | {"chancount": 2, "chan1_raw": 1100, "chan2_raw": 1900, "chan3_raw": 0, "rssi": 255}),
-        ("GIMBAL_DEVICE_ATTITUDE_STATUS", NOW | {"q": [cos(radians(15.0)), 0.0, sin(radians(15.0)), 0.0]}),
+        (
+            "GIMBAL_DEVICE_ATTITUDE_STATUS",
+            NOW | {"q": [cos(radians(15.0)), 0.0, sin(radians(15.0)), 0.0], "gimbal_device_id": 1,
+                   "flags": dialect.GIMBAL_DEVICE_FLAGS_YAW_IN_VEHICLE_FRAME}
+            | dict.fromkeys([f"angular_velocity_{axis}" for axis in "xyz"] + ["delta_yaw", "delta_yaw_velocity"], nan),
+        ),
         (
             "DISTANCE_SENSOR",
-            NOW | {"min_distance": 30, "max_distance": 5000, "current_distance": 750, "orientation": 25},
+            NOW | {"min_distance": 30, "max_distance": 5000, "current_distance": 750, "orientation": 25,
+                   "type": dialect.MAV_DISTANCE_SENSOR_ULTRASOUND, "covariance": 255},
         ),
         ("RANGEFINDER", {"distance": 7.5}),
         ("SCALED_PRESSURE", NOW | {"press_abs": 1213.25, "temperature": 2000}),
@@ -141,19 +149,25 @@ def check(found: Any, fields: dict[str, Any]) -> None:
         (
             "BATTERY_STATUS",
             {"voltages": [14_800, *[0xFFFF] * 9], "current_battery": 250, "current_consumed": 7500,
-             "battery_remaining": 25, "charge_state": dialect.MAV_BATTERY_CHARGE_STATE_OK, "temperature": 32_767},
+             "battery_remaining": 25, "charge_state": dialect.MAV_BATTERY_CHARGE_STATE_OK, "temperature": 32_767,
+             "battery_function": dialect.MAV_BATTERY_FUNCTION_ALL, "type": dialect.MAV_BATTERY_TYPE_LION,
+             "energy_consumed": -1},
         ),
         (
             "GPS_RAW_INT",
             {"time_usec": 1_700_000_000_123_456, "fix_type": 3, "lat": 451_234_567, "lon": -107_654_321, "alt": 12_300,
              "vel": round(100.0 * hypot(NORTH, EAST)), "h_acc": 500, "v_acc": 200,
-             "cog": round(100.0 * degrees(atan2(EAST, NORTH))), "alt_ellipsoid": 12_300},
+             "cog": round(100.0 * degrees(atan2(EAST, NORTH))), "alt_ellipsoid": 12_300,
+             "eph": 0xFFFF, "epv": 0xFFFF, "satellites_visible": 10},
         ),
         ("SYSTEM_TIME", NOW | {"time_unix_usec": 1_700_000_000_123_456}),
     ],
 )  # fmt: skip
 def test_each_field_has_its_value(name: str, fields: dict[str, Any]) -> None:
-    check(message(name), fields)
+    found = message(name)
+    check(found, fields)
+    rest = {other: getattr(found, other) for other in found.fieldnames if other not in fields}
+    assert not any(value if isinstance(value, (int, float)) else any(value) for value in rest.values()), rest
 
 
 BARE = Snapshot(VEHICLE.state)
