@@ -3,11 +3,12 @@
 import itertools
 import math
 import os
-from collections.abc import Generator, Sequence
+from collections.abc import Callable, Generator, Sequence
+from functools import partial
 from typing import Any
 
 from hil.cases.parallel import run_parallel
-from hil.cases.simulated import fly
+from hil.cases.simulated import fly, progress_watch
 from hil.common.errors import ConfigError, HilError
 from hil.common.plugins import own_traceback
 from hil.common.schema import shortened
@@ -40,12 +41,36 @@ def combinations(vary: list[str]) -> list[Changes]:
     return [dict(choice) for choice in itertools.product(*axes)]
 
 
-def run_one(scenario_name: str, changes: Changes, seed: int) -> Row:
-    """Run once; return parameters and outcome, with the reason of a failure. Raises no HilError."""
+class Advance:
+    """How far the runs of a campaign are: a byte in a file for each, in per cent, which its worker writes."""
+
+    def __init__(self, path: str, runs: int) -> None:
+        self._path, self._runs = path, runs
+        with open(path, "wb") as file:
+            file.truncate(runs)
+
+    def share(self) -> float:
+        """Return how much of all runs is flown, 0 to 1."""
+        with open(self._path, "rb") as file:
+            return sum(file.read()) / (100.0 * self._runs)
+
+    def note(self, number: int, share: float) -> None:
+        """Note how much of a run is flown, 0 to 1."""
+        with open(self._path, "r+b") as file:
+            file.seek(number)
+            file.write(bytes([round(100.0 * min(max(share, 0.0), 1.0))]))
+
+
+def run_one(scenario_name: str, changes: Changes, seed: int, note: Callable[[float], None]) -> Row:
+    """Run once; return parameters and outcome, with the reason of a failure. Raises no HilError.
+
+    `note` is called with how much is flown, 0 to 1.
+    """
     row: Row = {**changes, "seed": seed, "success": False, "reached": False, "reason": ""}
     try:
         scenario = load_scenario(scenario_name, {**changes, "seed": seed}, option="--set or --vary")
-        outcome, _ = fly(scenario, prepare(scenario))
+        plan = prepare(scenario)
+        outcome, _ = fly(scenario, plan, watches=[progress_watch(plan.planner, lambda _: note(plan.planner.progress))])
     except HilError as error:
         return row | {"reason": str(error)}
     except Exception as error:  # from a user's planner; other seeds may not cause it
@@ -60,11 +85,15 @@ def run_one(scenario_name: str, changes: Changes, seed: int) -> Row:
     return row | result | figures | counts | {"events": "; ".join([event.describe() for event in outcome.events])}
 
 
-def run_all(scenario: str, sets: Sequence[Changes], seeds: int, jobs: int) -> Generator[tuple[int, Row], None, None]:
+def run_all(
+    scenario: str, sets: Sequence[Changes], seeds: int, jobs: int, advance: Advance
+) -> Generator[tuple[int, Row], None, None]:
     """Run each set with each seed; yield the number of each run and its row, as it ends. Raises MissingExtraError."""
     pairs = enumerate(itertools.product(sets, range(1, seeds + 1)))
-    return run_parallel(_run_numbered, [(number, scenario, *pair) for number, pair in pairs], jobs)
+    return run_parallel(_run_numbered, [(advance, number, scenario, *pair) for number, pair in pairs], jobs)
 
 
-def _run_numbered(number: int, scenario: str, changes: Changes, seed: int) -> tuple[int, Row]:
-    return number, run_one(scenario, changes, seed)
+def _run_numbered(advance: Advance, number: int, scenario: str, changes: Changes, seed: int) -> tuple[int, Row]:
+    row = run_one(scenario, changes, seed, partial(advance.note, number))
+    advance.note(number, 1.0)
+    return number, row

@@ -4,15 +4,17 @@ import argparse
 import math
 import statistics
 import sys
+import threading
 import time
 from collections.abc import Sequence
 from contextlib import closing
 
-from hil.cases.campaign import METRICS, Changes, Row, combinations, run_all
+from hil.cases.campaign import METRICS, Advance, Changes, Row, combinations, run_all
 from hil.cases.table import write_rows
 from hil.common.columns import aligned
 from hil.common.errors import ConfigError
 from hil.common.options import JOBS, SEEDS, add_json, add_output, add_scenario, changes_of, new_parser
+from hil.common.scratch import ScratchFolder
 from hil.common.streams import ProgressLine
 from hil.common.text import json_text
 from hil.scenario.config import load_single
@@ -28,6 +30,7 @@ examples:
   uuv-hil campaign paper_field --vary sensors.odometry.horizontal.bias=0.1,0.5,1.0 --seeds 5
 """
 MAX_RUNS = 1_000_000
+UPDATE_S = 0.5  # between two looks at the progress
 
 
 def main(arguments: list[str]) -> int:
@@ -63,18 +66,31 @@ def _run(scenario: str, sets: Sequence[Changes], options: argparse.Namespace) ->
     count = len(sets) * options.seeds
     began = time.monotonic()
     rows: dict[int, Row] = {}
-    line = ProgressLine(at_once=True)
-    try:
-        with closing(run_all(scenario, sets, options.seeds, options.jobs)) as results:
-            for number, row in results:
-                rows[number] = row
-                left_s = (time.monotonic() - began) / len(rows) * (count - len(rows))
-                line.show(f"{len(rows)}/{count} runs, {left_s:.0f} s left")
-    except KeyboardInterrupt:
+    line, ended = ProgressLine(at_once=True), threading.Event()
+
+    def watch() -> None:
+        while not ended.wait(UPDATE_S):
+            if share := advance.share():
+                left_s = (time.monotonic() - began) * (1.0 / share - 1.0)
+                line.show(f"{len(rows)}/{count} runs, {share:.0%}, {left_s:.0f} s left")
         line.clear()
-        print(f"ended after {len(rows)} of {count} runs; their results are discarded", file=sys.stderr)
-        raise
-    line.clear()
+
+    with ScratchFolder("campaign") as folder:
+        advance = Advance(folder.file("advance"), count)
+        watcher = threading.Thread(target=watch)
+        watcher.start()
+        interrupted = False
+        try:
+            with closing(run_all(scenario, sets, options.seeds, options.jobs, advance)) as results:
+                rows.update(results)
+        except KeyboardInterrupt:
+            interrupted = True
+            raise
+        finally:
+            ended.set()
+            watcher.join()
+            if interrupted:
+                print(f"ended after {len(rows)} of {count} runs; their results are discarded", file=sys.stderr)
     return [row for _, row in sorted(rows.items())]
 
 

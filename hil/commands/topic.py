@@ -22,7 +22,7 @@ from hil.client.topics import (
 )
 from hil.commands.listening import add_connect, add_settings, add_wait, network_of, scenario_and_endpoints
 from hil.common.clock import NS_PER_S, RateKeeper, now_ns, seconds_ns, to_wall_ns
-from hil.common.columns import aligned
+from hil.common.columns import aligned, result_width
 from hil.common.errors import ConfigError, NetworkError
 from hil.common.options import Number, add_json, integer, new_parser
 from hil.common.stop import StopSignals, pause
@@ -124,7 +124,7 @@ def listing(entities: Sequence[Entity]) -> str:
 def _table(entities: Sequence[Entity], head: tuple[str, ...], kinds: tuple[graph.Kind, graph.Kind]) -> str:
     names = sorted({(entity.topic, entity.type) for entity in entities if entity.kind in kinds})
     rows = [(*name, *[_nodes(entities, name, kind) for kind in kinds]) for name in names]
-    return "\n".join(aligned([head, *rows], rule=True)) if rows else ""
+    return "\n".join(aligned([head, *rows], rule=True, width=result_width())) if rows else ""
 
 
 def _nodes(entities: Sequence[Entity], name: tuple[str, str], kind: graph.Kind) -> str:

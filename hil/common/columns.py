@@ -1,6 +1,7 @@
 """Format text to fit the terminal: tables with columns as wide as their widest cell, paragraphs, and help."""
 
 import argparse
+import os
 import re
 import sys
 from collections.abc import Sequence
@@ -14,6 +15,7 @@ PIECES = re.compile(r" +|[^ /]*/|[^ /]+")  # pieces that are kept on one line if
 COLOUR = re.compile(r"\x1b\[[\d;]*m")  # as Python 3.14 and later write it into a usage
 OPTION_VALUE = re.compile(r"(?<![\w-])(--?[\w-]+) (?=[^\[| ])")  # the space between an option and its value
 MIN_WIDTH = 6  # minimum width of a column, in characters
+MAX_WIDTH = 100_000  # of a line that nobody looks at
 
 
 def aligned(
@@ -108,6 +110,11 @@ def terminal_width() -> int:
     from shutil import get_terminal_size
 
     return get_terminal_size((80, 24)).columns
+
+
+def result_width() -> int:
+    """Return the width for results: that of the terminal, without limit in a pipe or file, for `grep` and the like."""
+    return terminal_width() if sys.stdout.isatty() or "COLUMNS" in os.environ else MAX_WIDTH
 
 
 def _fitted(columns: Sequence[Sequence[str]], total: int) -> list[int]:

@@ -9,7 +9,7 @@ from pathlib import Path
 import psutil
 import pytest
 
-from hil.cases.campaign import combinations
+from hil.cases.campaign import Advance, combinations, run_one
 from hil.cli import main
 from hil.commands import campaign
 from hil.common.errors import ConfigError
@@ -91,6 +91,23 @@ def test_the_table_is_printed_when_the_disk_is_full(tmp_path: Path, capsys: pyte
     with pytest.raises(ConfigError, match="No space left"):
         campaign.main([str(scenario), "--seeds", "1", "--jobs", "1", "-o", "/dev/full"])
     assert "1/1" in capsys.readouterr().out
+
+
+def test_the_progress_counts_what_is_flown_of_each_run(tmp_path: Path) -> None:
+    scenario, _ = write_scenario(tmp_path)
+    advance = Advance(str(tmp_path / "advance"), 2)
+    shares: list[float] = []
+
+    def note(share: float) -> None:
+        shares.append(share)
+        advance.note(1, share)
+
+    assert run_one(str(scenario), {}, 1, note)["success"]
+    assert len(shares) > 10
+    assert shares == sorted(shares)
+    assert 0.4 < advance.share() <= 0.5
+    advance.note(0, 1.0)
+    assert advance.share() > 0.9
 
 
 def test_no_worker_outlives_the_campaign(tmp_path: Path) -> None:
