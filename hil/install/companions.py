@@ -32,7 +32,7 @@ class Kind(NamedTuple):
 KINDS = {
     "mavlink": Kind("hil.commands.gateways.mavlink", "{scenario} --vehicle {node}", "pymavlink"),
     "record": Kind("hil.commands.recording.record", package="mcap"),
-    "view": Kind("hil.commands.view.command", "--scenario {scenario} --no-browser", "viser"),
+    "view": Kind("hil.commands.view.command", "--scenario {scenario} --no-browser", "aiohttp"),
     "foxglove": Kind("hil.commands.gateways.foxglove", package="foxglove"),
     "rosbridge": Kind("hil.commands.gateways.rosbridge", package="cbor2"),
     "ros1": Kind("hil.commands.gateways.ros1", package="rosbags"),

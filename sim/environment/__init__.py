@@ -1,5 +1,5 @@
 """The surroundings of a vehicle: water, currents, waves, seabed, obstacles, collision, optics and acoustics.
 
-Public: `world.load_world`, `collision`, `geomagnetism`, `mesh`, `obstacles`, `ocean`, `relief`, `terrain`, `wind`. It
-must not use a vehicle's thrusters, nor sensors.
+Public: `world.load_world`, `bottom`, `collision`, `geomagnetism`, `mesh`, `obstacles`, `ocean`, `optics`, `relief`,
+`terrain`, `wind`. It must not use a vehicle's thrusters, nor sensors.
 """

@@ -112,7 +112,8 @@ def _play(options: argparse.Namespace, stop_fd: int) -> int:
 
 
 def _show(path: str, own_classes: bool, stop_fd: int) -> int:
-    from hil.view.live_view import PERIOD_S, SceneContent
+    from hil.view.live_view import PERIOD_S
+    from hil.view.scene.content import SceneContent
 
     source = RecordedSource(path)
     run = read_run(read_about(path), path, own_classes)

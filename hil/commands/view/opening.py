@@ -19,8 +19,8 @@ from sim.vehicle.vehicle import load_vehicle
 if TYPE_CHECKING:
     from ssl import SSLContext
 
-    from hil.view.live_view import LiveView, SceneContent
-    from hil.view.scene.fleet import Hunt
+    from hil.view.live_view import LiveView
+    from hil.view.scene.content import Hunt, SceneContent
     from hil.view.sources.source import Source
 
 ANY_PORT = "127.0.0.1", 0  # for the view of another command: several can run at once
@@ -68,7 +68,7 @@ def open_view(
 
 def scene_content(scenario: Scenario | None) -> "SceneContent":
     """Return the world, the shapes and the planned path of a scenario. Raises ConfigError."""
-    from hil.view.live_view import SceneContent
+    from hil.view.scene.content import SceneContent
 
     if scenario is None:
         return SceneContent()
@@ -95,7 +95,7 @@ def _hunt_of(scenario: Scenario) -> "Hunt | None":
     """Return the hunt of a fleet, for the view; None without one."""
     if scenario.hunting is None:
         return None
-    from hil.view.scene.fleet import Hunt
+    from hil.view.scene.content import Hunt
 
     nodes = tuple([member.node for member in scenario.member])
     reach = scenario.hunting.fields.communication_range

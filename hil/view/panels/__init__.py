@@ -1,5 +1,4 @@
-"""The panels beside the scene: instruments, pictures, links, actions, time.
+"""What the page's panels show and do: readings, health, pictures, and the actions of their buttons.
 
-Public: `panels.Panels` and the panels of actions, time and recording. It must not read the network: samples come from a
-`Source`, commands go through `hil.client`.
+Public: `actions.Actions`, `readings`, `pictures`. It must not know how the page looks.
 """

@@ -1,171 +1,173 @@
-"""The panel of actions: hold depth and heading, go to a position, fly waypoints, fail thrusters, reset, set a pose."""
+"""What the buttons of the page do: hold, go, fly waypoints, fail thrusters, reset, set a pose, record, pace time."""
 
 import threading
-from collections.abc import Callable, Sequence
-from math import radians
+from collections.abc import Callable, Mapping
+from math import degrees, isfinite, radians
 from typing import Any
-
-import numpy as np
 
 from hil.client import services
 from hil.client.vehicle_handle import Vehicle
-from hil.common.errors import HilError, NetworkError
-from hil.view.scene.frames import from_scene, to_scene
+from hil.common.errors import ConfigError, HilError, NetworkError
+from hil.view.feed import Feed
+from hil.view.sources.source import Source
+from sim.vehicle.failures import VALUES
 
-HANDLE_PIXELS = 60.0  # size of the arrows that drag a waypoint, at any distance of the camera
-CLICK_ACTIONS = "click: nothing", "click: go there", "click: add a waypoint"
+Act = Mapping[str, Any]
+OBSERVES = "this view only observes"
+NOTHING_TO_RECORD = "only vehicles on the network are recorded here: this is a recording, or a simulation"
+MAX_WAYPOINTS = 100
 
 
-class ActionsPanel:
-    """Buttons for one chosen vehicle. `chosen` returns it, or None if this view only observes.
+class Actions:
+    """The actions of one view. The outcome of each is a line of the log."""
 
-    `report` is called with the outcome. `server` is a viser.ViserServer, `container` the tab that holds the panel,
-    `thrusters` are the names of the vehicle's thrusters.
-    """
+    def __init__(self, source: Source, feed: Feed) -> None:
+        self._source, self._feed = source, feed
+        self._targets: dict[str, dict[str, Any]] = {}
+        self._failures: dict[str, dict[str, str]] = {}
+        self._of_vehicle: dict[str, Callable[[Vehicle, Act], str]] = {
+            "arm": lambda vehicle, _: services.arm(vehicle, True),
+            "disarm": lambda vehicle, _: services.arm(vehicle, False),
+            "stop": lambda vehicle, _: services.arm(vehicle, False),
+            "hold": self._hold,
+            "still": lambda vehicle, _: self._command(vehicle, "stand still", {}, vehicle.stop),
+            "release": lambda vehicle, _: self._command(vehicle, "no more commands are sent", {}, vehicle.release),
+            "go": self._go,
+            "follow": self._follow,
+            "fail": self._fail,
+            "reset": lambda vehicle, _: self._reset(vehicle),
+            "pose": self._pose,
+        }
+        self._of_view: dict[str, Callable[[str, Act], str]] = {
+            "take": lambda name, _: source.take_over(name, True),
+            "give": lambda name, _: source.take_over(name, False),
+            "record": lambda _, __: self._record(),
+            "time": lambda _, act: self._pace(act),
+        }
 
-    def __init__(
-        self,
-        server: Any,
-        container: Any,
-        chosen: Callable[[], Vehicle | None],
-        report: Callable[[str], None],
-        thrusters: Sequence[str],
-    ) -> None:
-        self._server, self._chosen, self._report = server, chosen, report
-        self._waypoints: list[Any] = []
-        self._buttons: list[Any] = []
-        self._failed: set[str] = set()  # thrusters that this panel has made fail
-        with container:
-            self._reason = server.gui.add_markdown("")
-            self._add_hold()
-            self._add_places()
-            self._add_simulated(thrusters)
-        server.scene.on_click()(self._on_click)
+    def target(self, name: str) -> Mapping[str, Any]:
+        """Return what the vehicle was told to reach or to hold from here, for the page; empty if nothing."""
+        return self._targets.get(name, {})
 
-    def show_reason(self, reason: str) -> None:
-        """Show why the vehicle does not accept commands, and disable the buttons; "" enables them."""
-        if self._reason.content != reason:
-            self._reason.content = reason
-            for button in self._buttons:
-                button.disabled = bool(reason)
-                button.hint = reason or None
+    def failures(self, name: str) -> Mapping[str, str]:
+        """Return the kind of failure of each thruster that was told to fail from here."""
+        return self._failures.get(name, {})
 
-    def _add_hold(self) -> None:
-        gui = self._server.gui
-        with gui.add_folder("hold"):
-            depth = gui.add_number("depth (m)", 2.0, min=0.0, max=11_000.0, step=0.1)
-            heading = gui.add_number("heading (°)", 0.0, min=-180.0, max=360.0, step=1.0)
-            self._button("hold depth", lambda vehicle: vehicle.hold_depth(depth.value))
-            self._button("hold heading", lambda vehicle: vehicle.hold_heading(_wrapped(heading.value)))
-            self._button("stand still", lambda vehicle: vehicle.stop())
-            self._button("send no more commands", lambda vehicle: vehicle.release())
+    def forget(self, name: str) -> None:
+        """Forget what a vehicle was told, because it is steered by hand now."""
+        self._targets.pop(name, None)
 
-    def _add_places(self) -> None:
-        gui = self._server.gui
-        with gui.add_folder("places"):
-            self._click_action = gui.add_dropdown(
-                "in the scene", CLICK_ACTIONS, hint="on the level at which the vehicle is"
-            )
-            self._speed = gui.add_number("speed (m/s)", 0.4, min=0.05, max=5.0, step=0.05)
-            self._button("fly the waypoints", self._fly)
-            clear = gui.add_button("remove the waypoints")
-            clear.on_click(lambda _: self._clear())
+    def start(self, name: str, act: Act) -> None:
+        """Do an act of the page in a thread, because it may wait for the vehicle's answer."""
+        threading.Thread(target=self.run, args=(name, act), name="action", daemon=True).start()
 
-    def _add_simulated(self, thrusters: Sequence[str]) -> None:
-        gui = self._server.gui
-        with gui.add_folder("simulated vehicle"):
-            for name in thrusters:
-                box = gui.add_checkbox(f"{name} has failed", False)
-                box.on_update(lambda _, name=name, box=box: self._fail(name, box))
-                self._buttons.append(box)
-            self._button("back to the start", lambda vehicle: self._report(services.reset(vehicle)))
-            position = gui.add_vector3("north, east, depth (m)", (0.0, 0.0, 1.0), step=0.1)
-            heading = gui.add_number("at heading (°)", 0.0, min=-180.0, max=360.0, step=1.0)
-
-            def put(vehicle: Vehicle) -> None:
-                north, east, depth = position.value
-                self._report(services.set_pose(vehicle, north, east, depth, radians(heading.value)))
-
-            self._button("put it there", put)
-
-    def _button(self, label: str, act: Callable[[Vehicle], object]) -> None:
-        button = self._server.gui.add_button(label)
-        button.on_click(lambda _: self._do(label, act))
-        self._buttons.append(button)
-
-    def _fail(self, thruster: str, box: Any) -> None:
-        """Fail or repair a thruster as its check box says; reset the box if the request is refused."""
-        failing = bool(box.value)
-        if failing == (thruster in self._failed):
-            return
-
-        def act(vehicle: Vehicle) -> None:
-            self._report(services.fail_thruster(vehicle, thruster, "off" if failing else "repaired"))
-            (self._failed.add if failing else self._failed.discard)(thruster)
-
-        def go_back() -> None:
-            box.value = thruster in self._failed
-
-        self._do(f"failure of {thruster}", act, go_back)
-
-    def _do(self, label: str, act: Callable[[Vehicle], object], on_refusal: Callable[[], None] = lambda: None) -> None:
-        """Run the action in a thread, because it may wait for the vehicle's answer."""
-
-        def run() -> None:
-            vehicle = self._chosen()
-            try:
-                if vehicle is None:
-                    raise NetworkError("this view only observes")
-                act(vehicle)
-                self._report(f"{vehicle.name}: {label}")
-            except HilError as error:
-                self._report(f"{label}: {error}")
-                on_refusal()
-
-        threading.Thread(target=run, name=label, daemon=True).start()
-
-    def _on_click(self, event: Any) -> None:
-        vehicle = self._chosen()
-        chosen = CLICK_ACTIONS.index(self._click_action.value)
-        if vehicle is None or not chosen or event.ray_origin is None:
-            return
+    def run(self, name: str, act: Act) -> str:
+        """Do an act of the page with the vehicle `name`; return the error, or ""."""
+        what = str(act.get("do"))
         try:
-            depth = vehicle.state.depth
+            if what in self._of_view:
+                text = self._of_view[what](name, act)
+            elif what in self._of_vehicle:
+                vehicle = self._source.vehicle(name) if name in self._source.names else None
+                if vehicle is None:
+                    raise NetworkError(OBSERVES)
+                text = f"{name}: {self._of_vehicle[what](vehicle, act)}"
+            else:
+                return ""
         except HilError as error:
-            self._report(str(error))
-            return
-        origin, along = np.array(event.ray_origin), np.array(event.ray_direction)
-        if abs(along[2]) < 1e-6 or (reach := (-depth - origin[2]) / along[2]) <= 0.0:
-            self._report("that place is not on the level of the vehicle: look from above")
-            return
-        north, east, _ = from_scene(origin + reach * along)
-        if chosen == 1:
-            self._do(f"go to ({north:.1f}, {east:.1f}) m", lambda vehicle: vehicle.go_to(north, east, depth))
-        else:
-            self._add_waypoint(north, east, depth)
+            self._feed.add_log_line(f"{what}: {error}", "error")
+            return f"{what}: {error}"
+        if text:
+            self._feed.add_log_line(text)
+        return ""
 
-    def _add_waypoint(self, north: float, east: float, depth: float) -> None:
-        number = len(self._waypoints) + 1
-        handle = self._server.scene.add_transform_controls(
-            f"/waypoints/{number}", scale=HANDLE_PIXELS, fixed=True, depth_test=False, disable_rotations=True,
-            position=to_scene([(north, east, depth)])[0],
-        )  # fmt: skip
-        self._server.scene.add_label(f"/waypoints/{number}/name", str(number), position=(0.0, 0.0, 0.4))
-        self._waypoints.append(handle)
+    def _command(self, vehicle: Vehicle, text: str, target: dict[str, Any], command: Callable[[], object]) -> str:
+        command()
+        self._targets[vehicle.name] = target
+        return text
 
-    def _fly(self, vehicle: Vehicle) -> None:
-        points = [from_scene(handle.position) for handle in self._waypoints]
+    def _hold(self, vehicle: Vehicle, act: Act) -> str:
+        depth = _number(act, "depth") if act.get("depth") is not None else None
+        heading = _wrapped(_number(act, "heading")) if act.get("heading") is not None else None
+        surge = _number(act, "speed") if act.get("speed") is not None else 0.0
+        words = ["hold"] + [f"depth {depth:.1f} m"] * (depth is not None)
+        words += [f"heading {degrees(heading) % 360.0:03.0f}°"] if heading is not None else []
+        words += [f"at {surge:.2f} m/s"] * bool(surge)
+        target = {"depth": depth, "heading": heading, "speed": surge or None}
+        return self._command(
+            vehicle, " ".join(words), target, lambda: vehicle.drive(surge, depth=depth, heading=heading)
+        )
+
+    def _go(self, vehicle: Vehicle, act: Act) -> str:
+        place = _number(act, "north"), _number(act, "east"), _number(act, "depth")
+        text = f"go to {place[0]:.1f} m north, {place[1]:.1f} m east, {place[2]:.1f} m deep"
+        return self._command(vehicle, text, {"places": [place], "depth": place[2]}, lambda: vehicle.go_to(*place))
+
+    def _follow(self, vehicle: Vehicle, act: Act) -> str:
+        given = act.get("points")
+        points = given[:MAX_WAYPOINTS] if isinstance(given, list) else []
         if not points:
-            self._report("no waypoints yet: choose 'click: add a waypoint', and click in the scene")
-            return
-        listed = ", ".join(f"({north:.1f}, {east:.1f}, {depth:.1f})" for north, east, depth in points)
-        self._report(f"waypoints (north, east, depth in m): {listed}")
-        vehicle.follow(points, speed=float(self._speed.value))
+            raise ConfigError("no waypoints yet: choose 'add waypoints', and click in the scene")
+        if not all(isinstance(point, list) and len(point) == 3 for point in points):
+            raise ConfigError("a waypoint is north, east, depth in m")
+        places = [tuple(_finite(value, "waypoint") for value in point) for point in points]
+        speed = _number(act, "speed")
+        if speed <= 0.0:
+            raise ConfigError(f"speed: {speed:g} m/s moves nothing: give one above 0")
+        return self._command(
+            vehicle, f"fly {len(places)} waypoints", {"places": places}, lambda: vehicle.follow(places, speed=speed)  # type: ignore[arg-type]
+        )  # fmt: skip
 
-    def _clear(self) -> None:
-        for handle in self._waypoints:
-            handle.remove()
-        self._waypoints = []
+    def _fail(self, vehicle: Vehicle, act: Act) -> str:
+        thruster, kind = str(act.get("thruster")), str(act.get("kind"))
+        value = _number(act, "value") if kind in VALUES and kind != "stuck" else None
+        text = services.fail_thruster(vehicle, thruster, kind, value)
+        failed = dict(self._failures.get(vehicle.name, {}))
+        failed.pop(thruster, None)
+        self._failures[vehicle.name] = failed | ({} if kind == "repaired" else {thruster: kind})
+        return text
+
+    def _reset(self, vehicle: Vehicle) -> str:
+        text = services.reset(vehicle)
+        self._failures.pop(vehicle.name, None)
+        return text
+
+    def _pose(self, vehicle: Vehicle, act: Act) -> str:
+        place = _number(act, "north"), _number(act, "east"), _number(act, "depth")
+        return services.set_pose(vehicle, *place, radians(_number(act, "heading")))
+
+    def _record(self) -> str:
+        """Start or stop the recording."""
+        recorder = self._source.recorder
+        if recorder is None:
+            raise ConfigError(NOTHING_TO_RECORD)
+        return recorder.stop() if recorder.state else recorder.start()
+
+    def _pace(self, act: Act) -> str:
+        """Pause, step, speed up or seek simulated or recorded time."""
+        playback = self._source.playback
+        if playback is None:
+            raise ConfigError("the time of vehicles on the network cannot be changed")
+        if "paused" in act:
+            playback.paused = act["paused"] is True
+        if "speed" in act:
+            playback.speed = min(max(_number(act, "speed"), 0.01), 1000.0)
+        if "seek" in act:
+            playback.seek(_number(act, "seek"))
+        if act.get("step"):
+            playback.step()
+        return ""
+
+
+def _number(act: Act, key: str) -> float:
+    return _finite(act.get(key), key)
+
+
+def _finite(value: Any, name: str) -> float:
+    """Return a number from the page. Raises ConfigError for anything else."""
+    if isinstance(value, bool) or not isinstance(value, int | float) or not isfinite(value):
+        raise ConfigError(f"{name}: {str(value)[:40]} is no number")
+    return float(value)
 
 
 def _wrapped(angle: float) -> float:

@@ -1,4 +1,4 @@
-"""Pictures of cameras and sonars as arrays (height x width x 3, 8 bits), for the panels and the scene."""
+"""Pictures of cameras and sonars for the page: photographs as JPEG, sonars as grey levels that the page colours."""
 
 from collections.abc import Sequence
 from io import BytesIO
@@ -7,59 +7,51 @@ from typing import Any
 
 import numpy as np
 
-from sim.rotations import matrix
-from sim.sensors.imaging.fan_picture import SIZE, map_fan_pixels, scale_echoes
+from hil.view.feed import Encoded
+from sim.sensors.imaging.fan_picture import scale_echoes
 from sim.sensors.imaging.samples import SideScanSample, SonarImageSample
-from sim.sensors.mounting import Mounting
 
-FAN_SIZE = SIZE
 WATERFALL = 240  # shown pings of a side scan
 _MIN_ROWS, _MAX_ROWS = 0.05, 40.0  # per ping; fewer: the vehicle stands still; more: pings were lost
-MAX_ECHOES = 4000  # points of a sonar fan in the scene
-BACKGROUND = np.array([12, 18, 28], np.uint8)
+QUALITY = 85  # of JPEG
 
 
-def camera_picture(picture: Any) -> Any:
-    """Return an Image or CompressedImage as RGB; None if it cannot be decoded."""
+def camera_picture(picture: Any) -> Encoded | None:
+    """Return an Image or CompressedImage as the browser shows it; None if it cannot be decoded."""
     from PIL import Image, UnidentifiedImageError
 
     try:
-        if picture.encoding == "rgb8":
-            return np.frombuffer(picture.data, np.uint8).reshape(picture.height, picture.width, 3)
-        return np.asarray(Image.open(BytesIO(picture.data)).convert("RGB"))
+        if picture.encoding != "rgb8":
+            with Image.open(BytesIO(picture.data)) as opened:  # reads the head only
+                width, height = opened.size
+                kind = str(opened.get_format_mimetype())
+            return Encoded({"kind": "camera", "type": kind, "width": width, "height": height}, bytes(picture.data))
+        pixels = np.frombuffer(picture.data, np.uint8).reshape(picture.height, picture.width, 3)
+        return Encoded({"kind": "camera", "width": picture.width, "height": picture.height}, _jpeg(pixels))
     except (UnidentifiedImageError, OSError, ValueError, Image.DecompressionBombError):
         return None
 
 
-def fan_picture(sample: SonarImageSample) -> Any:
-    """Return a forward-looking sonar's picture as a fan, with ahead at the top and port on the left."""
-    places, inside = map_fan_pixels(sample.beams, sample.bins, sample.first_range, sample.range_step, FAN_SIZE)
-    picture = np.full((*inside.shape, 3), BACKGROUND)
-    picture[inside] = _copper(scale_echoes(sample).ravel().take(places[inside]))
-    return picture
+def sonar_picture(sample: SonarImageSample) -> Encoded:
+    """Return the echoes of a forward-looking sonar: a row for each range, a column for each beam."""
+    header = {
+        "kind": "sonar", "beams": list(sample.beams), "first": sample.first_range, "step": sample.range_step,
+        "bins": sample.bins,
+    }  # fmt: skip
+    return Encoded(header, _jpeg((255.0 * scale_echoes(sample)).astype(np.uint8)))
 
 
-def fan_points(sample: SonarImageSample, altitude: float, mounting: Mounting = Mounting()) -> tuple[Any, Any]:
-    """Return the points of the echoes (n x 3, FRD of the vehicle, m), and their strengths (n).
+def side_scan_picture(waterfall: "Waterfall", sample: SideScanSample) -> Encoded:
+    """Return the waterfall of a side-scan sonar, the newest ping at the top."""
+    return Encoded({"kind": "side_scan", "step": sample.range_step, "bins": sample.bins}, _jpeg(waterfall.picture()))
 
-    A sonar picture has no vertical angle, so echoes are placed on a level seabed `altitude` m below the vehicle. Those
-    with a range shorter than to the seabed are placed in the plane of the sonar's fan.
-    """
-    echoes = scale_echoes(sample)
-    step = max(1, round((echoes.size / MAX_ECHOES) ** 0.5))
-    echoes = echoes[::step, ::step]
-    ranges = (sample.first_range + (np.arange(sample.bins) + 0.5) * sample.range_step)[::step, None]
-    beams = np.array(sample.beams)[None, ::step]
-    turn = np.array(matrix(mounting.quaternion)).reshape(3, 3)
-    along = np.stack([np.cos(beams), np.sin(beams), np.zeros_like(beams)], axis=2) @ turn.T
-    level = along * (1.0, 1.0, 0.0)
-    level /= np.maximum(np.linalg.norm(level, axis=2, keepdims=True), 1e-9)
-    below = max(altitude - mounting.position[2], 0.0)
-    reach = np.sqrt(np.maximum(ranges**2 - below**2, 0.0))[..., None]
-    on_bed = level * reach + (0.0, 0.0, below)
-    places = np.where(ranges[..., None] > below, on_bed, along * ranges[..., None]) + mounting.position
-    strong = echoes > 0.08
-    return places[strong], echoes[strong]
+
+def _jpeg(pixels: Any) -> bytes:
+    from PIL import Image
+
+    stream = BytesIO()
+    Image.fromarray(pixels).save(stream, "jpeg", quality=QUALITY)
+    return stream.getvalue()
 
 
 class Waterfall:
@@ -93,7 +85,7 @@ class Waterfall:
         return True
 
     def picture(self) -> Any:
-        """Return the pings as a picture (WATERFALL x width x 3); rows without pings have the background colour."""
+        """Return the pings as grey levels (WATERFALL x width); rows without pings are 0."""
         pings = np.array(self._pings)
         at = np.append(0.0, np.cumsum(self._spacings[:-1]))
         count = min(WATERFALL, int(at[-1] + 1e-6) + 1)
@@ -102,12 +94,6 @@ class Waterfall:
         share = (place - low)[:, None]
         rows = pings[low] * (1.0 - share) + pings[np.minimum(low + 1, len(at) - 1)] * share
         rows = rows / (float(np.quantile(rows, 0.99)) or 1.0)
-        picture = np.full((WATERFALL, rows.shape[1], 3), BACKGROUND)
-        picture[:count] = _copper(np.clip(rows, 0.0, 1.0))
+        picture = np.zeros((WATERFALL, rows.shape[1]), np.uint8)
+        picture[:count] = 255.0 * np.clip(rows, 0.0, 1.0)
         return picture
-
-
-def _copper(values: Any) -> Any:
-    """Return the colours of `values` (0 to 1) on sonar displays: from black over copper to white."""
-    red, green, blue = np.clip(values * 1.6, 0, 1), np.clip(values * 1.05, 0, 1), np.clip(values * 1.3 - 0.35, 0, 1)
-    return (np.stack([red, green, blue], axis=-1) * 255.0).astype(np.uint8)

@@ -1,5 +1,5 @@
-"""Three-dimensional scene of the live view, and the server that draws it (viser).
+"""What the page draws of a scenario: world, water, vehicles and their sensors, as one file of numbers.
 
-Public: `server.SceneServer`; `world.WorldScene`, `vehicle.VehicleScene`, `sensors.SensorScene`, `fleet.FleetScene`. It
-must not know where samples come from, nor command vehicles.
+Public: `content.SceneContent`, `content.encode_content`, `world.nodes`, `world.triangles`, `track.Track`. It must not
+know where samples come from, nor command vehicles. Positions are NED and FRD in m; the page converts them to its axes.
 """

@@ -4,6 +4,8 @@ from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
+from hil.common.errors import NetworkError
+
 if TYPE_CHECKING:
     from hil.client.vehicle_handle import Vehicle
     from hil.ros.diagnostics import Diagnostics
@@ -41,6 +43,14 @@ class Source(ABC):
     def vehicle(self, name: str) -> "Vehicle | None":
         """Return the handle that commands that vehicle; None if it cannot be commanded."""
         return None
+
+    def take_over(self, name: str, on: bool) -> str:
+        """Command the vehicle in place of another master, or give it back; return a text. Raises NetworkError."""
+        raise NetworkError("this view only observes; start it without --observe to take a vehicle over")
+
+    def is_taken(self, name: str) -> bool:
+        """Return True if the vehicle was taken over here."""
+        return False
 
     def delays_ms(self, name: str) -> tuple[list[float], dict[str, float]]:
         """Return the delays (ms) of the newest commands, and the median (ms) of each hop; empty if not known."""

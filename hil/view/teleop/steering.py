@@ -22,7 +22,7 @@ class Steering:
     """
 
     def __init__(self, vehicle: Vehicle, report: Report) -> None:
-        self._vehicle = vehicle
+        self.vehicle = vehicle
         self._report = report
         self._sticks: dict[int, Stick] = {}
         self._steers: int | None = None
@@ -73,16 +73,16 @@ class Steering:
                 self._steers = next((person for person, command in commands.items() if command), None)
                 if self._steers is not None:
                     self.error = ""
-                    self._report(f"{self._vehicle.name} is steered by hand")
+                    self._report(f"{self.vehicle.name} is steered by hand")
             return commands.get(self._steers) if self._steers is not None else None
 
     def _drive(self, command: StickCommand) -> None:
         try:
             if command.mode == "effort":
-                self._vehicle.push(x=command.surge, y=command.sway, z=command.heave, n=command.yaw)
+                self.vehicle.push(x=command.surge, y=command.sway, z=command.heave, n=command.yaw)
                 return
             depth, heading = self._held_values(command)
-            self._vehicle.drive(
+            self.vehicle.drive(
                 command.surge, command.sway, 0.0 if depth is not None else command.heave,
                 0.0 if heading is not None else command.yaw, depth=depth, heading=heading,
             )  # fmt: skip
@@ -91,7 +91,7 @@ class Steering:
 
     def _held_values(self, command: StickCommand) -> tuple[float | None, float | None]:
         """Return depth and heading to hold: those at the time when the stick returned to the middle."""
-        state = self._vehicle.state
+        state = self.vehicle.state
         if not command.hold_depth or abs(command.heave) > HOLD_WITHIN:
             self._depth = None
         elif self._depth is None:
@@ -107,8 +107,8 @@ class Steering:
             return
         self._steers = self._depth = self._heading = None
         try:
-            self._vehicle.stop()
-            self._vehicle.release()
+            self.vehicle.stop()
+            self.vehicle.release()
         except HilError as error:
             self.error = str(error)
-        self._report(f"{self._vehicle.name} is not steered by hand any more")
+        self._report(f"{self.vehicle.name} is not steered by hand any more")

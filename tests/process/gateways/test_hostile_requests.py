@@ -21,6 +21,7 @@ from hil.gateways.json_lines.server import JsonGateway
 from hil.gateways.prometheus import Endpoint
 from hil.gateways.ros1.bridge import Ros1Bridge
 from hil.gateways.rosbridge.server import RosbridgeServer
+from hil.view.feed import Feed
 from hil.view.page_server import PageServer
 from tests.support.clients.ros1 import SmallMaster
 from tests.support.processes import Program, free_port, wait_for, write_scenario
@@ -101,7 +102,7 @@ def opened(kind: str) -> Iterator[Server]:
         fleet = stack.enter_context(hil.connect("tcp/127.0.0.1:1"))
         commanding = Commanding(fleet)
         if kind == "view":
-            page = stack.enter_context(PageServer("127.0.0.1", 0, free_port(), "secret", "a-token", lambda _, __: {}))
+            page = stack.enter_context(PageServer("127.0.0.1", 0, "a-token", b"", Feed(), lambda _, __: {}))
             yield Server(page.port, get("/?token=a-token", page.port), b"HTTP/1.1 302")
         elif kind == "foxglove":
             yield websocket(stack.enter_context(FoxgloveServer("127.0.0.1", 0, commanding)).port)

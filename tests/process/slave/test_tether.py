@@ -10,9 +10,7 @@ from hil.network.roles import open_master_session
 from hil.plots.run_data import collect
 from hil.recording.mcap_file import Message
 from hil.ros.plan import encode_plan
-from hil.view.scene.vehicle import VehicleScene
 from tests.support.processes import Program, write_scenario
-from tests.unit.view.scene_recorder import Recorder
 
 TETHER = '[tether]\nlength = "12 m"\nanchor = [0.0, 0.0, 0.0]\nsegments = 6\n'
 
@@ -36,16 +34,6 @@ def test_a_slave_publishes_the_line_of_its_tether(tmp_path: Path) -> None:
     assert len(line) == 7
     assert line[0] == (0.0, 0.0, 0.0)
     assert line[-1] == pytest.approx(truth.position, abs=0.5)
-
-
-def test_the_live_view_draws_the_tether() -> None:
-    server = Recorder()
-    vehicle = VehicleScene(server, "uuv1", None, {})
-    line = ((0.0, 0.0, 0.0), (2.0, 1.0, 4.0), (4.0, 0.0, 5.0))
-    vehicle.move({"ground_truth": _Truth(), "tether": line})
-    kind, (segments, *_), _ = server.added["/tethers/uuv1"]
-    assert (kind, segments.shape) == ("add_line_segments", (2, 2, 3))
-    assert segments[1, 1].tolist() == [0.0, 4.0, -5.0]
 
 
 def test_plots_have_the_last_line_of_the_tether() -> None:

@@ -12,8 +12,9 @@ import pytest
 
 from hil.common.web import http_server
 from hil.view import page_server
+from hil.view.feed import Feed
 from hil.view.page_server import PageServer
-from tests.support.processes import free_port, wait_for
+from tests.support.processes import wait_for
 
 TOKEN = "a-token"
 
@@ -22,7 +23,7 @@ TOKEN = "a-token"
 def served(monkeypatch: pytest.MonkeyPatch) -> Iterator[PageServer]:
     monkeypatch.setattr(http_server, "REQUEST_S", 1.0)
     monkeypatch.setattr(http_server, "MAX_CONNECTIONS", 8)
-    with PageServer("127.0.0.1", 0, free_port(), "secret", TOKEN, answer_stick) as served:
+    with PageServer("127.0.0.1", 0, TOKEN, b"", Feed(), answer_stick) as served:
         yield served
 
 

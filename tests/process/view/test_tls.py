@@ -11,7 +11,7 @@ from hil.commands.keys import add_machine, init
 from tests.support.clients.view_client import ADDRESS, offered, with_session
 from tests.support.processes import Program, free_port, write_scenario
 
-pytestmark = pytest.mark.skipif(find_spec("viser") is None, reason="the live view needs the extra view")
+pytestmark = pytest.mark.skipif(find_spec("aiohttp") is None, reason="the live view needs the extra view")
 
 
 def machine(folder: Path) -> Path:

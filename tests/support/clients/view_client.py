@@ -1,4 +1,4 @@
-"""An HTTP client in place of a browser: the page, the websocket of the joystick, the websocket of the scene."""
+"""An HTTP client in place of a browser: the page, the websocket of the joystick, the websocket of the samples."""
 
 import asyncio
 import ssl
@@ -27,16 +27,23 @@ def with_session(work: Callable[[aiohttp.ClientSession], Awaitable[T]], tls: ssl
 
 def stick(held: bool = False, acts: tuple[str, ...] = (), vehicle: str = "uuv1", **axes: float) -> dict[str, Any]:
     """Return a joystick message."""
-    return {"vehicle": vehicle, "held": held, "axes": axes, "mode": "velocity", "acts": list(acts)}
+    pressed = [{"do": act} for act in acts]
+    return {"vehicle": vehicle, "held": held, "axes": axes, "mode": "velocity", "acts": pressed}
 
 
-async def scene_bytes(client: aiohttp.ClientSession, address: str) -> int:
-    """Connect as viser's page does; return the size of the first message of the scene (bytes)."""
-    import viser  # here: it takes long to import, and all workers collect all tests
-
-    async with client.ws_connect(f"{address}scene", protocols=[f"viser-v{viser.__version__}"]) as scene:
-        message = await scene.receive(timeout=30.0)
-        return len(message.data) if message.type is aiohttp.WSMsgType.BINARY else 0
+async def samples_until(
+    client: aiohttp.ClientSession,
+    address: str,
+    take: Callable[[dict[str, Any]], object],
+    pictures: tuple[str, ...] = (),
+) -> None:
+    """Receive samples as the page does and answer each message, until `take` of its values returns something true."""
+    async with client.ws_connect(f"{address}live", max_msg_size=0) as socket:
+        async for message in socket:
+            if message.type is aiohttp.WSMsgType.TEXT:
+                await socket.send_json({"vehicle": "uuv1", "pictures": []})
+                if take(message.json()["values"]):
+                    return
 
 
 async def offered(client: aiohttp.ClientSession, address: str) -> list[str]:

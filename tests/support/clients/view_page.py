@@ -1,4 +1,4 @@
-"""The live view's page as a person uses it: its tabs, boxes and buttons, and the scene under the mouse."""
+"""The live view's page as a person uses it: its fields and buttons, and the scene under the mouse."""
 
 import io
 from collections.abc import Callable, Iterator
@@ -48,7 +48,6 @@ class ViewPage:
     def __init__(self, browser_page: BrowserPage, view: Program) -> None:
         self.browser_page, self.page, self.view = browser_page, browser_page.page, view
         self.page.goto(view.expect(ADDRESS)[0].removeprefix("watch at "), timeout=PATIENCE_MS)
-        self.frame = self.page.frame_locator("#scene")
 
     def wait_until_ready(self) -> None:
         """Wait until the vehicle may be steered."""
@@ -64,7 +63,7 @@ class ViewPage:
         return bool(wait_for(is_reached, seconds))
 
     def pixels(self) -> Any:
-        """Return the scene as it is on the screen, without the panels at its right."""
+        """Return the scene as it is on the screen, without the small picture at its right."""
         shot = self.page.locator("#scene").screenshot(timeout=PATIENCE_MS)
         picture = np.asarray(Image.open(io.BytesIO(shot)).convert("RGB")).astype(int)
         return picture[:, : picture.shape[1] // 2]
@@ -77,45 +76,32 @@ class ViewPage:
 
         assert self.wait_until(is_drawn, 180.0), "nothing is drawn"
 
-    def open_tab(self, name: str) -> None:
-        """Open a tab of the panels."""
-        self.frame.get_by_role("tab", name=name).click()
+    def click(self, name: str) -> None:
+        """Press the button of that id."""
+        self.page.locator(f"#{name}").click()
 
-    def click(self, label: str) -> None:
-        """Press a button of the panels."""
-        self.frame.get_by_role("button", name=label, exact=True).click()
+    def open(self, name: str) -> None:
+        """Open the panel of that id."""
+        self.page.locator(f"#{name} > summary").click()
 
-    def choose(self, now: str, new: str) -> None:
-        """Choose another entry of the dropdown that shows `now`."""
-        self.frame.locator(f"input[role=combobox][value='{now}']").click()
-        self.frame.get_by_role("option", name=new, exact=True).click()
+    def choose(self, name: str, value: str) -> None:
+        """Choose an entry of the list of that id."""
+        self.page.locator(f"#{name}").select_option(value)
 
-    def tick(self, label: str) -> None:
-        """Change a tick box."""
-        self._control_beside(label, "input[type=checkbox]").click()
+    def write(self, **values: float) -> None:
+        """Enter numbers into the fields of those ids."""
+        for name, value in values.items():
+            self.page.locator(f"#{name}").fill(f"{value:g}")
 
-    def write(self, label: str, value: float) -> None:
-        """Enter a number into its box."""
-        box = self._control_beside(label, "input")
-        box.fill(f"{value:g}")
-        box.press("Enter")
-
-    def text_of(self, label: str) -> str:
-        """Return the text that a box of the panels shows."""
-        return str(self._control_beside(label, "input").input_value())
-
-    def _control_beside(self, label: str, kind: str) -> Any:
-        """Return the first element of that kind after a label."""
-        return self.frame.get_by_text(label, exact=True).locator(f"xpath=following::{_xpath(kind)}").first
+    def show_scene(self, camera: str = "follow") -> None:
+        """Show the scene large, by that camera, without anything over it."""
+        self.page.locator("#tabs button", has_text="scene").click()
+        self.choose("camera", camera)
 
     def middle(self) -> tuple[float, float]:
         """Return the middle of the scene on the screen (pixels); from above the vehicle is there."""
         box = self.page.locator("#scene").bounding_box()
         return box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"]
-
-
-def _xpath(kind: str) -> str:
-    return {"input": "input[not(@type='hidden')]", "input[type=checkbox]": "input[@type='checkbox']"}[kind]
 
 
 @contextmanager
@@ -142,7 +128,6 @@ def viewed_slave(folder: Path, *options: object, script: str = "") -> Iterator[t
 def steer_by_keyboard(page: ViewPage, vehicle: LastSamples) -> None:
     """Check that the vehicle moves, also on the screen, with the space bar and W held, and stops without them."""
     before, start = page.pixels(), vehicle.ground_truth.position
-    page.page.locator("#heading").focus()  # outside the scene, whose camera has keys of its own
     page.page.keyboard.down("Space")
     page.page.keyboard.down("KeyW")
 

@@ -10,7 +10,7 @@ from tests.support.autopilots.autopilot_flyer import SCENARIO, Flyer
 from tests.support.clients.view_client import ADDRESS, offered, scene_bytes, with_session
 from tests.support.processes import Program, free_port
 
-pytest.importorskip("viser", reason="the live view needs the extra view")
+pytest.importorskip("aiohttp", reason="the live view needs the extra view")
 
 
 def test_a_simulated_flight_is_shown_in_the_live_view(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""The Actions tab of the live view in a real browser: each button acts on the vehicle."""
+"""The buttons of the live view in a real browser: each acts on the vehicle."""
 
 from math import atan2, degrees, hypot
 from pathlib import Path
@@ -7,7 +7,7 @@ import pytest
 
 from tests.support.clients.view_page import LastSamples, ViewPage, viewed_slave
 
-pytest.importorskip("viser", reason="the live view needs the extra view")
+pytest.importorskip("aiohttp", reason="the live view needs the extra view")
 pytestmark = pytest.mark.timeout(900)
 
 CLICK_UP, DRAG_RIGHT = 60, 90  # pixels of the scene
@@ -25,14 +25,14 @@ def test_a_waypoint_is_set_dragged_and_reached(tmp_path: Path) -> None:
         page.wait_until_ready()
         page.wait_until_drawn()
         start = vehicle.ground_truth.position
-        page.open_tab("Actions")
-        page.choose("follow", "top")
-        page.choose("click: nothing", "click: add a waypoint")
+        page.show_scene("top")
+        page.open("go")
+        page.page.locator("[data-click=add]").click()
         page.page.wait_for_timeout(1500)
         x, y = page.middle()
         page.page.mouse.click(x, y - CLICK_UP)
-        drag(page, (x + 40, y - CLICK_UP), DRAG_RIGHT)
-        page.click("fly the waypoints")
+        drag(page, (x, y - CLICK_UP), DRAG_RIGHT)
+        page.click("fly")
         assert page.wait_until(lambda: hypot(*displacement(vehicle, start)) > 0.5), "it does not fly"
         assert page.wait_until(lambda: vehicle.ground_truth.speed < 0.03), "it does not end there"
         north, east = displacement(vehicle, start)
@@ -64,13 +64,17 @@ def test_buttons_for_failures_depth_and_pose_work(tmp_path: Path) -> None:
     with viewed_slave(tmp_path) as (page, vehicle, slave):
         vehicle.client.watch("joint_states")
         page.wait_until_ready()
-        page.open_tab("Actions")
-        page.write("depth (m)", 3.0)
-        page.click("hold depth")
-        assert page.wait_until(lambda: abs(vehicle.ground_truth.position[2] - 3.0) < 0.1), "hold depth"
-        page.tick("front_right has failed")
-        page.page.locator("#mode").select_option("effort")  # a turn on the spot, by all horizontal thrusters
-        page.page.locator("#heading").focus()
+        assert page.wait_until(lambda: page.page.locator("#holddepth").input_value() == "2.0"), "the present depth"
+        page.write(holddepth=3.0)
+        page.page.locator("#withheading").uncheck()
+        page.click("hold")
+        assert page.wait_until(lambda: abs(vehicle.ground_truth.position[2] - 3.0) < 0.1), "hold"
+        page.open("disturb")
+        page.open("steer")
+        page.choose("failthruster", "front_right")
+        page.click("fail")
+        page.choose("mode", "effort")  # a turn on the spot, by all horizontal thrusters
+        page.page.locator("#disturb summary").focus()
         page.page.keyboard.down("Space")
         page.page.keyboard.down("KeyD")
 
@@ -78,28 +82,28 @@ def test_buttons_for_failures_depth_and_pose_work(tmp_path: Path) -> None:
             return thrust(vehicle, "rear_left") > max(1.0, 10.0 * thrust(vehicle, "front_right"))
 
         assert page.wait_until(failed), slave.output
-        page.tick("front_right has failed")
+        page.page.get_by_role("button", name="repair").click()
         assert page.wait_until(lambda: thrust(vehicle, "front_right") > 1.0), slave.output
         page.page.keyboard.up("KeyD")
         page.page.keyboard.up("Space")
         assert page.wait_until(lambda: vehicle.ground_truth.speed < 0.05)
-        page.click("put it there")  # the box says (0, 0, 1) m, the start is (4, 4, 2) m
+        page.write(north=0.0, east=0.0, down=1.0, bow=0.0)
+        page.click("pose")
         assert page.wait_until(lambda: hypot(*vehicle.ground_truth.position[:2]) < 0.3), "put it there"
-        page.click("back to the start")
+        page.click("reset")
         assert page.wait_until(lambda: hypot(*displacement(vehicle, (4.0, 4.0))) < 0.3), "back to the start"
 
 
-def test_an_observer_has_disabled_buttons(tmp_path: Path) -> None:
+def test_an_observer_has_no_buttons_and_the_page_its_own_colours(tmp_path: Path) -> None:
     with viewed_slave(tmp_path, "--observe") as (page, vehicle, _):
-        page.open_tab("Actions")
-        button = page.frame.get_by_role("button", name="hold depth", exact=True)
-        assert page.wait_until(button.is_disabled), "hold depth is not grey"
-        box = page.frame.get_by_text("front_right has failed", exact=True).locator("xpath=following::input").first
-        assert box.is_disabled()
-        assert page.page.locator("#stop").is_disabled()
-        page.frame.get_by_text("this view only observes").first.wait_for()
+        page.page.wait_for_function("document.getElementById('reason').textContent === 'this view only observes'")
+        for name in ("stop", "switch", "hold", "fail"):
+            assert page.page.locator(f"#{name}").is_disabled(), name
         assert vehicle.diagnostics.armed
-        is_dark = "getComputedStyle(document.documentElement).colorScheme === 'dark'"
-        assert not page.page.evaluate(is_dark)
-        page.tick("dark")
-        page.page.wait_for_function(is_dark)  # the bar, as the panels
+        background = "getComputedStyle(document.querySelector('header')).backgroundColor"
+        of_the_system = page.page.evaluate(background)
+        page.click("layers")
+        page.choose("theme", "dark")
+        assert page.page.evaluate(background) != of_the_system, "dark"
+        page.page.reload()
+        page.page.wait_for_function(f"{background} !== '{of_the_system}'")  # this browser remembers it

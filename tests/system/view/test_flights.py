@@ -10,7 +10,7 @@ from hil.scenario.config import load_scenario
 from tests.support.clients.view_client import ADDRESS, offered, with_session
 from tests.support.processes import Program, write_scenario
 
-pytest.importorskip("viser", reason="the live view needs the extra view")
+pytest.importorskip("aiohttp", reason="the live view needs the extra view")
 
 FLEET = ["uuv1", "uuv2", "uuv3", "uuv4"]
 

@@ -1,7 +1,7 @@
 """`uuv-hil view` with a real slave: access by token, the scene, and control by a joystick."""
 
 import asyncio
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -9,10 +9,11 @@ from typing import Any
 import aiohttp
 import pytest
 
-from tests.support.clients.view_client import ADDRESS, scene_bytes, stick, with_session
-from tests.support.processes import Program, write_scenario
+import hil
+from tests.support.clients.view_client import ADDRESS, samples_until, stick, with_session
+from tests.support.processes import PATIENCE_S, Program, write_scenario
 
-pytest.importorskip("viser", reason="the live view needs the extra view")
+pytest.importorskip("aiohttp", reason="the live view needs the extra view")
 
 
 @contextmanager
@@ -35,20 +36,23 @@ async def talk(client: aiohttp.ClientSession, address: str, seconds: float, **me
     """Send a joystick message 20 times a second; return the last reply."""
     answer: dict[str, Any] = {}
     async with client.ws_connect(f"{address}stick") as socket:
-        for number in range(round(seconds * 20)):
-            await socket.send_json(stick(**message) | ({} if number else {"acts": list(message.get("acts", ()))}))
+        for _ in range(round(seconds * 20)):
+            await socket.send_json(stick(**message))
             answer = await socket.receive_json(timeout=30.0)
             message["acts"] = ()
             await asyncio.sleep(0.05)
     return answer
 
 
-async def until_ready(client: aiohttp.ClientSession, address: str) -> None:
-    """Wait until the vehicle is discovered and may be steered."""
+async def until(
+    client: aiohttp.ClientSession, address: str, holds: Callable[[dict[str, Any]], Any], acts: tuple[str, ...] = ()
+) -> None:
+    """Press buttons, and wait until the reply is as it should be."""
     for _ in range(300):
-        answer = await talk(client, address, 0.05)
-        if answer.get("may_steer"):
+        answer = await talk(client, address, 0.05, acts=acts)
+        if holds(answer):
             return
+        acts = ()
         await asyncio.sleep(0.1)
     raise AssertionError(answer)
 
@@ -57,38 +61,43 @@ def test_access_needs_the_token_and_the_origin_of_the_page(tmp_path: Path) -> No
     with viewed(tmp_path) as (address, token, _):
 
         async def try_it(client: aiohttp.ClientSession) -> None:
-            for path in ("", "stick", "scene/", "scene", "?token=wrong"):
+            for path in ("", "stick", "live", "content", "main.js", "?token=wrong"):
                 assert await status(client, address + path) == 403
             async with client.get(f"{address}?token={token}") as page:
                 assert page.status == 200
                 assert "STOP" in await page.text()
+                assert "default-src 'self'" in page.headers["Content-Security-Policy"]
                 assert str(page.url) == address, "the token does not stay in the address"
-            assert await status(client, f"{address}scene/") == 200
+            assert await status(client, f"{address}main.js") == 200
+            assert await status(client, f"{address}none.js") == 404
             elsewhere = {"Origin": "http://evil.example"}
             assert await status(client, address, elsewhere) == 403
-            with pytest.raises(aiohttp.WSServerHandshakeError):
-                await client.ws_connect(f"{address}stick", headers=elsewhere)
-            assert await scene_bytes(client, address) > 1000
+            for socket in ("stick", "live"):
+                with pytest.raises(aiohttp.WSServerHandshakeError):
+                    await client.ws_connect(f"{address}{socket}", headers=elsewhere)
+            await samples_until(client, address, lambda values: (values.get("motion") or {}).get("uuv1"))
+            async with client.get(f"{address}content") as content:
+                assert b'"rows"' in await content.read(), "the world of the scenario"
 
         with_session(try_it)
 
 
-def test_the_scene_server_accepts_only_the_view(tmp_path: Path) -> None:
-    from hil.view.scene.server import SceneServer
-    from hil.view.scene.wakeup import ThreadSafeEvent
+def test_a_vehicle_of_another_master_is_taken_over_and_given_back(tmp_path: Path) -> None:
+    with viewed(tmp_path) as (address, token, _):
+        scenario = tmp_path / "short.toml"
+        endpoint = next(line for line in scenario.read_text().splitlines() if "listen" in line).split('"')[1]
+        with hil.connect(endpoint, wait=PATIENCE_S) as fleet:
+            fleet["uuv1"].drive(0.1)
 
-    with SceneServer() as scene:
-        scene.server.gui.add_button("act")
-        assert isinstance(scene.server._websock_server._broadcast_buffer.message_event, ThreadSafeEvent)
+            async def press(client: aiohttp.ClientSession) -> None:
+                assert await status(client, f"{address}?token={token}") == 200
+                await until(client, address, lambda answer: answer.get("may_take"))
+                answer = await talk(client, address, 0.2, held=True, surge=1.0)
+                assert not answer["may_steer"], "it is not taken over by the stick alone"
+                await until(client, address, lambda answer: answer.get("taken") and answer["may_steer"], acts=("take",))
+                await until(client, address, lambda answer: not answer.get("taken"), acts=("give",))
 
-        async def connect(client: aiohttp.ClientSession) -> tuple[int, int]:
-            direct = await scene_bytes(client, f"http://127.0.0.1:{scene.port}/")
-            async with aiohttp.ClientSession(headers={"X-Uuv-Hil-Secret": scene.secret}) as knowing:
-                return direct, await scene_bytes(knowing, f"http://127.0.0.1:{scene.port}/")
-
-        direct, knowing = with_session(connect)
-        assert direct == 0
-        assert knowing > 0
+            with_session(press)
 
 
 def test_the_joystick_steers_releases_and_stops_the_vehicle(tmp_path: Path) -> None:
@@ -96,7 +105,7 @@ def test_the_joystick_steers_releases_and_stops_the_vehicle(tmp_path: Path) -> N
 
         async def steer(client: aiohttp.ClientSession) -> None:
             assert await status(client, f"{address}?token={token}") == 200
-            await until_ready(client, address)
+            await until(client, address, lambda answer: answer.get("may_steer"))
             answer = await talk(client, address, 3.0, held=True, surge=1.0)
             assert answer["text"] == "ready", answer
             assert answer["vehicles"] == ["uuv1"]

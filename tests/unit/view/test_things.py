@@ -7,13 +7,12 @@ import numpy as np
 from hil.client.message_text import lines
 from hil.ros import message
 from hil.ros.world import encode_obstacles
-from hil.view.scene import colours
-from hil.view.scene import world as world_scene
+from hil.view.scene.content import SceneContent
 from sim.environment.things.pipelines import Pipeline
 from sim.environment.things.zones import Zone
 from sim.environment.world import World, load_world
 from tests.support.lazy import import_lazily
-from tests.unit.view.scene_recorder import Recorder
+from tests.unit.view.content_reader import read
 
 trimesh = import_lazily("trimesh")
 
@@ -34,22 +33,19 @@ def world_of(folder: Path) -> World:
 
 
 def test_the_live_view_draws_meshes_shapes_pipelines_and_zones(tmp_path: Path) -> None:
-    recorder = Recorder()
-    world_scene.WorldScene(recorder, world_of(tmp_path))
-    kind, (corners, faces), options = recorder.added["/meshes/0"]
-    assert kind == "add_mesh_simple"
-    np.testing.assert_allclose(corners.min(axis=0), (-6.0, 8.0, -8.5), atol=1e-6)
-    np.testing.assert_allclose(corners.max(axis=0), (-4.0, 12.0, -7.5), atol=1e-6)
-    assert faces.shape == (12, 3)
-    assert (options["color"], options["opacity"], options["side"]) == ((255, 0, 51), None, "double")
-    assert recorder.added["/meshes/1"][2]["color"] == colours.OBSTACLE
-    assert recorder.added["/meshes/2"][2]["opacity"] == world_scene.OPACITY, "a net is seen through"
-    _, (segments, colour), options = recorder.added["/pipelines/0"]
-    np.testing.assert_allclose(segments, [[(0.0, 0.0, -19.8), (30.0, 0.0, -19.8)]])
-    assert (colour, options["thickness"], options["thickness_units"]) == ((51, 102, 153), 0.4, "world")
-    _, (segments, _), _ = recorder.added["/zones/0"]
-    assert segments.shape == (3, 2, 3), "closed"
-    assert recorder.added["/zones/0/name"][1][0] == "restricted area: reserve"
+    world = read(SceneContent(world_of(tmp_path)))[0]["world"]
+    block, hidden, net = world["meshes"][:3]
+    corners = np.array(block["triangles"]).reshape(-1, 3)
+    np.testing.assert_allclose(
+        (corners.min(axis=0), corners.max(axis=0)), [(8.0, -6.0, 7.5), (12.0, -4.0, 8.5)], atol=1e-5
+    )
+    assert (len(corners), block["colour"], block["net"]) == (36, [1.0, 0.0, 0.2], False)
+    assert hidden["colour"] is None
+    assert net["net"], "a net is seen through"
+    pipe, zone = world["pipelines"][0], world["zones"][0]
+    np.testing.assert_allclose(pipe["pieces"], [[(0.0, 0.0, 19.8), (0.0, 30.0, 19.8)]])
+    assert (pipe["colour"], pipe["diameter"]) == ([0.2, 0.4, 0.6], 0.4)
+    assert (len(zone["outline"]), zone["name"]) == (3, "restricted area: reserve")
 
 
 def test_topic_echo_prints_markers_briefly_and_omits_hidden_ones(tmp_path: Path) -> None:

@@ -1,0 +1,121 @@
+// The head-up display: heading tape, depth and speed scales, pitch and roll ladder, and lines of text.
+import {bearing, clock, number} from "./format.js";
+import {clamp, wrap} from "./math.js";
+
+const LIGHT = "#9df3ff", MARK = "#f2b544", BOX = "rgba(4,24,36,.72)", NAMES = {0: "N", 45: "NE", 90: "E", 135: "SE", 180: "S", 225: "SW", 270: "W", 315: "NW"};
+
+// `see` has roll, pitch, heading (degrees), depth, speed, altitude, target, texts; `withLadder` draws the horizon.
+export function drawHud(pen, width, height, see, withLadder) {
+  const small = width < 560 || height < 380, unit = small ? 11 : 13;
+  pen.save();
+  pen.lineWidth = 1.6;
+  pen.font = `${unit}px ui-monospace, "DejaVu Sans Mono", monospace`;
+  pen.shadowColor = "rgba(0,16,24,.9)"; pen.shadowBlur = 3;
+  drawHeading(pen, width / 2, width < 560 ? 186 : small ? 70 : 62, Math.min(width * 0.42, 460), see, unit);
+  const middle = height * 0.5, half = Math.min(height * 0.24, 190);
+  if (withLadder) drawLadder(pen, width / 2, middle, Math.min(half, width * 0.25), see, unit);
+  drawScale(pen, width * (small ? 0.8 : 0.84), middle, half, see.depth, {step: see.depth > 100 ? 10 : 1, unit: "m", mark: see.target?.depth, bed: see.altitude == null ? null : see.depth + see.altitude}, unit);
+  drawScale(pen, width * (small ? 0.2 : 0.16), middle, half, see.speed, {step: 0.2, unit: "m/s", mark: see.target?.speed, isLeft: true}, unit);
+  drawTexts(pen, small ? 12 : width * 0.11, middle + half + (small ? 26 : 34), see.texts, unit);
+  pen.restore();
+}
+
+function box(pen, text, x, y, align, size) {
+  pen.font = pen.font.replace(/^\d+px/, `${size}px`);
+  const wide = pen.measureText(text).width + 16, left = align === "center" ? x - wide / 2 : align === "right" ? x - wide : x;
+  pen.fillStyle = BOX; pen.strokeStyle = LIGHT;
+  pen.beginPath(); pen.roundRect(left, y - size, wide, size * 1.9, 5); pen.fill(); pen.stroke();
+  pen.fillStyle = LIGHT; pen.textAlign = "center";
+  pen.fillText(text, left + wide / 2, y + size * 0.3);
+}
+
+function drawHeading(pen, x, y, wide, see, unit) {
+  const scale = wide / 90;  // pixels a degree: 90 degrees are seen
+  pen.strokeStyle = pen.fillStyle = LIGHT;
+  pen.textAlign = "center";
+  pen.beginPath(); pen.moveTo(x - wide / 2, y); pen.lineTo(x + wide / 2, y); pen.stroke();
+  for (let degree = Math.ceil((see.heading - 45) / 5) * 5; degree <= see.heading + 45; degree += 5) {
+    const at = x + (degree - see.heading) * scale, isTen = degree % 15 === 0;
+    pen.beginPath(); pen.moveTo(at, y); pen.lineTo(at, y + (isTen ? 9 : 5)); pen.stroke();
+    if (isTen && wide / 6 > 30 || degree % 30 === 0) pen.fillText(NAMES[wrap(degree)] || wrap(degree), at, y + 9 + unit);
+  }
+  box(pen, `${bearing(see.heading)}°`, x, y - unit * 1.3, "center", unit + 4);
+  pen.fillStyle = MARK;
+  pen.beginPath(); pen.moveTo(x, y + 2); pen.lineTo(x + 6, y + 11); pen.lineTo(x - 6, y + 11); pen.fill();
+  if (see.target?.heading != null) {
+    const off = clamp(wrap(see.target.heading - see.heading + 180) - 180, -45, 45), at = x + off * scale;
+    pen.strokeStyle = MARK; pen.lineWidth = 3;
+    pen.beginPath(); pen.moveTo(at - 7, y - 8); pen.lineTo(at - 7, y - 2); pen.lineTo(at + 7, y - 2); pen.lineTo(at + 7, y - 8); pen.stroke();
+    pen.lineWidth = 1.6;
+  }
+  pen.font = pen.font.replace(/^\d+px/, `${unit}px`);
+}
+
+function drawLadder(pen, x, y, half, see, unit) {
+  const scale = half / 22;  // pixels a degree of pitch
+  pen.save();
+  pen.translate(x, y);
+  pen.rotate(-see.roll * Math.PI / 180);
+  pen.strokeStyle = pen.fillStyle = LIGHT;
+  for (let degree = -80; degree <= 80; degree += 10) {
+    const at = (see.pitch - degree) * scale;
+    if (Math.abs(at) > half * 1.15) continue;
+    const inner = half * 0.24, outer = degree ? half * 0.5 : half * 0.85;
+    pen.setLineDash(degree < 0 ? [8, 6] : []);
+    pen.lineWidth = degree ? 1.4 : 2.2;
+    pen.beginPath(); pen.moveTo(-outer, at); pen.lineTo(-inner, at); pen.moveTo(inner, at); pen.lineTo(outer, at); pen.stroke();
+    if (degree) { pen.textAlign = "left"; pen.fillText(degree, outer + 6, at + unit * 0.35); }
+  }
+  pen.restore();
+  pen.setLineDash([]);
+  pen.strokeStyle = MARK; pen.lineWidth = 2.4;
+  pen.beginPath(); pen.moveTo(x - 30, y); pen.lineTo(x - 12, y); pen.lineTo(x, y + 11); pen.lineTo(x + 12, y); pen.lineTo(x + 30, y); pen.stroke();
+  pen.lineWidth = 1.6;
+}
+
+function drawScale(pen, x, y, half, value, {step, unit: of, mark, bed, isLeft}, unit) {
+  if (value == null) return;
+  const side = isLeft ? -1 : 1, perStep = half / 2.4, at = v => y + (isLeft ? -1 : 1) * (v - value) / step * perStep;
+  pen.strokeStyle = pen.fillStyle = LIGHT;
+  pen.textAlign = isLeft ? "right" : "left";
+  pen.beginPath(); pen.moveTo(x, y - half); pen.lineTo(x, y + half); pen.stroke();
+  for (let n = Math.ceil((value - 2.4 * step) / step * 2); n <= (value + 2.4 * step) / step * 2; n++) {
+    const v = n * step / 2, isWhole = n % 2 === 0;
+    if (v < -1e-9) continue;
+    pen.beginPath(); pen.moveTo(x, at(v)); pen.lineTo(x + side * (isWhole ? 9 : 5), at(v)); pen.stroke();
+    if (isWhole && Math.abs(at(v) - y) > unit * 1.4) pen.fillText(number(v, isLeft ? 1 : 0), x + side * 14, at(v) + unit * 0.35);
+  }
+  if (bed != null && Math.abs(at(bed) - y) <= half) {
+    pen.strokeStyle = pen.fillStyle = "#e0b877"; pen.lineWidth = 5;
+    pen.beginPath(); pen.moveTo(x, at(bed)); pen.lineTo(x + side * 32, at(bed)); pen.stroke();
+    pen.lineWidth = 1.6;
+    pen.fillText("seabed", x + side * 38, at(bed) + unit * 0.35);
+  }
+  if (mark != null) {
+    pen.strokeStyle = MARK; pen.lineWidth = 3;
+    const to = clamp(at(mark), y - half, y + half);
+    pen.beginPath(); pen.moveTo(x + side * 10, to); pen.lineTo(x + side * 26, to); pen.stroke();
+    pen.lineWidth = 1.6;
+  }
+  box(pen, `${number(value, isLeft ? 2 : 1)} ${of}`, x - side * 8, y, isLeft ? "left" : "right", unit + 3);
+  pen.font = pen.font.replace(/^\d+px/, `${unit}px`);
+}
+
+function drawTexts(pen, x, y, texts, unit) {
+  pen.fillStyle = LIGHT; pen.textAlign = "left";
+  texts.filter(Boolean).forEach((text, k) => pen.fillText(text, x, y + k * unit * 1.55));
+}
+
+// The lines of text at the lower left: altitude, water, thrust, battery, time, delay.
+export function hudTexts({panel, now, world, time}) {
+  const thrusts = now.thrusts || [], total = thrusts.reduce((sum, each) => sum + Math.abs(each), 0), [vn, ve] = world?.current || [0, 0];
+  const speed = Math.hypot(vn, ve), [volts, share] = panel.battery || [];
+  return [
+    `altitude ${number(panel.altitude, 1)} m`,
+    speed > 0.005 ? `current ${number(speed, 2)} m/s to ${bearing(Math.atan2(ve, vn) * 57.2958)}°` : "",
+    thrusts.length ? `thrust ${number(total, 0)} N` : "",
+    volts ? `battery ${number(100 * share, 0)} %  ${number(volts, 1)} V` : "",
+    time == null ? "" : `time ${clock(time)}`,
+    panel.delay ? `delay ${number(panel.delay.median, 1)} ms` : "",
+  ];
+}
