@@ -46,23 +46,6 @@ def start_child(
         os.close(end)
 
 
-def finish_child(command: Sequence[str], seconds: float) -> "subprocess.CompletedProcess[bytes]":
-    """Run one of our programs to its end, at most `seconds`; return its exit code, output and errors.
-
-    Raises subprocess.TimeoutExpired, OSError.
-    """
-    import subprocess
-
-    with start_child(
-        command, environment=package_environment(), stdout=subprocess.PIPE, stderr=subprocess.PIPE
-    ) as process:
-        try:
-            output, errors = process.communicate(timeout=seconds)
-        finally:
-            process.kill()  # no effect if it has ended
-    return subprocess.CompletedProcess(command, process.returncode, output, errors)
-
-
 def limit_self(memory_bytes: int, processor_seconds: int) -> None:
     """Limit this process's address space and processor time, for work on a file from somebody else."""
     if sys.platform == "win32":  # Windows has no such limits

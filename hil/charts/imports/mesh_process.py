@@ -1,44 +1,30 @@
-"""Measure and convert meshes, within limits on memory and time, because the files may be damaged or hostile.
+"""Measure and convert meshes; `hil.charts.imports.meshes` calls it in a separate process, within limits."""
 
-    python -P -m hil.charts.imports.mesh_process < JOBS
-
-JOBS is a JSON array of objects with `file`, `scale` (three factors), `matrix` (3 x 4, row by row, or null) and
-`output` (an STL file to write, or null). The result of each is a line of JSON: low, high, triangles, and of a mesh
-that is not written also volume, centre and is_closed; or error.
-"""
-
-import json
-import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
-from hil.common.children import limit_self
-from hil.common.lifeline import die_with_parent
+from hil.common.errors import MissingExtraError
 from hil.common.tables import check_file
 from sim.environment.mesh import MAX_TRIANGLES
 from sim.vehicle.mesh_files import MAX_BYTES, load_mesh
 
-MEMORY_BYTES = 3 << 30  # of address space
-CPU_SECONDS = 120
-NO_LIBRARY = 5
 
+def process_jobs(jobs: Sequence[dict[str, Any]], report: Callable[[dict[str, Any]], None]) -> None:
+    """Report the result of each job (the keys of a `meshes.MeshJob`), as `meshes.read_meshes` returns it.
 
-def main() -> int:
-    """Print the result of each job as a line; return the exit code."""
-    die_with_parent()
-    limit_self(MEMORY_BYTES, CPU_SECONDS)
+    Raises MissingExtraError.
+    """
     try:
         import trimesh  # noqa: F401
     except ImportError:
-        return NO_LIBRARY
-    for job in json.load(sys.stdin):
+        raise MissingExtraError("reading meshes needs trimesh and pycollada: pip install 'uuv-hil[mesh]'") from None
+    for job in jobs:
         try:
             result = _process_job(job)
         except Exception as error:  # noqa: BLE001 - readers raise any error on damaged files
             text = str(error) if type(error).__module__.startswith("hil.") else type(error).__name__
             result = {"error": " ".join(text.split())[:200] or "no mesh that can be read"}
-        print(json.dumps(result), flush=True)
-    return 0
+        report(result)
 
 
 def _process_job(job: dict[str, Any]) -> dict[str, Any]:
@@ -115,7 +101,3 @@ def _primitive(shape: dict[str, Any]) -> Any:
         mesh.vertices *= sizes
     mesh.vertices -= mesh.bounds.mean(axis=0)
     return mesh
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -1,17 +1,13 @@
 """Measure and convert the meshes of imported models, in a separate process with limits."""
 
-import json
-import subprocess
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-from hil.charts.imports.mesh_process import CPU_SECONDS, NO_LIBRARY
-from hil.common.children import module_command, package_environment, start_child
-from hil.common.errors import MissingExtraError
+from hil.charts import limited
 from hil.common.text import clean
 from sim.vehicle.urdf.shapes import MeshKey, Solid
 
-MAX_SECONDS = 10.0 * CPU_SECONDS
+LIMITS = limited.Limits(memory=3 << 30, processor=120, seconds=1200.0)
 
 
 class MeshJob(NamedTuple):
@@ -37,11 +33,10 @@ def read_meshes(jobs: Sequence[MeshJob]) -> list[dict[str, Any]]:
     """
     results: list[dict[str, Any]] = []
     while len(results) < len(jobs):
-        lines, code = _run(jobs[len(results) :])
-        results += [json.loads(line) for line in lines]
-        if code == NO_LIBRARY:
-            raise MissingExtraError("reading meshes needs trimesh and pycollada: pip install 'uuv-hil[mesh]'")
-        if len(results) < len(jobs):
+        left = [job._asdict() for job in jobs[len(results) :]]
+        try:
+            limited.call("hil.charts.imports.mesh_process:process_jobs", left, limits=LIMITS, report=results.append)
+        except limited.EndedError:
             results.append({"error": "takes too much time or memory"})
     return results
 
@@ -63,21 +58,3 @@ def measure(meshes: Sequence[MeshKey], notes: list[str]) -> dict[MeshKey, Solid]
             centre, low, high = (tuple(result[corner]) for corner in ("centre", "low", "high"))
             solids[key] = Solid(result["volume"], centre, low, high, result["is_closed"])
     return solids
-
-
-def _run(jobs: Sequence[MeshJob]) -> tuple[list[str], int]:
-    """Return the lines that the process wrote, and its exit code."""
-    command = module_command("hil.charts.imports.mesh_process")
-    text = json.dumps([job._asdict() for job in jobs]).encode()
-    with start_child(
-        command, environment=package_environment(), stdin=subprocess.PIPE, stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-    ) as process:  # fmt: skip
-        try:
-            output, _ = process.communicate(text, timeout=MAX_SECONDS)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            output, _ = process.communicate()
-        finally:
-            process.kill()  # has no effect if the process has ended
-    return [line for line in output.decode().splitlines() if line.endswith("}")], process.returncode

@@ -6,9 +6,7 @@ counting crossings. Not read: relations between objects, names in national langu
 """
 
 import os
-import pickle
 import re
-import subprocess
 from bisect import bisect_left
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
@@ -17,14 +15,14 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from hil.charts.sources.s57_process import NO_LIBRARY, UNFIT_UPDATE
-from hil.common.children import finish_child, module_command
-from hil.common.errors import ConfigError, MissingExtraError
+from hil.charts import limited
+from hil.charts.sources.s57_process import DOES_NOT_FIT, REMEDY
+from hil.common.errors import ConfigError
 from hil.common.tables import check_file
-from hil.common.text import clean
 
 MAX_BYTES = 64 << 20  # of a file; the ENC product specification allows 5 MB
-MAX_SECONDS = 120  # for one chart; a large one takes 2 s
+# A chart of 5 MB takes a tenth of the memory, and 2 s
+LIMITS = limited.Limits(memory=2 << 30, processor=30, seconds=120.0)
 HEAD_BYTES = 1 << 16
 # Denominators by the navigational purpose (IHO S-65 annex A); others as HARBOUR
 USUAL_SCALES = {1: 1_500_000, 2: 350_000, 3: 90_000, 4: 22_000, 5: 12_000, 6: 4000}
@@ -41,8 +39,6 @@ _DOWNLOAD_HINT = (
     "NOAA's charts are free at https://charts.noaa.gov/ENCs/ENCs.shtml: unpack one, and give the file in it that ends "
     "in .000"
 )
-_REMEDY = "get the right file, or use --no-updates to read the cell as issued"
-_DOES_NOT_FIT = "does not fit the cell: it is of another edition, is damaged, or withdraws the chart"
 
 Coordinates = NDArray[np.float64]
 
@@ -96,7 +92,10 @@ def read_cell(path: str, updates: bool = True) -> Cell:
     Raises ConfigError; MissingExtraError without GDAL.
     """
     _check_kind(path, _head(path))
-    head = pickle.loads(_run_reader(path, updates))
+    try:
+        head = limited.call("hil.charts.sources.s57_process:read_chart", path, updates, limits=LIMITS)
+    except limited.EndedError as error:
+        raise ConfigError(f"{path}: damaged or cut off (reading it {error}); copy it again") from None
     if head["units"] != [1, 1]:
         raise ConfigError(f"{path}: depths are not in metres or positions not in degrees, as in an ENC: convert it")
     for factor in head["factors"]:
@@ -111,8 +110,8 @@ def read_cell(path: str, updates: bool = True) -> Cell:
     if not head["scale"]:
         notes = [f"{path}: states no scale: read as 1:{scale}, the usual one of its purpose"]
     elif scale > head["scale"]:
-        limited = f"too large for its objects or purpose: read as 1:{scale}; --resolution sets a finer grid"
-        notes = [f"{path}: states a scale of 1:{head['scale']}, {limited}"]
+        why = f"too large for its objects or purpose: read as 1:{scale}; --resolution sets a finer grid"
+        notes = [f"{path}: states a scale of 1:{head['scale']}, {why}"]
     if head["unclosed"]:
         areas = ", ".join(f"{count} {kind}" for kind, count in head["unclosed"].items())
         notes.append(f"{path}: areas with edges that form no ring, closed by straight lines: {areas}")
@@ -152,26 +151,6 @@ def _check_kind(path: str, head: bytes) -> None:
         raise ConfigError(f"{path}: a chart of the newer product S-101; use the S-57 edition of the same cell")
 
 
-def _run_reader(path: str, updates: bool) -> bytes:
-    """Return the output of `hil.charts.sources.s57_process` for the file. Raises ConfigError, MissingExtraError."""
-    command = module_command("hil.charts.sources.s57_process", path, "APPLY" if updates else "IGNORE")
-    try:
-        process = finish_child(command, MAX_SECONDS)
-    except subprocess.TimeoutExpired:
-        raise ConfigError(f"{path}: not read within {MAX_SECONDS} s: damaged; copy it again") from None
-    code = process.returncode
-    if code == 0:
-        return process.stdout
-    reason = process.stderr.decode(errors="replace").strip().splitlines()[-1:] or [f"exit code {code}"]
-    if code == NO_LIBRARY:
-        raise MissingExtraError("charts need GDAL: pip install 'uuv-hil[chart]'")
-    if code == UNFIT_UPDATE:
-        raise ConfigError(f"{path}: an update beside it {_DOES_NOT_FIT} ({clean(reason[0].strip())}): {_REMEDY}")
-    if code < 0:  # ended by a signal: at a limit on memory or time, or GDAL crashed
-        reason = [f"reading it ended with signal {-code}"]
-    raise ConfigError(f"{path}: damaged or cut off ({clean(reason[0])}); copy it again")
-
-
 def _check_updates(path: str, applied: int) -> None:
     """Raise ConfigError if there are updates beside the cell after number `applied`, which were not applied."""
     stem, folder = os.path.basename(path)[:-4], os.path.dirname(path) or "."
@@ -181,5 +160,5 @@ def _check_updates(path: str, applied: int) -> None:
     for number in range(applied + 1, last + 1):
         name = f"{path[:-4]}.{number:03d}"
         if number not in later:
-            raise ConfigError(f"{name}: this update is missing, but there are later ones: {_REMEDY}")
-        raise ConfigError(f"{name}: {_DOES_NOT_FIT}: {_REMEDY}")
+            raise ConfigError(f"{name}: this update is missing, but there are later ones: {REMEDY}")
+        raise ConfigError(f"{name}: {DOES_NOT_FIT}: {REMEDY}")

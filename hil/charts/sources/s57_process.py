@@ -1,24 +1,14 @@
-"""Read one S-57 chart with GDAL in a separate process, within limits on memory and time.
-
-    python -P -m hil.charts.sources.s57_process CELL.000 APPLY|IGNORE
-
-Writes what it has read, pickled, to standard output. `hil.charts.sources.s57` runs it.
-"""
+"""Read one S-57 chart with GDAL; `hil.charts.sources.s57` calls it in a separate process, within limits."""
 
 import os
-import pickle
-import sys
 import tempfile
 import warnings
 from collections import Counter
 from typing import Any
 
-from hil.common.children import limit_self
-from hil.common.lifeline import die_with_parent
+from hil.common.errors import ConfigError, MissingExtraError
 from hil.common.text import clean
 
-MEMORY_BYTES = 2 << 30  # of address space: a chart of 5 MB takes a tenth
-CPU_SECONDS = 30
 # Object classes with depths, coasts, obstacles, pipelines or regulated areas, and their attributes (S-57 appendix A)
 OBJECTS = (
     "BRIDGE", "CAUSWY", "COALNE", "DAMCON", "DEPARE", "DEPCNT", "DRGARE", "FLODOC", "HULKES", "LNDARE", "MORFAC",
@@ -32,30 +22,33 @@ SHOWN_FROM = "SCAMIN"  # denominator of the smallest scale at which a display sh
 LISTS = ("NATSUR", "RESTRN")  # attributes that are lists of numbers
 ATTRIBUTES = ("BURDEP", "CATCOV", "CATMOR", "CATSLC", "DRVAL1", "DRVAL2", "VALDCO", "VALSOU", "VERCLR", "WATLEV")
 POINT, MULTI_POINT, AREA = 0, 4, 3  # shapely's type numbers, and S-57's code of an area (PRIM)
-DAMAGED, NO_LIBRARY, UNFIT_UPDATE = 1, 5, 7  # exit codes
 Row = tuple[Any, ...]  # the fields of a hil.charts.sources.s57.Feature
+REMEDY = "get the right file, or use --no-updates to read the cell as issued"
+DOES_NOT_FIT = "does not fit the cell: it is of another edition, is damaged, or withdraws the chart"
 UNFIT = ("Mismatched RVER", "Can't find RCNM")  # GDAL's warnings if an update refers to a record that does not exist
 
 
-def main(path: str, updates: str) -> int:
-    """Write the chart to standard output; return the exit code."""
-    die_with_parent()
-    limit_self(MEMORY_BYTES, CPU_SECONDS)
+def read_chart(path: str, updates: bool) -> dict[str, Any]:
+    """Return the contents of the chart at `path`, with the updates beside it or without.
+
+    Raises ConfigError, MissingExtraError.
+    """
     warnings.simplefilter("ignore")  # GDAL tolerates small defects of a chart and warns of them
     try:
         import pyogrio  # noqa: F401 - to check that it is installed
         import shapely  # noqa: F401
-    except ImportError as error:
-        print(error, file=sys.stderr)
-        return NO_LIBRARY
+    except ImportError:
+        raise MissingExtraError("charts need GDAL: pip install 'uuv-hil[chart]'") from None
     _set_options("IGNORE")
     try:
-        chart = _read_updated(path) if updates == "APPLY" else _read(path)
+        return _read_updated(path) if updates else _read(path)
+    except MemoryError:
+        raise
     except Exception as error:  # noqa: BLE001 - GDAL and GEOS raise any error on a damaged chart
-        print(f"{error}" or type(error).__name__, file=sys.stderr)
-        return UNFIT_UPDATE if isinstance(error, _UpdateError) else DAMAGED
-    pickle.dump(chart, sys.stdout.buffer, pickle.HIGHEST_PROTOCOL)
-    return 0
+        reason = clean((str(error).strip().splitlines() or [type(error).__name__])[-1].strip())
+        if isinstance(error, _UpdateError):
+            raise ConfigError(f"{path}: an update beside it {DOES_NOT_FIT} ({reason}): {REMEDY}") from None
+        raise ConfigError(f"{path}: damaged or cut off ({reason}); copy it again") from None
 
 
 class _UpdateError(RuntimeError):
@@ -71,7 +64,7 @@ def _read_updated(path: str) -> dict[str, Any]:
         _set_options("APPLY")
         try:
             contents = _read(cell)
-        except Exception as error:  # noqa: BLE001 - as in main
+        except Exception as error:  # noqa: BLE001 - as in read_chart
             kind = _UpdateError if len(os.listdir(folder)) > 1 else RuntimeError  # without updates, the cell's own
             raise kind(str(error).replace(cell, path)) from None
     for warning in caught:
@@ -101,7 +94,7 @@ def _link_updates(path: str, edition: str, update: int, folder: str) -> str:
             break
         try:
             dataset = _dataset(source)
-        except Exception as error:  # noqa: BLE001 - as in main
+        except Exception as error:  # noqa: BLE001 - as in read_chart
             raise _UpdateError(str(error)) from None
         if (str(dataset["DSID_EDTN"]), _update_of(dataset)) != (edition, update + number):
             found = f"{source} is update {dataset['DSID_UPDN']} of edition {dataset['DSID_EDTN']}"
@@ -184,7 +177,3 @@ def _numbers(value: Any) -> list[int]:
     """Return the numbers of a list attribute, which GDAL returns as text; an empty list if it is missing."""
     items = [] if value is None else [value] if isinstance(value, str) else list(value)
     return [int(item) for item in items if str(item).strip().isdigit()]
-
-
-if __name__ == "__main__":
-    sys.exit(main(*sys.argv[1:]))

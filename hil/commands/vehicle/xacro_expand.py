@@ -1,16 +1,14 @@
 """Convert xacro to URDF in a process of its own; `$(find PACKAGE)` works without ROS."""
 
 import re
-import subprocess
 from collections.abc import Iterable
 
-from hil.commands.vehicle.xacro_process import NO_LIBRARY
-from hil.common.children import finish_child, module_command
-from hil.common.errors import ConfigError, MissingExtraError
+from hil.charts import limited
+from hil.common.errors import ConfigError
 from hil.common.tables import read_bytes
 from hil.common.text import clean
 
-MAX_SECONDS = 60.0
+LIMITS = limited.Limits(memory=2 << 30, processor=20, seconds=60.0)
 _MAX_MACROS = 4  # of a file that are named
 
 
@@ -27,25 +25,17 @@ def expand(path: str, arguments: Iterable[str] = ()) -> bytes:
 
     `$(find PACKAGE)` is found as sim/vehicle/urdf/ros_packages.py says. Raises ConfigError, MissingExtraError.
     """
-    command = module_command("hil.commands.vehicle.xacro_process", path, *map(_pair, arguments))
+    function, pairs = "hil.commands.vehicle.xacro_process:convert", list(map(_pair, arguments))
     try:
-        completed = finish_child(command, MAX_SECONDS)
-    except subprocess.TimeoutExpired:
-        raise ConfigError(f"{path}: not expanded within {MAX_SECONDS:g} s") from None
-    code = completed.returncode
-    if code == NO_LIBRARY:
-        raise MissingExtraError("a xacro file needs the package xacro: pip install 'uuv-hil[master]'")
-    if code < 0:  # ended by a signal: at the time limit
-        raise ConfigError(f"{path}: cannot be expanded: one of its expressions takes too long")
-    if code:
-        reason = completed.stderr.decode(errors="replace").strip().splitlines()[-1:] or [f"exit code {code}"]
-        raise ConfigError(f"{path}: cannot be expanded: {clean(reason[0])}")
-    if b"<link" not in completed.stdout and (macros := _macros(path)):
+        text: bytes = limited.call(function, path, pairs, limits=LIMITS)
+    except limited.EndedError:
+        raise ConfigError(f"{path}: cannot be expanded: one of its expressions takes too long") from None
+    if b"<link" not in text and (macros := _macros(path)):
         raise ConfigError(
             f"{path}: only defines macros, which another file calls: import that file, or write one that includes this "
             f"one and calls {' or '.join(macros)}"
         )
-    return completed.stdout
+    return text
 
 
 def _macros(path: str) -> list[str]:

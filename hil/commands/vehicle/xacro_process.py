@@ -1,32 +1,24 @@
-"""Convert xacro to URDF with the package of that name, within limits on memory and time.
+"""Convert xacro to URDF with the package of that name; `xacro_expand` calls it in a separate process, within limits.
 
-    python -P -m hil.commands.vehicle.xacro_process FILE.xacro [NAME:=VALUE ...]
-
-The URDF is written to the standard output; an error in the file is the last line of standard error. xacro evaluates
-the file's expressions as Python; the limits stop expressions such as `9**9**9**9`.
+xacro evaluates the file's expressions as Python; the limits stop expressions such as `9**9**9**9`.
 """
 
 import sys
+from collections.abc import Sequence
 from types import ModuleType
 from typing import Any
 
-from hil.common.children import limit_self
-from hil.common.lifeline import die_with_parent
+from hil.common.errors import ConfigError, MissingExtraError
+from hil.common.text import clean
 from sim.vehicle.urdf.ros_packages import find_package
 
-MEMORY_BYTES = 2 << 30  # of address space
-CPU_SECONDS = 20
-DAMAGED, NO_LIBRARY = 1, 5
 
-
-def main(path: str, *arguments: str) -> int:
-    """Write the URDF; return the exit code."""
-    die_with_parent()
-    limit_self(MEMORY_BYTES, CPU_SECONDS)
+def convert(path: str, arguments: Sequence[str]) -> bytes:
+    """Return the URDF; arguments are NAME:=VALUE. Raises ConfigError for an error in the file, MissingExtraError."""
     try:
         import xacro
     except ImportError:
-        return NO_LIBRARY
+        raise MissingExtraError("a xacro file needs the package xacro: pip install 'uuv-hil[master]'") from None
     sys.modules.update(_package_index(path))
     try:
         text: bytes = xacro.process_file(path, mappings=dict(each.split(":=", 1) for each in arguments)).toxml("utf-8")
@@ -35,10 +27,8 @@ def main(path: str, *arguments: str) -> int:
         *outer, inner = xacro.filestack or [path]  # the file that was being read, after those that include it
         where = f" (in {inner}, which {outer[-1]} includes)" if outer else ""
         problem = " ".join(str(reason).split()).removeprefix("[Errno 2] ")
-        print((problem or type(reason).__name__) + where, file=sys.stderr)
-        return DAMAGED
-    sys.stdout.buffer.write(text)
-    return 0
+        raise ConfigError(f"{path}: cannot be expanded: {clean((problem or type(reason).__name__) + where)}") from None
+    return text
 
 
 def _package_index(path: str) -> dict[str, ModuleType]:
@@ -60,7 +50,3 @@ def _package_index(path: str) -> dict[str, ModuleType]:
         stand_in.PackageNotFoundError = LookupError
     package.packages = packages  # type: ignore[attr-defined]
     return {"ament_index_python": package, "ament_index_python.packages": packages}
-
-
-if __name__ == "__main__":
-    sys.exit(main(*sys.argv[1:]))

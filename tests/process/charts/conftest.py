@@ -1,11 +1,16 @@
-"""Charts are read and gridded in the test's process, unless a test is about the process that does it otherwise."""
+"""Charts are read and gridded in the test's process, unless a test is about the process that does it otherwise.
+
+A process of its own would load GDAL and SciPy for each chart.
+"""
+
+import warnings
+from collections.abc import Callable
+from importlib import import_module
+from typing import Any
 
 import pytest
 
-from hil.charts import build_process
-from hil.charts.imports import meshes
-from hil.charts.sources import s57
-from tests.support.charts.in_process import finish_here, start_here
+from hil.charts import limited
 
 
 @pytest.fixture
@@ -16,6 +21,15 @@ def own_process() -> None:
 @pytest.fixture(autouse=True)
 def _in_this_process(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
     if "own_process" not in request.fixturenames:
-        monkeypatch.setattr(build_process, "start_child", start_here)
-        monkeypatch.setattr(meshes, "start_child", start_here)
-        monkeypatch.setattr(s57, "finish_child", finish_here)
+        monkeypatch.setattr(limited, "call", _call_here)
+
+
+def _call_here(
+    function: str, *arguments: Any, limits: limited.Limits, report: Callable[[Any], None] | None = None
+) -> Any:
+    module, _, name = function.partition(":")
+    program = import_module(module)
+    with pytest.MonkeyPatch.context() as patch, warnings.catch_warnings():
+        warnings.simplefilter("default")  # as in a process of its own
+        patch.setattr(program, "limit_self", lambda *_: None, raising=False)
+        return getattr(program, name)(*arguments, **({"report": report} if report else {}))

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from hil.charts import build_process
+from hil.charts import build_process, limited
 from hil.charts.build import MAX_OWN_NODES
 from hil.charts.build_process import read_and_build
 from hil.charts.sources.combine import read_sources
@@ -92,15 +92,16 @@ def test_a_build_is_limited_to_what_its_nodes_and_points_need(tmp_path: Path, mo
     assert limits[-1][0] < build_process._memory(MAX_OWN_NODES, 10_000)
 
 
+@pytest.mark.usefixtures("own_process")
 @pytest.mark.parametrize(
     "end",
-    ["os.kill(os.getpid(), 9)", "sys.stdin.buffer.read(); print('built', flush=True)"],
+    ["os.kill(os.getpid(), 9)", "sys.stdin.buffer.read(); sys.stdout.buffer.write(pickle.dumps(('', 1))[:-3])"],
     ids=["at once", "at last"],
 )
 def test_a_build_that_was_ended_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, end: str) -> None:
     """It has exceeded a limit, before or while it wrote its result."""
-    command = python_command("-c", f"import os, sys; {end}")
-    monkeypatch.setattr(build_process, "module_command", lambda name: command)
+    command = python_command("-c", f"import os, pickle, sys; {end}")
+    monkeypatch.setattr(limited, "module_command", lambda *_: command)
     path = bay().write(tmp_path / "BAY.000")
     with pytest.raises(ConfigError, match=re.escape(f"{path}: gridding was ended, as it took too much time or memory")):
         read_and_build([path])

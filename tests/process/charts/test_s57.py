@@ -3,7 +3,6 @@
 import os
 import random
 import re
-import resource
 import sys
 from contextlib import suppress
 from itertools import pairwise
@@ -209,13 +208,13 @@ def test_other_chart_products_are_refused_by_name(tmp_path: Path) -> None:
 
 @pytest.mark.usefixtures("own_process")
 def test_a_reader_that_hangs_is_ended(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(s57, "MAX_SECONDS", 0.01)
-    with pytest.raises(ConfigError, match="not read within"):
+    monkeypatch.setattr(s57, "LIMITS", s57.LIMITS._replace(seconds=0.01))
+    with pytest.raises(ConfigError, match="reading it not finished within"):
         read_cell(bay().write(tmp_path / "C.000"))
 
 
 def test_a_chart_without_gdal_names_the_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(s57, "module_command", lambda *_: [sys.executable, "-c", "import sys; sys.exit(5)"])
+    monkeypatch.setitem(sys.modules, "pyogrio", None)
     with pytest.raises(MissingExtraError, match=r"pip install 'uuv-hil\[chart\]'"):
         read_cell(bay().write(tmp_path / "C.000"))
 
@@ -286,10 +285,11 @@ def test_an_invalid_geometry_is_reported_as_damage(tmp_path: Path, monkeypatch: 
         raise shapely.errors.GEOSException("Points of LinearRing do not form a closed linestring")
 
     monkeypatch.setattr(s57_process, "_read", refuse)
-    monkeypatch.setattr(resource, "setrlimit", lambda *_: None)
-    monkeypatch.setattr(s57_process, "die_with_parent", lambda: None)
     base = bay()
     cell = base.write(tmp_path / "C.000")
-    assert [s57_process.main(cell, updates) for updates in ("IGNORE", "APPLY")] == [s57_process.DAMAGED] * 2
+    for updates in (False, True):
+        with pytest.raises(ConfigError, match=r"damaged or cut off \(Points of LinearRing"):
+            read_cell(cell, updates)
     update_of(base).write(tmp_path / "C.001")
-    assert s57_process.main(cell, "APPLY") == s57_process.UNFIT_UPDATE
+    with pytest.raises(ConfigError, match=r"an update beside it does not fit the cell.*\(Points of LinearRing"):
+        read_cell(cell)
