@@ -1,6 +1,6 @@
 """One instrument without a process: samples and a client's bytes in, what it sends out."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from io import BytesIO
 from types import SimpleNamespace
 from typing import Any
@@ -57,42 +57,52 @@ class Bench:
 
     def restart(self) -> None:
         """Switch the power off and on; the memory is kept."""
-        self._sent: list[bytes] = []
+        self.log: list[tuple[bytes, Client | None, int]] = []  # bytes, client, instant of measurement
         self.speeds: list[tuple[int, int]] = []  # bytes sent before a change of the line's speed, and the new one
-        add: Callable[..., None] = lambda data, to, measured_ns: self._sent.append(data)  # noqa: E731
-        self.device = self.kind(self.settings, self.facts, self.scene, add)
-        self.device.change_baud = lambda baud: self.speeds.append((len(b"".join(self._sent)), baud))
+        self.device = self.kind(self.settings, self.facts, self.scene, self.take)
+        self.device.change_baud = lambda baud: self.speeds.append((sum(len(data) for data, *_ in self.log), baud))
         self.device.connected(self.client, self.now_ns)
         self.device.start(self.now_ns)
-        self.device.tick(self.now_ns)
+        self.next_ns = self.now_ns
+
+    def take(self, data: bytes, to: Client | None, measured_ns: int) -> None:
+        """Take what the device sends."""
+        self.log.append((data, to, measured_ns))
+
+    def tick(self) -> None:
+        """Let the device do what is due."""
+        self.next_ns = self.device.tick(self.now_ns)
 
     @property
     def sent(self) -> bytes:
         """Bytes sent since this was read last."""
-        data, self._sent[:] = b"".join(self._sent), []
+        data, self.log[:] = b"".join(data for data, *_ in self.log), []
         return data
 
     def ask(self, data: bytes) -> bytes:
         """Return what the device sends upon a client's bytes."""
-        self._sent.clear()
+        self.log.clear()
         self.device.on_data(self.client, data, self.now_ns)
-        self.device.tick(self.now_ns)
+        self.tick()
         return self.sent
 
     def sample(self, value: Any, topic: str = "") -> bytes:
         """Return what the device sends upon a sample, taken now."""
-        self._sent.clear()
-        stamped = Stamped(value, self.now_ns, self.now_ns)
-        self.device.on_sample(topic or self.facts.topic, stamped, self.now_ns)
-        self.device.tick(self.now_ns)
+        self.log.clear()
+        self.feed(value, topic)
         return self.sent
+
+    def feed(self, value: Any, topic: str = "") -> None:
+        """Give the device a sample, taken now."""
+        self.device.on_sample(topic or self.facts.topic, Stamped(value, self.now_ns, self.now_ns), self.now_ns)
+        self.tick()
 
     def run(self, seconds: float, step_s: float = 0.01) -> bytes:
         """Return what it sends while only time passes."""
-        self._sent.clear()
+        self.log.clear()
         for _ in range(round(seconds / step_s)):
             self.now_ns += round(step_s * NS_PER_S)
-            self.device.tick(self.now_ns)
+            self.tick()
         return self.sent
 
 

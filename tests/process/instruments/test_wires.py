@@ -14,7 +14,7 @@ import serial
 from keller_protocol.keller_protocol import KellerProtocol
 from pyubx2 import SET, UBX_PROTOCOL, UBXMessage, UBXReader
 from trdi_adcp_readers.pd0 import pd0_parser
-from vectornav import VN200, VN200Error
+from vectornav import VN200
 
 from hil.common.children import start_child
 from tests.support.processes import PATIENCE_S, Program, free_port, wait_for, write_scenario
@@ -197,20 +197,3 @@ def test_a_client_changes_the_speed_of_a_line_and_reads_rubbish_until_it_follows
         assert time.monotonic() - began > 0.5  # a second at 9600 bit/s, without what has waited
         line.write(b"$VNWRG,05,115200*XX\r\n")
         assert wait_for(lambda: is_readable(115_200))
-
-
-def test_what_a_client_leaves_half_said_harms_nobody(wires: Wires) -> None:
-    for name in ("gps", "imu", "pressure", "x110"):
-        with serial.Serial(wires.line(name), 115_200, timeout=PATIENCE_S) as line:
-            line.write(bytes(range(256)) * 40)
-            assert line.write(b"$#\xb5\x62\x06") == 5
-
-    def is_read() -> bool:
-        """Return whether the driver reads the unit, which may answer what was left half said with an error first."""
-        try:
-            with VN200(wires.line("imu"), timeout=PATIENCE_S) as unit:
-                return bool(unit.read_firmware_version())
-        except VN200Error:
-            return False
-
-    assert wait_for(is_read)

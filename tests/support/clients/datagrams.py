@@ -7,7 +7,6 @@ from types import SimpleNamespace
 from typing import Any
 from unittest import mock
 
-from hil.client.client import Stamped
 from hil.instruments.contract import Client, Instrument
 from sim.environment.world import World
 from sim.sensors.sensor_set import load_sensor
@@ -24,21 +23,14 @@ class Datagrams(Bench):
     """
 
     def __init__(self, kind: type[Instrument], world: World = FLAT, settings: Any = None, **facts: Any) -> None:
-        self.log: list[tuple[bytes, Client | None, int]] = []
         self._received: deque[bytes] = deque()
-        super().__init__(kind, load_sensor(kind.sensors[0]).Model(), settings, **facts)
+        super().__init__(kind, load_sensor(kind.sensors[0]).Model(), settings, HOST, **facts)
         self.scene.world = scene(world)
         self.scene.present = self.scene.world.state
-        self.next_ns = self.now_ns
 
-    def restart(self) -> None:
-        """Switch the power off and on; the memory is kept."""
-        self.device = self.kind(self.settings, self.facts, self.scene, self._take)
-        self.device.start(self.now_ns)
-        self.next_ns = self.now_ns
-
-    def _take(self, data: bytes, to: Client | None = None, measured_ns: int = 0) -> None:
-        self.log.append((data, to, measured_ns))
+    def take(self, data: bytes, to: Client | None, measured_ns: int) -> None:
+        """Take what the device sends."""
+        super().take(data, to, measured_ns)
         self._received.append(data)
 
     def pass_time(self, seconds: float) -> None:
@@ -48,18 +40,13 @@ class Datagrams(Bench):
     def _run_until(self, end_ns: int) -> None:
         while self.next_ns <= end_ns:
             self.now_ns = max(self.next_ns, self.now_ns)
-            self.next_ns = self.device.tick(self.now_ns)
+            self.tick()
         self.now_ns = end_ns
-
-    def feed(self, value: Any, topic: str = "") -> None:
-        """Give the instrument a sample, taken now."""
-        self.device.on_sample(topic or self.facts.topic, Stamped(value, self.now_ns, self.now_ns), self.now_ns)
-        self.next_ns = self.device.tick(self.now_ns)
 
     def send(self, data: bytes) -> int:
         """Send bytes of the client."""
         self.device.on_data(HOST, bytes(data), self.now_ns)
-        self.next_ns = self.device.tick(self.now_ns)
+        self.tick()
         return len(data)
 
     def recv(self, _: int) -> bytes:

@@ -52,6 +52,7 @@ def read_fix(data: bytes) -> tuple[dict[str, Any], bytes]:
 
 def bench(**settings: Any) -> Bench:
     made = Bench(SeatracLink, MODEL, LinkSettings(**settings))
+    made.tick()
     made.device.connected(VEHICLE, made.now_ns)
     made.scene.present = State((30.0, 40.0, 12.0), from_euler(0.0, radians(10.0), radians(90.0)))
     return made
