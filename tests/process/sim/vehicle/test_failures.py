@@ -82,6 +82,29 @@ def test_noise_is_seeded_and_independent_of_the_step() -> None:
         assert pstdev(steps) == pytest.approx(expected, rel=0.06)
 
 
+STUCK, DELAYED, OFF, WEAK, NOISY, REPAIRED = (
+    {"thruster": "front_left", **table}
+    for table in (
+        {"kind": "stuck", "pwm_us": 1700}, {"kind": "delayed", "delay": "10 ms"}, {"kind": "off"},
+        {"kind": "efficiency", "efficiency": 0.5}, {"kind": "noisy", "noise": 0.1, "time": 4 * DT},
+        {"kind": "repaired", "time": 5 * DT},
+    )
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("failures", "pulse", "share"),
+    [((OFF, STUCK, DELAYED), 1500, 1.0), ((STUCK, DELAYED), 1700, 1.0), ((DELAYED, STUCK), 1700, 1.0),
+     ((WEAK, STUCK), 1700, 0.5), ((WEAK, {**WEAK, "efficiency": 0.25}), 1900, 0.25)],
+)  # fmt: skip
+def test_failures_act_together_in_their_order_and_end_together(
+    failures: tuple[dict[str, Any], ...], pulse: int, share: float
+) -> None:
+    found = thrusts_of(failing(*failures, NOISY, REPAIRED), [1900] * 6)
+    assert found[3] == pytest.approx(share * steady_thrust(VEHICLE.thrusters[0], pulse))
+    assert found[5] == FULL
+
+
 def test_the_thruster_lag_continues_during_a_failure() -> None:
     """Half efficiency of a lagged thruster is half of its lagged thrust, not a lag of halves."""
     half, full = make_thrusters(LAGGED, DT), make_thrusters(LAGGED, DT)

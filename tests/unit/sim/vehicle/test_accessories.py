@@ -44,6 +44,27 @@ def test_a_gripper_stops_where_it_is(moving: Accessories) -> None:
     assert moving.positions(9 * S)["gripper"] == 0.0
 
 
+@pytest.mark.parametrize(
+    ("name", "share", "end"),
+    [("lights", -0.5, 0.0), ("lights", 1.5, 1.0), ("camera_tilt", 1.5, 1.0), ("gripper", 0.06, 1.0),
+     ("gripper", 0.04, 0.0), ("gripper", -0.04, 0.0)],
+)  # fmt: skip
+def test_a_share_is_limited_and_a_small_one_stops_a_gripper(
+    moving: Accessories, name: str, share: float, end: float
+) -> None:
+    moving.command(name, share, S)
+    assert moving.positions(S - 1)[name] == moving.positions(S)[name], "not before the command"
+    assert moving.positions(99 * S)[name] == pytest.approx(end)
+
+
+def test_a_repeated_command_goes_on_and_a_placed_camera_is_there_at_once(moving: Accessories) -> None:
+    for at in range(5):  # a gripper is commanded again and again while it opens
+        moving.command("gripper", 1.0, at * S)
+    assert moving.positions(4 * S)["gripper"] == pytest.approx(1.0)
+    moving.place(0.5, radians(-22.5))
+    assert [moving.lights(0), moving.tilt(0)] == pytest.approx([0.5, radians(-22.5)])
+
+
 def test_messages_of_accessories_hold_known_names_and_finite_shares() -> None:
     assert decode_accessories(encode_accessories(0, {"lights": 0.5, "gripper": -1.0})) == {"lights": 0.5, "gripper": -1}
     for wrong in ({"light": 0.5}, {"lights": float("nan")}):
