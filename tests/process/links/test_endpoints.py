@@ -1,0 +1,273 @@
+"""Endpoints on sockets and lines: who is served, who makes room, what is dropped, and what is opened again."""
+
+import errno
+import socket
+from collections.abc import Iterator
+from contextlib import ExitStack
+from typing import Any, cast
+
+import pytest
+
+from hil.common.clock import NS_PER_S
+from hil.common.errors import DeviceError, NetworkError
+from hil.links.endpoints.lines import WAITING, LineLink
+from hil.links.endpoints.patient import PatientLink
+from hil.links.endpoints.sockets import (
+    HEARTBEATS_NS,
+    MAX_PARTNERS,
+    RETRY_NS,
+    SILENT_NS,
+    Link,
+    TcpIn,
+    TcpOut,
+    UdpIn,
+    UdpOut,
+)
+from tests.support.processes import wait_for
+
+HOST, FIRST = "127.0.0.1", b"\xfd\xfe"
+
+
+@pytest.fixture
+def stack() -> Iterator[ExitStack]:
+    with ExitStack() as stack:
+        yield stack
+
+
+def test_datagrams_of_few_are_served_and_the_silent_make_room(stack: ExitStack) -> None:
+    link = UdpIn(HOST, 0, FIRST, silent_ns=9 * NS_PER_S)
+    stack.callback(link.close)
+    senders = [stack.enter_context(socket.socket(socket.AF_INET, socket.SOCK_DGRAM)) for _ in range(MAX_PARTNERS + 2)]
+    for sender in senders:
+        sender.bind((HOST, 0))
+
+    def receive(number: int, now: int, data: bytes = b"\xfd1") -> list[bytes]:
+        senders[number].sendto(data, (HOST, link.port))
+        return [data for _, data in link.receive(now)]
+
+    assert [receive(0, 0, data) for data in (b"GET /", b"", b"\xfe2", b"GET /")] == [[], [], [b"\xfe2"], [b"GET /"]]
+    for number in range(MAX_PARTNERS):
+        assert receive(number, number) == [b"\xfd1"]
+    assert (receive(MAX_PARTNERS, HEARTBEATS_NS - 1), link.refused) == ([], 1)
+    assert (receive(MAX_PARTNERS, HEARTBEATS_NS), link.refused) == ([b"\xfd1"], 1)
+    oldest = senders[0].getsockname()
+    assert (len(link.partners()), oldest in link.partners()) == (MAX_PARTNERS, False)
+    link.tick(9 * NS_PER_S + 1)
+    assert senders[1].getsockname() in link.partners()
+    link.tick(9 * NS_PER_S + 2)
+    assert senders[1].getsockname() not in link.partners()
+    link.send(senders[2].getsockname(), b"back")
+    assert senders[2].recv(9) == b"back"
+    assert link.is_local((HOST, 1))
+    assert not link.is_local(("192.168.2.1", 1))
+
+
+def test_connections_of_few_are_served_and_the_silent_make_room(stack: ExitStack) -> None:
+    link = TcpIn(HOST, 0, FIRST)
+    stack.callback(link.close)
+
+    def connect() -> socket.socket:
+        return stack.enter_context(socket.create_connection((HOST, link.port), 60.0))
+
+    page = connect()
+    page.sendall(b"GET / HTTP/1.0\r\n")
+    assert wait_for(lambda: not link.receive(0) and page.fileno() >= 0 and _is_closed(page))
+    assert link.partners() == []
+    calls = []
+    for number in range(MAX_PARTNERS):
+        calls.append(connect())
+        assert wait_for(lambda: len([*link.receive(number), *link.partners()]) > number)  # noqa: B023
+    connect()
+    assert wait_for(lambda: not link.receive(SILENT_NS) and link.refused == 1)
+    calls[0].sendall(b"\xfd1")
+    assert wait_for(lambda: any(data == b"\xfd1" for _, data in link.receive(SILENT_NS + 1)))
+    newest = connect()
+    assert wait_for(lambda: not link.receive(SILENT_NS + 2) and newest.getsockname() in link.partners())
+    assert calls[0].getsockname() in link.partners(), "it has sent something"
+    assert calls[1].getsockname() not in link.partners(), "the one that is silent for longest"
+    link.send(newest.getsockname(), b"hello")
+    assert newest.recv(9) == b"hello"
+
+
+def _is_closed(connection: socket.socket) -> bool:
+    connection.settimeout(0.01)
+    try:
+        return connection.recv(9) == b""
+    except TimeoutError:
+        return False
+    except OSError:
+        return True
+
+
+def test_what_a_connection_does_not_take_waits_up_to_a_limit(stack: ExitStack) -> None:
+    link = TcpIn(HOST, 0)
+    stack.callback(link.close)
+    out = TcpOut(HOST, link.port)
+    stack.callback(out.close)
+    assert wait_for(lambda: not link.receive(0) and bool(link.partners()))
+    (caller,) = link.partners()
+    piece, sent = bytes(1 << 16), 0
+    while not link._streams[caller].unsent:
+        link.send(caller, piece)
+        sent += len(piece)
+    got = 0
+
+    def all_got() -> bool:
+        nonlocal got
+        link.tick(0)
+        got += sum(len(data) for _, data in out.receive(0))
+        return got == sent
+
+    assert wait_for(all_got), (got, sent)
+    assert (link.partners(), out.is_lost) == ([caller], False)
+    while link.partners():
+        link.send(caller, piece)
+    assert wait_for(lambda: not out.receive(0) and out.is_lost)
+    assert (out.partners(), out.descriptors()) == ([], [])
+
+
+def test_a_silent_host_given_by_name_is_looked_up_again(stack: ExitStack, monkeypatch: pytest.MonkeyPatch) -> None:
+    looked: list[bool] = []
+    monkeypatch.setattr(UdpOut, "_look_up", lambda _: looked.append(True))
+    for host, expected in (("localhost", 1), (HOST, 0)):
+        looked.clear()
+        link = UdpOut(host, 9)
+        stack.callback(link.close)
+        link.receive(5)
+        link.tick(5 + SILENT_NS)
+        assert looked == []
+        link.tick(6 + SILENT_NS)
+        link.tick(7 + SILENT_NS)
+        assert wait_for(lambda: len(looked) == expected), looked  # noqa: B023
+    link = UdpOut("localhost", 9)
+    stack.callback(link.close)
+    monkeypatch.undo()
+    for addresses, is_lost in (([link._address], False), ([("127.9.9.9", 9)], True)):
+        found = [(0, 0, 0, "", address) for address in addresses]
+        monkeypatch.setattr(socket, "getaddrinfo", lambda *_, found=found, **__: found)
+        link._look_up()
+        assert link.is_lost == is_lost
+
+
+class Opened(Link):
+    """An endpoint that the test loses."""
+
+    name, burst = "opened", 77
+
+    def __init__(self) -> None:
+        self.baud, self.closed, self.refused = 0, False, 3
+
+    def descriptors(self) -> list[int]:
+        return [5]
+
+    def receive(self, now: int) -> Any:
+        return [("there", b"data")]
+
+    def send(self, address: Any, data: bytes) -> None: ...
+
+    def partners(self) -> list[Any]:
+        return ["there"]
+
+    def set_baud(self, baud: int) -> None:
+        self.baud = baud
+
+    def close(self) -> None:
+        self.closed = True
+
+
+def test_an_endpoint_that_is_lost_is_opened_again_and_that_is_said_once() -> None:
+    lines, attempts = list[str](), 0
+    results: list[Any] = [OSError(errno.ECONNREFUSED, "refused"), OSError(errno.ECONNREFUSED, "refused"), Opened()]
+
+    def opener() -> Link:
+        nonlocal attempts
+        attempts += 1
+        result = results[attempts - 1]
+        if isinstance(result, OSError):
+            raise result
+        return cast(Link, result)
+
+    def tick(now: int) -> None:
+        link.tick(now)
+        link._thread.join()
+
+    link = PatientLink("tcpout:x", opener, lines.append)
+    link.set_baud(57_600)
+    assert (link.descriptors(), link.receive(0), link.partners()) == ([], [], [])
+    for now, count in ((RETRY_NS - 1, 1), (RETRY_NS, 2), (RETRY_NS + 1, 2), (2 * RETRY_NS, 2), (2 * RETRY_NS + 1, 3)):
+        tick(now)
+        assert attempts == count, now
+    tick(3 * RETRY_NS)
+    first = results[2]
+    assert (link.partners(), link.burst, first.baud) == (["there"], 77, 57_600)
+    assert lines == ["tcpout:x: waiting for it: refused", "tcpout:x: is open"]
+    tick(4 * RETRY_NS)
+    assert (link.refused, first.refused) == (3, 0)
+    first.is_lost = True
+    results.append(Opened())
+    tick(5 * RETRY_NS)
+    assert (first.closed, link.partners(), attempts) == (True, [], 3)
+    tick(5 * RETRY_NS)
+    tick(5 * RETRY_NS)
+    assert (link.partners(), attempts, len(lines)) == (["there"], 4, 2)
+
+
+def test_a_taken_port_is_a_fault_that_waiting_does_not_mend() -> None:
+    def opener() -> Link:
+        raise OSError(errno.EADDRINUSE, "Address already in use")
+
+    with pytest.raises(NetworkError, match="choose another endpoint"):
+        PatientLink("udpin:x", opener, print)
+
+
+class Wire:
+    """A wire whose unsent bytes the test sets."""
+
+    name, waits, broken = "/dev/bench", 0, False
+
+    def __init__(self) -> None:
+        self.written: list[bytes] = []
+
+    def read(self) -> bytes:
+        if self.broken:
+            raise DeviceError("gone")
+        return b"data"
+
+    def write(self, data: bytes) -> int:
+        self.read()
+        self.written.append(data)
+        return len(data)
+
+    def unsent(self) -> int:
+        return self.waits
+
+
+class Line(LineLink):
+    """A line that records its speed."""
+
+    def __init__(self, wire: Wire) -> None:
+        self.speeds: list[int] = []
+        super().__init__("serial:bench", cast(Any, wire), 115_200)
+
+    def _use_baud(self, baud: int) -> None:
+        self.speeds.append(baud)
+
+
+def test_a_line_loses_whole_messages_and_changes_its_speed_when_all_is_sent() -> None:
+    wire = Wire()
+    line = Line(wire)
+    for wire.waits in (WAITING - 4, WAITING - 3):
+        line.send("", b"four")
+    assert (wire.written, line.lost_messages) == ([b"four"], 1)
+    line.set_baud(9600)
+    assert line.speeds == []
+    wire.waits = 0
+    line.tick(0)
+    line.tick(0)
+    assert line.speeds == [9600]
+    assert (line.receive(0), line.is_lost) == ([("/dev/bench", b"data")], False)
+    wire.broken = True
+    assert (line.receive(0), line.is_lost) == ([], True)
+    line.is_lost = False
+    line.send("", b"four")
+    assert line.is_lost
