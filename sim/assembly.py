@@ -87,6 +87,8 @@ def assemble(
     wave_field = water.wave_field if water else None
     dynamics = make_hull_dynamics(vehicle, world, integrator, forces, wave_field, seed)
     thrusters = make_thrusters(vehicle, dt, failures, seed)
+    if equipment and equipment.azimuths:
+        equipment.azimuths.read_thrusts = lambda: thrusters.thrusts
     impulses = import_module("sim.native.impulses" if has_native() else "sim.environment.contact.impulses")
     solvers = impulses.apply_impulses, impulses.separate
     contact = Contact(vehicle, world, dynamics.inverse_mass, dt, solvers)

@@ -15,10 +15,10 @@ _ROW = "std_msgs/msg/Float64MultiArray"
 
 
 class JointStates(NamedTuple):
-    """Thrusters, then fins, with their `names` in the vehicle's file, which are also those of the URDF's joints.
+    """Thrusters, fins, azimuths of thrusters, with their `names` as channels; those of the URDF's joints, but azimuths.
 
-    `efforts` are the thrusts (N), positive along the thrusters' axes; 0 for a fin. `positions` are the deflections of
-    fins (rad); 0 for a thruster, whose shaft angle is not simulated. Empty positions mean unknown.
+    `efforts` are the thrusts (N), positive along the thrusters' axes; 0 for others. `positions` are the angles of fins
+    and azimuths (rad); 0 for a thruster, whose shaft angle is not simulated. Empty positions mean unknown.
     """
 
     time_ns: int
@@ -28,8 +28,8 @@ class JointStates(NamedTuple):
 
 
 def joint_states(time_ns: int, vehicle: Vehicle, thrusts: Sequence[float], deflections: Sequence[float]) -> JointStates:
-    """Return the joints of a vehicle from its thrusts (N) and fin deflections (rad)."""
-    names = [*[thruster.name for thruster in vehicle.thrusters], *[fin.name for fin in vehicle.fins]]
+    """Return the joints of a vehicle from its thrusts (N) and the angles of fins and azimuths (rad)."""
+    names = vehicle.channels[: len(thrusts) + len(deflections)]
     efforts, positions = [*thrusts, *[0.0] * len(deflections)], [*[0.0] * len(thrusts), *deflections]
     return JointStates(time_ns, tuple(names), tuple(efforts), tuple(positions))
 

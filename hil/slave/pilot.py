@@ -32,6 +32,7 @@ from sim.vehicle.thrusters.bank import SteadyThrusts, pulse_finder, wrench_matri
 from sim.vehicle.vehicle import Vehicle, mass_matrix
 
 if TYPE_CHECKING:
+    from hil.autonomy.control.azimuth import AzimuthAllocator
     from hil.autonomy.control.families import Controller
     from hil.autonomy.control.fin_control import FinAllocator
 
@@ -44,6 +45,8 @@ def build_pilot(scenario: Scenario, vehicle: Vehicle, control: dict[str, Any], w
     pilot = Pilot(vehicle, gains, world.density * world.gravity, seconds_ns(scenario.slave.deadman), imu)
     if vehicle.fins:
         pilot.steer_by_fins(gains, control.get("fins", {}), f"{where}.fins", world.density)
+    if vehicle.azimuths:
+        pilot.steer_by_azimuths(vehicle)
     if control.get("family", "cascade") != "cascade":
         pilot.controller = _other_family(vehicle, control, gains, world, where)
     return pilot
@@ -106,6 +109,7 @@ class Pilot:
         )
         self._fins = vehicle.fins
         self._fin_allocator: FinAllocator | None = None
+        self._azimuth_allocator: AzimuthAllocator | None = None
         self._neutral = (PWM_NEUTRAL_US,) * len(vehicle.channels)
         self._water_weight = water_weight  # density times gravity at the surface, N/m³
         self._deadman_ns = deadman_ns
@@ -126,11 +130,29 @@ class Pilot:
         """Use the controller for fins, with table [control.fins], in water of `density` kg/m³. Raises ConfigError."""
         from hil.autonomy.control.fin_control import FinAllocator, FinController, FinGains
         from sim.vehicle.fins import fin_matrix
+        from sim.vehicle.servos import pulse
 
+        self._servo_pulse = pulse
         fins = parse(table, FinGains, where)
         self.controller = FinController(gains, fins, self._inertia)
         limits = [fin.max_deflection for fin in self._fins]
         self._fin_allocator = FinAllocator(fin_matrix(self._fins, density), limits, fins.least_speed)
+
+    def steer_by_azimuths(self, vehicle: Vehicle) -> None:
+        """Turn the azimuth thrusters of `vehicle`. Raises ConfigError."""
+        from hil.autonomy.control.azimuth import AzimuthAllocator
+        from sim.vehicle.servos import pulse
+        from sim.vehicle.thrusters.azimuth import sideways_matrix
+
+        self._servo_pulse = pulse
+        self._azimuths = [thruster.azimuth for thruster in vehicle.thrusters if thruster.azimuth]
+        self._azimuth_allocator = AzimuthAllocator(
+            wrench_matrix(vehicle, torque=False),
+            sideways_matrix(vehicle.thrusters),
+            [thruster.max_forward for thruster in vehicle.thrusters],
+            [thruster.max_reverse for thruster in vehicle.thrusters],
+            [thruster.azimuth.max_deflection if thruster.azimuth else 0.0 for thruster in vehicle.thrusters],
+        )
 
     def update_sensor(self, topic: str, sample: Any) -> None:
         """Update the navigation with one sensor sample (NED, FRD)."""
@@ -227,7 +249,22 @@ class Pilot:
         return self.controller.update(command, self.navigation, dt, self._residual)
 
     def _allocate_wrench(self, wrench: Wrench) -> tuple[int, ...]:
-        """Return the pulse widths (us) of thrusters and fins that give this wrench, or the nearest one they can."""
+        """Return the pulse widths (us) of thrusters, fins and azimuths for this wrench, or the nearest possible one."""
+        turns: list[float] = []
+        if self._azimuth_allocator is None:
+            thrusts = self._allocate_thrusts(wrench)
+        else:  # one that has failed is not left out
+            thrusts, turns, self._residual = self._azimuth_allocator.allocate(wrench)
+        pwm = self._thrust_to_pwm(thrusts)
+        if self._fin_allocator is not None:
+            angles, self._residual = self._fin_allocator.allocate(self._residual, self._velocity[0])
+            pwm += tuple([self._servo_pulse(fin, angle) for fin, angle in zip(self._fins, angles, strict=True)])
+        if turns:
+            pwm += tuple([self._servo_pulse(one, angle) for one, angle in zip(self._azimuths, turns, strict=True)])
+        return pwm
+
+    def _allocate_thrusts(self, wrench: Wrench) -> list[float]:
+        """Return the thrusts (N) for this wrench, without the thrusters that have failed; set the residual."""
         monitor = self._monitor
         if True in monitor.failed:
             pairs = list(zip(monitor.failed, monitor.reported, strict=True))
@@ -240,11 +277,7 @@ class Pilot:
                 monitor.test_thrust(number) if gone else thrust
                 for number, (gone, thrust) in enumerate(zip(monitor.failed, thrusts, strict=True))
             ]
-        pwm = self._thrust_to_pwm(thrusts)
-        if self._fin_allocator is not None:
-            angles, self._residual = self._fin_allocator.allocate(self._residual, self._velocity[0])
-            pwm += tuple([fin.pulse(angle) for fin, angle in zip(self._fins, angles, strict=True)])
-        return pwm
+        return thrusts
 
     def _thrust_to_pwm(self, thrusts: Sequence[float]) -> tuple[int, ...]:
         """Return the pulse widths (us) for these thrusts (N), each limited to what its thruster can give."""

@@ -4,8 +4,8 @@ Public: `choose`, `load`, `NativeDynamics`. It must not compute anything that Py
 
 Each extension is one .c file that includes its headers, all in this folder:
 
-    _native     a step, its forces and scalar sensors. Without Python: body, kernel, forces, waves, errors. For Python:
-                force_types, step_types, fused, sensor_types, impulses
+    _native     a step, its forces and scalar sensors. Without Python: body, kernel, forces, surface, waves, errors. For
+                Python: force_types, step_types, fused, sensor_types, impulses
     _rays       rays, rays_bundle, rays_mesh, rays_seabed, rays_tree
     _picture    a camera's light: shading, exposure, and the headers of _rays
     all         numbers, buffer, check_doubles

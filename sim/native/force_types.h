@@ -243,6 +243,19 @@ static PyObject *force_set_targets(PyObject *self, PyObject *targets)
     return ok ? Py_NewRef(Py_None) : NULL;
 }
 
+static PyObject *force_set_thrusts(PyObject *self, PyObject *thrusts)
+{
+    Force *force = &((ForceObject *)self)->force;
+    double numbers[16];
+    if (force->kind != AZIMUTHS || force->servo_count > 16)
+        return PyErr_Format(PyExc_TypeError, "only azimuth thrusters take thrusts");
+    if (!read_numbers(thrusts, numbers, force->servo_count))
+        return NULL;
+    for (long i = 0; i < force->servo_count; i++)
+        ((Azimuth *)force->numbers)[i].thrust = numbers[i];
+    Py_RETURN_NONE;
+}
+
 static PyObject *force_step(PyObject *self, PyObject *nothing)
 {
     (void)nothing;
@@ -268,6 +281,7 @@ static PyObject *force_values(PyObject *self, void *closure)
 static PyMethodDef force_methods[] = {
     {"begin", force_begin, METH_O, "begin(time): set the time (s) of the waves for the next step."},
     {"set_targets", force_set_targets, METH_O, "set_targets(targets): set the servos' targets, as sim.vehicle.servos.Servos."},
+    {"set_thrusts", force_set_thrusts, METH_O, "set_thrusts(thrusts): set the thrusts of azimuth thrusters, one a servo."},
     {"step", force_step, METH_NOARGS, "step(): move the servos by one step."},
     {NULL, NULL, 0, NULL},
 };

@@ -18,6 +18,7 @@ KINDS = (
     "sim.vehicle.ballast:Bladder",
     "sim.environment.stratification:WavySurface",
     "sim.environment.wind:WindForce",
+    "sim.vehicle.thrusters.azimuth:AzimuthSet",
 )
 MAX_FORCES = 8
 

@@ -149,8 +149,14 @@ static int fused_flow(FusedStep *fused, const double *rotation)
             fused->wrench[i] = fused->wrench[i] + mass[0] * body[0] + mass[1] * body[1] + mass[2] * body[2];
         }
     }
-    for (int i = 0; i < fused->kernel->model.count; i++)
-        fused->kernel->model.forces[i]->time = time;
+    for (int i = 0; i < fused->kernel->model.count; i++) {
+        Force *force = fused->kernel->model.forces[i];
+        Azimuth *azimuths = (Azimuth *)force->numbers;
+        force->time = time;
+        for (long j = 0; force->kind == AZIMUTHS && j < force->servo_count; j++)
+            if (azimuths[j].number >= 0.0 && azimuths[j].number < (double)fused->bank->count)
+                azimuths[j].thrust = fused->bank->scaled_thrusts[(int)azimuths[j].number];
+    }
     return 1;
 }
 

@@ -7,7 +7,7 @@
 #include <math.h>
 
 #include "body.h"
-#include "forces.h"
+#include "surface.h"
 
 /* A body with the forces on it besides its thrusters. */
 enum { MAX_FORCES = 8 };

@@ -6,6 +6,7 @@ This module is loaded only for a vehicle whose file has one of these keys:
     [lift], [cross_flow]   sim/vehicle/body_lift.py, as are forward_speed_damping = [...] and [fading_damping]
     [buoyancy_engine]      sim/vehicle/ballast.py, as are
     [[drop_weights]]
+    [[thrusters]] azimuth  sim/vehicle/thrusters/azimuth.py
 """
 
 from collections.abc import Sequence
@@ -15,14 +16,15 @@ from sim.forces import Force
 from sim.vehicle.ballast import Bladder, DropWeight, Release, is_release
 from sim.vehicle.body_lift import CrossFlowDrag, HullLift, SlowDamping, SpeedDamping
 from sim.vehicle.fins import FinSet
+from sim.vehicle.thrusters.azimuth import AzimuthSet
 from sim.vehicle.vehicle import Vehicle
 
 
 class Equipment:
     """The equipment of one vehicle in water of `density` kg/m³ under `gravity` m/s², stepped every `dt` s.
 
-    `forces` are the forces of the equipment; `fins` and `bladder` are None if there are none; `weights_aboard` are the
-    weights not yet dropped, by name. Raises ConfigError for the release of an unknown weight.
+    `forces` are the forces of the equipment; `fins`, `azimuths` and `bladder` are None if there are none;
+    `weights_aboard` are the weights not yet dropped, by name. Raises ConfigError for the release of an unknown weight.
     """
 
     def __init__(
@@ -30,6 +32,7 @@ class Equipment:
     ) -> None:
         self._fins = vehicle.fins
         self.fins = FinSet(vehicle.fins, density, dt) if vehicle.fins else None
+        self.azimuths = AzimuthSet(vehicle.thrusters, dt) if vehicle.azimuths else None
         engine = vehicle.buoyancy_engine
         self.bladder = Bladder(engine, density * gravity, dt) if engine else None
         self._weights = vehicle.drop_weights
@@ -42,7 +45,7 @@ class Equipment:
     def step(self, time_ns: int, pwm_us: Sequence[int]) -> list[DropWeight]:
         """Do one step under the pulses (us) of fins, engine and weights; return the weights that are dropped now."""
         dropped = self.command(tuple(pwm_us))
-        for actuator in (self.fins, self.bladder):
+        for actuator in (self.fins, self.azimuths, self.bladder):
             if actuator:
                 actuator.servos.step()
         while self._releases and self._releases[0].time * 1e9 <= time_ns:
@@ -55,11 +58,20 @@ class Equipment:
         count = len(self._fins)
         if self.fins:
             self.fins.command(pwm_us[:count])
+        if self.azimuths:
+            end = count + len(self.azimuths.angles)
+            self.azimuths.command(pwm_us[count:end])
+            count = end
         if self.bladder:
             self.bladder.command(pwm_us[count])
             count += 1
         names = [weight.name for weight, pulse in zip(self._weights, pwm_us[count:], strict=True) if is_release(pulse)]
         return [self.weights_aboard.pop(name) for name in names if name in self.weights_aboard]
+
+    @property
+    def angles(self) -> list[float]:
+        """The present angles (rad) of fins, then of azimuth thrusters."""
+        return [angle for part in (self.fins, self.azimuths) if part for angle in part.angles]
 
     @property
     def is_timed(self) -> bool:
@@ -88,5 +100,5 @@ class Equipment:
             forces.append(SpeedDamping(vehicle.forward_speed_damping))
         if vehicle.fading_damping:
             forces.append(SlowDamping(vehicle.fading_damping))
-        forces += [force for force in (self.fins, self.bladder) if force is not None]
+        forces += [force for force in (self.fins, self.azimuths, self.bladder) if force is not None]
         return forces

@@ -11,7 +11,7 @@ the surface.
 """
 
 from collections.abc import Sequence
-from math import atan2, cos, exp, hypot, inf, pi, remainder, sin, sqrt
+from math import atan2, cos, hypot, pi, remainder, sin, sqrt
 from typing import Annotated, NamedTuple
 
 from hil.common.schema import Range
@@ -19,8 +19,8 @@ from hil.common.vectors import cross, unit
 from sim.forces import Wrench
 from sim.matrices import Matrix
 from sim.rotations import Rotation
-from sim.vehicle.servos import Servos
-from sim.vehicle.thrusters.model import SHORTEST, Direction, Point, Pulse, is_pulse
+from sim.vehicle.servos import ServoSet
+from sim.vehicle.thrusters.model import SHORTEST, Direction, Point, Pulse, pulses_problem
 
 Area = Annotated[float, Range(1e-6, 100.0, "m²")]
 Angle = Annotated[float, Range(0.0, pi / 2.0, "rad")]
@@ -111,9 +111,8 @@ class Fin(NamedTuple):
         across = hypot(*cross(self.axis, self.chord))
         if min(hypot(*self.axis), hypot(*self.chord)) < SHORTEST or across < SHORTEST * SHORTEST:
             return f"fin {self.name!r}: axis and chord must be directions across each other"
-        if not self.pwm_min_us < self.pwm_neutral_us < self.pwm_max_us:
-            return f"fin {self.name!r}: pulses must grow from pwm_min_us over pwm_neutral_us to pwm_max_us"
-        return None
+        problem = pulses_problem(self)
+        return f"fin {self.name!r}: {problem}" if problem else None
 
     @property
     def polar(self) -> Polar:
@@ -129,18 +128,6 @@ class Fin(NamedTuple):
         normal = unit(cross(self.axis, self.chord))
         return unit(cross(normal, self.axis)), normal
 
-    def deflection(self, pwm_us: float) -> float:
-        """Return the deflection (rad) that a pulse commands."""
-        offset = pwm_us - self.pwm_neutral_us
-        end = self.pwm_max_us - self.pwm_neutral_us if offset > 0 else self.pwm_neutral_us - self.pwm_min_us
-        return self.max_deflection * max(-1.0, min(1.0, offset / end))
-
-    def pulse(self, angle: float) -> int:
-        """Return the pulse (us) that commands `angle` rad, or the nearest possible deflection."""
-        share = max(-1.0, min(1.0, angle / self.max_deflection)) if self.max_deflection else 0.0
-        end = self.pwm_max_us - self.pwm_neutral_us if share > 0 else self.pwm_neutral_us - self.pwm_min_us
-        return round(self.pwm_neutral_us + share * end)
-
 
 def slope_and_induced(
     slope: float | None, induced: float | None, aspect_ratio: float | None, oswald: float
@@ -154,34 +141,14 @@ def slope_and_induced(
     return slope, induced
 
 
-class FinSet:
+class FinSet(ServoSet):
     """All fins of a vehicle in water of `density` kg/m³; their servos start at 0 rad and step every `dt` s."""
 
     def __init__(self, fins: Sequence[Fin], density: float, dt: float) -> None:
-        self._fins = tuple(fins)
-        gains = [1.0 - exp(-dt / fin.time_constant) if fin.time_constant else 1.0 for fin in fins]
-        self.servos = Servos([0.0] * len(self._fins), gains, [fin.rate * dt or inf for fin in fins])
-        self._pwm_us: tuple[int, ...] | None = None
+        super().__init__(fins, dt)
         self._surfaces = [
             (*fin.position, *fin.frame, 0.5 * density * fin.area, fin.straightening, fin.polar) for fin in fins
         ]
-
-    @property
-    def angles(self) -> list[float]:
-        """The present deflections in rad."""
-        return self.servos.values
-
-    def step(self, pwm_us: Sequence[int]) -> None:
-        """Move the servos by one step under these pulses (us, one a fin)."""
-        self.command(tuple(pwm_us))
-        self.servos.step()
-
-    def command(self, pwm_us: tuple[int, ...]) -> None:
-        """Set the servos' targets by these pulses (us, one a fin); a servo without a valid pulse stops."""
-        if pwm_us != self._pwm_us:
-            rows = zip(self._fins, pwm_us, self.servos.values, strict=True)
-            self.servos.set_targets([fin.deflection(us) if is_pulse(us) else angle for fin, us, angle in rows])
-            self._pwm_us = pwm_us
 
     def begin(self, time_ns: int) -> None:
         """Do nothing: only the angles change with time."""

@@ -133,15 +133,20 @@ class Vehicle(NamedTuple):
 
     @property
     def channels(self) -> tuple[str, ...]:
-        """Names of the STM32's outputs, in order: thrusters, then fins, buoyancy engine, drop weights."""
+        """Names of the STM32's outputs: thrusters, fins, azimuths of thrusters, buoyancy engine, drop weights."""
         engine = ("buoyancy engine",) if self.buoyancy_engine else ()
         thrusters, fins = [t.name for t in self.thrusters], [fin.name for fin in self.fins]
-        return (*thrusters, *fins, *engine, *(weight.name for weight in self.drop_weights))
+        return (*thrusters, *fins, *self.azimuths, *engine, *(weight.name for weight in self.drop_weights))
+
+    @property
+    def azimuths(self) -> list[str]:
+        """Names of the servos of azimuth thrusters."""
+        return [f"{thruster.name} azimuth" for thruster in self.thrusters if thruster.azimuth]
 
     @property
     def has_equipment(self) -> bool:
         """True if it has any equipment of sim/vehicle/equipment.py."""
-        return any(getattr(self, key) for key in EQUIPMENT)
+        return any(getattr(self, key) for key in EQUIPMENT) or bool(self.azimuths)
 
     def validate(self) -> str | None:
         """Return what is wrong with the combination of the keys, a line for each problem, or None."""

@@ -28,11 +28,12 @@ from tools.validations import (  # noqa: E402 - works from a bare checkout too
     remus,
     sensors,
     thrusters,
+    vessels,
     water,
 )
 from tools.validations.sheet import Finding, Sheet  # noqa: E402
 
-PARTS = (bluerov2, remus, thrusters, water, sensors)
+PARTS = (bluerov2, remus, vessels, thrusters, water, sensors)
 SHEETS: list[Sheet] = [sheet for part in PARTS for sheet in part.SHEETS]
 STYLE: Any = {"font.size": 8, "axes.titlesize": 8, "legend.fontsize": 7, "lines.linewidth": 1.2, "savefig.dpi": 120}
 COLOURS = 64

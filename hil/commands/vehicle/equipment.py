@@ -14,6 +14,7 @@ def tables(vehicle: Vehicle) -> list[tuple[str, Table]]:
     sections: list[tuple[str, Table]] = [
         ("hull", _hull(vehicle)),
         (f"fins: {len(vehicle.fins)} (m, FRD)", _fins(vehicle)),
+        (f"azimuth thrusters: {len(vehicle.azimuths)}", _azimuths(vehicle)),
         ("ballast", _ballast(vehicle)),
         (f"channels: {len(channels)}, in the order of their pulses", channels),
     ]
@@ -52,6 +53,15 @@ def _fins(vehicle: Vehicle) -> Table:
     ]  # fmt: skip
     head = ("name", "position", "turns about", "area", "lift", "deflection", "stall", "lag")
     return [head, *rows] if rows else []
+
+
+def _azimuths(vehicle: Vehicle) -> Table:
+    turned = [(thruster.name, thruster.azimuth) for thruster in vehicle.thrusters if thruster.azimuth]
+    rows: Table = [
+        (name, f"±{degrees(one.max_deflection):.3g} deg", f"{degrees(one.rate):.3g} deg/s" if one.rate else "any")
+        for name, one in turned
+    ]
+    return [("name", "angle", "rate"), *rows] if rows else []
 
 
 def _ballast(vehicle: Vehicle) -> Table:

@@ -116,8 +116,8 @@ class RosNode:
 
         simulation = self._loop.simulation
         stamp_ns = self._loop.sample_publisher.stamps.stamp(time_ns)
-        fins = simulation.equipment.fins if simulation.equipment else None
-        states = joint_states(stamp_ns, simulation.vehicle, simulation.thrusts, fins.angles if fins else ())
+        angles = simulation.equipment.angles if simulation.equipment else ()
+        states = joint_states(stamp_ns, simulation.vehicle, simulation.thrusts, angles)
         self._loop.sample_publisher.publish("joint_states", encode_joints(states))
 
     def _publish_motors(self) -> None:

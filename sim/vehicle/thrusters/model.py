@@ -1,8 +1,8 @@
 """The record of one thruster: position, direction, and the model from pulse to thrust."""
 
 from collections.abc import Sequence
-from math import hypot, inf
-from typing import TYPE_CHECKING, Annotated, NamedTuple, Protocol
+from math import hypot, inf, pi
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, Protocol
 
 from hil.common.errors import ConfigError
 from hil.common.schema import Range
@@ -46,6 +46,32 @@ class Curve(Protocol):
         """Return the pulse in microseconds whose steady thrust is nearest to `thrust` N (not 0)."""
 
 
+def pulses_problem(keys: Any) -> str | None:
+    """Return what is wrong with the pulses of a servo, whose keys are a Fin or an Azimuth, or None."""
+    if not keys.pwm_min_us < keys.pwm_neutral_us < keys.pwm_max_us:
+        return "pulses must grow from pwm_min_us over pwm_neutral_us to pwm_max_us"
+    return None
+
+
+class Azimuth(NamedTuple):
+    """The servo of a thruster; a positive angle turns its direction clockwise seen from above.
+
+    The angle is proportional to the pulse, with `max_deflection` at both ends of the pulse range. The servo follows
+    with a first-order lag, no faster than `rate` (0: no limit). Without a valid pulse (800..2200 us) it stops.
+    """
+
+    max_deflection: Annotated[float, Range(0.01, pi, "rad")]
+    time_constant: Annotated[float, Range(0.0, 10.0, "s")] = 0.1
+    rate: Annotated[float, Range(0.0, 100.0, "rad/s")] = 1.0
+    pwm_neutral_us: Pulse = 1500
+    pwm_min_us: Pulse = 1100
+    pwm_max_us: Pulse = 1900
+
+    def validate(self) -> str | None:
+        """Return what is wrong with the combination of the keys, or None."""
+        return pulses_problem(self)
+
+
 class Thruster(NamedTuple):
     """One thruster.
 
@@ -60,7 +86,8 @@ class Thruster(NamedTuple):
     for each N of thrust, right-handed about `direction`. How much thrust it loses near the surface depends on the
     `diameter` of its propeller (m; sim/vehicle/ventilation.py). If left out it is that of the curve, or one with the
     same thrust per area as a Blue Robotics T200: 51.5 N with 76 mm at 16 V. With `telemetry` its motor controller
-    reports speed and current, by which the vehicle's controller notices a failure. Not modelled: torque that is not
+    reports speed and current, by which the vehicle's controller notices a failure. `azimuth` is the servo that turns it
+    about the vertical (sim/vehicle/thrusters/azimuth.py). Not modelled: torque that is not
     proportional to thrust.
     """
 
@@ -80,6 +107,7 @@ class Thruster(NamedTuple):
     torque: Annotated[float, Range(-10.0, 10.0, "m")] = 0.0
     diameter: Annotated[float, Range(0.005, 5.0, "m")] | None = None
     telemetry: bool = True
+    azimuth: Azimuth | None = None
 
     @property
     def unit_direction(self) -> tuple[float, float, float]:

@@ -45,7 +45,8 @@ def all_of(simulation: Simulation) -> bytes:
     """Return every bit that can be read: == would take -0.0 for 0.0."""
     state, equipment = simulation.state, simulation.equipment
     values = [state.position, state.quaternion, state.nu, state.nu_dot, simulation.thrusts, *simulation.forces()]
-    values += [part.servos.values for part in ((equipment.fins, equipment.bladder) if equipment else ()) if part]
+    servos = (equipment.fins, equipment.azimuths, equipment.bladder) if equipment else ()
+    values += [part.servos.values for part in servos if part]
     numbers = [x for part in values for x in part]
     return pack(f"{len(numbers)}d?q", *numbers, simulation.touching, simulation.contacts)
 

@@ -19,6 +19,7 @@ from sim.rotations import from_euler, rotate, to_euler
 from sim.simulation import Simulation
 from sim.vehicle.body_lift import CrossFlowDrag, FadingDamping, HullLift, SlowDamping
 from sim.vehicle.fins import FinSet
+from sim.vehicle.servos import pulse
 from sim.vehicle.thrusters.curves import Advance
 from sim.vehicle.vehicle import Vehicle, load_vehicle, mass_matrix
 
@@ -218,7 +219,7 @@ class Run:
         self._propeller = REMUS.thrusters[0].pulse_at(rpm / 1525.0)
 
     def step(self, seconds: float, rudder: float = 0.0, planes: float = 0.0) -> None:
-        angles = [fin.pulse(radians(angle)) for fin, angle in zip(REMUS.fins, (rudder, planes), strict=True)]
+        angles = [pulse(fin, radians(angle)) for fin, angle in zip(REMUS.fins, (rudder, planes), strict=True)]
         for _ in range(round(seconds / 0.02)):
             self.simulation.step([self._propeller, *angles])
 

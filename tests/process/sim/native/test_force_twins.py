@@ -27,6 +27,7 @@ from sim.vehicle.body_lift import (
     SpeedDamping,
 )
 from sim.vehicle.fins import FinSet
+from sim.vehicle.thrusters.model import Azimuth
 from sim.vehicle.vehicle import Vehicle, load_vehicle
 from tests.support.flights.ride import PULSES, Ride, twins
 
@@ -54,7 +55,16 @@ def ride(
     return Ride(twins(monkeypatch, world, vehicle, integrator, position=position, dt_ns=10_000_000))
 
 
-VEHICLES = ("bluerov2", "eca_a9", "lauv", "otter", "remus100", "tethys")
+def vehicle_of(name: str) -> Vehicle:
+    """Return a preset; "azimuth" is an otter whose thrusters turn."""
+    if name != "azimuth":
+        return load_vehicle(name)[0]
+    otter = load_vehicle("otter")[0]
+    turning = [thruster._replace(azimuth=Azimuth(1.5, rate=2.0), torque=0.02) for thruster in otter.thrusters]
+    return otter._replace(thrusters=tuple(turning))
+
+
+VEHICLES = ("azimuth", "bluerov2", "eca_a9", "lauv", "otter", "remus100", "tethys")
 WORLDS = {"wind": CALM, "waves": ROUGH, "waves, current and gusts": MIXED}
 # Each vehicle in each world, each integrator with each vehicle and in each world.
 STEP_CASES: list[tuple[str, str, Integrator]] = [
@@ -69,7 +79,7 @@ def test_whole_steps_in_c_and_python_are_equal(
     name: str, world: str, integrator: Integrator, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Steps are equal at depth, half out of the water, and among waves, each as one call of C."""
-    flight = ride(monkeypatch, WORLDS[world], load_vehicle(name)[0], integrator)
+    flight = ride(monkeypatch, WORLDS[world], vehicle_of(name), integrator)
     assert flight.pair[1]._fused
     assert not flight.pair[0]._fused
     for depth in (4.0, 0.05, -0.2, 1.5):

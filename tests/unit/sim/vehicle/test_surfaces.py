@@ -16,6 +16,7 @@ from sim.rotations import Rotation
 from sim.simulation import Simulation
 from sim.vehicle.body_lift import CrossFlow, CrossFlowDrag, HullLift, Lift, SpeedDamping
 from sim.vehicle.fins import Fin, FinSet, fin_matrix, lift_slope
+from sim.vehicle.servos import deflection, pulse
 from sim.vehicle.thrusters.bank import ThrusterSet
 from sim.vehicle.vehicle import load_vehicle
 
@@ -210,10 +211,10 @@ def test_damping_by_speed_brakes_also_astern() -> None:
 
 def test_pulses_and_deflections_convert_both_ways() -> None:
     fin = RUDDER._replace(pwm_min_us=1200, max_deflection=0.4)
-    assert [fin.deflection(pulse) for pulse in (1100, 1200, 1350, 1500, 1700, 1900, 2100)] == pytest.approx(
+    assert [deflection(fin, us) for us in (1100, 1200, 1350, 1500, 1700, 1900, 2100)] == pytest.approx(
         [-0.4, -0.4, -0.2, 0.0, 0.2, 0.4, 0.4]
     )
-    assert [fin.pulse(angle) for angle in (-1.0, -0.2, 0.0, 0.2, 1.0)] == [1200, 1350, 1500, 1700, 1900]
+    assert [pulse(fin, angle) for angle in (-1.0, -0.2, 0.0, 0.2, 1.0)] == [1200, 1350, 1500, 1700, 1900]
 
 
 def test_a_servo_follows_with_its_lag() -> None:

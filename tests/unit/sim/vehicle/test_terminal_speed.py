@@ -121,6 +121,7 @@ def test_undriven_axes_are_reported() -> None:
     assert {name: axes for name, axes in idle.items() if axes} == {
         "bluerov2": ["pitch"], "bluerov2_blue": ["pitch"], "bluerov2_li2020": ["pitch"], "paper_six": ["pitch"],
         **{name: list(AXES[1:]) for name in ("eca_a9", "lauv", "remus100", "tethys")},  # which have fins
+        **{name: ["sway", "heave", "roll", "pitch"] for name in ("heron", "otter")},
     }  # fmt: skip
 
 
