@@ -3,8 +3,6 @@
 from collections.abc import Iterator
 from typing import NamedTuple, TextIO
 
-from hil.instruments.contract import Client
-
 
 class Measurement(NamedTuple):
     """A line: sensor, number of the wire, bytes of the message, of all to its client, when measured (monotonic ns)."""
@@ -16,9 +14,9 @@ class Measurement(NamedTuple):
     measured_ns: int
 
 
-def write_sent(file: TextIO, name: str, client: Client, size: int, total: int, measured_ns: int) -> None:
+def write_sent(file: TextIO, measurement: Measurement) -> None:
     """Add a line to a file, in which several processes may write."""
-    file.write(f"{name} {client.wire} {size} {total} {measured_ns}\n")
+    file.write(" ".join(map(str, measurement)) + "\n")
 
 
 def read_sent(path: str) -> Iterator[Measurement]:

@@ -8,12 +8,12 @@ from typing import Any
 from hil.client.client import Stamped
 from hil.common.clock import NEVER_NS, seconds_ns
 from hil.instruments.contract import Client, Facts, Instrument, Response, Scene
+from hil.instruments.sent import Measurement
 from hil.instruments.wires import Wires
 from hil.scenario.instrument_records import InstrumentFaults, InstrumentSpec
 
 MOST_NOISE = 40  # random bytes at once
-# name, client, size of the message, bytes to the client so far, instant of the measurement (monotonic ns)
-Sent = Callable[[str, Client, int, int, int], None]
+Sent = Callable[[Measurement], None]
 
 
 class Station:
@@ -138,7 +138,8 @@ class Station:
                 wires.send(client, damaged)
                 self._written[client] = self._written.get(client, 0) + len(damaged)
                 if measured_ns and self._sent:
-                    self._sent(self._facts.name, client, len(damaged), self._written[client], measured_ns)
+                    written = self._written[client]
+                    self._sent(Measurement(self._facts.name, client.wire, len(damaged), written, measured_ns))
 
 
 def _is_within(spans: tuple[tuple[Any, Any], ...], seconds: float) -> bool:

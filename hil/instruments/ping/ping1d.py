@@ -88,16 +88,13 @@ class Ping1D(EchoSounder):
 
     def __init__(self, settings: Any, facts: Facts, scene: Scene, send: Send) -> None:
         super().__init__(settings, facts, scene, send)
-        major, minor, patch = settings.firmware
         warmth = round(100 * settings.board_temperature)
         self.values |= {
-            "device_type": 1, "device_model": 1, "device_revision": self.revision, "firmware_version_major": major,
-            "firmware_version_minor": minor, "firmware_version_patch": patch,
-            "voltage_5": round(1000 * settings.supply), "pcb_temperature": warmth, "processor_temperature": warmth,
-            "speed_of_sound": 1_500_000, "scan_start": 0, "scan_length": 10_000, "mode_auto": 1, "ping_interval": 250,
-            "gain_setting": 1, "ping_enabled": 1, "transmit_duration": 0, "distance": 0, "confidence": 0,
-            "ping_number": 0, "profile_data_length": 0, "number_of_points": 200, "normalization_enabled": 0,
-            "enhance_enabled": 0,
+            "device_revision": self.revision, "voltage_5": round(1000 * settings.supply), "pcb_temperature": warmth,
+            "processor_temperature": warmth, "speed_of_sound": 1_500_000, "scan_start": 0, "scan_length": 10_000,
+            "mode_auto": 1, "ping_interval": 250, "gain_setting": 1, "ping_enabled": 1, "transmit_duration": 0,
+            "distance": 0, "confidence": 0, "ping_number": 0, "profile_data_length": 0, "number_of_points": 200,
+            "normalization_enabled": 0, "enhance_enabled": 0,
         }  # fmt: skip
         self._profile, self._measured = b"", dict(self.values)
         self._streams: dict[Client, set[int]] = {}

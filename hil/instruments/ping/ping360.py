@@ -86,11 +86,7 @@ class Ping360(PingDevice):
 
     def __init__(self, settings: Any, facts: Facts, scene: Scene, send: Send) -> None:
         super().__init__(settings, facts, scene, send)
-        major, minor, patch = settings.firmware
-        self.values |= _BOOT | {
-            "device_type": 2, "device_revision": 1, "firmware_version_major": major, "firmware_version_minor": minor,
-            "firmware_version_patch": patch, "version_minor": 1,
-        }  # fmt: skip
+        self.values |= _BOOT | {"device_type": 2, "version_minor": 1}
         self._sensor: Any = None
         self._keys: tuple[Any, ...] = ()
         self._next: Callable[[], None] = lambda: None  # what the device does at `_next_ns`

@@ -108,8 +108,8 @@ class PingDevice(StreamInstrument):
     """A device of the ping protocol; a device derives from it and fills its tables.
 
     `readable` are the messages that may be requested, `commands` those that a host may send; `values` are the present
-    values of all fields, by the fields' names. A command is refused (nack) if a field is outside `limits`, or if
-    `execute` returns why.
+    values of all fields, by the fields' names. The settings have its `firmware`, two or three numbers. A command is
+    refused (nack) if a field is outside `limits`, or if `execute` returns why.
     """
 
     wires = ("udp", "tcp", "serial", "pty")
@@ -123,8 +123,12 @@ class PingDevice(StreamInstrument):
 
     def __init__(self, settings: Any, facts: Facts, scene: Scene, send: Send) -> None:
         super().__init__(settings, facts, scene, send)
-        self.values: dict[str, Any] = {"version_major": 1, "version_minor": 0, "version_patch": 0, "reserved": 0}
-        self.values["device_id"] = facts.memory.get("device_id", self.first_id)
+        major, minor, patch = (*settings.firmware, 0)[:3]
+        self.values: dict[str, Any] = {
+            "version_major": 1, "version_minor": 0, "version_patch": 0, "reserved": 0, "device_type": 1,
+            "device_model": 1, "device_revision": 1, "device_id": facts.memory.get("device_id", self.first_id),
+            "firmware_version_major": major, "firmware_version_minor": minor, "firmware_version_patch": patch,
+        }  # fmt: skip
         self._hosts: dict[Client, int] = {}  # number of each client, as it gives it
 
     def disconnected(self, client: Client, now_ns: int) -> None:

@@ -75,12 +75,11 @@ class S500(EchoSounder):
         super().__init__(settings, facts, scene, send)
         major, minor = settings.firmware
         fields = [field for layout in self.readable.values() for field in layout.fields]
-        self.values |= dict.fromkeys(fields, 0) | {
-            "device_type": 1, "device_model": 1, "device_revision": 1, "version_major": major, "version_minor": minor,
-            "firmware_version_major": major, "firmware_version_minor": minor, "firmware_version_patch": 0,
-            "version_patch": 0, "sos_mm_per_sec": 1_500_000, "used_length_mm": 10_000, "used_gain": _GAIN_OF_MODEL,
-            "centi_degC": round(100 * settings.temperature), "adc_hz": _SAMPLING_HZ, "min_db": _LOWEST_DB,
-            "interval": 100, "length_mm": 0, "gain_index": -1, "msec_per_ping": 100, "report_id": 0, "chirp": 0,
+        self.values = dict.fromkeys(fields, 0) | self.values | {
+            "version_major": major, "version_minor": minor, "sos_mm_per_sec": 1_500_000, "used_length_mm": 10_000,
+            "used_gain": _GAIN_OF_MODEL, "centi_degC": round(100 * settings.temperature), "adc_hz": _SAMPLING_HZ,
+            "min_db": _LOWEST_DB, "interval": 100, "length_mm": 0, "gain_index": -1, "msec_per_ping": 100,
+            "report_id": 0, "chirp": 0,
         }  # fmt: skip
         self._last: deque[tuple[int, int]] = deque(maxlen=20)  # distance and confidence of pings
         self._results = b""
