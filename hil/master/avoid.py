@@ -86,7 +86,8 @@ class Sight:
             self._seen_ns = scan.time_ns
             seen = Scan(scan.angle_min, scan.angle_increment, scan.ranges)
             course = course_of(odometry) if self._settings.limits.turn_radius else None
-            self._command = self.guide.update(odometry.position, heading_of(odometry.orientation), seen, course)
+            heading, time = heading_of(odometry.orientation), scan.time_ns / _NS_PER_S
+            self._command = self.guide.update(odometry.position, heading, seen, course, time)
         return self._command._replace(depth=self._depth)
 
 

@@ -8,7 +8,7 @@ else differs.
 
 from collections.abc import Callable, Sequence
 from itertools import pairwise
-from math import dist
+from math import cos, dist, sin
 from typing import Annotated, NamedTuple
 
 import numpy as np
@@ -21,6 +21,7 @@ from hil.autonomy.paths.laser_map import LaserMap
 from hil.autonomy.paths.line_of_sight import LineOfSight, approach_on
 from hil.autonomy.paths.occupancy import OccupancyGrid, Point
 from hil.autonomy.paths.pursuit import PurePursuit
+from hil.autonomy.paths.retreat import Retreat
 from hil.autonomy.paths.trajectory import Limits
 from hil.autonomy.paths.vfh import Scan, Vfh, VfhSettings
 from hil.common.errors import MissionError
@@ -52,7 +53,8 @@ class Guide:
     `heading` (rad) is that at the start. `search` finds the path on an inflated map: `astar.plan` or
     `any_angle.plan_any_angle`. Raises MissionError if the map at the start shows no path. Attributes: `path`: the
     present path; `plans`: number of plans made; `progress`: share of the path covered; `has_arrived`: whether the goal
-    is reached; `stuck`: why there is no path any more, else "". While stuck, it replans as the map changes.
+    is reached; `stuck`: why there is no path any more, else "". While stuck, it replans as the map changes. A vehicle
+    that can stop backs out along its track when it makes no progress, and plans a path that avoids the place.
     """
 
     def __init__(
@@ -74,14 +76,15 @@ class Guide:
         self._waited = 0
         self._vfh = Vfh(settings.vfh)
         self._heading = heading
+        self.retreat = Retreat(4.0 * settings.vfh.radius, 2.0 * settings.vfh.block_within, settings.speed)
         self._plan(start)
 
     def update(
-        self, position: Sequence[float], heading: float, scan: Scan, course: float | None = None
+        self, position: Sequence[float], heading: float, scan: Scan, course: float | None = None, time: float = 0.0
     ) -> VelocityCommand:
         """Return the command at `position` (m north, m east) and `heading` (rad), where the vehicle measured `scan`.
 
-        `course` (rad) is that over ground, which a vehicle that cannot stop needs in a current.
+        `course` (rad) is that over ground, which a vehicle that cannot stop needs in a current. `time` is in s.
         """
         point, self._heading = (position[0], position[1]), heading
         fresh = self.map.add(point, heading, scan)
@@ -95,6 +98,8 @@ class Guide:
         self.has_arrived = self._pursuit.has_arrived
         if self.has_arrived or self.stuck:
             return VelocityCommand()
+        if not self._settings.limits.turn_radius and self._retreats(point, heading, time):
+            return self.retreat.command(point, heading)
         left = dist(point, self._goal)
         slower = 1.0 if self._settings.limits.turn_radius else min(1.0, left / self._settings.lookahead)
         speed = self._settings.speed * slower
@@ -106,6 +111,28 @@ class Guide:
     def progress(self) -> float:
         """Share of the present path that is done, 0 to 1."""
         return self._pursuit.progress
+
+    def _retreats(self, point: Point, heading: float, time: float) -> bool:
+        """Return whether the vehicle has to go back; plan a path that avoids the dead end when it begins to."""
+        if not self.retreat.is_active and not self.retreat.makes_progress(time, point):
+            self.retreat.begin()
+            self.map.block(self._tight_place(point), self._settings.vfh.radius + self._settings.vfh.safety)
+            self._replan(point)
+        return self.retreat.is_active
+
+    def _tight_place(self, point: Point) -> Point:
+        """Return the first place on the path ahead that is too narrow for VFH; that next to `point` if none is."""
+        clearance = self._settings.vfh.radius + self._settings.vfh.safety
+        free, step = self.map.grid.inflate(clearance), self.map.grid.resolution
+        for (north, east), end in pairwise([point, *self.path[1:]]):
+            way = max(1e-9, dist((north, east), end))
+            for number in range(int(way / step)):
+                share = number * step / way
+                place = north + share * (end[0] - north), east + share * (end[1] - east)
+                if dist(place, point) > clearance and not free.is_free(place):
+                    return place
+        aim = self._pursuit.aim
+        return point[0] + 2.0 * clearance * cos(aim), point[1] + 2.0 * clearance * sin(aim)
 
     def _may_be_free(self) -> bool:
         """Return whether to replan now, after no path was found."""

@@ -48,6 +48,17 @@ class LaserMap:
         self.grid.cells = occupied
         return fresh
 
+    def block(self, center: Sequence[float], radius: float) -> None:
+        """Occupy the cells within `radius` m of `center` (m north, m east) for good, whatever later scans show."""
+        grid = self.grid
+        rows, columns = np.indices(grid.cells.shape)
+        north, east = (
+            (index + 0.5) * grid.resolution + start - at
+            for index, start, at in zip((rows, columns), grid.origin, center, strict=True)
+        )
+        self._known = self._known | (np.hypot(north, east) <= radius)
+        grid.cells = grid.cells | self._known
+
     def _pass_through(
         self,
         position: Sequence[float],
