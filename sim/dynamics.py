@@ -25,8 +25,11 @@ the other half (Verlet 1967, Phys. Rev. 159). Terms that depend on velocity use 
 (Groot & Warren 1997, J. Chem. Phys. 107). The prediction is reduced where a step is long for the damping, so that the
 method is stable up to a damping rate of 2 / dt, as Euler's is. It is of second order with one evaluation of the forces
 a step, and springs (lift at the surface, righting moments) neither gain nor lose energy. `rk4` is the classical
-Runge-Kutta method with four evaluations a step, for reference runs. Greatest errors in 10 s of
-bluerov2_heavy_vonbenzon2022, compared with semi-implicit Euler (tests/unit/sim/test_integrators.py):
+Runge-Kutta method with four evaluations a step, of fourth order for forces of position and velocity. Thrust is held
+within a step at the value of its end (sim/vehicle/thrusters/bank.py), so while thrusters change their speed both are of
+first order: a reference run with thrusters needs short steps rather than `rk4`. Greatest errors in 10 s of
+bluerov2_heavy_vonbenzon2022 under a constant wrench, compared with semi-implicit Euler
+(tests/unit/sim/test_integrators.py):
 
                                        semi-implicit   verlet    rk4
     from rest, 40 N: position (m)

@@ -1,6 +1,7 @@
 """Simulate one vehicle in one world: each step takes thruster pulses and returns the sensor samples that are due."""
 
 from collections.abc import Callable, Mapping, Sequence
+from math import isfinite
 from typing import TYPE_CHECKING
 
 from hil.common.errors import ConfigError, DivergenceError, StartPositionError
@@ -210,7 +211,12 @@ class Simulation:
             require_wrenches(self._forces, self.state)
             raise
         if before is not None:
-            self._resolve_collision(before)
+            found = self.state.position, self.state.nu
+            try:
+                self._resolve_collision(before)
+            except (FloatingPointError, ZeroDivisionError):  # at a velocity beyond all measure
+                self.state.position, self.state.nu = found
+                raise self._divergence() from None
         self.time_ns += self._dt_ns
         return self._schedule.pop_due(self.time_ns, self) if self.time_ns >= self._schedule.due_ns else []
 
@@ -260,6 +266,8 @@ class Simulation:
         """Apply contact impulses and move the hull out of solid things; `before` is the nu before the last step."""
         state = self.state
         if self._contact.resolve(state):
+            if not isfinite(sum(state.position) + sum(state.nu)):
+                raise FloatingPointError("the state is not finite any more")
             state.nu_dot = [(new - old) / self._dt for new, old in zip(state.nu, before, strict=True)]
             now = self.time_ns
             self.events.record("collision", now, now + self._dt_ns, state.position, self._contact.what)

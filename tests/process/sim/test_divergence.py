@@ -1,5 +1,6 @@
 """Numbers that are not finite: refused as input, and a diverged state ends the run with the time and the cause."""
 
+import re
 from collections.abc import Iterator, Sequence
 from math import inf, isfinite, nan
 from pathlib import Path
@@ -184,16 +185,51 @@ def test_a_force_that_is_not_finite_is_named_with_its_time(value: float, reporte
 def test_a_step_too_long_for_its_damping_is_named() -> None:
     """Explicit steps overshoot where damping times the step is beyond twice the inertia: also in one call of C."""
     stiff = SIX._replace(quadratic_damping=(1e5, 46.4, 59.9, 0.694, 0.274, 0.875))
-    simulation = Simulation(stiff, POOL._replace(current=(0.9, 0.0, 0.0)), {}, position=PLACE, dt_ns=20_000_000)
+    stream = POOL._replace(current=(0.9, 0.0, 0.0), depth=1e3, extent=(-1e4, 1e4, -1e4, 1e4), box=(), cylinder=())
+    simulation = Simulation(stiff, stream, {}, position=PLACE, dt_ns=20_000_000)
     words = fly(simulation)
-    assert "the term quadratic_damping has grown to" in words
-    assert "a step of 20 ms is too long" in words
+    advised = re.search("quadratic_damping is too strong for a step of 20 ms.* take a step of ([0-9.]+) ms", words)
+    assert advised
+    simulation = Simulation(stiff, stream, {}, position=PLACE, dt_ns=round(1e6 * float(advised[1])))
+    for _ in range(2000):
+        simulation.step(NEUTRAL)
+    assert 0.5 < simulation.state.nu[0] < 1.0  # it is carried along
+
+
+@pytest.mark.usefixtures("twin")
+def test_a_force_that_is_too_stiff_for_the_step_is_told_from_a_wrong_one() -> None:
+    class Spring:
+        """A damper of a user's own, in the right direction or not."""
+
+        def __init__(self, damping: float) -> None:
+            self.damping = damping
+
+        def begin(self, time_ns: int) -> None:
+            pass
+
+        def wrench(self, position: Sequence[float], rotation: Rotation, nu_r: Sequence[float]) -> Sequence[float]:
+            return (-self.damping * nu_r[0], 0.0, 0.0, 0.0, 0.0, 0.0)
+
+    for damping, remedy in (
+        (1e5, "is too strong for a step of 10 ms"),
+        (-1e5, "makes any motion grow, at a shorter step too"),
+    ):
+        simulation = Simulation(
+            SIX, POOL._replace(current=(0.9, 0.0, 0.0)), {}, position=PLACE, dt_ns=10_000_000, forces=[Spring(damping)]
+        )
+        words = fly(simulation)
+        assert "Spring" in words
+        assert remedy in words
 
 
 @pytest.mark.usefixtures("twin")
 @pytest.mark.parametrize(
     ("name", "numbers", "message"),
-    [("nu", [nan] * 6, "its velocity is nan"), ("position", [0.0, inf, 0.0], "its position is inf")],
+    [
+        ("nu", [nan] * 6, "its velocity is nan"),
+        ("position", [0.0, inf, 0.0], "its position is inf"),
+        ("quaternion", [0.0] * 4, "its attitude is a quaternion of length 0: set one of length 1"),
+    ],
 )
 def test_a_state_that_was_set_to_nan_is_named(name: str, numbers: list[float], message: str) -> None:
     simulation = Simulation(SIX, POOL, {}, position=PLACE)

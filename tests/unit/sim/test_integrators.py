@@ -13,7 +13,7 @@ import pytest
 
 from sim import rotations
 from sim.assembly import make_dynamics
-from sim.dynamics import Dynamics, State
+from sim.dynamics import Dynamics, Integrator, State
 from sim.environment.world import load_world
 from sim.matrices import product
 from sim.simulation import Simulation
@@ -164,3 +164,21 @@ def test_thrust_leads_by_half_a_step_only(dt_ns: int) -> None:
     for seconds in (1.0, 4.0):
         (far, speed), (exact, _) = flight(dt_ns, seconds), flight(156_250, seconds)
         assert far - exact == pytest.approx(speed * dt_ns * 1e-9 / 2.0, rel=0.1)
+
+
+@pytest.mark.parametrize("integrator", ["verlet", "rk4"])
+def test_both_methods_are_of_first_order_while_thrusters_start(integrator: Integrator) -> None:
+    """The thrust at the end of a step acts during all of it; so the error halves with the step."""
+
+    def end(step_ns: int) -> float:
+        simulation = Simulation(
+            HEAVY, load_world("open_water"), {}, dt_ns=step_ns, position=(0.0, 0.0, 5.0), integrator=integrator
+        )
+        for _ in range(200_000_000 // step_ns):
+            simulation.step((1600, 1600, 1400, 1400, *[1500] * 4))
+        return simulation.state.position[0]
+
+    true = end(62_500)
+    errors = [abs(end(step_ns) - true) for step_ns in (4_000_000, 2_000_000, 1_000_000)]
+    assert errors[0] / errors[1] == pytest.approx(2.0, abs=0.1)
+    assert errors[1] / errors[2] == pytest.approx(2.0, abs=0.15)
