@@ -12,104 +12,13 @@ from hil.common.clock import NS_PER_S, now_ns
 from hil.common.errors import NetworkError
 from hil.gateways.mavlink.endpoints.opening import MARKERS, open_link
 from hil.links.endpoints.patient import PatientLink
-from hil.links.endpoints.sockets import HEARTBEATS_NS, MAX_PARTNERS, SILENT_NS, Link, TcpIn, UdpIn, UdpOut
+from hil.links.endpoints.sockets import Link, TcpIn, UdpIn
 from hil.links.wires.terminal import PtyWire
 from hil.scenario.mavlink_records import MavlinkEndpoint
-from tests.support.processes import PATIENCE_S, free_port, wait_for
+from tests.support.processes import wait_for
 
 BEAT = dialect.MAVLink_heartbeat_message(12, 3, 0, 19, 3, 3)
 PACKET: bytes = BEAT.pack(dialect.MAVLink(None, 1, 1))
-
-
-def test_udp_partners_are_served_until_they_time_out() -> None:
-    link = UdpIn("127.0.0.1", 0, MARKERS)
-    clients = [UdpOut("127.0.0.1", link.port) for _ in range(2)]
-    try:
-        for end in clients:
-            end.send(end.partners()[0], PACKET)
-        assert wait_for(lambda: (link.receive(NS_PER_S) and len(link.partners()) == 2) or None)
-        assert all(link.is_local(partner) for partner in link.partners())
-        assert not link.is_local(("192.0.2.1", 14550))
-        link.send(link.partners()[0], PACKET)
-        assert wait_for(lambda: clients[0].receive(0) or None) == [(clients[0].partners()[0], PACKET)]
-        link.tick(100 * NS_PER_S)
-        assert link.partners() == []
-    finally:
-        for one in (link, *clients):
-            one.close()
-
-
-def test_a_sender_of_noise_is_no_partner() -> None:
-    link = UdpIn("127.0.0.1", 0, MARKERS)
-    noise = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-    noise.sendto(b"GET / HTTP/1.1", ("127.0.0.1", link.port))
-    time.sleep(0.1)
-    assert link.receive(0) == []
-    assert link.partners() == []
-    noise.close()
-    link.close()
-
-
-def test_partners_beyond_the_limit_are_refused_and_counted() -> None:
-    """The connected peers stay connected."""
-    datagrams, stream = UdpIn("127.0.0.1", 0), TcpIn("127.0.0.1", 0, MARKERS)
-    clients = [UdpOut("127.0.0.1", datagrams.port) for _ in range(MAX_PARTNERS + 2)]
-    links: list[socket.socket] = []
-    try:
-        for end in clients:
-            end.send(end.partners()[0], PACKET)
-            assert wait_for(lambda: datagrams.receive(0) or datagrams.refused or None)
-        for _ in range(MAX_PARTNERS + 2):
-            links.append(socket.create_connection(("127.0.0.1", stream.port), PATIENCE_S))
-            assert wait_for(lambda: stream.receive(0) or len(stream.partners()) + stream.refused == len(links) or None)
-        assert (len(datagrams.partners()), len(stream.partners())) == (MAX_PARTNERS, MAX_PARTNERS)
-        assert wait_for(lambda: datagrams.receive(0) or (datagrams.refused, stream.refused) == (2, 2) or None)
-        first, later = datagrams.partners()[0], HEARTBEATS_NS + 1
-        for end in clients[1:MAX_PARTNERS]:
-            end.send(end.partners()[0], PACKET)
-            assert wait_for(lambda: datagrams.receive(later) or None)
-        clients[-1].send(clients[-1].partners()[0], PACKET)
-        assert wait_for(lambda: datagrams.receive(later) or first not in datagrams.partners() or None)
-        assert len(datagrams.partners()) == MAX_PARTNERS, "the longest silent one has made room"
-    finally:
-        for end in clients:
-            end.close()
-        for call in links:
-            call.close()
-        datagrams.close()
-        stream.close()
-
-
-def test_a_silent_tcp_connection_makes_room_for_another() -> None:
-    """One that sends stays, however long the others are there."""
-    stream, now = TcpIn("127.0.0.1", 0), 0
-    calls: list[socket.socket] = []
-    try:
-        calls += [socket.create_connection(("127.0.0.1", stream.port), PATIENCE_S) for _ in range(MAX_PARTNERS)]
-        assert wait_for(lambda: stream.receive(now) or len(stream.partners()) == MAX_PARTNERS or None)
-        now = SILENT_NS + 1
-        calls[0].sendall(PACKET)
-        assert wait_for(lambda: stream.receive(now) or None)
-        calls.append(socket.create_connection(("127.0.0.1", stream.port), PATIENCE_S))
-        assert wait_for(lambda: stream.receive(now) or calls[-1].getsockname() in stream.partners() or None)
-        assert calls[0].getsockname() in stream.partners()
-        assert (len(stream.partners()), stream.refused) == (MAX_PARTNERS, 0)
-    finally:
-        for call in calls:
-            call.close()
-        stream.close()
-
-
-def test_a_lost_tcp_connection_is_made_again() -> None:
-    port, lines = free_port(), list[str]()
-    client = open_link(MavlinkEndpoint("tcpout", "127.0.0.1", port), lines.append)
-    assert not client.partners()
-    for _ in range(2):
-        assert _exchange_packet(client, port), "a packet comes through"
-        assert wait_for(lambda: client.receive(0) or not client.partners() or None), "and its end is seen"
-    client.close()
-    name = f"tcpout:127.0.0.1:{port}"
-    assert lines[:2] == [f"{name}: waiting for it: Connection refused", f"{name}: is open"]
 
 
 class _Network:
@@ -193,22 +102,6 @@ def test_a_device_that_is_not_there_yet_is_waited_for(tmp_path: Path) -> None:
 def _ticked(link: Link, now: int) -> Link:
     link.tick(now)
     return link
-
-
-def _exchange_packet(client: Link, port: int) -> bool:
-    """Return True if a packet reaches a peer, which then closes its connection."""
-    server = TcpIn("127.0.0.1", port)
-
-    def connect() -> Any:
-        client.tick(now_ns())
-        server.receive(0)
-        return client.partners() and server.partners()
-
-    assert wait_for(connect)
-    client.send(client.partners()[0], PACKET)
-    received = wait_for(lambda: server.receive(0) or None)
-    server.close()
-    return bool(received)
 
 
 def test_a_port_in_use_is_named_in_the_error() -> None:

@@ -202,6 +202,11 @@ def test_jumps_and_idle_items_take_no_time_and_never_hang() -> None:
     for now in range(4):
         flight.step(at(9.0), now)
     assert (flight.reached, flight.current) == ([0, 0, 0], 3)
+    flight = flight_of(row(GO, place=(0.0, 0.0, 3.0)), row(GO), row(JUMP, 0.0, 1.0), END, first=1)
+    flight.begin()
+    for now in range(3):
+        flight.step(at(9.0), now)
+    assert flight.reached == [1, 1], "home is not flown to"
 
 
 # --- the exchange with a ground station

@@ -216,6 +216,16 @@ def test_a_joystick_that_falls_silent_acts_once_as_configured(action: int, armed
 # --- failsafes
 
 
+@pytest.mark.parametrize(("action", "armed", "mode"), [(0, True, 19), (1, True, 19), (2, False, 19), (4, True, 9)])
+def test_a_silent_ground_station_acts_as_configured(action: int, armed: bool, mode: int) -> None:
+    bench = Bench()
+    bench.table.set("FS_GCS_ENABLE", action)
+    bench.arm()
+    bench.run(2.0, bench.partner.heartbeat)
+    bench.run(4.0)
+    assert (bench.core.pilot.armed, bench.core.pilot.mode) == (armed, mode)
+
+
 def test_a_silent_ground_station_acts_once_each_time() -> None:
     bench = Bench()
     bench.table.set("FS_GCS_ENABLE", 3)
@@ -238,7 +248,8 @@ def test_a_silent_ground_station_acts_once_each_time() -> None:
 
 
 @pytest.mark.parametrize(
-    ("action", "pin", "mode", "texts"), [(0, 27, Mode.MANUAL, 0), (1, 27, Mode.MANUAL, 1), (2, -1, Mode.MANUAL, 0)]
+    ("action", "pin", "mode", "texts"),
+    [(0, 27, Mode.MANUAL, 0), (1, 27, Mode.MANUAL, 1), (2, -1, Mode.MANUAL, 0), (2, 27, Mode.SURFACE, 1)],
 )
 def test_a_leak_is_reported_once_where_there_is_a_sensor(action: int, pin: int, mode: Mode, texts: int) -> None:
     bench = Bench()

@@ -6,7 +6,7 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 from hil.gateways.mavlink.flight.mission_flight import COMPLETE
 from hil.gateways.mavlink.flight.modes import Mode
 from hil.scenario.mavlink_records import Mavlink
-from tests.support.clients.mavlink_missions import ACCEPTED, DENIED, HOME_ROW, upload_mission
+from tests.support.clients.mavlink_missions import ACCEPTED, HOME_ROW, upload_mission
 from tests.support.clients.mavlink_vehicle import Bench
 
 LOCAL = dialect.MAV_FRAME_LOCAL_NED
@@ -78,36 +78,6 @@ def test_a_mission_is_flown_item_by_item() -> None:
     assert abs(bench.vehicle.depth - 0.2) < 0.5
     assert "mission complete" in bench.partner.texts()
     assert bench.partner.take_messages("MISSION_CURRENT")[-1].mission_state == COMPLETE
-
-
-@pytest.mark.parametrize(("target", "reached"), [(2.0, [1, 2, 2]), (0.0, [1, 2, 1, 2])])
-def test_a_jump_goes_to_its_item_or_from_home_to_the_first(target: float, reached: list[int]) -> None:
-    bench = Bench()
-    rows = [HOME_ROW, (LOCAL, 16, 1.0, 0.0, 3.0), (LOCAL, 16, 1.0, 1.0, 3.0), (LOCAL, 177, 0, 0, 0, target, 1.0)]
-    assert upload_mission(bench.partner, rows) == dialect.MAV_MISSION_ACCEPTED
-    bench.arm(Mode.AUTO)
-    bench.run(60.0)
-    assert [message.seq for message in bench.partner.take_messages("MISSION_ITEM_REACHED")] == reached
-
-
-def test_a_mission_pauses_continues_and_jumps() -> None:
-    bench = Bench()
-    rows = [HOME_ROW, (LOCAL, 16, 50.0, 0.0, 3.0), (LOCAL, 16, 0.0, 5.0, 3.0)]
-    upload_mission(bench.partner, rows)
-    bench.arm(Mode.AUTO)
-    bench.run(4.0)
-    assert bench.partner.command(dialect.MAV_CMD_DO_PAUSE_CONTINUE, 0) == ACCEPTED
-    bench.run(5.0)
-    north = bench.vehicle.north
-    assert 1.0 < north < 4.0
-    bench.run(5.0)
-    assert bench.vehicle.north == pytest.approx(north, abs=0.05)
-    assert bench.partner.command(dialect.MAV_CMD_DO_PAUSE_CONTINUE, 1) == ACCEPTED
-    bench.partner.send(dialect.MAVLink_mission_set_current_message(1, 1, 2))
-    assert bench.partner.take_messages("MISSION_CURRENT")[-1].seq == 2
-    bench.run(60.0)
-    assert abs(bench.vehicle.east - 5.0) < 0.6
-    assert bench.partner.command(dialect.MAV_CMD_DO_SET_MISSION_CURRENT, 77) == DENIED
 
 
 def test_auto_mode_needs_a_mission() -> None:

@@ -7,29 +7,13 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from hil.autonomy.control.controller import VelocityCommand
 from hil.gateways.mavlink.flight.modes import MODES, Mode, base_mode
-from hil.gateways.mavlink.flight.targets import TargetError, local_target
+from hil.gateways.mavlink.flight.targets import local_target
 from hil.gateways.mavlink.snapshot import NEUTRAL
 from tests.support.clients.mavlink_vehicle import Bench, PointVehicle
 
 ACCEPTED, FAILED = dialect.MAV_RESULT_ACCEPTED, dialect.MAV_RESULT_FAILED
 ARM = dialect.MAV_CMD_COMPONENT_ARM_DISARM
 POSITION_ONLY, VELOCITY_ONLY = 0b110111111000, 0b110111000111
-
-
-def test_nothing_is_sent_while_disarmed() -> None:
-    bench = Bench()
-    bench.run(1.0, lambda: bench.partner.sticks(x=1000))
-    assert bench.vehicle.commands == []
-
-
-def test_manual_mode_turns_sticks_into_forces() -> None:
-    bench = Bench()
-    bench.arm()
-    bench.run(0.2, lambda: bench.partner.sticks(x=500, y=-500, z=750, r=1000))
-    x, y, z, _, _, n = bench.vehicle.pushed()
-    table = bench.table
-    assert (x, y) == (0.5 * table["HIL_FORCE_X"], -0.5 * table["HIL_FORCE_Y"])
-    assert (z, n) == (-0.5 * table["HIL_FORCE_Z"], table["HIL_MOMENT_N"])  # z of FRD is down: up is negative
 
 
 @pytest.mark.parametrize("mode", [mode for mode in Mode if mode != Mode.AUTO])
@@ -46,13 +30,6 @@ def test_a_silent_joystick_counts_as_centred(mode: Mode) -> None:
         assert abs(command.surge) < 0.05
         assert command.yaw_rate == 0.0
     assert ("joystick silent" in bench.partner.texts()) == (mode in (0, 2, 16, 19))
-
-
-def test_an_invalid_stick_value_counts_as_centred() -> None:
-    bench = Bench()
-    bench.arm()
-    bench.run(0.2, lambda: bench.partner.sticks(x=0x7FFF, y=0x7FFF, z=0x7FFF, r=0x7FFF))
-    assert bench.vehicle.commands[-1] == NEUTRAL
 
 
 def test_stale_stick_messages_are_ignored() -> None:
@@ -86,36 +63,6 @@ def test_position_hold_returns_after_a_disturbance() -> None:
     assert abs(bench.vehicle.north) < 0.05
 
 
-def test_guided_mode_goes_to_a_position_and_holds_it() -> None:
-    bench = Bench()
-    bench.arm(Mode.GUIDED)
-    bench.partner.send(
-        dialect.MAVLink_set_position_target_local_ned_message(
-            0, 1, 1, dialect.MAV_FRAME_LOCAL_NED, POSITION_ONLY, 3.0, -4.0, 3.0, 0, 0, 0, 0, 0, 0, 0, 0
-        )
-    )
-    bench.run(40.0)
-    assert abs(bench.vehicle.north - 3.0) < 0.3
-    assert abs(bench.vehicle.east + 4.0) < 0.3
-    assert abs(bench.vehicle.depth - 3.0) < 0.3
-
-
-def test_guided_mode_goes_to_a_global_position() -> None:
-    bench = Bench()
-    bench.arm(Mode.GUIDED)
-    north, east, _ = bench.core.plane.geodetic((5.0, 2.0, 0.0))  # type: ignore[union-attr]
-    bench.partner.send(
-        dialect.MAVLink_set_position_target_global_int_message(
-            0, 1, 1, dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT, POSITION_ONLY, round(north * 1e7), round(east * 1e7),
-            -4.0, 0, 0, 0, 0, 0, 0, 0, 0,
-        )
-    )  # fmt: skip
-    bench.run(40.0)
-    assert abs(bench.vehicle.north - 5.0) < 0.35
-    assert abs(bench.vehicle.east - 2.0) < 0.35
-    assert abs(bench.vehicle.depth - 4.0) < 0.3
-
-
 def test_a_velocity_target_expires() -> None:
     bench = Bench()
     bench.arm(Mode.GUIDED)
@@ -137,19 +84,6 @@ def test_surface_mode_rises() -> None:
     bench.arm(Mode.SURFACE)
     bench.run(15.0)
     assert bench.vehicle.depth == pytest.approx(-bench.table["SURFACE_DEPTH"], abs=0.05)
-
-
-def test_targets_are_limited_in_depth() -> None:
-    bench = Bench()
-    bench.table.set("HIL_DEPTH_MAX", 5.0)
-    bench.arm(Mode.GUIDED)
-    bench.partner.send(
-        dialect.MAVLink_set_position_target_local_ned_message(
-            0, 1, 1, dialect.MAV_FRAME_LOCAL_NED, POSITION_ONLY, 0, 0, 30.0, 0, 0, 0, 0, 0, 0, 0, 0
-        )
-    )
-    bench.run(30.0)
-    assert bench.vehicle.depth <= 5.01
 
 
 def test_delayed_arming_is_acknowledged_once_the_slave_accepts() -> None:
@@ -187,32 +121,11 @@ def test_disarming_sends_neutral_and_then_nothing() -> None:
     assert bench.vehicle.armed_calls == [False]
 
 
-@pytest.mark.parametrize(("action", "armed", "mode"), [(0, True, 19), (1, True, 19), (2, False, 19), (4, True, 9)])
-def test_silence_of_all_ground_stations_triggers_the_failsafe(action: int, armed: bool, mode: int) -> None:
-    bench = Bench()
-    bench.table.set("FS_GCS_ENABLE", action)
-    bench.arm()
-    bench.run(2.0, bench.partner.heartbeat)
-    assert bench.core.pilot.armed
-    bench.run(4.0)
-    assert (bench.core.pilot.armed, bench.core.pilot.mode) == (armed, mode)
-
-
 def test_without_a_ground_station_there_is_no_failsafe() -> None:
     bench = Bench()
     bench.arm()
     bench.run(10.0)
     assert bench.core.pilot.armed
-
-
-def test_a_leak_is_reported_and_surfaces_the_vehicle_if_configured() -> None:
-    bench = Bench()
-    bench.table.set("FS_LEAK_ENABLE", 2)
-    bench.arm(Mode.ALT_HOLD)
-    bench.vehicle.leak = True
-    bench.run(0.5)
-    assert "Leak" in bench.partner.texts()
-    assert bench.core.pilot.mode == Mode.SURFACE
 
 
 def test_all_modes_are_listed() -> None:
@@ -228,29 +141,6 @@ def test_flags_of_the_heartbeat_are_those_of_a_real_ardusub() -> None:
     recorded = {0: 209, 2: 209, 3: 217, 4: 217, 9: 209, 16: 217, 19: 209}
     assert {int(mode): base_mode(mode, True) for mode in Mode} == recorded
     assert base_mode(Mode.MANUAL, False) == 81
-
-
-def test_invalid_targets_are_refused() -> None:
-    state = PointVehicle().state
-
-    def read(frame: int, mask: int, *values: float) -> None:
-        local_target(
-            dialect.MAVLink_set_position_target_local_ned_message(
-                0, 1, 1, frame, mask, *values, *[0.0] * (11 - len(values))
-            ),
-            state,
-        )
-
-    for frame, mask, values in (
-        (1, POSITION_ONLY, (float("nan"), 0.0, 0.0)),
-        (1, POSITION_ONLY, (1e9, 0.0, 0.0)),
-        (99, POSITION_ONLY, (1.0, 0.0, 0.0)),
-        (1, 0b110111111111, ()),
-        (1, VELOCITY_ONLY, (0.0, 0.0, 0.0, 1e6)),
-        (1, 0b110000111111, ()),
-    ):
-        with pytest.raises(TargetError):
-            read(frame, mask, *values)
 
 
 def test_local_targets_are_read_in_their_frames() -> None:

@@ -231,19 +231,6 @@ def test_an_origin_is_confirmed_also_the_same_again_and_another_is_refused() -> 
     assert "origin: not taken" in bench.partner.texts()
 
 
-def test_a_script_that_answers_mission_request_alone_uploads_its_mission() -> None:
-    bench = Bench()
-    bench.partner.send(dialect.MAVLink_mission_count_message(1, 1, 3, 0))
-    for _ in range(100):
-        bench.run(0.1)
-        for request in bench.partner.take_messages("MISSION_REQUEST"):
-            bench.partner.send(
-                dialect.MAVLink_mission_item_message(1, 1, request.seq, 3, 16, 0, 1, 0, 0, 0, 0, 45.0, 10.0, -2.0)
-            )
-    assert [ack.type for ack in bench.partner.take_messages("MISSION_ACK")] == [dialect.MAV_MISSION_ACCEPTED]
-    assert len(bench.core.missions.items) == 3
-
-
 def test_an_item_that_is_too_far_away_is_refused_in_words() -> None:
     bench = Bench()
     bench.partner.send(dialect.MAVLink_mission_count_message(1, 1, 2, 0))
@@ -292,32 +279,6 @@ def test_cockpit_connects_without_a_remark_and_gets_its_rates() -> None:
     received = {value.param_id for value in bench.partner.take_messages("PARAM_VALUE")}
     assert {f"BTN{button}_{kind}" for button in range(32) for kind in ("FUNCTION", "SFUNCTION")} < received
     assert bench.partner.texts() == ""
-
-
-def test_cockpit_flies_a_mission_and_goes_to_a_place() -> None:
-    """It uploads item by item, arms in Depth hold, starts, pauses by Position hold, and goes to places in Guided."""
-    bench = Bench()
-    bench.partner.send(dialect.MAVLink_mission_count_message(1, 1, 2, 0))
-    for seq in range(2):
-        assert [one.seq for one in bench.partner.take_messages("MISSION_REQUEST_INT")] == [seq]
-        frame = dialect.MAV_FRAME_GLOBAL_RELATIVE_ALT
-        bench.partner.send(
-            dialect.MAVLink_mission_item_int_message(1, 1, seq, frame, 16, 0, 1, 0, 5, 0, 0, 450000900, 100000000, -4.0)
-        )
-    assert [ack.type for ack in bench.partner.take_messages("MISSION_ACK")] == [dialect.MAV_MISSION_ACCEPTED]
-    bench.arm(Mode.ALT_HOLD)
-    assert bench.partner.command(dialect.MAV_CMD_MISSION_START) == ACCEPTED
-    bench.run(30.0, bench.partner.heartbeat)
-    assert (bench.core.pilot.mode, round(bench.vehicle.depth)) == (Mode.AUTO, 4)
-    assert bench.partner.command(dialect.MAV_CMD_DO_SET_MODE, 1, Mode.POSHOLD) == ACCEPTED
-    assert bench.partner.command(dialect.MAV_CMD_DO_SET_MODE, 1, Mode.GUIDED) == ACCEPTED
-    command, frame = dialect.MAV_CMD_DO_REPOSITION, dialect.MAV_FRAME_GLOBAL
-    bench.partner.send(
-        dialect.MAVLink_command_int_message(1, 1, frame, command, 0, 0, 0, 0, 0, 0, 450000000, 100000000, -3.0)
-    )
-    assert bench.partner.take_messages("COMMAND_ACK")[-1].result == ACCEPTED
-    bench.run(40.0, bench.partner.heartbeat)
-    assert (bench.vehicle.north, bench.vehicle.depth) == pytest.approx((0.0, 3.0), abs=0.3)
 
 
 def test_only_a_plain_reboot_of_a_disarmed_vehicle_restarts_it() -> None:

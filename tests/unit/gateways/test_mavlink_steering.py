@@ -161,6 +161,12 @@ def test_places_up_to_the_limit_are_targets(field: str, most: float) -> None:
         local_target(target_message(0b110111111000, **fields | {field: 1.001 * most}), state())
 
 
+@pytest.mark.parametrize(("mask", "frame"), [(0b110111111000, 99), (0b110111111111, 1), (0b110000111111, 1), (0, 1)])
+def test_a_target_needs_a_known_frame_and_something_that_can_be_followed(mask: int, frame: int) -> None:
+    with pytest.raises(TargetError):
+        local_target(dialect.MAVLink_set_position_target_local_ned_message(0, 1, 1, frame, mask, *[0.0] * 11), state())
+
+
 @pytest.mark.parametrize(
     ("ignored", "velocity"), [(0, (1, 2, 3)), (8, (0, 2, 3)), (16, (1, 0, 3)), (32, (1, 2, 0)), (48, (1, 0, 0))]
 )

@@ -8,13 +8,11 @@ from pymavlink.dialects.v20 import ardupilotmega as dialect
 
 from hil.common.schema import preset_folder
 from hil.gateways.mavlink.assembly import defaults_of, motors_of
-from hil.gateways.mavlink.flight.modes import Mode
 from hil.gateways.mavlink.parameter_table import GATEWAY, INT8, INT16, INT32, REAL32, expand
 from hil.gateways.mavlink.snapshot import ThrusterTest
 from hil.scenario.config import load_scenario
 from hil.scenario.mavlink_records import Mavlink
-from sim.sensors.extra_samples import BatterySample
-from tests.support.clients.mavlink_missions import ACCEPTED, DENIED, HOME_ROW, UNSUPPORTED, upload_mission
+from tests.support.clients.mavlink_missions import ACCEPTED, DENIED, UNSUPPORTED
 from tests.support.clients.mavlink_vehicle import Bench
 
 
@@ -109,22 +107,6 @@ def test_a_parameter_takes_effect_or_says_that_it_does_not() -> None:
     assert bench.vehicle.values["ATC_ANG_YAW_P"] == 3.0, "the slave's gain"
 
 
-def test_the_battery_failsafe_of_its_power_page_acts_on_the_simulated_battery() -> None:
-    bench = Bench()
-    for name, value in (("BATT_LOW_VOLT", 15.0), ("BATT_LOW_TIMER", 2.0), ("BATT_FS_LOW_ACT", 3.0)):
-        assert bench.partner.set_parameter(name, value) == value
-    bench.vehicle.battery = BatterySample(0, 15.5, 2.0, 100.0, 50.0, False)
-    bench.arm(Mode.ALT_HOLD)
-    bench.run(3.0)
-    bench.vehicle.battery = BatterySample(0, 14.5, 2.0, 100.0, 50.0, False)
-    bench.run(1.0)
-    before: Mode = bench.core.pilot.mode
-    assert before == Mode.ALT_HOLD, "a pull of the motors is no empty battery"
-    bench.run(2.0)
-    assert bench.core.pilot.mode == Mode.SURFACE
-    assert bench.partner.texts().count("Battery low: 14.5 V") == 1
-
-
 def test_it_takes_the_vehicle_for_one_that_can_be_armed() -> None:
     """It never sends 400 to a vehicle that is "in air", and takes one without a version for an old ArduSub."""
     bench = Bench()
@@ -165,41 +147,6 @@ def test_modes_that_it_offers_and_this_vehicle_lacks_are_refused_by_name() -> No
         assert f"{name} is not a mode of this vehicle" in bench.partner.texts().replace(" | ", "")
     for params in ((1, float("nan")), (1, 1e30), (0, 2)):
         assert bench.partner.command(dialect.MAV_CMD_DO_SET_MODE, *params) == DENIED
-
-
-def test_missions_that_begin_with_takeoff_are_flown_without_it() -> None:
-    bench = Bench()
-    rows = [HOME_ROW, (3, 22, 45.0e3, 10.0e3, -3.0), (3, 16, 45.00005e3, 10.0e3, -3.0)]
-    assert upload_mission(bench.partner, rows) == dialect.MAV_MISSION_ACCEPTED
-    bench.arm(Mode.AUTO)
-    bench.run(40.0)
-    texts = bench.partner.texts()
-    assert "command 22 is ignored" in texts
-    assert "mission complete" in texts
-    assert (bench.vehicle.north, bench.vehicle.depth) == pytest.approx((5.56, 3.0), abs=0.5)
-
-
-def test_go_to_location_moves_the_vehicle_in_both_of_its_forms() -> None:
-    bench = Bench()
-    bench.arm(Mode.GUIDED)
-    zeros = [0.0] * 4
-    bench.partner.send(dialect.MAVLink_mission_item_message(1, 1, 0, 3, 16, 2, 1, *zeros, 45.00005, 10.0, -3.0))
-    assert bench.partner.take_messages("MISSION_ACK")[0].type == dialect.MAV_MISSION_ACCEPTED
-    bench.run(30.0)
-    assert (bench.vehicle.north, bench.vehicle.depth) == pytest.approx((5.56, 3.0), abs=0.5)
-    bench.partner.send(dialect.MAVLink_mission_item_message(1, 1, 0, 3, 16, 3, 1, *zeros, 45.0, 10.0, -4.0))
-    bench.run(10.0)
-    assert (bench.vehicle.north, bench.vehicle.depth) == pytest.approx((5.56, 4.0), abs=0.5), "only the depth changes"
-    assert bench.partner.command(dialect.MAV_CMD_DO_SET_MODE, 1, Mode.POSHOLD) == ACCEPTED
-    bench.partner.send(dialect.MAVLink_mission_item_message(1, 1, 0, 3, 16, 2, 1, *zeros, 45.0, 10.0, -3.0))
-    assert [ack.type for ack in bench.partner.take_messages("MISSION_ACK")][-1] == dialect.MAV_MISSION_DENIED
-    nan = float("nan")
-    bench.partner.send(
-        dialect.MAVLink_command_int_message(1, 1, 0, 192, 0, 0, -1.0, 1.0, 0.0, nan, 450000000, 100000000, -2.0)
-    )
-    assert [ack.result for ack in bench.partner.take_messages("COMMAND_ACK")][-1] == ACCEPTED
-    bench.run(30.0)
-    assert (bench.vehicle.north, bench.vehicle.depth) == pytest.approx((0.0, 2.0), abs=0.5)
 
 
 def test_motors_page_turns_the_motor_of_its_slider_while_it_moves() -> None:

@@ -6,15 +6,12 @@ from typing import Any, cast
 import pytest
 
 from hil.autonomy.control.controller import VelocityCommand
-from hil.common.clock import NS_PER_MS, NS_PER_S, Histogram, now_ns
+from hil.common.clock import NS_PER_MS, NS_PER_S, now_ns
 from hil.links.contract import ThrusterCommand, ThrusterTelemetry
 from hil.ros.diagnostics import Diagnostics
-from hil.slave import log as log_module
 from hil.slave.autopilot_port import CHECK_NS, MAX_OWED, AutopilotPort
 from hil.slave.command_receiver import Received
 from hil.slave.command_source import DRIVEN_NS, UNANSWERED_NS, CommandSource
-from hil.slave.health.reporter import RECENT_NS, SKIPPED_PERIOD_NS, RecentLateness, SkippedSteps
-from hil.slave.log import MAX_LINES, WINDOW_NS, Log
 from hil.slave.pilot_source import PilotSource
 from hil.slave.ros.node import _Due
 
@@ -178,6 +175,7 @@ class Pilot:
     """A pilot that records when it is updated."""
 
     active, trips, deadman_trips, requested_depth = False, False, 3, 4.0
+    failed_thrusters: tuple[str, ...] = ()
 
     def __init__(self) -> None:
         self.steps: list[float] = []
@@ -279,61 +277,6 @@ def test_commands_without_an_echo_count_after_a_second_and_their_numbers_wrap() 
 
 
 # --- what is reported
-
-
-@pytest.fixture
-def clock(monkeypatch: pytest.MonkeyPatch) -> list[int]:
-    """Return the time (ns) of the log, in a list of one."""
-    now = [NS_PER_S]
-    monkeypatch.setattr(log_module, "now_ns", lambda: now[0])
-    return now
-
-
-def test_the_log_counts_repeated_lines_and_leaves_out_a_flood(
-    clock: list[int], capsys: pytest.CaptureFixture[str]
-) -> None:
-    log, published = Log("uuv1"), list[str]()
-    log.publish = published.append
-
-    def lines() -> list[str]:
-        log.flush()
-        return [line.partition("uuv1: ")[2] for line in capsys.readouterr().err.splitlines()]
-
-    for text in ("a", "a", "a", "b", "a"):
-        log.write_line(text)
-    assert log.wakeup.is_set()
-    assert lines() == published == ["a", "2 times more: a", "b", "a"]
-    log.write_line("a")
-    clock[0] += WINDOW_NS
-    assert lines() == []
-    clock[0] += 1
-    assert lines() == ["1 times more: a"]
-    for number in range(MAX_LINES + 5):
-        log.write_line(f"line {number}")
-        if number % 100 == 0:
-            log.flush()
-    assert f"line {MAX_LINES}" not in " ".join(lines())
-    clock[0] += WINDOW_NS + 1
-    log.write_line("z")
-    assert lines() == ["5 lines left out: more than 1000 in 10 s", "z"]
-
-
-def test_skipped_steps_are_reported_at_once_and_then_once_a_minute() -> None:
-    steps, begin = SkippedSteps(), NS_PER_S
-    times = (begin, begin, begin + 1, begin + SKIPPED_PERIOD_NS - 1, begin + SKIPPED_PERIOD_NS)
-    found = [bool(steps.line(skipped, 0, now)) for skipped, now in zip((0, 3, 9, 9, 9), times, strict=True)]
-    assert found == [False, True, False, False, True]
-    assert not steps.line(9, 0, 9 * SKIPPED_PERIOD_NS)
-
-
-def test_recent_lateness_is_that_of_the_last_second() -> None:
-    recent, lateness, figures = RecentLateness(), Histogram(), Diagnostics()
-    for now, late_ns, shown_us in ((RECENT_NS, 1000, 1), (2 * RECENT_NS - 1, 9000, 1), (2 * RECENT_NS, 9000, 9)):
-        lateness.add(late_ns)
-        recent.add_figures(figures, lateness, now)
-        assert figures.lateness_recent_max_us == pytest.approx(shown_us, rel=0.3)
-    recent.add_figures(figures, lateness, 4 * RECENT_NS)
-    assert figures.lateness_recent_max_us == 0.0
 
 
 def test_what_is_due_is_published_once_a_period_and_missed_periods_are_left_out() -> None:
