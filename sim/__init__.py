@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from sim.environment.world import load_world as load_world
     from sim.forces import Force as Force
     from sim.sensors.own import OwnSensor as OwnSensor
+    from sim.sensors.sensor_set import load_device as load_device
     from sim.simulation import Simulation as Simulation
     from sim.vehicle.vehicle import Vehicle as Vehicle
     from sim.vehicle.vehicle import load_vehicle as load_vehicle
@@ -26,6 +27,7 @@ PUBLIC = {
     "sim.environment.world": ("World", "load_world"),
     "sim.forces": ("Force",),
     "sim.sensors.own": ("OwnSensor",),
+    "sim.sensors.sensor_set": ("load_device",),
     "sim.simulation": ("Simulation",),
     "sim.vehicle.vehicle": ("Vehicle", "load_vehicle"),
 }

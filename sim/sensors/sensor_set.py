@@ -84,6 +84,12 @@ def read_sensors(sections: Any, where: str) -> SensorSet:
     return {name: each for name, each in specs.items() if each.model.rate}
 
 
+def load_device(name: str) -> SensorSpec:
+    """Return the sensor of a product, by the name or the path of its file (sim/sensors/devices). Raises ConfigError."""
+    kind = read_table(find_preset(DEVICES, name, "device")).get("sensor")
+    return _read_sensor(str(kind), {"device": name}, f"device {name}")
+
+
 def select_sensors(**models: Any) -> SensorSet:
     """Return the default sensors, replaced or supplemented by `models`.
 

@@ -25,6 +25,8 @@ from matplotlib import pyplot as plt  # noqa: E402 - after the backend is chosen
 
 from tools.validations import (  # noqa: E402 - works from a bare checkout too
     bluerov2,
+    devices,
+    navigation,
     remus,
     sensors,
     thrusters,
@@ -33,7 +35,7 @@ from tools.validations import (  # noqa: E402 - works from a bare checkout too
 )
 from tools.validations.sheet import Finding, Sheet  # noqa: E402
 
-PARTS = (bluerov2, remus, vessels, thrusters, water, sensors)
+PARTS = (bluerov2, remus, vessels, thrusters, water, sensors, devices, navigation)
 SHEETS: list[Sheet] = [sheet for part in PARTS for sheet in part.SHEETS]
 STYLE: Any = {"font.size": 8, "axes.titlesize": 8, "legend.fontsize": 7, "lines.linewidth": 1.2, "savefig.dpi": 120}
 COLOURS = 64
