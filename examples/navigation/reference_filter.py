@@ -38,7 +38,6 @@ FLICKER = 1.661  # variance of each of the three processes of flicker noise, ove
 FAST_TIME = 10.0  # s: time constant of the fastest of them; the others have 100 and 1000 s
 TURN_TIME = 10.0  # s: as long, errors of the scale of gyros act in one direction
 HEADING_PERIOD = 1.0  # s
-STANDARD_ATMOSPHERE = 101_325.0
 
 
 def white(model: Any, period: float) -> float:
@@ -74,6 +73,11 @@ class ReferenceFilter:
         self._heading = self.imu.heading or self.imu.attitude
         flicker = [self.imu.angular_velocity.flicker] * 3 + [self.imu.acceleration.flicker] * 3
         self._fast = FLICKER * np.array(flicker) ** 2
+        self._aid = np.zeros(3)
+        if hasattr(self.aid, "range"):  # a USBL
+            self._aid[:] = self.aid.range.scale**2, slow(self.aid.angle), slow(self.aid.angle)
+        elif self.aid:
+            self._aid[:] = slow(self.aid.horizontal), slow(self.aid.horizontal), slow(self.aid.vertical)
         self.time_ns: int | None = None
         self.rejected = 0
 
@@ -85,19 +89,16 @@ class ReferenceFilter:
         self._rate, self._force = np.array(sample.angular_velocity), np.array(sample.acceleration)
         self._track: deque[tuple[int, Array]] = deque(maxlen=2000)
         tilt, heading, accuracy = slow(self.imu.attitude), slow(self._heading), self.dvl.accuracy
-        noise = self._heading.noise**2
         deep = self.pressure.error.scale * float(position[2])
         start = np.zeros(STATES)
-        start[POSITION], start[VELOCITY], start[ATTITUDE] = sd**2, 1e-6, (tilt, tilt, heading + noise)
+        start[POSITION], start[VELOCITY] = sd**2, 1e-6
+        start[ATTITUDE] = tilt, tilt, heading + self._heading.noise**2
         start[GYRO] = slow(self.imu.angular_velocity) + self.imu.g_sensitivity**2 * float(self._force @ self._force)
         start[FORCE] = slow(self.imu.acceleration) + (self.imu.acceleration.scale * self._force) ** 2
         start[FAST] = self._fast
         start[SCALE], start[BIAS], start[TURN] = accuracy.scale**2, slow(accuracy), self._misalignment**2
         start[DEPTH], start[HEADING] = slow(self.pressure.error) / self._weight**2 + deep**2, heading
-        if hasattr(self.aid, "range"):
-            start[AID] = self.aid.range.scale**2, slow(self.aid.angle), slow(self.aid.angle)
-        elif self.aid:
-            start[AID] = slow(self.aid.horizontal), slow(self.aid.horizontal), slow(self.aid.vertical)
+        start[AID] = self._aid
         self.covariance: Array = np.diag(start)
         # the heading that it starts with has the error that the heading sensor has
         self.covariance[8, HEADING] = self.covariance[HEADING, 8] = -heading
@@ -150,10 +151,9 @@ class ReferenceFilter:
         added[FAST] = self._fast * (1.0 - kept[FAST] ** 2)
         kept[HEADING] = exp(-dt / self._heading.bias_time)
         added[HEADING] = slow(self._heading) * (1.0 - kept[HEADING] ** 2)
-        if self.aid and not hasattr(self.aid, "range"):
+        if hasattr(self.aid, "horizontal"):  # a GPS
             kept[AID] = exp(-dt / self.aid.horizontal.bias_time)
-            both = np.array([slow(self.aid.horizontal)] * 2 + [slow(self.aid.vertical)])
-            added[AID] = both * (1.0 - kept[AID] ** 2)
+            added[AID] = self._aid * (1.0 - kept[AID] ** 2)
         self.bias *= kept
         self.covariance = p * kept * kept[:, None] + np.diag(added)
 
@@ -261,9 +261,8 @@ class StraightByFilter(Planner):
 
     def command(self, time: float, samples: Samples) -> VelocityCommand | Done:
         """Take up the new samples, and steer by the filter's position."""
-        request, found = self._request, self.filter
+        found, start, master = self.filter, self._request.start, self._request.master
         if found.time_ns is None and "imu" in samples:
-            start = request.start
             found.start(samples["imu"], (start.north, start.east, start.depth), 0.1)
         for topic, handle in self._handlers.items():
             sample = samples.get(topic)
@@ -273,14 +272,14 @@ class StraightByFilter(Planner):
         if found.time_ns is None:
             return VelocityCommand()
         north, east, _ = found.position
-        goal = request.master.goal or (0.0, 0.0)
+        goal = master.goal or (0.0, 0.0)
         left = dist((north, east), goal)
         sd = sqrt(found.covariance[0, 0] + found.covariance[1, 1])
         self.status = f"{left:.1f} m to go, position within {sd:.2f} m (1 sigma)"
-        if left < request.master.tolerance:
+        if left < master.tolerance:
             return Done("goal reached by the filter's position")
         bearing = atan2(goal[1] - east, goal[0] - north)
-        return VelocityCommand(surge=min(request.master.speed, 0.3 * left), heading=bearing, depth=request.master.depth)
+        return VelocityCommand(surge=min(master.speed, 0.3 * left), heading=bearing, depth=master.depth)
 
 
 def cross_matrix(a: Array) -> Array:
